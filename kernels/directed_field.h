@@ -1,0 +1,74 @@
+/// \file directed_field.h
+/// The band of one block: signs and values at lattice nodes near the surface, and directed distances
+/// with normals on the lattice edges that the surface crosses.
+/// Source: thesis 4.2.1 (directed distance fields).
+///
+/// Nodes come in leaves of 8^3, aligned to the lattice, stored only where the band is. Node coordinates
+/// are relative to the block's min corner and run over [-1, cells] on each axis: the kernel that extracts
+/// the block needs one halo cell below it (for flips across its min faces) and the nodes of its max faces.
+#pragma once
+#include <array>
+#include <bit>
+#include <cstdint>
+#include <vector>
+
+#include "octree/lattice.h"
+
+namespace tessera {
+
+/// Where the surface crosses the lattice edge from a node in +axis direction.
+struct EdgeRoot {
+  float t = 0.5f;            ///< directed distance from the node along the axis, in cells, within (0, 1)
+  Float3 normal = {0, 0, 0};  ///< unit, outward (from inside to outside)
+  float offset = 0.0f;       ///< the tangent plane is n.(x - root) = offset, cells; 0 unless t was clamped
+  std::uint32_t rgba = 0;    ///< colour near the root, alpha 0 = none
+};
+
+/// 8^3 nodes. Bit b = x + 8 y of word z stands for local node (x, y, z).
+struct BandLeaf {
+  Int3 origin = {0, 0, 0};  ///< node coordinates of the leaf's min corner, relative to the block, multiple of 8
+  alignas(32) std::array<float, 512> value{};  ///< signed distance in cells, < 0 inside; index x + 8y + 64z
+  std::array<std::uint64_t, 8> valid{};        ///< the field is defined here
+  std::array<std::uint64_t, 8> inside{};       ///< subset of valid; exactly 0 counts as outside
+  std::array<std::array<std::uint64_t, 8>, 3> crossing{};  ///< per axis: the edge from this node has a root
+  std::array<std::array<std::uint32_t, 8>, 3> first_root{};  ///< index of the first root of each word
+};
+
+/// The band of a block.
+struct DirectedField {
+  Int3 origin = {0, 0, 0};  ///< global cell coordinates of the block's min corner
+  Int3 cells = {0, 0, 0};   ///< core size; nodes run over [-1, cells]
+  std::vector<std::int32_t> leaf_index;  ///< dense (cells/8 + 2)^3 table, x fastest, -1 = no leaf; leaf -1 first
+  std::vector<BandLeaf> leaves;          ///< in table order
+  std::vector<EdgeRoot> roots;           ///< by leaf, axis, word, bit
+
+  Int3 leaf_dims() const { return {cells[0] / 8 + 2, cells[1] / 8 + 2, cells[2] / 8 + 2}; }
+
+  /// Leaf that holds node (i,j,k), each coordinate within [-1, cells]; null where the band is not.
+  const BandLeaf* leaf_at(int i, int j, int k) const {
+    const Int3 d = leaf_dims();
+    const auto at = ((static_cast<std::size_t>((k >> 3) + 1) * static_cast<std::size_t>(d[1]) +
+                      static_cast<std::size_t>((j >> 3) + 1)) *
+                         static_cast<std::size_t>(d[0]) +
+                     static_cast<std::size_t>((i >> 3) + 1));
+    const std::int32_t leaf = leaf_index[at];
+    return leaf < 0 ? nullptr : &leaves[static_cast<std::size_t>(leaf)];
+  }
+
+  static constexpr int word(int k) { return k & 7; }
+  static constexpr int bit(int i, int j) { return (i & 7) + 8 * (j & 7); }
+
+  /// Root on the edge from node (i,j,k) in +axis direction; null if the edge is not crossed.
+  const EdgeRoot* root_at(int i, int j, int k, int axis) const {
+    const BandLeaf* leaf = leaf_at(i, j, k);
+    if (!leaf) return nullptr;
+    const auto a = static_cast<std::size_t>(axis);
+    const auto w = static_cast<std::size_t>(word(k));
+    const std::uint64_t mask = leaf->crossing[a][w];
+    const std::uint64_t mine = std::uint64_t{1} << bit(i, j);
+    if (!(mask & mine)) return nullptr;
+    return &roots[leaf->first_root[a][w] + static_cast<std::uint32_t>(std::popcount(mask & (mine - 1)))];
+  }
+};
+
+}  // namespace tessera

@@ -1,0 +1,38 @@
+/// \file extended_marching_cubes.h
+/// Extraction of one block: marching cubes by closed loops, and its feature-sensitive extension.
+/// Source: thesis 4.2.2; Kobbelt, Botsch, Schwanecke, Seidel, "Feature Sensitive Surface Extraction", 2001;
+/// loop formulation and guards: README, design.
+#pragma once
+#include <functional>
+
+#include "kernels/directed_field.h"
+#include "kernels/patch.h"
+
+namespace tessera {
+
+enum class ExtractMethod { kMarchingCubes, kExtendedMarchingCubes };
+
+struct ExtractOptions {
+  ExtractMethod method = ExtractMethod::kExtendedMarchingCubes;
+  double feature_angle_deg = 25.0;  ///< opening angle of the loop's normal cone from which it holds a feature
+  double corner_angle_deg = 45.0;   ///< deviation of a normal from the crease's plane from which it is a corner
+};
+
+struct ExtractReport {
+  std::uint64_t loops = 0;
+  std::uint64_t crease_samples = 0;
+  std::uint64_t corner_samples = 0;
+  std::uint64_t flips = 0;
+  std::uint64_t rejected_samples = 0;  ///< feature found but its sample turned triangles: plain triangulation
+};
+
+/// Extracts every brick of the block's core, in Morton order of bricks, and hands each non-empty patch to `sink`.
+/// A cell takes part when all its eight nodes are valid. The patch of a brick is a pure function of the field
+/// within one cell around it: the same bytes for any block that holds it.
+/// \pre field.cells are multiples of kBrickCells
+/// \post the union of all patches, welded by key, is an oriented 2-manifold with border; the border lies only
+///       where valid cells meet invalid ones. No face is degenerate.
+ExtractReport extract_surface(const DirectedField& field, const ExtractOptions& options,
+                              const std::function<void(Patch&&)>& sink);
+
+}  // namespace tessera

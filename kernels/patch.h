@@ -1,0 +1,57 @@
+/// \file patch.h
+/// The mesh of one brick. Elements at seams are named by integers, so patches weld by key alone.
+#pragma once
+#include <array>
+#include <cstdint>
+#include <utility>
+#include <vector>
+
+#include "octree/lattice.h"
+
+namespace tessera {
+
+/// 20 bits per axis of the node or cell, then 4 bits of type.
+/// Types: 0..2  point on the lattice edge from the node in +x, +y, +z
+///        3..5  second fan of such a point, where valid cells meet only across the edge (keeps vertices manifold)
+///        6..9  centre of loop 0..3 in the cell
+using VertexKey = std::uint64_t;
+
+constexpr VertexKey make_vertex_key(std::uint32_t i, std::uint32_t j, std::uint32_t k, std::uint32_t type) {
+  return (static_cast<std::uint64_t>(k) << 44) | (static_cast<std::uint64_t>(j) << 24) |
+         (static_cast<std::uint64_t>(i) << 4) | type;
+}
+struct VertexName {
+  Int3 at;   ///< global node or cell coordinates
+  int type;
+};
+constexpr VertexName vertex_name(VertexKey key) {
+  return {{static_cast<std::int32_t>(key >> 4 & 0xfffff), static_cast<std::int32_t>(key >> 24 & 0xfffff),
+           static_cast<std::int32_t>(key >> 44 & 0xfffff)},
+          static_cast<int>(key & 0xf)};
+}
+/// The brick that owns a vertex.
+constexpr Int3 vertex_brick(VertexKey key) {
+  const VertexName n = vertex_name(key);
+  return {n.at[0] >> kBrickBits, n.at[1] >> kBrickBits, n.at[2] >> kBrickBits};
+}
+
+enum class VertexClass : std::uint8_t { kSmooth = 0, kCrease = 1, kCorner = 2, kBorder = 3 };
+
+/// Triangle: indices below position.size() are own vertices, others are foreign[index - position.size()].
+using PatchFace = std::array<std::uint32_t, 3>;
+
+struct Patch {
+  Int3 brick = {0, 0, 0};
+  std::vector<Float3> position;            ///< cells, relative to the brick's min corner
+  std::vector<std::uint32_t> rgba;         ///< per own vertex; empty if the scan has no colour
+  std::vector<VertexClass> vertex_class;   ///< per own vertex
+  std::vector<PatchFace> faces;            ///< counter-clockwise from outside
+  std::vector<VertexKey> foreign;          ///< ascending, no repeats: vertices of other bricks that faces name
+  /// Own vertices that other bricks may name (edge points on the min faces, loop centres in the cells of the
+  /// max faces): key and own index, ascending by key.
+  std::vector<std::pair<VertexKey, std::uint32_t>> exported;
+
+  bool empty() const { return faces.empty() && position.empty(); }
+};
+
+}  // namespace tessera

@@ -1,0 +1,63 @@
+/// \file mesh_io.h
+/// Triangle meshes in and out, streaming: vertices first, then faces, in bounded batches.
+/// More than 2^32 elements never wrap; a format that cannot hold a mesh says so before anything is written.
+#pragma once
+#include <array>
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <memory>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "octree/lattice.h"
+
+namespace tessera {
+
+using MeshFace = std::array<std::uint64_t, 3>;
+
+/// Known before the first element is written.
+struct MeshHeader {
+  std::uint64_t vertices = 0;
+  std::uint64_t faces = 0;
+  bool colour = false;            ///< per-vertex rgba follows positions
+  bool double_positions = false;  ///< PLY and OBJ only
+  Double3 shift = {0, 0, 0};      ///< what was subtracted from the positions (recorded as a comment where the
+                                  ///< format has one); zero when positions are in the scan's frame
+  std::vector<std::string> comments;  ///< provenance, one line each
+};
+
+/// Writes to a file beside `path` and gives it its final name in finish(); the destructor removes what is unfinished.
+class MeshWriter {
+ public:
+  virtual ~MeshWriter() = default;
+  /// Positions and, if header.colour, as many colours. Calls in vertex order; all vertices before any face.
+  virtual void vertices(std::span<const Double3> positions, std::span<const std::uint32_t> rgba) = 0;
+  virtual void faces(std::span<const MeshFace> faces) = 0;
+  /// Flushes, syncs, renames. \throws Error when counts differ from the header
+  virtual void finish() = 0;
+  virtual std::uint64_t bytes_written() const = 0;
+};
+
+/// By extension: .ply (binary little endian), .obj, .stl (binary), .glb.
+/// \throws UsageError for an unknown extension or a mesh over the format's limits (STL 2^32-1 faces and floats,
+///         GLB 2^32-1 bytes per buffer), naming one that can hold it; ResourceError when the disk is full
+std::unique_ptr<MeshWriter> create_mesh_file(const std::filesystem::path& path, const MeshHeader& header);
+
+/// A mesh on disk, streamed. Polygons are fanned into triangles.
+class MeshReader {
+ public:
+  virtual ~MeshReader() = default;
+  virtual const MeshHeader& header() const = 0;     ///< counts may be 0 until read where the format has none
+  virtual const std::string& format() const = 0;
+  /// All vertices in order, in batches. Formats without shared vertices (STL) give three per face.
+  virtual void read_vertices(
+      const std::function<void(std::span<const Double3>, std::span<const std::uint32_t>)>& sink) = 0;
+  virtual void read_faces(const std::function<void(std::span<const MeshFace>)>& sink) = 0;
+};
+
+/// PLY, OBJ, STL, OFF, GLB. \throws InputError (file, offset or line, what is wrong, what to do)
+std::unique_ptr<MeshReader> open_mesh_file(const std::filesystem::path& path);
+
+}  // namespace tessera

@@ -1,0 +1,65 @@
+/// \file point_store.h
+/// Ordered points on disk: one file per bucket of consecutive bricks, canonical order inside, a table of bricks
+/// and of the 8^3-cell blocks inside each. Bricks of all files together are in Morton order.
+#pragma once
+#include <cstdint>
+#include <filesystem>
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "octree/points.h"
+
+namespace tessera {
+
+/// One brick of the store.
+struct BrickEntry {
+  std::uint64_t key = 0;     ///< Morton code of the brick
+  std::uint64_t points = 0;
+  std::uint32_t file = 0;    ///< index of the bucket file
+  std::uint32_t blocks = 0;  ///< occupied 8^3-cell blocks
+  std::uint64_t first = 0;   ///< index of its first point in the file
+  std::uint64_t table = 0;   ///< byte offset of its block table in the file
+};
+
+/// Writes one bucket file. Bricks in Morton order, points of each in canonical order.
+class PointFileWriter {
+ public:
+  explicit PointFileWriter(const std::filesystem::path& path);
+  ~PointFileWriter();
+  PointFileWriter(const PointFileWriter&) = delete;
+  PointFileWriter& operator=(const PointFileWriter&) = delete;
+  void brick(std::uint64_t key, std::span<const PointRecord> points);
+  /// Tables, checksums, close (no sync, no rename: the task commits). Returns bytes written.
+  std::uint64_t finish();
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+/// Every ordered point of a job. Thread-safe for reading; holds the brick table only (40 bytes a brick).
+class PointStore {
+ public:
+  /// Opens the bucket files, in order. \throws InputError naming the file when one is damaged
+  explicit PointStore(const std::vector<std::filesystem::path>& files);
+  ~PointStore();
+
+  std::span<const BrickEntry> bricks() const;  ///< ascending key
+  const BrickEntry* find(std::uint64_t key) const;
+  std::uint64_t point_count() const;
+
+  /// Points of the box [origin - halo, origin + cells + halo), cells, canonical order, outliers skipped.
+  /// \param with_sensor  fill PointBlock::sensor
+  PointBlock load(const Int3& origin_cells, const Int3& cells, int halo_cells, bool with_sensor = false) const;
+  /// All records of one brick, canonical order, outliers included.
+  std::vector<PointRecord> load_brick(const BrickEntry& brick) const;
+  /// Upper bound of the points that load() would return, from the brick table alone.
+  std::uint64_t count_bound(const Int3& origin_cells, const Int3& cells, int halo_cells) const;
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace tessera
