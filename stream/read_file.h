@@ -1,0 +1,30 @@
+/// \file read_file.h
+/// A file open for positional reads: no mapping, no shared position, safe from several threads.
+#pragma once
+#include <cstdint>
+#include <filesystem>
+
+namespace tessera {
+
+class ReadFile {
+ public:
+  /// \throws InputError naming the file and the system's reason
+  explicit ReadFile(const std::filesystem::path& path);
+  ~ReadFile();
+  ReadFile(ReadFile&& other) noexcept;
+  ReadFile& operator=(ReadFile&& other) noexcept;
+
+  const std::filesystem::path& path() const { return path_; }
+  std::uint64_t size() const { return size_; }
+  /// Reads exactly `bytes`. \throws InputError naming file and offset when the file is shorter or unreadable
+  void read_at(std::uint64_t offset, void* to, std::uint64_t bytes) const;
+  /// Tells the system that this range is not needed again, so that the page cache does not grow.
+  void release(std::uint64_t offset, std::uint64_t bytes) const;
+
+ private:
+  std::filesystem::path path_;
+  int fd_ = -1;
+  std::uint64_t size_ = 0;
+};
+
+}  // namespace tessera
