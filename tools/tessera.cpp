@@ -1,1 +1,12 @@
-int main() { return 2; }
+#include "tools/commands.h"
+
+#include "tools/cli.h"
+
+int main(int argc, char** argv) {
+  CLI::App app("Tessera turns huge 3D scans into meshes, out of core.", "tessera");
+  app.set_version_flag("--version", "tessera " TESSERA_VERSION);
+  app.require_subcommand(1);
+  // one line per command, in the order of the help
+
+  return tessera::cli::run(app, argc, argv);
+}

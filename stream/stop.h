@@ -1,0 +1,17 @@
+/// \file stop.h
+/// The user's wish to stop: SIGINT and SIGTERM set a flag that work checks between pieces; nothing is torn
+/// down from inside a handler.
+#pragma once
+
+namespace tessera {
+
+/// From now on SIGINT and SIGTERM only set the flag; the same signal twice kills as usual.
+void catch_stop_signals();
+
+/// The signal received so far, 0 if none.
+int stop_signal();
+
+/// \throws StoppedError once a signal was received
+void throw_if_stopped();
+
+}  // namespace tessera

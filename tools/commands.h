@@ -1,0 +1,13 @@
+/// \file commands.h
+/// Every command of `tessera`, one function per file tools/<command>_command.cpp.
+#pragma once
+
+namespace CLI {
+class App;
+}
+
+namespace tessera {
+
+// one line per command, alphabetical
+
+}  // namespace tessera
