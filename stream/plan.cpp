@@ -1,0 +1,161 @@
+#include "stream/plan.h"
+
+#include <fstream>
+#include <nlohmann/json.hpp>
+
+#define XXH_INLINE_ALL
+#include <xxhash.h>
+
+#include "octree/error.h"
+#include "stream/read_file.h"
+
+namespace tessera {
+namespace {
+
+constexpr int kPlanVersion = 1;
+constexpr std::uint64_t kBrickMagic = 0x31304b5242535354ULL;  // "TSSBRK01", little endian
+
+struct BrickHeader {
+  std::uint64_t magic = kBrickMagic;
+  std::uint64_t bricks = 0;
+  std::uint64_t checksum = 0;  ///< XXH3 of the bricks
+};
+
+void write_all(const std::filesystem::path& file, const void* head, std::size_t head_bytes, const void* body,
+               std::size_t body_bytes) {
+  std::ofstream out(file, std::ios::binary | std::ios::trunc);
+  out.write(static_cast<const char*>(head), static_cast<std::streamsize>(head_bytes));
+  out.write(static_cast<const char*>(body), static_cast<std::streamsize>(body_bytes));
+  out.close();
+  if (!out)
+    throw ResourceError(file.string() + ": cannot be written: the disk is full or the folder is read-only");
+}
+
+nlohmann::json to_json(const PointFates& f) {
+  return {{"read", f.read},       {"withheld", f.withheld},     {"empty", f.empty},
+          {"missing", f.missing}, {"non_finite", f.non_finite}, {"absurd", f.absurd},
+          {"kept", f.kept}};
+}
+
+PointFates fates_from(const nlohmann::json& j) {
+  PointFates f;
+  j.at("read").get_to(f.read);
+  j.at("withheld").get_to(f.withheld);
+  j.at("empty").get_to(f.empty);
+  j.at("missing").get_to(f.missing);
+  j.at("non_finite").get_to(f.non_finite);
+  j.at("absurd").get_to(f.absurd);
+  j.at("kept").get_to(f.kept);
+  return f;
+}
+
+}  // namespace
+
+nlohmann::json Plan::to_json() const {
+  nlohmann::json j;
+  j["version"] = kPlanVersion;
+  j["h"] = lattice.h;
+  j["origin_brick"] = lattice.origin_brick;
+  j["radius_cells"] = radius_cells;
+  j["noise_cells"] = noise_cells;
+  j["spacing"] = spacing;
+  j["auto_resolution"] = auto_resolution;
+  j["has_colour"] = has_colour;
+  j["normal_fraction"] = normal_fraction;
+  j["sensors"] = sensors;
+  j["brick_min"] = brick_min;
+  j["brick_max"] = brick_max;
+  j["bricks"] = bricks;
+  j["points"] = tessera::to_json(fates);
+  j["buckets"] = nlohmann::json::array();
+  for (const PlanBucket& b : buckets)
+    j["buckets"].push_back({b.first_key, b.first_brick, b.bricks, b.points});
+  j["forecast"] = nlohmann::json::array();
+  for (const StageForecast& f : forecast)
+    j["forecast"].push_back({{"stage", f.stage},
+                             {"tasks", f.tasks},
+                             {"task_bytes", f.task_bytes},
+                             {"disk_bytes", f.disk_bytes},
+                             {"files", f.files},
+                             {"seconds", f.seconds}});
+  j["warnings"] = warnings;
+  return j;
+}
+
+void Plan::save(const std::filesystem::path& file) const {
+  const std::string text = to_json().dump(1) + "\n";
+  write_all(file, text.data(), text.size(), nullptr, 0);
+}
+
+Plan Plan::load(const std::filesystem::path& file) {
+  std::ifstream in(file, std::ios::binary);
+  if (!in) throw InputError(file.string() + ": cannot be opened: the survey has not written it");
+  Plan p;
+  try {
+    const nlohmann::json j = nlohmann::json::parse(in);
+    const int version = j.at("version").get<int>();
+    if (version != kPlanVersion)
+      throw InputError(file.string() + ": plan version " + std::to_string(version) + ", this tool reads " +
+                       std::to_string(kPlanVersion) + "; run again with --force");
+    j.at("h").get_to(p.lattice.h);
+    j.at("origin_brick").get_to(p.lattice.origin_brick);
+    j.at("radius_cells").get_to(p.radius_cells);
+    j.at("noise_cells").get_to(p.noise_cells);
+    j.at("spacing").get_to(p.spacing);
+    j.at("auto_resolution").get_to(p.auto_resolution);
+    j.at("has_colour").get_to(p.has_colour);
+    j.at("normal_fraction").get_to(p.normal_fraction);
+    j.at("sensors").get_to(p.sensors);
+    j.at("brick_min").get_to(p.brick_min);
+    j.at("brick_max").get_to(p.brick_max);
+    j.at("bricks").get_to(p.bricks);
+    p.fates = fates_from(j.at("points"));
+    for (const auto& b : j.at("buckets"))
+      p.buckets.push_back({b.at(0).get<std::uint64_t>(), b.at(1).get<std::uint64_t>(),
+                           b.at(2).get<std::uint64_t>(), b.at(3).get<std::uint64_t>()});
+    for (const auto& f : j.at("forecast"))
+      p.forecast.push_back({f.at("stage").get<std::string>(), f.at("tasks").get<std::uint64_t>(),
+                            f.at("task_bytes").get<std::uint64_t>(), f.at("disk_bytes").get<std::uint64_t>(),
+                            f.at("files").get<std::uint64_t>(), f.at("seconds").get<double>()});
+    j.at("warnings").get_to(p.warnings);
+  } catch (const nlohmann::json::exception& e) {
+    throw InputError(file.string() + ": damaged plan (" + e.what() + "); run again with --force");
+  }
+  return p;
+}
+
+void save_plan_bricks(const std::filesystem::path& file, const std::vector<PlanBrick>& bricks) {
+  BrickHeader header;
+  header.bricks = bricks.size();
+  header.checksum = XXH3_64bits(bricks.data(), bricks.size() * sizeof(PlanBrick));
+  write_all(file, &header, sizeof header, bricks.data(), bricks.size() * sizeof(PlanBrick));
+}
+
+std::vector<PlanBrick> load_plan_bricks(const std::filesystem::path& file) {
+  const ReadFile in(file);
+  BrickHeader header;
+  if (in.size() < sizeof header)
+    throw InputError(file.string() + ": too short for a brick list; run again with --force");
+  in.read_at(0, &header, sizeof header);
+  if (header.magic != kBrickMagic || (in.size() - sizeof header) / sizeof(PlanBrick) != header.bricks ||
+      (in.size() - sizeof header) % sizeof(PlanBrick) != 0)
+    throw InputError(file.string() + ": not a brick list of this version; run again with --force");
+  std::vector<PlanBrick> bricks(header.bricks);
+  in.read_at(sizeof header, bricks.data(), bricks.size() * sizeof(PlanBrick));
+  if (XXH3_64bits(bricks.data(), bricks.size() * sizeof(PlanBrick)) != header.checksum)
+    throw InputError(file.string() + ": damaged brick list (checksum); run again with --force");
+  return bricks;
+}
+
+std::vector<PlanBucket> cut_buckets(const std::vector<PlanBrick>& bricks, std::uint64_t target_points) {
+  std::vector<PlanBucket> buckets;
+  for (std::size_t i = 0; i < bricks.size(); ++i) {
+    if (buckets.empty() || buckets.back().points + bricks[i].points > target_points)
+      buckets.push_back({bricks[i].key, i, 0, 0});
+    buckets.back().bricks += 1;
+    buckets.back().points += bricks[i].points;
+  }
+  return buckets;
+}
+
+}  // namespace tessera

@@ -1,0 +1,94 @@
+/// \file plan.h
+/// What the survey decided: the lattice, what the points carry, and the buckets they are sorted in.
+/// Written once (plan.json, bricks.bin in the work directory), read by every later stage.
+/// Lattice, radii, attributes, sensors, fates and bricks are functions of the points and the options that
+/// change the result alone: not of the order, the files, the slices, the threads or the cap. Buckets,
+/// forecasts and warnings are about execution and may follow the cap; no byte of a result depends on them.
+#pragma once
+#include <cstdint>
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include <nlohmann/json_fwd.hpp>
+
+#include "octree/lattice.h"
+
+namespace tessera {
+
+/// Where every point that was read went; read = kept + non_finite + absurd.
+struct PointFates {
+  std::uint64_t read = 0;        ///< handed over by the readers
+  std::uint64_t withheld = 0;    ///< flagged withheld by the format, never handed over
+  std::uint64_t empty = 0;       ///< placeholders for "no return", never handed over
+  std::uint64_t missing = 0;     ///< declared by a header, not in the file
+  std::uint64_t non_finite = 0;  ///< NaN or infinite coordinates, dropped
+  std::uint64_t absurd = 0;      ///< far outside everything else, dropped
+  std::uint64_t kept = 0;        ///< what distribute writes (duplicates and hot bricks come off in order)
+};
+
+/// An occupied brick of the lattice, as surveyed: before duplicates and thinning.
+struct PlanBrick {
+  std::uint64_t key = 0;  ///< Morton code of the brick
+  std::uint64_t points = 0;
+  bool operator==(const PlanBrick&) const = default;
+};
+
+/// Consecutive bricks that are sorted by one task.
+struct PlanBucket {
+  std::uint64_t first_key = 0;    ///< key of its first brick; it ends before the next bucket's
+  std::uint64_t first_brick = 0;  ///< index into the brick list
+  std::uint64_t bricks = 0;
+  std::uint64_t points = 0;
+};
+
+/// What a stage is expected to need.
+struct StageForecast {
+  std::string stage;
+  std::uint64_t tasks = 0;
+  std::uint64_t task_bytes = 0;  ///< memory of its largest task
+  std::uint64_t disk_bytes = 0;  ///< what it writes into the work directory
+  std::uint64_t files = 0;
+  double seconds = 0.0;  ///< on all threads of the job
+};
+
+struct Plan {
+  Lattice lattice;
+  double radius_cells = 3.0;  ///< support radius in cells, within [1, 4]
+  double noise_cells = 0.0;   ///< standard deviation of the points along the normal, in cells
+  double spacing = 0.0;  ///< measured distance to the next sample (high percentile), scan units; 0 = unknown
+  bool auto_resolution = false;  ///< h was chosen by measurement
+  bool has_colour = false;       ///< some file carries colour
+  double normal_fraction = 0.0;  ///< share of the kept points that carry a usable normal
+  std::vector<Double3> sensors;  ///< PointRecord::sensor indexes it; ascending, no repeats; scan frame
+  Int3 brick_min = {0, 0, 0};    ///< smallest and largest occupied brick coordinates per axis, lattice frame
+  Int3 brick_max = {0, 0, 0};
+  std::uint64_t bricks = 0;  ///< occupied bricks
+  PointFates fates;
+  std::vector<PlanBucket> buckets;
+  std::vector<StageForecast> forecast;
+  std::vector<std::string> warnings;  ///< one sentence each
+
+  bool has_normals() const { return normal_fraction > 0.0; }
+  std::uint64_t points() const { return fates.kept; }
+
+  nlohmann::json to_json() const;
+  void save(const std::filesystem::path& file) const;
+  /// \throws InputError naming the file when it is missing, damaged or of another version
+  static Plan load(const std::filesystem::path& file);
+  /// The plan of a work directory: <work>/plan.json.
+  static Plan of_work(const std::filesystem::path& work) { return load(work / kFile); }
+
+  static constexpr const char* kFile = "plan.json";
+  static constexpr const char* kBrickFile = "bricks.bin";
+};
+
+/// The occupied bricks, ascending key: 16 bytes each behind a checked header.
+void save_plan_bricks(const std::filesystem::path& file, const std::vector<PlanBrick>& bricks);
+/// \throws InputError naming the file when it is missing or damaged
+std::vector<PlanBrick> load_plan_bricks(const std::filesystem::path& file);
+
+/// Cuts the bricks into buckets of at most `target_points`; a brick is never cut, so a hot one stands alone.
+std::vector<PlanBucket> cut_buckets(const std::vector<PlanBrick>& bricks, std::uint64_t target_points);
+
+}  // namespace tessera
