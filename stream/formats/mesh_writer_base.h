@@ -1,0 +1,46 @@
+/// \file mesh_writer_base.h
+/// What every mesh writer checks before a format sees the data: order of calls, counts, indices.
+#pragma once
+#include <filesystem>
+#include <memory>
+#include <span>
+#include <string>
+
+#include "stream/mesh_io.h"
+#include "stream/output_file.h"
+
+namespace tessera {
+
+class MeshWriterBase : public MeshWriter {
+ public:
+  void vertices(std::span<const Double3> positions, std::span<const std::uint32_t> rgba) final;
+  void faces(std::span<const MeshFace> faces) final;
+  void finish() final;
+  std::uint64_t bytes_written() const final { return file_.size(); }
+
+ protected:
+  MeshWriterBase(const std::filesystem::path& path, const MeshHeader& header);
+  virtual void write_vertices(std::span<const Double3> positions, std::span<const std::uint32_t> rgba) = 0;
+  virtual void write_faces(std::span<const MeshFace> faces) = 0;
+  virtual void write_end() {}  ///< all counts are right; the file is synced and renamed afterwards
+
+  const MeshHeader header_;
+  OutputFile file_;
+
+ private:
+  std::uint64_t vertices_ = 0;
+  std::uint64_t faces_ = 0;
+};
+
+/// Provenance lines of a header, one string each without line breaks; the shift, when not zero, comes last as
+/// `tessera_shift X Y Z` (what was subtracted from the positions; exact decimal doubles).
+std::vector<std::string> comment_lines(const MeshHeader& header);
+
+// One factory per format; each throws UsageError, naming a format that can hold the mesh, before a file is
+// made.
+std::unique_ptr<MeshWriter> create_glb_mesh(const std::filesystem::path& path, const MeshHeader& header);
+std::unique_ptr<MeshWriter> create_obj_mesh(const std::filesystem::path& path, const MeshHeader& header);
+std::unique_ptr<MeshWriter> create_ply_mesh(const std::filesystem::path& path, const MeshHeader& header);
+std::unique_ptr<MeshWriter> create_stl_mesh(const std::filesystem::path& path, const MeshHeader& header);
+
+}  // namespace tessera

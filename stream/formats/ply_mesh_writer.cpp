@@ -1,0 +1,96 @@
+/// Binary little endian PLY. Positions are float or double, colour is uchar rgba, faces are
+/// `list uchar uint vertex_indices`. PLY has no 64-bit type, so indices end at 2^32-1; counts are text and do
+/// not.
+#include <algorithm>
+#include <bit>
+#include <cstring>
+
+#include "octree/error.h"
+#include "stream/formats/mesh_writer_base.h"
+
+namespace tessera {
+namespace {
+
+static_assert(std::endian::native == std::endian::little, "records are stored as they lie in memory");
+constexpr std::size_t kBatch = 65536;  // records formatted per reservation; 28 bytes each at most
+constexpr std::size_t kFaceBytes = 1 + 3 * sizeof(std::uint32_t);
+
+template <typename Real>
+void pack_positions(std::span<const Double3> positions, const std::uint32_t* rgba, char* to) {
+  for (std::size_t i = 0; i < positions.size(); ++i) {
+    const Double3& p = positions[i];
+    const Real xyz[3] = {static_cast<Real>(p[0]), static_cast<Real>(p[1]), static_cast<Real>(p[2])};
+    std::memcpy(to, xyz, sizeof xyz);
+    to += sizeof xyz;
+    if (rgba != nullptr) {
+      std::memcpy(to, rgba + i, 4);
+      to += 4;
+    }
+  }
+}
+
+class PlyMeshWriter : public MeshWriterBase {
+ public:
+  PlyMeshWriter(const std::filesystem::path& path, const MeshHeader& header)
+      : MeshWriterBase(path, header),
+        vertex_bytes_((header.double_positions ? 24u : 12u) + (header.colour ? 4u : 0u)) {
+    const std::string real = header.double_positions ? "double" : "float";
+    file_.append("ply\nformat binary_little_endian 1.0\n");
+    for (const std::string& line : comment_lines(header)) file_.append("comment " + line + "\n");
+    file_.append("element vertex " + std::to_string(header.vertices) + "\n");
+    for (const char* axis : {"x", "y", "z"}) file_.append("property " + real + " " + axis + "\n");
+    if (header.colour) {
+      for (const char* name : {"red", "green", "blue", "alpha"}) {
+        file_.append(std::string("property uchar ") + name + "\n");
+      }
+    }
+    file_.append("element face " + std::to_string(header.faces) +
+                 "\nproperty list uchar uint vertex_indices\nend_header\n");
+  }
+
+ private:
+  void write_vertices(std::span<const Double3> positions, std::span<const std::uint32_t> rgba) override {
+    for (std::size_t first = 0; first < positions.size(); first += kBatch) {
+      const auto batch = positions.subspan(first, std::min(kBatch, positions.size() - first));
+      const std::size_t bytes = batch.size() * vertex_bytes_;
+      char* to = file_.reserve(bytes);
+      const std::uint32_t* colours = header_.colour ? rgba.data() + first : nullptr;
+      if (header_.double_positions) {
+        pack_positions<double>(batch, colours, to);
+      } else {
+        pack_positions<float>(batch, colours, to);
+      }
+      file_.commit(bytes);
+    }
+  }
+
+  void write_faces(std::span<const MeshFace> faces) override {
+    for (std::size_t first = 0; first < faces.size(); first += kBatch) {
+      const auto batch = faces.subspan(first, std::min(kBatch, faces.size() - first));
+      char* to = file_.reserve(batch.size() * kFaceBytes);
+      for (const MeshFace& face : batch) {
+        *to = 3;
+        const std::uint32_t indices[3] = {static_cast<std::uint32_t>(face[0]),
+                                          static_cast<std::uint32_t>(face[1]),
+                                          static_cast<std::uint32_t>(face[2])};
+        std::memcpy(to + 1, indices, sizeof indices);
+        to += kFaceBytes;
+      }
+      file_.commit(batch.size() * kFaceBytes);
+    }
+  }
+
+  const std::size_t vertex_bytes_;
+};
+
+}  // namespace
+
+std::unique_ptr<MeshWriter> create_ply_mesh(const std::filesystem::path& path, const MeshHeader& header) {
+  if (header.vertices > 0xffffffffULL) {
+    throw UsageError(path.string() + ": PLY indices end at 4294967295 and the mesh has " +
+                     std::to_string(header.vertices) + " vertices; write .obj instead");
+  }
+  return std::make_unique<PlyMeshWriter>(path, header);
+}
+
+}  // namespace tessera

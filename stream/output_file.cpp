@@ -1,0 +1,113 @@
+#include "stream/output_file.h"
+
+#include <fcntl.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cassert>
+#include <cerrno>
+#include <cstring>
+#include <string>
+
+#include "octree/error.h"
+
+namespace tessera {
+namespace {
+
+// Dirty pages per file stay below two windows: enough to keep a disk busy, little enough for a small machine.
+constexpr std::uint64_t kWindowBytes = std::uint64_t{32} << 20;
+
+[[noreturn]] void fail(const std::filesystem::path& path, const char* what, int error) {
+  std::string advice;
+  if (error == ENOSPC || error == EDQUOT) advice = "; free space and run the same command again";
+  throw ResourceError(path.string() + ": cannot " + what + ": " + std::strerror(error) + advice);
+}
+
+}  // namespace
+
+OutputFile::OutputFile(const std::filesystem::path& path) : path_(path), part_(path) {
+  part_ += ".part";
+  fd_ = ::open(part_.c_str(), O_RDWR | O_CREAT | O_TRUNC | O_CLOEXEC, 0666);
+  if (fd_ < 0) {
+    throw UsageError(part_.string() + ": cannot be created: " + std::strerror(errno) +
+                     "; choose an output folder that exists and is writable");
+  }
+  buffer_ = std::make_unique_for_overwrite<char[]>(kBufferBytes);
+}
+
+OutputFile::~OutputFile() {
+  if (fd_ < 0) return;
+  ::close(fd_);
+  ::unlink(part_.c_str());
+}
+
+char* OutputFile::reserve(std::size_t bytes) {
+  assert(bytes <= kBufferBytes);
+  if (kBufferBytes - used_ < bytes) flush();
+  return buffer_.get() + used_;
+}
+
+void OutputFile::append(const void* data, std::size_t bytes) {
+  const auto* from = static_cast<const char*>(data);
+  while (bytes > 0) {
+    if (used_ == kBufferBytes) flush();
+    const std::size_t part = std::min(bytes, kBufferBytes - used_);
+    std::memcpy(buffer_.get() + used_, from, part);
+    used_ += part;
+    from += part;
+    bytes -= part;
+  }
+}
+
+void OutputFile::patch(std::uint64_t offset, const void* data, std::size_t bytes) {
+  assert(offset + bytes <= size());
+  flush();
+  write_out(offset, static_cast<const char*>(data), bytes);
+}
+
+void OutputFile::write_out(std::uint64_t offset, const char* data, std::size_t bytes) {
+  while (bytes > 0) {
+    const ssize_t put = ::pwrite(fd_, data, bytes, static_cast<off_t>(offset));
+    if (put < 0 && errno == EINTR) continue;
+    if (put <= 0) fail(part_, "be written", put == 0 ? ENOSPC : errno);
+    offset += static_cast<std::uint64_t>(put);
+    data += put;
+    bytes -= static_cast<std::size_t>(put);
+  }
+}
+
+void OutputFile::flush() {
+  write_out(flushed_, buffer_.get(), used_);
+  flushed_ += used_;
+  used_ = 0;
+  if (flushed_ - started_ < kWindowBytes) return;
+  // Wait for the window before last, then start the last one: writing and formatting overlap.
+  if (started_ > released_) {
+    const auto from = static_cast<off_t>(released_);
+    const auto bytes = static_cast<off_t>(started_ - released_);
+    ::sync_file_range(fd_, from, bytes,
+                      SYNC_FILE_RANGE_WAIT_BEFORE | SYNC_FILE_RANGE_WRITE | SYNC_FILE_RANGE_WAIT_AFTER);
+    ::posix_fadvise(fd_, from, bytes, POSIX_FADV_DONTNEED);
+    released_ = started_;
+  }
+  ::sync_file_range(fd_, static_cast<off_t>(started_), static_cast<off_t>(flushed_ - started_),
+                    SYNC_FILE_RANGE_WRITE);
+  started_ = flushed_;
+}
+
+void OutputFile::finish() {
+  flush();
+  if (::fsync(fd_) != 0) fail(part_, "be synced", errno);
+  ::posix_fadvise(fd_, 0, 0, POSIX_FADV_DONTNEED);
+  if (::rename(part_.c_str(), path_.c_str()) != 0) fail(path_, "take its final name", errno);
+  ::close(fd_);
+  fd_ = -1;
+  const std::filesystem::path folder = path_.has_parent_path() ? path_.parent_path() : ".";
+  const int folder_fd = ::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+  if (folder_fd < 0)
+    return;  // a folder that can be written but not read: the rename stands, only its sync is lost
+  ::fsync(folder_fd);
+  ::close(folder_fd);
+}
+
+}  // namespace tessera

@@ -1,0 +1,102 @@
+#include <catch2/catch.hpp>
+
+#include <cstring>
+#include <fstream>
+#include <iterator>
+#include <string>
+
+#include "octree/error.h"
+#include "stream/mesh_io.h"
+#include "tests/helpers/temp_folder.h"
+
+namespace tessera {
+namespace {
+
+std::string contents(const std::filesystem::path& path) {
+  std::ifstream in(path, std::ios::binary);
+  return {std::istreambuf_iterator<char>(in), {}};
+}
+
+const std::vector<Double3> kCorners = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {0.1, 0.25, 1}};
+const std::vector<MeshFace> kTetrahedron = {{0, 2, 1}, {0, 1, 3}, {1, 2, 3}, {2, 0, 3}};
+
+TEST_CASE("PLY writer: the bytes of one coloured triangle", "[unit]") {
+  const test::TempFolder folder;
+  MeshHeader header;
+  header.vertices = 3;
+  header.faces = 1;
+  header.colour = true;
+  header.shift = {500000.5, -2, 0};
+  header.comments = {"made by\na test"};
+  const auto writer = create_mesh_file(folder / "a.ply", header);
+  writer->vertices(std::vector<Double3>{{1, 2, 3}, {4, 5, 6}, {7, 8, 9}},
+                   std::vector<std::uint32_t>{0x04030201u, 0xff0000ffu, 0u});
+  writer->faces(std::vector<MeshFace>{{2, 1, 0}});
+  CHECK_FALSE(std::filesystem::exists(folder / "a.ply"));
+  writer->finish();
+  std::string want =
+      "ply\nformat binary_little_endian 1.0\ncomment made by a test\ncomment tessera_shift 500000.5 -2 0\n"
+      "element vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
+      "property uchar red\nproperty uchar green\nproperty uchar blue\nproperty uchar alpha\n"
+      "element face 1\nproperty list uchar uint vertex_indices\nend_header\n";
+  const auto put = [&](const auto& value) {
+    want.append(reinterpret_cast<const char*>(&value), sizeof value);
+  };
+  const std::uint32_t colours[3] = {0x04030201u, 0xff0000ffu, 0u};
+  for (int v = 0; v < 3; ++v) {
+    for (int c = 0; c < 3; ++c) put(static_cast<float>(3 * v + c + 1));
+    put(colours[v]);
+  }
+  put(std::uint8_t{3});
+  for (const std::uint32_t index : {2u, 1u, 0u}) put(index);
+  CHECK(contents(folder / "a.ply") == want);
+  CHECK(writer->bytes_written() == want.size());
+  CHECK_FALSE(std::filesystem::exists(folder / "a.ply.part"));
+}
+
+TEST_CASE("mesh writers: nothing remains of an unfinished file", "[fault]") {
+  const test::TempFolder folder;
+  const std::filesystem::path path = folder / GENERATE("a.ply");
+  MeshHeader header;
+  header.vertices = 4;
+  header.faces = 4;
+  {
+    const auto writer = create_mesh_file(path, header);
+    writer->vertices(kCorners, {});
+    CHECK_THROWS_AS(writer->finish(), ValidationError);
+  }
+  CHECK(std::filesystem::is_empty(folder.path()));
+}
+
+TEST_CASE("mesh writers: calls that break the contract are refused", "[unit]") {
+  const test::TempFolder folder;
+  MeshHeader header;
+  header.vertices = 4;
+  header.faces = 1;
+  const auto writer = create_mesh_file(folder / "a.ply", header);
+  CHECK_THROWS_AS(writer->vertices(kCorners, std::vector<std::uint32_t>(4)), ValidationError);
+  CHECK_THROWS_AS(writer->faces(kTetrahedron), ValidationError);
+  writer->vertices(kCorners, {});
+  CHECK_THROWS_AS(writer->vertices(kCorners, {}), ValidationError);
+  CHECK_THROWS_AS(writer->faces(kTetrahedron), ValidationError);
+  CHECK_THROWS_AS(writer->faces(std::vector<MeshFace>{{0, 1, 4}}), ValidationError);
+  writer->faces(std::vector<MeshFace>{{0, 1, 3}});
+  CHECK_THROWS_AS(writer->vertices(kCorners, {}), ValidationError);
+}
+
+TEST_CASE("mesh writers: a mesh over a format's limit is refused before a file is made", "[unit]") {
+  const test::TempFolder folder;
+  MeshHeader header;
+  header.vertices = (1ULL << 32) + 1;
+  header.faces = 1ULL << 33;
+  CHECK_THROWS_WITH(create_mesh_file(folder / "a.ply", header), Catch::Contains("write .obj"));
+  CHECK_THROWS_AS(create_mesh_file(folder / "a.xyz", header), UsageError);
+  CHECK(std::filesystem::is_empty(folder.path()));
+}
+
+TEST_CASE("mesh writers: a folder that does not exist is a usage error", "[fault]") {
+  CHECK_THROWS_AS(create_mesh_file("/nonexistent-tessera/a.ply", MeshHeader{}), UsageError);
+}
+
+}  // namespace
+}  // namespace tessera
