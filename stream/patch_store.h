@@ -1,0 +1,81 @@
+/// \file patch_store.h
+/// Patches on disk: packed files of many bricks each, in Morton order of bricks over all files.
+///
+/// A file is: magic, the patches' sections one after the other, the table of patches, a footer. Every patch has
+/// one checksum for what welding reads (foreign, exported, components), one for its vertices, one for its faces.
+#pragma once
+#include <cstdint>
+#include <filesystem>
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "kernels/patch.h"
+#include "kernels/patch_components.h"
+
+namespace tessera {
+
+/// One patch of the store, as its table has it.
+struct PatchEntry {
+  std::uint64_t key = 0;         ///< Morton code of the brick
+  std::uint64_t offset = 0;      ///< of its first section in the file
+  std::uint64_t seam_hash = 0;   ///< XXH3 of foreign, exported and component sections
+  std::uint64_t vertex_hash = 0;  ///< XXH3 of position, colour and class sections
+  std::uint64_t face_hash = 0;    ///< XXH3 of the face section
+  std::uint32_t vertices = 0;
+  std::uint32_t faces = 0;
+  std::uint32_t foreign = 0;
+  std::uint32_t exported = 0;
+  std::uint32_t components = 0;
+  std::uint32_t has_colour = 0;
+};
+
+/// What welding needs of a patch: everything but the mesh itself.
+struct PatchSeam {
+  std::vector<VertexKey> foreign;
+  std::vector<VertexKey> exported_key;          ///< ascending
+  std::vector<std::uint32_t> exported_index;    ///< own vertex of each
+  PatchComponents components;
+};
+
+class PatchFileWriter {
+ public:
+  explicit PatchFileWriter(const std::filesystem::path& path);
+  ~PatchFileWriter();
+  PatchFileWriter(const PatchFileWriter&) = delete;
+  PatchFileWriter& operator=(const PatchFileWriter&) = delete;
+  /// Patches in ascending brick order.
+  void add(const Patch& patch, const PatchComponents& components);
+  /// Writes table and footer, closes. Returns bytes written.
+  std::uint64_t finish();
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+/// All patches of a job. Holds the tables only (64 bytes a patch). Reading is thread-safe.
+class PatchStore {
+ public:
+  /// \throws InputError naming the file when one is damaged
+  explicit PatchStore(const std::vector<std::filesystem::path>& files);
+  ~PatchStore();
+  PatchStore(PatchStore&&) noexcept;
+  PatchStore& operator=(PatchStore&&) noexcept;
+
+  std::span<const PatchEntry> patches() const;         ///< ascending key, over all files
+  std::pair<std::size_t, std::size_t> file_range(std::size_t file) const;  ///< patch indices [first, last)
+  std::size_t file_count() const;
+  std::int64_t find(std::uint64_t key) const;          ///< patch index, -1 if the brick has no patch
+
+  PatchSeam load_seam(std::size_t patch) const;
+  /// Positions and colours only.
+  void load_vertices(std::size_t patch, std::vector<Float3>& position, std::vector<std::uint32_t>& rgba) const;
+  void load_faces(std::size_t patch, std::vector<PatchFace>& faces) const;
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace tessera

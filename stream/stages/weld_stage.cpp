@@ -1,0 +1,292 @@
+#include "stream/stages/weld_stage.h"
+
+#include <algorithm>
+#include <map>
+#include <nlohmann/json.hpp>
+#include <numeric>
+#include <stdexcept>
+
+#include "octree/error.h"
+#include "stream/direct_file.h"
+#include "stream/read_file.h"
+#include "stream/task_files.h"
+
+namespace tessera {
+namespace {
+
+using json = nlohmann::json;
+
+constexpr const char* kNumberingFile = "weld/numbering.bin";
+constexpr std::uint64_t kSeamCacheBytes = 16u << 20;
+
+/// Seams of the patches around the current one; the oldest go first.
+class SeamCache {
+ public:
+  explicit SeamCache(const PatchStore& store) : store_(store) {}
+
+  const PatchSeam& get(std::size_t patch) {
+    const auto found = cache_.find(patch);
+    if (found != cache_.end()) return found->second.seam;
+    while (bytes_ > kSeamCacheBytes && !cache_.empty()) {
+      const auto oldest = std::min_element(cache_.begin(), cache_.end(), [](const auto& a, const auto& b) {
+        return a.second.born < b.second.born;
+      });
+      bytes_ -= size_of(oldest->second.seam);
+      cache_.erase(oldest);
+    }
+    Slot& slot = cache_[patch];
+    slot.seam = store_.load_seam(patch);
+    slot.born = clock_++;
+    bytes_ += size_of(slot.seam);
+    return slot.seam;
+  }
+
+ private:
+  struct Slot {
+    PatchSeam seam;
+    std::uint64_t born = 0;
+  };
+  static std::uint64_t size_of(const PatchSeam& s) {
+    return 8 * s.foreign.size() + 12 * s.exported_key.size() + 4 * s.components.of_vertex.size() +
+           8 * s.components.faces.size() + sizeof(Slot);
+  }
+  const PatchStore& store_;
+  std::map<std::size_t, Slot> cache_;
+  std::uint64_t bytes_ = 0;
+  std::uint64_t clock_ = 0;
+};
+
+struct WeldHeader {
+  std::uint64_t places = 0;
+  std::uint64_t links = 0;
+  std::uint64_t components = 0;
+};
+/// Two components of different patches that share a vertex; indices over all patches.
+struct Link {
+  std::uint64_t a = 0;
+  std::uint64_t b = 0;
+  auto operator<=>(const Link&) const = default;
+};
+struct ComponentSize {
+  std::uint32_t vertices = 0;
+  std::uint32_t faces = 0;
+};
+
+class WeldStage : public Stage {
+ public:
+  explicit WeldStage(const JobState& state)
+      : state_(state), store_(open_patches(state.work)), first_component_(store_.patches().size() + 1, 0) {
+    for (std::size_t p = 0; p < store_.patches().size(); ++p)
+      first_component_[p + 1] = first_component_[p] + store_.patches()[p].components;
+  }
+
+  std::string name() const override { return "weld"; }
+  std::size_t task_count() const override { return store_.file_count(); }
+  std::uint64_t units() const override { return store_.patches().size(); }
+  std::string unit_name() const override { return "bricks"; }
+
+  std::uint64_t task_bytes(std::size_t task) const override {
+    const auto [first, last] = store_.file_range(task);
+    std::uint64_t bytes = kSeamCacheBytes + (8u << 20);
+    std::uint64_t largest = 0;
+    for (std::size_t p = first; p < last; ++p) {
+      const PatchEntry& e = store_.patches()[p];
+      bytes += sizeof(VertexPlace) * e.foreign + sizeof(ComponentSize) * e.components + 2 * sizeof(Link) * e.components;
+      largest = std::max<std::uint64_t>(largest, 4ull * e.vertices + 28ull * (e.foreign + std::uint64_t{e.exported}));
+    }
+    return bytes + 2 * largest;
+  }
+
+  json run(std::size_t task, TaskContext& context) const override {
+    SeamCache cache(store_);
+    std::vector<VertexPlace> places;
+    std::vector<Link> links;
+    std::vector<ComponentSize> sizes;
+    std::size_t compact_at = 4096;
+    const auto [first, last] = store_.file_range(task);
+    for (std::size_t p = first; p < last; ++p) {
+      context.check_stop();
+      const PatchSeam seam = cache.get(p);  // a copy: the cache may drop it while owners are looked up
+      for (std::size_t c = 0; c < seam.components.count; ++c)
+        sizes.push_back({seam.components.vertices[c], seam.components.faces[c]});
+      const std::size_t own = store_.patches()[p].vertices;
+      for (std::size_t f = 0; f < seam.foreign.size(); ++f) {
+        const VertexKey key = seam.foreign[f];
+        const std::int64_t owner = store_.find(brick_key(vertex_brick(key)));
+        const PatchSeam* there = owner < 0 ? nullptr : &cache.get(static_cast<std::size_t>(owner));
+        const auto at = there ? std::lower_bound(there->exported_key.begin(), there->exported_key.end(), key)
+                              : std::vector<VertexKey>::const_iterator{};
+        if (!there || at == there->exported_key.end() || *at != key)
+          throw std::logic_error("weld: brick " + std::to_string(store_.patches()[p].key) + " names vertex " +
+                                 std::to_string(key) + ", which its owner does not have");
+        const auto vertex = there->exported_index[static_cast<std::size_t>(at - there->exported_key.begin())];
+        places.push_back({static_cast<std::uint32_t>(owner), vertex});
+        links.push_back({first_component_[p] + seam.components.of_vertex[own + f],
+                         first_component_[static_cast<std::size_t>(owner)] + there->components.of_vertex[vertex]});
+      }
+      if (links.size() > compact_at) {
+        unique_links(links);
+        compact_at = 2 * links.size() + 4096;
+      }
+      context.advance(1);
+    }
+    unique_links(links);
+    const std::filesystem::path path = context.create(weld_file_name(task));
+    DirectFile file(path);
+    const WeldHeader header{places.size(), links.size(), sizes.size()};
+    file.write(&header, sizeof header);
+    file.write(places.data(), places.size() * sizeof(VertexPlace));
+    file.write(links.data(), links.size() * sizeof(Link));
+    file.write(sizes.data(), sizes.size() * sizeof(ComponentSize));
+    file.finish();
+    context.count_written(sizeof header + places.size() * sizeof(VertexPlace) + links.size() * sizeof(Link) +
+                          sizes.size() * sizeof(ComponentSize));
+    return {{"shared_vertices", places.size()}};
+  }
+
+  std::uint64_t finish_bytes() const override {
+    // Union-find, sizes and the kept flags; places of the patches; one file's links.
+    return first_component_.back() * 29 + store_.patches().size() * sizeof(PatchPlace) + (64u << 20);
+  }
+
+  json finish(const std::vector<json>& summaries, TaskContext& context) const override {
+    const std::uint64_t count = first_component_.back();
+    std::vector<std::uint64_t> parent(count);
+    std::iota(parent.begin(), parent.end(), std::uint64_t{0});
+    std::vector<ComponentSize> sizes;
+    sizes.reserve(count);
+    const auto root_of = [&](std::uint64_t c) {
+      while (parent[c] != c) c = parent[c] = parent[parent[c]];
+      return c;
+    };
+    for (std::size_t file = 0; file < store_.file_count(); ++file) {
+      const ReadFile in(state_.work / weld_file_name(file));
+      WeldHeader header;
+      in.read_at(0, &header, sizeof header);
+      std::uint64_t at = sizeof header + header.places * sizeof(VertexPlace);
+      std::vector<Link> links(header.links);
+      in.read_at(at, links.data(), links.size() * sizeof(Link));
+      at += links.size() * sizeof(Link);
+      for (const Link& link : links) {
+        const std::uint64_t a = root_of(link.a);
+        const std::uint64_t b = root_of(link.b);
+        parent[std::max(a, b)] = std::min(a, b);
+      }
+      const std::size_t old = sizes.size();
+      sizes.resize(old + header.components);
+      in.read_at(at, sizes.data() + old, header.components * sizeof(ComponentSize));
+    }
+    return number(parent, sizes, summaries, context);
+  }
+
+ private:
+  static void unique_links(std::vector<Link>& links) {
+    std::sort(links.begin(), links.end());
+    links.erase(std::unique(links.begin(), links.end()), links.end());
+  }
+
+  json number(std::vector<std::uint64_t>& parent, const std::vector<ComponentSize>& sizes,
+              const std::vector<json>& summaries, TaskContext& context) const {
+    // Roots are minimal, so parents come before children and one ascending sweep flattens the forest.
+    std::vector<std::uint64_t> faces(parent.size(), 0);
+    std::uint64_t all_faces = 0;
+    for (std::uint64_t c = 0; c < parent.size(); ++c) {
+      parent[c] = parent[parent[c]];
+      faces[parent[c]] += sizes[c].faces;
+      all_faces += sizes[c].faces;
+    }
+    const std::uint64_t limit = state_.options.min_component != 0 ? state_.options.min_component
+                                                                  : automatic_min_component(all_faces);
+    Numbering numbering;
+    numbering.kept.resize(parent.size());
+    std::uint64_t components = 0;
+    std::uint64_t dropped = 0;
+    std::uint64_t largest = 0;
+    for (std::uint64_t c = 0; c < parent.size(); ++c) {
+      numbering.kept[c] = faces[parent[c]] >= limit;
+      if (parent[c] != c || faces[c] == 0) continue;
+      (numbering.kept[c] ? components : dropped) += 1;
+      largest = std::max(largest, faces[c]);
+    }
+    numbering.patches.resize(store_.patches().size());
+    std::uint64_t shared = 0;
+    for (const json& s : summaries) shared += s.at("shared_vertices").get<std::uint64_t>();
+    for (std::size_t file = 0; file < store_.file_count(); ++file) {
+      const auto [first, last] = store_.file_range(file);
+      std::uint64_t offset = sizeof(WeldHeader);
+      for (std::size_t p = first; p < last; ++p) {
+        PatchPlace& place = numbering.patches[p];
+        place.first_vertex = numbering.vertices;
+        place.first_face = numbering.faces;
+        place.first_component = first_component_[p];
+        place.foreign_offset = offset;
+        offset += sizeof(VertexPlace) * store_.patches()[p].foreign;
+        for (std::uint64_t c = first_component_[p]; c < first_component_[p + 1]; ++c) {
+          if (!numbering.kept[c]) continue;
+          place.kept_vertices += sizes[c].vertices;
+          place.kept_faces += sizes[c].faces;
+        }
+        numbering.vertices += place.kept_vertices;
+        numbering.faces += place.kept_faces;
+      }
+    }
+    if (numbering.faces == 0) {
+      throw EmptyError(all_faces == 0
+                           ? std::string("no surface: no lattice cell has enough points around it; try a larger "
+                                         "--resolution or --radius, or check the normals")
+                           : "every island has fewer than " + std::to_string(limit) +
+                                 " faces; lower --min-component (1 keeps all)");
+    }
+    numbering.save(context.create(kNumberingFile));
+    return {{"vertices", numbering.vertices},
+            {"faces", numbering.faces},
+            {"components", components},
+            {"largest_component_faces", largest},
+            {"min_component_faces", limit},
+            {"islands_dropped", dropped},
+            {"island_faces_dropped", all_faces - numbering.faces},
+            {"shared_seam_vertices", shared},
+            {"seam_gap", 0}};
+  }
+
+  JobState state_;
+  PatchStore store_;
+  std::vector<std::uint64_t> first_component_;
+};
+
+}  // namespace
+
+std::uint64_t automatic_min_component(std::uint64_t faces) {
+  return std::clamp<std::uint64_t>(faces / 500, 50, 1000);
+}
+
+PatchStore open_patches(const std::filesystem::path& work) { return PatchStore(list_task_files(work / "mesh", ".tsm")); }
+
+std::string weld_file_name(std::size_t file) { return "weld/" + task_file_stem(file) + ".tsw"; }
+
+void Numbering::save(const std::filesystem::path& path) const {
+  DirectFile file(path);
+  const std::uint64_t head[4] = {patches.size(), kept.size(), vertices, faces};
+  file.write(head, sizeof head);
+  file.write(patches.data(), patches.size() * sizeof(PatchPlace));
+  file.write(kept.data(), kept.size());
+  file.finish();
+}
+
+Numbering Numbering::load(const std::filesystem::path& path) {
+  const ReadFile file(path);
+  std::uint64_t head[4];
+  file.read_at(0, head, sizeof head);
+  Numbering n;
+  n.patches.resize(head[0]);
+  n.kept.resize(head[1]);
+  n.vertices = head[2];
+  n.faces = head[3];
+  file.read_at(sizeof head, n.patches.data(), n.patches.size() * sizeof(PatchPlace));
+  file.read_at(sizeof head + n.patches.size() * sizeof(PatchPlace), n.kept.data(), n.kept.size());
+  return n;
+}
+
+std::unique_ptr<Stage> make_weld_stage(const JobState& state) { return std::make_unique<WeldStage>(state); }
+
+}  // namespace tessera

@@ -1,0 +1,47 @@
+/// \file weld_stage.h
+/// Pass "weld": joins the patches of all bricks by vertex key, finds islands across bricks, and gives every kept
+/// element its place in the output by prefix sums. No distance tolerance: a name that has no owner is a bug.
+#pragma once
+#include "stream/patch_store.h"
+#include "stream/stage.h"
+
+namespace tessera {
+
+/// A foreign vertex of a patch, found: patch index and own vertex there.
+struct VertexPlace {
+  std::uint32_t patch = 0;
+  std::uint32_t vertex = 0;
+};
+
+/// What welding knows of one patch.
+struct PatchPlace {
+  std::uint64_t first_vertex = 0;     ///< output index of its first kept vertex
+  std::uint64_t first_face = 0;
+  std::uint64_t first_component = 0;  ///< into Numbering::kept
+  std::uint64_t foreign_offset = 0;   ///< of its VertexPlace list in the weld file of its patch file
+  std::uint32_t kept_vertices = 0;
+  std::uint32_t kept_faces = 0;
+};
+
+/// The global summary that writing needs: 40 bytes a patch, one byte a patch component.
+struct Numbering {
+  std::vector<PatchPlace> patches;
+  std::vector<std::uint8_t> kept;  ///< per patch component
+  std::uint64_t vertices = 0;
+  std::uint64_t faces = 0;
+
+  void save(const std::filesystem::path& path) const;
+  static Numbering load(const std::filesystem::path& path);
+};
+
+/// Patch files of the job, in order.
+PatchStore open_patches(const std::filesystem::path& work);
+/// Weld file of one patch file.
+std::string weld_file_name(std::size_t file);
+
+/// Islands below this many faces go when --min-component is auto: a five-hundredth of all faces, within [50, 1000].
+std::uint64_t automatic_min_component(std::uint64_t faces);
+
+std::unique_ptr<Stage> make_weld_stage(const JobState& state);
+
+}  // namespace tessera

@@ -1,0 +1,10 @@
+/// \file write_stage.h
+/// Pass "write": streams the kept patches into the output file with one global numbering.
+#pragma once
+#include "stream/stage.h"
+
+namespace tessera {
+
+std::unique_ptr<Stage> make_write_stage(const JobState& state);
+
+}  // namespace tessera
