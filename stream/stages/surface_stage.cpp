@@ -1,0 +1,126 @@
+#include "stream/stages/surface_stage.h"
+
+#include <algorithm>
+#include <nlohmann/json.hpp>
+
+#include "kernels/extended_marching_cubes.h"
+#include "kernels/field.h"
+#include "kernels/patch_components.h"
+#include "stream/patch_store.h"
+#include "stream/plan.h"
+#include "stream/task_files.h"
+
+namespace tessera {
+namespace {
+
+using json = nlohmann::json;
+
+constexpr std::uint64_t kFixedTaskBytes = 12u << 20;  ///< write buffers and the largest single patch
+
+class SurfaceStage : public Stage {
+ public:
+  explicit SurfaceStage(const JobState& state)
+      : plan_(Plan::load(state.work)), store_(list_task_files(state.work / "points", ".tsp")) {
+    field_.radius_cells = plan_.radius_cells;
+    field_.noise_cells = plan_.noise_cells;
+    field_.feature_angle_deg = state.options.feature_angle_deg;
+    extract_.method = state.options.method == "mc" ? ExtractMethod::kMarchingCubes : ExtractMethod::kExtendedMarchingCubes;
+    extract_.feature_angle_deg = state.options.feature_angle_deg;
+    extract_.corner_angle_deg = state.options.corner_angle_deg;
+
+    TilingOptions tiling;
+    tiling.halo_cells = field_halo_cells(field_);
+    // Two bricks an edge keeps the recomputed shell small and the band in the second-level cache.
+    tiling.tile_bricks = state.run.tile_cells > 0 ? std::max(1, state.run.tile_cells / kBrickCells) : 2;
+    tiling.tile_bytes_limit = state.run.memory_bytes / 2 / static_cast<std::uint64_t>(state.run.threads);
+    groups_ = make_tile_groups(store_, tiling);
+  }
+
+  std::string name() const override { return "surface"; }
+  std::size_t task_count() const override { return groups_.size(); }
+  std::uint64_t units() const override { return store_.point_count(); }
+  std::string unit_name() const override { return "points"; }
+
+  std::uint64_t task_bytes(std::size_t task) const override {
+    std::uint64_t most = 0;
+    for (const Tile& tile : groups_[task]) most = std::max(most, tile_bytes(store_, tile, halo()));
+    return most + kFixedTaskBytes;
+  }
+
+  json run(std::size_t task, TaskContext& context) const override {
+    PatchFileWriter writer(context.create("mesh/" + task_file_stem(task) + ".tsm"));
+    std::uint64_t patches = 0;
+    std::uint64_t vertices = 0;
+    std::uint64_t faces = 0;
+    ExtractReport total;
+    for (const Tile& tile : groups_[task]) {
+      context.check_stop();
+      const Int3 origin = {tile.brick[0] * kBrickCells, tile.brick[1] * kBrickCells, tile.brick[2] * kBrickCells};
+      const int edge = tile.bricks * kBrickCells;
+      DirectedField field;
+      std::uint64_t core_points = 0;
+      {
+        const PointBlock points = store_.load(origin, {edge, edge, edge}, halo());
+        if (points.size() == 0) continue;
+        core_points = count_core(points);
+        field = evaluate_field(points, field_);
+        context.count_read(points.size() * sizeof(PointRecord));
+      }
+      const ExtractReport report = extract_surface(field, extract_, [&](Patch&& patch) {
+        ++patches;
+        vertices += patch.position.size();
+        faces += patch.faces.size();
+        writer.add(patch, find_components(patch));
+      });
+      total.loops += report.loops;
+      total.crease_samples += report.crease_samples;
+      total.corner_samples += report.corner_samples;
+      total.flips += report.flips;
+      total.rejected_samples += report.rejected_samples;
+      context.advance(core_points);
+    }
+    context.count_written(writer.finish());
+    return {{"patches", patches},
+            {"vertices", vertices},
+            {"faces", faces},
+            {"loops", total.loops},
+            {"crease_samples", total.crease_samples},
+            {"corner_samples", total.corner_samples},
+            {"flips", total.flips},
+            {"rejected_samples", total.rejected_samples}};
+  }
+
+  std::uint64_t finish_bytes() const override { return 1u << 20; }
+
+  json finish(const std::vector<json>& summaries, TaskContext&) const override {
+    json sum = {{"tiles", 0}, {"h", plan_.lattice.h}, {"radius_cells", plan_.radius_cells}};
+    for (const TileGroup& group : groups_) sum["tiles"] = sum["tiles"].get<std::uint64_t>() + group.size();
+    for (const json& s : summaries)
+      for (const auto& [key, value] : s.items())
+        sum[key] = sum.value(key, std::uint64_t{0}) + value.get<std::uint64_t>();
+    return sum;
+  }
+
+ private:
+  int halo() const { return field_halo_cells(field_); }
+
+  static std::uint64_t count_core(const PointBlock& p) {
+    std::uint64_t n = 0;
+    const auto inside = [](float v, int cells) { return v >= 0.0f && v < static_cast<float>(cells); };
+    for (std::size_t i = 0; i < p.size(); ++i)
+      n += inside(p.x[i], p.cells[0]) && inside(p.y[i], p.cells[1]) && inside(p.z[i], p.cells[2]);
+    return n;
+  }
+
+  Plan plan_;
+  PointStore store_;
+  FieldOptions field_;
+  ExtractOptions extract_;
+  std::vector<TileGroup> groups_;
+};
+
+}  // namespace
+
+std::unique_ptr<Stage> make_surface_stage(const JobState& state) { return std::make_unique<SurfaceStage>(state); }
+
+}  // namespace tessera

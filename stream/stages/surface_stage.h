@@ -1,0 +1,33 @@
+/// \file surface_stage.h
+/// Pass "surface": oriented points of every tile and its halo -> field -> patches, one per brick.
+#pragma once
+#include "stream/point_store.h"
+#include "stream/stage.h"
+
+namespace tessera {
+
+/// A cube of bricks that is computed at once. Carries no meaning: any tiling gives the same patches.
+struct Tile {
+  Int3 brick = {0, 0, 0};
+  int bricks = 1;  ///< edge in bricks, a power of two; the min corner is a multiple of it
+};
+
+/// Tiles of one task, in Morton order.
+using TileGroup = std::vector<Tile>;
+
+struct TilingOptions {
+  int halo_cells = 0;
+  int tile_bricks = 0;                ///< edge of a tile in bricks; 0 = the largest that fits
+  std::uint64_t tile_bytes_limit = 0;  ///< memory one tile may take; tiles over it are split down to one brick
+};
+
+/// Upper bound of the memory that computing a tile takes, from the brick table alone.
+std::uint64_t tile_bytes(const PointStore& store, const Tile& tile, int halo_cells);
+
+/// Cuts the lattice around the points into groups of tiles. The groups (and so the tasks) depend on the points
+/// only; the tiles inside depend on the options. Tiles that no point can reach are left out.
+std::vector<TileGroup> make_tile_groups(const PointStore& store, const TilingOptions& options);
+
+std::unique_ptr<Stage> make_surface_stage(const JobState& state);
+
+}  // namespace tessera

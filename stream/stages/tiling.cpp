@@ -1,0 +1,120 @@
+#include <algorithm>
+#include <bit>
+
+#include "stream/stages/surface_stage.h"
+
+namespace tessera {
+namespace {
+
+// A supercube is the unit of grouping: Morton-aligned, at least as large as any tile.
+constexpr int kMaxSuperBricks = 8;
+constexpr std::uint64_t kGroupPoints = 500'000;  ///< a task is worth a file from about this many points
+constexpr std::uint64_t kMaxGroups = 400;
+
+// Per point: record read, structure of arrays, gathered copy. Per occupied 8^3 block: about three band leaves with
+// values, sums and roots, and the patch they become. Held by tests/stream/surface_test.
+constexpr std::uint64_t kBytesPerPoint = 24 + 28 + 32;
+constexpr std::uint64_t kBytesPerBlock = 30'000;
+constexpr std::uint64_t kBytesPerLeafSlot = 8;
+
+int super_bricks(std::uint64_t points) {
+  if (points < 2'000'000) return 2;
+  return points < 20'000'000 ? 4 : kMaxSuperBricks;
+}
+
+struct Reach {
+  std::uint64_t points = 0;
+  std::uint64_t blocks = 0;
+};
+
+/// Points and occupied blocks of all bricks that the tile's halo touches.
+Reach reach_of(const PointStore& store, const Tile& tile, int halo_cells) {
+  const int margin = (halo_cells + kBrickCells - 1) / kBrickCells;
+  Reach reach;
+  for (int z = tile.brick[2] - margin; z < tile.brick[2] + tile.bricks + margin; ++z)
+    for (int y = tile.brick[1] - margin; y < tile.brick[1] + tile.bricks + margin; ++y)
+      for (int x = tile.brick[0] - margin; x < tile.brick[0] + tile.bricks + margin; ++x) {
+        if (x < 0 || y < 0 || z < 0) continue;
+        const BrickEntry* brick = store.find(brick_key({x, y, z}));
+        if (!brick) continue;
+        // Only a shell of a neighbour is read, but its points may all be there.
+        reach.points += brick->points;
+        reach.blocks += brick->blocks;
+      }
+  return reach;
+}
+
+void split(const PointStore& store, const TilingOptions& options, const Tile& tile, TileGroup& out) {
+  const Reach reach = reach_of(store, tile, options.halo_cells);
+  if (reach.points == 0) return;
+  const bool fits = tile_bytes(store, tile, options.halo_cells) <= options.tile_bytes_limit;
+  const bool small = options.tile_bricks == 0 || tile.bricks <= options.tile_bricks;
+  if (tile.bricks == 1 || (fits && small)) {
+    out.push_back(tile);
+    return;
+  }
+  const int half = tile.bricks / 2;
+  for (int child = 0; child < 8; ++child)
+    split(store, options,
+          {{tile.brick[0] + (child & 1) * half, tile.brick[1] + (child >> 1 & 1) * half,
+            tile.brick[2] + (child >> 2 & 1) * half},
+           half},
+          out);
+}
+
+}  // namespace
+
+std::uint64_t tile_bytes(const PointStore& store, const Tile& tile, int halo_cells) {
+  const Reach reach = reach_of(store, tile, halo_cells);
+  const auto leaves = static_cast<std::uint64_t>(tile.bricks * kBrickCells / kLeafCells + 2);
+  const std::uint64_t slots = leaves * leaves * leaves;
+  return reach.points * kBytesPerPoint + std::min(reach.blocks, slots) * kBytesPerBlock + slots * kBytesPerLeafSlot;
+}
+
+std::vector<TileGroup> make_tile_groups(const PointStore& store, const TilingOptions& options) {
+  const int super = super_bricks(store.point_count());
+  const int shift = 3 * (std::bit_width(static_cast<unsigned>(super)) - 1);
+  // Supercubes that a point can reach: those of every occupied brick and its 26 neighbours.
+  std::vector<std::uint64_t> cubes;
+  const auto unique = [&] {
+    std::sort(cubes.begin(), cubes.end());
+    cubes.erase(std::unique(cubes.begin(), cubes.end()), cubes.end());
+  };
+  std::size_t compact_at = 1 << 16;
+  for (const BrickEntry& brick : store.bricks()) {
+    const Int3 b = brick_of_key(brick.key);
+    for (int d = 0; d < 27; ++d) {
+      const Int3 n = {b[0] + d % 3 - 1, b[1] + d / 3 % 3 - 1, b[2] + d / 9 - 1};
+      if (n[0] < 0 || n[1] < 0 || n[2] < 0) continue;
+      cubes.push_back(brick_key(n) >> shift);
+    }
+    if (cubes.size() > compact_at) {
+      unique();
+      compact_at = 2 * cubes.size() + (1 << 16);
+    }
+  }
+  unique();
+
+  const std::uint64_t target = std::max(kGroupPoints, store.point_count() / kMaxGroups);
+  std::vector<TileGroup> groups;
+  TileGroup group;
+  std::uint64_t points = 0;
+  for (const std::uint64_t cube : cubes) {
+    split(store, options, {brick_of_key(cube << shift), super}, group);
+    const std::uint64_t first = cube << shift;
+    const std::uint64_t end = (cube + 1) << shift;
+    const auto bricks = store.bricks();
+    auto it = std::lower_bound(bricks.begin(), bricks.end(), first,
+                               [](const BrickEntry& e, std::uint64_t key) { return e.key < key; });
+    for (; it != bricks.end() && it->key < end; ++it) points += it->points;
+    if (points >= target) {
+      if (!group.empty()) groups.push_back(std::move(group));
+      group.clear();
+      points = 0;
+    }
+  }
+  if (!group.empty()) groups.push_back(std::move(group));
+  return groups;
+}
+
+}  // namespace tessera
