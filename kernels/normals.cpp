@@ -1,0 +1,269 @@
+#include "kernels/normals.h"
+
+#include <immintrin.h>
+
+#include <algorithm>
+#include <cassert>
+#include <cmath>
+#include <utility>
+
+// Points come in Morton order, so the points of one leaf (8^3 cells) are consecutive. For each leaf of the core the
+// points of its box grown by the radius are gathered once, in canonical order; that list, and so the lane in which a
+// neighbour is summed, depends on the data alone. Every point of the leaf then streams over the list.
+
+namespace tessera {
+namespace {
+
+constexpr int kLanes = 8;
+constexpr std::uint16_t kMinNeighbours = 5;  ///< a plane through fewer is chance
+constexpr float kBent = 0.02f;               ///< surface variation from which the radius is halved
+constexpr float kSupportCosine = 0.5f;       ///< supporters' normals lie within 60 degrees
+
+/// Candidates of one leaf, positions relative to its centre so that sums stay small; padded to whole vectors.
+struct Candidates {
+  std::vector<float> x, y, z, nx, ny, nz;
+  void clear() { x.clear(), y.clear(), z.clear(), nx.clear(), ny.clear(), nz.clear(); }
+  void add(float px, float py, float pz, float ax, float ay, float az) {
+    x.push_back(px), y.push_back(py), z.push_back(pz);
+    nx.push_back(ax), ny.push_back(ay), nz.push_back(az);
+  }
+  void pad() {
+    while (x.size() % kLanes != 0) add(1e6f, 1e6f, 1e6f, 0, 0, 0);
+  }
+};
+
+/// Sums in a fixed order: lanes 0..7 one after the other.
+double lane_sum(__m256 v) {
+  alignas(32) float f[kLanes];
+  _mm256_store_ps(f, v);
+  double s = 0.0;
+  for (const float x : f) s += static_cast<double>(x);
+  return s;
+}
+
+struct Moments {
+  double w = 0.0;
+  Double3 mean{};
+  std::array<double, 6> covariance{};
+  int count = 0;
+  int supporters = 0;
+};
+
+/// Weighted moments of the candidates within `radius` of p, weight (1 - d^2/r^2)^2.
+Moments moments_at(const Candidates& c, float px, float py, float pz, const Float3& n, float radius) {
+  const __m256 r2 = _mm256_set1_ps(radius * radius);
+  const __m256 inv_r2 = _mm256_set1_ps(1.0f / (radius * radius));
+  const __m256 one = _mm256_set1_ps(1.0f);
+  const __m256 support = _mm256_set1_ps(kSupportCosine);
+  const __m256 vx = _mm256_set1_ps(px), vy = _mm256_set1_ps(py), vz = _mm256_set1_ps(pz);
+  const __m256 ux = _mm256_set1_ps(n[0]), uy = _mm256_set1_ps(n[1]), uz = _mm256_set1_ps(n[2]);
+  __m256 w = _mm256_setzero_ps(), sx = w, sy = w, sz = w, xx = w, xy = w, xz = w, yy = w, yz = w, zz = w;
+  Moments m;
+  for (std::size_t i = 0; i < c.x.size(); i += kLanes) {
+    const __m256 dx = _mm256_sub_ps(_mm256_loadu_ps(&c.x[i]), vx);
+    const __m256 dy = _mm256_sub_ps(_mm256_loadu_ps(&c.y[i]), vy);
+    const __m256 dz = _mm256_sub_ps(_mm256_loadu_ps(&c.z[i]), vz);
+    const __m256 d2 = _mm256_fmadd_ps(dx, dx, _mm256_fmadd_ps(dy, dy, _mm256_mul_ps(dz, dz)));
+    const __m256 in = _mm256_cmp_ps(d2, r2, _CMP_LT_OQ);
+    const int mask = _mm256_movemask_ps(in);
+    if (mask == 0) continue;
+    m.count += __builtin_popcount(static_cast<unsigned>(mask));
+    const __m256 dot = _mm256_fmadd_ps(ux, _mm256_loadu_ps(&c.nx[i]),
+                                       _mm256_fmadd_ps(uy, _mm256_loadu_ps(&c.ny[i]),
+                                                       _mm256_mul_ps(uz, _mm256_loadu_ps(&c.nz[i]))));
+    const int agree = mask & _mm256_movemask_ps(_mm256_cmp_ps(dot, support, _CMP_GE_OQ));
+    m.supporters += __builtin_popcount(static_cast<unsigned>(agree));
+    const __m256 q = _mm256_fnmadd_ps(d2, inv_r2, one);
+    const __m256 weight = _mm256_and_ps(in, _mm256_mul_ps(q, q));
+    w = _mm256_add_ps(w, weight);
+    const __m256 wx = _mm256_mul_ps(weight, dx);
+    const __m256 wy = _mm256_mul_ps(weight, dy);
+    const __m256 wz = _mm256_mul_ps(weight, dz);
+    sx = _mm256_add_ps(sx, wx);
+    sy = _mm256_add_ps(sy, wy);
+    sz = _mm256_add_ps(sz, wz);
+    xx = _mm256_fmadd_ps(wx, dx, xx);
+    xy = _mm256_fmadd_ps(wx, dy, xy);
+    xz = _mm256_fmadd_ps(wx, dz, xz);
+    yy = _mm256_fmadd_ps(wy, dy, yy);
+    yz = _mm256_fmadd_ps(wy, dz, yz);
+    zz = _mm256_fmadd_ps(wz, dz, zz);
+  }
+  m.w = lane_sum(w);
+  if (!(m.w > 0.0)) return m;
+  m.mean = {lane_sum(sx) / m.w, lane_sum(sy) / m.w, lane_sum(sz) / m.w};
+  const auto& a = m.mean;
+  m.covariance = {lane_sum(xx) / m.w - a[0] * a[0], lane_sum(xy) / m.w - a[0] * a[1],
+                  lane_sum(xz) / m.w - a[0] * a[2], lane_sum(yy) / m.w - a[1] * a[1],
+                  lane_sum(yz) / m.w - a[1] * a[2], lane_sum(zz) / m.w - a[2] * a[2]};
+  return m;
+}
+
+struct Plane {
+  Float3 normal{};
+  float variation = 1.0f / 3.0f;
+  float residual = 0.0f;
+};
+
+Plane fit_plane(const Moments& m) {
+  Double3 values;
+  std::array<Double3, 3> vectors;
+  symmetric_eigen3(m.covariance, values, vectors);
+  Plane plane;
+  const double sum = std::max(values[0], 0.0) + values[1] + values[2];
+  if (!(sum > 0.0)) return plane;
+  // A sign that every block agrees on: the component of largest magnitude is positive.
+  Double3 n = vectors[0];
+  int major = 0;
+  for (int a = 1; a < 3; ++a)
+    if (std::fabs(n[static_cast<std::size_t>(a)]) > std::fabs(n[static_cast<std::size_t>(major)])) major = a;
+  const double sign = n[static_cast<std::size_t>(major)] < 0.0 ? -1.0 : 1.0;
+  for (std::size_t a = 0; a < 3; ++a) plane.normal[a] = static_cast<float>(sign * n[a]);
+  plane.variation = static_cast<float>(std::max(values[0], 0.0) / sum);
+  plane.residual = static_cast<float>(std::sqrt(std::max(values[0], 0.0)));
+  return plane;
+}
+
+PointShape shape_at(const Candidates& c, float px, float py, float pz, const Float3& given,
+                    const NormalOptions& options) {
+  const auto radius = static_cast<float>(options.radius_cells);
+  const bool has_normal = given[0] != 0.0f || given[1] != 0.0f || given[2] != 0.0f;
+  const Moments wide = moments_at(c, px, py, pz, given, radius);
+  PointShape shape;
+  shape.normal = given;
+  shape.neighbours = static_cast<std::uint16_t>(std::min(wide.count - 1, 0xffff));
+  shape.supporters =
+      has_normal ? static_cast<std::uint16_t>(std::min(std::max(wide.supporters - 1, 0), 0xffff)) : shape.neighbours;
+  if (wide.count <= kMinNeighbours) {
+    if (options.estimate) shape.normal = {0, 0, 0};
+    return shape;
+  }
+  Plane plane = fit_plane(wide);
+  if (options.estimate && plane.variation > kBent) {
+    const Moments narrow = moments_at(c, px, py, pz, given, radius * 0.5f);
+    if (narrow.count > 2 * kMinNeighbours) {
+      const Plane closer = fit_plane(narrow);
+      if (closer.variation < plane.variation) plane = closer;
+    }
+  }
+  if (options.estimate) shape.normal = plane.normal;
+  shape.variation = plane.variation;
+  shape.residual = plane.residual;
+  return shape;
+}
+
+int leaf_of(float cells) { return static_cast<int>(std::floor(cells / kLeafCells)); }
+
+}  // namespace
+
+int normal_halo_cells(const NormalOptions& options) {
+  return static_cast<int>(std::ceil(options.radius_cells)) ;
+}
+
+std::vector<PointShape> estimate_shapes(const PointBlock& points, const NormalOptions& options) {
+  assert(options.radius_cells >= 1.0 && options.radius_cells <= 4.0);
+  // Runs of points in the same leaf, in canonical order, and a dense table leaf -> run (one leaf of halo).
+  const Int3 dims = {points.cells[0] / kLeafCells + 2, points.cells[1] / kLeafCells + 2,
+                     points.cells[2] / kLeafCells + 2};
+  struct Run {
+    std::uint32_t first = 0;
+    std::uint32_t last = 0;
+  };
+  std::vector<Run> runs(static_cast<std::size_t>(dims[0]) * static_cast<std::size_t>(dims[1]) *
+                        static_cast<std::size_t>(dims[2]));
+  const auto slot = [&](int x, int y, int z) {
+    return (static_cast<std::size_t>(z + 1) * static_cast<std::size_t>(dims[1]) + static_cast<std::size_t>(y + 1)) *
+               static_cast<std::size_t>(dims[0]) +
+           static_cast<std::size_t>(x + 1);
+  };
+  struct LeafRun {
+    Int3 leaf;
+    std::uint32_t first, last;
+  };
+  std::vector<LeafRun> core;
+  const auto count = static_cast<std::uint32_t>(points.size());
+  std::size_t core_points = 0;
+  for (std::uint32_t i = 0; i < count;) {
+    const Int3 leaf = {leaf_of(points.x[i]), leaf_of(points.y[i]), leaf_of(points.z[i])};
+    std::uint32_t j = i + 1;
+    while (j < count && leaf_of(points.x[j]) == leaf[0] && leaf_of(points.y[j]) == leaf[1] &&
+           leaf_of(points.z[j]) == leaf[2])
+      ++j;
+    runs[slot(leaf[0], leaf[1], leaf[2])] = {i, j};
+    const bool inside = leaf[0] >= 0 && leaf[0] < dims[0] - 2 && leaf[1] >= 0 && leaf[1] < dims[1] - 2 &&
+                        leaf[2] >= 0 && leaf[2] < dims[2] - 2;
+    if (inside) {
+      core.push_back({leaf, i, j});
+      core_points += j - i;
+    }
+    i = j;
+  }
+
+  std::vector<PointShape> shapes;
+  shapes.reserve(core_points);
+  Candidates candidates;
+  std::vector<Run> near;
+  for (const LeafRun& run : core) {
+    const auto radius = static_cast<float>(options.radius_cells);
+    const float low[3] = {static_cast<float>(run.leaf[0] * kLeafCells), static_cast<float>(run.leaf[1] * kLeafCells),
+                          static_cast<float>(run.leaf[2] * kLeafCells)};
+    near.clear();
+    for (int d = 0; d < 27; ++d) {
+      const Run r = runs[slot(run.leaf[0] + d % 3 - 1, run.leaf[1] + d / 3 % 3 - 1, run.leaf[2] + d / 9 - 1)];
+      if (r.first != r.last) near.push_back(r);
+    }
+    std::sort(near.begin(), near.end(), [](const Run& a, const Run& b) { return a.first < b.first; });
+    candidates.clear();
+    for (const Run& r : near)
+      for (std::uint32_t i = r.first; i < r.last; ++i) {
+        const float x = points.x[i] - low[0], y = points.y[i] - low[1], z = points.z[i] - low[2];
+        const auto close = [&](float v) { return v > -radius && v < kLeafCells + radius; };
+        if (close(x) && close(y) && close(z)) candidates.add(x, y, z, points.nx[i], points.ny[i], points.nz[i]);
+      }
+    candidates.pad();
+    for (std::uint32_t i = run.first; i < run.last; ++i)
+      shapes.push_back(shape_at(candidates, points.x[i] - low[0], points.y[i] - low[1], points.z[i] - low[2],
+                                {points.nx[i], points.ny[i], points.nz[i]}, options));
+  }
+  return shapes;
+}
+
+void symmetric_eigen3(const std::array<double, 6>& m, Double3& values, std::array<Double3, 3>& vectors) {
+  double a[3][3] = {{m[0], m[1], m[2]}, {m[1], m[3], m[4]}, {m[2], m[4], m[5]}};
+  double v[3][3] = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
+  constexpr int kSweeps = 12;  // quadratic convergence: six suffice for double, twice that costs nothing
+  for (int sweep = 0; sweep < kSweeps; ++sweep) {
+    const double off = std::fabs(a[0][1]) + std::fabs(a[0][2]) + std::fabs(a[1][2]);
+    if (off == 0.0) break;
+    for (int p = 0; p < 2; ++p)
+      for (int q = p + 1; q < 3; ++q) {
+        if (a[p][q] == 0.0) continue;
+        const double theta = (a[q][q] - a[p][p]) / (2.0 * a[p][q]);
+        const double t = (theta < 0.0 ? -1.0 : 1.0) / (std::fabs(theta) + std::sqrt(theta * theta + 1.0));
+        const double c = 1.0 / std::sqrt(t * t + 1.0);
+        const double s = t * c;
+        for (int k = 0; k < 3; ++k) {
+          const double kp = a[k][p], kq = a[k][q];
+          a[k][p] = c * kp - s * kq;
+          a[k][q] = s * kp + c * kq;
+        }
+        for (int k = 0; k < 3; ++k) {
+          const double pk = a[p][k], qk = a[q][k];
+          a[p][k] = c * pk - s * qk;
+          a[q][k] = s * pk + c * qk;
+          const double vp = v[p][k], vq = v[q][k];
+          v[p][k] = c * vp - s * vq;
+          v[q][k] = s * vp + c * vq;
+        }
+        a[p][q] = a[q][p] = 0.0;
+      }
+  }
+  int order[3] = {0, 1, 2};
+  std::sort(order, order + 3, [&](int i, int j) { return a[i][i] != a[j][j] ? a[i][i] < a[j][j] : i < j; });
+  for (std::size_t i = 0; i < 3; ++i) {
+    values[i] = a[order[i]][order[i]];
+    for (std::size_t k = 0; k < 3; ++k) vectors[i][k] = v[order[i]][k];
+  }
+}
+
+}  // namespace tessera

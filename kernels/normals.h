@@ -1,0 +1,40 @@
+/// \file normals.h
+/// Unoriented normals and neighbourhood statistics of the points of one block, for cleaning and orientation.
+/// Source: Hoppe et al., "Surface Reconstruction from Unorganized Points", 1992 (tangent planes); radius capped so
+/// that the halo suffices, halved where the neighbourhood bends (ALGORITHMS section 2).
+#pragma once
+#include <cstdint>
+#include <vector>
+
+#include "octree/points.h"
+
+namespace tessera {
+
+struct NormalOptions {
+  double radius_cells = 3.0;  ///< neighbours within this distance, cells, within [1, 4]
+  bool estimate = true;       ///< fit planes; false = statistics only, given normals are kept
+};
+
+/// What one point's neighbourhood looks like.
+struct PointShape {
+  Float3 normal = {0, 0, 0};        ///< unit, sign arbitrary but deterministic; zero if too few neighbours
+  float variation = 0.0f;           ///< l0 / (l0 + l1 + l2) of the covariance: 0 flat .. 1/3 no surface
+  float residual = 0.0f;            ///< weighted RMS distance of the neighbours to the plane, cells
+  std::uint16_t neighbours = 0;     ///< within the radius, the point itself not counted
+  std::uint16_t supporters = 0;     ///< of these, with a normal within 60 degrees (given normals); else = neighbours
+};
+
+/// Cells around the core that must hold all points: the radius, rounded up.
+int normal_halo_cells(const NormalOptions& options);
+
+/// Shapes of the core points of the block, in their order (points outside the core are skipped).
+/// Every value is a pure function of the points within the radius' leaf neighbourhood: any block gives the same bits.
+/// \pre points are complete within normal_halo_cells of the core, canonical order
+/// \cost one vectorised pass over the points of the 8^3-cell leaf and its halo per point
+std::vector<PointShape> estimate_shapes(const PointBlock& points, const NormalOptions& options);
+
+/// Eigen-decomposition of a symmetric 3x3 matrix by cyclic Jacobi (only + - * / sqrt): eigenvalues ascending,
+/// eigenvectors as rows. \param m  xx, xy, xz, yy, yz, zz
+void symmetric_eigen3(const std::array<double, 6>& m, Double3& values, std::array<Double3, 3>& vectors);
+
+}  // namespace tessera
