@@ -20,7 +20,7 @@ constexpr std::uint64_t kFixedTaskBytes = 12u << 20;  ///< write buffers and the
 class SurfaceStage : public Stage {
  public:
   explicit SurfaceStage(const JobState& state)
-      : plan_(Plan::load(state.work)), store_(list_task_files(state.work / "points", ".tsp")) {
+      : plan_(Plan::of_work(state.work)), store_(list_task_files(state.work / "points", ".tsp")) {
     field_.radius_cells = plan_.radius_cells;
     field_.noise_cells = plan_.noise_cells;
     field_.feature_angle_deg = state.options.feature_angle_deg;

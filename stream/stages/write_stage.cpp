@@ -25,7 +25,7 @@ class WriteStage : public Stage {
  public:
   explicit WriteStage(const JobState& state)
       : state_(state),
-        plan_(Plan::load(state.work)),
+        plan_(Plan::of_work(state.work)),
         store_(open_patches(state.work)),
         numbering_(Numbering::load(state.work / "weld/numbering.bin")) {}
 
@@ -39,7 +39,7 @@ class WriteStage : public Stage {
   std::uint64_t finish_bytes() const override {
     std::uint64_t largest = 0;
     for (const PatchEntry& e : store_.patches())
-      largest = std::max(largest, 48ull * e.vertices + 40ull * e.faces + 16ull * e.foreign);
+      largest = std::max<std::uint64_t>(largest, 48ull * e.vertices + 40ull * e.faces + 16ull * e.foreign);
     return 2 * largest + kRemapCache * (64u << 10) + (48u << 20);
   }
 
