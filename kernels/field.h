@@ -1,8 +1,8 @@
 /// \file field.h
 /// Signed distance band and directed distances of oriented points, for one block.
-/// Sources: Guennebaud, Germann, Gross, "Dynamic Sampling and Rendering of Algebraic Point Set Surfaces", 2008
-/// (local fit); Oztireli, Guennebaud, Gross, "Feature Preserving Point Set Surfaces", 2009 (robust roots);
-/// Ohtake et al., "Multi-level Partition of Unity Implicits", 2003 (sharp local combination);
+/// Sources: Guennebaud, Germann, Gross, "Dynamic Sampling and Rendering of Algebraic Point Set Surfaces",
+/// 2008 (local fit); Oztireli, Guennebaud, Gross, "Feature Preserving Point Set Surfaces", 2009 (robust
+/// roots); Ohtake et al., "Multi-level Partition of Unity Implicits", 2003 (sharp local combination);
 /// thesis 4.2.1 (directed distances).
 #pragma once
 #include "kernels/directed_field.h"
@@ -11,19 +11,20 @@
 namespace tessera {
 
 struct FieldOptions {
-  double radius_cells = 3.0;       ///< support radius of a sample, in cells, within [1, 4]
-  double feature_angle_deg = 25.0;  ///< normals of one neighbourhood that differ by more are two sheets of a feature
-  double noise_cells = 0.0;        ///< standard deviation of the points along the normal, in cells; 0 = exact
+  double radius_cells = 3.0;  ///< support radius of a sample, in cells, within [1, 4]
+  double feature_angle_deg =
+      25.0;                  ///< normals of one neighbourhood that differ by more are two sheets of a feature
+  double noise_cells = 0.0;  ///< standard deviation of the points along the normal, in cells; 0 = exact
 };
 
 /// What `evaluate_field` reaches beyond the block's core: the points handed in must be complete within it.
-/// radius + one cell for the halo nodes.
+/// the radius and one cell for the halo nodes, and the closing of the band (7 cells).
 int field_halo_cells(const FieldOptions& options);
 
 /// Evaluates the band of a block.
 /// \param points  core and halo of the block, canonical order, oriented; points without normal are ignored
-/// \post every node value, sign and root is a pure function of the points within radius_cells (+1 cell along an
-///       edge for roots): the same bits for any block that holds the node
+/// \post every node value, sign and root is a pure function of the points within field_halo_cells - 1 of the
+///       node: the same bits for any block that holds it
 DirectedField evaluate_field(const PointBlock& points, const FieldOptions& options);
 
 }  // namespace tessera

@@ -1,0 +1,30 @@
+/// \file band.h
+/// Which lattice nodes get a value: a canonical rule on the nodes nearest to the points.
+///
+/// Mark the node nearest to every point; close the marks by a cube of 5^3 nodes (gaps of up to four nodes
+/// between samples fill up, a sheet grows no thicker); add one layer of nodes around. Measured against all
+/// nodes of the cells within Chebyshev distance 1 and 2 of an occupied cell: see README.
+#pragma once
+#include <array>
+#include <cstdint>
+#include <vector>
+
+#include "kernels/point_leaves.h"
+
+namespace tessera {
+
+inline constexpr int kBandClosing = 2;  ///< nodes by which marks are dilated and eroded again
+inline constexpr int kBandLayers = 1;   ///< layers of nodes added around the closed marks
+/// How far from a node a point can put it into the band, in cells.
+inline constexpr int kBandReach = 2 * kBandClosing + kBandLayers + 1;
+
+struct BandNodes {
+  std::uint32_t leaf = 0;                ///< index into the dense table
+  std::array<std::uint64_t, 8> nodes{};  ///< bit x + 8 y of word z
+};
+
+/// Nodes of the band within [-1, cells] of the block, by leaf in table order; leaves without any are left
+/// out.
+std::vector<BandNodes> choose_band(const PointLeaves& leaves);
+
+}  // namespace tessera

@@ -1,0 +1,19 @@
+/// \file edge_roots.h
+/// Directed distances: where the surface crosses the lattice edges of the band.
+#pragma once
+#include <vector>
+
+#include "kernels/directed_field.h"
+#include "kernels/node_fit.h"
+#include "kernels/point_leaves.h"
+
+namespace tessera {
+
+/// Smallest distance of a root from the ends of its edge, cells; keeps triangles from degenerating.
+inline constexpr float kRootMargin = 1.0f / 64.0f;
+
+/// Finds every crossed edge of the band, sets BandLeaf::crossing and first_root, and fills field.roots.
+/// \param fits  per leaf of the field, same order
+void find_roots(const std::vector<LeafFit>& fits, DirectedField& field);
+
+}  // namespace tessera

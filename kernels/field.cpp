@@ -1,0 +1,91 @@
+#include "kernels/field.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "kernels/band.h"
+#include "kernels/edge_roots.h"
+#include "kernels/node_fit.h"
+#include "kernels/point_leaves.h"
+
+namespace tessera {
+namespace {
+
+/// Support radius as the kernel uses it: a multiple of the quantum, so that comparing with it is exact.
+float support_radius(const FieldOptions& options) {
+  const double quanta = std::floor(std::clamp(options.radius_cells, 1.0, 4.0) * kQuantaPerCell + 0.5);
+  return static_cast<float>(quanta / kQuantaPerCell);
+}
+
+/// Box of the samples that reach a leaf's band nodes.
+SampleBox reach_of(const std::array<std::uint64_t, 8>& nodes, float radius) {
+  std::uint64_t plane = 0;
+  int low_z = 7, high_z = 0;
+  for (int z = 0; z < 8; ++z) {
+    if (!nodes[static_cast<std::size_t>(z)]) continue;
+    plane |= nodes[static_cast<std::size_t>(z)];
+    low_z = std::min(low_z, z);
+    high_z = std::max(high_z, z);
+  }
+  const int low_y = std::countr_zero(plane) / 8, high_y = (63 - std::countl_zero(plane)) / 8;
+  std::uint64_t row = plane | plane >> 32;
+  row |= row >> 16;
+  row |= row >> 8;
+  const auto bits = static_cast<std::uint32_t>(row & 0xff);
+  const int low_x = std::countr_zero(bits), high_x = 31 - std::countl_zero(bits);
+  return {{static_cast<float>(low_x) - radius, static_cast<float>(low_y) - radius,
+           static_cast<float>(low_z) - radius},
+          {static_cast<float>(high_x) + radius, static_cast<float>(high_y) + radius,
+           static_cast<float>(high_z) + radius}};
+}
+
+}  // namespace
+
+int field_halo_cells(const FieldOptions& options) {
+  return std::max(kBandReach + 1, static_cast<int>(std::ceil(support_radius(options))) + 2);
+}
+
+DirectedField evaluate_field(const PointBlock& points, const FieldOptions& options) {
+  const PointLeaves leaves = index_leaves(points);
+  const std::vector<BandNodes> band = choose_band(leaves);
+  DirectedField field;
+  field.origin = points.origin;
+  field.cells = points.cells;
+  field.leaf_index.assign(leaves.range.size(), -1);
+  field.leaves.reserve(band.size());
+  std::vector<LeafFit> fits;
+  fits.reserve(band.size());
+
+  const NodeFitOptions fit_options = {.radius = support_radius(options), .bent_residual = 0.0f};
+  NodeFitScratch scratch;
+  SampleList samples;
+  for (const BandNodes& nodes : band) {
+    const auto index = static_cast<int>(nodes.leaf);
+    const int i = index % leaves.dims[0] - 1, j = index / leaves.dims[0] % leaves.dims[1] - 1,
+              k = index / (leaves.dims[0] * leaves.dims[1]) - 1;
+    gather_samples(points, leaves, i, j, k, reach_of(nodes.nodes, fit_options.radius), samples);
+    if (samples.size == 0) continue;
+    LeafFit& fit = fits.emplace_back();
+    fit_nodes(samples, nodes.nodes, fit_options, scratch, fit);
+    std::uint64_t any = 0;
+    for (const std::uint64_t word : fit.valid) any |= word;
+    if (!any) {
+      fits.pop_back();
+      continue;
+    }
+    field.leaf_index[nodes.leaf] = static_cast<std::int32_t>(field.leaves.size());
+    BandLeaf& leaf = field.leaves.emplace_back();
+    leaf.origin = {i * kLeafCells, j * kLeafCells, k * kLeafCells};
+    leaf.valid = fit.valid;
+    for (std::size_t n = 0; n < 512; ++n) {
+      const std::uint64_t valid = fit.valid[n >> 6] >> (n & 63) & 1;
+      if (!valid) continue;
+      leaf.value[n] = fit.value[n];
+      if (fit.value[n] < 0.0f) leaf.inside[n >> 6] |= std::uint64_t{1} << (n & 63);
+    }
+  }
+  find_roots(fits, field);
+  return field;
+}
+
+}  // namespace tessera

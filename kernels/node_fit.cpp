@@ -1,0 +1,221 @@
+#include "kernels/node_fit.h"
+
+#include <bit>
+
+namespace tessera {
+namespace {
+
+/// Samples of one row, broadcast one at a time. 512 keep the eight arrays (16 KB) in the first-level cache.
+constexpr std::size_t kRowSamples = 512;
+struct RowSamples {
+  alignas(32) std::array<float, kRowSamples + kLanes> x, y, z, yz2, nx, ny, nz, n_yz;
+  std::size_t size = 0;
+};
+
+/// Sums of eight nodes, relative to each node: w, w p, w n, w p.p, w p.n, and the number of samples.
+struct Sums {
+  __m256 w, px, py, pz, nx, ny, nz, pp, pn;
+  __m256i hits;
+};
+
+void clear(Sums& s) {
+  const __m256 zero = _mm256_setzero_ps();
+  s = {zero, zero, zero, zero, zero, zero, zero, zero, zero, _mm256_setzero_si256()};
+}
+
+/// Weight (1 - d^2/r^2)^4 inside the radius, 0 outside. A sample outside adds exactly nothing, so it does not
+/// matter which of those a caller's filter lets through.
+void accumulate(const RowSamples& row, float r2, float inverse_r2, Sums& sums) {
+  Sums s = sums;
+  const __m256 node_x = _mm256_setr_ps(0, 1, 2, 3, 4, 5, 6, 7);
+  const __m256 scale = _mm256_set1_ps(inverse_r2), reach2 = _mm256_set1_ps(r2), one = _mm256_set1_ps(1.0f);
+  for (std::size_t i = 0; i < row.size; ++i) {
+    const __m256 dx = _mm256_sub_ps(_mm256_broadcast_ss(&row.x[i]), node_x);
+    const __m256 d2 = _mm256_fmadd_ps(dx, dx, _mm256_broadcast_ss(&row.yz2[i]));
+    __m256 t = _mm256_fnmadd_ps(d2, scale, one);
+    const __m256 near = _mm256_cmp_ps(d2, reach2, _CMP_LT_OQ);
+    s.hits = _mm256_sub_epi32(s.hits, _mm256_castps_si256(near));
+    t = _mm256_and_ps(t, near);
+    t = _mm256_mul_ps(t, t);
+    const __m256 w = _mm256_mul_ps(t, t);
+    const __m256 n_x = _mm256_broadcast_ss(&row.nx[i]);
+    s.w = _mm256_add_ps(s.w, w);
+    s.px = _mm256_fmadd_ps(w, dx, s.px);
+    s.py = _mm256_fmadd_ps(w, _mm256_broadcast_ss(&row.y[i]), s.py);
+    s.pz = _mm256_fmadd_ps(w, _mm256_broadcast_ss(&row.z[i]), s.pz);
+    s.nx = _mm256_fmadd_ps(w, n_x, s.nx);
+    s.ny = _mm256_fmadd_ps(w, _mm256_broadcast_ss(&row.ny[i]), s.ny);
+    s.nz = _mm256_fmadd_ps(w, _mm256_broadcast_ss(&row.nz[i]), s.nz);
+    s.pp = _mm256_fmadd_ps(w, d2, s.pp);
+    s.pn = _mm256_fmadd_ps(w, _mm256_fmadd_ps(n_x, dx, _mm256_broadcast_ss(&row.n_yz[i])), s.pn);
+  }
+  sums = s;
+}
+
+/// Keeps the samples of `list` from `*next` on that lie within the radius of the row's axis and of its active
+/// nodes' x range, until the row's arrays are full. Positions y, z become relative to the row.
+void fill_row(const SampleList& list, float y0, float z0, float low_x, float high_x, float r2,
+              std::size_t* next, RowSamples& row) {
+  const __m256 row_y = _mm256_set1_ps(y0), row_z = _mm256_set1_ps(z0), reach2 = _mm256_set1_ps(r2);
+  const __m256 low = _mm256_set1_ps(low_x), high = _mm256_set1_ps(high_x);
+  std::size_t size = 0, p = *next;
+  for (; p < list.size && size <= kRowSamples - kLanes; p += kLanes) {
+    const __m256 x = _mm256_loadu_ps(list.x.data() + p);
+    const __m256 y = _mm256_sub_ps(_mm256_loadu_ps(list.y.data() + p), row_y);
+    const __m256 z = _mm256_sub_ps(_mm256_loadu_ps(list.z.data() + p), row_z);
+    const __m256 yz2 = _mm256_fmadd_ps(y, y, _mm256_mul_ps(z, z));
+    __m256 keep = _mm256_cmp_ps(yz2, reach2, _CMP_LT_OQ);
+    keep = _mm256_and_ps(keep, _mm256_cmp_ps(x, low, _CMP_GT_OQ));
+    keep = _mm256_and_ps(keep, _mm256_cmp_ps(x, high, _CMP_LT_OQ));
+    auto mask = static_cast<unsigned>(_mm256_movemask_ps(keep));
+    if (list.size - p < kLanes) mask &= (1u << (list.size - p)) - 1u;
+    if (!mask) continue;
+    const __m256i front = compress_lanes(mask);
+    const __m256 nx = _mm256_loadu_ps(list.nx.data() + p);
+    const __m256 ny = _mm256_loadu_ps(list.ny.data() + p);
+    const __m256 nz = _mm256_loadu_ps(list.nz.data() + p);
+    const __m256 n_yz = _mm256_fmadd_ps(ny, y, _mm256_mul_ps(nz, z));
+    const auto store = [&](std::array<float, kRowSamples + kLanes>& to, __m256 v) {
+      _mm256_storeu_ps(to.data() + size, _mm256_permutevar8x32_ps(v, front));
+    };
+    store(row.x, x);
+    store(row.y, y);
+    store(row.z, z);
+    store(row.yz2, yz2);
+    store(row.nx, nx);
+    store(row.ny, ny);
+    store(row.nz, nz);
+    store(row.n_yz, n_yz);
+    size += static_cast<std::size_t>(std::popcount(mask));
+  }
+  *next = p;
+  row.size = size;
+}
+
+/// Samples within the radius of the plane z = z0.
+void fill_slab(const SampleList& list, float z0, float radius, SampleList& slab) {
+  slab.reserve(list.size);
+  const __m256 low = _mm256_set1_ps(z0 - radius), high = _mm256_set1_ps(z0 + radius);
+  std::size_t size = 0;
+  for (std::size_t p = 0; p < list.size; p += kLanes) {
+    const __m256 z = _mm256_loadu_ps(list.z.data() + p);
+    auto mask = static_cast<unsigned>(_mm256_movemask_ps(
+        _mm256_and_ps(_mm256_cmp_ps(z, low, _CMP_GT_OQ), _mm256_cmp_ps(z, high, _CMP_LT_OQ))));
+    if (list.size - p < kLanes) mask &= (1u << (list.size - p)) - 1u;
+    if (!mask) continue;
+    const __m256i front = compress_lanes(mask);
+    const auto store = [&](std::vector<float>& to, __m256 v) {
+      _mm256_storeu_ps(to.data() + size, _mm256_permutevar8x32_ps(v, front));
+    };
+    store(slab.x, _mm256_loadu_ps(list.x.data() + p));
+    store(slab.y, _mm256_loadu_ps(list.y.data() + p));
+    store(slab.z, z);
+    store(slab.nx, _mm256_loadu_ps(list.nx.data() + p));
+    store(slab.ny, _mm256_loadu_ps(list.ny.data() + p));
+    store(slab.nz, _mm256_loadu_ps(list.nz.data() + p));
+    size += static_cast<std::size_t>(std::popcount(mask));
+  }
+  slab.size = size;
+}
+
+__m256 dot(__m256 ax, __m256 ay, __m256 az, __m256 bx, __m256 by, __m256 bz) {
+  return _mm256_fmadd_ps(ax, bx, _mm256_fmadd_ps(ay, by, _mm256_mul_ps(az, bz)));
+}
+
+/// Fewest samples that carry a node, and the least weight: a lone sample at half the radius has 0.32.
+constexpr int kLeastHits = 4;
+constexpr float kLeastWeight = 0.1f;
+/// Rim test: largest distance of the foot point from the samples' centroid, as a multiple of their spread.
+/// At the straight border of an evenly sampled half plane it is 0.7; 1.0 lets the surface reach the last
+/// samples.
+constexpr float kRimRatio = 1.0f;
+
+/// Turns the sums into values, gradients and flags of one row.
+void finish_row(const Sums& s, std::uint32_t active, const NodeFitOptions& options, std::size_t at,
+                LeafFit& out, std::uint32_t* valid_bits, std::uint32_t* bent_bits) {
+  const __m256 one = _mm256_set1_ps(1.0f), zero = _mm256_setzero_ps(), two = _mm256_set1_ps(2.0f);
+  const __m256 enough =
+      _mm256_and_ps(_mm256_cmp_ps(s.w, _mm256_set1_ps(kLeastWeight), _CMP_GE_OQ),
+                    _mm256_castsi256_ps(_mm256_cmpgt_epi32(s.hits, _mm256_set1_epi32(kLeastHits - 1))));
+  const __m256 inverse_w = _mm256_div_ps(one, _mm256_blendv_ps(one, s.w, enough));
+  const __m256 cx = _mm256_mul_ps(s.px, inverse_w), cy = _mm256_mul_ps(s.py, inverse_w),
+               cz = _mm256_mul_ps(s.pz, inverse_w);
+  const __m256 spread_w = _mm256_sub_ps(s.pp, dot(s.px, s.py, s.pz, cx, cy, cz));  // sum w |p - c|^2
+  const __m256 turn = _mm256_sub_ps(s.pn, dot(s.nx, s.ny, s.nz, cx, cy, cz));      // sum w (p - c).n
+  // Below this spread (samples at one spot) the sphere degenerates: take the plane.
+  const __m256 wide = _mm256_cmp_ps(spread_w, _mm256_mul_ps(s.w, _mm256_set1_ps(1e-4f)), _CMP_GT_OQ);
+  const __m256 u4 =
+      _mm256_and_ps(wide, _mm256_div_ps(turn, _mm256_mul_ps(two, _mm256_blendv_ps(one, spread_w, wide))));
+  const __m256 twice = _mm256_mul_ps(two, u4);
+  const __m256 ux = _mm256_mul_ps(_mm256_fnmadd_ps(twice, s.px, s.nx), inverse_w);
+  const __m256 uy = _mm256_mul_ps(_mm256_fnmadd_ps(twice, s.py, s.ny), inverse_w);
+  const __m256 uz = _mm256_mul_ps(_mm256_fnmadd_ps(twice, s.pz, s.nz), inverse_w);
+  const __m256 u_p = dot(ux, uy, uz, s.px, s.py, s.pz);
+  const __m256 u0 = _mm256_sub_ps(zero, _mm256_mul_ps(_mm256_fmadd_ps(u4, s.pp, u_p), inverse_w));
+  const __m256 u2 = dot(ux, uy, uz, ux, uy, uz);
+  const __m256 disc = _mm256_fnmadd_ps(_mm256_mul_ps(_mm256_set1_ps(4.0f), u4), u0, u2);
+  // Opposite sheets cancel the normals: then the sphere says nothing.
+  const __m256 sound = _mm256_and_ps(_mm256_cmp_ps(u2, _mm256_set1_ps(1e-4f), _CMP_GT_OQ),
+                                     _mm256_cmp_ps(disc, zero, _CMP_GT_OQ));
+  const __m256 length = _mm256_sqrt_ps(_mm256_blendv_ps(one, u2, sound));
+  const __m256 root = _mm256_sqrt_ps(_mm256_blendv_ps(one, disc, sound));
+  const __m256 value = _mm256_div_ps(_mm256_mul_ps(two, u0), _mm256_add_ps(length, root));
+  const __m256 inverse_length = _mm256_div_ps(one, length);
+  const __m256 gx = _mm256_mul_ps(ux, inverse_length), gy = _mm256_mul_ps(uy, inverse_length),
+               gz = _mm256_mul_ps(uz, inverse_length);
+  // Foot point relative to the node: -value * gradient.
+  const __m256 fx = _mm256_fmadd_ps(value, gx, cx), fy = _mm256_fmadd_ps(value, gy, cy),
+               fz = _mm256_fmadd_ps(value, gz, cz);
+  const __m256 off2 = dot(fx, fy, fz, fx, fy, fz);
+  const __m256 among = _mm256_cmp_ps(
+      off2, _mm256_mul_ps(_mm256_mul_ps(spread_w, inverse_w), _mm256_set1_ps(kRimRatio * kRimRatio)),
+      _CMP_LE_OQ);
+  const __m256 magnitude = _mm256_andnot_ps(_mm256_set1_ps(-0.0f), value);
+  const __m256 close = _mm256_cmp_ps(magnitude, _mm256_set1_ps(kLargestValue), _CMP_LE_OQ);
+  const __m256 valid = _mm256_and_ps(_mm256_and_ps(enough, sound), _mm256_and_ps(among, close));
+  // Mean squared residual of the normals against the sphere's gradient u + 2 u4 p.
+  const __m256 u_n = _mm256_fmadd_ps(twice, s.pn, dot(ux, uy, uz, s.nx, s.ny, s.nz));
+  const __m256 g2 =
+      _mm256_fmadd_ps(s.w, u2, _mm256_mul_ps(twice, _mm256_fmadd_ps(twice, s.pp, _mm256_mul_ps(two, u_p))));
+  const __m256 residual = _mm256_mul_ps(_mm256_add_ps(_mm256_fnmadd_ps(two, u_n, s.w), g2), inverse_w);
+  const __m256 bent =
+      _mm256_and_ps(enough, _mm256_cmp_ps(residual, _mm256_set1_ps(options.bent_residual), _CMP_GT_OQ));
+  _mm256_store_ps(out.value.data() + at, value);
+  _mm256_store_ps(out.gradient[0].data() + at, gx);
+  _mm256_store_ps(out.gradient[1].data() + at, gy);
+  _mm256_store_ps(out.gradient[2].data() + at, gz);
+  *valid_bits = static_cast<std::uint32_t>(_mm256_movemask_ps(valid)) & active;
+  *bent_bits = static_cast<std::uint32_t>(_mm256_movemask_ps(bent)) & active;
+}
+
+}  // namespace
+
+void fit_nodes(const SampleList& samples, const std::array<std::uint64_t, 8>& nodes,
+               const NodeFitOptions& options, NodeFitScratch& scratch, LeafFit& out) {
+  const float r = options.radius, r2 = r * r, inverse_r2 = 1.0f / r2;
+  out.valid.fill(0);
+  out.bent.fill(0);
+  RowSamples row;
+  for (std::size_t z = 0; z < 8; ++z) {
+    if (!nodes[z]) continue;
+    fill_slab(samples, static_cast<float>(z), r, scratch.slab);
+    for (std::size_t y = 0; y < 8; ++y) {
+      const auto active = static_cast<std::uint32_t>(nodes[z] >> (8 * y) & 0xff);
+      if (!active) continue;
+      const float low = static_cast<float>(std::countr_zero(active)) - r;
+      const float high = static_cast<float>(31 - std::countl_zero(active)) + r;
+      Sums sums;
+      clear(sums);
+      for (std::size_t next = 0; next < scratch.slab.size;) {
+        fill_row(scratch.slab, static_cast<float>(y), static_cast<float>(z), low, high, r2, &next, row);
+        accumulate(row, r2, inverse_r2, sums);
+      }
+      std::uint32_t valid = 0, bent = 0;
+      finish_row(sums, active, options, 8 * y + 64 * z, out, &valid, &bent);
+      out.valid[z] |= static_cast<std::uint64_t>(valid) << (8 * y);
+      out.bent[z] |= static_cast<std::uint64_t>(bent) << (8 * y);
+    }
+  }
+}
+
+}  // namespace tessera

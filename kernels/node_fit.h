@@ -1,0 +1,41 @@
+/// \file node_fit.h
+/// Algebraic point set surface at the nodes of one leaf: eight nodes at a time, one row of the leaf per
+/// register. Source: Guennebaud, Germann, Gross, "Dynamic Sampling and Rendering of Algebraic Point Set
+/// Surfaces", 2008.
+///
+/// Every sum of a node runs over its samples in canonical order; lanes are nodes, never terms, so a value is
+/// a pure function of the samples within the radius.
+#pragma once
+#include <array>
+#include <cstdint>
+
+#include "kernels/sample_list.h"
+
+namespace tessera {
+
+/// What the fit says about the nodes of a leaf; index x + 8 y + 64 z, bit x + 8 y of word z.
+struct LeafFit {
+  alignas(32) std::array<float, 512> value{};  ///< signed distance to the fitted sphere, cells
+  alignas(32) std::array<std::array<float, 512>, 3> gradient{};  ///< unit, outward
+  std::array<std::uint64_t, 8> valid{};  ///< enough samples, and the node's foot point lies among them
+  std::array<std::uint64_t, 8> bent{};   ///< subset of the nodes fitted: normals disagree with the sphere
+};
+
+struct NodeFitOptions {
+  float radius = 3.0f;         ///< cells; a multiple of 1/1024, so that comparing with it is exact
+  float bent_residual = 0.0f;  ///< mean squared normal residual from which a node counts as bent
+};
+
+/// Farthest foot point from a node whose value is kept, cells: more than a cell's diagonal.
+inline constexpr float kLargestValue = 2.0f;
+
+/// Scratch that a caller keeps between leaves.
+struct NodeFitScratch {
+  SampleList slab;
+};
+
+/// \param samples  all samples within the radius of the nodes, relative to the leaf
+void fit_nodes(const SampleList& samples, const std::array<std::uint64_t, 8>& nodes,
+               const NodeFitOptions& options, NodeFitScratch& scratch, LeafFit& out);
+
+}  // namespace tessera
