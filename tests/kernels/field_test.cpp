@@ -1,0 +1,191 @@
+#include "kernels/field.h"
+
+#include <algorithm>
+#include <bit>
+#include <catch2/catch.hpp>
+#include <cmath>
+#include <cstring>
+#include <map>
+
+#include "tests/helpers/oriented_samples.h"
+
+using namespace tessera;
+
+namespace {
+
+constexpr int kCells = 64;
+const Int3 kOrigin = {64, 64, 64};
+const Int3 kSize = {kCells, kCells, kCells};
+
+DirectedField field_of(const test::Samples& samples, const FieldOptions& options = {}, Int3 origin = kOrigin,
+                       Int3 cells = kSize) {
+  return evaluate_field(test::make_block(samples, origin, cells, field_halo_cells(options)), options);
+}
+
+struct Root {
+  Int3 node;  ///< global
+  int axis;
+  Double3 p;  ///< global, cells
+  EdgeRoot edge;
+};
+
+std::vector<Root> roots_of(const DirectedField& field) {
+  std::vector<Root> out;
+  for (const BandLeaf& leaf : field.leaves)
+    for (int axis = 0; axis < 3; ++axis)
+      for (int z = 0; z < 8; ++z)
+        for (int b = 0; b < 64; ++b) {
+          const Int3 at = {leaf.origin[0] + (b & 7), leaf.origin[1] + (b >> 3), leaf.origin[2] + z};
+          const EdgeRoot* root = field.root_at(at[0], at[1], at[2], axis);
+          if (!root) continue;
+          Root r{
+              {at[0] + field.origin[0], at[1] + field.origin[1], at[2] + field.origin[2]}, axis, {}, *root};
+          for (std::size_t c = 0; c < 3; ++c) r.p[c] = r.node[c];
+          r.p[static_cast<std::size_t>(axis)] += static_cast<double>(root->t);
+          out.push_back(r);
+        }
+  return out;
+}
+
+bool valid_at(const DirectedField& field, int i, int j, int k) {
+  const BandLeaf* leaf = field.leaf_at(i, j, k);
+  return leaf && (leaf->valid[static_cast<std::size_t>(k & 7)] >> DirectedField::bit(i, j) & 1);
+}
+bool inside_at(const DirectedField& field, int i, int j, int k) {
+  const BandLeaf* leaf = field.leaf_at(i, j, k);
+  return leaf && (leaf->inside[static_cast<std::size_t>(k & 7)] >> DirectedField::bit(i, j) & 1);
+}
+
+/// Everything that a block says about the nodes and edges of a box, by global node.
+std::map<Int3, std::vector<std::uint32_t>> bits_of(const DirectedField& field, const Int3& low,
+                                                   const Int3& high) {
+  std::map<Int3, std::vector<std::uint32_t>> out;
+  for (int k = low[2]; k < high[2]; ++k)
+    for (int j = low[1]; j < high[1]; ++j)
+      for (int i = low[0]; i < high[0]; ++i) {
+        const int a = i - field.origin[0], b = j - field.origin[1], c = k - field.origin[2];
+        if (!valid_at(field, a, b, c)) continue;
+        auto& words = out[{i, j, k}];
+        const float value =
+            field.leaf_at(a, b, c)->value[static_cast<std::size_t>((a & 7) + 8 * (b & 7) + 64 * (c & 7))];
+        words.push_back(std::bit_cast<std::uint32_t>(value));
+        words.push_back(inside_at(field, a, b, c));
+        for (int axis = 0; axis < 3; ++axis) {
+          const EdgeRoot* root = field.root_at(a, b, c, axis);
+          words.push_back(root != nullptr);
+          if (!root) continue;
+          words.push_back(std::bit_cast<std::uint32_t>(root->t));
+          for (const float n : root->normal) words.push_back(std::bit_cast<std::uint32_t>(n));
+          words.push_back(std::bit_cast<std::uint32_t>(root->offset));
+          words.push_back(root->rgba);
+        }
+      }
+  return out;
+}
+
+}  // namespace
+
+TEST_CASE("field: a tilted plane is exact", "[unit]") {
+  test::Random random(1);
+  test::Samples samples;
+  // z = 96.3 + 0.2 (x - 96) - 0.1 (y - 96)
+  const Double3 normal = {-0.2 / std::sqrt(1.05), 0.1 / std::sqrt(1.05), 1.0 / std::sqrt(1.05)};
+  for (int i = 0; i < 120; ++i)
+    for (int j = 0; j < 120; ++j) {
+      const double x = 56 + (i + random.uniform()) / 1.5, y = 56 + (j + random.uniform()) / 1.5;
+      samples.push_back({{x, y, 96.3 + 0.2 * (x - 96) - 0.1 * (y - 96)}, normal, 0});
+    }
+  const DirectedField field = field_of(samples);
+  const auto roots = roots_of(field);
+  REQUIRE(roots.size() > 4000);
+  for (const Root& r : roots) {
+    const double d = (r.p[2] - 96.3 - 0.2 * (r.p[0] - 96) + 0.1 * (r.p[1] - 96)) / std::sqrt(1.05);
+    const auto along = static_cast<double>(r.edge.normal[static_cast<std::size_t>(r.axis)]);
+    // `offset` undoes what keeping roots off the nodes does. Quantisation alone gives 5e-4.
+    REQUIRE(std::abs(d + static_cast<double>(r.edge.offset)) < 2e-3);
+    REQUIRE((r.edge.offset == 0.0f || r.edge.t == 1 / 64.0f || r.edge.t == 63 / 64.0f));
+    REQUIRE(std::abs(along) > 0.0);
+    double dot = 0;
+    for (std::size_t c = 0; c < 3; ++c) dot += static_cast<double>(r.edge.normal[c]) * normal[c];
+    REQUIRE(dot > 0.99999);
+  }
+  SECTION("values are signed distances, negative inside, on both sides of the surface") {
+    int seen = 0;
+    for (const BandLeaf& leaf : field.leaves)
+      for (int n = 0; n < 512; ++n) {
+        if (!(leaf.valid[static_cast<std::size_t>(n >> 6)] >> (n & 63) & 1)) continue;
+        const double x = leaf.origin[0] + (n & 7) + 64.0, y = leaf.origin[1] + (n >> 3 & 7) + 64.0,
+                     z = leaf.origin[2] + (n >> 6) + 64.0;
+        const double d = (z - 96.3 - 0.2 * (x - 96) + 0.1 * (y - 96)) / std::sqrt(1.05);
+        REQUIRE(std::abs(static_cast<double>(leaf.value[static_cast<std::size_t>(n)]) - d) < 5e-3);
+        ++seen;
+      }
+    CHECK(seen > 12000);
+  }
+}
+
+TEST_CASE("field: sphere and torus at h = 1.5 spacings", "[unit]") {
+  test::Random random(2);
+  test::Samples samples;
+  SECTION("noise-free sphere: mean error within 0.02 h, closed") {
+    test::add_sphere({96, 96, 96}, 25.3, 1 / 1.5, random, samples);
+    const auto roots = roots_of(field_of(samples));
+    REQUIRE(roots.size() > 10000);
+    double sum = 0, worst = 0;
+    for (const Root& r : roots) {
+      const double d = std::hypot(r.p[0] - 96, r.p[1] - 96, r.p[2] - 96) - 25.3;
+      sum += std::abs(d);
+      worst = std::max(worst, std::abs(d));
+    }
+    CHECK(sum / static_cast<double>(roots.size()) < 0.002);
+    CHECK(worst < 0.02);
+  }
+  SECTION("noise of half a spacing: mean error within a quarter") {
+    test::add_sphere({96, 96, 96}, 25.3, 1 / 1.5, random, samples);
+    test::add_noise(0.5 / 1.5, random, samples);
+    FieldOptions options;
+    options.noise_cells = 0.5 / 1.5;
+    const auto roots = roots_of(field_of(samples, options));
+    REQUIRE(roots.size() > 10000);
+    double sum = 0;
+    for (const Root& r : roots) sum += std::abs(std::hypot(r.p[0] - 96, r.p[1] - 96, r.p[2] - 96) - 25.3);
+    CHECK(sum / static_cast<double>(roots.size()) < 0.25 / 1.5);
+  }
+  SECTION("noise-free torus") {
+    test::add_torus({96, 96, 96}, 18, 8, 1 / 1.5, random, samples);
+    const auto roots = roots_of(field_of(samples));
+    REQUIRE(roots.size() > 5000);
+    double sum = 0;
+    for (const Root& r : roots)
+      sum += std::abs(std::hypot(std::hypot(r.p[0] - 96, r.p[1] - 96) - 18, r.p[2] - 96) - 8);
+    CHECK(sum / static_cast<double>(roots.size()) < 0.02);
+  }
+}
+
+TEST_CASE("field: the same bits from every block that holds a node", "[property]") {
+  test::Random random(3);
+  test::Samples samples;
+  test::add_sphere({140, 131, 128}, 27.7, 1 / 1.5, random, samples);
+  test::add_box({90.3, 100.2, 110.7}, {120.1, 125.4, 130.6}, 1 / 1.5, random, samples);
+  test::add_noise(0.05, random, samples);
+  for (auto& s : samples) s.rgba = 0xff000000u | static_cast<std::uint32_t>(random.uniform() * 0xffffff);
+  FieldOptions options;
+  options.radius_cells = GENERATE(3.0, 2.337);
+  const bool colour = GENERATE(false, true);
+  const int halo = field_halo_cells(options);
+  const DirectedField whole =
+      evaluate_field(test::make_block(samples, {64, 64, 64}, {128, 128, 128}, halo, colour), options);
+  std::size_t compared = 0;
+  for (const Int3 origin : {Int3{64, 64, 64}, Int3{128, 64, 64}, Int3{64, 128, 64}, Int3{128, 128, 128}}) {
+    // A generous halo must not change anything either.
+    const DirectedField part = evaluate_field(
+        test::make_block(samples, origin, {64, 64, 64}, halo + (origin[0] == 128), colour), options);
+    const Int3 low = {std::max(64, origin[0]) - (origin[0] > 64), std::max(64, origin[1]) - (origin[1] > 64),
+                      std::max(64, origin[2]) - (origin[2] > 64)};
+    const Int3 high = {origin[0] + 64, origin[1] + 64, origin[2] + 64};
+    const auto a = bits_of(whole, low, high), b = bits_of(part, low, high);
+    CHECK(a == b);
+    compared += a.size();
+  }
+  CHECK(compared > 20000);
+}
