@@ -1,12 +1,117 @@
 #include "stream/point_source.h"
 
+#include <algorithm>
+#include <string_view>
+#include <utility>
+
+#include "octree/error.h"
+#include "stream/formats/byte_window.h"
+#include "stream/formats/las_points.h"
+#include "stream/formats/ply_points.h"
+#include "stream/read_file.h"
+
 namespace tessera {
+
+namespace {
+
+std::string lower_extension(const std::filesystem::path& path) {
+  std::string e = path.extension().string();
+  for (char& c : e) {
+    if (c >= 'A' && c <= 'Z') c = static_cast<char>(c - 'A' + 'a');
+  }
+  return e;
+}
+
+/// Formats that are known but not read, told by their first bytes.
+struct Refusal {
+  std::string_view magic;
+  std::string_view sentence;
+};
+constexpr Refusal kRefusals[] = {
+    {"ASTM-E57",
+     "is an E57 file, which is not read yet; convert it to LAS or PLY, for instance with CloudCompare or "
+     "'pdal translate IN.e57 OUT.las'"},
+    {"# .PCD",
+     "is a PCD file, which is not read yet; convert it to PLY, for instance with 'pcl_pcd2ply IN.pcd "
+     "OUT.ply'"},
+    {"\xfd"
+     "7zXZ",
+     "is compressed (xz); unpack it first"},
+    {"\x1f\x8b", "is compressed (gzip); unpack it first"},
+    {"\x28\xb5\x2f\xfd", "is compressed (zstd); unpack it first"},
+    {"PK\x03\x04", "is an archive (zip); unpack it first"},
+    {"OFF", "is an OFF mesh, not a file of points; convert it to PLY, whose vertices can be read"},
+    {"solid ", "is an STL mesh, not a file of points; convert it to PLY, whose vertices can be read"},
+    {"glTF", "is a GLB mesh, not a file of points; convert it to PLY, whose vertices can be read"},
+};
+
+}  // namespace
 
 void PointChunk::clear() {
   x.clear(), y.clear(), z.clear();
   nx.clear(), ny.clear(), nz.clear();
   rgba.clear();
   sensor.clear();
+}
+
+std::unique_ptr<PointFile> open_point_file(const std::filesystem::path& path, const ReadOptions& options) {
+  const std::string name = path.string();
+  std::error_code error;
+  const std::filesystem::file_status status = std::filesystem::status(path, error);
+  if (status.type() == std::filesystem::file_type::not_found)
+    throw InputError(name + ": there is no such file");
+  if (std::filesystem::is_directory(status)) throw InputError(name + ": is a folder, not a file of points");
+  if (!error && !std::filesystem::is_regular_file(status)) {
+    throw InputError(name +
+                     ": is not a regular file; points are read twice, so pipes and devices cannot be used");
+  }
+  ReadFile file(path);
+  if (file.size() == 0) throw InputError(name + ": is empty");
+  char bytes[16] = {};
+  const std::uint64_t there = std::min<std::uint64_t>(file.size(), sizeof bytes);
+  file.read_at(0, bytes, there);
+  const std::string_view head(bytes, static_cast<std::size_t>(there));
+  if (head.substr(0, 4) == "LASF") return open_las_points(std::move(file), options);
+  if (head.substr(0, 3) == "ply" && head.find_first_of("\r\n ") == 3) {
+    return open_ply_points(std::move(file), options);
+  }
+  for (const Refusal& r : kRefusals) {
+    if (head.substr(0, r.magic.size()) == r.magic) throw InputError(name + ": " + std::string(r.sentence));
+  }
+  const std::string extension = lower_extension(path);
+  if (extension == ".las" || extension == ".laz" || extension == ".ply" || extension == ".e57") {
+    throw InputError(name + ": does not start as a " + extension.substr(1) +
+                     " file does; it is damaged or misnamed");
+  }
+  throw InputError(name + ": is of no known format; PLY, LAS, XYZ, PTS, PTX and CSV are read");
+}
+
+std::uint64_t missing_points(const PointFileInfo& info, const ReadCounts& total) {
+  const std::uint64_t found = total.points + total.withheld + total.empty;
+  return std::max(total.missing, info.declared_points > found ? info.declared_points - found : 0);
+}
+
+std::vector<std::string> refuted_claims(const PointFileInfo& info, const ReadCounts& total,
+                                        const Double3& read_min, const Double3& read_max) {
+  std::vector<std::string> sentences;
+  const std::uint64_t found = total.points + total.withheld + total.empty;
+  if (info.declared_points != found && info.declared_points != 0) {
+    sentences.push_back("the header declares " + std::to_string(info.declared_points) + " points, " +
+                        std::to_string(found) + " were read");
+  }
+  bool outside = false;
+  bool wide = false;
+  for (std::size_t a = 0; a < 3 && info.has_bounds && read_min[a] <= read_max[a]; ++a) {
+    const double slack =
+        1e-6 * std::max(info.declared_max[a] - info.declared_min[a], read_max[a] - read_min[a]);
+    outside =
+        outside || read_min[a] < info.declared_min[a] - slack || read_max[a] > info.declared_max[a] + slack;
+    wide = wide || read_min[a] > info.declared_min[a] + slack || read_max[a] < info.declared_max[a] - slack;
+  }
+  if (outside) sentences.emplace_back("points lie outside the bounds that the header declares");
+  if (wide && !outside)
+    sentences.emplace_back("the bounds that the header declares are wider than the points");
+  return sentences;
 }
 
 }  // namespace tessera

@@ -1,6 +1,6 @@
 /// \file point_source.h
-/// Scans in: one interface for every point format. Readers stream through bounded buffers and never hold a file.
-/// A header is a claim: counts and bounds are verified by reading, differences are reported, not fatal.
+/// Scans in: one interface for every point format. Readers stream through bounded buffers and never hold a
+/// file. A header is a claim: counts and bounds are verified by reading, differences are reported, not fatal.
 #pragma once
 #include <cstdint>
 #include <filesystem>
@@ -13,8 +13,8 @@
 
 namespace tessera {
 
-/// A bounded batch of points in the scan's own frame, structure of arrays. Optional arrays are empty or as long
-/// as x. Non-finite coordinates are passed on as they are: the survey drops and counts them.
+/// A bounded batch of points in the scan's own frame, structure of arrays. Optional arrays are empty or as
+/// long as x. Non-finite coordinates are passed on as they are: the survey drops and counts them.
 struct PointChunk {
   std::vector<double> x, y, z;
   std::vector<float> nx, ny, nz;      ///< as given, not normalised; zero = unknown
@@ -34,17 +34,18 @@ struct PointAttributes {
 
 struct PointFileInfo {
   std::filesystem::path path;
-  std::string format;                  ///< "PLY binary little endian", "LAS 1.2 point format 3", ...
-  std::uint64_t bytes = 0;             ///< size of the file
-  std::uint64_t declared_points = 0;   ///< what the header says; 0 if it does not say
+  std::string format;                 ///< "PLY binary little endian", "LAS 1.2 point format 3", ...
+  std::uint64_t bytes = 0;            ///< size of the file
+  std::uint64_t declared_points = 0;  ///< what the header says; 0 if it does not say
   bool has_bounds = false;
   Double3 declared_min{}, declared_max{};
   PointAttributes attributes;
-  std::vector<Double3> sensors;        ///< sensor origins, scan frame (PTX: one per scan in the file)
-  std::vector<std::string> warnings;   ///< what the header gets wrong, one sentence each
+  std::vector<Double3> sensors;       ///< sensor origins, scan frame (PTX: one per scan in the file)
+  std::vector<std::string> warnings;  ///< what the header gets wrong, one sentence each
 };
 
-/// Part of a file that can be read on its own; begin and end are in the format's own unit (point index or byte).
+/// Part of a file that can be read on its own; begin and end are in the format's own unit (point index or
+/// byte).
 struct InputSlice {
   std::uint32_t file = 0;  ///< index into the job's list of inputs
   std::uint64_t begin = 0;
@@ -54,16 +55,19 @@ struct InputSlice {
 
 /// Fate of what a slice held.
 struct ReadCounts {
-  std::uint64_t points = 0;     ///< handed to the sink
-  std::uint64_t withheld = 0;   ///< flagged withheld or synthetic-deleted by the format (LAS)
-  std::uint64_t empty = 0;      ///< placeholders that stand for "no return" (PTX 0 0 0)
-  std::uint64_t missing = 0;    ///< declared by the header, not in the file (truncated)
+  std::uint64_t points = 0;    ///< handed to the sink
+  std::uint64_t withheld = 0;  ///< flagged withheld or synthetic-deleted by the format (LAS)
+  std::uint64_t empty = 0;     ///< placeholders that stand for "no return" (PTX 0 0 0)
+  std::uint64_t missing = 0;   ///< declared by the header, not in the file (truncated); text files read in
+                               ///< slices cannot know and count a torn last line only: see missing_points
   std::vector<std::string> warnings;
 };
 
 struct ReadOptions {
-  std::vector<std::string> columns;  ///< names of text columns, e.g. x y z nx ny nz r g b; empty = header or x y z
+  std::vector<std::string>
+      columns;  ///< names of text columns, e.g. x y z nx ny nz r g b; empty = header or x y z
   std::size_t chunk_points = 65536;  ///< points per chunk handed to the sink
+  bool release_cache = false;        ///< tell the system to drop what was read from its page cache
 };
 
 /// One open input file. All members are const and may be called from several threads at once.
@@ -71,21 +75,32 @@ class PointFile {
  public:
   virtual ~PointFile() = default;
   virtual const PointFileInfo& info() const = 0;
-  /// Splits the file into slices of about `target_bytes`. A format that must be read in order gives one slice.
-  /// `file` is copied into every slice.
+  /// Splits the file into slices of about `target_bytes`. A format that must be read in order gives one
+  /// slice. `file` is copied into every slice.
   virtual std::vector<InputSlice> slices(std::uint32_t file, std::uint64_t target_bytes) const = 0;
   /// Streams a slice to the sink, in chunks; the chunk is reused after the sink returns.
   /// \throws InputError naming file and byte offset or line, for content that cannot be read past
-  virtual ReadCounts read(const InputSlice& slice, const std::function<void(const PointChunk&)>& sink) const = 0;
+  virtual ReadCounts read(const InputSlice& slice,
+                          const std::function<void(const PointChunk&)>& sink) const = 0;
 };
 
 /// Opens a point file by content first, extension second.
-/// \throws InputError for an unreadable, empty, unknown or unsupported (LAZ, E57: names what to convert to) file
+/// \throws InputError for an unreadable, empty, unknown or unsupported (LAZ, E57: names what to convert to)
+/// file
 std::unique_ptr<PointFile> open_point_file(const std::filesystem::path& path, const ReadOptions& options);
 
-/// Expands files, folders (sorted, known extensions, not recursive), globs and @list files (one path per line) to
-/// a list of paths without repeats, in the order given; the order never changes a result.
-/// \throws InputError naming the argument that matches nothing
+/// Points that the header promises and the file does not hold. \param total  sums over all slices of the file
+std::uint64_t missing_points(const PointFileInfo& info, const ReadCounts& total);
+
+/// What reading refuted of the header's claims, one sentence each: the count, the bounds (by more than a
+/// millionth of their size). \param read_min, read_max  bounds of all finite points read; min > max if there
+/// are none
+std::vector<std::string> refuted_claims(const PointFileInfo& info, const ReadCounts& total,
+                                        const Double3& read_min, const Double3& read_max);
+
+/// Expands files, folders (sorted, known extensions, not recursive), globs and @list files (one path per
+/// line) to a list of paths without repeats, in the order given; the order never changes a result. \throws
+/// InputError naming the argument that matches nothing
 std::vector<std::filesystem::path> expand_inputs(const std::vector<std::string>& arguments);
 
 }  // namespace tessera

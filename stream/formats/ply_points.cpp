@@ -1,0 +1,324 @@
+#include "stream/formats/ply_points.h"
+
+#include <algorithm>
+#include <array>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "octree/error.h"
+#include "stream/formats/line_reader.h"
+#include "stream/formats/ply_header.h"
+#include "stream/formats/point_records.h"
+
+namespace tessera {
+
+namespace {
+
+using Names = std::array<std::string_view, 3>;
+constexpr std::array kNormalNames = {Names{"nx", "ny", "nz"}, Names{"normal_x", "normal_y", "normal_z"}};
+constexpr std::array kColourNames = {Names{"red", "green", "blue"}, Names{"r", "g", "b"},
+                                     Names{"diffuse_red", "diffuse_green", "diffuse_blue"}};
+
+/// What a property of the vertex is to us: 0..2 position, 3..5 normal, 6..8 colour, kSkip.
+constexpr int kSkip = -1;
+constexpr int kSlots = 9;
+
+class PlyPoints final : public PointFile {
+ public:
+  PlyPoints(ReadFile file, const ReadOptions& options) : file_(std::move(file)), options_(options) {
+    header_ = read_ply_header(file_);
+    const int vertex = header_.find("vertex");
+    if (vertex < 0) fail("the PLY header has no element 'vertex', so there are no points to read");
+    vertex_ = static_cast<std::size_t>(vertex);
+    for (std::size_t i = vertex_ + 1; i < header_.elements.size(); ++i) {
+      closing_ = closing_ && header_.elements[i].count == 0;
+    }
+    assign_slots();
+    info_.path = file_.path();
+    info_.format = "PLY " + header_.encoding_name();
+    info_.bytes = file_.size();
+    info_.declared_points = element().count;
+    info_.attributes.normals = has_[3];
+    info_.attributes.colour = has_[6];
+    info_.attributes.intensity = element().find("intensity") >= 0 || element().find("scalar_Intensity") >= 0;
+    if (header_.encoding == PlyEncoding::kAscii) {
+      open_ascii();
+    } else {
+      open_binary();
+    }
+  }
+
+  const PointFileInfo& info() const override { return info_; }
+
+  std::vector<InputSlice> slices(std::uint32_t file, std::uint64_t target_bytes) const override {
+    switch (mode_) {
+      case Mode::kRecords:
+        return even_slices(file, 0, count_.usable, layout_.stride, target_bytes);
+      case Mode::kLines:
+        return even_slices(file, header_.data_begin, file_.size(), 1, target_bytes);
+      case Mode::kInOrder:
+        break;
+    }
+    return {{file, header_.data_begin, file_.size(), file_.size() - header_.data_begin}};
+  }
+
+  ReadCounts read(const InputSlice& slice,
+                  const std::function<void(const PointChunk&)>& sink) const override {
+    ChunkSink out(options_.chunk_points, sink);
+    ReadCounts counts;
+    if (mode_ == Mode::kRecords) {
+      read_records(slice, out, counts);
+    } else if (header_.encoding == PlyEncoding::kAscii) {
+      read_lines(slice, out, counts);
+    } else {
+      read_in_order(out, counts);
+    }
+    out.flush();
+    counts.points = out.points();
+    return counts;
+  }
+
+ private:
+  enum class Mode {
+    kRecords,  ///< binary, one size: slices count records
+    kLines,    ///< ascii, vertices only: slices are byte ranges
+    kInOrder,  ///< one slice
+  };
+
+  [[noreturn]] void fail(const std::string& what) const {
+    throw InputError(file_.path().string() + ": " + what);
+  }
+  const PlyElement& element() const { return header_.elements[vertex_]; }
+
+  bool assign(const Names& names, int first_slot) {
+    std::array<int, 3> at{};
+    for (std::size_t i = 0; i < 3; ++i) {
+      at[i] = element().find(names[i]);
+      if (at[i] < 0 || element().properties[static_cast<std::size_t>(at[i])].list) return false;
+    }
+    for (std::size_t i = 0; i < 3; ++i) {
+      slots_[static_cast<std::size_t>(at[i])] = first_slot + static_cast<int>(i);
+      types_[static_cast<std::size_t>(first_slot) + i] =
+          element().properties[static_cast<std::size_t>(at[i])].type;
+    }
+    has_[static_cast<std::size_t>(first_slot)] = true;
+    return true;
+  }
+
+  void assign_slots() {
+    slots_.assign(element().properties.size(), kSkip);
+    if (!assign({"x", "y", "z"}, 0)) fail("element 'vertex' of the PLY header lacks x, y or z");
+    for (const Names& names : kNormalNames) {
+      if (assign(names, 3)) break;
+    }
+    for (const Names& names : kColourNames) {
+      if (assign(names, 6)) break;
+    }
+  }
+
+  bool vertices_only() const {
+    for (std::size_t i = 0; i < header_.elements.size(); ++i) {
+      if (i != vertex_ && header_.elements[i].count > 0) return false;
+    }
+    return true;
+  }
+
+  void open_ascii() {
+    lines_ = {header_.data_begin, header_.lines + 1, header_.line_end};
+    mode_ = vertices_only() ? Mode::kLines : Mode::kInOrder;
+    if (!has_[6]) return;
+    // The first 4096 vertices tell how colours are scaled: see sample_colour_scale.
+    double largest = 0;
+    LineReader reader(file_, lines_, header_.data_begin, file_.size(), false);
+    if (skip_elements_before(reader)) {
+      std::string_view line;
+      std::array<double, kSlots> values{};
+      for (int i = 0; i < 4096 && reader.next(line); ++i) {
+        if (is_blank(line) || !parse(line, values)) continue;
+        largest = std::max({largest, values[6], values[7], values[8]});
+      }
+    }
+    layout_.colour_scale = colour_scale_for(types_[6], largest);
+  }
+
+  void open_binary() {
+    layout_.big_endian = header_.big_endian();
+    ByteWindow window(file_, header_.data_begin, file_.size());
+    bool reached = true;
+    for (std::size_t i = 0; i < vertex_ && reached; ++i) {
+      const PlyElement& before = header_.elements[i];
+      reached = skip_ply_elements(before, header_.big_endian(), before.count, window) == before.count;
+    }
+    begin_ = reached ? window.offset() : file_.size();
+    if (!reached) info_.warnings.push_back("the file ends before its first vertex: it is truncated");
+    if (element().has_list()) {
+      mode_ = Mode::kInOrder;
+      return;
+    }
+    mode_ = Mode::kRecords;
+    layout_.stride = element().stride();
+    for (std::size_t p = 0; p < slots_.size(); ++p) {
+      if (slots_[p] == kSkip) continue;
+      const auto slot = static_cast<std::size_t>(slots_[p]);
+      auto& group = slot < 3 ? layout_.position : slot < 6 ? layout_.normal : layout_.colour;
+      group[slot % 3] = {element().properties[p].type, static_cast<int>(element().offset(p))};
+    }
+    count_ = verified_count(element().count, file_.size() - begin_, layout_.stride, closing_);
+    if (!count_.warning.empty()) info_.warnings.push_back(count_.warning);
+    if (has_[6]) layout_.colour_scale = sample_colour_scale(file_, begin_, count_.usable, layout_);
+  }
+
+  void read_records(const InputSlice& slice, ChunkSink& out, ReadCounts& counts) const {
+    const std::uint64_t end = std::min(slice.end, count_.usable);
+    const std::uint64_t begin = std::min(slice.begin, end);
+    ByteWindow window(file_, begin_ + begin * layout_.stride, begin_ + end * layout_.stride,
+                      std::max(ByteWindow::kDefaultCapacity, layout_.stride), options_.release_cache);
+    for (std::uint64_t left = end - begin; left > 0;) {
+      const std::string_view bytes = window.peek(layout_.stride);
+      const std::size_t n = std::min(bytes.size() / layout_.stride, out.room());
+      append_records(layout_, bytes.data(), n, out.chunk());
+      window.skip(n * layout_.stride);
+      out.added();
+      left -= n;
+    }
+    if (slice.end >= count_.usable) counts.missing = count_.missing;
+  }
+
+  void append(const std::array<double, kSlots>& values, PointChunk& chunk) const {
+    chunk.x.push_back(values[0]), chunk.y.push_back(values[1]), chunk.z.push_back(values[2]);
+    if (has_[3]) {
+      chunk.nx.push_back(static_cast<float>(values[3]));
+      chunk.ny.push_back(static_cast<float>(values[4]));
+      chunk.nz.push_back(static_cast<float>(values[5]));
+    }
+    if (has_[6]) {
+      const ColourScale scale = layout_.colour_scale;
+      chunk.rgba.push_back(pack_rgb(colour_byte(values[6], scale), colour_byte(values[7], scale),
+                                    colour_byte(values[8], scale)));
+    }
+  }
+
+  /// One ascii vertex. False if the line has too few values or something that is no number.
+  bool parse(std::string_view line, std::array<double, kSlots>& values) const {
+    for (std::size_t p = 0; p < slots_.size(); ++p) {
+      const PlyProperty& property = element().properties[p];
+      if (property.list) {
+        double items = 0;
+        if (!next_number(line, items)) return false;
+        for (; items > 0; --items) {
+          if (!skip_field(line)) return false;
+        }
+      } else if (slots_[p] == kSkip) {
+        if (!skip_field(line)) return false;
+      } else if (!next_number(line, values[static_cast<std::size_t>(slots_[p])])) {
+        return false;
+      }
+    }
+    return true;
+  }
+
+  /// Moves past the ascii elements before the vertices. False if the file ends there.
+  bool skip_elements_before(LineReader& reader) const {
+    std::string_view line;
+    for (std::size_t i = 0; i < vertex_; ++i) {
+      for (std::uint64_t n = header_.elements[i].count; n > 0;) {
+        if (!reader.next(line)) return false;
+        if (!is_blank(line)) --n;
+      }
+    }
+    return true;
+  }
+
+  void read_lines(const InputSlice& slice, ChunkSink& out, ReadCounts& counts) const {
+    const bool in_order = mode_ == Mode::kInOrder;
+    LineReader reader(file_, lines_, slice.begin, slice.end, options_.release_cache);
+    std::uint64_t left = in_order ? element().count : ~std::uint64_t{0};
+    std::string_view line;
+    std::array<double, kSlots> values{};
+    if (in_order && !skip_elements_before(reader)) {
+      counts.missing = left;
+      return;
+    }
+    while (left > 0 && reader.next(line)) {
+      if (is_blank(line)) continue;
+      const bool whole = parse(line, values);
+      // A last line without its end may be cut within a number: it is, where the header says that more
+      // follows.
+      if (!whole || (in_order && (left > 1 || !closing_) && !reader.complete())) {
+        if (!reader.complete()) {
+          if (!in_order) counts.missing = 1;
+          counts.warnings.push_back(reader.torn_line());
+          break;
+        }
+        throw InputError(reader.where() + ": '" + std::string(line.substr(0, 60)) +
+                         "' is not a vertex with " + std::to_string(element().properties.size()) +
+                         " values as the header declares; correct or remove the line");
+      }
+      append(values, out.chunk());
+      out.added();
+      --left;
+    }
+    if (in_order) counts.missing = left;
+  }
+
+  /// Binary vertices with lists among their properties.
+  void read_in_order(ChunkSink& out, ReadCounts& counts) const {
+    ByteWindow window(file_, begin_, file_.size(), ByteWindow::kDefaultCapacity, options_.release_cache);
+    std::array<double, kSlots> values{};
+    std::uint64_t left = element().count;
+    for (; left > 0; --left) {
+      for (std::size_t p = 0; p < slots_.size(); ++p) {
+        const PlyProperty& property = element().properties[p];
+        const std::size_t head = scalar_bytes(property.list ? property.count_type : property.type);
+        const std::string_view bytes = window.peek(head);
+        if (bytes.size() < head) {
+          counts.missing = left;
+          return;
+        }
+        if (property.list) {
+          const std::uint64_t items = load_integer(property.count_type, layout_.big_endian, bytes.data());
+          const std::size_t item = scalar_bytes(property.type);
+          window.skip(head);
+          if (items > window.remaining() / item) {
+            counts.missing = left;
+            return;
+          }
+          window.skip(items * item);
+        } else {
+          if (slots_[p] != kSkip) {
+            values[static_cast<std::size_t>(slots_[p])] =
+                load_double(property.type, layout_.big_endian, bytes.data());
+          }
+          window.skip(head);
+        }
+      }
+      append(values, out.chunk());
+      out.added();
+    }
+  }
+
+  ReadFile file_;
+  ReadOptions options_;
+  PointFileInfo info_;
+  PlyHeader header_;
+  std::size_t vertex_ = 0;
+  bool closing_ = true;  ///< nothing is declared after the vertices
+  std::vector<int> slots_;                  ///< per property of the vertex
+  std::array<ScalarType, kSlots> types_{};  ///< per slot
+  std::array<bool, kSlots> has_{};          ///< slots 0, 3, 6: the group is there
+  Mode mode_ = Mode::kInOrder;
+  LineLayout lines_;
+  std::uint64_t begin_ = 0;  ///< binary: byte offset of the first vertex
+  PointRecordLayout layout_;
+  RecordCount count_;
+};
+
+}  // namespace
+
+std::unique_ptr<PointFile> open_ply_points(ReadFile file, const ReadOptions& options) {
+  return std::make_unique<PlyPoints>(std::move(file), options);
+}
+
+}  // namespace tessera

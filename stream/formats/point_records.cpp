@@ -1,0 +1,143 @@
+#include "stream/formats/point_records.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace tessera {
+
+namespace {
+
+/// Records decoded per pass over the columns, so that they stay in the first-level cache.
+constexpr std::size_t kBlock = 512;
+
+template <class To, class From, bool kSwap>
+void decode(const char* p, std::size_t stride, std::size_t n, To* out) {
+  for (std::size_t i = 0; i < n; ++i, p += stride) out[i] = static_cast<To>(load_scalar<From, kSwap>(p));
+}
+
+template <class To>
+void decode_column(const PointColumn& column, const PointRecordLayout& layout, const char* records,
+                   std::size_t n, To* out) {
+  const char* p = records + column.offset;
+  visit_scalar_type(column.type, [&](auto zero) {
+    using From = decltype(zero);
+    if (layout.big_endian) {
+      decode<To, From, true>(p, layout.stride, n, out);
+    } else {
+      decode<To, From, false>(p, layout.stride, n, out);
+    }
+  });
+}
+
+void decode_colours(const PointRecordLayout& layout, const char* records, std::size_t n, std::uint32_t* out) {
+  double component[3][kBlock];
+  for (std::size_t c = 0; c < 3; ++c) decode_column(layout.colour[c], layout, records, n, component[c]);
+  for (std::size_t i = 0; i < n; ++i) {
+    out[i] = pack_rgb(colour_byte(component[0][i], layout.colour_scale),
+                      colour_byte(component[1][i], layout.colour_scale),
+                      colour_byte(component[2][i], layout.colour_scale));
+  }
+}
+
+}  // namespace
+
+std::uint8_t colour_byte(double value, ColourScale scale) {
+  if (scale == ColourScale::kHighByte) value *= 1.0 / 256;
+  if (scale == ColourScale::kUnit) value = value * 255 + 0.5;
+  if (!(value > 0)) return 0;  // also NaN
+  return value >= 255 ? std::uint8_t{255} : static_cast<std::uint8_t>(value);
+}
+
+void append_records(const PointRecordLayout& layout, const char* records, std::size_t count,
+                    PointChunk& chunk) {
+  const std::size_t first = chunk.size();
+  std::array<std::vector<double>*, 3> position = {&chunk.x, &chunk.y, &chunk.z};
+  std::array<std::vector<float>*, 3> normal = {&chunk.nx, &chunk.ny, &chunk.nz};
+  const bool normals = layout.normal[0].there();
+  const bool colours = layout.colour[0].there();
+  for (auto* v : position) v->resize(first + count);
+  if (normals) {
+    for (auto* v : normal) v->resize(first + count);
+  }
+  if (colours) chunk.rgba.resize(first + count);
+  for (std::size_t done = 0; done < count; done += kBlock) {
+    const std::size_t n = std::min(kBlock, count - done);
+    const char* block = records + done * layout.stride;
+    for (std::size_t a = 0; a < 3; ++a) {
+      double* out = position[a]->data() + first + done;
+      decode_column(layout.position[a], layout, block, n, out);
+      if (layout.scaled) {
+        for (std::size_t i = 0; i < n; ++i) out[i] = out[i] * layout.scale[a] + layout.shift[a];
+      }
+      if (normals) decode_column(layout.normal[a], layout, block, n, normal[a]->data() + first + done);
+    }
+    if (colours) decode_colours(layout, block, n, chunk.rgba.data() + first + done);
+  }
+}
+
+ColourScale colour_scale_for(ScalarType type, double largest) {
+  if (scalar_is_float(type)) return largest > 1 ? ColourScale::kByte : ColourScale::kUnit;
+  if (scalar_bytes(type) == 1) return ColourScale::kByte;
+  return largest > 255 ? ColourScale::kHighByte : ColourScale::kByte;
+}
+
+ColourScale sample_colour_scale(const ReadFile& file, std::uint64_t begin, std::uint64_t count,
+                                const PointRecordLayout& layout) {
+  constexpr std::uint64_t kRuns = 64;
+  constexpr std::uint64_t kRun = 256;
+  const ScalarType type = layout.colour[0].type;
+  if (scalar_bytes(type) == 1 || count == 0) return colour_scale_for(type, 0);
+  const std::uint64_t step = std::max<std::uint64_t>(count / kRuns, kRun);
+  const std::uint64_t end = begin + count * layout.stride;
+  double largest = 0;
+  for (std::uint64_t at = 0; at < count; at += step) {
+    ByteWindow window(file, begin + at * layout.stride, end, kRun * layout.stride);
+    const auto n = static_cast<std::size_t>(std::min(kRun, count - at));
+    const char* records = window.peek(n * layout.stride).data();
+    double values[kRun];
+    for (const PointColumn& column : layout.colour) {
+      decode_column(column, layout, records, n, values);
+      for (std::size_t i = 0; i < n; ++i) {
+        if (values[i] > largest) largest = values[i];
+      }
+    }
+  }
+  return colour_scale_for(type, largest);
+}
+
+std::vector<InputSlice> even_slices(std::uint32_t file, std::uint64_t begin, std::uint64_t end,
+                                    std::uint64_t unit_bytes, std::uint64_t target_bytes) {
+  const std::uint64_t units = end - begin;
+  // At most a million slices, whatever is asked for: their list must stay small.
+  const std::uint64_t step =
+      std::max<std::uint64_t>({1, target_bytes / std::max<std::uint64_t>(1, unit_bytes), units >> 20});
+  std::vector<InputSlice> slices;
+  std::uint64_t at = begin;
+  do {
+    const std::uint64_t n = std::min(step, end - at);
+    slices.push_back({file, at, at + n, n * unit_bytes});
+    at += n;
+  } while (at < begin + units);
+  return slices;
+}
+
+RecordCount verified_count(std::uint64_t declared, std::uint64_t space, std::size_t stride, bool closing) {
+  const std::uint64_t found = space / stride;
+  const auto sentence = [&](const std::string& rest) {
+    return "the header declares " + std::to_string(declared) + " points, the file has room for " +
+           std::to_string(found) + rest;
+  };
+  RecordCount result;
+  result.usable = std::min(declared, found);
+  if (found < declared) {
+    result.missing = declared - found;
+    result.warning = sentence(": it is truncated, or the count is wrong");
+  } else if (closing && found > declared) {
+    const bool all = declared == 0 || space % stride == 0;
+    if (all) result.usable = found;
+    result.warning = sentence(all ? ": all of them are read" : " and more bytes: the declared ones are read");
+  }
+  return result;
+}
+
+}  // namespace tessera

@@ -1,0 +1,103 @@
+/// \file point_records.h
+/// Points out of binary records of one size: columns of any type at any offset, decoded block by block.
+#pragma once
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "stream/formats/byte_window.h"
+#include "stream/formats/scalar.h"
+#include "stream/point_source.h"
+
+namespace tessera {
+
+/// How a colour component becomes 0..255.
+enum class ColourScale : std::uint8_t {
+  kByte,      ///< as it is, clamped: 8 bits, also when stored in a wider type
+  kHighByte,  ///< 16 bits; the high byte, exact for writers that multiply by 256 and for those by 257
+  kUnit,      ///< 0..1
+};
+
+struct PointColumn {
+  ScalarType type = ScalarType::kFloat32;
+  int offset = -1;  ///< byte offset in the record; -1 = the record has none
+  bool there() const { return offset >= 0; }
+};
+
+struct PointRecordLayout {
+  std::size_t stride = 0;
+  bool big_endian = false;
+  std::array<PointColumn, 3> position;
+  std::array<PointColumn, 3> normal;  ///< all or none
+  std::array<PointColumn, 3> colour;  ///< all or none
+  ColourScale colour_scale = ColourScale::kByte;
+  bool scaled = false;  ///< positions are value * scale + shift
+  Double3 scale = {1, 1, 1};
+  Double3 shift = {0, 0, 0};
+};
+
+std::uint8_t colour_byte(double value, ColourScale scale);
+inline std::uint32_t pack_rgb(std::uint32_t r, std::uint32_t g, std::uint32_t b) {
+  return r | g << 8 | b << 16 | 0xff000000u;
+}
+
+/// Appends `count` records to the chunk.
+void append_records(const PointRecordLayout& layout, const char* records, std::size_t count,
+                    PointChunk& chunk);
+
+/// The scale of the file's colours, from a fixed sample of it: 64 runs of 256 records at even distances (all
+/// records of a small file). 16-bit and wider integers are taken for 8-bit values if no sampled component
+/// exceeds 255; floats are taken for 0..255 if one exceeds 1. Depends on the file alone, never on slices or
+/// threads.
+ColourScale sample_colour_scale(const ReadFile& file, std::uint64_t begin, std::uint64_t count,
+                                const PointRecordLayout& layout);
+/// The same decision for values already read.
+ColourScale colour_scale_for(ScalarType type, double largest);
+
+/// Collects points into chunks of a fixed size and hands full ones to the sink.
+class ChunkSink {
+ public:
+  ChunkSink(std::size_t chunk_points, const std::function<void(const PointChunk&)>& sink)
+      : limit_(chunk_points > 0 ? chunk_points : 1), sink_(sink) {}
+  PointChunk& chunk() { return chunk_; }
+  /// Points that the chunk still takes, at least one.
+  std::size_t room() const { return limit_ - chunk_.size(); }
+  /// After points were appended: hands on a full chunk.
+  void added() {
+    if (chunk_.size() >= limit_) flush();
+  }
+  void flush() {
+    points_ += chunk_.size();
+    if (chunk_.size() > 0) sink_(chunk_);
+    chunk_.clear();
+  }
+  std::uint64_t points() const { return points_; }  ///< handed on so far
+
+ private:
+  std::size_t limit_;
+  const std::function<void(const PointChunk&)>& sink_;
+  PointChunk chunk_;
+  std::uint64_t points_ = 0;
+};
+
+/// Slices of [begin, end) in steps of a multiple of one unit; at least one slice, empty if the range is.
+/// \param unit_bytes  bytes per unit, 0 if the range has no bytes
+std::vector<InputSlice> even_slices(std::uint32_t file, std::uint64_t begin, std::uint64_t end,
+                                    std::uint64_t unit_bytes, std::uint64_t target_bytes);
+
+/// How many records a header that may lie stands for.
+struct RecordCount {
+  std::uint64_t usable = 0;   ///< records to read
+  std::uint64_t missing = 0;  ///< declared, not in the file
+  std::string warning;        ///< one sentence if declared and found differ
+};
+/// A file that ends early is read as far as it goes. Whole records beyond the declared count are read too if
+/// nothing else can be meant: the count is 0 (never filled in) or they fill the space exactly; else they are
+/// left alone. \param space    bytes from the first record to the end of what may hold records \param closing
+/// true if nothing else is declared to follow the records
+RecordCount verified_count(std::uint64_t declared, std::uint64_t space, std::size_t stride, bool closing);
+
+}  // namespace tessera
