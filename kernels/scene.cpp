@@ -1,0 +1,44 @@
+#include "kernels/scene.h"
+
+#include <array>
+
+#include "kernels/scene_smooth.h"
+#include "kernels/scene_solid.h"
+#include "octree/error.h"
+
+namespace tessera::synth {
+namespace {
+
+constexpr std::array kScenes = {
+    SceneName{"csg", "block with a cylinder standing out of it and a bore: convex and concave creases"},
+    SceneName{"cube", "edge 2: straight creases and corners"},
+    SceneName{"fandisk", "planes and cylinders, sharp and tangent joints, oblique cut"},
+    SceneName{"sphere", "radius 1"},
+    SceneName{"terrain", "fractal hills, 1000 x 1000, z up, open"},
+    SceneName{"torus", "radii 1 and 0.4"},
+};
+
+}  // namespace
+
+std::span<const SceneName> scene_names() { return kScenes; }
+
+std::uint32_t Scene::colour(const SurfacePoint& p) const {
+  // Painted plaster: hue by the direction of the surface, so that creases show in a coloured point cloud.
+  const auto channel = [](double n) { return static_cast<std::uint32_t>(176.0 + 48.0 * clamp(n, -1.0, 1.0)); };
+  return channel(p.normal.x) | channel(p.normal.y) << 8 | channel(p.normal.z) << 16 | 0xff000000u;
+}
+
+std::unique_ptr<Scene> make_scene(const SceneOptions& options) {
+  const std::string& name = options.name;
+  if (name == "sphere") return make_sphere();
+  if (name == "torus") return make_torus();
+  if (name == "cube") return make_cube();
+  if (name == "csg") return make_csg();
+  if (name == "fandisk") return make_fandisk();
+  if (name == "terrain") return make_terrain(terrain_relief(options.octaves, options.spacing));
+  std::string known;
+  for (const auto& scene : kScenes) known += (known.empty() ? "" : ", ") + std::string(scene.name);
+  throw UsageError("--scene '" + name + "' is unknown: choose one of " + known);
+}
+
+}  // namespace tessera::synth

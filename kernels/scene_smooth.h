@@ -1,0 +1,78 @@
+/// \file scene_smooth.h
+/// Smooth scenes with a parametrisation, and what other scenes borrow from the terrain.
+#pragma once
+#include <memory>
+
+#include "kernels/fractal_noise.h"
+#include "kernels/scene.h"
+
+namespace tessera::synth {
+
+inline constexpr double kTerrainSize = 1000.0;  ///< edge of the terrain, scene units
+
+/// Relief with that many octaves, or (0) as many as samples of that spacing resolve.
+FractalOptions terrain_relief(int octaves, double spacing);
+std::uint32_t terrain_colour(const SurfacePoint& p, double amplitude);
+
+std::unique_ptr<Scene> make_sphere();  ///< radius 1, centre at the origin
+std::unique_ptr<Scene> make_torus();   ///< radii 1 and 0.4, axis z
+std::unique_ptr<Scene> make_terrain(const FractalOptions& relief);
+
+/// First crossing of a ray with a surface z = height(x, y) from above or below: steps in proportion to the height
+/// difference, then bisection, so that a hit lies on the surface to 1e-12 of the scene; slopes steeper than 2.5 may be stepped
+/// over where they are thinner than a step.
+/// \param field  (p, height, normal) -> whether (p.x, p.y) belongs to the field
+template <class Field>
+bool intersect_heightfield(const Field& field, const Box3& box, const Ray& ray, double limit, RayHit& hit) {
+  // Clip to the box: nothing is outside.
+  double t0 = 0.0, t1 = limit;
+  const double o[3] = {ray.origin.x, ray.origin.y, ray.origin.z};
+  const double d[3] = {ray.direction.x, ray.direction.y, ray.direction.z};
+  const double lo[3] = {box.lo.x, box.lo.y, box.lo.z}, hi[3] = {box.hi.x, box.hi.y, box.hi.z};
+  for (int axis = 0; axis < 3; ++axis) {
+    if (d[axis] == 0.0) {
+      if (o[axis] < lo[axis] || o[axis] > hi[axis]) return false;
+      continue;
+    }
+    const double a = (lo[axis] - o[axis]) / d[axis], b = (hi[axis] - o[axis]) / d[axis];
+    t0 = t0 > (a < b ? a : b) ? t0 : (a < b ? a : b);
+    t1 = t1 < (a < b ? b : a) ? t1 : (a < b ? b : a);
+  }
+  if (!(t0 < t1)) return false;
+  constexpr double kStep = 0.37;  // 1 / (1 + slope) for the steepest slope that the relief has in practice
+  const double least = 1e-5 * (box.hi.x - box.lo.x);
+  double before = 0.0, t_before = t0, t = t0;
+  bool have_before = false;
+  for (int step = 0; step < 4000 && t <= t1; ++step) {
+    const Vec3 p = ray.origin + ray.direction * t;
+    double height = 0.0;
+    Vec3 normal;
+    if (!field(p, height, normal)) {
+      have_before = false;
+      t += least * 10.0;
+      continue;
+    }
+    const double gap = p.z - height;
+    if (have_before && (gap < 0.0) != (before < 0.0)) {
+      double a = t_before, b = t;
+      for (int k = 0; k < 60; ++k) {
+        const double m = 0.5 * (a + b);
+        const Vec3 q = ray.origin + ray.direction * m;
+        if (!field(q, height, normal)) return false;
+        ((q.z - height < 0.0) == (before < 0.0) ? a : b) = m;
+      }
+      const Vec3 q = ray.origin + ray.direction * b;
+      if (!field(q, height, normal)) return false;
+      hit = {b, {{q.x, q.y, height}, normal}};
+      return b > 0.0;
+    }
+    before = gap;
+    t_before = t;
+    have_before = true;
+    const double stride = std::fabs(gap) * kStep;
+    t += stride > least ? stride : least;
+  }
+  return false;
+}
+
+}  // namespace tessera::synth

@@ -1,0 +1,76 @@
+/// \file solid.h
+/// The pieces of a solid: trimmed faces, curves where faces meet, corners where curves meet.
+#pragma once
+#include <functional>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "kernels/scene.h"
+
+namespace tessera::synth {
+
+/// Whether a point of a face's carrier surface belongs to the face.
+using Trim = std::function<bool(const Vec3&)>;
+
+/// A face on a carrier surface that is larger than it.
+class SolidFace : public SurfacePatch {
+ public:
+  /// Nearest point of the carrier. \returns false where it is not on the face
+  virtual bool foot(const Vec3& p, SurfacePoint& out) const = 0;
+  /// Shortens `hit` to the first hit in (0, hit.range) if there is one.
+  virtual void intersect(const Ray& ray, RayHit& hit) const = 0;
+};
+
+/// Parallelogram origin + u U + v V, normal along cross(U, V), cut by `trim` (empty: whole).
+std::unique_ptr<SolidFace> plane_face(const Vec3& origin, const Vec3& u, const Vec3& v, Trim trim = {});
+
+/// Cylinder about the line through `centre` along the unit vector `axis`: angle from `from` to `to` measured from the
+/// unit vector `x` towards cross(axis, x), height along the axis from `low` to top(point), where `top` is linear:
+/// top_height + dot(top_slope, point - centre).
+struct CylinderShape {
+  Vec3 centre, axis, x;
+  double radius = 1.0;
+  double from = 0.0, to = 2.0 * kPi;
+  double low = 0.0;
+  double top_height = 1.0;
+  Vec3 top_slope;       ///< at right angles to axis
+  bool inward = false;  ///< normal towards the axis: a bore
+  Trim trim;
+};
+std::unique_ptr<SolidFace> cylinder_face(const CylinderShape& shape);
+
+/// centre + cos(t) a + sin(t) b for t in [from, to], or (b zero, see line) a segment.
+struct Crease {
+  Vec3 centre, a, b;
+  double from = 0.0, to = 0.0;
+  bool straight = false;  ///< centre + t a, t in [0, 1]
+  static Crease line(const Vec3& from, const Vec3& to) { return {from, to - from, {}, 0.0, 1.0, true}; }
+  Vec3 at(double t) const;
+  Vec3 closest(const Vec3& p) const;
+};
+
+class Solid : public Scene {
+ public:
+  Solid(std::string name, const Box3& bounds) : name_(std::move(name)), bounds_(bounds) {}
+  void add(std::unique_ptr<SolidFace> face) { faces_.push_back(std::move(face)); }
+  void add(const Crease& crease) { creases_.push_back(crease); }
+  void add_corner(const Vec3& corner) { corners_.push_back(corner); }
+
+  std::string_view name() const override { return name_; }
+  Box3 bounds() const override { return bounds_; }
+  SurfacePoint closest(const Vec3& p) const override;
+  bool intersect(const Ray& ray, double limit, RayHit& hit) const override;
+  std::vector<const SurfacePatch*> patches() const override;
+  bool nearest_crease(const Vec3& p, SharpFeature& out) const override;
+  bool nearest_corner(const Vec3& p, SharpFeature& out) const override;
+
+ private:
+  std::string name_;
+  Box3 bounds_;
+  std::vector<std::unique_ptr<SolidFace>> faces_;
+  std::vector<Crease> creases_;
+  std::vector<Vec3> corners_;
+};
+
+}  // namespace tessera::synth
