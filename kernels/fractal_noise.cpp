@@ -3,7 +3,8 @@
 namespace tessera::synth {
 namespace {
 
-// Two rounds of multiply and shift: enough for gradients that no eye and no reconstruction can tell from random.
+// Two rounds of multiply and shift: enough for gradients that no eye and no reconstruction can tell from
+// random.
 inline std::uint32_t hash2(std::uint32_t i, std::uint32_t j, std::uint32_t seed) {
   std::uint32_t h = i * 0x8da6b343u ^ j * 0xd8163841u ^ seed;
   h = (h ^ h >> 15) * 0x2c1b3c6du;
@@ -15,23 +16,30 @@ inline std::uint32_t hash2(std::uint32_t i, std::uint32_t j, std::uint32_t seed)
 inline double low_half(std::uint32_t h) {
   return static_cast<double>(static_cast<std::int32_t>(h << 16) >> 16) * 0x1p-15;
 }
-inline double high_half(std::uint32_t h) { return static_cast<double>(static_cast<std::int32_t>(h) >> 16) * 0x1p-15; }
+inline double high_half(std::uint32_t h) {
+  return static_cast<double>(static_cast<std::int32_t>(h) >> 16) * 0x1p-15;
+}
 
-inline double fade(double t) { return t * t * t * (t * (t * 6.0 - 15.0) + 10.0); }
-inline double fade_slope(double t) { return 30.0 * t * t * (t * (t - 2.0) + 1.0); }
+inline double fade(double t) {
+  return t * t * t * (t * (t * 6.0 - 15.0) + 10.0);
+}
+inline double fade_slope(double t) {
+  return 30.0 * t * t * (t * (t - 2.0) + 1.0);
+}
 
-// Largest |value| of one octave: weights sum to 1 and the weighted offsets are at most 1/2 per axis. Largest partial
-// derivative: 1 from the gradients, 15/8 (the steepest fade) times at most 2 from their differences.
+// Largest |value| of one octave: weights sum to 1 and the weighted offsets are at most 1/2 per axis. Largest
+// partial derivative: 1 from the gradients, 15/8 (the steepest fade) times at most 2 from their differences.
 constexpr double kValueBound = 1.0;
 constexpr double kPartialBound = 1.0 + 1.875 * 2.0;
 constexpr double kVolumePartialBound = 1.0 + 1.875 * 3.0;
 
 std::uint32_t octave_seed(const FractalOptions& options, int octave) {
-  return static_cast<std::uint32_t>(random_bits(options.seed, 0x6e6f697365, static_cast<std::uint64_t>(octave)));
+  return static_cast<std::uint32_t>(
+      random_bits(options.seed, 0x6e6f697365, static_cast<std::uint64_t>(octave)));
 }
 
-// Adds one octave. Written without branches over plain arrays so that the compiler turns it into vectors; every
-// item has its own chain of operations, so the width of the vectors does not change a bit.
+// Adds one octave. Written without branches over plain arrays so that the compiler turns it into vectors;
+// every item has its own chain of operations, so the width of the vectors does not change a bit.
 void add_octave(std::size_t n, const double* __restrict x, const double* __restrict y, double frequency,
                 double amplitude, double shift, std::uint32_t seed, double* __restrict height,
                 double* __restrict slope_x, double* __restrict slope_y) {
@@ -82,8 +90,8 @@ void fractal_heights(const FractalOptions& options, std::span<const double> x, s
   double amplitude = options.amplitude, frequency = 1.0 / options.wavelength;
   for (int k = 0; k < options.octaves; ++k) {
     // Lattices of the octaves are shifted against each other, or their zeros would coincide at nodes.
-    add_octave(n, x.data(), y.data(), frequency, amplitude, 0.37 * (k + 1), octave_seed(options, k), height.data(),
-               slope_x.data(), slope_y.data());
+    add_octave(n, x.data(), y.data(), frequency, amplitude, 0.37 * (k + 1), octave_seed(options, k),
+               height.data(), slope_x.data(), slope_y.data());
     amplitude *= options.gain;
     frequency *= 2.0;
   }
@@ -123,7 +131,8 @@ double fractal_volume(const FractalOptions& options, const Vec3& p, Vec3& gradie
       const double wx = i ? w.x : 1.0 - w.x, wy = j ? w.y : 1.0 - w.y, wz = l ? w.z : 1.0 - w.z;
       sum += wx * wy * wz * value_here;
       slope = slope + g * (wx * wy * wz) +
-              Vec3{(i ? s.x : -s.x) * wy * wz, (j ? s.y : -s.y) * wx * wz, (l ? s.z : -s.z) * wx * wy} * value_here;
+              Vec3{(i ? s.x : -s.x) * wy * wz, (j ? s.y : -s.y) * wx * wz, (l ? s.z : -s.z) * wx * wy} *
+                  value_here;
     }
     value += amplitude * sum;
     gradient = gradient + slope * (amplitude * frequency);

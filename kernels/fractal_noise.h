@@ -1,6 +1,6 @@
 /// \file fractal_noise.h
-/// Band-limited fractal noise with exact derivatives: sums of gradient noise (Perlin 2002, quintic fade) on integer
-/// lattices with hashed gradients. Same bits on every machine, no tables.
+/// Band-limited fractal noise with exact derivatives: sums of gradient noise (Perlin 2002, quintic fade) on
+/// integer lattices with hashed gradients. Same bits on every machine, no tables.
 #pragma once
 #include <cstddef>
 #include <cstdint>
@@ -13,7 +13,7 @@ namespace tessera::synth {
 struct FractalOptions {
   int octaves = 6;
   double wavelength = 256.0;  ///< of the first octave; halves with each
-  double amplitude = 40.0;    ///< factor of the first octave, whose noise lies in about [-0.7, 0.7]
+  double amplitude = 70.0;    ///< factor of the first octave, whose noise lies in about [-0.7, 0.7]
   double gain = 0.45;         ///< amplitude ratio of successive octaves
   std::uint32_t seed = 1;
 };

@@ -1,6 +1,6 @@
 /// \file portable_math.h
-/// Small vectors, counter-based random numbers and elementary functions that give the same bits on every machine:
-/// only + - * / sqrt floor and integer operations, never libm transcendentals.
+/// Small vectors, counter-based random numbers and elementary functions that give the same bits on every
+/// machine: only + - * / sqrt floor and integer operations, never libm transcendentals.
 #pragma once
 #include <bit>
 #include <cmath>
@@ -13,24 +13,41 @@ inline constexpr double kPi = 3.14159265358979323846;
 struct Vec3 {
   double x = 0.0, y = 0.0, z = 0.0;
 };
-inline Vec3 operator+(const Vec3& a, const Vec3& b) { return {a.x + b.x, a.y + b.y, a.z + b.z}; }
-inline Vec3 operator-(const Vec3& a, const Vec3& b) { return {a.x - b.x, a.y - b.y, a.z - b.z}; }
-inline Vec3 operator-(const Vec3& a) { return {-a.x, -a.y, -a.z}; }
-inline Vec3 operator*(const Vec3& a, double s) { return {a.x * s, a.y * s, a.z * s}; }
-inline double dot(const Vec3& a, const Vec3& b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
+inline Vec3 operator+(const Vec3& a, const Vec3& b) {
+  return {a.x + b.x, a.y + b.y, a.z + b.z};
+}
+inline Vec3 operator-(const Vec3& a, const Vec3& b) {
+  return {a.x - b.x, a.y - b.y, a.z - b.z};
+}
+inline Vec3 operator-(const Vec3& a) {
+  return {-a.x, -a.y, -a.z};
+}
+inline Vec3 operator*(const Vec3& a, double s) {
+  return {a.x * s, a.y * s, a.z * s};
+}
+inline double dot(const Vec3& a, const Vec3& b) {
+  return a.x * b.x + a.y * b.y + a.z * b.z;
+}
 inline Vec3 cross(const Vec3& a, const Vec3& b) {
   return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
 }
-inline double length(const Vec3& a) { return std::sqrt(dot(a, a)); }
+inline double length(const Vec3& a) {
+  return std::sqrt(dot(a, a));
+}
 /// \pre a is not zero
-inline Vec3 normalized(const Vec3& a) { return a * (1.0 / length(a)); }
-/// Any unit vector at right angles to the unit vector `n`; continuous except where its smallest component changes.
+inline Vec3 normalized(const Vec3& a) {
+  return a * (1.0 / length(a));
+}
+/// Any unit vector at right angles to the unit vector `n`; continuous except where its smallest component
+/// changes.
 inline Vec3 any_orthogonal(const Vec3& n) {
   const double ax = std::fabs(n.x), ay = std::fabs(n.y), az = std::fabs(n.z);
   const Vec3 axis = ax <= ay && ax <= az ? Vec3{1, 0, 0} : ay <= az ? Vec3{0, 1, 0} : Vec3{0, 0, 1};
   return normalized(cross(n, axis));
 }
-inline double clamp(double v, double lo, double hi) { return v < lo ? lo : v > hi ? hi : v; }
+inline double clamp(double v, double lo, double hi) {
+  return v < lo ? lo : v > hi ? hi : v;
+}
 
 /// 64 well mixed bits of a counter (the finaliser of Steele, Lea, Flood 2014, "SplitMix").
 constexpr std::uint64_t mix(std::uint64_t v) {
@@ -44,7 +61,9 @@ constexpr std::uint64_t random_bits(std::uint64_t seed, std::uint64_t stream, st
   return mix(mix(seed * 0xd1342543de82ef95ULL + stream) ^ mix(index));
 }
 /// [0, 1), 53 bits.
-constexpr double to_unit(std::uint64_t bits) { return static_cast<double>(bits >> 11) * 0x1p-53; }
+constexpr double to_unit(std::uint64_t bits) {
+  return static_cast<double>(bits >> 11) * 0x1p-53;
+}
 
 struct SinCos {
   double sin, cos;
@@ -56,16 +75,30 @@ inline SinCos sin_cos(double angle) {
   const double r = (angle - quarter * 1.57079632673412561417) - quarter * 6.07710050650619224932e-11;
   const double q = r * r;
   const double s =
-      r * (1.0 - q / 6.0 * (1.0 - q / 20.0 * (1.0 - q / 42.0 * (1.0 - q / 72.0 * (1.0 - q / 110.0 *
-          (1.0 - q / 156.0 * (1.0 - q / 210.0)))))));
+      r * (1.0 -
+           q / 6.0 *
+               (1.0 - q / 20.0 *
+                          (1.0 - q / 42.0 *
+                                     (1.0 - q / 72.0 *
+                                                (1.0 - q / 110.0 * (1.0 - q / 156.0 * (1.0 - q / 210.0)))))));
   const double c =
-      1.0 - q / 2.0 * (1.0 - q / 12.0 * (1.0 - q / 30.0 * (1.0 - q / 56.0 * (1.0 - q / 90.0 *
-          (1.0 - q / 132.0 * (1.0 - q / 182.0 * (1.0 - q / 240.0)))))));
+      1.0 -
+      q / 2.0 *
+          (1.0 -
+           q / 12.0 *
+               (1.0 - q / 30.0 *
+                          (1.0 - q / 56.0 *
+                                     (1.0 - q / 90.0 *
+                                                (1.0 - q / 132.0 * (1.0 - q / 182.0 * (1.0 - q / 240.0)))))));
   switch (static_cast<std::int64_t>(quarter) & 3) {
-    case 0: return {s, c};
-    case 1: return {c, -s};
-    case 2: return {-s, -c};
-    default: return {-c, s};
+    case 0:
+      return {s, c};
+    case 1:
+      return {c, -s};
+    case 2:
+      return {-s, -c};
+    default:
+      return {-c, s};
   }
 }
 

@@ -20,11 +20,15 @@ constexpr std::array kScenes = {
 
 }  // namespace
 
-std::span<const SceneName> scene_names() { return kScenes; }
+std::span<const SceneName> scene_names() {
+  return kScenes;
+}
 
 std::uint32_t Scene::colour(const SurfacePoint& p) const {
   // Painted plaster: hue by the direction of the surface, so that creases show in a coloured point cloud.
-  const auto channel = [](double n) { return static_cast<std::uint32_t>(176.0 + 48.0 * clamp(n, -1.0, 1.0)); };
+  const auto channel = [](double n) {
+    return static_cast<std::uint32_t>(176.0 + 48.0 * clamp(n, -1.0, 1.0));
+  };
   return channel(p.normal.x) | channel(p.normal.y) << 8 | channel(p.normal.z) << 16 | 0xff000000u;
 }
 

@@ -1,6 +1,6 @@
 /// \file scene.h
-/// Scenes whose surface is known exactly: what a simulated scanner looks at, and what a mesh is measured against.
-/// A scene is a pure function of its name and options: the same bits on every machine.
+/// Scenes whose surface is known exactly: what a simulated scanner looks at, and what a mesh is measured
+/// against. A scene is a pure function of its name and options: the same bits on every machine.
 #pragma once
 #include <cstddef>
 #include <cstdint>
@@ -42,8 +42,8 @@ struct SurfaceBatch {
   std::size_t size() const { return x.size(); }
 };
 
-/// A piece of the surface over the unit square, for direct sampling. Positions are exact; the area density only
-/// decides how many samples go where.
+/// A piece of the surface over the unit square, for direct sampling. Positions are exact; the area density
+/// only decides how many samples go where.
 class SurfacePatch {
  public:
   virtual ~SurfacePatch() = default;
@@ -72,9 +72,9 @@ class Scene {
   virtual std::string_view name() const = 0;
   virtual Box3 bounds() const = 0;  ///< encloses the surface
 
-  /// Nearest point of the surface. Exact (to rounding) for queries nearer to it than its radii of curvature, for
-  /// sphere, torus, cube, csg, fandisk everywhere; else a point of the surface, so that the distance is never
-  /// understated.
+  /// Nearest point of the surface. Exact (to rounding) for queries nearer to it than its radii of curvature,
+  /// for sphere, torus, cube, csg, fandisk everywhere; else a point of the surface, so that the distance is
+  /// never understated.
   virtual SurfacePoint closest(const Vec3& p) const = 0;
   /// First hit with 0 < range <= limit. \returns false if there is none
   virtual bool intersect(const Ray& ray, double limit, RayHit& hit) const = 0;
@@ -87,6 +87,8 @@ class Scene {
   virtual bool nearest_corner(const Vec3&, SharpFeature&) const { return false; }
   /// Whether the surface ends somewhere (terrain), so that meshes of it have a border.
   virtual bool open() const { return false; }
+  /// Octaves of fractal relief in it, 0 without.
+  virtual int octaves() const { return 0; }
   /// Colour at a point of the surface: r | g<<8 | b<<16 | 255<<24.
   virtual std::uint32_t colour(const SurfacePoint& p) const;
 };

@@ -14,8 +14,8 @@ namespace {
 
 constexpr double kSphereRadius = 1.0;
 
-/// One sixth of the sphere: a face of the circumscribed cube, pushed out. tan(pi/4 a) would give nearly equal cells;
-/// a cubic with the same slope at both ends does as well, and needs no tangent.
+/// One sixth of the sphere: a face of the circumscribed cube, pushed out. tan(pi/4 a) would give nearly equal
+/// cells; a cubic with the same slope at both ends does as well, and needs no tangent.
 class SpherePatch final : public SurfacePatch {
  public:
   explicit SpherePatch(int face) : axis_(face / 2), sign_(face % 2 ? -1.0 : 1.0) {}
@@ -157,13 +157,14 @@ class TerrainScene final : public Scene, private SurfacePatch {
   explicit TerrainScene(const FractalOptions& relief) : relief_(relief) {}
   std::string_view name() const override { return "terrain"; }
   bool open() const override { return true; }
+  int octaves() const override { return relief_.octaves; }
   Box3 bounds() const override {
     const double z = fractal_height_bound(relief_);
     return {{0, 0, -z}, {kTerrainSize, kTerrainSize, z}};
   }
   SurfacePoint closest(const Vec3& p) const override {
-    // Foot point on the tangent plane, again and again: converges where the query is nearer than the radius of
-    // curvature. Keeps the best point seen, so that a query beyond that still gets a point of the surface.
+    // Foot point on the tangent plane, again and again: converges where the query is nearer than the radius
+    // of curvature. Keeps the best point seen, so that a query beyond that still gets a point of the surface.
     Vec3 best = on_surface(p.x, p.y), at = best;
     Vec3 normal = normal_at(p.x, p.y), best_normal = normal;
     double best_d = length(p - best);
@@ -212,8 +213,8 @@ class TerrainScene final : public Scene, private SurfacePatch {
     constexpr std::size_t kBlock = 512;  // stays in the first cache across octaves
     for (std::size_t first = 0; first < n; first += kBlock) {
       const std::size_t m = std::min(kBlock, n - first);
-      fractal_heights(relief_, {out.x.data() + first, m}, {out.y.data() + first, m}, {out.z.data() + first, m},
-                      {out.nx.data() + first, m}, {out.ny.data() + first, m});
+      fractal_heights(relief_, {out.x.data() + first, m}, {out.y.data() + first, m},
+                      {out.z.data() + first, m}, {out.nx.data() + first, m}, {out.ny.data() + first, m});
     }
     for (std::size_t i = 0; i < n; ++i) {
       const double f = 1.0 / std::sqrt(1.0 + out.nx[i] * out.nx[i] + out.ny[i] * out.ny[i]);
@@ -263,8 +264,14 @@ FractalOptions terrain_relief(int octaves, double spacing) {
   return relief;
 }
 
-std::unique_ptr<Scene> make_sphere() { return std::make_unique<SphereScene>(); }
-std::unique_ptr<Scene> make_torus() { return std::make_unique<TorusScene>(); }
-std::unique_ptr<Scene> make_terrain(const FractalOptions& relief) { return std::make_unique<TerrainScene>(relief); }
+std::unique_ptr<Scene> make_sphere() {
+  return std::make_unique<SphereScene>();
+}
+std::unique_ptr<Scene> make_torus() {
+  return std::make_unique<TorusScene>();
+}
+std::unique_ptr<Scene> make_terrain(const FractalOptions& relief) {
+  return std::make_unique<TerrainScene>(relief);
+}
 
 }  // namespace tessera::synth

@@ -18,10 +18,10 @@ std::unique_ptr<Scene> make_sphere();  ///< radius 1, centre at the origin
 std::unique_ptr<Scene> make_torus();   ///< radii 1 and 0.4, axis z
 std::unique_ptr<Scene> make_terrain(const FractalOptions& relief);
 
-/// First crossing of a ray with a surface z = height(x, y) from above or below: steps in proportion to the height
-/// difference, then bisection, so that a hit lies on the surface to 1e-12 of the scene; slopes steeper than 2.5 may be stepped
-/// over where they are thinner than a step.
-/// \param field  (p, height, normal) -> whether (p.x, p.y) belongs to the field
+/// First crossing of a ray with a surface z = height(x, y) from above or below: steps in proportion to the
+/// height difference, then bisection, so that a hit lies on the surface to 1e-12 of the scene; slopes steeper
+/// than 2.5 may be stepped over where they are thinner than a step. \param field  (p, height, normal) ->
+/// whether (p.x, p.y) belongs to the field
 template <class Field>
 bool intersect_heightfield(const Field& field, const Box3& box, const Ray& ray, double limit, RayHit& hit) {
   // Clip to the box: nothing is outside.

@@ -37,8 +37,8 @@ struct Point2 {
   double x, y;
 };
 
-/// Piece of a closed profile: a line, or an arc of at most a quarter turn about (cx, cy), from angle `from` to `to`
-/// (clockwise if to < from).
+/// Piece of a closed profile: a line, or an arc of at most a quarter turn about (cx, cy), from angle `from`
+/// to `to` (clockwise if to < from).
 struct ProfilePiece {
   Point2 a, b;
   bool arc = false;
@@ -49,7 +49,9 @@ struct ProfilePiece {
 
 class Profile {
  public:
-  void line(Point2 a, Point2 b, bool sharp_start) { pieces_.push_back({a, b, false, {0, 0}, 0, 0, 0, sharp_start}); }
+  void line(Point2 a, Point2 b, bool sharp_start) {
+    pieces_.push_back({a, b, false, {0, 0}, 0, 0, 0, sharp_start});
+  }
   /// Quarter turns from quarter `q0` to `q1` (angles in units of 90 degrees).
   void arc(Point2 centre, double radius, int q0, int q1, bool sharp_start) {
     const auto at = [&](int q) {
@@ -64,8 +66,8 @@ class Profile {
   }
   const std::vector<ProfilePiece>& pieces() const { return pieces_; }
 
-  /// Parity of the chord polygon, then of the segments between chord and arc. Both use the same expression for the
-  /// side of a chord, so that points on a chord fall consistently.
+  /// Parity of the chord polygon, then of the segments between chord and arc. Both use the same expression
+  /// for the side of a chord, so that points on a chord fall consistently.
   bool inside(double x, double y) const {
     bool in = false;
     for (const auto& p : pieces_) {
@@ -87,8 +89,10 @@ class Profile {
   std::vector<ProfilePiece> pieces_;
 };
 
-/// Extrudes a profile (outer loops counter-clockwise, holes clockwise) from z = low to z = height + slope . (x, y).
-void add_prism(Solid& solid, const Profile& profile, Point2 lo, Point2 hi, double low, double height, Point2 slope) {
+/// Extrudes a profile (outer loops counter-clockwise, holes clockwise) from z = low to z = height + slope .
+/// (x, y).
+void add_prism(Solid& solid, const Profile& profile, Point2 lo, Point2 hi, double low, double height,
+               Point2 slope) {
   const auto top = [=](double x, double y) { return height + slope.x * x + slope.y * y; };
   const Trim trim = [profile](const Vec3& p) { return profile.inside(p.x, p.y); };
   const double dx = hi.x - lo.x, dy = hi.y - lo.y;
@@ -170,7 +174,8 @@ std::unique_ptr<Scene> make_csg() {
     solid->add(cylinder_face(rod));
     const Vec3 end{-kRod, -kRod, side * kRodEnd};
     const Vec3 across{2 * kRod, 0, 0}, along{0, 2 * kRod, 0};
-    solid->add(side > 0 ? plane_face(end, across, along, inside_rod) : plane_face(end, along, across, inside_rod));
+    solid->add(side > 0 ? plane_face(end, across, along, inside_rod)
+                        : plane_face(end, along, across, inside_rod));
     circle({0, 0, side * hi.z}, rx, ry);
     circle({0, 0, side * kRodEnd}, rx, ry);
     circle({side * hi.x, 0, 0}, by, bz);

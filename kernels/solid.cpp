@@ -81,7 +81,8 @@ class CylinderFace final : public SolidFace {
     const double height = dot(r, s_.axis);
     const Vec3 spoke = r - s_.axis * height;
     const double rho = length(spoke);
-    if (!(rho > 0.0)) return false;  // on the axis every direction is as near: a crease or another face answers
+    if (!(rho > 0.0))
+      return false;  // on the axis every direction is as near: a crease or another face answers
     const Vec3 n = spoke * (1.0 / rho);
     if (dot(n, middle_) < least_cosine_) return false;
     if (!(height >= s_.low && height <= top(n))) return false;
@@ -123,7 +124,9 @@ class CylinderFace final : public SolidFace {
   double least_cosine_;
 };
 
-double squared(const Vec3& v) { return dot(v, v); }
+double squared(const Vec3& v) {
+  return dot(v, v);
+}
 
 }  // namespace
 

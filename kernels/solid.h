@@ -25,9 +25,9 @@ class SolidFace : public SurfacePatch {
 /// Parallelogram origin + u U + v V, normal along cross(U, V), cut by `trim` (empty: whole).
 std::unique_ptr<SolidFace> plane_face(const Vec3& origin, const Vec3& u, const Vec3& v, Trim trim = {});
 
-/// Cylinder about the line through `centre` along the unit vector `axis`: angle from `from` to `to` measured from the
-/// unit vector `x` towards cross(axis, x), height along the axis from `low` to top(point), where `top` is linear:
-/// top_height + dot(top_slope, point - centre).
+/// Cylinder about the line through `centre` along the unit vector `axis`: angle from `from` to `to` measured
+/// from the unit vector `x` towards cross(axis, x), height along the axis from `low` to top(point), where
+/// `top` is linear: top_height + dot(top_slope, point - centre).
 struct CylinderShape {
   Vec3 centre, axis, x;
   double radius = 1.0;

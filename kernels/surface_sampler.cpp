@@ -9,12 +9,15 @@ namespace {
 // The plastic number's powers: the additive sequence that keeps points of the plane furthest apart.
 constexpr double kR2u = 0.75487766624669276005;
 constexpr double kR2v = 0.56984029099805326591;
-constexpr double kCellPoints = 64.0;      // few enough that density is constant over a cell, many enough to be cheap
+constexpr double kCellPoints =
+    64.0;  // few enough that density is constant over a cell, many enough to be cheap
 constexpr std::uint32_t kSpanCells = 1024;  // about 65,000 points: 3 MB of doubles
-constexpr double kJitter = 0.35;          // of the mean spacing: breaks the lattice look, keeps points apart
-constexpr int kTrimGrid = 16;             // sub-samples per axis that measure a trimmed cell
+constexpr double kJitter = 0.35;  // of the mean spacing: breaks the lattice look, keeps points apart
+constexpr int kTrimGrid = 16;     // sub-samples per axis that measure a trimmed cell
 
-double fraction(double v) { return v - std::floor(v); }
+double fraction(double v) {
+  return v - std::floor(v);
+}
 
 }  // namespace
 

@@ -1,9 +1,10 @@
 /// \file surface_sampler.h
-/// Direct sampling of a truth surface: nearly uniform in area, an exact number of points, any part of which can be
-/// made on its own, so that the whole is streamed and the number of threads does not matter.
+/// Direct sampling of a truth surface: nearly uniform in area, an exact number of points, any part of which
+/// can be made on its own, so that the whole is streamed and the number of threads does not matter.
 ///
-/// Every patch is cut into cells of about 64 samples. A cell gets its share of the points by rounding the running
-/// sum of areas; inside it the points follow the R2 additive sequence (Roberts 2018), shifted and jittered per cell.
+/// Every patch is cut into cells of about 64 samples. A cell gets its share of the points by rounding the
+/// running sum of areas; inside it the points follow the R2 additive sequence (Roberts 2018), shifted and
+/// jittered per cell.
 #pragma once
 #include <cstddef>
 #include <cstdint>

@@ -9,5 +9,6 @@ class App;
 namespace tessera {
 
 // one line per command, alphabetical
+void add_synth(CLI::App& app);
 
 }  // namespace tessera

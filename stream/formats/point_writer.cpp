@@ -1,0 +1,300 @@
+#include "stream/formats/point_writer.h"
+
+#include <algorithm>
+#include <array>
+#include <charconv>
+#include <cmath>
+#include <cstring>
+#include <limits>
+
+#include "octree/error.h"
+#include "stream/output_file.h"
+
+namespace tessera {
+namespace {
+
+bool finite(const PointChunk& c, std::size_t i) {
+  return std::isfinite(c.x[i]) && std::isfinite(c.y[i]) && std::isfinite(c.z[i]);
+}
+
+void count_points(const PointChunk& chunk, EncodedPoints& out) {
+  constexpr double kInf = std::numeric_limits<double>::infinity();
+  out.points = 0;
+  out.min = {kInf, kInf, kInf};
+  out.max = {-kInf, -kInf, -kInf};
+  for (std::size_t i = 0; i < chunk.size(); ++i) {
+    if (!finite(chunk, i)) continue;
+    ++out.points;
+    const Double3 p = {chunk.x[i], chunk.y[i], chunk.z[i]};
+    for (std::size_t a = 0; a < 3; ++a) {
+      out.min[a] = std::min(out.min[a], p[a]);
+      out.max[a] = std::max(out.max[a], p[a]);
+    }
+  }
+}
+
+template <class T>
+char* put(char* at, T value) {
+  std::memcpy(at, &value, sizeof value);
+  return at + sizeof value;
+}
+
+/// What all formats share: the file, and the sums of what was appended.
+class BaseWriter : public PointWriter {
+ public:
+  BaseWriter(const std::filesystem::path& path, const PointFileHeader& header)
+      : file_(path), header_(header) {}
+  void append(const EncodedPoints& points) override {
+    file_.append(points.bytes.data(), points.bytes.size());
+    if (points.points == 0) return;
+    for (std::size_t a = 0; a < 3; ++a) {
+      min_[a] = points_ == 0 ? points.min[a] : std::min(min_[a], points.min[a]);
+      max_[a] = points_ == 0 ? points.max[a] : std::max(max_[a], points.max[a]);
+    }
+    points_ += points.points;
+  }
+  std::uint64_t finish() override {
+    complete_header();
+    const std::uint64_t size = file_.size();
+    file_.finish();
+    return size;
+  }
+
+ protected:
+  virtual void complete_header() {}
+  OutputFile file_;
+  PointFileHeader header_;
+  std::uint64_t points_ = 0;
+  Double3 min_{}, max_{};
+};
+
+// ------------------------------------------------------------------------------------------------ PLY
+
+class PlyPointWriter final : public BaseWriter {
+ public:
+  PlyPointWriter(const std::filesystem::path& path, const PointFileHeader& header)
+      : BaseWriter(path, header) {
+    file_.append(header_text(0));
+  }
+  void encode(const PointChunk& chunk, const PtxScan&, EncodedPoints& out) const override {
+    count_points(chunk, out);
+    const bool normals = header_.attributes.normals, colour = header_.attributes.colour;
+    const std::size_t record = (header_.double_positions ? 24 : 12) + (normals ? 12 : 0) + (colour ? 3 : 0);
+    out.bytes.resize(out.points * record);
+    char* at = out.bytes.data();
+    for (std::size_t i = 0; i < chunk.size(); ++i) {
+      if (!finite(chunk, i)) continue;
+      for (const double v : {chunk.x[i], chunk.y[i], chunk.z[i]}) {
+        at = header_.double_positions ? put(at, v) : put(at, static_cast<float>(v));
+      }
+      if (normals) {
+        for (const float v : {chunk.nx[i], chunk.ny[i], chunk.nz[i]}) at = put(at, v);
+      }
+      if (colour) {
+        std::memcpy(at, &chunk.rgba[i], 3);  // little endian: r, g, b first
+        at += 3;
+      }
+    }
+  }
+
+ private:
+  /// The same length for any count: the number of spaces in the last comment makes up for the digits.
+  std::string header_text(std::uint64_t points) const {
+    const std::string count = std::to_string(points);
+    std::string text = "ply\nformat binary_little_endian 1.0\n";
+    for (const auto& line : header_.comments) text += "comment " + line + "\n";
+    text += "comment Tessera" + std::string(20 - count.size(), ' ') + "\nelement vertex " + count + "\n";
+    const char* type = header_.double_positions ? "double" : "float";
+    for (const char* name : {"x", "y", "z"}) text += std::string("property ") + type + " " + name + "\n";
+    if (header_.attributes.normals) text += "property float nx\nproperty float ny\nproperty float nz\n";
+    if (header_.attributes.colour) {
+      text += "property uchar red\nproperty uchar green\nproperty uchar blue\n";
+    }
+    return text + "end_header\n";
+  }
+  void complete_header() override {
+    const std::string text = header_text(points_);
+    file_.patch(0, text.data(), text.size());
+  }
+};
+
+// ------------------------------------------------------------------------------------------------ LAS
+
+/// LAS 1.4 R15, point format 6 (30 bytes) or 7 (with colour, 36 bytes): 64-bit counts, no legacy fields.
+class LasPointWriter final : public BaseWriter {
+ public:
+  LasPointWriter(const std::filesystem::path& path, const PointFileHeader& header)
+      : BaseWriter(path, header) {
+    const std::array<char, kHeaderBytes> blank{};
+    file_.append(blank.data(), blank.size());
+  }
+  void encode(const PointChunk& chunk, const PtxScan&, EncodedPoints& out) const override {
+    count_points(chunk, out);
+    const bool colour = header_.attributes.colour;
+    out.bytes.assign(out.points * record_bytes(), 0);
+    char* record = out.bytes.data();
+    for (std::size_t i = 0; i < chunk.size(); ++i) {
+      if (!finite(chunk, i)) continue;
+      char* at = record;
+      const Double3 p = {chunk.x[i], chunk.y[i], chunk.z[i]};
+      for (std::size_t a = 0; a < 3; ++a) {
+        const double steps = std::floor((p[a] - header_.las_offset[a]) / header_.las_scale + 0.5);
+        if (!(std::fabs(steps) <= 2147483647.0)) {
+          throw UsageError(file_.path().string() + ": coordinate " + std::to_string(p[a]) +
+                           " does not fit 32 bits at LAS scale " + std::to_string(header_.las_scale) +
+                           "; write PLY instead");
+        }
+        at = put(at, static_cast<std::int32_t>(steps));
+      }
+      record[14] = 0x11;  // return 1 of 1
+      record[16] = 1;     // class: unclassified
+      if (colour) {
+        for (int c = 0; c < 3; ++c) {
+          const std::uint32_t v = chunk.rgba[i] >> (8 * c) & 0xffu;
+          put(record + 30 + 2 * c, static_cast<std::uint16_t>(v * 257u));
+        }
+      }
+      record += record_bytes();
+    }
+  }
+
+ private:
+  static constexpr std::size_t kHeaderBytes = 375;
+  std::size_t record_bytes() const { return header_.attributes.colour ? 36 : 30; }
+  void complete_header() override {
+    std::array<char, kHeaderBytes> h{};
+    std::memcpy(h.data(), "LASF", 4);
+    put(&h[6], std::uint16_t{1 << 4});  // global encoding: coordinate system as WKT, required by formats 6-10
+    h[24] = 1;
+    h[25] = 4;
+    std::memcpy(&h[26], "Tessera", 7);
+    std::memcpy(&h[58], "tessera " TESSERA_VERSION, sizeof("tessera " TESSERA_VERSION) - 1);
+    put(&h[90], std::uint16_t{1});  // creation day and year: fixed, the same bytes every time
+    put(&h[92], std::uint16_t{2026});
+    put(&h[94], std::uint16_t{kHeaderBytes});
+    put(&h[96], std::uint32_t{kHeaderBytes});
+    h[104] = header_.attributes.colour ? 7 : 6;
+    put(&h[105], static_cast<std::uint16_t>(record_bytes()));
+    for (std::size_t a = 0; a < 3; ++a) {
+      put(&h[131 + 8 * a], header_.las_scale);
+      put(&h[155 + 8 * a], header_.las_offset[a]);
+      put(&h[179 + 16 * a], stored(max_[a], a));
+      put(&h[187 + 16 * a], stored(min_[a], a));
+    }
+    put(&h[247], points_);
+    put(&h[255], points_);  // by return: all are first
+    file_.patch(0, h.data(), h.size());
+  }
+  /// The coordinate as a reader will see it, so that the bounds hold exactly.
+  double stored(double v, std::size_t axis) const {
+    const double steps = std::floor((v - header_.las_offset[axis]) / header_.las_scale + 0.5);
+    return steps * header_.las_scale + header_.las_offset[axis];
+  }
+};
+
+// ------------------------------------------------------------------------------------------------ text
+
+/// Appends a number in the shortest form that reads back to the same bits, and a separator.
+void put_number(std::vector<char>& out, double value, char after) {
+  char text[32];
+  const auto end = std::to_chars(text, text + sizeof text, value).ptr;
+  out.insert(out.end(), text, end);
+  out.push_back(after);
+}
+void put_number(std::vector<char>& out, float value, char after) {
+  char text[32];
+  const auto end = std::to_chars(text, text + sizeof text, value).ptr;
+  out.insert(out.end(), text, end);
+  out.push_back(after);
+}
+void put_colour(std::vector<char>& out, std::uint32_t rgba) {
+  char text[8];
+  for (int c = 0; c < 3; ++c) {
+    const auto end = std::to_chars(text, text + sizeof text, rgba >> (8 * c) & 0xffu).ptr;
+    out.insert(out.end(), text, end);
+    out.push_back(c < 2 ? ' ' : '\n');
+  }
+}
+
+class XyzPointWriter final : public BaseWriter {
+ public:
+  using BaseWriter::BaseWriter;
+  void encode(const PointChunk& chunk, const PtxScan&, EncodedPoints& out) const override {
+    count_points(chunk, out);
+    const bool normals = header_.attributes.normals, colour = header_.attributes.colour;
+    out.bytes.clear();
+    for (std::size_t i = 0; i < chunk.size(); ++i) {
+      if (!finite(chunk, i)) continue;
+      put_number(out.bytes, chunk.x[i], ' ');
+      put_number(out.bytes, chunk.y[i], ' ');
+      put_number(out.bytes, chunk.z[i], normals || colour ? ' ' : '\n');
+      if (normals) {
+        put_number(out.bytes, chunk.nx[i], ' ');
+        put_number(out.bytes, chunk.ny[i], ' ');
+        put_number(out.bytes, chunk.nz[i], colour ? ' ' : '\n');
+      }
+      if (colour) put_colour(out.bytes, chunk.rgba[i]);
+    }
+  }
+};
+
+class PtxPointWriter final : public BaseWriter {
+ public:
+  using BaseWriter::BaseWriter;
+  void begin_scan(const PtxScan& scan) override {
+    std::vector<char> text;
+    const auto word = [&text](const std::string& s) { text.insert(text.end(), s.begin(), s.end()); };
+    const auto origin = [&](const char* end) {
+      for (const double v : scan.origin) put_number(text, v, ' ');
+      text.pop_back();
+      word(end);
+    };
+    word(std::to_string(scan.columns) + "\n" + std::to_string(scan.rows) + "\n");
+    origin("\n");
+    word("1 0 0\n0 1 0\n0 0 1\n1 0 0 0\n0 1 0 0\n0 0 1 0\n");
+    origin(" 1\n");
+    file_.append(text.data(), text.size());
+  }
+  void encode(const PointChunk& chunk, const PtxScan& scan, EncodedPoints& out) const override {
+    count_points(chunk, out);
+    const bool colour = header_.attributes.colour;
+    out.bytes.clear();
+    for (std::size_t i = 0; i < chunk.size(); ++i) {
+      const bool hit = finite(chunk, i);
+      put_number(out.bytes, hit ? chunk.x[i] - scan.origin[0] : 0.0, ' ');
+      put_number(out.bytes, hit ? chunk.y[i] - scan.origin[1] : 0.0, ' ');
+      put_number(out.bytes, hit ? chunk.z[i] - scan.origin[2] : 0.0, ' ');
+      put_number(out.bytes, 0.5, colour ? ' ' : '\n');
+      if (colour) put_colour(out.bytes, hit ? chunk.rgba[i] : 0u);
+    }
+  }
+};
+
+void refuse_normals(const std::filesystem::path& path, const PointFileHeader& header, const char* format) {
+  if (!header.attributes.normals) return;
+  throw UsageError(path.string() + ": " + format +
+                   " cannot hold normals; write .ply or .xyz, or leave them out");
+}
+
+}  // namespace
+
+std::unique_ptr<PointWriter> create_point_file(const std::filesystem::path& path,
+                                               const PointFileHeader& header) {
+  std::string extension = path.extension().string();
+  std::transform(extension.begin(), extension.end(), extension.begin(),
+                 [](char c) { return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c; });
+  if (extension == ".ply") return std::make_unique<PlyPointWriter>(path, header);
+  if (extension == ".xyz" || extension == ".txt") return std::make_unique<XyzPointWriter>(path, header);
+  if (extension == ".las") {
+    refuse_normals(path, header, "LAS");
+    return std::make_unique<LasPointWriter>(path, header);
+  }
+  if (extension == ".ptx") {
+    refuse_normals(path, header, "PTX");
+    return std::make_unique<PtxPointWriter>(path, header);
+  }
+  throw UsageError(path.string() + ": unknown extension '" + extension +
+                   "' for points; use .ply, .las, .ptx or .xyz");
+}
+
+}  // namespace tessera

@@ -1,0 +1,58 @@
+/// \file point_writer.h
+/// Point files out: PLY (binary little endian), LAS 1.4, PTX, XYZ. Encoding is pure and may run on any
+/// thread; the encoded batches are then appended in order. Memory is one output buffer.
+#pragma once
+#include <cstdint>
+#include <filesystem>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "stream/point_source.h"
+
+namespace tessera {
+
+/// Known before the first point.
+struct PointFileHeader {
+  PointAttributes attributes;     ///< which arrays of the chunks are written; sensor indices never are
+  bool double_positions = false;  ///< PLY only; text always has all digits, LAS its scale
+  Double3 las_offset = {0, 0, 0};
+  double las_scale = 0.001;           ///< step of LAS coordinates, scan units
+  std::vector<std::string> comments;  ///< one line each, where the format has comments
+};
+
+/// One grid of a PTX file, written before its points. A point with a NaN coordinate stands for "no return".
+struct PtxScan {
+  std::uint64_t columns = 0, rows = 0;  ///< points come column by column, rows from below
+  Double3 origin = {0, 0, 0};           ///< of the scanner; axes are those of the world
+};
+
+/// A batch ready for the file.
+struct EncodedPoints {
+  std::vector<char> bytes;
+  std::uint64_t points = 0;
+  Double3 min{}, max{};  ///< of the finite points, if points > 0
+};
+
+/// Writes to a file beside `path` and gives it its name in finish(); the destructor removes what is
+/// unfinished.
+class PointWriter {
+ public:
+  virtual ~PointWriter() = default;
+  /// Thread-safe. `scan` matters to PTX only: coordinates are stored relative to its origin.
+  virtual void encode(const PointChunk& chunk, const PtxScan& scan, EncodedPoints& out) const = 0;
+  /// Starts a grid (PTX); other formats ignore it.
+  virtual void begin_scan(const PtxScan&) {}
+  /// \throws ResourceError when the disk is full
+  virtual void append(const EncodedPoints& points) = 0;
+  /// Completes the header, flushes, syncs, renames. Returns the size of the file.
+  virtual std::uint64_t finish() = 0;
+};
+
+/// By extension: .ply, .las, .ptx, .xyz (also .txt).
+/// \throws UsageError for another extension, or for attributes that the format cannot hold (normals in LAS
+/// and PTX)
+std::unique_ptr<PointWriter> create_point_file(const std::filesystem::path& path,
+                                               const PointFileHeader& header);
+
+}  // namespace tessera

@@ -1,0 +1,262 @@
+#include <catch2/catch.hpp>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "kernels/fractal_noise.h"
+#include "kernels/scene.h"
+#include "kernels/scene_smooth.h"
+#include "kernels/surface_sampler.h"
+#include "octree/error.h"
+
+using namespace tessera;
+using namespace tessera::synth;
+
+namespace {
+
+const std::vector<std::string> kParametric = {"sphere", "torus", "cube", "csg", "fandisk", "terrain"};
+
+struct Samples {
+  std::vector<Vec3> points, normals;
+};
+
+Samples sample_all(const SurfaceSampler& sampler) {
+  Samples all;
+  SurfaceBatch batch;
+  for (const auto& span : sampler.spans()) {
+    sampler.sample(span, batch);
+    REQUIRE(batch.size() == span.points);
+    for (std::size_t i = 0; i < batch.size(); ++i) {
+      all.points.push_back({batch.x[i], batch.y[i], batch.z[i]});
+      all.normals.push_back({batch.nx[i], batch.ny[i], batch.nz[i]});
+    }
+  }
+  return all;
+}
+
+Vec3 random_in(const Box3& box, std::uint64_t i) {
+  const auto u = [&](std::uint64_t stream) { return to_unit(random_bits(7, stream, i)); };
+  const Vec3 d = box.hi - box.lo;
+  return {box.lo.x + d.x * u(1), box.lo.y + d.y * u(2), box.lo.z + d.z * u(3)};
+}
+
+}  // namespace
+
+TEST_CASE("portable math agrees with the library to rounding", "[unit]") {
+  for (int i = -4000; i <= 4000; ++i) {
+    const double a = i * 0.0173;
+    const SinCos t = sin_cos(a);
+    CHECK(std::fabs(t.sin - std::sin(a)) < 2e-14);
+    CHECK(std::fabs(t.cos - std::cos(a)) < 2e-14);
+    const double v = 1e-12 + (i + 4000.0) * 0.37;
+    CHECK(std::fabs(natural_log(v) - std::log(v)) < 1e-14 * std::max(1.0, std::fabs(std::log(v))));
+  }
+  CHECK(natural_log(1.0) == 0.0);
+}
+
+TEST_CASE("gaussian variates have mean 0, deviation 1 and normal tails", "[unit]") {
+  constexpr int n = 200000;
+  double sum = 0, squares = 0;
+  int beyond_two = 0;
+  for (int i = 0; i < n; ++i) {
+    const std::uint64_t bits = random_bits(3, 5, static_cast<std::uint64_t>(i));
+    const double g = gaussian(bits, mix(bits));
+    sum += g;
+    squares += g * g;
+    beyond_two += std::fabs(g) > 2.0;
+  }
+  CHECK(std::fabs(sum / n) < 0.01);
+  CHECK(std::fabs(squares / n - 1.0) < 0.01);
+  CHECK(std::fabs(beyond_two / double(n) - 0.0455) < 0.002);
+}
+
+TEST_CASE("fractal noise: slopes are the derivatives of the height and stay within bounds", "[unit]") {
+  FractalOptions o;
+  const double e = 1e-5;
+  for (std::uint64_t i = 0; i < 500; ++i) {
+    const Vec3 p = random_in({{-900, -900, -900}, {900, 900, 900}}, i);
+    const double x[5] = {p.x, p.x + e, p.x - e, p.x, p.x}, y[5] = {p.y, p.y, p.y, p.y + e, p.y - e};
+    double h[5], sx[5], sy[5];
+    fractal_heights(o, x, y, h, sx, sy);
+    CHECK(sx[0] == Approx((h[1] - h[2]) / (2 * e)).margin(1e-6));
+    CHECK(sy[0] == Approx((h[3] - h[4]) / (2 * e)).margin(1e-6));
+    CHECK(std::fabs(h[0]) <= fractal_height_bound(o));
+    CHECK(std::sqrt(sx[0] * sx[0] + sy[0] * sy[0]) <= fractal_slope_bound(o));
+    Vec3 g, unused;
+    fractal_volume(o, p, g);
+    const double dz =
+        fractal_volume(o, p + Vec3{0, 0, e}, unused) - fractal_volume(o, p - Vec3{0, 0, e}, unused);
+    const double dx =
+        fractal_volume(o, p + Vec3{e, 0, 0}, unused) - fractal_volume(o, p - Vec3{e, 0, 0}, unused);
+    CHECK(g.z == Approx(dz / (2 * e)).margin(1e-6));
+    CHECK(g.x == Approx(dx / (2 * e)).margin(1e-6));
+    CHECK(length(g) <= fractal_volume_slope_bound(o));
+  }
+}
+
+TEST_CASE("fractal noise: a point alone has the bits it has in a batch", "[property]") {
+  FractalOptions o;
+  std::vector<double> x, y;
+  for (std::uint64_t i = 0; i < 1003; ++i) {
+    const Vec3 p = random_in({{0, 0, 0}, {1000, 1000, 1}}, i);
+    x.push_back(p.x);
+    y.push_back(p.y);
+  }
+  std::vector<double> h(x.size()), sx(x.size()), sy(x.size());
+  fractal_heights(o, x, y, h, sx, sy);
+  for (std::size_t i = 0; i < x.size(); ++i) {
+    double one, ox, oy;
+    fractal_heights(o, {&x[i], 1}, {&y[i], 1}, {&one, 1}, {&ox, 1}, {&oy, 1});
+    REQUIRE(one == h[i]);
+    REQUIRE(ox == sx[i]);
+    REQUIRE(oy == sy[i]);
+  }
+}
+
+TEST_CASE("samples lie on the truth with the truth's normals, in the number asked for", "[unit]") {
+  for (const auto& name : kParametric) {
+    for (const std::uint64_t n : {std::uint64_t{1}, std::uint64_t{777}, std::uint64_t{20000}}) {
+      CAPTURE(name, n);
+      const auto scene = make_scene({name, 4, 0});
+      const SurfaceSampler sampler(*scene, n, 3);
+      const Samples all = sample_all(sampler);
+      REQUIRE(all.points.size() == n);
+      const double size = length(scene->bounds().hi - scene->bounds().lo);
+      int turned = 0;
+      for (std::size_t i = 0; i < n; ++i) {
+        const SurfacePoint truth = scene->closest(all.points[i]);
+        REQUIRE(length(truth.position - all.points[i]) < 1e-12 * size);
+        REQUIRE(std::fabs(length(all.normals[i]) - 1.0) < 1e-12);
+        turned += dot(truth.normal, all.normals[i]) < 1.0 - 1e-9;
+      }
+      CHECK(turned == 0);
+    }
+  }
+}
+
+TEST_CASE("direct sampling has the true area and an even density", "[unit]") {
+  const std::vector<std::pair<std::string, double>> areas = {
+      {"sphere", 4 * kPi}, {"torus", 4 * kPi * kPi * 0.4}, {"cube", 24.0}};
+  for (const auto& [name, area] : areas) {
+    CAPTURE(name);
+    const auto scene = make_scene({name, 0, 0});
+    CHECK(SurfaceSampler(*scene, 100000, 1).area() == Approx(area).epsilon(2e-3));
+  }
+  // Octants of the sphere share the points evenly; neighbours keep their distance.
+  const auto sphere = make_scene({"sphere", 0, 0});
+  const SurfaceSampler sampler(*sphere, 16000, 1);
+  const Samples all = sample_all(sampler);
+  int octant[8] = {};
+  for (const auto& p : all.points) ++octant[(p.x > 0) | (p.y > 0) << 1 | (p.z > 0) << 2];
+  for (const int count : octant) CHECK(std::abs(count - 2000) < 60);
+  int lonely = 0;
+  for (std::size_t i = 0; i < 400; ++i) {
+    double nearest = 1e9;
+    for (std::size_t j = 0; j < all.points.size(); ++j) {
+      if (i != j) nearest = std::min(nearest, length(all.points[i] - all.points[j]));
+    }
+    lonely += nearest > 1.5 * sampler.spacing();
+  }
+  CHECK(lonely == 0);
+}
+
+TEST_CASE("normals point outwards: the divergence theorem gives the volume", "[unit]") {
+  const double rod = kPi * 0.55 * 0.55 * 1.0, bore = kPi * 0.35 * 0.35 * 2.4;
+  const std::vector<std::pair<std::string, double>> volumes = {
+      {"sphere", 4 * kPi / 3}, {"torus", 2 * kPi * kPi * 0.16}, {"cube", 8.0}, {"csg", 7.68 + rod - bore}};
+  for (const auto& [name, volume] : volumes) {
+    CAPTURE(name);
+    const auto scene = make_scene({name, 0, 0});
+    const SurfaceSampler sampler(*scene, 200000, 1);
+    const Samples all = sample_all(sampler);
+    double sum = 0;
+    for (std::size_t i = 0; i < all.points.size(); ++i) sum += dot(all.points[i], all.normals[i]);
+    CHECK(sum * sampler.area() / (3.0 * 200000) == Approx(volume).epsilon(3e-3));
+  }
+}
+
+TEST_CASE("closest point: nothing sampled is nearer, and it lies on the surface", "[property]") {
+  for (const auto& name : kParametric) {
+    CAPTURE(name);
+    const auto scene = make_scene({name, 3, 0});
+    const SurfaceSampler sampler(*scene, 40000, 5);
+    const Samples all = sample_all(sampler);
+    const bool terrain = name == "terrain";
+    for (std::uint64_t i = 0; i < 150; ++i) {
+      Vec3 p = random_in(scene->bounds(), i);
+      // The terrain's foot point is exact near the surface only.
+      if (terrain) p = all.points[i * 200] + all.normals[i * 200] * (sampler.spacing() * 2.0);
+      const SurfacePoint foot = scene->closest(p);
+      const double d = length(p - foot.position);
+      double brute = std::numeric_limits<double>::max();
+      for (const auto& q : all.points) brute = std::min(brute, length(p - q));
+      CHECK(d <= brute + 1e-9);
+      CHECK(d >= brute - 2.0 * sampler.spacing());
+      CHECK(length(scene->closest(foot.position).position - foot.position) < 1e-9);
+      // The line to the foot is at right angles to the surface there, unless a border or a crease stops it.
+      if (d > 1e-6 && !terrain)
+        CHECK(std::fabs(dot((p - foot.position) * (1.0 / d), foot.normal)) > 1.0 - 1e-9);
+    }
+  }
+}
+
+TEST_CASE("rays hit the surface where nothing is before it", "[property]") {
+  for (const auto& name : kParametric) {
+    CAPTURE(name);
+    const auto scene = make_scene({name, 3, 0});
+    const Box3 box = scene->bounds();
+    const double size = length(box.hi - box.lo);
+    const Samples targets = sample_all(SurfaceSampler(*scene, 300, 9));
+    int hits = 0;
+    for (std::size_t i = 0; i < targets.points.size(); ++i) {
+      // From far outside towards a point of the surface: something must be hit, not behind that point.
+      const Vec3 from = targets.points[i] + normalized(targets.normals[i] + Vec3{0.1, 0.2, 0.3}) * size;
+      const Vec3 way = targets.points[i] - from;
+      const Ray ray{from, normalized(way)};
+      RayHit hit;
+      const bool found = scene->intersect(ray, 2.0 * size, hit);
+      if (!found) continue;  // grazes a border or a crease
+      ++hits;
+      CHECK(hit.range <= length(way) + 1e-6 * size);
+      CHECK(length(scene->closest(hit.point.position).position - hit.point.position) < 1e-9 * size);
+      CHECK(length(ray.origin + ray.direction * hit.range - hit.point.position) < 1e-8 * size);
+    }
+    CHECK(hits >= 295);
+    RayHit none;
+    CHECK_FALSE(scene->intersect({box.hi + Vec3{1, 1, size}, {0, 0, 1}}, 10.0 * size, none));
+  }
+}
+
+TEST_CASE("creases and corners of the solids are where the faces meet", "[unit]") {
+  SharpFeature f;
+  const auto cube = make_scene({"cube", 0, 0});
+  REQUIRE(cube->nearest_crease({1.1, 1.1, 0.3}, f));
+  CHECK(f.distance == Approx(std::sqrt(0.02)));
+  CHECK(length(f.position - Vec3{1, 1, 0.3}) < 1e-12);
+  REQUIRE(cube->nearest_corner({0.9, 0.9, 0.9}, f));
+  CHECK(f.distance == Approx(std::sqrt(0.03)));
+  const auto csg = make_scene({"csg", 0, 0});
+  REQUIRE(csg->nearest_crease({0.6, 0.0, 1.3}, f));
+  CHECK(f.distance == Approx(0.05));
+  REQUIRE(csg->nearest_crease({1.2, 0.0, 0.4}, f));
+  CHECK(f.distance == Approx(0.05));
+  // Every crease of the fandisk lies on its surface, also the elliptic ones.
+  const auto disk = make_scene({"fandisk", 0, 0});
+  for (std::uint64_t i = 0; i < 300; ++i) {
+    const Vec3 p = random_in(disk->bounds(), i);
+    REQUIRE(disk->nearest_crease(p, f));
+    CHECK(length(disk->closest(f.position).position - f.position) < 1e-9);
+    SharpFeature again;
+    disk->nearest_crease(f.position, again);
+    CHECK(again.distance < 1e-9);
+  }
+  CHECK_FALSE(make_scene({"sphere", 0, 0})->nearest_crease({0, 0, 0}, f));
+}
+
+TEST_CASE("an unknown scene is refused with the names that exist", "[unit]") {
+  CHECK_THROWS_AS(make_scene({"teapot", 0, 0}), UsageError);
+  for (const auto& scene : scene_names()) {
+    CHECK(make_scene({std::string(scene.name), 3, 1.0})->name() == scene.name);
+  }
+}
