@@ -158,8 +158,8 @@ BrickOrientation orient_brick(std::span<const Float3> position, std::span<const 
     std::int32_t& patch = patch_of_root[root];
     if (patch < 0) {
       // More patches in a brick than 16 bits name is dust: it all goes into the last one, undecided among itself.
-      patch = std::min<std::int32_t>(out.patches, kNoPatch - 1);
-      if (out.patches < kNoPatch) ++out.patches;
+      patch = std::min<std::int32_t>(out.patches, kGivenPatch - 1);
+      if (out.patches < kGivenPatch) ++out.patches;
     }
     surfels[i].patch = static_cast<std::uint16_t>(patch);
     for (float& c : surfels[i].normal) c *= static_cast<float>(sign);

@@ -16,7 +16,8 @@ namespace tessera {
 
 inline constexpr int kSurfelCells = 2;                             ///< edge of the voxel that one surfel stands for
 inline constexpr int kSurfelsPerBrick = kBrickCells / kSurfelCells;  ///< voxels along a brick's edge
-inline constexpr std::uint16_t kNoPatch = 0xffff;                  ///< sign decided already, or no normal
+inline constexpr std::uint16_t kNoPatch = 0xffff;     ///< sign decided already, or no normal
+inline constexpr std::uint16_t kGivenPatch = 0xfffe;  ///< the point keeps the normal it came with
 
 /// The mean plane of one voxel. Position in cells relative to the brick's min corner.
 struct Surfel {

@@ -1,0 +1,95 @@
+/// \file point_overlay.h
+/// What the normals stage knows of every ordered point, kept beside the points so that they are never rewritten:
+/// one file per point file, eight bytes a point in the same order, and the surfels that orientation links.
+#pragma once
+#include <cstdint>
+#include <filesystem>
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "kernels/orientation.h"
+#include "octree/points.h"
+
+namespace tessera {
+
+struct PointOverlayRecord {
+  std::uint32_t normal = kNoNormal;
+  std::uint16_t supporters = 0;     ///< neighbours that confirm the point
+  std::uint16_t patch = kNoPatch;   ///< orientation patch inside the brick, kNoPatch or kGivenPatch
+};
+static_assert(sizeof(PointOverlayRecord) == 8);
+
+/// One brick of an overlay file.
+struct OverlayBrick {
+  std::uint64_t key = 0;
+  std::uint64_t records = 0;   ///< byte offset of its records
+  std::uint64_t surfels = 0;   ///< byte offset of its boundary surfels, then its extremes
+  std::uint64_t hash = 0;      ///< XXH3 of records, surfels, extremes
+  std::uint32_t points = 0;
+  std::uint32_t boundary = 0;  ///< boundary surfels
+  std::uint32_t patches = 0;
+  std::uint32_t unused = 0;
+};
+
+class OverlayFileWriter {
+ public:
+  explicit OverlayFileWriter(const std::filesystem::path& path);
+  ~OverlayFileWriter();
+  OverlayFileWriter(const OverlayFileWriter&) = delete;
+  OverlayFileWriter& operator=(const OverlayFileWriter&) = delete;
+  /// Bricks in the order of the point file. `orientation` may have no patches.
+  void brick(std::uint64_t key, std::span<const PointOverlayRecord> records, const BrickOrientation& orientation);
+  std::uint64_t finish();
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+/// Decisions of the orient stage, one line of the job's global summary per brick and patch.
+struct OverlayDecisions {
+  std::uint32_t min_supporters = 0;   ///< points with fewer are outliers
+  std::vector<std::uint8_t> flip;     ///< per patch over all bricks, in brick order
+
+  void save(const std::filesystem::path& path) const;
+  static OverlayDecisions load(const std::filesystem::path& path);
+};
+
+/// All overlay files of a job, in order of the point files. Thread-safe for reading.
+class PointOverlay {
+ public:
+  /// Names inside the work directory.
+  static constexpr const char* kFolder = "normals";
+  static constexpr const char* kExtension = ".tsn";
+  static constexpr const char* kDecisionsFile = "normals/decisions.bin";
+
+  /// \throws InputError naming the file when one is damaged
+  explicit PointOverlay(const std::vector<std::filesystem::path>& files);
+  ~PointOverlay();
+  /// The decided overlay of a work directory; null when the job needs none (given normals, nothing cleaned).
+  static std::shared_ptr<const PointOverlay> open(const std::filesystem::path& work);
+
+  std::span<const OverlayBrick> bricks() const;  ///< ascending key
+  std::pair<std::size_t, std::size_t> file_range(std::size_t file) const;
+  std::size_t file_count() const;
+  std::int64_t find(std::uint64_t key) const;
+  /// First patch of every brick over all bricks, and their total at the end.
+  std::span<const std::uint64_t> first_patch() const;
+
+  std::vector<Surfel> load_boundary(std::size_t brick) const;
+  /// Per patch of the brick, see BrickOrientation::extremes.
+  std::vector<std::array<std::int32_t, 12>> load_extremes(std::size_t brick) const;
+  /// Points per patch of the brick, from its records.
+  std::vector<PointOverlayRecord> load_records(std::size_t brick, std::uint64_t first, std::uint64_t count) const;
+
+  /// Sets normal and outlier flag of records [first, first + size) of a brick.
+  /// \pre opened by open()
+  void apply(std::uint64_t key, std::uint64_t first, std::span<PointRecord> records) const;
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace tessera

@@ -1,0 +1,53 @@
+/// \file normals_mode.h
+/// Which way a job gets its normals and signs: decided once from options and plan, shared by both stages.
+#pragma once
+#include <limits>
+
+#include "octree/error.h"
+#include "stream/options.h"
+#include "stream/plan.h"
+
+namespace tessera {
+
+/// Supporter counts from here on share the last bin.
+inline constexpr std::size_t kSupporterBins = 256;
+
+struct NormalsMode {
+  bool estimate = false;   ///< fit planes; false = the given normals are used
+  bool by_sensor = false;  ///< sensor origins decide the sign
+  bool by_up = false;
+  bool clean = false;      ///< outliers are looked for
+
+  /// \throws UsageError when normals are demanded that the input does not carry
+  NormalsMode(const ReconstructOptions& options, const Plan& plan)
+      : by_sensor(!plan.sensors.empty()), by_up(options.has_up), clean(options.outliers != "off") {
+    if (options.normals == "given" && !plan.has_normals())
+      throw UsageError("--normals given, but no input point carries a normal; use --normals auto");
+    estimate = options.normals == "estimate" || (options.normals == "auto" && plan.normal_fraction < 0.5);
+  }
+
+  bool needed() const { return estimate || clean; }
+  bool propagate() const { return estimate && !by_sensor && !by_up; }
+
+  /// Direction from a point to its sensor; the nearest one when the point does not say which.
+  /// \param origin  brick corner in cells   \param local  point relative to it, cells
+  Double3 view(const Plan& plan, const Int3& origin, const Float3& local, std::uint16_t sensor) const {
+    Double3 at{};
+    for (std::size_t a = 0; a < 3; ++a)
+      at[a] = plan.lattice.world(static_cast<int>(a), double{local[a]} + origin[a]);
+    const auto from = [&](std::size_t s) {
+      return Double3{plan.sensors[s][0] - at[0], plan.sensors[s][1] - at[1], plan.sensors[s][2] - at[2]};
+    };
+    if (sensor < plan.sensors.size()) return from(sensor);
+    Double3 best = from(0);
+    double least = std::numeric_limits<double>::infinity();
+    for (std::size_t s = 0; s < plan.sensors.size(); ++s) {
+      const Double3 v = from(s);
+      const double d = v[0] * v[0] + v[1] * v[1] + v[2] * v[2];
+      if (d < least) least = d, best = v;
+    }
+    return best;
+  }
+};
+
+}  // namespace tessera

@@ -1,0 +1,269 @@
+#include <algorithm>
+#include <array>
+#include <limits>
+#include <list>
+#include <map>
+#include <nlohmann/json.hpp>
+
+#include "octree/error.h"
+#include "stream/direct_file.h"
+#include "stream/point_overlay.h"
+#include "stream/read_file.h"
+#include "stream/stages/normals_mode.h"
+#include "stream/stages/normals_stage.h"
+#include "stream/task_files.h"
+
+namespace tessera {
+namespace {
+
+using json = nlohmann::json;
+
+constexpr std::size_t kCachedBricks = 256;
+constexpr std::uint64_t kBoundaryBytes = 6 * 32 * 32 * sizeof(Surfel);  ///< a brick's whole shell
+// Outliers: fewer supporters than a share of the median point has, within limits that neither rim points of a thin
+// scan (above) nor pairs of stray points (below) fall foul of.
+constexpr std::uint64_t kMedianShare = 8;
+constexpr std::uint32_t kFewestSupporters = 3;
+constexpr std::uint32_t kMostSupporters = 16;
+
+/// Boundary surfels of the bricks around the current one, by voxel.
+class BoundaryCache {
+ public:
+  explicit BoundaryCache(const PointOverlay& overlay) : overlay_(overlay) {}
+  const std::vector<Surfel>& get(std::size_t brick) {
+    const auto found = cache_.find(brick);
+    if (found != cache_.end()) return found->second;
+    if (order_.size() >= kCachedBricks) {
+      cache_.erase(order_.front());
+      order_.pop_front();
+    }
+    order_.push_back(brick);
+    return cache_[brick] = overlay_.load_boundary(brick);
+  }
+
+ private:
+  const PointOverlay& overlay_;
+  std::map<std::size_t, std::vector<Surfel>> cache_;
+  std::list<std::size_t> order_;
+};
+
+std::uint32_t voxel_order(const Surfel& s) {
+  return (std::uint32_t{s.voxel[2]} << 16) | (std::uint32_t{s.voxel[1]} << 8) | s.voxel[0];
+}
+
+void merge_votes(std::vector<PatchVote>& votes) {
+  std::sort(votes.begin(), votes.end(),
+            [](const PatchVote& l, const PatchVote& r) { return l.a != r.a ? l.a < r.a : l.b < r.b; });
+  std::size_t out = 0;
+  for (std::size_t i = 0; i < votes.size(); ++i) {
+    if (out > 0 && votes[out - 1].a == votes[i].a && votes[out - 1].b == votes[i].b) {
+      votes[out - 1].same += votes[i].same;
+      votes[out - 1].opposite += votes[i].opposite;
+    } else {
+      votes[out++] = votes[i];
+    }
+  }
+  votes.resize(out);
+}
+
+std::string votes_file(std::size_t task) { return "votes/" + task_file_stem(task) + ".tsv"; }
+
+class OrientStage : public Stage {
+ public:
+  explicit OrientStage(const JobState& state)
+      : work_(state.work),
+        mode_(state.options, Plan::of_work(state.work)),
+        overlay_(list_task_files(state.work / PointOverlay::kFolder, PointOverlay::kExtension)) {}
+
+  std::string name() const override { return "orient"; }
+  std::size_t task_count() const override { return mode_.propagate() ? overlay_.file_count() : 0; }
+  std::uint64_t units() const override { return mode_.propagate() ? overlay_.bricks().size() : 0; }
+  std::string unit_name() const override { return "bricks"; }
+
+  std::uint64_t task_bytes(std::size_t task) const override {
+    const auto [first, last] = overlay_.file_range(task);
+    std::uint64_t largest = 0;
+    std::uint64_t patches = 0;
+    for (std::size_t b = first; b < last; ++b) {
+      largest = std::max<std::uint64_t>(largest, overlay_.bricks()[b].boundary * sizeof(Surfel));
+      patches += overlay_.bricks()[b].patches;
+    }
+    return std::min(largest, kBoundaryBytes) * kCachedBricks + 2 * 13 * patches * sizeof(PatchVote) + (8u << 20);
+  }
+
+  json run(std::size_t task, TaskContext& context) const override {
+    BoundaryCache cache(overlay_);
+    std::vector<PatchVote> votes;
+    std::size_t compact_at = 1 << 14;
+    const auto [first, last] = overlay_.file_range(task);
+    for (std::size_t b = first; b < last; ++b) {
+      context.check_stop();
+      collect_votes(b, cache, votes);
+      if (votes.size() > compact_at) {
+        merge_votes(votes);
+        compact_at = 2 * votes.size() + (1 << 14);
+      }
+      context.advance(1);
+    }
+    merge_votes(votes);
+    DirectFile file(context.create(votes_file(task)));
+    file.write(votes.data(), votes.size() * sizeof(PatchVote));
+    context.count_written(file.finish());
+    return {{"votes", votes.size()}};
+  }
+
+  std::uint64_t finish_bytes() const override {
+    const std::uint64_t patches = overlay_.first_patch().back();
+    return patches * (100 + 26 * sizeof(PatchVote)) + (16u << 20);
+  }
+
+  json finish(const std::vector<json>& summaries, TaskContext& context) const override {
+    if (!mode_.needed()) return {{"needed", false}};
+    OverlayDecisions decisions;
+    decisions.flip.assign(overlay_.first_patch().back(), 0);
+    json entry = {{"needed", true}};
+    if (mode_.propagate()) {
+      std::vector<PatchVote> votes;
+      for (std::size_t task = 0; task < summaries.size(); ++task) {
+        const ReadFile file(work_ / votes_file(task));
+        const std::size_t old = votes.size();
+        votes.resize(old + summaries[task].at("votes").get<std::size_t>());
+        file.read_at(0, votes.data() + old, (votes.size() - old) * sizeof(PatchVote));
+      }
+      merge_votes(votes);
+      const SignSolution solution = solve_signs(decisions.flip.size(), votes);
+      choose_outside(solution, decisions.flip, entry);
+      count_uncertain(solution, entry, context);
+    }
+    if (mode_.clean) clean(decisions, entry, context);
+    decisions.save(context.create(PointOverlay::kDecisionsFile));
+    return entry;
+  }
+
+  std::vector<std::string> obsolete() const override { return {"votes/"}; }
+
+ private:
+  /// Votes of the voxel pairs that cross from this brick into a neighbour, each pair seen from its lower voxel.
+  void collect_votes(std::size_t brick, BoundaryCache& cache, std::vector<PatchVote>& votes) const {
+    const std::vector<Surfel> own = cache.get(brick);  // a copy: the cache may drop it
+    const Int3 at = brick_of_key(overlay_.bricks()[brick].key);
+    for (const Surfel& s : own) {
+      for (int d = 14; d < 27; ++d) {
+        const std::array<int, 3> step = {d % 3 - 1, d / 3 % 3 - 1, d / 9 - 1};
+        Surfel wanted;
+        Int3 other = at;
+        Float3 shift{};
+        for (std::size_t a = 0; a < 3; ++a) {
+          const int v = s.voxel[a] + step[a];
+          const int carry = v < 0 ? -1 : (v >= kSurfelsPerBrick ? 1 : 0);
+          other[a] += carry;
+          shift[a] = static_cast<float>(carry * kBrickCells);
+          wanted.voxel[a] = static_cast<std::uint8_t>(v - carry * kSurfelsPerBrick);
+        }
+        if (other == at || other[0] < 0 || other[1] < 0 || other[2] < 0) continue;
+        const std::int64_t there = overlay_.find(brick_key(other));
+        if (there < 0) continue;
+        const std::vector<Surfel>& list = cache.get(static_cast<std::size_t>(there));
+        const auto t = std::lower_bound(list.begin(), list.end(), wanted, [](const Surfel& l, const Surfel& r) {
+          return voxel_order(l) < voxel_order(r);
+        });
+        if (t == list.end() || t->voxel != wanted.voxel) continue;
+        const std::int32_t vote = link_vote(s, *t, {t->position[0] + shift[0] - s.position[0],
+                                                    t->position[1] + shift[1] - s.position[1],
+                                                    t->position[2] + shift[2] - s.position[2]});
+        if (vote == 0) continue;
+        auto a = static_cast<std::uint32_t>(overlay_.first_patch()[brick] + s.patch);
+        auto b = static_cast<std::uint32_t>(overlay_.first_patch()[static_cast<std::size_t>(there)] + t->patch);
+        if (a > b) std::swap(a, b);
+        votes.push_back({a, b, std::max(vote, 0), std::max(-vote, 0)});
+      }
+    }
+  }
+
+  /// Turns every component so that its outermost surfels point away from it; a sheet that has no outside points up.
+  void choose_outside(const SignSolution& solution, std::vector<std::uint8_t>& flip, json& entry) const {
+    constexpr std::int64_t kUnset = std::numeric_limits<std::int64_t>::min();
+    struct Extreme {
+      std::int64_t at = kUnset;
+      std::int64_t outward = 0;
+    };
+    std::map<std::uint32_t, std::array<Extreme, 6>> outermost;
+    for (std::size_t b = 0; b < overlay_.bricks().size(); ++b) {
+      const Int3 brick = brick_of_key(overlay_.bricks()[b].key);
+      const auto extremes = overlay_.load_extremes(b);
+      for (std::size_t p = 0; p < extremes.size(); ++p) {
+        const auto patch = static_cast<std::size_t>(overlay_.first_patch()[b]) + p;
+        auto& best = outermost[solution.component[patch]];
+        for (std::size_t k = 0; k < 6; ++k) {
+          const std::int64_t corner = std::int64_t{brick[k / 2]} * kBrickCells * 16 * (k % 2 == 0 ? -1 : 1);
+          const std::int64_t at = corner + extremes[p][2 * k];
+          if (at > best[k].at) best[k] = {at, std::int64_t{extremes[p][2 * k + 1]} * solution.sign[patch]};
+        }
+      }
+    }
+    std::map<std::uint32_t, int> sign;
+    for (const auto& [component, best] : outermost) {
+      std::int64_t vote = best[5].outward;  // the top counts twice: it breaks the tie of an open sheet
+      for (const Extreme& e : best) vote += e.outward;
+      sign[component] = vote < 0 ? -1 : 1;
+    }
+    for (std::size_t p = 0; p < flip.size(); ++p) flip[p] = solution.sign[p] * sign[solution.component[p]] < 0 ? 1 : 0;
+    entry["patches"] = flip.size();
+    entry["oriented_components"] = sign.size();
+  }
+
+  void count_uncertain(const SignSolution& solution, json& entry, TaskContext& context) const {
+    std::uint64_t points = 0;
+    std::uint64_t uncertain = 0;
+    for (std::size_t b = 0; b < overlay_.bricks().size(); ++b) {
+      context.check_stop();
+      const std::uint64_t first = overlay_.first_patch()[b];
+      const OverlayBrick& brick = overlay_.bricks()[b];
+      points += brick.points;
+      const bool any = std::any_of(solution.uncertain.begin() + static_cast<std::ptrdiff_t>(first),
+                                   solution.uncertain.begin() + static_cast<std::ptrdiff_t>(first + brick.patches),
+                                   [](std::uint8_t u) { return u != 0; });
+      if (!any) continue;
+      for (const PointOverlayRecord& r : overlay_.load_records(b, 0, brick.points))
+        uncertain += r.patch < kGivenPatch && solution.uncertain[first + r.patch] != 0;
+    }
+    entry["uncertain_points"] = uncertain;
+    entry["uncertain_fraction"] = points == 0 ? 0.0 : static_cast<double>(uncertain) / static_cast<double>(points);
+    entry["frustrated_fraction"] =
+        solution.total_votes == 0
+            ? 0.0
+            : static_cast<double>(solution.frustrated_votes) / static_cast<double>(solution.total_votes);
+  }
+
+  /// Threshold from the histogram of supporters over all points; counts what it drops.
+  void clean(OverlayDecisions& decisions, json& entry, TaskContext& context) const {
+    std::vector<std::uint64_t> histogram(kSupporterBins, 0);
+    for (std::size_t b = 0; b < overlay_.bricks().size(); ++b) {
+      context.check_stop();
+      for (const PointOverlayRecord& r : overlay_.load_records(b, 0, overlay_.bricks()[b].points))
+        ++histogram[std::min<std::size_t>(r.supporters, kSupporterBins - 1)];
+    }
+    std::uint64_t all = 0;
+    for (const std::uint64_t n : histogram) all += n;
+    std::uint64_t below = 0;
+    std::uint32_t median = 0;
+    while (median + 1 < kSupporterBins && 2 * (below + histogram[median]) < all) below += histogram[median++];
+    decisions.min_supporters = static_cast<std::uint32_t>(
+        std::clamp<std::uint64_t>(median / kMedianShare, kFewestSupporters, kMostSupporters));
+    std::uint64_t dropped = 0;
+    for (std::uint32_t i = 0; i < decisions.min_supporters; ++i) dropped += histogram[i];
+    entry["median_supporters"] = median;
+    entry["min_supporters"] = decisions.min_supporters;
+    entry["outliers_dropped"] = dropped;
+  }
+
+  std::filesystem::path work_;
+  NormalsMode mode_;
+  PointOverlay overlay_;
+};
+
+}  // namespace
+
+std::unique_ptr<Stage> make_orient_stage(const JobState& state) { return std::make_unique<OrientStage>(state); }
+
+}  // namespace tessera
