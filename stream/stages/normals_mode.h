@@ -11,6 +11,8 @@ namespace tessera {
 
 /// Supporter counts from here on share the last bin.
 inline constexpr std::size_t kSupporterBins = 256;
+/// Histogram of supporters over all points, left by the normals stage for the orient stage.
+inline constexpr const char* kSupportersFile = "normals/supporters.bin";
 
 struct NormalsMode {
   bool estimate = false;   ///< fit planes; false = the given normals are used

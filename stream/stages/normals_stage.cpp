@@ -5,6 +5,7 @@
 
 #include "kernels/normals.h"
 #include "octree/error.h"
+#include "stream/direct_file.h"
 #include "stream/plan.h"
 #include "stream/point_overlay.h"
 #include "stream/point_store.h"
@@ -93,7 +94,7 @@ class NormalsStage : public Stage {
 
   std::uint64_t finish_bytes() const override { return 1u << 20; }
 
-  json finish(const std::vector<json>& summaries, TaskContext&) const override {
+  json finish(const std::vector<json>& summaries, TaskContext& context) const override {
     json sum = {{"estimated", mode_.estimate}, {"needed", mode_.needed()}};
     std::vector<std::uint64_t> histogram(kSupporterBins, 0);
     for (const json& s : summaries)
@@ -104,7 +105,11 @@ class NormalsStage : public Stage {
         }
         for (std::size_t i = 0; i < kSupporterBins; ++i) histogram[i] += value[i].get<std::uint64_t>();
       }
-    if (mode_.needed()) sum["supporters"] = histogram;
+    if (mode_.needed()) {
+      DirectFile file(context.create(kSupportersFile));
+      file.write(histogram.data(), histogram.size() * sizeof(histogram[0]));
+      file.finish();
+    }
     return sum;
   }
 

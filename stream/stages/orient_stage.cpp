@@ -135,7 +135,7 @@ class OrientStage : public Stage {
       choose_outside(solution, decisions.flip, entry);
       count_uncertain(solution, entry, context);
     }
-    if (mode_.clean) clean(decisions, entry, context);
+    if (mode_.clean) clean(decisions, entry);
     decisions.save(context.create(PointOverlay::kDecisionsFile));
     return entry;
   }
@@ -236,13 +236,9 @@ class OrientStage : public Stage {
   }
 
   /// Threshold from the histogram of supporters over all points; counts what it drops.
-  void clean(OverlayDecisions& decisions, json& entry, TaskContext& context) const {
+  void clean(OverlayDecisions& decisions, json& entry) const {
     std::vector<std::uint64_t> histogram(kSupporterBins, 0);
-    for (std::size_t b = 0; b < overlay_.bricks().size(); ++b) {
-      context.check_stop();
-      for (const PointOverlayRecord& r : overlay_.load_records(b, 0, overlay_.bricks()[b].points))
-        ++histogram[std::min<std::size_t>(r.supporters, kSupporterBins - 1)];
-    }
+    ReadFile(work_ / kSupportersFile).read_at(0, histogram.data(), histogram.size() * sizeof(histogram[0]));
     std::uint64_t all = 0;
     for (const std::uint64_t n : histogram) all += n;
     std::uint64_t below = 0;

@@ -1,0 +1,133 @@
+#include <catch2/catch.hpp>
+#include <cmath>
+
+#include "kernels/normals.h"
+#include "kernels/orientation.h"
+#include "octree/morton.h"
+
+using namespace tessera;
+
+namespace {
+
+/// Points of a sphere around the centre of `cells`^3, canonical order, in a block at `origin` that holds them all.
+PointBlock sphere_block(int cells, float radius, int count, const Int3& origin, const Float3& centre) {
+  std::vector<Int3> q;
+  for (int i = 0; i < count; ++i) {
+    const double z = 1.0 - 2.0 * (i + 0.5) / count;
+    const double r = std::sqrt(1.0 - z * z);
+    const double a = 2.399963229728653 * i;
+    const double p[3] = {r * std::cos(a), r * std::sin(a), z};
+    Int3 at;
+    for (std::size_t k = 0; k < 3; ++k)
+      at[k] = static_cast<std::int32_t>(std::floor((double{centre[k]} + double{radius} * p[k]) * kQuantaPerCell));
+    q.push_back(at);
+  }
+  const auto code = [](const Int3& v) {
+    return morton_encode(static_cast<std::uint32_t>(v[0]), static_cast<std::uint32_t>(v[1]),
+                         static_cast<std::uint32_t>(v[2]));
+  };
+  std::sort(q.begin(), q.end(), [&](const Int3& a, const Int3& b) { return code(a) < code(b); });
+  PointBlock block;
+  block.origin = origin;
+  block.cells = {cells, cells, cells};
+  for (const Int3& p : q) {
+    bool near = true;
+    float c[3];
+    for (std::size_t k = 0; k < 3; ++k) {
+      c[k] = static_cast<float>(p[k] - origin[k] * kQuantaPerCell) / kQuantaPerCell;
+      near = near && c[k] >= -4.0f && c[k] < static_cast<float>(cells) + 4.0f;
+    }
+    if (!near) continue;
+    block.x.push_back(c[0]), block.y.push_back(c[1]), block.z.push_back(c[2]);
+    block.nx.push_back(0), block.ny.push_back(0), block.nz.push_back(0);
+  }
+  return block;
+}
+
+}  // namespace
+
+TEST_CASE("normals: eigenvectors of a known matrix", "[unit]") {
+  Double3 values;
+  std::array<Double3, 3> v;
+  symmetric_eigen3({2, 1, 0, 2, 0, 5}, values, v);
+  CHECK(values[0] == Approx(1.0));
+  CHECK(values[1] == Approx(3.0));
+  CHECK(values[2] == Approx(5.0));
+  CHECK(std::fabs(v[0][0]) == Approx(std::sqrt(0.5)));
+  CHECK(v[0][0] * v[0][1] == Approx(-0.5));
+}
+
+TEST_CASE("normals: a sphere's normals are radial, whatever the block", "[property]") {
+  const Float3 centre = {64.3f, 64.1f, 63.7f};
+  const PointBlock large = sphere_block(128, 40.0f, 30000, {0, 0, 0}, centre);
+  const auto shapes = estimate_shapes(large, {});
+  REQUIRE(shapes.size() == large.size());
+  double worst = 0.0;
+  for (std::size_t i = 0; i < shapes.size(); ++i) {
+    const double d[3] = {large.x[i] - centre[0], large.y[i] - centre[1], large.z[i] - centre[2]};
+    const double r = std::sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2]);
+    const auto& n = shapes[i].normal;
+    const double c = std::fabs(d[0] * n[0] + d[1] * n[1] + d[2] * n[2]) / r;
+    worst = std::max(worst, 1.0 - c);
+  }
+  CHECK(worst < 1e-3);
+
+  const PointBlock small = sphere_block(64, 40.0f, 30000, {64, 64, 64}, centre);
+  const auto again = estimate_shapes(small, {});
+  std::size_t s = 0;
+  std::size_t compared = 0;
+  for (std::size_t i = 0; i < large.size(); ++i) {
+    if (large.x[i] < 64 || large.y[i] < 64 || large.z[i] < 64) continue;
+    REQUIRE(s < again.size());
+    CHECK(shapes[i].normal == again[s].normal);
+    CHECK(shapes[i].residual == again[s].residual);
+    CHECK(shapes[i].neighbours == again[s].neighbours);
+    ++s, ++compared;
+  }
+  CHECK(compared > 1000);
+  CHECK(s == again.size());
+}
+
+TEST_CASE("orientation: one patch with outward signs on a sphere inside a brick", "[unit]") {
+  const Float3 centre = {32.0f, 32.0f, 32.0f};
+  const PointBlock block = sphere_block(64, 24.0f, 20000, {0, 0, 0}, centre);
+  const auto shapes = estimate_shapes(block, {});
+  std::vector<Float3> position, normal;
+  for (std::size_t i = 0; i < block.size(); ++i) {
+    position.push_back({block.x[i], block.y[i], block.z[i]});
+    normal.push_back(shapes[i].normal);
+  }
+  const BrickOrientation o = orient_brick(position, normal);
+  CHECK(o.patches == 1);
+  std::size_t outward = 0;
+  for (std::size_t i = 0; i < position.size(); ++i) {
+    float d = 0.0f;
+    for (std::size_t a = 0; a < 3; ++a) d += o.normal[i][a] * (position[i][a] - centre[a]);
+    outward += d > 0.0f;
+  }
+  CHECK((outward == 0 || outward == position.size()));
+  std::int64_t vote = 0;
+  for (std::size_t k = 0; k < 6; ++k) vote += o.extremes[0][2 * k + 1];
+  CHECK((vote > 0) == (outward == position.size()));
+}
+
+TEST_CASE("orientation: the arc rule carries a sign around an edge and not across a step", "[unit]") {
+  Surfel top, side;
+  top.normal = {0, 0, 1};
+  side.normal = {1, 0, 0};
+  CHECK(link_vote(top, side, {1, 0, -1}) > 0);   // convex edge, both outward
+  side.normal = {-1, 0, 0};
+  CHECK(link_vote(top, side, {1, 0, -1}) < 0);   // the same edge with one side flipped
+  CHECK(link_vote(top, side, {1, 0, 1}) > 0);    // concave edge
+  Surfel above = top;
+  CHECK(link_vote(top, above, {0, 0, 1}) == 0);  // one sheet over the other says nothing
+}
+
+TEST_CASE("orientation: a contradicted cycle keeps its strongest ties", "[unit]") {
+  const std::vector<PatchVote> votes = {{0, 1, 100, 0}, {0, 2, 0, 5}, {1, 2, 80, 0}};
+  const SignSolution s = solve_signs(4, votes);
+  CHECK(s.sign == std::vector<std::int8_t>{1, 1, 1, 1});
+  CHECK(s.component == std::vector<std::uint32_t>{0, 0, 0, 3});
+  CHECK(s.frustrated_votes == 5);
+  CHECK(s.total_votes == 185);
+}
