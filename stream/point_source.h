@@ -98,9 +98,10 @@ std::uint64_t missing_points(const PointFileInfo& info, const ReadCounts& total)
 std::vector<std::string> refuted_claims(const PointFileInfo& info, const ReadCounts& total,
                                         const Double3& read_min, const Double3& read_max);
 
-/// Expands files, folders (sorted, known extensions, not recursive), globs and @list files (one path per
-/// line) to a list of paths without repeats, in the order given; the order never changes a result. \throws
-/// InputError naming the argument that matches nothing
+/// Expands files, folders (sorted, by extension ply las laz xyz pts ptx csv asc e57 pcd, not recursive),
+/// globs (sorted; folders count only where no file matches) and @list files (one file, folder or glob per
+/// line, relative to the list's folder, # starts a comment) to a list of paths without repeats, in the order
+/// given; the order never changes a result. \throws InputError naming the argument that matches nothing
 std::vector<std::filesystem::path> expand_inputs(const std::vector<std::string>& arguments);
 
 }  // namespace tessera
