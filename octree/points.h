@@ -1,6 +1,7 @@
 /// \file points.h
 /// Points as the job stores them, and the block of points that a kernel gets.
 #pragma once
+#include <cstddef>
 #include <cstdint>
 #include <vector>
 
@@ -26,14 +27,18 @@ static_assert(sizeof(PointRecord) == 24);
 
 /// Bits of PointRecord::flags.
 enum PointFlag : std::uint16_t {
-  kPointOutlier = 1,          ///< dropped by cleaning; later stages skip it
-  kPointUncertainSign = 2,    ///< normal estimated, orientation not decided by sensor, up or votes
+  kPointOutlier = 1,        ///< dropped by cleaning; later stages skip it
+  kPointUncertainSign = 2,  ///< normal estimated, orientation not decided by sensor, up or votes
 };
 
 /// Unit vector to 16+16 bit octahedral code and back; error below 1e-4 rad. Exact on every machine
 /// (only + - * / sqrt). A zero or non-finite vector gives kNoNormal.
 std::uint32_t encode_normal(float x, float y, float z);
 Float3 decode_normal(std::uint32_t code);
+/// The same bits as encode_normal, decode_normal for `count` codes, several at a time.
+void encode_normals(const float* nx, const float* ny, const float* nz, std::size_t count,
+                    std::uint32_t* codes);
+void decode_normals(const std::uint32_t* codes, std::size_t count, float* nx, float* ny, float* nz);
 
 /// The points of one block and its halo, in canonical (global Morton) order, structure of arrays.
 /// Positions are in cells relative to the block's min corner: exact floats, multiples of 1/1024.
@@ -41,8 +46,8 @@ struct PointBlock {
   Int3 origin = {0, 0, 0};  ///< global cell coordinates of the block's min corner
   Int3 cells = {0, 0, 0};   ///< core size in cells, each a multiple of kBrickCells
   std::vector<float> x, y, z;
-  std::vector<float> nx, ny, nz;    ///< unit normals; zero where unknown
-  std::vector<std::uint32_t> rgba;  ///< empty if the scan has no colour
+  std::vector<float> nx, ny, nz;      ///< unit normals; zero where unknown
+  std::vector<std::uint32_t> rgba;    ///< empty if the scan has no colour
   std::vector<std::uint16_t> sensor;  ///< empty unless asked for
   std::size_t size() const { return x.size(); }
 };

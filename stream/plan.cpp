@@ -147,13 +147,17 @@ std::vector<PlanBrick> load_plan_bricks(const std::filesystem::path& file) {
   return bricks;
 }
 
-std::vector<PlanBucket> cut_buckets(const std::vector<PlanBrick>& bricks, std::uint64_t target_points) {
+std::vector<PlanBucket> cut_buckets(const std::vector<PlanBrick>& bricks, std::uint64_t target_points,
+                                    std::uint64_t max_brick_points) {
   std::vector<PlanBucket> buckets;
+  bool closed = true;  // the last bucket takes no more
   for (std::size_t i = 0; i < bricks.size(); ++i) {
-    if (buckets.empty() || buckets.back().points + bricks[i].points > target_points)
+    const bool hot = bricks[i].points > max_brick_points;
+    if (closed || hot || buckets.back().points + bricks[i].points > target_points)
       buckets.push_back({bricks[i].key, i, 0, 0});
     buckets.back().bricks += 1;
     buckets.back().points += bricks[i].points;
+    closed = hot;
   }
   return buckets;
 }

@@ -88,7 +88,9 @@ void save_plan_bricks(const std::filesystem::path& file, const std::vector<PlanB
 /// \throws InputError naming the file when it is missing or damaged
 std::vector<PlanBrick> load_plan_bricks(const std::filesystem::path& file);
 
-/// Cuts the bricks into buckets of at most `target_points`; a brick is never cut, so a hot one stands alone.
-std::vector<PlanBucket> cut_buckets(const std::vector<PlanBrick>& bricks, std::uint64_t target_points);
+/// Cuts the bricks into buckets of at most `target_points`; a brick is never cut, so a bucket may be one
+/// large brick, and a hot one (over `max_brick_points`) always stands alone.
+std::vector<PlanBucket> cut_buckets(const std::vector<PlanBrick>& bricks, std::uint64_t target_points,
+                                    std::uint64_t max_brick_points);
 
 }  // namespace tessera

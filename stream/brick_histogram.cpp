@@ -1,0 +1,189 @@
+#include "stream/brick_histogram.h"
+
+#include <algorithm>
+#include <limits>
+#include <string>
+
+#include "octree/error.h"
+#include "stream/read_file.h"
+
+namespace tessera {
+namespace {
+
+// Two bricks of the lattice stay empty around the data: the origin lies one below, halo bricks exist above.
+constexpr std::int64_t kMaxBricksPerAxis = (std::int64_t{1} << (kMaxCellBits - kBrickBits)) - 2;
+
+std::uint64_t hash_of(const BrickCoord& b) {
+  std::uint64_t v = static_cast<std::uint64_t>(b[0]) * 0x9e3779b97f4a7c15ULL;
+  v ^= static_cast<std::uint64_t>(b[1]) * 0xc2b2ae3d27d4eb4fULL;
+  v ^= static_cast<std::uint64_t>(b[2]) * 0x165667b19e3779f9ULL;
+  v ^= v >> 29;
+  v *= 0xbf58476d1ce4e5b9ULL;
+  return v ^ v >> 32;
+}
+
+void combine(std::vector<BrickCount>& counts) {
+  std::sort(counts.begin(), counts.end(),
+            [](const BrickCount& a, const BrickCount& b) { return a.brick < b.brick; });
+  std::size_t out = 0;
+  for (std::size_t i = 0; i < counts.size(); ++i) {
+    if (out > 0 && counts[out - 1].brick == counts[i].brick)
+      counts[out - 1].points += counts[i].points;
+    else
+      counts[out++] = counts[i];
+  }
+  counts.resize(out);
+}
+
+}  // namespace
+
+BrickCounter::BrickCounter(const std::filesystem::path& file, std::size_t capacity)
+    : file_(file, std::size_t{256} << 10), capacity_(capacity) {
+  std::size_t slots = 1024;
+  while (slots < 2 * capacity) slots *= 2;
+  slots_.resize(slots);
+  last_.fill(std::numeric_limits<std::int64_t>::min());
+}
+
+void BrickCounter::add_other(const BrickCoord& brick) {
+  std::size_t at = hash_of(brick) & (slots_.size() - 1);
+  while (slots_[at].points != 0 && slots_[at].brick != brick) at = (at + 1) & (slots_.size() - 1);
+  if (slots_[at].points == 0) {
+    if (used_ == capacity_) {
+      spill();
+      at = hash_of(brick) & (slots_.size() - 1);
+    }
+    slots_[at].brick = brick;
+    ++used_;
+  }
+  ++slots_[at].points;
+  last_ = brick;
+  last_slot_ = at;
+}
+
+void BrickCounter::spill() {
+  std::vector<BrickCount> run;
+  run.reserve(used_);
+  for (BrickCount& s : slots_) {
+    if (s.points != 0) run.push_back(s);
+    s.points = 0;
+  }
+  used_ = 0;
+  last_.fill(std::numeric_limits<std::int64_t>::min());
+  combine(run);
+  file_.write(run.data(), run.size() * sizeof(BrickCount));
+}
+
+std::uint64_t BrickCounter::finish() {
+  spill();
+  return file_.finish();
+}
+
+std::vector<BrickCount> merge_brick_counts(const std::vector<std::filesystem::path>& files,
+                                           std::size_t max_bricks) {
+  constexpr std::size_t kPart = std::size_t{1} << 14;
+  std::vector<BrickCount> all;
+  std::size_t distinct = 0;
+  for (const auto& path : files) {
+    const ReadFile file(path);
+    if (file.size() % sizeof(BrickCount) != 0)
+      throw InputError(path.string() + ": not a brick count of this version; run again with --force");
+    for (std::uint64_t at = 0; at < file.size();) {
+      const std::uint64_t part = std::min<std::uint64_t>(kPart * sizeof(BrickCount), file.size() - at);
+      const std::size_t before = all.size();
+      all.resize(before + part / sizeof(BrickCount));
+      file.read_at(at, all.data() + before, part);
+      at += part;
+      if (all.size() > 2 * distinct + 4 * kPart) {
+        combine(all);
+        distinct = all.size();
+      }
+      if (distinct > max_bricks) break;
+    }
+  }
+  combine(all);
+  if (all.size() > max_bricks)
+    throw ResourceError(
+        "the scan occupies more than " + std::to_string(max_bricks) +
+        " bricks of 64^3 cells, more than the memory cap can index; choose a coarser --resolution "
+        "or a larger --memory");
+  return all;
+}
+
+namespace {
+
+struct AxisRange {
+  std::int64_t low = 0, median = 0, high = 0;  ///< 1 %, 50 %, 99 %
+};
+
+AxisRange quantiles(const std::vector<BrickCount>& bricks, std::size_t axis, std::uint64_t points) {
+  std::vector<std::pair<std::int64_t, std::uint64_t>> marginal;
+  marginal.reserve(bricks.size());
+  for (const BrickCount& b : bricks) marginal.emplace_back(b.brick[axis], b.points);
+  std::sort(marginal.begin(), marginal.end());
+  const auto at = [&](std::uint64_t rank) {
+    std::uint64_t seen = 0;
+    for (const auto& [coordinate, count] : marginal) {
+      seen += count;
+      if (seen > rank) return coordinate;
+    }
+    return marginal.back().first;
+  };
+  return {at(points / 100), at(points / 2), at(points - 1 - points / 100)};
+}
+
+void shrink(BrickWindow& window, const std::vector<BrickCount>& bricks) {
+  BrickWindow tight;
+  tight.min.fill(std::numeric_limits<std::int64_t>::max());
+  tight.max.fill(std::numeric_limits<std::int64_t>::min());
+  for (const BrickCount& b : bricks) {
+    if (!window.holds(b.brick)) {
+      tight.dropped_points += b.points;
+      continue;
+    }
+    for (std::size_t a = 0; a < 3; ++a) {
+      tight.min[a] = std::min(tight.min[a], b.brick[a]);
+      tight.max[a] = std::max(tight.max[a], b.brick[a]);
+    }
+  }
+  window = tight;
+}
+
+std::int64_t extent(const BrickWindow& w) {
+  std::int64_t e = 0;
+  for (std::size_t a = 0; a < 3; ++a) e = std::max(e, w.max[a] - w.min[a] + 1);
+  return e;
+}
+
+}  // namespace
+
+BrickWindow robust_window(const std::vector<BrickCount>& bricks, double h) {
+  std::uint64_t points = 0;
+  for (const BrickCount& b : bricks) points += b.points;
+  std::array<AxisRange, 3> range;
+  std::int64_t body = 0;
+  for (std::size_t a = 0; a < 3; ++a) {
+    range[a] = quantiles(bricks, a, points);
+    body = std::max(body, range[a].high - range[a].low + 1);
+  }
+  const auto around_median = [&](std::int64_t reach) {
+    BrickWindow w;
+    for (std::size_t a = 0; a < 3; ++a) {
+      w.min[a] = range[a].median - reach;
+      w.max[a] = range[a].median + reach;
+    }
+    shrink(w, bricks);
+    return w;
+  };
+  BrickWindow window = around_median(1000 * body);
+  if (extent(window) <= kMaxBricksPerAxis) return window;
+  const BrickWindow widest = around_median(kMaxBricksPerAxis / 2 - 1);
+  if (widest.dropped_points - window.dropped_points < points / 1000 + 1) return widest;
+  const double smallest = h * static_cast<double>(extent(window)) / static_cast<double>(kMaxBricksPerAxis);
+  throw InputError("the scan spans " + std::to_string(extent(window) * kBrickCells) +
+                   " cells of the resolution, the lattice holds " +
+                   std::to_string(kMaxBricksPerAxis * kBrickCells) + "; choose --resolution " +
+                   std::to_string(smallest) + " or more, or reconstruct in parts");
+}
+
+}  // namespace tessera

@@ -1,0 +1,130 @@
+#include "stream/point_inputs.h"
+
+#include <algorithm>
+#include <cassert>
+#include <string>
+
+#include "octree/error.h"
+#include "octree/points.h"
+
+namespace tessera {
+namespace {
+
+// Each task writes a file or two; the work directory stays below a thousand of them.
+constexpr std::uint64_t kMaxTasks = 400;
+
+}  // namespace
+
+PointInputs::PointInputs(std::vector<std::unique_ptr<PointFile>> files, const ReconstructOptions& options,
+                         std::uint64_t task_bytes)
+    : files_(std::move(files)) {
+  if (files_.empty()) throw UsageError("no input: name at least one scan, folder, glob or @list");
+  for (const auto& f : files_) {
+    bytes_ += f->info().bytes;
+    sensors_.insert(sensors_.end(), f->info().sensors.begin(), f->info().sensors.end());
+  }
+  sensors_.insert(sensors_.end(), options.viewpoints.begin(), options.viewpoints.end());
+  std::sort(sensors_.begin(), sensors_.end());
+  sensors_.erase(std::unique(sensors_.begin(), sensors_.end()), sensors_.end());
+  if (sensors_.size() >= kNoSensor)
+    throw InputError("the inputs name " + std::to_string(sensors_.size()) + " sensor origins, at most " +
+                     std::to_string(kNoSensor - 1) + " are possible; reconstruct in parts");
+  for (const auto& f : files_) {
+    auto& ids = file_sensors_.emplace_back();
+    for (const Double3& s : f->info().sensors) ids.push_back(id_of(s));
+  }
+  for (const Double3& v : options.viewpoints) viewpoints_.push_back(id_of(v));
+
+  const std::uint64_t target = std::max(task_bytes, bytes_ / kMaxTasks);
+  std::uint64_t filled = 0;
+  for (std::size_t i = 0; i < files_.size(); ++i) {
+    for (const InputSlice& slice : files_[i]->slices(static_cast<std::uint32_t>(i), target)) {
+      if (tasks_.empty() || filled + slice.bytes > target) {
+        tasks_.emplace_back();
+        filled = 0;
+      }
+      tasks_.back().push_back(slice);
+      filled += slice.bytes;
+    }
+  }
+}
+
+std::uint16_t PointInputs::id_of(const Double3& origin) const {
+  const auto at = std::lower_bound(sensors_.begin(), sensors_.end(), origin);
+  assert(at != sensors_.end() && *at == origin);
+  return static_cast<std::uint16_t>(at - sensors_.begin());
+}
+
+std::uint64_t PointInputs::declared_points() const {
+  std::uint64_t sum = 0;
+  for (const auto& f : files_) sum += f->info().declared_points;
+  return sum;
+}
+
+bool PointInputs::has_colour() const {
+  return std::any_of(files_.begin(), files_.end(), [](const auto& f) { return f->info().attributes.colour; });
+}
+
+std::uint64_t PointInputs::task_input_bytes(std::size_t k) const {
+  std::uint64_t sum = 0;
+  for (const InputSlice& s : tasks_[k]) sum += s.bytes;
+  return sum;
+}
+
+void PointInputs::sensor_ids(std::uint32_t file, const PointChunk& chunk,
+                             std::vector<std::uint16_t>& ids) const {
+  ids.assign(chunk.size(), static_cast<std::uint16_t>(kNoSensor));
+  const bool per_file = viewpoints_.size() == files_.size();
+  if (viewpoints_.size() == 1 || (per_file && !viewpoints_.empty())) {
+    ids.assign(chunk.size(), per_file ? viewpoints_[file] : viewpoints_[0]);
+  } else if (!viewpoints_.empty()) {
+    for (std::size_t i = 0; i < chunk.size(); ++i) {
+      double best = -1.0;
+      for (const std::uint16_t v : viewpoints_) {
+        const Double3& s = sensors_[v];
+        const double dx = chunk.x[i] - s[0];
+        const double dy = chunk.y[i] - s[1];
+        const double dz = chunk.z[i] - s[2];
+        const double d = dx * dx + dy * dy + dz * dz;
+        if (best < 0.0 || d < best || (d == best && v < ids[i])) {
+          best = d;
+          ids[i] = v;
+        }
+      }
+    }
+  }
+  const auto& own = file_sensors_[file];
+  for (std::size_t i = 0; i < chunk.sensor.size(); ++i)
+    if (chunk.sensor[i] < own.size()) ids[i] = own[chunk.sensor[i]];
+}
+
+ReadCounts PointInputs::read(std::size_t k, TaskContext& context, bool in_bytes,
+                             const std::function<void(std::uint32_t, const PointChunk&)>& sink) const {
+  ReadCounts sum;
+  for (const InputSlice& slice : tasks_[k]) {
+    // Within a slice progress is an estimate from the header's count; it ends exactly.
+    const PointFileInfo& info = files_[slice.file]->info();
+    const double bytes_per_point = info.declared_points == 0 ? 24.0
+                                                             : static_cast<double>(info.bytes) /
+                                                                   static_cast<double>(info.declared_points);
+    std::uint64_t told = 0;
+    const ReadCounts counts = files_[slice.file]->read(slice, [&](const PointChunk& chunk) {
+      context.check_stop();
+      sink(slice.file, chunk);
+      const auto step = static_cast<std::uint64_t>(static_cast<double>(chunk.size()) * bytes_per_point);
+      const std::uint64_t part = std::min(step, slice.bytes - told);
+      told += part;
+      context.advance(in_bytes ? part : chunk.size());
+    });
+    if (in_bytes) context.advance(slice.bytes - told);
+    context.count_read(slice.bytes);
+    sum.points += counts.points;
+    sum.withheld += counts.withheld;
+    sum.empty += counts.empty;
+    sum.missing += counts.missing;
+    sum.warnings.insert(sum.warnings.end(), counts.warnings.begin(), counts.warnings.end());
+  }
+  return sum;
+}
+
+}  // namespace tessera

@@ -1,0 +1,65 @@
+/// \file point_inputs.h
+/// The scans of a job behind one door: their slices in tasks of even size, and the one table of sensors.
+#pragma once
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "stream/options.h"
+#include "stream/point_source.h"
+#include "stream/stage.h"
+
+namespace tessera {
+
+class PointInputs {
+ public:
+  /// \param task_bytes  input bytes that one task reads, about; grows for huge inputs so that tasks stay
+  /// below
+  ///                    about 400. Changes no result.
+  /// \throws UsageError  no file; InputError  more than 65534 different sensor origins
+  PointInputs(std::vector<std::unique_ptr<PointFile>> files, const ReconstructOptions& options,
+              std::uint64_t task_bytes = std::uint64_t{32} << 20);
+
+  std::size_t file_count() const { return files_.size(); }
+  const PointFile& file(std::size_t i) const { return *files_[i]; }
+  std::uint64_t bytes() const { return bytes_; }
+  std::uint64_t declared_points() const;
+  bool has_colour() const;
+
+  /// Tasks that read the whole input once: consecutive slices, about even in bytes.
+  std::size_t task_count() const { return tasks_.size(); }
+  std::span<const InputSlice> task(std::size_t k) const { return tasks_[k]; }
+  std::uint64_t task_input_bytes(std::size_t k) const;
+
+  /// Sensor origins of all files and of --viewpoint: ascending, no repeats, so that ids follow from the set
+  /// alone.
+  const std::vector<Double3>& sensors() const { return sensors_; }
+  /// Sensor ids of a chunk of file `file`. A point keeps its file's own sensor; else, of the viewpoints
+  /// given: the only one; the one of its file, if there are as many as files; else the nearest.
+  void sensor_ids(std::uint32_t file, const PointChunk& chunk, std::vector<std::uint16_t>& ids) const;
+
+  /// Streams the slices of task k. Reports progress in input bytes when `in_bytes`, else in points; checks
+  /// for a stop between chunks. Returns the summed fates.
+  ReadCounts read(std::size_t k, TaskContext& context, bool in_bytes,
+                  const std::function<void(std::uint32_t file, const PointChunk&)>& sink) const;
+
+  /// Memory that reading one task takes, at most.
+  static constexpr std::uint64_t kReadBytes = std::uint64_t{24} << 20;
+
+ private:
+  std::uint16_t id_of(const Double3& origin) const;
+
+  std::vector<std::unique_ptr<PointFile>> files_;
+  std::vector<std::vector<InputSlice>> tasks_;
+  std::vector<Double3> sensors_;
+  std::vector<std::vector<std::uint16_t>> file_sensors_;  ///< per file: its sensor index -> id
+  std::vector<std::uint16_t> viewpoints_;                 ///< ids of the viewpoints, in the order given
+  std::uint64_t bytes_ = 0;
+};
+
+/// Opens the inputs of a job. \throws InputError as open_point_file
+std::shared_ptr<const PointInputs> open_point_inputs(const JobState& job);
+
+}  // namespace tessera

@@ -1,0 +1,51 @@
+/// \file quantise.h
+/// Coordinates to quanta, many at a time: the same bits as Lattice::quantise, and the tests that decide what
+/// is a point at all. Survey and distribution both come here, so they never differ about a point.
+#pragma once
+#include <cmath>
+#include <cstdint>
+#include <vector>
+
+#include "octree/lattice.h"
+#include "stream/point_source.h"
+
+namespace tessera {
+
+inline constexpr double kQuantaPerBrick = double{kBrickCells} * kQuantaPerCell;
+/// Coordinates of 2^50 quanta and more are absurd on sight: beyond, doubles no longer hold the quanta
+/// exactly.
+inline constexpr double kMaxQuanta = 1125899906842624.0;
+
+enum class PointClass : std::uint8_t { kGood, kNonFinite, kTooFar };
+
+/// Scratch of one reader: absolute quanta (origin 0) of a chunk, whole numbers in doubles.
+struct ChunkQuanta {
+  std::vector<double> x, y, z;
+  std::vector<PointClass> fate;
+
+  void compute(const PointChunk& chunk, double h) {
+    const std::size_t n = chunk.size();
+    for (auto* v : {&x, &y, &z}) v->resize(n);
+    fate.resize(n);
+    quanta(chunk.x.data(), n, h, x.data());
+    quanta(chunk.y.data(), n, h, y.data());
+    quanta(chunk.z.data(), n, h, z.data());
+    for (std::size_t i = 0; i < n; ++i) {
+      const double sum = std::fabs(chunk.x[i]) + std::fabs(chunk.y[i]) + std::fabs(chunk.z[i]);
+      const bool far = !(std::fabs(x[i]) < kMaxQuanta) || !(std::fabs(y[i]) < kMaxQuanta) ||
+                       !(std::fabs(z[i]) < kMaxQuanta);
+      // A sum of finite doubles may overflow; such a point is far, and counted there by the next line's
+      // order.
+      const bool bad = !(sum - sum == 0.0) &&
+                       !(std::isfinite(chunk.x[i]) && std::isfinite(chunk.y[i]) && std::isfinite(chunk.z[i]));
+      fate[i] = bad ? PointClass::kNonFinite : far ? PointClass::kTooFar : PointClass::kGood;
+    }
+  }
+
+ private:
+  static void quanta(const double* world, std::size_t n, double h, double* out) {
+    for (std::size_t i = 0; i < n; ++i) out[i] = std::floor(world[i] / h * kQuantaPerCell + 0.5);
+  }
+};
+
+}  // namespace tessera

@@ -1,0 +1,135 @@
+#include "stream/stages/distribute_stage.h"
+
+#include <algorithm>
+#include <cmath>
+#include <nlohmann/json.hpp>
+#include <string>
+
+#include "octree/error.h"
+#include "stream/quantise.h"
+#include "stream/run_file.h"
+
+namespace tessera {
+namespace {
+
+/// Buckets of points; consecutive points mostly share a brick.
+class BucketFinder {
+ public:
+  explicit BucketFinder(const std::vector<std::uint64_t>& first_keys) : first_keys_(first_keys) {}
+  std::uint32_t operator()(const Int3& q) {
+    constexpr int kShift = kBrickBits + kQuantumBits;
+    const Int3 brick = {q[0] >> kShift, q[1] >> kShift, q[2] >> kShift};
+    if (brick != brick_) {
+      brick_ = brick;
+      const auto after = std::upper_bound(first_keys_.begin(), first_keys_.end(), brick_key(brick));
+      bucket_ = static_cast<std::uint32_t>(std::max<std::ptrdiff_t>(1, after - first_keys_.begin()) - 1);
+    }
+    return bucket_;
+  }
+
+ private:
+  const std::vector<std::uint64_t>& first_keys_;
+  Int3 brick_ = {-1, -1, -1};
+  std::uint32_t bucket_ = 0;
+};
+
+}  // namespace
+
+std::string run_file_name(std::size_t task) {
+  const std::string number = std::to_string(task);
+  return "distribute/" + std::string(number.size() < 5 ? 5 - number.size() : 0, '0') + number + ".run";
+}
+
+DistributeStage::DistributeStage(const JobState& job, std::shared_ptr<const PointInputs> inputs)
+    : job_(job), inputs_(std::move(inputs)), plan_(Plan::of_work(job.work)) {
+  for (const PlanBucket& b : plan_.buckets) first_keys_.push_back(b.first_key);
+}
+
+std::size_t DistributeStage::run_points() const {
+  const std::uint64_t share =
+      job_.run.memory_bytes / static_cast<std::uint64_t>(std::max(1, job_.run.threads));
+  return static_cast<std::size_t>(
+      std::clamp<std::uint64_t>(share / 6 / RunWriter::kBytesPerPoint, 1u << 13, 1u << 20));
+}
+
+std::uint64_t DistributeStage::task_bytes(std::size_t task) const {
+  const std::uint64_t runs = inputs_->task_input_bytes(task) / 3 / run_points() + 1;
+  return run_points() * RunWriter::kBytesPerPoint + DirectFile::kDefaultBuffer +
+         (runs * 32 + 8) * plan_.buckets.size() + std::uint64_t{65536} * 40 + PointInputs::kReadBytes;
+}
+
+std::uint64_t DistributeStage::finish_bytes() const {
+  const std::uint64_t runs = plan_.points() / run_points() + inputs_->task_count() + 1;
+  return runs * plan_.buckets.size() * sizeof(Extent) * 2 + (std::uint64_t{1} << 20);
+}
+
+nlohmann::json DistributeStage::run(std::size_t task, TaskContext& context) const {
+  RunWriter out(context.create(run_file_name(task)), static_cast<std::uint32_t>(task), plan_.buckets.size(),
+                run_points());
+  BucketFinder bucket_of(first_keys_);
+  ChunkQuanta quanta;
+  std::vector<std::uint16_t> sensors;
+  std::vector<std::uint32_t> normals;
+  const bool use_normals = job_.options.normals != "estimate";
+  Double3 low{};
+  Double3 high{};
+  Double3 base{};
+  for (std::size_t a = 0; a < 3; ++a) {
+    base[a] = static_cast<double>(plan_.lattice.origin_brick[a]) * kQuantaPerBrick;
+    low[a] = base[a] + static_cast<double>(plan_.brick_min[a]) * kQuantaPerBrick;
+    high[a] = base[a] + static_cast<double>(plan_.brick_max[a] + 1) * kQuantaPerBrick;
+  }
+  std::uint64_t kept = 0;
+  inputs_->read(task, context, false, [&](std::uint32_t file, const PointChunk& chunk) {
+    const std::size_t n = chunk.size();
+    quanta.compute(chunk, plan_.lattice.h);
+    if (!plan_.sensors.empty()) inputs_->sensor_ids(file, chunk, sensors);
+    const bool with_normals = use_normals && !chunk.nx.empty();
+    if (with_normals) {
+      normals.resize(n);
+      encode_normals(chunk.nx.data(), chunk.ny.data(), chunk.nz.data(), n, normals.data());
+    }
+    for (std::size_t i = 0; i < n; ++i) {
+      const double x = quanta.x[i];
+      const double y = quanta.y[i];
+      const double z = quanta.z[i];
+      if (quanta.fate[i] != PointClass::kGood || x < low[0] || x >= high[0] || y < low[1] || y >= high[1] ||
+          z < low[2] || z >= high[2])
+        continue;
+      PointRecord p;
+      p.q = {static_cast<std::int32_t>(x - base[0]), static_cast<std::int32_t>(y - base[1]),
+             static_cast<std::int32_t>(z - base[2])};
+      if (with_normals) p.normal = normals[i];
+      if (!chunk.rgba.empty()) p.rgba = chunk.rgba[i];
+      if (!plan_.sensors.empty()) p.sensor = sensors[i];
+      out.add(p, bucket_of(p.q));
+      ++kept;
+    }
+  });
+  context.count_written(out.finish());
+  return {{"points", kept}};
+}
+
+nlohmann::json DistributeStage::finish(const std::vector<nlohmann::json>& summaries,
+                                       TaskContext& context) const {
+  std::vector<Extent> all;
+  std::uint64_t bytes = 0;
+  for (std::size_t k = 0; k < summaries.size(); ++k) {
+    const auto extents = read_extents(job_.work / run_file_name(k));
+    all.insert(all.end(), extents.begin(), extents.end());
+  }
+  std::vector<std::uint64_t> points(plan_.buckets.size());
+  for (const Extent& e : all) {
+    points[e.bucket] += e.points;
+    bytes += e.points * sizeof(PointRecord);
+  }
+  for (std::size_t b = 0; b < points.size(); ++b)
+    if (points[b] != plan_.buckets[b].points)
+      throw InputError("bucket " + std::to_string(b) + " got " + std::to_string(points[b]) +
+                       " points, the survey saw " + std::to_string(plan_.buckets[b].points) +
+                       "; an input file changed while it was read, run again with --force");
+  save_extents(context.create(kExtentFile), all);
+  return {{"points", plan_.points()}, {"runs_bytes", bytes}, {"extents", all.size()}};
+}
+
+}  // namespace tessera

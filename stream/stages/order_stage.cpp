@@ -1,0 +1,175 @@
+#include "stream/stages/order_stage.h"
+
+#include <algorithm>
+#include <nlohmann/json.hpp>
+#include <string>
+
+#include "octree/error.h"
+#include "stream/hot_brick.h"
+#include "stream/point_sort.h"
+#include "stream/point_store.h"
+#include "stream/stages/distribute_stage.h"
+
+namespace tessera {
+namespace {
+
+constexpr std::size_t kHotChunk = std::size_t{1} << 19;
+
+/// Where the points of each brick of a bucket go.
+class BrickSlots {
+ public:
+  BrickSlots(const PlanBrick* bricks, std::size_t count) : bricks_(bricks), count_(count), next_(count + 1) {
+    for (std::size_t b = 0; b < count; ++b) next_[b + 1] = next_[b] + bricks[b].points;
+    end_ = next_;
+  }
+  std::uint64_t take(const Int3& q) {
+    constexpr int kShift = kBrickBits + kQuantumBits;
+    const Int3 brick = {q[0] >> kShift, q[1] >> kShift, q[2] >> kShift};
+    if (brick != brick_) {
+      const std::uint64_t key = brick_key(brick);
+      const auto at = std::lower_bound(bricks_, bricks_ + count_, key,
+                                       [](const PlanBrick& b, std::uint64_t k) { return b.key < k; });
+      slot_ = static_cast<std::size_t>(at - bricks_);
+      if (slot_ == count_ || at->key != key) unsurveyed();
+      brick_ = brick;
+    }
+    if (next_[slot_] == end_[slot_ + 1]) unsurveyed();
+    return next_[slot_]++;
+  }
+
+ private:
+  [[noreturn]] static void unsurveyed() {
+    throw InputError(
+        "a brick holds points that the survey did not see; an input file changed while it was read, "
+        "run again with --force");
+  }
+  const PlanBrick* bricks_;
+  std::size_t count_;
+  std::vector<std::uint64_t> next_, end_;
+  Int3 brick_ = {-1, -1, -1};
+  std::size_t slot_ = 0;
+};
+
+}  // namespace
+
+std::string point_file_name(std::size_t bucket) {
+  const std::string number = std::to_string(bucket);
+  return "points/" + std::string(number.size() < 5 ? 5 - number.size() : 0, '0') + number + ".pts";
+}
+
+std::vector<std::filesystem::path> point_files(const std::filesystem::path& work, const Plan& plan) {
+  std::vector<std::filesystem::path> files;
+  for (std::size_t k = 0; k < plan.buckets.size(); ++k) files.push_back(work / point_file_name(k));
+  return files;
+}
+
+OrderStage::OrderStage(const JobState& job)
+    : job_(job),
+      plan_(Plan::of_work(job.work)),
+      bricks_(load_plan_bricks(job.work / Plan::kBrickFile)),
+      extents_(load_extents(job.work / DistributeStage::kExtentFile)) {
+  for (std::size_t b = 0; b <= plan_.buckets.size(); ++b)
+    first_extent_.push_back(static_cast<std::size_t>(
+        std::lower_bound(extents_.begin(), extents_.end(), b,
+                         [](const Extent& e, std::size_t bucket) { return e.bucket < bucket; }) -
+        extents_.begin()));
+}
+
+bool OrderStage::is_hot(const PlanBucket& bucket) const {
+  return bucket.bricks == 1 && bucket.points > job_.options.max_brick_points;
+}
+
+std::uint64_t OrderStage::task_bytes(std::size_t task) const {
+  const PlanBucket& bucket = plan_.buckets[task];
+  const std::uint64_t fixed = DirectFile::kDefaultBuffer + kExtentChunk * sizeof(PointRecord) +
+                              bucket.bricks * 100 + (std::uint64_t{1} << 18);
+  const std::uint64_t blocks = std::min(bucket.points, bucket.bricks * 512) * 16;
+  if (is_hot(bucket)) return fixed + blocks + HotBrick::bytes(job_.options.max_brick_points, kHotChunk);
+  std::uint64_t largest = 0;
+  for (std::uint64_t b = 0; b < bucket.bricks; ++b)
+    largest = std::max(largest, bricks_[bucket.first_brick + b].points);
+  return fixed + blocks + bucket.points * sizeof(PointRecord) + BrickSorter::bytes(largest);
+}
+
+template <typename Use>
+void OrderStage::stream_bucket(std::size_t task, TaskContext& context, const Use& use) const {
+  std::vector<PointRecord> buffer;
+  std::size_t at = first_extent_[task];
+  while (at < first_extent_[task + 1]) {
+    const ReadFile file(job_.work / run_file_name(extents_[at].file));
+    for (const std::uint32_t id = extents_[at].file; at < first_extent_[task + 1] && extents_[at].file == id;
+         ++at) {
+      stream_extent(file, extents_[at], buffer, [&](std::span<const PointRecord> points) {
+        context.check_stop();
+        use(points);
+      });
+      file.release(extents_[at].offset, extents_[at].points * sizeof(PointRecord));
+      context.count_read(extents_[at].points * sizeof(PointRecord));
+    }
+  }
+}
+
+OrderStage::Counts OrderStage::order_bucket(std::size_t task, TaskContext& context) const {
+  const PlanBucket& bucket = plan_.buckets[task];
+  const PlanBrick* bricks = bricks_.data() + bucket.first_brick;
+  std::vector<PointRecord> points(bucket.points);
+  BrickSlots slots(bricks, bucket.bricks);
+  stream_bucket(task, context, [&](std::span<const PointRecord> chunk) {
+    for (const PointRecord& p : chunk) points[slots.take(p.q)] = p;
+  });
+  PointFileWriter out(context.create(point_file_name(task)));
+  BrickSorter sorter;
+  Counts counts;
+  const PointRecord* from = points.data();
+  for (std::uint64_t b = 0; b < bucket.bricks; ++b) {
+    const auto sorted = sorter.sort({from, bricks[b].points});
+    out.brick(bricks[b].key, sorted);
+    counts.kept += sorted.size();
+    counts.merged += bricks[b].points - sorted.size();
+    from += bricks[b].points;
+    context.check_stop();
+    context.advance(bricks[b].points);
+  }
+  counts.bytes = out.finish();
+  return counts;
+}
+
+OrderStage::Counts OrderStage::order_hot_brick(std::size_t task, TaskContext& context) const {
+  HotBrick brick(job_.options.max_brick_points, kHotChunk);
+  stream_bucket(task, context, [&](std::span<const PointRecord> chunk) { brick.count(chunk); });
+  stream_bucket(task, context, [&](std::span<const PointRecord> chunk) {
+    brick.add(chunk);
+    context.advance(chunk.size());
+  });
+  const std::vector<PointRecord> points = brick.take();
+  PointFileWriter out(context.create(point_file_name(task)));
+  out.brick(plan_.buckets[task].first_key, points);
+  return {points.size(), brick.merged(), brick.thinned(), out.finish()};
+}
+
+nlohmann::json OrderStage::run(std::size_t task, TaskContext& context) const {
+  const Counts c = is_hot(plan_.buckets[task]) ? order_hot_brick(task, context) : order_bucket(task, context);
+  context.count_written(c.bytes);
+  return {{"points", c.kept}, {"duplicates", c.merged}, {"thinned", c.thinned}};
+}
+
+nlohmann::json OrderStage::finish(const std::vector<nlohmann::json>& summaries, TaskContext&) const {
+  Counts sum;
+  std::uint64_t hot = 0;
+  for (const auto& s : summaries) {
+    sum.kept += s.at("points").get<std::uint64_t>();
+    sum.merged += s.at("duplicates").get<std::uint64_t>();
+    sum.thinned += s.at("thinned").get<std::uint64_t>();
+  }
+  for (const PlanBucket& b : plan_.buckets) hot += is_hot(b) ? 1 : 0;
+  if (sum.kept < 3)
+    throw EmptyError("the input holds " + std::to_string(sum.kept) +
+                     " different points; a surface needs at least three");
+  return {{"points", sum.kept},
+          {"duplicates", sum.merged},
+          {"thinned", sum.thinned},
+          {"hot_bricks", hot},
+          {"bricks", plan_.bricks}};
+}
+
+}  // namespace tessera

@@ -1,0 +1,190 @@
+#include "stream/stages/survey_stage.h"
+
+#include <algorithm>
+#include <cmath>
+#include <nlohmann/json.hpp>
+#include <string>
+
+#include "octree/error.h"
+#include "stream/brick_histogram.h"
+#include "stream/quantise.h"
+
+namespace tessera {
+namespace {
+
+constexpr std::size_t kCounterBricks = std::size_t{1} << 16;
+constexpr std::size_t kWarningsPerTask = 8;
+constexpr std::uint64_t kMergeBytesPerBrick = 128;  // merging, with slack for the tables made of it
+
+std::string counts_file(std::size_t task) {
+  std::string number = std::to_string(task);
+  return "survey/" + std::string(number.size() < 5 ? 5 - number.size() : 0, '0') + number + ".bricks";
+}
+
+/// What one task adds up.
+struct Tally {
+  PointFates fates;
+  std::uint64_t with_normal = 0;
+  std::vector<std::string> warnings;
+};
+
+nlohmann::json to_json(const Tally& t) {
+  return {{"read", t.fates.read},
+          {"withheld", t.fates.withheld},
+          {"empty", t.fates.empty},
+          {"missing", t.fates.missing},
+          {"non_finite", t.fates.non_finite},
+          {"far", t.fates.absurd},
+          {"with_normal", t.with_normal},
+          {"warnings", t.warnings}};
+}
+
+void add_json(const nlohmann::json& j, Tally& t) {
+  t.fates.read += j.at("read").get<std::uint64_t>();
+  t.fates.withheld += j.at("withheld").get<std::uint64_t>();
+  t.fates.empty += j.at("empty").get<std::uint64_t>();
+  t.fates.missing += j.at("missing").get<std::uint64_t>();
+  t.fates.non_finite += j.at("non_finite").get<std::uint64_t>();
+  t.fates.absurd += j.at("far").get<std::uint64_t>();
+  t.with_normal += j.at("with_normal").get<std::uint64_t>();
+  for (const auto& w : j.at("warnings")) t.warnings.push_back(w.get<std::string>());
+}
+
+std::uint64_t count_normals(const PointChunk& chunk, const std::vector<PointClass>& fate) {
+  std::uint64_t sum = 0;
+  for (std::size_t i = 0; i < chunk.nx.size(); ++i) {
+    const float size = std::fabs(chunk.nx[i]) + std::fabs(chunk.ny[i]) + std::fabs(chunk.nz[i]);
+    sum += fate[i] == PointClass::kGood && size > 0.0f && size - size == 0.0f ? 1 : 0;
+  }
+  return sum;
+}
+
+/// Lattice frame of the surveyed bricks: keys, ascending.
+std::vector<PlanBrick> lattice_bricks(const std::vector<BrickCount>& counts, const BrickWindow& window) {
+  std::vector<PlanBrick> bricks;
+  for (const BrickCount& c : counts) {
+    if (!window.holds(c.brick)) continue;
+    Int3 at{};
+    for (std::size_t a = 0; a < 3; ++a) at[a] = static_cast<std::int32_t>(c.brick[a] - window.min[a] + 1);
+    bricks.push_back({brick_key(at), c.points});
+  }
+  std::sort(bricks.begin(), bricks.end(),
+            [](const PlanBrick& a, const PlanBrick& b) { return a.key < b.key; });
+  return bricks;
+}
+
+}  // namespace
+
+std::uint64_t bucket_target(const RunOptions& run, std::uint64_t points) {
+  constexpr std::uint64_t kMost = std::uint64_t{1} << 22;
+  constexpr std::uint64_t kLeast = std::uint64_t{1} << 14;
+  constexpr std::uint64_t kMaxBuckets = 600;
+  const std::uint64_t share = run.memory_bytes / static_cast<std::uint64_t>(std::max(1, run.threads));
+  return std::max(std::clamp(share / 4 / 24, kLeast, kMost), points / kMaxBuckets);
+}
+
+SurveyStage::SurveyStage(const JobState& job, std::shared_ptr<const PointInputs> inputs, double h,
+                         bool auto_resolution)
+    : job_(job), inputs_(std::move(inputs)), h_(h), auto_resolution_(auto_resolution) {
+  if (!(h_ > 0.0) || !std::isfinite(h_))
+    throw UsageError("--resolution must be a positive number in the scan's units");
+  if (job_.options.radius > 0.0 && !(job_.options.radius >= h_ && job_.options.radius <= 4.0 * h_))
+    throw UsageError("--radius must lie between 1 and 4 times the resolution " + std::to_string(h_) +
+                     ", not " + std::to_string(job_.options.radius));
+}
+
+std::size_t SurveyStage::max_bricks() const {
+  return static_cast<std::size_t>(
+      std::min<std::uint64_t>(job_.run.memory_bytes / 4 / kMergeBytesPerBrick, std::uint64_t{1} << 28));
+}
+
+std::uint64_t SurveyStage::task_bytes(std::size_t) const {
+  // The counter's table (two slots of 32 bytes a brick) and its sorted copy, quanta of a chunk, the reader.
+  return kCounterBricks * 32 * 3 + (std::uint64_t{65536} * 25) + (std::uint64_t{1} << 20) +
+         PointInputs::kReadBytes;
+}
+
+std::uint64_t SurveyStage::finish_bytes() const {
+  return std::min<std::uint64_t>(job_.run.memory_bytes / 4,
+                                 (inputs_->bytes() / 3 + 4096) * kMergeBytesPerBrick);
+}
+
+nlohmann::json SurveyStage::run(std::size_t task, TaskContext& context) const {
+  BrickCounter counter(context.create(counts_file(task)), kCounterBricks);
+  ChunkQuanta quanta;
+  Tally tally;
+  const ReadCounts counts = inputs_->read(task, context, true, [&](std::uint32_t, const PointChunk& chunk) {
+    quanta.compute(chunk, h_);
+    for (std::size_t i = 0; i < chunk.size(); ++i) {
+      if (quanta.fate[i] != PointClass::kGood) {
+        ++(quanta.fate[i] == PointClass::kNonFinite ? tally.fates.non_finite : tally.fates.absurd);
+        continue;
+      }
+      counter.add({static_cast<std::int64_t>(std::floor(quanta.x[i] / kQuantaPerBrick)),
+                   static_cast<std::int64_t>(std::floor(quanta.y[i] / kQuantaPerBrick)),
+                   static_cast<std::int64_t>(std::floor(quanta.z[i] / kQuantaPerBrick))});
+    }
+    tally.with_normal += count_normals(chunk, quanta.fate);
+  });
+  context.count_written(counter.finish());
+  tally.fates.read = counts.points;
+  tally.fates.withheld = counts.withheld;
+  tally.fates.empty = counts.empty;
+  tally.fates.missing = counts.missing;
+  tally.warnings = counts.warnings;
+  if (tally.warnings.size() > kWarningsPerTask) tally.warnings.resize(kWarningsPerTask);
+  return to_json(tally);
+}
+
+nlohmann::json SurveyStage::finish(const std::vector<nlohmann::json>& summaries, TaskContext& context) const {
+  Tally tally;
+  std::vector<std::filesystem::path> files;
+  for (std::size_t k = 0; k < summaries.size(); ++k) {
+    add_json(summaries[k], tally);
+    files.push_back(job_.work / counts_file(k));
+  }
+  const std::uint64_t finite = tally.fates.read - tally.fates.non_finite;
+  if (tally.fates.read == 0) throw EmptyError("the input holds no point");
+  if (finite == 0)
+    throw EmptyError("none of the " + std::to_string(tally.fates.read) + " points has finite coordinates");
+  if (finite == tally.fates.absurd)
+    throw InputError(
+        "every point lies more than 2^50 quanta (h / 1024) from zero; choose a coarser --resolution");
+
+  const std::vector<BrickCount> counts = merge_brick_counts(files, max_bricks());
+  const BrickWindow window = robust_window(counts, h_);
+  const std::vector<PlanBrick> bricks = lattice_bricks(counts, window);
+
+  Plan plan;
+  plan.lattice.h = h_;
+  for (std::size_t a = 0; a < 3; ++a) {
+    plan.lattice.origin_brick[a] = window.min[a] - 1;
+    plan.brick_min[a] = 1;
+    plan.brick_max[a] = static_cast<std::int32_t>(window.max[a] - window.min[a] + 1);
+  }
+  plan.fates = tally.fates;
+  plan.fates.absurd += window.dropped_points;
+  plan.fates.kept = finite - plan.fates.absurd;
+  plan.auto_resolution = auto_resolution_;
+  plan.radius_cells = job_.options.radius > 0.0 ? job_.options.radius / h_ : 3.0;
+  plan.has_colour = inputs_->has_colour();
+  plan.normal_fraction =
+      static_cast<double>(tally.with_normal) / static_cast<double>(finite - tally.fates.absurd);
+  if (job_.options.normals == "estimate") plan.normal_fraction = 0.0;
+  plan.sensors = inputs_->sensors();
+  plan.bricks = bricks.size();
+  plan.buckets = cut_buckets(bricks, bucket_target(job_.run, plan.points()), job_.options.max_brick_points);
+  plan.warnings = tally.warnings;
+  if (plan.points() < 3)
+    throw EmptyError("the input holds " + std::to_string(plan.points()) +
+                     " usable points; a surface needs at least three");
+
+  plan.save(context.create(Plan::kFile));
+  save_plan_bricks(context.create(Plan::kBrickFile), bricks);
+  nlohmann::json report = plan.to_json();
+  report.erase("buckets");
+  report.erase("forecast");
+  return report;
+}
+
+}  // namespace tessera

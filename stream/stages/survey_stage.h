@@ -1,0 +1,40 @@
+/// \file survey_stage.h
+/// Pass 1: one look at every point. Counts points by fate and by brick, then decides the lattice, the sensors
+/// and the buckets: writes plan.json and bricks.bin.
+#pragma once
+#include <memory>
+
+#include "stream/plan.h"
+#include "stream/point_inputs.h"
+#include "stream/stage.h"
+
+namespace tessera {
+
+class SurveyStage : public Stage {
+ public:
+  /// \param h     lattice spacing: --resolution, or what the spacing stage measured
+  /// \param auto_resolution  it was measured
+  SurveyStage(const JobState& job, std::shared_ptr<const PointInputs> inputs, double h, bool auto_resolution);
+
+  std::string name() const override { return "survey"; }
+  std::size_t task_count() const override { return inputs_->task_count(); }
+  std::uint64_t task_bytes(std::size_t task) const override;
+  std::uint64_t units() const override { return inputs_->bytes(); }
+  std::string unit_name() const override { return "bytes"; }
+  nlohmann::json run(std::size_t task, TaskContext& context) const override;
+  nlohmann::json finish(const std::vector<nlohmann::json>& summaries, TaskContext& context) const override;
+  std::uint64_t finish_bytes() const override;
+
+ private:
+  std::size_t max_bricks() const;
+
+  JobState job_;
+  std::shared_ptr<const PointInputs> inputs_;
+  double h_;
+  bool auto_resolution_;
+};
+
+/// Points per bucket: sorting one takes at most its share of the cap, and files stay few.
+std::uint64_t bucket_target(const RunOptions& run, std::uint64_t points);
+
+}  // namespace tessera
