@@ -8,6 +8,7 @@
 #include "octree/error.h"
 #include "stream/quantise.h"
 #include "stream/run_file.h"
+#include "stream/task_files.h"
 
 namespace tessera {
 namespace {
@@ -36,8 +37,7 @@ class BucketFinder {
 }  // namespace
 
 std::string run_file_name(std::size_t task) {
-  const std::string number = std::to_string(task);
-  return "distribute/" + std::string(number.size() < 5 ? 5 - number.size() : 0, '0') + number + ".run";
+  return "distribute/" + task_file_stem(task) + ".run";
 }
 
 DistributeStage::DistributeStage(const JobState& job, std::shared_ptr<const PointInputs> inputs)

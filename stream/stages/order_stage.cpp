@@ -9,6 +9,7 @@
 #include "stream/point_sort.h"
 #include "stream/point_store.h"
 #include "stream/stages/distribute_stage.h"
+#include "stream/task_files.h"
 
 namespace tessera {
 namespace {
@@ -53,8 +54,7 @@ class BrickSlots {
 }  // namespace
 
 std::string point_file_name(std::size_t bucket) {
-  const std::string number = std::to_string(bucket);
-  return "points/" + std::string(number.size() < 5 ? 5 - number.size() : 0, '0') + number + ".pts";
+  return "points/" + task_file_stem(bucket) + ".tsp";
 }
 
 std::vector<std::filesystem::path> point_files(const std::filesystem::path& work, const Plan& plan) {

@@ -8,6 +8,7 @@
 #include "octree/error.h"
 #include "stream/brick_histogram.h"
 #include "stream/quantise.h"
+#include "stream/task_files.h"
 
 namespace tessera {
 namespace {
@@ -17,8 +18,7 @@ constexpr std::size_t kWarningsPerTask = 8;
 constexpr std::uint64_t kMergeBytesPerBrick = 128;  // merging, with slack for the tables made of it
 
 std::string counts_file(std::size_t task) {
-  std::string number = std::to_string(task);
-  return "survey/" + std::string(number.size() < 5 ? 5 - number.size() : 0, '0') + number + ".bricks";
+  return "survey/" + task_file_stem(task) + ".bricks";
 }
 
 /// What one task adds up.
