@@ -12,7 +12,9 @@ namespace tessera {
 
 /// 20 bits per axis of the node or cell, then 4 bits of type.
 /// Types: 0..2  point on the lattice edge from the node in +x, +y, +z
-///        3..5  second fan of such a point, where valid cells meet only across the edge (keeps vertices manifold)
+///        3..5  the same point as the cells on its + side of axis (type - 3 + 2) mod 3 name it when they see no link
+///              to the others. Both names mean one vertex, or two where valid cells meet only across the edge
+///              (keeps vertices manifold): only the owner knows, and exports each name that is in use
 ///        6..9  centre of loop 0..3 in the cell
 using VertexKey = std::uint64_t;
 
@@ -43,12 +45,12 @@ using PatchFace = std::array<std::uint32_t, 3>;
 struct Patch {
   Int3 brick = {0, 0, 0};
   std::vector<Float3> position;            ///< cells, relative to the brick's min corner
-  std::vector<std::uint32_t> rgba;         ///< per own vertex; empty if the scan has no colour
+  std::vector<std::uint32_t> rgba;         ///< per own vertex; empty if none of them has a colour
   std::vector<VertexClass> vertex_class;   ///< per own vertex
   std::vector<PatchFace> faces;            ///< counter-clockwise from outside
   std::vector<VertexKey> foreign;          ///< ascending, no repeats: vertices of other bricks that faces name
   /// Own vertices that other bricks may name (edge points on the min faces, loop centres in the cells of the
-  /// max faces): key and own index, ascending by key.
+  /// max faces): key and own index, ascending by key. Two keys may name the same vertex.
   std::vector<std::pair<VertexKey, std::uint32_t>> exported;
 
   bool empty() const { return faces.empty() && position.empty(); }

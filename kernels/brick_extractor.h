@@ -1,0 +1,80 @@
+/// \file brick_extractor.h
+/// The mesh of one brick: the passes behind extract_surface.
+#pragma once
+#include <array>
+#include <cstdint>
+#include <vector>
+
+#include "kernels/brick_band.h"
+#include "kernels/extended_marching_cubes.h"
+#include "kernels/feature_sample.h"
+#include "kernels/loop_triangulation.h"
+
+namespace tessera {
+
+/// Extracts brick after brick of one field; its buffers are reused.
+class BrickExtractor {
+ public:
+  BrickExtractor(const DirectedField& field, const ExtractOptions& options);
+
+  /// \param brick  within the block, each coordinate in [0, cells / 64)
+  Patch extract(const Int3& brick, ExtractReport& report);
+
+ private:
+  /// A loop with a feature sample; its edges, vertices and roots lie in the pools from `first`.
+  struct FeatureLoop {
+    Int3 cell;            ///< relative to the brick; -1 on one axis for the halo
+    std::uint8_t number;  ///< loop of the cell
+    std::uint8_t size;
+    std::uint8_t flipped[3] = {
+        0, 0, 0};  ///< per axis: loops of the cell below that a flip already links to this one
+    std::uint32_t first;
+    std::uint32_t centre;  ///< vertex
+    Float3 position;       ///< relative to the cell
+  };
+
+  void emit_edge_vertices();
+  void fill_local_edges(const LeafMasks& m);
+  void trace_leaf(const LeafMasks& m);
+  void trace_cell(const LeafMasks& m, int x, int y, int z, unsigned pattern);
+  void emit_plain_loop(const Int3& cell, int number, const std::uint8_t* edge, const std::uint32_t* vertex,
+                       const std::uint32_t* root);
+  bool keep_feature_loop(const Int3& cell, int number, const std::uint8_t* edge, const std::uint32_t* vertex,
+                         const std::uint32_t* root);
+  void emit_feature_segments();
+  void emit_segment(FeatureLoop& loop, std::size_t s);
+  bool should_flip(const FeatureLoop& above, const FeatureLoop& below, int axis, std::size_t s) const;
+  FeatureLoop* feature_loop_at(const Int3& cell, int edge);
+  std::uint32_t add_centre(const Int3& cell, int number, const Float3& position, VertexClass kind,
+                           const std::uint32_t* root, int size);
+  void add_face(std::uint32_t a, std::uint32_t b, std::uint32_t c) { patch_.faces.push_back({a, b, c}); }
+  void settle_foreign();
+  VertexKey key(const Int3& at, int type) const;
+  Float3 point_in_cell(int edge, std::uint32_t root) const;
+
+  const DirectedField& field_;
+  ExtractMethod method_;
+  FeatureThresholds thresholds_;
+  BrickBand band_;
+  Int3 corner_ = {0, 0, 0};  ///< global cell coordinates of the brick
+  Patch patch_;
+  ExtractReport* report_ = nullptr;
+  std::uint32_t any_alpha_ = 0;
+
+  /// Crossed edges of the leaf at work: axis, then 9^3 nodes.
+  static constexpr std::size_t kLocalNodes = 9 * 9 * 9;
+  std::array<std::uint32_t, 3 * kLocalNodes> local_vertex_;
+  std::array<std::uint32_t, 3 * kLocalNodes> local_root_;
+  std::vector<std::array<std::uint32_t, 2>> split_pairs_;  ///< vertices of cells A, B and of cells C, D
+
+  LoopSamples samples_;
+  LoopTriangles triangles_;
+  std::vector<std::int32_t> first_feature_;  ///< per active cell: its first feature loop, -1 = none
+  std::vector<FeatureLoop> features_;
+  std::vector<std::uint8_t> feature_edge_;
+  std::vector<std::uint32_t> feature_vertex_;
+  std::vector<std::uint32_t> feature_root_;
+  std::vector<VertexKey> foreign_key_;  ///< per provisional foreign slot
+};
+
+}  // namespace tessera

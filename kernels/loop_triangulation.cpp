@@ -1,0 +1,69 @@
+#include "kernels/loop_triangulation.h"
+
+#include <cmath>
+
+namespace tessera {
+namespace {
+
+constexpr float kForbidden = 1e30f;
+
+float area(const LoopSamples& loop, std::size_t i, std::size_t j, std::size_t k) {
+  const Float3 n = triangle_normal(loop.point[i], loop.point[j], loop.point[k]);
+  return std::sqrt(dot(n, n));
+}
+
+using Split = std::array<std::array<std::uint8_t, kCellEdges>, kCellEdges>;
+
+void emit(const Split& split, std::uint8_t from, std::uint8_t to, LoopTriangles& out) {
+  if (to - from < 2) return;
+  const std::uint8_t apex = split[from][to];
+  out.triangle[static_cast<std::size_t>(out.count++)] = {from, apex, to};
+  emit(split, from, apex, out);
+  emit(split, apex, to, out);
+}
+
+}  // namespace
+
+void triangulate_loop(const LoopSamples& loop, const std::uint8_t* edge, LoopTriangles& out) {
+  out.count = 0;
+  const auto size = static_cast<std::size_t>(loop.size);
+  if (size == 3) {
+    out.count = 1;
+    out.triangle[0] = {0, 1, 2};
+    return;
+  }
+  if (size == 4) {  // no chord of a loop of four lies in a face
+    out.count = 2;
+    if (area(loop, 0, 1, 2) + area(loop, 0, 2, 3) <= area(loop, 0, 1, 3) + area(loop, 1, 2, 3)) {
+      out.triangle[0] = {0, 1, 2};
+      out.triangle[1] = {0, 2, 3};
+    } else {
+      out.triangle[0] = {0, 1, 3};
+      out.triangle[1] = {1, 2, 3};
+    }
+    return;
+  }
+  std::array<std::array<float, kCellEdges>, kCellEdges> cost;
+  Split split;
+  for (std::size_t i = 0; i + 1 < size; ++i) cost[i][i + 1] = 0.0f;
+  for (std::size_t span = 2; span < size; ++span) {
+    for (std::size_t i = 0; i + span < size; ++i) {
+      const std::size_t j = i + span;
+      cost[i][j] = kForbidden;
+      split[i][j] = static_cast<std::uint8_t>(i + 1);
+      if (span + 1 < size && common_face(edge[i], edge[j]) != 255) continue;
+      for (std::size_t k = i + 1; k < j; ++k) {
+        const float sides = cost[i][k] + cost[k][j];
+        if (!(sides < cost[i][j])) continue;
+        const float sum = sides + area(loop, i, k, j);
+        if (sum < cost[i][j]) {
+          cost[i][j] = sum;
+          split[i][j] = static_cast<std::uint8_t>(k);
+        }
+      }
+    }
+  }
+  if (cost[0][size - 1] < kForbidden) emit(split, 0, static_cast<std::uint8_t>(size - 1), out);
+}
+
+}  // namespace tessera
