@@ -10,6 +10,7 @@
 
 #include "octree/error.h"
 #include "stream/direct_file.h"
+#include "stream/point_overlay.h"
 #include "stream/read_file.h"
 
 namespace tessera {
@@ -130,6 +131,7 @@ struct PointStore::Impl {
   std::vector<BrickEntry> bricks;
   std::vector<Checks> checks;  ///< parallel to bricks
   std::uint64_t points = 0;
+  std::shared_ptr<const PointOverlay> overlay;
 
   void open(const std::filesystem::path& path);
   [[noreturn]] void damaged(const BrickEntry& brick, const char* what) const;
@@ -139,7 +141,8 @@ struct PointStore::Impl {
                                      [](const BrickEntry& b, std::uint64_t k) { return b.key < k; });
     return at != bricks.end() && at->key == key ? &*at : nullptr;
   }
-  /// Calls use(records, count) for points [first, first + count) of a brick, in order, in chunks.
+  /// Calls use(records, count) for points [first, first + count) of a brick, in order, in chunks, as the overlay
+  /// has them.
   template <typename Use>
   void stream(const BrickEntry& brick, std::uint64_t first, std::uint64_t count,
               std::vector<PointRecord>& buffer, const Use& use) const;
@@ -209,6 +212,7 @@ void PointStore::Impl::stream(const BrickEntry& brick, std::uint64_t first, std:
     file.read_at(sizeof(FileHeader) + (brick.first + first + done) * sizeof(PointRecord), buffer.data(),
                  part * sizeof(PointRecord));
     if (whole) XXH3_64bits_update(hash.state, buffer.data(), part * sizeof(PointRecord));
+    if (overlay) overlay->apply(brick.key, first + done, {buffer.data(), static_cast<std::size_t>(part)});
     use(buffer.data(), static_cast<std::size_t>(part));
     done += part;
   }
@@ -216,7 +220,10 @@ void PointStore::Impl::stream(const BrickEntry& brick, std::uint64_t first, std:
   if (whole && XXH3_64bits_digest(hash.state) != checks[at].points) damaged(brick, "damaged points");
 }
 
-PointStore::PointStore(const std::vector<std::filesystem::path>& files) : impl_(std::make_unique<Impl>()) {
+PointStore::PointStore(const std::vector<std::filesystem::path>& files,
+                       std::shared_ptr<const PointOverlay> overlay)
+    : impl_(std::make_unique<Impl>()) {
+  impl_->overlay = std::move(overlay);
   impl_->files.reserve(files.size());
   for (const auto& path : files) impl_->open(path);
 }

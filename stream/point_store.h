@@ -17,6 +17,8 @@
 
 namespace tessera {
 
+class PointOverlay;
+
 /// One brick of the store.
 struct BrickEntry {
   std::uint64_t key = 0;  ///< Morton code of the brick
@@ -49,8 +51,10 @@ class PointFileWriter {
 /// Every ordered point of a job. Thread-safe for reading; holds the brick table only (56 bytes a brick).
 class PointStore {
  public:
-  /// Opens the bucket files, in order. \throws InputError naming the file when one is damaged
-  explicit PointStore(const std::vector<std::filesystem::path>& files);
+  /// Opens the bucket files, in order. With an overlay, normals and outliers are what it says.
+  /// \throws InputError naming the file when one is damaged
+  explicit PointStore(const std::vector<std::filesystem::path>& files,
+                      std::shared_ptr<const PointOverlay> overlay = nullptr);
   ~PointStore();
 
   std::span<const BrickEntry> bricks() const;  ///< ascending key

@@ -8,6 +8,7 @@
 #include "kernels/patch_components.h"
 #include "stream/patch_store.h"
 #include "stream/plan.h"
+#include "stream/point_overlay.h"
 #include "stream/task_files.h"
 
 namespace tessera {
@@ -20,7 +21,7 @@ constexpr std::uint64_t kFixedTaskBytes = 12u << 20;  ///< write buffers and the
 class SurfaceStage : public Stage {
  public:
   explicit SurfaceStage(const JobState& state)
-      : plan_(Plan::of_work(state.work)), store_(list_task_files(state.work / "points", ".tsp")) {
+      : plan_(Plan::of_work(state.work)), store_(list_task_files(state.work / "points", ".tsp"), PointOverlay::open(state.work)) {
     field_.radius_cells = plan_.radius_cells;
     field_.noise_cells = plan_.noise_cells;
     field_.feature_angle_deg = state.options.feature_angle_deg;
