@@ -28,7 +28,8 @@ struct MeshHeader {
   std::vector<std::string> comments;  ///< provenance, one line each
 };
 
-/// Writes to a file beside `path` and gives it its final name in finish(); the destructor removes what is unfinished.
+/// Writes to a file beside `path` and gives it its final name in finish(); the destructor removes what is
+/// unfinished.
 class MeshWriter {
  public:
   virtual ~MeshWriter() = default;
@@ -41,23 +42,33 @@ class MeshWriter {
 };
 
 /// By extension: .ply (binary little endian), .obj, .stl (binary), .glb.
-/// \throws UsageError for an unknown extension or a mesh over the format's limits (STL 2^32-1 faces and floats,
+/// \throws UsageError for an unknown extension or a mesh over the format's limits (STL 2^32-1 faces and
+/// floats,
 ///         GLB 2^32-1 bytes per buffer), naming one that can hold it; ResourceError when the disk is full
 std::unique_ptr<MeshWriter> create_mesh_file(const std::filesystem::path& path, const MeshHeader& header);
 
-/// A mesh on disk, streamed. Polygons are fanned into triangles.
+/// A mesh on disk, streamed through bounded buffers. Polygons are fanned into triangles. Both parts can be
+/// read any number of times, in any order.
 class MeshReader {
  public:
   virtual ~MeshReader() = default;
-  virtual const MeshHeader& header() const = 0;     ///< counts may be 0 until read where the format has none
+  /// Counts are claims of the file (polygons count once) and 0 where the format has none.
+  virtual const MeshHeader& header() const = 0;
   virtual const std::string& format() const = 0;
+  virtual bool shared_vertices() const { return true; }  ///< false: every face has its own three (STL)
   /// All vertices in order, in batches. Formats without shared vertices (STL) give three per face.
   virtual void read_vertices(
       const std::function<void(std::span<const Double3>, std::span<const std::uint32_t>)>& sink) = 0;
   virtual void read_faces(const std::function<void(std::span<const MeshFace>)>& sink) = 0;
 };
 
+struct MeshReadOptions {
+  bool keep_bad_faces =
+      false;  ///< hand out faces that name unknown vertices instead of throwing; for checks only
+};
+
 /// PLY, OBJ, STL, OFF, GLB. \throws InputError (file, offset or line, what is wrong, what to do)
-std::unique_ptr<MeshReader> open_mesh_file(const std::filesystem::path& path);
+std::unique_ptr<MeshReader> open_mesh_file(const std::filesystem::path& path,
+                                           const MeshReadOptions& options = {});
 
 }  // namespace tessera

@@ -7,7 +7,7 @@
 
 #include "octree/error.h"
 #include "stream/mesh_io.h"
-#include "tests/helpers/temp_folder.h"
+#include "tests/stream/temp_file.h"
 
 namespace tessera {
 namespace {
@@ -28,11 +28,11 @@ TEST_CASE("PLY writer: the bytes of one coloured triangle", "[unit]") {
   header.colour = true;
   header.shift = {500000.5, -2, 0};
   header.comments = {"made by\na test"};
-  const auto writer = create_mesh_file(folder / "a.ply", header);
+  const auto writer = create_mesh_file(folder.path() / "a.ply", header);
   writer->vertices(std::vector<Double3>{{1, 2, 3}, {4, 5, 6}, {7, 8, 9}},
                    std::vector<std::uint32_t>{0x04030201u, 0xff0000ffu, 0u});
   writer->faces(std::vector<MeshFace>{{2, 1, 0}});
-  CHECK_FALSE(std::filesystem::exists(folder / "a.ply"));
+  CHECK_FALSE(std::filesystem::exists(folder.path() / "a.ply"));
   writer->finish();
   std::string want =
       "ply\nformat binary_little_endian 1.0\ncomment made by a test\ncomment tessera_shift 500000.5 -2 0\n"
@@ -49,14 +49,14 @@ TEST_CASE("PLY writer: the bytes of one coloured triangle", "[unit]") {
   }
   put(std::uint8_t{3});
   for (const std::uint32_t index : {2u, 1u, 0u}) put(index);
-  CHECK(contents(folder / "a.ply") == want);
+  CHECK(contents(folder.path() / "a.ply") == want);
   CHECK(writer->bytes_written() == want.size());
-  CHECK_FALSE(std::filesystem::exists(folder / "a.ply.part"));
+  CHECK_FALSE(std::filesystem::exists(folder.path() / "a.ply.part"));
 }
 
 TEST_CASE("mesh writers: nothing remains of an unfinished file", "[fault]") {
   const test::TempFolder folder;
-  const std::filesystem::path path = folder / GENERATE("a.ply");
+  const std::filesystem::path path = folder.path() / GENERATE("a.ply");
   MeshHeader header;
   header.vertices = 4;
   header.faces = 4;
@@ -73,7 +73,7 @@ TEST_CASE("mesh writers: calls that break the contract are refused", "[unit]") {
   MeshHeader header;
   header.vertices = 4;
   header.faces = 1;
-  const auto writer = create_mesh_file(folder / "a.ply", header);
+  const auto writer = create_mesh_file(folder.path() / "a.ply", header);
   CHECK_THROWS_AS(writer->vertices(kCorners, std::vector<std::uint32_t>(4)), ValidationError);
   CHECK_THROWS_AS(writer->faces(kTetrahedron), ValidationError);
   writer->vertices(kCorners, {});
@@ -89,8 +89,8 @@ TEST_CASE("mesh writers: a mesh over a format's limit is refused before a file i
   MeshHeader header;
   header.vertices = (1ULL << 32) + 1;
   header.faces = 1ULL << 33;
-  CHECK_THROWS_WITH(create_mesh_file(folder / "a.ply", header), Catch::Contains("write .obj"));
-  CHECK_THROWS_AS(create_mesh_file(folder / "a.xyz", header), UsageError);
+  CHECK_THROWS_WITH(create_mesh_file(folder.path() / "a.ply", header), Catch::Contains("write .obj"));
+  CHECK_THROWS_AS(create_mesh_file(folder.path() / "a.xyz", header), UsageError);
   CHECK(std::filesystem::is_empty(folder.path()));
 }
 

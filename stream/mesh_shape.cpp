@@ -1,0 +1,72 @@
+#include "stream/mesh_shape.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace tessera {
+namespace {
+
+constexpr double kLargestExtent = 1e100;  // its cube, the scale of volumes, stays finite
+constexpr double kZeroArea =
+    1e-12;  // altitude over longest edge; input text rounds at 1e-16 of the coordinates
+
+Double3 minus(const Double3& a, const Double3& b) {
+  return {a[0] - b[0], a[1] - b[1], a[2] - b[2]};
+}
+Double3 cross(const Double3& a, const Double3& b) {
+  return {a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]};
+}
+double dot(const Double3& a, const Double3& b) {
+  return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+}
+
+}  // namespace
+
+MeshShape::MeshShape(const Double3& min, const Double3& max) {
+  const Double3 extent = minus(max, min);
+  const double largest = std::max({extent[0], extent[1], extent[2]});
+  usable_ = largest > 0.0 && largest < kLargestExtent;
+  if (!usable_) return;
+  for (std::size_t axis = 0; axis < 3; ++axis) centre_[axis] = min[axis] + 0.5 * extent[axis];
+  edges_ = FixedSum(2.0 * largest);
+  area_ = FixedSum(2.0 * largest * largest);
+  volume_ = FixedSum(2.0 * largest * largest * largest);
+  min_edge2_ = 4.0 * largest * largest;
+}
+
+void MeshShape::add(const Double3& a, const Double3& b, const Double3& c, bool flip) {
+  if (!usable_) return;
+  const Double3 ab = minus(b, a), ac = minus(c, a), bc = minus(c, b);
+  const double sides[3] = {dot(ab, ab), dot(ac, ac), dot(bc, bc)};
+  const double longest = std::max({sides[0], sides[1], sides[2]});
+  min_edge2_ = std::min({min_edge2_, sides[0], sides[1], sides[2]});
+  max_edge2_ = std::max(max_edge2_, longest);
+  for (const double side : sides) edges_.add(std::sqrt(side));
+  const Double3 normal = cross(ab, ac);
+  const double twice_area = std::sqrt(dot(normal, normal));
+  area_.add(0.5 * twice_area);
+  const double six_volumes = dot(minus(a, centre_), cross(minus(b, centre_), minus(c, centre_)));
+  volume_.add(flip ? six_volumes / -6.0 : six_volumes / 6.0);
+  ++faces_;
+  if (twice_area <= kZeroArea * longest) {
+    ++zero_area_;
+    return;
+  }
+  const double aspect = longest / twice_area * 0.8660254037844386;  // longest edge / (2 A / longest edge)
+  const auto bin = std::upper_bound(kAspectBounds.begin(), kAspectBounds.end(), aspect);
+  ++aspect_[static_cast<std::size_t>(bin - kAspectBounds.begin())];
+}
+
+void MeshShape::store(MeshCheck& check) const {
+  check.has_shape = usable_ && faces_ > 0;
+  if (!check.has_shape) return;
+  check.area = area_.value();
+  check.volume = check.solid() ? volume_.value() : 0.0;
+  check.min_edge = std::sqrt(min_edge2_);
+  check.max_edge = std::sqrt(max_edge2_);
+  check.mean_edge = edges_.value() / (3.0 * static_cast<double>(faces_));
+  check.zero_area_faces = zero_area_;
+  check.aspect_histogram = aspect_;
+}
+
+}  // namespace tessera

@@ -1,0 +1,79 @@
+#include "stream/spill_file.h"
+
+#include <fcntl.h>
+#include <stdlib.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstring>
+#include <string>
+
+#include "octree/error.h"
+
+namespace tessera {
+namespace {
+
+constexpr std::uint64_t kWindowBytes = std::uint64_t{32} << 20;
+
+[[noreturn]] void fail(const std::filesystem::path& folder, const char* what, int error) {
+  std::string advice;
+  if (error == ENOSPC || error == EDQUOT) advice = "; free space or name another folder with --temp";
+  throw ResourceError("temporary file in " + folder.string() + ": cannot " + what + ": " +
+                      std::strerror(error) + advice);
+}
+
+}  // namespace
+
+SpillFile::~SpillFile() {
+  if (fd_ >= 0) ::close(fd_);
+}
+
+void SpillFile::open() {
+  if (folder_.empty()) folder_ = std::filesystem::temp_directory_path();
+  std::string name = (folder_ / "tessera-spill-XXXXXX").string();
+  fd_ = ::mkostemp(name.data(), O_CLOEXEC);
+  if (fd_ < 0) fail(folder_, "be created", errno);
+  ::unlink(name.c_str());
+}
+
+std::uint64_t SpillFile::append(const void* data, std::uint64_t bytes) {
+  if (fd_ < 0) open();
+  const std::uint64_t offset = size_;
+  const auto* from = static_cast<const char*>(data);
+  while (bytes > 0) {
+    const ssize_t put = ::pwrite(fd_, from, bytes, static_cast<off_t>(size_));
+    if (put < 0 && errno == EINTR) continue;
+    if (put <= 0) fail(folder_, "be written", put == 0 ? ENOSPC : errno);
+    size_ += static_cast<std::uint64_t>(put);
+    from += put;
+    bytes -= static_cast<std::uint64_t>(put);
+  }
+  if (size_ - started_ >= kWindowBytes) {
+    if (started_ > released_) {
+      const auto begin = static_cast<off_t>(released_);
+      const auto length = static_cast<off_t>(started_ - released_);
+      ::sync_file_range(fd_, begin, length,
+                        SYNC_FILE_RANGE_WAIT_BEFORE | SYNC_FILE_RANGE_WRITE | SYNC_FILE_RANGE_WAIT_AFTER);
+      ::posix_fadvise(fd_, begin, length, POSIX_FADV_DONTNEED);
+      released_ = started_;
+    }
+    ::sync_file_range(fd_, static_cast<off_t>(started_), static_cast<off_t>(size_ - started_),
+                      SYNC_FILE_RANGE_WRITE);
+    started_ = size_;
+  }
+  return offset;
+}
+
+void SpillFile::read_at(std::uint64_t offset, void* to, std::uint64_t bytes) const {
+  auto* out = static_cast<char*>(to);
+  while (bytes > 0) {
+    const ssize_t got = ::pread(fd_, out, bytes, static_cast<off_t>(offset));
+    if (got < 0 && errno == EINTR) continue;
+    if (got <= 0) fail(folder_, "be read", got == 0 ? EIO : errno);
+    offset += static_cast<std::uint64_t>(got);
+    out += got;
+    bytes -= static_cast<std::uint64_t>(got);
+  }
+}
+
+}  // namespace tessera
