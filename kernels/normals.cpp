@@ -7,19 +7,21 @@
 #include <cmath>
 #include <utility>
 
-// Points come in Morton order, so the points of one leaf (8^3 cells) are consecutive. For each leaf of the core the
-// points of its box grown by the radius are gathered once, in canonical order; that list, and so the lane in which a
-// neighbour is summed, depends on the data alone. Every point of the leaf then streams over the list.
+// Points come in Morton order, so the points of one cube of 4^3 cells are consecutive. For each cube of the
+// core the points of its box grown by the radius are gathered once, in canonical order; that list, and so the
+// lane in which a neighbour is summed, depends on the data alone. Every point of the cube then streams over
+// the list.
 
 namespace tessera {
 namespace {
 
 constexpr int kLanes = 8;
+constexpr int kCubeCells = 4;  ///< at least the largest radius, so that one cube of halo suffices
 constexpr std::uint16_t kMinNeighbours = 5;  ///< a plane through fewer is chance
 constexpr float kBent = 0.02f;               ///< surface variation from which the radius is halved
 constexpr float kSupportCosine = 0.5f;       ///< supporters' normals lie within 60 degrees
 
-/// Candidates of one leaf, positions relative to its centre so that sums stay small; padded to whole vectors.
+/// Candidates of one cube, positions relative to its corner so that sums stay small; padded to whole vectors.
 struct Candidates {
   std::vector<float> x, y, z, nx, ny, nz;
   void clear() { x.clear(), y.clear(), z.clear(), nx.clear(), ny.clear(), nz.clear(); }
@@ -49,6 +51,30 @@ struct Moments {
   int supporters = 0;
 };
 
+/// Counts alone, for points that keep the normal they came with.
+Moments count_at(const Candidates& c, float px, float py, float pz, const Float3& n, float radius) {
+  const __m256 r2 = _mm256_set1_ps(radius * radius);
+  const __m256 support = _mm256_set1_ps(kSupportCosine);
+  const __m256 vx = _mm256_set1_ps(px), vy = _mm256_set1_ps(py), vz = _mm256_set1_ps(pz);
+  const __m256 ux = _mm256_set1_ps(n[0]), uy = _mm256_set1_ps(n[1]), uz = _mm256_set1_ps(n[2]);
+  Moments m;
+  for (std::size_t i = 0; i < c.x.size(); i += kLanes) {
+    const __m256 dx = _mm256_sub_ps(_mm256_loadu_ps(&c.x[i]), vx);
+    const __m256 dy = _mm256_sub_ps(_mm256_loadu_ps(&c.y[i]), vy);
+    const __m256 dz = _mm256_sub_ps(_mm256_loadu_ps(&c.z[i]), vz);
+    const __m256 d2 = _mm256_fmadd_ps(dx, dx, _mm256_fmadd_ps(dy, dy, _mm256_mul_ps(dz, dz)));
+    const int in = _mm256_movemask_ps(_mm256_cmp_ps(d2, r2, _CMP_LT_OQ));
+    if (in == 0) continue;
+    const __m256 dot = _mm256_fmadd_ps(
+        ux, _mm256_loadu_ps(&c.nx[i]),
+        _mm256_fmadd_ps(uy, _mm256_loadu_ps(&c.ny[i]), _mm256_mul_ps(uz, _mm256_loadu_ps(&c.nz[i]))));
+    const int agree = in & _mm256_movemask_ps(_mm256_cmp_ps(dot, support, _CMP_GE_OQ));
+    m.count += __builtin_popcount(static_cast<unsigned>(in));
+    m.supporters += __builtin_popcount(static_cast<unsigned>(agree));
+  }
+  return m;
+}
+
 /// Weighted moments of the candidates within `radius` of p, weight (1 - d^2/r^2)^2.
 Moments moments_at(const Candidates& c, float px, float py, float pz, const Float3& n, float radius) {
   const __m256 r2 = _mm256_set1_ps(radius * radius);
@@ -68,9 +94,9 @@ Moments moments_at(const Candidates& c, float px, float py, float pz, const Floa
     const int mask = _mm256_movemask_ps(in);
     if (mask == 0) continue;
     m.count += __builtin_popcount(static_cast<unsigned>(mask));
-    const __m256 dot = _mm256_fmadd_ps(ux, _mm256_loadu_ps(&c.nx[i]),
-                                       _mm256_fmadd_ps(uy, _mm256_loadu_ps(&c.ny[i]),
-                                                       _mm256_mul_ps(uz, _mm256_loadu_ps(&c.nz[i]))));
+    const __m256 dot = _mm256_fmadd_ps(
+        ux, _mm256_loadu_ps(&c.nx[i]),
+        _mm256_fmadd_ps(uy, _mm256_loadu_ps(&c.ny[i]), _mm256_mul_ps(uz, _mm256_loadu_ps(&c.nz[i]))));
     const int agree = mask & _mm256_movemask_ps(_mm256_cmp_ps(dot, support, _CMP_GE_OQ));
     m.supporters += __builtin_popcount(static_cast<unsigned>(agree));
     const __m256 q = _mm256_fnmadd_ps(d2, inv_r2, one);
@@ -128,43 +154,46 @@ PointShape shape_at(const Candidates& c, float px, float py, float pz, const Flo
                     const NormalOptions& options) {
   const auto radius = static_cast<float>(options.radius_cells);
   const bool has_normal = given[0] != 0.0f || given[1] != 0.0f || given[2] != 0.0f;
-  const Moments wide = moments_at(c, px, py, pz, given, radius);
+  const Moments wide =
+      options.estimate ? moments_at(c, px, py, pz, given, radius) : count_at(c, px, py, pz, given, radius);
   PointShape shape;
   shape.normal = given;
   shape.neighbours = static_cast<std::uint16_t>(std::min(wide.count - 1, 0xffff));
-  shape.supporters =
-      has_normal ? static_cast<std::uint16_t>(std::min(std::max(wide.supporters - 1, 0), 0xffff)) : shape.neighbours;
-  if (wide.count <= kMinNeighbours) {
-    if (options.estimate) shape.normal = {0, 0, 0};
-    return shape;
-  }
+  shape.supporters = has_normal
+                         ? static_cast<std::uint16_t>(std::min(std::max(wide.supporters - 1, 0), 0xffff))
+                         : shape.neighbours;
+  if (!options.estimate) return shape;
+  shape.normal = {0, 0, 0};
+  if (wide.count <= kMinNeighbours) return shape;
   Plane plane = fit_plane(wide);
-  if (options.estimate && plane.variation > kBent) {
+  if (plane.variation > kBent) {
     const Moments narrow = moments_at(c, px, py, pz, given, radius * 0.5f);
     if (narrow.count > 2 * kMinNeighbours) {
       const Plane closer = fit_plane(narrow);
       if (closer.variation < plane.variation) plane = closer;
     }
   }
-  if (options.estimate) shape.normal = plane.normal;
+  shape.normal = plane.normal;
   shape.variation = plane.variation;
   shape.residual = plane.residual;
   return shape;
 }
 
-int leaf_of(float cells) { return static_cast<int>(std::floor(cells / kLeafCells)); }
+int cube_of(float cells) {
+  return static_cast<int>(std::floor(cells / kCubeCells));
+}
 
 }  // namespace
 
 int normal_halo_cells(const NormalOptions& options) {
-  return static_cast<int>(std::ceil(options.radius_cells)) ;
+  return static_cast<int>(std::ceil(options.radius_cells));
 }
 
 std::vector<PointShape> estimate_shapes(const PointBlock& points, const NormalOptions& options) {
   assert(options.radius_cells >= 1.0 && options.radius_cells <= 4.0);
-  // Runs of points in the same leaf, in canonical order, and a dense table leaf -> run (one leaf of halo).
-  const Int3 dims = {points.cells[0] / kLeafCells + 2, points.cells[1] / kLeafCells + 2,
-                     points.cells[2] / kLeafCells + 2};
+  // Runs of points in the same cube, in canonical order, and a dense table cube -> run (one cube of halo).
+  const Int3 dims = {points.cells[0] / kCubeCells + 2, points.cells[1] / kCubeCells + 2,
+                     points.cells[2] / kCubeCells + 2};
   struct Run {
     std::uint32_t first = 0;
     std::uint32_t last = 0;
@@ -172,28 +201,29 @@ std::vector<PointShape> estimate_shapes(const PointBlock& points, const NormalOp
   std::vector<Run> runs(static_cast<std::size_t>(dims[0]) * static_cast<std::size_t>(dims[1]) *
                         static_cast<std::size_t>(dims[2]));
   const auto slot = [&](int x, int y, int z) {
-    return (static_cast<std::size_t>(z + 1) * static_cast<std::size_t>(dims[1]) + static_cast<std::size_t>(y + 1)) *
+    return (static_cast<std::size_t>(z + 1) * static_cast<std::size_t>(dims[1]) +
+            static_cast<std::size_t>(y + 1)) *
                static_cast<std::size_t>(dims[0]) +
            static_cast<std::size_t>(x + 1);
   };
-  struct LeafRun {
-    Int3 leaf;
+  struct CubeRun {
+    Int3 cube;
     std::uint32_t first, last;
   };
-  std::vector<LeafRun> core;
+  std::vector<CubeRun> core;
   const auto count = static_cast<std::uint32_t>(points.size());
   std::size_t core_points = 0;
   for (std::uint32_t i = 0; i < count;) {
-    const Int3 leaf = {leaf_of(points.x[i]), leaf_of(points.y[i]), leaf_of(points.z[i])};
+    const Int3 cube = {cube_of(points.x[i]), cube_of(points.y[i]), cube_of(points.z[i])};
     std::uint32_t j = i + 1;
-    while (j < count && leaf_of(points.x[j]) == leaf[0] && leaf_of(points.y[j]) == leaf[1] &&
-           leaf_of(points.z[j]) == leaf[2])
+    while (j < count && cube_of(points.x[j]) == cube[0] && cube_of(points.y[j]) == cube[1] &&
+           cube_of(points.z[j]) == cube[2])
       ++j;
-    runs[slot(leaf[0], leaf[1], leaf[2])] = {i, j};
-    const bool inside = leaf[0] >= 0 && leaf[0] < dims[0] - 2 && leaf[1] >= 0 && leaf[1] < dims[1] - 2 &&
-                        leaf[2] >= 0 && leaf[2] < dims[2] - 2;
+    runs[slot(cube[0], cube[1], cube[2])] = {i, j};
+    const bool inside = cube[0] >= 0 && cube[0] < dims[0] - 2 && cube[1] >= 0 && cube[1] < dims[1] - 2 &&
+                        cube[2] >= 0 && cube[2] < dims[2] - 2;
     if (inside) {
-      core.push_back({leaf, i, j});
+      core.push_back({cube, i, j});
       core_points += j - i;
     }
     i = j;
@@ -203,13 +233,14 @@ std::vector<PointShape> estimate_shapes(const PointBlock& points, const NormalOp
   shapes.reserve(core_points);
   Candidates candidates;
   std::vector<Run> near;
-  for (const LeafRun& run : core) {
+  for (const CubeRun& run : core) {
     const auto radius = static_cast<float>(options.radius_cells);
-    const float low[3] = {static_cast<float>(run.leaf[0] * kLeafCells), static_cast<float>(run.leaf[1] * kLeafCells),
-                          static_cast<float>(run.leaf[2] * kLeafCells)};
+    const float low[3] = {static_cast<float>(run.cube[0] * kCubeCells),
+                          static_cast<float>(run.cube[1] * kCubeCells),
+                          static_cast<float>(run.cube[2] * kCubeCells)};
     near.clear();
     for (int d = 0; d < 27; ++d) {
-      const Run r = runs[slot(run.leaf[0] + d % 3 - 1, run.leaf[1] + d / 3 % 3 - 1, run.leaf[2] + d / 9 - 1)];
+      const Run r = runs[slot(run.cube[0] + d % 3 - 1, run.cube[1] + d / 3 % 3 - 1, run.cube[2] + d / 9 - 1)];
       if (r.first != r.last) near.push_back(r);
     }
     std::sort(near.begin(), near.end(), [](const Run& a, const Run& b) { return a.first < b.first; });
@@ -217,8 +248,9 @@ std::vector<PointShape> estimate_shapes(const PointBlock& points, const NormalOp
     for (const Run& r : near)
       for (std::uint32_t i = r.first; i < r.last; ++i) {
         const float x = points.x[i] - low[0], y = points.y[i] - low[1], z = points.z[i] - low[2];
-        const auto close = [&](float v) { return v > -radius && v < kLeafCells + radius; };
-        if (close(x) && close(y) && close(z)) candidates.add(x, y, z, points.nx[i], points.ny[i], points.nz[i]);
+        const auto close = [&](float v) { return v > -radius && v < kCubeCells + radius; };
+        if (close(x) && close(y) && close(z))
+          candidates.add(x, y, z, points.nx[i], points.ny[i], points.nz[i]);
       }
     candidates.pad();
     for (std::uint32_t i = run.first; i < run.last; ++i)

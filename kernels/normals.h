@@ -18,8 +18,8 @@ struct NormalOptions {
 /// What one point's neighbourhood looks like.
 struct PointShape {
   Float3 normal = {0, 0, 0};        ///< unit, sign arbitrary but deterministic; zero if too few neighbours
-  float variation = 0.0f;           ///< l0 / (l0 + l1 + l2) of the covariance: 0 flat .. 1/3 no surface
-  float residual = 0.0f;            ///< weighted RMS distance of the neighbours to the plane, cells
+  float variation = 0.0f;           ///< with estimate only: l0 / (l0 + l1 + l2) of the covariance: 0 flat .. 1/3 no surface
+  float residual = 0.0f;            ///< with estimate only: weighted RMS distance of the neighbours to the plane, cells
   std::uint16_t neighbours = 0;     ///< within the radius, the point itself not counted
   std::uint16_t supporters = 0;     ///< of these, with a normal within 60 degrees (given normals); else = neighbours
 };
@@ -28,9 +28,9 @@ struct PointShape {
 int normal_halo_cells(const NormalOptions& options);
 
 /// Shapes of the core points of the block, in their order (points outside the core are skipped).
-/// Every value is a pure function of the points within the radius' leaf neighbourhood: any block gives the same bits.
+/// Every value is a pure function of the points within the radius: any block gives the same bits.
 /// \pre points are complete within normal_halo_cells of the core, canonical order
-/// \cost one vectorised pass over the points of the 8^3-cell leaf and its halo per point
+/// \cost one vectorised pass over the points of the 4^3-cell cube and its halo per point
 std::vector<PointShape> estimate_shapes(const PointBlock& points, const NormalOptions& options);
 
 /// Eigen-decomposition of a symmetric 3x3 matrix by cyclic Jacobi (only + - * / sqrt): eigenvalues ascending,
