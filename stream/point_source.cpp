@@ -8,6 +8,8 @@
 #include "stream/formats/byte_window.h"
 #include "stream/formats/las_points.h"
 #include "stream/formats/ply_points.h"
+#include "stream/formats/ptx_points.h"
+#include "stream/formats/text_points.h"
 #include "stream/read_file.h"
 
 namespace tessera {
@@ -79,10 +81,13 @@ std::unique_ptr<PointFile> open_point_file(const std::filesystem::path& path, co
     if (head.substr(0, r.magic.size()) == r.magic) throw InputError(name + ": " + std::string(r.sentence));
   }
   const std::string extension = lower_extension(path);
+  if (extension == ".ptx" || looks_like_ptx(file)) return open_ptx_points(std::move(file), options);
   if (extension == ".las" || extension == ".laz" || extension == ".ply" || extension == ".e57") {
     throw InputError(name + ": does not start as a " + extension.substr(1) +
                      " file does; it is damaged or misnamed");
   }
+  const bool text = extension == ".xyz" || extension == ".pts" || extension == ".csv" || extension == ".asc";
+  if (text || looks_like_text_points(file)) return open_text_points(std::move(file), options);
   throw InputError(name + ": is of no known format; PLY, LAS, XYZ, PTS, PTX and CSV are read");
 }
 

@@ -12,8 +12,6 @@ namespace tessera {
 
 namespace {
 
-constexpr std::size_t kMaxLine = std::size_t{1} << 20;
-
 constexpr bool is_separator(char c) {
   return c == ' ' || c == '\t' || c == ',' || c == ';' || c == '\r';
 }
@@ -38,9 +36,9 @@ char detect_line_end(const ReadFile& file) {
 }
 
 LineReader::LineReader(const ReadFile& file, const LineLayout& layout, std::uint64_t begin, std::uint64_t end,
-                       bool release)
+                       bool release, std::size_t buffer)
     : file_(&file),
-      window_(file, window_begin(layout, begin), file.size(), kMaxLine, release),
+      window_(file, window_begin(layout, begin), file.size(), buffer, release),
       end_(end),
       line_end_(layout.line_end),
       line_number_(layout.first_line - 1),
@@ -67,10 +65,11 @@ bool LineReader::next(std::string_view& line) {
   if (counting_) ++line_number_;
   const char* hit = static_cast<const char*>(std::memchr(text.data(), line_end_, text.size()));
   if (!hit && window_.remaining() > text.size()) {
-    text = window_.peek(kMaxLine);
+    text = window_.peek(window_.capacity());
     hit = static_cast<const char*>(std::memchr(text.data(), line_end_, text.size()));
     if (!hit && window_.remaining() > text.size()) {
-      throw InputError(where() + ": a line of more than 1 MiB; this is not a text file of points");
+      throw InputError(where() + ": a line of more than " + std::to_string(window_.capacity()) +
+                       " bytes; this is not a text file of points");
     }
   }
   complete_ = hit != nullptr;

@@ -23,12 +23,15 @@ char detect_line_end(const ReadFile& file);
 
 class LineReader {
  public:
+  static constexpr std::size_t kLongestLine = std::size_t{1} << 20;
+
   /// \pre layout.data_begin <= begin <= end <= file.size()
+  /// \param buffer  bytes read at a time, and the longest line
   LineReader(const ReadFile& file, const LineLayout& layout, std::uint64_t begin, std::uint64_t end,
-             bool release);
+             bool release, std::size_t buffer = kLongestLine);
 
   /// The next line without its end, or false after the last. Valid until the next call.
-  /// \throws InputError for a line longer than 1 MiB
+  /// \throws InputError for a line longer than the buffer
   bool next(std::string_view& line);
   /// False if the line just given is the last of the file and has no line end: it may be torn.
   bool complete() const { return complete_; }
@@ -36,7 +39,8 @@ class LineReader {
   std::string where() const;
   /// The warning for a last line that is left out because it is torn.
   std::string torn_line() const;
-  std::uint64_t line_offset() const { return line_offset_; }
+  std::uint64_t line_offset() const { return line_offset_; }      ///< of the line just given
+  std::uint64_t next_offset() const { return window_.offset(); }  ///< of the line after it
 
  private:
   const ReadFile* file_;

@@ -304,7 +304,7 @@ class PlyPoints final : public PointFile {
   PointFileInfo info_;
   PlyHeader header_;
   std::size_t vertex_ = 0;
-  bool closing_ = true;  ///< nothing is declared after the vertices
+  bool closing_ = true;                     ///< nothing is declared after the vertices
   std::vector<int> slots_;                  ///< per property of the vertex
   std::array<ScalarType, kSlots> types_{};  ///< per slot
   std::array<bool, kSlots> has_{};          ///< slots 0, 3, 6: the group is there

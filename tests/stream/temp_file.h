@@ -28,6 +28,7 @@ class TempFolder {
   /// Writes a file of these bytes and returns its path.
   std::filesystem::path write(const std::string& name, std::string_view bytes) const {
     const std::filesystem::path file = path_ / name;
+    std::filesystem::remove(file);  // some file systems sync a file that is emptied and written again
     std::ofstream(file, std::ios::binary).write(bytes.data(), static_cast<std::streamsize>(bytes.size()));
     return file;
   }

@@ -1,0 +1,275 @@
+#include "stream/formats/ptx_points.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "octree/error.h"
+#include "octree/points.h"
+#include "stream/formats/line_reader.h"
+#include "stream/formats/point_records.h"
+#include "stream/formats/scalar.h"
+
+namespace tessera {
+
+namespace {
+
+/// Numbers of the header lines after columns and rows.
+constexpr std::array<int, 8> kHeaderLines = {3, 3, 3, 3, 4, 4, 4, 4};
+
+struct Scan {
+  std::uint64_t declared = 0;    ///< columns * rows
+  std::uint64_t data_begin = 0;  ///< first point line
+  std::uint64_t data_end = 0;    ///< header of the next scan, or end of the file
+  std::uint64_t lines = 0;       ///< point lines found
+  bool colour = false;
+  Double3 position{};               ///< of the scanner, as the header gives it
+  std::array<double, 12> matrix{};  ///< rows: images of the axes, then the translation
+};
+
+/// A line of one whole number, which no point line is.
+bool is_lone_count(std::string_view line, std::uint64_t& count) {
+  line.remove_prefix(std::min(line.find_first_not_of(" \t"), line.size()));
+  if (line.size() > 24) return false;  // most lines are points: decide by their length
+  return take_count(line, count) && is_blank(line);
+}
+
+bool parse_header_line(std::string_view line, std::size_t index, Scan& scan) {
+  for (int i = 0; i < kHeaderLines[index]; ++i) {
+    double value = 0;
+    if (!next_number(line, value)) return false;
+    const auto column = static_cast<std::size_t>(i);
+    if (index == 0) scan.position[column] = value;
+    if (index >= 4 && column < 3) scan.matrix[3 * (index - 4) + column] = value;
+  }
+  return is_blank(line);
+}
+
+double determinant(const std::array<double, 12>& m) {
+  return m[0] * (m[4] * m[8] - m[5] * m[7]) - m[1] * (m[3] * m[8] - m[5] * m[6]) +
+         m[2] * (m[3] * m[7] - m[4] * m[6]);
+}
+
+bool is_zero(const double* v) {
+  return v[0] == 0 && v[1] == 0 && v[2] == 0;
+}
+
+class PtxPoints final : public PointFile {
+ public:
+  PtxPoints(ReadFile file, const ReadOptions& options) : file_(std::move(file)), options_(options) {
+    info_.path = file_.path();
+    info_.bytes = file_.size();
+    layout_.line_end = detect_line_end(file_);
+    find_scans();
+    info_.format = "PTX with " + std::to_string(scans_.size()) + (scans_.size() == 1 ? " scan" : " scans");
+    info_.attributes.intensity = true;
+    info_.attributes.sensor = true;
+    for (std::size_t i = 0; i < scans_.size(); ++i) describe(scans_[i], i);
+  }
+
+  const PointFileInfo& info() const override { return info_; }
+
+  std::vector<InputSlice> slices(std::uint32_t file, std::uint64_t target_bytes) const override {
+    std::vector<InputSlice> all;
+    for (const Scan& scan : scans_) {
+      for (const InputSlice& s : even_slices(file, scan.data_begin, scan.data_end, 1, target_bytes))
+        all.push_back(s);
+    }
+    return all;
+  }
+
+  ReadCounts read(const InputSlice& slice,
+                  const std::function<void(const PointChunk&)>& sink) const override {
+    const auto after = std::upper_bound(scans_.begin(), scans_.end(), slice.begin,
+                                        [](std::uint64_t at, const Scan& s) { return at < s.data_begin; });
+    if (after == scans_.begin())
+      throw InputError(file_.path().string() + ": a slice that starts in a header");
+    // A scan without points starts where its successor's header does: the slice then is empty.
+    const Scan& scan = *(after - 1);
+    ChunkSink out(options_.chunk_points, sink);
+    ReadCounts counts;
+    LineLayout layout = layout_;
+    layout.data_begin = scan.data_begin;
+    LineReader reader(file_, layout, slice.begin, std::min(slice.end, scan.data_end), options_.release_cache);
+    read_lines(reader, scan, out, counts);
+    out.flush();
+    counts.points = out.points();
+    if (slice.end >= scan.data_end && scan.declared > scan.lines)
+      counts.missing += scan.declared - scan.lines;
+    return counts;
+  }
+
+ private:
+  [[noreturn]] void fail(std::uint64_t line, const std::string& what) const {
+    throw InputError(file_.path().string() + ": line " + std::to_string(line) + ": " + what);
+  }
+
+  void find_scans() {
+    LineReader reader(file_, layout_, 0, file_.size(), options_.release_cache);
+    std::string_view line;
+    std::uint64_t number = 0;
+    std::uint64_t columns = 0;
+    while (reader.next(line)) {
+      ++number;
+      if (is_lone_count(line, columns)) {
+        if (!scans_.empty()) scans_.back().data_end = reader.line_offset();
+        if (scans_.size() == kNoSensor) fail(number, "more than 65535 scans in one file; split it");
+        read_header(reader, columns, number);
+      } else if (scans_.empty()) {
+        if (!is_blank(line)) fail(number, "a PTX file starts with the number of columns");
+      } else if (!is_blank(line)) {
+        Scan& scan = scans_.back();
+        if (++scan.lines == 1) scan.colour = count_fields(line) >= 7;
+        if (!reader.complete() && !is_point(line)) --scan.lines;  // torn
+      }
+    }
+    if (scans_.empty()) throw InputError(file_.path().string() + ": there is no PTX header");
+    scans_.back().data_end = file_.size();
+  }
+
+  void read_header(LineReader& reader, std::uint64_t columns, std::uint64_t& number) {
+    std::string_view line;
+    const auto next = [&] {
+      ++number;
+      if (!reader.next(line)) fail(number, "the file ends within a PTX header; it is truncated");
+    };
+    Scan scan;
+    std::uint64_t rows = 0;
+    next();
+    if (!is_lone_count(line, rows)) fail(number, "the second line of a PTX header is not the number of rows");
+    scan.declared = columns == 0 || rows <= ~std::uint64_t{0} / columns ? columns * rows : ~std::uint64_t{0};
+    for (std::size_t i = 0; i < kHeaderLines.size(); ++i) {
+      next();
+      if (!parse_header_line(line, i, scan)) {
+        fail(number, "line " + std::to_string(i + 3) + " of a PTX header has " +
+                         std::to_string(kHeaderLines[i]) + " numbers, not '" +
+                         std::string(line.substr(0, 60)) + "'");
+      }
+    }
+    const double volume = determinant(scan.matrix);
+    const bool finite =
+        std::all_of(scan.matrix.begin(), scan.matrix.end(), [](double v) { return std::isfinite(v); });
+    if (!finite || !std::isfinite(volume) || volume == 0) {
+      fail(number, "the matrix of this scan is no motion, so its points have no positions");
+    }
+    scan.data_begin = reader.next_offset();
+    scans_.push_back(scan);
+  }
+
+  static int count_fields(std::string_view line) {
+    int n = 0;
+    while (n < 8 && skip_field(line)) ++n;
+    return n;
+  }
+
+  static bool is_point(std::string_view line) {
+    double value = 0;
+    return next_number(line, value) && next_number(line, value) && next_number(line, value);
+  }
+
+  void describe(const Scan& scan, std::size_t index) {
+    const double* origin = scan.matrix.data() + 9;
+    const bool finite =
+        std::all_of(scan.position.begin(), scan.position.end(), [](double v) { return std::isfinite(v); });
+    const bool given = finite && !is_zero(scan.position.data());
+    info_.sensors.push_back(given ? scan.position : Double3{origin[0], origin[1], origin[2]});
+    info_.attributes.colour = info_.attributes.colour || scan.colour;
+    const std::uint64_t room = ~std::uint64_t{0} - info_.declared_points;
+    info_.declared_points += std::min(room, scan.declared);
+    const std::string name = "scan " + std::to_string(index + 1);
+    if (scan.lines != scan.declared) {
+      info_.warnings.push_back(name + ": the header declares " + std::to_string(scan.declared) +
+                               " points, the file has " + std::to_string(scan.lines));
+    }
+    double apart = 0;
+    double size = 0;
+    for (std::size_t a = 0; a < 3; ++a) {
+      apart = std::max(apart, std::abs(scan.position[a] - origin[a]));
+      size = std::max(size, std::abs(scan.position[a]));
+    }
+    if (given && !is_zero(origin) && apart > 1e-6 * size) {
+      info_.warnings.push_back(
+          name +
+          ": the scanner position and the translation of the matrix differ; the position is "
+          "taken for the sensor");
+    }
+  }
+
+  void read_lines(LineReader& reader, const Scan& scan, ChunkSink& out, ReadCounts& counts) const {
+    const std::array<double, 12>& m = scan.matrix;
+    const auto sensor = static_cast<std::uint16_t>(&scan - scans_.data());
+    std::string_view line;
+    while (reader.next(line)) {
+      if (is_blank(line)) continue;
+      const std::string_view whole = line;
+      double v[3];
+      if (!next_number(line, v[0]) || !next_number(line, v[1]) || !next_number(line, v[2])) {
+        if (!reader.complete()) {
+          counts.warnings.push_back(reader.torn_line());
+          break;  // missing: the index did not count it
+        }
+        throw InputError(reader.where() + ": '" + std::string(whole.substr(0, 60)) +
+                         "' is not a point 'x y z intensity [r g b]'; correct or remove the line");
+      }
+      if (is_zero(v)) {
+        ++counts.empty;
+        continue;
+      }
+      PointChunk& chunk = out.chunk();
+      chunk.x.push_back(v[0] * m[0] + v[1] * m[3] + v[2] * m[6] + m[9]);
+      chunk.y.push_back(v[0] * m[1] + v[1] * m[4] + v[2] * m[7] + m[10]);
+      chunk.z.push_back(v[0] * m[2] + v[1] * m[5] + v[2] * m[8] + m[11]);
+      chunk.sensor.push_back(sensor);
+      if (info_.attributes.colour) chunk.rgba.push_back(colour(line));
+      out.added();
+    }
+  }
+
+  /// Of the rest of a point line after x y z; 0 if it has none.
+  static std::uint32_t colour(std::string_view rest) {
+    double intensity = 0;
+    double c[3];
+    if (!next_number(rest, intensity)) return 0;
+    for (double& value : c) {
+      if (!next_number(rest, value)) return 0;
+    }
+    return pack_rgb(colour_byte(c[0], ColourScale::kByte), colour_byte(c[1], ColourScale::kByte),
+                    colour_byte(c[2], ColourScale::kByte));
+  }
+
+  ReadFile file_;
+  ReadOptions options_;
+  PointFileInfo info_;
+  LineLayout layout_;
+  std::vector<Scan> scans_;  ///< ascending data_begin
+};
+
+}  // namespace
+
+bool looks_like_ptx(const ReadFile& file) {
+  char bytes[4096];
+  const std::uint64_t there = std::min<std::uint64_t>(file.size(), sizeof bytes);
+  file.read_at(0, bytes, there);
+  std::string_view text(bytes, static_cast<std::size_t>(there));
+  const char end = text.find('\n') == std::string_view::npos ? '\r' : '\n';
+  Scan scan;
+  std::uint64_t count = 0;
+  for (std::size_t i = 0; i < 2 + kHeaderLines.size(); ++i) {
+    const std::size_t at = text.find(end);
+    if (at == std::string_view::npos) return false;
+    const std::string_view line = text.substr(0, at);
+    text.remove_prefix(at + 1);
+    if (!(i < 2 ? is_lone_count(line, count) : parse_header_line(line, i - 2, scan))) return false;
+  }
+  return true;
+}
+
+std::unique_ptr<PointFile> open_ptx_points(ReadFile file, const ReadOptions& options) {
+  return std::make_unique<PtxPoints>(std::move(file), options);
+}
+
+}  // namespace tessera

@@ -1,0 +1,191 @@
+#include "stream/formats/text_points.h"
+
+#include <cmath>
+
+#include "tests/stream/point_reading.h"
+#include "tests/stream/temp_file.h"
+
+namespace tessera {
+namespace {
+
+class Text {
+ public:
+  test::ReadResult read(const std::string& text, const std::vector<std::string>& columns = {},
+                        const std::string& name = "a.xyz") {
+    const ReadOptions options{.columns = columns};
+    const auto path = folder_.write(name, text);
+    test::require_slices_agree(path, options, {1, 2, 3, 7, 50, 1000});
+    return test::read_points(path, ~std::uint64_t{0}, options);
+  }
+  std::string error(const std::string& text, const std::vector<std::string>& columns = {},
+                    const std::string& name = "a.xyz") {
+    return test::reading_error(folder_.write(name, text), {.columns = columns});
+  }
+
+ private:
+  test::TempFolder folder_;
+};
+
+using Doubles = std::vector<double>;
+using Colours = std::vector<std::uint32_t>;
+
+TEST_CASE("text points: white space, commas, semicolons, tabs, all line ends", "[unit]") {
+  Text t;
+  for (const std::string end : {"\n", "\r\n", "\r"}) {
+    for (const std::string between : {" ", "  \t", ",", ", ", ";", " ; ", "\t"}) {
+      for (const bool last_end : {true, false}) {
+        CAPTURE(between, end, last_end);
+        std::string text = "# a comment" + end + "// another" + end + end;
+        for (const char* line : {"1|2|3", "-1.5e1|+2|.5", "nan|0|0", "4|5|6"}) {
+          for (const char* c = line; *c != 0; ++c) text += *c == '|' ? between : std::string(1, *c);
+          text += end;
+        }
+        if (!last_end) text.resize(text.size() - end.size());
+        const auto r = t.read(text);
+        REQUIRE(r.points.size() == 4);
+        CHECK(r.points.x[1] == -15);
+        CHECK(r.points.y[1] == 2);
+        CHECK(r.points.z[1] == 0.5);
+        CHECK(std::isnan(r.points.x[2]));
+        CHECK(r.points.z[3] == 6);
+        CHECK(r.counts.missing == 0);
+      }
+    }
+  }
+}
+
+TEST_CASE("text points: header names in any case and order, in CSV and in comments", "[unit]") {
+  Text t;
+  auto r = t.read(
+      "\xef\xbb\xbfName,\"Z\",Y (m),X[m],Red,GREEN,b,Intensity,nx,ny,nz\n\"p, 1\",3,2,1,10,20,30,5,0,0,1\n",
+      {}, "a.csv");
+  REQUIRE(r.points.size() == 1);
+  CHECK(r.points.x == Doubles{1});
+  CHECK(r.points.y == Doubles{2});
+  CHECK(r.points.z == Doubles{3});
+  CHECK(r.points.nz == std::vector<float>{1});
+  CHECK(r.points.rgba == Colours{0xff1e140au});
+  CHECK(r.info.attributes.intensity);
+  r = t.read("//X Y Z R G B Nx Ny Nz\n2\n1 2 3 10 20 30 0 0 1\n4 5 6 10 20 30 0 0 1\n");
+  CHECK(r.points.size() == 2);
+  CHECK(r.info.declared_points == 2);
+  CHECK(r.points.rgba == Colours{0xff1e140au, 0xff1e140au});
+  CHECK(r.points.nz == std::vector<float>{1, 1});
+  r = t.read("# x-rays seen by y and z\n1 2 3\n");
+  CHECK(r.points.x == Doubles{1});
+  CHECK_THAT(t.error("lat,lon\n1,2\n", {}, "a.csv"),
+             Catch::Contains("lat,lon") && Catch::Contains("--columns"));
+  CHECK_THAT(t.error("x,y,z,x\n1,2,3,4\n", {}, "a.csv"), Catch::Contains("x is named twice"));
+}
+
+TEST_CASE("text points: separators may be mixed", "[unit]") {
+  Text t;
+  const auto r = t.read("1 2 3, 10 20 30\n4,5 6;40\t50 60\n");
+  CHECK(r.points.x == Doubles{1, 4});
+  CHECK(r.points.rgba == Colours{0xff1e140au, 0xff3c3228u});
+}
+
+TEST_CASE("text points: columns given by the user come first", "[unit]") {
+  Text t;
+  auto r = t.read("1 2 3 4\n5 6 7 8\n", {"_", "z", "y", "x"});
+  CHECK(r.points.x == Doubles{4, 8});
+  CHECK(r.points.z == Doubles{2, 6});
+  r = t.read("a,b,c\n1,2,3\n", {"z", "y", "x"});
+  CHECK(r.points.z == Doubles{1});
+  r = t.read("p1 1 2 3\np2 4 5 6\n", {"name", "x", "y", "z"});
+  CHECK(r.points.x == Doubles{1, 4});
+  r = t.read("1 2 3 0.5 0.5 1\n4 5 6 0 0 0\n", {"x", "y", "z", "r", "g", "b"});
+  CHECK(r.points.rgba == Colours{0xffff8080u, 0xff000000u});
+  CHECK_THROWS_AS(t.read("1 2 3\n", {"x", "y"}), UsageError);
+  CHECK_THROWS_AS(t.read("1 2 3\n", {"x", "y", "z", "X"}), UsageError);
+}
+
+TEST_CASE("text points: columns without names are told by what they hold", "[unit]") {
+  Text t;
+  CHECK(t.read("1 2 3 0.6 0.8 0\n4 5 6 0 0 0\n").info.attributes.normals);
+  CHECK(t.read("1 2 3 10 20 30\n4 5 6 0 0 0\n").info.attributes.colour);
+  CHECK_FALSE(t.read("1 2 3 10.5 20 30\n").info.attributes.colour);
+  auto r = t.read("1 2 3 10 20 30 0 0 1\n");
+  CHECK(r.info.attributes.colour);
+  CHECK(r.info.attributes.normals);
+  r = t.read("1 2 3 0 1 0 10 20 30\n");
+  CHECK(r.points.ny == std::vector<float>{1});
+  CHECK(r.points.rgba == Colours{0xff1e140au});
+  r = t.read("1 2 3 -5 10 20 30\n");
+  CHECK(r.points.rgba == Colours{0xff1e140au});
+}
+
+TEST_CASE("text points: PTS with its count, intensity and colours, several in one file", "[unit]") {
+  Text t;
+  auto r = t.read("2\n1 2 3 -100 10 20 30\n4 5 6 200 10 20 30\n1\n7 8 9 0 1 2 3\n", {}, "a.pts");
+  CHECK(r.points.x == Doubles{1, 4, 7});
+  CHECK(r.points.rgba == Colours{0xff1e140au, 0xff1e140au, 0xff030201u});
+  CHECK(r.info.attributes.intensity);
+  CHECK(r.info.declared_points == 2);
+  r = t.read("5\n1 2 3 0.5\n4 5 6 0.25\n", {}, "a.pts");
+  CHECK(r.points.size() == 2);
+  CHECK(missing_points(r.info, r.counts) == 3);
+  r = t.read("99999999999\n1 2 3\n", {}, "a.pts");
+  CHECK(r.points.size() == 1);
+}
+
+TEST_CASE("text points: empty fields of CSV are no numbers, columns do not move", "[unit]") {
+  Text t;
+  const auto r = t.read("x,y,z\n1,,3\n,,\n4,5,6\n", {}, "a.csv");
+  REQUIRE(r.points.size() == 3);
+  CHECK(std::isnan(r.points.y[0]));
+  CHECK(r.points.z[0] == 3);
+  CHECK(std::isnan(r.points.z[1]));
+}
+
+TEST_CASE("text points: bad lines are named, a torn last one is left out", "[fault]") {
+  Text t;
+  std::string text;
+  for (int i = 0; i < 100; ++i) text += std::to_string(i) + " 2 3\n";
+  CHECK_THAT(t.error(text + "1 2\n3 4 5\n"), Catch::Contains("line 101") && Catch::Contains("'1 2'"));
+  CHECK_THAT(t.error(text + "1 2 3x\n3 4 5\n"), Catch::Contains("line 101"));
+  CHECK_THAT(t.error("1,5;2,5;3,5\n"), Catch::Contains("1,5;2,5;3,5"));
+  const auto r = t.read(text + "100 2");
+  CHECK(r.points.size() == 100);
+  CHECK(r.counts.missing == 1);
+  CHECK(r.counts.warnings.size() == 1);
+  // In a later slice lines have no number; the byte says where.
+  const test::TempFolder folder;
+  const auto path = folder.write("b.xyz", text + "bad line\n" + text);
+  const auto file = open_point_file(path, {});
+  const auto slices = file->slices(0, 400);
+  REQUIRE(slices.size() > 3);
+  std::string message;
+  for (const auto& s : slices) {
+    try {
+      file->read(s, [](const PointChunk&) {});
+    } catch (const InputError& e) {
+      message = e.what();
+    }
+  }
+  CHECK_THAT(message, Catch::Contains("byte " + std::to_string(text.size())));
+}
+
+TEST_CASE("text points: what is no text of points is refused", "[fault]") {
+  Text t;
+  CHECK_THAT(t.error("# nothing\n\n"), Catch::Contains("no line with a point"));
+  CHECK_THAT(t.error("1 2\n3 4\n"), Catch::Contains("line 1") && Catch::Contains("fewer than three"));
+  CHECK_THAT(t.error("hello world\nfoo bar\n"), Catch::Contains("--columns"));
+  CHECK_THAT(t.error("hello world\nfoo bar\n", {}, "a.txt"), Catch::Contains("no known format"));
+  CHECK_THAT(t.error("1 2 3\n" + std::string(3 << 20, '1') + " 2 3\n"),
+             Catch::Contains("a line of more than"));
+  CHECK(t.read("1 2 3\n", {}, "a.txt").points.size() == 1);
+  CHECK(t.read("x;y;z\n1;2;3\n", {}, "points").points.size() == 1);
+}
+
+TEST_CASE("text points: the real CSV has the points that its catalogue says", "[pipeline]") {
+  const std::filesystem::path path = std::filesystem::path(TESSERA_SHARED_DATA) / "scans/car-cloud400.csv";
+  if (!std::filesystem::exists(path)) return;
+  const auto r = test::read_points(path);
+  CHECK(r.points.size() == 24989);
+  CHECK(r.info.attributes.normals);
+  test::require_slices_agree(path, {}, {1000, 100000});
+}
+
+}  // namespace
+}  // namespace tessera
