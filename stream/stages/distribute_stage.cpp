@@ -132,4 +132,8 @@ nlohmann::json DistributeStage::finish(const std::vector<nlohmann::json>& summar
   return {{"points", plan_.points()}, {"runs_bytes", bytes}, {"extents", all.size()}};
 }
 
+std::unique_ptr<Stage> make_distribute_stage(const JobState& job) {
+  return std::make_unique<DistributeStage>(job, open_point_inputs(job));
+}
+
 }  // namespace tessera

@@ -35,6 +35,8 @@ class DistributeStage : public Stage {
   std::vector<std::uint64_t> first_keys_;  ///< per bucket
 };
 
+std::unique_ptr<Stage> make_distribute_stage(const JobState& job);
+
 /// The run file of task k, relative to the work directory.
 std::string run_file_name(std::size_t task);
 

@@ -172,4 +172,8 @@ nlohmann::json OrderStage::finish(const std::vector<nlohmann::json>& summaries, 
           {"bricks", plan_.bricks}};
 }
 
+std::unique_ptr<Stage> make_order_stage(const JobState& job) {
+  return std::make_unique<OrderStage>(job);
+}
+
 }  // namespace tessera

@@ -2,6 +2,7 @@
 /// Pass 3: each bucket in canonical order, equal positions merged, hot bricks thinned; the ordered point
 /// store.
 #pragma once
+#include <memory>
 #include <vector>
 
 #include "stream/plan.h"
@@ -43,6 +44,8 @@ class OrderStage : public Stage {
   std::vector<Extent> extents_;
   std::vector<std::size_t> first_extent_;  ///< per bucket, and one past
 };
+
+std::unique_ptr<Stage> make_order_stage(const JobState& job);
 
 /// The point file of bucket k, relative to the work directory.
 std::string point_file_name(std::size_t bucket);

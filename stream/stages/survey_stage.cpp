@@ -5,15 +5,21 @@
 #include <nlohmann/json.hpp>
 #include <string>
 
+#include "kernels/spacing.h"
 #include "octree/error.h"
 #include "stream/brick_histogram.h"
+#include "stream/point_sample.h"
 #include "stream/quantise.h"
+#include "stream/stages/probe_stage.h"
 #include "stream/task_files.h"
 
 namespace tessera {
 namespace {
 
 constexpr std::size_t kCounterBricks = std::size_t{1} << 16;
+// Complete cells of 16 h are sampled to measure spacing and noise; in quanta, so that they are exact.
+constexpr double kSampleCell = 16.0 * kQuantaPerCell;
+constexpr std::size_t kSamplePoints = std::size_t{1} << 16;
 constexpr std::size_t kWarningsPerTask = 8;
 constexpr std::uint64_t kMergeBytesPerBrick = 128;  // merging, with slack for the tables made of it
 
@@ -21,10 +27,16 @@ std::string counts_file(std::size_t task) {
   return "survey/" + task_file_stem(task) + ".bricks";
 }
 
+std::string sample_file(std::size_t task) {
+  return "survey/" + task_file_stem(task) + ".cells";
+}
+
 /// What one task adds up.
 struct Tally {
   PointFates fates;
   std::uint64_t with_normal = 0;
+  Double3 min = {kMaxQuanta, kMaxQuanta, kMaxQuanta};  ///< quanta of good points, whole numbers
+  Double3 max = {-kMaxQuanta, -kMaxQuanta, -kMaxQuanta};
   std::vector<std::string> warnings;
 };
 
@@ -36,6 +48,8 @@ nlohmann::json to_json(const Tally& t) {
           {"non_finite", t.fates.non_finite},
           {"far", t.fates.absurd},
           {"with_normal", t.with_normal},
+          {"min", t.min},
+          {"max", t.max},
           {"warnings", t.warnings}};
 }
 
@@ -47,6 +61,10 @@ void add_json(const nlohmann::json& j, Tally& t) {
   t.fates.non_finite += j.at("non_finite").get<std::uint64_t>();
   t.fates.absurd += j.at("far").get<std::uint64_t>();
   t.with_normal += j.at("with_normal").get<std::uint64_t>();
+  for (std::size_t a = 0; a < 3; ++a) {
+    t.min[a] = std::min(t.min[a], j.at("min").at(a).get<double>());
+    t.max[a] = std::max(t.max[a], j.at("max").at(a).get<double>());
+  }
   for (const auto& w : j.at("warnings")) t.warnings.push_back(w.get<std::string>());
 }
 
@@ -106,11 +124,15 @@ std::uint64_t SurveyStage::task_bytes(std::size_t) const {
 
 std::uint64_t SurveyStage::finish_bytes() const {
   return std::min<std::uint64_t>(job_.run.memory_bytes / 4,
-                                 (inputs_->bytes() / 3 + 4096) * kMergeBytesPerBrick);
+                                 (inputs_->bytes() / 3 + 4096) * kMergeBytesPerBrick) +
+         2 * CellSampler::bytes(kSamplePoints);
 }
 
 nlohmann::json SurveyStage::run(std::size_t task, TaskContext& context) const {
   BrickCounter counter(context.create(counts_file(task)), kCounterBricks);
+  CellSampler sampler(kSampleCell, kSamplePoints);
+  CellSampler::CellIndex cell{};
+  std::uint64_t cell_hash = CellSampler::hash_of(cell);
   ChunkQuanta quanta;
   Tally tally;
   const ReadCounts counts = inputs_->read(task, context, true, [&](std::uint32_t, const PointChunk& chunk) {
@@ -123,10 +145,22 @@ nlohmann::json SurveyStage::run(std::size_t task, TaskContext& context) const {
       counter.add({static_cast<std::int64_t>(std::floor(quanta.x[i] / kQuantaPerBrick)),
                    static_cast<std::int64_t>(std::floor(quanta.y[i] / kQuantaPerBrick)),
                    static_cast<std::int64_t>(std::floor(quanta.z[i] / kQuantaPerBrick))});
+      const Double3 p = {quanta.x[i], quanta.y[i], quanta.z[i]};
+      const CellSampler::CellIndex at = sampler.cell_of(p);
+      if (at != cell) {
+        cell = at;
+        cell_hash = CellSampler::hash_of(cell);
+      }
+      sampler.add(p, cell_hash);
+      for (std::size_t a = 0; a < 3; ++a) {
+        tally.min[a] = std::min(tally.min[a], p[a]);
+        tally.max[a] = std::max(tally.max[a], p[a]);
+      }
     }
     tally.with_normal += count_normals(chunk, quanta.fate);
   });
   context.count_written(counter.finish());
+  sampler.save(context.create(sample_file(task)));
   tally.fates.read = counts.points;
   tally.fates.withheld = counts.withheld;
   tally.fates.empty = counts.empty;
@@ -134,6 +168,33 @@ nlohmann::json SurveyStage::run(std::size_t task, TaskContext& context) const {
   tally.warnings = counts.warnings;
   if (tally.warnings.size() > kWarningsPerTask) tally.warnings.resize(kWarningsPerTask);
   return to_json(tally);
+}
+
+void SurveyStage::measure(std::size_t tasks, Plan& plan) const {
+  CellSampler sampler(kSampleCell, kSamplePoints);
+  for (std::size_t k = 0; k < tasks; ++k) sampler.merge(job_.work / sample_file(k));
+  SpacingHistograms measured;
+  for (const auto& c : sampler.take()) {
+    measure_distances({c.min, kSampleCell, c.points}, measured);
+    measure_residuals({c.min, kSampleCell, c.points}, 3.0 * kQuantaPerCell, measured);
+  }
+  SpacingSummary s = summarise(measured);
+  for (double* v : {&s.spacing, &s.gap, &s.noise, &s.residual}) *v /= kQuantaPerCell;  // in cells
+  plan.spacing = s.spacing * h_;
+  plan.noise_cells = s.noise;
+  // Three cells, more where gaps or noise ask for it; in eighths, so that the last digit of a quantile is
+  // nothing.
+  const double wanted = std::ceil(std::max({3.0, 2.5 * s.gap, 4.0 * s.residual}) * 8.0) / 8.0;
+  plan.radius_cells = job_.options.radius > 0.0 ? job_.options.radius / h_ : std::min(4.0, wanted);
+  if (measured.distance[0].count() == 0 && plan.points() >= 1000)
+    plan.warnings.push_back(
+        "the resolution " + std::to_string(h_) +
+        " is far below the spacing of the scan: expect holes, and many cells for few points");
+  else if (s.spacing > 1.0)
+    plan.warnings.push_back("the resolution " + std::to_string(h_) +
+                            " is below the spacing of the scan, about " + std::to_string(plan.spacing) +
+                            ": expect pinholes, and " + std::to_string(s.spacing * s.spacing) +
+                            " times the cells that the spacing carries");
 }
 
 nlohmann::json SurveyStage::finish(const std::vector<nlohmann::json>& summaries, TaskContext& context) const {
@@ -151,6 +212,10 @@ nlohmann::json SurveyStage::finish(const std::vector<nlohmann::json>& summaries,
     throw InputError(
         "every point lies more than 2^50 quanta (h / 1024) from zero; choose a coarser --resolution");
 
+  if (tally.min == tally.max && finite - tally.fates.absurd > 1)
+    throw InputError("all " + std::to_string(finite) +
+                     " points lie at one position; there is no surface to reconstruct");
+
   const std::vector<BrickCount> counts = merge_brick_counts(files, max_bricks());
   const BrickWindow window = robust_window(counts, h_);
   const std::vector<PlanBrick> bricks = lattice_bricks(counts, window);
@@ -166,7 +231,6 @@ nlohmann::json SurveyStage::finish(const std::vector<nlohmann::json>& summaries,
   plan.fates.absurd += window.dropped_points;
   plan.fates.kept = finite - plan.fates.absurd;
   plan.auto_resolution = auto_resolution_;
-  plan.radius_cells = job_.options.radius > 0.0 ? job_.options.radius / h_ : 3.0;
   plan.has_colour = inputs_->has_colour();
   plan.normal_fraction =
       static_cast<double>(tally.with_normal) / static_cast<double>(finite - tally.fates.absurd);
@@ -175,6 +239,7 @@ nlohmann::json SurveyStage::finish(const std::vector<nlohmann::json>& summaries,
   plan.bricks = bricks.size();
   plan.buckets = cut_buckets(bricks, bucket_target(job_.run, plan.points()), job_.options.max_brick_points);
   plan.warnings = tally.warnings;
+  measure(summaries.size(), plan);
   if (plan.points() < 3)
     throw EmptyError("the input holds " + std::to_string(plan.points()) +
                      " usable points; a surface needs at least three");
@@ -185,6 +250,12 @@ nlohmann::json SurveyStage::finish(const std::vector<nlohmann::json>& summaries,
   report.erase("buckets");
   report.erase("forecast");
   return report;
+}
+
+std::unique_ptr<Stage> make_survey_stage(const JobState& job) {
+  const bool auto_resolution = job.options.resolution == 0.0;
+  const double h = auto_resolution ? chosen_resolution(job.work) : job.options.resolution;
+  return std::make_unique<SurveyStage>(job, open_point_inputs(job), h, auto_resolution);
 }
 
 }  // namespace tessera

@@ -27,12 +27,17 @@ class SurveyStage : public Stage {
 
  private:
   std::size_t max_bricks() const;
+  /// Spacing, noise and radius of the plan, from the sampled cells.
+  void measure(std::size_t tasks, Plan& plan) const;
 
   JobState job_;
   std::shared_ptr<const PointInputs> inputs_;
   double h_;
   bool auto_resolution_;
 };
+
+/// Over the job's inputs, with h from the options or from the spacing stage.
+std::unique_ptr<Stage> make_survey_stage(const JobState& job);
 
 /// Points per bucket: sorting one takes at most its share of the cap, and files stay few.
 std::uint64_t bucket_target(const RunOptions& run, std::uint64_t points);

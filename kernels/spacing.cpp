@@ -1,0 +1,177 @@
+#include "kernels/spacing.h"
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+
+#include "kernels/normals.h"
+
+namespace tessera {
+namespace {
+
+// Enough for a quantile over many cells, few enough for cells of any density.
+constexpr std::size_t kProbesPerCell = 48;
+constexpr std::size_t kLeastForDistances = 9;
+constexpr std::size_t kLeastForQuadric = 12;
+constexpr int kQuadricTerms = 6;
+
+/// Probes: points in the middle half of the cell, evenly thinned by rank.
+std::vector<std::size_t> probes_of(const SampleCell& cell) {
+  std::vector<std::size_t> inner;
+  for (std::size_t i = 0; i < cell.points.size(); ++i) {
+    bool inside = true;
+    for (std::size_t a = 0; a < 3; ++a) {
+      const double t = (cell.points[i][a] - cell.min[a]) / cell.size;
+      inside = inside && t >= 0.25 && t < 0.75;
+    }
+    if (inside) inner.push_back(i);
+  }
+  if (inner.size() <= kProbesPerCell) return inner;
+  std::vector<std::size_t> probes;
+  for (std::size_t k = 0; k < kProbesPerCell; ++k) probes.push_back(inner[k * inner.size() / kProbesPerCell]);
+  return probes;
+}
+
+double squared_distance(const Double3& a, const Double3& b) {
+  const double x = a[0] - b[0];
+  const double y = a[1] - b[1];
+  const double z = a[2] - b[2];
+  return x * x + y * y + z * z;
+}
+
+/// Solves the symmetric positive definite system in place by Cholesky; false if it is not definite.
+bool solve(std::array<std::array<double, kQuadricTerms>, kQuadricTerms>& m,
+           std::array<double, kQuadricTerms>& b) {
+  constexpr auto kN = static_cast<std::size_t>(kQuadricTerms);
+  for (std::size_t j = 0; j < kN; ++j) {
+    for (std::size_t k = 0; k < j; ++k) m[j][j] -= m[j][k] * m[j][k];
+    if (!(m[j][j] > 1e-9)) return false;
+    m[j][j] = std::sqrt(m[j][j]);
+    for (std::size_t i = j + 1; i < kN; ++i) {
+      for (std::size_t k = 0; k < j; ++k) m[i][j] -= m[i][k] * m[j][k];
+      m[i][j] /= m[j][j];
+    }
+  }
+  for (std::size_t i = 0; i < kN; ++i) {
+    for (std::size_t k = 0; k < i; ++k) b[i] -= m[i][k] * b[k];
+    b[i] /= m[i][i];
+  }
+  for (std::size_t i = kN; i-- > 0;) {
+    for (std::size_t k = i + 1; k < kN; ++k) b[i] -= m[k][i] * b[k];
+    b[i] /= m[i][i];
+  }
+  return true;
+}
+
+/// Standard deviation of the points (relative to a probe, in units of the radius) from a quadric over their
+/// plane; negative where none can be fitted.
+double quadric_residual(const std::vector<Double3>& points) {
+  Double3 mean{};
+  for (const Double3& p : points)
+    for (std::size_t a = 0; a < 3; ++a) mean[a] += p[a];
+  const auto n = static_cast<double>(points.size());
+  for (double& m : mean) m /= n;
+  std::array<double, 6> cov{};
+  for (const Double3& p : points) {
+    const double x = p[0] - mean[0];
+    const double y = p[1] - mean[1];
+    const double z = p[2] - mean[2];
+    cov[0] += x * x, cov[1] += x * y, cov[2] += x * z, cov[3] += y * y, cov[4] += y * z, cov[5] += z * z;
+  }
+  Double3 values{};
+  std::array<Double3, 3> axes{};
+  symmetric_eigen3(cov, values, axes);  // ascending: axes[0] is the normal
+  const auto along = [&](const Double3& p, const Double3& axis) {
+    return (p[0] - mean[0]) * axis[0] + (p[1] - mean[1]) * axis[1] + (p[2] - mean[2]) * axis[2];
+  };
+  const auto terms = [&](const Double3& p) {
+    const double u = along(p, axes[2]);
+    const double v = along(p, axes[1]);
+    return std::array<double, kQuadricTerms>{1.0, u, v, u * u, u * v, v * v};
+  };
+  std::array<std::array<double, kQuadricTerms>, kQuadricTerms> m{};
+  std::array<double, kQuadricTerms> b{};
+  for (const Double3& p : points) {
+    const auto t = terms(p);
+    const double w = along(p, axes[0]);
+    for (std::size_t i = 0; i < t.size(); ++i) {
+      b[i] += t[i] * w;
+      for (std::size_t j = 0; j <= i; ++j) m[i][j] += t[i] * t[j];
+    }
+  }
+  if (!solve(m, b)) return -1.0;
+  double sum = 0.0;
+  for (const Double3& p : points) {
+    const auto t = terms(p);
+    double e = along(p, axes[0]);
+    for (std::size_t i = 0; i < t.size(); ++i) e -= t[i] * b[i];
+    sum += e * e;
+  }
+  return std::sqrt(sum / (n - kQuadricTerms));
+}
+
+}  // namespace
+
+std::uint32_t ScaleHistogram::bin_of(double value) {
+  // Exponent and six bits of mantissa; zero and less fall into the first bin.
+  if (!(value > 0.0)) return 0;
+  return static_cast<std::uint32_t>(std::bit_cast<std::uint64_t>(value) >> (52 - 6));
+}
+
+double ScaleHistogram::quantile(double share) const {
+  if (total_ == 0) return 0.0;
+  const double rank = share * static_cast<double>(total_);
+  std::uint64_t seen = 0;
+  for (const auto& [bin, count] : bins_) {
+    seen += count;
+    if (static_cast<double>(seen) < rank) continue;
+    if (bin == 0) return 0.0;
+    return std::bit_cast<double>((std::uint64_t{bin} << (52 - 6)) | std::uint64_t{1} << (52 - 7));
+  }
+  return 0.0;
+}
+
+void measure_distances(const SampleCell& cell, SpacingHistograms& out) {
+  constexpr auto kMost = static_cast<std::size_t>(kSpacingRanks.back());
+  if (cell.points.size() < kLeastForDistances) return;
+  const double reach = cell.size / 4;
+  for (const std::size_t probe : probes_of(cell)) {
+    std::array<double, kMost> nearest;
+    nearest.fill(reach * reach);
+    for (std::size_t i = 0; i < cell.points.size(); ++i) {
+      const double d = squared_distance(cell.points[i], cell.points[probe]);
+      if (i == probe || d >= nearest.back()) continue;
+      std::size_t at = kMost - 1;
+      for (; at > 0 && nearest[at - 1] > d; --at) nearest[at] = nearest[at - 1];
+      nearest[at] = d;
+    }
+    for (std::size_t r = 0; r < kSpacingRanks.size(); ++r)
+      out.distance[r].add(std::sqrt(nearest[static_cast<std::size_t>(kSpacingRanks[r] - 1)]));
+  }
+}
+
+void measure_residuals(const SampleCell& cell, double radius, SpacingHistograms& out) {
+  std::vector<Double3> near;
+  for (const std::size_t probe : probes_of(cell)) {
+    near.clear();
+    const Double3& centre = cell.points[probe];
+    for (const Double3& p : cell.points)
+      if (squared_distance(p, centre) < radius * radius)
+        near.push_back(
+            {(p[0] - centre[0]) / radius, (p[1] - centre[1]) / radius, (p[2] - centre[2]) / radius});
+    if (near.size() < kLeastForQuadric) continue;
+    const double residual = quadric_residual(near);
+    if (residual >= 0.0) out.residual.add(residual * radius);
+  }
+}
+
+SpacingSummary summarise(const SpacingHistograms& measured) {
+  SpacingSummary s;
+  s.spacing = std::max(measured.distance[2].quantile(0.95) / 2, measured.distance[0].quantile(0.5));
+  s.gap = measured.distance[1].quantile(0.95);
+  s.noise = measured.residual.quantile(0.25);
+  s.residual = measured.residual.quantile(0.5);
+  return s;
+}
+
+}  // namespace tessera

@@ -1,0 +1,152 @@
+#include "stream/point_sample.h"
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <string>
+#include <tuple>
+
+#include "octree/error.h"
+#include "stream/direct_file.h"
+#include "stream/read_file.h"
+
+namespace tessera {
+namespace {
+
+std::uint64_t mix(std::uint64_t v) {
+  v += 0x9e3779b97f4a7c15ULL;
+  v = (v ^ v >> 30) * 0xbf58476d1ce4e5b9ULL;
+  v = (v ^ v >> 27) * 0x94d049bb133111ebULL;
+  return v ^ v >> 31;
+}
+
+std::uint64_t bits(double v) {
+  return std::bit_cast<std::uint64_t>(v + 0.0);
+}  // -0 is 0
+
+bool before(const HashedPoint& a, const HashedPoint& b) {
+  return std::tie(a.hash, a.p) < std::tie(b.hash, b.p);
+}
+
+struct SampleHeader {
+  std::uint64_t magic = 0x31304d4153534554ULL;  // "TESSAM01", little endian
+  std::uint64_t threshold = 0;
+  std::uint64_t crowded = 0;
+  std::uint64_t points = 0;
+};
+
+}  // namespace
+
+void PointSampler::add(const Double3& p) {
+  const std::uint64_t hash = mix(bits(p[0]) ^ mix(bits(p[1]) ^ mix(bits(p[2]))));
+  if (hash > threshold_) return;
+  held_.push_back({hash, p});
+  if (held_.size() >= 4 * limit_) shrink();
+}
+
+void PointSampler::shrink() {
+  std::sort(held_.begin(), held_.end(), before);
+  const auto same = [](const HashedPoint& a, const HashedPoint& b) { return a.p == b.p; };
+  held_.erase(std::unique(held_.begin(), held_.end(), same), held_.end());
+  if (held_.size() <= limit_) return;
+  held_.resize(limit_);
+  threshold_ = held_.back().hash;
+}
+
+std::vector<Double3> PointSampler::take() {
+  shrink();
+  std::vector<Double3> points;
+  points.reserve(held_.size());
+  for (const HashedPoint& h : held_) points.push_back(h.p);
+  held_.clear();
+  return points;
+}
+
+CellSampler::CellIndex CellSampler::cell_of(const Double3& p) const {
+  return {static_cast<std::int64_t>(std::floor(p[0] / size_)),
+          static_cast<std::int64_t>(std::floor(p[1] / size_)),
+          static_cast<std::int64_t>(std::floor(p[2] / size_))};
+}
+
+std::uint64_t CellSampler::hash_of(const CellIndex& cell) {
+  return mix(static_cast<std::uint64_t>(cell[0]) ^
+             mix(static_cast<std::uint64_t>(cell[1]) ^ mix(static_cast<std::uint64_t>(cell[2]))));
+}
+
+void CellSampler::shrink() {
+  std::sort(held_.begin(), held_.end(), before);
+  const std::size_t most = std::max<std::size_t>(1, limit_ / 8);
+  std::size_t sum = 0;
+  std::size_t out = 0;
+  for (std::size_t i = 0; i < held_.size();) {
+    std::size_t end = i;
+    while (end < held_.size() && held_[end].hash == held_[i].hash) ++end;
+    const std::uint64_t hash = held_[i].hash;
+    if (hash > threshold_) break;
+    if (end - i > most) crowded_.insert(hash);
+    const bool crowded = crowded_.count(hash) != 0;
+    sum += crowded ? most : end - i;
+    if (sum > limit_) {
+      threshold_ = hash - 1;
+      break;
+    }
+    for (; i < end; ++i)
+      if (!crowded) held_[out++] = held_[i];
+  }
+  held_.resize(out);
+}
+
+std::vector<CellSampler::Cell> CellSampler::take() {
+  shrink();
+  std::vector<Cell> cells;
+  std::uint64_t hash = 0;
+  for (const HashedPoint& h : held_) {
+    if (cells.empty() || h.hash != hash) {
+      const CellIndex at = cell_of(h.p);
+      cells.emplace_back();
+      for (std::size_t a = 0; a < 3; ++a) cells.back().min[a] = static_cast<double>(at[a]) * size_;
+      hash = h.hash;
+    }
+    auto& points = cells.back().points;
+    if (points.empty() || points.back() != h.p) points.push_back(h.p);
+  }
+  held_.clear();
+  return cells;
+}
+
+void CellSampler::save(const std::filesystem::path& file) {
+  shrink();
+  std::vector<std::uint64_t> crowded(crowded_.begin(), crowded_.end());
+  std::sort(crowded.begin(), crowded.end());
+  SampleHeader header;
+  header.threshold = threshold_;
+  header.crowded = crowded.size();
+  header.points = held_.size();
+  DirectFile out(file, std::size_t{1} << 20);
+  out.write(&header, sizeof header);
+  out.write(crowded.data(), crowded.size() * sizeof(std::uint64_t));
+  out.write(held_.data(), held_.size() * sizeof(HashedPoint));
+  out.finish();
+}
+
+void CellSampler::merge(const std::filesystem::path& file) {
+  const ReadFile in(file);
+  SampleHeader header;
+  const SampleHeader want;
+  if (in.size() >= sizeof header) in.read_at(0, &header, sizeof header);
+  if (in.size() < sizeof header || header.magic != want.magic ||
+      in.size() !=
+          sizeof header + header.crowded * sizeof(std::uint64_t) + header.points * sizeof(HashedPoint))
+    throw InputError(file.string() + ": not a sample of this version; run again with --force");
+  std::vector<std::uint64_t> crowded(header.crowded);
+  in.read_at(sizeof header, crowded.data(), crowded.size() * sizeof(std::uint64_t));
+  crowded_.insert(crowded.begin(), crowded.end());
+  threshold_ = std::min(threshold_, header.threshold);
+  const std::size_t before_size = held_.size();
+  held_.resize(before_size + header.points);
+  in.read_at(sizeof header + crowded.size() * sizeof(std::uint64_t), held_.data() + before_size,
+             header.points * sizeof(HashedPoint));
+  if (held_.size() >= 2 * limit_) shrink();
+}
+
+}  // namespace tessera

@@ -1,0 +1,252 @@
+#include "stream/stages/probe_stage.h"
+
+#include <algorithm>
+#include <cmath>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <string>
+
+#include "kernels/spacing.h"
+#include "octree/error.h"
+#include "stream/direct_file.h"
+#include "stream/point_sample.h"
+#include "stream/read_file.h"
+#include "stream/task_files.h"
+
+namespace tessera {
+namespace {
+
+using json = nlohmann::json;
+
+constexpr std::size_t kProbePoints = 16384;
+constexpr std::size_t kProbeQueries = 2048;
+constexpr std::size_t kSpacingPoints = std::size_t{1} << 17;
+constexpr std::uint64_t kLeastMeasured = 100;
+constexpr const char* kProbeFile = "probe.json";
+constexpr const char* kSpacingFile = "spacing.json";
+
+std::string probe_file(std::size_t task) {
+  return "probe/" + task_file_stem(task) + ".sample";
+}
+std::string cells_file(std::size_t task) {
+  return "spacing/" + task_file_stem(task) + ".cells";
+}
+
+bool finite(const PointChunk& c, std::size_t i) {
+  return std::isfinite(c.x[i]) && std::isfinite(c.y[i]) && std::isfinite(c.z[i]);
+}
+
+void save_json(const std::filesystem::path& path, const json& j) {
+  std::ofstream out(path, std::ios::trunc);
+  out << j.dump(1) << "\n";
+  out.close();
+  if (!out)
+    throw ResourceError(path.string() + ": cannot be written: the disk is full or the folder is read-only");
+}
+
+json load_json(const std::filesystem::path& path) {
+  std::ifstream in(path);
+  if (!in) throw InputError(path.string() + ": missing; run again with --force");
+  const json j = json::parse(in, nullptr, false);
+  if (j.is_discarded()) throw InputError(path.string() + ": damaged; run again with --force");
+  return j;
+}
+
+/// Common to both passes: no task when the resolution is given.
+class MeasuringStage : public Stage {
+ public:
+  MeasuringStage(const JobState& job, std::shared_ptr<const PointInputs> inputs)
+      : job_(job), inputs_(std::move(inputs)) {}
+  std::size_t task_count() const override { return needed() ? inputs_->task_count() : 0; }
+  std::uint64_t units() const override { return needed() ? inputs_->bytes() : 0; }
+  std::string unit_name() const override { return "bytes"; }
+
+ protected:
+  bool needed() const { return job_.options.resolution == 0.0; }
+  JobState job_;
+  std::shared_ptr<const PointInputs> inputs_;
+};
+
+class ProbeStage : public MeasuringStage {
+ public:
+  using MeasuringStage::MeasuringStage;
+  std::string name() const override { return "probe"; }
+  std::uint64_t task_bytes(std::size_t) const override { return kSampleBytes + PointInputs::kReadBytes; }
+  std::uint64_t finish_bytes() const override { return 2 * kSampleBytes; }
+
+  json run(std::size_t task, TaskContext& context) const override {
+    PointSampler sampler(kProbePoints);
+    std::uint64_t points = 0;
+    inputs_->read(task, context, true, [&](std::uint32_t, const PointChunk& chunk) {
+      for (std::size_t i = 0; i < chunk.size(); ++i) {
+        if (!finite(chunk, i)) continue;
+        sampler.add({chunk.x[i], chunk.y[i], chunk.z[i]});
+        ++points;
+      }
+    });
+    const std::vector<Double3> sample = sampler.take();
+    DirectFile out(context.create(probe_file(task)), std::size_t{256} << 10);
+    out.write(sample.data(), sample.size() * sizeof(Double3));
+    context.count_written(out.finish());
+    return {{"points", points}};
+  }
+
+  json finish(const std::vector<json>& summaries, TaskContext& context) const override {
+    if (!needed()) return {{"skipped", "the resolution is given"}};
+    PointSampler sampler(kProbePoints);
+    std::uint64_t points = 0;
+    for (std::size_t k = 0; k < summaries.size(); ++k) {
+      points += summaries[k].at("points").get<std::uint64_t>();
+      const ReadFile in(job_.work / probe_file(k));
+      std::vector<Double3> part(in.size() / sizeof(Double3));
+      in.read_at(0, part.data(), part.size() * sizeof(Double3));
+      for (const Double3& p : part) sampler.add(p);
+    }
+    const std::vector<Double3> sample = sampler.take();
+    if (points == 0) throw EmptyError("the input holds no point with finite coordinates");
+    if (sample.size() < 3)
+      throw InputError("the input holds only " + std::to_string(sample.size()) +
+                       " different positions; a surface needs at least three");
+    json probe = measure(sample, points);
+    save_json(context.create(kProbeFile), probe);
+    return probe;
+  }
+
+ private:
+  static constexpr std::uint64_t kSampleBytes = 5 * kProbePoints * sizeof(HashedPoint) * 2;
+
+  /// Distances within the sample, scaled to the whole as on a surface.
+  static json measure(const std::vector<Double3>& sample, std::uint64_t points) {
+    constexpr std::size_t kRank = 8;
+    ScaleHistogram nearest;
+    ScaleHistogram eighth;
+    const std::size_t queries = std::min(sample.size(), kProbeQueries);
+    const std::size_t rank = std::min(kRank, sample.size() - 1);
+    std::vector<double> squared(sample.size());
+    for (std::size_t i = 0; i < queries; ++i) {
+      for (std::size_t j = 0; j < sample.size(); ++j) {
+        double d = 0.0;
+        for (std::size_t a = 0; a < 3; ++a)
+          d += (sample[i][a] - sample[j][a]) * (sample[i][a] - sample[j][a]);
+        squared[j] = d;
+      }
+      // Element 0 of the order is the point itself.
+      std::nth_element(squared.begin(), squared.begin() + static_cast<std::ptrdiff_t>(rank), squared.end());
+      eighth.add(std::sqrt(squared[rank]));
+      std::nth_element(squared.begin(), squared.begin() + 1,
+                       squared.begin() + static_cast<std::ptrdiff_t>(rank) + 1);
+      nearest.add(std::sqrt(squared[1]));
+    }
+    const double scale = std::sqrt(static_cast<double>(sample.size()) / static_cast<double>(points));
+    const double eighth_95 = eighth.quantile(0.95) * std::min(1.0, scale);
+    const double nearest_50 = nearest.quantile(0.5) * std::min(1.0, scale);
+    if (!(eighth_95 > 0.0))
+      throw InputError("the extent of the scan is zero; there is no surface to reconstruct");
+    // Powers of two, so that the cell does not hang on the last digit of an estimate.
+    double cell = 1.0;
+    while (cell > 8.0 * eighth_95) cell /= 2;
+    while (cell < 8.0 * eighth_95) cell *= 2;
+    return {{"points", points},
+            {"sample", sample.size()},
+            {"spacing_guess", std::max(eighth_95 / 2, nearest_50)},
+            {"cell", cell}};
+  }
+};
+
+class SpacingStage : public MeasuringStage {
+ public:
+  SpacingStage(const JobState& job, std::shared_ptr<const PointInputs> inputs)
+      : MeasuringStage(job, std::move(inputs)) {
+    if (needed()) probe_ = load_json(job_.work / kProbeFile);
+  }
+  std::string name() const override { return "spacing"; }
+  std::uint64_t task_bytes(std::size_t) const override {
+    return CellSampler::bytes(kSpacingPoints) + PointInputs::kReadBytes;
+  }
+  std::uint64_t finish_bytes() const override { return 2 * CellSampler::bytes(kSpacingPoints); }
+  std::vector<std::string> obsolete() const override {
+    return needed() ? std::vector<std::string>{"probe/"} : std::vector<std::string>{};
+  }
+
+  json run(std::size_t task, TaskContext& context) const override {
+    CellSampler sampler(cell(), kSpacingPoints);
+    const double far = 1e15 * cell();
+    inputs_->read(task, context, true, [&](std::uint32_t, const PointChunk& chunk) {
+      for (std::size_t i = 0; i < chunk.size(); ++i) {
+        if (!finite(chunk, i)) continue;
+        if (std::fabs(chunk.x[i]) > far || std::fabs(chunk.y[i]) > far || std::fabs(chunk.z[i]) > far)
+          continue;
+        sampler.add({chunk.x[i], chunk.y[i], chunk.z[i]});
+      }
+    });
+    const auto path = context.create(cells_file(task));
+    sampler.save(path);
+    context.count_written(std::filesystem::file_size(path));
+    return json::object();
+  }
+
+  json finish(const std::vector<json>& summaries, TaskContext& context) const override {
+    if (!needed()) return {{"skipped", "the resolution is given"}};
+    CellSampler sampler(cell(), kSpacingPoints);
+    for (std::size_t k = 0; k < summaries.size(); ++k) sampler.merge(job_.work / cells_file(k));
+    const std::vector<CellSampler::Cell> cells = sampler.take();
+    SpacingHistograms measured;
+    for (const auto& c : cells) measure_distances({c.min, cell(), c.points}, measured);
+    SpacingSummary s = summarise(measured);
+    const bool guessed = measured.distance[0].count() < kLeastMeasured;
+    if (guessed) s.spacing = probe_.at("spacing_guess").get<double>();
+    double h = 1.5 * s.spacing;
+    const double reach = std::min(3.0 * h, cell() / 4);
+    for (const auto& c : cells) measure_residuals({c.min, cell(), c.points}, reach, measured);
+    s = summarise(measured);
+    if (guessed) s.spacing = probe_.at("spacing_guess").get<double>();
+    // A support of at most 4 h must reach over the gaps, and average the noise.
+    h = round_up_2_digits(std::max({h, 2.5 * s.gap / 4.0, 1.5 * s.noise}));
+    const json result = {{"resolution", h},
+                         {"spacing", s.spacing},
+                         {"gap", s.gap},
+                         {"noise", s.noise},
+                         {"cells", cells.size()},
+                         {"cell", cell()},
+                         {"measured", measured.distance[0].count()}};
+    save_json(context.create(kSpacingFile), result);
+    return result;
+  }
+
+ private:
+  double cell() const { return probe_.at("cell").get<double>(); }
+  json probe_;
+};
+
+}  // namespace
+
+double round_up_2_digits(double value) {
+  double scale = 1.0;  // a power of ten, exact up to 10^22
+  while (value * scale < 10.0) scale *= 10.0;
+  if (scale > 1.0) return std::ceil(value * scale) / scale;
+  while (value / scale >= 100.0) scale *= 10.0;
+  return std::ceil(value / scale) * scale;
+}
+
+double chosen_resolution(const std::filesystem::path& work) {
+  const json j = load_json(work / kSpacingFile);
+  const auto found = j.find("resolution");
+  if (found == j.end() || !found->is_number())
+    throw InputError((work / kSpacingFile).string() + ": damaged; run again with --force");
+  return found->get<double>();
+}
+
+std::unique_ptr<Stage> make_probe_stage(const JobState& job, std::shared_ptr<const PointInputs> inputs) {
+  return std::make_unique<ProbeStage>(job, std::move(inputs));
+}
+std::unique_ptr<Stage> make_spacing_stage(const JobState& job, std::shared_ptr<const PointInputs> inputs) {
+  return std::make_unique<SpacingStage>(job, std::move(inputs));
+}
+std::unique_ptr<Stage> make_probe_stage(const JobState& job) {
+  return make_probe_stage(job, open_point_inputs(job));
+}
+std::unique_ptr<Stage> make_spacing_stage(const JobState& job) {
+  return make_spacing_stage(job, open_point_inputs(job));
+}
+
+}  // namespace tessera

@@ -1,0 +1,27 @@
+/// \file probe_stage.h
+/// What comes before the survey when --resolution is auto: two looks at the scan.
+/// Pass "probe": a uniform sample of points, from which the scale of the scan is guessed.
+/// Pass "spacing": complete small cells of that scale, in which spacing and noise are measured; h follows.
+/// With a given resolution both have no task and decide nothing.
+#pragma once
+#include <memory>
+
+#include "stream/point_inputs.h"
+#include "stream/stage.h"
+
+namespace tessera {
+
+std::unique_ptr<Stage> make_probe_stage(const JobState& job);
+std::unique_ptr<Stage> make_spacing_stage(const JobState& job);
+/// The same over inputs that are already open.
+std::unique_ptr<Stage> make_probe_stage(const JobState& job, std::shared_ptr<const PointInputs> inputs);
+std::unique_ptr<Stage> make_spacing_stage(const JobState& job, std::shared_ptr<const PointInputs> inputs);
+
+/// Smallest number of two decimal digits that is not below `value` > 0, so that a measured resolution reads
+/// well.
+double round_up_2_digits(double value);
+
+/// h that the spacing stage chose. \throws InputError when it has not run
+double chosen_resolution(const std::filesystem::path& work);
+
+}  // namespace tessera
