@@ -20,7 +20,7 @@ using json = nlohmann::json;
 
 constexpr std::size_t kProbePoints = 16384;
 constexpr std::size_t kProbeQueries = 2048;
-constexpr std::size_t kSpacingPoints = std::size_t{1} << 17;
+constexpr std::size_t kSpacingPoints = std::size_t{1} << 18;
 constexpr std::uint64_t kLeastMeasured = 100;
 constexpr const char* kProbeFile = "probe.json";
 constexpr const char* kSpacingFile = "spacing.json";
