@@ -1,9 +1,15 @@
 #include "stream/memory_budget.h"
 
+#include <algorithm>
 #include <array>
 #include <cctype>
 #include <cmath>
 #include <cstdlib>
+#include <fstream>
+#include <utility>
+
+#include <malloc.h>
+#include <sys/resource.h>
 
 #include <fmt/format.h>
 
@@ -45,6 +51,186 @@ std::string format_bytes(std::uint64_t bytes) {
     ++unit;
   }
   return fmt::format("{:.{}f} {}", value, value < 10 ? 2 : value < 100 ? 1 : 0, kNames[unit]);
+}
+
+namespace {
+
+constexpr std::uint64_t kUnlimited = ~std::uint64_t{0};
+constexpr double kShareOfLimit = 0.8;
+constexpr std::uint64_t kMiB = std::uint64_t{1} << 20;
+
+/// The first number of a small file, in bytes; kUnlimited for "max" or no such file.
+std::uint64_t number_in(const std::filesystem::path& path) {
+  std::ifstream file(path);
+  std::string word;
+  if (!(file >> word) || word.empty() || !std::isdigit(static_cast<unsigned char>(word[0])))
+    return kUnlimited;
+  return std::strtoull(word.c_str(), nullptr, 10);
+}
+
+/// A line "Name:   123 kB" of a /proc file.
+std::uint64_t kib_line(const std::filesystem::path& path, const std::string& name) {
+  std::ifstream file(path);
+  std::string line;
+  while (std::getline(file, line)) {
+    if (line.rfind(name + ":", 0) == 0)
+      return std::strtoull(line.c_str() + name.size() + 1, nullptr, 10) * 1024;
+  }
+  return 0;
+}
+
+void consider(MemoryCap& cap, std::uint64_t limit, const std::string& source) {
+  if (limit == 0 || limit == kUnlimited || limit >= cap.limit) return;
+  cap.limit = limit;
+  cap.source = source;
+}
+
+/// The group and all its parents, up to the mount itself (inside a container the path may not be visible).
+void consider_group(MemoryCap& cap, const std::filesystem::path& mount, std::filesystem::path group,
+                    const std::string& file, const std::string& source) {
+  for (;;) {
+    consider(cap, number_in(mount / group.relative_path() / file), source + " " + group.string());
+    if (!group.has_relative_path()) return;
+    group = group.parent_path();
+  }
+}
+
+void consider_cgroups(MemoryCap& cap, const std::filesystem::path& root) {
+  const std::filesystem::path mount = root / "sys/fs/cgroup";
+  consider_group(cap, mount, "/", "memory.max", "cgroup v2");
+  consider_group(cap, mount / "memory", "/", "memory.limit_in_bytes", "cgroup v1");
+  std::ifstream groups(root / "proc/self/cgroup");
+  std::string line;
+  while (std::getline(groups, line)) {
+    // "0::/group" (v2) or "7:memory:/group" (v1)
+    const std::size_t first = line.find(':');
+    const std::size_t second = first == std::string::npos ? first : line.find(':', first + 1);
+    if (second == std::string::npos) continue;
+    const std::string controllers = "," + line.substr(first + 1, second - first - 1) + ",";
+    const std::string group = line.substr(second + 1);
+    if (controllers == ",,") consider_group(cap, mount, group, "memory.max", "cgroup v2");
+    if (controllers.find(",memory,") != std::string::npos) {
+      consider_group(cap, mount / "memory", group, "memory.limit_in_bytes", "cgroup v1");
+    }
+  }
+}
+
+void consider_ulimit(MemoryCap& cap, int resource, const std::string& source) {
+  rlimit limit = {};
+  if (::getrlimit(static_cast<__rlimit_resource>(resource), &limit) == 0 && limit.rlim_cur != RLIM_INFINITY) {
+    consider(cap, limit.rlim_cur, source);
+  }
+}
+
+}  // namespace
+
+MemoryCap detect_memory_cap(const LimitSources& sources) {
+  const auto variable = [&](const char* name) -> std::uint64_t {
+    const char* text = sources.variable ? sources.variable(name) : std::getenv(name);
+    return text == nullptr ? 0 : std::strtoull(text, nullptr, 10);
+  };
+  MemoryCap cap;
+  cap.limit = kUnlimited;
+  consider(cap, kib_line(sources.root / "proc/meminfo", "MemTotal"), "physical memory");
+  consider_cgroups(cap, sources.root);
+  // SLURM counts in MiB; 0 means all of the node.
+  consider(cap, variable("SLURM_MEM_PER_NODE") * kMiB, "SLURM_MEM_PER_NODE");
+  consider(cap,
+           variable("SLURM_MEM_PER_CPU") * kMiB * std::max<std::uint64_t>(1, variable("SLURM_CPUS_ON_NODE")),
+           "SLURM_MEM_PER_CPU");
+  if (sources.ulimit) {
+    consider_ulimit(cap, RLIMIT_AS, "ulimit -v");
+    consider_ulimit(cap, RLIMIT_RSS, "ulimit -m");
+    consider_ulimit(cap, RLIMIT_DATA, "ulimit -d");
+  }
+  if (cap.limit == kUnlimited)
+    throw ResourceError("no memory limit can be found on this system: give --memory");
+  cap.bytes = static_cast<std::uint64_t>(static_cast<double>(cap.limit) * kShareOfLimit);
+  return cap;
+}
+
+std::uint64_t resident_bytes() {
+  return kib_line("/proc/self/status", "VmRSS");
+}
+std::uint64_t peak_resident_bytes() {
+  return kib_line("/proc/self/status", "VmHWM");
+}
+
+void configure_allocator(int threads) {
+  // Blocks from 1 MiB on get mappings of their own: what a task frees leaves the process, and no hole in a
+  // heap keeps it. Arenas hold on to memory; threads rarely allocate at once, so a few are enough.
+  ::mallopt(M_MMAP_THRESHOLD, 1 << 20);
+  ::mallopt(M_TRIM_THRESHOLD, 1 << 20);
+  ::mallopt(M_ARENA_MAX, std::clamp(threads, 1, 8));
+}
+
+void trim_allocator() {
+  ::malloc_trim(0);
+}
+
+MemoryBudget::MemoryBudget(std::uint64_t cap, std::uint64_t base)
+    : cap_(cap), base_(base), margin_(cap / 32) {
+  capacity_ = cap > base + margin_ ? cap - base - margin_ : 0;
+}
+
+std::uint64_t MemoryBudget::smallest_cap(std::uint64_t need) const {
+  // need + base <= cap - cap / 32
+  const std::uint64_t cap = (need + base_) / 31 * 32 + 32;
+  return (cap + kMiB - 1) / kMiB * kMiB;
+}
+
+void MemoryBudget::require(std::uint64_t need, const std::string& who) const {
+  if (need <= capacity_) return;
+  throw ResourceError(fmt::format(
+      "{} needs {} beside the {} of the process itself, which the memory cap of {} does not allow: the "
+      "smallest cap "
+      "that would do is --memory {}M",
+      who, format_bytes(need), format_bytes(base_), format_bytes(cap_), smallest_cap(need) / kMiB));
+}
+
+MemoryBudget::Reservation::Reservation(Reservation&& other) noexcept
+    : budget_(std::exchange(other.budget_, nullptr)), bytes_(std::exchange(other.bytes_, 0)) {}
+
+MemoryBudget::Reservation& MemoryBudget::Reservation::operator=(Reservation&& other) noexcept {
+  if (this != &other) {
+    release();
+    budget_ = std::exchange(other.budget_, nullptr);
+    bytes_ = std::exchange(other.bytes_, 0);
+  }
+  return *this;
+}
+
+void MemoryBudget::Reservation::release() {
+  if (budget_ != nullptr) std::exchange(budget_, nullptr)->give_back(std::exchange(bytes_, 0));
+}
+
+MemoryBudget::Reservation MemoryBudget::reserve(std::uint64_t bytes) {
+  require(bytes, "a piece of work");
+  std::unique_lock lock(mutex_);
+  const std::uint64_t ticket = next_ticket_++;
+  changed_.wait(lock, [&] { return serving_ == ticket && reserved_ + bytes <= capacity_; });
+  ++serving_;
+  reserved_ += bytes;
+  changed_.notify_all();
+  return Reservation(this, bytes);
+}
+
+std::optional<MemoryBudget::Reservation> MemoryBudget::try_reserve(std::uint64_t bytes) {
+  const std::lock_guard lock(mutex_);
+  if (serving_ != next_ticket_ || reserved_ + bytes > capacity_) return std::nullopt;
+  reserved_ += bytes;
+  return Reservation(this, bytes);
+}
+
+std::uint64_t MemoryBudget::reserved() const {
+  const std::lock_guard lock(mutex_);
+  return reserved_;
+}
+
+void MemoryBudget::give_back(std::uint64_t bytes) {
+  const std::lock_guard lock(mutex_);
+  reserved_ -= bytes;
+  changed_.notify_all();
 }
 
 }  // namespace tessera

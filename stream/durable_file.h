@@ -1,0 +1,38 @@
+/// \file durable_file.h
+/// What a commit is made of: sync, rename, hash. A full disk is a ResourceError wherever it shows.
+#pragma once
+#include <cstdint>
+#include <filesystem>
+#include <string>
+
+namespace tessera {
+
+/// \throws ResourceError when `error` (an errno) means that the disk or a quota is full, else InputError;
+/// both name
+///         the file and the system's reason
+[[noreturn]] void throw_write_error(const std::filesystem::path& path, int error);
+
+/// XXH3 (64 bits) of a file's content, read through a small buffer. \throws InputError
+std::uint64_t hash_file(const std::filesystem::path& path);
+
+/// 16 lower-case hex digits.
+std::string hex64(std::uint64_t value);
+/// XXH3 of bytes in memory.
+std::uint64_t hash_bytes(const void* data, std::size_t bytes);
+std::uint64_t hash_text(const std::string& text);
+
+/// Forces a file's content, or a folder's names, to the disk.
+void sync_file(const std::filesystem::path& path);
+void sync_folder(const std::filesystem::path& path);
+
+/// Makes `path` hold `text`: at no moment, killed or not, does it hold anything but its old or its new
+/// content.
+void write_durably(const std::filesystem::path& path, const std::string& text);
+
+/// Renames and syncs the folder.
+void rename_durably(const std::filesystem::path& from, const std::filesystem::path& to);
+
+/// The whole of a small text file. \throws InputError
+std::string read_text(const std::filesystem::path& path);
+
+}  // namespace tessera

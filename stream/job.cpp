@@ -1,0 +1,433 @@
+#include "stream/job.h"
+
+#include <algorithm>
+#include <chrono>
+#include <mutex>
+#include <set>
+#include <thread>
+
+#include <sys/resource.h>
+
+#include <fmt/format.h>
+
+#include "octree/error.h"
+#include "stream/child_process.h"
+#include "stream/commit.h"
+#include "stream/durable_file.h"
+#include "stream/journal.h"
+#include "stream/log.h"
+#include "stream/memory_budget.h"
+#include "stream/options_json.h"
+#include "stream/parallel.h"
+#include "stream/report.h"
+#include "stream/resume.h"
+#include "stream/stop.h"
+#include "stream/work_dir.h"
+
+namespace tessera {
+namespace {
+
+namespace fs = std::filesystem;
+
+std::vector<std::string> stage_names(const std::vector<StageEntry>& stages) {
+  std::vector<std::string> names;
+  for (const StageEntry& stage : stages) names.push_back(stage.name);
+  return names;
+}
+
+std::string listed(const std::vector<std::string>& words) {
+  std::string text;
+  for (const std::string& word : words) text += (text.empty() ? "" : ", ") + word;
+  return text;
+}
+
+std::string plan_hash(const RunOptions& run) {
+  return hex64(hash_text(plan_to_json(run).dump()));
+}
+
+/// Seconds of processor time of this process and of children waited for.
+double cpu_seconds() {
+  double total = 0.0;
+  for (const auto who : {RUSAGE_SELF, RUSAGE_CHILDREN}) {
+    rusage usage = {};
+    ::getrusage(who, &usage);
+    for (const timeval& t : {usage.ru_utime, usage.ru_stime}) {
+      total += static_cast<double>(t.tv_sec) + 1e-6 * static_cast<double>(t.tv_usec);
+    }
+  }
+  return total;
+}
+
+void remove_named(const JobState& state, const std::string& name) {
+  std::error_code ignored;  // what cannot be deleted only takes space
+  fs::remove_all(state.work / name, ignored);
+}
+
+/// A running job.
+class Driver {
+ public:
+  Driver(const JobState& state, const JobDescription& job, WorkDir& work, Progress& progress,
+         spdlog::logger& log)
+      : state_(state),
+        job_(job),
+        progress_(progress),
+        log_(log),
+        pool_(state.run.threads),
+        journal_(work.journal_folder() / "main.jsonl"),
+        journal_folder_(work.journal_folder()),
+        resume_(state, stage_names(job.stages), work.job_hash(), true),
+        basis_(resume_.first_basis()),
+        plan_(plan_hash(state.run)) {
+    for (int slot = state.run.threads; slot-- > 0;) free_slots_.push_back(slot);
+  }
+
+  void run() {
+    const std::size_t last = job_.only_stages > 0 ? job_.only_stages : job_.stages.size();
+    for (std::size_t s = 0; s < last;) {
+      const Journal journal = read_journal(journal_folder_);
+      if (journal.damaged_lines > 0) {
+        log_.warn("{} damaged journal lines: their tasks are done again", journal.damaged_lines);
+      }
+      std::vector<StageRecords> found;
+      std::size_t next = resume_.complete_until(journal, s, basis_, found);
+      if (next == job_.stages.size() && s < next && !output_stands(found.back())) {
+        // Kept work, lost output: the last stage makes it again.
+        log_.warn("{} is missing or not what this job made: the last stage is done again",
+                  state_.output.string());
+        found.pop_back();
+        --next;
+        basis_ = resume_.first_basis();
+        for (const StageRecords& records : done_) basis_ = next_basis(basis_, records);
+        for (const StageRecords& records : found) basis_ = next_basis(basis_, records);
+        redo_ = true;
+      }
+      for (StageRecords& records : found) {
+        log_.info("stage {}: {} tasks and finish were committed by an earlier run", records.finish.stage,
+                  records.tasks.size());
+        delete_obsolete(records);
+        stop_if_asked(records.finish.stage);
+        done_.push_back(std::move(records));
+        ++resumed_stages_;
+      }
+      s = std::max(s, next);
+      if (s >= last) break;
+      done_.push_back(run_stage(s, journal));
+      basis_ = next_basis(basis_, done_.back());
+      delete_obsolete(done_.back());
+      stop_if_asked(done_.back().finish.stage);
+      ++s;
+    }
+  }
+
+  const std::vector<StageRecords>& done() const { return done_; }
+  std::size_t resumed_stages() const { return resumed_stages_; }
+  std::uint64_t child_peak_bytes() const { return child_peak_; }
+
+ private:
+  bool output_stands(const StageRecords& last) const {
+    if (state_.output.empty() || !fs::exists(state_.output)) return state_.output.empty();
+    return files_match(state_, last.finish, true);
+  }
+
+  void stop_if_asked(const std::string& stage) const {
+    if (state_.run.until != stage) return;
+    throw StoppedError(
+        fmt::format("stopped after stage {} as asked: {} is kept, the same command without --until "
+                    "goes on",
+                    stage, state_.work.string()));
+  }
+
+  void delete_obsolete(const StageRecords& records) const {
+    if (state_.run.keep) return;
+    for (const std::string& name : records.finish.obsolete) remove_named(state_, name);
+  }
+
+  /// Files that an earlier run committed under another plan or that were found damaged.
+  void delete_stale(const Journal& journal, const std::string& stage,
+                    const std::map<std::int64_t, TaskRecord>& done) const {
+    const auto at = journal.stages.find(stage);
+    if (at == journal.stages.end()) return;
+    std::set<std::string> good;
+    for (const auto& [task, record] : done) {
+      for (const FileRecord& file : record.files) good.insert(file.name);
+    }
+    for (const TaskRecord& record : at->second) {
+      for (const FileRecord& file : record.files) {
+        if (file.name != kOutputName && good.count(file.name) == 0) remove_named(state_, file.name);
+      }
+    }
+  }
+
+  StageRecords run_stage(std::size_t index, const Journal& journal);
+  TaskRecord run_one(const Stage& stage, std::int64_t task, const std::vector<nlohmann::json>& summaries,
+                     const std::function<nlohmann::json()>& stats);
+  TaskRecord run_child(const std::string& stage, std::int64_t task);
+
+  const JobState& state_;
+  const JobDescription& job_;
+  Progress& progress_;
+  spdlog::logger& log_;
+  WorkerPool pool_;
+  JournalWriter journal_;
+  fs::path journal_folder_;
+  Resume resume_;
+  std::string basis_;
+  std::string plan_;
+  bool redo_ = false;
+  std::vector<StageRecords> done_;
+  std::size_t resumed_stages_ = 0;
+
+  std::mutex mutex_;
+  std::vector<int> free_slots_;
+  std::uint64_t child_peak_ = 0;
+};
+
+StageRecords Driver::run_stage(std::size_t index, const Journal& journal) {
+  const std::string name = job_.stages[index].name;
+  const auto start = std::chrono::steady_clock::now();
+  const double cpu_start = cpu_seconds();
+  throw_if_stopped();
+  trim_allocator();
+  const std::unique_ptr<Stage> stage = job_.stages[index].make(state_);
+  const std::size_t count = stage->task_count();
+
+  // A process of its own holds the base once more.
+  const std::uint64_t base = resident_bytes();
+  const std::uint64_t own_base = state_.run.processes ? base : 0;
+  MemoryBudget budget(state_.run.memory_bytes, base);
+  for (std::size_t k = 0; k < count; ++k) {
+    budget.require(stage->task_bytes(k) + own_base, fmt::format("task {} of stage {}", k, name));
+  }
+  budget.require(stage->finish_bytes() + own_base, fmt::format("the end of stage {}", name));
+
+  std::map<std::int64_t, TaskRecord> done;
+  if (!redo_) done = resume_.done_tasks(journal, name, basis_, plan_);
+  std::erase_if(done, [&](const auto& entry) { return entry.first >= static_cast<std::int64_t>(count); });
+  delete_stale(journal, name, done);
+  std::uint64_t units_done = 0;
+  for (const auto& [task, record] : done) units_done += record.units;
+  const std::size_t resumed = done.size();
+  log_.info("stage {}: {} tasks, {} of them committed by an earlier run; {} {}; base {}, budget {}", name,
+            count, resumed, stage->units(), stage->unit_name(), format_bytes(base),
+            format_bytes(budget.capacity()));
+  progress_.begin_stage(name, index, job_.stages.size(), stage->unit_name(), stage->units(), units_done);
+
+  std::vector<std::int64_t> missing;
+  for (std::size_t k = 0; k < count; ++k) {
+    if (done.count(static_cast<std::int64_t>(k)) == 0) missing.push_back(static_cast<std::int64_t>(k));
+  }
+  pool_.run_tasks(
+      missing.size(),
+      [&](std::size_t i) { return stage->task_bytes(static_cast<std::size_t>(missing[i])) + own_base; },
+      budget,
+      [&](std::size_t i) {
+        TaskRecord record = run_one(*stage, missing[i], {}, {});
+        log_.debug("stage {}, task {}: {:.2f} s", name, missing[i], record.seconds);
+        const std::lock_guard lock(mutex_);
+        done.emplace(missing[i], std::move(record));
+      });
+
+  StageRecords records;
+  for (auto& [task, record] : done) records.tasks.push_back(std::move(record));
+  const auto stats = [&] {
+    nlohmann::json j = {{"name", name}, {"tasks", count}, {"tasks_resumed", resumed}};
+    std::uint64_t read = 0;
+    std::uint64_t written = 0;
+    for (const TaskRecord& record : records.tasks) {
+      read += record.bytes_read;
+      written += record.bytes_written;
+    }
+    j["wall_s"] = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+    j["cpu_s"] = cpu_seconds() - cpu_start;
+    j["peak_bytes"] = progress_.stage_peak_bytes() + child_peak_;
+    j["bytes_read"] = read;
+    j["bytes_written"] = written;
+    j["units"] = stage->units();
+    j["unit"] = stage->unit_name();
+    return j;
+  };
+  const std::vector<nlohmann::json> summaries = records.summaries();
+  pool_.run_tasks(
+      1, [&](std::size_t) { return stage->finish_bytes() + own_base; }, budget,
+      [&](std::size_t) { records.finish = run_one(*stage, kFinishTask, summaries, stats); });
+  progress_.end_stage();
+  log_.info("stage {}: committed: {}", name, records.finish.stage_stats.dump());
+  return records;
+}
+
+TaskRecord Driver::run_one(const Stage& stage, std::int64_t task,
+                           const std::vector<nlohmann::json>& summaries,
+                           const std::function<nlohmann::json()>& stats) {
+  // finish() of a process job stays here: it is one task, and its statistics are the driver's.
+  if (!state_.run.processes || task == kFinishTask) {
+    return run_and_commit(stage, task, summaries, state_, basis_, plan_, journal_, stats, &progress_);
+  }
+  TaskRecord record = run_child(stage.name(), task);
+  progress_.advance(record.units);
+  return record;
+}
+
+TaskRecord Driver::run_child(const std::string& stage, std::int64_t task) {
+  int slot = 0;
+  {
+    const std::lock_guard lock(mutex_);
+    slot = free_slots_.back();
+    free_slots_.pop_back();
+  }
+  const std::string writer = fmt::format("process-{}", slot);
+  const ChildResult result = run_task_process(state_.work, stage, task, writer);
+  TaskRecord record;
+  bool found = false;
+  if (result.exit_code == 0) {
+    const Journal journal = read_journal_file(journal_folder_ / (writer + ".jsonl"));
+    const auto records = journal.find(stage, basis_, plan_);
+    if (const auto at = records.find(task); at != records.end()) {
+      record = *at->second;
+      found = true;
+    }
+  }
+  {
+    const std::lock_guard lock(mutex_);
+    free_slots_.push_back(slot);
+    // At worst every process had its highest moment at the same time.
+    child_peak_ = std::max(child_peak_, record.peak_bytes * static_cast<std::uint64_t>(state_.run.threads));
+  }
+  if (!found) throw_child_failure(result, stage, task);
+  return record;
+}
+
+/// The caps and counts that the user left open.
+std::string resolve_run(RunOptions& run) {
+  if (run.threads <= 0) run.threads = std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
+  if (run.tile_cells < 0 || run.tile_cells % kBrickCells != 0) {
+    throw UsageError(
+        fmt::format("--tile-size {}: must be a multiple of {} cells", run.tile_cells, kBrickCells));
+  }
+  if (run.memory_bytes > 0) return fmt::format("{} (given)", format_bytes(run.memory_bytes));
+  const MemoryCap cap = detect_memory_cap();
+  run.memory_bytes = cap.bytes;
+  return fmt::format("{} (0.8 of {}, {})", format_bytes(cap.bytes), format_bytes(cap.limit), cap.source);
+}
+
+void check_until(const JobState& state, const JobDescription& job) {
+  const std::vector<std::string> names = stage_names(job.stages);
+  if (state.run.until.empty() || std::find(names.begin(), names.end(), state.run.until) != names.end())
+    return;
+  throw UsageError(
+      fmt::format("--until {}: no such stage, there are {}", state.run.until, listed(names)));
+}
+
+}  // namespace
+
+nlohmann::json run_job(JobState state, const JobDescription& job, const ProgressSink& sink) {
+  const auto start = std::chrono::steady_clock::now();
+  const std::string cap_text = resolve_run(state.run);
+  check_until(state, job);
+  std::vector<InputFingerprint> fingerprints;
+  for (fs::path& input : state.inputs) {
+    fingerprints.push_back(fingerprint_input(input));
+    input = fingerprints.back().path;
+  }
+  state.output = fs::absolute(state.output).lexically_normal();
+  state.work = work_path(state.output, state.run.temp);
+  const nlohmann::json identity = job_identity(job.command, state, fingerprints);
+  if (nlohmann::json report; job.only_stages == 0 && output_is_done(state, identity, report)) return report;
+
+  WorkDir work = WorkDir::open_job(state.work, identity, state.run.force);
+  work.write_run(state);
+  const auto log =
+      open_log(state.run.log.empty() ? state.work / "log.txt" : state.run.log, state.run.verbosity);
+  log->info("tessera {} on {}", TESSERA_VERSION, machine_description().dump());
+  log->info("command: {}", command_line());
+  log->info("{} {}; memory cap {}; {} threads", work.created() ? "new work directory" : "resuming",
+            state.work.string(), cap_text, state.run.threads);
+  Progress progress(progress_mode(state.run.progress, sink.terminal, state.run.verbosity), sink);
+  if (!work.created()) progress.say(fmt::format("going on with {}", state.work.string()));
+  try {
+    Driver driver(state, job, work, progress, *log);
+    driver.run();
+    const double wall = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+    nlohmann::json report =
+        make_report(state, identity, driver.done(),
+                    {cap_text, wall, cpu_seconds(), peak_resident_bytes() + driver.child_peak_bytes(),
+                     driver.resumed_stages()});
+    if (job.summarise) job.summarise(report);
+    if (job.only_stages > 0) return report;
+    write_report(state, report);
+    log->info("done in {:.1f} s, peak {}", wall, format_bytes(report.at("peak_bytes").get<std::uint64_t>()));
+    if (!state.run.keep) work.remove();
+    return report;
+  } catch (const StoppedError& e) {
+    log->warn("{}", e.what());
+    if (stop_signal() == 0) throw;
+    throw StoppedError(
+        fmt::format("stopped by signal {}: {} is kept, the same command goes on where it stopped",
+                    stop_signal(), state.work.string()));
+  } catch (const std::exception& e) {
+    log->error("{}", e.what());
+    throw;
+  }
+}
+
+void run_single_task(const fs::path& path, const JobDescription& job, const std::string& stage_name,
+                     std::int64_t task, const std::string& writer, bool driven) {
+  const WorkDir work = WorkDir::open_existing(path, !driven);
+  const JobState state = work.read_state();
+  const std::vector<std::string> names = stage_names(job.stages);
+  const auto at = std::find(names.begin(), names.end(), stage_name);
+  if (at == names.end()) {
+    throw UsageError(fmt::format("no stage '{}': there are {}", stage_name, listed(names)));
+  }
+  const auto index = static_cast<std::size_t>(at - names.begin());
+  const std::string plan = plan_hash(state.run);
+  Resume resume(state, {names.begin(), at}, work.job_hash(), false);
+  std::string basis = resume.first_basis();
+  const Journal journal = read_journal(work.journal_folder());
+  std::vector<StageRecords> before;
+  const std::size_t complete = resume.complete_until(journal, 0, basis, before);
+  if (complete < index) {
+    throw UsageError(
+        fmt::format("stage {} needs stage {}, which is not complete yet", stage_name, names[complete]));
+  }
+  const auto done = resume.done_tasks(journal, stage_name, basis, plan);
+  // Whoever drives has looked closer: at contents, not only at sizes.
+  if (!driven && done.count(task) > 0) return;
+
+  // Driven processes share the machine with each other.
+  WorkerPool pool(driven ? 1 : state.run.threads);
+  const std::unique_ptr<Stage> stage = job.stages[index].make(state);
+  const auto count = static_cast<std::int64_t>(stage->task_count());
+  std::vector<nlohmann::json> summaries;
+  if (task == kFinishTask) {
+    for (std::int64_t k = 0; k < count; ++k) {
+      if (done.count(k) == 0)
+        throw UsageError(fmt::format("stage {}: task {} is not committed yet", stage_name, k));
+      summaries.push_back(done.at(k).summary);
+    }
+    StageRecords records;
+    if (find_complete(journal, stage_name, basis, records) && files_match(state, records.finish, false))
+      return;
+  } else if (task < 0 || task >= count) {
+    throw UsageError(fmt::format("stage {} has {} tasks: no task {}", stage_name, count, task));
+  }
+  JournalWriter own(work.journal_folder() /
+                    ((writer.empty() ? fmt::format("task-{}-{}", stage_name,
+                                                   task == kFinishTask ? "finish" : std::to_string(task))
+                                     : writer) +
+                     ".jsonl"));
+  const std::uint64_t need =
+      task == kFinishTask ? stage->finish_bytes() : stage->task_bytes(static_cast<std::size_t>(task));
+  MemoryBudget budget(state.run.memory_bytes, resident_bytes());
+  const auto stats = [&] {
+    return nlohmann::json{{"name", stage_name},
+                          {"tasks", count},
+                          {"tasks_resumed", 0},
+                          {"unit", stage->unit_name()},
+                          {"units", stage->units()}};
+  };
+  pool.run_tasks(
+      1, [&](std::size_t) { return need; }, budget,
+      [&](std::size_t) { run_and_commit(*stage, task, summaries, state, basis, plan, own, stats, nullptr); });
+}
+
+}  // namespace tessera

@@ -1,0 +1,46 @@
+/// \file job.h
+/// Runs the stages of a job, in order, tasks in parallel within the memory cap, resumable at every moment.
+///
+/// The work directory holds what is committed (journal.h, resume.h). The same command goes on where an
+/// earlier run stopped; completed stages are kept even when cap, threads or tile size differ, a half-done
+/// stage only when they do not. The output gets its name last; then report.json is written and the work
+/// directory goes.
+#pragma once
+#include <cstdint>
+#include <functional>
+#include <string>
+#include <vector>
+
+#include <nlohmann/json.hpp>
+
+#include "stream/progress.h"
+#include "stream/stage.h"
+
+namespace tessera {
+
+/// What a job is beside its state.
+struct JobDescription {
+  std::string command;             ///< "reconstruct": part of the job's identity
+  std::vector<StageEntry> stages;  ///< all of them, in order
+  /// Stop once so many stages are committed and keep the work directory (`plan`); 0 = run all
+  std::size_t only_stages = 0;
+  /// Adds what the report says of the whole job, from its `stages`; may be empty
+  std::function<void(nlohmann::json&)> summarise;
+};
+
+/// Runs the job; returns the report (schema 1).
+/// \param state  inputs, output, options and run options as the user gave them; work, memory and threads are
+/// resolved \throws UsageError     the work directory or the output is another job's and `force` is off;
+/// unknown --until \throws ResourceError  cap or disk cannot suffice; what is committed stays, the same
+/// command goes on \throws StoppedError   a signal or --until \throws what stages throw
+nlohmann::json run_job(JobState state, const JobDescription& job, const ProgressSink& sink);
+
+/// One idempotent task (or finish, kFinishTask) of a job that run_job() has begun: does nothing if it is
+/// committed. Tasks of one stage may run at once, in any number of processes on any number of machines that
+/// share the folder. \param writer  name of the journal file to write; empty = after stage and task \param
+/// driven  a run_job() of this machine holds the job and waits for this process \throws UsageError for an
+/// unknown stage or task, or when what it builds on is not committed yet
+void run_single_task(const std::filesystem::path& work, const JobDescription& job, const std::string& stage,
+                     std::int64_t task, const std::string& writer, bool driven);
+
+}  // namespace tessera

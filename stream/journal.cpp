@@ -1,0 +1,186 @@
+#include "stream/journal.h"
+
+#include <algorithm>
+#include <cerrno>
+#include <fstream>
+
+#include <fcntl.h>
+#include <sys/file.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <fmt/format.h>
+
+#include "octree/error.h"
+#include "stream/durable_file.h"
+
+namespace tessera {
+namespace {
+
+constexpr std::string_view kHead = "{\"xxh3\":\"";
+constexpr std::string_view kMiddle = "\",\"record\":";
+constexpr std::size_t kHexDigits = 16;
+
+nlohmann::json to_json(const TaskRecord& r) {
+  nlohmann::json files = nlohmann::json::array();
+  for (const FileRecord& f : r.files)
+    files.push_back({{"name", f.name}, {"bytes", f.bytes}, {"xxh3", hex64(f.xxh3)}});
+  nlohmann::json j = {{"stage", r.stage},
+                      {"task", r.task},
+                      {"basis", r.basis},
+                      {"plan", r.plan},
+                      {"files", std::move(files)},
+                      {"seconds", r.seconds},
+                      {"cpu_seconds", r.cpu_seconds},
+                      {"peak_bytes", r.peak_bytes},
+                      {"bytes_read", r.bytes_read},
+                      {"bytes_written", r.bytes_written},
+                      {"units", r.units},
+                      {"summary", r.summary}};
+  if (r.task == kFinishTask) {
+    j["tasks"] = r.tasks;
+    j["obsolete"] = r.obsolete;
+    j["stage_stats"] = r.stage_stats;
+  }
+  return j;
+}
+
+TaskRecord from_json(const nlohmann::json& j) {
+  TaskRecord r;
+  r.stage = j.at("stage").get<std::string>();
+  r.task = j.at("task").get<std::int64_t>();
+  r.basis = j.at("basis").get<std::string>();
+  r.plan = j.at("plan").get<std::string>();
+  for (const nlohmann::json& f : j.at("files")) {
+    r.files.push_back({f.at("name").get<std::string>(), f.at("bytes").get<std::uint64_t>(),
+                       std::stoull(f.at("xxh3").get<std::string>(), nullptr, 16)});
+  }
+  r.seconds = j.at("seconds").get<double>();
+  r.cpu_seconds = j.at("cpu_seconds").get<double>();
+  r.peak_bytes = j.at("peak_bytes").get<std::uint64_t>();
+  r.bytes_read = j.at("bytes_read").get<std::uint64_t>();
+  r.bytes_written = j.at("bytes_written").get<std::uint64_t>();
+  r.units = j.at("units").get<std::uint64_t>();
+  r.summary = j.at("summary");
+  if (r.task == kFinishTask) {
+    r.tasks = j.at("tasks").get<std::uint64_t>();
+    r.obsolete = j.at("obsolete").get<std::vector<std::string>>();
+    r.stage_stats = j.at("stage_stats");
+  }
+  return r;
+}
+
+}  // namespace
+
+std::string journal_line(const TaskRecord& record) {
+  // Names of files may hold any bytes; JSON holds UTF-8 only.
+  const std::string text = to_json(record).dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
+  return fmt::format("{}{}{}{}}}", kHead, hex64(hash_text(text)), kMiddle, text);
+}
+
+bool parse_journal_line(const std::string& line, TaskRecord& record) {
+  const std::size_t start = kHead.size() + kHexDigits + kMiddle.size();
+  if (line.size() <= start + 1 || line.back() != '}' || line.compare(0, kHead.size(), kHead) != 0 ||
+      line.compare(kHead.size() + kHexDigits, kMiddle.size(), kMiddle) != 0) {
+    return false;
+  }
+  const std::string text = line.substr(start, line.size() - start - 1);
+  if (hex64(hash_text(text)) != line.substr(kHead.size(), kHexDigits)) return false;
+  record = from_json(nlohmann::json::parse(text));  // the hash holds: what throws here is our own bug
+  return true;
+}
+
+JournalWriter::JournalWriter(const std::filesystem::path& file) : path_(file) {
+  fd_ = ::open(file.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644);
+  if (fd_ < 0) throw_write_error(file, errno);
+  try {
+    if (::flock(fd_, LOCK_EX | LOCK_NB) != 0) {
+      throw UsageError(
+          fmt::format("{}: another process is doing this task; wait for it or stop it", file.string()));
+    }
+    struct stat status = {};
+    if (::fstat(fd_, &status) != 0) throw_write_error(file, errno);
+    const auto size = static_cast<std::uint64_t>(status.st_size);
+    // A kill can tear the last line only: cut it off, else the next line would be glued to it.
+    std::uint64_t end = size;
+    char last = '\n';
+    while (end > 0) {
+      if (::pread(fd_, &last, 1, static_cast<off_t>(end - 1)) != 1) throw_write_error(file, errno);
+      if (last == '\n') break;
+      --end;
+    }
+    if (end != size && ::ftruncate(fd_, static_cast<off_t>(end)) != 0) throw_write_error(file, errno);
+    bytes_ = end;
+    sync_folder(file.parent_path());
+  } catch (...) {
+    ::close(fd_);
+    throw;
+  }
+}
+
+JournalWriter::~JournalWriter() {
+  ::close(fd_);
+}
+
+void JournalWriter::append(const TaskRecord& record) {
+  const std::string line = journal_line(record) + "\n";
+  const std::lock_guard lock(mutex_);
+  std::size_t done = 0;
+  while (done < line.size()) {
+    const ssize_t wrote =
+        ::pwrite(fd_, line.data() + done, line.size() - done, static_cast<off_t>(bytes_ + done));
+    if (wrote < 0 && errno == EINTR) continue;
+    if (wrote < 0) throw_write_error(path_, errno);
+    done += static_cast<std::size_t>(wrote);
+  }
+  if (::fdatasync(fd_) != 0) throw_write_error(path_, errno);
+  bytes_ += line.size();
+}
+
+std::map<std::int64_t, const TaskRecord*> Journal::find(const std::string& stage, const std::string& basis,
+                                                        const std::string& plan) const {
+  std::map<std::int64_t, const TaskRecord*> found;
+  const auto at = stages.find(stage);
+  if (at == stages.end()) return found;
+  for (const TaskRecord& record : at->second) {
+    if (record.basis == basis && record.plan == plan) found[record.task] = &record;
+  }
+  return found;
+}
+
+namespace {
+
+void read_lines(const std::filesystem::path& file, Journal& journal) {
+  std::ifstream in(file, std::ios::binary);
+  if (!in) throw InputError(fmt::format("{}: cannot be read", file.string()));
+  std::string line;
+  while (std::getline(in, line)) {
+    TaskRecord record;
+    if (parse_journal_line(line, record)) {
+      journal.stages[record.stage].push_back(std::move(record));
+    } else {
+      ++journal.damaged_lines;
+    }
+  }
+}
+
+}  // namespace
+
+Journal read_journal(const std::filesystem::path& folder) {
+  Journal journal;
+  std::vector<std::filesystem::path> files;
+  for (const auto& entry : std::filesystem::directory_iterator(folder)) {
+    if (entry.path().extension() == ".jsonl") files.push_back(entry.path());
+  }
+  std::sort(files.begin(), files.end());
+  for (const std::filesystem::path& file : files) read_lines(file, journal);
+  return journal;
+}
+
+Journal read_journal_file(const std::filesystem::path& file) {
+  Journal journal;
+  read_lines(file, journal);
+  return journal;
+}
+
+}  // namespace tessera

@@ -1,0 +1,84 @@
+/// \file journal.h
+/// What a job has committed: one append-only file of JSON lines per writer, so that no two machines append to
+/// one. A line is {"xxh3":"<16 hex digits of the record's text>","record":{...}}; a torn or damaged line
+/// counts as never written, and its task is done again.
+#pragma once
+#include <cstdint>
+#include <filesystem>
+#include <map>
+#include <mutex>
+#include <string>
+#include <vector>
+
+#include <nlohmann/json.hpp>
+
+namespace tessera {
+
+/// A committed file: name relative to the work directory, or kOutputName for the job's output.
+struct FileRecord {
+  std::string name;
+  std::uint64_t bytes = 0;
+  std::uint64_t xxh3 = 0;
+  bool operator==(const FileRecord&) const = default;
+};
+
+inline constexpr const char* kOutputName = "@output";  ///< name of the job's output in TaskContext::create()
+inline constexpr std::int64_t kFinishTask = -1;        ///< TaskRecord::task of a stage's finish()
+
+/// One committed task.
+struct TaskRecord {
+  std::string stage;
+  std::int64_t task = 0;
+  std::string basis;  ///< hash of the job's identity and of everything that earlier stages committed
+  std::string
+      plan;  ///< how work was cut (cap, threads, tile size); records of a stage count together only if equal
+  std::vector<FileRecord> files;
+  double seconds = 0.0;
+  double cpu_seconds = 0.0;
+  std::uint64_t peak_bytes = 0;
+  std::uint64_t bytes_read = 0;
+  std::uint64_t bytes_written = 0;
+  std::uint64_t units = 0;  ///< of progress
+  nlohmann::json summary;
+  std::uint64_t tasks = 0;            ///< finish only: tasks of the stage
+  std::vector<std::string> obsolete;  ///< finish only: Stage::obsolete()
+  nlohmann::json stage_stats;         ///< finish only: wall, cpu, peak, bytes of the whole stage
+};
+
+/// Lines, without the newline. parse_line returns false for a torn or damaged one.
+std::string journal_line(const TaskRecord& record);
+bool parse_journal_line(const std::string& line, TaskRecord& record);
+
+/// Appends to one file; thread-safe. Locked: a second writer of the same file is refused.
+class JournalWriter {
+ public:
+  /// Cuts a torn last line off. \throws UsageError when another process writes this file
+  explicit JournalWriter(const std::filesystem::path& file);
+  ~JournalWriter();
+  JournalWriter(const JournalWriter&) = delete;
+  JournalWriter& operator=(const JournalWriter&) = delete;
+  /// Durable when it returns. \throws ResourceError when the disk is full; the line then does not exist
+  void append(const TaskRecord& record);
+
+ private:
+  std::filesystem::path path_;
+  int fd_ = -1;
+  std::uint64_t bytes_ = 0;
+  std::mutex mutex_;
+};
+
+/// All lines of all writers of a folder, by stage and task. Of two lines for one task that agree in basis and
+/// plan the later read wins: they describe the same bytes.
+struct Journal {
+  std::map<std::string, std::vector<TaskRecord>> stages;
+  std::uint64_t damaged_lines = 0;
+
+  /// The records of a stage with this basis and plan, by task.
+  std::map<std::int64_t, const TaskRecord*> find(const std::string& stage, const std::string& basis,
+                                                 const std::string& plan) const;
+};
+Journal read_journal(const std::filesystem::path& folder);
+/// One writer's file alone. \throws InputError when it cannot be read
+Journal read_journal_file(const std::filesystem::path& file);
+
+}  // namespace tessera

@@ -1,0 +1,135 @@
+#include "stream/parallel.h"
+
+#include <algorithm>
+#include <atomic>
+#include <condition_variable>
+#include <exception>
+#include <mutex>
+
+#include <tbb/global_control.h>
+#include <tbb/parallel_for.h>
+#include <tbb/task_arena.h>
+
+#include "stream/stop.h"
+
+namespace tessera {
+namespace {
+
+/// The failure of the lowest index.
+class FirstFailure {
+ public:
+  void note(std::size_t index) {
+    const std::lock_guard lock(mutex_);
+    if (failure_ == nullptr || index < index_) {
+      failure_ = std::current_exception();
+      index_ = index;
+    }
+    failed_.store(true);
+  }
+  bool failed() const { return failed_.load(); }
+  /// \pre nobody calls note() any more
+  void rethrow() const {
+    if (failure_ != nullptr) std::rethrow_exception(failure_);
+  }
+
+ private:
+  std::mutex mutex_;
+  std::exception_ptr failure_;
+  std::size_t index_ = 0;
+  std::atomic<bool> failed_{false};
+};
+
+}  // namespace
+
+void parallel_for(std::size_t count, const std::function<void(std::size_t)>& body) {
+  std::atomic<std::size_t> next{0};
+  FirstFailure failure;
+  const auto work = [&](std::size_t) {
+    while (!failure.failed()) {
+      const std::size_t index = next.fetch_add(1);
+      if (index >= count) return;
+      try {
+        throw_if_stopped();
+        body(index);
+      } catch (...) {
+        failure.note(index);
+      }
+    }
+  };
+  const auto loops =
+      std::min<std::size_t>(count, static_cast<std::size_t>(tbb::this_task_arena::max_concurrency()));
+  // Isolated: while it waits for its last index, this thread must not begin another task of the job, whose
+  // memory and time would pile up on this one.
+  tbb::this_task_arena::isolate(
+      [&] { tbb::parallel_for(std::size_t{0}, loops, work, tbb::simple_partitioner()); });
+  failure.rethrow();
+}
+
+struct WorkerPool::Impl {
+  explicit Impl(int count)
+      : threads(count),
+        // One more than the workers: the dispatching thread only waits.
+        control(tbb::global_control::max_allowed_parallelism, static_cast<std::size_t>(count) + 1),
+        arena(count, 0) {}
+  int threads;
+  tbb::global_control control;
+  tbb::task_arena arena;
+};
+
+WorkerPool::WorkerPool(int threads) : impl_(std::make_unique<Impl>(std::max(1, threads))) {}
+WorkerPool::~WorkerPool() = default;
+
+int WorkerPool::threads() const {
+  return impl_->threads;
+}
+
+void WorkerPool::run_tasks(std::size_t count, const std::function<std::uint64_t(std::size_t)>& bytes,
+                           MemoryBudget& budget, const std::function<void(std::size_t)>& body) {
+  std::mutex mutex;
+  std::condition_variable changed;
+  int running = 0;
+  FirstFailure failure;
+  for (std::size_t index = 0; index < count; ++index) {
+    {
+      std::unique_lock lock(mutex);
+      changed.wait(lock, [&] { return running < impl_->threads; });
+      if (failure.failed()) break;
+    }
+    try {
+      throw_if_stopped();
+      // Waits here, not on a worker: workers stay free for the loops of what runs.
+      auto reservation = std::make_shared<MemoryBudget::Reservation>(budget.reserve(bytes(index)));
+      if (failure.failed()) break;
+      {
+        const std::lock_guard lock(mutex);
+        ++running;
+      }
+      impl_->arena.enqueue([&, index, reservation]() {
+        try {
+          throw_if_stopped();
+          body(index);
+        } catch (...) {
+          failure.note(index);
+        }
+        reservation->release();
+        const std::lock_guard lock(mutex);
+        --running;
+        changed.notify_all();
+      });
+    } catch (...) {
+      failure.note(index);
+      break;
+    }
+  }
+  {
+    std::unique_lock lock(mutex);
+    changed.wait(lock, [&] { return running == 0; });
+  }
+  failure.rethrow();
+}
+
+void WorkerPool::run_here(const std::function<void()>& body) {
+  impl_->arena.execute(body);
+}
+
+}  // namespace tessera

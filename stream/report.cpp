@@ -1,0 +1,101 @@
+#include "stream/report.h"
+
+#include <fmt/format.h>
+
+#include "octree/error.h"
+#include "stream/durable_file.h"
+#include "stream/log.h"
+#include "stream/options_json.h"
+
+namespace tessera {
+namespace {
+
+namespace fs = std::filesystem;
+
+std::string job_hash(const nlohmann::json& identity) {
+  return hex64(hash_text(identity.dump()));
+}
+
+nlohmann::json describe_output(const JobState& state, const std::vector<StageRecords>& done) {
+  if (state.output.empty() || !fs::exists(state.output)) return nullptr;
+  for (const StageRecords& records : done) {
+    for (const FileRecord& file : records.finish.files) {
+      if (file.name == kOutputName) {
+        return {{"path", state.output.string()}, {"bytes", file.bytes}, {"xxh3", hex64(file.xxh3)}};
+      }
+    }
+  }
+  return {{"path", state.output.string()},
+          {"bytes", fs::file_size(state.output)},
+          {"xxh3", hex64(hash_file(state.output))}};
+}
+
+}  // namespace
+
+nlohmann::json make_report(const JobState& state, const nlohmann::json& identity,
+                           const std::vector<StageRecords>& done, const RunFigures& figures) {
+  nlohmann::json stages = nlohmann::json::array();
+  std::uint64_t peak = figures.peak_bytes;
+  for (const StageRecords& records : done) {
+    nlohmann::json stage = records.finish.stage_stats;
+    stage["result"] = records.finish.summary;
+    peak = std::max(peak, stage.value("peak_bytes", std::uint64_t{0}));
+    stages.push_back(std::move(stage));
+  }
+  return {{"schema", kReportSchema},
+          {"tool", "tessera"},
+          {"version", TESSERA_VERSION},
+          {"command", command_line()},
+          {"finished", utc_now()},
+          {"machine", machine_description()},
+          {"job", job_hash(identity)},
+          {"options", to_json(state.options)},
+          {"inputs", identity.at("inputs")},
+          {"run",
+           {{"memory_bytes", state.run.memory_bytes},
+            {"memory_cap", figures.memory_cap},
+            {"threads", state.run.threads},
+            {"tile_cells", state.run.tile_cells},
+            {"processes", state.run.processes},
+            {"stages_resumed", figures.stages_resumed}}},
+          {"wall_s", figures.wall_seconds},
+          {"cpu_s", figures.cpu_seconds},
+          {"peak_bytes", peak},
+          {"memory_cap_bytes", state.run.memory_bytes},
+          {"stages", std::move(stages)},
+          {"output", describe_output(state, done)}};
+}
+
+fs::path report_path(const JobState& state) {
+  if (!state.run.report.empty()) return fs::absolute(state.run.report);
+  fs::path path = state.output;
+  path += ".report.json";
+  return path;
+}
+
+void write_report(const JobState& state, const nlohmann::json& report) {
+  const std::string text = report.dump(1, ' ', false, nlohmann::json::error_handler_t::replace) + "\n";
+  write_durably(state.work / "report.json", text);
+  write_durably(report_path(state), text);
+}
+
+bool output_is_done(const JobState& state, const nlohmann::json& identity, nlohmann::json& report) {
+  if (state.run.force || !fs::exists(state.output) || fs::exists(state.work / "job.json")) return false;
+  const fs::path path = report_path(state);
+  if (fs::exists(path)) {
+    report = nlohmann::json::parse(read_text(path), nullptr, false);
+    const nlohmann::json output =
+        report.is_object() ? report.value("output", nlohmann::json()) : nlohmann::json();
+    if (output.is_object() && report.value("job", "") == job_hash(identity) &&
+        output.value("bytes", std::uint64_t{0}) == fs::file_size(state.output) &&
+        output.value("xxh3", "") == hex64(hash_file(state.output))) {
+      return true;
+    }
+  }
+  throw UsageError(
+      fmt::format("{}: is there already and not the result of this very command: give --force to "
+                  "overwrite it, or another -o",
+                  state.output.string()));
+}
+
+}  // namespace tessera

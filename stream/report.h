@@ -1,0 +1,42 @@
+/// \file report.h
+/// The run report, schema 1: what was asked, on what machine, what it took and what came out.
+#pragma once
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include <nlohmann/json.hpp>
+
+#include "stream/resume.h"
+#include "stream/stage.h"
+
+namespace tessera {
+
+inline constexpr int kReportSchema = 1;
+
+/// Of this run as a whole.
+struct RunFigures {
+  std::string memory_cap;  ///< with its source
+  double wall_seconds = 0.0;
+  double cpu_seconds = 0.0;
+  std::uint64_t peak_bytes = 0;
+  std::size_t stages_resumed = 0;  ///< stages that earlier runs had completed
+};
+
+/// Keys: schema, tool, version, command, finished, machine, job (hash), options, inputs, run, wall_s, cpu_s,
+/// peak_bytes, memory_cap_bytes, output {path, bytes, xxh3}, stages: a list of {name, tasks, tasks_resumed,
+/// wall_s, cpu_s, peak_bytes, bytes_read, bytes_written, units, unit, result: what the stage reports}.
+nlohmann::json make_report(const JobState& state, const nlohmann::json& identity,
+                           const std::vector<StageRecords>& done, const RunFigures& figures);
+
+/// run.report, or <output>.report.json.
+std::filesystem::path report_path(const JobState& state);
+
+/// Writes report.json into the work directory and copies it to report_path().
+void write_report(const JobState& state, const nlohmann::json& report);
+
+/// True when there is no work directory, but the output and a report that belongs to it and to this very job:
+/// nothing is left to do. \throws UsageError when the output is there, is not this job's and `force` is off
+bool output_is_done(const JobState& state, const nlohmann::json& identity, nlohmann::json& report);
+
+}  // namespace tessera

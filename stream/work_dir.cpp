@@ -1,0 +1,254 @@
+#include "stream/work_dir.h"
+
+#include <algorithm>
+#include <cerrno>
+#include <cstring>
+#include <utility>
+
+#include <fcntl.h>
+#include <sys/file.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <fmt/format.h>
+
+#include "octree/error.h"
+#include "stream/durable_file.h"
+#include "stream/options_json.h"
+#include "stream/read_file.h"
+
+namespace tessera {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr const char* kJobFile = "job.json";
+constexpr const char* kLockFile = "lock";
+constexpr std::uint64_t kSampleBytes = 65536;
+constexpr std::uint64_t kSamples = 16;
+
+fs::path job_file(const fs::path& work) {
+  return work / kJobFile;
+}
+
+/// The folder that remove() empties: never taken for a work directory.
+fs::path discarded(const fs::path& work) {
+  fs::path path = work;
+  path += ".discarded";
+  return path;
+}
+
+void make_folders(const fs::path& path) {
+  std::error_code error;
+  fs::create_directories(path, error);
+  if (error) throw_write_error(path, error.value());
+}
+
+/// True if nothing but what a killed creation leaves is in the folder.
+bool barely_begun(const fs::path& work) {
+  return std::all_of(fs::directory_iterator(work), fs::directory_iterator(),
+                     [](const fs::directory_entry& entry) {
+                       const std::string name = entry.path().filename().string();
+                       return name == kLockFile || name == "job.json.part" || name == "journal";
+                     });
+}
+
+/// \returns a descriptor that holds the lock
+int lock_folder(const fs::path& work, int mode) {
+  const fs::path path = work / kLockFile;
+  const int fd = ::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644);
+  if (fd < 0) throw_write_error(path, errno);
+  int error = ::flock(fd, mode | LOCK_NB) == 0 ? 0 : errno;
+  if (error == 0) {
+    // Between open and lock its owner may have removed the directory, and this file with it.
+    struct stat held = {};
+    struct stat there = {};
+    if (::fstat(fd, &held) == 0 && ::stat(path.c_str(), &there) == 0 && held.st_ino == there.st_ino)
+      return fd;
+    error = EWOULDBLOCK;
+  }
+  ::close(fd);
+  if (error == EWOULDBLOCK) {
+    throw UsageError(
+        fmt::format("{}: another process works on this job; wait for it or stop it", work.string()));
+  }
+  throw_write_error(path, error);
+}
+
+nlohmann::json read_job_file(const fs::path& work) {
+  const fs::path path = job_file(work);
+  try {
+    const nlohmann::json job = nlohmann::json::parse(read_text(path));
+    if (job.at("identity").at("schema").is_number()) return job;
+  } catch (const nlohmann::json::exception&) {
+  }
+  throw InputError(fmt::format("{}: damaged: discard the work directory with --force", path.string()));
+}
+
+/// Leftovers of killed tasks. Names that are part of nothing committed.
+void remove_parts(const fs::path& work) {
+  std::vector<fs::path> parts;
+  for (const auto& entry : fs::recursive_directory_iterator(work)) {
+    if (entry.path().extension() == ".part") parts.push_back(entry.path());
+  }
+  for (const fs::path& part : parts) fs::remove(part);
+}
+
+std::string difference(const nlohmann::json& was, const nlohmann::json& is) {
+  for (const char* key : {"schema", "version", "command"}) {
+    if (was.value(key, nlohmann::json()) != is.at(key)) {
+      return first_difference({{key, was.value(key, nlohmann::json())}}, {{key, is.at(key)}});
+    }
+  }
+  const std::string options = first_difference(was.value("options", nlohmann::json()), is.at("options"));
+  return options.empty() ? "its input files are others or have changed" : "option " + options;
+}
+
+}  // namespace
+
+InputFingerprint fingerprint_input(const fs::path& path) {
+  const ReadFile file(path);
+  struct stat status = {};
+  if (::stat(path.c_str(), &status) != 0) {
+    throw InputError(fmt::format("{}: cannot be read: {}", path.string(), std::strerror(errno)));
+  }
+  InputFingerprint f;
+  f.path = fs::absolute(path).lexically_normal().string();
+  f.bytes = file.size();
+  f.modified_ns = static_cast<std::int64_t>(status.st_mtim.tv_sec) * 1000000000 + status.st_mtim.tv_nsec;
+  std::vector<char> buffer;
+  std::vector<std::uint64_t> hashes;
+  const std::uint64_t last = f.bytes > kSampleBytes ? f.bytes - kSampleBytes : 0;
+  std::uint64_t previous = ~std::uint64_t{0};
+  for (std::uint64_t s = 0; s < kSamples; ++s) {
+    const std::uint64_t at = last / (kSamples - 1) * s + last % (kSamples - 1) * s / (kSamples - 1);
+    if (at == previous) continue;
+    previous = at;
+    buffer.resize(std::min(kSampleBytes, f.bytes - at));
+    file.read_at(at, buffer.data(), buffer.size());
+    hashes.push_back(hash_bytes(buffer.data(), buffer.size()));
+  }
+  f.xxh3 = hash_bytes(hashes.data(), hashes.size() * sizeof(std::uint64_t));
+  return f;
+}
+
+nlohmann::json to_json(const InputFingerprint& f) {
+  return {
+      {"path", f.path}, {"bytes", f.bytes}, {"modified_ns", f.modified_ns}, {"xxh3_sampled", hex64(f.xxh3)}};
+}
+
+nlohmann::json job_identity(const std::string& command, const JobState& state,
+                            const std::vector<InputFingerprint>& inputs) {
+  nlohmann::json list = nlohmann::json::array();
+  for (const InputFingerprint& input : inputs) list.push_back(to_json(input));
+  return {{"schema", kWorkSchema},
+          {"version", TESSERA_VERSION},
+          {"command", command},
+          {"options", to_json(state.options)},
+          {"inputs", std::move(list)}};
+}
+
+fs::path work_path(const fs::path& output, const fs::path& temp) {
+  const fs::path name = output.filename().string() + ".tessera";
+  const fs::path folder = temp.empty() ? fs::absolute(output).parent_path() : fs::absolute(temp);
+  return (folder / name).lexically_normal();
+}
+
+WorkDir WorkDir::open_job(const fs::path& path, const nlohmann::json& identity, bool force) {
+  fs::remove_all(discarded(path));
+  WorkDir dir;
+  dir.path_ = path;
+  dir.identity_ = identity;
+  for (int attempt = 0;; ++attempt) {
+    if (fs::exists(path) && !fs::exists(job_file(path)) && !(fs::is_directory(path) && barely_begun(path))) {
+      throw UsageError(fmt::format(
+          "{}: is there and is no work directory: move it away or choose another --temp", path.string()));
+    }
+    make_folders(path);
+    dir.lock_ = lock_folder(path, LOCK_EX);
+    if (!fs::exists(job_file(path))) break;
+    std::string why;
+    try {
+      const nlohmann::json was = read_job_file(path).at("identity");
+      if (was == identity) {
+        remove_parts(path);
+        make_folders(dir.journal_folder());
+        return dir;
+      }
+      why = difference(was, identity);
+    } catch (const InputError&) {
+      if (!force) throw;
+    }
+    if (!force || attempt > 0) {
+      throw UsageError(
+          fmt::format("{}: this work directory belongs to another job ({}): give --force to discard it, "
+                      "or another output or --temp",
+                      path.string(), why));
+    }
+    dir.remove();
+  }
+  make_folders(dir.journal_folder());
+  dir.created_ = true;
+  return dir;
+}
+
+WorkDir WorkDir::open_existing(const fs::path& path, bool locked) {
+  if (!fs::exists(job_file(path))) {
+    throw InputError(fmt::format("{}: is no work directory of Tessera (it has no job.json)", path.string()));
+  }
+  WorkDir dir;
+  dir.path_ = fs::absolute(path).lexically_normal();
+  if (locked) dir.lock_ = lock_folder(path, LOCK_SH);
+  dir.identity_ = read_job_file(path).at("identity");
+  if (dir.identity_.at("schema") != kWorkSchema || dir.identity_.value("version", "") != TESSERA_VERSION) {
+    throw InputError(fmt::format("{}: was made by version {} of Tessera, this is {}", path.string(),
+                                 dir.identity_.value("version", "?"), TESSERA_VERSION));
+  }
+  return dir;
+}
+
+WorkDir::~WorkDir() {
+  if (lock_ >= 0) ::close(lock_);
+}
+
+WorkDir::WorkDir(WorkDir&& other) noexcept
+    : path_(std::move(other.path_)),
+      identity_(std::move(other.identity_)),
+      created_(other.created_),
+      lock_(std::exchange(other.lock_, -1)) {}
+
+std::string WorkDir::job_hash() const {
+  return hex64(hash_text(identity_.dump()));
+}
+
+void WorkDir::write_run(const JobState& state) {
+  const nlohmann::json job = {{"identity", identity_},
+                              {"job", job_hash()},
+                              {"output", fs::absolute(state.output).lexically_normal().string()},
+                              {"run", plan_to_json(state.run)}};
+  write_durably(job_file(path_), job.dump(1) + "\n");
+}
+
+JobState WorkDir::read_state() const {
+  const nlohmann::json job = read_job_file(path_);
+  JobState state;
+  state.work = path_;
+  state.output = job.at("output").get<std::string>();
+  for (const nlohmann::json& input : identity_.at("inputs"))
+    state.inputs.emplace_back(input.at("path").get<std::string>());
+  state.options = reconstruct_options_from_json(identity_.at("options"));
+  state.run.memory_bytes = job.at("run").at("memory").get<std::uint64_t>();
+  state.run.threads = job.at("run").at("threads").get<int>();
+  state.run.tile_cells = job.at("run").at("tile-size").get<int>();
+  return state;
+}
+
+void WorkDir::remove() {
+  const fs::path aside = discarded(path_);
+  fs::remove_all(aside);
+  rename_durably(path_, aside);
+  if (lock_ >= 0) ::close(std::exchange(lock_, -1));
+  fs::remove_all(aside);
+}
+
+}  // namespace tessera

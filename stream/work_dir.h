@@ -1,0 +1,76 @@
+/// \file work_dir.h
+/// The work directory of a job, and whose it is.
+#pragma once
+#include <cstdint>
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include <nlohmann/json.hpp>
+
+#include "stream/stage.h"
+
+namespace tessera {
+
+inline constexpr int kWorkSchema = 1;  ///< of job.json, the journal and every tile file together
+
+/// Enough of an input to tell whether it is still the same file.
+struct InputFingerprint {
+  std::string path;  ///< absolute
+  std::uint64_t bytes = 0;
+  std::int64_t modified_ns = 0;
+  std::uint64_t xxh3 = 0;  ///< of blocks sampled at start, end and evenly between
+};
+/// \throws InputError
+InputFingerprint fingerprint_input(const std::filesystem::path& path);
+nlohmann::json to_json(const InputFingerprint& fingerprint);
+
+/// What makes a job this job: schema, tool version, command, effective options, inputs.
+nlohmann::json job_identity(const std::string& command, const JobState& state,
+                            const std::vector<InputFingerprint>& inputs);
+
+/// <output>.tessera beside the output, or of that name in `temp`.
+std::filesystem::path work_path(const std::filesystem::path& output, const std::filesystem::path& temp);
+
+/// An open work directory. While it is open no other process drives the same job.
+class WorkDir {
+ public:
+  enum class Use {
+    kDrive,  ///< run the whole job: exclusive
+    kTask    ///< run one task: shared with other tasks, refused while somebody drives
+  };
+  /// Creates the directory for this job, or opens the one that is there.
+  /// \throws UsageError when it belongs to another job (and `force` does not discard it), is in use by
+  /// another
+  ///         process, or is no work directory; ResourceError when the disk is full
+  static WorkDir open_job(const std::filesystem::path& path, const nlohmann::json& identity, bool force);
+  /// Opens what open_job made. \param locked false: the parent process holds the lock
+  /// \throws InputError when it is no work directory or of another schema or version
+  static WorkDir open_existing(const std::filesystem::path& path, bool locked);
+
+  ~WorkDir();
+  WorkDir(WorkDir&& other) noexcept;
+  WorkDir& operator=(WorkDir&&) = delete;
+
+  const std::filesystem::path& path() const { return path_; }
+  std::filesystem::path journal_folder() const { return path_ / "journal"; }
+  bool created() const { return created_; }  ///< false: it was there and goes on
+  const nlohmann::json& identity() const { return identity_; }
+  std::string job_hash() const;
+
+  /// job.json also holds what `tessera task` needs to know: the output and how the job runs.
+  void write_run(const JobState& state);
+  JobState read_state() const;
+
+  /// Removes it with everything in it; killed in between, nothing of it is ever taken for a work directory.
+  void remove();
+
+ private:
+  WorkDir() = default;
+  std::filesystem::path path_;
+  nlohmann::json identity_;
+  bool created_ = false;
+  int lock_ = -1;
+};
+
+}  // namespace tessera
