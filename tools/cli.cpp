@@ -7,6 +7,8 @@
 #include <new>
 #include <sstream>
 
+#include <unistd.h>
+
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
@@ -352,6 +354,10 @@ void add_reconstruct_options(CLI::App& command, ReconstructOptions& options) {
       .add_flag("--local-output", options.local_output,
                 "write positions relative to the global shift, as floats; the report has the shift")
       ->group(group);
+}
+
+ProgressSink stderr_sink() {
+  return {[](const std::string& text) { std::cerr << text << std::flush; }, ::isatty(STDERR_FILENO) == 1};
 }
 
 void require_inputs(const std::vector<std::string>& inputs) {

@@ -22,6 +22,7 @@
 
 #include "octree/lattice.h"
 #include "stream/options.h"
+#include "stream/progress.h"
 
 namespace tessera::cli {
 
@@ -48,6 +49,9 @@ void add_run_options(CLI::App& command, RunOptions& run);
 void add_columns(CLI::App& command, std::vector<std::string>& columns);
 /// Everything of ReconstructOptions
 void add_reconstruct_options(CLI::App& command, ReconstructOptions& options);
+
+/// Progress to stderr.
+ProgressSink stderr_sink();
 
 /// \throws UsageError when the user gave none
 void require_inputs(const std::vector<std::string>& inputs);

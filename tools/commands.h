@@ -9,6 +9,8 @@ class App;
 namespace tessera {
 
 // one line per command, alphabetical
+void add_reconstruct(CLI::App& app);
 void add_synth(CLI::App& app);
+void add_task(CLI::App& app);
 
 }  // namespace tessera

@@ -7,6 +7,8 @@ int main(int argc, char** argv) {
   app.set_version_flag("--version", "tessera " TESSERA_VERSION);
   app.require_subcommand(1);
   // one line per command, in the order of the help
+  tessera::add_reconstruct(app);
+  tessera::add_task(app);
   tessera::add_synth(app);
 
   return tessera::cli::run(app, argc, argv);

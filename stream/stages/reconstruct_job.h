@@ -1,0 +1,17 @@
+/// \file reconstruct_job.h
+/// The main job: a scan becomes a mesh.
+#pragma once
+#include <vector>
+
+#include "stream/job.h"
+#include "stream/stage.h"
+
+namespace tessera {
+
+/// Its stages, in order.
+std::vector<StageEntry> reconstruct_stages();
+
+/// The stages with what the report says of the whole: `points` read and `mesh` {vertices, faces, ...}.
+JobDescription reconstruct_job();
+
+}  // namespace tessera

@@ -1,0 +1,47 @@
+#include <fmt/format.h>
+
+#include <memory>
+#include <nlohmann/json.hpp>
+
+#include "stream/memory_budget.h"
+#include "stream/point_source.h"
+#include "stream/stages/reconstruct_job.h"
+#include "stream/stop.h"
+#include "tools/cli.h"
+#include "tools/commands.h"
+
+namespace tessera {
+namespace {
+
+struct Arguments {
+  std::vector<std::string> inputs;
+  JobState state;
+};
+
+void run(Arguments arguments) {
+  cli::require_inputs(arguments.inputs);
+  cli::require_output(arguments.state.output);
+  arguments.state.inputs = expand_inputs(arguments.inputs);
+  catch_stop_signals();
+  const nlohmann::json report = run_job(arguments.state, reconstruct_job(), cli::stderr_sink());
+  if (arguments.state.run.verbosity < 0) return;
+  const nlohmann::json mesh = report.value("mesh", nlohmann::json::object());
+  fmt::print("{}: {} vertices, {} faces, {:.1f} s, peak {}\n", arguments.state.output.string(),
+             mesh.value("vertices", std::uint64_t{0}), mesh.value("faces", std::uint64_t{0}),
+             report.at("wall_s").get<double>(), format_bytes(report.at("peak_bytes").get<std::uint64_t>()));
+}
+
+}  // namespace
+
+void add_reconstruct(CLI::App& app) {
+  auto arguments = std::make_shared<Arguments>();
+  CLI::App* command =
+      cli::add_command(app, "reconstruct", "A scan becomes a mesh. Run it again to go on after a stop.",
+                       [arguments] { run(*arguments); });
+  cli::add_inputs(*command, arguments->inputs);
+  cli::add_output(*command, arguments->state.output, "the mesh to write: .ply, .obj, .stl or .glb");
+  cli::add_reconstruct_options(*command, arguments->state.options);
+  cli::add_run_options(*command, arguments->state.run);
+}
+
+}  // namespace tessera

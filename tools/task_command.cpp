@@ -1,0 +1,55 @@
+#include <fmt/format.h>
+
+#include <memory>
+
+#include "octree/error.h"
+#include "stream/child_process.h"
+#include "stream/journal.h"
+#include "stream/stages/reconstruct_job.h"
+#include "stream/stop.h"
+#include "tools/cli.h"
+#include "tools/commands.h"
+
+namespace tessera {
+namespace {
+
+struct Arguments {
+  std::filesystem::path work;
+  std::string stage;
+  std::string task;
+  std::string writer;
+  int driver = 0;
+};
+
+std::int64_t parse_task(const std::string& text) {
+  if (text == "finish") return kFinishTask;
+  if (!text.empty() && text.size() < 10 && text.find_first_not_of("0123456789") == std::string::npos) {
+    return std::stoll(text);
+  }
+  throw UsageError(fmt::format("'{}' is no task: give its number, or finish", text));
+}
+
+void run(const Arguments& arguments) {
+  if (arguments.work.empty() || arguments.stage.empty()) throw UsageError("give WORKDIR, STAGE and K");
+  if (arguments.driver != 0) follow_parent(arguments.driver);
+  catch_stop_signals();
+  run_single_task(arguments.work, reconstruct_job(), arguments.stage, parse_task(arguments.task),
+                  arguments.writer, arguments.driver != 0);
+}
+
+}  // namespace
+
+void add_task(CLI::App& app) {
+  auto arguments = std::make_shared<Arguments>();
+  CLI::App* command = cli::add_command(
+      app, "task",
+      "One task of a job begun by plan or reconstruct; safe to repeat, and to run beside other tasks.",
+      [arguments] { run(*arguments); });
+  command->add_option("workdir", arguments->work, "work directory, on a disk that all machines share");
+  command->add_option("stage", arguments->stage, "name of the stage");
+  command->add_option("k", arguments->task, "number of the task, or finish");
+  command->add_option("--writer", arguments->writer, "name of the journal file to write")->group("");
+  command->add_option("--driven", arguments->driver, "process that waits for this one")->group("");
+}
+
+}  // namespace tessera
