@@ -1,0 +1,127 @@
+// The main job from points in memory to a mesh file, driven stage by stage: same bytes, sound topology, islands.
+#include <catch2/catch.hpp>
+
+#include "stream/mesh_check.h"
+#include "stream/stages/normals_stage.h"
+#include "stream/stages/surface_stage.h"
+#include "stream/stages/weld_stage.h"
+#include "stream/stages/write_stage.h"
+#include "tests/helpers/point_chain.h"
+#include "tests/helpers/random_points.h"
+
+using namespace tessera;
+using namespace tessera::test;
+
+namespace {
+
+struct MeshSetup : ChainSetup {
+  int tile_cells = 0;
+  bool noise = false;
+};
+
+struct MeshResult {
+  std::string bytes;
+  MeshCheck check;
+  nlohmann::json weld;
+};
+
+MeshResult run_job(const std::vector<TestPoint>& points, const MeshSetup& setup) {
+  const TempFolder folder;
+  JobState job = chain_job(folder.path() / "work", setup);
+  job.run.tile_cells = setup.tile_cells;
+  job.output = folder.path() / "mesh.ply";
+  std::filesystem::create_directories(job.work);
+  const auto inputs = chain_inputs(points, setup);
+  const auto run = [&](const Stage& stage) { return run_stage(stage, job.work, setup.backwards); };
+  run(SurveyStage(job, inputs, setup.h, false));
+  run(DistributeStage(job, inputs));
+  run(OrderStage(job));
+  run(*make_normals_stage(job));
+  run(*make_orient_stage(job));
+  run(*make_surface_stage(job));
+  MeshResult result;
+  result.weld = run(*make_weld_stage(job));
+  run(*make_write_stage(job));
+  result.bytes = file_bytes(job.output);
+  MeshReadOptions read;
+  read.keep_bad_faces = true;
+  result.check = check_mesh(*open_mesh_file(job.output, read), {});
+  return result;
+}
+
+std::vector<TestPoint> noise_points(std::size_t count, double edge) {
+  Random random(7);
+  std::vector<TestPoint> points(count);
+  for (TestPoint& p : points) {
+    for (double& c : p.p) c = random.in(0, edge);
+    p.n = {float(random.in(-1, 1)), float(random.in(-1, 1)), float(random.in(-1, 1))};
+  }
+  return points;
+}
+
+void check_sound(const MeshCheck& c) {
+  CHECK(c.nonmanifold_edges == 0);
+  CHECK(c.nonmanifold_vertices == 0);
+  CHECK(c.inconsistent_edges == 0);
+  CHECK(c.duplicate_faces == 0);
+  CHECK(c.degenerate_faces == 0);
+  CHECK(c.zero_area_faces == 0);
+  CHECK(c.unreferenced_vertices == 0);
+  CHECK(c.bad_index_faces == 0);
+}
+
+}  // namespace
+
+TEST_CASE("main job: a sphere over many bricks is one closed surface, the same bytes for any tiling", "[property]") {
+  auto points = sphere_points(150'000, 90.0, {1000.0, -37.0, 12.0});
+  MeshSetup setup;
+  const MeshResult want = run_job(points, setup);
+  check_sound(want.check);
+  CHECK(want.check.boundary_edges == 0);
+  CHECK(want.check.solid());
+  CHECK(want.check.total_genus == 0);
+  CHECK(want.check.volume == Approx(4.0 / 3.0 * 3.14159265 * 90.0 * 90.0 * 90.0).epsilon(2e-3));
+
+  const int tile = GENERATE(64, 128, 256);
+  setup.tile_cells = tile;
+  setup.backwards = tile == 64;
+  setup.files = static_cast<std::size_t>(tile) / 64;
+  setup.slice_points = 700 + static_cast<std::size_t>(tile);
+  setup.memory = tile == 256 ? std::uint64_t{96} << 20 : std::uint64_t{4} << 30;
+  shuffle(points, static_cast<std::uint64_t>(tile));
+  CAPTURE(tile);
+  CHECK(run_job(points, setup).bytes == want.bytes);
+}
+
+TEST_CASE("main job: pure noise has no defect and no seam, whatever the tiles", "[property]") {
+  const auto points = noise_points(400'000, 150.0);
+  MeshSetup setup;
+  setup.options.min_component = 1;
+  setup.options.outliers = "off";
+  setup.tile_cells = 64;
+  const MeshResult small = run_job(points, setup);
+  check_sound(small.check);
+  CHECK(small.check.faces > 100'000);
+  CHECK(small.weld.at("seam_gap") == 0);
+  setup.tile_cells = 256;
+  CHECK(run_job(points, setup).bytes == small.bytes);
+}
+
+TEST_CASE("main job: islands across bricks are counted whole before they are dropped", "[unit]") {
+  auto points = sphere_points(150'000, 90.0, {0, 0, 0});
+  // A small ball astride the corner of eight bricks: every brick holds few of its faces.
+  const auto ball = sphere_points(4'000, 8.0, {200.0, 0.0, 0.0});
+  points.insert(points.end(), ball.begin(), ball.end());
+  MeshSetup setup;
+  setup.options.min_component = 1;
+  const MeshResult all = run_job(points, setup);
+  CHECK(all.check.components == 2);
+  const std::uint64_t ball_faces = all.check.largest_components[1].faces;
+  setup.options.min_component = ball_faces;
+  CHECK(run_job(points, setup).check.components == 2);
+  setup.options.min_component = ball_faces + 1;
+  const MeshResult kept = run_job(points, setup);
+  CHECK(kept.check.components == 1);
+  CHECK(kept.weld.at("island_faces_dropped") == ball_faces);
+  check_sound(kept.check);
+}
