@@ -2,10 +2,10 @@
 
 #include <nlohmann/json.hpp>
 
-#include "stream/point_inputs.h"
 #include "stream/stages/distribute_stage.h"
 #include "stream/stages/normals_stage.h"
 #include "stream/stages/order_stage.h"
+#include "stream/stages/probe_stage.h"
 #include "stream/stages/surface_stage.h"
 #include "stream/stages/survey_stage.h"
 #include "stream/stages/weld_stage.h"
@@ -13,18 +13,6 @@
 
 namespace tessera {
 namespace {
-
-std::unique_ptr<Stage> make_survey(const JobState& state) {
-  return std::make_unique<SurveyStage>(state, open_point_inputs(state), state.options.resolution, false);
-}
-
-std::unique_ptr<Stage> make_distribute(const JobState& state) {
-  return std::make_unique<DistributeStage>(state, open_point_inputs(state));
-}
-
-std::unique_ptr<Stage> make_order(const JobState& state) {
-  return std::make_unique<OrderStage>(state);
-}
 
 nlohmann::json result_of(const nlohmann::json& report, const std::string& stage) {
   for (const nlohmann::json& entry : report.at("stages")) {
@@ -47,9 +35,18 @@ void summarise(nlohmann::json& report) {
 }  // namespace
 
 std::vector<StageEntry> reconstruct_stages() {
-  return {{"survey", make_survey},         {"distribute", make_distribute}, {"order", make_order},
-          {"normals", make_normals_stage}, {"orient", make_orient_stage},   {"surface", make_surface_stage},
-          {"weld", make_weld_stage},       {"write", make_write_stage}};
+  return {
+      {"probe", [](const JobState& state) { return make_probe_stage(state); }},
+      {"spacing", [](const JobState& state) { return make_spacing_stage(state); }},
+      {"survey", make_survey_stage},
+      {"distribute", make_distribute_stage},
+      {"order", make_order_stage},
+      {"normals", make_normals_stage},
+      {"orient", make_orient_stage},
+      {"surface", make_surface_stage},
+      {"weld", make_weld_stage},
+      {"write", make_write_stage},
+  };
 }
 
 JobDescription reconstruct_job() {
