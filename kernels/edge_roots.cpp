@@ -36,28 +36,92 @@ float hermite_root(float a, float b, float ma, float mb) {
   return t;
 }
 
+EdgeRoot clamped_root(float t, const Float3& normal, std::size_t axis) {
+  EdgeRoot root;
+  root.normal = normal;
+  root.t = std::clamp(t, kRootMargin, 1.0f - kRootMargin);
+  root.offset = (t - root.t) * normal[axis];
+  return root;
+}
+
 /// Root of a smooth stretch from the fits at the two nodes.
 EdgeRoot smooth_root(const LeafFit& fit_a, std::size_t a, const LeafFit& fit_b, std::size_t b,
                      std::size_t axis) {
-  EdgeRoot root;
   const float t =
       hermite_root(fit_a.value[a], fit_b.value[b], fit_a.gradient[axis][a], fit_b.gradient[axis][b]);
   Float3 n;
   for (std::size_t c = 0; c < 3; ++c) n[c] = (1.0f - t) * fit_a.gradient[c][a] + t * fit_b.gradient[c][b];
   const float length = std::sqrt(n[0] * n[0] + n[1] * n[1] + n[2] * n[2]);
+  Float3 normal = {0, 0, 0};
   if (length > 0.0f) {
-    for (std::size_t c = 0; c < 3; ++c) root.normal[c] = n[c] / length;
+    for (std::size_t c = 0; c < 3; ++c) normal[c] = n[c] / length;
   } else {
-    root.normal[axis] = fit_a.value[a] < 0.0f ? 1.0f : -1.0f;
+    normal[axis] = fit_a.value[a] < 0.0f ? 1.0f : -1.0f;
   }
-  root.t = std::clamp(t, kRootMargin, 1.0f - kRootMargin);
-  root.offset = (t - root.t) * root.normal[axis];
-  return root;
+  return clamped_root(t, normal, axis);
+}
+
+/// What one node says about its edge: its sheets, or the plane of its smooth fit.
+struct EdgeEnd {
+  const Sheets* sheets = nullptr;
+  float value = 0.0f;
+  Float3 gradient = {0, 0, 0};
+
+  EdgeEnd(const LeafFit& fit, const std::vector<Sheets>& all, std::size_t node) {
+    const std::size_t z = node >> 6;
+    const std::uint64_t bit = std::uint64_t{1} << (node & 63);
+    value = fit.value[node];
+    for (std::size_t c = 0; c < 3; ++c) gradient[c] = fit.gradient[c][node];
+    if (fit.creased[z] & bit)
+      sheets =
+          &all[fit.first_sheets[z] + static_cast<std::uint32_t>(std::popcount(fit.creased[z] & (bit - 1)))];
+  }
+  /// At signed distance `along` from the node on the axis.
+  SurfaceValue at(float along, std::size_t axis) const {
+    if (!sheets) return {value + along * gradient[axis], gradient};
+    Float3 p = {0, 0, 0};
+    p[axis] = along;
+    return sheets->at(p);
+  }
+};
+
+/// Root beside a crease: of the two ends' surfaces, blended along the edge so that each end keeps its sign.
+EdgeRoot crease_root(const EdgeEnd& a, const EdgeEnd& b, std::size_t axis) {
+  const auto blend = [&](float t) {
+    return (1.0f - t) * a.at(t, axis).value + t * b.at(t - 1.0f, axis).value;
+  };
+  // Illinois: secant steps that never lose the bracket; exact once both ends lie on the active sheet.
+  float low = 0.0f, high = 1.0f, f_low = a.value, f_high = b.value, t = 0.5f;
+  for (int step = 0; step < 8; ++step) {
+    t = low + (high - low) * (f_low / (f_low - f_high));
+    const float f = blend(t);
+    if (std::abs(f) < 1e-6f) break;
+    if ((f < 0.0f) == (f_low < 0.0f)) {
+      if (step > 0) f_high *= 0.5f;
+      low = t;
+      f_low = f;
+    } else {
+      if (step > 0) f_low *= 0.5f;
+      high = t;
+      f_high = f;
+    }
+  }
+  const SurfaceValue from_a = a.at(t, axis), from_b = b.at(t - 1.0f, axis);
+  const Float3& na = from_a.normal;
+  const Float3& nb = from_b.normal;
+  // Where both ends see the same sheet, blend; else the end whose surface is nearer to the root speaks.
+  Float3 n = std::abs(from_a.value) <= std::abs(from_b.value) ? na : nb;
+  if (na[0] * nb[0] + na[1] * nb[1] + na[2] * nb[2] > 0.95f)
+    for (std::size_t c = 0; c < 3; ++c) n[c] = (1.0f - t) * na[c] + t * nb[c];
+  const float length = std::sqrt(n[0] * n[0] + n[1] * n[1] + n[2] * n[2]);
+  if (length > 0.0f)
+    for (float& c : n) c /= length;
+  return clamped_root(t, n, axis);
 }
 
 }  // namespace
 
-void find_roots(const std::vector<LeafFit>& fits, DirectedField& field) {
+void find_roots(const std::vector<LeafFit>& fits, const std::vector<Sheets>& sheets, DirectedField& field) {
   static constexpr std::array<std::uint64_t, 8> kNone{};
   for (std::size_t l = 0; l < field.leaves.size(); ++l) {
     BandLeaf& leaf = field.leaves[l];
@@ -84,7 +148,9 @@ void find_roots(const std::vector<LeafFit>& fits, DirectedField& field) {
           const bool beyond = coordinate == 7;
           const LeafFit& fit_b = fits[beyond ? static_cast<std::size_t>(next) : l];
           const std::size_t b = beyond ? a - 7 * step : a + step;
-          field.roots.push_back(smooth_root(fits[l], a, fit_b, b, axis));
+          const EdgeEnd end_a(fits[l], sheets, a), end_b(fit_b, sheets, b);
+          field.roots.push_back(end_a.sheets || end_b.sheets ? crease_root(end_a, end_b, axis)
+                                                             : smooth_root(fits[l], a, fit_b, b, axis));
         }
       }
     }

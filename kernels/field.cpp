@@ -17,6 +17,14 @@ float support_radius(const FieldOptions& options) {
   return static_cast<float>(quanta / kQuantaPerCell);
 }
 
+/// Cosine by its series: libm's differs between machines. \pre 0 <= degrees <= 90
+float cosine_of_degrees(double degrees) {
+  const double a = std::clamp(degrees, 0.0, 90.0) * 0.017453292519943295, a2 = a * a;
+  double sum = 0.0;
+  for (int k = 12; k > 0; k -= 1) sum = (1.0 + sum) * (-a2 / static_cast<double>((2 * k - 1) * (2 * k)));
+  return static_cast<float>(1.0 + sum);
+}
+
 /// Box of the samples that reach a leaf's band nodes.
 SampleBox reach_of(const std::array<std::uint64_t, 8>& nodes, float radius) {
   std::uint64_t plane = 0;
@@ -56,9 +64,13 @@ DirectedField evaluate_field(const PointBlock& points, const FieldOptions& optio
   std::vector<LeafFit> fits;
   fits.reserve(band.size());
 
-  const NodeFitOptions fit_options = {.radius = support_radius(options), .bent_residual = 0.0f};
+  NodeFitOptions fit_options;
+  fit_options.radius = support_radius(options);
+  fit_options.sheets.cos_feature = cosine_of_degrees(options.feature_angle_deg);
+  fit_options.sheets.noise = static_cast<float>(options.noise_cells);
   NodeFitScratch scratch;
   SampleList samples;
+  std::vector<Sheets> sheets;
   for (const BandNodes& nodes : band) {
     const auto index = static_cast<int>(nodes.leaf);
     const int i = index % leaves.dims[0] - 1, j = index / leaves.dims[0] % leaves.dims[1] - 1,
@@ -66,7 +78,7 @@ DirectedField evaluate_field(const PointBlock& points, const FieldOptions& optio
     gather_samples(points, leaves, i, j, k, reach_of(nodes.nodes, fit_options.radius), samples);
     if (samples.size == 0) continue;
     LeafFit& fit = fits.emplace_back();
-    fit_nodes(samples, nodes.nodes, fit_options, scratch, fit);
+    fit_nodes(samples, nodes.nodes, fit_options, scratch, fit, sheets);
     std::uint64_t any = 0;
     for (const std::uint64_t word : fit.valid) any |= word;
     if (!any) {
@@ -84,7 +96,7 @@ DirectedField evaluate_field(const PointBlock& points, const FieldOptions& optio
       if (fit.value[n] < 0.0f) leaf.inside[n >> 6] |= std::uint64_t{1} << (n & 63);
     }
   }
-  find_roots(fits, field);
+  find_roots(fits, sheets, field);
   return field;
 }
 

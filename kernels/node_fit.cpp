@@ -5,13 +5,6 @@
 namespace tessera {
 namespace {
 
-/// Samples of one row, broadcast one at a time. 512 keep the eight arrays (16 KB) in the first-level cache.
-constexpr std::size_t kRowSamples = 512;
-struct RowSamples {
-  alignas(32) std::array<float, kRowSamples + kLanes> x, y, z, yz2, nx, ny, nz, n_yz;
-  std::size_t size = 0;
-};
-
 /// Sums of eight nodes, relative to each node: w, w p, w n, w p.p, w p.n, and the number of samples.
 struct Sums {
   __m256 w, px, py, pz, nx, ny, nz, pp, pn;
@@ -50,72 +43,6 @@ void accumulate(const RowSamples& row, float r2, float inverse_r2, Sums& sums) {
     s.pn = _mm256_fmadd_ps(w, _mm256_fmadd_ps(n_x, dx, _mm256_broadcast_ss(&row.n_yz[i])), s.pn);
   }
   sums = s;
-}
-
-/// Keeps the samples of `list` from `*next` on that lie within the radius of the row's axis and of its active
-/// nodes' x range, until the row's arrays are full. Positions y, z become relative to the row.
-void fill_row(const SampleList& list, float y0, float z0, float low_x, float high_x, float r2,
-              std::size_t* next, RowSamples& row) {
-  const __m256 row_y = _mm256_set1_ps(y0), row_z = _mm256_set1_ps(z0), reach2 = _mm256_set1_ps(r2);
-  const __m256 low = _mm256_set1_ps(low_x), high = _mm256_set1_ps(high_x);
-  std::size_t size = 0, p = *next;
-  for (; p < list.size && size <= kRowSamples - kLanes; p += kLanes) {
-    const __m256 x = _mm256_loadu_ps(list.x.data() + p);
-    const __m256 y = _mm256_sub_ps(_mm256_loadu_ps(list.y.data() + p), row_y);
-    const __m256 z = _mm256_sub_ps(_mm256_loadu_ps(list.z.data() + p), row_z);
-    const __m256 yz2 = _mm256_fmadd_ps(y, y, _mm256_mul_ps(z, z));
-    __m256 keep = _mm256_cmp_ps(yz2, reach2, _CMP_LT_OQ);
-    keep = _mm256_and_ps(keep, _mm256_cmp_ps(x, low, _CMP_GT_OQ));
-    keep = _mm256_and_ps(keep, _mm256_cmp_ps(x, high, _CMP_LT_OQ));
-    auto mask = static_cast<unsigned>(_mm256_movemask_ps(keep));
-    if (list.size - p < kLanes) mask &= (1u << (list.size - p)) - 1u;
-    if (!mask) continue;
-    const __m256i front = compress_lanes(mask);
-    const __m256 nx = _mm256_loadu_ps(list.nx.data() + p);
-    const __m256 ny = _mm256_loadu_ps(list.ny.data() + p);
-    const __m256 nz = _mm256_loadu_ps(list.nz.data() + p);
-    const __m256 n_yz = _mm256_fmadd_ps(ny, y, _mm256_mul_ps(nz, z));
-    const auto store = [&](std::array<float, kRowSamples + kLanes>& to, __m256 v) {
-      _mm256_storeu_ps(to.data() + size, _mm256_permutevar8x32_ps(v, front));
-    };
-    store(row.x, x);
-    store(row.y, y);
-    store(row.z, z);
-    store(row.yz2, yz2);
-    store(row.nx, nx);
-    store(row.ny, ny);
-    store(row.nz, nz);
-    store(row.n_yz, n_yz);
-    size += static_cast<std::size_t>(std::popcount(mask));
-  }
-  *next = p;
-  row.size = size;
-}
-
-/// Samples within the radius of the plane z = z0.
-void fill_slab(const SampleList& list, float z0, float radius, SampleList& slab) {
-  slab.reserve(list.size);
-  const __m256 low = _mm256_set1_ps(z0 - radius), high = _mm256_set1_ps(z0 + radius);
-  std::size_t size = 0;
-  for (std::size_t p = 0; p < list.size; p += kLanes) {
-    const __m256 z = _mm256_loadu_ps(list.z.data() + p);
-    auto mask = static_cast<unsigned>(_mm256_movemask_ps(
-        _mm256_and_ps(_mm256_cmp_ps(z, low, _CMP_GT_OQ), _mm256_cmp_ps(z, high, _CMP_LT_OQ))));
-    if (list.size - p < kLanes) mask &= (1u << (list.size - p)) - 1u;
-    if (!mask) continue;
-    const __m256i front = compress_lanes(mask);
-    const auto store = [&](std::vector<float>& to, __m256 v) {
-      _mm256_storeu_ps(to.data() + size, _mm256_permutevar8x32_ps(v, front));
-    };
-    store(slab.x, _mm256_loadu_ps(list.x.data() + p));
-    store(slab.y, _mm256_loadu_ps(list.y.data() + p));
-    store(slab.z, z);
-    store(slab.nx, _mm256_loadu_ps(list.nx.data() + p));
-    store(slab.ny, _mm256_loadu_ps(list.ny.data() + p));
-    store(slab.nz, _mm256_loadu_ps(list.nz.data() + p));
-    size += static_cast<std::size_t>(std::popcount(mask));
-  }
-  slab.size = size;
 }
 
 __m256 dot(__m256 ax, __m256 ay, __m256 az, __m256 bx, __m256 by, __m256 bz) {
@@ -188,32 +115,82 @@ void finish_row(const Sums& s, std::uint32_t active, const NodeFitOptions& optio
   *bent_bits = static_cast<std::uint32_t>(_mm256_movemask_ps(bent)) & active;
 }
 
+/// Farthest foot point of a creased node, cells.
+constexpr float kLargestFoot = 2.5f;
+/// Rim test beside creases, where the foot point lies on the joined sheets: at the corner of a cube it
+/// is 1.1.
+constexpr float kCreaseRimRatio = 1.3f;
+
+/// Value and gradient of a creased node; false where the surface does not reach.
+bool value_of_sheets(const Sheets& sheets, std::size_t at, LeafFit& out) {
+  const SurfaceValue here = sheets.at({0, 0, 0});
+  out.value[at] = here.value;
+  for (std::size_t c = 0; c < 3; ++c) out.gradient[c][at] = here.normal[c];
+  // Foot point by alternating projections onto the active sheets.
+  Float3 foot = {0, 0, 0};
+  SurfaceValue s = here;
+  for (int step = 0; step < 3; ++step) {
+    for (std::size_t c = 0; c < 3; ++c) foot[c] -= s.value * s.normal[c];
+    if (step < 2) s = sheets.at(foot);
+  }
+  float off2 = 0.0f, foot2 = 0.0f;
+  for (std::size_t c = 0; c < 3; ++c) {
+    off2 += (foot[c] - sheets.centroid[c]) * (foot[c] - sheets.centroid[c]);
+    foot2 += foot[c] * foot[c];
+  }
+  return off2 <= kCreaseRimRatio * kCreaseRimRatio * sheets.spread2 && foot2 <= kLargestFoot * kLargestFoot;
+}
+
 }  // namespace
 
 void fit_nodes(const SampleList& samples, const std::array<std::uint64_t, 8>& nodes,
-               const NodeFitOptions& options, NodeFitScratch& scratch, LeafFit& out) {
+               const NodeFitOptions& options, NodeFitScratch& scratch, LeafFit& out,
+               std::vector<Sheets>& sheets) {
   const float r = options.radius, r2 = r * r, inverse_r2 = 1.0f / r2;
-  out.valid.fill(0);
-  out.bent.fill(0);
-  RowSamples row;
+  RowSamples& row = scratch.row;
   for (std::size_t z = 0; z < 8; ++z) {
+    out.first_sheets[z] = static_cast<std::uint32_t>(sheets.size());
     if (!nodes[z]) continue;
-    fill_slab(samples, static_cast<float>(z), r, scratch.slab);
+    const auto row_z = static_cast<float>(z);
+    fill_slab(samples, row_z, r, scratch.slab);
     for (std::size_t y = 0; y < 8; ++y) {
       const auto active = static_cast<std::uint32_t>(nodes[z] >> (8 * y) & 0xff);
       if (!active) continue;
+      const auto row_y = static_cast<float>(y);
       const float low = static_cast<float>(std::countr_zero(active)) - r;
       const float high = static_cast<float>(31 - std::countl_zero(active)) + r;
       Sums sums;
       clear(sums);
-      for (std::size_t next = 0; next < scratch.slab.size;) {
-        fill_row(scratch.slab, static_cast<float>(y), static_cast<float>(z), low, high, r2, &next, row);
+      int fills = 0;
+      for (std::size_t next = 0; next < scratch.slab.size; ++fills) {
+        fill_row(scratch.slab, row_y, row_z, low, high, r2, &next, row);
         accumulate(row, r2, inverse_r2, sums);
       }
-      std::uint32_t valid = 0, bent = 0;
+      std::uint32_t valid = 0, bent = 0, creased = 0;
       finish_row(sums, active, options, 8 * y + 64 * z, out, &valid, &bent);
+      for (std::uint32_t left = bent; left; left &= left - 1) {
+        const auto x = static_cast<std::uint32_t>(std::countr_zero(left));
+        scratch.local.clear();
+        for (std::size_t next = 0; next < scratch.slab.size;) {
+          if (fills > 1) {  // else the row's samples are still here
+            fill_row(scratch.slab, row_y, row_z, low, high, r2, &next, row);
+          } else {
+            next = scratch.slab.size;
+          }
+          append_local(row, static_cast<float>(x), r2, scratch.local);
+        }
+        scratch.local.pad();
+        const Sheets found = fit_sheets(scratch.local, options.sheets);
+        if (found.count == 0) continue;
+        const std::uint32_t bit = 1u << x;
+        valid &= ~bit;
+        if (!value_of_sheets(found, x + 8 * y + 64 * z, out)) continue;
+        valid |= bit;
+        creased |= bit;
+        sheets.push_back(found);
+      }
       out.valid[z] |= static_cast<std::uint64_t>(valid) << (8 * y);
-      out.bent[z] |= static_cast<std::uint64_t>(bent) << (8 * y);
+      out.creased[z] |= static_cast<std::uint64_t>(creased) << (8 * y);
     }
   }
 }

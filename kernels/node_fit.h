@@ -9,7 +9,8 @@
 #include <array>
 #include <cstdint>
 
-#include "kernels/sample_list.h"
+#include "kernels/row_samples.h"
+#include "kernels/sheets.h"
 
 namespace tessera {
 
@@ -18,12 +19,16 @@ struct LeafFit {
   alignas(32) std::array<float, 512> value{};  ///< signed distance to the fitted sphere, cells
   alignas(32) std::array<std::array<float, 512>, 3> gradient{};  ///< unit, outward
   std::array<std::uint64_t, 8> valid{};  ///< enough samples, and the node's foot point lies among them
-  std::array<std::uint64_t, 8> bent{};   ///< subset of the nodes fitted: normals disagree with the sphere
+  std::array<std::uint64_t, 8>
+      creased{};  ///< subset of valid: the node has sheets, value and gradient are theirs
+  std::array<std::uint32_t, 8> first_sheets{};  ///< index of the sheets of the first such node of each word
 };
 
 struct NodeFitOptions {
-  float radius = 3.0f;         ///< cells; a multiple of 1/1024, so that comparing with it is exact
-  float bent_residual = 0.0f;  ///< mean squared normal residual from which a node counts as bent
+  float radius = 3.0f;  ///< cells; a multiple of 1/1024, so that comparing with it is exact
+  float bent_residual =
+      4e-3f;  ///< mean squared normal residual against the sphere from which sheets are tried
+  SheetOptions sheets;
 };
 
 /// Farthest foot point from a node whose value is kept, cells: more than a cell's diagonal.
@@ -32,10 +37,14 @@ inline constexpr float kLargestValue = 2.0f;
 /// Scratch that a caller keeps between leaves.
 struct NodeFitScratch {
   SampleList slab;
+  RowSamples row;
+  LocalSamples local;
 };
 
 /// \param samples  all samples within the radius of the nodes, relative to the leaf
+/// \param sheets   sheets of creased nodes are appended in node order
 void fit_nodes(const SampleList& samples, const std::array<std::uint64_t, 8>& nodes,
-               const NodeFitOptions& options, NodeFitScratch& scratch, LeafFit& out);
+               const NodeFitOptions& options, NodeFitScratch& scratch, LeafFit& out,
+               std::vector<Sheets>& sheets);
 
 }  // namespace tessera

@@ -1,0 +1,32 @@
+/// \file row_samples.h
+/// The samples that reach one row of eight nodes (and the plane of rows it lies in), narrowed down step by
+/// step in canonical order.
+#pragma once
+#include <array>
+
+#include "kernels/sample_list.h"
+#include "kernels/sheets.h"
+
+namespace tessera {
+
+/// Samples of one row, broadcast one at a time: x relative to the leaf, y and z to the row; yz2 = y^2 + z^2,
+/// n_yz = ny y + nz z. 512 keep the eight arrays (16 KB) in the first-level cache.
+constexpr std::size_t kRowSamples = 512;
+struct RowSamples {
+  alignas(32) std::array<float, kRowSamples + kLanes> x, y, z, yz2, nx, ny, nz, n_yz;
+  std::size_t size = 0;
+};
+
+/// Keeps the samples of `list` from `*next` on that lie within the radius of the row's axis and of its active
+/// nodes' x range (low_x, high_x), until the row's arrays are full; `*next` says where to go on.
+void fill_row(const SampleList& list, float y0, float z0, float low_x, float high_x, float r2,
+              std::size_t* next, RowSamples& row);
+
+/// Samples within the radius of the plane z = z0. Leaves `point` of the slab alone.
+void fill_slab(const SampleList& list, float z0, float radius, SampleList& slab);
+
+/// Appends the row's samples within the radius of node `x0` to `out`, relative to the node, with their
+/// weights.
+void append_local(const RowSamples& row, float x0, float r2, LocalSamples& out);
+
+}  // namespace tessera
