@@ -10,6 +10,7 @@ namespace tessera {
 
 // one line per command, alphabetical
 void add_reconstruct(CLI::App& app);
+void add_check(CLI::App& app);
 void add_synth(CLI::App& app);
 void add_task(CLI::App& app);
 

@@ -9,6 +9,7 @@ int main(int argc, char** argv) {
   // one line per command, in the order of the help
   tessera::add_reconstruct(app);
   tessera::add_task(app);
+  tessera::add_check(app);
   tessera::add_synth(app);
 
   return tessera::cli::run(app, argc, argv);

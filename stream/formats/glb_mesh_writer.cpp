@@ -1,0 +1,168 @@
+/// Binary glTF 2.0: one mesh of one primitive, float positions, 32-bit indices, optional normalized byte
+/// colours interleaved with the positions. Sizes follow from the counts, so the file is written in order;
+/// only the bounds, which glTF wants in its JSON, are patched in at the end into room kept for them.
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+#include <cstring>
+#include <limits>
+
+#include <nlohmann/json.hpp>
+
+#include "octree/error.h"
+#include "stream/formats/mesh_writer_base.h"
+
+namespace tessera {
+namespace {
+
+constexpr std::uint64_t kMostBytes = 0xffffffffULL;
+constexpr std::size_t kBoundsBytes = 3 * 16 + 4;  // "[a,b,c]" of floats, padded with spaces
+constexpr std::size_t kBatch = 65536;
+const char* const kBoundsMarks[2] = {"\"@min\"", "\"@max\""};
+
+std::uint64_t vertex_bytes(const MeshHeader& header) {
+  return header.colour ? 16 : 12;
+}
+
+std::string document(const MeshHeader& header) {
+  using nlohmann::json;
+  const std::uint64_t vertices_end = header.vertices * vertex_bytes(header);
+  json asset = {{"version", "2.0"}, {"generator", "Tessera"}};
+  if (header.shift != Double3{0, 0, 0}) asset["extras"]["tessera_shift"] = header.shift;
+  if (!header.comments.empty()) asset["extras"]["comments"] = header.comments;
+  json attributes = {{"POSITION", 0}};
+  json accessors = json::array(
+      {{{"bufferView", 0},
+        {"componentType", 5126},
+        {"count", header.vertices},
+        {"type", "VEC3"},
+        {"min", "@min"},
+        {"max", "@max"}},
+       {{"bufferView", 1}, {"componentType", 5125}, {"count", 3 * header.faces}, {"type", "SCALAR"}}});
+  if (header.colour) {
+    attributes["COLOR_0"] = 2;
+    accessors.push_back({{"bufferView", 0},
+                         {"byteOffset", 12},
+                         {"componentType", 5121},
+                         {"normalized", true},
+                         {"count", header.vertices},
+                         {"type", "VEC4"}});
+  }
+  json views = json::array(
+      {{{"buffer", 0}, {"byteLength", vertices_end}, {"target", 34962}},
+       {{"buffer", 0}, {"byteOffset", vertices_end}, {"byteLength", 12 * header.faces}, {"target", 34963}}});
+  if (header.colour) views[0]["byteStride"] = 16;
+  const json all = {{"asset", asset},
+                    {"scene", 0},
+                    {"scenes", {{{"nodes", {0}}}}},
+                    {"nodes", {{{"mesh", 0}}}},
+                    {"meshes", {{{"primitives", {{{"attributes", attributes}, {"indices", 1}}}}}}},
+                    {"accessors", accessors},
+                    {"bufferViews", views},
+                    {"buffers", {{{"byteLength", vertices_end + 12 * header.faces}}}}};
+  std::string text = all.dump(-1, ' ', false, json::error_handler_t::replace);
+  for (const char* mark : kBoundsMarks) text.replace(text.find(mark), std::strlen(mark), kBoundsBytes, ' ');
+  text.resize((text.size() + 3) / 4 * 4, ' ');
+  return text;
+}
+
+class GlbMeshWriter : public MeshWriterBase {
+ public:
+  GlbMeshWriter(const std::filesystem::path& path, const MeshHeader& header, const std::string& json)
+      : MeshWriterBase(path, header) {
+    const std::uint64_t bin = header.vertices * vertex_bytes(header) + 12 * header.faces;
+    put_word(0x46546c67);
+    put_word(2);
+    put_word(28 + json.size() + bin);
+    put_word(json.size());
+    put_word(0x4e4f534a);
+    const std::string max_key = "\"max\":", min_key = "\"min\":";
+    bounds_at_[0] = file_.size() + json.find(min_key) + min_key.size();
+    bounds_at_[1] = file_.size() + json.find(max_key) + max_key.size();
+    file_.append(json);
+    put_word(bin);
+    put_word(0x004e4942);
+    constexpr float kHuge = std::numeric_limits<float>::infinity();
+    min_ = {kHuge, kHuge, kHuge};
+    max_ = {-kHuge, -kHuge, -kHuge};
+  }
+
+ private:
+  void put_word(std::uint64_t value) {
+    const auto word = static_cast<std::uint32_t>(value);
+    file_.append(&word, sizeof word);
+  }
+
+  void write_vertices(std::span<const Double3> positions, std::span<const std::uint32_t> rgba) override {
+    const std::size_t bytes = static_cast<std::size_t>(vertex_bytes(header_));
+    for (std::size_t i = 0; i < positions.size(); ++i) {
+      Float3 p;
+      for (std::size_t k = 0; k < 3; ++k) {
+        p[k] = static_cast<float>(positions[i][k]);
+        if (!std::isfinite(p[k])) {
+          throw InputError(file_.path().string() +
+                           ": GLB holds finite positions only and the mesh has others; write .ply instead");
+        }
+        min_[k] = std::min(min_[k], p[k]);
+        max_[k] = std::max(max_[k], p[k]);
+      }
+      char* to = file_.reserve(bytes);
+      std::memcpy(to, p.data(), sizeof p);
+      if (header_.colour) std::memcpy(to + sizeof p, &rgba[i], 4);
+      file_.commit(bytes);
+    }
+  }
+
+  void write_faces(std::span<const MeshFace> faces) override {
+    for (std::size_t first = 0; first < faces.size(); first += kBatch) {
+      const auto batch = faces.subspan(first, std::min(kBatch, faces.size() - first));
+      char* to = file_.reserve(batch.size() * 12);
+      for (const MeshFace& face : batch) {
+        for (const std::uint64_t v : face) {
+          const auto index = static_cast<std::uint32_t>(v);
+          std::memcpy(to, &index, sizeof index);
+          to += sizeof index;
+        }
+      }
+      file_.commit(batch.size() * 12);
+    }
+  }
+
+  void write_end() override {
+    for (std::size_t i = 0; i < 2; ++i) {
+      const Float3& bound = i == 0 ? min_ : max_;
+      char text[kBoundsBytes + 1];
+      std::fill(std::begin(text), std::end(text), ' ');
+      char* to = text;
+      for (std::size_t k = 0; k < 3; ++k) {
+        *to++ = k == 0 ? '[' : ',';
+        to = std::to_chars(to, std::end(text), bound[k]).ptr;
+      }
+      *to = ']';
+      file_.patch(bounds_at_[i], text, kBoundsBytes);
+    }
+  }
+
+  std::uint64_t bounds_at_[2];
+  Float3 min_, max_;
+};
+
+}  // namespace
+
+std::unique_ptr<MeshWriter> create_glb_mesh(const std::filesystem::path& path, const MeshHeader& header) {
+  if (header.vertices == 0 || header.faces == 0) {
+    throw UsageError(path.string() + ": GLB cannot hold a mesh without faces; write .ply instead");
+  }
+  // Counts above the limit would overflow the products below.
+  const bool countable = header.vertices <= kMostBytes && header.faces <= kMostBytes;
+  const std::uint64_t bin = countable ? header.vertices * vertex_bytes(header) + 12 * header.faces : 0;
+  const std::string json = countable ? document(header) : std::string();
+  if (!countable || 28 + json.size() + bin > kMostBytes) {
+    throw UsageError(path.string() + ": GLB ends at 4 GiB, too little for " +
+                     std::to_string(header.vertices) + " vertices and " + std::to_string(header.faces) +
+                     " faces; write .ply instead");
+  }
+  return std::make_unique<GlbMeshWriter>(path, header, json);
+}
+
+}  // namespace tessera

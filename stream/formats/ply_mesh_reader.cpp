@@ -1,0 +1,373 @@
+/// PLY meshes: any encoding, property order and types; faces as lists of any length or as triangle strips.
+#include <algorithm>
+#include <array>
+#include <optional>
+#include <string>
+#include <utility>
+
+#include "stream/formats/mesh_reader_base.h"
+#include "stream/formats/ply_header.h"
+#include "stream/formats/text_scanner.h"
+
+namespace tessera {
+namespace {
+
+constexpr std::size_t kPiece = 65536;  // bytes of a long list looked at together
+constexpr std::uint64_t kNoIndex = ~std::uint64_t{0};
+
+class PlyMeshReader : public MeshReader {
+ public:
+  PlyMeshReader(ReadFile file, const MeshReadOptions& options) : file_(std::move(file)), options_(options) {
+    ply_ = read_ply_header(file_);
+    const int vertex = ply_.find("vertex");
+    if (vertex < 0) throw InputError(file_.path().string() + ": the PLY header has no element 'vertex'");
+    vertex_ = static_cast<std::size_t>(vertex);
+    header_.vertices = element().count;
+    find_vertex_properties();
+    find_faces();
+    header_.comments = ply_.comments;
+    std::erase_if(header_.comments, [&](const std::string& c) { return parse_shift(c, header_.shift); });
+    format_ = "PLY " + ply_.encoding_name();
+  }
+
+  const MeshHeader& header() const override { return header_; }
+  const std::string& format() const override { return format_; }
+
+  void read_vertices(const VertexSink& sink) override {
+    VertexBatch batch(sink, header_.colour);
+    if (ply_.encoding == PlyEncoding::kAscii) {
+      TextScanner text = ascii_at(vertex_);
+      Values values(element().properties.size());
+      for (std::uint64_t i = 0; i < element().count; ++i) {
+        read_ascii_element(text, element(), values, nullptr);
+        add_vertex(batch, values);
+      }
+    } else if (element().has_list()) {
+      ByteWindow window = binary_at(vertex_);
+      Values values(element().properties.size());
+      for (std::uint64_t i = 0; i < element().count; ++i) {
+        read_binary_element(window, element(), values, nullptr);
+        add_vertex(batch, values);
+      }
+    } else {
+      read_vertex_records(batch);
+    }
+    batch.flush();
+  }
+
+  void read_faces(const FaceSink& sink) override {
+    if (!faces_) return;
+    const PlyElement& faces = ply_.elements[*faces_];
+    if (ply_.encoding == PlyEncoding::kAscii) {
+      TextScanner text = ascii_at(*faces_);
+      FaceBatch batch(sink, options_, header_.vertices, [&] { return text.where(); });
+      Values values(faces.properties.size());
+      Polygon polygon{batch, strips_};
+      for (std::uint64_t i = 0; i < faces.count; ++i) read_ascii_element(text, faces, values, &polygon);
+      batch.flush();
+      return;
+    }
+    ByteWindow window = binary_at(*faces_);
+    FaceBatch batch(sink, options_, header_.vertices, [&] { return at(window); });
+    Values values(faces.properties.size());
+    Polygon polygon{batch, strips_};
+    std::uint64_t i = 0;
+    if (!strips_ && !ply_.big_endian() && faces.properties.size() == 1)
+      i = read_plain_triangles(window, faces, batch);
+    for (; i < faces.count; ++i) read_binary_element(window, faces, values, &polygon);
+    batch.flush();
+  }
+
+ private:
+  using Values = std::vector<double>;  ///< of the properties of one element; lists leave theirs alone
+
+  /// Takes the indices of a face or strip as they come.
+  struct Polygon {
+    FaceBatch& batch;
+    const bool strip;
+    std::uint64_t before_last = 0, last = 0;
+    std::uint64_t length = 0;  ///< of the strip since its last restart
+
+    void begin() {
+      batch.begin_polygon();
+      length = 0;
+    }
+    void index(std::uint64_t v) {
+      if (!strip) {
+        batch.corner(v);
+        return;
+      }
+      if (v == kNoIndex) {  // -1: the strip starts anew
+        length = 0;
+        return;
+      }
+      // Every second triangle of a strip runs the other way; those that repeat an index only steer the strip.
+      if (++length > 2 && before_last != last && last != v && before_last != v) {
+        if (length % 2 == 1) {
+          batch.triangle(before_last, last, v);
+        } else {
+          batch.triangle(last, before_last, v);
+        }
+      }
+      before_last = last;
+      last = v;
+    }
+    void end() {
+      if (!strip) batch.end_polygon();
+    }
+  };
+
+  const PlyElement& element() const { return ply_.elements[vertex_]; }
+  std::string at(const ByteWindow& window) const {
+    return file_.path().string() + ": byte " + std::to_string(window.offset());
+  }
+  [[noreturn]] void truncated(const std::string& where, const PlyElement& e) const {
+    throw InputError(where + ": the file ends before all " + std::to_string(e.count) + " elements '" +
+                     e.name + "' of the header; it is truncated");
+  }
+
+  void find_vertex_properties() {
+    const char* const kNames[] = {"x", "y", "z"};
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      xyz_[axis] = element().find(kNames[axis]);
+      if (xyz_[axis] < 0 || property(xyz_[axis]).list) {
+        throw InputError(file_.path().string() + ": the PLY element 'vertex' has no number '" + kNames[axis] +
+                         "'");
+      }
+      header_.double_positions |= property(xyz_[axis]).type != ScalarType::kFloat32;
+    }
+    for (const auto& names : {std::array{"red", "green", "blue", "alpha"},
+                              std::array{"diffuse_red", "diffuse_green", "diffuse_blue", "diffuse_alpha"}}) {
+      for (std::size_t c = 0; c < 4; ++c) rgba_[c] = element().find(names[c]);
+      const bool all = rgba_[0] >= 0 && rgba_[1] >= 0 && rgba_[2] >= 0;
+      header_.colour =
+          all && std::none_of(rgba_.begin(), rgba_.end(), [&](int p) { return p >= 0 && property(p).list; });
+      if (header_.colour) return;
+    }
+  }
+  const PlyProperty& property(int i) const { return element().properties[static_cast<std::size_t>(i)]; }
+
+  void find_faces() {
+    for (const char* name : {"face", "tristrips"}) {
+      const int found = ply_.find(name);
+      if (found < 0) continue;
+      const PlyElement& e = ply_.elements[static_cast<std::size_t>(found)];
+      int indices = e.find("vertex_indices");
+      if (indices < 0) indices = e.find("vertex_index");
+      if (indices < 0 && e.count == 0) continue;
+      if (indices < 0 || !e.properties[static_cast<std::size_t>(indices)].list ||
+          scalar_is_float(e.properties[static_cast<std::size_t>(indices)].type)) {
+        throw InputError(file_.path().string() + ": the PLY element '" + name +
+                         "' has no list of integers 'vertex_indices'");
+      }
+      if (faces_ && e.count == 0) continue;
+      faces_ = static_cast<std::size_t>(found);
+      indices_ = static_cast<std::size_t>(indices);
+      strips_ = std::string(name) == "tristrips";
+      header_.faces = strips_ ? 0 : e.count;
+      if (e.count > 0) return;
+    }
+    if (!faces_ && ply_.find("face") < 0 && ply_.find("tristrips") < 0) {
+      throw InputError(file_.path().string() +
+                       ": the PLY file holds points and no faces; a mesh is needed here");
+    }
+  }
+
+  void add_vertex(VertexBatch& batch, const Values& values) const {
+    const auto value = [&](int p) { return values[static_cast<std::size_t>(p)]; };
+    std::uint32_t rgba = 0;
+    if (header_.colour) {
+      std::uint32_t c[4] = {0, 0, 0, 255};
+      for (std::size_t i = 0; i < 4; ++i) {
+        if (rgba_[i] < 0) continue;
+        switch (property(rgba_[i]).type) {
+          case ScalarType::kUint8:
+            c[i] = static_cast<std::uint32_t>(std::clamp(value(rgba_[i]), 0.0, 255.0));
+            break;
+          case ScalarType::kUint16:
+            c[i] = colour_byte(value(rgba_[i]) / 65535.0);
+            break;
+          case ScalarType::kFloat32:
+          case ScalarType::kFloat64:
+            c[i] = colour_byte(value(rgba_[i]));
+            break;
+          default:  // signed and wide integers hold 0..255 in practice
+            c[i] = colour_byte(value(rgba_[i]) / 255.0);
+        }
+      }
+      rgba = pack_rgba(c[0], c[1], c[2], c[3]);
+    }
+    batch.add({value(xyz_[0]), value(xyz_[1]), value(xyz_[2])}, rgba);
+  }
+
+  /// Vertices of fixed size.
+  void read_vertex_records(VertexBatch& batch) {
+    const std::size_t stride = element().stride();
+    std::vector<std::size_t> offsets;
+    for (std::size_t p = 0; p < element().properties.size(); ++p) offsets.push_back(element().offset(p));
+    std::vector<int> wanted(xyz_.begin(), xyz_.end());
+    for (const int p : rgba_) {
+      if (header_.colour && p >= 0) wanted.push_back(p);
+    }
+    const bool plain = !ply_.big_endian() && !header_.double_positions && !header_.colour;
+    ByteWindow window = binary_at(vertex_);
+    Values values(element().properties.size());
+    for (std::uint64_t i = 0; i < element().count;) {
+      const std::string_view bytes = window.peek(stride);
+      const std::uint64_t count = std::min<std::uint64_t>(bytes.size() / stride, element().count - i);
+      if (count == 0) truncated(at(window), element());
+      for (std::uint64_t k = 0; k < count; ++k) {
+        const char* record = bytes.data() + k * stride;
+        const auto offset = [&](int p) { return offsets[static_cast<std::size_t>(p)]; };
+        if (plain) {
+          batch.add({load_scalar<float>(record + offset(xyz_[0])),
+                     load_scalar<float>(record + offset(xyz_[1])),
+                     load_scalar<float>(record + offset(xyz_[2]))});
+          continue;
+        }
+        for (const int p : wanted) {
+          values[static_cast<std::size_t>(p)] =
+              load_double(property(p).type, ply_.big_endian(), record + offset(p));
+        }
+        add_vertex(batch, values);
+      }
+      window.skip(count * stride);
+      i += count;
+    }
+  }
+
+  /// Little endian faces of nothing but a byte count and 32-bit indices, as nearly all files have them. Stops
+  /// at the first one that is no triangle; returns how many were read.
+  std::uint64_t read_plain_triangles(ByteWindow& window, const PlyElement& faces, FaceBatch& batch) const {
+    const PlyProperty& list = faces.properties[0];
+    constexpr std::size_t kBytes = 13;
+    const bool is_signed = list.type == ScalarType::kInt32;
+    if (scalar_bytes(list.count_type) != 1 || (!is_signed && list.type != ScalarType::kUint32)) return 0;
+    const auto index = [&](const char* p) {
+      return is_signed ? static_cast<std::uint64_t>(load_scalar<std::int32_t>(p))
+                       : load_scalar<std::uint32_t>(p);
+    };
+    for (std::uint64_t i = 0; i < faces.count;) {
+      const std::string_view bytes = window.peek(kBytes);
+      const std::uint64_t room = std::min<std::uint64_t>(bytes.size() / kBytes, faces.count - i);
+      std::uint64_t k = 0;
+      for (; k < room && bytes[k * kBytes] == 3; ++k) {
+        const char* p = bytes.data() + k * kBytes + 1;
+        batch.triangle(index(p), index(p + 4), index(p + 8));
+      }
+      window.skip(k * kBytes);
+      i += k;
+      if (k < room || room == 0) return i;
+    }
+    return faces.count;
+  }
+
+  void read_binary_element(ByteWindow& window, const PlyElement& e, Values& values, Polygon* polygon) const {
+    for (std::size_t p = 0; p < e.properties.size(); ++p) {
+      const PlyProperty& prop = e.properties[p];
+      const ScalarType first = prop.list ? prop.count_type : prop.type;
+      const std::size_t width = scalar_bytes(first);
+      const std::string_view bytes = window.peek(width);
+      if (bytes.size() < width) truncated(at(window), e);
+      if (!prop.list) {
+        values[p] = load_double(first, ply_.big_endian(), bytes.data());
+        window.skip(width);
+        continue;
+      }
+      const std::uint64_t items = load_integer(first, ply_.big_endian(), bytes.data());
+      const std::size_t item = scalar_bytes(prop.type);
+      if (items > (window.remaining() - width) / item) {
+        throw InputError(at(window) + ": a list '" + prop.name + "' of " + std::to_string(items) +
+                         " items passes the end of the file; the file is truncated or damaged");
+      }
+      window.skip(width);
+      if (polygon != nullptr && p == indices_) {
+        read_indices(window, prop.type, items, *polygon);
+      } else {
+        window.skip(items * item);
+      }
+    }
+  }
+
+  void read_indices(ByteWindow& window, ScalarType type, std::uint64_t items, Polygon& polygon) const {
+    const std::size_t width = scalar_bytes(type);
+    polygon.begin();
+    while (items > 0) {
+      const std::uint64_t wanted = std::min<std::uint64_t>(items, kPiece / width);
+      const std::string_view bytes = window.peek(wanted * width);
+      if (bytes.size() < wanted * width) truncated(at(window), ply_.elements[*faces_]);
+      for (std::uint64_t i = 0; i < wanted; ++i) {
+        polygon.index(load_integer(type, ply_.big_endian(), bytes.data() + i * width));
+      }
+      window.skip(wanted * width);
+      items -= wanted;
+    }
+    polygon.end();
+  }
+
+  void read_ascii_element(TextScanner& text, const PlyElement& e, Values& values, Polygon* polygon) const {
+    for (std::size_t p = 0; p < e.properties.size(); ++p) {
+      const PlyProperty& prop = e.properties[p];
+      if (!prop.list) {
+        values[p] = text.number("a number");
+        continue;
+      }
+      const std::uint64_t items = text.count("the length of a list");
+      const bool indices = polygon != nullptr && p == indices_;
+      if (indices) polygon->begin();
+      for (std::uint64_t i = 0; i < items; ++i) {
+        const double value = text.number("an item of a list");
+        if (indices) polygon->index(index_of(text, value));
+      }
+      if (indices) polygon->end();
+    }
+  }
+  static std::uint64_t index_of(const TextScanner& text, double value) {
+    constexpr double kExact = 9007199254740992.0;  // 2^53
+    if (value > -kExact && value < kExact) {
+      const auto index = static_cast<std::int64_t>(value);
+      if (static_cast<double>(index) == value) return static_cast<std::uint64_t>(index);
+    }
+    throw InputError(text.where() + ": a vertex index is no whole number");
+  }
+
+  /// At the first element of a kind: those before it are read past.
+  ByteWindow binary_at(std::size_t index) const {
+    ByteWindow window(file_, ply_.data_begin, file_.size(), ByteWindow::kDefaultCapacity, true);
+    for (std::size_t i = 0; i < index; ++i) {
+      const PlyElement& e = ply_.elements[i];
+      if (skip_ply_elements(e, ply_.big_endian(), e.count, window) < e.count) truncated(at(window), e);
+    }
+    return window;
+  }
+  TextScanner ascii_at(std::size_t index) const {
+    TextScanner text(file_, ply_.data_begin, ply_.lines + 1, ply_.line_end, '\0');
+    for (std::size_t i = 0; i < index; ++i) {
+      const PlyElement& e = ply_.elements[i];
+      Values ignored(e.properties.size());
+      for (std::uint64_t k = 0; k < e.count && !e.properties.empty(); ++k)
+        read_ascii_element(text, e, ignored, nullptr);
+    }
+    return text;
+  }
+
+  const ReadFile file_;
+  const MeshReadOptions options_;
+  PlyHeader ply_;
+  std::size_t vertex_ = 0;
+  std::array<int, 3> xyz_ = {-1, -1, -1};
+  std::array<int, 4> rgba_ = {-1, -1, -1, -1};
+  std::optional<std::size_t> faces_;  ///< element of faces or strips; none in a mesh without faces
+  std::size_t indices_ = 0;           ///< its list of vertex indices
+  bool strips_ = false;
+  MeshHeader header_;
+  std::string format_;
+};
+
+}  // namespace
+
+std::unique_ptr<MeshReader> open_ply_mesh(ReadFile file, const MeshReadOptions& options) {
+  return std::make_unique<PlyMeshReader>(std::move(file), options);
+}
+
+}  // namespace tessera

@@ -1,0 +1,76 @@
+#include <unistd.h>
+
+#include <filesystem>
+#include <fstream>
+#include <iostream>
+#include <memory>
+
+#include <nlohmann/json.hpp>
+
+#include "octree/error.h"
+#include "stream/mesh_check.h"
+#include "stream/mesh_io.h"
+#include "stream/output_file.h"
+#include "tools/cli.h"
+#include "tools/commands.h"
+
+namespace tessera {
+namespace {
+
+struct CheckCommand {
+  std::filesystem::path mesh;
+  std::filesystem::path json;
+  MeshCheckOptions options;
+  bool strict = false;
+  bool closed = false;
+};
+
+/// Beside the mesh where that is possible: the system's temporary folder is often small, or memory.
+std::filesystem::path scratch_folder(const std::filesystem::path& mesh) {
+  const std::filesystem::path folder = mesh.has_parent_path() ? mesh.parent_path() : ".";
+  return ::access(folder.c_str(), W_OK) == 0 ? folder : std::filesystem::temp_directory_path();
+}
+
+void run_check(const CheckCommand& command) {
+  if (command.mesh.empty()) throw UsageError("no mesh given; name one: tessera check mesh.ply");
+  MeshCheckOptions options = command.options;
+  if (options.temp.empty()) options.temp = scratch_folder(command.mesh);
+  const auto mesh = open_mesh_file(command.mesh, {.keep_bad_faces = true});
+  const MeshCheck check = check_mesh(*mesh, options);
+  std::cout << describe(check) << std::flush;
+  if (!command.json.empty()) {
+    nlohmann::json report = to_json(check);
+    report["mesh"] = command.mesh.string();
+    OutputFile file(command.json);
+    file.append(report.dump(2) + "\n");
+    file.finish();
+  }
+  std::vector<std::string> faults = check.defects();
+  if (command.closed && check.boundary_edges > 0)
+    faults.push_back(std::to_string(check.boundary_edges) + " boundary edges");
+  if (command.closed && check.faces == 0) faults.push_back("no faces");
+  if (!(command.strict || command.closed) || faults.empty()) return;
+  std::string list;
+  for (const std::string& fault : faults) list += (list.empty() ? "" : ", ") + fault;
+  throw ValidationError(command.mesh.string() + ": " + list);
+}
+
+}  // namespace
+
+void add_check(CLI::App& app) {
+  auto shared = std::make_shared<CheckCommand>();
+  CLI::App* command =
+      cli::add_command(app, "check", "Say what is true of a mesh: topology, orientation, shape, defects.",
+                       [shared] { run_check(*shared); });
+  command->add_option("mesh", shared->mesh, "PLY, OBJ, STL, OFF or GLB")->type_name("FILE");
+  command->add_flag("--strict", shared->strict, "fail with exit code 6 if there are defects");
+  command->add_flag("--closed", shared->closed, "like --strict, and boundary edges are defects too");
+  command->add_flag("--weld", shared->options.weld, "merge vertices of equal position first (STL always)");
+  command->add_option("--json", shared->json, "also write the result to this file")->type_name("FILE");
+  cli::add_bytes(*command, "--memory", shared->options.memory_bytes,
+                 "cap on memory; larger meshes go through --temp [1G]");
+  command->add_option("--temp", shared->options.temp, "folder for scratch files [beside the mesh]")
+      ->type_name("FOLDER");
+}
+
+}  // namespace tessera
