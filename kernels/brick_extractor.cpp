@@ -226,6 +226,7 @@ void BrickExtractor::trace_cell(const LeafMasks& m, int x, int y, int z, unsigne
     first += size;
     std::array<std::uint32_t, kCellEdges> vertex, root;
     samples_.size = static_cast<int>(size);
+    samples_.edge = edge;
     for (std::size_t i = 0; i < size; ++i) {
       const std::size_t e = edge[i];
       const std::size_t at = node + kEdgeSlot[e];
@@ -238,18 +239,18 @@ void BrickExtractor::trace_cell(const LeafMasks& m, int x, int y, int z, unsigne
     }
     if (own) ++report_->loops;
     if (method_ == ExtractMethod::kExtendedMarchingCubes &&
-        keep_feature_loop(cell, number, edge, vertex.data(), root.data())) {
+        keep_feature_loop(cell, number, vertex.data(), root.data())) {
       std::int32_t& first_of_cell = first_feature_[m.cell_rank(x, y, z)];
       if (first_of_cell < 0) first_of_cell = static_cast<std::int32_t>(features_.size() - 1);
     } else if (own) {
-      emit_plain_loop(cell, number, edge, vertex.data(), root.data());
+      emit_plain_loop(cell, number, vertex.data(), root.data());
     }
   }
 }
 
-void BrickExtractor::emit_plain_loop(const Int3& cell, int number, const std::uint8_t* edge,
-                                     const std::uint32_t* vertex, const std::uint32_t* root) {
-  triangulate_loop(samples_, edge, triangles_);
+void BrickExtractor::emit_plain_loop(const Int3& cell, int number, const std::uint32_t* vertex,
+                                     const std::uint32_t* root) {
+  triangulate_loop(samples_, triangles_);
   for (std::size_t i = 0; i < static_cast<std::size_t>(triangles_.count); ++i) {
     const auto& t = triangles_.triangle[i];
     add_face(vertex[t[0]], vertex[t[1]], vertex[t[2]]);
@@ -265,8 +266,8 @@ void BrickExtractor::emit_plain_loop(const Int3& cell, int number, const std::ui
   for (std::size_t i = 0; i < size; ++i) add_face(vertex[i], vertex[i + 1 == size ? 0 : i + 1], centre);
 }
 
-bool BrickExtractor::keep_feature_loop(const Int3& cell, int number, const std::uint8_t* edge,
-                                       const std::uint32_t* vertex, const std::uint32_t* root) {
+bool BrickExtractor::keep_feature_loop(const Int3& cell, int number, const std::uint32_t* vertex,
+                                       const std::uint32_t* root) {
   const auto size = static_cast<std::size_t>(samples_.size);
   for (std::size_t i = 0; i < size; ++i) {
     const EdgeRoot& r = field_.roots[root[i]];
@@ -294,7 +295,7 @@ bool BrickExtractor::keep_feature_loop(const Int3& cell, int number, const std::
   loop.centre = add_centre(cell, number, sample.position, kind, root, samples_.size);
   if (own && (cell[0] == kBrickCells - 1 || cell[1] == kBrickCells - 1 || cell[2] == kBrickCells - 1))
     patch_.exported.emplace_back(key(cell, 6 + number), loop.centre);
-  feature_edge_.insert(feature_edge_.end(), edge, edge + size);
+  feature_edge_.insert(feature_edge_.end(), samples_.edge, samples_.edge + size);
   feature_vertex_.insert(feature_vertex_.end(), vertex, vertex + size);
   feature_root_.insert(feature_root_.end(), root, root + size);
   features_.push_back(loop);

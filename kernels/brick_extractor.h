@@ -37,9 +37,8 @@ class BrickExtractor {
   void fill_local_edges(const LeafMasks& m);
   void trace_leaf(const LeafMasks& m);
   void trace_cell(const LeafMasks& m, int x, int y, int z, unsigned pattern);
-  void emit_plain_loop(const Int3& cell, int number, const std::uint8_t* edge, const std::uint32_t* vertex,
-                       const std::uint32_t* root);
-  bool keep_feature_loop(const Int3& cell, int number, const std::uint8_t* edge, const std::uint32_t* vertex,
+  void emit_plain_loop(const Int3& cell, int number, const std::uint32_t* vertex, const std::uint32_t* root);
+  bool keep_feature_loop(const Int3& cell, int number, const std::uint32_t* vertex,
                          const std::uint32_t* root);
   void emit_feature_segments();
   void emit_segment(FeatureLoop& loop, std::size_t s);

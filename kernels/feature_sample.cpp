@@ -3,13 +3,26 @@
 #include <algorithm>
 #include <cmath>
 
+#include "kernels/tangent_planes.h"
+
 namespace tessera {
 namespace {
 
-/// A singular value below this fraction of the largest says nothing about the feature.
-constexpr double kRelativeCut = 0.1;
+/// Bent or not, tangent planes err more with distance, so near roots count more: weight 1 / (distance^2 +
+/// this).
+constexpr double kNearness = 0.05;
+/// A crease from whose planes its own point is farther than this, while their normals spread by more than
+/// that (smallest to largest singular value) in all directions, is a corner.
+constexpr double kCreaseResidual = 0.02;
+constexpr double kCornerSpread = 0.15;
+constexpr double kCornerMargin = 0.5;
 /// How far a sample may leave its cell.
 constexpr float kCellMargin = 0.25f;
+/// Leaves a little room between a corner drawn back and the cell's boundary.
+constexpr double kPull = 0.9375;
+/// How far from the cell a crease may pass the plane of a face: wedges poke through faces without reaching
+/// edges.
+constexpr float kCrossingMargin = 1.0f;
 constexpr int kHalvings = 4;
 /// Smallest height of a triangle: coordinates in a brick are floats below 64, exact to 2^-18.
 constexpr float kMinHeight = 1.0f / 2048;
@@ -31,93 +44,149 @@ double cos_degrees(double degrees) {
   return degrees > 90.0 ? -cosine((180.0 - degrees) * kRadian) : cosine(degrees * kRadian);
 }
 
-using Matrix3 = std::array<Double3, 3>;
-
-/// Eigenvalues and vectors (columns) of a symmetric matrix by cyclic Jacobi rotations.
-void eigen_symmetric(Matrix3 a, Double3& value, Matrix3& vector) {
-  vector = {Double3{1, 0, 0}, Double3{0, 1, 0}, Double3{0, 0, 1}};
-  const double scale = a[0][0] + a[1][1] + a[2][2];
-  // Quadratic convergence: six sweeps reach rounding for any 3x3 matrix, most end after three or four.
-  for (int sweep = 0; sweep < 8; ++sweep) {
-    const double off = a[0][1] * a[0][1] + a[0][2] * a[0][2] + a[1][2] * a[1][2];
-    if (off <= 1e-28 * scale * scale) break;
-    for (std::size_t p = 0; p < 2; ++p) {
-      for (std::size_t q = p + 1; q < 3; ++q) {
-        if (a[p][q] == 0.0) continue;
-        const double theta = (a[q][q] - a[p][p]) / (2.0 * a[p][q]);
-        const double t = (theta < 0.0 ? -1.0 : 1.0) / (std::fabs(theta) + std::sqrt(theta * theta + 1.0));
-        const double c = 1.0 / std::sqrt(t * t + 1.0);
-        const double s = t * c;
-        for (std::size_t k = 0; k < 3; ++k) {
-          const double kp = a[k][p], kq = a[k][q];
-          a[k][p] = c * kp - s * kq;
-          a[k][q] = s * kp + c * kq;
-        }
-        for (std::size_t k = 0; k < 3; ++k) {
-          const double pk = a[p][k], qk = a[q][k];
-          a[p][k] = c * pk - s * qk;
-          a[q][k] = s * pk + c * qk;
-        }
-        for (std::size_t k = 0; k < 3; ++k) {
-          const double kp = vector[k][p], kq = vector[k][q];
-          vector[k][p] = c * kp - s * kq;
-          vector[k][q] = s * kp + c * kq;
-        }
-      }
-    }
-  }
-  value = {a[0][0], a[1][1], a[2][2]};
+/// A segment from one side of a crease to the other will be flipped, so what counts are the triangles up to
+/// the point where the crease passes the segment's face: (centre, a, crossing) and (crossing, b, centre).
+bool crosses_soundly(const LoopSamples& loop, std::size_t i, std::size_t j, int face, const Float3& centre,
+                     const FeatureThresholds& thresholds) {
+  if (!(dot(loop.normal[i], loop.normal[j]) < thresholds.cone_cos)) return false;
+  const Float3 zero = {0, 0, 0};
+  const Float3 crease = triangle_normal(zero, loop.normal[i], loop.normal[j]);
+  const auto axis = static_cast<std::size_t>(face >> 1);
+  const float to_face = static_cast<float>(face & 1) - centre[axis];
+  if (!(std::fabs(crease[axis]) > 1e-3f)) return false;
+  const float s = to_face / crease[axis];
+  Float3 crossing;
+  for (std::size_t k = 0; k < 3; ++k) crossing[k] = centre[k] + s * crease[k];
+  for (float c : crossing)
+    if (!(c >= -kCrossingMargin && c <= 1.0f + kCrossingMargin)) return false;
+  return dot(triangle_normal(centre, loop.point[i], crossing), loop.normal[i]) > 0.0f &&
+         dot(triangle_normal(crossing, loop.point[j], centre), loop.normal[j]) > 0.0f;
 }
 
-/// Point nearest to the mass point among the least-squares intersections of the tangent planes.
-/// `rank` comes in as the wanted rank and goes out as the one that the planes carry.
-Double3 intersect_planes(const LoopSamples& loop, const Double3& mass, int& rank) {
-  Matrix3 a{};
-  Double3 b{};
-  for (std::size_t i = 0; i < static_cast<std::size_t>(loop.size); ++i) {
-    Double3 n;
-    double d = static_cast<double>(loop.offset[i]);
-    for (std::size_t k = 0; k < 3; ++k) {
-      n[k] = static_cast<double>(loop.normal[i][k]);
-      d += n[k] * (static_cast<double>(loop.point[i][k]) - mass[k]);
-    }
-    for (std::size_t r = 0; r < 3; ++r) {
-      b[r] += n[r] * d;
-      for (std::size_t c = 0; c < 3; ++c) a[r][c] += n[r] * n[c];
-    }
-  }
-  Double3 value;
-  Matrix3 vector;
-  eigen_symmetric(a, value, vector);
-  std::array<std::size_t, 3> order = {0, 1, 2};
-  if (value[order[0]] < value[order[1]]) std::swap(order[0], order[1]);
-  if (value[order[1]] < value[order[2]]) std::swap(order[1], order[2]);
-  if (value[order[0]] < value[order[1]]) std::swap(order[0], order[1]);
-  const double cut = kRelativeCut * kRelativeCut * value[order[0]];
-  Double3 x = mass;
-  int used = 0;
-  for (std::size_t k = 0; k < static_cast<std::size_t>(rank); ++k) {
-    const std::size_t column = order[k];
-    if (!(value[column] > cut)) break;
-    const double s =
-        (vector[0][column] * b[0] + vector[1][column] * b[1] + vector[2][column] * b[2]) / value[column];
-    for (std::size_t r = 0; r < 3; ++r) x[r] += s * vector[r][column];
-    ++used;
-  }
-  rank = used;
-  return x;
-}
-
-bool fan_is_sound(const LoopSamples& loop, const Float3& centre) {
+bool fan_is_sound(const LoopSamples& loop, const Float3& centre, const FeatureThresholds& thresholds) {
   for (float c : centre)
     if (!(c >= -kCellMargin && c <= 1.0f + kCellMargin)) return false;
   const auto size = static_cast<std::size_t>(loop.size);
   for (std::size_t i = 0; i < size; ++i) {
     const std::size_t j = i + 1 == size ? 0 : i + 1;
     const Float3 up = triangle_normal(loop.point[i], loop.point[j], centre);
-    if (!(dot(up, loop.normal[i]) + dot(up, loop.normal[j]) > 0.0f)) return false;
     if (is_sliver(loop.point[i], loop.point[j], centre)) return false;
+    if (dot(up, loop.normal[i]) + dot(up, loop.normal[j]) > 0.0f) continue;
+    const int face = common_face(loop.edge[i], loop.edge[j]);
+    if (!crosses_soundly(loop, i, j, face, centre, thresholds)) return false;
   }
+  return true;
+}
+
+Double3 mass_point(const LoopSamples& loop) {
+  Double3 mass = {0, 0, 0};
+  const auto size = static_cast<std::size_t>(loop.size);
+  for (std::size_t i = 0; i < size; ++i)
+    for (std::size_t k = 0; k < 3; ++k) mass[k] += static_cast<double>(loop.point[i][k]);
+  for (double& m : mass) m /= static_cast<double>(size);
+  return mass;
+}
+
+/// Moves a point on a crease to the middle of the crease's way through the cell, if it passes the cell at
+/// all: the point nearest to the loop's roots may lie outside, and its fan would turn.
+void centre_in_cell(PlaneIntersection& crease) {
+  double from = -1e9, to = 1e9;
+  for (std::size_t k = 0; k < 3; ++k) {
+    const double d = crease.direction[k];
+    if (std::fabs(d) < 1e-9) {
+      if (crease.position[k] < 0.0 || crease.position[k] > 1.0) return;
+      continue;
+    }
+    const double s0 = -crease.position[k] / d;
+    const double s1 = (1.0 - crease.position[k]) / d;
+    from = std::max(from, std::min(s0, s1));
+    to = std::min(to, std::max(s0, s1));
+  }
+  if (!(from < to)) return;
+  for (std::size_t k = 0; k < 3; ++k) crease.position[k] += 0.5 * (from + to) * crease.direction[k];
+}
+
+TangentPlanes tangent_planes(const LoopSamples& loop) {
+  TangentPlanes planes;
+  planes.size = static_cast<std::size_t>(loop.size);
+  for (std::size_t i = 0; i < planes.size; ++i) {
+    for (std::size_t k = 0; k < 3; ++k) {
+      planes.point[i][k] = static_cast<double>(loop.point[i][k]);
+      planes.normal[i][k] = static_cast<double>(loop.normal[i][k]);
+    }
+    planes.offset[i] = static_cast<double>(loop.offset[i]);
+    planes.weight[i] = 1.0;
+  }
+  return planes;
+}
+
+/// Three sheets at shallow angles pass the cone test as a crease, but no line lies in all three planes.
+bool is_hidden_corner(const TangentPlanes& planes, const PlaneIntersection& crease, const Double3& mass,
+                      PlaneIntersection& corner) {
+  double worst = 0.0;
+  for (std::size_t i = 0; i < planes.size; ++i) {
+    double off = -planes.offset[i];
+    for (std::size_t k = 0; k < 3; ++k)
+      off += planes.normal[i][k] * (crease.position[k] - planes.point[i][k]);
+    worst = std::max(worst, std::fabs(off));
+  }
+  if (!(worst > kCreaseResidual) || !(crease.least_spread > kCornerSpread * kCornerSpread)) return false;
+  corner = intersect_planes(planes, mass, 3);
+  for (const double c : corner.position)
+    if (!(c >= -kCornerMargin && c <= 1.0 + kCornerMargin)) return false;
+  return true;
+}
+
+/// Two solutions: with the tangent planes, then with planes bent towards the first and weighted by nearness.
+/// \param extreme  one root of each sheet: two of a crease, and the third of a corner
+/// \param corner   what the angles say; becomes true if the planes say so
+Double3 locate(const LoopSamples& loop, const FeatureThresholds& thresholds, const Double3& mass,
+               const std::array<std::size_t, 3>& extreme, bool& corner) {
+  TangentPlanes planes = tangent_planes(loop);
+  PlaneIntersection found = intersect_planes(planes, mass, corner ? 3 : 2);
+  if (!corner) {
+    PlaneIntersection better;
+    if (is_hidden_corner(planes, found, mass, better)) {
+      found = better;
+      corner = true;
+    } else if (found.rank == 2) {
+      centre_in_cell(found);
+    }
+  }
+  const int sheets = corner ? 3 : 2;
+  const auto normal_of = [&](int s) { return loop.normal[extreme[static_cast<std::size_t>(s)]]; };
+  std::array<int, kMaxPlanes> sheet;
+  for (std::size_t i = 0; i < planes.size; ++i) {
+    sheet[i] = 0;
+    for (int s = 1; s < sheets; ++s)
+      if (dot(loop.normal[i], normal_of(s)) > dot(loop.normal[i], normal_of(sheet[i]))) sheet[i] = s;
+    double squared = kNearness;
+    for (std::size_t k = 0; k < 3; ++k) {
+      const double d = planes.point[i][k] - found.position[k];
+      squared += d * d;
+    }
+    planes.weight[i] = 1.0 / squared;
+  }
+  for (int s = 0; s < sheets; ++s) {
+    bool smooth = true;  // a sheet with a crease of its own has no curvature to fit
+    for (std::size_t i = 0; i < planes.size; ++i)
+      smooth &= sheet[i] != s || dot(loop.normal[i], normal_of(s)) > thresholds.cone_cos;
+    if (smooth) bend_planes_towards(planes, sheet, s, found.position);
+  }
+  return intersect_planes(planes, found.position, sheets).position;
+}
+
+/// A corner outside the cell is the sample of the cell that holds it; two cells with the same sample would
+/// fold their fans upon each other. Draws it towards the mass point to the cell's boundary.
+bool pull_into_cell(Double3& x, const Double3& mass) {
+  double keep = 1.0;
+  for (std::size_t k = 0; k < 3; ++k) {
+    const double off = x[k] - mass[k];
+    if (x[k] < 0.0) keep = std::min(keep, -mass[k] / off);
+    if (x[k] > 1.0) keep = std::min(keep, (1.0 - mass[k]) / off);
+  }
+  if (keep == 1.0) return false;
+  for (std::size_t k = 0; k < 3; ++k) x[k] = mass[k] + kPull * keep * (x[k] - mass[k]);
   return true;
 }
 
@@ -168,25 +237,27 @@ FeatureSample sample_feature(const LoopSamples& loop, const FeatureThresholds& t
   const Float3 crease = triangle_normal(zero, loop.normal[first], loop.normal[second]);
   const float length = std::sqrt(dot(crease, crease));
   float deviation = 0.0f;
-  for (std::size_t i = 0; i < size; ++i)
-    deviation = std::max(deviation, std::fabs(dot(crease, loop.normal[i])));
-  const bool corner = deviation > thresholds.corner_sin * length;
+  std::size_t farthest = first;
+  for (std::size_t i = 0; i < size; ++i) {
+    const float d = std::fabs(dot(crease, loop.normal[i]));
+    if (d > deviation) {
+      deviation = d;
+      farthest = i;
+    }
+  }
+  bool corner = deviation > thresholds.corner_sin * length;
 
-  Double3 mass = {0, 0, 0};
-  for (std::size_t i = 0; i < size; ++i)
-    for (std::size_t k = 0; k < 3; ++k) mass[k] += static_cast<double>(loop.point[i][k]);
-  for (double& m : mass) m /= static_cast<double>(size);
-
-  int rank = corner ? 3 : 2;
-  const Double3 x = intersect_planes(loop, mass, rank);
+  const Double3 mass = mass_point(loop);
+  Double3 x = locate(loop, thresholds, mass, {first, second, farthest}, corner);
+  const bool own = !corner || !pull_into_cell(x, mass);
   sample.kind = FeatureKind::kRejected;
-  double weight = 1.0;
-  for (int halving = 0; halving <= kHalvings; ++halving, weight *= 0.5) {
+  double stay = 1.0;
+  for (int halving = 0; halving <= kHalvings; ++halving, stay *= 0.5) {
     for (std::size_t k = 0; k < 3; ++k)
-      sample.position[k] = static_cast<float>(mass[k] + weight * (x[k] - mass[k]));
-    if (!fan_is_sound(loop, sample.position)) continue;
+      sample.position[k] = static_cast<float>(mass[k] + stay * (x[k] - mass[k]));
+    if (!fan_is_sound(loop, sample.position, thresholds)) continue;
     sample.kind = corner ? FeatureKind::kCorner : FeatureKind::kCrease;
-    sample.on_feature = halving == 0 && rank == (corner ? 3 : 2);
+    sample.on_feature = own && halving == 0;
     return sample;
   }
   return sample;

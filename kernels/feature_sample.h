@@ -13,6 +13,7 @@ namespace tessera {
 /// Roots of one loop in order, with their tangent planes normal.(x - point) = offset.
 struct LoopSamples {
   int size = 0;
+  const std::uint8_t* edge = nullptr;  ///< cell edges, in order
   std::array<Float3, kCellEdges> point;
   std::array<Float3, kCellEdges> normal;
   std::array<float, kCellEdges> offset;

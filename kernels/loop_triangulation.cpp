@@ -24,7 +24,7 @@ void emit(const Split& split, std::uint8_t from, std::uint8_t to, LoopTriangles&
 
 }  // namespace
 
-void triangulate_loop(const LoopSamples& loop, const std::uint8_t* edge, LoopTriangles& out) {
+void triangulate_loop(const LoopSamples& loop, LoopTriangles& out) {
   out.count = 0;
   const auto size = static_cast<std::size_t>(loop.size);
   if (size == 3) {
@@ -51,7 +51,7 @@ void triangulate_loop(const LoopSamples& loop, const std::uint8_t* edge, LoopTri
       const std::size_t j = i + span;
       cost[i][j] = kForbidden;
       split[i][j] = static_cast<std::uint8_t>(i + 1);
-      if (span + 1 < size && common_face(edge[i], edge[j]) != 255) continue;
+      if (span + 1 < size && common_face(loop.edge[i], loop.edge[j]) != 255) continue;
       for (std::size_t k = i + 1; k < j; ++k) {
         const float sides = cost[i][k] + cost[k][j];
         if (!(sides < cost[i][j])) continue;

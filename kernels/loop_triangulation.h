@@ -18,6 +18,6 @@ struct LoopTriangles {
 /// Least area among the triangulations without a chord in a face of the cell (the neighbour might use the
 /// same chord, and four triangles would meet in it); ties go to the lower position. \param edge  cell edges
 /// of the loop, in order
-void triangulate_loop(const LoopSamples& loop, const std::uint8_t* edge, LoopTriangles& out);
+void triangulate_loop(const LoopSamples& loop, LoopTriangles& out);
 
 }  // namespace tessera

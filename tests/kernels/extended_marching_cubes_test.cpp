@@ -158,7 +158,7 @@ Solid fandisk_solid(double size) {
   const Shape front = half_space(at(0.5, 0.2, 0.5), {0.06, -1.0, 0.05});
   const Shape step_side = half_space(at(0.45, 0.45, 0.5), {-0.7, -0.6, 0.1});
   const Shape step_floor = half_space(at(0.5, 0.5, 0.47), {0.03, 0.04, -1.0});
-  const Shape dent = ball(at(0.62, 0.62, 0.1), 0.25 * size);
+  const Shape dent = ball(at(0.95, 0.95, -0.5), 0.85 * size);
   s.surfaces = {outer, bottom, top, left, front, step_side, step_floor, dent};
   Shape body = intersect(intersect(outer, intersect(bottom, top)), intersect(left, front));
   body = subtract(body, intersect(step_side, step_floor));
@@ -166,7 +166,8 @@ Solid fandisk_solid(double size) {
   return s;
 }
 
-void check_features(const Solid& solid, int nodes) {
+/// \param worst_allowed  largest distance of a feature vertex; 99 of 100 are within 0.02 in any case
+void check_features(const Solid& solid, int nodes, double worst_allowed) {
   const int cells = nodes > 65 ? 128 : 64;
   AnalyticFieldOptions options;
   options.valid = [&](const Int3& n) {
@@ -186,13 +187,16 @@ void check_features(const Solid& solid, int nodes) {
   REQUIRE(extended.report.crease_samples > 100);
 
   double worst_crease = 0.0, worst_corner = 0.0;
-  std::size_t features = 0;
+  std::size_t features = 0, near = 0;
   for (std::size_t v = 0; v < extended.mesh.position.size(); ++v) {
     const VertexClass c = extended.mesh.vertex_class[v];
     const Double3& x = extended.mesh.position[v];
     features += c == VertexClass::kCrease || c == VertexClass::kCorner;
-    if (c == VertexClass::kCrease) worst_crease = std::max(worst_crease, distance_to_feature(solid, x, 2));
-    if (c == VertexClass::kCorner) worst_corner = std::max(worst_corner, distance_to_feature(solid, x, 3));
+    if (c != VertexClass::kCrease && c != VertexClass::kCorner) continue;
+    const double off = distance_to_feature(solid, x, c == VertexClass::kCrease ? 2 : 3);
+    double& worst = c == VertexClass::kCrease ? worst_crease : worst_corner;
+    worst = std::max(worst, off);
+    near += off <= 0.02;
   }
   const double before = normal_deviation_at_edges(solid, plain.mesh);
   const double after = normal_deviation_at_edges(solid, extended.mesh);
@@ -201,15 +205,11 @@ void check_features(const Solid& solid, int nodes) {
   CAPTURE(nodes, features, extended.report.rejected_samples, extended.report.flips, before, after,
           more_faces);
   INFO("crease " << worst_crease << " corner " << worst_corner);
-  CHECK(worst_crease <= 0.06);
-  CHECK(worst_corner <= 0.02);
+  CHECK(worst_crease <= worst_allowed);
+  CHECK(worst_corner <= worst_allowed);
+  CHECK(near * 100 >= features * 99);
   CHECK(after <= 0.1 * before);
   CHECK(more_faces < 1.15);
-  WARN("nodes " << nodes << " features " << features << " moved or rejected "
-                << extended.report.crease_samples + extended.report.corner_samples - features << "/"
-                << extended.report.rejected_samples << " flips " << extended.report.flips << " crease "
-                << worst_crease << " corner " << worst_corner << " normals " << before << " -> " << after
-                << " faces x" << more_faces);
 }
 
 }  // namespace
@@ -288,15 +288,17 @@ TEST_CASE("extract: sphere and torus are closed, oriented outward, of the right 
 
 TEST_CASE("extract: features of a cube", "[unit]") {
   const int nodes = GENERATE(65, 129);
-  check_features(cube_solid(nodes - 1), nodes);
+  check_features(cube_solid(nodes - 1), nodes, 1e-4);
 }
 TEST_CASE("extract: features of a block with a cylinder cut through", "[unit]") {
   const int nodes = GENERATE(65, 129);
-  check_features(csg_solid(nodes - 1), nodes);
+  check_features(csg_solid(nodes - 1), nodes, 0.02);
 }
 TEST_CASE("extract: features of a fandisk-like solid", "[unit]") {
   const int nodes = GENERATE(65, 129);
-  check_features(fandisk_solid(nodes - 1), nodes);
+  // Where a sheet has one root in the cell nothing tells its curvature: d^2 / 2r at distance d for radius r,
+  // more at shallow angles. At 65 nodes the curved faces have radii of 35 and 54 cells.
+  check_features(fandisk_solid(nodes - 1), nodes, nodes == 65 ? 0.04 : 0.02);
 }
 
 TEST_CASE("extract: an axis-parallel cube has exactly eight corners and straight edges", "[unit]") {

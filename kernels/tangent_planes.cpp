@@ -1,0 +1,152 @@
+#include "kernels/tangent_planes.h"
+
+#include <cmath>
+#include <utility>
+
+namespace tessera {
+namespace {
+
+/// A singular value below this fraction of the largest says nothing about the feature. Angles have decided
+/// its kind already, so this only guards against division by noise.
+constexpr double kRelativeCut = 0.03;
+/// Ridge of the fit of normals, in cells^2: roots closer together than its square root predict no curvature.
+constexpr double kRidge = 0.02;
+
+using Matrix3 = std::array<Double3, 3>;
+
+double dot(const Double3& a, const Double3& b) {
+  return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+}
+Double3 cross(const Double3& a, const Double3& b) {
+  return {a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]};
+}
+Double3 unit(const Double3& a) {
+  const double s = 1.0 / std::sqrt(dot(a, a));
+  return {a[0] * s, a[1] * s, a[2] * s};
+}
+
+/// Eigenvalues and vectors (columns) of a symmetric matrix by cyclic Jacobi rotations.
+void eigen_symmetric(Matrix3 a, Double3& value, Matrix3& vector) {
+  vector = {Double3{1, 0, 0}, Double3{0, 1, 0}, Double3{0, 0, 1}};
+  const double scale = a[0][0] + a[1][1] + a[2][2];
+  // Quadratic convergence: most matrices end after three or four sweeps; 1e-11 of the scale is far below the
+  // accuracy of any normal.
+  for (int sweep = 0; sweep < 8; ++sweep) {
+    const double off = a[0][1] * a[0][1] + a[0][2] * a[0][2] + a[1][2] * a[1][2];
+    if (off <= 1e-22 * scale * scale) break;
+    for (std::size_t p = 0; p < 2; ++p) {
+      for (std::size_t q = p + 1; q < 3; ++q) {
+        if (a[p][q] == 0.0) continue;
+        const double theta = (a[q][q] - a[p][p]) / (2.0 * a[p][q]);
+        const double t = (theta < 0.0 ? -1.0 : 1.0) / (std::fabs(theta) + std::sqrt(theta * theta + 1.0));
+        const double c = 1.0 / std::sqrt(t * t + 1.0);
+        const double s = t * c;
+        for (std::size_t k = 0; k < 3; ++k) {
+          const double kp = a[k][p], kq = a[k][q];
+          a[k][p] = c * kp - s * kq;
+          a[k][q] = s * kp + c * kq;
+        }
+        for (std::size_t k = 0; k < 3; ++k) {
+          const double pk = a[p][k], qk = a[q][k];
+          a[p][k] = c * pk - s * qk;
+          a[q][k] = s * pk + c * qk;
+        }
+        for (std::size_t k = 0; k < 3; ++k) {
+          const double kp = vector[k][p], kq = vector[k][q];
+          vector[k][p] = c * kp - s * kq;
+          vector[k][q] = s * kp + c * kq;
+        }
+      }
+    }
+  }
+  value = {a[0][0], a[1][1], a[2][2]};
+}
+
+}  // namespace
+
+PlaneIntersection intersect_planes(const TangentPlanes& planes, const Double3& anchor, int rank) {
+  Matrix3 a{};
+  Double3 b{};
+  for (std::size_t i = 0; i < planes.size; ++i) {
+    const Double3& n = planes.normal[i];
+    const Double3& p = planes.point[i];
+    const double d =
+        planes.offset[i] + n[0] * (p[0] - anchor[0]) + n[1] * (p[1] - anchor[1]) + n[2] * (p[2] - anchor[2]);
+    for (std::size_t r = 0; r < 3; ++r) {
+      const double wn = planes.weight[i] * n[r];
+      b[r] += wn * d;
+      for (std::size_t c = 0; c < 3; ++c) a[r][c] += wn * n[c];
+    }
+  }
+  Double3 value;
+  Matrix3 vector;
+  eigen_symmetric(a, value, vector);
+  std::array<std::size_t, 3> order = {0, 1, 2};
+  if (value[order[0]] < value[order[1]]) std::swap(order[0], order[1]);
+  if (value[order[1]] < value[order[2]]) std::swap(order[1], order[2]);
+  if (value[order[0]] < value[order[1]]) std::swap(order[0], order[1]);
+  const double cut = kRelativeCut * kRelativeCut * value[order[0]];
+  PlaneIntersection out;
+  out.position = anchor;
+  for (std::size_t k = 0; k < static_cast<std::size_t>(rank); ++k) {
+    const std::size_t column = order[k];
+    if (!(value[column] > cut)) break;
+    const Double3 v = {vector[0][column], vector[1][column], vector[2][column]};
+    const double s = dot(v, b) / value[column];
+    for (std::size_t r = 0; r < 3; ++r) out.position[r] += s * v[r];
+    ++out.rank;
+  }
+  for (std::size_t r = 0; r < 3; ++r) out.direction[r] = vector[r][order[2]];
+  out.least_spread = value[order[2]] / value[order[0]];
+  return out;
+}
+
+void bend_planes_towards(TangentPlanes& planes, const std::array<int, kMaxPlanes>& sheets, int sheet,
+                         const Double3& x) {
+  std::size_t count = 0;
+  Double3 p_mean{}, n_mean{};
+  for (std::size_t i = 0; i < planes.size; ++i) {
+    if (sheets[i] != sheet) continue;
+    ++count;
+    for (std::size_t k = 0; k < 3; ++k) {
+      p_mean[k] += planes.point[i][k];
+      n_mean[k] += planes.normal[i][k];
+    }
+  }
+  if (count < 2) return;
+  for (std::size_t k = 0; k < 3; ++k) {
+    p_mean[k] /= static_cast<double>(count);
+    n_mean[k] /= static_cast<double>(count);
+  }
+  Matrix3 spread{Double3{kRidge, 0, 0}, Double3{0, kRidge, 0}, Double3{0, 0, kRidge}};
+  Matrix3 turn{};
+  for (std::size_t i = 0; i < planes.size; ++i) {
+    if (sheets[i] != sheet) continue;
+    for (std::size_t r = 0; r < 3; ++r) {
+      for (std::size_t c = 0; c < 3; ++c) {
+        const double q = planes.point[i][c] - p_mean[c];
+        spread[r][c] += (planes.point[i][r] - p_mean[r]) * q;
+        turn[r][c] += (planes.normal[i][r] - n_mean[r]) * q;
+      }
+    }
+  }
+  const Double3 off = {x[0] - p_mean[0], x[1] - p_mean[1], x[2] - p_mean[2]};
+  // Cramer's rule: the ridge keeps the determinant above kRidge^3.
+  const Double3 c0 = cross(spread[1], spread[2]);
+  const Double3 c1 = cross(spread[2], spread[0]);
+  const Double3 c2 = cross(spread[0], spread[1]);
+  const double det = dot(spread[0], c0);
+  Double3 y;
+  for (std::size_t k = 0; k < 3; ++k) y[k] = (c0[k] * off[0] + c1[k] * off[1] + c2[k] * off[2]) / det;
+  Double3 at_x;
+  for (std::size_t k = 0; k < 3; ++k) at_x[k] = n_mean[k] + dot(turn[k], y);
+  at_x = unit(at_x);
+  for (std::size_t i = 0; i < planes.size; ++i) {
+    if (sheets[i] != sheet) continue;
+    Double3 mean;
+    for (std::size_t k = 0; k < 3; ++k) mean[k] = planes.normal[i][k] + at_x[k];
+    planes.normal[i] = unit(mean);
+  }
+}
+
+}  // namespace tessera
