@@ -1,6 +1,8 @@
 #include "kernels/node_fit.h"
 
+#include <algorithm>
 #include <bit>
+#include <cmath>
 
 namespace tessera {
 namespace {
@@ -120,6 +122,8 @@ constexpr float kLargestFoot = 2.5f;
 /// Rim test beside creases, where the foot point lies on the joined sheets: at the corner of a cube it
 /// is 1.1.
 constexpr float kCreaseRimRatio = 1.3f;
+constexpr float kCreaseRimSlack =
+    0.3f;  ///< cells: far off a corner only its tip is in reach, with little spread
 
 /// Value and gradient of a creased node; false where the surface does not reach.
 bool value_of_sheets(const Sheets& sheets, std::size_t at, LeafFit& out) {
@@ -138,7 +142,8 @@ bool value_of_sheets(const Sheets& sheets, std::size_t at, LeafFit& out) {
     off2 += (foot[c] - sheets.centroid[c]) * (foot[c] - sheets.centroid[c]);
     foot2 += foot[c] * foot[c];
   }
-  return off2 <= kCreaseRimRatio * kCreaseRimRatio * sheets.spread2 && foot2 <= kLargestFoot * kLargestFoot;
+  const float rim = kCreaseRimRatio * std::sqrt(std::max(0.0f, sheets.spread2)) + kCreaseRimSlack;
+  return off2 <= rim * rim && foot2 <= kLargestFoot * kLargestFoot;
 }
 
 }  // namespace

@@ -10,11 +10,9 @@
 #include <cstdint>
 #include <vector>
 
-#include "octree/lattice.h"
+#include "kernels/sample_clusters.h"
 
 namespace tessera {
-
-inline constexpr int kMostSheets = 4;
 
 /// f(p) = f0 + g.p + p.H p / 2, p relative to the node; < 0 inside. H = (xx, xy, xz, yy, yz, zz).
 struct Sheet {
@@ -41,15 +39,6 @@ struct Sheets {
   SurfaceValue at(const Float3& p) const;
 };
 
-/// Samples around one node, relative to it, canonical order, padded with weight 0 to whole registers.
-struct LocalSamples {
-  std::vector<float> x, y, z, nx, ny, nz, w;
-  std::size_t size = 0;  ///< samples
-  void clear() { size = 0; }
-  void reserve(std::size_t n);  ///< room for n samples and the padding, keeps the content
-  void pad();
-};
-
 struct SheetOptions {
   float cos_feature = 0.906f;  ///< cosine of the smallest angle between two sheets
   float noise = 0.0f;          ///< deviation of the samples along the normal, cells
@@ -57,6 +46,6 @@ struct SheetOptions {
 
 /// Splits the samples into sheets. Each sum runs over the samples in canonical order, in eight interleaved
 /// partial sums that are joined by a fixed tree: a pure function of the list. \pre samples padded
-Sheets fit_sheets(const LocalSamples& samples, const SheetOptions& options);
+Sheets fit_sheets(LocalSamples& samples, const SheetOptions& options);
 
 }  // namespace tessera
