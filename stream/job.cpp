@@ -70,6 +70,7 @@ class Driver {
          spdlog::logger& log)
       : state_(state),
         job_(job),
+        work_(work),
         progress_(progress),
         log_(log),
         pool_(state.run.threads),
@@ -142,21 +143,10 @@ class Driver {
     for (const std::string& name : records.finish.obsolete) remove_named(state_, name);
   }
 
-  /// Files that an earlier run committed under another plan or that were found damaged.
-  void delete_stale(const Journal& journal, const std::string& stage,
-                    const std::map<std::int64_t, TaskRecord>& done) const {
-    const auto at = journal.stages.find(stage);
-    if (at == journal.stages.end()) return;
-    std::set<std::string> good;
-    for (const auto& [task, record] : done) {
-      for (const FileRecord& file : record.files) good.insert(file.name);
-    }
-    for (const TaskRecord& record : at->second) {
-      for (const FileRecord& file : record.files) {
-        if (file.name != kOutputName && good.count(file.name) == 0) remove_named(state_, file.name);
-      }
-    }
-  }
+  /// Deletes what no record names: files of killed tasks, of another plan, of nobody. Nothing foreign is
+  /// mixed in.
+  void delete_unknown(const Journal& journal, std::size_t stage,
+                      const std::map<std::int64_t, TaskRecord>& done) const;
 
   StageRecords run_stage(std::size_t index, const Journal& journal);
   TaskRecord run_one(const Stage& stage, std::int64_t task, const std::vector<nlohmann::json>& summaries,
@@ -165,6 +155,7 @@ class Driver {
 
   const JobState& state_;
   const JobDescription& job_;
+  const WorkDir& work_;
   Progress& progress_;
   spdlog::logger& log_;
   WorkerPool pool_;
@@ -181,6 +172,28 @@ class Driver {
   std::vector<int> free_slots_;
   std::uint64_t child_peak_ = 0;
 };
+
+void Driver::delete_unknown(const Journal& journal, std::size_t stage,
+                            const std::map<std::int64_t, TaskRecord>& done) const {
+  std::set<std::string> known;
+  const auto note = [&](const TaskRecord& record) {
+    for (const FileRecord& file : record.files) known.insert(file.name);
+  };
+  for (const StageRecords& records : done_) {
+    std::for_each(records.tasks.begin(), records.tasks.end(), note);
+    note(records.finish);
+  }
+  for (const auto& [task, record] : done) note(record);
+  // What later stages have is looked at when their turn comes.
+  for (std::size_t later = stage + 1; later < job_.stages.size(); ++later) {
+    const auto at = journal.stages.find(job_.stages[later].name);
+    if (at != journal.stages.end()) std::for_each(at->second.begin(), at->second.end(), note);
+  }
+  for (const std::string& name : work_.unknown_files(known)) {
+    log_.warn("{}: nothing that was committed: deleted", name);
+    remove_named(state_, name);
+  }
+}
 
 StageRecords Driver::run_stage(std::size_t index, const Journal& journal) {
   const std::string name = job_.stages[index].name;
@@ -203,7 +216,7 @@ StageRecords Driver::run_stage(std::size_t index, const Journal& journal) {
   std::map<std::int64_t, TaskRecord> done;
   if (!redo_) done = resume_.done_tasks(journal, name, basis_, plan_);
   std::erase_if(done, [&](const auto& entry) { return entry.first >= static_cast<std::int64_t>(count); });
-  delete_stale(journal, name, done);
+  delete_unknown(journal, index, done);
   std::uint64_t units_done = 0;
   for (const auto& [task, record] : done) units_done += record.units;
   const std::size_t resumed = done.size();
@@ -313,8 +326,7 @@ void check_until(const JobState& state, const JobDescription& job) {
   const std::vector<std::string> names = stage_names(job.stages);
   if (state.run.until.empty() || std::find(names.begin(), names.end(), state.run.until) != names.end())
     return;
-  throw UsageError(
-      fmt::format("--until {}: no such stage, there are {}", state.run.until, listed(names)));
+  throw UsageError(fmt::format("--until {}: no such stage, there are {}", state.run.until, listed(names)));
 }
 
 }  // namespace
@@ -365,6 +377,8 @@ nlohmann::json run_job(JobState state, const JobDescription& job, const Progress
                     stop_signal(), state.work.string()));
   } catch (const std::exception& e) {
     log->error("{}", e.what());
+    // An option or input refused at once leaves nothing behind.
+    if (work.created() && read_journal(work.journal_folder()).stages.empty()) work.remove();
     throw;
   }
 }

@@ -243,6 +243,20 @@ JobState WorkDir::read_state() const {
   return state;
 }
 
+std::vector<std::string> WorkDir::unknown_files(const std::set<std::string>& known) const {
+  std::vector<std::string> unknown;
+  for (const auto& entry : fs::recursive_directory_iterator(path_)) {
+    if (entry.is_directory()) continue;
+    const fs::path name = fs::relative(entry.path(), path_);
+    const std::string root = name.begin()->string();
+    const bool own = root == "journal" || root == kJobFile || root == kLockFile || root == "log.txt" ||
+                     root == "output.json" || root == "report.json";
+    if (!own && known.count(name.string()) == 0) unknown.push_back(name.string());
+  }
+  std::sort(unknown.begin(), unknown.end());
+  return unknown;
+}
+
 void WorkDir::remove() {
   const fs::path aside = discarded(path_);
   fs::remove_all(aside);

@@ -3,6 +3,7 @@
 #pragma once
 #include <cstdint>
 #include <filesystem>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -61,6 +62,10 @@ class WorkDir {
   /// job.json also holds what `tessera task` needs to know: the output and how the job runs.
   void write_run(const JobState& state);
   JobState read_state() const;
+
+  /// Files in it, by relative name, that are neither `known` nor the runtime's own (job.json, journal, log,
+  /// ...).
+  std::vector<std::string> unknown_files(const std::set<std::string>& known) const;
 
   /// Removes it with everything in it; killed in between, nothing of it is ever taken for a work directory.
   void remove();

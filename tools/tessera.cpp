@@ -1,12 +1,17 @@
 #include "tools/commands.h"
 
+#include <thread>
+
+#include "stream/memory_budget.h"
 #include "tools/cli.h"
 
 int main(int argc, char** argv) {
+  tessera::configure_allocator(static_cast<int>(std::thread::hardware_concurrency()));
   CLI::App app("Tessera turns huge 3D scans into meshes, out of core.", "tessera");
   app.set_version_flag("--version", "tessera " TESSERA_VERSION);
   app.require_subcommand(1);
   // one line per command, in the order of the help
+  tessera::add_plan(app);
   tessera::add_reconstruct(app);
   tessera::add_task(app);
   tessera::add_check(app);

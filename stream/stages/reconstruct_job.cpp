@@ -36,6 +36,7 @@ void summarise(nlohmann::json& report) {
 
 std::vector<StageEntry> reconstruct_stages() {
   return {
+      // in the order in which they run
       {"probe", [](const JobState& state) { return make_probe_stage(state); }},
       {"spacing", [](const JobState& state) { return make_spacing_stage(state); }},
       {"survey", make_survey_stage},
@@ -51,6 +52,13 @@ std::vector<StageEntry> reconstruct_stages() {
 
 JobDescription reconstruct_job() {
   return {"reconstruct", reconstruct_stages(), 0, summarise};
+}
+
+JobDescription plan_job() {
+  JobDescription job = reconstruct_job();
+  while (job.stages[job.only_stages++].name != "survey") {
+  }
+  return job;
 }
 
 }  // namespace tessera

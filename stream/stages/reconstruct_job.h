@@ -13,5 +13,7 @@ std::vector<StageEntry> reconstruct_stages();
 
 /// The stages with what the report says of the whole: `points` read and `mesh` {vertices, faces, ...}.
 JobDescription reconstruct_job();
+/// The same job up to its plan.json; reconstruct_job() goes on from there.
+JobDescription plan_job();
 
 }  // namespace tessera

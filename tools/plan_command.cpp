@@ -1,0 +1,129 @@
+#include <fmt/format.h>
+
+#include <cstdlib>
+#include <memory>
+#include <nlohmann/json.hpp>
+
+#include "octree/error.h"
+#include "stream/durable_file.h"
+#include "stream/memory_budget.h"
+#include "stream/plan.h"
+#include "stream/point_source.h"
+#include "stream/stages/reconstruct_job.h"
+#include "stream/stop.h"
+#include "stream/work_dir.h"
+#include "tools/cli.h"
+#include "tools/commands.h"
+
+namespace tessera {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct Arguments {
+  std::vector<std::string> inputs;
+  JobState state;
+};
+
+/// A folder that goes when the command ends.
+class ScratchFolder {
+ public:
+  explicit ScratchFolder(const fs::path& parent) {
+    std::string name = (parent / "tessera-plan-XXXXXX").string();
+    if (::mkdtemp(name.data()) == nullptr) throw_write_error(name, errno);
+    path_ = name;
+  }
+  ~ScratchFolder() {
+    std::error_code ignored;
+    fs::remove_all(path_, ignored);
+  }
+  ScratchFolder(const ScratchFolder&) = delete;
+  ScratchFolder& operator=(const ScratchFolder&) = delete;
+  const fs::path& path() const { return path_; }
+
+ private:
+  fs::path path_;
+};
+
+void print_forecast(const Plan& plan) {
+  if (plan.forecast.empty()) return;
+  fmt::print("\n{:<12}{:>8}{:>14}{:>14}{:>8}{:>10}\n", "stage", "tasks", "memory/task", "disk", "files",
+             "seconds");
+  double seconds = 0.0;
+  std::uint64_t disk = 0;
+  std::uint64_t files = 0;
+  for (const StageForecast& f : plan.forecast) {
+    fmt::print("{:<12}{:>8}{:>14}{:>14}{:>8}{:>10.1f}\n", f.stage, f.tasks, format_bytes(f.task_bytes),
+               format_bytes(f.disk_bytes), f.files, f.seconds);
+    seconds += f.seconds;
+    disk += f.disk_bytes;
+    files += f.files;
+  }
+  fmt::print("{:<12}{:>8}{:>14}{:>14}{:>8}{:>10.1f}\n", "all", "", "", format_bytes(disk), files, seconds);
+}
+
+void print_plan(const Plan& plan, const JobState& state) {
+  const PointFates& p = plan.fates;
+  fmt::print("points       {} read, {} kept", p.read, p.kept);
+  if (p.non_finite > 0) fmt::print(", {} not finite", p.non_finite);
+  if (p.absurd > 0) fmt::print(", {} far outside", p.absurd);
+  if (p.withheld > 0) fmt::print(", {} withheld", p.withheld);
+  if (p.empty > 0) fmt::print(", {} empty", p.empty);
+  if (p.missing > 0) fmt::print(", {} missing", p.missing);
+  fmt::print("\nattributes   normals for {:.1f} %, {}, {} sensor positions\n", 100.0 * plan.normal_fraction,
+             plan.has_colour ? "colour" : "no colour", plan.sensors.size());
+  if (plan.spacing > 0) {
+    fmt::print("spacing      {:.6g} scan units, noise {:.3g} of the resolution\n", plan.spacing,
+               plan.noise_cells);
+  }
+  fmt::print("resolution   {:.6g} scan units ({}), support radius {:.6g}\n", plan.lattice.h,
+             plan.auto_resolution ? "measured" : "given", plan.radius_cells * plan.lattice.h);
+  fmt::print("lattice      {} x {} x {} bricks of 64^3 cells, {} occupied, in {} buckets\n",
+             plan.brick_max[0] - plan.brick_min[0] + 1, plan.brick_max[1] - plan.brick_min[1] + 1,
+             plan.brick_max[2] - plan.brick_min[2] + 1, plan.bricks, plan.buckets.size());
+  fmt::print("memory cap   {}, {} threads\n", format_bytes(state.run.memory_bytes), state.run.threads);
+  print_forecast(plan);
+  for (const std::string& warning : plan.warnings) fmt::print("warning: {}\n", warning);
+}
+
+void run(Arguments arguments) {
+  cli::require_inputs(arguments.inputs);
+  JobState& state = arguments.state;
+  state.inputs = expand_inputs(arguments.inputs);
+  catch_stop_signals();
+  std::unique_ptr<ScratchFolder> scratch;
+  const bool kept = !state.output.empty();
+  if (!kept) {
+    scratch =
+        std::make_unique<ScratchFolder>(state.run.temp.empty() ? fs::temp_directory_path() : state.run.temp);
+    state.output = scratch->path() / "plan.ply";
+    state.run.temp.clear();
+  }
+  const nlohmann::json report = run_job(state, plan_job(), cli::stderr_sink());
+  const fs::path work = work_path(state.output, state.run.temp);
+  const Plan plan = Plan::of_work(work);
+  state.run.memory_bytes = report.at("run").at("memory_bytes").get<std::uint64_t>();
+  state.run.threads = report.at("run").at("threads").get<int>();
+  print_plan(plan, state);
+  if (!state.run.report.empty()) write_durably(state.run.report, plan.to_json().dump(1) + "\n");
+  if (kept)
+    fmt::print("\n{} holds the plan; reconstruct with the same inputs and options goes on from it\n",
+               work.string());
+}
+
+}  // namespace
+
+void add_plan(CLI::App& app) {
+  auto arguments = std::make_shared<Arguments>();
+  CLI::App* command = cli::add_command(
+      app, "plan", "What reconstruct will do: points, resolution, tasks, memory, disk, time.",
+      [arguments] { run(*arguments); });
+  cli::add_inputs(*command, arguments->inputs);
+  cli::add_output(
+      *command, arguments->state.output,
+      "the mesh that reconstruct will write: the plan is kept in its work directory, for it and for task");
+  cli::add_reconstruct_options(*command, arguments->state.options);
+  cli::add_run_options(*command, arguments->state.run);
+}
+
+}  // namespace tessera
