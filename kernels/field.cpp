@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "kernels/band.h"
+#include "kernels/coarse_normals.h"
 #include "kernels/edge_roots.h"
 #include "kernels/node_fit.h"
 #include "kernels/point_leaves.h"
@@ -17,9 +18,11 @@ float support_radius(const FieldOptions& options) {
   return static_cast<float>(quanta / kQuantaPerCell);
 }
 
+constexpr double kRadiansPerDegree = 0.017453292519943295;
+
 /// Cosine by its series: libm's differs between machines. \pre 0 <= degrees <= 90
 float cosine_of_degrees(double degrees) {
-  const double a = std::clamp(degrees, 0.0, 90.0) * 0.017453292519943295, a2 = a * a;
+  const double a = std::clamp(degrees, 0.0, 90.0) * kRadiansPerDegree, a2 = a * a;
   double sum = 0.0;
   for (int k = 12; k > 0; k -= 1) sum = (1.0 + sum) * (-a2 / static_cast<double>((2 * k - 1) * (2 * k)));
   return static_cast<float>(1.0 + sum);
@@ -55,6 +58,8 @@ int field_halo_cells(const FieldOptions& options) {
 
 DirectedField evaluate_field(const PointBlock& points, const FieldOptions& options) {
   const PointLeaves leaves = index_leaves(points);
+  const PointBlock coarse_points = average_normals(points);
+  const PointLeaves coarse_leaves = index_leaves(coarse_points);
   const std::vector<BandNodes> band = choose_band(leaves);
   DirectedField field;
   field.origin = points.origin;
@@ -66,19 +71,22 @@ DirectedField evaluate_field(const PointBlock& points, const FieldOptions& optio
 
   NodeFitOptions fit_options;
   fit_options.radius = support_radius(options);
+  fit_options.sheets.feature_angle = static_cast<float>(options.feature_angle_deg * kRadiansPerDegree);
   fit_options.sheets.cos_feature = cosine_of_degrees(options.feature_angle_deg);
   fit_options.sheets.noise = static_cast<float>(options.noise_cells);
   NodeFitScratch scratch;
-  SampleList samples;
+  SampleList samples, coarse;
   std::vector<Sheets> sheets;
   for (const BandNodes& nodes : band) {
     const auto index = static_cast<int>(nodes.leaf);
     const int i = index % leaves.dims[0] - 1, j = index / leaves.dims[0] % leaves.dims[1] - 1,
               k = index / (leaves.dims[0] * leaves.dims[1]) - 1;
-    gather_samples(points, leaves, i, j, k, reach_of(nodes.nodes, fit_options.radius), samples);
+    const SampleBox reach = reach_of(nodes.nodes, fit_options.radius);
+    gather_samples(points, leaves, i, j, k, reach, samples);
     if (samples.size == 0) continue;
+    gather_samples(coarse_points, coarse_leaves, i, j, k, reach, coarse);
     LeafFit& fit = fits.emplace_back();
-    fit_nodes(samples, nodes.nodes, fit_options, scratch, fit, sheets);
+    fit_nodes(samples, coarse, nodes.nodes, fit_options, scratch, fit, sheets);
     std::uint64_t any = 0;
     for (const std::uint64_t word : fit.valid) any |= word;
     if (!any) {

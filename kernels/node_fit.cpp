@@ -59,9 +59,16 @@ constexpr float kLeastWeight = 0.1f;
 /// samples.
 constexpr float kRimRatio = 1.0f;
 
+/// The algebraic spheres of one row, as the crease test needs them.
+struct Spheres {
+  __m256 ux, uy, uz, twice_u4;
+  __m256 normal_noise;  ///< deviation of the normals per direction, were all of the residual noise
+  __m256 sound;
+};
+
 /// Turns the sums into values, gradients and flags of one row.
 void finish_row(const Sums& s, std::uint32_t active, const NodeFitOptions& options, std::size_t at,
-                LeafFit& out, std::uint32_t* valid_bits, std::uint32_t* bent_bits) {
+                LeafFit& out, std::uint32_t* valid_bits, std::uint32_t* bent_bits, Spheres* spheres) {
   const __m256 one = _mm256_set1_ps(1.0f), zero = _mm256_setzero_ps(), two = _mm256_set1_ps(2.0f);
   const __m256 enough =
       _mm256_and_ps(_mm256_cmp_ps(s.w, _mm256_set1_ps(kLeastWeight), _CMP_GE_OQ),
@@ -115,6 +122,42 @@ void finish_row(const Sums& s, std::uint32_t active, const NodeFitOptions& optio
   _mm256_store_ps(out.gradient[2].data() + at, gz);
   *valid_bits = static_cast<std::uint32_t>(_mm256_movemask_ps(valid)) & active;
   *bent_bits = static_cast<std::uint32_t>(_mm256_movemask_ps(bent)) & active;
+  const __m256 half_residual = _mm256_mul_ps(_mm256_max_ps(residual, zero), _mm256_set1_ps(0.5f));
+  *spheres = {ux, uy, uz, twice, _mm256_sqrt_ps(half_residual), sound};
+}
+
+/// How far a mean normal may turn from the sphere before it hints at a crease, as a share of the feature
+/// angle; and how many deviations of such a mean are granted to noise.
+constexpr float kHintShare = 0.2f;
+constexpr float kHintDeviations = 2.0f;
+
+/// Nodes of the row in whose reach a mean normal turns from the node's sphere by more than noise explains.
+/// Nodes whose sphere says nothing are among them.
+std::uint32_t crease_hints(const RowSamples& coarse, const Spheres& s, float r2, float feature_angle) {
+  const __m256 node_x = _mm256_setr_ps(0, 1, 2, 3, 4, 5, 6, 7), reach2 = _mm256_set1_ps(r2);
+  const __m256 least = _mm256_set1_ps(kHintShare * feature_angle);
+  const __m256 granted = _mm256_mul_ps(s.normal_noise, _mm256_set1_ps(kHintDeviations));
+  const __m256 two = _mm256_set1_ps(2.0f);
+  __m256 hint = _mm256_andnot_ps(s.sound, _mm256_castsi256_ps(_mm256_set1_epi32(-1)));
+  for (std::size_t i = 0; i < coarse.size; ++i) {
+    const __m256 y = _mm256_broadcast_ss(&coarse.y[i]), z = _mm256_broadcast_ss(&coarse.z[i]);
+    const __m256 nx = _mm256_broadcast_ss(&coarse.nx[i]), ny = _mm256_broadcast_ss(&coarse.ny[i]),
+                 nz = _mm256_broadcast_ss(&coarse.nz[i]);
+    const __m256 dx = _mm256_sub_ps(_mm256_broadcast_ss(&coarse.x[i]), node_x);
+    const __m256 near =
+        _mm256_cmp_ps(_mm256_fmadd_ps(dx, dx, _mm256_broadcast_ss(&coarse.yz2[i])), reach2, _CMP_LT_OQ);
+    const __m256 gx = _mm256_fmadd_ps(s.twice_u4, dx, s.ux), gy = _mm256_fmadd_ps(s.twice_u4, y, s.uy),
+                 gz = _mm256_fmadd_ps(s.twice_u4, z, s.uz);
+    const __m256 n2 = dot(nx, ny, nz, nx, ny, nz);
+    const __m256 lengths = _mm256_sqrt_ps(_mm256_mul_ps(dot(gx, gy, gz, gx, gy, gz), n2));
+    const __m256 limit = _mm256_fmadd_ps(granted, _mm256_sqrt_ps(n2), least);
+    // Squared chord 2 - 2 cos > limit^2, without dividing by the lengths.
+    const __m256 chord2 = _mm256_mul_ps(two, _mm256_sub_ps(lengths, dot(gx, gy, gz, nx, ny, nz)));
+    const __m256 turned =
+        _mm256_cmp_ps(chord2, _mm256_mul_ps(_mm256_mul_ps(limit, limit), lengths), _CMP_GT_OQ);
+    hint = _mm256_or_ps(hint, _mm256_and_ps(near, turned));
+  }
+  return static_cast<std::uint32_t>(_mm256_movemask_ps(hint));
 }
 
 /// Farthest foot point of a creased node, cells.
@@ -148,51 +191,71 @@ bool value_of_sheets(const Sheets& sheets, std::size_t at, LeafFit& out) {
 
 }  // namespace
 
-void fit_nodes(const SampleList& samples, const std::array<std::uint64_t, 8>& nodes,
+namespace {
+
+/// Tries sheets at the bent nodes of a row; updates their values and bits.
+void fit_creases(std::uint32_t bent, std::size_t at, const NodeFitOptions& options, NodeFitScratch& scratch,
+                 const RowReach& reach, bool row_is_whole, LeafFit& out, std::vector<Sheets>& sheets,
+                 std::uint32_t* valid, std::uint32_t* creased) {
+  for (std::uint32_t left = bent; left; left &= left - 1) {
+    const auto x = static_cast<std::uint32_t>(std::countr_zero(left));
+    scratch.local.clear();
+    if (row_is_whole) {
+      append_local(scratch.row, static_cast<float>(x), reach.r2, scratch.local);
+    } else {
+      for (std::size_t next = 0; next < scratch.slab.size;) {
+        fill_row(scratch.slab, reach, &next, scratch.row);
+        append_local(scratch.row, static_cast<float>(x), reach.r2, scratch.local);
+      }
+    }
+    scratch.local.pad();
+    const Sheets found = fit_sheets(scratch.local, options.sheets);
+    if (found.count == 0) continue;
+    const std::uint32_t bit = 1u << x;
+    *valid &= ~bit;
+    if (!value_of_sheets(found, at + x, out)) continue;
+    *valid |= bit;
+    *creased |= bit;
+    sheets.push_back(found);
+  }
+}
+
+}  // namespace
+
+void fit_nodes(const SampleList& samples, const SampleList& coarse, const std::array<std::uint64_t, 8>& nodes,
                const NodeFitOptions& options, NodeFitScratch& scratch, LeafFit& out,
                std::vector<Sheets>& sheets) {
-  const float r = options.radius, r2 = r * r, inverse_r2 = 1.0f / r2;
-  RowSamples& row = scratch.row;
+  const float r = options.radius;
   for (std::size_t z = 0; z < 8; ++z) {
     out.first_sheets[z] = static_cast<std::uint32_t>(sheets.size());
     if (!nodes[z]) continue;
-    const auto row_z = static_cast<float>(z);
-    fill_slab(samples, row_z, r, scratch.slab);
+    fill_slab(samples, static_cast<float>(z), r, scratch.slab);
     for (std::size_t y = 0; y < 8; ++y) {
       const auto active = static_cast<std::uint32_t>(nodes[z] >> (8 * y) & 0xff);
       if (!active) continue;
-      const auto row_y = static_cast<float>(y);
-      const float low = static_cast<float>(std::countr_zero(active)) - r;
-      const float high = static_cast<float>(31 - std::countl_zero(active)) + r;
+      const RowReach reach = {.y0 = static_cast<float>(y),
+                              .z0 = static_cast<float>(z),
+                              .low_x = static_cast<float>(std::countr_zero(active)) - r,
+                              .high_x = static_cast<float>(31 - std::countl_zero(active)) + r,
+                              .r2 = r * r};
       Sums sums;
       clear(sums);
       int fills = 0;
       for (std::size_t next = 0; next < scratch.slab.size; ++fills) {
-        fill_row(scratch.slab, row_y, row_z, low, high, r2, &next, row);
-        accumulate(row, r2, inverse_r2, sums);
+        fill_row(scratch.slab, reach, &next, scratch.row);
+        accumulate(scratch.row, reach.r2, 1.0f / reach.r2, sums);
       }
       std::uint32_t valid = 0, bent = 0, creased = 0;
-      finish_row(sums, active, options, 8 * y + 64 * z, out, &valid, &bent);
-      for (std::uint32_t left = bent; left; left &= left - 1) {
-        const auto x = static_cast<std::uint32_t>(std::countr_zero(left));
-        scratch.local.clear();
-        for (std::size_t next = 0; next < scratch.slab.size;) {
-          if (fills > 1) {  // else the row's samples are still here
-            fill_row(scratch.slab, row_y, row_z, low, high, r2, &next, row);
-          } else {
-            next = scratch.slab.size;
-          }
-          append_local(row, static_cast<float>(x), r2, scratch.local);
+      Spheres spheres;
+      const std::size_t at = 8 * y + 64 * z;
+      finish_row(sums, active, options, at, out, &valid, &bent, &spheres);
+      if (bent) {
+        std::uint32_t hints = 0;
+        for (std::size_t next = 0; next < coarse.size;) {
+          fill_row(coarse, reach, &next, scratch.coarse_row);
+          hints |= crease_hints(scratch.coarse_row, spheres, reach.r2, options.sheets.feature_angle);
         }
-        scratch.local.pad();
-        const Sheets found = fit_sheets(scratch.local, options.sheets);
-        if (found.count == 0) continue;
-        const std::uint32_t bit = 1u << x;
-        valid &= ~bit;
-        if (!value_of_sheets(found, x + 8 * y + 64 * z, out)) continue;
-        valid |= bit;
-        creased |= bit;
-        sheets.push_back(found);
+        fit_creases(bent & hints, at, options, scratch, reach, fills == 1, out, sheets, &valid, &creased);
       }
       out.valid[z] |= static_cast<std::uint64_t>(valid) << (8 * y);
       out.creased[z] |= static_cast<std::uint64_t>(creased) << (8 * y);

@@ -37,13 +37,14 @@ inline constexpr float kLargestValue = 2.0f;
 /// Scratch that a caller keeps between leaves.
 struct NodeFitScratch {
   SampleList slab;
-  RowSamples row;
+  RowSamples row, coarse_row;
   LocalSamples local;
 };
 
 /// \param samples  all samples within the radius of the nodes, relative to the leaf
+/// \param coarse   mean normals (see average_normals) within the radius of the nodes
 /// \param sheets   sheets of creased nodes are appended in node order
-void fit_nodes(const SampleList& samples, const std::array<std::uint64_t, 8>& nodes,
+void fit_nodes(const SampleList& samples, const SampleList& coarse, const std::array<std::uint64_t, 8>& nodes,
                const NodeFitOptions& options, NodeFitScratch& scratch, LeafFit& out,
                std::vector<Sheets>& sheets);
 

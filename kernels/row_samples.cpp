@@ -4,10 +4,10 @@
 
 namespace tessera {
 
-void fill_row(const SampleList& list, float y0, float z0, float low_x, float high_x, float r2,
-              std::size_t* next, RowSamples& row) {
-  const __m256 row_y = _mm256_set1_ps(y0), row_z = _mm256_set1_ps(z0), reach2 = _mm256_set1_ps(r2);
-  const __m256 low = _mm256_set1_ps(low_x), high = _mm256_set1_ps(high_x);
+void fill_row(const SampleList& list, const RowReach& reach, std::size_t* next, RowSamples& row) {
+  const __m256 row_y = _mm256_set1_ps(reach.y0), row_z = _mm256_set1_ps(reach.z0),
+               reach2 = _mm256_set1_ps(reach.r2);
+  const __m256 low = _mm256_set1_ps(reach.low_x), high = _mm256_set1_ps(reach.high_x);
   std::size_t size = 0, p = *next;
   for (; p < list.size && size <= kRowSamples - kLanes; p += kLanes) {
     const __m256 x = _mm256_loadu_ps(list.x.data() + p);

@@ -17,10 +17,14 @@ struct RowSamples {
   std::size_t size = 0;
 };
 
-/// Keeps the samples of `list` from `*next` on that lie within the radius of the row's axis and of its active
-/// nodes' x range (low_x, high_x), until the row's arrays are full; `*next` says where to go on.
-void fill_row(const SampleList& list, float y0, float z0, float low_x, float high_x, float r2,
-              std::size_t* next, RowSamples& row);
+/// Where a row's samples lie: y0, z0 of its axis, the range of x, the squared radius about the axis.
+struct RowReach {
+  float y0, z0, low_x, high_x, r2;
+};
+
+/// Keeps the samples of `list` from `*next` on that the row reaches, until the row's arrays are full; `*next`
+/// says where to go on.
+void fill_row(const SampleList& list, const RowReach& reach, std::size_t* next, RowSamples& row);
 
 /// Samples within the radius of the plane z = z0. Leaves `point` of the slab alone.
 void fill_slab(const SampleList& list, float z0, float radius, SampleList& slab);

@@ -40,8 +40,9 @@ struct Sheets {
 };
 
 struct SheetOptions {
-  float cos_feature = 0.906f;  ///< cosine of the smallest angle between two sheets
-  float noise = 0.0f;          ///< deviation of the samples along the normal, cells
+  float feature_angle = 0.436f;  ///< smallest angle between two sheets, radians
+  float cos_feature = 0.906f;    ///< its cosine
+  float noise = 0.0f;            ///< deviation of the samples along the normal, cells
 };
 
 /// Splits the samples into sheets. Each sum runs over the samples in canonical order, in eight interleaved

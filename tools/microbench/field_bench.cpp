@@ -1,5 +1,5 @@
 // Speed and density of the field kernel on one synthetic block; prints one JSON line.
-// field_bench [sphere|box|terrain] [cells] [h in spacings] [radius in cells] [noise in spacings] [repeats]
+// field_bench [sphere|box|terrain] [cells] [h in spacings] [radius in cells] [noise in spacings] [repeats] [noise of normals, rad]
 #include <algorithm>
 #include <bit>
 #include <cmath>
@@ -61,11 +61,21 @@ int main(int argc, char** argv) {
   const double h = argc > 3 ? std::atof(argv[3]) : 1.5, radius = argc > 4 ? std::atof(argv[4]) : 3.0;
   const double noise = argc > 5 ? std::atof(argv[5]) : 0.0;
   const int repeats = argc > 6 ? std::atoi(argv[6]) : 20;
+  const double normal_noise = argc > 7 ? std::atof(argv[7]) : 0.0;
   FieldOptions options;
   options.radius_cells = radius;
   options.noise_cells = noise / h;
   double centre = 0, sphere_radius = 0;
-  const auto samples = make_scene(scene, cells, 1.0 / h, noise, &centre, &sphere_radius);
+  auto samples = make_scene(scene, cells, 1.0 / h, noise, &centre, &sphere_radius);
+  test::Random random(11);
+  for (auto& s : samples) {
+    double l2 = 0;
+    for (double& n : s.n) {
+      n += normal_noise * random.gaussian();
+      l2 += n * n;
+    }
+    for (double& n : s.n) n /= std::sqrt(l2);
+  }
   const Int3 origin = {64, 64, 64}, size = {cells, cells, cells};
   const PointBlock block = test::make_block(samples, origin, size, field_halo_cells(options));
   const std::size_t core = test::make_block(samples, origin, size, 0).size();
@@ -121,11 +131,11 @@ int main(int argc, char** argv) {
   }
   const auto n = static_cast<double>(core);
   std::printf(
-      "{\"bench\":\"field\",\"scene\":\"%s\",\"cells\":%d,\"h\":%g,\"radius\":%g,\"noise\":%g,"
+      "{\"bench\":\"field\",\"scene\":\"%s\",\"cells\":%d,\"h\":%g,\"radius\":%g,\"noise\":%g,\"normal_noise\":%g,"
       "\"points\":%zu,\"seconds\":%.5f,\"points_per_s\":%.0f,\"us_per_point\":%.4f,\"nodes_per_point\":%.3f,"
       "\"roots_per_point\":%.3f,\"leaves\":%zu,\"torn_edges\":%zu,\"mean_error_h\":%.5f,"
       "\"mean_normal_error\":%.5f}\n",
-      scene.c_str(), cells, h, radius, noise, core, best, n / best, best / n * 1e6,
+      scene.c_str(), cells, h, radius, noise, normal_noise, core, best, n / best, best / n * 1e6,
       static_cast<double>(nodes) / n, static_cast<double>(roots) / n, field.leaves.size(), torn,
       error / static_cast<double>(std::max<std::size_t>(1, roots)),
       normal_error / static_cast<double>(std::max<std::size_t>(1, roots)));
