@@ -128,7 +128,7 @@ void finish_row(const Sums& s, std::uint32_t active, const NodeFitOptions& optio
 
 /// How far a mean normal may turn from the sphere before it hints at a crease, as a share of the feature
 /// angle; and how many deviations of such a mean are granted to noise.
-constexpr float kHintShare = 0.2f;
+constexpr float kHintShare = 0.1f;
 constexpr float kHintDeviations = 2.0f;
 
 /// Nodes of the row in whose reach a mean normal turns from the node's sphere by more than noise explains.
