@@ -8,6 +8,7 @@
 #include "kernels/edge_roots.h"
 #include "kernels/node_fit.h"
 #include "kernels/point_leaves.h"
+#include "kernels/root_colour.h"
 
 namespace tessera {
 namespace {
@@ -105,6 +106,7 @@ DirectedField evaluate_field(const PointBlock& points, const FieldOptions& optio
     }
   }
   find_roots(fits, sheets, field);
+  if (!points.rgba.empty()) colour_roots(points, leaves, fit_options.radius, field);
   return field;
 }
 

@@ -1,0 +1,76 @@
+#include "kernels/root_colour.h"
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+
+#include "kernels/sample_list.h"
+
+namespace tessera {
+namespace {
+
+constexpr float kColourRadius = 1.5f;
+
+/// Mean colour within the radius of p; 0 if there is none.
+std::uint32_t mean_colour(const PointBlock& points, const SampleList& samples, const Float3& p,
+                          float radius) {
+  const float r2 = radius * radius, inverse_r2 = 1.0f / r2;
+  const __m256 px = _mm256_set1_ps(p[0]), py = _mm256_set1_ps(p[1]), pz = _mm256_set1_ps(p[2]);
+  alignas(32) std::array<float, kLanes> distance2;
+  float weight = 0.0f;
+  std::array<float, 3> sum = {0, 0, 0};
+  for (std::size_t i = 0; i < samples.size; i += kLanes) {
+    const __m256 x = _mm256_sub_ps(_mm256_loadu_ps(&samples.x[i]), px);
+    const __m256 y = _mm256_sub_ps(_mm256_loadu_ps(&samples.y[i]), py);
+    const __m256 z = _mm256_sub_ps(_mm256_loadu_ps(&samples.z[i]), pz);
+    const __m256 d2 = _mm256_fmadd_ps(x, x, _mm256_fmadd_ps(y, y, _mm256_mul_ps(z, z)));
+    auto mask = static_cast<unsigned>(_mm256_movemask_ps(_mm256_cmp_ps(d2, _mm256_set1_ps(r2), _CMP_LT_OQ)));
+    if (samples.size - i < kLanes) mask &= (1u << (samples.size - i)) - 1u;
+    if (!mask) continue;
+    _mm256_store_ps(distance2.data(), d2);
+    for (; mask; mask &= mask - 1) {
+      const auto lane = static_cast<std::size_t>(std::countr_zero(mask));
+      const std::uint32_t rgba = points.rgba[samples.point[i + lane]];
+      if (rgba >> 24 == 0) continue;
+      const float t = 1.0f - distance2[lane] * inverse_r2, w = t * t;
+      weight += w;
+      for (std::size_t c = 0; c < 3; ++c) sum[c] += w * static_cast<float>(rgba >> (8 * c) & 0xff);
+    }
+  }
+  if (!(weight > 0.0f)) return 0;
+  std::uint32_t out = 0xff000000u;
+  for (std::size_t c = 0; c < 3; ++c)
+    out |= static_cast<std::uint32_t>(std::clamp(std::floor(sum[c] / weight + 0.5f), 0.0f, 255.0f))
+           << (8 * c);
+  return out;
+}
+
+}  // namespace
+
+void colour_roots(const PointBlock& points, const PointLeaves& leaves, float radius, DirectedField& field) {
+  SampleList samples;
+  for (const BandLeaf& leaf : field.leaves) {
+    std::uint64_t any = 0;
+    for (const auto& axis : leaf.crossing)
+      for (const std::uint64_t word : axis) any |= word;
+    if (!any) continue;
+    // Fixed box, whatever the block: roots lie in [0, 8).
+    const float reach = std::max(radius, kColourRadius), low = -reach, high = 8.0f + reach;
+    gather_samples(points, leaves, leaf.origin[0] >> kLeafBits, leaf.origin[1] >> kLeafBits,
+                   leaf.origin[2] >> kLeafBits, {{low, low, low}, {high, high, high}}, samples);
+    for (std::size_t axis = 0; axis < 3; ++axis)
+      for (std::size_t z = 0; z < 8; ++z) {
+        std::uint32_t next = leaf.first_root[axis][z];
+        for (std::uint64_t left = leaf.crossing[axis][z]; left; left &= left - 1) {
+          const int bit = std::countr_zero(left);
+          EdgeRoot& root = field.roots[next++];
+          Float3 p = {static_cast<float>(bit & 7), static_cast<float>(bit >> 3), static_cast<float>(z)};
+          p[axis] += root.t;
+          root.rgba = mean_colour(points, samples, p, kColourRadius);
+          if (root.rgba == 0) root.rgba = mean_colour(points, samples, p, radius);
+        }
+      }
+  }
+}
+
+}  // namespace tessera
