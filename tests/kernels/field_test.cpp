@@ -8,6 +8,7 @@
 #include <map>
 
 #include "tests/helpers/oriented_samples.h"
+#include "tests/helpers/solids.h"
 
 using namespace tessera;
 
@@ -188,4 +189,165 @@ TEST_CASE("field: the same bits from every block that holds a node", "[property]
     compared += a.size();
   }
   CHECK(compared > 20000);
+}
+
+namespace {
+
+const Double3 kCentre = {96.13, 95.71, 96.37};
+
+/// A crossed edge with a cell around it that is not complete: a border of the surface.
+bool is_torn(const DirectedField& field, const Root& r) {
+  const auto axis = static_cast<std::size_t>(r.axis);
+  for (int c = 0; c < 4; ++c)
+    for (int corner = 0; corner < 8; ++corner) {
+      Int3 at;
+      for (std::size_t a = 0; a < 3; ++a) at[a] = r.node[a] - field.origin[a] + (corner >> a & 1);
+      at[(axis + 1) % 3] -= c & 1;
+      at[(axis + 2) % 3] -= c >> 1;
+      if (*std::min_element(at.begin(), at.end()) < -1 || *std::max_element(at.begin(), at.end()) > kCells)
+        continue;
+      if (!valid_at(field, at[0], at[1], at[2])) return true;
+    }
+  return false;
+}
+
+struct Quality {
+  std::size_t roots = 0, torn = 0, wrong_signs = 0;
+  double worst = 0, mean = 0, worst_normal = 0, mean_normal = 0;
+};
+
+Quality quality_of(const DirectedField& field, const test::Solid& solid) {
+  Quality q;
+  for (const Root& r : roots_of(field)) {
+    ++q.roots;
+    q.torn += is_torn(field, r);
+    const double moved = std::abs(static_cast<double>(r.edge.offset));  // kept off the node on purpose
+    const double e = std::max(0.0, std::abs(solid.value(r.p)) - moved);
+    const Double3 n = {static_cast<double>(r.edge.normal[0]), static_cast<double>(r.edge.normal[1]),
+                       static_cast<double>(r.edge.normal[2])};
+    const double turn = solid.normal_error(r.p, n, 0.05 + moved);
+    q.worst = std::max(q.worst, e);
+    q.mean += e;
+    q.worst_normal = std::max(q.worst_normal, turn);
+    q.mean_normal += turn;
+  }
+  q.mean /= static_cast<double>(q.roots);
+  q.mean_normal /= static_cast<double>(q.roots);
+  for (const BandLeaf& leaf : field.leaves)
+    for (int n = 0; n < 512; ++n) {
+      const Int3 at = {leaf.origin[0] + (n & 7), leaf.origin[1] + (n >> 3 & 7), leaf.origin[2] + (n >> 6)};
+      if (!valid_at(field, at[0], at[1], at[2])) continue;
+      const double value = solid.value({at[0] + 64.0, at[1] + 64.0, at[2] + 64.0});
+      if (std::abs(value) > 0.03 && inside_at(field, at[0], at[1], at[2]) != (value < 0)) ++q.wrong_signs;
+    }
+  return q;
+}
+
+}  // namespace
+
+TEST_CASE("field: creases and corners keep their exact faces", "[unit]") {
+  struct Case {
+    const char* name;
+    test::Solid solid;
+    double worst;
+  };
+  const bool turned = GENERATE(false, true);
+  const Case cases[] = {
+      {"cube", test::make_box(kCentre, {21.3, 20.1, 18.7}, turned), 0.02},
+      {"bored block", test::make_bored_block(kCentre, {20.3, 19.1, 17.7}, 12.2, turned), 0.15},
+      {"fandisk", test::make_fandisk(kCentre, 22, turned), 0.05}};
+  for (const Case& c : cases) {
+    CAPTURE(c.name, turned);
+    test::Random random(5);
+    const auto samples = c.solid.sample(kCentre, 45, 1 / 1.5, random);
+    const Quality q = quality_of(field_of(samples), c.solid);
+    CHECK(q.roots > 6000);
+    CHECK(q.wrong_signs == 0);
+    CHECK(q.torn <= 3);
+    CHECK(q.mean < 0.001);
+    CHECK(q.worst < c.worst);
+    CHECK(q.mean_normal < 0.001);
+  }
+}
+
+TEST_CASE("field: thin plates, slots and steps", "[unit]") {
+  const bool turned = GENERATE(false, true);
+  const test::Solid solids[] = {
+      test::make_slab(kCentre, 1.2, false, turned), test::make_slab(kCentre, 1.2, true, turned),
+      test::make_slab(kCentre, 2.4, false, turned), test::make_slab(kCentre, 2.4, true, turned),
+      test::make_step(kCentre, 1.5, turned),        test::make_step(kCentre, 2.5, turned),
+      test::make_step(kCentre, 4.0, turned)};
+  for (std::size_t i = 0; i < std::size(solids); ++i) {
+    CAPTURE(i, turned);
+    test::Random random(6);
+    const Quality q = quality_of(field_of(solids[i].sample(kCentre, 45, 1 / 1.5, random)), solids[i]);
+    CHECK(q.roots > 4000);
+    CHECK(q.wrong_signs == 0);
+    CHECK(q.torn == 0);
+    CHECK(q.mean < 0.001);
+    CHECK(q.worst < 0.05);
+    CHECK(q.worst_normal < 0.02);
+  }
+}
+
+TEST_CASE("field: noise does not break a cube", "[unit]") {
+  const test::Solid solid = test::make_box(kCentre, {21.3, 20.1, 18.7}, true);
+  test::Random random(8);
+  auto samples = solid.sample(kCentre, 45, 1 / 1.5, random);
+  test::add_noise(0.2 / 1.5, random, samples);
+  for (auto& s : samples)
+    for (double& n : s.n) n += 0.1 * random.gaussian();
+  FieldOptions options;
+  options.noise_cells = 0.2 / 1.5;
+  const Quality q = quality_of(field_of(samples, options), solid);
+  CHECK(q.mean < 0.2 / 1.5 * 0.25);
+  CHECK(q.worst < 0.25);
+  CHECK(q.torn == 0);
+}
+
+TEST_CASE("field: the surface ends at the last samples and closes pinholes", "[unit]") {
+  // A plate of samples z = 96.4, x < 96, with a hole of radius 1.5 cells around (80, 96).
+  test::Random random(9);
+  test::Samples samples;
+  test::add_face(
+      {56, 56, 96.4}, {40, 0, 0}, {0, 80, 0}, {0, 0, 1}, 1 / 1.5,
+      [](const Double3& p) { return std::hypot(p[0] - 80, p[1] - 96) > 1.5; }, random, samples);
+  const DirectedField field = field_of(samples);
+  double farthest = 0;
+  std::size_t in_hole = 0;
+  for (const Root& r : roots_of(field)) {
+    REQUIRE(r.axis == 2);
+    bool complete = true;  // reached by the surface: some cell beside the edge has all its nodes
+    if (is_torn(field, r)) complete = false;
+    if (complete) farthest = std::max(farthest, r.p[0]);
+    if (complete && std::hypot(r.p[0] - 80, r.p[1] - 96) < 1.5) ++in_hole;
+  }
+  CHECK(farthest >= 94.0);
+  CHECK(farthest <= 97.0);
+  CHECK(in_hole >= 5);
+}
+
+TEST_CASE("field: points without normal are ignored, colour is the mean around the root", "[unit]") {
+  test::Random random(10);
+  test::Samples samples;
+  test::add_face({56, 56, 96.4}, {80, 0, 0}, {0, 80, 0}, {0, 0, 1}, 1 / 1.5, {}, random, samples);
+  for (auto& s : samples) s.rgba = s.p[0] < 96 ? 0xff2040ffu : 0xffff8000u;
+  const auto clean =
+      evaluate_field(test::make_block(samples, kOrigin, kSize, field_halo_cells({}), true), {});
+  auto more = samples;
+  for (int i = 0; i < 500; ++i)
+    more.push_back({{70 + 40 * random.uniform(), 70 + 40 * random.uniform(), 97.5}, {0, 0, 0}, 0});
+  const auto same = evaluate_field(test::make_block(more, kOrigin, kSize, field_halo_cells({}), true), {});
+  REQUIRE(clean.roots.size() > 3000);
+  CHECK(bits_of(clean, {63, 63, 63}, {129, 129, 129}) == bits_of(same, {63, 63, 63}, {129, 129, 129}));
+  for (const Root& r : roots_of(clean)) {
+    if (r.p[0] < 94) REQUIRE(r.edge.rgba == 0xff2040ffu);
+    if (r.p[0] > 98) REQUIRE(r.edge.rgba == 0xffff8000u);
+  }
+}
+
+TEST_CASE("field: empty, sparse and stacked points give no surface and no trouble", "[unit]") {
+  CHECK(field_of({}).leaves.empty());
+  CHECK(field_of({{{90, 90, 90}, {0, 0, 1}, 0}}).roots.empty());
+  CHECK(field_of(test::Samples(20000, {{90.5, 90.5, 90.5}, {0, 0, 1}, 0})).roots.size() < 100);
 }
