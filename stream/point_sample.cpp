@@ -62,19 +62,14 @@ std::vector<Double3> PointSampler::take() {
   return points;
 }
 
-CellSampler::CellIndex CellSampler::cell_of(const Double3& p) const {
-  return {static_cast<std::int64_t>(std::floor(p[0] / size_)),
-          static_cast<std::int64_t>(std::floor(p[1] / size_)),
-          static_cast<std::int64_t>(std::floor(p[2] / size_))};
-}
-
 std::uint64_t CellSampler::hash_of(const CellIndex& cell) {
   return mix(static_cast<std::uint64_t>(cell[0]) ^
              mix(static_cast<std::uint64_t>(cell[1]) ^ mix(static_cast<std::uint64_t>(cell[2]))));
 }
 
 void CellSampler::shrink() {
-  std::sort(held_.begin(), held_.end(), before);
+  std::sort(held_.begin(), held_.end(),
+            [](const HashedPoint& a, const HashedPoint& b) { return a.hash < b.hash; });
   const std::size_t most = std::max<std::size_t>(1, limit_ / 8);
   std::size_t sum = 0;
   std::size_t out = 0;
@@ -98,6 +93,7 @@ void CellSampler::shrink() {
 
 std::vector<CellSampler::Cell> CellSampler::take() {
   shrink();
+  std::sort(held_.begin(), held_.end(), before);
   std::vector<Cell> cells;
   std::uint64_t hash = 0;
   for (const HashedPoint& h : held_) {

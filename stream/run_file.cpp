@@ -53,20 +53,19 @@ std::vector<Extent> checked_extents(const ReadFile& in, const TableMark& mark, s
 
 RunWriter::RunWriter(const std::filesystem::path& path, std::uint32_t file, std::size_t buckets,
                      std::size_t run_points)
-    : out_(path),
-      file_(file),
-      points_(run_points),
-      grouped_(run_points),
-      buckets_(run_points),
-      first_(buckets) {
+    : out_(path), file_(file), run_points_(run_points), first_(buckets) {
+  points_.reserve(run_points);  // reserved, not touched: a small task takes little
+  grouped_.reserve(run_points);
+  buckets_.reserve(run_points);
   const RunHeader header;
   out_.write(&header, sizeof header);
 }
 
 void RunWriter::flush() {
-  if (used_ == 0) return;
+  const std::size_t n = points_.size();
+  if (n == 0) return;
   std::fill(first_.begin(), first_.end(), 0);
-  for (std::size_t i = 0; i < used_; ++i) ++first_[buckets_[i]];
+  for (std::size_t i = 0; i < n; ++i) ++first_[buckets_[i]];
   std::uint64_t sum = 0;
   for (std::size_t b = 0; b < first_.size(); ++b) {
     const std::uint64_t count = first_[b];
@@ -76,12 +75,14 @@ void RunWriter::flush() {
     first_[b] = sum;
     sum += count;
   }
-  for (std::size_t i = 0; i < used_; ++i) grouped_[first_[buckets_[i]]++] = points_[i];
+  grouped_.resize(n);
+  for (std::size_t i = 0; i < n; ++i) grouped_[first_[buckets_[i]]++] = points_[i];
   for (auto e = extents_.rbegin(); e != extents_.rend() && e->offset >= out_.offset(); ++e)
     e->checksum = XXH3_64bits(grouped_.data() + (e->offset - out_.offset()) / sizeof(PointRecord),
                               e->points * sizeof(PointRecord));
-  out_.write(grouped_.data(), used_ * sizeof(PointRecord));
-  used_ = 0;
+  out_.write(grouped_.data(), n * sizeof(PointRecord));
+  points_.clear();
+  buckets_.clear();
 }
 
 std::uint64_t RunWriter::finish() {

@@ -32,9 +32,9 @@ class RunWriter {
   RunWriter(const std::filesystem::path& path, std::uint32_t file, std::size_t buckets,
             std::size_t run_points);
   void add(const PointRecord& point, std::uint32_t bucket) {
-    points_[used_] = point;
-    buckets_[used_] = bucket;
-    if (++used_ == points_.size()) flush();
+    points_.push_back(point);
+    buckets_.push_back(bucket);
+    if (points_.size() == run_points_) flush();
   }
   /// Last run, table, footer. Returns bytes written.
   std::uint64_t finish();
@@ -46,7 +46,7 @@ class RunWriter {
 
   DirectFile out_;
   std::uint32_t file_;
-  std::size_t used_ = 0;
+  std::size_t run_points_;
   std::vector<PointRecord> points_, grouped_;
   std::vector<std::uint32_t> buckets_;
   std::vector<std::uint64_t> first_;  ///< per bucket, of the run at hand

@@ -94,7 +94,7 @@ std::vector<PlanBrick> lattice_bricks(const std::vector<BrickCount>& counts, con
 }  // namespace
 
 std::uint64_t bucket_target(const RunOptions& run, std::uint64_t points) {
-  constexpr std::uint64_t kMost = std::uint64_t{1} << 22;
+  constexpr std::uint64_t kMost = std::uint64_t{1} << 20;
   constexpr std::uint64_t kLeast = std::uint64_t{1} << 14;
   constexpr std::uint64_t kMaxBuckets = 600;
   const std::uint64_t share = run.memory_bytes / static_cast<std::uint64_t>(std::max(1, run.threads));
@@ -131,8 +131,6 @@ std::uint64_t SurveyStage::finish_bytes() const {
 nlohmann::json SurveyStage::run(std::size_t task, TaskContext& context) const {
   BrickCounter counter(context.create(counts_file(task)), kCounterBricks);
   CellSampler sampler(kSampleCell, kSamplePoints);
-  CellSampler::CellIndex cell{};
-  std::uint64_t cell_hash = CellSampler::hash_of(cell);
   ChunkQuanta quanta;
   Tally tally;
   const ReadCounts counts = inputs_->read(task, context, true, [&](std::uint32_t, const PointChunk& chunk) {
@@ -146,12 +144,7 @@ nlohmann::json SurveyStage::run(std::size_t task, TaskContext& context) const {
                    static_cast<std::int64_t>(std::floor(quanta.y[i] / kQuantaPerBrick)),
                    static_cast<std::int64_t>(std::floor(quanta.z[i] / kQuantaPerBrick))});
       const Double3 p = {quanta.x[i], quanta.y[i], quanta.z[i]};
-      const CellSampler::CellIndex at = sampler.cell_of(p);
-      if (at != cell) {
-        cell = at;
-        cell_hash = CellSampler::hash_of(cell);
-      }
-      sampler.add(p, cell_hash);
+      sampler.add(p);
       for (std::size_t a = 0; a < 3; ++a) {
         tally.min[a] = std::min(tally.min[a], p[a]);
         tally.max[a] = std::max(tally.max[a], p[a]);

@@ -1,0 +1,252 @@
+#include <catch2/catch.hpp>
+#include <limits>
+
+#include "octree/error.h"
+#include "stream/brick_histogram.h"
+#include "stream/stages/probe_stage.h"
+#include "tests/helpers/point_chain.h"
+#include "tests/helpers/random_points.h"
+
+using namespace tessera;
+using namespace tessera::test;
+
+namespace {
+
+Plan survey(const std::vector<TestPoint>& points, const ChainSetup& setup = {}) {
+  const TempFolder work;
+  const JobState job = chain_job(work.path(), setup);
+  run_stage(SurveyStage(job, chain_inputs(points, setup), setup.h, false), job.work, setup.backwards);
+  return Plan::of_work(job.work);
+}
+
+/// What does not concern execution.
+std::string result_of(Plan plan) {
+  plan.buckets.clear();
+  plan.forecast.clear();
+  return plan.to_json().dump();
+}
+
+/// h as the two measuring passes choose it.
+double measured_resolution(const std::vector<TestPoint>& points, ChainSetup setup = {}) {
+  const TempFolder work;
+  setup.h = 0.0;
+  const JobState job = chain_job(work.path(), setup);
+  const auto inputs = chain_inputs(points, setup);
+  run_stage(*make_probe_stage(job, inputs), job.work, setup.backwards);
+  run_stage(*make_spacing_stage(job, inputs), job.work, setup.backwards);
+  return chosen_resolution(job.work);
+}
+
+ChainSetup at_resolution(double h) {
+  ChainSetup setup;
+  setup.h = h;
+  return setup;
+}
+
+std::vector<TestPoint> random_plane(std::size_t count, double edge, double noise) {
+  Random random(21);
+  std::vector<TestPoint> points;
+  for (std::size_t i = 0; i < count; ++i) {
+    double z = -6.0;  // sum of uniforms, variance 1
+    for (int k = 0; k < 12; ++k) z += random.unit();
+    points.push_back({{random.in(0, edge), random.in(0, edge), noise * z}, {0, 0, 1}, 0});
+  }
+  return points;
+}
+
+}  // namespace
+
+TEST_CASE("survey: counts every fate", "[unit]") {
+  constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+  constexpr double kInf = std::numeric_limits<double>::infinity();
+  auto points = sphere_points(2000, 50.0, {0, 0, 0});
+  points.push_back({{kNan, 0, 0}, {}, 0});
+  points.push_back({{0, kInf, 0}, {}, 0});
+  points.push_back({{0, -kInf, kNan}, {}, 0});
+  points.push_back({{1e300, 1e300, 1e308}, {}, 0});  // finite, far beyond the lattice
+  points.push_back({{0, 1e9, 0}, {}, 0});            // an outlier at 1e9
+  const Plan plan = survey(points);
+  CHECK(plan.fates.read == points.size());
+  CHECK(plan.fates.non_finite == 3);
+  CHECK(plan.fates.absurd == 2);
+  CHECK(plan.fates.kept == 2000);
+  CHECK(plan.brick_max[1] < 5);
+  const ChainResult r = run_chain(points);
+  CHECK(r.points.size() + r.order["duplicates"].get<std::uint64_t>() == 2000);
+}
+
+TEST_CASE("survey: the plan follows from the points alone", "[property]") {
+  auto points = sphere_points(20000, 120.0, {1000.5, -77.25, 3.0});
+  const Plan want = survey(points);
+  CHECK(want.radius_cells >= 3.0);
+  ChainSetup setup;
+  shuffle(points, 4);
+  setup.files = GENERATE(1, 4);
+  setup.slice_points = GENERATE(500, 100000);
+  setup.threads = 7;
+  setup.memory = std::uint64_t{64} << 20;
+  setup.backwards = true;
+  CHECK(result_of(survey(points, setup)) == result_of(want));
+}
+
+TEST_CASE("survey: buckets cover all bricks once", "[unit]") {
+  ChainSetup setup;
+  setup.memory = std::uint64_t{8} << 20;
+  setup.threads = 4;
+  const ChainResult r = run_chain(sphere_points(60000, 300.0, {0, 0, 0}), setup);
+  REQUIRE(r.plan.buckets.size() > 2);
+  std::uint64_t bricks = 0;
+  std::uint64_t points = 0;
+  for (const PlanBucket& b : r.plan.buckets) {
+    CHECK(b.first_brick == bricks);
+    CHECK(b.first_key == r.bricks[b.first_brick].key);
+    bricks += b.bricks;
+    points += b.points;
+  }
+  CHECK(bricks == r.bricks.size());
+  CHECK(points == r.plan.points());
+}
+
+TEST_CASE("survey: UTM coordinates keep sub-millimetre precision", "[unit]") {
+  ChainSetup setup;
+  setup.h = 0.05;
+  std::vector<TestPoint> points;
+  Random random(3);
+  for (int i = 0; i < 3000; ++i)
+    points.push_back(
+        {{4.5e6 + random.in(0, 20), 5.2e6 + random.in(0, 20), 430.0 + random.in(0, 0.1)}, {}, 0});
+  const ChainResult r = run_chain(points, setup);
+  REQUIRE(r.points.size() == points.size());
+  double worst = 0.0;
+  std::vector<Double3> got;
+  for (const PointRecord& p : r.points) got.push_back(world_of(r.plan, p));
+  std::vector<Double3> want;
+  for (const TestPoint& p : points) want.push_back(p.p);
+  std::sort(got.begin(), got.end());
+  std::sort(want.begin(), want.end());
+  for (std::size_t i = 0; i < got.size(); ++i) worst = std::max(worst, std::fabs(got[i][0] - want[i][0]));
+  CHECK(worst <= 0.05 / 1024 / 2 + 1e-9);
+}
+
+TEST_CASE("survey: what cannot be a surface is refused", "[unit]") {
+  CHECK_THROWS_AS(survey({}), EmptyError);
+  CHECK_THROWS_AS(survey({TestPoint{{1, 2, 3}, {}, 0}}), EmptyError);
+  CHECK_THROWS_AS(survey({TestPoint{{1, 2, 3}, {}, 0}, TestPoint{{2, 2, 3}, {}, 0}}), EmptyError);
+  CHECK_THROWS_AS(survey(std::vector<TestPoint>(100, TestPoint{{1, 2, 3}, {}, 0})), InputError);
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  CHECK_THROWS_AS(survey(std::vector<TestPoint>(5, TestPoint{{nan, 2, 3}, {}, 0})), EmptyError);
+  ChainSetup setup;
+  setup.h = 1e-6;
+  CHECK_THROWS_WITH(survey(sphere_points(1000, 10.0, {0, 0, 0}), setup), Catch::Contains("--resolution"));
+  setup.h = -1.0;
+  CHECK_THROWS_AS(survey(sphere_points(1000, 10.0, {0, 0, 0}), setup), UsageError);
+  setup.h = 1.0;
+  setup.options.radius = 5.0;
+  CHECK_THROWS_AS(survey(sphere_points(1000, 10.0, {0, 0, 0}), setup), UsageError);
+}
+
+TEST_CASE("survey: one point per brick", "[property]") {
+  Random random(8);
+  std::vector<TestPoint> points;
+  for (int i = 0; i < 5000; ++i)
+    points.push_back({{random.in(0, 20000), random.in(0, 20000), random.in(0, 20000)}, {}, 0});
+  const ChainResult r = run_chain(points);
+  CHECK(r.plan.bricks > 4900);
+  CHECK(r.points.size() == points.size());
+  CHECK_FALSE(r.plan.warnings.empty());
+}
+
+TEST_CASE("survey: spacing and noise of a random plane", "[unit]") {
+  // Density 1: the spacing of a uniform random sample is 1.
+  const Plan exact = survey(random_plane(40000, 200.0, 0.0), at_resolution(1.5));
+  CHECK(exact.spacing == Approx(1.0).epsilon(0.15));
+  CHECK(exact.noise_cells < 1e-3);
+  CHECK(exact.radius_cells == 3.0);
+  CHECK(exact.warnings.empty());
+  const Plan noisy = survey(random_plane(40000, 200.0, 0.5), at_resolution(1.5));
+  CHECK(noisy.noise_cells * 1.5 == Approx(0.5).epsilon(0.15));
+  const Plan fine = survey(random_plane(40000, 200.0, 0.0), at_resolution(0.7));
+  CHECK_FALSE(fine.warnings.empty());
+  CHECK(fine.radius_cells > 3.5);
+}
+
+TEST_CASE("resolution: one and a half spacings, whatever the order", "[property]") {
+  auto points = random_plane(60000, 100.0, 0.0);  // spacing 0.41
+  const double h = measured_resolution(points);
+  CHECK(h > 1.3 * 0.408);
+  CHECK(h < 1.8 * 0.408);
+  shuffle(points, 5);
+  ChainSetup setup;
+  setup.files = 3;
+  setup.slice_points = 4000;
+  CHECK(measured_resolution(points, setup) == h);
+
+  std::vector<TestPoint> grid;
+  for (int i = 0; i < 300; ++i)
+    for (int j = 0; j < 300; ++j) grid.push_back({{0.25 * i, 0.25 * j, 0.0}, {}, 0});
+  CHECK(measured_resolution(grid) == Approx(0.375).epsilon(0.05));
+}
+
+TEST_CASE("resolution: outliers and few points do not mislead it", "[unit]") {
+  auto points = random_plane(60000, 100.0, 0.0);
+  Random random(6);
+  for (int i = 0; i < 600; ++i)
+    points.push_back({{random.in(-500, 500), random.in(-500, 500), random.in(-500, 500)}, {}, 0});
+  points.push_back({{1e12, 0, 0}, {}, 0});
+  const double h = measured_resolution(points);
+  CHECK(h > 1.3 * 0.408);
+  CHECK(h < 2.0 * 0.408);
+
+  std::vector<TestPoint> few;
+  for (int i = 0; i < 6; ++i)
+    for (int j = 0; j < 5; ++j) few.push_back({{1.0 * i, 1.0 * j, 0.1 * i * j}, {}, 0});
+  const double small = measured_resolution(few);
+  CHECK(small > 1.0);
+  CHECK(small < 5.0);
+  CHECK_THROWS_AS(measured_resolution(std::vector<TestPoint>(9, few[0])), InputError);
+}
+
+TEST_CASE("resolution: two decimal digits, never below", "[unit]") {
+  CHECK(round_up_2_digits(0.7841) == 0.79);
+  CHECK(round_up_2_digits(0.00079) == 0.00079);
+  CHECK(round_up_2_digits(123.4) == 130.0);
+  CHECK(round_up_2_digits(2.01) == 2.1);
+  CHECK(round_up_2_digits(10.0) == 10.0);
+}
+
+TEST_CASE("brick counter: spilled runs add up", "[unit]") {
+  const TempFolder folder;
+  BrickCounter counter(folder.path() / "counts", 100);
+  Random random(1);
+  for (int i = 0; i < 20000; ++i)
+    counter.add({static_cast<std::int64_t>(random.bits() % 300) - 150, -7, i % 2});
+  counter.finish();
+  const auto all = merge_brick_counts({folder.path() / "counts", folder.path() / "counts"}, 10000);
+  std::uint64_t points = 0;
+  for (const BrickCount& b : all) points += b.points;
+  CHECK(all.size() == 600);
+  CHECK(points == 40000);
+  CHECK(
+      std::is_sorted(all.begin(), all.end(), [](const auto& a, const auto& b) { return a.brick < b.brick; }));
+  CHECK_THROWS_AS(merge_brick_counts({folder.path() / "counts"}, 500), ResourceError);
+}
+
+TEST_CASE("robust window: keeps a far part of the scan, drops a far speck", "[unit]") {
+  std::vector<BrickCount> bricks;
+  for (std::int64_t i = 0; i < 10; ++i) bricks.push_back({{i, 0, 0}, 1000});
+  bricks.push_back({{5000, 0, 0}, 3});  // within 1000 extents
+  BrickWindow w = robust_window(bricks, 1.0);
+  CHECK(w.dropped_points == 0);
+  CHECK(w.max[0] == 5000);
+  bricks.push_back({{-40000, 0, 0}, 2});  // beyond
+  w = robust_window(bricks, 1.0);
+  CHECK(w.dropped_points == 2);
+  CHECK(w.min[0] == 0);
+  bricks.push_back({{-9900, 0, 0}, 2});  // within, but the lattice ends: a speck gives way
+  bricks.push_back({{9900, 0, 0}, 2});
+  w = robust_window(bricks, 1.0);
+  CHECK(w.max[0] == 5000);
+  CHECK(w.dropped_points == 6);
+  bricks.back().points = 500;  // no speck
+  CHECK_THROWS_AS(robust_window(bricks, 1.0), InputError);
+}
