@@ -1,0 +1,92 @@
+/// \file picture.h
+/// Shaded pictures of triangles, lines and points, streamed in batches into one image that may hold several
+/// views. Forward shading at `supersample` times the size (key, fill and head light fixed to the camera),
+/// then screen-space ambient occlusion (after McGuire et al., "The Alchemy Screen-Space Ambient Obscurance
+/// Algorithm", 2011, with the falloff tied to each sample's distance) and the average in linear light. The
+/// same batches give the same bytes on one machine.
+#pragma once
+#include <array>
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "kernels/camera.h"
+#include "kernels/rasterizer.h"
+
+namespace tessera {
+
+/// 8 bit RGB, rows from the top.
+struct Image {
+  int width = 0;
+  int height = 0;
+  std::vector<std::uint8_t> rgb;
+  std::uint8_t* pixel(int x, int y) {
+    return rgb.data() +
+           3 * (static_cast<std::size_t>(y) * static_cast<std::size_t>(width) + static_cast<std::size_t>(x));
+  }
+  const std::uint8_t* pixel(int x, int y) const { return const_cast<Image*>(this)->pixel(x, y); }
+};
+
+/// Colours are r | g<<8 | b<<16, as points carry them.
+inline constexpr std::uint32_t kClay = 0xffc8d0d6u;
+inline constexpr std::uint32_t kBackFace = 0xff2f8cf0u;         // orange
+inline constexpr std::uint32_t kBorderEdge = 0xff2020e0u;       // red
+inline constexpr std::uint32_t kNonManifoldEdge = 0xffe01fd8u;  // magenta
+
+/// What the GPU gets per corner or point. Positions relative to the scene origin.
+struct PictureVertex {
+  float x = 0.0f, y = 0.0f, z = 0.0f;
+  std::int16_t nx = 0, ny = 0, nz = 0;  ///< unit normal times 32767
+  std::int16_t has_normal = 0;          ///< 32767, or 0 where unknown
+  std::uint32_t rgba = kClay;
+};
+static_assert(sizeof(PictureVertex) == 24);
+/// Sets the normal; a zero or non-finite vector means unknown.
+void set_normal(PictureVertex& vertex, float x, float y, float z);
+
+/// A camera and the part of the image that it fills, in pixels of the result from the top left.
+struct PictureView {
+  Camera camera;
+  int x = 0, y = 0, width = 0, height = 0;
+};
+
+struct PictureOptions {
+  int width = 1600;
+  int height = 1200;
+  int supersample = 3;            ///< 1..4: samples per pixel and axis
+  double occlusion = 1.0;         ///< strength of ambient occlusion; 0 = off
+  double occlusion_radius = 0.0;  ///< scene units; 0 = a share of each view's width
+};
+
+/// Bytes of pixel memory that a picture of this size needs.
+std::uint64_t picture_bytes(const PictureOptions& options);
+
+class Picture {
+ public:
+  /// \throws ResourceError when no context or no memory is to be had; UsageError when the size is out of
+  /// range
+  Picture(const PictureOptions& options, std::span<const PictureView> views);
+  ~Picture();
+
+  /// What is drawn from now on is given relative to `offset` from the scene origin. Zero at first.
+  void set_offset(const Double3& offset);
+  /// Three corners per triangle, counter-clockwise seen from outside. `wire_pixels` > 0 draws the edges, that
+  /// wide.
+  void triangles(std::span<const PictureVertex> corners, float wire_pixels = 0.0f);
+  /// Two ends per line; drawn `pixels` wide in the ends' colour, a little in front of what they lie on.
+  void lines(std::span<const PictureVertex> ends, float pixels);
+  /// Discs of `diameter` (scene units), at least `least_pixels` wide. Normals that look away are drawn in
+  /// kBackFace where `mark_back`.
+  void points(std::span<const PictureVertex> centres, float diameter, float least_pixels, bool mark_back);
+
+  /// The finished image. Call once.
+  Image finish();
+  const std::string& renderer() const;
+
+ private:
+  struct State;
+  std::unique_ptr<State> state_;
+};
+
+}  // namespace tessera
