@@ -12,6 +12,7 @@ namespace tessera {
 void add_plan(CLI::App& app);
 void add_reconstruct(CLI::App& app);
 void add_check(CLI::App& app);
+void add_render(CLI::App& app);
 void add_synth(CLI::App& app);
 void add_task(CLI::App& app);
 

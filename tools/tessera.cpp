@@ -15,6 +15,7 @@ int main(int argc, char** argv) {
   tessera::add_reconstruct(app);
   tessera::add_task(app);
   tessera::add_check(app);
+  tessera::add_render(app);
   tessera::add_synth(app);
 
   return tessera::cli::run(app, argc, argv);

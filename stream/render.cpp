@@ -1,0 +1,294 @@
+#include "stream/render.h"
+
+#include <algorithm>
+#include <cctype>
+#include <cmath>
+#include <cstdio>
+#include <memory>
+
+#include "kernels/camera.h"
+#include "kernels/caption.h"
+#include "kernels/picture.h"
+#include "octree/error.h"
+#include "stream/formats/ply_header.h"
+#include "stream/memory_budget.h"
+#include "stream/mesh_io.h"
+#include "stream/png_file.h"
+#include "stream/point_source.h"
+#include "stream/render_scene.h"
+
+namespace tessera {
+namespace {
+
+// Measured with GNU time: program, OSMesa with its compiled shaders, readers and batches, without the pixels.
+constexpr std::uint64_t kFixedBytes = std::uint64_t{200} << 20;
+constexpr std::uint64_t kLeastWorkBytes = std::uint64_t{32} << 20;  // vertex ranges and edge tables
+constexpr int kGap = 2;                                             // between views, pixels
+
+/// One picture: what is in it, and where it goes.
+struct Panel {
+  std::vector<std::unique_ptr<SceneItem>> items;
+  SceneSample sample;
+  SceneBox box;
+  std::string caption;
+};
+
+std::string lower_extension(const std::filesystem::path& path) {
+  std::string text = path.extension().string();
+  std::transform(text.begin(), text.end(), text.begin(),
+                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  return text;
+}
+
+/// A PLY file is either; the header tells.
+bool is_mesh(const std::filesystem::path& path) {
+  const std::string extension = lower_extension(path);
+  if (extension == ".ply") {
+    for (const PlyElement& element : read_ply_header(ReadFile(path)).elements) {
+      if ((element.name == "face" || element.name == "tristrips") && element.count > 0) return true;
+    }
+    return false;
+  }
+  return extension == ".obj" || extension == ".stl" || extension == ".off" || extension == ".glb";
+}
+
+Panel open_panel(const std::vector<std::string>& inputs, const RenderOptions& options,
+                 std::uint64_t work_bytes, RenderReport& report) {
+  Panel panel;
+  std::vector<std::filesystem::path> meshes, clouds;
+  for (const std::filesystem::path& path : expand_inputs(inputs))
+    (is_mesh(path) ? meshes : clouds).push_back(path);
+  const std::uint64_t share = meshes.empty() ? 0 : std::max(work_bytes / meshes.size(), kLeastWorkBytes);
+  for (const std::filesystem::path& path : meshes) {
+    panel.items.push_back(make_mesh_item(path, options, options.memory_bytes == 0 ? 0 : share, report));
+  }
+  if (!clouds.empty()) panel.items.push_back(make_points_item(clouds, options, report));
+  for (const auto& item : panel.items) {
+    panel.sample.merge(item->sample());
+    panel.caption += (panel.caption.empty() ? "" : " + ") + item->caption();
+  }
+  const bool only_points = meshes.empty();
+  panel.box = scene_box(panel.sample, only_points);
+  return panel;
+}
+
+std::vector<ViewSpec> chosen_views(const RenderOptions& options, const Double3& origin) {
+  std::vector<std::string> names = options.views;
+  if (names.empty() && options.has_eye) names = {"custom"};
+  if (names.empty()) names = {"iso", "iso2", "front", "top"};
+  std::vector<ViewSpec> views;
+  for (const std::string& name : names) {
+    if (name != "custom") {
+      views.push_back(parse_view(name, options.up));
+      continue;
+    }
+    if (!options.has_eye) throw UsageError("--view custom needs --eye x,y,z and --target x,y,z");
+    Double3 eye = options.eye, target = options.target;
+    for (std::size_t i = 0; i < 3; ++i) eye[i] -= origin[i], target[i] -= origin[i];
+    views.push_back(eye_view(eye, target, options.up));
+  }
+  return views;
+}
+
+/// Rectangles for `count` views: the grid whose cells are closest to 4 : 3.
+std::vector<PictureView> grid(std::size_t count, int width, int height) {
+  int best_columns = 1;
+  double best = 1e30;
+  const auto n = static_cast<int>(count);
+  for (int columns = 1; columns <= n; ++columns) {
+    const int rows = (n + columns - 1) / columns;
+    const double aspect = (static_cast<double>(width) / columns) / (static_cast<double>(height) / rows);
+    const double empty = static_cast<double>(rows * columns - n) / n;
+    const double miss = std::max(aspect / (4.0 / 3.0), (4.0 / 3.0) / aspect) + empty;
+    if (miss < best) best = miss, best_columns = columns;
+  }
+  const int rows = (n + best_columns - 1) / best_columns;
+  std::vector<PictureView> views;
+  for (int i = 0; i < n; ++i) {
+    const int column = i % best_columns, row = i / best_columns;
+    PictureView view;
+    view.x = column * (width + kGap) / best_columns;
+    view.y = row * (height + kGap) / rows;
+    view.width = (column + 1) * (width + kGap) / best_columns - kGap - view.x;
+    view.height = (row + 1) * (height + kGap) / rows - kGap - view.y;
+    views.push_back(view);
+  }
+  return views;
+}
+
+/// The largest of 1, 2, 5 x 10^k up to `most`.
+double round_length(double most) {
+  double unit = 1.0;
+  while (unit > most) unit /= 10.0;
+  while (unit * 10.0 <= most) unit *= 10.0;
+  if (unit * 5.0 <= most) return unit * 5.0;
+  return unit * 2.0 <= most ? unit * 2.0 : unit;
+}
+
+std::string short_number(double value) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%.6g", value);
+  return text;
+}
+
+void add_captions(Image& image, const std::vector<PictureView>& views, const std::vector<ViewSpec>& specs,
+                  const std::string& title) {
+  const double cap = std::clamp(image.height / 85.0, 7.0, 22.0);
+  const auto room = static_cast<double>(image.width) - 3.0 * cap;
+  std::string text = title;
+  while (text.size() > 4 && caption_width(text, cap) > room) text.pop_back();
+  draw_caption(image, 1.2 * cap, 2.2 * cap, cap, text);
+  for (std::size_t i = 0; i < views.size(); ++i) {
+    const PictureView& v = views[i];
+    const double base = v.y + v.height - 1.1 * cap;
+    draw_caption(image, v.x + 1.2 * cap, base, 0.9 * cap, specs[i].name);
+    if (!v.camera.orthographic) continue;
+    const double per_pixel = 2.0 * v.camera.half_width / v.width;
+    const double length = round_length(0.25 * v.width * per_pixel);
+    const double right = v.x + v.width - 1.4 * cap;
+    const double left = right - length / per_pixel;
+    draw_scale_bar(image, left, base - 0.35 * cap, right - left, 0.35 * cap);
+    const std::string label = short_number(length);
+    draw_caption(image, left - caption_width(label, 0.9 * cap) - 0.8 * cap, base, 0.9 * cap, label);
+  }
+}
+
+bool overlap(const SceneBox& a, const SceneBox& b) {
+  bool meet = true;
+  for (std::size_t i = 0; i < 3; ++i) meet = meet && a.low[i] <= b.high[i] && b.low[i] <= a.high[i];
+  return meet;
+}
+
+std::vector<Float3> relative(const SceneSample& sample, const SceneBox& box, const Double3& origin) {
+  std::vector<Float3> points;
+  for (const Double3& p : sample.points()) {
+    bool in = true;
+    Float3 q{};
+    for (std::size_t i = 0; i < 3; ++i) {
+      in = in && (!box.trimmed || (p[i] >= box.low[i] && p[i] <= box.high[i]));
+      q[i] = static_cast<float>(p[i] - origin[i]);
+    }
+    if (in) points.push_back(q);
+  }
+  return points;
+}
+
+Image draw_panel(Panel& panel, const std::vector<ViewSpec>& specs, const std::vector<Float3>& fit_points,
+                 const Double3& origin, const RenderOptions& options, int width, RenderReport& report) {
+  PictureOptions picture_options;
+  picture_options.width = width;
+  picture_options.height = options.height;
+  picture_options.supersample = options.samples;
+  picture_options.occlusion = options.occlusion;
+  std::vector<PictureView> views = grid(specs.size(), width, options.height);
+  Double3 low{}, high{};
+  for (std::size_t i = 0; i < 3; ++i) {
+    low[i] = panel.box.low[i] - origin[i];
+    high[i] = panel.box.high[i] - origin[i];
+  }
+  for (std::size_t i = 0; i < views.size(); ++i) {
+    const double aspect = static_cast<double>(views[i].width) / views[i].height;
+    if (options.focus.empty()) {
+      views[i].camera = fit_camera(specs[i], fit_points, aspect, options.zoom);
+    } else {
+      const Double3 centre = {options.focus[0] - origin[0], options.focus[1] - origin[1],
+                              options.focus[2] - origin[2]};
+      views[i].camera = focus_camera(specs[i], centre, options.focus[3], aspect, options.zoom);
+    }
+    set_depth_range(views[i].camera, low, high);
+  }
+  Picture picture(picture_options, views);
+  report.renderer = picture.renderer();
+  DrawContext context;
+  context.origin = origin;
+  context.box = panel.box;
+  context.options = &options;
+  for (const auto& item : panel.items) item->draw(picture, context);
+  Image image = picture.finish();
+  if (options.captions) add_captions(image, views, specs, panel.caption);
+  return image;
+}
+
+}  // namespace
+
+void RenderOptions::validate() const {
+  if (inputs.empty()) throw UsageError("no input: name a mesh or a point file to draw");
+  if (output.empty()) throw UsageError("no output: give -o PICTURE.png");
+  if (lower_extension(output) != ".png") {
+    throw UsageError("-o " + output.string() +
+                     ": pictures are written as PNG; give a name that ends in .png");
+  }
+  const auto check = [](bool fine, const std::string& what) {
+    if (!fine) throw UsageError(what);
+  };
+  check(width >= 64 && width <= 16384 && height >= 64 && height <= 16384,
+        "--size " + std::to_string(width) + "x" + std::to_string(height) +
+            ": each side must be from 64 to 16384");
+  check(samples >= 1 && samples <= 4, "--samples " + std::to_string(samples) + ": must be from 1 to 4");
+  check(std::isfinite(zoom) && zoom > 0.0, "--zoom must be above 0");
+  check(std::isfinite(splat) && splat >= 0.0, "--splat must be 0 (automatic) or above");
+  check(occlusion >= 0.0 && occlusion <= 2.0, "--occlusion must be from 0 to 2");
+  check(colour == "auto" || colour == "vertex" || colour == "clay" || colour == "height",
+        "--colour " + colour + ": use auto, vertex, clay or height");
+  check(borders == "auto" || borders == "on" || borders == "off",
+        "--borders " + borders + ": use auto, on or off");
+  check(focus.empty() || (focus.size() == 4 && focus[3] > 0.0),
+        "--focus: expected x,y,z,radius with radius above 0");
+  check(up[0] * up[0] + up[1] * up[1] + up[2] * up[2] > 0.0, "--up must not be zero");
+}
+
+RenderReport render(const RenderOptions& options) {
+  options.validate();
+  chosen_views(options, {0, 0, 0});  // a wrong name fails before anything is read
+  RenderReport report;
+  const auto panels = static_cast<int>(1 + options.compare.size());
+  const int panel_width = (options.width - (panels - 1) * kGap) / panels;
+  if (panel_width < 64)
+    throw UsageError("--size: too narrow for " + std::to_string(panels) + " pictures side by side");
+
+  PictureOptions pixels;
+  pixels.width = panel_width;
+  pixels.height = options.height;
+  pixels.supersample = options.samples;
+  const std::uint64_t image_bytes =
+      3 * static_cast<std::uint64_t>(options.width) * static_cast<std::uint64_t>(options.height);
+  const std::uint64_t fixed = kFixedBytes + picture_bytes(pixels) + image_bytes;
+  if (options.memory_bytes != 0 && options.memory_bytes < fixed + kLeastWorkBytes) {
+    throw ResourceError("render: a picture of " + std::to_string(options.width) + "x" +
+                        std::to_string(options.height) + " with --samples " +
+                        std::to_string(options.samples) + " needs --memory " +
+                        std::to_string(((fixed + kLeastWorkBytes - 1) >> 20) + 1) + "M or more; the cap is " +
+                        format_bytes(options.memory_bytes));
+  }
+  const std::uint64_t work = options.memory_bytes == 0 ? 0 : options.memory_bytes - fixed;
+
+  Image sheet;
+  sheet.width = options.width;
+  sheet.height = options.height;
+  sheet.rgb.assign(3 * static_cast<std::size_t>(sheet.width) * static_cast<std::size_t>(sheet.height), 160);
+  std::vector<Float3> fit_points;  // of the first panel: all panels have its cameras
+  std::vector<ViewSpec> specs;
+  Double3 origin{};
+  SceneBox shown;
+  for (int i = 0; i < panels; ++i) {
+    const std::vector<std::string> inputs =
+        i == 0 ? options.inputs : std::vector<std::string>{options.compare[static_cast<std::size_t>(i - 1)]};
+    Panel panel = open_panel(inputs, options, work, report);
+    if (i == 0) {
+      for (std::size_t k = 0; k < 3; ++k) origin[k] = 0.5 * (panel.box.low[k] + panel.box.high[k]);
+      shown = panel.box;
+      fit_points = relative(panel.sample, panel.box, origin);
+      specs = chosen_views(options, origin);
+    }
+    if (!overlap(panel.box, shown)) {
+      report.notices.push_back(options.compare[static_cast<std::size_t>(i - 1)] +
+                               ": lies outside of what the first picture shows");
+    }
+    const Image image = draw_panel(panel, specs, fit_points, origin, options, panel_width, report);
+    paste(sheet, image, i * (panel_width + kGap), 0);
+  }
+  write_png(options.output, sheet);
+  return report;
+}
+
+}  // namespace tessera

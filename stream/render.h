@@ -1,0 +1,70 @@
+/// \file render.h
+/// `tessera render`: meshes and point clouds of any size to shaded PNG pictures.
+///
+/// Files are streamed. A mesh needs its vertices by index: they stay in memory as floats when they fit the
+/// cap; otherwise the corners of all faces are gathered into one temporary file, in as many passes over
+/// ranges of vertices as the cap asks for, and the picture is drawn from that file. Points are streamed
+/// twice. What the cap changes is the way, not the picture (but for borders, see RenderOptions::borders).
+#pragma once
+#include <cstdint>
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "octree/lattice.h"
+
+namespace tessera {
+
+struct RenderOptions {
+  std::vector<std::string> inputs;   ///< drawn together in one picture: meshes, point files, or both
+  std::vector<std::string> compare;  ///< each one more picture, same camera, to the right
+  std::filesystem::path output;      ///< .png
+
+  std::vector<std::string> views;  ///< names for parse_view, or custom; empty = iso, iso2, front, top
+  int width = 1600;                ///< of the whole picture, pixels
+  int height = 1200;
+  int samples = 3;            ///< per pixel and axis, 1..4
+  double zoom = 1.0;          ///< enlarges after the fit
+  std::vector<double> focus;  ///< x, y, z, radius of what to look at, scan units; empty = everything
+  bool has_eye = false;       ///< view custom: from `eye` to `target`
+  Double3 eye = {0, 0, 0};
+  Double3 target = {0, 0, 0};
+  Double3 up = {0, 0, 1};  ///< which way is up in the views
+
+  std::string colour = "auto";  ///< vertex, clay, height or auto: vertex where the file has colours, else
+                                ///< clay; points that have neither colours nor normals by height
+  std::string borders =
+      "auto";           ///< on, off or auto: border edges red, non-manifold edges magenta; auto leaves them
+                        ///< out, and says so, where the edge table does not fit the cap in one pass
+  bool smooth = false;  ///< interpolate normals of vertices instead of one normal per face
+  bool wire = false;    ///< draw the edges of all faces
+  double occlusion = 1.0;  ///< strength of ambient occlusion, 0..2
+  double splat = 0.0;      ///< diameter of points, scan units; 0 = from their spacing
+  bool captions = true;    ///< names, counts, scale bars
+
+  std::vector<std::string> columns;  ///< names of text columns of point files
+  std::uint64_t memory_bytes = 0;    ///< cap on peak RSS; 0 = none
+  std::filesystem::path temp;        ///< folder of the temporary file; empty = beside the output
+
+  /// \throws UsageError naming the option and its range
+  void validate() const;
+};
+
+struct RenderReport {
+  std::uint64_t vertices = 0;
+  std::uint64_t faces = 0;
+  std::uint64_t points = 0;
+  std::uint64_t border_edges = 0;
+  std::uint64_t non_manifold_edges = 0;
+  std::uint64_t temp_bytes = 0;  ///< of the corner file; 0 = vertices were in memory
+  std::string renderer;
+  std::vector<std::string> notices;  ///< what the user should know, one sentence each
+};
+
+/// Draws and writes options.output.
+/// \throws UsageError; InputError; EmptyError when there is nothing to draw; ResourceError when the cap is
+/// too small,
+///         naming the smallest that would do, when the disk is full, or when OSMesa is missing
+RenderReport render(const RenderOptions& options);
+
+}  // namespace tessera

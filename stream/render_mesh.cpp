@@ -1,0 +1,341 @@
+// A mesh as a scene item: vertices in memory or corners in a file, border edges, batches of triangles.
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include "kernels/caption.h"
+#include "octree/error.h"
+#include "stream/border_edges.h"
+#include "stream/corner_file.h"
+#include "stream/memory_budget.h"
+#include "stream/mesh_weld.h"
+#include "stream/render_scene.h"
+#include "stream/stop.h"
+
+namespace tessera {
+namespace {
+
+constexpr std::size_t kChunkVertices = 1u << 18;
+constexpr std::size_t kBatchFaces = 32768;
+constexpr std::size_t kMostBorderEdges = 2u << 20;  // 2 lists of 16 byte edges and 24 byte ends each
+constexpr std::uint64_t kUnlimited = std::uint64_t{1} << 60;
+constexpr std::uint64_t kLeastTable = std::uint64_t{16} << 20;
+constexpr float kBorderPixels = 2.6f;
+constexpr float kWirePixels = 0.9f;
+
+/// Arrays that grow without copying, so that growth never needs more than it keeps.
+template <typename T>
+class Chunked {
+ public:
+  void push_back(const T& value) {
+    if (size_ % kChunkVertices == 0) chunks_.push_back(std::make_unique<std::array<T, kChunkVertices>>());
+    (*chunks_.back())[size_++ % kChunkVertices] = value;
+  }
+  T& operator[](std::uint64_t i) { return (*chunks_[i / kChunkVertices])[i % kChunkVertices]; }
+  const T& operator[](std::uint64_t i) const { return (*chunks_[i / kChunkVertices])[i % kChunkVertices]; }
+  std::uint64_t size() const { return size_; }
+  void clear() {
+    chunks_.clear();
+    size_ = 0;
+  }
+
+ private:
+  std::vector<std::unique_ptr<std::array<T, kChunkVertices>>> chunks_;
+  std::uint64_t size_ = 0;
+};
+
+bool finite(const Double3& p) {
+  return std::isfinite(p[0]) && std::isfinite(p[1]) && std::isfinite(p[2]);
+}
+
+class MeshItem final : public SceneItem {
+ public:
+  MeshItem(const std::filesystem::path& path, const RenderOptions& options, std::uint64_t memory_bytes,
+           RenderReport& report)
+      : path_(path), memory_bytes_(memory_bytes) {
+    survey(options);
+    if (sample_.empty())
+      throw EmptyError(path.string() + ": no vertex with finite coordinates, nothing to draw");
+    if (!resident_) {
+      corners_.emplace(temp_folder(options));
+      corners_->build(path_, vertex_count_, origin_, memory_bytes_);
+      face_count_ = corners_->faces();
+      report.temp_bytes += corners_->bytes();
+    } else if (face_count_ == 0) {
+      open_mesh_file(path_)->read_faces(
+          [&](std::span<const MeshFace> batch) { face_count_ += batch.size(); });
+    }
+    if (face_count_ == 0) throw EmptyError(path.string() + ": the mesh has no faces, nothing to draw");
+    if (options.smooth) add_normals(report);
+    if (options.borders != "off") find_borders(options, report);
+    report.vertices += vertex_count_;
+    report.faces += face_count_;
+    report.border_edges += borders_.border_count;
+    report.non_manifold_edges += borders_.non_manifold_count;
+  }
+
+  const SceneSample& sample() const override { return sample_; }
+  bool is_points() const override { return false; }
+  std::string caption() const override {
+    return path_.filename().string() + ", " + with_commas(face_count_) + " faces";
+  }
+  void draw(Picture& picture, const DrawContext& context) override;
+
+ private:
+  void survey(const RenderOptions& options);
+  void add_normals(RenderReport& report);
+  void find_borders(const RenderOptions& options, RenderReport& report);
+  void with_shared_vertices(const RenderOptions& options, const std::function<void(MeshReader&)>& use) const;
+  std::vector<Float3> edge_ends(MeshReader& mesh,
+                                const std::vector<std::array<std::uint64_t, 2>>& edges) const;
+  void draw_edges(Picture& picture, const std::vector<Float3>& ends, std::uint32_t colour) const;
+  std::filesystem::path temp_folder(const RenderOptions& options) const {
+    if (!options.temp.empty()) return options.temp;
+    return options.output.has_parent_path() ? options.output.parent_path() : std::filesystem::path(".");
+  }
+  Float3 local(const Double3& p) const {
+    return {static_cast<float>(p[0] - origin_[0]), static_cast<float>(p[1] - origin_[1]),
+            static_cast<float>(p[2] - origin_[2])};
+  }
+  bool soup() const { return format_.rfind("STL", 0) == 0; }
+  std::uint64_t bytes_per_vertex(bool smooth) const { return 12 + (colour_ ? 4 : 0) + (smooth ? 12 : 0); }
+  std::uint64_t vertex_bytes() const { return vertex_count_ * bytes_per_vertex(!normals_empty_); }
+
+  std::filesystem::path path_;
+  std::uint64_t memory_bytes_;
+  std::string format_;
+  bool colour_ = false;
+  bool resident_ = true;
+  bool normals_empty_ = true;
+  std::uint64_t vertex_count_ = 0, face_count_ = 0;
+  Double3 origin_{};  ///< of the floats kept here: the first finite vertex
+  SceneSample sample_;
+  Chunked<Float3> positions_, normals_;
+  Chunked<std::uint32_t> rgba_;
+  std::optional<CornerFile> corners_;
+  BorderEdges borders_;
+  std::vector<Float3> border_ends_, non_manifold_ends_;
+};
+
+/// Bounds, counts, and the vertices while they fit.
+void MeshItem::survey(const RenderOptions& options) {
+  const auto reader = open_mesh_file(path_);
+  format_ = reader->format();
+  colour_ = reader->header().colour;
+  face_count_ = reader->header().faces;
+  const std::uint64_t per_vertex = bytes_per_vertex(options.smooth);
+  const auto fits = [&](std::uint64_t vertices) {
+    return memory_bytes_ == 0 || vertices * per_vertex <= memory_bytes_;
+  };
+  resident_ = fits(reader->header().vertices);
+  reader->read_vertices([&](std::span<const Double3> batch, std::span<const std::uint32_t> rgba) {
+    throw_if_stopped();
+    for (std::size_t i = 0; i < batch.size(); ++i) {
+      const Double3& p = batch[i];
+      if (finite(p)) {
+        if (sample_.empty()) origin_ = p;
+        sample_.add(p);
+      }
+      if (resident_) {
+        positions_.push_back(local(p));
+        if (colour_) rgba_.push_back(rgba[i]);
+      }
+    }
+    vertex_count_ += batch.size();
+    if (resident_ && !fits(vertex_count_)) {
+      resident_ = false;
+      positions_.clear();
+      rgba_.clear();
+    }
+  });
+}
+
+/// Area-weighted vertex normals.
+void MeshItem::add_normals(RenderReport& report) {
+  if (!resident_) {
+    report.notices.push_back(path_.string() +
+                             ": drawn with one normal per face; --smooth needs its vertices in memory, " +
+                             format_bytes(vertex_count_ * bytes_per_vertex(true)) + " of the cap");
+    return;
+  }
+  for (std::uint64_t i = 0; i < vertex_count_; ++i) normals_.push_back({0, 0, 0});
+  normals_empty_ = false;
+  std::uint64_t index = 0;
+  open_mesh_file(path_)->read_faces([&](std::span<const MeshFace> batch) {
+    throw_if_stopped();
+    for (const MeshFace& face : batch) {
+      check_face(path_, index++, face, vertex_count_);
+      const Float3 &a = positions_[face[0]], &b = positions_[face[1]], &c = positions_[face[2]];
+      const Float3 u = {b[0] - a[0], b[1] - a[1], b[2] - a[2]}, v = {c[0] - a[0], c[1] - a[1], c[2] - a[2]};
+      const Float3 n = {u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]};
+      if (!std::isfinite(n[0] + n[1] + n[2])) continue;
+      for (const std::uint64_t corner : face) {
+        for (std::size_t k = 0; k < 3; ++k) normals_[corner][k] += n[k];
+      }
+    }
+  });
+}
+
+void MeshItem::find_borders(const RenderOptions& options, RenderReport& report) {
+  const std::uint64_t held = resident_ ? vertex_bytes() : 0;
+  const std::uint64_t room = memory_bytes_ == 0 ? kUnlimited : memory_bytes_ - std::min(memory_bytes_, held);
+  // Half for joining vertices where the format does not share them, the other half for the edges then.
+  const std::uint64_t table_room = soup() ? room / 2 : room;
+  const std::uint64_t table = edge_table_bytes(vertex_count_, face_count_);
+  if (options.borders != "on" && table > table_room) {
+    report.notices.push_back(path_.string() + ": border edges are not drawn; their table takes " +
+                             format_bytes(table) +
+                             "; raise --memory, or give --borders on for several passes");
+    return;
+  }
+  with_shared_vertices(options, [&](MeshReader& mesh) {
+    const std::uint64_t vertices = soup() ? mesh.header().vertices : vertex_count_;
+    const FaceStream faces = [&](const std::function<void(std::span<const MeshFace>)>& sink) {
+      std::uint64_t index = 0;
+      mesh.read_faces([&](std::span<const MeshFace> batch) {
+        throw_if_stopped();
+        for (const MeshFace& face : batch) check_face(path_, index++, face, vertices);
+        sink(batch);
+      });
+    };
+    borders_ =
+        find_border_edges(faces, vertices, face_count_, std::max(table_room, kLeastTable), kMostBorderEdges);
+    border_ends_ = edge_ends(mesh, borders_.border);
+    non_manifold_ends_ = edge_ends(mesh, borders_.non_manifold);
+  });
+  if (std::max(borders_.border_count, borders_.non_manifold_count) > kMostBorderEdges) {
+    report.notices.push_back(path_.string() + ": " + with_commas(borders_.border_count) + " border and " +
+                             with_commas(borders_.non_manifold_count) + " non-manifold edges, only " +
+                             with_commas(kMostBorderEdges) + " of each are drawn");
+  }
+}
+
+/// The file as a mesh whose faces share vertices.
+void MeshItem::with_shared_vertices(const RenderOptions& options,
+                                    const std::function<void(MeshReader&)>& use) const {
+  const auto reader = open_mesh_file(path_);
+  if (!soup()) {
+    use(*reader);
+    return;
+  }
+  WeldOptions weld;
+  if (memory_bytes_ != 0)
+    weld.memory_bytes = std::max((memory_bytes_ - std::min(memory_bytes_, vertex_bytes())) / 2, kLeastTable);
+  weld.temp = temp_folder(options);
+  weld.check_stop = throw_if_stopped;
+  WeldedMesh welded(*reader, weld);
+  use(welded);
+}
+
+/// Both ends of every edge, by one pass over the vertices.
+std::vector<Float3> MeshItem::edge_ends(MeshReader& mesh,
+                                        const std::vector<std::array<std::uint64_t, 2>>& edges) const {
+  std::vector<std::pair<std::uint64_t, std::uint32_t>> wanted(2 * edges.size());
+  for (std::size_t i = 0; i < wanted.size(); ++i)
+    wanted[i] = {edges[i / 2][i % 2], static_cast<std::uint32_t>(i)};
+  std::sort(wanted.begin(), wanted.end());
+  std::vector<Float3> ends(wanted.size());
+  if (edges.empty()) return ends;
+  std::size_t next = 0;
+  std::uint64_t index = 0;
+  mesh.read_vertices([&](std::span<const Double3> batch, std::span<const std::uint32_t>) {
+    for (const Double3& p : batch) {
+      for (; next < wanted.size() && wanted[next].first == index; ++next)
+        ends[wanted[next].second] = local(p);
+      ++index;
+    }
+  });
+  return ends;
+}
+
+void MeshItem::draw_edges(Picture& picture, const std::vector<Float3>& ends, std::uint32_t colour) const {
+  std::vector<PictureVertex> batch;
+  for (std::size_t begin = 0; begin < ends.size(); begin += 2 * kBatchFaces) {
+    batch.clear();
+    for (std::size_t i = begin; i < std::min(begin + 2 * kBatchFaces, ends.size()); ++i) {
+      PictureVertex v;
+      v.x = ends[i][0], v.y = ends[i][1], v.z = ends[i][2];
+      v.rgba = colour;
+      batch.push_back(v);
+    }
+    picture.lines(batch, kBorderPixels);
+  }
+}
+
+void MeshItem::draw(Picture& picture, const DrawContext& context) {
+  const RenderOptions& options = *context.options;
+  const bool by_vertex = colour_ && (options.colour == "auto" || options.colour == "vertex");
+  const bool by_height = options.colour == "height";
+  const float wire = options.wire ? kWirePixels : 0.0f;
+  picture.set_offset(
+      {origin_[0] - context.origin[0], origin_[1] - context.origin[1], origin_[2] - context.origin[2]});
+  std::vector<PictureVertex> batch;
+  batch.reserve(3 * kBatchFaces);
+  const auto emit = [&](const std::array<Corner, 3>& corners, const MeshFace* face) {
+    const auto& [a, b, c] = corners;
+    const Float3 u = {b.x - a.x, b.y - a.y, b.z - a.z}, v = {c.x - a.x, c.y - a.y, c.z - a.z};
+    const Float3 n = {u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]};
+    if (!std::isfinite(n[0] + n[1] + n[2])) return;  // a corner that is not a number: nothing to see
+    PictureVertex flat;
+    // Scaled first: squares of tiny faces would underflow.
+    const float largest = std::max({std::abs(n[0]), std::abs(n[1]), std::abs(n[2])});
+    if (largest > 0.0f) set_normal(flat, n[0] / largest, n[1] / largest, n[2] / largest);
+    for (std::size_t i = 0; i < 3; ++i) {
+      PictureVertex out = flat;
+      const Corner& corner = corners[i];
+      out.x = corner.x, out.y = corner.y, out.z = corner.z;
+      if (by_vertex) out.rgba = corner.rgba;
+      if (by_height) {
+        const Double3 p = {static_cast<double>(corner.x) + origin_[0],
+                           static_cast<double>(corner.y) + origin_[1],
+                           static_cast<double>(corner.z) + origin_[2]};
+        out.rgba = ramp_colour(height_share(p, context));
+      }
+      if (face != nullptr && !normals_empty_) {
+        const Float3& m = normals_[(*face)[i]];
+        const float most = std::max({std::abs(m[0]), std::abs(m[1]), std::abs(m[2])});
+        if (most > 0.0f) set_normal(out, m[0] / most, m[1] / most, m[2] / most);
+      }
+      batch.push_back(out);
+    }
+    if (batch.size() >= 3 * kBatchFaces) {
+      throw_if_stopped();
+      picture.triangles(batch, wire);
+      batch.clear();
+    }
+  };
+  if (resident_) {
+    std::uint64_t index = 0;
+    open_mesh_file(path_)->read_faces([&](std::span<const MeshFace> faces) {
+      for (const MeshFace& face : faces) {
+        check_face(path_, index++, face, vertex_count_);
+        std::array<Corner, 3> corners;
+        for (std::size_t i = 0; i < 3; ++i) {
+          const Float3& p = positions_[face[i]];
+          corners[i] = {p[0], p[1], p[2], colour_ ? rgba_[face[i]] : 0};
+        }
+        emit(corners, &face);
+      }
+    });
+  } else {
+    corners_->read([&](std::span<const Corner> corners) {
+      for (std::size_t i = 0; i < corners.size(); i += 3)
+        emit({corners[i], corners[i + 1], corners[i + 2]}, nullptr);
+    });
+  }
+  if (!batch.empty()) picture.triangles(batch, wire);
+  draw_edges(picture, border_ends_, kBorderEdge);
+  draw_edges(picture, non_manifold_ends_, kNonManifoldEdge);
+}
+
+}  // namespace
+
+std::unique_ptr<SceneItem> make_mesh_item(const std::filesystem::path& path, const RenderOptions& options,
+                                          std::uint64_t memory_bytes, RenderReport& report) {
+  return std::make_unique<MeshItem>(path, options, memory_bytes, report);
+}
+
+}  // namespace tessera
