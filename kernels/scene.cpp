@@ -2,6 +2,7 @@
 
 #include <array>
 
+#include "kernels/scene_models.h"
 #include "kernels/scene_smooth.h"
 #include "kernels/scene_solid.h"
 #include "octree/error.h"
@@ -10,10 +11,14 @@ namespace tessera::synth {
 namespace {
 
 constexpr std::array kScenes = {
+    SceneName{"city", "buildings, streets and trees on rolling ground, 600 x 600, z up, open"},
     SceneName{"csg", "block with a cylinder standing out of it and a bore: convex and concave creases"},
     SceneName{"cube", "edge 2: straight creases and corners"},
     SceneName{"fandisk", "planes and cylinders, sharp and tangent joints, oblique cut"},
+    SceneName{"indoor", "furnished room, 8 x 6 x 3, seen from inside"},
+    SceneName{"parts", "machine parts with blends, bores and teeth on a table, 5 x 4"},
     SceneName{"sphere", "radius 1"},
+    SceneName{"statue", "seated bear with a rough skin on a pedestal, 2.6 high"},
     SceneName{"terrain", "fractal hills, 1000 x 1000, z up, open"},
     SceneName{"torus", "radii 1 and 0.4"},
 };
@@ -39,6 +44,10 @@ std::unique_ptr<Scene> make_scene(const SceneOptions& options) {
   if (name == "cube") return make_cube();
   if (name == "csg") return make_csg();
   if (name == "fandisk") return make_fandisk();
+  if (name == "city") return make_city();
+  if (name == "indoor") return make_indoor();
+  if (name == "parts") return make_parts();
+  if (name == "statue") return make_statue();
   if (name == "terrain") return make_terrain(terrain_relief(options.octaves, options.spacing));
   std::string known;
   for (const auto& scene : kScenes) known += (known.empty() ? "" : ", ") + std::string(scene.name);

@@ -39,6 +39,7 @@ struct SurfaceBatch {
   std::vector<double> x, y, z;
   std::vector<double> nx, ny, nz;
   void resize(std::size_t n);
+  void push_back(const SurfacePoint& p);
   std::size_t size() const { return x.size(); }
 };
 
@@ -79,6 +80,8 @@ class Scene {
   /// First hit with 0 < range <= limit. \returns false if there is none
   virtual bool intersect(const Ray& ray, double limit, RayHit& hit) const = 0;
 
+  /// Every crossing of a ray up to `limit`, in order, entering or leaving. Only scenes without patches() have it.
+  virtual void crossings(const Ray&, double, std::vector<SurfacePoint>& out) const { out.clear(); }
   /// Pieces for direct sampling; empty for scenes that have no parametrisation.
   virtual std::vector<const SurfacePatch*> patches() const { return {}; }
   /// Nearest point of any crease. \returns false if the scene has none or does not know them
@@ -87,6 +90,8 @@ class Scene {
   virtual bool nearest_corner(const Vec3&, SharpFeature&) const { return false; }
   /// Whether the surface ends somewhere (terrain), so that meshes of it have a border.
   virtual bool open() const { return false; }
+  /// Where a terrestrial scanner stands in the scene; empty = around it.
+  virtual std::vector<Vec3> stations() const { return {}; }
   /// Octaves of fractal relief in it, 0 without.
   virtual int octaves() const { return 0; }
   /// Colour at a point of the surface: r | g<<8 | b<<16 | 255<<24.

@@ -25,6 +25,11 @@ void SurfaceBatch::resize(std::size_t n) {
   for (auto* v : {&x, &y, &z, &nx, &ny, &nz}) v->resize(n);
 }
 
+void SurfaceBatch::push_back(const SurfacePoint& p) {
+  x.push_back(p.position.x), y.push_back(p.position.y), z.push_back(p.position.z);
+  nx.push_back(p.normal.x), ny.push_back(p.normal.y), nz.push_back(p.normal.z);
+}
+
 SurfaceSampler::SurfaceSampler(const Scene& scene, std::uint64_t points, std::uint64_t seed)
     : patches_(scene.patches()), points_(points), seed_(seed) {
   assert(!patches_.empty() && points > 0);

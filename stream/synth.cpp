@@ -9,7 +9,7 @@
 #include <nlohmann/json.hpp>
 
 #include "kernels/scene.h"
-#include "kernels/surface_sampler.h"
+#include "kernels/sample_source.h"
 #include "octree/error.h"
 #include "stream/formats/point_writer.h"
 #include "stream/output_file.h"
@@ -21,7 +21,9 @@ namespace {
 using synth::Box3;
 using synth::Scene;
 using synth::SurfaceBatch;
-using synth::SurfaceSampler;
+using synth::SampleBatch;
+using synth::SampleSource;
+using synth::ScanInfo;
 using synth::Vec3;
 
 // Streams of random numbers, so that no two uses share one.
@@ -32,6 +34,12 @@ void validate(const SynthOptions& o) {
   if (o.spacing < 0.0 || !std::isfinite(o.spacing)) refuse("--spacing must be positive");
   if (o.spacing == 0.0 && o.points == 0) refuse("--points must be at least 1");
   if (o.points > 100000000000ULL) refuse("--points must be at most 1e11");
+  if (o.mode != "surface" && o.mode != "terrestrial" && o.mode != "airborne" && o.mode != "structured-light") {
+    refuse("--mode must be surface, terrestrial, airborne or structured-light, not '" + o.mode + "'");
+  }
+  if (o.mode == "surface" && o.per_scan) refuse("--per-scan needs a sensor: --mode surface has no scans");
+  if (!(o.flying >= 0.0 && o.flying <= 1.0)) refuse("--flying must be a share from 0 to 1");
+  if (o.views < 0 || o.views > 255) refuse("--views must be 0 to 255");
   if (o.noise < 0.0 || !std::isfinite(o.noise)) refuse("--noise must not be negative");
   if (!(o.outliers >= 0.0 && o.outliers < 1.0)) refuse("--outliers must be a share from 0 to below 1");
   if (o.octaves < 0 || o.octaves > 16) refuse("--octaves must be 0 to 16");
@@ -57,7 +65,7 @@ PointFileHeader file_header(const SynthOptions& o, const SynthReport& report) {
   return header;
 }
 
-/// Adds noise, outliers, colour and shift to exact samples whose first has index `first`.
+/// Adds noise, outliers, colour and shift to exact samples.
 class Corrupter {
  public:
   Corrupter(const SynthOptions& o, const Scene& scene, double noise) : o_(o), scene_(scene), noise_(noise) {
@@ -67,7 +75,8 @@ class Corrupter {
     size_ = (box.hi - box.lo) * 1.2;
   }
   /// Returns how many points became outliers.
-  std::uint64_t apply(std::uint64_t first, const SurfaceBatch& in, PointChunk& out) const {
+  std::uint64_t apply(const SampleBatch& batch, PointChunk& out) const {
+    const SurfaceBatch& in = batch.surface;
     const std::size_t n = in.size();
     out.clear();
     out.x.assign(in.x.begin(), in.x.end());
@@ -88,19 +97,23 @@ class Corrupter {
       }
     }
     if (noise_ > 0.0) {
+      const bool along_ray = !batch.dx.empty();
+      const double* dx = along_ray ? batch.dx.data() : in.nx.data();
+      const double* dy = along_ray ? batch.dy.data() : in.ny.data();
+      const double* dz = along_ray ? batch.dz.data() : in.nz.data();
       for (std::size_t i = 0; i < n; ++i) {
-        const std::uint64_t bits = synth::random_bits(o_.seed, kNoiseStream, first + i);
+        const std::uint64_t bits = synth::random_bits(o_.seed, kNoiseStream, batch.key[i]);
         const double d = noise_ * synth::gaussian(bits, synth::mix(bits));
-        out.x[i] += d * in.nx[i];
-        out.y[i] += d * in.ny[i];
-        out.z[i] += d * in.nz[i];
+        out.x[i] += d * dx[i];
+        out.y[i] += d * dy[i];
+        out.z[i] += d * dz[i];
       }
     }
     std::uint64_t outliers = 0;
     if (o_.outliers > 0.0) {
       for (std::size_t i = 0; i < n; ++i) {
-        std::uint64_t bits = synth::random_bits(o_.seed, kOutlierStream, first + i);
-        if (synth::to_unit(bits) >= o_.outliers) continue;
+        std::uint64_t bits = synth::random_bits(o_.seed, kOutlierStream, batch.key[i]);
+        if (synth::to_unit(bits) >= o_.outliers || std::isnan(in.x[i])) continue;
         ++outliers;
         out.x[i] = lo_.x + size_.x * synth::to_unit(bits = synth::mix(bits));
         out.y[i] = lo_.y + size_.y * synth::to_unit(bits = synth::mix(bits));
@@ -124,29 +137,103 @@ class Corrupter {
   Vec3 lo_, size_;
 };
 
-/// Rough area of the parametrised surface, to turn a spacing into a number of points.
-double rough_area(const Scene& scene) {
-  return SurfaceSampler(scene, 1u << 20, 1).area();
-}
-
-void write_truth(const SynthOptions& o, const SynthReport& report, const std::filesystem::path& path) {
+void write_truth(const SynthOptions& o, const SynthReport& report, const std::vector<ScanInfo>& scans,
+                 const std::filesystem::path& path) {
   nlohmann::ordered_json truth;
   truth["schema"] = 1;
   truth["scene"] = o.scene;
   truth["octaves"] = o.octaves;
   truth["mode"] = o.mode;
+  truth["options"] = {{"noise", o.noise}, {"noise_in_spacings", o.noise_in_spacings}, {"outliers", o.outliers},
+                      {"flying", o.flying}, {"normals", o.normals}, {"colour", o.colour}};
   truth["seed"] = o.seed;
   truth["points"] = report.points;
   truth["outliers"] = report.outliers;
+  truth["flying"] = report.flying;
   truth["area"] = report.area;
   truth["spacing"] = report.spacing;
   truth["noise"] = report.noise;
   truth["shift"] = o.shift;
   for (const auto& file : report.files) truth["files"].push_back(file.filename().string());
+  for (const ScanInfo& scan : scans) {
+    if (scan.columns == 0) continue;
+    truth["scans"].push_back({{"origin", {scan.origin.x + o.shift[0], scan.origin.y + o.shift[1],
+                                          scan.origin.z + o.shift[2]}},
+                              {"columns", scan.columns},
+                              {"rows", scan.rows}});
+  }
   OutputFile out(path);
   out.append(truth.dump(2) + "\n");
   out.finish();
 }
+
+std::unique_ptr<SampleSource> make_source(const SynthOptions& o, const Scene& scene, bool gaps) {
+  if (o.mode == "surface") {
+    std::uint64_t points = o.points;
+    if (o.spacing > 0.0) points = synth::points_for_spacing(scene, o.spacing);
+    if (points == 0) throw UsageError("synth: --spacing is larger than the scene");
+    return synth::sample_surface(scene, points, o.seed);
+  }
+  synth::SensorOptions sensor;
+  sensor.kind = o.mode == "terrestrial" ? synth::SensorKind::kTerrestrial
+                : o.mode == "airborne"  ? synth::SensorKind::kAirborne
+                                        : synth::SensorKind::kStructuredLight;
+  sensor.points = o.points;
+  sensor.spacing = o.spacing;
+  sensor.views = o.views;
+  sensor.flying = o.flying;
+  sensor.gaps = gaps;
+  sensor.seed = o.seed;
+  auto source = synth::sample_by_sensor(scene, sensor);
+  if (!(source->spacing() > 0.0)) throw EmptyError("synth: no ray of the sensor hits the scene; choose another --mode");
+  return source;
+}
+
+/// NAME_007.EXT
+std::filesystem::path scan_path(const std::filesystem::path& output, std::size_t scan) {
+  std::string number = std::to_string(scan + 1);
+  number.insert(0, number.size() < 3 ? 3 - number.size() : 0, '0');
+  return output.parent_path() / (output.stem().string() + "_" + number + output.extension().string());
+}
+
+/// Writes the units as they come, in order, into one file or one per scan.
+class ScanFiles {
+ public:
+  ScanFiles(const SynthOptions& o, const std::filesystem::path& output, const PointFileHeader& header,
+            const std::vector<ScanInfo>& scans, SynthReport& report)
+      : o_(o), output_(output), header_(header), scans_(scans), report_(report) {}
+  PtxScan ptx(std::size_t scan) const {
+    const ScanInfo& info = scans_[scan];
+    return {info.columns, info.rows,
+            {info.origin.x + o_.shift[0], info.origin.y + o_.shift[1], info.origin.z + o_.shift[2]}};
+  }
+  void append(std::size_t scan, const EncodedPoints& points) {
+    while (next_scan_ <= scan) open(next_scan_++);
+    writer_->append(points);
+  }
+  void finish() {
+    while (next_scan_ < scans_.size()) open(next_scan_++);
+    writer_->finish();
+  }
+
+ private:
+  void open(std::size_t scan) {
+    if (!writer_ || o_.per_scan) {
+      if (writer_) writer_->finish();
+      report_.files.push_back(o_.per_scan ? scan_path(output_, scan) : output_);
+      writer_ = create_point_file(report_.files.back(), header_);
+    }
+    writer_->begin_scan(ptx(scan));
+  }
+
+  const SynthOptions& o_;
+  const std::filesystem::path& output_;
+  const PointFileHeader& header_;
+  const std::vector<ScanInfo>& scans_;
+  SynthReport& report_;
+  std::unique_ptr<PointWriter> writer_;
+  std::size_t next_scan_ = 0;
+};
 
 }  // namespace
 
@@ -157,66 +244,71 @@ SynthReport synthesize(const SynthOptions& asked, const std::filesystem::path& o
   synth::SceneOptions scene_options{o.scene, o.octaves, o.spacing};
   if (o.spacing == 0.0) {
     // The terrain's detail follows the spacing; its area hardly depends on detail.
-    scene_options.spacing = std::sqrt(1.2e6 / static_cast<double>(o.points));
+    scene_options.spacing = std::sqrt(1.05e6 / static_cast<double>(o.points));
   }
   const auto scene = synth::make_scene(scene_options);
-  if (o.spacing > 0.0) {
-    o.points = static_cast<std::uint64_t>(std::floor(rough_area(*scene) / (o.spacing * o.spacing) + 0.5));
-    if (o.points == 0) throw UsageError("synth: --spacing is larger than the scene");
-  }
   o.octaves = scene->octaves();
-  const SurfaceSampler sampler(*scene, o.points, o.seed);
-  SynthReport report;
-  report.area = sampler.area();
-  report.spacing = sampler.spacing();
-  report.noise = o.noise_in_spacings ? o.noise * report.spacing : o.noise;
-  const auto writer = create_point_file(output, file_header(o, report));
-  if (output.extension() == ".ptx") {
-    throw UsageError("synth: .ptx needs a terrestrial sensor; use .ply, .las or .xyz with --mode surface");
+  const bool ptx = output.extension() == ".ptx";
+  if (ptx && o.mode != "terrestrial" && o.mode != "structured-light") {
+    throw UsageError("synth: .ptx holds grids seen from one place: use --mode terrestrial, or write .ply, .las or .xyz");
   }
+  const auto source = make_source(o, *scene, ptx);
+  SynthReport report;
+  report.area = source->area();
+  report.spacing = source->spacing();
+  report.noise = o.noise_in_spacings ? o.noise * report.spacing : o.noise;
+  const PointFileHeader header = file_header(o, report);
+  const auto encoder = make_point_encoder(output, header);
+  ScanFiles files(o, output, header, source->scans(), report);
 
   const Corrupter corrupter(o, *scene, report.noise);
   const int threads = o.threads > 0 ? o.threads : static_cast<int>(std::thread::hardware_concurrency());
-  const tbb::global_control limit(tbb::global_control::max_allowed_parallelism,
-                                  static_cast<std::size_t>(threads));
-  struct Piece {
+  const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, static_cast<std::size_t>(threads));
+  struct Unit {
+    std::uint64_t number = 0;
+    std::size_t scan = 0;
+    std::uint64_t outliers = 0, flying = 0;
     EncodedPoints encoded;
-    std::uint64_t outliers = 0;
   };
-  std::size_t next = 0;
+  using UnitPointer = std::shared_ptr<Unit>;
+  std::uint64_t next = 0;
+  std::size_t scan = 0;
+  const auto count_off = [&](tbb::flow_control& control) -> UnitPointer {
+    throw_if_stopped();
+    if (next == source->unit_count()) {
+      control.stop();
+      return nullptr;
+    }
+    while (next >= source->scans()[scan].first_unit + source->scans()[scan].units) ++scan;
+    auto unit = std::make_shared<Unit>();
+    unit->number = next++;
+    unit->scan = scan;
+    return unit;
+  };
+  const auto make = [&](const UnitPointer& unit) {
+    SampleBatch batch;
+    PointChunk chunk;
+    source->sample(unit->number, batch);
+    unit->outliers = corrupter.apply(batch, chunk);
+    unit->flying = batch.flying;
+    encoder->encode(chunk, files.ptx(unit->scan), unit->encoded);
+    return unit;
+  };
+  const auto write = [&](const UnitPointer& unit) {
+    files.append(unit->scan, unit->encoded);
+    report.points += unit->encoded.points;
+    report.outliers += unit->outliers;
+    report.flying += unit->flying;
+  };
+  // Units in flight are bounded, and so is memory: a unit is at most 65,000 points.
   tbb::parallel_pipeline(static_cast<std::size_t>(threads) + 1,
-                         tbb::make_filter<void, std::size_t>(tbb::filter_mode::serial_in_order,
-                                                             [&](tbb::flow_control& control) -> std::size_t {
-                                                               throw_if_stopped();
-                                                               if (next == sampler.spans().size()) {
-                                                                 control.stop();
-                                                                 return 0;
-                                                               }
-                                                               return next++;
-                                                             }) &
-                             tbb::make_filter<std::size_t, std::shared_ptr<Piece>>(
-                                 tbb::filter_mode::parallel,
-                                 [&](std::size_t index) {
-                                   const auto& span = sampler.spans()[index];
-                                   SurfaceBatch batch;
-                                   PointChunk chunk;
-                                   auto piece = std::make_shared<Piece>();
-                                   sampler.sample(span, batch);
-                                   piece->outliers = corrupter.apply(span.first_point, batch, chunk);
-                                   writer->encode(chunk, {}, piece->encoded);
-                                   return piece;
-                                 }) &
-                             tbb::make_filter<std::shared_ptr<Piece>, void>(
-                                 tbb::filter_mode::serial_in_order, [&](const std::shared_ptr<Piece>& piece) {
-                                   writer->append(piece->encoded);
-                                   report.points += piece->encoded.points;
-                                   report.outliers += piece->outliers;
-                                 }));
-  writer->finish();
-  report.files.push_back(output);
-  report.truth = output;
+                         tbb::make_filter<void, UnitPointer>(tbb::filter_mode::serial_in_order, count_off) &
+                             tbb::make_filter<UnitPointer, UnitPointer>(tbb::filter_mode::parallel, make) &
+                             tbb::make_filter<UnitPointer, void>(tbb::filter_mode::serial_in_order, write));
+  files.finish();
+  report.truth = o.per_scan ? output.parent_path() / output.stem() : output;
   report.truth += ".truth.json";
-  write_truth(o, report, report.truth);
+  write_truth(o, report, source->scans(), report.truth);
   report.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   return report;
 }

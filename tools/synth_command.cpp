@@ -57,8 +57,8 @@ void run_synth(const SynthCommand& command) {
   const SynthReport report = synthesize(command.options, command.output);
   for (const auto& file : report.files) fmt::print("{}\n", file.string());
   fmt::print(
-      "{} points ({} outliers), spacing {:.6g}, noise {:.6g}, area {:.8g}, {:.2f} s, {:.3g} points/s\n",
-      report.points, report.outliers, report.spacing, report.noise, report.area, report.seconds,
+      "{} points ({} outliers, {} flying), spacing {:.6g}, noise {:.6g}, area {:.8g}, {:.2f} s, {:.3g} points/s\n",
+      report.points, report.outliers, report.flying, report.spacing, report.noise, report.area, report.seconds,
       static_cast<double>(report.points) / report.seconds);
   fmt::print("truth: {}\n", report.truth.string());
 }
@@ -75,6 +75,10 @@ void add_synth(CLI::App& app) {
   for (const auto& scene : synth::scene_names())
     scenes += (scenes.empty() ? "" : ", ") + std::string(scene.name);
   command->add_option("--scene", o.scene, "what is scanned: " + scenes)->capture_default_str();
+  command
+      ->add_option("--mode", o.mode,
+                   "surface: direct, uniform in area; or the sensor: terrestrial, airborne, structured-light")
+      ->capture_default_str();
   command->add_flag("--list-scenes", shared->list, "print the scenes and stop");
   command
       ->add_option_function<std::string>(
@@ -90,6 +94,12 @@ void add_synth(CLI::App& app) {
       ->type_name("SIGMA");
   command->add_option("--outliers", o.outliers, "share of points that are uniform in a box around the scene")
       ->capture_default_str();
+  command
+      ->add_option("--flying", o.flying, "sensors: share of range jumps that give a point between two surfaces")
+      ->capture_default_str();
+  command->add_option("--views", o.views, "sensors: number of set-ups; 0 = usual for sensor and scene")
+      ->capture_default_str();
+  command->add_flag("--per-scan", o.per_scan, "one file per set-up: NAME_001.EXT and so on");
   command->add_flag("--normals", o.normals, "write the exact normals");
   command->add_flag("--colour", o.colour, "write colours");
   command->add_flag("--double", o.double_positions, "double coordinates in PLY (a shift implies it)");

@@ -70,12 +70,9 @@ class BaseWriter : public PointWriter {
 
 // ------------------------------------------------------------------------------------------------ PLY
 
-class PlyPointWriter final : public BaseWriter {
+class PlyEncoder final : public PointEncoder {
  public:
-  PlyPointWriter(const std::filesystem::path& path, const PointFileHeader& header)
-      : BaseWriter(path, header) {
-    file_.append(header_text(0));
-  }
+  explicit PlyEncoder(const PointFileHeader& header) : header_(header) {}
   void encode(const PointChunk& chunk, const PtxScan&, EncodedPoints& out) const override {
     count_points(chunk, out);
     const bool normals = header_.attributes.normals, colour = header_.attributes.colour;
@@ -95,6 +92,17 @@ class PlyPointWriter final : public BaseWriter {
         at += 3;
       }
     }
+  }
+
+ private:
+  PointFileHeader header_;
+};
+
+class PlyPointWriter final : public BaseWriter {
+ public:
+  PlyPointWriter(const std::filesystem::path& path, const PointFileHeader& header)
+      : BaseWriter(path, header) {
+    file_.append(header_text(0));
   }
 
  private:
@@ -120,18 +128,15 @@ class PlyPointWriter final : public BaseWriter {
 
 // ------------------------------------------------------------------------------------------------ LAS
 
-/// LAS 1.4 R15, point format 6 (30 bytes) or 7 (with colour, 36 bytes): 64-bit counts, no legacy fields.
-class LasPointWriter final : public BaseWriter {
+std::size_t las_record_bytes(const PointFileHeader& header) { return header.attributes.colour ? 36 : 30; }
+
+class LasEncoder final : public PointEncoder {
  public:
-  LasPointWriter(const std::filesystem::path& path, const PointFileHeader& header)
-      : BaseWriter(path, header) {
-    const std::array<char, kHeaderBytes> blank{};
-    file_.append(blank.data(), blank.size());
-  }
+  explicit LasEncoder(const PointFileHeader& header) : header_(header) {}
   void encode(const PointChunk& chunk, const PtxScan&, EncodedPoints& out) const override {
     count_points(chunk, out);
     const bool colour = header_.attributes.colour;
-    out.bytes.assign(out.points * record_bytes(), 0);
+    out.bytes.assign(out.points * las_record_bytes(header_), 0);
     char* record = out.bytes.data();
     for (std::size_t i = 0; i < chunk.size(); ++i) {
       if (!finite(chunk, i)) continue;
@@ -140,7 +145,7 @@ class LasPointWriter final : public BaseWriter {
       for (std::size_t a = 0; a < 3; ++a) {
         const double steps = std::floor((p[a] - header_.las_offset[a]) / header_.las_scale + 0.5);
         if (!(std::fabs(steps) <= 2147483647.0)) {
-          throw UsageError(file_.path().string() + ": coordinate " + std::to_string(p[a]) +
+          throw UsageError("LAS: coordinate " + std::to_string(p[a]) +
                            " does not fit 32 bits at LAS scale " + std::to_string(header_.las_scale) +
                            "; write PLY instead");
         }
@@ -154,13 +159,25 @@ class LasPointWriter final : public BaseWriter {
           put(record + 30 + 2 * c, static_cast<std::uint16_t>(v * 257u));
         }
       }
-      record += record_bytes();
+      record += las_record_bytes(header_);
     }
   }
 
  private:
+  PointFileHeader header_;
+};
+
+/// LAS 1.4 R15, point format 6 (30 bytes) or 7 (with colour, 36 bytes): 64-bit counts, no legacy fields.
+class LasPointWriter final : public BaseWriter {
+ public:
+  LasPointWriter(const std::filesystem::path& path, const PointFileHeader& header)
+      : BaseWriter(path, header) {
+    const std::array<char, kHeaderBytes> blank{};
+    file_.append(blank.data(), blank.size());
+  }
+
+ private:
   static constexpr std::size_t kHeaderBytes = 375;
-  std::size_t record_bytes() const { return header_.attributes.colour ? 36 : 30; }
   void complete_header() override {
     std::array<char, kHeaderBytes> h{};
     std::memcpy(h.data(), "LASF", 4);
@@ -174,7 +191,7 @@ class LasPointWriter final : public BaseWriter {
     put(&h[94], std::uint16_t{kHeaderBytes});
     put(&h[96], std::uint32_t{kHeaderBytes});
     h[104] = header_.attributes.colour ? 7 : 6;
-    put(&h[105], static_cast<std::uint16_t>(record_bytes()));
+    put(&h[105], static_cast<std::uint16_t>(las_record_bytes(header_)));
     for (std::size_t a = 0; a < 3; ++a) {
       put(&h[131 + 8 * a], header_.las_scale);
       put(&h[155 + 8 * a], header_.las_offset[a]);
@@ -216,9 +233,9 @@ void put_colour(std::vector<char>& out, std::uint32_t rgba) {
   }
 }
 
-class XyzPointWriter final : public BaseWriter {
+class XyzEncoder final : public PointEncoder {
  public:
-  using BaseWriter::BaseWriter;
+  explicit XyzEncoder(const PointFileHeader& header) : header_(header) {}
   void encode(const PointChunk& chunk, const PtxScan&, EncodedPoints& out) const override {
     count_points(chunk, out);
     const bool normals = header_.attributes.normals, colour = header_.attributes.colour;
@@ -236,6 +253,31 @@ class XyzPointWriter final : public BaseWriter {
       if (colour) put_colour(out.bytes, chunk.rgba[i]);
     }
   }
+
+ private:
+  PointFileHeader header_;
+};
+
+
+class PtxEncoder final : public PointEncoder {
+ public:
+  explicit PtxEncoder(const PointFileHeader& header) : header_(header) {}
+  void encode(const PointChunk& chunk, const PtxScan& scan, EncodedPoints& out) const override {
+    count_points(chunk, out);
+    const bool colour = header_.attributes.colour;
+    out.bytes.clear();
+    for (std::size_t i = 0; i < chunk.size(); ++i) {
+      const bool hit = finite(chunk, i);
+      put_number(out.bytes, hit ? chunk.x[i] - scan.origin[0] : 0.0, ' ');
+      put_number(out.bytes, hit ? chunk.y[i] - scan.origin[1] : 0.0, ' ');
+      put_number(out.bytes, hit ? chunk.z[i] - scan.origin[2] : 0.0, ' ');
+      put_number(out.bytes, 0.5, colour ? ' ' : '\n');
+      if (colour) put_colour(out.bytes, hit ? chunk.rgba[i] : 0u);
+    }
+  }
+
+ private:
+  PointFileHeader header_;
 };
 
 class PtxPointWriter final : public BaseWriter {
@@ -255,46 +297,46 @@ class PtxPointWriter final : public BaseWriter {
     origin(" 1\n");
     file_.append(text.data(), text.size());
   }
-  void encode(const PointChunk& chunk, const PtxScan& scan, EncodedPoints& out) const override {
-    count_points(chunk, out);
-    const bool colour = header_.attributes.colour;
-    out.bytes.clear();
-    for (std::size_t i = 0; i < chunk.size(); ++i) {
-      const bool hit = finite(chunk, i);
-      put_number(out.bytes, hit ? chunk.x[i] - scan.origin[0] : 0.0, ' ');
-      put_number(out.bytes, hit ? chunk.y[i] - scan.origin[1] : 0.0, ' ');
-      put_number(out.bytes, hit ? chunk.z[i] - scan.origin[2] : 0.0, ' ');
-      put_number(out.bytes, 0.5, colour ? ' ' : '\n');
-      if (colour) put_colour(out.bytes, hit ? chunk.rgba[i] : 0u);
-    }
-  }
 };
 
-void refuse_normals(const std::filesystem::path& path, const PointFileHeader& header, const char* format) {
-  if (!header.attributes.normals) return;
-  throw UsageError(path.string() + ": " + format +
-                   " cannot hold normals; write .ply or .xyz, or leave them out");
+enum class Format { kPly, kLas, kPtx, kXyz };
+
+Format format_for(const std::filesystem::path& path, const PointFileHeader& header) {
+  std::string extension = path.extension().string();
+  std::transform(extension.begin(), extension.end(), extension.begin(),
+                 [](char c) { return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c; });
+  const auto without_normals = [&](Format format, const char* name) {
+    if (!header.attributes.normals) return format;
+    throw UsageError(path.string() + ": " + name +
+                     " cannot hold normals; write .ply or .xyz, or leave them out");
+  };
+  if (extension == ".ply") return Format::kPly;
+  if (extension == ".xyz" || extension == ".txt") return Format::kXyz;
+  if (extension == ".las") return without_normals(Format::kLas, "LAS");
+  if (extension == ".ptx") return without_normals(Format::kPtx, "PTX");
+  throw UsageError(path.string() + ": unknown extension '" + extension +
+                   "' for points; use .ply, .las, .ptx or .xyz");
 }
 
 }  // namespace
 
-std::unique_ptr<PointWriter> create_point_file(const std::filesystem::path& path,
-                                               const PointFileHeader& header) {
-  std::string extension = path.extension().string();
-  std::transform(extension.begin(), extension.end(), extension.begin(),
-                 [](char c) { return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c; });
-  if (extension == ".ply") return std::make_unique<PlyPointWriter>(path, header);
-  if (extension == ".xyz" || extension == ".txt") return std::make_unique<XyzPointWriter>(path, header);
-  if (extension == ".las") {
-    refuse_normals(path, header, "LAS");
-    return std::make_unique<LasPointWriter>(path, header);
+std::unique_ptr<PointEncoder> make_point_encoder(const std::filesystem::path& path,
+                                                 const PointFileHeader& header) {
+  switch (format_for(path, header)) {
+    case Format::kPly: return std::make_unique<PlyEncoder>(header);
+    case Format::kLas: return std::make_unique<LasEncoder>(header);
+    case Format::kPtx: return std::make_unique<PtxEncoder>(header);
+    default: return std::make_unique<XyzEncoder>(header);
   }
-  if (extension == ".ptx") {
-    refuse_normals(path, header, "PTX");
-    return std::make_unique<PtxPointWriter>(path, header);
+}
+
+std::unique_ptr<PointWriter> create_point_file(const std::filesystem::path& path, const PointFileHeader& header) {
+  switch (format_for(path, header)) {
+    case Format::kPly: return std::make_unique<PlyPointWriter>(path, header);
+    case Format::kLas: return std::make_unique<LasPointWriter>(path, header);
+    case Format::kPtx: return std::make_unique<PtxPointWriter>(path, header);
+    default: return std::make_unique<BaseWriter>(path, header);
   }
-  throw UsageError(path.string() + ": unknown extension '" + extension +
-                   "' for points; use .ply, .las, .ptx or .xyz");
 }
 
 }  // namespace tessera

@@ -34,13 +34,18 @@ struct EncodedPoints {
   Double3 min{}, max{};  ///< of the finite points, if points > 0
 };
 
-/// Writes to a file beside `path` and gives it its name in finish(); the destructor removes what is
-/// unfinished.
+/// Turns points into the bytes of a format: pure, so any thread may do it.
+class PointEncoder {
+ public:
+  virtual ~PointEncoder() = default;
+  /// `scan` matters to PTX only: coordinates are stored relative to its origin.
+  virtual void encode(const PointChunk& chunk, const PtxScan& scan, EncodedPoints& out) const = 0;
+};
+
+/// Writes to a file beside `path` and gives it its name in finish(); the destructor removes what is unfinished.
 class PointWriter {
  public:
   virtual ~PointWriter() = default;
-  /// Thread-safe. `scan` matters to PTX only: coordinates are stored relative to its origin.
-  virtual void encode(const PointChunk& chunk, const PtxScan& scan, EncodedPoints& out) const = 0;
   /// Starts a grid (PTX); other formats ignore it.
   virtual void begin_scan(const PtxScan&) {}
   /// \throws ResourceError when the disk is full
@@ -50,9 +55,9 @@ class PointWriter {
 };
 
 /// By extension: .ply, .las, .ptx, .xyz (also .txt).
-/// \throws UsageError for another extension, or for attributes that the format cannot hold (normals in LAS
-/// and PTX)
-std::unique_ptr<PointWriter> create_point_file(const std::filesystem::path& path,
-                                               const PointFileHeader& header);
+/// \throws UsageError for another extension, or for attributes that the format cannot hold (normals in LAS and PTX)
+std::unique_ptr<PointEncoder> make_point_encoder(const std::filesystem::path& path, const PointFileHeader& header);
+/// Same rules; creates the file.
+std::unique_ptr<PointWriter> create_point_file(const std::filesystem::path& path, const PointFileHeader& header);
 
 }  // namespace tessera
