@@ -8,9 +8,12 @@
 namespace tessera::synth {
 namespace {
 
-double sign(double v) { return v < 0.0 ? -1.0 : 1.0; }
+double sign(double v) {
+  return v < 0.0 ? -1.0 : 1.0;
+}
 
-/// Signed distance to the rounded rectangle of half extents (a, b) about the origin, for u, v >= 0, and its gradient.
+/// Signed distance to the rounded rectangle of half extents (a, b) about the origin, for u, v >= 0, and its
+/// gradient.
 double rectangle(double u, double v, double a, double b, double round, double& gu, double& gv) {
   const double qu = u - (a - round), qv = v - (b - round);
   if (qu > 0.0 && qv > 0.0) {
@@ -35,7 +38,9 @@ double shape_distance(const Primitive& s, const Vec3& p, Vec3& g) {
         g = {sign(p.x) * o.x / d, sign(p.y) * o.y / d, sign(p.z) * o.z / d};
         return d - s.round;
       }
-      g = q.x >= q.y && q.x >= q.z ? Vec3{sign(p.x), 0, 0} : q.y >= q.z ? Vec3{0, sign(p.y), 0} : Vec3{0, 0, sign(p.z)};
+      g = q.x >= q.y && q.x >= q.z ? Vec3{sign(p.x), 0, 0}
+          : q.y >= q.z             ? Vec3{0, sign(p.y), 0}
+                                   : Vec3{0, 0, sign(p.z)};
       return std::max(q.x, std::max(q.y, q.z)) - s.round;
     }
     case Shape::kCylinder: {
@@ -103,7 +108,9 @@ constexpr double kFar = 1e30;
 
 Primitive& Primitive::turned(double angle) {
   const SinCos t = sin_cos(angle);
-  const auto turn = [&t](const Vec3& v) { return Vec3{v.x * t.cos - v.y * t.sin, v.x * t.sin + v.y * t.cos, v.z}; };
+  const auto turn = [&t](const Vec3& v) {
+    return Vec3{v.x * t.cos - v.y * t.sin, v.x * t.sin + v.y * t.cos, v.z};
+  };
   x = turn(x), y = turn(y), z = turn(z);
   return *this;
 }
@@ -114,8 +121,8 @@ Primitive& Primitive::along(const Vec3& direction) {
   return *this;
 }
 Primitive& Primitive::painted(int r, int g, int b) {
-  colour = static_cast<std::uint32_t>(r) | static_cast<std::uint32_t>(g) << 8 | static_cast<std::uint32_t>(b) << 16 |
-           0xff000000u;
+  colour = static_cast<std::uint32_t>(r) | static_cast<std::uint32_t>(g) << 8 |
+           static_cast<std::uint32_t>(b) << 16 | 0xff000000u;
   return *this;
 }
 Primitive box(const Vec3& centre, const Vec3& half, double round, double blend) {
@@ -141,7 +148,9 @@ Primitive round_cone(const Vec3& a, const Vec3& b, double ra, double rb, double 
   if (p.size.z > 0.0) p.along(b - a);
   return p;
 }
-Primitive ball(const Vec3& centre, double radius, double blend) { return round_cone(centre, centre, radius, radius, blend); }
+Primitive ball(const Vec3& centre, double radius, double blend) {
+  return round_cone(centre, centre, radius, radius, blend);
+}
 
 // ---------------------------------------------------------------------------------------------- field
 
@@ -163,7 +172,8 @@ void ImplicitScene::build_grid() {
   const Vec3 extent = grid_hi_ - grid_lo_;
   const double widest = std::max(extent.x, std::max(extent.y, extent.z));
   const double e[3] = {extent.x, extent.y, extent.z};
-  for (int a = 0; a < 3; ++a) cells_[a] = static_cast<int>(clamp(std::floor(40.0 * e[a] / widest + 0.5), 4.0, 40.0));
+  for (int a = 0; a < 3; ++a)
+    cells_[a] = static_cast<int>(clamp(std::floor(40.0 * e[a] / widest + 0.5), 4.0, 40.0));
   per_cell_ = {cells_[0] / extent.x, cells_[1] / extent.y, cells_[2] / extent.z};
   const Vec3 cell{1.0 / per_cell_.x, 1.0 / per_cell_.y, 1.0 / per_cell_.z};
   const double radius = 0.5 * length(cell);
@@ -184,8 +194,8 @@ void ImplicitScene::build_grid() {
           if (primitive.join != Join::kSubtract) nearest = std::min(nearest, distance[s]);
         }
         for (std::size_t s = 0; s < distance.size(); ++s) {
-          // What is further than the nearest by both spreads and both transitions changes nothing here. A hole
-          // matters where its wall can be, and where it opens what is nearest.
+          // What is further than the nearest by both spreads and both transitions changes nothing here. A
+          // hole matters where its wall can be, and where it opens what is nearest.
           const bool hole = model_.primitives[s].join == Join::kSubtract;
           const double limit = hole ? radius + 2.0 * blend : nearest + 2.0 * radius + 2.0 * blend;
           if (distance[s] <= limit) ids_.push_back(static_cast<std::uint16_t>(s));
@@ -230,11 +240,13 @@ double ImplicitScene::ground(const Vec3& p, Vec3& gradient) const {
 }
 
 double ImplicitScene::field(const Vec3& p, Vec3& gradient, std::uint32_t* paint) const {
-  const Vec3 q{(p.x - grid_lo_.x) * per_cell_.x, (p.y - grid_lo_.y) * per_cell_.y, (p.z - grid_lo_.z) * per_cell_.z};
+  const Vec3 q{(p.x - grid_lo_.x) * per_cell_.x, (p.y - grid_lo_.y) * per_cell_.y,
+               (p.z - grid_lo_.z) * per_cell_.z};
   double f;
   if (q.x >= 0.0 && q.y >= 0.0 && q.z >= 0.0 && q.x < cells_[0] && q.y < cells_[1] && q.z < cells_[2]) {
     const auto cell = (static_cast<std::size_t>(q.z) * static_cast<std::size_t>(cells_[1]) +
-                       static_cast<std::size_t>(q.y)) * static_cast<std::size_t>(cells_[0]) +
+                       static_cast<std::size_t>(q.y)) *
+                          static_cast<std::size_t>(cells_[0]) +
                       static_cast<std::size_t>(q.x);
     f = join(std::span(ids_.data() + first_[cell], first_[cell + 1] - first_[cell]), p, gradient, paint);
   } else {
@@ -327,7 +339,8 @@ bool ImplicitScene::clip(const Ray& ray, double limit, double& t0, double& t1) c
 }
 
 double ImplicitScene::stride() const {
-  // Half of the certified slope is more than the noise ever has; a quarter stays for what the skin hides from afar.
+  // Half of the certified slope is more than the noise ever has; a quarter stays for what the skin hides from
+  // afar.
   return skin_slope_ > 0.0 ? std::min(0.75, 1.0 / (1.0 + skin_slope_ * 0.5)) : 1.0;
 }
 

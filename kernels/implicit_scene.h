@@ -1,7 +1,7 @@
 /// \file implicit_scene.h
-/// Scenes built from blended primitives over an optional rolling ground: organic shapes, rooms, mechanical parts.
-/// The field is 1-Lipschitz up to lipschitz(), zero on the surface, positive where a sensor may stand. A grid holds,
-/// per cell, the primitives that can matter there.
+/// Scenes built from blended primitives over an optional rolling ground: organic shapes, rooms, mechanical
+/// parts. The field is 1-Lipschitz up to lipschitz(), zero on the surface, positive where a sensor may stand.
+/// A grid holds, per cell, the primitives that can matter there.
 #pragma once
 #include <cstdint>
 #include <memory>
@@ -35,12 +35,13 @@ struct Primitive {
   double blend = 0.0;  ///< width of the transition to what was there before; 0 = crease
   std::uint32_t colour = 0xffb4b4b4u;
 
-  Primitive& turned(double angle);                      ///< about the world's z
-  Primitive& along(const Vec3& direction);              ///< local z along a direction
+  Primitive& turned(double angle);          ///< about the world's z
+  Primitive& along(const Vec3& direction);  ///< local z along a direction
   Primitive& painted(int r, int g, int b);
 };
 Primitive box(const Vec3& centre, const Vec3& half, double round = 0.0, double blend = 0.0);
-Primitive cylinder(const Vec3& centre, double radius, double half_height, double round = 0.0, double blend = 0.0);
+Primitive cylinder(const Vec3& centre, double radius, double half_height, double round = 0.0,
+                   double blend = 0.0);
 Primitive torus(const Vec3& centre, double major, double minor, double blend = 0.0);
 Primitive round_cone(const Vec3& a, const Vec3& b, double ra, double rb, double blend = 0.0);
 Primitive ball(const Vec3& centre, double radius, double blend = 0.0);
@@ -48,12 +49,12 @@ Primitive ball(const Vec3& centre, double radius, double blend = 0.0);
 /// What a scene is made of.
 struct ImplicitModel {
   std::string name;
-  Box3 bounds;                       ///< everything of the surface that is meant to be seen
-  std::vector<Primitive> primitives;  ///< joined in this order; at most 65535
-  bool ground = false;               ///< z = height(x, y) below everything
-  FractalOptions relief;             ///< of the ground
+  Box3 bounds;                                  ///< everything of the surface that is meant to be seen
+  std::vector<Primitive> primitives;            ///< joined in this order; at most 65535
+  bool ground = false;                          ///< z = height(x, y) below everything
+  FractalOptions relief;                        ///< of the ground
   FractalOptions skin = {3, 1.0, 0.0, 0.5, 1};  ///< displacement of all primitives; amplitude 0 = none
-  std::vector<Vec3> stations;        ///< where a terrestrial scanner stands; empty = around the scene
+  std::vector<Vec3> stations;  ///< where a terrestrial scanner stands; empty = around the scene
 };
 
 class ImplicitScene final : public Scene {

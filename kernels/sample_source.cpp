@@ -30,8 +30,8 @@ class PatchSource final : public SampleSource {
   std::vector<ScanInfo> scans_;
 };
 
-/// Three families of axis-parallel rays on jittered square grids. A hit belongs to the family whose axis is nearest
-/// to its normal, so every piece of surface is seen by exactly one, at an incidence below 55 degrees.
+/// Three families of axis-parallel rays on jittered square grids. A hit belongs to the family whose axis is
+/// nearest to its normal, so every piece of surface is seen by exactly one, at an incidence below 55 degrees.
 class AxisSource final : public SampleSource {
  public:
   AxisSource(const Scene& scene, std::uint64_t points, std::uint64_t seed) : scene_(scene), seed_(seed) {
@@ -50,7 +50,8 @@ class AxisSource final : public SampleSource {
         area_ += step_ * step_ / n;
       }
     }
-    set_step(step_ * std::sqrt(static_cast<double>(std::max<std::uint64_t>(hits, 1)) / static_cast<double>(points)));
+    set_step(step_ *
+             std::sqrt(static_cast<double>(std::max<std::uint64_t>(hits, 1)) / static_cast<double>(points)));
     spacing_ = std::sqrt(area_ / static_cast<double>(points));
   }
   std::uint64_t unit_count() const override { return rows_[0] + rows_[1] + rows_[2]; }

@@ -80,7 +80,8 @@ class Scene {
   /// First hit with 0 < range <= limit. \returns false if there is none
   virtual bool intersect(const Ray& ray, double limit, RayHit& hit) const = 0;
 
-  /// Every crossing of a ray up to `limit`, in order, entering or leaving. Only scenes without patches() have it.
+  /// Every crossing of a ray up to `limit`, in order, entering or leaving. Only scenes without patches() have
+  /// it.
   virtual void crossings(const Ray&, double, std::vector<SurfacePoint>& out) const { out.clear(); }
   /// Pieces for direct sampling; empty for scenes that have no parametrisation.
   virtual std::vector<const SurfacePatch*> patches() const { return {}; }

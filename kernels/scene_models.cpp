@@ -17,12 +17,16 @@ struct Part {
   double angle = 0.0;
   void operator()(Primitive p) const {
     const SinCos t = sin_cos(angle);
-    p.centre = Vec3{p.centre.x * t.cos - p.centre.y * t.sin, p.centre.x * t.sin + p.centre.y * t.cos, p.centre.z} + at;
+    p.centre =
+        Vec3{p.centre.x * t.cos - p.centre.y * t.sin, p.centre.x * t.sin + p.centre.y * t.cos, p.centre.z} +
+        at;
     out.push_back(p.turned(angle));
   }
 };
 
-Primitive lying(Primitive p, const Vec3& axis) { return p.along(axis); }
+Primitive lying(Primitive p, const Vec3& axis) {
+  return p.along(axis);
+}
 
 void add_bracket(const Part& part) {
   part(box({0, 0, 0.08}, {0.7, 0.5, 0.08}, 0.03).painted(188, 74, 60));
@@ -39,7 +43,8 @@ void add_tee(const Part& part) {
   const auto pipe = [](Primitive p) { return p.painted(92, 128, 168); };
   part(pipe(lying(cylinder({0, 0, 0.42}, 0.26, 0.85), {1, 0, 0})));
   part(pipe(cylinder({0, 0, 0.75}, 0.22, 0.5, 0.0, 0.16)));
-  for (const double side : {-1.0, 1.0}) part(pipe(lying(cylinder({side * 0.85, 0, 0.42}, 0.41, 0.07, 0.015, 0.05), {1, 0, 0})));
+  for (const double side : {-1.0, 1.0})
+    part(pipe(lying(cylinder({side * 0.85, 0, 0.42}, 0.41, 0.07, 0.015, 0.05), {1, 0, 0})));
   part(pipe(cylinder({0, 0, 1.22}, 0.36, 0.06, 0.015, 0.05)));
   for (int k = 0; k < 6; ++k) {
     const SinCos t = sin_cos(kPi / 3.0 * k + 0.3);
@@ -96,7 +101,9 @@ std::unique_ptr<Scene> make_parts() {
   loose(torus({-1.6, -1.2, 0.11}, 0.42, 0.12, 0.0).painted(60, 62, 70));
   loose(ball({-1.6, -1.2, 0.3}, 0.3).painted(196, 200, 206));
   loose(round_cone({-0.55, -1.5, 0.16}, {0.15, -1.35, 0.06}, 0.16, 0.06).painted(170, 90, 150));
-  loose(box({-0.75, 0.75, 0.16}, {0.2, 0.2, 0.16}).turned(0.6).painted(90, 150, 170));  // sharp, no rounding at all
+  loose(box({-0.75, 0.75, 0.16}, {0.2, 0.2, 0.16})
+            .turned(0.6)
+            .painted(90, 150, 170));  // sharp, no rounding at all
   return std::make_unique<ImplicitScene>(std::move(m));
 }
 
@@ -142,7 +149,7 @@ std::unique_ptr<Scene> make_indoor() {
   Primitive room = box({0, 0, 1.5}, {4, 3, 1.5}).painted(214, 208, 196);
   room.join = Join::kHollow;
   p.push_back(room);
-  p.push_back(minus(box({4.0, 0.6, 1.4}, {0.25, 1.2, 0.7})).painted(180, 196, 210));   // window recesses
+  p.push_back(minus(box({4.0, 0.6, 1.4}, {0.25, 1.2, 0.7})).painted(180, 196, 210));  // window recesses
   p.push_back(minus(box({-1.0, 3.0, 1.4}, {1.0, 0.25, 0.7})).painted(180, 196, 210));
   p.push_back(minus(box({-4.0, -1.6, 1.05}, {0.2, 0.5, 1.05})).painted(150, 110, 76));  // door
   const Part room_part{p, {0, 0, 0}, 0};
@@ -151,14 +158,15 @@ std::unique_ptr<Scene> make_indoor() {
     room_part(cylinder({x, 2.2, 0.1}, 0.24, 0.12, 0.02).painted(200, 196, 188));
     room_part(cylinder({x, 2.2, 2.92}, 0.24, 0.12, 0.02).painted(200, 196, 188));
   }
-  for (int k = 0; k < 4; ++k) room_part(box({-3.0 + 2.0 * k, 0, 2.95}, {0.09, 3.1, 0.12}).painted(132, 96, 66));
+  for (int k = 0; k < 4; ++k)
+    room_part(box({-3.0 + 2.0 * k, 0, 2.95}, {0.09, 3.1, 0.12}).painted(132, 96, 66));
   const Part table{p, {0.6, -0.3, 0}, 0.15};
   table(box({0, 0, 0.74}, {0.9, 0.5, 0.025}, 0.01).painted(160, 116, 72));
   for (const double x : {-0.8, 0.8}) {
     for (const double y : {-0.4, 0.4}) table(cylinder({x, y, 0.36}, 0.035, 0.37).painted(120, 86, 54));
   }
   table(round_cone({0.2, 0.1, 0.8}, {0.2, 0.1, 0.98}, 0.05, 0.09).painted(92, 128, 168));  // vase
-  table(box({-0.35, -0.1, 0.785}, {0.15, 0.21, 0.02}).turned(0.3).painted(170, 60, 60));     // book
+  table(box({-0.35, -0.1, 0.785}, {0.15, 0.21, 0.02}).turned(0.3).painted(170, 60, 60));   // book
   for (int k = 0; k < 4; ++k) {
     const double side = k % 2 ? 1.0 : -1.0;
     const Part chair{p, {0.6 + (k / 2 ? 0.42 : -0.42), -0.3 + side * 0.75, 0}, side > 0 ? 0.1 : kPi + 0.05};
@@ -172,15 +180,18 @@ std::unique_ptr<Scene> make_indoor() {
   const Part sofa{p, {-2.9, 0.9, 0}, kPi / 2};
   sofa(box({0, 0, 0.25}, {1.0, 0.42, 0.17}, 0.06).painted(86, 110, 140));
   sofa(box({0, 0.36, 0.55}, {1.0, 0.13, 0.35}, 0.08, 0.06).painted(86, 110, 140));
-  for (const double x : {-1.0, 1.0}) sofa(box({x, 0, 0.36}, {0.13, 0.45, 0.26}, 0.08, 0.05).painted(86, 110, 140));
-  for (const double x : {-0.45, 0.45}) sofa(box({x, -0.05, 0.46}, {0.42, 0.36, 0.09}, 0.06, 0.0).painted(110, 134, 160));
+  for (const double x : {-1.0, 1.0})
+    sofa(box({x, 0, 0.36}, {0.13, 0.45, 0.26}, 0.08, 0.05).painted(86, 110, 140));
+  for (const double x : {-0.45, 0.45})
+    sofa(box({x, -0.05, 0.46}, {0.42, 0.36, 0.09}, 0.06, 0.0).painted(110, 134, 160));
   const Part shelf{p, {2.6, -2.78, 0}, 0};
   for (const double x : {-0.9, 0.0, 0.9}) shelf(box({x, 0, 1.05}, {0.02, 0.18, 1.05}).painted(170, 140, 100));
   for (int k = 0; k < 6; ++k) {
     shelf(box({0, 0, 0.05 + 0.4 * k}, {0.9, 0.18, 0.015}).painted(170, 140, 100));
     for (int b = 0; b < 5 && k < 5; ++b) {
       const double u = to_unit(random_bits(4, static_cast<std::uint64_t>(k), static_cast<std::uint64_t>(b)));
-      shelf(box({-0.75 + 0.34 * b, -0.02, 0.065 + 0.4 * k + 0.1 + 0.06 * u}, {0.02 + 0.05 * u, 0.12, 0.1 + 0.06 * u})
+      shelf(box({-0.75 + 0.34 * b, -0.02, 0.065 + 0.4 * k + 0.1 + 0.06 * u},
+                {0.02 + 0.05 * u, 0.12, 0.1 + 0.06 * u})
                 .painted(80 + static_cast<int>(140 * u), 90, 180 - static_cast<int>(100 * u)));
     }
   }
@@ -191,7 +202,8 @@ std::unique_ptr<Scene> make_indoor() {
   plant(round_cone({0, 0, 0.18}, {0, 0, 0.4}, 0.16, 0.2).painted(180, 110, 80));
   for (int k = 0; k < 7; ++k) {
     const SinCos t = sin_cos(0.9 * k);
-    plant(round_cone({0, 0, 0.5}, {0.38 * t.cos, 0.38 * t.sin, 0.95 + 0.09 * k}, 0.03, 0.09, 0.04).painted(70, 130, 70));
+    plant(round_cone({0, 0, 0.5}, {0.38 * t.cos, 0.38 * t.sin, 0.95 + 0.09 * k}, 0.03, 0.09, 0.04)
+              .painted(70, 130, 70));
   }
   const Part lamp{p, {-0.9, -2.3, 0}, 0};
   lamp(cylinder({0, 0, 0.02}, 0.2, 0.02, 0.01).painted(60, 60, 64));
@@ -229,7 +241,8 @@ std::unique_ptr<Scene> make_city() {
           const double x = cx + 44.0 * (next() - 0.5), y = cy + 44.0 * (next() - 0.5), s = 3.0 + 3.0 * next();
           const double foot = ground(x, y);
           p.push_back(round_cone({x, y, foot - 1.0}, {x, y, foot + s}, 0.5, 0.4).painted(110, 84, 60));
-          p.push_back(round_cone({x, y, foot + 1.4 * s}, {x, y, foot + 2.2 * s}, 0.75 * s, 0.5 * s, 0.6).painted(70, 120, 64));
+          p.push_back(round_cone({x, y, foot + 1.4 * s}, {x, y, foot + 2.2 * s}, 0.75 * s, 0.5 * s, 0.6)
+                          .painted(70, 120, 64));
         }
         continue;
       }
@@ -241,7 +254,8 @@ std::unique_ptr<Scene> make_city() {
       const Part house{p, {cx, cy, z}, turn};
       house(box({0, 0, high / 2 - 6}, {w, d, high / 2 + 6}).painted(150 + tint, 140 + tint / 2, 130));
       if (what < 0.4) {  // set-back storeys
-        house(box({0.15 * w, 0, high * 1.2}, {0.6 * w, 0.6 * d, 0.35 * high}).painted(140, 150 + tint / 2, 160));
+        house(box({0.15 * w, 0, high * 1.2}, {0.6 * w, 0.6 * d, 0.35 * high})
+                  .painted(140, 150 + tint / 2, 160));
       } else if (what < 0.6) {  // pitched roof: a square bar on its edge
         Primitive roof = box({0, 0, high}, {w, 0.68 * d, 0.68 * d}).painted(170, 90, 70);
         constexpr double c = 0.70710678118654752440;

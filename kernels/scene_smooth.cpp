@@ -191,7 +191,7 @@ class TerrainScene final : public Scene, private SurfacePatch {
           normal = normal_at(p.x, p.y);
           return true;
         },
-        bounds(), ray, limit, hit);
+        bounds(), ray, limit, fractal_slope_bound(relief_) * 0.4, hit);
   }
   std::vector<const SurfacePatch*> patches() const override { return {this}; }
   std::uint32_t colour(const SurfacePoint& p) const override { return terrain_colour(p, relief_.amplitude); }

@@ -23,7 +23,8 @@ std::unique_ptr<Scene> make_terrain(const FractalOptions& relief);
 /// than 2.5 may be stepped over where they are thinner than a step. \param field  (p, height, normal) ->
 /// whether (p.x, p.y) belongs to the field
 template <class Field>
-bool intersect_heightfield(const Field& field, const Box3& box, const Ray& ray, double limit, RayHit& hit) {
+bool intersect_heightfield(const Field& field, const Box3& box, const Ray& ray, double limit, double slope,
+                           RayHit& hit) {
   // Clip to the box: nothing is outside.
   double t0 = 0.0, t1 = limit;
   const double o[3] = {ray.origin.x, ray.origin.y, ray.origin.z};
@@ -39,7 +40,7 @@ bool intersect_heightfield(const Field& field, const Box3& box, const Ray& ray, 
     t1 = t1 < (a < b ? b : a) ? t1 : (a < b ? b : a);
   }
   if (!(t0 < t1)) return false;
-  constexpr double kStep = 0.37;  // 1 / (1 + slope) for the steepest slope that the relief has in practice
+  const double closing = std::fabs(d[2]) + slope * std::sqrt(d[0] * d[0] + d[1] * d[1]);
   const double least = 1e-5 * (box.hi.x - box.lo.x);
   double before = 0.0, t_before = t0, t = t0;
   bool have_before = false;
@@ -69,7 +70,7 @@ bool intersect_heightfield(const Field& field, const Box3& box, const Ray& ray, 
     before = gap;
     t_before = t;
     have_before = true;
-    const double stride = std::fabs(gap) * kStep;
+    const double stride = std::fabs(gap) / closing;
     t += stride > least ? stride : least;
   }
   return false;

@@ -1,5 +1,5 @@
-/// Sensors: fans and grids of rays from known places, with what real ones do to a scene: shadows, density that falls
-/// with range and slant, lost grazing returns, flying points where a beam straddles two surfaces.
+/// Sensors: fans and grids of rays from known places, with what real ones do to a scene: shadows, density
+/// that falls with range and slant, lost grazing returns, flying points where a beam straddles two surfaces.
 #include <algorithm>
 
 #include "kernels/sample_source.h"
@@ -13,7 +13,8 @@ constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 // A return is lost where the beam grazes: time of flight still sees 4 degrees, a camera with a projector 15.
 constexpr double kLeastCosineLaser = 0.07;
 constexpr double kLeastCosineCamera = 0.26;
-// Rays of one unit: enough to keep a thread busy for milliseconds, few enough for 100 threads' worth of units.
+// Rays of one unit: enough to keep a thread busy for milliseconds, few enough for 100 threads' worth of
+// units.
 constexpr std::uint64_t kUnitRays = 8192;
 constexpr std::uint64_t kCalibrationRays = 24000;
 
@@ -25,7 +26,9 @@ struct SetUp {
   double weight = 1.0;        ///< extent of the window in steps of the common unit
 };
 
-Vec3 centre_of(const Box3& box) { return (box.lo + box.hi) * 0.5; }
+Vec3 centre_of(const Box3& box) {
+  return (box.lo + box.hi) * 0.5;
+}
 
 SetUp look(const Vec3& from, const Vec3& at) {
   SetUp s;
@@ -43,9 +46,15 @@ class SensorSource final : public SampleSource {
     const Box3 box = scene.bounds();
     size_ = length(box.hi - box.lo);
     switch (o_.kind) {
-      case SensorKind::kTerrestrial: place_terrestrial(box); break;
-      case SensorKind::kAirborne: place_airborne(box); break;
-      case SensorKind::kStructuredLight: place_cameras(box); break;
+      case SensorKind::kTerrestrial:
+        place_terrestrial(box);
+        break;
+      case SensorKind::kAirborne:
+        place_airborne(box);
+        break;
+      case SensorKind::kStructuredLight:
+        place_cameras(box);
+        break;
     }
     calibrate();
   }
@@ -150,7 +159,8 @@ class SensorSource final : public SampleSource {
   // ------------------------------------------------------------------------------------------ rays
 
   Ray ray(const SetUp& s, const ScanInfo& info, std::uint64_t column, std::uint64_t row) const {
-    const double u = s.u0 + (s.u1 - s.u0) * (static_cast<double>(column) + 0.5) / static_cast<double>(info.columns);
+    const double u =
+        s.u0 + (s.u1 - s.u0) * (static_cast<double>(column) + 0.5) / static_cast<double>(info.columns);
     const double v = s.v0 + (s.v1 - s.v0) * (static_cast<double>(row) + 0.5) / static_cast<double>(info.rows);
     switch (o_.kind) {
       case SensorKind::kTerrestrial: {
@@ -161,7 +171,8 @@ class SensorSource final : public SampleSource {
         const SinCos a = sin_cos(v);
         return {s.origin + s.forward * u, s.right * a.sin - s.up * a.cos};
       }
-      default: return {s.origin, normalized(s.forward + s.right * u + s.up * v)};
+      default:
+        return {s.origin, normalized(s.forward + s.right * u + s.up * v)};
     }
   }
 
@@ -190,13 +201,15 @@ class SensorSource final : public SampleSource {
         const double rise = dot(r.direction, s.up);
         return hit.range * hit.range * du * dv * std::sqrt(std::max(0.0, 1.0 - rise * rise));
       }
-      case SensorKind::kAirborne: return hit.range * dv * du;
-      default: return hit.range * hit.range * cosine * cosine * cosine * du * dv;
+      case SensorKind::kAirborne:
+        return hit.range * dv * du;
+      default:
+        return hit.range * hit.range * cosine * cosine * cosine * du * dv;
     }
   }
 
-  void emit(std::size_t scan, std::uint64_t column, const std::vector<Ray>& rays, const std::vector<RayHit>& hits,
-            SampleBatch& out) const {
+  void emit(std::size_t scan, std::uint64_t column, const std::vector<Ray>& rays,
+            const std::vector<RayHit>& hits, SampleBatch& out) const {
     const std::uint64_t rows = rays.size();
     const double jump = 12.0 * spacing_;
     for (std::uint64_t row = 0; row < rows; ++row) {
@@ -227,7 +240,9 @@ class SensorSource final : public SampleSource {
 
   // ------------------------------------------------------------------------------------------ density
 
-  static std::uint64_t columns_per_unit(std::uint64_t rows) { return std::max<std::uint64_t>(1, kUnitRays / rows); }
+  static std::uint64_t columns_per_unit(std::uint64_t rows) {
+    return std::max<std::uint64_t>(1, kUnitRays / rows);
+  }
 
   /// Grids with square cells of `step` in all set-ups.
   void set_step(double step) {
@@ -275,8 +290,9 @@ class SensorSource final : public SampleSource {
     }
     std::sort(sides.begin(), sides.end());
     const double median = sides[sides.size() / 2];
-    const double factor = o_.spacing > 0.0 ? o_.spacing / median
-                                           : std::sqrt(static_cast<double>(sides.size()) / static_cast<double>(o_.points));
+    const double factor = o_.spacing > 0.0
+                              ? o_.spacing / median
+                              : std::sqrt(static_cast<double>(sides.size()) / static_cast<double>(o_.points));
     set_step(step * factor);
     spacing_ = median * factor;
   }

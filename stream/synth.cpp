@@ -8,8 +8,8 @@
 #include <tbb/parallel_pipeline.h>
 #include <nlohmann/json.hpp>
 
-#include "kernels/scene.h"
 #include "kernels/sample_source.h"
+#include "kernels/scene.h"
 #include "octree/error.h"
 #include "stream/formats/point_writer.h"
 #include "stream/output_file.h"
@@ -19,11 +19,11 @@ namespace tessera {
 namespace {
 
 using synth::Box3;
-using synth::Scene;
-using synth::SurfaceBatch;
 using synth::SampleBatch;
 using synth::SampleSource;
 using synth::ScanInfo;
+using synth::Scene;
+using synth::SurfaceBatch;
 using synth::Vec3;
 
 // Streams of random numbers, so that no two uses share one.
@@ -34,7 +34,8 @@ void validate(const SynthOptions& o) {
   if (o.spacing < 0.0 || !std::isfinite(o.spacing)) refuse("--spacing must be positive");
   if (o.spacing == 0.0 && o.points == 0) refuse("--points must be at least 1");
   if (o.points > 100000000000ULL) refuse("--points must be at most 1e11");
-  if (o.mode != "surface" && o.mode != "terrestrial" && o.mode != "airborne" && o.mode != "structured-light") {
+  if (o.mode != "surface" && o.mode != "terrestrial" && o.mode != "airborne" &&
+      o.mode != "structured-light") {
     refuse("--mode must be surface, terrestrial, airborne or structured-light, not '" + o.mode + "'");
   }
   if (o.mode == "surface" && o.per_scan) refuse("--per-scan needs a sensor: --mode surface has no scans");
@@ -144,8 +145,9 @@ void write_truth(const SynthOptions& o, const SynthReport& report, const std::ve
   truth["scene"] = o.scene;
   truth["octaves"] = o.octaves;
   truth["mode"] = o.mode;
-  truth["options"] = {{"noise", o.noise}, {"noise_in_spacings", o.noise_in_spacings}, {"outliers", o.outliers},
-                      {"flying", o.flying}, {"normals", o.normals}, {"colour", o.colour}};
+  truth["options"] = {{"noise", o.noise},       {"noise_in_spacings", o.noise_in_spacings},
+                      {"outliers", o.outliers}, {"flying", o.flying},
+                      {"normals", o.normals},   {"colour", o.colour}};
   truth["seed"] = o.seed;
   truth["points"] = report.points;
   truth["outliers"] = report.outliers;
@@ -157,10 +159,10 @@ void write_truth(const SynthOptions& o, const SynthReport& report, const std::ve
   for (const auto& file : report.files) truth["files"].push_back(file.filename().string());
   for (const ScanInfo& scan : scans) {
     if (scan.columns == 0) continue;
-    truth["scans"].push_back({{"origin", {scan.origin.x + o.shift[0], scan.origin.y + o.shift[1],
-                                          scan.origin.z + o.shift[2]}},
-                              {"columns", scan.columns},
-                              {"rows", scan.rows}});
+    truth["scans"].push_back(
+        {{"origin", {scan.origin.x + o.shift[0], scan.origin.y + o.shift[1], scan.origin.z + o.shift[2]}},
+         {"columns", scan.columns},
+         {"rows", scan.rows}});
   }
   OutputFile out(path);
   out.append(truth.dump(2) + "\n");
@@ -185,7 +187,8 @@ std::unique_ptr<SampleSource> make_source(const SynthOptions& o, const Scene& sc
   sensor.gaps = gaps;
   sensor.seed = o.seed;
   auto source = synth::sample_by_sensor(scene, sensor);
-  if (!(source->spacing() > 0.0)) throw EmptyError("synth: no ray of the sensor hits the scene; choose another --mode");
+  if (!(source->spacing() > 0.0))
+    throw EmptyError("synth: no ray of the sensor hits the scene; choose another --mode");
   return source;
 }
 
@@ -204,7 +207,8 @@ class ScanFiles {
       : o_(o), output_(output), header_(header), scans_(scans), report_(report) {}
   PtxScan ptx(std::size_t scan) const {
     const ScanInfo& info = scans_[scan];
-    return {info.columns, info.rows,
+    return {info.columns,
+            info.rows,
             {info.origin.x + o_.shift[0], info.origin.y + o_.shift[1], info.origin.z + o_.shift[2]}};
   }
   void append(std::size_t scan, const EncodedPoints& points) {
@@ -250,7 +254,8 @@ SynthReport synthesize(const SynthOptions& asked, const std::filesystem::path& o
   o.octaves = scene->octaves();
   const bool ptx = output.extension() == ".ptx";
   if (ptx && o.mode != "terrestrial" && o.mode != "structured-light") {
-    throw UsageError("synth: .ptx holds grids seen from one place: use --mode terrestrial, or write .ply, .las or .xyz");
+    throw UsageError(
+        "synth: .ptx holds grids seen from one place: use --mode terrestrial, or write .ply, .las or .xyz");
   }
   const auto source = make_source(o, *scene, ptx);
   SynthReport report;
@@ -263,7 +268,8 @@ SynthReport synthesize(const SynthOptions& asked, const std::filesystem::path& o
 
   const Corrupter corrupter(o, *scene, report.noise);
   const int threads = o.threads > 0 ? o.threads : static_cast<int>(std::thread::hardware_concurrency());
-  const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, static_cast<std::size_t>(threads));
+  const tbb::global_control limit(tbb::global_control::max_allowed_parallelism,
+                                  static_cast<std::size_t>(threads));
   struct Unit {
     std::uint64_t number = 0;
     std::size_t scan = 0;

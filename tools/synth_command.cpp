@@ -57,9 +57,10 @@ void run_synth(const SynthCommand& command) {
   const SynthReport report = synthesize(command.options, command.output);
   for (const auto& file : report.files) fmt::print("{}\n", file.string());
   fmt::print(
-      "{} points ({} outliers, {} flying), spacing {:.6g}, noise {:.6g}, area {:.8g}, {:.2f} s, {:.3g} points/s\n",
-      report.points, report.outliers, report.flying, report.spacing, report.noise, report.area, report.seconds,
-      static_cast<double>(report.points) / report.seconds);
+      "{} points ({} outliers, {} flying), spacing {:.6g}, noise {:.6g}, area {:.8g}, {:.2f} s, {:.3g} "
+      "points/s\n",
+      report.points, report.outliers, report.flying, report.spacing, report.noise, report.area,
+      report.seconds, static_cast<double>(report.points) / report.seconds);
   fmt::print("truth: {}\n", report.truth.string());
 }
 
@@ -95,7 +96,8 @@ void add_synth(CLI::App& app) {
   command->add_option("--outliers", o.outliers, "share of points that are uniform in a box around the scene")
       ->capture_default_str();
   command
-      ->add_option("--flying", o.flying, "sensors: share of range jumps that give a point between two surfaces")
+      ->add_option("--flying", o.flying,
+                   "sensors: share of range jumps that give a point between two surfaces")
       ->capture_default_str();
   command->add_option("--views", o.views, "sensors: number of set-ups; 0 = usual for sensor and scene")
       ->capture_default_str();

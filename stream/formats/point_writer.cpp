@@ -128,7 +128,9 @@ class PlyPointWriter final : public BaseWriter {
 
 // ------------------------------------------------------------------------------------------------ LAS
 
-std::size_t las_record_bytes(const PointFileHeader& header) { return header.attributes.colour ? 36 : 30; }
+std::size_t las_record_bytes(const PointFileHeader& header) {
+  return header.attributes.colour ? 36 : 30;
+}
 
 class LasEncoder final : public PointEncoder {
  public:
@@ -145,9 +147,8 @@ class LasEncoder final : public PointEncoder {
       for (std::size_t a = 0; a < 3; ++a) {
         const double steps = std::floor((p[a] - header_.las_offset[a]) / header_.las_scale + 0.5);
         if (!(std::fabs(steps) <= 2147483647.0)) {
-          throw UsageError("LAS: coordinate " + std::to_string(p[a]) +
-                           " does not fit 32 bits at LAS scale " + std::to_string(header_.las_scale) +
-                           "; write PLY instead");
+          throw UsageError("LAS: coordinate " + std::to_string(p[a]) + " does not fit 32 bits at LAS scale " +
+                           std::to_string(header_.las_scale) + "; write PLY instead");
         }
         at = put(at, static_cast<std::int32_t>(steps));
       }
@@ -258,7 +259,6 @@ class XyzEncoder final : public PointEncoder {
   PointFileHeader header_;
 };
 
-
 class PtxEncoder final : public PointEncoder {
  public:
   explicit PtxEncoder(const PointFileHeader& header) : header_(header) {}
@@ -323,19 +323,28 @@ Format format_for(const std::filesystem::path& path, const PointFileHeader& head
 std::unique_ptr<PointEncoder> make_point_encoder(const std::filesystem::path& path,
                                                  const PointFileHeader& header) {
   switch (format_for(path, header)) {
-    case Format::kPly: return std::make_unique<PlyEncoder>(header);
-    case Format::kLas: return std::make_unique<LasEncoder>(header);
-    case Format::kPtx: return std::make_unique<PtxEncoder>(header);
-    default: return std::make_unique<XyzEncoder>(header);
+    case Format::kPly:
+      return std::make_unique<PlyEncoder>(header);
+    case Format::kLas:
+      return std::make_unique<LasEncoder>(header);
+    case Format::kPtx:
+      return std::make_unique<PtxEncoder>(header);
+    default:
+      return std::make_unique<XyzEncoder>(header);
   }
 }
 
-std::unique_ptr<PointWriter> create_point_file(const std::filesystem::path& path, const PointFileHeader& header) {
+std::unique_ptr<PointWriter> create_point_file(const std::filesystem::path& path,
+                                               const PointFileHeader& header) {
   switch (format_for(path, header)) {
-    case Format::kPly: return std::make_unique<PlyPointWriter>(path, header);
-    case Format::kLas: return std::make_unique<LasPointWriter>(path, header);
-    case Format::kPtx: return std::make_unique<PtxPointWriter>(path, header);
-    default: return std::make_unique<BaseWriter>(path, header);
+    case Format::kPly:
+      return std::make_unique<PlyPointWriter>(path, header);
+    case Format::kLas:
+      return std::make_unique<LasPointWriter>(path, header);
+    case Format::kPtx:
+      return std::make_unique<PtxPointWriter>(path, header);
+    default:
+      return std::make_unique<BaseWriter>(path, header);
   }
 }
 

@@ -42,7 +42,8 @@ class PointEncoder {
   virtual void encode(const PointChunk& chunk, const PtxScan& scan, EncodedPoints& out) const = 0;
 };
 
-/// Writes to a file beside `path` and gives it its name in finish(); the destructor removes what is unfinished.
+/// Writes to a file beside `path` and gives it its name in finish(); the destructor removes what is
+/// unfinished.
 class PointWriter {
  public:
   virtual ~PointWriter() = default;
@@ -55,9 +56,12 @@ class PointWriter {
 };
 
 /// By extension: .ply, .las, .ptx, .xyz (also .txt).
-/// \throws UsageError for another extension, or for attributes that the format cannot hold (normals in LAS and PTX)
-std::unique_ptr<PointEncoder> make_point_encoder(const std::filesystem::path& path, const PointFileHeader& header);
+/// \throws UsageError for another extension, or for attributes that the format cannot hold (normals in LAS
+/// and PTX)
+std::unique_ptr<PointEncoder> make_point_encoder(const std::filesystem::path& path,
+                                                 const PointFileHeader& header);
 /// Same rules; creates the file.
-std::unique_ptr<PointWriter> create_point_file(const std::filesystem::path& path, const PointFileHeader& header);
+std::unique_ptr<PointWriter> create_point_file(const std::filesystem::path& path,
+                                               const PointFileHeader& header);
 
 }  // namespace tessera

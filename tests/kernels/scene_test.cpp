@@ -5,6 +5,7 @@
 #include <limits>
 
 #include "kernels/fractal_noise.h"
+#include "kernels/sample_source.h"
 #include "kernels/scene.h"
 #include "kernels/scene_smooth.h"
 #include "kernels/surface_sampler.h"
@@ -259,4 +260,100 @@ TEST_CASE("an unknown scene is refused with the names that exist", "[unit]") {
   for (const auto& scene : scene_names()) {
     CHECK(make_scene({std::string(scene.name), 3, 1.0})->name() == scene.name);
   }
+}
+
+TEST_CASE("implicit scenes: direct samples lie on the field's zero, normals are its gradient", "[unit]") {
+  for (const std::string name : {"parts", "statue", "indoor", "city"}) {
+    CAPTURE(name);
+    const auto scene = make_scene({name, 0, 0});
+    const double size = length(scene->bounds().hi - scene->bounds().lo);
+    const auto source = sample_surface(*scene, 4000, 1);
+    SampleBatch batch;
+    std::size_t count = 0, turned = 0;
+    for (std::uint64_t unit = 0; unit < source->unit_count(); ++unit) {
+      source->sample(unit, batch);
+      for (std::size_t i = 0; i < batch.surface.size(); ++i) {
+        const auto& s = batch.surface;
+        const Vec3 p{s.x[i], s.y[i], s.z[i]}, n{s.nx[i], s.ny[i], s.nz[i]};
+        const SurfacePoint truth = scene->closest(p);
+        REQUIRE(length(truth.position - p) < 1e-9 * size);
+        turned += dot(truth.normal, n) < 0.999999;
+        // From a little outside, the way back is the same.
+        const Vec3 away = p + n * (1e-4 * size);
+        const double back = length(scene->closest(away).position - away);
+        REQUIRE(back < 1.0001e-4 * size);
+        ++count;
+      }
+    }
+    CHECK(std::fabs(static_cast<double>(count) / 4000.0 - 1.0) < 0.1);
+    CHECK(turned <= count / 1000);
+  }
+}
+
+TEST_CASE("sensors: noise-free returns lie on the surface, in sight, near the number asked for",
+          "[property]") {
+  const std::vector<std::pair<std::string, SensorKind>> cases = {{"indoor", SensorKind::kTerrestrial},
+                                                                 {"csg", SensorKind::kTerrestrial},
+                                                                 {"city", SensorKind::kAirborne},
+                                                                 {"terrain", SensorKind::kAirborne},
+                                                                 {"parts", SensorKind::kStructuredLight}};
+  for (const auto& [name, kind] : cases) {
+    CAPTURE(name);
+    const auto scene = make_scene({name, 3, 0});
+    const double size = length(scene->bounds().hi - scene->bounds().lo);
+    SensorOptions options;
+    options.kind = kind;
+    options.points = 5000;
+    options.flying = 0.0;
+    const auto source = sample_by_sensor(*scene, options);
+    SampleBatch batch;
+    std::size_t count = 0;
+    for (const ScanInfo& scan : source->scans()) {
+      for (std::uint64_t unit = scan.first_unit; unit < scan.first_unit + scan.units; ++unit) {
+        source->sample(unit, batch);
+        CHECK(batch.flying == 0);
+        for (std::size_t i = 0; i < batch.surface.size(); ++i) {
+          const auto& s = batch.surface;
+          const Vec3 p{s.x[i], s.y[i], s.z[i]}, n{s.nx[i], s.ny[i], s.nz[i]};
+          REQUIRE(length(scene->closest(p).position - p) < 1e-8 * size);
+          REQUIRE(dot(n, {batch.dx[i], batch.dy[i], batch.dz[i]}) < 0.0);
+          if (kind != SensorKind::kAirborne && i % 16 == 0) {
+            RayHit before;
+            const Vec3 way = p - scan.origin;
+            CHECK_FALSE(scene->intersect({scan.origin, normalized(way)}, length(way) - 1e-3 * size, before));
+          }
+          ++count;
+        }
+      }
+    }
+    CHECK(std::fabs(static_cast<double>(count) / 5000.0 - 1.0) < 0.15);
+    CHECK(source->spacing() > 0.0);
+  }
+}
+
+TEST_CASE("sensors: flying points lie on a ray between two surfaces; gaps keep the grid", "[unit]") {
+  const auto scene = make_scene({"indoor", 0, 0});
+  SensorOptions options;
+  options.points = 20000;
+  options.flying = 1.0;
+  options.gaps = true;
+  const auto source = sample_by_sensor(*scene, options);
+  SampleBatch batch;
+  std::uint64_t flying = 0, off = 0;
+  for (const ScanInfo& scan : source->scans()) {
+    std::uint64_t in_scan = 0;
+    for (std::uint64_t unit = scan.first_unit; unit < scan.first_unit + scan.units; ++unit) {
+      source->sample(unit, batch);
+      in_scan += batch.surface.size();
+      flying += batch.flying;
+      for (std::size_t i = 0; i < batch.surface.size(); ++i) {
+        const Vec3 p{batch.surface.x[i], batch.surface.y[i], batch.surface.z[i]};
+        if (!std::isnan(p.x)) off += length(scene->closest(p).position - p) > 1e-6;
+      }
+    }
+    CHECK(in_scan == scan.columns * scan.rows);
+  }
+  CHECK(flying > 50);
+  CHECK(off > flying / 2);
+  CHECK(off <= flying);
 }
