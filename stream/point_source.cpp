@@ -100,7 +100,11 @@ std::vector<std::string> refuted_claims(const PointFileInfo& info, const ReadCou
                                         const Double3& read_min, const Double3& read_max) {
   std::vector<std::string> sentences;
   const std::uint64_t found = total.points + total.withheld + total.empty;
-  if (info.declared_points != found && info.declared_points != 0) {
+  // What opening the file already found wrong is not said twice.
+  const bool said = std::any_of(info.warnings.begin(), info.warnings.end(), [](const std::string& w) {
+    return w.find("the header declares") != std::string::npos;
+  });
+  if (info.declared_points != found && info.declared_points != 0 && !said) {
     sentences.push_back("the header declares " + std::to_string(info.declared_points) + " points, " +
                         std::to_string(found) + " were read");
   }

@@ -92,9 +92,9 @@ std::unique_ptr<PointFile> open_point_file(const std::filesystem::path& path, co
 /// Points that the header promises and the file does not hold. \param total  sums over all slices of the file
 std::uint64_t missing_points(const PointFileInfo& info, const ReadCounts& total);
 
-/// What reading refuted of the header's claims, one sentence each: the count, the bounds (by more than a
-/// millionth of their size). \param read_min, read_max  bounds of all finite points read; min > max if there
-/// are none
+/// What reading refuted of the header's claims, beyond info.warnings, one sentence each: the count, the
+/// bounds (by more than a millionth of their size). \param read_min, read_max  bounds of all finite points
+/// read; min > max if there are none
 std::vector<std::string> refuted_claims(const PointFileInfo& info, const ReadCounts& total,
                                         const Double3& read_min, const Double3& read_max);
 

@@ -13,6 +13,8 @@ void add_plan(CLI::App& app);
 void add_reconstruct(CLI::App& app);
 void add_check(CLI::App& app);
 void add_render(CLI::App& app);
+void add_convert(CLI::App& app);
+void add_info(CLI::App& app);
 void add_synth(CLI::App& app);
 void add_task(CLI::App& app);
 

@@ -16,6 +16,8 @@ int main(int argc, char** argv) {
   tessera::add_task(app);
   tessera::add_check(app);
   tessera::add_render(app);
+  tessera::add_info(app);
+  tessera::add_convert(app);
   tessera::add_synth(app);
 
   return tessera::cli::run(app, argc, argv);

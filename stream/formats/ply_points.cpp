@@ -38,6 +38,9 @@ class PlyPoints final : public PointFile {
     assign_slots();
     info_.path = file_.path();
     info_.format = "PLY " + header_.encoding_name();
+    const int face = header_.find("face");
+    const std::uint64_t faces = face < 0 ? 0 : header_.elements[static_cast<std::size_t>(face)].count;
+    if (faces > 0) info_.format += ", vertices of a mesh of " + std::to_string(faces) + " faces";
     info_.bytes = file_.size();
     info_.declared_points = element().count;
     info_.attributes.normals = has_[3];

@@ -1,0 +1,182 @@
+#include "stream/convert_points.h"
+
+#include <algorithm>
+#include <cmath>
+#include <memory>
+
+#include <tbb/info.h>
+#include <tbb/parallel_pipeline.h>
+
+#include "octree/error.h"
+#include "stream/formats/point_writer.h"
+#include "stream/point_summary.h"
+#include "stream/stop.h"
+
+namespace tessera {
+
+namespace {
+
+constexpr std::uint64_t kSliceBytes = std::uint64_t{4} << 20;
+
+std::string lower_extension(const std::filesystem::path& path) {
+  std::string e = path.extension().string();
+  for (char& c : e) {
+    if (c >= 'A' && c <= 'Z') c = static_cast<char>(c - 'A' + 'a');
+  }
+  return e;
+}
+
+/// What all inputs together hold.
+struct Survey {
+  PointAttributes attributes;
+  Double3 min{}, max{};
+  bool exact_in_float = true;
+  std::uint64_t finite = 0;
+};
+
+Survey survey(const std::vector<std::filesystem::path>& inputs, const ReadOptions& read,
+              ConvertReport& report) {
+  Survey all;
+  for (const auto& path : inputs) {
+    const PointSummary s = summarize_points(path, read);
+    const std::uint64_t finite = s.counts.points - s.not_finite;
+    for (std::size_t a = 0; a < 3 && finite > 0; ++a) {
+      all.min[a] = all.finite == 0 ? s.min[a] : std::min(all.min[a], s.min[a]);
+      all.max[a] = all.finite == 0 ? s.max[a] : std::max(all.max[a], s.max[a]);
+    }
+    all.finite += finite;
+    all.attributes.normals = all.attributes.normals || s.info.attributes.normals;
+    all.attributes.colour = all.attributes.colour || s.info.attributes.colour;
+    all.attributes.intensity = all.attributes.intensity || s.info.attributes.intensity;
+    all.attributes.sensor = all.attributes.sensor || s.info.attributes.sensor;
+    all.exact_in_float = all.exact_in_float && s.exact_in_float;
+    report.not_finite += s.not_finite;
+    report.withheld += s.counts.withheld;
+    report.empty += s.counts.empty;
+    report.missing += s.missing;
+    for (const std::string& w : s.warnings) report.notes.push_back(path.string() + ": " + w);
+  }
+  return all;
+}
+
+double las_scale(const Survey& all) {
+  double extent = 0;
+  for (std::size_t a = 0; a < 3; ++a) extent = std::max(extent, all.max[a] - all.min[a]);
+  // Literals, not products: a step of exactly 0.001 is what other programs write.
+  for (const double scale : {1e-9, 1e-8, 1e-7, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 0.1, 1.0}) {
+    if (extent / scale < 1 << 30) return scale;
+  }
+  throw UsageError("the points lie too far apart for LAS (more than 1e9 units); write PLY or XYZ instead");
+}
+
+PointFileHeader header_for(const std::filesystem::path& output, const ConvertOptions& options,
+                           const Survey& all, ConvertReport& report) {
+  PointFileHeader header;
+  header.attributes = all.attributes;
+  header.double_positions = options.force_double || !all.exact_in_float;
+  const bool las = lower_extension(output) == ".las";
+  if (las) {
+    header.las_scale = options.las_scale > 0 ? options.las_scale : las_scale(all);
+    for (std::size_t a = 0; a < 3; ++a) header.las_offset[a] = std::floor(all.min[a]);
+    if (header.attributes.normals) report.notes.push_back("normals are left out: LAS cannot hold them");
+    header.attributes.normals = false;
+  }
+  if (all.attributes.intensity) report.notes.push_back("intensity is left out");
+  if (all.attributes.sensor) report.notes.push_back("sensor positions are left out");
+  header.attributes.intensity = false;
+  header.attributes.sensor = false;
+  return header;
+}
+
+/// Gives the chunk the arrays that the output has and its file has not: unknown normals, no colour.
+void complete(PointChunk& chunk, const PointAttributes& attributes) {
+  const std::size_t n = chunk.size();
+  if (attributes.normals && chunk.nx.empty()) chunk.nx.resize(n), chunk.ny.resize(n), chunk.nz.resize(n);
+  if (attributes.colour && chunk.rgba.empty()) chunk.rgba.resize(n);
+}
+
+void append(const std::shared_ptr<std::vector<EncodedPoints>>& pieces, PointWriter& writer,
+            ConvertReport& report) {
+  for (const EncodedPoints& piece : *pieces) {
+    writer.append(piece);
+    report.points += piece.points;
+  }
+}
+
+void write_file(const std::filesystem::path& path, const ReadOptions& read, const PointAttributes& attributes,
+                const PointEncoder& encoder, PointWriter& writer, ConvertReport& report) {
+  const auto file = open_point_file(path, read);
+  const std::vector<InputSlice> slices = file->slices(0, kSliceBytes);
+  const bool in_pieces = slices.size() > 1;
+  if (!in_pieces) {
+    // A file of one slice may be of any size: nothing of it waits in memory.
+    EncodedPoints encoded;
+    file->read(slices.front(), [&](const PointChunk& chunk) {
+      throw_if_stopped();
+      PointChunk full = chunk;
+      complete(full, attributes);
+      encoder.encode(full, {}, encoded);
+      writer.append(encoded);
+      report.points += encoded.points;
+    });
+    return;
+  }
+  using Pieces = std::shared_ptr<std::vector<EncodedPoints>>;
+  std::size_t next = 0;
+  const auto tokens = static_cast<std::size_t>(tbb::info::default_concurrency()) + 1;
+  const auto feed = [&](tbb::flow_control& control) -> std::size_t {
+    throw_if_stopped();
+    if (next < slices.size()) return next++;
+    control.stop();
+    return 0;
+  };
+  const auto encode = [&](std::size_t index) {
+    auto pieces = std::make_shared<std::vector<EncodedPoints>>();
+    file->read(slices[index], [&](const PointChunk& chunk) {
+      PointChunk full = chunk;
+      complete(full, attributes);
+      encoder.encode(full, {}, pieces->emplace_back());
+    });
+    return pieces;
+  };
+  tbb::parallel_pipeline(
+      tokens,
+      tbb::make_filter<void, std::size_t>(tbb::filter_mode::serial_in_order, feed) &
+          tbb::make_filter<std::size_t, Pieces>(tbb::filter_mode::parallel, encode) &
+          tbb::make_filter<Pieces, void>(tbb::filter_mode::serial_in_order,
+                                         [&](const Pieces& pieces) { append(pieces, writer, report); }));
+}
+
+}  // namespace
+
+ConvertReport convert_points(const std::vector<std::filesystem::path>& inputs,
+                             const std::filesystem::path& output, const ConvertOptions& options) {
+  for (const auto& path : inputs) {
+    std::error_code none;
+    if (std::filesystem::equivalent(path, output, none)) {
+      throw UsageError(output.string() + ": the output is one of the inputs; choose another name");
+    }
+  }
+  const std::string extension = lower_extension(output);
+  if (extension != ".ply" && extension != ".las" && extension != ".xyz" && extension != ".txt") {
+    throw UsageError(output.string() + ": unknown extension '" + extension +
+                     "' for points; use .ply, .las or .xyz");
+  }
+  const ReadOptions read{.columns = options.columns, .chunk_points = 16384};
+  ConvertReport report;
+  const Survey all = survey(inputs, read, report);
+  if (all.finite == 0)
+    throw EmptyError("the inputs hold no point with finite coordinates; nothing is written");
+  const PointFileHeader header = header_for(output, options, all, report);
+  const auto encoder = make_point_encoder(output, header);
+  const auto writer = create_point_file(output, header);
+  PointAttributes kept = all.attributes;
+  if (extension == ".las") kept.normals = false;
+  for (const auto& path : inputs) write_file(path, read, kept, *encoder, *writer, report);
+  if (report.points != all.finite)
+    throw InputError("an input changed while it was read; run the command again");
+  report.bytes = writer->finish();
+  return report;
+}
+
+}  // namespace tessera

@@ -1,0 +1,39 @@
+/// \file convert_points.h
+/// Points of any number of files into one file, streaming. All attributes that the output can hold are kept,
+/// in the order of the inputs; what is dropped is counted.
+#pragma once
+#include <cstdint>
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "stream/point_source.h"
+
+namespace tessera {
+
+struct ConvertOptions {
+  std::vector<std::string> columns;  ///< names of text columns
+  bool force_double = false;         ///< PLY: double coordinates even if floats hold them exactly
+  double las_scale = 0.0;  ///< step of LAS coordinates, scan units; 0 = the power of ten that uses 30 bits,
+                           ///< between 1e-9 and 1e-3, larger only where the extent needs it
+};
+
+struct ConvertReport {
+  std::uint64_t points = 0;      ///< written
+  std::uint64_t not_finite = 0;  ///< left out
+  std::uint64_t withheld = 0;
+  std::uint64_t empty = 0;
+  std::uint64_t missing = 0;
+  std::uint64_t bytes = 0;
+  std::vector<std::string>
+      notes;  ///< what the output cannot hold, one sentence each, and warnings of the inputs
+};
+
+/// Two passes: one to know bounds and attributes, one to write. The same bytes on any number of threads.
+/// \throws InputError, UsageError (unknown extension, output among the inputs), EmptyError when no finite
+/// point is
+///         left, ResourceError when the disk is full
+ConvertReport convert_points(const std::vector<std::filesystem::path>& inputs,
+                             const std::filesystem::path& output, const ConvertOptions& options);
+
+}  // namespace tessera

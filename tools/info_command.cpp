@@ -1,0 +1,134 @@
+#include <iostream>
+#include <memory>
+
+#include <fmt/format.h>
+#include <nlohmann/json.hpp>
+
+#include "octree/error.h"
+#include "stream/point_summary.h"
+#include "stream/stop.h"
+#include "tools/cli.h"
+#include "tools/commands.h"
+
+namespace tessera {
+namespace {
+
+struct InfoCommand {
+  std::vector<std::string> inputs;
+  ReadOptions read;
+  bool json = false;
+};
+
+std::string vector_text(const Double3& v) {
+  return fmt::format("{:.10g} {:.10g} {:.10g}", v[0], v[1], v[2]);
+}
+
+std::string attributes_text(const PointSummary& s) {
+  const PointAttributes& a = s.info.attributes;
+  std::string text;
+  const auto add = [&](bool there, const std::string& what) {
+    if (there) text += (text.empty() ? "" : ", ") + what;
+  };
+  const auto lacking = [](std::uint64_t n) {
+    return n > 0 ? fmt::format(" ({} points without)", n) : std::string();
+  };
+  add(a.normals, "normals" + lacking(s.without_normal));
+  add(a.colour, "colour" + lacking(s.without_colour));
+  add(a.intensity, "intensity");
+  add(a.sensor, "sensor positions");
+  return text.empty() ? "positions only" : text;
+}
+
+void print_text(const PointSummary& s) {
+  const auto line = [](const char* name, const std::string& value) {
+    fmt::print("  {:<11} {}\n", name, value);
+  };
+  fmt::print("{}\n", s.info.path.string());
+  line("format", fmt::format("{}, {} bytes", s.info.format, s.info.bytes));
+  const std::string declared =
+      s.info.declared_points > 0 ? fmt::format("{} declared", s.info.declared_points) : "no count declared";
+  line("points", fmt::format("{} read, {}", s.counts.points, declared));
+  line("fates", fmt::format("{} good, {} not finite, {} withheld, {} empty, {} missing",
+                            s.counts.points - s.not_finite, s.not_finite, s.counts.withheld, s.counts.empty,
+                            s.missing));
+  line("attributes", attributes_text(s));
+  if (s.min[0] <= s.max[0]) line("bounds", vector_text(s.min) + "  to  " + vector_text(s.max));
+  if (s.info.has_bounds)
+    line("declared", vector_text(s.info.declared_min) + "  to  " + vector_text(s.info.declared_max));
+  if (s.spacing > 0) line("spacing", fmt::format("about {:.4g} (units of the scan)", s.spacing));
+  for (const Double3& sensor : s.info.sensors) line("sensor", vector_text(sensor));
+  for (const std::string& w : s.warnings) line("warning", w);
+}
+
+nlohmann::ordered_json to_json(const PointSummary& s) {
+  nlohmann::ordered_json j;
+  j["path"] = s.info.path.string();
+  j["format"] = s.info.format;
+  j["bytes"] = s.info.bytes;
+  j["points"] = {{"declared", s.info.declared_points},
+                 {"read", s.counts.points},
+                 {"good", s.counts.points - s.not_finite},
+                 {"not_finite", s.not_finite},
+                 {"withheld", s.counts.withheld},
+                 {"empty", s.counts.empty},
+                 {"missing", s.missing}};
+  const PointAttributes& a = s.info.attributes;
+  j["attributes"] = {
+      {"normals", a.normals}, {"colour", a.colour}, {"intensity", a.intensity}, {"sensor", a.sensor}};
+  j["without_normal"] = s.without_normal;
+  j["without_colour"] = s.without_colour;
+  if (s.min[0] <= s.max[0]) j["bounds"] = {{"min", s.min}, {"max", s.max}};
+  if (s.info.has_bounds) j["declared_bounds"] = {{"min", s.info.declared_min}, {"max", s.info.declared_max}};
+  if (s.spacing > 0) j["spacing"] = s.spacing;
+  j["sensors"] = s.info.sensors;
+  j["warnings"] = s.warnings;
+  return j;
+}
+
+/// Describes every file that can be read; one that cannot is named and makes the command fail in the end.
+void run_info(const InfoCommand& command) {
+  cli::require_inputs(command.inputs);
+  catch_stop_signals();
+  const auto paths = expand_inputs(command.inputs);
+  nlohmann::ordered_json files = nlohmann::ordered_json::array();
+  std::string first_error;
+  std::size_t failed = 0;
+  for (const auto& path : paths) {
+    try {
+      const PointSummary summary = summarize_points(path, command.read);
+      if (command.json) {
+        files.push_back(to_json(summary));
+      } else {
+        print_text(summary);
+      }
+    } catch (const InputError& e) {
+      if (failed++ == 0) first_error = e.what();
+      if (command.json) {
+        files.push_back({{"path", path.string()}, {"error", e.what()}});
+      } else if (paths.size() > 1) {
+        fmt::print("{}\n  {:<11} {}\n", path.string(), "error", e.what());
+      }
+    }
+  }
+  if (command.json) std::cout << nlohmann::ordered_json{{"schema", 1}, {"files", files}}.dump(2) << "\n";
+  if (failed > 0 && paths.size() == 1) throw InputError(first_error);
+  if (failed > 0) {
+    throw InputError(
+        fmt::format("{} of {} files cannot be read, the first: {}", failed, paths.size(), first_error));
+  }
+}
+
+}  // namespace
+
+void add_info(CLI::App& app) {
+  auto shared = std::make_shared<InfoCommand>();
+  CLI::App* command = cli::add_command(
+      app, "info",
+      "Read scans whole and say what they hold: counts, fates of points, bounds, attributes, spacing.",
+      [shared] { run_info(*shared); });
+  cli::add_inputs(*command, shared->inputs);
+  cli::add_columns(*command, shared->read.columns);
+  command->add_flag("--json", shared->json, "print one JSON object instead of text");
+}
+
+}  // namespace tessera
