@@ -70,35 +70,38 @@ void BrickBand::find_leaves(const DirectedField& field, const Int3& corner) {
   }
 }
 
+BrickBand::CornerWords BrickBand::corner_words(const LeafMasks& m, LeafWords BandLeaf::*words) const {
+  static const LeafWords kEmpty{};
+  std::array<std::array<const LeafWords*, 4>, 2> n;  // [+z][+x + 2 (+y)]
+  for (int d = 0; d < 8; ++d) {
+    const LeafMasks* other = at(m.at[0] + (d & 1), m.at[1] + (d >> 1 & 1), m.at[2] + (d >> 2));
+    n[static_cast<std::size_t>(d >> 2)][static_cast<std::size_t>(d & 3)] =
+        other ? &(other->leaf->*words) : &kEmpty;
+  }
+  CornerWords out;
+  for (std::size_t z = 0; z < 9; ++z) {
+    const auto& row = n[z >> 3];
+    const std::uint64_t here = (*row[0])[z & 7], y = (*row[2])[z & 7];
+    const std::uint64_t here_x = from_next_x(here, (*row[1])[z & 7]);
+    const std::uint64_t y_x = from_next_x(y, (*row[3])[z & 7]);
+    out[z] = {here, here_x, from_next_y(here, y), from_next_y(here_x, y_x)};
+  }
+  return out;
+}
+
 void BrickBand::mark_cells(LeafMasks& m, bool with_halo) {
   int below = 0;
   for (int c : m.at) below += c < 0;
   const bool wants_active = below == 0 || (below == 1 && with_halo);
-  std::array<std::array<const BandLeaf*, 4>, 2> n{};  // [+z][+x + 2 (+y)]
-  for (int d = 0; d < 8; ++d) {
-    const Int3 p = {m.at[0] + (d & 1), m.at[1] + (d >> 1 & 1), m.at[2] + (d >> 2)};
-    if (p[0] > kBrickLeaves || p[1] > kBrickLeaves || p[2] > kBrickLeaves) return;  // leaf 8 has no cells
-    const LeafMasks* other = at(p[0], p[1], p[2]);
-    n[static_cast<std::size_t>(d >> 2)][static_cast<std::size_t>(d & 3)] = other ? other->leaf : nullptr;
-  }
-  static const BandLeaf kEmpty{};
+  for (int c : m.at)
+    if (c >= kBrickLeaves) return;  // no cells
+  const auto valid = corner_words(m, &BandLeaf::valid);
+  const auto inside = corner_words(m, &BandLeaf::inside);
   std::array<std::uint64_t, 9> all_valid, all_inside, any_inside;
   for (std::size_t z = 0; z < 9; ++z) {
-    const auto& row = n[z >> 3];
-    const std::size_t w = z & 7;
-    const BandLeaf& here = row[0] ? *row[0] : kEmpty;
-    const BandLeaf& x = row[1] ? *row[1] : kEmpty;
-    const BandLeaf& y = row[2] ? *row[2] : kEmpty;
-    const BandLeaf& xy = row[3] ? *row[3] : kEmpty;
-    const auto corners = [&](const std::array<std::uint64_t, 8> BandLeaf::*words) {
-      const std::uint64_t cx = from_next_x((here.*words)[w], (x.*words)[w]);
-      const std::uint64_t next = from_next_x((y.*words)[w], (xy.*words)[w]);
-      return std::array<std::uint64_t, 4>{(here.*words)[w], cx, from_next_y((here.*words)[w], (y.*words)[w]),
-                                          from_next_y(cx, next)};
-    };
-    const auto v = corners(&BandLeaf::valid);
+    const auto& v = valid[z];
+    const auto& s = inside[z];
     all_valid[z] = v[0] & v[1] & v[2] & v[3];
-    const auto s = corners(&BandLeaf::inside);
     all_inside[z] = s[0] & s[1] & s[2] & s[3];
     any_inside[z] = s[0] | s[1] | s[2] | s[3];
   }

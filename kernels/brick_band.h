@@ -73,6 +73,11 @@ class BrickBand {
   }
   /// Own leaves in Morton order, then those of the halo and of the max faces.
   const std::vector<LeafMasks>& leaves() const { return masks_; }
+  /// Words of a leaf's nodes seen from its cells: [z][dx + 2 dy] holds at (x, y) the node (x+dx, y+dy, z), z
+  /// in 0..8.
+  using CornerWords = std::array<std::array<std::uint64_t, 4>, 9>;
+  CornerWords corner_words(const LeafMasks& m, LeafWords BandLeaf::*words) const;
+
   std::uint32_t own_edge_vertices() const { return own_vertices_; }
   std::uint32_t foreign_edge_vertices() const { return foreign_vertices_; }
   std::uint32_t active_cells() const { return active_cells_; }

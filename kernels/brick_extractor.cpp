@@ -20,6 +20,16 @@ constexpr std::array<std::uint16_t, kCellEdges> make_edge_slots() {
 }
 constexpr std::array<std::uint16_t, kCellEdges> kEdgeSlot = make_edge_slots();
 
+/// Node of each edge relative to the cell's, with 0 in place of the root's t along the edge.
+constexpr std::array<Float3, kCellEdges> make_edge_bases() {
+  std::array<Float3, kCellEdges> bases{};
+  for (int e = 0; e < kCellEdges; ++e)
+    for (int a = 0; a < 3; ++a)
+      bases[static_cast<std::size_t>(e)][static_cast<std::size_t>(a)] = static_cast<float>(edge_offset(e, a));
+  return bases;
+}
+constexpr std::array<Float3, kCellEdges> kEdgeBase = make_edge_bases();
+
 bool inside_brick(const Int3& cell) {
   for (int c : cell)
     if (c < 0 || c >= kBrickCells) return false;
@@ -44,8 +54,7 @@ VertexKey BrickExtractor::key(const Int3& at, int type) const {
 }
 
 Float3 BrickExtractor::point_in_cell(int edge, std::uint32_t root) const {
-  Float3 p = {static_cast<float>(edge_offset(edge, 0)), static_cast<float>(edge_offset(edge, 1)),
-              static_cast<float>(edge_offset(edge, 2))};
+  Float3 p = kEdgeBase[static_cast<std::size_t>(edge)];
   p[static_cast<std::size_t>(edge >> 2)] = field_.roots[root].t;
   return p;
 }
@@ -179,24 +188,14 @@ void BrickExtractor::fill_local_edges(const LeafMasks& m) {
 
 void BrickExtractor::trace_leaf(const LeafMasks& m) {
   fill_local_edges(m);
-  std::array<const BandLeaf*, 8> leaf{};
-  for (std::size_t d = 0; d < 8; ++d) {
-    const LeafMasks* n = band_.at(m.at[0] + static_cast<int>(d & 1), m.at[1] + static_cast<int>(d >> 1 & 1),
-                                  m.at[2] + static_cast<int>(d >> 2));
-    leaf[d] = n ? n->leaf : nullptr;
-  }
-  const auto corner_inside = [&](int x, int y, int z) {
-    const BandLeaf& l = *leaf[static_cast<std::size_t>((x >> 3) + 2 * (y >> 3) + 4 * (z >> 3))];
-    return static_cast<unsigned>(l.inside[static_cast<std::size_t>(z & 7)] >> ((x & 7) + 8 * (y & 7)) & 1);
-  };
-  for (int z = 0; z < 8; ++z) {
-    for (std::uint64_t left = m.active[static_cast<std::size_t>(z)]; left; left &= left - 1) {
+  const auto inside = band_.corner_words(m, &BandLeaf::inside);
+  for (std::size_t z = 0; z < 8; ++z) {
+    for (std::uint64_t left = m.active[z]; left; left &= left - 1) {
       const int b = std::countr_zero(left);
-      const int x = b & 7;
-      const int y = b >> 3;
       unsigned pattern = 0;
-      for (int c = 0; c < 8; ++c) pattern |= corner_inside(x + (c & 1), y + (c >> 1 & 1), z + (c >> 2)) << c;
-      trace_cell(m, x, y, z, pattern);
+      for (std::size_t c = 0; c < 8; ++c)
+        pattern |= static_cast<unsigned>(inside[z + (c >> 2)][c & 3] >> b & 1) << c;
+      trace_cell(m, b & 7, b >> 3, static_cast<int>(z), pattern);
     }
   }
 }
@@ -269,6 +268,10 @@ void BrickExtractor::emit_plain_loop(const Int3& cell, int number, const std::ui
 bool BrickExtractor::keep_feature_loop(const Int3& cell, int number, const std::uint32_t* vertex,
                                        const std::uint32_t* root) {
   const auto size = static_cast<std::size_t>(samples_.size);
+  bool close = true;  // the common case, without copying anything
+  for (std::size_t i = 1; i < size; ++i)
+    close &= dot(field_.roots[root[0]].normal, field_.roots[root[i]].normal) > thresholds_.quick_dot;
+  if (close) return false;
   for (std::size_t i = 0; i < size; ++i) {
     const EdgeRoot& r = field_.roots[root[i]];
     samples_.normal[i] = r.normal;

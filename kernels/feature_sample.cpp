@@ -8,6 +8,8 @@
 namespace tessera {
 namespace {
 
+/// Sine of the smallest angle between the extreme normals, or of what lacks to 180 degrees.
+constexpr float kLeastSine = 0.02f;
 /// Bent or not, tangent planes err more with distance, so near roots count more: weight 1 / (distance^2 +
 /// this).
 constexpr double kNearness = 0.05;
@@ -89,21 +91,21 @@ Double3 mass_point(const LoopSamples& loop) {
 
 /// Moves a point on a crease to the middle of the crease's way through the cell, if it passes the cell at
 /// all: the point nearest to the loop's roots may lie outside, and its fan would turn.
-void centre_in_cell(PlaneIntersection& crease) {
+void centre_in_cell(Double3& x, const Double3& direction) {
   double from = -1e9, to = 1e9;
   for (std::size_t k = 0; k < 3; ++k) {
-    const double d = crease.direction[k];
+    const double d = direction[k];
     if (std::fabs(d) < 1e-9) {
-      if (crease.position[k] < 0.0 || crease.position[k] > 1.0) return;
+      if (x[k] < 0.0 || x[k] > 1.0) return;
       continue;
     }
-    const double s0 = -crease.position[k] / d;
-    const double s1 = (1.0 - crease.position[k]) / d;
+    const double s0 = -x[k] / d;
+    const double s1 = (1.0 - x[k]) / d;
     from = std::max(from, std::min(s0, s1));
     to = std::min(to, std::max(s0, s1));
   }
   if (!(from < to)) return;
-  for (std::size_t k = 0; k < 3; ++k) crease.position[k] += 0.5 * (from + to) * crease.direction[k];
+  for (std::size_t k = 0; k < 3; ++k) x[k] += 0.5 * (from + to) * direction[k];
 }
 
 TangentPlanes tangent_planes(const LoopSamples& loop) {
@@ -121,36 +123,41 @@ TangentPlanes tangent_planes(const LoopSamples& loop) {
 }
 
 /// Three sheets at shallow angles pass the cone test as a crease, but no line lies in all three planes.
-bool is_hidden_corner(const TangentPlanes& planes, const PlaneIntersection& crease, const Double3& mass,
-                      PlaneIntersection& corner) {
+bool is_hidden_corner(const TangentPlanes& planes, const Double3& on_crease, const Double3& mass,
+                      Double3& corner) {
   double worst = 0.0;
   for (std::size_t i = 0; i < planes.size; ++i) {
     double off = -planes.offset[i];
-    for (std::size_t k = 0; k < 3; ++k)
-      off += planes.normal[i][k] * (crease.position[k] - planes.point[i][k]);
+    for (std::size_t k = 0; k < 3; ++k) off += planes.normal[i][k] * (on_crease[k] - planes.point[i][k]);
     worst = std::max(worst, std::fabs(off));
   }
-  if (!(worst > kCreaseResidual) || !(crease.least_spread > kCornerSpread * kCornerSpread)) return false;
-  corner = intersect_planes(planes, mass, 3);
-  for (const double c : corner.position)
+  if (!(worst > kCreaseResidual)) return false;
+  const PlaneIntersection point = intersect_planes(planes, mass, 3);
+  if (!(point.least_spread > kCornerSpread * kCornerSpread)) return false;
+  corner = point.position;
+  for (const double c : corner)
     if (!(c >= -kCornerMargin && c <= 1.0 + kCornerMargin)) return false;
   return true;
 }
 
 /// Two solutions: with the tangent planes, then with planes bent towards the first and weighted by nearness.
 /// \param extreme  one root of each sheet: two of a crease, and the third of a corner
+/// \param crease   direction of the crease, unit
 /// \param corner   what the angles say; becomes true if the planes say so
 Double3 locate(const LoopSamples& loop, const FeatureThresholds& thresholds, const Double3& mass,
-               const std::array<std::size_t, 3>& extreme, bool& corner) {
+               const std::array<std::size_t, 3>& extreme, const Double3& crease, bool& corner) {
   TangentPlanes planes = tangent_planes(loop);
-  PlaneIntersection found = intersect_planes(planes, mass, corner ? 3 : 2);
-  if (!corner) {
-    PlaneIntersection better;
-    if (is_hidden_corner(planes, found, mass, better)) {
-      found = better;
+  Double3 first;
+  if (corner) {
+    first = intersect_planes(planes, mass, 3).position;
+  } else {
+    first = intersect_crease(planes, mass, crease, extreme[0]);
+    Double3 better;
+    if (is_hidden_corner(planes, first, mass, better)) {
+      first = better;
       corner = true;
-    } else if (found.rank == 2) {
-      centre_in_cell(found);
+    } else {
+      centre_in_cell(first, crease);
     }
   }
   const int sheets = corner ? 3 : 2;
@@ -162,7 +169,7 @@ Double3 locate(const LoopSamples& loop, const FeatureThresholds& thresholds, con
       if (dot(loop.normal[i], normal_of(s)) > dot(loop.normal[i], normal_of(sheet[i]))) sheet[i] = s;
     double squared = kNearness;
     for (std::size_t k = 0; k < 3; ++k) {
-      const double d = planes.point[i][k] - found.position[k];
+      const double d = planes.point[i][k] - first[k];
       squared += d * d;
     }
     planes.weight[i] = 1.0 / squared;
@@ -171,9 +178,9 @@ Double3 locate(const LoopSamples& loop, const FeatureThresholds& thresholds, con
     bool smooth = true;  // a sheet with a crease of its own has no curvature to fit
     for (std::size_t i = 0; i < planes.size; ++i)
       smooth &= sheet[i] != s || dot(loop.normal[i], normal_of(s)) > thresholds.cone_cos;
-    if (smooth) bend_planes_towards(planes, sheet, s, found.position);
+    if (smooth) bend_planes_towards(planes, sheet, s, first);
   }
-  return intersect_planes(planes, found.position, sheets).position;
+  return intersect_planes(planes, first, sheets).position;
 }
 
 /// A corner outside the cell is the sample of the cell that holds it; two cells with the same sample would
@@ -215,10 +222,6 @@ FeatureThresholds feature_thresholds(double feature_angle_deg, double corner_ang
 FeatureSample sample_feature(const LoopSamples& loop, const FeatureThresholds& thresholds) {
   FeatureSample sample;
   const auto size = static_cast<std::size_t>(loop.size);
-  bool close = true;
-  for (std::size_t i = 1; i < size; ++i) close &= dot(loop.normal[0], loop.normal[i]) > thresholds.quick_dot;
-  if (close) return sample;
-
   float least = 2.0f;
   std::size_t first = 0, second = 0;
   for (std::size_t i = 0; i < size; ++i) {
@@ -236,6 +239,10 @@ FeatureSample sample_feature(const LoopSamples& loop, const FeatureThresholds& t
   const Float3 zero = {0, 0, 0};
   const Float3 crease = triangle_normal(zero, loop.normal[first], loop.normal[second]);
   const float length = std::sqrt(dot(crease, crease));
+  if (!(length > kLeastSine)) {  // two sheets back to back have no crease between them
+    sample.kind = FeatureKind::kRejected;
+    return sample;
+  }
   float deviation = 0.0f;
   std::size_t farthest = first;
   for (std::size_t i = 0; i < size; ++i) {
@@ -248,7 +255,10 @@ FeatureSample sample_feature(const LoopSamples& loop, const FeatureThresholds& t
   bool corner = deviation > thresholds.corner_sin * length;
 
   const Double3 mass = mass_point(loop);
-  Double3 x = locate(loop, thresholds, mass, {first, second, farthest}, corner);
+  Double3 direction;
+  for (std::size_t k = 0; k < 3; ++k)
+    direction[k] = static_cast<double>(crease[k]) / static_cast<double>(length);
+  Double3 x = locate(loop, thresholds, mass, {first, second, farthest}, direction, corner);
   const bool own = !corner || !pull_into_cell(x, mass);
   sample.kind = FeatureKind::kRejected;
   double stay = 1.0;

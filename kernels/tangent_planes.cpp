@@ -94,11 +94,33 @@ PlaneIntersection intersect_planes(const TangentPlanes& planes, const Double3& a
     const Double3 v = {vector[0][column], vector[1][column], vector[2][column]};
     const double s = dot(v, b) / value[column];
     for (std::size_t r = 0; r < 3; ++r) out.position[r] += s * v[r];
-    ++out.rank;
   }
-  for (std::size_t r = 0; r < 3; ++r) out.direction[r] = vector[r][order[2]];
   out.least_spread = value[order[2]] / value[order[0]];
   return out;
+}
+
+Double3 intersect_crease(const TangentPlanes& planes, const Double3& anchor, const Double3& direction,
+                         std::size_t any) {
+  const Double3 e1 = planes.normal[any];  // orthogonal to the direction: one of the two that span it
+  const Double3 e2 = cross(direction, e1);
+  double a11 = 0.0, a12 = 0.0, a22 = 0.0, b1 = 0.0, b2 = 0.0;
+  for (std::size_t i = 0; i < planes.size; ++i) {
+    const Double3& n = planes.normal[i];
+    const Double3& p = planes.point[i];
+    const double d =
+        planes.offset[i] + n[0] * (p[0] - anchor[0]) + n[1] * (p[1] - anchor[1]) + n[2] * (p[2] - anchor[2]);
+    const double n1 = dot(n, e1), n2 = dot(n, e2);
+    a11 += n1 * n1;
+    a12 += n1 * n2;
+    a22 += n2 * n2;
+    b1 += n1 * d;
+    b2 += n2 * d;
+  }
+  const double det = a11 * a22 - a12 * a12;
+  const double s = (b1 * a22 - b2 * a12) / det;
+  const double t = (b2 * a11 - b1 * a12) / det;
+  return {anchor[0] + s * e1[0] + t * e2[0], anchor[1] + s * e1[1] + t * e2[1],
+          anchor[2] + s * e1[2] + t * e2[2]};
 }
 
 void bend_planes_towards(TangentPlanes& planes, const std::array<int, kMaxPlanes>& sheets, int sheet,

@@ -20,15 +20,18 @@ struct TangentPlanes {
 };
 
 struct PlaneIntersection {
-  Double3 position = {0, 0, 0};   ///< the least-squares point nearest to the anchor
-  Double3 direction = {0, 0, 0};  ///< unit; along the crease where rank is 2
-  double least_spread = 0.0;      ///< smallest over largest eigenvalue: squared ratio of singular values
-  int rank = 0;                   ///< at most the one wanted
+  Double3 position = {0, 0, 0};  ///< the least-squares point nearest to the anchor
+  double least_spread = 0.0;     ///< smallest over largest eigenvalue: squared ratio of singular values
 };
 
 /// Pseudo-inverse by eigenvectors of the normal equations; only + - * / sqrt.
 /// \param rank  singular values kept: 2 for a crease, 3 for a corner; those near zero are always dropped
 PlaneIntersection intersect_planes(const TangentPlanes& planes, const Double3& anchor, int rank);
+
+/// The same for a crease of known direction (unit, the cross product of two of the normals, `any` one of
+/// these): cheaper, and good for a first guess.
+Double3 intersect_crease(const TangentPlanes& planes, const Double3& anchor, const Double3& direction,
+                         std::size_t any);
 
 /// Replaces the normals of the planes whose sheet is `sheet` by the mean of their own and that of the sheet
 /// at x, which a linear fit of the sheet's normals predicts: on a quadric, the plane through a root with this
