@@ -215,6 +215,7 @@ void fit_creases(std::uint32_t bent, std::size_t at, const NodeFitOptions& optio
     *valid &= ~bit;
     if (!value_of_sheets(found, at + x, out)) continue;
     *valid |= bit;
+    if (found.count == 1) continue;  // a smooth sheet without its neighbours: value and gradient say all
     *creased |= bit;
     sheets.push_back(found);
   }

@@ -29,9 +29,10 @@ Float3 times(const std::array<float, 6>& m, const Float3& v) {
 struct Fit {
   Sheet sheet;
   Float3 centroid{}, mean_normal{};
-  float normal_residual = 0.0f;  ///< mean squared
-  float height_variance = 0.0f;  ///< along the mean normal
-  float bend_variance = 0.0f;    ///< of it, what the curvature explains at most
+  std::array<float, 6> spread{};  ///< covariance of the positions
+  float normal_residual = 0.0f;   ///< mean squared
+  float height_variance = 0.0f;   ///< along the mean normal
+  float bend_variance = 0.0f;     ///< of it, what the curvature explains at most
 };
 
 /// A few clusters, no allocation.
@@ -101,6 +102,7 @@ Fit fit_quadric(const Moments& m) {
   const float explained =
       2.0f * (s11 * b11 + 2.0f * s12 * b12 + s22 * b22) -
       ((s11 * s11 + s12 * s12) * m11 + 2.0f * s12 * (s11 + s22) * m12 + (s12 * s12 + s22 * s22) * m22);
+  fit.spread = pp;
   fit.height_variance = dot(n, times(pp, n));
   fit.bend_variance = s11 * s11 * m11 * m11 + 2.0f * s12 * s12 * m11 * m22 + s22 * s22 * m22 * m22;
   fit.normal_residual = std::max(0.0f, variance - explained);
@@ -123,8 +125,16 @@ Float3 gradient_at(const Sheet& s, const Float3& p) {
 constexpr float kSeparation2 = 16.0f;
 /// Least share of the weight and least samples of a sheet; less cannot carry one and is left out of the
 /// others.
-constexpr float kLeastShare = 0.02f;
+constexpr float kLeastShare = 0.03f;
 constexpr int kLeastSheetHits = 3;
+/// Largest height variance of a sheet as a share of its whole spread: samples with false normals lie on a
+/// surface that their normals do not fit.
+constexpr float kLargestHeightShare = 0.12f;
+/// Two faces that meet lie on one side of each other, at least one way: the squared mean height of one above
+/// the other, over its variance. Half a disc at an edge has 2, two mixed sets of samples 0.
+constexpr float kOneSided = 0.5f;
+/// Largest share of the weight that may be left out.
+constexpr float kLargestLoss = 0.35f;
 
 /// Cosine of the angle between two sheets where they meet (half-way between their samples), or 1 if noise
 /// explains the difference.
@@ -247,6 +257,47 @@ SurfaceValue Sheets::at(const Float3& p) const {
   return count > 1 ? value[first[static_cast<std::size_t>(count - 2)]] : value[0];
 }
 
+namespace {
+
+/// Squared mean height of b's samples above a's tangent plane, over their variance about it.
+float one_sidedness(const Fit& a, const Fit& b, float noise) {
+  const float mean = dot(a.mean_normal, minus(b.centroid, a.centroid));
+  const float variance = dot(a.mean_normal, times(b.spread, a.mean_normal));
+  return mean * mean / (std::max(0.0f, variance) + noise * noise + 1e-4f);
+}
+
+/// Leaves out clusters that are no sheets of a surface: too few samples, normals that do not fit the
+/// positions, samples mixed with those of a heavier sheet. False if too much would go, or all.
+bool drop_false_sheets(const SheetOptions& options, Clusters& clusters) {
+  float weight = 0.0f;
+  for (std::size_t k = 0; k < clusters.count; ++k) weight += clusters.moments[k].w();
+  const float noise2 = options.noise * options.noise;
+  for (std::size_t k = clusters.count; k-- > 0;) {
+    const Moments& m = clusters.moments[k];
+    const Fit& fit = clusters.fit[k];
+    const float spread = fit.spread[0] + fit.spread[3] + fit.spread[5];
+    if (m.w() < kLeastShare * weight || m.hits < kLeastSheetHits ||
+        fit.height_variance > kLargestHeightShare * spread + 2.0f * noise2 + fit.bend_variance)
+      clusters.erase(k);
+  }
+  for (bool again = true; again;) {
+    again = false;
+    for (std::size_t a = 0; a < clusters.count && !again; ++a)
+      for (std::size_t b = a + 1; b < clusters.count && !again; ++b) {
+        if (std::max(one_sidedness(clusters.fit[a], clusters.fit[b], options.noise),
+                     one_sidedness(clusters.fit[b], clusters.fit[a], options.noise)) >= kOneSided)
+          continue;
+        clusters.erase(clusters.moments[a].w() < clusters.moments[b].w() ? a : b);
+        again = true;
+      }
+  }
+  float kept = 0.0f;
+  for (std::size_t k = 0; k < clusters.count; ++k) kept += clusters.moments[k].w();
+  return clusters.count > 0 && kept >= (1.0f - kLargestLoss) * weight;
+}
+
+}  // namespace
+
 Sheets fit_sheets(LocalSamples& samples, const SheetOptions& options) {
   Sheets out;
   const int count = cluster_normals(samples, options.cos_feature);
@@ -257,12 +308,7 @@ Sheets fit_sheets(LocalSamples& samples, const SheetOptions& options) {
   join_smooth(clusters, options.cos_feature, cluster_of);
   if (clusters.count < 2) return out;
   separate_layers(samples, cluster_of, options, clusters);
-  float weight = 0.0f;
-  for (std::size_t k = 0; k < clusters.count; ++k) weight += clusters.moments[k].w();
-  for (std::size_t k = clusters.count; k-- > 0;)
-    if (clusters.moments[k].w() < kLeastShare * weight || clusters.moments[k].hits < kLeastSheetHits)
-      clusters.erase(k);
-  if (clusters.count == 0) return out;
+  if (!drop_false_sheets(options, clusters)) return out;
   order_joints(clusters, out);
   out.count = static_cast<int>(clusters.count);
   Moments all = clusters.moments[0];
