@@ -127,6 +127,10 @@ constexpr float kSeparation2 = 16.0f;
 /// others.
 constexpr float kLeastShare = 0.03f;
 constexpr int kLeastSheetHits = 3;
+constexpr float kLeastHitShare = 0.1f;
+/// A face is sampled about as densely as the one beside it; a few flying points with a common normal are not.
+/// Samples per squared spread, relative to the densest sheet.
+constexpr float kLeastDensity = 0.3f;
 /// Largest height variance of a sheet as a share of its whole spread: samples with false normals lie on a
 /// surface that their normals do not fit.
 constexpr float kLargestHeightShare = 0.12f;
@@ -269,14 +273,26 @@ float one_sidedness(const Fit& a, const Fit& b, float noise) {
 /// Leaves out clusters that are no sheets of a surface: too few samples, normals that do not fit the
 /// positions, samples mixed with those of a heavier sheet. False if too much would go, or all.
 bool drop_false_sheets(const SheetOptions& options, Clusters& clusters) {
-  float weight = 0.0f;
-  for (std::size_t k = 0; k < clusters.count; ++k) weight += clusters.moments[k].w();
+  float weight = 0.0f, densest = 0.0f;
+  int hits = 0;
+  const auto spread_of = [&](std::size_t k) {
+    const auto& s = clusters.fit[k].spread;
+    return s[0] + s[3] + s[5] + 0.05f;
+  };
+  for (std::size_t k = 0; k < clusters.count; ++k) {
+    const Moments& m = clusters.moments[k];
+    weight += m.w();
+    hits += m.hits;
+    // Only a sheet of some size tells a density.
+    if (m.w() >= 0.25f * weight) densest = std::max(densest, static_cast<float>(m.hits) / spread_of(k));
+  }
   const float noise2 = options.noise * options.noise;
   for (std::size_t k = clusters.count; k-- > 0;) {
     const Moments& m = clusters.moments[k];
     const Fit& fit = clusters.fit[k];
-    const float spread = fit.spread[0] + fit.spread[3] + fit.spread[5];
+    const float spread = spread_of(k), sampled = static_cast<float>(m.hits);
     if (m.w() < kLeastShare * weight || m.hits < kLeastSheetHits ||
+        sampled < kLeastHitShare * static_cast<float>(hits) || sampled < kLeastDensity * densest * spread ||
         fit.height_variance > kLargestHeightShare * spread + 2.0f * noise2 + fit.bend_variance)
       clusters.erase(k);
   }
