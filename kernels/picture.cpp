@@ -234,6 +234,8 @@ void Picture::lines(std::span<const PictureVertex> ends, float pixels) {
   gl.Uniform1f(gl_uniform(gl, program, "half_width"), 0.5f * pixels * samples);
   for (const PictureView& view : s.views) {
     s.use_view(program, view);
+    gl.Uniform1f(gl_uniform(gl, program, "eye_pixel"),
+                 static_cast<float>(2.0 * view.camera.half_height / (view.height * s.options.supersample)));
     gl.Uniform1f(gl_uniform(gl, program, "near_plane"), static_cast<float>(view.camera.near_plane));
     gl.Uniform2f(gl_uniform(gl, program, "pixels"), static_cast<float>(view.width) * samples,
                  static_cast<float>(view.height) * samples);

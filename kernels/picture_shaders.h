@@ -126,6 +126,7 @@ uniform int orthographic;
 uniform vec2 pixels;       // size of the view, samples
 uniform float half_width;  // samples
 uniform float near_plane;
+uniform float eye_pixel;   // size of a sample, orthographic: scene units; perspective: at distance 1
 out vec3 tint;
 void main() {
   vec4 a = view * vec4(start, 1.0);
@@ -135,6 +136,17 @@ void main() {
     if (a.z > limit && b.z > limit) { gl_Position = vec4(0.0, 0.0, 2.0, 1.0); tint = vec3(0.0); return; }
     if (a.z > limit) a.xyz = mix(b.xyz, a.xyz, (limit - b.z) / (a.z - b.z));
     if (b.z > limit) b.xyz = mix(a.xyz, b.xyz, (limit - a.z) / (b.z - a.z));
+  }
+  // Towards the viewer by a few times the line's width where it is, which is enough on steep faces and too little to
+  // shine through a body. In perspective along the ray, so that it stays where it is on screen.
+  float width_a = 6.0 * half_width * eye_pixel * (orthographic != 0 ? 1.0 : -a.z);
+  float width_b = 6.0 * half_width * eye_pixel * (orthographic != 0 ? 1.0 : -b.z);
+  if (orthographic != 0) {
+    a.z += width_a;
+    b.z += width_b;
+  } else {
+    a.xyz *= max(1.0 - width_a / -a.z, 0.5);
+    b.xyz *= max(1.0 - width_b / -b.z, 0.5);
   }
   vec4 p = projection * a;
   vec4 q = projection * b;
@@ -146,7 +158,6 @@ void main() {
   vec4 at = last ? q : p;
   vec2 shift = across * ((gl_VertexID & 1) != 0 ? 1.0 : -1.0) + along * (last ? 1.0 : -1.0);
   at.xy += shift * half_width * 2.0 / pixels * at.w;
-  at.z -= 0.0015 * at.w;
   tint = colour.rgb;
   gl_Position = at;
 }

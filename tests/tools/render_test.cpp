@@ -194,6 +194,18 @@ TEST_CASE("render: borders are red, non-manifold edges magenta, and both are cou
   }
 }
 
+TEST_CASE("render: a border behind a body stays hidden in a close-up", "[pipeline]") {
+  const test::TempFolder temp;
+  const std::filesystem::path& folder = temp.path();
+  RenderOptions options = one_view(write(sphere(64, 128, 50), folder / "m.ply"), folder / "m.png");
+  options.views = {"iso"};  // the eye is so close that the rest of the scene reaches behind it
+  options.focus = {0.52, -0.74, 0.42, 0.1};
+  CHECK(render(options).border_edges == 128);
+  const Image image = read_png(folder / "m.png");
+  CHECK(count(image, covered) == image.width * image.height);
+  CHECK(count(image, red) == 0);
+}
+
 TEST_CASE("render: the same picture gives the same bytes", "[property]") {
   const test::TempFolder temp;
   const std::filesystem::path& folder = temp.path();
