@@ -200,7 +200,7 @@ void draw_caption(Image& image, double x, double y, double cap_height, const std
         const auto px = [&](std::size_t i) { return x + unit * (line[2 * i] - '0'); };
         const auto py = [&](std::size_t i) { return y - unit * (line[2 * i + 1] - '0' - kBaseline); };
         const std::size_t count = line.size() / 2;
-        if (count == 1) segments.push_back({px(0), py(0), px(0), py(0)});
+        if (count == 1) segments.push_back({px(0), py(0), px(0), py(0) - 0.5 * unit});  // a dot, to be seen
         for (std::size_t i = 0; i + 1 < count; ++i) segments.push_back({px(i), py(i), px(i + 1), py(i + 1)});
       }
     }
