@@ -7,6 +7,7 @@
 #include <fmt/format.h>
 
 #include "octree/error.h"
+#include "stream/memory_budget.h"
 #include "stream/render.h"
 #include "stream/stop.h"
 #include "tools/cli.h"
@@ -59,7 +60,9 @@ void run_render(const RenderCommand& command) {
   catch_stop_signals();
   // llvmpipe takes the number of its threads from the environment alone, when its library is loaded.
   if (command.threads > 0) ::setenv("LP_NUM_THREADS", std::to_string(command.threads).c_str(), 1);
-  const RenderReport report = render(command.options);
+  RenderOptions options = command.options;
+  if (options.memory_bytes == 0) options.memory_bytes = detect_memory_cap().bytes;
+  const RenderReport report = render(options);
   for (const std::string& notice : report.notices) std::cerr << "tessera: note: " << notice << "\n";
   if (command.quiet) return;
   fmt::print("{}: {}x{}", command.options.output.string(), command.options.width, command.options.height);
@@ -132,7 +135,9 @@ void add_render(CLI::App& app) {
   command->add_option("--compare", o.compare,
                       "another file, same camera, drawn to the right; may be repeated");
   cli::add_columns(*command, o.columns);
-  cli::add_bytes(*command, "--memory", o.memory_bytes, "cap on memory; default: none");
+  cli::add_bytes(
+      *command, "--memory", o.memory_bytes,
+      "cap on the peak resident memory, e.g. 512M; default: the smallest limit of this machine x 0.8");
   command->add_option("-t,--threads", shared->threads, "threads of the rasterizer; 0 = all cores")
       ->check(CLI::Range(0, 1024))
       ->capture_default_str();
