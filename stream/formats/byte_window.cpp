@@ -8,13 +8,18 @@ namespace tessera {
 
 namespace {
 constexpr std::size_t kPage = 4096;
+
+/// Whole pages, at least one.
+std::size_t pages(std::uint64_t bytes) {
+  return (std::max<std::size_t>(static_cast<std::size_t>(bytes), 1) + kPage - 1) / kPage * kPage;
 }
+}  // namespace
 
 ByteWindow::ByteWindow(const ReadFile& file, std::uint64_t begin, std::uint64_t end, std::size_t capacity,
                        bool release)
     : file_(&file),
       end_(end),
-      capacity_((std::max(capacity, kPage) + kPage - 1) / kPage * kPage),
+      capacity_(pages(std::min<std::uint64_t>(capacity, end - begin))),
       release_(release),
       window_(begin),
       buffer_(static_cast<char*>(std::aligned_alloc(kPage, capacity_))) {

@@ -16,7 +16,7 @@ class ByteWindow {
   static constexpr std::size_t kDefaultCapacity = std::size_t{1} << 20;
 
   /// \pre  begin <= end <= file.size(); `file` outlives the window
-  /// \param capacity  bytes of the buffer; the longest peek()
+  /// \param capacity  bytes of the buffer and the longest peek(); no more are taken than the range has
   /// \param release   tell the system that bytes passed are not needed again
   ByteWindow(const ReadFile& file, std::uint64_t begin, std::uint64_t end,
              std::size_t capacity = kDefaultCapacity, bool release = false);
@@ -26,7 +26,7 @@ class ByteWindow {
   std::size_t capacity() const { return capacity_; }
 
   /// At least min(wanted, remaining()) next bytes, contiguous, valid until the next call; often more.
-  /// \pre    wanted <= capacity()
+  /// \pre    wanted <= capacity(), or the whole range is smaller
   /// \throws InputError naming file and offset when the system refuses, or the file shrank meanwhile
   std::string_view peek(std::size_t wanted) {
     if (filled_ - pos_ < wanted && window_ + filled_ < end_) refill();

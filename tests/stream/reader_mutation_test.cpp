@@ -1,0 +1,148 @@
+// Damaged files, a few thousand per reader, always the same ones: what a fuzz target finds, in every test
+// run.
+#include <catch2/catch.hpp>
+
+#include <cstring>
+#include <random>
+#include <string>
+#include <vector>
+
+#include "stream/formats/las_points.h"
+#include "stream/formats/ply_points.h"
+#include "stream/formats/ptx_points.h"
+#include "stream/formats/text_points.h"
+#include "tests/fuzz/point_reader_check.h"
+
+namespace tessera {
+namespace {
+
+constexpr int kMutations = 6000;
+
+std::string ply(const std::string& format, const std::string& data) {
+  return "ply\nformat " + format +
+         " 1.0\ncomment c\nelement before 1\nproperty list uchar uchar q\nelement vertex 5\n"
+         "property float x\nproperty float y\nproperty ushort red\nproperty ushort green\nproperty ushort "
+         "blue\n"
+         "property double z\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n" +
+         data;
+}
+
+std::vector<std::string> ply_files() {
+  std::string binary = "\x02xy";
+  for (char i = 0; i < 5; ++i)
+    binary += std::string(4, i) + "\x40\x40\x40\x40" + "rrggbb" + std::string(8, '\x3f');
+  binary += "\x03" + std::string(12, '\0');
+  std::string cloud =
+      "ply\r\nformat ascii 1.0\r\nelement vertex 4\r\nproperty double x\r\nproperty list uchar int l\r\n"
+      "property double y\r\nproperty float z\r\nproperty float nx\r\nproperty float ny\r\n"
+      "property float nz\r\nend_header\r\n";
+  for (int i = 0; i < 4; ++i) cloud += "1e3 2 7 8 -.5 nan 0 0 1\r\n";
+  return {
+      ply("binary_little_endian", binary), ply("binary_big_endian", binary),
+      ply("ascii", "2 1 1\n1 2 3 4 5 6\n1 2 3 4 5 6\n\n1 2 3 4 5 6\n-1 2 3 4 5 6\n1 2 3 4 5 6\n3 0 1 2\n"),
+      cloud};
+}
+
+std::vector<std::string> las_files() {
+  std::vector<std::string> files;
+  for (const auto& [minor, format, record] :
+       {std::array{2, 3, 34}, std::array{4, 7, 40}, std::array{3, 0, 20}}) {
+    const std::size_t head = minor == 4 ? 375 : minor == 3 ? 235 : 227;
+    std::string f(head, '\0');
+    const auto set = [&f](std::size_t at, auto value) { std::memcpy(f.data() + at, &value, sizeof value); };
+    f.replace(0, 4, "LASF");
+    f[24] = 1, f[25] = static_cast<char>(minor), f[104] = static_cast<char>(format);
+    set(96, static_cast<std::uint32_t>(head)), set(105, static_cast<std::uint16_t>(record));
+    set(107, std::uint32_t{6});
+    for (std::size_t a = 0; a < 3; ++a) set(131 + 8 * a, 0.01), set(179 + 16 * a, 1e6);
+    if (minor == 4) set(247, std::uint64_t{6});
+    for (char i = 0; i < 6; ++i)
+      f += std::string(static_cast<std::size_t>(record), static_cast<char>(i * 51));
+    files.push_back(f);
+  }
+  return files;
+}
+
+std::vector<std::string> text_files() {
+  return {"# c\n1 2 3 10 20 30\n4 5 6 7 8 9\n\n-1e5 .5 nan 1 2 3",
+          "Name,\"X\",y (m),Z,r,g,b\n\"a, b\",1,2,3,4,5,6\nc,1,,3,4,5,6\n",
+          "2\n1 2 3 -100 10 20 30\n4 5 6 200 10 20 30\n1\n7 8 9 0 1 2 3\n", "1;2;3\r4;5;6\r7;8;9\r"};
+}
+
+std::vector<std::string> ptx_files() {
+  const std::string header = "2\n2\n1 2 3\n1 0 0\n0 1 0\n0 0 1\n1 0 0 0\n0 1 0 0\n0 0 1 0\n1 2 3 1\n";
+  return {header + "1 2 3 .5\n0 0 0 .5\n4 5 6 .5 1 2 3\n7 8 9 1\n" + header + "1 2 3 4 5 6 7\n0 0 0 0\n",
+          header};
+}
+
+/// One to three kinds of damage, more of it in the second half: a broken header ends the reading early.
+std::string damaged(std::string bytes, std::mt19937_64& random) {
+  const auto below = [&](std::size_t n) { return static_cast<std::size_t>(random() % n); };
+  for (std::size_t n = 1 + below(3); n > 0 && !bytes.empty(); --n) {
+    const std::size_t half = random() % 4 == 0 ? 0 : bytes.size() / 2;
+    const std::size_t at = half + below(bytes.size() - half);
+    const std::size_t length = 1 + below(std::min<std::size_t>(16, bytes.size() - at));
+    switch (below(9)) {
+      case 0:
+        bytes[at] = static_cast<char>(random());
+        break;
+      case 1:
+        bytes[at] = static_cast<char>(bytes[at] ^ 1 << below(8));
+        break;
+      case 2:
+        bytes.erase(at, length);
+        break;
+      case 3:
+        bytes.insert(at, bytes.substr(below(bytes.size()), length));
+        break;
+      case 4:
+        bytes.resize(at);
+        break;
+      case 5:
+        std::fill_n(bytes.begin() + static_cast<std::ptrdiff_t>(at), length,
+                    random() % 2 == 0 ? '\0' : '\xff');
+        break;
+      case 6:
+        bytes.insert(at, "18446744073709551615");
+        break;
+      case 7:
+        bytes.insert(at, 1, "\n\r \t,;\"#-.e0"[below(12)]);
+        break;
+      default:
+        bytes.insert(at, random() % 2 == 0 ? "nan" : "-1e999");
+        break;
+    }
+  }
+  return bytes;
+}
+
+void check_damaged(fuzz::OpenPoints open, const std::vector<std::string>& files) {
+  std::mt19937_64 random(20240601);  // the standard fixes its numbers
+  for (const std::string& file : files) REQUIRE_NOTHROW(fuzz::check_reader(open, file));
+  int read = 0;
+  for (int i = 0; i < kMutations; ++i) {
+    const std::string bytes = damaged(files[static_cast<std::size_t>(i) % files.size()], random);
+    if (bytes.empty()) continue;
+    CAPTURE(i, bytes);
+    REQUIRE_NOTHROW(read += fuzz::check_reader(open, bytes) ? 1 : 0);
+  }
+  // Both ways were taken often, else the rest proves nothing.
+  CHECK(read > kMutations / 10);
+  CHECK(read < kMutations - kMutations / 10);
+}
+
+TEST_CASE("mutations: damaged PLY files give points or a sentence", "[fault]") {
+  check_damaged(open_ply_points, ply_files());
+}
+TEST_CASE("mutations: damaged LAS files give points or a sentence", "[fault]") {
+  check_damaged(open_las_points, las_files());
+}
+TEST_CASE("mutations: damaged text files give points or a sentence", "[fault]") {
+  check_damaged(open_text_points, text_files());
+}
+TEST_CASE("mutations: damaged PTX files give points or a sentence", "[fault]") {
+  check_damaged(open_ptx_points, ptx_files());
+}
+
+}  // namespace
+}  // namespace tessera
