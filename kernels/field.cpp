@@ -19,6 +19,9 @@ float support_radius(const FieldOptions& options) {
   return static_cast<float>(quanta / kQuantaPerCell);
 }
 
+/// Noise up to which samples count as exact, cells.
+constexpr double kExactNoise = 0.03;
+
 constexpr double kRadiansPerDegree = 0.017453292519943295;
 
 /// Cosine by its series: libm's differs between machines. \pre 0 <= degrees <= 90
@@ -74,7 +77,9 @@ DirectedField evaluate_field(const PointBlock& points, const FieldOptions& optio
   fit_options.radius = support_radius(options);
   fit_options.sheets.feature_angle = static_cast<float>(options.feature_angle_deg * kRadiansPerDegree);
   fit_options.sheets.cos_feature = cosine_of_degrees(options.feature_angle_deg);
+  fit_options.sheets.cos_seed = cosine_of_degrees(0.8 * options.feature_angle_deg);
   fit_options.sheets.noise = static_cast<float>(options.noise_cells);
+  fit_options.noisy = options.noise_cells > kExactNoise;
   NodeFitScratch scratch;
   SampleList samples, coarse;
   std::vector<Sheets> sheets;

@@ -129,13 +129,14 @@ void finish_row(const Sums& s, std::uint32_t active, const NodeFitOptions& optio
 /// How far a mean normal may turn from the sphere before it hints at a crease, as a share of the feature
 /// angle; and how many deviations of such a mean are granted to noise.
 constexpr float kHintShare = 0.1f;
+constexpr float kNoisyHintShare = 0.3f;
 constexpr float kHintDeviations = 2.0f;
 
 /// Nodes of the row in whose reach a mean normal turns from the node's sphere by more than noise explains.
 /// Nodes whose sphere says nothing are among them.
-std::uint32_t crease_hints(const RowSamples& coarse, const Spheres& s, float r2, float feature_angle) {
+std::uint32_t crease_hints(const RowSamples& coarse, const Spheres& s, float r2, float least_angle) {
   const __m256 node_x = _mm256_setr_ps(0, 1, 2, 3, 4, 5, 6, 7), reach2 = _mm256_set1_ps(r2);
-  const __m256 least = _mm256_set1_ps(kHintShare * feature_angle);
+  const __m256 least = _mm256_set1_ps(least_angle);
   const __m256 granted = _mm256_mul_ps(s.normal_noise, _mm256_set1_ps(kHintDeviations));
   const __m256 two = _mm256_set1_ps(2.0f);
   __m256 hint = _mm256_andnot_ps(s.sound, _mm256_castsi256_ps(_mm256_set1_epi32(-1)));
@@ -194,11 +195,23 @@ bool value_of_sheets(const Sheets& sheets, std::size_t at, LeafFit& out) {
 namespace {
 
 /// Tries sheets at the bent nodes of a row; updates their values and bits.
-void fit_creases(std::uint32_t bent, std::size_t at, const NodeFitOptions& options, NodeFitScratch& scratch,
-                 const RowReach& reach, bool row_is_whole, LeafFit& out, std::vector<Sheets>& sheets,
-                 std::uint32_t* valid, std::uint32_t* creased) {
+void fit_creases(std::uint32_t bent, const SampleList& coarse, std::size_t at, const NodeFitOptions& options,
+                 NodeFitScratch& scratch, const RowReach& reach, bool row_is_whole, LeafFit& out,
+                 std::vector<Sheets>& sheets, std::uint32_t* valid, std::uint32_t* creased) {
   for (std::uint32_t left = bent; left; left &= left - 1) {
     const auto x = static_cast<std::uint32_t>(std::countr_zero(left));
+    NormalSeeds seeds;
+    if (options.noisy) {
+      scratch.coarse_local.clear();
+      for (std::size_t next = 0; next < coarse.size;) {
+        fill_row(coarse, reach, &next, scratch.coarse_row);
+        append_local(scratch.coarse_row, static_cast<float>(x), reach.r2, scratch.coarse_local);
+      }
+      scratch.coarse_local.pad();
+      make_unit(scratch.coarse_local);
+      seeds = seed_normals(scratch.coarse_local, options.sheets.cos_seed);
+      if (seeds.count < 2) continue;
+    }
     scratch.local.clear();
     if (row_is_whole) {
       append_local(scratch.row, static_cast<float>(x), reach.r2, scratch.local);
@@ -209,7 +222,8 @@ void fit_creases(std::uint32_t bent, std::size_t at, const NodeFitOptions& optio
       }
     }
     scratch.local.pad();
-    const Sheets found = fit_sheets(scratch.local, options.sheets);
+    if (!options.noisy) seeds = seed_normals(scratch.local, options.sheets.cos_feature);
+    const Sheets found = fit_sheets(scratch.local, seeds, options.sheets);
     if (found.count == 0) continue;
     const std::uint32_t bit = 1u << x;
     *valid &= ~bit;
@@ -254,9 +268,12 @@ void fit_nodes(const SampleList& samples, const SampleList& coarse, const std::a
         std::uint32_t hints = 0;
         for (std::size_t next = 0; next < coarse.size;) {
           fill_row(coarse, reach, &next, scratch.coarse_row);
-          hints |= crease_hints(scratch.coarse_row, spheres, reach.r2, options.sheets.feature_angle);
+          hints |=
+              crease_hints(scratch.coarse_row, spheres, reach.r2,
+                           (options.noisy ? kNoisyHintShare : kHintShare) * options.sheets.feature_angle);
         }
-        fit_creases(bent & hints, at, options, scratch, reach, fills == 1, out, sheets, &valid, &creased);
+        fit_creases(bent & hints, coarse, at, options, scratch, reach, fills == 1, out, sheets, &valid,
+                    &creased);
       }
       out.valid[z] |= static_cast<std::uint64_t>(valid) << (8 * y);
       out.creased[z] |= static_cast<std::uint64_t>(creased) << (8 * y);

@@ -28,6 +28,9 @@ struct NodeFitOptions {
   float radius = 3.0f;  ///< cells; a multiple of 1/1024, so that comparing with it is exact
   float bent_residual =
       4e-3f;  ///< mean squared normal residual against the sphere from which sheets are tried
+  /// Samples off the surface, with normals to match: clusters start from averaged normals. Else from single
+  /// ones, which finds faces that barely reach in.
+  bool noisy = false;
   SheetOptions sheets;
 };
 
@@ -38,7 +41,7 @@ inline constexpr float kLargestValue = 2.0f;
 struct NodeFitScratch {
   SampleList slab;
   RowSamples row, coarse_row;
-  LocalSamples local;
+  LocalSamples local, coarse_local;
 };
 
 /// \param samples  all samples within the radius of the nodes, relative to the leaf

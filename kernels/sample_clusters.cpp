@@ -137,35 +137,51 @@ Moments merged(const Moments& a, const Moments& b) {
   return m;
 }
 
-int cluster_normals(LocalSamples& samples, float cos_feature) {
-  // Seeds: normals far from the ones before, nearer samples first; the mean normal only finds the first.
-  std::array<Float3, kMostSheets> means{};
-  __m256 sx = _mm256_setzero_ps(), sy = sx, sz = sx;
-  for (std::size_t i = 0; i < samples.size; i += kLanes) {
-    const __m256 w = _mm256_loadu_ps(&samples.w[i]);
-    sx = _mm256_fmadd_ps(w, _mm256_loadu_ps(&samples.nx[i]), sx);
-    sy = _mm256_fmadd_ps(w, _mm256_loadu_ps(&samples.ny[i]), sy);
-    sz = _mm256_fmadd_ps(w, _mm256_loadu_ps(&samples.nz[i]), sz);
+void make_unit(LocalSamples& s) {
+  for (std::size_t i = 0; i < s.size; i += kLanes) {
+    const __m256 nx = _mm256_loadu_ps(&s.nx[i]), ny = _mm256_loadu_ps(&s.ny[i]),
+                 nz = _mm256_loadu_ps(&s.nz[i]);
+    const __m256 n2 = _mm256_fmadd_ps(nx, nx, _mm256_fmadd_ps(ny, ny, _mm256_mul_ps(nz, nz)));
+    // Padding stays zero.
+    const __m256 scale =
+        _mm256_div_ps(_mm256_set1_ps(1.0f), _mm256_sqrt_ps(_mm256_max_ps(n2, _mm256_set1_ps(1e-12f))));
+    _mm256_storeu_ps(&s.nx[i], _mm256_mul_ps(nx, scale));
+    _mm256_storeu_ps(&s.ny[i], _mm256_mul_ps(ny, scale));
+    _mm256_storeu_ps(&s.nz[i], _mm256_mul_ps(nz, scale));
   }
-  means[0] = unit({total(sx), total(sy), total(sz)});
-  const auto normal_of = [&](std::size_t i) { return Float3{samples.nx[i], samples.ny[i], samples.nz[i]}; };
-  const std::size_t first = farthest(samples, means, 1);
-  if (first >= samples.size) return 1;  // all normals alike: a padding sample won
-  means[0] = normal_of(first);
-  int count = 1;
-  while (count < kMostSheets) {
-    const std::size_t next = farthest(samples, means, count);
-    if (next >= samples.size) break;
+}
+
+NormalSeeds seed_normals(const LocalSamples& from, float cos_seed) {
+  NormalSeeds seeds;
+  __m256 sx = _mm256_setzero_ps(), sy = sx, sz = sx;
+  for (std::size_t i = 0; i < from.size; i += kLanes) {
+    const __m256 w = _mm256_loadu_ps(&from.w[i]);
+    sx = _mm256_fmadd_ps(w, _mm256_loadu_ps(&from.nx[i]), sx);
+    sy = _mm256_fmadd_ps(w, _mm256_loadu_ps(&from.ny[i]), sy);
+    sz = _mm256_fmadd_ps(w, _mm256_loadu_ps(&from.nz[i]), sz);
+  }
+  seeds.normal[0] = unit({total(sx), total(sy), total(sz)});
+  const auto normal_of = [&](std::size_t i) { return Float3{from.nx[i], from.ny[i], from.nz[i]}; };
+  const std::size_t first = farthest(from, seeds.normal, 1);
+  if (first >= from.size) return seeds;  // all normals alike: padding won
+  seeds.normal[0] = normal_of(first);
+  while (seeds.count < kMostSheets) {
+    const std::size_t next = farthest(from, seeds.normal, seeds.count);
+    if (next >= from.size) break;
     const Float3 n = normal_of(next);
     float close = -1.0f;
-    for (int k = 0; k < count; ++k) close = std::max(close, dot(n, means[static_cast<std::size_t>(k)]));
-    if (close > cos_feature) break;
-    means[static_cast<std::size_t>(count++)] = n;
+    for (int k = 0; k < seeds.count; ++k)
+      close = std::max(close, dot(n, seeds.normal[static_cast<std::size_t>(k)]));
+    if (close > cos_seed) break;
+    seeds.normal[static_cast<std::size_t>(seeds.count++)] = n;
   }
-  if (count == 1) return 1;
-  for (int round = 0; round < 2; ++round) lloyd_round(samples, means, count);
-  label_samples(samples, means, count);
-  return count;
+  return seeds;
+}
+
+void cluster_normals(LocalSamples& samples, const NormalSeeds& seeds) {
+  std::array<Float3, kMostSheets> means = seeds.normal;
+  for (int round = 0; round < 2; ++round) lloyd_round(samples, means, seeds.count);
+  label_samples(samples, means, seeds.count);
 }
 
 Moments sum_moments(const LocalSamples& s, std::int32_t label) {

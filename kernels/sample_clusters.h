@@ -36,10 +36,21 @@ struct Moments {
 
 Moments merged(const Moments& a, const Moments& b);
 
-/// Labels the samples by their nearest of up to kMostSheets directions; returns how many there are, 1 if no
-/// two normals differ by more than the angle (labels are not written then). Seeds are normals far from each
-/// other, nearer samples first; two Lloyd rounds follow.
-int cluster_normals(LocalSamples& samples, float cos_feature);
+/// Directions that start the clusters.
+struct NormalSeeds {
+  std::array<Float3, kMostSheets> normal{};
+  int count = 1;  ///< 1: no two normals differ by more than the angle
+};
+
+/// Gives the normals length 1.
+void make_unit(LocalSamples& samples);
+
+/// Picks normals far from each other, nearer samples first: of samples, or of mean normals around the node
+/// (see average_normals).
+NormalSeeds seed_normals(const LocalSamples& from, float cos_seed);
+
+/// Labels the samples by their nearest direction: two Lloyd rounds from the seeds. \pre seeds.count > 1
+void cluster_normals(LocalSamples& samples, const NormalSeeds& seeds);
 
 /// Sums over the samples with a label.
 Moments sum_moments(const LocalSamples& samples, std::int32_t label);

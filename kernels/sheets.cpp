@@ -314,13 +314,17 @@ bool drop_false_sheets(const SheetOptions& options, Clusters& clusters) {
 
 }  // namespace
 
-Sheets fit_sheets(LocalSamples& samples, const SheetOptions& options) {
+Sheets fit_sheets(LocalSamples& samples, const NormalSeeds& seeds, const SheetOptions& options) {
   Sheets out;
-  const int count = cluster_normals(samples, options.cos_feature);
-  if (count == 1) return out;
+  if (seeds.count < 2) return out;
+  cluster_normals(samples, seeds);
   Clusters clusters;
-  for (int k = 0; k < count; ++k) clusters.add(sum_moments(samples, k));
-  std::array<std::int32_t, kMostSheets> cluster_of = {0, 1, 2, 3};
+  std::array<std::int32_t, kMostSheets> cluster_of = {};
+  for (int k = 0; k < seeds.count; ++k) {
+    const Moments m = sum_moments(samples, k);
+    cluster_of[static_cast<std::size_t>(k)] = static_cast<std::int32_t>(clusters.count);
+    if (m.hits > 0 && dot(m.n(), m.n()) > 0.0f) clusters.add(m);
+  }
   join_smooth(clusters, options.cos_feature, cluster_of);
   if (clusters.count < 2) return out;
   separate_layers(samples, cluster_of, options, clusters);

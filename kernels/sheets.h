@@ -42,11 +42,12 @@ struct Sheets {
 struct SheetOptions {
   float feature_angle = 0.436f;  ///< smallest angle between two sheets, radians
   float cos_feature = 0.906f;    ///< its cosine
+  float cos_seed = 0.940f;       ///< cosine of the smallest angle between mean normals that start a cluster
   float noise = 0.0f;            ///< deviation of the samples along the normal, cells
 };
 
 /// Splits the samples into sheets. Each sum runs over the samples in canonical order, in eight interleaved
 /// partial sums that are joined by a fixed tree: a pure function of the list. \pre samples padded
-Sheets fit_sheets(LocalSamples& samples, const SheetOptions& options);
+Sheets fit_sheets(LocalSamples& samples, const NormalSeeds& seeds, const SheetOptions& options);
 
 }  // namespace tessera
