@@ -20,6 +20,8 @@ constexpr double kCornerSpread = 0.15;
 constexpr double kCornerMargin = 0.5;
 /// How far a sample may leave its cell.
 constexpr float kCellMargin = 0.25f;
+/// Part of the heights of roots over the other side's planes that may have the wrong sign.
+constexpr float kSideDoubt = 0.25f;
 /// Leaves a little room between a corner drawn back and the cell's boundary.
 constexpr double kPull = 0.9375;
 /// How far from the cell a crease may pass the plane of a face: wedges poke through faces without reaching
@@ -183,6 +185,26 @@ Double3 locate(const LoopSamples& loop, const FeatureThresholds& thresholds, con
   return intersect_planes(planes, first, sheets).position;
 }
 
+/// Across a convex crease every root lies below the planes of the other side, across a concave one above.
+/// Noise in the normals alone tilts planes without moving roots, and gives both.
+bool sides_agree(const LoopSamples& loop, std::size_t first, std::size_t second) {
+  float above = 0.0f, below = 0.0f;
+  const auto size = static_cast<std::size_t>(loop.size);
+  const auto on_first = [&](std::size_t i) {
+    return dot(loop.normal[i], loop.normal[first]) >= dot(loop.normal[i], loop.normal[second]);
+  };
+  for (std::size_t i = 0; i < size; ++i) {
+    for (std::size_t j = 0; j < size; ++j) {
+      if (on_first(i) == on_first(j)) continue;
+      Float3 d;
+      for (std::size_t k = 0; k < 3; ++k) d[k] = loop.point[j][k] - loop.point[i][k];
+      const float height = dot(loop.normal[i], d) - loop.offset[i];
+      (height > 0.0f ? above : below) += std::fabs(height);
+    }
+  }
+  return std::min(above, below) <= kSideDoubt * std::max(above, below);
+}
+
 /// A corner outside the cell is the sample of the cell that holds it; two cells with the same sample would
 /// fold their fans upon each other. Draws it towards the mass point to the cell's boundary.
 bool pull_into_cell(Double3& x, const Double3& mass) {
@@ -254,6 +276,10 @@ FeatureSample sample_feature(const LoopSamples& loop, const FeatureThresholds& t
   }
   bool corner = deviation > thresholds.corner_sin * length;
 
+  if (!corner && !sides_agree(loop, first, second)) {
+    sample.kind = FeatureKind::kRejected;
+    return sample;
+  }
   const Double3 mass = mass_point(loop);
   Double3 direction;
   for (std::size_t k = 0; k < 3; ++k)
