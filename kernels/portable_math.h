@@ -119,6 +119,21 @@ inline double natural_log(double v) {
   return 2.0 * t * series + static_cast<double>(exponent) * 0.69314718055994530942;
 }
 
+/// Angle between two vectors in [0, pi], also accurate where they are nearly parallel; error below 1e-14.
+/// \pre both are unit vectors
+inline double angle_between(const Vec3& a, const Vec3& b) {
+  const double across = length(a - b), along = length(a + b);  // tan(angle / 2) = across / along
+  const bool steep = across > along;
+  double t = steep ? along / across : across / along;
+  if (!(t > 0.0)) return steep ? kPi : 0.0;
+  // Two halvings bring the tangent below 0.2, where eleven terms of the series suffice.
+  for (int k = 0; k < 2; ++k) t = t / (1.0 + std::sqrt(1.0 + t * t));
+  double series = 0.0;
+  for (int k = 23; k >= 1; k -= 2) series = 1.0 / k - t * t * series;
+  const double half = 4.0 * t * series;
+  return 2.0 * (steep ? 0.5 * kPi - half : half);
+}
+
 /// Standard normal variate from 64 + 64 random bits (Box and Muller 1958), |result| < 8.6.
 inline double gaussian(std::uint64_t a, std::uint64_t b) {
   const double u = to_unit(a) + 0x1p-54;  // never 0

@@ -89,6 +89,12 @@ class Scene {
   virtual bool nearest_crease(const Vec3&, SharpFeature&) const { return false; }
   /// Nearest corner. \returns false if the scene has none or does not know them
   virtual bool nearest_corner(const Vec3&, SharpFeature&) const { return false; }
+  /// All corners, and points along all creases at most `step` apart. Empty where not known.
+  virtual std::vector<Vec3> corners() const { return {}; }
+  virtual std::vector<Vec3> crease_points(double) const { return {}; }
+  /// Whether a point of the surface lies where the surface ends, so that what is beyond says nothing of
+  /// accuracy.
+  virtual bool at_border(const Vec3&) const { return false; }
   /// Whether the surface ends somewhere (terrain), so that meshes of it have a border.
   virtual bool open() const { return false; }
   /// Where a terrestrial scanner stands in the scene; empty = around it.

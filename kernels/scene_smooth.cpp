@@ -158,6 +158,9 @@ class TerrainScene final : public Scene, private SurfacePatch {
   std::string_view name() const override { return "terrain"; }
   bool open() const override { return true; }
   int octaves() const override { return relief_.octaves; }
+  bool at_border(const Vec3& p) const override {
+    return p.x <= 0.0 || p.y <= 0.0 || p.x >= kTerrainSize || p.y >= kTerrainSize;
+  }
   Box3 bounds() const override {
     const double z = fractal_height_bound(relief_);
     return {{0, 0, -z}, {kTerrainSize, kTerrainSize, z}};

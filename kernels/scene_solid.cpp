@@ -131,13 +131,9 @@ void add_prism(Solid& solid, const Profile& profile, Point2 lo, Point2 hi, doubl
     shape.inward = clockwise;
     solid.add(cylinder_face(shape));
     const Vec3 a{p.radius, 0, 0}, b{0, p.radius, 0};
-    solid.add(Crease{{p.centre.x, p.centre.y, low}, a, b, shape.from, shape.to, false});
-    solid.add(Crease{{p.centre.x, p.centre.y, shape.top_height},
-                     a + Vec3{0, 0, slope.x * p.radius},
-                     b + Vec3{0, 0, slope.y * p.radius},
-                     shape.from,
-                     shape.to,
-                     false});
+    solid.add(Crease::arc({p.centre.x, p.centre.y, low}, a, b, shape.from, shape.to));
+    solid.add(Crease::arc({p.centre.x, p.centre.y, shape.top_height}, a + Vec3{0, 0, slope.x * p.radius},
+                          b + Vec3{0, 0, slope.y * p.radius}, shape.from, shape.to));
   }
 }
 
@@ -161,7 +157,7 @@ std::unique_ptr<Scene> make_csg() {
   add_block_faces(*solid, lo, hi, {outside_bore, outside_bore, Trim{}, Trim{}, outside_rod, outside_rod});
   add_block_edges(*solid, lo, hi);
   const auto circle = [&](const Vec3& centre, const Vec3& a, const Vec3& b) {
-    solid->add(Crease{centre, a, b, 0.0, 2.0 * kPi, false});
+    solid->add(Crease::arc(centre, a, b, 0.0, 2.0 * kPi));
   };
   const Vec3 rx{kRod, 0, 0}, ry{0, kRod, 0}, by{0, kBore, 0}, bz{0, 0, kBore};
   for (const double side : {-1.0, 1.0}) {

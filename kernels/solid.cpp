@@ -128,6 +128,14 @@ double squared(const Vec3& v) {
   return dot(v, v);
 }
 
+constexpr int kScanSteps = 48;
+
+/// Whether a crease may come nearer to p than sqrt(d).
+bool may_beat(const Crease& crease, const Vec3& p, double d) {
+  const double gap = length(p - crease.middle) - crease.reach;
+  return gap <= 0.0 || gap * gap < d;
+}
+
 }  // namespace
 
 std::unique_ptr<SolidFace> plane_face(const Vec3& origin, const Vec3& u, const Vec3& v, Trim trim) {
@@ -136,6 +144,18 @@ std::unique_ptr<SolidFace> plane_face(const Vec3& origin, const Vec3& u, const V
 
 std::unique_ptr<SolidFace> cylinder_face(const CylinderShape& shape) {
   return std::make_unique<CylinderFace>(shape);
+}
+
+Crease Crease::line(const Vec3& from, const Vec3& to) {
+  Crease c;
+  c.centre = from, c.a = to - from, c.to = 1.0, c.straight = true;
+  return c;
+}
+
+Crease Crease::arc(const Vec3& centre, const Vec3& a, const Vec3& b, double from, double to) {
+  Crease c;
+  c.centre = centre, c.a = a, c.b = b, c.from = from, c.to = to;
+  return c;
 }
 
 Vec3 Crease::at(double t) const {
@@ -148,30 +168,59 @@ Vec3 Crease::closest(const Vec3& p) const {
   if (straight) return centre + a * clamp(dot(p - centre, a) / dot(a, a), 0.0, 1.0);
   // Coarse scan for the valley, then bisection on the derivative of the squared distance inside its bracket:
   // an ellipse has at most two valleys, wider apart than a step.
-  constexpr int kSteps = 48;
-  const double step = (to - from) / kSteps;
+  const double step = (to - from) / kScanSteps;
   int best = 0;
   double best_d = std::numeric_limits<double>::max();
-  for (int k = 0; k <= kSteps; ++k) {
-    const double d = squared(p - at(from + k * step));
+  for (int k = 0; k <= kScanSteps; ++k) {
+    const double d = squared(p - scan[static_cast<std::size_t>(k)]);
     if (d < best_d) {
       best_d = d;
       best = k;
     }
   }
-  double lo = from + (best > 0 ? best - 1 : 0) * step, hi = from + (best < kSteps ? best + 1 : kSteps) * step;
+  double lo = from + (best > 0 ? best - 1 : 0) * step,
+         hi = from + (best < kScanSteps ? best + 1 : kScanSteps) * step;
   const bool full = to - from > 2.0 * kPi - 1e-9;
-  if (full && (best == 0 || best == kSteps)) {
+  if (full && (best == 0 || best == kScanSteps)) {
     lo = from - step;
     hi = from + step;
   }
-  for (int k = 0; k < 60; ++k) {
+  for (int k = 0; k < 52; ++k) {
     const double m = 0.5 * (lo + hi);
     const SinCos angle = sin_cos(m);
+    const Vec3 here = centre + a * angle.cos + b * angle.sin;
     const Vec3 tangent = b * angle.cos - a * angle.sin;
-    (dot(at(m) - p, tangent) < 0.0 ? lo : hi) = m;
+    (dot(here - p, tangent) < 0.0 ? lo : hi) = m;
   }
   return at(0.5 * (lo + hi));
+}
+
+void Solid::add(Crease crease) {
+  for (int k = 0; k <= kScanSteps; ++k) {
+    crease.scan.push_back(crease.at(crease.from + (crease.to - crease.from) * k / kScanSteps));
+  }
+  Vec3 sum;
+  for (const Vec3& p : crease.scan) sum = sum + p;
+  crease.middle = sum * (1.0 / (kScanSteps + 1));
+  for (const Vec3& p : crease.scan) {
+    const double r = length(p - crease.middle);
+    if (r > crease.reach) crease.reach = r;
+  }
+  // An arc bulges between scan points by less than its step's share of its size.
+  crease.reach *= 1.02;
+  creases_.push_back(std::move(crease));
+}
+
+std::vector<Vec3> Solid::crease_points(double step) const {
+  std::vector<Vec3> out;
+  for (const auto& crease : creases_) {
+    double way = 0.0;
+    for (std::size_t k = 1; k < crease.scan.size(); ++k) way += length(crease.scan[k] - crease.scan[k - 1]);
+    const double n = std::floor(way * 1.01 / step) + 1.0;
+    for (double k = 0.5; k < n; k += 1.0)
+      out.push_back(crease.at(crease.from + (crease.to - crease.from) * k / n));
+  }
+  return out;
 }
 
 SurfacePoint Solid::closest(const Vec3& p) const {
@@ -188,6 +237,7 @@ SurfacePoint Solid::closest(const Vec3& p) const {
   }
   // Where no face has its foot nearest, a crease does; the normal is then the direction from it.
   for (const auto& crease : creases_) {
+    if (!may_beat(crease, p, best_d)) continue;
     const Vec3 q = crease.closest(p);
     const double d = squared(p - q);
     if (d < best_d) {
@@ -220,6 +270,7 @@ std::vector<const SurfacePatch*> Solid::patches() const {
 bool Solid::nearest_crease(const Vec3& p, SharpFeature& out) const {
   double best = std::numeric_limits<double>::max();
   for (const auto& crease : creases_) {
+    if (!may_beat(crease, p, best)) continue;
     const Vec3 q = crease.closest(p);
     const double d = squared(p - q);
     if (d < best) {

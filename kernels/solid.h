@@ -40,21 +40,26 @@ struct CylinderShape {
 };
 std::unique_ptr<SolidFace> cylinder_face(const CylinderShape& shape);
 
-/// centre + cos(t) a + sin(t) b for t in [from, to], or (b zero, see line) a segment.
+/// centre + cos(t) a + sin(t) b for t in [from, to], or a segment.
 struct Crease {
   Vec3 centre, a, b;
   double from = 0.0, to = 0.0;
   bool straight = false;  ///< centre + t a, t in [0, 1]
-  static Crease line(const Vec3& from, const Vec3& to) { return {from, to - from, {}, 0.0, 1.0, true}; }
+  static Crease line(const Vec3& from, const Vec3& to);
+  static Crease arc(const Vec3& centre, const Vec3& a, const Vec3& b, double from, double to);
   Vec3 at(double t) const;
   Vec3 closest(const Vec3& p) const;
+  /// Positions at equal steps of t, for closest(), and a ball around them; made by Solid::add.
+  std::vector<Vec3> scan;
+  Vec3 middle;
+  double reach = 0.0;
 };
 
 class Solid : public Scene {
  public:
   Solid(std::string name, const Box3& bounds) : name_(std::move(name)), bounds_(bounds) {}
   void add(std::unique_ptr<SolidFace> face) { faces_.push_back(std::move(face)); }
-  void add(const Crease& crease) { creases_.push_back(crease); }
+  void add(Crease crease);
   void add_corner(const Vec3& corner) { corners_.push_back(corner); }
 
   std::string_view name() const override { return name_; }
@@ -62,6 +67,8 @@ class Solid : public Scene {
   SurfacePoint closest(const Vec3& p) const override;
   bool intersect(const Ray& ray, double limit, RayHit& hit) const override;
   std::vector<const SurfacePatch*> patches() const override;
+  std::vector<Vec3> corners() const override { return corners_; }
+  std::vector<Vec3> crease_points(double step) const override;
   bool nearest_crease(const Vec3& p, SharpFeature& out) const override;
   bool nearest_corner(const Vec3& p, SharpFeature& out) const override;
 

@@ -11,6 +11,7 @@
 #include "stream/mesh_check.h"
 #include "stream/mesh_io.h"
 #include "stream/output_file.h"
+#include "stream/truth.h"
 #include "tools/cli.h"
 #include "tools/commands.h"
 
@@ -21,6 +22,8 @@ struct CheckCommand {
   std::filesystem::path mesh;
   std::filesystem::path json;
   MeshCheckOptions options;
+  std::filesystem::path truth;
+  TruthOptions truth_options;
   bool strict = false;
   bool closed = false;
 };
@@ -38,8 +41,18 @@ void run_check(const CheckCommand& command) {
   const auto mesh = open_mesh_file(command.mesh, {.keep_bad_faces = true});
   const MeshCheck check = check_mesh(*mesh, options);
   std::cout << describe(check) << std::flush;
+  nlohmann::json truth_report;
+  if (!command.truth.empty()) {
+    TruthOptions truth_options = command.truth_options;
+    truth_options.memory_bytes = options.memory_bytes;
+    truth_options.temp = options.temp;
+    const TruthReport compared = compare_with_truth(*mesh, read_truth(command.truth), truth_options);
+    std::cout << describe(compared) << std::flush;
+    truth_report = to_json(compared);
+  }
   if (!command.json.empty()) {
     nlohmann::json report = to_json(check);
+    if (!truth_report.is_null()) report["truth"] = truth_report;
     report["mesh"] = command.mesh.string();
     OutputFile file(command.json);
     file.append(report.dump(2) + "\n");
@@ -66,6 +79,12 @@ void add_check(CLI::App& app) {
   command->add_flag("--strict", shared->strict, "fail with exit code 6 if there are defects");
   command->add_flag("--closed", shared->closed, "like --strict, and boundary edges are defects too");
   command->add_flag("--weld", shared->options.weld, "merge vertices of equal position first (STL always)");
+  command->add_option("--truth", shared->truth, "compare with the surface that `tessera synth` scanned")
+      ->type_name("FILE.truth.json");
+  command
+      ->add_option("--h", shared->truth_options.h,
+                   "lattice spacing of the mesh, for --truth [sample spacing]")
+      ->check(CLI::NonNegativeNumber);
   command->add_option("--json", shared->json, "also write the result to this file")->type_name("FILE");
   cli::add_bytes(*command, "--memory", shared->options.memory_bytes,
                  "cap on memory; larger meshes go through --temp [1G]");

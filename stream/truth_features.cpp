@@ -1,0 +1,127 @@
+#include "stream/truth_features.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numeric>
+#include <tuple>
+
+namespace tessera {
+
+using synth::Vec3;
+
+double squared_distance(const Vec3& p, const Vec3& a, const Vec3& b, const Vec3& c) {
+  const auto to_segment = [&p](const Vec3& s, const Vec3& e) {
+    const Vec3 d = e - s;
+    const double dd = dot(d, d);
+    const double t = dd > 0.0 ? synth::clamp(dot(p - s, d) / dd, 0.0, 1.0) : 0.0;
+    const Vec3 r = p - (s + d * t);
+    return dot(r, r);
+  };
+  const Vec3 n = cross(b - a, c - a);
+  const double nn = dot(n, n);
+  if (nn > 0.0) {
+    const bool inside = dot(cross(b - a, p - a), n) >= 0.0 && dot(cross(c - b, p - b), n) >= 0.0 &&
+                        dot(cross(a - c, p - c), n) >= 0.0;
+    const double height = dot(p - a, n);
+    if (inside) return height * height / nn;
+  }
+  return std::min({to_segment(a, b), to_segment(b, c), to_segment(c, a)});
+}
+
+NearestTracker::NearestTracker(std::vector<Vec3> points, double reach) : reach_(reach) {
+  constexpr double kInf = std::numeric_limits<double>::infinity();
+  lo_ = {kInf, kInf, kInf};
+  hi_ = {-kInf, -kInf, -kInf};
+  for (const Vec3& p : points) {
+    lo_ = {std::min(lo_.x, p.x), std::min(lo_.y, p.y), std::min(lo_.z, p.z)};
+    hi_ = {std::max(hi_.x, p.x), std::max(hi_.y, p.y), std::max(hi_.z, p.z)};
+  }
+  if (points.empty()) lo_ = hi_ = {};
+  const Vec3 extent = hi_ - lo_;
+  // 20 bits an axis are enough: cells no smaller than a millionth of the extent.
+  cell_ = std::max({reach, extent.x * 1e-6, extent.y * 1e-6, extent.z * 1e-6});
+  if (!(cell_ > 0.0)) cell_ = 1.0;
+  std::vector<std::pair<std::uint64_t, std::size_t>> order;
+  const auto index = [this](double v, double lo) {
+    return static_cast<std::int64_t>(std::floor((v - lo) / cell_));
+  };
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    const Vec3& p = points[i];
+    order.emplace_back(key(index(p.x, lo_.x), index(p.y, lo_.y), index(p.z, lo_.z)), i);
+  }
+  std::sort(order.begin(), order.end());
+  for (const auto& [k, i] : order) {
+    keys_.push_back(k);
+    points_.push_back(points[i]);
+  }
+  squared_.assign(points_.size(), reach * reach);
+}
+
+std::uint64_t NearestTracker::key(std::int64_t i, std::int64_t j, std::int64_t k) const {
+  return static_cast<std::uint64_t>(k) << 42 | static_cast<std::uint64_t>(j) << 21 |
+         static_cast<std::uint64_t>(i);
+}
+
+void NearestTracker::take(const Vec3& a, const Vec3& b, const Vec3& c) {
+  if (points_.empty()) return;
+  const auto range = [this](double u, double v, double w, double lo, double hi, std::int64_t& from,
+                            std::int64_t& to) {
+    const double least = std::max(std::min({u, v, w}) - reach_, lo),
+                 most = std::min(std::max({u, v, w}) + reach_, hi);
+    if (!(least <= most)) return false;
+    from = static_cast<std::int64_t>(std::floor((least - lo) / cell_));
+    to = static_cast<std::int64_t>(std::floor((most - lo) / cell_));
+    return true;
+  };
+  std::int64_t i0, i1, j0, j1, k0, k1;
+  if (!range(a.x, b.x, c.x, lo_.x, hi_.x, i0, i1) || !range(a.y, b.y, c.y, lo_.y, hi_.y, j0, j1) ||
+      !range(a.z, b.z, c.z, lo_.z, hi_.z, k0, k1)) {
+    return;
+  }
+  for (std::int64_t k = k0; k <= k1; ++k) {
+    for (std::int64_t j = j0; j <= j1; ++j) {
+      // A row of cells is a run of keys.
+      const auto first = std::lower_bound(keys_.begin(), keys_.end(), key(i0, j, k));
+      const std::uint64_t last = key(i1, j, k);
+      for (auto at = first; at != keys_.end() && *at <= last; ++at) {
+        const auto i = static_cast<std::size_t>(at - keys_.begin());
+        squared_[i] = std::min(squared_[i], squared_distance(points_[i], a, b, c));
+      }
+    }
+  }
+}
+
+double NearestTracker::distance(std::size_t i) const {
+  return std::sqrt(squared_[i]);
+}
+
+void SharpEdges::add(const std::uint64_t (&corners)[3], const Vec3& normal) {
+  for (int e = 0; e < 3; ++e) {
+    const std::uint64_t a = corners[e], b = corners[(e + 1) % 3];
+    sides_.push_back(
+        {std::min(a, b),
+         std::max(a, b),
+         {static_cast<float>(normal.x), static_cast<float>(normal.y), static_cast<float>(normal.z)}});
+  }
+}
+
+std::vector<SharpEdges::Edge> SharpEdges::find() {
+  const auto name = [](const Side& s) { return std::tie(s.a, s.b, s.n[0], s.n[1], s.n[2]); };
+  std::sort(sides_.begin(), sides_.end(), [&](const Side& x, const Side& y) { return name(x) < name(y); });
+  std::vector<Edge> sharp;
+  for (std::size_t i = 0; i < sides_.size();) {
+    std::size_t end = i + 1;
+    while (end < sides_.size() && sides_[end].a == sides_[i].a && sides_[end].b == sides_[i].b) ++end;
+    if (end - i == 2) {
+      double cosine = 0.0;
+      for (int axis = 0; axis < 3; ++axis)
+        cosine += double{sides_[i].n[axis]} * double{sides_[i + 1].n[axis]};
+      if (cosine < min_cosine_) sharp.push_back({sides_[i].a, sides_[i].b});
+    }
+    i = end;
+  }
+  return sharp;
+}
+
+}  // namespace tessera
