@@ -176,6 +176,14 @@ std::vector<PointOverlayRecord> PointOverlay::load_records(std::size_t brick, st
   return records;
 }
 
+void PointOverlay::prefetch(std::uint64_t key) const {
+  const std::int64_t at = find(key);
+  if (at < 0) return;
+  const auto brick = static_cast<std::size_t>(at);
+  const OverlayBrick& e = impl_->bricks[brick];
+  impl_->file_of(brick).will_need(e.records, e.points * sizeof(PointOverlayRecord));
+}
+
 void PointOverlay::apply(std::uint64_t key, std::uint64_t first, std::span<PointRecord> records) const {
   const std::int64_t at = find(key);
   if (at < 0) damaged(impl_->files.front().path(), "brick " + std::to_string(key) + " is missing");

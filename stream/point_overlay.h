@@ -83,6 +83,8 @@ class PointOverlay {
   /// Points per patch of the brick, from its records.
   std::vector<PointOverlayRecord> load_records(std::size_t brick, std::uint64_t first, std::uint64_t count) const;
 
+  /// Starts fetching the records of a brick.
+  void prefetch(std::uint64_t key) const;
   /// Sets normal and outlier flag of records [first, first + size) of a brick.
   /// \pre opened by open()
   void apply(std::uint64_t key, std::uint64_t first, std::span<PointRecord> records) const;

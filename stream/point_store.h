@@ -67,6 +67,9 @@ class PointStore {
   /// \cost about 40 bytes a point of memory, the result included
   PointBlock load(const Int3& origin_cells, const Int3& cells, int halo_cells,
                   bool with_sensor = false) const;
+  /// Starts fetching what load() of this box will read, whole bricks at a time: halo shells are many small reads,
+  /// and a disk serves them one by one.
+  void prefetch(const Int3& origin_cells, const Int3& cells, int halo_cells) const;
   /// All records of one brick, canonical order, outliers included.
   std::vector<PointRecord> load_brick(const BrickEntry& brick) const;
   /// Upper bound of the points that load() would return, from the tables alone: exact but for halo blocks

@@ -53,6 +53,10 @@ void ReadFile::read_at(std::uint64_t offset, void* to, std::uint64_t bytes) cons
   }
 }
 
+void ReadFile::will_need(std::uint64_t offset, std::uint64_t bytes) const {
+  ::posix_fadvise(fd_, static_cast<off_t>(offset), static_cast<off_t>(bytes), POSIX_FADV_WILLNEED);
+}
+
 void ReadFile::release(std::uint64_t offset, std::uint64_t bytes) const {
   ::posix_fadvise(fd_, static_cast<off_t>(offset), static_cast<off_t>(bytes), POSIX_FADV_DONTNEED);
 }

@@ -18,6 +18,8 @@ class ReadFile {
   std::uint64_t size() const { return size_; }
   /// Reads exactly `bytes`. \throws InputError naming file and offset when the file is shorter or unreadable
   void read_at(std::uint64_t offset, void* to, std::uint64_t bytes) const;
+  /// Asks the system to fetch this range in large reads while other work goes on.
+  void will_need(std::uint64_t offset, std::uint64_t bytes) const;
   /// Tells the system that this range is not needed again, so that the page cache does not grow.
   void release(std::uint64_t offset, std::uint64_t bytes) const;
 

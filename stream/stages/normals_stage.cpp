@@ -80,6 +80,7 @@ class NormalsStage : public Stage {
       const BrickEntry& brick = store_.bricks()[b];
       const Int3 at = brick_of_key(brick.key);
       const Int3 origin = {at[0] * kBrickCells, at[1] * kBrickCells, at[2] * kBrickCells};
+      prefetch(task, b);
       const PointBlock block = store_.load(origin, {kBrickCells, kBrickCells, kBrickCells},
                                            normal_halo_cells(shape_), mode_.estimate && mode_.by_sensor);
       const std::vector<PointShape> shapes = estimate_shapes(block, shape_);
@@ -115,6 +116,17 @@ class NormalsStage : public Stage {
 
  private:
   std::size_t first_brick(std::size_t task) const { return task == 0 ? 0 : file_end_[task - 1]; }
+
+  /// Keeps the disk a few bricks ahead.
+  void prefetch(std::size_t task, std::size_t brick) const {
+    constexpr std::size_t kAhead = 16;
+    const std::size_t first = first_brick(task);
+    for (std::size_t b = brick == first ? first : brick + kAhead; b < std::min(brick + kAhead + 1, file_end_[task]); ++b) {
+      const Int3 at = brick_of_key(store_.bricks()[b].key);
+      store_.prefetch({at[0] * kBrickCells, at[1] * kBrickCells, at[2] * kBrickCells},
+                      {kBrickCells, kBrickCells, kBrickCells}, normal_halo_cells(shape_));
+    }
+  }
 
   void process_brick(const BrickEntry& brick, const Int3& origin, const PointBlock& block,
                      const std::vector<PointShape>& shapes, OverlayFileWriter& writer, SignCounts& counts,
