@@ -2,7 +2,8 @@
 /// Which lattice nodes get a value: a canonical rule on the nodes nearest to the points.
 ///
 /// Mark the node nearest to every point; close the marks by a cube of 5^3 nodes (gaps of up to four nodes
-/// between samples fill up, a sheet grows no thicker); add one layer of nodes around. Measured against all
+/// between samples fill up, a sheet grows no thicker); add two layers of nodes around: one leaves pinholes where the
+/// normal runs along a diagonal of the lattice and chance leaves a gap of two cells. Measured against all
 /// nodes of the cells within Chebyshev distance 1 and 2 of an occupied cell: see README.
 #pragma once
 #include <array>
@@ -14,7 +15,7 @@
 namespace tessera {
 
 inline constexpr int kBandClosing = 2;  ///< nodes by which marks are dilated and eroded again
-inline constexpr int kBandLayers = 1;   ///< layers of nodes added around the closed marks
+inline constexpr int kBandLayers = 2;   ///< layers of nodes added around the closed marks
 /// How far from a node a point can put it into the band, in cells.
 inline constexpr int kBandReach = 2 * kBandClosing + kBandLayers + 1;
 

@@ -58,6 +58,9 @@ constexpr float kLeastWeight = 0.1f;
 /// At the straight border of an evenly sampled half plane it is 0.7; 1.0 lets the surface reach the last
 /// samples.
 constexpr float kRimRatio = 1.0f;
+/// Where chance leaves two or three samples with nearly all the weight, their spread says nothing: a foot point this
+/// close to the centroid, in radii, is among them. At the border of the half plane it is 0.23.
+constexpr float kRimFloor = 0.3f;
 
 /// The algebraic spheres of one row, as the crease test needs them.
 struct Spheres {
@@ -104,7 +107,9 @@ void finish_row(const Sums& s, std::uint32_t active, const NodeFitOptions& optio
                fz = _mm256_fmadd_ps(value, gz, cz);
   const __m256 off2 = dot(fx, fy, fz, fx, fy, fz);
   const __m256 among = _mm256_cmp_ps(
-      off2, _mm256_mul_ps(_mm256_mul_ps(spread_w, inverse_w), _mm256_set1_ps(kRimRatio * kRimRatio)),
+      off2,
+      _mm256_max_ps(_mm256_mul_ps(_mm256_mul_ps(spread_w, inverse_w), _mm256_set1_ps(kRimRatio * kRimRatio)),
+                    _mm256_set1_ps(kRimFloor * kRimFloor * options.radius * options.radius)),
       _CMP_LE_OQ);
   const __m256 magnitude = _mm256_andnot_ps(_mm256_set1_ps(-0.0f), value);
   const __m256 close = _mm256_cmp_ps(magnitude, _mm256_set1_ps(kLargestValue), _CMP_LE_OQ);
