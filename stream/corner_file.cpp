@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cerrno>
 #include <cstring>
-#include <limits>
 #include <vector>
 
 #include <fcntl.h>
@@ -37,16 +36,6 @@ void transfer(int fd, bool write, void* data, std::uint64_t bytes, std::uint64_t
 }
 
 }  // namespace
-
-void check_face(const std::filesystem::path& mesh, std::uint64_t index, const MeshFace& face,
-                std::uint64_t vertices) {
-  for (const std::uint64_t v : face) {
-    if (v < vertices) continue;
-    throw InputError(mesh.string() + ": face " + std::to_string(index) + " names vertex " +
-                     std::to_string(v) + ", but there are only " + std::to_string(vertices) +
-                     " vertices; the file is damaged, write it again");
-  }
-}
 
 CornerFile::CornerFile(const std::filesystem::path& folder) : folder_(folder.empty() ? "." : folder) {
   std::string name = (folder_ / ".tessera-render-XXXXXX").string();
@@ -90,7 +79,6 @@ void CornerFile::build(const std::filesystem::path& mesh, std::uint64_t vertices
         const std::uint64_t offset = face * 3 * sizeof(Corner);
         if (begin > 0) transfer(fd_, false, corners.data(), corners.size() * sizeof(Corner), offset, folder_);
         for (std::size_t i = 0; i < batch.size(); ++i) {
-          check_face(mesh, face + i, batch[i], vertices);
           for (std::size_t c = 0; c < 3; ++c) {
             const std::uint64_t v = batch[i][c];
             if (v >= begin && v < end) corners[3 * i + c] = range[static_cast<std::size_t>(v - begin)];

@@ -27,7 +27,7 @@ class CornerFile {
   CornerFile& operator=(const CornerFile&) = delete;
 
   /// Gathers three corners per face, 48 bytes, in ceil(vertices * 16 / memory_bytes) passes over the mesh.
-  /// \throws InputError for a face that names a vertex the mesh lacks; ResourceError when the disk is full
+  /// \throws what the reader throws; ResourceError when the disk is full
   void build(const std::filesystem::path& mesh, std::uint64_t vertices, const Double3& origin,
              std::uint64_t memory_bytes);
   std::uint64_t faces() const { return faces_; }
@@ -40,9 +40,5 @@ class CornerFile {
   int fd_ = -1;
   std::uint64_t faces_ = 0;
 };
-
-/// \throws InputError naming the face, unless all three corners are below `vertices`
-void check_face(const std::filesystem::path& mesh, std::uint64_t index, const MeshFace& face,
-                std::uint64_t vertices);
 
 }  // namespace tessera

@@ -163,11 +163,9 @@ void MeshItem::add_normals(RenderReport& report) {
   }
   for (std::uint64_t i = 0; i < vertex_count_; ++i) normals_.push_back({0, 0, 0});
   normals_empty_ = false;
-  std::uint64_t index = 0;
   open_mesh_file(path_)->read_faces([&](std::span<const MeshFace> batch) {
     throw_if_stopped();
     for (const MeshFace& face : batch) {
-      check_face(path_, index++, face, vertex_count_);
       const Float3 &a = positions_[face[0]], &b = positions_[face[1]], &c = positions_[face[2]];
       const Float3 u = {b[0] - a[0], b[1] - a[1], b[2] - a[2]}, v = {c[0] - a[0], c[1] - a[1], c[2] - a[2]};
       const Float3 n = {u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]};
@@ -194,10 +192,8 @@ void MeshItem::find_borders(const RenderOptions& options, RenderReport& report) 
   with_shared_vertices(options, [&](MeshReader& mesh) {
     const std::uint64_t vertices = soup() ? mesh.header().vertices : vertex_count_;
     const FaceStream faces = [&](const std::function<void(std::span<const MeshFace>)>& sink) {
-      std::uint64_t index = 0;
       mesh.read_faces([&](std::span<const MeshFace> batch) {
         throw_if_stopped();
-        for (const MeshFace& face : batch) check_face(path_, index++, face, vertices);
         sink(batch);
       });
     };
@@ -308,10 +304,8 @@ void MeshItem::draw(Picture& picture, const DrawContext& context) {
     }
   };
   if (resident_) {
-    std::uint64_t index = 0;
     open_mesh_file(path_)->read_faces([&](std::span<const MeshFace> faces) {
       for (const MeshFace& face : faces) {
-        check_face(path_, index++, face, vertex_count_);
         std::array<Corner, 3> corners;
         for (std::size_t i = 0; i < 3; ++i) {
           const Float3& p = positions_[face[i]];

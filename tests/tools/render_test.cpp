@@ -366,6 +366,12 @@ TEST_CASE("render: what cannot be drawn is refused in one sentence", "[fault]") 
     options.output = folder / "none" / "m.png";
     refused("2 ", "none");
   }
+  SECTION("a face names a vertex that is not there") {
+    const std::string text =
+        GENERATE("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 4\n", "v 0 0 0\nv 1 0 0\nf -1 -2 -3\n");
+    options.inputs = {temp.write("bad.obj", text).string()};
+    refused("3 ", "bad.obj");
+  }
   SECTION("nothing finite") {
     const double nan = std::nan("");
     options.inputs = {
