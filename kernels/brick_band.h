@@ -61,7 +61,8 @@ struct LeafMasks {
 
 class BrickBand {
  public:
-  /// Collects the masks of a brick. \param corner  node coordinates of its min corner relative to the block
+  /// Collects the masks of a brick.
+  /// \param corner  node coordinates of its min corner relative to the block
   /// \param with_halo  also the active cells next to the min faces
   void collect(const DirectedField& field, const Int3& corner, bool with_halo);
 

@@ -32,8 +32,8 @@ std::uint8_t ambiguous_faces(unsigned pattern);
 /// Loops of a pattern without ambiguous faces, from a table.
 const CellLoops& unambiguous_loops(unsigned pattern);
 
-/// Loops of any pattern. \param joined  mask of the ambiguous faces on which the two inside corners are
-/// joined
+/// Loops of any pattern.
+/// \param joined  mask of the ambiguous faces on which the two inside corners are joined
 CellLoops trace_loops(unsigned pattern, unsigned joined);
 
 /// Asymptotic decider: mask of those ambiguous faces whose inside corners are joined, from the corners'

@@ -15,8 +15,7 @@ enum class ExtractMethod { kMarchingCubes, kExtendedMarchingCubes };
 struct ExtractOptions {
   ExtractMethod method = ExtractMethod::kExtendedMarchingCubes;
   double feature_angle_deg = 25.0;  ///< opening angle of the loop's normal cone from which it holds a feature
-  double corner_angle_deg =
-      45.0;  ///< deviation of a normal from the crease's plane from which it is a corner
+  double corner_angle_deg = 45.0;   ///< deviation of a normal from the crease's plane that makes a corner
 };
 
 struct ExtractReport {
@@ -29,10 +28,14 @@ struct ExtractReport {
 
 /// Extracts every brick of the block's core, in Morton order of bricks, and hands each non-empty patch to
 /// `sink`. A cell takes part when all its eight nodes are valid. The patch of a brick is a pure function of
-/// the field within one cell around it: the same bytes for any block that holds it. \pre field.cells are
-/// multiples of kBrickCells \post the union of all patches, welded by key, is an oriented 2-manifold with
-/// border; the border lies only
-///       where valid cells meet invalid ones. No face is degenerate.
+/// the field within one cell around it: the same bytes for any block that holds it. A patch may be non-empty
+/// although its brick has no cell at the surface: edge points on its min faces, and faces at features that
+/// pass them, belong to it, so extract every brick that touches a valid cell.
+///
+/// \pre   field.cells are multiples of kBrickCells
+///
+/// \post  the union of all patches, welded by key, is an oriented 2-manifold with border; the border lies
+///        only where valid cells meet invalid ones; no face is degenerate
 ExtractReport extract_surface(const DirectedField& field, const ExtractOptions& options,
                               const std::function<void(Patch&&)>& sink);
 

@@ -16,8 +16,7 @@ struct LoopTriangles {
 };
 
 /// Least area among the triangulations without a chord in a face of the cell (the neighbour might use the
-/// same chord, and four triangles would meet in it); ties go to the lower position. \param edge  cell edges
-/// of the loop, in order
+/// same chord, and four triangles would meet in it); ties go to the lower position.
 void triangulate_loop(const LoopSamples& loop, LoopTriangles& out);
 
 }  // namespace tessera
