@@ -1,0 +1,94 @@
+#include "stream/convert_mesh.h"
+
+#include <algorithm>
+#include <cctype>
+#include <memory>
+#include <string>
+
+#include "octree/error.h"
+#include "stream/formats/ply_header.h"
+#include "stream/mesh_io.h"
+#include "stream/mesh_weld.h"
+#include "stream/read_file.h"
+
+namespace tessera {
+namespace {
+
+std::string lower_extension(const std::filesystem::path& path) {
+  std::string text = path.extension().string();
+  std::transform(text.begin(), text.end(), text.begin(),
+                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  return text;
+}
+
+bool ply_has_faces(const std::filesystem::path& path) {
+  const ReadFile file(path);
+  char magic[3] = {};
+  if (file.size() < sizeof magic) return false;
+  file.read_at(0, magic, sizeof magic);
+  if (std::string_view(magic, 3) != "ply") return false;
+  const PlyHeader header = read_ply_header(file);
+  return std::any_of(header.elements.begin(), header.elements.end(), [](const PlyElement& e) {
+    return (e.name == "face" || e.name == "tristrips") && e.count > 0;
+  });
+}
+
+}  // namespace
+
+bool converts_as_mesh(const std::filesystem::path& input, const std::filesystem::path& output) {
+  const std::string to = lower_extension(output);
+  if (to == ".obj" || to == ".stl" || to == ".glb") return true;
+  if (to != ".ply") return false;
+  const std::string from = lower_extension(input);
+  return from == ".obj" || from == ".stl" || from == ".glb" || from == ".off" || ply_has_faces(input);
+}
+
+ConvertMeshReport convert_mesh(const std::filesystem::path& input, const std::filesystem::path& output,
+                               const ConvertMeshOptions& options) {
+  std::error_code ignored;
+  if (std::filesystem::equivalent(input, output, ignored)) {
+    throw UsageError(output.string() + ": is the input itself; choose another output");
+  }
+  const auto stop = [&] {
+    if (options.check_stop) options.check_stop();
+  };
+  const auto source = open_mesh_file(input);
+  ConvertMeshReport report;
+  report.welded = !source->shared_vertices() && lower_extension(output) != ".stl";
+  std::unique_ptr<WeldedMesh> welded;
+  if (report.welded) {
+    std::filesystem::path temp = options.temp;
+    if (temp.empty()) temp = output.has_parent_path() ? output.parent_path() : ".";
+    welded =
+        std::make_unique<WeldedMesh>(*source, WeldOptions{options.memory_bytes, temp, options.check_stop});
+  }
+  MeshReader& mesh = report.welded ? *welded : *source;
+
+  // Writers want true counts first; headers count polygons, or nothing.
+  mesh.read_vertices([&](std::span<const Double3> batch, std::span<const std::uint32_t>) {
+    stop();
+    report.vertices += batch.size();
+  });
+  mesh.read_faces([&](std::span<const MeshFace> batch) {
+    stop();
+    report.faces += batch.size();
+  });
+  MeshHeader header = mesh.header();
+  header.vertices = report.vertices;
+  header.faces = report.faces;
+  header.double_positions = header.double_positions && !options.floats;
+  const auto writer = create_mesh_file(output, header);
+  mesh.read_vertices([&](std::span<const Double3> positions, std::span<const std::uint32_t> rgba) {
+    stop();
+    writer->vertices(positions, rgba);
+  });
+  mesh.read_faces([&](std::span<const MeshFace> faces) {
+    stop();
+    writer->faces(faces);
+  });
+  writer->finish();
+  report.bytes = writer->bytes_written();
+  return report;
+}
+
+}  // namespace tessera

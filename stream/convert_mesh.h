@@ -1,0 +1,34 @@
+/// \file convert_mesh.h
+/// A mesh from one format into another, streamed.
+#pragma once
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+
+namespace tessera {
+
+struct ConvertMeshOptions {
+  bool floats = false;  ///< positions as floats even where the source has doubles or text
+  std::uint64_t memory_bytes = std::uint64_t{1} << 30;  ///< for merging the vertices of triangle soups
+  std::filesystem::path temp;                           ///< empty = beside the output
+  std::function<void()> check_stop;                     ///< may throw StoppedError; may be empty
+};
+
+struct ConvertMeshReport {
+  std::uint64_t vertices = 0;
+  std::uint64_t faces = 0;
+  std::uint64_t bytes = 0;  ///< of the output
+  bool welded = false;      ///< vertices were merged by exact position
+};
+
+/// True when converting `input` to `output` means its faces: an output that only meshes have (.obj, .stl,
+/// .glb), or .ply and an input with faces. Says nothing about whether the input can be read.
+bool converts_as_mesh(const std::filesystem::path& input, const std::filesystem::path& output);
+
+/// Polygons become triangles; colours, comments and the shift are kept where the output has a place for them.
+/// Formats without shared vertices (STL) are merged by exact position, unless the output has none either.
+/// \throws InputError for a damaged mesh, UsageError when the output format cannot hold it, ResourceError
+ConvertMeshReport convert_mesh(const std::filesystem::path& input, const std::filesystem::path& output,
+                               const ConvertMeshOptions& options);
+
+}  // namespace tessera
