@@ -1,7 +1,6 @@
 #include <unistd.h>
 
 #include <filesystem>
-#include <fstream>
 #include <iostream>
 #include <memory>
 
@@ -55,7 +54,8 @@ void run_check(const CheckCommand& command) {
     if (!truth_report.is_null()) report["truth"] = truth_report;
     report["mesh"] = command.mesh.string();
     OutputFile file(command.json);
-    file.append(report.dump(2) + "\n");
+    // File names need not be valid text.
+    file.append(report.dump(2, ' ', false, nlohmann::json::error_handler_t::replace) + "\n");
     file.finish();
   }
   std::vector<std::string> faults = check.defects();

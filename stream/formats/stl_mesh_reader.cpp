@@ -84,6 +84,7 @@ class StlMeshReader : public MeshReader {
       std::transform(keyword.begin(), keyword.end(), keyword.begin(),
                      [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
       if (keyword == "vertex") {
+        if (!open) throw InputError(text.where() + ": a vertex stands outside of any facet");
         if (++corners > 3) throw InputError(text.where() + ": a facet has more than three vertices");
         Double3 p;
         // STL holds floats; text of more digits is rounded as binary files would.
@@ -102,9 +103,7 @@ class StlMeshReader : public MeshReader {
         ++facets;
       }
     }
-    if (open || (corners != 3 && corners != 0)) {
-      throw InputError(text.where() + ": the file ends inside a facet; it is truncated");
-    }
+    if (open) throw InputError(text.where() + ": the file ends inside a facet; it is truncated");
     return facets;
   }
 

@@ -305,6 +305,7 @@ TEST_CASE("mesh readers: damaged files are refused with the place", "[fault]") {
   refused("a.stl", "solid a\nfacet\nvertex 0 0 0\nvertex 0 0 0\nvertex 0 0 0\nvertex 0 0 0\n",
           "more than three");
   refused("a.stl", "solid a\nfacet\nvertex 0 0 x\n", "'x'");
+  refused("a.stl", "solid a\nvertex 0 0 1\n", "outside of any facet");
   refused("a.stl", std::string(80, '\0') + "\xff\xff\xff\xff" + std::string(100, 'a'), "4294967295 facets");
   refused("a.stl", "short", "0 facets");
   refused("a.glb", "glTF", "truncated");

@@ -1,5 +1,8 @@
 #include <catch2/catch.hpp>
 
+#include <sys/resource.h>
+
+#include <csignal>
 #include <cstring>
 #include <fstream>
 #include <iterator>
@@ -56,7 +59,7 @@ TEST_CASE("PLY writer: the bytes of one coloured triangle", "[unit]") {
 
 TEST_CASE("mesh writers: nothing remains of an unfinished file", "[fault]") {
   const test::TempFolder folder;
-  const std::filesystem::path path = folder.path() / GENERATE("a.ply");
+  const std::filesystem::path path = folder.path() / GENERATE("a.ply", "a.obj", "a.stl", "a.glb");
   MeshHeader header;
   header.vertices = 4;
   header.faces = 4;
@@ -90,7 +93,35 @@ TEST_CASE("mesh writers: a mesh over a format's limit is refused before a file i
   header.vertices = (1ULL << 32) + 1;
   header.faces = 1ULL << 33;
   CHECK_THROWS_WITH(create_mesh_file(folder.path() / "a.ply", header), Catch::Contains("write .obj"));
+  CHECK_THROWS_WITH(create_mesh_file(folder.path() / "a.stl", header), Catch::Contains("write .ply"));
+  CHECK_THROWS_WITH(create_mesh_file(folder.path() / "a.glb", header), Catch::Contains("write .ply"));
+  header.vertices = 200000000;
+  header.faces = 200000000;  // 4.8 GB of buffers
+  CHECK_THROWS_WITH(create_mesh_file(folder.path() / "a.glb", header), Catch::Contains("4 GiB"));
+  CHECK_THROWS_WITH(create_mesh_file(folder.path() / "a.glb", MeshHeader{}),
+                    Catch::Contains("without faces"));
   CHECK_THROWS_AS(create_mesh_file(folder.path() / "a.xyz", header), UsageError);
+  CHECK(std::filesystem::is_empty(folder.path()));
+}
+
+TEST_CASE("mesh writers: a full disk is one sentence and leaves nothing behind", "[fault]") {
+  // A limit on the size of files stands in for the disk.
+  const test::TempFolder folder;
+  rlimit before{};
+  REQUIRE(::getrlimit(RLIMIT_FSIZE, &before) == 0);
+  rlimit small = before;
+  small.rlim_cur = 1000000;
+  const auto handler = std::signal(SIGXFSZ, SIG_IGN);
+  REQUIRE(::setrlimit(RLIMIT_FSIZE, &small) == 0);
+  MeshHeader header;
+  header.vertices = 1000000;
+  header.faces = 0;
+  {
+    const auto writer = create_mesh_file(folder.path() / "a.ply", header);
+    CHECK_THROWS_AS(writer->vertices(std::vector<Double3>(1000000), {}), ResourceError);
+  }
+  REQUIRE(::setrlimit(RLIMIT_FSIZE, &before) == 0);
+  std::signal(SIGXFSZ, handler);
   CHECK(std::filesystem::is_empty(folder.path()));
 }
 

@@ -1,0 +1,129 @@
+// Damaged meshes, a few thousand per reader, always the same ones: what a fuzz target finds, in every test
+// run.
+#include <catch2/catch.hpp>
+
+#include <cstring>
+#include <fstream>
+#include <iterator>
+#include <random>
+#include <string>
+#include <vector>
+
+#include "tests/fuzz/mesh_reader_check.h"
+#include "tests/stream/mesh_files.h"
+#include "tests/stream/temp_file.h"
+
+namespace tessera {
+namespace {
+
+constexpr int kMutations = 3000;
+
+test::WholeMesh small_mesh(bool colour) {
+  test::WholeMesh mesh;
+  mesh.points = {{0, 0, 0}, {1.5, 0, 0}, {0, 1, 0}, {0.1, 0.25, 1}};
+  mesh.faces = {{0, 2, 1}, {0, 1, 3}, {1, 2, 3}, {2, 0, 3}};
+  mesh.header.vertices = 4;
+  mesh.header.faces = 4;
+  mesh.header.colour = colour;
+  mesh.header.shift = {5e5, 0, 1};
+  if (colour) mesh.rgba = {1, 2, 0xff112233u, 4};
+  return mesh;
+}
+
+std::string written(const std::string& name, bool colour) {
+  const test::TempFolder folder;
+  test::write_whole(folder.path() / name, small_mesh(colour));
+  std::ifstream in(folder.path() / name, std::ios::binary);
+  return {std::istreambuf_iterator<char>(in), {}};
+}
+
+struct Case {
+  std::string name;
+  fuzz::OpenMesh open;
+  std::vector<std::string> files;
+};
+
+std::vector<Case> cases() {
+  const std::string ascii = "0 0 0 1\n1 0 0 2\n0 1 0 3\n0 0 1 4\n";
+  const std::string head =
+      "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty double y\nproperty float z\n"
+      "property uchar red\nelement ";
+  const std::string list = "\nproperty list uchar int vertex_indices\nend_header\n";
+  const std::string facet =
+      "facet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet\n";
+  return {{"ply",
+           open_ply_mesh,
+           {written("a.ply", false), written("a.ply", true),
+            head + "face 2" + list + ascii + "4 0 1 2 3\n3 0 3 1\n",
+            head + "tristrips 1" + list + ascii + "8 0 1 2 3 -1 3 2 1\n"}},
+          {"obj",
+           open_obj_mesh,
+           {written("a.obj", true),
+            "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nf 1/1/1 2//2 \\\n 3/1\nf -1 -2 -3\ng f\nf 3 2 1"}},
+          {"off",
+           open_off_mesh,
+           {"OFF\n# c\n3 2 0\n0 0 0\n1 0 0\n0 1 0 # d\n3 0 1 2 255 0 0\n4 0 1 2 0\n",
+            "COFF3 1 3\n0 0 0 1 2 3 4\n1 0 0 .1 .2 .3 1\n0 1 0 9 9 9\n3 0 1 2\n"}},
+          {"stl", open_stl_mesh, {written("a.stl", false), "solid a\n" + facet + facet + "endsolid a\n"}},
+          {"glb", open_glb_mesh, {written("a.glb", false), written("a.glb", true)}}};
+}
+
+/// Bytes changed, numbers swapped for absurd ones, parts cut, repeated or moved.
+void mutate(std::string& bytes, std::mt19937_64& random) {
+  const auto below = [&](std::size_t n) { return static_cast<std::size_t>(random() % n); };
+  for (std::size_t edits = 1 + below(4); edits > 0 && !bytes.empty(); --edits) {
+    const std::size_t at = below(bytes.size());
+    switch (below(7)) {
+      case 0:
+        bytes[at] = static_cast<char>(random());
+        break;
+      case 1:
+        bytes[at] = static_cast<char>(bytes[at] ^ (1 << below(8)));
+        break;
+      case 2:
+        bytes.resize(at);
+        break;
+      case 3:
+        bytes.insert(at, bytes.substr(below(bytes.size()), below(20)));
+        break;
+      case 4:
+        bytes.erase(at, below(20));
+        break;
+      case 5: {
+        const std::uint32_t words[] = {0, 1, 0x7fffffffu, 0x80000000u, 0xffffffffu, 0x10000u};
+        if (at + 4 <= bytes.size()) std::memcpy(bytes.data() + at, &words[below(6)], 4);
+        break;
+      }
+      default: {
+        const char* const texts[] = {"99999999999", "-1", "1e999",      "nan",
+                                     "\n",          " ",  "4294967296", "18446744073709551615"};
+        bytes.insert(at, texts[below(8)]);
+      }
+    }
+  }
+}
+
+TEST_CASE("mesh readers: damaged bytes give a sound mesh or an InputError", "[fault]") {
+  for (const Case& reader : cases()) {
+    std::mt19937_64 random(20260101);
+    int sound = 0;
+    for (const std::string& file : reader.files) {
+      INFO(reader.name);
+      REQUIRE(fuzz::check_mesh_reader(reader.open, file));
+      for (std::size_t length = 1; length < file.size(); length += 1 + file.size() / 300) {
+        CHECK_NOTHROW(fuzz::check_mesh_reader(reader.open, file.substr(0, length)));
+      }
+      for (int i = 0; i < kMutations; ++i) {
+        std::string bytes = file;
+        mutate(bytes, random);
+        if (bytes.empty()) continue;
+        CAPTURE(i);
+        REQUIRE_NOTHROW(sound += fuzz::check_mesh_reader(reader.open, bytes) ? 1 : 0);
+      }
+    }
+    CHECK(sound > 50);  // else the mutations only test the first check of the reader
+  }
+}
+
+}  // namespace
+}  // namespace tessera
