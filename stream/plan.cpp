@@ -66,6 +66,7 @@ nlohmann::json Plan::to_json() const {
   j["brick_min"] = brick_min;
   j["brick_max"] = brick_max;
   j["bricks"] = bricks;
+  j["faces_estimate"] = faces_estimate;
   j["points"] = tessera::to_json(fates);
   j["buckets"] = nlohmann::json::array();
   for (const PlanBucket& b : buckets)
@@ -78,6 +79,7 @@ nlohmann::json Plan::to_json() const {
                              {"disk_bytes", f.disk_bytes},
                              {"files", f.files},
                              {"seconds", f.seconds}});
+  j["peak_disk_bytes"] = peak_disk_bytes;
   j["warnings"] = warnings;
   return j;
 }
@@ -109,6 +111,7 @@ Plan Plan::load(const std::filesystem::path& file) {
     j.at("brick_min").get_to(p.brick_min);
     j.at("brick_max").get_to(p.brick_max);
     j.at("bricks").get_to(p.bricks);
+    j.at("faces_estimate").get_to(p.faces_estimate);
     p.fates = fates_from(j.at("points"));
     for (const auto& b : j.at("buckets"))
       p.buckets.push_back({b.at(0).get<std::uint64_t>(), b.at(1).get<std::uint64_t>(),
@@ -117,6 +120,7 @@ Plan Plan::load(const std::filesystem::path& file) {
       p.forecast.push_back({f.at("stage").get<std::string>(), f.at("tasks").get<std::uint64_t>(),
                             f.at("task_bytes").get<std::uint64_t>(), f.at("disk_bytes").get<std::uint64_t>(),
                             f.at("files").get<std::uint64_t>(), f.at("seconds").get<double>()});
+    j.at("peak_disk_bytes").get_to(p.peak_disk_bytes);
     j.at("warnings").get_to(p.warnings);
   } catch (const nlohmann::json::exception& e) {
     throw InputError(file.string() + ": damaged plan (" + e.what() + "); run again with --force");

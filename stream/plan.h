@@ -63,10 +63,12 @@ struct Plan {
   std::vector<Double3> sensors;  ///< PointRecord::sensor indexes it; ascending, no repeats; scan frame
   Int3 brick_min = {0, 0, 0};    ///< smallest and largest occupied brick coordinates per axis, lattice frame
   Int3 brick_max = {0, 0, 0};
-  std::uint64_t bricks = 0;  ///< occupied bricks
+  std::uint64_t bricks = 0;          ///< occupied bricks
+  std::uint64_t faces_estimate = 0;  ///< of the raw mesh, from the cells that the sampled points occupy
   PointFates fates;
   std::vector<PlanBucket> buckets;
   std::vector<StageForecast> forecast;
+  std::uint64_t peak_disk_bytes = 0;  ///< forecast: most that lies in the work directory at one time
   std::vector<std::string> warnings;  ///< one sentence each
 
   bool has_normals() const { return normal_fraction > 0.0; }

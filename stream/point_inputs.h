@@ -46,7 +46,7 @@ class PointInputs {
                   const std::function<void(std::uint32_t file, const PointChunk&)>& sink) const;
 
   /// Memory that reading one task takes, at most.
-  static constexpr std::uint64_t kReadBytes = std::uint64_t{24} << 20;
+  static constexpr std::uint64_t kReadBytes = std::uint64_t{12} << 20;
 
  private:
   std::uint16_t id_of(const Double3& origin) const;

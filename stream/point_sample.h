@@ -38,7 +38,7 @@ class PointSampler {
 /// out.
 class CellSampler {
  public:
-  CellSampler(double size, std::size_t limit) : size_(size), limit_(limit) {}
+  CellSampler(double size, std::size_t limit) : size_(size), limit_(limit) { held_.reserve(2 * limit); }
 
   /// \pre coordinates below 2^50 cells
   void add(const Double3& p) {
@@ -63,7 +63,8 @@ class CellSampler {
   void save(const std::filesystem::path& file);
   /// Adds what another sampler of the same size and limit saved.
   void merge(const std::filesystem::path& file);
-  static std::uint64_t bytes(std::size_t limit) { return 2 * limit * sizeof(HashedPoint) * 2; }
+  /// Memory of a sampler; merging takes half as much again, taking the cells another third.
+  static std::uint64_t bytes(std::size_t limit) { return 2 * limit * sizeof(HashedPoint); }
 
  private:
   using CellIndex = std::array<std::int64_t, 3>;

@@ -81,7 +81,11 @@ void print_plan(const Plan& plan, const JobState& state) {
   fmt::print("lattice      {} x {} x {} bricks of 64^3 cells, {} occupied, in {} buckets\n",
              plan.brick_max[0] - plan.brick_min[0] + 1, plan.brick_max[1] - plan.brick_min[1] + 1,
              plan.brick_max[2] - plan.brick_min[2] + 1, plan.bricks, plan.buckets.size());
+  fmt::print("mesh         about {:.3g} million faces before decimation\n",
+             static_cast<double>(plan.faces_estimate) * 1e-6);
   fmt::print("memory cap   {}, {} threads\n", format_bytes(state.run.memory_bytes), state.run.threads);
+  fmt::print("disk         at most {} at one time in the work directory\n",
+             format_bytes(plan.peak_disk_bytes));
   print_forecast(plan);
   for (const std::string& warning : plan.warnings) fmt::print("warning: {}\n", warning);
 }

@@ -19,8 +19,9 @@ namespace {
 using json = nlohmann::json;
 
 constexpr std::size_t kProbePoints = 16384;
-constexpr std::size_t kProbeQueries = 2048;
-constexpr std::size_t kSpacingPoints = std::size_t{1} << 18;
+constexpr std::size_t kProbeQueries = 1024;
+constexpr std::size_t kSpacingPoints = std::size_t{1} << 17;
+constexpr std::uint64_t kSmall = std::uint64_t{1} << 20;
 constexpr std::uint64_t kLeastMeasured = 100;
 constexpr const char* kProbeFile = "probe.json";
 constexpr const char* kSpacingFile = "spacing.json";
@@ -72,7 +73,7 @@ class ProbeStage : public MeasuringStage {
   using MeasuringStage::MeasuringStage;
   std::string name() const override { return "probe"; }
   std::uint64_t task_bytes(std::size_t) const override { return kSampleBytes + PointInputs::kReadBytes; }
-  std::uint64_t finish_bytes() const override { return 2 * kSampleBytes; }
+  std::uint64_t finish_bytes() const override { return needed() ? 2 * kSampleBytes : kSmall; }
 
   json run(std::size_t task, TaskContext& context) const override {
     PointSampler sampler(kProbePoints);
@@ -163,7 +164,7 @@ class SpacingStage : public MeasuringStage {
   std::uint64_t task_bytes(std::size_t) const override {
     return CellSampler::bytes(kSpacingPoints) + PointInputs::kReadBytes;
   }
-  std::uint64_t finish_bytes() const override { return 2 * CellSampler::bytes(kSpacingPoints); }
+  std::uint64_t finish_bytes() const override { return needed() ? 2 * CellSampler::bytes(kSpacingPoints) + kSmall : kSmall; }
   std::vector<std::string> obsolete() const override {
     return needed() ? std::vector<std::string>{"probe/"} : std::vector<std::string>{};
   }

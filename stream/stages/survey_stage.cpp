@@ -1,6 +1,7 @@
 #include "stream/stages/survey_stage.h"
 
 #include <algorithm>
+#include <bitset>
 #include <cmath>
 #include <nlohmann/json.hpp>
 #include <string>
@@ -8,6 +9,7 @@
 #include "kernels/spacing.h"
 #include "octree/error.h"
 #include "stream/brick_histogram.h"
+#include "stream/forecast.h"
 #include "stream/point_sample.h"
 #include "stream/quantise.h"
 #include "stream/stages/probe_stage.h"
@@ -75,6 +77,22 @@ std::uint64_t count_normals(const PointChunk& chunk, const std::vector<PointClas
     sum += fate[i] == PointClass::kGood && size > 0.0f && size - size == 0.0f ? 1 : 0;
   }
   return sum;
+}
+
+/// Cells of edge 2 h that the points of a sampled cell occupy: coarse enough to be hit wherever the surface
+/// is.
+std::uint64_t occupied_double_cells(const CellSampler::Cell& cell) {
+  constexpr int kPerAxis = 8;
+  std::bitset<kPerAxis * kPerAxis * kPerAxis> hit;
+  for (const Double3& p : cell.points) {
+    std::size_t at = 0;
+    for (std::size_t a = 0; a < 3; ++a) {
+      const double t = std::floor((p[a] - cell.min[a]) / (kSampleCell / kPerAxis));
+      at = at * kPerAxis + static_cast<std::size_t>(std::clamp(t, 0.0, kPerAxis - 1.0));
+    }
+    hit.set(at);
+  }
+  return hit.count();
 }
 
 /// Lattice frame of the surveyed bricks: keys, ascending.
@@ -167,12 +185,21 @@ void SurveyStage::measure(std::size_t tasks, Plan& plan) const {
   CellSampler sampler(kSampleCell, kSamplePoints);
   for (std::size_t k = 0; k < tasks; ++k) sampler.merge(job_.work / sample_file(k));
   SpacingHistograms measured;
+  std::uint64_t sampled = 0;
+  std::uint64_t double_cells = 0;
   for (const auto& c : sampler.take()) {
+    sampled += c.points.size();
+    double_cells += occupied_double_cells(c);
     measure_distances({c.min, kSampleCell, c.points}, measured);
     measure_residuals({c.min, kSampleCell, c.points}, 3.0 * kQuantaPerCell, measured);
   }
   SpacingSummary s = summarise(measured);
   for (double* v : {&s.spacing, &s.gap, &s.noise, &s.residual}) *v /= kQuantaPerCell;  // in cells
+  // A surface of area A crosses about 1.5 A / e^2 cells of edge e and becomes about 3 A / h^2 triangles.
+  if (sampled > 0)
+    plan.faces_estimate =
+        static_cast<std::uint64_t>(8.0 * static_cast<double>(plan.points()) *
+                                   static_cast<double>(double_cells) / static_cast<double>(sampled));
   plan.spacing = s.spacing * h_;
   plan.noise_cells = s.noise;
   // Three cells, more where gaps or noise ask for it; in eighths, so that the last digit of a quantile is
@@ -237,6 +264,10 @@ nlohmann::json SurveyStage::finish(const std::vector<nlohmann::json>& summaries,
     throw EmptyError("the input holds " + std::to_string(plan.points()) +
                      " usable points; a surface needs at least three");
 
+  const Forecast forecast = forecast_job(plan, bricks, job_, inputs_->task_count());
+  require_resources(forecast, job_);
+  plan.forecast = forecast.stages;
+  plan.peak_disk_bytes = forecast.peak_disk_bytes;
   plan.save(context.create(Plan::kFile));
   save_plan_bricks(context.create(Plan::kBrickFile), bricks);
   nlohmann::json report = plan.to_json();

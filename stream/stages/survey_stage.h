@@ -24,10 +24,13 @@ class SurveyStage : public Stage {
   nlohmann::json run(std::size_t task, TaskContext& context) const override;
   nlohmann::json finish(const std::vector<nlohmann::json>& summaries, TaskContext& context) const override;
   std::uint64_t finish_bytes() const override;
+  std::vector<std::string> obsolete() const override {
+    return auto_resolution_ ? std::vector<std::string>{"spacing/"} : std::vector<std::string>{};
+  }
 
  private:
   std::size_t max_bricks() const;
-  /// Spacing, noise and radius of the plan, from the sampled cells.
+  /// Spacing, noise, radius and estimated faces of the plan, from the sampled cells.
   void measure(std::size_t tasks, Plan& plan) const;
 
   JobState job_;

@@ -1,0 +1,139 @@
+#include "stream/forecast.h"
+
+#include <algorithm>
+#include <filesystem>
+#include <string>
+
+#include "octree/error.h"
+#include "stream/direct_file.h"
+#include "stream/hot_brick.h"
+#include "stream/memory_budget.h"
+#include "stream/point_inputs.h"
+#include "stream/point_sort.h"
+#include "stream/run_file.h"
+
+namespace tessera {
+namespace {
+
+// Bytes on disk, as the files' headers give them.
+constexpr double kRunBytes = 24.0;
+constexpr double kStoreBytes = 24.3;   // records and tables, bricks of some thousand points
+constexpr double kOverlayBytes = 9.0;  // normals and boundary surfels
+constexpr double kPatchBytes = 21.0;   // per face
+constexpr double kOutputBytes = 19.0;  // per face: 13 bytes a face, half a vertex of 12
+
+// Processor time on one core of an EPYC at about 3 GHz, microseconds per point or face. `tools/bench` prints
+// them.
+constexpr double kDistributeTime = 0.05;
+constexpr double kOrderTime = 0.05;
+constexpr double kShapeTime = 0.25;     // supporters of points with normals
+constexpr double kEstimateTime = 0.95;  // normals too
+constexpr double kSurfaceTime = 0.42;   // per face
+constexpr double kWriteTime = 0.02;     // per face
+constexpr double kDiskBytesPerSecond = 8e8;
+
+// Memory per point of a brick and its surroundings, see normals_stage.cpp and tiling.cpp.
+constexpr std::uint64_t kShapePointBytes = 124;
+constexpr std::uint64_t kTilePointBytes = 84;
+constexpr std::uint64_t kTileFixedBytes = std::uint64_t{42} << 20;
+
+constexpr std::uint64_t kSurfaceTaskPoints = 500'000;
+constexpr std::uint64_t kMaxSurfaceTasks = 400;
+
+/// Most points in a brick and its 26 neighbours, over the densest bricks.
+std::uint64_t densest_surroundings(const std::vector<PlanBrick>& bricks, std::uint64_t most) {
+  constexpr std::size_t kLooked = 256;
+  std::vector<PlanBrick> dense(std::min(kLooked, bricks.size()));
+  std::partial_sort_copy(bricks.begin(), bricks.end(), dense.begin(), dense.end(),
+                         [](const PlanBrick& a, const PlanBrick& b) { return a.points > b.points; });
+  std::uint64_t largest = 0;
+  for (const PlanBrick& d : dense) {
+    const Int3 at = brick_of_key(d.key);
+    std::uint64_t sum = 0;
+    for (int k = 0; k < 27; ++k) {
+      const std::uint64_t key = brick_key({at[0] + k % 3 - 1, at[1] + k / 3 % 3 - 1, at[2] + k / 9 - 1});
+      const auto found = std::lower_bound(bricks.begin(), bricks.end(), key,
+                                          [](const PlanBrick& b, std::uint64_t v) { return b.key < v; });
+      if (found != bricks.end() && found->key == key) sum += std::min(found->points, most);
+    }
+    largest = std::max(largest, sum);
+  }
+  return largest;
+}
+
+std::uint64_t bytes_of(double count, double each) {
+  return static_cast<std::uint64_t>(count * each);
+}
+
+}  // namespace
+
+Forecast forecast_job(const Plan& plan, const std::vector<PlanBrick>& bricks, const JobState& job,
+                      std::size_t input_tasks) {
+  const auto points = static_cast<double>(plan.points());
+  const double threads = std::max(1, job.run.threads);
+  const std::uint64_t most = job.options.max_brick_points;
+  const bool estimate =
+      job.options.normals == "estimate" || (job.options.normals == "auto" && plan.normal_fraction < 0.5);
+  const bool shapes = estimate || job.options.outliers != "off";
+
+  Forecast f;
+  f.faces = plan.faces_estimate;
+  const auto faces = static_cast<double>(f.faces);
+  const auto add = [&](const char* stage, std::uint64_t tasks, std::uint64_t task_bytes, std::uint64_t disk,
+                       std::uint64_t files, double processor_us, double moved_bytes) {
+    const double width = std::max(1.0, std::min(threads, static_cast<double>(tasks)));
+    f.stages.push_back({stage, tasks, task_bytes, disk, files,
+                        processor_us * 1e-6 / width + moved_bytes / kDiskBytesPerSecond});
+  };
+
+  std::uint64_t largest_bucket = 0;
+  for (const PlanBucket& b : plan.buckets) {
+    const bool hot = b.bricks == 1 && b.points > most;
+    largest_bucket = std::max(
+        largest_bucket, hot ? HotBrick::bytes(most, std::uint64_t{1} << 19) : b.points * sizeof(PointRecord));
+  }
+  std::uint64_t largest_brick = 0;
+  for (const PlanBrick& b : bricks) largest_brick = std::max(largest_brick, std::min(b.points, most));
+  const std::uint64_t around = densest_surroundings(bricks, most);
+
+  const std::uint64_t run = bytes_of(points, kRunBytes);
+  const std::uint64_t store = bytes_of(points, kStoreBytes);
+  const std::uint64_t overlay = shapes ? bytes_of(points, kOverlayBytes) : 0;
+  const std::uint64_t patches = bytes_of(faces, kPatchBytes);
+  const std::uint64_t buckets = plan.buckets.size();
+  const std::uint64_t share = job.run.memory_bytes / static_cast<std::uint64_t>(threads);
+  const std::uint64_t run_buffer = std::min<std::uint64_t>(share / 6, RunWriter::kBytesPerPoint << 20);
+  f.output_bytes = bytes_of(faces, kOutputBytes);
+
+  add("distribute", input_tasks, run_buffer + DirectFile::kDefaultBuffer + PointInputs::kReadBytes, run,
+      input_tasks + 1, points * kDistributeTime, 2.0 * static_cast<double>(run));
+  add("order", buckets, largest_bucket + BrickSorter::bytes(largest_brick) + DirectFile::kDefaultBuffer,
+      store, buckets, points * kOrderTime, static_cast<double>(run + store));
+  if (shapes)
+    add("normals", buckets, around * kShapePointBytes / 2 + (std::uint64_t{8} << 20), overlay, buckets,
+        points * (estimate ? kEstimateTime : kShapeTime), static_cast<double>(store + overlay));
+  const std::uint64_t groups =
+      std::clamp<std::uint64_t>(plan.points() / kSurfaceTaskPoints, 1, kMaxSurfaceTasks);
+  add("surface", groups, around * kTilePointBytes + kTileFixedBytes, patches, groups, faces * kSurfaceTime,
+      static_cast<double>(store + overlay + patches));
+  add("write", 1, std::uint64_t{64} << 20, f.output_bytes, 1, faces * kWriteTime,
+      static_cast<double>(patches + f.output_bytes));
+
+  f.peak_disk_bytes =
+      std::max({run + store, store + overlay + patches, patches + f.output_bytes + store + overlay});
+  f.least_task_bytes = std::max(around * kTilePointBytes, shapes ? largest_brick * kShapePointBytes : 0);
+  return f;
+}
+
+void require_resources(const Forecast& forecast, const JobState& job) {
+  const MemoryBudget budget(job.run.memory_bytes, resident_bytes());
+  budget.require(forecast.least_task_bytes, "the densest part of the scan");
+  std::error_code unknown;
+  const auto space = std::filesystem::space(job.work, unknown);
+  if (unknown || forecast.peak_disk_bytes <= space.available) return;
+  throw ResourceError("the work directory " + job.work.string() + " needs about " +
+                      format_bytes(forecast.peak_disk_bytes) + ", " + format_bytes(space.available) +
+                      " are free; free space, or choose a larger disk by --temp");
+}
+
+}  // namespace tessera

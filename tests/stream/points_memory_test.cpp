@@ -1,0 +1,89 @@
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <catch2/catch.hpp>
+
+#include "stream/memory_budget.h"
+#include "stream/stages/probe_stage.h"
+#include "tests/helpers/point_chain.h"
+#include "tests/helpers/random_points.h"
+
+using namespace tessera;
+using namespace tessera::test;
+
+namespace {
+
+/// Growth of resident memory while `work` runs, in a process of its own.
+template <typename Work>
+std::uint64_t growth_of(const Work& work) {
+  int ends[2];
+  REQUIRE(pipe(ends) == 0);
+  const pid_t child = fork();
+  if (child == 0) {
+    const std::uint64_t before = resident_bytes();
+    work();
+    const std::uint64_t grown = peak_resident_bytes() - before;
+    const bool told = write(ends[1], &grown, sizeof grown) == static_cast<ssize_t>(sizeof grown);
+    _exit(told ? 0 : 1);
+  }
+  std::uint64_t grown = ~std::uint64_t{0};
+  const bool heard = read(ends[0], &grown, sizeof grown) == static_cast<ssize_t>(sizeof grown);
+  int status = 0;
+  waitpid(child, &status, 0);
+  close(ends[0]);
+  close(ends[1]);
+  REQUIRE(heard);
+  REQUIRE(status == 0);
+  return grown;
+}
+
+/// Every task and the finish stay within what they announce.
+void check_stage(const Stage& stage, const std::filesystem::path& work) {
+  SerialContext context(work);
+  std::vector<nlohmann::json> summaries;
+  for (std::size_t k = 0; k < stage.task_count(); ++k) {
+    const std::uint64_t grown = growth_of([&] { stage.run(k, context); });
+    INFO(stage.name() << " task " << k << " took " << grown << " of " << stage.task_bytes(k));
+    CHECK(grown <= stage.task_bytes(k));
+    summaries.push_back(stage.run(k, context));
+  }
+  const std::uint64_t grown = growth_of([&] { stage.finish(summaries, context); });
+  INFO(stage.name() << " finish took " << grown << " of " << stage.finish_bytes());
+  CHECK(grown <=
+        stage.finish_bytes() + (std::uint64_t{1} << 20));  // a process of its own has pages of its own
+  stage.finish(summaries, context);
+}
+
+}  // namespace
+
+TEST_CASE("memory: passes over points stay within what they announce", "[memory]") {
+  const TempFolder work;
+  ChainSetup setup;
+  setup.slice_points = setup.task_points = 1500000;
+  std::vector<TestPoint> points;
+  SECTION("an even scan") {
+    points = sphere_points(1500000, 400.0, {0, 0, 0});
+  }
+  SECTION("a hot brick, without order") {
+    points = sphere_points(1000000, 20.0, {0, 0, 0});
+    const auto more = sphere_points(200000, 400.0, {0, 0, 0}, 2);
+    points.insert(points.end(), more.begin(), more.end());
+    shuffle(points, 1);
+    setup.options.max_brick_points = 100000;
+  }
+  SECTION("one point per brick") {
+    Random random(3);
+    for (int i = 0; i < 300000; ++i)
+      points.push_back({{random.in(0, 1e5), random.in(0, 1e5), random.in(0, 1e5)}, {}, 0});
+  }
+  const JobState job = chain_job(work.path(), setup);
+  const auto inputs = chain_inputs(points, setup);
+  points = {};
+  JobState automatic = job;
+  automatic.options.resolution = 0.0;
+  check_stage(*make_probe_stage(automatic, inputs), job.work);
+  check_stage(*make_spacing_stage(automatic, inputs), job.work);
+  check_stage(SurveyStage(job, inputs, setup.h, false), job.work);
+  check_stage(DistributeStage(job, inputs), job.work);
+  check_stage(OrderStage(job), job.work);
+}
