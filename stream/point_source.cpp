@@ -67,27 +67,27 @@ std::unique_ptr<PointFile> open_point_file(const std::filesystem::path& path, co
     throw InputError(name +
                      ": is not a regular file; points are read twice, so pipes and devices cannot be used");
   }
-  ReadFile file(path);
+  const ReadFile file(path);
   if (file.size() == 0) throw InputError(name + ": is empty");
   char bytes[16] = {};
   const std::uint64_t there = std::min<std::uint64_t>(file.size(), sizeof bytes);
   file.read_at(0, bytes, there);
   const std::string_view head(bytes, static_cast<std::size_t>(there));
-  if (head.substr(0, 4) == "LASF") return open_las_points(std::move(file), options);
+  if (head.substr(0, 4) == "LASF") return open_las_points(file, options);
   if (head.substr(0, 3) == "ply" && head.find_first_of("\r\n ") == 3) {
-    return open_ply_points(std::move(file), options);
+    return open_ply_points(file, options);
   }
   for (const Refusal& r : kRefusals) {
     if (head.substr(0, r.magic.size()) == r.magic) throw InputError(name + ": " + std::string(r.sentence));
   }
   const std::string extension = lower_extension(path);
-  if (extension == ".ptx" || looks_like_ptx(file)) return open_ptx_points(std::move(file), options);
+  if (extension == ".ptx" || looks_like_ptx(file)) return open_ptx_points(file, options);
   if (extension == ".las" || extension == ".laz" || extension == ".ply" || extension == ".e57") {
     throw InputError(name + ": does not start as a " + extension.substr(1) +
                      " file does; it is damaged or misnamed");
   }
   const bool text = extension == ".xyz" || extension == ".pts" || extension == ".csv" || extension == ".asc";
-  if (text || looks_like_text_points(file)) return open_text_points(std::move(file), options);
+  if (text || looks_like_text_points(file)) return open_text_points(file, options);
   throw InputError(name + ": is of no known format; PLY, LAS, XYZ, PTS, PTX and CSV are read");
 }
 

@@ -70,7 +70,8 @@ struct ReadOptions {
   bool release_cache = false;        ///< tell the system to drop what was read from its page cache
 };
 
-/// One open input file. All members are const and may be called from several threads at once.
+/// One input file, looked at and closed again: a job may hold thousands. All members are const and may be
+/// called from several threads at once.
 class PointFile {
  public:
   virtual ~PointFile() = default;

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "octree/error.h"
+#include "stream/formats/closed_file.h"
 #include "stream/formats/point_records.h"
 #include "stream/formats/scalar.h"
 
@@ -52,13 +53,13 @@ constexpr std::size_t kFlagsByte = 15;
 
 class LasPoints final : public PointFile {
  public:
-  LasPoints(ReadFile file, const ReadOptions& options) : file_(std::move(file)), options_(options) {
-    read_header();
+  LasPoints(const ReadFile& file, const ReadOptions& options) : input_(file), options_(options) {
+    read_header(file);
     set_layout();
     verify_count();
     verify_bounds();
     if (layout_.colour[0].there()) {
-      layout_.colour_scale = sample_colour_scale(file_, begin_, count_.usable, layout_);
+      layout_.colour_scale = sample_colour_scale(file, begin_, count_.usable, layout_);
     }
   }
 
@@ -74,7 +75,8 @@ class LasPoints final : public PointFile {
     ReadCounts counts;
     const std::uint64_t end = std::min(slice.end, count_.usable);
     const std::uint64_t begin = std::min(slice.begin, end);
-    ByteWindow window(file_, begin_ + begin * layout_.stride, begin_ + end * layout_.stride,
+    const ReadFile file = input_.open();
+    ByteWindow window(file, begin_ + begin * layout_.stride, begin_ + end * layout_.stride,
                       std::max(ByteWindow::kDefaultCapacity, layout_.stride), options_.release_cache);
     for (std::uint64_t left = end - begin; left > 0;) {
       const char* records = window.peek(layout_.stride).data();
@@ -103,16 +105,16 @@ class LasPoints final : public PointFile {
     return load_scalar<T>(head_.data() + offset);
   }
   [[noreturn]] void fail(std::size_t offset, const std::string& what) const {
-    throw InputError(file_.path().string() + ": byte " + std::to_string(offset) +
+    throw InputError(input_.path().string() + ": byte " + std::to_string(offset) +
                      " of the LAS header: " + what);
   }
   bool withheld(const char* record) const {
     return (static_cast<std::uint8_t>(record[kFlagsByte]) & withheld_bit_) != 0;
   }
 
-  void read_header() {
-    const std::uint64_t there = std::min<std::uint64_t>(file_.size(), head_.size());
-    file_.read_at(0, head_.data(), there);
+  void read_header(const ReadFile& file) {
+    const std::uint64_t there = std::min<std::uint64_t>(input_.size(), head_.size());
+    file.read_at(0, head_.data(), there);
     const auto need = [&](std::size_t bytes) {
       if (there < bytes) {
         fail(static_cast<std::size_t>(there), "the file ends here, a header of this version has " +
@@ -144,9 +146,9 @@ class LasPoints final : public PointFile {
     if (begin_ < kHeader12) {
       fail(kPointOffset, "points cannot start at byte " + std::to_string(begin_) + ", within the header");
     }
-    info_.path = file_.path();
+    info_.path = input_.path();
     info_.format = "LAS 1." + std::to_string(minor_) + " point format " + std::to_string(format);
-    info_.bytes = file_.size();
+    info_.bytes = input_.size();
     info_.attributes.intensity = true;
   }
 
@@ -191,14 +193,14 @@ class LasPoints final : public PointFile {
       }
     }
     // Points end where the file does, or where waveforms or extended records start.
-    std::uint64_t end = file_.size();
+    std::uint64_t end = input_.size();
     const auto limit = [&](std::uint64_t start) {
       if (start > begin_) end = std::min(end, start);
     };
     if (minor_ >= 3 && (field<std::uint16_t>(kGlobalEncoding) & 2) != 0)
       limit(field<std::uint64_t>(kWaveform));
     if (minor_ >= 4 && field<std::uint32_t>(kEvlrCount) > 0) limit(field<std::uint64_t>(kFirstEvlr));
-    begin_ = std::min(begin_, file_.size());
+    begin_ = std::min(begin_, input_.size());
     count_ = verified_count(info_.declared_points, std::max(end, begin_) - begin_, layout_.stride, true);
     if (!count_.warning.empty()) info_.warnings.push_back(count_.warning);
   }
@@ -221,7 +223,7 @@ class LasPoints final : public PointFile {
     }
   }
 
-  ReadFile file_;
+  ClosedFile input_;
   ReadOptions options_;
   PointFileInfo info_;
   std::array<char, kHeader14> head_{};
@@ -235,8 +237,8 @@ class LasPoints final : public PointFile {
 
 }  // namespace
 
-std::unique_ptr<PointFile> open_las_points(ReadFile file, const ReadOptions& options) {
-  return std::make_unique<LasPoints>(std::move(file), options);
+std::unique_ptr<PointFile> open_las_points(const ReadFile& file, const ReadOptions& options) {
+  return std::make_unique<LasPoints>(file, options);
 }
 
 }  // namespace tessera

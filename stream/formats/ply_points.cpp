@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "octree/error.h"
+#include "stream/formats/closed_file.h"
 #include "stream/formats/line_reader.h"
 #include "stream/formats/ply_header.h"
 #include "stream/formats/point_records.h"
@@ -27,8 +28,8 @@ constexpr int kSlots = 9;
 
 class PlyPoints final : public PointFile {
  public:
-  PlyPoints(ReadFile file, const ReadOptions& options) : file_(std::move(file)), options_(options) {
-    header_ = read_ply_header(file_);
+  PlyPoints(const ReadFile& file, const ReadOptions& options) : input_(file), options_(options) {
+    header_ = read_ply_header(file);
     const int vertex = header_.find("vertex");
     if (vertex < 0) fail("the PLY header has no element 'vertex', so there are no points to read");
     vertex_ = static_cast<std::size_t>(vertex);
@@ -36,20 +37,20 @@ class PlyPoints final : public PointFile {
       closing_ = closing_ && header_.elements[i].count == 0;
     }
     assign_slots();
-    info_.path = file_.path();
+    info_.path = input_.path();
     info_.format = "PLY " + header_.encoding_name();
     const int face = header_.find("face");
     const std::uint64_t faces = face < 0 ? 0 : header_.elements[static_cast<std::size_t>(face)].count;
     if (faces > 0) info_.format += ", vertices of a mesh of " + std::to_string(faces) + " faces";
-    info_.bytes = file_.size();
+    info_.bytes = input_.size();
     info_.declared_points = element().count;
     info_.attributes.normals = has_[3];
     info_.attributes.colour = has_[6];
     info_.attributes.intensity = element().find("intensity") >= 0 || element().find("scalar_Intensity") >= 0;
     if (header_.encoding == PlyEncoding::kAscii) {
-      open_ascii();
+      open_ascii(file);
     } else {
-      open_binary();
+      open_binary(file);
     }
   }
 
@@ -60,11 +61,11 @@ class PlyPoints final : public PointFile {
       case Mode::kRecords:
         return even_slices(file, 0, count_.usable, layout_.stride, target_bytes);
       case Mode::kLines:
-        return even_slices(file, header_.data_begin, file_.size(), 1, target_bytes);
+        return even_slices(file, header_.data_begin, input_.size(), 1, target_bytes);
       case Mode::kInOrder:
         break;
     }
-    return {{file, header_.data_begin, file_.size(), file_.size() - header_.data_begin}};
+    return {{file, header_.data_begin, input_.size(), input_.size() - header_.data_begin}};
   }
 
   ReadCounts read(const InputSlice& slice,
@@ -91,7 +92,7 @@ class PlyPoints final : public PointFile {
   };
 
   [[noreturn]] void fail(const std::string& what) const {
-    throw InputError(file_.path().string() + ": " + what);
+    throw InputError(input_.path().string() + ": " + what);
   }
   const PlyElement& element() const { return header_.elements[vertex_]; }
 
@@ -128,13 +129,13 @@ class PlyPoints final : public PointFile {
     return true;
   }
 
-  void open_ascii() {
+  void open_ascii(const ReadFile& file) {
     lines_ = {header_.data_begin, header_.lines + 1, header_.line_end};
     mode_ = vertices_only() ? Mode::kLines : Mode::kInOrder;
     if (!has_[6]) return;
     // The first 4096 vertices tell how colours are scaled: see sample_colour_scale.
     double largest = 0;
-    LineReader reader(file_, lines_, header_.data_begin, file_.size(), false);
+    LineReader reader(file, lines_, header_.data_begin, input_.size(), false);
     if (skip_elements_before(reader)) {
       std::string_view line;
       std::array<double, kSlots> values{};
@@ -146,15 +147,15 @@ class PlyPoints final : public PointFile {
     layout_.colour_scale = colour_scale_for(types_[6], largest);
   }
 
-  void open_binary() {
+  void open_binary(const ReadFile& file) {
     layout_.big_endian = header_.big_endian();
-    ByteWindow window(file_, header_.data_begin, file_.size());
+    ByteWindow window(file, header_.data_begin, input_.size());
     bool reached = true;
     for (std::size_t i = 0; i < vertex_ && reached; ++i) {
       const PlyElement& before = header_.elements[i];
       reached = skip_ply_elements(before, header_.big_endian(), before.count, window) == before.count;
     }
-    begin_ = reached ? window.offset() : file_.size();
+    begin_ = reached ? window.offset() : input_.size();
     if (!reached) info_.warnings.push_back("the file ends before its first vertex: it is truncated");
     if (element().has_list()) {
       mode_ = Mode::kInOrder;
@@ -168,15 +169,16 @@ class PlyPoints final : public PointFile {
       auto& group = slot < 3 ? layout_.position : slot < 6 ? layout_.normal : layout_.colour;
       group[slot % 3] = {element().properties[p].type, static_cast<int>(element().offset(p))};
     }
-    count_ = verified_count(element().count, file_.size() - begin_, layout_.stride, closing_);
+    count_ = verified_count(element().count, input_.size() - begin_, layout_.stride, closing_);
     if (!count_.warning.empty()) info_.warnings.push_back(count_.warning);
-    if (has_[6]) layout_.colour_scale = sample_colour_scale(file_, begin_, count_.usable, layout_);
+    if (has_[6]) layout_.colour_scale = sample_colour_scale(file, begin_, count_.usable, layout_);
   }
 
   void read_records(const InputSlice& slice, ChunkSink& out, ReadCounts& counts) const {
     const std::uint64_t end = std::min(slice.end, count_.usable);
     const std::uint64_t begin = std::min(slice.begin, end);
-    ByteWindow window(file_, begin_ + begin * layout_.stride, begin_ + end * layout_.stride,
+    const ReadFile file = input_.open();
+    ByteWindow window(file, begin_ + begin * layout_.stride, begin_ + end * layout_.stride,
                       std::max(ByteWindow::kDefaultCapacity, layout_.stride), options_.release_cache);
     for (std::uint64_t left = end - begin; left > 0;) {
       const std::string_view bytes = window.peek(layout_.stride);
@@ -236,7 +238,8 @@ class PlyPoints final : public PointFile {
 
   void read_lines(const InputSlice& slice, ChunkSink& out, ReadCounts& counts) const {
     const bool in_order = mode_ == Mode::kInOrder;
-    LineReader reader(file_, lines_, slice.begin, slice.end, options_.release_cache);
+    const ReadFile file = input_.open();
+    LineReader reader(file, lines_, slice.begin, slice.end, options_.release_cache);
     std::uint64_t left = in_order ? element().count : ~std::uint64_t{0};
     std::string_view line;
     std::array<double, kSlots> values{};
@@ -268,7 +271,8 @@ class PlyPoints final : public PointFile {
 
   /// Binary vertices with lists among their properties.
   void read_in_order(ChunkSink& out, ReadCounts& counts) const {
-    ByteWindow window(file_, begin_, file_.size(), ByteWindow::kDefaultCapacity, options_.release_cache);
+    const ReadFile file = input_.open();
+    ByteWindow window(file, begin_, input_.size(), ByteWindow::kDefaultCapacity, options_.release_cache);
     std::array<double, kSlots> values{};
     std::uint64_t left = element().count;
     for (; left > 0; --left) {
@@ -302,7 +306,7 @@ class PlyPoints final : public PointFile {
     }
   }
 
-  ReadFile file_;
+  ClosedFile input_;
   ReadOptions options_;
   PointFileInfo info_;
   PlyHeader header_;
@@ -320,8 +324,8 @@ class PlyPoints final : public PointFile {
 
 }  // namespace
 
-std::unique_ptr<PointFile> open_ply_points(ReadFile file, const ReadOptions& options) {
-  return std::make_unique<PlyPoints>(std::move(file), options);
+std::unique_ptr<PointFile> open_ply_points(const ReadFile& file, const ReadOptions& options) {
+  return std::make_unique<PlyPoints>(file, options);
 }
 
 }  // namespace tessera

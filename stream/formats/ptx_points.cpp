@@ -10,6 +10,7 @@
 
 #include "octree/error.h"
 #include "octree/points.h"
+#include "stream/formats/closed_file.h"
 #include "stream/formats/line_reader.h"
 #include "stream/formats/point_records.h"
 #include "stream/formats/scalar.h"
@@ -60,11 +61,11 @@ bool is_zero(const double* v) {
 
 class PtxPoints final : public PointFile {
  public:
-  PtxPoints(ReadFile file, const ReadOptions& options) : file_(std::move(file)), options_(options) {
-    info_.path = file_.path();
-    info_.bytes = file_.size();
-    layout_.line_end = detect_line_end(file_);
-    find_scans();
+  PtxPoints(const ReadFile& file, const ReadOptions& options) : input_(file), options_(options) {
+    info_.path = input_.path();
+    info_.bytes = input_.size();
+    layout_.line_end = detect_line_end(file);
+    find_scans(file);
     info_.format = "PTX with " + std::to_string(scans_.size()) + (scans_.size() == 1 ? " scan" : " scans");
     info_.attributes.intensity = true;
     info_.attributes.sensor = true;
@@ -87,14 +88,15 @@ class PtxPoints final : public PointFile {
     const auto after = std::upper_bound(scans_.begin(), scans_.end(), slice.begin,
                                         [](std::uint64_t at, const Scan& s) { return at < s.data_begin; });
     if (after == scans_.begin())
-      throw InputError(file_.path().string() + ": a slice that starts in a header");
+      throw InputError(input_.path().string() + ": a slice that starts in a header");
     // A scan without points starts where its successor's header does: the slice then is empty.
     const Scan& scan = *(after - 1);
     ChunkSink out(options_.chunk_points, sink);
     ReadCounts counts;
     LineLayout layout = layout_;
     layout.data_begin = scan.data_begin;
-    LineReader reader(file_, layout, slice.begin, std::min(slice.end, scan.data_end), options_.release_cache);
+    const ReadFile file = input_.open();
+    LineReader reader(file, layout, slice.begin, std::min(slice.end, scan.data_end), options_.release_cache);
     read_lines(reader, scan, out, counts);
     out.flush();
     counts.points = out.points();
@@ -105,11 +107,11 @@ class PtxPoints final : public PointFile {
 
  private:
   [[noreturn]] void fail(std::uint64_t line, const std::string& what) const {
-    throw InputError(file_.path().string() + ": line " + std::to_string(line) + ": " + what);
+    throw InputError(input_.path().string() + ": line " + std::to_string(line) + ": " + what);
   }
 
-  void find_scans() {
-    LineReader reader(file_, layout_, 0, file_.size(), options_.release_cache);
+  void find_scans(const ReadFile& file) {
+    LineReader reader(file, layout_, 0, input_.size(), options_.release_cache);
     std::string_view line;
     std::uint64_t number = 0;
     std::uint64_t columns = 0;
@@ -127,8 +129,8 @@ class PtxPoints final : public PointFile {
         if (!reader.complete() && !is_point(line)) --scan.lines;  // torn
       }
     }
-    if (scans_.empty()) throw InputError(file_.path().string() + ": there is no PTX header");
-    scans_.back().data_end = file_.size();
+    if (scans_.empty()) throw InputError(input_.path().string() + ": there is no PTX header");
+    scans_.back().data_end = input_.size();
   }
 
   void read_header(LineReader& reader, std::uint64_t columns, std::uint64_t& number) {
@@ -241,7 +243,7 @@ class PtxPoints final : public PointFile {
                     colour_byte(c[2], ColourScale::kByte));
   }
 
-  ReadFile file_;
+  ClosedFile input_;
   ReadOptions options_;
   PointFileInfo info_;
   LineLayout layout_;
@@ -268,8 +270,8 @@ bool looks_like_ptx(const ReadFile& file) {
   return true;
 }
 
-std::unique_ptr<PointFile> open_ptx_points(ReadFile file, const ReadOptions& options) {
-  return std::make_unique<PtxPoints>(std::move(file), options);
+std::unique_ptr<PointFile> open_ptx_points(const ReadFile& file, const ReadOptions& options) {
+  return std::make_unique<PtxPoints>(file, options);
 }
 
 }  // namespace tessera

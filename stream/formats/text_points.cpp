@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "octree/error.h"
+#include "stream/formats/closed_file.h"
 #include "stream/formats/line_reader.h"
 #include "stream/formats/point_records.h"
 #include "stream/formats/scalar.h"
@@ -133,7 +134,7 @@ Opening read_opening(const ReadFile& file, const TextColumns& given) {
 
 class TextPoints final : public PointFile {
  public:
-  TextPoints(ReadFile file, const ReadOptions& options) : file_(std::move(file)), options_(options) {
+  TextPoints(const ReadFile& file, const ReadOptions& options) : input_(file), options_(options) {
     TextColumns given;
     if (!options_.columns.empty()) {
       std::vector<TextColumn> columns;
@@ -141,15 +142,15 @@ class TextPoints final : public PointFile {
       given = TextColumns(std::move(columns));
       if (!given.positions()) throw UsageError("--columns must name x, y and z");
     }
-    const Opening opening = read_opening(file_, given);
+    const Opening opening = read_opening(file, given);
     layout_ = opening.layout;
     counted_ = opening.has_count;
     delimiter_ = text_delimiter(opening.first_line);
     const std::vector<std::vector<double>> samples = sample();
     name_columns(opening, given, samples);
     if (columns_.colours()) colour_scale_ = colour_scale();
-    info_.path = file_.path();
-    info_.bytes = file_.size();
+    info_.path = input_.path();
+    info_.bytes = input_.size();
     info_.declared_points = opening.has_count ? opening.count : 0;
     info_.attributes.normals = columns_.normals();
     info_.attributes.colour = columns_.colours();
@@ -160,14 +161,15 @@ class TextPoints final : public PointFile {
   const PointFileInfo& info() const override { return info_; }
 
   std::vector<InputSlice> slices(std::uint32_t file, std::uint64_t target_bytes) const override {
-    return even_slices(file, layout_.data_begin, file_.size(), 1, target_bytes);
+    return even_slices(file, layout_.data_begin, input_.size(), 1, target_bytes);
   }
 
   ReadCounts read(const InputSlice& slice,
                   const std::function<void(const PointChunk&)>& sink) const override {
     ChunkSink out(options_.chunk_points, sink);
     ReadCounts counts;
-    LineReader reader(file_, layout_, slice.begin, slice.end, options_.release_cache);
+    const ReadFile file = input_.open();
+    LineReader reader(file, layout_, slice.begin, slice.end, options_.release_cache);
     std::string_view line;
     Values values{};
     while (reader.next(line)) {
@@ -193,7 +195,7 @@ class TextPoints final : public PointFile {
 
  private:
   [[noreturn]] void fail(const std::string& what) const {
-    throw InputError(file_.path().string() + ": " + what);
+    throw InputError(input_.path().string() + ": " + what);
   }
 
   /// Blank lines, comments, and the count lines of files that were put together of several.
@@ -218,12 +220,13 @@ class TextPoints final : public PointFile {
   /// Calls f with lines at 64 places of the file, 64 at each, the same whatever slices are read.
   template <class F>
   void for_sampled_lines(F&& f) const {
-    const std::uint64_t bytes = file_.size() - layout_.data_begin;
+    const ReadFile file = input_.open();
+    const std::uint64_t bytes = input_.size() - layout_.data_begin;
     const std::uint64_t step = std::max<std::uint64_t>(bytes / kSamples, kSampleBytes);
     for (std::uint64_t at = 0; at < bytes; at += step) {
       const std::uint64_t begin = layout_.data_begin + at;
-      const std::uint64_t end = std::min<std::uint64_t>(file_.size(), begin + kSampleBytes);
-      LineReader reader(file_, layout_, begin, end, false, kSampleBytes);
+      const std::uint64_t end = std::min<std::uint64_t>(input_.size(), begin + kSampleBytes);
+      LineReader reader(file, layout_, begin, end, false, kSampleBytes);
       std::string_view line;
       for (int i = 0; i < kSampleLines && reader.next(line); ++i) {
         const bool whole = reader.complete() || reader.line_offset() == layout_.data_begin;
@@ -316,7 +319,7 @@ class TextPoints final : public PointFile {
     return largest <= 1 && !whole ? ColourScale::kUnit : ColourScale::kByte;
   }
 
-  ReadFile file_;
+  ClosedFile input_;
   ReadOptions options_;
   PointFileInfo info_;
   LineLayout layout_;
@@ -340,8 +343,8 @@ bool looks_like_text_points(const ReadFile& file) {
   return opening.found && (opening.named.positions() || numbers_of(opening.first_line).size() >= 3);
 }
 
-std::unique_ptr<PointFile> open_text_points(ReadFile file, const ReadOptions& options) {
-  return std::make_unique<TextPoints>(std::move(file), options);
+std::unique_ptr<PointFile> open_text_points(const ReadFile& file, const ReadOptions& options) {
+  return std::make_unique<TextPoints>(file, options);
 }
 
 }  // namespace tessera

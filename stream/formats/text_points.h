@@ -25,6 +25,6 @@ bool looks_like_text_points(const ReadFile& file);
 /// is no
 ///         point (a torn last line is left out and counted as missing)
 /// \throws UsageError when options.columns lacks x, y or z, or has a name twice
-std::unique_ptr<PointFile> open_text_points(ReadFile file, const ReadOptions& options);
+std::unique_ptr<PointFile> open_text_points(const ReadFile& file, const ReadOptions& options);
 
 }  // namespace tessera

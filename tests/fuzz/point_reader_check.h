@@ -17,7 +17,7 @@
 
 namespace tessera::fuzz {
 
-using OpenPoints = std::unique_ptr<PointFile> (*)(ReadFile, const ReadOptions&);
+using OpenPoints = std::unique_ptr<PointFile> (*)(const ReadFile&, const ReadOptions&);
 
 /// A file in memory, with a path to open it by.
 class MemoryFile {

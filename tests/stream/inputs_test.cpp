@@ -1,3 +1,4 @@
+#include <sys/resource.h>
 #include <unistd.h>
 
 #include "tests/stream/point_reading.h"
@@ -52,6 +53,28 @@ TEST_CASE("inputs: what matches nothing is named", "[fault]") {
   CHECK_THAT(expansion_error("@" + at + "list"), Catch::Contains("names no file"));
   folder.write("list", "\nnone.las\n");
   CHECK_THAT(expansion_error("@" + at + "list"), Catch::Contains("line 2") && Catch::Contains("none.las"));
+}
+
+TEST_CASE("inputs: more files are held than the system lets a process open", "[unit]") {
+  const test::TempFolder folder;
+  const auto path = folder.write("a.xyz", "1 2 3\n");
+  rlimit limit{};
+  REQUIRE(::getrlimit(RLIMIT_NOFILE, &limit) == 0);
+  const rlimit low{std::min<rlim_t>(limit.rlim_cur, 64), limit.rlim_max};
+  REQUIRE(::setrlimit(RLIMIT_NOFILE, &low) == 0);
+  std::vector<std::unique_ptr<PointFile>> files;
+  for (int i = 0; i < 100; ++i) files.push_back(open_point_file(path, {}));
+  CHECK(::setrlimit(RLIMIT_NOFILE, &limit) == 0);
+  for (const auto& f : files) CHECK(f->read(f->slices(0, 100).front(), [](const PointChunk&) {}).points == 1);
+}
+
+TEST_CASE("inputs: a file that changes while it is read is refused", "[fault]") {
+  const test::TempFolder folder;
+  const auto path = folder.write("a.xyz", "1 2 3\n4 5 6\n");
+  const auto file = open_point_file(path, {});
+  const InputSlice slice = file->slices(0, 100).front();
+  folder.write("a.xyz", "1 2 3\n");
+  CHECK_THROWS_WITH(file->read(slice, [](const PointChunk&) {}), Catch::Contains("must not change"));
 }
 
 TEST_CASE("inputs: what is not a file of points is refused with a reason", "[fault]") {

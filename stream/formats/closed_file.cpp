@@ -1,0 +1,18 @@
+#include "stream/formats/closed_file.h"
+
+#include <string>
+
+#include "octree/error.h"
+
+namespace tessera {
+
+ReadFile ClosedFile::open() const {
+  ReadFile file(path_);
+  if (file.size() != size_) {
+    throw InputError(path_.string() + ": had " + std::to_string(size_) + " bytes and now has " +
+                     std::to_string(file.size()) + "; inputs must not change while they are read");
+  }
+  return file;
+}
+
+}  // namespace tessera
