@@ -337,6 +337,7 @@ void add_reconstruct_options(CLI::App& command, ReconstructOptions& options) {
           "--up",
           [&options](const std::string& text) {
             options.up = parse_vector(text);
+            if (options.up == Double3{0, 0, 0}) throw UsageError("--up 0,0,0: has no direction");
             options.has_up = true;
           },
           "normals point to this side, for airborne scans")

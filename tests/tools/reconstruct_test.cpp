@@ -1,0 +1,143 @@
+// The main job as a user runs it: one hash over everything that must not matter, kills, caps.
+#include <catch2/catch.hpp>
+#include <cstdlib>
+#include <map>
+
+#include "tests/helpers/command.h"
+#include "tests/helpers/serial_job.h"
+
+using namespace tessera::test;
+
+namespace {
+
+/// A noisy, coloured scan with sharp edges, outliers and several stations; made once per process.
+const std::filesystem::path& scan() {
+  static const TempFolder folder;
+  static const std::filesystem::path file = [] {
+    auto path = folder.path() / "scan.xyz";
+    REQUIRE(tessera_command({"synth", "--scene", "fandisk", "--points", "60000", "--noise", "0.2s", "--outliers",
+                             "0.001", "--normals", "--colour", "-o", path.string(), "-t", "1"})
+                .code == 0);
+    return path;
+  }();
+  return file;
+}
+
+std::vector<std::string> job(const std::vector<std::string>& inputs, const std::filesystem::path& out,
+                             const std::vector<std::string>& more) {
+  std::vector<std::string> words = {"reconstruct"};
+  words.insert(words.end(), inputs.begin(), inputs.end());
+  words.insert(words.end(), {"-o", out.string(), "--progress", "none", "-q"});
+  words.insert(words.end(), more.begin(), more.end());
+  return words;
+}
+
+std::string mesh_of(const std::vector<std::string>& inputs, const std::vector<std::string>& more) {
+  const TempFolder folder;
+  const auto out = folder.path() / "mesh.ply";
+  const CommandResult r = tessera_command(job(inputs, out, more));
+  INFO(r.errors);
+  REQUIRE(r.code == 0);
+  CHECK_FALSE(std::filesystem::exists(out.string() + ".tessera"));
+  return file_bytes(out);
+}
+
+/// The lines of the scan in another order, over `parts` files.
+std::vector<std::string> reordered(const TempFolder& folder, std::size_t parts, bool reverse) {
+  std::ifstream in(scan());
+  std::vector<std::string> lines;
+  for (std::string line; std::getline(in, line);) lines.push_back(line);
+  std::vector<std::string> header;
+  while (!lines.empty() && (lines.front().empty() || lines.front()[0] == '#')) {
+    header.push_back(lines.front());
+    lines.erase(lines.begin());
+  }
+  if (reverse) std::reverse(lines.begin(), lines.end());
+  std::vector<std::string> files;
+  for (std::size_t p = 0; p < parts; ++p) {
+    files.push_back((folder.path() / ("part" + std::to_string(p) + ".xyz")).string());
+    std::ofstream out(files.back());
+    for (const auto& h : header) out << h << '\n';
+    for (std::size_t i = p; i < lines.size(); i += parts) out << lines[i] << '\n';
+  }
+  return files;
+}
+
+}  // namespace
+
+TEST_CASE("reconstruct: one hash over tiles, threads, caps, order, files and processes", "[pipeline]") {
+  const std::vector<std::string> whole = {scan().string()};
+  const std::string want = mesh_of(whole, {"--tile-size", "64", "-t", "1", "--memory", "1G"});
+  REQUIRE(want.size() > 500'000);
+  for (const char* tile : {"64", "128", "256"})
+    for (const char* threads : {"1", "2", "5"}) {
+      CAPTURE(tile, threads);
+      CHECK(mesh_of(whole, {"--tile-size", tile, "-t", threads, "--memory", "2G"}) == want);
+    }
+  CHECK(mesh_of(whole, {"--memory", "192M", "-t", "2"}) == want);
+  CHECK(mesh_of(whole, {"--processes", "-t", "2"}) == want);
+  const TempFolder folder;
+  CHECK(mesh_of(reordered(folder, 1, true), {}) == want);
+  CHECK(mesh_of(reordered(folder, 3, false), {"--memory", "256M"}) == want);
+}
+
+TEST_CASE("reconstruct: killed at any moment, the same command ends in the same bytes", "[fault]") {
+  const std::string want = mesh_of({scan().string()}, {});
+  const TempFolder folder;
+  const auto out = folder.path() / "mesh.ply";
+  const auto words = job({scan().string()}, out, {"-t", "2"});
+  unsigned kills = 0;
+  for (unsigned after = 3; kills < 25; after = after * 13 / 11 + 3) {
+    const CommandResult r = tessera_command(words, after);
+    if (r.code == 0) {  // it got through: start another job
+      REQUIRE(file_bytes(out) == want);
+      std::filesystem::remove(out);
+      after = 3;
+      ++kills;
+      continue;
+    }
+    REQUIRE(r.code == 128 + SIGKILL);
+    CHECK_FALSE(std::filesystem::exists(out));
+    ++kills;
+  }
+  const CommandResult r = tessera_command(words);
+  INFO(r.errors);
+  REQUIRE(r.code == 0);
+  CHECK(file_bytes(out) == want);
+}
+
+TEST_CASE("reconstruct: killed at every commit point, the same command ends in the same bytes", "[fault]") {
+  const TempFolder folder;
+  const auto cloud = (folder.path() / "ball.ply").string();
+  REQUIRE(tessera_command({"synth", "--scene", "sphere", "--points", "4000", "--normals", "-o", cloud}).code == 0);
+  const std::string want = mesh_of({cloud}, {});
+  const auto out = folder.path() / "mesh.ply";
+  const auto words = job({cloud}, out, {"-t", "1"});
+  unsigned kills = 0;
+  for (;; ++kills) {
+    REQUIRE(kills < 300);
+    CAPTURE(kills);
+    const CommandResult r = tessera_command(words, 0, "TESSERA_FAULT=commit:" + std::to_string(kills + 1));
+    if (r.code == 0) break;
+    REQUIRE(r.code == 128 + SIGKILL);
+    if (std::filesystem::exists(out)) CHECK(file_bytes(out) == want);  // killed behind the last rename
+    const CommandResult again = tessera_command(words);
+    INFO(again.errors);
+    REQUIRE(again.code == 0);
+    REQUIRE(file_bytes(out) == want);
+    std::filesystem::remove(out);
+  }
+  CHECK(kills > 20);
+  CHECK(file_bytes(out) == want);
+}
+
+TEST_CASE("reconstruct: the cap holds for a million points", "[memory]") {
+  const TempFolder folder;
+  const auto cloud = (folder.path() / "cloud.ply").string();
+  REQUIRE(tessera_command({"synth", "--scene", "terrain", "--points", "1000000", "--normals", "-o", cloud}).code == 0);
+  const auto out = folder.path() / "mesh.ply";
+  const CommandResult r = tessera_command(job({cloud}, out, {"--memory", "128M", "-t", "2"}));
+  INFO(r.errors);
+  REQUIRE(r.code == 0);
+  CHECK(r.peak_bytes < (std::uint64_t{128} << 20));
+}
