@@ -29,6 +29,8 @@ struct Refusal {
   std::string_view magic;
   std::string_view sentence;
 };
+constexpr std::string_view kMesh =
+    "is a mesh, not a scan; to read its vertices as points, make it a PLY: tessera convert IN -o OUT.ply";
 constexpr Refusal kRefusals[] = {
     {"ASTM-E57",
      "is an E57 file, which is not read yet; convert it to LAS or PLY, for instance with CloudCompare or "
@@ -42,9 +44,9 @@ constexpr Refusal kRefusals[] = {
     {"\x1f\x8b", "is compressed (gzip); unpack it first"},
     {"\x28\xb5\x2f\xfd", "is compressed (zstd); unpack it first"},
     {"PK\x03\x04", "is an archive (zip); unpack it first"},
-    {"OFF", "is an OFF mesh, not a file of points; convert it to PLY, whose vertices can be read"},
-    {"solid ", "is an STL mesh, not a file of points; convert it to PLY, whose vertices can be read"},
-    {"glTF", "is a GLB mesh, not a file of points; convert it to PLY, whose vertices can be read"},
+    {"OFF", kMesh},
+    {"solid ", kMesh},
+    {"glTF", kMesh},
 };
 
 }  // namespace
@@ -85,6 +87,9 @@ std::unique_ptr<PointFile> open_point_file(const std::filesystem::path& path, co
   if (extension == ".las" || extension == ".laz" || extension == ".ply" || extension == ".e57") {
     throw InputError(name + ": does not start as a " + extension.substr(1) +
                      " file does; it is damaged or misnamed");
+  }
+  if (extension == ".obj" || extension == ".stl" || extension == ".off" || extension == ".glb") {
+    throw InputError(name + ": " + std::string(kMesh));
   }
   const bool text = extension == ".xyz" || extension == ".pts" || extension == ".csv" || extension == ".asc";
   if (text || looks_like_text_points(file)) return open_text_points(file, options);

@@ -92,6 +92,7 @@ TEST_CASE("inputs: what is not a file of points is refused with a reason", "[fau
                                               "7zXZ")),
              Catch::Contains("xz"));
   CHECK_THAT(test::reading_error(folder.write("a.stl", "solid box")), Catch::Contains("mesh"));
+  CHECK_THAT(test::reading_error(folder.write("a.obj", "v 0 0 0\nv 1 0 0\n")), Catch::Contains("convert"));
   CHECK_THAT(test::reading_error(folder.write("a.las", "LAS?")), Catch::Contains("damaged or misnamed"));
   CHECK_THAT(test::reading_error(folder.write("a.bin", std::string(100, '\0'))),
              Catch::Contains("no known format"));
