@@ -20,6 +20,7 @@ struct RenderCommand {
   RenderOptions options;
   int threads = 0;
   bool quiet = false;
+  bool sheet = false;  ///< what no --view means anyway; scripts may say it
 };
 
 void parse_size(const std::string& text, RenderOptions& options) {
@@ -85,12 +86,14 @@ void add_render(CLI::App& app) {
                        [shared] { run_render(*shared); });
   cli::add_inputs(*command, o.inputs);
   cli::add_output(*command, o.output, "picture to write, .png");
-  command
-      ->add_option(
-          "--view", o.views,
-          "front, back, left, right, top, bottom, iso, iso2, turn:DEGREES or custom; several make a sheet "
-          "(default: iso,iso2,front,top)")
-      ->delimiter(',');
+  CLI::Option* view = command
+                          ->add_option("--view", o.views,
+                                       "front, back, left, right, top, bottom, iso, iso2, turn:DEGREES or "
+                                       "custom; several make a sheet "
+                                       "(default: iso,iso2,front,top)")
+                          ->delimiter(',');
+  command->add_flag("--sheet", shared->sheet, "four views in one picture: iso, iso2, front, top; the default")
+      ->excludes(view);
   command
       ->add_option_function<std::string>(
           "--size", [&o](const std::string& text) { parse_size(text, o); }, "pixels of the whole picture")

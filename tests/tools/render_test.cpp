@@ -221,8 +221,8 @@ TEST_CASE("render: the same picture gives the same bytes", "[property]") {
   CHECK(first.size() > 1000);
   CHECK((first == bytes_of(folder / "b.png")));
   const std::string command = std::string(TESSERA_BINARY) + " render " + mesh.string() +
-                              " -q -t 1 --size 400x300 --samples 2 " + (options.wire ? "--wire " : "") +
-                              "-o " + (folder / "c.png").string();
+                              " --sheet -q -t 1 --size 400x300 --samples 2 " +
+                              (options.wire ? "--wire " : "") + "-o " + (folder / "c.png").string();
   REQUIRE(std::system(command.c_str()) == 0);
   CHECK((first == bytes_of(folder / "c.png")));
 }
