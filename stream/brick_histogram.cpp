@@ -5,6 +5,7 @@
 #include <string>
 
 #include "octree/error.h"
+#include "stream/numbers.h"
 #include "stream/read_file.h"
 
 namespace tessera {
@@ -183,7 +184,7 @@ BrickWindow robust_window(const std::vector<BrickCount>& bricks, double h) {
   throw InputError("the scan spans " + std::to_string(extent(window) * kBrickCells) +
                    " cells of the resolution, the lattice holds " +
                    std::to_string(kMaxBricksPerAxis * kBrickCells) + "; choose --resolution " +
-                   std::to_string(smallest) + " or more, or reconstruct in parts");
+                   number_text(round_up_2_digits(smallest)) + " or more, or reconstruct in parts");
 }
 
 }  // namespace tessera

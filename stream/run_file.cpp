@@ -122,6 +122,13 @@ std::vector<Extent> load_extents(const std::filesystem::path& path) {
   return checked_extents(in, mark, kExtentMagic, sizeof mark, in.size() - sizeof mark);
 }
 
+std::vector<Extent> load_extents(const std::filesystem::path& path, std::uint64_t first,
+                                 std::uint64_t count) {
+  std::vector<Extent> extents(count);
+  ReadFile(path).read_at(sizeof(TableMark) + first * sizeof(Extent), extents.data(), count * sizeof(Extent));
+  return extents;
+}
+
 ExtentCheck::ExtentCheck() : state_(XXH3_createState()) {
   XXH3_64bits_reset(static_cast<XXH3_state_t*>(state_));
 }

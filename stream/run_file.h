@@ -59,6 +59,8 @@ std::vector<Extent> read_extents(const std::filesystem::path& run_file);
 /// The extents of all files, by bucket, file, offset; written by one task, read by many.
 void save_extents(const std::filesystem::path& path, std::vector<Extent> extents);
 std::vector<Extent> load_extents(const std::filesystem::path& path);
+/// Extents [first, first + count) of a table that load_extents has checked.
+std::vector<Extent> load_extents(const std::filesystem::path& path, std::uint64_t first, std::uint64_t count);
 
 /// Streams the records of an extent in chunks, releasing pages behind itself.
 /// \throws InputError naming the file when it is damaged

@@ -67,12 +67,11 @@ OrderStage::OrderStage(const JobState& job)
     : job_(job),
       plan_(Plan::of_work(job.work)),
       bricks_(load_plan_bricks(job.work / Plan::kBrickFile)),
-      extents_(load_extents(job.work / DistributeStage::kExtentFile)) {
-  for (std::size_t b = 0; b <= plan_.buckets.size(); ++b)
-    first_extent_.push_back(static_cast<std::size_t>(
-        std::lower_bound(extents_.begin(), extents_.end(), b,
-                         [](const Extent& e, std::size_t bucket) { return e.bucket < bucket; }) -
-        extents_.begin()));
+      first_extent_(plan_.buckets.size() + 1) {
+  // Only the counts stay: every task reads its own range.
+  for (const Extent& e : load_extents(job.work / DistributeStage::kExtentFile))
+    ++first_extent_.at(e.bucket + std::size_t{1});
+  for (std::size_t b = 1; b < first_extent_.size(); ++b) first_extent_[b] += first_extent_[b - 1];
 }
 
 bool OrderStage::is_hot(const PlanBucket& bucket) const {
@@ -83,7 +82,8 @@ std::uint64_t OrderStage::task_bytes(std::size_t task) const {
   const PlanBucket& bucket = plan_.buckets[task];
   const std::uint64_t fixed = DirectFile::kDefaultBuffer + kExtentChunk * sizeof(PointRecord) +
                               bucket.bricks * 100 + (std::uint64_t{1} << 18);
-  const std::uint64_t blocks = std::min(bucket.points, bucket.bricks * 512) * 16;
+  const std::uint64_t extents = (first_extent_[task + 1] - first_extent_[task]) * sizeof(Extent);
+  const std::uint64_t blocks = extents + std::min(bucket.points, bucket.bricks * 512) * 16;
   if (is_hot(bucket)) return fixed + blocks + HotBrick::bytes(job_.options.max_brick_points, kHotChunk);
   std::uint64_t largest = 0;
   for (std::uint64_t b = 0; b < bucket.bricks; ++b)
@@ -94,17 +94,18 @@ std::uint64_t OrderStage::task_bytes(std::size_t task) const {
 template <typename Use>
 void OrderStage::stream_bucket(std::size_t task, TaskContext& context, const Use& use) const {
   std::vector<PointRecord> buffer;
-  std::size_t at = first_extent_[task];
-  while (at < first_extent_[task + 1]) {
-    const ReadFile file(job_.work / run_file_name(extents_[at].file));
-    for (const std::uint32_t id = extents_[at].file; at < first_extent_[task + 1] && extents_[at].file == id;
-         ++at) {
-      stream_extent(file, extents_[at], buffer, [&](std::span<const PointRecord> points) {
+  const std::vector<Extent> extents =
+      load_extents(job_.work / DistributeStage::kExtentFile, first_extent_[task],
+                   first_extent_[task + 1] - first_extent_[task]);
+  for (std::size_t at = 0; at < extents.size();) {
+    const ReadFile file(job_.work / run_file_name(extents[at].file));
+    for (const std::uint32_t id = extents[at].file; at < extents.size() && extents[at].file == id; ++at) {
+      stream_extent(file, extents[at], buffer, [&](std::span<const PointRecord> points) {
         context.check_stop();
         use(points);
       });
-      file.release(extents_[at].offset, extents_[at].points * sizeof(PointRecord));
-      context.count_read(extents_[at].points * sizeof(PointRecord));
+      file.release(extents[at].offset, extents[at].points * sizeof(PointRecord));
+      context.count_read(extents[at].points * sizeof(PointRecord));
     }
   }
 }

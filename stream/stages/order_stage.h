@@ -41,8 +41,7 @@ class OrderStage : public Stage {
   JobState job_;
   Plan plan_;
   std::vector<PlanBrick> bricks_;
-  std::vector<Extent> extents_;
-  std::vector<std::size_t> first_extent_;  ///< per bucket, and one past
+  std::vector<std::uint64_t> first_extent_;  ///< per bucket, and one past
 };
 
 std::unique_ptr<Stage> make_order_stage(const JobState& job);

@@ -9,6 +9,7 @@
 #include "kernels/spacing.h"
 #include "octree/error.h"
 #include "stream/direct_file.h"
+#include "stream/numbers.h"
 #include "stream/point_sample.h"
 #include "stream/read_file.h"
 #include "stream/task_files.h"
@@ -164,7 +165,9 @@ class SpacingStage : public MeasuringStage {
   std::uint64_t task_bytes(std::size_t) const override {
     return CellSampler::bytes(kSpacingPoints) + PointInputs::kReadBytes;
   }
-  std::uint64_t finish_bytes() const override { return needed() ? 2 * CellSampler::bytes(kSpacingPoints) + kSmall : kSmall; }
+  std::uint64_t finish_bytes() const override {
+    return needed() ? 2 * CellSampler::bytes(kSpacingPoints) + kSmall : kSmall;
+  }
   std::vector<std::string> obsolete() const override {
     return needed() ? std::vector<std::string>{"probe/"} : std::vector<std::string>{};
   }
@@ -220,14 +223,6 @@ class SpacingStage : public MeasuringStage {
 };
 
 }  // namespace
-
-double round_up_2_digits(double value) {
-  double scale = 1.0;  // a power of ten, exact up to 10^22
-  while (value * scale < 10.0) scale *= 10.0;
-  if (scale > 1.0) return std::ceil(value * scale) / scale;
-  while (value / scale >= 100.0) scale *= 10.0;
-  return std::ceil(value / scale) * scale;
-}
 
 double chosen_resolution(const std::filesystem::path& work) {
   const json j = load_json(work / kSpacingFile);

@@ -17,10 +17,6 @@ std::unique_ptr<Stage> make_spacing_stage(const JobState& job);
 std::unique_ptr<Stage> make_probe_stage(const JobState& job, std::shared_ptr<const PointInputs> inputs);
 std::unique_ptr<Stage> make_spacing_stage(const JobState& job, std::shared_ptr<const PointInputs> inputs);
 
-/// Smallest number of two decimal digits that is not below `value` > 0, so that a measured resolution reads
-/// well.
-double round_up_2_digits(double value);
-
 /// h that the spacing stage chose. \throws InputError when it has not run
 double chosen_resolution(const std::filesystem::path& work);
 

@@ -10,6 +10,7 @@
 #include "octree/error.h"
 #include "stream/brick_histogram.h"
 #include "stream/forecast.h"
+#include "stream/numbers.h"
 #include "stream/point_sample.h"
 #include "stream/quantise.h"
 #include "stream/stages/probe_stage.h"
@@ -125,8 +126,8 @@ SurveyStage::SurveyStage(const JobState& job, std::shared_ptr<const PointInputs>
   if (!(h_ > 0.0) || !std::isfinite(h_))
     throw UsageError("--resolution must be a positive number in the scan's units");
   if (job_.options.radius > 0.0 && !(job_.options.radius >= h_ && job_.options.radius <= 4.0 * h_))
-    throw UsageError("--radius must lie between 1 and 4 times the resolution " + std::to_string(h_) +
-                     ", not " + std::to_string(job_.options.radius));
+    throw UsageError("--radius must lie between 1 and 4 times the resolution " + number_text(h_) + ", not " +
+                     number_text(job_.options.radius));
 }
 
 std::size_t SurveyStage::max_bricks() const {
@@ -208,13 +209,13 @@ void SurveyStage::measure(std::size_t tasks, Plan& plan) const {
   plan.radius_cells = job_.options.radius > 0.0 ? job_.options.radius / h_ : std::min(4.0, wanted);
   if (measured.distance[0].count() == 0 && plan.points() >= 1000)
     plan.warnings.push_back(
-        "the resolution " + std::to_string(h_) +
+        "the resolution " + number_text(h_) +
         " is far below the spacing of the scan: expect holes, and many cells for few points");
   else if (s.spacing > 1.0)
-    plan.warnings.push_back("the resolution " + std::to_string(h_) +
-                            " is below the spacing of the scan, about " + std::to_string(plan.spacing) +
-                            ": expect pinholes, and " + std::to_string(s.spacing * s.spacing) +
-                            " times the cells that the spacing carries");
+    plan.warnings.push_back(
+        "the resolution " + number_text(h_) + " is below the spacing of the scan, about " +
+        number_text(plan.spacing) + ": expect pinholes, and " +
+        number_text(round_up_2_digits(s.spacing * s.spacing)) + " times the cells that the spacing carries");
 }
 
 nlohmann::json SurveyStage::finish(const std::vector<nlohmann::json>& summaries, TaskContext& context) const {

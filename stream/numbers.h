@@ -1,0 +1,26 @@
+/// \file numbers.h
+/// Numbers that people read.
+#pragma once
+#include <cmath>
+#include <cstdio>
+#include <string>
+
+namespace tessera {
+
+/// Six significant digits, as messages show a length.
+inline std::string number_text(double value) {
+  char text[40];
+  std::snprintf(text, sizeof text, "%.6g", value);
+  return text;
+}
+
+/// Smallest number of two decimal digits that is not below `value` > 0, so that a resolution reads well.
+inline double round_up_2_digits(double value) {
+  double scale = 1.0;  // a power of ten, exact up to 10^22
+  while (value * scale < 10.0) scale *= 10.0;
+  if (scale > 1.0) return std::ceil(value * scale) / scale;
+  while (value / scale >= 100.0) scale *= 10.0;
+  return std::ceil(value / scale) * scale;
+}
+
+}  // namespace tessera
