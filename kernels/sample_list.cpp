@@ -1,22 +1,9 @@
 #include "kernels/sample_list.h"
 
-#include <array>
 #include <bit>
 
 namespace tessera {
 namespace {
-
-/// Row m lists the set bits of m, ascending, one byte each.
-constexpr std::array<std::uint64_t, 256> make_compress_table() {
-  std::array<std::uint64_t, 256> table{};
-  for (unsigned mask = 0; mask < 256; ++mask) {
-    unsigned at = 0;
-    for (unsigned bit = 0; bit < 8; ++bit)
-      if (mask >> bit & 1u) table[mask] |= static_cast<std::uint64_t>(bit) << (8 * at++);
-  }
-  return table;
-}
-constexpr std::array<std::uint64_t, 256> kCompress = make_compress_table();
 
 constexpr std::size_t kSlack = 2 * kLanes;
 
@@ -28,10 +15,6 @@ void SampleList::reserve(std::size_t n) {
   const std::size_t room = n + n / 2 + kSlack;
   for (auto* array : {&x, &y, &z, &nx, &ny, &nz}) array->assign(room, 0.0f);
   point.assign(room, 0);
-}
-
-__m256i compress_lanes(unsigned mask) {
-  return _mm256_cvtepu8_epi32(_mm_cvtsi64_si128(static_cast<long long>(kCompress[mask])));
 }
 
 void gather_samples(const PointBlock& points, const PointLeaves& leaves, int i, int j, int k,

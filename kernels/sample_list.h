@@ -7,6 +7,7 @@
 #pragma once
 #include <immintrin.h>
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <vector>
@@ -27,8 +28,22 @@ struct SampleList {
   void reserve(std::size_t n);
 };
 
+/// Row m lists the set bits of m, ascending, one byte each.
+constexpr std::array<std::uint64_t, 256> make_compress_table() {
+  std::array<std::uint64_t, 256> table{};
+  for (unsigned mask = 0; mask < 256; ++mask) {
+    unsigned at = 0;
+    for (unsigned bit = 0; bit < 8; ++bit)
+      if (mask >> bit & 1u) table[mask] |= static_cast<std::uint64_t>(bit) << (8 * at++);
+  }
+  return table;
+}
+inline constexpr std::array<std::uint64_t, 256> kCompressLanes = make_compress_table();
+
 /// Permutation that moves the lanes chosen by an 8-bit mask to the front, in order.
-__m256i compress_lanes(unsigned mask);
+inline __m256i compress_lanes(unsigned mask) {
+  return _mm256_cvtepu8_epi32(_mm_cvtsi64_si128(static_cast<long long>(kCompressLanes[mask])));
+}
 
 /// Axis-aligned box, cells, relative to the leaf.
 struct SampleBox {
