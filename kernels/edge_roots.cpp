@@ -76,6 +76,7 @@ struct EdgeEnd {
       sheets =
           &all[fit.first_sheets[z] + static_cast<std::uint32_t>(std::popcount(fit.creased[z] & (bit - 1)))];
   }
+  int count() const { return sheets ? sheets->count : 1; }
   /// At signed distance `along` from the node on the axis.
   SurfaceValue at(float along, std::size_t axis) const {
     if (!sheets) return {value + along * gradient[axis], gradient};
@@ -87,11 +88,17 @@ struct EdgeEnd {
 
 /// Root beside a crease: of the two ends' surfaces, blended along the edge so that each end keeps its sign.
 EdgeRoot crease_root(const EdgeEnd& a, const EdgeEnd& b, std::size_t axis) {
+  // An end that knows more sheets speaks alone, if it gives the other end its sign: the other one may lie too
+  // far off a face to know of it.
+  const bool a_alone = a.count() > b.count() && (a.at(1.0f, axis).value < 0.0f) == (b.value < 0.0f);
+  const bool b_alone = b.count() > a.count() && (b.at(-1.0f, axis).value < 0.0f) == (a.value < 0.0f);
   const auto blend = [&](float t) {
+    if (a_alone) return a.at(t, axis).value;
+    if (b_alone) return b.at(t - 1.0f, axis).value;
     return (1.0f - t) * a.at(t, axis).value + t * b.at(t - 1.0f, axis).value;
   };
   // Illinois: secant steps that never lose the bracket; exact once both ends lie on the active sheet.
-  float low = 0.0f, high = 1.0f, f_low = a.value, f_high = b.value, t = 0.5f;
+  float low = 0.0f, high = 1.0f, f_low = blend(0.0f), f_high = blend(1.0f), t = 0.5f;
   for (int step = 0; step < 8; ++step) {
     t = low + (high - low) * (f_low / (f_low - f_high));
     const float f = blend(t);
@@ -110,8 +117,9 @@ EdgeRoot crease_root(const EdgeEnd& a, const EdgeEnd& b, std::size_t axis) {
   const Float3& na = from_a.normal;
   const Float3& nb = from_b.normal;
   // Where both ends see the same sheet, blend; else the end whose surface is nearer to the root speaks.
-  Float3 n = std::abs(from_a.value) <= std::abs(from_b.value) ? na : nb;
-  if (na[0] * nb[0] + na[1] * nb[1] + na[2] * nb[2] > 0.95f)
+  const bool use_a = a_alone || (!b_alone && std::abs(from_a.value) <= std::abs(from_b.value));
+  Float3 n = use_a ? na : nb;
+  if (!a_alone && !b_alone && na[0] * nb[0] + na[1] * nb[1] + na[2] * nb[2] > 0.95f)
     for (std::size_t c = 0; c < 3; ++c) n[c] = (1.0f - t) * na[c] + t * nb[c];
   const float length = std::sqrt(n[0] * n[0] + n[1] * n[1] + n[2] * n[2]);
   if (length > 0.0f)

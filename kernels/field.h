@@ -1,9 +1,13 @@
 /// \file field.h
 /// Signed distance band and directed distances of oriented points, for one block.
 /// Sources: Guennebaud, Germann, Gross, "Dynamic Sampling and Rendering of Algebraic Point Set Surfaces",
-/// 2008 (local fit); Oztireli, Guennebaud, Gross, "Feature Preserving Point Set Surfaces", 2009 (robust
-/// roots); Ohtake et al., "Multi-level Partition of Unity Implicits", 2003 (sharp local combination);
-/// thesis 4.2.1 (directed distances).
+/// 2008 (node values on smooth stretches); Ohtake et al., "Multi-level Partition of Unity Implicits", 2003
+/// (sharp local combination, see sheets.h); thesis 4.2.1 (directed distances).
+///
+/// Passes: index the points by leaf; choose the band's nodes (band.h); fit spheres to all nodes, eight at a
+/// time (node_fit.h); where normals bend more than a sphere and noise explain, split the samples into sheets
+/// and join these by minima and maxima (sheets.h); roots and normals on crossed edges from the fits at both
+/// ends (edge_roots.h); colour (root_colour.h).
 #pragma once
 #include "kernels/directed_field.h"
 #include "octree/points.h"
