@@ -101,7 +101,8 @@ std::vector<BandNodes> choose_band(const PointLeaves& leaves) {
           for (int dj = -1; dj <= 1; ++dj)
             for (int di = -1; di <= 1; ++di)
               if (leaves.holds(i + di, j + dj, k + dk))
-                paste(leaves.nearest[leaves.at(i + di, j + dj, k + dk)], di, dj, dk, box);
+                if (const auto* marks = leaves.marks_of(leaves.at(i + di, j + dj, k + dk)))
+                  paste(*marks, di, dj, dk, box);
         morph<true>(box, kBandClosing);
         morph<false>(box, kBandClosing);
         morph<true>(box, kBandLayers);

@@ -61,9 +61,9 @@ int field_halo_cells(const FieldOptions& options) {
 }
 
 DirectedField evaluate_field(const PointBlock& points, const FieldOptions& options) {
-  const PointLeaves leaves = index_leaves(points);
+  const PointLeaves leaves = index_leaves(points, true);
   const PointBlock coarse_points = average_normals(points);
-  const PointLeaves coarse_leaves = index_leaves(coarse_points);
+  const PointLeaves coarse_leaves = index_leaves(coarse_points, false);
   const std::vector<BandNodes> band = choose_band(leaves);
   DirectedField field;
   field.origin = points.origin;

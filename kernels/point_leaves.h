@@ -16,10 +16,15 @@ struct PointLeaves {
     std::uint32_t end = 0;
   };
   Int3 dims = {0, 0, 0};
-  std::vector<Range> range;                           ///< per leaf: its points
-  std::vector<std::uint32_t> occupied;                ///< leaves that hold a nearest node, ascending
-  std::vector<std::array<std::uint64_t, 8>> nearest;  ///< per leaf: nodes that are the nearest one of a point
+  std::vector<Range> range;                         ///< per leaf: its points
+  std::vector<std::uint32_t> occupied;              ///< leaves that hold a nearest node, ascending
+  std::vector<std::int32_t> mark_index;             ///< per leaf: index into marks, -1 = none
+  std::vector<std::array<std::uint64_t, 8>> marks;  ///< nodes that are the nearest one of a point
 
+  /// Marks of a leaf, null if it has none.
+  const std::array<std::uint64_t, 8>* marks_of(std::size_t leaf) const {
+    return mark_index[leaf] < 0 ? nullptr : &marks[static_cast<std::size_t>(mark_index[leaf])];
+  }
   std::size_t at(int i, int j, int k) const {
     return (static_cast<std::size_t>(k + 1) * static_cast<std::size_t>(dims[1]) +
             static_cast<std::size_t>(j + 1)) *
@@ -32,8 +37,9 @@ struct PointLeaves {
 };
 
 /// Indexes the points within 8 cells of the block's core; farther ones and those without normal are left out
-/// of `nearest` (the ranges keep the latter: whoever gathers skips them).
+/// of the marks (the ranges keep the latter: whoever gathers skips them).
 /// \pre points in canonical order, at most 2^32 - 1 of them
-PointLeaves index_leaves(const PointBlock& points);
+/// \param mark  fill the marks too
+PointLeaves index_leaves(const PointBlock& points, bool mark);
 
 }  // namespace tessera
