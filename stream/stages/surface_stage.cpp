@@ -18,14 +18,22 @@ using json = nlohmann::json;
 
 constexpr std::uint64_t kFixedTaskBytes = 12u << 20;  ///< write buffers and the largest single patch
 
+Int3 corner(const Tile& tile) {
+  return {tile.brick[0] * kBrickCells, tile.brick[1] * kBrickCells, tile.brick[2] * kBrickCells};
+}
+Int3 edges(const Tile& tile) {
+  const int edge = tile.bricks * kBrickCells;
+  return {edge, edge, edge};
+}
+
 class SurfaceStage : public Stage {
  public:
   explicit SurfaceStage(const JobState& state)
-      : plan_(Plan::of_work(state.work)), store_(list_task_files(state.work / "points", ".tsp"), PointOverlay::open(state.work)) {
-    field_.radius_cells = plan_.radius_cells;
-    field_.noise_cells = plan_.noise_cells;
-    field_.feature_angle_deg = state.options.feature_angle_deg;
-    extract_.method = state.options.method == "mc" ? ExtractMethod::kMarchingCubes : ExtractMethod::kExtendedMarchingCubes;
+      : plan_(Plan::of_work(state.work)),
+        store_(list_task_files(state.work / "points", ".tsp"), PointOverlay::open(state.work)) {
+    field_ = field_options(plan_, state.options.feature_angle_deg);
+    extract_.method =
+        state.options.method == "mc" ? ExtractMethod::kMarchingCubes : ExtractMethod::kExtendedMarchingCubes;
     extract_.feature_angle_deg = state.options.feature_angle_deg;
     extract_.corner_angle_deg = state.options.corner_angle_deg;
 
@@ -104,14 +112,6 @@ class SurfaceStage : public Stage {
  private:
   int halo() const { return field_halo_cells(field_); }
 
-  static Int3 corner(const Tile& tile) {
-    return {tile.brick[0] * kBrickCells, tile.brick[1] * kBrickCells, tile.brick[2] * kBrickCells};
-  }
-  static Int3 edges(const Tile& tile) {
-    const int edge = tile.bricks * kBrickCells;
-    return {edge, edge, edge};
-  }
-
   static std::uint64_t count_core(const PointBlock& p) {
     std::uint64_t n = 0;
     const auto inside = [](float v, int cells) { return v >= 0.0f && v < static_cast<float>(cells); };
@@ -129,6 +129,29 @@ class SurfaceStage : public Stage {
 
 }  // namespace
 
-std::unique_ptr<Stage> make_surface_stage(const JobState& state) { return std::make_unique<SurfaceStage>(state); }
+FieldOptions field_options(const Plan& plan, double feature_angle_deg) {
+  FieldOptions options;
+  options.radius_cells = plan.radius_cells;
+  options.noise_cells = plan.noise_cells;
+  options.feature_angle_deg = feature_angle_deg;
+  return options;
+}
+
+void for_each_band(const std::filesystem::path& work, double feature_angle_deg,
+                   const std::function<void(const DirectedField&)>& sink) {
+  const FieldOptions options = field_options(Plan::of_work(work), feature_angle_deg);
+  const PointStore store(list_task_files(work / "points", ".tsp"), PointOverlay::open(work));
+  const int halo = field_halo_cells(options);
+  const TilingOptions tiling{halo, 2, ~std::uint64_t{0}};
+  for (const TileGroup& group : make_tile_groups(store, tiling))
+    for (const Tile& tile : group) {
+      const PointBlock points = store.load(corner(tile), edges(tile), halo);
+      if (points.size() > 0) sink(evaluate_field(points, options));
+    }
+}
+
+std::unique_ptr<Stage> make_surface_stage(const JobState& state) {
+  return std::make_unique<SurfaceStage>(state);
+}
 
 }  // namespace tessera

@@ -1,6 +1,10 @@
 /// \file surface_stage.h
 /// Pass "surface": oriented points of every tile and its halo -> field -> patches, one per brick.
 #pragma once
+#include <functional>
+
+#include "kernels/field.h"
+#include "stream/plan.h"
 #include "stream/point_store.h"
 #include "stream/stage.h"
 
@@ -27,6 +31,14 @@ std::uint64_t tile_bytes(const PointStore& store, const Tile& tile, int halo_cel
 /// Cuts the lattice around the points into groups of tiles. The groups (and so the tasks) depend on the points
 /// only; the tiles inside depend on the options. Tiles that no point can reach are left out.
 std::vector<TileGroup> make_tile_groups(const PointStore& store, const TilingOptions& options);
+
+/// The field of a job: radius and noise from the plan, angle from the options.
+FieldOptions field_options(const Plan& plan, double feature_angle_deg);
+
+/// Computes the band of every tile of a work directory that is ordered and oriented, one after the other, in tile
+/// order, with tiles of two bricks.
+void for_each_band(const std::filesystem::path& work, double feature_angle_deg,
+                   const std::function<void(const DirectedField&)>& sink);
 
 std::unique_ptr<Stage> make_surface_stage(const JobState& state);
 

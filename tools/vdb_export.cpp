@@ -1,0 +1,60 @@
+// tessera-vdb: the band of a job as an OpenVDB level set, for people and other programs. A program of its
+// own, so that `tessera` does not load OpenVDB. Usage: tessera reconstruct SCAN -o MESH --keep; tessera-vdb
+// export MESH.tessera -o BAND.vdb
+#include <fmt/format.h>
+
+#include <fstream>
+#include <memory>
+
+#include "kernels/band_vdb.h"
+#include "octree/error.h"
+#include "stream/stages/surface_stage.h"
+#include "tools/cli.h"
+
+namespace {
+
+struct Arguments {
+  std::filesystem::path work;
+  std::filesystem::path out;
+  double feature_angle_deg = tessera::ReconstructOptions{}.feature_angle_deg;
+  std::uint64_t memory_bytes = std::uint64_t{4} << 30;
+};
+
+void run(const Arguments& a) {
+  tessera::cli::require_output(a.out);
+  tessera::VdbExport grid(tessera::Plan::of_work(a.work).lattice);
+  tessera::for_each_band(a.work, a.feature_angle_deg, [&](const tessera::DirectedField& field) {
+    grid.add(field);
+    if (grid.bytes() > a.memory_bytes)
+      throw tessera::ResourceError("the band does not fit " + std::to_string(a.memory_bytes >> 20) +
+                                   " MiB in one OpenVDB grid; give a larger --memory");
+  });
+  const std::filesystem::path part = a.out.string() + ".part";
+  std::ofstream file(part, std::ios::binary);
+  grid.write(file);
+  file.close();
+  if (!file) {
+    std::filesystem::remove(part);
+    throw tessera::ResourceError(a.out.string() +
+                                 ": could not be written; is the disk full or the folder read-only?");
+  }
+  std::filesystem::rename(part, a.out);
+  fmt::print("{}: {} nodes, {} bytes in memory\n", a.out.string(), grid.node_count(), grid.bytes());
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  CLI::App app("Writes the band of a kept or unfinished job as an OpenVDB level set.", "tessera-vdb");
+  auto a = std::make_shared<Arguments>();
+  CLI::App* command =
+      tessera::cli::add_command(app, "export", "Work directory to .vdb, in scan units.", [a] { run(*a); });
+  command->add_option("work", a->work, "work directory of a job whose points are ordered and oriented")
+      ->required();
+  tessera::cli::add_output(*command, a->out, "grid to write, .vdb");
+  command->add_option("--feature-angle", a->feature_angle_deg, "degrees, as in the job")
+      ->capture_default_str();
+  tessera::cli::add_bytes(*command, "--memory", a->memory_bytes, "cap on the grid, which is held in memory");
+  app.require_subcommand(1);
+  return tessera::cli::run(app, argc, argv);
+}
