@@ -23,6 +23,7 @@ namespace {
 
 constexpr int kStopCheckMs = 100;
 constexpr int kTries = 3;
+constexpr int kLockDescriptor = STDERR_FILENO + 1;
 constexpr std::size_t kMessageLimit = 16384;
 
 std::string task_word(std::int64_t task) {
@@ -49,7 +50,7 @@ std::string watch(pid_t child, int pipe) {
   }
 }
 
-ChildResult run_once(std::vector<std::string> words) {
+ChildResult run_once(std::vector<std::string> words, int lock) {
   int ends[2] = {-1, -1};
   if (::pipe2(ends, O_CLOEXEC) != 0) {
     throw ResourceError(fmt::format("cannot start a task process: {}", std::strerror(errno)));
@@ -60,6 +61,7 @@ ChildResult run_once(std::vector<std::string> words) {
   posix_spawn_file_actions_t actions;
   ::posix_spawn_file_actions_init(&actions);
   ::posix_spawn_file_actions_adddup2(&actions, ends[1], STDERR_FILENO);
+  ::posix_spawn_file_actions_adddup2(&actions, lock, kLockDescriptor);
   pid_t child = 0;
   const int error = ::posix_spawn(&child, "/proc/self/exe", &actions, nullptr, arguments.data(), environ);
   ::posix_spawn_file_actions_destroy(&actions);
@@ -80,14 +82,14 @@ ChildResult run_once(std::vector<std::string> words) {
 }  // namespace
 
 ChildResult run_task_process(const std::filesystem::path& work, const std::string& stage, std::int64_t task,
-                             const std::string& writer) {
+                             const std::string& writer, int lock) {
   const std::vector<std::string> words = {"tessera", "task",          work.string(),
                                           stage,     task_word(task), "--writer",
                                           writer,    "--driven",      std::to_string(::getpid())};
   ChildResult result;
   for (int attempt = 0; attempt < kTries; ++attempt) {
     throw_if_stopped();
-    result = run_once(words);
+    result = run_once(words, lock);
     if (result.signal != SIGKILL) break;
   }
   return result;

@@ -15,8 +15,9 @@ struct ChildResult {
 
 /// Runs this program as `task WORK STAGE K --writer W --driven PID` and waits, asleep. A stop signal is
 /// passed on to it. A child that is killed by someone else is started again, twice at most.
+/// \param lock  descriptor that the child holds open: a lock on it lasts until the last child has ended
 ChildResult run_task_process(const std::filesystem::path& work, const std::string& stage, std::int64_t task,
-                             const std::string& writer);
+                             const std::string& writer, int lock);
 
 /// Throws the exception that the child's exit code stands for, with its message.
 [[noreturn]] void throw_child_failure(const ChildResult& result, const std::string& stage, std::int64_t task);

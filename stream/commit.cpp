@@ -21,9 +21,7 @@ namespace {
 namespace fs = std::filesystem;
 
 fs::path part_path(const JobState& state, const std::string& name) {
-  fs::path path = committed_path(state, name);
-  path += ".part";
-  return path;
+  return aside_path(committed_path(state, name));
 }
 
 double thread_cpu_seconds() {
@@ -76,42 +74,13 @@ class RunningTask : public TaskContext {
   std::atomic<std::uint64_t> units_{0}, read_{0}, written_{0};
 };
 
-/// Says what is about to get the output's name. A run killed between that name and its journal line has used
-/// the aside file up; the next one finds here that the output is its own.
-fs::path output_note(const JobState& state) {
-  return state.work / "output.json";
-}
-
-bool output_is_placed(const JobState& state, FileRecord& record) {
-  if (fs::exists(part_path(state, kOutputName)) || !fs::exists(output_note(state)) ||
-      !fs::exists(state.output)) {
-    return false;
-  }
-  const nlohmann::json note = nlohmann::json::parse(read_text(output_note(state)), nullptr, false);
-  if (note.is_discarded()) return false;
-  record = {kOutputName, fs::file_size(state.output), hash_file(state.output)};
-  return note.value("bytes", std::uint64_t{0}) == record.bytes &&
-         note.value("xxh3", "") == hex64(record.xxh3);
-}
-
 /// Syncs the files and gives them their names.
-void place_files(const JobState& state, std::vector<std::string> names, TaskRecord& record) {
+void place_files(const JobState& state, const std::vector<std::string>& names, TaskRecord& record) {
   fault_point();
-  FileRecord placed;
-  const auto output = std::find(names.begin(), names.end(), kOutputName);
-  if (output != names.end() && output_is_placed(state, placed)) {
-    record.files.push_back(placed);
-    names.erase(output);
-  }
   for (const std::string& name : names) {
     const fs::path part = part_path(state, name);
     sync_file(part);
     record.files.push_back({name, fs::file_size(part), hash_file(part)});
-    if (name == kOutputName) {
-      const nlohmann::json note = {{"bytes", record.files.back().bytes},
-                                   {"xxh3", hex64(record.files.back().xxh3)}};
-      write_durably(output_note(state), note.dump() + "\n");
-    }
   }
   fault_point();
   std::set<fs::path> folders;
@@ -127,6 +96,12 @@ void place_files(const JobState& state, std::vector<std::string> names, TaskReco
 }
 
 }  // namespace
+
+fs::path aside_path(const fs::path& final_path) {
+  fs::path path = final_path;
+  path += ".part";
+  return path;
+}
 
 fs::path committed_path(const JobState& state, const std::string& name) {
   return name == kOutputName ? state.output : state.work / name;

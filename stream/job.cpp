@@ -91,7 +91,7 @@ class Driver {
       }
       std::vector<StageRecords> found;
       std::size_t next = resume_.complete_until(journal, s, basis_, found);
-      if (next == job_.stages.size() && s < next && !output_stands(found.back())) {
+      if (next == job_.stages.size() && s < next && !output_stands(journal, basis_)) {
         // Kept work, lost output: the last stage makes it again.
         log_.warn("{} is missing or not what this job made: the last stage is done again",
                   state_.output.string());
@@ -100,7 +100,6 @@ class Driver {
         basis_ = resume_.first_basis();
         for (const StageRecords& records : done_) basis_ = next_basis(basis_, records);
         for (const StageRecords& records : found) basis_ = next_basis(basis_, records);
-        redo_ = true;
       }
       for (StageRecords& records : found) {
         log_.info("stage {}: {} tasks and finish were committed by an earlier run", records.finish.stage,
@@ -118,6 +117,7 @@ class Driver {
       stop_if_asked(done_.back().finish.stage);
       ++s;
     }
+    if (last == job_.stages.size()) note_output();
   }
 
   const std::vector<StageRecords>& done() const { return done_; }
@@ -125,9 +125,25 @@ class Driver {
   std::uint64_t child_peak_bytes() const { return child_peak_; }
 
  private:
-  bool output_stands(const StageRecords& last) const {
-    if (state_.output.empty() || !fs::exists(state_.output)) return state_.output.empty();
-    return files_match(state_, last.finish, true);
+  /// What the journal says of the output: a stage may have given it its name by itself.
+  const TaskRecord* output_record(const Journal& journal, const std::string& basis) const {
+    const auto found = journal.find(kOutputName, basis, "");
+    return found.empty() ? nullptr : found.begin()->second;
+  }
+
+  bool output_stands(const Journal& journal, const std::string& basis) const {
+    const TaskRecord* record = output_record(journal, basis);
+    return fs::exists(state_.output) && (record == nullptr || files_match(state_, *record, true));
+  }
+
+  void note_output() {
+    if (output_record(read_journal(journal_folder_), basis_) != nullptr || !fs::exists(state_.output)) return;
+    TaskRecord record;
+    record.stage = kOutputName;
+    record.task = kFinishTask;
+    record.basis = basis_;
+    record.files = {{kOutputName, fs::file_size(state_.output), hash_file(state_.output)}};
+    journal_.append(record);
   }
 
   void stop_if_asked(const std::string& stage) const {
@@ -164,7 +180,6 @@ class Driver {
   Resume resume_;
   std::string basis_;
   std::string plan_;
-  bool redo_ = false;
   std::vector<StageRecords> done_;
   std::size_t resumed_stages_ = 0;
 
@@ -193,6 +208,7 @@ void Driver::delete_unknown(const Journal& journal, std::size_t stage,
     log_.warn("{}: nothing that was committed: deleted", name);
     remove_named(state_, name);
   }
+  work_.remove_empty_folders();
 }
 
 StageRecords Driver::run_stage(std::size_t index, const Journal& journal) {
@@ -214,7 +230,9 @@ StageRecords Driver::run_stage(std::size_t index, const Journal& journal) {
   budget.require(stage->finish_bytes() + own_base, fmt::format("the end of stage {}", name));
 
   std::map<std::int64_t, TaskRecord> done;
-  if (!redo_) done = resume_.done_tasks(journal, name, basis_, plan_);
+  // What tasks of the last stage wrote straight into the output's aside file is gone with it.
+  const bool aside_lost = index + 1 == job_.stages.size() && !fs::exists(aside_path(state_.output));
+  if (!aside_lost) done = resume_.done_tasks(journal, name, basis_, plan_);
   std::erase_if(done, [&](const auto& entry) { return entry.first >= static_cast<std::int64_t>(count); });
   delete_unknown(journal, index, done);
   std::uint64_t units_done = 0;
@@ -288,7 +306,7 @@ TaskRecord Driver::run_child(const std::string& stage, std::int64_t task) {
     free_slots_.pop_back();
   }
   const std::string writer = fmt::format("process-{}", slot);
-  const ChildResult result = run_task_process(state_.work, stage, task, writer);
+  const ChildResult result = run_task_process(state_.work, stage, task, writer, work_.lock());
   TaskRecord record;
   bool found = false;
   if (result.exit_code == 0) {

@@ -29,17 +29,18 @@ struct JobDescription {
 };
 
 /// Runs the job; returns the report (schema 1).
-/// \param state  inputs, output, options and run options as the user gave them; work, memory and threads are
-/// resolved \throws UsageError     the work directory or the output is another job's and `force` is off;
-/// unknown --until \throws ResourceError  cap or disk cannot suffice; what is committed stays, the same
-/// command goes on \throws StoppedError   a signal or --until \throws what stages throw
+/// \param state  inputs, output and options as the user gave them; work, memory and threads are resolved here
+/// \throws UsageError     the work directory or the output is another job's and `force` is off; unknown --until
+/// \throws ResourceError  cap or disk cannot suffice; what is committed stays, the same command goes on
+/// \throws StoppedError   a signal or --until
+/// \throws what stages throw
 nlohmann::json run_job(JobState state, const JobDescription& job, const ProgressSink& sink);
 
-/// One idempotent task (or finish, kFinishTask) of a job that run_job() has begun: does nothing if it is
-/// committed. Tasks of one stage may run at once, in any number of processes on any number of machines that
-/// share the folder. \param writer  name of the journal file to write; empty = after stage and task \param
-/// driven  a run_job() of this machine holds the job and waits for this process \throws UsageError for an
-/// unknown stage or task, or when what it builds on is not committed yet
+/// One idempotent task (or finish, kFinishTask) of a job that run_job() has begun; nothing to do if it is
+/// committed. Tasks of one stage may run at once, in any number of processes on machines that share the folder.
+/// \param writer  name of the journal file to write; empty = after stage and task
+/// \param driven  a run_job() of this machine holds the job and waits for this process
+/// \throws UsageError for an unknown stage or task, or when what it builds on is not committed yet
 void run_single_task(const std::filesystem::path& work, const JobDescription& job, const std::string& stage,
                      std::int64_t task, const std::string& writer, bool driven);
 

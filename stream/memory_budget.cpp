@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cctype>
+#include <charconv>
 #include <cmath>
 #include <cstdlib>
 #include <fstream>
@@ -23,9 +24,10 @@ std::uint64_t parse_bytes(const std::string& text) {
         fmt::format("'{}' is not a size: write a number and K, M, G or T, like 512M or 2GiB", text));
   };
   if (text.empty() || !std::isdigit(static_cast<unsigned char>(text[0]))) return refuse();
-  char* end = nullptr;
-  const double number = std::strtod(text.c_str(), &end);
-  std::string unit(end);
+  double number = 0.0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), number);
+  if (error != std::errc()) return refuse();
+  std::string unit(end, text.data() + text.size());
   while (!unit.empty() && unit.front() == ' ') unit.erase(unit.begin());
   for (char& c : unit) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
   constexpr std::array<std::string_view, 5> kUnits = {"b", "k", "m", "g", "t"};

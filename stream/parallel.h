@@ -28,10 +28,10 @@ class WorkerPool {
   WorkerPool& operator=(const WorkerPool&) = delete;
   int threads() const;
 
-  /// Runs body(k) for every k of [0, count), in ascending order of start, at most `threads` at once, each
-  /// with bytes(k) of the budget reserved. The calling thread waits; idle threads help loops inside running
-  /// bodies. Failures as in parallel_for. \pre bytes(k) <= budget.capacity() for every k (checked:
-  /// ResourceError)
+  /// Runs body(k) for every k of [0, count), in ascending order of start, at most `threads` at once, each with
+  /// bytes(k) of the budget reserved. The calling thread waits; idle threads help loops inside running bodies.
+  /// Failures as in parallel_for.
+  /// \throws ResourceError when bytes(k) exceeds budget.capacity() for some k
   void run_tasks(std::size_t count, const std::function<std::uint64_t(std::size_t)>& bytes,
                  MemoryBudget& budget, const std::function<void(std::size_t)>& body);
   /// Runs body here, with parallel loops on the pool's threads.

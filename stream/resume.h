@@ -36,9 +36,9 @@ class Resume {
   /// \param hash  false: trust sizes (a task process, whose parent has hashed)
   Resume(const JobState& state, std::vector<std::string> stages, std::string job_hash, bool hash);
 
-  /// Stages from `first` on that are complete, given that all before `first` are; [first, result) can be
-  /// skipped. \param basis  of stage `first`; on return of stage `result` \param[out] found  records of the
-  /// stages skipped
+  /// Stages from `first` on that are complete, given that all before `first` are; [first, result) can be skipped.
+  /// \param basis       of stage `first`; on return of stage `result`
+  /// \param[out] found  records of the stages skipped
   std::size_t complete_until(const Journal& journal, std::size_t first, std::string& basis,
                              std::vector<StageRecords>& found);
   /// Tasks of a stage that need not be done again.

@@ -5,11 +5,14 @@
 
 namespace tessera {
 
-/// From now on SIGINT and SIGTERM only set the flag; the same signal twice kills as usual.
+/// From now on SIGINT and SIGTERM only set the flag; one more after two seconds kills as usual.
 void catch_stop_signals();
 
 /// The signal received so far, 0 if none.
 int stop_signal();
+
+/// What a handler does, said from inside the program; 0 takes it back.
+void request_stop(int signal);
 
 /// \throws StoppedError once a signal was received
 void throw_if_stopped();

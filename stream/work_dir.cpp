@@ -2,7 +2,10 @@
 
 #include <algorithm>
 #include <cerrno>
+#include <chrono>
 #include <cstring>
+#include <functional>
+#include <thread>
 #include <utility>
 
 #include <fcntl.h>
@@ -26,6 +29,8 @@ constexpr const char* kJobFile = "job.json";
 constexpr const char* kLockFile = "lock";
 constexpr std::uint64_t kSampleBytes = 65536;
 constexpr std::uint64_t kSamples = 16;
+constexpr int kLockTries = 20;
+constexpr auto kLockPause = std::chrono::milliseconds(50);
 
 fs::path job_file(const fs::path& work) {
   return work / kJobFile;
@@ -59,6 +64,11 @@ int lock_folder(const fs::path& work, int mode) {
   const int fd = ::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644);
   if (fd < 0) throw_write_error(path, errno);
   int error = ::flock(fd, mode | LOCK_NB) == 0 ? 0 : errno;
+  // A process that was just killed lets go a moment later.
+  for (int wait = 0; error == EWOULDBLOCK && wait < kLockTries; ++wait) {
+    std::this_thread::sleep_for(kLockPause);
+    error = ::flock(fd, mode | LOCK_NB) == 0 ? 0 : errno;
+  }
   if (error == 0) {
     // Between open and lock its owner may have removed the directory, and this file with it.
     struct stat held = {};
@@ -250,11 +260,23 @@ std::vector<std::string> WorkDir::unknown_files(const std::set<std::string>& kno
     const fs::path name = fs::relative(entry.path(), path_);
     const std::string root = name.begin()->string();
     const bool own = root == "journal" || root == kJobFile || root == kLockFile || root == "log.txt" ||
-                     root == "output.json" || root == "report.json";
+                     root == "report.json";
     if (!own && known.count(name.string()) == 0) unknown.push_back(name.string());
   }
   std::sort(unknown.begin(), unknown.end());
   return unknown;
+}
+
+void WorkDir::remove_empty_folders() const {
+  std::vector<fs::path> folders;
+  for (const auto& entry : fs::recursive_directory_iterator(path_)) {
+    if (entry.is_directory() && entry.path() != journal_folder()) folders.push_back(entry.path());
+  }
+  // Longer paths first: a folder comes after those in it.
+  std::sort(folders.begin(), folders.end(), std::greater<>());
+  for (const fs::path& folder : folders) {
+    if (fs::is_empty(folder)) fs::remove(folder);
+  }
 }
 
 void WorkDir::remove() {

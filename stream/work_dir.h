@@ -58,6 +58,7 @@ class WorkDir {
   bool created() const { return created_; }  ///< false: it was there and goes on
   const nlohmann::json& identity() const { return identity_; }
   std::string job_hash() const;
+  int lock() const { return lock_; }  ///< descriptor that holds the lock
 
   /// job.json also holds what `tessera task` needs to know: the output and how the job runs.
   void write_run(const JobState& state);
@@ -66,6 +67,8 @@ class WorkDir {
   /// Files in it, by relative name, that are neither `known` nor the runtime's own (job.json, journal, log,
   /// ...).
   std::vector<std::string> unknown_files(const std::set<std::string>& known) const;
+
+  void remove_empty_folders() const;
 
   /// Removes it with everything in it; killed in between, nothing of it is ever taken for a work directory.
   void remove();
