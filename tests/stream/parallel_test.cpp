@@ -1,0 +1,153 @@
+#include "stream/parallel.h"
+
+#include <atomic>
+#include <catch2/catch.hpp>
+#include <chrono>
+#include <csignal>
+#include <set>
+#include <stdexcept>
+#include <thread>
+#include <vector>
+
+#include "octree/error.h"
+#include "stream/stop.h"
+
+using namespace tessera;
+
+namespace {
+
+void pause_us(int us) {
+  std::this_thread::sleep_for(std::chrono::microseconds(us));
+}
+
+/// Runs tasks that need one byte each.
+void run_small(WorkerPool& pool, std::size_t count, const std::function<void(std::size_t)>& body) {
+  MemoryBudget budget(1 << 20, 0);
+  pool.run_tasks(
+      count, [](std::size_t) { return std::uint64_t{1}; }, budget, body);
+}
+
+}  // namespace
+
+TEST_CASE("parallel: every index once, on any number of threads", "[unit]") {
+  const int threads = GENERATE(1, 2, 5);
+  CAPTURE(threads);
+  WorkerPool pool(threads);
+  std::vector<std::atomic<int>> tasks(97);
+  std::vector<std::atomic<int>> loops(1000);
+  run_small(pool, tasks.size(), [&](std::size_t k) { ++tasks[k]; });
+  pool.run_here([&] { parallel_for(loops.size(), [&](std::size_t i) { ++loops[i]; }); });
+  for (const auto& n : tasks) CHECK(n == 1);
+  for (const auto& n : loops) CHECK(n == 1);
+  run_small(pool, 0, [](std::size_t) { FAIL("no task"); });
+  parallel_for(0, [](std::size_t) { FAIL("no index"); });
+}
+
+TEST_CASE("parallel: no more tasks at once than threads", "[property]") {
+  for (const int threads : {1, 2, 3}) {
+    WorkerPool pool(threads);
+    std::atomic<int> running{0};
+    std::atomic<int> most{0};
+    run_small(pool, 60, [&](std::size_t) {
+      const int now = ++running;
+      for (int seen = most; now > seen && !most.compare_exchange_weak(seen, now);) {
+      }
+      pause_us(500);
+      --running;
+    });
+    CHECK(most <= threads);
+    CHECK(most >= 1);
+  }
+}
+
+TEST_CASE("parallel: loops inside tasks use the idle threads", "[property]") {
+  WorkerPool pool(4);
+  std::set<std::thread::id> ids;
+  std::mutex mutex;
+  run_small(pool, 1, [&](std::size_t) {
+    parallel_for(64, [&](std::size_t) {
+      pause_us(2000);
+      const std::lock_guard lock(mutex);
+      ids.insert(std::this_thread::get_id());
+    });
+  });
+  CHECK(ids.size() > 1);
+  CHECK(ids.size() <= 4);
+}
+
+TEST_CASE("parallel: a task waiting in its loop never begins another task on top", "[property]") {
+  WorkerPool pool(3);
+  thread_local int depth = 0;
+  std::atomic<bool> nested{false};
+  run_small(pool, 40, [&](std::size_t) {
+    if (++depth > 1) nested = true;
+    parallel_for(8, [](std::size_t i) { pause_us(i == 0 ? 1500 : 100); });
+    --depth;
+  });
+  CHECK_FALSE(nested);
+}
+
+TEST_CASE("parallel: of many failures the lowest is reported, every time", "[property]") {
+  WorkerPool pool(4);
+  for (int round = 0; round < 30; ++round) {
+    std::atomic<int> started{0};
+    const auto body = [&](std::size_t i) {
+      ++started;
+      if (i >= 7) throw InputError("index " + std::to_string(i));
+      pause_us(300);  // the low ones are late
+    };
+    CHECK_THROWS_WITH(run_small(pool, 500, body), "index 7");
+    CHECK(started < 500);
+    CHECK_THROWS_WITH(pool.run_here([&] { parallel_for(500, body); }), "index 7");
+  }
+}
+
+TEST_CASE("parallel: a failure inside a loop inside a task comes out", "[unit]") {
+  WorkerPool pool(2);
+  CHECK_THROWS_AS(run_small(pool, 4,
+                            [](std::size_t k) {
+                              parallel_for(10, [k](std::size_t i) {
+                                if (k == 2 && i == 5) throw ResourceError("full");
+                              });
+                            }),
+                  ResourceError);
+}
+
+TEST_CASE("parallel: tasks over the budget run one after another, and none waits for ever", "[property]") {
+  WorkerPool pool(4);
+  MemoryBudget budget(3200, 0);  // capacity 3100
+  std::atomic<std::uint64_t> held{0};
+  std::atomic<bool> over{false};
+  pool.run_tasks(
+      50, [](std::size_t k) { return std::uint64_t{k % 5 == 0 ? 3100u : 900u}; }, budget,
+      [&](std::size_t k) {
+        const std::uint64_t need = k % 5 == 0 ? 3100 : 900;
+        if ((held += need) > 3100) over = true;
+        pause_us(300);
+        held -= need;
+      });
+  CHECK_FALSE(over);
+  CHECK(budget.reserved() == 0);
+  CHECK_THROWS_AS(pool.run_tasks(
+                      1, [](std::size_t) { return std::uint64_t{3101}; }, budget, [](std::size_t) {}),
+                  ResourceError);
+}
+
+TEST_CASE("parallel: a stop signal ends the work between pieces", "[unit]") {
+  WorkerPool pool(2);
+  std::atomic<int> started{0};
+  request_stop(SIGTERM);
+  CHECK_THROWS_AS(run_small(pool, 100, [&](std::size_t) { ++started; }), StoppedError);
+  CHECK(started == 0);
+  request_stop(0);
+  CHECK_THROWS_AS(run_small(pool, 100,
+                            [&](std::size_t k) {
+                              if (k == 5) request_stop(SIGINT);
+                              ++started;
+                            }),
+                  StoppedError);
+  CHECK(stop_signal() == SIGINT);
+  CHECK(started >= 5);
+  CHECK(started < 20);
+  request_stop(0);
+}
