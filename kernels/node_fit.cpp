@@ -53,14 +53,15 @@ __m256 dot(__m256 ax, __m256 ay, __m256 az, __m256 bx, __m256 by, __m256 bz) {
 
 /// Fewest samples that carry a node, and the least weight: a lone sample at half the radius has 0.32.
 constexpr int kLeastHits = 4;
-constexpr float kLeastWeight = 0.1f;
+constexpr float kLeastWeight = 0.02f;
 /// Rim test: largest distance of the foot point from the samples' centroid, as a multiple of their spread.
 /// At the straight border of an evenly sampled half plane it is 0.7; 1.0 lets the surface reach the last
 /// samples.
 constexpr float kRimRatio = 1.0f;
-/// Where chance leaves two or three samples with nearly all the weight, their spread says nothing: a foot point this
-/// close to the centroid, in radii, is among them. At the border of the half plane it is 0.23.
-constexpr float kRimFloor = 0.3f;
+/// Where chance leaves two or three samples with nearly all the weight, their spread says nothing: a foot
+/// point this close to the centroid, in radii, is among them. At the border of the half plane it is 0.23;
+/// beyond, the surface reaches on by up to half a cell.
+constexpr float kRimFloor = 0.36f;
 
 /// The algebraic spheres of one row, as the crease test needs them.
 struct Spheres {
@@ -170,9 +171,9 @@ std::uint32_t crease_hints(const RowSamples& coarse, const Spheres& s, float r2,
 constexpr float kLargestFoot = 2.5f;
 /// Rim test beside creases, where the foot point lies on the joined sheets: at the corner of a cube it
 /// is 1.1.
-constexpr float kCreaseRimRatio = 1.3f;
+constexpr float kCreaseRimRatio = 1.6f;
 constexpr float kCreaseRimSlack =
-    0.3f;  ///< cells: far off a corner only its tip is in reach, with little spread
+    0.6f;  ///< cells: far off a corner only its tip is in reach, with little spread
 
 /// Value and gradient of a creased node; false where the surface does not reach.
 bool value_of_sheets(const Sheets& sheets, std::size_t at, LeafFit& out) {

@@ -30,13 +30,6 @@ struct SignCounts {
   std::uint64_t none = 0;  ///< too few neighbours for a plane
 };
 
-/// A point whose given normal hardly any neighbour shares: range discontinuities leave such, hanging between two
-/// surfaces. On a crease half of the neighbours agree, at a corner a third, on either side of a thin wall half.
-bool is_flying(const PointShape& shape) {
-  constexpr unsigned kLeastShare = 4;
-  return kLeastShare * shape.supporters < shape.neighbours;
-}
-
 class NormalsStage : public Stage {
  public:
   explicit NormalsStage(const JobState& state)
@@ -168,7 +161,7 @@ class NormalsStage : public Stage {
       }
       if (mode_.propagate()) position.push_back({block.x[i], block.y[i], block.z[i]}), normal.push_back(n);
       records[s].normal = encode_normal(n[0], n[1], n[2]);
-      records[s].supporters = is_flying(shape) ? std::uint16_t{0} : shape.supporters;
+      records[s].supporters = shape.supporters;
       if (!mode_.estimate) records[s].patch = kGivenPatch;
       ++histogram[std::min<std::size_t>(records[s].supporters, kSupporterBins - 1)];
       ++s;
