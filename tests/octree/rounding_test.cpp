@@ -1,0 +1,41 @@
+#include <catch2/catch.hpp>
+
+#include <array>
+#include <vector>
+
+#include "octree/lattice.h"
+
+namespace tessera {
+namespace {
+
+// Noinline, so that the compiler sees the arithmetic and not the numbers. Built with -O2 or -O3 and block
+// vectorisation, GCC 12.2 returns its argument.
+[[gnu::noinline]] Double3 through_float(const Double3& p) {
+  const Float3 f = {static_cast<float>(p[0]), static_cast<float>(p[1]), static_cast<float>(p[2])};
+  return {f[0], f[1], f[2]};
+}
+
+[[gnu::noinline]] void round_if(std::vector<Double3>& points, bool doubles) {
+  for (Double3& p : points) {
+    for (double& value : p) value = doubles ? value : static_cast<float>(value);
+  }
+}
+
+bool is_float(double value) {
+  const volatile float f = static_cast<float>(value);
+  return static_cast<double>(f) == value;
+}
+
+TEST_CASE("compiler: a value that went through float is rounded", "[unit]") {
+  std::vector<Double3> points;
+  for (int i = 1; i < 100; ++i) points.push_back({1.0 / (3 * i), 2.0 / (7 * i), 1.0 / (9 * i)});
+  for (const Double3& p : points) {
+    const Double3 q = through_float(p);
+    CHECK((is_float(q[0]) && is_float(q[1]) && is_float(q[2])));
+  }
+  round_if(points, false);
+  for (const Double3& p : points) CHECK((is_float(p[0]) && is_float(p[1]) && is_float(p[2])));
+}
+
+}  // namespace
+}  // namespace tessera
