@@ -51,7 +51,11 @@ void throw_write_error(const std::filesystem::path& path, int error) {
         "{}: {}: free some space or choose another disk with --temp; the same command then goes on",
         path.string(), std::strerror(error)));
   }
-  throw InputError(fmt::format("{}: cannot be written: {}", path.string(), std::strerror(error)));
+  const std::string sentence = fmt::format("{}: cannot be written: {}", path.string(), std::strerror(error));
+  for (const int users : {EACCES, EPERM, EROFS, ENOENT, ENOTDIR, EISDIR}) {
+    if (error == users) throw UsageError(sentence);
+  }
+  throw ResourceError(sentence);
 }
 
 std::uint64_t hash_file(const std::filesystem::path& path) {

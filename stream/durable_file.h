@@ -7,9 +7,8 @@
 
 namespace tessera {
 
-/// \throws ResourceError when `error` (an errno) means that the disk or a quota is full, else InputError;
-/// both name
-///         the file and the system's reason
+/// \throws UsageError     when `error` (an errno) says that this place cannot be written at all
+/// \throws ResourceError  for the rest: full disk or quota, a disk that fails; names file and the system's reason
 [[noreturn]] void throw_write_error(const std::filesystem::path& path, int error);
 
 /// XXH3 (64 bits) of a file's content, read through a small buffer. \throws InputError

@@ -1,12 +1,15 @@
 #include "stream/job.h"
 
 #include <algorithm>
+#include <cerrno>
 #include <chrono>
+#include <cstring>
 #include <mutex>
 #include <set>
 #include <thread>
 
 #include <sys/resource.h>
+#include <unistd.h>
 
 #include <fmt/format.h>
 
@@ -360,6 +363,15 @@ nlohmann::json run_job(JobState state, const JobDescription& job, const Progress
   }
   state.output = fs::absolute(state.output).lexically_normal();
   state.work = work_path(state.output, state.run.temp);
+  for (const fs::path& folder : {state.output.parent_path(), state.work.parent_path()}) {
+    if (!fs::is_directory(folder)) {
+      throw UsageError(fmt::format("{}: there is no such folder: make it first", folder.string()));
+    }
+    if (::access(folder.c_str(), W_OK) != 0) {
+      throw UsageError(
+          fmt::format("{}: this folder cannot be written to: {}", folder.string(), std::strerror(errno)));
+    }
+  }
   const nlohmann::json identity = job_identity(job.command, state, fingerprints);
   if (nlohmann::json report; job.only_stages == 0 && output_is_done(state, identity, report)) return report;
 

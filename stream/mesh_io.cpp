@@ -30,13 +30,21 @@ bool begins_with_off(std::string_view start) {
 
 }  // namespace
 
+void require_mesh_extension(const std::filesystem::path& path) {
+  const std::string extension = lower_extension(path);
+  for (const char* known : {".ply", ".obj", ".stl", ".glb"}) {
+    if (extension == known) return;
+  }
+  throw UsageError(path.string() + ": unknown mesh format '" + extension + "'; use .ply, .obj, .stl or .glb");
+}
+
 std::unique_ptr<MeshWriter> create_mesh_file(const std::filesystem::path& path, const MeshHeader& header) {
+  require_mesh_extension(path);
   const std::string extension = lower_extension(path);
   if (extension == ".ply") return create_ply_mesh(path, header);
   if (extension == ".obj") return create_obj_mesh(path, header);
   if (extension == ".stl") return create_stl_mesh(path, header);
-  if (extension == ".glb") return create_glb_mesh(path, header);
-  throw UsageError(path.string() + ": unknown mesh format '" + extension + "'; use .ply, .obj, .stl or .glb");
+  return create_glb_mesh(path, header);
 }
 
 std::unique_ptr<MeshReader> open_mesh_file(const std::filesystem::path& path,

@@ -41,6 +41,9 @@ class MeshWriter {
   virtual std::uint64_t bytes_written() const = 0;
 };
 
+/// \throws UsageError for an extension that create_mesh_file() does not know
+void require_mesh_extension(const std::filesystem::path& path);
+
 /// By extension: .ply (binary little endian), .obj, .stl (binary), .glb.
 /// \throws UsageError for an unknown extension or a mesh over the format's limits (STL 2^32-1 faces and
 /// floats,

@@ -4,6 +4,7 @@
 #include <nlohmann/json.hpp>
 
 #include "stream/memory_budget.h"
+#include "stream/mesh_io.h"
 #include "stream/point_source.h"
 #include "stream/stages/reconstruct_job.h"
 #include "stream/stop.h"
@@ -21,6 +22,7 @@ struct Arguments {
 void run(Arguments arguments) {
   cli::require_inputs(arguments.inputs);
   cli::require_output(arguments.state.output);
+  require_mesh_extension(arguments.state.output);
   arguments.state.inputs = expand_inputs(arguments.inputs);
   catch_stop_signals();
   const nlohmann::json report = run_job(arguments.state, reconstruct_job(), cli::stderr_sink());

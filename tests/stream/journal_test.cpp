@@ -155,5 +155,5 @@ TEST_CASE("durable files: written whole, hashed by content", "[unit]") {
   spill(path, large);
   CHECK(hash_file(path) == hash_text(large));
   CHECK_THROWS_AS(hash_file(scratch / "none"), InputError);
-  CHECK_THROWS_AS(write_durably(scratch / "no/folder", "x"), InputError);
+  CHECK_THROWS_AS(write_durably(scratch / "no/folder", "x"), UsageError);
 }
