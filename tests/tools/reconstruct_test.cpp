@@ -97,7 +97,7 @@ TEST_CASE("reconstruct: killed at any moment, the same command ends in the same 
       continue;
     }
     REQUIRE(r.code == 128 + SIGKILL);
-    CHECK_FALSE(std::filesystem::exists(out));
+    if (std::filesystem::exists(out)) CHECK(file_bytes(out) == want);  // killed behind the last rename
     ++kills;
   }
   const CommandResult r = tessera_command(words);
