@@ -1,0 +1,264 @@
+#include "kernels/mesh_block_ops.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+#include <stdexcept>
+#include <string>
+
+namespace tessera {
+namespace {
+
+constexpr std::uint32_t kNone = 0xffffffffu;
+
+using FaceCorners = std::array<std::uint32_t, 3>;
+
+/// Turns the smallest index first; border bits belong to edges and turn along.
+void turn(FaceCorners& f, std::uint8_t& flags) {
+  const unsigned bits = flags & 7u;
+  const unsigned rest = flags & ~7u;
+  if (f[1] < f[0] && f[1] < f[2]) {
+    f = {f[1], f[2], f[0]};
+    flags = static_cast<std::uint8_t>(rest | (bits >> 1) | (bits & 1) << 2);
+  } else if (f[2] < f[0] && f[2] < f[1]) {
+    f = {f[2], f[0], f[1]};
+    flags = static_cast<std::uint8_t>(rest | (bits << 1 & 7u) | bits >> 2);
+  }
+}
+
+/// Ascending faces: a counting sort by first corner, then the few of each first corner.
+void sort_faces(MeshBlock& block, std::vector<std::uint8_t>* tag) {
+  const std::size_t m = block.faces.size();
+  if (std::is_sorted(block.faces.begin(), block.faces.end())) return;
+  std::vector<std::uint32_t> first(block.key.size() + 1, 0);
+  for (const FaceCorners& f : block.faces) ++first[f[0] + 1];
+  std::partial_sum(first.begin(), first.end(), first.begin());
+  std::vector<std::uint32_t> order(m);
+  for (std::uint32_t i = 0; i < m; ++i) order[first[block.faces[i][0]]++] = i;
+  std::size_t begin = 0;
+  while (begin < m) {
+    const std::uint32_t corner = block.faces[order[begin]][0];
+    std::size_t end = begin + 1;
+    while (end < m && block.faces[order[end]][0] == corner) ++end;
+    std::sort(order.begin() + static_cast<std::ptrdiff_t>(begin),
+              order.begin() + static_cast<std::ptrdiff_t>(end),
+              [&](std::uint32_t a, std::uint32_t b) { return block.faces[a] < block.faces[b]; });
+    begin = end;
+  }
+  const auto permute = [&](auto& values) {
+    std::remove_reference_t<decltype(values)> sorted(m);
+    for (std::size_t i = 0; i < m; ++i) sorted[i] = values[order[i]];
+    values = std::move(sorted);
+  };
+  permute(block.faces);
+  permute(block.face_flags);
+  if (tag) permute(*tag);
+}
+
+/// Vertices `from` (indices of `in`) to the end of `out`.
+void append_vertices(const MeshBlock& in, std::span<const std::uint32_t> from, MeshBlock& out) {
+  const auto take = [&](const auto& values, auto& to) {
+    if (values.empty()) return;
+    to.reserve(to.size() + from.size());
+    for (const std::uint32_t v : from) to.push_back(values[v]);
+  };
+  take(in.key, out.key);
+  take(in.position, out.position);
+  take(in.vertex_class, out.vertex_class);
+  take(in.rgba, out.rgba);
+  take(in.normal, out.normal);
+}
+
+/// `faces` (indices of `in`) with the vertices that they use, in the order of `in`. `local` holds kNone for
+/// every vertex of `in`, before and after.
+MeshBlock gather(const MeshBlock& in, std::span<const std::uint32_t> faces,
+                 std::vector<std::uint32_t>& local) {
+  std::vector<std::uint32_t> used;
+  for (const std::uint32_t f : faces) {
+    for (const std::uint32_t v : in.faces[f]) {
+      if (local[v] != kNone) continue;
+      local[v] = 0;
+      used.push_back(v);
+    }
+  }
+  std::sort(used.begin(), used.end());
+  for (std::uint32_t i = 0; i < used.size(); ++i) local[used[i]] = i;
+  MeshBlock out;
+  append_vertices(in, used, out);
+  out.faces.reserve(faces.size());
+  out.face_flags.reserve(faces.size());
+  for (const std::uint32_t f : faces) {
+    const FaceCorners& c = in.faces[f];
+    out.faces.push_back({local[c[0]], local[c[1]], local[c[2]]});
+    out.face_flags.push_back(in.face_flags[f]);
+  }
+  for (const std::uint32_t v : used) local[v] = kNone;
+  return out;
+}
+
+}  // namespace
+
+void canonicalise(MeshBlock& block, std::vector<std::uint8_t>* tag) {
+  const std::size_t n = block.key.size();
+  std::vector<std::uint32_t> local(n, kNone);
+  for (const FaceCorners& f : block.faces)
+    for (const std::uint32_t v : f) local[v] = 0;
+  std::vector<std::uint32_t> order;
+  order.reserve(n);
+  for (std::uint32_t v = 0; v < n; ++v)
+    if (local[v] == 0) order.push_back(v);
+  const auto by_key = [&](std::uint32_t a, std::uint32_t b) { return block.key[a] < block.key[b]; };
+  const bool in_order = std::is_sorted(order.begin(), order.end(), by_key);
+  if (!in_order) std::sort(order.begin(), order.end(), by_key);
+  if (!in_order || order.size() < n) {
+    for (std::uint32_t i = 0; i < order.size(); ++i) local[order[i]] = i;
+    MeshBlock sorted;
+    append_vertices(block, order, sorted);
+    sorted.faces = std::move(block.faces);
+    sorted.face_flags = std::move(block.face_flags);
+    block = std::move(sorted);
+    for (FaceCorners& f : block.faces)
+      for (std::uint32_t& v : f) v = local[v];
+  }
+  for (std::size_t f = 0; f < block.faces.size(); ++f) turn(block.faces[f], block.face_flags[f]);
+  sort_faces(block, tag);
+}
+
+MeshBlock select_faces(const MeshBlock& block, std::span<const std::uint8_t> keep) {
+  std::vector<std::uint32_t> faces;
+  for (std::uint32_t f = 0; f < keep.size(); ++f)
+    if (keep[f]) faces.push_back(f);
+  std::vector<std::uint32_t> local(block.key.size(), kNone);
+  return gather(block, faces, local);
+}
+
+MeshBlock merge_blocks(std::span<const MeshBlock* const> pieces, std::span<const std::uint8_t> tags,
+                       std::vector<std::uint8_t>* tag_of_face) {
+  std::size_t vertices = 0;
+  std::size_t faces = 0;
+  for (const MeshBlock* piece : pieces) {
+    vertices += piece->key.size();
+    faces += piece->faces.size();
+  }
+  // All vertices one after the other, then equal keys become one.
+  MeshBlock all;
+  const auto append = [](const auto& from, auto& to) { to.insert(to.end(), from.begin(), from.end()); };
+  all.key.reserve(vertices);
+  all.position.reserve(vertices);
+  all.vertex_class.reserve(vertices);
+  for (const MeshBlock* piece : pieces) {
+    append(piece->key, all.key);
+    append(piece->position, all.position);
+    append(piece->vertex_class, all.vertex_class);
+    append(piece->rgba, all.rgba);
+    append(piece->normal, all.normal);
+  }
+  std::vector<std::uint32_t> order(vertices);
+  std::iota(order.begin(), order.end(), 0u);
+  std::vector<std::pair<std::uint64_t, std::uint32_t>> by_key(vertices);
+  for (std::uint32_t i = 0; i < vertices; ++i) by_key[i] = {all.key[i], i};
+  if (!std::is_sorted(by_key.begin(), by_key.end())) std::sort(by_key.begin(), by_key.end());
+  std::vector<std::uint32_t> target(vertices);
+  std::vector<std::uint32_t> kept;
+  kept.reserve(vertices);
+  for (std::size_t i = 0; i < vertices; ++i) {
+    const std::uint32_t v = by_key[i].second;
+    if (i == 0 || by_key[i].first != by_key[i - 1].first) {
+      kept.push_back(v);
+    } else if (all.position[v] != all.position[kept.back()]) {
+      throw std::logic_error("mesh blocks: vertex " + std::to_string(all.key[v]) + " has two positions");
+    }
+    target[v] = static_cast<std::uint32_t>(kept.size() - 1);
+  }
+  MeshBlock out;
+  append_vertices(all, kept, out);
+  out.faces.reserve(faces);
+  out.face_flags.reserve(faces);
+  if (tag_of_face) tag_of_face->clear();
+  std::size_t first = 0;
+  for (std::size_t p = 0; p < pieces.size(); ++p) {
+    const MeshBlock& piece = *pieces[p];
+    for (std::size_t f = 0; f < piece.faces.size(); ++f) {
+      FaceCorners c = piece.faces[f];
+      for (std::uint32_t& v : c) v = target[first + v];
+      out.faces.push_back(c);
+      out.face_flags.push_back(piece.face_flags[f]);
+      if (tag_of_face) tag_of_face->push_back(tags[p]);
+    }
+    first += piece.key.size();
+  }
+  for (std::size_t f = 0; f < out.faces.size(); ++f) turn(out.faces[f], out.face_flags[f]);
+  sort_faces(out, tag_of_face);
+  return out;
+}
+
+std::vector<std::uint8_t> complete_stars(const MeshBlock& block) {
+  const std::size_t n = block.key.size();
+  // Edges in buckets by their smaller end; an edge seen twice, or a border, is closed.
+  struct Half {
+    std::uint32_t other;
+    bool border;
+  };
+  std::vector<std::uint32_t> first(n + 1, 0);
+  const auto for_edges = [&](const auto& use) {
+    for (std::size_t f = 0; f < block.faces.size(); ++f)
+      for (unsigned e = 0; e < 3; ++e) {
+        const std::uint32_t a = block.faces[f][e];
+        const std::uint32_t b = block.faces[f][(e + 1) % 3];
+        use(std::min(a, b), std::max(a, b), (block.face_flags[f] >> e & 1u) != 0);
+      }
+  };
+  for_edges([&](std::uint32_t low, std::uint32_t, bool) { ++first[low + 1]; });
+  std::partial_sum(first.begin(), first.end(), first.begin());
+  std::vector<Half> halves(block.faces.size() * 3);
+  std::vector<std::uint32_t> next(first.begin(), first.end() - 1);
+  for_edges([&](std::uint32_t low, std::uint32_t high, bool border) {
+    halves[next[low]++] = {high, border};
+  });
+  std::vector<std::uint8_t> complete(n, 1);
+  for (std::uint32_t low = 0; low < n; ++low) {
+    for (std::uint32_t i = first[low]; i < first[low + 1]; ++i) {
+      unsigned count = 0;
+      for (std::uint32_t j = first[low]; j < first[low + 1]; ++j) count += halves[j].other == halves[i].other;
+      if (count == (halves[i].border ? 1u : 2u)) continue;
+      complete[low] = 0;
+      complete[halves[i].other] = 0;
+    }
+  }
+  return complete;
+}
+
+void split_faces(const MeshBlock& block, std::span<const std::uint64_t> class_of_face,
+                 const std::function<void(std::uint64_t, MeshBlock&&)>& sink) {
+  std::vector<std::uint64_t> classes(class_of_face.begin(), class_of_face.end());
+  std::sort(classes.begin(), classes.end());
+  classes.erase(std::unique(classes.begin(), classes.end()), classes.end());
+  std::vector<std::vector<std::uint32_t>> members(classes.size());
+  std::size_t last = 0;
+  for (std::uint32_t f = 0; f < class_of_face.size(); ++f) {
+    if (classes[last] != class_of_face[f])
+      last = static_cast<std::size_t>(std::lower_bound(classes.begin(), classes.end(), class_of_face[f]) -
+                                      classes.begin());
+    members[last].push_back(f);
+  }
+  std::vector<std::uint32_t> local(block.key.size(), kNone);
+  for (std::size_t c = 0; c < classes.size(); ++c) sink(classes[c], gather(block, members[c], local));
+}
+
+std::uint64_t brick_of_face(const Lattice& lattice, const Double3& a, const Double3& b, const Double3& c) {
+  Int3 brick;
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    double low = a[axis], middle = b[axis], high = c[axis];
+    if (middle < low) std::swap(low, middle);
+    if (high < middle) std::swap(middle, high);
+    if (middle < low) std::swap(low, middle);
+    const double centre = (low + middle + high) * (1.0 / 3.0);
+    const double cells =
+        std::floor(centre / (lattice.h * kBrickCells)) - static_cast<double>(lattice.origin_brick[axis]);
+    constexpr double kLast = (1 << (kMaxCellBits - kBrickBits)) - 1;
+    brick[axis] = static_cast<std::int32_t>(std::clamp(cells, 0.0, kLast));
+  }
+  return brick_key(brick);
+}
+
+}  // namespace tessera

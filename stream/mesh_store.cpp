@@ -1,0 +1,413 @@
+#include "stream/mesh_store.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <limits>
+#include <string>
+
+#include <xxhash.h>
+
+#include "kernels/mesh_block_ops.h"
+#include "octree/error.h"
+#include "stream/direct_file.h"
+#include "stream/read_file.h"
+
+namespace tessera {
+namespace {
+
+constexpr char kMagic[8] = {'T', 'S', 'M', 'E', 'S', 'H', '0', '1'};
+constexpr std::uint32_t kShortIndices = 65536;  ///< up to so many vertices faces have 16-bit corners
+
+struct Header {
+  char magic[8] = {};
+  double h = 0.0;
+  std::int64_t origin_brick[3] = {};
+  double shift[3] = {};
+  std::uint32_t double_positions = 0;
+  std::uint32_t colour = 0;
+};
+static_assert(sizeof(Header) == 72);
+static_assert(sizeof(MeshPatchEntry) == 96);
+
+struct Footer {
+  std::uint64_t table_offset = 0;
+  std::uint64_t patches = 0;
+  std::uint64_t table_hash = 0;
+  char magic[8] = {};
+};
+
+MeshBox empty_box() {
+  constexpr double kInfinity = std::numeric_limits<double>::infinity();
+  return {{kInfinity, kInfinity, kInfinity}, {-kInfinity, -kInfinity, -kInfinity}};
+}
+void include(MeshBox& box, const Double3& p) {
+  for (std::size_t a = 0; a < 3; ++a) {
+    box.low[a] = std::min(box.low[a], p[a]);
+    box.high[a] = std::max(box.high[a], p[a]);
+  }
+}
+void include(MeshBox& box, const MeshBox& other) {
+  include(box, other.low);
+  include(box, other.high);
+}
+
+struct Layout {
+  std::uint64_t key, position, rgba, vertex_class, corners, flags;
+  Layout(const MeshStoreInfo& info, std::uint64_t vertices, std::uint64_t faces)
+      : key(8 * vertices),
+        position((info.double_positions ? 24 : 12) * vertices),
+        rgba(info.colour ? 4 * vertices : 0),
+        vertex_class((vertices + 3) / 4 * 4),
+        corners((vertices <= kShortIndices ? 6 : 12) * faces),
+        flags((faces + 7) / 8 * 8) {}
+  std::uint64_t vertices() const { return key + position + rgba + vertex_class; }
+  std::uint64_t faces() const { return corners + flags; }
+};
+
+template <class T>
+void put(char*& to, const T* values, std::size_t count, std::uint64_t bytes) {
+  if (count > 0) std::memcpy(to, values, count * sizeof(T));
+  std::memset(to + count * sizeof(T), 0, bytes - count * sizeof(T));
+  to += bytes;
+}
+template <class T>
+void take(const char*& from, std::vector<T>& values, std::size_t count, std::uint64_t bytes) {
+  values.resize(count);
+  if (count > 0) std::memcpy(values.data(), from, count * sizeof(T));
+  from += bytes;
+}
+
+}  // namespace
+
+bool overlap(const MeshBox& a, const MeshBox& b) {
+  for (std::size_t i = 0; i < 3; ++i)
+    if (a.low[i] > b.high[i] || b.low[i] > a.high[i]) return false;
+  return true;
+}
+
+MeshBox grown(const MeshBox& box, double margin) {
+  MeshBox out = box;
+  for (std::size_t a = 0; a < 3; ++a) {
+    out.low[a] -= margin;
+    out.high[a] += margin;
+  }
+  return out;
+}
+
+struct MeshFileWriter::Impl {
+  DirectFile file;
+  MeshStoreInfo info;
+  std::vector<MeshPatchEntry> table;
+  std::vector<char> buffer;
+
+  Impl(const std::filesystem::path& path, const MeshStoreInfo& i) : file(path), info(i) {}
+};
+
+MeshFileWriter::MeshFileWriter(const std::filesystem::path& path, const MeshStoreInfo& info)
+    : impl_(std::make_unique<Impl>(path, info)) {
+  Header header;
+  std::copy(std::begin(kMagic), std::end(kMagic), header.magic);
+  header.h = info.lattice.h;
+  std::copy(info.lattice.origin_brick.begin(), info.lattice.origin_brick.end(), header.origin_brick);
+  std::copy(info.shift.begin(), info.shift.end(), header.shift);
+  header.double_positions = info.double_positions;
+  header.colour = info.colour;
+  impl_->file.write(&header, sizeof header);
+}
+MeshFileWriter::~MeshFileWriter() = default;
+
+void MeshFileWriter::add(std::uint64_t brick, const MeshBlock& patch) {
+  if (patch.faces.empty()) return;
+  Impl& self = *impl_;
+  const std::size_t n = patch.key.size();
+  const std::size_t m = patch.faces.size();
+  const Layout layout(self.info, n, m);
+  MeshPatchEntry e;
+  e.key = brick;
+  e.offset = self.file.offset();
+  e.vertices = static_cast<std::uint32_t>(n);
+  e.faces = static_cast<std::uint32_t>(m);
+  e.box = empty_box();
+  for (const Double3& p : patch.position) include(e.box, p);
+
+  self.buffer.resize(layout.vertices() + layout.faces());
+  char* to = self.buffer.data();
+  put(to, patch.key.data(), n, layout.key);
+  if (self.info.double_positions) {
+    put(to, patch.position.data(), n, layout.position);
+  } else {
+    for (const Double3& p : patch.position) {
+      const Float3 f = {static_cast<float>(p[0]), static_cast<float>(p[1]), static_cast<float>(p[2])};
+      std::memcpy(to, &f, sizeof f);
+      to += sizeof f;
+    }
+  }
+  if (self.info.colour) put(to, patch.rgba.data(), patch.rgba.size(), layout.rgba);
+  put(to, patch.vertex_class.data(), n, layout.vertex_class);
+  if (n <= kShortIndices) {
+    for (const auto& f : patch.faces) {
+      const std::array<std::uint16_t, 3> corners = {static_cast<std::uint16_t>(f[0]),
+                                                    static_cast<std::uint16_t>(f[1]),
+                                                    static_cast<std::uint16_t>(f[2])};
+      std::memcpy(to, &corners, sizeof corners);
+      to += sizeof corners;
+    }
+  } else {
+    put(to, patch.faces.data(), m, layout.corners);
+  }
+  put(to, patch.face_flags.data(), m, layout.flags);
+  e.vertex_hash = XXH3_64bits(self.buffer.data(), layout.vertices());
+  e.face_hash = XXH3_64bits(self.buffer.data() + layout.vertices(), layout.faces());
+  self.file.write(self.buffer.data(), self.buffer.size());
+  self.table.push_back(e);
+}
+
+std::uint64_t MeshFileWriter::finish() {
+  Impl& self = *impl_;
+  Footer footer;
+  footer.table_offset = self.file.offset();
+  footer.patches = self.table.size();
+  footer.table_hash = XXH3_64bits(self.table.data(), self.table.size() * sizeof(MeshPatchEntry));
+  std::copy(std::begin(kMagic), std::end(kMagic), footer.magic);
+  self.file.write(self.table.data(), self.table.size() * sizeof(MeshPatchEntry));
+  self.file.write(&footer, sizeof footer);
+  return self.file.finish();
+}
+
+struct MeshStore::Impl {
+  std::vector<ReadFile> files;
+  MeshStoreInfo info;
+  std::vector<MeshPatchEntry> patches;
+  std::uint64_t faces = 0;
+  MeshBox box = empty_box();
+
+  MeshBlock read(std::size_t patch) const {
+    const MeshPatchEntry& e = patches[patch];
+    const ReadFile& file = files[e.file];
+    const Layout layout(info, e.vertices, e.faces);
+    std::vector<char> data(layout.vertices() + layout.faces());
+    file.read_at(e.offset, data.data(), data.size());
+    if (XXH3_64bits(data.data(), layout.vertices()) != e.vertex_hash ||
+        XXH3_64bits(data.data() + layout.vertices(), layout.faces()) != e.face_hash)
+      throw InputError(file.path().string() + ": byte " + std::to_string(e.offset) +
+                       ": checksum of a mesh patch differs, the file is damaged; run again with --force");
+    const char* from = data.data();
+    const std::size_t n = e.vertices;
+    const std::size_t m = e.faces;
+    MeshBlock block;
+    take(from, block.key, n, layout.key);
+    if (info.double_positions) {
+      take(from, block.position, n, layout.position);
+    } else {
+      block.position.resize(n);
+      for (Double3& p : block.position) {
+        Float3 f;
+        std::memcpy(&f, from, sizeof f);
+        from += sizeof f;
+        p = {f[0], f[1], f[2]};
+      }
+    }
+    if (info.colour) take(from, block.rgba, n, layout.rgba);
+    take(from, block.vertex_class, n, layout.vertex_class);
+    block.faces.resize(m);
+    if (n <= kShortIndices) {
+      for (auto& f : block.faces) {
+        std::array<std::uint16_t, 3> corners;
+        std::memcpy(&corners, from, sizeof corners);
+        from += sizeof corners;
+        f = {corners[0], corners[1], corners[2]};
+      }
+    } else {
+      take(from, block.faces, m, layout.corners);
+    }
+    take(from, block.face_flags, m, layout.flags);
+    return block;
+  }
+
+  /// Patches `core` (all faces) and `halo` (those faces that meet the box).
+  MeshBlock merge(std::span<const std::size_t> core, std::span<const std::size_t> halo, const MeshBox& near,
+                  std::vector<std::uint8_t>* tag) const {
+    std::vector<MeshBlock> pieces;
+    std::vector<std::uint8_t> tags;
+    pieces.reserve(core.size() + halo.size());
+    for (const std::size_t p : core) {
+      pieces.push_back(read(p));
+      tags.push_back(1);
+    }
+    for (const std::size_t p : halo) {
+      MeshBlock piece = read(p);
+      std::vector<std::uint8_t> keep(piece.faces.size());
+      bool any = false;
+      for (std::size_t f = 0; f < keep.size(); ++f) {
+        MeshBox face = empty_box();
+        for (const std::uint32_t v : piece.faces[f]) include(face, piece.position[v]);
+        keep[f] = overlap(face, near);
+        any |= keep[f] != 0;
+      }
+      if (!any) continue;
+      pieces.push_back(select_faces(piece, keep));
+      tags.push_back(0);
+    }
+    if (pieces.size() == 1) {
+      if (tag) tag->assign(pieces[0].faces.size(), tags[0]);
+      return std::move(pieces[0]);
+    }
+    std::vector<const MeshBlock*> pointers;
+    for (const MeshBlock& piece : pieces) pointers.push_back(&piece);
+    return merge_blocks(pointers, tags, tag);
+  }
+};
+
+MeshStore::MeshStore(const std::vector<std::filesystem::path>& paths) : impl_(std::make_unique<Impl>()) {
+  for (const auto& path : paths) {
+    ReadFile file(path);
+    const auto damaged = [&](const char* what) {
+      return InputError(path.string() + ": " + what + ", the file is damaged; run again with --force");
+    };
+    Header header;
+    Footer footer;
+    if (file.size() < sizeof header + sizeof footer) throw damaged("too short for a mesh file");
+    file.read_at(0, &header, sizeof header);
+    file.read_at(file.size() - sizeof footer, &footer, sizeof footer);
+    if (!std::equal(std::begin(kMagic), std::end(kMagic), header.magic) ||
+        !std::equal(std::begin(kMagic), std::end(kMagic), footer.magic))
+      throw damaged("no header or footer of a mesh file");
+    const std::uint64_t bytes = footer.patches * sizeof(MeshPatchEntry);
+    if (footer.patches > file.size() || footer.table_offset + bytes + sizeof footer != file.size())
+      throw damaged("patch table does not fit");
+    MeshStoreInfo info;
+    info.lattice.h = header.h;
+    std::copy(std::begin(header.origin_brick), std::end(header.origin_brick),
+              info.lattice.origin_brick.begin());
+    std::copy(std::begin(header.shift), std::end(header.shift), info.shift.begin());
+    info.double_positions = header.double_positions != 0;
+    info.colour = header.colour != 0;
+    if (!impl_->files.empty() && !(info == impl_->info))
+      throw InputError(path.string() +
+                       ": belongs to another mesh than the files before it; run again with --force");
+    impl_->info = info;
+    const std::size_t first = impl_->patches.size();
+    impl_->patches.resize(first + footer.patches);
+    MeshPatchEntry* table = impl_->patches.data() + first;
+    if (bytes != 0) file.read_at(footer.table_offset, table, bytes);
+    if (XXH3_64bits(table, bytes) != footer.table_hash) throw damaged("checksum of the patch table differs");
+    for (std::size_t i = 0; i < footer.patches; ++i) {
+      table[i].file = static_cast<std::uint32_t>(impl_->files.size());
+      impl_->faces += table[i].faces;
+      include(impl_->box, table[i].box);
+    }
+    impl_->files.push_back(std::move(file));
+  }
+  const auto by_key = [](const MeshPatchEntry& a, const MeshPatchEntry& b) { return a.key < b.key; };
+  std::sort(impl_->patches.begin(), impl_->patches.end(), by_key);
+  const auto twice = std::adjacent_find(impl_->patches.begin(), impl_->patches.end(),
+                                        [](const auto& a, const auto& b) { return a.key == b.key; });
+  if (twice != impl_->patches.end())
+    throw InputError(impl_->files[twice->file].path().string() + ": brick " + std::to_string(twice->key) +
+                     " is in two files: files of different jobs were mixed; run again with --force");
+}
+MeshStore::~MeshStore() = default;
+MeshStore::MeshStore(MeshStore&&) noexcept = default;
+MeshStore& MeshStore::operator=(MeshStore&&) noexcept = default;
+
+const MeshStoreInfo& MeshStore::info() const {
+  return impl_->info;
+}
+std::span<const MeshPatchEntry> MeshStore::patches() const {
+  return impl_->patches;
+}
+std::uint64_t MeshStore::face_count() const {
+  return impl_->faces;
+}
+const MeshBox& MeshStore::box() const {
+  return impl_->box;
+}
+
+double MeshStore::diagonal() const {
+  double sum = 0.0;
+  for (std::size_t a = 0; a < 3 && !impl_->patches.empty(); ++a) {
+    const double edge = impl_->box.high[a] - impl_->box.low[a];
+    sum += edge * edge;
+  }
+  return std::sqrt(sum);
+}
+
+std::int64_t MeshStore::find(std::uint64_t key) const {
+  const auto& p = impl_->patches;
+  const auto it = std::lower_bound(p.begin(), p.end(), key,
+                                   [](const MeshPatchEntry& e, std::uint64_t k) { return e.key < k; });
+  return it == p.end() || it->key != key ? -1 : it - p.begin();
+}
+
+std::vector<std::size_t> MeshStore::select(const MeshBox& box) const {
+  std::vector<std::size_t> out;
+  for (std::size_t i = 0; i < impl_->patches.size(); ++i)
+    if (overlap(impl_->patches[i].box, box)) out.push_back(i);
+  return out;
+}
+
+MeshBox MeshStore::box_of(std::span<const std::size_t> patches) const {
+  MeshBox box = empty_box();
+  for (const std::size_t p : patches) include(box, impl_->patches[p].box);
+  return box;
+}
+
+MeshBlock MeshStore::load(std::span<const std::size_t> patches) const {
+  return impl_->merge(patches, {}, empty_box(), nullptr);
+}
+
+MeshHaloBlock MeshStore::load_near(std::span<const std::size_t> core, double margin) const {
+  const MeshBox near = grown(box_of(core), margin);
+  std::vector<std::size_t> halo;
+  const std::vector<std::size_t> all = select(near);
+  std::set_difference(all.begin(), all.end(), core.begin(), core.end(), std::back_inserter(halo));
+  MeshHaloBlock out;
+  out.block = impl_->merge(core, halo, near, &out.core);
+  return out;
+}
+
+MeshHaloBlock MeshStore::load_rings(std::span<const std::size_t> core, int rings) const {
+  // Ring k shares a vertex with ring k - 1, so the box of what is taken finds every patch of the next ring.
+  MeshHaloBlock out;
+  MeshBox box = box_of(core);
+  for (int ring = 1; ring <= rings; ++ring) {
+    std::vector<std::size_t> halo;
+    const std::vector<std::size_t> all = select(box);
+    std::set_difference(all.begin(), all.end(), core.begin(), core.end(), std::back_inserter(halo));
+    std::vector<std::uint8_t> is_core;
+    const MeshBlock block = impl_->merge(core, halo, box, &is_core);
+    std::vector<std::uint8_t> taken = is_core;
+    std::vector<std::uint8_t> reached(block.key.size(), 0);
+    for (int r = 1; r <= ring; ++r) {
+      for (std::size_t f = 0; f < taken.size(); ++f)
+        if (taken[f])
+          for (const std::uint32_t v : block.faces[f]) reached[v] = 1;
+      for (std::size_t f = 0; f < taken.size(); ++f) {
+        const auto& c = block.faces[f];
+        if (reached[c[0]] || reached[c[1]] || reached[c[2]]) taken[f] = 1;
+      }
+    }
+    out.core.clear();
+    for (std::size_t f = 0; f < taken.size(); ++f) {
+      if (!taken[f]) continue;
+      out.core.push_back(is_core[f]);
+      for (const std::uint32_t v : block.faces[f]) include(box, block.position[v]);
+    }
+    if (ring == rings) out.block = select_faces(block, taken);
+  }
+  return out;
+}
+
+MeshBlock MeshStore::load_box(const MeshBox& box) const {
+  return impl_->merge({}, select(box), box, nullptr);
+}
+
+std::uint64_t MeshStore::block_bytes(std::span<const std::size_t> patches) const {
+  std::uint64_t bytes = 0;
+  for (const std::size_t p : patches)
+    bytes += kBlockBytesPerVertex * impl_->patches[p].vertices + kBlockBytesPerFace * impl_->patches[p].faces;
+  return bytes;
+}
+
+}  // namespace tessera

@@ -1,0 +1,132 @@
+/// \file mesh_store.h
+/// A mesh of any size on disk: packed files of patches, one patch per brick of the store's lattice. Extracted
+/// and imported meshes, every pass over them, and references all live in stores.
+///
+/// A face is in exactly one patch. A vertex is stored with every patch that uses it, with its global key and
+/// its exact position, and every face says at which of its edges the surface ends: whether a star is complete
+/// is decided in the block alone, nothing else crosses bricks.
+///
+/// A file is: header (magic, lattice, precision), per patch one section of vertices and one of faces with an
+/// XXH3 each, the table of patches, a footer. Little endian.
+#pragma once
+#include <cstdint>
+#include <filesystem>
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "kernels/mesh_block.h"
+#include "octree/lattice.h"
+
+namespace tessera {
+
+/// What all files of a store agree on.
+struct MeshStoreInfo {
+  Lattice lattice;                ///< its bricks are the patches
+  bool double_positions = false;  ///< positions need more than floats; else all of them are floats exactly
+  bool colour = false;
+  Double3 shift = {0, 0, 0};  ///< as MeshHeader::shift of the file that was read, to be written back
+  bool operator==(const MeshStoreInfo&) const = default;
+};
+
+/// Closed box, scan units.
+struct MeshBox {
+  Double3 low = {0, 0, 0};
+  Double3 high = {0, 0, 0};
+};
+bool overlap(const MeshBox& a, const MeshBox& b);
+MeshBox grown(const MeshBox& box, double margin);
+
+/// One patch of the store, as its table has it.
+struct MeshPatchEntry {
+  std::uint64_t key = 0;          ///< Morton code of the brick
+  std::uint64_t offset = 0;       ///< of its first section in the file
+  std::uint64_t vertex_hash = 0;  ///< XXH3 of the section of vertices
+  std::uint64_t face_hash = 0;    ///< XXH3 of the section of faces
+  std::uint32_t vertices = 0;
+  std::uint32_t faces = 0;  ///< > 0
+  std::uint32_t file = 0;   ///< index of the file; not on disk
+  std::uint32_t reserved = 0;
+  MeshBox box;  ///< of all vertices; faces may reach out of their brick
+};
+
+class MeshFileWriter {
+ public:
+  MeshFileWriter(const std::filesystem::path& path, const MeshStoreInfo& info);
+  ~MeshFileWriter();
+  MeshFileWriter(const MeshFileWriter&) = delete;
+  MeshFileWriter& operator=(const MeshFileWriter&) = delete;
+  /// The patch of one brick; every brick at most once over all files of a store. Patches without faces are
+  /// left out. \pre canonical (mesh_block.h), every vertex used by a face
+  void add(std::uint64_t brick, const MeshBlock& patch);
+  /// Writes table and footer, closes. Returns bytes written.
+  std::uint64_t finish();
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+/// Patches that were loaded together, and what lies around them.
+struct MeshHaloBlock {
+  MeshBlock block;                 ///< canonical
+  std::vector<std::uint8_t> core;  ///< per face: 1 in one of the patches asked for, 0 in the halo
+};
+
+/// All patches of a mesh. Holds the table only (96 bytes a patch). Loading is thread-safe.
+class MeshStore {
+ public:
+  /// \throws InputError naming the file when one is damaged, of another store, or a brick comes twice
+  explicit MeshStore(const std::vector<std::filesystem::path>& files);
+  ~MeshStore();
+  MeshStore(MeshStore&&) noexcept;
+  MeshStore& operator=(MeshStore&&) noexcept;
+
+  const MeshStoreInfo& info() const;
+  std::span<const MeshPatchEntry> patches() const;  ///< ascending key, over all files
+  std::uint64_t face_count() const;
+  const MeshBox& box() const;                  ///< of the whole mesh
+  double diagonal() const;                     ///< of that box
+  std::int64_t find(std::uint64_t key) const;  ///< patch index, -1 if the brick has no patch
+  /// Indices of the patches whose boxes meet this one, ascending.
+  std::vector<std::size_t> select(const MeshBox& box) const;
+  /// Smallest box around some patches.
+  MeshBox box_of(std::span<const std::size_t> patches) const;
+
+  /// Merges patches (indices ascending) into one canonical block: vertices by key, faces in canonical order.
+  MeshBlock load(std::span<const std::size_t> patches) const;
+  /// The same, and every face of other patches that comes within `margin` (>= 0) of the core's box, by its
+  /// own box. Whatever lies within `margin` of a core face is there.
+  MeshHaloBlock load_near(std::span<const std::size_t> core, double margin) const;
+  /// The same with k >= 1 rings of faces around the core: ring 1 are all faces that share a vertex with it.
+  MeshHaloBlock load_rings(std::span<const std::size_t> core, int rings) const;
+  /// Every face whose box meets this one.
+  MeshBlock load_box(const MeshBox& box) const;
+  /// Upper bound of the bytes of a block of these patches while it is loaded: sum over patches of
+  /// kBlockBytesPerVertex and kBlockBytesPerFace.
+  std::uint64_t block_bytes(std::span<const std::size_t> patches) const;
+
+  static constexpr std::uint64_t kBlockBytesPerVertex = 96;
+  static constexpr std::uint64_t kBlockBytesPerFace = 48;
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+/// Semantic blocks over a store: maximal nodes of an octree of bricks with at most so many faces each. A pure
+/// function of the table of patches: never of cap, threads or tiles.
+struct MeshBlocking {
+  std::uint64_t max_faces = 1u << 16;  ///< a brick that exceeds it is a block of its own
+  Int3 shift = {0, 0, 0};              ///< added to brick coordinates: moves the seams between blocks
+};
+
+/// Patch indices of one block, ascending.
+using MeshBlockPatches = std::vector<std::size_t>;
+std::vector<MeshBlockPatches> make_blocks(const MeshStore& store, const MeshBlocking& blocking);
+
+/// Shift of pass p = 0, 1, 2, ...: no two of three passes in a row have a seam in common but where a single
+/// brick is a block.
+Int3 pass_shift(int pass);
+
+}  // namespace tessera
