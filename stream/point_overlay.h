@@ -25,7 +25,7 @@ struct OverlayBrick {
   std::uint64_t key = 0;
   std::uint64_t records = 0;   ///< byte offset of its records
   std::uint64_t surfels = 0;   ///< byte offset of its boundary surfels, then its extremes
-  std::uint64_t hash = 0;      ///< XXH3 of records, surfels, extremes
+  std::uint64_t hash = 0;      ///< XXH3 of the records
   std::uint32_t points = 0;
   std::uint32_t boundary = 0;  ///< boundary surfels
   std::uint32_t patches = 0;
@@ -80,7 +80,7 @@ class PointOverlay {
   std::vector<Surfel> load_boundary(std::size_t brick) const;
   /// Per patch of the brick, see BrickOrientation::extremes.
   std::vector<std::array<std::int32_t, 12>> load_extremes(std::size_t brick) const;
-  /// Points per patch of the brick, from its records.
+  /// Records [first, first + count) of the brick, checked against its hash when all are asked for.
   std::vector<PointOverlayRecord> load_records(std::size_t brick, std::uint64_t first, std::uint64_t count) const;
 
   /// Starts fetching the records of a brick.
