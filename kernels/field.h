@@ -21,8 +21,8 @@ struct FieldOptions {
   double noise_cells = 0.0;  ///< standard deviation of the points along the normal, in cells; 0 = exact
 };
 
-/// What `evaluate_field` reaches beyond the block's core: the points handed in must be complete within it.
-/// the radius and one cell for the halo nodes, and the closing of the band (7 cells).
+/// What `evaluate_field` reaches beyond the block's core: the points handed in must be complete within it: the
+/// radius and the halo nodes, at least the 8 cells over which the closing of the band reaches a halo node.
 int field_halo_cells(const FieldOptions& options);
 
 /// Evaluates the band of a block.
