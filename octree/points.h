@@ -27,8 +27,7 @@ static_assert(sizeof(PointRecord) == 24);
 
 /// Bits of PointRecord::flags.
 enum PointFlag : std::uint16_t {
-  kPointOutlier = 1,        ///< dropped by cleaning; later stages skip it
-  kPointUncertainSign = 2,  ///< normal estimated, orientation not decided by sensor, up or votes
+  kPointOutlier = 1,  ///< dropped by cleaning; later stages skip it
 };
 
 /// Unit vector to 16+16 bit octahedral code and back; error below 1e-4 rad. Exact on every machine
