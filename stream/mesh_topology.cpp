@@ -5,7 +5,7 @@
 #include <cmath>
 
 #include "octree/error.h"
-#include "stream/union_find.h"
+#include "octree/union_find.h"
 
 namespace tessera {
 namespace {
