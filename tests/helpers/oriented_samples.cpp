@@ -16,24 +16,13 @@ double length(const Double3& v) {
 
 }  // namespace
 
-double Random::uniform() {
-  state_ = state_ * 6364136223846793005ULL + 1442695040888963407ULL;
-  return static_cast<double>(state_ >> 11) * 0x1p-53;
-}
-
-double Random::gaussian() {
-  double sum = -6.0;
-  for (int i = 0; i < 12; ++i) sum += uniform();
-  return sum;
-}
-
 void add_face(const Double3& corner, const Double3& u, const Double3& v, const Double3& n, double spacing,
               const std::function<bool(const Double3&)>& keep, Random& random, Samples& out) {
   const int rows = std::max(1, static_cast<int>(std::ceil(length(u) / spacing)));
   const int columns = std::max(1, static_cast<int>(std::ceil(length(v) / spacing)));
   for (int i = 0; i < rows; ++i)
     for (int j = 0; j < columns; ++j) {
-      const double a = (i + random.uniform()) / rows, b = (j + random.uniform()) / columns;
+      const double a = (i + random.unit()) / rows, b = (j + random.unit()) / columns;
       Sample s;
       for (std::size_t c = 0; c < 3; ++c) s.p[c] = corner[c] + a * u[c] + b * v[c];
       s.n = n;
@@ -58,10 +47,10 @@ void add_cylinder(const Double3& base, double radius, double height, double spac
   const double sign = outward ? 1.0 : -1.0;
   for (int i = 0; i < around; ++i)
     for (int j = 0; j < up; ++j) {
-      const double angle = 2 * std::numbers::pi * (i + random.uniform()) / around;
+      const double angle = 2 * std::numbers::pi * (i + random.unit()) / around;
       const double cx = std::cos(angle), cy = std::sin(angle);
       const Double3 p = {base[0] + radius * cx, base[1] + radius * cy,
-                         base[2] + height * (j + random.uniform()) / up};
+                         base[2] + height * (j + random.unit()) / up};
       if (!keep || keep(p)) out.push_back({p, {sign * cx, sign * cy, 0}, 0});
     }
 }
@@ -70,9 +59,9 @@ void add_sphere(const Double3& centre, double radius, double spacing, Random& ra
   const int n = static_cast<int>(4 * std::numbers::pi * radius * radius / (spacing * spacing));
   const double jitter = spacing / radius * 0.5;
   for (int i = 0; i < n; ++i) {
-    const double z = 1.0 - 2.0 * (i + random.uniform()) / n;
+    const double z = 1.0 - 2.0 * (i + random.unit()) / n;
     const double ring = std::sqrt(std::max(0.0, 1.0 - z * z));
-    const double angle = 2.39996322972865332 * i + jitter * (random.uniform() - 0.5);
+    const double angle = 2.39996322972865332 * i + jitter * (random.unit() - 0.5);
     const Double3 d = {ring * std::cos(angle), ring * std::sin(angle), z};
     out.push_back({{centre[0] + radius * d[0], centre[1] + radius * d[1], centre[2] + radius * d[2]}, d, 0});
   }
@@ -86,8 +75,8 @@ void add_torus(const Double3& centre, double ring, double tube, double spacing, 
     const int along =
         static_cast<int>(std::ceil(2 * std::numbers::pi * (ring + tube * std::cos(a)) / spacing));
     for (int j = 0; j < along; ++j) {
-      const double v = a + 2 * std::numbers::pi * (random.uniform() - 0.5) / around;
-      const double u = 2 * std::numbers::pi * (j + random.uniform()) / along;
+      const double v = a + 2 * std::numbers::pi * (random.unit() - 0.5) / around;
+      const double u = 2 * std::numbers::pi * (j + random.unit()) / along;
       const Double3 n = {std::cos(v) * std::cos(u), std::cos(v) * std::sin(u), std::sin(v)};
       out.push_back({{centre[0] + ring * std::cos(u) + tube * n[0],
                       centre[1] + ring * std::sin(u) + tube * n[1], centre[2] + tube * n[2]},

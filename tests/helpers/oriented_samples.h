@@ -1,12 +1,12 @@
 /// \file oriented_samples.h
 /// Exact (or noisy) oriented samples of known solids, and the blocks that kernels get of them.
-/// Everything is deterministic: one generator, no library distributions.
 #pragma once
 #include <cstdint>
 #include <functional>
 #include <vector>
 
 #include "octree/points.h"
+#include "tests/helpers/random.h"
 
 namespace tessera::test {
 
@@ -17,17 +17,6 @@ struct Sample {
   std::uint32_t rgba = 0;
 };
 using Samples = std::vector<Sample>;
-
-/// Small generator with the same numbers everywhere.
-class Random {
- public:
-  explicit Random(std::uint64_t seed) : state_(seed * 2 + 1) {}
-  double uniform();   ///< [0, 1)
-  double gaussian();  ///< mean 0, deviation 1 (sum of twelve uniforms)
-
- private:
-  std::uint64_t state_;
-};
 
 /// Parallelogram corner + [0,1] u + [0,1] v on a jittered grid of the given spacing, all with normal n.
 /// \param keep  drops samples for which it is false; may be empty

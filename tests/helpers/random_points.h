@@ -1,29 +1,14 @@
 /// \file random_points.h
-/// Reproducible noise for tests: SplitMix64, the same on every machine.
+/// Reproducible scans for tests.
 #pragma once
 #include <algorithm>
 #include <cmath>
 #include <vector>
 
 #include "tests/helpers/memory_points.h"
+#include "tests/helpers/random.h"
 
 namespace tessera::test {
-
-class Random {
- public:
-  explicit Random(std::uint64_t seed) : state_(seed) {}
-  std::uint64_t bits() {
-    std::uint64_t v = state_ += 0x9e3779b97f4a7c15ULL;
-    v = (v ^ v >> 30) * 0xbf58476d1ce4e5b9ULL;
-    v = (v ^ v >> 27) * 0x94d049bb133111ebULL;
-    return v ^ v >> 31;
-  }
-  double unit() { return static_cast<double>(bits() >> 11) * 0x1p-53; }
-  double in(double low, double high) { return low + (high - low) * unit(); }
-
- private:
-  std::uint64_t state_;
-};
 
 /// Points on a sphere with normals and colours, some of them twice.
 inline std::vector<TestPoint> sphere_points(std::size_t count, double radius, const Double3& centre,
@@ -53,7 +38,7 @@ inline std::vector<TestPoint> sphere_points(std::size_t count, double radius, co
 
 inline void shuffle(std::vector<TestPoint>& points, std::uint64_t seed) {
   Random random(seed);
-  for (std::size_t i = points.size(); i > 1; --i) std::swap(points[i - 1], points[random.bits() % i]);
+  for (std::size_t i = points.size(); i > 1; --i) std::swap(points[i - 1], points[random.below(i)]);
 }
 
 }  // namespace tessera::test

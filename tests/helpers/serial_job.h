@@ -2,8 +2,6 @@
 /// Drives stages one task after the other in a folder of its own, for tests of single stages.
 #pragma once
 #include <filesystem>
-#include <fstream>
-#include <iterator>
 #include <map>
 #include <string>
 #include <vector>
@@ -11,24 +9,9 @@
 #include <nlohmann/json.hpp>
 
 #include "stream/stage.h"
+#include "tests/helpers/temp_folder.h"
 
 namespace tessera::test {
-
-/// An empty folder, removed at the end.
-class TempFolder {
- public:
-  TempFolder() {
-    std::string pattern = (std::filesystem::temp_directory_path() / "tessera-test-XXXXXX").string();
-    path_ = mkdtemp(pattern.data());
-  }
-  ~TempFolder() { std::filesystem::remove_all(path_); }
-  TempFolder(const TempFolder&) = delete;
-  TempFolder& operator=(const TempFolder&) = delete;
-  const std::filesystem::path& path() const { return path_; }
-
- private:
-  std::filesystem::path path_;
-};
 
 class SerialContext : public TaskContext {
  public:
@@ -57,11 +40,6 @@ inline nlohmann::json run_stage(const Stage& stage, const std::filesystem::path&
     summaries[k] = stage.run(k, context);
   }
   return stage.finish(summaries, context);
-}
-
-inline std::string file_bytes(const std::filesystem::path& path) {
-  std::ifstream in(path, std::ios::binary);
-  return {std::istreambuf_iterator<char>(in), std::istreambuf_iterator<char>()};
 }
 
 }  // namespace tessera::test

@@ -4,7 +4,7 @@
 #include <string>
 
 #include "stream/durable_file.h"
-#include "tests/helpers/scratch.h"
+#include "tests/helpers/shell.h"
 
 namespace tessera::test {
 
@@ -34,7 +34,7 @@ class Toy {
   std::filesystem::path report() const { return folder_ / "out.txt.report.json"; }
   /// Size and hash of the output.
   std::string result() const {
-    const std::string text = slurp(output());
+    const std::string text = file_bytes(output());
     return std::to_string(text.size()) + " bytes, " + hex64(hash_text(text));
   }
   /// Nothing but what a finished job leaves.
@@ -53,7 +53,7 @@ class Toy {
 /// What an undisturbed run gives.
 inline const std::string& toy_truth() {
   static const std::string truth = [] {
-    const Scratch scratch;
+    const TempFolder scratch;
     const Toy toy(scratch.path());
     toy.run();
     return toy.result();

@@ -93,7 +93,7 @@ TEST_CASE("field: a tilted plane is exact", "[unit]") {
   const Double3 normal = {-0.2 / std::sqrt(1.05), 0.1 / std::sqrt(1.05), 1.0 / std::sqrt(1.05)};
   for (int i = 0; i < 120; ++i)
     for (int j = 0; j < 120; ++j) {
-      const double x = 56 + (i + random.uniform()) / 1.5, y = 56 + (j + random.uniform()) / 1.5;
+      const double x = 56 + (i + random.unit()) / 1.5, y = 56 + (j + random.unit()) / 1.5;
       samples.push_back({{x, y, 96.3 + 0.2 * (x - 96) - 0.1 * (y - 96)}, normal, 0});
     }
   const DirectedField field = field_of(samples);
@@ -169,7 +169,7 @@ TEST_CASE("field: the same bits from every block that holds a node", "[property]
   test::add_sphere({140, 131, 128}, 27.7, 1 / 1.5, random, samples);
   test::add_box({90.3, 100.2, 110.7}, {120.1, 125.4, 130.6}, 1 / 1.5, random, samples);
   test::add_noise(0.05, random, samples);
-  for (auto& s : samples) s.rgba = 0xff000000u | static_cast<std::uint32_t>(random.uniform() * 0xffffff);
+  for (auto& s : samples) s.rgba = 0xff000000u | static_cast<std::uint32_t>(random.unit() * 0xffffff);
   FieldOptions options;
   options.radius_cells = GENERATE(3.0, 2.337);
   const bool colour = GENERATE(false, true);
@@ -336,7 +336,7 @@ TEST_CASE("field: points without normal are ignored, colour is the mean around t
       evaluate_field(test::make_block(samples, kOrigin, kSize, field_halo_cells({}), true), {});
   auto more = samples;
   for (int i = 0; i < 500; ++i)
-    more.push_back({{70 + 40 * random.uniform(), 70 + 40 * random.uniform(), 97.5}, {0, 0, 0}, 0});
+    more.push_back({{70 + 40 * random.unit(), 70 + 40 * random.unit(), 97.5}, {0, 0, 0}, 0});
   const auto same = evaluate_field(test::make_block(more, kOrigin, kSize, field_halo_cells({}), true), {});
   REQUIRE(clean.roots.size() > 3000);
   CHECK(bits_of(clean, {63, 63, 63}, {129, 129, 129}) == bits_of(same, {63, 63, 63}, {129, 129, 129}));

@@ -10,7 +10,7 @@
 
 #include "stream/point_summary.h"
 #include "tests/stream/point_reading.h"
-#include "tests/stream/temp_file.h"
+#include "tests/helpers/temp_folder.h"
 
 namespace tessera {
 namespace {

@@ -23,7 +23,7 @@ TEST_CASE("external sort: agrees with std::sort under any budget", "[property]")
   std::vector<Record> want;
   ExternalSort<Record> sort({}, budget);
   for (std::size_t i = 0; i < count; ++i) {
-    want.push_back({random(count / 2 + 1), static_cast<std::uint32_t>(i)});
+    want.push_back({random.below(count / 2 + 1), static_cast<std::uint32_t>(i)});
     sort.add(want.back());
   }
   std::sort(want.begin(), want.end());

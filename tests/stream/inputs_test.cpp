@@ -2,7 +2,7 @@
 #include <unistd.h>
 
 #include "tests/stream/point_reading.h"
-#include "tests/stream/temp_file.h"
+#include "tests/helpers/temp_folder.h"
 
 namespace tessera {
 namespace {

@@ -7,9 +7,9 @@
 
 using namespace tessera;
 using test::Outcome;
-using test::Scratch;
+using test::TempFolder;
 using test::shell;
-using test::slurp;
+using test::file_bytes;
 using test::spill;
 using test::Toy;
 using test::toy_truth;
@@ -30,7 +30,7 @@ bool output_is_whole_or_absent(const Toy& toy) {
 
 TEST_CASE("fault: killed at every commit point, the same command gives the same bytes", "[fault]") {
   for (int point = 1; point <= kCommitPoints; ++point) {
-    const Scratch scratch;
+    const TempFolder scratch;
     const Toy toy(scratch.path());
     CAPTURE(point);
     REQUIRE(toy.run("", "TESSERA_FAULT=commit:" + std::to_string(point)).code == kKilled);
@@ -41,12 +41,12 @@ TEST_CASE("fault: killed at every commit point, the same command gives the same 
     REQUIRE(toy.result() == toy_truth());
     REQUIRE(toy.tidy());
   }
-  const Scratch scratch;
+  const TempFolder scratch;
   CHECK(Toy(scratch.path()).run("", "TESSERA_FAULT=commit:" + std::to_string(kCommitPoints + 1)).code == 0);
 }
 
 TEST_CASE("fault: killed again and again, it still arrives", "[fault]") {
-  const Scratch scratch;
+  const TempFolder scratch;
   const Toy toy(scratch.path());
   int kills = 0;
   // Each run gets past one whole commit (four points), so it ends.
@@ -61,7 +61,7 @@ TEST_CASE("fault: killed again and again, it still arrives", "[fault]") {
 
 TEST_CASE("fault: task processes killed at their commit points are started again or resumed", "[fault]") {
   for (int point = 1; point <= 4; ++point) {
-    const Scratch scratch;
+    const TempFolder scratch;
     const Toy toy(scratch.path());
     CAPTURE(point);
     // Every child kills itself: the driver gives up on the task, says so, and stays resumable.
@@ -77,7 +77,7 @@ TEST_CASE("fault: task processes killed at their commit points are started again
 TEST_CASE("fault: killed at random moments, driver and children alike", "[fault]") {
   std::mt19937 random(7);
   for (int round = 0; round < 6; ++round) {
-    const Scratch scratch;
+    const TempFolder scratch;
     const Toy toy(scratch.path());
     const std::string how = round % 2 == 0 ? "--processes" : "";
     for (int kill = 0; kill < 4; ++kill) {
@@ -96,7 +96,7 @@ TEST_CASE("fault: killed at random moments, driver and children alike", "[fault]
 TEST_CASE("fault: a signal ends it cleanly with 128 + signal", "[fault]") {
   for (const std::string signal : {"INT", "TERM"}) {
     for (const std::string how : {"", "--processes"}) {
-      const Scratch scratch;
+      const TempFolder scratch;
       const Toy toy(scratch.path());
       const Outcome outcome =
           toy.run(how, "TESSERA_TOY=sleep:60 timeout --preserve-status -s " + signal + " 0.25");
@@ -111,11 +111,11 @@ TEST_CASE("fault: a signal ends it cleanly with 128 + signal", "[fault]") {
 }
 
 TEST_CASE("fault: damaged, truncated, missing and foreign files are never mixed in", "[fault]") {
-  const Scratch scratch;
+  const TempFolder scratch;
   const Toy toy(scratch.path());
   SECTION("in a stage that is complete") {
     REQUIRE(toy.run("--until make").code == 7);
-    std::string text = slurp(toy.work() / "a/7");
+    std::string text = file_bytes(toy.work() / "a/7");
     SECTION("same size, one bit") {
       text[100] ^= 1;
       spill(toy.work() / "a/7", text);
@@ -153,13 +153,13 @@ TEST_CASE("fault: damaged, truncated, missing and foreign files are never mixed 
   }
   SECTION("the journal, a bit in the middle") {
     REQUIRE(toy.run("--until mix").code == 7);
-    std::string lines = slurp(toy.work() / "journal/main.jsonl");
+    std::string lines = file_bytes(toy.work() / "journal/main.jsonl");
     lines[lines.size() / 2] ^= 4;
     spill(toy.work() / "journal/main.jsonl", lines);
   }
   SECTION("the journal, cut") {
     REQUIRE(toy.run("--until mix").code == 7);
-    const std::string lines = slurp(toy.work() / "journal/main.jsonl");
+    const std::string lines = file_bytes(toy.work() / "journal/main.jsonl");
     spill(toy.work() / "journal/main.jsonl", lines.substr(0, lines.size() * 2 / 3));
   }
   SECTION("the journal, gone") {
@@ -174,7 +174,7 @@ TEST_CASE("fault: damaged, truncated, missing and foreign files are never mixed 
 }
 
 TEST_CASE("fault: the journal of another job is not believed", "[fault]") {
-  const Scratch scratch;
+  const TempFolder scratch;
   const Toy toy(scratch.path());
   const Toy other((scratch / "other"));
   spill(scratch / "other/in.txt", "another seed");
@@ -184,7 +184,7 @@ TEST_CASE("fault: the journal of another job is not believed", "[fault]") {
   fs::copy(toy.work() / "b", other.work() / "b");
   REQUIRE(other.run().code == 0);
   CHECK(other.result() != toy_truth());
-  const Scratch fresh;
+  const TempFolder fresh;
   const Toy again(fresh.path());
   spill(fresh / "in.txt", "another seed");
   REQUIRE(again.run().code == 0);
@@ -192,7 +192,7 @@ TEST_CASE("fault: the journal of another job is not believed", "[fault]") {
 }
 
 TEST_CASE("fault: another job's work directory is refused, --force starts over", "[fault]") {
-  const Scratch scratch;
+  const TempFolder scratch;
   const Toy toy(scratch.path());
   REQUIRE(toy.run("--until mix").code == 7);
   const Outcome refused = toy.run("--radius 3");
@@ -206,7 +206,7 @@ TEST_CASE("fault: another job's work directory is refused, --force starts over",
 }
 
 TEST_CASE("fault: two drivers of one job: one works, the other is told", "[fault]") {
-  const Scratch scratch;
+  const TempFolder scratch;
   const Toy toy(scratch.path());
   const std::string call = toy.command("", "TESSERA_TOY=sleep:40");
   const Outcome both = shell("(" + call + "; echo first $?) & sleep 0.2; " + call + "; echo second $?; wait");
@@ -223,7 +223,7 @@ TEST_CASE("fault: a full disk is one sentence and exit 4, and with space the sam
     WARN("skipped: mounting a small tmpfs needs root");
     return;
   }
-  const Scratch scratch;
+  const TempFolder scratch;
   const std::string disk = (scratch / "disk").string();
   fs::create_directories(disk);
   int full = 0;

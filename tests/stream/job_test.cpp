@@ -6,8 +6,8 @@
 
 using namespace tessera;
 using test::Outcome;
-using test::Scratch;
-using test::slurp;
+using test::TempFolder;
+using test::file_bytes;
 using test::spill;
 using test::Toy;
 using test::toy_truth;
@@ -15,14 +15,14 @@ using test::toy_truth;
 namespace fs = std::filesystem;
 
 TEST_CASE("job: an undisturbed run leaves the output and its report, nothing else", "[pipeline]") {
-  const Scratch scratch;
+  const TempFolder scratch;
   const Toy toy(scratch.path());
   const Outcome outcome = toy.run();
   CHECK(outcome.code == 0);
   CHECK(outcome.said.empty());
   CHECK(toy.tidy());
   CHECK(fs::file_size(toy.output()) == 8002);
-  const nlohmann::json report = nlohmann::json::parse(slurp(toy.report()));
+  const nlohmann::json report = nlohmann::json::parse(file_bytes(toy.report()));
   CHECK(report.at("schema") == 1);
   CHECK(report.at("stages").size() == 4);
   CHECK(report.at("stages").at(0).at("name") == "make");
@@ -39,7 +39,7 @@ TEST_CASE("job: same bytes over threads, caps, tile sizes and processes", "[prop
   REQUIRE(toy_truth().rfind("8002 bytes", 0) == 0);
   for (const char* how : {"-t 1", "-t 5", "--memory 64M", "--memory 8G", "--tile-size 64", "--processes",
                           "--processes -t 4 --tile-size 64", "--keep", "--temp ."}) {
-    const Scratch scratch;
+    const TempFolder scratch;
     const Toy toy(scratch.path());
     CAPTURE(how);
     const Outcome outcome = test::shell("cd " + scratch.path().string() + " && " + toy.command(how));
@@ -50,19 +50,19 @@ TEST_CASE("job: same bytes over threads, caps, tile sizes and processes", "[prop
 }
 
 TEST_CASE("job: --keep keeps the work, and running again does nothing but look", "[pipeline]") {
-  const Scratch scratch;
+  const TempFolder scratch;
   const Toy toy(scratch.path());
   CHECK(toy.run("--keep").code == 0);
   CHECK(fs::exists(toy.work() / "a/0"));
   CHECK(fs::exists(toy.work() / "report.json"));
-  const auto lines = slurp(toy.work() / "journal/main.jsonl");
+  const auto lines = file_bytes(toy.work() / "journal/main.jsonl");
   CHECK(toy.run("--keep").code == 0);
-  CHECK(slurp(toy.work() / "journal/main.jsonl") == lines);
+  CHECK(file_bytes(toy.work() / "journal/main.jsonl") == lines);
   SECTION("a lost output is written again, from the last stage on") {
     fs::remove(toy.output());
     CHECK(toy.run("--keep").code == 0);
     CHECK(toy.result() == toy_truth());
-    const auto more = slurp(toy.work() / "journal/main.jsonl").substr(lines.size());
+    const auto more = file_bytes(toy.work() / "journal/main.jsonl").substr(lines.size());
     CHECK(std::count(more.begin(), more.end(), '\n') == 3);  // two tasks and finish of write
   }
   SECTION("so is one that was changed") {
@@ -73,7 +73,7 @@ TEST_CASE("job: --keep keeps the work, and running again does nothing but look",
 }
 
 TEST_CASE("job: a finished job run again has nothing to do", "[pipeline]") {
-  const Scratch scratch;
+  const TempFolder scratch;
   const Toy toy(scratch.path());
   REQUIRE(toy.run().code == 0);
   const auto time = fs::last_write_time(toy.output());
@@ -84,14 +84,14 @@ TEST_CASE("job: a finished job run again has nothing to do", "[pipeline]") {
     const Outcome refused = toy.run();
     CHECK(refused.code == 2);
     CHECK_THAT(refused.said, Catch::Contains("--force"));
-    CHECK(slurp(toy.output()) == "precious");
+    CHECK(file_bytes(toy.output()) == "precious");
     CHECK(toy.run("--force").code == 0);
     CHECK(toy.result() == toy_truth());
   }
 }
 
 TEST_CASE("job: --until stops with 7 and the same command goes on", "[pipeline]") {
-  const Scratch scratch;
+  const TempFolder scratch;
   const Toy toy(scratch.path());
   for (const char* stage : {"make", "mix", "mix", "sum"}) {
     const Outcome outcome = toy.run(std::string("--until ") + stage);
@@ -107,7 +107,7 @@ TEST_CASE("job: --until stops with 7 and the same command goes on", "[pipeline]"
 
 TEST_CASE("job: completed stages survive another cap and tile size, a half-done one is cut anew",
           "[property]") {
-  const Scratch scratch;
+  const TempFolder scratch;
   const Toy toy(scratch.path());
   CHECK(toy.run("--tile-size 64", "TESSERA_TOY=fail:make/10").code == 3);
   CHECK(toy.run("", "TESSERA_TOY=fail:mix/3").code == 3);
@@ -116,7 +116,7 @@ TEST_CASE("job: completed stages survive another cap and tile size, a half-done 
 }
 
 TEST_CASE("job: a failing task names itself by its own message and leaves the rest resumable", "[pipeline]") {
-  const Scratch scratch;
+  const TempFolder scratch;
   const Toy toy(scratch.path());
   for (const char* how : {"", "--processes"}) {
     const Outcome outcome = toy.run(how, "TESSERA_TOY=fail:sum/1");
@@ -129,7 +129,7 @@ TEST_CASE("job: a failing task names itself by its own message and leaves the re
 }
 
 TEST_CASE("job: a failure before anything is committed leaves nothing behind", "[pipeline]") {
-  const Scratch scratch;
+  const TempFolder scratch;
   const Toy toy(scratch.path());
   CHECK(toy.run("-t 1", "TESSERA_TOY=fail:make/0").code == 3);
   CHECK_FALSE(fs::exists(toy.work()));
@@ -139,7 +139,7 @@ TEST_CASE("job: a failure before anything is committed leaves nothing behind", "
 
 TEST_CASE("job: a task that cannot fit is refused with the cap that would do, and that one does",
           "[memory]") {
-  const Scratch scratch;
+  const TempFolder scratch;
   const Toy toy(scratch.path());
   const Outcome refused = toy.run("", "TESSERA_TOY=fat:800000000");
   CHECK(refused.code == 4);
@@ -155,7 +155,7 @@ TEST_CASE("job: a task that cannot fit is refused with the cap that would do, an
 }
 
 TEST_CASE("job: tasks one by one as processes on a shared folder give the same bytes", "[property]") {
-  const Scratch scratch;
+  const TempFolder scratch;
   const Toy toy(scratch.path());
   REQUIRE(toy.run("--until make").code == 7);
   CHECK(toy.task("sum", "0").code == 2);  // mix is not complete
@@ -180,7 +180,7 @@ TEST_CASE("job: tasks one by one as processes on a shared folder give the same b
 }
 
 TEST_CASE("job: progress lines are JSON, one a line, on stderr", "[pipeline]") {
-  const Scratch scratch;
+  const TempFolder scratch;
   const Toy toy(scratch.path());
   const Outcome outcome = toy.run("--progress json");
   CHECK(outcome.code == 0);
@@ -199,7 +199,7 @@ TEST_CASE("job: progress lines are JSON, one a line, on stderr", "[pipeline]") {
 }
 
 TEST_CASE("job: options from a job file, flags win, unknown keys are errors", "[pipeline]") {
-  const Scratch scratch;
+  const TempFolder scratch;
   const Toy toy(scratch.path());
   const std::string call = TESSERA_TOY_JOB " run --job " + (scratch / "job.json").string();
   nlohmann::json job = {{"inputs", {(scratch / "in.txt").string()}},
@@ -215,7 +215,7 @@ TEST_CASE("job: options from a job file, flags win, unknown keys are errors", "[
   CHECK(outcome.said.empty());
   CHECK(outcome.code == 0);
   CHECK(toy.result() == toy_truth());
-  const nlohmann::json options = nlohmann::json::parse(slurp(toy.report())).at("options");
+  const nlohmann::json options = nlohmann::json::parse(file_bytes(toy.report())).at("options");
   CHECK(options.at("resolution") == 1.0);
   CHECK(options.at("viewpoint") == nlohmann::json({{1.0, 2.0, 3.0}, {4.0, 5.0, 6.0}}));
   CHECK(options.at("has-up") == true);

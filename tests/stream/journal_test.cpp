@@ -5,11 +5,11 @@
 
 #include "octree/error.h"
 #include "stream/durable_file.h"
-#include "tests/helpers/scratch.h"
+#include "tests/helpers/shell.h"
 
 using namespace tessera;
-using test::Scratch;
-using test::slurp;
+using test::TempFolder;
+using test::file_bytes;
 using test::spill;
 
 namespace {
@@ -87,7 +87,7 @@ TEST_CASE("journal: a flipped bit anywhere counts as never written", "[property]
 }
 
 TEST_CASE("journal: a writer goes on after a torn line", "[fault]") {
-  const Scratch scratch;
+  const TempFolder scratch;
   const auto file = scratch / "main.jsonl";
   const std::string first = journal_line(record(0)) + "\n";
   const std::string second = journal_line(record(1)) + "\n";
@@ -108,7 +108,7 @@ TEST_CASE("journal: a writer goes on after a torn line", "[fault]") {
 }
 
 TEST_CASE("journal: a damaged line in the middle costs only its task", "[fault]") {
-  const Scratch scratch;
+  const TempFolder scratch;
   std::string bad = journal_line(record(1));
   bad[bad.size() / 2] ^= 1;
   spill(scratch / "main.jsonl",
@@ -120,7 +120,7 @@ TEST_CASE("journal: a damaged line in the middle costs only its task", "[fault]"
 }
 
 TEST_CASE("journal: records of other jobs and plans are not found", "[unit]") {
-  const Scratch scratch;
+  const TempFolder scratch;
   {
     JournalWriter a(scratch / "a.jsonl");
     JournalWriter b(scratch / "b.jsonl");
@@ -135,18 +135,18 @@ TEST_CASE("journal: records of other jobs and plans are not found", "[unit]") {
 }
 
 TEST_CASE("journal: one file has one writer", "[unit]") {
-  const Scratch scratch;
+  const TempFolder scratch;
   const JournalWriter writer(scratch / "a.jsonl");
   CHECK_THROWS_AS(JournalWriter(scratch / "a.jsonl"), UsageError);
   JournalWriter other(scratch / "b.jsonl");
 }
 
 TEST_CASE("durable files: written whole, hashed by content", "[unit]") {
-  const Scratch scratch;
+  const TempFolder scratch;
   const auto path = scratch / "f";
   write_durably(path, "one");
   write_durably(path, "two");
-  CHECK(slurp(path) == "two");
+  CHECK(file_bytes(path) == "two");
   CHECK(read_text(path) == "two");
   CHECK_FALSE(std::filesystem::exists(scratch / "f.part"));
   CHECK(hash_file(path) == hash_text("two"));

@@ -8,10 +8,10 @@
 #include <vector>
 
 #include "octree/error.h"
-#include "tests/helpers/scratch.h"
+#include "tests/helpers/shell.h"
 
 using namespace tessera;
-using test::Scratch;
+using test::TempFolder;
 using test::spill;
 
 namespace {
@@ -20,7 +20,7 @@ constexpr std::uint64_t kMiB = 1u << 20;
 constexpr std::uint64_t kGiB = 1u << 30;
 
 /// A system with 16 GiB and nothing else.
-LimitSources plain_system(const Scratch& root) {
+LimitSources plain_system(const TempFolder& root) {
   spill(root / "proc/meminfo", "MemTotal:       16777216 kB\nMemFree: 1 kB\n");
   return {root.path(), [](const char*) -> const char* { return nullptr; }, false};
 }
@@ -56,7 +56,7 @@ TEST_CASE("sizes: printed with three digits", "[unit]") {
 }
 
 TEST_CASE("cap: physical memory times 0.8 when nothing else limits", "[unit]") {
-  const Scratch root;
+  const TempFolder root;
   const MemoryCap cap = detect_memory_cap(plain_system(root));
   CHECK(cap.limit == 16 * kGiB);
   CHECK(cap.bytes == static_cast<std::uint64_t>(0.8 * 16 * static_cast<double>(kGiB)));
@@ -64,7 +64,7 @@ TEST_CASE("cap: physical memory times 0.8 when nothing else limits", "[unit]") {
 }
 
 TEST_CASE("cap: the smallest limit wins and is named", "[unit]") {
-  const Scratch root;
+  const TempFolder root;
   LimitSources system = plain_system(root);
   SECTION("cgroup v2, the parent is tighter than the group") {
     spill(root / "proc/self/cgroup", "0::/user/job\n");

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "stream/mesh_io.h"
+#include "tests/helpers/random.h"
 
 namespace tessera::test {
 
@@ -75,16 +76,5 @@ inline MemoryMesh soup(const MemoryMesh& mesh) {
   }
   return {points, faces, false};
 }
-
-/// xorshift: the same numbers everywhere.
-struct Random {
-  std::uint64_t state = 88172645463325252ULL;
-  std::uint64_t operator()(std::uint64_t below) {
-    state ^= state << 13;
-    state ^= state >> 7;
-    state ^= state << 17;
-    return state % below;
-  }
-};
 
 }  // namespace tessera::test

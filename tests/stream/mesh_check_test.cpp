@@ -226,17 +226,17 @@ Plain plain_counts(const MemoryMesh& mesh) {
 TEST_CASE("check: random complexes agree with plain counting at every cap", "[property]") {
   test::Random random;
   for (int round = 0; round < 30; ++round) {
-    const std::uint64_t n = 3 + random(3000);
+    const std::uint64_t n = 3 + random.below(3000);
     std::vector<Double3> points;
     std::vector<MeshFace> faces;
     for (std::uint64_t i = 0; i < n; ++i) {
       points.push_back(
-          {static_cast<double>(random(1000)), static_cast<double>(random(1000)), static_cast<double>(i)});
+          {static_cast<double>(random.below(1000)), static_cast<double>(random.below(1000)), static_cast<double>(i)});
     }
     const std::uint64_t reach = round % 3 == 0 ? n : 5;  // near in number, or anywhere
     for (std::uint64_t i = 0; i < n; ++i) {
-      const std::uint64_t a = random(n);
-      faces.push_back({a, (a + random(reach)) % n, (a + random(reach)) % n});
+      const std::uint64_t a = random.below(n);
+      faces.push_back({a, (a + random.below(reach)) % n, (a + random.below(reach)) % n});
     }
     const MemoryMesh mesh(points, faces);
     const Plain want = plain_counts(mesh);
@@ -258,9 +258,9 @@ TEST_CASE("check: the result does not depend on the cap nor on the order of face
   const std::string whole = to_json(check(mesh)).dump();
   std::vector<MeshFace> shuffled = mesh.faces();
   test::Random random;
-  for (std::size_t i = shuffled.size(); i > 1; --i) std::swap(shuffled[i - 1], shuffled[random(i)]);
+  for (std::size_t i = shuffled.size(); i > 1; --i) std::swap(shuffled[i - 1], shuffled[random.below(i)]);
   for (MeshFace& f : shuffled)
-    std::rotate(f.begin(), f.begin() + static_cast<std::ptrdiff_t>(random(3)), f.end());
+    std::rotate(f.begin(), f.begin() + static_cast<std::ptrdiff_t>(random.below(3)), f.end());
   CHECK(to_json(check({mesh.points(), shuffled}, 300000)).dump() == whole);
   CHECK(to_json(check(mesh, 300000)).dump() == whole);
   const std::string welded = to_json(check(test::soup(mesh))).dump();

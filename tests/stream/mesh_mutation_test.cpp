@@ -11,7 +11,7 @@
 
 #include "tests/fuzz/mesh_reader_check.h"
 #include "tests/stream/mesh_files.h"
-#include "tests/stream/temp_file.h"
+#include "tests/helpers/temp_folder.h"
 
 namespace tessera {
 namespace {

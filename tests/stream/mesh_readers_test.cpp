@@ -10,7 +10,7 @@
 #include "stream/mesh_check.h"
 #include "tests/stream/memory_mesh.h"
 #include "tests/stream/mesh_files.h"
-#include "tests/stream/temp_file.h"
+#include "tests/helpers/temp_folder.h"
 
 namespace tessera {
 namespace {

@@ -10,7 +10,7 @@
 
 #include "octree/error.h"
 #include "stream/mesh_io.h"
-#include "tests/stream/temp_file.h"
+#include "tests/helpers/temp_folder.h"
 
 namespace tessera {
 namespace {

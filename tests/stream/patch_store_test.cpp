@@ -1,20 +1,14 @@
-#include <unistd.h>
-
 #include <catch2/catch.hpp>
 #include <fstream>
 
 #include "octree/error.h"
 #include "stream/patch_store.h"
+#include "tests/helpers/temp_folder.h"
 
 using namespace tessera;
+using test::TempFolder;
 
 namespace {
-
-struct Folder {
-  std::filesystem::path path = std::filesystem::temp_directory_path() / ("tessera-patch-" + std::to_string(::getpid()));
-  Folder() { std::filesystem::create_directories(path); }
-  ~Folder() { std::filesystem::remove_all(path); }
-};
 
 /// Two triangles that share no vertex, and one own vertex that only a neighbour uses.
 Patch two_islands(const Int3& brick, bool colour) {
@@ -40,8 +34,8 @@ TEST_CASE("patch components: islands, shared foreign vertices, lone vertices", "
 }
 
 TEST_CASE("patch store: what is written comes back, over several files", "[unit]") {
-  const Folder folder;
-  const std::vector<std::filesystem::path> files = {folder.path / "000000.tsm", folder.path / "000001.tsm"};
+  const TempFolder folder;
+  const std::vector<std::filesystem::path> files = {folder / "000000.tsm", folder / "000001.tsm"};
   const Patch a = two_islands({1, 1, 1}, true);
   const Patch b = two_islands({2, 1, 1}, false);
   {
@@ -76,8 +70,8 @@ TEST_CASE("patch store: what is written comes back, over several files", "[unit]
 }
 
 TEST_CASE("patch store: damage is named, not meshed", "[fault]") {
-  const Folder folder;
-  const auto path = folder.path / "000000.tsm";
+  const TempFolder folder;
+  const auto path = folder / "000000.tsm";
   const Patch a = two_islands({1, 1, 1}, false);
   {
     PatchFileWriter w(path);

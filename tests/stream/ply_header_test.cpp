@@ -3,7 +3,7 @@
 #include <catch2/catch.hpp>
 
 #include "octree/error.h"
-#include "tests/stream/temp_file.h"
+#include "tests/helpers/temp_folder.h"
 
 namespace tessera {
 namespace {

@@ -4,7 +4,7 @@
 #include <limits>
 
 #include "tests/stream/point_reading.h"
-#include "tests/stream/temp_file.h"
+#include "tests/helpers/temp_folder.h"
 
 namespace tessera {
 namespace {

@@ -3,7 +3,7 @@
 #include <cmath>
 
 #include "tests/stream/point_reading.h"
-#include "tests/stream/temp_file.h"
+#include "tests/helpers/temp_folder.h"
 
 namespace tessera {
 namespace {

@@ -6,15 +6,15 @@
 #include "octree/error.h"
 #include "stream/durable_file.h"
 #include "stream/options_json.h"
-#include "tests/helpers/scratch.h"
+#include "tests/helpers/shell.h"
 
 using namespace tessera;
-using test::Scratch;
+using test::TempFolder;
 using test::spill;
 
 namespace {
 
-JobState state_in(const Scratch& scratch) {
+JobState state_in(const TempFolder& scratch) {
   JobState state;
   spill(scratch / "in.txt", "1 2 3\n");
   state.inputs = {scratch / "in.txt"};
@@ -46,7 +46,7 @@ TEST_CASE("work directory: beside the output or under --temp, named after it", "
 }
 
 TEST_CASE("work directory: the same job goes on, and knows itself again", "[unit]") {
-  const Scratch scratch;
+  const TempFolder scratch;
   const JobState state = state_in(scratch);
   begin(state);
   const WorkDir work = WorkDir::open_job(state.work, identity_of(state), false);
@@ -84,7 +84,7 @@ TEST_CASE("work directory: every option of a job is part of its identity", "[uni
 }
 
 TEST_CASE("work directory: of another job is refused, and the sentence says what differs", "[fault]") {
-  const Scratch scratch;
+  const TempFolder scratch;
   JobState state = state_in(scratch);
   begin(state);
   SECTION("an option") {
@@ -112,7 +112,7 @@ TEST_CASE("work directory: of another job is refused, and the sentence says what
 }
 
 TEST_CASE("work directory: a damaged job.json is refused, --force discards it", "[fault]") {
-  const Scratch scratch;
+  const TempFolder scratch;
   const JobState state = state_in(scratch);
   for (const std::string bad : {"", "{", "[]", "{\"identity\": 3}", "\xff\xff"}) {
     begin(state);
@@ -126,18 +126,18 @@ TEST_CASE("work directory: a damaged job.json is refused, --force discards it", 
 }
 
 TEST_CASE("work directory: a folder that is none is never touched", "[fault]") {
-  const Scratch scratch;
+  const TempFolder scratch;
   const JobState state = state_in(scratch);
   spill(state.work / "thesis.txt", "mine");
   for (const bool force : {false, true}) {
     CHECK_THROWS_AS(WorkDir::open_job(state.work, identity_of(state), force), UsageError);
-    CHECK(test::slurp(state.work / "thesis.txt") == "mine");
+    CHECK(test::file_bytes(state.work / "thesis.txt") == "mine");
   }
   CHECK_THROWS_AS(WorkDir::open_existing(state.work, true), InputError);
 }
 
 TEST_CASE("work directory: what a killed start or removal leaves does not stop the next run", "[fault]") {
-  const Scratch scratch;
+  const TempFolder scratch;
   const JobState state = state_in(scratch);
   spill(state.work / "job.json.part", "{\"iden");
   spill(state.work / "lock", "");
@@ -148,7 +148,7 @@ TEST_CASE("work directory: what a killed start or removal leaves does not stop t
 }
 
 TEST_CASE("work directory: one driver at a time; tasks together", "[unit]") {
-  const Scratch scratch;
+  const TempFolder scratch;
   const JobState state = state_in(scratch);
   begin(state);
   {
@@ -164,7 +164,7 @@ TEST_CASE("work directory: one driver at a time; tasks together", "[unit]") {
 }
 
 TEST_CASE("work directory: leftovers of killed tasks go, committed files stay", "[unit]") {
-  const Scratch scratch;
+  const TempFolder scratch;
   const JobState state = state_in(scratch);
   begin(state);
   spill(state.work / "points/1.pts", "good");
@@ -177,7 +177,7 @@ TEST_CASE("work directory: leftovers of killed tasks go, committed files stay", 
 }
 
 TEST_CASE("fingerprint: sees a change at the start, at the end and of the length", "[property]") {
-  const Scratch scratch;
+  const TempFolder scratch;
   const auto path = scratch / "in.las";
   std::string content(3000000, 'a');
   spill(path, content);

@@ -18,7 +18,7 @@
 #include "stream/mesh_io.h"
 #include "stream/render.h"
 #include "stream/render_scene.h"
-#include "tests/stream/temp_file.h"
+#include "tests/helpers/temp_folder.h"
 
 namespace tessera {
 namespace {

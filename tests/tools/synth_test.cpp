@@ -16,34 +16,16 @@
 #include "stream/point_source.h"
 #include "stream/synth.h"
 #include "stream/truth.h"
+#include "tests/helpers/temp_folder.h"
 
 using namespace tessera;
+using test::file_bytes;
+using test::TempFolder;
 
 namespace {
 
-class Folder {
- public:
-  Folder() {
-    std::string name = (std::filesystem::temp_directory_path() / "tessera-synth-XXXXXX").string();
-    REQUIRE(::mkdtemp(name.data()) != nullptr);
-    path_ = name;
-  }
-  ~Folder() { std::filesystem::remove_all(path_); }
-  std::filesystem::path operator/(const std::string& name) const { return path_ / name; }
-  std::size_t files() const {
-    return static_cast<std::size_t>(std::distance(std::filesystem::directory_iterator(path_), {}));
-  }
-
- private:
-  std::filesystem::path path_;
-};
-
-std::string bytes_of(const std::filesystem::path& path) {
-  std::ifstream file(path, std::ios::binary);
-  REQUIRE(file);
-  std::ostringstream out;
-  out << file.rdbuf();
-  return out.str();
+std::ptrdiff_t files_in(const TempFolder& folder) {
+  return std::distance(std::filesystem::directory_iterator(folder.path()), {});
 }
 
 PointChunk read_all(const std::filesystem::path& path, PointFileInfo* info = nullptr) {
@@ -88,7 +70,7 @@ int run(const std::string& arguments, long* peak_kb = nullptr) {
 }  // namespace
 
 TEST_CASE("synth: same bytes on any number of threads, other bytes with another seed", "[property]") {
-  const Folder folder;
+  const TempFolder folder;
   for (const std::string mode : {"surface", "terrestrial", "structured-light"}) {
     CAPTURE(mode);
     SynthOptions o = options_for(mode == "surface" ? "terrain" : "csg", 150000);
@@ -102,18 +84,18 @@ TEST_CASE("synth: same bytes on any number of threads, other bytes with another 
     for (const int threads : {1, 2, 5}) {
       o.threads = threads;
       synthesize(o, folder / "a.ply");
-      const std::string bytes = bytes_of(folder / "a.ply") + bytes_of(folder / "a.ply.truth.json");
+      const std::string bytes = file_bytes(folder / "a.ply") + file_bytes(folder / "a.ply.truth.json");
       if (first.empty()) first = bytes;
       CHECK((bytes == first));
     }
     o.seed = 2;
     synthesize(o, folder / "a.ply");
-    CHECK((bytes_of(folder / "a.ply") + bytes_of(folder / "a.ply.truth.json") != first));
+    CHECK((file_bytes(folder / "a.ply") + file_bytes(folder / "a.ply.truth.json") != first));
   }
 }
 
 TEST_CASE("synth: what is written is read back in every format", "[pipeline]") {
-  const Folder folder;
+  const TempFolder folder;
   SynthOptions o = options_for("csg", 12345);
   o.normals = o.colour = true;
   const auto scene = synth::make_scene({"csg", 0, 0});
@@ -157,7 +139,7 @@ TEST_CASE("synth: what is written is read back in every format", "[pipeline]") {
 }
 
 TEST_CASE("synth: PTX carries the stations and the gaps of the grid", "[pipeline]") {
-  const Folder folder;
+  const TempFolder folder;
   SynthOptions o = options_for("indoor", 8000);
   o.mode = "terrestrial";
   o.shift = {100, 200, 0};
@@ -169,13 +151,13 @@ TEST_CASE("synth: PTX carries the stations and the gaps of the grid", "[pipeline
   REQUIRE(info.sensors.size() == 2);
   CHECK(info.sensors[0][0] == Approx(100.2));
   CHECK(info.sensors[0][1] == Approx(201.3));
-  const nlohmann::json truth = nlohmann::json::parse(bytes_of(report.truth));
+  const nlohmann::json truth = nlohmann::json::parse(file_bytes(report.truth));
   CHECK(truth.at("scans").size() == 2);
   CHECK(truth.at("scans")[1].at("origin")[0].get<double>() == Approx(info.sensors[1][0]));
 }
 
 TEST_CASE("synth: one file per scan holds together what one file holds", "[pipeline]") {
-  const Folder folder;
+  const TempFolder folder;
   SynthOptions o = options_for("sphere", 5000);
   o.mode = "structured-light";
   o.views = 4;
@@ -185,13 +167,13 @@ TEST_CASE("synth: one file per scan holds together what one file holds", "[pipel
   REQUIRE(parts.files.size() == 4);
   CHECK(parts.files[2].filename() == "part_003.xyz");
   std::string joined;
-  for (const auto& file : parts.files) joined += bytes_of(file);
-  CHECK((joined == bytes_of(whole.files.at(0))));
+  for (const auto& file : parts.files) joined += file_bytes(file);
+  CHECK((joined == file_bytes(whole.files.at(0))));
   CHECK(parts.truth.filename() == "part.truth.json");
 }
 
 TEST_CASE("synth: noise and outliers are as large as asked for", "[property]") {
-  const Folder folder;
+  const TempFolder folder;
   SynthOptions o = options_for("sphere", 100000);
   o.noise = 0.01;
   const SynthReport report = synthesize(o, folder / "noisy.xyz");
@@ -219,7 +201,7 @@ TEST_CASE("synth: noise and outliers are as large as asked for", "[property]") {
 }
 
 TEST_CASE("synth: --spacing gives the number of points that the area needs", "[unit]") {
-  const Folder folder;
+  const TempFolder folder;
   SynthOptions o = options_for("cube", 1);
   o.spacing = 0.02;
   const SynthReport report = synthesize(o, folder / "a.ply");
@@ -228,7 +210,7 @@ TEST_CASE("synth: --spacing gives the number of points that the area needs", "[u
 }
 
 TEST_CASE("synth: nonsense is refused with exit code 2 and leaves nothing behind", "[pipeline]") {
-  const Folder folder;
+  const TempFolder folder;
   const std::string out = " -o " + (folder / "a.ply").string();
   for (const std::string arguments : {"--scene teapot", "--points 0", "--points ten", "--points 1.5",
                                       "--noise x", "--noise -1", "--outliers 1", "--mode sonar", "--per-scan",
@@ -241,13 +223,13 @@ TEST_CASE("synth: nonsense is refused with exit code 2 and leaves nothing behind
   CHECK(run("synth --points 10 --normals -o " + (folder / "a.las").string()) == 2);  // no normals in LAS
   CHECK(run("synth --points 10 -o " + (folder / "a.ptx").string()) == 2);            // no grid
   CHECK(run("synth --points 10 -o " + (folder / "no/such/folder/a.ply").string()) == 2);
-  CHECK(folder.files() == 0);
+  CHECK(files_in(folder) == 0);
   CHECK(run("synth --points 10 --normals" + out) == 0);
-  CHECK(folder.files() == 2);
+  CHECK(files_in(folder) == 2);
 }
 
 TEST_CASE("synth: 10 million points stream through less than 128 MB", "[memory]") {
-  const Folder folder;
+  const TempFolder folder;
   long peak_kb = 0;
   CHECK(run("synth --points 10M --normals -t 2 -o " + (folder / "a.ply").string(), &peak_kb) == 0);
   CHECK(std::filesystem::file_size(folder / "a.ply") > 240000000);

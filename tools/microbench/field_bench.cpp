@@ -31,7 +31,7 @@ test::Samples make_scene(const std::string& name, int cells, double spacing, dou
     const int n = static_cast<int>((cells + 16) / spacing);
     for (int i = 0; i < n; ++i)
       for (int j = 0; j < n; ++j) {
-        const double x = 56.0 + (i + random.uniform()) * spacing, y = 56.0 + (j + random.uniform()) * spacing;
+        const double x = 56.0 + (i + random.unit()) * spacing, y = 56.0 + (j + random.unit()) * spacing;
         const double z = centre + 6.0 * std::sin(x / 11.0) * std::cos(y / 17.0);
         const double zx = 6.0 / 11.0 * std::cos(x / 11.0) * std::cos(y / 17.0),
                      zy = -6.0 / 17.0 * std::sin(x / 11.0) * std::sin(y / 17.0);
