@@ -7,6 +7,8 @@
 #include <cmath>
 #include <utility>
 
+#include "kernels/jacobi_eigen3.h"
+
 // Points come in Morton order, so the points of one cube of 4^3 cells are consecutive. For each cube of the
 // core the points of its box grown by the radius are gathered once, in canonical order; that list, and so the
 // lane in which a neighbour is summed, depends on the data alone. Every point of the cube then streams over
@@ -261,40 +263,16 @@ std::vector<PointShape> estimate_shapes(const PointBlock& points, const NormalOp
 }
 
 void symmetric_eigen3(const std::array<double, 6>& m, Double3& values, std::array<Double3, 3>& vectors) {
-  double a[3][3] = {{m[0], m[1], m[2]}, {m[1], m[3], m[4]}, {m[2], m[4], m[5]}};
-  double v[3][3] = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
-  constexpr int kSweeps = 12;  // quadratic convergence: six suffice for double, twice that costs nothing
-  for (int sweep = 0; sweep < kSweeps; ++sweep) {
-    const double off = std::fabs(a[0][1]) + std::fabs(a[0][2]) + std::fabs(a[1][2]);
-    if (off == 0.0) break;
-    for (int p = 0; p < 2; ++p)
-      for (int q = p + 1; q < 3; ++q) {
-        if (a[p][q] == 0.0) continue;
-        const double theta = (a[q][q] - a[p][p]) / (2.0 * a[p][q]);
-        const double t = (theta < 0.0 ? -1.0 : 1.0) / (std::fabs(theta) + std::sqrt(theta * theta + 1.0));
-        const double c = 1.0 / std::sqrt(t * t + 1.0);
-        const double s = t * c;
-        for (int k = 0; k < 3; ++k) {
-          const double kp = a[k][p], kq = a[k][q];
-          a[k][p] = c * kp - s * kq;
-          a[k][q] = s * kp + c * kq;
-        }
-        for (int k = 0; k < 3; ++k) {
-          const double pk = a[p][k], qk = a[q][k];
-          a[p][k] = c * pk - s * qk;
-          a[q][k] = s * pk + c * qk;
-          const double vp = v[p][k], vq = v[q][k];
-          v[p][k] = c * vp - s * vq;
-          v[q][k] = s * vp + c * vq;
-        }
-        a[p][q] = a[q][p] = 0.0;
-      }
-  }
-  int order[3] = {0, 1, 2};
-  std::sort(order, order + 3, [&](int i, int j) { return a[i][i] != a[j][j] ? a[i][i] < a[j][j] : i < j; });
+  constexpr int kSweeps = 12;  // six suffice for double, twice that costs nothing
+  std::array<Double3, 3> column;
+  const Double3 value =
+      jacobi_eigen3({Double3{m[0], m[1], m[2]}, {m[1], m[3], m[4]}, {m[2], m[4], m[5]}}, column, kSweeps, 0.0);
+  std::array<std::size_t, 3> order = {0, 1, 2};
+  std::sort(order.begin(), order.end(),
+            [&](std::size_t i, std::size_t j) { return value[i] != value[j] ? value[i] < value[j] : i < j; });
   for (std::size_t i = 0; i < 3; ++i) {
-    values[i] = a[order[i]][order[i]];
-    for (std::size_t k = 0; k < 3; ++k) vectors[i][k] = v[order[i]][k];
+    values[i] = value[order[i]];
+    for (std::size_t k = 0; k < 3; ++k) vectors[i][k] = column[k][order[i]];
   }
 }
 

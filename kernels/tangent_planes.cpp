@@ -3,6 +3,8 @@
 #include <cmath>
 #include <utility>
 
+#include "kernels/jacobi_eigen3.h"
+
 namespace tessera {
 namespace {
 
@@ -11,6 +13,10 @@ namespace {
 constexpr double kRelativeCut = 0.03;
 /// Ridge of the fit of normals, in cells^2: roots closer together than its square root predict no curvature.
 constexpr double kRidge = 0.02;
+
+/// Most matrices end after three or four sweeps; 1e-11 of the scale is far below the accuracy of any normal.
+constexpr int kSweeps = 8;
+constexpr double kEnough = 1e-22;
 
 using Matrix3 = std::array<Double3, 3>;
 
@@ -23,43 +29,6 @@ Double3 cross(const Double3& a, const Double3& b) {
 Double3 unit(const Double3& a) {
   const double s = 1.0 / std::sqrt(dot(a, a));
   return {a[0] * s, a[1] * s, a[2] * s};
-}
-
-/// Eigenvalues and vectors (columns) of a symmetric matrix by cyclic Jacobi rotations.
-void eigen_symmetric(Matrix3 a, Double3& value, Matrix3& vector) {
-  vector = {Double3{1, 0, 0}, Double3{0, 1, 0}, Double3{0, 0, 1}};
-  const double scale = a[0][0] + a[1][1] + a[2][2];
-  // Quadratic convergence: most matrices end after three or four sweeps; 1e-11 of the scale is far below the
-  // accuracy of any normal.
-  for (int sweep = 0; sweep < 8; ++sweep) {
-    const double off = a[0][1] * a[0][1] + a[0][2] * a[0][2] + a[1][2] * a[1][2];
-    if (off <= 1e-22 * scale * scale) break;
-    for (std::size_t p = 0; p < 2; ++p) {
-      for (std::size_t q = p + 1; q < 3; ++q) {
-        if (a[p][q] == 0.0) continue;
-        const double theta = (a[q][q] - a[p][p]) / (2.0 * a[p][q]);
-        const double t = (theta < 0.0 ? -1.0 : 1.0) / (std::fabs(theta) + std::sqrt(theta * theta + 1.0));
-        const double c = 1.0 / std::sqrt(t * t + 1.0);
-        const double s = t * c;
-        for (std::size_t k = 0; k < 3; ++k) {
-          const double kp = a[k][p], kq = a[k][q];
-          a[k][p] = c * kp - s * kq;
-          a[k][q] = s * kp + c * kq;
-        }
-        for (std::size_t k = 0; k < 3; ++k) {
-          const double pk = a[p][k], qk = a[q][k];
-          a[p][k] = c * pk - s * qk;
-          a[q][k] = s * pk + c * qk;
-        }
-        for (std::size_t k = 0; k < 3; ++k) {
-          const double kp = vector[k][p], kq = vector[k][q];
-          vector[k][p] = c * kp - s * kq;
-          vector[k][q] = s * kp + c * kq;
-        }
-      }
-    }
-  }
-  value = {a[0][0], a[1][1], a[2][2]};
 }
 
 }  // namespace
@@ -78,9 +47,8 @@ PlaneIntersection intersect_planes(const TangentPlanes& planes, const Double3& a
       for (std::size_t c = 0; c < 3; ++c) a[r][c] += wn * n[c];
     }
   }
-  Double3 value;
   Matrix3 vector;
-  eigen_symmetric(a, value, vector);
+  const Double3 value = jacobi_eigen3(a, vector, kSweeps, kEnough);
   std::array<std::size_t, 3> order = {0, 1, 2};
   if (value[order[0]] < value[order[1]]) std::swap(order[0], order[1]);
   if (value[order[1]] < value[order[2]]) std::swap(order[1], order[2]);
