@@ -1,0 +1,166 @@
+#include "solvers/laplacian_system.h"
+
+#include <algorithm>
+#include <cassert>
+#include <numeric>
+#include <string>
+
+#include "octree/error.h"
+
+namespace tessera {
+namespace {
+
+void check_order(int order) {
+  if (order < 1 || order > 3)
+    throw UsageError("a Laplacian of order " + std::to_string(order) + " is not supported: use 1, 2 or 3");
+}
+
+struct Split {
+  std::vector<std::int32_t> free_vertices, fixed_vertices, free_column, fixed_column;
+};
+
+Split split(std::size_t n, std::span<const std::uint8_t> fixed) {
+  if (fixed.size() != n)
+    throw UsageError(std::to_string(fixed.size()) + " fixed flags for " + std::to_string(n) + " vertices");
+  Split s;
+  s.free_column.assign(n, -1);
+  s.fixed_column.assign(n, -1);
+  for (std::size_t i = 0; i < n; ++i) {
+    auto& list = fixed[i] ? s.fixed_vertices : s.free_vertices;
+    (fixed[i] ? s.fixed_column : s.free_column)[i] = static_cast<std::int32_t>(list.size());
+    list.push_back(static_cast<std::int32_t>(i));
+  }
+  if (s.free_vertices.empty()) throw UsageError("every vertex is fixed: nothing to solve");
+  return s;
+}
+
+/// From rows of the free vertices over all columns.
+ConstrainedSystem split_columns(const SparseMatrix& rows, Split&& s, bool symmetric) {
+  std::vector<std::int32_t> all(static_cast<std::size_t>(rows.rows));
+  std::iota(all.begin(), all.end(), 0);
+  ConstrainedSystem out;
+  out.matrix = select(rows, all, s.free_column, static_cast<std::int32_t>(s.free_vertices.size()));
+  out.coupling = select(rows, all, s.fixed_column, static_cast<std::int32_t>(s.fixed_vertices.size()));
+  out.free_vertices = std::move(s.free_vertices);
+  out.fixed_vertices = std::move(s.fixed_vertices);
+  out.symmetric = symmetric;
+  return out;
+}
+
+std::vector<double> inverse(std::span<const double> mass) {
+  std::vector<double> d(mass.size());
+  for (std::size_t i = 0; i < d.size(); ++i) d[i] = 1.0 / mass[i];
+  return d;
+}
+
+void negate(SparseMatrix& a) {
+  for (double& v : a.value) v = -v;
+}
+
+}  // namespace
+
+std::vector<double> ConstrainedSystem::right_hand_side(std::span<const double> values, int width,
+                                                       std::span<const double> load) const {
+  const auto w = static_cast<std::size_t>(width);
+  std::vector<double> known(fixed_vertices.size() * w), b(free_vertices.size() * w);
+  for (std::size_t k = 0; k < fixed_vertices.size(); ++k)
+    for (std::size_t c = 0; c < w; ++c) known[k * w + c] = values[fixed_vertices[k] * w + c];
+  multiply(coupling, known, b, width);
+  for (std::size_t k = 0; k < free_vertices.size(); ++k)
+    for (std::size_t c = 0; c < w; ++c)
+      b[k * w + c] = (load.empty() ? 0.0 : load[free_vertices[k] * w + c]) - b[k * w + c];
+  return b;
+}
+
+void ConstrainedSystem::scatter(std::span<const double> solution, std::span<double> values, int width) const {
+  const auto w = static_cast<std::size_t>(width);
+  assert(solution.size() == free_vertices.size() * w);
+  for (std::size_t k = 0; k < free_vertices.size(); ++k)
+    for (std::size_t c = 0; c < w; ++c) values[free_vertices[k] * w + c] = solution[k * w + c];
+}
+
+ConstrainedSystem constrain(const SparseMatrix& a, std::span<const std::uint8_t> fixed, bool symmetric) {
+  Split s = split(static_cast<std::size_t>(a.rows), fixed);
+  ConstrainedSystem out;
+  out.matrix = select(a, s.free_vertices, s.free_column, static_cast<std::int32_t>(s.free_vertices.size()));
+  out.coupling =
+      select(a, s.free_vertices, s.fixed_column, static_cast<std::int32_t>(s.fixed_vertices.size()));
+  out.free_vertices = std::move(s.free_vertices);
+  out.fixed_vertices = std::move(s.fixed_vertices);
+  out.symmetric = symmetric;
+  return out;
+}
+
+SparseMatrix laplacian_power(const Laplacian& operators, int order) {
+  check_order(order);
+  const std::vector<double> d = inverse(operators.mass);
+  SparseMatrix p = operators.stiffness;
+  for (int k = 1; k < order; ++k) p = product(p, operators.stiffness, d);
+  if (order % 2 == 1) negate(p);
+  return p;
+}
+
+ConstrainedSystem laplacian_system(const Laplacian& operators, int order, std::span<const std::uint8_t> fixed,
+                                   std::span<const double> smoothness) {
+  check_order(order);
+  const std::size_t n = operators.mass.size();
+  if (!smoothness.empty() && smoothness.size() != n)
+    throw UsageError(std::to_string(smoothness.size()) + " smoothness values for " + std::to_string(n) +
+                     " vertices");
+  Split s = split(n, fixed);
+  const auto lambda = [&](std::size_t i, int j) {
+    return smoothness.empty() || !fixed[i] ? 1.0 : std::clamp(smoothness[i] - (j - 1), 0.0, 1.0);
+  };
+  bool symmetric = true;
+  if (!smoothness.empty())
+    for (const std::int32_t v : s.fixed_vertices) {
+      const auto i = static_cast<std::size_t>(v);
+      if (!(smoothness[i] >= 0.0 && smoothness[i] <= order - 1))
+        throw UsageError("vertex " + std::to_string(i) + ": boundary smoothness " +
+                         std::to_string(smoothness[i]) + " is outside [0, " + std::to_string(order - 1) +
+                         "]");
+      for (int j = 2; j < order; ++j) symmetric = symmetric && lambda(i, j) == lambda(i, 1);
+    }
+  std::vector<std::int32_t> identity(n);
+  std::iota(identity.begin(), identity.end(), 0);
+  SparseMatrix rows = select(operators.stiffness, s.free_vertices, identity, static_cast<std::int32_t>(n));
+  const std::vector<double> inverse_mass = inverse(operators.mass);
+  std::vector<double> d(n);
+  for (int j = order - 1; j >= 1; --j) {
+    for (std::size_t i = 0; i < n; ++i) d[i] = lambda(i, j) * inverse_mass[i];
+    rows = product(rows, operators.stiffness, d);
+  }
+  if (order % 2 == 1) negate(rows);
+  return split_columns(rows, std::move(s), symmetric);
+}
+
+SparseMatrix implicit_step_matrix(const Laplacian& operators, double step, int order) {
+  return sum(1.0, diagonal_matrix(operators.mass), step, laplacian_power(operators, order));
+}
+
+std::vector<std::int32_t> unconstrained_pieces(const ConstrainedSystem& system) {
+  const SparseMatrix& a = system.matrix;
+  std::vector<std::uint8_t> seen(static_cast<std::size_t>(a.rows), 0);
+  std::vector<std::int32_t> out, stack;
+  for (std::int32_t seed = 0; seed < a.rows; ++seed) {
+    if (seen[seed]) continue;
+    bool tied = false;
+    seen[seed] = 1;
+    stack.assign(1, seed);
+    while (!stack.empty()) {
+      const std::int32_t i = stack.back();
+      stack.pop_back();
+      for (std::int32_t e = system.coupling.start[i]; e < system.coupling.start[i + 1]; ++e)
+        tied = tied || system.coupling.value[e] != 0.0;
+      for (std::int32_t e = a.start[i]; e < a.start[i + 1]; ++e)
+        if (const std::int32_t j = a.column[e]; a.value[e] != 0.0 && !seen[j]) {
+          seen[j] = 1;
+          stack.push_back(j);
+        }
+    }
+    if (!tied) out.push_back(system.free_vertices[seed]);
+  }
+  return out;
+}
+
+}  // namespace tessera

@@ -1,0 +1,110 @@
+/// \file linear_solver.h
+/// One interface for all sparse solvers: analyse a pattern, factor its values, solve many right-hand sides.
+///
+/// What may happen to a sound program on given numbers is a value: not converging, a singular matrix, a
+/// factor that does not fit. Nothing throws but for broken preconditions (UsageError). A solver is used by
+/// one thread at a time; it computes on one thread (the BLAS and OpenMP inside CHOLMOD are held to one), so a
+/// result depends on the machine's BLAS kernels but never on threads.
+#pragma once
+#include <array>
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <string>
+
+#include "solvers/sparse_matrix.h"
+
+namespace tessera {
+
+enum class SolverKind {
+  kCholesky,            ///< CHOLMOD, supernodal; symmetric positive definite
+  kLu,                  ///< UMFPACK; any square matrix
+  kConjugateGradients,  ///< preconditioned by incomplete Cholesky; symmetric positive definite
+  kBicgstab,            ///< preconditioned by incomplete LU; any square matrix
+  kMultigrid,           ///< conjugate gradients preconditioned by our multigrid; symmetric positive definite
+};
+
+enum class Ordering {
+  kAuto,              ///< nested dissection from about 20,000 unknowns, below it minimum degree
+  kMinimumDegree,     ///< AMD
+  kNestedDissection,  ///< METIS
+  kReverseCuthillMcKee,
+  kNatural,
+};
+
+enum class SolveStatus {
+  kSolved,
+  kNotConverged,  ///< iterations spent; the solution holds the best there is
+  kSingular,      ///< a pivot is zero or negative: unconstrained piece, or not positive definite
+  kNotFinite,     ///< the matrix or a right-hand side holds NaN or infinity
+  kTooLarge,  ///< predicted to exceed SolverOptions::memory_bytes, or out of memory, or out of index range
+};
+
+/// How multigrid uses its levels (thesis 7.3.3).
+enum class MultigridCycle {
+  kV,          ///< V-cycles as preconditioner, from zero
+  kFull,       ///< nested iteration as start, then V-cycles
+  kCascading,  ///< nested iteration with conjugate gradients on each level, no V-cycle
+};
+
+struct SolverOptions {
+  Ordering ordering = Ordering::kAuto;
+  std::uint64_t memory_bytes = 0;  ///< refuse what is predicted to need more; 0: no limit
+  double tolerance = 1e-8;         ///< iterative: stop at this relative residual, of every column
+  int max_iterations = 1000;       ///< iterative: cycles or steps
+  /// Multigrid: order k of the Laplacian; decides coarsening and the smoothing of the prolongation.
+  int order = 1;
+  MultigridCycle cycle = MultigridCycle::kV;
+  /// Multigrid: position of each unknown, n, for linear interpolation between levels. Empty: interpolation by
+  /// the matrix alone (constants only, more cycles). Read by factor().
+  std::span<const std::array<double, 3>> positions;
+};
+
+struct SolveReport {
+  SolveStatus status = SolveStatus::kSolved;
+  double residual = 0.0;  ///< measured |b - A x| / |b|, the largest of the columns
+  int iterations = 0;     ///< 0 for direct solvers
+  std::string message;    ///< one sentence when the status is not kSolved
+};
+
+struct FactorReport {
+  SolveStatus status = SolveStatus::kSolved;
+  std::string message;               ///< one sentence when the status is not kSolved
+  std::uint64_t factor_entries = 0;  ///< nonzeros of the factor, preconditioner or all levels
+  std::uint64_t bytes = 0;           ///< held after this step, without the matrix of the caller
+  std::uint64_t peak_bytes = 0;  ///< most held at a time up to now; after analyse() a prediction for factor()
+  double flops = 0.0;            ///< of the numeric factorization, 0 where unknown
+};
+
+class LinearSolver {
+ public:
+  virtual ~LinearSolver() = default;
+
+  /// Orders and counts by the pattern alone. Again only when the pattern changes.
+  virtual FactorReport analyse(const SparseMatrix& a) = 0;
+  /// Takes the values. \pre same pattern as in analyse(), which has reported kSolved; the matrix lives,
+  /// unchanged, until the last solve()
+  virtual FactorReport factor(const SparseMatrix& a) = 0;
+  /// x for b, both n x width interleaved; iterative solvers start from zero. \pre factor() has reported
+  /// kSolved
+  virtual SolveReport solve(std::span<const double> b, std::span<double> x, int width) = 0;
+};
+
+std::unique_ptr<LinearSolver> make_solver(SolverKind kind, const SolverOptions& options = {});
+
+/// The measured rule: which solver for n unknowns of a Laplacian of this order, with so many right-hand sides
+/// in all, under a memory cap. `reason` is a sentence for the log.
+struct SolverChoice {
+  SolverKind kind = SolverKind::kCholesky;
+  std::uint64_t predicted_bytes = 0;
+  std::string reason;
+};
+/// \param memory_bytes  0: no cap. \param symmetric  false: LU or BiCGSTAB
+SolverChoice choose_solver(std::size_t unknowns, int order, std::size_t right_hand_sides,
+                           std::uint64_t memory_bytes, bool symmetric = true);
+
+const char* name(SolverKind kind);
+const char* name(Ordering ordering);
+const char* name(SolveStatus status);
+
+}  // namespace tessera
