@@ -1,0 +1,55 @@
+/// \file polynomial_filter.h
+/// Low-pass filters of a surface as polynomials of its Laplacian A (surface_rows.h): a fixed number of
+/// rounds, no inner product, no global sum, so the displacement of a vertex is a function of the rings around
+/// it alone.
+///
+/// All filters work on displacements d from the given positions b in floats: what is small stays accurate far
+/// from the origin, and where A b = 0 (a plane) d is exactly zero. Sources: Taubin 1995; Desbrun, Meyer,
+/// Schroeder, Barr 1999; Golub and Varga 1961 (Chebyshev semi-iteration).
+#pragma once
+#include <array>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "kernels/surface_rows.h"
+
+namespace tessera {
+
+/// One displacement; the fourth number is zero and fills a vector register.
+struct alignas(16) Displacement {
+  std::array<float, 4> xyz = {0, 0, 0, 0};
+};
+
+enum class FilterKind : std::uint8_t {
+  kLaplacian,    ///< x <- x - lambda A x, `degree` times
+  kBilaplacian,  ///< x <- x - lambda A A x, `degree` times
+  kTaubin,       ///< x <- x - lambda A x, x <- x - mu A x, `degree` times: does not shrink
+  kImplicit,     ///< solves (1 + lambda A^order) x = b by `degree` steps of Chebyshev
+};
+
+struct FilterOptions {
+  FilterKind kind = FilterKind::kImplicit;
+  double lambda = 2.0;  ///< no unit: in steps of one ring
+  double mu = -0.53;    ///< Taubin only
+  int order = 1;        ///< implicit only: 1 or 2
+  int degree = 10;      ///< > 0
+};
+
+/// Rings that the filter reads around a vertex.
+int filter_rings(const FilterOptions& options);
+
+/// Smallest number of Chebyshev steps whose error is at most `accuracy` of the right-hand side (in the norm
+/// of the degrees) on the spectrum [1, 1 + lambda 2^order]: 2 ((sqrt K - 1) / (sqrt K + 1))^k with K = 1 +
+/// lambda 2^order.
+int chebyshev_degree(double lambda, int order, double accuracy);
+
+/// \param position  n; the rows' own mesh
+/// \param start     n displacements to start from (implicit only), or empty: zero
+/// \return          n displacements; zero for fixed and open vertices
+/// \cost 16 bytes a vertex for each of three arrays (four for order 2)
+std::vector<Displacement> filter_surface(const SurfaceRows& rows, std::span<const Double3> position,
+                                         const FilterOptions& options,
+                                         std::span<const Displacement> start = {});
+
+}  // namespace tessera

@@ -1,0 +1,170 @@
+#include "kernels/smooth.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include "octree/error.h"
+
+namespace tessera {
+namespace {
+
+/// Rings of one round of an explicit method: a halo of 32 rings still costs less than another pass over the
+/// mesh.
+constexpr int kExplicitRings = 32;
+constexpr double kImplicitAccuracy = 1e-3;
+/// Largest Chebyshev degree that a halo can carry; longer wavelengths want the coarse level or more steps.
+constexpr int kLargestDegree = 400;
+
+bool one_of(const std::string& value, std::initializer_list<const char*> names) {
+  return std::any_of(names.begin(), names.end(), [&](const char* name) { return value == name; });
+}
+
+double default_lambda(const std::string& method) {
+  if (method == "laplacian") return 0.5;
+  if (method == "bilaplacian") return 0.25;
+  if (method == "taubin") return 0.5;
+  if (method == "denoise") return 3.0;
+  return 10.0;
+}
+
+SmoothRound filter_round(const SmoothOptions& options, FilterKind kind, double lambda, int degree) {
+  SmoothRound round;
+  round.rows.weights = options.weights == "uniform" ? LaplaceWeights::kUniform : LaplaceWeights::kCotangent;
+  round.rows.feature_angle_deg = options.feature_angle_deg;
+  round.filter.kind = kind;
+  round.filter.lambda = lambda;
+  // The pass band ends where the factor of both half steps is 1: 1/lambda + 1/mu = 0.1 (Taubin 1995).
+  round.filter.mu = 1.0 / (0.1 - 1.0 / lambda);
+  round.filter.order = options.order;
+  round.filter.degree = degree;
+  return round;
+}
+
+SmoothRound normal_round(const SmoothOptions& options) {
+  SmoothRound round;
+  round.by_normals = true;
+  round.normals.normal_rounds = options.normal_rounds;
+  round.normals.vertex_rounds = options.vertex_rounds;
+  // Two faces of a crease must lie two deviations apart, or every round takes the edge off a little more.
+  if (options.feature_angle_deg > 0.0)
+    round.normals.range_angle_deg = std::min(round.normals.range_angle_deg, 0.5 * options.feature_angle_deg);
+  return round;
+}
+
+void add_explicit(std::vector<SmoothRound>& rounds, const SmoothOptions& options, FilterKind kind,
+                  double lambda) {
+  const int longest = kind == FilterKind::kLaplacian ? kExplicitRings : kExplicitRings / 2;
+  for (int done = 0; done < options.steps; done += longest)
+    rounds.push_back(filter_round(options, kind, lambda, std::min(longest, options.steps - done)));
+}
+
+void require(bool good, const std::string& sentence) {
+  if (!good) throw UsageError(sentence);
+}
+
+}  // namespace
+
+void SmoothOptions::validate() const {
+  require(one_of(method, {"implicit", "laplacian", "bilaplacian", "taubin", "bilateral", "denoise"}),
+          "--method " + method + ": not one of implicit, laplacian, bilaplacian, taubin, bilateral, denoise");
+  require(one_of(weights, {"cotangent", "uniform"}),
+          "--weights " + weights + ": not one of cotangent, uniform");
+  require(steps >= 1 && steps <= 1000, "--steps " + std::to_string(steps) + ": must be 1 to 1000");
+  require(order == 1 || order == 2, "--order " + std::to_string(order) + ": must be 1 or 2");
+  require(degree >= 0 && degree <= kLargestDegree,
+          "--degree " + std::to_string(degree) + ": must be 0 to " + std::to_string(kLargestDegree));
+  require(normal_rounds >= 1 && normal_rounds <= 100 && vertex_rounds >= 1 && vertex_rounds <= 100,
+          "--normal-rounds and --vertex-rounds must be 1 to 100");
+  require(std::isfinite(tolerance) && tolerance >= 0.0, "--tolerance must not be negative");
+  require(feature_angle_deg >= 0.0 && feature_angle_deg < 180.0, "--feature-angle must be 0 to 180 degrees");
+  require(std::isfinite(lambda) && lambda >= 0.0, "--lambda must not be negative");
+  // Beyond these an explicit step blows noise up: the spectrum of the Laplacian reaches 2.
+  if (method == "laplacian" || method == "taubin")
+    require(lambda <= 1.0, "--lambda must be at most 1 for " + method);
+  if (method == "bilaplacian") require(lambda <= 0.5, "--lambda must be at most 0.5 for bilaplacian");
+  if ((method == "implicit" || method == "denoise") && degree == 0) {
+    const double used = lambda > 0.0 ? lambda : default_lambda(method);
+    require(chebyshev_degree(used, order, kImplicitAccuracy) <= kLargestDegree,
+            "--lambda " + std::to_string(used) + ": takes more than " + std::to_string(kLargestDegree) +
+                " Chebyshev steps; take a smaller value and more --steps, or set --degree");
+  }
+}
+
+std::vector<SmoothRound> smooth_rounds(const SmoothOptions& options) {
+  options.validate();
+  const double lambda = options.lambda > 0.0 ? options.lambda : default_lambda(options.method);
+  const int degree =
+      options.degree > 0 ? options.degree : chebyshev_degree(lambda, options.order, kImplicitAccuracy);
+  std::vector<SmoothRound> rounds;
+  if (options.method == "laplacian") {
+    add_explicit(rounds, options, FilterKind::kLaplacian, lambda);
+  } else if (options.method == "bilaplacian") {
+    add_explicit(rounds, options, FilterKind::kBilaplacian, lambda);
+  } else if (options.method == "taubin") {
+    add_explicit(rounds, options, FilterKind::kTaubin, lambda);
+  } else {
+    for (int step = 0; step < options.steps; ++step) {
+      if (options.method != "implicit") rounds.push_back(normal_round(options));
+      if (options.method != "bilateral")
+        rounds.push_back(filter_round(options, FilterKind::kImplicit, lambda, degree));
+    }
+  }
+  return rounds;
+}
+
+int round_rings(const SmoothRound& round) {
+  return round.by_normals ? filter_rings(round.normals) : filter_rings(round.filter);
+}
+
+SmoothedBlock smooth_block(const MeshBlock& block, const SmoothRound& round) {
+  SmoothedBlock out;
+  const SurfaceRows rows = make_surface_rows(block, round.rows);
+  out.complete = complete_rings(block, rows, round_rings(round));
+  if (round.by_normals) {
+    out.position = filter_by_normals(block, round.normals);
+  } else {
+    out.position = block.position;
+    const std::vector<Displacement> moved = filter_surface(rows, block.position, round.filter);
+    for (std::size_t v = 0; v < moved.size(); ++v)
+      for (std::size_t a = 0; a < 3; ++a) out.position[v][a] += static_cast<double>(moved[v].xyz[a]);
+  }
+  out.counts.degenerate_faces = rows.degenerate_faces;
+  for (std::size_t v = 0; v < rows.role.size(); ++v) {
+    if (out.complete[v] == 0) {
+      out.position[v] = block.position[v];
+      continue;
+    }
+    ++out.counts.vertices;
+    out.counts.line += rows.role[v] == VertexRole::kLine;
+    out.counts.fixed += rows.role[v] == VertexRole::kFixed;
+  }
+  return out;
+}
+
+Double3 within_tolerance(const Double3& from, const Double3& to, double tolerance) {
+  const auto distance = [&](const Double3& p) {
+    const double x = p[0] - from[0], y = p[1] - from[1], z = p[2] - from[2];
+    return std::sqrt(x * x + y * y + z * z);
+  };
+  const double far = distance(to);
+  if (!(far > tolerance)) return to;
+  // Rounding may leave the scaled point a last bit too far out: shorten until it is not.
+  for (double share = tolerance / far;; share *= 1.0 - 0x1p-20) {
+    Double3 p;
+    for (std::size_t a = 0; a < 3; ++a) p[a] = from[a] + (to[a] - from[a]) * share;
+    if (distance(p) <= tolerance) return p;
+    if (share < 0.5 * tolerance / far) return from;
+  }
+}
+
+std::uint64_t smooth_bytes(std::uint64_t vertices, std::uint64_t faces, const SmoothRound& round) {
+  // Rows: 13 bytes a vertex and two directed edges of 8 bytes to each of three; their making: marks, corners,
+  // shapes.
+  const std::uint64_t rows = 32 * vertices + 24 * faces;
+  const std::uint64_t making = 4 * vertices + 24 * faces + (4 * vertices + 12 * faces);
+  const std::uint64_t filter = round.by_normals ? 52 * vertices + 84 * faces : 80 * vertices;
+  return rows + std::max(making, filter) + 26 * vertices + (1u << 16);
+}
+
+}  // namespace tessera

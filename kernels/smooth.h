@@ -1,0 +1,72 @@
+/// \file smooth.h
+/// Smoothing of a mesh as a list of rounds. A round is one local rule on one block: it reads round_rings()
+/// rings around a vertex and nothing else, so a mesh of any size is smoothed block by block with the same
+/// bits as in one piece.
+#pragma once
+#include <cstdint>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "kernels/mesh_block.h"
+#include "kernels/normal_filter.h"
+#include "kernels/polynomial_filter.h"
+#include "kernels/surface_rows.h"
+
+namespace tessera {
+
+/// What the user asks for.
+struct SmoothOptions {
+  std::string method = "implicit";    ///< implicit, laplacian, bilaplacian, taubin, bilateral, denoise
+  std::string weights = "cotangent";  ///< or uniform
+  int steps = 1;           ///< implicit, bilateral, denoise: passes with fresh weights; others: steps
+  double lambda = 0.0;     ///< strength, no unit; 0 = the method's own
+  int order = 1;           ///< implicit: 1 = membrane, 2 = thin plate
+  int degree = 0;          ///< implicit: Chebyshev steps; 0 = as many as an error of 1e-3 asks for
+  double tolerance = 0.0;  ///< no vertex moves farther, scan units; 0 = no limit
+  double feature_angle_deg = 40.0;  ///< edges whose faces open more are kept as creases; 0 = none
+  int normal_rounds = 8;            ///< bilateral, denoise
+  int vertex_rounds = 10;           ///< bilateral, denoise
+
+  void validate() const;  ///< throws UsageError naming the option; changes nothing
+};
+
+/// One local rule.
+struct SmoothRound {
+  bool by_normals = false;
+  NormalFilterOptions normals;  ///< by_normals
+  SurfaceRowOptions rows;       ///< else
+  FilterOptions filter;         ///< else
+};
+
+/// The rounds that the options mean, in order. Long explicit methods are cut into rounds of at most 32 rings,
+/// always at the same steps. \throws UsageError from validate()
+std::vector<SmoothRound> smooth_rounds(const SmoothOptions& options);
+
+int round_rings(const SmoothRound& round);
+
+struct SmoothCounts {
+  std::uint64_t vertices = 0;  ///< whose result is right
+  std::uint64_t line = 0;      ///< of these, smoothed along a crease or border
+  std::uint64_t fixed = 0;     ///< corners, junctions, non-manifold vertices
+  std::uint64_t degenerate_faces = 0;
+};
+
+struct SmoothedBlock {
+  std::vector<Double3> position;       ///< n
+  std::vector<std::uint8_t> complete;  ///< n; 1 = round_rings() rings are in the block, the position is right
+  SmoothCounts counts;
+};
+
+/// \pre the block is canonical, fewer than 2^30 faces
+/// \throws InputError for a position that is not finite
+SmoothedBlock smooth_block(const MeshBlock& block, const SmoothRound& round);
+
+/// Where `to` is farther than `tolerance` > 0 from `from`, the point on the way that is not. The distance
+/// computed from the result does not exceed `tolerance`.
+Double3 within_tolerance(const Double3& from, const Double3& to, double tolerance);
+
+/// Bytes that smooth_block() allocates for a block of so many vertices and faces.
+std::uint64_t smooth_bytes(std::uint64_t vertices, std::uint64_t faces, const SmoothRound& round);
+
+}  // namespace tessera
