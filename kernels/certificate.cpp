@@ -1,0 +1,519 @@
+// Pieces are convex polygons in columns, so that all corners and the centroid are measured against one
+// triangle in a few vector operations:
+//
+//        a___________b          T is cut where the closest triangle changes: the sides of F1 seen along the
+//        |  F1 \ F2 |           normal of T. A piece that lies over one triangle alone is done at once.
+//        |______\___|  T
+#include "kernels/certificate.h"
+
+#include <algorithm>
+#include <cassert>
+#include <cmath>
+#include <limits>
+
+namespace tessera {
+namespace {
+
+constexpr double kInfinite = std::numeric_limits<double>::infinity();
+constexpr std::uint32_t kNone = ClosestFaces::kNone;
+constexpr int kMostCorners = 16;
+constexpr int kColumn = 20;              // corners, the centroid, padding to whole vectors
+constexpr int kMostCuts = 160;           // in a row; derived into certificate_rounding
+constexpr double kLeastTarget = 1e-3;    // of the tolerance: below it nobody asks for a tight bound
+constexpr double kLeastPiece = 0x1p-13;  // of the tolerance: smaller pieces are bounded by their radius
+constexpr double kFineShare = 0.0625;    // of the tolerance: RMS and histogram err by less
+constexpr double kPhase = 0.25;  // the first target is this share of the tolerance, then its square, ...
+
+double dot(const Double3& a, const Double3& b) {
+  return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+}
+Double3 minus(const Double3& a, const Double3& b) {
+  return {a[0] - b[0], a[1] - b[1], a[2] - b[2]};
+}
+Double3 cross(const Double3& a, const Double3& b) {
+  return {a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]};
+}
+double length(const Double3& a) {
+  return std::sqrt(dot(a, a));
+}
+Double3 scaled(const Double3& a, double s) {
+  return {a[0] * s, a[1] * s, a[2] * s};
+}
+
+struct Piece {
+  alignas(32) double x[kColumn], y[kColumn], z[kColumn];
+  int corners = 0;
+  int cuts = 0;
+  std::uint32_t hint = kNone;
+
+  Double3 at(int i) const { return {x[i], y[i], z[i]}; }
+  Double3 centroid() const { return at(corners); }
+  void add(const Double3& p) {
+    x[corners] = p[0], y[corners] = p[1], z[corners] = p[2];
+    ++corners;
+  }
+  /// Puts the centroid behind the corners and repeats it up to a whole vector.
+  void close() {
+    Double3 sum{};
+    for (int i = 0; i < corners; ++i) sum[0] += x[i], sum[1] += y[i], sum[2] += z[i];
+    const double share = 1.0 / corners;
+    for (int i = corners; i < (corners / 4 + 1) * 4; ++i)
+      x[i] = sum[0] * share, y[i] = sum[1] * share, z[i] = sum[2] * share;
+  }
+};
+
+/// Points x with normal . x <= offset are inside.
+struct Plane {
+  Double3 normal{};  ///< unit
+  double offset = 0.0;
+  double height(const Double3& p) const { return dot(normal, p) - offset; }
+};
+
+/// Cuts in two; false when one side would be empty (then nothing is said about `inside` and `outside`).
+bool cut(const Piece& piece, const Plane& plane, Piece& inside, Piece& outside) {
+  double height[kMostCorners];
+  bool below = false, above = false;
+  for (int i = 0; i < piece.corners; ++i) {
+    height[i] = plane.height(piece.at(i));
+    below = below || height[i] < 0.0;
+    above = above || height[i] > 0.0;
+  }
+  if (!below || !above) return false;
+  inside.corners = outside.corners = 0;
+  inside.cuts = outside.cuts = piece.cuts + 1;
+  inside.hint = outside.hint = piece.hint;
+  const int sides = piece.corners == 2 ? 1 : piece.corners;  // a segment has one
+  for (int i = 0; i < piece.corners; ++i) {
+    const Double3 p = piece.at(i);
+    if (height[i] <= 0.0) inside.add(p);
+    if (height[i] >= 0.0) outside.add(p);
+    const int j = i + 1 == piece.corners ? 0 : i + 1;
+    if (i >= sides || !((height[i] < 0.0 && height[j] > 0.0) || (height[i] > 0.0 && height[j] < 0.0)))
+      continue;
+    const double t = height[i] / (height[i] - height[j]);
+    const Double3 q = piece.at(j);
+    const Double3 crossing = {p[0] + t * (q[0] - p[0]), p[1] + t * (q[1] - p[1]), p[2] + t * (q[2] - p[2])};
+    inside.add(crossing);
+    outside.add(crossing);
+  }
+  inside.close();
+  outside.close();
+  return true;
+}
+
+/// Halves with fewer corners: along the diagonal from corner 0, so that no new corner is made.
+void cut_diagonal(const Piece& piece, Piece& first, Piece& second) {
+  const int middle = piece.corners / 2;
+  first.corners = second.corners = 0;
+  first.cuts = second.cuts = piece.cuts;
+  first.hint = second.hint = piece.hint;
+  for (int i = 0; i <= middle; ++i) first.add(piece.at(i));
+  for (int i = middle; i < piece.corners; ++i) second.add(piece.at(i));
+  second.add(piece.at(0));
+  first.close();
+  second.close();
+}
+
+/// Area, or length of a segment.
+double measure(const Piece& piece) {
+  if (piece.corners == 2) return length(minus(piece.at(1), piece.at(0)));
+  Double3 sum{};
+  const Double3 a = piece.at(0);
+  for (int i = 1; i + 1 < piece.corners; ++i) {
+    const Double3 c = cross(minus(piece.at(i), a), minus(piece.at(i + 1), a));
+    for (std::size_t k = 0; k < 3; ++k) sum[k] += c[k];
+  }
+  return 0.5 * length(sum);
+}
+
+float rounded_up(double value) {
+  const auto f = static_cast<float>(value);
+  return static_cast<double>(f) < value ? std::nextafterf(f, std::numeric_limits<float>::infinity()) : f;
+}
+
+class Certifier {
+ public:
+  Certifier(const SurfaceFaces& surface, const Box3* core, const ClosestFaces& reference,
+            const CertificateOptions& options)
+      : surface_(surface),
+        reference_(reference),
+        options_(options),
+        core_(core),
+        reach_square_(options.reach * options.reach),
+        hit_(surface.position.size()) {
+    for (std::size_t k = 0; k < 3; ++k) {
+      low_[k] = core ? core->low[k] - reference.origin()[k] : -kInfinite;
+      high_[k] = core ? core->high[k] - reference.origin()[k] : kInfinite;
+    }
+  }
+
+  DeviationReport run(std::vector<float>* face_bound) {
+    std::vector<float> own;
+    std::vector<float>& bound = face_bound ? *face_bound : own;
+    bound.assign(surface_.faces.size(), 0.0f);
+    sample_corners();
+    counting_ = true;
+    floor_ = kPhase * options_.tolerance;
+    for (std::size_t i = 0; i < bound.size(); ++i) bound[i] = bound_face(i);
+    counting_ = false;
+    while (options_.tightness * report_.lower < floor_ && floor_ > kLeastTarget * options_.tolerance) {
+      floor_ = std::max(kPhase * floor_, kLeastTarget * options_.tolerance);
+      const double target = this->target(true);
+      for (std::size_t i = 0; i < bound.size(); ++i)
+        if (static_cast<double>(bound[i]) > target && std::isfinite(bound[i]))
+          bound[i] = std::min(bound[i], bound_face(i));
+    }
+    const double rounding = certificate_rounding(std::max(reference_.largest_coordinate(), largest_));
+    double upper = 0.0;
+    for (float& b : bound) {
+      upper = std::max(upper, static_cast<double>(b));
+      b = rounded_up(static_cast<double>(b) + rounding);
+      if (!(static_cast<double>(b) <= options_.tolerance)) ++report_.faces_over;
+    }
+    report_.upper = report_.faces == 0 ? 0.0 : upper + rounding;
+    return report_;
+  }
+
+ private:
+  Double3 local(std::uint32_t vertex) const { return minus(surface_.position[vertex], reference_.origin()); }
+  bool in_core(const Double3& p) const {
+    return p[0] >= low_[0] && p[0] <= high_[0] && p[1] >= low_[1] && p[1] <= high_[1] && p[2] >= low_[2] &&
+           p[2] <= high_[2];
+  }
+
+  /// What a piece must be proven to stay within: the tolerance at most, unless it is known to exceed it.
+  double target(bool over) const {
+    const double wanted = std::max(options_.tightness * report_.lower, floor_);
+    return over ? wanted : std::min(wanted, options_.tolerance);
+  }
+
+  void found(double distance, const Double3& p) {
+    if (distance <= report_.lower) return;
+    report_.lower = distance;
+    for (std::size_t k = 0; k < 3; ++k) report_.witness[k] = p[k] + reference_.origin()[k];
+    report_.witness_face = face_;
+  }
+
+  /// Closest triangle within reach; a point of the core that has none is beyond.
+  ClosestFaces::Hit query(const Double3& p, std::uint32_t hint) {
+    ++report_.queries;
+    return reference_.closest(p, reach_square_, hint);
+  }
+
+  /// Closest triangles of all corners: hints for the pieces, and a first idea of the largest distance.
+  void sample_corners() {
+    std::vector<bool> seen(surface_.position.size());
+    std::uint32_t hint = kNone;
+    for (face_ = 0; face_ < surface_.faces.size(); ++face_)
+      for (const std::uint32_t v : surface_.faces[face_]) {
+        if (seen[v]) continue;
+        seen[v] = true;
+        const Double3 p = local(v);
+        for (const double c : p) largest_ = std::max(largest_, std::abs(c));
+        const ClosestFaces::Hit hit = query(p, hint);
+        hit_[v] = hit.slot;
+        if (hit.slot != kNone) hint = hit.slot;
+        if (in_core(p)) found(hit.slot == kNone ? options_.reach : std::sqrt(hit.square), p);
+      }
+  }
+
+  float bound_face(std::size_t index) {
+    const auto& face = surface_.faces[index];
+    face_ = static_cast<std::uint32_t>(index);
+    bound_ = 0.0;
+    Piece& piece = fresh();
+    piece.cuts = 0;
+    piece.corners = 0;
+    piece.hint = kNone;
+    std::array<Double3, 3> corner{};
+    bool whole = true;
+    for (std::size_t c = 0; c < 3; ++c) {
+      corner[c] = local(face[c]);
+      whole = whole && in_core(corner[c]);
+      if (c < 2 || face[1] != face[2]) piece.add(corner[c]);
+      if (piece.hint == kNone) piece.hint = hit_[face[c]];
+    }
+    piece.close();
+    normal_ = cross(minus(corner[1], corner[0]), minus(corner[2], corner[0]));
+    const double size = length(normal_);
+    normal_ = scaled(normal_, size > 0.0 ? 1.0 / size : 0.0);
+    if (!whole && !clip_to_core()) {
+      stack_.pop_back();
+      return 0.0f;
+    }
+    if (counting_) ++report_.faces;
+    if (whole && try_corners(face)) return rounded_up(bound_);
+    while (!stack_.empty()) bound_piece();
+    return rounded_up(bound_);
+  }
+
+  Piece& fresh() { return stack_.emplace_back(); }
+
+  /// The part of the piece on top that lies in the core; false when there is none.
+  bool clip_to_core() {
+    for (std::size_t k = 0; k < 3; ++k)
+      for (const bool upper : {false, true}) {
+        Plane plane;
+        plane.normal[k] = upper ? 1.0 : -1.0;
+        plane.offset = upper ? high_[k] : -low_[k];
+        Piece inside, outside;
+        if (cut(stack_.back(), plane, inside, outside)) {
+          stack_.back() = inside;
+        } else if (plane.height(stack_.back().centroid()) > 0.0) {
+          return false;
+        }
+      }
+    return true;
+  }
+
+  /// Largest squared distance of the corners to one triangle; the centroid's goes to centre_square_.
+  double worst_square(const Piece& piece, std::uint32_t slot) {
+    alignas(32) double square[kColumn];
+    reference_.squares_to(slot, piece.x, piece.y, piece.z, piece.corners + 1, square);
+    centre_square_ = square[piece.corners];
+    worst_ = 0;
+    for (int i = 1; i < piece.corners; ++i)
+      if (square[i] > square[worst_]) worst_ = i;
+    return square[worst_];
+  }
+
+  /// Is the face within the target of the triangle closest to one of its corners? Then it is done.
+  bool try_corners(const std::array<std::uint32_t, 3>& face) {
+    const double target = this->target(false);
+    std::uint32_t best = kNone;
+    double best_square = kInfinite, centre = 0.0;
+    std::uint32_t last = kNone;
+    for (const std::uint32_t v : face) {
+      const std::uint32_t slot = hit_[v];
+      if (slot == kNone || slot == last) continue;
+      last = slot;
+      const double square = worst_square(stack_.back(), slot);
+      if (square >= best_square) continue;
+      best_square = square;
+      best = slot;
+      centre = centre_square_;
+    }
+    if (best == kNone) return false;
+    stack_.back().hint = best;
+    if (best_square > target * target) return false;
+    centre_square_ = centre;
+    accept(stack_.back(), std::sqrt(best_square));
+    stack_.pop_back();
+    return true;
+  }
+
+  void count(const Piece& piece, double distance) {
+    if (!counting_) return;
+    const double size = measure(piece);
+    report_.area += size;
+    const double counted = std::min(distance, options_.reach);
+    report_.square_integral += size * counted * counted;
+    const double unit = piece.corners == 2 ? std::sqrt(options_.area_unit) : options_.area_unit;
+    const auto weight = static_cast<std::uint64_t>(size / unit + 0.5);
+    std::size_t bin = kDeviationBins + 1;
+    if (distance <= options_.reach) bin = kDeviationBins;
+    if (distance <= options_.tolerance)
+      bin = std::min(static_cast<std::size_t>(distance / options_.tolerance * kDeviationBins),
+                     std::size_t{kDeviationBins - 1});
+    report_.histogram[bin] += weight;
+    ++report_.pieces;
+  }
+
+  /// \param bound  of all its points; centre_square_ is an upper bound at the centroid
+  void accept(const Piece& piece, double bound) {
+    bound_ = std::max(bound_, bound);
+    if (!counting_) return;
+    // Measured once more where the triangle at hand may be far from the closest: statistics deserve it.
+    const double fine = kFineShare * options_.tolerance;
+    if (centre_square_ > fine * fine) {
+      const ClosestFaces::Hit hit = query(piece.centroid(), piece.hint);
+      if (hit.slot != kNone) centre_square_ = std::min(centre_square_, hit.square);
+    }
+    count(piece, std::min(std::sqrt(centre_square_), bound));
+  }
+
+  void give_up(const Piece& piece, const Double3& where) {
+    report_.beyond = true;
+    found(options_.reach, where);
+    bound_ = kInfinite;
+    count(piece, kInfinite);
+  }
+
+  /// Proves the piece on top, or cuts it in two.
+  void bound_piece() {
+    const Piece piece = stack_.back();
+    stack_.pop_back();
+    if (piece.corners > kMostCorners - 2) {
+      Piece first, second;
+      cut_diagonal(piece, first, second);
+      stack_.push_back(second);
+      stack_.push_back(first);
+      return;
+    }
+    bool over = false;
+    const auto within = [&](double square) {
+      const double t = target(over);
+      return square <= t * t;
+    };
+    double square = kInfinite;
+    if (piece.hint != kNone) {
+      square = worst_square(piece, piece.hint);
+      if (within(square)) return accept(piece, std::sqrt(square));
+    }
+    const ClosestFaces::Hit centre = query(piece.centroid(), piece.hint);
+    if (centre.slot == kNone) return give_up(piece, piece.centroid());
+    found(std::sqrt(centre.square), piece.centroid());
+    over = std::sqrt(centre.square) > options_.tolerance;
+    if (centre.slot != piece.hint) square = worst_square(piece, centre.slot);
+    centre_square_ = centre.square;
+    if (within(square)) return accept(piece, std::sqrt(square));
+    const int worst = worst_;
+    double radius_square = 0.0;
+    for (int i = 0; i < piece.corners; ++i) {
+      const Double3 d = minus(piece.at(i), piece.centroid());
+      radius_square = std::max(radius_square, dot(d, d));
+    }
+    const double lipschitz = std::sqrt(centre.square) + std::sqrt(radius_square);
+    if (within(lipschitz * lipschitz)) return accept(piece, lipschitz);
+    const ClosestFaces::Hit corner = query(piece.at(worst), centre.slot);
+    if (corner.slot == kNone) return give_up(piece, piece.at(worst));
+    found(std::sqrt(corner.square), piece.at(worst));
+    over = over || std::sqrt(corner.square) > options_.tolerance;
+    centre_square_ = centre.square;
+    if (within(square)) return accept(piece, std::sqrt(square));
+    const double least = kLeastPiece * options_.tolerance;
+    if (piece.cuts >= kMostCuts - 1 || radius_square <= least * least)
+      return accept(piece, std::min(std::sqrt(square), lipschitz));
+    split(piece, centre.slot, corner.slot, worst);
+  }
+
+  void split(const Piece& piece, std::uint32_t near_centre, std::uint32_t near_worst, int worst) {
+    const Double3 centre = piece.centroid(), far = piece.at(worst);
+    Piece inside, outside;
+    const auto push = [&] {
+      inside.hint = near_centre;
+      outside.hint = near_worst;
+      stack_.push_back(outside);
+      stack_.push_back(inside);
+    };
+    Plane plane;
+    if (side_plane(near_centre, centre, far, plane) && cut(piece, plane, inside, outside)) return push();
+    if (near_centre != near_worst && bisector(near_centre, centre, near_worst, far, plane) &&
+        cut(piece, plane, inside, outside))
+      return push();
+    plane.normal = minus(far, centre);
+    const double size = length(plane.normal);
+    if (size > 0.0) {
+      plane.normal = scaled(plane.normal, 1.0 / size);
+      plane.offset = 0.5 * (dot(plane.normal, far) + dot(plane.normal, centre));
+      if (cut(piece, plane, inside, outside)) return push();
+    }
+    // As small as numbers get: bounded by what is known.
+    accept(piece, std::sqrt(worst_square(piece, near_centre)));
+  }
+
+  /// The side of a triangle, seen along the face's normal, that `far` lies beyond most; for a segment the
+  /// plane across its end. False when none separates `far` from `centre`.
+  bool side_plane(std::uint32_t slot, const Double3& centre, const Double3& far, Plane& plane) const {
+    const std::array<Double3, 3> t = reference_.corners(slot);
+    double most = 0.0;
+    const auto offer = [&](Double3 normal, const Double3& on) {
+      const double size = length(normal);
+      if (!(size > 0.0)) return;
+      normal = scaled(normal, 1.0 / size);
+      const Plane p{normal, dot(normal, on)};
+      const double height = p.height(far);
+      if (height <= most || p.height(centre) > 0.25 * height) return;
+      most = height;
+      plane = p;
+    };
+    if (t[1] == t[2]) {
+      offer(minus(t[1], t[0]), t[1]);
+      offer(minus(t[0], t[1]), t[0]);
+      return most > 0.0;
+    }
+    for (std::size_t c = 0; c < 3; ++c) {
+      const Double3& a = t[c];
+      const Double3& b = t[(c + 1) % 3];
+      Double3 normal = cross(minus(b, a), normal_);
+      if (dot(normal, minus(t[(c + 2) % 3], a)) > 0.0) normal = scaled(normal, -1.0);
+      offer(normal, a);
+    }
+    return most > 0.0;
+  }
+
+  /// Where the planes of two triangles are equally far.
+  bool bisector(std::uint32_t slot1, const Double3& p1, std::uint32_t slot2, const Double3& p2,
+                Plane& plane) const {
+    const auto signed_plane = [&](std::uint32_t slot, const Double3& p, Plane& out) {
+      const std::array<Double3, 3> t = reference_.corners(slot);
+      out.normal = cross(minus(t[1], t[0]), minus(t[2], t[0]));
+      const double size = length(out.normal);
+      if (!(size > 0.0)) return false;
+      out.normal = scaled(out.normal, 1.0 / size);
+      out.offset = dot(out.normal, t[0]);
+      if (out.height(p) < 0.0) out = {scaled(out.normal, -1.0), -out.offset};
+      return true;
+    };
+    Plane a, b;
+    if (!signed_plane(slot1, p1, a) || !signed_plane(slot2, p2, b)) return false;
+    plane.normal = minus(a.normal, b.normal);
+    const double size = length(plane.normal);
+    if (size < 1e-6) return false;
+    plane.normal = scaled(plane.normal, 1.0 / size);
+    plane.offset = (a.offset - b.offset) / size;
+    const double at1 = plane.height(p1), at2 = plane.height(p2);
+    return at1 < 0.0 && at2 > 0.0 && at2 > 0.05 * (at2 - at1) && at1 < 0.05 * (at1 - at2);
+  }
+
+  const SurfaceFaces& surface_;
+  const ClosestFaces& reference_;
+  const CertificateOptions& options_;
+  const Box3* core_;
+  const double reach_square_;
+  std::vector<std::uint32_t> hit_;  ///< per vertex: slot of the closest triangle
+  std::vector<Piece> stack_;
+  DeviationReport report_;
+  Double3 low_{}, high_{};
+  Double3 normal_{};  ///< of the face
+  std::uint32_t face_ = 0;
+  double bound_ = 0.0;    ///< of the face so far
+  double floor_ = 0.0;    ///< no piece needs a bound below
+  double largest_ = 0.0;  ///< coordinate
+  double centre_square_ = 0.0;
+  int worst_ = 0;
+  bool counting_ = false;  ///< the first phase fills the report
+};
+
+}  // namespace
+
+double DeviationReport::rms() const {
+  return area > 0.0 ? std::sqrt(square_integral / area) : 0.0;
+}
+
+void DeviationReport::merge(const DeviationReport& other) {
+  upper = std::max(upper, other.upper);
+  if (other.lower > lower) {
+    lower = other.lower;
+    witness = other.witness;
+    witness_face = other.witness_face;
+  }
+  beyond = beyond || other.beyond;
+  faces += other.faces;
+  faces_over += other.faces_over;
+  area += other.area;
+  square_integral += other.square_integral;
+  for (std::size_t i = 0; i < histogram.size(); ++i) histogram[i] += other.histogram[i];
+  pieces += other.pieces;
+  queries += other.queries;
+}
+
+DeviationReport certify_deviation(const SurfaceFaces& surface, const Box3* core,
+                                  const ClosestFaces& reference, const CertificateOptions& options,
+                                  std::vector<float>* face_bound) {
+  assert(options.tolerance > 0.0 && options.reach >= options.tolerance && options.tightness > 1.0);
+  assert(options.area_unit > 0.0);
+  return Certifier(surface, core, reference, options).run(face_bound);
+}
+
+}  // namespace tessera

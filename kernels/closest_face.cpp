@@ -1,0 +1,299 @@
+#include "kernels/closest_face.h"
+
+#include <immintrin.h>
+
+#include <algorithm>
+#include <bit>
+#include <cassert>
+#include <cmath>
+#include <limits>
+#include <utility>
+
+#include "octree/morton.h"
+
+namespace tessera {
+namespace {
+
+constexpr float kFar = std::numeric_limits<float>::infinity();
+constexpr int kMortonBits = 10;  // per axis: one block has no more cells that matter
+
+/// Indices in Morton order of the centroids, by counting sort: three passes of ten bits.
+std::vector<std::uint32_t> morton_order(const std::vector<std::uint32_t>& code) {
+  constexpr std::uint32_t kRadix = 1u << kMortonBits;
+  std::vector<std::uint32_t> order(code.size()), next(code.size());
+  for (std::size_t i = 0; i < order.size(); ++i) order[i] = static_cast<std::uint32_t>(i);
+  for (int shift = 0; shift < 3 * kMortonBits; shift += kMortonBits) {
+    std::array<std::uint32_t, kRadix> begin{};
+    for (const std::uint32_t c : code) ++begin[c >> shift & (kRadix - 1)];
+    std::uint32_t sum = 0;
+    for (std::uint32_t& b : begin) sum += std::exchange(b, sum);
+    for (const std::uint32_t i : order) next[begin[code[i] >> shift & (kRadix - 1)]++] = i;
+    order.swap(next);
+  }
+  return order;
+}
+
+/// Columns of four triangles or one triangle four times, and of one point or four.
+struct Lanes {
+  __m256d u[3], v[3], uu, uv, vv, per_uu, per_vv, per_ww, per_det;
+};
+
+inline __m256d dot(const __m256d* a, const __m256d* b) {
+  return _mm256_fmadd_pd(a[2], b[2], _mm256_fmadd_pd(a[1], b[1], _mm256_mul_pd(a[0], b[0])));
+}
+
+/// | q - s u - t v |^2
+inline __m256d residual(const Lanes& f, const __m256d* q, __m256d s, __m256d t) {
+  __m256d r[3];
+  for (int k = 0; k < 3; ++k) r[k] = _mm256_fnmadd_pd(t, f.v[k], _mm256_fnmadd_pd(s, f.u[k], q[k]));
+  return dot(r, r);
+}
+
+inline __m256d clamp01(__m256d t) {
+  return _mm256_min_pd(_mm256_max_pd(t, _mm256_setzero_pd()), _mm256_set1_pd(1.0));
+}
+
+/// Squared distances; q = point - a. The closest of the three sides and, where its foot is inside, the plane.
+inline __m256d square_distance(const Lanes& f, const __m256d* q) {
+  const __m256d zero = _mm256_setzero_pd(), one = _mm256_set1_pd(1.0);
+  const __m256d d1 = dot(q, f.u), d2 = dot(q, f.v);
+  __m256d best = residual(f, q, clamp01(_mm256_mul_pd(d1, f.per_uu)), zero);
+  best = _mm256_min_pd(best, residual(f, q, zero, clamp01(_mm256_mul_pd(d2, f.per_vv))));
+  const __m256d along = _mm256_add_pd(_mm256_sub_pd(d2, d1), _mm256_sub_pd(f.uu, f.uv));
+  const __m256d w = clamp01(_mm256_mul_pd(along, f.per_ww));
+  best = _mm256_min_pd(best, residual(f, q, _mm256_sub_pd(one, w), w));
+  const __m256d s = _mm256_mul_pd(_mm256_fmsub_pd(f.vv, d1, _mm256_mul_pd(f.uv, d2)), f.per_det);
+  const __m256d t = _mm256_mul_pd(_mm256_fmsub_pd(f.uu, d2, _mm256_mul_pd(f.uv, d1)), f.per_det);
+  const __m256d outside =
+      _mm256_or_pd(_mm256_or_pd(_mm256_cmp_pd(s, zero, _CMP_NGE_UQ), _mm256_cmp_pd(t, zero, _CMP_NGE_UQ)),
+                   _mm256_cmp_pd(_mm256_add_pd(s, t), one, _CMP_NLE_UQ));
+  const __m256d flat = residual(f, q, s, t);
+  return _mm256_min_pd(best, _mm256_blendv_pd(flat, best, outside));
+}
+
+}  // namespace
+
+ClosestFaces::ClosestFaces(std::span<const Double3> position,
+                           std::span<const std::array<std::uint32_t, 3>> faces, const Double3& origin)
+    : origin_(origin), count_(faces.size()) {
+  assert(faces.size() < kNone);
+  if (faces.empty()) return;
+  Double3 low, high;
+  low.fill(std::numeric_limits<double>::infinity());
+  high.fill(-std::numeric_limits<double>::infinity());
+  for (const auto& face : faces)
+    for (const std::uint32_t v : face)
+      for (std::size_t k = 0; k < 3; ++k) {
+        low[k] = std::min(low[k], position[v][k] - origin[k]);
+        high[k] = std::max(high[k], position[v][k] - origin[k]);
+      }
+  double extent = 0.0;
+  for (std::size_t k = 0; k < 3; ++k) {
+    extent = std::max(extent, high[k] - low[k]);
+    largest_ = std::max({largest_, std::abs(low[k]), std::abs(high[k])});
+  }
+  const double per_cell = extent > 0.0 ? ((1 << kMortonBits) - 1) / extent : 0.0;
+  std::vector<std::uint32_t> code(faces.size());
+  for (std::size_t i = 0; i < faces.size(); ++i) {
+    std::array<std::uint32_t, 3> cell{};
+    for (std::size_t k = 0; k < 3; ++k) {
+      const double sum = position[faces[i][0]][k] + position[faces[i][1]][k] + position[faces[i][2]][k];
+      const double at = (sum / 3.0 - origin[k] - low[k]) * per_cell;
+      cell[k] = static_cast<std::uint32_t>(std::clamp(at, 0.0, static_cast<double>((1 << kMortonBits) - 1)));
+    }
+    code[i] = static_cast<std::uint32_t>(morton_encode(cell[0], cell[1], cell[2]));
+  }
+  face_ = morton_order(code);
+  leaves_.resize((count_ + kLanes - 1) / kLanes);
+  const std::size_t padded = leaves_.size() * kLanes;
+  for (std::size_t slot = 0; slot < padded; ++slot) {
+    // The last leaf repeats its last triangle: never closer than the triangle itself.
+    const auto& f = faces[face_[std::min(slot, count_ - 1)]];
+    std::array<Double3, 3> corner;
+    for (std::size_t c = 0; c < 3; ++c)
+      for (std::size_t k = 0; k < 3; ++k) corner[c][k] = position[f[c]][k] - origin[k];
+    store(slot, corner);
+  }
+  face_.resize(padded, face_.back());
+  build_nodes();
+}
+
+void ClosestFaces::store(std::size_t slot, const std::array<Double3, 3>& corner) {
+  Leaf& leaf = leaves_[slot / kLanes];
+  const std::size_t lane = slot % kLanes;
+  double uu = 0.0, uv = 0.0, vv = 0.0;
+  for (std::size_t k = 0; k < 3; ++k) {
+    const double u = corner[1][k] - corner[0][k], v = corner[2][k] - corner[0][k];
+    leaf.a[k][lane] = corner[0][k];
+    leaf.u[k][lane] = u;
+    leaf.v[k][lane] = v;
+    uu += u * u;
+    uv += u * v;
+    vv += v * v;
+  }
+  const double ww = uu - 2.0 * uv + vv, det = uu * vv - uv * uv;
+  const auto per = [](double x) { return x > 0.0 && std::isfinite(1.0 / x) ? 1.0 / x : 0.0; };
+  leaf.uu[lane] = uu;
+  leaf.uv[lane] = uv;
+  leaf.vv[lane] = vv;
+  leaf.per_uu[lane] = per(uu);
+  leaf.per_vv[lane] = per(vv);
+  leaf.per_ww[lane] = per(ww);
+  leaf.per_det[lane] = per(det);
+}
+
+std::array<Double3, 3> ClosestFaces::corners(std::uint32_t slot) const {
+  const Leaf& leaf = leaves_[slot / kLanes];
+  const std::size_t lane = slot % kLanes;
+  std::array<Double3, 3> c;
+  for (std::size_t k = 0; k < 3; ++k) {
+    c[0][k] = leaf.a[k][lane];
+    c[1][k] = leaf.a[k][lane] + leaf.u[k][lane];
+    c[2][k] = leaf.a[k][lane] + leaf.v[k][lane];
+  }
+  return c;
+}
+
+void ClosestFaces::build_nodes() {
+  const auto margin = static_cast<float>(0x1p-21 * largest_);
+  std::size_t below = leaves_.size();
+  do {
+    std::vector<Node> nodes((below + 7) / 8);
+    for (Node& node : nodes)
+      for (std::size_t k = 0; k < 3; ++k) {
+        std::fill_n(node.low[k], 8, kFar);
+        std::fill_n(node.high[k], 8, -kFar);
+      }
+    for (std::size_t child = 0; child < below; ++child) {
+      Node& node = nodes[child / 8];
+      const std::size_t lane = child % 8;
+      for (std::size_t k = 0; k < 3; ++k) {
+        float low = kFar, high = -kFar;
+        if (levels_.empty()) {
+          const Leaf& leaf = leaves_[child];
+          for (std::size_t j = 0; j < kLanes; ++j) {
+            const double a = leaf.a[k][j], b = a + leaf.u[k][j], c = a + leaf.v[k][j];
+            low = std::min(low, static_cast<float>(std::min({a, b, c})) - margin);
+            high = std::max(high, static_cast<float>(std::max({a, b, c})) + margin);
+          }
+        } else {
+          const Node& sub = levels_.back()[child];
+          low = *std::min_element(sub.low[k], sub.low[k] + 8);
+          high = *std::max_element(sub.high[k], sub.high[k] + 8);
+        }
+        node.low[k][lane] = low;
+        node.high[k][lane] = high;
+      }
+    }
+    below = nodes.size();
+    levels_.push_back(std::move(nodes));
+  } while (below > 1);
+}
+
+double ClosestFaces::square_to(std::uint32_t slot, const Double3& p) const {
+  alignas(32) double x[kLanes] = {p[0], p[0], p[0], p[0]}, y[kLanes] = {p[1], p[1], p[1], p[1]},
+                     z[kLanes] = {p[2], p[2], p[2], p[2]}, square[kLanes];
+  squares_to(slot, x, y, z, 1, square);
+  return square[0];
+}
+
+void ClosestFaces::squares_to(std::uint32_t slot, const double* x, const double* y, const double* z,
+                              int count, double* square) const {
+  const Leaf& leaf = leaves_[slot / kLanes];
+  const std::size_t lane = slot % kLanes;
+  const auto all = [&](const double* column) { return _mm256_broadcast_sd(column + lane); };
+  Lanes f;
+  __m256d a[3];
+  for (std::size_t k = 0; k < 3; ++k) {
+    a[k] = all(leaf.a[k]);
+    f.u[k] = all(leaf.u[k]);
+    f.v[k] = all(leaf.v[k]);
+  }
+  f.uu = all(leaf.uu), f.uv = all(leaf.uv), f.vv = all(leaf.vv);
+  f.per_uu = all(leaf.per_uu), f.per_vv = all(leaf.per_vv), f.per_ww = all(leaf.per_ww);
+  f.per_det = all(leaf.per_det);
+  for (int i = 0; i < count; i += kLanes) {
+    const __m256d q[3] = {_mm256_sub_pd(_mm256_loadu_pd(x + i), a[0]),
+                          _mm256_sub_pd(_mm256_loadu_pd(y + i), a[1]),
+                          _mm256_sub_pd(_mm256_loadu_pd(z + i), a[2])};
+    _mm256_storeu_pd(square + i, square_distance(f, q));
+  }
+}
+
+ClosestFaces::Hit ClosestFaces::closest(const Double3& p, double limit_square, std::uint32_t hint) const {
+  Hit best{limit_square, kNone};
+  if (count_ == 0) return best;
+  if (hint != kNone) {
+    const double square = square_to(hint, p);
+    if (square < best.square) best = {square, hint};
+  }
+  // Rounded up a little: a box is skipped only when it is surely no closer.
+  const auto bound = [](double square) {
+    if (square >= 0x1p120)
+      return std::numeric_limits<float>::max();  // lanes without a child are farther still
+    return static_cast<float>(square) * (1.0f + 0x1p-20f) + std::numeric_limits<float>::min();
+  };
+  const __m256 zero = _mm256_setzero_ps();
+  const __m256 x = _mm256_set1_ps(static_cast<float>(p[0])), y = _mm256_set1_ps(static_cast<float>(p[1])),
+               z = _mm256_set1_ps(static_cast<float>(p[2]));
+  const __m256d point[3] = {_mm256_set1_pd(p[0]), _mm256_set1_pd(p[1]), _mm256_set1_pd(p[2])};
+  struct Entry {
+    float square;
+    std::uint32_t level, index;
+  };
+  std::array<Entry, 8 * 12> stack;
+  std::size_t top = 0;
+  stack[top++] = {0.0f, static_cast<std::uint32_t>(levels_.size()), 0};
+  float limit = bound(best.square);
+  while (top > 0) {
+    const Entry entry = stack[--top];
+    if (entry.square > limit) continue;
+    if (entry.level == 0) {
+      const Leaf& leaf = leaves_[entry.index];
+      Lanes f;
+      __m256d q[3];
+      for (std::size_t k = 0; k < 3; ++k) {
+        q[k] = _mm256_sub_pd(point[k], _mm256_load_pd(leaf.a[k]));
+        f.u[k] = _mm256_load_pd(leaf.u[k]);
+        f.v[k] = _mm256_load_pd(leaf.v[k]);
+      }
+      f.uu = _mm256_load_pd(leaf.uu), f.uv = _mm256_load_pd(leaf.uv), f.vv = _mm256_load_pd(leaf.vv);
+      f.per_uu = _mm256_load_pd(leaf.per_uu), f.per_vv = _mm256_load_pd(leaf.per_vv);
+      f.per_ww = _mm256_load_pd(leaf.per_ww), f.per_det = _mm256_load_pd(leaf.per_det);
+      alignas(32) double square[kLanes];
+      _mm256_store_pd(square, square_distance(f, q));
+      for (std::size_t lane = 0; lane < kLanes; ++lane) {
+        if (square[lane] < best.square) {
+          best = {square[lane], static_cast<std::uint32_t>(entry.index * kLanes + lane)};
+          limit = bound(best.square);
+        }
+      }
+      continue;
+    }
+    const Node& node = levels_[entry.level - 1][entry.index];
+    const auto gap = [&](__m256 at, const float* low, const float* high) {
+      return _mm256_max_ps(
+          _mm256_max_ps(_mm256_sub_ps(_mm256_load_ps(low), at), _mm256_sub_ps(at, _mm256_load_ps(high))),
+          zero);
+    };
+    const __m256 gx = gap(x, node.low[0], node.high[0]), gy = gap(y, node.low[1], node.high[1]),
+                 gz = gap(z, node.low[2], node.high[2]);
+    const __m256 square = _mm256_fmadd_ps(gz, gz, _mm256_fmadd_ps(gy, gy, _mm256_mul_ps(gx, gx)));
+    auto near =
+        static_cast<unsigned>(_mm256_movemask_ps(_mm256_cmp_ps(square, _mm256_set1_ps(limit), _CMP_LE_OQ)));
+    alignas(32) float gaps[8];
+    _mm256_store_ps(gaps, square);
+    const std::size_t first = top;
+    for (; near != 0; near &= near - 1) {
+      const auto lane = static_cast<std::uint32_t>(std::countr_zero(near));
+      const Entry child{gaps[lane], entry.level - 1, entry.index * 8 + lane};
+      if (child.level == 0 && child.index >= leaves_.size()) continue;
+      std::size_t at = top++;
+      for (; at > first && stack[at - 1].square < child.square; --at) stack[at] = stack[at - 1];
+      stack[at] = child;
+    }
+  }
+  return best;
+}
+
+}  // namespace tessera
