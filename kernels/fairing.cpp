@@ -1,0 +1,134 @@
+#include "kernels/fairing.h"
+
+#include <algorithm>
+#include <string>
+
+#include "octree/error.h"
+#include "solvers/laplacian_system.h"
+
+namespace tessera {
+namespace {
+
+/// The part of a mesh that a system reads, with its own numbers.
+struct Part {
+  std::vector<Double3> position;
+  std::vector<std::array<std::uint32_t, 3>> faces;
+  std::vector<std::uint32_t> vertex;  ///< number in the whole mesh, ascending
+  std::vector<std::uint8_t> fixed;
+};
+
+/// All faces within `rings` rings of the free vertices.
+Part part_around(std::span<const Double3> position, FaceSpan faces, std::span<const std::uint8_t> region,
+                 int rings) {
+  std::vector<std::uint8_t> reached(region.begin(), region.end());
+  std::vector<std::uint8_t> taken(faces.size(), 0);
+  for (int ring = 0; ring < rings; ++ring) {
+    std::vector<std::uint8_t> next = reached;
+    for (std::size_t f = 0; f < faces.size(); ++f) {
+      const auto& face = faces[f];
+      if (reached[face[0]] == 0 && reached[face[1]] == 0 && reached[face[2]] == 0) continue;
+      taken[f] = 1;
+      for (const std::uint32_t v : face) next[v] = 1;
+    }
+    reached.swap(next);
+  }
+  Part part;
+  std::vector<std::uint32_t> number(position.size(), 0);
+  for (std::uint32_t v = 0; v < position.size(); ++v) {
+    if (reached[v] == 0) continue;
+    number[v] = static_cast<std::uint32_t>(part.vertex.size());
+    part.vertex.push_back(v);
+    part.position.push_back(position[v]);
+    part.fixed.push_back(region[v] == 0);
+  }
+  for (std::size_t f = 0; f < faces.size(); ++f)
+    if (taken[f] != 0) part.faces.push_back({number[faces[f][0]], number[faces[f][1]], number[faces[f][2]]});
+  return part;
+}
+
+std::span<double> flat(std::vector<Double3>& positions) {
+  return {positions.front().data(), 3 * positions.size()};
+}
+
+/// One system of a sequence with the same pattern: analysed the first time only.
+bool solve_step(LinearSolver& solver, bool first, const ConstrainedSystem& system, std::span<double> values,
+                std::span<const double> load, FairingReport& report) {
+  report.unknowns = system.free_vertices.size();
+  if (first) report.factor = solver.analyse(system.matrix);
+  if (report.factor.status == SolveStatus::kSolved) report.factor = solver.factor(system.matrix);
+  if (report.factor.status != SolveStatus::kSolved) return false;
+  const std::vector<double> b = system.right_hand_side(values, 3, load);
+  std::vector<double> x(b.size());
+  report.solve = solver.solve(b, x, 3);
+  if (report.solve.status != SolveStatus::kSolved) return false;
+  system.scatter(x, values, 3);
+  return true;
+}
+
+void require_sizes(std::size_t positions, std::size_t flags, int order, int largest_order, int rounds) {
+  if (flags != positions)
+    throw UsageError(std::to_string(flags) + " flags for " + std::to_string(positions) + " vertices");
+  if (order < 1 || order > largest_order)
+    throw UsageError("an energy of order " + std::to_string(order) + " is not supported: use 1 to " +
+                     std::to_string(largest_order));
+  if (rounds < 1) throw UsageError("at least one round is needed");
+}
+
+}  // namespace
+
+FairingReport fair_region(std::span<Double3> position, FaceSpan faces, std::span<const std::uint8_t> region,
+                          const FairingOptions& options) {
+  require_sizes(position.size(), region.size(), options.order, 3, options.rounds);
+  if (std::count(region.begin(), region.end(), 0) == static_cast<std::ptrdiff_t>(region.size()))
+    throw UsageError("the region to fair has no vertex");
+  Part part = part_around(position, faces, region, options.order);
+  SolverOptions limits;
+  limits.memory_bytes = options.memory_bytes;
+  const auto solver = make_solver(SolverKind::kCholesky, limits);
+  FairingReport report;
+  for (int round = 0; round < options.rounds; ++round) {
+    const bool blind = round == 0 && options.ignore_geometry_first;
+    const Laplacian lap = laplacian({part.position, part.faces},
+                                    {.weights = blind ? LaplacianWeights::kUniform : options.weights});
+    report.degenerate_faces = lap.report.degenerate_faces;
+    const ConstrainedSystem system = laplacian_system(lap, options.order, part.fixed);
+    if (round == 0) {
+      const std::vector<std::int32_t> loose = unconstrained_pieces(system);
+      if (!loose.empty()) {
+        report.solve.status = SolveStatus::kSingular;
+        report.solve.message = std::to_string(loose.size()) +
+                               " piece(s) of the region see no fixed vertex, one holds vertex " +
+                               std::to_string(part.vertex[static_cast<std::size_t>(loose.front())]);
+        return report;
+      }
+    }
+    if (!solve_step(*solver, round == 0, system, flat(part.position), {}, report)) return report;
+  }
+  for (std::size_t v = 0; v < part.vertex.size(); ++v)
+    if (part.fixed[v] == 0) position[part.vertex[v]] = part.position[v];
+  return report;
+}
+
+FairingReport curvature_flow(std::span<Double3> position, FaceSpan faces, std::span<const std::uint8_t> fixed,
+                             const FlowOptions& options) {
+  require_sizes(position.size(), fixed.size(), options.order, 2, options.steps);
+  if (!(options.step > 0.0)) throw UsageError("the step of a flow must be positive");
+  SolverOptions limits;
+  limits.memory_bytes = options.memory_bytes;
+  const auto solver = make_solver(SolverKind::kCholesky, limits);
+  std::vector<Double3> now(position.begin(), position.end());
+  FairingReport report;
+  for (int step = 0; step < options.steps; ++step) {
+    const Laplacian lap = laplacian({now, faces}, {.weights = options.weights});
+    report.degenerate_faces = lap.report.degenerate_faces;
+    const ConstrainedSystem system = constrain(implicit_step_matrix(lap, options.step, options.order), fixed);
+    std::vector<double> load(3 * now.size());
+    for (std::size_t v = 0; v < now.size(); ++v)
+      for (std::size_t a = 0; a < 3; ++a) load[3 * v + a] = lap.mass[v] * now[v][a];
+    if (!solve_step(*solver, step == 0, system, flat(now), load, report)) return report;
+  }
+  std::copy(now.begin(), now.end(), position.begin());
+  return report;
+}
+
+}  // namespace tessera

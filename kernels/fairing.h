@@ -1,0 +1,61 @@
+/// \file fairing.h
+/// Fair surfaces by linear systems, in core: minimal-energy surfaces over a region, and implicit curvature
+/// flow. Sources: Botsch, thesis 6.2.2 and 7.2 (Delta^k f = 0 with k fixed rings); Desbrun, Meyer, Schroeder,
+/// Barr 1999.
+#pragma once
+#include <array>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "octree/lattice.h"
+#include "solvers/laplacian.h"
+#include "solvers/linear_solver.h"
+
+namespace tessera {
+
+using FaceSpan = std::span<const std::array<std::uint32_t, 3>>;
+
+struct FairingOptions {
+  int order =
+      2;  ///< 1 membrane (C0), 2 thin plate (C1), 3 minimum variation (C2): as many fixed rings join smoothly
+  int rounds =
+      1;  ///< > 1: the operator is taken anew from the surface found, analysed once; for rough first guesses
+  LaplacianWeights weights = LaplacianWeights::kClampedCotangent;
+  /// The first round takes uniform weights: for regions whose positions mean nothing yet, as of a filled
+  /// hole.
+  bool ignore_geometry_first = false;
+  std::uint64_t memory_bytes = 0;  ///< refuse a factor that is predicted to need more; 0 = no limit
+};
+
+struct FairingReport {
+  std::size_t unknowns = 0;
+  std::size_t degenerate_faces = 0;  ///< seen in the last round
+  FactorReport factor;
+  SolveReport
+      solve;  ///< kSingular where a piece of the region sees no fixed vertex: positions are then unchanged
+  bool done() const { return factor.status == SolveStatus::kSolved && solve.status == SolveStatus::kSolved; }
+};
+
+/// Moves the vertices of the region to the surface of least energy that continues the fixed rings around it.
+/// Only `order` rings of faces around the region are read. Where the region reaches a border of the mesh, the
+/// border is free (natural conditions). \param position  n; unchanged unless the report says done() \param
+/// region    n flags, 1 = free \throws UsageError   order or rounds out of range, wrong sizes, no free vertex
+/// \throws InputError   a position that is not finite
+FairingReport fair_region(std::span<Double3> position, FaceSpan faces, std::span<const std::uint8_t> region,
+                          const FairingOptions& options);
+
+struct FlowOptions {
+  double step = 0.0;  ///< of one implicit step, squared length (order 1) or its square (order 2); > 0
+  int steps = 1;
+  int order = 1;  ///< 1 mean curvature flow, 2 surface diffusion
+  LaplacianWeights weights = LaplacianWeights::kClampedCotangent;
+  std::uint64_t memory_bytes = 0;
+};
+
+/// Implicit fairing: `steps` times (M + step L) x' = M x with operators of the current surface; ordered and
+/// analysed once. Vertices with fixed != 0 stay. Same contract as fair_region().
+FairingReport curvature_flow(std::span<Double3> position, FaceSpan faces, std::span<const std::uint8_t> fixed,
+                             const FlowOptions& options);
+
+}  // namespace tessera

@@ -1,0 +1,66 @@
+/// \file parameterize.h
+/// Maps a disk-like mesh into the plane, in core.
+///
+/// conformal  minimises the Dirichlet energy with the border on a circle or square by arc length: one
+/// Laplacian system,
+///            two right-hand sides. Pinkall and Polthier 1993; Desbrun, Meyer, Alliez 2002; thesis 7.3.7.
+/// lscm       minimises the least-squares conformal energy with a free border: Dirichlet energy minus area,
+/// which is
+///            the sum over faces of the squared Cauchy-Riemann residual (Levy, Petitjean, Ray, Maillot 2002;
+///            the identity is in Pinkall and Polthier 1993). One system of twice the size; two far apart
+///            border vertices are pinned.
+#pragma once
+#include <array>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "solvers/laplacian.h"
+#include "solvers/linear_solver.h"
+
+namespace tessera {
+
+using Double2 = std::array<double, 2>;
+
+enum class ParameterMethod : std::uint8_t { kConformal, kLeastSquaresConformal };
+enum class ParameterBorder : std::uint8_t { kCircle, kSquare };
+
+struct ParameterizeOptions {
+  ParameterMethod method = ParameterMethod::kLeastSquaresConformal;
+  ParameterBorder border = ParameterBorder::kCircle;  ///< conformal only
+  bool clamp_weights =
+      false;  ///< conformal only: negative cotangents become 0; then no triangle flips (Tutte 1963)
+  std::uint64_t memory_bytes = 0;  ///< refuse a factor that is predicted to need more; 0 = no limit
+};
+
+/// How far a map is from conformal, over all faces with an area.
+struct ParameterDistortion {
+  double mean_angle_deg = 0.0;  ///< mean change of an angle
+  double largest_angle_deg = 0.0;
+  double mean_quasi_conformal = 0.0;  ///< mean, by area, of the ratio of the two stretches; 1 = conformal
+  double largest_area_ratio = 0.0;    ///< largest area scale over the mean area scale
+  std::uint64_t flipped = 0;          ///< faces with negative area in the plane
+  std::uint64_t collapsed = 0;        ///< faces with no area in the plane
+};
+
+struct ParameterizeReport {
+  std::size_t unknowns = 0;
+  std::size_t negative_weights = 0;
+  FactorReport factor;
+  SolveReport solve;
+  ParameterDistortion distortion;
+};
+
+struct Parameterization {
+  std::vector<Double2> uv;  ///< n, within [0, 1]^2, counter-clockwise faces stay so; unused vertices at 0
+  ParameterizeReport report;
+};
+
+/// \param mesh  a disk (disk_topology.h)
+/// \throws InputError     not a disk (says what it is), a vertex that is not finite, a face without an area
+/// \throws ResourceError  the factor does not fit the memory
+Parameterization parameterize(const TriangleSpan& mesh, const ParameterizeOptions& options);
+
+ParameterDistortion measure_distortion(const TriangleSpan& mesh, const std::vector<Double2>& uv);
+
+}  // namespace tessera

@@ -1,0 +1,117 @@
+#include "kernels/fairing.h"
+
+#include <catch2/catch.hpp>
+#include <cmath>
+
+#include "octree/error.h"
+#include "tests/helpers/block_meshes.h"
+
+namespace {
+
+using namespace tessera;
+
+/// Free where all coordinates are more than `rim` inside the grid of n squares.
+std::vector<std::uint8_t> inner_vertices(const MeshBlock& block, int n, int rim) {
+  std::vector<std::uint8_t> region;
+  for (const Double3& p : block.position)
+    region.push_back(p[0] > rim - 0.5 && p[0] < n - rim + 0.5 && p[1] > rim - 0.5 && p[1] < n - rim + 0.5);
+  return region;
+}
+
+/// Largest error after the inside of a unit square was faired against the rings of `height`. Heights are
+/// scaled down: the operator sees a plane.
+double worst_error(int n, int order, const std::function<double(double, double)>& height) {
+  constexpr double kScale = 1e-4;
+  MeshBlock block = test::grid_block(n, n, [&](double i, double j) { return kScale * height(i / n, j / n); });
+  const std::vector<std::uint8_t> region = inner_vertices(block, n, order);
+  for (Double3& p : block.position) p = {p[0] / n, p[1] / n, p[2]};
+  const std::vector<Double3> right = block.position;
+  for (std::size_t v = 0; v < region.size(); ++v)
+    if (region[v] != 0) block.position[v][2] = 0.0;
+  const FairingReport report = fair_region(block.position, block.faces, region, {.order = order});
+  REQUIRE(report.done());
+  double worst = 0.0;
+  for (std::size_t v = 0; v < region.size(); ++v)
+    worst = std::max(worst, std::fabs(block.position[v][2] - right[v][2]) / kScale);
+  return worst;
+}
+
+}  // namespace
+
+TEST_CASE("fairing: the order-k surface reproduces polynomials that Delta^k maps to zero", "[unit]") {
+  // Right-angled grid: the discrete Laplacian is the five-point stencil, exact for these.
+  const auto saddle = [](double x, double y) { return 1.0 + x * x - y * y + 2.0 * x * y; };
+  const auto biharmonic = [](double x, double y) { return x * x + 2.0 * y * y + x * x * x; };
+  const auto triharmonic = [](double x, double y) { return x * x * x * x + x * y * y * y; };
+  CHECK(worst_error(16, 1, saddle) < 1e-5);
+  CHECK(worst_error(16, 2, biharmonic) < 1e-5);
+  CHECK(worst_error(16, 3, triharmonic) < 1e-4);
+  CHECK(worst_error(16, 1, biharmonic) > 0.05);
+  CHECK(worst_error(16, 2, triharmonic) > 1e-3);
+}
+
+TEST_CASE("fairing: a dented sphere heals, the better the higher the order", "[unit]") {
+  MeshBlock sphere = test::sphere_block(5);
+  const std::vector<Double3> right = sphere.position;
+  std::vector<std::uint8_t> region;
+  for (Double3& p : sphere.position) {
+    region.push_back(p[2] > 0.8);
+    if (p[2] > 0.8) p[2] = 0.8;
+  }
+  std::vector<double> worst;
+  for (const int order : {1, 2, 3}) {
+    std::vector<Double3> position = sphere.position;
+    const FairingReport report = fair_region(position, sphere.faces, region, {.order = order, .rounds = 3});
+    REQUIRE(report.done());
+    CHECK(report.solve.residual < 1e-8);
+    double error = 0.0;
+    for (std::size_t v = 0; v < region.size(); ++v) {
+      const Double3& p = position[v];
+      if (region[v] == 0) CHECK(p == right[v]);
+      error = std::max(error, std::fabs(std::sqrt(p[0] * p[0] + p[1] * p[1] + p[2] * p[2]) - 1.0));
+    }
+    worst.push_back(error);
+  }
+  CHECK(worst[1] < 0.5 * worst[0]);
+  CHECK(worst[2] < worst[1]);
+  CHECK(worst[1] < 0.05);
+}
+
+TEST_CASE("fairing: a region without boundary is reported and left alone", "[unit]") {
+  MeshBlock sphere = test::sphere_block(2);
+  const std::vector<Double3> before = sphere.position;
+  const std::vector<std::uint8_t> all(before.size(), 1);
+  const FairingReport report = fair_region(sphere.position, sphere.faces, all, {});
+  CHECK_FALSE(report.done());
+  CHECK(report.solve.status == SolveStatus::kSingular);
+  CHECK(sphere.position == before);
+  CHECK_THROWS_AS(fair_region(sphere.position, sphere.faces, std::vector<std::uint8_t>(before.size(), 0), {}),
+                  UsageError);
+  CHECK_THROWS_AS(fair_region(sphere.position, sphere.faces, all, {.order = 4}), UsageError);
+}
+
+TEST_CASE("fairing: too little memory for the factor is predicted and said", "[unit]") {
+  MeshBlock block = test::grid_block(60, 60, [](double, double) { return 0.0; });
+  const std::vector<Double3> before = block.position;
+  const FairingReport report =
+      fair_region(block.position, block.faces, inner_vertices(block, 60, 2), {.memory_bytes = 10000});
+  CHECK(report.factor.status == SolveStatus::kTooLarge);
+  CHECK_FALSE(report.factor.message.empty());
+  CHECK(block.position == before);
+}
+
+TEST_CASE("fairing: curvature flow shrinks a sphere as the differential equation says", "[unit]") {
+  // dr/dt = -2/r: an implicit step of size t takes the radius r to r / (1 + 2 t / r^2).
+  MeshBlock sphere = test::sphere_block(5);
+  const double t = 0.02;
+  const FairingReport report =
+      curvature_flow(sphere.position, sphere.faces, std::vector<std::uint8_t>(sphere.position.size(), 0),
+                     {.step = t, .steps = 3});
+  REQUIRE(report.done());
+  double r = 1.0;
+  for (int step = 0; step < 3; ++step) r /= 1.0 + 2.0 * t / (r * r);
+  double mean = 0.0;
+  for (const Double3& p : sphere.position)
+    mean += std::sqrt(p[0] * p[0] + p[1] * p[1] + p[2] * p[2]) / static_cast<double>(sphere.position.size());
+  CHECK(mean == Approx(r).epsilon(0.002));
+}
