@@ -1,0 +1,28 @@
+/// \file collapse_gap.h
+/// How far a halfedge collapse moves the surface: a bound of the distance between the star before and after,
+/// both ways. Both stars are fans over the same rim, so they are graphs over one polygon; their difference
+/// along its normal is linear on the overlay of the two fans and largest at an overlay vertex.
+#pragma once
+#include <array>
+#include <cstddef>
+
+#include "kernels/collapse_mesh.h"
+#include "kernels/portable_math.h"
+
+namespace tessera {
+
+/// The rim of one side of a star as a closed loop, counter-clockwise, from the vertex that takes over.
+struct RimLoop {
+  std::size_t size = 0;
+  std::array<synth::Vec3, kMaxRing + 2> at;  ///< relative to the vertex that takes over: at[0] = 0
+};
+
+inline constexpr std::size_t kNoFlatEdge = ~std::size_t{0};
+
+/// \param apex       the removed vertex, or where the side ends on a crease or border its foot there,
+/// relative too \param flat_edge  i: the apex lies on the edge from at[i] to at[i + 1]; kNoFlatEdge: inside
+/// \param[out] gap   every point of either fan lies within it of the other fan
+/// \return false where one of the fans is no graph over the loop's polygon: the collapse would fold
+bool fan_gap(const RimLoop& loop, const synth::Vec3& apex, std::size_t flat_edge, double& gap);
+
+}  // namespace tessera

@@ -1,0 +1,158 @@
+#include "kernels/decimate.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+#include <string>
+
+#include "kernels/decimator.h"
+#include "kernels/feature_edges.h"
+#include "octree/error.h"
+
+namespace tessera {
+namespace {
+
+void check_sizes(const MeshBlock& b, const char* name) {
+  const std::size_t n = b.position.size(), m = b.faces.size();
+  if (b.key.size() != n || b.vertex_class.size() != n || (!b.rgba.empty() && b.rgba.size() != n) ||
+      (!b.normal.empty() && b.normal.size() != n) || b.face_flags.size() != m ||
+      (!b.face_bound.empty() && b.face_bound.size() != m))
+    throw InputError(std::string("decimation: arrays of different length in the ") + name);
+  if (3 * m >= kNoCorner || n >= kNoCorner)
+    throw InputError(std::string("decimation: more than a thousand million faces in the ") + name);
+  for (const auto& f : b.faces)
+    if (f[0] >= n || f[1] >= n || f[2] >= n || f[0] == f[1] || f[1] == f[2] || f[2] == f[0])
+      throw InputError(std::string("decimation: a face without three different vertices in the ") + name);
+}
+
+template <class T>
+void take(std::vector<T>& v, const std::vector<std::uint32_t>& order) {
+  if (v.empty()) return;
+  std::vector<T> out;
+  out.reserve(order.size());
+  for (const std::uint32_t i : order) out.push_back(v[i]);
+  v = std::move(out);
+}
+
+/// The flags of the edges turn with the corners.
+std::uint8_t turned_flags(std::uint8_t flags, std::size_t first) {
+  const unsigned edges = flags & 7u;
+  return static_cast<std::uint8_t>((flags & ~7u) | ((edges >> first | edges << (3 - first)) & 7u));
+}
+
+/// Keys ascending, smallest index of a face first, faces ascending; vertices without a face dropped.
+void make_canonical(MeshBlock& b) {
+  const std::size_t n = b.position.size();
+  std::vector<std::uint8_t> used(n, 0);
+  for (const auto& f : b.faces) used[f[0]] = used[f[1]] = used[f[2]] = 1;
+  std::vector<std::uint32_t> order;
+  for (std::uint32_t v = 0; v < n; ++v)
+    if (used[v]) order.push_back(v);
+  const auto by_key = [&](std::uint32_t a, std::uint32_t c) { return b.key[a] < b.key[c]; };
+  if (!std::is_sorted(order.begin(), order.end(), by_key)) std::sort(order.begin(), order.end(), by_key);
+  std::vector<std::uint32_t> place(n, 0);
+  for (std::uint32_t i = 0; i < order.size(); ++i) place[order[i]] = i;
+  for (std::size_t i = 1; i < order.size(); ++i)
+    if (b.key[order[i - 1]] == b.key[order[i]])
+      throw InputError("decimation: two vertices of the block have the key " +
+                       std::to_string(b.key[order[i]]));
+  take(b.key, order), take(b.position, order), take(b.vertex_class, order), take(b.rgba, order);
+  take(b.normal, order);
+  for (std::size_t f = 0; f < b.faces.size(); ++f) {
+    auto& t = b.faces[f];
+    for (auto& v : t) v = place[v];
+    const auto first = static_cast<std::size_t>(std::min_element(t.begin(), t.end()) - t.begin());
+    std::rotate(t.begin(), t.begin() + static_cast<std::ptrdiff_t>(first), t.end());
+    b.face_flags[f] = turned_flags(b.face_flags[f], first);
+  }
+  if (std::is_sorted(b.faces.begin(), b.faces.end())) return;
+  std::vector<std::uint32_t> faces(b.faces.size());
+  std::iota(faces.begin(), faces.end(), 0u);
+  std::sort(faces.begin(), faces.end(), [&](std::uint32_t a, std::uint32_t c) {
+    return b.faces[a] != b.faces[c] ? b.faces[a] < b.faces[c] : a < c;
+  });
+  take(b.faces, faces), take(b.face_flags, faces), take(b.face_bound, faces);
+}
+
+/// Puts what is left of the mesh into the block; positions come from the block where they did not move.
+void write_back(const CollapseMesh& mesh, const std::vector<float>& face_bound, MeshBlock& b) {
+  std::size_t kept = 0;
+  for (std::size_t f = 0; f < mesh.face_state.size(); ++f) {
+    const unsigned state = mesh.face_state[f];
+    if (state & kStateDead) continue;
+    unsigned flags = state & kStateSynthetic ? unsigned{kFaceSynthetic} : 0u;
+    if (state & kStateBorder << 0) flags |= kFaceBorder12;
+    if (state & kStateBorder << 1) flags |= kFaceBorder20;
+    if (state & kStateBorder << 2) flags |= kFaceBorder01;
+    b.faces[kept] = {mesh.vertex[3 * f], mesh.vertex[3 * f + 1], mesh.vertex[3 * f + 2]};
+    b.face_flags[kept] = static_cast<std::uint8_t>(flags);
+    b.face_bound[kept] = face_bound[f];
+    ++kept;
+  }
+  b.faces.resize(kept);
+  b.face_flags.resize(kept);
+  b.face_bound.resize(kept);
+  make_canonical(b);
+}
+
+}  // namespace
+
+void DecimateOptions::validate() const {
+  const auto need = [](bool good, const char* field, const char* range) {
+    if (!good) throw UsageError(std::string("decimation: ") + field + " must be " + range);
+  };
+  need(tolerance >= 0.0 && std::isfinite(tolerance), "tolerance", "a length of 0 or more");
+  need(max_cost_class < kCostClasses, "max_cost_class", "below 2048");
+  need(noise >= 0.0 && std::isfinite(noise), "noise", "a length of 0 or more");
+  need(feature_angle_deg >= 0.0 && feature_angle_deg <= 180.0, "feature_angle_deg", "in [0, 180]");
+  need(max_normal_turn_deg >= 0.0 && max_normal_turn_deg <= 180.0, "max_normal_turn_deg", "in [0, 180]");
+  need(min_roundness >= 0.0 && min_roundness < 1.0, "min_roundness", "in [0, 1)");
+  need(colour_weight >= 0.0 && std::isfinite(colour_weight), "colour_weight", "a length of 0 or more");
+  need(normal_weight >= 0.0 && std::isfinite(normal_weight), "normal_weight", "a length of 0 or more");
+}
+
+DecimateReport decimate(MeshBlock& block, const MeshBlock& reference, const DecimateOptions& options) {
+  options.validate();
+  check_sizes(block, "block");
+  DecimateReport report;
+  make_canonical(block);
+  block.face_bound.resize(block.faces.size(), 0.0f);
+  report.faces_in = block.faces.size();
+  report.vertices_in = block.position.size();
+  if (block.faces.empty()) return report;
+  Double3 origin = block.position[0];
+  for (const Double3& p : block.position)
+    for (std::size_t a = 0; a < 3; ++a) {
+      if (!std::isfinite(p[a])) throw InputError("decimation: a vertex without finite coordinates");
+      origin[a] = std::fmin(origin[a], p[a]);
+    }
+  CollapseMesh mesh(block, origin);
+  mark_features(mesh, block, reference, options.feature_angle_deg);
+  for (const std::uint8_t s : mesh.vertex_state) report.locked_vertices += (s & kVertexLocked) != 0;
+  Decimator decimator(mesh, block, options);
+  decimator.run(report);
+  write_back(mesh, decimator.face_bound(), block);
+  report.faces_out = block.faces.size();
+  report.vertices_out = block.position.size();
+  for (const float b : block.face_bound) report.bound = std::fmax(report.bound, static_cast<double>(b));
+  return report;
+}
+
+std::size_t decimate_bytes(std::size_t block_faces, std::size_t reference_faces) {
+  // Half a vertex per face; closed meshes have fewer, open ones hardly more. Measured by the test of the same
+  // name.
+  return block_faces * 160 + reference_faces * 64 + (1u << 20);
+}
+
+std::uint32_t cost_class_for(const std::array<std::uint64_t, kCostClasses>& histogram, std::uint64_t faces,
+                             std::uint64_t target_faces) {
+  std::uint32_t c = 0;
+  while (c + 1 < kCostClasses && faces > target_faces) {
+    faces -= std::min(faces, histogram[c]);
+    if (faces <= target_faces) break;
+    ++c;
+  }
+  return c;
+}
+
+}  // namespace tessera

@@ -1,0 +1,303 @@
+#include "kernels/decimator.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace tessera {
+namespace {
+
+using synth::Vec3;
+
+/// Rounds towards plus infinity, so that a bound stays one.
+float float_above(double v) {
+  const float f = static_cast<float>(v);
+  return static_cast<double>(f) >= v ? f : std::nextafter(f, std::numeric_limits<float>::infinity());
+}
+
+/// 4 sqrt(3) area / (sum of squared edges): 1 for the equilateral triangle, 0 for none.
+double roundness(double twice_area, double squared_edges) {
+  return squared_edges > 0.0 ? 2.0 * 1.7320508075688772 * twice_area / squared_edges : 0.0;
+}
+
+}  // namespace
+
+Decimator::Decimator(CollapseMesh& mesh, const MeshBlock& block, const DecimateOptions& options)
+    : mesh_(mesh),
+      options_(options),
+      quadric_(mesh.position.size()),
+      face_bound_(block.face_bound),
+      tried_(mesh.position.size(), 0),
+      mark_(mesh.position.size(), 0),
+      queue_(mesh.position.size()) {
+  face_bound_.resize(block.faces.size(), 0.0f);
+  accumulate_quadrics();
+}
+
+void Decimator::accumulate_quadrics() {
+  const bool uncertain = options_.priority == DecimatePriority::kProbabilistic;
+  const double noise = options_.noise > 0.0 ? options_.noise : options_.tolerance / 8.0;
+  const std::size_t m = mesh_.face_state.size();
+  for (std::uint32_t f = 0; f < m; ++f) {
+    const std::uint32_t v[3] = {mesh_.vertex[3 * f], mesh_.vertex[3 * f + 1], mesh_.vertex[3 * f + 2]};
+    const Vec3 p[3] = {at(v[0]), at(v[1]), at(v[2])};
+    const Vec3 normal = cross(p[1] - p[0], p[2] - p[0]);
+    const double twice_area = length(normal);
+    if (!(twice_area > 0.0)) continue;
+    const Vec3 n = normal * (1.0 / twice_area);
+    // A third of the area each.
+    const double weight = twice_area / 6.0;
+    const Quadric q = uncertain ? uncertain_plane_quadric(n, p[0], weight, noise * noise,
+                                                          noise * noise / (0.5 * twice_area))
+                                : plane_quadric(n, p[0], weight);
+    for (const std::uint32_t i : v) quadric_[i] += q;
+    // Borders and creases hold their line: a plane through the edge, at right angles to the face.
+    for (std::uint32_t i = 0; i < 3; ++i) {
+      const std::uint32_t c = 3 * f + i;
+      if (!mesh_.border_edge(c) && !mesh_.crease_edge(c)) continue;
+      const std::uint32_t a = (i + 1) % 3, b = (i + 2) % 3;
+      const Vec3 edge = p[b] - p[a], across = cross(edge, n);
+      const double size2 = dot(edge, edge);
+      if (!(size2 > 0.0)) continue;
+      const Quadric wall = plane_quadric(across * (1.0 / length(across)), p[a], size2);
+      quadric_[v[a]] += wall;
+      quadric_[v[b]] += wall;
+    }
+  }
+}
+
+double Decimator::cost(std::uint32_t u, std::uint32_t v) const {
+  const Vec3 p = at(u), q = at(v);
+  const double edge2 = dot(q - p, q - p);
+  if (options_.priority == DecimatePriority::kEdgeLength) return edge2;
+  const double plane = quadric_[u](q.x, q.y, q.z) + quadric_[v](q.x, q.y, q.z);
+  // In a plane all costs are 0 but for rounding: there short edges go first.
+  return std::fmax(plane, 0.0) + 1e-8 * edge2 * edge2;
+}
+
+bool Decimator::allowed_by_features(std::uint32_t u, const Star& star, std::size_t at) const {
+  const std::uint8_t state = mesh_.vertex_state[u];
+  if (mesh_.vertex_state[star.ring[at]] & kVertexPinched) return false;
+  if (state & kVertexBorder) return at == 0 || at == star.faces;  // an open fan ends in its border edges
+  if (state & kVertexCrease) return mesh_.crease_edge(prev_corner(star.corner[at]));
+  return true;
+}
+
+std::size_t Decimator::list_candidates(std::uint32_t u, const Star& star,
+                                       std::array<Candidate, kMaxRing + 1>& list) {
+  std::size_t n = 0;
+  for (std::size_t i = 0; i < star.ring_size(); ++i)
+    if (allowed_by_features(u, star, i))
+      list[n++] = {cost(u, star.ring[i]), star.ring[i], static_cast<std::uint32_t>(i)};
+  std::sort(list.begin(), list.begin() + static_cast<std::ptrdiff_t>(n),
+            [](const Candidate& a, const Candidate& b) {
+              return a.cost != b.cost ? a.cost < b.cost : a.vertex < b.vertex;
+            });
+  return n;
+}
+
+/// The rings of both ends share the third corners of the two faces at the edge (one at a border) and nothing
+/// else; no edge between two locked vertices is made, another block might make it too.
+bool Decimator::linked(std::uint32_t u, const Star& star, std::size_t at) {
+  const std::uint32_t v = star.ring[at];
+  const std::size_t k = star.faces;
+  ++stamp_;
+  for (std::size_t i = 0; i < star.ring_size(); ++i) mark_[star.ring[i]] = stamp_;
+  const bool v_locked = (mesh_.vertex_state[v] & kVertexLocked) != 0;
+  std::size_t shared = 0;
+  const std::uint32_t first = mesh_.corner[v];
+  std::uint32_t c = first;
+  for (;;) {
+    const std::uint32_t w = mesh_.vertex[next_corner(c)];
+    if (mark_[w] == stamp_) ++shared, mark_[w] = stamp_ - 1;
+    const std::uint32_t o = mesh_.opposite[next_corner(c)];
+    if (o == kNoCorner) {
+      const std::uint32_t last = mesh_.vertex[prev_corner(c)];
+      if (mark_[last] == stamp_) ++shared, mark_[last] = stamp_ - 1;
+      break;
+    }
+    c = next_corner(o);
+    if (c == first) break;
+  }
+  if (shared != (star.closed ? 2u : 1u)) return false;
+  if (v_locked)  // the marks that are left are ring vertices without an edge to v
+    for (std::size_t i = 0; i < star.ring_size(); ++i)
+      if (star.ring[i] != v && mark_[star.ring[i]] == stamp_ &&
+          (mesh_.vertex_state[star.ring[i]] & kVertexLocked))
+        return false;
+  if (star.closed) {
+    if (k < 3) return false;
+    if (k == 3) {  // of a tetrahedron the last face would double
+      const std::uint32_t outer = mesh_.opposite[star.corner[(at + 1) % 3]];
+      if (outer == kNoCorner || mesh_.vertex[outer] == v) return false;
+    }
+    return true;
+  }
+  if (k == 1) {  // an ear goes unless it is the whole component, or holds on to another block
+    if (mesh_.opposite[star.corner[0]] == kNoCorner) return false;
+  }
+  (void)u;
+  return true;
+}
+
+Decimator::Refusal Decimator::check_faces(std::uint32_t u, const Star& star, std::size_t at_ring) const {
+  const std::size_t k = star.faces, size = star.ring_size();
+  const std::uint32_t v = star.ring[at_ring];
+  const Vec3 pu = at(u), pv = at(v);
+  double worst_new = 1.0, worst_old = 1.0;
+  for (std::size_t i = 0; i < k; ++i) {
+    const std::size_t j = i + 1 < size ? i + 1 : 0;
+    const Vec3 a = at(star.ring[i]), b = at(star.ring[j]);
+    const Vec3 old_normal = cross(a - pu, b - pu);
+    const double old_area = length(old_normal), rim2 = dot(b - a, b - a);
+    worst_old = std::fmin(worst_old, roundness(old_area, rim2 + dot(a - pu, a - pu) + dot(b - pu, b - pu)));
+    if (i == at_ring || j == at_ring) continue;
+    const Vec3 new_normal = cross(a - pv, b - pv);
+    const double new_area = length(new_normal);
+    if (!(new_area > 0.0) || dot(old_normal, new_normal) < 0.2 * old_area * new_area) return Refusal::kFold;
+    worst_new = std::fmin(worst_new, roundness(new_area, rim2 + dot(a - pv, a - pv) + dot(b - pv, b - pv)));
+  }
+  if (worst_new < options_.min_roundness && worst_new < worst_old) return Refusal::kShape;
+  return Refusal::kNone;
+}
+
+/// The side of the star whose ring runs from place `from` to `to`, counter-clockwise.
+bool Decimator::add_side(const Star& star, std::uint32_t v, std::size_t from, std::size_t to, bool v_first,
+                         const Vec3& apex, double& gap) {
+  const Vec3 pv = at(v);
+  const std::size_t size = star.ring_size();
+  loop_.size = 0;
+  if (!v_first) loop_.at[loop_.size++] = {0, 0, 0};  // v comes last on this side: the loop starts with it
+  for (std::size_t i = from;; i = i + 1 < size ? i + 1 : 0) {
+    if (!(i == to && !v_first)) loop_.at[loop_.size++] = at(star.ring[i]) - pv;
+    if (i == to) break;
+  }
+  double side = 0.0;
+  if (!fan_gap(loop_, apex, v_first ? loop_.size - 1 : 0, side)) return false;
+  gap = std::fmax(gap, side);
+  return true;
+}
+
+Decimator::Refusal Decimator::check_gap(std::uint32_t u, const Star& star, std::size_t at_ring) {
+  const std::uint32_t v = star.ring[at_ring];
+  const std::size_t size = star.ring_size();
+  const Vec3 pu = at(u), pv = at(v);
+  double gap = 0.0;
+  const std::uint8_t state = mesh_.vertex_state[u];
+  if (state & (kVertexBorder | kVertexCrease)) {
+    // Along a line: the line's vertex first moves to its foot on the new edge, then each side for itself.
+    std::size_t far = 0;
+    if (state & kVertexBorder) {
+      far = at_ring == 0 ? star.faces : 0;
+    } else {
+      for (std::size_t i = 0; i < star.faces; ++i)
+        if (i != at_ring && mesh_.crease_edge(prev_corner(star.corner[i]))) far = i;
+    }
+    const Vec3 edge = at(star.ring[far]) - pv, from = pu - pv;
+    const double size2 = dot(edge, edge);
+    if (!(size2 > 0.0)) return Refusal::kFold;
+    const Vec3 foot = edge * synth::clamp(dot(from, edge) / size2, 0.0, 1.0);
+    if (at_ring != size - 1 || star.closed || (state & kVertexCrease)) {
+      if (!add_side(star, v, at_ring, far, true, foot, gap)) return Refusal::kFold;
+    }
+    if (state & kVertexCrease || at_ring != 0) {
+      if (!add_side(star, v, far, at_ring, false, foot, gap)) return Refusal::kFold;
+    }
+    gap += length(from - foot);
+  } else {
+    loop_.size = 0;
+    for (std::size_t n = 0, i = at_ring; n < size; ++n, i = i + 1 < size ? i + 1 : 0)
+      loop_.at[loop_.size++] = at(star.ring[i]) - pv;
+    if (!fan_gap(loop_, pu - pv, kNoFlatEdge, gap)) return Refusal::kFold;
+  }
+  double bound = 0.0;
+  for (std::size_t i = 0; i < star.faces; ++i)
+    bound = std::fmax(bound, static_cast<double>(face_bound_[star.corner[i] / 3]));
+  new_bound_ = float_above(bound + gap * (1.0 + 1e-12));
+  if (options_.tolerance > 0.0 && !(static_cast<double>(new_bound_) <= options_.tolerance))
+    return Refusal::kTolerance;
+  return Refusal::kNone;
+}
+
+Decimator::Refusal Decimator::check(std::uint32_t u, const Star& star, std::size_t at_ring) {
+  if (!linked(u, star, at_ring)) return Refusal::kLink;
+  const Refusal faces = check_faces(u, star, at_ring);
+  if (faces != Refusal::kNone) return faces;
+  return check_gap(u, star, at_ring);
+}
+
+void Decimator::commit(std::uint32_t u, const Star& star, std::size_t at_ring, std::uint32_t now) {
+  const std::uint32_t v = star.ring[at_ring];
+  for (std::size_t i = 0; i < star.faces; ++i) face_bound_[star.corner[i] / 3] = new_bound_;
+  quadric_[v] += quadric_[u];
+  mesh_.collapse(star, at_ring);
+  // Whoever was refused near here gets another chance; those in the queue are looked at anyway.
+  const auto wake = [&](std::uint32_t w) {
+    tried_[w] = 0;
+    if (!queue_.contains(w) && !(mesh_.vertex_state[w] & (kVertexLocked | kVertexFixed | kVertexDead)))
+      queue_.push(w, now);
+  };
+  const std::uint32_t first = mesh_.corner[v];
+  wake(v);
+  std::uint32_t c = first;
+  for (;;) {
+    wake(mesh_.vertex[next_corner(c)]);
+    const std::uint32_t o = mesh_.opposite[next_corner(c)];
+    if (o == kNoCorner) {
+      wake(mesh_.vertex[prev_corner(c)]);
+      break;
+    }
+    c = next_corner(o);
+    if (c == first) break;
+  }
+}
+
+void Decimator::seed_queue() {
+  std::array<Candidate, kMaxRing + 1> list;
+  Star star;
+  for (std::uint32_t u = 0; u < mesh_.position.size(); ++u) {
+    if (mesh_.vertex_state[u] & (kVertexLocked | kVertexFixed | kVertexDead)) continue;
+    if (!mesh_.gather(u, star)) continue;
+    if (list_candidates(u, star, list) > 0) queue_.push(u, cost_class(list[0].cost, kCostClasses));
+  }
+}
+
+void Decimator::run(DecimateReport& report) {
+  seed_queue();
+  std::array<Candidate, kMaxRing + 1> list;
+  Star star;
+  std::uint32_t u = 0, now = 0;
+  while (queue_.pop(u, now)) {
+    if (now > options_.max_cost_class) {
+      report.stop = DecimateStop::kCostLimit;
+      break;
+    }
+    if ((mesh_.vertex_state[u] & kVertexDead) || !mesh_.gather(u, star)) continue;
+    const std::size_t n = list_candidates(u, star, list);
+    for (std::size_t i = 0; i < n; ++i) {
+      const std::uint32_t cls = cost_class(list[i].cost, kCostClasses);
+      if (cls < tried_[u]) continue;
+      if (cls > now) {
+        tried_[u] = static_cast<std::uint16_t>(cls);
+        queue_.push(u, cls);
+        break;
+      }
+      ++report.candidates;
+      const Refusal refusal = check(u, star, list[i].at);
+      if (refusal == Refusal::kNone) {
+        commit(u, star, list[i].at, now);
+        ++report.collapses;
+        const bool closed = star.closed;
+        report.cost_histogram[now] += closed ? 2 : 1;
+        break;
+      }
+      report.by_link += refusal == Refusal::kLink;
+      report.by_fold += refusal == Refusal::kFold;
+      report.by_shape += refusal == Refusal::kShape;
+      report.by_normal += refusal == Refusal::kNormal;
+      report.by_tolerance += refusal == Refusal::kTolerance;
+    }
+  }
+}
+
+}  // namespace tessera

@@ -1,0 +1,61 @@
+/// \file decimator.h
+/// The greedy loop of decimate(): candidates by cost class, binary legality, collapse. See decimate.h.
+#pragma once
+#include <vector>
+
+#include "kernels/collapse_gap.h"
+#include "kernels/collapse_mesh.h"
+#include "kernels/cost_queue.h"
+#include "kernels/decimate.h"
+#include "kernels/quadric.h"
+
+namespace tessera {
+
+class Decimator {
+ public:
+  /// \pre  block is canonical; features are marked in `mesh`
+  Decimator(CollapseMesh& mesh, const MeshBlock& block, const DecimateOptions& options);
+
+  void run(DecimateReport& report);
+
+  const std::vector<float>& face_bound() const { return face_bound_; }
+
+ private:
+  enum class Refusal : std::uint8_t { kNone, kFeature, kLink, kFold, kShape, kNormal, kTolerance };
+  struct Candidate {
+    double cost;
+    std::uint32_t vertex;
+    std::uint32_t at;  ///< place in the ring
+  };
+
+  void accumulate_quadrics();
+  void seed_queue();
+  std::size_t list_candidates(std::uint32_t u, const Star& star, std::array<Candidate, kMaxRing + 1>& list);
+  double cost(std::uint32_t u, std::uint32_t v) const;
+  bool allowed_by_features(std::uint32_t u, const Star& star, std::size_t at) const;
+  Refusal check(std::uint32_t u, const Star& star, std::size_t at);
+  bool linked(std::uint32_t u, const Star& star, std::size_t at);
+  Refusal check_faces(std::uint32_t u, const Star& star, std::size_t at) const;
+  Refusal check_gap(std::uint32_t u, const Star& star, std::size_t at);
+  bool add_side(const Star& star, std::uint32_t v, std::size_t from, std::size_t to, bool v_first,
+                const synth::Vec3& apex, double& gap);
+  void commit(std::uint32_t u, const Star& star, std::size_t at, std::uint32_t cost_class_now);
+
+  synth::Vec3 at(std::uint32_t v) const {
+    const Double3& p = mesh_.position[v];
+    return {p[0], p[1], p[2]};
+  }
+
+  CollapseMesh& mesh_;
+  const DecimateOptions& options_;
+  std::vector<Quadric> quadric_;
+  std::vector<float> face_bound_;
+  std::vector<std::uint16_t> tried_;  ///< candidates below this class failed with the star as it is
+  std::vector<std::uint32_t> mark_;
+  std::uint32_t stamp_ = 0;
+  CostQueue<kCostClasses> queue_;
+  RimLoop loop_;
+  float new_bound_ = 0.0f;  ///< of the candidate that check() just accepted
+};
+
+}  // namespace tessera

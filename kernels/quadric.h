@@ -1,0 +1,53 @@
+/// \file quadric.h
+/// Squared distance to weighted planes as a quadratic form, plain or with uncertain planes.
+/// Sources: Garland and Heckbert 1997; Trettner and Kobbelt, "Fast and Robust QEM Minimization using
+/// Probabilistic Quadrics", 2020, equation 12 (isotropic noise of the position and of the normal).
+#pragma once
+#include "kernels/portable_math.h"
+
+namespace tessera {
+
+/// q(x) = x'Ax - 2 b'x + c, with A symmetric. Sums of quadrics are exact in the sense of their order only:
+/// add in a fixed order.
+struct Quadric {
+  double xx = 0, xy = 0, xz = 0, yy = 0, yz = 0, zz = 0;
+  double bx = 0, by = 0, bz = 0, c = 0;
+
+  Quadric& operator+=(const Quadric& o) {
+    xx += o.xx, xy += o.xy, xz += o.xz, yy += o.yy, yz += o.yz, zz += o.zz;
+    bx += o.bx, by += o.by, bz += o.bz, c += o.c;
+    return *this;
+  }
+  double operator()(double x, double y, double z) const {
+    const double ax = xx * x + xy * y + xz * z - 2.0 * bx;
+    const double ay = xy * x + yy * y + yz * z - 2.0 * by;
+    const double az = xz * x + yz * y + zz * z - 2.0 * bz;
+    return ax * x + ay * y + az * z + c;
+  }
+};
+
+/// \param normal  unit length
+inline Quadric plane_quadric(const synth::Vec3& normal, const synth::Vec3& point, double weight) {
+  const double d = synth::dot(normal, point);
+  const synth::Vec3 w = normal * weight;
+  return {w.x * normal.x, w.x * normal.y, w.x * normal.z, w.y * normal.y, w.y * normal.z,
+          w.z * normal.z, w.x * d,        w.y * d,        w.z * d,        weight * d * d};
+}
+
+/// Expected squared distance to a plane whose point and normal are off by independent normal variates.
+/// \param position_variance  per coordinate, squared scan units
+/// \param normal_variance    per coordinate, no unit
+inline Quadric uncertain_plane_quadric(const synth::Vec3& normal, const synth::Vec3& point, double weight,
+                                       double position_variance, double normal_variance) {
+  Quadric q = plane_quadric(normal, point, weight);
+  const double wn = weight * normal_variance;
+  q.xx += wn, q.yy += wn, q.zz += wn;
+  q.bx += wn * point.x, q.by += wn * point.y, q.bz += wn * point.z;
+  q.c += wn * synth::dot(point, point) + weight * position_variance * (1.0 + 3.0 * normal_variance);
+  return q;
+}
+
+/// The minimum of q. \return false where it is not well determined (the condition number is above 1e6)
+bool quadric_minimum(const Quadric& q, synth::Vec3& minimum);
+
+}  // namespace tessera
