@@ -1,0 +1,192 @@
+#include "kernels/hole_filling.h"
+
+#include <algorithm>
+#include <cassert>
+#include <cmath>
+
+#include "kernels/hole_mesh.h"
+#include "kernels/hole_triangulation.h"
+#include "kernels/vector3.h"
+#include "solvers/envelope_cholesky.h"
+#include "solvers/sparse_matrix.h"
+
+namespace tessera {
+namespace {
+
+/// Below this mean cosine at the rim the patch folds back over the faces it should continue. A cap on a tube
+/// has 0, the outside of a flat piece -1.
+constexpr double kLeastRimCosine = -0.4;
+/// Slivers must not own the energy: bounds of the cotangents, and of the area under a hinge in squared edges.
+constexpr double kMostCotangent = 10.0;
+constexpr double kLeastArea = 0.05;
+constexpr int kRelaxRounds = 12;
+/// The coefficients of the energy come from the shape it changes; a second time they fit.
+constexpr int kBendRounds = 2;
+/// More than this in the envelope is not factored (kHoleBytes); longer edges inside bring it down.
+constexpr std::uint64_t kMostEnvelope = 8'000'000;
+
+/// Length of the rim's edges, root mean square: slivers count little.
+double rim_edge(const HoleLoop& loop) {
+  double sum = 0.0;
+  const std::size_t n = loop.position.size();
+  for (std::size_t i = 0; i < n; ++i) {
+    const Double3 d = loop.position[(i + 1) % n] - loop.position[i];
+    sum += dot(d, d);
+  }
+  return std::sqrt(sum / static_cast<double>(n));
+}
+
+double area_of(const HoleLoop& loop, const std::vector<std::array<std::uint32_t, 3>>& faces) {
+  double sum = 0.0;
+  for (const auto& f : faces) {
+    const Double3& a = loop.position[f[0]];
+    sum += 0.5 * norm(cross(loop.position[f[1]] - a, loop.position[f[2]] - a));
+  }
+  return sum;
+}
+
+double cotangent(const Double3& a, const Double3& b) {
+  const double c = dot(a, b), s = norm(cross(a, b));
+  if (!(std::fabs(c) < kMostCotangent * s)) return c < 0.0 ? -kMostCotangent : kMostCotangent;
+  return c / s;
+}
+
+/// Bending energy of one edge: (weight / 2) |sum_k factor[k] x_k|^2 over its two ends and the two corners
+/// opposite.
+struct Hinge {
+  std::array<std::uint32_t, 4> vertex;
+  std::array<double, 4> factor;
+  double weight = 0.0;
+};
+
+/// x0, x1 the edge, x2 and x3 the corners opposite. Zero for four points in a plane.
+Hinge make_hinge(const std::array<std::uint32_t, 4>& vertex, const std::vector<Double3>& x, double edge) {
+  const Double3 &x0 = x[vertex[0]], &x1 = x[vertex[1]], &x2 = x[vertex[2]], &x3 = x[vertex[3]];
+  const double c01 = cotangent(x1 - x0, x2 - x0), c02 = cotangent(x1 - x0, x3 - x0);
+  const double c03 = cotangent(x0 - x1, x2 - x1), c04 = cotangent(x0 - x1, x3 - x1);
+  const double area = 0.5 * (norm(cross(x1 - x0, x2 - x0)) + norm(cross(x1 - x0, x3 - x0)));
+  return {
+      vertex, {c03 + c04, c01 + c02, -c01 - c03, -c02 - c04}, 3.0 / std::max(area, kLeastArea * edge * edge)};
+}
+
+/// Inner edges of the patch and its rim; the rim's fourth vertices are those of well-shaped triangles that
+/// continue the mesh, appended to `x` behind the patch's own.
+std::vector<Hinge> make_hinges(const HoleMesh& mesh, const std::vector<Double3>& rim_normal, double edge,
+                               std::vector<Double3>& x) {
+  std::vector<Hinge> hinges;
+  const auto& triangles = mesh.triangles();
+  for (std::uint32_t t = 0; t < triangles.size(); ++t) {
+    for (std::uint32_t e = 0; e < 3; ++e) {
+      const auto& v = triangles[t].vertex;
+      const std::uint32_t a = v[e], b = v[(e + 1) % 3], c = v[(e + 2) % 3], u = triangles[t].neighbour[e];
+      if (u == HoleMesh::kRim) {
+        const Double3 out =
+            unit_or_zero(cross(x[b] - x[a], rim_normal[a]));  // the rim's edge a runs to a + 1
+        x.push_back((x[a] + x[b]) * 0.5 + out * (0.866 * edge));
+        hinges.push_back(make_hinge({a, b, c, static_cast<std::uint32_t>(x.size() - 1)}, x, edge));
+      } else if (t < u) {
+        const auto& w = triangles[u].vertex;
+        std::uint32_t d = 0;
+        for (const std::uint32_t k : w)
+          if (k != a && k != b) d = k;
+        hinges.push_back(make_hinge({a, b, c, d}, x, edge));
+      }
+    }
+  }
+  return hinges;
+}
+
+struct Term {
+  std::uint32_t row, column, hinge;
+  double value;
+};
+
+/// Moves vertices [first, last) of x to the least energy, the others fixed. False if the system is too large
+/// or not definite; then x stays.
+bool minimise(const std::vector<Hinge>& hinges, std::uint32_t first, std::uint32_t last,
+              std::vector<Double3>& x) {
+  const std::uint32_t n = last - first;
+  std::vector<Double3> right(n);
+  std::vector<Term> terms;
+  for (std::uint32_t h = 0; h < hinges.size(); ++h) {
+    const Hinge& hinge = hinges[h];
+    for (std::size_t i = 0; i < 4; ++i) {
+      if (hinge.vertex[i] < first || hinge.vertex[i] >= last) continue;
+      const std::uint32_t row = hinge.vertex[i] - first;
+      for (std::size_t j = 0; j < 4; ++j) {
+        const double q = hinge.weight * hinge.factor[i] * hinge.factor[j];
+        const std::uint32_t v = hinge.vertex[j];
+        if (v >= first && v < last)
+          terms.push_back({row, v - first, h, q});
+        else
+          right[row] = right[row] - x[v] * q;
+      }
+    }
+  }
+  std::sort(terms.begin(), terms.end(), [](const Term& a, const Term& b) {
+    return std::array{a.row, a.column, a.hinge} < std::array{b.row, b.column, b.hinge};
+  });
+  SparseMatrix matrix;
+  matrix.rows = matrix.columns = static_cast<std::int32_t>(n);
+  matrix.start.assign(n + std::size_t{1}, 0);
+  for (std::size_t i = 0; i < terms.size(); ++i) {
+    if (i > 0 && terms[i].row == terms[i - 1].row && terms[i].column == terms[i - 1].column) {
+      matrix.value.back() += terms[i].value;
+      continue;
+    }
+    matrix.column.push_back(static_cast<std::int32_t>(terms[i].column));
+    matrix.value.push_back(terms[i].value);
+    ++matrix.start[terms[i].row + std::size_t{1}];
+  }
+  std::vector<Term>().swap(terms);
+  for (std::size_t r = 0; r < n; ++r) matrix.start[r + 1] += matrix.start[r];
+  EnvelopeCholesky solver(matrix);
+  if (solver.envelope() > kMostEnvelope || !solver.factor(matrix)) return false;
+  std::vector<double> axis(n);
+  for (std::size_t a = 0; a < 3; ++a) {
+    for (std::size_t v = 0; v < n; ++v) axis[v] = right[v][a];
+    solver.solve(axis);
+    for (std::size_t v = 0; v < n; ++v) x[first + v][a] = axis[v];
+  }
+  return true;
+}
+
+}  // namespace
+
+HoleFilling fill_hole(const HoleLoop& loop) {
+  const auto n = static_cast<std::uint32_t>(loop.position.size());
+  assert(n >= 3 && n <= kMostHoleEdges && loop.opposite.size() == n);
+  const std::vector<Double3> rim_normal = rim_normals(loop);
+  const HoleTriangulation start = triangulate_hole(loop, rim_normal);
+  HoleFilling out;
+  if (start.faces.empty()) {
+    out.outcome = HoleOutcome::kTaken;
+    return out;
+  }
+  if (start.rim_cosine < kLeastRimCosine) {
+    out.outcome = HoleOutcome::kOuter;
+    return out;
+  }
+  // Triangles with edges of length e cover sqrt(3)/4 e^2, and there are two of them to a vertex.
+  const double rim = rim_edge(loop);
+  const double edge = std::max(
+      rim, std::sqrt(area_of(loop, start.faces) / (0.866 * 0.75 * static_cast<double>(kMostHoleVertices))));
+  HoleMesh mesh(loop, start.faces);
+  mesh.refine(edge, kMostHoleVertices);
+  mesh.relax(kRelaxRounds);
+  const auto all = static_cast<std::uint32_t>(mesh.positions().size());
+  for (int round = 0; round < kBendRounds && all > n; ++round) {
+    std::vector<Double3> x = mesh.positions();
+    const std::vector<Hinge> hinges = make_hinges(mesh, rim_normal, rim, x);
+    out.fair = minimise(hinges, n, all, x);
+    if (!out.fair) break;
+    x.resize(all);
+    mesh.positions() = std::move(x);
+  }
+  out.position.assign(mesh.positions().begin() + n, mesh.positions().end());
+  if (!mesh.colours().empty()) out.rgba.assign(mesh.colours().begin() + n, mesh.colours().end());
+  for (const HoleMesh::Triangle& t : mesh.triangles()) out.faces.push_back(t.vertex);
+  return out;
+}
+
+}  // namespace tessera

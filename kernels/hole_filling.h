@@ -1,0 +1,56 @@
+/// \file hole_filling.h
+/// Closes one boundary loop of a mesh by a smooth patch.
+/// Sources: Barequet, Sharir, "Filling gaps in the boundary of a polyhedron", 1995, and Liepa, "Filling holes
+/// in meshes", 2003 (least largest dihedral angle, then least area; refinement to the density of the rim;
+/// fairing of second order); Bergou, Wardetzky, Harmon, Zorin, Grinspun, "A quadratic bending model for
+/// inextensible surfaces", 2006 (the thin-plate energy, which meets the rim tangentially through the faces
+/// beyond it).
+///
+/// Passes: triangulate the loop (hole_triangulation.h); split and flip (hole_mesh.h) until edges are as long
+/// as those of the rim; relax; minimise the bending of all inner edges and of the rim.
+#pragma once
+#include <array>
+#include <cstdint>
+#include <vector>
+
+#include "octree/lattice.h"
+
+namespace tessera {
+
+/// A loop of n >= 3 border edges, in the order in which the faces of the filling run along it: against the
+/// faces of the mesh. Lengths in any unit; positions near the origin keep the arithmetic exact enough.
+struct HoleLoop {
+  std::vector<Double3> position;    ///< n
+  std::vector<Double3> opposite;    ///< n: third vertex of the mesh's face at the edge from i to i + 1
+  std::vector<std::uint32_t> rgba;  ///< n, or empty
+  /// Edges of the mesh between vertices of the loop that do not follow each other, low < high, ascending.
+  std::vector<std::array<std::uint32_t, 2>> taken;
+};
+
+inline constexpr std::uint32_t kMostHoleEdges = 1000;  ///< the triangulation takes the cube of it in time
+inline constexpr std::uint32_t kMostHoleVertices =
+    12'000;  ///< new ones; larger holes get longer edges inside
+inline constexpr std::uint64_t kHoleBytes = std::uint64_t{96} << 20;  ///< the most that fill_hole() allocates
+
+enum class HoleOutcome : std::uint8_t {
+  kFilled,
+  kTaken,  ///< every triangulation needs an edge that the mesh has already
+  kOuter,  ///< the patch would fold back over the rim's faces: this is the outside of a piece, not a hole in
+           ///< it
+};
+
+struct HoleFilling {
+  HoleOutcome outcome = HoleOutcome::kFilled;
+  bool fair = true;  ///< false: the bending could not be minimised (a degenerate patch); it is a membrane then
+  std::vector<Double3> position;    ///< new vertices, none on the rim
+  std::vector<std::uint32_t> rgba;  ///< theirs, or empty
+  /// Counter-clockwise from outside; indices below n are the loop's, others n + new vertex. Canonical: a pure
+  /// function of the loop.
+  std::vector<std::array<std::uint32_t, 3>> faces;
+};
+
+/// \pre 3 <= n <= kMostHoleEdges, no two neighbours of the loop at one place
+/// \post filled: the faces together are a disk bounded by the loop; no inner edge is in `taken`
+HoleFilling fill_hole(const HoleLoop& loop);
+
+}  // namespace tessera

@@ -1,0 +1,102 @@
+#include "kernels/hole_triangulation.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "kernels/vector3.h"
+
+namespace tessera {
+namespace {
+
+constexpr double kForbidden = 1e300;
+
+/// Best triangulation of the polygon from vertex i to vertex j > i, closed by their chord.
+struct Cell {
+  double bend = 0.0;  ///< largest 1 - cosine between neighbouring faces, the chord left out
+  double area = 0.0;
+  Double3 normal{};  ///< of the face at the chord
+  std::uint32_t apex = 0;
+};
+
+double bend_between(const Double3& a, const Double3& b) {
+  return 1.0 - dot(a, b);
+}
+
+}  // namespace
+
+std::vector<Double3> rim_normals(const HoleLoop& loop) {
+  const std::size_t n = loop.position.size();
+  std::vector<Double3> face(n), out(n);
+  for (std::size_t i = 0; i < n; ++i) {
+    const Double3& p = loop.position[i];
+    face[i] = cross(p - loop.position[(i + 1) % n], loop.opposite[i] - loop.position[(i + 1) % n]);
+  }
+  constexpr std::size_t kReach = 2;
+  for (std::size_t i = 0; i < n; ++i) {
+    Double3 sum{};
+    for (std::size_t k = 0; k <= 2 * kReach; ++k) sum = sum + face[(i + n * kReach + k - kReach) % n];
+    out[i] = unit_or_zero(sum);
+  }
+  return out;
+}
+
+HoleTriangulation triangulate_hole(const HoleLoop& loop, const std::vector<Double3>& rim_normal) {
+  const std::size_t n = loop.position.size();
+  const std::vector<Double3>& p = loop.position;
+  std::vector<Cell> cells(n * n);
+  const auto at = [&](std::size_t i, std::size_t j) -> Cell& { return cells[i * n + j]; };
+  for (std::size_t i = 0; i + 1 < n; ++i) at(i, i + 1).normal = rim_normal[i];
+  for (std::size_t span = 2; span < n; ++span) {
+    for (std::size_t i = 0; i + span < n; ++i) {
+      const std::size_t j = i + span;
+      Cell& best = at(i, j);
+      best.bend = best.area = kForbidden;
+      const std::array<std::uint32_t, 2> chord = {static_cast<std::uint32_t>(i),
+                                                  static_cast<std::uint32_t>(j)};
+      const bool closing = span + 1 == n;
+      if (!closing && std::binary_search(loop.taken.begin(), loop.taken.end(), chord)) continue;
+      for (std::size_t k = i + 1; k < j; ++k) {
+        const Cell& left = at(i, k);
+        const Cell& right = at(k, j);
+        double bend = std::max(left.bend, right.bend);
+        if (bend > best.bend || bend == kForbidden) continue;
+        const Double3 normal2 = cross(p[k] - p[i], p[j] - p[i]);
+        const double twice = std::sqrt(dot(normal2, normal2));
+        const Double3 normal = twice > 0.0 ? normal2 * (1.0 / twice) : Double3{};
+        bend = std::max({bend, bend_between(normal, left.normal), bend_between(normal, right.normal)});
+        if (closing) bend = std::max(bend, bend_between(normal, rim_normal[n - 1]));
+        const double area = left.area + right.area + twice;
+        if (bend < best.bend || (bend == best.bend && area < best.area))
+          best = {bend, area, normal, static_cast<std::uint32_t>(k)};
+      }
+    }
+  }
+  HoleTriangulation out;
+  if (at(0, n - 1).bend == kForbidden) return out;
+  double length_sum = 0.0, cosine_sum = 0.0;
+  const auto rim = [&](std::size_t edge, const Double3& normal) {
+    const Double3 along = p[(edge + 1) % n] - p[edge];
+    const double length = std::sqrt(dot(along, along));
+    length_sum += length;
+    cosine_sum += length * dot(normal, rim_normal[edge]);
+  };
+  std::vector<std::array<std::size_t, 2>> open = {{0, n - 1}};
+  rim(n - 1, at(0, n - 1).normal);
+  while (!open.empty()) {
+    const auto [i, j] = open.back();
+    open.pop_back();
+    const std::size_t k = at(i, j).apex;
+    out.faces.push_back(
+        {static_cast<std::uint32_t>(i), static_cast<std::uint32_t>(k), static_cast<std::uint32_t>(j)});
+    for (const std::array<std::size_t, 2> side : {std::array<std::size_t, 2>{k, j}, {i, k}}) {
+      if (side[1] - side[0] == 1)
+        rim(side[0], at(i, j).normal);
+      else
+        open.push_back(side);
+    }
+  }
+  out.rim_cosine = length_sum > 0.0 ? cosine_sum / length_sum : 1.0;
+  return out;
+}
+
+}  // namespace tessera

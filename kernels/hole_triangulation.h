@@ -1,0 +1,27 @@
+/// \file hole_triangulation.h
+/// Triangulation of a closed polygon in space: least largest dihedral angle first, then least area.
+/// Source: Barequet, Sharir 1995; Liepa 2003.
+#pragma once
+#include <array>
+#include <cstdint>
+#include <vector>
+
+#include "kernels/hole_filling.h"
+
+namespace tessera {
+
+struct HoleTriangulation {
+  std::vector<std::array<std::uint32_t, 3>> faces;  ///< n - 2, or none when every one needs a taken edge
+  /// Cosine between the normals of the faces on both sides of the rim, mean weighted by length: 1 goes
+  /// straight on, -1 folds back.
+  double rim_cosine = 1.0;
+};
+
+/// Unit normals of the mesh's faces along the loop, averaged along it over two edges to each side: single
+/// faces at a border are slivers too often. Zero where there is none.
+std::vector<Double3> rim_normals(const HoleLoop& loop);
+
+/// Ties go to the lower vertex. \cost time O(n^3), memory 44 n^2 bytes
+HoleTriangulation triangulate_hole(const HoleLoop& loop, const std::vector<Double3>& rim_normal);
+
+}  // namespace tessera

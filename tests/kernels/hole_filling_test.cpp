@@ -1,0 +1,186 @@
+#include <algorithm>
+#include <catch2/catch.hpp>
+#include <cmath>
+#include <map>
+#include <set>
+
+#include "kernels/hole_filling.h"
+#include "kernels/vector3.h"
+#include "solvers/envelope_cholesky.h"
+#include "tests/helpers/random.h"
+
+using namespace tessera;
+
+namespace {
+
+constexpr double kTau = 6.283185307179586;
+
+/// A loop at height z(r) of a body around the z axis, seen from above; `step` leads along the surface away
+/// from it.
+template <class Surface>
+HoleLoop ring(std::size_t n, double radius, double step, const Surface& z) {
+  HoleLoop loop;
+  for (std::size_t i = 0; i < n; ++i) {
+    const double a = kTau * static_cast<double>(i) / static_cast<double>(n);
+    const double b = kTau * (static_cast<double>(i) + 0.5) / static_cast<double>(n);
+    loop.position.push_back({radius * std::cos(a), radius * std::sin(a), z(radius)});
+    loop.opposite.push_back({(radius + step) * std::cos(b), (radius + step) * std::sin(b), z(radius + step)});
+  }
+  return loop;
+}
+
+/// Every inner edge twice, in opposite directions; the loop's edges once, in its own; a disk.
+void require_disk(const HoleLoop& loop, const HoleFilling& f) {
+  const auto n = static_cast<std::uint32_t>(loop.position.size());
+  std::map<std::pair<std::uint32_t, std::uint32_t>, int> count;
+  for (const auto& t : f.faces)
+    for (std::size_t e = 0; e < 3; ++e) ++count[{t[e], t[(e + 1) % 3]}];
+  std::size_t open = 0;
+  for (const auto& [edge, times] : count) {
+    REQUIRE(times == 1);
+    REQUIRE(edge.first < n + f.position.size());
+    if (count.count({edge.second, edge.first})) continue;
+    ++open;
+    REQUIRE(edge.second == (edge.first + 1) % n);
+  }
+  REQUIRE(open == n);
+  REQUIRE(f.faces.size() == n - 2 + 2 * f.position.size());  // Euler
+}
+
+}  // namespace
+
+TEST_CASE("hole filling: a flat hole stays flat, with edges like the rim's", "[unit]") {
+  const HoleLoop loop = ring(48, 8.0, 1.0, [](double) { return 3.0; });
+  const HoleFilling f = fill_hole(loop);
+  REQUIRE(f.outcome == HoleOutcome::kFilled);
+  CHECK(f.fair);
+  require_disk(loop, f);
+  const double edge = kTau * 8.0 / 48;
+  const double even = 3.14159 * 64 / (0.866 * edge * edge);
+  CHECK(static_cast<double>(f.position.size()) > 0.6 * even);
+  CHECK(static_cast<double>(f.position.size()) < 1.5 * even);
+  for (const Double3& p : f.position) {
+    CHECK(std::abs(p[2] - 3.0) < 1e-9);
+    CHECK(std::hypot(p[0], p[1]) < 8.0);
+  }
+}
+
+TEST_CASE("hole filling: the cap of a sphere comes back from its rim", "[unit]") {
+  // A cap of 45 degrees, 2.9 high: the flat patch is off by all of that.
+  const double r = 10.0;
+  const auto z = [&](double x) { return std::sqrt(r * r - x * x); };
+  const HoleLoop loop = ring(64, r * std::sin(kTau / 8), 0.5, z);
+  const HoleFilling f = fill_hole(loop);
+  REQUIRE(f.outcome == HoleOutcome::kFilled);
+  require_disk(loop, f);
+  double worst = 0.0;
+  for (const Double3& p : f.position) worst = std::max(worst, std::abs(norm(p) - r));
+  CHECK(worst < 0.45);
+  CHECK(worst > 0.0);
+}
+
+TEST_CASE("hole filling: a saddle's rim is met smoothly", "[unit]") {
+  // z = x y / 12 is nearly of least bending, so the patch must follow it closely.
+  const auto z = [](const Double3& p) { return p[0] * p[1] / 12.0; };
+  HoleLoop loop = ring(60, 6.0, 0.6, [](double) { return 0.0; });
+  for (Double3& p : loop.position) p[2] = z(p);
+  for (Double3& p : loop.opposite) p[2] = z(p);
+  const HoleFilling f = fill_hole(loop);
+  REQUIRE(f.outcome == HoleOutcome::kFilled);
+  require_disk(loop, f);
+  for (const Double3& p : f.position) CHECK(std::abs(p[2] - z(p)) < 0.12);
+}
+
+TEST_CASE("hole filling: small loops, edges that are taken, the outside of a piece", "[unit]") {
+  HoleLoop square = ring(4, 1.0, 0.7, [](double) { return 0.0; });
+  HoleFilling f = fill_hole(square);
+  REQUIRE(f.outcome == HoleOutcome::kFilled);
+  require_disk(square, f);
+  // One diagonal taken: the other; both: none.
+  square.taken = {{0, 2}};
+  f = fill_hole(square);
+  REQUIRE(f.outcome == HoleOutcome::kFilled);
+  require_disk(square, f);
+  for (const auto& t : f.faces)
+    CHECK_FALSE((std::count(t.begin(), t.end(), 0u) == 1 && std::count(t.begin(), t.end(), 2u) == 1));
+  square.taken = {{0, 2}, {1, 3}};
+  CHECK(fill_hole(square).outcome == HoleOutcome::kTaken);
+  // The border of a flat disk: its faces lie inside the loop, seen the other way round.
+  HoleLoop disk = ring(40, 8.0, -1.0, [](double) { return 0.0; });
+  std::reverse(disk.position.begin(), disk.position.end());
+  std::reverse(disk.opposite.begin(), disk.opposite.end() - 1);
+  CHECK(fill_hole(disk).outcome == HoleOutcome::kOuter);
+  // A lone triangle.
+  HoleLoop lone;
+  lone.position = {{0, 0, 0}, {0, 1, 0}, {1, 0, 0}};
+  lone.opposite = {{1, 0, 0}, {0, 0, 0}, {0, 1, 0}};
+  CHECK(fill_hole(lone).outcome == HoleOutcome::kOuter);
+  // The end of a tube is closed by a cap.
+  HoleLoop tube = ring(30, 3.0, 0.0, [](double) { return 0.0; });
+  for (Double3& p : tube.opposite) p[2] = -0.6;
+  f = fill_hole(tube);
+  REQUIRE(f.outcome == HoleOutcome::kFilled);
+  require_disk(tube, f);
+}
+
+TEST_CASE("hole filling: ragged loops give disks, colours lie between the rim's", "[property]") {
+  test::Random random(5);
+  for (int trial = 0; trial < 12; ++trial) {
+    CAPTURE(trial);
+    const std::size_t n = 3 + random.below(60);
+    HoleLoop loop = ring(n, 0.16 * static_cast<double>(n), 0.8, [](double) { return 0.0; });
+    for (auto* list : {&loop.position, &loop.opposite})
+      for (Double3& p : *list)
+        for (double& c : p) c += 0.35 * random.gaussian();
+    for (std::size_t i = 0; i < n; ++i)
+      loop.rgba.push_back(0xff000000u + static_cast<std::uint32_t>(random.below(100)));
+    for (std::uint32_t i = 0; i + 2 < n; ++i)
+      if (random.below(8) == 0 && (i > 0 || n > 3)) loop.taken.push_back({i, i + 2});
+    const HoleFilling f = fill_hole(loop);
+    if (f.outcome != HoleOutcome::kFilled) continue;
+    require_disk(loop, f);
+    for (const std::uint32_t c : f.rgba) CHECK((c >= 0xff000000u && c < 0xff000000u + 100));
+    CHECK(f.rgba.size() == f.position.size());
+    for (const auto& t : f.faces)
+      for (std::size_t e = 0; e < 3; ++e) {
+        const std::array<std::uint32_t, 2> edge = {std::min(t[e], t[(e + 1) % 3]),
+                                                   std::max(t[e], t[(e + 1) % 3])};
+        CHECK_FALSE(std::binary_search(loop.taken.begin(), loop.taken.end(), edge));
+      }
+    const HoleFilling again = fill_hole(loop);
+    CHECK((again.position == f.position && again.faces == f.faces));
+  }
+}
+
+TEST_CASE("envelope cholesky: solves what a product made, refuses what is not definite", "[unit]") {
+  // The Laplacian of a 17 x 13 grid plus a little.
+  const std::int32_t w = 17, h = 13, n = w * h;
+  SparseMatrix a;
+  a.rows = a.columns = n;
+  a.start.push_back(0);
+  for (std::int32_t i = 0; i < n; ++i) {
+    const auto put = [&](bool there, std::int32_t j, double v) {
+      if (!there) return;
+      a.column.push_back(j);
+      a.value.push_back(v);
+    };
+    put(i >= w, i - w, -1);
+    put(i % w > 0, i - 1, -1);
+    put(true, i, 4.05);
+    put(i % w < w - 1, i + 1, -1);
+    put(i + w < n, i + w, -1);
+    a.start.push_back(static_cast<std::int32_t>(a.column.size()));
+  }
+  std::vector<double> x(static_cast<std::size_t>(n)), b(x.size());
+  test::Random random(3);
+  for (double& v : x) v = random.in(-1, 1);
+  multiply(a, x, b);
+  EnvelopeCholesky solver(a);
+  CHECK(solver.envelope() <= static_cast<std::uint64_t>(n * (h + 2)));
+  REQUIRE(solver.factor(a));
+  solver.solve(b);
+  for (std::size_t i = 0; i < x.size(); ++i) CHECK(b[i] == Approx(x[i]).margin(1e-12));
+  for (double& v : a.value)
+    if (v > 0) v = 1.0;
+  CHECK_FALSE(solver.factor(a));
+}
