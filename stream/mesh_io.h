@@ -23,6 +23,8 @@ struct MeshHeader {
   std::uint64_t faces = 0;
   bool colour = false;            ///< per-vertex rgba follows positions
   bool double_positions = false;  ///< PLY and OBJ only
+  bool synthetic = false;         ///< faces say whether they close a hole (PLY: property uchar synthetic); other
+                                  ///< formats drop it
   Double3 shift = {0, 0, 0};      ///< what was subtracted from the positions (recorded as a comment where the
                                   ///< format has one); zero when positions are in the scan's frame
   std::vector<std::string> comments;  ///< provenance, one line each
@@ -35,7 +37,8 @@ class MeshWriter {
   virtual ~MeshWriter() = default;
   /// Positions and, if header.colour, as many colours. Calls in vertex order; all vertices before any face.
   virtual void vertices(std::span<const Double3> positions, std::span<const std::uint32_t> rgba) = 0;
-  virtual void faces(std::span<const MeshFace> faces) = 0;
+  /// With header.synthetic, one value per face: 1 where there is no data. Else none.
+  virtual void faces(std::span<const MeshFace> faces, std::span<const std::uint8_t> synthetic = {}) = 0;
   /// Flushes, syncs, renames. \throws Error when counts differ from the header
   virtual void finish() = 0;
   virtual std::uint64_t bytes_written() const = 0;

@@ -113,7 +113,7 @@ class GlbMeshWriter : public MeshWriterBase {
     }
   }
 
-  void write_faces(std::span<const MeshFace> faces) override {
+  void write_faces(std::span<const MeshFace> faces, std::span<const std::uint8_t>) override {
     for (std::size_t first = 0; first < faces.size(); first += kBatch) {
       const auto batch = faces.subspan(first, std::min(kBatch, faces.size() - first));
       char* to = file_.reserve(batch.size() * 12);

@@ -23,7 +23,7 @@ void MeshWriterBase::vertices(std::span<const Double3> positions, std::span<cons
   write_vertices(positions, rgba);
 }
 
-void MeshWriterBase::faces(std::span<const MeshFace> faces) {
+void MeshWriterBase::faces(std::span<const MeshFace> faces, std::span<const std::uint8_t> synthetic) {
   if (vertices_ != header_.vertices) {
     throw ValidationError(file_.path().string() + ": faces came after " + std::to_string(vertices_) + " of " +
                           std::to_string(header_.vertices) + " vertices");
@@ -32,6 +32,10 @@ void MeshWriterBase::faces(std::span<const MeshFace> faces) {
     throw ValidationError(file_.path().string() + ": more faces than the " + std::to_string(header_.faces) +
                           " announced");
   }
+  if (synthetic.size() != (header_.synthetic ? faces.size() : 0)) {
+    throw ValidationError(file_.path().string() + ": " + std::to_string(faces.size()) + " faces came with " +
+                          std::to_string(synthetic.size()) + " synthetic flags");
+  }
   for (const MeshFace& face : faces) {
     if (face[0] < vertices_ && face[1] < vertices_ && face[2] < vertices_) continue;
     throw ValidationError(file_.path().string() + ": face " +
@@ -39,7 +43,7 @@ void MeshWriterBase::faces(std::span<const MeshFace> faces) {
                           " names a vertex beyond the last, " + std::to_string(vertices_));
   }
   faces_ += faces.size();
-  write_faces(faces);
+  write_faces(faces, synthetic);
 }
 
 void MeshWriterBase::finish() {

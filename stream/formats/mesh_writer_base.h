@@ -14,14 +14,14 @@ namespace tessera {
 class MeshWriterBase : public MeshWriter {
  public:
   void vertices(std::span<const Double3> positions, std::span<const std::uint32_t> rgba) final;
-  void faces(std::span<const MeshFace> faces) final;
+  void faces(std::span<const MeshFace> faces, std::span<const std::uint8_t> synthetic) final;
   void finish() final;
   std::uint64_t bytes_written() const final { return file_.size(); }
 
  protected:
   MeshWriterBase(const std::filesystem::path& path, const MeshHeader& header);
   virtual void write_vertices(std::span<const Double3> positions, std::span<const std::uint32_t> rgba) = 0;
-  virtual void write_faces(std::span<const MeshFace> faces) = 0;
+  virtual void write_faces(std::span<const MeshFace> faces, std::span<const std::uint8_t> synthetic) = 0;
   virtual void write_end() {}  ///< all counts are right; the file is synced and renamed afterwards
 
   const MeshHeader header_;

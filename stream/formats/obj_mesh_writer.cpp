@@ -39,7 +39,7 @@ class ObjMeshWriter : public MeshWriterBase {
     close();
   }
 
-  void write_faces(std::span<const MeshFace> faces) override {
+  void write_faces(std::span<const MeshFace> faces, std::span<const std::uint8_t>) override {
     for (const MeshFace& face : faces) {
       open_line();
       *to_++ = 'f';

@@ -33,6 +33,7 @@ class PlyMeshWriter : public MeshWriterBase {
  public:
   PlyMeshWriter(const std::filesystem::path& path, const MeshHeader& header)
       : MeshWriterBase(path, header),
+        face_bytes_(kFaceBytes + (header.synthetic ? 1u : 0u)),
         vertex_bytes_((header.double_positions ? 24u : 12u) + (header.colour ? 4u : 0u)) {
     const std::string real = header.double_positions ? "double" : "float";
     file_.append("ply\nformat binary_little_endian 1.0\n");
@@ -45,7 +46,9 @@ class PlyMeshWriter : public MeshWriterBase {
       }
     }
     file_.append("element face " + std::to_string(header.faces) +
-                 "\nproperty list uchar uint vertex_indices\nend_header\n");
+                 "\nproperty list uchar uint vertex_indices\n");
+    if (header.synthetic) file_.append("property uchar synthetic\n");
+    file_.append("end_header\n");
   }
 
  private:
@@ -64,22 +67,26 @@ class PlyMeshWriter : public MeshWriterBase {
     }
   }
 
-  void write_faces(std::span<const MeshFace> faces) override {
-    for (std::size_t first = 0; first < faces.size(); first += kBatch) {
+  void write_faces(std::span<const MeshFace> faces, std::span<const std::uint8_t> synthetic) override {
+    for (std::size_t first = 0; first < faces.size();) {
       const auto batch = faces.subspan(first, std::min(kBatch, faces.size() - first));
-      char* to = file_.reserve(batch.size() * kFaceBytes);
+      const std::size_t bytes = batch.size() * face_bytes_;
+      char* to = file_.reserve(bytes);
       for (const MeshFace& face : batch) {
         *to = 3;
         const std::uint32_t indices[3] = {static_cast<std::uint32_t>(face[0]),
                                           static_cast<std::uint32_t>(face[1]),
                                           static_cast<std::uint32_t>(face[2])};
         std::memcpy(to + 1, indices, sizeof indices);
-        to += kFaceBytes;
+        if (header_.synthetic) to[kFaceBytes] = static_cast<char>(synthetic[first]);
+        to += face_bytes_;
+        ++first;
       }
-      file_.commit(batch.size() * kFaceBytes);
+      file_.commit(bytes);
     }
   }
 
+  const std::size_t face_bytes_;
   const std::size_t vertex_bytes_;
 };
 

@@ -35,7 +35,7 @@ class StlMeshWriter : public MeshWriterBase {
     store_.append(positions);
   }
 
-  void write_faces(std::span<const MeshFace> faces) override {
+  void write_faces(std::span<const MeshFace> faces, std::span<const std::uint8_t>) override {
     for (const MeshFace& face : faces) {
       const Double3 a = store_.at(face[0]), b = store_.at(face[1]), c = store_.at(face[2]);
       const Double3 u = {b[0] - a[0], b[1] - a[1], b[2] - a[2]}, v = {c[0] - a[0], c[1] - a[1], c[2] - a[2]};

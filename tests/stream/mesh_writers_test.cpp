@@ -57,6 +57,30 @@ TEST_CASE("PLY writer: the bytes of one coloured triangle", "[unit]") {
   CHECK_FALSE(std::filesystem::exists(folder.path() / "a.ply.part"));
 }
 
+TEST_CASE("PLY writer: faces that close a hole say so, other formats drop it", "[unit]") {
+  const test::TempFolder folder;
+  MeshHeader header;
+  header.vertices = 4;
+  header.faces = 4;
+  header.synthetic = true;
+  for (const char* name : {"a.ply", "a.obj", "a.stl", "a.glb"}) {
+    const auto writer = create_mesh_file(folder.path() / name, header);
+    writer->vertices(kCorners, {});
+    CHECK_THROWS_AS(writer->faces(kTetrahedron), ValidationError);
+    writer->faces(kTetrahedron, std::vector<std::uint8_t>{0, 1, 0, 1});
+    writer->finish();
+  }
+  const std::string bytes = contents(folder.path() / "a.ply");
+  CHECK(bytes.find("property list uchar uint vertex_indices\nproperty uchar synthetic\nend_header\n") !=
+        std::string::npos);
+  for (std::size_t f = 0; f < 4; ++f) CHECK(bytes[bytes.size() - 1 - 14 * (3 - f)] == static_cast<char>(f % 2));
+  std::size_t read = 0;
+  open_mesh_file(folder.path() / "a.ply")->read_faces([&](std::span<const MeshFace> faces) {
+    for (const MeshFace& face : faces) CHECK(face == kTetrahedron[read++]);
+  });
+  CHECK(read == 4);
+}
+
 TEST_CASE("mesh writers: nothing remains of an unfinished file", "[fault]") {
   const test::TempFolder folder;
   const std::filesystem::path path = folder.path() / GENERATE("a.ply", "a.obj", "a.stl", "a.glb");
