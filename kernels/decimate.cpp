@@ -74,6 +74,18 @@ void make_canonical(MeshBlock& b) {
   take(b.faces, faces), take(b.face_flags, faces), take(b.face_bound, faces);
 }
 
+/// Per vertex of the block the place of its key in the reference, or kNoCorner.
+std::vector<std::uint32_t> same_vertices(const MeshBlock& block, const MeshBlock& reference) {
+  std::vector<std::uint32_t> out(block.key.size(), kNoCorner);
+  std::size_t at = 0;
+  for (std::size_t v = 0; v < out.size(); ++v) {
+    while (at < reference.key.size() && reference.key[at] < block.key[v]) ++at;
+    if (at < reference.key.size() && reference.key[at] == block.key[v])
+      out[v] = static_cast<std::uint32_t>(at);
+  }
+  return out;
+}
+
 /// Puts what is left of the mesh into the block; positions come from the block where they did not move.
 void write_back(const CollapseMesh& mesh, const std::vector<float>& face_bound, MeshBlock& b) {
   std::size_t kept = 0;
@@ -129,7 +141,9 @@ DecimateReport decimate(MeshBlock& block, const MeshBlock& reference, const Deci
   CollapseMesh mesh(block, origin);
   mark_features(mesh, block, reference, options.feature_angle_deg);
   for (const std::uint8_t s : mesh.vertex_state) report.locked_vertices += (s & kVertexLocked) != 0;
-  Decimator decimator(mesh, block, options);
+  const CollapseMesh original(options.tolerance > 0.0 ? reference : MeshBlock{}, origin);
+  const std::vector<std::uint32_t> reference_vertex = same_vertices(block, reference);
+  Decimator decimator(mesh, block, original, reference_vertex, options);
   decimator.run(report);
   write_back(mesh, decimator.face_bound(), block);
   report.faces_out = block.faces.size();

@@ -68,7 +68,8 @@ struct DecimateReport {
   std::size_t by_link = 0, by_fold = 0, by_shape = 0, by_normal = 0, by_tolerance = 0;
   std::size_t exact_tests = 0;  ///< tolerance tests that had to look at the reference
   std::size_t exact_accepted = 0;
-  double bound = 0.0;  ///< largest face_bound of the result, scan units
+  std::uint64_t reference_faces_walked = 0;  ///< by them
+  double bound = 0.0;                        ///< largest face_bound of the result, scan units
   DecimateStop stop = DecimateStop::kNoLegalCollapse;
   std::array<std::uint64_t, kCostClasses> cost_histogram{};  ///< faces removed per cost class
 };

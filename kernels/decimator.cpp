@@ -22,14 +22,17 @@ double roundness(double twice_area, double squared_edges) {
 
 }  // namespace
 
-Decimator::Decimator(CollapseMesh& mesh, const MeshBlock& block, const DecimateOptions& options)
+Decimator::Decimator(CollapseMesh& mesh, const MeshBlock& block, const CollapseMesh& reference,
+                     const std::vector<std::uint32_t>& reference_vertex, const DecimateOptions& options)
     : mesh_(mesh),
       options_(options),
       quadric_(mesh.position.size()),
       face_bound_(block.face_bound),
       tried_(mesh.position.size(), 0),
       mark_(mesh.position.size(), 0),
-      queue_(mesh.position.size()) {
+      queue_(mesh.position.size()),
+      reference_gap_(reference),
+      reference_vertex_(reference_vertex) {
   face_bound_.resize(block.faces.size(), 0.0f);
   accumulate_quadrics();
 }
@@ -214,8 +217,17 @@ Decimator::Refusal Decimator::check_gap(std::uint32_t u, const Star& star, std::
   for (std::size_t i = 0; i < star.faces; ++i)
     bound = std::fmax(bound, static_cast<double>(face_bound_[star.corner[i] / 3]));
   new_bound_ = float_above(bound + gap * (1.0 + 1e-12));
-  if (options_.tolerance > 0.0 && !(static_cast<double>(new_bound_) <= options_.tolerance))
+  if (!(options_.tolerance > 0.0) || static_cast<double>(new_bound_) <= options_.tolerance)
+    return Refusal::kNone;
+  // Sums of bounds grow faster than the distance itself: ask the reference.
+  if (state & (kVertexBorder | kVertexCrease) || reference_vertex_[u] == kNoCorner)
     return Refusal::kTolerance;
+  ++exact_tests_;
+  double exact = 0.0;
+  if (!reference_gap_.measure(loop_, pv, reference_vertex_[u], options_.tolerance * (1.0 - 1e-6), exact))
+    return Refusal::kTolerance;
+  new_bound_ = float_above(exact * (1.0 + 1e-7));
+  ++exact_accepted_;
   return Refusal::kNone;
 }
 
@@ -298,6 +310,9 @@ void Decimator::run(DecimateReport& report) {
       report.by_tolerance += refusal == Refusal::kTolerance;
     }
   }
+  report.exact_tests = exact_tests_;
+  report.exact_accepted = exact_accepted_;
+  report.reference_faces_walked = reference_gap_.walked();
 }
 
 }  // namespace tessera

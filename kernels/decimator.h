@@ -8,13 +8,17 @@
 #include "kernels/cost_queue.h"
 #include "kernels/decimate.h"
 #include "kernels/quadric.h"
+#include "kernels/reference_gap.h"
 
 namespace tessera {
 
 class Decimator {
  public:
   /// \pre  block is canonical; features are marked in `mesh`
-  Decimator(CollapseMesh& mesh, const MeshBlock& block, const DecimateOptions& options);
+  /// \param reference         same origin as mesh; used when options.tolerance > 0
+  /// \param reference_vertex  per vertex of the mesh the same one in the reference, or kNoCorner
+  Decimator(CollapseMesh& mesh, const MeshBlock& block, const CollapseMesh& reference,
+            const std::vector<std::uint32_t>& reference_vertex, const DecimateOptions& options);
 
   void run(DecimateReport& report);
 
@@ -55,6 +59,9 @@ class Decimator {
   std::uint32_t stamp_ = 0;
   CostQueue<kCostClasses> queue_;
   RimLoop loop_;
+  ReferenceGap reference_gap_;
+  const std::vector<std::uint32_t>& reference_vertex_;
+  std::uint64_t exact_tests_ = 0, exact_accepted_ = 0;
   float new_bound_ = 0.0f;  ///< of the candidate that check() just accepted
 };
 
