@@ -40,6 +40,10 @@ ReconstructOptions reconstruct_options_from_json(const nlohmann::json& j) {
   return o;
 }
 
+nlohmann::json options_of(const JobState& state) {
+  return state.settings.empty() ? to_json(state.options) : nlohmann::json::parse(state.settings);
+}
+
 nlohmann::json plan_to_json(const RunOptions& run) {
   return {{"memory", run.memory_bytes}, {"threads", run.threads}, {"tile-size", run.tile_cells}};
 }

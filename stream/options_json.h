@@ -6,12 +6,16 @@
 #include <nlohmann/json.hpp>
 
 #include "stream/options.h"
+#include "stream/stage.h"
 
 namespace tessera {
 
 nlohmann::json to_json(const ReconstructOptions& options);
 /// \throws nlohmann::json::exception for a missing or mistyped field
 ReconstructOptions reconstruct_options_from_json(const nlohmann::json& json);
+
+/// What a job computes: state.settings if it has any, else state.options.
+nlohmann::json options_of(const JobState& state);
 
 /// What of RunOptions decides how work is cut into tasks.
 nlohmann::json plan_to_json(const RunOptions& run);

@@ -49,7 +49,7 @@ nlohmann::json make_report(const JobState& state, const nlohmann::json& identity
           {"finished", utc_now()},
           {"machine", machine_description()},
           {"job", job_hash(identity)},
-          {"options", to_json(state.options)},
+          {"options", options_of(state)},
           {"inputs", identity.at("inputs")},
           {"run",
            {{"memory_bytes", state.run.memory_bytes},

@@ -35,7 +35,8 @@ struct JobState {
   std::filesystem::path work;   ///< work directory
   std::filesystem::path output;  ///< final output path
   std::vector<std::filesystem::path> inputs;
-  ReconstructOptions options;
+  ReconstructOptions options;   ///< of a reconstruction
+  std::string settings;         ///< of any other job instead: its options as one JSON object, keys as on the command line
   RunOptions run;               ///< memory_bytes and threads are resolved, never 0
 };
 

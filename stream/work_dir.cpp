@@ -154,7 +154,8 @@ nlohmann::json job_identity(const std::string& command, const JobState& state,
   return {{"schema", kWorkSchema},
           {"version", TESSERA_VERSION},
           {"command", command},
-          {"options", to_json(state.options)},
+          {"settings", !state.settings.empty()},
+          {"options", options_of(state)},
           {"inputs", std::move(list)}};
 }
 
@@ -246,7 +247,11 @@ JobState WorkDir::read_state() const {
   state.output = job.at("output").get<std::string>();
   for (const nlohmann::json& input : identity_.at("inputs"))
     state.inputs.emplace_back(input.at("path").get<std::string>());
-  state.options = reconstruct_options_from_json(identity_.at("options"));
+  if (identity_.at("settings").get<bool>()) {
+    state.settings = identity_.at("options").dump();
+  } else {
+    state.options = reconstruct_options_from_json(identity_.at("options"));
+  }
   state.run.memory_bytes = job.at("run").at("memory").get<std::uint64_t>();
   state.run.threads = job.at("run").at("threads").get<int>();
   state.run.tile_cells = job.at("run").at("tile-size").get<int>();
