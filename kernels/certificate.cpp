@@ -181,6 +181,18 @@ class Certifier {
            p[2] <= high_[2];
   }
 
+  /// Does the face's box meet the core?
+  bool near_core(const std::array<std::uint32_t, 3>& face) const {
+    if (core_ == nullptr) return true;
+    const Double3 &a = surface_.position[face[0]], &b = surface_.position[face[1]],
+                  &c = surface_.position[face[2]];
+    bool meets = true;
+    for (std::size_t k = 0; k < 3; ++k)
+      meets = meets && std::min({a[k], b[k], c[k]}) <= core_->high[k] &&
+              std::max({a[k], b[k], c[k]}) >= core_->low[k];
+    return meets;
+  }
+
   /// What a piece must be proven to stay within: the tolerance at most, unless it is known to exceed it.
   double target(bool over) const {
     const double wanted = std::max(options_.tightness * report_.lower, floor_);
@@ -204,7 +216,8 @@ class Certifier {
   void sample_corners() {
     std::vector<bool> seen(surface_.position.size());
     std::uint32_t hint = kNone;
-    for (face_ = 0; face_ < surface_.faces.size(); ++face_)
+    for (face_ = 0; face_ < surface_.faces.size(); ++face_) {
+      if (!near_core(surface_.faces[face_])) continue;
       for (const std::uint32_t v : surface_.faces[face_]) {
         if (seen[v]) continue;
         seen[v] = true;
@@ -215,10 +228,12 @@ class Certifier {
         if (hit.slot != kNone) hint = hit.slot;
         if (in_core(p)) found(hit.slot == kNone ? options_.reach : std::sqrt(hit.square), p);
       }
+    }
   }
 
   float bound_face(std::size_t index) {
     const auto& face = surface_.faces[index];
+    if (!near_core(face)) return 0.0f;
     face_ = static_cast<std::uint32_t>(index);
     bound_ = 0.0;
     Piece& piece = fresh();

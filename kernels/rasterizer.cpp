@@ -101,7 +101,7 @@ class OsMesaContext final : public GlContext {
     }
     try {
       make_current();
-      load_functions();
+      load_gl_functions(gl_, library_.get_proc, "OSMesa");
     } catch (...) {
       library_.destroy(handle_);
       throw;
@@ -123,15 +123,6 @@ class OsMesaContext final : public GlContext {
 
  private:
   static constexpr int kBufferSide = 16;  // OSMesa wants a window; nothing is drawn there
-
-  void load_functions() {
-#define TESSERA_GL_LOAD(type, name)                                 \
-  gl_.name = reinterpret_cast<type>(library_.get_proc("gl" #name)); \
-  if (gl_.name == nullptr)                                          \
-    throw ResourceError("rasterizer: OSMesa lacks gl" #name ", it is too old; " + std::string(kInstall));
-    TESSERA_GL_FUNCTIONS(TESSERA_GL_LOAD)
-#undef TESSERA_GL_LOAD
-  }
 
   const OsMesaLibrary& library_;
   OsMesaHandle handle_ = nullptr;
@@ -159,7 +150,17 @@ std::uint32_t compile(const GlFunctions& gl, GLenum kind, const std::string& nam
 
 }  // namespace
 
-std::unique_ptr<GlContext> create_gl_context(RasterBackend /*backend*/) {
+void load_gl_functions(GlFunctions& gl, void (*(*get_proc)(const char*))(), const std::string& library) {
+#define TESSERA_GL_LOAD(type, name)                                                        \
+  gl.name = reinterpret_cast<type>(get_proc("gl" #name));                                  \
+  if (gl.name == nullptr)                                                                  \
+    throw ResourceError("rasterizer: " + library + " lacks gl" #name ", it is too old; " + \
+                        std::string(kInstall));
+  TESSERA_GL_FUNCTIONS(TESSERA_GL_LOAD)
+#undef TESSERA_GL_LOAD
+}
+
+std::unique_ptr<GlContext> create_gl_context() {
   return std::make_unique<OsMesaContext>();
 }
 

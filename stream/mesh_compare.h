@@ -1,0 +1,61 @@
+/// \file mesh_compare.h
+/// How far two meshes of any size are apart, proven, both ways: the independent check that a result stays
+/// within a tolerance of its reference. Space is cut into cells by what both meshes hold; each cell is loaded
+/// with all that lies within reach of it, and every face is measured cell by cell, so a face may span any
+/// number of cells.
+#pragma once
+#include <cstdint>
+#include <functional>
+#include <string>
+
+#include <nlohmann/json_fwd.hpp>
+
+#include "kernels/certificate.h"
+#include "stream/mesh_store.h"
+
+namespace tessera {
+
+class MemoryBudget;
+class WorkerPool;
+
+struct CompareOptions {
+  double tolerance = 0.0;               ///< scan units, > 0
+  double reach = 0.0;                   ///< distances up to here are told; 0 = twice the tolerance
+  std::uint64_t cell_faces = 1u << 16;  ///< of both meshes together; part of the result, like `tolerance`
+  std::function<void()> check_stop;     ///< may throw StoppedError; any thread; may be empty
+
+  /// \throws UsageError when the tolerance is not a number above 0
+  void validate() const;
+};
+
+/// From one mesh to the other.
+struct DirectedDeviation {
+  DeviationReport surface;
+  DeviationReport border;  ///< border curve to border curve; area and histogram count lengths
+};
+
+struct MeshComparison {
+  double tolerance = 0.0, reach = 0.0;
+  double diagonal = 0.0;            ///< of the reference
+  std::uint64_t faces[2] = {0, 0};  ///< of the mesh, of the reference
+  DirectedDeviation there;          ///< mesh to reference
+  DirectedDeviation back;           ///< reference to mesh
+  std::uint64_t cells = 0;
+  double seconds = 0.0;
+
+  double upper() const;         ///< both ways; infinite when something is beyond reach
+  bool proven() const;          ///< surfaces stay within the tolerance both ways
+  bool borders_proven() const;  ///< so do the border curves
+  /// Why it is not proven, one sentence with a place; empty when it is.
+  std::string complaint(bool with_borders) const;
+};
+
+/// \post  depends on the two meshes and the options alone, not on threads and budget
+/// \throws ResourceError when the budget cannot hold the fullest cell, naming the cap that would do
+MeshComparison compare_meshes(const MeshStore& mesh, const MeshStore& reference,
+                              const CompareOptions& options, WorkerPool& pool, MemoryBudget& budget);
+
+nlohmann::json to_json(const MeshComparison& comparison);
+std::string describe(const MeshComparison& comparison);
+
+}  // namespace tessera

@@ -1,0 +1,156 @@
+// What people and programs read of a comparison.
+#include <algorithm>
+#include <cmath>
+
+#include <nlohmann/json.hpp>
+
+#include "stream/mesh_compare.h"
+#include "stream/numbers.h"
+
+namespace tessera {
+namespace {
+
+std::string place(const Double3& p) {
+  char text[120];
+  std::snprintf(text, sizeof text, "(%.9g, %.9g, %.9g)", p[0], p[1], p[2]);
+  return text;
+}
+
+std::string percent(double share) {
+  char text[40];
+  std::snprintf(text, sizeof text, "%.3g %%", 100.0 * share);
+  return text;
+}
+
+/// Share of the area in the bins above the tolerance.
+double share_over(const DeviationReport& r) {
+  double over = 0.0, all = 0.0;
+  for (std::size_t i = 0; i < r.histogram.size(); ++i) {
+    all += static_cast<double>(r.histogram[i]);
+    if (i >= kDeviationBins) over += static_cast<double>(r.histogram[i]);
+  }
+  return all > 0.0 ? over / all : 0.0;
+}
+
+nlohmann::json directed_json(const DeviationReport& r) {
+  const bool finite = std::isfinite(r.upper);
+  return {{"certified_max", finite ? nlohmann::json(r.upper) : nlohmann::json()},
+          {"found_max", r.lower},
+          {"witness", r.witness},
+          {"rms", r.rms()},
+          {"beyond_reach", r.beyond},
+          {"measure", r.area},
+          {"histogram", r.histogram},
+          {"pieces", r.pieces},
+          {"queries", r.queries}};
+}
+
+std::string direction(const DeviationReport& r, double tolerance, double reach) {
+  if (r.area == 0.0 && !r.beyond) return "nothing there";
+  std::string text;
+  if (r.beyond)
+    text = "beyond " + number_text(reach) + " at " + place(r.witness);
+  else
+    text = "at most " + number_text(r.upper) + " (found " + number_text(r.lower) + " at " + place(r.witness) +
+           ")";
+  text += ", rms " + number_text(r.rms());
+  const double over = share_over(r);
+  if (over > 0.0) text += ", " + percent(over) + " of it beyond " + number_text(tolerance);
+  return text;
+}
+
+std::string sentence(const DeviationReport& r, const std::string& from, const std::string& to,
+                     double tolerance, double reach) {
+  const std::string where = from + " at " + place(r.witness);
+  if (r.beyond) return where + " has no " + to + " within " + number_text(reach);
+  if (r.lower > tolerance) return where + " is " + number_text(r.lower) + " from the " + to;
+  return from + " is proven to stay within " + number_text(r.upper) + " of the " + to + " only";
+}
+
+}  // namespace
+
+double MeshComparison::upper() const {
+  return std::max(there.surface.upper, back.surface.upper);
+}
+
+bool MeshComparison::proven() const {
+  return upper() <= tolerance;
+}
+
+bool MeshComparison::borders_proven() const {
+  return std::max(there.border.upper, back.border.upper) <= tolerance;
+}
+
+std::string MeshComparison::complaint(bool with_borders) const {
+  const std::string start = "not proven within " + number_text(tolerance) + ": ";
+  const bool none = there.surface.beyond && back.surface.beyond && share_over(there.surface) == 1.0 &&
+                    share_over(back.surface) == 1.0;
+  if (none)
+    return start + "no part of the mesh is near the reference, is it of another place or in another unit?";
+  if (!(there.surface.upper <= tolerance))
+    return start + sentence(there.surface, "the mesh", "reference", tolerance, reach);
+  if (!(back.surface.upper <= tolerance))
+    return start + sentence(back.surface, "the reference", "mesh", tolerance, reach);
+  if (with_borders && !(there.border.upper <= tolerance))
+    return start +
+           sentence(there.border, "the border of the mesh", "border of the reference", tolerance, reach);
+  if (with_borders && !(back.border.upper <= tolerance))
+    return start +
+           sentence(back.border, "the border of the reference", "border of the mesh", tolerance, reach);
+  return "";
+}
+
+nlohmann::json to_json(const MeshComparison& c) {
+  return {{"tolerance", c.tolerance},
+          {"reach", c.reach},
+          {"diagonal", c.diagonal},
+          {"faces", c.faces[0]},
+          {"reference_faces", c.faces[1]},
+          {"proven", c.proven()},
+          {"borders_proven", c.borders_proven()},
+          {"certified_max", std::isfinite(c.upper()) ? nlohmann::json(c.upper()) : nlohmann::json()},
+          {"histogram_bins", kDeviationBins},
+          {"mesh_to_reference", directed_json(c.there.surface)},
+          {"reference_to_mesh", directed_json(c.back.surface)},
+          {"border_to_reference", directed_json(c.there.border)},
+          {"reference_to_border", directed_json(c.back.border)},
+          {"cells", c.cells},
+          {"seconds", c.seconds}};
+}
+
+std::string describe(const MeshComparison& c) {
+  std::string text;
+  const auto line = [&](const std::string& name, const std::string& value) {
+    text += name + std::string(name.size() < 14 ? 14 - name.size() : 1, ' ') + value + "\n";
+  };
+  line("deviation", "mesh to reference: " + direction(c.there.surface, c.tolerance, c.reach));
+  line("", "reference to mesh: " + direction(c.back.surface, c.tolerance, c.reach));
+  if (c.there.border.area > 0.0 || c.back.border.area > 0.0) {
+    line("borders", "mesh to reference: " + direction(c.there.border, c.tolerance, c.reach));
+    line("", "reference to mesh: " + direction(c.back.border, c.tolerance, c.reach));
+  }
+  line("histogram", "share of area by distance in eighths of the tolerance, mesh to reference | back");
+  std::string bars;
+  for (const DeviationReport* r : {&c.there.surface, &c.back.surface}) {
+    double all = 0.0;
+    for (const std::uint64_t n : r->histogram) all += static_cast<double>(n);
+    bars += bars.empty() ? "" : " |";
+    for (std::size_t eighth = 0; eighth < 8 && all > 0.0; ++eighth) {
+      double sum = 0.0;
+      for (std::size_t i = 0; i < kDeviationBins / 8; ++i)
+        sum += static_cast<double>(r->histogram[eighth * kDeviationBins / 8 + i]);
+      char share[24];
+      std::snprintf(share, sizeof share, " %.1f%%", 100.0 * sum / all);
+      bars += share;
+    }
+  }
+  line("", bars.empty() ? bars : bars.substr(1));
+  const std::string why = c.complaint(false);
+  line("certificate", why.empty() ? "proven: two-sided distance at most " + number_text(c.upper()) +
+                                        ", tolerance " + number_text(c.tolerance)
+                                  : why);
+  if (why.empty() && !c.borders_proven()) line("", c.complaint(true));
+  return text;
+}
+
+}  // namespace tessera
