@@ -259,7 +259,11 @@ struct MeshStore::Impl {
   }
 };
 
-MeshStore::MeshStore(const std::vector<std::filesystem::path>& paths) : impl_(std::make_unique<Impl>()) {
+MeshStore::MeshStore(const std::vector<std::filesystem::path>& files,
+                     const std::vector<std::filesystem::path>& newer)
+    : impl_(std::make_unique<Impl>()) {
+  std::vector<std::filesystem::path> paths = files;
+  paths.insert(paths.end(), newer.begin(), newer.end());
   for (const auto& path : paths) {
     ReadFile file(path);
     const auto damaged = [&](const char* what) {
@@ -294,18 +298,28 @@ MeshStore::MeshStore(const std::vector<std::filesystem::path>& paths) : impl_(st
     if (XXH3_64bits(table, bytes) != footer.table_hash) throw damaged("checksum of the patch table differs");
     for (std::size_t i = 0; i < footer.patches; ++i) {
       table[i].file = static_cast<std::uint32_t>(impl_->files.size());
-      impl_->faces += table[i].faces;
-      include(impl_->box, table[i].box);
     }
     impl_->files.push_back(std::move(file));
   }
-  const auto by_key = [](const MeshPatchEntry& a, const MeshPatchEntry& b) { return a.key < b.key; };
-  std::sort(impl_->patches.begin(), impl_->patches.end(), by_key);
-  const auto twice = std::adjacent_find(impl_->patches.begin(), impl_->patches.end(),
-                                        [](const auto& a, const auto& b) { return a.key == b.key; });
-  if (twice != impl_->patches.end())
-    throw InputError(impl_->files[twice->file].path().string() + ": brick " + std::to_string(twice->key) +
-                     " is in two files: files of different jobs were mixed; run again with --force");
+  // Of one brick the newest comes first; older ones go.
+  auto& table = impl_->patches;
+  std::sort(table.begin(), table.end(), [](const MeshPatchEntry& a, const MeshPatchEntry& b) {
+    return a.key != b.key ? a.key < b.key : a.file > b.file;
+  });
+  for (std::size_t i = 1; i < table.size(); ++i) {
+    const bool replaced = table[i - 1].file >= files.size() && table[i].file < files.size();
+    if (table[i].key == table[i - 1].key && !replaced)
+      throw InputError(impl_->files[table[i].file].path().string() + ": brick " +
+                       std::to_string(table[i].key) +
+                       " is in two files: files of different jobs were mixed; run again with --force");
+  }
+  table.erase(
+      std::unique(table.begin(), table.end(), [](const auto& a, const auto& b) { return a.key == b.key; }),
+      table.end());
+  for (const MeshPatchEntry& e : table) {
+    impl_->faces += e.faces;
+    include(impl_->box, e.box);
+  }
 }
 MeshStore::~MeshStore() = default;
 MeshStore::MeshStore(MeshStore&&) noexcept = default;

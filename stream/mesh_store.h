@@ -76,8 +76,10 @@ struct MeshHaloBlock {
 /// All patches of a mesh. Holds the table only (96 bytes a patch). Loading is thread-safe.
 class MeshStore {
  public:
+  /// \param newer  files whose patches stand in for those of the same brick in `files`
   /// \throws InputError naming the file when one is damaged, of another store, or a brick comes twice
-  explicit MeshStore(const std::vector<std::filesystem::path>& files);
+  explicit MeshStore(const std::vector<std::filesystem::path>& files,
+                     const std::vector<std::filesystem::path>& newer = {});
   ~MeshStore();
   MeshStore(MeshStore&&) noexcept;
   MeshStore& operator=(MeshStore&&) noexcept;

@@ -1,0 +1,407 @@
+#include "kernels/mesh_repair.h"
+
+#include <algorithm>
+#include <cassert>
+#include <cmath>
+#include <numeric>
+#include <string>
+
+#include "octree/error.h"
+
+namespace tessera {
+namespace {
+
+constexpr std::uint32_t kBorder = 0xffffffffu;   ///< no partner
+constexpr std::uint32_t kUnknown = 0xfffffffeu;  ///< decided by another tile
+
+RepairFace sorted_corners(RepairFace f) {
+  if (f[1] < f[0]) std::swap(f[0], f[1]);
+  if (f[2] < f[1]) std::swap(f[1], f[2]);
+  if (f[1] < f[0]) std::swap(f[0], f[1]);
+  return f;
+}
+/// Smallest corner first, direction kept.
+RepairFace turned(const RepairFace& f) {
+  if (f[1] < f[0] && f[1] < f[2]) return {f[1], f[2], f[0]};
+  if (f[2] < f[0] && f[2] < f[1]) return {f[2], f[0], f[1]};
+  return f;
+}
+
+std::uint32_t next_of(std::uint32_t half) {
+  return half % 3 == 2 ? half - 2 : half + 1;
+}
+std::uint32_t previous_of(std::uint32_t half) {
+  return half % 3 == 0 ? half + 2 : half - 1;
+}
+
+/// The tile with local vertex indices. Half-edge 3 f + e runs from corner e to the next one.
+class Repair {
+ public:
+  explicit Repair(RepairTile&& tile) : tile_(std::move(tile)), faces_(std::move(tile_.faces)) {}
+
+  RepairResult run() {
+    drop_duplicates();
+    localise();
+    if (tile_.orient) orient();
+    pair_edges();
+    split_fans();
+    collect();
+    return std::move(result_);
+  }
+
+ private:
+  bool owned(std::uint32_t number) const { return number >= tile_.own_begin && number < tile_.own_end; }
+  std::uint32_t from(std::uint32_t half) const { return local_[half / 3][half % 3]; }
+  std::uint32_t to(std::uint32_t half) const { return local_[half / 3][half % 3 == 2 ? 0 : half % 3 + 1]; }
+  bool own_vertex(std::uint32_t local) const { return local >= own_first_ && local < own_last_; }
+
+  /// Ascending by sorted corners; of equal corner sets the smallest stays.
+  void drop_duplicates() {
+    for (RepairFace& f : faces_) f = turned(f);
+    // Faces with the same corner set have the same first corner once turned.
+    const auto key = [](const RepairFace& f) {
+      return std::array{f[0], std::min(f[1], f[2]), std::max(f[1], f[2])};
+    };
+    const auto before = [&](const RepairFace& a, const RepairFace& b) {
+      const auto ka = key(a);
+      const auto kb = key(b);
+      return ka != kb ? ka < kb : a < b;
+    };
+    std::sort(faces_.begin(), faces_.end(), before);
+    std::size_t kept = 0;
+    for (std::size_t f = 0; f < faces_.size(); ++f) {
+      if (kept > 0 && key(faces_[f]) == key(faces_[kept - 1])) {
+        if (owned(faces_[f][0])) ++result_.report.duplicate_faces;
+        continue;
+      }
+      faces_[kept++] = faces_[f];
+    }
+    faces_.resize(kept);
+  }
+
+  void localise() {
+    const auto& number = tile_.number;
+    own_first_ = static_cast<std::uint32_t>(std::lower_bound(number.begin(), number.end(), tile_.own_begin) -
+                                            number.begin());
+    own_last_ = static_cast<std::uint32_t>(std::lower_bound(number.begin(), number.end(), tile_.own_end) -
+                                           number.begin());
+    // Own numbers are mostly without gaps, so a table finds them; the others are searched.
+    const std::size_t range = tile_.own_end - tile_.own_begin;
+    std::vector<std::uint32_t> place(range, 0);
+    for (std::uint32_t v = own_first_; v < own_last_; ++v) place[number[v] - tile_.own_begin] = v;
+    local_.resize(faces_.size());
+    for (std::size_t f = 0; f < faces_.size(); ++f)
+      for (std::size_t c = 0; c < 3; ++c) {
+        const std::uint32_t v = faces_[f][c];
+        local_[f][c] = owned(v) ? place[v - tile_.own_begin]
+                                : static_cast<std::uint32_t>(
+                                      std::lower_bound(number.begin(), number.end(), v) - number.begin());
+        assert(number[local_[f][c]] == v);
+      }
+  }
+
+  /// Calls use(first, last) for every edge with an end that is owned: its half-edges are edge_[first, last).
+  template <class Use>
+  void for_each_edge(const Use& use) {
+    const std::size_t n = tile_.number.size();
+    std::vector<std::uint32_t> first(n + 1, 0);
+    const auto halves = static_cast<std::uint32_t>(3 * faces_.size());
+    const auto known = [&](std::uint32_t h) { return own_vertex(from(h)) || own_vertex(to(h)); };
+    for (std::uint32_t h = 0; h < halves; ++h)
+      if (known(h)) ++first[std::min(from(h), to(h)) + 1];
+    std::partial_sum(first.begin(), first.end(), first.begin());
+    struct Edge {
+      std::uint32_t other, half;
+    };
+    std::vector<Edge> edges(first.back());
+    for (std::uint32_t h = 0; h < halves; ++h)
+      if (known(h)) edges[first[std::min(from(h), to(h))]++] = {std::max(from(h), to(h)), h};
+    std::uint32_t begin = 0;
+    for (std::size_t v = 0; v < n; ++v) {
+      const std::uint32_t end = first[v];
+      // Few edges a vertex: insertion sort by the other end, then by half-edge.
+      for (std::uint32_t i = begin + 1; i < end; ++i)
+        for (std::uint32_t j = i; j > begin && edges[j].other < edges[j - 1].other; --j)
+          std::swap(edges[j], edges[j - 1]);
+      for (std::uint32_t i = begin; i < end;) {
+        group_.clear();
+        const std::uint32_t other = edges[i].other;
+        for (; i < end && edges[i].other == other; ++i) group_.push_back(edges[i].half);
+        use(static_cast<std::uint32_t>(v));
+      }
+      begin = end;
+    }
+  }
+
+  /// Parts joined by edges of two faces: a spanning tree gives each face a parity, the majority of the part
+  /// wins.
+  void orient() {
+    std::vector<std::uint32_t> neighbour(3 * faces_.size(), kBorder);
+    for_each_edge([&](std::uint32_t) {
+      if (group_.size() != 2) return;
+      neighbour[group_[0]] = group_[1];
+      neighbour[group_[1]] = group_[0];
+    });
+    std::vector<std::uint8_t> state(faces_.size(), 0);  // 1 as it is, 2 turned
+    std::vector<std::uint32_t> part;
+    for (std::uint32_t seed = 0; seed < faces_.size(); ++seed) {
+      if (state[seed]) continue;
+      part.assign(1, seed);
+      state[seed] = 1;
+      std::size_t turned_count = 0;
+      for (std::size_t i = 0; i < part.size(); ++i) {
+        const std::uint32_t f = part[i];
+        turned_count += state[f] == 2;
+        for (std::uint32_t e = 0; e < 3; ++e) {
+          const std::uint32_t h = 3 * f + e;
+          const std::uint32_t g = neighbour[h];
+          if (g == kBorder || state[g / 3]) continue;
+          const bool agree = from(h) == to(g);
+          state[g / 3] = agree ? state[f] : static_cast<std::uint8_t>(3 - state[f]);
+          part.push_back(g / 3);
+        }
+      }
+      const std::uint8_t wrong = 2 * turned_count > part.size() ? 1 : 2;
+      for (const std::uint32_t f : part) {
+        if (state[f] != wrong) continue;
+        std::swap(faces_[f][1], faces_[f][2]);
+        std::swap(local_[f][1], local_[f][2]);
+        ++result_.report.turned_faces;
+      }
+    }
+  }
+
+  void pair_edges() {
+    partner_.assign(3 * faces_.size(), kUnknown);
+    for_each_edge([&](std::uint32_t low) {
+      const bool counted = own_vertex(low);
+      for (const std::uint32_t h : group_) partner_[h] = kBorder;
+      if (group_.size() == 1) return;
+      if (group_.size() == 2) {
+        if (from(group_[0]) == to(group_[1])) {
+          partner_[group_[0]] = group_[1];
+          partner_[group_[1]] = group_[0];
+        } else if (counted) {
+          ++result_.report.inconsistent_edges;
+        }
+        return;
+      }
+      if (counted) ++result_.report.nonmanifold_edges;
+      if (branch_.empty()) branch_.assign(tile_.number.size(), 0);
+      branch_[low] = branch_[from(group_[0]) == low ? to(group_[0]) : from(group_[0])] = 1;
+      pair_many(low);
+    });
+  }
+
+  /// From the edge into the face of a half-edge, square to the edge, unit length; zero if the face has no
+  /// area.
+  Double3 into_face(std::uint32_t half, const Double3& origin, const Double3& along) const {
+    const Double3& apex = tile_.position[from(previous_of(half))];
+    Double3 d = {apex[0] - origin[0], apex[1] - origin[1], apex[2] - origin[2]};
+    const double t = d[0] * along[0] + d[1] * along[1] + d[2] * along[2];
+    for (std::size_t i = 0; i < 3; ++i) d[i] -= t * along[i];
+    return unit(d);
+  }
+
+  static Double3 unit(Double3 d) {
+    const double length = std::sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2]);
+    if (!(length > 0.0)) return {0, 0, 0};
+    for (double& x : d) x /= length;
+    return d;
+  }
+
+  void pair_many(std::uint32_t low) {
+    struct Candidate {
+      double angle;  // grows with the angle that the two faces enclose on the inside, 0 .. 4
+      RepairFace a, b;
+      std::uint32_t up, down;
+      bool operator<(const Candidate& o) const {
+        if (angle != o.angle) return angle < o.angle;
+        return a != o.a ? a < o.a : b < o.b;
+      }
+    };
+    const std::uint32_t high = from(group_[0]) == low ? to(group_[0]) : from(group_[0]);
+    const Double3& origin = tile_.position[low];
+    const Double3& end = tile_.position[high];
+    const Double3 along = unit({end[0] - origin[0], end[1] - origin[1], end[2] - origin[2]});
+    std::vector<Candidate> candidates;
+    for (const std::uint32_t up : group_) {
+      if (from(up) != low) continue;
+      const Double3 u = into_face(up, origin, along);
+      const Double3 outside = {along[1] * u[2] - along[2] * u[1], along[2] * u[0] - along[0] * u[2],
+                               along[0] * u[1] - along[1] * u[0]};
+      for (const std::uint32_t down : group_) {
+        if (from(down) == low) continue;
+        const Double3 d = into_face(down, origin, along);
+        const double cosine = u[0] * d[0] + u[1] * d[1] + u[2] * d[2];
+        const double sine = -(outside[0] * d[0] + outside[1] * d[1] + outside[2] * d[2]);
+        candidates.push_back(
+            {sine >= 0.0 ? 1.0 - cosine : 3.0 + cosine, faces_[up / 3], faces_[down / 3], up, down});
+      }
+    }
+    std::sort(candidates.begin(), candidates.end());
+    for (const Candidate& c : candidates) {
+      if (partner_[c.up] != kBorder || partner_[c.down] != kBorder) continue;
+      partner_[c.up] = c.down;
+      partner_[c.down] = c.up;
+    }
+  }
+
+  /// Fans of every own vertex; all but the one with the smallest face become copies.
+  void split_fans() {
+    const std::size_t n = tile_.number.size();
+    std::vector<std::uint32_t> degree(n, 0);
+    std::vector<std::uint32_t> some(n, kBorder);  // the first corner of each vertex
+    for (std::uint32_t h = 0; h < partner_.size(); ++h) {
+      if (++degree[from(h)] == 1) some[from(h)] = h;
+    }
+    copy_.assign(faces_.size(), {0, 0, 0});
+    std::vector<std::uint32_t> many;  // vertices of several fans, or of an edge with several pairs of faces
+    for (std::uint32_t v = own_first_; v < own_last_; ++v) {
+      if (degree[v] == 0) continue;
+      if ((!branch_.empty() && branch_[v]) || fan_size(some[v]) != degree[v]) many.push_back(v);
+    }
+    if (many.empty()) return;
+
+    cut_.assign(partner_.size(), 0);
+    std::vector<std::uint32_t> rank(n, kBorder);
+    for (std::uint32_t i = 0; i < many.size(); ++i) rank[many[i]] = i;
+    std::vector<std::vector<std::uint32_t>> corners(many.size());
+    for (std::uint32_t h = 0; h < partner_.size(); ++h)
+      if (rank[from(h)] != kBorder) corners[rank[from(h)]].push_back(h);
+    for (std::uint32_t i = 0; i < many.size(); ++i) {
+      std::vector<std::uint8_t> seen(corners[i].size(), 0);
+      std::uint32_t copies = 0;
+      for (std::size_t k = 0; k < corners[i].size(); ++k) {
+        if (seen[k]) continue;
+        const std::vector<std::uint32_t> fan = fan_of(corners[i][k]);
+        for (const std::uint32_t h : fan) {
+          const auto at = std::lower_bound(corners[i].begin(), corners[i].end(), h);
+          seen[static_cast<std::size_t>(at - corners[i].begin())] = 1;
+        }
+        copies = name_copies(fan, copies);
+        if (copies > 0xffff)
+          throw InputError("vertex " + std::to_string(tile_.number[many[i]]) +
+                           " joins more than 65536 parts of the mesh: split them first");
+      }
+      result_.report.split_vertices += copies - 1;
+    }
+  }
+
+  /// Gives the corners of a fan copy `copy`, and further ones where it would meet a neighbour a second time:
+  /// then one edge would have several pairs of faces. Returns the first copy that is free.
+  std::uint32_t name_copies(const std::vector<std::uint32_t>& fan, std::uint32_t copy) {
+    const bool closed = partner_[fan.front()] != kBorder;
+    std::vector<std::uint32_t> met = {to(fan.front())};
+    bool whole = true;
+    for (std::size_t i = 0; i < fan.size(); ++i) {
+      const std::uint32_t next = from(previous_of(fan[i]));
+      const bool closes = closed && whole && i + 1 == fan.size();
+      if (!closes && std::find(met.begin(), met.end(), next) != met.end()) {
+        cut(fan[i]);
+        whole = false;
+        ++copy;
+        met = {to(fan[i])};
+      }
+      met.push_back(next);
+      copy_[fan[i] / 3][fan[i] % 3] = static_cast<std::uint16_t>(copy);
+    }
+    if (closed && !whole) cut(fan.front());
+    return copy + 1;
+  }
+
+  /// Both faces at an edge end there; its other end may know nothing of it.
+  void cut(std::uint32_t half) {
+    cut_[half] = 1;
+    cut_[partner_[half]] = 1;
+  }
+
+  /// Corners (as the half-edges that leave the vertex) of the fan of one of them: from its end, or around
+  /// from there.
+  std::vector<std::uint32_t> fan_of(std::uint32_t corner) const {
+    std::uint32_t first = corner;
+    while (partner_[first] != kBorder) {
+      first = next_of(partner_[first]);
+      if (first == corner) break;
+    }
+    std::vector<std::uint32_t> fan;
+    for (std::uint32_t h = first;;) {
+      fan.push_back(h);
+      h = partner_[previous_of(h)];
+      if (h == kBorder || h == first) return fan;
+      assert(h != kUnknown);
+    }
+  }
+
+  std::uint32_t fan_size(std::uint32_t corner) const {
+    std::uint32_t count = 1;
+    for (std::uint32_t h = partner_[previous_of(corner)]; h != kBorder; h = partner_[previous_of(h)]) {
+      if (h == corner) return count;
+      ++count;
+    }
+    for (std::uint32_t across = partner_[corner]; across != kBorder; across = partner_[next_of(across)])
+      ++count;
+    return count;
+  }
+
+  void collect() {
+    RepairResult& out = result_;
+    for (std::uint32_t f = 0; f < faces_.size(); ++f) {
+      const RepairFace& face = faces_[f];
+      if (owned(face[0])) {
+        std::uint8_t border = 0;
+        for (std::uint32_t e = 0; e < 3; ++e)
+          if (ends_at(3 * f + e)) border = static_cast<std::uint8_t>(border | 1u << e);
+        out.report.border_edges +=
+            static_cast<std::uint64_t>((border & 1) + (border >> 1 & 1) + (border >> 2));
+        out.faces.push_back(face);
+        out.local.push_back(local_[f]);
+        out.copy.push_back(copy_[f]);
+        out.border.push_back(border);
+        continue;
+      }
+      const RepairFace corners = sorted_corners(face);
+      const auto place = [&](std::uint32_t v) {
+        return static_cast<std::uint16_t>(v == corners[0] ? 0 : v == corners[1] ? 1 : 2);
+      };
+      for (std::uint32_t e = 0; e < 3; ++e) {
+        if (owned(face[e]) && copy_[f][e] != 0) out.fixes.push_back({corners, place(face[e]), copy_[f][e]});
+        // The tile that keeps the face knows nothing of its edge between the two larger corners, if neither
+        // is its own: the owner of the smaller one tells. Of cuts only who makes them knows.
+        const std::uint32_t half = 3 * f + e;
+        if (!ends_at(half)) continue;
+        const std::uint16_t i = place(face[e]);
+        const std::uint16_t j = place(face[(e + 1) % 3]);
+        const bool told = std::min(i, j) == 1 && owned(corners[1]);
+        if (told || (!cut_.empty() && cut_[half]))
+          out.fixes.push_back({corners, static_cast<std::uint16_t>(i + j == 2 ? 5 : 3 + std::min(i, j)), 0});
+      }
+    }
+    std::sort(out.fixes.begin(), out.fixes.end());
+  }
+
+  bool ends_at(std::uint32_t half) const {
+    return partner_[half] == kBorder || (!cut_.empty() && cut_[half]);
+  }
+
+  RepairTile tile_;
+  std::vector<RepairFace> faces_;
+  std::vector<RepairFace> local_;
+  std::uint32_t own_first_ = 0;
+  std::uint32_t own_last_ = 0;
+  std::vector<std::uint32_t> group_;    ///< half-edges of the edge at hand
+  std::vector<std::uint32_t> partner_;  ///< per half-edge
+  std::vector<std::uint8_t>
+      branch_;  ///< per vertex: an edge with more than two faces ends here; empty if none does
+  std::vector<std::uint8_t> cut_;  ///< per half-edge; empty if nothing is split
+  std::vector<std::array<std::uint16_t, 3>> copy_;
+  RepairResult result_;
+};
+
+}  // namespace
+
+RepairResult repair_tile(RepairTile&& tile) {
+  return Repair(std::move(tile)).run();
+}
+
+}  // namespace tessera

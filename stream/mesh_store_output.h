@@ -1,0 +1,39 @@
+/// \file mesh_store_output.h
+/// A store becomes one mesh file: one global numbering, vertices in the order of patches and keys, then
+/// faces. Streamed.
+#pragma once
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "stream/mesh_store.h"
+
+namespace tessera {
+
+struct MeshStoreOutput {
+  std::filesystem::path path;  ///< by extension: .ply, .obj, .stl, .glb
+  std::vector<std::string> comments;
+  std::filesystem::path temp;                            ///< folder for what does not fit in memory
+  std::uint64_t memory_bytes = std::uint64_t{64} << 20;  ///< of its sorts; patches come on top
+  std::function<void()> check_stop;                      ///< may be empty
+  std::function<void(std::uint64_t)> advance;            ///< faces written; may be empty
+};
+
+struct MeshStoreOutputReport {
+  std::uint64_t vertices = 0;
+  std::uint64_t faces = 0;
+  std::uint64_t bytes = 0;
+  std::uint64_t shared_vertices = 0;  ///< that more than one patch uses
+};
+
+/// Reads every patch three times: once to find the vertices that patches share, once for vertices, once for
+/// faces. \throws EmptyError when there is no face; UsageError when the format cannot hold the mesh;
+/// ResourceError
+MeshStoreOutputReport write_mesh_store(const MeshStore& store, const MeshStoreOutput& output);
+
+/// Upper bound of what write_mesh_store allocates.
+std::uint64_t write_mesh_store_bytes(const MeshStore& store, std::uint64_t sort_bytes);
+
+}  // namespace tessera

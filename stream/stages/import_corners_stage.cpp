@@ -1,0 +1,170 @@
+/// Stage "corners" of an import: faces get their corners by number and go to the bucket of each corner.
+#include <algorithm>
+
+#include <nlohmann/json.hpp>
+
+#include "octree/error.h"
+#include "stream/bucket_file.h"
+#include "stream/durable_file.h"
+#include "stream/spill_file.h"
+#include "stream/stages/import_stages.h"
+
+namespace tessera {
+namespace {
+
+using json = nlohmann::json;
+
+constexpr std::uint64_t kDealBytes = std::uint64_t{32} << 20;
+constexpr std::uint64_t kFixedBytes = std::uint64_t{24} << 20;  ///< reader, batches, output buffer
+constexpr std::uint32_t kNoVertex = 0xffffffffu;
+
+class ImportCornersStage : public Stage {
+ public:
+  ImportCornersStage(const JobState& state, ImportSource source)
+      : work_(state.work),
+        path_(state.inputs.at(source.input)),
+        memory_(state.run.memory_bytes),
+        source_(std::move(source)),
+        names_(source_.folder),
+        vertices_(state.work, source_.folder) {}
+
+  std::string name() const override { return source_.folder + "-corners"; }
+  std::size_t task_count() const override { return 0; }
+  std::uint64_t task_bytes(std::size_t) const override { return 0; }
+  std::uint64_t units() const override { return 0; }
+  std::string unit_name() const override { return "faces"; }
+  json run(std::size_t, TaskContext&) const override { return {}; }
+  std::uint64_t finish_bytes() const override {
+    return range() * sizeof(std::uint32_t) + kDealBytes + kFixedBytes;
+  }
+
+  json finish(const std::vector<json>&, TaskContext& context) const override {
+    const auto mesh = open_mesh_file(path_, {.keep_bad_faces = true});
+    Dealer dealer(vertices_, context.create(names_.dealt_faces()));
+    // Where the numbers of all vertices do not fit at once, range by range over the faces: corners that are
+    // known wait in a temporary file.
+    const std::uint64_t total = vertices_.plan().file_vertices;
+    std::vector<std::uint32_t> number(range());
+    std::unique_ptr<SpillFile> before;
+    for (std::uint64_t begin = 0; begin < total; begin += range()) {
+      const std::uint64_t end = std::min(total, begin + range());
+      load_numbers(begin, end, number, context);
+      const bool last = end == total;
+      auto after = std::make_unique<SpillFile>(work_);
+      std::uint64_t at = 0;
+      std::vector<RepairFace> known;
+      mesh->read_faces([&](std::span<const MeshFace> faces) {
+        context.check_stop();
+        known.assign(faces.size(), {kNoVertex, kNoVertex, kNoVertex});
+        if (before) before->read_at(at * sizeof(RepairFace), known.data(), known.size() * sizeof(RepairFace));
+        at += faces.size();
+        for (std::size_t f = 0; f < faces.size(); ++f)
+          for (std::size_t c = 0; c < 3; ++c) {
+            const std::uint64_t v = faces[f][c];
+            if (v >= begin && v < end) known[f][c] = number[v - begin];
+          }
+        if (last) {
+          for (const RepairFace& f : known) dealer.add(f);
+        } else {
+          after->append(known.data(), known.size() * sizeof(RepairFace));
+        }
+        context.count_read(faces.size() * sizeof(RepairFace));
+      });
+      before = std::move(after);
+    }
+    context.count_written(dealer.finish());
+    return {{"faces", dealer.faces},
+            {"bad_faces", dealer.bad},
+            {"degenerate_faces", dealer.degenerate},
+            {"dealt", dealer.dealt}};
+  }
+
+  std::vector<std::string> obsolete() const override {
+    std::vector<std::string> names;
+    for (std::size_t b = 0; b < vertices_.plan().buckets(); ++b) names.push_back(names_.numbers(b));
+    return names;
+  }
+
+ private:
+  struct Dealer {
+    Dealer(const ImportedVertices& v, const std::filesystem::path& path)
+        : vertices(v), out(path, sizeof(RepairFace), v.plan().buckets(), kDealBytes) {}
+
+    std::size_t bucket_of(std::uint32_t number) {
+      if (number < low || number >= high) {
+        last = vertices.bucket_of(number);
+        low = vertices.first(last);
+        high = vertices.first(last + 1);
+      }
+      return last;
+    }
+    void add(const RepairFace& f) {
+      ++faces;
+      if (f[0] == kNoVertex || f[1] == kNoVertex || f[2] == kNoVertex) {
+        ++bad;
+        return;
+      }
+      if (f[0] == f[1] || f[1] == f[2] || f[2] == f[0]) {
+        ++degenerate;
+        return;
+      }
+      const std::size_t a = bucket_of(f[0]);
+      const std::size_t b = bucket_of(f[1]);
+      const std::size_t c = bucket_of(f[2]);
+      put(a, f);
+      if (b != a) put(b, f);
+      if (c != a && c != b) put(c, f);
+    }
+    void put(std::size_t bucket, const RepairFace& f) {
+      out.add(bucket, &f);
+      ++dealt;
+    }
+    std::uint64_t finish() { return out.finish(); }
+
+    const ImportedVertices& vertices;
+    BucketFileWriter out;
+    std::size_t last = 0;
+    std::uint32_t low = 1, high = 0;
+    std::uint64_t faces = 0, bad = 0, degenerate = 0, dealt = 0;
+  };
+
+  /// Vertices whose numbers are in memory at once.
+  std::uint64_t range() const {
+    const std::uint64_t share = std::max<std::uint64_t>(memory_ / 8 * 3, std::uint64_t{1} << 20);
+    return std::clamp<std::uint64_t>(vertices_.plan().file_vertices, 1, share / sizeof(std::uint32_t));
+  }
+
+  void load_numbers(std::uint64_t begin, std::uint64_t end, std::vector<std::uint32_t>& number,
+                    TaskContext& context) const {
+    std::fill(number.begin(), number.end(), kNoVertex);
+    std::vector<DealtNumber> page(1u << 16);
+    for (std::size_t b = 0; b < vertices_.plan().buckets(); ++b) {
+      const ReadFile file(work_ / names_.numbers(b));
+      for (std::uint64_t at = 0; at < file.size();) {
+        context.check_stop();
+        const std::uint64_t bytes =
+            std::min<std::uint64_t>(page.size() * sizeof(DealtNumber), file.size() - at);
+        file.read_at(at, page.data(), bytes);
+        at += bytes;
+        for (std::size_t i = 0; i < bytes / sizeof(DealtNumber); ++i)
+          if (page[i].in_file >= begin && page[i].in_file < end)
+            number[page[i].in_file - begin] = vertices_.first(b) + page[i].in_bucket;
+      }
+    }
+  }
+
+  std::filesystem::path work_;
+  std::filesystem::path path_;
+  std::uint64_t memory_;
+  ImportSource source_;
+  ImportNames names_;
+  ImportedVertices vertices_;
+};
+
+}  // namespace
+
+std::unique_ptr<Stage> make_import_corners_stage(const JobState& state, const ImportSource& source) {
+  return std::make_unique<ImportCornersStage>(state, source);
+}
+
+}  // namespace tessera

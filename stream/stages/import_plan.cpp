@@ -1,0 +1,176 @@
+#include "stream/stages/import_plan.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include <nlohmann/json.hpp>
+
+#include "octree/error.h"
+
+namespace tessera {
+namespace {
+
+constexpr int kGridLevel =
+    6;  ///< cells an edge of the root cube; the mesh lies in at most two root cubes an axis
+constexpr int kGrid = 2 << kGridLevel;
+constexpr int kMostBrickLevel = kMaxCellBits - kBrickBits - 1;
+
+bool finite(const Double3& p) {
+  return std::isfinite(p[0]) && std::isfinite(p[1]) && std::isfinite(p[2]);
+}
+
+/// Smallest power of two >= value, 1 for 0.
+double power_of_two_above(double value) {
+  if (!(value > 0.0)) return 1.0;
+  int exponent = 0;
+  const double mantissa = std::frexp(value, &exponent);
+  return std::ldexp(1.0, mantissa > 0.5 ? exponent : exponent - 1);
+}
+
+/// Of a grid of counts: the count of the cell in which the middle vertex lies when cells are sorted by count.
+std::uint64_t weighted_median(std::vector<std::uint64_t> counts, std::uint64_t vertices) {
+  std::sort(counts.begin(), counts.end());
+  std::uint64_t below = 0;
+  for (const std::uint64_t c : counts) {
+    below += c;
+    if (2 * below >= vertices) return c;
+  }
+  return 0;
+}
+
+}  // namespace
+
+std::uint64_t ImportPlan::brick_of(const Double3& position) const {
+  const double edge = info.lattice.h * kBrickCells;
+  Int3 brick;
+  for (std::size_t a = 0; a < 3; ++a)
+    brick[a] = static_cast<std::int32_t>(std::floor(position[a] / edge) -
+                                         static_cast<double>(info.lattice.origin_brick[a]));
+  return brick_key(brick);
+}
+
+std::size_t ImportPlan::bucket_of_brick(std::uint64_t brick) const {
+  const std::uint64_t cell = brick >> (3 * (brick_level - cell_level));
+  return static_cast<std::size_t>(std::upper_bound(first_cell.begin(), first_cell.end(), cell) -
+                                  first_cell.begin()) -
+         1;
+}
+
+ImportPlan ImportPlan::measure(MeshReader& mesh, const std::function<void()>& check_stop) {
+  ImportPlan plan;
+  constexpr double kInfinity = std::numeric_limits<double>::infinity();
+  Double3 low = {kInfinity, kInfinity, kInfinity};
+  Double3 high = {-kInfinity, -kInfinity, -kInfinity};
+  mesh.read_vertices([&](std::span<const Double3> positions, std::span<const std::uint32_t>) {
+    check_stop();
+    plan.file_vertices += positions.size();
+    for (const Double3& p : positions) {
+      if (!finite(p)) {
+        ++plan.nonfinite_vertices;
+        continue;
+      }
+      for (std::size_t a = 0; a < 3; ++a) {
+        low[a] = std::min(low[a], p[a]);
+        high[a] = std::max(high[a], p[a]);
+      }
+    }
+  });
+  if (plan.file_vertices == plan.nonfinite_vertices)
+    throw EmptyError("the mesh has no vertex with finite coordinates: there is nothing to work on");
+  plan.info.double_positions = mesh.header().double_positions;
+  plan.info.colour = mesh.header().colour;
+  plan.info.shift = mesh.header().shift;
+
+  double extent = 0.0;
+  double farthest = 0.0;
+  for (std::size_t a = 0; a < 3; ++a) {
+    extent = std::max(extent, high[a] - low[a]);
+    farthest = std::max({farthest, std::fabs(low[a]), std::fabs(high[a])});
+  }
+  // Below this, bricks could not be told from each other so far from zero.
+  const double root = power_of_two_above(std::max(extent, farthest * 0x1p-40));
+  if (!std::isfinite(root) || root < 0x1p-900)
+    throw InputError("the extent of the mesh is beyond what can be computed with: scale it first");
+  Double3 origin;
+  for (std::size_t a = 0; a < 3; ++a) origin[a] = std::floor(low[a] / root);
+
+  const double cell = std::ldexp(root, -kGridLevel);
+  std::vector<std::uint32_t> count(std::size_t{kGrid} * kGrid * kGrid, 0);
+  mesh.read_vertices([&](std::span<const Double3> positions, std::span<const std::uint32_t>) {
+    check_stop();
+    for (const Double3& p : positions) {
+      if (!finite(p)) continue;
+      std::array<std::uint32_t, 3> c;
+      for (std::size_t a = 0; a < 3; ++a)
+        c[a] = static_cast<std::uint32_t>(std::floor(p[a] / cell) - std::ldexp(origin[a], kGridLevel));
+      ++count[morton_encode(c[0], c[1], c[2])];
+    }
+  });
+
+  // Level by level from the finest grid upwards; below the grid a surface has a quarter of the vertices per
+  // level.
+  const std::uint64_t vertices = plan.file_vertices - plan.nonfinite_vertices;
+  std::vector<std::uint64_t> counts(count.begin(), count.end());
+  std::uint64_t median = weighted_median(counts, vertices);
+  int level = kGridLevel;
+  if (median > kBrickVertices) {
+    for (; median > kBrickVertices && level < kMostBrickLevel; ++level) median /= 4;
+  } else {
+    while (level > 0) {
+      std::vector<std::uint64_t> parent(counts.size() / 8, 0);
+      for (std::size_t c = 0; c < counts.size(); ++c) parent[c >> 3] += counts[c];
+      if (weighted_median(parent, vertices) > kBrickVertices) break;
+      counts = std::move(parent);
+      --level;
+    }
+  }
+  plan.brick_level = level;
+  plan.cell_level = std::min(level, kGridLevel);
+  plan.info.lattice.h = std::ldexp(root, -level - kBrickBits);
+  for (std::size_t a = 0; a < 3; ++a)
+    plan.info.lattice.origin_brick[a] = static_cast<std::int64_t>(std::ldexp(origin[a], level));
+
+  const std::uint64_t target = std::max(kBucketVertices, vertices / kMostBuckets);
+  for (std::uint64_t c = 0; c < counts.size(); ++c) {
+    if (counts[c] == 0) continue;
+    if (plan.first_cell.empty() || plan.bucket_vertices.back() >= target) {
+      plan.first_cell.push_back(plan.first_cell.empty() ? 0 : c);
+      plan.bucket_vertices.push_back(0);
+    }
+    plan.bucket_vertices.back() += counts[c];
+  }
+  return plan;
+}
+
+nlohmann::json ImportPlan::to_json() const {
+  return {{"h", info.lattice.h},
+          {"origin_brick", info.lattice.origin_brick},
+          {"double_positions", info.double_positions},
+          {"colour", info.colour},
+          {"shift", info.shift},
+          {"file_vertices", file_vertices},
+          {"nonfinite_vertices", nonfinite_vertices},
+          {"brick_level", brick_level},
+          {"cell_level", cell_level},
+          {"first_cell", first_cell},
+          {"bucket_vertices", bucket_vertices}};
+}
+
+ImportPlan ImportPlan::from_json(const nlohmann::json& j) {
+  ImportPlan plan;
+  j.at("h").get_to(plan.info.lattice.h);
+  j.at("origin_brick").get_to(plan.info.lattice.origin_brick);
+  j.at("double_positions").get_to(plan.info.double_positions);
+  j.at("colour").get_to(plan.info.colour);
+  j.at("shift").get_to(plan.info.shift);
+  j.at("file_vertices").get_to(plan.file_vertices);
+  j.at("nonfinite_vertices").get_to(plan.nonfinite_vertices);
+  j.at("brick_level").get_to(plan.brick_level);
+  j.at("cell_level").get_to(plan.cell_level);
+  j.at("first_cell").get_to(plan.first_cell);
+  j.at("bucket_vertices").get_to(plan.bucket_vertices);
+  return plan;
+}
+
+}  // namespace tessera

@@ -1,0 +1,50 @@
+/// \file import_plan.h
+/// How a mesh on disk is cut: bricks by the density of its vertices, buckets of bricks for the tasks.
+#pragma once
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <string>
+#include <vector>
+
+#include <nlohmann/json_fwd.hpp>
+
+#include "stream/mesh_io.h"
+#include "stream/mesh_store.h"
+
+namespace tessera {
+
+/// A pure function of the set of vertices. Bricks are cubes of a power of two, aligned to the world's zero,
+/// the largest that hold at most about kBrickVertices vertices in the middle of the distribution.
+struct ImportPlan {
+  MeshStoreInfo info;
+  std::uint64_t file_vertices = 0;
+  std::uint64_t nonfinite_vertices = 0;
+  int brick_level = 0;  ///< the root cube has 2^brick_level bricks an edge
+  int cell_level = 0;   ///< buckets consist of cells of this level, each of whole bricks: <= brick_level
+  std::vector<std::uint64_t> first_cell;       ///< per bucket: Morton code of its first cell, ascending
+  std::vector<std::uint64_t> bucket_vertices;  ///< as in the file, with duplicates
+
+  static constexpr std::uint64_t kBrickVertices = 6000;
+  static constexpr std::uint64_t kBucketVertices = 1u << 17;
+  static constexpr std::size_t kMostBuckets = 1000;
+  static constexpr std::uint64_t kSurveyBytes = std::uint64_t{20} << 20;  ///< what measuring takes
+
+  std::size_t buckets() const { return first_cell.size(); }
+  /// Morton code of the brick of a position. \pre finite, within what was measured
+  std::uint64_t brick_of(const Double3& position) const;
+  std::size_t bucket_of_brick(std::uint64_t brick) const;
+
+  /// Reads all vertices twice. \throws EmptyError when there is no finite vertex
+  static ImportPlan measure(MeshReader& mesh, const std::function<void()>& check_stop);
+  nlohmann::json to_json() const;
+  static ImportPlan from_json(const nlohmann::json& j);
+};
+
+/// Where one mesh of a job lies.
+struct ImportSource {
+  std::size_t input = 0;  ///< index of JobState::inputs
+  std::string folder;     ///< of the store in the work directory, "mesh": stages are named after it
+};
+
+}  // namespace tessera

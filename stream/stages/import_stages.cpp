@@ -1,0 +1,184 @@
+#include "stream/stages/import_stages.h"
+
+#include <algorithm>
+#include <cstring>
+
+#include <xxhash.h>
+#include <nlohmann/json.hpp>
+
+#include "octree/error.h"
+#include "stream/direct_file.h"
+#include "stream/durable_file.h"
+#include "stream/task_files.h"
+
+namespace tessera {
+namespace {
+
+struct BucketHeader {
+  std::uint64_t bricks = 0;
+  std::uint64_t vertices = 0;
+  std::uint64_t hash = 0;  ///< of all that follows
+};
+
+std::uint64_t position_bytes(const MeshStoreInfo& info) {
+  return info.double_positions ? 24 : 12;
+}
+std::uint64_t positions_offset(std::uint64_t bricks) {
+  return sizeof(BucketHeader) + 12 * bricks;
+}
+
+void pack(const std::vector<Double3>& positions, bool doubles, char* to) {
+  for (const Double3& p : positions) {
+    if (doubles) {
+      std::memcpy(to, &p, sizeof p);
+      to += sizeof p;
+    } else {
+      const Float3 f = {static_cast<float>(p[0]), static_cast<float>(p[1]), static_cast<float>(p[2])};
+      std::memcpy(to, &f, sizeof f);
+      to += sizeof f;
+    }
+  }
+}
+Double3 unpack(const char* from, bool doubles) {
+  if (doubles) {
+    Double3 p;
+    std::memcpy(&p, from, sizeof p);
+    return p;
+  }
+  Float3 f;
+  std::memcpy(&f, from, sizeof f);
+  return {f[0], f[1], f[2]};
+}
+
+}  // namespace
+
+std::string ImportNames::vertices(std::size_t bucket) const {
+  return root + "vertices/" + task_file_stem(bucket) + ".tsv";
+}
+std::string ImportNames::numbers(std::size_t bucket) const {
+  return root + "vertices/" + task_file_stem(bucket) + ".tsn";
+}
+std::string ImportNames::tiles(std::size_t bucket) const {
+  return root + "tiles/" + task_file_stem(bucket) + ".tmm";
+}
+std::string ImportNames::fixes(std::size_t bucket) const {
+  return root + "tiles/" + task_file_stem(bucket) + ".fix";
+}
+std::string ImportNames::repaired(std::size_t bucket) const {
+  return root + "repaired/" + task_file_stem(bucket) + ".tmm";
+}
+
+std::uint64_t BucketVertices::save(const std::filesystem::path& path, const MeshStoreInfo& info) const {
+  std::vector<char> data(12 * brick.size() + position.size() * position_bytes(info) + 4 * rgba.size());
+  char* at = data.data();
+  const auto put = [&](const auto& values) {
+    const std::size_t bytes = values.size() * sizeof values[0];
+    if (bytes > 0) std::memcpy(at, values.data(), bytes);
+    at += bytes;
+  };
+  put(brick);
+  put(first);
+  pack(position, info.double_positions, at);
+  at += position.size() * position_bytes(info);
+  put(rgba);
+  const BucketHeader header{brick.size(), position.size(), XXH3_64bits(data.data(), data.size())};
+  DirectFile file(path);
+  file.write(&header, sizeof header);
+  file.write(data.data(), data.size());
+  return file.finish();
+}
+
+BucketVertices BucketVertices::load(const std::filesystem::path& path, const MeshStoreInfo& info) {
+  const ReadFile file(path);
+  BucketHeader header;
+  file.read_at(0, &header, sizeof header);
+  const std::uint64_t bytes =
+      12 * header.bricks + header.vertices * (position_bytes(info) + (info.colour ? 4 : 0));
+  if (file.size() != sizeof header + bytes)
+    throw InputError(path.string() +
+                     ": has another size than its header says, the file is damaged; run again with --force");
+  std::vector<char> data(bytes);
+  file.read_at(sizeof header, data.data(), bytes);
+  if (XXH3_64bits(data.data(), bytes) != header.hash)
+    throw InputError(path.string() + ": checksum differs, the file is damaged; run again with --force");
+  BucketVertices out;
+  const char* at = data.data();
+  const auto take = [&](auto& values, std::uint64_t count) {
+    values.resize(count);
+    if (count > 0) std::memcpy(values.data(), at, count * sizeof values[0]);
+    at += count * sizeof values[0];
+  };
+  take(out.brick, header.bricks);
+  take(out.first, header.bricks);
+  out.position.resize(header.vertices);
+  for (Double3& p : out.position) {
+    p = unpack(at, info.double_positions);
+    at += position_bytes(info);
+  }
+  if (info.colour) take(out.rgba, header.vertices);
+  return out;
+}
+
+ImportedVertices::ImportedVertices(const std::filesystem::path& work, const std::string& folder)
+    : work_(work), names_(folder) {
+  plan_ = ImportPlan::from_json(nlohmann::json::parse(read_text(work / names_.plan())));
+  first_ = nlohmann::json::parse(read_text(work / names_.numbering()))
+               .at("first")
+               .get<std::vector<std::uint32_t>>();
+}
+
+std::size_t ImportedVertices::bucket_of(std::uint32_t number) const {
+  return static_cast<std::size_t>(std::upper_bound(first_.begin(), first_.end(), number) - first_.begin()) -
+         1;
+}
+
+BucketVertices ImportedVertices::load(std::size_t bucket) const {
+  return BucketVertices::load(work_ / names_.vertices(bucket), plan_.info);
+}
+
+void ImportedVertices::fetch(std::span<const std::uint32_t> numbers, std::vector<Double3>& position,
+                             std::vector<std::uint32_t>& rgba) const {
+  constexpr std::uint64_t kPage = 4096;  // vertices read at once
+  const std::uint64_t width = position_bytes(plan_.info);
+  std::vector<char> page;
+  std::vector<std::uint32_t> colours;
+  for (std::size_t i = 0; i < numbers.size();) {
+    const std::size_t bucket = bucket_of(numbers[i]);
+    const ReadFile file(work_ / names_.vertices(bucket));
+    BucketHeader header;
+    file.read_at(0, &header, sizeof header);
+    const std::uint64_t positions = positions_offset(header.bricks);
+    while (i < numbers.size() && numbers[i] < first_[bucket + 1]) {
+      const std::uint64_t begin = numbers[i] - first_[bucket];
+      const std::uint64_t count = std::min(kPage, header.vertices - begin);
+      page.resize(count * width);
+      file.read_at(positions + begin * width, page.data(), page.size());
+      if (plan_.info.colour) {
+        colours.resize(count);
+        file.read_at(positions + header.vertices * width + 4 * begin, colours.data(), 4 * count);
+      }
+      for (; i < numbers.size() && numbers[i] - first_[bucket] < begin + count; ++i) {
+        const std::uint64_t at = numbers[i] - first_[bucket] - begin;
+        position.push_back(unpack(page.data() + at * width, plan_.info.double_positions));
+        if (plan_.info.colour) rgba.push_back(colours[at]);
+      }
+    }
+  }
+}
+
+std::vector<StageEntry> import_stages(const ImportSource& source) {
+  const auto entry = [&](const char* name, auto make) {
+    return StageEntry{source.folder + "-" + name,
+                      [make, source](const JobState& state) { return make(state, source); }};
+  };
+  return {entry("read", make_import_read_stage), entry("vertices", make_import_vertices_stage),
+          entry("corners", make_import_corners_stage), entry("tiles", make_import_tiles_stage),
+          entry("repair", make_import_repair_stage)};
+}
+
+MeshStore open_imported_mesh(const std::filesystem::path& work, const std::string& folder) {
+  return MeshStore(list_task_files(work / folder / "tiles", ".tmm"),
+                   list_task_files(work / folder / "repaired", ".tmm"));
+}
+
+}  // namespace tessera

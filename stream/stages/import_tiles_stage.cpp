@@ -1,0 +1,361 @@
+/// Stages "tiles" and "repair" of an import: the faces of each bucket become patches.
+#include <algorithm>
+#include <map>
+
+#include <nlohmann/json.hpp>
+
+#include "kernels/mesh_block_ops.h"
+#include "octree/error.h"
+#include "stream/bucket_file.h"
+#include "stream/durable_file.h"
+#include "stream/external_sort.h"
+#include "stream/stages/import_stages.h"
+
+namespace tessera {
+namespace {
+
+using json = nlohmann::json;
+
+constexpr std::uint64_t kSortBytes = std::uint64_t{16} << 20;
+
+std::uint64_t key_of(std::uint32_t number, std::uint16_t copy) {
+  return static_cast<std::uint64_t>(number) << kVertexCopyBits | copy;
+}
+
+/// A fix and the brick whose patch holds its face.
+struct PlacedFix {
+  std::uint64_t brick = 0;
+  RepairFix fix;
+  auto operator<=>(const PlacedFix&) const = default;
+};
+static_assert(sizeof(PlacedFix) == 24);
+
+/// Vertices of a tile: its own and those of its faces that others own, ascending by number.
+struct TileVertices {
+  std::vector<std::uint32_t> number;
+  std::vector<Double3> position;
+  std::vector<std::uint32_t> rgba;
+  std::uint64_t unreferenced = 0;
+};
+
+class ImportTilesStage : public Stage {
+ public:
+  ImportTilesStage(const JobState& state, ImportSource source)
+      : work_(state.work),
+        source_(std::move(source)),
+        names_(source_.folder),
+        vertices_(state.work, source_.folder),
+        dealt_(state.work / names_.dealt_faces(), sizeof(RepairFace)) {}
+
+  std::string name() const override { return source_.folder + "-tiles"; }
+  std::size_t task_count() const override { return vertices_.plan().buckets(); }
+  std::uint64_t units() const override {
+    std::uint64_t sum = 0;
+    for (std::size_t b = 0; b < task_count(); ++b) sum += dealt_.records(b);
+    return sum;
+  }
+  std::string unit_name() const override { return "faces"; }
+  std::uint64_t task_bytes(std::size_t task) const override {
+    const std::uint64_t own = vertices_.first(task + 1) - vertices_.first(task);
+    const std::uint64_t faces = dealt_.records(task);
+    return repair_bytes(faces) + faces * (12 + 12 + 12 + 6 + 1 + 16) + own * 120 +
+           DirectFile::kDefaultBuffer + (std::uint64_t{6} << 20);
+  }
+
+  json run(std::size_t task, TaskContext& context) const override {
+    RepairTile tile;
+    tile.faces = dealt_.load<RepairFace>(task);
+    tile.own_begin = vertices_.first(task);
+    tile.own_end = vertices_.first(task + 1);
+    tile.orient = task_count() == 1;
+    const std::uint64_t units = tile.faces.size();
+    context.count_read(units * sizeof(RepairFace));
+    const BucketVertices own = vertices_.load(task);
+    const TileVertices v = gather(tile, own);
+    tile.number = v.number;
+    tile.position = v.position;
+    const RepairResult result = repair_tile(std::move(tile));
+    context.check_stop();
+
+    MeshFileWriter writer(context.create(names_.tiles(task)), vertices_.plan().info);
+    std::vector<std::uint32_t> local(v.number.size(), kNone);
+    std::size_t face = 0;
+    for (std::size_t b = 0; b < own.brick.size(); ++b) {
+      const std::size_t begin = face;
+      const std::uint32_t end_number =
+          b + 1 < own.brick.size() ? vertices_.first(task) + own.first[b + 1] : vertices_.first(task + 1);
+      while (face < result.faces.size() && result.faces[face][0] < end_number) ++face;
+      if (face > begin) writer.add(own.brick[b], make_patch(v, result, begin, face, local));
+    }
+    context.count_written(writer.finish());
+    std::uint64_t remote = 0;
+    if (!result.fixes.empty()) {
+      DirectFile file(context.create(names_.fixes(task)), std::size_t{1} << 16);
+      for (const RepairFix& fix : result.fixes) {
+        const auto at = std::lower_bound(v.number.begin(), v.number.end(), fix.face[0]) - v.number.begin();
+        const PlacedFix placed{vertices_.plan().brick_of(v.position[static_cast<std::size_t>(at)]), fix};
+        file.write(&placed, sizeof placed);
+        remote += fix.slot >= 3;
+      }
+      context.count_written(file.finish());
+    }
+    context.advance(units);
+    const RepairReport& r = result.report;
+    return {{"faces", result.faces.size()},
+            {"unreferenced_vertices", v.unreferenced},
+            {"duplicate_faces", r.duplicate_faces},
+            {"nonmanifold_edges", r.nonmanifold_edges},
+            {"inconsistent_edges", r.inconsistent_edges},
+            {"turned_faces", r.turned_faces},
+            {"split_vertices", r.split_vertices},
+            {"border_edges", r.border_edges + remote},
+            {"fixes", result.fixes.size()}};
+  }
+
+  std::uint64_t finish_bytes() const override {
+    return kSortBytes + DirectFile::kDefaultBuffer + (std::uint64_t{4} << 20);
+  }
+
+  json finish(const std::vector<json>& summaries, TaskContext& context) const override {
+    json sum = json::object();
+    for (const json& s : summaries)
+      for (const auto& [key, value] : s.items())
+        sum[key] = sum.value(key, std::uint64_t{0}) + value.get<std::uint64_t>();
+    ExternalSort<PlacedFix> sort(work_, kSortBytes);
+    for (std::size_t b = 0; b < task_count(); ++b) {
+      if (summaries[b].at("fixes") == 0) continue;
+      std::vector<PlacedFix> page(1u << 14);
+      const ReadFile file(work_ / names_.fixes(b));
+      for (std::uint64_t at = 0; at < file.size();) {
+        context.check_stop();
+        const std::uint64_t bytes =
+            std::min<std::uint64_t>(page.size() * sizeof(PlacedFix), file.size() - at);
+        file.read_at(at, page.data(), bytes);
+        at += bytes;
+        for (std::size_t i = 0; i < bytes / sizeof(PlacedFix); ++i) sort.add(page[i]);
+      }
+    }
+    DirectFile file(context.create(names_.all_fixes()));
+    sort.drain([&](std::span<const PlacedFix> batch) { file.write(batch.data(), batch.size_bytes()); });
+    context.count_written(file.finish());
+    if (sum.value("faces", std::uint64_t{0}) == 0)
+      throw EmptyError("the mesh has no face with three different vertices: there is nothing to work on");
+    return sum;
+  }
+
+  std::vector<std::string> obsolete() const override {
+    return {names_.dealt_faces(), names_.root + "vertices/"};
+  }
+
+ private:
+  static constexpr std::uint32_t kNone = 0xffffffffu;
+
+  TileVertices gather(const RepairTile& tile, const BucketVertices& own) const {
+    std::vector<std::uint8_t> used(tile.own_end - tile.own_begin, 0);
+    std::vector<std::uint32_t> foreign;
+    for (const RepairFace& f : tile.faces)
+      for (const std::uint32_t n : f) {
+        if (n >= tile.own_begin && n < tile.own_end) {
+          used[n - tile.own_begin] = 1;
+        } else {
+          foreign.push_back(n);
+        }
+      }
+    std::sort(foreign.begin(), foreign.end());
+    foreign.erase(std::unique(foreign.begin(), foreign.end()), foreign.end());
+    const auto after = std::lower_bound(foreign.begin(), foreign.end(), tile.own_begin);
+    const auto split = static_cast<std::size_t>(after - foreign.begin());
+    TileVertices v;
+    const auto take_foreign = [&](std::size_t first, std::size_t last) {
+      v.number.insert(v.number.end(), foreign.begin() + static_cast<std::ptrdiff_t>(first),
+                      foreign.begin() + static_cast<std::ptrdiff_t>(last));
+      vertices_.fetch({foreign.data() + first, last - first}, v.position, v.rgba);
+    };
+    take_foreign(0, split);
+    for (std::uint32_t i = 0; i < used.size(); ++i) {
+      if (!used[i]) {
+        ++v.unreferenced;
+        continue;
+      }
+      v.number.push_back(tile.own_begin + i);
+      v.position.push_back(own.position[i]);
+      if (!own.rgba.empty()) v.rgba.push_back(own.rgba[i]);
+    }
+    take_foreign(split, foreign.size());
+    return v;
+  }
+
+  /// Faces [begin, end) of one brick.
+  static MeshBlock make_patch(const TileVertices& v, const RepairResult& result, std::size_t begin,
+                              std::size_t end, std::vector<std::uint32_t>& local) {
+    MeshBlock block;
+    std::map<std::uint64_t, std::uint32_t> copies;  // of split vertices, by key
+    std::vector<std::uint32_t> used;
+    const auto add = [&](std::uint32_t at, std::uint16_t copy) {
+      block.key.push_back(key_of(v.number[at], copy));
+      block.position.push_back(v.position[at]);
+      if (!v.rgba.empty()) block.rgba.push_back(v.rgba[at]);
+      return static_cast<std::uint32_t>(block.key.size() - 1);
+    };
+    for (std::size_t f = begin; f < end; ++f) {
+      std::array<std::uint32_t, 3> corners;
+      for (std::size_t c = 0; c < 3; ++c) {
+        const std::uint32_t at = result.local[f][c];
+        const std::uint16_t copy = result.copy[f][c];
+        if (copy != 0) {
+          const auto [it, fresh] = copies.try_emplace(key_of(v.number[at], copy), 0);
+          if (fresh) it->second = add(at, copy);
+          corners[c] = it->second;
+          continue;
+        }
+        if (local[at] == kNone) {
+          local[at] = add(at, 0);
+          used.push_back(at);
+        }
+        corners[c] = local[at];
+      }
+      block.faces.push_back(corners);
+      block.face_flags.push_back(result.border[f]);
+    }
+    for (const std::uint32_t at : used) local[at] = kNone;
+    block.vertex_class.assign(block.key.size(), VertexClass::kSmooth);
+    canonicalise(block);
+    return block;
+  }
+
+  std::filesystem::path work_;
+  ImportSource source_;
+  ImportNames names_;
+  ImportedVertices vertices_;
+  BucketFile dealt_;
+};
+
+/// Patches of which other tiles know more: the fixes of a run of faces, in the order of their smallest
+/// corner.
+class ImportRepairStage : public Stage {
+ public:
+  ImportRepairStage(const JobState& state, ImportSource source)
+      : work_(state.work),
+        source_(std::move(source)),
+        names_(source_.folder),
+        tiles_(open_imported_mesh(state.work, source_.folder)),
+        fixes_(state.work / names_.all_fixes()) {}
+
+  std::string name() const override { return source_.folder + "-repair"; }
+  std::size_t task_count() const override { return fixes_.size() > 0 ? 1 : 0; }
+  std::uint64_t units() const override { return fixes_.size() / sizeof(PlacedFix); }
+  std::string unit_name() const override { return "fixes"; }
+  std::uint64_t task_bytes(std::size_t) const override {
+    std::uint64_t largest = 0;
+    for (std::size_t p = 0; p < tiles_.patches().size(); ++p)
+      largest = std::max(largest, tiles_.block_bytes(std::vector<std::size_t>{p}));
+    return 2 * largest + (std::uint64_t{8} << 20);
+  }
+  std::uint64_t finish_bytes() const override { return 1u << 20; }
+  json finish(const std::vector<json>& summaries, TaskContext&) const override {
+    return {{"patches", summaries.empty() ? 0 : summaries[0].at("patches").get<std::uint64_t>()}};
+  }
+  std::vector<std::string> obsolete() const override { return {names_.all_fixes()}; }
+
+  json run(std::size_t task, TaskContext& context) const override {
+    MeshFileWriter writer(context.create(names_.repaired(task)), tiles_.info());
+    std::vector<PlacedFix> page(1u << 14);
+    std::vector<RepairFix> pending;
+    std::uint64_t brick = 0;
+    std::uint64_t patches = 0;
+    const auto flush = [&] {
+      if (pending.empty()) return;
+      context.check_stop();
+      const std::int64_t patch = tiles_.find(brick);
+      if (patch < 0) throw std::logic_error("import: a fix names a brick without a patch");
+      MeshBlock block = tiles_.load(std::vector<std::size_t>{static_cast<std::size_t>(patch)});
+      apply(block, pending);
+      writer.add(brick, block);
+      pending.clear();
+      ++patches;
+    };
+    for (std::uint64_t at = 0; at < fixes_.size();) {
+      const std::uint64_t bytes =
+          std::min<std::uint64_t>(page.size() * sizeof(PlacedFix), fixes_.size() - at);
+      fixes_.read_at(at, page.data(), bytes);
+      at += bytes;
+      for (std::size_t i = 0; i < bytes / sizeof(PlacedFix); ++i) {
+        if (page[i].brick != brick) flush();
+        brick = page[i].brick;
+        pending.push_back(page[i].fix);
+        context.advance(1);
+      }
+    }
+    flush();
+    context.count_written(writer.finish());
+    return {{"patches", patches}};
+  }
+
+ private:
+  static void apply(MeshBlock& block, const std::vector<RepairFix>& fixes) {
+    struct Corners {
+      RepairFace sorted;
+      std::uint32_t face;
+    };
+    std::vector<Corners> faces;
+    const auto number = [&](std::uint32_t v) {
+      return static_cast<std::uint32_t>(block.key[v] >> kVertexCopyBits);
+    };
+    for (std::uint32_t f = 0; f < block.faces.size(); ++f) {
+      RepairFace c = {number(block.faces[f][0]), number(block.faces[f][1]), number(block.faces[f][2])};
+      std::sort(c.begin(), c.end());
+      faces.push_back({c, f});
+    }
+    std::sort(faces.begin(), faces.end(),
+              [](const Corners& a, const Corners& b) { return a.sorted < b.sorted; });
+    std::map<std::uint64_t, std::uint32_t> copies;
+    for (const RepairFix& fix : fixes) {
+      const auto at = std::lower_bound(faces.begin(), faces.end(), fix.face,
+                                       [](const Corners& c, const RepairFace& f) { return c.sorted < f; });
+      if (at == faces.end() || at->sorted != fix.face)
+        throw std::logic_error("import: a fix names a face that its patch does not hold");
+      auto& corners = block.faces[at->face];
+      const auto place = [&](std::uint32_t n) {
+        return number(corners[0]) == n   ? std::size_t{0}
+               : number(corners[1]) == n ? std::size_t{1}
+                                         : std::size_t{2};
+      };
+      if (fix.slot >= 3) {
+        const std::size_t i = place(fix.face[fix.slot - 3]);
+        const std::size_t j = place(fix.face[(fix.slot - 2) % 3]);
+        const std::size_t edge = (i + 1) % 3 == j ? i : j;
+        block.face_flags[at->face] = static_cast<std::uint8_t>(block.face_flags[at->face] | 1u << edge);
+        continue;
+      }
+      const std::size_t corner = place(fix.face[fix.slot]);
+      const std::uint32_t old = corners[corner];
+      const auto [it, fresh] = copies.try_emplace(key_of(fix.face[fix.slot], fix.copy), 0);
+      if (fresh) {
+        it->second = static_cast<std::uint32_t>(block.key.size());
+        block.key.push_back(it->first);
+        block.position.push_back(Double3(block.position[old]));
+        block.vertex_class.push_back(block.vertex_class[old]);
+        if (!block.rgba.empty()) block.rgba.push_back(std::uint32_t{block.rgba[old]});
+      }
+      corners[corner] = it->second;
+    }
+    canonicalise(block);
+  }
+
+  std::filesystem::path work_;
+  ImportSource source_;
+  ImportNames names_;
+  MeshStore tiles_;
+  ReadFile fixes_;
+};
+
+}  // namespace
+
+std::unique_ptr<Stage> make_import_tiles_stage(const JobState& state, const ImportSource& source) {
+  return std::make_unique<ImportTilesStage>(state, source);
+}
+std::unique_ptr<Stage> make_import_repair_stage(const JobState& state, const ImportSource& source) {
+  return std::make_unique<ImportRepairStage>(state, source);
+}
+
+}  // namespace tessera
