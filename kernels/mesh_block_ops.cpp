@@ -52,6 +52,7 @@ void sort_faces(MeshBlock& block, std::vector<std::uint8_t>* tag) {
   };
   permute(block.faces);
   permute(block.face_flags);
+  if (!block.face_bound.empty()) permute(block.face_bound);
   if (tag) permute(*tag);
 }
 
@@ -92,6 +93,10 @@ MeshBlock gather(const MeshBlock& in, std::span<const std::uint32_t> faces,
     out.faces.push_back({local[c[0]], local[c[1]], local[c[2]]});
     out.face_flags.push_back(in.face_flags[f]);
   }
+  if (!in.face_bound.empty()) {
+    out.face_bound.reserve(faces.size());
+    for (const std::uint32_t f : faces) out.face_bound.push_back(in.face_bound[f]);
+  }
   for (const std::uint32_t v : used) local[v] = kNone;
   return out;
 }
@@ -116,6 +121,7 @@ void canonicalise(MeshBlock& block, std::vector<std::uint8_t>* tag) {
     append_vertices(block, order, sorted);
     sorted.faces = std::move(block.faces);
     sorted.face_flags = std::move(block.face_flags);
+    sorted.face_bound = std::move(block.face_bound);
     block = std::move(sorted);
     for (FaceCorners& f : block.faces)
       for (std::uint32_t& v : f) v = local[v];
@@ -175,6 +181,13 @@ MeshBlock merge_blocks(std::span<const MeshBlock* const> pieces, std::span<const
   out.faces.reserve(faces);
   out.face_flags.reserve(faces);
   if (tag_of_face) tag_of_face->clear();
+  const bool bounds = std::any_of(pieces.begin(), pieces.end(),
+                                  [](const MeshBlock* piece) { return !piece->face_bound.empty(); });
+  for (const MeshBlock* piece : pieces) {
+    if (!bounds) break;
+    append(piece->face_bound, out.face_bound);
+    if (piece->face_bound.empty()) out.face_bound.insert(out.face_bound.end(), piece->faces.size(), 0.0f);
+  }
   std::size_t first = 0;
   for (std::size_t p = 0; p < pieces.size(); ++p) {
     const MeshBlock& piece = *pieces[p];

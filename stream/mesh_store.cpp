@@ -53,16 +53,17 @@ void include(MeshBox& box, const MeshBox& other) {
 }
 
 struct Layout {
-  std::uint64_t key, position, rgba, vertex_class, corners, flags;
-  Layout(const MeshStoreInfo& info, std::uint64_t vertices, std::uint64_t faces)
+  std::uint64_t key, position, rgba, vertex_class, corners, flags, bound;
+  Layout(const MeshStoreInfo& info, std::uint64_t vertices, std::uint64_t faces, bool bounds)
       : key(8 * vertices),
         position((info.double_positions ? 24 : 12) * vertices),
         rgba(info.colour ? 4 * vertices : 0),
         vertex_class((vertices + 3) / 4 * 4),
         corners((vertices <= kShortIndices ? 6 : 12) * faces),
-        flags((faces + 7) / 8 * 8) {}
+        flags((faces + 3) / 4 * 4),
+        bound(bounds ? 4 * faces : 0) {}
   std::uint64_t vertices() const { return key + position + rgba + vertex_class; }
-  std::uint64_t faces() const { return corners + flags; }
+  std::uint64_t faces() const { return corners + flags + bound; }
 };
 
 template <class T>
@@ -122,12 +123,13 @@ void MeshFileWriter::add(std::uint64_t brick, const MeshBlock& patch) {
   Impl& self = *impl_;
   const std::size_t n = patch.key.size();
   const std::size_t m = patch.faces.size();
-  const Layout layout(self.info, n, m);
+  const Layout layout(self.info, n, m, !patch.face_bound.empty());
   MeshPatchEntry e;
   e.key = brick;
   e.offset = self.file.offset();
   e.vertices = static_cast<std::uint32_t>(n);
   e.faces = static_cast<std::uint32_t>(m);
+  e.has_bounds = patch.face_bound.empty() ? 0 : 1;
   e.box = empty_box();
   for (const Double3& p : patch.position) include(e.box, p);
 
@@ -157,6 +159,7 @@ void MeshFileWriter::add(std::uint64_t brick, const MeshBlock& patch) {
     put(to, patch.faces.data(), m, layout.corners);
   }
   put(to, patch.face_flags.data(), m, layout.flags);
+  put(to, patch.face_bound.data(), patch.face_bound.size(), layout.bound);
   e.vertex_hash = XXH3_64bits(self.buffer.data(), layout.vertices());
   e.face_hash = XXH3_64bits(self.buffer.data() + layout.vertices(), layout.faces());
   self.file.write(self.buffer.data(), self.buffer.size());
@@ -185,7 +188,7 @@ struct MeshStore::Impl {
   MeshBlock read(std::size_t patch) const {
     const MeshPatchEntry& e = patches[patch];
     const ReadFile& file = files[e.file];
-    const Layout layout(info, e.vertices, e.faces);
+    const Layout layout(info, e.vertices, e.faces, e.has_bounds != 0);
     std::vector<char> data(layout.vertices() + layout.faces());
     file.read_at(e.offset, data.data(), data.size());
     if (XXH3_64bits(data.data(), layout.vertices()) != e.vertex_hash ||
@@ -222,6 +225,7 @@ struct MeshStore::Impl {
       take(from, block.faces, m, layout.corners);
     }
     take(from, block.face_flags, m, layout.flags);
+    if (e.has_bounds) take(from, block.face_bound, m, layout.bound);
     return block;
   }
 

@@ -44,10 +44,10 @@ struct MeshPatchEntry {
   std::uint64_t vertex_hash = 0;  ///< XXH3 of the section of vertices
   std::uint64_t face_hash = 0;    ///< XXH3 of the section of faces
   std::uint32_t vertices = 0;
-  std::uint32_t faces = 0;  ///< > 0
-  std::uint32_t file = 0;   ///< index of the file; not on disk
-  std::uint32_t reserved = 0;
-  MeshBox box;  ///< of all vertices; faces may reach out of their brick
+  std::uint32_t faces = 0;       ///< > 0
+  std::uint32_t file = 0;        ///< index of the file; not on disk
+  std::uint32_t has_bounds = 0;  ///< faces come with MeshBlock::face_bound
+  MeshBox box;                   ///< of all vertices; faces may reach out of their brick
 };
 
 class MeshFileWriter {

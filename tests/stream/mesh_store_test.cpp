@@ -39,6 +39,8 @@ MeshBlock make_sheet() {
       block.face_flags.push_back(
           static_cast<std::uint8_t>((j == kSide - 1 ? kFaceBorder01 : 0) | (i == 0 ? kFaceBorder12 : 0)));
     }
+  for (std::size_t f = 0; f < block.faces.size(); ++f)
+    block.face_bound.push_back(0.25f * static_cast<float>(f));
   canonicalise(block);
   return block;
 }
@@ -52,7 +54,7 @@ MeshStoreInfo sheet_info() {
 
 bool same(const MeshBlock& a, const MeshBlock& b) {
   return a.key == b.key && a.position == b.position && a.vertex_class == b.vertex_class && a.rgba == b.rgba &&
-         a.faces == b.faces && a.face_flags == b.face_flags;
+         a.faces == b.faces && a.face_flags == b.face_flags && a.face_bound == b.face_bound;
 }
 
 /// Two files, bricks dealt out in turn.
@@ -199,6 +201,7 @@ TEST_CASE("mesh blocks: the order of vertices and faces does not matter", "[prop
   std::reverse(other.rgba.begin(), other.rgba.end());
   std::reverse(other.faces.begin(), other.faces.end());
   std::reverse(other.face_flags.begin(), other.face_flags.end());
+  std::reverse(other.face_bound.begin(), other.face_bound.end());
   const auto last = static_cast<std::uint32_t>(sheet.key.size() - 1);
   for (std::size_t f = 0; f < other.faces.size(); ++f) {
     auto& c = other.faces[f];
