@@ -10,6 +10,8 @@
 #include "stream/memory_budget.h"
 #include "stream/numbers.h"
 #include "stream/parallel.h"
+#include "stream/scratch_folder.h"
+#include "stream/stage_runner.h"
 
 namespace tessera {
 namespace {
@@ -186,6 +188,17 @@ MeshComparison compare_meshes(const MeshStore& mesh, const MeshStore& reference,
   }
   out.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   return out;
+}
+
+MeshComparison compare_mesh_files(const std::filesystem::path& mesh, const std::filesystem::path& reference,
+                                  const CompareOptions& options, const RunOptions& run) {
+  options.validate();
+  const ScratchFolder scratch(run.temp, "compare");
+  const MeshStore a = import_mesh(mesh, scratch.path(), "mesh", run, options.check_stop);
+  const MeshStore b = import_mesh(reference, scratch.path(), "reference", run, options.check_stop);
+  WorkerPool pool(run.threads);
+  MemoryBudget budget(run.memory_bytes, resident_bytes());
+  return compare_meshes(a, b, options, pool, budget);
 }
 
 }  // namespace tessera

@@ -5,6 +5,7 @@
 /// number of cells.
 #pragma once
 #include <cstdint>
+#include <filesystem>
 #include <functional>
 #include <string>
 
@@ -12,6 +13,7 @@
 
 #include "kernels/certificate.h"
 #include "stream/mesh_store.h"
+#include "stream/options.h"
 
 namespace tessera {
 
@@ -54,6 +56,11 @@ struct MeshComparison {
 /// \throws ResourceError when the budget cannot hold the fullest cell, naming the cap that would do
 MeshComparison compare_meshes(const MeshStore& mesh, const MeshStore& reference,
                               const CompareOptions& options, WorkerPool& pool, MemoryBudget& budget);
+
+/// Imports both files into a scratch folder in run.temp and compares them within run.memory_bytes on
+/// run.threads (both > 0). \throws InputError, EmptyError, ResourceError, StoppedError
+MeshComparison compare_mesh_files(const std::filesystem::path& mesh, const std::filesystem::path& reference,
+                                  const CompareOptions& options, const RunOptions& run);
 
 nlohmann::json to_json(const MeshComparison& comparison);
 std::string describe(const MeshComparison& comparison);

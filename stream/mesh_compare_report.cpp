@@ -62,7 +62,7 @@ std::string direction(const DeviationReport& r, double tolerance, double reach) 
 std::string sentence(const DeviationReport& r, const std::string& from, const std::string& to,
                      double tolerance, double reach) {
   const std::string where = from + " at " + place(r.witness);
-  if (r.beyond) return where + " has no " + to + " within " + number_text(reach);
+  if (r.beyond) return where + " is farther than " + number_text(reach) + " from the " + to;
   if (r.lower > tolerance) return where + " is " + number_text(r.lower) + " from the " + to;
   return from + " is proven to stay within " + number_text(r.upper) + " of the " + to + " only";
 }

@@ -1,15 +1,19 @@
 #include <unistd.h>
 
+#include <algorithm>
 #include <filesystem>
 #include <iostream>
 #include <memory>
+#include <thread>
 
 #include <nlohmann/json.hpp>
 
 #include "octree/error.h"
 #include "stream/mesh_check.h"
+#include "stream/mesh_compare.h"
 #include "stream/mesh_io.h"
 #include "stream/output_file.h"
+#include "stream/stop.h"
 #include "stream/truth.h"
 #include "tools/cli.h"
 #include "tools/commands.h"
@@ -23,6 +27,10 @@ struct CheckCommand {
   MeshCheckOptions options;
   std::filesystem::path truth;
   TruthOptions truth_options;
+  std::filesystem::path reference;
+  CompareOptions compare;
+  bool with_borders = false;
+  int threads = 0;
   bool strict = false;
   bool closed = false;
 };
@@ -33,14 +41,37 @@ std::filesystem::path scratch_folder(const std::filesystem::path& mesh) {
   return ::access(folder.c_str(), W_OK) == 0 ? folder : std::filesystem::temp_directory_path();
 }
 
+MeshComparison compare_with_reference(const CheckCommand& command, const MeshCheckOptions& options) {
+  RunOptions run;
+  run.memory_bytes = options.memory_bytes;
+  run.temp = options.temp;
+  run.threads = command.threads > 0 ? command.threads
+                                    : static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
+  CompareOptions compare = command.compare;
+  compare.check_stop = throw_if_stopped;
+  return compare_mesh_files(command.mesh, command.reference, compare, run);
+}
+
 void run_check(const CheckCommand& command) {
   if (command.mesh.empty()) throw UsageError("no mesh given; name one: tessera check mesh.ply");
+  if (!command.reference.empty()) command.compare.validate();
+  if (command.reference.empty() && (command.compare.tolerance != 0.0 || command.with_borders))
+    throw UsageError("--tolerance and --borders need --reference FILE to compare with");
+  catch_stop_signals();
   MeshCheckOptions options = command.options;
+  options.check_stop = throw_if_stopped;
   if (options.temp.empty()) options.temp = scratch_folder(command.mesh);
   const auto mesh = open_mesh_file(command.mesh, {.keep_bad_faces = true});
   const MeshCheck check = check_mesh(*mesh, options);
   std::cout << describe(check) << std::flush;
-  nlohmann::json truth_report;
+  nlohmann::json truth_report, comparison_report;
+  std::string complaint;
+  if (!command.reference.empty()) {
+    const MeshComparison comparison = compare_with_reference(command, options);
+    std::cout << describe(comparison) << std::flush;
+    comparison_report = to_json(comparison);
+    complaint = comparison.complaint(command.with_borders);
+  }
   if (!command.truth.empty()) {
     TruthOptions truth_options = command.truth_options;
     truth_options.memory_bytes = options.memory_bytes;
@@ -52,12 +83,17 @@ void run_check(const CheckCommand& command) {
   if (!command.json.empty()) {
     nlohmann::json report = to_json(check);
     if (!truth_report.is_null()) report["truth"] = truth_report;
+    if (!comparison_report.is_null()) {
+      report["deviation"] = comparison_report;
+      report["deviation"]["reference"] = command.reference.string();
+    }
     report["mesh"] = command.mesh.string();
     OutputFile file(command.json);
     // File names need not be valid text.
     file.append(report.dump(2, ' ', false, nlohmann::json::error_handler_t::replace) + "\n");
     file.finish();
   }
+  if (!complaint.empty()) throw ValidationError(command.mesh.string() + ": " + complaint);
   std::vector<std::string> faults = check.defects();
   if (command.closed && check.boundary_edges > 0)
     faults.push_back(std::to_string(check.boundary_edges) + " boundary edges");
@@ -85,7 +121,20 @@ void add_check(CLI::App& app) {
       ->add_option("--h", shared->truth_options.h,
                    "lattice spacing of the mesh, for --truth [sample spacing]")
       ->check(CLI::NonNegativeNumber);
-  command->add_option("--json", shared->json, "also write the result to this file")->type_name("FILE");
+  command
+      ->add_option("--reference", shared->reference,
+                   "prove that this mesh and the one given stay within --tolerance of each other, both ways; "
+                   "exit code 6 if not")
+      ->type_name("FILE");
+  command->add_option("--tolerance", shared->compare.tolerance,
+                      "largest distance allowed, in the unit of the mesh; with --reference");
+  command->add_flag("--borders", shared->with_borders,
+                    "with --reference: border curves must stay within the tolerance of each other too");
+  command->add_option("-t,--threads", shared->threads, "threads for --reference; 0 = all cores")
+      ->check(CLI::Range(0, 1024))
+      ->capture_default_str();
+  command->add_option("--json,--report", shared->json, "also write the result to this file")
+      ->type_name("FILE");
   cli::add_bytes(*command, "--memory", shared->options.memory_bytes,
                  "cap on memory; larger meshes go through --temp [1G]");
   command->add_option("--temp", shared->options.temp, "folder for scratch files [beside the mesh]")

@@ -1,14 +1,13 @@
 #include <fmt/format.h>
 
-#include <cstdlib>
 #include <memory>
 #include <nlohmann/json.hpp>
 
 #include "octree/error.h"
-#include "stream/durable_file.h"
 #include "stream/memory_budget.h"
 #include "stream/plan.h"
 #include "stream/point_source.h"
+#include "stream/scratch_folder.h"
 #include "stream/stages/reconstruct_job.h"
 #include "stream/stop.h"
 #include "stream/work_dir.h"
@@ -23,26 +22,6 @@ namespace fs = std::filesystem;
 struct Arguments {
   std::vector<std::string> inputs;
   JobState state;
-};
-
-/// A folder that goes when the command ends.
-class ScratchFolder {
- public:
-  explicit ScratchFolder(const fs::path& parent) {
-    std::string name = (parent / "tessera-plan-XXXXXX").string();
-    if (::mkdtemp(name.data()) == nullptr) throw_write_error(name, errno);
-    path_ = name;
-  }
-  ~ScratchFolder() {
-    std::error_code ignored;
-    fs::remove_all(path_, ignored);
-  }
-  ScratchFolder(const ScratchFolder&) = delete;
-  ScratchFolder& operator=(const ScratchFolder&) = delete;
-  const fs::path& path() const { return path_; }
-
- private:
-  fs::path path_;
 };
 
 void print_forecast(const Plan& plan) {
@@ -98,8 +77,8 @@ void run(Arguments arguments) {
   std::unique_ptr<ScratchFolder> scratch;
   const bool kept = !state.output.empty();
   if (!kept) {
-    scratch =
-        std::make_unique<ScratchFolder>(state.run.temp.empty() ? fs::temp_directory_path() : state.run.temp);
+    scratch = std::make_unique<ScratchFolder>(
+        state.run.temp.empty() ? fs::temp_directory_path() : state.run.temp, "plan");
     state.output = scratch->path() / "plan.ply";
     state.run.temp.clear();
   }

@@ -1,0 +1,117 @@
+// `tessera check --reference` as a user runs it.
+#include <catch2/catch.hpp>
+
+#include <nlohmann/json.hpp>
+
+#include "stream/mesh_io.h"
+#include "tests/helpers/shell.h"
+#include "tests/helpers/surfaces.h"
+
+namespace {
+
+using namespace tessera;
+using test::Surface;
+
+const std::string kTessera = TESSERA_BINARY;
+
+std::string file(const test::TempFolder& folder, const std::string& name, const Surface& s) {
+  MeshHeader header;
+  header.vertices = s.position.size();
+  header.faces = s.faces.size();
+  header.double_positions = true;
+  const auto writer = create_mesh_file(folder / name, header);
+  writer->vertices(s.position, {});
+  std::vector<MeshFace> faces;
+  for (const auto& [a, b, c] : s.faces) faces.push_back({a, b, c});
+  writer->faces(faces);
+  writer->finish();
+  return (folder / name).string();
+}
+
+Surface moved(Surface s, const Double3& by) {
+  for (Double3& p : s.position)
+    for (std::size_t k = 0; k < 3; ++k) p[k] += by[k];
+  return s;
+}
+
+test::Outcome check(const std::string& mesh, const std::string& reference, const std::string& more) {
+  return test::shell(kTessera + " check " + mesh + " --reference " + reference + " " + more);
+}
+
+double waves(double x, double y) {
+  return 0.05 * (x * x - 0.7 * x * y + 0.3 * y);
+}
+
+}  // namespace
+
+TEST_CASE("check --reference: a mesh near its reference is proven, one that is not exits with 6",
+          "[pipeline]") {
+  const test::TempFolder folder;
+  const std::string coarse = file(folder, "coarse.ply", test::sphere(4, 1.0));
+  const std::string fine = file(folder, "fine.ply", test::sphere(5, 1.0));
+  const test::Outcome good = check(coarse, fine, "--tolerance 0.01");
+  CHECK(good.code == 0);
+  CHECK(good.said.find("proven: two-sided distance at most 0.00") != std::string::npos);
+  const test::Outcome bad = check(coarse, fine, "--tolerance 0.001");
+  CHECK(bad.code == 6);
+  CHECK(bad.said.find("not proven within 0.001: ") != std::string::npos);
+  CHECK(bad.said.find(" at (") != std::string::npos);
+  const test::Outcome far =
+      check(coarse, file(folder, "moved.ply", moved(test::sphere(5, 1.0), {500, 0, 0})), "--tolerance 0.01");
+  CHECK(far.code == 6);
+  CHECK(far.said.find("of another place") != std::string::npos);
+  // The other direction counts as well: half of the reference is missing.
+  Surface half = test::sphere(4, 1.0);
+  half.faces.resize(half.faces.size() / 2);
+  CHECK(check(file(folder, "half.ply", half), fine, "--tolerance 0.01").code == 6);
+}
+
+TEST_CASE("check --reference: borders are told apart and count on request", "[pipeline]") {
+  const test::TempFolder folder;
+  const std::string whole = file(folder, "whole.ply", test::height_grid(16, 1.0, waves));
+  Surface slit = test::height_grid(16, 1.0, waves);
+  slit.faces.erase(slit.faces.begin() + 200, slit.faces.begin() + 202);
+  const std::string open = file(folder, "slit.ply", slit);
+  CHECK(check(open, whole, "--tolerance 0.05").code == 0);  // nothing is farther than half a hole
+  const test::Outcome strict = check(open, whole, "--tolerance 0.05 --borders");
+  CHECK(strict.code == 6);
+  CHECK(strict.said.find("the border of the mesh at (") != std::string::npos);
+  CHECK(check(whole, whole, "--tolerance 0.05 --borders").code == 0);
+}
+
+TEST_CASE("check --reference: senseless options and unreadable references say so", "[pipeline]") {
+  const test::TempFolder folder;
+  const std::string mesh = file(folder, "mesh.ply", test::height_grid(3, 1.0, waves));
+  CHECK(check(mesh, mesh, "").code == 2);
+  CHECK(check(mesh, mesh, "--tolerance 0").code == 2);
+  CHECK(check(mesh, mesh, "--tolerance -1").code == 2);
+  CHECK(check(mesh, mesh, "--tolerance nan").code == 2);
+  CHECK(check(mesh, mesh, "--tolerance 1e6").code == 0);
+  CHECK(check(mesh, (folder / "none.ply").string(), "--tolerance 1").code == 3);
+  CHECK(test::shell(kTessera + " check " + mesh + " --tolerance 1").code == 2);
+}
+
+TEST_CASE("check --reference: the same report for any threads and memory, nothing left behind",
+          "[property]") {
+  const test::TempFolder folder;
+  test::Random random(4);
+  const std::string mesh = file(folder, "mesh.ply", test::height_grid(150, 1.0, waves));
+  const std::string reference =
+      file(folder, "reference.ply", test::height_grid(220, 1.0, [&](double x, double y) {
+             return waves(x, y) + random.in(-0.001, 0.001);
+           }));
+  std::string first;
+  for (const char* way : {"-t 1 --memory 1G", "-t 2 --memory 200M", "-t 5 --memory 100M"}) {
+    const std::string report = (folder / "report.json").string();
+    REQUIRE(check(mesh, reference, std::string("--tolerance 0.003 --report ") + report + " " + way).code ==
+            0);
+    nlohmann::json json = nlohmann::json::parse(test::file_bytes(report)).at("deviation");
+    CHECK(json.at("proven") == true);
+    CHECK(json.at("cells") > 1);
+    CHECK(json.at("mesh_to_reference").at("measure").get<double>() == Approx(1.0).epsilon(0.01));
+    json.erase("seconds");
+    if (first.empty()) first = json.dump();
+    CHECK(json.dump() == first);
+  }
+  for (const auto& entry : std::filesystem::directory_iterator(folder.path())) CHECK(entry.is_regular_file());
+}
