@@ -4,112 +4,182 @@
 #include <string>
 
 #include "octree/error.h"
+#include "octree/morton.h"
 
 namespace tessera {
+namespace {
+
+using synth::Vec3;
+
+/// The flag of an edge in the numbering of MeshFaceFlag: opposite corner 2, 0, 1.
+constexpr unsigned kFlagOppositeCorner[3] = {kFaceBorder12, kFaceBorder20, kFaceBorder01};
+
+}  // namespace
 
 CollapseMesh::CollapseMesh(const MeshBlock& block, const Double3& origin) {
+  std::vector<std::uint32_t> place;
+  number_vertices(block, origin, place);
+  fill_faces(block, place);
+  match_edges(block);
+  find_fans();
+}
+
+void CollapseMesh::number_vertices(const MeshBlock& block, const Double3& origin,
+                                   std::vector<std::uint32_t>& place) {
+  const std::size_t n = block.position.size();
+  double extent = 0.0;
+  for (const Double3& p : block.position)
+    for (std::size_t a = 0; a < 3; ++a) extent = std::max(extent, p[a] - origin[a]);
+  const double scale = extent > 0.0 ? 1023.0 / extent : 0.0;
+  std::vector<std::uint64_t> order(n), other(n);
+  for (std::size_t v = 0; v < n; ++v) {
+    std::uint32_t cell[3];
+    for (std::size_t a = 0; a < 3; ++a)
+      cell[a] = static_cast<std::uint32_t>(std::max(0.0, (block.position[v][a] - origin[a]) * scale));
+    order[v] = morton_encode(cell[0], cell[1], cell[2]) << 32 | v;
+  }
+  // Stable radix sort of 30 bits: ties stay in the order of the block.
+  std::vector<std::uint32_t> count(1025);
+  for (int shift = 32; shift < 62; shift += 10) {
+    std::fill(count.begin(), count.end(), 0u);
+    for (const std::uint64_t o : order) ++count[(o >> shift & 1023) + 1];
+    for (std::size_t i = 1; i < count.size(); ++i) count[i] += count[i - 1];
+    for (const std::uint64_t o : order) other[count[o >> shift & 1023]++] = o;
+    order.swap(other);
+  }
+  place.resize(n);
+  block_vertex_.resize(n);
+  vertices_.resize(n);
+  state_.assign(n, 0);
+  corner_.assign(n, kNoCorner);
+  for (std::size_t i = 0; i < n; ++i) {
+    const auto v = static_cast<std::uint32_t>(order[i]);
+    block_vertex_[i] = v;
+    place[v] = static_cast<std::uint32_t>(i);
+    const Double3& p = block.position[v];
+    vertices_[i].at = {p[0] - origin[0], p[1] - origin[1], p[2] - origin[2]};
+  }
+}
+
+void CollapseMesh::fill_faces(const MeshBlock& block, const std::vector<std::uint32_t>& place) {
   const std::size_t n = block.position.size(), m = block.faces.size();
-  vertex.resize(3 * m);
-  opposite.assign(3 * m, kNoCorner);
-  corner.assign(n, kNoCorner);
-  face_state.assign(m, 0);
-  vertex_state.assign(n, 0);
-  position.resize(n);
-  for (std::size_t v = 0; v < n; ++v)
-    for (std::size_t a = 0; a < 3; ++a) position[v][a] = block.position[v][a] - origin[a];
-  // Flags 1, 2, 4 name the edges 01, 12, 20; they lie opposite corners 2, 0, 1.
-  for (std::size_t f = 0; f < m; ++f) {
-    for (std::size_t i = 0; i < 3; ++i) vertex[3 * f + i] = block.faces[f][i];
-    const unsigned flags = block.face_flags[f];
-    unsigned state = 0;
-    if (flags & kFaceBorder01) state |= kStateBorder << 2;
-    if (flags & kFaceBorder12) state |= kStateBorder << 0;
-    if (flags & kFaceBorder20) state |= kStateBorder << 1;
-    if (flags & kFaceSynthetic) state |= kStateSynthetic;
-    face_state[f] = static_cast<std::uint8_t>(state);
-  }
-  // Edges grouped by their smaller vertex (counting sort), matched inside the group.
+  // Faces by their lowest vertex: a counting sort.
   std::vector<std::uint32_t> begin(n + 1, 0);
-  const auto low = [&](std::uint32_t c) { return std::min(vertex[next_corner(c)], vertex[prev_corner(c)]); };
-  const auto high = [&](std::uint32_t c) { return std::max(vertex[next_corner(c)], vertex[prev_corner(c)]); };
-  for (std::uint32_t c = 0; c < 3 * m; ++c) ++begin[low(c) + 1];
+  const auto lowest = [&](const std::array<std::uint32_t, 3>& t) {
+    return std::min({place[t[0]], place[t[1]], place[t[2]]});
+  };
+  for (const auto& t : block.faces) ++begin[lowest(t) + 1];
   for (std::size_t v = 0; v < n; ++v) begin[v + 1] += begin[v];
-  std::vector<std::uint32_t> edges(3 * m);
-  {
-    std::vector<std::uint32_t> at(begin.begin(), begin.end() - 1);
-    for (std::uint32_t c = 0; c < 3 * m; ++c) edges[at[low(c)]++] = c;
+  faces_.resize(m);
+  for (std::size_t f = 0; f < m; ++f) {
+    const auto& t = block.faces[f];
+    CollapseFace& face = faces_[begin[lowest(t)]++];
+    const unsigned flags = block.face_flags[f];
+    face.state = flags & kFaceSynthetic ? unsigned{kStateSynthetic} : 0u;
+    for (std::size_t i = 0; i < 3; ++i) {
+      face.vertex[i] = place[t[i]];
+      face.opposite[i] = kNoCorner;
+      if (flags & kFlagOppositeCorner[i]) face.state |= kStateBorder << i;
+    }
+    face.bound = block.face_bound.empty() ? 0.0f : block.face_bound[f];
   }
+}
+
+void CollapseMesh::match_edges(const MeshBlock& block) {
+  // Edges grouped by their lower vertex (counting sort), then by the higher one.
+  struct Edge {
+    std::uint32_t high, corner;
+  };
+  const std::size_t n = vertices_.size();
+  std::vector<std::uint32_t> begin(n + 2, 0);
+  const auto each = [&](const auto& visit) {
+    for (std::uint32_t f = 0; f < faces_.size(); ++f)
+      for (std::uint32_t i = 0; i < 3; ++i) {
+        const std::uint32_t a = faces_[f].vertex[i == 2 ? 0 : i + 1],
+                            b = faces_[f].vertex[i == 0 ? 2 : i - 1];
+        visit(std::min(a, b), std::max(a, b), 4 * f + i);
+      }
+  };
+  each([&](std::uint32_t low, std::uint32_t, std::uint32_t) { ++begin[low + 2]; });
+  for (std::size_t v = 0; v + 1 < begin.size(); ++v) begin[v + 1] += begin[v];
+  std::vector<Edge> edges(3 * faces_.size());
+  each([&](std::uint32_t low, std::uint32_t high, std::uint32_t c) { edges[begin[low + 1]++] = {high, c}; });
   for (std::size_t v = 0; v < n; ++v) {
     const auto first = edges.begin() + begin[v], last = edges.begin() + begin[v + 1];
-    std::sort(first, last, [&](std::uint32_t c, std::uint32_t d) {
-      return high(c) != high(d) ? high(c) < high(d) : c < d;
+    std::sort(first, last, [](const Edge& a, const Edge& b) {
+      return a.high != b.high ? a.high < b.high : a.corner < b.corner;
     });
     for (auto i = first; i != last;) {
       auto j = i + 1;
-      while (j != last && high(*j) == high(*i)) ++j;
-      if (j - i > 2 || (j - i == 2 && vertex[next_corner(i[0])] != vertex[prev_corner(i[1])]))
-        throw InputError("decimation: the edge between vertices " + std::to_string(block.key[v]) + " and " +
-                         std::to_string(block.key[high(*i)]) +
+      while (j != last && j->high == i->high) ++j;
+      if (j - i > 2 || (j - i == 2 && vertex(next_corner(i[0].corner)) != vertex(prev_corner(i[1].corner))))
+        throw InputError("decimation: the edge between vertices " +
+                         std::to_string(block.key[block_vertex_[v]]) + " and " +
+                         std::to_string(block.key[block_vertex_[i->high]]) +
                          " has more than two faces, or two of the same direction; import the mesh first");
-      if (j - i == 2) opposite[i[0]] = i[1], opposite[i[1]] = i[0];
+      if (j - i == 2) {
+        faces_[i[0].corner >> 2].opposite[i[0].corner & 3u] = i[1].corner;
+        faces_[i[1].corner >> 2].opposite[i[1].corner & 3u] = i[0].corner;
+      }
       i = j;
     }
   }
-  // Fans: one corner each; a vertex with corners outside its fan is pinched.
+}
+
+/// One corner per vertex, the first of its fan; a vertex with corners outside its fan is pinched.
+void CollapseMesh::find_fans() {
+  const std::size_t n = vertices_.size();
   std::vector<std::uint32_t> corners(n, 0);
-  for (std::uint32_t c = 0; c < 3 * m; ++c) {
-    ++corners[vertex[c]];
-    if (corner[vertex[c]] == kNoCorner) corner[vertex[c]] = c;
-  }
+  for (std::uint32_t f = 0; f < faces_.size(); ++f)
+    for (std::uint32_t i = 0; i < 3; ++i) {
+      const std::uint32_t v = faces_[f].vertex[i];
+      ++corners[v];
+      if (corner_[v] == kNoCorner) corner_[v] = 4 * f + i;
+    }
   for (std::uint32_t v = 0; v < n; ++v) {
-    if (corner[v] == kNoCorner) {
-      vertex_state[v] = kVertexDead;
+    if (corner_[v] == kNoCorner) {
+      state_[v] = kVertexDead;
       continue;
     }
-    std::uint32_t first = corner[v], c = first;
-    bool open = false;
-    for (;;) {
-      const std::uint32_t o = opposite[prev_corner(c)];
-      if (o == kNoCorner) {
-        open = true;
-        break;
-      }
+    std::uint32_t c = corner_[v], seen = 0;
+    unsigned bits = 0;
+    for (std::uint32_t o = opposite(prev_corner(c)); o != kNoCorner && prev_corner(o) != corner_[v];
+         o = opposite(prev_corner(c)))
       c = prev_corner(o);
-      if (c == first) break;
+    if (opposite(prev_corner(c)) == kNoCorner) {
+      bits = kVertexOpen | kVertexBorder;
+      if (!border_edge(prev_corner(c))) bits |= kVertexLocked;
     }
-    corner[v] = c;
-    first = c;
-    std::uint32_t seen = 0;
-    unsigned state = open ? unsigned{kVertexOpen} : 0u;
-    if (open && !border_edge(prev_corner(first))) state |= kVertexLocked;
+    corner_[v] = c;
     for (;;) {
       ++seen;
-      const std::uint32_t o = opposite[next_corner(c)];
+      const std::uint32_t o = opposite(next_corner(c));
       if (o == kNoCorner) {
-        if (!border_edge(next_corner(c))) state |= kVertexLocked;
+        if (!border_edge(next_corner(c))) bits |= kVertexLocked;
         break;
       }
       c = next_corner(o);
-      if (c == first) break;
+      if (c == corner_[v]) break;
     }
-    if (seen != corners[v]) state |= kVertexPinched | kVertexLocked;
-    if (open) state |= kVertexBorder;
-    vertex_state[v] = static_cast<std::uint8_t>(state);
+    if (seen != corners[v]) bits |= kVertexPinched | kVertexLocked;
+    state_[v] = static_cast<std::uint8_t>(bits);
   }
 }
 
 bool CollapseMesh::gather(std::uint32_t u, Star& star) const {
-  const std::uint32_t first = corner[u];
+  const std::uint32_t first = corner_[u];
   std::uint32_t c = first;
   std::size_t k = 0;
   for (;;) {
     if (k == kMaxRing) return false;
+    const CollapseFace& f = faces_[c >> 2];
+    const std::uint32_t next = next_corner(c);
     star.corner[k] = c;
-    star.ring[k] = vertex[next_corner(c)];
+    star.ring[k] = f.vertex[next & 3u];
     ++k;
-    const std::uint32_t o = opposite[next_corner(c)];
+    const std::uint32_t o = f.opposite[next & 3u];
     if (o == kNoCorner) {
-      star.ring[k] = vertex[prev_corner(c)];
+      star.ring[k] = f.vertex[prev_corner(c) & 3u];
       star.faces = k;
       star.closed = false;
       return true;
@@ -122,84 +192,65 @@ bool CollapseMesh::gather(std::uint32_t u, Star& star) const {
   return true;
 }
 
-/// The edges opposite corners a and b become one.
-void CollapseMesh::join(std::uint32_t a, std::uint32_t b) {
-  const auto bits = [&](std::uint32_t c) {
-    return c == kNoCorner
-               ? 0u
-               : (static_cast<unsigned>(face_state[c / 3]) >> (c % 3)) & (kStateBorder | kStateCrease);
+/// The edges opposite corners a and b become one; `lost_flags` are those of an edge whose face goes.
+void CollapseMesh::join(std::uint32_t a, std::uint32_t b, unsigned lost_flags) {
+  const auto flags = [&](std::uint32_t c) {
+    return c == kNoCorner ? 0u : faces_[c >> 2].state >> (c & 3u) & (kStateBorder | kStateCrease);
   };
-  const unsigned both = bits(a) | bits(b);
-  if (a != kNoCorner) {
-    opposite[a] = b;
-    face_state[a / 3] = static_cast<std::uint8_t>(face_state[a / 3] | both << a % 3);
-  }
-  if (b != kNoCorner) {
-    opposite[b] = a;
-    face_state[b / 3] = static_cast<std::uint8_t>(face_state[b / 3] | both << b % 3);
+  const unsigned all = flags(a) | flags(b) | lost_flags;
+  for (const auto& [c, d] : {std::pair(a, b), std::pair(b, a)}) {
+    if (c == kNoCorner) continue;
+    faces_[c >> 2].opposite[c & 3u] = d;
+    faces_[c >> 2].state |= all << (c & 3u);
   }
 }
 
 /// Makes c, or where the fan is open the first corner of c's fan, the corner of v.
 void CollapseMesh::seat(std::uint32_t v, std::uint32_t c) {
-  if (vertex_state[v] & kVertexOpen)
-    for (std::uint32_t o = opposite[prev_corner(c)]; o != kNoCorner; o = opposite[prev_corner(c)])
+  if (state_[v] & kVertexOpen)
+    for (std::uint32_t o = opposite(prev_corner(c)); o != kNoCorner; o = opposite(prev_corner(c)))
       c = prev_corner(o);
-  corner[v] = c;
+  corner_[v] = c;
 }
 
 void CollapseMesh::collapse(const Star& star, std::size_t at) {
   const std::uint32_t v = star.ring[at];
   const std::size_t k = star.faces;
-  // The face on the left of u -> v is f_at = (u, v, w_at+1); on the right f_at-1 = (u, w_at-1, v).
+  // On the left of u -> v lies f_at = (u, v, w_at+1), on the right f_at-1 = (u, w_at-1, v).
   const bool has_left = star.closed || at < k, has_right = star.closed || at > 0;
   const std::size_t left = at, right = at > 0 ? at - 1 : k - 1;
-  const auto kill = [&](std::size_t i) {
-    face_state[star.corner[i] / 3] = static_cast<std::uint8_t>(face_state[star.corner[i] / 3] | kStateDead);
-  };
+  const std::uint32_t u = vertex(star.corner[0]);
   for (std::size_t i = 0; i < k; ++i)
-    if (!(has_left && i == left) && !(has_right && i == right)) vertex[star.corner[i]] = v;
+    if (!(has_left && i == left) && !(has_right && i == right))
+      faces_[star.corner[i] >> 2].vertex[star.corner[i] & 3u] = v;
   std::uint32_t seat_of_v = kNoCorner;
+  // `w` keeps the edge to v. Its outer face (across v - w) and its inner one (across u - w) become
+  // neighbours.
+  const auto remove = [&](std::uint32_t c, std::uint32_t corner_of_v, std::uint32_t w, bool is_left) {
+    const std::uint32_t outer = opposite(c), inner = opposite(corner_of_v);
+    CollapseFace& f = faces_[c >> 2];
+    unsigned lost = 0;
+    if (outer == kNoCorner) lost |= f.state >> (c & 3u) & kStateBorder;
+    if (inner == kNoCorner) lost |= f.state >> (corner_of_v & 3u) & kStateBorder;
+    f.state |= kStateDead;
+    join(outer, inner, lost);
+    // Seen from the corner across the edge: the inner face of the left has v next and w before, and so on.
+    const std::uint32_t from = inner != kNoCorner ? inner : outer;
+    if (from == kNoCorner) return;
+    const bool w_is_prev = (inner != kNoCorner) == is_left;
+    seat(w, w_is_prev ? prev_corner(from) : next_corner(from));
+    seat_of_v = w_is_prev ? next_corner(from) : prev_corner(from);
+  };
   if (has_left) {
-    const std::uint32_t c = star.corner[left], outer = opposite[c], inner = opposite[next_corner(c)];
-    const std::uint32_t w = vertex[prev_corner(c)];
-    // Flags of a removed border edge live on in the dead face: hand them to the face that stays.
-    if (outer == kNoCorner && inner != kNoCorner && border_edge(c))
-      face_state[inner / 3] = static_cast<std::uint8_t>(face_state[inner / 3] | kStateBorder << inner % 3);
-    if (inner == kNoCorner && outer != kNoCorner && border_edge(next_corner(c)))
-      face_state[outer / 3] = static_cast<std::uint8_t>(face_state[outer / 3] | kStateBorder << outer % 3);
-    kill(left);
-    join(outer, inner);
-    // In the inner face the corner at w follows the corner opposite the edge (v, w); in the outer one it
-    // precedes.
-    if (inner != kNoCorner) {
-      seat(w, prev_corner(inner));
-      seat_of_v = next_corner(inner);
-    } else if (outer != kNoCorner) {
-      seat(w, next_corner(outer));
-      seat_of_v = prev_corner(outer);
-    }
+    const std::uint32_t c = star.corner[left];
+    remove(c, next_corner(c), vertex(prev_corner(c)), true);
   }
   if (has_right) {
-    const std::uint32_t c = star.corner[right], outer = opposite[c], inner = opposite[prev_corner(c)];
-    const std::uint32_t w = vertex[next_corner(c)];
-    if (outer == kNoCorner && inner != kNoCorner && border_edge(c))
-      face_state[inner / 3] = static_cast<std::uint8_t>(face_state[inner / 3] | kStateBorder << inner % 3);
-    if (inner == kNoCorner && outer != kNoCorner && border_edge(prev_corner(c)))
-      face_state[outer / 3] = static_cast<std::uint8_t>(face_state[outer / 3] | kStateBorder << outer % 3);
-    kill(right);
-    join(outer, inner);
-    if (inner != kNoCorner) {
-      seat(w, next_corner(inner));
-      seat_of_v = prev_corner(inner);
-    } else if (outer != kNoCorner) {
-      seat(w, prev_corner(outer));
-      seat_of_v = next_corner(outer);
-    }
+    const std::uint32_t c = star.corner[right];
+    remove(c, prev_corner(c), vertex(next_corner(c)), false);
   }
   if (seat_of_v != kNoCorner) seat(v, seat_of_v);
-  const std::uint32_t u = vertex[star.corner[has_left ? left : right]];
-  vertex_state[u] = kVertexDead;
+  state_[u] = kVertexDead;
 }
 
 }  // namespace tessera

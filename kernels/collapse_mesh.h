@@ -1,41 +1,45 @@
 /// \file collapse_mesh.h
-/// A corner table that halfedge collapses edit in place: compact arrays, no allocation after construction.
+/// A corner table that halfedge collapses edit in place: one half of a cache line per face, no allocation
+/// after construction.
 ///
-///            b                      corner c of face f = c / 3 at vertex u = vertex[c]
-///          /   \                    next(c) is at a, prev(c) at b: counter-clockwise from outside
-///    f   /   f'  \                  opposite[c]: the corner across the edge a-b, kNoCorner where the block
-///      /c    \     \                or the surface ends
-///     u ------ a ---
+///            b                      corner c = 4 f + i is corner i of face f, at vertex(c) = u here;
+///          /   \                    next_corner(c) is at a, prev_corner(c) at b: counter-clockwise from
+///          outside
+///    f   /       \                  opposite(c): the corner across the edge a-b, kNoCorner where the block
+///      /c          \                or the surface ends
+///     u ----------- a
 ///
 /// Star of u: faces f_i = (u, w_i, w_i+1), counter-clockwise; closed where w_k = w_0.
 #pragma once
 #include <array>
 #include <cstdint>
+#include <span>
 #include <vector>
 
 #include "kernels/mesh_block.h"
+#include "kernels/portable_math.h"
 
 namespace tessera {
 
 inline constexpr std::uint32_t kNoCorner = 0xffffffffu;
-inline constexpr std::size_t kMaxRing = 64;  ///< a vertex with more neighbours is never removed
+inline constexpr std::size_t kMaxRing = 62;  ///< a vertex with more neighbours is never removed
 
 constexpr std::uint32_t next_corner(std::uint32_t c) {
-  return c % 3 == 2 ? c - 2 : c + 1;
+  return (c & 3u) == 2u ? c - 2 : c + 1;
 }
 constexpr std::uint32_t prev_corner(std::uint32_t c) {
-  return c % 3 == 0 ? c + 2 : c - 1;
+  return (c & 3u) == 0u ? c + 2 : c - 1;
 }
 
-/// Bits of CollapseMesh::face_state. Per edge: border and crease, shifted by the corner opposite the edge.
-enum FaceState : std::uint8_t {
+/// Bits of CollapseFace::state. Border and crease are per edge: shifted by the corner opposite the edge.
+enum FaceState : std::uint32_t {
   kStateBorder = 1,  ///< << 0, 1, 2
   kStateCrease = 8,  ///< << 0, 1, 2
   kStateSynthetic = 64,
   kStateDead = 128,
 };
 
-/// Bits of CollapseMesh::vertex_state.
+/// Bits of CollapseMesh::state.
 enum VertexState : std::uint8_t {
   kVertexLocked = 1,    ///< the star is not complete, or not one fan
   kVertexBorder = 2,    ///< the surface ends here
@@ -44,6 +48,7 @@ enum VertexState : std::uint8_t {
   kVertexOpen = 16,     ///< the fan is not closed in the block: border or locked
   kVertexPinched = 32,  ///< more than one fan: nothing may collapse into it either
   kVertexDead = 64,
+  kVertexKept = kVertexLocked | kVertexFixed | kVertexDead,  ///< never removed (again)
 };
 
 /// The star of one vertex, copied out.
@@ -55,39 +60,78 @@ struct Star {
   std::size_t ring_size() const { return closed ? faces : faces + 1; }
 };
 
-struct CollapseMesh {
-  std::vector<std::uint32_t> vertex;     ///< 3m
-  std::vector<std::uint32_t> opposite;   ///< 3m
-  std::vector<std::uint32_t> corner;     ///< n: a corner of the vertex, the first of the fan where it is open
-  std::vector<std::uint8_t> face_state;  ///< m
-  std::vector<std::uint8_t> vertex_state;  ///< n
-  std::vector<Double3> position;           ///< n, relative to the block
+struct alignas(32) CollapseFace {
+  std::uint32_t vertex[3];
+  std::uint32_t state;
+  std::uint32_t opposite[3];
+  float bound;  ///< MeshBlock::face_bound
+};
 
-  /// \pre  block is canonical
+struct alignas(32) CollapseVertex {
+  synth::Vec3 at;
+  double error = 0.0;  ///< for the owner of the mesh: what the vertex costs where it is
+};
+
+class CollapseMesh {
+ public:
+  /// Takes over the block with vertices and faces in Morton order of their places, for the caches.
+  /// \param origin  subtracted from all positions
   /// \throws InputError  an edge with more than two faces, or two in the same direction
-  explicit CollapseMesh(const MeshBlock& block, const Double3& origin);
+  CollapseMesh(const MeshBlock& block, const Double3& origin);
+
+  std::size_t vertices() const { return vertices_.size(); }
+  std::size_t corner_end() const { return 4 * faces_.size(); }  ///< corner 3 of a face is none
+  std::uint32_t vertex(std::uint32_t c) const { return faces_[c >> 2].vertex[c & 3u]; }
+  std::uint32_t opposite(std::uint32_t c) const { return faces_[c >> 2].opposite[c & 3u]; }
+  const CollapseFace& face(std::size_t f) const { return faces_[f]; }
+  CollapseFace& face(std::size_t f) { return faces_[f]; }
+  std::span<const CollapseFace> faces() const { return faces_; }
+  const CollapseVertex& node(std::uint32_t v) const { return vertices_[v]; }
+  CollapseVertex& node(std::uint32_t v) { return vertices_[v]; }
+  const synth::Vec3& at(std::uint32_t v) const { return vertices_[v].at; }
+  std::uint8_t state(std::uint32_t v) const { return state_[v]; }
+  void add_state(std::uint32_t v, unsigned bits) { state_[v] = static_cast<std::uint8_t>(state_[v] | bits); }
+  /// A corner of the vertex, the first of its fan where that is open.
+  std::uint32_t corner(std::uint32_t v) const { return corner_[v]; }
+  std::uint32_t block_vertex(std::uint32_t v) const { return block_vertex_[v]; }  ///< its index in the block
 
   /// \return false if the vertex has more than kMaxRing faces
   bool gather(std::uint32_t u, Star& star) const;
 
-  bool border_edge(std::uint32_t opposite_corner) const {
-    return (face_state[opposite_corner / 3] & (kStateBorder << opposite_corner % 3)) != 0;
+  /// Calls `visit(w)` for each neighbour of v in the fan of its corner.
+  template <class Visit>
+  void for_each_neighbour(std::uint32_t v, const Visit& visit) const {
+    const std::uint32_t first = corner_[v];
+    for (std::uint32_t c = first;;) {
+      visit(vertex(next_corner(c)));
+      const std::uint32_t o = opposite(next_corner(c));
+      if (o == kNoCorner) return visit(vertex(prev_corner(c)));
+      c = next_corner(o);
+      if (c == first) return;
+    }
   }
-  bool crease_edge(std::uint32_t opposite_corner) const {
-    return (face_state[opposite_corner / 3] & (kStateCrease << opposite_corner % 3)) != 0;
-  }
-  void mark_crease(std::uint32_t opposite_corner) {
-    face_state[opposite_corner / 3] =
-        static_cast<std::uint8_t>(face_state[opposite_corner / 3] | (kStateCrease << opposite_corner % 3));
-  }
+
+  // The edge opposite a corner.
+  bool border_edge(std::uint32_t c) const { return (faces_[c >> 2].state & (kStateBorder << (c & 3u))) != 0; }
+  bool crease_edge(std::uint32_t c) const { return (faces_[c >> 2].state & (kStateCrease << (c & 3u))) != 0; }
+  void mark_crease(std::uint32_t c) { faces_[c >> 2].state |= kStateCrease << (c & 3u); }
 
   /// Removes the centre of the star: every f_i that has not w_at becomes (w_at, w_i, w_i+1).
   /// \pre the collapse is legal
   void collapse(const Star& star, std::size_t at);
 
  private:
-  void join(std::uint32_t a, std::uint32_t b);
+  void number_vertices(const MeshBlock& block, const Double3& origin, std::vector<std::uint32_t>& place);
+  void fill_faces(const MeshBlock& block, const std::vector<std::uint32_t>& place);
+  void match_edges(const MeshBlock& block);
+  void find_fans();
+  void join(std::uint32_t a, std::uint32_t b, unsigned lost_flags);
   void seat(std::uint32_t v, std::uint32_t c);
+
+  std::vector<CollapseFace> faces_;
+  std::vector<CollapseVertex> vertices_;
+  std::vector<std::uint32_t> corner_, block_vertex_;
+  std::vector<std::uint8_t> state_;
 };
 
 }  // namespace tessera

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numeric>
+#include <optional>
 #include <string>
 
 #include "kernels/decimator.h"
@@ -74,36 +75,38 @@ void make_canonical(MeshBlock& b) {
   take(b.faces, faces), take(b.face_flags, faces), take(b.face_bound, faces);
 }
 
-/// Per vertex of the block the place of its key in the reference, or kNoCorner.
-std::vector<std::uint32_t> same_vertices(const MeshBlock& block, const MeshBlock& reference) {
-  std::vector<std::uint32_t> out(block.key.size(), kNoCorner);
+/// Per vertex of the mesh the one with the same key in the reference, or kNoCorner. Both blocks are
+/// canonical.
+std::vector<std::uint32_t> same_vertices(const CollapseMesh& mesh, const MeshBlock& block,
+                                         const CollapseMesh& original, const MeshBlock& reference) {
+  std::vector<std::uint32_t> in_original(reference.key.size());
+  for (std::uint32_t v = 0; v < original.vertices(); ++v) in_original[original.block_vertex(v)] = v;
+  std::vector<std::uint32_t> by_block(block.key.size(), kNoCorner), out(block.key.size());
   std::size_t at = 0;
-  for (std::size_t v = 0; v < out.size(); ++v) {
+  for (std::size_t v = 0; v < by_block.size(); ++v) {
     while (at < reference.key.size() && reference.key[at] < block.key[v]) ++at;
-    if (at < reference.key.size() && reference.key[at] == block.key[v])
-      out[v] = static_cast<std::uint32_t>(at);
+    if (at < reference.key.size() && reference.key[at] == block.key[v]) by_block[v] = in_original[at];
   }
+  for (std::uint32_t v = 0; v < mesh.vertices(); ++v) out[v] = by_block[mesh.block_vertex(v)];
   return out;
 }
 
 /// Puts what is left of the mesh into the block; positions come from the block where they did not move.
-void write_back(const CollapseMesh& mesh, const std::vector<float>& face_bound, MeshBlock& b) {
-  std::size_t kept = 0;
-  for (std::size_t f = 0; f < mesh.face_state.size(); ++f) {
-    const unsigned state = mesh.face_state[f];
-    if (state & kStateDead) continue;
-    unsigned flags = state & kStateSynthetic ? unsigned{kFaceSynthetic} : 0u;
-    if (state & kStateBorder << 0) flags |= kFaceBorder12;
-    if (state & kStateBorder << 1) flags |= kFaceBorder20;
-    if (state & kStateBorder << 2) flags |= kFaceBorder01;
-    b.faces[kept] = {mesh.vertex[3 * f], mesh.vertex[3 * f + 1], mesh.vertex[3 * f + 2]};
-    b.face_flags[kept] = static_cast<std::uint8_t>(flags);
-    b.face_bound[kept] = face_bound[f];
-    ++kept;
+void write_back(const CollapseMesh& mesh, MeshBlock& b) {
+  b.faces.clear();
+  b.face_flags.clear();
+  b.face_bound.clear();
+  for (const CollapseFace& f : mesh.faces()) {
+    if (f.state & kStateDead) continue;
+    unsigned flags = f.state & kStateSynthetic ? unsigned{kFaceSynthetic} : 0u;
+    if (f.state & kStateBorder << 0) flags |= kFaceBorder12;
+    if (f.state & kStateBorder << 1) flags |= kFaceBorder20;
+    if (f.state & kStateBorder << 2) flags |= kFaceBorder01;
+    b.faces.push_back(
+        {mesh.block_vertex(f.vertex[0]), mesh.block_vertex(f.vertex[1]), mesh.block_vertex(f.vertex[2])});
+    b.face_flags.push_back(static_cast<std::uint8_t>(flags));
+    b.face_bound.push_back(f.bound);
   }
-  b.faces.resize(kept);
-  b.face_flags.resize(kept);
-  b.face_bound.resize(kept);
   make_canonical(b);
 }
 
@@ -139,13 +142,28 @@ DecimateReport decimate(MeshBlock& block, const MeshBlock& reference, const Deci
       origin[a] = std::fmin(origin[a], p[a]);
     }
   CollapseMesh mesh(block, origin);
-  mark_features(mesh, block, reference, options.feature_angle_deg);
-  for (const std::uint8_t s : mesh.vertex_state) report.locked_vertices += (s & kVertexLocked) != 0;
-  const CollapseMesh original(options.tolerance > 0.0 ? reference : MeshBlock{}, origin);
-  const std::vector<std::uint32_t> reference_vertex = same_vertices(block, reference);
-  Decimator decimator(mesh, block, original, reference_vertex, options);
-  decimator.run(report);
-  write_back(mesh, decimator.face_bound(), block);
+  {
+    std::optional<CollapseMesh> apart;
+    std::vector<std::uint32_t> reference_vertex(mesh.vertices());
+    const bool itself = &reference == &block;
+    if (itself) {
+      std::iota(reference_vertex.begin(), reference_vertex.end(), 0u);
+    } else if (options.tolerance > 0.0 || options.feature_angle_deg > 0.0) {
+      check_sizes(reference, "reference");
+      if (!std::is_sorted(reference.key.begin(), reference.key.end()))
+        throw InputError("decimation: the keys of the reference must ascend");
+      apart.emplace(reference, origin);
+      reference_vertex = same_vertices(mesh, block, *apart, reference);
+    }
+    const CollapseMesh& original = apart ? *apart : mesh;
+    mark_features(mesh, block, original, reference_vertex, options.feature_angle_deg);
+    for (std::uint32_t v = 0; v < mesh.vertices(); ++v)
+      report.locked_vertices += (mesh.state(v) & kVertexLocked) != 0;
+    Decimator decimator(mesh, original, std::move(reference_vertex), options);
+    apart.reset();
+    decimator.run(report);
+  }
+  write_back(mesh, block);
   report.faces_out = block.faces.size();
   report.vertices_out = block.position.size();
   for (const float b : block.face_bound) report.bound = std::fmax(report.bound, static_cast<double>(b));

@@ -22,28 +22,25 @@ double roundness(double twice_area, double squared_edges) {
 
 }  // namespace
 
-Decimator::Decimator(CollapseMesh& mesh, const MeshBlock& block, const CollapseMesh& reference,
-                     const std::vector<std::uint32_t>& reference_vertex, const DecimateOptions& options)
+Decimator::Decimator(CollapseMesh& mesh, const CollapseMesh& reference,
+                     std::vector<std::uint32_t> reference_vertex, const DecimateOptions& options)
     : mesh_(mesh),
       options_(options),
-      quadric_(mesh.position.size()),
-      face_bound_(block.face_bound),
-      tried_(mesh.position.size(), 0),
-      mark_(mesh.position.size(), 0),
-      queue_(mesh.position.size()),
-      reference_gap_(reference),
-      reference_vertex_(reference_vertex) {
-  face_bound_.resize(block.faces.size(), 0.0f);
+      quadric_(mesh.vertices()),
+      tried_(mesh.vertices(), 0),
+      mark_(mesh.vertices(), 0),
+      queue_(mesh.vertices()),
+      reference_vertex_(std::move(reference_vertex)) {
+  if (options.tolerance > 0.0) reference_gap_ = ReferenceGap(reference);
   accumulate_quadrics();
 }
 
 void Decimator::accumulate_quadrics() {
   const bool uncertain = options_.priority == DecimatePriority::kProbabilistic;
   const double noise = options_.noise > 0.0 ? options_.noise : options_.tolerance / 8.0;
-  const std::size_t m = mesh_.face_state.size();
-  for (std::uint32_t f = 0; f < m; ++f) {
-    const std::uint32_t v[3] = {mesh_.vertex[3 * f], mesh_.vertex[3 * f + 1], mesh_.vertex[3 * f + 2]};
-    const Vec3 p[3] = {at(v[0]), at(v[1]), at(v[2])};
+  for (std::uint32_t f = 0; f < mesh_.faces().size(); ++f) {
+    const std::uint32_t* v = mesh_.face(f).vertex;
+    const Vec3 p[3] = {mesh_.at(v[0]), mesh_.at(v[1]), mesh_.at(v[2])};
     const Vec3 normal = cross(p[1] - p[0], p[2] - p[0]);
     const double twice_area = length(normal);
     if (!(twice_area > 0.0)) continue;
@@ -53,10 +50,11 @@ void Decimator::accumulate_quadrics() {
     const Quadric q = uncertain ? uncertain_plane_quadric(n, p[0], weight, noise * noise,
                                                           noise * noise / (0.5 * twice_area))
                                 : plane_quadric(n, p[0], weight);
-    for (const std::uint32_t i : v) quadric_[i] += q;
+    for (std::size_t i = 0; i < 3; ++i) quadric_[v[i]] += q;
     // Borders and creases hold their line: a plane through the edge, at right angles to the face.
+    if ((mesh_.face(f).state & (7u * kStateBorder | 7u * kStateCrease)) == 0) continue;
     for (std::uint32_t i = 0; i < 3; ++i) {
-      const std::uint32_t c = 3 * f + i;
+      const std::uint32_t c = 4 * f + i;
       if (!mesh_.border_edge(c) && !mesh_.crease_edge(c)) continue;
       const std::uint32_t a = (i + 1) % 3, b = (i + 2) % 3;
       const Vec3 edge = p[b] - p[a], across = cross(edge, n);
@@ -67,20 +65,26 @@ void Decimator::accumulate_quadrics() {
       quadric_[v[b]] += wall;
     }
   }
+  for (std::uint32_t v = 0; v < mesh_.vertices(); ++v) update_error(v);
 }
 
-double Decimator::cost(std::uint32_t u, std::uint32_t v) const {
-  const Vec3 p = at(u), q = at(v);
-  const double edge2 = dot(q - p, q - p);
+void Decimator::update_error(std::uint32_t v) {
+  CollapseVertex& node = mesh_.node(v);
+  node.error = std::fmax(0.0, quadric_[v](node.at.x, node.at.y, node.at.z));
+}
+
+double Decimator::cost(std::uint32_t u, const Quadric& q, std::uint32_t v) const {
+  const CollapseVertex& to = mesh_.node(v);
+  const Vec3 edge = to.at - mesh_.at(u);
+  const double edge2 = dot(edge, edge);
   if (options_.priority == DecimatePriority::kEdgeLength) return edge2;
-  const double plane = quadric_[u](q.x, q.y, q.z) + quadric_[v](q.x, q.y, q.z);
   // In a plane all costs are 0 but for rounding: there short edges go first.
-  return std::fmax(plane, 0.0) + 1e-8 * edge2 * edge2;
+  return std::fmax(0.0, q(to.at.x, to.at.y, to.at.z)) + to.error + 1e-8 * edge2 * edge2;
 }
 
 bool Decimator::allowed_by_features(std::uint32_t u, const Star& star, std::size_t at) const {
-  const std::uint8_t state = mesh_.vertex_state[u];
-  if (mesh_.vertex_state[star.ring[at]] & kVertexPinched) return false;
+  const std::uint8_t state = mesh_.state(u);
+  if (mesh_.state(star.ring[at]) & kVertexPinched) return false;
   if (state & kVertexBorder) return at == 0 || at == star.faces;  // an open fan ends in its border edges
   if (state & kVertexCrease) return mesh_.crease_edge(prev_corner(star.corner[at]));
   return true;
@@ -89,9 +93,10 @@ bool Decimator::allowed_by_features(std::uint32_t u, const Star& star, std::size
 std::size_t Decimator::list_candidates(std::uint32_t u, const Star& star,
                                        std::array<Candidate, kMaxRing + 1>& list) {
   std::size_t n = 0;
+  const Quadric q = quadric_[u];
   for (std::size_t i = 0; i < star.ring_size(); ++i)
     if (allowed_by_features(u, star, i))
-      list[n++] = {cost(u, star.ring[i]), star.ring[i], static_cast<std::uint32_t>(i)};
+      list[n++] = {cost(u, q, star.ring[i]), star.ring[i], static_cast<std::uint32_t>(i)};
   std::sort(list.begin(), list.begin() + static_cast<std::ptrdiff_t>(n),
             [](const Candidate& a, const Candidate& b) {
               return a.cost != b.cost ? a.cost < b.cost : a.vertex < b.vertex;
@@ -101,56 +106,38 @@ std::size_t Decimator::list_candidates(std::uint32_t u, const Star& star,
 
 /// The rings of both ends share the third corners of the two faces at the edge (one at a border) and nothing
 /// else; no edge between two locked vertices is made, another block might make it too.
-bool Decimator::linked(std::uint32_t u, const Star& star, std::size_t at) {
+bool Decimator::linked(const Star& star, std::size_t at) {
   const std::uint32_t v = star.ring[at];
-  const std::size_t k = star.faces;
   ++stamp_;
   for (std::size_t i = 0; i < star.ring_size(); ++i) mark_[star.ring[i]] = stamp_;
-  const bool v_locked = (mesh_.vertex_state[v] & kVertexLocked) != 0;
   std::size_t shared = 0;
-  const std::uint32_t first = mesh_.corner[v];
-  std::uint32_t c = first;
-  for (;;) {
-    const std::uint32_t w = mesh_.vertex[next_corner(c)];
+  mesh_.for_each_neighbour(v, [&](std::uint32_t w) {
     if (mark_[w] == stamp_) ++shared, mark_[w] = stamp_ - 1;
-    const std::uint32_t o = mesh_.opposite[next_corner(c)];
-    if (o == kNoCorner) {
-      const std::uint32_t last = mesh_.vertex[prev_corner(c)];
-      if (mark_[last] == stamp_) ++shared, mark_[last] = stamp_ - 1;
-      break;
-    }
-    c = next_corner(o);
-    if (c == first) break;
-  }
+  });
   if (shared != (star.closed ? 2u : 1u)) return false;
-  if (v_locked)  // the marks that are left are ring vertices without an edge to v
+  if (mesh_.state(v) & kVertexLocked)  // the marks that are left are ring vertices without an edge to v
     for (std::size_t i = 0; i < star.ring_size(); ++i)
-      if (star.ring[i] != v && mark_[star.ring[i]] == stamp_ &&
-          (mesh_.vertex_state[star.ring[i]] & kVertexLocked))
+      if (i != at && mark_[star.ring[i]] == stamp_ && (mesh_.state(star.ring[i]) & kVertexLocked))
         return false;
   if (star.closed) {
-    if (k < 3) return false;
-    if (k == 3) {  // of a tetrahedron the last face would double
-      const std::uint32_t outer = mesh_.opposite[star.corner[(at + 1) % 3]];
-      if (outer == kNoCorner || mesh_.vertex[outer] == v) return false;
-    }
-    return true;
+    if (star.faces < 3) return false;
+    if (star.faces > 3) return true;
+    // Of a tetrahedron the last face would double.
+    const std::uint32_t outer = mesh_.opposite(star.corner[(at + 1) % 3]);
+    return outer != kNoCorner && mesh_.vertex(outer) != v;
   }
-  if (k == 1) {  // an ear goes unless it is the whole component, or holds on to another block
-    if (mesh_.opposite[star.corner[0]] == kNoCorner) return false;
-  }
-  (void)u;
-  return true;
+  // An ear goes unless it is all that is left, or holds on to another block.
+  return star.faces > 1 || mesh_.opposite(star.corner[0]) != kNoCorner;
 }
 
 Decimator::Refusal Decimator::check_faces(std::uint32_t u, const Star& star, std::size_t at_ring) const {
   const std::size_t k = star.faces, size = star.ring_size();
   const std::uint32_t v = star.ring[at_ring];
-  const Vec3 pu = at(u), pv = at(v);
+  const Vec3 pu = mesh_.at(u), pv = mesh_.at(v);
   double worst_new = 1.0, worst_old = 1.0;
   for (std::size_t i = 0; i < k; ++i) {
     const std::size_t j = i + 1 < size ? i + 1 : 0;
-    const Vec3 a = at(star.ring[i]), b = at(star.ring[j]);
+    const Vec3 a = mesh_.at(star.ring[i]), b = mesh_.at(star.ring[j]);
     const Vec3 old_normal = cross(a - pu, b - pu);
     const double old_area = length(old_normal), rim2 = dot(b - a, b - a);
     worst_old = std::fmin(worst_old, roundness(old_area, rim2 + dot(a - pu, a - pu) + dot(b - pu, b - pu)));
@@ -167,12 +154,12 @@ Decimator::Refusal Decimator::check_faces(std::uint32_t u, const Star& star, std
 /// The side of the star whose ring runs from place `from` to `to`, counter-clockwise.
 bool Decimator::add_side(const Star& star, std::uint32_t v, std::size_t from, std::size_t to, bool v_first,
                          const Vec3& apex, double& gap) {
-  const Vec3 pv = at(v);
+  const Vec3 pv = mesh_.at(v);
   const std::size_t size = star.ring_size();
   loop_.size = 0;
   if (!v_first) loop_.at[loop_.size++] = {0, 0, 0};  // v comes last on this side: the loop starts with it
   for (std::size_t i = from;; i = i + 1 < size ? i + 1 : 0) {
-    if (!(i == to && !v_first)) loop_.at[loop_.size++] = at(star.ring[i]) - pv;
+    if (!(i == to && !v_first)) loop_.at[loop_.size++] = mesh_.at(star.ring[i]) - pv;
     if (i == to) break;
   }
   double side = 0.0;
@@ -184,9 +171,9 @@ bool Decimator::add_side(const Star& star, std::uint32_t v, std::size_t from, st
 Decimator::Refusal Decimator::check_gap(std::uint32_t u, const Star& star, std::size_t at_ring) {
   const std::uint32_t v = star.ring[at_ring];
   const std::size_t size = star.ring_size();
-  const Vec3 pu = at(u), pv = at(v);
+  const Vec3 pu = mesh_.at(u), pv = mesh_.at(v);
   double gap = 0.0;
-  const std::uint8_t state = mesh_.vertex_state[u];
+  const std::uint8_t state = mesh_.state(u);
   if (state & (kVertexBorder | kVertexCrease)) {
     // Along a line: the line's vertex first moves to its foot on the new edge, then each side for itself.
     std::size_t far = 0;
@@ -196,7 +183,7 @@ Decimator::Refusal Decimator::check_gap(std::uint32_t u, const Star& star, std::
       for (std::size_t i = 0; i < star.faces; ++i)
         if (i != at_ring && mesh_.crease_edge(prev_corner(star.corner[i]))) far = i;
     }
-    const Vec3 edge = at(star.ring[far]) - pv, from = pu - pv;
+    const Vec3 edge = mesh_.at(star.ring[far]) - pv, from = pu - pv;
     const double size2 = dot(edge, edge);
     if (!(size2 > 0.0)) return Refusal::kFold;
     const Vec3 foot = edge * synth::clamp(dot(from, edge) / size2, 0.0, 1.0);
@@ -210,12 +197,12 @@ Decimator::Refusal Decimator::check_gap(std::uint32_t u, const Star& star, std::
   } else {
     loop_.size = 0;
     for (std::size_t n = 0, i = at_ring; n < size; ++n, i = i + 1 < size ? i + 1 : 0)
-      loop_.at[loop_.size++] = at(star.ring[i]) - pv;
+      loop_.at[loop_.size++] = mesh_.at(star.ring[i]) - pv;
     if (!fan_gap(loop_, pu - pv, kNoFlatEdge, gap)) return Refusal::kFold;
   }
   double bound = 0.0;
   for (std::size_t i = 0; i < star.faces; ++i)
-    bound = std::fmax(bound, static_cast<double>(face_bound_[star.corner[i] / 3]));
+    bound = std::fmax(bound, static_cast<double>(mesh_.face(star.corner[i] >> 2).bound));
   new_bound_ = float_above(bound + gap * (1.0 + 1e-12));
   if (!(options_.tolerance > 0.0) || static_cast<double>(new_bound_) <= options_.tolerance)
     return Refusal::kNone;
@@ -232,7 +219,7 @@ Decimator::Refusal Decimator::check_gap(std::uint32_t u, const Star& star, std::
 }
 
 Decimator::Refusal Decimator::check(std::uint32_t u, const Star& star, std::size_t at_ring) {
-  if (!linked(u, star, at_ring)) return Refusal::kLink;
+  if (!linked(star, at_ring)) return Refusal::kLink;
   const Refusal faces = check_faces(u, star, at_ring);
   if (faces != Refusal::kNone) return faces;
   return check_gap(u, star, at_ring);
@@ -240,35 +227,24 @@ Decimator::Refusal Decimator::check(std::uint32_t u, const Star& star, std::size
 
 void Decimator::commit(std::uint32_t u, const Star& star, std::size_t at_ring, std::uint32_t now) {
   const std::uint32_t v = star.ring[at_ring];
-  for (std::size_t i = 0; i < star.faces; ++i) face_bound_[star.corner[i] / 3] = new_bound_;
+  for (std::size_t i = 0; i < star.faces; ++i) mesh_.face(star.corner[i] >> 2).bound = new_bound_;
   quadric_[v] += quadric_[u];
+  update_error(v);
   mesh_.collapse(star, at_ring);
   // Whoever was refused near here gets another chance; those in the queue are looked at anyway.
   const auto wake = [&](std::uint32_t w) {
     tried_[w] = 0;
-    if (!queue_.contains(w) && !(mesh_.vertex_state[w] & (kVertexLocked | kVertexFixed | kVertexDead)))
-      queue_.push(w, now);
+    if (!queue_.contains(w) && !(mesh_.state(w) & kVertexKept)) queue_.push(w, now);
   };
-  const std::uint32_t first = mesh_.corner[v];
   wake(v);
-  std::uint32_t c = first;
-  for (;;) {
-    wake(mesh_.vertex[next_corner(c)]);
-    const std::uint32_t o = mesh_.opposite[next_corner(c)];
-    if (o == kNoCorner) {
-      wake(mesh_.vertex[prev_corner(c)]);
-      break;
-    }
-    c = next_corner(o);
-    if (c == first) break;
-  }
+  mesh_.for_each_neighbour(v, wake);
 }
 
 void Decimator::seed_queue() {
   std::array<Candidate, kMaxRing + 1> list;
   Star star;
-  for (std::uint32_t u = 0; u < mesh_.position.size(); ++u) {
-    if (mesh_.vertex_state[u] & (kVertexLocked | kVertexFixed | kVertexDead)) continue;
+  for (std::uint32_t u = 0; u < mesh_.vertices(); ++u) {
+    if (mesh_.state(u) & kVertexKept) continue;
     if (!mesh_.gather(u, star)) continue;
     if (list_candidates(u, star, list) > 0) queue_.push(u, cost_class(list[0].cost, kCostClasses));
   }
@@ -284,7 +260,7 @@ void Decimator::run(DecimateReport& report) {
       report.stop = DecimateStop::kCostLimit;
       break;
     }
-    if ((mesh_.vertex_state[u] & kVertexDead) || !mesh_.gather(u, star)) continue;
+    if ((mesh_.state(u) & kVertexDead) || !mesh_.gather(u, star)) continue;
     const std::size_t n = list_candidates(u, star, list);
     for (std::size_t i = 0; i < n; ++i) {
       const std::uint32_t cls = cost_class(list[i].cost, kCostClasses);

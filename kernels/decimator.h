@@ -14,15 +14,13 @@ namespace tessera {
 
 class Decimator {
  public:
-  /// \pre  block is canonical; features are marked in `mesh`
-  /// \param reference         same origin as mesh; used when options.tolerance > 0
+  /// \param mesh       features are marked
+  /// \param reference  same origin as mesh; used when options.tolerance > 0
   /// \param reference_vertex  per vertex of the mesh the same one in the reference, or kNoCorner
-  Decimator(CollapseMesh& mesh, const MeshBlock& block, const CollapseMesh& reference,
-            const std::vector<std::uint32_t>& reference_vertex, const DecimateOptions& options);
+  Decimator(CollapseMesh& mesh, const CollapseMesh& reference, std::vector<std::uint32_t> reference_vertex,
+            const DecimateOptions& options);
 
   void run(DecimateReport& report);
-
-  const std::vector<float>& face_bound() const { return face_bound_; }
 
  private:
   enum class Refusal : std::uint8_t { kNone, kFeature, kLink, kFold, kShape, kNormal, kTolerance };
@@ -35,32 +33,27 @@ class Decimator {
   void accumulate_quadrics();
   void seed_queue();
   std::size_t list_candidates(std::uint32_t u, const Star& star, std::array<Candidate, kMaxRing + 1>& list);
-  double cost(std::uint32_t u, std::uint32_t v) const;
+  void update_error(std::uint32_t v);
+  double cost(std::uint32_t u, const Quadric& q, std::uint32_t v) const;
   bool allowed_by_features(std::uint32_t u, const Star& star, std::size_t at) const;
   Refusal check(std::uint32_t u, const Star& star, std::size_t at);
-  bool linked(std::uint32_t u, const Star& star, std::size_t at);
+  bool linked(const Star& star, std::size_t at);
   Refusal check_faces(std::uint32_t u, const Star& star, std::size_t at) const;
   Refusal check_gap(std::uint32_t u, const Star& star, std::size_t at);
   bool add_side(const Star& star, std::uint32_t v, std::size_t from, std::size_t to, bool v_first,
                 const synth::Vec3& apex, double& gap);
   void commit(std::uint32_t u, const Star& star, std::size_t at, std::uint32_t cost_class_now);
 
-  synth::Vec3 at(std::uint32_t v) const {
-    const Double3& p = mesh_.position[v];
-    return {p[0], p[1], p[2]};
-  }
-
   CollapseMesh& mesh_;
   const DecimateOptions& options_;
   std::vector<Quadric> quadric_;
-  std::vector<float> face_bound_;
   std::vector<std::uint16_t> tried_;  ///< candidates below this class failed with the star as it is
   std::vector<std::uint32_t> mark_;
   std::uint32_t stamp_ = 0;
   CostQueue<kCostClasses> queue_;
   RimLoop loop_;
   ReferenceGap reference_gap_;
-  const std::vector<std::uint32_t>& reference_vertex_;
+  std::vector<std::uint32_t> reference_vertex_;
   std::uint64_t exact_tests_ = 0, exact_accepted_ = 0;
   float new_bound_ = 0.0f;  ///< of the candidate that check() just accepted
 };

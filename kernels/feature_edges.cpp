@@ -15,12 +15,9 @@ double cosine_of_degrees(double degrees) {
 }
 
 std::vector<Vec3> unit_normals(const CollapseMesh& mesh) {
-  std::vector<Vec3> out(mesh.face_state.size());
+  std::vector<Vec3> out(mesh.faces().size());
   for (std::size_t f = 0; f < out.size(); ++f) {
-    const auto p = [&](std::size_t i) {
-      const Double3& q = mesh.position[mesh.vertex[3 * f + i]];
-      return Vec3{q[0], q[1], q[2]};
-    };
+    const auto p = [&](std::size_t i) { return mesh.at(mesh.face(f).vertex[i]); };
     const Vec3 n = cross(p(1) - p(0), p(2) - p(0));
     const double size = length(n);
     out[f] = size > 0.0 ? n * (1.0 / size) : Vec3{0, 0, 0};
@@ -32,10 +29,11 @@ std::vector<Vec3> unit_normals(const CollapseMesh& mesh) {
 /// turn.
 template <class Visit>
 void for_each_edge(const CollapseMesh& mesh, const std::vector<Vec3>& normal, const Visit& visit) {
-  for (std::uint32_t c = 0; c < mesh.vertex.size(); ++c) {
-    const std::uint32_t o = mesh.opposite[c];
+  for (std::uint32_t c = 0; c < mesh.corner_end(); ++c) {
+    if ((c & 3u) == 3u) continue;
+    const std::uint32_t o = mesh.opposite(c);
     if (o == kNoCorner || o < c) continue;
-    const Vec3 &a = normal[c / 3], &b = normal[o / 3];
+    const Vec3 &a = normal[c >> 2], &b = normal[o >> 2];
     const bool flat = dot(a, a) == 0.0 || dot(b, b) == 0.0;
     visit(c, flat ? 1.0 : dot(a, b));
   }
@@ -43,53 +41,46 @@ void for_each_edge(const CollapseMesh& mesh, const std::vector<Vec3>& normal, co
 
 }  // namespace
 
-void mark_features(CollapseMesh& mesh, const MeshBlock& block, const MeshBlock& reference,
-                   double feature_angle_deg) {
-  const std::size_t n = mesh.position.size();
+void mark_features(CollapseMesh& mesh, const MeshBlock& block, const CollapseMesh& reference,
+                   const std::vector<std::uint32_t>& reference_vertex, double feature_angle_deg) {
+  const std::size_t n = mesh.vertices();
   std::vector<std::uint8_t> feature(n, 0);
   bool any = false;
-  for (std::size_t v = 0; v < n; ++v)
-    if (block.vertex_class[v] == VertexClass::kCrease || block.vertex_class[v] == VertexClass::kCorner)
-      feature[v] = any = true;
+  const auto class_of = [&](std::uint32_t v) { return block.vertex_class[mesh.block_vertex(v)]; };
+  for (std::uint32_t v = 0; v < n; ++v)
+    if (class_of(v) == VertexClass::kCrease || class_of(v) == VertexClass::kCorner) feature[v] = any = true;
   if (feature_angle_deg > 0.0) {
-    const CollapseMesh original(reference, {0.0, 0.0, 0.0});
     const double limit = cosine_of_degrees(feature_angle_deg);
-    const auto mark = [&](std::uint32_t v) {
-      const auto at = std::lower_bound(block.key.begin(), block.key.end(), reference.key[v]);
-      if (at != block.key.end() && *at == reference.key[v]) {
-        feature[static_cast<std::size_t>(at - block.key.begin())] = 1;
-        any = true;
-      }
-    };
-    for_each_edge(original, unit_normals(original), [&](std::uint32_t c, double cosine) {
-      if (cosine >= limit) return;
-      mark(original.vertex[next_corner(c)]);
-      mark(original.vertex[prev_corner(c)]);
+    std::vector<std::uint8_t> turns(reference.vertices(), 0);
+    for_each_edge(reference, unit_normals(reference), [&](std::uint32_t c, double cosine) {
+      if (cosine < limit)
+        turns[reference.vertex(next_corner(c))] = turns[reference.vertex(prev_corner(c))] = 1;
     });
+    for (std::uint32_t v = 0; v < n; ++v)
+      if (reference_vertex[v] != kNoCorner && turns[reference_vertex[v]]) feature[v] = any = true;
   }
   bool synthetic = false;
-  for (const std::uint8_t s : mesh.face_state) synthetic |= (s & kStateSynthetic) != 0;
+  for (const CollapseFace& f : mesh.faces()) synthetic |= (f.state & kStateSynthetic) != 0;
   if (!any && !synthetic) return;
 
   std::vector<std::uint8_t> creases(n, 0);
   const double least = cosine_of_degrees(std::fmax(10.0, 0.5 * feature_angle_deg));
   for_each_edge(mesh, unit_normals(mesh), [&](std::uint32_t c, double cosine) {
-    const std::uint32_t a = mesh.vertex[next_corner(c)], b = mesh.vertex[prev_corner(c)];
-    const std::uint32_t o = mesh.opposite[c];
-    const bool rim = ((mesh.face_state[c / 3] ^ mesh.face_state[o / 3]) & kStateSynthetic) != 0;
+    const std::uint32_t a = mesh.vertex(next_corner(c)), b = mesh.vertex(prev_corner(c));
+    const std::uint32_t o = mesh.opposite(c);
+    const bool rim = ((mesh.face(c >> 2).state ^ mesh.face(o >> 2).state) & kStateSynthetic) != 0;
     if (!rim && !(feature[a] && feature[b] && cosine < least)) return;
     mesh.mark_crease(c);
     mesh.mark_crease(o);
     for (const std::uint32_t v : {a, b}) creases[v] = static_cast<std::uint8_t>(std::min(creases[v] + 1, 3));
   });
-  for (std::size_t v = 0; v < n; ++v) {
-    unsigned state = mesh.vertex_state[v];
-    const bool corner = block.vertex_class[v] == VertexClass::kCorner;
-    if (corner || creases[v] == 1 || creases[v] > 2 || (creases[v] > 0 && (state & kVertexBorder)))
-      state |= kVertexFixed;
+  for (std::uint32_t v = 0; v < n; ++v) {
+    const bool border = (mesh.state(v) & kVertexBorder) != 0;
+    if (class_of(v) == VertexClass::kCorner || creases[v] == 1 || creases[v] > 2 ||
+        (creases[v] > 0 && border))
+      mesh.add_state(v, kVertexFixed);
     else if (creases[v] == 2)
-      state |= kVertexCrease;
-    mesh.vertex_state[v] = static_cast<std::uint8_t>(state);
+      mesh.add_state(v, kVertexCrease);
   }
 }
 

@@ -14,7 +14,7 @@ namespace tessera {
 /// turns by more than 10 degrees and half the feature angle; so is the rim of synthetic faces. Two crease
 /// edges make a crease vertex, one or more than two a fixed one. \pre  reference vertices that are vertices
 /// of the block have the same key
-void mark_features(CollapseMesh& mesh, const MeshBlock& block, const MeshBlock& reference,
-                   double feature_angle_deg);
+void mark_features(CollapseMesh& mesh, const MeshBlock& block, const CollapseMesh& reference,
+                   const std::vector<std::uint32_t>& reference_vertex, double feature_angle_deg);
 
 }  // namespace tessera

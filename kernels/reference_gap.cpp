@@ -1,5 +1,7 @@
 #include "kernels/reference_gap.h"
 
+#include <immintrin.h>
+
 #include <bit>
 #include <cmath>
 
@@ -8,98 +10,37 @@ namespace {
 
 using synth::Vec3;
 
+constexpr float cross2(float ax, float ay, float bx, float by) {
+  return ax * by - ay * bx;
+}
 constexpr double cross2(double ax, double ay, double bx, double by) {
   return ax * by - ay * bx;
 }
 
 }  // namespace
 
-ReferenceGap::ReferenceGap(const CollapseMesh& reference)
-    : reference_(reference),
-      vertex_stamp_(reference.position.size(), 0),
-      vertex_slot_(reference.position.size(), 0),
-      face_stamp_(reference.face_state.size(), 0) {}
-
-/// The height of the star above or below p. \return false outside the polygon
-bool ReferenceGap::inside(const Point& p, double& height) const {
-  for (std::size_t i = 1; i + 1 < size_; ++i) {
-    if (!(p.spokes >> i & 1) || (p.spokes >> (i + 1) & 1) || !(p.rims >> i & 1)) continue;
-    const double before = cross2(x_[i], y_[i], p.x, p.y), after = cross2(p.x, p.y, x_[i + 1], y_[i + 1]);
-    const double full = cross2(x_[i], y_[i], x_[i + 1], y_[i + 1]);
-    height = (z_[i] * after + z_[i + 1] * before) / full;
-    return true;
+ReferenceGap::ReferenceGap(const CollapseMesh& reference) {
+  faces_.resize(reference.faces().size());
+  for (std::size_t f = 0; f < faces_.size(); ++f) {
+    const CollapseFace& from = reference.face(f);
+    faces_[f] = {{from.vertex[0], from.vertex[1], from.vertex[2]},
+                 0,
+                 {from.opposite[0], from.opposite[1], from.opposite[2]},
+                 0};
   }
-  return false;
+  vertices_.resize(reference.vertices());
+  corner_.resize(reference.vertices());
+  for (std::uint32_t v = 0; v < vertices_.size(); ++v) {
+    vertices_[v] = {reference.at(v), 0, 0};
+    corner_[v] = reference.corner(v);
+  }
+  points_.reserve(1024);
+  stack_.reserve(1024);
 }
 
-/// \return false above the limit
-bool ReferenceGap::place(std::uint32_t vertex, std::uint32_t& slot) {
-  if (vertex_stamp_[vertex] == stamp_) {
-    slot = vertex_slot_[vertex];
-    return true;
-  }
-  vertex_stamp_[vertex] = stamp_;
-  slot = vertex_slot_[vertex] = static_cast<std::uint32_t>(points_.size());
-  const Double3& q = reference_.position[vertex];
-  const Vec3 r = Vec3{q[0], q[1], q[2]} - origin_;
-  Point p{dot(r, ex_), dot(r, ey_), dot(r, n_), 0, 0, false};
-  for (std::size_t j = 1; j < size_; ++j) {
-    const std::size_t k = j + 1 < size_ ? j + 1 : 0;
-    if (cross2(x_[j], y_[j], p.x, p.y) >= 0.0) p.spokes |= std::uint64_t{1} << j;
-    if (cross2(x_[k] - x_[j], y_[k] - y_[j], p.x - x_[j], p.y - y_[j]) >= 0.0)
-      p.rims |= std::uint64_t{1} << j;
-  }
-  if (cross2(x_[1], y_[1], p.x, p.y) >= 0.0) p.rims |= 1;
-  double height = 0.0;
-  p.inside = inside(p, height);
-  points_.push_back(p);
-  if (p.inside) {
-    gap_ = std::fmax(gap_, std::fabs(p.z - height));
-    if (gap_ > limit_) return false;
-  }
-  return true;
-}
-
-/// Whether the segment, with both ends outside, crosses the polygon.
-bool ReferenceGap::meets_polygon(const Point& a, const Point& b) const {
-  std::uint64_t cut = a.rims ^ b.rims;
-  while (cut != 0) {
-    const auto j = static_cast<std::size_t>(std::countr_zero(cut));
-    cut &= cut - 1;
-    const std::size_t k = j + 1 < size_ ? j + 1 : 0;
-    const double sj = cross2(b.x - a.x, b.y - a.y, x_[j] - a.x, y_[j] - a.y);
-    const double sk = cross2(b.x - a.x, b.y - a.y, x_[k] - a.x, y_[k] - a.y);
-    if ((sj > rounding_ && sk < -rounding_) || (sj < -rounding_ && sk > rounding_)) return true;
-  }
-  return false;
-}
-
-/// Crossings of the segment with spokes and rim edges. \return false above the limit
-bool ReferenceGap::cross_edges(const Point& a, const Point& b) {
-  const double dx = b.x - a.x, dy = b.y - a.y, dz = b.z - a.z;
-  const auto cross = [&](double px, double py, double pz, double ux, double uy, double uz) {
-    // a + t d = p + s u
-    const double turn = cross2(dx, dy, ux, uy);
-    const double t = cross2(px - a.x, py - a.y, ux, uy) / turn, s = cross2(px - a.x, py - a.y, dx, dy) / turn;
-    if (s >= 0.0 && s <= 1.0 && t >= 0.0 && t <= 1.0)
-      gap_ = std::fmax(gap_, std::fabs(a.z + t * dz - pz - s * uz));
-  };
-  for (std::uint64_t cut = a.spokes ^ b.spokes; cut != 0; cut &= cut - 1) {
-    const auto j = static_cast<std::size_t>(std::countr_zero(cut));
-    if (j >= 2 && j + 1 < size_) cross(0.0, 0.0, 0.0, x_[j], y_[j], z_[j]);
-  }
-  for (std::uint64_t cut = a.rims ^ b.rims; cut != 0; cut &= cut - 1) {
-    const auto j = static_cast<std::size_t>(std::countr_zero(cut));
-    const std::size_t k = j + 1 < size_ ? j + 1 : 0;
-    cross(x_[j], y_[j], z_[j], x_[k] - x_[j], y_[k] - y_[j], z_[k] - z_[j]);
-  }
-  return gap_ <= limit_;
-}
-
-bool ReferenceGap::measure(const RimLoop& loop, const Vec3& origin, std::uint32_t seed, double limit,
-                           double& gap) {
+bool ReferenceGap::set_polygon(const RimLoop& loop) {
   size_ = loop.size;
-  if (size_ < 3 || size_ > 62) return false;
+  if (size_ < 3 || size_ >= kPadded) return false;
   Vec3 area{0, 0, 0};
   for (std::size_t i = 1; i + 1 < size_; ++i) area = area + cross(loop.at[i], loop.at[i + 1]);
   const double length2 = dot(area, area);
@@ -107,53 +48,158 @@ bool ReferenceGap::measure(const RimLoop& loop, const Vec3& origin, std::uint32_
   n_ = area * (1.0 / std::sqrt(length2));
   ex_ = synth::any_orthogonal(n_);
   ey_ = cross(n_, ex_);
-  origin_ = origin;
+  std::array<double, kPadded> x, y, z;
+  double radius = 0.0;
   for (std::size_t i = 0; i < size_; ++i) {
-    x_[i] = dot(loop.at[i], ex_);
-    y_[i] = dot(loop.at[i], ey_);
-    z_[i] = dot(loop.at[i], n_);
+    x[i] = dot(loop.at[i], ex_);
+    y[i] = dot(loop.at[i], ey_);
+    z[i] = dot(loop.at[i], n_);
+    radius = std::fmax(radius, std::fmax(std::fmax(std::fabs(x[i]), std::fabs(y[i])), std::fabs(z[i])));
   }
-  gap_ = 0.0;
-  limit_ = limit;
-  rounding_ = 1e-12 * std::sqrt(length2);
+  for (std::size_t i = 0; i < size_; ++i) {
+    const std::size_t j = i + 1 < size_ ? i + 1 : 0;
+    x_[i] = static_cast<float>(x[i]), y_[i] = static_cast<float>(y[i]), z_[i] = static_cast<float>(z[i]);
+    edge_x_[i] = static_cast<float>(x[j] - x[i]);
+    edge_y_[i] = static_cast<float>(y[j] - y[i]);
+    edge_c_[i] = static_cast<float>(cross2(x[j] - x[i], y[j] - y[i], x[i], y[i]));
+    if (i == 0 || j == 0) continue;
+    // z = sx x + sy y through the origin and both corners.
+    const double full = cross2(x[i], y[i], x[j], y[j]);
+    slope_x_[i] = static_cast<float>((z[i] * y[j] - z[j] * y[i]) / full);
+    slope_y_[i] = static_cast<float>((z[j] * x[i] - z[i] * x[j]) / full);
+  }
+  groups_ = (size_ + kLanes - 1) / kLanes;
+  all_ = (std::uint64_t{1} << size_) - 1;
+  sectors_ = all_ & ~std::uint64_t{1} & ~(std::uint64_t{1} << (size_ - 1));
+  radius_ = static_cast<float>(radius);
+  return true;
+}
+
+inline void ReferenceGap::classify(Point& p) const {
+  const __m256 px = _mm256_set1_ps(p.x), py = _mm256_set1_ps(p.y), zero = _mm256_setzero_ps();
+  p.spokes = p.rims = 0;
+  for (std::size_t g = 0; g < groups_; ++g) {
+    const std::size_t at = g * kLanes;
+    const __m256 spoke =
+        _mm256_sub_ps(_mm256_mul_ps(_mm256_load_ps(&x_[at]), py), _mm256_mul_ps(_mm256_load_ps(&y_[at]), px));
+    const __m256 rim = _mm256_sub_ps(_mm256_sub_ps(_mm256_mul_ps(_mm256_load_ps(&edge_x_[at]), py),
+                                                   _mm256_mul_ps(_mm256_load_ps(&edge_y_[at]), px)),
+                                     _mm256_load_ps(&edge_c_[at]));
+    p.spokes |= static_cast<std::uint64_t>(_mm256_movemask_ps(_mm256_cmp_ps(spoke, zero, _CMP_GE_OQ))) << at;
+    p.rims |= static_cast<std::uint64_t>(_mm256_movemask_ps(_mm256_cmp_ps(rim, zero, _CMP_GE_OQ))) << at;
+  }
+  p.spokes &= all_;
+  p.rims &= all_;
+  p.inside = (p.spokes & ~(p.spokes >> 1) & p.rims & sectors_) != 0;
+}
+
+/// \return false above the limit
+inline bool ReferenceGap::place(std::uint32_t vertex, std::uint32_t& slot) {
+  Vertex& v = vertices_[vertex];
+  if (v.stamp == stamp_) {
+    slot = v.slot;
+    return true;
+  }
+  v.stamp = stamp_;
+  slot = v.slot = static_cast<std::uint32_t>(points_.size());
+  const Vec3 r = v.at - origin_;
+  Point p;
+  p.x = static_cast<float>(dot(r, ex_)), p.y = static_cast<float>(dot(r, ey_)),
+  p.z = static_cast<float>(dot(r, n_));
+  classify(p);
+  points_.push_back(p);
+  if (!p.inside) return true;
+  const auto i = static_cast<std::size_t>(std::countr_zero(p.spokes & ~(p.spokes >> 1) & p.rims & sectors_));
+  gap_ = std::fmax(gap_, std::fabs(p.z - slope_x_[i] * p.x - slope_y_[i] * p.y));
+  return gap_ <= limit_;
+}
+
+/// Whether the segment, with both ends outside, meets the inside of the polygon.
+bool ReferenceGap::meets_polygon(const Point& a, const Point& b) const {
+  for (std::uint64_t cut = a.rims ^ b.rims; cut != 0; cut &= cut - 1) {
+    const auto j = static_cast<std::size_t>(std::countr_zero(cut));
+    const std::size_t k = j + 1 < size_ ? j + 1 : 0;
+    const float sj = cross2(b.x - a.x, b.y - a.y, x_[j] - a.x, y_[j] - a.y);
+    const float sk = cross2(b.x - a.x, b.y - a.y, x_[k] - a.x, y_[k] - a.y);
+    if ((sj > 0.0f && sk < 0.0f) || (sj < 0.0f && sk > 0.0f)) return true;
+  }
+  // From one corner of the polygon to another.
+  Point middle{0.5f * (a.x + b.x), 0.5f * (a.y + b.y), 0.0f, false, 0, 0};
+  classify(middle);
+  return middle.inside;
+}
+
+/// Crossings of the segment with spokes and rim edges. \return false above the limit
+bool ReferenceGap::cross_edges(const Point& a, const Point& b) {
+  const float dx = b.x - a.x, dy = b.y - a.y, dz = b.z - a.z;
+  const auto cross = [&](float px, float py, float pz, float ux, float uy, float uz) {
+    // a + t d = p + s u
+    const float turn = cross2(dx, dy, ux, uy);
+    const float t = cross2(px - a.x, py - a.y, ux, uy) / turn, s = cross2(px - a.x, py - a.y, dx, dy) / turn;
+    if (s >= 0.0f && s <= 1.0f && t >= 0.0f && t <= 1.0f)
+      gap_ = std::fmax(gap_, std::fabs(a.z + t * dz - pz - s * uz));
+  };
+  for (std::uint64_t cut = (a.spokes ^ b.spokes) & sectors_ & ~std::uint64_t{2}; cut != 0; cut &= cut - 1) {
+    const auto j = static_cast<std::size_t>(std::countr_zero(cut));
+    cross(0.0f, 0.0f, 0.0f, x_[j], y_[j], z_[j]);
+  }
+  for (std::uint64_t cut = a.rims ^ b.rims; cut != 0; cut &= cut - 1) {
+    const auto j = static_cast<std::size_t>(std::countr_zero(cut));
+    const std::size_t k = j + 1 < size_ ? j + 1 : 0;
+    cross(x_[j], y_[j], z_[j], edge_x_[j], edge_y_[j], z_[k] - z_[j]);
+  }
+  return gap_ <= limit_;
+}
+
+bool ReferenceGap::measure(const RimLoop& loop, const Vec3& origin, std::uint32_t seed, double limit,
+                           double& gap) {
+  if (!set_polygon(loop)) return false;
+  origin_ = origin;
+  const float slack = 16.0f * 0x1p-24f * radius_;
+  gap_ = 0.0f;
+  limit_ = static_cast<float>(limit) * (1.0f - 0x1p-22f) - slack;
   points_.clear();
   stack_.clear();
   // Stamps: even on the stack, odd done.
   stamp_ += 2;
-  const std::uint32_t first = reference_.corner[seed];
-  std::uint32_t c = first;
-  for (;;) {
-    stack_.push_back(c / 3);
-    face_stamp_[c / 3] = stamp_;
-    const std::uint32_t o = reference_.opposite[next_corner(c)];
+  const std::uint32_t first = corner_[seed];
+  for (std::uint32_t c = first;;) {
+    stack_.push_back(c >> 2);
+    faces_[c >> 2].stamp = stamp_;
+    const std::uint32_t o = faces_[c >> 2].opposite[next_corner(c) & 3u];
     if (o == kNoCorner) return false;
     c = next_corner(o);
     if (c == first) break;
   }
   while (!stack_.empty()) {
-    const std::uint32_t f = stack_.back();
+    Face& f = faces_[stack_.back()];
     stack_.pop_back();
-    face_stamp_[f] = stamp_ + 1;
+    f.stamp = stamp_ + 1;
     ++walked_;
     std::array<std::uint32_t, 3> slot;
     for (std::size_t i = 0; i < 3; ++i)
-      if (!place(reference_.vertex[3 * f + i], slot[i])) return false;
+      if (!place(f.vertex[i], slot[i])) return false;
     const Point p[3] = {points_[slot[0]], points_[slot[1]], points_[slot[2]]};
-    if (cross2(p[1].x - p[0].x, p[1].y - p[0].y, p[2].x - p[0].x, p[2].y - p[0].y) < -rounding_) return false;
+    const float ax = p[1].x - p[0].x, ay = p[1].y - p[0].y, bx = p[2].x - p[0].x, by = p[2].y - p[0].y;
+    if (cross2(ax, ay, bx, by) < -slack * (std::fabs(ax) + std::fabs(ay) + std::fabs(bx) + std::fabs(by)))
+      return false;
     for (std::uint32_t i = 0; i < 3; ++i) {
-      const std::uint32_t o = reference_.opposite[3 * f + i];
-      if (o != kNoCorner && face_stamp_[o / 3] == stamp_ + 1) continue;  // seen from there
-      const Point &a = p[(i + 1) % 3], &b = p[(i + 2) % 3];
+      const std::uint32_t o = f.opposite[i];
+      if (o != kNoCorner && faces_[o >> 2].stamp == stamp_ + 1) continue;  // seen from there
+      const Point &a = p[i == 2 ? 0 : i + 1], &b = p[i == 0 ? 2 : i - 1];
       if (!a.inside && !b.inside && !meets_polygon(a, b)) continue;
       if (o == kNoCorner) return false;
-      if (!cross_edges(a, b)) return false;
-      if (face_stamp_[o / 3] != stamp_) {
-        face_stamp_[o / 3] = stamp_;
-        stack_.push_back(o / 3);
+      if ((a.spokes ^ b.spokes) != 0 || (a.rims ^ b.rims) != 0) {
+        if (!cross_edges(a, b)) return false;
+      }
+      Face& across = faces_[o >> 2];
+      if (across.stamp != stamp_) {
+        across.stamp = stamp_;
+        stack_.push_back(o >> 2);
       }
     }
   }
-  gap = gap_;
+  gap = static_cast<double>(gap_) * (1.0 + 0x1p-22) + static_cast<double>(slack);
   return true;
 }
 
