@@ -155,7 +155,7 @@ Plane fit_plane(const Moments& m) {
 PointShape shape_at(const Candidates& c, float px, float py, float pz, const Float3& given,
                     const NormalOptions& options) {
   const auto radius = static_cast<float>(options.radius_cells);
-  const bool has_normal = given[0] != 0.0f || given[1] != 0.0f || given[2] != 0.0f;
+  const bool has_normal = !options.estimate && (given[0] != 0.0f || given[1] != 0.0f || given[2] != 0.0f);
   const Moments wide =
       options.estimate ? moments_at(c, px, py, pz, given, radius) : count_at(c, px, py, pz, given, radius);
   PointShape shape;

@@ -8,68 +8,285 @@
 namespace tessera {
 namespace {
 
-constexpr float kConfident = 0.3f;       ///< links below this weight join nothing
-constexpr float kVoteScale = 4096.0f;
-constexpr int kFlipRounds = 8;
+constexpr float kLeastWeight = 0.15f;  ///< links below this weight say nothing
+constexpr std::int32_t kSmooth =
+    kVoteScale * 17 / 20;           ///< links above this weight join surfels without asking further
+constexpr float kSameSheet = 0.7f;  ///< cosine between normals of one surfel
+constexpr float kSheetGap = 0.75f;  ///< cells: a point farther from a surfel's plane belongs to another sheet
+constexpr float kVague = 0.06f;  ///< surface variation from which a fitted plane may stand across the surface
+constexpr float kVagueWeight = 0.25f;  ///< of links that such a surfel takes part in
+constexpr int kSheets = 4;             ///< surfels of one voxel; points that fit none join the nearest
+constexpr std::uint32_t kNone = std::numeric_limits<std::uint32_t>::max();
 constexpr std::size_t kVoxels = std::size_t{kSurfelsPerBrick} * kSurfelsPerBrick * kSurfelsPerBrick;
+constexpr int kCoarsePerBrick = kBrickCells / kCoarseCells;
+/// Groups of a brick join to patches while about six whole links speak for it and few against.
+constexpr ContractionLimits kPatchLimits = {6.0 * kVoteScale, 0.8};
 
-float dot(const Float3& a, const Float3& b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
-
-/// Union-find that also keeps the sign of every element relative to its root; roots are minimal.
-class SignedForest {
- public:
-  explicit SignedForest(std::size_t n) : parent_(n), sign_(n, 1) {
-    std::iota(parent_.begin(), parent_.end(), 0u);
-  }
-  std::uint32_t root(std::uint32_t v, int& sign) {
-    std::uint32_t r = v;
-    int to_root = 1;
-    while (parent_[r] != r) {
-      to_root *= sign_[r];
-      r = parent_[r];
-    }
-    sign = to_root;
-    while (parent_[v] != v) {  // compress
-      const std::uint32_t next = parent_[v];
-      const int own = sign_[v];
-      parent_[v] = r;
-      sign_[v] = static_cast<std::int8_t>(to_root);
-      to_root *= own;
-      v = next;
-    }
-    return r;
-  }
-  /// Joins two trees so that sign(a) * sign(b) = relation. False when they are one tree already.
-  bool join(std::uint32_t a, std::uint32_t b, int relation) {
-    int sa = 1;
-    int sb = 1;
-    std::uint32_t ra = root(a, sa);
-    std::uint32_t rb = root(b, sb);
-    if (ra == rb) return false;
-    if (ra > rb) std::swap(ra, rb);
-    parent_[rb] = ra;
-    sign_[rb] = static_cast<std::int8_t>(sa * sb * relation);
-    return true;
-  }
-
- private:
-  std::vector<std::uint32_t> parent_;
-  std::vector<std::int8_t> sign_;
-};
+float dot(const Float3& a, const Float3& b) {
+  return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+}
+Float3 minus(const Float3& a, const Float3& b) {
+  return {a[0] - b[0], a[1] - b[1], a[2] - b[2]};
+}
+Float3 plus(const Float3& a, const Float3& b) {
+  return {a[0] + b[0], a[1] + b[1], a[2] + b[2]};
+}
+void negate(Float3& v) {
+  v = {-v[0], -v[1], -v[2]};
+}
 
 std::size_t voxel_index(int x, int y, int z) {
   return (static_cast<std::size_t>(z) * kSurfelsPerBrick + static_cast<std::size_t>(y)) * kSurfelsPerBrick +
          static_cast<std::size_t>(x);
+}
+std::size_t voxel_index(const Surfel& s) {
+  return voxel_index(s.voxel[0], s.voxel[1], s.voxel[2]);
 }
 
 int voxel_coordinate(float cells) {
   return std::clamp(static_cast<int>(std::floor(cells / kSurfelCells)), 0, kSurfelsPerBrick - 1);
 }
 
-struct Link {
-  std::int32_t vote;
-  std::uint32_t a, b;
+/// Sums of a surfel in the making.
+struct Sheet {
+  Float3 position{};
+  Float3 normal{};
+  float points = 0.0f;
+  bool vague = false;
+  std::uint32_t next = kNone;  ///< of the same voxel
 };
+
+/// The sheets of every voxel. \param sheet_of  per point
+std::vector<Surfel> make_surfels(const OrientationInput& in, std::vector<std::uint32_t>& surfel_of,
+                                 std::vector<std::uint32_t>& first_surfel) {
+  std::vector<std::uint32_t> head(kVoxels, kNone);
+  std::vector<Sheet> sheets;
+  std::vector<std::array<std::uint8_t, 3>> voxels;
+  std::vector<std::uint32_t> sheet_of(in.position.size(), kNone);
+  // Clear points first: at edges planes stand across, or mix both sides. The others join what is there.
+  const std::size_t count_all = in.position.size();
+  for (std::size_t k = 0; k < 2 * count_all; ++k) {
+    const std::size_t i = k % count_all;
+    const bool vague = in.variation[i] > kVague;
+    const Float3& p = in.position[i];
+    const Float3& n = in.normal[i];
+    if (vague != (k >= count_all) || dot(n, n) < 0.5f) continue;
+    const int x = voxel_coordinate(p[0]), y = voxel_coordinate(p[1]), z = voxel_coordinate(p[2]);
+    std::uint32_t* slot = &head[voxel_index(x, y, z)];
+    std::uint32_t nearest = kNone;
+    float least = std::numeric_limits<float>::infinity();
+    int count = 0;
+    bool fits = false;
+    while (*slot != kNone && !fits) {
+      const Sheet& s = sheets[*slot];
+      const float norm = std::sqrt(dot(s.normal, s.normal));
+      const float cosine = norm > 0.0f ? std::fabs(dot(n, s.normal)) / norm : 0.0f;
+      const Float3 from = {p[0] - s.position[0] / s.points, p[1] - s.position[1] / s.points,
+                           p[2] - s.position[2] / s.points};
+      const float gap = norm > 0.0f ? std::fabs(dot(from, s.normal)) / norm : 0.0f;
+      fits = cosine > kSameSheet && gap < kSheetGap;
+      const float misfit = gap + 2.0f * (1.0f - cosine);
+      if (fits || misfit < least) least = misfit, nearest = *slot;
+      slot = &sheets[*slot].next;
+      ++count;
+    }
+    if (!fits && count < (vague ? 1 : kSheets)) {
+      nearest = static_cast<std::uint32_t>(sheets.size());
+      *slot = nearest;
+      sheets.push_back({});
+      sheets.back().vague = vague;
+      voxels.push_back(
+          {static_cast<std::uint8_t>(x), static_cast<std::uint8_t>(y), static_cast<std::uint8_t>(z)});
+    }
+    sheet_of[i] = nearest;
+    Sheet& s = sheets[nearest];
+    if (vague && !s.vague) continue;
+    const float side = dot(n, s.normal) < 0.0f ? -1.0f : 1.0f;
+    for (std::size_t a = 0; a < 3; ++a) s.position[a] += p[a], s.normal[a] += side * n[a];
+    s.points += 1.0f;
+  }
+
+  // In order of the voxels; then the sheets of one voxel lie side by side.
+  std::vector<std::uint32_t> order(sheets.size());
+  std::iota(order.begin(), order.end(), 0u);
+  std::sort(order.begin(), order.end(), [&](std::uint32_t l, std::uint32_t r) {
+    const std::size_t a = voxel_index(voxels[l][0], voxels[l][1], voxels[l][2]);
+    const std::size_t b = voxel_index(voxels[r][0], voxels[r][1], voxels[r][2]);
+    return a != b ? a < b : l < r;
+  });
+  std::vector<Surfel> surfels(sheets.size());
+  std::vector<std::uint32_t> place(sheets.size());
+  first_surfel.assign(kVoxels + 1, 0);
+  for (std::uint32_t k = 0; k < order.size(); ++k) {
+    const Sheet& from = sheets[order[k]];
+    Surfel& s = surfels[k];
+    s.voxel = voxels[order[k]];
+    s.vague = from.vague ? 1 : 0;
+    s.points = static_cast<std::uint16_t>(std::min(from.points, 65535.0f));
+    const float norm = std::sqrt(dot(from.normal, from.normal));
+    for (std::size_t a = 0; a < 3; ++a) {
+      s.position[a] = from.position[a] / from.points;
+      s.normal[a] = norm > 0.0f ? from.normal[a] / norm : 0.0f;
+    }
+    place[order[k]] = k;
+    ++first_surfel[voxel_index(s) + 1];
+  }
+  std::partial_sum(first_surfel.begin(), first_surfel.end(), first_surfel.begin());
+  surfel_of.assign(sheet_of.size(), kNone);
+  for (std::size_t i = 0; i < sheet_of.size(); ++i)
+    if (sheet_of[i] != kNone) surfel_of[i] = place[sheet_of[i]];
+  return surfels;
+}
+
+/// Links of every voxel with itself and the 13 neighbours ahead, places in `surfels`.
+std::vector<SurfelLink> link_brick(const std::vector<Surfel>& surfels,
+                                   const std::vector<std::uint32_t>& first) {
+  std::vector<SurfelLink> links;
+  for (std::uint32_t i = 0; i < surfels.size();) {
+    const Surfel& s = surfels[i];
+    const std::size_t voxel = voxel_index(s);
+    const std::uint32_t end = first[voxel + 1];
+    for (int d = 13; d < 27; ++d) {
+      const int x = s.voxel[0] + d % 3 - 1;
+      const int y = s.voxel[1] + d / 3 % 3 - 1;
+      const int z = s.voxel[2] + d / 9 - 1;
+      if (x < 0 || y < 0 || x >= kSurfelsPerBrick || y >= kSurfelsPerBrick || z >= kSurfelsPerBrick) continue;
+      const std::size_t other = voxel_index(x, y, z);
+      const std::uint32_t j = first[other];
+      if (first[other + 1] == j) continue;
+      const std::size_t known = links.size();
+      link_voxels({&surfels[i], end - i}, {&surfels[j], first[other + 1] - j}, {0, 0, 0}, links);
+      for (std::size_t l = known; l < links.size(); ++l) links[l].a += i, links[l].b += j;
+    }
+    i = end;
+  }
+  return links;
+}
+
+/// Joins what smooth links join, strongest first; then what many links agree on. Returns group and sign per
+/// surfel.
+void join_surfels(const std::vector<Surfel>& surfels, std::vector<SurfelLink>& links,
+                  std::vector<std::uint32_t>& group, std::vector<std::int8_t>& sign,
+                  std::vector<PatchVote>& votes) {
+  const auto n = static_cast<std::uint32_t>(surfels.size());
+  std::sort(links.begin(), links.end(), [](const SurfelLink& l, const SurfelLink& r) {
+    const std::int32_t lw = std::abs(l.vote), rw = std::abs(r.vote);
+    if (lw != rw) return lw > rw;
+    return l.a != r.a ? l.a < r.a : l.b < r.b;
+  });
+  std::vector<std::uint32_t> parent(n);
+  std::iota(parent.begin(), parent.end(), 0u);
+  std::vector<std::int8_t> to(n, 1);
+  const auto root = [&](std::uint32_t v, int& s) {
+    s = 1;
+    while (parent[v] != v) {
+      to[v] = static_cast<std::int8_t>(to[v] * to[parent[v]]);
+      parent[v] = parent[parent[v]];
+      s *= to[v];
+      v = parent[v];
+    }
+    return v;
+  };
+  for (const SurfelLink& l : links) {
+    if (std::abs(l.vote) < kSmooth) break;
+    int sa = 1, sb = 1;
+    std::uint32_t a = root(l.a, sa), b = root(l.b, sb);
+    if (a == b) continue;
+    if (a > b) std::swap(a, b);
+    parent[b] = a;
+    to[b] = static_cast<std::int8_t>(sa * sb * (l.vote < 0 ? -1 : 1));
+  }
+  // Votes between the groups, every link counted.
+  std::vector<std::uint32_t> number(n, kNone);
+  std::uint32_t groups = 0;
+  group.resize(n), sign.resize(n);
+  for (std::uint32_t i = 0; i < n; ++i) {
+    int s = 1;
+    const std::uint32_t r = root(i, s);
+    if (number[r] == kNone) number[r] = groups++;
+    group[i] = number[r];
+    sign[i] = static_cast<std::int8_t>(s);
+  }
+  std::vector<std::uint64_t> weight(groups, 0);
+  for (std::uint32_t i = 0; i < n; ++i) ++weight[group[i]];
+  const auto collect = [&] {
+    votes.clear();
+    for (const SurfelLink& l : links) {
+      std::uint32_t a = group[l.a], b = group[l.b];
+      if (a == b) continue;
+      if (a > b) std::swap(a, b);
+      const std::int32_t vote = l.vote * sign[l.a] * sign[l.b];
+      votes.push_back({a, b, std::max(vote, 0), std::max(-vote, 0)});
+    }
+    merge_votes(votes);
+  };
+  collect();
+  const Contraction tree = contract_signs(weight, votes, kPatchLimits);
+  std::vector<std::uint32_t> top(groups);
+  std::vector<std::int8_t> relation(groups, 1);
+  for (const std::uint32_t g : tree.joined_last) {
+    const std::uint32_t p = tree.parent[g];
+    top[g] = p == g ? g : top[p];
+    relation[g] = static_cast<std::int8_t>(p == g ? 1 : relation[p] * tree.relation[g]);
+  }
+  for (std::uint32_t i = 0; i < n; ++i) {
+    sign[i] = static_cast<std::int8_t>(sign[i] * relation[group[i]]);
+    group[i] = top[group[i]];
+  }
+  // More patches in a brick than 16 bits name is dust: it all goes into the last one, undecided among itself.
+  number.assign(n, kNone);
+  std::uint32_t patches = 0;
+  for (std::uint32_t i = 0; i < n; ++i) {
+    if (number[group[i]] == kNone) number[group[i]] = std::min<std::uint32_t>(patches++, kGivenPatch - 1);
+    group[i] = number[group[i]];
+  }
+  collect();
+}
+
+/// 0..5: the axis that a normal is nearest to, and its sign.
+int facing(const Float3& n) {
+  int axis = 0;
+  for (int a = 1; a < 3; ++a)
+    if (std::fabs(n[static_cast<std::size_t>(a)]) > std::fabs(n[static_cast<std::size_t>(axis)])) axis = a;
+  return 2 * axis + (n[static_cast<std::size_t>(axis)] < 0.0f ? 1 : 0);
+}
+
+std::vector<CoarseSurfel> thin(const std::vector<Surfel>& surfels) {
+  struct Item {
+    std::uint64_t key;
+    std::uint32_t surfel;
+  };
+  std::vector<Item> items(surfels.size());
+  for (std::uint32_t i = 0; i < surfels.size(); ++i) {
+    const Surfel& s = surfels[i];
+    constexpr int kStep = kCoarseCells / kSurfelCells;
+    const int voxel =
+        (s.voxel[2] / kStep * kCoarsePerBrick + s.voxel[1] / kStep) * kCoarsePerBrick + s.voxel[0] / kStep;
+    items[i] = {(static_cast<std::uint64_t>(voxel) << 32) | (std::uint64_t{s.patch} << 8) |
+                    static_cast<std::uint64_t>(facing(s.normal)),
+                i};
+  }
+  std::sort(items.begin(), items.end(), [](const Item& l, const Item& r) {
+    return l.key != r.key ? l.key < r.key : l.surfel < r.surfel;
+  });
+  std::vector<CoarseSurfel> coarse;
+  for (std::size_t i = 0; i < items.size(); ++i) {
+    const Surfel& s = surfels[items[i].surfel];
+    if (i == 0 || items[i].key != items[i - 1].key) {
+      coarse.emplace_back();
+      coarse.back().patch = s.patch;
+    }
+    CoarseSurfel& c = coarse.back();
+    // A plane cuts the voxels of its main direction in squares.
+    const auto axis = static_cast<std::size_t>(facing(s.normal) / 2);
+    const float area = kSurfelCells * kSurfelCells / std::max(std::fabs(s.normal[axis]), 0.5f);
+    for (std::size_t a = 0; a < 3; ++a) c.position[a] += s.position[a], c.area[a] += area * s.normal[a];
+    ++c.surfels;
+  }
+  for (CoarseSurfel& c : coarse)
+    for (float& p : c.position) p /= static_cast<float>(c.surfels);
+  return coarse;
+}
 
 }  // namespace
 
@@ -80,182 +297,85 @@ std::int32_t link_vote(const Surfel& a, const Surfel& b, const Float3& offset) {
   const float ae = dot(a.normal, e);
   const float be = dot(b.normal, e);
   const float carried = dot(a.normal, b.normal) - 2.0f * ae * be;
-  // Across a gap between two sheets the offset runs along the normals: such links say little.
+  // On an arc both normals lean by the same angle, one forward, one back. Two sheets, one over the other,
+  // lean the same way; where the offset runs along the normals nothing can be said.
+  const float lean = std::fabs(ae + (carried < 0.0f ? -be : be));
   const float steep = std::max(ae * ae, be * be);
-  const float weight = std::fabs(carried) * (1.0f - 0.9f * steep);
-  if (weight < kConfident) return 0;
+  const float weight = std::fabs(carried) * (1.0f - 0.9f * steep) * (1.0f - std::min(lean, 1.0f)) *
+                       (a.vague + b.vague > 0 ? kVagueWeight : 1.0f);
+  if (weight < kLeastWeight) return 0;
   const auto vote = static_cast<std::int32_t>(std::floor(weight * kVoteScale + 0.5f));
   return carried < 0.0f ? -vote : vote;
 }
 
-BrickOrientation orient_brick(std::span<const Float3> position, std::span<const Float3> normal) {
+void link_voxels(std::span<const Surfel> a, std::span<const Surfel> b, const Float3& shift,
+                 std::vector<SurfelLink>& links) {
+  const bool same = a.data() == b.data();
+  const std::size_t known = links.size();
+  for (std::uint32_t i = 0; i < a.size(); ++i)
+    for (std::uint32_t j = same ? i + 1 : 0; j < b.size(); ++j) {
+      const std::int32_t vote = link_vote(a[i], b[j], minus(plus(b[j].position, shift), a[i].position));
+      if (vote != 0) links.push_back({i, j, vote});
+    }
+  if (same || links.size() - known < 2) return;
+  const auto best = [&](const SurfelLink& l) {
+    bool for_a = true, for_b = true;
+    for (std::size_t k = known; k < links.size(); ++k) {
+      const bool stronger = std::abs(links[k].vote) > std::abs(l.vote);
+      for_a = for_a && !(stronger && links[k].a == l.a);
+      for_b = for_b && !(stronger && links[k].b == l.b);
+    }
+    return for_a || for_b;
+  };
+  std::vector<SurfelLink> kept;
+  for (std::size_t k = known; k < links.size(); ++k)
+    if (best(links[k])) kept.push_back(links[k]);
+  links.resize(known);
+  links.insert(links.end(), kept.begin(), kept.end());
+}
+
+BrickOrientation orient_brick(const OrientationInput& in) {
   BrickOrientation out;
-  out.normal.assign(normal.begin(), normal.end());
-  out.patch.assign(position.size(), kNoPatch);
-
-  // Surfels: mean position and mean axis of the points of each voxel, the first point's normal giving the side.
-  std::vector<std::int32_t> surfel_of(kVoxels, -1);
-  std::vector<std::uint32_t> point_surfel(position.size(), std::numeric_limits<std::uint32_t>::max());
-  std::vector<Surfel> surfels;
-  for (std::size_t i = 0; i < position.size(); ++i) {
-    if (dot(normal[i], normal[i]) < 0.5f) continue;
-    const int x = voxel_coordinate(position[i][0]);
-    const int y = voxel_coordinate(position[i][1]);
-    const int z = voxel_coordinate(position[i][2]);
-    std::int32_t& slot = surfel_of[voxel_index(x, y, z)];
-    if (slot < 0) {
-      slot = static_cast<std::int32_t>(surfels.size());
-      Surfel s;
-      s.voxel = {static_cast<std::uint8_t>(x), static_cast<std::uint8_t>(y), static_cast<std::uint8_t>(z)};
-      surfels.push_back(s);
-    }
-    point_surfel[i] = static_cast<std::uint32_t>(slot);
-    Surfel& s = surfels[static_cast<std::size_t>(slot)];
-    const float side = s.points > 0 && dot(normal[i], s.normal) < 0.0f ? -1.0f : 1.0f;
-    for (std::size_t a = 0; a < 3; ++a) {
-      s.position[a] += position[i][a];
-      s.normal[a] += side * normal[i][a];
-    }
-    if (s.points < 0xffff) ++s.points;
-  }
-  for (Surfel& s : surfels) {
-    const float norm = std::sqrt(dot(s.normal, s.normal));
-    for (std::size_t a = 0; a < 3; ++a) {
-      s.position[a] /= static_cast<float>(s.points);
-      s.normal[a] = norm > 0.0f ? s.normal[a] / norm : 0.0f;
-    }
+  out.normal.assign(in.normal.begin(), in.normal.end());
+  out.patch.assign(in.position.size(), kNoPatch);
+  std::vector<std::uint32_t> surfel_of, first, group;
+  std::vector<std::int8_t> sign;
+  std::vector<Surfel> surfels = make_surfels(in, surfel_of, first);
+  std::vector<SurfelLink> links = link_brick(surfels, first);
+  join_surfels(surfels, links, group, sign, out.votes);
+  for (std::size_t i = 0; i < surfels.size(); ++i) {
+    surfels[i].patch = static_cast<std::uint16_t>(group[i]);
+    if (sign[i] < 0) negate(surfels[i].normal);
+    out.patches = std::max(out.patches, static_cast<std::uint16_t>(group[i] + 1));
   }
 
-  // Confident links to the 13 neighbours ahead, strongest first, make the patches.
-  std::vector<Link> links;
-  for (std::uint32_t i = 0; i < surfels.size(); ++i) {
-    const Surfel& s = surfels[i];
-    for (int d = 14; d < 27; ++d) {
-      const int x = s.voxel[0] + d % 3 - 1;
-      const int y = s.voxel[1] + d / 3 % 3 - 1;
-      const int z = s.voxel[2] + d / 9 - 1;
-      if (x < 0 || y < 0 || x >= kSurfelsPerBrick || y >= kSurfelsPerBrick || z >= kSurfelsPerBrick) continue;
-      const std::int32_t j = surfel_of[voxel_index(x, y, z)];
-      if (j < 0) continue;
-      const Surfel& t = surfels[static_cast<std::size_t>(j)];
-      const std::int32_t vote = link_vote(s, t, {t.position[0] - s.position[0], t.position[1] - s.position[1],
-                                                 t.position[2] - s.position[2]});
-      if (vote != 0) links.push_back({vote, i, static_cast<std::uint32_t>(j)});
-    }
-  }
-  std::sort(links.begin(), links.end(), [](const Link& l, const Link& r) {
-    const std::int32_t lw = std::abs(l.vote), rw = std::abs(r.vote);
-    if (lw != rw) return lw > rw;
-    return l.a != r.a ? l.a < r.a : l.b < r.b;
-  });
-  SignedForest forest(surfels.size());
-  for (const Link& link : links) forest.join(link.a, link.b, link.vote < 0 ? -1 : 1);
-
-  std::vector<std::int32_t> patch_of_root(surfels.size(), -1);
-  for (std::uint32_t i = 0; i < surfels.size(); ++i) {
-    int sign = 1;
-    const std::uint32_t root = forest.root(i, sign);
-    std::int32_t& patch = patch_of_root[root];
-    if (patch < 0) {
-      // More patches in a brick than 16 bits name is dust: it all goes into the last one, undecided among itself.
-      patch = std::min<std::int32_t>(out.patches, kGivenPatch - 1);
-      if (out.patches < kGivenPatch) ++out.patches;
-    }
-    surfels[i].patch = static_cast<std::uint16_t>(patch);
-    for (float& c : surfels[i].normal) c *= static_cast<float>(sign);
-  }
-
-  for (std::size_t i = 0; i < position.size(); ++i) {
-    if (point_surfel[i] == std::numeric_limits<std::uint32_t>::max()) continue;
-    const Surfel& s = surfels[point_surfel[i]];
+  out.facts.resize(out.patches);
+  for (const Surfel& s : surfels) ++out.facts[s.patch].surfels;
+  for (std::size_t i = 0; i < in.position.size(); ++i) {
+    if (surfel_of[i] == kNone) continue;
+    const Surfel& s = surfels[surfel_of[i]];
+    Float3& n = out.normal[i];
     out.patch[i] = s.patch;
-    if (dot(out.normal[i], s.normal) < 0.0f)
-      for (float& c : out.normal[i]) c = -c;
-  }
-
-  // Extremes: lowest and highest coordinate per axis (1/16 cell) and the normal's component there.
-  constexpr std::int32_t kUnset = std::numeric_limits<std::int32_t>::min();
-  out.extremes.assign(out.patches, {});
-  for (auto& e : out.extremes)
-    for (std::size_t k = 0; k < 6; ++k) e[2 * k] = kUnset;
-  for (const Surfel& s : surfels) {
-    auto& e = out.extremes[s.patch];
-    for (std::size_t a = 0; a < 3; ++a) {
-      const auto at = static_cast<std::int32_t>(std::floor(s.position[a] * 16.0f));
-      const auto component = static_cast<std::int32_t>(s.normal[a] * kVoteScale);
-      const std::int32_t low = -at;
-      if (low > e[4 * a]) e[4 * a] = low, e[4 * a + 1] = -component;
-      if (at > e[4 * a + 2]) e[4 * a + 2] = at, e[4 * a + 3] = component;
+    const bool flip = dot(n, s.normal) < 0.0f;
+    if (flip) negate(n);
+    PatchFacts& facts = out.facts[s.patch];
+    ++facts.points;
+    if (!in.visible.empty()) {
+      // Slanting views err: their weight falls with the square. Every surfel counts once, however many points
+      // it has.
+      const float c = flip ? -in.visible[i] : in.visible[i];
+      const auto vote =
+          static_cast<std::int64_t>(std::floor(c * c * kVoteScale / static_cast<float>(s.points) + 0.5f));
+      (c < 0.0f ? facts.hidden : facts.seen) += vote;
     }
+    if (!in.given.empty() && dot(in.given[i], in.given[i]) > 0.0f)
+      ++(dot(n, in.given[i]) < 0.0f ? facts.disagree : facts.agree);
   }
-
-  std::sort(surfels.begin(), surfels.end(), [](const Surfel& s, const Surfel& t) {
-    return voxel_index(s.voxel[0], s.voxel[1], s.voxel[2]) < voxel_index(t.voxel[0], t.voxel[1], t.voxel[2]);
-  });
+  out.coarse = thin(surfels);
   for (const Surfel& s : surfels) {
     const bool touches = std::any_of(s.voxel.begin(), s.voxel.end(),
                                      [](std::uint8_t v) { return v == 0 || v == kSurfelsPerBrick - 1; });
     if (touches) out.boundary.push_back(s);
-  }
-  return out;
-}
-
-SignSolution solve_signs(std::size_t patches, std::span<const PatchVote> votes) {
-  SignSolution out;
-  std::vector<std::uint32_t> order(votes.size());
-  std::iota(order.begin(), order.end(), 0u);
-  const auto strength = [&](std::uint32_t v) { return std::abs(votes[v].same - votes[v].opposite); };
-  std::sort(order.begin(), order.end(), [&](std::uint32_t l, std::uint32_t r) {
-    const std::int64_t a = strength(l), b = strength(r);
-    return a != b ? a > b : l < r;
-  });
-  SignedForest forest(patches);
-  for (const std::uint32_t v : order)
-    if (strength(v) > 0) forest.join(votes[v].a, votes[v].b, votes[v].same >= votes[v].opposite ? 1 : -1);
-  out.sign.resize(patches);
-  out.component.resize(patches);
-  for (std::uint32_t p = 0; p < patches; ++p) {
-    int sign = 1;
-    out.component[p] = forest.root(p, sign);
-    out.sign[p] = static_cast<std::int8_t>(sign);
-  }
-
-  // Adjacency both ways, then single flips that gain.
-  std::vector<std::uint64_t> first(patches + 1, 0);
-  for (const PatchVote& v : votes) ++first[v.a + 1], ++first[v.b + 1];
-  std::partial_sum(first.begin(), first.end(), first.begin());
-  std::vector<std::uint32_t> at(votes.size() * 2);
-  std::vector<std::uint64_t> fill(first.begin(), first.end() - 1);
-  for (std::uint32_t v = 0; v < votes.size(); ++v) at[fill[votes[v].a]++] = v, at[fill[votes[v].b]++] = v;
-  const auto gain_of = [&](std::uint32_t p, std::int64_t& all) {
-    std::int64_t broken = 0;
-    all = 0;
-    for (std::uint64_t k = first[p]; k < first[p + 1]; ++k) {
-      const PatchVote& v = votes[at[k]];
-      broken += out.sign[v.a] == out.sign[v.b] ? v.opposite : v.same;
-      all += v.same + v.opposite;
-    }
-    return 2 * broken - all;
-  };
-  for (int round = 0; round < kFlipRounds; ++round) {
-    bool changed = false;
-    for (std::uint32_t p = 0; p < patches; ++p) {
-      std::int64_t all = 0;
-      if (gain_of(p, all) <= 0) continue;
-      out.sign[p] = static_cast<std::int8_t>(-out.sign[p]);
-      changed = true;
-    }
-    if (!changed) break;
-  }
-  out.uncertain.assign(patches, 0);
-  for (std::uint32_t p = 0; p < patches; ++p) {
-    std::int64_t all = 0;
-    const std::int64_t broken = (gain_of(p, all) + all) / 2;
-    out.uncertain[p] = 4 * broken >= all && all > 0 ? 1 : 0;
-  }
-  for (const PatchVote& v : votes) {
-    out.frustrated_votes += static_cast<std::uint64_t>(out.sign[v.a] == out.sign[v.b] ? v.opposite : v.same);
-    out.total_votes += static_cast<std::uint64_t>(v.same + v.opposite);
   }
   return out;
 }

@@ -15,7 +15,7 @@
 namespace tessera {
 namespace {
 
-constexpr char kMagic[8] = {'T', 'S', 'N', 'O', 'R', 'M', 'L', '1'};
+constexpr char kMagic[8] = {'T', 'S', 'N', 'O', 'R', 'M', 'L', '2'};
 
 struct Footer {
   std::uint64_t table_offset = 0;
@@ -23,8 +23,6 @@ struct Footer {
   std::uint64_t table_hash = 0;
   char magic[8] = {};
 };
-
-using Extremes = std::array<std::int32_t, 12>;
 
 [[noreturn]] void damaged(const std::filesystem::path& path, const std::string& what) {
   throw InputError(path.string() + ": " + what + "; the work directory is damaged, run again with --force");
@@ -52,8 +50,12 @@ void OverlayFileWriter::brick(std::uint64_t key, std::span<const PointOverlayRec
   entry.records = file.offset();
   file.write(records.data(), records.size_bytes());
   entry.surfels = file.offset();
+  entry.votes = static_cast<std::uint32_t>(orientation.votes.size());
+  entry.coarse = static_cast<std::uint32_t>(orientation.coarse.size());
   file.write(orientation.boundary.data(), orientation.boundary.size() * sizeof(Surfel));
-  file.write(orientation.extremes.data(), orientation.extremes.size() * sizeof(Extremes));
+  file.write(orientation.facts.data(), orientation.facts.size() * sizeof(PatchFacts));
+  file.write(orientation.votes.data(), orientation.votes.size() * sizeof(PatchVote));
+  file.write(orientation.coarse.data(), orientation.coarse.size() * sizeof(CoarseSurfel));
   entry.hash = XXH3_64bits(records.data(), records.size_bytes());
   impl_->table.push_back(entry);
 }
@@ -73,9 +75,9 @@ std::uint64_t OverlayFileWriter::finish() {
 
 void OverlayDecisions::save(const std::filesystem::path& path) const {
   DirectFile file(path);
-  const std::uint64_t head[2] = {min_supporters, flip.size()};
+  const std::uint64_t head[2] = {min_supporters, patch.size()};
   file.write(head, sizeof head);
-  file.write(flip.data(), flip.size());
+  file.write(patch.data(), patch.size());
   file.finish();
 }
 
@@ -86,8 +88,8 @@ OverlayDecisions OverlayDecisions::load(const std::filesystem::path& path) {
   if (head[1] != file.size() - sizeof head) damaged(path, "length does not fit its header");
   OverlayDecisions d;
   d.min_supporters = static_cast<std::uint32_t>(head[0]);
-  d.flip.resize(head[1]);
-  file.read_at(sizeof head, d.flip.data(), d.flip.size());
+  d.patch.resize(head[1]);
+  file.read_at(sizeof head, d.patch.data(), d.patch.size());
   return d;
 }
 
@@ -130,7 +132,7 @@ std::shared_ptr<const PointOverlay> PointOverlay::open(const std::filesystem::pa
   if (!std::filesystem::exists(work / kDecisionsFile)) return nullptr;
   auto overlay = std::make_shared<PointOverlay>(list_task_files(work / kFolder, kExtension));
   overlay->impl_->decisions = OverlayDecisions::load(work / kDecisionsFile);
-  if (overlay->impl_->decisions.flip.size() != overlay->first_patch().back())
+  if (overlay->impl_->decisions.patch.size() != overlay->first_patch().back())
     damaged(work / kDecisionsFile, "does not belong to these normals");
   return overlay;
 }
@@ -156,12 +158,29 @@ std::vector<Surfel> PointOverlay::load_boundary(std::size_t brick) const {
   return surfels;
 }
 
-std::vector<Extremes> PointOverlay::load_extremes(std::size_t brick) const {
+std::vector<PatchFacts> PointOverlay::load_facts(std::size_t brick) const {
   const OverlayBrick& e = impl_->bricks[brick];
-  std::vector<Extremes> extremes(e.patches);
-  impl_->file_of(brick).read_at(e.surfels + e.boundary * sizeof(Surfel), extremes.data(),
-                                extremes.size() * sizeof(Extremes));
-  return extremes;
+  std::vector<PatchFacts> facts(e.patches);
+  impl_->file_of(brick).read_at(e.surfels + e.boundary * sizeof(Surfel), facts.data(),
+                                facts.size() * sizeof(PatchFacts));
+  return facts;
+}
+
+std::vector<PatchVote> PointOverlay::load_votes(std::size_t brick) const {
+  const OverlayBrick& e = impl_->bricks[brick];
+  std::vector<PatchVote> votes(e.votes);
+  impl_->file_of(brick).read_at(e.surfels + e.boundary * sizeof(Surfel) + e.patches * sizeof(PatchFacts),
+                                votes.data(), votes.size() * sizeof(PatchVote));
+  return votes;
+}
+
+std::vector<CoarseSurfel> PointOverlay::load_coarse(std::size_t brick) const {
+  const OverlayBrick& e = impl_->bricks[brick];
+  std::vector<CoarseSurfel> coarse(e.coarse);
+  impl_->file_of(brick).read_at(
+      e.surfels + e.boundary * sizeof(Surfel) + e.patches * sizeof(PatchFacts) + e.votes * sizeof(PatchVote),
+      coarse.data(), coarse.size() * sizeof(CoarseSurfel));
+  return coarse;
 }
 
 std::vector<PointOverlayRecord> PointOverlay::load_records(std::size_t brick, std::uint64_t first,
@@ -189,14 +208,15 @@ void PointOverlay::apply(std::uint64_t key, std::uint64_t first, std::span<Point
   if (at < 0) damaged(impl_->files.front().path(), "brick " + std::to_string(key) + " is missing");
   const auto brick = static_cast<std::size_t>(at);
   const std::vector<PointOverlayRecord> overlay = load_records(brick, first, records.size());
-  const std::uint8_t* flip = impl_->decisions.flip.data() + impl_->first_patch[brick];
+  const std::uint8_t* decided = impl_->decisions.patch.data() + impl_->first_patch[brick];
   for (std::size_t i = 0; i < records.size(); ++i) {
     const PointOverlayRecord& o = overlay[i];
     PointRecord& p = records[i];
     if (o.supporters < impl_->decisions.min_supporters) p.flags |= kPointOutlier;
     if (o.patch == kGivenPatch) continue;
     p.normal = o.normal;
-    if (o.patch == kNoPatch || flip[o.patch] == 0) continue;
+    if (o.patch == kNoPatch) continue;
+    if ((decided[o.patch] & kPatchFlip) == 0) continue;
     const Float3 n = decode_normal(o.normal);
     p.normal = encode_normal(-n[0], -n[1], -n[2]);
   }

@@ -24,11 +24,13 @@ static_assert(sizeof(PointOverlayRecord) == 8);
 struct OverlayBrick {
   std::uint64_t key = 0;
   std::uint64_t records = 0;   ///< byte offset of its records
-  std::uint64_t surfels = 0;   ///< byte offset of its boundary surfels, then its extremes
+  std::uint64_t surfels = 0;   ///< byte offset of its boundary surfels, then facts, votes, coarse surfels
   std::uint64_t hash = 0;      ///< XXH3 of the records
   std::uint32_t points = 0;
   std::uint32_t boundary = 0;  ///< boundary surfels
   std::uint32_t patches = 0;
+  std::uint32_t votes = 0;     ///< between its patches
+  std::uint32_t coarse = 0;    ///< coarse surfels
   std::uint32_t unused = 0;
 };
 
@@ -47,10 +49,16 @@ class OverlayFileWriter {
   std::unique_ptr<Impl> impl_;
 };
 
-/// Decisions of the orient stage, one line of the job's global summary per brick and patch.
+/// What the orient stage says of a patch, bits.
+enum PatchDecision : std::uint8_t {
+  kPatchFlip = 1,       ///< its points' normals turn around
+  kPatchUncertain = 2,  ///< the votes were split
+};
+
+/// Decisions of the orient stage, the job's global summary.
 struct OverlayDecisions {
   std::uint32_t min_supporters = 0;   ///< points with fewer are outliers
-  std::vector<std::uint8_t> flip;     ///< per patch over all bricks, in brick order
+  std::vector<std::uint8_t> patch;    ///< PatchDecision bits of all patches over all bricks, in brick order
 
   void save(const std::filesystem::path& path) const;
   static OverlayDecisions load(const std::filesystem::path& path);
@@ -78,8 +86,9 @@ class PointOverlay {
   std::span<const std::uint64_t> first_patch() const;
 
   std::vector<Surfel> load_boundary(std::size_t brick) const;
-  /// Per patch of the brick, see BrickOrientation::extremes.
-  std::vector<std::array<std::int32_t, 12>> load_extremes(std::size_t brick) const;
+  std::vector<PatchFacts> load_facts(std::size_t brick) const;
+  std::vector<PatchVote> load_votes(std::size_t brick) const;  ///< patches numbered inside the brick
+  std::vector<CoarseSurfel> load_coarse(std::size_t brick) const;
   /// Records [first, first + count) of the brick, checked against its hash when all are asked for.
   std::vector<PointOverlayRecord> load_records(std::size_t brick, std::uint64_t first, std::uint64_t count) const;
 

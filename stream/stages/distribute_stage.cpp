@@ -70,7 +70,6 @@ nlohmann::json DistributeStage::run(std::size_t task, TaskContext& context) cons
   ChunkQuanta quanta;
   std::vector<std::uint16_t> sensors;
   std::vector<std::uint32_t> normals;
-  const bool use_normals = job_.options.normals != "estimate";
   Double3 low{};
   Double3 high{};
   Double3 base{};
@@ -84,7 +83,7 @@ nlohmann::json DistributeStage::run(std::size_t task, TaskContext& context) cons
     const std::size_t n = chunk.size();
     quanta.compute(chunk, plan_.lattice.h);
     if (!plan_.sensors.empty()) inputs_->sensor_ids(file, chunk, sensors);
-    const bool with_normals = use_normals && !chunk.nx.empty();
+    const bool with_normals = !chunk.nx.empty();  // where they are estimated, to be compared with
     if (with_normals) {
       normals.resize(n);
       encode_normals(chunk.nx.data(), chunk.ny.data(), chunk.nz.data(), n, normals.data());

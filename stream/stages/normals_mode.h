@@ -16,20 +16,24 @@ inline constexpr const char* kSupportersFile = "normals/supporters.bin";
 
 struct NormalsMode {
   bool estimate = false;   ///< fit planes; false = the given normals are used
-  bool by_sensor = false;  ///< sensor origins decide the sign
+  bool by_sensor = false;  ///< sensor origins are known
+  bool own_sensor = false; ///< and every point knows which one saw it
   bool by_up = false;
   bool clean = false;      ///< outliers are looked for
 
   /// \throws UsageError when normals are demanded that the input does not carry
-  NormalsMode(const ReconstructOptions& options, const Plan& plan)
-      : by_sensor(!plan.sensors.empty()), by_up(options.has_up), clean(options.outliers != "off") {
+  NormalsMode(const ReconstructOptions& options, std::size_t inputs, const Plan& plan)
+      : by_sensor(!plan.sensors.empty()),
+        own_sensor(options.viewpoints.size() <= 1 || options.viewpoints.size() == inputs),
+        by_up(options.has_up),
+        clean(options.outliers != "off") {
     if (options.normals == "given" && !plan.has_normals())
       throw UsageError("--normals given, but no input point carries a normal; use --normals auto");
     estimate = options.normals == "estimate" || (options.normals == "auto" && plan.normal_fraction < 0.5);
   }
 
   bool needed() const { return estimate || clean; }
-  bool propagate() const { return estimate && !by_sensor && !by_up; }
+  bool propagate() const { return estimate; }
 
   /// Direction from a point to its sensor; the nearest one when the point does not say which.
   /// \param origin  brick corner in cells   \param local  point relative to it, cells

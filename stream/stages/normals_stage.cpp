@@ -1,6 +1,7 @@
 #include "stream/stages/normals_stage.h"
 
 #include <algorithm>
+#include <cmath>
 #include <nlohmann/json.hpp>
 
 #include "kernels/normals.h"
@@ -17,24 +18,30 @@ namespace {
 
 using json = nlohmann::json;
 
-// Block of one brick: 40 bytes a point while loading, then shape, overlay record, candidates.
-constexpr std::uint64_t kBytesPerPoint = 40 + 28 + 8 + 48;
+// Block of one brick: 40 bytes a point while loading, then shape, overlay record, candidates, orientation.
+constexpr std::uint64_t kBytesPerPoint = 40 + 28 + 8 + 48 + 64;
+/// Cosine of the view from which a point's own sensor decides its sign alone.
+constexpr double kSureView = 0.25;
 constexpr std::uint64_t kFixedTaskBytes = 12u << 20;
 
 /// Who decides the sign of a point.
 struct SignCounts {
   std::uint64_t given = 0;
   std::uint64_t sensor = 0;
-  std::uint64_t up = 0;
-  std::uint64_t propagated = 0;
+  std::uint64_t patch = 0;
   std::uint64_t none = 0;  ///< too few neighbours for a plane
+  // Of the points that a sensor decided, against given normals that were kept aside.
+  std::uint64_t agree = 0;
+  std::uint64_t disagree = 0;
+  std::uint64_t compared = 0;  ///< points with both an estimated and a given normal
+  std::uint64_t tilted = 0;    ///< of these, more than 30 degrees apart whatever the sign
 };
 
 class NormalsStage : public Stage {
  public:
   explicit NormalsStage(const JobState& state)
       : plan_(Plan::of_work(state.work)),
-        mode_(state.options, plan_),
+        mode_(state.options, state.inputs.size(), plan_),
         store_(list_task_files(state.work / "points", ".tsp")),
         options_(state.options) {
     shape_.radius_cells = plan_.radius_cells;
@@ -89,8 +96,9 @@ class NormalsStage : public Stage {
       context.advance(brick.points);
     }
     context.count_written(writer.finish());
-    return {{"given", counts.given},   {"sensor", counts.sensor}, {"up", counts.up}, {"propagated", counts.propagated},
-            {"without", counts.none}, {"supporters", histogram}};
+    return {{"given", counts.given},       {"sensor", counts.sensor}, {"patch", counts.patch},
+            {"without", counts.none},      {"agree", counts.agree},   {"disagree", counts.disagree},
+            {"compared", counts.compared}, {"tilted", counts.tilted}, {"supporters", histogram}};
   }
 
   std::uint64_t finish_bytes() const override { return 1u << 20; }
@@ -133,49 +141,90 @@ class NormalsStage : public Stage {
                      std::vector<std::uint64_t>& histogram) const {
     if (shapes.size() != brick.points) throw std::logic_error("normals: a brick's block does not hold its points");
     std::vector<PointOverlayRecord> records(shapes.size());
-    std::vector<Float3> position;
-    std::vector<Float3> normal;
-    if (mode_.propagate()) position.reserve(shapes.size()), normal.reserve(shapes.size());
+    Oriented o;
+    if (mode_.propagate()) o.reserve(shapes.size());
     const auto core = [](float v) { return v >= 0.0f && v < kBrickCells; };
     std::size_t s = 0;
     for (std::size_t i = 0; i < block.size(); ++i) {
       if (!core(block.x[i]) || !core(block.y[i]) || !core(block.z[i])) continue;
       const PointShape& shape = shapes[s];
-      Float3 n = shape.normal;
+      const Float3& n = shape.normal;
       const bool known = n[0] != 0.0f || n[1] != 0.0f || n[2] != 0.0f;
-      if (!known) {
-        ++counts.none;
-      } else if (!mode_.estimate) {
-        ++counts.given;
-      } else if (mode_.by_sensor) {
-        const std::uint16_t sensor = block.sensor.empty() ? std::uint16_t{kNoSensor} : block.sensor[i];
-        const Double3 view = mode_.view(plan_, origin, {block.x[i], block.y[i], block.z[i]}, sensor);
-        if (view[0] * double{n[0]} + view[1] * double{n[1]} + view[2] * double{n[2]} < 0.0) n = {-n[0], -n[1], -n[2]};
-        ++counts.sensor;
-      } else if (options_.has_up) {
-        const Double3& u = options_.up;
-        if (u[0] * double{n[0]} + u[1] * double{n[1]} + u[2] * double{n[2]} < 0.0) n = {-n[0], -n[1], -n[2]};
-        ++counts.up;
+      ++(!known ? counts.none : mode_.estimate ? counts.patch : counts.given);
+      if (mode_.propagate()) {
+        o.position.push_back({block.x[i], block.y[i], block.z[i]});
+        o.normal.push_back(n);
+        o.variation.push_back(shape.variation);
+        o.given.push_back(known ? Float3{block.nx[i], block.ny[i], block.nz[i]} : Float3{0, 0, 0});
+        o.visible.push_back(known ? visibility(origin, block, i, n) : 0.0f);
       } else {
-        ++counts.propagated;
+        records[s].normal = encode_normal(n[0], n[1], n[2]);
+        records[s].patch = kGivenPatch;
       }
-      if (mode_.propagate()) position.push_back({block.x[i], block.y[i], block.z[i]}), normal.push_back(n);
-      records[s].normal = encode_normal(n[0], n[1], n[2]);
       records[s].supporters = shape.supporters;
-      if (!mode_.estimate) records[s].patch = kGivenPatch;
       ++histogram[std::min<std::size_t>(records[s].supporters, kSupporterBins - 1)];
       ++s;
     }
     BrickOrientation orientation;
     if (mode_.propagate()) {
-      orientation = orient_brick(position, normal);
+      compare(o, counts);
+      orientation = orient_brick({o.position, o.normal, o.variation, o.given, o.visible});
       for (std::size_t i = 0; i < records.size(); ++i) {
-        const Float3& n = orientation.normal[i];
-        records[i].normal = encode_normal(n[0], n[1], n[2]);
+        Float3 n = orientation.normal[i];
         records[i].patch = orientation.patch[i];
+        if (sure(o.visible[i])) {
+          n = o.normal[i];
+          if (o.visible[i] < 0.0f) n = {-n[0], -n[1], -n[2]};
+          records[i].patch = kNoPatch;
+        }
+        records[i].normal = encode_normal(n[0], n[1], n[2]);
       }
     }
     writer.brick(brick.key, records, orientation);
+  }
+
+  /// The core points of a brick.
+  struct Oriented {
+    std::vector<Float3> position, normal, given;
+    std::vector<float> variation, visible;
+    void reserve(std::size_t n) {
+      position.reserve(n), normal.reserve(n), given.reserve(n), variation.reserve(n), visible.reserve(n);
+    }
+  };
+
+  bool sure(float visible) const { return mode_.by_sensor && mode_.own_sensor && std::fabs(visible) >= kSureView; }
+
+  /// Cosine between the normal and the way to the sensor, or up; 0 where neither is known.
+  float visibility(const Int3& origin, const PointBlock& block, std::size_t i, const Float3& n) const {
+    Double3 way = options_.up;
+    if (mode_.by_sensor) {
+      const std::uint16_t sensor = block.sensor.empty() ? std::uint16_t{kNoSensor} : block.sensor[i];
+      way = mode_.view(plan_, origin, {block.x[i], block.y[i], block.z[i]}, sensor);
+    } else if (!mode_.by_up) {
+      return 0.0f;
+    }
+    const double length = std::sqrt(way[0] * way[0] + way[1] * way[1] + way[2] * way[2]);
+    const double along = way[0] * double{n[0]} + way[1] * double{n[1]} + way[2] * double{n[2]};
+    return length > 0.0 ? static_cast<float>(along / length) : 0.0f;
+  }
+
+  /// Counts what the sensor decides alone, and how it and the axes agree with the given normals.
+  void compare(Oriented& o, SignCounts& counts) const {
+    for (std::size_t i = 0; i < o.normal.size(); ++i) {
+      Float3& g = o.given[i];
+      const Float3& n = o.normal[i];
+      const float length = std::sqrt(g[0] * g[0] + g[1] * g[1] + g[2] * g[2]);
+      const float along = g[0] * n[0] + g[1] * n[1] + g[2] * n[2];
+      if (length > 0.0f) {
+        ++counts.compared;
+        counts.tilted += std::fabs(along) < 0.8660254f * length;
+      }
+      if (!sure(o.visible[i])) continue;
+      ++counts.sensor;
+      --counts.patch;
+      if (length > 0.0f) ++(along * o.visible[i] < 0.0f ? counts.disagree : counts.agree);
+      g = {0, 0, 0};
+    }
   }
 
   Plan plan_;

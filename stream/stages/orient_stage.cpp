@@ -1,6 +1,5 @@
 #include <algorithm>
 #include <array>
-#include <limits>
 #include <list>
 #include <map>
 #include <nlohmann/json.hpp>
@@ -11,6 +10,7 @@
 #include "stream/read_file.h"
 #include "stream/stages/normals_mode.h"
 #include "stream/stages/normals_stage.h"
+#include "stream/stages/orient_solution.h"
 #include "stream/task_files.h"
 
 namespace tessera {
@@ -19,7 +19,7 @@ namespace {
 using json = nlohmann::json;
 
 constexpr std::size_t kCachedBricks = 256;
-constexpr std::uint64_t kBoundaryBytes = 6 * 32 * 32 * sizeof(Surfel);  ///< a brick's whole shell
+constexpr std::uint64_t kBoundaryBytes = 6 * 32 * 32 * 2 * sizeof(Surfel);  ///< a brick's shell, two sheets everywhere
 // Outliers: fewer supporters than a share of the median point has, within limits that neither rim points of a thin
 // scan (above) nor pairs of stray points (below) fall foul of.
 constexpr std::uint64_t kMedianShare = 8;
@@ -51,19 +51,12 @@ std::uint32_t voxel_order(const Surfel& s) {
   return (std::uint32_t{s.voxel[2]} << 16) | (std::uint32_t{s.voxel[1]} << 8) | s.voxel[0];
 }
 
-void merge_votes(std::vector<PatchVote>& votes) {
-  std::sort(votes.begin(), votes.end(),
-            [](const PatchVote& l, const PatchVote& r) { return l.a != r.a ? l.a < r.a : l.b < r.b; });
-  std::size_t out = 0;
-  for (std::size_t i = 0; i < votes.size(); ++i) {
-    if (out > 0 && votes[out - 1].a == votes[i].a && votes[out - 1].b == votes[i].b) {
-      votes[out - 1].same += votes[i].same;
-      votes[out - 1].opposite += votes[i].opposite;
-    } else {
-      votes[out++] = votes[i];
-    }
-  }
-  votes.resize(out);
+/// The surfels of one voxel in a boundary.
+std::span<const Surfel> surfels_of(const std::vector<Surfel>& boundary, const Surfel& voxel) {
+  const auto range = std::equal_range(boundary.begin(), boundary.end(), voxel, [](const Surfel& l, const Surfel& r) {
+    return voxel_order(l) < voxel_order(r);
+  });
+  return {range.first, range.second};
 }
 
 std::string votes_file(std::size_t task) { return "votes/" + task_file_stem(task) + ".tsv"; }
@@ -72,7 +65,7 @@ class OrientStage : public Stage {
  public:
   explicit OrientStage(const JobState& state)
       : work_(state.work),
-        mode_(state.options, Plan::of_work(state.work)),
+        mode_(state.options, state.inputs.size(), Plan::of_work(state.work)),
         overlay_(list_task_files(state.work / PointOverlay::kFolder, PointOverlay::kExtension)) {}
 
   std::string name() const override { return "orient"; }
@@ -113,14 +106,18 @@ class OrientStage : public Stage {
   }
 
   std::uint64_t finish_bytes() const override {
-    const std::uint64_t patches = overlay_.first_patch().back();
-    return patches * (100 + 26 * sizeof(PatchVote)) + (16u << 20);
+    std::uint64_t votes = 0;
+    for (std::size_t t = 0; t < task_count(); ++t) {
+      std::error_code missing;  // planned before any task ran
+      const std::uint64_t bytes = std::filesystem::file_size(work_ / votes_file(t), missing);
+      votes += missing ? 0 : bytes / sizeof(PatchVote);
+    }
+    return orient_solution_bytes(overlay_, votes);
   }
 
   json finish(const std::vector<json>& summaries, TaskContext& context) const override {
     if (!mode_.needed()) return {{"needed", false}};
     OverlayDecisions decisions;
-    decisions.flip.assign(overlay_.first_patch().back(), 0);
     json entry = {{"needed", true}};
     if (mode_.propagate()) {
       std::vector<PatchVote> votes;
@@ -130,10 +127,9 @@ class OrientStage : public Stage {
         votes.resize(old + summaries[task].at("votes").get<std::size_t>());
         file.read_at(0, votes.data() + old, (votes.size() - old) * sizeof(PatchVote));
       }
-      merge_votes(votes);
-      const SignSolution solution = solve_signs(decisions.flip.size(), votes);
-      choose_outside(solution, decisions.flip, entry);
-      count_uncertain(solution, entry, context);
+      solve_orientation(overlay_, std::move(votes), mode_.by_sensor || mode_.by_up, context, decisions, entry);
+    } else {
+      decisions.patch.assign(overlay_.first_patch().back(), 0);
     }
     if (mode_.clean) clean(decisions, entry);
     decisions.save(context.create(PointOverlay::kDecisionsFile));
@@ -147,14 +143,16 @@ class OrientStage : public Stage {
   void collect_votes(std::size_t brick, BoundaryCache& cache, std::vector<PatchVote>& votes) const {
     const std::vector<Surfel> own = cache.get(brick);  // a copy: the cache may drop it
     const Int3 at = brick_of_key(overlay_.bricks()[brick].key);
-    for (const Surfel& s : own) {
+    std::vector<SurfelLink> links;
+    for (std::size_t i = 0; i < own.size();) {
+      const std::span<const Surfel> here = surfels_of(own, own[i]);
       for (int d = 14; d < 27; ++d) {
         const std::array<int, 3> step = {d % 3 - 1, d / 3 % 3 - 1, d / 9 - 1};
         Surfel wanted;
         Int3 other = at;
         Float3 shift{};
         for (std::size_t a = 0; a < 3; ++a) {
-          const int v = s.voxel[a] + step[a];
+          const int v = own[i].voxel[a] + step[a];
           const int carry = v < 0 ? -1 : (v >= kSurfelsPerBrick ? 1 : 0);
           other[a] += carry;
           shift[a] = static_cast<float>(carry * kBrickCells);
@@ -163,76 +161,18 @@ class OrientStage : public Stage {
         if (other == at || other[0] < 0 || other[1] < 0 || other[2] < 0) continue;
         const std::int64_t there = overlay_.find(brick_key(other));
         if (there < 0) continue;
-        const std::vector<Surfel>& list = cache.get(static_cast<std::size_t>(there));
-        const auto t = std::lower_bound(list.begin(), list.end(), wanted, [](const Surfel& l, const Surfel& r) {
-          return voxel_order(l) < voxel_order(r);
-        });
-        if (t == list.end() || t->voxel != wanted.voxel) continue;
-        const std::int32_t vote = link_vote(s, *t, {t->position[0] + shift[0] - s.position[0],
-                                                    t->position[1] + shift[1] - s.position[1],
-                                                    t->position[2] + shift[2] - s.position[2]});
-        if (vote == 0) continue;
-        auto a = static_cast<std::uint32_t>(overlay_.first_patch()[brick] + s.patch);
-        auto b = static_cast<std::uint32_t>(overlay_.first_patch()[static_cast<std::size_t>(there)] + t->patch);
-        if (a > b) std::swap(a, b);
-        votes.push_back({a, b, std::max(vote, 0), std::max(-vote, 0)});
-      }
-    }
-  }
-
-  /// Turns every component so that its outermost surfels point away from it; a sheet that has no outside points up.
-  void choose_outside(const SignSolution& solution, std::vector<std::uint8_t>& flip, json& entry) const {
-    constexpr std::int64_t kUnset = std::numeric_limits<std::int64_t>::min();
-    struct Extreme {
-      std::int64_t at = kUnset;
-      std::int64_t outward = 0;
-    };
-    std::map<std::uint32_t, std::array<Extreme, 6>> outermost;
-    for (std::size_t b = 0; b < overlay_.bricks().size(); ++b) {
-      const Int3 brick = brick_of_key(overlay_.bricks()[b].key);
-      const auto extremes = overlay_.load_extremes(b);
-      for (std::size_t p = 0; p < extremes.size(); ++p) {
-        const auto patch = static_cast<std::size_t>(overlay_.first_patch()[b]) + p;
-        auto& best = outermost[solution.component[patch]];
-        for (std::size_t k = 0; k < 6; ++k) {
-          const std::int64_t corner = std::int64_t{brick[k / 2]} * kBrickCells * 16 * (k % 2 == 0 ? -1 : 1);
-          const std::int64_t at = corner + extremes[p][2 * k];
-          if (at > best[k].at) best[k] = {at, std::int64_t{extremes[p][2 * k + 1]} * solution.sign[patch]};
+        const std::span<const Surfel> ahead = surfels_of(cache.get(static_cast<std::size_t>(there)), wanted);
+        links.clear();
+        link_voxels(here, ahead, shift, links);
+        for (const SurfelLink& l : links) {
+          auto a = static_cast<std::uint32_t>(overlay_.first_patch()[brick] + here[l.a].patch);
+          auto b = static_cast<std::uint32_t>(overlay_.first_patch()[static_cast<std::size_t>(there)] + ahead[l.b].patch);
+          if (a > b) std::swap(a, b);
+          votes.push_back({a, b, std::max(l.vote, 0), std::max(-l.vote, 0)});
         }
       }
+      i += here.size();
     }
-    std::map<std::uint32_t, int> sign;
-    for (const auto& [component, best] : outermost) {
-      std::int64_t vote = best[5].outward;  // the top counts twice: it breaks the tie of an open sheet
-      for (const Extreme& e : best) vote += e.outward;
-      sign[component] = vote < 0 ? -1 : 1;
-    }
-    for (std::size_t p = 0; p < flip.size(); ++p) flip[p] = solution.sign[p] * sign[solution.component[p]] < 0 ? 1 : 0;
-    entry["patches"] = flip.size();
-    entry["oriented_components"] = sign.size();
-  }
-
-  void count_uncertain(const SignSolution& solution, json& entry, TaskContext& context) const {
-    std::uint64_t points = 0;
-    std::uint64_t uncertain = 0;
-    for (std::size_t b = 0; b < overlay_.bricks().size(); ++b) {
-      context.check_stop();
-      const std::uint64_t first = overlay_.first_patch()[b];
-      const OverlayBrick& brick = overlay_.bricks()[b];
-      points += brick.points;
-      const bool any = std::any_of(solution.uncertain.begin() + static_cast<std::ptrdiff_t>(first),
-                                   solution.uncertain.begin() + static_cast<std::ptrdiff_t>(first + brick.patches),
-                                   [](std::uint8_t u) { return u != 0; });
-      if (!any) continue;
-      for (const PointOverlayRecord& r : overlay_.load_records(b, 0, brick.points))
-        uncertain += r.patch < kGivenPatch && solution.uncertain[first + r.patch] != 0;
-    }
-    entry["uncertain_points"] = uncertain;
-    entry["uncertain_fraction"] = points == 0 ? 0.0 : static_cast<double>(uncertain) / static_cast<double>(points);
-    entry["frustrated_fraction"] =
-        solution.total_votes == 0
-            ? 0.0
-            : static_cast<double>(solution.frustrated_votes) / static_cast<double>(solution.total_votes);
   }
 
   /// Threshold from the histogram of supporters over all points; counts what it drops.

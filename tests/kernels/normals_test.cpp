@@ -2,7 +2,6 @@
 #include <cmath>
 
 #include "kernels/normals.h"
-#include "kernels/orientation.h"
 #include "octree/morton.h"
 
 using namespace tessera;
@@ -86,48 +85,4 @@ TEST_CASE("normals: a sphere's normals are radial, whatever the block", "[proper
   }
   CHECK(compared > 1000);
   CHECK(s == again.size());
-}
-
-TEST_CASE("orientation: one patch with outward signs on a sphere inside a brick", "[unit]") {
-  const Float3 centre = {32.0f, 32.0f, 32.0f};
-  const PointBlock block = sphere_block(64, 24.0f, 20000, {0, 0, 0}, centre);
-  const auto shapes = estimate_shapes(block, {});
-  std::vector<Float3> position, normal;
-  for (std::size_t i = 0; i < block.size(); ++i) {
-    position.push_back({block.x[i], block.y[i], block.z[i]});
-    normal.push_back(shapes[i].normal);
-  }
-  const BrickOrientation o = orient_brick(position, normal);
-  CHECK(o.patches == 1);
-  std::size_t outward = 0;
-  for (std::size_t i = 0; i < position.size(); ++i) {
-    float d = 0.0f;
-    for (std::size_t a = 0; a < 3; ++a) d += o.normal[i][a] * (position[i][a] - centre[a]);
-    outward += d > 0.0f;
-  }
-  CHECK((outward == 0 || outward == position.size()));
-  std::int64_t vote = 0;
-  for (std::size_t k = 0; k < 6; ++k) vote += o.extremes[0][2 * k + 1];
-  CHECK((vote > 0) == (outward == position.size()));
-}
-
-TEST_CASE("orientation: the arc rule carries a sign around an edge and not across a step", "[unit]") {
-  Surfel top, side;
-  top.normal = {0, 0, 1};
-  side.normal = {1, 0, 0};
-  CHECK(link_vote(top, side, {1, 0, -1}) > 0);   // convex edge, both outward
-  side.normal = {-1, 0, 0};
-  CHECK(link_vote(top, side, {1, 0, -1}) < 0);   // the same edge with one side flipped
-  CHECK(link_vote(top, side, {1, 0, 1}) > 0);    // concave edge
-  Surfel above = top;
-  CHECK(link_vote(top, above, {0, 0, 1}) == 0);  // one sheet over the other says nothing
-}
-
-TEST_CASE("orientation: a contradicted cycle keeps its strongest ties", "[unit]") {
-  const std::vector<PatchVote> votes = {{0, 1, 100, 0}, {0, 2, 0, 5}, {1, 2, 80, 0}};
-  const SignSolution s = solve_signs(4, votes);
-  CHECK(s.sign == std::vector<std::int8_t>{1, 1, 1, 1});
-  CHECK(s.component == std::vector<std::uint32_t>{0, 0, 0, 3});
-  CHECK(s.frustrated_votes == 5);
-  CHECK(s.total_votes == 185);
 }

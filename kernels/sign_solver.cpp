@@ -1,0 +1,278 @@
+#include "kernels/sign_solver.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numeric>
+
+namespace tessera {
+namespace {
+
+constexpr double kRoundFactor = 8.0;  ///< ties within this factor of the best join in one round
+constexpr float kUncertain = 0.5f;    ///< a quarter of the votes or more speak against
+constexpr int kFlipSweeps = 6;
+constexpr std::uint32_t kNever = std::numeric_limits<std::uint32_t>::max();
+
+double score(const PatchVote& v) {
+  const auto net = static_cast<double>(v.same - v.opposite);
+  const auto all = static_cast<double>(v.same + v.opposite);
+  return all > 0.0 ? net * net / all : 0.0;
+}
+double confidence(const PatchVote& v) {
+  const auto all = static_cast<double>(v.same + v.opposite);
+  return all > 0.0 ? std::fabs(static_cast<double>(v.same - v.opposite)) / all : 0.0;
+}
+
+/// Votes leaving every subtree of the contraction, times the signs: negative where flipping the subtree
+/// gains.
+std::vector<std::int64_t> cuts(const Contraction& tree, std::span<const PatchVote> votes,
+                               std::span<const std::int8_t> sign) {
+  std::vector<std::int64_t> cut(tree.parent.size(), 0);
+  for (const PatchVote& v : votes) {
+    const std::int64_t kept = (v.same - v.opposite) * sign[v.a] * sign[v.b];
+    cut[v.a] += kept;
+    cut[v.b] += kept;
+    std::uint32_t a = v.a, b = v.b;  // at the lowest common ancestor both ends are inside
+    while (a != b) {
+      const std::uint32_t ra = tree.round[a], rb = tree.round[b];
+      if (ra == kNever && rb == kNever) break;  // two components whose votes add up to nothing
+      if (ra <= rb) a = tree.parent[a];
+      if (rb <= ra) b = tree.parent[b];
+    }
+    if (a == b) cut[a] -= 2 * kept;
+  }
+  for (auto it = tree.joined_last.rbegin(); it != tree.joined_last.rend(); ++it)
+    if (tree.parent[*it] != *it) cut[tree.parent[*it]] += cut[*it];
+  return cut;
+}
+
+/// Neighbours of every node, votes by index.
+struct Adjacency {
+  std::vector<std::uint64_t> first;
+  std::vector<std::uint32_t> vote;
+  Adjacency(std::size_t nodes, std::span<const PatchVote> votes)
+      : first(nodes + 1, 0), vote(votes.size() * 2) {
+    for (const PatchVote& v : votes) ++first[v.a + 1], ++first[v.b + 1];
+    std::partial_sum(first.begin(), first.end(), first.begin());
+    std::vector<std::uint64_t> fill(first.begin(), first.end() - 1);
+    for (std::uint32_t v = 0; v < votes.size(); ++v)
+      vote[fill[votes[v].a]++] = v, vote[fill[votes[v].b]++] = v;
+  }
+};
+
+/// Nodes below each node of the forest, as ranges of one preorder.
+struct Subtrees {
+  std::vector<std::uint32_t> order, at, size;
+  explicit Subtrees(const Contraction& tree) {
+    const auto n = static_cast<std::uint32_t>(tree.parent.size());
+    size.assign(n, 1), at.assign(n, 0), order.resize(n);
+    for (auto it = tree.joined_last.rbegin(); it != tree.joined_last.rend(); ++it)
+      if (tree.parent[*it] != *it) size[tree.parent[*it]] += size[*it];
+    std::vector<std::uint32_t> next(n);
+    std::uint32_t roots = 0;
+    for (const std::uint32_t v : tree.joined_last) {
+      std::uint32_t& place = tree.parent[v] == v ? roots : next[tree.parent[v]];
+      at[v] = place;
+      place += size[v];
+      next[v] = at[v] + 1;
+      order[at[v]] = v;
+    }
+  }
+};
+
+/// Flips nodes and whole subtrees of the contraction while they gain.
+class Flips {
+ public:
+  Flips(const Contraction& tree, std::span<const PatchVote> votes, std::vector<std::int8_t>& sign)
+      : tree_(tree), votes_(votes), sign_(sign), subtrees_(tree), adjacency_(sign.size(), votes) {}
+
+  void run() {
+    for (int sweep = 0; sweep < kFlipSweeps; ++sweep) {
+      const bool groups = sweep_subtrees();
+      const bool singles = sweep_nodes();
+      if (!groups && !singles) return;
+    }
+  }
+
+ private:
+  /// Votes that hold between the nodes at places [begin, end) of the preorder and all others, less those
+  /// broken.
+  std::int64_t kept(std::uint32_t begin, std::uint32_t end) const {
+    std::int64_t sum = 0;
+    for (std::uint32_t i = begin; i < end; ++i) {
+      const std::uint32_t p = subtrees_.order[i];
+      for (std::uint64_t k = adjacency_.first[p]; k < adjacency_.first[p + 1]; ++k) {
+        const PatchVote& w = votes_[adjacency_.vote[k]];
+        const std::uint32_t other = subtrees_.at[w.a == p ? w.b : w.a];
+        if (other < begin || other >= end) sum += (w.same - w.opposite) * sign_[w.a] * sign_[w.b];
+      }
+    }
+    return sum;
+  }
+
+  bool flip(std::uint32_t begin, std::uint32_t end) {
+    if (kept(begin, end) >= 0) return false;
+    for (std::uint32_t i = begin; i < end; ++i) {
+      std::int8_t& s = sign_[subtrees_.order[i]];
+      s = static_cast<std::int8_t>(-s);
+    }
+    return true;
+  }
+
+  bool sweep_subtrees() {
+    const std::vector<std::int64_t> cut = cuts(tree_, votes_, sign_);
+    std::vector<std::uint32_t> gaining;
+    for (std::uint32_t v = 0; v < cut.size(); ++v)
+      if (cut[v] < 0 && tree_.parent[v] != v) gaining.push_back(v);
+    std::sort(gaining.begin(), gaining.end(),
+              [&](std::uint32_t l, std::uint32_t r) { return cut[l] != cut[r] ? cut[l] < cut[r] : l < r; });
+    bool any = false;  // each asked again: earlier flips may have changed what it gains
+    for (const std::uint32_t v : gaining) any |= flip(subtrees_.at[v], subtrees_.at[v] + subtrees_.size[v]);
+    return any;
+  }
+
+  bool sweep_nodes() {
+    bool any = false;
+    for (std::uint32_t v = 0; v < sign_.size(); ++v)
+      if (tree_.parent[v] != v) any |= flip(subtrees_.at[v], subtrees_.at[v] + 1);
+    return any;
+  }
+
+  const Contraction& tree_;
+  std::span<const PatchVote> votes_;
+  std::vector<std::int8_t>& sign_;
+  Subtrees subtrees_;
+  Adjacency adjacency_;
+};
+
+}  // namespace
+
+void merge_votes(std::vector<PatchVote>& votes) {
+  std::sort(votes.begin(), votes.end(),
+            [](const PatchVote& l, const PatchVote& r) { return l.a != r.a ? l.a < r.a : l.b < r.b; });
+  std::size_t out = 0;
+  for (const PatchVote& v : votes) {
+    if (out > 0 && votes[out - 1].a == v.a && votes[out - 1].b == v.b) {
+      votes[out - 1].same += v.same;
+      votes[out - 1].opposite += v.opposite;
+    } else {
+      votes[out++] = v;
+    }
+  }
+  votes.resize(out);
+}
+
+Contraction contract_signs(std::span<const std::uint64_t> weight, std::vector<PatchVote> votes,
+                           const ContractionLimits& limits) {
+  const auto n = static_cast<std::uint32_t>(weight.size());
+  Contraction tree;
+  tree.parent.resize(n);
+  std::iota(tree.parent.begin(), tree.parent.end(), 0u);
+  tree.relation.assign(n, 1);
+  tree.round.assign(n, kNever);
+  tree.confidence.assign(n, 1.0f);
+  std::vector<std::uint64_t> group(weight.begin(), weight.end());  // weight of the group of a root
+  std::vector<std::uint32_t> best(n, kNever);
+  std::vector<std::uint32_t> hop(n);
+  std::vector<std::int8_t> to(n, 1);
+  std::vector<std::uint32_t> joined;
+  const auto heavier = [&](std::uint32_t l, std::uint32_t r) {
+    return group[l] != group[r] ? group[l] > group[r] : l < r;
+  };
+  // Votes that the limits rule out now may come back when they have been added to others.
+  for (std::uint32_t round = 0;; ++round) {
+    double top = 0.0;
+    for (const PatchVote& v : votes)
+      if (confidence(v) >= limits.least_confidence) top = std::max(top, score(v));
+    if (!(top > 0.0) || top < limits.least_score) break;
+    const double least = std::max(top / kRoundFactor, limits.least_score);
+    joined.clear();
+    for (std::uint32_t e = 0; e < votes.size(); ++e) {
+      const PatchVote& v = votes[e];
+      const double s = score(v);
+      if (s < least || confidence(v) < limits.least_confidence) continue;
+      for (const std::uint32_t node : {v.a, v.b}) {
+        if (best[node] == kNever)
+          joined.push_back(node), best[node] = e;
+        else if (s > score(votes[best[node]]))
+          best[node] = e;
+      }
+    }
+    std::sort(joined.begin(), joined.end());
+    // Best ties form trees (ties in score by the order of edges). The heaviest of a tree takes the others in.
+    for (const std::uint32_t v : joined) hop[v] = v, to[v] = 1;
+    const auto root = [&](std::uint32_t v, int& sign) {
+      sign = 1;
+      while (hop[v] != v) {  // halving the path as it goes
+        to[v] = static_cast<std::int8_t>(to[v] * to[hop[v]]);
+        hop[v] = hop[hop[v]];
+        sign *= to[v];
+        v = hop[v];
+      }
+      return v;
+    };
+    for (const std::uint32_t v : joined) {
+      const PatchVote& edge = votes[best[v]];
+      int sa = 1, sb = 1;
+      std::uint32_t a = root(edge.a, sa), b = root(edge.b, sb);
+      if (a == b) continue;
+      if (heavier(b, a)) std::swap(a, b);
+      hop[b] = a;
+      to[b] = static_cast<std::int8_t>(sa * sb * (edge.same >= edge.opposite ? 1 : -1));
+    }
+    for (const std::uint32_t v : joined) {
+      int sign = 1;
+      const std::uint32_t r = root(v, sign);
+      if (r == v) continue;
+      tree.parent[v] = r;
+      tree.relation[v] = static_cast<std::int8_t>(sign);
+      tree.round[v] = round;
+      tree.confidence[v] = static_cast<float>(confidence(votes[best[v]]));
+    }
+    for (const std::uint32_t v : joined) {
+      best[v] = kNever;
+      if (tree.parent[v] != v) group[tree.parent[v]] += group[v];
+    }
+    std::size_t out = 0;
+    for (PatchVote v : votes) {
+      const std::uint32_t a = tree.parent[v.a], b = tree.parent[v.b];
+      if (a == b) continue;
+      const int relation = (a == v.a ? 1 : tree.relation[v.a]) * (b == v.b ? 1 : tree.relation[v.b]);
+      if (relation < 0) std::swap(v.same, v.opposite);
+      v.a = std::min(a, b), v.b = std::max(a, b);
+      votes[out++] = v;
+    }
+    votes.resize(out);
+    merge_votes(votes);
+  }
+  tree.joined_last.resize(n);
+  std::iota(tree.joined_last.begin(), tree.joined_last.end(), 0u);
+  std::sort(tree.joined_last.begin(), tree.joined_last.end(), [&](std::uint32_t l, std::uint32_t r) {
+    return tree.round[l] != tree.round[r] ? tree.round[l] > tree.round[r] : l < r;
+  });
+  return tree;
+}
+
+SignSolution solve_signs(std::span<const std::uint64_t> weight, std::span<const PatchVote> votes) {
+  const Contraction tree = contract_signs(weight, {votes.begin(), votes.end()}, {});
+  const std::size_t n = weight.size();
+  SignSolution out;
+  out.sign.assign(n, 1);
+  out.component.resize(n);
+  out.uncertain.assign(n, 0);
+  for (const std::uint32_t v : tree.joined_last) {
+    const std::uint32_t p = tree.parent[v];
+    out.component[v] = p == v ? v : out.component[p];
+    if (p == v) continue;
+    out.sign[v] = static_cast<std::int8_t>(out.sign[p] * tree.relation[v]);
+    out.uncertain[v] = out.uncertain[p] != 0 || tree.confidence[v] < kUncertain ? 1 : 0;
+  }
+  Flips(tree, votes, out.sign).run();
+  for (const PatchVote& v : votes) {
+    out.frustrated_votes += static_cast<std::uint64_t>(out.sign[v.a] == out.sign[v.b] ? v.opposite : v.same);
+    out.total_votes += static_cast<std::uint64_t>(v.same + v.opposite);
+  }
+  return out;
+}
+
+}  // namespace tessera

@@ -1,0 +1,253 @@
+// Signs of normals inside one brick, and the solver over patches, on shapes small enough to know every
+// answer.
+#include <algorithm>
+#include <catch2/catch.hpp>
+#include <cmath>
+#include <functional>
+
+#include "kernels/normals.h"
+#include "kernels/orientation.h"
+#include "kernels/outside.h"
+#include "octree/morton.h"
+
+using namespace tessera;
+
+namespace {
+
+struct Sample {
+  Double3 position;  ///< cells
+  Float3 normal;     ///< true
+};
+
+double random_unit(std::uint64_t& state) {
+  state = state * 6364136223846793005ull + 1442695040888963407ull;
+  return static_cast<double>(state >> 33) / 2147483648.0;
+}
+
+struct Cloud {
+  PointBlock block;
+  std::vector<Float3> position, truth;
+};
+
+Cloud cloud_of(const std::vector<Sample>& samples) {
+  struct Item {
+    std::uint64_t code;
+    Int3 q;
+    Float3 normal;
+  };
+  std::vector<Item> items;
+  for (const Sample& s : samples) {
+    Int3 q;
+    for (std::size_t a = 0; a < 3; ++a)
+      q[a] = static_cast<std::int32_t>(std::floor(s.position[a] * kQuantaPerCell));
+    const std::uint64_t code = morton_encode(
+        static_cast<std::uint32_t>(q[0]), static_cast<std::uint32_t>(q[1]), static_cast<std::uint32_t>(q[2]));
+    items.push_back({code, q, s.normal});
+  }
+  std::sort(items.begin(), items.end(), [](const Item& l, const Item& r) { return l.code < r.code; });
+  Cloud cloud;
+  cloud.block.cells = {kBrickCells, kBrickCells, kBrickCells};
+  for (const Item& i : items) {
+    const Float3 p = {static_cast<float>(i.q[0]) / kQuantaPerCell,
+                      static_cast<float>(i.q[1]) / kQuantaPerCell,
+                      static_cast<float>(i.q[2]) / kQuantaPerCell};
+    cloud.block.x.push_back(p[0]), cloud.block.y.push_back(p[1]), cloud.block.z.push_back(p[2]);
+    cloud.block.nx.push_back(0), cloud.block.ny.push_back(0), cloud.block.nz.push_back(0);
+    cloud.position.push_back(p);
+    cloud.truth.push_back(i.normal);
+  }
+  return cloud;
+}
+
+BrickOrientation orient(const Cloud& cloud) {
+  std::vector<Float3> normal;
+  std::vector<float> variation;
+  for (const PointShape& s : estimate_shapes(cloud.block, {})) {
+    normal.push_back(s.normal);
+    variation.push_back(s.variation);
+  }
+  return orient_brick({cloud.position, normal, variation, cloud.truth, {}});
+}
+
+/// Share of points that agree with the truth once all patches are solved, up to one sign for the whole.
+double agreement(const BrickOrientation& o) {
+  std::vector<std::uint64_t> weight;
+  for (const PatchFacts& f : o.facts) weight.push_back(f.surfels);
+  const SignSolution solution = solve_signs(weight, o.votes);
+  double agree = 0.0, all = 0.0;
+  for (std::size_t p = 0; p < o.facts.size(); ++p) {
+    agree += solution.sign[p] > 0 ? o.facts[p].agree : o.facts[p].disagree;
+    all += o.facts[p].agree + o.facts[p].disagree;
+  }
+  return std::max(agree, all - agree) / all;
+}
+
+std::vector<Sample> sphere(double radius, int count) {
+  std::vector<Sample> samples;
+  for (int i = 0; i < count; ++i) {
+    const double z = 1.0 - 2.0 * (i + 0.5) / count;
+    const double r = std::sqrt(1.0 - z * z);
+    const double a = 2.399963229728653 * i;
+    const Double3 n = {r * std::cos(a), r * std::sin(a), z};
+    samples.push_back({{32 + radius * n[0], 32 + radius * n[1], 32 + radius * n[2]},
+                       {static_cast<float>(n[0]), static_cast<float>(n[1]), static_cast<float>(n[2])}});
+  }
+  return samples;
+}
+
+/// The rectangle corner + u side + v up, two points a square cell.
+void rectangle(const Double3& corner, const Double3& side, const Double3& up, const Float3& normal,
+               std::uint64_t& state, std::vector<Sample>& out) {
+  const auto length = [](const Double3& v) { return std::sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]); };
+  const int count = static_cast<int>(2.5 * length(side) * length(up));
+  for (int i = 0; i < count; ++i) {
+    const double u = random_unit(state), v = random_unit(state);
+    out.push_back({{corner[0] + u * side[0] + v * up[0], corner[1] + u * side[1] + v * up[1],
+                    corner[2] + u * side[2] + v * up[2]},
+                   normal});
+  }
+}
+
+}  // namespace
+
+TEST_CASE("orientation: one patch on a sphere inside a brick", "[unit]") {
+  const BrickOrientation o = orient(cloud_of(sphere(24.0, 20000)));
+  REQUIRE(o.patches == 1);
+  CHECK((o.facts[0].agree == 0 || o.facts[0].disagree == 0));
+  CHECK(o.facts[0].points == 20000);
+}
+
+TEST_CASE("orientation: a torus keeps one side through its hole", "[unit]") {
+  std::vector<Sample> samples;
+  std::uint64_t state = 1;
+  for (int i = 0; i < 18000; ++i) {
+    const double a = 6.283185307 * random_unit(state), b = 6.283185307 * random_unit(state);
+    const Double3 n = {std::cos(a) * std::cos(b), std::sin(a) * std::cos(b), std::sin(b)};
+    samples.push_back({{32 + 20 * std::cos(a) + 8 * n[0], 32 + 20 * std::sin(a) + 8 * n[1], 32 + 8 * n[2]},
+                       {static_cast<float>(n[0]), static_cast<float>(n[1]), static_cast<float>(n[2])}});
+  }
+  CHECK(agreement(orient(cloud_of(samples))) == 1.0);
+}
+
+TEST_CASE("orientation: creases, from outside and from inside", "[unit]") {
+  const double at = GENERATE(20.0, 20.7, 21.3);
+  std::vector<Sample> box;
+  std::uint64_t state = 7;
+  const double to = 64.0 - at, size = to - at;
+  for (std::size_t a = 0; a < 3; ++a)
+    for (const double side : {at, to}) {
+      Double3 corner = {at, at, at}, u{}, v{};
+      corner[a] = side, u[(a + 1) % 3] = size, v[(a + 2) % 3] = size;
+      Float3 n{};
+      n[a] = side == at ? -1.0f : 1.0f;
+      rectangle(corner, u, v, n, state, box);
+    }
+  // Points on an edge itself have no side of their own. A room is the same box, with one other sign for the
+  // whole.
+  CHECK(agreement(orient(cloud_of(box))) > 0.998);
+}
+
+TEST_CASE("orientation: two parallel sheets close together do not decide for each other", "[unit]") {
+  const double gap = GENERATE(3.0, 5.0);
+  std::vector<Sample> sheets;
+  std::uint64_t state = 3;
+  rectangle({10, 10, 30}, {40, 0, 0}, {0, 40, 0}, {0, 0, -1}, state, sheets);
+  rectangle({10, 10, 30 + gap}, {40, 0, 0}, {0, 40, 0}, {0, 0, 1}, state, sheets);
+  const BrickOrientation o = orient(cloud_of(sheets));
+  std::uint32_t mixed = 0;
+  for (const PatchFacts& f : o.facts) mixed += std::min(f.agree, f.disagree);
+  CHECK(mixed < sheets.size() / 1000);
+}
+
+TEST_CASE("orientation: the arc rule carries a sign around an edge and not across a step", "[unit]") {
+  Surfel top, side;
+  top.normal = {0, 0, 1};
+  side.normal = {1, 0, 0};
+  CHECK(link_vote(top, side, {1, 0, -1}) > 0);  // convex edge, both outward
+  side.normal = {-1, 0, 0};
+  CHECK(link_vote(top, side, {1, 0, -1}) < 0);  // the same edge with one side flipped
+  CHECK(link_vote(top, side, {1, 0, 1}) > 0);   // concave edge
+  const Surfel above = top;
+  CHECK(link_vote(top, above, {0, 0, 1}) == 0);  // one sheet over the other says nothing
+  CHECK(link_vote(top, above, {1, 0, 0.1f}) > kVoteScale / 2);
+  CHECK(link_vote(top, above, {1, 0, 0.6f}) == 0);
+}
+
+TEST_CASE("orientation: of two sheets in a voxel each follows its own", "[unit]") {
+  std::vector<Surfel> here(2), ahead(2);
+  for (auto* v : {&here, &ahead}) {
+    (*v)[0].position = {0, 0, 0}, (*v)[0].normal = {0, 0, -1};
+    (*v)[1].position = {0, 0, 0.9f}, (*v)[1].normal = {0, 0, 1};
+  }
+  std::vector<SurfelLink> links;
+  link_voxels(here, ahead, {2, 0, 0}, links);
+  REQUIRE(links.size() == 2);
+  for (const SurfelLink& l : links) {
+    CHECK(l.a == l.b);
+    CHECK(l.vote > 0);
+  }
+}
+
+TEST_CASE("signs: many weak ties outweigh the strongest one", "[unit]") {
+  // 0-1 and 2-3 are firm; one tie of 50 says opposite, three ties of 30 say same.
+  const std::vector<PatchVote> votes = {{0, 1, 100, 0}, {0, 2, 0, 50}, {0, 3, 30, 0},
+                                        {1, 2, 30, 0},  {1, 3, 30, 0}, {2, 3, 100, 0}};
+  const std::vector<std::uint64_t> weight = {1, 1, 1, 1, 1};
+  const SignSolution s = solve_signs(weight, votes);
+  CHECK(s.sign == std::vector<std::int8_t>{1, 1, 1, 1, 1});
+  CHECK(s.component == std::vector<std::uint32_t>{0, 0, 0, 0, 4});
+  CHECK(s.frustrated_votes == 50);
+  CHECK(s.total_votes == 340);
+}
+
+TEST_CASE("signs: votes that cancel join nothing and end", "[unit]") {
+  const std::vector<PatchVote> votes = {{0, 1, 10, 10}, {2, 3, 0, 7}};
+  const std::vector<std::uint64_t> weight = {1, 1, 1, 5};
+  const SignSolution s = solve_signs(weight, votes);
+  CHECK(s.component == std::vector<std::uint32_t>{0, 1, 3, 3});
+  CHECK(s.sign[2] * s.sign[3] == -1);
+}
+
+TEST_CASE("signs: no more votes are broken than by the signs that most votes were made from", "[property]") {
+  std::uint64_t state = 11;
+  const std::size_t n = 400;
+  std::vector<PatchVote> votes;
+  std::int64_t lies = 0;
+  for (std::uint32_t a = 0; a < n; ++a)
+    for (int k = 0; k < 5; ++k) {
+      const auto b = static_cast<std::uint32_t>(random_unit(state) * n);
+      if (a == b) continue;
+      const auto w = static_cast<std::int64_t>(1 + random_unit(state) * 1000);
+      const bool lie = random_unit(state) < 0.1;
+      lies += lie ? w : 0;
+      const bool same = ((a ^ b) & 1u) == 0;
+      votes.push_back({std::min(a, b), std::max(a, b), same != lie ? w : 0, same != lie ? 0 : w});
+    }
+  merge_votes(votes);
+  const std::vector<std::uint64_t> weight(n, 1);
+  const SignSolution s = solve_signs(weight, votes);
+  CHECK(s.frustrated_votes <= static_cast<std::uint64_t>(lies));
+  CHECK(std::all_of(s.component.begin(), s.component.end(),
+                    [&](std::uint32_t c) { return c == s.component[0]; }));
+}
+
+TEST_CASE("outside: the shell of a sphere is seen, what it hides is not", "[unit]") {
+  std::vector<JobSurfel> surfels;
+  const auto add = [&](double radius, int count, std::uint32_t patch, float side) {
+    for (const Sample& s : sphere(radius, count)) {
+      JobSurfel j;
+      for (std::size_t a = 0; a < 3; ++a) {
+        j.position[a] = static_cast<float>(s.position[a]) + 500.0f;
+        j.area[a] = side * 64.0f * s.normal[a];
+      }
+      j.patch = patch;
+      j.surfels = 16;
+      surfels.push_back(j);
+    }
+  };
+  add(200.0, 8000, 0, -1.0f);
+  add(60.0, 800, 1, 1.0f);
+  const std::vector<SideVotes> votes = look_from_outside(surfels, 2, 1000.0);
+  CHECK(votes[0].hidden > 50 * votes[0].seen);
+  CHECK(votes[1].hidden + votes[1].seen < votes[0].hidden / 1000);
+}
