@@ -9,6 +9,7 @@ class App;
 namespace tessera {
 
 // one line per command, alphabetical
+void add_parameterize(CLI::App& app);
 void add_plan(CLI::App& app);
 void add_reconstruct(CLI::App& app);
 void add_check(CLI::App& app);

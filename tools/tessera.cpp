@@ -18,6 +18,7 @@ int main(int argc, char** argv) {
   tessera::add_render(app);
   tessera::add_info(app);
   tessera::add_convert(app);
+  tessera::add_parameterize(app);
   tessera::add_synth(app);
 
   return tessera::cli::run(app, argc, argv);

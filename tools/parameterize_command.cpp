@@ -1,0 +1,79 @@
+#include <fmt/format.h>
+
+#include <memory>
+
+#include "octree/error.h"
+#include "stream/memory_budget.h"
+#include "stream/parameterize_mesh.h"
+#include "stream/point_source.h"
+#include "stream/stop.h"
+#include "tools/cli.h"
+#include "tools/commands.h"
+
+namespace tessera {
+namespace {
+
+struct Arguments {
+  std::vector<std::string> inputs;
+  std::filesystem::path output;
+  std::string method = "lscm";
+  std::string border = "circle";
+  ParameterizeMeshOptions options;
+  bool force = false;
+};
+
+void run(Arguments arguments) {
+  cli::require_inputs(arguments.inputs);
+  cli::require_output(arguments.output);
+  const auto inputs = expand_inputs(arguments.inputs);
+  if (inputs.size() > 1) throw UsageError("meshes are parameterized one at a time: give one input");
+  if (std::filesystem::exists(arguments.output) && !arguments.force)
+    throw UsageError(arguments.output.string() + ": exists already; give --force to replace it");
+  catch_stop_signals();
+  arguments.options.check_stop = throw_if_stopped;
+  ParameterizeOptions& map = arguments.options.map;
+  map.method =
+      arguments.method == "lscm" ? ParameterMethod::kLeastSquaresConformal : ParameterMethod::kConformal;
+  map.border = arguments.border == "circle" ? ParameterBorder::kCircle : ParameterBorder::kSquare;
+  const ParameterizeMeshReport report =
+      parameterize_mesh(inputs.front(), arguments.output, arguments.options);
+  const ParameterDistortion& d = report.map.distortion;
+  fmt::print("{}: {} vertices, {} faces; read {:.2f} s, map {:.2f} s, write {:.2f} s\n",
+             arguments.output.string(), report.vertices, report.faces, report.read_s, report.map_s,
+             report.write_s);
+  fmt::print("{} unknowns, factor {} ({} entries), residual {:.1e}\n", report.map.unknowns,
+             format_bytes(report.map.factor.bytes), report.map.factor.factor_entries,
+             report.map.solve.residual);
+  fmt::print("angles change by {:.3f} degrees in the mean, {:.2f} at most; quasi-conformal factor {:.4f}\n",
+             d.mean_angle_deg, d.largest_angle_deg, d.mean_quasi_conformal);
+  fmt::print("flipped triangles {}, collapsed {}; negative cotangent weights {}\n", d.flipped, d.collapsed,
+             report.map.negative_weights);
+}
+
+}  // namespace
+
+void add_parameterize(CLI::App& app) {
+  auto arguments = std::make_shared<Arguments>();
+  CLI::App* command = cli::add_command(
+      app, "parameterize", "Texture coordinates for a disk-like mesh, conformal: angles are kept. In core.",
+      [arguments] { run(*arguments); });
+  cli::add_inputs(*command, arguments->inputs);
+  cli::add_output(*command, arguments->output,
+                  "mesh to write: .obj (vt) or .ply (s, t), coordinates in [0, 1]");
+  command
+      ->add_option(
+          "--method", arguments->method,
+          "lscm: least-squares conformal, the border is free; conformal: the border is fixed by arc length")
+      ->capture_default_str()
+      ->check(CLI::IsMember({"lscm", "conformal"}));
+  command->add_option("--border", arguments->border, "conformal: shape of the border, circle or square")
+      ->capture_default_str()
+      ->check(CLI::IsMember({"circle", "square"}));
+  command->add_flag("--clamp-weights", arguments->options.map.clamp_weights,
+                    "conformal: negative cotangents count as 0; no triangle flips, angles suffer a little");
+  cli::add_bytes(*command, "--memory", arguments->options.memory_bytes,
+                 "cap for the mesh and the factor, e.g. 2G; default: 0.8 of what is there");
+  command->add_flag("--force", arguments->force, "replace the output if it exists");
+}
+
+}  // namespace tessera
