@@ -60,7 +60,9 @@ Panel open_panel(const std::vector<std::string>& inputs, const RenderOptions& op
     (is_mesh(path) ? meshes : clouds).push_back(path);
   const std::uint64_t share = meshes.empty() ? 0 : std::max(work_bytes / meshes.size(), kLeastWorkBytes);
   for (const std::filesystem::path& path : meshes) {
-    panel.items.push_back(make_mesh_item(path, options, options.memory_bytes == 0 ? 0 : share, report));
+    const std::uint64_t bytes = options.memory_bytes == 0 ? 0 : share;
+    panel.items.push_back(options.deviation.empty() ? make_mesh_item(path, options, bytes, report)
+                                                    : make_deviation_item(path, options, bytes, report));
   }
   if (!clouds.empty()) panel.items.push_back(make_points_item(clouds, options, report));
   for (const auto& item : panel.items) {
@@ -153,6 +155,30 @@ void add_captions(Image& image, const std::vector<PictureView>& views, const std
   }
 }
 
+/// A bar of colours up the right side, the ends and the middle of the scale beside it.
+void add_legend(Image& image, const ColourLegend& legend) {
+  const double cap = std::clamp(image.height / 85.0, 7.0, 22.0);
+  const int bar = static_cast<int>(1.6 * cap), height = static_cast<int>(0.36 * image.height);
+  const int right = image.width - static_cast<int>(1.4 * cap), top = static_cast<int>(5.0 * cap);
+  if (right - bar <= 0 || top + height >= image.height) return;
+  for (int y = 0; y < height; ++y) {
+    const double value = legend.high + (legend.low - legend.high) * (y + 0.5) / height;
+    const std::uint32_t rgba = deviation_colour(value, legend.high, legend.with_sign);
+    for (int x = right - bar; x < right; ++x) {
+      const bool frame = y == 0 || y == height - 1 || x == right - bar || x == right - 1;
+      for (int c = 0; c < 3; ++c)
+        image.pixel(x, top + y)[c] = frame ? std::uint8_t{60} : static_cast<std::uint8_t>(rgba >> (8 * c));
+    }
+  }
+  for (const double share : {0.0, 0.5, 1.0}) {
+    const std::string label = short_number(legend.low + (legend.high - legend.low) * share);
+    draw_caption(image, right - bar - caption_width(label, 0.9 * cap) - 0.6 * cap,
+                 top + (1.0 - share) * height + 0.45 * cap, 0.9 * cap, label);
+  }
+  const double width = caption_width(legend.title, 0.9 * cap);
+  draw_caption(image, right - width, top - 1.2 * cap, 0.9 * cap, legend.title);
+}
+
 bool overlap(const SceneBox& a, const SceneBox& b) {
   bool meet = true;
   for (std::size_t i = 0; i < 3; ++i) meet = meet && a.low[i] <= b.high[i] && b.low[i] <= a.high[i];
@@ -206,6 +232,11 @@ Image draw_panel(Panel& panel, const std::vector<ViewSpec>& specs, const std::ve
   for (const auto& item : panel.items) item->draw(picture, context);
   Image image = picture.finish();
   if (options.captions) add_captions(image, views, specs, panel.caption);
+  for (const auto& item : panel.items)
+    if (const auto legend = item->legend()) {
+      add_legend(image, *legend);
+      break;  // one scale for all
+    }
   return image;
 }
 
@@ -226,6 +257,10 @@ void RenderOptions::validate() const {
             ": each side must be from 64 to 16384");
   check(samples >= 1 && samples <= 4, "--samples " + std::to_string(samples) + ": must be from 1 to 4");
   check(std::isfinite(zoom) && zoom > 0.0, "--zoom must be above 0");
+  check(deviation.empty() || (std::isfinite(tolerance) && tolerance >= 0.0),
+        "--tolerance must be above 0, or left out");
+  check(!deviation.empty() || (tolerance == 0.0 && !with_sign),
+        "--tolerance and --signed need --deviation REFERENCE");
   check(std::isfinite(splat) && splat >= 0.0, "--splat must be 0 (automatic) or above");
   check(occlusion >= 0.0 && occlusion <= 2.0, "--occlusion must be from 0 to 2");
   check(colour == "auto" || colour == "vertex" || colour == "clay" || colour == "height",

@@ -31,6 +31,10 @@ struct RenderOptions {
   Double3 target = {0, 0, 0};
   Double3 up = {0, 0, 1};  ///< which way is up in the views
 
+  std::filesystem::path deviation;  ///< mesh to colour the distance to; empty = no such colours
+  double tolerance = 0.0;           ///< scan units, end of the scale of colours; 0 = the 99th percentile
+  bool with_sign = false;           ///< deviation in front of or behind the reference, not only how far
+
   std::string colour = "auto";  ///< vertex, clay, height or auto: vertex where the file has colours, else
                                 ///< clay; points that have neither colours nor normals by height
   std::string borders =

@@ -60,7 +60,7 @@ class MeshItem final : public SceneItem {
     if (sample_.empty())
       throw EmptyError(path.string() + ": no vertex with finite coordinates, nothing to draw");
     if (!resident_) {
-      corners_.emplace(temp_folder(options));
+      corners_.emplace(render_temp(options));
       corners_->build(path_, vertex_count_, origin_, memory_bytes_);
       face_count_ = corners_->faces();
       report.temp_bytes += corners_->bytes();
@@ -92,10 +92,6 @@ class MeshItem final : public SceneItem {
   std::vector<Float3> edge_ends(MeshReader& mesh,
                                 const std::vector<std::array<std::uint64_t, 2>>& edges) const;
   void draw_edges(Picture& picture, const std::vector<Float3>& ends, std::uint32_t colour) const;
-  std::filesystem::path temp_folder(const RenderOptions& options) const {
-    if (!options.temp.empty()) return options.temp;
-    return options.output.has_parent_path() ? options.output.parent_path() : std::filesystem::path(".");
-  }
   Float3 local(const Double3& p) const {
     return {static_cast<float>(p[0] - origin_[0]), static_cast<float>(p[1] - origin_[1]),
             static_cast<float>(p[2] - origin_[2])};
@@ -220,7 +216,7 @@ void MeshItem::with_shared_vertices(const RenderOptions& options,
   WeldOptions weld;
   if (memory_bytes_ != 0)
     weld.memory_bytes = std::max((memory_bytes_ - std::min(memory_bytes_, vertex_bytes())) / 2, kLeastTable);
-  weld.temp = temp_folder(options);
+  weld.temp = render_temp(options);
   weld.check_stop = throw_if_stopped;
   WeldedMesh welded(*reader, weld);
   use(welded);

@@ -86,6 +86,24 @@ std::uint32_t ramp_colour(double share) {
   return rgba;
 }
 
+std::uint32_t deviation_colour(double deviation, double high, bool with_sign) {
+  const double size = std::abs(deviation);
+  if (!(size <= high)) return 0xffc02ad0u;  // magenta: beyond the scale
+  if (!with_sign) return ramp_colour(high > 0.0 ? size / high : 0.0);
+  constexpr std::array<std::array<double, 3>, 3> kSides = {{{44, 92, 190}, {222, 222, 216}, {206, 60, 44}}};
+  const auto& end = kSides[deviation < 0.0 ? 0 : 2];
+  const double t = high > 0.0 ? size / high : 0.0;
+  std::uint32_t rgba = 0xff000000u;
+  for (std::size_t c = 0; c < 3; ++c)
+    rgba |= static_cast<std::uint32_t>(kSides[1][c] * (1.0 - t) + end[c] * t + 0.5) << (8 * c);
+  return rgba;
+}
+
+std::filesystem::path render_temp(const RenderOptions& options) {
+  if (!options.temp.empty()) return options.temp;
+  return options.output.has_parent_path() ? options.output.parent_path() : std::filesystem::path(".");
+}
+
 double height_share(const Double3& p, const DrawContext& context) {
   const Double3& up = context.options->up;
   double height = 0.0, low = 0.0, high = 0.0;

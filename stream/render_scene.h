@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -38,6 +39,13 @@ struct SceneBox {
 };
 SceneBox scene_box(const SceneSample& sample, bool may_trim);
 
+/// A scale of colours, drawn beside the picture.
+struct ColourLegend {
+  std::string title;
+  double low = 0.0, high = 0.0;
+  bool with_sign = false;
+};
+
 /// Everything that drawing needs to know beyond the item.
 struct DrawContext {
   Double3 origin{};  ///< scene origin, subtracted from all positions
@@ -53,17 +61,27 @@ class SceneItem {
   /// "bunny.ply, 69,451 faces"
   virtual std::string caption() const = 0;
   virtual void draw(Picture& picture, const DrawContext& context) = 0;
+  virtual std::optional<ColourLegend> legend() const { return std::nullopt; }
 };
 
 /// Surveys the mesh. `memory_bytes` is what vertices and edge tables may use; `report` gets counts and
 /// notices. \throws as render()
 std::unique_ptr<SceneItem> make_mesh_item(const std::filesystem::path& path, const RenderOptions& options,
                                           std::uint64_t memory_bytes, RenderReport& report);
+/// The mesh in colours of its distance to options.deviation.
+std::unique_ptr<SceneItem> make_deviation_item(const std::filesystem::path& path,
+                                               const RenderOptions& options, std::uint64_t memory_bytes,
+                                               RenderReport& report);
 std::unique_ptr<SceneItem> make_points_item(const std::vector<std::filesystem::path>& paths,
                                             const RenderOptions& options, RenderReport& report);
 
 /// Dark blue over green and yellow to light red by share 0..1: readable in grey too.
 std::uint32_t ramp_colour(double share);
+/// Colour of a deviation: 0 to `high` over the ramp, or blue behind, grey on and red in front of the
+/// reference; magenta beyond the scale.
+std::uint32_t deviation_colour(double deviation, double high, bool with_sign);
+/// Folder for temporary files: options.temp, or beside the output.
+std::filesystem::path render_temp(const RenderOptions& options);
 /// Height of `p` along options.up within the box, 0..1.
 double height_share(const Double3& p, const DrawContext& context);
 

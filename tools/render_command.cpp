@@ -124,6 +124,15 @@ void add_render(CLI::App& app) {
   target->needs(eye);
   command->add_option("--colour,--color", o.colour, "auto, vertex, clay or height")->capture_default_str();
   command
+      ->add_option("--deviation", o.deviation,
+                   "colour every mesh by its distance to this one, with a scale beside the picture")
+      ->type_name("FILE");
+  command->add_option("--tolerance", o.tolerance,
+                      "with --deviation: end of the scale, in the unit of the mesh; beyond it magenta [99th "
+                      "percentile]");
+  command->add_flag("--signed", o.with_sign,
+                    "with --deviation: red in front of the reference, blue behind it");
+  command
       ->add_option(
           "--borders", o.borders,
           "border edges in red, non-manifold edges in magenta: on, off, or auto (off where memory is short)")

@@ -311,6 +311,33 @@ TEST_CASE("render: two meshes side by side have the same camera", "[pipeline]") 
   CHECK(count(image, covered) > 20000);
 }
 
+TEST_CASE("render: deviation shows in the colours of the scale", "[pipeline]") {
+  const test::TempFolder temp;
+  const std::filesystem::path& folder = temp.path();
+  Mesh moved = sphere(64, 128, 64);
+  for (Double3& p : moved.vertices)
+    for (double& c : p) c *= 1.04;
+  const std::filesystem::path reference = write(sphere(64, 128, 64), folder / "reference.ply");
+  RenderOptions options = one_view(write(moved, folder / "larger.ply"), folder / "out.png");
+  options.deviation = reference;
+  const auto drawn = [&](double tolerance, bool with_sign) {
+    options.tolerance = tolerance;
+    options.with_sign = with_sign;
+    render(options);
+    return read_png(options.output);
+  };
+  // Beyond the scale: magenta all over. Within, in front of the reference: towards red, else green to yellow.
+  const int all = count(drawn(0.02, false), magenta);
+  CHECK(all > 20000);
+  const Image inside = drawn(0.06, false);
+  CHECK(count(inside, magenta) == 0);
+  CHECK(count(inside, [](int r, int g, int b) { return g > b + 15 && g >= r; }) > all * 8 / 10);
+  const Image outside = drawn(0.05, true);
+  CHECK(count(outside, [](int r, int g, int b) { return r > g + 40 && r > b + 40; }) > all * 8 / 10);
+  // Without a tolerance the scale ends near the 99th percentile: nothing much lies beyond.
+  CHECK(count(drawn(0.0, false), magenta) < all / 20);
+}
+
 TEST_CASE("render: what cannot be drawn is refused in one sentence", "[fault]") {
   const test::TempFolder temp;
   const std::filesystem::path& folder = temp.path();

@@ -1,0 +1,25 @@
+/// \file compare_cells.h
+/// Space cut into boxes by what two meshes hold, so that one box at a time can be loaded and compared.
+#pragma once
+#include <cstdint>
+#include <vector>
+
+#include "stream/mesh_store.h"
+
+namespace tessera {
+
+struct CompareCell {
+  MeshBox box;              ///< neighbours share their planes bit by bit
+  std::uint64_t bytes = 0;  ///< to load both meshes within reach of it, with an index each
+};
+
+/// What is loaded around a cell, in reaches: more than the rounding of any distance.
+inline constexpr double kCompareHalo = 1.0 + 0x1p-20;
+
+/// Cells that tile all places where either mesh may be, in Morton order. Cells hold about `cell_faces` faces
+/// of both meshes, unless they would be smaller than a few reaches. A pure function of the tables of both
+/// stores. \param reach  >= 0, scan units
+std::vector<CompareCell> make_compare_cells(const MeshStore& mesh, const MeshStore& reference, double reach,
+                                            std::uint64_t cell_faces);
+
+}  // namespace tessera
