@@ -76,12 +76,24 @@ void CollapseMesh::fill_faces(const MeshBlock& block, const std::vector<std::uin
     CollapseFace& face = faces_[begin[lowest(t)]++];
     const unsigned flags = block.face_flags[f];
     face.state = flags & kFaceSynthetic ? unsigned{kStateSynthetic} : 0u;
+    // The lowest vertex first, so that the order of the input leaves no trace.
+    const std::size_t first =
+        place[t[0]] < place[t[1]] ? (place[t[0]] < place[t[2]] ? 0 : 2) : (place[t[1]] < place[t[2]] ? 1 : 2);
     for (std::size_t i = 0; i < 3; ++i) {
-      face.vertex[i] = place[t[i]];
+      const std::size_t from = first + i < 3 ? first + i : first + i - 3;
+      face.vertex[i] = place[t[from]];
       face.opposite[i] = kNoCorner;
-      if (flags & kFlagOppositeCorner[i]) face.state |= kStateBorder << i;
+      if (flags & kFlagOppositeCorner[from]) face.state |= kStateBorder << i;
     }
     face.bound = block.face_bound.empty() ? 0.0f : block.face_bound[f];
+  }
+  for (std::size_t f = 0; f < m;) {
+    std::size_t end = f + 1;
+    while (end < m && faces_[end].vertex[0] == faces_[f].vertex[0]) ++end;
+    std::sort(&faces_[f], &faces_[f] + (end - f), [](const CollapseFace& a, const CollapseFace& b) {
+      return a.vertex[1] != b.vertex[1] ? a.vertex[1] < b.vertex[1] : a.vertex[2] < b.vertex[2];
+    });
+    f = end;
   }
 }
 

@@ -4,6 +4,7 @@
 
 #include <bit>
 #include <cmath>
+#include <utility>
 
 namespace tessera {
 namespace {
@@ -186,7 +187,9 @@ bool ReferenceGap::measure(const RimLoop& loop, const Vec3& origin, std::uint32_
     for (std::uint32_t i = 0; i < 3; ++i) {
       const std::uint32_t o = f.opposite[i];
       if (o != kNoCorner && faces_[o >> 2].stamp == stamp_ + 1) continue;  // seen from there
-      const Point &a = p[i == 2 ? 0 : i + 1], &b = p[i == 0 ? 2 : i - 1];
+      const Point *from = &p[i == 2 ? 0 : i + 1], *to = &p[i == 0 ? 2 : i - 1];
+      if (to->x < from->x) std::swap(from, to);  // the same bits from either side
+      const Point &a = *from, &b = *to;
       if (!a.inside && !b.inside && !meets_polygon(a, b)) continue;
       if (o == kNoCorner) return false;
       if ((a.spokes ^ b.spokes) != 0 || (a.rims ^ b.rims) != 0) {

@@ -1,0 +1,312 @@
+// The decimation kernel on tiny meshes, named by what must not happen, and its promises on larger ones.
+#include "kernels/decimate.h"
+
+#include <catch2/catch.hpp>
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <limits>
+#include <map>
+#include <set>
+
+#include "kernels/closest_face.h"
+#include "kernels/portable_math.h"
+#include "octree/error.h"
+#include "tests/helpers/block_meshes.h"
+#include "tests/helpers/mesh_checks.h"
+
+namespace {
+
+using namespace tessera;
+using namespace tessera::test;
+
+DecimateOptions within(double tolerance) {
+  DecimateOptions o;
+  o.tolerance = tolerance;
+  return o;
+}
+
+MeshChecks checks(const MeshBlock& b) {
+  IndexedMesh mesh;
+  mesh.position = b.position;
+  mesh.faces = b.faces;
+  return check_mesh(mesh);
+}
+
+/// Largest distance from dense samples of a to the surface b.
+double sampled_distance(const MeshBlock& a, const MeshBlock& b) {
+  const Double3 origin = b.position[0];
+  const ClosestFaces closest(b.position, b.faces, origin);
+  double worst = 0.0;
+  for (const auto& t : a.faces)
+    for (int i = 0; i <= 8; ++i)
+      for (int j = 0; i + j <= 8; ++j) {
+        Double3 p;
+        for (std::size_t x = 0; x < 3; ++x)
+          p[x] = (a.position[t[0]][x] * i + a.position[t[1]][x] * j + a.position[t[2]][x] * (8 - i - j)) / 8 -
+                 origin[x];
+        worst = std::max(worst, closest.closest(p, 1e300, ClosestFaces::kNone).square);
+      }
+  return std::sqrt(worst);
+}
+
+/// Every border edge must be flagged and every flag be a border.
+void require_flags(const MeshBlock& b) {
+  const MeshBlock again = make_block(b.position, b.faces);
+  CHECK(again.face_flags == b.face_flags);
+}
+
+/// A sphere of radius 1 with waves of height `bump` on it.
+MeshBlock bumpy_sphere(int levels, double bump) {
+  MeshBlock b = sphere_block(levels);
+  for (Double3& q : b.position) {
+    const double scale = 1.0 + bump * std::sin(7.0 * q[0]) * std::sin(5.0 * q[1] + 2.0 * q[2]);
+    q = {q[0] * scale, q[1] * scale, q[2] * scale};
+  }
+  return b;
+}
+
+bool same(const MeshBlock& a, const MeshBlock& b) {
+  return a.key == b.key && a.position == b.position && a.faces == b.faces && a.face_flags == b.face_flags &&
+         a.face_bound == b.face_bound && a.rgba == b.rgba;
+}
+
+/// The same faces with vertices, faces and corners in another order.
+MeshBlock shuffled(const MeshBlock& b, std::uint64_t seed) {
+  const auto random_order = [&](std::size_t n, std::uint64_t salt) {
+    std::vector<std::uint32_t> order(n);
+    for (std::size_t i = 0; i < n; ++i) order[i] = static_cast<std::uint32_t>(i);
+    std::sort(order.begin(), order.end(), [&](std::uint32_t x, std::uint32_t y) {
+      return synth::random_bits(seed, salt, x) < synth::random_bits(seed, salt, y);
+    });
+    return order;
+  };
+  MeshBlock out;
+  std::vector<std::uint32_t> place(b.key.size());
+  for (const std::uint32_t v : random_order(b.key.size(), 1)) {
+    place[v] = static_cast<std::uint32_t>(out.key.size());
+    out.key.push_back(b.key[v]);
+    out.position.push_back(b.position[v]);
+    out.vertex_class.push_back(b.vertex_class[v]);
+    if (!b.rgba.empty()) out.rgba.push_back(b.rgba[v]);
+  }
+  for (const std::uint32_t f : random_order(b.faces.size(), 2)) {
+    const std::size_t turn = synth::random_bits(seed, 3, f) % 3;
+    std::array<std::uint32_t, 3> t;
+    unsigned flags = 0;
+    for (std::size_t i = 0; i < 3; ++i) {
+      t[i] = place[b.faces[f][(i + turn) % 3]];
+      if (b.face_flags[f] >> ((i + turn) % 3) & 1) flags |= 1u << i;
+    }
+    out.faces.push_back(t);
+    out.face_flags.push_back(static_cast<std::uint8_t>(flags));
+  }
+  return out;
+}
+
+}  // namespace
+
+TEST_CASE("decimate: a plane becomes two triangles, its four corners stay", "[unit]") {
+  MeshBlock b = grid_block(12, 12, [](double, double) { return 3.0; });
+  const DecimateReport r = decimate(b, b, within(0.01));
+  CHECK(r.faces_in == 288);
+  CHECK(r.faces_out == 2);
+  CHECK(b.key == std::vector<std::uint64_t>{7, 127, 1567, 1687});
+  CHECK(r.bound < 1e-6);
+  require_flags(b);
+}
+
+TEST_CASE("decimate: link condition, a tetrahedron stays", "[unit]") {
+  MeshBlock b =
+      make_block({{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {0, 0, 1}}, {{0, 2, 1}, {0, 1, 3}, {1, 2, 3}, {0, 3, 2}});
+  const DecimateReport r = decimate(b, b, within(100.0));
+  CHECK(r.collapses == 0);
+  CHECK(b.faces.size() == 4);
+}
+
+TEST_CASE("decimate: link condition, a ring of three prisms keeps its hole", "[unit]") {
+  // A torus of 3 x 3 vertices has no edge that may go: each would join vertices along a loop of three.
+  std::vector<Double3> p;
+  std::vector<std::array<std::uint32_t, 3>> f;
+  for (int i = 0; i < 3; ++i)
+    for (int j = 0; j < 3; ++j) {
+      const double a = 2.0943951 * i, c = 2.0943951 * j, ring = 3.0 + std::cos(c);
+      p.push_back({ring * std::cos(a), ring * std::sin(a), std::sin(c)});
+      const auto at = [](int x, int y) { return static_cast<std::uint32_t>(x % 3 * 3 + y % 3); };
+      f.push_back({at(i, j), at(i + 1, j), at(i + 1, j + 1)});
+      f.push_back({at(i, j), at(i + 1, j + 1), at(i, j + 1)});
+    }
+  MeshBlock b = make_block(p, f);
+  const DecimateReport r = decimate(b, b, within(100.0));
+  CHECK(r.collapses == 0);
+  CHECK(checks(b).euler == 0);
+}
+
+TEST_CASE("decimate: flip, a vertex below a notch of its rim stays", "[unit]") {
+  // Vertex 0 sees the whole rim, a saw blade of four teeth; no rim vertex does. Their class holds the others.
+  std::vector<Double3> p = {{0, 0, 0}};
+  std::vector<std::array<std::uint32_t, 3>> f;
+  for (std::uint32_t i = 0; i < 8; ++i) {
+    const double radius = i % 2 == 0 ? 4.0 : 0.5, angle = 0.78539816 * i + (i % 2 == 0 ? 0.0 : 0.61);
+    p.push_back({radius * std::cos(angle), radius * std::sin(angle), 0.0});
+    f.push_back({0, i + 1, (i + 1) % 8 + 1});
+  }
+  MeshBlock b = make_block(p, f);
+  for (std::size_t v = 1; v < 9; ++v) b.vertex_class[v] = VertexClass::kCorner;
+  const DecimateReport r = decimate(b, b, within(1000.0));
+  CHECK(r.collapses == 0);
+  CHECK(r.by_fold == 8);
+}
+
+TEST_CASE("decimate: border, the outline of a wave stays within tolerance and the hole open", "[unit]") {
+  MeshBlock b = grid_block(24, 24, [](double x, double y) { return 0.05 * x * y * 0.1; });
+  // A hole in the middle.
+  std::vector<std::array<std::uint32_t, 3>> kept;
+  for (const auto& t : b.faces) {
+    const Double3& q = b.position[t[0]];
+    if (std::fabs(q[0] - 12) > 4 || std::fabs(q[1] - 12) > 4) kept.push_back(t);
+  }
+  b = make_block(b.position, kept);
+  const MeshBlock original = b;
+  const DecimateReport r = decimate(b, b, within(0.2));
+  const MeshChecks c = checks(b);
+  CHECK(c.boundary_loops == 2);
+  CHECK(c.defects() == 0);
+  CHECK(r.faces_out < r.faces_in / 8);
+  CHECK(sampled_distance(b, original) <= 0.2);
+  CHECK(sampled_distance(original, b) <= 0.2);
+  require_flags(b);
+}
+
+TEST_CASE("decimate: crease and corner, a cube ends as twelve triangles", "[unit]") {
+  MeshBlock b = cube_block(8);
+  DecimateOptions o = within(0.06);
+  o.feature_angle_deg = 30.0;
+  const DecimateReport r = decimate(b, b, o);
+  CHECK(r.faces_out == 12);
+  CHECK(r.bound < 1e-6);
+  std::set<Double3> corners(b.position.begin(), b.position.end());
+  for (const double x : {0.0, 1.0})
+    for (const double y : {0.0, 1.0})
+      for (const double z : {0.0, 1.0}) CHECK(corners.count({x, y, z}) == 1);
+}
+
+TEST_CASE("decimate: crease vertices leave along the crease only", "[unit]") {
+  // A roof whose ridge is marked by class: slack enough to flatten it, but the ridge may only lose vertices.
+  MeshBlock b = grid_block(8, 8, [](double x, double) { return 0.4 * std::fabs(x - 4.0); });
+  for (std::size_t v = 0; v < b.key.size(); ++v)
+    if (b.position[v][0] == 4.0) b.vertex_class[v] = VertexClass::kCrease;
+  decimate(b, b, within(1.0));
+  std::size_t on_ridge = 0;
+  for (const Double3& q : b.position) on_ridge += q[0] == 4.0;
+  CHECK(on_ridge == 2);  // its ends, where it meets the border
+}
+
+TEST_CASE("decimate: locked seam, vertices without a full star keep every bit", "[unit]") {
+  MeshBlock whole = grid_block(16, 16, [](double x, double y) { return 0.01 * x * y + 1.0 / 3.0; });
+  MeshBlock half = piece_of(whole, [&](std::uint32_t v) { return whole.position[v][0] <= 8.0; });
+  const DecimateReport r = decimate(half, whole, within(0.3));
+  CHECK(r.locked_vertices == 17);
+  CHECK(r.faces_out < 80);
+  std::size_t on_seam = 0;
+  for (std::size_t v = 0; v < half.key.size(); ++v)
+    if (half.position[v][0] == 8.0) {
+      const auto at = static_cast<std::size_t>(half.key[v] / 10);
+      CHECK(half.position[v] == whole.position[at]);
+      ++on_seam;
+    }
+  CHECK(on_seam == 17);
+  // Seam edges are those of before: one face in the block and no flag.
+  std::size_t open = 0;
+  const MeshBlock flagged = make_block(half.position, half.faces);
+  for (std::size_t f = 0; f < half.faces.size(); ++f)
+    open += static_cast<std::size_t>(
+        std::popcount(static_cast<unsigned>(flagged.face_flags[f] ^ half.face_flags[f])));
+  CHECK(open == 16);
+}
+
+TEST_CASE("decimate: order of vertices, faces and corners does not matter", "[property]") {
+  const MeshBlock original = bumpy_sphere(4, 0.1);
+  MeshBlock first = original;
+  decimate(first, original, within(0.01));
+  MeshBlock itself = original;
+  decimate(itself, itself, within(0.01));
+  CHECK(same(first, itself));
+  for (std::uint64_t seed = 1; seed <= 4; ++seed) {
+    MeshBlock other = shuffled(original, seed);
+    decimate(other, original, within(0.01));
+    CHECK(same(first, other));
+  }
+}
+
+TEST_CASE("decimate: the bound holds both ways and the mesh stays closed, in passes too", "[property]") {
+  const MeshBlock original = bumpy_sphere(4, 0.15);
+  std::map<double, std::size_t> most = {{0.003, 2000}, {0.01, 1250}, {0.05, 250}, {0.3, 60}};  // of 2048
+  for (const double tolerance : {0.003, 0.01, 0.05, 0.3}) {
+    MeshBlock b = original;
+    for (int pass = 0; pass < 2; ++pass) {
+      const DecimateReport r = decimate(b, original, within(tolerance));
+      INFO("tolerance " << tolerance << ", pass " << pass << ", faces " << r.faces_out);
+      CHECK(r.bound <= tolerance);
+      CHECK(sampled_distance(b, original) <= r.bound);
+      CHECK(sampled_distance(original, b) <= r.bound);
+      const MeshChecks c = checks(b);
+      CHECK(c.defects() == 0);
+      CHECK(c.boundary_edges == 0);
+      CHECK(c.euler == 2);
+    }
+    CHECK(b.faces.size() < most[tolerance]);
+  }
+}
+
+TEST_CASE("decimate: a cost class stands for a face count", "[property]") {
+  const MeshBlock original = bumpy_sphere(5, 0.1);
+  MeshBlock b = original;
+  const DecimateReport all = decimate(b, original, DecimateOptions{});
+  for (const std::uint64_t target : {3000u, 1500u, 500u}) {
+    DecimateOptions o;
+    o.max_cost_class = cost_class_for(all.cost_histogram, all.faces_in, target);
+    b = original;
+    const DecimateReport r = decimate(b, original, o);
+    CHECK(r.stop == DecimateStop::kCostLimit);
+    CHECK(r.faces_out <= target);
+    CHECK(static_cast<double>(r.faces_out) > 0.9 * static_cast<double>(target));
+  }
+}
+
+TEST_CASE("decimate: degenerate input ends in a result or a clear error", "[unit]") {
+  MeshBlock empty;
+  CHECK(decimate(empty, empty, within(1.0)).faces_out == 0);
+
+  MeshBlock one = make_block({{0, 0, 0}, {1, 0, 0}, {0, 1, 0}}, {{0, 1, 2}});
+  CHECK(decimate(one, one, within(10.0)).faces_out == 1);
+
+  // Faces without area among good ones go, or stay; nothing folds.
+  MeshBlock flat = grid_block(6, 6, [](double, double) { return 0.0; });
+  for (std::size_t v = 0; v < flat.key.size(); ++v)
+    if (flat.position[v][0] == 3.0) flat.position[v][0] = 2.0;
+  const MeshBlock flat_before = flat;
+  decimate(flat, flat, within(0.01));
+  CHECK(flat.faces.size() < 8);
+  CHECK(sampled_distance(flat_before, flat) <= 0.01);
+
+  MeshBlock all_in_one_place = grid_block(4, 4, [](double, double) { return 0.0; });
+  for (Double3& q : all_in_one_place.position) q = {1, 1, 1};
+  CHECK_NOTHROW(decimate(all_in_one_place, all_in_one_place, within(1.0)));
+
+  MeshBlock fin =
+      make_block({{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {0, -1, 0}, {0, 0, 1}}, {{0, 1, 2}, {1, 0, 3}, {0, 1, 4}});
+  CHECK_THROWS_AS(decimate(fin, fin, within(1.0)), InputError);
+
+  MeshBlock nan = one;
+  nan.position[1][2] = std::numeric_limits<double>::quiet_NaN();
+  CHECK_THROWS_AS(decimate(nan, nan, within(1.0)), InputError);
+
+  MeshBlock twins = grid_block(2, 2, [](double, double) { return 0.0; });
+  twins.key[3] = twins.key[4];
+  CHECK_THROWS_AS(decimate(twins, twins, within(1.0)), InputError);
+
+  CHECK_THROWS_AS(decimate(one, one, within(-1.0)), UsageError);
+  CHECK_THROWS_AS(decimate(one, one, within(std::numeric_limits<double>::quiet_NaN())), UsageError);
+}
