@@ -119,7 +119,7 @@ int round_rings(const SmoothRound& round) {
 
 SmoothedBlock smooth_block(const MeshBlock& block, const SmoothRound& round) {
   SmoothedBlock out;
-  const SurfaceRows rows = make_surface_rows(block, round.rows);
+  SurfaceRows rows = make_surface_rows(block, round.rows);
   out.complete = complete_rings(block, rows, round_rings(round));
   if (round.by_normals) {
     out.position = filter_by_normals(block, round.normals);
@@ -139,23 +139,32 @@ SmoothedBlock smooth_block(const MeshBlock& block, const SmoothRound& round) {
     out.counts.line += rows.role[v] == VertexRole::kLine;
     out.counts.fixed += rows.role[v] == VertexRole::kFixed;
   }
+  out.role = std::move(rows.role);
   return out;
 }
 
-Double3 within_tolerance(const Double3& from, const Double3& to, double tolerance) {
+Double3 settle(const Double3& from, const Double3& to, double tolerance, bool floats) {
+  const auto placed = [&](double share) {
+    Double3 p;
+    for (std::size_t a = 0; a < 3; ++a) {
+      p[a] = share == 1.0 ? to[a] : from[a] + (to[a] - from[a]) * share;
+      if (floats) p[a] = static_cast<double>(static_cast<float>(p[a]));
+    }
+    return p;
+  };
   const auto distance = [&](const Double3& p) {
     const double x = p[0] - from[0], y = p[1] - from[1], z = p[2] - from[2];
     return std::sqrt(x * x + y * y + z * z);
   };
-  const double far = distance(to);
-  if (!(far > tolerance)) return to;
-  // Rounding may leave the scaled point a last bit too far out: shorten until it is not.
-  for (double share = tolerance / far;; share *= 1.0 - 0x1p-20) {
-    Double3 p;
-    for (std::size_t a = 0; a < 3; ++a) p[a] = from[a] + (to[a] - from[a]) * share;
+  Double3 p = placed(1.0);
+  if (!(tolerance > 0.0) || !(distance(p) > tolerance)) return p;
+  // Rounding may leave the shortened way a little too long: shorten on, at last stay.
+  const double share = tolerance / distance(to) < 1.0 ? tolerance / distance(to) : 1.0;
+  for (int k = 0; k < 24; ++k) {
+    p = placed(share * (1.0 - (k == 0 ? 0.0 : 0x1p-24 * static_cast<double>(1 << k))));
     if (distance(p) <= tolerance) return p;
-    if (share < 0.5 * tolerance / far) return from;
   }
+  return from;
 }
 
 std::uint64_t smooth_bytes(std::uint64_t vertices, std::uint64_t faces, const SmoothRound& round) {

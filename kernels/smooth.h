@@ -54,6 +54,7 @@ struct SmoothCounts {
 
 struct SmoothedBlock {
   std::vector<Double3> position;       ///< n
+  std::vector<VertexRole> role;        ///< n
   std::vector<std::uint8_t> complete;  ///< n; 1 = round_rings() rings are in the block, the position is right
   SmoothCounts counts;
 };
@@ -62,9 +63,10 @@ struct SmoothedBlock {
 /// \throws InputError for a position that is not finite
 SmoothedBlock smooth_block(const MeshBlock& block, const SmoothRound& round);
 
-/// Where `to` is farther than `tolerance` > 0 from `from`, the point on the way that is not. The distance
-/// computed from the result does not exceed `tolerance`.
-Double3 within_tolerance(const Double3& from, const Double3& to, double tolerance);
+/// Where a vertex comes to rest: `to`, rounded to floats if a mesh of floats holds it, and drawn towards
+/// `from` until it is no farther than `tolerance` (0 = no limit) from it. The distance computed from the
+/// result does not exceed it. \pre with `floats`, `from` is a float exactly
+Double3 settle(const Double3& from, const Double3& to, double tolerance, bool floats);
 
 /// Bytes that smooth_block() allocates for a block of so many vertices and faces.
 std::uint64_t smooth_bytes(std::uint64_t vertices, std::uint64_t faces, const SmoothRound& round);

@@ -16,6 +16,7 @@ void add_check(CLI::App& app);
 void add_render(CLI::App& app);
 void add_convert(CLI::App& app);
 void add_info(CLI::App& app);
+void add_smooth(CLI::App& app);
 void add_synth(CLI::App& app);
 void add_task(CLI::App& app);
 

@@ -13,6 +13,7 @@ int main(int argc, char** argv) {
   // one line per command, in the order of the help
   tessera::add_plan(app);
   tessera::add_reconstruct(app);
+  tessera::add_smooth(app);
   tessera::add_task(app);
   tessera::add_check(app);
   tessera::add_render(app);

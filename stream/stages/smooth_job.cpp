@@ -1,0 +1,110 @@
+#include <nlohmann/json.hpp>
+
+#include "octree/error.h"
+#include "stream/mesh_store_output.h"
+#include "stream/stages/import_stages.h"
+#include "stream/stages/smooth_stage.h"
+#include "stream/task_files.h"
+
+namespace tessera {
+namespace {
+
+using json = nlohmann::json;
+
+constexpr std::uint64_t kSortBytes = std::uint64_t{32} << 20;
+
+class SmoothWriteStage : public Stage {
+ public:
+  SmoothWriteStage(const JobState& state, std::size_t rounds)
+      : state_(state), store_(list_task_files(state.work / smooth_folder(rounds), ".tmm")) {}
+
+  std::string name() const override { return "write"; }
+  std::size_t task_count() const override { return 0; }
+  std::uint64_t task_bytes(std::size_t) const override { return 0; }
+  std::uint64_t units() const override { return store_.face_count(); }
+  std::string unit_name() const override { return "faces"; }
+  json run(std::size_t, TaskContext&) const override { return {}; }
+  std::uint64_t finish_bytes() const override { return write_mesh_store_bytes(store_, kSortBytes); }
+
+  json finish(const std::vector<json>&, TaskContext& context) const override {
+    MeshStoreOutput output;
+    output.path = state_.output;
+    output.comments = {"made by tessera smooth " + state_.settings};
+    output.temp = state_.work;
+    output.memory_bytes = kSortBytes;
+    output.check_stop = [&] { context.check_stop(); };
+    output.advance = [&](std::uint64_t faces) { context.advance(faces); };
+    const MeshStoreOutputReport report = write_mesh_store(store_, output);
+    context.count_written(report.bytes);
+    return {{"path", state_.output.string()},
+            {"vertices", report.vertices},
+            {"faces", report.faces},
+            {"bytes", report.bytes}};
+  }
+
+ private:
+  JobState state_;
+  MeshStore store_;
+};
+
+/// The report's `mesh`: what was written, and how far vertices moved in the last round (with a tolerance: in
+/// all).
+void summarise(json& report) {
+  json mesh = json::object();
+  for (const json& stage : report.at("stages")) {
+    const std::string name = stage.at("name").get<std::string>();
+    if (name == "write" || name.rfind("smooth-", 0) == 0) mesh.update(stage.at("result"));
+  }
+  report["mesh"] = mesh;
+}
+
+}  // namespace
+
+std::string smooth_settings(const SmoothOptions& o) {
+  o.validate();
+  return json({{"method", o.method},
+               {"weights", o.weights},
+               {"steps", o.steps},
+               {"lambda", o.lambda},
+               {"order", o.order},
+               {"degree", o.degree},
+               {"tolerance", o.tolerance},
+               {"feature-angle", o.feature_angle_deg},
+               {"normal-rounds", o.normal_rounds},
+               {"vertex-rounds", o.vertex_rounds}})
+      .dump();
+}
+
+SmoothOptions smooth_options(const std::string& settings) {
+  const json j = json::parse(settings);
+  SmoothOptions o;
+  j.at("method").get_to(o.method);
+  j.at("weights").get_to(o.weights);
+  j.at("steps").get_to(o.steps);
+  j.at("lambda").get_to(o.lambda);
+  j.at("order").get_to(o.order);
+  j.at("degree").get_to(o.degree);
+  j.at("tolerance").get_to(o.tolerance);
+  j.at("feature-angle").get_to(o.feature_angle_deg);
+  j.at("normal-rounds").get_to(o.normal_rounds);
+  j.at("vertex-rounds").get_to(o.vertex_rounds);
+  o.validate();
+  return o;
+}
+
+JobDescription smooth_job(const SmoothOptions& options) {
+  const SmoothPlan plan{smooth_rounds(options), options.tolerance};
+  JobDescription job{"smooth", import_stages({0, kSmoothImport}), 0, summarise};
+  job.stages.push_back({"reach", make_reach_stage});
+  for (std::size_t round = 1; round <= plan.rounds.size(); ++round)
+    job.stages.push_back({"smooth-" + std::to_string(round), [plan, round](const JobState& state) {
+                            return make_smooth_stage(state, plan, round);
+                          }});
+  const std::size_t rounds = plan.rounds.size();
+  job.stages.push_back({"write", [rounds](const JobState& state) -> std::unique_ptr<Stage> {
+                          return std::make_unique<SmoothWriteStage>(state, rounds);
+                        }});
+  return job;
+}
+
+}  // namespace tessera

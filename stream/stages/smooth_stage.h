@@ -1,0 +1,40 @@
+/// \file smooth_stage.h
+/// Smoothing out of core: every round of smooth.h is one pass over a store, tile by tile with a halo of whole
+/// rings.
+///
+///   reach     longest edge of every patch: how far rings can reach
+///   smooth-K  round K: store K - 1 -> store K; store 0 is the imported mesh
+///   write     the last store -> the output
+#pragma once
+#include <string>
+#include <vector>
+
+#include "kernels/smooth.h"
+#include "stream/job.h"
+#include "stream/stage.h"
+
+namespace tessera {
+
+/// Options by the names of the command line, and back. \throws UsageError from SmoothOptions::validate()
+std::string smooth_settings(const SmoothOptions& options);
+SmoothOptions smooth_options(const std::string& settings);
+
+/// The whole job: import, rounds, output. One input. The report's `mesh` has {vertices, faces, largest_move,
+/// rms_move,
+/// ...}.
+JobDescription smooth_job(const SmoothOptions& options);
+
+// What the stages share.
+
+struct SmoothPlan {
+  std::vector<SmoothRound> rounds;
+  double tolerance = 0.0;  ///< 0 = no limit
+};
+/// Store after `round` rounds. The folder of round 0 is the import's.
+std::string smooth_folder(std::size_t round);
+inline const std::string kSmoothImport = "mesh";
+
+std::unique_ptr<Stage> make_reach_stage(const JobState& state);
+std::unique_ptr<Stage> make_smooth_stage(const JobState& state, const SmoothPlan& plan, std::size_t round);
+
+}  // namespace tessera

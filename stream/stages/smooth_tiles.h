@@ -1,0 +1,43 @@
+/// \file smooth_tiles.h
+/// How smoothing cuts a store into tiles, and how far a tile must see. Tiles carry no meaning: any cut gives
+/// the same bytes.
+#pragma once
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <vector>
+
+#include "stream/mesh_store.h"
+
+namespace tessera {
+
+struct SmoothTile {
+  std::vector<std::size_t> patches;  ///< ascending
+  double margin = 0.0;               ///< all faces within it hold the rings that were asked for
+  std::uint64_t bytes = 0;           ///< upper bound of what the tile takes
+};
+
+/// Tiles that one task does one after the other, into one file.
+using SmoothTask = std::vector<SmoothTile>;
+
+/// Longest edge of every patch, in the order of the store. It bounds how far a ring reaches.
+struct PatchReach {
+  std::vector<double> longest_edge;
+
+  void save(const std::filesystem::path& path) const;
+  static PatchReach load(const std::filesystem::path& path);
+};
+
+struct SmoothTiling {
+  int rings = 1;
+  int tile_bricks = 0;           ///< largest edge of a tile in bricks; 0 = as large as the bytes allow
+  std::uint64_t tile_bytes = 0;  ///< a tile above it is split down to single patches
+  /// Upper bound for a tile that reads so many vertices and faces, halo included.
+  std::function<std::uint64_t(std::uint64_t vertices, std::uint64_t faces)> bytes;
+};
+
+/// Every patch is in exactly one tile, in ascending order over all tasks.
+std::vector<SmoothTask> make_smooth_tasks(const MeshStore& store, const PatchReach& reach,
+                                          const SmoothTiling& tiling);
+
+}  // namespace tessera

@@ -1,0 +1,203 @@
+// tessera smooth and tessera parameterize as a user runs them.
+#include <catch2/catch.hpp>
+
+#include <algorithm>
+#include <cmath>
+#include <nlohmann/json.hpp>
+#include <numeric>
+#include <random>
+
+#include "kernels/smooth.h"
+#include "stream/mesh_io.h"
+#include "stream/stage_runner.h"
+#include "tests/helpers/command.h"
+#include "tests/helpers/temp_folder.h"
+
+namespace {
+
+using namespace tessera;
+namespace fs = std::filesystem;
+
+struct Mesh {
+  std::vector<Double3> position;
+  std::vector<MeshFace> faces;
+};
+
+Mesh read(const fs::path& path) {
+  Mesh mesh;
+  const auto file = open_mesh_file(path);
+  file->read_vertices(
+      [&](auto batch, auto) { mesh.position.insert(mesh.position.end(), batch.begin(), batch.end()); });
+  file->read_faces([&](auto batch) { mesh.faces.insert(mesh.faces.end(), batch.begin(), batch.end()); });
+  return mesh;
+}
+
+fs::path write(const Mesh& mesh, const fs::path& path, bool doubles = false) {
+  MeshHeader header;
+  header.vertices = mesh.position.size();
+  header.faces = mesh.faces.size();
+  header.double_positions = doubles;
+  const auto file = create_mesh_file(path, header);
+  file->vertices(mesh.position, {});
+  file->faces(mesh.faces);
+  file->finish();
+  return path;
+}
+
+/// A noisy sheet with a ridge, a hole and floats for coordinates: many patches, creases, borders.
+Mesh sheet(int side, unsigned seed = 1) {
+  std::mt19937 random(seed);
+  const auto noise = [&] { return 0.3 * (static_cast<double>(random() % 1024) / 1024.0 - 0.5); };
+  Mesh mesh;
+  for (int j = 0; j <= side; ++j)
+    for (int i = 0; i <= side; ++i) {
+      const double x = i + noise(), y = j + noise();
+      const double z = -1.5 * std::fabs(i - side / 2) + noise();
+      mesh.position.push_back({double(float(x)), double(float(y)), double(float(z))});
+    }
+  const auto at = [&](int i, int j) { return static_cast<std::uint64_t>(j * (side + 1) + i); };
+  for (int j = 0; j < side; ++j)
+    for (int i = 0; i < side; ++i) {
+      if (std::abs(i - side / 4) < 5 && std::abs(j - side / 3) < 5) continue;
+      mesh.faces.push_back({at(i, j), at(i + 1, j), at(i + 1, j + 1)});
+      mesh.faces.push_back({at(i, j), at(i + 1, j + 1), at(i, j + 1)});
+    }
+  return mesh;
+}
+
+Mesh shuffled(const Mesh& mesh, unsigned seed) {
+  std::mt19937 random(seed);
+  std::vector<std::uint64_t> order(mesh.position.size());
+  std::iota(order.begin(), order.end(), std::uint64_t{0});
+  std::shuffle(order.begin(), order.end(), random);
+  Mesh out;
+  out.position.resize(order.size());
+  for (std::size_t v = 0; v < order.size(); ++v) out.position[order[v]] = mesh.position[v];
+  for (const MeshFace& f : mesh.faces) out.faces.push_back({order[f[1]], order[f[2]], order[f[0]]});
+  std::shuffle(out.faces.begin(), out.faces.end(), random);
+  return out;
+}
+
+/// The bytes that smoothing writes.
+std::string smoothed(const fs::path& in, const fs::path& out, std::vector<std::string> more) {
+  std::vector<std::string> words = {"smooth", in.string(), "-o", out.string(), "-q", "--force"};
+  words.insert(words.end(), more.begin(), more.end());
+  const test::CommandResult result = test::tessera_command(words);
+  INFO(result.errors);
+  REQUIRE(result.code == 0);
+  return test::file_bytes(out);
+}
+
+}  // namespace
+
+TEST_CASE("smooth command: same bytes for tiles, threads, cap and input order", "[property]") {
+  const test::TempFolder folder;
+  const Mesh mesh = sheet(260);
+  const fs::path in = write(mesh, folder / "in.ply");
+  const std::vector<std::string> how =
+      GENERATE(std::vector<std::string>{"--lambda", "4"},
+               std::vector<std::string>{"--method", "denoise", "--tolerance", "0.1"},
+               std::vector<std::string>{"--method", "taubin", "--steps", "20"});
+  const auto with = [&](std::vector<std::string> more) {
+    more.insert(more.end(), how.begin(), how.end());
+    return more;
+  };
+  const std::string expected = smoothed(in, folder / "out.ply", with({"-t", "1"}));
+  CHECK(expected.size() > 500'000);
+  CHECK(smoothed(in, folder / "out.ply", with({"--tile-size", "64", "-t", "2"})) == expected);
+  CHECK(smoothed(in, folder / "out.ply", with({"--tile-size", "128", "-t", "1"})) == expected);
+  CHECK(smoothed(in, folder / "out.ply", with({"--memory", "160M", "-t", "2"})) == expected);
+  const fs::path other = write(shuffled(mesh, 5), folder / "other.ply");
+  CHECK(smoothed(other, folder / "out.ply", with({"-t", "2"})) == expected);
+}
+
+TEST_CASE("smooth command: the result is that of the kernel on the whole mesh", "[pipeline]") {
+  const test::TempFolder folder;
+  const fs::path in = write(sheet(200), folder / "in.ply");
+  smoothed(in, folder / "out.ply", {"--tile-size", "64", "--lambda", "4", "--tolerance", "0.05"});
+  RunOptions run;
+  run.memory_bytes = std::uint64_t{1} << 30;
+  run.threads = 1;
+  const MeshStore store = import_mesh(in, folder.path(), "mesh", run, {});
+  std::vector<std::size_t> all(store.patches().size());
+  std::iota(all.begin(), all.end(), std::size_t{0});
+  REQUIRE(all.size() > 4);
+  const MeshBlock block = store.load(all);
+  SmoothOptions options;
+  options.lambda = 4;
+  const SmoothedBlock whole = smooth_block(block, smooth_rounds(options).at(0));
+  CHECK(whole.counts.line > 400);
+  std::vector<Double3> expected;
+  for (std::size_t v = 0; v < block.position.size(); ++v)
+    expected.push_back(settle(block.position[v], whole.position[v], 0.05, true));
+  std::vector<Double3> got = read(folder / "out.ply").position;
+  std::sort(expected.begin(), expected.end());
+  std::sort(got.begin(), got.end());
+  CHECK(got == expected);
+}
+
+TEST_CASE("smooth command: killed at any moment, the same command ends with the same bytes", "[fault]") {
+  const test::TempFolder folder;
+  const fs::path in = write(sheet(150), folder / "in.ply");
+  const std::vector<std::string> how = {"--method", "denoise", "--tile-size", "64"};
+  const std::string expected = smoothed(in, folder / "one.ply", how);
+  std::vector<std::string> words = {"smooth", in.string(), "-o", (folder / "two.ply").string(), "-q"};
+  words.insert(words.end(), how.begin(), how.end());
+  int code = -1, kills = 0;
+  for (unsigned ms = 20; code != 0 && kills < 200; ms += 40) {
+    code = test::tessera_command(words, ms).code;
+    kills += code != 0;
+  }
+  CHECK(code == 0);
+  CHECK(kills > 0);
+  CHECK(test::file_bytes(folder / "two.ply") == expected);
+}
+
+TEST_CASE("smooth command: what cannot work is said", "[pipeline]") {
+  const test::TempFolder folder;
+  const fs::path in = write(sheet(20), folder / "in.ply");
+  const auto run = [&](std::vector<std::string> more) {
+    std::vector<std::string> words = {"smooth", in.string(), "-o", (folder / "out.ply").string()};
+    words.insert(words.end(), more.begin(), more.end());
+    return test::tessera_command(words);
+  };
+  CHECK(run({"--lambda", "-1"}).code == 2);
+  CHECK(run({"--method", "laplacian", "--lambda", "3"}).code == 2);
+  CHECK(run({"--method", "nonsense"}).code == 2);
+  CHECK(run({"--memory", "1M"}).code == 4);
+  CHECK(test::tessera_command({"smooth", in.string(), "-o", (folder / "out.xyz").string()}).code == 2);
+  CHECK(test::tessera_command({"smooth", (folder / "none.ply").string(), "-o", (folder / "o.ply").string()})
+            .code == 3);
+  CHECK_FALSE(fs::exists(folder / "out.ply"));
+}
+
+TEST_CASE("parameterize command: coordinates for a disk, a clear word for the rest", "[pipeline]") {
+  const test::TempFolder folder;
+  Mesh mesh = sheet(30);
+  std::erase_if(mesh.faces, [](const MeshFace& f) { return f[0] / 31 < 17; });  // above the hole: a disk
+  const fs::path in = write(mesh, folder / "in.ply");
+  const fs::path obj = folder / "out.obj", ply = folder / "out.ply";
+  CHECK(test::tessera_command({"parameterize", in.string(), "-o", obj.string()}).code == 0);
+  const std::string text = test::file_bytes(obj);
+  CHECK(static_cast<std::size_t>(std::count(text.begin(), text.end(), '\n')) >=
+        2 * mesh.position.size() + mesh.faces.size());
+  CHECK(text.find("\nvt ") != std::string::npos);
+  CHECK(read(obj).faces == mesh.faces);
+  CHECK(test::tessera_command(
+            {"parameterize", in.string(), "-o", ply.string(), "--method", "conformal", "--border", "square"})
+            .code == 0);
+  CHECK(test::file_bytes(ply).find("property float s\nproperty float t\n") != std::string::npos);
+  CHECK(read(ply).position == mesh.position);
+  CHECK(test::tessera_command({"parameterize", in.string(), "-o", ply.string()}).code ==
+        2);  // is there already
+  CHECK(test::tessera_command({"parameterize", in.string(), "-o", (folder / "o.stl").string()}).code == 2);
+  const fs::path holed = write(sheet(30), folder / "holed.ply");
+  const test::CommandResult refused =
+      test::tessera_command({"parameterize", holed.string(), "-o", (folder / "x.obj").string()});
+  CHECK(refused.code == 3);
+  CHECK(refused.errors.find("Euler characteristic 0, 2 borders, 1 piece") != std::string::npos);
+  CHECK_FALSE(fs::exists(folder / "x.obj"));
+  CHECK(test::tessera_command(
+            {"parameterize", in.string(), "-o", (folder / "y.obj").string(), "--memory", "100K"})
+            .code == 4);
+}
