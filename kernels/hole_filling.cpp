@@ -22,8 +22,9 @@ constexpr double kLeastArea = 0.05;
 constexpr int kRelaxRounds = 12;
 /// The coefficients of the energy come from the shape it changes; a second time they fit.
 constexpr int kBendRounds = 2;
-/// More than this in the envelope is not factored (kHoleBytes); longer edges inside bring it down.
-constexpr std::uint64_t kMostEnvelope = 8'000'000;
+/// More entries per unknown in the envelope are not factored: hole_bytes() holds. A round hole of the most
+/// vertices has 250.
+constexpr std::uint64_t kMostEnvelope = 400;
 
 /// Length of the rim's edges, root mean square: slivers count little.
 double rim_edge(const HoleLoop& loop) {
@@ -141,7 +142,7 @@ bool minimise(const std::vector<Hinge>& hinges, std::uint32_t first, std::uint32
   std::vector<Term>().swap(terms);
   for (std::size_t r = 0; r < n; ++r) matrix.start[r + 1] += matrix.start[r];
   EnvelopeCholesky solver(matrix);
-  if (solver.envelope() > kMostEnvelope || !solver.factor(matrix)) return false;
+  if (solver.envelope() > kMostEnvelope * n || !solver.factor(matrix)) return false;
   std::vector<double> axis(n);
   for (std::size_t a = 0; a < 3; ++a) {
     for (std::size_t v = 0; v < n; ++v) axis[v] = right[v][a];
@@ -169,10 +170,11 @@ HoleFilling fill_hole(const HoleLoop& loop) {
   }
   // Triangles with edges of length e cover sqrt(3)/4 e^2, and there are two of them to a vertex.
   const double rim = rim_edge(loop);
-  const double edge = std::max(
-      rim, std::sqrt(area_of(loop, start.faces) / (0.866 * 0.75 * static_cast<double>(kMostHoleVertices))));
+  const std::uint64_t most = most_hole_vertices(n);
+  const double edge =
+      std::max(rim, std::sqrt(area_of(loop, start.faces) / (0.866 * 0.75 * static_cast<double>(most + 1))));
   HoleMesh mesh(loop, start.faces);
-  mesh.refine(edge, kMostHoleVertices);
+  mesh.refine(edge, most);
   mesh.relax(kRelaxRounds);
   const auto all = static_cast<std::uint32_t>(mesh.positions().size());
   for (int round = 0; round < kBendRounds && all > n; ++round) {

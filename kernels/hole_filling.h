@@ -28,9 +28,14 @@ struct HoleLoop {
 };
 
 inline constexpr std::uint32_t kMostHoleEdges = 1000;  ///< the triangulation takes the cube of it in time
-inline constexpr std::uint32_t kMostHoleVertices =
-    12'000;  ///< new ones; larger holes get longer edges inside
-inline constexpr std::uint64_t kHoleBytes = std::uint64_t{96} << 20;  ///< the most that fill_hole() allocates
+/// New vertices of the filling of n edges, at most; larger holes get longer edges inside.
+constexpr std::uint64_t most_hole_vertices(std::uint64_t n) {
+  return n * n / 6 < 12'000 ? n * n / 6 : 12'000;
+}
+/// The most that fill_hole() allocates: the triangulation's table, or the system of the fairing.
+constexpr std::uint64_t hole_bytes(std::uint64_t n) {
+  return 64 * n * n + 5000 * most_hole_vertices(n) + (1u << 20);
+}
 
 enum class HoleOutcome : std::uint8_t {
   kFilled,
@@ -41,7 +46,8 @@ enum class HoleOutcome : std::uint8_t {
 
 struct HoleFilling {
   HoleOutcome outcome = HoleOutcome::kFilled;
-  bool fair = true;  ///< false: the bending could not be minimised (a degenerate patch); it is a membrane then
+  bool fair =
+      true;  ///< false: the bending could not be minimised (a degenerate patch); it is a membrane then
   std::vector<Double3> position;    ///< new vertices, none on the rim
   std::vector<std::uint32_t> rgba;  ///< theirs, or empty
   /// Counter-clockwise from outside; indices below n are the loop's, others n + new vertex. Canonical: a pure

@@ -193,6 +193,7 @@ PatchStore& PatchStore::operator=(PatchStore&&) noexcept = default;
 
 std::span<const PatchEntry> PatchStore::patches() const { return impl_->patches; }
 std::size_t PatchStore::file_count() const { return impl_->files.size(); }
+std::size_t PatchStore::file_of(std::size_t patch) const { return impl_->file_of(patch); }
 std::pair<std::size_t, std::size_t> PatchStore::file_range(std::size_t file) const {
   return {impl_->files[file].first, impl_->files[file].last};
 }
@@ -222,13 +223,14 @@ PatchSeam PatchStore::load_seam(std::size_t patch) const {
 }
 
 void PatchStore::load_vertices(std::size_t patch, std::vector<Float3>& position,
-                               std::vector<std::uint32_t>& rgba) const {
+                               std::vector<std::uint32_t>& rgba, std::vector<VertexClass>* vertex_class) const {
   const PatchEntry& e = impl_->patches[patch];
   const Layout layout(e);
   const std::vector<char> data = impl_->read(patch, e.offset + layout.seam(), layout.vertices(), e.vertex_hash);
   const char* at = data.data();
   take(at, position, layout.position);
   take(at, rgba, layout.rgba);
+  if (vertex_class) take(at, *vertex_class, e.vertices);
 }
 
 void PatchStore::load_faces(std::size_t patch, std::vector<PatchFace>& faces) const {

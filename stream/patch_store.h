@@ -66,11 +66,13 @@ class PatchStore {
   std::span<const PatchEntry> patches() const;         ///< ascending key, over all files
   std::pair<std::size_t, std::size_t> file_range(std::size_t file) const;  ///< patch indices [first, last)
   std::size_t file_count() const;
+  std::size_t file_of(std::size_t patch) const;
   std::int64_t find(std::uint64_t key) const;          ///< patch index, -1 if the brick has no patch
 
   PatchSeam load_seam(std::size_t patch) const;
-  /// Positions and colours only.
-  void load_vertices(std::size_t patch, std::vector<Float3>& position, std::vector<std::uint32_t>& rgba) const;
+  /// \param vertex_class  may be null
+  void load_vertices(std::size_t patch, std::vector<Float3>& position, std::vector<std::uint32_t>& rgba,
+                     std::vector<VertexClass>* vertex_class = nullptr) const;
   void load_faces(std::size_t patch, std::vector<PatchFace>& faces) const;
 
  private:

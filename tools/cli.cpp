@@ -12,6 +12,7 @@
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
+#include "kernels/hole_filling.h"
 #include "octree/error.h"
 #include "stream/memory_budget.h"
 #include "stream/stop.h"
@@ -312,6 +313,12 @@ void add_reconstruct_options(CLI::App& command, ReconstructOptions& options) {
       .add_option("--min-component", options.min_component,
                   "faces; smaller islands are dropped; 0 = from the scan, 1 = keep all")
       ->capture_default_str()
+      ->group(group);
+  command
+      .add_option("--max-hole", options.max_hole,
+                  "edges; holes with a rim of at most so many are filled smoothly; 0 = none")
+      ->capture_default_str()
+      ->check(CLI::Range(std::uint32_t{0}, kMostHoleEdges))
       ->group(group);
   command.add_option("--outliers", options.outliers, "auto: drop isolated and flying points; off: keep all")
       ->capture_default_str()

@@ -3,6 +3,8 @@
 #include <nlohmann/json.hpp>
 
 #include "stream/stages/distribute_stage.h"
+#include "stream/stages/holes_stage.h"
+#include "stream/stages/loops_stage.h"
 #include "stream/stages/normals_stage.h"
 #include "stream/stages/order_stage.h"
 #include "stream/stages/probe_stage.h"
@@ -28,6 +30,8 @@ void summarise(nlohmann::json& report) {
   const nlohmann::json written = result_of(report, "write");
   if (mesh.is_object() && written.is_object()) {
     mesh.update(written);
+    const nlohmann::json holes = result_of(report, "holes");
+    if (holes.is_object() && holes.value("loops", 0) > 0) mesh["holes"] = holes;
     report["mesh"] = mesh;
   }
 }
@@ -46,6 +50,8 @@ std::vector<StageEntry> reconstruct_stages() {
       {"orient", make_orient_stage},
       {"surface", make_surface_stage},
       {"weld", make_weld_stage},
+      {"loops", make_loops_stage},
+      {"holes", make_holes_stage},
       {"write", make_write_stage},
   };
 }

@@ -16,7 +16,6 @@ namespace {
 
 using json = nlohmann::json;
 
-constexpr const char* kNumberingFile = "weld/numbering.bin";
 constexpr std::uint64_t kSeamCacheBytes = 16u << 20;
 
 /// Seams of the patches around the current one; the oldest go first.

@@ -34,6 +34,8 @@ struct Numbering {
   static Numbering load(const std::filesystem::path& path);
 };
 
+inline constexpr const char* kNumberingFile = "weld/numbering.bin";  ///< in the work directory
+
 /// Patch files of the job, in order.
 PatchStore open_patches(const std::filesystem::path& work);
 /// Weld file of one patch file.

@@ -2,21 +2,17 @@
 
 #include <algorithm>
 #include <cmath>
-#include <map>
 #include <nlohmann/json.hpp>
 
 #include "stream/mesh_io.h"
 #include "stream/plan.h"
-#include "stream/read_file.h"
-#include "stream/stages/weld_stage.h"
+#include "stream/stages/hole_files.h"
+#include "stream/stages/numbered_patches.h"
 
 namespace tessera {
 namespace {
 
 using json = nlohmann::json;
-
-constexpr std::uint32_t kDropped = 0xffffffffu;
-constexpr std::size_t kRemapCache = 256;  ///< bricks that lost an island and are named by others, held at once
 
 /// Floats hold the scan's coordinates when their rounding stays below a thousandth of the lattice spacing.
 bool float_suffices(double largest_coordinate, double h) { return largest_coordinate * 0x1p-24 <= h * 1e-3; }
@@ -27,7 +23,8 @@ class WriteStage : public Stage {
       : state_(state),
         plan_(Plan::of_work(state.work)),
         store_(open_patches(state.work)),
-        numbering_(Numbering::load(state.work / "weld/numbering.bin")) {}
+        numbering_(Numbering::load(state.work / kNumberingFile)),
+        fillings_(list_filling_files(state.work)) {}
 
   std::string name() const override { return "write"; }
   std::size_t task_count() const override { return 0; }
@@ -40,14 +37,17 @@ class WriteStage : public Stage {
     std::uint64_t largest = 0;
     for (const PatchEntry& e : store_.patches())
       largest = std::max<std::uint64_t>(largest, 48ull * e.vertices + 40ull * e.faces + 16ull * e.foreign);
-    return 2 * largest + kRemapCache * (64u << 10) + (48u << 20);
+    for (const auto& file : fillings_) largest = std::max<std::uint64_t>(largest, std::filesystem::file_size(file));
+    return 2 * largest + NumberedPatches::kCacheBytes + (48u << 20);
   }
 
   json finish(const std::vector<json>&, TaskContext& context) const override {
     const MeshHeader header = make_header();
     const auto writer = create_mesh_file(state_.output, header);
     write_vertices(*writer, header, context);
-    write_faces(*writer, context);
+    write_new_vertices(*writer, header, context);
+    write_faces(*writer, header.synthetic, context);
+    write_fillings(*writer, context);
     writer->finish();
     context.count_written(writer->bytes_written());
     return {{"path", state_.output.string()},
@@ -63,6 +63,12 @@ class WriteStage : public Stage {
     MeshHeader header;
     header.vertices = numbering_.vertices;
     header.faces = numbering_.faces;
+    for (const auto& file : fillings_) {
+      const HoleFillingsHead head = load_fillings_head(file);
+      header.vertices += head.vertices;
+      header.faces += head.faces;
+      header.synthetic |= head.faces > 0;
+    }
     header.colour = plan_.has_colour;
     // The farthest corner of the used part of the lattice bounds every coordinate.
     double largest = 0.0;
@@ -84,6 +90,7 @@ class WriteStage : public Stage {
   }
 
   void write_vertices(MeshWriter& writer, const MeshHeader& header, TaskContext& context) const {
+    const NumberedPatches numbered(state_.work, store_, numbering_);
     std::vector<Float3> local;
     std::vector<std::uint32_t> rgba;
     std::vector<Double3> world;
@@ -101,9 +108,9 @@ class WriteStage : public Stage {
           world[v][a] = plan_.lattice.world(static_cast<int>(a), corner + double{local[v][a]}) - header.shift[a];
       }
       if (place.kept_vertices != local.size()) {
-        const std::vector<std::uint32_t> map = make_remap(p);
+        const std::vector<std::uint32_t> map = numbered.make_remap(p);
         for (std::size_t v = 0; v < map.size(); ++v) {
-          if (map[v] == kDropped) continue;
+          if (map[v] == NumberedPatches::kGone) continue;
           world[map[v]] = world[v];
           if (header.colour) rgba[map[v]] = rgba[v];
         }
@@ -115,71 +122,57 @@ class WriteStage : public Stage {
     }
   }
 
-  void write_faces(MeshWriter& writer, TaskContext& context) const {
-    std::vector<PatchFace> local;
-    std::vector<VertexPlace> foreign;
-    std::vector<std::uint64_t> index;
+  void write_faces(MeshWriter& writer, bool synthetic, TaskContext& context) const {
+    NumberedPatches numbered(state_.work, store_, numbering_);
+    PatchFaces patch;
     std::vector<MeshFace> faces;
-    std::map<std::size_t, std::vector<std::uint32_t>> remaps;
-    for (std::size_t file = 0; file < store_.file_count(); ++file) {
-      const ReadFile places(state_.work / weld_file_name(file));
-      const auto [first, last] = store_.file_range(file);
-      for (std::size_t p = first; p < last; ++p) {
-        context.check_stop();
-        const PatchEntry& entry = store_.patches()[p];
-        const PatchPlace& place = numbering_.patches[p];
-        if (place.kept_faces == 0) continue;
-        if (remaps.size() > kRemapCache) remaps.clear();
-        store_.load_faces(p, local);
-        foreign.resize(entry.foreign);
-        places.read_at(place.foreign_offset, foreign.data(), foreign.size() * sizeof(VertexPlace));
-        // Output index of every vertex that the patch names.
-        index.resize(std::size_t{entry.vertices} + entry.foreign);
-        for (std::uint32_t v = 0; v < entry.vertices; ++v)
-          index[v] = output_index({static_cast<std::uint32_t>(p), v}, remaps);
-        for (std::size_t f = 0; f < foreign.size(); ++f)
-          index[entry.vertices + f] = output_index(foreign[f], remaps);
-        faces.clear();
-        for (const PatchFace& f : local)
-          if (index[f[0]] != kNoIndex) faces.push_back({index[f[0]], index[f[1]], index[f[2]]});
-        writer.faces(faces);
-        context.advance(faces.size());
-        context.count_read(12 * local.size() + 8 * foreign.size());
-      }
+    std::vector<std::uint8_t> flags;
+    for (std::size_t p = 0; p < store_.patches().size(); ++p) {
+      context.check_stop();
+      if (numbering_.patches[p].kept_faces == 0) continue;
+      numbered.load_faces(p, patch);
+      faces.clear();
+      for (const PatchFace& f : patch.faces)
+        if (patch.kept(f)) faces.push_back({patch.index[f[0]], patch.index[f[1]], patch.index[f[2]]});
+      if (synthetic) flags.assign(faces.size(), 0);
+      writer.faces(faces, flags);
+      context.advance(faces.size());
+      context.count_read(12 * patch.faces.size() + 8 * patch.foreign.size());
     }
   }
 
-  using Remaps = std::map<std::size_t, std::vector<std::uint32_t>>;
-
-  /// kNoIndex for a vertex of a dropped island.
-  std::uint64_t output_index(const VertexPlace& place, Remaps& remaps) const {
-    const std::uint64_t base = numbering_.patches[place.patch].first_vertex;
-    if (numbering_.patches[place.patch].kept_vertices == store_.patches()[place.patch].vertices)
-      return base + place.vertex;
-    auto [it, fresh] = remaps.try_emplace(place.patch);
-    if (fresh) it->second = make_remap(place.patch);
-    const std::uint32_t v = it->second[place.vertex];
-    return v == kDropped ? kNoIndex : base + v;
-  }
-
-  /// New own index of every vertex of a patch that lost an island.
-  std::vector<std::uint32_t> make_remap(std::size_t patch) const {
-    const PatchSeam seam = store_.load_seam(patch);
-    std::vector<std::uint32_t> map(store_.patches()[patch].vertices);
-    std::uint32_t next = 0;
-    for (std::size_t v = 0; v < map.size(); ++v) {
-      const bool kept = numbering_.kept[numbering_.patches[patch].first_component + seam.components.of_vertex[v]] != 0;
-      map[v] = kept ? next++ : kDropped;
+  /// Fillings come behind everything else, in order of their loops.
+  void write_new_vertices(MeshWriter& writer, const MeshHeader& header, TaskContext& context) const {
+    for (const auto& file : fillings_) {
+      context.check_stop();
+      HoleFillings fillings = HoleFillings::load(file);
+      for (Double3& p : fillings.position)
+        for (std::size_t a = 0; a < 3; ++a)
+          p[a] = plan_.lattice.world(static_cast<int>(a), p[a]) - header.shift[a];
+      if (header.colour) fillings.rgba.resize(fillings.position.size(), 0);
+      writer.vertices(fillings.position,
+                      header.colour ? std::span<const std::uint32_t>(fillings.rgba) : std::span<const std::uint32_t>());
     }
-    return map;
   }
 
-  static constexpr std::uint64_t kNoIndex = ~std::uint64_t{0};
+  void write_fillings(MeshWriter& writer, TaskContext& context) const {
+    std::uint64_t base = numbering_.vertices;
+    for (const auto& file : fillings_) {
+      context.check_stop();
+      HoleFillings fillings = HoleFillings::load(file);
+      for (auto& face : fillings.faces)
+        for (std::uint64_t& v : face)
+          if (v & HoleFillings::kNew) v = base + (v & ~HoleFillings::kNew);
+      base += fillings.position.size();
+      writer.faces(fillings.faces, std::vector<std::uint8_t>(fillings.faces.size(), 1));
+    }
+  }
 
   JobState state_;
   Plan plan_;
   PatchStore store_;
   Numbering numbering_;
+  std::vector<std::filesystem::path> fillings_;
 };
 
 }  // namespace

@@ -1,0 +1,54 @@
+/// \file hole_files.h
+/// What the stages "loops" and "holes" leave in the work directory. Batches of loops are ordered by the
+/// smallest output number on them, over all files; so are their fillings.
+#pragma once
+#include <cstdint>
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "kernels/hole_filling.h"
+
+namespace tessera {
+
+/// A boundary loop of the welded mesh: positions in cells from the lattice origin.
+struct NamedLoop {
+  HoleLoop loop;
+  std::vector<std::uint64_t> vertex;  ///< output number of each of its vertices
+};
+
+/// Bytes in memory and on disk of a loop of n edges, without its taken edges.
+constexpr std::uint64_t loop_bytes(std::uint64_t n) {
+  return 64 + n * (8 + 24 + 24 + 4);
+}
+
+void save_loops(const std::filesystem::path& path, const std::vector<NamedLoop>& loops);
+std::vector<NamedLoop> load_loops(const std::filesystem::path& path);
+
+/// The fillings of one batch.
+struct HoleFillings {
+  std::vector<Double3> position;    ///< new vertices, cells from the lattice origin
+  std::vector<std::uint32_t> rgba;  ///< theirs, or empty
+  /// Output numbers, or kNew | index of a new vertex of this batch.
+  std::vector<std::array<std::uint64_t, 3>> faces;
+  static constexpr std::uint64_t kNew = std::uint64_t{1} << 63;
+
+  void save(const std::filesystem::path& path) const;
+  static HoleFillings load(const std::filesystem::path& path);
+};
+
+/// Sizes without loading.
+struct HoleFillingsHead {
+  std::uint64_t vertices = 0;
+  std::uint64_t coloured = 0;  ///< = vertices, or 0
+  std::uint64_t faces = 0;
+};
+HoleFillingsHead load_fillings_head(const std::filesystem::path& path);
+
+/// Files in order; none when no holes were asked for.
+std::vector<std::filesystem::path> list_loop_files(const std::filesystem::path& work);
+std::vector<std::filesystem::path> list_filling_files(const std::filesystem::path& work);
+std::string loop_file_name(std::size_t batch);
+std::string filling_file_name(std::size_t batch);
+
+}  // namespace tessera

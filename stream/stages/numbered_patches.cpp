@@ -1,0 +1,51 @@
+#include "stream/stages/numbered_patches.h"
+
+namespace tessera {
+namespace {
+
+constexpr std::size_t kRemaps = 256;  ///< patches that lost an island and are named by others, held at once
+
+}  // namespace
+
+std::vector<std::uint32_t> NumberedPatches::make_remap(std::size_t patch) const {
+  const PatchSeam seam = store_->load_seam(patch);
+  std::vector<std::uint32_t> map(store_->patches()[patch].vertices);
+  std::uint32_t next = 0;
+  for (std::size_t v = 0; v < map.size(); ++v) {
+    const bool kept =
+        numbering_->kept[numbering_->patches[patch].first_component + seam.components.of_vertex[v]] != 0;
+    map[v] = kept ? next++ : kGone;
+  }
+  return map;
+}
+
+std::uint64_t NumberedPatches::output_index(const VertexPlace& place) {
+  const std::uint64_t base = numbering_->patches[place.patch].first_vertex;
+  if (numbering_->patches[place.patch].kept_vertices == store_->patches()[place.patch].vertices)
+    return base + place.vertex;
+  auto [it, fresh] = remaps_.try_emplace(place.patch);
+  if (fresh) it->second = make_remap(place.patch);
+  const std::uint32_t v = it->second[place.vertex];
+  return v == kGone ? PatchFaces::kDropped : base + v;
+}
+
+void NumberedPatches::load_faces(std::size_t patch, PatchFaces& out) {
+  const PatchEntry& entry = store_->patches()[patch];
+  const auto file = static_cast<std::int64_t>(store_->file_of(patch));
+  if (file != open_file_) {
+    places_ = std::make_unique<ReadFile>(work_ / weld_file_name(static_cast<std::size_t>(file)));
+    open_file_ = file;
+  }
+  if (remaps_.size() > kRemaps) remaps_.clear();
+  store_->load_faces(patch, out.faces);
+  out.foreign.resize(entry.foreign);
+  places_->read_at(numbering_->patches[patch].foreign_offset, out.foreign.data(),
+                   out.foreign.size() * sizeof(VertexPlace));
+  out.index.resize(std::size_t{entry.vertices} + entry.foreign);
+  for (std::uint32_t v = 0; v < entry.vertices; ++v)
+    out.index[v] = output_index({static_cast<std::uint32_t>(patch), v});
+  for (std::size_t f = 0; f < out.foreign.size(); ++f)
+    out.index[entry.vertices + f] = output_index(out.foreign[f]);
+}
+
+}  // namespace tessera

@@ -1,0 +1,50 @@
+/// \file numbered_patches.h
+/// Patches after welding: every kept vertex by its number in the output.
+#pragma once
+#include <cstdint>
+#include <filesystem>
+#include <map>
+#include <memory>
+#include <vector>
+
+#include "stream/read_file.h"
+#include "stream/stages/weld_stage.h"
+
+namespace tessera {
+
+/// The faces of one patch, with what each of its vertices is called outside.
+struct PatchFaces {
+  std::vector<PatchFace> faces;      ///< of the patch, dropped islands among them
+  std::vector<VertexPlace> foreign;  ///< places of the foreign vertices
+  std::vector<std::uint64_t> index;  ///< output number per own, then per foreign vertex
+  static constexpr std::uint64_t kDropped = ~std::uint64_t{0};  ///< index of a vertex of a dropped island
+  bool kept(const PatchFace& f) const { return index[f[0]] != kDropped; }
+};
+
+/// One thread's view of the patches: keeps a bounded cache.
+class NumberedPatches {
+ public:
+  NumberedPatches(const std::filesystem::path& work, const PatchStore& store, const Numbering& numbering)
+      : work_(work), store_(&store), numbering_(&numbering) {}
+
+  /// \pre the patch has kept faces
+  void load_faces(std::size_t patch, PatchFaces& out);
+  static constexpr std::uint32_t kGone = 0xffffffffu;
+  /// Own number before islands are dropped -> after, kGone where the vertex goes with its island.
+  std::vector<std::uint32_t> make_remap(std::size_t patch) const;
+
+  /// Most that the caches take, beyond one patch's faces.
+  static constexpr std::uint64_t kCacheBytes = std::uint64_t{16} << 20;
+
+ private:
+  std::uint64_t output_index(const VertexPlace& place);
+
+  std::filesystem::path work_;
+  const PatchStore* store_;
+  const Numbering* numbering_;
+  std::map<std::size_t, std::vector<std::uint32_t>> remaps_;  ///< of patches that lost an island
+  std::int64_t open_file_ = -1;                               ///< whose places are open
+  std::unique_ptr<ReadFile> places_;
+};
+
+}  // namespace tessera
