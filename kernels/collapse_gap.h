@@ -14,7 +14,11 @@ namespace tessera {
 /// The rim of one side of a star as a closed loop, counter-clockwise, from the vertex that takes over.
 struct RimLoop {
   std::size_t size = 0;
+  std::uint64_t borders = 0, creases = 0;    ///< bit i: what the edge from at[i] to at[i + 1] is
+  std::uint64_t ends = 0;                    ///< bit i: creases or borders run through at[i]
   std::array<synth::Vec3, kMaxRing + 2> at;  ///< relative to the vertex that takes over: at[0] = 0
+
+  void clear() { size = 0, borders = creases = ends = 0; }
 };
 
 inline constexpr std::size_t kNoFlatEdge = ~std::size_t{0};

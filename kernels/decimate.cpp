@@ -153,6 +153,9 @@ DecimateReport decimate(MeshBlock& block, const MeshBlock& reference, const Deci
       if (!std::is_sorted(reference.key.begin(), reference.key.end()))
         throw InputError("decimation: the keys of the reference must ascend");
       apart.emplace(reference, origin);
+      std::vector<std::uint32_t> same(apart->vertices());
+      std::iota(same.begin(), same.end(), 0u);
+      mark_features(*apart, reference, *apart, same, options.feature_angle_deg);
       reference_vertex = same_vertices(mesh, block, *apart, reference);
     }
     const CollapseMesh& original = apart ? *apart : mesh;

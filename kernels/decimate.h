@@ -82,8 +82,8 @@ struct DecimateReport {
 /// \param reference  the original surface with a halo of 2 x tolerance around the block, same frame. Its
 /// vertices
 ///                   that are vertices of the block still have the same key. May be `block` itself in a
-///                   first pass, which takes less time and memory than a copy; else keys ascend. Not looked at
-///                   when tolerance is 0.
+///                   first pass, which takes less time and memory than a copy; else keys ascend. Not looked
+///                   at when tolerance is 0.
 /// \pre    every edge of the block has at most two faces, oppositely directed; positions are finite
 /// \post   pure function of the set of faces and the options; locked vertices unchanged; edge-manifold,
 ///         vertex-manifold where it was; block.face_bound <= tolerance if the input's was

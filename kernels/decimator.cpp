@@ -32,6 +32,8 @@ Decimator::Decimator(CollapseMesh& mesh, const CollapseMesh& reference,
       queue_(mesh.vertices()),
       reference_vertex_(std::move(reference_vertex)) {
   if (options.tolerance > 0.0) reference_gap_ = ReferenceGap(reference);
+  if (options.max_normal_turn_deg > 0.0)
+    least_cosine_ = synth::sin_cos(options.max_normal_turn_deg * (synth::kPi / 180.0)).cos;
   accumulate_quadrics();
 }
 
@@ -151,29 +153,46 @@ Decimator::Refusal Decimator::check_faces(std::uint32_t u, const Star& star, std
   return Refusal::kNone;
 }
 
-/// The side of the star whose ring runs from place `from` to `to`, counter-clockwise.
-bool Decimator::add_side(const Star& star, std::uint32_t v, std::size_t from, std::size_t to, bool v_first,
-                         const Vec3& apex, double& gap) {
-  const Vec3 pv = mesh_.at(v);
+/// The side of the star whose ring runs from place `from` to `to`, counter-clockwise; one of them takes over.
+void Decimator::make_side(const Star& star, std::uint32_t v, std::size_t from, std::size_t to, bool v_first,
+                          RimLoop& loop) const {
   const std::size_t size = star.ring_size();
-  loop_.size = 0;
-  if (!v_first) loop_.at[loop_.size++] = {0, 0, 0};  // v comes last on this side: the loop starts with it
+  const bool border = (mesh_.state(v) & kVertexBorder) != 0 && !star.closed;
+  loop.clear();
+  // The loop starts with v; the edge between v and the other end closes it and is the line.
+  const auto add_line = [&](std::uint32_t w) {
+    (border ? loop.borders : loop.creases) |= std::uint64_t{1} << loop.size;
+    add_rim(v, w, kNoCorner, loop);
+  };
+  if (!v_first) add_line(v);
   for (std::size_t i = from;; i = i + 1 < size ? i + 1 : 0) {
-    if (!(i == to && !v_first)) loop_.at[loop_.size++] = mesh_.at(star.ring[i]) - pv;
-    if (i == to) break;
+    if (i == to) {
+      if (v_first) add_line(star.ring[i]);
+      return;
+    }
+    add_rim(v, star.ring[i], star.corner[i], loop);
   }
-  double side = 0.0;
-  if (!fan_gap(loop_, apex, v_first ? loop_.size - 1 : 0, side)) return false;
-  gap = std::fmax(gap, side);
-  return true;
+}
+
+/// Adds the place of w, and with it the edge from there on, which lies opposite the corner.
+void Decimator::add_rim(std::uint32_t v, std::uint32_t w, std::uint32_t corner, RimLoop& loop) const {
+  const std::uint64_t bit = std::uint64_t{1} << loop.size;
+  if (corner != kNoCorner) {
+    if (mesh_.border_edge(corner)) loop.borders |= bit;
+    if (mesh_.crease_edge(corner)) loop.creases |= bit;
+  }
+  if (mesh_.state(w) & (kVertexBorder | kVertexCrease | kVertexFixed)) loop.ends |= bit;
+  loop.at[loop.size++] = mesh_.at(w) - mesh_.at(v);
 }
 
 Decimator::Refusal Decimator::check_gap(std::uint32_t u, const Star& star, std::size_t at_ring) {
   const std::uint32_t v = star.ring[at_ring];
   const std::size_t size = star.ring_size();
   const Vec3 pu = mesh_.at(u), pv = mesh_.at(v);
-  double gap = 0.0;
   const std::uint8_t state = mesh_.state(u);
+  double gap = 0.0;
+  std::size_t sides = 0;
+  bool v_first[2] = {true, false};
   if (state & (kVertexBorder | kVertexCrease)) {
     // Along a line: the line's vertex first moves to its foot on the new edge, then each side for itself.
     std::size_t far = 0;
@@ -187,34 +206,56 @@ Decimator::Refusal Decimator::check_gap(std::uint32_t u, const Star& star, std::
     const double size2 = dot(edge, edge);
     if (!(size2 > 0.0)) return Refusal::kFold;
     const Vec3 foot = edge * synth::clamp(dot(from, edge) / size2, 0.0, 1.0);
-    if (at_ring != size - 1 || star.closed || (state & kVertexCrease)) {
-      if (!add_side(star, v, at_ring, far, true, foot, gap)) return Refusal::kFold;
+    if (!(state & kVertexBorder) || at_ring == 0) make_side(star, v, at_ring, far, true, loops_[sides++]);
+    if (!(state & kVertexBorder) || at_ring != 0) {
+      v_first[sides] = false;
+      make_side(star, v, far, at_ring, false, loops_[sides++]);
     }
-    if (state & kVertexCrease || at_ring != 0) {
-      if (!add_side(star, v, far, at_ring, false, foot, gap)) return Refusal::kFold;
+    for (std::size_t s = 0; s < sides; ++s) {
+      double side = 0.0;
+      if (!fan_gap(loops_[s], foot, v_first[s] ? loops_[s].size - 1 : 0, side)) return Refusal::kFold;
+      gap = std::fmax(gap, side);
     }
     gap += length(from - foot);
   } else {
-    loop_.size = 0;
+    RimLoop& loop = loops_[sides++];
+    loop.clear();
     for (std::size_t n = 0, i = at_ring; n < size; ++n, i = i + 1 < size ? i + 1 : 0)
-      loop_.at[loop_.size++] = mesh_.at(star.ring[i]) - pv;
-    if (!fan_gap(loop_, pu - pv, kNoFlatEdge, gap)) return Refusal::kFold;
+      add_rim(v, star.ring[i], star.corner[i], loop);
+    if (!fan_gap(loop, pu - pv, kNoFlatEdge, gap)) return Refusal::kFold;
   }
   double bound = 0.0;
   for (std::size_t i = 0; i < star.faces; ++i)
     bound = std::fmax(bound, static_cast<double>(mesh_.face(star.corner[i] >> 2).bound));
   new_bound_ = float_above(bound + gap * (1.0 + 1e-12));
-  if (!(options_.tolerance > 0.0) || static_cast<double>(new_bound_) <= options_.tolerance)
-    return Refusal::kNone;
+  if (!(options_.tolerance > 0.0)) return Refusal::kNone;
+  const bool short_sum = static_cast<double>(new_bound_) <= options_.tolerance;
+  if (short_sum && least_cosine_ <= -1.0) return Refusal::kNone;
   // Sums of bounds grow faster than the distance itself: ask the reference.
-  if (state & (kVertexBorder | kVertexCrease) || reference_vertex_[u] == kNoCorner)
-    return Refusal::kTolerance;
+  if (reference_vertex_[u] == kNoCorner) return Refusal::kTolerance;
   ++exact_tests_;
   double exact = 0.0;
-  if (!reference_gap_.measure(loop_, pv, reference_vertex_[u], options_.tolerance * (1.0 - 1e-6), exact))
-    return Refusal::kTolerance;
-  new_bound_ = float_above(exact * (1.0 + 1e-7));
+  const bool on_line = (state & (kVertexBorder | kVertexCrease)) != 0;
+  for (std::size_t s = 0; s < sides; ++s) {
+    ReferenceGap::Query query;
+    query.origin = pv;
+    query.seed = reference_vertex_[u];
+    query.flat_edge = !on_line ? kNoFlatEdge : v_first[s] ? loops_[s].size - 1 : 0;
+    query.limit = options_.tolerance;
+    query.least_cosine = least_cosine_;
+    query.cross_creases = !on_line;
+    double side = 0.0;
+    ReferenceGap::Answer answer = reference_gap_.measure(loops_[s], query, side);
+    if (answer == ReferenceGap::Answer::kFolded && query.cross_creases && loops_[s].ends != 0) {
+      query.cross_creases = false;  // over an edge that is too sharp
+      answer = reference_gap_.measure(loops_[s], query, side);
+    }
+    if (answer == ReferenceGap::Answer::kTurned) return Refusal::kNormal;
+    if (answer != ReferenceGap::Answer::kWithin) return Refusal::kTolerance;
+    exact = std::fmax(exact, side);
+  }
   ++exact_accepted_;
+  new_bound_ = short_sum ? std::fmin(new_bound_, float_above(exact)) : float_above(exact);
   return Refusal::kNone;
 }
 

@@ -40,8 +40,9 @@ class Decimator {
   bool linked(const Star& star, std::size_t at);
   Refusal check_faces(std::uint32_t u, const Star& star, std::size_t at) const;
   Refusal check_gap(std::uint32_t u, const Star& star, std::size_t at);
-  bool add_side(const Star& star, std::uint32_t v, std::size_t from, std::size_t to, bool v_first,
-                const synth::Vec3& apex, double& gap);
+  void make_side(const Star& star, std::uint32_t v, std::size_t from, std::size_t to, bool v_first,
+                 RimLoop& loop) const;
+  void add_rim(std::uint32_t v, std::uint32_t w, std::uint32_t corner, RimLoop& loop) const;
   void commit(std::uint32_t u, const Star& star, std::size_t at, std::uint32_t cost_class_now);
 
   CollapseMesh& mesh_;
@@ -51,7 +52,8 @@ class Decimator {
   std::vector<std::uint32_t> mark_;
   std::uint32_t stamp_ = 0;
   CostQueue<kCostClasses> queue_;
-  RimLoop loop_;
+  RimLoop loops_[2];
+  double least_cosine_ = -1.0;
   ReferenceGap reference_gap_;
   std::vector<std::uint32_t> reference_vertex_;
   std::uint64_t exact_tests_ = 0, exact_accepted_ = 0;

@@ -27,7 +27,7 @@ ReferenceGap::ReferenceGap(const CollapseMesh& reference) {
     faces_[f] = {{from.vertex[0], from.vertex[1], from.vertex[2]},
                  0,
                  {from.opposite[0], from.opposite[1], from.opposite[2]},
-                 0};
+                 from.state & (7u * kStateBorder | 7u * kStateCrease)};
   }
   vertices_.resize(reference.vertices());
   corner_.resize(reference.vertices());
@@ -63,11 +63,13 @@ bool ReferenceGap::set_polygon(const RimLoop& loop) {
     edge_x_[i] = static_cast<float>(x[j] - x[i]);
     edge_y_[i] = static_cast<float>(y[j] - y[i]);
     edge_c_[i] = static_cast<float>(cross2(x[j] - x[i], y[j] - y[i], x[i], y[i]));
+    edge_z_[i] = static_cast<float>(z[j] - z[i]);
     if (i == 0 || j == 0) continue;
     // z = sx x + sy y through the origin and both corners.
     const double full = cross2(x[i], y[i], x[j], y[j]);
     slope_x_[i] = static_cast<float>((z[i] * y[j] - z[j] * y[i]) / full);
     slope_y_[i] = static_cast<float>((z[j] * x[i] - z[i] * x[j]) / full);
+    face_cosine_[i] = 1.0f / std::sqrt(1.0f + slope_x_[i] * slope_x_[i] + slope_y_[i] * slope_y_[i]);
   }
   groups_ = (size_ + kLanes - 1) / kLanes;
   all_ = (std::uint64_t{1} << size_) - 1;
@@ -108,11 +110,74 @@ inline bool ReferenceGap::place(std::uint32_t vertex, std::uint32_t& slot) {
   p.x = static_cast<float>(dot(r, ex_)), p.y = static_cast<float>(dot(r, ey_)),
   p.z = static_cast<float>(dot(r, n_));
   classify(p);
+  if (p.inside) {
+    const auto i =
+        static_cast<std::size_t>(std::countr_zero(p.spokes & ~(p.spokes >> 1) & p.rims & sectors_));
+    gap_ = std::fmax(gap_, std::fabs(p.z - slope_x_[i] * p.x - slope_y_[i] * p.y));
+  } else if ((lines_ & ~p.rims) != 0) {
+    p.inside = beyond_line(p);
+  }
   points_.push_back(p);
-  if (!p.inside) return true;
-  const auto i = static_cast<std::size_t>(std::countr_zero(p.spokes & ~(p.spokes >> 1) & p.rims & sectors_));
-  gap_ = std::fmax(gap_, std::fabs(p.z - slope_x_[i] * p.x - slope_y_[i] * p.y));
   return gap_ <= limit_;
+}
+
+/// Whether p lies beyond a line of the rim, beside it: then its distance to the line counts.
+bool ReferenceGap::beyond_line(Point& p) {
+  bool beyond = false;
+  float nearest = 0.0f;
+  for (std::uint64_t cut = lines_ & ~p.rims; cut != 0; cut &= cut - 1) {
+    const auto j = static_cast<std::size_t>(std::countr_zero(cut));
+    const float dx = p.x - x_[j], dy = p.y - y_[j], size2 = edge_x_[j] * edge_x_[j] + edge_y_[j] * edge_y_[j];
+    const float t = (dx * edge_x_[j] + dy * edge_y_[j]) / size2;
+    if (!(t >= 0.0f && t <= 1.0f)) continue;
+    const float across = cross2(edge_x_[j], edge_y_[j], dx, dy), up = p.z - z_[j] - t * edge_z_[j];
+    const float distance = std::sqrt(across * across / size2 + up * up);
+    nearest = beyond ? std::fmin(nearest, distance) : distance;
+    beyond = true;
+  }
+  if (beyond) gap_ = std::fmax(gap_, nearest);
+  return beyond;
+}
+
+/// A vertex of a line of the reference: its distance to the nearest line of the rim counts.
+bool ReferenceGap::near_line(const Point& p) {
+  float nearest2 = limit_ * limit_ * 4.0f + 1.0f;
+  for (std::uint64_t bits = lines_; bits != 0; bits &= bits - 1) {
+    const auto j = static_cast<std::size_t>(std::countr_zero(bits));
+    const float dx = p.x - x_[j], dy = p.y - y_[j], size2 = edge_x_[j] * edge_x_[j] + edge_y_[j] * edge_y_[j];
+    float t = (dx * edge_x_[j] + dy * edge_y_[j]) / size2;
+    t = t > 0.0f ? (t < 1.0f ? t : 1.0f) : 0.0f;
+    const float ux = dx - t * edge_x_[j], uy = dy - t * edge_y_[j], uz = p.z - z_[j] - t * edge_z_[j];
+    nearest2 = std::fmin(nearest2, ux * ux + uy * uy + uz * uz);
+  }
+  for (std::uint64_t bits = ends_; bits != 0; bits &= bits - 1) {
+    const auto j = static_cast<std::size_t>(std::countr_zero(bits));
+    const float ux = p.x - x_[j], uy = p.y - y_[j], uz = p.z - z_[j];
+    nearest2 = std::fmin(nearest2, ux * ux + uy * uy + uz * uz);
+  }
+  gap_ = std::fmax(gap_, std::sqrt(nearest2));
+  return gap_ <= limit_;
+}
+
+/// Whether the triangle turns too far against one of the new faces that it lies over.
+bool ReferenceGap::turned(const Point* p) const {
+  const float ax = p[1].x - p[0].x, ay = p[1].y - p[0].y, az = p[1].z - p[0].z;
+  const float bx = p[2].x - p[0].x, by = p[2].y - p[0].y, bz = p[2].z - p[0].z;
+  const float nx = ay * bz - az * by, ny = az * bx - ax * bz, nz = ax * by - ay * bx;
+  const float size = std::sqrt(nx * nx + ny * ny + nz * nz);
+  if (!(size > 0.0f)) return false;
+  std::uint64_t faces = 0;
+  for (int i = 0; i < 3; ++i) {
+    faces |= p[i].spokes & ~(p[i].spokes >> 1) & p[i].rims & sectors_;
+    const std::uint64_t cut = (p[i].spokes ^ p[i == 2 ? 0 : i + 1].spokes) & sectors_ & ~std::uint64_t{2};
+    faces |= cut | cut >> 1;  // spoke j parts faces j - 1 and j
+  }
+  for (faces &= sectors_; faces != 0; faces &= faces - 1) {
+    const auto i = static_cast<std::size_t>(std::countr_zero(faces));
+    const float along = (nz - slope_x_[i] * nx - slope_y_[i] * ny) * face_cosine_[i];
+    if (along < least_cosine_ * size) return true;
+  }
+  return false;
 }
 
 /// Whether the segment, with both ends outside, meets the inside of the polygon.
@@ -146,32 +211,85 @@ bool ReferenceGap::cross_edges(const Point& a, const Point& b) {
   }
   for (std::uint64_t cut = a.rims ^ b.rims; cut != 0; cut &= cut - 1) {
     const auto j = static_cast<std::size_t>(std::countr_zero(cut));
-    const std::size_t k = j + 1 < size_ ? j + 1 : 0;
-    cross(x_[j], y_[j], z_[j], edge_x_[j], edge_y_[j], z_[k] - z_[j]);
+    cross(x_[j], y_[j], z_[j], edge_x_[j], edge_y_[j], edge_z_[j]);
   }
   return gap_ <= limit_;
 }
 
-bool ReferenceGap::measure(const RimLoop& loop, const Vec3& origin, std::uint32_t seed, double limit,
-                           double& gap) {
-  if (!set_polygon(loop)) return false;
-  origin_ = origin;
+/// The triangles at the seed: all, or with a flat edge those of the side, that is of the fan between two
+/// lines that lies more to the left of the flat edge.
+bool ReferenceGap::seed_faces(std::uint32_t seed, std::size_t flat_edge) {
+  const auto is_line = [&](std::uint32_t c) {
+    return (faces_[c >> 2].lines >> (c & 3u) & (kStateBorder | kStateCrease)) != 0;
+  };
+  const std::uint32_t first = corner_[seed];
+  std::uint32_t c = first;
+  std::size_t best_from = 0, best_to = 0, from = 0;
+  float best = 0.0f, side = 0.0f, weight = 0.0f;
+  fan_.clear();
+  bool open = false;
+  // Turn to a line first, so that no side is cut in two.
+  if (flat_edge != kNoFlatEdge)
+    for (; !is_line(prev_corner(c));) {
+      const std::uint32_t o = faces_[c >> 2].opposite[next_corner(c) & 3u];
+      if (o == kNoCorner) return false;
+      c = next_corner(o);
+      if (c == first) return false;
+    }
+  const std::uint32_t start = c;
+  const auto end_side = [&](std::size_t to) {
+    if (to > from && weight > 0.0f && (best_to == best_from || side / weight > best))
+      best = side / weight, best_from = from, best_to = to;
+    from = to, side = weight = 0.0f;
+  };
+  for (;;) {
+    fan_.push_back(c >> 2);
+    if (flat_edge != kNoFlatEdge) {
+      for (const std::uint32_t k : {next_corner(c), prev_corner(c)}) {
+        const Vec3 r = vertices_[faces_[c >> 2].vertex[k & 3u]].at - origin_;
+        side +=
+            cross2(edge_x_[flat_edge], edge_y_[flat_edge], static_cast<float>(dot(r, ex_)) - x_[flat_edge],
+                   static_cast<float>(dot(r, ey_)) - y_[flat_edge]);
+        weight += 1.0f;
+      }
+      if (is_line(next_corner(c))) end_side(fan_.size());
+    }
+    const std::uint32_t o = faces_[c >> 2].opposite[next_corner(c) & 3u];
+    if (o == kNoCorner) {
+      open = true;
+      break;
+    }
+    c = next_corner(o);
+    if (c == start) break;
+  }
+  if (flat_edge == kNoFlatEdge) {
+    if (open) return false;
+    best_to = fan_.size();
+  } else if (open && start != first) {
+    return false;  // a crease that ends in a border
+  }
+  for (std::size_t i = best_from; i < best_to; ++i) {
+    faces_[fan_[i]].stamp = stamp_;
+    stack_.push_back(fan_[i]);
+  }
+  return best_to > best_from;
+}
+
+ReferenceGap::Answer ReferenceGap::measure(const RimLoop& loop, const Query& query, double& gap) {
+  if (!set_polygon(loop)) return Answer::kBeyond;
+  origin_ = query.origin;
   const float slack = 16.0f * 0x1p-24f * radius_;
   gap_ = 0.0f;
-  limit_ = static_cast<float>(limit) * (1.0f - 0x1p-22f) - slack;
+  limit_ = static_cast<float>(query.limit) * (1.0f - 0x1p-22f) - slack;
+  least_cosine_ = static_cast<float>(query.least_cosine);
+  lines_ = loop.borders | (query.cross_creases ? 0u : loop.creases);
+  ends_ = loop.ends;
+  const unsigned walls = query.cross_creases ? unsigned{kStateBorder} : kStateBorder | kStateCrease;
   points_.clear();
   stack_.clear();
   // Stamps: even on the stack, odd done.
   stamp_ += 2;
-  const std::uint32_t first = corner_[seed];
-  for (std::uint32_t c = first;;) {
-    stack_.push_back(c >> 2);
-    faces_[c >> 2].stamp = stamp_;
-    const std::uint32_t o = faces_[c >> 2].opposite[next_corner(c) & 3u];
-    if (o == kNoCorner) return false;
-    c = next_corner(o);
-    if (c == first) break;
-  }
+  if (!seed_faces(query.seed, query.flat_edge)) return Answer::kBeyond;
   while (!stack_.empty()) {
     Face& f = faces_[stack_.back()];
     stack_.pop_back();
@@ -179,11 +297,12 @@ bool ReferenceGap::measure(const RimLoop& loop, const Vec3& origin, std::uint32_
     ++walked_;
     std::array<std::uint32_t, 3> slot;
     for (std::size_t i = 0; i < 3; ++i)
-      if (!place(f.vertex[i], slot[i])) return false;
+      if (!place(f.vertex[i], slot[i])) return Answer::kBeyond;
     const Point p[3] = {points_[slot[0]], points_[slot[1]], points_[slot[2]]};
     const float ax = p[1].x - p[0].x, ay = p[1].y - p[0].y, bx = p[2].x - p[0].x, by = p[2].y - p[0].y;
     if (cross2(ax, ay, bx, by) < -slack * (std::fabs(ax) + std::fabs(ay) + std::fabs(bx) + std::fabs(by)))
-      return false;
+      return Answer::kFolded;
+    if (least_cosine_ > -1.0f && turned(p)) return Answer::kTurned;
     for (std::uint32_t i = 0; i < 3; ++i) {
       const std::uint32_t o = f.opposite[i];
       if (o != kNoCorner && faces_[o >> 2].stamp == stamp_ + 1) continue;  // seen from there
@@ -191,10 +310,14 @@ bool ReferenceGap::measure(const RimLoop& loop, const Vec3& origin, std::uint32_
       if (to->x < from->x) std::swap(from, to);  // the same bits from either side
       const Point &a = *from, &b = *to;
       if (!a.inside && !b.inside && !meets_polygon(a, b)) continue;
-      if (o == kNoCorner) return false;
       if ((a.spokes ^ b.spokes) != 0 || (a.rims ^ b.rims) != 0) {
-        if (!cross_edges(a, b)) return false;
+        if (!cross_edges(a, b)) return Answer::kBeyond;
       }
+      if (f.lines >> i & walls) {
+        if (!near_line(a) || !near_line(b)) return Answer::kBeyond;
+        continue;
+      }
+      if (o == kNoCorner) return Answer::kBeyond;
       Face& across = faces_[o >> 2];
       if (across.stamp != stamp_) {
         across.stamp = stamp_;
@@ -203,7 +326,7 @@ bool ReferenceGap::measure(const RimLoop& loop, const Vec3& origin, std::uint32_
     }
   }
   gap = static_cast<double>(gap_) * (1.0 + 0x1p-22) + static_cast<double>(slack);
-  return true;
+  return Answer::kWithin;
 }
 
 }  // namespace tessera

@@ -3,10 +3,14 @@
 ///
 /// Seen along the normal of the rim's polygon, the new star is a graph over the polygon. The reference is
 /// walked from the removed vertex across every edge that meets the polygon; if all triangles on the way face
-/// the same side and no border is met, the reference is a graph over the polygon too and covers it (its image
-/// is open and closed in the polygon). The difference of two graphs that are linear on the overlay of their
-/// triangulations is largest at an overlay vertex: a reference vertex, or where a reference edge crosses an
-/// edge of the star. The vertices of the star lie on the reference.
+/// the same side, the reference is a graph over the polygon too and covers it (its image is open and closed
+/// in the polygon). The difference of two graphs that are linear on the overlay of their triangulations is
+/// largest at an overlay vertex: a reference vertex, or where a reference edge crosses an edge of the star.
+/// The vertices of the star lie on the reference.
+///
+/// Lines. Creases and borders end a side of the surface, in the reference as in the block. The walk does not
+/// cross them; what is left between a line of the rim and the line of the reference is as far as the vertices
+/// of either line and of the reference beyond the rim are from the rim's line.
 ///
 /// Rounding. Coordinates are taken relative to the star and then rounded to float, so with R the largest of
 /// the polygon, u = 2^-24, a height is off by less than 16 u R; reference_gap adds that.
@@ -25,19 +29,28 @@ class ReferenceGap {
   ReferenceGap() = default;
   explicit ReferenceGap(const CollapseMesh& reference);
 
-  /// \param loop    closed rim of the star, relative to the vertex that takes over (at[0] = 0)
-  /// \param origin  position of the vertex that takes over
-  /// \param seed    a reference vertex inside the polygon
-  /// \param limit   give up above it
+  struct Query {
+    synth::Vec3 origin;      ///< of the loop: position of the vertex that takes over
+    std::uint32_t seed = 0;  ///< reference vertex inside the polygon or, with a flat edge, on the line there
+    std::size_t flat_edge = kNoFlatEdge;  ///< as fan_gap()
+    double limit = 0.0;                   ///< give up above it
+    bool cross_creases = false;           ///< walk across creases of the reference as across any edge
+    double least_cosine = -1.0;  ///< give up where a new face turns more against a reference triangle over it
+  };
+  enum class Answer : std::uint8_t { kWithin, kBeyond, kFolded, kTurned };
+
+  /// \param loop  closed rim of the star or of a side of it, relative to the vertex that takes over (at[0] =
+  /// 0);
   /// \param[out] gap  every point of the new star and of the reference below it lies within it of the other
-  /// \return false where the gap exceeds the limit or the reference is no graph over the polygon
-  bool measure(const RimLoop& loop, const synth::Vec3& origin, std::uint32_t seed, double limit, double& gap);
+  /// \return kBeyond where the gap exceeds the limit, kFolded where the reference is no graph over the
+  /// polygon
+  Answer measure(const RimLoop& loop, const Query& query, double& gap);
 
   std::uint64_t walked() const { return walked_; }  ///< triangles looked at so far
 
  private:
   struct alignas(32) Face {
-    std::uint32_t vertex[3], stamp, opposite[3], spare;
+    std::uint32_t vertex[3], stamp, opposite[3], lines;  ///< lines: as CollapseFace::state
   };
   struct alignas(32) Vertex {
     synth::Vec3 at;
@@ -45,7 +58,7 @@ class ReferenceGap {
   };
   struct Point {
     float x, y, z;
-    bool inside;
+    bool inside;                 ///< of the polygon, or between a line of the rim and that of the reference
     std::uint64_t spokes, rims;  ///< bit j: left of spoke j, of rim edge j
   };
 
@@ -54,12 +67,16 @@ class ReferenceGap {
   bool place(std::uint32_t vertex, std::uint32_t& slot);
   bool meets_polygon(const Point& a, const Point& b) const;
   bool cross_edges(const Point& a, const Point& b);
+  bool beyond_line(Point& p);
+  bool near_line(const Point& p);
+  bool seed_faces(std::uint32_t seed, std::size_t flat_edge);
+  bool turned(const Point* p) const;
 
   std::vector<Face> faces_;
   std::vector<Vertex> vertices_;
   std::vector<std::uint32_t> corner_;  ///< of vertices
   std::vector<Point> points_;
-  std::vector<std::uint32_t> stack_;
+  std::vector<std::uint32_t> stack_, fan_;
   std::uint32_t stamp_ = 0;
   std::uint64_t walked_ = 0;
 
@@ -68,7 +85,10 @@ class ReferenceGap {
   std::size_t size_ = 0, groups_ = 0;
   std::uint64_t sectors_ = 0, all_ = 0;  ///< bits 1 .. size - 2; bits 0 .. size - 1
   alignas(32) std::array<float, kPadded> x_{}, y_{}, z_{}, edge_x_{}, edge_y_{}, edge_c_{};
-  std::array<float, kPadded> slope_x_{}, slope_y_{};
+  std::array<float, kPadded> edge_z_{};
+  std::array<float, kPadded> slope_x_{}, slope_y_{}, face_cosine_{};
+  std::uint64_t lines_ = 0, ends_ = 0;
+  float least_cosine_ = -1.0f;
   synth::Vec3 ex_{}, ey_{}, n_{}, origin_{};
   float gap_ = 0.0f, limit_ = 0.0f, radius_ = 0.0f;
 };
