@@ -19,6 +19,7 @@ constexpr std::uint32_t kNone = ClosestFaces::kNone;
 constexpr int kMostCorners = 16;
 constexpr int kColumn = 20;              // corners, the centroid, padding to whole vectors
 constexpr int kMostCuts = 160;           // in a row; derived into certificate_rounding
+constexpr int kFreeCuts = 24;            // after so many in a row every third is across the longest diagonal
 constexpr double kLeastTarget = 1e-3;    // of the tolerance: below it nobody asks for a tight bound
 constexpr double kLeastPiece = 0x1p-13;  // of the tolerance: smaller pieces are bounded by their radius
 constexpr double kFineShare = 0.0625;    // of the tolerance: RMS and histogram err by less
@@ -375,17 +376,19 @@ class Certifier {
       square = worst_square(piece, piece.hint);
       if (within(square)) return accept(piece, std::sqrt(square));
     }
-    const ClosestFaces::Hit centre = query(piece.centroid(), piece.hint);
-    if (centre.slot == kNone) return give_up(piece, piece.centroid());
-    found(std::sqrt(centre.square), piece.centroid());
-    over = std::sqrt(centre.square) > options_.tolerance;
+    const Double3 middle = piece.centroid();
+    const ClosestFaces::Hit centre = query(middle, piece.hint);
+    if (centre.slot == kNone) return give_up(piece, middle);
+    found(std::sqrt(centre.square), middle);
+    const double tolerance_square = options_.tolerance * options_.tolerance;
+    over = centre.square > tolerance_square;
     if (centre.slot != piece.hint) square = worst_square(piece, centre.slot);
+    const int worst = worst_;
     centre_square_ = centre.square;
     if (within(square)) return accept(piece, std::sqrt(square));
-    const int worst = worst_;
     double radius_square = 0.0;
     for (int i = 0; i < piece.corners; ++i) {
-      const Double3 d = minus(piece.at(i), piece.centroid());
+      const Double3 d = minus(piece.at(i), middle);
       radius_square = std::max(radius_square, dot(d, d));
     }
     const double lipschitz = std::sqrt(centre.square) + std::sqrt(radius_square);
@@ -393,35 +396,47 @@ class Certifier {
     const ClosestFaces::Hit corner = query(piece.at(worst), centre.slot);
     if (corner.slot == kNone) return give_up(piece, piece.at(worst));
     found(std::sqrt(corner.square), piece.at(worst));
-    over = over || std::sqrt(corner.square) > options_.tolerance;
-    centre_square_ = centre.square;
-    if (within(square)) return accept(piece, std::sqrt(square));
+    over = over || corner.square > tolerance_square;
     const double least = kLeastPiece * options_.tolerance;
-    if (piece.cuts >= kMostCuts - 1 || radius_square <= least * least)
+    if (within(square) || piece.cuts >= kMostCuts - 1 || radius_square <= least * least)
       return accept(piece, std::min(std::sqrt(square), lipschitz));
     split(piece, centre.slot, corner.slot, worst);
   }
 
+  void push(Piece& inside, std::uint32_t near_inside, Piece& outside, std::uint32_t near_outside) {
+    inside.hint = near_inside;
+    outside.hint = near_outside;
+    stack_.push_back(outside);
+    stack_.push_back(inside);
+  }
+
   void split(const Piece& piece, std::uint32_t near_centre, std::uint32_t near_worst, int worst) {
-    const Double3 centre = piece.centroid(), far = piece.at(worst);
+    // Now and then surely smaller: across the longest diagonal, whatever the triangles are.
+    const bool turn = piece.cuts >= kFreeCuts && piece.cuts % 3 == 0;
+    const Double3 centre = piece.centroid();
+    Double3 far = piece.at(worst);
     Piece inside, outside;
-    const auto push = [&] {
-      inside.hint = near_centre;
-      outside.hint = near_worst;
-      stack_.push_back(outside);
-      stack_.push_back(inside);
-    };
     Plane plane;
-    if (side_plane(near_centre, centre, far, plane) && cut(piece, plane, inside, outside)) return push();
-    if (near_centre != near_worst && bisector(near_centre, centre, near_worst, far, plane) &&
-        cut(piece, plane, inside, outside))
-      return push();
+    if (!turn) {
+      if (side_plane(near_centre, centre, far, plane) && cut(piece, plane, inside, outside))
+        return push(inside, near_centre, outside, near_worst);
+      if (near_centre != near_worst && bisector(near_centre, centre, near_worst, far, plane) &&
+          cut(piece, plane, inside, outside))
+        return push(inside, near_centre, outside, near_worst);
+    } else {
+      double most = 0.0;
+      for (int i = 0; i < piece.corners; ++i) {
+        const Double3 d = minus(piece.at(i), centre);
+        if (dot(d, d) > most) most = dot(d, d), far = piece.at(i);
+      }
+    }
     plane.normal = minus(far, centre);
     const double size = length(plane.normal);
     if (size > 0.0) {
       plane.normal = scaled(plane.normal, 1.0 / size);
-      plane.offset = 0.5 * (dot(plane.normal, far) + dot(plane.normal, centre));
-      if (cut(piece, plane, inside, outside)) return push();
+      plane.offset =
+          turn ? dot(plane.normal, centre) : 0.5 * (dot(plane.normal, far) + dot(plane.normal, centre));
+      if (cut(piece, plane, inside, outside)) return push(inside, near_centre, outside, near_worst);
     }
     // As small as numbers get: bounded by what is known.
     accept(piece, std::sqrt(worst_square(piece, near_centre)));

@@ -35,7 +35,7 @@ std::vector<std::uint32_t> morton_order(const std::vector<std::uint32_t>& code) 
 
 /// Columns of four triangles or one triangle four times, and of one point or four.
 struct Lanes {
-  __m256d u[3], v[3], uu, uv, vv, per_uu, per_vv, per_ww, per_det;
+  __m256d u[3], v[3], uu, k, per_uu, per_vv, per_ac, per_bc;
 };
 
 inline __m256d dot(const __m256d* a, const __m256d* b) {
@@ -57,18 +57,19 @@ inline __m256d clamp01(__m256d t) {
 inline __m256d square_distance(const Lanes& f, const __m256d* q) {
   const __m256d zero = _mm256_setzero_pd(), one = _mm256_set1_pd(1.0);
   const __m256d d1 = dot(q, f.u), d2 = dot(q, f.v);
-  __m256d best = residual(f, q, clamp01(_mm256_mul_pd(d1, f.per_uu)), zero);
-  best = _mm256_min_pd(best, residual(f, q, zero, clamp01(_mm256_mul_pd(d2, f.per_vv))));
-  const __m256d along = _mm256_add_pd(_mm256_sub_pd(d2, d1), _mm256_sub_pd(f.uu, f.uv));
-  const __m256d w = clamp01(_mm256_mul_pd(along, f.per_ww));
-  best = _mm256_min_pd(best, residual(f, q, _mm256_sub_pd(one, w), w));
-  const __m256d s = _mm256_mul_pd(_mm256_fmsub_pd(f.vv, d1, _mm256_mul_pd(f.uv, d2)), f.per_det);
-  const __m256d t = _mm256_mul_pd(_mm256_fmsub_pd(f.uu, d2, _mm256_mul_pd(f.uv, d1)), f.per_det);
+  const __m256d s = _mm256_mul_pd(d1, f.per_uu), t = _mm256_mul_pd(d2, f.per_vv);
+  __m256d best = residual(f, q, clamp01(s), zero);
+  const __m256d on_ac = clamp01(_mm256_mul_pd(_mm256_fmadd_pd(f.k, d1, d2), f.per_ac));
+  best = _mm256_min_pd(best, residual(f, q, _mm256_mul_pd(on_ac, f.k), on_ac));
+  const __m256d less = _mm256_sub_pd(f.k, one);  // c - b = (k - 1) u + v
+  const __m256d on_bc = clamp01(_mm256_mul_pd(_mm256_fmadd_pd(less, _mm256_sub_pd(d1, f.uu), d2), f.per_bc));
+  best = _mm256_min_pd(best, residual(f, q, _mm256_fmadd_pd(on_bc, less, one), on_bc));
+  // Inside: t >= 0, s - t k >= 0 and s - t k + t <= 1.
+  const __m256d b = _mm256_fnmadd_pd(t, f.k, s);
   const __m256d outside =
-      _mm256_or_pd(_mm256_or_pd(_mm256_cmp_pd(s, zero, _CMP_NGE_UQ), _mm256_cmp_pd(t, zero, _CMP_NGE_UQ)),
-                   _mm256_cmp_pd(_mm256_add_pd(s, t), one, _CMP_NLE_UQ));
-  const __m256d flat = residual(f, q, s, t);
-  return _mm256_min_pd(best, _mm256_blendv_pd(flat, best, outside));
+      _mm256_or_pd(_mm256_or_pd(_mm256_cmp_pd(b, zero, _CMP_NGE_UQ), _mm256_cmp_pd(t, zero, _CMP_NGE_UQ)),
+                   _mm256_cmp_pd(_mm256_add_pd(b, t), one, _CMP_NLE_UQ));
+  return _mm256_min_pd(best, _mm256_blendv_pd(residual(f, q, s, t), best, outside));
 }
 
 }  // namespace
@@ -121,25 +122,37 @@ ClosestFaces::ClosestFaces(std::span<const Double3> position,
 void ClosestFaces::store(std::size_t slot, const std::array<Double3, 3>& corner) {
   Leaf& leaf = leaves_[slot / kLanes];
   const std::size_t lane = slot % kLanes;
-  double uu = 0.0, uv = 0.0, vv = 0.0;
+  const auto square = [&](std::size_t i) {
+    double sum = 0.0;
+    for (std::size_t k = 0; k < 3; ++k) {
+      const double d = corner[(i + 1) % 3][k] - corner[i][k];
+      sum += d * d;
+    }
+    return sum;
+  };
+  std::size_t first = 0;
+  for (std::size_t i = 1; i < 3; ++i)
+    if (square(i) > square(first)) first = i;
+  const Double3 &a = corner[first], &b = corner[(first + 1) % 3], &c = corner[(first + 2) % 3];
+  double uu = 0.0, uc = 0.0, vv = 0.0;
   for (std::size_t k = 0; k < 3; ++k) {
-    const double u = corner[1][k] - corner[0][k], v = corner[2][k] - corner[0][k];
-    leaf.a[k][lane] = corner[0][k];
-    leaf.u[k][lane] = u;
-    leaf.v[k][lane] = v;
-    uu += u * u;
-    uv += u * v;
-    vv += v * v;
+    leaf.a[k][lane] = a[k];
+    leaf.u[k][lane] = b[k] - a[k];
+    uu += leaf.u[k][lane] * leaf.u[k][lane];
+    uc += leaf.u[k][lane] * (c[k] - a[k]);
   }
-  const double ww = uu - 2.0 * uv + vv, det = uu * vv - uv * uv;
+  const double along = uu > 0.0 ? uc / uu : 0.0;
+  for (std::size_t k = 0; k < 3; ++k) {
+    leaf.v[k][lane] = c[k] - a[k] - along * leaf.u[k][lane];
+    vv += leaf.v[k][lane] * leaf.v[k][lane];
+  }
   const auto per = [](double x) { return x > 0.0 && std::isfinite(1.0 / x) ? 1.0 / x : 0.0; };
   leaf.uu[lane] = uu;
-  leaf.uv[lane] = uv;
-  leaf.vv[lane] = vv;
+  leaf.k[lane] = along;
   leaf.per_uu[lane] = per(uu);
   leaf.per_vv[lane] = per(vv);
-  leaf.per_ww[lane] = per(ww);
-  leaf.per_det[lane] = per(det);
+  leaf.per_ac[lane] = per(along * along * uu + vv);
+  leaf.per_bc[lane] = per((along - 1.0) * (along - 1.0) * uu + vv);
 }
 
 std::array<Double3, 3> ClosestFaces::corners(std::uint32_t slot) const {
@@ -149,7 +162,7 @@ std::array<Double3, 3> ClosestFaces::corners(std::uint32_t slot) const {
   for (std::size_t k = 0; k < 3; ++k) {
     c[0][k] = leaf.a[k][lane];
     c[1][k] = leaf.a[k][lane] + leaf.u[k][lane];
-    c[2][k] = leaf.a[k][lane] + leaf.v[k][lane];
+    c[2][k] = leaf.a[k][lane] + leaf.k[lane] * leaf.u[k][lane] + leaf.v[k][lane];
   }
   return c;
 }
@@ -172,7 +185,8 @@ void ClosestFaces::build_nodes() {
         if (levels_.empty()) {
           const Leaf& leaf = leaves_[child];
           for (std::size_t j = 0; j < kLanes; ++j) {
-            const double a = leaf.a[k][j], b = a + leaf.u[k][j], c = a + leaf.v[k][j];
+            const double a = leaf.a[k][j], b = a + leaf.u[k][j],
+                         c = a + leaf.k[j] * leaf.u[k][j] + leaf.v[k][j];
             low = std::min(low, static_cast<float>(std::min({a, b, c})) - margin);
             high = std::max(high, static_cast<float>(std::max({a, b, c})) + margin);
           }
@@ -209,9 +223,8 @@ void ClosestFaces::squares_to(std::uint32_t slot, const double* x, const double*
     f.u[k] = all(leaf.u[k]);
     f.v[k] = all(leaf.v[k]);
   }
-  f.uu = all(leaf.uu), f.uv = all(leaf.uv), f.vv = all(leaf.vv);
-  f.per_uu = all(leaf.per_uu), f.per_vv = all(leaf.per_vv), f.per_ww = all(leaf.per_ww);
-  f.per_det = all(leaf.per_det);
+  f.uu = all(leaf.uu), f.k = all(leaf.k), f.per_uu = all(leaf.per_uu), f.per_vv = all(leaf.per_vv);
+  f.per_ac = all(leaf.per_ac), f.per_bc = all(leaf.per_bc);
   for (int i = 0; i < count; i += kLanes) {
     const __m256d q[3] = {_mm256_sub_pd(_mm256_loadu_pd(x + i), a[0]),
                           _mm256_sub_pd(_mm256_loadu_pd(y + i), a[1]),
@@ -257,9 +270,9 @@ ClosestFaces::Hit ClosestFaces::closest(const Double3& p, double limit_square, s
         f.u[k] = _mm256_load_pd(leaf.u[k]);
         f.v[k] = _mm256_load_pd(leaf.v[k]);
       }
-      f.uu = _mm256_load_pd(leaf.uu), f.uv = _mm256_load_pd(leaf.uv), f.vv = _mm256_load_pd(leaf.vv);
+      f.uu = _mm256_load_pd(leaf.uu), f.k = _mm256_load_pd(leaf.k);
       f.per_uu = _mm256_load_pd(leaf.per_uu), f.per_vv = _mm256_load_pd(leaf.per_vv);
-      f.per_ww = _mm256_load_pd(leaf.per_ww), f.per_det = _mm256_load_pd(leaf.per_det);
+      f.per_ac = _mm256_load_pd(leaf.per_ac), f.per_bc = _mm256_load_pd(leaf.per_bc);
       alignas(32) double square[kLanes];
       _mm256_store_pd(square, square_distance(f, q));
       for (std::size_t lane = 0; lane < kLanes; ++lane) {

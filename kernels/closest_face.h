@@ -45,7 +45,7 @@ class ClosestFaces {
   const Double3& origin() const { return origin_; }
   double largest_coordinate() const { return largest_; }
   /// Bytes per triangle, for those who plan memory; holds for more than 64 triangles.
-  static constexpr std::uint64_t bytes_per_face() { return 16 * 8 + 4 + 12 + 16; }
+  static constexpr std::uint64_t bytes_per_face() { return 15 * 8 + 4 + 12 + 16; }
 
   /// The closest triangle to `p` (relative to origin) nearer than sqrt(limit_square). `hint` is a slot to
   /// start with, or kNone. Of several at the same distance the one found first.
@@ -58,15 +58,16 @@ class ClosestFaces {
                   double* square) const;
 
   std::uint32_t face(std::uint32_t slot) const { return face_[slot]; }  ///< index in the span given
-  /// Corners relative to origin.
+  /// Corners relative to origin, in cyclic order.
   std::array<Double3, 3> corners(std::uint32_t slot) const;
 
  private:
-  /// Four triangles as columns: a, u = b - a, v = c - a, dot products and reciprocals (0 where degenerate).
+  /// Four triangles as columns: a, u = b - a the longest side, c - a = k u + v with v orthogonal to u: feet
+  /// on slivers stay as exact as numbers allow. Reciprocals of squared lengths of u, v, c - a and c - b; 0
+  /// where degenerate.
   struct alignas(32) Leaf {
     double a[3][kLanes], u[3][kLanes], v[3][kLanes];
-    double uu[kLanes], uv[kLanes], vv[kLanes], per_uu[kLanes], per_vv[kLanes], per_ww[kLanes],
-        per_det[kLanes];
+    double uu[kLanes], k[kLanes], per_uu[kLanes], per_vv[kLanes], per_ac[kLanes], per_bc[kLanes];
   };
   struct alignas(32) Node {
     float low[3][8], high[3][8];
