@@ -339,9 +339,10 @@ class Certifier {
   void accept(const Piece& piece, double bound) {
     bound_ = std::max(bound_, bound);
     if (!counting_) return;
-    // Measured once more where the triangle at hand may be far from the closest: statistics deserve it.
+    // A whole face may have been accepted by a triangle far from the closest: measured once more for the
+    // statistics. Pieces were cut to fit theirs.
     const double fine = kFineShare * options_.tolerance;
-    if (centre_square_ > fine * fine) {
+    if (piece.cuts == 0 && centre_square_ > fine * fine) {
       const ClosestFaces::Hit hit = query(piece.centroid(), piece.hint);
       if (hit.slot != kNone) centre_square_ = std::min(centre_square_, hit.square);
     }
