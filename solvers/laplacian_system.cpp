@@ -138,6 +138,13 @@ SparseMatrix implicit_step_matrix(const Laplacian& operators, double step, int o
   return sum(1.0, diagonal_matrix(operators.mass), step, laplacian_power(operators, order));
 }
 
+SparseMatrix mesh_neighbours(const Laplacian& operators, const ConstrainedSystem& system) {
+  std::vector<std::int32_t> column(operators.mass.size(), -1);
+  for (std::size_t k = 0; k < system.free_vertices.size(); ++k)
+    column[system.free_vertices[k]] = static_cast<std::int32_t>(k);
+  return select(operators.stiffness, system.free_vertices, column, system.matrix.rows);
+}
+
 std::vector<std::int32_t> unconstrained_pieces(const ConstrainedSystem& system) {
   const SparseMatrix& a = system.matrix;
   std::vector<std::uint8_t> seen(static_cast<std::size_t>(a.rows), 0);

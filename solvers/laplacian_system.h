@@ -50,6 +50,9 @@ ConstrainedSystem laplacian_system(const Laplacian& operators, int order, std::s
 /// step. \pre step >= 0, squared length (k = 1), its k-th power for order k
 SparseMatrix implicit_step_matrix(const Laplacian& operators, double step, int order = 1);
 
+/// The mesh edges between free vertices, for SolverOptions::neighbours: the stiffness restricted to them.
+SparseMatrix mesh_neighbours(const Laplacian& operators, const ConstrainedSystem& system);
+
 /// Number of connected pieces of the free vertices that see no fixed vertex: each makes the matrix singular.
 /// \return index of one vertex of each such piece, ascending
 std::vector<std::int32_t> unconstrained_pieces(const ConstrainedSystem& system);

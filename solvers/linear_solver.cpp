@@ -2,6 +2,7 @@
 
 #include "octree/error.h"
 #include "solvers/cholesky_solver.h"
+#include "solvers/multigrid_solver.h"
 
 namespace tessera {
 
@@ -11,6 +12,8 @@ std::unique_ptr<LinearSolver> make_solver(SolverKind kind, const SolverOptions& 
   switch (kind) {
     case SolverKind::kCholesky:
       return make_cholesky_solver(options);
+    case SolverKind::kMultigrid:
+      return make_multigrid_solver(options);
     default:
       throw UsageError("this solver is not known");
   }

@@ -58,6 +58,9 @@ struct SolverOptions {
   /// Multigrid: position of each unknown, n, for linear interpolation between levels. Empty: interpolation by
   /// the matrix alone (constants only, more cycles). Read by factor().
   std::span<const std::array<double, 3>> positions;
+  /// Multigrid: n x n, its pattern holds the mesh edges between unknowns (as mesh_neighbours() gives it).
+  /// Null: the pattern of the matrix. Read by factor().
+  const SparseMatrix* neighbours = nullptr;
 };
 
 struct SolveReport {

@@ -1,0 +1,107 @@
+/// \file multigrid_cycle.h
+/// The steps of a multigrid cycle on vectors of kWidth interleaved columns: Gauss-Seidel, restriction,
+/// prolongation. All run in ascending or descending row order on one thread.
+#pragma once
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "solvers/multigrid_levels.h"
+
+namespace tessera {
+
+template <int kWidth>
+using Columns = std::array<double, kWidth>;
+
+/// s -= the entries [from, to) of a, times x
+template <int kWidth>
+inline void subtract_row(const SparseMatrix& a, std::int32_t from, std::int32_t to, const double* x,
+                         Columns<kWidth>& s) {
+  for (std::int32_t e = from; e < to; ++e) {
+    const double v = a.value[e];
+    const double* xj = x + static_cast<std::size_t>(a.column[e]) * kWidth;
+    for (int c = 0; c < kWidth; ++c) s[c] -= v * xj[c];
+  }
+}
+
+template <int kWidth>
+inline Columns<kWidth> load(const double* b, std::int32_t i) {
+  Columns<kWidth> s;
+  for (int c = 0; c < kWidth; ++c) s[c] = b[static_cast<std::size_t>(i) * kWidth + c];
+  return s;
+}
+
+/// A Gauss-Seidel sweep.
+template <int kWidth>
+void relax(const MultigridLevel& level, const double* b, double* x, bool forward) {
+  const SparseMatrix& a = *level.matrix;
+  const std::int32_t step = forward ? 1 : -1, end = forward ? a.rows : -1;
+  for (std::int32_t i = forward ? 0 : a.rows - 1; i != end; i += step) {
+    Columns<kWidth> s = load<kWidth>(b, i);
+    subtract_row<kWidth>(a, a.start[i], a.start[i + 1], x, s);
+    // The row holds the diagonal, so this is a correction.
+    for (int c = 0; c < kWidth; ++c)
+      x[static_cast<std::size_t>(i) * kWidth + c] += level.inverse_diagonal[i] * s[c];
+  }
+}
+
+/// A forward sweep from x = 0: only the lower triangle counts.
+template <int kWidth>
+void relax_from_zero(const MultigridLevel& level, const double* b, double* x) {
+  const SparseMatrix& a = *level.matrix;
+  for (std::int32_t i = 0; i < a.rows; ++i) {
+    Columns<kWidth> s = load<kWidth>(b, i);
+    std::int32_t to = a.start[i];
+    while (to < a.start[i + 1] && a.column[to] < i) ++to;
+    subtract_row<kWidth>(a, a.start[i], to, x, s);
+    for (int c = 0; c < kWidth; ++c)
+      x[static_cast<std::size_t>(i) * kWidth + c] = level.inverse_diagonal[i] * s[c];
+  }
+}
+
+/// coarse = P^T (b - A x). \param one_sweep  x comes from one sweep from zero: then only the upper triangle
+/// counts
+template <int kWidth>
+void restrict_residual(const MultigridLevel& level, const double* b, const double* x,
+                       std::vector<double>& coarse, bool one_sweep) {
+  const SparseMatrix &a = *level.matrix, &p = level.prolongation;
+  coarse.assign(coarse.size(), 0.0);
+  for (std::int32_t i = 0; i < a.rows; ++i) {
+    Columns<kWidth> s{};
+    std::int32_t from = a.start[i];
+    if (one_sweep)
+      while (from < a.start[i + 1] && a.column[from] <= i) ++from;
+    else
+      s = load<kWidth>(b, i);
+    subtract_row<kWidth>(a, from, a.start[i + 1], x, s);
+    for (std::int32_t f = p.start[i]; f < p.start[i + 1]; ++f)
+      for (int c = 0; c < kWidth; ++c)
+        coarse[static_cast<std::size_t>(p.column[f]) * kWidth + c] += p.value[f] * s[c];
+  }
+}
+
+/// x += P coarse
+template <int kWidth>
+void add_prolonged(const MultigridLevel& level, const std::vector<double>& coarse, double* x) {
+  const SparseMatrix& p = level.prolongation;
+  for (std::int32_t i = 0; i < p.rows; ++i) {
+    Columns<kWidth> s{};
+    for (std::int32_t f = p.start[i]; f < p.start[i + 1]; ++f)
+      for (int c = 0; c < kWidth; ++c)
+        s[c] += p.value[f] * coarse[static_cast<std::size_t>(p.column[f]) * kWidth + c];
+    for (int c = 0; c < kWidth; ++c) x[static_cast<std::size_t>(i) * kWidth + c] += s[c];
+  }
+}
+
+/// Dot products of the columns.
+template <int kWidth>
+Columns<kWidth> dots(std::span<const double> u, std::span<const double> v) {
+  Columns<kWidth> s{};
+  for (std::size_t i = 0; i < u.size(); i += kWidth)
+    for (int c = 0; c < kWidth; ++c) s[c] += u[i + c] * v[i + c];
+  return s;
+}
+
+}  // namespace tessera

@@ -1,0 +1,45 @@
+/// \file multigrid_levels.h
+/// A hierarchy of coarser systems for multigrid on irregular meshes.
+///
+/// Unknowns are gathered into clusters along short mesh edges (so anisotropic meshes coarsen where they are
+/// dense first); the seed of each cluster is an unknown of the next level, the clusters that touch are its
+/// mesh. The interpolation is linear for a Laplacian and smooth for higher orders, the coarse matrix is P^T A
+/// P. Chosen over the thesis's halfedge collapses: levels shrink at once by a constant factor, about 8, and
+/// nothing but a graph with positions is needed. Source: Wiersma, Nasikun, Eisemann, Hildebrandt 2023;
+/// clusters as Vanek, Mandel, Brezina 1996.
+#pragma once
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "solvers/sparse_matrix.h"
+
+namespace tessera {
+
+struct MultigridLevel {
+  SparseMatrix own;                      ///< P^T A P of the finer level; empty on the finest
+  const SparseMatrix* matrix = nullptr;  ///< &own, or the caller's
+  std::vector<double> inverse_diagonal;
+  SparseMatrix prolongation;  ///< this level x next coarser; empty on the coarsest
+};
+
+struct MultigridLevelsOptions {
+  int order = 1;                                     ///< of the Laplacian
+  std::int32_t coarsest = 1000;                      ///< stop at so few unknowns
+  std::span<const std::array<double, 3>> positions;  ///< n, or empty: constant interpolation
+  const SparseMatrix* neighbours = nullptr;  ///< mesh edges by its pattern; null: the pattern of the matrix
+};
+
+struct MultigridLevels {
+  std::vector<MultigridLevel> levels;  ///< finest first
+  std::size_t checked_out = 0;         ///< rows whose smooth interpolation failed its check and is linear
+  std::uint64_t bytes() const;         ///< without the caller's matrix
+  std::size_t entries() const;         ///< of all matrices and prolongations but the caller's matrix
+};
+
+/// \pre a is symmetric with a positive diagonal and lives, unmoved, as long as the result
+MultigridLevels multigrid_levels(const SparseMatrix& a, const MultigridLevelsOptions& options);
+
+}  // namespace tessera
