@@ -2,6 +2,8 @@
 
 #include "octree/error.h"
 #include "solvers/cholesky_solver.h"
+#include "solvers/krylov_solver.h"
+#include "solvers/lu_solver.h"
 #include "solvers/multigrid_solver.h"
 
 namespace tessera {
@@ -12,11 +14,16 @@ std::unique_ptr<LinearSolver> make_solver(SolverKind kind, const SolverOptions& 
   switch (kind) {
     case SolverKind::kCholesky:
       return make_cholesky_solver(options);
+    case SolverKind::kLu:
+      return make_lu_solver(options);
+    case SolverKind::kConjugateGradients:
+      return make_conjugate_gradients_solver(options);
+    case SolverKind::kBicgstab:
+      return make_bicgstab_solver(options);
     case SolverKind::kMultigrid:
       return make_multigrid_solver(options);
-    default:
-      throw UsageError("this solver is not known");
   }
+  throw UsageError("this solver is not known");
 }
 
 const char* name(SolverKind kind) {

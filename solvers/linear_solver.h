@@ -54,10 +54,10 @@ struct SolverOptions {
   int max_iterations = 1000;       ///< iterative: cycles or steps
   /// Multigrid: order k of the Laplacian; decides coarsening and the smoothing of the prolongation.
   int order = 1;
-  MultigridCycle cycle = MultigridCycle::kV;
+  MultigridCycle cycle = MultigridCycle::kFull;
   /// Multigrid: position of each unknown, n, for linear interpolation between levels. Empty: interpolation by
   /// the matrix alone (constants only, more cycles). Read by factor().
-  std::span<const std::array<double, 3>> positions;
+  std::span<const std::array<double, 3>> positions{};
   /// Multigrid: n x n, its pattern holds the mesh edges between unknowns (as mesh_neighbours() gives it).
   /// Null: the pattern of the matrix. Read by factor().
   const SparseMatrix* neighbours = nullptr;

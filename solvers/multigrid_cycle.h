@@ -82,6 +82,19 @@ void restrict_residual(const MultigridLevel& level, const double* b, const doubl
   }
 }
 
+/// coarse = P^T b
+template <int kWidth>
+void restrict_load(const MultigridLevel& level, const double* b, std::vector<double>& coarse) {
+  const SparseMatrix& p = level.prolongation;
+  coarse.assign(coarse.size(), 0.0);
+  for (std::int32_t i = 0; i < p.rows; ++i) {
+    const Columns<kWidth> s = load<kWidth>(b, i);
+    for (std::int32_t f = p.start[i]; f < p.start[i + 1]; ++f)
+      for (int c = 0; c < kWidth; ++c)
+        coarse[static_cast<std::size_t>(p.column[f]) * kWidth + c] += p.value[f] * s[c];
+  }
+}
+
 /// x += P coarse
 template <int kWidth>
 void add_prolonged(const MultigridLevel& level, const std::vector<double>& coarse, double* x) {

@@ -26,9 +26,9 @@ struct MultigridLevel {
 };
 
 struct MultigridLevelsOptions {
-  int order = 1;                                     ///< of the Laplacian
-  std::int32_t coarsest = 1000;                      ///< stop at so few unknowns
-  std::span<const std::array<double, 3>> positions;  ///< n, or empty: constant interpolation
+  int order = 1;                                       ///< of the Laplacian
+  std::int32_t coarsest = 1000;                        ///< stop at so few unknowns
+  std::span<const std::array<double, 3>> positions{};  ///< n, or empty: constant interpolation
   const SparseMatrix* neighbours = nullptr;  ///< mesh edges by its pattern; null: the pattern of the matrix
 };
 
