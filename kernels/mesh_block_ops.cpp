@@ -26,6 +26,29 @@ void turn(FaceCorners& f, std::uint8_t& flags) {
   }
 }
 
+/// Sorts what consists of ascending runs, as lists of keys of neighbouring patches do: runs are merged pair by pair,
+/// each time only where they overlap.
+template <class Value>
+void sort_runs(std::vector<Value>& values) {
+  std::vector<std::size_t> bounds = {0};
+  for (std::size_t i = 1; i < values.size(); ++i)
+    if (values[i] < values[i - 1]) bounds.push_back(i);
+  bounds.push_back(values.size());
+  const auto at = [&](std::size_t i) { return values.begin() + static_cast<std::ptrdiff_t>(i); };
+  while (bounds.size() > 2) {
+    std::vector<std::size_t> next = {0};
+    for (std::size_t k = 0; k + 2 < bounds.size(); k += 2) {
+      const auto middle = at(bounds[k + 1]);
+      const auto low = std::upper_bound(at(bounds[k]), middle, *middle);
+      const auto high = std::lower_bound(middle, at(bounds[k + 2]), *(middle - 1));
+      if (low != middle && high != middle) std::inplace_merge(low, middle, high);
+      next.push_back(bounds[k + 2]);
+    }
+    if (bounds.size() % 2 == 0) next.push_back(bounds.back());
+    bounds.swap(next);
+  }
+}
+
 /// Ascending faces: a counting sort by first corner, then the few of each first corner.
 void sort_faces(MeshBlock& block, std::vector<std::uint8_t>* tag) {
   const std::size_t m = block.faces.size();
@@ -159,11 +182,9 @@ MeshBlock merge_blocks(std::span<const MeshBlock* const> pieces, std::span<const
     append(piece->rgba, all.rgba);
     append(piece->normal, all.normal);
   }
-  std::vector<std::uint32_t> order(vertices);
-  std::iota(order.begin(), order.end(), 0u);
   std::vector<std::pair<std::uint64_t, std::uint32_t>> by_key(vertices);
   for (std::uint32_t i = 0; i < vertices; ++i) by_key[i] = {all.key[i], i};
-  if (!std::is_sorted(by_key.begin(), by_key.end())) std::sort(by_key.begin(), by_key.end());
+  sort_runs(by_key);
   std::vector<std::uint32_t> target(vertices);
   std::vector<std::uint32_t> kept;
   kept.reserve(vertices);

@@ -168,12 +168,14 @@ Double3 settle(const Double3& from, const Double3& to, double tolerance, bool fl
 }
 
 std::uint64_t smooth_bytes(std::uint64_t vertices, std::uint64_t faces, const SmoothRound& round) {
-  // Rows: 13 bytes a vertex and two directed edges of 8 bytes to each of three; their making: marks, corners,
-  // shapes.
-  const std::uint64_t rows = 32 * vertices + 24 * faces;
-  const std::uint64_t making = 4 * vertices + 24 * faces + (4 * vertices + 12 * faces);
-  const std::uint64_t filter = round.by_normals ? 52 * vertices + 84 * faces : 80 * vertices;
-  return rows + std::max(making, filter) + 26 * vertices + (1u << 16);
+  // Rows: 9 bytes a vertex, 8 bytes a directed edge, of which there are 3 a face and 1 a border vertex.
+  const std::uint64_t rows = 17 * vertices + 24 * faces;
+  // They are made from marks, corners and shapes; then rings are counted and the filter runs.
+  const std::uint64_t corners = 4 * vertices + 12 * faces;
+  const std::uint64_t making = 4 * vertices + 24 * faces + corners;
+  const std::uint64_t fields = round.filter.order == 2 ? 96 : 80;
+  const std::uint64_t filter = round.by_normals ? corners + 48 * vertices + 72 * faces : fields * vertices;
+  return rows + std::max(making, filter) + 25 * vertices + (1u << 16);
 }
 
 }  // namespace tessera

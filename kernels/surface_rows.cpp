@@ -92,7 +92,7 @@ class RowMaker {
     rows_.first.resize(n + 1);
     rows_.inverse_degree.assign(n, 0.0F);
     rows_.role.assign(n, VertexRole::kFixed);
-    rows_.neighbour.reserve(3 * block_.faces.size() + n / 8);
+    rows_.neighbour.reserve(3 * block_.faces.size() + n);
     rows_.weight.reserve(rows_.neighbour.capacity());
     for (std::uint32_t v = 0; v < n; ++v) {
       rows_.first[v] = static_cast<std::uint32_t>(rows_.neighbour.size());

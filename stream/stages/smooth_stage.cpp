@@ -20,6 +20,10 @@ constexpr std::uint64_t kSlackBytes = std::uint64_t{16}
                                       << 20;  ///< buffers of the file that is written, tables
 constexpr std::uint64_t kReachPatches = 64;   ///< patches of one task of "reach"
 
+// Key, position, class, colour; corners, flags, bound and core flag.
+constexpr std::uint64_t kLoadedVertexBytes = 8 + 24 + 1 + 4;
+constexpr std::uint64_t kLoadedFaceBytes = 12 + 1 + 4 + 1;
+
 std::string reach_file(std::size_t round) {
   return smooth_folder(round) + "/reach.bin";
 }
@@ -48,11 +52,13 @@ std::uint64_t largest_patch_bytes(const MeshStore& store) {
   return largest;
 }
 
-/// Lists of `longest_edge` per task, in the order of patches.
-void save_reach(const std::vector<json>& summaries, const std::filesystem::path& path) {
+/// From [patch, longest edge] of all tasks.
+void save_reach(const std::vector<json>& summaries, std::size_t patches, const std::filesystem::path& path) {
   PatchReach reach;
+  reach.longest_edge.resize(patches);
   for (const json& s : summaries)
-    for (const json& edge : s.at("longest_edge")) reach.longest_edge.push_back(edge.get<double>());
+    for (const json& entry : s.at("longest_edge"))
+      reach.longest_edge.at(entry.at(0).get<std::size_t>()) = entry.at(1).get<double>();
   reach.save(path);
 }
 
@@ -75,21 +81,32 @@ class ReachStage : public Stage {
     const std::size_t last = std::min(store_.patches().size(), (task + 1) * kReachPatches);
     for (std::size_t p = task * kReachPatches; p < last; ++p) {
       context.check_stop();
-      longest.push_back(longest_edge(store_.load({&p, 1})));
+      longest.push_back({p, longest_edge(store_.load({&p, 1}))});
       context.advance(1);
     }
     return {{"longest_edge", std::move(longest)}};
   }
   json finish(const std::vector<json>& summaries, TaskContext& context) const override {
     if (store_.face_count() == 0) throw EmptyError("the mesh has no face to smooth");
-    save_reach(summaries, context.create(reach_file(0)));
+    save_reach(summaries, store_.patches().size(), context.create(reach_file(0)));
     return {{"patches", store_.patches().size()}, {"faces", store_.face_count()}};
   }
-  std::uint64_t finish_bytes() const override { return kSlackBytes + 16 * store_.patches().size(); }
+  std::uint64_t finish_bytes() const override { return kSlackBytes + 500 * store_.patches().size(); }
 
  private:
   MeshStore store_;
 };
+
+/// As std::lower_bound; fast where the answer is near `from`, as for keys that ascend along.
+template <class Iterator>
+Iterator first_not_below(Iterator from, Iterator end, std::uint64_t key) {
+  std::ptrdiff_t step = 1;
+  while (end - from > step && *(from + step) < key) {
+    from += step;
+    step *= 2;
+  }
+  return std::lower_bound(from, end - from > step ? from + step + 1 : end, key);
+}
 
 /// What moved, each vertex counted once over all patches and tiles.
 struct Movement {
@@ -114,8 +131,11 @@ class SmoothStage : public Stage {
     tiling.tile_bytes = state.run.memory_bytes * 13 / 16 / static_cast<std::uint64_t>(state.run.threads);
     const std::uint64_t patch = largest_patch_bytes(store_);
     tiling.bytes = [this, patch](std::uint64_t vertices, std::uint64_t faces) {
-      return vertices * MeshStore::kBlockBytesPerVertex + faces * MeshStore::kBlockBytesPerFace +
-             smooth_bytes(vertices, faces, rule_) + 4 * vertices + 3 * patch + kSlackBytes;
+      const std::uint64_t loading =
+          vertices * MeshStore::kBlockBytesPerVertex + faces * MeshStore::kBlockBytesPerFace;
+      const std::uint64_t loaded = vertices * kLoadedVertexBytes + faces * kLoadedFaceBytes;
+      return std::max(loading, loaded + smooth_bytes(vertices, faces, rule_) + 4 * vertices) + 3 * patch +
+             kSlackBytes;
     };
     tasks_ = make_smooth_tasks(store_, PatchReach::load(state.work / reach_file(round - 1)), tiling);
   }
@@ -148,7 +168,7 @@ class SmoothStage : public Stage {
       for (const std::size_t p : tile.patches) {
         context.check_stop();
         const MeshBlock patch = move_patch(p, near.block, smoothed, first_face, moved);
-        longest.push_back(longest_edge(patch));
+        longest.push_back({p, longest_edge(patch)});
         writer.add(store_.patches()[p].key, patch);
         context.advance(patch.faces.size());
       }
@@ -166,10 +186,10 @@ class SmoothStage : public Stage {
             {"longest_edge", std::move(longest)}};
   }
 
-  std::uint64_t finish_bytes() const override { return kSlackBytes + 16 * store_.patches().size(); }
+  std::uint64_t finish_bytes() const override { return kSlackBytes + 500 * store_.patches().size(); }
 
   json finish(const std::vector<json>& summaries, TaskContext& context) const override {
-    save_reach(summaries, context.create(reach_file(round_)));
+    save_reach(summaries, store_.patches().size(), context.create(reach_file(round_)));
     json out = {{"tasks", summaries.size()}, {"rings", round_rings(rule_)}};
     for (const char* name : {"vertices", "on_lines", "fixed", "limited", "core_faces", "read_faces"}) {
       std::uint64_t sum = 0;
@@ -213,7 +233,7 @@ class SmoothStage : public Stage {
     const bool floats = !store_.info().double_positions;
     auto at = block.key.begin();
     for (std::size_t v = 0; v < patch.key.size(); ++v) {
-      at = std::lower_bound(at, block.key.end(), patch.key[v]);
+      at = first_not_below(at, block.key.end(), patch.key[v]);
       const auto i = static_cast<std::size_t>(at - block.key.begin());
       if (at == block.key.end() || *at != patch.key[v] || smoothed.complete[i] == 0)
         throw std::logic_error("smooth: vertex " + std::to_string(patch.key[v]) +

@@ -1,6 +1,9 @@
 #include "stream/stages/smooth_tiles.h"
 
 #include <algorithm>
+#include <limits>
+#include <numeric>
+#include <span>
 
 #include "octree/error.h"
 #include "stream/direct_file.h"
@@ -11,50 +14,61 @@ namespace {
 
 constexpr std::uint64_t kTaskFaces = 500'000;  ///< a task is worth a file from about this many
 constexpr std::uint64_t kMostTasks = 400;
-constexpr int kKeyBits = 63;
 
 class Cutter {
  public:
   Cutter(const MeshStore& store, const PatchReach& reach, const SmoothTiling& tiling)
       : store_(store), reach_(reach), tiling_(tiling) {}
 
-  /// Patches [first, last) are all those below one octree node of 2^(bits/3) bricks an edge.
-  void cut(std::size_t first, std::size_t last, int bits) {
-    if (first == last) return;
-    const bool small = tiling_.tile_bricks == 0 || (bits < 60 && (1 << (bits / 3)) <= tiling_.tile_bricks);
-    // Larger than any tile: not worth looking around.
+  /// Halves along the longest extent, by faces, until a part and its surroundings fit.
+  void cut(std::span<std::size_t> patches) {
+    if (patches.empty()) return;
+    std::array<std::int32_t, 3> low, high;
+    low.fill(std::numeric_limits<std::int32_t>::max());
+    high.fill(std::numeric_limits<std::int32_t>::min());
     std::uint64_t vertices = 0, faces = 0;
-    for (std::size_t p = first; p < last; ++p) {
+    for (const std::size_t p : patches) {
+      const Int3 brick = brick_of_key(store_.patches()[p].key);
+      for (std::size_t a = 0; a < 3; ++a) {
+        low[a] = std::min(low[a], brick[a]);
+        high[a] = std::max(high[a], brick[a]);
+      }
       vertices += store_.patches()[p].vertices;
       faces += store_.patches()[p].faces;
     }
-    if (bits == 0 || (small && tiling_.bytes(vertices, faces) <= tiling_.tile_bytes)) {
-      SmoothTile tile = look_around(first, last);
-      if (bits == 0 || tile.bytes <= tiling_.tile_bytes) {
+    std::size_t axis = 0;
+    for (std::size_t a = 1; a < 3; ++a)
+      if (high[a] - low[a] > high[axis] - low[axis]) axis = a;
+    const bool small = tiling_.tile_bricks == 0 || high[axis] - low[axis] < tiling_.tile_bricks;
+    // What is too large by itself is not worth looking around.
+    if (patches.size() == 1 || (small && tiling_.bytes(vertices, faces) <= tiling_.tile_bytes)) {
+      SmoothTile tile = look_around(patches);
+      if (patches.size() == 1 || tile.bytes <= tiling_.tile_bytes) {
         tiles.push_back(std::move(tile));
         return;
       }
     }
-    bits -= 3;
-    while (first < last) {
-      const std::uint64_t node = store_.patches()[first].key >> bits;
-      std::size_t end = first;
-      while (end < last && store_.patches()[end].key >> bits == node) ++end;
-      cut(first, end, bits);
-      first = end;
-    }
+    std::sort(patches.begin(), patches.end(), [&](std::size_t p, std::size_t q) {
+      const std::int32_t x = brick_of_key(store_.patches()[p].key)[axis],
+                         y = brick_of_key(store_.patches()[q].key)[axis];
+      return x != y ? x < y : p < q;
+    });
+    std::uint64_t before = 0;
+    std::size_t half = 0;
+    while (half + 1 < patches.size() && 2 * before < faces) before += store_.patches()[patches[half++]].faces;
+    cut(patches.first(half));
+    cut(patches.subspan(half));
   }
 
   std::vector<SmoothTile> tiles;
 
  private:
-  SmoothTile look_around(std::size_t first, std::size_t last) const {
+  SmoothTile look_around(std::span<const std::size_t> patches) const {
     SmoothTile tile;
     double longest = 0.0;
-    for (std::size_t p = first; p < last; ++p) {
-      tile.patches.push_back(p);
-      longest = std::max(longest, reach_.longest_edge[p]);
-    }
+    for (const std::size_t p : patches) longest = std::max(longest, reach_.longest_edge[p]);
+    tile.patches.assign(patches.begin(), patches.end());
+    std::sort(tile.patches.begin(), tile.patches.end());
     const MeshBox core = store_.box_of(tile.patches);
     // A longer edge within the margin widens it; it ends at the latest when all patches are in.
     for (;;) {
@@ -98,7 +112,9 @@ std::vector<SmoothTask> make_smooth_tasks(const MeshStore& store, const PatchRea
   if (reach.longest_edge.size() != store.patches().size())
     throw InputError("the list of longest edges belongs to another mesh; run again with --force");
   Cutter cutter(store, reach, tiling);
-  cutter.cut(0, store.patches().size(), kKeyBits);
+  std::vector<std::size_t> all(store.patches().size());
+  std::iota(all.begin(), all.end(), std::size_t{0});
+  cutter.cut(all);
   const std::uint64_t target = std::max(kTaskFaces, store.face_count() / kMostTasks);
   std::vector<SmoothTask> tasks;
   SmoothTask task;

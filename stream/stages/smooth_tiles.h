@@ -36,7 +36,7 @@ struct SmoothTiling {
   std::function<std::uint64_t(std::uint64_t vertices, std::uint64_t faces)> bytes;
 };
 
-/// Every patch is in exactly one tile, in ascending order over all tasks.
+/// Every patch is in exactly one tile.
 std::vector<SmoothTask> make_smooth_tasks(const MeshStore& store, const PatchReach& reach,
                                           const SmoothTiling& tiling);
 
