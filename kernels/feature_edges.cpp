@@ -39,6 +39,40 @@ void for_each_edge(const CollapseMesh& mesh, const std::vector<Vec3>& normal, co
   }
 }
 
+/// Per vertex whether a sharp edge ends there: one that turns by more than the limit and, unless it turns by more than
+/// 60 degrees too, goes on at both ends with at most 45 degrees of bend. Noise is sharp too, but does not go on.
+std::vector<std::uint8_t> sharp_vertices(const CollapseMesh& mesh, double limit) {
+  struct Sharp {
+    std::uint32_t from, to;
+    bool strong;
+  };
+  std::vector<Sharp> edges;
+  for_each_edge(mesh, unit_normals(mesh), [&](std::uint32_t c, double cosine) {
+    if (cosine >= limit) return;
+    const std::uint32_t a = mesh.vertex(next_corner(c)), b = mesh.vertex(prev_corner(c));
+    edges.push_back({a, b, cosine < 0.5});
+    edges.push_back({b, a, cosine < 0.5});
+  });
+  std::sort(edges.begin(), edges.end(),
+            [](const Sharp& x, const Sharp& y) { return x.from != y.from ? x.from < y.from : x.to < y.to; });
+  const auto goes_on = [&](std::uint32_t from, std::uint32_t at) {
+    const Vec3 in = mesh.at(at) - mesh.at(from);
+    for (auto e = std::lower_bound(edges.begin(), edges.end(), at,
+                                   [](const Sharp&x, std::uint32_t v) { return x.from < v; });
+         e != edges.end() && e->from == at; ++e) {
+      const Vec3 out = mesh.at(e->to) - mesh.at(at);
+      const double along = dot(in, out);
+      if (e->to != from && along > 0.0 && along * along > 0.5 * dot(in, in) * dot(out, out)) return true;
+    }
+    return false;
+  };
+  std::vector<std::uint8_t> sharp(mesh.vertices(), 0);
+  for (const Sharp& e : edges)
+    if (e.from < e.to && (e.strong || (goes_on(e.from, e.to) && goes_on(e.to, e.from))))
+      sharp[e.from] = sharp[e.to] = 1;
+  return sharp;
+}
+
 }  // namespace
 
 void mark_features(CollapseMesh& mesh, const MeshBlock& block, const CollapseMesh& reference,
@@ -51,11 +85,7 @@ void mark_features(CollapseMesh& mesh, const MeshBlock& block, const CollapseMes
     if (class_of(v) == VertexClass::kCrease || class_of(v) == VertexClass::kCorner) feature[v] = any = true;
   if (feature_angle_deg > 0.0) {
     const double limit = cosine_of_degrees(feature_angle_deg);
-    std::vector<std::uint8_t> turns(reference.vertices(), 0);
-    for_each_edge(reference, unit_normals(reference), [&](std::uint32_t c, double cosine) {
-      if (cosine < limit)
-        turns[reference.vertex(next_corner(c))] = turns[reference.vertex(prev_corner(c))] = 1;
-    });
+    const std::vector<std::uint8_t> turns = sharp_vertices(reference, limit);
     for (std::uint32_t v = 0; v < n; ++v)
       if (reference_vertex[v] != kNoCorner && turns[reference_vertex[v]]) feature[v] = any = true;
   }
