@@ -13,7 +13,7 @@ constexpr double cross2(double ax, double ay, double bx, double by) {
 
 }  // namespace
 
-bool fan_gap(const RimLoop& loop, const Vec3& apex, std::size_t flat_edge, double& gap) {
+bool fan_gap(const RimLoop& loop, const Vec3& apex, std::size_t flat_edge, double& gap, FanFoot* foot) {
   gap = 0.0;
   const std::size_t size = loop.size;
   if (size < 3) return true;  // the side vanishes; its apex already lies on the edge that stays
@@ -51,6 +51,7 @@ bool fan_gap(const RimLoop& loop, const Vec3& apex, std::size_t flat_edge, doubl
       const double height = (z[i] * after + z[i + 1] * before) / full;
       gap = std::fmax(gap, std::fabs(az - height));
       inside = true;
+      if (foot) *foot = {i, after / full, before / full};
     }
     if (!inside) return false;
   }

@@ -23,10 +23,17 @@ struct RimLoop {
 
 inline constexpr std::size_t kNoFlatEdge = ~std::size_t{0};
 
+/// The apex above the new fan: in the face of at[0], at[sector], at[sector + 1], with the weights of the latter two.
+struct FanFoot {
+  std::size_t sector = 1;
+  double first = 0.0, second = 0.0;
+};
+
 /// \param apex       the removed vertex, or where the side ends on a crease or border its foot there,
 /// relative too \param flat_edge  i: the apex lies on the edge from at[i] to at[i + 1]; kNoFlatEdge: inside
 /// \param[out] gap   every point of either fan lies within it of the other fan
 /// \return false where one of the fans is no graph over the loop's polygon: the collapse would fold
-bool fan_gap(const RimLoop& loop, const synth::Vec3& apex, std::size_t flat_edge, double& gap);
+bool fan_gap(const RimLoop& loop, const synth::Vec3& apex, std::size_t flat_edge, double& gap,
+             FanFoot* foot = nullptr);
 
 }  // namespace tessera

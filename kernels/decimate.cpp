@@ -162,7 +162,7 @@ DecimateReport decimate(MeshBlock& block, const MeshBlock& reference, const Deci
     mark_features(mesh, block, original, reference_vertex, options.feature_angle_deg);
     for (std::uint32_t v = 0; v < mesh.vertices(); ++v)
       report.locked_vertices += (mesh.state(v) & kVertexLocked) != 0;
-    Decimator decimator(mesh, original, std::move(reference_vertex), options);
+    Decimator decimator(mesh, original, std::move(reference_vertex), options, block, origin);
     apart.reset();
     decimator.run(report);
   }

@@ -2,29 +2,16 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 namespace tessera {
-namespace {
-
 using synth::Vec3;
 
-/// Rounds towards plus infinity, so that a bound stays one.
-float float_above(double v) {
-  const float f = static_cast<float>(v);
-  return static_cast<double>(f) >= v ? f : std::nextafter(f, std::numeric_limits<float>::infinity());
-}
-
-/// 4 sqrt(3) area / (sum of squared edges): 1 for the equilateral triangle, 0 for none.
-double roundness(double twice_area, double squared_edges) {
-  return squared_edges > 0.0 ? 2.0 * 1.7320508075688772 * twice_area / squared_edges : 0.0;
-}
-
-}  // namespace
-
 Decimator::Decimator(CollapseMesh& mesh, const CollapseMesh& reference,
-                     std::vector<std::uint32_t> reference_vertex, const DecimateOptions& options)
+                     std::vector<std::uint32_t> reference_vertex, const DecimateOptions& options,
+                     MeshBlock& block, const Double3& origin)
     : mesh_(mesh),
+      block_(block),
+      origin_(origin),
       options_(options),
       quadric_(mesh.vertices()),
       tried_(mesh.vertices(), 0),
@@ -32,56 +19,10 @@ Decimator::Decimator(CollapseMesh& mesh, const CollapseMesh& reference,
       queue_(mesh.vertices()),
       reference_vertex_(std::move(reference_vertex)) {
   if (options.tolerance > 0.0) reference_gap_ = ReferenceGap(reference);
+  if (options.priority == DecimatePriority::kNormalDeviation) normal_sum_.resize(mesh.vertices());
   if (options.max_normal_turn_deg > 0.0)
     least_cosine_ = synth::sin_cos(options.max_normal_turn_deg * (synth::kPi / 180.0)).cos;
   accumulate_quadrics();
-}
-
-void Decimator::accumulate_quadrics() {
-  const bool uncertain = options_.priority == DecimatePriority::kProbabilistic;
-  const double noise = options_.noise > 0.0 ? options_.noise : options_.tolerance / 8.0;
-  for (std::uint32_t f = 0; f < mesh_.faces().size(); ++f) {
-    const std::uint32_t* v = mesh_.face(f).vertex;
-    const Vec3 p[3] = {mesh_.at(v[0]), mesh_.at(v[1]), mesh_.at(v[2])};
-    const Vec3 normal = cross(p[1] - p[0], p[2] - p[0]);
-    const double twice_area = length(normal);
-    if (!(twice_area > 0.0)) continue;
-    const Vec3 n = normal * (1.0 / twice_area);
-    // A third of the area each.
-    const double weight = twice_area / 6.0;
-    const Quadric q = uncertain ? uncertain_plane_quadric(n, p[0], weight, noise * noise,
-                                                          noise * noise / (0.5 * twice_area))
-                                : plane_quadric(n, p[0], weight);
-    for (std::size_t i = 0; i < 3; ++i) quadric_[v[i]] += q;
-    // Borders and creases hold their line: a plane through the edge, at right angles to the face.
-    if ((mesh_.face(f).state & (7u * kStateBorder | 7u * kStateCrease)) == 0) continue;
-    for (std::uint32_t i = 0; i < 3; ++i) {
-      const std::uint32_t c = 4 * f + i;
-      if (!mesh_.border_edge(c) && !mesh_.crease_edge(c)) continue;
-      const std::uint32_t a = (i + 1) % 3, b = (i + 2) % 3;
-      const Vec3 edge = p[b] - p[a], across = cross(edge, n);
-      const double size2 = dot(edge, edge);
-      if (!(size2 > 0.0)) continue;
-      const Quadric wall = plane_quadric(across * (1.0 / length(across)), p[a], size2);
-      quadric_[v[a]] += wall;
-      quadric_[v[b]] += wall;
-    }
-  }
-  for (std::uint32_t v = 0; v < mesh_.vertices(); ++v) update_error(v);
-}
-
-void Decimator::update_error(std::uint32_t v) {
-  CollapseVertex& node = mesh_.node(v);
-  node.error = std::fmax(0.0, quadric_[v](node.at.x, node.at.y, node.at.z));
-}
-
-double Decimator::cost(std::uint32_t u, const Quadric& q, std::uint32_t v) const {
-  const CollapseVertex& to = mesh_.node(v);
-  const Vec3 edge = to.at - mesh_.at(u);
-  const double edge2 = dot(edge, edge);
-  if (options_.priority == DecimatePriority::kEdgeLength) return edge2;
-  // In a plane all costs are 0 but for rounding: there short edges go first.
-  return std::fmax(0.0, q(to.at.x, to.at.y, to.at.z)) + to.error + 1e-8 * edge2 * edge2;
 }
 
 bool Decimator::allowed_by_features(std::uint32_t u, const Star& star, std::size_t at) const {
@@ -90,20 +31,6 @@ bool Decimator::allowed_by_features(std::uint32_t u, const Star& star, std::size
   if (state & kVertexBorder) return at == 0 || at == star.faces;  // an open fan ends in its border edges
   if (state & kVertexCrease) return mesh_.crease_edge(prev_corner(star.corner[at]));
   return true;
-}
-
-std::size_t Decimator::list_candidates(std::uint32_t u, const Star& star,
-                                       std::array<Candidate, kMaxRing + 1>& list) {
-  std::size_t n = 0;
-  const Quadric q = quadric_[u];
-  for (std::size_t i = 0; i < star.ring_size(); ++i)
-    if (allowed_by_features(u, star, i))
-      list[n++] = {cost(u, q, star.ring[i]), star.ring[i], static_cast<std::uint32_t>(i)};
-  std::sort(list.begin(), list.begin() + static_cast<std::ptrdiff_t>(n),
-            [](const Candidate& a, const Candidate& b) {
-              return a.cost != b.cost ? a.cost < b.cost : a.vertex < b.vertex;
-            });
-  return n;
 }
 
 /// The rings of both ends share the third corners of the two faces at the edge (one at a border) and nothing
@@ -153,114 +80,13 @@ Decimator::Refusal Decimator::check_faces(std::uint32_t u, const Star& star, std
   return Refusal::kNone;
 }
 
-/// The side of the star whose ring runs from place `from` to `to`, counter-clockwise; one of them takes over.
-void Decimator::make_side(const Star& star, std::uint32_t v, std::size_t from, std::size_t to, bool v_first,
-                          RimLoop& loop) const {
-  const std::size_t size = star.ring_size();
-  const bool border = (mesh_.state(v) & kVertexBorder) != 0 && !star.closed;
-  loop.clear();
-  // The loop starts with v; the edge between v and the other end closes it and is the line.
-  const auto add_line = [&](std::uint32_t w) {
-    (border ? loop.borders : loop.creases) |= std::uint64_t{1} << loop.size;
-    add_rim(v, w, kNoCorner, loop);
-  };
-  if (!v_first) add_line(v);
-  for (std::size_t i = from;; i = i + 1 < size ? i + 1 : 0) {
-    if (i == to) {
-      if (v_first) add_line(star.ring[i]);
-      return;
-    }
-    add_rim(v, star.ring[i], star.corner[i], loop);
-  }
-}
-
-/// Adds the place of w, and with it the edge from there on, which lies opposite the corner.
-void Decimator::add_rim(std::uint32_t v, std::uint32_t w, std::uint32_t corner, RimLoop& loop) const {
-  const std::uint64_t bit = std::uint64_t{1} << loop.size;
-  if (corner != kNoCorner) {
-    if (mesh_.border_edge(corner)) loop.borders |= bit;
-    if (mesh_.crease_edge(corner)) loop.creases |= bit;
-  }
-  if (mesh_.state(w) & (kVertexBorder | kVertexCrease | kVertexFixed)) loop.ends |= bit;
-  loop.at[loop.size++] = mesh_.at(w) - mesh_.at(v);
-}
-
-Decimator::Refusal Decimator::check_gap(std::uint32_t u, const Star& star, std::size_t at_ring) {
-  const std::uint32_t v = star.ring[at_ring];
-  const std::size_t size = star.ring_size();
-  const Vec3 pu = mesh_.at(u), pv = mesh_.at(v);
-  const std::uint8_t state = mesh_.state(u);
-  double gap = 0.0;
-  std::size_t sides = 0;
-  bool v_first[2] = {true, false};
-  if (state & (kVertexBorder | kVertexCrease)) {
-    // Along a line: the line's vertex first moves to its foot on the new edge, then each side for itself.
-    std::size_t far = 0;
-    if (state & kVertexBorder) {
-      far = at_ring == 0 ? star.faces : 0;
-    } else {
-      for (std::size_t i = 0; i < star.faces; ++i)
-        if (i != at_ring && mesh_.crease_edge(prev_corner(star.corner[i]))) far = i;
-    }
-    const Vec3 edge = mesh_.at(star.ring[far]) - pv, from = pu - pv;
-    const double size2 = dot(edge, edge);
-    if (!(size2 > 0.0)) return Refusal::kFold;
-    const Vec3 foot = edge * synth::clamp(dot(from, edge) / size2, 0.0, 1.0);
-    if (!(state & kVertexBorder) || at_ring == 0) make_side(star, v, at_ring, far, true, loops_[sides++]);
-    if (!(state & kVertexBorder) || at_ring != 0) {
-      v_first[sides] = false;
-      make_side(star, v, far, at_ring, false, loops_[sides++]);
-    }
-    for (std::size_t s = 0; s < sides; ++s) {
-      double side = 0.0;
-      if (!fan_gap(loops_[s], foot, v_first[s] ? loops_[s].size - 1 : 0, side)) return Refusal::kFold;
-      gap = std::fmax(gap, side);
-    }
-    gap += length(from - foot);
-  } else {
-    RimLoop& loop = loops_[sides++];
-    loop.clear();
-    for (std::size_t n = 0, i = at_ring; n < size; ++n, i = i + 1 < size ? i + 1 : 0)
-      add_rim(v, star.ring[i], star.corner[i], loop);
-    if (!fan_gap(loop, pu - pv, kNoFlatEdge, gap)) return Refusal::kFold;
-  }
-  double bound = 0.0;
-  for (std::size_t i = 0; i < star.faces; ++i)
-    bound = std::fmax(bound, static_cast<double>(mesh_.face(star.corner[i] >> 2).bound));
-  new_bound_ = float_above(bound + gap * (1.0 + 1e-12));
-  if (!(options_.tolerance > 0.0)) return Refusal::kNone;
-  const bool short_sum = static_cast<double>(new_bound_) <= options_.tolerance;
-  if (short_sum && least_cosine_ <= -1.0) return Refusal::kNone;
-  // Sums of bounds grow faster than the distance itself: ask the reference.
-  if (reference_vertex_[u] == kNoCorner) return Refusal::kTolerance;
-  ++exact_tests_;
-  double exact = 0.0;
-  const bool on_line = (state & (kVertexBorder | kVertexCrease)) != 0;
-  for (std::size_t s = 0; s < sides; ++s) {
-    ReferenceGap::Query query;
-    query.origin = pv;
-    query.seed = reference_vertex_[u];
-    query.flat_edge = !on_line ? kNoFlatEdge : v_first[s] ? loops_[s].size - 1 : 0;
-    query.limit = options_.tolerance;
-    query.least_cosine = least_cosine_;
-    query.cross_creases = !on_line;
-    double side = 0.0;
-    ReferenceGap::Answer answer = reference_gap_.measure(loops_[s], query, side);
-    if (answer == ReferenceGap::Answer::kFolded && query.cross_creases && loops_[s].ends != 0) {
-      query.cross_creases = false;  // over an edge that is too sharp
-      answer = reference_gap_.measure(loops_[s], query, side);
-    }
-    if (answer == ReferenceGap::Answer::kTurned) return Refusal::kNormal;
-    if (answer != ReferenceGap::Answer::kWithin) return Refusal::kTolerance;
-    exact = std::fmax(exact, side);
-  }
-  ++exact_accepted_;
-  new_bound_ = short_sum ? std::fmin(new_bound_, float_above(exact)) : float_above(exact);
-  return Refusal::kNone;
-}
-
 Decimator::Refusal Decimator::check(std::uint32_t u, const Star& star, std::size_t at_ring) {
+  moves_ = false;
   if (!linked(star, at_ring)) return Refusal::kLink;
+  if (options_.placement == DecimatePlacement::kOptimal && check_optimal(u, star, at_ring)) {
+    moves_ = true;
+    return Refusal::kNone;
+  }
   const Refusal faces = check_faces(u, star, at_ring);
   if (faces != Refusal::kNone) return faces;
   return check_gap(u, star, at_ring);
@@ -270,6 +96,8 @@ void Decimator::commit(std::uint32_t u, const Star& star, std::size_t at_ring, s
   const std::uint32_t v = star.ring[at_ring];
   for (std::size_t i = 0; i < star.faces; ++i) mesh_.face(star.corner[i] >> 2).bound = new_bound_;
   quadric_[v] += quadric_[u];
+  if (!normal_sum_.empty()) normal_sum_[v] += normal_sum_[u];
+  if (moves_) move_vertex(u, v);
   update_error(v);
   mesh_.collapse(star, at_ring);
   // Whoever was refused near here gets another chance; those in the queue are looked at anyway.

@@ -12,13 +12,24 @@
 
 namespace tessera {
 
+/// 4 sqrt(3) area / (sum of squared edges): 1 for the equilateral triangle, 0 for none.
+inline double roundness(double twice_area, double squared_edges) {
+  return squared_edges > 0.0 ? 2.0 * 1.7320508075688772 * twice_area / squared_edges : 0.0;
+}
+inline double roundness(const synth::Vec3& a, const synth::Vec3& b, const synth::Vec3& c) {
+  const synth::Vec3 u = b - a, v = c - a, w = c - b;
+  return roundness(length(cross(u, v)), dot(u, u) + dot(v, v) + dot(w, w));
+}
+
 class Decimator {
  public:
   /// \param mesh       features are marked
   /// \param reference  same origin as mesh; used when options.tolerance > 0
+  /// \param block      takes the places and attributes of vertices that move (kOptimal)
+  /// \param origin     of mesh
   /// \param reference_vertex  per vertex of the mesh the same one in the reference, or kNoCorner
   Decimator(CollapseMesh& mesh, const CollapseMesh& reference, std::vector<std::uint32_t> reference_vertex,
-            const DecimateOptions& options);
+            const DecimateOptions& options, MeshBlock& block, const Double3& origin);
 
   void run(DecimateReport& report);
 
@@ -30,15 +41,40 @@ class Decimator {
     std::uint32_t at;  ///< place in the ring
   };
 
+  /// Area-weighted sum of original normals.
+  struct NormalSum {
+    synth::Vec3 normal;
+    double area = 0.0;
+    NormalSum& operator+=(const NormalSum& o) {
+      normal = normal + o.normal;
+      area += o.area;
+      return *this;
+    }
+  };
+  /// Where the removed vertex comes to lie: in the face or on the edge of a, b, c; weights of a and b.
+  struct Foot {
+    std::uint32_t a = 0, b = 0, c = 0;
+    double wa = 0.0, wb = 0.0;
+  };
+
   void accumulate_quadrics();
   void seed_queue();
   std::size_t list_candidates(std::uint32_t u, const Star& star, std::array<Candidate, kMaxRing + 1>& list);
   void update_error(std::uint32_t v);
-  double cost(std::uint32_t u, const Quadric& q, std::uint32_t v) const;
+  double cost(std::uint32_t u, const Quadric& q, const Star& star, std::size_t at);
+  double normal_cost(std::uint32_t u, const Star& star, std::size_t at) const;
+  double worst_shape(const Star& star, std::size_t at) const;
+  double attribute_cost(std::uint32_t u) const;
   bool allowed_by_features(std::uint32_t u, const Star& star, std::size_t at) const;
   Refusal check(std::uint32_t u, const Star& star, std::size_t at);
   bool linked(const Star& star, std::size_t at);
   Refusal check_faces(std::uint32_t u, const Star& star, std::size_t at) const;
+  bool bound_by_sum(std::uint32_t u, const Star& star, std::size_t at);
+  bool may_move(std::uint32_t u, std::uint32_t v) const;
+  synth::Vec3 best_place(const Quadric& q, std::uint32_t u, std::uint32_t v) const;
+  synth::Vec3 as_stored(const synth::Vec3& p) const;
+  bool check_optimal(std::uint32_t u, const Star& star, std::size_t at);
+  void move_vertex(std::uint32_t u, std::uint32_t v);
   Refusal check_gap(std::uint32_t u, const Star& star, std::size_t at);
   void make_side(const Star& star, std::uint32_t v, std::size_t from, std::size_t to, bool v_first,
                  RimLoop& loop) const;
@@ -46,13 +82,22 @@ class Decimator {
   void commit(std::uint32_t u, const Star& star, std::size_t at, std::uint32_t cost_class_now);
 
   CollapseMesh& mesh_;
+  MeshBlock& block_;
+  const Double3 origin_;
   const DecimateOptions& options_;
   std::vector<Quadric> quadric_;
   std::vector<std::uint16_t> tried_;  ///< candidates below this class failed with the star as it is
   std::vector<std::uint32_t> mark_;
   std::uint32_t stamp_ = 0;
   CostQueue<kCostClasses> queue_;
+  std::vector<NormalSum> normal_sum_;  ///< kNormalDeviation only
+  // Of the candidate at hand.
   RimLoop loops_[2];
+  std::size_t sides_ = 0, flat_edge_[2] = {kNoFlatEdge, kNoFlatEdge};
+  Foot foot_;
+  Star other_star_;
+  synth::Vec3 target_;
+  bool moves_ = false;
   double least_cosine_ = -1.0;
   ReferenceGap reference_gap_;
   std::vector<std::uint32_t> reference_vertex_;

@@ -39,11 +39,12 @@ ReferenceGap::ReferenceGap(const CollapseMesh& reference) {
   stack_.reserve(1024);
 }
 
-bool ReferenceGap::set_polygon(const RimLoop& loop) {
+bool ReferenceGap::set_polygon(const RimLoop& loop, bool inner_centre) {
   size_ = loop.size;
-  if (size_ < 3 || size_ >= kPadded) return false;
+  if (size_ < (inner_centre ? 4u : 3u) || size_ >= kPadded) return false;
+  closes_to_ = inner_centre ? 1 : 0;
   Vec3 area{0, 0, 0};
-  for (std::size_t i = 1; i + 1 < size_; ++i) area = area + cross(loop.at[i], loop.at[i + 1]);
+  for (std::size_t i = 1; i < size_; ++i) area = area + cross(loop.at[i], loop.at[following(i)]);
   const double length2 = dot(area, area);
   if (!(length2 > 0.0)) return false;
   n_ = area * (1.0 / std::sqrt(length2));
@@ -51,6 +52,7 @@ bool ReferenceGap::set_polygon(const RimLoop& loop) {
   ey_ = cross(n_, ex_);
   std::array<double, kPadded> x, y, z;
   double radius = 0.0;
+  int turns = 0;
   for (std::size_t i = 0; i < size_; ++i) {
     x[i] = dot(loop.at[i], ex_);
     y[i] = dot(loop.at[i], ey_);
@@ -58,22 +60,37 @@ bool ReferenceGap::set_polygon(const RimLoop& loop) {
     radius = std::fmax(radius, std::fmax(std::fmax(std::fabs(x[i]), std::fabs(y[i])), std::fabs(z[i])));
   }
   for (std::size_t i = 0; i < size_; ++i) {
-    const std::size_t j = i + 1 < size_ ? i + 1 : 0;
+    const std::size_t j = following(i);
     x_[i] = static_cast<float>(x[i]), y_[i] = static_cast<float>(y[i]), z_[i] = static_cast<float>(z[i]);
     edge_x_[i] = static_cast<float>(x[j] - x[i]);
     edge_y_[i] = static_cast<float>(y[j] - y[i]);
     edge_c_[i] = static_cast<float>(cross2(x[j] - x[i], y[j] - y[i], x[i], y[i]));
     edge_z_[i] = static_cast<float>(z[j] - z[i]);
+    // A point on the rim is outside: what only touches the polygon does not count.
+    edge_c_[i] +=
+        8.0f * 0x1p-24f * static_cast<float>(radius) * (std::fabs(edge_x_[i]) + std::fabs(edge_y_[i]));
+    if (i == 0 && inner_centre)
+      edge_x_[0] = edge_y_[0] = edge_z_[0] = edge_c_[0] = 0.0f;  // left of it is everything
     if (i == 0 || j == 0) continue;
     // z = sx x + sy y through the origin and both corners.
     const double full = cross2(x[i], y[i], x[j], y[j]);
+    if (inner_centre) {
+      if (!(full > 0.0)) return false;
+      turns += y[i] < 0.0 && y[j] >= 0.0;
+    }
     slope_x_[i] = static_cast<float>((z[i] * y[j] - z[j] * y[i]) / full);
     slope_y_[i] = static_cast<float>((z[j] * x[i] - z[i] * x[j]) / full);
     face_cosine_[i] = 1.0f / std::sqrt(1.0f + slope_x_[i] * slope_x_[i] + slope_y_[i] * slope_y_[i]);
   }
   groups_ = (size_ + kLanes - 1) / kLanes;
   all_ = (std::uint64_t{1} << size_) - 1;
-  sectors_ = all_ & ~std::uint64_t{1} & ~(std::uint64_t{1} << (size_ - 1));
+  sectors_ = all_ & ~std::uint64_t{1};
+  inner_spokes_ = sectors_;
+  if (inner_centre && turns != 1) return false;
+  if (!inner_centre) {
+    sectors_ &= ~(std::uint64_t{1} << (size_ - 1));
+    inner_spokes_ = sectors_ & ~std::uint64_t{2};
+  }
   radius_ = static_cast<float>(radius);
   return true;
 }
@@ -93,7 +110,7 @@ inline void ReferenceGap::classify(Point& p) const {
   }
   p.spokes &= all_;
   p.rims &= all_;
-  p.inside = (p.spokes & ~(p.spokes >> 1) & p.rims & sectors_) != 0;
+  p.inside = sector_bits(p) != 0;
 }
 
 /// \return false above the limit
@@ -111,8 +128,7 @@ inline bool ReferenceGap::place(std::uint32_t vertex, std::uint32_t& slot) {
   p.z = static_cast<float>(dot(r, n_));
   classify(p);
   if (p.inside) {
-    const auto i =
-        static_cast<std::size_t>(std::countr_zero(p.spokes & ~(p.spokes >> 1) & p.rims & sectors_));
+    const auto i = static_cast<std::size_t>(std::countr_zero(sector_bits(p)));
     gap_ = std::fmax(gap_, std::fabs(p.z - slope_x_[i] * p.x - slope_y_[i] * p.y));
   } else if ((lines_ & ~p.rims) != 0) {
     p.inside = beyond_line(p);
@@ -166,11 +182,24 @@ bool ReferenceGap::turned(const Point* p) const {
   const float nx = ay * bz - az * by, ny = az * bx - ax * bz, nz = ax * by - ay * bx;
   const float size = std::sqrt(nx * nx + ny * ny + nz * nz);
   if (!(size > 0.0f)) return false;
+  // Drawn in a little, so that a face that only touches does not count.
+  const float cx = (p[0].x + p[1].x + p[2].x) / 3.0f, cy = (p[0].y + p[1].y + p[2].y) / 3.0f;
+  Point q[3];
+  for (int i = 0; i < 3; ++i) {
+    q[i].x = cx + 0.998f * (p[i].x - cx), q[i].y = cy + 0.998f * (p[i].y - cy);
+    classify(q[i]);
+  }
   std::uint64_t faces = 0;
   for (int i = 0; i < 3; ++i) {
-    faces |= p[i].spokes & ~(p[i].spokes >> 1) & p[i].rims & sectors_;
-    const std::uint64_t cut = (p[i].spokes ^ p[i == 2 ? 0 : i + 1].spokes) & sectors_ & ~std::uint64_t{2};
-    faces |= cut | cut >> 1;  // spoke j parts faces j - 1 and j
+    faces |= sector_bits(q[i]);
+    const Point &a = q[i], &b = q[i == 2 ? 0 : i + 1];
+    for (std::uint64_t cut = (a.spokes ^ b.spokes) & inner_spokes_; cut != 0; cut &= cut - 1) {
+      const auto j = static_cast<std::size_t>(std::countr_zero(cut));
+      const float dx = b.x - a.x, dy = b.y - a.y, turn = cross2(dx, dy, x_[j], y_[j]);
+      const float s = cross2(-a.x, -a.y, dx, dy) / turn;
+      if (s > 0.0f && s < 1.0f)  // spoke j parts faces j - 1 and j
+        faces |= std::uint64_t{1} << j | std::uint64_t{1} << (j == closes_to_ ? size_ - 1 : j - 1);
+    }
   }
   for (faces &= sectors_; faces != 0; faces &= faces - 1) {
     const auto i = static_cast<std::size_t>(std::countr_zero(faces));
@@ -184,7 +213,7 @@ bool ReferenceGap::turned(const Point* p) const {
 bool ReferenceGap::meets_polygon(const Point& a, const Point& b) const {
   for (std::uint64_t cut = a.rims ^ b.rims; cut != 0; cut &= cut - 1) {
     const auto j = static_cast<std::size_t>(std::countr_zero(cut));
-    const std::size_t k = j + 1 < size_ ? j + 1 : 0;
+    const std::size_t k = following(j);
     const float sj = cross2(b.x - a.x, b.y - a.y, x_[j] - a.x, y_[j] - a.y);
     const float sk = cross2(b.x - a.x, b.y - a.y, x_[k] - a.x, y_[k] - a.y);
     if ((sj > 0.0f && sk < 0.0f) || (sj < 0.0f && sk > 0.0f)) return true;
@@ -205,13 +234,28 @@ bool ReferenceGap::cross_edges(const Point& a, const Point& b) {
     if (s >= 0.0f && s <= 1.0f && t >= 0.0f && t <= 1.0f)
       gap_ = std::fmax(gap_, std::fabs(a.z + t * dz - pz - s * uz));
   };
-  for (std::uint64_t cut = (a.spokes ^ b.spokes) & sectors_ & ~std::uint64_t{2}; cut != 0; cut &= cut - 1) {
+  for (std::uint64_t cut = (a.spokes ^ b.spokes) & inner_spokes_; cut != 0; cut &= cut - 1) {
     const auto j = static_cast<std::size_t>(std::countr_zero(cut));
     cross(0.0f, 0.0f, 0.0f, x_[j], y_[j], z_[j]);
   }
   for (std::uint64_t cut = a.rims ^ b.rims; cut != 0; cut &= cut - 1) {
     const auto j = static_cast<std::size_t>(std::countr_zero(cut));
     cross(x_[j], y_[j], z_[j], edge_x_[j], edge_y_[j], edge_z_[j]);
+  }
+  return gap_ <= limit_;
+}
+
+/// Measures the corners of the star that lie above the triangle. \return false above the limit
+bool ReferenceGap::corners_above(const Point* p) {
+  const float ax = p[1].x - p[0].x, ay = p[1].y - p[0].y, bx = p[2].x - p[0].x, by = p[2].y - p[0].y;
+  const float full = cross2(ax, ay, bx, by), margin = -1e-5f * std::fabs(full);
+  if (!(full > 0.0f)) return true;
+  for (std::size_t j = 0; j < size_; ++j) {
+    const float dx = x_[j] - p[0].x, dy = y_[j] - p[0].y;
+    const float s = cross2(dx, dy, bx, by), t = cross2(ax, ay, dx, dy);
+    if (s < margin || t < margin || s + t > full - margin) continue;
+    gap_ =
+        std::fmax(gap_, std::fabs(p[0].z + (s * (p[1].z - p[0].z) + t * (p[2].z - p[0].z)) / full - z_[j]));
   }
   return gap_ <= limit_;
 }
@@ -276,7 +320,7 @@ bool ReferenceGap::seed_faces(std::uint32_t seed, std::size_t flat_edge) {
 }
 
 ReferenceGap::Answer ReferenceGap::measure(const RimLoop& loop, const Query& query, double& gap) {
-  if (!set_polygon(loop)) return Answer::kBeyond;
+  if (!set_polygon(loop, query.inner_centre)) return Answer::kBeyond;
   origin_ = query.origin;
   const float slack = 16.0f * 0x1p-24f * radius_;
   gap_ = 0.0f;
@@ -290,6 +334,10 @@ ReferenceGap::Answer ReferenceGap::measure(const RimLoop& loop, const Query& que
   // Stamps: even on the stack, odd done.
   stamp_ += 2;
   if (!seed_faces(query.seed, query.flat_edge)) return Answer::kBeyond;
+  if (query.free_corners && query.flat_edge == kNoFlatEdge) {
+    std::uint32_t slot;
+    if (!place(query.seed, slot) || !points_[slot].inside) return Answer::kBeyond;
+  }
   while (!stack_.empty()) {
     Face& f = faces_[stack_.back()];
     stack_.pop_back();
@@ -302,6 +350,7 @@ ReferenceGap::Answer ReferenceGap::measure(const RimLoop& loop, const Query& que
     const float ax = p[1].x - p[0].x, ay = p[1].y - p[0].y, bx = p[2].x - p[0].x, by = p[2].y - p[0].y;
     if (cross2(ax, ay, bx, by) < -slack * (std::fabs(ax) + std::fabs(ay) + std::fabs(bx) + std::fabs(by)))
       return Answer::kFolded;
+    if (query.free_corners && !corners_above(p)) return Answer::kBeyond;
     if (least_cosine_ > -1.0f && turned(p)) return Answer::kTurned;
     for (std::uint32_t i = 0; i < 3; ++i) {
       const std::uint32_t o = f.opposite[i];
@@ -314,7 +363,10 @@ ReferenceGap::Answer ReferenceGap::measure(const RimLoop& loop, const Query& que
         if (!cross_edges(a, b)) return Answer::kBeyond;
       }
       if (f.lines >> i & walls) {
-        if (!near_line(a) || !near_line(b)) return Answer::kBeyond;
+        // Where the line leaves the polygon, its crossing of the rim has been measured.
+        const bool through = !a.inside && !b.inside;
+        if ((a.inside || through) && !near_line(a)) return Answer::kBeyond;
+        if ((b.inside || through) && !near_line(b)) return Answer::kBeyond;
         continue;
       }
       if (o == kNoCorner) return Answer::kBeyond;

@@ -35,6 +35,8 @@ class ReferenceGap {
     std::size_t flat_edge = kNoFlatEdge;  ///< as fan_gap()
     double limit = 0.0;                   ///< give up above it
     bool cross_creases = false;           ///< walk across creases of the reference as across any edge
+    bool inner_centre = false;            ///< at[0] is no part of the rim but the centre of a closed fan
+    bool free_corners = false;            ///< corners of the star need not lie on the reference
     double least_cosine = -1.0;  ///< give up where a new face turns more against a reference triangle over it
   };
   enum class Answer : std::uint8_t { kWithin, kBeyond, kFolded, kTurned };
@@ -62,7 +64,12 @@ class ReferenceGap {
     std::uint64_t spokes, rims;  ///< bit j: left of spoke j, of rim edge j
   };
 
-  bool set_polygon(const RimLoop& loop);
+  bool set_polygon(const RimLoop& loop, bool inner_centre);
+  std::size_t following(std::size_t i) const { return i + 1 < size_ ? i + 1 : closes_to_; }
+  std::uint64_t sector_bits(const Point& p) const {
+    return p.spokes & ~(p.spokes >> 1 | (p.spokes >> closes_to_ & 1u) << (size_ - 1)) & p.rims & sectors_;
+  }
+  bool corners_above(const Point* p);
   void classify(Point& p) const;
   bool place(std::uint32_t vertex, std::uint32_t& slot);
   bool meets_polygon(const Point& a, const Point& b) const;
@@ -82,8 +89,9 @@ class ReferenceGap {
 
   // The polygon at hand: at[j], the edge from there to the next, the plane of the face (0, j, j + 1).
   static constexpr std::size_t kLanes = 8, kPadded = 64;
-  std::size_t size_ = 0, groups_ = 0;
-  std::uint64_t sectors_ = 0, all_ = 0;  ///< bits 1 .. size - 2; bits 0 .. size - 1
+  std::size_t size_ = 0, groups_ = 0, closes_to_ = 0;
+  std::uint64_t sectors_ = 0, all_ = 0,
+                inner_spokes_ = 0;  ///< bits of faces, of corners, of edges between two faces
   alignas(32) std::array<float, kPadded> x_{}, y_{}, z_{}, edge_x_{}, edge_y_{}, edge_c_{};
   std::array<float, kPadded> edge_z_{};
   std::array<float, kPadded> slope_x_{}, slope_y_{}, face_cosine_{};

@@ -1,0 +1,143 @@
+// The tolerance part of Decimator: loops of the rim, the bound by sums, the test against the reference.
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "kernels/decimator.h"
+
+namespace tessera {
+namespace {
+
+using synth::Vec3;
+
+/// Rounds towards plus infinity, so that a bound stays one.
+float float_above(double v) {
+  const float f = static_cast<float>(v);
+  return static_cast<double>(f) >= v ? f : std::nextafter(f, std::numeric_limits<float>::infinity());
+}
+
+}  // namespace
+
+/// The side of the star whose ring runs from place `from` to `to`, counter-clockwise; one of them takes over.
+void Decimator::make_side(const Star& star, std::uint32_t v, std::size_t from, std::size_t to, bool v_first,
+                          RimLoop& loop) const {
+  const std::size_t size = star.ring_size();
+  const bool border = (mesh_.state(v) & kVertexBorder) != 0 && !star.closed;
+  loop.clear();
+  // The loop starts with v; the edge between v and the other end closes it and is the line.
+  const auto add_line = [&](std::uint32_t w) {
+    (border ? loop.borders : loop.creases) |= std::uint64_t{1} << loop.size;
+    add_rim(v, w, kNoCorner, loop);
+  };
+  if (!v_first) add_line(v);
+  for (std::size_t i = from;; i = i + 1 < size ? i + 1 : 0) {
+    if (i == to) {
+      if (v_first) add_line(star.ring[i]);
+      return;
+    }
+    add_rim(v, star.ring[i], star.corner[i], loop);
+  }
+}
+
+/// Adds the place of w, and with it the edge from there on, which lies opposite the corner.
+void Decimator::add_rim(std::uint32_t v, std::uint32_t w, std::uint32_t corner, RimLoop& loop) const {
+  const std::uint64_t bit = std::uint64_t{1} << loop.size;
+  if (corner != kNoCorner) {
+    if (mesh_.border_edge(corner)) loop.borders |= bit;
+    if (mesh_.crease_edge(corner)) loop.creases |= bit;
+  }
+  if (mesh_.state(w) & (kVertexBorder | kVertexCrease | kVertexFixed)) loop.ends |= bit;
+  loop.at[loop.size++] = mesh_.at(w) - mesh_.at(v);
+}
+
+/// Lays out the rim loops of the collapse and bounds the distance by adding what it moves to what was before.
+/// \return false where it folds
+bool Decimator::bound_by_sum(std::uint32_t u, const Star& star, std::size_t at_ring) {
+  const std::uint32_t v = star.ring[at_ring];
+  const std::size_t size = star.ring_size();
+  const Vec3 pu = mesh_.at(u), pv = mesh_.at(v);
+  const std::uint8_t state = mesh_.state(u);
+  double gap = 0.0;
+  sides_ = 0;
+  flat_edge_[0] = kNoFlatEdge;
+  if (state & (kVertexBorder | kVertexCrease)) {
+    // Along a line: the line's vertex first moves to its foot on the new edge, then each side for itself.
+    std::size_t far = 0;
+    if (state & kVertexBorder) {
+      far = at_ring == 0 ? star.faces : 0;
+    } else {
+      for (std::size_t i = 0; i < star.faces; ++i)
+        if (i != at_ring && mesh_.crease_edge(prev_corner(star.corner[i]))) far = i;
+    }
+    const Vec3 edge = mesh_.at(star.ring[far]) - pv, from = pu - pv;
+    const double size2 = dot(edge, edge);
+    if (!(size2 > 0.0)) return false;
+    const Vec3 foot = edge * synth::clamp(dot(from, edge) / size2, 0.0, 1.0);
+    if (!(state & kVertexBorder) || at_ring == 0) {
+      make_side(star, v, at_ring, far, true, loops_[sides_]);
+      flat_edge_[sides_] = loops_[sides_].size - 1;
+      ++sides_;
+    }
+    if (!(state & kVertexBorder) || at_ring != 0) {
+      make_side(star, v, far, at_ring, false, loops_[sides_]);
+      flat_edge_[sides_++] = 0;
+    }
+    for (std::size_t s = 0; s < sides_; ++s) {
+      double side = 0.0;
+      if (!fan_gap(loops_[s], foot, flat_edge_[s], side)) return false;
+      gap = std::fmax(gap, side);
+    }
+    gap += length(from - foot);
+    foot_ = {star.ring[far], v, v, synth::clamp(dot(from, edge) / size2, 0.0, 1.0), 0.0};
+  } else {
+    RimLoop& loop = loops_[sides_++];
+    loop.clear();
+    for (std::size_t n = 0, i = at_ring; n < size; ++n, i = i + 1 < size ? i + 1 : 0)
+      add_rim(v, star.ring[i], star.corner[i], loop);
+    FanFoot foot;
+    if (!fan_gap(loop, pu - pv, kNoFlatEdge, gap, &foot)) return false;
+    const auto ring_at = [&](std::size_t i) { return star.ring[(at_ring + i) % size]; };
+    foot_ = {ring_at(foot.sector), ring_at(foot.sector + 1), v, foot.first, foot.second};
+  }
+  double bound = 0.0;
+  for (std::size_t i = 0; i < star.faces; ++i)
+    bound = std::fmax(bound, static_cast<double>(mesh_.face(star.corner[i] >> 2).bound));
+  new_bound_ = float_above(bound + gap * (1.0 + 1e-12));
+  return true;
+}
+
+Decimator::Refusal Decimator::check_gap(std::uint32_t u, const Star& star, std::size_t at_ring) {
+  if (!bound_by_sum(u, star, at_ring)) return Refusal::kFold;
+  if (!(options_.tolerance > 0.0)) return Refusal::kNone;
+  const bool short_sum = static_cast<double>(new_bound_) <= options_.tolerance;
+  if (short_sum && least_cosine_ <= -1.0) return Refusal::kNone;
+  // Sums of bounds grow faster than the distance itself: ask the reference.
+  if (reference_vertex_[u] == kNoCorner) return Refusal::kTolerance;
+  ++exact_tests_;
+  double exact = 0.0;
+  const bool on_line = (mesh_.state(u) & (kVertexBorder | kVertexCrease)) != 0;
+  for (std::size_t s = 0; s < sides_; ++s) {
+    ReferenceGap::Query query;
+    query.origin = mesh_.at(star.ring[at_ring]);
+    query.free_corners = options_.placement == DecimatePlacement::kOptimal;
+    query.seed = reference_vertex_[u];
+    query.flat_edge = flat_edge_[s];
+    query.limit = options_.tolerance;
+    query.least_cosine = least_cosine_;
+    query.cross_creases = !on_line;
+    double side = 0.0;
+    ReferenceGap::Answer answer = reference_gap_.measure(loops_[s], query, side);
+    if (answer == ReferenceGap::Answer::kFolded && query.cross_creases && loops_[s].ends != 0) {
+      query.cross_creases = false;  // over an edge that is too sharp
+      answer = reference_gap_.measure(loops_[s], query, side);
+    }
+    if (answer == ReferenceGap::Answer::kTurned) return Refusal::kNormal;
+    if (answer != ReferenceGap::Answer::kWithin) return Refusal::kTolerance;
+    exact = std::fmax(exact, side);
+  }
+  ++exact_accepted_;
+  new_bound_ = short_sum ? std::fmin(new_bound_, float_above(exact)) : float_above(exact);
+  return Refusal::kNone;
+}
+
+}  // namespace tessera
