@@ -310,3 +310,156 @@ TEST_CASE("decimate: degenerate input ends in a result or a clear error", "[unit
   CHECK_THROWS_AS(decimate(one, one, within(-1.0)), UsageError);
   CHECK_THROWS_AS(decimate(one, one, within(std::numeric_limits<double>::quiet_NaN())), UsageError);
 }
+
+TEST_CASE("decimate: every priority and placement keeps the bound and the topology", "[property]") {
+  const MeshBlock original = bumpy_sphere(4, 0.1);
+  for (const auto priority :
+       {DecimatePriority::kQuadric, DecimatePriority::kProbabilistic, DecimatePriority::kSampleDistance,
+        DecimatePriority::kNormalDeviation, DecimatePriority::kRoundness, DecimatePriority::kEdgeLength})
+    for (const auto placement : {DecimatePlacement::kEndpoint, DecimatePlacement::kOptimal}) {
+      DecimateOptions o = within(0.02);
+      o.priority = priority;
+      o.placement = placement;
+      MeshBlock b = original;
+      for (int pass = 0; pass < 2; ++pass) {
+        const DecimateReport r = decimate(b, original, o);
+        INFO("priority " << static_cast<int>(priority) << ", placement " << static_cast<int>(placement));
+        CHECK(r.faces_out < 900);
+        CHECK(r.bound <= 0.02);
+        CHECK(sampled_distance(b, original) <= r.bound);
+        CHECK(sampled_distance(original, b) <= r.bound);
+        CHECK(checks(b).defects() == 0);
+        CHECK(checks(b).euler == 2);
+        for (const Double3& q : b.position)
+          for (const double c : q)
+            if (placement == DecimatePlacement::kEndpoint) {
+              CHECK(std::find(original.position.begin(), original.position.end(), q) !=
+                    original.position.end());
+              break;
+            } else {
+              CHECK((std::find(original.position.begin(), original.position.end(), q) !=
+                         original.position.end() ||
+                     static_cast<double>(static_cast<float>(c)) == c));
+            }
+      }
+    }
+}
+
+TEST_CASE("decimate: normals turn no more than asked", "[property]") {
+  const MeshBlock original = bumpy_sphere(5, 0.1);
+  std::size_t free_faces = 0;
+  for (const double degrees : {0.0, 20.0, 8.0}) {
+    DecimateOptions o = within(0.03);
+    o.max_normal_turn_deg = degrees;
+    MeshBlock b = original;
+    const DecimateReport r = decimate(b, original, o);
+    if (degrees == 0.0) {
+      free_faces = r.faces_out;
+      continue;
+    }
+    CHECK(r.faces_out > free_faces);
+    CHECK(r.faces_out < original.faces.size() / 2);
+    // The face of the result closest to the middle of an original face stands for it, or a neighbour does.
+    const auto normal = [](const MeshBlock& m, std::size_t f) {
+      const auto p = [&](std::size_t i) {
+        const Double3& q = m.position[m.faces[f][i]];
+        return synth::Vec3{q[0], q[1], q[2]};
+      };
+      return synth::normalized(cross(p(1) - p(0), p(2) - p(0)));
+    };
+    const ClosestFaces closest(b.position, b.faces, {0, 0, 0});
+    const double limit = synth::sin_cos((degrees + 1.0) * synth::kPi / 180.0).cos;
+    std::size_t over = 0;
+    for (std::size_t f = 0; f < original.faces.size(); ++f) {
+      Double3 middle{};
+      for (const std::uint32_t v : original.faces[f])
+        for (std::size_t a = 0; a < 3; ++a) middle[a] += original.position[v][a] / 3.0;
+      const std::uint32_t at = closest.face(closest.closest(middle, 1e300, ClosestFaces::kNone).slot);
+      over += dot(normal(original, f), normal(b, at)) < limit;
+    }
+    CHECK(over == 0);
+  }
+}
+
+TEST_CASE("decimate: a colour edge in a plane is kept when colour counts", "[unit]") {
+  MeshBlock b = grid_block(20, 20, [](double, double) { return 0.0; });
+  for (const Double3& q : b.position) b.rgba.push_back(q[0] + q[1] < 17.0 ? 0xff0000ffu : 0xffff0000u);
+  DecimateOptions o;
+  o.colour_weight = 1.0;
+  o.max_cost_class = 2047;
+  const MeshBlock original = b;
+  // The class below which flat pieces of one colour vanish, but no vertex at the edge of colours.
+  const DecimateReport all = decimate(b, original, o);
+  o.max_cost_class = cost_class_for(all.cost_histogram, all.faces_in, 200);
+  b = original;
+  decimate(b, original, o);
+  double worst = 0.0;  // distance of a face of two colours from the edge
+  for (const auto& t : b.faces)
+    for (const std::uint32_t v : t)
+      if (b.rgba[v] != b.rgba[t[0]])
+        worst = std::max(worst, std::fabs(b.position[v][0] + b.position[v][1] - 17.0));
+  CHECK(worst <= 3.0);
+  CHECK(b.rgba.size() == b.key.size());
+}
+
+TEST_CASE("decimate: seams that one pass locks are freed in the next, and blocks may run in any order",
+          "[property]") {
+  const MeshBlock whole =
+      grid_block(32, 32, [](double x, double y) { return std::sin(0.2 * x) * std::cos(0.15 * y); });
+  const auto column = [&](const MeshBlock& m, std::size_t f) {
+    double x = 0.0;
+    for (const std::uint32_t v : m.faces[f]) x += m.position[v][0] / 3.0;
+    return x;
+  };
+  const double tolerance = 0.05;
+  // Faces whose middle lies in [from, to) of a mesh whose borders are flagged.
+  const auto cut = [&](const MeshBlock& m, double from, double to) {
+    MeshBlock part;
+    part.key = m.key, part.position = m.position, part.vertex_class = m.vertex_class;
+    for (std::size_t f = 0; f < m.faces.size(); ++f)
+      if (column(m, f) >= from && column(m, f) < to) {
+        part.faces.push_back(m.faces[f]);
+        part.face_flags.push_back(m.face_flags[f]);
+        part.face_bound.push_back(m.face_bound.empty() ? 0.0f : m.face_bound[f]);
+      }
+    return part;
+  };
+  const auto join = [&](const std::vector<MeshBlock>& parts) {
+    MeshBlock m;
+    std::map<std::uint64_t, std::uint32_t> index;
+    for (const MeshBlock& p : parts)
+      for (std::size_t v = 0; v < p.key.size(); ++v)
+        if (index.emplace(p.key[v], static_cast<std::uint32_t>(m.key.size())).second) {
+          m.key.push_back(p.key[v]);
+          m.position.push_back(p.position[v]);
+          m.vertex_class.push_back(p.vertex_class[v]);
+        } else {
+          CHECK(m.position[index[p.key[v]]] == p.position[v]);
+        }
+    for (const MeshBlock& p : parts)
+      for (std::size_t f = 0; f < p.faces.size(); ++f) {
+        m.faces.push_back(
+            {index[p.key[p.faces[f][0]]], index[p.key[p.faces[f][1]]], index[p.key[p.faces[f][2]]]});
+        m.face_flags.push_back(p.face_flags[f]);
+        m.face_bound.push_back(p.face_bound[f]);
+      }
+    return m;
+  };
+  const auto on_seam = [](const MeshBlock& m, double x) {
+    return std::count_if(m.position.begin(), m.position.end(), [&](const Double3& q) { return q[0] == x; });
+  };
+  MeshBlock left = cut(whole, 0, 16), right = cut(whole, 16, 32);
+  decimate(right, whole, within(tolerance));
+  decimate(left, whole, within(tolerance));
+  MeshBlock one = join({left, right});
+  CHECK(on_seam(one, 16.0) == 33);
+  MeshBlock a = cut(one, 0, 8), b = cut(one, 8, 24), c = cut(one, 24, 32);
+  for (MeshBlock* m : {&b, &a, &c}) decimate(*m, whole, within(tolerance));
+  const MeshBlock two = join({a, b, c});
+  CHECK(on_seam(two, 16.0) < 12);
+  CHECK(two.faces.size() < one.faces.size());
+  CHECK(sampled_distance(two, whole) <= tolerance);
+  CHECK(sampled_distance(whole, two) <= tolerance);
+  CHECK(checks(two).defects() == 0);
+  CHECK(checks(two).boundary_loops == 1);
+}
