@@ -92,7 +92,8 @@ struct DecimateReport {
 /// differ \throws UsageError  from options.validate()
 DecimateReport decimate(MeshBlock& block, const MeshBlock& reference, const DecimateOptions& options);
 
-/// Upper bound of what decimate() allocates above its arguments.
+/// Upper bound of what decimate() allocates above its arguments; reference_faces = 0 where the block is its own.
+/// 160 bytes per face of the block, 112 per face of the reference.
 std::size_t decimate_bytes(std::size_t block_faces, std::size_t reference_faces);
 
 /// The cost class up to which collapses must be done to come from `faces` down to `target_faces`, from the

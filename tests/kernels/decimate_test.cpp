@@ -1,13 +1,17 @@
 // The decimation kernel on tiny meshes, named by what must not happen, and its promises on larger ones.
 #include "kernels/decimate.h"
 
+#include <malloc.h>
+
 #include <catch2/catch.hpp>
 
 #include <algorithm>
 #include <bit>
 #include <cmath>
+#include <cstdlib>
 #include <limits>
 #include <map>
+#include <new>
 #include <set>
 
 #include "kernels/closest_face.h"
@@ -15,6 +19,42 @@
 #include "octree/error.h"
 #include "tests/helpers/block_meshes.h"
 #include "tests/helpers/mesh_checks.h"
+
+namespace {
+
+std::size_t allocated = 0, peak_allocated = 0;
+
+}  // namespace
+
+// Counts what the kernel holds at a time. The compiler cannot see that new and delete here belong together.
+#pragma GCC diagnostic ignored "-Wmismatched-new-delete"
+void* operator new(std::size_t bytes) {
+  void* p = std::malloc(bytes > 0 ? bytes : 1);
+  if (!p) throw std::bad_alloc();
+  allocated += ::malloc_usable_size(p);
+  peak_allocated = std::max(peak_allocated, allocated);
+  return p;
+}
+void* operator new(std::size_t bytes, std::align_val_t alignment) {
+  void* p = std::aligned_alloc(static_cast<std::size_t>(alignment), (bytes + 63) / 64 * 64);
+  if (!p) throw std::bad_alloc();
+  allocated += ::malloc_usable_size(p);
+  peak_allocated = std::max(peak_allocated, allocated);
+  return p;
+}
+void operator delete(void* p) noexcept {
+  allocated -= ::malloc_usable_size(p);
+  std::free(p);
+}
+void operator delete(void* p, std::size_t) noexcept {
+  operator delete(p);
+}
+void operator delete(void* p, std::align_val_t) noexcept {
+  operator delete(p);
+}
+void operator delete(void* p, std::size_t, std::align_val_t) noexcept {
+  operator delete(p);
+}
 
 namespace {
 
@@ -462,4 +502,26 @@ TEST_CASE("decimate: seams that one pass locks are freed in the next, and blocks
   CHECK(sampled_distance(whole, two) <= tolerance);
   CHECK(checks(two).defects() == 0);
   CHECK(checks(two).boundary_loops == 1);
+}
+
+TEST_CASE("decimate: memory stays below what was promised", "[memory]") {
+  const MeshBlock original = sphere_block(7);  // 131,072 faces
+  MeshBlock coarse = original;
+  decimate(coarse, coarse, within(0.001));
+  const auto check = [&](const MeshBlock& block, bool apart) {
+    MeshBlock b = block;
+    DecimateOptions o = within(0.001);
+    o.feature_angle_deg = 30.0;
+    const std::size_t before = allocated;
+    peak_allocated = allocated;
+    decimate(b, apart ? original : b, o);
+    const std::size_t used = peak_allocated - before;
+    const std::size_t promised = decimate_bytes(block.faces.size(), apart ? original.faces.size() : 0);
+    INFO(block.faces.size() << " faces, " << apart << ": used " << used << " of " << promised);
+    CHECK(used <= promised);
+    CHECK(used > promised / 2);
+  };
+  check(original, false);
+  check(original, true);
+  check(coarse, true);
 }

@@ -5,6 +5,7 @@
 //   faces=N              plain run first, then the cost class that gives N faces
 //   priority=quadric|probabilistic|samples|normal|round|length   placement=endpoint|optimal
 //   feature=25 turn=0 roundness=0.02 colour=0 passes=1 certify=1 out=FILE.ply
+//   unit=0.1             percent of the diagonal that distances are printed in when tolerance is 0
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -127,9 +128,9 @@ int main(int argc, char** argv) {
     return 2;
   }
   std::map<std::string, std::string> value = {
-      {"tolerance", "0.1"},      {"priority", "quadric"}, {"certify", "0"},
-      {"placement", "endpoint"}, {"feature", "0"},        {"turn", "0"},
-      {"roundness", "0.02"},     {"passes", "1"},         {"faces", "0"}};
+      {"tolerance", "0.1"},      {"priority", "quadric"}, {"certify", "0"}, {"unit", "0.1"},
+      {"placement", "endpoint"}, {"feature", "0"},        {"turn", "0"},    {"roundness", "0.02"},
+      {"passes", "1"},           {"faces", "0"}};
   for (int i = 2; i < argc; ++i) {
     const char* equals = std::strchr(argv[i], '=');
     if (equals) value[std::string(argv[i], static_cast<std::size_t>(equals - argv[i]))] = equals + 1;
@@ -179,7 +180,8 @@ int main(int argc, char** argv) {
         r.by_link, r.by_fold, r.by_shape, r.by_normal, r.by_tolerance, r.exact_tests, r.exact_accepted,
         static_cast<double>(r.reference_faces_walked) / static_cast<double>(r.faces_in));
     if (number("certify") > 0.0)
-      certify(mesh, original, options.tolerance > 0.0 ? options.tolerance : 1e-3 * diagonal);
+      certify(mesh, original,
+              options.tolerance > 0.0 ? options.tolerance : number("unit") / 100.0 * diagonal);
     std::printf("\n");
   }
   if (value.count("out")) write(mesh, value["out"]);
