@@ -2,6 +2,8 @@
 #include <catch2/catch.hpp>
 
 #include "stream/mesh_check.h"
+#include "stream/stages/holes_stage.h"
+#include "stream/stages/loops_stage.h"
 #include "stream/stages/normals_stage.h"
 #include "stream/stages/surface_stage.h"
 #include "stream/stages/weld_stage.h"
@@ -23,6 +25,7 @@ struct MeshResult {
   std::string bytes;
   MeshCheck check;
   nlohmann::json weld;
+  nlohmann::json holes;
 };
 
 MeshResult run_job(const std::vector<TestPoint>& points, const MeshSetup& setup) {
@@ -41,6 +44,8 @@ MeshResult run_job(const std::vector<TestPoint>& points, const MeshSetup& setup)
   run(*make_surface_stage(job));
   MeshResult result;
   result.weld = run(*make_weld_stage(job));
+  run(*make_loops_stage(job));
+  result.holes = run(*make_holes_stage(job));
   run(*make_write_stage(job));
   result.bytes = file_bytes(job.output);
   MeshReadOptions read;
@@ -132,4 +137,56 @@ TEST_CASE("main job: islands across bricks are counted whole before they are dro
   CHECK(kept.check.components == 1);
   CHECK(kept.weld.at("island_faces_dropped") == ball_faces);
   check_sound(kept.check);
+}
+
+TEST_CASE("main job: small holes are filled, the same bytes for any tiling, larger ones stay", "[property]") {
+  // Holes at the corner of eight bricks, at a face, inside a brick, and one that is too large.
+  struct Cap {
+    Double3 axis;
+    double cosine;
+  };
+  const Double3 centre = {1000.0, -37.0, 12.0};
+  const Cap caps[] = {{{0.577, 0.577, 0.577}, 0.985}, {{1, 0, 0}, 0.99}, {{-0.6, 0, 0.8}, 0.995}, {{0, -1, 0}, 0.7}};
+  auto points = true_sphere(80'000, 70.0, centre);
+  std::erase_if(points, [&](const TestPoint& p) {
+    return std::any_of(std::begin(caps), std::end(caps), [&](const Cap& c) {
+      double dot = 0.0;
+      for (std::size_t a = 0; a < 3; ++a) dot += c.axis[a] * (p.p[a] - centre[a]) / 70.0;
+      return dot > c.cosine;
+    });
+  });
+  MeshSetup setup;
+  const MeshResult open = run_job(points, setup);
+  REQUIRE(open.check.boundary_loops == 4);
+  CHECK(open.holes.at("filled") == 0);
+  CHECK(open.bytes.find("synthetic") == std::string::npos);
+  setup.options.max_hole = 250;
+  const MeshResult want = run_job(points, setup);
+  check_sound(want.check);
+  CHECK(want.check.boundary_loops == 1);
+  CHECK(want.check.boundary_edges > 250);
+  CHECK(want.holes.at("filled") == 3);
+  CHECK(want.check.faces == open.check.faces + want.holes.at("faces").get<std::uint64_t>());
+  CHECK(want.bytes.find("property uchar synthetic\n") != std::string::npos);
+
+  setup.tile_cells = GENERATE(64, 256);
+  setup.backwards = setup.tile_cells == 64;
+  setup.memory = setup.tile_cells == 256 ? std::uint64_t{128} << 20 : std::uint64_t{4} << 30;
+  shuffle(points, static_cast<std::uint64_t>(setup.tile_cells));
+  CHECK(run_job(points, setup).bytes == want.bytes);
+}
+
+TEST_CASE("main job: filling the holes of pure noise leaves a manifold", "[property]") {
+  MeshSetup setup;
+  setup.options.min_component = 1;
+  setup.options.outliers = "off";
+  setup.options.max_hole = 60;
+  const MeshResult result = run_job(noise_points(20'000, 60.0), setup);
+  CHECK(result.check.nonmanifold_edges == 0);
+  CHECK(result.check.nonmanifold_vertices == 0);
+  CHECK(result.check.inconsistent_edges == 0);
+  CHECK(result.check.duplicate_faces == 0);
+  CHECK(result.check.degenerate_faces == 0);
+  CHECK(result.check.unreferenced_vertices == 0);
+  CHECK(result.holes.at("filled") > 20);
 }
