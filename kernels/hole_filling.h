@@ -39,7 +39,7 @@ constexpr std::uint64_t hole_bytes(std::uint64_t n) {
 
 enum class HoleOutcome : std::uint8_t {
   kFilled,
-  kTaken,  ///< every triangulation needs an edge that the mesh has already
+  kTaken,  ///< every triangulation needs an edge that the mesh has already, or a face without area
   kOuter,  ///< the patch would fold back over the rim's faces: this is the outside of a piece, not a hole in
            ///< it
 };

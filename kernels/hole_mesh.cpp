@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cassert>
 
+#include "kernels/hole_triangulation.h"
 #include "kernels/vector3.h"
 
 // Two triangles at an edge, and what their corners are called here:
@@ -134,6 +135,7 @@ bool HoleMesh::wants_flip(std::uint32_t t, std::uint32_t e) const {
   const double cos_d = dot(da, db), sin_d = norm(cross(da, db));
   if (!(sin_c * cos_d + cos_c * sin_d < -1e-9 * (dot(ca, ca) + dot(cb, cb)) * (dot(da, da) + dot(db, db))))
     return false;
+  if (!has_area(c, d, b) || !has_area(d, c, a)) return false;
   // In space the other diagonal may fold what was flat.
   const Double3 n_t = unit_or_zero(cross(b - a, c - a)), n_u = unit_or_zero(cross(a - b, d - b));
   const Double3 n_1 = unit_or_zero(cross(d - c, b - c)), n_2 = unit_or_zero(cross(c - d, a - d));

@@ -24,6 +24,12 @@ double bend_between(const Double3& a, const Double3& b) {
 
 }  // namespace
 
+bool has_area(const Double3& a, const Double3& b, const Double3& c) {
+  constexpr double kLeastArea = 1e-4;  // twice the area over the square of the longest side
+  const Double3 ab = b - a, ac = c - a, bc = c - b;
+  return norm(cross(ab, ac)) > kLeastArea * std::max({dot(ab, ab), dot(ac, ac), dot(bc, bc)});
+}
+
 std::vector<Double3> rim_normals(const HoleLoop& loop) {
   const std::size_t n = loop.position.size();
   std::vector<Double3> face(n), out(n);
@@ -60,9 +66,10 @@ HoleTriangulation triangulate_hole(const HoleLoop& loop, const std::vector<Doubl
         const Cell& right = at(k, j);
         double bend = std::max(left.bend, right.bend);
         if (bend > best.bend || bend == kForbidden) continue;
+        if (!has_area(p[i], p[k], p[j])) continue;
         const Double3 normal2 = cross(p[k] - p[i], p[j] - p[i]);
-        const double twice = std::sqrt(dot(normal2, normal2));
-        const Double3 normal = twice > 0.0 ? normal2 * (1.0 / twice) : Double3{};
+        const double twice = norm(normal2);
+        const Double3 normal = normal2 * (1.0 / twice);
         bend = std::max({bend, bend_between(normal, left.normal), bend_between(normal, right.normal)});
         if (closing) bend = std::max(bend, bend_between(normal, rim_normal[n - 1]));
         const double area = left.area + right.area + twice;

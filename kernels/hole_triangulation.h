@@ -11,11 +11,17 @@
 namespace tessera {
 
 struct HoleTriangulation {
-  std::vector<std::array<std::uint32_t, 3>> faces;  ///< n - 2, or none when every one needs a taken edge
+  std::vector<std::array<std::uint32_t, 3>>
+      faces;  ///< n - 2, or none when every one needs a taken edge or a face
+              ///< without area
   /// Cosine between the normals of the faces on both sides of the rim, mean weighted by length: 1 goes
   /// straight on, -1 folds back.
   double rim_cosine = 1.0;
 };
+
+/// Whether a triangle is more than a line: rims have edges in line, and vertices at one place where two pieces of the
+/// mesh touch.
+bool has_area(const Double3& a, const Double3& b, const Double3& c);
 
 /// Unit normals of the mesh's faces along the loop, averaged along it over two edges to each side: single
 /// faces at a border are slivers too often. Zero where there is none.
