@@ -133,4 +133,20 @@ std::vector<float> area_weights(const PointBlock& points) {
   return weights;
 }
 
+std::vector<Dipole> make_dipoles(const PointBlock& points) {
+  const std::vector<float> area = area_weights(points);
+  std::vector<Dipole> dipoles;
+  dipoles.reserve(points.size());
+  const auto quanta = [](std::int32_t origin, float v) {
+    return origin * kQuantaPerCell + static_cast<std::int32_t>(v * static_cast<float>(kQuantaPerCell));
+  };
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    if (!(area[i] > 0.0f)) continue;
+    dipoles.push_back({{quanta(points.origin[0], points.x[i]), quanta(points.origin[1], points.y[i]),
+                        quanta(points.origin[2], points.z[i])},
+                       {area[i] * points.nx[i], area[i] * points.ny[i], area[i] * points.nz[i]}});
+  }
+  return dipoles;
+}
+
 }  // namespace tessera

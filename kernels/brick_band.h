@@ -27,8 +27,6 @@
 
 namespace tessera {
 
-using LeafWords = std::array<std::uint64_t, 8>;
-
 inline constexpr int kBrickLeaves = kBrickCells / kLeafCells;
 inline constexpr int kBandDim = kBrickLeaves + 2;
 inline constexpr std::uint32_t kForeignVertex = 0x80000000u;  ///< provisional index: slot in the foreign list
@@ -38,7 +36,7 @@ struct LeafMasks {
   const BandLeaf* leaf = nullptr;
   Int3 at = {0, 0, 0};  ///< leaf coordinates relative to the brick, each within [-1, 8]
   bool any_active = false;
-  LeafWords cells{};   ///< valid cells
+  LeafWords cells{};   ///< valid cells, those that close holes among them
   LeafWords active{};  ///< valid cells with corners on both sides
   std::array<std::uint32_t, 8> first_cell{};
   std::array<LeafWords, 3> edges{};   ///< crossed edges of valid cells

@@ -82,6 +82,7 @@ Patch BrickExtractor::extract(const Int3& brick, ExtractReport& report) {
   for (const LeafMasks& m : band_.leaves())
     if (m.any_active) trace_leaf(m);
   if (extended) emit_feature_segments();
+  if (!patch_.synthetic.empty()) patch_.synthetic.resize(patch_.faces.size(), 0);
   settle_foreign();
   std::sort(patch_.exported.begin(), patch_.exported.end());
   if ((any_alpha_ >> 24) == 0) patch_.rgba.clear();
@@ -203,6 +204,8 @@ void BrickExtractor::trace_leaf(const LeafMasks& m) {
 void BrickExtractor::trace_cell(const LeafMasks& m, int x, int y, int z, unsigned pattern) {
   const Int3 cell = {m.at[0] * 8 + x, m.at[1] * 8 + y, m.at[2] * 8 + z};
   const bool own = inside_brick(cell);
+  const bool closing = m.leaf->closing[static_cast<std::size_t>(z)] >> (x + 8 * y) & 1;
+  const std::size_t faces_before = patch_.faces.size();
   CellLoops traced;
   const CellLoops* loops = &unambiguous_loops(pattern);
   if (ambiguous_faces(pattern)) {
@@ -237,7 +240,7 @@ void BrickExtractor::trace_cell(const LeafMasks& m, int x, int y, int z, unsigne
       samples_.point[i] = point_in_cell(static_cast<int>(e), root[i]);
     }
     if (own) ++report_->loops;
-    if (method_ == ExtractMethod::kExtendedMarchingCubes &&
+    if (method_ == ExtractMethod::kExtendedMarchingCubes && !closing &&
         keep_feature_loop(cell, number, vertex.data(), root.data())) {
       std::int32_t& first_of_cell = first_feature_[m.cell_rank(x, y, z)];
       if (first_of_cell < 0) first_of_cell = static_cast<std::int32_t>(features_.size() - 1);
@@ -245,6 +248,9 @@ void BrickExtractor::trace_cell(const LeafMasks& m, int x, int y, int z, unsigne
       emit_plain_loop(cell, number, vertex.data(), root.data());
     }
   }
+  if (!closing || patch_.faces.size() == faces_before) return;
+  patch_.synthetic.resize(faces_before, 0);
+  patch_.synthetic.resize(patch_.faces.size(), 1);
 }
 
 void BrickExtractor::emit_plain_loop(const Int3& cell, int number, const std::uint32_t* vertex,

@@ -16,6 +16,8 @@
 
 namespace tessera {
 
+using LeafWords = std::array<std::uint64_t, 8>;  ///< a bit per node or cell of a leaf
+
 /// Where the surface crosses the lattice edge from a node in +axis direction.
 struct EdgeRoot {
   float t = 0.5f;            ///< directed distance from the node along the axis, in cells, within (0, 1)
@@ -29,7 +31,8 @@ struct BandLeaf {
   Int3 origin = {0, 0, 0};  ///< node coordinates of the leaf's min corner, relative to the block, multiple of 8
   alignas(32) std::array<float, 512> value{};  ///< signed distance in cells, < 0 inside; index x + 8y + 64z
   std::array<std::uint64_t, 8> valid{};        ///< the field is defined here
-  std::array<std::uint64_t, 8> inside{};       ///< subset of valid; exactly 0 counts as outside
+  std::array<std::uint64_t, 8> inside{};       ///< exactly 0 counts as outside; of valid nodes and closing cells
+  LeafWords closing{};                         ///< cells that take part though not all of their nodes are valid
   std::array<std::array<std::uint64_t, 8>, 3> crossing{};  ///< per axis: the edge from this node has a root
   std::array<std::array<std::uint32_t, 8>, 3> first_root{};  ///< index of the first root of each word
 };

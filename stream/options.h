@@ -35,6 +35,7 @@ struct ReconstructOptions {
   double corner_angle_deg = 45.0;    ///< deviation from the crease plane from which it is a corner
   std::uint64_t min_component = 0;   ///< faces; smaller islands are dropped; 0 = auto, 1 = keep all
   std::uint32_t max_hole = 0;        ///< boundary loops of at most this many edges are filled; 0 = none
+  std::string holes = "keep";        ///< keep, close, or fill-to:D: close, but no farther than D from the data
   std::string outliers = "auto";     ///< auto or off: statistical, isolated and flying points
   std::string normals = "auto";      ///< auto (given ones, else estimated), given, estimate
   std::vector<Double3> viewpoints;   ///< sensor origins given on the command line

@@ -12,6 +12,7 @@ nlohmann::json to_json(const ReconstructOptions& o) {
           {"corner-angle", o.corner_angle_deg},
           {"min-component", o.min_component},
           {"max-hole", o.max_hole},
+          {"holes", o.holes},
           {"outliers", o.outliers},
           {"normals", o.normals},
           {"viewpoint", o.viewpoints},
@@ -31,6 +32,7 @@ ReconstructOptions reconstruct_options_from_json(const nlohmann::json& j) {
   j.at("corner-angle").get_to(o.corner_angle_deg);
   j.at("min-component").get_to(o.min_component);
   j.at("max-hole").get_to(o.max_hole);
+  j.at("holes").get_to(o.holes);
   j.at("outliers").get_to(o.outliers);
   j.at("normals").get_to(o.normals);
   j.at("viewpoint").get_to(o.viewpoints);

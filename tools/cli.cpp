@@ -320,6 +320,12 @@ void add_reconstruct_options(CLI::App& command, ReconstructOptions& options) {
       ->capture_default_str()
       ->check(CLI::Range(std::uint32_t{0}, kMostHoleEdges))
       ->group(group);
+  command
+      .add_option("--holes", options.holes,
+                  "keep: the surface ends where the data does; close: no border is left (open terrain: 20 h from the "
+                  "data); fill-to:D: closed as far as D from the data, scan units")
+      ->capture_default_str()
+      ->group(group);
   command.add_option("--outliers", options.outliers, "auto: drop isolated and flying points; off: keep all")
       ->capture_default_str()
       ->check(CLI::IsMember({"auto", "off"}))

@@ -2,6 +2,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "stream/stages/closing_stages.h"
 #include "stream/stages/distribute_stage.h"
 #include "stream/stages/holes_stage.h"
 #include "stream/stages/loops_stage.h"
@@ -48,6 +49,9 @@ std::vector<StageEntry> reconstruct_stages() {
       {"order", make_order_stage},
       {"normals", make_normals_stage},
       {"orient", make_orient_stage},
+      {"multipole", make_multipole_stage},
+      {"rims", make_rims_stage},
+      {"close", make_close_stage},
       {"surface", make_surface_stage},
       {"weld", make_weld_stage},
       {"loops", make_loops_stage},

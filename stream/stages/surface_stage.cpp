@@ -6,9 +6,11 @@
 #include "kernels/extended_marching_cubes.h"
 #include "kernels/field.h"
 #include "kernels/patch_components.h"
+#include "stream/multipole_store.h"
 #include "stream/patch_store.h"
 #include "stream/plan.h"
 #include "stream/point_overlay.h"
+#include "stream/stages/closing_stages.h"
 #include "stream/task_files.h"
 
 namespace tessera {
@@ -17,14 +19,6 @@ namespace {
 using json = nlohmann::json;
 
 constexpr std::uint64_t kFixedTaskBytes = 12u << 20;  ///< write buffers and the largest single patch
-
-Int3 corner(const Tile& tile) {
-  return {tile.brick[0] * kBrickCells, tile.brick[1] * kBrickCells, tile.brick[2] * kBrickCells};
-}
-Int3 edges(const Tile& tile) {
-  const int edge = tile.bricks * kBrickCells;
-  return {edge, edge, edge};
-}
 
 class SurfaceStage : public Stage {
  public:
@@ -37,11 +31,14 @@ class SurfaceStage : public Stage {
     extract_.feature_angle_deg = state.options.feature_angle_deg;
     extract_.corner_angle_deg = state.options.corner_angle_deg;
 
-    TilingOptions tiling;
-    tiling.halo_cells = field_halo_cells(field_);
-    // Four bricks an edge keep the recomputed shell small; more gain nothing.
-    tiling.tile_bricks = state.run.tile_cells > 0 ? std::max(1, state.run.tile_cells / kBrickCells) : 4;
-    tiling.tile_bytes_limit = state.run.memory_bytes / 2 / static_cast<std::uint64_t>(state.run.threads);
+    const auto files = closing_files(state.work);
+    if (!files.empty()) {
+      closing_ = std::make_unique<BrickSectionStore>(files);
+      multipoles_ = std::make_unique<MultipoleStore>(state.work);
+      closing_options_ = load_closing_options(state.work);
+    }
+    TilingOptions tiling = surface_tiling(state, field_);
+    tiling.closing = closing_.get();
     groups_ = make_tile_groups(store_, tiling);
   }
 
@@ -52,7 +49,10 @@ class SurfaceStage : public Stage {
 
   std::uint64_t task_bytes(std::size_t task) const override {
     std::uint64_t most = 0;
-    for (const Tile& tile : groups_[task]) most = std::max(most, tile_bytes(store_, tile, halo()));
+    for (const Tile& tile : groups_[task]) {
+      const std::uint64_t near = multipoles_ ? multipoles_->near_bytes(tile.corner(), tile.edges()) : 0;
+      most = std::max(most, tile_bytes(store_, closing_.get(), tile, halo()) + near);
+    }
     return most + kFixedTaskBytes;
   }
 
@@ -61,23 +61,32 @@ class SurfaceStage : public Stage {
     std::uint64_t patches = 0;
     std::uint64_t vertices = 0;
     std::uint64_t faces = 0;
+    std::uint64_t synthetic = 0;
     ExtractReport total;
-    for (const Tile& tile : groups_[task]) store_.prefetch(corner(tile), edges(tile), halo());
+    for (const Tile& tile : groups_[task]) store_.prefetch(tile.corner(), tile.edges(), halo());
     for (const Tile& tile : groups_[task]) {
       context.check_stop();
       DirectedField field;
-      std::uint64_t core_points = 0;
+      std::uint64_t own_points = 0;
       {
-        const PointBlock points = store_.load(corner(tile), edges(tile), halo());
-        if (points.size() == 0) continue;
-        core_points = count_core(points);
+        const std::vector<ClosingLeaf> closing =
+            closing_ ? closing_->cells_around(tile.corner(), tile.edges()) : std::vector<ClosingLeaf>{};
+        const PointBlock points =
+            store_.load(tile.corner(), tile.edges(), closing.empty() ? halo() : closing_halo());
+        if (points.size() == 0 && closing.empty()) continue;
+        own_points = core_points(points);
         field = evaluate_field(points, field_);
         context.count_read(points.size() * sizeof(PointRecord));
+        if (!closing.empty()) {
+          const MultipoleTree near = multipoles_->near(points);
+          add_closing(field, closing, WindingField(multipoles_->far(), near), closing_options_);
+        }
       }
       const ExtractReport report = extract_surface(field, extract_, [&](Patch&& patch) {
         ++patches;
         vertices += patch.position.size();
         faces += patch.faces.size();
+        for (const std::uint8_t flag : patch.synthetic) synthetic += flag;
         writer.add(patch, find_components(patch));
       });
       total.loops += report.loops;
@@ -85,12 +94,13 @@ class SurfaceStage : public Stage {
       total.corner_samples += report.corner_samples;
       total.flips += report.flips;
       total.rejected_samples += report.rejected_samples;
-      context.advance(core_points);
+      context.advance(own_points);
     }
     context.count_written(writer.finish());
     return {{"patches", patches},
             {"vertices", vertices},
             {"faces", faces},
+            {"synthetic_faces", synthetic},
             {"loops", total.loops},
             {"crease_samples", total.crease_samples},
             {"corner_samples", total.corner_samples},
@@ -112,22 +122,39 @@ class SurfaceStage : public Stage {
  private:
   int halo() const { return field_halo_cells(field_); }
 
-  static std::uint64_t count_core(const PointBlock& p) {
-    std::uint64_t n = 0;
-    const auto inside = [](float v, int cells) { return v >= 0.0f && v < static_cast<float>(cells); };
-    for (std::size_t i = 0; i < p.size(); ++i)
-      n += inside(p.x[i], p.cells[0]) && inside(p.y[i], p.cells[1]) && inside(p.z[i], p.cells[2]);
-    return n;
+  /// Whole leaves, so that each has all its dipoles.
+  int closing_halo() const {
+    return std::max(MultipoleStore::kHaloCells, (halo() + kLeafCells - 1) / kLeafCells * kLeafCells);
   }
 
   Plan plan_;
   PointStore store_;
   FieldOptions field_;
   ExtractOptions extract_;
+  std::unique_ptr<BrickSectionStore> closing_;  ///< null in an open job
+  std::unique_ptr<MultipoleStore> multipoles_;
+  ClosingOptions closing_options_;
   std::vector<TileGroup> groups_;
 };
 
 }  // namespace
+
+std::uint64_t core_points(const PointBlock& p) {
+  std::uint64_t n = 0;
+  const auto inside = [](float v, int cells) { return v >= 0.0f && v < static_cast<float>(cells); };
+  for (std::size_t i = 0; i < p.size(); ++i)
+    n += inside(p.x[i], p.cells[0]) && inside(p.y[i], p.cells[1]) && inside(p.z[i], p.cells[2]);
+  return n;
+}
+
+TilingOptions surface_tiling(const JobState& state, const FieldOptions& field) {
+  TilingOptions tiling;
+  tiling.halo_cells = field_halo_cells(field);
+  // Four bricks an edge keep the recomputed shell small; more gain nothing.
+  tiling.tile_bricks = state.run.tile_cells > 0 ? std::max(1, state.run.tile_cells / kBrickCells) : 4;
+  tiling.tile_bytes_limit = state.run.memory_bytes / 2 / static_cast<std::uint64_t>(state.run.threads);
+  return tiling;
+}
 
 FieldOptions field_options(const Plan& plan, double feature_angle_deg) {
   FieldOptions options;
@@ -142,10 +169,10 @@ void for_each_band(const std::filesystem::path& work, double feature_angle_deg,
   const FieldOptions options = field_options(Plan::of_work(work), feature_angle_deg);
   const PointStore store(list_task_files(work / "points", ".tsp"), PointOverlay::open(work));
   const int halo = field_halo_cells(options);
-  const TilingOptions tiling{halo, 2, ~std::uint64_t{0}};
+  const TilingOptions tiling{halo, 2, nullptr, ~std::uint64_t{0}};
   for (const TileGroup& group : make_tile_groups(store, tiling))
     for (const Tile& tile : group) {
-      const PointBlock points = store.load(corner(tile), edges(tile), halo);
+      const PointBlock points = store.load(tile.corner(), tile.edges(), halo);
       if (points.size() > 0) sink(evaluate_field(points, options));
     }
 }

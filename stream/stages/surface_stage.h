@@ -4,6 +4,7 @@
 #include <functional>
 
 #include "kernels/field.h"
+#include "stream/closing_store.h"
 #include "stream/plan.h"
 #include "stream/point_store.h"
 #include "stream/stage.h"
@@ -14,6 +15,11 @@ namespace tessera {
 struct Tile {
   Int3 brick = {0, 0, 0};
   int bricks = 1;  ///< edge in bricks, a power of two; the min corner is a multiple of it
+
+  Int3 corner() const {
+    return {brick[0] * kBrickCells, brick[1] * kBrickCells, brick[2] * kBrickCells};
+  }
+  Int3 edges() const { return {bricks * kBrickCells, bricks * kBrickCells, bricks * kBrickCells}; }
 };
 
 /// Tiles of one task, in Morton order.
@@ -22,15 +28,22 @@ using TileGroup = std::vector<Tile>;
 struct TilingOptions {
   int halo_cells = 0;
   int tile_bricks = 0;                ///< edge of a tile in bricks; 0 = the largest that fits
+  const BrickSectionStore* closing = nullptr;  ///< cells that close holes, also where no point is
   std::uint64_t tile_bytes_limit = 0;  ///< memory one tile may take; tiles over it are split down to one brick
 };
 
-/// Upper bound of the memory that computing a tile takes, from the brick table alone.
-std::uint64_t tile_bytes(const PointStore& store, const Tile& tile, int halo_cells);
+/// Upper bound of the memory that computing a tile takes, from the brick tables alone.
+std::uint64_t tile_bytes(const PointStore& store, const BrickSectionStore* closing, const Tile& tile, int halo_cells);
 
 /// Cuts the lattice around the points into groups of tiles. The groups (and so the tasks) depend on the points
 /// only; the tiles inside depend on the options. Tiles that no point can reach are left out.
 std::vector<TileGroup> make_tile_groups(const PointStore& store, const TilingOptions& options);
+
+/// Points of the block's core.
+std::uint64_t core_points(const PointBlock& points);
+
+/// How the job's options and cap cut tiles.
+TilingOptions surface_tiling(const JobState& state, const FieldOptions& field);
 
 /// The field of a job: radius and noise from the plan, angle from the options.
 FieldOptions field_options(const Plan& plan, double feature_angle_deg);

@@ -14,6 +14,7 @@ constexpr std::uint64_t kMaxGroups = 400;
 // Per point: record read, structure of arrays, gathered copy. Per occupied 8^3 block: about three band leaves with
 // values, sums and roots, and the patch they become. Held by tests/stream/surface_test.
 constexpr std::uint64_t kBytesPerPoint = 24 + 28 + 32;
+constexpr std::uint64_t kBytesPerDipole = 28;
 constexpr std::uint64_t kBytesPerBlock = 30'000;
 constexpr std::uint64_t kBytesPerLeafSlot = 32;  ///< dense tables of point ranges, marks and leaves
 
@@ -28,13 +29,15 @@ struct Reach {
 };
 
 /// Points and occupied blocks of all bricks that the tile's halo touches.
-Reach reach_of(const PointStore& store, const Tile& tile, int halo_cells) {
+Reach reach_of(const PointStore& store, const BrickSectionStore* closing, const Tile& tile, int halo_cells) {
   const int margin = (halo_cells + kBrickCells - 1) / kBrickCells;
   Reach reach;
   for (int z = tile.brick[2] - margin; z < tile.brick[2] + tile.bricks + margin; ++z)
     for (int y = tile.brick[1] - margin; y < tile.brick[1] + tile.bricks + margin; ++y)
       for (int x = tile.brick[0] - margin; x < tile.brick[0] + tile.bricks + margin; ++x) {
         if (x < 0 || y < 0 || z < 0) continue;
+        const BrickSection* closed = closing ? closing->find({x, y, z}) : nullptr;
+        if (closed) reach.blocks += closed->count;
         const BrickEntry* brick = store.find(brick_key({x, y, z}));
         if (!brick) continue;
         // Only a shell of a neighbour is read, but its points may all be there.
@@ -45,9 +48,9 @@ Reach reach_of(const PointStore& store, const Tile& tile, int halo_cells) {
 }
 
 void split(const PointStore& store, const TilingOptions& options, const Tile& tile, TileGroup& out) {
-  const Reach reach = reach_of(store, tile, options.halo_cells);
-  if (reach.points == 0) return;
-  const bool fits = tile_bytes(store, tile, options.halo_cells) <= options.tile_bytes_limit;
+  const Reach reach = reach_of(store, options.closing, tile, options.halo_cells);
+  if (reach.blocks == 0) return;
+  const bool fits = tile_bytes(store, options.closing, tile, options.halo_cells) <= options.tile_bytes_limit;
   const bool small = options.tile_bricks == 0 || tile.bricks <= options.tile_bricks;
   if (tile.bricks == 1 || (fits && small)) {
     out.push_back(tile);
@@ -64,11 +67,11 @@ void split(const PointStore& store, const TilingOptions& options, const Tile& ti
 
 }  // namespace
 
-std::uint64_t tile_bytes(const PointStore& store, const Tile& tile, int halo_cells) {
-  const Reach reach = reach_of(store, tile, halo_cells);
+std::uint64_t tile_bytes(const PointStore& store, const BrickSectionStore* closing, const Tile& tile, int halo_cells) {
+  const Reach reach = reach_of(store, closing, tile, halo_cells);
   const auto leaves = static_cast<std::uint64_t>(tile.bricks * kBrickCells / kLeafCells + 2);
   const std::uint64_t slots = leaves * leaves * leaves;
-  return reach.points * kBytesPerPoint + std::min(reach.blocks, slots) * kBytesPerBlock + slots * kBytesPerLeafSlot;
+  return reach.points * (kBytesPerPoint + (closing ? kBytesPerDipole : 0)) + std::min(reach.blocks, slots) * kBytesPerBlock + slots * kBytesPerLeafSlot;
 }
 
 std::vector<TileGroup> make_tile_groups(const PointStore& store, const TilingOptions& options) {
@@ -81,8 +84,8 @@ std::vector<TileGroup> make_tile_groups(const PointStore& store, const TilingOpt
     cubes.erase(std::unique(cubes.begin(), cubes.end()), cubes.end());
   };
   std::size_t compact_at = 1 << 16;
-  for (const BrickEntry& brick : store.bricks()) {
-    const Int3 b = brick_of_key(brick.key);
+  const auto add_around = [&](std::uint64_t key) {
+    const Int3 b = brick_of_key(key);
     for (int d = 0; d < 27; ++d) {
       const Int3 n = {b[0] + d % 3 - 1, b[1] + d / 3 % 3 - 1, b[2] + d / 9 - 1};
       if (n[0] < 0 || n[1] < 0 || n[2] < 0) continue;
@@ -92,7 +95,10 @@ std::vector<TileGroup> make_tile_groups(const PointStore& store, const TilingOpt
       unique();
       compact_at = 2 * cubes.size() + (1 << 16);
     }
-  }
+  };
+  for (const BrickEntry& brick : store.bricks()) add_around(brick.key);
+  if (options.closing)
+    for (const BrickSection& brick : options.closing->bricks()) add_around(brick.key);
   unique();
 
   const std::uint64_t target = std::max(kGroupPoints, store.point_count() / kMaxGroups);

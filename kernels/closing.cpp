@@ -1,0 +1,211 @@
+#include "kernels/closing.h"
+
+#include <algorithm>
+#include <cassert>
+#include <cmath>
+#include <utility>
+
+#include "kernels/edge_roots.h"
+#include "kernels/node_fit.h"
+
+namespace tessera {
+namespace {
+
+/// Index of a leaf in the dense table of the field; -1 outside.
+std::int64_t slot_of(const DirectedField& field, const Int3& leaf) {
+  const Int3 d = field.leaf_dims();
+  for (std::size_t a = 0; a < 3; ++a)
+    if (leaf[a] < -1 || leaf[a] > d[a] - 2) return -1;
+  return (static_cast<std::int64_t>(leaf[2] + 1) * d[1] + (leaf[1] + 1)) * d[0] + (leaf[0] + 1);
+}
+
+/// Nodes that a leaf's cells have in the leaf at offset (dx, dy, dz) of 0 or 1.
+LeafWords corners_in(const LeafWords& cells, int dx, int dy, int dz) {
+  LeafWords out{};
+  const auto spread_x = [&](std::uint64_t w) {
+    constexpr std::uint64_t kLow = 0x0101010101010101ULL;
+    return dx ? (w >> 7) & kLow : w | (w << 1 & ~kLow);
+  };
+  const auto spread_y = [&](std::uint64_t w) { return dy ? w >> 56 : w | w << 8; };
+  for (std::size_t z = 0; z < 8; ++z) {
+    const std::uint64_t w = spread_y(spread_x(cells[z]));
+    if (dz) {
+      if (z == 7) out[0] |= w;
+    } else {
+      out[z] |= w;
+      if (z < 7) out[z + 1] |= w;
+    }
+  }
+  return out;
+}
+
+struct WantedNodes {
+  LeafWords nodes{};
+  LeafWords cells{};
+  bool any = false;
+};
+
+/// Values at the wanted nodes of a leaf where the local field has none.
+void evaluate_nodes(BandLeaf& leaf, const Int3& block, const LeafWords& wanted, const WindingField& winding,
+                    const ClosingOptions& options) {
+  std::vector<Int3> queries;
+  std::vector<std::size_t> nodes;
+  for (std::size_t z = 0; z < 8; ++z)
+    for (std::uint64_t left = wanted[z] & ~leaf.valid[z]; left; left &= left - 1) {
+      const auto b = static_cast<std::size_t>(std::countr_zero(left));
+      const Int3 at = {block[0] + leaf.origin[0] + static_cast<int>(b & 7),
+                       block[1] + leaf.origin[1] + static_cast<int>(b >> 3),
+                       block[2] + leaf.origin[2] + static_cast<int>(z)};
+      bool bounded = true;
+      for (std::size_t a = 0; a < 3; ++a) bounded &= at[a] > options.low[a] && at[a] < options.high[a];
+      if (!bounded) {
+        const bool inside = options.level < 0.0f;
+        leaf.value[b + 64 * z] = inside ? -kLargestValue : kLargestValue;
+        if (inside) leaf.inside[z] |= std::uint64_t{1} << b;
+        continue;
+      }
+      nodes.push_back(b + 64 * z);
+      queries.push_back({at[0] * kQuantaPerCell, at[1] * kQuantaPerCell, at[2] * kQuantaPerCell});
+    }
+  std::vector<float> value(queries.size());
+  std::vector<Float3> gradient(queries.size());
+  winding.evaluate(queries, value, gradient);
+  for (std::size_t i = 0; i < queries.size(); ++i) {
+    const Float3& g = gradient[i];
+    const float slope = std::sqrt(g[0] * g[0] + g[1] * g[1] + g[2] * g[2]);
+    const float off = options.level - value[i];
+    // Clamped before it is divided: a flat field has no distance.
+    const float size = std::abs(off) < kLargestValue * slope ? std::abs(off) / slope : kLargestValue;
+    const bool inside = value[i] > options.level;
+    leaf.value[nodes[i]] = inside ? -size : size;
+    if (inside) leaf.inside[nodes[i] >> 6] |= std::uint64_t{1} << (nodes[i] & 63);
+  }
+}
+
+/// Roots of all edges of the band anew: the local ones as they were, and those of closing cells.
+class RootMerger {
+ public:
+  RootMerger(DirectedField& field, const std::vector<WantedNodes>& wanted) : field_(field), wanted_(wanted) {}
+
+  void run() {
+    for (std::size_t l = 0; l < field_.leaves.size(); ++l)
+      for (std::size_t axis = 0; axis < 3; ++axis)
+        for (std::size_t z = 0; z < 8; ++z) merge_word(l, axis, z);
+    field_.roots = std::move(roots_);
+  }
+
+ private:
+  void merge_word(std::size_t l, std::size_t axis, std::size_t z) {
+    BandLeaf& leaf = field_.leaves[l];
+    const std::uint64_t old = leaf.crossing[axis][z];
+    const std::uint32_t first_old = leaf.first_root[axis][z];
+    leaf.first_root[axis][z] = static_cast<std::uint32_t>(roots_.size());
+    std::uint64_t now = old;
+    std::array<EdgeRoot, 64> fresh;
+    for (std::uint64_t left = wanted_[l].nodes[z] & ~old; left; left &= left - 1) {
+      const auto b = static_cast<std::size_t>(std::countr_zero(left));
+      if (closing_root(l, axis, z, b, fresh[b])) now |= std::uint64_t{1} << b;
+    }
+    for (std::uint64_t left = now; left; left &= left - 1) {
+      const auto b = static_cast<std::size_t>(std::countr_zero(left));
+      const std::uint64_t below = (std::uint64_t{1} << b) - 1;
+      roots_.push_back(old >> b & 1
+                           ? field_.roots[first_old + static_cast<std::uint32_t>(std::popcount(old & below))]
+                           : fresh[b]);
+    }
+    leaf.crossing[axis][z] = now;
+  }
+
+  /// The edge from a wanted node to the next along the axis, if that is wanted too and differs in sign.
+  bool closing_root(std::size_t l, std::size_t axis, std::size_t z, std::size_t b, EdgeRoot& root) const {
+    Int3 to = {static_cast<int>(b & 7), static_cast<int>(b >> 3), static_cast<int>(z)};
+    ++to[axis];
+    std::size_t other = l;
+    if (to[axis] == kLeafCells) {
+      to[axis] = 0;
+      const BandLeaf& leaf = field_.leaves[l];
+      Int3 next = {leaf.origin[0] >> kLeafBits, leaf.origin[1] >> kLeafBits, leaf.origin[2] >> kLeafBits};
+      ++next[axis];
+      const std::int64_t slot = slot_of(field_, next);
+      if (slot < 0 || field_.leaf_index[static_cast<std::size_t>(slot)] < 0) return false;
+      other = static_cast<std::size_t>(field_.leaf_index[static_cast<std::size_t>(slot)]);
+    }
+    const auto to_z = static_cast<std::size_t>(to[2]);
+    const auto to_b = static_cast<std::size_t>(to[0] + 8 * to[1]);
+    // Masks, not shifts: GCC 12 compares (a >> b & 1) == (c >> d & 1) wrongly here.
+    const std::uint64_t from_bit = std::uint64_t{1} << b, to_bit = std::uint64_t{1} << to_b;
+    if ((wanted_[other].nodes[to_z] & to_bit) == 0) return false;
+    const bool inside = (field_.leaves[l].inside[z] & from_bit) != 0;
+    const bool to_inside = (field_.leaves[other].inside[to_z] & to_bit) != 0;
+    if (inside == to_inside) return false;
+    const float from_value = std::abs(field_.leaves[l].value[b + 64 * z]);
+    const float to_value = std::abs(field_.leaves[other].value[to_b + 64 * to_z]);
+    const float sum = from_value + to_value;
+    root = EdgeRoot{};
+    root.t = std::clamp(sum > 0.0f ? from_value / sum : 0.5f, kRootMargin, 1.0f - kRootMargin);
+    root.normal[axis] = inside ? 1.0f : -1.0f;  // closing cells look for no features: never read
+    return true;
+  }
+
+  DirectedField& field_;
+  const std::vector<WantedNodes>& wanted_;
+  std::vector<EdgeRoot> roots_;
+};
+
+}  // namespace
+
+void add_closing(DirectedField& field, std::span<const ClosingLeaf> cells, const WindingField& winding,
+                 const ClosingOptions& options) {
+  std::vector<WantedNodes> wanted(field.leaf_index.size());
+  for (const ClosingLeaf& c : cells) {
+    Int3 leaf;
+    for (std::size_t a = 0; a < 3; ++a) leaf[a] = (c.origin[a] - field.origin[a]) >> kLeafBits;
+    LeafWords used = c.cells;  // of a leaf below the block, the last layer of cells
+    const std::int64_t own = slot_of(field, leaf);
+    bool core = own >= 0;
+    for (std::size_t a = 0; a < 3; ++a) core &= leaf[a] * kLeafCells < field.cells[a];
+    if (!core) continue;
+    for (std::size_t z = 0; z < 8; ++z) {
+      if (leaf[0] < 0) used[z] &= 0x8080808080808080ULL;
+      if (leaf[1] < 0) used[z] &= 0xff00000000000000ULL;
+      if (leaf[2] < 0 && z != 7) used[z] = 0;
+    }
+    for (int d = 0; d < 8; ++d) {
+      const std::int64_t slot =
+          slot_of(field, {leaf[0] + (d & 1), leaf[1] + (d >> 1 & 1), leaf[2] + (d >> 2)});
+      assert(slot >= 0);
+      const LeafWords nodes = corners_in(used, d & 1, d >> 1 & 1, d >> 2);
+      WantedNodes& w = wanted[static_cast<std::size_t>(slot)];
+      for (std::size_t z = 0; z < 8; ++z) {
+        w.nodes[z] |= nodes[z];
+        w.any |= nodes[z] != 0;
+        if (d == 0) w.cells[z] |= used[z];
+      }
+    }
+  }
+  // Leaves in table order, the new ones among them.
+  std::vector<BandLeaf> leaves;
+  std::vector<WantedNodes> of_leaf;
+  const Int3 dims = field.leaf_dims();
+  for (std::size_t slot = 0; slot < wanted.size(); ++slot) {
+    const std::int32_t old = field.leaf_index[slot];
+    if (old < 0 && !wanted[slot].any) continue;
+    field.leaf_index[slot] = static_cast<std::int32_t>(leaves.size());
+    if (old >= 0) {
+      leaves.push_back(field.leaves[static_cast<std::size_t>(old)]);
+    } else {
+      const auto s = static_cast<int>(slot);
+      leaves.emplace_back().origin = {(s % dims[0] - 1) * kLeafCells,
+                                      (s / dims[0] % dims[1] - 1) * kLeafCells,
+                                      (s / (dims[0] * dims[1]) - 1) * kLeafCells};
+    }
+    leaves.back().closing = wanted[slot].cells;
+    of_leaf.push_back(wanted[slot]);
+  }
+  field.leaves = std::move(leaves);
+  for (std::size_t l = 0; l < of_leaf.size(); ++l)
+    if (of_leaf[l].any) evaluate_nodes(field.leaves[l], field.origin, of_leaf[l].nodes, winding, options);
+  RootMerger(field, of_leaf).run();
+}
+
+}  // namespace tessera

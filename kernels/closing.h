@@ -1,0 +1,79 @@
+/// \file closing.h
+/// Closes the surface of a block where the data ends, by the level set of the winding number.
+/// Source: Barill et al., "Fast Winding Numbers for Soups and Clouds", 2018 (the field); the continuation is
+/// ours.
+///
+/// Where the local fit is valid its signs stand. Everywhere else a node is inside when the winding number
+/// exceeds the level. The closing cells are those that the surface of this field reaches from the rims of the
+/// local surface: start at every cell that shares a crossed face with a local cell and lacks a valid node, go
+/// on through crossed faces, stop at local cells. So every crossed face has a cell on both sides, and the
+/// result has no border, whatever the field does. The set is unique: it does not matter in which order bricks
+/// are grown.
+#pragma once
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "kernels/directed_field.h"
+#include "octree/winding_number.h"
+
+namespace tessera {
+
+/// Signs of the local field at the nodes of one leaf.
+struct BandSigns {
+  Int3 origin = {0, 0, 0};  ///< global node coordinates, multiples of 8
+  LeafWords valid{};
+  LeafWords inside{};
+};
+
+/// Closing cells of one leaf.
+struct ClosingLeaf {
+  Int3 origin = {0, 0, 0};  ///< global cell coordinates, multiples of 8
+  LeafWords cells{};
+};
+
+struct ClosingOptions {
+  /// Winding number from which a node is inside: 1/2 for the surface of a solid, 0 for an open sheet, -1/2 for the
+  /// walls of a room.
+  float level = 0.5f;
+  /// Global nodes that are not between low and high (exclusive) are as infinity is: outside, or inside if level < 0.
+  Int3 low = {0, 0, 0};
+  Int3 high = {0, 0, 0};
+  float limit = 0.0f;  ///< cells; closing cells end where a node is farther from the data; 0 = no limit
+};
+
+/// Largest limit, cells: what the near field holds around a brick.
+inline constexpr float kMostClosingLimit = 56.0f;
+
+/// Cells of the block from which closing starts: for every pair of cells that share a crossed face, one of
+/// them local, the other not. A pair belongs to the block that holds its upper cell; its lower one may lie
+/// just below the block. Global coordinates, ascending by Morton code, no repeats.
+std::vector<Int3> rim_cells(const DirectedField& field);
+
+/// Signs of the leaves of one brick of the block. \param brick  within the block
+std::vector<BandSigns> signs_of_brick(const DirectedField& field, const Int3& brick);
+
+struct GrownCells {
+  std::vector<ClosingLeaf> cells;  ///< all closing cells of the brick, by leaf in Morton order
+  std::vector<Int3> leaving;       ///< cells of other bricks to go on from; global, may repeat
+  std::uint64_t added = 0;
+};
+
+/// Grows the closing cells of one brick from seeds.
+/// \param corner  global cell coordinates of the brick
+/// \param signs   of the leaves that hold nodes [0, 64] of the brick
+/// \param known   its closing cells so far
+/// \param near_points  data around the brick, for the limit: quanta; complete within the limit or empty
+/// \pre  `field` holds what nodes [0, 64] of the brick need
+GrownCells grow_closing(const Int3& corner, std::span<const BandSigns> signs,
+                        std::span<const ClosingLeaf> known, std::span<const Int3> seeds,
+                        const WindingField& field, std::span<const Int3> near_points,
+                        const ClosingOptions& options);
+
+/// Adds closing cells to the band of a block: values at their nodes (first-order distance to the level set)
+/// and roots on their edges. \param cells  those of the block and of the cells just below it \post  the local
+/// cells of `field` are what they were
+void add_closing(DirectedField& field, std::span<const ClosingLeaf> cells, const WindingField& winding,
+                 const ClosingOptions& options);
+
+}  // namespace tessera

@@ -1,0 +1,239 @@
+#include <algorithm>
+#include <charconv>
+#include <fstream>
+#include <map>
+#include <nlohmann/json.hpp>
+
+#include "octree/error.h"
+#include "stream/closing_store.h"
+#include "stream/direct_file.h"
+#include "stream/memory_budget.h"
+#include "stream/multipole_store.h"
+#include "stream/parallel.h"
+#include "stream/point_overlay.h"
+#include "stream/point_store.h"
+#include "stream/read_file.h"
+#include "stream/stages/closing_stages.h"
+#include "stream/task_files.h"
+
+namespace tessera {
+namespace {
+
+using json = nlohmann::json;
+
+constexpr const char* kDecisionFile = "close/decision.json";
+constexpr std::size_t kVotingBricks = 512;
+constexpr std::size_t kVotesPerBrick = 16;
+/// Winding number at the points themselves: 1/2 on a closed surface, 0 on a sheet, -1/2 on the walls of a room.
+constexpr float kClosedVote = 0.25f;
+
+// A visit of one brick: points with halo, dipoles, node states, one leaf's lists.
+constexpr std::uint64_t kBytesPerPoint = 40 + 28 + sizeof(Dipole) + 12;
+constexpr std::uint64_t kVisitBytes = 4u << 20;
+
+class CloseStage : public Stage {
+ public:
+  explicit CloseStage(const JobState& state)
+      : state_(state), mode_(state.options.holes), plan_(Plan::of_work(state.work)) {
+    if (!mode_.close) return;
+    points_ = std::make_unique<PointStore>(list_task_files(state.work / "points", ".tsp"),
+                                           PointOverlay::open(state.work));
+    multipoles_ = std::make_unique<MultipoleStore>(state.work);
+    rims_ = std::make_unique<BrickSectionStore>(list_task_files(state.work / "rims", ".tsr"));
+  }
+
+  std::string name() const override { return "close"; }
+  std::size_t task_count() const override { return 0; }
+  std::uint64_t task_bytes(std::size_t) const override { return 0; }
+  std::uint64_t units() const override { return 0; }
+  std::string unit_name() const override { return "bricks"; }
+  json run(std::size_t, TaskContext&) const override { return {}; }
+  std::vector<std::string> obsolete() const override { return {"rims/"}; }
+
+  std::uint64_t finish_bytes() const override {
+    if (!mode_.close) return 1u << 20;
+    std::uint64_t most = 0;
+    std::uint64_t rims = 0;
+    for (const BrickEntry& brick : points_->bricks()) {
+      const Int3 at = brick_of_key(brick.key);
+      const Int3 corner = corner_of(at);
+      most = std::max(most, points_->count_bound(corner, kEdges, MultipoleStore::kHaloCells) * kBytesPerPoint +
+                                multipoles_->near_bytes(corner, kEdges));
+    }
+    for (const BrickSection& b : rims_->bricks()) rims += b.extra;
+    return static_cast<std::uint64_t>(state_.run.threads) * (most + kVisitBytes) + rims * 3 * sizeof(Int3) +
+           multipoles_->far().bytes() + set_limit() + (8u << 20);
+  }
+
+  json finish(const std::vector<json>&, TaskContext& context) const override {
+    if (!mode_.close) return {{"needed", false}};
+    json entry = {{"needed", true}};
+    const ClosingOptions options = decide(entry, context);
+    std::map<std::uint64_t, std::vector<Int3>> pending;
+    for (const BrickSection& brick : rims_->bricks())
+      for (const Int3& c : rims_->rims(brick)) pending[brick_of_cell(c)].push_back(c);
+    std::map<std::uint64_t, std::vector<ClosingLeaf>> cells;
+    std::uint64_t rounds = 0;
+    std::uint64_t visits = 0;
+    std::uint64_t added = 0;
+    std::uint64_t leaves = 0;
+    while (!pending.empty()) {
+      const std::vector<std::pair<std::uint64_t, std::vector<Int3>>> round(pending.begin(), pending.end());
+      pending.clear();
+      std::vector<GrownCells> grown(round.size());
+      parallel_for(round.size(), [&](std::size_t i) {
+        context.check_stop();
+        const auto known = cells.find(round[i].first);
+        grown[i] = visit(brick_of_key(round[i].first), round[i].second,
+                         known == cells.end() ? std::span<const ClosingLeaf>{} : known->second, options);
+      });
+      for (std::size_t i = 0; i < round.size(); ++i) {
+        added += grown[i].added;
+        if (grown[i].added == 0) continue;
+        std::vector<ClosingLeaf>& own = cells[round[i].first];
+        leaves += grown[i].cells.size() - own.size();
+        own = std::move(grown[i].cells);
+        for (const Int3& c : grown[i].leaving) pending[brick_of_cell(c)].push_back(c);
+      }
+      require_room(leaves);
+      visits += round.size();
+      ++rounds;
+    }
+    BrickSectionWriter writer(context.create(kClosingFile));
+    for (const auto& [key, own] : cells) writer.cells(key, own);
+    context.count_written(writer.finish());
+    entry["rounds"] = rounds;
+    entry["visits"] = visits;
+    entry["bricks"] = cells.size();
+    entry["cells"] = added;
+    return entry;
+  }
+
+ private:
+  static constexpr Int3 kEdges = {kBrickCells, kBrickCells, kBrickCells};
+
+  static Int3 corner_of(const Int3& brick) {
+    return {brick[0] * kBrickCells, brick[1] * kBrickCells, brick[2] * kBrickCells};
+  }
+  static std::uint64_t brick_of_cell(const Int3& c) {
+    return brick_key({c[0] >> kBrickBits, c[1] >> kBrickBits, c[2] >> kBrickBits});
+  }
+  /// What the set of closing cells may take: a byte a cell, so half a billion cells under a cap of 2 GiB.
+  std::uint64_t set_limit() const { return state_.run.memory_bytes / 4; }
+  void require_room(std::uint64_t leaves) const {
+    const std::uint64_t bytes = 3 * leaves * sizeof(ClosingLeaf);
+    if (bytes <= set_limit()) return;
+    throw ResourceError("stage close: the surface that closes the holes takes " + format_bytes(bytes) +
+                        " to list and a quarter of --memory " + format_bytes(state_.run.memory_bytes) +
+                        " is for it; raise --memory to " + format_bytes(8 * bytes) +
+                        ", or limit the distance with --holes fill-to:D");
+  }
+
+  /// Level, bounds and limit; all functions of the data.
+  ClosingOptions decide(json& entry, TaskContext& context) const {
+    ClosingOptions options;
+    for (std::size_t a = 0; a < 3; ++a) {
+      options.low[a] = (plan_.brick_min[a] - 1) * kBrickCells;
+      options.high[a] = (plan_.brick_max[a] + 2) * kBrickCells;
+    }
+    const std::size_t bricks = points_->bricks().size();
+    const std::size_t step = bricks / kVotingBricks + 1;
+    std::vector<std::array<std::uint64_t, 3>> votes(bricks / step + 1);
+    parallel_for(votes.size(), [&](std::size_t i) {
+      context.check_stop();
+      if (i * step < bricks) votes[i] = vote(brick_of_key(points_->bricks()[i * step].key));
+    });
+    std::array<std::uint64_t, 3> sum{};  // room, sheet, solid
+    for (const auto& v : votes)
+      for (std::size_t k = 0; k < 3; ++k) sum[k] += v[k];
+    const bool sheet = sum[1] >= sum[0] && sum[1] > sum[2];
+    options.level = sheet ? 0.0f : sum[2] >= sum[0] ? 0.5f : -0.5f;
+    const double given = mode_.limit / plan_.lattice.h;
+    const double limit = given > 0.0 ? given : sheet ? kDefaultSheetLimit : 0.0;
+    if (limit > double{kMostClosingLimit})
+      throw UsageError("--holes " + state_.options.holes + ": at most " +
+                       json(double{kMostClosingLimit} * plan_.lattice.h).dump() +
+                       " (56 lattice spacings) can be bridged; a closed object needs no limit: --holes close");
+    options.limit = static_cast<float>(limit);
+    const json decision = {{"level", options.level}, {"limit_cells", options.limit},
+                           {"low", options.low},     {"high", options.high}};
+    std::ofstream file(context.create(kDecisionFile));
+    file << decision.dump() << '\n';
+    if (!file.flush()) throw ResourceError("cannot write " + std::string(kDecisionFile) + "; is the disk full?");
+    entry["kind"] = sheet ? "sheet" : options.level > 0.0f ? "solid" : "room";
+    entry["level"] = options.level;
+    entry["limit"] = limit * plan_.lattice.h;
+    entry["votes"] = {{"room", sum[0]}, {"sheet", sum[1]}, {"solid", sum[2]}};
+    return options;
+  }
+
+  std::array<std::uint64_t, 3> vote(const Int3& brick) const {
+    const PointBlock points = points_->load(corner_of(brick), kEdges, MultipoleStore::kHaloCells);
+    const MultipoleTree near = multipoles_->near(points);
+    std::vector<Int3> own;
+    for (const Dipole& d : near.dipoles())
+      if (Int3{d.q[0] >> 16, d.q[1] >> 16, d.q[2] >> 16} == brick) own.push_back(d.q);
+    std::vector<Int3> queries;
+    const std::size_t step = own.size() / kVotesPerBrick + 1;
+    for (std::size_t i = 0; i < own.size(); i += step) queries.push_back(own[i]);
+    std::vector<float> value(queries.size());
+    WindingField(multipoles_->far(), near).evaluate(queries, value);
+    std::array<std::uint64_t, 3> votes{};
+    for (const float v : value) ++votes[v >= kClosedVote ? 2 : v > -kClosedVote ? 1 : 0];
+    return votes;
+  }
+
+  GrownCells visit(const Int3& brick, std::span<const Int3> seeds, std::span<const ClosingLeaf> known,
+                   const ClosingOptions& options) const {
+    const Int3 corner = corner_of(brick);
+    const PointBlock points = points_->load(corner, kEdges, MultipoleStore::kHaloCells);
+    const MultipoleTree near = multipoles_->near(points);
+    std::vector<Int3> data;
+    if (options.limit > 0.0f) {
+      for (const Dipole& d : near.dipoles()) data.push_back(d.q);
+      for (const Multipole& m : near.level(kLeafBits).cells) data.push_back(m.centre);
+    }
+    return grow_closing(corner, rims_->signs_around(brick), known, seeds, WindingField(multipoles_->far(), near), data,
+                        options);
+  }
+
+  JobState state_;
+  HolesMode mode_;
+  Plan plan_;
+  std::unique_ptr<PointStore> points_;
+  std::unique_ptr<MultipoleStore> multipoles_;
+  std::unique_ptr<BrickSectionStore> rims_;
+};
+
+}  // namespace
+
+HolesMode::HolesMode(const std::string& text) {
+  if (text == "keep") return;
+  close = true;
+  if (text == "close") return;
+  const std::string word = "fill-to";
+  const char* end = text.data() + text.size();
+  if (text.rfind(word, 0) == 0 && text.size() > word.size() + 1) {
+    const auto read = std::from_chars(text.data() + word.size() + 1, end, limit);
+    if (read.ec == std::errc() && read.ptr == end && limit > 0.0 && limit < 1e30) return;
+  }
+  throw UsageError("--holes " + text + ": write keep, close, or fill-to:D with a distance D > 0 in scan units");
+}
+
+ClosingOptions load_closing_options(const std::filesystem::path& work) {
+  const std::filesystem::path path = work / kDecisionFile;
+  std::ifstream file(path);
+  const json decision = json::parse(file, nullptr, false);
+  if (decision.is_discarded() || !decision.contains("high"))
+    throw InputError(path.string() + ": not what the close stage wrote; run again with --force");
+  ClosingOptions options;
+  options.level = decision.at("level").get<float>();
+  options.limit = decision.at("limit_cells").get<float>();
+  options.low = decision.at("low").get<Int3>();
+  options.high = decision.at("high").get<Int3>();
+  return options;
+}
+
+std::unique_ptr<Stage> make_close_stage(const JobState& state) { return std::make_unique<CloseStage>(state); }
+
+}  // namespace tessera

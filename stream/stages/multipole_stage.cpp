@@ -1,0 +1,92 @@
+#include <algorithm>
+#include <nlohmann/json.hpp>
+
+#include "kernels/area_weights.h"
+#include "stream/multipole_store.h"
+#include "stream/point_overlay.h"
+#include "stream/point_store.h"
+#include "stream/stages/closing_stages.h"
+#include "stream/task_files.h"
+
+namespace tessera {
+namespace {
+
+using json = nlohmann::json;
+
+// Block of one brick: 40 bytes a point while loading, weight and dipole.
+constexpr std::uint64_t kBytesPerPoint = 40 + 4 + sizeof(Dipole);
+constexpr std::uint64_t kFixedTaskBytes = 12u << 20;
+
+class MultipoleStage : public Stage {
+ public:
+  explicit MultipoleStage(const JobState& state)
+      : store_(list_task_files(state.work / "points", ".tsp"), PointOverlay::open(state.work)) {
+    if (!HolesMode(state.options.holes).close) return;
+    for (std::size_t b = 0; b < store_.bricks().size(); ++b) {
+      const std::size_t file = store_.bricks()[b].file;
+      if (file + 1 > file_end_.size()) file_end_.resize(file + 1, b);
+      file_end_[file] = b + 1;
+    }
+  }
+
+  std::string name() const override { return "multipole"; }
+  std::size_t task_count() const override { return file_end_.size(); }
+  std::uint64_t units() const override { return file_end_.empty() ? 0 : store_.point_count(); }
+  std::string unit_name() const override { return "points"; }
+
+  std::uint64_t task_bytes(std::size_t task) const override {
+    std::uint64_t most = 0;
+    for (std::size_t b = first_brick(task); b < file_end_[task]; ++b) most = std::max(most, store_.bricks()[b].points);
+    return most * kBytesPerPoint + kFixedTaskBytes;
+  }
+
+  json run(std::size_t task, TaskContext& context) const override {
+    MultipoleFileWriter writer(context.create(std::string(MultipoleStore::kFolder) + "/" + task_file_stem(task) +
+                                              MultipoleStore::kExtension));
+    std::uint64_t bricks = 0;
+    std::uint64_t leaves = 0;
+    for (std::size_t b = first_brick(task); b < file_end_[task]; ++b) {
+      context.check_stop();
+      const BrickEntry& brick = store_.bricks()[b];
+      const Int3 at = brick_of_key(brick.key);
+      const PointBlock block = store_.load({at[0] * kBrickCells, at[1] * kBrickCells, at[2] * kBrickCells},
+                                           {kBrickCells, kBrickCells, kBrickCells}, 0);
+      const MultipoleTree tree(make_dipoles(block), kLeafBits, kLeafBits);
+      const auto& cells = tree.level(kLeafBits).cells;
+      if (!cells.empty()) {
+        writer.brick(brick.key, cells);
+        ++bricks;
+        leaves += cells.size();
+      }
+      context.count_read(brick.points * sizeof(PointRecord));
+      context.advance(brick.points);
+    }
+    context.count_written(writer.finish());
+    return {{"bricks", bricks}, {"leaves", leaves}};
+  }
+
+  std::uint64_t finish_bytes() const override { return 1u << 20; }
+
+  json finish(const std::vector<json>& summaries, TaskContext&) const override {
+    if (file_end_.empty()) return {{"needed", false}};
+    std::uint64_t bricks = 0;
+    std::uint64_t leaves = 0;
+    for (const json& s : summaries) {
+      bricks += s.at("bricks").get<std::uint64_t>();
+      leaves += s.at("leaves").get<std::uint64_t>();
+    }
+    return {{"needed", true}, {"bricks", bricks}, {"leaves", leaves}, {"summary_bytes", bricks * sizeof(Multipole) * 4 / 3}};
+  }
+
+ private:
+  std::size_t first_brick(std::size_t task) const { return task == 0 ? 0 : file_end_[task - 1]; }
+
+  PointStore store_;
+  std::vector<std::size_t> file_end_;
+};
+
+}  // namespace
+
+std::unique_ptr<Stage> make_multipole_stage(const JobState& state) { return std::make_unique<MultipoleStage>(state); }
+
+}  // namespace tessera

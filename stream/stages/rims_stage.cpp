@@ -1,0 +1,89 @@
+#include <algorithm>
+#include <nlohmann/json.hpp>
+
+#include "octree/morton.h"
+#include "stream/closing_store.h"
+#include "stream/point_overlay.h"
+#include "stream/stages/closing_stages.h"
+#include "stream/stages/surface_stage.h"
+#include "stream/task_files.h"
+
+namespace tessera {
+namespace {
+
+using json = nlohmann::json;
+
+constexpr std::uint64_t kFixedTaskBytes = 8u << 20;
+
+class RimsStage : public Stage {
+ public:
+  explicit RimsStage(const JobState& state)
+      : plan_(Plan::of_work(state.work)),
+        store_(list_task_files(state.work / "points", ".tsp"), PointOverlay::open(state.work)),
+        field_(field_options(plan_, state.options.feature_angle_deg)) {
+    if (!HolesMode(state.options.holes).close) return;
+    groups_ = make_tile_groups(store_, surface_tiling(state, field_));
+  }
+
+  std::string name() const override { return "rims"; }
+  std::size_t task_count() const override { return groups_.size(); }
+  std::uint64_t units() const override { return groups_.empty() ? 0 : store_.point_count(); }
+  std::string unit_name() const override { return "points"; }
+
+  std::uint64_t task_bytes(std::size_t task) const override {
+    std::uint64_t most = 0;
+    for (const Tile& tile : groups_[task])
+      most = std::max(most, tile_bytes(store_, nullptr, tile, field_halo_cells(field_)));
+    return most + kFixedTaskBytes;
+  }
+
+  json run(std::size_t task, TaskContext& context) const override {
+    BrickSectionWriter writer(context.create("rims/" + task_file_stem(task) + ".tsr"));
+    const int halo = field_halo_cells(field_);
+    std::uint64_t rims = 0;
+    for (const Tile& tile : groups_[task]) {
+      context.check_stop();
+      const PointBlock points = store_.load(tile.corner(), tile.edges(), halo);
+      if (points.size() == 0) continue;
+      context.count_read(points.size() * sizeof(PointRecord));
+      const DirectedField field = evaluate_field(points, field_);
+      std::vector<Int3> cells = rim_cells(field);
+      rims += cells.size();
+      const auto count = static_cast<std::uint64_t>(tile.bricks) * static_cast<std::uint64_t>(tile.bricks) *
+                         static_cast<std::uint64_t>(tile.bricks);
+      for (std::uint64_t code = 0; code < count; ++code) {
+        const auto at = morton_decode(code);
+        const Int3 brick = {static_cast<int>(at[0]), static_cast<int>(at[1]), static_cast<int>(at[2])};
+        const std::vector<BandSigns> signs = signs_of_brick(field, brick);
+        if (signs.empty()) continue;
+        writer.signs(brick_key({tile.brick[0] + brick[0], tile.brick[1] + brick[1], tile.brick[2] + brick[2]}), signs,
+                     cells);
+        cells.clear();  // global names: any brick of the tile may hold them
+      }
+      context.advance(core_points(points));
+    }
+    context.count_written(writer.finish());
+    return {{"rim_cells", rims}};
+  }
+
+  std::uint64_t finish_bytes() const override { return 1u << 20; }
+
+  json finish(const std::vector<json>& summaries, TaskContext&) const override {
+    if (groups_.empty()) return {{"needed", false}};
+    std::uint64_t rims = 0;
+    for (const json& s : summaries) rims += s.at("rim_cells").get<std::uint64_t>();
+    return {{"needed", true}, {"rim_cells", rims}};
+  }
+
+ private:
+  Plan plan_;
+  PointStore store_;
+  FieldOptions field_;
+  std::vector<TileGroup> groups_;
+};
+
+}  // namespace
+
+std::unique_ptr<Stage> make_rims_stage(const JobState& state) { return std::make_unique<RimsStage>(state); }
+
+}  // namespace tessera

@@ -1,0 +1,166 @@
+#include "kernels/closing.h"
+
+#include <algorithm>
+#include <catch2/catch.hpp>
+#include <cmath>
+#include <map>
+
+#include "kernels/area_weights.h"
+#include "kernels/field.h"
+#include "octree/morton.h"
+#include "tests/helpers/oriented_samples.h"
+
+using namespace tessera;
+
+namespace {
+
+const Int3 kOrigin = {64, 64, 64};
+const Int3 kCells = {64, 64, 64};
+const Double3 kCentre = {96.2, 95.9, 96.4};
+constexpr double kRadius = 20.3;
+
+/// A sphere without its cap above `height` radii.
+test::Samples capped_sphere(double height) {
+  test::Random random(4);
+  test::Samples all, kept;
+  test::add_sphere(kCentre, kRadius, 1 / 1.5, random, all);
+  for (const test::Sample& s : all)
+    if (s.p[2] < kCentre[2] + height * kRadius) kept.push_back(s);
+  return kept;
+}
+
+struct Closed {
+  DirectedField field;
+  GrownCells grown;
+};
+
+ClosingOptions wide() {
+  ClosingOptions options;
+  options.high = {192, 192, 192};
+  return options;
+}
+
+Closed close(const test::Samples& samples, const ClosingOptions& options) {
+  const PointBlock points = test::make_block(samples, kOrigin, kCells, 16);
+  const MultipoleTree tree(make_dipoles(points), kLeafBits);
+  const WindingField winding(tree);
+  Closed out;
+  out.field = evaluate_field(points, {});
+  std::vector<BandSigns> signs;
+  for (const BandLeaf& leaf : out.field.leaves)
+    signs.push_back({{leaf.origin[0] + 64, leaf.origin[1] + 64, leaf.origin[2] + 64}, leaf.valid, leaf.inside});
+  std::vector<Int3> data;
+  for (const Dipole& d : tree.dipoles()) data.push_back(d.q);
+  out.grown = grow_closing(kOrigin, signs, {}, rim_cells(out.field), winding, data, options);
+  add_closing(out.field, out.grown.cells, winding, options);
+  return out;
+}
+
+}  // namespace
+
+TEST_CASE("closing: every crossed edge of a closing cell has a root, every crossed face a cell on both sides", "[unit]") {
+  const Closed closed = close(capped_sphere(0.5), wide());
+  const DirectedField& field = closed.field;
+  REQUIRE(closed.grown.added > 500);
+  CHECK(closed.grown.leaving.empty());
+  std::map<Int3, unsigned> cells;  // all that take part, with the corners inside
+  for (const BandLeaf& leaf : field.leaves)
+    for (int z = 0; z < 8; ++z)
+      for (int b = 0; b < 64; ++b) {
+        const Int3 c = {leaf.origin[0] + (b & 7), leaf.origin[1] + (b >> 3), leaf.origin[2] + z};
+        bool all = true;
+        unsigned inside = 0;
+        for (int k = 0; k < 8; ++k) {
+          const Int3 n = {c[0] + (k & 1), c[1] + (k >> 1 & 1), c[2] + (k >> 2)};
+          if (*std::max_element(n.begin(), n.end()) > 64) {
+            all = false;
+            continue;
+          }
+          const BandLeaf* l = field.leaf_at(n[0], n[1], n[2]);
+          const auto w = static_cast<std::size_t>(n[2] & 7);
+          const int bit = DirectedField::bit(n[0], n[1]);
+          all &= l && (l->valid[w] >> bit & 1);
+          if (l && (l->inside[w] >> bit & 1)) inside |= 1u << k;
+        }
+        const bool closing = leaf.closing[static_cast<std::size_t>(z)] >> b & 1;
+        CHECK_FALSE((closing && all));
+        if ((closing || all) && inside != 0 && inside != 0xff) cells[c] = inside;
+        if (closing) CHECK((inside != 0 && inside != 0xff));
+      }
+  std::size_t faces = 0;
+  for (const auto& [c, inside] : cells) {
+    constexpr unsigned kFace[6] = {0x55, 0xaa, 0x33, 0xcc, 0x0f, 0xf0};
+    for (std::size_t f = 0; f < 6; ++f) {
+      if ((inside & kFace[f]) == 0 || (~inside & kFace[f]) == 0) continue;
+      Int3 n = c;
+      n[f >> 1] += f & 1 ? 1 : -1;
+      REQUIRE(cells.count(n) == 1);
+      ++faces;
+    }
+    for (int axis = 0; axis < 3; ++axis)
+      for (int k = 0; k < 8; ++k) {
+        if (k >> axis & 1) continue;
+        const bool crossed = (inside >> k & 1) != (inside >> (k | 1 << axis) & 1);
+        if (!crossed) continue;
+        const EdgeRoot* root = field.root_at(c[0] + (k & 1), c[1] + (k >> 1 & 1), c[2] + (k >> 2), axis);
+        REQUIRE(root != nullptr);
+        REQUIRE((root->t > 0 && root->t < 1));
+      }
+  }
+  CHECK(faces > 5000);
+}
+
+TEST_CASE("closing: the hole of a sphere is closed by the disc in its rim", "[unit]") {
+  const Closed closed = close(capped_sphere(0.5), wide());
+  const double plane = kCentre[2] - 64 + 0.5 * kRadius;
+  double worst = 0;
+  for (const ClosingLeaf& leaf : closed.grown.cells)
+    for (int z = 0; z < 8; ++z)
+      if (leaf.cells[static_cast<std::size_t>(z)]) worst = std::max(worst, std::abs(leaf.origin[2] + z - 64 + 0.5 - plane));
+  CHECK(worst < 4.0);
+}
+
+TEST_CASE("closing: where nothing is missing nothing changes; a limit keeps it near the data", "[unit]") {
+  const Closed whole = close(capped_sphere(2.0), wide());
+  CHECK(whole.grown.added == 0);
+  ClosingOptions options = wide();
+  options.limit = 5.0f;
+  const Closed closed = close(capped_sphere(0.5), options);
+  const Closed all = close(capped_sphere(0.5), wide());
+  CHECK(closed.grown.added > 100);
+  CHECK(closed.grown.added < all.grown.added);
+  const double rim = kRadius * std::sqrt(0.75);
+  for (const ClosingLeaf& leaf : closed.grown.cells)
+    for (int z = 0; z < 8; ++z)
+      for (int b = 0; b < 64; ++b) {
+        if (!(leaf.cells[static_cast<std::size_t>(z)] >> b & 1)) continue;
+        const double x = leaf.origin[0] + (b & 7) + 0.5 - kCentre[0], y = leaf.origin[1] + (b >> 3) + 0.5 - kCentre[1];
+        CHECK(std::hypot(x, y) > rim - 5.5);
+      }
+}
+
+TEST_CASE("closing: the cells do not depend on the order of growth", "[property]") {
+  const test::Samples samples = capped_sphere(0.2);
+  const PointBlock points = test::make_block(samples, kOrigin, kCells, 16);
+  const MultipoleTree tree(make_dipoles(points), kLeafBits);
+  const WindingField winding(tree);
+  const DirectedField field = evaluate_field(points, {});
+  const std::vector<BandSigns> signs = signs_of_brick(field, {0, 0, 0});
+  std::vector<Int3> seeds = rim_cells(field);
+  REQUIRE(seeds.size() > 50);
+  const GrownCells once = grow_closing(kOrigin, signs, {}, seeds, winding, {}, wide());
+  GrownCells steps;  // one seed at a time, backwards
+  std::reverse(seeds.begin(), seeds.end());
+  std::uint64_t added = 0;
+  for (std::size_t i = 0; i < seeds.size(); i += seeds.size() / 4) {
+    const auto part = std::span(seeds).subspan(i, std::min(seeds.size() / 4, seeds.size() - i));
+    steps = grow_closing(kOrigin, signs, steps.cells, part, winding, {}, wide());
+    added += steps.added;
+  }
+  CHECK(added == once.added);
+  REQUIRE(steps.cells.size() == once.cells.size());
+  for (std::size_t i = 0; i < once.cells.size(); ++i) {
+    CHECK(steps.cells[i].origin == once.cells[i].origin);
+    CHECK(steps.cells[i].cells == once.cells[i].cells);
+  }
+}
