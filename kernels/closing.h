@@ -11,6 +11,7 @@
 /// are grown.
 #pragma once
 #include <cstdint>
+#include <map>
 #include <span>
 #include <vector>
 
@@ -39,7 +40,9 @@ struct ClosingOptions {
   /// Global nodes that are not between low and high (exclusive) are as infinity is: outside, or inside if level < 0.
   Int3 low = {0, 0, 0};
   Int3 high = {0, 0, 0};
-  float limit = 0.0f;  ///< cells; closing cells end where a node is farther from the data; 0 = no limit
+  /// Cells; growth stops where a node is farther from the data, and what is connected to such a place is taken back:
+  /// a hole is closed whole or not at all. 0 = no limit.
+  float limit = 0.0f;
 };
 
 /// Largest limit, cells: what the near field holds around a brick.
@@ -56,8 +59,16 @@ std::vector<BandSigns> signs_of_brick(const DirectedField& field, const Int3& br
 struct GrownCells {
   std::vector<ClosingLeaf> cells;  ///< all closing cells of the brick, by leaf in Morton order
   std::vector<Int3> leaving;       ///< cells of other bricks to go on from; global, may repeat
+  std::vector<Int3> stopped;       ///< cells that the limit kept out; global, may repeat
   std::uint64_t added = 0;
 };
+
+/// Takes back the cells that hang together, face by face, with one beside a cell that the limit kept out.
+/// \param bricks   closing cells of all bricks, by brick in Morton order of keys
+/// \param stopped  of all bricks
+/// \returns how many cells were taken back; bricks may end up empty
+std::uint64_t take_back_unfinished(std::map<std::uint64_t, std::vector<ClosingLeaf>>& bricks,
+                                   std::span<const Int3> stopped);
 
 /// Grows the closing cells of one brick from seeds.
 /// \param corner  global cell coordinates of the brick

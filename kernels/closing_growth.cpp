@@ -284,7 +284,11 @@ GrownCells grow_closing(const Int3& corner, std::span<const BandSigns> signs,
     assert(CellBits::holds(c));
     if (cells.has(c)) continue;
     const BrickNodes::Cell cell = nodes.cell(c);
-    if (cell.local || cell.far || !is_mixed(cell.inside, 0xff)) continue;
+    if (cell.local || !is_mixed(cell.inside, 0xff)) continue;
+    if (cell.far) {
+      out.stopped.push_back({c[0] + corner[0], c[1] + corner[1], c[2] + corner[2]});
+      continue;
+    }
     cells.set(c);
     ++out.added;
     for (std::size_t face = 0; face < 6; ++face) {
@@ -299,6 +303,43 @@ GrownCells grow_closing(const Int3& corner, std::span<const BandSigns> signs,
   }
   out.cells = cells.collect(corner);
   return out;
+}
+
+std::uint64_t take_back_unfinished(std::map<std::uint64_t, std::vector<ClosingLeaf>>& bricks,
+                                   std::span<const Int3> stopped) {
+  /// Clears the bit of a closing cell; false if it is none.
+  const auto clear = [&](const Int3& c) {
+    for (const int v : c)
+      if (v < 0) return false;
+    const auto brick = bricks.find(brick_key({c[0] >> kBrickBits, c[1] >> kBrickBits, c[2] >> kBrickBits}));
+    if (brick == bricks.end()) return false;
+    const Int3 origin = {c[0] & ~(kLeafCells - 1), c[1] & ~(kLeafCells - 1), c[2] & ~(kLeafCells - 1)};
+    const auto leaf = std::lower_bound(brick->second.begin(), brick->second.end(), origin,
+                                       [](const ClosingLeaf& l, const Int3& o) { return before(l.origin, o); });
+    if (leaf == brick->second.end() || leaf->origin != origin) return false;
+    std::uint64_t& word = leaf->cells[static_cast<std::size_t>(c[2] & 7)];
+    const std::uint64_t bit = std::uint64_t{1} << ((c[0] & 7) + 8 * (c[1] & 7));
+    const bool was = (word & bit) != 0;
+    word &= ~bit;
+    return was;
+  };
+  std::uint64_t taken = 0;
+  std::vector<Int3> open(stopped.begin(), stopped.end());
+  while (!open.empty()) {
+    const Int3 c = open.back();
+    open.pop_back();
+    for (std::size_t face = 0; face < 6; ++face) {
+      const Int3 n = neighbour(c, face);
+      if (!clear(n)) continue;
+      ++taken;
+      open.push_back(n);
+    }
+  }
+  for (auto& [key, leaves] : bricks)
+    std::erase_if(leaves, [](const ClosingLeaf& leaf) {
+      return std::all_of(leaf.cells.begin(), leaf.cells.end(), [](std::uint64_t w) { return w == 0; });
+    });
+  return taken;
 }
 
 }  // namespace tessera

@@ -26,7 +26,7 @@ struct Footer {
 /// Sections of a patch in file order, as byte sizes.
 struct Layout {
   std::uint64_t foreign, exported_key, exported_index, component_of, component_counts, position, rgba, vertex_class,
-      faces;
+      faces, synthetic;
   explicit Layout(const PatchEntry& e)
       : foreign(8ull * e.foreign),
         exported_key(8ull * e.exported),
@@ -36,7 +36,8 @@ struct Layout {
         position(12ull * e.vertices),
         rgba(e.has_colour ? 4ull * e.vertices : 0),
         vertex_class((e.vertices + 3ull) / 4 * 4),
-        faces(12ull * e.faces) {}
+        faces(12ull * e.faces),
+        synthetic(e.has_synthetic ? e.faces : 0) {}
   std::uint64_t seam() const {
     return foreign + exported_key + exported_index + component_of + component_counts;
   }
@@ -95,6 +96,7 @@ void PatchFileWriter::add(const Patch& patch, const PatchComponents& components)
   e.exported = static_cast<std::uint32_t>(patch.exported.size());
   e.components = components.count;
   e.has_colour = patch.rgba.empty() ? 0 : 1;
+  e.has_synthetic = patch.synthetic.empty() ? 0 : 1;
 
   append(self.buffer, patch.foreign);
   std::vector<VertexKey> keys;
@@ -119,6 +121,7 @@ void PatchFileWriter::add(const Patch& patch, const PatchComponents& components)
   e.vertex_hash = self.put_buffer();
 
   append(self.buffer, patch.faces);
+  append(self.buffer, patch.synthetic);
   e.face_hash = self.put_buffer();
   self.table.push_back(e);
 }
@@ -233,13 +236,16 @@ void PatchStore::load_vertices(std::size_t patch, std::vector<Float3>& position,
   if (vertex_class) take(at, *vertex_class, e.vertices);
 }
 
-void PatchStore::load_faces(std::size_t patch, std::vector<PatchFace>& faces) const {
+void PatchStore::load_faces(std::size_t patch, std::vector<PatchFace>& faces,
+                            std::vector<std::uint8_t>* synthetic) const {
   const PatchEntry& e = impl_->patches[patch];
   const Layout layout(e);
   const std::vector<char> data =
-      impl_->read(patch, e.offset + layout.seam() + layout.vertices(), layout.faces, e.face_hash);
+      impl_->read(patch, e.offset + layout.seam() + layout.vertices(), layout.faces + layout.synthetic,
+                  e.face_hash);
   const char* at = data.data();
   take(at, faces, layout.faces);
+  if (synthetic) take(at, *synthetic, layout.synthetic);
 }
 
 }  // namespace tessera

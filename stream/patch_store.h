@@ -27,7 +27,8 @@ struct PatchEntry {
   std::uint32_t foreign = 0;
   std::uint32_t exported = 0;
   std::uint32_t components = 0;
-  std::uint32_t has_colour = 0;
+  std::uint16_t has_colour = 0;
+  std::uint16_t has_synthetic = 0;  ///< some face closes a hole
 };
 
 /// What welding needs of a patch: everything but the mesh itself.
@@ -73,7 +74,8 @@ class PatchStore {
   /// \param vertex_class  may be null
   void load_vertices(std::size_t patch, std::vector<Float3>& position, std::vector<std::uint32_t>& rgba,
                      std::vector<VertexClass>* vertex_class = nullptr) const;
-  void load_faces(std::size_t patch, std::vector<PatchFace>& faces) const;
+  /// \param synthetic  per face, empty if none closes a hole; may be null
+  void load_faces(std::size_t patch, std::vector<PatchFace>& faces, std::vector<std::uint8_t>* synthetic = nullptr) const;
 
  private:
   struct Impl;

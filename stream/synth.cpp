@@ -1,5 +1,6 @@
 #include "stream/synth.h"
 
+#include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <thread>
@@ -27,7 +28,7 @@ using synth::SurfaceBatch;
 using synth::Vec3;
 
 // Streams of random numbers, so that no two uses share one.
-enum : std::uint64_t { kNoiseStream = 11, kOutlierStream = 13 };
+enum : std::uint64_t { kNoiseStream = 11, kOutlierStream = 13, kMissingStream = 17 };
 
 void validate(const SynthOptions& o) {
   const auto refuse = [](const std::string& message) { throw UsageError("synth: " + message); };
@@ -43,6 +44,8 @@ void validate(const SynthOptions& o) {
   if (o.views < 0 || o.views > 255) refuse("--views must be 0 to 255");
   if (o.noise < 0.0 || !std::isfinite(o.noise)) refuse("--noise must not be negative");
   if (!(o.outliers >= 0.0 && o.outliers < 1.0)) refuse("--outliers must be a share from 0 to below 1");
+  if (!(o.missing >= 0.0 && o.missing < 1.0)) refuse("--missing must be a share from 0 to below 1");
+  if (o.missing_spots < 1 || o.missing_spots > 1000) refuse("--missing-spots must be 1 to 1000");
   if (o.octaves < 0 || o.octaves > 16) refuse("--octaves must be 0 to 16");
   for (const double v : o.shift) {
     if (!std::isfinite(v)) refuse("--shift must be finite");
@@ -65,6 +68,67 @@ PointFileHeader file_header(const SynthOptions& o, const SynthReport& report) {
   header.comments.push_back("synthetic scan of scene " + o.scene + ", truth in the .truth.json beside");
   return header;
 }
+
+/// The balls in which the surface stays unseen. Their centres are samples, each as far as can be from those before;
+/// one radius for all, so that they hold the share that was asked for.
+class MissingSpots {
+ public:
+  MissingSpots(const SynthOptions& o, const SampleSource& source) {
+    if (o.missing == 0.0) return;
+    constexpr std::uint64_t kLookedUnits = 256;
+    std::vector<Vec3> looked;
+    const std::uint64_t step = source.unit_count() / kLookedUnits + 1;
+    SampleBatch batch;
+    for (std::uint64_t unit = 0; unit < source.unit_count(); unit += step) {
+      source.sample(unit, batch);
+      for (std::size_t i = 0; i < batch.surface.size(); ++i)
+        if (!std::isnan(batch.surface.x[i]))
+          looked.push_back({batch.surface.x[i], batch.surface.y[i], batch.surface.z[i]});
+    }
+    if (looked.empty()) return;
+    std::vector<double> distance2(looked.size(), 1e300);
+    std::size_t next = static_cast<std::size_t>(
+        synth::to_unit(synth::random_bits(o.seed, kMissingStream, 0)) * static_cast<double>(looked.size()));
+    for (int spot = 0; spot < o.missing_spots; ++spot) {
+      centres_.push_back(looked[next]);
+      for (std::size_t i = 0; i < looked.size(); ++i) {
+        distance2[i] = std::min(distance2[i], squared(looked[i], centres_.back()));
+        if (distance2[i] > distance2[next]) next = i;
+      }
+    }
+    const auto share = static_cast<std::ptrdiff_t>(o.missing * static_cast<double>(looked.size()));
+    std::nth_element(distance2.begin(), distance2.begin() + share, distance2.end());
+    radius2_ = distance2[static_cast<std::size_t>(share)];
+  }
+
+  void drop(SampleBatch& batch) const {
+    if (centres_.empty()) return;
+    SurfaceBatch& s = batch.surface;
+    std::size_t kept = 0;
+    for (std::size_t i = 0; i < s.size(); ++i) {
+      const Vec3 p = {s.x[i], s.y[i], s.z[i]};
+      if (std::any_of(centres_.begin(), centres_.end(), [&](const Vec3& c) { return squared(p, c) < radius2_; })) continue;
+      for (std::vector<double>* v : {&s.x, &s.y, &s.z, &s.nx, &s.ny, &s.nz, &batch.dx, &batch.dy, &batch.dz})
+        if (!v->empty()) (*v)[kept] = (*v)[i];
+      batch.key[kept] = batch.key[i];
+      ++kept;
+    }
+    for (std::vector<double>* v : {&batch.dx, &batch.dy, &batch.dz})
+      if (!v->empty()) v->resize(kept);
+    s.resize(kept);
+    batch.key.resize(kept);
+  }
+  const std::vector<Vec3>& centres() const { return centres_; }
+  double radius() const { return std::sqrt(radius2_); }
+
+ private:
+  static double squared(const Vec3& a, const Vec3& b) {
+    const Vec3 d = a - b;
+    return d.x * d.x + d.y * d.y + d.z * d.z;
+  }
+  std::vector<Vec3> centres_;
+  double radius2_ = 0.0;
+};
 
 /// Adds noise, outliers, colour and shift to exact samples.
 class Corrupter {
@@ -148,6 +212,7 @@ void write_truth(const SynthOptions& o, const SynthReport& report, const std::ve
   truth["options"] = {{"noise", o.noise},       {"noise_in_spacings", o.noise_in_spacings},
                       {"outliers", o.outliers}, {"flying", o.flying},
                       {"normals", o.normals},   {"colour", o.colour}};
+  if (o.missing > 0.0) truth["options"]["missing"] = {{"share", o.missing}, {"spots", o.missing_spots}};
   truth["seed"] = o.seed;
   truth["points"] = report.points;
   truth["outliers"] = report.outliers;
@@ -257,6 +322,7 @@ SynthReport synthesize(const SynthOptions& asked, const std::filesystem::path& o
     throw UsageError(
         "synth: .ptx holds grids seen from one place: use --mode terrestrial, or write .ply, .las or .xyz");
   }
+  if (ptx && o.missing > 0.0) throw UsageError("synth: --missing leaves no whole grids, which .ptx needs; write .ply");
   const auto source = make_source(o, *scene, ptx);
   SynthReport report;
   report.area = source->area();
@@ -266,6 +332,7 @@ SynthReport synthesize(const SynthOptions& asked, const std::filesystem::path& o
   const auto encoder = make_point_encoder(output, header);
   ScanFiles files(o, output, header, source->scans(), report);
 
+  const MissingSpots missing(o, *source);
   const Corrupter corrupter(o, *scene, report.noise);
   const int threads = o.threads > 0 ? o.threads : static_cast<int>(std::thread::hardware_concurrency());
   const tbb::global_control limit(tbb::global_control::max_allowed_parallelism,
@@ -295,6 +362,7 @@ SynthReport synthesize(const SynthOptions& asked, const std::filesystem::path& o
     SampleBatch batch;
     PointChunk chunk;
     source->sample(unit->number, batch);
+    missing.drop(batch);
     unit->outliers = corrupter.apply(batch, chunk);
     unit->flying = batch.flying;
     encoder->encode(chunk, files.ptx(unit->scan), unit->encoded);

@@ -24,6 +24,8 @@ struct SynthOptions {
   double outliers =
       0.0;              ///< share of points replaced by uniform ones in the box of the scene grown by a tenth
   double flying = 0.1;  ///< sensors: share of range jumps that give a flying point
+  double missing = 0.0;  ///< share of the surface that nobody saw: balls around spots far from each other
+  int missing_spots = 3;
   int views = 0;        ///< sensors: number of set-ups; 0 = usual for sensor and scene
   bool normals = false;  ///< write exact normals
   bool colour = false;

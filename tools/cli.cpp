@@ -322,8 +322,8 @@ void add_reconstruct_options(CLI::App& command, ReconstructOptions& options) {
       ->group(group);
   command
       .add_option("--holes", options.holes,
-                  "keep: the surface ends where the data does; close: no border is left (open terrain: 20 h from the "
-                  "data); fill-to:D: closed as far as D from the data, scan units")
+                  "keep: the surface ends where the data does; close: every hole of an object is closed, of open terrain "
+                  "those that stay within 20 h of the data; fill-to:D: those within D of the data, scan units")
       ->capture_default_str()
       ->group(group);
   command.add_option("--outliers", options.outliers, "auto: drop isolated and flying points; off: keep all")

@@ -99,6 +99,10 @@ void add_synth(CLI::App& app) {
       ->add_option("--flying", o.flying,
                    "sensors: share of range jumps that give a point between two surfaces")
       ->capture_default_str();
+  command
+      ->add_option("--missing", o.missing, "share of the surface that is unseen, in balls around spots far apart")
+      ->capture_default_str();
+  command->add_option("--missing-spots", o.missing_spots, "how many such balls")->capture_default_str();
   command->add_option("--views", o.views, "sensors: number of set-ups; 0 = usual for sensor and scene")
       ->capture_default_str();
   command->add_flag("--per-scan", o.per_scan, "one file per set-up: NAME_001.EXT and so on");

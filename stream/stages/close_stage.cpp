@@ -77,6 +77,7 @@ class CloseStage : public Stage {
     std::uint64_t visits = 0;
     std::uint64_t added = 0;
     std::uint64_t leaves = 0;
+    std::vector<Int3> stopped;
     while (!pending.empty()) {
       const std::vector<std::pair<std::uint64_t, std::vector<Int3>>> round(pending.begin(), pending.end());
       pending.clear();
@@ -89,6 +90,7 @@ class CloseStage : public Stage {
       });
       for (std::size_t i = 0; i < round.size(); ++i) {
         added += grown[i].added;
+        stopped.insert(stopped.end(), grown[i].stopped.begin(), grown[i].stopped.end());
         if (grown[i].added == 0) continue;
         std::vector<ClosingLeaf>& own = cells[round[i].first];
         leaves += grown[i].cells.size() - own.size();
@@ -99,13 +101,16 @@ class CloseStage : public Stage {
       visits += round.size();
       ++rounds;
     }
+    const std::uint64_t taken = take_back_unfinished(cells, stopped);
+    std::erase_if(cells, [](const auto& brick) { return brick.second.empty(); });
     BrickSectionWriter writer(context.create(kClosingFile));
     for (const auto& [key, own] : cells) writer.cells(key, own);
     context.count_written(writer.finish());
     entry["rounds"] = rounds;
     entry["visits"] = visits;
     entry["bricks"] = cells.size();
-    entry["cells"] = added;
+    entry["cells"] = added - taken;
+    entry["unfinished_cells"] = taken;
     return entry;
   }
 

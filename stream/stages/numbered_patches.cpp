@@ -37,7 +37,7 @@ void NumberedPatches::load_faces(std::size_t patch, PatchFaces& out) {
     open_file_ = file;
   }
   if (remaps_.size() > kRemaps) remaps_.clear();
-  store_->load_faces(patch, out.faces);
+  store_->load_faces(patch, out.faces, &out.synthetic);
   out.foreign.resize(entry.foreign);
   places_->read_at(numbering_->patches[patch].foreign_offset, out.foreign.data(),
                    out.foreign.size() * sizeof(VertexPlace));

@@ -46,13 +46,14 @@ class WriteStage : public Stage {
     const auto writer = create_mesh_file(state_.output, header);
     write_vertices(*writer, header, context);
     write_new_vertices(*writer, header, context);
-    write_faces(*writer, header.synthetic, context);
-    write_fillings(*writer, context);
+    std::uint64_t synthetic = write_faces(*writer, header.synthetic, context);
+    synthetic += write_fillings(*writer, context);
     writer->finish();
     context.count_written(writer->bytes_written());
     return {{"path", state_.output.string()},
             {"vertices", header.vertices},
             {"faces", header.faces},
+            {"synthetic_faces", synthetic},
             {"bytes", writer->bytes_written()},
             {"double_positions", header.double_positions},
             {"shift", header.shift}};
@@ -69,6 +70,7 @@ class WriteStage : public Stage {
       header.faces += head.faces;
       header.synthetic |= head.faces > 0;
     }
+    for (const PatchEntry& e : store_.patches()) header.synthetic |= e.has_synthetic != 0;
     header.colour = plan_.has_colour;
     // The farthest corner of the used part of the lattice bounds every coordinate.
     double largest = 0.0;
@@ -122,23 +124,32 @@ class WriteStage : public Stage {
     }
   }
 
-  void write_faces(MeshWriter& writer, bool synthetic, TaskContext& context) const {
+  /// \returns how many of them close holes
+  std::uint64_t write_faces(MeshWriter& writer, bool synthetic, TaskContext& context) const {
     NumberedPatches numbered(state_.work, store_, numbering_);
     PatchFaces patch;
     std::vector<MeshFace> faces;
     std::vector<std::uint8_t> flags;
+    std::uint64_t closing = 0;
     for (std::size_t p = 0; p < store_.patches().size(); ++p) {
       context.check_stop();
       if (numbering_.patches[p].kept_faces == 0) continue;
       numbered.load_faces(p, patch);
       faces.clear();
-      for (const PatchFace& f : patch.faces)
-        if (patch.kept(f)) faces.push_back({patch.index[f[0]], patch.index[f[1]], patch.index[f[2]]});
-      if (synthetic) flags.assign(faces.size(), 0);
+      flags.clear();
+      for (std::size_t i = 0; i < patch.faces.size(); ++i) {
+        const PatchFace& f = patch.faces[i];
+        if (!patch.kept(f)) continue;
+        faces.push_back({patch.index[f[0]], patch.index[f[1]], patch.index[f[2]]});
+        const std::uint8_t flag = patch.synthetic.empty() ? std::uint8_t{0} : patch.synthetic[i];
+        closing += flag;
+        if (synthetic) flags.push_back(flag);
+      }
       writer.faces(faces, flags);
       context.advance(faces.size());
       context.count_read(12 * patch.faces.size() + 8 * patch.foreign.size());
     }
+    return closing;
   }
 
   /// Fillings come behind everything else, in order of their loops.
@@ -155,8 +166,8 @@ class WriteStage : public Stage {
     }
   }
 
-  void write_fillings(MeshWriter& writer, TaskContext& context) const {
-    std::uint64_t base = numbering_.vertices;
+  std::uint64_t write_fillings(MeshWriter& writer, TaskContext& context) const {
+    std::uint64_t base = numbering_.vertices, count = 0;
     for (const auto& file : fillings_) {
       context.check_stop();
       HoleFillings fillings = HoleFillings::load(file);
@@ -165,7 +176,9 @@ class WriteStage : public Stage {
           if (v & HoleFillings::kNew) v = base + (v & ~HoleFillings::kNew);
       base += fillings.position.size();
       writer.faces(fillings.faces, std::vector<std::uint8_t>(fillings.faces.size(), 1));
+      count += fillings.faces.size();
     }
+    return count;
   }
 
   JobState state_;

@@ -129,6 +129,7 @@ TEST_CASE("closing: where nothing is missing nothing changes; a limit keeps it n
   const Closed all = close(capped_sphere(0.5), wide());
   CHECK(closed.grown.added > 100);
   CHECK(closed.grown.added < all.grown.added);
+  CHECK(closed.grown.stopped.size() > 50);
   const double rim = kRadius * std::sqrt(0.75);
   for (const ClosingLeaf& leaf : closed.grown.cells)
     for (int z = 0; z < 8; ++z)
@@ -137,6 +138,13 @@ TEST_CASE("closing: where nothing is missing nothing changes; a limit keeps it n
         const double x = leaf.origin[0] + (b & 7) + 0.5 - kCentre[0], y = leaf.origin[1] + (b >> 3) + 0.5 - kCentre[1];
         CHECK(std::hypot(x, y) > rim - 5.5);
       }
+  // What was not finished is taken back, all of it.
+  std::map<std::uint64_t, std::vector<ClosingLeaf>> bricks = {{brick_key({1, 1, 1}), closed.grown.cells}};
+  CHECK(take_back_unfinished(bricks, closed.grown.stopped) == closed.grown.added);
+  CHECK(bricks.begin()->second.empty());
+  bricks.begin()->second = all.grown.cells;
+  CHECK(take_back_unfinished(bricks, all.grown.stopped) == 0);
+  CHECK(bricks.begin()->second.size() == all.grown.cells.size());
 }
 
 TEST_CASE("closing: the cells do not depend on the order of growth", "[property]") {

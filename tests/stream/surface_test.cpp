@@ -1,9 +1,11 @@
 // The main job from points in memory to a mesh file, driven stage by stage: same bytes, sound topology, islands.
 #include <catch2/catch.hpp>
 
+#include "octree/error.h"
 #include "stream/mesh_check.h"
 #include "stream/stages/holes_stage.h"
 #include "stream/stages/loops_stage.h"
+#include "stream/stages/closing_stages.h"
 #include "stream/stages/normals_stage.h"
 #include "stream/stages/surface_stage.h"
 #include "stream/stages/weld_stage.h"
@@ -19,12 +21,13 @@ namespace {
 struct MeshSetup : ChainSetup {
   int tile_cells = 0;
   bool noise = false;
+  std::vector<Double3>* vertices = nullptr;  ///< filled with those of the mesh
 };
 
 struct MeshResult {
   std::string bytes;
   MeshCheck check;
-  nlohmann::json weld;
+  nlohmann::json close, surface, weld;
   nlohmann::json holes;
 };
 
@@ -35,14 +38,19 @@ MeshResult run_job(const std::vector<TestPoint>& points, const MeshSetup& setup)
   job.output = folder.path() / "mesh.ply";
   std::filesystem::create_directories(job.work);
   const auto inputs = chain_inputs(points, setup);
+  MeshResult result;
   const auto run = [&](const Stage& stage) { return run_stage(stage, job.work, setup.backwards); };
   run(SurveyStage(job, inputs, setup.h, false));
   run(DistributeStage(job, inputs));
   run(OrderStage(job));
   run(*make_normals_stage(job));
   run(*make_orient_stage(job));
-  run(*make_surface_stage(job));
-  MeshResult result;
+  if (setup.options.holes != "keep") {
+    run(*make_multipole_stage(job));
+    run(*make_rims_stage(job));
+    result.close = run(*make_close_stage(job));
+  }
+  result.surface = run(*make_surface_stage(job));
   result.weld = run(*make_weld_stage(job));
   run(*make_loops_stage(job));
   result.holes = run(*make_holes_stage(job));
@@ -50,6 +58,10 @@ MeshResult run_job(const std::vector<TestPoint>& points, const MeshSetup& setup)
   result.bytes = file_bytes(job.output);
   MeshReadOptions read;
   read.keep_bad_faces = true;
+  if (setup.vertices)
+    open_mesh_file(job.output)->read_vertices([&](std::span<const Double3> batch, std::span<const std::uint32_t>) {
+      setup.vertices->insert(setup.vertices->end(), batch.begin(), batch.end());
+    });
   result.check = check_mesh(*open_mesh_file(job.output, read), {});
   return result;
 }
@@ -189,4 +201,92 @@ TEST_CASE("main job: filling the holes of pure noise leaves a manifold", "[prope
   CHECK(result.check.degenerate_faces == 0);
   CHECK(result.check.unreferenced_vertices == 0);
   CHECK(result.holes.at("filled") > 20);
+TEST_CASE("main job: holes are closed, the same bytes for any tiling, also where bricks hold no point", "[property]") {
+  // The cap that is missing spans several bricks.
+  auto points = true_sphere(150'000, 100.0, {1000.0, -37.0, 12.0});
+  std::erase_if(points, [](const TestPoint& p) { return p.p[2] > 12.0 + 60.0; });
+  MeshSetup setup;
+  const MeshResult open = run_job(points, setup);
+  CHECK(open.check.boundary_edges > 100);
+  CHECK(open.surface.at("synthetic_faces") == 0);
+  setup.options.holes = "close";
+  const MeshResult want = run_job(points, setup);
+  check_sound(want.check);
+  CHECK(want.check.boundary_edges == 0);
+  CHECK(want.check.components == 1);
+  CHECK(want.check.total_genus == 0);
+  CHECK(want.close.at("kind") == "solid");
+  CHECK(want.close.at("rounds").get<int>() > 1);
+  // A disc of radius 80 h, two faces a cell.
+  CHECK(want.surface.at("synthetic_faces").get<double>() == Approx(2 * 3.14159 * 80.0 * 80.0).epsilon(0.1));
+  CHECK(want.check.volume == Approx(3.14159265 * (4.0 / 3.0 * 1e6 - 40.0 * 40.0 / 3.0 * 260.0)).epsilon(5e-3));
+  const int tile = GENERATE(64, 128);
+  setup.tile_cells = tile;
+  setup.backwards = tile == 64;
+  setup.threads = tile == 64 ? 1 : 3;
+  setup.memory = tile == 64 ? std::uint64_t{96} << 20 : std::uint64_t{4} << 30;
+  shuffle(points, static_cast<std::uint64_t>(tile));
+  CAPTURE(tile);
+  CHECK(run_job(points, setup).bytes == want.bytes);
+}
+
+TEST_CASE("main job: --holes fill-to closes the holes that are small enough, whole", "[unit]") {
+  // One cap of radius 57 and one of radius 15.
+  auto points = true_sphere(80'000, 70.0, {0.0, 0.0, 0.0});
+  std::erase_if(points, [](const TestPoint& p) { return p.p[2] > 40.0 || p.p[0] > 68.4; });
+  MeshSetup setup;
+  const MeshResult open = run_job(points, setup);
+  CHECK(open.check.boundary_loops == 2);
+  setup.options.holes = "fill-to:20";
+  const MeshResult part = run_job(points, setup);
+  check_sound(part.check);
+  CHECK(part.check.boundary_loops == 1);
+  CHECK(part.close.at("unfinished_cells").get<int>() > 1000);
+  const double faces = part.surface.at("synthetic_faces").get<double>();
+  CHECK(faces == Approx(2 * 3.14159 * 16.0 * 16.0).epsilon(0.2));
+  for (const char* bad : {"fill", "fill-to", "fill-to:", "fill-to:-1", "fill-to:x", "fill-to:1e999", ""})
+    CHECK_THROWS_AS(HolesMode(bad), UsageError);
+  setup.options.holes = "fill-to:600";
+  CHECK_THROWS_AS(run_job(points, setup), UsageError);
+}
+
+TEST_CASE("main job: an open sheet keeps its outer border, its holes are closed", "[unit]") {
+  Random random(5);
+  std::vector<TestPoint> points(80'000);
+  for (TestPoint& p : points) {
+    p.p = {random.in(0, 170), random.in(0, 170), 0.0};
+    p.p[2] = 4.0 * std::sin(p.p[0] / 20.0);
+    const double slope = 0.2 * std::cos(p.p[0] / 20.0), size = std::sqrt(1 + slope * slope);
+    p.n = {static_cast<float>(-slope / size), 0.0f, static_cast<float>(1 / size)};
+  }
+  std::erase_if(points, [](const TestPoint& p) { return std::hypot(p.p[0] - 70, p.p[1] - 80) < 16.0; });
+  MeshSetup setup;
+  setup.options.holes = "close";
+  const MeshResult mesh = run_job(points, setup);
+  check_sound(mesh.check);
+  CHECK(mesh.close.at("kind") == "sheet");
+  CHECK(mesh.check.boundary_loops == 1);
+  CHECK(mesh.surface.at("synthetic_faces").get<double>() == Approx(2 * 3.14159 * 16.5 * 16.5).epsilon(0.2));
+}
+
+TEST_CASE("main job: without closing no vertex is farther from the data than the support radius", "[unit]") {
+  auto points = true_sphere(12'000, 27.0, {0.0, 0.0, 0.0});
+  std::erase_if(points, [](const TestPoint& p) { return p.p[2] > 20.0 || p.p[0] < -22.0; });
+  MeshSetup setup;
+  std::vector<Double3> vertices;
+  setup.vertices = &vertices;
+  const MeshResult open = run_job(points, setup);
+  CHECK(open.check.boundary_loops == 2);
+  double worst = 0;
+  for (const Double3& v : vertices) {
+    double least = 1e300;
+    for (const TestPoint& p : points) {
+      double d2 = 0;
+      for (std::size_t a = 0; a < 3; ++a) d2 += (p.p[a] - v[a]) * (p.p[a] - v[a]);
+      least = std::min(least, d2);
+    }
+    worst = std::max(worst, least);
+  }
+  CHECK(std::sqrt(worst) < 3.0);
+  CHECK(vertices.size() > 1000);
 }
