@@ -201,6 +201,8 @@ TEST_CASE("main job: filling the holes of pure noise leaves a manifold", "[prope
   CHECK(result.check.degenerate_faces == 0);
   CHECK(result.check.unreferenced_vertices == 0);
   CHECK(result.holes.at("filled") > 20);
+}
+
 TEST_CASE("main job: holes are closed, the same bytes for any tiling, also where bricks hold no point", "[property]") {
   // The cap that is missing spans several bricks.
   auto points = true_sphere(150'000, 100.0, {1000.0, -37.0, 12.0});
