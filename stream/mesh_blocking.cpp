@@ -1,6 +1,7 @@
 /// Semantic blocks: maximal nodes of a shifted octree of bricks.
 #include <algorithm>
 
+#include "kernels/mesh_block_ops.h"
 #include "stream/mesh_store.h"
 
 namespace tessera {
@@ -11,33 +12,61 @@ struct Place {
   std::size_t patch;
 };
 
-/// Bricks [first, last) are those below one node; `bits` is the width of the node's own code range.
-void cut(std::span<const Place> places, std::span<const MeshPatchEntry> patches, int bits,
-         std::uint64_t limit, std::vector<MeshBlockPatches>& out) {
-  if (places.empty()) return;
-  std::uint64_t faces = 0;
-  for (const Place& p : places) faces += patches[p.patch].faces;
-  if (faces <= limit || bits == 0) {
-    MeshBlockPatches block;
-    for (const Place& p : places) block.push_back(p.patch);
-    std::sort(block.begin(), block.end());
-    out.push_back(std::move(block));
-    return;
+class Cutter {
+ public:
+  Cutter(const MeshStore& store, const MeshBlocking& blocking, std::span<const std::uint64_t> weight)
+      : patches_(store.patches()), blocking_(blocking), weight_(weight) {}
+
+  /// \param places  bricks below one node  \param bits  width of the codes below it
+  void cut(std::span<const Place> places, int bits) {
+    if (places.empty()) return;
+    MeshBlockCut block;
+    for (const Place& p : places) {
+      block.faces += patches_[p.patch].faces;
+      if (!weight_.empty()) block.weight += weight_[p.patch];
+    }
+    if (bits == 0 || (block.faces <= blocking_.max_faces && block.weight <= blocking_.max_weight)) {
+      for (const Place& p : places) block.patches.push_back(p.patch);
+      std::sort(block.patches.begin(), block.patches.end());
+      const Int3 corner = brick_of_key(places.front().code >> bits << bits);
+      for (std::size_t a = 0; a < 3; ++a) {
+        block.first_brick[a] = corner[a] - blocking_.shift[a];
+        block.last_brick[a] = block.first_brick[a] + (1 << bits / 3) - 1;
+      }
+      blocks.push_back(std::move(block));
+      return;
+    }
+    bits -= 3;
+    while (!places.empty()) {
+      const std::uint64_t node = places.front().code >> bits;
+      const auto end =
+          std::find_if(places.begin(), places.end(), [&](const Place& p) { return p.code >> bits != node; });
+      const auto count = static_cast<std::size_t>(end - places.begin());
+      cut(places.first(count), bits);
+      places = places.subspan(count);
+    }
   }
-  bits -= 3;
-  while (!places.empty()) {
-    const std::uint64_t node = places.front().code >> bits;
-    const auto end =
-        std::find_if(places.begin(), places.end(), [&](const Place& p) { return p.code >> bits != node; });
-    const auto count = static_cast<std::size_t>(end - places.begin());
-    cut(places.first(count), patches, bits, limit, out);
-    places = places.subspan(count);
-  }
-}
+
+  std::vector<MeshBlockCut> blocks;
+
+ private:
+  std::span<const MeshPatchEntry> patches_;
+  const MeshBlocking& blocking_;
+  std::span<const std::uint64_t> weight_;
+};
 
 }  // namespace
 
-std::vector<MeshBlockPatches> make_blocks(const MeshStore& store, const MeshBlocking& blocking) {
+std::uint64_t MeshBlockCut::brick_of(const Lattice& lattice, const Double3& a, const Double3& b,
+                                     const Double3& c) const {
+  Int3 brick = brick_of_key(brick_of_face(lattice, a, b, c));
+  for (std::size_t i = 0; i < 3; ++i)
+    brick[i] = std::clamp(brick[i], std::max(0, first_brick[i]), last_brick[i]);
+  return brick_key(brick);
+}
+
+std::vector<MeshBlockCut> make_blocks(const MeshStore& store, const MeshBlocking& blocking,
+                                      std::span<const std::uint64_t> weight) {
   std::vector<Place> places;
   for (std::size_t p = 0; p < store.patches().size(); ++p) {
     const Int3 b = brick_of_key(store.patches()[p].key);
@@ -45,9 +74,10 @@ std::vector<MeshBlockPatches> make_blocks(const MeshStore& store, const MeshBloc
         {brick_key({b[0] + blocking.shift[0], b[1] + blocking.shift[1], b[2] + blocking.shift[2]}), p});
   }
   std::sort(places.begin(), places.end(), [](const Place& a, const Place& b) { return a.code < b.code; });
-  std::vector<MeshBlockPatches> blocks;
-  cut(places, store.patches(), 63, blocking.max_faces, blocks);
-  return blocks;
+  Cutter cutter(store, blocking, weight);
+  constexpr int kRootBits = 3 * (kMaxCellBits - 1);  // holds every brick with any shift
+  cutter.cut(places, kRootBits);
+  return std::move(cutter.blocks);
 }
 
 Int3 pass_shift(int pass) {

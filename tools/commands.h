@@ -15,6 +15,7 @@ void add_reconstruct(CLI::App& app);
 void add_check(CLI::App& app);
 void add_render(CLI::App& app);
 void add_convert(CLI::App& app);
+void add_decimate(CLI::App& app);
 void add_info(CLI::App& app);
 void add_smooth(CLI::App& app);
 void add_synth(CLI::App& app);

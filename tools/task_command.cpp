@@ -5,8 +5,10 @@
 #include "octree/error.h"
 #include "stream/child_process.h"
 #include "stream/journal.h"
+#include "stream/stages/decimate_job.h"
 #include "stream/stages/reconstruct_job.h"
 #include "stream/stop.h"
+#include "stream/work_dir.h"
 #include "tools/cli.h"
 #include "tools/commands.h"
 
@@ -29,11 +31,17 @@ std::int64_t parse_task(const std::string& text) {
   throw UsageError(fmt::format("'{}' is no task: give its number, or finish", text));
 }
 
+JobDescription job_of(const std::filesystem::path& work) {
+  const nlohmann::json identity = WorkDir::open_existing(work, false).identity();
+  const auto command = identity.at("command").get<std::string>();
+  return command == "decimate" ? decimate_job(identity.at("options").dump()) : reconstruct_job();
+}
+
 void run(const Arguments& arguments) {
   if (arguments.work.empty() || arguments.stage.empty()) throw UsageError("give WORKDIR, STAGE and K");
   if (arguments.driver != 0) follow_parent(arguments.driver);
   catch_stop_signals();
-  run_single_task(arguments.work, reconstruct_job(), arguments.stage, parse_task(arguments.task),
+  run_single_task(arguments.work, job_of(arguments.work), arguments.stage, parse_task(arguments.task),
                   arguments.writer, arguments.driver != 0);
 }
 
@@ -41,10 +49,10 @@ void run(const Arguments& arguments) {
 
 void add_task(CLI::App& app) {
   auto arguments = std::make_shared<Arguments>();
-  CLI::App* command = cli::add_command(
-      app, "task",
-      "One task of a job begun by plan or reconstruct; safe to repeat, and to run beside other tasks.",
-      [arguments] { run(*arguments); });
+  CLI::App* command = cli::add_command(app, "task",
+                                       "One task of a job begun by plan, reconstruct or decimate; safe to "
+                                       "repeat, and to run beside other tasks.",
+                                       [arguments] { run(*arguments); });
   command->add_option("workdir", arguments->work, "work directory, on a disk that all machines share");
   command->add_option("stage", arguments->stage, "name of the stage");
   command->add_option("k", arguments->task, "number of the task, or finish");

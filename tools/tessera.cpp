@@ -14,6 +14,7 @@ int main(int argc, char** argv) {
   tessera::add_plan(app);
   tessera::add_reconstruct(app);
   tessera::add_smooth(app);
+  tessera::add_decimate(app);
   tessera::add_task(app);
   tessera::add_check(app);
   tessera::add_render(app);

@@ -155,24 +155,30 @@ TEST_CASE("mesh store: halos hold what is near and what is joined", "[unit]") {
 TEST_CASE("mesh store: blocks are maximal, cover every patch once, and move with the shift", "[unit]") {
   const test::TempFolder folder;
   const MeshStore store(write_sheet(make_sheet(), folder.path()));
-  std::set<MeshBlockPatches> seams;
+  std::set<std::vector<std::size_t>> seams;
   for (int pass = 0; pass < 3; ++pass) {
-    const auto blocks = make_blocks(store, {400, pass_shift(pass)});
+    const auto blocks = make_blocks(store, {400, 1u << 30, pass_shift(pass)});
     std::vector<std::size_t> seen;
     for (const auto& block : blocks) {
       std::uint64_t faces = 0;
-      for (const std::size_t p : block) faces += store.patches()[p].faces;
-      CHECK((faces <= 400 || block.size() == 1));
-      seen.insert(seen.end(), block.begin(), block.end());
+      for (const std::size_t p : block.patches) {
+        faces += store.patches()[p].faces;
+        const Int3 b = brick_of_key(store.patches()[p].key);
+        for (std::size_t a = 0; a < 3; ++a)
+          CHECK((b[a] >= block.first_brick[a] && b[a] <= block.last_brick[a]));
+      }
+      CHECK(faces == block.faces);
+      CHECK((faces <= 400 || block.patches.size() == 1));
+      seen.insert(seen.end(), block.patches.begin(), block.patches.end());
     }
     std::sort(seen.begin(), seen.end());
     CHECK(std::adjacent_find(seen.begin(), seen.end()) == seen.end());
     CHECK(seen.size() == store.patches().size());
     CHECK(blocks.size() < store.patches().size() / 2);
-    seams.insert(blocks[0]);
+    seams.insert(blocks[0].patches);
   }
   CHECK(seams.size() > 1);
-  CHECK(make_blocks(store, {1u << 20, {0, 0, 0}}).size() == 1);
+  CHECK(make_blocks(store, {1u << 20, 1u << 30, {0, 0, 0}}).size() == 1);
 }
 
 TEST_CASE("mesh store: damage is named with its file", "[unit]") {

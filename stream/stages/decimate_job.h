@@ -1,0 +1,16 @@
+/// \file decimate_job.h
+/// The job of `tessera decimate`: import, passes, proof, output.
+#pragma once
+#include "stream/job.h"
+#include "stream/stages/simplify_stage.h"
+
+namespace tessera {
+
+/// Stages of the job with these options. JobState::inputs are the mesh and, unless the reference is the mesh
+/// itself, the reference.
+JobDescription decimate_job(const SimplifyOptions& options);
+
+/// The same from what a work directory holds (JobState::settings).
+JobDescription decimate_job(const std::string& settings);
+
+}  // namespace tessera

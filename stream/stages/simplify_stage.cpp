@@ -1,0 +1,265 @@
+#include "stream/stages/simplify_stage.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include <nlohmann/json.hpp>
+
+#include "kernels/mesh_block_ops.h"
+#include "octree/error.h"
+#include "stream/direct_file.h"
+#include "stream/durable_file.h"
+#include "stream/stages/import_stages.h"
+#include "stream/task_files.h"
+
+namespace tessera {
+namespace {
+
+using json = nlohmann::json;
+
+/// A block's part of the reference; the most that a pass works against at once.
+constexpr std::uint64_t kReferenceFaces = 1u << 19;
+constexpr std::uint64_t kTaskFaces =
+    1u << 20;  ///< of block and reference together: a task is worth a file from here
+constexpr std::uint64_t kMostTasks = 400;
+
+DecimatePriority priority_of(const std::string& name) {
+  if (name == "quadric") return DecimatePriority::kQuadric;
+  if (name == "probabilistic") return DecimatePriority::kProbabilistic;
+  if (name == "samples") return DecimatePriority::kSampleDistance;
+  if (name == "normal") return DecimatePriority::kNormalDeviation;
+  if (name == "round") return DecimatePriority::kRoundness;
+  if (name == "length") return DecimatePriority::kEdgeLength;
+  throw UsageError("--priority " + name +
+                   ": must be quadric, probabilistic, samples, normal, round or length");
+}
+
+/// Sums of what tasks count, by key.
+void add(json& sum, const json& part) {
+  for (const auto& [key, value] : part.items()) {
+    if (value.is_number_unsigned()) sum[key] = sum.value(key, std::uint64_t{0}) + value.get<std::uint64_t>();
+    if (value.is_number_float()) sum[key] = std::max(sum.value(key, 0.0), value.get<double>());
+  }
+}
+
+class SimplifyStage : public Stage {
+ public:
+  SimplifyStage(const JobState& state, const SimplifyOptions& options, const SimplifyPass& pass)
+      : work_(state.work),
+        options_(options),
+        pass_(pass),
+        in_(open_pass_input(state, pass.pass)),
+        reference_(open_imported_mesh(state.work, "mesh")) {
+    kernel_ = options_.kernel(!in_.info().double_positions);
+    kernel_.tolerance *= pass_share(pass.pass, options_.passes);
+    if (!pass_.count_costs && options_.target_faces > 0)
+      kernel_.max_cost_class =
+          json::parse(read_text(work_ / costs_file(pass.pass))).at("cost_class").get<std::uint32_t>();
+    // Bricks keep their places from pass to pass, so each knows about how much reference it stands for.
+    std::vector<std::uint64_t> weight;
+    for (const MeshPatchEntry& e : in_.patches()) {
+      const std::int64_t there = reference_.find(e.key);
+      weight.push_back(there < 0 ? 0 : reference_.patches()[static_cast<std::size_t>(there)].faces);
+    }
+    blocks_ = make_blocks(in_, {options_.block_faces, kReferenceFaces, pass_shift(pass.pass)}, weight);
+    std::uint64_t total = 0;
+    for (const MeshBlockCut& block : blocks_) total += block.faces + block.weight;
+    const std::uint64_t target = std::max(kTaskFaces, total / kMostTasks);
+    std::uint64_t faces = target;
+    for (std::size_t b = 0; b < blocks_.size(); ++b) {
+      if (faces >= target) {
+        first_.push_back(b);
+        faces = 0;
+      }
+      faces += blocks_[b].faces + blocks_[b].weight;
+    }
+    first_.push_back(blocks_.size());
+  }
+
+  std::string name() const override {
+    return (pass_.count_costs ? "costs-" : "pass-") + std::to_string(pass_.pass + 1);
+  }
+  std::size_t task_count() const override { return first_.size() - 1; }
+  std::uint64_t units() const override { return in_.face_count(); }
+  std::string unit_name() const override { return "faces"; }
+
+  std::uint64_t task_bytes(std::size_t task) const override {
+    std::uint64_t most = 0;
+    for (std::size_t b = first_[task]; b < first_[task + 1]; ++b) {
+      const std::vector<std::size_t> near = reference_.select(reference_box(blocks_[b]));
+      std::uint64_t faces = 0;
+      for (const std::size_t p : near) faces += reference_.patches()[p].faces;
+      // What is loaded is merged from pieces, so it is there twice for a moment; then the kernel works on it.
+      most = std::max(most, in_.block_bytes(blocks_[b].patches) + reference_.block_bytes(near) +
+                                decimate_bytes(blocks_[b].faces, faces));
+    }
+    return most + DirectFile::kDefaultBuffer + (std::uint64_t{4} << 20);
+  }
+
+  json run(std::size_t task, TaskContext& context) const override {
+    json sum = json::object();
+    std::vector<std::uint64_t> costs(kCostClasses, 0);
+    std::unique_ptr<MeshFileWriter> writer;
+    if (!pass_.count_costs)
+      writer = std::make_unique<MeshFileWriter>(
+          context.create(pass_folder(pass_.pass) + task_file_stem(task) + ".tmm"), in_.info());
+    for (std::size_t b = first_[task]; b < first_[task + 1]; ++b) {
+      context.check_stop();
+      const MeshBlockCut& cut = blocks_[b];
+      MeshBlock block = in_.load(cut.patches);
+      MeshBlock reference;
+      if (kernel_.tolerance > 0.0) reference = reference_.load_box(reference_box(cut));
+      const DecimateReport report = decimate(block, reference, kernel_);
+      for (std::size_t c = 0; c < kCostClasses; ++c) costs[c] += report.cost_histogram[c];
+      add(sum, to_json(report));
+      if (writer) write(cut, block, *writer);
+      context.count_read(in_.block_bytes(cut.patches));
+      context.advance(cut.faces);
+    }
+    if (writer) context.count_written(writer->finish());
+    sum["blocks"] = first_[task + 1] - first_[task];
+    if (pass_.count_costs) sum["costs"] = costs;
+    return sum;
+  }
+
+  std::uint64_t finish_bytes() const override { return std::uint64_t{2} << 20; }
+
+  json finish(const std::vector<json>& summaries, TaskContext& context) const override {
+    json sum = json::object();
+    for (const json& s : summaries) add(sum, s);
+    sum["tolerance"] = kernel_.tolerance;
+    if (pass_.count_costs) {
+      std::array<std::uint64_t, kCostClasses> costs{};
+      for (const json& s : summaries)
+        for (std::size_t c = 0; c < kCostClasses; ++c) costs[c] += s.at("costs")[c].get<std::uint64_t>();
+      const std::uint32_t limit = cost_class_for(costs, in_.face_count(), options_.target_faces);
+      sum["cost_class"] = limit;
+      write_durably(context.create(costs_file(pass_.pass)), json{{"cost_class", limit}}.dump());
+    }
+    return sum;
+  }
+
+  std::vector<std::string> obsolete() const override {
+    if (pass_.count_costs || pass_.pass == 0) return {};
+    return {pass_folder(pass_.pass - 1)};
+  }
+
+ private:
+  static std::string costs_file(int pass) { return "costs-" + std::to_string(pass + 1) + ".json"; }
+
+  /// All that a collapse in the block may be measured against.
+  MeshBox reference_box(const MeshBlockCut& cut) const {
+    return grown(in_.box_of(cut.patches), 2.0 * kernel_.tolerance);
+  }
+
+  static json to_json(const DecimateReport& r) {
+    return {{"faces_in", r.faces_in},
+            {"faces_out", r.faces_out},
+            {"locked_vertices", r.locked_vertices},
+            {"collapses", r.collapses},
+            {"candidates", r.candidates},
+            {"refused_by_link", r.by_link},
+            {"refused_by_fold", r.by_fold},
+            {"refused_by_shape", r.by_shape},
+            {"refused_by_normal", r.by_normal},
+            {"refused_by_tolerance", r.by_tolerance},
+            {"exact_tests", r.exact_tests},
+            {"bound", r.bound}};
+  }
+
+  void write(const MeshBlockCut& cut, const MeshBlock& block, MeshFileWriter& writer) const {
+    std::vector<std::uint64_t> brick;
+    brick.reserve(block.faces.size());
+    for (const auto& f : block.faces)
+      brick.push_back(
+          cut.brick_of(in_.info().lattice, block.position[f[0]], block.position[f[1]], block.position[f[2]]));
+    split_faces(block, brick, [&](std::uint64_t key, MeshBlock&& patch) { writer.add(key, patch); });
+  }
+
+  std::filesystem::path work_;
+  SimplifyOptions options_;
+  SimplifyPass pass_;
+  DecimateOptions kernel_;
+  MeshStore in_;
+  MeshStore reference_;
+  std::vector<MeshBlockCut> blocks_;
+  std::vector<std::size_t> first_;  ///< block index per task, one more at the end
+};
+
+}  // namespace
+
+void SimplifyOptions::validate() const {
+  if (!(tolerance >= 0.0) || !std::isfinite(tolerance))
+    throw UsageError("--tolerance: must be a length above 0 in the units of the mesh");
+  if (tolerance == 0.0 && target_faces == 0)
+    throw UsageError("give --tolerance above 0, or --target-faces, or both: nothing says how far to go");
+  if (passes < 1 || passes > 8) throw UsageError("--passes: must be 1 to 8");
+  if (block_faces < 1024) throw UsageError("--block-faces: must be at least 1024");
+  kernel(true).validate();
+}
+
+DecimateOptions SimplifyOptions::kernel(bool float_positions) const {
+  DecimateOptions o;
+  o.tolerance = tolerance;
+  o.priority = priority_of(priority);
+  if (placement != "endpoint" && placement != "optimal")
+    throw UsageError("--placement " + placement + ": must be endpoint or optimal");
+  o.placement = placement == "optimal" ? DecimatePlacement::kOptimal : DecimatePlacement::kEndpoint;
+  o.float_positions = float_positions;
+  o.feature_angle_deg = feature_angle_deg;
+  o.max_normal_turn_deg = max_normal_deviation_deg;
+  o.min_roundness = min_roundness;
+  o.colour_weight = colour_weight;
+  return o;
+}
+
+json to_json(const SimplifyOptions& o) {
+  return {{"tolerance", o.tolerance},
+          {"target-faces", o.target_faces},
+          {"reference", o.reference},
+          {"max-normal-deviation", o.max_normal_deviation_deg},
+          {"feature-angle", o.feature_angle_deg},
+          {"priority", o.priority},
+          {"placement", o.placement},
+          {"min-roundness", o.min_roundness},
+          {"colour-weight", o.colour_weight},
+          {"passes", o.passes},
+          {"block-faces", o.block_faces}};
+}
+
+SimplifyOptions simplify_options_from_json(const json& j) {
+  SimplifyOptions o;
+  j.at("tolerance").get_to(o.tolerance);
+  j.at("target-faces").get_to(o.target_faces);
+  j.at("reference").get_to(o.reference);
+  j.at("max-normal-deviation").get_to(o.max_normal_deviation_deg);
+  j.at("feature-angle").get_to(o.feature_angle_deg);
+  j.at("priority").get_to(o.priority);
+  j.at("placement").get_to(o.placement);
+  j.at("min-roundness").get_to(o.min_roundness);
+  j.at("colour-weight").get_to(o.colour_weight);
+  j.at("passes").get_to(o.passes);
+  j.at("block-faces").get_to(o.block_faces);
+  return o;
+}
+
+double pass_share(int pass, int passes) {
+  const int left = passes - 1 - pass;
+  return left <= 1 ? 1.0 : left == 2 ? 0.5 : 1.0 / 3.0;
+}
+
+std::string pass_folder(int pass) {
+  return "pass-" + std::to_string(pass + 1) + "/";
+}
+
+MeshStore open_pass_input(const JobState& state, int pass) {
+  if (pass == 0) return open_imported_mesh(state.work, "mesh");
+  return MeshStore(list_task_files(state.work / pass_folder(pass - 1), ".tmm"));
+}
+
+std::unique_ptr<Stage> make_simplify_stage(const JobState& state, const SimplifyOptions& options,
+                                           const SimplifyPass& pass) {
+  return std::make_unique<SimplifyStage>(state, options, pass);
+}
+
+}  // namespace tessera

@@ -1,0 +1,56 @@
+/// \file simplify_stage.h
+/// One pass of decimation over a store: semantic blocks, each decimated by itself with its seams locked.
+/// Seams of one pass lie inside the blocks of the next.
+#pragma once
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include <nlohmann/json_fwd.hpp>
+
+#include "kernels/decimate.h"
+#include "stream/mesh_store.h"
+#include "stream/stage.h"
+
+namespace tessera {
+
+/// What of decimation users choose; part of a job's identity.
+struct SimplifyOptions {
+  double tolerance =
+      0.0;  ///< two-sided distance to the reference, scan units; 0 = only a face count is given
+  std::uint64_t target_faces = 0;         ///< stop at about so many faces; 0 = as few as the tolerance allows
+  std::string reference = "surface";      ///< surface: the input itself; else a mesh file
+  double max_normal_deviation_deg = 0.0;  ///< 0 = free
+  double feature_angle_deg = 25.0;        ///< edges that turn by more stay; 0 = none
+  std::string priority = "quadric";       ///< quadric, probabilistic, samples, normal, round or length
+  std::string placement = "endpoint";     ///< endpoint or optimal
+  double min_roundness = 0.02;
+  double colour_weight = 0.0;            ///< scan units that the full range of a colour channel is worth
+  int passes = 4;                        ///< 1 .. 8
+  std::uint64_t block_faces = 1u << 16;  ///< most faces of a block
+
+  /// \throws UsageError naming the option
+  void validate() const;
+  DecimateOptions kernel(bool float_positions) const;
+};
+nlohmann::json to_json(const SimplifyOptions& options);
+SimplifyOptions simplify_options_from_json(const nlohmann::json& json);
+
+/// Share of the tolerance that pass p of n may use: a ramp, so that seams which are locked early keep room.
+double pass_share(int pass, int passes);
+
+/// Folder of what a pass leaves, "pass-1/" for the first.
+std::string pass_folder(int pass);
+
+/// Where pass p reads: the import for the first, else what the pass before left.
+MeshStore open_pass_input(const JobState& state, int pass);
+
+struct SimplifyPass {
+  int pass = 0;              ///< from 0
+  bool count_costs = false;  ///< write nothing, count what an unlimited run would remove per class of cost
+};
+std::unique_ptr<Stage> make_simplify_stage(const JobState& state, const SimplifyOptions& options,
+                                           const SimplifyPass& pass);
+
+}  // namespace tessera
