@@ -17,10 +17,6 @@
 namespace tessera {
 namespace {
 
-struct CellResult {
-  DirectedDeviation there, back;
-};
-
 /// Where the surface ends, as segments.
 std::vector<std::array<std::uint32_t, 3>> border_segments(const MeshBlock& block) {
   std::vector<std::array<std::uint32_t, 3>> segments;
@@ -33,28 +29,20 @@ std::vector<std::array<std::uint32_t, 3>> border_segments(const MeshBlock& block
   return segments;
 }
 
-CellResult compare_cell(const MeshStore& mesh, const MeshStore& reference, const MeshBox& box,
-                        const CertificateOptions& options) {
-  const MeshBox near = grown(box, kCompareHalo * options.reach);
-  const MeshBlock a = mesh.load_box(near), b = reference.load_box(near);
-  Double3 middle;
-  for (std::size_t k = 0; k < 3; ++k) middle[k] = 0.5 * (box.low[k] + box.high[k]);
-  const Box3 core{box.low, box.high};
-  CellResult result;
-  const auto both = [&](const std::vector<std::array<std::uint32_t, 3>>& of_a,
-                        const std::vector<std::array<std::uint32_t, 3>>& of_b, DeviationReport& there,
-                        DeviationReport& back) {
-    there = certify_deviation({a.position, of_a}, &core, ClosestFaces(b.position, of_b, middle), options);
-    back = certify_deviation({b.position, of_b}, &core, ClosestFaces(a.position, of_a, middle), options);
-  };
-  both(a.faces, b.faces, result.there.surface, result.back.surface);
-  both(border_segments(a), border_segments(b), result.there.border, result.back.border);
-  return result;
-}
-
 void merge(DirectedDeviation& into, const DirectedDeviation& part) {
   into.surface.merge(part.surface);
   into.border.merge(part.border);
+}
+
+CertificateOptions certificate_options(const MeshStore& mesh, const MeshStore& reference,
+                                       const MeshComparison& begun) {
+  CertificateOptions certificate;
+  certificate.tolerance = begun.tolerance;
+  certificate.reach = begun.reach;
+  // The larger box has at most 2^15 of its diagonals squared of area; 2^62 units hold them.
+  const double scale = std::max(mesh.diagonal(), reference.diagonal());
+  certificate.area_unit = scale > 0.0 ? scale * scale * 0x1p-47 : 1.0;
+  return certificate;
 }
 
 }  // namespace
@@ -66,35 +54,57 @@ void CompareOptions::validate() const {
   if (reach != 0.0 && !(reach >= tolerance)) throw UsageError("reach: must be at least the tolerance");
 }
 
-MeshComparison compare_meshes(const MeshStore& mesh, const MeshStore& reference,
-                              const CompareOptions& options, WorkerPool& pool, MemoryBudget& budget) {
+MeshComparison begin_comparison(const MeshStore& mesh, const MeshStore& reference,
+                                const CompareOptions& options) {
   options.validate();
-  const auto start = std::chrono::steady_clock::now();
   MeshComparison out;
   out.tolerance = options.tolerance;
   out.reach = options.reach != 0.0 ? options.reach : 2.0 * options.tolerance;
   out.diagonal = reference.diagonal();
   out.faces[0] = mesh.face_count();
   out.faces[1] = reference.face_count();
+  return out;
+}
+
+CellComparison compare_cell(const MeshStore& mesh, const MeshStore& reference, const MeshComparison& begun,
+                            const MeshBox& box) {
+  const CertificateOptions options = certificate_options(mesh, reference, begun);
+  const MeshBox near = grown(box, kCompareHalo * options.reach);
+  const MeshBlock a = mesh.load_box(near), b = reference.load_box(near);
+  Double3 middle;
+  for (std::size_t k = 0; k < 3; ++k) middle[k] = 0.5 * (box.low[k] + box.high[k]);
+  const Box3 core{box.low, box.high};
+  CellComparison result;
+  const auto both = [&](const std::vector<std::array<std::uint32_t, 3>>& of_a,
+                        const std::vector<std::array<std::uint32_t, 3>>& of_b, DeviationReport& there,
+                        DeviationReport& back) {
+    there = certify_deviation({a.position, of_a}, &core, ClosestFaces(b.position, of_b, middle), options);
+    back = certify_deviation({b.position, of_b}, &core, ClosestFaces(a.position, of_a, middle), options);
+  };
+  both(a.faces, b.faces, result.there.surface, result.back.surface);
+  both(border_segments(a), border_segments(b), result.there.border, result.back.border);
+  return result;
+}
+
+void add_cell(MeshComparison& sum, const CellComparison& cell) {
+  merge(sum.there, cell.there);
+  merge(sum.back, cell.back);
+  ++sum.cells;
+}
+
+MeshComparison compare_meshes(const MeshStore& mesh, const MeshStore& reference,
+                              const CompareOptions& options, WorkerPool& pool, MemoryBudget& budget) {
+  const auto start = std::chrono::steady_clock::now();
+  MeshComparison out = begin_comparison(mesh, reference, options);
   const std::vector<CompareCell> cells = make_compare_cells(mesh, reference, out.reach, options.cell_faces);
-  out.cells = cells.size();
-  CertificateOptions certificate;
-  certificate.tolerance = options.tolerance;
-  certificate.reach = out.reach;
-  // The larger box has at most 2^15 of its diagonals squared of area; 2^62 units hold them.
-  const double scale = std::max(mesh.diagonal(), reference.diagonal());
-  certificate.area_unit = scale > 0.0 ? scale * scale * 0x1p-47 : 1.0;
-  std::vector<CellResult> results(cells.size());
+  std::vector<CellComparison> results(cells.size());
   pool.run_tasks(
       cells.size(), [&](std::size_t i) { return cells[i].bytes; }, budget,
       [&](std::size_t i) {
         if (options.check_stop) options.check_stop();
-        results[i] = compare_cell(mesh, reference, cells[i].box, certificate);
+        results[i] = compare_cell(mesh, reference, out, cells[i].box);
       });
-  for (const CellResult& result : results) {
-    merge(out.there, result.there);
-    merge(out.back, result.back);
-  }
+  for (const CellComparison& result : results) add_cell(out, result);
   out.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   return out;
 }

@@ -52,6 +52,19 @@ struct MeshComparison {
   std::string complaint(bool with_borders) const;
 };
 
+/// One cell of space (compare_cells.h).
+struct CellComparison {
+  DirectedDeviation there, back;
+};
+
+/// What compare_meshes does, for those who run the cells themselves: begin, then every cell, then add in any order.
+MeshComparison begin_comparison(const MeshStore& mesh, const MeshStore& reference,
+                                const CompareOptions& options);
+/// \param begun  of begin_comparison
+CellComparison compare_cell(const MeshStore& mesh, const MeshStore& reference, const MeshComparison& begun,
+                            const MeshBox& cell);
+void add_cell(MeshComparison& sum, const CellComparison& cell);
+
 /// \post  depends on the two meshes and the options alone, not on threads and budget
 /// \throws ResourceError when the budget cannot hold the fullest cell, naming the cap that would do
 MeshComparison compare_meshes(const MeshStore& mesh, const MeshStore& reference,

@@ -4,6 +4,7 @@
 
 #include "octree/error.h"
 #include "stream/mesh_store_output.h"
+#include "stream/stages/certify_stage.h"
 #include "stream/stages/import_stages.h"
 
 namespace tessera {
@@ -72,6 +73,7 @@ void summarise(json& report) {
                      {"faces", corners.value("faces", 0)},
                      {"repair", repair}};
   report["mesh"] = result_of(report, "write");
+  report["certificate"] = result_of(report, "certify");
 }
 
 }  // namespace
@@ -87,6 +89,19 @@ JobDescription decimate_job(const SimplifyOptions& options) {
                         return make_simplify_stage(state, options, {p, false});
                       }});
   }
+  const bool own = options.reference == "surface";
+  if (!own)
+    for (StageEntry& entry : import_stages({1, "reference"})) stages.push_back(std::move(entry));
+  stages.push_back({"certify", [=](const JobState& state) {
+                      CertifyRequest request;
+                      request.name = "certify";
+                      request.tolerance = options.tolerance;
+                      request.mesh = [=](const JobState& s) { return open_pass_input(s, options.passes); };
+                      request.reference = [=](const JobState& s) {
+                        return open_imported_mesh(s.work, own ? "mesh" : "reference");
+                      };
+                      return make_certify_stage(state, request);
+                    }});
   stages.push_back(
       {"write", [=](const JobState& state) { return std::make_unique<MeshWriteStage>(state, options); }});
   return {"decimate", std::move(stages), 0, summarise};

@@ -5,6 +5,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "kernels/certificate.h"
 #include "kernels/mesh_block_ops.h"
 #include "octree/error.h"
 #include "stream/direct_file.h"
@@ -51,7 +52,8 @@ class SimplifyStage : public Stage {
         in_(open_pass_input(state, pass.pass)),
         reference_(open_imported_mesh(state.work, "mesh")) {
     kernel_ = options_.kernel(!in_.info().double_positions);
-    kernel_.tolerance *= pass_share(pass.pass, options_.passes);
+    // The proof at the end is tight to a few percent: that much is left to it.
+    kernel_.tolerance *= pass_share(pass.pass, options_.passes) / CertificateOptions{}.tightness;
     if (!pass_.count_costs && options_.target_faces > 0)
       kernel_.max_cost_class =
           json::parse(read_text(work_ / costs_file(pass.pass))).at("cost_class").get<std::uint32_t>();

@@ -1,0 +1,107 @@
+#include "stream/stages/certify_stage.h"
+
+#include <algorithm>
+#include <type_traits>
+
+#include <nlohmann/json.hpp>
+
+#include "octree/error.h"
+#include "stream/compare_cells.h"
+#include "stream/direct_file.h"
+#include "stream/mesh_compare.h"
+#include "stream/read_file.h"
+#include "stream/task_files.h"
+
+namespace tessera {
+namespace {
+
+constexpr double kMeasuredShare = 1e-3;  ///< of the diagonal: the scale of what is only measured
+constexpr double kReach = 1.25;          ///< times the tolerance: far enough to say how much it is missed by
+constexpr std::size_t kMostTasks = 400;
+constexpr std::size_t kLeastCells = 8;  ///< a task is worth a file from here
+
+static_assert(std::is_trivially_copyable_v<CellComparison>,
+              "results of tasks are kept as they lie in memory");
+
+class CertifyStage : public Stage {
+ public:
+  CertifyStage(const JobState& state, const CertifyRequest& request)
+      : work_(state.work),
+        request_(request),
+        mesh_(request.mesh(state)),
+        reference_(request.reference(state)) {
+    CompareOptions options;
+    options.tolerance =
+        request_.tolerance > 0.0 ? request_.tolerance : kMeasuredShare * reference_.diagonal();
+    options.reach = kReach * options.tolerance;
+    begun_ = begin_comparison(mesh_, reference_, options);
+    cells_ = make_compare_cells(mesh_, reference_, options.reach, options.cell_faces);
+    per_task_ = std::max(kLeastCells, (cells_.size() + kMostTasks - 1) / kMostTasks);
+  }
+  std::string name() const override { return request_.name; }
+  std::size_t task_count() const override { return (cells_.size() + per_task_ - 1) / per_task_; }
+  std::uint64_t units() const override { return cells_.size(); }
+  std::string unit_name() const override { return "cells"; }
+  std::uint64_t task_bytes(std::size_t task) const override {
+    std::uint64_t most = 0;
+    for (std::size_t c = first(task); c < first(task + 1); ++c) most = std::max(most, cells_[c].bytes);
+    return most + (std::uint64_t{2} << 20);
+  }
+
+  nlohmann::json run(std::size_t task, TaskContext& context) const override {
+    DirectFile file(context.create(file_name(task)), std::size_t{1} << 16);
+    for (std::size_t c = first(task); c < first(task + 1); ++c) {
+      context.check_stop();
+      const CellComparison result = compare_cell(mesh_, reference_, begun_, cells_[c].box);
+      file.write(&result, sizeof result);
+      context.advance(1);
+    }
+    context.count_written(file.finish());
+    return nlohmann::json::object();
+  }
+
+  std::uint64_t finish_bytes() const override { return std::uint64_t{2} << 20; }
+
+  nlohmann::json finish(const std::vector<nlohmann::json>&, TaskContext&) const override {
+    MeshComparison sum = begun_;
+    for (std::size_t task = 0; task < task_count(); ++task) {
+      const ReadFile file(work_ / file_name(task));
+      for (std::size_t c = first(task); c < first(task + 1); ++c) {
+        CellComparison cell;
+        file.read_at((c - first(task)) * sizeof cell, &cell, sizeof cell);
+        add_cell(sum, cell);
+      }
+    }
+    if (request_.tolerance > 0.0) {
+      if (const std::string complaint = sum.complaint(false); !complaint.empty())
+        throw ValidationError("the result gets no name: " + complaint);
+    }
+    nlohmann::json report = to_json(sum);
+    report.erase("seconds");  // the stage has its own
+    return report;
+  }
+
+  std::vector<std::string> obsolete() const override { return {request_.name + "/"}; }
+
+ private:
+  std::size_t first(std::size_t task) const { return std::min(cells_.size(), task * per_task_); }
+  std::string file_name(std::size_t task) const {
+    return request_.name + "/" + task_file_stem(task) + ".bin";
+  }
+
+  std::filesystem::path work_;
+  CertifyRequest request_;
+  MeshStore mesh_;
+  MeshStore reference_;
+  MeshComparison begun_;
+  std::vector<CompareCell> cells_;
+  std::size_t per_task_ = 1;
+};
+
+}  // namespace
+
+std::unique_ptr<Stage> make_certify_stage(const JobState& state, const CertifyRequest& request) {
+  return std::make_unique<CertifyStage>(state, request);
+}
+
+}  // namespace tessera

@@ -1,0 +1,24 @@
+/// \file certify_stage.h
+/// The proof at the end of a job that changes a mesh: both ways against the reference, by a code path of its
+/// own (mesh_compare.h). A result that is not proven gets no name.
+#pragma once
+#include <functional>
+#include <memory>
+#include <string>
+
+#include "stream/mesh_store.h"
+#include "stream/stage.h"
+
+namespace tessera {
+
+struct CertifyRequest {
+  std::string name;        ///< of the stage
+  double tolerance = 0.0;  ///< scan units; 0 = measure and report only
+  std::function<MeshStore(const JobState&)> mesh;
+  std::function<MeshStore(const JobState&)> reference;
+};
+
+/// finish() throws ValidationError (exit code 6) when the tolerance is not proven.
+std::unique_ptr<Stage> make_certify_stage(const JobState& state, const CertifyRequest& request);
+
+}  // namespace tessera

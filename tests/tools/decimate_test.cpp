@@ -1,0 +1,149 @@
+// tessera decimate as a user runs it: the same bytes whatever must not matter, a proven tolerance, clear refusals.
+#include <catch2/catch.hpp>
+
+#include <cstdlib>
+#include <string>
+#include <vector>
+
+#include <nlohmann/json.hpp>
+
+#include "stream/mesh_check.h"
+#include "stream/mesh_io.h"
+#include "tests/helpers/command.h"
+#include "tests/helpers/serial_job.h"
+
+using namespace tessera;
+using namespace tessera::test;
+
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr int kSide = 330;  // two triangles a cell: several bricks, buckets and blocks of 4096 faces
+
+/// Hills with a step across them; `backwards` writes vertices and faces from the last to the first.
+fs::path write_hills(const fs::path& path, bool backwards = false, double far = 0.0) {
+  std::vector<Double3> position;
+  std::vector<MeshFace> faces;
+  for (int j = 0; j <= kSide; ++j)
+    for (int i = 0; i <= kSide; ++i) {
+      const double x = i / 32.0 - 5, y = j / 32.0 - 5;
+      const double bowl = x * x - y * y / 2;
+      position.push_back({i + far, j + 0.0, static_cast<double>(static_cast<float>(bowl + (i > 200 ? 8 : 0)))});
+    }
+  const auto at = [&](int i, int j) {
+    const auto v = static_cast<std::uint64_t>(j * (kSide + 1) + i);
+    return backwards ? position.size() - 1 - v : v;
+  };
+  for (int j = 0; j < kSide; ++j)
+    for (int i = 0; i < kSide; ++i) {
+      faces.push_back({at(i, j), at(i + 1, j), at(i + 1, j + 1)});
+      faces.push_back({at(i, j), at(i + 1, j + 1), at(i, j + 1)});
+    }
+  if (backwards) {
+    std::reverse(position.begin(), position.end());
+    std::reverse(faces.begin(), faces.end());
+  }
+  MeshHeader header;
+  header.vertices = position.size();
+  header.faces = faces.size();
+  const auto file = create_mesh_file(path, header);
+  file->vertices(position, {});
+  file->faces(faces);
+  file->finish();
+  return path;
+}
+
+std::vector<std::string> words(const fs::path& in, const fs::path& out, const std::vector<std::string>& more) {
+  std::vector<std::string> w = {"decimate", in.string(), "-o", out.string(), "--progress", "none", "-q"};
+  w.insert(w.end(), more.begin(), more.end());
+  return w;
+}
+
+nlohmann::json report_of(const fs::path& out) {
+  return nlohmann::json::parse(file_bytes(out.string() + ".report.json"));
+}
+
+}  // namespace
+
+TEST_CASE("decimate: same bytes over threads, memory, processes, order of the input and kills", "[property]") {
+  const TempFolder folder;
+  const fs::path in = write_hills(folder.path() / "in.ply");
+  const std::vector<std::string> base = {"--tolerance", "0.05", "--block-faces", "8192"};
+  const auto run = [&](const fs::path& from, std::vector<std::string> more) {
+    const fs::path out = folder.path() / "out.ply";
+    fs::remove(out);
+    more.insert(more.end(), base.begin(), base.end());
+    const CommandResult r = tessera_command(words(from, out, more));
+    INFO(r.errors);
+    REQUIRE(r.code == 0);
+    CHECK_FALSE(fs::exists(out.string() + ".tessera"));
+    return file_bytes(out);
+  };
+  const std::string bytes = run(in, {"-t", "1", "--memory", "1G"});
+  const nlohmann::json report = report_of(folder.path() / "out.ply");
+  CHECK(report.at("mesh").at("faces").get<int>() < 2 * kSide * kSide / 10);
+  CHECK(report.at("certificate").at("proven") == true);
+  CHECK(report.at("certificate").at("certified_max").get<double>() <= 0.05);
+  CHECK(run(in, {"-t", "2", "--memory", "300M"}) == bytes);
+  CHECK(run(in, {"-t", "5", "--memory", "2G", "--tile-size", "128"}) == bytes);
+  CHECK(run(in, {"-t", "2", "--memory", "1G", "--processes"}) == bytes);
+  CHECK(run(write_hills(folder.path() / "back.ply", true), {"-t", "2", "--memory", "1G"}) == bytes);
+
+  const fs::path out = folder.path() / "killed.ply";
+  std::vector<std::string> w = words(in, out, base);
+  w.insert(w.end(), {"-t", "2", "--memory", "1G"});
+  int kills = 0;
+  for (const unsigned ms : {60u, 120u, 250u, 400u}) kills += tessera_command(w, ms).code == 128 + 9;
+  CHECK(kills > 0);
+  REQUIRE(tessera_command(w).code == 0);
+  CHECK(file_bytes(out) == bytes);
+}
+
+TEST_CASE("decimate: a number of faces, and both limits at once", "[pipeline]") {
+  const TempFolder folder;
+  const fs::path in = write_hills(folder.path() / "in.ply");
+  const fs::path out = folder.path() / "out.ply";
+  REQUIRE(tessera_command(words(in, out, {"--target-faces", "20000"})).code == 0);
+  const int faces = report_of(out).at("mesh").at("faces").get<int>();
+  CHECK(faces > 16000);
+  CHECK(faces < 24000);
+  REQUIRE(tessera_command(words(in, out, {"--target-faces", "2000", "--tolerance", "0.001", "--force"})).code == 0);
+  CHECK(report_of(out).at("mesh").at("faces").get<int>() > 2000);
+  CHECK(report_of(out).at("certificate").at("certified_max").get<double>() <= 0.001);
+}
+
+TEST_CASE("decimate: options and inputs that make no sense are refused with one sentence", "[pipeline]") {
+  const TempFolder folder;
+  const fs::path in = write_hills(folder.path() / "in.ply");
+  const fs::path out = folder.path() / "out.ply";
+  const auto refused = [&](const std::vector<std::string>& more, int code) {
+    const CommandResult r = tessera_command(words(in, out, more));
+    INFO(r.errors);
+    CHECK(r.code == code);
+    CHECK(std::count(r.errors.begin(), r.errors.end(), '\n') == 1);
+    CHECK_FALSE(fs::exists(out));
+  };
+  refused({}, 2);
+  refused({"--tolerance", "0"}, 2);
+  refused({"--tolerance", "-1"}, 2);
+  refused({"--tolerance", "nan"}, 2);
+  refused({"--tolerance", "0.1", "--reference", (folder.path() / "none.ply").string()}, 3);
+  const fs::path elsewhere = write_hills(folder.path() / "far.ply", false, 5000.0);
+  refused({"--tolerance", "0.1", "--reference", elsewhere.string()}, 6);
+}
+
+TEST_CASE("decimate: a tolerance larger than the model leaves a sound mesh", "[pipeline]") {
+  const TempFolder folder;
+  const fs::path in = write_hills(folder.path() / "in.ply");
+  const fs::path out = folder.path() / "out.ply";
+  const CommandResult r = tessera_command(words(in, out, {"--tolerance", "1e6"}));
+  INFO(r.errors);
+  REQUIRE(r.code == 0);
+  MeshCheckOptions options;
+  options.temp = folder.path();
+  const MeshCheck check = check_mesh(*open_mesh_file(out), options);
+  CHECK(check.faces >= 1);
+  CHECK(check.faces < 200);
+  CHECK(check.nonmanifold_edges == 0);
+}
