@@ -28,7 +28,7 @@ ToleranceFilterReport filter_by_volume(const ToleranceVolume& volume, TexturePre
     for (const std::uint32_t i : open) {
       // Too coarse to be accepted even at distance zero: left for a finer round, but a far one may fail
       // already.
-      const bool hopeless = sample_delta(static_cast<double>(median[i]), side) >= volume.tolerance();
+      const bool hopeless = sample_delta(static_cast<double>(median[i]), side) >= 0.5 * volume.tolerance();
       if (hopeless && side > options.first_per_side && side * 2 <= options.most_per_side) {
         later.push_back(i);
         continue;
@@ -73,31 +73,20 @@ PermissionGrid::PermissionGrid(const Box3& box, const ClosestFaces& reference, d
   // triangle can.
   const double limit = tolerance - 0.86602540378443871 * spacing;
   if (limit <= 0.0) return;
-  for (std::uint32_t slot = 0; slot < reference.size(); ++slot) {
-    const std::array<Double3, 3> t = reference.corners(slot);
-    Int3 first{}, last{};
-    Double3 origin{};
-    for (std::size_t c = 0; c < 3; ++c) {
-      origin[c] = low_[c] - reference.origin()[c];
-      const double least = std::min({t[0][c], t[1][c], t[2][c]}) - tolerance - origin[c];
-      const double most = std::max({t[0][c], t[1][c], t[2][c]}) + tolerance - origin[c];
-      first[c] = static_cast<std::int32_t>(std::clamp(std::floor(least / spacing), 0.0, cells_[c] * 1.0));
-      last[c] = static_cast<std::int32_t>(std::clamp(std::floor(most / spacing), -1.0, cells_[c] - 1.0));
-    }
-    for (int k = first[2]; k <= last[2]; ++k)
-      for (int j = first[1]; j <= last[1]; ++j)
-        for (int i = first[0]; i <= last[0]; ++i) {
-          if (cell(i, j, k)) continue;
-          const Double3 centre = {origin[0] + (i + 0.5) * spacing, origin[1] + (j + 0.5) * spacing,
-                                  origin[2] + (k + 0.5) * spacing};
-          if (reference.square_to(slot, centre) > limit * limit) continue;
-          const std::size_t n = (static_cast<std::size_t>(k) * static_cast<std::size_t>(cells_[1]) +
-                                 static_cast<std::size_t>(j)) *
-                                    static_cast<std::size_t>(cells_[0]) +
-                                static_cast<std::size_t>(i);
-          bits_[n / 64] |= std::uint64_t{1} << (n % 64);
-        }
-  }
+  std::size_t n = 0;
+  std::uint32_t hint = ClosestFaces::kNone;
+  for (int k = 0; k < cells_[2]; ++k)
+    for (int j = 0; j < cells_[1]; ++j)
+      for (int i = 0; i < cells_[0]; ++i, ++n) {
+        const std::array<int, 3> at = {i, j, k};
+        Double3 centre;
+        for (std::size_t c = 0; c < 3; ++c)
+          centre[c] = low_[c] - reference.origin()[c] + (at[c] + 0.5) * spacing;
+        const ClosestFaces::Hit hit = reference.closest(centre, limit * limit, hint);
+        if (hit.slot == ClosestFaces::kNone) continue;
+        hint = hit.slot;
+        bits_[n / 64] |= std::uint64_t{1} << (n % 64);
+      }
 }
 
 bool PermissionGrid::cell(int i, int j, int k) const {

@@ -14,7 +14,7 @@ enum class ToleranceVerdict : std::uint8_t { kDoubt, kInside, kOutside };
 
 struct ToleranceFilterOptions {
   int first_per_side = 2;  ///< 3 samples
-  int most_per_side = 16;  ///< 136 samples; doubled from round to round
+  int most_per_side = 64;  ///< 2080 samples; doubled from round to round
 };
 
 struct ToleranceFilterReport {

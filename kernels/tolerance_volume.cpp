@@ -232,8 +232,9 @@ double ToleranceVolume::inside_below(double delta, TexturePrecision precision, b
 }
 
 double ToleranceVolume::outside_above(TexturePrecision precision, bool hardware_filter) const {
-  return options_.tolerance + kHalfDiagonal * options_.spacing * (1.0 + 0x1p-20) + largest_lift_ +
-         texture_error(precision) + filter_error(precision, hardware_filter);
+  const double h = options_.spacing, t = options_.tolerance;
+  return std::sqrt(t * t + 0.75 * h * h) * (1.0 + 0x1p-40) + largest_lift_ + texture_error(precision) +
+         filter_error(precision, hardware_filter);
 }
 
 Float3 ToleranceVolume::to_grid(const Double3& p) const {

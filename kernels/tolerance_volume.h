@@ -14,6 +14,10 @@
 /// the worst case), so I(p) >= d(p) everywhere. The lift is nothing where one triangle serves the whole cell,
 /// so it pays where triangles are larger than cells.
 ///
+/// Outside. With y the closest point to p, the nodes' distances are at most |node - y|, their weighted squares sum to
+/// d(p)^2 + h^2 sum t (1 - t) because trilinear weights reproduce linear functions, and roots are concave: so the
+/// interpolation of exact distances is at most sqrt(d(p)^2 + 3/4 h^2).
+///
 /// Samples. A triangle is sampled at the points with barycentric coordinates ((i + o) / n, (j + o) / n), i +
 /// j < n, o = 85/256: the centroids of the upright triangles of its n-fold subdivision but for 1/768, so that
 /// hardware which snaps vertices to 1/256 of a pixel takes the very same points. Any point is within delta =
@@ -26,7 +30,7 @@
 /// coordinates).
 ///
 ///   clearly inside:   max I + delta + filter_error <= tolerance
-///   clearly outside:  max I - (sqrt(3)/2 h + largest lift + texture_error + filter_error) > tolerance
+///   clearly outside:  max I - largest lift - texture_error - filter_error > sqrt(tolerance^2 + 3/4 h^2)
 ///   else in doubt: the exact test decides.
 #pragma once
 #include <array>
