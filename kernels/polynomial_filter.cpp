@@ -3,6 +3,7 @@
 #include <immintrin.h>
 
 #include <cmath>
+#include <optional>
 
 namespace tessera {
 namespace {
@@ -50,12 +51,27 @@ Field laplacian_of_positions(const SurfaceRows& rows, std::span<const Double3> p
   return out;
 }
 
-Field times(const SurfaceRows& rows, const Field& field) {
-  Field out(field.size());
-  for (std::size_t v = 0; v < field.size(); ++v)
-    if (rows.inverse_degree[v] > 0.0F) store(out[v], row_times(rows, field.data(), v));
-  return out;
-}
+/// A field before the Laplacian is applied again: each vertex reads its own kind only, so that no bending crosses a
+/// crease.
+class InnerField {
+ public:
+  explicit InnerField(const SurfaceRows& rows)
+      : free_(rows.role.size()), line_(rows.role.size()), role_(rows.role) {}
+  void set(std::size_t v, __m128 value) {
+    if (role_[v] == VertexRole::kLine) {
+      store(line_[v], value);
+    } else {
+      store(free_[v], value);
+    }
+  }
+  const Displacement* seen_by(std::size_t v) const {
+    return role_[v] == VertexRole::kLine ? line_.data() : free_.data();
+  }
+
+ private:
+  Field free_, line_;  // zero where the vertex is of the other kind
+  const std::vector<VertexRole>& role_;
+};
 
 /// d <- d - factor A (b + d); `initial` is A b.
 void explicit_step(const SurfaceRows& rows, const Field& initial, float factor, Field& d, Field& scratch) {
@@ -69,27 +85,28 @@ void explicit_step(const SurfaceRows& rows, const Field& initial, float factor, 
 
 /// d <- d - factor A A (b + d); `initial` is A b.
 void explicit_square_step(const SurfaceRows& rows, const Field& initial, float factor, Field& d,
-                          Field& scratch) {
+                          InnerField& inner) {
   for (std::size_t v = 0; v < d.size(); ++v)
-    store(scratch[v], _mm_add_ps(load(initial[v]), row_times(rows, d.data(), v)));
+    inner.set(v, _mm_add_ps(load(initial[v]), row_times(rows, d.data(), v)));
   const __m128 f = _mm_set1_ps(factor);
   for (std::size_t v = 0; v < d.size(); ++v)
     if (rows.inverse_degree[v] > 0.0F)
-      store(d[v], _mm_sub_ps(load(d[v]), _mm_mul_ps(f, row_times(rows, scratch.data(), v))));
+      store(d[v], _mm_sub_ps(load(d[v]), _mm_mul_ps(f, row_times(rows, inner.seen_by(v), v))));
 }
 
-/// Chebyshev semi-iteration for (1 + lambda A^order) d = -lambda A^order b on the spectrum [1, 1 + lambda
-/// 2^order].
+/// Chebyshev semi-iteration for (1 + lambda A^order) d = -lambda A^order b on the spectrum [1, 1 + lambda 2^order].
 Field implicit_filter(const SurfaceRows& rows, const Field& initial, const FilterOptions& options,
                       std::span<const Displacement> start) {
   const std::size_t n = initial.size();
   const double half_width = 0.5 * options.lambda * (options.order == 1 ? 2.0 : 4.0);
   const double centre = 1.0 + half_width;
   const __m128 lambda = _mm_set1_ps(static_cast<float>(options.lambda));
-  Field bent;
-  if (options.order == 2) bent = times(rows, initial);
-  const Field& load_field = options.order == 2 ? bent : initial;
-  Field d(n), previous(n), inner(options.order == 2 ? n : 0);
+  std::optional<InnerField> inner;
+  if (options.order == 2) inner.emplace(rows);
+  Field d(n), previous(n);
+  if (!start.empty())
+    for (std::size_t v = 0; v < n; ++v)
+      if (rows.inverse_degree[v] > 0.0F) d[v] = previous[v] = start[v];
   double rho = half_width / centre;
   for (int step = 0; step < options.degree; ++step) {
     double momentum = 0.0, gain = 1.0 / centre;
@@ -101,20 +118,13 @@ Field implicit_filter(const SurfaceRows& rows, const Field& initial, const Filte
     }
     const __m128 alpha = _mm_set1_ps(static_cast<float>(momentum)),
                  beta = _mm_set1_ps(static_cast<float>(gain));
-    if (step == 0) {
-      if (!start.empty()) {
-        for (std::size_t v = 0; v < n; ++v)
-          if (rows.inverse_degree[v] > 0.0F) d[v] = previous[v] = start[v];
-      }
-    }
-    const bool zero = step == 0 && start.empty();
-    if (options.order == 2 && !zero)
-      for (std::size_t v = 0; v < n; ++v) store(inner[v], row_times(rows, d.data(), v));
+    if (inner)
+      for (std::size_t v = 0; v < n; ++v)
+        inner->set(v, _mm_add_ps(load(initial[v]), row_times(rows, d.data(), v)));
     for (std::size_t v = 0; v < n; ++v) {
       const __m128 here = load(d[v]);
-      __m128 bend = load(load_field[v]);
-      if (!zero && rows.inverse_degree[v] > 0.0F)
-        bend = _mm_add_ps(bend, row_times(rows, options.order == 2 ? inner.data() : d.data(), v));
+      const __m128 bend = inner ? row_times(rows, inner->seen_by(v), v)
+                                : _mm_add_ps(load(initial[v]), row_times(rows, d.data(), v));
       const __m128 residual = _mm_sub_ps(_mm_sub_ps(_mm_setzero_ps(), here), _mm_mul_ps(lambda, bend));
       const __m128 moved = _mm_add_ps(here, _mm_add_ps(_mm_mul_ps(alpha, _mm_sub_ps(here, load(previous[v]))),
                                                        _mm_mul_ps(beta, residual)));
@@ -128,14 +138,15 @@ Field implicit_filter(const SurfaceRows& rows, const Field& initial, const Filte
 }  // namespace
 
 int filter_rings(const FilterOptions& options) {
+  // One ring more than rows are applied: a line must know whether its ends are free.
   switch (options.kind) {
     case FilterKind::kLaplacian:
-      return options.degree;
+      return options.degree + 1;
     case FilterKind::kBilaplacian:
     case FilterKind::kTaubin:
-      return 2 * options.degree;
+      return 2 * options.degree + 1;
     case FilterKind::kImplicit:
-      return options.order * options.degree;
+      return options.order * options.degree + 1;
   }
   return 0;
 }
@@ -148,17 +159,20 @@ int chebyshev_degree(double lambda, int order, double accuracy) {
   return degree < 1 ? 1 : degree;
 }
 
-std::vector<Displacement> filter_surface(const SurfaceRows& rows, std::span<const Double3> position,
+std::vector<Displacement> filter_surface(SurfaceRows& rows, std::span<const Double3> position,
                                          const FilterOptions& options, std::span<const Displacement> start) {
   const Field initial = laplacian_of_positions(rows, position);
+  for (const std::uint32_t e : rows.held) rows.weight[e] = 0.0F;
   if (options.kind == FilterKind::kImplicit) return implicit_filter(rows, initial, options, start);
-  Field d(position.size()), scratch(position.size());
+  Field d(position.size());
   const float lambda = static_cast<float>(options.lambda);
+  if (options.kind == FilterKind::kBilaplacian) {
+    InnerField inner(rows);
+    for (int step = 0; step < options.degree; ++step) explicit_square_step(rows, initial, lambda, d, inner);
+    return d;
+  }
+  Field scratch(position.size());
   for (int step = 0; step < options.degree; ++step) {
-    if (options.kind == FilterKind::kBilaplacian) {
-      explicit_square_step(rows, initial, lambda, d, scratch);
-      continue;
-    }
     explicit_step(rows, initial, lambda, d, scratch);
     if (options.kind == FilterKind::kTaubin)
       explicit_step(rows, initial, static_cast<float>(options.mu), d, scratch);

@@ -44,11 +44,13 @@ int filter_rings(const FilterOptions& options);
 /// lambda 2^order.
 int chebyshev_degree(double lambda, int order, double accuracy);
 
+/// The weights of rows.held become 0: free vertices at the ends of lines do not move for the line.
+/// With order 2 a surface continues with no bending at creases, a line bends along itself alone.
 /// \param position  n; the rows' own mesh
 /// \param start     n displacements to start from (implicit only), or empty: zero
 /// \return          n displacements; zero for fixed and open vertices
-/// \cost 16 bytes a vertex for each of three arrays (four for order 2)
-std::vector<Displacement> filter_surface(const SurfaceRows& rows, std::span<const Double3> position,
+/// \cost 16 bytes a vertex for each of three arrays (five where the Laplacian is applied twice)
+std::vector<Displacement> filter_surface(SurfaceRows& rows, std::span<const Double3> position,
                                          const FilterOptions& options,
                                          std::span<const Displacement> start = {});
 

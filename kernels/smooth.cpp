@@ -9,7 +9,7 @@
 namespace tessera {
 namespace {
 
-/// Rings of one round of an explicit method: a halo of 32 rings still costs less than another pass over the
+/// Rows applied in one round of an explicit method: a halo of 32 rings still costs less than another pass over the
 /// mesh.
 constexpr int kExplicitRings = 32;
 constexpr double kImplicitAccuracy = 1e-3;
@@ -173,7 +173,8 @@ std::uint64_t smooth_bytes(std::uint64_t vertices, std::uint64_t faces, const Sm
   // They are made from marks, corners and shapes; then rings are counted and the filter runs.
   const std::uint64_t corners = 4 * vertices + 12 * faces;
   const std::uint64_t making = 4 * vertices + 24 * faces + corners;
-  const std::uint64_t fields = round.filter.order == 2 ? 96 : 80;
+  const bool twice = round.filter.order == 2 || round.filter.kind == FilterKind::kBilaplacian;
+  const std::uint64_t fields = twice ? 112 : 80;
   const std::uint64_t filter = round.by_normals ? corners + 48 * vertices + 72 * faces : fields * vertices;
   return rows + std::max(making, filter) + 25 * vertices + (1u << 16);
 }

@@ -100,6 +100,10 @@ class RowMaker {
       finish_row(v);
     }
     rows_.first[n] = static_cast<std::uint32_t>(rows_.neighbour.size());
+    for (std::uint32_t v = 0; v < n; ++v)
+      for (std::uint32_t e = rows_.first[v]; rows_.role[v] == VertexRole::kLine && e < rows_.first[v + 1];
+           ++e)
+        if (rows_.role[rows_.neighbour[e]] == VertexRole::kFree) rows_.held.push_back(e);
     return std::move(rows_);
   }
 

@@ -7,6 +7,8 @@
 /// of the filters), and it maps constants to zero.
 ///   free    bivariate: all neighbours, cotangent weights clamped >= 0 (Pinkall and Polthier 1993), or 1
 ///   line    univariate: the two neighbours along the crease or border, weights 1 / length
+///           A line that fades out ends at a free vertex; the line takes it as held (SurfaceRows::held), or line and
+///           surface would depend on each other both ways and the spectrum would no longer be real.
 ///   fixed   corners, junctions of lines, non-manifold and unused vertices: the row is empty
 ///   open    the block does not hold the whole star: the row is empty, the vertex belongs to another block
 /// A free vertex beside a crease sees the crease, a crease vertex does not see the faces: smoothing never
@@ -34,6 +36,7 @@ struct SurfaceRows {
   std::vector<float> weight;             ///< >= 0; symmetric between two free vertices
   std::vector<float> inverse_degree;     ///< n; 1 / sum of the row's weights, 0 for an empty row
   std::vector<VertexRole> role;          ///< n
+  std::vector<std::uint32_t> held;       ///< entries of line vertices that name a free one
   std::uint64_t degenerate_faces = 0;    ///< without an area: their angles count as right angles
 };
 
