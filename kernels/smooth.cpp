@@ -24,8 +24,11 @@ double default_lambda(const std::string& method) {
   if (method == "laplacian") return 0.5;
   if (method == "bilaplacian") return 0.25;
   if (method == "taubin") return 0.5;
-  if (method == "denoise") return 3.0;
   return 10.0;
+}
+
+int used_order(const SmoothOptions& options) {
+  return options.order > 0 ? options.order : options.method == "denoise" ? 2 : 1;
 }
 
 SmoothRound filter_round(const SmoothOptions& options, FilterKind kind, double lambda, int degree) {
@@ -36,7 +39,7 @@ SmoothRound filter_round(const SmoothOptions& options, FilterKind kind, double l
   round.filter.lambda = lambda;
   // The pass band ends where the factor of both half steps is 1: 1/lambda + 1/mu = 0.1 (Taubin 1995).
   round.filter.mu = 1.0 / (0.1 - 1.0 / lambda);
-  round.filter.order = options.order;
+  round.filter.order = used_order(options);
   round.filter.degree = degree;
   return round;
 }
@@ -71,7 +74,8 @@ void SmoothOptions::validate() const {
   require(one_of(weights, {"cotangent", "uniform"}),
           "--weights " + weights + ": not one of cotangent, uniform");
   require(steps >= 1 && steps <= 1000, "--steps " + std::to_string(steps) + ": must be 1 to 1000");
-  require(order == 1 || order == 2, "--order " + std::to_string(order) + ": must be 1 or 2");
+  require(order >= 0 && order <= 2,
+          "--order " + std::to_string(order) + ": must be 1, 2, or 0 for the method's own");
   require(degree >= 0 && degree <= kLargestDegree,
           "--degree " + std::to_string(degree) + ": must be 0 to " + std::to_string(kLargestDegree));
   require(normal_rounds >= 1 && normal_rounds <= 100 && vertex_rounds >= 1 && vertex_rounds <= 100,
@@ -85,7 +89,7 @@ void SmoothOptions::validate() const {
   if (method == "bilaplacian") require(lambda <= 0.5, "--lambda must be at most 0.5 for bilaplacian");
   if ((method == "implicit" || method == "denoise") && degree == 0) {
     const double used = lambda > 0.0 ? lambda : default_lambda(method);
-    require(chebyshev_degree(used, order, kImplicitAccuracy) <= kLargestDegree,
+    require(chebyshev_degree(used, used_order(*this), kImplicitAccuracy) <= kLargestDegree,
             "--lambda " + std::to_string(used) + ": takes more than " + std::to_string(kLargestDegree) +
                 " Chebyshev steps; take a smaller value and more --steps, or set --degree");
   }
@@ -95,7 +99,7 @@ std::vector<SmoothRound> smooth_rounds(const SmoothOptions& options) {
   options.validate();
   const double lambda = options.lambda > 0.0 ? options.lambda : default_lambda(options.method);
   const int degree =
-      options.degree > 0 ? options.degree : chebyshev_degree(lambda, options.order, kImplicitAccuracy);
+      options.degree > 0 ? options.degree : chebyshev_degree(lambda, used_order(options), kImplicitAccuracy);
   std::vector<SmoothRound> rounds;
   if (options.method == "laplacian") {
     add_explicit(rounds, options, FilterKind::kLaplacian, lambda);

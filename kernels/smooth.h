@@ -21,7 +21,7 @@ struct SmoothOptions {
   std::string weights = "cotangent";  ///< or uniform
   int steps = 1;           ///< implicit, bilateral, denoise: passes with fresh weights; others: steps
   double lambda = 0.0;     ///< strength, no unit; 0 = the method's own
-  int order = 1;           ///< implicit: 1 = membrane, 2 = thin plate
+  int order = 0;           ///< 1 = membrane, 2 = thin plate; 0 = 2 for denoise, else 1
   int degree = 0;          ///< implicit: Chebyshev steps; 0 = as many as an error of 1e-3 asks for
   double tolerance = 0.0;  ///< no vertex moves farther, scan units; 0 = no limit
   double feature_angle_deg = 40.0;  ///< edges whose faces open more are kept as creases; 0 = none

@@ -65,10 +65,13 @@ void add_smooth(CLI::App& app) {
   command
       ->add_option(
           "--lambda", o.lambda,
-          "strength of a step, no unit; 0 = 10 for implicit, 3 for denoise, 0.5 for laplacian and taubin, "
+          "strength of a step, no unit; 0 = 10 for implicit and denoise, 0.5 for laplacian and taubin, "
           "0.25 for bilaplacian")
       ->capture_default_str();
-  command->add_option("--order", o.order, "implicit: 1 = membrane, 2 = thin plate (keeps more shape)")
+  command
+      ->add_option(
+          "--order", o.order,
+          "implicit, denoise: 1 = membrane, 2 = thin plate (keeps more shape); 0 = 2 for denoise, else 1")
       ->capture_default_str();
   command->add_option("--degree", o.degree, "implicit: Chebyshev steps; 0 = enough for an error of 0.001")
       ->capture_default_str();
