@@ -36,4 +36,11 @@ struct FanFoot {
 bool fan_gap(const RimLoop& loop, const synth::Vec3& apex, std::size_t flat_edge, double& gap,
              FanFoot* foot = nullptr);
 
+/// The same for two neighbouring stars that become one fan around a new place.
+/// \param loop   at[0] = 0 the new place, then the rim of both stars, counter-clockwise
+/// \param u, v   the old centres, relative to the new place
+/// \param first  u has the faces at the rim edges 1 .. first, v those after it; at[1] and at[first + 1] see both
+bool edge_gap(const RimLoop& loop, const synth::Vec3& u, const synth::Vec3& v, std::size_t first,
+              double& gap);
+
 }  // namespace tessera

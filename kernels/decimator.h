@@ -1,6 +1,8 @@
 /// \file decimator.h
 /// The greedy loop of decimate(): candidates by cost class, binary legality, collapse. See decimate.h.
 #pragma once
+#include <cmath>
+#include <limits>
 #include <vector>
 
 #include "kernels/collapse_gap.h"
@@ -19,6 +21,12 @@ inline double roundness(double twice_area, double squared_edges) {
 inline double roundness(const synth::Vec3& a, const synth::Vec3& b, const synth::Vec3& c) {
   const synth::Vec3 u = b - a, v = c - a, w = c - b;
   return roundness(length(cross(u, v)), dot(u, u) + dot(v, v) + dot(w, w));
+}
+
+/// Rounds towards plus infinity, so that a bound stays one.
+inline float float_above(double v) {
+  const float f = static_cast<float>(v);
+  return static_cast<double>(f) >= v ? f : std::nextafter(f, std::numeric_limits<float>::infinity());
 }
 
 class Decimator {

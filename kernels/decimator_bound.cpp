@@ -1,22 +1,12 @@
 // The tolerance part of Decimator: loops of the rim, the bound by sums, the test against the reference.
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 #include "kernels/decimator.h"
 
 namespace tessera {
-namespace {
 
 using synth::Vec3;
-
-/// Rounds towards plus infinity, so that a bound stays one.
-float float_above(double v) {
-  const float f = static_cast<float>(v);
-  return static_cast<double>(f) >= v ? f : std::nextafter(f, std::numeric_limits<float>::infinity());
-}
-
-}  // namespace
 
 /// The side of the star whose ring runs from place `from` to `to`, counter-clockwise; one of them takes over.
 void Decimator::make_side(const Star& star, std::uint32_t v, std::size_t from, std::size_t to, bool v_first,
@@ -116,6 +106,12 @@ Decimator::Refusal Decimator::check_gap(std::uint32_t u, const Star& star, std::
   ++exact_tests_;
   double exact = 0.0;
   const bool on_line = (mesh_.state(u) & (kVertexBorder | kVertexCrease)) != 0;
+  if (on_line) {
+    const std::uint32_t v = reference_vertex_[star.ring[at_ring]], q = reference_vertex_[foot_.a];
+    if (v == kNoCorner || q == kNoCorner ||
+        !reference_gap_.measure_line(reference_vertex_[u], v, q, options_.tolerance, exact))
+      return Refusal::kTolerance;
+  }
   for (std::size_t s = 0; s < sides_; ++s) {
     ReferenceGap::Query query;
     query.origin = mesh_.at(star.ring[at_ring]);

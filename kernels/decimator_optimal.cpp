@@ -1,7 +1,6 @@
 // Decimator: collapses into the minimum of the quadric.
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 #include "kernels/decimator.h"
 
@@ -71,6 +70,18 @@ bool Decimator::check_optimal(std::uint32_t u, const Star& star, std::size_t at_
   }
   const auto distance2 = [&](std::uint32_t w) { return dot(mesh_.at(w) - p, mesh_.at(w) - p); };
   const bool near_u = distance2(u) < distance2(v);
+  double gap = 0.0;
+  if (least_cosine_ <= -1.0 && edge_gap(loop, mesh_.at(u) - p, mesh_.at(v) - p, k - 2, gap)) {
+    double bound = 0.0;
+    for (const Star* s : {&star, static_cast<const Star*>(&other_star_)})
+      for (std::size_t i = 0; i < s->faces; ++i)
+        bound = std::fmax(bound, static_cast<double>(mesh_.face(s->corner[i] >> 2).bound));
+    new_bound_ = float_above(bound + gap * (1.0 + 1e-12));
+    if (static_cast<double>(new_bound_) <= options_.tolerance) {
+      if (near_u) reference_vertex_[v] = reference_vertex_[u];
+      return true;
+    }
+  }
   ReferenceGap::Query query;
   query.origin = p;
   query.limit = options_.tolerance;
@@ -80,10 +91,9 @@ bool Decimator::check_optimal(std::uint32_t u, const Star& star, std::size_t at_
     query.seed = reference_vertex_[w];
     if (query.seed == kNoCorner) continue;
     ++exact_tests_;
-    double gap = 0.0;
     if (reference_gap_.measure(loop, query, gap) != ReferenceGap::Answer::kWithin) continue;
     ++exact_accepted_;
-    new_bound_ = std::nextafter(static_cast<float>(gap), std::numeric_limits<float>::infinity());
+    new_bound_ = float_above(gap);
     reference_vertex_[v] = query.seed;
     return static_cast<double>(new_bound_) <= options_.tolerance;
   }

@@ -18,6 +18,16 @@ constexpr double cross2(double ax, double ay, double bx, double by) {
   return ax * by - ay * bx;
 }
 
+// Without the care of fmax for what is not a number, which costs a call.
+template <class T>
+constexpr T larger(T a, T b) {
+  return a < b ? b : a;
+}
+template <class T>
+constexpr T smaller(T a, T b) {
+  return b < a ? b : a;
+}
+
 }  // namespace
 
 ReferenceGap::ReferenceGap(const CollapseMesh& reference) {
@@ -50,6 +60,9 @@ bool ReferenceGap::set_polygon(const RimLoop& loop, bool inner_centre) {
   n_ = area * (1.0 / std::sqrt(length2));
   ex_ = synth::any_orthogonal(n_);
   ey_ = cross(n_, ex_);
+  frame_ = {static_cast<float>(ex_.x), static_cast<float>(ey_.x), static_cast<float>(n_.x), 0.0f,
+            static_cast<float>(ex_.y), static_cast<float>(ey_.y), static_cast<float>(n_.y), 0.0f,
+            static_cast<float>(ex_.z), static_cast<float>(ey_.z), static_cast<float>(n_.z), 0.0f};
   std::array<double, kPadded> x, y, z;
   double radius = 0.0;
   int turns = 0;
@@ -57,7 +70,7 @@ bool ReferenceGap::set_polygon(const RimLoop& loop, bool inner_centre) {
     x[i] = dot(loop.at[i], ex_);
     y[i] = dot(loop.at[i], ey_);
     z[i] = dot(loop.at[i], n_);
-    radius = std::fmax(radius, std::fmax(std::fmax(std::fabs(x[i]), std::fabs(y[i])), std::fabs(z[i])));
+    radius = larger(radius, larger(larger(std::fabs(x[i]), std::fabs(y[i])), std::fabs(z[i])));
   }
   for (std::size_t i = 0; i < size_; ++i) {
     const std::size_t j = following(i);
@@ -110,7 +123,9 @@ inline void ReferenceGap::classify(Point& p) const {
   }
   p.spokes &= all_;
   p.rims &= all_;
-  p.inside = sector_bits(p) != 0;
+  const std::uint64_t sector = sector_bits(p);
+  p.inside = sector != 0;
+  p.sector = p.inside ? static_cast<std::uint8_t>(std::countr_zero(sector)) : std::uint8_t{0};
 }
 
 /// \return false above the limit
@@ -122,18 +137,25 @@ inline bool ReferenceGap::place(std::uint32_t vertex, std::uint32_t& slot) {
   }
   v.stamp = stamp_;
   slot = v.slot = static_cast<std::uint32_t>(points_.size());
-  const Vec3 r = v.at - origin_;
-  Point p;
-  p.x = static_cast<float>(dot(r, ex_)), p.y = static_cast<float>(dot(r, ey_)),
-  p.z = static_cast<float>(dot(r, n_));
+  // The fourth lane holds the stamp: cleared, or its bits would count as a subnormal number.
+  const __m256d r = _mm256_sub_pd(_mm256_blend_pd(_mm256_load_pd(&v.at.x), _mm256_setzero_pd(), 8),
+                                  _mm256_set_pd(0.0, origin_.z, origin_.y, origin_.x));
+  const __m128 f = _mm256_cvtpd_ps(r);
+  const __m128 x = _mm_mul_ps(_mm_shuffle_ps(f, f, 0x00), _mm_load_ps(&frame_[0]));
+  const __m128 y = _mm_mul_ps(_mm_shuffle_ps(f, f, 0x55), _mm_load_ps(&frame_[4]));
+  const __m128 z = _mm_mul_ps(_mm_shuffle_ps(f, f, 0xaa), _mm_load_ps(&frame_[8]));
+  alignas(16) float at[4];
+  _mm_store_ps(at, _mm_add_ps(_mm_add_ps(x, y), z));
+  points_.emplace_back();
+  Point& p = points_.back();
+  p.x = at[0], p.y = at[1], p.z = at[2];
   classify(p);
   if (p.inside) {
-    const auto i = static_cast<std::size_t>(std::countr_zero(sector_bits(p)));
-    gap_ = std::fmax(gap_, std::fabs(p.z - slope_x_[i] * p.x - slope_y_[i] * p.y));
+    const std::size_t i = p.sector;
+    gap_ = larger(gap_, std::fabs(p.z - slope_x_[i] * p.x - slope_y_[i] * p.y));
   } else if ((lines_ & ~p.rims) != 0) {
     p.inside = beyond_line(p);
   }
-  points_.push_back(p);
   return gap_ <= limit_;
 }
 
@@ -148,10 +170,10 @@ bool ReferenceGap::beyond_line(Point& p) {
     if (!(t >= 0.0f && t <= 1.0f)) continue;
     const float across = cross2(edge_x_[j], edge_y_[j], dx, dy), up = p.z - z_[j] - t * edge_z_[j];
     const float distance = std::sqrt(across * across / size2 + up * up);
-    nearest = beyond ? std::fmin(nearest, distance) : distance;
+    nearest = beyond ? smaller(nearest, distance) : distance;
     beyond = true;
   }
-  if (beyond) gap_ = std::fmax(gap_, nearest);
+  if (beyond) gap_ = larger(gap_, nearest);
   return beyond;
 }
 
@@ -164,19 +186,20 @@ bool ReferenceGap::near_line(const Point& p) {
     float t = (dx * edge_x_[j] + dy * edge_y_[j]) / size2;
     t = t > 0.0f ? (t < 1.0f ? t : 1.0f) : 0.0f;
     const float ux = dx - t * edge_x_[j], uy = dy - t * edge_y_[j], uz = p.z - z_[j] - t * edge_z_[j];
-    nearest2 = std::fmin(nearest2, ux * ux + uy * uy + uz * uz);
+    nearest2 = smaller(nearest2, ux * ux + uy * uy + uz * uz);
   }
   for (std::uint64_t bits = ends_; bits != 0; bits &= bits - 1) {
     const auto j = static_cast<std::size_t>(std::countr_zero(bits));
     const float ux = p.x - x_[j], uy = p.y - y_[j], uz = p.z - z_[j];
-    nearest2 = std::fmin(nearest2, ux * ux + uy * uy + uz * uz);
+    nearest2 = smaller(nearest2, ux * ux + uy * uy + uz * uz);
   }
-  gap_ = std::fmax(gap_, std::sqrt(nearest2));
+  gap_ = larger(gap_, std::sqrt(nearest2));
   return gap_ <= limit_;
 }
 
 /// Whether the triangle turns too far against one of the new faces that it lies over.
-bool ReferenceGap::turned(const Point* p) const {
+bool ReferenceGap::turned(const Point* const* corner) const {
+  const Point p[3] = {*corner[0], *corner[1], *corner[2]};
   const float ax = p[1].x - p[0].x, ay = p[1].y - p[0].y, az = p[1].z - p[0].z;
   const float bx = p[2].x - p[0].x, by = p[2].y - p[0].y, bz = p[2].z - p[0].z;
   const float nx = ay * bz - az * by, ny = az * bx - ax * bz, nz = ax * by - ay * bx;
@@ -219,7 +242,7 @@ bool ReferenceGap::meets_polygon(const Point& a, const Point& b) const {
     if ((sj > 0.0f && sk < 0.0f) || (sj < 0.0f && sk > 0.0f)) return true;
   }
   // From one corner of the polygon to another.
-  Point middle{0.5f * (a.x + b.x), 0.5f * (a.y + b.y), 0.0f, false, 0, 0};
+  Point middle{0.5f * (a.x + b.x), 0.5f * (a.y + b.y), 0.0f, false, 0, 0, 0};
   classify(middle);
   return middle.inside;
 }
@@ -232,7 +255,7 @@ bool ReferenceGap::cross_edges(const Point& a, const Point& b) {
     const float turn = cross2(dx, dy, ux, uy);
     const float t = cross2(px - a.x, py - a.y, ux, uy) / turn, s = cross2(px - a.x, py - a.y, dx, dy) / turn;
     if (s >= 0.0f && s <= 1.0f && t >= 0.0f && t <= 1.0f)
-      gap_ = std::fmax(gap_, std::fabs(a.z + t * dz - pz - s * uz));
+      gap_ = larger(gap_, std::fabs(a.z + t * dz - pz - s * uz));
   };
   for (std::uint64_t cut = (a.spokes ^ b.spokes) & inner_spokes_; cut != 0; cut &= cut - 1) {
     const auto j = static_cast<std::size_t>(std::countr_zero(cut));
@@ -246,7 +269,8 @@ bool ReferenceGap::cross_edges(const Point& a, const Point& b) {
 }
 
 /// Measures the corners of the star that lie above the triangle. \return false above the limit
-bool ReferenceGap::corners_above(const Point* p) {
+bool ReferenceGap::corners_above(const Point* const* corner) {
+  const Point p[3] = {*corner[0], *corner[1], *corner[2]};
   const float ax = p[1].x - p[0].x, ay = p[1].y - p[0].y, bx = p[2].x - p[0].x, by = p[2].y - p[0].y;
   const float full = cross2(ax, ay, bx, by), margin = -1e-5f * std::fabs(full);
   if (!(full > 0.0f)) return true;
@@ -254,8 +278,8 @@ bool ReferenceGap::corners_above(const Point* p) {
     const float dx = x_[j] - p[0].x, dy = y_[j] - p[0].y;
     const float s = cross2(dx, dy, bx, by), t = cross2(ax, ay, dx, dy);
     if (s < margin || t < margin || s + t > full - margin) continue;
-    gap_ =
-        std::fmax(gap_, std::fabs(p[0].z + (s * (p[1].z - p[0].z) + t * (p[2].z - p[0].z)) / full - z_[j]));
+    covered_ |= std::uint64_t{1} << j;
+    gap_ = larger(gap_, std::fabs(p[0].z + (s * (p[1].z - p[0].z) + t * (p[2].z - p[0].z)) / full - z_[j]));
   }
   return gap_ <= limit_;
 }
@@ -263,9 +287,6 @@ bool ReferenceGap::corners_above(const Point* p) {
 /// The triangles at the seed: all, or with a flat edge those of the side, that is of the fan between two
 /// lines that lies more to the left of the flat edge.
 bool ReferenceGap::seed_faces(std::uint32_t seed, std::size_t flat_edge) {
-  const auto is_line = [&](std::uint32_t c) {
-    return (faces_[c >> 2].lines >> (c & 3u) & (kStateBorder | kStateCrease)) != 0;
-  };
   const std::uint32_t first = corner_[seed];
   std::uint32_t c = first;
   std::size_t best_from = 0, best_to = 0, from = 0;
@@ -319,6 +340,61 @@ bool ReferenceGap::seed_faces(std::uint32_t seed, std::size_t flat_edge) {
   return best_to > best_from;
 }
 
+/// The other end of a line at `at` than that to `from`, or where from is kNoCorner the first one.
+/// \return false where not exactly two lines meet
+bool ReferenceGap::next_on_line(std::uint32_t at, std::uint32_t from, std::uint32_t& next) const {
+  std::size_t lines = 0;
+  bool came = from == kNoCorner;
+  const auto visit = [&](std::uint32_t w) {
+    ++lines;
+    if (w == from)
+      came = true;
+    else if (lines == 1 || from != kNoCorner)
+      next = w;
+  };
+  const std::uint32_t first = corner_[at];
+  for (std::uint32_t c = first;;) {
+    if (is_line(prev_corner(c))) visit(faces_[c >> 2].vertex[next_corner(c) & 3u]);
+    const std::uint32_t o = faces_[c >> 2].opposite[next_corner(c) & 3u];
+    if (o == kNoCorner) {
+      if (is_line(next_corner(c))) visit(faces_[c >> 2].vertex[prev_corner(c) & 3u]);
+      break;
+    }
+    c = next_corner(o);
+    if (c == first) break;
+  }
+  return lines == 2 && came;
+}
+
+bool ReferenceGap::measure_line(std::uint32_t u, std::uint32_t v, std::uint32_t q, double limit,
+                                double& gap) const {
+  constexpr int kMostSteps = 100000;
+  const Vec3 start = vertices_[v].at, edge = vertices_[q].at - start;
+  const double size2 = dot(edge, edge);
+  double worst2 = 0.0;
+  const auto add = [&](std::uint32_t w) {
+    const Vec3 r = vertices_[w].at - start;
+    const Vec3 off = r - edge * (size2 > 0.0 ? synth::clamp(dot(r, edge) / size2, 0.0, 1.0) : 0.0);
+    worst2 = larger(worst2, dot(off, off));
+    return worst2 <= limit * limit;
+  };
+  if (!add(u)) return false;
+  std::uint32_t one = kNoCorner, other = kNoCorner, reached[2];
+  if (!next_on_line(u, kNoCorner, one) || !next_on_line(u, one, other)) return false;
+  for (std::size_t way = 0; way < 2; ++way) {
+    std::uint32_t before = u, at = way == 0 ? one : other;
+    for (int step = 0; at != v && at != q; ++step) {
+      std::uint32_t next = kNoCorner;
+      if (step == kMostSteps || at == u || !add(at) || !next_on_line(at, before, next)) return false;
+      before = at;
+      at = next;
+    }
+    reached[way] = at;
+  }
+  gap = std::sqrt(worst2) * (1.0 + 0x1p-40);
+  return reached[0] != reached[1];
+}
+
 ReferenceGap::Answer ReferenceGap::measure(const RimLoop& loop, const Query& query, double& gap) {
   if (!set_polygon(loop, query.inner_centre)) return Answer::kBeyond;
   origin_ = query.origin;
@@ -328,6 +404,7 @@ ReferenceGap::Answer ReferenceGap::measure(const RimLoop& loop, const Query& que
   least_cosine_ = static_cast<float>(query.least_cosine);
   lines_ = loop.borders | (query.cross_creases ? 0u : loop.creases);
   ends_ = loop.ends;
+  covered_ = loop.ends;  // vertices of lines do not move
   const unsigned walls = query.cross_creases ? unsigned{kStateBorder} : kStateBorder | kStateCrease;
   points_.clear();
   stack_.clear();
@@ -346,8 +423,9 @@ ReferenceGap::Answer ReferenceGap::measure(const RimLoop& loop, const Query& que
     std::array<std::uint32_t, 3> slot;
     for (std::size_t i = 0; i < 3; ++i)
       if (!place(f.vertex[i], slot[i])) return Answer::kBeyond;
-    const Point p[3] = {points_[slot[0]], points_[slot[1]], points_[slot[2]]};
-    const float ax = p[1].x - p[0].x, ay = p[1].y - p[0].y, bx = p[2].x - p[0].x, by = p[2].y - p[0].y;
+    const Point* const p[3] = {&points_[slot[0]], &points_[slot[1]], &points_[slot[2]]};
+    const float ax = p[1]->x - p[0]->x, ay = p[1]->y - p[0]->y, bx = p[2]->x - p[0]->x,
+                by = p[2]->y - p[0]->y;
     if (cross2(ax, ay, bx, by) < -slack * (std::fabs(ax) + std::fabs(ay) + std::fabs(bx) + std::fabs(by)))
       return Answer::kFolded;
     if (query.free_corners && !corners_above(p)) return Answer::kBeyond;
@@ -355,13 +433,11 @@ ReferenceGap::Answer ReferenceGap::measure(const RimLoop& loop, const Query& que
     for (std::uint32_t i = 0; i < 3; ++i) {
       const std::uint32_t o = f.opposite[i];
       if (o != kNoCorner && faces_[o >> 2].stamp == stamp_ + 1) continue;  // seen from there
-      const Point *from = &p[i == 2 ? 0 : i + 1], *to = &p[i == 0 ? 2 : i - 1];
+      const Point *from = p[i == 2 ? 0 : i + 1], *to = p[i == 0 ? 2 : i - 1];
       if (to->x < from->x) std::swap(from, to);  // the same bits from either side
       const Point &a = *from, &b = *to;
       if (!a.inside && !b.inside && !meets_polygon(a, b)) continue;
-      if ((a.spokes ^ b.spokes) != 0 || (a.rims ^ b.rims) != 0) {
-        if (!cross_edges(a, b)) return Answer::kBeyond;
-      }
+      if ((a.sector != b.sector || a.sector == 0) && !cross_edges(a, b)) return Answer::kBeyond;
       if (f.lines >> i & walls) {
         // Where the line leaves the polygon, its crossing of the rim has been measured.
         const bool through = !a.inside && !b.inside;
@@ -377,6 +453,7 @@ ReferenceGap::Answer ReferenceGap::measure(const RimLoop& loop, const Query& que
       }
     }
   }
+  if (query.free_corners && covered_ != all_) return Answer::kBeyond;
   gap = static_cast<double>(gap_) * (1.0 + 0x1p-22) + static_cast<double>(slack);
   return Answer::kWithin;
 }

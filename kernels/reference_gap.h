@@ -48,6 +48,11 @@ class ReferenceGap {
   /// polygon
   Answer measure(const RimLoop& loop, const Query& query, double& gap);
 
+  /// Follows the line of the reference that runs through u both ways to v and to q, where two lines end or meet too.
+  /// \param[out] gap  every point of the line and of the straight edge from v to q lies within it of the other
+  /// \return false where the gap exceeds the limit or the line does not lead there
+  bool measure_line(std::uint32_t u, std::uint32_t v, std::uint32_t q, double limit, double& gap) const;
+
   std::uint64_t walked() const { return walked_; }  ///< triangles looked at so far
 
  private:
@@ -58,26 +63,31 @@ class ReferenceGap {
     synth::Vec3 at;
     std::uint32_t stamp, slot;
   };
-  struct Point {
+  struct alignas(32) Point {
     float x, y, z;
     bool inside;                 ///< of the polygon, or between a line of the rim and that of the reference
+    std::uint8_t sector;         ///< of the polygon, 0 outside
     std::uint64_t spokes, rims;  ///< bit j: left of spoke j, of rim edge j
   };
 
+  bool next_on_line(std::uint32_t at, std::uint32_t from, std::uint32_t& next) const;
   bool set_polygon(const RimLoop& loop, bool inner_centre);
   std::size_t following(std::size_t i) const { return i + 1 < size_ ? i + 1 : closes_to_; }
   std::uint64_t sector_bits(const Point& p) const {
     return p.spokes & ~(p.spokes >> 1 | (p.spokes >> closes_to_ & 1u) << (size_ - 1)) & p.rims & sectors_;
   }
-  bool corners_above(const Point* p);
+  bool corners_above(const Point* const* corner);
   void classify(Point& p) const;
   bool place(std::uint32_t vertex, std::uint32_t& slot);
   bool meets_polygon(const Point& a, const Point& b) const;
   bool cross_edges(const Point& a, const Point& b);
   bool beyond_line(Point& p);
   bool near_line(const Point& p);
+  bool is_line(std::uint32_t c) const {
+    return (faces_[c >> 2].lines >> (c & 3u) & (kStateBorder | kStateCrease)) != 0;
+  }
   bool seed_faces(std::uint32_t seed, std::size_t flat_edge);
-  bool turned(const Point* p) const;
+  bool turned(const Point* const* corner) const;
 
   std::vector<Face> faces_;
   std::vector<Vertex> vertices_;
@@ -95,9 +105,11 @@ class ReferenceGap {
   alignas(32) std::array<float, kPadded> x_{}, y_{}, z_{}, edge_x_{}, edge_y_{}, edge_c_{};
   std::array<float, kPadded> edge_z_{};
   std::array<float, kPadded> slope_x_{}, slope_y_{}, face_cosine_{};
-  std::uint64_t lines_ = 0, ends_ = 0;
+  std::uint64_t lines_ = 0, ends_ = 0, covered_ = 0;
   float least_cosine_ = -1.0f;
   synth::Vec3 ex_{}, ey_{}, n_{}, origin_{};
+  alignas(
+      16) std::array<float, 12> frame_{};  ///< columns: what x, y and z add to the coordinates in the plane
   float gap_ = 0.0f, limit_ = 0.0f, radius_ = 0.0f;
 };
 
