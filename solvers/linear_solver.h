@@ -25,7 +25,7 @@ enum class SolverKind {
 };
 
 enum class Ordering {
-  kAuto,              ///< nested dissection from about 20,000 unknowns, below it minimum degree
+  kAuto,              ///< minimum degree; nested dissection where the factor is large or would not fit
   kMinimumDegree,     ///< AMD
   kNestedDissection,  ///< METIS
   kReverseCuthillMcKee,

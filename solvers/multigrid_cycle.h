@@ -66,7 +66,8 @@ void relax_from_zero(const MultigridLevel& level, const double* b, double* x) {
 template <int kWidth>
 void restrict_residual(const MultigridLevel& level, const double* b, const double* x,
                        std::vector<double>& coarse, bool one_sweep) {
-  const SparseMatrix &a = *level.matrix, &p = level.prolongation;
+  const SparseMatrix& a = *level.matrix;
+  const Prolongation& p = level.prolongation;
   coarse.assign(coarse.size(), 0.0);
   for (std::int32_t i = 0; i < a.rows; ++i) {
     Columns<kWidth> s{};
@@ -78,32 +79,32 @@ void restrict_residual(const MultigridLevel& level, const double* b, const doubl
     subtract_row<kWidth>(a, from, a.start[i + 1], x, s);
     for (std::int32_t f = p.start[i]; f < p.start[i + 1]; ++f)
       for (int c = 0; c < kWidth; ++c)
-        coarse[static_cast<std::size_t>(p.column[f]) * kWidth + c] += p.value[f] * s[c];
+        coarse[static_cast<std::size_t>(p.column[f]) * kWidth + c] += static_cast<double>(p.weight[f]) * s[c];
   }
 }
 
 /// coarse = P^T b
 template <int kWidth>
 void restrict_load(const MultigridLevel& level, const double* b, std::vector<double>& coarse) {
-  const SparseMatrix& p = level.prolongation;
+  const Prolongation& p = level.prolongation;
   coarse.assign(coarse.size(), 0.0);
-  for (std::int32_t i = 0; i < p.rows; ++i) {
+  for (std::int32_t i = 0; i < level.matrix->rows; ++i) {
     const Columns<kWidth> s = load<kWidth>(b, i);
     for (std::int32_t f = p.start[i]; f < p.start[i + 1]; ++f)
       for (int c = 0; c < kWidth; ++c)
-        coarse[static_cast<std::size_t>(p.column[f]) * kWidth + c] += p.value[f] * s[c];
+        coarse[static_cast<std::size_t>(p.column[f]) * kWidth + c] += static_cast<double>(p.weight[f]) * s[c];
   }
 }
 
 /// x += P coarse
 template <int kWidth>
 void add_prolonged(const MultigridLevel& level, const std::vector<double>& coarse, double* x) {
-  const SparseMatrix& p = level.prolongation;
-  for (std::int32_t i = 0; i < p.rows; ++i) {
+  const Prolongation& p = level.prolongation;
+  for (std::int32_t i = 0; i < level.matrix->rows; ++i) {
     Columns<kWidth> s{};
     for (std::int32_t f = p.start[i]; f < p.start[i + 1]; ++f)
       for (int c = 0; c < kWidth; ++c)
-        s[c] += p.value[f] * coarse[static_cast<std::size_t>(p.column[f]) * kWidth + c];
+        s[c] += static_cast<double>(p.weight[f]) * coarse[static_cast<std::size_t>(p.column[f]) * kWidth + c];
     for (int c = 0; c < kWidth; ++c) x[static_cast<std::size_t>(i) * kWidth + c] += s[c];
   }
 }

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cassert>
 #include <limits>
+#include <span>
 #include <utility>
 
 #include "solvers/multigrid_interpolation.h"
@@ -14,69 +15,67 @@ using Point = std::array<double, 3>;
 
 constexpr double kShort = 2.5;        // an edge up to so many times the shortest at an end couples clusters
 constexpr double kLeastShrink = 0.8;  // a level that keeps more than this share of its unknowns is the last
-constexpr std::size_t kThinRow = 4;   // entries a row of P up to which P^T A P is formed without A P
 
-NodeGraph pattern_of(const SparseMatrix& a) {
-  NodeGraph g;
-  g.start.assign(static_cast<std::size_t>(a.rows) + 1, 0);
-  g.to.reserve(a.entries());
-  for (std::int32_t i = 0; i < a.rows; ++i) {
-    for (std::int32_t e = a.start[i]; e < a.start[i + 1]; ++e)
-      if (a.column[e] != i) g.to.push_back(a.column[e]);
-    g.start[i + 1] = static_cast<std::int32_t>(g.to.size());
+/// A graph that somebody else holds; a node may be named among its own neighbours.
+struct GraphView {
+  std::span<const std::int32_t> start, to;
+};
+
+/// Tells which edges are not much longer than the shortest at one of their ends. Without positions all are.
+class ShortEdges {
+ public:
+  ShortEdges(const GraphView& g, std::span<const Point> positions) : positions_(positions) {
+    if (positions.empty()) return;
+    shortest_.assign(positions.size(), std::numeric_limits<double>::infinity());
+    for (std::size_t i = 0; i < shortest_.size(); ++i)
+      for (std::int32_t e = g.start[i]; e < g.start[i + 1]; ++e)
+        if (static_cast<std::size_t>(g.to[e]) != i)
+          shortest_[i] = std::min(shortest_[i], squared(i, g.to[e]));
   }
-  return g;
-}
+  bool operator()(std::int32_t i, std::int32_t j) const {
+    return positions_.empty() || squared(i, j) <= kShort * kShort * std::max(shortest_[i], shortest_[j]);
+  }
 
-/// The edges that are not much longer than the shortest at one of their ends.
-NodeGraph short_edges(const NodeGraph& g, std::span<const Point> positions) {
-  const std::size_t n = g.start.size() - 1;
-  const auto squared = [&](std::size_t i, std::int32_t j) {
+ private:
+  double squared(std::size_t i, std::int32_t j) const {
     double s = 0.0;
-    for (int d = 0; d < 3; ++d)
-      s += (positions[i][d] - positions[j][d]) * (positions[i][d] - positions[j][d]);
+    for (int d = 0; d < 3; ++d) {
+      const double t = positions_[i][d] - positions_[j][d];
+      s += t * t;
+    }
     return s;
-  };
-  std::vector<double> shortest(n, std::numeric_limits<double>::infinity());
-  for (std::size_t i = 0; i < n; ++i)
-    for (std::int32_t e = g.start[i]; e < g.start[i + 1]; ++e)
-      shortest[i] = std::min(shortest[i], squared(i, g.to[e]));
-  NodeGraph out;
-  out.start.assign(n + 1, 0);
-  out.to.reserve(g.to.size());
-  for (std::size_t i = 0; i < n; ++i) {
-    for (std::int32_t e = g.start[i]; e < g.start[i + 1]; ++e)
-      if (squared(i, g.to[e]) <= kShort * kShort * std::max(shortest[i], shortest[g.to[e]]))
-        out.to.push_back(g.to[e]);
-    out.start[i + 1] = static_cast<std::int32_t>(out.to.size());
   }
-  return out;
-}
+  std::span<const Point> positions_;
+  std::vector<double> shortest_;
+};
 
-/// Seeds no nearer than three edges to each other take their neighbours; what is left joins a cluster beside
+/// Seeds no nearer than three short edges to each other take their neighbours; what is left joins a cluster beside
 /// it.
-Clusters cluster(const NodeGraph& g) {
+Clusters cluster(const GraphView& g, const ShortEdges& is_short) {
   const auto n = static_cast<std::int32_t>(g.start.size()) - 1;
   Clusters c;
   c.of.assign(static_cast<std::size_t>(n), -1);
   for (std::int32_t i = 0; i < n; ++i) {
     bool open = c.of[i] < 0;
-    for (std::int32_t e = g.start[i]; open && e < g.start[i + 1]; ++e) open = c.of[g.to[e]] < 0;
+    for (std::int32_t e = g.start[i]; open && e < g.start[i + 1]; ++e)
+      open = c.of[g.to[e]] < 0 || !is_short(i, g.to[e]);
     if (!open) continue;
     const auto id = static_cast<std::int32_t>(c.seed.size());
     c.seed.push_back(i);
+    for (std::int32_t e = g.start[i]; e < g.start[i + 1]; ++e)
+      if (is_short(i, g.to[e])) c.of[g.to[e]] = id;
     c.of[i] = id;
-    for (std::int32_t e = g.start[i]; e < g.start[i + 1]; ++e) c.of[g.to[e]] = id;
   }
   std::vector<std::int32_t> joined(c.of);
   for (std::int32_t i = 0; i < n; ++i)
-    for (std::int32_t e = g.start[i]; joined[i] < 0 && e < g.start[i + 1]; ++e) joined[i] = c.of[g.to[e]];
+    for (std::int32_t e = g.start[i]; joined[i] < 0 && e < g.start[i + 1]; ++e)
+      if (is_short(i, g.to[e])) joined[i] = c.of[g.to[e]];
   c.of = std::move(joined);
   return c;
 }
 
 /// Which clusters touch.
-NodeGraph cluster_graph(const NodeGraph& g, const Clusters& c) {
+NodeGraph cluster_graph(const GraphView& g, const Clusters& c) {
   const std::size_t m = c.seed.size();
   std::vector<std::int32_t> first(m + 1, 0), member(c.of.size());
   for (const std::int32_t id : c.of) ++first[id + 1];
@@ -104,38 +103,57 @@ NodeGraph cluster_graph(const NodeGraph& g, const Clusters& c) {
   return out;
 }
 
-/// P^T A P. With thin rows A P is never stored: its rows are formed where they are added, about three times
-/// each.
+/// One row of sums, by column.
+class SparseRow {
+ public:
+  explicit SparseRow(std::int32_t columns)
+      : value_(static_cast<std::size_t>(columns), 0.0), seen_(static_cast<std::size_t>(columns), 0) {}
+  void add(std::int32_t j, double v) {
+    if (!seen_[j]) {
+      seen_[j] = 1;
+      value_[j] = 0.0;
+      columns_.push_back(j);
+    }
+    value_[j] += v;
+  }
+  void clear() {
+    for (const std::int32_t j : columns_) seen_[j] = 0;
+    columns_.clear();
+  }
+  void sort() { std::sort(columns_.begin(), columns_.end()); }
+  const std::vector<std::int32_t>& columns() const { return columns_; }
+  double operator[](std::int32_t j) const { return value_[j]; }
+
+ private:
+  std::vector<double> value_;
+  std::vector<std::uint8_t> seen_;
+  std::vector<std::int32_t> columns_;
+};
+
+/// P^T A P, one row at a time: first the row of P^T A, then that times P. Neither product is ever stored.
 SparseMatrix galerkin(const SparseMatrix& a, const SparseMatrix& p) {
   const SparseMatrix r = transpose(p);
-  if (p.entries() > kThinRow * static_cast<std::size_t>(p.rows)) return product(r, product(a, p));
   SparseMatrix out;
   out.rows = out.columns = p.columns;
   out.start.assign(static_cast<std::size_t>(p.columns) + 1, 0);
-  std::vector<std::int32_t> seen(static_cast<std::size_t>(p.columns), -1), row;
-  std::vector<double> value(static_cast<std::size_t>(p.columns), 0.0);
+  SparseRow ra(a.columns), row(p.columns);
   for (std::int32_t k = 0; k < r.rows; ++k) {
+    ra.clear();
     row.clear();
     for (std::int32_t e = r.start[k]; e < r.start[k + 1]; ++e)
-      for (std::int32_t f = a.start[r.column[e]]; f < a.start[r.column[e] + 1]; ++f) {
-        const double ra = r.value[e] * a.value[f];
-        for (std::int32_t q = p.start[a.column[f]]; q < p.start[a.column[f] + 1]; ++q) {
-          const std::int32_t j = p.column[q];
-          if (seen[j] != k) {
-            seen[j] = k;
-            row.push_back(j);
-            value[j] = 0.0;
-          }
-          value[j] += ra * p.value[q];
-        }
-      }
-    std::sort(row.begin(), row.end());
-    for (const std::int32_t j : row) {
+      for (std::int32_t f = a.start[r.column[e]]; f < a.start[r.column[e] + 1]; ++f)
+        ra.add(a.column[f], r.value[e] * a.value[f]);
+    for (const std::int32_t i : ra.columns())
+      for (std::int32_t f = p.start[i]; f < p.start[i + 1]; ++f) row.add(p.column[f], ra[i] * p.value[f]);
+    row.sort();
+    for (const std::int32_t j : row.columns()) {
       out.column.push_back(j);
-      out.value.push_back(value[j]);
+      out.value.push_back(row[j]);
     }
     out.start[k + 1] = static_cast<std::int32_t>(out.column.size());
   }
+  out.column.shrink_to_fit();
+  out.value.shrink_to_fit();
   return out;
 }
 
@@ -145,18 +163,25 @@ std::vector<double> inverse_diagonal_of(const SparseMatrix& a) {
   return d;
 }
 
+Prolongation compact(const SparseMatrix& p) {
+  return {.start = p.start,
+          .column = {p.column.begin(), p.column.end()},
+          .weight = {p.value.begin(), p.value.end()}};
+}
+
 }  // namespace
 
 std::uint64_t MultigridLevels::bytes() const {
   std::uint64_t total = 0;
   for (const MultigridLevel& l : levels)
-    total += l.own.bytes() + l.prolongation.bytes() + l.inverse_diagonal.capacity() * sizeof(double);
+    total += l.own.bytes() + l.prolongation.column.capacity() * 8 + l.prolongation.start.capacity() * 4 +
+             l.inverse_diagonal.capacity() * sizeof(double);
   return total;
 }
 
 std::size_t MultigridLevels::entries() const {
   std::size_t total = 0;
-  for (const MultigridLevel& l : levels) total += l.own.entries() + l.prolongation.entries();
+  for (const MultigridLevel& l : levels) total += l.own.entries() + l.prolongation.column.size();
   return total;
 }
 
@@ -166,27 +191,34 @@ MultigridLevels multigrid_levels(const SparseMatrix& a, const MultigridLevelsOpt
   out.levels.emplace_back();
   out.levels[0].matrix = &a;
   out.levels[0].inverse_diagonal = inverse_diagonal_of(a);
-  std::vector<Point> positions(options.positions.begin(), options.positions.end());
-  NodeGraph graph = pattern_of(options.neighbours != nullptr ? *options.neighbours : a);
+  std::span<const Point> positions = options.positions;
+  std::vector<Point> held;  // positions below the finest level
+  const SparseMatrix& mesh = options.neighbours != nullptr ? *options.neighbours : a;
+  GraphView graph{mesh.start, mesh.column};
+  NodeGraph coarser;
   while (out.levels.back().matrix->rows > options.coarsest) {
-    const Clusters clusters = cluster(positions.empty() ? graph : short_edges(graph, positions));
+    const Clusters clusters = cluster(graph, ShortEdges(graph, positions));
     if (static_cast<double>(clusters.seed.size()) > kLeastShrink * static_cast<double>(clusters.of.size()))
       break;
     std::vector<Point> coarse;
-    if (!positions.empty())
+    if (!positions.empty()) {
+      coarse.reserve(clusters.seed.size());
       for (const std::int32_t s : clusters.seed) coarse.push_back(positions[s]);
-    graph = cluster_graph(graph, clusters);
+    }
+    coarser = cluster_graph(graph, clusters);
+    graph = {coarser.start, coarser.to};
     SparseMatrix p = positions.empty() ? constant_interpolation(clusters)
                      : options.order == 1
-                         ? linear_interpolation(clusters, graph, positions, coarse)
-                         : smooth_interpolation(clusters, graph, positions, coarse, out.checked_out);
-    p.column.shrink_to_fit();
-    p.value.shrink_to_fit();
-    positions = std::move(coarse);
+                         ? linear_interpolation(clusters, coarser, positions, coarse)
+                         : smooth_interpolation(clusters, coarser, positions, coarse, out.checked_out);
+    // Weights are kept in single precision; the coarse matrix is made of the same weights.
+    for (double& w : p.value) w = static_cast<float>(w);
+    held = std::move(coarse);
+    positions = held;
     MultigridLevel next;
     next.own = galerkin(*out.levels.back().matrix, p);
     next.inverse_diagonal = inverse_diagonal_of(next.own);
-    out.levels.back().prolongation = std::move(p);
+    out.levels.back().prolongation = compact(p);
     out.levels.push_back(std::move(next));
     for (std::size_t k = 1; k < out.levels.size(); ++k) out.levels[k].matrix = &out.levels[k].own;
   }

@@ -18,11 +18,17 @@
 
 namespace tessera {
 
+/// Interpolation to a level from the next coarser one, as SparseMatrix but for single precision.
+struct Prolongation {
+  std::vector<std::int32_t> start, column;
+  std::vector<float> weight;
+};
+
 struct MultigridLevel {
   SparseMatrix own;                      ///< P^T A P of the finer level; empty on the finest
   const SparseMatrix* matrix = nullptr;  ///< &own, or the caller's
   std::vector<double> inverse_diagonal;
-  SparseMatrix prolongation;  ///< this level x next coarser; empty on the coarsest
+  Prolongation prolongation;  ///< rows: this level, columns: next coarser; empty on the coarsest
 };
 
 struct MultigridLevelsOptions {
