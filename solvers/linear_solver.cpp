@@ -5,6 +5,7 @@
 #include "solvers/krylov_solver.h"
 #include "solvers/lu_solver.h"
 #include "solvers/multigrid_solver.h"
+#include "solvers/solver_choice.h"
 
 namespace tessera {
 
@@ -20,6 +21,8 @@ std::unique_ptr<LinearSolver> make_solver(SolverKind kind, const SolverOptions& 
       return make_conjugate_gradients_solver(options);
     case SolverKind::kBicgstab:
       return make_bicgstab_solver(options);
+    case SolverKind::kAutomatic:
+      return make_automatic_solver(options);
     case SolverKind::kMultigrid:
       return make_multigrid_solver(options);
   }
@@ -36,6 +39,8 @@ const char* name(SolverKind kind) {
       return "conjugate gradients";
     case SolverKind::kBicgstab:
       return "BiCGSTAB";
+    case SolverKind::kAutomatic:
+      return "automatic";
     case SolverKind::kMultigrid:
       return "multigrid";
   }

@@ -21,6 +21,7 @@ enum class SolverKind {
   kLu,                  ///< UMFPACK; any square matrix
   kConjugateGradients,  ///< preconditioned by incomplete Cholesky; symmetric positive definite
   kBicgstab,            ///< preconditioned by incomplete LU; any square matrix
+  kAutomatic,           ///< the choice of choose_solver(); falls to multigrid where the factor does not fit
   kMultigrid,           ///< conjugate gradients preconditioned by our multigrid; symmetric positive definite
 };
 
@@ -52,7 +53,10 @@ struct SolverOptions {
   std::uint64_t memory_bytes = 0;  ///< refuse what is predicted to need more; 0: no limit
   double tolerance = 1e-8;         ///< iterative: stop at this relative residual, of every column
   int max_iterations = 1000;       ///< iterative: cycles or steps
-  /// Multigrid: order k of the Laplacian; decides coarsening and the smoothing of the prolongation.
+  /// Automatic: how many columns will be solved in all, and whether the matrix is symmetric.
+  std::size_t right_hand_sides = 3;
+  bool symmetric = true;
+  /// Multigrid and automatic: order k of the Laplacian; from 2 on the interpolation is smooth and the cycle a W.
   int order = 1;
   MultigridCycle cycle = MultigridCycle::kFull;
   /// Multigrid: position of each unknown, n, for linear interpolation between levels. Empty: interpolation by
@@ -77,6 +81,7 @@ struct FactorReport {
   std::uint64_t bytes = 0;           ///< held after this step, without the matrix of the caller
   std::uint64_t peak_bytes = 0;  ///< most held at a time up to now; after analyse() a prediction for factor()
   double flops = 0.0;            ///< of the numeric factorization, 0 where unknown
+  std::string choice;            ///< automatic: a sentence for the log, which solver and why
 };
 
 class LinearSolver {

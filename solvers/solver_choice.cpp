@@ -1,30 +1,33 @@
 // Which solver for which system: a fit of what tools/bench solvers measures.
 #include <algorithm>
 #include <cmath>
+#include <memory>
 #include <string>
+#include <utility>
 
 #include "octree/error.h"
-#include "solvers/linear_solver.h"
+#include "solvers/solver_choice.h"
 
 namespace tessera {
 namespace {
 
-/// At a million unknowns, per unknown: bytes, microseconds before the first solution, microseconds a
-/// right-hand side.
+/// At a million unknowns, per unknown: bytes, microseconds before the first solution, microseconds a right-hand side.
 struct Cost {
   double bytes, setup, column;
 };
 
 struct Measured {
-  Cost cholesky, multigrid;
+  Cost cholesky;
+  double work_exponent;  // of the factorization over the number of unknowns; small factors live in the cache
+  Cost multigrid;
 };
 constexpr Measured kMeasured[] = {
-    {{840.0, 3.6, 0.10}, {200.0, 1.0, 0.35}},
-    {{2400.0, 12.0, 0.25}, {650.0, 4.5, 1.5}},
-    {{5500.0, 40.0, 0.50}, {950.0, 8.0, 20.0}},
+    {{800.0, 3.2, 0.11}, 1.2, {195.0, 0.71, 0.26}},
+    {{2700.0, 13.0, 0.24}, 1.4, {630.0, 3.7, 1.2}},
+    {{5500.0, 27.0, 0.50}, 1.4, {900.0, 5.5, 12.0}},
 };
-// Fill grows with the logarithm of the size, work with about its power 1.5; small factors live in cache.
-constexpr double kWorkExponent = 1.2;
+// A direct solution is exact, so multigrid has to be faster by this factor.
+constexpr double kFasterBy = 1.5;
 constexpr double kLuOverCholesky = 2.5;  // memory
 
 std::string mebibytes(double bytes) {
@@ -58,14 +61,14 @@ SolverChoice choose_solver(std::size_t unknowns, int order, std::size_t right_ha
   }
   const double scale = n * 1e-6;
   const double direct =
-      m.cholesky.setup * std::pow(scale, kWorkExponent) + m.cholesky.column * columns * scale * fill;
+      m.cholesky.setup * std::pow(scale, m.work_exponent) + m.cholesky.column * columns * scale * fill;
   const double multigrid = (m.multigrid.setup + m.multigrid.column * columns) * scale;
   if (!fits) {
     out.kind = SolverKind::kMultigrid;
     out.reason = what + "a Cholesky factor would need " + mebibytes(direct_bytes) + ", above the cap of " +
                  mebibytes(static_cast<double>(memory_bytes)) + ", so multigrid";
   } else {
-    out.kind = direct <= multigrid ? SolverKind::kCholesky : SolverKind::kMultigrid;
+    out.kind = direct <= kFasterBy * multigrid ? SolverKind::kCholesky : SolverKind::kMultigrid;
     const auto seconds = [](double s) {
       return std::to_string(static_cast<int>(std::ceil(s * 10.0))) + " tenths of a second";
     };
@@ -74,6 +77,51 @@ SolverChoice choose_solver(std::size_t unknowns, int order, std::size_t right_ha
   out.predicted_bytes =
       static_cast<std::uint64_t>(out.kind == SolverKind::kCholesky ? direct_bytes : iterative_bytes);
   return out;
+}
+
+namespace {
+
+class AutomaticSolver final : public LinearSolver {
+ public:
+  explicit AutomaticSolver(const SolverOptions& options) : options_(options) {}
+
+  FactorReport analyse(const SparseMatrix& a) override {
+    const SolverChoice choice =
+        choose_solver(static_cast<std::size_t>(a.rows), options_.order, options_.right_hand_sides,
+                      options_.memory_bytes, options_.symmetric);
+    std::string reason = choice.reason;
+    // Without positions multigrid is slow: then it is the last resort.
+    SolverKind kind = choice.kind;
+    if (kind == SolverKind::kMultigrid && options_.positions.empty()) {
+      kind = SolverKind::kCholesky;
+      reason += "; but without positions Cholesky first";
+    }
+    solver_ = make_solver(kind, options_);
+    FactorReport report = solver_->analyse(a);
+    const bool direct = kind == SolverKind::kCholesky || kind == SolverKind::kLu;
+    if (report.status == SolveStatus::kTooLarge && direct) {
+      // The exact count knows better than the rule.
+      reason += "; but " + report.message;
+      solver_ = make_solver(options_.symmetric ? SolverKind::kMultigrid : SolverKind::kBicgstab, options_);
+      report = solver_->analyse(a);
+    }
+    report.choice = std::move(reason);
+    return report;
+  }
+  FactorReport factor(const SparseMatrix& a) override { return solver_->factor(a); }
+  SolveReport solve(std::span<const double> b, std::span<double> x, int width) override {
+    return solver_->solve(b, x, width);
+  }
+
+ private:
+  SolverOptions options_;
+  std::unique_ptr<LinearSolver> solver_;
+};
+
+}  // namespace
+
+std::unique_ptr<LinearSolver> make_automatic_solver(const SolverOptions& options) {
+  return std::make_unique<AutomaticSolver>(options);
 }
 
 }  // namespace tessera

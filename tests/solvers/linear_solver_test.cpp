@@ -264,6 +264,41 @@ TEST_CASE("solver: the rule falls back to multigrid when memory is short, and sa
   CHECK_THROWS_AS(make_solver(SolverKind::kMultigrid, {.tolerance = 0.0}), UsageError);
 }
 
+TEST_CASE("solver: the automatic choice keeps to the cap and gives its reason", "[memory]") {
+  const Problem p = problem(120, 2);
+  const auto need = [&](Ordering ordering) {
+    return make_solver(SolverKind::kCholesky, {.ordering = ordering})->analyse(p.system.matrix).peak_bytes;
+  };
+  const std::uint64_t degree = need(Ordering::kMinimumDegree), dissection = need(Ordering::kNestedDissection);
+  REQUIRE(dissection < degree);
+  std::vector<double> free_of_cap, x(p.b.size());
+  for (const std::uint64_t cap :
+       {std::uint64_t{0}, degree + 1000, (degree + dissection) / 2, dissection - 1000}) {
+    CAPTURE(cap, degree, dissection);
+    SolverOptions o = multigrid_options(p, 2, MultigridCycle::kFull);
+    o.memory_bytes = cap;
+    o.tolerance = 1e-8;
+    o.right_hand_sides = 1000;  // so many that direct is faster
+    const auto solver = make_solver(SolverKind::kAutomatic, o);
+    const FactorReport plan = solver->analyse(p.system.matrix);
+    REQUIRE(plan.status == SolveStatus::kSolved);
+    CHECK_THAT(plan.choice, Catch::Contains("order 2"));
+    if (cap > 0) CHECK(plan.peak_bytes <= cap);
+    const FactorReport made = solver->factor(p.system.matrix);
+    REQUIRE(made.status == SolveStatus::kSolved);
+    if (cap > 0) CHECK(made.peak_bytes <= cap);
+    const SolveReport r = solver->solve(p.b, x, 3);
+    CHECK(r.status == SolveStatus::kSolved);
+    if (cap == 0) CHECK(r.iterations == 0);
+    if (cap > 0 && cap < dissection) CHECK(r.iterations > 0);
+    if (free_of_cap.empty()) free_of_cap = x;
+    CHECK((test::dense(x, 3) - test::dense(free_of_cap, 3)).norm() < 1e-3 * test::dense(x, 3).norm());
+  }
+  SolverOptions tiny = multigrid_options(p, 2, MultigridCycle::kFull);
+  tiny.memory_bytes = 1 << 16;
+  CHECK(make_solver(SolverKind::kAutomatic, tiny)->analyse(p.system.matrix).status == SolveStatus::kTooLarge);
+}
+
 TEST_CASE("sparse matrix: product, sum, transpose and selection are those of dense matrices", "[property]") {
   const Problem p = problem(9, 1);
   const SparseMatrix &a = p.operators.stiffness, b = laplacian_power(p.operators, 2);
