@@ -42,6 +42,9 @@ std::string count(double n) {
 std::string mebibytes(const json& row, const char* key) {
   return fmt::format("{:.0f} MiB", row.value(key, 0.0) / 1048576.0);
 }
+std::string seconds(double s) {
+  return s < 0.1 ? fmt::format("{:.3f}", s) : s < 10.0 ? fmt::format("{:.2f}", s) : fmt::format("{:.1f}", s);
+}
 bool solved(const json& row) {
   return row.value("status", "") == "solved";
 }
