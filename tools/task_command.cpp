@@ -7,6 +7,7 @@
 #include "stream/journal.h"
 #include "stream/stages/decimate_job.h"
 #include "stream/stages/reconstruct_job.h"
+#include "stream/stages/smooth_stage.h"
 #include "stream/stop.h"
 #include "stream/work_dir.h"
 #include "tools/cli.h"
@@ -34,7 +35,9 @@ std::int64_t parse_task(const std::string& text) {
 JobDescription job_of(const std::filesystem::path& work) {
   const nlohmann::json identity = WorkDir::open_existing(work, false).identity();
   const auto command = identity.at("command").get<std::string>();
-  return command == "decimate" ? decimate_job(identity.at("options").dump()) : reconstruct_job();
+  if (command == "decimate") return decimate_job(identity.at("options").dump());
+  if (command == "smooth") return smooth_job(smooth_options(identity.at("options").dump()));
+  return reconstruct_job();
 }
 
 void run(const Arguments& arguments) {

@@ -3,8 +3,10 @@
 #include <catch2/catch.hpp>
 #include <cmath>
 #include <limits>
+#include <map>
 
 #include "octree/error.h"
+#include "solvers/linear_solver.h"
 #include "tests/helpers/block_meshes.h"
 
 namespace {
@@ -384,4 +386,70 @@ TEST_CASE("smooth: options that make no sense are refused by name", "[unit]") {
   for (const SmoothRound& round : smooth_rounds(long_one))
     steps += static_cast<std::size_t>(round.filter.degree);
   CHECK(steps == 50);
+}
+
+TEST_CASE("smooth: Chebyshev steps agree with the direct solution of the same system", "[property]") {
+  MeshBlock block = test::sphere_block(4);
+  test::add_noise(block, 0.01, 31);
+  SmoothOptions options;
+  options.feature_angle_deg = 0;
+  options.lambda = GENERATE(3.0, 10.0, 40.0);
+  options.order = GENERATE(1, 2);
+  const SmoothRound round = only_round(options);
+  const SmoothedBlock out = smooth_block(block, round);
+  // (D + lambda (D - W) D^-1 ... (D - W)) x = D b: symmetric, positive definite.
+  const SurfaceRows rows = make_surface_rows(block, round.rows);
+  const std::size_t n = block.position.size();
+  SparseMatrix stiffness;
+  stiffness.rows = stiffness.columns = static_cast<std::int32_t>(n);
+  stiffness.start.push_back(0);
+  std::vector<double> degree(n), inverse(n);
+  for (std::size_t v = 0; v < n; ++v) {
+    std::map<std::int32_t, double> row;
+    for (std::uint32_t e = rows.first[v]; e < rows.first[v + 1]; ++e) {
+      row[static_cast<std::int32_t>(rows.neighbour[e])] = -static_cast<double>(rows.weight[e]);
+      degree[v] += static_cast<double>(rows.weight[e]);
+    }
+    row[static_cast<std::int32_t>(v)] = degree[v];
+    inverse[v] = 1.0 / degree[v];
+    for (const auto& [column, value] : row) {
+      stiffness.column.push_back(column);
+      stiffness.value.push_back(value);
+    }
+    stiffness.start.push_back(static_cast<std::int32_t>(stiffness.column.size()));
+  }
+  const SparseMatrix power =
+      options.order == 2 ? product(product(stiffness, diagonal_matrix(inverse)), stiffness) : stiffness;
+  const SparseMatrix system = sum(1.0, diagonal_matrix(degree), options.lambda, power);
+  std::vector<double> b(3 * n), x(3 * n);
+  for (std::size_t v = 0; v < n; ++v)
+    for (std::size_t a = 0; a < 3; ++a) b[3 * v + a] = degree[v] * block.position[v][a];
+  const auto solver = make_solver(SolverKind::kCholesky);
+  REQUIRE(solver->analyse(system).status == SolveStatus::kSolved);
+  REQUIRE(solver->factor(system).status == SolveStatus::kSolved);
+  REQUIRE(solver->solve(b, x, 3).status == SolveStatus::kSolved);
+  double error = 0.0, moved = 0.0;
+  for (std::size_t v = 0; v < n; ++v)
+    for (std::size_t a = 0; a < 3; ++a) {
+      error += std::pow(out.position[v][a] - x[3 * v + a], 2);
+      moved += std::pow(x[3 * v + a] - block.position[v][a], 2);
+    }
+  CHECK(std::sqrt(error / moved) < 1e-3);
+}
+
+TEST_CASE("smooth: crease junk of heavy noise cannot make a filter grow", "[property]") {
+  MeshBlock block = test::sphere_block(5);
+  const double edge = 0.05, noise = 0.4 * edge;
+  test::add_noise(block, noise, 37);
+  SmoothOptions options;
+  options.feature_angle_deg = 25;
+  options.order = GENERATE(1, 2);
+  options.lambda = GENERATE(10.0, 60.0);
+  const SmoothedBlock out = smooth_block(block, only_round(options));
+  CHECK(out.counts.line > 300);
+  CHECK(out.counts.line + out.counts.fixed < out.counts.vertices - 300);
+  double largest = 0.0;
+  for (std::size_t v = 0; v < out.position.size(); ++v)
+    largest = std::max(largest, distance(out.position[v], block.position[v]));
+  CHECK(largest < 4 * edge);
 }

@@ -107,6 +107,8 @@ TEST_CASE("smooth command: same bytes for tiles, threads, cap and input order", 
   CHECK(smoothed(in, folder / "out.ply", with({"--tile-size", "64", "-t", "2"})) == expected);
   CHECK(smoothed(in, folder / "out.ply", with({"--tile-size", "128", "-t", "1"})) == expected);
   CHECK(smoothed(in, folder / "out.ply", with({"--memory", "160M", "-t", "2"})) == expected);
+  if (how[0] == "--lambda")
+    CHECK(smoothed(in, folder / "out.ply", with({"--processes", "-t", "2"})) == expected);
   const fs::path other = write(shuffled(mesh, 5), folder / "other.ply");
   CHECK(smoothed(other, folder / "out.ply", with({"-t", "2"})) == expected);
 }
