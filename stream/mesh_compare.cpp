@@ -113,11 +113,15 @@ MeshComparison compare_mesh_files(const std::filesystem::path& mesh, const std::
                                   const CompareOptions& options, const RunOptions& run) {
   options.validate();
   const ScratchFolder scratch(run.temp, "compare");
+  const auto start = std::chrono::steady_clock::now();
   const MeshStore a = import_mesh(mesh, scratch.path(), "mesh", run, options.check_stop);
   const MeshStore b = import_mesh(reference, scratch.path(), "reference", run, options.check_stop);
+  const std::chrono::duration<double> imported = std::chrono::steady_clock::now() - start;
   WorkerPool pool(run.threads);
   MemoryBudget budget(run.memory_bytes, resident_bytes());
-  return compare_meshes(a, b, options, pool, budget);
+  MeshComparison comparison = compare_meshes(a, b, options, pool, budget);
+  comparison.import_seconds = imported.count();
+  return comparison;
 }
 
 }  // namespace tessera

@@ -43,7 +43,8 @@ struct MeshComparison {
   DirectedDeviation there;          ///< mesh to reference
   DirectedDeviation back;           ///< reference to mesh
   std::uint64_t cells = 0;
-  double seconds = 0.0;
+  double seconds = 0.0;         ///< of the comparison
+  double import_seconds = 0.0;  ///< of reading both files into stores
 
   double upper() const;         ///< both ways; infinite when something is beyond reach
   bool proven() const;          ///< surfaces stay within the tolerance both ways
