@@ -9,6 +9,9 @@ namespace {
 
 /// Least length of the mean normal that is trusted: beyond it the normals of a voxel contradict each other.
 constexpr double kLeastMeanNormal = 0.3;
+/// Most that one point stands for, cells^2: a stray one must not make a blob of its own, whose winding number right
+/// behind it passes one half (from 4 pi kDipoleCore^2 / 2 on).
+constexpr double kMostArea = 1.5;
 
 struct Polygon {
   std::array<Double3, 16> corner;
@@ -55,8 +58,8 @@ struct Side {
     if (!(size > 0.0)) return 0.0f;
     Double3 n, p;
     for (std::size_t c = 0; c < 3; ++c) n[c] = normal[c] / size, p[c] = position[c] / points;
-    return static_cast<float>(plane_area_in_cube(p, n, kAreaVoxelCells) /
-                              std::max(size, kLeastMeanNormal * points));
+    const double area = plane_area_in_cube(p, n, kAreaVoxelCells) / std::max(size, kLeastMeanNormal * points);
+    return static_cast<float>(std::min(area, kMostArea));
   }
 };
 

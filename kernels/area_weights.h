@@ -4,7 +4,8 @@
 /// Per voxel of 4^3 cells and side of the surface: the area of the mean plane within the voxel, divided among
 /// the points there. So a spot that ten scans have seen weighs as much as one that a single scan has. Where
 /// normals differ, points get more, so that their area-weighted normals sum up to that of the plane: by the
-/// divergence theorem it is that of the surface itself, however it bends inside the voxel.
+/// divergence theorem it is that of the surface itself, however it bends inside the voxel. No point stands for more than
+/// 1.5 cells^2.
 #pragma once
 #include <vector>
 

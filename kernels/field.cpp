@@ -79,6 +79,7 @@ DirectedField evaluate_field(const PointBlock& points, const FieldOptions& optio
   fit_options.sheets.cos_feature = cosine_of_degrees(options.feature_angle_deg);
   fit_options.sheets.cos_seed = cosine_of_degrees(0.8 * options.feature_angle_deg);
   fit_options.sheets.noise = static_cast<float>(options.noise_cells);
+  fit_options.firm_rim = options.firm_rim;
   fit_options.noisy = options.noise_cells > kExactNoise;
   NodeFitScratch scratch;
   SampleList samples, coarse;

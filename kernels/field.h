@@ -19,6 +19,7 @@ struct FieldOptions {
   double feature_angle_deg =
       25.0;                  ///< normals of one neighbourhood that differ by more are two sheets of a feature
   double noise_cells = 0.0;  ///< standard deviation of the points along the normal, in cells; 0 = exact
+  bool firm_rim = false;     ///< end the surface well among the samples: what is beyond will be closed
 };
 
 /// What `evaluate_field` reaches beyond the block's core: the points handed in must be complete within it: the

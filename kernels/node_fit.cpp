@@ -62,6 +62,9 @@ constexpr float kRimRatio = 1.0f;
 /// point this close to the centroid, in radii, is among them. At the border of the half plane it is 0.23;
 /// beyond, the surface reaches on by up to half a cell.
 constexpr float kRimFloor = 0.36f;
+/// Both where closing takes over at the rim: it stays well among the samples, so that no flap reaches on.
+constexpr float kFirmRimRatio = 0.6f;
+constexpr float kFirmRimFloor = 0.18f;
 
 /// The algebraic spheres of one row, as the crease test needs them.
 struct Spheres {
@@ -107,10 +110,12 @@ void finish_row(const Sums& s, std::uint32_t active, const NodeFitOptions& optio
   const __m256 fx = _mm256_fmadd_ps(value, gx, cx), fy = _mm256_fmadd_ps(value, gy, cy),
                fz = _mm256_fmadd_ps(value, gz, cz);
   const __m256 off2 = dot(fx, fy, fz, fx, fy, fz);
+  const float rim = options.firm_rim ? kFirmRimRatio : kRimRatio;
+  const float floor = options.firm_rim ? kFirmRimFloor : kRimFloor;
   const __m256 among = _mm256_cmp_ps(
       off2,
-      _mm256_max_ps(_mm256_mul_ps(_mm256_mul_ps(spread_w, inverse_w), _mm256_set1_ps(kRimRatio * kRimRatio)),
-                    _mm256_set1_ps(kRimFloor * kRimFloor * options.radius * options.radius)),
+      _mm256_max_ps(_mm256_mul_ps(_mm256_mul_ps(spread_w, inverse_w), _mm256_set1_ps(rim * rim)),
+                    _mm256_set1_ps(floor * floor * options.radius * options.radius)),
       _CMP_LE_OQ);
   const __m256 magnitude = _mm256_andnot_ps(_mm256_set1_ps(-0.0f), value);
   const __m256 close = _mm256_cmp_ps(magnitude, _mm256_set1_ps(kLargestValue), _CMP_LE_OQ);

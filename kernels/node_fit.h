@@ -31,6 +31,7 @@ struct NodeFitOptions {
   /// Samples off the surface, with normals to match: clusters start from averaged normals. Else from single
   /// ones, which finds faces that barely reach in.
   bool noisy = false;
+  bool firm_rim = false;  ///< end the surface well among the samples instead of at the last ones
   SheetOptions sheets;
 };
 

@@ -22,6 +22,7 @@ class RimsStage : public Stage {
         store_(list_task_files(state.work / "points", ".tsp"), PointOverlay::open(state.work)),
         field_(field_options(plan_, state.options.feature_angle_deg)) {
     if (!HolesMode(state.options.holes).close) return;
+    field_.firm_rim = true;
     groups_ = make_tile_groups(store_, surface_tiling(state, field_));
   }
 

@@ -26,6 +26,7 @@ class SurfaceStage : public Stage {
       : plan_(Plan::of_work(state.work)),
         store_(list_task_files(state.work / "points", ".tsp"), PointOverlay::open(state.work)) {
     field_ = field_options(plan_, state.options.feature_angle_deg);
+    field_.firm_rim = HolesMode(state.options.holes).close;
     extract_.method =
         state.options.method == "mc" ? ExtractMethod::kMarchingCubes : ExtractMethod::kExtendedMarchingCubes;
     extract_.feature_angle_deg = state.options.feature_angle_deg;
