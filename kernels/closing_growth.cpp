@@ -314,8 +314,9 @@ std::uint64_t take_back_unfinished(std::map<std::uint64_t, std::vector<ClosingLe
     const auto brick = bricks.find(brick_key({c[0] >> kBrickBits, c[1] >> kBrickBits, c[2] >> kBrickBits}));
     if (brick == bricks.end()) return false;
     const Int3 origin = {c[0] & ~(kLeafCells - 1), c[1] & ~(kLeafCells - 1), c[2] & ~(kLeafCells - 1)};
-    const auto leaf = std::lower_bound(brick->second.begin(), brick->second.end(), origin,
-                                       [](const ClosingLeaf& l, const Int3& o) { return before(l.origin, o); });
+    const auto leaf =
+        std::lower_bound(brick->second.begin(), brick->second.end(), origin,
+                         [](const ClosingLeaf& l, const Int3& o) { return before(l.origin, o); });
     if (leaf == brick->second.end() || leaf->origin != origin) return false;
     std::uint64_t& word = leaf->cells[static_cast<std::size_t>(c[2] & 7)];
     const std::uint64_t bit = std::uint64_t{1} << ((c[0] & 7) + 8 * (c[1] & 7));

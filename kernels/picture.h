@@ -31,6 +31,7 @@ struct Image {
 /// Colours are r | g<<8 | b<<16, as points carry them.
 inline constexpr std::uint32_t kClay = 0xffc8d0d6u;
 inline constexpr std::uint32_t kBackFace = 0xff2f8cf0u;         // orange
+inline constexpr std::uint32_t kSyntheticFace = 0xffd6a866u;    // blue
 inline constexpr std::uint32_t kBorderEdge = 0xff2020e0u;       // red
 inline constexpr std::uint32_t kNonManifoldEdge = 0xffe01fd8u;  // magenta
 

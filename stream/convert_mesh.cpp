@@ -77,14 +77,15 @@ ConvertMeshReport convert_mesh(const std::filesystem::path& input, const std::fi
   header.vertices = report.vertices;
   header.faces = report.faces;
   header.double_positions = header.double_positions && !options.floats;
+  header.synthetic = mesh.has_synthetic();
   const auto writer = create_mesh_file(output, header);
   mesh.read_vertices([&](std::span<const Double3> positions, std::span<const std::uint32_t> rgba) {
     stop();
     writer->vertices(positions, rgba);
   });
-  mesh.read_faces([&](std::span<const MeshFace> faces) {
+  mesh.read_flagged_faces([&](std::span<const MeshFace> faces, std::span<const std::uint8_t> synthetic) {
     stop();
-    writer->faces(faces);
+    writer->faces(faces, synthetic);
   });
   writer->finish();
   report.bytes = writer->bytes_written();

@@ -66,6 +66,13 @@ class MeshReader {
   virtual void read_vertices(
       const std::function<void(std::span<const Double3>, std::span<const std::uint32_t>)>& sink) = 0;
   virtual void read_faces(const std::function<void(std::span<const MeshFace>)>& sink) = 0;
+  /// Whether faces say that they close holes (PLY: property `synthetic`).
+  virtual bool has_synthetic() const { return false; }
+  /// Faces with what they say, one value each; no values if has_synthetic() is false.
+  virtual void read_flagged_faces(
+      const std::function<void(std::span<const MeshFace>, std::span<const std::uint8_t>)>& sink) {
+    read_faces([&](std::span<const MeshFace> faces) { sink(faces, {}); });
+  }
 };
 
 struct MeshReadOptions {

@@ -266,7 +266,8 @@ void MeshItem::draw(Picture& picture, const DrawContext& context) {
       {origin_[0] - context.origin[0], origin_[1] - context.origin[1], origin_[2] - context.origin[2]});
   std::vector<PictureVertex> batch;
   batch.reserve(3 * kBatchFaces);
-  const auto emit = [&](const std::array<Corner, 3>& corners, const MeshFace* face) {
+  const bool by_origin = !by_vertex && !by_height;
+  const auto emit = [&](const std::array<Corner, 3>& corners, const MeshFace* face, bool synthetic) {
     const auto& [a, b, c] = corners;
     const Float3 u = {b.x - a.x, b.y - a.y, b.z - a.z}, v = {c.x - a.x, c.y - a.y, c.z - a.z};
     const Float3 n = {u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]};
@@ -280,6 +281,7 @@ void MeshItem::draw(Picture& picture, const DrawContext& context) {
       const Corner& corner = corners[i];
       out.x = corner.x, out.y = corner.y, out.z = corner.z;
       if (by_vertex) out.rgba = corner.rgba;
+      if (by_origin && synthetic) out.rgba = kSyntheticFace;
       if (by_height) {
         const Double3 p = {static_cast<double>(corner.x) + origin_[0],
                            static_cast<double>(corner.y) + origin_[1],
@@ -300,20 +302,22 @@ void MeshItem::draw(Picture& picture, const DrawContext& context) {
     }
   };
   if (resident_) {
-    open_mesh_file(path_)->read_faces([&](std::span<const MeshFace> faces) {
-      for (const MeshFace& face : faces) {
+    open_mesh_file(path_)->read_flagged_faces([&](std::span<const MeshFace> faces,
+                                                  std::span<const std::uint8_t> synthetic) {
+      for (std::size_t f = 0; f < faces.size(); ++f) {
+        const MeshFace& face = faces[f];
         std::array<Corner, 3> corners;
         for (std::size_t i = 0; i < 3; ++i) {
           const Float3& p = positions_[face[i]];
           corners[i] = {p[0], p[1], p[2], colour_ ? rgba_[face[i]] : 0};
         }
-        emit(corners, &face);
+        emit(corners, &face, !synthetic.empty() && synthetic[f] != 0);
       }
     });
   } else {
     corners_->read([&](std::span<const Corner> corners) {
       for (std::size_t i = 0; i < corners.size(); i += 3)
-        emit({corners[i], corners[i + 1], corners[i + 2]}, nullptr);
+        emit({corners[i], corners[i + 1], corners[i + 2]}, nullptr, false);
     });
   }
   if (!batch.empty()) picture.triangles(batch, wire);

@@ -56,6 +56,42 @@ class PlyMeshReader : public MeshReader {
   }
 
   void read_faces(const FaceSink& sink) override {
+    read_faces(sink, [](const Values&) {});
+  }
+
+  bool has_synthetic() const override { return synthetic_ >= 0; }
+
+  void read_flagged_faces(
+      const std::function<void(std::span<const MeshFace>, std::span<const std::uint8_t>)>& sink) override {
+    if (!has_synthetic()) {
+      MeshReader::read_flagged_faces(sink);
+      return;
+    }
+    std::vector<MeshFace> triangles;  // batches end where polygons end
+    std::vector<std::uint8_t> flags;
+    const auto hand_over = [&] {
+      sink(triangles, flags);
+      triangles.clear();
+      flags.clear();
+    };
+    read_faces(
+        [&](std::span<const MeshFace> batch) { triangles.insert(triangles.end(), batch.begin(), batch.end()); },
+        [&](const Values& values) {
+          const bool flag = values[static_cast<std::size_t>(synthetic_)] != 0.0;
+          flags.resize(triangles.size(), flag ? std::uint8_t{1} : std::uint8_t{0});
+          if (triangles.size() >= kFlaggedBatch) hand_over();
+        },
+        true);
+    if (!triangles.empty()) hand_over();
+  }
+
+ private:
+  using Values = std::vector<double>;  ///< of the properties of one element; lists leave theirs alone
+  static constexpr std::size_t kFlaggedBatch = 16384;
+
+  /// \param then  called with the properties of each face
+  /// \param one_by_one  hand over the triangles of each face before `then` is called
+  void read_faces(const FaceSink& sink, const std::function<void(const Values&)>& then, bool one_by_one = false) {
     if (!faces_) return;
     const PlyElement& faces = ply_.elements[*faces_];
     if (ply_.encoding == PlyEncoding::kAscii) {
@@ -63,7 +99,11 @@ class PlyMeshReader : public MeshReader {
       FaceBatch batch(sink, options_, header_.vertices, [&] { return text.where(); });
       Values values(faces.properties.size());
       Polygon polygon{batch, strips_};
-      for (std::uint64_t i = 0; i < faces.count; ++i) read_ascii_element(text, faces, values, &polygon);
+      for (std::uint64_t i = 0; i < faces.count; ++i) {
+        read_ascii_element(text, faces, values, &polygon);
+        if (one_by_one) batch.flush();
+        then(values);
+      }
       batch.flush();
       return;
     }
@@ -74,12 +114,13 @@ class PlyMeshReader : public MeshReader {
     std::uint64_t i = 0;
     if (!strips_ && !ply_.big_endian() && faces.properties.size() == 1)
       i = read_plain_triangles(window, faces, batch);
-    for (; i < faces.count; ++i) read_binary_element(window, faces, values, &polygon);
+    for (; i < faces.count; ++i) {
+      read_binary_element(window, faces, values, &polygon);
+      if (one_by_one) batch.flush();
+      then(values);
+    }
     batch.flush();
   }
-
- private:
-  using Values = std::vector<double>;  ///< of the properties of one element; lists leave theirs alone
 
   /// Takes the indices of a face or strip as they come.
   struct Polygon {
@@ -164,6 +205,8 @@ class PlyMeshReader : public MeshReader {
       faces_ = static_cast<std::size_t>(found);
       indices_ = static_cast<std::size_t>(indices);
       strips_ = std::string(name) == "tristrips";
+      synthetic_ = e.find("synthetic");
+      if (synthetic_ >= 0 && e.properties[static_cast<std::size_t>(synthetic_)].list) synthetic_ = -1;
       header_.faces = strips_ ? 0 : e.count;
       if (e.count > 0) return;
     }
@@ -360,6 +403,7 @@ class PlyMeshReader : public MeshReader {
   std::optional<std::size_t> faces_;  ///< element of faces or strips; none in a mesh without faces
   std::size_t indices_ = 0;           ///< its list of vertex indices
   bool strips_ = false;
+  int synthetic_ = -1;  ///< property of the faces
   MeshHeader header_;
   std::string format_;
 };

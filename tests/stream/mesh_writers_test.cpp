@@ -79,6 +79,15 @@ TEST_CASE("PLY writer: faces that close a hole say so, other formats drop it", "
     for (const MeshFace& face : faces) CHECK(face == kTetrahedron[read++]);
   });
   CHECK(read == 4);
+  const auto reader = open_mesh_file(folder.path() / "a.ply");
+  CHECK(reader->has_synthetic());
+  std::vector<std::uint8_t> flags;
+  reader->read_flagged_faces([&](std::span<const MeshFace> faces, std::span<const std::uint8_t> synthetic) {
+    REQUIRE(faces.size() == synthetic.size());
+    flags.insert(flags.end(), synthetic.begin(), synthetic.end());
+  });
+  CHECK(flags == std::vector<std::uint8_t>{0, 1, 0, 1});
+  CHECK_FALSE(open_mesh_file(folder.path() / "a.obj")->has_synthetic());
 }
 
 TEST_CASE("mesh writers: nothing remains of an unfinished file", "[fault]") {
