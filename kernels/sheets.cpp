@@ -137,8 +137,9 @@ constexpr float kLargestHeightShare = 0.12f;
 /// Two faces that meet lie on one side of each other, at least one way: the squared mean height of one above
 /// the other, over its variance. Half a disc at an edge has 2, two mixed sets of samples 0.
 constexpr float kOneSided = 0.5f;
-/// Largest share of the weight that may be left out.
-constexpr float kLargestLoss = 0.35f;
+/// Largest share of the weight that may be left out: sheets that explain less than the rest are spikes at the
+/// silhouettes of single scans, where the smooth fit is the better one.
+constexpr float kLargestLoss = 0.2f;
 
 /// Cosine of the angle between two sheets where they meet (half-way between their samples), or 1 if noise
 /// explains the difference.
