@@ -11,6 +11,7 @@
 #include "stream/point_inputs.h"
 #include "stream/point_sort.h"
 #include "stream/run_file.h"
+#include "stream/stages/hole_files.h"
 
 namespace tessera {
 namespace {
@@ -128,6 +129,9 @@ Forecast forecast_job(const Plan& plan, const std::vector<PlanBrick>& bricks, co
 void require_resources(const Forecast& forecast, const JobState& job) {
   const MemoryBudget budget(job.run.memory_bytes, resident_bytes());
   budget.require(forecast.least_task_bytes, "the densest part of the scan");
+  if (job.options.max_hole > 0) {
+    budget.require(hole_task_bytes(job.options.max_hole), "filling holes of the largest size (--max-hole)");
+  }
   std::error_code unknown;
   const auto space = std::filesystem::space(job.work, unknown);
   if (unknown || forecast.peak_disk_bytes <= space.available) return;

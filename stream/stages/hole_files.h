@@ -22,6 +22,13 @@ constexpr std::uint64_t loop_bytes(std::uint64_t n) {
   return 64 + n * (8 + 24 + 24 + 4);
 }
 
+/// A batch of loops ends when it may need so many new vertices.
+inline constexpr std::uint64_t kBatchVertices = 200'000;
+/// Memory of a task that fills loops of at most `max_hole` edges: the kernel, and the batch with its fillings.
+constexpr std::uint64_t hole_task_bytes(std::uint64_t max_hole) {
+  return hole_bytes(max_hole) + (std::uint64_t{56} << 20);
+}
+
 void save_loops(const std::filesystem::path& path, const std::vector<NamedLoop>& loops);
 std::vector<NamedLoop> load_loops(const std::filesystem::path& path);
 

@@ -23,11 +23,7 @@ class HolesStage : public Stage {
   std::uint64_t units() const override { return files_.size(); }
   std::string unit_name() const override { return "batches"; }
 
-  std::uint64_t task_bytes(std::size_t task) const override {
-    // The batch twice (read, and its fillings: a dozen new vertices and two dozen faces per edge at most).
-    return hole_bytes(std::min(state_.options.max_hole, kMostHoleEdges)) +
-           2 * std::filesystem::file_size(files_[task]) + kBatchBytes + kFixedBytes;
-  }
+  std::uint64_t task_bytes(std::size_t) const override { return hole_task_bytes(state_.options.max_hole); }
 
   json run(std::size_t task, TaskContext& context) const override {
     const std::vector<NamedLoop> loops = load_loops(files_[task]);
@@ -86,8 +82,6 @@ class HolesStage : public Stage {
   }
 
  private:
-  static constexpr std::uint64_t kBatchBytes = std::uint64_t{40} << 20;
-
   JobState state_;
   std::vector<std::filesystem::path> files_;
 };

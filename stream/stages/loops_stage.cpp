@@ -194,13 +194,13 @@ class LoopsStage : public Stage {
               [](const BorderEdge& a, const BorderEdge& b) { return a.from < b.from; });
     std::vector<std::uint8_t> seen(border.size(), 0);
     std::uint64_t loops = 0, chosen = 0, longest = 0, broken = 0, batches = 0, batch_edges = 0,
-                  batch_cost = 0;
+                  batch_cost = 0, batch_vertices = 0;
     std::vector<std::vector<BorderEdge>> batch;
     const auto flush = [&] {
       if (batch.empty()) return;
       save_loops(context.create(loop_file_name(batches++)), gather(batch, chords, context));
       batch.clear();
-      batch_edges = batch_cost = 0;
+      batch_edges = batch_cost = batch_vertices = 0;
     };
     std::vector<BorderEdge> loop;
     for (std::size_t first = 0; first < border.size(); ++first) {
@@ -226,8 +226,9 @@ class LoopsStage : public Stage {
       ++chosen;
       batch.push_back(loop);
       batch_edges += length;
+      batch_vertices += most_hole_vertices(length);
       batch_cost += length * length * length / 6;
-      if (batch_edges >= kBatchEdges || batch_cost >= kBatchCost) flush();
+      if (batch_edges >= kBatchEdges || batch_cost >= kBatchCost || batch_vertices >= kBatchVertices) flush();
     }
     flush();
     return {{"border_edges", border.size()},
