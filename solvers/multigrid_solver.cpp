@@ -24,7 +24,7 @@ constexpr double kCascadeGrowth = 2.5;
 constexpr double kDrift = 10.0;
 constexpr double kStartTolerance = 1e-12;
 // Bytes an unknown while solving three columns, at the most (tests/solvers, tools/bench solvers), by order.
-constexpr double kBytesPerUnknown[] = {190.0, 620.0, 900.0};
+constexpr double kBytesPerUnknown[] = {180.0, 720.0, 720.0};
 
 class MultigridSolver final : public LinearSolver {
  public:

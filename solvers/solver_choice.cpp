@@ -22,9 +22,9 @@ struct Measured {
   Cost multigrid;
 };
 constexpr Measured kMeasured[] = {
-    {{800.0, 3.2, 0.11}, 1.2, {195.0, 0.71, 0.26}},
-    {{2700.0, 13.0, 0.24}, 1.4, {630.0, 3.7, 1.2}},
-    {{5500.0, 27.0, 0.50}, 1.4, {900.0, 5.5, 12.0}},
+    {{800.0, 3.2, 0.11}, 1.2, {180.0, 0.71, 0.26}},
+    {{2700.0, 13.0, 0.24}, 1.4, {720.0, 3.7, 1.2}},
+    {{5200.0, 30.0, 0.40}, 1.4, {720.0, 4.5, 4.8}},
 };
 // A direct solution is exact, so multigrid has to be faster by this factor.
 constexpr double kFasterBy = 1.5;
