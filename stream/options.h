@@ -43,6 +43,7 @@ struct ReconstructOptions {
   Double3 up = {0, 0, 1};            ///< normals point to this side (airborne scans)
   std::uint64_t max_brick_points = 1u << 22;  ///< hot bricks are thinned to this, deterministically
   std::vector<std::string> columns;  ///< names of text columns
+  double tolerance = 0.0;            ///< scan units; the mesh shrinks within this distance of itself; 0 = it stays
   bool local_output = false;         ///< write positions relative to the global shift, floats; the report has it
 };
 

@@ -20,6 +20,7 @@ nlohmann::json to_json(const ReconstructOptions& o) {
           {"up", o.up},
           {"max-brick-points", o.max_brick_points},
           {"columns", o.columns},
+          {"tolerance", o.tolerance},
           {"local-output", o.local_output}};
 }
 
@@ -40,6 +41,7 @@ ReconstructOptions reconstruct_options_from_json(const nlohmann::json& j) {
   j.at("up").get_to(o.up);
   j.at("max-brick-points").get_to(o.max_brick_points);
   j.at("columns").get_to(o.columns);
+  j.at("tolerance").get_to(o.tolerance);
   j.at("local-output").get_to(o.local_output);
   return o;
 }

@@ -365,6 +365,13 @@ void add_reconstruct_options(CLI::App& command, ReconstructOptions& options) {
       ->check(CLI::PositiveNumber)
       ->group(group);
   command
+      .add_option("--tolerance", options.tolerance,
+                  "scan units; the mesh shrinks to what its geometry needs and stays, proven, within this distance; "
+                  "0 = every face of the lattice")
+      ->capture_default_str()
+      ->check(CLI::NonNegativeNumber)
+      ->group(group);
+  command
       .add_flag("--local-output", options.local_output,
                 "write positions relative to the global shift, as floats; the report has the shift")
       ->group(group);

@@ -25,7 +25,7 @@ void run(Arguments arguments) {
   require_mesh_extension(arguments.state.output);
   arguments.state.inputs = expand_inputs(arguments.inputs);
   catch_stop_signals();
-  const nlohmann::json report = run_job(arguments.state, reconstruct_job(), cli::stderr_sink());
+  const nlohmann::json report = run_job(arguments.state, reconstruct_job(arguments.state.options.tolerance), cli::stderr_sink());
   if (arguments.state.run.verbosity < 0) return;
   const nlohmann::json mesh = report.value("mesh", nlohmann::json::object());
   fmt::print("{}: {} vertices, {} faces, {:.1f} s, peak {}\n", arguments.state.output.string(),

@@ -37,7 +37,7 @@ JobDescription job_of(const std::filesystem::path& work) {
   const auto command = identity.at("command").get<std::string>();
   if (command == "decimate") return decimate_job(identity.at("options").dump());
   if (command == "smooth") return smooth_job(smooth_options(identity.at("options").dump()));
-  return reconstruct_job();
+  return reconstruct_job(identity.at("options").at("tolerance").get<double>());
 }
 
 void run(const Arguments& arguments) {

@@ -16,8 +16,11 @@ constexpr std::uint64_t kSortBytes = std::uint64_t{64} << 20;
 
 class MeshWriteStage : public Stage {
  public:
-  MeshWriteStage(const JobState& state, const SimplifyOptions& options)
-      : state_(state), options_(options), store_(open_pass_input(state, options.passes)) {}
+  MeshWriteStage(const JobState& state, const SimplifyOptions& options, std::string made_by)
+      : state_(state),
+        options_(options),
+        made_by_(std::move(made_by)),
+        store_(open_pass_input(state, options.passes)) {}
   std::string name() const override { return "write"; }
   std::size_t task_count() const override { return 0; }
   std::uint64_t task_bytes(std::size_t) const override { return 0; }
@@ -33,7 +36,7 @@ class MeshWriteStage : public Stage {
     output.memory_bytes = sort_bytes();
     output.check_stop = [&] { context.check_stop(); };
     output.advance = [&](std::uint64_t faces) { context.advance(faces); };
-    output.comments = {"made by tessera decimate, tolerance " + json(options_.tolerance).dump()};
+    output.comments = {"made by " + made_by_ + ", tolerance " + json(options_.tolerance).dump()};
     const MeshStoreOutputReport report = write_mesh_store(store_, output);
     context.count_written(report.bytes);
     return {{"path", state_.output.string()},
@@ -49,6 +52,7 @@ class MeshWriteStage : public Stage {
 
   JobState state_;
   SimplifyOptions options_;
+  std::string made_by_;
   MeshStore store_;
 };
 
@@ -78,8 +82,8 @@ void summarise(json& report) {
 
 }  // namespace
 
-JobDescription decimate_job(const SimplifyOptions& options) {
-  std::vector<StageEntry> stages = import_stages({0, "mesh"});
+std::vector<StageEntry> simplify_stages(const SimplifyOptions& options, const std::string& made_by) {
+  std::vector<StageEntry> stages;
   for (int p = 0; p < options.passes; ++p) {
     if (options.target_faces > 0)
       stages.push_back({"costs-" + std::to_string(p + 1), [=](const JobState& state) {
@@ -102,8 +106,15 @@ JobDescription decimate_job(const SimplifyOptions& options) {
                       };
                       return make_certify_stage(state, request);
                     }});
-  stages.push_back(
-      {"write", [=](const JobState& state) { return std::make_unique<MeshWriteStage>(state, options); }});
+  stages.push_back({"write", [=](const JobState& state) {
+                      return std::make_unique<MeshWriteStage>(state, options, made_by);
+                    }});
+  return stages;
+}
+
+JobDescription decimate_job(const SimplifyOptions& options) {
+  std::vector<StageEntry> stages = import_stages({0, "mesh"});
+  for (StageEntry& entry : simplify_stages(options, "tessera decimate")) stages.push_back(std::move(entry));
   return {"decimate", std::move(stages), 0, summarise};
 }
 

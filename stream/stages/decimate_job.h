@@ -6,6 +6,9 @@
 
 namespace tessera {
 
+/// What follows an import: passes, proof, output. \param made_by  for the comment in the output
+std::vector<StageEntry> simplify_stages(const SimplifyOptions& options, const std::string& made_by);
+
 /// Stages of the job with these options. JobState::inputs are the mesh and, unless the reference is the mesh
 /// itself, the reference.
 JobDescription decimate_job(const SimplifyOptions& options);

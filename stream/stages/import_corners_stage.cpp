@@ -22,7 +22,7 @@ class ImportCornersStage : public Stage {
  public:
   ImportCornersStage(const JobState& state, ImportSource source)
       : work_(state.work),
-        path_(state.inputs.at(source.input)),
+        path_(source.path(state)),
         memory_(state.run.memory_bytes),
         source_(std::move(source)),
         names_(source_.folder),
@@ -82,6 +82,7 @@ class ImportCornersStage : public Stage {
   std::vector<std::string> obsolete() const override {
     std::vector<std::string> names;
     for (std::size_t b = 0; b < vertices_.plan().buckets(); ++b) names.push_back(names_.numbers(b));
+    if (!source_.work_file.empty()) names.push_back(source_.work_file);
     return names;
   }
 

@@ -11,6 +11,7 @@
 
 #include "stream/mesh_io.h"
 #include "stream/mesh_store.h"
+#include "stream/stage.h"
 
 namespace tessera {
 
@@ -43,8 +44,13 @@ struct ImportPlan {
 
 /// Where one mesh of a job lies.
 struct ImportSource {
-  std::size_t input = 0;  ///< index of JobState::inputs
-  std::string folder;     ///< of the store in the work directory, "mesh": stages are named after it
+  std::size_t input = 0;       ///< index of JobState::inputs
+  std::string folder;          ///< of the store in the work directory, "mesh": stages are named after it
+  std::string work_file = {};  ///< a file of the work directory instead of an input; goes when it is imported
+
+  std::filesystem::path path(const JobState& state) const {
+    return work_file.empty() ? state.inputs.at(input) : state.work / work_file;
+  }
 };
 
 }  // namespace tessera

@@ -30,7 +30,7 @@ struct DealtVertex {
 class ImportReadStage : public Stage {
  public:
   ImportReadStage(const JobState& state, ImportSource source)
-      : path_(state.inputs.at(source.input)), source_(std::move(source)), names_(source_.folder) {}
+      : path_(source.path(state)), source_(std::move(source)), names_(source_.folder) {}
 
   std::string name() const override { return source_.folder + "-read"; }
   std::size_t task_count() const override { return 0; }

@@ -3,8 +3,10 @@
 #include <nlohmann/json.hpp>
 
 #include "stream/stages/closing_stages.h"
+#include "stream/stages/decimate_job.h"
 #include "stream/stages/distribute_stage.h"
 #include "stream/stages/holes_stage.h"
+#include "stream/stages/import_stages.h"
 #include "stream/stages/loops_stage.h"
 #include "stream/stages/normals_stage.h"
 #include "stream/stages/order_stage.h"
@@ -35,12 +37,17 @@ void summarise(nlohmann::json& report) {
     if (holes.is_object() && holes.value("loops", 0) > 0) mesh["holes"] = holes;
     report["mesh"] = mesh;
   }
+  const nlohmann::json raw = result_of(report, "raw");
+  if (raw.is_object()) {
+    report["raw_mesh"] = {{"vertices", raw.at("vertices")}, {"faces", raw.at("faces")}};
+    report["certificate"] = result_of(report, "certify");
+  }
 }
 
 }  // namespace
 
-std::vector<StageEntry> reconstruct_stages() {
-  return {
+std::vector<StageEntry> reconstruct_stages(double tolerance) {
+  std::vector<StageEntry> stages = {
       // in the order in which they run
       {"probe", [](const JobState& state) { return make_probe_stage(state); }},
       {"spacing", [](const JobState& state) { return make_spacing_stage(state); }},
@@ -56,12 +63,22 @@ std::vector<StageEntry> reconstruct_stages() {
       {"weld", make_weld_stage},
       {"loops", make_loops_stage},
       {"holes", make_holes_stage},
-      {"write", make_write_stage},
   };
+  if (tolerance == 0.0) {
+    stages.push_back({"write", make_write_stage});
+    return stages;
+  }
+  stages.push_back({"raw", make_raw_write_stage});
+  SimplifyOptions options;
+  options.tolerance = tolerance;
+  for (StageEntry& entry : import_stages({0, "mesh", kRawMeshFile})) stages.push_back(std::move(entry));
+  for (StageEntry& entry : simplify_stages(options, "tessera reconstruct"))
+    stages.push_back(std::move(entry));
+  return stages;
 }
 
-JobDescription reconstruct_job() {
-  return {"reconstruct", reconstruct_stages(), 0, summarise};
+JobDescription reconstruct_job(double tolerance) {
+  return {"reconstruct", reconstruct_stages(tolerance), 0, summarise};
 }
 
 JobDescription plan_job() {

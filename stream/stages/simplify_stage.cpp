@@ -53,7 +53,7 @@ class SimplifyStage : public Stage {
         reference_(open_imported_mesh(state.work, "mesh")) {
     kernel_ = options_.kernel(!in_.info().double_positions);
     // The proof at the end is tight to a few percent: that much is left to it.
-    kernel_.tolerance *= pass_share(pass.pass, options_.passes) / CertificateOptions{}.tightness;
+    kernel_.tolerance /= CertificateOptions{}.tightness;
     if (!pass_.count_costs && options_.target_faces > 0)
       kernel_.max_cost_class =
           json::parse(read_text(work_ / costs_file(pass.pass))).at("cost_class").get<std::uint32_t>();
@@ -243,11 +243,6 @@ SimplifyOptions simplify_options_from_json(const json& j) {
   j.at("passes").get_to(o.passes);
   j.at("block-faces").get_to(o.block_faces);
   return o;
-}
-
-double pass_share(int pass, int passes) {
-  const int left = passes - 1 - pass;
-  return left <= 1 ? 1.0 : left == 2 ? 0.5 : 1.0 / 3.0;
 }
 
 std::string pass_folder(int pass) {

@@ -37,9 +37,6 @@ struct SimplifyOptions {
 nlohmann::json to_json(const SimplifyOptions& options);
 SimplifyOptions simplify_options_from_json(const nlohmann::json& json);
 
-/// Share of the tolerance that pass p of n may use: a ramp, so that seams which are locked early keep room.
-double pass_share(int pass, int passes);
-
 /// Folder of what a pass leaves, "pass-1/" for the first.
 std::string pass_folder(int pass);
 

@@ -19,14 +19,15 @@ bool float_suffices(double largest_coordinate, double h) { return largest_coordi
 
 class WriteStage : public Stage {
  public:
-  explicit WriteStage(const JobState& state)
+  WriteStage(const JobState& state, bool raw)
       : state_(state),
+        raw_(raw),
         plan_(Plan::of_work(state.work)),
         store_(open_patches(state.work)),
         numbering_(Numbering::load(state.work / kNumberingFile)),
         fillings_(list_filling_files(state.work)) {}
 
-  std::string name() const override { return "write"; }
+  std::string name() const override { return raw_ ? "raw" : "write"; }
   std::size_t task_count() const override { return 0; }
   std::uint64_t task_bytes(std::size_t) const override { return 0; }
   std::uint64_t units() const override { return numbering_.faces; }
@@ -43,12 +44,16 @@ class WriteStage : public Stage {
 
   json finish(const std::vector<json>&, TaskContext& context) const override {
     const MeshHeader header = make_header();
-    const auto writer = create_mesh_file(state_.output, header);
+    // The format goes by the extension, which the name of an uncommitted file has not.
+    const std::filesystem::path committed = raw_ ? context.create(kRawMeshFile) : state_.output;
+    const std::filesystem::path path = raw_ ? std::filesystem::path(committed.string() + ".ply") : committed;
+    const auto writer = create_mesh_file(path, header);
     write_vertices(*writer, header, context);
     write_new_vertices(*writer, header, context);
     std::uint64_t synthetic = write_faces(*writer, header.synthetic, context);
     synthetic += write_fillings(*writer, context);
     writer->finish();
+    if (raw_) std::filesystem::rename(path, committed);
     context.count_written(writer->bytes_written());
     return {{"path", state_.output.string()},
             {"vertices", header.vertices},
@@ -182,6 +187,7 @@ class WriteStage : public Stage {
   }
 
   JobState state_;
+  bool raw_;
   Plan plan_;
   PatchStore store_;
   Numbering numbering_;
@@ -190,6 +196,7 @@ class WriteStage : public Stage {
 
 }  // namespace
 
-std::unique_ptr<Stage> make_write_stage(const JobState& state) { return std::make_unique<WriteStage>(state); }
+std::unique_ptr<Stage> make_write_stage(const JobState& state) { return std::make_unique<WriteStage>(state, false); }
+std::unique_ptr<Stage> make_raw_write_stage(const JobState& state) { return std::make_unique<WriteStage>(state, true); }
 
 }  // namespace tessera
