@@ -29,7 +29,8 @@ fs::path write_hills(const fs::path& path, bool backwards = false, double far = 
     for (int i = 0; i <= kSide; ++i) {
       const double x = i / 32.0 - 5, y = j / 32.0 - 5;
       const double bowl = x * x - y * y / 2;
-      position.push_back({i + far, j + 0.0, static_cast<double>(static_cast<float>(bowl + (i > 200 ? 8 : 0)))});
+      position.push_back(
+          {i + far, j + 0.0, static_cast<double>(static_cast<float>(bowl + (i > 200 ? 8 : 0)))});
     }
   const auto at = [&](int i, int j) {
     const auto v = static_cast<std::uint64_t>(j * (kSide + 1) + i);
@@ -54,7 +55,8 @@ fs::path write_hills(const fs::path& path, bool backwards = false, double far = 
   return path;
 }
 
-std::vector<std::string> words(const fs::path& in, const fs::path& out, const std::vector<std::string>& more) {
+std::vector<std::string> words(const fs::path& in, const fs::path& out,
+                               const std::vector<std::string>& more) {
   std::vector<std::string> w = {"decimate", in.string(), "-o", out.string(), "--progress", "none", "-q"};
   w.insert(w.end(), more.begin(), more.end());
   return w;
@@ -66,7 +68,8 @@ nlohmann::json report_of(const fs::path& out) {
 
 }  // namespace
 
-TEST_CASE("decimate: same bytes over threads, memory, processes, order of the input and kills", "[property]") {
+TEST_CASE("decimate: same bytes over threads, memory, processes, order of the input and kills",
+          "[property]") {
   const TempFolder folder;
   const fs::path in = write_hills(folder.path() / "in.ply");
   const std::vector<std::string> base = {"--tolerance", "0.05", "--block-faces", "8192"};
@@ -108,7 +111,9 @@ TEST_CASE("decimate: a number of faces, and both limits at once", "[pipeline]") 
   const int faces = report_of(out).at("mesh").at("faces").get<int>();
   CHECK(faces > 16000);
   CHECK(faces < 24000);
-  REQUIRE(tessera_command(words(in, out, {"--target-faces", "2000", "--tolerance", "0.001", "--force"})).code == 0);
+  REQUIRE(
+      tessera_command(words(in, out, {"--target-faces", "2000", "--tolerance", "0.001", "--force"})).code ==
+      0);
   CHECK(report_of(out).at("mesh").at("faces").get<int>() > 2000);
   CHECK(report_of(out).at("certificate").at("certified_max").get<double>() <= 0.001);
 }
@@ -146,4 +151,28 @@ TEST_CASE("decimate: a tolerance larger than the model leaves a sound mesh", "[p
   CHECK(check.faces >= 1);
   CHECK(check.faces < 200);
   CHECK(check.nonmanifold_edges == 0);
+}
+
+TEST_CASE("reconstruct --tolerance: the mesh shrinks within a proven distance, same bytes for any threads",
+          "[pipeline]") {
+  const TempFolder folder;
+  const fs::path scan = folder.path() / "scan.xyz";
+  REQUIRE(tessera_command({"synth", "--scene", "sphere", "--points", "40000", "--normals", "-o",
+                           scan.string(), "-t", "1"})
+              .code == 0);
+  std::string bytes;
+  for (const char* threads : {"1", "2"}) {
+    const fs::path out = folder.path() / (std::string("out") + threads + ".ply");
+    const CommandResult r =
+        tessera_command({"reconstruct", scan.string(), "-o", out.string(), "--progress", "none", "-q",
+                         "--resolution", "0.02", "--tolerance", "0.01", "-t", threads});
+    INFO(r.errors);
+    REQUIRE(r.code == 0);
+    const nlohmann::json report = report_of(out);
+    CHECK(report.at("certificate").at("proven") == true);
+    CHECK(report.at("mesh").at("faces").get<int>() < report.at("raw_mesh").at("faces").get<int>() / 4);
+    if (bytes.empty()) bytes = file_bytes(out);
+    CHECK(file_bytes(out) == bytes);
+    CHECK_FALSE(fs::exists(out.string() + ".tessera"));
+  }
 }
