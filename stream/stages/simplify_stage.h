@@ -26,8 +26,8 @@ struct SimplifyOptions {
   std::string priority = "quadric";       ///< quadric, probabilistic, samples, normal, round or length
   std::string placement = "endpoint";     ///< endpoint or optimal
   double min_roundness = 0.02;
-  double colour_weight = 0.0;            ///< scan units that the full range of a colour channel is worth
-  int passes = 4;                        ///< 1 .. 8
+  double colour_weight = 0.0;  ///< scan units that the full range of a colour channel is worth
+  int passes = 3;  ///< 1 .. 8, each with the whole tolerance: a ramp left three times the faces on terrain
   std::uint64_t block_faces = 1u << 16;  ///< most faces of a block
 
   /// \throws UsageError naming the option
