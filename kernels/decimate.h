@@ -44,7 +44,8 @@ struct DecimateOptions {
   DecimatePlacement placement = DecimatePlacement::kEndpoint;
   bool float_positions = true;  ///< new positions (kOptimal) are rounded to float, as the file will hold them
   double noise = 0.0;  ///< kProbabilistic: standard deviation of positions, scan units; 0 = tolerance / 8
-  double feature_angle_deg = 0.0;  ///< edges that turn by more are creases as well; 0 = only by vertex_class
+  /// Edges that turn by more are creases as well; 0 = only by vertex_class. Creases deviate by half the tolerance.
+  double feature_angle_deg = 0.0;
   double max_normal_turn_deg =
       0.0;  ///< largest angle of a new face to the original normals it stands for; 0 = free
   double min_roundness =

@@ -42,7 +42,7 @@ class Decimator {
   void run(DecimateReport& report);
 
  private:
-  enum class Refusal : std::uint8_t { kNone, kFeature, kLink, kFold, kShape, kNormal, kTolerance };
+  enum class Refusal : std::uint8_t { kNone, kLink, kFold, kShape, kNormal, kTolerance };
   struct Candidate {
     double cost;
     std::uint32_t vertex;

@@ -100,18 +100,22 @@ Decimator::Refusal Decimator::check_gap(std::uint32_t u, const Star& star, std::
   if (!bound_by_sum(u, star, at_ring)) return Refusal::kFold;
   if (!(options_.tolerance > 0.0)) return Refusal::kNone;
   const bool short_sum = static_cast<double>(new_bound_) <= options_.tolerance;
+  const bool on_line = (mesh_.state(u) & (kVertexBorder | kVertexCrease)) != 0;
+  double exact = 0.0;
+  if (on_line) {
+    // Creases are seen: they may deviate by half as much. Without the line in the reference only the sum tells.
+    const bool crease = (mesh_.state(u) & kVertexCrease) != 0;
+    const std::uint32_t v = reference_vertex_[star.ring[at_ring]], q = reference_vertex_[foot_.a];
+    const bool known = reference_vertex_[u] != kNoCorner && v != kNoCorner && q != kNoCorner;
+    if (known && (crease || !short_sum) &&
+        !reference_gap_.measure_line(reference_vertex_[u], v, q, options_.tolerance * (crease ? 0.5 : 1.0), exact))
+      return Refusal::kTolerance;
+    if (!known && !short_sum) return Refusal::kTolerance;
+  }
   if (short_sum && least_cosine_ <= -1.0) return Refusal::kNone;
   // Sums of bounds grow faster than the distance itself: ask the reference.
   if (reference_vertex_[u] == kNoCorner) return Refusal::kTolerance;
   ++exact_tests_;
-  double exact = 0.0;
-  const bool on_line = (mesh_.state(u) & (kVertexBorder | kVertexCrease)) != 0;
-  if (on_line) {
-    const std::uint32_t v = reference_vertex_[star.ring[at_ring]], q = reference_vertex_[foot_.a];
-    if (v == kNoCorner || q == kNoCorner ||
-        !reference_gap_.measure_line(reference_vertex_[u], v, q, options_.tolerance, exact))
-      return Refusal::kTolerance;
-  }
   for (std::size_t s = 0; s < sides_; ++s) {
     ReferenceGap::Query query;
     query.origin = mesh_.at(star.ring[at_ring]);
