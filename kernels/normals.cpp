@@ -18,8 +18,11 @@ namespace tessera {
 namespace {
 
 constexpr int kLanes = 8;
+constexpr float kLargestRadius = 4.0f;
 constexpr int kCubeCells = 4;  ///< at least the largest radius, so that one cube of halo suffices
 constexpr std::uint16_t kMinNeighbours = 5;  ///< a plane through fewer is chance
+constexpr int kFewNeighbours = 12;           ///< from fewer the radius grows to the largest there is
+constexpr std::uint32_t kCellPoints = 16;    ///< a denser cell is represented by about as many of its points
 constexpr float kBent = 0.02f;               ///< surface variation from which the radius is halved
 constexpr float kSupportCosine = 0.5f;       ///< supporters' normals lie within 60 degrees
 
@@ -152,15 +155,15 @@ Plane fit_plane(const Moments& m) {
   return plane;
 }
 
-PointShape shape_at(const Candidates& c, float px, float py, float pz, const Float3& given,
+/// \param radius  at which the candidates are complete
+PointShape shape_at(const Candidates& c, float px, float py, float pz, const Float3& given, float radius,
                     const NormalOptions& options) {
-  const auto radius = static_cast<float>(options.radius_cells);
   const bool has_normal = !options.estimate && (given[0] != 0.0f || given[1] != 0.0f || given[2] != 0.0f);
   const Moments wide =
       options.estimate ? moments_at(c, px, py, pz, given, radius) : count_at(c, px, py, pz, given, radius);
   PointShape shape;
   shape.normal = given;
-  shape.neighbours = static_cast<std::uint16_t>(std::min(wide.count - 1, 0xffff));
+  shape.neighbours = static_cast<std::uint16_t>(std::clamp(wide.count - 1, 0, 0xffff));
   shape.supporters = has_normal
                          ? static_cast<std::uint16_t>(std::min(std::max(wide.supporters - 1, 0), 0xffff))
                          : shape.neighbours;
@@ -181,6 +184,15 @@ PointShape shape_at(const Candidates& c, float px, float py, float pz, const Flo
   return shape;
 }
 
+/// End of the run of points that share the cell of point `i`.
+std::uint32_t end_of_cell(const PointBlock& points, std::uint32_t i, std::uint32_t last) {
+  const float x = std::floor(points.x[i]), y = std::floor(points.y[i]), z = std::floor(points.z[i]);
+  std::uint32_t end = i + 1;
+  while (end < last && std::floor(points.x[end]) == x && std::floor(points.y[end]) == y && std::floor(points.z[end]) == z)
+    ++end;
+  return end;
+}
+
 int cube_of(float cells) {
   return static_cast<int>(std::floor(cells / kCubeCells));
 }
@@ -188,7 +200,7 @@ int cube_of(float cells) {
 }  // namespace
 
 int normal_halo_cells(const NormalOptions& options) {
-  return static_cast<int>(std::ceil(options.radius_cells));
+  return options.estimate ? static_cast<int>(kLargestRadius) : static_cast<int>(std::ceil(options.radius_cells));
 }
 
 std::vector<PointShape> estimate_shapes(const PointBlock& points, const NormalOptions& options) {
@@ -233,10 +245,9 @@ std::vector<PointShape> estimate_shapes(const PointBlock& points, const NormalOp
 
   std::vector<PointShape> shapes;
   shapes.reserve(core_points);
-  Candidates candidates;
+  Candidates candidates, wide;
   std::vector<Run> near;
   for (const CubeRun& run : core) {
-    const auto radius = static_cast<float>(options.radius_cells);
     const float low[3] = {static_cast<float>(run.cube[0] * kCubeCells),
                           static_cast<float>(run.cube[1] * kCubeCells),
                           static_cast<float>(run.cube[2] * kCubeCells)};
@@ -246,18 +257,35 @@ std::vector<PointShape> estimate_shapes(const PointBlock& points, const NormalOp
       if (r.first != r.last) near.push_back(r);
     }
     std::sort(near.begin(), near.end(), [](const Run& a, const Run& b) { return a.first < b.first; });
-    candidates.clear();
-    for (const Run& r : near)
-      for (std::uint32_t i = r.first; i < r.last; ++i) {
-        const float x = points.x[i] - low[0], y = points.y[i] - low[1], z = points.z[i] - low[2];
-        const auto close = [&](float v) { return v > -radius && v < kCubeCells + radius; };
-        if (close(x) && close(y) && close(z))
-          candidates.add(x, y, z, points.nx[i], points.ny[i], points.nz[i]);
-      }
-    candidates.pad();
-    for (std::uint32_t i = run.first; i < run.last; ++i)
-      shapes.push_back(shape_at(candidates, points.x[i] - low[0], points.y[i] - low[1], points.z[i] - low[2],
-                                {points.nx[i], points.ny[i], points.nz[i]}, options));
+    const auto gather = [&](float radius, Candidates& into) {
+      into.clear();
+      for (const Run& r : near)
+        for (std::uint32_t i = r.first; i < r.last;) {
+          // The points of one cell are consecutive. Beside a scanner there may be thousands: every so many will do.
+          const std::uint32_t end = end_of_cell(points, i, r.last);
+          const std::uint32_t step = (end - i + kCellPoints - 1) / kCellPoints;
+          for (; i < end; i += step) {
+            const float x = points.x[i] - low[0], y = points.y[i] - low[1], z = points.z[i] - low[2];
+            const auto close = [&](float v) { return v > -radius && v < kCubeCells + radius; };
+            if (close(x) && close(y) && close(z)) into.add(x, y, z, points.nx[i], points.ny[i], points.nz[i]);
+          }
+          i = end;
+        }
+      into.pad();
+    };
+    const auto radius = static_cast<float>(options.radius_cells);
+    gather(radius, candidates);
+    wide.clear();
+    for (std::uint32_t i = run.first; i < run.last; ++i) {
+      const float x = points.x[i] - low[0], y = points.y[i] - low[1], z = points.z[i] - low[2];
+      const Float3 given = {points.nx[i], points.ny[i], points.nz[i]};
+      shapes.push_back(shape_at(candidates, x, y, z, given, radius, options));
+      if (!options.estimate || shapes.back().neighbours >= kFewNeighbours || radius >= kLargestRadius) continue;
+      if (wide.x.empty()) gather(kLargestRadius, wide);
+      PointShape wider = shape_at(wide, x, y, z, given, kLargestRadius, options);
+      wider.neighbours = shapes.back().neighbours, wider.supporters = shapes.back().supporters;
+      shapes.back() = wider;
+    }
   }
   return shapes;
 }

@@ -1,7 +1,8 @@
 /// \file normals.h
 /// Unoriented normals and neighbourhood statistics of the points of one block, for cleaning and orientation.
 /// Source: Hoppe et al., "Surface Reconstruction from Unorganized Points", 1992 (tangent planes); radius capped so
-/// that the halo suffices, halved where the neighbourhood bends (ALGORITHMS section 2).
+/// that the halo suffices, halved where the neighbourhood bends, grown where the scan is thin (ALGORITHMS section 2).
+/// Where it is dense a cell lends a part of its points, so that cost per point is bounded.
 #pragma once
 #include <cstdint>
 #include <vector>
@@ -20,11 +21,11 @@ struct PointShape {
   Float3 normal = {0, 0, 0};        ///< unit, sign arbitrary but deterministic; zero if too few neighbours
   float variation = 0.0f;           ///< with estimate only: l0 / (l0 + l1 + l2) of the covariance: 0 flat .. 1/3 no surface
   float residual = 0.0f;            ///< with estimate only: weighted RMS distance of the neighbours to the plane, cells
-  std::uint16_t neighbours = 0;     ///< within the radius, the point itself not counted
+  std::uint16_t neighbours = 0;     ///< within the radius, the point itself not counted; of dense cells a part
   std::uint16_t supporters = 0;     ///< of these, with a normal within 60 degrees (given normals); else = neighbours
 };
 
-/// Cells around the core that must hold all points: the radius, rounded up.
+/// Cells around the core that must hold all points: the largest radius, rounded up.
 int normal_halo_cells(const NormalOptions& options);
 
 /// Shapes of the core points of the block, in their order (points outside the core are skipped).

@@ -13,7 +13,7 @@ constexpr std::int32_t kSmooth =
     kVoteScale * 17 / 20;           ///< links above this weight join surfels without asking further
 constexpr float kSameSheet = 0.7f;  ///< cosine between normals of one surfel
 constexpr float kSheetGap = 0.75f;  ///< cells: a point farther from a surfel's plane belongs to another sheet
-constexpr float kVague = 0.06f;  ///< surface variation from which a fitted plane may stand across the surface
+constexpr float kVague = 0.07f;  ///< surface variation from which a fitted plane may stand across the surface
 constexpr float kVagueWeight = 0.25f;  ///< of links that such a surfel takes part in
 constexpr int kSheets = 4;             ///< surfels of one voxel; points that fit none join the nearest
 constexpr std::uint32_t kNone = std::numeric_limits<std::uint32_t>::max();
@@ -269,6 +269,12 @@ std::vector<CoarseSurfel> thin(const std::vector<Surfel>& surfels) {
   std::sort(items.begin(), items.end(), [](const Item& l, const Item& r) {
     return l.key != r.key ? l.key < r.key : l.surfel < r.surfel;
   });
+  // Scans that lie one over the other share the area of their voxel.
+  std::vector<float> share(surfels.size(), 1.0f);
+  for (std::size_t i = 0; i < surfels.size(); ++i)
+    for (std::size_t j = i; j-- > 0 && surfels[j].voxel == surfels[i].voxel;)
+      if (surfels[j].patch == surfels[i].patch && facing(surfels[j].normal) == facing(surfels[i].normal))
+        share[i] += 1.0f, share[j] += 1.0f;
   std::vector<CoarseSurfel> coarse;
   for (std::size_t i = 0; i < items.size(); ++i) {
     const Surfel& s = surfels[items[i].surfel];
@@ -277,9 +283,9 @@ std::vector<CoarseSurfel> thin(const std::vector<Surfel>& surfels) {
       coarse.back().patch = s.patch;
     }
     CoarseSurfel& c = coarse.back();
-    // A plane cuts the voxels of its main direction in squares.
-    const auto axis = static_cast<std::size_t>(facing(s.normal) / 2);
-    const float area = kSurfelCells * kSurfelCells / std::max(std::fabs(s.normal[axis]), 0.5f);
+    // Of a plane of area A, voxels of edge e see A (|nx| + |ny| + |nz|) / e^2.
+    const float cut = std::fabs(s.normal[0]) + std::fabs(s.normal[1]) + std::fabs(s.normal[2]);
+    const float area = kSurfelCells * kSurfelCells / std::max(cut, 1.0f) / share[items[i].surfel];
     for (std::size_t a = 0; a < 3; ++a) c.position[a] += s.position[a], c.area[a] += area * s.normal[a];
     ++c.surfels;
   }
@@ -301,9 +307,9 @@ std::int32_t link_vote(const Surfel& a, const Surfel& b, const Float3& offset) {
   // lean the same way; where the offset runs along the normals nothing can be said.
   const float lean = std::fabs(ae + (carried < 0.0f ? -be : be));
   const float steep = std::max(ae * ae, be * be);
-  const float weight = std::fabs(carried) * (1.0f - 0.9f * steep) * (1.0f - std::min(lean, 1.0f)) *
-                       (a.vague + b.vague > 0 ? kVagueWeight : 1.0f);
+  float weight = std::fabs(carried) * (1.0f - 0.9f * steep) * (1.0f - std::min(lean, 1.0f));
   if (weight < kLeastWeight) return 0;
+  if (a.vague + b.vague > 0) weight *= kVagueWeight;
   const auto vote = static_cast<std::int32_t>(std::floor(weight * kVoteScale + 0.5f));
   return carried < 0.0f ? -vote : vote;
 }

@@ -18,6 +18,7 @@ nlohmann::json to_json(const ReconstructOptions& o) {
           {"viewpoint", o.viewpoints},
           {"has-up", o.has_up},
           {"up", o.up},
+          {"max-uncertain", o.max_uncertain},
           {"max-brick-points", o.max_brick_points},
           {"columns", o.columns},
           {"tolerance", o.tolerance},
@@ -39,6 +40,7 @@ ReconstructOptions reconstruct_options_from_json(const nlohmann::json& j) {
   j.at("viewpoint").get_to(o.viewpoints);
   j.at("has-up").get_to(o.has_up);
   j.at("up").get_to(o.up);
+  j.at("max-uncertain").get_to(o.max_uncertain);
   j.at("max-brick-points").get_to(o.max_brick_points);
   j.at("columns").get_to(o.columns);
   j.at("tolerance").get_to(o.tolerance);

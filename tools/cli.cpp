@@ -335,6 +335,13 @@ void add_reconstruct_options(CLI::App& command, ReconstructOptions& options) {
       ->check(CLI::IsMember({"auto", "given", "estimate"}))
       ->group(group);
   command
+      .add_option("--max-uncertain", options.max_uncertain,
+                  "estimated normals: share of points whose sign may stay in doubt, 0 to 1; above it the job stops with "
+                  "exit code 6 and draws where; 1 = never")
+      ->capture_default_str()
+      ->check(CLI::Range(0.0, 1.0))
+      ->group(group);
+  command
       .add_option_function<std::vector<std::string>>(
           "--viewpoint",
           [&options](const std::vector<std::string>& texts) {

@@ -1,19 +1,25 @@
 #include "stream/stages/orient_solution.h"
 
 #include <algorithm>
+#include <array>
+#include <cstdlib>
 #include <map>
 #include <nlohmann/json.hpp>
 
 #include "kernels/outside.h"
+#include "kernels/winding_votes.h"
 
 namespace tessera {
 namespace {
 
 using json = nlohmann::json;
 
-/// Votes of looks from outside, against those of a surfel's links: they see only one side of open sheets
-/// right.
-constexpr double kLookScale = 0.25 * kVoteScale;
+/// Patches join to groups while so many whole links speak for it, and three quarters of all that speak.
+constexpr ContractionLimits kGroupLimits = {24.0 * kVoteScale, 0.5};
+/// Votes of the winding number, of one surfel, against those of its links.
+constexpr double kWindingScale = kVoteScale;
+/// And of looks from outside: next to nothing, for they see both sides of an open sheet.
+constexpr double kLookScale = 0.02 * kVoteScale;
 
 struct Agreement {
   std::uint64_t agree = 0;
@@ -42,17 +48,119 @@ std::vector<JobSurfel> job_surfels(const PointOverlay& overlay, const TaskContex
   return surfels;
 }
 
-/// Components that nothing told what is outside show upwards, the smallest patch deciding a tie.
-void turn_up(std::span<const JobSurfel> surfels, std::uint32_t outside, SignSolution& solution) {
-  std::map<std::uint32_t, double> up;
-  for (const JobSurfel& s : surfels) {
-    const std::uint32_t c = solution.component[s.patch];
-    if (c != outside) up[c] += static_cast<double>(s.area[2]) * solution.sign[s.patch];
+enum class Decider : std::uint8_t { kSeen, kPropagation, kWinding, kUncertain };
+
+/// What the solvers say of every patch.
+struct PatchSigns {
+  std::vector<std::int8_t> sign;
+  std::vector<Decider> decider;
+  std::vector<std::uint32_t> component;  ///< patches that votes of points, sensors or up join
+  double frustrated = 0.0;               ///< share of the votes that the signs break
+};
+
+/// Sensors or up have voted: links carry what they say to where they say little.
+PatchSigns solve_seen(const std::vector<std::uint64_t>& weight, const std::vector<PatchFacts>& facts,
+                      std::vector<PatchVote> votes) {
+  const auto outside = static_cast<std::uint32_t>(facts.size());  // one more node: where the viewer is
+  for (std::uint32_t p = 0; p < outside; ++p)
+    if (facts[p].seen != facts[p].hidden) votes.push_back({p, outside, facts[p].seen, facts[p].hidden});
+  std::vector<std::uint64_t> weights = weight;
+  weights.push_back(std::uint64_t{1} << 60);  // everything joins outside, never the other way round
+  merge_votes(votes);
+  SignSolution s = solve_signs(weights, votes);
+  PatchSigns out;
+  out.sign.assign(s.sign.begin(), s.sign.end() - 1);
+  out.component.assign(s.component.begin(), s.component.end() - 1);
+  for (std::uint32_t p = 0; p < outside; ++p) {
+    const std::int64_t seen = (facts[p].seen - facts[p].hidden) * s.sign[p];
+    out.decider.push_back(s.uncertain[p] != 0 || s.component[p] != outside ? Decider::kUncertain
+                          : seen > 0                                       ? Decider::kSeen
+                                                                           : Decider::kPropagation);
   }
-  for (std::size_t p = 0; p < outside; ++p) {
-    const auto it = up.find(solution.component[p]);
-    if (it != up.end() && it->second < 0.0) solution.sign[p] = static_cast<std::int8_t>(-solution.sign[p]);
+  out.frustrated = share(s.frustrated_votes, s.total_votes);
+  return out;
+}
+
+/// Nobody has seen anything: links make groups, the largest shows where the looks from outside say, the
+/// winding number speaks for the others.
+PatchSigns solve_unseen(const std::vector<std::uint64_t>& weight, const std::vector<PatchVote>& links,
+                        std::vector<JobSurfel> surfels, const TaskContext& context) {
+  const auto patches = static_cast<std::uint32_t>(weight.size());
+  const Contraction tree = contract_signs(weight, links, kGroupLimits);
+  std::vector<std::uint32_t> group(patches);
+  std::vector<std::int8_t> sign(patches, 1);
+  std::vector<std::uint64_t> size;
+  for (const std::uint32_t p : tree.joined_last) {
+    const std::uint32_t up = tree.parent[p];
+    if (up == p) {
+      group[p] = static_cast<std::uint32_t>(size.size());
+      size.push_back(0);
+    } else {
+      group[p] = group[up];
+      sign[p] = static_cast<std::int8_t>(sign[up] * tree.relation[p]);
+    }
+    size[group[p]] += weight[p];
   }
+  const auto groups = static_cast<std::uint32_t>(size.size());
+  context.check_stop();
+
+  // The largest group shows outwards.
+  std::vector<std::uint32_t> group_of(surfels.size());
+  for (std::size_t i = 0; i < surfels.size(); ++i) {
+    JobSurfel& s = surfels[i];
+    for (float& a : s.area) a *= static_cast<float>(sign[s.patch]);
+    group_of[i] = s.patch = group[s.patch];
+  }
+  const std::vector<SideVotes> looks = look_from_outside(surfels, groups, kLookScale);
+  const auto largest = static_cast<std::uint32_t>(std::max_element(size.begin(), size.end()) - size.begin());
+  std::vector<std::int8_t> turn(groups, 1);
+  if (groups > 0 && looks[largest].seen < looks[largest].hidden) {
+    turn[largest] = -1;
+    for (JobSurfel& s : surfels)
+      if (s.patch == largest) s.area = {-s.area[0], -s.area[1], -s.area[2]};
+  }
+  std::vector<PatchVote> ties;
+  for (const PatchVote& v : links) {
+    const std::uint32_t a = group[v.a], b = group[v.b];
+    if (a == b) continue;
+    const bool keep = sign[v.a] * sign[v.b] * turn[a] * turn[b] > 0;
+    ties.push_back({std::min(a, b), std::max(a, b), keep ? v.same : v.opposite, keep ? v.opposite : v.same});
+  }
+  merge_votes(ties);
+  context.check_stop();
+  const std::vector<SideVotes> winding = vote_by_winding(surfels, group_of, groups, ties, kWindingScale);
+
+  std::vector<PatchVote> votes = ties;
+  for (std::uint32_t g = 0; g < groups; ++g) {
+    PatchVote v{g, groups, winding[g].seen + looks[g].seen, winding[g].hidden + looks[g].hidden};
+    // Which side of the whole is outside is convention where it is open: nothing to be in doubt of.
+    if (g == largest)
+      v.same = std::max<std::int64_t>(std::llabs(looks[g].seen - looks[g].hidden), 1), v.opposite = 0;
+    if (v.same != v.opposite) votes.push_back(v);
+  }
+  std::vector<std::uint64_t> weights = size;
+  weights.push_back(std::uint64_t{1} << 60);
+  merge_votes(votes);
+  const SignSolution s = solve_signs(weights, votes);
+
+  PatchSigns out;
+  out.sign.resize(patches), out.decider.resize(patches), out.component.resize(patches);
+  for (std::uint32_t p = 0; p < patches; ++p) {
+    const std::uint32_t g = group[p];
+    const std::uint64_t pull = static_cast<std::uint64_t>(std::llabs(winding[g].seen - winding[g].hidden));
+    out.sign[p] = static_cast<std::int8_t>(sign[p] * turn[g] * s.sign[g]);
+    out.component[p] = s.component[g];
+    out.decider[p] = s.uncertain[g] != 0 || s.component[g] != groups ? Decider::kUncertain
+                     : g != largest && pull > 0                      ? Decider::kWinding
+                                                                     : Decider::kPropagation;
+  }
+  std::uint64_t broken = 0, all = 0;
+  for (const PatchVote& v : links) {
+    broken += static_cast<std::uint64_t>(out.sign[v.a] == out.sign[v.b] ? v.opposite : v.same);
+    all += static_cast<std::uint64_t>(v.same + v.opposite);
+  }
+  out.frustrated = share(broken, all);
+  return out;
 }
 
 }  // namespace
@@ -69,13 +177,12 @@ std::uint64_t orient_solution_bytes(const PointOverlay& overlay, std::uint64_t b
 
 void solve_orientation(const PointOverlay& overlay, std::vector<PatchVote> boundary_votes, bool seen_known,
                        const TaskContext& context, OverlayDecisions& decisions, json& entry) {
-  const auto outside =
-      static_cast<std::uint32_t>(overlay.first_patch().back());  // one more node: what is not us
+  const auto patches = static_cast<std::uint32_t>(overlay.first_patch().back());
   std::vector<PatchVote> votes = std::move(boundary_votes);
   std::vector<PatchFacts> facts;
-  facts.reserve(outside);
+  facts.reserve(patches);
   std::vector<std::uint64_t> weight;
-  weight.reserve(outside + 1);
+  weight.reserve(patches);
   std::uint64_t all_points = 0;
   for (std::size_t b = 0; b < overlay.bricks().size(); ++b) {
     context.check_stop();
@@ -85,36 +192,23 @@ void solve_orientation(const PointOverlay& overlay, std::vector<PatchVote> bound
     for (const PatchFacts& f : overlay.load_facts(b)) facts.push_back(f), weight.push_back(f.surfels);
     all_points += overlay.bricks()[b].points;
   }
-  const std::vector<JobSurfel> surfels = job_surfels(overlay, context);
-  std::vector<SideVotes> looks;
-  if (!seen_known) looks = look_from_outside(surfels, outside, kLookScale);
-  for (std::uint32_t p = 0; p < outside; ++p) {
-    PatchVote v{p, outside, facts[p].seen, facts[p].hidden};
-    if (!seen_known) v.same = looks[p].seen, v.opposite = looks[p].hidden;
-    if (v.same != v.opposite) votes.push_back(v);
-  }
-  weight.push_back(std::uint64_t{1} << 60);  // everything joins outside, never the other way round
   merge_votes(votes);
   context.check_stop();
-  SignSolution solution = solve_signs(weight, votes);
-  // Signs are relative to the root; outside is the root of its component, with sign +1, unless a flip took it
-  // along.
-  if (solution.sign[outside] < 0) throw std::logic_error("orient: outside was flipped");
-  turn_up(surfels, outside, solution);
+  const PatchSigns signs = seen_known ? solve_seen(weight, facts, std::move(votes))
+                                      : solve_unseen(weight, votes, job_surfels(overlay, context), context);
 
-  decisions.patch.assign(outside, 0);
+  decisions.patch.assign(patches, 0);
   std::map<std::uint32_t, Agreement> by_component;
   Agreement all;
-  std::uint64_t seen_points = 0, propagated = 0, uncertain = 0;
-  for (std::uint32_t p = 0; p < outside; ++p) {
+  std::array<std::uint64_t, 4> decided{};
+  for (std::uint32_t p = 0; p < patches; ++p) {
     const PatchFacts& f = facts[p];
-    const bool flip = solution.sign[p] < 0;
-    const std::int64_t for_sign = flip ? f.hidden - f.seen : f.seen - f.hidden;
-    const bool doubtful = solution.uncertain[p] != 0 || solution.component[p] != outside;
+    const bool flip = signs.sign[p] < 0;
+    const bool uncertain = signs.decider[p] == Decider::kUncertain;
     decisions.patch[p] =
-        static_cast<std::uint8_t>((flip ? kPatchFlip : 0) | (doubtful ? kPatchUncertain : 0));
-    (doubtful ? uncertain : for_sign > 0 ? seen_points : propagated) += f.points;
-    Agreement& a = by_component[solution.component[p]];
+        static_cast<std::uint8_t>((flip ? kPatchFlip : 0) | (uncertain ? kPatchUncertain : 0));
+    decided[static_cast<std::size_t>(signs.decider[p])] += f.points;
+    Agreement& a = by_component[signs.component[p]];
     (flip ? a.disagree : a.agree) += f.agree;
     (flip ? a.agree : a.disagree) += f.disagree;
   }
@@ -123,12 +217,12 @@ void solve_orientation(const PointOverlay& overlay, std::vector<PatchVote> bound
     all.agree += a.agree, all.disagree += a.disagree;
     up_to_sign.agree += std::max(a.agree, a.disagree), up_to_sign.disagree += std::min(a.agree, a.disagree);
   }
-  entry["patches"] = outside;
+  entry["patches"] = patches;
   entry["components"] = by_component.size();
-  entry["decided"] = {{"seen", seen_points}, {"propagation", propagated}};
-  entry["uncertain_points"] = uncertain;
-  entry["uncertain_fraction"] = share(uncertain, all_points);
-  entry["frustrated_fraction"] = share(solution.frustrated_votes, solution.total_votes);
+  entry["decided"] = {{"seen", decided[0]}, {"propagation", decided[1]}, {"winding", decided[2]}};
+  entry["uncertain_points"] = decided[3];
+  entry["uncertain_fraction"] = share(decided[3], all_points);
+  entry["frustrated_fraction"] = signs.frustrated;
   if (all.agree + all.disagree > 0)
     entry["agreement"] = {
         {"agree", all.agree},

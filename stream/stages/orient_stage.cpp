@@ -2,6 +2,7 @@
 #include <array>
 #include <list>
 #include <map>
+#include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
 #include "octree/error.h"
@@ -11,6 +12,7 @@
 #include "stream/stages/normals_mode.h"
 #include "stream/stages/normals_stage.h"
 #include "stream/stages/orient_solution.h"
+#include "stream/stages/uncertain_picture.h"
 #include "stream/task_files.h"
 
 namespace tessera {
@@ -65,6 +67,10 @@ class OrientStage : public Stage {
  public:
   explicit OrientStage(const JobState& state)
       : work_(state.work),
+        output_(state.output),
+        max_uncertain_(state.options.max_uncertain),
+        memory_bytes_(state.run.memory_bytes),
+        lattice_(Plan::of_work(state.work).lattice),
         mode_(state.options, state.inputs.size(), Plan::of_work(state.work)),
         overlay_(list_task_files(state.work / PointOverlay::kFolder, PointOverlay::kExtension)) {}
 
@@ -128,6 +134,8 @@ class OrientStage : public Stage {
         file.read_at(0, votes.data() + old, (votes.size() - old) * sizeof(PatchVote));
       }
       solve_orientation(overlay_, std::move(votes), mode_.by_sensor || mode_.by_up, context, decisions, entry);
+      const double uncertain = entry.at("uncertain_fraction").get<double>();
+      if (uncertain > max_uncertain_) refuse(uncertain, decisions, context);
     } else {
       decisions.patch.assign(overlay_.first_patch().back(), 0);
     }
@@ -139,6 +147,17 @@ class OrientStage : public Stage {
   std::vector<std::string> obsolete() const override { return {"votes/"}; }
 
  private:
+  /// Too many signs in doubt: a picture of where, and the end.
+  [[noreturn]] void refuse(double uncertain, const OverlayDecisions& decisions, const TaskContext& context) const {
+    std::filesystem::path picture = output_;
+    picture += ".uncertain.png";
+    draw_uncertain(overlay_, decisions, lattice_, picture, memory_bytes_, context);
+    throw ValidationError(fmt::format(
+        "the sides of {:.3g} % of the points are in doubt, {:.3g} % are allowed; {} shows where in red: give --viewpoint or "
+        "--up, or allow more with --max-uncertain",
+        100.0 * uncertain, 100.0 * max_uncertain_, picture.string()));
+  }
+
   /// Votes of the voxel pairs that cross from this brick into a neighbour, each pair seen from its lower voxel.
   void collect_votes(std::size_t brick, BoundaryCache& cache, std::vector<PatchVote>& votes) const {
     const std::vector<Surfel> own = cache.get(brick);  // a copy: the cache may drop it
@@ -194,6 +213,10 @@ class OrientStage : public Stage {
   }
 
   std::filesystem::path work_;
+  std::filesystem::path output_;
+  double max_uncertain_;
+  std::uint64_t memory_bytes_;
+  Lattice lattice_;
   NormalsMode mode_;
   PointOverlay overlay_;
 };

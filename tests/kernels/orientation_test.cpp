@@ -8,6 +8,7 @@
 #include "kernels/normals.h"
 #include "kernels/orientation.h"
 #include "kernels/outside.h"
+#include "kernels/winding_votes.h"
 #include "octree/morton.h"
 
 using namespace tessera;
@@ -250,4 +251,37 @@ TEST_CASE("outside: the shell of a sphere is seen, what it hides is not", "[unit
   const std::vector<SideVotes> votes = look_from_outside(surfels, 2, 1000.0);
   CHECK(votes[0].hidden > 50 * votes[0].seen);
   CHECK(votes[1].hidden + votes[1].seen < votes[0].hidden / 1000);
+}
+
+TEST_CASE("winding: a loose object in a room and one beside it take the side that the room has", "[unit]") {
+  // Group 0: a shell that shows outwards. Inside it and beside it a ball, each with its surface turned either
+  // way.
+  const float ball_side = GENERATE(1.0f, -1.0f);
+  const float at = GENERATE(3000.0f, 500.0f);  // beyond 2048 cells, too
+  std::vector<JobSurfel> surfels;
+  std::vector<std::uint32_t> group;
+  const auto add = [&](double radius, int count, std::uint32_t patch, float side, float x) {
+    for (const Sample& s : sphere(radius, count)) {
+      JobSurfel j;
+      const double area = 12.566 * radius * radius / count;
+      for (std::size_t a = 0; a < 3; ++a) {
+        j.position[a] = static_cast<float>(s.position[a]) + at;
+        j.area[a] = side * static_cast<float>(area) * s.normal[a];
+      }
+      j.position[0] += x;
+      j.patch = patch;
+      j.surfels = 16;
+      surfels.push_back(j);
+      group.push_back(patch);
+    }
+  };
+  add(200.0, 6000, 0, 1.0f, 0.0f);
+  add(40.0, 600, 1, ball_side,
+      0.0f);  // in the room: the solid is what the shell encloses, so it shows inwards
+  add(40.0, 600, 2, ball_side, 300.0f);  // beside it: outwards
+  const std::vector<SideVotes> votes = vote_by_winding(surfels, group, 3, {}, 1000.0);
+  CHECK((votes[1].seen > 3 * votes[1].hidden) == (ball_side < 0.0f));
+  CHECK((votes[1].hidden > 3 * votes[1].seen) == (ball_side > 0.0f));
+  CHECK((votes[2].seen > 3 * votes[2].hidden) == (ball_side > 0.0f));
+  CHECK((votes[2].hidden > 3 * votes[2].seen) == (ball_side < 0.0f));
 }

@@ -1,0 +1,73 @@
+#include "stream/stages/uncertain_picture.h"
+
+#include <cmath>
+#include <cstdint>
+
+#include "stream/formats/point_writer.h"
+#include "stream/render.h"
+
+namespace tessera {
+namespace {
+
+constexpr std::uint32_t kDoubtful = 0xff2030e0u;  // r | g<<8 | b<<16 | a<<24: red
+constexpr std::uint32_t kDecided = 0xffb0b0b0u;
+
+/// Removes a file when it goes.
+struct Scratch {
+  std::filesystem::path path;
+  ~Scratch() {
+    std::error_code gone;
+    std::filesystem::remove(path, gone);
+  }
+};
+
+void write_surfels(const PointOverlay& overlay, const OverlayDecisions& decisions, const Lattice& lattice,
+                   const std::filesystem::path& path, const TaskContext& context) {
+  PointFileHeader header;
+  header.attributes.normals = header.attributes.colour = true;
+  header.double_positions = true;
+  const auto encoder = make_point_encoder(path, header);
+  const auto writer = create_point_file(path, header);
+  PointChunk chunk;
+  EncodedPoints encoded;
+  for (std::size_t b = 0; b < overlay.bricks().size(); ++b) {
+    context.check_stop();
+    const Int3 brick = brick_of_key(overlay.bricks()[b].key);
+    chunk.clear();
+    for (const CoarseSurfel& c : overlay.load_coarse(b)) {
+      const std::uint8_t decision = decisions.patch[overlay.first_patch()[b] + c.patch];
+      const float area = std::sqrt(c.area[0] * c.area[0] + c.area[1] * c.area[1] + c.area[2] * c.area[2]);
+      if (!(area > 0.0f)) continue;
+      const float side = ((decision & kPatchFlip) != 0 ? -1.0f : 1.0f) / area;
+      const auto at = [&](std::size_t a) {
+        return lattice.world(static_cast<int>(a),
+                             static_cast<double>(brick[a] * kBrickCells) + double{c.position[a]});
+      };
+      chunk.x.push_back(at(0)), chunk.y.push_back(at(1)), chunk.z.push_back(at(2));
+      chunk.nx.push_back(side * c.area[0]), chunk.ny.push_back(side * c.area[1]),
+          chunk.nz.push_back(side * c.area[2]);
+      chunk.rgba.push_back((decision & kPatchUncertain) != 0 ? kDoubtful : kDecided);
+    }
+    encoder->encode(chunk, {}, encoded);
+    writer->append(encoded);
+  }
+  writer->finish();
+}
+
+}  // namespace
+
+void draw_uncertain(const PointOverlay& overlay, const OverlayDecisions& decisions, const Lattice& lattice,
+                    const std::filesystem::path& picture, std::uint64_t memory_bytes,
+                    const TaskContext& context) {
+  Scratch scratch{picture};
+  scratch.path.replace_extension(".ply");
+  write_surfels(overlay, decisions, lattice, scratch.path, context);
+  RenderOptions options;
+  options.inputs = {scratch.path.string()};
+  options.output = picture;
+  options.colour = "vertex";
+  options.memory_bytes = memory_bytes;
+  render(options);
+}
+
+}  // namespace tessera

@@ -1,0 +1,82 @@
+// Orientation as a user meets it: scans whose normals are known, stripped of them, and the report's word on
+// it.
+#include <catch2/catch.hpp>
+#include <nlohmann/json.hpp>
+
+#include "tests/helpers/command.h"
+#include "tests/helpers/serial_job.h"
+
+using namespace tessera::test;
+
+namespace {
+
+std::filesystem::path scan(const TempFolder& folder, const std::string& scene, const std::string& mode,
+                           const std::string& points) {
+  const auto path = folder.path() / (scene + ".ply");
+  const CommandResult r = tessera_command({"synth", "--scene", scene, "--mode", mode, "--points", points,
+                                           "--normals", "-o", path.string(), "-t", "2"});
+  INFO(r.errors);
+  REQUIRE(r.code == 0);
+  return path;
+}
+
+CommandResult reconstruct(const std::filesystem::path& in, const std::filesystem::path& out,
+                          const std::vector<std::string>& more) {
+  std::vector<std::string> words = {"reconstruct", in.string(),  "-o",   out.string(), "--normals",
+                                    "estimate",    "--progress", "none", "-q"};
+  words.insert(words.end(), more.begin(), more.end());
+  return tessera_command(words);
+}
+
+nlohmann::json orient_entry(const std::filesystem::path& out) {
+  const nlohmann::json report = nlohmann::json::parse(file_bytes(out.string() + ".report.json"));
+  for (const auto& stage : report.at("stages"))
+    if (stage.at("name") == "orient") return stage.at("result");
+  return nullptr;
+}
+
+}  // namespace
+
+TEST_CASE("orient: simulated scans without normals show the right side", "[pipeline]") {
+  const TempFolder folder;
+  const std::string scene = GENERATE("statue", "torus", "terrain");
+  const auto out = folder.path() / "mesh.ply";
+  const CommandResult r =
+      reconstruct(scan(folder, scene, "surface", scene == "statue" ? "300000" : "100000"), out, {});
+  INFO(r.errors);
+  REQUIRE(r.code == 0);
+  const nlohmann::json entry = orient_entry(out);
+  INFO(entry.dump());
+  CHECK(entry.at("agreement").at("fraction").get<double>() > 0.998);
+}
+
+TEST_CASE("orient: same bytes whatever tiles, threads and cap", "[property]") {
+  const TempFolder folder;
+  const auto in = scan(folder, "indoor", "terrestrial", "120000");
+  std::string first;
+  for (const std::vector<std::string>& run : {std::vector<std::string>{"-t", "1"},
+                                              {"-t", "2", "--tile-size", "64"},
+                                              {"-t", "2", "--memory", "128M"}}) {
+    const auto out = folder.path() / "mesh.ply";
+    std::vector<std::string> more = run;
+    more.push_back("--force");
+    const CommandResult r = reconstruct(in, out, more);
+    INFO(r.errors);
+    REQUIRE(r.code == 0);
+    if (first.empty()) first = file_bytes(out);
+    CHECK(file_bytes(out) == first);
+  }
+}
+
+TEST_CASE("orient: too much doubt is exit code 6 and a picture, and no mesh", "[pipeline]") {
+  const TempFolder folder;
+  const auto in = scan(folder, "city", "terrestrial", "60000");
+  const auto out = folder.path() / "mesh.ply";
+  const CommandResult r = reconstruct(in, out, {"--max-uncertain", "0"});
+  INFO(r.errors);
+  CHECK(r.code == 6);
+  CHECK(r.errors.find("--max-uncertain") != std::string::npos);
+  CHECK(std::filesystem::file_size(out.string() + ".uncertain.png") > 1000);
+  CHECK_FALSE(std::filesystem::exists(out));
+  CHECK_FALSE(std::filesystem::exists(out.string() + ".uncertain.ply"));
+}
