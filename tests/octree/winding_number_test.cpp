@@ -49,7 +49,7 @@ std::vector<Int3> queries_around(const Double3& centre, double reach, std::size_
   std::vector<Int3> out;
   for (std::size_t i = 0; i < count; ++i) {
     Double3 p;
-    for (std::size_t c = 0; c < 3; ++c) p[c] = centre[c] + reach * (2 * random.uniform() - 1);
+    for (std::size_t c = 0; c < 3; ++c) p[c] = centre[c] + reach * (2 * random.unit() - 1);
     out.push_back(quantised(p));
   }
   std::sort(out.begin(), out.end(), before);
@@ -200,8 +200,8 @@ TEST_CASE("multipoles: a parent's is that of its points", "[unit]") {
   for (int i = 0; i < 300; ++i) {
     Dipole d;
     for (std::size_t c = 0; c < 3; ++c) {
-      d.q[c] = static_cast<int>((1 << 20) + random.uniform() * (1 << 16));
-      d.moment[c] = static_cast<float>(random.uniform() - 0.3);
+      d.q[c] = static_cast<int>((1 << 20) + random.unit() * (1 << 16));
+      d.moment[c] = static_cast<float>(random.unit() - 0.3);
     }
     dipoles.push_back(d);
   }

@@ -42,7 +42,7 @@ std::string count(double n) {
 std::string mebibytes(const json& row, const char* key) {
   return fmt::format("{:.0f} MiB", row.value(key, 0.0) / 1048576.0);
 }
-std::string seconds(double s) {
+std::string three_digits(double s) {
   return s < 0.1 ? fmt::format("{:.3f}", s) : s < 10.0 ? fmt::format("{:.2f}", s) : fmt::format("{:.1f}", s);
 }
 bool solved(const json& row) {
@@ -173,8 +173,8 @@ void write(const Groups& groups, const std::string& folder) {
     out << fmt::format("## Laplacian of order {}, {} mesh\n\n", order, mesh);
     out << "Seconds: setup / precomputation / three solutions.\n\n";
     table(out, rows, columns, [](const json& r) {
-      return fmt::format("{:.2f}/{:.2f}/{:.2f}", r.value("setup_s", 0.0), precompute(r),
-                         r.value("solve_s", 0.0));
+      return fmt::format("{}/{}/{}", three_digits(r.value("setup_s", 0.0)), three_digits(precompute(r)),
+                         three_digits(r.value("solve_s", 0.0)));
     });
     out << "Relative residual, peak memory, iterations.\n\n";
     table(out, rows, columns, [](const json& r) {

@@ -90,10 +90,10 @@ int main(int argc, char** argv) {
   for (std::size_t i = 0; i < count; ++i) {
     Double3 p;
     const Int3& near =
-        dipoles[static_cast<std::size_t>(random.uniform() * static_cast<double>(dipoles.size()))].q;
+        dipoles[static_cast<std::size_t>(random.unit() * static_cast<double>(dipoles.size()))].q;
     for (std::size_t c = 0; c < 3; ++c)
-      p[c] = i % 3 == 0 ? centre[c] + 1.2 * half * (2 * random.uniform() - 1)
-                        : static_cast<double>(near[c]) / kQuantaPerCell + 12 * (2 * random.uniform() - 1);
+      p[c] = i % 3 == 0 ? centre[c] + 1.2 * half * (2 * random.unit() - 1)
+                        : static_cast<double>(near[c]) / kQuantaPerCell + 12 * (2 * random.unit() - 1);
     queries[i] = quantised(p);
   }
   std::sort(queries.begin(), queries.end(), before);
