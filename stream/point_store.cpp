@@ -89,6 +89,12 @@ PointFileWriter::PointFileWriter(const std::filesystem::path& path, std::size_t 
     : impl_(std::make_unique<Impl>(path, buffer_bytes)) {}
 PointFileWriter::~PointFileWriter() = default;
 
+void PointFileWriter::expect(std::uint64_t bricks, std::uint64_t points) {
+  constexpr std::uint64_t kMostBlocks = kBlocksPerAxis * kBlocksPerAxis * kBlocksPerAxis;
+  impl_->bricks.reserve(bricks);
+  impl_->blocks.reserve(std::min(points, bricks * kMostBlocks));
+}
+
 void PointFileWriter::brick(std::uint64_t key, std::span<const PointRecord> points) {
   assert(!points.empty() && (impl_->bricks.empty() || impl_->bricks.back().key < key));
   const std::size_t first_block = impl_->blocks.size();

@@ -38,6 +38,8 @@ class PointFileWriter {
   ~PointFileWriter();
   PointFileWriter(const PointFileWriter&) = delete;
   PointFileWriter& operator=(const PointFileWriter&) = delete;
+  /// Makes room for the tables of so many bricks and points at most, so that they never grow by doubling.
+  void expect(std::uint64_t bricks, std::uint64_t points);
   /// \pre keys ascend; the points lie in the brick, at least one, in canonical order
   void brick(std::uint64_t key, std::span<const PointRecord> points);
   /// Tables, checksums, close (no sync, no rename: the task commits). Returns bytes written.

@@ -119,6 +119,7 @@ OrderStage::Counts OrderStage::order_bucket(std::size_t task, TaskContext& conte
     for (const PointRecord& p : chunk) points[slots.take(p.q)] = p;
   });
   PointFileWriter out(context.create(point_file_name(task)));
+  out.expect(bucket.bricks, bucket.points);
   BrickSorter sorter;
   Counts counts;
   const PointRecord* from = points.data();

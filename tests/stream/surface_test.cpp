@@ -183,7 +183,7 @@ TEST_CASE("main job: small holes are filled, the same bytes for any tiling, larg
 
   setup.tile_cells = GENERATE(64, 256);
   setup.backwards = setup.tile_cells == 64;
-  setup.memory = setup.tile_cells == 256 ? std::uint64_t{128} << 20 : std::uint64_t{4} << 30;
+  setup.memory = setup.tile_cells == 256 ? std::uint64_t{192} << 20 : std::uint64_t{4} << 30;
   shuffle(points, static_cast<std::uint64_t>(setup.tile_cells));
   CHECK(run_job(points, setup).bytes == want.bytes);
 }
