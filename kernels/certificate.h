@@ -77,11 +77,11 @@ struct SurfaceFaces {
 };
 
 /// \param surface    what is measured
-/// \param core       only what lies in this box (all of it: nullptr); boxes that tile space count every point
-/// once \param reference  what is measured against; complete within `reach` of the measured part. May be
-/// empty \param face_bound m bounds, rounded up, one per face (infinite: beyond), or nullptr \post  the
-/// result depends on the arguments alone \cost  about 1 us per face and overlap; 20 bytes per vertex, 4 per
-/// face
+/// \param core       only what lies in this box (all of it: nullptr); boxes that tile space count every point once
+/// \param reference  what is measured against; complete within `reach` of the measured part. May be empty
+/// \param face_bound m bounds, rounded up, one per face (infinite: beyond), or nullptr
+/// \post  the result depends on the arguments alone
+/// \cost  about 1 us per face and overlap; 20 bytes per vertex, 4 per face
 DeviationReport certify_deviation(const SurfaceFaces& surface, const Box3* core,
                                   const ClosestFaces& reference, const CertificateOptions& options,
                                   std::vector<float>* face_bound = nullptr);

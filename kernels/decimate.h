@@ -80,8 +80,7 @@ struct DecimateReport {
 ///                   block.face_bound (m, or empty = all 0): every point of a face lies within it of the
 ///                   reference, and the part of the reference that the face stands for lies within it of the
 ///                   block. It comes back with m' values; carry it with the faces into the next pass.
-/// \param reference  the original surface with a halo of 2 x tolerance around the block, same frame. Its
-/// vertices
+/// \param reference  the original surface with a halo of 2 x tolerance around the block, same frame. Its vertices
 ///                   that are vertices of the block still have the same key. May be `block` itself in a
 ///                   first pass, which takes less time and memory than a copy; else keys ascend. Not looked
 ///                   at when tolerance is 0.
@@ -89,8 +88,8 @@ struct DecimateReport {
 /// \post   pure function of the set of faces and the options; locked vertices unchanged; edge-manifold,
 ///         vertex-manifold where it was; block.face_bound <= tolerance if the input's was
 /// \cost   about 1 us per face removed; decimate_bytes() of memory above the two blocks
-/// \throws InputError  an edge with more than two faces or with two faces of the same direction, sizes that
-/// differ \throws UsageError  from options.validate()
+/// \throws InputError  an edge with more than two faces or with two faces of the same direction, sizes that differ
+/// \throws UsageError  from options.validate()
 DecimateReport decimate(MeshBlock& block, const MeshBlock& reference, const DecimateOptions& options);
 
 /// Upper bound of what decimate() allocates above its arguments; reference_faces = 0 where the block is its own.

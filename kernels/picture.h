@@ -65,8 +65,7 @@ std::uint64_t picture_bytes(const PictureOptions& options);
 
 class Picture {
  public:
-  /// \throws ResourceError when no context or no memory is to be had; UsageError when the size is out of
-  /// range
+  /// \throws ResourceError when no context or no memory is to be had; UsageError when the size is out of range
   Picture(const PictureOptions& options, std::span<const PictureView> views);
   ~Picture();
 

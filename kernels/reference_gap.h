@@ -44,8 +44,7 @@ class ReferenceGap {
   /// \param loop  closed rim of the star or of a side of it, relative to the vertex that takes over (at[0] =
   /// 0);
   /// \param[out] gap  every point of the new star and of the reference below it lies within it of the other
-  /// \return kBeyond where the gap exceeds the limit, kFolded where the reference is no graph over the
-  /// polygon
+  /// \return kBeyond where the gap exceeds the limit, kFolded where the reference is no graph over the polygon
   Answer measure(const RimLoop& loop, const Query& query, double& gap);
 
   /// Follows the line of the reference that runs through u both ways to v and to q, where two lines end or meet too.

@@ -67,8 +67,7 @@ class ToleranceVolume {
   double cap() const { return cap_; }          ///< stored values end here
   double largest_lift() const { return largest_lift_; }
   double mean_lift() const { return mean_lift_; }  ///< over cells that the tolerance can reach
-  /// x fastest; lifted, rounded up, at most cap; in units of the spacing, so that every precision has its
-  /// range
+  /// x fastest; lifted, rounded up, at most cap; in units of the spacing, so that every precision has its range
   std::span<const float> values() const { return value_; }
 
   double texture_error(TexturePrecision precision) const;

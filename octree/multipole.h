@@ -42,8 +42,7 @@ inline std::uint64_t cell_key(const Int3& q, int bits) {
                        static_cast<std::uint32_t>(q[2] >> shift));
 }
 
-/// Multipole of the dipoles of one cell of level `bits`. \pre at least one, in canonical order, all in the
-/// cell
+/// Multipole of the dipoles of one cell of level `bits`. \pre at least one, in canonical order, all in the cell
 Multipole multipole_of(std::span<const Dipole> dipoles, int bits);
 /// Multipole of a cell of level `bits` from those of its children. \pre at least one, ascending keys
 Multipole merge_multipoles(std::span<const Multipole> children, int bits);

@@ -26,13 +26,11 @@ class WindingField {
   /// \param tree  all dipoles, top level kMaxCellBits
   explicit WindingField(const MultipoleTree& tree) : far_(tree), near_(nullptr) {}
   /// \param far   all cells down to some level, without dipoles
-  /// \param near  what lies below: top level far.leaf_bits(); complete for the leaves of `far` adjacent to
-  /// the
+  /// \param near  what lies below: top level far.leaf_bits(); complete for the leaves of `far` adjacent to the
   ///              queries, and with the dipoles of the near leaves adjacent to them
   WindingField(const MultipoleTree& far, const MultipoleTree& near) : far_(far), near_(&near) {}
 
-  /// \param queries   quanta from the lattice origin; consecutive ones of the same leaf share their lists, so
-  /// hand
+  /// \param queries   quanta from the lattice origin; consecutive ones of the same leaf share their lists, so hand
   ///                  them in Morton order or at least leaf by leaf
   /// \param gradient  per cell, or empty
   /// \cost about 1 us a query beside a surface, plus 5 us a change of leaf

@@ -13,8 +13,7 @@ namespace tessera {
 
 class EnvelopeCholesky {
  public:
-  /// Orders (reverse Cuthill-McKee) and lays out; nothing is factored yet. \pre symmetric, with a full
-  /// diagonal
+  /// Orders (reverse Cuthill-McKee) and lays out; nothing is factored yet. \pre symmetric, with a full diagonal
   explicit EnvelopeCholesky(const SparseMatrix& a);
 
   /// Entries inside the envelope: factoring takes 8 bytes each and the sum of their rows' squares in time.

@@ -93,8 +93,7 @@ class LinearSolver {
   /// Takes the values. \pre same pattern as in analyse(), which has reported kSolved; the matrix lives,
   /// unchanged, until the last solve()
   virtual FactorReport factor(const SparseMatrix& a) = 0;
-  /// x for b, both n x width interleaved; iterative solvers start from zero. \pre factor() has reported
-  /// kSolved
+  /// x for b, both n x width interleaved; iterative solvers start from zero. \pre factor() has reported kSolved
   virtual SolveReport solve(std::span<const double> b, std::span<double> x, int width) = 0;
 };
 

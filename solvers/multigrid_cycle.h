@@ -61,8 +61,7 @@ void relax_from_zero(const MultigridLevel& level, const double* b, double* x) {
   }
 }
 
-/// coarse = P^T (b - A x). \param one_sweep  x comes from one sweep from zero: then only the upper triangle
-/// counts
+/// coarse = P^T (b - A x). \param one_sweep  x comes from one sweep from zero: then only the upper triangle counts
 template <int kWidth>
 void restrict_residual(const MultigridLevel& level, const double* b, const double* x,
                        std::vector<double>& coarse, bool one_sweep) {

@@ -16,8 +16,7 @@
 
 namespace tessera {
 
-/// \tparam Less  a strict total order: records that it calls equal come out in any order, so they must not
-/// differ
+/// \tparam Less  a strict total order: records that it calls equal come out in any order, so they must not differ
 template <class Record, class Less = std::less<Record>>
 class ExternalSort {
   static_assert(std::is_trivially_copyable_v<Record>);

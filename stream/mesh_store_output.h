@@ -29,8 +29,7 @@ struct MeshStoreOutputReport {
 };
 
 /// Reads every patch three times: once to find the vertices that patches share, once for vertices, once for
-/// faces. \throws EmptyError when there is no face; UsageError when the format cannot hold the mesh;
-/// ResourceError
+/// faces. \throws EmptyError when there is no face; UsageError when the format cannot hold the mesh; ResourceError
 MeshStoreOutputReport write_mesh_store(const MeshStore& store, const MeshStoreOutput& output);
 
 /// Upper bound of what write_mesh_store allocates.

@@ -15,8 +15,7 @@ namespace tessera {
 
 class PointInputs {
  public:
-  /// \param task_bytes  input bytes that one task reads, about; grows for huge inputs so that tasks stay
-  /// below
+  /// \param task_bytes  input bytes that one task reads, about; grows for huge inputs so that tasks stay below
   ///                    about 400. Changes no result.
   /// \throws UsageError  no file; InputError  more than 65534 different sensor origins
   PointInputs(std::vector<std::unique_ptr<PointFile>> files, const ReconstructOptions& options,

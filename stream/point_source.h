@@ -86,8 +86,7 @@ class PointFile {
 };
 
 /// Opens a point file by content first, extension second.
-/// \throws InputError for an unreadable, empty, unknown or unsupported (LAZ, E57: names what to convert to)
-/// file
+/// \throws InputError for an unreadable, empty, unknown or unsupported (LAZ, E57: names what to convert to) file
 std::unique_ptr<PointFile> open_point_file(const std::filesystem::path& path, const ReadOptions& options);
 
 /// Points that the header promises and the file does not hold. \param total  sums over all slices of the file

@@ -20,8 +20,7 @@ struct ProgressSink {
 };
 
 enum class ProgressMode { kNone, kBar, kPlain, kJson };
-/// "auto" is a bar on a terminal, else plain lines; a bar needs a terminal. \throws UsageError for an unknown
-/// name
+/// "auto" is a bar on a terminal, else plain lines; a bar needs a terminal. \throws UsageError for an unknown name
 ProgressMode progress_mode(const std::string& name, bool terminal, int verbosity);
 
 class Progress {

@@ -16,8 +16,7 @@ class SpillFile {
   SpillFile(const SpillFile&) = delete;
   SpillFile& operator=(const SpillFile&) = delete;
 
-  /// Writes at the end, returns the offset. \throws ResourceError when the disk is full or the folder
-  /// unusable
+  /// Writes at the end, returns the offset. \throws ResourceError when the disk is full or the folder unusable
   std::uint64_t append(const void* data, std::uint64_t bytes);
   /// \throws ResourceError when the disk fails
   void read_at(std::uint64_t offset, void* to, std::uint64_t bytes) const;

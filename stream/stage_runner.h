@@ -20,8 +20,7 @@ namespace tessera {
 std::vector<nlohmann::json> run_stages(const JobState& state, const std::vector<StageEntry>& stages,
                                        const std::function<void()>& check_stop);
 
-/// Imports a mesh file as a store in `work`/`folder`, which must not hold one. \throws as run_stages,
-/// InputError
+/// Imports a mesh file as a store in `work`/`folder`, which must not hold one. \throws as run_stages, InputError
 MeshStore import_mesh(const std::filesystem::path& mesh, const std::filesystem::path& work,
                       const std::string& folder, const RunOptions& run,
                       const std::function<void()>& check_stop, nlohmann::json* report = nullptr);

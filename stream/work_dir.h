@@ -41,8 +41,7 @@ class WorkDir {
     kTask    ///< run one task: shared with other tasks, refused while somebody drives
   };
   /// Creates the directory for this job, or opens the one that is there.
-  /// \throws UsageError when it belongs to another job (and `force` does not discard it), is in use by
-  /// another
+  /// \throws UsageError when it belongs to another job (and `force` does not discard it), is in use by another
   ///         process, or is no work directory; ResourceError when the disk is full
   static WorkDir open_job(const std::filesystem::path& path, const nlohmann::json& identity, bool force);
   /// Opens what open_job made. \param locked false: the parent process holds the lock

@@ -12,8 +12,7 @@
 
 namespace tessera {
 
-/// \throws InputError naming file and line for a header that cannot be understood or has no vertices with x y
-/// z
+/// \throws InputError naming file and line for a header that cannot be understood or has no vertices with x y z
 std::unique_ptr<PointFile> open_ply_points(const ReadFile& file, const ReadOptions& options);
 
 }  // namespace tessera

@@ -34,8 +34,7 @@ class TextColumns {
   std::string names() const;
 
   /// Values of a line by slot. False if a field that is needed is not there or no number.
-  /// \param delimiter  ',' ';' '\t': fields may be empty, which gives NaN; ' ': runs of white space and
-  /// commas
+  /// \param delimiter  ',' ';' '\t': fields may be empty, which gives NaN; ' ': runs of white space and commas
   bool parse(std::string_view line, char delimiter, std::array<double, kTextSlots>& values) const;
 
  private:
