@@ -1,11 +1,11 @@
 #include "stream/convert_mesh.h"
 
 #include <algorithm>
-#include <cctype>
 #include <memory>
 #include <string>
 
 #include "octree/error.h"
+#include "stream/file_extension.h"
 #include "stream/formats/ply_header.h"
 #include "stream/mesh_io.h"
 #include "stream/mesh_weld.h"
@@ -13,13 +13,6 @@
 
 namespace tessera {
 namespace {
-
-std::string lower_extension(const std::filesystem::path& path) {
-  std::string text = path.extension().string();
-  std::transform(text.begin(), text.end(), text.begin(),
-                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
-  return text;
-}
 
 bool ply_has_faces(const std::filesystem::path& path) {
   const ReadFile file(path);

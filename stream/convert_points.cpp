@@ -8,6 +8,7 @@
 #include <tbb/parallel_pipeline.h>
 
 #include "octree/error.h"
+#include "stream/file_extension.h"
 #include "stream/formats/point_writer.h"
 #include "stream/point_summary.h"
 #include "stream/stop.h"
@@ -17,14 +18,6 @@ namespace tessera {
 namespace {
 
 constexpr std::uint64_t kSliceBytes = std::uint64_t{4} << 20;
-
-std::string lower_extension(const std::filesystem::path& path) {
-  std::string e = path.extension().string();
-  for (char& c : e) {
-    if (c >= 'A' && c <= 'Z') c = static_cast<char>(c - 'A' + 'a');
-  }
-  return e;
-}
 
 /// What all inputs together hold.
 struct Survey {

@@ -1,23 +1,16 @@
 #include "stream/mesh_io.h"
 
 #include <algorithm>
-#include <cctype>
 #include <utility>
 
 #include "octree/error.h"
+#include "stream/file_extension.h"
 #include "stream/formats/mesh_reader_base.h"
 #include "stream/formats/mesh_writer_base.h"
 #include "stream/read_file.h"
 
 namespace tessera {
 namespace {
-
-std::string lower_extension(const std::filesystem::path& path) {
-  std::string text = path.extension().string();
-  std::transform(text.begin(), text.end(), text.begin(),
-                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
-  return text;
-}
 
 /// OFF, COFF, NOFF, ... as the first word.
 bool begins_with_off(std::string_view start) {

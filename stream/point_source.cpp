@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "octree/error.h"
+#include "stream/file_extension.h"
 #include "stream/formats/byte_window.h"
 #include "stream/formats/las_points.h"
 #include "stream/formats/ply_points.h"
@@ -15,14 +16,6 @@
 namespace tessera {
 
 namespace {
-
-std::string lower_extension(const std::filesystem::path& path) {
-  std::string e = path.extension().string();
-  for (char& c : e) {
-    if (c >= 'A' && c <= 'Z') c = static_cast<char>(c - 'A' + 'a');
-  }
-  return e;
-}
 
 /// Formats that are known but not read, told by their first bytes.
 struct Refusal {

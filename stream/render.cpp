@@ -1,7 +1,6 @@
 #include "stream/render.h"
 
 #include <algorithm>
-#include <cctype>
 #include <cmath>
 #include <cstdio>
 #include <memory>
@@ -10,6 +9,7 @@
 #include "kernels/caption.h"
 #include "kernels/picture.h"
 #include "octree/error.h"
+#include "stream/file_extension.h"
 #include "stream/formats/ply_header.h"
 #include "stream/memory_budget.h"
 #include "stream/mesh_io.h"
@@ -32,13 +32,6 @@ struct Panel {
   SceneBox box;
   std::string caption;
 };
-
-std::string lower_extension(const std::filesystem::path& path) {
-  std::string text = path.extension().string();
-  std::transform(text.begin(), text.end(), text.begin(),
-                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
-  return text;
-}
 
 /// A PLY file is either; the header tells.
 bool is_mesh(const std::filesystem::path& path) {
