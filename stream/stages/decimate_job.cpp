@@ -1,11 +1,13 @@
 #include "stream/stages/decimate_job.h"
 
+#include <algorithm>
+
 #include <nlohmann/json.hpp>
 
 #include "octree/error.h"
-#include "stream/mesh_store_output.h"
 #include "stream/stages/certify_stage.h"
 #include "stream/stages/import_stages.h"
+#include "stream/stages/store_write_stage.h"
 
 namespace tessera {
 namespace {
@@ -13,48 +15,6 @@ namespace {
 using json = nlohmann::json;
 
 constexpr std::uint64_t kSortBytes = std::uint64_t{64} << 20;
-
-class MeshWriteStage : public Stage {
- public:
-  MeshWriteStage(const JobState& state, const SimplifyOptions& options, std::string made_by)
-      : state_(state),
-        options_(options),
-        made_by_(std::move(made_by)),
-        store_(open_pass_input(state, options.passes)) {}
-  std::string name() const override { return "write"; }
-  std::size_t task_count() const override { return 0; }
-  std::uint64_t task_bytes(std::size_t) const override { return 0; }
-  std::uint64_t units() const override { return store_.face_count(); }
-  std::string unit_name() const override { return "faces"; }
-  json run(std::size_t, TaskContext&) const override { return {}; }
-  std::uint64_t finish_bytes() const override { return write_mesh_store_bytes(store_, sort_bytes()); }
-
-  json finish(const std::vector<json>&, TaskContext& context) const override {
-    MeshStoreOutput output;
-    output.path = state_.output;
-    output.temp = state_.work;
-    output.memory_bytes = sort_bytes();
-    output.check_stop = [&] { context.check_stop(); };
-    output.advance = [&](std::uint64_t faces) { context.advance(faces); };
-    output.comments = {"made by " + made_by_ + ", tolerance " + json(options_.tolerance).dump()};
-    const MeshStoreOutputReport report = write_mesh_store(store_, output);
-    context.count_written(report.bytes);
-    return {{"path", state_.output.string()},
-            {"vertices", report.vertices},
-            {"faces", report.faces},
-            {"bytes", report.bytes},
-            {"double_positions", store_.info().double_positions},
-            {"shift", store_.info().shift}};
-  }
-
- private:
-  std::uint64_t sort_bytes() const { return std::min(kSortBytes, state_.run.memory_bytes / 8); }
-
-  JobState state_;
-  SimplifyOptions options_;
-  std::string made_by_;
-  MeshStore store_;
-};
 
 json result_of(const json& report, const std::string& stage) {
   for (const json& entry : report.at("stages"))
@@ -107,7 +67,10 @@ std::vector<StageEntry> simplify_stages(const SimplifyOptions& options, const st
                       return make_certify_stage(state, request);
                     }});
   stages.push_back({"write", [=](const JobState& state) {
-                      return std::make_unique<MeshWriteStage>(state, options, made_by);
+                      return make_store_write_stage(
+                          state, open_pass_input(state, options.passes),
+                          "made by " + made_by + ", tolerance " + json(options.tolerance).dump(),
+                          std::min(kSortBytes, state.run.memory_bytes / 8));
                     }});
   return stages;
 }

@@ -1,9 +1,9 @@
 #include <nlohmann/json.hpp>
 
 #include "octree/error.h"
-#include "stream/mesh_store_output.h"
 #include "stream/stages/import_stages.h"
 #include "stream/stages/smooth_stage.h"
+#include "stream/stages/store_write_stage.h"
 #include "stream/task_files.h"
 
 namespace tessera {
@@ -12,40 +12,6 @@ namespace {
 using json = nlohmann::json;
 
 constexpr std::uint64_t kSortBytes = std::uint64_t{32} << 20;
-
-class SmoothWriteStage : public Stage {
- public:
-  SmoothWriteStage(const JobState& state, std::size_t rounds)
-      : state_(state), store_(list_task_files(state.work / smooth_folder(rounds), ".tmm")) {}
-
-  std::string name() const override { return "write"; }
-  std::size_t task_count() const override { return 0; }
-  std::uint64_t task_bytes(std::size_t) const override { return 0; }
-  std::uint64_t units() const override { return store_.face_count(); }
-  std::string unit_name() const override { return "faces"; }
-  json run(std::size_t, TaskContext&) const override { return {}; }
-  std::uint64_t finish_bytes() const override { return write_mesh_store_bytes(store_, kSortBytes); }
-
-  json finish(const std::vector<json>&, TaskContext& context) const override {
-    MeshStoreOutput output;
-    output.path = state_.output;
-    output.comments = {"made by tessera smooth " + state_.settings};
-    output.temp = state_.work;
-    output.memory_bytes = kSortBytes;
-    output.check_stop = [&] { context.check_stop(); };
-    output.advance = [&](std::uint64_t faces) { context.advance(faces); };
-    const MeshStoreOutputReport report = write_mesh_store(store_, output);
-    context.count_written(report.bytes);
-    return {{"path", state_.output.string()},
-            {"vertices", report.vertices},
-            {"faces", report.faces},
-            {"bytes", report.bytes}};
-  }
-
- private:
-  JobState state_;
-  MeshStore store_;
-};
 
 /// The report's `mesh`: what was written, and how far vertices moved in the last round (with a tolerance: in
 /// all).
@@ -101,8 +67,10 @@ JobDescription smooth_job(const SmoothOptions& options) {
                             return make_smooth_stage(state, plan, round);
                           }});
   const std::size_t rounds = plan.rounds.size();
-  job.stages.push_back({"write", [rounds](const JobState& state) -> std::unique_ptr<Stage> {
-                          return std::make_unique<SmoothWriteStage>(state, rounds);
+  job.stages.push_back({"write", [rounds](const JobState& state) {
+                          return make_store_write_stage(
+                              state, MeshStore(list_task_files(state.work / smooth_folder(rounds), ".tmm")),
+                              "made by tessera smooth " + state.settings, kSortBytes);
                         }});
   return job;
 }

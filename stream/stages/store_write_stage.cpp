@@ -1,0 +1,59 @@
+#include "stream/stages/store_write_stage.h"
+
+#include <utility>
+
+#include <nlohmann/json.hpp>
+
+#include "stream/mesh_store_output.h"
+
+namespace tessera {
+namespace {
+
+using json = nlohmann::json;
+
+class StoreWriteStage : public Stage {
+ public:
+  StoreWriteStage(const JobState& state, MeshStore store, std::string comment, std::uint64_t sort_bytes)
+      : state_(state), store_(std::move(store)), comment_(std::move(comment)), sort_bytes_(sort_bytes) {}
+
+  std::string name() const override { return "write"; }
+  std::size_t task_count() const override { return 0; }
+  std::uint64_t task_bytes(std::size_t) const override { return 0; }
+  std::uint64_t units() const override { return store_.face_count(); }
+  std::string unit_name() const override { return "faces"; }
+  json run(std::size_t, TaskContext&) const override { return {}; }
+  std::uint64_t finish_bytes() const override { return write_mesh_store_bytes(store_, sort_bytes_); }
+
+  json finish(const std::vector<json>&, TaskContext& context) const override {
+    MeshStoreOutput output;
+    output.path = state_.output;
+    output.comments = {comment_};
+    output.temp = state_.work;
+    output.memory_bytes = sort_bytes_;
+    output.check_stop = [&] { context.check_stop(); };
+    output.advance = [&](std::uint64_t faces) { context.advance(faces); };
+    const MeshStoreOutputReport report = write_mesh_store(store_, output);
+    context.count_written(report.bytes);
+    return {{"path", state_.output.string()},
+            {"vertices", report.vertices},
+            {"faces", report.faces},
+            {"bytes", report.bytes},
+            {"double_positions", store_.info().double_positions},
+            {"shift", store_.info().shift}};
+  }
+
+ private:
+  JobState state_;
+  MeshStore store_;
+  std::string comment_;
+  std::uint64_t sort_bytes_;
+};
+
+}  // namespace
+
+std::unique_ptr<Stage> make_store_write_stage(const JobState& state, MeshStore store, std::string comment,
+                                              std::uint64_t sort_bytes) {
+  return std::make_unique<StoreWriteStage>(state, std::move(store), std::move(comment), sort_bytes);
+}
+
+}  // namespace tessera
