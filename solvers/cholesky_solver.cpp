@@ -1,13 +1,12 @@
 #include "solvers/cholesky_solver.h"
 
-#include <cholmod.h>
-
 #include <algorithm>
 #include <cassert>
 #include <cmath>
 #include <string>
 #include <vector>
 
+#include "solvers/cholmod_view.h"
 #include "solvers/rcm_ordering.h"
 #include "solvers/single_thread.h"
 
@@ -60,7 +59,7 @@ class CholeskySolver final : public LinearSolver {
       report.message = "the matrix holds a value that is not finite";
       return report;
     }
-    cholmod_sparse view = view_of(a);
+    cholmod_sparse view = cholmod_view(a);
     cholmod_factorize(&view, factor_, &common_);
     if (common_.status < CHOLMOD_OK) return failed(a.rows);
     report.factor_entries = static_cast<std::uint64_t>(common_.lnz);
@@ -135,7 +134,7 @@ class CholeskySolver final : public LinearSolver {
     }
     // A postorder would undo an ordering that is meant to keep a band.
     common_.postorder = ordering == Ordering::kMinimumDegree || ordering == Ordering::kNestedDissection;
-    cholmod_sparse view = view_of(a);
+    cholmod_sparse view = cholmod_view(a);
     factor_ = given.empty() ? cholmod_analyze(&view, &common_)
                             : cholmod_analyze_p(&view, given.data(), nullptr, 0, &common_);
     FactorReport report;
@@ -161,24 +160,6 @@ class CholeskySolver final : public LinearSolver {
       release();
     }
     return report;
-  }
-
-  static cholmod_sparse view_of(const SparseMatrix& a) {
-    // Compressed rows of a symmetric matrix are its compressed columns; CHOLMOD reads the upper triangle and
-    // never writes.
-    cholmod_sparse v{};
-    v.nrow = v.ncol = static_cast<std::size_t>(a.rows);
-    v.nzmax = a.entries();
-    v.p = const_cast<std::int32_t*>(a.start.data());
-    v.i = const_cast<std::int32_t*>(a.column.data());
-    v.x = const_cast<double*>(a.value.data());
-    v.stype = 1;
-    v.itype = CHOLMOD_INT;
-    v.xtype = CHOLMOD_REAL;
-    v.dtype = CHOLMOD_DOUBLE;
-    v.sorted = 1;
-    v.packed = 1;
-    return v;
   }
 
   FactorReport failed(std::int32_t unknowns) {

@@ -1,7 +1,6 @@
 // Non-zero patterns of a small Laplacian and of its Cholesky factor under four orderings, as an SVG: figure 7.2 of the
 // thesis.
 //   usage: factor_pattern FILE.svg
-#include <cholmod.h>
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -12,6 +11,7 @@
 #include <string>
 #include <vector>
 
+#include "solvers/cholmod_view.h"
 #include "solvers/laplacian_system.h"
 #include "solvers/rcm_ordering.h"
 #include "tests/helpers/irregular_mesh.h"
@@ -25,17 +25,7 @@ std::vector<std::int32_t> cholmod_ordering(const SparseMatrix& a, int method) {
   cholmod_start(&c);
   c.nmethods = 1;
   c.method[0].ordering = method;
-  cholmod_sparse m{};
-  m.nrow = m.ncol = static_cast<std::size_t>(a.rows);
-  m.nzmax = a.entries();
-  m.p = const_cast<int*>(a.start.data());
-  m.i = const_cast<int*>(a.column.data());
-  m.x = const_cast<double*>(a.value.data());
-  m.stype = 1;
-  m.itype = CHOLMOD_INT;
-  m.xtype = CHOLMOD_REAL;
-  m.dtype = CHOLMOD_DOUBLE;
-  m.sorted = m.packed = 1;
+  cholmod_sparse m = cholmod_view(a);
   cholmod_factor* f = cholmod_analyze(&m, &c);
   const int* p = static_cast<const int*>(f->Perm);
   std::vector<std::int32_t> order(p, p + a.rows);

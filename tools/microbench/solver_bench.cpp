@@ -1,6 +1,5 @@
 // One size of Laplacian systems through every solver, one JSON line each: the rows of `tools/bench solvers`.
 // Each solver runs in a child process of its own, so peak memory is its own and a failure is a row.
-#include <cholmod.h>
 #include <malloc.h>
 #include <omp.h>
 #include <sys/resource.h>
@@ -17,6 +16,7 @@
 #include <string>
 #include <vector>
 
+#include "solvers/cholmod_view.h"
 #include "solvers/laplacian_system.h"
 #include "solvers/linear_solver.h"
 #include "tests/helpers/irregular_mesh.h"
@@ -94,17 +94,7 @@ json bare_cholmod(const System& s) {
   c.supernodal = CHOLMOD_SUPERNODAL;
   c.nmethods = 1;
   c.method[0].ordering = CHOLMOD_METIS;
-  cholmod_sparse m{};
-  m.nrow = m.ncol = n;
-  m.nzmax = a.entries();
-  m.p = const_cast<int*>(a.start.data());
-  m.i = const_cast<int*>(a.column.data());
-  m.x = const_cast<double*>(a.value.data());
-  m.stype = 1;
-  m.itype = CHOLMOD_INT;
-  m.xtype = CHOLMOD_REAL;
-  m.dtype = CHOLMOD_DOUBLE;
-  m.sorted = m.packed = 1;
+  cholmod_sparse m = cholmod_view(a);
   const double t0 = now();
   cholmod_factor* f = cholmod_analyze(&m, &c);
   const double t1 = now();
