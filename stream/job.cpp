@@ -373,7 +373,10 @@ nlohmann::json run_job(JobState state, const JobDescription& job, const Progress
     }
   }
   const nlohmann::json identity = job_identity(job.command, state, fingerprints);
-  if (nlohmann::json report; job.only_stages == 0 && output_is_done(state, identity, report)) return report;
+  if (nlohmann::json report; job.only_stages == 0 && output_is_done(state, identity, report)) {
+    WorkDir::remove_discarded(state.work);
+    return report;
+  }
 
   WorkDir work = WorkDir::open_job(state.work, identity, state.run.force);
   work.write_run(state);

@@ -166,7 +166,7 @@ fs::path work_path(const fs::path& output, const fs::path& temp) {
 }
 
 WorkDir WorkDir::open_job(const fs::path& path, const nlohmann::json& identity, bool force) {
-  fs::remove_all(discarded(path));
+  remove_discarded(path);
   WorkDir dir;
   dir.path_ = path;
   dir.identity_ = identity;
@@ -284,9 +284,13 @@ void WorkDir::remove_empty_folders() const {
   }
 }
 
+void WorkDir::remove_discarded(const fs::path& path) {
+  fs::remove_all(discarded(path));
+}
+
 void WorkDir::remove() {
   const fs::path aside = discarded(path_);
-  fs::remove_all(aside);
+  remove_discarded(path_);
   rename_durably(path_, aside);
   if (lock_ >= 0) ::close(std::exchange(lock_, -1));
   fs::remove_all(aside);

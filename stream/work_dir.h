@@ -71,6 +71,8 @@ class WorkDir {
 
   /// Removes it with everything in it; killed in between, nothing of it is ever taken for a work directory.
   void remove();
+  /// Removes what a killed remove() of this directory left. \param path  of the work directory
+  static void remove_discarded(const std::filesystem::path& path);
 
  private:
   WorkDir() = default;

@@ -93,6 +93,17 @@ TEST_CASE("fault: killed at random moments, driver and children alike", "[fault]
   }
 }
 
+TEST_CASE("fault: what a kill left of a removed work directory goes with the next command", "[fault]") {
+  const TempFolder scratch;
+  const Toy toy(scratch.path());
+  REQUIRE(toy.run().code == 0);
+  std::filesystem::create_directories(scratch.path() / "out.txt.tessera.discarded" / "journal");
+  REQUIRE(!toy.tidy());
+  CHECK(toy.run().code == 0);
+  CHECK(toy.result() == toy_truth());
+  CHECK(toy.tidy());
+}
+
 TEST_CASE("fault: a signal ends it cleanly with 128 + signal", "[fault]") {
   for (const std::string signal : {"INT", "TERM"}) {
     for (const std::string how : {"", "--processes"}) {
