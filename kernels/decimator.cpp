@@ -95,6 +95,11 @@ Decimator::Refusal Decimator::check(std::uint32_t u, const Star& star, std::size
 void Decimator::commit(std::uint32_t u, const Star& star, std::size_t at_ring, std::uint32_t now) {
   const std::uint32_t v = star.ring[at_ring];
   for (std::size_t i = 0; i < star.faces; ++i) mesh_.face(star.corner[i] >> 2).bound = new_bound_;
+  // What an ear stood for now hangs on the edge that it leaves.
+  if (!star.closed && star.faces == 1) {
+    CollapseFace& outer = mesh_.face(mesh_.opposite(star.corner[0]) >> 2);
+    outer.bound = std::fmax(outer.bound, new_bound_);
+  }
   quadric_[v] += quadric_[u];
   if (!normal_sum_.empty()) normal_sum_[v] += normal_sum_[u];
   if (moves_) move_vertex(u, v);

@@ -1,0 +1,81 @@
+// Decimation where the surface ends: the bound of the loop against the certificate, which shares no code with it.
+#include <catch2/catch.hpp>
+
+#include <algorithm>
+
+#include "kernels/certificate.h"
+#include "kernels/decimate.h"
+#include "kernels/mesh_block_ops.h"
+#include "kernels/portable_math.h"
+#include "tests/helpers/block_meshes.h"
+
+namespace {
+
+using namespace tessera;
+using namespace tessera::test;
+
+/// Proven distance of a to b.
+double certified(const MeshBlock& a, const MeshBlock& b, double tolerance) {
+  CertificateOptions options;
+  options.tolerance = tolerance;
+  options.reach = 100.0 * tolerance;
+  options.area_unit = 1e-6;
+  return certify_deviation({a.position, a.faces}, nullptr, ClosestFaces(b.position, b.faces, b.position[0]),
+                           options)
+      .upper;
+}
+
+/// A sheet with noise, a share of whose faces is missing: ears, slits, islands and vertices with several fans.
+MeshBlock ragged_sheet(int size, double noise, double missing, std::uint64_t seed) {
+  MeshBlock sheet = grid_block(size, size, [](double x, double y) { return 0.002 * x * (x - y); });
+  add_noise(sheet, noise, seed);
+  std::vector<std::array<std::uint32_t, 3>> faces;
+  for (std::size_t f = 0; f < sheet.faces.size(); ++f)
+    if (static_cast<double>(synth::random_bits(seed, 9, f) % 1000) >= 1000.0 * missing)
+      faces.push_back(sheet.faces[f]);
+  // Every fan gets a vertex of its own, as the import makes them.
+  std::vector<Double3> position;
+  std::vector<std::array<std::uint32_t, 3>> own(faces.size());
+  std::vector<std::vector<std::pair<std::uint32_t, std::uint32_t>>> at(
+      sheet.position.size());  // (face, corner)
+  for (std::uint32_t f = 0; f < faces.size(); ++f)
+    for (std::uint32_t c = 0; c < 3; ++c) at[faces[f][c]].push_back({f, c});
+  for (std::uint32_t v = 0; v < at.size(); ++v) {
+    std::vector<int> fan(at[v].size());
+    for (std::size_t i = 0; i < fan.size(); ++i) fan[i] = static_cast<int>(i);
+    for (std::size_t round = 0; round < fan.size(); ++round)
+      for (std::size_t i = 0; i < fan.size(); ++i)
+        for (std::size_t j = 0; j < fan.size(); ++j) {
+          const auto [f, c] = at[v][i];
+          const auto [g, d] = at[v][j];
+          if (faces[f][(c + 1) % 3] == faces[g][(d + 2) % 3]) fan[i] = fan[j] = std::min(fan[i], fan[j]);
+        }
+    for (std::size_t i = 0; i < fan.size(); ++i) {
+      const std::size_t first = static_cast<std::size_t>(fan[i]);
+      if (first == i) position.push_back(sheet.position[v]);
+      own[at[v][i].first][at[v][i].second] = first == i ? static_cast<std::uint32_t>(position.size() - 1)
+                                                        : own[at[v][first].first][at[v][first].second];
+    }
+  }
+  return make_block(position, own);
+}
+
+}  // namespace
+
+TEST_CASE("decimate: ragged borders do not creep, ears of ears count", "[property]") {
+  for (const double missing : {0.05, 0.2, 0.35})
+    for (std::uint64_t seed = 1; seed <= 6; ++seed) {
+      const MeshBlock reference = ragged_sheet(40, 0.1, missing, seed);
+      for (const double tolerance : {0.15, 0.6, 1.5}) {
+        DecimateOptions options;
+        options.tolerance = tolerance;
+        options.feature_angle_deg = seed % 2 == 0 ? 25.0 : 0.0;
+        MeshBlock block = reference;
+        for (int pass = 0; pass < 3; ++pass) decimate(block, pass == 0 ? block : reference, options);
+        CAPTURE(missing, seed, tolerance, reference.faces.size(), block.faces.size());
+        CHECK(block.faces.size() < reference.faces.size());
+        CHECK(certified(block, reference, tolerance) <= 1.03 * tolerance);
+        CHECK(certified(reference, block, tolerance) <= 1.03 * tolerance);
+      }
+    }
+}
