@@ -126,7 +126,8 @@ void DecimateOptions::validate() const {
   need(normal_weight >= 0.0 && std::isfinite(normal_weight), "normal_weight", "a length of 0 or more");
 }
 
-DecimateReport decimate(MeshBlock& block, const MeshBlock& reference, const DecimateOptions& options) {
+DecimateReport decimate(MeshBlock& block, const MeshBlock& reference, const DecimateOptions& options,
+                        std::span<const std::uint64_t> held) {
   options.validate();
   check_sizes(block, "block");
   DecimateReport report;
@@ -160,6 +161,9 @@ DecimateReport decimate(MeshBlock& block, const MeshBlock& reference, const Deci
     }
     const CollapseMesh& original = apart ? *apart : mesh;
     mark_features(mesh, block, original, reference_vertex, options.feature_angle_deg);
+    for (std::uint32_t v = 0; v < mesh.vertices() && !held.empty(); ++v)
+      if (std::binary_search(held.begin(), held.end(), block.key[mesh.block_vertex(v)]))
+        mesh.add_state(v, kVertexLocked);
     for (std::uint32_t v = 0; v < mesh.vertices(); ++v)
       report.locked_vertices += (mesh.state(v) & kVertexLocked) != 0;
     Decimator decimator(mesh, original, std::move(reference_vertex), options, block, origin);

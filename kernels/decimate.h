@@ -12,6 +12,7 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <span>
 
 #include "kernels/mesh_block.h"
 
@@ -84,13 +85,15 @@ struct DecimateReport {
 ///                   that are vertices of the block still have the same key. May be `block` itself in a
 ///                   first pass, which takes less time and memory than a copy; else keys ascend. Not looked
 ///                   at when tolerance is 0.
+/// \param held       keys, ascending, of vertices that are neither moved nor removed
 /// \pre    every edge of the block has at most two faces, oppositely directed; positions are finite
 /// \post   pure function of the set of faces and the options; locked vertices unchanged; edge-manifold,
 ///         vertex-manifold where it was; block.face_bound <= tolerance if the input's was
 /// \cost   about 1 us per face removed; decimate_bytes() of memory above the two blocks
 /// \throws InputError  an edge with more than two faces or with two faces of the same direction, sizes that differ
 /// \throws UsageError  from options.validate()
-DecimateReport decimate(MeshBlock& block, const MeshBlock& reference, const DecimateOptions& options);
+DecimateReport decimate(MeshBlock& block, const MeshBlock& reference, const DecimateOptions& options,
+                        std::span<const std::uint64_t> held = {});
 
 /// Upper bound of what decimate() allocates above its arguments; reference_faces = 0 where the block is its own.
 /// 160 bytes per face of the block, 112 per face of the reference.

@@ -244,7 +244,9 @@ StageRecords Driver::run_stage(std::size_t index, const Journal& journal) {
   log_.info("stage {}: {} tasks, {} of them committed by an earlier run; {} {}; base {}, budget {}", name,
             count, resumed, stage->units(), stage->unit_name(), format_bytes(base),
             format_bytes(budget.capacity()));
-  progress_.begin_stage(name, index, job_.stages.size(), stage->unit_name(), stage->units(), units_done);
+  const bool idle = count == 0 && stage->units() == 0;
+  if (!idle)
+    progress_.begin_stage(name, index, job_.stages.size(), stage->unit_name(), stage->units(), units_done);
 
   std::vector<std::int64_t> missing;
   for (std::size_t k = 0; k < count; ++k) {
@@ -284,7 +286,7 @@ StageRecords Driver::run_stage(std::size_t index, const Journal& journal) {
   pool_.run_tasks(
       1, [&](std::size_t) { return stage->finish_bytes() + own_base; }, budget,
       [&](std::size_t) { records.finish = run_one(*stage, kFinishTask, summaries, stats); });
-  progress_.end_stage();
+  if (!idle) progress_.end_stage();
   log_.info("stage {}: committed: {}", name, records.finish.stage_stats.dump());
   return records;
 }

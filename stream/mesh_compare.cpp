@@ -67,22 +67,32 @@ MeshComparison begin_comparison(const MeshStore& mesh, const MeshStore& referenc
 }
 
 CellComparison compare_cell(const MeshStore& mesh, const MeshStore& reference, const MeshComparison& begun,
-                            const MeshBox& box) {
+                            const MeshBox& box, std::vector<FailedFace>* failed) {
   const CertificateOptions options = certificate_options(mesh, reference, begun);
   const MeshBox near = grown(box, kCompareHalo * options.reach);
   const MeshBlock a = mesh.load_box(near), b = reference.load_box(near);
   Double3 middle;
   for (std::size_t k = 0; k < 3; ++k) middle[k] = 0.5 * (box.low[k] + box.high[k]);
   const Box3 core{box.low, box.high};
-  CellComparison result;
-  const auto both = [&](const std::vector<std::array<std::uint32_t, 3>>& of_a,
-                        const std::vector<std::array<std::uint32_t, 3>>& of_b, DeviationReport& there,
-                        DeviationReport& back) {
-    there = certify_deviation({a.position, of_a}, &core, ClosestFaces(b.position, of_b, middle), options);
-    back = certify_deviation({b.position, of_b}, &core, ClosestFaces(a.position, of_a, middle), options);
+  const auto one_way = [&](const MeshBlock& of, const MeshBlock& to) {
+    const ClosestFaces closest(to.position, to.faces, middle);
+    std::vector<float> bound;
+    const DeviationReport report =
+        certify_deviation({of.position, of.faces}, &core, closest, options, failed ? &bound : nullptr);
+    if (failed && report.faces_over > 0)
+      for (std::size_t f = 0; f < bound.size(); ++f)
+        if (!(static_cast<double>(bound[f]) <= options.tolerance))
+          failed->push_back(
+              {of.position[of.faces[f][0]], of.position[of.faces[f][1]], of.position[of.faces[f][2]]});
+    return report;
   };
-  both(a.faces, b.faces, result.there.surface, result.back.surface);
-  both(border_segments(a), border_segments(b), result.there.border, result.back.border);
+  const auto border_one_way = [&](const MeshBlock& of, const MeshBlock& to) {
+    return certify_deviation({of.position, border_segments(of)}, &core,
+                             ClosestFaces(to.position, border_segments(to), middle), options);
+  };
+  CellComparison result;
+  result.there = {one_way(a, b), border_one_way(a, b)};
+  result.back = {one_way(b, a), border_one_way(b, a)};
   return result;
 }
 

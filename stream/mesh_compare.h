@@ -12,6 +12,7 @@
 #include <nlohmann/json_fwd.hpp>
 
 #include "kernels/certificate.h"
+#include "stream/failed_places.h"
 #include "stream/mesh_store.h"
 #include "stream/options.h"
 
@@ -61,9 +62,10 @@ struct CellComparison {
 /// What compare_meshes does, for those who run the cells themselves: begin, then every cell, then add in any order.
 MeshComparison begin_comparison(const MeshStore& mesh, const MeshStore& reference,
                                 const CompareOptions& options);
-/// \param begun  of begin_comparison
+/// \param begun   of begin_comparison
+/// \param failed  gets every face of either mesh that is not proven; may be null
 CellComparison compare_cell(const MeshStore& mesh, const MeshStore& reference, const MeshComparison& begun,
-                            const MeshBox& cell);
+                            const MeshBox& cell, std::vector<FailedFace>* failed = nullptr);
 void add_cell(MeshComparison& sum, const CellComparison& cell);
 
 /// \post  depends on the two meshes and the options alone, not on threads and budget

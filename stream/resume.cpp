@@ -90,15 +90,16 @@ std::size_t Resume::complete_until(const Journal& journal, std::size_t first, st
     std::vector<std::string> obsolete;
     for (std::size_t s = complete; s-- > 0;) {
       const StageRecords& records = candidates[s];
-      const bool whole = intact(records.finish, obsolete) &&
-                         std::all_of(records.tasks.begin(), records.tasks.end(),
-                                     [&](const TaskRecord& record) { return intact(record, obsolete); });
+      bool whole = intact(records.finish, obsolete);
+      // What its own finish took in, its tasks need not have any more.
+      obsolete.insert(obsolete.end(), records.finish.obsolete.begin(), records.finish.obsolete.end());
+      whole = whole && std::all_of(records.tasks.begin(), records.tasks.end(),
+                                   [&](const TaskRecord& record) { return intact(record, obsolete); });
       if (!whole) {
         complete = s;
         settled = false;
         break;
       }
-      obsolete.insert(obsolete.end(), records.finish.obsolete.begin(), records.finish.obsolete.end());
     }
   }
   found.assign(candidates.begin(), candidates.begin() + static_cast<std::ptrdiff_t>(complete));

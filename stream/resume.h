@@ -3,7 +3,7 @@
 ///
 /// A record counts if its basis is the hash of the job and of everything that earlier stages committed. A
 /// stage is complete if its finish and all its tasks have records of one plan, and every file is there with
-/// its size and hash or was deleted because a later complete stage made it obsolete.
+/// its size and hash or was deleted because a later complete stage, or its own finish, made it obsolete.
 #pragma once
 #include <cstddef>
 #include <map>

@@ -60,7 +60,8 @@ class Stage {
   virtual nlohmann::json finish(const std::vector<nlohmann::json>& summaries, TaskContext& context) const = 0;
   /// Upper bound of the memory finish() allocates.
   virtual std::uint64_t finish_bytes() const = 0;
-  /// Files of earlier stages that nobody needs once this stage is committed (relative names; a folder ends in '/').
+  /// Files of earlier stages, or of its own tasks, that nobody needs once this stage is committed (relative names;
+  /// a folder ends in '/').
   virtual std::vector<std::string> obsolete() const { return {}; }
 };
 

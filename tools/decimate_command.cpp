@@ -57,6 +57,9 @@ void run(Arguments arguments) {
              report.at("mesh").value("faces", std::uint64_t{0}),
              report.at("input").value("faces", std::uint64_t{0}), report.at("wall_s").get<double>(),
              format_bytes(report.at("peak_bytes").get<std::uint64_t>()));
+  if (const int again = report.at("certificate").value("rounds_again", 0); again > 0)
+    fmt::print("the certificate sent parts back {} time{}: the reference is kept there\n", again,
+               again == 1 ? "" : "s");
 }
 
 }  // namespace
@@ -130,6 +133,9 @@ void add_decimate(CLI::App& app) {
   command->add_option("--block-faces", o.block_faces, "most faces of a block")
       ->capture_default_str()
       ->group(group);
+  // For tests of the rounds: makes the passes bolder than the certificate allows.
+  command->add_option("--loop-share", o.loop_share, "share of the tolerance that the passes may use")
+      ->group("");
   cli::add_run_options(*command, arguments->state.run);
 }
 

@@ -45,24 +45,30 @@ class CertifyStage : public Stage {
   std::uint64_t task_bytes(std::size_t task) const override {
     std::uint64_t most = 0;
     for (std::size_t c = first(task); c < first(task + 1); ++c) most = std::max(most, cells_[c].bytes);
-    return most + (std::uint64_t{2} << 20);
+    return most + (std::uint64_t{2} << 20) + 4 * kMostFailedFaces * sizeof(FailedFace);
   }
 
   nlohmann::json run(std::size_t task, TaskContext& context) const override {
     DirectFile file(context.create(file_name(task)), std::size_t{1} << 16);
+    std::vector<FailedFace> failed;
     for (std::size_t c = first(task); c < first(task + 1); ++c) {
       context.check_stop();
-      const CellComparison result = compare_cell(mesh_, reference_, begun_, cells_[c].box);
+      const CellComparison result =
+          compare_cell(mesh_, reference_, begun_, cells_[c].box, retry() ? &failed : nullptr);
+      if (failed.size() > kMostFailedFaces) failed.resize(kMostFailedFaces);
       file.write(&result, sizeof result);
       context.advance(1);
     }
     context.count_written(file.finish());
-    return nlohmann::json::object();
+    if (!failed.empty()) context.count_written(write_failed_faces(context.create(failed_name(task)), failed));
+    return {{"failed_faces", failed.size()}};
   }
 
-  std::uint64_t finish_bytes() const override { return std::uint64_t{2} << 20; }
+  std::uint64_t finish_bytes() const override {
+    return (std::uint64_t{2} << 20) + 2 * kMostFailedFaces * sizeof(FailedFace);
+  }
 
-  nlohmann::json finish(const std::vector<nlohmann::json>&, TaskContext&) const override {
+  nlohmann::json finish(const std::vector<nlohmann::json>& summaries, TaskContext& context) const override {
     MeshComparison sum = begun_;
     for (std::size_t task = 0; task < task_count(); ++task) {
       const ReadFile file(work_ / file_name(task));
@@ -72,11 +78,18 @@ class CertifyStage : public Stage {
         add_cell(sum, cell);
       }
     }
-    if (request_.tolerance > 0.0) {
-      if (const std::string complaint = sum.complaint(false); !complaint.empty())
-        throw ValidationError("the result gets no name: " + complaint);
-    }
     nlohmann::json report = to_json(sum);
+    const std::string complaint = request_.tolerance > 0.0 ? sum.complaint(false) : "";
+    if (!complaint.empty()) {
+      std::vector<FailedFace> failed;
+      for (std::size_t task = 0; task < summaries.size() && failed.size() < kMostFailedFaces; ++task)
+        if (summaries[task].at("failed_faces") > 0)
+          for (const FailedFace& face : read_failed_faces(work_ / failed_name(task)))
+            if (failed.size() < kMostFailedFaces) failed.push_back(face);
+      if (failed.empty()) throw ValidationError("the result gets no name: " + complaint);
+      context.count_written(write_failed_faces(context.create(request_.failed_file), failed));
+      report["failed_faces"] = failed.size();
+    }
     report.erase("seconds");  // the stage has its own
     return report;
   }
@@ -88,6 +101,11 @@ class CertifyStage : public Stage {
   std::string file_name(std::size_t task) const {
     return request_.name + "/" + task_file_stem(task) + ".bin";
   }
+
+  std::string failed_name(std::size_t task) const {
+    return request_.name + "/" + task_file_stem(task) + ".failed";
+  }
+  bool retry() const { return request_.tolerance > 0.0 && !request_.failed_file.empty(); }
 
   std::filesystem::path work_;
   CertifyRequest request_;

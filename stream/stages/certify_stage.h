@@ -1,6 +1,6 @@
 /// \file certify_stage.h
 /// The proof at the end of a job that changes a mesh: both ways against the reference, by a code path of its
-/// own (mesh_compare.h). A result that is not proven gets no name.
+/// own (mesh_compare.h). A result that is not proven gets no name: another round is made, or the job ends.
 #pragma once
 #include <functional>
 #include <memory>
@@ -16,9 +16,10 @@ struct CertifyRequest {
   double tolerance = 0.0;  ///< scan units; 0 = measure and report only
   std::function<MeshStore(const JobState&)> mesh;
   std::function<MeshStore(const JobState&)> reference;
+  std::string failed_file;  ///< name of the file of faces that are not proven, if any; empty = no other round
 };
 
-/// finish() throws ValidationError (exit code 6) when the tolerance is not proven.
+/// finish() throws ValidationError (exit code 6) when the tolerance is not proven and there is no other round.
 std::unique_ptr<Stage> make_certify_stage(const JobState& state, const CertifyRequest& request);
 
 }  // namespace tessera

@@ -1,12 +1,19 @@
 /// \file decimate_job.h
 /// The job of `tessera decimate`: import, passes, proof, output.
 #pragma once
+#include <nlohmann/json_fwd.hpp>
+
 #include "stream/job.h"
 #include "stream/stages/simplify_stage.h"
 
 namespace tessera {
 
-/// What follows an import: passes, proof, output. \param made_by  for the comment in the output
+/// What the last certificate of such a job says, from the report's "stages"; with the number of rounds that were
+/// repeated, if any.
+nlohmann::json certificate_of(const nlohmann::json& report);
+
+/// What follows an import: passes, proof, more rounds of both where it fails, output.
+/// \param made_by  for the comment in the output
 std::vector<StageEntry> simplify_stages(const SimplifyOptions& options, const std::string& made_by);
 
 /// Stages of the job with these options. JobState::inputs are the mesh and, unless the reference is the mesh

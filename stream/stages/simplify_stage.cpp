@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
+#include <optional>
 
 #include <nlohmann/json.hpp>
 
@@ -10,6 +12,7 @@
 #include "octree/error.h"
 #include "stream/direct_file.h"
 #include "stream/durable_file.h"
+#include "stream/failed_places.h"
 #include "stream/stages/import_stages.h"
 #include "stream/task_files.h"
 
@@ -49,21 +52,20 @@ class SimplifyStage : public Stage {
       : work_(state.work),
         options_(options),
         pass_(pass),
-        in_(open_pass_input(state, pass.pass)),
+        in_(open_pass_input(state, pass)),
         reference_(open_imported_mesh(state.work, "mesh")) {
     kernel_ = options_.kernel(!in_.info().double_positions);
     // The proof at the end is tight to a few percent: that much is left to it.
-    kernel_.tolerance /= CertificateOptions{}.tightness;
+    kernel_.tolerance *= options_.loop_share / CertificateOptions{}.tightness;
+    double radius = options_.tolerance;
+    for (int round = pass_.round - 1; round >= 0; --round, radius *= 4.0)
+      failed_.add(read_failed_faces(work_ / failed_faces_file(round)), radius);
+    for (int round = 2; round <= pass_.round; ++round) careful_ *= 0.5;
     if (!pass_.count_costs && options_.target_faces > 0)
       kernel_.max_cost_class =
           json::parse(read_text(work_ / costs_file(pass.pass))).at("cost_class").get<std::uint32_t>();
-    // Bricks keep their places from pass to pass, so each knows about how much reference it stands for.
-    std::vector<std::uint64_t> weight;
-    for (const MeshPatchEntry& e : in_.patches()) {
-      const std::int64_t there = reference_.find(e.key);
-      weight.push_back(there < 0 ? 0 : reference_.patches()[static_cast<std::size_t>(there)].faces);
-    }
-    blocks_ = make_blocks(in_, {options_.block_faces, kReferenceFaces, pass_shift(pass.pass)}, weight);
+    blocks_ = cut(in_);
+    if (pass_.round > 0) open_round_before(state);
     std::uint64_t total = 0;
     for (const MeshBlockCut& block : blocks_) total += block.faces + block.weight;
     const std::uint64_t target = std::max(kTaskFaces, total / kMostTasks);
@@ -78,9 +80,7 @@ class SimplifyStage : public Stage {
     first_.push_back(blocks_.size());
   }
 
-  std::string name() const override {
-    return (pass_.count_costs ? "costs-" : "pass-") + std::to_string(pass_.pass + 1);
-  }
+  std::string name() const override { return pass_.stage_name(); }
   std::size_t task_count() const override { return first_.size() - 1; }
   std::uint64_t units() const override { return in_.face_count(); }
   std::string unit_name() const override { return "faces"; }
@@ -95,7 +95,7 @@ class SimplifyStage : public Stage {
       most = std::max(most, in_.block_bytes(blocks_[b].patches) + reference_.block_bytes(near) +
                                 decimate_bytes(blocks_[b].faces, faces));
     }
-    return most + DirectFile::kDefaultBuffer + (std::uint64_t{4} << 20);
+    return most + failed_.bytes() + DirectFile::kDefaultBuffer + (std::uint64_t{4} << 20);
   }
 
   json run(std::size_t task, TaskContext& context) const override {
@@ -104,14 +104,23 @@ class SimplifyStage : public Stage {
     std::unique_ptr<MeshFileWriter> writer;
     if (!pass_.count_costs)
       writer = std::make_unique<MeshFileWriter>(
-          context.create(pass_folder(pass_.pass) + task_file_stem(task) + ".tmm"), in_.info());
+          context.create(pass_.folder() + task_file_stem(task) + ".tmm"), in_.info());
     for (std::size_t b = first_[task]; b < first_[task + 1]; ++b) {
       context.check_stop();
       const MeshBlockCut& cut = blocks_[b];
+      if (const MeshBlockCut* same = before_ ? before_->same(in_, cut, failed_) : nullptr) {
+        const std::uint64_t faces = before_->copy(*same, *writer);
+        add(sum, {{"faces_in", cut.faces}, {"faces_out", faces}, {"blocks_kept", std::uint64_t{1}}});
+        context.advance(cut.faces);
+        continue;
+      }
       MeshBlock block = in_.load(cut.patches);
       MeshBlock reference;
       if (kernel_.tolerance > 0.0) reference = reference_.load_box(reference_box(cut));
-      const DecimateReport report = decimate(block, reference, kernel_);
+      const std::vector<std::uint64_t> held = failed_.keys_near(block);
+      DecimateOptions kernel = kernel_;
+      if (!held.empty()) kernel.tolerance *= careful_;
+      const DecimateReport report = decimate(block, reference, kernel, held);
       for (std::size_t c = 0; c < kCostClasses; ++c) costs[c] += report.cost_histogram[c];
       add(sum, to_json(report));
       if (writer) write(cut, block, *writer);
@@ -141,13 +150,70 @@ class SimplifyStage : public Stage {
     return sum;
   }
 
-  std::vector<std::string> obsolete() const override {
-    if (pass_.count_costs || pass_.pass == 0) return {};
-    return {pass_folder(pass_.pass - 1)};
-  }
-
  private:
   static std::string costs_file(int pass) { return "costs-" + std::to_string(pass + 1) + ".json"; }
+
+  /// The same pass of the round before: a block whose input is the same and where nothing is to stay is the same.
+  struct RoundBefore {
+    MeshStore in, out;
+    std::vector<MeshBlockCut> blocks;
+    std::map<std::array<std::int32_t, 6>, std::size_t> by_cube;
+
+    static std::array<std::int32_t, 6> cube(const MeshBlockCut& b) {
+      return {b.first_brick[0], b.first_brick[1], b.first_brick[2],
+              b.last_brick[0],  b.last_brick[1],  b.last_brick[2]};
+    }
+    const MeshBlockCut* same(const MeshStore& now, const MeshBlockCut& cut,
+                             const FailedPlaces& failed) const {
+      const auto at = by_cube.find(cube(cut));
+      if (at == by_cube.end()) return nullptr;
+      const MeshBlockCut& old = blocks[at->second];
+      const auto equal = [&](std::size_t a, std::size_t b) {
+        const MeshPatchEntry &x = now.patches()[a], &y = in.patches()[b];
+        return x.key == y.key && x.vertex_hash == y.vertex_hash && x.face_hash == y.face_hash;
+      };
+      if (!std::equal(cut.patches.begin(), cut.patches.end(), old.patches.begin(), old.patches.end(),
+                      equal) ||
+          failed.meet(now.box_of(cut.patches)))
+        return nullptr;
+      return &old;
+    }
+    /// Returns the number of faces.
+    std::uint64_t copy(const MeshBlockCut& cut, MeshFileWriter& writer) const {
+      std::uint64_t faces = 0;
+      for (std::size_t p = 0; p < out.patches().size(); ++p) {
+        const Int3 brick = brick_of_key(out.patches()[p].key);
+        bool inside = true;
+        for (std::size_t a = 0; a < 3; ++a)
+          inside = inside && brick[a] >= cut.first_brick[a] && brick[a] <= cut.last_brick[a];
+        if (!inside) continue;
+        writer.add(out.patches()[p].key, out.load({&p, 1}));
+        faces += out.patches()[p].faces;
+      }
+      return faces;
+    }
+  };
+
+  std::vector<MeshBlockCut> cut(const MeshStore& store) const {
+    // Bricks keep their places from pass to pass, so each knows about how much reference it stands for.
+    std::vector<std::uint64_t> weight;
+    for (const MeshPatchEntry& e : store.patches()) {
+      const std::int64_t there = reference_.find(e.key);
+      weight.push_back(there < 0 ? 0 : reference_.patches()[static_cast<std::size_t>(there)].faces);
+    }
+    return make_blocks(store, {options_.block_faces, kReferenceFaces, pass_shift(pass_.pass)}, weight);
+  }
+
+  void open_round_before(const JobState& state) {
+    SimplifyPass before = pass_;
+    --before.round;
+    SimplifyPass next = before;
+    ++next.pass;
+    before_.emplace(RoundBefore{open_pass_input(state, before), open_pass_input(state, next), {}, {}});
+    before_->blocks = cut(before_->in);
+    for (std::size_t b = 0; b < before_->blocks.size(); ++b)
+      before_->by_cube.emplace(RoundBefore::cube(before_->blocks[b]), b);
+  }
 
   /// All that a collapse in the block may be measured against.
   MeshBox reference_box(const MeshBlockCut& cut) const {
@@ -185,7 +251,26 @@ class SimplifyStage : public Stage {
   MeshStore in_;
   MeshStore reference_;
   std::vector<MeshBlockCut> blocks_;
+  FailedPlaces failed_;
+  double careful_ = 1.0;  ///< share of the tolerance in blocks with failed places
+  std::optional<RoundBefore> before_;
   std::vector<std::size_t> first_;  ///< block index per task, one more at the end
+};
+
+class IdleStage : public Stage {
+ public:
+  explicit IdleStage(std::string name) : name_(std::move(name)) {}
+  std::string name() const override { return name_; }
+  std::size_t task_count() const override { return 0; }
+  std::uint64_t task_bytes(std::size_t) const override { return 0; }
+  std::uint64_t units() const override { return 0; }
+  std::string unit_name() const override { return "faces"; }
+  json run(std::size_t, TaskContext&) const override { return {}; }
+  json finish(const std::vector<json>&, TaskContext&) const override { return json::object(); }
+  std::uint64_t finish_bytes() const override { return 0; }
+
+ private:
+  std::string name_;
 };
 
 }  // namespace
@@ -196,6 +281,8 @@ void SimplifyOptions::validate() const {
   if (tolerance == 0.0 && target_faces == 0)
     throw UsageError("give --tolerance above 0, or --target-faces, or both: nothing says how far to go");
   if (passes < 1 || passes > 8) throw UsageError("--passes: must be 1 to 8");
+  if (!(loop_share > 0.0) || !(loop_share <= 4.0))
+    throw UsageError("--loop-share: must be above 0, 4 at most");
   if (block_faces < 1024) throw UsageError("--block-faces: must be at least 1024");
   kernel(true).validate();
 }
@@ -225,6 +312,7 @@ json to_json(const SimplifyOptions& o) {
           {"placement", o.placement},
           {"min-roundness", o.min_roundness},
           {"colour-weight", o.colour_weight},
+          {"loop-share", o.loop_share},
           {"passes", o.passes},
           {"block-faces", o.block_faces}};
 }
@@ -240,23 +328,45 @@ SimplifyOptions simplify_options_from_json(const json& j) {
   j.at("placement").get_to(o.placement);
   j.at("min-roundness").get_to(o.min_roundness);
   j.at("colour-weight").get_to(o.colour_weight);
+  j.at("loop-share").get_to(o.loop_share);
   j.at("passes").get_to(o.passes);
   j.at("block-faces").get_to(o.block_faces);
   return o;
 }
 
-std::string pass_folder(int pass) {
-  return "pass-" + std::to_string(pass + 1) + "/";
+std::string SimplifyPass::stage_name() const {
+  const std::string name = (count_costs ? "costs-" : "pass-") + std::to_string(pass + 1);
+  return round == 0 ? name : "again-" + std::to_string(round) + "-" + name;
 }
 
-MeshStore open_pass_input(const JobState& state, int pass) {
-  if (pass == 0) return open_imported_mesh(state.work, "mesh");
-  return MeshStore(list_task_files(state.work / pass_folder(pass - 1), ".tmm"));
+std::string SimplifyPass::folder() const {
+  return stage_name() + "/";
+}
+
+std::string failed_faces_file(int round) {
+  return "failed-" + std::to_string(round) + ".bin";
+}
+
+int last_round(const std::filesystem::path& work) {
+  int round = 0;
+  while (round + 1 < kMostRounds && std::filesystem::exists(work / failed_faces_file(round))) ++round;
+  return round;
+}
+
+MeshStore open_pass_input(const JobState& state, const SimplifyPass& pass) {
+  if (pass.pass == 0) return open_imported_mesh(state.work, "mesh");
+  const SimplifyPass before{pass.pass - 1, pass.round, false};
+  return MeshStore(list_task_files(state.work / before.folder(), ".tmm"));
 }
 
 std::unique_ptr<Stage> make_simplify_stage(const JobState& state, const SimplifyOptions& options,
                                            const SimplifyPass& pass) {
+  if (pass.round > last_round(state.work)) return make_idle_stage(pass.stage_name());
   return std::make_unique<SimplifyStage>(state, options, pass);
+}
+
+std::unique_ptr<Stage> make_idle_stage(std::string name) {
+  return std::make_unique<IdleStage>(std::move(name));
 }
 
 }  // namespace tessera

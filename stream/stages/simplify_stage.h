@@ -27,6 +27,7 @@ struct SimplifyOptions {
   std::string placement = "endpoint";     ///< endpoint or optimal
   double min_roundness = 0.02;
   double colour_weight = 0.0;  ///< scan units that the full range of a colour channel is worth
+  double loop_share = 1.0;  ///< of the tolerance that passes may use; above 1 the certificate sends them back
   int passes = 3;  ///< 1 .. 8, each with the whole tolerance: a ramp left three times the faces on terrain
   std::uint64_t block_faces = 1u << 16;  ///< most faces of a block
 
@@ -37,17 +38,30 @@ struct SimplifyOptions {
 nlohmann::json to_json(const SimplifyOptions& options);
 SimplifyOptions simplify_options_from_json(const nlohmann::json& json);
 
-/// Folder of what a pass leaves, "pass-1/" for the first.
-std::string pass_folder(int pass);
-
-/// Where pass p reads: the import for the first, else what the pass before left.
-MeshStore open_pass_input(const JobState& state, int pass);
+/// Rounds. Where the certificate fails, all passes run once more and leave the reference as it is near the faces that
+/// failed; blocks that nothing changes in are taken over from the round before. Each round keeps farther around, and
+/// from the second one on works at half the tolerance of the one before in the blocks concerned.
+inline constexpr int kMostRounds = 4;
 
 struct SimplifyPass {
   int pass = 0;              ///< from 0
+  int round = 0;             ///< from 0, below kMostRounds
   bool count_costs = false;  ///< write nothing, count what an unlimited run would remove per class of cost
+  std::string stage_name() const;
+  std::string folder() const;  ///< of what the pass leaves, "pass-1/" for the first
 };
+
+/// File of the faces that fail at the end of a round; there if another round follows.
+std::string failed_faces_file(int round);
+/// The last round that there is so far.
+int last_round(const std::filesystem::path& work);
+/// Where a pass reads: the import for the first, else what the pass before left.
+MeshStore open_pass_input(const JobState& state, const SimplifyPass& pass);
+
+/// A pass of a round that is not needed has no tasks.
 std::unique_ptr<Stage> make_simplify_stage(const JobState& state, const SimplifyOptions& options,
                                            const SimplifyPass& pass);
+/// What stands for a stage in a round that is not needed: no tasks, an empty entry in the report.
+std::unique_ptr<Stage> make_idle_stage(std::string name);
 
 }  // namespace tessera

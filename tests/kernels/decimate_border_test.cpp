@@ -79,3 +79,23 @@ TEST_CASE("decimate: ragged borders do not creep, ears of ears count", "[propert
       }
     }
 }
+
+TEST_CASE("decimate: held vertices keep their faces", "[unit]") {
+  const MeshBlock reference = grid_block(20, 20, [](double, double) { return 0.0; });
+  std::vector<std::uint64_t> held;
+  for (std::size_t v = 0; v < reference.key.size(); ++v)
+    if (reference.position[v][0] >= 5.0 && reference.position[v][0] <= 8.0) held.push_back(reference.key[v]);
+  DecimateOptions options;
+  options.tolerance = 0.1;
+  MeshBlock block = reference;
+  decimate(block, block, options, held);
+  CHECK(block.faces.size() < reference.faces.size() / 3);
+  std::size_t kept = 0;
+  for (const auto& f : block.faces) {
+    bool inside = true;
+    for (const std::uint32_t v : f)
+      inside = inside && block.position[v][0] >= 5.0 && block.position[v][0] <= 8.0;
+    kept += inside;
+  }
+  CHECK(kept == 3 * 20 * 2);
+}

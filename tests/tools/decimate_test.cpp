@@ -103,6 +103,36 @@ TEST_CASE("decimate: same bytes over threads, memory, processes, order of the in
   CHECK(file_bytes(out) == bytes);
 }
 
+TEST_CASE("decimate: what the certificate sends back is made again until it is proven, with the same bytes",
+          "[property]") {
+  const TempFolder folder;
+  const fs::path in = write_hills(folder.path() / "in.ply");
+  // The step is a wall as wide as a cell: with half of the tolerance more than allowed its creases are over.
+  const std::vector<std::string> base = {"--tolerance", "0.05",         "--block-faces",
+                                         "8192",        "--loop-share", "1.3"};
+  const auto run = [&](std::vector<std::string> more, unsigned kill_ms = 0) {
+    const fs::path out = folder.path() / "out.ply";
+    more.insert(more.end(), base.begin(), base.end());
+    const CommandResult r = tessera_command(words(in, out, more), kill_ms);
+    if (kill_ms > 0 && r.code != 0) return std::string();
+    INFO(r.errors);
+    REQUIRE(r.code == 0);
+    const std::string bytes = file_bytes(out);
+    const nlohmann::json certificate = report_of(out).at("certificate");
+    CHECK(certificate.at("proven") == true);
+    CHECK(certificate.at("rounds_again").get<int>() >= 1);
+    fs::remove(out);
+    return bytes;
+  };
+  const std::string bytes = run({"-t", "1", "--memory", "1G"});
+  CHECK(run({"-t", "2", "--memory", "300M"}) == bytes);
+  CHECK(run({"-t", "2", "--memory", "1G", "--processes"}) == bytes);
+  int kills = 0;
+  for (const unsigned ms : {300u, 500u, 700u, 900u}) kills += run({"-t", "2", "--memory", "1G"}, ms).empty();
+  CHECK(kills > 0);
+  CHECK(run({"-t", "2", "--memory", "1G"}) == bytes);
+}
+
 TEST_CASE("decimate: a number of faces, and both limits at once", "[pipeline]") {
   const TempFolder folder;
   const fs::path in = write_hills(folder.path() / "in.ply");

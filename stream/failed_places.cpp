@@ -1,0 +1,96 @@
+#include "stream/failed_places.h"
+
+#include <algorithm>
+#include <type_traits>
+
+#include "kernels/closest_face.h"
+#include "octree/error.h"
+#include "stream/direct_file.h"
+#include "stream/read_file.h"
+
+namespace tessera {
+namespace {
+
+static_assert(std::is_trivially_copyable_v<FailedFace> && sizeof(FailedFace) == 72,
+              "kept as it lies in memory");
+
+MeshBox box_around(const FailedFace& face, double radius) {
+  MeshBox box{face[0], face[0]};
+  for (const Double3& p : face)
+    for (std::size_t a = 0; a < 3; ++a) {
+      box.low[a] = std::min(box.low[a], p[a]);
+      box.high[a] = std::max(box.high[a], p[a]);
+    }
+  return grown(box, radius);
+}
+
+}  // namespace
+
+std::uint64_t write_failed_faces(const std::filesystem::path& path, std::span<const FailedFace> faces) {
+  DirectFile file(path, std::size_t{1} << 16);
+  if (!faces.empty()) file.write(faces.data(), faces.size_bytes());
+  return file.finish();
+}
+
+std::vector<FailedFace> read_failed_faces(const std::filesystem::path& path) {
+  const ReadFile file(path);
+  if (file.size() % sizeof(FailedFace) != 0 || file.size() > kMostFailedFaces * sizeof(FailedFace))
+    throw InputError(path.string() +
+                     ": no whole number of faces, the file is damaged; run again with --force");
+  std::vector<FailedFace> faces(file.size() / sizeof(FailedFace));
+  if (!faces.empty()) file.read_at(0, faces.data(), file.size());
+  return faces;
+}
+
+void FailedPlaces::add(std::vector<FailedFace> faces, double radius) {
+  if (!faces.empty()) rounds_.push_back({std::move(faces), radius});
+}
+
+bool FailedPlaces::meet(const MeshBox& box) const {
+  for (const Round& round : rounds_)
+    for (const FailedFace& face : round.faces)
+      if (overlap(box_around(face, round.radius), box)) return true;
+  return false;
+}
+
+std::vector<std::uint64_t> FailedPlaces::keys_near(const MeshBlock& block) const {
+  std::vector<std::uint64_t> keys;
+  if (block.position.empty()) return keys;
+  MeshBox box{block.position[0], block.position[0]};
+  for (const Double3& p : block.position)
+    for (std::size_t a = 0; a < 3; ++a) {
+      box.low[a] = std::min(box.low[a], p[a]);
+      box.high[a] = std::max(box.high[a], p[a]);
+    }
+  for (const Round& round : rounds_) {
+    std::vector<Double3> corners;
+    std::vector<std::array<std::uint32_t, 3>> faces;
+    for (const FailedFace& face : round.faces) {
+      if (!overlap(box_around(face, round.radius), box)) continue;
+      const auto first = static_cast<std::uint32_t>(corners.size());
+      corners.insert(corners.end(), face.begin(), face.end());
+      faces.push_back({first, first + 1, first + 2});
+    }
+    if (faces.empty()) continue;
+    const ClosestFaces near(corners, faces, box.low);
+    // Corners of the failed faces themselves must not be lost to rounding.
+    const double radius = round.radius + 2.0 * closest_face_error(near.largest_coordinate());
+    for (std::size_t v = 0; v < block.position.size(); ++v) {
+      Double3 p = block.position[v];
+      for (std::size_t a = 0; a < 3; ++a) p[a] -= box.low[a];
+      if (near.closest(p, radius * radius, ClosestFaces::kNone).slot != ClosestFaces::kNone)
+        keys.push_back(block.key[v]);
+    }
+  }
+  std::sort(keys.begin(), keys.end());
+  keys.erase(std::unique(keys.begin(), keys.end()), keys.end());
+  return keys;
+}
+
+std::uint64_t FailedPlaces::bytes() const {
+  std::uint64_t faces = 0;
+  for (const Round& round : rounds_) faces += round.faces.size();
+  return faces * (sizeof(FailedFace) + 3 * sizeof(Double3) + 12 + ClosestFaces::bytes_per_face());
+}
+
+}  // namespace tessera
