@@ -88,7 +88,8 @@ class SimplifyStage : public Stage {
   std::uint64_t task_bytes(std::size_t task) const override {
     std::uint64_t most = 0;
     for (std::size_t b = first_[task]; b < first_[task + 1]; ++b) {
-      const std::vector<std::size_t> near = reference_.select(reference_box(blocks_[b]));
+      std::vector<std::size_t> near;
+      if (kernel_.tolerance > 0.0 && pass_.pass > 0) near = reference_.select(reference_box(blocks_[b]));
       std::uint64_t faces = 0;
       for (const std::size_t p : near) faces += reference_.patches()[p].faces;
       // What is loaded is merged from pieces, so it is there twice for a moment; then the kernel works on it.
@@ -115,12 +116,13 @@ class SimplifyStage : public Stage {
         continue;
       }
       MeshBlock block = in_.load(cut.patches);
+      // In the first pass a block is the reference of its inside: its locked seams bound every collapse.
       MeshBlock reference;
-      if (kernel_.tolerance > 0.0) reference = reference_.load_box(reference_box(cut));
+      if (kernel_.tolerance > 0.0 && pass_.pass > 0) reference = reference_.load_box(reference_box(cut));
       const std::vector<std::uint64_t> held = failed_.keys_near(block);
       DecimateOptions kernel = kernel_;
       if (!held.empty()) kernel.tolerance *= careful_;
-      const DecimateReport report = decimate(block, reference, kernel, held);
+      const DecimateReport report = decimate(block, pass_.pass == 0 ? block : reference, kernel, held);
       for (std::size_t c = 0; c < kCostClasses; ++c) costs[c] += report.cost_histogram[c];
       add(sum, to_json(report));
       if (writer) write(cut, block, *writer);
