@@ -10,7 +10,7 @@ namespace tessera {
 namespace {
 
 constexpr int kMostSplits = 16;
-constexpr double kCellsPerReach = 6.0;  // smaller cells would mostly load what their neighbours load
+constexpr double kCellsPerReach = 4.0;  // smaller cells would mostly load what their neighbours load
 
 /// Patches of one mesh that a cell needs, of those that its parent needed.
 std::vector<std::size_t> near_patches(const MeshStore& store, const std::vector<std::size_t>& of,

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "kernels/certificate_pair.h"
 #include "stream/mesh_store.h"
 
 namespace tessera {
@@ -13,8 +14,8 @@ struct CompareCell {
   std::uint64_t bytes = 0;  ///< to load both meshes within reach of it, with an index each
 };
 
-/// What is loaded around a cell, in reaches: more than the rounding of any distance.
-inline constexpr double kCompareHalo = 1.0 + 0x1p-20;
+/// What is loaded around a cell, in reaches.
+inline constexpr double kCompareHalo = kPairHalo;
 
 /// Cells that tile all places where either mesh may be, in Morton order. Cells hold about `cell_faces` faces
 /// of both meshes, unless they would be smaller than a few reaches. A pure function of the tables of both

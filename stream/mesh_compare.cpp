@@ -6,6 +6,7 @@
 #include <cmath>
 #include <vector>
 
+#include "kernels/certificate_pair.h"
 #include "octree/error.h"
 #include "stream/compare_cells.h"
 #include "stream/memory_budget.h"
@@ -74,25 +75,25 @@ CellComparison compare_cell(const MeshStore& mesh, const MeshStore& reference, c
   Double3 middle;
   for (std::size_t k = 0; k < 3; ++k) middle[k] = 0.5 * (box.low[k] + box.high[k]);
   const Box3 core{box.low, box.high};
-  const auto one_way = [&](const MeshBlock& of, const MeshBlock& to) {
-    const ClosestFaces closest(to.position, to.faces, middle);
-    std::vector<float> bound;
-    const DeviationReport report =
-        certify_deviation({of.position, of.faces}, &core, closest, options, failed ? &bound : nullptr);
-    if (failed && report.faces_over > 0)
-      for (std::size_t f = 0; f < bound.size(); ++f)
-        if (!(static_cast<double>(bound[f]) <= options.tolerance))
-          failed->push_back(
-              {of.position[of.faces[f][0]], of.position[of.faces[f][1]], of.position[of.faces[f][2]]});
-    return report;
+  const DeviationPair surface =
+      certify_pair({a.position, a.faces}, {b.position, b.faces}, &core, middle, options);
+  const auto name_failed = [&](const MeshBlock& of, const DeviationReport& report,
+                               const std::vector<float>& bound) {
+    if (failed == nullptr || report.faces_over == 0) return;
+    for (std::size_t f = 0; f < bound.size(); ++f)
+      if (!(static_cast<double>(bound[f]) <= options.tolerance))
+        failed->push_back(
+            {of.position[of.faces[f][0]], of.position[of.faces[f][1]], of.position[of.faces[f][2]]});
   };
+  name_failed(a, surface.there, surface.there_bound);
+  name_failed(b, surface.back, surface.back_bound);
   const auto border_one_way = [&](const MeshBlock& of, const MeshBlock& to) {
     return certify_deviation({of.position, border_segments(of)}, &core,
                              ClosestFaces(to.position, border_segments(to), middle), options);
   };
   CellComparison result;
-  result.there = {one_way(a, b), border_one_way(a, b)};
-  result.back = {one_way(b, a), border_one_way(b, a)};
+  result.there = {surface.there, border_one_way(a, b)};
+  result.back = {surface.back, border_one_way(b, a)};
   return result;
 }
 

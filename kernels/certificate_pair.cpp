@@ -1,0 +1,194 @@
+#include "kernels/certificate_pair.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numeric>
+
+#include "kernels/overlay_proof.h"
+
+namespace tessera {
+namespace {
+
+constexpr std::size_t kFewer = 4;        // from here on an overlay pays
+constexpr std::size_t kFirstSearch = 4;  // faces that are searched for the largest distance; then ever more
+constexpr double kLeastTarget = 1e-3;    // of the tolerance: below it nobody asks for a tight bound
+constexpr std::size_t kGrid = 32;        // cells an axis of the box in which faces are picked
+
+using Face = std::array<std::uint32_t, 3>;
+
+/// Cells of a box, to pick what comes near some faces.
+class CellMask {
+ public:
+  explicit CellMask(const SurfaceFaces& s) {
+    low_.fill(std::numeric_limits<double>::infinity());
+    Double3 high;
+    high.fill(-std::numeric_limits<double>::infinity());
+    for (const Double3& p : s.position)
+      for (std::size_t k = 0; k < 3; ++k)
+        low_[k] = std::min(low_[k], p[k]), high[k] = std::max(high[k], p[k]);
+    for (std::size_t k = 0; k < 3; ++k) per_cell_[k] = high[k] > low_[k] ? kGrid / (high[k] - low_[k]) : 0.0;
+  }
+  void mark(const Box3& box) {
+    visit(box, [&](std::size_t i) { return set_[i] = true, false; });
+  }
+  bool meets(const Box3& box) const {
+    return visit(box, [&](std::size_t i) { return bool{set_[i]}; });
+  }
+
+ private:
+  template <class Use>
+  bool visit(const Box3& box, const Use& use) const {
+    std::size_t from[3], to[3];
+    for (std::size_t k = 0; k < 3; ++k) {
+      const auto cell = [&](double x) {
+        return static_cast<std::size_t>(std::clamp((x - low_[k]) * per_cell_[k], 0.0, kGrid - 0.5));
+      };
+      from[k] = cell(box.low[k]), to[k] = cell(box.high[k]);
+    }
+    for (std::size_t z = from[2]; z <= to[2]; ++z)
+      for (std::size_t y = from[1]; y <= to[1]; ++y)
+        for (std::size_t x = from[0]; x <= to[0]; ++x)
+          if (use((z * kGrid + y) * kGrid + x)) return true;
+    return false;
+  }
+  Double3 low_{}, per_cell_{};
+  std::vector<bool> set_ = std::vector<bool>(kGrid * kGrid * kGrid);
+};
+
+Box3 box_of(const SurfaceFaces& s, const Face& f) {
+  Box3 box{s.position[f[0]], s.position[f[0]]};
+  for (const std::uint32_t v : {f[1], f[2]})
+    for (std::size_t k = 0; k < 3; ++k) {
+      box.low[k] = std::min(box.low[k], s.position[v][k]);
+      box.high[k] = std::max(box.high[k], s.position[v][k]);
+    }
+  return box;
+}
+
+/// One direction: what the overlay left open, then the largest distances.
+class Finisher {
+ public:
+  Finisher(const SurfaceFaces& surface, const SurfaceFaces& other, const Box3* core, const Double3& origin,
+           const CertificateOptions& options, const DeviationReport& report, std::vector<float>& bound)
+      : surface_(surface),
+        other_(other),
+        core_(core),
+        origin_(origin),
+        options_(options),
+        report_(report),
+        bound_(bound) {}
+
+  DeviationReport run() {
+    std::vector<std::uint32_t> open;
+    for (std::uint32_t i = 0; i < bound_.size(); ++i)
+      if (!std::isfinite(bound_[i])) open.push_back(i);
+    searched_.assign(bound_.size(), false);
+    if (!open.empty()) {
+      const DeviationReport part = search(open);
+      const double lower = report_.lower;
+      report_.merge(part);
+      if (part.lower > lower) report_.witness_face = open[part.witness_face];
+    }
+    tighten();
+    report_.upper = 0.0;
+    report_.faces_over = 0;
+    for (const float b : bound_) {
+      report_.upper = std::max(report_.upper, static_cast<double>(b));
+      report_.faces_over += !(static_cast<double>(b) <= options_.tolerance);
+    }
+    return report_;
+  }
+
+ private:
+  /// Until the largest bound is at most `tightness` times the largest distance found.
+  void tighten() {
+    for (std::size_t most = kFirstSearch;; most *= 8) {
+      const double limit = std::max(options_.tightness * report_.lower, kLeastTarget * options_.tolerance);
+      std::vector<std::uint32_t> list;
+      for (std::uint32_t i = 0; i < bound_.size(); ++i)
+        if (static_cast<double>(bound_[i]) > limit && !searched_[i]) list.push_back(i);
+      if (list.empty()) return;
+      if (list.size() > most) {
+        const auto end = list.begin() + static_cast<std::ptrdiff_t>(most);
+        std::nth_element(list.begin(), end, list.end(), [&](std::uint32_t a, std::uint32_t b) {
+          return bound_[a] != bound_[b] ? bound_[a] > bound_[b] : a < b;
+        });
+        list.erase(end, list.end());
+        std::sort(list.begin(), list.end());
+      }
+      const DeviationReport part = search(list);
+      report_.queries += part.queries;
+      if (part.lower <= report_.lower) continue;
+      report_.lower = part.lower;
+      report_.witness = part.witness;
+      report_.witness_face = list[part.witness_face];
+    }
+  }
+
+  /// Searches some faces for themselves; their bounds can only fall.
+  DeviationReport search(const std::vector<std::uint32_t>& list) {
+    std::vector<Face> faces;
+    for (const std::uint32_t i : list) faces.push_back(surface_.faces[i]);
+    CellMask mask(other_);
+    for (const Face& f : faces) {
+      Box3 box = box_of(surface_, f);
+      for (std::size_t k = 0; k < 3; ++k) {
+        if (core_ != nullptr) {
+          box.low[k] = std::max(box.low[k], core_->low[k]);
+          box.high[k] = std::min(box.high[k], core_->high[k]);
+        }
+        box.low[k] -= options_.reach * (1.0 + 0x1p-20);
+        box.high[k] += options_.reach * (1.0 + 0x1p-20);
+      }
+      mask.mark(box);
+    }
+    std::vector<Face> near;
+    for (const Face& f : other_.faces)
+      if (mask.meets(box_of(other_, f))) near.push_back(f);
+    std::vector<float> bound;
+    const DeviationReport report = certify_deviation(
+        {surface_.position, faces}, core_, ClosestFaces(other_.position, near, origin_), options_, &bound);
+    for (std::size_t i = 0; i < list.size(); ++i) {
+      bound_[list[i]] = std::min(bound_[list[i]], bound[i]);
+      searched_[list[i]] = true;
+    }
+    return report;
+  }
+
+  const SurfaceFaces& surface_;
+  const SurfaceFaces& other_;
+  const Box3* core_;
+  const Double3& origin_;
+  const CertificateOptions& options_;
+  DeviationReport report_;
+  std::vector<float>& bound_;
+  std::vector<bool> searched_;
+};
+
+}  // namespace
+
+DeviationPair certify_pair(const SurfaceFaces& a, const SurfaceFaces& b, const Box3* core,
+                           const Double3& origin, const CertificateOptions& options) {
+  const bool swapped = a.faces.size() > b.faces.size();
+  const SurfaceFaces &coarse = swapped ? b : a, &fine = swapped ? a : b;
+  DeviationPair out;
+  if (coarse.faces.empty() || coarse.faces.size() * kFewer > fine.faces.size()) {
+    out.there =
+        certify_deviation(a, core, ClosestFaces(b.position, b.faces, origin), options, &out.there_bound);
+    out.back =
+        certify_deviation(b, core, ClosestFaces(a.position, a.faces, origin), options, &out.back_bound);
+    return out;
+  }
+  OverlayProof proof = prove_by_overlay(coarse, fine, core, kPairMargin * options.reach, origin, options);
+  const auto finish = [&](const SurfaceFaces& from, const SurfaceFaces& to, OverlaySide& side,
+                          std::vector<float>& bound) {
+    bound = std::move(side.bound);
+    return Finisher(from, to, core, origin, options, side.report, bound).run();
+  };
+  out.there = finish(a, b, swapped ? proof.fine : proof.coarse, out.there_bound);
+  out.back = finish(b, a, swapped ? proof.coarse : proof.fine, out.back_bound);
+  return out;
+}
+
+}  // namespace tessera

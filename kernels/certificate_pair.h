@@ -1,0 +1,28 @@
+/// \file certificate_pair.h
+/// The certificate of two surfaces, both ways: an overlay (overlay_proof.h) where one has far fewer faces, the
+/// search of certificate.h for what it leaves open and for the largest distances, until bound and finding
+/// meet.
+#pragma once
+#include "kernels/certificate.h"
+
+namespace tessera {
+
+/// How far coarse faces are laid out beyond the core, in reaches.
+inline constexpr double kPairMargin = 1.0;
+/// What must be complete around the core, in reaches: more than the margin and the rounding of any distance.
+inline constexpr double kPairHalo = 2.0 + 0x1p-10;
+
+struct DeviationPair {
+  DeviationReport there;                       ///< from a to b
+  DeviationReport back;                        ///< from b to a
+  std::vector<float> there_bound, back_bound;  ///< per face of a, of b, as certify_deviation()'s face_bound
+};
+
+/// \param core    as in certify_deviation(), or nullptr; both surfaces are complete within kPairHalo reaches of it
+/// \param origin  subtracted from all positions: near them
+/// \post  as certify_deviation(a against b) and (b against a), with the same tightness
+/// \cost  0.2 to 0.4 us per face where one surface has far fewer faces; about 200 bytes per face
+DeviationPair certify_pair(const SurfaceFaces& a, const SurfaceFaces& b, const Box3* core,
+                           const Double3& origin, const CertificateOptions& options);
+
+}  // namespace tessera

@@ -1,0 +1,93 @@
+/// \file overlay_outline.h
+/// What an overlay proof (overlay_proof.h) is made of: how the edges of a surface cancel, and a convex outline
+/// in the plane of a face.
+#pragma once
+#include <algorithm>
+#include <array>
+#include <cstdint>
+#include <vector>
+
+#include "kernels/certificate.h"
+
+namespace tessera {
+
+inline constexpr std::uint32_t kNoPair = 0xffffffffu;
+using Across = std::array<std::uint32_t, 3>;
+
+/// Per face and edge (corner i to the next) the edge 4 f + i that it is paired with, in the opposite
+/// direction. Where more than two faces meet any pairing will do: it only says which edges cancel in the
+/// boundary of a chain.
+inline std::vector<Across> pair_edges(const SurfaceFaces& s) {
+  const std::size_t m = s.faces.size();
+  std::vector<Across> across(m, {kNoPair, kNoPair, kNoPair});
+  std::vector<std::uint32_t> head(s.position.size(), kNoPair);
+  std::vector<Across> next(m);
+  for (std::uint32_t f = 0; f < m; ++f)
+    for (std::uint32_t i = 0; i < 3; ++i) {
+      const std::uint32_t a = s.faces[f][i], b = s.faces[f][i == 2 ? 0 : i + 1];
+      const std::uint32_t low = std::min(a, b);
+      std::uint32_t* link = &head[low];
+      while (*link != kNoPair) {
+        const std::uint32_t g = *link >> 2, j = *link & 3u;
+        if (s.faces[g][j] == b && s.faces[g][j == 2 ? 0 : j + 1] == a) break;
+        link = &next[g][j];
+      }
+      if (*link == kNoPair) {
+        next[f][i] = head[low];
+        head[low] = 4 * f + i;
+        continue;
+      }
+      const std::uint32_t other = *link;
+      *link = next[other >> 2][other & 3u];
+      across[f][i] = other;
+      across[other >> 2][other & 3u] = 4 * f + i;
+    }
+  return across;
+}
+
+struct Flat {
+  double x, y;
+};
+/// Twice the area of a, b, c.
+inline double turn(const Flat& a, const Flat& b, const Flat& c) {
+  return (b.x - a.x) * (c.y - a.y) - (b.y - a.y) * (c.x - a.x);
+}
+
+inline constexpr int kMostSides = 12;
+inline constexpr unsigned kCutSide = 3;  ///< tag of a side that is no edge of the face
+
+/// A convex polygon in the plane of a coarse face, counter-clockwise; side i runs from corner i to the next.
+struct Outline {
+  int corners = 0;
+  std::array<Flat, kMostSides> at;
+  std::array<unsigned, kMostSides> tag;  ///< which edge of the coarse face, or kCutSide
+
+  /// Keeps where value >= 0.
+  template <class Value>
+  void clip(const Value& value) {
+    Outline out;
+    for (int i = 0; i < corners; ++i) {
+      const int j = i + 1 == corners ? 0 : i + 1;
+      const double p = value(at[i]), q = value(at[j]);
+      if (p >= 0.0) out.add(at[i], q >= 0.0 || p > 0.0 ? tag[i] : kCutSide);
+      if ((p > 0.0 && q < 0.0) || (p < 0.0 && q > 0.0)) {
+        const double t = p / (p - q);
+        out.add({at[i].x + t * (at[j].x - at[i].x), at[i].y + t * (at[j].y - at[i].y)},
+                p < 0.0 ? tag[i] : kCutSide);
+      }
+    }
+    *this = out;
+  }
+  void add(const Flat& p, unsigned side) {
+    if (corners == kMostSides) return;
+    at[corners] = p;
+    tag[corners++] = side;
+  }
+  double area() const {
+    double sum = 0.0;
+    for (int i = 1; i + 1 < corners; ++i) sum += turn(at[0], at[i], at[i + 1]);
+    return 0.5 * sum;
+  }
+};
+
+}  // namespace tessera
