@@ -77,6 +77,10 @@ Double3 displacement(const Int3& from, const Int3& to, int bits) {
   return t;
 }
 
+double dot(const Double3& a, const Double3& b) {
+  return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+}
+
 Int3 rounded(const Double3& sum, double weight) {
   Int3 q;
   for (std::size_t i = 0; i < 3; ++i) q[i] = static_cast<std::int32_t>(std::floor(sum[i] / weight + 0.5));
@@ -114,11 +118,17 @@ Multipole multipole_of(std::span<const Dipole> dipoles, int bits) {
   out.centre = weight > 0.0 ? rounded(sum, weight) : dipoles.front().q;
   const double area = 1.0 / static_cast<double>(std::int64_t{1} << (2 * bits));
   Moments moments, one;
+  double flux = 0.0, spread = 0.0;
   for (const Dipole& d : dipoles) {
     for (std::size_t i = 0; i < 3; ++i) one.a[i] = double{d.moment[i]} * area;
-    moments.add(one, displacement(out.centre, d.q, bits));
+    const Double3 t = displacement(out.centre, d.q, bits);
+    moments.add(one, t);
+    flux += dot(one.a, t);
+    spread += std::sqrt(dot(one.a, one.a)) * dot(t, t);
   }
   moments.store(out);
+  out.flux = static_cast<float>(flux);
+  out.spread = static_cast<float>(spread);
   return out;
 }
 
@@ -138,9 +148,18 @@ Multipole merge_multipoles(std::span<const Multipole> children, int bits) {
   out.weight = static_cast<float>(weight);
   out.centre = weight > 0.0 ? rounded(sum, weight) : children.front().centre;
   Moments moments;
-  for (const Multipole& c : children)
-    moments.add(Moments::of(c, 0.5), displacement(out.centre, c.centre, bits));
+  double flux = 0.0, spread = 0.0;
+  const double area = 1.0 / static_cast<double>(std::int64_t{1} << (2 * bits));
+  for (const Multipole& c : children) {
+    const Moments one = Moments::of(c, 0.5);
+    const Double3 t = displacement(out.centre, c.centre, bits);
+    moments.add(one, t);
+    flux += double{c.flux} * 0.125 + dot(one.a, t);
+    spread += double{c.spread} * 0.0625 + double{c.weight} * area * dot(t, t);
+  }
   moments.store(out);
+  out.flux = static_cast<float>(flux);
+  out.spread = static_cast<float>(spread);
   return out;
 }
 

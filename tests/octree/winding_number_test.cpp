@@ -6,55 +6,15 @@
 #include <cmath>
 
 #include "octree/points.h"
-#include "tests/helpers/oriented_samples.h"
+#include "tests/helpers/dipole_samples.h"
 
 using namespace tessera;
+using test::kPi;
+using test::quantised;
+using test::queries_around;
+using test::Split;
 
 namespace {
-
-constexpr double kPi = 3.14159265358979323846;
-
-Int3 quantised(const Double3& p) {
-  return {static_cast<int>(std::floor(p[0] * kQuantaPerCell + 0.5)),
-          static_cast<int>(std::floor(p[1] * kQuantaPerCell + 0.5)),
-          static_cast<int>(std::floor(p[2] * kQuantaPerCell + 0.5))};
-}
-
-bool before(const Int3& a, const Int3& b) {
-  return cell_key(a, -kQuantumBits) < cell_key(b, -kQuantumBits);
-}
-
-/// Samples that all stand for the same area, canonical order.
-std::vector<Dipole> dipoles_of(const test::Samples& samples, double area) {
-  std::vector<Dipole> out;
-  for (const test::Sample& s : samples) {
-    Dipole d;
-    d.q = quantised(s.p);
-    for (std::size_t c = 0; c < 3; ++c) d.moment[c] = static_cast<float>(s.n[c] * area);
-    out.push_back(d);
-  }
-  std::sort(out.begin(), out.end(), [](const Dipole& a, const Dipole& b) { return before(a.q, b.q); });
-  return out;
-}
-
-std::vector<Dipole> sphere(const Double3& centre, double radius, double spacing) {
-  test::Random random(7);
-  test::Samples samples;
-  test::add_sphere(centre, radius, spacing, random, samples);
-  return dipoles_of(samples, 4 * kPi * radius * radius / static_cast<double>(samples.size()));
-}
-
-std::vector<Int3> queries_around(const Double3& centre, double reach, std::size_t count) {
-  test::Random random(11);
-  std::vector<Int3> out;
-  for (std::size_t i = 0; i < count; ++i) {
-    Double3 p;
-    for (std::size_t c = 0; c < 3; ++c) p[c] = centre[c] + reach * (2 * random.unit() - 1);
-    out.push_back(quantised(p));
-  }
-  std::sort(out.begin(), out.end(), before);
-  return out;
-}
 
 double brute_force(const std::vector<Dipole>& dipoles, const Int3& q) {
   double sum = 0;
@@ -71,45 +31,11 @@ double brute_force(const std::vector<Dipole>& dipoles, const Int3& q) {
   return sum / (4 * kPi);
 }
 
-/// The part of the dipoles that a tile would hold: of the leaves within `leaves` of the box of bricks [low,
-/// high).
-struct Split {
-  MultipoleTree far, near;
-  Split(const std::vector<Dipole>& all, const Int3& low, const Int3& high)
-      : far(global(all)), near(local(all, low, high)) {}
-
-  static MultipoleTree global(const std::vector<Dipole>& all) {
-    MultipoleTree whole(all, kLeafBits);
-    return {whole.level(kBrickBits).cells, {}, kBrickBits};
-  }
-  static MultipoleTree local(const std::vector<Dipole>& all, const Int3& low, const Int3& high) {
-    const MultipoleTree whole(all, kLeafBits);
-    std::vector<Multipole> leaves;
-    std::vector<Dipole> dipoles;
-    const auto within = [&](const Int3& cell, int bits, int margin) {
-      bool in = true;
-      for (std::size_t c = 0; c < 3; ++c)
-        in &= cell[c] >= (low[c] << (kBrickBits - bits)) - margin &&
-              cell[c] < (high[c] << (kBrickBits - bits)) + margin;
-      return in;
-    };
-    for (const Multipole& m : whole.level(kLeafBits).cells) {
-      const auto at = morton_decode(m.key >> 9);
-      if (within({static_cast<int>(at[0]), static_cast<int>(at[1]), static_cast<int>(at[2])}, kBrickBits, 1))
-        leaves.push_back(m);
-    }
-    const int shift = kQuantumBits + kLeafBits;
-    for (const Dipole& d : all)
-      if (within({d.q[0] >> shift, d.q[1] >> shift, d.q[2] >> shift}, kLeafBits, 1)) dipoles.push_back(d);
-    return {leaves, dipoles, kLeafBits, kBrickBits};
-  }
-};
-
 }  // namespace
 
 TEST_CASE("winding number: agrees with brute force", "[unit]") {
   const Double3 centre = {300.3, 311.7, 290.1};
-  const std::vector<Dipole> dipoles = sphere(centre, 60.0, 1.5);
+  const std::vector<Dipole> dipoles = test::sphere_dipoles(centre, 60.0, 1.5);
   const MultipoleTree tree(dipoles, kLeafBits);
   const std::vector<Int3> queries = queries_around(centre, 120.0, 1500);
   std::vector<float> value(queries.size());
@@ -127,7 +53,7 @@ TEST_CASE("winding number: agrees with brute force", "[unit]") {
 TEST_CASE("winding number: 1 inside, 0 outside a closed surface, half the sphere seen from a cap's rim",
           "[unit]") {
   const Double3 centre = {300.3, 311.7, 290.1};
-  const MultipoleTree tree(sphere(centre, 60.0, 1.0), kLeafBits);
+  const MultipoleTree tree(test::sphere_dipoles(centre, 60.0, 1.0), kLeafBits);
   const std::vector<Int3> queries = {quantised(centre), quantised({330, 320, 300}),
                                      quantised({400, 311, 290})};
   std::vector<float> value(3);
@@ -139,7 +65,7 @@ TEST_CASE("winding number: 1 inside, 0 outside a closed surface, half the sphere
 
 TEST_CASE("winding number: the gradient is that of the values", "[unit]") {
   const Double3 centre = {300.3, 311.7, 290.1};
-  const MultipoleTree tree(sphere(centre, 40.0, 1.5), kLeafBits);
+  const MultipoleTree tree(test::sphere_dipoles(centre, 40.0, 1.5), kLeafBits);
   // Steps that stay in the leaf of the query: lists change between leaves.
   for (const Double3& p : {Double3{260, 316, 292}, {300, 300, 340.5}, {356.5, 340, 300}, {300, 308, 268.5}}) {
     const double step = 0.25;
@@ -164,7 +90,7 @@ TEST_CASE("winding number: the gradient is that of the values", "[unit]") {
 
 TEST_CASE("winding number: the same bits for any block that holds the halo", "[property]") {
   const Double3 centre = {300.3, 311.7, 290.1};
-  const std::vector<Dipole> dipoles = sphere(centre, 90.0, 2.0);
+  const std::vector<Dipole> dipoles = test::sphere_dipoles(centre, 90.0, 2.0);
   const MultipoleTree whole(dipoles, kLeafBits);
   std::vector<Int3> queries;
   for (const Int3& q : queries_around(centre, 110.0, 3000)) {
@@ -206,7 +132,7 @@ TEST_CASE("multipoles: a parent's is that of its points", "[unit]") {
     dipoles.push_back(d);
   }
   std::sort(dipoles.begin(), dipoles.end(),
-            [](const Dipole& a, const Dipole& b) { return before(a.q, b.q); });
+            [](const Dipole& a, const Dipole& b) { return test::before(a.q, b.q); });
   const MultipoleTree tree(dipoles, 3);
   const Multipole direct = multipole_of(dipoles, 6);
   REQUIRE(tree.level(6).cells.size() == 1);

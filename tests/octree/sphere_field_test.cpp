@@ -1,0 +1,160 @@
+#include "octree/sphere_field.h"
+
+#include <bit>
+#include <catch2/catch.hpp>
+#include <cmath>
+
+#include "tests/helpers/dipole_samples.h"
+
+using namespace tessera;
+using test::quantised;
+using test::queries_around;
+using test::Split;
+
+namespace {
+
+constexpr float kCore = 3.0f;
+const Double3 kCentre = {300.3, 311.7, 290.1};
+
+/// Without what lies above `height`.
+std::vector<Dipole> cut(std::vector<Dipole> dipoles, double height) {
+  std::erase_if(dipoles, [&](const Dipole& d) { return d.q[2] > height * kQuantaPerCell; });
+  return dipoles;
+}
+
+Double3 cells(const Int3& q) {
+  return {static_cast<double>(q[0]) / kQuantaPerCell, static_cast<double>(q[1]) / kQuantaPerCell,
+          static_cast<double>(q[2]) / kQuantaPerCell};
+}
+
+/// The fit with every point by itself.
+double brute_force(const std::vector<Dipole>& dipoles, const Int3& q) {
+  double weight = 0, flux = 0, spread = 0;
+  Double3 p = {}, n = {};
+  for (const Dipole& d : dipoles) {
+    Double3 x, m;
+    double d2 = 0, area = 0, along = 0;
+    for (std::size_t c = 0; c < 3; ++c) {
+      x[c] = static_cast<double>(d.q[c] - q[c]) / kQuantaPerCell;
+      m[c] = static_cast<double>(d.moment[c]);
+      d2 += x[c] * x[c];
+      area += m[c] * m[c];
+      along += x[c] * m[c];
+    }
+    const double w = 1 / std::pow(d2 + static_cast<double>(kCore * kCore), 4), wa = w * std::sqrt(area);
+    weight += wa;
+    for (std::size_t c = 0; c < 3; ++c) p[c] += wa * x[c], n[c] += w * m[c];
+    flux += w * along;
+    spread += wa * d2;
+  }
+  double pn = 0, pp = 0;
+  for (std::size_t c = 0; c < 3; ++c) pn += p[c] * n[c], pp += p[c] * p[c];
+  const double bend = 0.5 * (flux - pn / weight) / (spread - pp / weight);
+  double value = -bend * spread / weight, slope2 = 0;
+  for (std::size_t c = 0; c < 3; ++c) {
+    const double u = (n[c] - 2 * bend * p[c]) / weight;
+    value -= u * p[c] / weight;
+    slope2 += u * u;
+  }
+  return 2 * value / (std::sqrt(slope2) + std::sqrt(std::max(slope2 - 4 * bend * value, 0.0)));
+}
+
+}  // namespace
+
+TEST_CASE("sphere field: continues a sphere exactly however much of it is missing", "[unit]") {
+  for (const double height : {2.0, 0.5, -0.5}) {
+    const MultipoleTree tree(cut(test::sphere_dipoles(kCentre, 60.0, 1.5), kCentre[2] + 60.0 * height),
+                             kLeafBits);
+    const std::vector<Int3> queries = queries_around(kCentre, 100.0, 1000);
+    std::vector<SphereValue> value(queries.size());
+    SphereField(tree, kCore).evaluate(queries, value);
+    double worst = 0, misfit = 0;
+    for (std::size_t i = 0; i < queries.size(); ++i) {
+      const Double3 p = cells(queries[i]);
+      const double true_distance = std::hypot(p[0] - kCentre[0], p[1] - kCentre[1], p[2] - kCentre[2]) - 60.0;
+      worst = std::max(worst, std::abs(static_cast<double>(value[i].distance) - true_distance));
+      misfit = std::max(misfit, static_cast<double>(value[i].misfit));
+    }
+    CHECK(worst < 0.02);
+    CHECK(misfit < 1e-3);
+  }
+}
+
+TEST_CASE("sphere field: continues a plane across any gap", "[unit]") {
+  std::vector<Dipole> dipoles;
+  for (int i = 0; i < 200; ++i)
+    for (int j = 0; j < 200; ++j) {
+      const Double3 p = {201.0 + i, 201.0 + j, 300.0 + 0.25 * i};
+      if (std::hypot(p[0] - 300.0, p[1] - 300.0) < 60.0) continue;
+      const float s = 1.0f / std::sqrt(1.0625f);
+      dipoles.push_back({quantised(p), {-0.25f * s, 0.0f, s}});
+    }
+  std::sort(dipoles.begin(), dipoles.end(),
+            [](const Dipole& a, const Dipole& b) { return test::before(a.q, b.q); });
+  const MultipoleTree tree(dipoles, kLeafBits);
+  std::vector<Int3> queries;
+  for (int i = 0; i < 100; ++i)
+    queries.push_back(
+        quantised({251.0 + i, 300.0, 300.0 + 0.25 * (50 + i) + (i % 7 - 3.0) * std::sqrt(1.0625)}));
+  std::vector<SphereValue> value(queries.size());
+  SphereField(tree, kCore).evaluate(queries, value);
+  for (int i = 0; i < 100; ++i) {
+    CHECK(std::abs(static_cast<double>(value[static_cast<std::size_t>(i)].distance) - (i % 7 - 3.0)) < 0.02);
+    CHECK(value[static_cast<std::size_t>(i)].misfit < 1e-3f);
+  }
+}
+
+TEST_CASE("sphere field: close to the sum over single points, and continuous from leaf to leaf", "[unit]") {
+  // Two spheres that no sphere explains.
+  std::vector<Dipole> dipoles = cut(test::sphere_dipoles(kCentre, 40.0, 1.5), kCentre[2] + 20.0);
+  for (const Dipole& d : cut(test::sphere_dipoles({370, 311, 290}, 25.0, 1.5), 300.0)) dipoles.push_back(d);
+  std::sort(dipoles.begin(), dipoles.end(),
+            [](const Dipole& a, const Dipole& b) { return test::before(a.q, b.q); });
+  const MultipoleTree tree(dipoles, kLeafBits);
+  std::vector<Int3> queries;  // across the gap of the first, in steps that pass leaves and bricks
+  for (int i = 0; i < 400; ++i) queries.push_back(quantised({280.0 + 0.2 * i, 309.0, 316.0 + 0.02 * i}));
+  std::vector<SphereValue> value(queries.size());
+  SphereField(tree, kCore).evaluate(queries, value);
+  for (std::size_t i = 0; i < queries.size(); ++i) {
+    CHECK(std::abs(static_cast<double>(value[i].distance) - brute_force(dipoles, queries[i])) < 3.0);
+    if (i > 0) CHECK(std::abs(value[i].distance - value[i - 1].distance) < 0.35f);
+    CHECK((value[i].misfit >= 0.0f && value[i].misfit <= 1.0f));
+  }
+}
+
+TEST_CASE("sphere field: the same bits for any block that holds the halo", "[property]") {
+  const std::vector<Dipole> dipoles = cut(test::sphere_dipoles(kCentre, 90.0, 2.0), 320.0);
+  const MultipoleTree whole(dipoles, kLeafBits);
+  std::vector<Int3> queries;
+  for (const Int3& q : queries_around(kCentre, 110.0, 3000)) {
+    bool in = true;
+    for (const int c : q) in &= c >> 16 == 4;  // brick (4,4,4)
+    if (in) queries.push_back(q);
+  }
+  REQUIRE(queries.size() > 50);
+  const auto same = [](const SphereValue& a, const SphereValue& b) {
+    return std::bit_cast<std::uint32_t>(a.distance) == std::bit_cast<std::uint32_t>(b.distance) &&
+           std::bit_cast<std::uint32_t>(a.misfit) == std::bit_cast<std::uint32_t>(b.misfit);
+  };
+  std::vector<SphereValue> expected(queries.size()), value(queries.size());
+  SphereField(whole, kCore).evaluate(queries, expected);
+  for (const auto& [low, high] : {std::pair{Int3{4, 4, 4}, Int3{5, 5, 5}}, {Int3{4, 3, 4}, Int3{6, 5, 5}}}) {
+    const Split split(dipoles, low, high);
+    SphereField(split.far, split.near, kCore).evaluate(queries, value);
+    for (std::size_t i = 0; i < queries.size(); ++i) REQUIRE(same(value[i], expected[i]));
+  }
+  std::reverse(queries.begin(), queries.end());
+  for (std::size_t i = 0; i < queries.size(); ++i) {
+    SphereValue one;
+    SphereField(whole, kCore).evaluate({&queries[i], 1}, {&one, 1});
+    REQUIRE(same(one, expected[queries.size() - 1 - i]));
+  }
+}
+
+TEST_CASE("sphere field: no data, no confidence", "[unit]") {
+  const MultipoleTree tree(std::vector<Dipole>{}, kLeafBits);
+  const Int3 query = quantised({300, 300, 300});
+  SphereValue value;
+  SphereField(tree, kCore).evaluate({&query, 1}, {&value, 1});
+  CHECK(value.misfit == 1.0f);
+}
