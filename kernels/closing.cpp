@@ -46,7 +46,7 @@ struct WantedNodes {
 };
 
 /// Values at the wanted nodes of a leaf where the local field has none.
-void evaluate_nodes(BandLeaf& leaf, const Int3& block, const LeafWords& wanted, const WindingField& winding,
+void evaluate_nodes(BandLeaf& leaf, const Int3& block, const LeafWords& wanted, const ClosingField& field,
                     const ClosingOptions& options) {
   std::vector<Int3> queries;
   std::vector<std::size_t> nodes;
@@ -68,17 +68,10 @@ void evaluate_nodes(BandLeaf& leaf, const Int3& block, const LeafWords& wanted, 
       queries.push_back({at[0] * kQuantaPerCell, at[1] * kQuantaPerCell, at[2] * kQuantaPerCell});
     }
   std::vector<float> value(queries.size());
-  std::vector<Float3> gradient(queries.size());
-  winding.evaluate(queries, value, gradient);
+  field.evaluate(queries, options.level, value);
   for (std::size_t i = 0; i < queries.size(); ++i) {
-    const Float3& g = gradient[i];
-    const float slope = std::sqrt(g[0] * g[0] + g[1] * g[1] + g[2] * g[2]);
-    const float off = options.level - value[i];
-    // Clamped before it is divided: a flat field has no distance.
-    const float size = std::abs(off) < kLargestValue * slope ? std::abs(off) / slope : kLargestValue;
-    const bool inside = value[i] > options.level;
-    leaf.value[nodes[i]] = inside ? -size : size;
-    if (inside) leaf.inside[nodes[i] >> 6] |= std::uint64_t{1} << (nodes[i] & 63);
+    leaf.value[nodes[i]] = std::clamp(value[i], -kLargestValue, kLargestValue);
+    if (value[i] < 0.0f) leaf.inside[nodes[i] >> 6] |= std::uint64_t{1} << (nodes[i] & 63);
   }
 }
 
@@ -154,7 +147,7 @@ class RootMerger {
 
 }  // namespace
 
-void add_closing(DirectedField& field, std::span<const ClosingLeaf> cells, const WindingField& winding,
+void add_closing(DirectedField& field, std::span<const ClosingLeaf> cells, const ClosingField& closing,
                  const ClosingOptions& options) {
   std::vector<WantedNodes> wanted(field.leaf_index.size());
   for (const ClosingLeaf& c : cells) {
@@ -204,7 +197,7 @@ void add_closing(DirectedField& field, std::span<const ClosingLeaf> cells, const
   }
   field.leaves = std::move(leaves);
   for (std::size_t l = 0; l < of_leaf.size(); ++l)
-    if (of_leaf[l].any) evaluate_nodes(field.leaves[l], field.origin, of_leaf[l].nodes, winding, options);
+    if (of_leaf[l].any) evaluate_nodes(field.leaves[l], field.origin, of_leaf[l].nodes, closing, options);
   RootMerger(field, of_leaf).run();
 }
 

@@ -1,10 +1,8 @@
 /// \file closing.h
-/// Closes the surface of a block where the data ends, by the level set of the winding number.
-/// Source: Barill et al., "Fast Winding Numbers for Soups and Clouds", 2018 (the field); the continuation is
-/// ours.
+/// Closes the surface of a block where the data ends, by the zero set of the closing field (closing_field.h).
 ///
-/// Where the local fit is valid its signs stand. Everywhere else a node is inside when the winding number
-/// exceeds the level. The closing cells are those that the surface of this field reaches from the rims of the
+/// Where the local fit is valid its signs stand. Everywhere else a node is inside when the closing field is
+/// negative. The closing cells are those that the surface of this field reaches from the rims of the
 /// local surface: start at every cell that shares a crossed face with a local cell and lacks a valid node, go
 /// on through crossed faces, stop at local cells. So every crossed face has a cell on both sides, and the
 /// result has no border, whatever the field does. The set is unique: it does not matter in which order bricks
@@ -15,8 +13,9 @@
 #include <span>
 #include <vector>
 
+#include "kernels/closing_field.h"
 #include "kernels/directed_field.h"
-#include "octree/winding_number.h"
+
 
 namespace tessera {
 
@@ -78,13 +77,13 @@ std::uint64_t take_back_unfinished(std::map<std::uint64_t, std::vector<ClosingLe
 /// \pre  `field` holds what nodes [0, 64] of the brick need
 GrownCells grow_closing(const Int3& corner, std::span<const BandSigns> signs,
                         std::span<const ClosingLeaf> known, std::span<const Int3> seeds,
-                        const WindingField& field, std::span<const Int3> near_points,
+                        const ClosingField& field, std::span<const Int3> near_points,
                         const ClosingOptions& options);
 
-/// Adds closing cells to the band of a block: values at their nodes (first-order distance to the level set)
+/// Adds closing cells to the band of a block: values of the closing field at their nodes
 /// and roots on their edges. \param cells  those of the block and of the cells just below it \post  the local
 /// cells of `field` are what they were
-void add_closing(DirectedField& field, std::span<const ClosingLeaf> cells, const WindingField& winding,
+void add_closing(DirectedField& field, std::span<const ClosingLeaf> cells, const ClosingField& closing,
                  const ClosingOptions& options);
 
 }  // namespace tessera

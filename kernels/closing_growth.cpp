@@ -36,7 +36,7 @@ bool before(const Int3& a, const Int3& b) {
 /// What is known of the nodes of one brick, [0, 64] on each axis.
 class BrickNodes {
  public:
-  BrickNodes(const Int3& corner, std::span<const BandSigns> signs, const WindingField& field,
+  BrickNodes(const Int3& corner, std::span<const BandSigns> signs, const ClosingField& field,
              std::span<const Int3> near_points, const ClosingOptions& options)
       : corner_(corner),
         field_(field),
@@ -114,9 +114,9 @@ class BrickNodes {
           queries.push_back(q);
         }
     std::vector<float> value(queries.size());
-    field_.evaluate(queries, value);
+    field_.evaluate(queries, options_.level, value);
     for (std::size_t i = 0; i < queries.size(); ++i)
-      if (value[i] > options_.level) node_[slots[i]] |= kInside;
+      if (value[i] < 0.0f) node_[slots[i]] |= kInside;
     if (options_.limit > 0.0f) mark_far(leaf, slots, queries);
   }
 
@@ -147,7 +147,7 @@ class BrickNodes {
   }
 
   Int3 corner_;
-  const WindingField& field_;
+  const ClosingField& field_;
   std::span<const Int3> near_points_;
   ClosingOptions options_;
   std::vector<std::uint8_t> node_;
@@ -267,7 +267,7 @@ std::vector<BandSigns> signs_of_brick(const DirectedField& field, const Int3& br
 
 GrownCells grow_closing(const Int3& corner, std::span<const BandSigns> signs,
                         std::span<const ClosingLeaf> known, std::span<const Int3> seeds,
-                        const WindingField& field, std::span<const Int3> near_points,
+                        const ClosingField& field, std::span<const Int3> near_points,
                         const ClosingOptions& options) {
   BrickNodes nodes(corner, signs, field, near_points, options);
   CellBits cells;

@@ -28,7 +28,7 @@ constexpr std::size_t kVotesPerBrick = 16;
 constexpr float kClosedVote = 0.25f;
 
 // A visit of one brick: points with halo, dipoles, node states, one leaf's lists.
-constexpr std::uint64_t kBytesPerPoint = 40 + 28 + sizeof(Dipole) + 12;
+constexpr std::uint64_t kBytesPerPoint = 40 + 28 + sizeof(Dipole) + 60;
 constexpr std::uint64_t kVisitBytes = 4u << 20;
 
 class CloseStage : public Stage {
@@ -198,8 +198,8 @@ class CloseStage : public Stage {
       for (const Dipole& d : near.dipoles()) data.push_back(d.q);
       for (const Multipole& m : near.level(kLeafBits).cells) data.push_back(m.centre);
     }
-    return grow_closing(corner, rims_->signs_around(brick), known, seeds, WindingField(multipoles_->far(), near), data,
-                        options);
+    return grow_closing(corner, rims_->signs_around(brick), known, seeds,
+                        ClosingField(multipoles_->far(), near, static_cast<float>(plan_.radius_cells)), data, options);
   }
 
   JobState state_;
