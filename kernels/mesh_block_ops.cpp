@@ -162,7 +162,7 @@ MeshBlock select_faces(const MeshBlock& block, std::span<const std::uint8_t> kee
 }
 
 MeshBlock merge_blocks(std::span<const MeshBlock* const> pieces, std::span<const std::uint8_t> tags,
-                       std::vector<std::uint8_t>* tag_of_face) {
+                       std::vector<std::uint8_t>* tag_of_face, std::vector<std::uint32_t>* place) {
   std::size_t vertices = 0;
   std::size_t faces = 0;
   for (const MeshBlock* piece : pieces) {
@@ -223,6 +223,7 @@ MeshBlock merge_blocks(std::span<const MeshBlock* const> pieces, std::span<const
   }
   for (std::size_t f = 0; f < out.faces.size(); ++f) turn(out.faces[f], out.face_flags[f]);
   sort_faces(out, tag_of_face);
+  if (place) *place = std::move(target);
   return out;
 }
 

@@ -44,14 +44,20 @@ int filter_rings(const FilterOptions& options);
 /// lambda 2^order.
 int chebyshev_degree(double lambda, int order, double accuracy);
 
-/// The weights of rows.held become 0: free vertices at the ends of lines do not move for the line.
+/// Free vertices at the ends of lines do not move for the line.
 /// With order 2 a surface continues with no bending at creases, a line bends along itself alone.
+/// Runs over windows of vertices that fit the cache together with the rings that they read.
 /// \param position  n; the rows' own mesh
+/// \param wanted    n flags of the vertices to compute, or empty: all
 /// \param start     n displacements to start from (implicit only), or empty: zero
-/// \return          n displacements; zero for fixed and open vertices
-/// \cost 16 bytes a vertex for each of three arrays (five where the Laplacian is applied twice)
-std::vector<Displacement> filter_surface(SurfaceRows& rows, std::span<const Double3> position,
+/// \return          n displacements; zero for fixed, open and unwanted vertices
+/// \cost 20 bytes a vertex and filter_window_bytes()
+std::vector<Displacement> filter_surface(const SurfaceRows& rows, std::span<const Double3> position,
                                          const FilterOptions& options,
+                                         std::span<const std::uint8_t> wanted = {},
                                          std::span<const Displacement> start = {});
+
+/// Bytes that a window takes in a block of so many vertices with a filter of so many rings.
+std::uint64_t filter_window_bytes(std::uint64_t vertices, int rings);
 
 }  // namespace tessera

@@ -121,15 +121,18 @@ int round_rings(const SmoothRound& round) {
   return round.by_normals ? filter_rings(round.normals) : filter_rings(round.filter);
 }
 
-SmoothedBlock smooth_block(const MeshBlock& block, const SmoothRound& round) {
+SmoothedBlock smooth_block(const MeshBlock& block, const SmoothRound& round,
+                           std::span<const std::uint8_t> wanted) {
   SmoothedBlock out;
-  SurfaceRows rows = make_surface_rows(block, round.rows);
-  out.complete = complete_rings(block, rows, round_rings(round));
+  const FaceCorners corners(block);
+  SurfaceRows rows = make_surface_rows(block, corners, round.rows);
+  out.complete = complete_rings(block, corners, rows, round_rings(round));
+  for (std::size_t v = 0; v < wanted.size(); ++v) out.complete[v] &= wanted[v];
   if (round.by_normals) {
     out.position = filter_by_normals(block, round.normals);
   } else {
     out.position = block.position;
-    const std::vector<Displacement> moved = filter_surface(rows, block.position, round.filter);
+    const std::vector<Displacement> moved = filter_surface(rows, block.position, round.filter, out.complete);
     for (std::size_t v = 0; v < moved.size(); ++v)
       for (std::size_t a = 0; a < 3; ++a) out.position[v][a] += static_cast<double>(moved[v].xyz[a]);
   }
@@ -177,9 +180,9 @@ std::uint64_t smooth_bytes(std::uint64_t vertices, std::uint64_t faces, const Sm
   // They are made from marks, corners and shapes; then rings are counted and the filter runs.
   const std::uint64_t corners = 4 * vertices + 12 * faces;
   const std::uint64_t making = 4 * vertices + 24 * faces + corners;
-  const bool twice = round.filter.order == 2 || round.filter.kind == FilterKind::kBilaplacian;
-  const std::uint64_t fields = twice ? 112 : 80;
-  const std::uint64_t filter = round.by_normals ? corners + 48 * vertices + 72 * faces : fields * vertices;
+  const std::uint64_t filter =
+      corners + (round.by_normals ? 48 * vertices + 72 * faces
+                                  : 20 * vertices + filter_window_bytes(vertices, round_rings(round)));
   return rows + std::max(making, filter) + 25 * vertices + (1u << 16);
 }
 

@@ -53,15 +53,18 @@ struct SmoothCounts {
 };
 
 struct SmoothedBlock {
-  std::vector<Double3> position;       ///< n
-  std::vector<VertexRole> role;        ///< n
-  std::vector<std::uint8_t> complete;  ///< n; 1 = round_rings() rings are in the block, the position is right
+  std::vector<Double3> position;  ///< n
+  std::vector<VertexRole> role;   ///< n
+  std::vector<std::uint8_t>
+      complete;  ///< n; 1 = wanted, round_rings() rings are in the block, the position is right
   SmoothCounts counts;
 };
 
+/// \param wanted  n flags, 1 or 0, of the vertices to move, or empty: all
 /// \pre the block is canonical, fewer than 2^30 faces
 /// \throws InputError for a position that is not finite
-SmoothedBlock smooth_block(const MeshBlock& block, const SmoothRound& round);
+SmoothedBlock smooth_block(const MeshBlock& block, const SmoothRound& round,
+                           std::span<const std::uint8_t> wanted = {});
 
 /// Where a vertex comes to rest: `to`, rounded to floats if a mesh of floats holds it, and drawn towards
 /// `from` until it is no farther than `tolerance` (0 = no limit) from it. The distance computed from the

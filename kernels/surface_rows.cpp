@@ -4,7 +4,6 @@
 #include <cmath>
 #include <string>
 
-#include "kernels/face_corners.h"
 #include "kernels/portable_math.h"
 #include "octree/error.h"
 
@@ -30,8 +29,7 @@ Vec3 point(const Double3& p) {
   return {p[0], p[1], p[2]};
 }
 
-float bounded_cotangent(double cosine_part, double sine_part) {
-  const double c = cosine_part / sine_part;
+float bounded_cotangent(double c) {
   return static_cast<float>(c > kLargestCotangent    ? kLargestCotangent
                             : c < -kLargestCotangent ? -kLargestCotangent
                                                      : c);
@@ -51,9 +49,9 @@ std::vector<FaceShape> face_shapes(const MeshBlock& block, std::uint64_t& degene
       continue;
     }
     FaceShape& s = shapes[f];
-    s.cotangent = {bounded_cotangent(-dot(pq, rp), doubled), bounded_cotangent(-dot(qr, pq), doubled),
-                   bounded_cotangent(-dot(rp, qr), doubled)};
     const double inverse = 1.0 / doubled;
+    s.cotangent = {bounded_cotangent(-dot(pq, rp) * inverse), bounded_cotangent(-dot(qr, pq) * inverse),
+                   bounded_cotangent(-dot(rp, qr) * inverse)};
     s.normal = {static_cast<float>(area.x * inverse), static_cast<float>(area.y * inverse),
                 static_cast<float>(area.z * inverse)};
   }
@@ -62,7 +60,9 @@ std::vector<FaceShape> face_shapes(const MeshBlock& block, std::uint64_t& degene
 
 /// What the faces at a vertex say of one of its edges.
 struct EdgeView {
+  std::uint32_t to = 0;
   std::uint32_t face = 0;  ///< the first of them
+  float cotangent = 0.0F;  ///< sum of the opposite angles'
   std::uint8_t faces = 0;  ///< saturates
   bool border = false;
   bool crease = false;
@@ -78,7 +78,7 @@ class RowMaker {
     hinted_cosine_ = static_cast<float>(synth::sin_cos(options.feature_angle_deg * (synth::kPi / 360.0)).cos);
   }
 
-  SurfaceRows make() {
+  SurfaceRows make(const FaceCorners& corners) {
     const std::size_t n = block_.position.size();
     for (std::size_t v = 0; v < n; ++v)
       for (const double x : block_.position[v])
@@ -87,7 +87,6 @@ class RowMaker {
                            " has a coordinate that is not finite; repair "
                            "the mesh before smoothing it");
     shapes_ = face_shapes(block_, rows_.degenerate_faces);
-    const FaceCorners corners(block_);
     mark_.assign(n, 0);
     rows_.first.resize(n + 1);
     rows_.inverse_degree.assign(n, 0.0F);
@@ -100,32 +99,10 @@ class RowMaker {
       finish_row(v);
     }
     rows_.first[n] = static_cast<std::uint32_t>(rows_.neighbour.size());
-    for (std::uint32_t v = 0; v < n; ++v)
-      for (std::uint32_t e = rows_.first[v]; rows_.role[v] == VertexRole::kLine && e < rows_.first[v + 1];
-           ++e)
-        if (rows_.role[rows_.neighbour[e]] == VertexRole::kFree) rows_.held.push_back(e);
     return std::move(rows_);
   }
 
  private:
-  void touch(std::uint32_t v, std::uint32_t u, float cotangent, bool border, std::uint32_t face) {
-    const std::uint32_t begin = rows_.first[v];
-    std::uint32_t at = mark_[u];
-    if (at >= begin && at < rows_.neighbour.size() && rows_.neighbour[at] == u) {
-      EdgeView& e = edges_[at - begin];
-      rows_.weight[at] += cotangent;
-      e.border |= border;
-      if (e.faces < 3) ++e.faces;
-      if (creases_) e.crease |= is_crease(v, u, e.face, face);
-      return;
-    }
-    at = static_cast<std::uint32_t>(rows_.neighbour.size());
-    mark_[u] = at;
-    rows_.neighbour.push_back(u);
-    rows_.weight.push_back(cotangent);
-    edges_.push_back({face, 1, border, false});
-  }
-
   bool is_crease(std::uint32_t v, std::uint32_t u, std::uint32_t f, std::uint32_t g) const {
     const Float3& a = shapes_[f].normal;
     const Float3& b = shapes_[g].normal;
@@ -137,24 +114,42 @@ class RowMaker {
     return block_.vertex_class[v] == VertexClass::kCrease || block_.vertex_class[v] == VertexClass::kCorner;
   }
 
+  /// The edges of a star, in the order in which its ascending faces name them.
   void gather(std::uint32_t v, std::span<const std::uint32_t> corners) {
-    edges_.clear();
+    if (edges_.size() < 2 * corners.size()) edges_.resize(2 * corners.size());
+    EdgeView* const edges = edges_.data();
+    std::uint32_t* const mark = mark_.data();
+    std::uint32_t count = 0;
+    const auto touch = [&](std::uint32_t u, float cotangent, bool border, std::uint32_t face) {
+      const std::uint32_t at = mark[u];
+      if (at >= count || edges[at].to != u) {
+        mark[u] = count;
+        edges[count++] = {u, face, cotangent, 1, border, false};
+        return;
+      }
+      EdgeView& e = edges[at];
+      e.cotangent += cotangent;
+      e.border |= border;
+      if (e.faces < 3) ++e.faces;
+      if (creases_) e.crease |= is_crease(v, u, e.face, face);
+    };
     for (const std::uint32_t corner : corners) {
       const std::uint32_t f = corner >> 2, k = corner & 3, next = k == 2 ? 0 : k + 1,
                           last = k == 0 ? 2 : k - 1;
       const auto& face = block_.faces[f];
       const std::uint8_t flags = block_.face_flags[f];
-      touch(v, face[next], shapes_[f].cotangent[last], (flags >> k & 1) != 0, f);
-      touch(v, face[last], shapes_[f].cotangent[next], (flags >> last & 1) != 0, f);
+      const FaceShape& shape = shapes_[f];
+      touch(face[next], shape.cotangent[last], (flags >> k & 1) != 0, f);
+      touch(face[last], shape.cotangent[next], (flags >> last & 1) != 0, f);
     }
+    star_ = {edges, count};
   }
 
   void finish_row(std::uint32_t v) {
-    const std::uint32_t begin = rows_.first[v];
-    if (edges_.empty()) return;
+    if (star_.empty()) return;
     bool open = false, irregular = false;
     std::size_t lines = 0, borders = 0;
-    for (const EdgeView& e : edges_) {
+    for (const EdgeView& e : star_) {
       open |= e.faces == 1 && !e.border;
       irregular |= e.faces > 2;
       const bool border = e.faces == 1;
@@ -174,57 +169,51 @@ class RowMaker {
       weigh_free(v);
     } else if (role == VertexRole::kLine) {
       weigh_line(v);
-    } else {
-      rows_.neighbour.resize(begin);
-      rows_.weight.resize(begin);
     }
   }
 
-  bool on_line(std::size_t e) const { return edges_[e].faces == 1 || edges_[e].crease; }
+  static bool on_line(const EdgeView& e) { return e.faces == 1 || e.crease; }
 
   /// Exactly two edges of the line, without a sharp turn between them.
   bool is_straight(std::uint32_t v, std::size_t lines) const {
     if (lines != 2) return false;
     std::array<Vec3, 2> arm;
     std::size_t found = 0;
-    for (std::size_t e = 0; e < edges_.size(); ++e)
-      if (on_line(e))
-        arm[found++] =
-            point(block_.position[rows_.neighbour[rows_.first[v] + e]]) - point(block_.position[v]);
+    for (const EdgeView& e : star_)
+      if (on_line(e)) arm[found++] = point(block_.position[e.to]) - point(block_.position[v]);
     const double lengths = length(arm[0]) * length(arm[1]);
     return lengths > 0.0 && -dot(arm[0], arm[1]) > kCornerTurnCosine * lengths;
   }
 
+  void append(std::uint32_t to, float weight) {
+    rows_.neighbour.push_back(to);
+    rows_.weight.push_back(weight);
+  }
+
   void weigh_free(std::uint32_t v) {
-    const std::uint32_t begin = rows_.first[v], end = static_cast<std::uint32_t>(rows_.neighbour.size());
+    const bool uniform = options_.weights == LaplaceWeights::kUniform;
     float sum = 0.0F;
-    for (std::uint32_t e = begin; e < end; ++e) {
-      float& w = rows_.weight[e];
-      w = options_.weights == LaplaceWeights::kUniform ? 1.0F : w > 0.0F ? w : 0.0F;
-      sum += w;
+    for (EdgeView& e : star_) {
+      e.cotangent = uniform ? 1.0F : e.cotangent > 0.0F ? e.cotangent : 0.0F;
+      sum += e.cotangent;
     }
     if (!(sum > 0.0F)) {  // a star of degenerate faces: their angles say nothing
-      std::fill(rows_.weight.begin() + begin, rows_.weight.end(), 1.0F);
-      sum = static_cast<float>(end - begin);
+      for (EdgeView& e : star_) e.cotangent = 1.0F;
+      sum = static_cast<float>(star_.size());
     }
+    for (const EdgeView& e : star_) append(e.to, e.cotangent);
     rows_.inverse_degree[v] = 1.0F / sum;
   }
 
   void weigh_line(std::uint32_t v) {
-    const std::uint32_t begin = rows_.first[v];
-    std::uint32_t kept = begin;
     float sum = 0.0F;
-    for (std::size_t e = 0; e < edges_.size(); ++e) {
+    for (const EdgeView& e : star_) {
       if (!on_line(e)) continue;
-      const std::uint32_t u = rows_.neighbour[begin + e];
-      const double arm = length(point(block_.position[u]) - point(block_.position[v]));
+      const double arm = length(point(block_.position[e.to]) - point(block_.position[v]));
       const float w = options_.weights == LaplaceWeights::kUniform ? 1.0F : static_cast<float>(1.0 / arm);
-      rows_.neighbour[kept] = u;
-      rows_.weight[kept++] = w;
+      append(e.to, w);
       sum += w;
     }
-    rows_.neighbour.resize(kept);
-    rows_.weight.resize(kept);
     rows_.inverse_degree[v] = 1.0F / sum;
   }
 
@@ -234,18 +223,21 @@ class RowMaker {
   float crease_cosine_ = 0.0F, hinted_cosine_ = 0.0F;
   std::vector<FaceShape> shapes_;
   std::vector<std::uint32_t>
-      mark_;                     ///< where the current row may hold a vertex; checked before it is believed
-  std::vector<EdgeView> edges_;  ///< of the current row
+      mark_;  ///< where the current row may hold a vertex; checked before it is believed
+  std::vector<EdgeView> edges_;
+  std::span<EdgeView> star_;  ///< the edges of the current row
   SurfaceRows rows_;
 };
 
 }  // namespace
 
-SurfaceRows make_surface_rows(const MeshBlock& block, const SurfaceRowOptions& options) {
-  return RowMaker(block, options).make();
+SurfaceRows make_surface_rows(const MeshBlock& block, const FaceCorners& corners,
+                              const SurfaceRowOptions& options) {
+  return RowMaker(block, options).make(corners);
 }
 
-std::vector<std::uint8_t> complete_rings(const MeshBlock& block, const SurfaceRows& rows, int rings) {
+std::vector<std::uint8_t> complete_rings(const MeshBlock& block, const FaceCorners& corners,
+                                         const SurfaceRows& rows, int rings) {
   const std::size_t n = rows.role.size();
   std::vector<std::uint8_t> complete(n, 1);
   std::vector<std::uint32_t> front, next;
@@ -256,7 +248,6 @@ std::vector<std::uint8_t> complete_rings(const MeshBlock& block, const SurfaceRo
   }
   if (front.empty()) return complete;
   // Rows of lines and corners name few neighbours; rings spread over faces.
-  const FaceCorners corners(block);
   for (int ring = 1; ring < rings; ++ring) {
     next.clear();
     for (const std::uint32_t v : front)

@@ -7,8 +7,8 @@
 /// of the filters), and it maps constants to zero.
 ///   free    bivariate: all neighbours, cotangent weights clamped >= 0 (Pinkall and Polthier 1993), or 1
 ///   line    univariate: the two neighbours along the crease or border, weights 1 / length
-///           A line that fades out ends at a free vertex; the line takes it as held (SurfaceRows::held), or line and
-///           surface would depend on each other both ways and the spectrum would no longer be real.
+///           A line that fades out ends at a free vertex; filters must take it as held, or line and surface would
+///           depend on each other both ways and the spectrum would no longer be real.
 ///   fixed   corners, junctions of lines, non-manifold and unused vertices: the row is empty
 ///   open    the block does not hold the whole star: the row is empty, the vertex belongs to another block
 /// A free vertex beside a crease sees the crease, a crease vertex does not see the faces: smoothing never
@@ -17,6 +17,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "kernels/face_corners.h"
 #include "kernels/mesh_block.h"
 
 namespace tessera {
@@ -36,17 +37,18 @@ struct SurfaceRows {
   std::vector<float> weight;             ///< >= 0; symmetric between two free vertices
   std::vector<float> inverse_degree;     ///< n; 1 / sum of the row's weights, 0 for an empty row
   std::vector<VertexRole> role;          ///< n
-  std::vector<std::uint32_t> held;       ///< entries of line vertices that name a free one
   std::uint64_t degenerate_faces = 0;    ///< without an area: their angles count as right angles
 };
 
-/// \pre  the block is canonical (mesh_block.h), fewer than 2^30 faces
+/// \pre  the block is canonical (mesh_block.h), fewer than 2^30 faces; the corners are its own
 /// \throws InputError for a position that is not finite, naming the vertex
 /// \cost 60 bytes of scratch a vertex beside the result
-SurfaceRows make_surface_rows(const MeshBlock& block, const SurfaceRowOptions& options);
+SurfaceRows make_surface_rows(const MeshBlock& block, const FaceCorners& corners,
+                              const SurfaceRowOptions& options);
 
 /// 1 for every vertex with `rings` whole rings around it: what a rule that reads one ring a round may have
 /// computed right after `rings` rounds. Vertices within that many edges of an open vertex get 0.
-std::vector<std::uint8_t> complete_rings(const MeshBlock& block, const SurfaceRows& rows, int rings);
+std::vector<std::uint8_t> complete_rings(const MeshBlock& block, const FaceCorners& corners,
+                                         const SurfaceRows& rows, int rings);
 
 }  // namespace tessera

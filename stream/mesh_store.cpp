@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstring>
 #include <limits>
+#include <numeric>
 #include <string>
 
 #include <xxhash.h>
@@ -130,21 +131,10 @@ void MeshFileWriter::add(std::uint64_t brick, const MeshBlock& patch) {
   e.vertices = static_cast<std::uint32_t>(n);
   e.faces = static_cast<std::uint32_t>(m);
   e.has_bounds = patch.face_bound.empty() ? 0 : 1;
-  e.box = empty_box();
-  for (const Double3& p : patch.position) include(e.box, p);
-
   self.buffer.resize(layout.vertices() + layout.faces());
   char* to = self.buffer.data();
   put(to, patch.key.data(), n, layout.key);
-  if (self.info.double_positions) {
-    put(to, patch.position.data(), n, layout.position);
-  } else {
-    for (const Double3& p : patch.position) {
-      const Float3 f = {static_cast<float>(p[0]), static_cast<float>(p[1]), static_cast<float>(p[2])};
-      std::memcpy(to, &f, sizeof f);
-      to += sizeof f;
-    }
-  }
+  to = put_positions(patch.position, e, to);
   if (self.info.colour) put(to, patch.rgba.data(), patch.rgba.size(), layout.rgba);
   put(to, patch.vertex_class.data(), n, layout.vertex_class);
   if (n <= kShortIndices) {
@@ -166,6 +156,23 @@ void MeshFileWriter::add(std::uint64_t brick, const MeshBlock& patch) {
   self.table.push_back(e);
 }
 
+/// With their box.
+char* MeshFileWriter::put_positions(std::span<const Double3> positions, MeshPatchEntry& entry,
+                                    char* to) const {
+  entry.box = empty_box();
+  for (const Double3& p : positions) include(entry.box, p);
+  if (impl_->info.double_positions) {
+    put(to, positions.data(), positions.size(), positions.size() * sizeof(Double3));
+    return to;
+  }
+  for (const Double3& p : positions) {
+    const Float3 f = {static_cast<float>(p[0]), static_cast<float>(p[1]), static_cast<float>(p[2])};
+    std::memcpy(to, &f, sizeof f);
+    to += sizeof f;
+  }
+  return to;
+}
+
 std::uint64_t MeshFileWriter::finish() {
   Impl& self = *impl_;
   Footer footer;
@@ -185,16 +192,26 @@ struct MeshStore::Impl {
   std::uint64_t faces = 0;
   MeshBox box = empty_box();
 
-  MeshBlock read(std::size_t patch) const {
+  Layout layout(const MeshPatchEntry& e) const { return {info, e.vertices, e.faces, e.has_bounds != 0}; }
+
+  /// Both sections, checked.
+  void read_sections(std::size_t patch, std::vector<char>& data) const {
     const MeshPatchEntry& e = patches[patch];
     const ReadFile& file = files[e.file];
-    const Layout layout(info, e.vertices, e.faces, e.has_bounds != 0);
-    std::vector<char> data(layout.vertices() + layout.faces());
+    const Layout layout = this->layout(e);
+    data.resize(layout.vertices() + layout.faces());
     file.read_at(e.offset, data.data(), data.size());
     if (XXH3_64bits(data.data(), layout.vertices()) != e.vertex_hash ||
         XXH3_64bits(data.data() + layout.vertices(), layout.faces()) != e.face_hash)
       throw InputError(file.path().string() + ": byte " + std::to_string(e.offset) +
                        ": checksum of a mesh patch differs, the file is damaged; run again with --force");
+  }
+
+  MeshBlock read(std::size_t patch) const {
+    const MeshPatchEntry& e = patches[patch];
+    const Layout layout = this->layout(e);
+    std::vector<char> data;
+    read_sections(patch, data);
     const char* from = data.data();
     const std::size_t n = e.vertices;
     const std::size_t m = e.faces;
@@ -229,15 +246,17 @@ struct MeshStore::Impl {
     return block;
   }
 
-  /// Patches `core` (all faces) and `halo` (those faces that meet the box).
-  MeshBlock merge(std::span<const std::size_t> core, std::span<const std::size_t> halo, const MeshBox& near,
-                  std::vector<std::uint8_t>* tag) const {
+  /// Patches `core` (all faces) and `halo` (those faces that meet the box). `near`: with what load_near() promises.
+  MeshBlock merge(std::span<const std::size_t> core, std::span<const std::size_t> halo, const MeshBox& reach,
+                  std::vector<std::uint8_t>* tag, MeshHaloBlock* near = nullptr) const {
     std::vector<MeshBlock> pieces;
     std::vector<std::uint8_t> tags;
+    std::vector<std::uint32_t> patch_of_piece;
     pieces.reserve(core.size() + halo.size());
     for (const std::size_t p : core) {
       pieces.push_back(read(p));
       tags.push_back(1);
+      patch_of_piece.push_back(static_cast<std::uint32_t>(p));
     }
     for (const std::size_t p : halo) {
       MeshBlock piece = read(p);
@@ -246,22 +265,54 @@ struct MeshStore::Impl {
       for (std::size_t f = 0; f < keep.size(); ++f) {
         MeshBox face = empty_box();
         for (const std::uint32_t v : piece.faces[f]) include(face, piece.position[v]);
-        keep[f] = overlap(face, near);
+        keep[f] = overlap(face, reach);
         any |= keep[f] != 0;
       }
       if (!any) continue;
       pieces.push_back(select_faces(piece, keep));
       tags.push_back(0);
-    }
-    if (pieces.size() == 1) {
-      if (tag) tag->assign(pieces[0].faces.size(), tags[0]);
-      return std::move(pieces[0]);
+      patch_of_piece.push_back(static_cast<std::uint32_t>(p));
     }
     std::vector<const MeshBlock*> pointers;
     for (const MeshBlock& piece : pieces) pointers.push_back(&piece);
-    return merge_blocks(pointers, tags, tag);
+    std::vector<std::uint32_t> place;
+    MeshBlock block;
+    if (pieces.size() == 1) {
+      if (tag) tag->assign(pieces[0].faces.size(), tags[0]);
+      block = std::move(pieces[0]);
+      place.resize(block.key.size());
+      std::iota(place.begin(), place.end(), std::uint32_t{0});
+    } else {
+      block = merge_blocks(pointers, tags, tag, near ? &place : nullptr);
+    }
+    if (!near) return block;
+    near->first_patch.assign(block.key.size(), ~std::uint32_t{0});
+    near->core_vertices.clear();
+    auto at = place.begin();
+    for (std::size_t k = 0; k < pieces.size(); ++k) {
+      const std::size_t count = pieces.size() == 1 ? block.key.size() : pieces[k].key.size();
+      const auto end = at + static_cast<std::ptrdiff_t>(count);
+      if (k < core.size()) near->core_vertices.emplace_back(at, end);
+      for (; at != end; ++at) near->first_patch[*at] = std::min(near->first_patch[*at], patch_of_piece[k]);
+    }
+    return block;
   }
 };
+
+void MeshFileWriter::add_moved(const MeshStore& store, std::size_t patch,
+                               std::span<const Double3> positions) {
+  Impl& self = *impl_;
+  const MeshStore::Impl& from = *store.impl_;
+  MeshPatchEntry e = from.patches[patch];
+  const Layout layout = from.layout(e);
+  from.read_sections(patch, self.buffer);
+  put_positions(positions, e, self.buffer.data() + layout.key);
+  e.offset = self.file.offset();
+  e.file = 0;
+  e.vertex_hash = XXH3_64bits(self.buffer.data(), layout.vertices());
+  self.file.write(self.buffer.data(), self.buffer.size());
+  self.table.push_back(e);
+}
 
 MeshStore::MeshStore(const std::vector<std::filesystem::path>& files,
                      const std::vector<std::filesystem::path>& newer)
@@ -381,7 +432,7 @@ MeshHaloBlock MeshStore::load_near(std::span<const std::size_t> core, double mar
   const std::vector<std::size_t> all = select(near);
   std::set_difference(all.begin(), all.end(), core.begin(), core.end(), std::back_inserter(halo));
   MeshHaloBlock out;
-  out.block = impl_->merge(core, halo, near, &out.core);
+  out.block = impl_->merge(core, halo, near, &out.core, &out);
   return out;
 }
 

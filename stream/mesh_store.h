@@ -50,6 +50,8 @@ struct MeshPatchEntry {
   MeshBox box;                   ///< of all vertices; faces may reach out of their brick
 };
 
+class MeshStore;
+
 class MeshFileWriter {
  public:
   MeshFileWriter(const std::filesystem::path& path, const MeshStoreInfo& info);
@@ -59,10 +61,15 @@ class MeshFileWriter {
   /// The patch of one brick; every brick at most once over all files of a store. Patches without faces are
   /// left out. \pre canonical (mesh_block.h), every vertex used by a face
   void add(std::uint64_t brick, const MeshBlock& patch);
+  /// Patch `patch` of a store with its vertices moved; all else is copied as it is.
+  /// \pre the store's info agrees; one position for each vertex, in the order of the patch
+  /// \throws InputError naming the file when the patch is damaged
+  void add_moved(const MeshStore& store, std::size_t patch, std::span<const Double3> positions);
   /// Writes table and footer, closes. Returns bytes written.
   std::uint64_t finish();
 
  private:
+  char* put_positions(std::span<const Double3> positions, MeshPatchEntry& entry, char* to) const;
   struct Impl;
   std::unique_ptr<Impl> impl_;
 };
@@ -71,6 +78,10 @@ class MeshFileWriter {
 struct MeshHaloBlock {
   MeshBlock block;                 ///< canonical
   std::vector<std::uint8_t> core;  ///< per face: 1 in one of the patches asked for, 0 in the halo
+  /// load_near() only. Per patch asked for: number in the block of each of its vertices.
+  std::vector<std::vector<std::uint32_t>> core_vertices;
+  /// load_near() only. Per vertex: the first patch that has it. Right for all vertices of the patches asked for.
+  std::vector<std::uint32_t> first_patch;
 };
 
 /// All patches of a mesh. Holds the table only (96 bytes a patch). Loading is thread-safe.
@@ -108,10 +119,11 @@ class MeshStore {
   /// kBlockBytesPerVertex and kBlockBytesPerFace.
   std::uint64_t block_bytes(std::span<const std::size_t> patches) const;
 
-  static constexpr std::uint64_t kBlockBytesPerVertex = 96;
+  static constexpr std::uint64_t kBlockBytesPerVertex = 104;
   static constexpr std::uint64_t kBlockBytesPerFace = 48;
 
  private:
+  friend class MeshFileWriter;
   struct Impl;
   std::unique_ptr<Impl> impl_;
 };

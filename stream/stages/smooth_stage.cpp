@@ -20,8 +20,8 @@ constexpr std::uint64_t kSlackBytes = std::uint64_t{16}
                                       << 20;  ///< buffers of the file that is written, tables
 constexpr std::uint64_t kReachPatches = 64;   ///< patches of one task of "reach"
 
-// Key, position, class, colour; corners, flags, bound and core flag.
-constexpr std::uint64_t kLoadedVertexBytes = 8 + 24 + 1 + 4;
+// Key, position, class, colour, first patch, number in a patch, wanted; corners, flags, bound and core flag.
+constexpr std::uint64_t kLoadedVertexBytes = 8 + 24 + 1 + 4 + 4 + 5 + 1;
 constexpr std::uint64_t kLoadedFaceBytes = 12 + 1 + 4 + 1;
 
 std::string reach_file(std::size_t round) {
@@ -97,21 +97,10 @@ class ReachStage : public Stage {
   MeshStore store_;
 };
 
-/// As std::lower_bound; fast where the answer is near `from`, as for keys that ascend along.
-template <class Iterator>
-Iterator first_not_below(Iterator from, Iterator end, std::uint64_t key) {
-  std::ptrdiff_t step = 1;
-  while (end - from > step && *(from + step) < key) {
-    from += step;
-    step *= 2;
-  }
-  return std::lower_bound(from, end - from > step ? from + step + 1 : end, key);
-}
-
 /// What moved, each vertex counted once over all patches and tiles.
 struct Movement {
   std::uint64_t vertices = 0, line = 0, fixed = 0, limited = 0;
-  double largest = 0.0;
+  double largest = 0.0;     ///< squared
   double square_sum = 0.0;  ///< over the patches of a task, in their order
 };
 
@@ -160,17 +149,20 @@ class SmoothStage : public Stage {
       context.check_stop();
       const MeshHaloBlock near = store_.load_near(tile.patches, tile.margin);
       context.check_stop();
-      const SmoothedBlock smoothed = smooth_block(near.block, rule_);
+      std::vector<std::uint8_t> wanted(near.block.key.size(), 0);
+      for (const auto& patch : near.core_vertices)
+        for (const std::uint32_t v : patch) wanted[v] = 1;
+      const SmoothedBlock smoothed = smooth_block(near.block, rule_, wanted);
       core += static_cast<std::uint64_t>(std::count(near.core.begin(), near.core.end(), 1));
       halo += near.core.size();
       degenerate += smoothed.counts.degenerate_faces;
-      const std::vector<std::uint32_t> first_face = first_faces(near.block);
-      for (const std::size_t p : tile.patches) {
+      for (std::size_t k = 0; k < tile.patches.size(); ++k) {
         context.check_stop();
-        const MeshBlock patch = move_patch(p, near.block, smoothed, first_face, moved);
-        longest.push_back({p, longest_edge(patch)});
-        writer.add(store_.patches()[p].key, patch);
-        context.advance(patch.faces.size());
+        const std::size_t p = tile.patches[k];
+        const std::vector<Double3> positions = settled(p, near, near.core_vertices[k], smoothed, moved);
+        writer.add_moved(store_, p, positions);
+        if (!last_) longest.push_back({p, longest_edge(with_positions(p, positions))});
+        context.advance(store_.patches()[p].faces);
       }
     }
     context.count_written(writer.finish());
@@ -178,7 +170,7 @@ class SmoothStage : public Stage {
             {"on_lines", moved.line},
             {"fixed", moved.fixed},
             {"limited", moved.limited},
-            {"largest_move", moved.largest},
+            {"largest_move", std::sqrt(moved.largest)},
             {"square_sum", moved.square_sum},
             {"core_faces", core},
             {"read_faces", halo},
@@ -189,7 +181,7 @@ class SmoothStage : public Stage {
   std::uint64_t finish_bytes() const override { return kSlackBytes + 500 * store_.patches().size(); }
 
   json finish(const std::vector<json>& summaries, TaskContext& context) const override {
-    save_reach(summaries, store_.patches().size(), context.create(reach_file(round_)));
+    if (!last_) save_reach(summaries, store_.patches().size(), context.create(reach_file(round_)));
     json out = {{"tasks", summaries.size()}, {"rings", round_rings(rule_)}};
     for (const char* name : {"vertices", "on_lines", "fixed", "limited", "core_faces", "read_faces"}) {
       std::uint64_t sum = 0;
@@ -216,52 +208,43 @@ class SmoothStage : public Stage {
   }
 
  private:
-  static std::vector<std::uint32_t> first_faces(const MeshBlock& block) {
-    std::vector<std::uint32_t> first(block.position.size());
-    for (std::size_t f = block.faces.size(); f-- > 0;)
-      for (const std::uint32_t v : block.faces[f]) first[v] = static_cast<std::uint32_t>(f);
-    return first;
-  }
-
-  /// The patch with its vertices where the smoothed block has them.
-  MeshBlock move_patch(std::size_t p, const MeshBlock& block, const SmoothedBlock& smoothed,
-                       const std::vector<std::uint32_t>& first_face, Movement& moved) const {
+  MeshBlock with_positions(std::size_t p, const std::vector<Double3>& positions) const {
     MeshBlock patch = store_.load({&p, 1});
-    MeshBlock before;
-    if (tolerance_ > 0.0) before = original_.load({&p, 1});
-    const std::vector<std::uint32_t> first_here = first_faces(patch);
-    const bool floats = !store_.info().double_positions;
-    auto at = block.key.begin();
-    for (std::size_t v = 0; v < patch.key.size(); ++v) {
-      at = first_not_below(at, block.key.end(), patch.key[v]);
-      const auto i = static_cast<std::size_t>(at - block.key.begin());
-      if (at == block.key.end() || *at != patch.key[v] || smoothed.complete[i] == 0)
-        throw std::logic_error("smooth: vertex " + std::to_string(patch.key[v]) +
-                               " misses rings in its tile");
-      const Double3 from = tolerance_ > 0.0 ? before.position[v] : patch.position[v];
-      const Double3 to = settle(from, smoothed.position[i], tolerance_, floats);
-      if (same_face(block, first_face[i], patch, first_here[v])) {
-        const double x = to[0] - from[0], y = to[1] - from[1], z = to[2] - from[2];
-        const double square = x * x + y * y + z * z;
-        ++moved.vertices;
-        moved.line += smoothed.role[i] == VertexRole::kLine;
-        moved.fixed += smoothed.role[i] == VertexRole::kFixed;
-        moved.largest = std::max(moved.largest, std::sqrt(square));
-        moved.square_sum += square;
-        const double u = smoothed.position[i][0] - from[0], w = smoothed.position[i][1] - from[1],
-                     t = smoothed.position[i][2] - from[2];
-        moved.limited += tolerance_ > 0.0 && std::sqrt(u * u + w * w + t * t) > tolerance_;
-      }
-      patch.position[v] = to;
-    }
+    patch.position = positions;
     return patch;
   }
 
-  /// A vertex is counted where its first face is: once over all patches.
-  static bool same_face(const MeshBlock& a, std::uint32_t f, const MeshBlock& b, std::uint32_t g) {
-    for (std::size_t k = 0; k < 3; ++k)
-      if (a.key[a.faces[f][k]] != b.key[b.faces[g][k]]) return false;
-    return true;
+  /// Where the vertices of a patch come to rest; each is counted once over all patches. \param vertices  their
+  /// numbers in the block
+  std::vector<Double3> settled(std::size_t p, const MeshHaloBlock& near,
+                               const std::vector<std::uint32_t>& vertices, const SmoothedBlock& smoothed,
+                               Movement& moved) const {
+    std::vector<Double3> original;
+    if (tolerance_ > 0.0 && round_ > 1) original = original_.load({&p, 1}).position;
+    const bool floats = !store_.info().double_positions;
+    std::vector<Double3> out(vertices.size());
+    for (std::size_t v = 0; v < vertices.size(); ++v) {
+      const std::uint32_t i = vertices[v];
+      if (smoothed.complete[i] == 0)
+        throw std::logic_error("smooth: vertex " + std::to_string(near.block.key[i]) +
+                               " misses rings in its tile");
+      const Double3& from = original.empty() ? near.block.position[i] : original[v];
+      const Double3& wish = smoothed.position[i];
+      const Double3 to = settle(from, wish, tolerance_, floats);
+      out[v] = to;
+      if (near.first_patch[i] != p) continue;
+      const double x = to[0] - from[0], y = to[1] - from[1], z = to[2] - from[2];
+      const double square = x * x + y * y + z * z;
+      ++moved.vertices;
+      moved.line += smoothed.role[i] == VertexRole::kLine;
+      moved.fixed += smoothed.role[i] == VertexRole::kFixed;
+      moved.largest = std::max(moved.largest, square);
+      moved.square_sum += square;
+      if (!(tolerance_ > 0.0)) continue;
+      const double u = wish[0] - from[0], w = wish[1] - from[1], t = wish[2] - from[2];
+      moved.limited += std::sqrt(u * u + w * w + t * t) > tolerance_;
+    }
+    return out;
   }
 
   std::size_t round_;

@@ -87,7 +87,7 @@ TEST_CASE("smooth: a wave on a grid decays as the symbol of the Laplacian says",
 
 TEST_CASE("smooth: harmonics of the sphere shrink in the order of their frequencies", "[unit]") {
   const MeshBlock sphere = test::sphere_block(5);
-  const SurfaceRows rows = make_surface_rows(sphere, {});
+  const SurfaceRows rows = make_surface_rows(sphere, FaceCorners(sphere), {});
   std::vector<double> area(sphere.position.size(), 0.0);
   for (const auto& f : sphere.faces) {
     const Double3 &p = sphere.position[f[0]], &q = sphere.position[f[1]], &r = sphere.position[f[2]];
@@ -197,8 +197,9 @@ TEST_CASE("smooth: two rings too few change bits: the count of rings is no luxur
   const SmoothedBlock all = smooth_block(whole, round);
   const MeshBlock piece = test::piece_of(whole, [&](std::uint32_t v) { return whole.key[v] / 10 % 41 < 20; });
   const SmoothedBlock part = smooth_block(piece, round);
-  SurfaceRows rows = make_surface_rows(piece, round.rows);
-  const auto fewer = complete_rings(piece, rows, round_rings(round) - 2);
+  const FaceCorners corners(piece);
+  const SurfaceRows rows = make_surface_rows(piece, corners, round.rows);
+  const auto fewer = complete_rings(piece, corners, rows, round_rings(round) - 2);
   // Values of one round less exist there, but not the right ones.
   const std::vector<Displacement> moved = filter_surface(rows, piece.position, round.filter);
   std::size_t at = 0, wrong = 0, ring = 0;
@@ -217,7 +218,7 @@ TEST_CASE("smooth: creases of a cube stay lines, its corners stay", "[unit]") {
   const MeshBlock clean = test::cube_block(n);
   MeshBlock noisy = clean;
   test::add_noise(noisy, 0.15 / n, 11);
-  const SurfaceRows rows = make_surface_rows(noisy, {LaplaceWeights::kCotangent, 60.0});
+  const SurfaceRows rows = make_surface_rows(noisy, FaceCorners(noisy), {LaplaceWeights::kCotangent, 60.0});
   std::size_t corners = 0, lines = 0;
   for (const VertexRole role : rows.role) {
     corners += role == VertexRole::kFixed;
@@ -398,7 +399,7 @@ TEST_CASE("smooth: Chebyshev steps agree with the direct solution of the same sy
   const SmoothRound round = only_round(options);
   const SmoothedBlock out = smooth_block(block, round);
   // (D + lambda (D - W) D^-1 ... (D - W)) x = D b: symmetric, positive definite.
-  const SurfaceRows rows = make_surface_rows(block, round.rows);
+  const SurfaceRows rows = make_surface_rows(block, FaceCorners(block), round.rows);
   const std::size_t n = block.position.size();
   SparseMatrix stiffness;
   stiffness.rows = stiffness.columns = static_cast<std::int32_t>(n);
