@@ -44,21 +44,27 @@ void judge(bool converged, bool breakdown, double tolerance, const char* method,
                    std::to_string(report.residual) + ")";
 }
 
+/// The prediction before anything is allocated.
+FactorReport predicted(std::uint64_t bytes, std::uint64_t cap, const char* method, std::int32_t unknowns) {
+  FactorReport report;
+  report.peak_bytes = bytes;
+  if (cap > 0 && bytes > cap) {
+    report.status = SolveStatus::kTooLarge;
+    report.message = std::string(method) + " on " + std::to_string(unknowns) + " unknowns may need " +
+                     std::to_string(bytes >> 20) + " MiB: use a larger memory cap";
+  }
+  return report;
+}
+
 class ConjugateGradientsSolver final : public LinearSolver {
  public:
   explicit ConjugateGradientsSolver(const SolverOptions& options) : options_(options) {}
 
   FactorReport analyse(const SparseMatrix& a) override {
     assert(a.rows == a.columns);
-    FactorReport report;
     // The preconditioner holds a triangle; three columns of r, z and p.
-    report.peak_bytes = a.entries() / 2 * 24 + static_cast<std::uint64_t>(a.rows) * 120;
-    if (options_.memory_bytes > 0 && report.peak_bytes > options_.memory_bytes) {
-      report.status = SolveStatus::kTooLarge;
-      report.message = "conjugate gradients on " + std::to_string(a.rows) + " unknowns need " +
-                       std::to_string(report.peak_bytes >> 20) + " MiB: use a larger memory cap";
-    }
-    return report;
+    return predicted(a.entries() / 2 * 24 + static_cast<std::uint64_t>(a.rows) * 120, options_.memory_bytes,
+                     "the conjugate gradient method", a.rows);
   }
 
   FactorReport factor(const SparseMatrix& a) override {
@@ -116,14 +122,8 @@ class BicgstabSolver final : public LinearSolver {
 
   FactorReport analyse(const SparseMatrix& a) override {
     assert(a.rows == a.columns);
-    FactorReport report;
-    report.peak_bytes = a.entries() * 12 * (kFill + 1) + static_cast<std::uint64_t>(a.rows) * 100;
-    if (options_.memory_bytes > 0 && report.peak_bytes > options_.memory_bytes) {
-      report.status = SolveStatus::kTooLarge;
-      report.message = "BiCGSTAB on " + std::to_string(a.rows) + " unknowns may need " +
-                       std::to_string(report.peak_bytes >> 20) + " MiB: use a larger memory cap";
-    }
-    return report;
+    return predicted(a.entries() * 12 * (kFill + 1) + static_cast<std::uint64_t>(a.rows) * 100,
+                     options_.memory_bytes, "BiCGSTAB", a.rows);
   }
 
   FactorReport factor(const SparseMatrix& a) override {
