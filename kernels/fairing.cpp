@@ -46,24 +46,48 @@ Part part_around(std::span<const Double3> position, FaceSpan faces, std::span<co
   return part;
 }
 
-std::span<double> flat(std::vector<Double3>& positions) {
-  return {positions.front().data(), 3 * positions.size()};
-}
+/// Systems of a sequence with the same pattern, one after the other: analysed the first time only.
+class Sequence {
+ public:
+  Sequence(SolverKind kind, int order, std::uint64_t memory_bytes) : kind_(kind) {
+    options_.prefer_direct = true;
+    options_.order = order;
+    options_.memory_bytes = memory_bytes;
+    options_.neighbours = &neighbours_;
+  }
 
-/// One system of a sequence with the same pattern: analysed the first time only.
-bool solve_step(LinearSolver& solver, bool first, const ConstrainedSystem& system, std::span<double> values,
-                std::span<const double> load, FairingReport& report) {
-  report.unknowns = system.free_vertices.size();
-  if (first) report.factor = solver.analyse(system.matrix);
-  if (report.factor.status == SolveStatus::kSolved) report.factor = solver.factor(system.matrix);
-  if (report.factor.status != SolveStatus::kSolved) return false;
-  const std::vector<double> b = system.right_hand_side(values, 3, load);
-  std::vector<double> x(b.size());
-  report.solve = solver.solve(b, x, 3);
-  if (report.solve.status != SolveStatus::kSolved) return false;
-  system.scatter(x, values, 3);
-  return true;
-}
+  /// Moves the free vertices to the solution. \return whether there was one; else the report says why not
+  bool solve(const Laplacian& lap, const ConstrainedSystem& system, std::vector<Double3>& position,
+             std::span<const double> load, FairingReport& report) {
+    report.unknowns = system.free_vertices.size();
+    at_.resize(report.unknowns);
+    for (std::size_t i = 0; i < at_.size(); ++i)
+      at_[i] = position[static_cast<std::size_t>(system.free_vertices[i])];
+    neighbours_ = mesh_neighbours(lap, system);
+    if (!solver_) {
+      options_.positions = at_;
+      solver_ = make_solver(kind_, options_);
+      report.factor = solver_->analyse(system.matrix);
+      report.choice = report.factor.choice;
+    }
+    if (report.factor.status == SolveStatus::kSolved) report.factor = solver_->factor(system.matrix);
+    if (report.factor.status != SolveStatus::kSolved) return false;
+    const std::span<double> values(position.front().data(), 3 * position.size());
+    const std::vector<double> b = system.right_hand_side(values, 3, load);
+    std::vector<double> x(b.size());
+    report.solve = solver_->solve(b, x, 3);
+    if (report.solve.status != SolveStatus::kSolved) return false;
+    system.scatter(x, values, 3);
+    return true;
+  }
+
+ private:
+  SolverKind kind_;
+  SolverOptions options_;
+  std::vector<Double3> at_;  ///< of the unknowns; like neighbours_ read by the solver when it factors
+  SparseMatrix neighbours_;
+  std::unique_ptr<LinearSolver> solver_;
+};
 
 void require_sizes(std::size_t positions, std::size_t flags, int order, int largest_order, int rounds) {
   if (flags != positions)
@@ -82,9 +106,7 @@ FairingReport fair_region(std::span<Double3> position, FaceSpan faces, std::span
   if (std::count(region.begin(), region.end(), 0) == static_cast<std::ptrdiff_t>(region.size()))
     throw UsageError("the region to fair has no vertex");
   Part part = part_around(position, faces, region, options.order);
-  SolverOptions limits;
-  limits.memory_bytes = options.memory_bytes;
-  const auto solver = make_solver(SolverKind::kCholesky, limits);
+  Sequence sequence(SolverKind::kAutomatic, options.order, options.memory_bytes);
   FairingReport report;
   for (int round = 0; round < options.rounds; ++round) {
     const bool blind = round == 0 && options.ignore_geometry_first;
@@ -102,7 +124,7 @@ FairingReport fair_region(std::span<Double3> position, FaceSpan faces, std::span
         return report;
       }
     }
-    if (!solve_step(*solver, round == 0, system, flat(part.position), {}, report)) return report;
+    if (!sequence.solve(lap, system, part.position, {}, report)) return report;
   }
   for (std::size_t v = 0; v < part.vertex.size(); ++v)
     if (part.fixed[v] == 0) position[part.vertex[v]] = part.position[v];
@@ -113,9 +135,8 @@ FairingReport curvature_flow(std::span<Double3> position, FaceSpan faces, std::s
                              const FlowOptions& options) {
   require_sizes(position.size(), fixed.size(), options.order, 2, options.steps);
   if (!(options.step > 0.0)) throw UsageError("the step of a flow must be positive");
-  SolverOptions limits;
-  limits.memory_bytes = options.memory_bytes;
-  const auto solver = make_solver(SolverKind::kCholesky, limits);
+  Sequence sequence(options.direct ? SolverKind::kAutomatic : SolverKind::kMultigrid, options.order,
+                    options.memory_bytes);
   std::vector<Double3> now(position.begin(), position.end());
   FairingReport report;
   for (int step = 0; step < options.steps; ++step) {
@@ -125,7 +146,7 @@ FairingReport curvature_flow(std::span<Double3> position, FaceSpan faces, std::s
     std::vector<double> load(3 * now.size());
     for (std::size_t v = 0; v < now.size(); ++v)
       for (std::size_t a = 0; a < 3; ++a) load[3 * v + a] = lap.mass[v] * now[v][a];
-    if (!solve_step(*solver, step == 0, system, flat(now), load, report)) return report;
+    if (!sequence.solve(lap, system, now, load, report)) return report;
   }
   std::copy(now.begin(), now.end(), position.begin());
   return report;

@@ -6,6 +6,7 @@
 #include <array>
 #include <cstdint>
 #include <span>
+#include <string>
 #include <vector>
 
 #include "octree/lattice.h"
@@ -25,13 +26,15 @@ struct FairingOptions {
   /// The first round takes uniform weights: for regions whose positions mean nothing yet, as of a filled
   /// hole.
   bool ignore_geometry_first = false;
-  std::uint64_t memory_bytes = 0;  ///< refuse a factor that is predicted to need more; 0 = no limit
+  /// A factor that is predicted to need more is not tried: multigrid serves, or is refused; 0 = no limit
+  std::uint64_t memory_bytes = 0;
 };
 
 struct FairingReport {
   std::size_t unknowns = 0;
   std::size_t degenerate_faces = 0;  ///< seen in the last round
   FactorReport factor;
+  std::string choice;  ///< a sentence for the log, which solver and why
   SolveReport
       solve;  ///< kSingular where a piece of the region sees no fixed vertex: positions are then unchanged
   bool done() const { return factor.status == SolveStatus::kSolved && solve.status == SolveStatus::kSolved; }
@@ -50,11 +53,14 @@ struct FlowOptions {
   int steps = 1;
   int order = 1;  ///< 1 mean curvature flow, 2 surface diffusion
   LaplacianWeights weights = LaplacianWeights::kClampedCotangent;
+  /// Direct: ordered and analysed once for all steps; multigrid where the factor would not fit. Not direct:
+  /// multigrid always, to a residual of 1e-8, so that the result has the same bits on every machine.
+  bool direct = true;
   std::uint64_t memory_bytes = 0;
 };
 
-/// Implicit fairing: `steps` times (M + step L) x' = M x with operators of the current surface; ordered and
-/// analysed once. Vertices with fixed != 0 stay. Same contract as fair_region().
+/// Implicit fairing: `steps` times (M + step L) x' = M x with operators of the current surface. Vertices with
+/// fixed != 0 stay. Same contract as fair_region().
 FairingReport curvature_flow(std::span<Double3> position, FaceSpan faces, std::span<const std::uint8_t> fixed,
                              const FlowOptions& options);
 

@@ -70,13 +70,21 @@ Laplacian sound_laplacian(const TriangleSpan& mesh, bool clamped) {
   return lap;
 }
 
-void solve(const ConstrainedSystem& system, const ParameterizeOptions& options, std::span<double> values,
-           int width, ParameterizeReport& report) {
-  SolverOptions limits;
-  limits.memory_bytes = options.memory_bytes;
-  const auto solver = make_solver(SolverKind::kCholesky, limits);
+/// \param positions, neighbours  of the unknowns: what multigrid reads if the factor does not fit
+void solve(const ConstrainedSystem& system, const ParameterizeOptions& options,
+           const std::vector<std::array<double, 3>>& positions, const SparseMatrix& neighbours,
+           std::span<double> values, int width, ParameterizeReport& report) {
+  SolverOptions how;
+  how.memory_bytes = options.memory_bytes;
+  how.prefer_direct = true;
+  how.right_hand_sides = static_cast<std::size_t>(width);
+  how.tolerance = 1e-10;
+  how.positions = positions;
+  how.neighbours = &neighbours;
+  const auto solver = make_solver(SolverKind::kAutomatic, how);
   report.unknowns = system.free_vertices.size();
   report.factor = solver->analyse(system.matrix);
+  report.choice = report.factor.choice;
   if (report.factor.status == SolveStatus::kSolved) report.factor = solver->factor(system.matrix);
   if (report.factor.status == SolveStatus::kTooLarge) throw ResourceError(report.factor.message);
   if (report.factor.status != SolveStatus::kSolved)
@@ -84,6 +92,9 @@ void solve(const ConstrainedSystem& system, const ParameterizeOptions& options, 
   const std::vector<double> b = system.right_hand_side(values, width);
   std::vector<double> x(b.size());
   report.solve = solver->solve(b, x, width);
+  if (report.solve.status == SolveStatus::kNotConverged)
+    throw ResourceError("a factor does not fit the memory, and " + report.solve.message +
+                        " instead: give a larger --memory");
   if (report.solve.status != SolveStatus::kSolved)
     throw InputError("the mesh has no parameterization: " + report.solve.message);
   system.scatter(x, values, width);
@@ -111,7 +122,10 @@ void conformal(const TriangleSpan& mesh, const Loop& loop, const ParameterizeOpt
   for (const std::uint32_t v : loop) fixed[v] = 1;
   if (std::count(fixed.begin(), fixed.end(), 0) == 0) return;  // every vertex lies on the border
   const ConstrainedSystem system = laplacian_system(lap, 1, fixed);
-  solve(system, options, {out.uv.front().data(), 2 * out.uv.size()}, 2, out.report);
+  std::vector<std::array<double, 3>> at;
+  for (const std::int32_t v : system.free_vertices) at.push_back(mesh.positions[static_cast<std::size_t>(v)]);
+  solve(system, options, at, mesh_neighbours(lap, system), {out.uv.front().data(), 2 * out.uv.size()}, 2,
+        out.report);
 }
 
 /// Dirichlet energy of u and v minus the area they enclose, unknowns u_0, v_0, u_1, v_1, ... The area is a
@@ -188,7 +202,10 @@ void least_squares_conformal(const TriangleSpan& mesh, const Loop& loop, const P
   for (std::size_t v = 0; v < unused.size(); ++v)
     fixed[2 * v] = fixed[2 * v + 1] = unused[v] != 0 || v == a || v == b;
   const ConstrainedSystem system = constrain(energy, fixed);
-  solve(system, options, {out.uv.front().data(), 2 * out.uv.size()}, 1, out.report);
+  std::vector<std::array<double, 3>> at;
+  for (const std::int32_t i : system.free_vertices)
+    at.push_back(mesh.positions[static_cast<std::size_t>(i / 2)]);
+  solve(system, options, at, system.matrix, {out.uv.front().data(), 2 * out.uv.size()}, 1, out.report);
   for (std::size_t v = 0; v < unused.size(); ++v)
     if (unused[v] != 0) out.uv[v] = {0, 0};
   fit_unit_square(mesh, out.uv);

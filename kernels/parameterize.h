@@ -30,7 +30,8 @@ struct ParameterizeOptions {
   ParameterBorder border = ParameterBorder::kCircle;  ///< conformal only
   bool clamp_weights =
       false;  ///< conformal only: negative cotangents become 0; then no triangle flips (Tutte 1963)
-  std::uint64_t memory_bytes = 0;  ///< refuse a factor that is predicted to need more; 0 = no limit
+  /// A factor that is predicted to need more is not tried: multigrid serves, or is refused; 0 = no limit
+  std::uint64_t memory_bytes = 0;
 };
 
 /// How far a map is from conformal, over all faces with an area.
@@ -47,6 +48,7 @@ struct ParameterizeReport {
   std::size_t unknowns = 0;
   std::size_t negative_weights = 0;
   FactorReport factor;
+  std::string choice;  ///< a sentence for the log, which solver and why
   SolveReport solve;
   ParameterDistortion distortion;
 };
@@ -58,7 +60,7 @@ struct Parameterization {
 
 /// \param mesh  a disk (disk_topology.h)
 /// \throws InputError     not a disk (says what it is), a vertex that is not finite, a face without an area
-/// \throws ResourceError  the factor does not fit the memory
+/// \throws ResourceError  the factor does not fit the memory, nor multigrid, or that does not converge
 Parameterization parameterize(const TriangleSpan& mesh, const ParameterizeOptions& options);
 
 ParameterDistortion measure_distortion(const TriangleSpan& mesh, const std::vector<Double2>& uv);

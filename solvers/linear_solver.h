@@ -4,7 +4,8 @@
 /// What may happen to a sound program on given numbers is a value: not converging, a singular matrix, a
 /// factor that does not fit. Nothing throws but for broken preconditions (UsageError). A solver is used by
 /// one thread at a time; it computes on one thread (the BLAS and OpenMP inside CHOLMOD are held to one), so a
-/// result depends on the machine's BLAS kernels but never on threads.
+/// result never depends on threads. Direct solutions depend on the machine's BLAS kernels; those of multigrid
+/// have the same bits on every machine, unless a mesh of very many pieces leaves a huge coarsest level.
 #pragma once
 #include <array>
 #include <cstdint>
@@ -56,6 +57,7 @@ struct SolverOptions {
   /// Automatic: how many columns will be solved in all, and whether the matrix is symmetric.
   std::size_t right_hand_sides = 3;
   bool symmetric = true;
+  bool prefer_direct = false;  ///< automatic: iterate only where the factor does not fit
   /// Multigrid and automatic: order k of the Laplacian; from 2 on the interpolation is smooth and the cycle a W.
   int order = 1;
   MultigridCycle cycle = MultigridCycle::kFull;

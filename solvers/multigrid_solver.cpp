@@ -3,12 +3,14 @@
 #include <algorithm>
 #include <cassert>
 #include <cmath>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
 
 #include "solvers/cholesky_solver.h"
 #include "solvers/conjugate_gradients.h"
+#include "solvers/envelope_cholesky.h"
 #include "solvers/multigrid_cycle.h"
 #include "solvers/multigrid_levels.h"
 
@@ -25,6 +27,47 @@ constexpr double kDrift = 10.0;
 constexpr double kStartTolerance = 1e-12;
 // Bytes an unknown while solving three columns, at the most (tests/solvers, tools/bench solvers), by order.
 constexpr double kBytesPerUnknown[] = {180.0, 720.0, 720.0};
+
+// Entries of the coarsest factor up to which ours serves. A mesh of very many pieces may stop above it.
+constexpr std::uint64_t kLargestEnvelope = std::uint64_t{1} << 24;
+
+/// Solves the coarsest level directly: by our own factor, the same bits on every machine, as long as it is small.
+class CoarsestLevel {
+ public:
+  FactorReport factor(const SparseMatrix& a) {
+    FactorReport report;
+    ours_.emplace(a);
+    if (ours_->envelope() > kLargestEnvelope) {
+      ours_.reset();
+      large_ = make_cholesky_solver({});
+      report = large_->analyse(a);
+      return report.status == SolveStatus::kSolved ? large_->factor(a) : report;
+    }
+    report.factor_entries = ours_->envelope();
+    report.bytes = report.peak_bytes = 8 * ours_->envelope();
+    if (!ours_->factor(a)) report.status = SolveStatus::kSingular;
+    return report;
+  }
+
+  void solve(const Vector& b, Vector& x, int width) {
+    if (large_) {
+      large_->solve(b, x, width);
+      return;
+    }
+    const auto w = static_cast<std::size_t>(width);
+    column_.resize(b.size() / w);
+    for (std::size_t c = 0; c < w; ++c) {
+      for (std::size_t i = 0; i < column_.size(); ++i) column_[i] = b[i * w + c];
+      ours_->solve(column_);
+      for (std::size_t i = 0; i < column_.size(); ++i) x[i * w + c] = column_[i];
+    }
+  }
+
+ private:
+  std::optional<EnvelopeCholesky> ours_;
+  std::unique_ptr<LinearSolver> large_;
+  Vector column_;
+};
 
 class MultigridSolver final : public LinearSolver {
  public:
@@ -65,10 +108,8 @@ class MultigridSolver final : public LinearSolver {
                                    .coarsest = MultigridLevelsOptions{}.coarsest,
                                    .positions = options_.positions,
                                    .neighbours = options_.neighbours});
-    coarsest_ = make_cholesky_solver({});
-    const SparseMatrix& last = *levels_.levels.back().matrix;
-    report = coarsest_->analyse(last);
-    if (report.status == SolveStatus::kSolved) report = coarsest_->factor(last);
+    coarsest_ = {};
+    report = coarsest_.factor(*levels_.levels.back().matrix);
     report.factor_entries += levels_.entries();
     report.bytes += levels_.bytes();
     report.peak_bytes = report.bytes;
@@ -123,7 +164,7 @@ class MultigridSolver final : public LinearSolver {
   template <int kWidth>
   void cycle(std::size_t k) {
     if (coarsest(k)) {
-      coarsest_->solve(b_[k], x_[k], kWidth);
+      coarsest_.solve(b_[k], x_[k], kWidth);
       return;
     }
     relax_from_zero<kWidth>(level(k), b_[k].data(), x_[k].data());
@@ -157,7 +198,7 @@ class MultigridSolver final : public LinearSolver {
       starts[k + 1].assign(x_[k + 1].size(), 0.0);
       restrict_load<kWidth>(level(k), k == 0 ? b.data() : loads[k].data(), loads[k + 1]);
     }
-    coarsest_->solve(loads[last], starts[last], kWidth);
+    coarsest_.solve(loads[last], starts[last], kWidth);
     for (std::size_t k = last; k-- > 0;) {
       const std::span<const double> load = k == 0 ? b : loads[k];
       const std::span<double> start = k == 0 ? x : starts[k];
@@ -233,7 +274,7 @@ class MultigridSolver final : public LinearSolver {
 
   SolverOptions options_;
   MultigridLevels levels_;
-  std::unique_ptr<LinearSolver> coarsest_;
+  CoarsestLevel coarsest_;
   std::vector<Vector> x_, b_;  // by level, kept between calls
 };
 

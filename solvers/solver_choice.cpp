@@ -92,9 +92,10 @@ class AutomaticSolver final : public LinearSolver {
     std::string reason = choice.reason;
     // Without positions multigrid is slow: then it is the last resort.
     SolverKind kind = choice.kind;
-    if (kind == SolverKind::kMultigrid && options_.positions.empty()) {
+    if (kind == SolverKind::kMultigrid && (options_.prefer_direct || options_.positions.empty())) {
       kind = SolverKind::kCholesky;
-      reason += "; but without positions Cholesky first";
+      reason +=
+          options_.prefer_direct ? "; but direct where it fits" : "; but without positions Cholesky first";
     }
     solver_ = make_solver(kind, options_);
     FactorReport report = solver_->analyse(a);

@@ -44,6 +44,7 @@ void run(Arguments arguments) {
   fmt::print("{} unknowns, factor {} ({} entries), residual {:.1e}\n", report.map.unknowns,
              format_bytes(report.map.factor.bytes), report.map.factor.factor_entries,
              report.map.solve.residual);
+  fmt::print("{}\n", report.map.choice);
   fmt::print("angles change by {:.3f} degrees in the mean, {:.2f} at most; quasi-conformal factor {:.4f}\n",
              d.mean_angle_deg, d.largest_angle_deg, d.mean_quasi_conformal);
   fmt::print("flipped triangles {}, collapsed {}; negative cotangent weights {}\n", d.flipped, d.collapsed,

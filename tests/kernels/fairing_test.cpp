@@ -115,3 +115,46 @@ TEST_CASE("fairing: curvature flow shrinks a sphere as the differential equation
     mean += std::sqrt(p[0] * p[0] + p[1] * p[1] + p[2] * p[2]) / static_cast<double>(sphere.position.size());
   CHECK(mean == Approx(r).epsilon(0.002));
 }
+
+TEST_CASE("fairing: where the factor does not fit, multigrid finds the same surface", "[unit]") {
+  const auto dent = [](double i, double j) {
+    return 0.02 * i * j + ((static_cast<int>(i * 7 + j * 3) % 5) * 0.1);
+  };
+  MeshBlock direct = test::grid_block(200, 200, dent), iterated = direct;
+  const int order = GENERATE(1, 2);
+  const auto region = inner_vertices(direct, 200, order);
+  const FairingReport a = fair_region(direct.position, direct.faces, region, {.order = order});
+  REQUIRE(a.done());
+  CHECK(a.solve.iterations == 0);
+  // Between what multigrid and what a factor of this system need.
+  const std::uint64_t cap = order == 1 ? 14'000'000 : 40'000'000;
+  const FairingReport b =
+      fair_region(iterated.position, iterated.faces, region, {.order = order, .memory_bytes = cap});
+  INFO(b.choice << "; direct predicted " << a.factor.peak_bytes << "; " << b.factor.message);
+  REQUIRE(b.done());
+  CHECK(b.solve.iterations > 0);
+  double largest = 0.0;
+  for (std::size_t v = 0; v < direct.position.size(); ++v)
+    largest = std::max(largest, std::fabs(direct.position[v][2] - iterated.position[v][2]));
+  CHECK(largest < 1e-5 * 800);  // the surface is 800 high
+}
+
+TEST_CASE("fairing: curvature flow by multigrid is the flow of the direct solver", "[unit]") {
+  MeshBlock direct = test::sphere_block(5);
+  test::add_noise(direct, 0.01, 7);
+  std::vector<Double3> iterated = direct.position, again = direct.position;
+  const std::vector<std::uint8_t> none(direct.position.size(), 0);
+  FlowOptions options;
+  options.step = 2e-3;
+  options.steps = 3;
+  REQUIRE(curvature_flow(direct.position, direct.faces, none, options).done());
+  options.direct = false;
+  REQUIRE(curvature_flow(iterated, direct.faces, none, options).done());
+  REQUIRE(curvature_flow(again, direct.faces, none, options).done());
+  CHECK(iterated == again);
+  double largest = 0.0;
+  for (std::size_t v = 0; v < iterated.size(); ++v)
+    for (std::size_t a = 0; a < 3; ++a)
+      largest = std::max(largest, std::fabs(iterated[v][a] - direct.position[v][a]));
+  CHECK(largest < 1e-7);
+}
