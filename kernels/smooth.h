@@ -17,7 +17,8 @@ namespace tessera {
 
 /// What the user asks for.
 struct SmoothOptions {
-  std::string method = "implicit";    ///< implicit, laplacian, bilaplacian, taubin, bilateral, denoise
+  /// implicit, laplacian, bilaplacian, taubin, bilateral, denoise, curvature-flow (the whole mesh in core)
+  std::string method = "implicit";
   std::string weights = "cotangent";  ///< or uniform
   int steps = 1;           ///< implicit, bilateral, denoise: passes with fresh weights; others: steps
   double lambda = 0.0;     ///< strength, no unit; 0 = the method's own
@@ -34,9 +35,10 @@ struct SmoothOptions {
 /// One local rule.
 struct SmoothRound {
   bool by_normals = false;
+  bool by_flow = false;  ///< implicit curvature flow (fairing.h): no local rule, the block is the whole mesh
   NormalFilterOptions normals;  ///< by_normals
-  SurfaceRowOptions rows;       ///< else
-  FilterOptions filter;         ///< else
+  SurfaceRowOptions rows;       ///< else; by_flow: creases, corners and borders stay where they are
+  FilterOptions filter;         ///< else; by_flow: `degree` steps of strength `lambda`
 };
 
 /// The rounds that the options mean, in order. Long explicit methods are cut into rounds of at most 32 rings,
@@ -62,7 +64,7 @@ struct SmoothedBlock {
 
 /// \param wanted  n flags, 1 or 0, of the vertices to move, or empty: all
 /// \pre the block is canonical, fewer than 2^30 faces
-/// \throws InputError for a position that is not finite
+/// \throws InputError for a position that is not finite; by_flow: when the linear system has no solution
 SmoothedBlock smooth_block(const MeshBlock& block, const SmoothRound& round,
                            std::span<const std::uint8_t> wanted = {});
 

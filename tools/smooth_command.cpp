@@ -54,9 +54,11 @@ void add_smooth(CLI::App& app) {
       ->add_option(
           "--method", o.method,
           "implicit: solves (1 + lambda L^order) x = b; laplacian, bilaplacian: explicit steps; taubin: "
-          "does not shrink; bilateral: filters normals, keeps creases; denoise: bilateral, then implicit")
+          "does not shrink; bilateral: filters normals, keeps creases; denoise: bilateral, then implicit; "
+          "curvature-flow: implicit steps with fresh geometry, any lambda, the whole mesh in memory")
       ->capture_default_str()
-      ->check(CLI::IsMember({"implicit", "laplacian", "bilaplacian", "taubin", "bilateral", "denoise"}));
+      ->check(CLI::IsMember(
+          {"implicit", "laplacian", "bilaplacian", "taubin", "bilateral", "denoise", "curvature-flow"}));
   command->add_option("--weights", o.weights, "cotangent: vertices stay in place along the surface; uniform")
       ->capture_default_str()
       ->check(CLI::IsMember({"cotangent", "uniform"}));
@@ -66,7 +68,7 @@ void add_smooth(CLI::App& app) {
       ->add_option(
           "--lambda", o.lambda,
           "strength of a step, no unit; 0 = 10 for implicit and denoise, 0.5 for laplacian and taubin, "
-          "0.25 for bilaplacian")
+          "0.25 for bilaplacian, 1 for curvature-flow")
       ->capture_default_str();
   command
       ->add_option(

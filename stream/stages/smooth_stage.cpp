@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <nlohmann/json.hpp>
+#include <numeric>
 #include <stdexcept>
 
 #include "octree/error.h"
@@ -126,6 +127,16 @@ class SmoothStage : public Stage {
       return std::max(loading, loaded + smooth_bytes(vertices, faces, rule_) + 4 * vertices) + 3 * patch +
              kSlackBytes;
     };
+    if (rule_.by_flow) {
+      SmoothTile whole;
+      whole.patches.resize(store_.patches().size());
+      std::iota(whole.patches.begin(), whole.patches.end(), std::size_t{0});
+      std::uint64_t vertices = 0;
+      for (const MeshPatchEntry& e : store_.patches()) vertices += e.vertices;
+      whole.bytes = tiling.bytes(vertices, store_.face_count());
+      tasks_ = {{std::move(whole)}};
+      return;
+    }
     tasks_ = make_smooth_tasks(store_, PatchReach::load(state.work / reach_file(round - 1)), tiling);
   }
 
