@@ -67,7 +67,14 @@ class Repair {
       const auto kb = key(b);
       return ka != kb ? ka < kb : a < b;
     };
-    std::sort(faces_.begin(), faces_.end(), before);
+    sort_by_first_corner();
+    for (std::size_t f = 0; f < faces_.size();) {
+      std::size_t end = f + 1;
+      while (end < faces_.size() && faces_[end][0] == faces_[f][0]) ++end;
+      std::sort(faces_.begin() + static_cast<std::ptrdiff_t>(f),
+                faces_.begin() + static_cast<std::ptrdiff_t>(end), before);
+      f = end;
+    }
     std::size_t kept = 0;
     for (std::size_t f = 0; f < faces_.size(); ++f) {
       if (kept > 0 && key(faces_[f]) == key(faces_[kept - 1])) {
@@ -77,6 +84,19 @@ class Repair {
       faces_[kept++] = faces_[f];
     }
     faces_.resize(kept);
+  }
+
+  /// Two counting passes over 16 bits each: a few faces share a corner, so this is nearly the whole sort.
+  void sort_by_first_corner() {
+    std::vector<RepairFace> other(faces_.size());
+    std::vector<std::uint32_t> begin(65537);
+    for (const unsigned shift : {0u, 16u}) {
+      std::fill(begin.begin(), begin.end(), 0);
+      for (const RepairFace& f : faces_) ++begin[(f[0] >> shift & 0xffffu) + 1];
+      std::partial_sum(begin.begin(), begin.end(), begin.begin());
+      for (const RepairFace& f : faces_) other[begin[f[0] >> shift & 0xffffu]++] = f;
+      faces_.swap(other);
+    }
   }
 
   void localise() {
