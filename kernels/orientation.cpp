@@ -10,7 +10,7 @@ namespace {
 
 constexpr float kLeastWeight = 0.15f;  ///< links below this weight say nothing
 constexpr std::int32_t kSmooth =
-    kVoteScale * 17 / 20;           ///< links above this weight join surfels without asking further
+    kVoteScale * 9 / 10;            ///< links above this weight join surfels without asking further
 constexpr float kSameSheet = 0.7f;  ///< cosine between normals of one surfel
 constexpr float kSheetGap = 0.75f;  ///< cells: a point farther from a surfel's plane belongs to another sheet
 constexpr float kVague = 0.07f;  ///< surface variation from which a fitted plane may stand across the surface

@@ -78,8 +78,8 @@ class NormalsStage : public Stage {
   }
 
   json run(std::size_t task, TaskContext& context) const override {
-    OverlayFileWriter writer(
-        context.create(std::string(PointOverlay::kFolder) + "/" + task_file_stem(task) + PointOverlay::kExtension));
+    OverlayFileWriter writer(context.create(std::string(PointOverlay::kFolder) + "/" + task_file_stem(task) +
+                                            PointOverlay::kExtension));
     SignCounts counts;
     std::vector<std::uint64_t> histogram(kSupporterBins, 0);
     for (std::size_t b = first_brick(task); b < file_end_[task]; ++b) {
@@ -129,7 +129,8 @@ class NormalsStage : public Stage {
   void prefetch(std::size_t task, std::size_t brick) const {
     constexpr std::size_t kAhead = 16;
     const std::size_t first = first_brick(task);
-    for (std::size_t b = brick == first ? first : brick + kAhead; b < std::min(brick + kAhead + 1, file_end_[task]); ++b) {
+    for (std::size_t b = brick == first ? first : brick + kAhead;
+         b < std::min(brick + kAhead + 1, file_end_[task]); ++b) {
       const Int3 at = brick_of_key(store_.bricks()[b].key);
       store_.prefetch({at[0] * kBrickCells, at[1] * kBrickCells, at[2] * kBrickCells},
                       {kBrickCells, kBrickCells, kBrickCells}, normal_halo_cells(shape_));
@@ -139,7 +140,8 @@ class NormalsStage : public Stage {
   void process_brick(const BrickEntry& brick, const Int3& origin, const PointBlock& block,
                      const std::vector<PointShape>& shapes, OverlayFileWriter& writer, SignCounts& counts,
                      std::vector<std::uint64_t>& histogram) const {
-    if (shapes.size() != brick.points) throw std::logic_error("normals: a brick's block does not hold its points");
+    if (shapes.size() != brick.points)
+      throw std::logic_error("normals: a brick's block does not hold its points");
     std::vector<PointOverlayRecord> records(shapes.size());
     Oriented o;
     if (mode_.propagate()) o.reserve(shapes.size());
@@ -192,11 +194,14 @@ class NormalsStage : public Stage {
     }
   };
 
-  bool sure(float visible) const { return mode_.by_sensor && mode_.own_sensor && std::fabs(visible) >= kSureView; }
+  bool sure(float visible) const {
+    return mode_.by_sensor && mode_.own_sensor && std::fabs(visible) >= kSureView;
+  }
 
   /// Cosine between the normal and the way to the sensor, or up; 0 where neither is known.
   float visibility(const Int3& origin, const PointBlock& block, std::size_t i, const Float3& n) const {
     Double3 way = options_.up;
+    if (mode_.by_sensor && !mode_.own_sensor) return 0.0f;  // the orient stage asks who is in sight
     if (mode_.by_sensor) {
       const std::uint16_t sensor = block.sensor.empty() ? std::uint16_t{kNoSensor} : block.sensor[i];
       way = mode_.view(plan_, origin, {block.x[i], block.y[i], block.z[i]}, sensor);
@@ -237,6 +242,8 @@ class NormalsStage : public Stage {
 
 }  // namespace
 
-std::unique_ptr<Stage> make_normals_stage(const JobState& state) { return std::make_unique<NormalsStage>(state); }
+std::unique_ptr<Stage> make_normals_stage(const JobState& state) {
+  return std::make_unique<NormalsStage>(state);
+}
 
 }  // namespace tessera

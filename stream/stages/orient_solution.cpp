@@ -6,8 +6,7 @@
 #include <map>
 #include <nlohmann/json.hpp>
 
-#include "kernels/outside.h"
-#include "kernels/winding_votes.h"
+#include "kernels/sight.h"
 
 namespace tessera {
 namespace {
@@ -15,11 +14,12 @@ namespace {
 using json = nlohmann::json;
 
 /// Patches join to groups while so many whole links speak for it, and three quarters of all that speak.
-constexpr ContractionLimits kGroupLimits = {24.0 * kVoteScale, 0.5};
-/// Votes of the winding number, of one surfel, against those of its links.
-constexpr double kWindingScale = kVoteScale;
-/// And of looks from outside: next to nothing, for they see both sides of an open sheet.
-constexpr double kLookScale = 0.02 * kVoteScale;
+constexpr ContractionLimits kGroupLimits = {24.0 * kVoteScale, 0.8};
+/// Votes of what surfels see, of one surfel, against those of its links.
+constexpr double kSightScale = kVoteScale;
+
+/// `up` is taken to that part of its word: ceilings and the undersides of trees show downwards.
+constexpr std::int64_t kAboveShare = 4;
 
 struct Agreement {
   std::uint64_t agree = 0;
@@ -48,7 +48,7 @@ std::vector<JobSurfel> job_surfels(const PointOverlay& overlay, const TaskContex
   return surfels;
 }
 
-enum class Decider : std::uint8_t { kSeen, kPropagation, kWinding, kUncertain };
+enum class Decider : std::uint8_t { kSeen, kPropagation, kSight, kUncertain };
 
 /// What the solvers say of every patch.
 struct PatchSigns {
@@ -58,12 +58,14 @@ struct PatchSigns {
   double frustrated = 0.0;               ///< share of the votes that the signs break
 };
 
-/// Sensors or up have voted: links carry what they say to where they say little.
-PatchSigns solve_seen(const std::vector<std::uint64_t>& weight, const std::vector<PatchFacts>& facts,
+/// Sensors or up have voted: links carry what they say to where they say little. \param seen  of patches, `b` is
+/// their number
+PatchSigns solve_seen(const std::vector<std::uint64_t>& weight, std::vector<PatchVote> seen,
                       std::vector<PatchVote> votes) {
-  const auto outside = static_cast<std::uint32_t>(facts.size());  // one more node: where the viewer is
-  for (std::uint32_t p = 0; p < outside; ++p)
-    if (facts[p].seen != facts[p].hidden) votes.push_back({p, outside, facts[p].seen, facts[p].hidden});
+  const auto outside = static_cast<std::uint32_t>(weight.size());  // one more node: where the viewer is
+  std::vector<std::int64_t> shown(outside, 0);
+  for (const PatchVote& v : seen) shown[v.a] = v.same - v.opposite;
+  votes.insert(votes.end(), seen.begin(), seen.end());
   std::vector<std::uint64_t> weights = weight;
   weights.push_back(std::uint64_t{1} << 60);  // everything joins outside, never the other way round
   merge_votes(votes);
@@ -71,20 +73,19 @@ PatchSigns solve_seen(const std::vector<std::uint64_t>& weight, const std::vecto
   PatchSigns out;
   out.sign.assign(s.sign.begin(), s.sign.end() - 1);
   out.component.assign(s.component.begin(), s.component.end() - 1);
-  for (std::uint32_t p = 0; p < outside; ++p) {
-    const std::int64_t seen = (facts[p].seen - facts[p].hidden) * s.sign[p];
+  for (std::uint32_t p = 0; p < outside; ++p)
     out.decider.push_back(s.uncertain[p] != 0 || s.component[p] != outside ? Decider::kUncertain
-                          : seen > 0                                       ? Decider::kSeen
+                          : shown[p] * s.sign[p] > 0                       ? Decider::kSeen
                                                                            : Decider::kPropagation);
-  }
   out.frustrated = share(s.frustrated_votes, s.total_votes);
   return out;
 }
 
-/// Nobody has seen anything: links make groups, the largest shows where the looks from outside say, the
-/// winding number speaks for the others.
+/// Nobody is known to have seen anything: links make groups, and what their surfels see of each other and of the
+/// open decides which side of them is outside. \param above  votes of `up`, of patches, `b` is their number
 PatchSigns solve_unseen(const std::vector<std::uint64_t>& weight, const std::vector<PatchVote>& links,
-                        std::vector<JobSurfel> surfels, const TaskContext& context) {
+                        const std::vector<PatchVote>& above, std::vector<JobSurfel> surfels,
+                        const TaskContext& context, json& entry) {
   const auto patches = static_cast<std::uint32_t>(weight.size());
   const Contraction tree = contract_signs(weight, links, kGroupLimits);
   std::vector<std::uint32_t> group(patches);
@@ -103,40 +104,28 @@ PatchSigns solve_unseen(const std::vector<std::uint64_t>& weight, const std::vec
   }
   const auto groups = static_cast<std::uint32_t>(size.size());
   context.check_stop();
-
-  // The largest group shows outwards.
-  std::vector<std::uint32_t> group_of(surfels.size());
-  for (std::size_t i = 0; i < surfels.size(); ++i) {
-    JobSurfel& s = surfels[i];
+  for (JobSurfel& s : surfels) {
     for (float& a : s.area) a *= static_cast<float>(sign[s.patch]);
-    group_of[i] = s.patch = group[s.patch];
+    s.patch = group[s.patch];
   }
-  const std::vector<SideVotes> looks = look_from_outside(surfels, groups, kLookScale);
-  const auto largest = static_cast<std::uint32_t>(std::max_element(size.begin(), size.end()) - size.begin());
-  std::vector<std::int8_t> turn(groups, 1);
-  if (groups > 0 && looks[largest].seen < looks[largest].hidden) {
-    turn[largest] = -1;
-    for (JobSurfel& s : surfels)
-      if (s.patch == largest) s.area = {-s.area[0], -s.area[1], -s.area[2]};
+  SightVotes sight = vote_by_sight(surfels, groups, kSightScale);
+  entry["enclosed_fraction"] = sight.enclosed;
+  context.check_stop();
+
+  std::vector<PatchVote> votes = std::move(sight.pairs);
+  votes.insert(votes.end(), sight.sides.begin(), sight.sides.end());
+  for (const PatchVote& v : above) {
+    const std::int64_t same = v.same / kAboveShare, opposite = v.opposite / kAboveShare;
+    votes.push_back({group[v.a], groups, sign[v.a] > 0 ? same : opposite, sign[v.a] > 0 ? opposite : same});
   }
-  std::vector<PatchVote> ties;
+  std::vector<std::int64_t> shown(groups, 0);
+  for (const PatchVote& v : votes)
+    if (v.b == groups) shown[v.a] += v.same - v.opposite;
   for (const PatchVote& v : links) {
     const std::uint32_t a = group[v.a], b = group[v.b];
     if (a == b) continue;
-    const bool keep = sign[v.a] * sign[v.b] * turn[a] * turn[b] > 0;
-    ties.push_back({std::min(a, b), std::max(a, b), keep ? v.same : v.opposite, keep ? v.opposite : v.same});
-  }
-  merge_votes(ties);
-  context.check_stop();
-  const std::vector<SideVotes> winding = vote_by_winding(surfels, group_of, groups, ties, kWindingScale);
-
-  std::vector<PatchVote> votes = ties;
-  for (std::uint32_t g = 0; g < groups; ++g) {
-    PatchVote v{g, groups, winding[g].seen + looks[g].seen, winding[g].hidden + looks[g].hidden};
-    // Which side of the whole is outside is convention where it is open: nothing to be in doubt of.
-    if (g == largest)
-      v.same = std::max<std::int64_t>(std::llabs(looks[g].seen - looks[g].hidden), 1), v.opposite = 0;
-    if (v.same != v.opposite) votes.push_back(v);
+    const bool keep = sign[v.a] * sign[v.b] > 0;
+    votes.push_back({std::min(a, b), std::max(a, b), keep ? v.same : v.opposite, keep ? v.opposite : v.same});
   }
   std::vector<std::uint64_t> weights = size;
   weights.push_back(std::uint64_t{1} << 60);
@@ -147,11 +136,10 @@ PatchSigns solve_unseen(const std::vector<std::uint64_t>& weight, const std::vec
   out.sign.resize(patches), out.decider.resize(patches), out.component.resize(patches);
   for (std::uint32_t p = 0; p < patches; ++p) {
     const std::uint32_t g = group[p];
-    const std::uint64_t pull = static_cast<std::uint64_t>(std::llabs(winding[g].seen - winding[g].hidden));
-    out.sign[p] = static_cast<std::int8_t>(sign[p] * turn[g] * s.sign[g]);
+    out.sign[p] = static_cast<std::int8_t>(sign[p] * s.sign[g]);
     out.component[p] = s.component[g];
     out.decider[p] = s.uncertain[g] != 0 || s.component[g] != groups ? Decider::kUncertain
-                     : g != largest && pull > 0                      ? Decider::kWinding
+                     : shown[g] * s.sign[g] > 0                      ? Decider::kSight
                                                                      : Decider::kPropagation;
   }
   std::uint64_t broken = 0, all = 0;
@@ -161,6 +149,15 @@ PatchSigns solve_unseen(const std::vector<std::uint64_t>& weight, const std::vec
   }
   out.frustrated = share(broken, all);
   return out;
+}
+
+/// Votes of sensors or `up` that the patches brought along.
+std::vector<PatchVote> votes_of(const std::vector<PatchFacts>& facts) {
+  std::vector<PatchVote> votes;
+  const auto outside = static_cast<std::uint32_t>(facts.size());
+  for (std::uint32_t p = 0; p < outside; ++p)
+    if (facts[p].seen != facts[p].hidden) votes.push_back({p, outside, facts[p].seen, facts[p].hidden});
+  return votes;
 }
 
 }  // namespace
@@ -175,8 +172,9 @@ std::uint64_t orient_solution_bytes(const PointOverlay& overlay, std::uint64_t b
          coarse * (sizeof(JobSurfel) + 40) + (16u << 20);
 }
 
-void solve_orientation(const PointOverlay& overlay, std::vector<PatchVote> boundary_votes, bool seen_known,
-                       const TaskContext& context, OverlayDecisions& decisions, json& entry) {
+void solve_orientation(const PointOverlay& overlay, std::vector<PatchVote> boundary_votes,
+                       const Viewers& viewers, const TaskContext& context, OverlayDecisions& decisions,
+                       json& entry) {
   const auto patches = static_cast<std::uint32_t>(overlay.first_patch().back());
   std::vector<PatchVote> votes = std::move(boundary_votes);
   std::vector<PatchFacts> facts;
@@ -194,8 +192,15 @@ void solve_orientation(const PointOverlay& overlay, std::vector<PatchVote> bound
   }
   merge_votes(votes);
   context.check_stop();
-  const PatchSigns signs = seen_known ? solve_seen(weight, facts, std::move(votes))
-                                      : solve_unseen(weight, votes, job_surfels(overlay, context), context);
+  PatchSigns signs;
+  if (viewers.own)
+    signs = solve_seen(weight, votes_of(facts), std::move(votes));
+  else if (!viewers.sensors.empty())
+    signs = solve_seen(weight,
+                       vote_by_sensors(job_surfels(overlay, context), patches, viewers.sensors, kVoteScale),
+                       std::move(votes));
+  else
+    signs = solve_unseen(weight, votes, votes_of(facts), job_surfels(overlay, context), context, entry);
 
   decisions.patch.assign(patches, 0);
   std::map<std::uint32_t, Agreement> by_component;
@@ -219,7 +224,7 @@ void solve_orientation(const PointOverlay& overlay, std::vector<PatchVote> bound
   }
   entry["patches"] = patches;
   entry["components"] = by_component.size();
-  entry["decided"] = {{"seen", decided[0]}, {"propagation", decided[1]}, {"winding", decided[2]}};
+  entry["decided"] = {{"seen", decided[0]}, {"propagation", decided[1]}, {"sight", decided[2]}};
   entry["uncertain_points"] = decided[3];
   entry["uncertain_fraction"] = share(decided[3], all_points);
   entry["frustrated_fraction"] = signs.frustrated;

@@ -7,6 +7,7 @@
 #include <nlohmann/json_fwd.hpp>
 
 #include "kernels/sign_solver.h"
+#include "octree/lattice.h"
 #include "stream/point_overlay.h"
 #include "stream/stage.h"
 
@@ -15,11 +16,18 @@ namespace tessera {
 /// Bytes that solve_orientation holds at most. \param boundary_votes  as given to it
 std::uint64_t orient_solution_bytes(const PointOverlay& overlay, std::uint64_t boundary_votes);
 
+/// Who says which side of a patch is outside; if neither, what surfels see of each other, and `up` in PatchFacts.
+struct Viewers {
+  bool own = false;             ///< points know their sensors, which have voted in PatchFacts
+  std::vector<Float3> sensors;  ///< of points that do not know their own; cells from the lattice origin
+};
+
 /// Fills decisions.patch. Entry gets: patches, components, points by who decided (`decided`),
-/// uncertain_points and _fraction, frustrated_fraction, and where given normals were kept aside, `agreement`
-/// with them. \param boundary_votes  between patches of different bricks, numbered over all bricks; any order
-/// \param seen_known  sensors or `up` have voted; else the outermost surfels vote
-void solve_orientation(const PointOverlay& overlay, std::vector<PatchVote> boundary_votes, bool seen_known,
-                       const TaskContext& context, OverlayDecisions& decisions, nlohmann::json& entry);
+/// uncertain_points and _fraction, frustrated_fraction, enclosed_fraction where nobody was known to see, and
+/// where given normals were kept aside, `agreement` with them. \param boundary_votes  between patches of
+/// different bricks, numbered over all bricks; any order
+void solve_orientation(const PointOverlay& overlay, std::vector<PatchVote> boundary_votes,
+                       const Viewers& viewers, const TaskContext& context, OverlayDecisions& decisions,
+                       nlohmann::json& entry);
 
 }  // namespace tessera

@@ -1,8 +1,8 @@
+#include <fmt/format.h>
 #include <algorithm>
 #include <array>
 #include <list>
 #include <map>
-#include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
 #include "octree/error.h"
@@ -21,7 +21,8 @@ namespace {
 using json = nlohmann::json;
 
 constexpr std::size_t kCachedBricks = 256;
-constexpr std::uint64_t kBoundaryBytes = 6 * 32 * 32 * 2 * sizeof(Surfel);  ///< a brick's shell, two sheets everywhere
+constexpr std::uint64_t kBoundaryBytes =
+    6 * 32 * 32 * 2 * sizeof(Surfel);  ///< a brick's shell, two sheets everywhere
 // Outliers: fewer supporters than a share of the median point has, within limits that neither rim points of a thin
 // scan (above) nor pairs of stray points (below) fall foul of.
 constexpr std::uint64_t kMedianShare = 8;
@@ -55,13 +56,15 @@ std::uint32_t voxel_order(const Surfel& s) {
 
 /// The surfels of one voxel in a boundary.
 std::span<const Surfel> surfels_of(const std::vector<Surfel>& boundary, const Surfel& voxel) {
-  const auto range = std::equal_range(boundary.begin(), boundary.end(), voxel, [](const Surfel& l, const Surfel& r) {
-    return voxel_order(l) < voxel_order(r);
-  });
+  const auto range =
+      std::equal_range(boundary.begin(), boundary.end(), voxel,
+                       [](const Surfel& l, const Surfel& r) { return voxel_order(l) < voxel_order(r); });
   return {range.first, range.second};
 }
 
-std::string votes_file(std::size_t task) { return "votes/" + task_file_stem(task) + ".tsv"; }
+std::string votes_file(std::size_t task) {
+  return "votes/" + task_file_stem(task) + ".tsv";
+}
 
 class OrientStage : public Stage {
  public:
@@ -70,8 +73,8 @@ class OrientStage : public Stage {
         output_(state.output),
         max_uncertain_(state.options.max_uncertain),
         memory_bytes_(state.run.memory_bytes),
-        lattice_(Plan::of_work(state.work).lattice),
-        mode_(state.options, state.inputs.size(), Plan::of_work(state.work)),
+        plan_(Plan::of_work(state.work)),
+        mode_(state.options, state.inputs.size(), plan_),
         overlay_(list_task_files(state.work / PointOverlay::kFolder, PointOverlay::kExtension)) {}
 
   std::string name() const override { return "orient"; }
@@ -87,7 +90,8 @@ class OrientStage : public Stage {
       largest = std::max<std::uint64_t>(largest, overlay_.bricks()[b].boundary * sizeof(Surfel));
       patches += overlay_.bricks()[b].patches;
     }
-    return std::min(largest, kBoundaryBytes) * kCachedBricks + 2 * 13 * patches * sizeof(PatchVote) + (8u << 20);
+    return std::min(largest, kBoundaryBytes) * kCachedBricks + 2 * 13 * patches * sizeof(PatchVote) +
+           (8u << 20);
   }
 
   json run(std::size_t task, TaskContext& context) const override {
@@ -133,7 +137,7 @@ class OrientStage : public Stage {
         votes.resize(old + summaries[task].at("votes").get<std::size_t>());
         file.read_at(0, votes.data() + old, (votes.size() - old) * sizeof(PatchVote));
       }
-      solve_orientation(overlay_, std::move(votes), mode_.by_sensor || mode_.by_up, context, decisions, entry);
+      solve_orientation(overlay_, std::move(votes), viewers(), context, decisions, entry);
       const double uncertain = entry.at("uncertain_fraction").get<double>();
       if (uncertain > max_uncertain_) refuse(uncertain, decisions, context);
     } else {
@@ -148,14 +152,30 @@ class OrientStage : public Stage {
 
  private:
   /// Too many signs in doubt: a picture of where, and the end.
-  [[noreturn]] void refuse(double uncertain, const OverlayDecisions& decisions, const TaskContext& context) const {
+  [[noreturn]] void refuse(double uncertain, const OverlayDecisions& decisions,
+                           const TaskContext& context) const {
     std::filesystem::path picture = output_;
     picture += ".uncertain.png";
-    draw_uncertain(overlay_, decisions, lattice_, picture, memory_bytes_, context);
-    throw ValidationError(fmt::format(
-        "the sides of {:.3g} % of the points are in doubt, {:.3g} % are allowed; {} shows where in red: give --viewpoint or "
-        "--up, or allow more with --max-uncertain",
-        100.0 * uncertain, 100.0 * max_uncertain_, picture.string()));
+    draw_uncertain(overlay_, decisions, plan_.lattice, picture, memory_bytes_, context);
+    throw ValidationError(
+        fmt::format("the sides of {:.3g} % of the points are in doubt, {:.3g} % are allowed; {} shows where "
+                    "in red: give --viewpoint or "
+                    "--up, or allow more with --max-uncertain",
+                    100.0 * uncertain, 100.0 * max_uncertain_, picture.string()));
+  }
+
+  Viewers viewers() const {
+    Viewers v;
+    v.own = mode_.by_sensor && mode_.own_sensor;
+    if (!mode_.by_sensor || v.own) return v;
+    const double cell = plan_.lattice.h;
+    for (const Double3& sensor : plan_.sensors) {
+      Float3 at;
+      for (std::size_t a = 0; a < 3; ++a)
+        at[a] = static_cast<float>((sensor[a] - plan_.lattice.world(static_cast<int>(a), 0.0)) / cell);
+      v.sensors.push_back(at);
+    }
+    return v;
   }
 
   /// Votes of the voxel pairs that cross from this brick into a neighbour, each pair seen from its lower voxel.
@@ -185,7 +205,8 @@ class OrientStage : public Stage {
         link_voxels(here, ahead, shift, links);
         for (const SurfelLink& l : links) {
           auto a = static_cast<std::uint32_t>(overlay_.first_patch()[brick] + here[l.a].patch);
-          auto b = static_cast<std::uint32_t>(overlay_.first_patch()[static_cast<std::size_t>(there)] + ahead[l.b].patch);
+          auto b = static_cast<std::uint32_t>(overlay_.first_patch()[static_cast<std::size_t>(there)] +
+                                              ahead[l.b].patch);
           if (a > b) std::swap(a, b);
           votes.push_back({a, b, std::max(l.vote, 0), std::max(-l.vote, 0)});
         }
@@ -216,13 +237,15 @@ class OrientStage : public Stage {
   std::filesystem::path output_;
   double max_uncertain_;
   std::uint64_t memory_bytes_;
-  Lattice lattice_;
+  Plan plan_;
   NormalsMode mode_;
   PointOverlay overlay_;
 };
 
 }  // namespace
 
-std::unique_ptr<Stage> make_orient_stage(const JobState& state) { return std::make_unique<OrientStage>(state); }
+std::unique_ptr<Stage> make_orient_stage(const JobState& state) {
+  return std::make_unique<OrientStage>(state);
+}
 
 }  // namespace tessera

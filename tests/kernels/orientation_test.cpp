@@ -7,8 +7,7 @@
 
 #include "kernels/normals.h"
 #include "kernels/orientation.h"
-#include "kernels/outside.h"
-#include "kernels/winding_votes.h"
+#include "kernels/sight.h"
 #include "octree/morton.h"
 
 using namespace tessera;
@@ -232,56 +231,95 @@ TEST_CASE("signs: no more votes are broken than by the signs that most votes wer
                     [&](std::uint32_t c) { return c == s.component[0]; }));
 }
 
-TEST_CASE("outside: the shell of a sphere is seen, what it hides is not", "[unit]") {
-  std::vector<JobSurfel> surfels;
-  const auto add = [&](double radius, int count, std::uint32_t patch, float side) {
-    for (const Sample& s : sphere(radius, count)) {
-      JobSurfel j;
-      for (std::size_t a = 0; a < 3; ++a) {
-        j.position[a] = static_cast<float>(s.position[a]) + 500.0f;
-        j.area[a] = side * 64.0f * s.normal[a];
-      }
-      j.patch = patch;
-      j.surfels = 16;
-      surfels.push_back(j);
+namespace {
+
+/// Surfels of a sphere around (500, 500, 500 + up), area vectors outwards or inwards.
+void add_sphere(std::vector<JobSurfel>& surfels, double radius, std::uint32_t patch, float side,
+                float up = 0.0f) {
+  const int count = static_cast<int>(12.566 * radius * radius / 40.0);
+  for (const Sample& s : sphere(radius, count)) {
+    JobSurfel j;
+    for (std::size_t a = 0; a < 3; ++a) {
+      j.position[a] = static_cast<float>(s.position[a]) + 500.0f;
+      j.area[a] = side * 40.0f * s.normal[a];
     }
-  };
-  add(200.0, 8000, 0, -1.0f);
-  add(60.0, 800, 1, 1.0f);
-  const std::vector<SideVotes> votes = look_from_outside(surfels, 2, 1000.0);
-  CHECK(votes[0].hidden > 50 * votes[0].seen);
-  CHECK(votes[1].hidden + votes[1].seen < votes[0].hidden / 1000);
+    j.position[2] += up;
+    j.patch = patch;
+    j.surfels = 10;
+    surfels.push_back(j);
+  }
 }
 
-TEST_CASE("winding: a loose object in a room and one beside it take the side that the room has", "[unit]") {
-  // Group 0: a shell that shows outwards. Inside it and beside it a ball, each with its surface turned either
-  // way.
-  const float ball_side = GENERATE(1.0f, -1.0f);
-  const float at = GENERATE(3000.0f, 500.0f);  // beyond 2048 cells, too
+/// Votes for the side that a group shows, less those for the other, over all.
+double shown(const std::vector<PatchVote>& votes, std::uint32_t group) {
+  for (const PatchVote& v : votes)
+    if (v.a == group)
+      return static_cast<double>(v.same - v.opposite) / static_cast<double>(v.same + v.opposite);
+  return 0.0;
+}
+
+}  // namespace
+
+TEST_CASE("sight: an object shows outwards, whichever way it was turned", "[unit]") {
+  const float side = GENERATE(1.0f, -1.0f);
   std::vector<JobSurfel> surfels;
-  std::vector<std::uint32_t> group;
-  const auto add = [&](double radius, int count, std::uint32_t patch, float side, float x) {
-    for (const Sample& s : sphere(radius, count)) {
-      JobSurfel j;
-      const double area = 12.566 * radius * radius / count;
-      for (std::size_t a = 0; a < 3; ++a) {
-        j.position[a] = static_cast<float>(s.position[a]) + at;
-        j.area[a] = side * static_cast<float>(area) * s.normal[a];
-      }
-      j.position[0] += x;
-      j.patch = patch;
-      j.surfels = 16;
-      surfels.push_back(j);
-      group.push_back(patch);
-    }
+  add_sphere(surfels, 200.0, 0, side);
+  add_sphere(surfels, 40.0, 1, -side, 260.0f);
+  const SightVotes votes = vote_by_sight(surfels, 2, 1000.0);
+  CHECK(votes.enclosed < 0.001);
+  CHECK(shown(votes.sides, 0) * side == 1.0);
+  CHECK(shown(votes.sides, 1) * side == -1.0);
+  // They see each other's outsides: turned against each other, so opposite.
+  REQUIRE(votes.pairs.size() == 1);
+  CHECK(votes.pairs[0].opposite > 5 * votes.pairs[0].same);
+}
+
+TEST_CASE("sight: what stands inside tells a room from an object", "[unit]") {
+  const float side = GENERATE(1.0f, -1.0f);
+  std::vector<JobSurfel> surfels;
+  add_sphere(surfels, 200.0, 0, side);
+  add_sphere(surfels, 40.0, 1, side, 60.0f);
+  const SightVotes votes = vote_by_sight(surfels, 2, 1000.0);
+  CHECK(votes.enclosed > 0.03);
+  CHECK(shown(votes.sides, 0) * side == -1.0);  // the room is free space, the furniture is not
+  CHECK(shown(votes.sides, 1) * side == 1.0);
+}
+
+TEST_CASE("sight: layers of one surface do not enclose each other", "[unit]") {
+  std::vector<JobSurfel> surfels;
+  for (const double radius : {198.0, 200.0, 203.0}) add_sphere(surfels, radius, 0, 1.0f);
+  const SightVotes votes = vote_by_sight(surfels, 1, 1000.0);
+  CHECK(votes.enclosed < 0.001);
+  CHECK(shown(votes.sides, 0) == 1.0);
+}
+
+TEST_CASE("sight: a ray meets the first disk, through empty bricks and regions", "[unit]") {
+  std::vector<JobSurfel> surfels;
+  const auto wall = [&](float x, float side) {
+    for (int i = 0; i < 3; ++i)
+      surfels.push_back({{x, 300.0f + 6.0f * static_cast<float>(i), 300.0f}, {side * 64.0f, 0, 0}, 0, 16});
   };
-  add(200.0, 6000, 0, 1.0f, 0.0f);
-  add(40.0, 600, 1, ball_side,
-      0.0f);  // in the room: the solid is what the shell encloses, so it shows inwards
-  add(40.0, 600, 2, ball_side, 300.0f);  // beside it: outwards
-  const std::vector<SideVotes> votes = vote_by_winding(surfels, group, 3, {}, 1000.0);
-  CHECK((votes[1].seen > 3 * votes[1].hidden) == (ball_side < 0.0f));
-  CHECK((votes[1].hidden > 3 * votes[1].seen) == (ball_side > 0.0f));
-  CHECK((votes[2].seen > 3 * votes[2].hidden) == (ball_side > 0.0f));
-  CHECK((votes[2].hidden > 3 * votes[2].seen) == (ball_side < 0.0f));
+  wall(3000.0f, 1.0f);
+  wall(1500.0f, -1.0f);
+  const SurfelScene scene(surfels);
+  const Float3 from = {20.0f, 306.0f, 300.0f}, way = {1.0f, 1e-6f, 1e-6f};
+  const SurfelScene::Sight first = scene.look(from, way, 1.0f, 1e9f, 99);
+  CHECK(first.met);
+  CHECK(first.distance == Approx(1480.0f));
+  CHECK(first.cosine == Approx(1.0f));
+  const SurfelScene::Sight second = scene.look(from, way, 1481.0f, 1e9f, 99);
+  CHECK(second.distance == Approx(2980.0f));
+  CHECK(second.cosine == Approx(-1.0f));
+  CHECK_FALSE(scene.look(from, way, 1.0f, 1400.0f, 99).met);
+  CHECK_FALSE(scene.look(from, {-1.0f, 1e-6f, 1e-6f}, 1.0f, 1e9f, 99).met);
+  CHECK_FALSE(scene.look({20.0f, 330.0f, 300.0f}, way, 1.0f, 1e9f, 99).met);
+}
+
+TEST_CASE("sight: of several sensors those vote that nothing hides", "[unit]") {
+  std::vector<JobSurfel> surfels;
+  add_sphere(surfels, 200.0, 0, 1.0f);
+  // One inside; one outside, which looks through a gap here and there.
+  const Float3 inside = {510.0f, 490.0f, 505.0f}, outside = {500.0f, -900.0f, 503.0f};
+  CHECK(shown(vote_by_sensors(surfels, 1, std::vector<Float3>{outside}, 1000.0), 0) > 0.5);
+  CHECK(shown(vote_by_sensors(surfels, 1, std::vector<Float3>{inside}, 1000.0), 0) < -0.9);
 }
