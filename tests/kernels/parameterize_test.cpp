@@ -143,3 +143,25 @@ TEST_CASE("parameterize: too little memory is said before the factor is tried", 
   options.memory_bytes = 50000;
   CHECK_THROWS_AS(parameterize(span_of(cap()), options), ResourceError);
 }
+
+TEST_CASE("parameterize: where the factor does not fit, multigrid finds the same map or says that it cannot",
+          "[unit]") {
+  const MeshBlock sheet =
+      test::grid_block(200, 200, [](double i, double j) { return 0.002 * i * j + 3.0 / (1.0 + i); });
+  ParameterizeOptions options;
+  options.method = ParameterMethod::kConformal;
+  const Parameterization direct = parameterize(span_of(sheet), options);
+  CHECK(direct.report.solve.iterations == 0);
+  options.memory_bytes = 13'000'000;  // multigrid needs 11 MB, the factor more than 15
+  const Parameterization iterated = parameterize(span_of(sheet), options);
+  INFO(iterated.report.choice);
+  CHECK(iterated.report.solve.iterations > 0);
+  double largest = 0.0;
+  for (std::size_t v = 0; v < direct.uv.size(); ++v)
+    for (std::size_t k = 0; k < 2; ++k)
+      largest = std::max(largest, std::fabs(direct.uv[v][k] - iterated.uv[v][k]));
+  CHECK(largest < 1e-6);
+  CHECK(iterated.report.distortion.flipped == direct.report.distortion.flipped);
+  options.memory_bytes = 1'000'000;
+  CHECK_THROWS_AS(parameterize(span_of(sheet), options), ResourceError);
+}

@@ -140,6 +140,38 @@ TEST_CASE("smooth command: the result is that of the kernel on the whole mesh", 
   CHECK(got == expected);
 }
 
+TEST_CASE("smooth command: vertices keep their colours", "[pipeline]") {
+  const test::TempFolder folder;
+  const Mesh mesh = sheet(120);
+  using Coloured = std::pair<Double3, std::uint32_t>;
+  std::vector<Coloured> before, after;
+  std::vector<std::uint32_t> rgba;
+  for (std::uint32_t v = 0; v < mesh.position.size(); ++v)
+    rgba.push_back(0xff000000u | (v * 2654435761u >> 8));
+  std::vector<std::uint8_t> used(mesh.position.size(), 0);
+  for (const MeshFace& f : mesh.faces)
+    for (const std::uint64_t v : f) used[v] = 1;
+  for (std::size_t v = 0; v < used.size(); ++v)
+    if (used[v] != 0) before.emplace_back(mesh.position[v], rgba[v]);
+  MeshHeader header;
+  header.vertices = mesh.position.size();
+  header.faces = mesh.faces.size();
+  header.colour = true;
+  const auto file = create_mesh_file(folder / "in.ply", header);
+  file->vertices(mesh.position, rgba);
+  file->faces(mesh.faces);
+  file->finish();
+  // So small a tolerance that positions name the vertices.
+  smoothed(folder / "in.ply", folder / "out.ply", {"--tolerance", "1e-12", "--tile-size", "64"});
+  open_mesh_file(folder / "out.ply")->read_vertices([&](auto positions, auto colours) {
+    REQUIRE(colours.size() == positions.size());
+    for (std::size_t v = 0; v < positions.size(); ++v) after.emplace_back(positions[v], colours[v]);
+  });
+  std::sort(before.begin(), before.end());
+  std::sort(after.begin(), after.end());
+  CHECK(before == after);
+}
+
 TEST_CASE("smooth command: killed at any moment, the same command ends with the same bytes", "[fault]") {
   const test::TempFolder folder;
   const fs::path in = write(sheet(150), folder / "in.ply");
