@@ -21,8 +21,8 @@ namespace {
 
 using json = nlohmann::json;
 
-/// A block's part of the reference; the most that a pass works against at once.
-constexpr std::uint64_t kReferenceFaces = 1u << 19;
+/// A block's part of the reference, in blocks: the most that a pass works against at once.
+constexpr std::uint64_t kReferenceBlocks = 8;
 constexpr std::uint64_t kTaskFaces =
     1u << 20;  ///< of block and reference together: a task is worth a file from here
 constexpr std::uint64_t kMostTasks = 400;
@@ -64,7 +64,7 @@ class SimplifyStage : public Stage {
     if (!pass_.count_costs && options_.target_faces > 0)
       kernel_.max_cost_class =
           json::parse(read_text(work_ / costs_file(pass.pass))).at("cost_class").get<std::uint32_t>();
-    blocks_ = cut(in_);
+    blocks_ = simplify_blocks(in_, reference_, options_, pass_.pass);
     if (pass_.round > 0) open_round_before(state);
     std::uint64_t total = 0;
     for (const MeshBlockCut& block : blocks_) total += block.faces + block.weight;
@@ -196,23 +196,13 @@ class SimplifyStage : public Stage {
     }
   };
 
-  std::vector<MeshBlockCut> cut(const MeshStore& store) const {
-    // Bricks keep their places from pass to pass, so each knows about how much reference it stands for.
-    std::vector<std::uint64_t> weight;
-    for (const MeshPatchEntry& e : store.patches()) {
-      const std::int64_t there = reference_.find(e.key);
-      weight.push_back(there < 0 ? 0 : reference_.patches()[static_cast<std::size_t>(there)].faces);
-    }
-    return make_blocks(store, {options_.block_faces, kReferenceFaces, pass_shift(pass_.pass)}, weight);
-  }
-
   void open_round_before(const JobState& state) {
     SimplifyPass before = pass_;
     --before.round;
     SimplifyPass next = before;
     ++next.pass;
     before_.emplace(RoundBefore{open_pass_input(state, before), open_pass_input(state, next), {}, {}});
-    before_->blocks = cut(before_->in);
+    before_->blocks = simplify_blocks(before_->in, reference_, options_, pass_.pass);
     for (std::size_t b = 0; b < before_->blocks.size(); ++b)
       before_->by_cube.emplace(RoundBefore::cube(before_->blocks[b]), b);
   }
@@ -359,6 +349,18 @@ MeshStore open_pass_input(const JobState& state, const SimplifyPass& pass) {
   if (pass.pass == 0) return open_imported_mesh(state.work, "mesh");
   const SimplifyPass before{pass.pass - 1, pass.round, false};
   return MeshStore(list_task_files(state.work / before.folder(), ".tmm"));
+}
+
+std::vector<MeshBlockCut> simplify_blocks(const MeshStore& in, const MeshStore& reference,
+                                          const SimplifyOptions& options, int pass) {
+  // Bricks keep their places from pass to pass, so each knows about how much reference it stands for.
+  std::vector<std::uint64_t> weight;
+  for (const MeshPatchEntry& e : in.patches()) {
+    const std::int64_t there = reference.find(e.key);
+    weight.push_back(there < 0 ? 0 : reference.patches()[static_cast<std::size_t>(there)].faces);
+  }
+  return make_blocks(in, {options.block_faces, kReferenceBlocks * options.block_faces, pass_shift(pass)},
+                     weight);
 }
 
 std::unique_ptr<Stage> make_simplify_stage(const JobState& state, const SimplifyOptions& options,

@@ -29,7 +29,7 @@ struct SimplifyOptions {
   double colour_weight = 0.0;  ///< scan units that the full range of a colour channel is worth
   double loop_share = 1.0;  ///< of the tolerance that passes may use; above 1 the certificate sends them back
   int passes = 3;  ///< 1 .. 8, each with the whole tolerance: a ramp left three times the faces on terrain
-  std::uint64_t block_faces = 1u << 16;  ///< most faces of a block
+  std::uint64_t block_faces = 1u << 16;  ///< most faces of a block; with at most eight times as many below it
 
   /// \throws UsageError naming the option
   void validate() const;
@@ -57,6 +57,10 @@ std::string failed_faces_file(int round);
 int last_round(const std::filesystem::path& work);
 /// Where a pass reads: the import for the first, else what the pass before left.
 MeshStore open_pass_input(const JobState& state, const SimplifyPass& pass);
+
+/// The blocks of a pass over `in`; a pure function of the tables of both stores.
+std::vector<MeshBlockCut> simplify_blocks(const MeshStore& in, const MeshStore& reference,
+                                          const SimplifyOptions& options, int pass);
 
 /// A pass of a round that is not needed has no tasks.
 std::unique_ptr<Stage> make_simplify_stage(const JobState& state, const SimplifyOptions& options,
