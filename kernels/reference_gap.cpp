@@ -18,6 +18,9 @@ constexpr double cross2(double ax, double ay, double bx, double by) {
   return ax * by - ay * bx;
 }
 
+/// Heights of triangles below this share of the limit are no width to speak of.
+constexpr float kThin = 1.0f / 16.0f;
+
 // Without the care of fmax for what is not a number, which costs a call.
 template <class T>
 constexpr T larger(T a, T b) {
@@ -204,7 +207,11 @@ bool ReferenceGap::turned(const Point* const* corner) const {
   const float bx = p[2].x - p[0].x, by = p[2].y - p[0].y, bz = p[2].z - p[0].z;
   const float nx = ay * bz - az * by, ny = az * bx - ax * bz, nz = ax * by - ay * bx;
   const float size = std::sqrt(nx * nx + ny * ny + nz * nz);
-  if (!(size > 0.0f)) return false;
+  const float cx2 = bx - ax, cy2 = by - ay, cz2 = bz - az;
+  const float longest = std::sqrt(larger(larger(ax * ax + ay * ay + az * az, bx * bx + by * by + bz * bz),
+                                         cx2 * cx2 + cy2 * cy2 + cz2 * cz2));
+  // So thin that noise far below the tolerance turns it: its normal says nothing of the surface.
+  if (!(size > kThin * limit_ * longest)) return false;
   // Drawn in a little, so that a face that only touches does not count.
   const float cx = (p[0].x + p[1].x + p[2].x) / 3.0f, cy = (p[0].y + p[1].y + p[2].y) / 3.0f;
   Point q[3];

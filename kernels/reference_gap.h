@@ -37,7 +37,8 @@ class ReferenceGap {
     bool cross_creases = false;           ///< walk across creases of the reference as across any edge
     bool inner_centre = false;            ///< at[0] is no part of the rim but the centre of a closed fan
     bool free_corners = false;            ///< corners of the star need not lie on the reference
-    double least_cosine = -1.0;  ///< give up where a new face turns more against a reference triangle over it
+    /// Give up where a new face turns more against a reference triangle over it that is at least limit / 16 high.
+    double least_cosine = -1.0;
   };
   enum class Answer : std::uint8_t { kWithin, kBeyond, kFolded, kTurned };
 

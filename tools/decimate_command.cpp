@@ -57,6 +57,12 @@ void run(Arguments arguments) {
              report.at("mesh").value("faces", std::uint64_t{0}),
              report.at("input").value("faces", std::uint64_t{0}), report.at("wall_s").get<double>(),
              format_bytes(report.at("peak_bytes").get<std::uint64_t>()));
+  const nlohmann::json& certificate = report.at("certificate");
+  if (certificate.at("certified_max").is_number())
+    fmt::print("distance: at most {:.4g} both ways, proven; rms {:.3g} to the reference, {:.3g} back\n",
+               certificate.at("certified_max").get<double>(),
+               certificate.at("mesh_to_reference").at("rms").get<double>(),
+               certificate.at("reference_to_mesh").at("rms").get<double>());
   if (const int again = report.at("certificate").value("rounds_again", 0); again > 0)
     fmt::print("the certificate sent parts back {} time{}: the reference is kept there\n", again,
                again == 1 ? "" : "s");
@@ -89,7 +95,9 @@ void add_decimate(CLI::App& app) {
       ->group(group);
   command
       ->add_option("--max-normal-deviation", o.max_normal_deviation_deg,
-                   "largest angle in degrees between a new face and the faces it stands for; 0 = free")
+                   "largest angle in degrees between a new face and the faces it stands for (but slivers of "
+                   "less than a "
+                   "sixteenth of the tolerance); 0 = free")
       ->capture_default_str()
       ->check(CLI::Range(0.0, 180.0))
       ->group(group);
