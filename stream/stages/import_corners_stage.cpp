@@ -44,6 +44,8 @@ class ImportCornersStage : public Stage {
     // Where the numbers of all vertices do not fit at once, range by range over the faces: corners that are
     // known wait in a temporary file.
     const std::uint64_t total = vertices_.plan().file_vertices;
+    if (vertices_.count() >= kSyntheticCorner)
+      throw InputError(path_.string() + ": more than 2^31 vertices: split the mesh first");
     std::vector<std::uint32_t> number(range());
     std::unique_ptr<SpillFile> before;
     for (std::uint64_t begin = 0; begin < total; begin += range()) {
@@ -53,7 +55,7 @@ class ImportCornersStage : public Stage {
       auto after = std::make_unique<SpillFile>(work_);
       std::uint64_t at = 0;
       std::vector<RepairFace> known;
-      mesh->read_faces([&](std::span<const MeshFace> faces) {
+      mesh->read_flagged_faces([&](std::span<const MeshFace> faces, std::span<const std::uint8_t> synthetic) {
         context.check_stop();
         known.assign(faces.size(), {kNoVertex, kNoVertex, kNoVertex});
         if (before) before->read_at(at * sizeof(RepairFace), known.data(), known.size() * sizeof(RepairFace));
@@ -64,7 +66,8 @@ class ImportCornersStage : public Stage {
             if (v >= begin && v < end) known[f][c] = number[v - begin];
           }
         if (last) {
-          for (const RepairFace& f : known) dealer.add(f);
+          for (std::size_t f = 0; f < known.size(); ++f)
+            dealer.add(known[f], !synthetic.empty() && synthetic[f] != 0);
         } else {
           after->append(known.data(), known.size() * sizeof(RepairFace));
         }
@@ -99,7 +102,7 @@ class ImportCornersStage : public Stage {
       }
       return last;
     }
-    void add(const RepairFace& f) {
+    void add(const RepairFace& f, bool synthetic) {
       ++faces;
       if (f[0] == kNoVertex || f[1] == kNoVertex || f[2] == kNoVertex) {
         ++bad;
@@ -112,9 +115,10 @@ class ImportCornersStage : public Stage {
       const std::size_t a = bucket_of(f[0]);
       const std::size_t b = bucket_of(f[1]);
       const std::size_t c = bucket_of(f[2]);
-      put(a, f);
-      if (b != a) put(b, f);
-      if (c != a && c != b) put(c, f);
+      const RepairFace dealt_face = {synthetic ? f[0] | kSyntheticCorner : f[0], f[1], f[2]};
+      put(a, dealt_face);
+      if (b != a) put(b, dealt_face);
+      if (c != a && c != b) put(c, dealt_face);
     }
     void put(std::size_t bucket, const RepairFace& f) {
       out.add(bucket, &f);

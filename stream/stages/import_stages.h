@@ -24,6 +24,9 @@
 
 namespace tessera {
 
+/// On the first corner of a dealt face that closes a hole. Numbers of vertices stay below it.
+inline constexpr std::uint32_t kSyntheticCorner = 0x80000000u;
+
 inline constexpr int kVertexCopyBits = 16;  ///< low bits of a key of an imported vertex
 
 /// The stages that import one mesh, in order. Their names begin with "<folder>-".

@@ -58,13 +58,14 @@ class ImportTilesStage : public Stage {
   std::uint64_t task_bytes(std::size_t task) const override {
     const std::uint64_t own = vertices_.first(task + 1) - vertices_.first(task);
     const std::uint64_t faces = dealt_.records(task);
-    return repair_bytes(faces) + faces * (12 + 12 + 12 + 6 + 1 + 16) + own * 120 +
+    return repair_bytes(faces) + faces * (12 + 12 + 12 + 6 + 1 + 16 + 24) + own * 120 +
            DirectFile::kDefaultBuffer + (std::uint64_t{6} << 20);
   }
 
   json run(std::size_t task, TaskContext& context) const override {
     RepairTile tile;
     tile.faces = dealt_.load<RepairFace>(task);
+    const std::vector<RepairFace> synthetic = take_synthetic(tile.faces);
     tile.own_begin = vertices_.first(task);
     tile.own_end = vertices_.first(task + 1);
     tile.orient = task_count() == 1;
@@ -85,7 +86,7 @@ class ImportTilesStage : public Stage {
       const std::uint32_t end_number =
           b + 1 < own.brick.size() ? vertices_.first(task) + own.first[b + 1] : vertices_.first(task + 1);
       while (face < result.faces.size() && result.faces[face][0] < end_number) ++face;
-      if (face > begin) writer.add(own.brick[b], make_patch(v, result, begin, face, local));
+      if (face > begin) writer.add(own.brick[b], make_patch(v, result, begin, face, synthetic, local));
     }
     context.count_written(writer.finish());
     std::uint64_t remote = 0;
@@ -185,9 +186,27 @@ class ImportTilesStage : public Stage {
     return v;
   }
 
-  /// Faces [begin, end) of one brick.
+  static RepairFace ascending(RepairFace f) {
+    std::sort(f.begin(), f.end());
+    return f;
+  }
+
+  /// Takes the marks off the faces that close holes; returns those faces by their corners, ascending.
+  static std::vector<RepairFace> take_synthetic(std::vector<RepairFace>& faces) {
+    std::vector<RepairFace> marked;
+    for (RepairFace& f : faces) {
+      if ((f[0] & kSyntheticCorner) == 0) continue;
+      f[0] &= ~kSyntheticCorner;
+      marked.push_back(ascending(f));
+    }
+    std::sort(marked.begin(), marked.end());
+    return marked;
+  }
+
+  /// Faces [begin, end) of one brick. \param synthetic  ascending
   static MeshBlock make_patch(const TileVertices& v, const RepairResult& result, std::size_t begin,
-                              std::size_t end, std::vector<std::uint32_t>& local) {
+                              std::size_t end, const std::vector<RepairFace>& synthetic,
+                              std::vector<std::uint32_t>& local) {
     MeshBlock block;
     std::map<std::uint64_t, std::uint32_t> copies;  // of split vertices, by key
     std::vector<std::uint32_t> used;
@@ -215,7 +234,9 @@ class ImportTilesStage : public Stage {
         corners[c] = local[at];
       }
       block.faces.push_back(corners);
-      block.face_flags.push_back(result.border[f]);
+      const bool closes = std::binary_search(synthetic.begin(), synthetic.end(), ascending(result.faces[f]));
+      block.face_flags.push_back(
+          static_cast<std::uint8_t>(result.border[f] | (closes ? unsigned{kFaceSynthetic} : 0u)));
     }
     for (const std::uint32_t at : used) local[at] = kNone;
     block.vertex_class.assign(block.key.size(), VertexClass::kSmooth);

@@ -133,6 +133,54 @@ TEST_CASE("decimate: what the certificate sends back is made again until it is p
   CHECK(run({"-t", "2", "--memory", "1G"}) == bytes);
 }
 
+TEST_CASE("decimate: faces that close holes stay marked, and where they meet the data stays", "[pipeline]") {
+  const TempFolder folder;
+  const fs::path in = folder.path() / "in.ply";
+  constexpr int kGrid = 60;
+  const auto closes = [](int i, int j) { return i >= 20 && i < 32 && j >= 25 && j < 40; };
+  MeshHeader header;
+  std::vector<Double3> position;
+  std::vector<MeshFace> faces;
+  std::vector<std::uint8_t> synthetic;
+  for (int j = 0; j <= kGrid; ++j)
+    for (int i = 0; i <= kGrid; ++i) position.push_back({i + 0.0, j + 0.0, 0.0});
+  const auto at = [](int i, int j) { return static_cast<std::uint64_t>(j * (kGrid + 1) + i); };
+  for (int j = 0; j < kGrid; ++j)
+    for (int i = 0; i < kGrid; ++i) {
+      faces.push_back({at(i, j), at(i + 1, j), at(i + 1, j + 1)});
+      faces.push_back({at(i, j), at(i + 1, j + 1), at(i, j + 1)});
+      synthetic.insert(synthetic.end(), 2, closes(i, j) ? 1 : 0);
+    }
+  header.vertices = position.size();
+  header.faces = faces.size();
+  header.synthetic = true;
+  const auto file = create_mesh_file(in, header);
+  file->vertices(position, {});
+  file->faces(faces, synthetic);
+  file->finish();
+  const fs::path out = folder.path() / "out.ply";
+  REQUIRE(tessera_command(words(in, out, {"--tolerance", "0.1"})).code == 0);
+  const auto mesh = open_mesh_file(out);
+  REQUIRE(mesh->has_synthetic());
+  std::vector<Double3> place;
+  mesh->read_vertices([&](std::span<const Double3> p, std::span<const std::uint32_t>) {
+    place.insert(place.end(), p.begin(), p.end());
+  });
+  double marked = 0.0, all = 0.0;
+  std::size_t count = 0;
+  mesh->read_flagged_faces([&](std::span<const MeshFace> f, std::span<const std::uint8_t> flags) {
+    for (std::size_t k = 0; k < f.size(); ++k, ++count) {
+      const Double3 &a = place[f[k][0]], &b = place[f[k][1]], &c = place[f[k][2]];
+      const double area = 0.5 * ((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]));
+      all += area;
+      if (flags[k]) marked += area;
+    }
+  });
+  CHECK(count < 40);
+  CHECK(all == Approx(kGrid * kGrid));
+  CHECK(marked == Approx(12 * 15));
+}
+
 TEST_CASE("decimate: a number of faces, and both limits at once", "[pipeline]") {
   const TempFolder folder;
   const fs::path in = write_hills(folder.path() / "in.ply");
