@@ -7,19 +7,20 @@
 namespace tessera {
 namespace {
 
-/// Sums of eight nodes, relative to each node: w, w p, w n, w p.p, w p.n, and the number of samples.
+/// Sums of eight nodes, relative to each node: w, w p, w n, w p.p, w p.n, w (p.n)^2, and the number of samples.
 struct Sums {
-  __m256 w, px, py, pz, nx, ny, nz, pp, pn;
+  __m256 w, px, py, pz, nx, ny, nz, pp, pn, pn2;
   __m256i hits;
 };
 
 void clear(Sums& s) {
   const __m256 zero = _mm256_setzero_ps();
-  s = {zero, zero, zero, zero, zero, zero, zero, zero, zero, _mm256_setzero_si256()};
+  s = {zero, zero, zero, zero, zero, zero, zero, zero, zero, zero, _mm256_setzero_si256()};
 }
 
-/// Weight (1 - d^2/r^2)^4 inside the radius, 0 outside. A sample outside adds exactly nothing, so it does not
-/// matter which of those a caller's filter lets through.
+/// Weight (1 - d^2/r^2)^4 inside the radius, 1 - d^2/r^2 for a wide one, 0 outside. A sample outside adds exactly
+/// nothing, so it does not matter which of those a caller's filter lets through.
+template <bool kWide>
 void accumulate(const RowSamples& row, float r2, float inverse_r2, Sums& sums) {
   Sums s = sums;
   const __m256 node_x = _mm256_setr_ps(0, 1, 2, 3, 4, 5, 6, 7);
@@ -31,8 +32,11 @@ void accumulate(const RowSamples& row, float r2, float inverse_r2, Sums& sums) {
     const __m256 near = _mm256_cmp_ps(d2, reach2, _CMP_LT_OQ);
     s.hits = _mm256_sub_epi32(s.hits, _mm256_castps_si256(near));
     t = _mm256_and_ps(t, near);
-    t = _mm256_mul_ps(t, t);
-    const __m256 w = _mm256_mul_ps(t, t);
+    __m256 w = t;
+    if constexpr (!kWide) {
+      t = _mm256_mul_ps(t, t);
+      w = _mm256_mul_ps(t, t);
+    }
     const __m256 n_x = _mm256_broadcast_ss(&row.nx[i]);
     s.w = _mm256_add_ps(s.w, w);
     s.px = _mm256_fmadd_ps(w, dx, s.px);
@@ -42,13 +46,35 @@ void accumulate(const RowSamples& row, float r2, float inverse_r2, Sums& sums) {
     s.ny = _mm256_fmadd_ps(w, _mm256_broadcast_ss(&row.ny[i]), s.ny);
     s.nz = _mm256_fmadd_ps(w, _mm256_broadcast_ss(&row.nz[i]), s.nz);
     s.pp = _mm256_fmadd_ps(w, d2, s.pp);
-    s.pn = _mm256_fmadd_ps(w, _mm256_fmadd_ps(n_x, dx, _mm256_broadcast_ss(&row.n_yz[i])), s.pn);
+    const __m256 along = _mm256_fmadd_ps(n_x, dx, _mm256_broadcast_ss(&row.n_yz[i]));
+
+    s.pn = _mm256_fmadd_ps(w, along, s.pn);
+    s.pn2 = _mm256_fmadd_ps(_mm256_mul_ps(w, along), along, s.pn2);
   }
   sums = s;
 }
 
 __m256 dot(__m256 ax, __m256 ay, __m256 az, __m256 bx, __m256 by, __m256 bz) {
   return _mm256_fmadd_ps(ax, bx, _mm256_fmadd_ps(ay, by, _mm256_mul_ps(az, bz)));
+}
+
+/// Where two scans of one side disagree, a narrow kernel sees either near it and, from two thirds of the radius on,
+/// three surfaces: both, and an inverted one between. A wide one sees their mean up to 0.85 radii.
+/// Deviation of the samples' tangent planes, in radii, from which a node looks again with the wide kernel, and from
+/// which it takes that.
+constexpr float kLayeredHint = 0.05f;
+constexpr float kLayered = 0.2f;
+/// Least squared length of the mean normal: layers are parallel, what bends is not.
+constexpr float kLayeredNormal = 0.85f;
+
+/// Nodes whose samples' tangent planes deviate by more than `least` cells, with normals that agree.
+std::uint32_t layered_nodes(const Sums& s, float least, float least_normal) {
+  const __m256 w2 = _mm256_mul_ps(s.w, s.w);
+  const __m256 variance = _mm256_fmsub_ps(s.w, s.pn2, _mm256_mul_ps(s.pn, s.pn));  // times w^2
+  const __m256 apart = _mm256_cmp_ps(variance, _mm256_mul_ps(w2, _mm256_set1_ps(least * least)), _CMP_GT_OQ);
+  const __m256 parallel = _mm256_cmp_ps(dot(s.nx, s.ny, s.nz, s.nx, s.ny, s.nz),
+                                        _mm256_mul_ps(w2, _mm256_set1_ps(least_normal)), _CMP_GE_OQ);
+  return static_cast<std::uint32_t>(_mm256_movemask_ps(_mm256_and_ps(apart, parallel)));
 }
 
 /// Fewest samples that carry a node, and the least weight: a lone sample at half the radius has 0.32.
@@ -205,10 +231,11 @@ bool value_of_sheets(const Sheets& sheets, std::size_t at, LeafFit& out) {
 
 namespace {
 
-/// Tries sheets at the bent nodes of a row; updates their values and bits.
+/// Tries sheets at the bent nodes of a row; updates their values and bits. \param split  nodes that have sheets
 void fit_creases(std::uint32_t bent, const SampleList& coarse, std::size_t at, const NodeFitOptions& options,
                  NodeFitScratch& scratch, const RowReach& reach, bool row_is_whole, LeafFit& out,
-                 std::vector<Sheets>& sheets, std::uint32_t* valid, std::uint32_t* creased) {
+                 std::vector<Sheets>& sheets, std::uint32_t* valid, std::uint32_t* split,
+                 std::uint32_t* creased) {
   for (std::uint32_t left = bent; left; left &= left - 1) {
     const auto x = static_cast<std::uint32_t>(std::countr_zero(left));
     NormalSeeds seeds;
@@ -237,6 +264,7 @@ void fit_creases(std::uint32_t bent, const SampleList& coarse, std::size_t at, c
     const Sheets found = fit_sheets(scratch.local, seeds, options.sheets);
     if (found.count == 0) continue;
     const std::uint32_t bit = 1u << x;
+    *split |= bit;
     *valid &= ~bit;
     if (!value_of_sheets(found, at + x, out)) continue;
     *valid |= bit;
@@ -244,6 +272,33 @@ void fit_creases(std::uint32_t bent, const SampleList& coarse, std::size_t at, c
     *creased |= bit;
     sheets.push_back(found);
   }
+}
+
+/// Fits those of the nodes anew whose samples lie in layers; updates their values and valid bits.
+void join_layers(std::uint32_t hints, std::size_t at, const NodeFitOptions& options, NodeFitScratch& scratch,
+                 const RowReach& reach, bool row_is_whole, LeafFit& out, std::uint32_t* valid) {
+  Sums sums;
+  clear(sums);
+  if (row_is_whole) {
+    accumulate<true>(scratch.row, reach.r2, 1.0f / reach.r2, sums);
+  } else {
+    for (std::size_t next = 0; next < scratch.slab.size;) {
+      fill_row(scratch.slab, reach, &next, scratch.row);
+      accumulate<true>(scratch.row, reach.r2, 1.0f / reach.r2, sums);
+    }
+  }
+  const std::uint32_t layered = layered_nodes(sums, kLayered * options.radius, kLayeredNormal) & hints;
+  if (!layered) return;
+  LeafFit& wide = scratch.wide;
+  std::uint32_t wide_valid = 0, bent = 0;
+  Spheres spheres;
+  finish_row(sums, layered, options, at, wide, &wide_valid, &bent, &spheres);
+  for (std::uint32_t left = layered; left; left &= left - 1) {
+    const auto i = at + static_cast<std::size_t>(std::countr_zero(left));
+    out.value[i] = wide.value[i];
+    for (std::size_t c = 0; c < 3; ++c) out.gradient[c][i] = wide.gradient[c][i];
+  }
+  *valid = (*valid & ~layered) | wide_valid;
 }
 
 }  // namespace
@@ -269,9 +324,9 @@ void fit_nodes(const SampleList& samples, const SampleList& coarse, const std::a
       int fills = 0;
       for (std::size_t next = 0; next < scratch.slab.size; ++fills) {
         fill_row(scratch.slab, reach, &next, scratch.row);
-        accumulate(scratch.row, reach.r2, 1.0f / reach.r2, sums);
+        accumulate<false>(scratch.row, reach.r2, 1.0f / reach.r2, sums);
       }
-      std::uint32_t valid = 0, bent = 0, creased = 0;
+      std::uint32_t valid = 0, bent = 0, split = 0, creased = 0;
       Spheres spheres;
       const std::size_t at = 8 * y + 64 * z;
       finish_row(sums, active, options, at, out, &valid, &bent, &spheres);
@@ -284,8 +339,11 @@ void fit_nodes(const SampleList& samples, const SampleList& coarse, const std::a
                            (options.noisy ? kNoisyHintShare : kHintShare) * options.sheets.feature_angle);
         }
         fit_creases(bent & hints, coarse, at, options, scratch, reach, fills == 1, out, sheets, &valid,
-                    &creased);
+                    &split, &creased);
       }
+      const std::uint32_t hints =
+          layered_nodes(sums, kLayeredHint * r, 0.5f * kLayeredNormal) & active & ~split;
+      if (hints) join_layers(hints, at, options, scratch, reach, fills == 1, out, &valid);
       out.valid[z] |= static_cast<std::uint64_t>(valid) << (8 * y);
       out.creased[z] |= static_cast<std::uint64_t>(creased) << (8 * y);
     }

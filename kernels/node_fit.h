@@ -3,6 +3,8 @@
 /// register. Source: Guennebaud, Germann, Gross, "Dynamic Sampling and Rendering of Algebraic Point Set
 /// Surfaces", 2008.
 ///
+/// Where two scans of one side disagree by less than 0.85 radii the fit takes their mean: see kLayered.
+///
 /// Every sum of a node runs over its samples in canonical order; lanes are nodes, never terms, so a value is
 /// a pure function of the samples within the radius.
 #pragma once
@@ -43,6 +45,7 @@ struct NodeFitScratch {
   SampleList slab;
   RowSamples row, coarse_row;
   LocalSamples local, coarse_local;
+  LeafFit wide;  ///< of nodes in layers
 };
 
 /// \param samples  all samples within the radius of the nodes, relative to the leaf

@@ -346,6 +346,30 @@ TEST_CASE("field: points without normal are ignored, colour is the mean around t
   }
 }
 
+TEST_CASE("field: two scans that disagree by less than 0.85 radii give one surface", "[property]") {
+  const double share = GENERATE(0.3, 0.5, 0.7, 0.8, 0.85), noise = GENERATE(0.0, 0.1);
+  CAPTURE(share, noise);
+  const FieldOptions options;
+  const double apart = share * options.radius_cells, slope = 0.2;
+  test::Random random(3);
+  test::Samples samples;
+  for (const double height : {96.3, 96.3 + apart * std::sqrt(1 + slope * slope)}) {
+    const double size = std::sqrt(1 + slope * slope);
+    test::Samples scan;
+    test::add_face({40, 40, height - 20 * slope}, {120, 0, 120 * slope}, {0, 120, 0},
+                   {-slope / size, 0, 1 / size}, 1 / 1.5, [](const Double3&) { return true; }, random, scan);
+    test::add_noise(noise, random, scan);
+    samples.insert(samples.end(), scan.begin(), scan.end());
+  }
+  const DirectedField field = field_of(samples, options);
+  for (int j = 1; j < kCells; ++j)
+    for (int i = 1; i < kCells; ++i) {
+      int crossings = 0;
+      for (int k = 0; k < kCells; ++k) crossings += field.root_at(i, j, k, 2) != nullptr;
+      REQUIRE(crossings == 1);
+    }
+}
+
 TEST_CASE("field: empty, sparse and stacked points give no surface and no trouble", "[unit]") {
   CHECK(field_of({}).leaves.empty());
   CHECK(field_of({{{90, 90, 90}, {0, 0, 1}, 0}}).roots.empty());
