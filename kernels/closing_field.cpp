@@ -8,9 +8,9 @@
 namespace tessera {
 namespace {
 
-/// Misfit from which the sphere begins to lose weight, and at which it has none.
+/// Misfit from which the quadric begins to lose weight, and at which it has none.
 constexpr float kGoodMisfit = 0.35f, kBadMisfit = 0.7f;
-/// Distance of the winding number from its level from which it begins to overrule the sphere, and does.
+/// Distance of the winding number from its level from which it begins to overrule the quadric, and does.
 constexpr float kDoubtful = 0.36f, kCertain = 0.48f;
 
 /// 1 below low, 0 above high.
@@ -26,8 +26,8 @@ void ClosingField::evaluate(std::span<const Int3> queries, float level, std::spa
   std::vector<float> winding(queries.size());
   std::vector<Float3> gradient(queries.size());
   winding_.evaluate(queries, winding, gradient);
-  std::vector<SphereValue> sphere(queries.size());
-  sphere_.evaluate(queries, sphere);
+  std::vector<QuadricValue> quadric(queries.size());
+  quadric_.evaluate(queries, quadric);
   for (std::size_t i = 0; i < queries.size(); ++i) {
     const Float3& g = gradient[i];
     const float slope = std::sqrt(g[0] * g[0] + g[1] * g[1] + g[2] * g[2]);
@@ -35,10 +35,10 @@ void ClosingField::evaluate(std::span<const Int3> queries, float level, std::spa
     // Clamped before it is divided: a flat field has no distance.
     const float size = std::abs(off) < kFarthest * slope ? std::abs(off) / slope : kFarthest;
     const float by_winding = off < 0.0f ? -size : size;
-    const float by_sphere = std::clamp(sphere[i].distance, -kFarthest, kFarthest);
-    float trust = fade(sphere[i].misfit, kGoodMisfit, kBadMisfit);
-    if ((by_sphere < 0.0f) != (by_winding < 0.0f)) trust *= fade(std::abs(off), kDoubtful, kCertain);
-    value[i] = trust * by_sphere + (1.0f - trust) * by_winding;
+    const float by_quadric = std::clamp(quadric[i].distance, -kFarthest, kFarthest);
+    float trust = fade(quadric[i].misfit, kGoodMisfit, kBadMisfit);
+    if ((by_quadric < 0.0f) != (by_winding < 0.0f)) trust *= fade(std::abs(off), kDoubtful, kCertain);
+    value[i] = trust * by_quadric + (1.0f - trust) * by_winding;
   }
 }
 

@@ -1,13 +1,13 @@
 /// \file closing_field.h
 /// The field that closes a surface where its samples end.
 ///
-/// The sphere that fits the samples around a gap continues the surface smoothly; the winding number knows which side
-/// is which however large the gap. Where the sphere explains the normals its distance is taken; where it does not,
+/// The quadric that fits the samples around a gap continues the surface smoothly; the winding number knows which side
+/// is which however large the gap. Where the quadric explains the normals its distance is taken; where it does not,
 /// or denies what the winding number is sure of, the first-order distance to the winding number's level fades in.
 #pragma once
 #include <span>
 
-#include "octree/sphere_field.h"
+#include "octree/quadric_field.h"
 #include "octree/winding_number.h"
 
 namespace tessera {
@@ -17,9 +17,9 @@ class ClosingField {
   /// \param far, near  as WindingField wants them
   /// \param radius     support radius of a sample, cells
   ClosingField(const MultipoleTree& far, const MultipoleTree& near, float radius)
-      : winding_(far, near), sphere_(far, near, kCoreRadii * radius) {}
+      : winding_(far, near), quadric_(far, near, kCoreRadii * radius) {}
   ClosingField(const MultipoleTree& tree, float radius)
-      : winding_(tree), sphere_(tree, kCoreRadii * radius) {}
+      : winding_(tree), quadric_(tree, kCoreRadii * radius) {}
 
   const WindingField& winding() const { return winding_; }
 
@@ -35,7 +35,7 @@ class ClosingField {
   static constexpr float kCoreRadii = 1.0f;
 
   WindingField winding_;
-  SphereField sphere_;
+  QuadricField quadric_;
 };
 
 }  // namespace tessera

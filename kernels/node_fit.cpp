@@ -59,7 +59,7 @@ __m256 dot(__m256 ax, __m256 ay, __m256 az, __m256 bx, __m256 by, __m256 bz) {
 }
 
 /// Where two scans of one side disagree, a narrow kernel sees either near it and, from two thirds of the radius on,
-/// three surfaces: both, and an inverted one between. A wide one sees their mean up to 0.85 radii.
+/// three surfaces: both, and an inverted one between. A wide one sees their mean up to 0.8 radii.
 /// Deviation of the samples' tangent planes, in radii, from which a node looks again with the wide kernel, and from
 /// which it takes that.
 constexpr float kLayeredHint = 0.05f;

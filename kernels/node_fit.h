@@ -3,7 +3,7 @@
 /// register. Source: Guennebaud, Germann, Gross, "Dynamic Sampling and Rendering of Algebraic Point Set
 /// Surfaces", 2008.
 ///
-/// Where two scans of one side disagree by less than 0.85 radii the fit takes their mean: see kLayered.
+/// Where two scans of one side disagree by less than 0.8 radii the fit takes their mean: see kLayered.
 ///
 /// Every sum of a node runs over its samples in canonical order; lanes are nodes, never terms, so a value is
 /// a pure function of the samples within the radius.

@@ -81,6 +81,16 @@ double dot(const Double3& a, const Double3& b) {
   return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 }
 
+/// s += w t t
+void add_square(std::array<double, 6>& s, double w, const Double3& t) {
+  s[0] += w * t[0] * t[0];
+  s[1] += w * t[1] * t[1];
+  s[2] += w * t[2] * t[2];
+  s[3] += w * t[0] * t[1];
+  s[4] += w * t[0] * t[2];
+  s[5] += w * t[1] * t[2];
+}
+
 Int3 rounded(const Double3& sum, double weight) {
   Int3 q;
   for (std::size_t i = 0; i < 3; ++i) q[i] = static_cast<std::int32_t>(std::floor(sum[i] / weight + 0.5));
@@ -118,17 +128,18 @@ Multipole multipole_of(std::span<const Dipole> dipoles, int bits) {
   out.centre = weight > 0.0 ? rounded(sum, weight) : dipoles.front().q;
   const double area = 1.0 / static_cast<double>(std::int64_t{1} << (2 * bits));
   Moments moments, one;
-  double flux = 0.0, spread = 0.0;
+  double flux = 0.0;
+  std::array<double, 6> spread{};
   for (const Dipole& d : dipoles) {
     for (std::size_t i = 0; i < 3; ++i) one.a[i] = double{d.moment[i]} * area;
     const Double3 t = displacement(out.centre, d.q, bits);
     moments.add(one, t);
     flux += dot(one.a, t);
-    spread += std::sqrt(dot(one.a, one.a)) * dot(t, t);
+    add_square(spread, std::sqrt(dot(one.a, one.a)), t);
   }
   moments.store(out);
   out.flux = static_cast<float>(flux);
-  out.spread = static_cast<float>(spread);
+  for (std::size_t i = 0; i < 6; ++i) out.spread[i] = static_cast<float>(spread[i]);
   return out;
 }
 
@@ -148,18 +159,20 @@ Multipole merge_multipoles(std::span<const Multipole> children, int bits) {
   out.weight = static_cast<float>(weight);
   out.centre = weight > 0.0 ? rounded(sum, weight) : children.front().centre;
   Moments moments;
-  double flux = 0.0, spread = 0.0;
+  double flux = 0.0;
+  std::array<double, 6> spread{};
   const double area = 1.0 / static_cast<double>(std::int64_t{1} << (2 * bits));
   for (const Multipole& c : children) {
     const Moments one = Moments::of(c, 0.5);
     const Double3 t = displacement(out.centre, c.centre, bits);
     moments.add(one, t);
     flux += double{c.flux} * 0.125 + dot(one.a, t);
-    spread += double{c.spread} * 0.0625 + double{c.weight} * area * dot(t, t);
+    for (std::size_t i = 0; i < 6; ++i) spread[i] += double{c.spread[i]} * 0.0625;
+    add_square(spread, double{c.weight} * area, t);
   }
   moments.store(out);
   out.flux = static_cast<float>(flux);
-  out.spread = static_cast<float>(spread);
+  for (std::size_t i = 0; i < 6; ++i) out.spread[i] = static_cast<float>(spread[i]);
   return out;
 }
 

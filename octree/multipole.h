@@ -23,7 +23,7 @@ struct Dipole {
   Float3 moment = {0, 0, 0};  ///< cells^2
 };
 
-/// All dipoles of one cell, seen from afar. 96 bytes.
+/// All dipoles of one cell, seen from afar. 120 bytes.
 struct Multipole {
   std::uint64_t key = 0;
   Int3 centre = {0, 0, 0};        ///< of expansion: centroid by area, quanta, rounded
@@ -33,9 +33,9 @@ struct Multipole {
   std::array<float, 5> second{};  ///< xx yy xy xz yz of sum of m e, traceless symmetric, edges^3
   std::array<float, 7> third{};   ///< xxx yyy xxy xyy xxz yyz xyz of sum of m e e / 2, likewise, edges^4
   float flux = 0.0f;              ///< sum of m . e, edges^3: the trace that `second` lacks
-  float spread = 0.0f;            ///< sum of area times |e|^2, edges^4
+  std::array<float, 6> spread{};  ///< xx yy zz xy xz yz of sum of area e e, edges^4
 };
-static_assert(sizeof(Multipole) == 96);
+static_assert(sizeof(Multipole) == 120);
 
 /// Morton code of the cell of level `bits` that holds a point.
 inline std::uint64_t cell_key(const Int3& q, int bits) {

@@ -14,7 +14,7 @@
 namespace tessera {
 namespace {
 
-constexpr char kMagic[8] = {'T', 'S', 'M', 'U', 'L', 'T', 'I', '2'};
+constexpr char kMagic[8] = {'T', 'S', 'M', 'U', 'L', 'T', 'I', '3'};
 
 struct Entry {
   std::uint64_t key = 0;

@@ -1,7 +1,7 @@
 /// \file multipole_store.h
 /// Multipoles of the oriented points on disk, by brick, and the global summary of the bricks in memory.
 ///
-/// File, little endian: magic | leaves (96 bytes each) of brick after brick | brick table | footer. XXH3 guards each
+/// File, little endian: magic | leaves (120 bytes each) of brick after brick | brick table | footer. XXH3 guards each
 /// brick's leaves and the table.
 #pragma once
 #include <cstdint>
@@ -43,7 +43,7 @@ class MultipoleStore {
   explicit MultipoleStore(const std::filesystem::path& work);
   ~MultipoleStore();
 
-  /// Bricks and coarser: about 96 x 4/3 bytes a brick, 11 bytes per 1000 points.
+  /// Bricks and coarser: about 120 x 4/3 bytes a brick, 14 bytes per 1000 points.
   const MultipoleTree& far() const;
   /// Leaves of all bricks around a block and the dipoles around it: what nodes [-1, cells] of the block need.
   /// \param points  of the block, halo at least kHaloCells and a multiple of 8

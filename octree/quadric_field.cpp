@@ -1,4 +1,4 @@
-#include "octree/sphere_field.h"
+#include "octree/quadric_field.h"
 
 #include <immintrin.h>
 
@@ -10,6 +10,8 @@ namespace tessera {
 namespace {
 
 constexpr std::size_t kLanes = 8;
+/// Weight of the sphere in the fit of the quadric, in squared extents of the samples.
+constexpr double kRidge = 0.02;
 
 /// A cube and how far from it its cell counts as a whole: not at all within half an edge, fully from one edge on.
 struct Taper {
@@ -21,7 +23,8 @@ struct Part {
   float x, y, z;
   float weight;
   std::array<float, 3> normal;
-  float flux, spread;
+  std::array<float, 6> turn;    ///< xx yy zz xy xz yz of the symmetric part of sum of m e
+  std::array<float, 6> spread;  ///< likewise of sum of area e e
 };
 
 /// What the queries of one leaf see: parts of one parent in a row.
@@ -128,19 +131,18 @@ class ListBuilder {
     const Float3 p = relative(m.centre);
     const auto edge = static_cast<float>(std::int64_t{1} << bits);
     const float e2 = edge * edge, e3 = e2 * edge, e4 = e2 * e2;
-    push({p[0],
-          p[1],
-          p[2],
-          m.weight,
-          {m.first[0] * e2, m.first[1] * e2, m.first[2] * e2},
-          m.flux * e3,
-          m.spread * e4},
-         own, above);
+    Part part{p[0], p[1], p[2], m.weight, {m.first[0] * e2, m.first[1] * e2, m.first[2] * e2}, {}, {}};
+    const float third = m.flux * (1.0f / 3.0f);
+    part.turn = {m.second[0] + third, m.second[1] + third, third - (m.second[0] + m.second[1]),
+                 m.second[2],         m.second[3],         m.second[4]};
+    for (float& v : part.turn) v *= e3;
+    for (std::size_t i = 0; i < 6; ++i) part.spread[i] = m.spread[i] * e4;
+    push(part, own, above);
   }
   void add(const Dipole& d, std::int32_t above) {
     const Float3 p = relative(d.q);
     const Float3& n = d.moment;
-    push({p[0], p[1], p[2], std::sqrt(n[0] * n[0] + n[1] * n[1] + n[2] * n[2]), n, 0.0f, 0.0f}, -1, above);
+    push({p[0], p[1], p[2], std::sqrt(n[0] * n[0] + n[1] * n[1] + n[2] * n[2]), n, {}, {}}, -1, above);
   }
 
   const MultipoleTree& far_;
@@ -155,12 +157,11 @@ Pack all(float v) {
   return _mm256_set1_ps(v);
 }
 
+constexpr std::size_t kSums = 19;  // weight, p, n, turn, spread
+
 /// Weighted sums about each of eight queries.
 struct Sums {
-  Pack weight = _mm256_setzero_ps();
-  Pack x = _mm256_setzero_ps(), y = _mm256_setzero_ps(), z = _mm256_setzero_ps();
-  Pack nx = _mm256_setzero_ps(), ny = _mm256_setzero_ps(), nz = _mm256_setzero_ps();
-  Pack flux = _mm256_setzero_ps(), spread = _mm256_setzero_ps();
+  Pack sum[kSums] = {};
 };
 
 /// 0 within half an edge of the cube, 1 beyond a whole one, smooth between.
@@ -184,44 +185,123 @@ void add_parts(std::span<const Part> parts, Pack factor, Pack qx, Pack qy, Pack 
     Pack w = q * q * q * q;
     if constexpr (kTapered) w *= factor;
     const Pack wa = w * all(p.weight);
-    sums.weight += wa;
-    sums.x += wa * x;
-    sums.y += wa * y;
-    sums.z += wa * z;
-    const Pack nx = all(p.normal[0]), ny = all(p.normal[1]), nz = all(p.normal[2]);
-    sums.nx += w * nx;
-    sums.ny += w * ny;
-    sums.nz += w * nz;
-    sums.flux += w * (all(p.flux) + (nx * x + ny * y + nz * z));
-    sums.spread += wa * d2 + w * all(p.spread);
+    sums.sum[0] += wa;
+    const Pack ax = wa * x, ay = wa * y, az = wa * z;
+    sums.sum[1] += ax;
+    sums.sum[2] += ay;
+    sums.sum[3] += az;
+    const Pack nx = w * all(p.normal[0]), ny = w * all(p.normal[1]), nz = w * all(p.normal[2]);
+    sums.sum[4] += nx;
+    sums.sum[5] += ny;
+    sums.sum[6] += nz;
+    const Pack half = all(0.5f);
+    sums.sum[7] += w * all(p.turn[0]) + nx * x;
+    sums.sum[8] += w * all(p.turn[1]) + ny * y;
+    sums.sum[9] += w * all(p.turn[2]) + nz * z;
+    sums.sum[10] += w * all(p.turn[3]) + half * (nx * y + ny * x);
+    sums.sum[11] += w * all(p.turn[4]) + half * (nx * z + nz * x);
+    sums.sum[12] += w * all(p.turn[5]) + half * (ny * z + nz * y);
+    sums.sum[13] += w * all(p.spread[0]) + ax * x;
+    sums.sum[14] += w * all(p.spread[1]) + ay * y;
+    sums.sum[15] += w * all(p.spread[2]) + az * z;
+    sums.sum[16] += w * all(p.spread[3]) + ax * y;
+    sums.sum[17] += w * all(p.spread[4]) + ax * z;
+    sums.sum[18] += w * all(p.spread[5]) + ay * z;
   }
 }
 
-/// The sphere of one query from its sums about it: weight, p, n, flux, spread.
-SphereValue solve(const std::array<double, 9>& sum) {
-  const double weight = sum[0];
-  if (!(weight > 0.0)) return {};
-  const double inverse = 1.0 / weight;
+using Six = std::array<double, 6>;  // xx yy zz xy xz yz
+
+/// x = k^-1 x. Returns false if k is not positive definite.
+bool solve(std::array<Six, 6> k, Six& x) {
+  for (std::size_t i = 0; i < 6; ++i) {
+    for (std::size_t j = 0; j < i; ++j) {
+      double s = k[i][j];
+      for (std::size_t l = 0; l < j; ++l) s -= k[i][l] * k[j][l];
+      k[i][j] = s / k[j][j];
+    }
+    double d = k[i][i];
+    for (std::size_t l = 0; l < i; ++l) d -= k[i][l] * k[i][l];
+    if (!(d > 0.0)) return false;
+    k[i][i] = std::sqrt(d);
+  }
+  for (std::size_t i = 0; i < 6; ++i) {
+    for (std::size_t l = 0; l < i; ++l) x[i] -= k[i][l] * x[l];
+    x[i] /= k[i][i];
+  }
+  for (std::size_t i = 6; i-- > 0;) {
+    for (std::size_t l = i + 1; l < 6; ++l) x[i] -= k[l][i] * x[l];
+    x[i] /= k[i][i];
+  }
+  return true;
+}
+
+double contract(const Six& a, const Six& b) {
+  return a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + 2.0 * (a[3] * b[3] + a[4] * b[4] + a[5] * b[5]);
+}
+Double3 times(const Six& a, const Double3& p) {
+  return {a[0] * p[0] + a[3] * p[1] + a[4] * p[2], a[3] * p[0] + a[1] * p[1] + a[5] * p[2],
+          a[4] * p[0] + a[5] * p[1] + a[2] * p[2]};
+}
+double dot(const Double3& a, const Double3& b) {
+  return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+}
+
+/// The quadric of one query from its sums about it.
+QuadricValue fit(const std::array<double, kSums>& sum) {
+  if (!(sum[0] > 0.0)) return {};
+  const double inverse = 1.0 / sum[0];
   const Double3 p = {sum[1] * inverse, sum[2] * inverse, sum[3] * inverse};
   const Double3 n = {sum[4] * inverse, sum[5] * inverse, sum[6] * inverse};
-  const double pp = sum[8] * inverse;
-  const double flux = sum[7] * inverse - (p[0] * n[0] + p[1] * n[1] + p[2] * n[2]);
-  const double spread = pp - (p[0] * p[0] + p[1] * p[1] + p[2] * p[2]);
-  const double bend = spread > 1e-6 * pp ? 0.5 * flux / spread : 0.0;  // the sphere's quadratic coefficient
-  Double3 u;
-  for (std::size_t a = 0; a < 3; ++a) u[a] = n[a] - 2.0 * bend * p[a];
-  const double value = -(u[0] * p[0] + u[1] * p[1] + u[2] * p[2] + bend * pp);
-  const double slope2 = u[0] * u[0] + u[1] * u[1] + u[2] * u[2];
-  const double root = std::sqrt(std::max(slope2 - 4.0 * bend * value, 0.0));
-  const double below = std::sqrt(slope2) + root;
-  if (!(below > 1e-6)) return {};
-  const double explained = n[0] * n[0] + n[1] * n[1] + n[2] * n[2] + 2.0 * bend * flux;
+  Six turn, spread, whole;
+  for (std::size_t i = 0; i < 6; ++i) turn[i] = sum[7 + i] * inverse, whole[i] = sum[13 + i] * inverse;
+  const Six pp = {p[0] * p[0], p[1] * p[1], p[2] * p[2], p[0] * p[1], p[0] * p[2], p[1] * p[2]};
+  const Six np = {n[0] * p[0],
+                  n[1] * p[1],
+                  n[2] * p[2],
+                  0.5 * (n[0] * p[1] + n[1] * p[0]),
+                  0.5 * (n[0] * p[2] + n[2] * p[0]),
+                  0.5 * (n[1] * p[2] + n[2] * p[1])};
+  for (std::size_t i = 0; i < 6; ++i) turn[i] -= np[i], spread[i] = whole[i] - pp[i];
+  const double size = spread[0] + spread[1] + spread[2];
+  Six bend{};  // the Hessian
+  double explained = dot(n, n);
+  if (size > 1e-6 * (whole[0] + whole[1] + whole[2])) {
+    const auto [xx, yy, zz, xy, xz, yz] = spread;
+    const double ridge = kRidge * size, sphere = (turn[0] + turn[1] + turn[2]) / size;
+    const std::array<Six, 6> k = {Six{xx + ridge, 0, 0, xy, xz, 0},
+                                  Six{0, yy + ridge, 0, xy, 0, yz},
+                                  Six{0, 0, zz + ridge, 0, xz, yz},
+                                  Six{xy, xy, 0, xx + yy + 2 * ridge, yz, xz},
+                                  Six{xz, 0, xz, yz, xx + zz + 2 * ridge, xy},
+                                  Six{0, yz, yz, xz, xy, yy + zz + 2 * ridge}};
+    bend = {turn[0] + ridge * sphere,
+            turn[1] + ridge * sphere,
+            turn[2] + ridge * sphere,
+            2 * turn[3],
+            2 * turn[4],
+            2 * turn[5]};
+    if (!solve(k, bend)) return {};
+    // What is left of the normals' variance: that of A p - n.
+    double steep = -ridge * (bend[0] * bend[0] + bend[1] * bend[1] + bend[2] * bend[2] +
+                             2 * (bend[3] * bend[3] + bend[4] * bend[4] + bend[5] * bend[5]));
+    for (std::size_t i = 0; i < 6; ++i)
+      for (std::size_t j = 0; j < 6; ++j) steep += bend[i] * k[i][j] * bend[j];
+    explained += 2.0 * contract(bend, turn) - steep;
+  }
+  const Double3 ap = times(bend, p);
+  const Double3 u = {n[0] - ap[0], n[1] - ap[1], n[2] - ap[2]};
+  const double value = -(dot(u, p) + 0.5 * contract(bend, whole));
+  const double slope2 = dot(u, u);
+  if (!(slope2 > 1e-12)) return {};
+  const double curve = dot(u, times(bend, u)) / slope2;
+  const double below = std::sqrt(slope2) + std::sqrt(std::max(slope2 - 2.0 * curve * value, 0.0));
   return {static_cast<float>(2.0 * value / below), static_cast<float>(std::clamp(1.0 - explained, 0.0, 1.0))};
 }
 
 }  // namespace
 
-void SphereField::evaluate(std::span<const Int3> queries, std::span<SphereValue> value) const {
+void QuadricField::evaluate(std::span<const Int3> queries, std::span<QuadricValue> value) const {
   assert(value.size() == queries.size() && core_ > 0.0f);
   const int finest = near_ ? near_->leaf_bits() : far_.leaf_bits();
   const int shift = kQuantumBits + finest;
@@ -262,14 +342,12 @@ void SphereField::evaluate(std::span<const Int3> queries, std::span<SphereValue>
         else
           add_parts<true>(parts, factor, qx, qy, qz, core2, sums);
       }
-      alignas(32) std::array<std::array<float, kLanes>, 9> out;
-      const Pack* const packs[9] = {&sums.weight, &sums.x,  &sums.y,    &sums.z,     &sums.nx,
-                                    &sums.ny,     &sums.nz, &sums.flux, &sums.spread};
-      for (std::size_t s = 0; s < 9; ++s) _mm256_store_ps(out[s].data(), *packs[s]);
+      alignas(32) std::array<std::array<float, kLanes>, kSums> out;
+      for (std::size_t s = 0; s < kSums; ++s) _mm256_store_ps(out[s].data(), sums.sum[s]);
       for (std::size_t i = 0; i < count; ++i) {
-        std::array<double, 9> sum;
-        for (std::size_t s = 0; s < 9; ++s) sum[s] = static_cast<double>(out[s][i]);
-        value[at + i] = solve(sum);
+        std::array<double, kSums> sum;
+        for (std::size_t s = 0; s < kSums; ++s) sum[s] = static_cast<double>(out[s][i]);
+        value[at + i] = fit(sum);
       }
     }
   }
