@@ -5,6 +5,7 @@
 #include <limits>
 #include <numeric>
 
+#include "kernels/box_mask.h"
 #include "kernels/overlay_proof.h"
 
 namespace tessera {
@@ -17,44 +18,14 @@ constexpr std::size_t kGrid = 32;        // cells an axis of the box in which fa
 
 using Face = std::array<std::uint32_t, 3>;
 
-/// Cells of a box, to pick what comes near some faces.
-class CellMask {
- public:
-  explicit CellMask(const SurfaceFaces& s) {
-    low_.fill(std::numeric_limits<double>::infinity());
-    Double3 high;
-    high.fill(-std::numeric_limits<double>::infinity());
-    for (const Double3& p : s.position)
-      for (std::size_t k = 0; k < 3; ++k)
-        low_[k] = std::min(low_[k], p[k]), high[k] = std::max(high[k], p[k]);
-    for (std::size_t k = 0; k < 3; ++k) per_cell_[k] = high[k] > low_[k] ? kGrid / (high[k] - low_[k]) : 0.0;
-  }
-  void mark(const Box3& box) {
-    visit(box, [&](std::size_t i) { return set_[i] = true, false; });
-  }
-  bool meets(const Box3& box) const {
-    return visit(box, [&](std::size_t i) { return bool{set_[i]}; });
-  }
-
- private:
-  template <class Use>
-  bool visit(const Box3& box, const Use& use) const {
-    std::size_t from[3], to[3];
-    for (std::size_t k = 0; k < 3; ++k) {
-      const auto cell = [&](double x) {
-        return static_cast<std::size_t>(std::clamp((x - low_[k]) * per_cell_[k], 0.0, kGrid - 0.5));
-      };
-      from[k] = cell(box.low[k]), to[k] = cell(box.high[k]);
-    }
-    for (std::size_t z = from[2]; z <= to[2]; ++z)
-      for (std::size_t y = from[1]; y <= to[1]; ++y)
-        for (std::size_t x = from[0]; x <= to[0]; ++x)
-          if (use((z * kGrid + y) * kGrid + x)) return true;
-    return false;
-  }
-  Double3 low_{}, per_cell_{};
-  std::vector<bool> set_ = std::vector<bool>(kGrid * kGrid * kGrid);
-};
+BoxMask mask_over(const SurfaceFaces& s) {
+  Double3 low, high;
+  low.fill(std::numeric_limits<double>::infinity());
+  high.fill(-std::numeric_limits<double>::infinity());
+  for (const Double3& p : s.position)
+    for (std::size_t k = 0; k < 3; ++k) low[k] = std::min(low[k], p[k]), high[k] = std::max(high[k], p[k]);
+  return BoxMask(low, high, kGrid);
+}
 
 Box3 box_of(const SurfaceFaces& s, const Face& f) {
   Box3 box{s.position[f[0]], s.position[f[0]]};
@@ -130,7 +101,7 @@ class Finisher {
   DeviationReport search(const std::vector<std::uint32_t>& list) {
     std::vector<Face> faces;
     for (const std::uint32_t i : list) faces.push_back(surface_.faces[i]);
-    CellMask mask(other_);
+    BoxMask mask = mask_over(other_);
     for (const Face& f : faces) {
       Box3 box = box_of(surface_, f);
       for (std::size_t k = 0; k < 3; ++k) {
@@ -141,11 +112,13 @@ class Finisher {
         box.low[k] -= options_.reach * (1.0 + 0x1p-20);
         box.high[k] += options_.reach * (1.0 + 0x1p-20);
       }
-      mask.mark(box);
+      mask.mark(box.low, box.high);
     }
     std::vector<Face> near;
-    for (const Face& f : other_.faces)
-      if (mask.meets(box_of(other_, f))) near.push_back(f);
+    for (const Face& f : other_.faces) {
+      const Box3 box = box_of(other_, f);
+      if (mask.meets(box.low, box.high)) near.push_back(f);
+    }
     std::vector<float> bound;
     const DeviationReport report = certify_deviation(
         {surface_.position, faces}, core_, ClosestFaces(other_.position, near, origin_), options_, &bound);

@@ -76,6 +76,7 @@ void CollapseMesh::fill_faces(const MeshBlock& block, const std::vector<std::uin
     CollapseFace& face = faces_[begin[lowest(t)]++];
     const unsigned flags = block.face_flags[f];
     face.state = flags & kFaceSynthetic ? unsigned{kStateSynthetic} : 0u;
+    if (flags & kFaceSettled) face.state |= kStateSettled;
     // The lowest vertex first, so that the order of the input leaves no trace.
     const std::size_t first =
         place[t[0]] < place[t[1]] ? (place[t[0]] < place[t[2]] ? 0 : 2) : (place[t[1]] < place[t[2]] ? 1 : 2);

@@ -31,12 +31,16 @@ constexpr std::uint32_t prev_corner(std::uint32_t c) {
   return (c & 3u) == 0u ? c + 2 : c - 1;
 }
 
+/// Bit of MeshBlock::face_flags: decimation found nothing to do at the corners of the face, with complete stars.
+inline constexpr std::uint8_t kFaceSettled = 16;
+
 /// Bits of CollapseFace::state. Border and crease are per edge: shifted by the corner opposite the edge.
 enum FaceState : std::uint32_t {
   kStateBorder = 1,  ///< << 0, 1, 2
   kStateCrease = 8,  ///< << 0, 1, 2
   kStateSynthetic = 64,
   kStateDead = 128,
+  kStateSettled = 256,  ///< kFaceSettled
 };
 
 /// Bits of CollapseMesh::state.
@@ -114,6 +118,9 @@ class CollapseMesh {
   // The edge opposite a corner.
   bool border_edge(std::uint32_t c) const { return (faces_[c >> 2].state & (kStateBorder << (c & 3u))) != 0; }
   bool crease_edge(std::uint32_t c) const { return (faces_[c >> 2].state & (kStateCrease << (c & 3u))) != 0; }
+  bool settled(std::size_t f) const { return (faces_[f].state & kStateSettled) != 0; }
+  void settle(std::size_t f) { faces_[f].state |= kStateSettled; }
+  void unsettle(std::size_t f) { faces_[f].state &= ~unsigned{kStateSettled}; }
   void mark_crease(std::uint32_t c) { faces_[c >> 2].state |= kStateCrease << (c & 3u); }
 
   /// Removes the centre of the star: every f_i that has not w_at becomes (w_at, w_i, w_i+1).

@@ -99,6 +99,7 @@ void write_back(const CollapseMesh& mesh, MeshBlock& b) {
   for (const CollapseFace& f : mesh.faces()) {
     if (f.state & kStateDead) continue;
     unsigned flags = f.state & kStateSynthetic ? unsigned{kFaceSynthetic} : 0u;
+    if (f.state & kStateSettled) flags |= kFaceSettled;
     if (f.state & kStateBorder << 0) flags |= kFaceBorder12;
     if (f.state & kStateBorder << 1) flags |= kFaceBorder20;
     if (f.state & kStateBorder << 2) flags |= kFaceBorder01;

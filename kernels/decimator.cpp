@@ -94,7 +94,10 @@ Decimator::Refusal Decimator::check(std::uint32_t u, const Star& star, std::size
 
 void Decimator::commit(std::uint32_t u, const Star& star, std::size_t at_ring, std::uint32_t now) {
   const std::uint32_t v = star.ring[at_ring];
-  for (std::size_t i = 0; i < star.faces; ++i) mesh_.face(star.corner[i] >> 2).bound = new_bound_;
+  for (std::size_t i = 0; i < star.faces; ++i) {
+    mesh_.face(star.corner[i] >> 2).bound = new_bound_;
+    mesh_.unsettle(star.corner[i] >> 2);
+  }
   // What an ear stood for now hangs on the edge that it leaves.
   if (!star.closed && star.faces == 1) {
     CollapseFace& outer = mesh_.face(mesh_.opposite(star.corner[0]) >> 2);
@@ -120,7 +123,18 @@ void Decimator::seed_queue() {
   for (std::uint32_t u = 0; u < mesh_.vertices(); ++u) {
     if (mesh_.state(u) & kVertexKept) continue;
     if (!mesh_.gather(u, star)) continue;
+    bool settled = true;
+    for (std::size_t i = 0; i < star.faces; ++i) settled = settled && mesh_.settled(star.corner[i] >> 2);
+    if (settled) continue;
     if (list_candidates(u, star, list) > 0) queue_.push(u, cost_class(list[0].cost, kCostClasses));
+  }
+}
+
+/// All that is left has been tried; at locked corners another block may do more.
+void Decimator::settle_faces() {
+  for (std::uint32_t f = 0; f < mesh_.faces().size(); ++f) {
+    const std::uint32_t* v = mesh_.face(f).vertex;
+    if (((mesh_.state(v[0]) | mesh_.state(v[1]) | mesh_.state(v[2])) & kVertexLocked) == 0) mesh_.settle(f);
   }
 }
 
@@ -160,6 +174,7 @@ void Decimator::run(DecimateReport& report) {
       report.by_tolerance += refusal == Refusal::kTolerance;
     }
   }
+  if (report.stop == DecimateStop::kNoLegalCollapse) settle_faces();
   report.exact_tests = exact_tests_;
   report.exact_accepted = exact_accepted_;
   report.reference_faces_walked = reference_gap_.walked();

@@ -67,6 +67,7 @@ class Decimator {
 
   void accumulate_quadrics();
   void seed_queue();
+  void settle_faces();
   std::size_t list_candidates(std::uint32_t u, const Star& star, std::array<Candidate, kMaxRing + 1>& list);
   void update_error(std::uint32_t v);
   double cost(std::uint32_t u, const Quadric& q, const Star& star, std::size_t at);

@@ -14,6 +14,7 @@
 #include "stream/durable_file.h"
 #include "stream/failed_places.h"
 #include "stream/stages/import_stages.h"
+#include "stream/stages/unsettled_region.h"
 #include "stream/task_files.h"
 
 namespace tessera {
@@ -116,12 +117,21 @@ class SimplifyStage : public Stage {
         continue;
       }
       MeshBlock block = in_.load(cut.patches);
-      // In the first pass a block is the reference of its inside: its locked seams bound every collapse.
-      MeshBlock reference;
-      if (kernel_.tolerance > 0.0 && pass_.pass > 0) reference = reference_.load_box(reference_box(cut));
-      const std::vector<std::uint64_t> held = failed_.keys_near(block);
+      std::vector<std::uint64_t> held = failed_.keys_near(block);
       DecimateOptions kernel = kernel_;
       if (!held.empty()) kernel.tolerance *= careful_;
+      // In the first pass a block is the reference of its inside: its locked seams bound every collapse. Later
+      // passes look where the one before had none.
+      MeshBlock reference;
+      if (kernel_.tolerance > 0.0 && pass_.pass > 0) {
+        UnsettledRegion region = find_unsettled(block);
+        if (!region.empty())
+          reference = load_near_faces(reference_, block, region.near, 2.0 * kernel_.tolerance);
+        std::vector<std::uint64_t> all;
+        std::set_union(held.begin(), held.end(), region.settled_keys.begin(), region.settled_keys.end(),
+                       std::back_inserter(all));
+        held.swap(all);
+      }
       const DecimateReport report = decimate(block, pass_.pass == 0 ? block : reference, kernel, held);
       for (std::size_t c = 0; c < kCostClasses; ++c) costs[c] += report.cost_histogram[c];
       add(sum, to_json(report));
