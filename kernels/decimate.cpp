@@ -147,6 +147,7 @@ DecimateReport decimate(MeshBlock& block, const MeshBlock& reference, const Deci
   {
     std::optional<CollapseMesh> apart;
     std::vector<std::uint32_t> reference_vertex(mesh.vertices());
+    std::vector<std::uint8_t> sharp;
     const bool itself = &reference == &block;
     if (itself) {
       std::iota(reference_vertex.begin(), reference_vertex.end(), 0u);
@@ -157,11 +158,13 @@ DecimateReport decimate(MeshBlock& block, const MeshBlock& reference, const Deci
       apart.emplace(reference, origin);
       std::vector<std::uint32_t> same(apart->vertices());
       std::iota(same.begin(), same.end(), 0u);
-      mark_features(*apart, reference, *apart, same, options.feature_angle_deg);
+      sharp = sharp_vertices(*apart, options.feature_angle_deg);
+      mark_features(*apart, reference, sharp, same, options.feature_angle_deg);
       reference_vertex = same_vertices(mesh, block, *apart, reference);
     }
     const CollapseMesh& original = apart ? *apart : mesh;
-    mark_features(mesh, block, original, reference_vertex, options.feature_angle_deg);
+    if (!apart) sharp = sharp_vertices(mesh, options.feature_angle_deg);
+    mark_features(mesh, block, sharp, reference_vertex, options.feature_angle_deg);
     for (std::uint32_t v = 0; v < mesh.vertices() && !held.empty(); ++v)
       if (std::binary_search(held.begin(), held.end(), block.key[mesh.block_vertex(v)]))
         mesh.add_state(v, kVertexLocked);

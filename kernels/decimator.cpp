@@ -18,7 +18,10 @@ Decimator::Decimator(CollapseMesh& mesh, const CollapseMesh& reference,
       mark_(mesh.vertices(), 0),
       queue_(mesh.vertices()),
       reference_vertex_(std::move(reference_vertex)) {
-  if (options.tolerance > 0.0) reference_gap_ = ReferenceGap(reference);
+  if (options.tolerance > 0.0) {
+    reference_gap_ = ReferenceGap(reference);
+    witness_.resize(mesh.vertices(), kNoCorner);
+  }
   if (options.priority == DecimatePriority::kNormalDeviation) normal_sum_.resize(mesh.vertices());
   if (options.max_normal_turn_deg > 0.0)
     least_cosine_ = synth::sin_cos(options.max_normal_turn_deg * (synth::kPi / 180.0)).cos;

@@ -110,6 +110,7 @@ class Decimator {
   double least_cosine_ = -1.0;
   ReferenceGap reference_gap_;
   std::vector<std::uint32_t> reference_vertex_;
+  std::vector<std::uint32_t> witness_;  ///< per vertex: reference vertex that last refused its removal
   std::uint64_t exact_tests_ = 0, exact_accepted_ = 0;
   float new_bound_ = 0.0f;  ///< of the candidate that check() just accepted
 };

@@ -125,12 +125,14 @@ Decimator::Refusal Decimator::check_gap(std::uint32_t u, const Star& star, std::
     query.limit = options_.tolerance;
     query.least_cosine = least_cosine_;
     query.cross_creases = !on_line;
+    query.witness = witness_[u];
     double side = 0.0;
     ReferenceGap::Answer answer = reference_gap_.measure(loops_[s], query, side);
     if (answer == ReferenceGap::Answer::kFolded && query.cross_creases && loops_[s].ends != 0) {
       query.cross_creases = false;  // over an edge that is too sharp
       answer = reference_gap_.measure(loops_[s], query, side);
     }
+    if (reference_gap_.failed_at() != kNoCorner) witness_[u] = reference_gap_.failed_at();
     if (answer == ReferenceGap::Answer::kTurned) return Refusal::kNormal;
     if (answer != ReferenceGap::Answer::kWithin) return Refusal::kTolerance;
     exact = std::fmax(exact, side);

@@ -39,9 +39,11 @@ void for_each_edge(const CollapseMesh& mesh, const std::vector<Vec3>& normal, co
   }
 }
 
-/// Per vertex whether a sharp edge ends there: one that turns by more than the limit and, unless it turns by more than
-/// 60 degrees too, goes on at both ends with at most 45 degrees of bend. Noise is sharp too, but does not go on.
-std::vector<std::uint8_t> sharp_vertices(const CollapseMesh& mesh, double limit) {
+}  // namespace
+
+std::vector<std::uint8_t> sharp_vertices(const CollapseMesh& mesh, double feature_angle_deg) {
+  if (!(feature_angle_deg > 0.0)) return {};
+  const double limit = cosine_of_degrees(feature_angle_deg);
   struct Sharp {
     std::uint32_t from, to;
     bool strong;
@@ -73,9 +75,7 @@ std::vector<std::uint8_t> sharp_vertices(const CollapseMesh& mesh, double limit)
   return sharp;
 }
 
-}  // namespace
-
-void mark_features(CollapseMesh& mesh, const MeshBlock& block, const CollapseMesh& reference,
+void mark_features(CollapseMesh& mesh, const MeshBlock& block, const std::vector<std::uint8_t>& sharp,
                    const std::vector<std::uint32_t>& reference_vertex, double feature_angle_deg) {
   const std::size_t n = mesh.vertices();
   std::vector<std::uint8_t> feature(n, 0);
@@ -83,12 +83,8 @@ void mark_features(CollapseMesh& mesh, const MeshBlock& block, const CollapseMes
   const auto class_of = [&](std::uint32_t v) { return block.vertex_class[mesh.block_vertex(v)]; };
   for (std::uint32_t v = 0; v < n; ++v)
     if (class_of(v) == VertexClass::kCrease || class_of(v) == VertexClass::kCorner) feature[v] = any = true;
-  if (feature_angle_deg > 0.0) {
-    const double limit = cosine_of_degrees(feature_angle_deg);
-    const std::vector<std::uint8_t> turns = sharp_vertices(reference, limit);
-    for (std::uint32_t v = 0; v < n; ++v)
-      if (reference_vertex[v] != kNoCorner && turns[reference_vertex[v]]) feature[v] = any = true;
-  }
+  for (std::uint32_t v = 0; v < n && !sharp.empty(); ++v)
+    if (reference_vertex[v] != kNoCorner && sharp[reference_vertex[v]]) feature[v] = any = true;
   bool synthetic = false;
   for (const CollapseFace& f : mesh.faces()) synthetic |= (f.state & kStateSynthetic) != 0;
   if (!any && !synthetic) return;

@@ -415,6 +415,18 @@ ReferenceGap::Answer ReferenceGap::measure(const RimLoop& loop, const Query& que
   const unsigned walls = query.cross_creases ? unsigned{kStateBorder} : kStateBorder | kStateCrease;
   points_.clear();
   stack_.clear();
+  failed_at_ = kNoCorner;
+  if (query.witness != kNoCorner && lines_ == 0) {
+    // What was too far from one star is often too far from the next: it costs one vertex to know.
+    std::uint32_t slot;
+    stamp_ += 2;
+    if (!place(query.witness, slot)) {
+      failed_at_ = query.witness;
+      return Answer::kBeyond;
+    }
+    gap_ = 0.0f;
+    points_.clear();
+  }
   // Stamps: even on the stack, odd done.
   stamp_ += 2;
   if (!seed_faces(query.seed, query.flat_edge)) return Answer::kBeyond;
@@ -429,7 +441,10 @@ ReferenceGap::Answer ReferenceGap::measure(const RimLoop& loop, const Query& que
     ++walked_;
     std::array<std::uint32_t, 3> slot;
     for (std::size_t i = 0; i < 3; ++i)
-      if (!place(f.vertex[i], slot[i])) return Answer::kBeyond;
+      if (!place(f.vertex[i], slot[i])) {
+        failed_at_ = f.vertex[i];
+        return Answer::kBeyond;
+      }
     const Point* const p[3] = {&points_[slot[0]], &points_[slot[1]], &points_[slot[2]]};
     const float ax = p[1]->x - p[0]->x, ay = p[1]->y - p[0]->y, bx = p[2]->x - p[0]->x,
                 by = p[2]->y - p[0]->y;

@@ -39,6 +39,7 @@ class ReferenceGap {
     bool free_corners = false;            ///< corners of the star need not lie on the reference
     /// Give up where a new face turns more against a reference triangle over it that is at least limit / 16 high.
     double least_cosine = -1.0;
+    std::uint32_t witness = kNoCorner;  ///< reference vertex to look at first, as failed_at() named it
   };
   enum class Answer : std::uint8_t { kWithin, kBeyond, kFolded, kTurned };
 
@@ -47,6 +48,9 @@ class ReferenceGap {
   /// \param[out] gap  every point of the new star and of the reference below it lies within it of the other
   /// \return kBeyond where the gap exceeds the limit, kFolded where the reference is no graph over the polygon
   Answer measure(const RimLoop& loop, const Query& query, double& gap);
+
+  /// The reference vertex at which the last measure() gave up, kNoCorner where it was at none.
+  std::uint32_t failed_at() const { return failed_at_; }
 
   /// Follows the line of the reference that runs through u both ways to v and to q, where two lines end or meet too.
   /// \param[out] gap  every point of the line and of the straight edge from v to q lies within it of the other
@@ -95,6 +99,7 @@ class ReferenceGap {
   std::vector<Point> points_;
   std::vector<std::uint32_t> stack_, fan_;
   std::uint32_t stamp_ = 0;
+  std::uint32_t failed_at_ = kNoCorner;
   std::uint64_t walked_ = 0;
 
   // The polygon at hand: at[j], the edge from there to the next, the plane of the face (0, j, j + 1).

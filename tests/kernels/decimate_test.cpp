@@ -15,6 +15,7 @@
 #include <set>
 
 #include "kernels/closest_face.h"
+#include "kernels/collapse_mesh.h"
 #include "kernels/portable_math.h"
 #include "octree/error.h"
 #include "tests/helpers/block_meshes.h"
