@@ -23,7 +23,7 @@ constexpr std::uint64_t kLooks = 1u << 20;    ///< pairs, there and back, aimed 
 constexpr std::uint64_t kPerGroup = 1024;     ///< small groups look more often
 constexpr std::uint64_t kMost = 32;           ///< of one surfel
 constexpr std::size_t kAskedSensors = 8;      ///< the nearest
-constexpr double kBelow = 0.25;  ///< weight of open sight downwards: nobody scans the earth from below
+constexpr double kBelow = 0.1;  ///< weight of open sight downwards: nobody scans the earth from below
 // Scenes. Figures on simulated and real scans: README, "Orientation".
 constexpr double kShut = 0.1;  ///< share of looks into the open below which a side is shut in
 constexpr double kRoom =
@@ -32,10 +32,10 @@ constexpr double kShell = 0.2;  ///< share of surfels with one side shut in from
 // Length, in mean lengths of sight, that sight of the open counts as.
 constexpr double kOpenInRoom = 0.3;
 constexpr double kOpenOnLand = 1.2;
-constexpr double kLeastOpen = 16.0;  ///< and at least so many cells
+constexpr double kLeastOpen = 96.0;  ///< and at least so many cells on land: roofs see the ground below
 constexpr double kRoomSides = 0.25;  ///< weight of sides against `scale` in a room; there pairs do not vote,
-constexpr double kSides = 0.1;       ///< for the backs of furniture see each other's fronts; elsewhere
-constexpr double kPairs = 0.25;      ///< weight of pairs
+constexpr double kSides = 0.25;      ///< for the backs of furniture see each other's fronts; elsewhere
+constexpr double kPairs = 0.1;       ///< weight of pairs
 
 constexpr std::uint64_t kEmpty = std::numeric_limits<std::uint64_t>::max();
 constexpr std::uint64_t kRegion = std::uint64_t{1} << 63;
@@ -347,7 +347,7 @@ class Looker {
       std::array<double, 2> worth{};
       for (std::size_t side = 0; side < 2; ++side) {
         const Views& v = views_[g];
-        const double as = std::max(kLeastOpen, (room ? kOpenInRoom : kOpenOnLand) * mean);
+        const double as = room ? kOpenInRoom * mean : std::max(kLeastOpen, kOpenOnLand * mean);
         worth[side] = object ? v.bright[side] : v.deep[side] + as * v.bright[side];
       }
       const double sum = worth[0] + worth[1];

@@ -50,6 +50,18 @@ TEST_CASE("orient: simulated scans without normals show the right side", "[pipel
   CHECK(entry.at("agreement").at("fraction").get<double>() > 0.998);
 }
 
+TEST_CASE("orient: a furnished room shows inwards, with no viewpoint given", "[pipeline]") {
+  const TempFolder folder;
+  const auto out = folder.path() / "mesh.ply";
+  const CommandResult r = reconstruct(scan(folder, "indoor", "terrestrial", "300000"), out, {});
+  INFO(r.errors);
+  REQUIRE(r.code == 0);
+  const nlohmann::json entry = orient_entry(out);
+  INFO(entry.dump());
+  CHECK(entry.at("enclosed_fraction").get<double>() > 0.02);
+  CHECK(entry.at("agreement").at("fraction").get<double>() > 0.98);
+}
+
 TEST_CASE("orient: same bytes whatever tiles, threads and cap", "[property]") {
   const TempFolder folder;
   const auto in = scan(folder, "indoor", "terrestrial", "120000");
