@@ -27,7 +27,7 @@ constexpr double kBelow = 0.1;  ///< weight of open sight downwards: nobody scan
 // Scenes. Figures on simulated and real scans: README, "Orientation".
 constexpr double kShut = 0.1;  ///< share of looks into the open below which a side is shut in
 constexpr double kRoom =
-    0.02;  ///< share of enclosed surfels from which the job is a room; objects have 0.004
+    0.01;  ///< share of enclosed surfels from which the job is a room; objects have 0.004
 constexpr double kShell = 0.2;  ///< share of surfels with one side shut in from which it is an object
 // Length, in mean lengths of sight, that sight of the open counts as.
 constexpr double kOpenInRoom = 0.3;

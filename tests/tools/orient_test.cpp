@@ -58,7 +58,7 @@ TEST_CASE("orient: a furnished room shows inwards, with no viewpoint given", "[p
   REQUIRE(r.code == 0);
   const nlohmann::json entry = orient_entry(out);
   INFO(entry.dump());
-  CHECK(entry.at("enclosed_fraction").get<double>() > 0.02);
+  CHECK(entry.at("enclosed_fraction").get<double>() > 0.01);
   CHECK(entry.at("agreement").at("fraction").get<double>() > 0.98);
 }
 
