@@ -53,13 +53,13 @@ void paste(const std::array<std::uint64_t, 8>& words, int di, int dj, int dk, Bo
   }
 }
 
-/// Local nodes of a leaf that lie within [-1, cells] of the block.
+/// Local nodes of a leaf that lie within [-1, cells + 1] of the block.
 std::array<std::uint64_t, 8> nodes_in_block(const Int3& leaf, const Int3& cells) {
   const auto axis_bits = [&](std::size_t axis) {
     std::uint32_t bits = 0;
     for (int v = 0; v < kLeafCells; ++v) {
       const int node = leaf[axis] * kLeafCells + v;
-      if (node >= -1 && node <= cells[axis]) bits |= 1u << v;
+      if (node >= -1 && node <= cells[axis] + 1) bits |= 1u << v;
     }
     return bits;
   };

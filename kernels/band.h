@@ -24,7 +24,7 @@ struct BandNodes {
   std::array<std::uint64_t, 8> nodes{};  ///< bit x + 8 y of word z
 };
 
-/// Nodes of the band within [-1, cells] of the block, by leaf in table order; leaves without any are left
+/// Nodes of the band within [-1, cells + 1] of the block, by leaf in table order; leaves without any are left
 /// out.
 std::vector<BandNodes> choose_band(const PointLeaves& leaves);
 

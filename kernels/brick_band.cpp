@@ -27,11 +27,13 @@ std::uint64_t from_last_y(std::uint64_t word, std::uint64_t last) {
   return word << 8 | last >> 56;
 }
 
-/// Cells of the brick and its halo: those with the last coordinate only in leaf -1, none in leaf 8.
+constexpr std::uint64_t kAll = ~std::uint64_t{0};
+
+/// Cells of the brick and its halo: those with the last coordinate only in leaf -1, with the first in leaf 8.
 std::uint64_t cell_window(const Int3& at, std::size_t z) {
-  if (at[0] > 7 || at[1] > 7 || at[2] > 7) return 0;
-  if (at[2] < 0 && z != 7) return 0;
-  return (at[0] < 0 ? kLastColumn : ~std::uint64_t{0}) & (at[1] < 0 ? kLastRow : ~std::uint64_t{0});
+  if ((at[2] < 0 && z != 7) || (at[2] >= kBrickLeaves && z != 0)) return 0;
+  return (at[0] < 0 ? kLastColumn : at[0] >= kBrickLeaves ? kFirstColumn : kAll) &
+         (at[1] < 0 ? kLastRow : at[1] >= kBrickLeaves ? kFirstRow : kAll);
 }
 
 }  // namespace
@@ -74,7 +76,9 @@ BrickBand::CornerWords BrickBand::corner_words(const LeafMasks& m, LeafWords Ban
   static const LeafWords kEmpty{};
   std::array<std::array<const LeafWords*, 4>, 2> n;  // [+z][+x + 2 (+y)]
   for (int d = 0; d < 8; ++d) {
-    const LeafMasks* other = at(m.at[0] + (d & 1), m.at[1] + (d >> 1 & 1), m.at[2] + (d >> 2));
+    const Int3 leaf = {m.at[0] + (d & 1), m.at[1] + (d >> 1 & 1), m.at[2] + (d >> 2)};
+    const bool known = leaf[0] <= kBrickLeaves && leaf[1] <= kBrickLeaves && leaf[2] <= kBrickLeaves;
+    const LeafMasks* other = known ? at(leaf[0], leaf[1], leaf[2]) : nullptr;
     n[static_cast<std::size_t>(d >> 2)][static_cast<std::size_t>(d & 3)] =
         other ? &(other->leaf->*words) : &kEmpty;
   }
@@ -90,11 +94,9 @@ BrickBand::CornerWords BrickBand::corner_words(const LeafMasks& m, LeafWords Ban
 }
 
 void BrickBand::mark_cells(LeafMasks& m, bool with_halo) {
-  int below = 0;
-  for (int c : m.at) below += c < 0;
-  const bool wants_active = below == 0 || (below == 1 && with_halo);
-  for (int c : m.at)
-    if (c >= kBrickLeaves) return;  // no cells
+  int below = 0, above = 0;
+  for (int c : m.at) below += c < 0, above += c >= kBrickLeaves;
+  const bool wants_active = above == 0 && (below == 0 || (below == 1 && with_halo));
   const auto valid = corner_words(m, &BandLeaf::valid);
   const auto inside = corner_words(m, &BandLeaf::inside);
   std::array<std::uint64_t, 9> all_valid, all_inside, any_inside;
@@ -136,16 +138,34 @@ void BrickBand::mark_edges(LeafMasks& m) const {
     const auto& down = v[z];
     const auto mark = [&](std::size_t axis, std::uint64_t a, std::uint64_t b, std::uint64_t c,
                           std::uint64_t d) {
-      const std::uint64_t e = m.leaf->crossing[axis][z] & (a | b | c | d);
+      const std::uint64_t e = m.leaf->crossing[axis][z] & (a | b | c | d) & cell_window(m.at, z);
       m.edges[axis][z] = e;
       m.split[axis][z] = e & ((a & d & ~b & ~c) | (b & c & ~a & ~d));
       m.border[axis][z] = e & ~(a & b & c & d);
-      m.name_a[axis][z] = e & (a | b);
     };
     mark(0, down[2], down[0], here[2], here[0]);  // u = y, v = z
     mark(1, down[1], here[1], down[0], here[0]);  // u = z, v = x
     mark(2, here[3], here[2], here[1], here[0]);  // u = x, v = y
   }
+}
+
+LeafWords BrickBand::rim_cells(const LeafMasks& m) const {
+  static const LeafWords kEmpty{};
+  const auto cells = [&](int i, int j, int k) -> const LeafWords& {
+    const LeafMasks* other = at(m.at[0] + i, m.at[1] + j, m.at[2] + k);
+    return other ? other->cells : kEmpty;
+  };
+  const LeafWords &left = cells(-1, 0, 0), &right = cells(1, 0, 0), &front = cells(0, -1, 0), &back = cells(0, 1, 0),
+                  &down = cells(0, 0, -1), &up = cells(0, 0, 1);
+  LeafWords rim;
+  for (std::size_t z = 0; z < 8; ++z) {
+    const std::uint64_t here = m.cells[z];
+    const std::uint64_t around = from_last_x(here, left[z]) & from_next_x(here, right[z]) &
+                                 from_last_y(here, front[z]) & from_next_y(here, back[z]) &
+                                 (z > 0 ? m.cells[z - 1] : down[7]) & (z < 7 ? m.cells[z + 1] : up[0]);
+    rim[z] = here & ~around;
+  }
+  return rim;
 }
 
 void BrickBand::number(LeafMasks& m) {
@@ -163,7 +183,6 @@ void BrickBand::number(LeafMasks& m) {
   }
   for (std::size_t axis = 0; axis < 3; ++axis) {
     for (std::size_t z = 0; z < 8; ++z) {
-      assert(own || m.split[axis][z] == 0);
       m.first_split[axis][z] = next;
       next += static_cast<std::uint32_t>(std::popcount(m.split[axis][z]));
     }

@@ -2,7 +2,7 @@
 /// The part of a band that decides the mesh of one brick, as bit masks leaf by leaf: which cells take part,
 /// which of them the surface crosses, and the numbers of the vertices on their edges.
 ///
-/// Leaves run over [-1, 8] on each axis, relative to the brick. Cells of leaf -1 are the halo (their cells
+/// Leaves run over [-1, 8] on each axis, relative to the brick. Cells of leaves -1 and 8 are the halo (their cells
 /// next to the brick only), nodes of leaf 8 lie on the max faces: their edge points belong to other bricks.
 ///
 /// Four cells meet in a lattice edge along axis a (u = a+1, v = a+2 mod 3), by their sides of it:
@@ -11,12 +11,11 @@
 ///      |  C | D       A (u-, v-)  B (u+, v-)  C (u-, v+)  D (u+, v+)
 ///      |  --+--       the node is the min corner of D, so D's brick owns the edge point
 ///      |  A | B
-///      +------- u     cells A and B name the point `type a`, C and D `type a+3`, or `type a` if linked to A
-///      or B
+///      +------- u
 ///
-/// Only in two cases do valid cells fail to form one fan: {A, D} and {B, C}. The point is then two vertices;
-/// in all others the two names mean one vertex. A brick that sees A and C only, or A and B only, can thus
-/// name what the owner will export, without seeing more.
+/// Only in two cases do valid cells fail to form one fan: {A, D} and {B, C}. The point is then two vertices:
+/// `type a` in cells A and B, `type a+3` in C and D. Otherwise it is `type a`. Every brick that names the point sees
+/// all four cells, so all use the same name.
 #pragma once
 #include <array>
 #include <bit>
@@ -42,7 +41,6 @@ struct LeafMasks {
   std::array<LeafWords, 3> edges{};   ///< crossed edges of valid cells
   std::array<LeafWords, 3> split{};   ///< of these: two vertices
   std::array<LeafWords, 3> border{};  ///< of these: not all four cells are valid
-  std::array<LeafWords, 3> name_a{};  ///< of these: cell A or B is valid, so `type a` names a vertex
   std::array<std::array<std::uint32_t, 8>, 3> first_vertex{};
   std::array<std::array<std::uint32_t, 8>, 3> first_split{};
   bool own() const {
@@ -76,6 +74,14 @@ class BrickBand {
   /// in 0..8.
   using CornerWords = std::array<std::array<std::uint64_t, 4>, 9>;
   CornerWords corner_words(const LeafMasks& m, LeafWords BandLeaf::*words) const;
+
+  /// Cells of the brick of which some neighbour across a face takes no part.
+  LeafWords rim_cells(const LeafMasks& m) const;
+  /// Whether a cell of brick or halo takes part, each coordinate within [-1, 64].
+  bool takes_part(const Int3& cell) const {
+    const LeafMasks* m = at(cell[0] >> kLeafBits, cell[1] >> kLeafBits, cell[2] >> kLeafBits);
+    return m && (m->cells[static_cast<std::size_t>(cell[2] & 7)] >> ((cell[0] & 7) + 8 * (cell[1] & 7)) & 1);
+  }
 
   std::uint32_t own_edge_vertices() const { return own_vertices_; }
   std::uint32_t foreign_edge_vertices() const { return foreign_vertices_; }

@@ -30,6 +30,12 @@ constexpr std::array<Float3, kCellEdges> make_edge_bases() {
 }
 constexpr std::array<Float3, kCellEdges> kEdgeBase = make_edge_bases();
 
+/// Coordinates of a node or cell relative to the brick that owns it: there sums round as they do for the owner.
+Float3 in_owner(const Int3& at) {
+  return {static_cast<float>(at[0] & (kBrickCells - 1)), static_cast<float>(at[1] & (kBrickCells - 1)),
+          static_cast<float>(at[2] & (kBrickCells - 1))};
+}
+
 bool inside_brick(const Int3& cell) {
   for (int c : cell)
     if (c < 0 || c >= kBrickCells) return false;
@@ -41,6 +47,7 @@ bool inside_brick(const Int3& cell) {
 BrickExtractor::BrickExtractor(const DirectedField& field, const ExtractOptions& options)
     : field_(field),
       method_(options.method),
+      names_(options.names),
       thresholds_(feature_thresholds(options.feature_angle_deg, options.corner_angle_deg)) {}
 
 VertexKey BrickExtractor::key(const Int3& at, int type) const {
@@ -83,6 +90,7 @@ Patch BrickExtractor::extract(const Int3& brick, ExtractReport& report) {
     if (m.any_active) trace_leaf(m);
   if (extended) emit_feature_segments();
   if (!patch_.synthetic.empty()) patch_.synthetic.resize(patch_.faces.size(), 0);
+  if (!patch_.border.empty()) patch_.border.resize(patch_.faces.size(), 0);
   settle_foreign();
   std::sort(patch_.exported.begin(), patch_.exported.end());
   if ((any_alpha_ >> 24) == 0) patch_.rgba.clear();
@@ -97,6 +105,12 @@ void BrickExtractor::emit_edge_vertices() {
   patch_.rgba.resize(own);
   patch_.vertex_class.resize(own);
   foreign_key_.resize(band_.foreign_edge_vertices());
+  if (names_) {
+    patch_.name.resize(own);
+    foreign_position_.resize(foreign_key_.size());
+    foreign_rgba_.resize(foreign_key_.size());
+    foreign_class_.resize(foreign_key_.size());
+  }
   for (const LeafMasks& m : band_.leaves()) {
     const bool is_own = m.own();
     for (std::size_t axis = 0; axis < 3; ++axis) {
@@ -110,30 +124,40 @@ void BrickExtractor::emit_edge_vertices() {
           const int b = std::countr_zero(left);
           const Int3 node = {m.at[0] * 8 + (b & 7), m.at[1] * 8 + (b >> 3),
                              m.at[2] * 8 + static_cast<int>(z)};
-          const bool name_a = (m.name_a[axis][z] & bit) != 0;
+          const bool is_split = (m.split[axis][z] & bit) != 0;
+          const std::uint32_t second = is_split ? split++ : vertex;
           if (!is_own) {
-            foreign_key_[vertex] = key(node, name_a ? type : type + 3);
-            continue;
+            foreign_key_[second] = key(node, type + 3);
+            foreign_key_[vertex] = key(node, type);
+            if (!names_) continue;
           }
           const std::uint64_t below = m.leaf->crossing[axis][z] & (bit - 1);
           const EdgeRoot& root =
               field_.roots[m.leaf->first_root[axis][z] + static_cast<std::uint32_t>(std::popcount(below))];
-          Float3 p = {static_cast<float>(node[0]), static_cast<float>(node[1]), static_cast<float>(node[2])};
+          Float3 p = in_owner(node);
           p[axis] += root.t;
           const VertexClass kind = (m.border[axis][z] & bit) ? VertexClass::kBorder : VertexClass::kSmooth;
+          if (!is_own) {
+            for (const std::uint32_t each : {vertex, second}) {
+              foreign_position_[each] = p;
+              foreign_rgba_[each] = root.rgba;
+              foreign_class_[each] = kind;
+            }
+            continue;
+          }
           any_alpha_ |= root.rgba;
-          const bool is_split = (m.split[axis][z] & bit) != 0;
-          const std::uint32_t second = is_split ? split++ : vertex;
           for (const std::uint32_t each : {vertex, second}) {
             patch_.position[each] = p;
             patch_.rgba[each] = root.rgba;
             patch_.vertex_class[each] = kind;
           }
-          // Cells A, B (v-) name the point by its type, C and D (v+) by type + 3 unless they see a link.
+          if (names_) {
+            patch_.name[second] = key(node, type + 3);
+            patch_.name[vertex] = key(node, type);
+          }
           if (node[u] != 0 && node[v] != 0) continue;
-          if (name_a) patch_.exported.emplace_back(key(node, type), vertex);
-          if (node[u] == 0 && (is_split || !name_a || (m.border[axis][z] & bit)))
-            patch_.exported.emplace_back(key(node, type + 3), second);
+          patch_.exported.emplace_back(key(node, type), vertex);
+          if (is_split) patch_.exported.emplace_back(key(node, type + 3), second);
         }
       }
     }
@@ -174,12 +198,14 @@ void BrickExtractor::fill_local_edges(const LeafMasks& m) {
           }
           const std::uint32_t vertex =
               n->first_vertex[axis][z] + static_cast<std::uint32_t>(std::popcount(edges & (bit - 1)));
+          const std::uint32_t whose = n->own() ? 0 : kForeignVertex;
           if (split & bit) {
             local_vertex_[at] = kSplitVertex | static_cast<std::uint32_t>(split_pairs_.size());
-            split_pairs_.push_back({vertex, n->first_split[axis][z] + static_cast<std::uint32_t>(
-                                                                          std::popcount(split & (bit - 1)))});
+            const std::uint32_t second =
+                n->first_split[axis][z] + static_cast<std::uint32_t>(std::popcount(split & (bit - 1)));
+            split_pairs_.push_back({vertex | whose, second | whose});
           } else {
-            local_vertex_[at] = n->own() ? vertex : vertex | kForeignVertex;
+            local_vertex_[at] = vertex | whose;
           }
         }
       }
@@ -190,18 +216,19 @@ void BrickExtractor::fill_local_edges(const LeafMasks& m) {
 void BrickExtractor::trace_leaf(const LeafMasks& m) {
   fill_local_edges(m);
   const auto inside = band_.corner_words(m, &BandLeaf::inside);
+  const LeafWords rim = names_ && m.own() ? band_.rim_cells(m) : LeafWords{};
   for (std::size_t z = 0; z < 8; ++z) {
     for (std::uint64_t left = m.active[z]; left; left &= left - 1) {
       const int b = std::countr_zero(left);
       unsigned pattern = 0;
       for (std::size_t c = 0; c < 8; ++c)
         pattern |= static_cast<unsigned>(inside[z + (c >> 2)][c & 3] >> b & 1) << c;
-      trace_cell(m, b & 7, b >> 3, static_cast<int>(z), pattern);
+      trace_cell(m, b & 7, b >> 3, static_cast<int>(z), pattern, (rim[z] >> b & 1) != 0);
     }
   }
 }
 
-void BrickExtractor::trace_cell(const LeafMasks& m, int x, int y, int z, unsigned pattern) {
+void BrickExtractor::trace_cell(const LeafMasks& m, int x, int y, int z, unsigned pattern, bool at_rim) {
   const Int3 cell = {m.at[0] * 8 + x, m.at[1] * 8 + y, m.at[2] * 8 + z};
   const bool own = inside_brick(cell);
   const bool closing = m.leaf->closing[static_cast<std::size_t>(z)] >> (x + 8 * y) & 1;
@@ -245,7 +272,7 @@ void BrickExtractor::trace_cell(const LeafMasks& m, int x, int y, int z, unsigne
       std::int32_t& first_of_cell = first_feature_[m.cell_rank(x, y, z)];
       if (first_of_cell < 0) first_of_cell = static_cast<std::int32_t>(features_.size() - 1);
     } else if (own) {
-      emit_plain_loop(cell, number, vertex.data(), root.data());
+      emit_plain_loop(cell, number, vertex.data(), root.data(), at_rim ? rim_segments(cell) : 0);
     }
   }
   if (!closing || patch_.faces.size() == faces_before) return;
@@ -254,11 +281,14 @@ void BrickExtractor::trace_cell(const LeafMasks& m, int x, int y, int z, unsigne
 }
 
 void BrickExtractor::emit_plain_loop(const Int3& cell, int number, const std::uint32_t* vertex,
-                                     const std::uint32_t* root) {
+                                     const std::uint32_t* root, unsigned rim) {
   triangulate_loop(samples_, triangles_);
   for (std::size_t i = 0; i < static_cast<std::size_t>(triangles_.count); ++i) {
     const auto& t = triangles_.triangle[i];
-    add_face(vertex[t[0]], vertex[t[1]], vertex[t[2]]);
+    unsigned border = 0;
+    for (std::size_t e = 0; rim != 0 && e < 3; ++e)
+      if (t[(e + 1) % 3] == (t[e] + 1) % samples_.size) border |= (rim >> t[e] & 1u) << e;
+    add_face(vertex[t[0]], vertex[t[1]], vertex[t[2]], border);
   }
   if (triangles_.count > 0) return;
   Float3 mean = {0, 0, 0};
@@ -268,7 +298,21 @@ void BrickExtractor::emit_plain_loop(const Int3& cell, int number, const std::ui
     mean[k] /= static_cast<float>(size);
   }
   const std::uint32_t centre = add_centre(cell, number, mean, VertexClass::kSmooth, root, samples_.size);
-  for (std::size_t i = 0; i < size; ++i) add_face(vertex[i], vertex[i + 1 == size ? 0 : i + 1], centre);
+  for (std::size_t i = 0; i < size; ++i)
+    add_face(vertex[i], vertex[i + 1 == size ? 0 : i + 1], centre, rim >> i & 1u);
+}
+
+/// Bit i: the surface ends at the segment from point i of the loop at work to the next.
+unsigned BrickExtractor::rim_segments(const Int3& cell) const {
+  unsigned rim = 0;
+  const auto size = static_cast<std::size_t>(samples_.size);
+  for (std::size_t i = 0; i < size; ++i) {
+    const int face = common_face(samples_.edge[i], samples_.edge[i + 1 == size ? 0 : i + 1]);
+    Int3 across = cell;
+    across[static_cast<std::size_t>(face >> 1)] += face & 1 ? 1 : -1;
+    if (!band_.takes_part(across)) rim |= 1u << i;
+  }
+  return rim;
 }
 
 bool BrickExtractor::keep_feature_loop(const Int3& cell, int number, const std::uint32_t* vertex,
@@ -313,12 +357,13 @@ bool BrickExtractor::keep_feature_loop(const Int3& cell, int number, const std::
 
 std::uint32_t BrickExtractor::add_centre(const Int3& cell, int number, const Float3& position,
                                          VertexClass kind, const std::uint32_t* root, int size) {
-  if (!inside_brick(cell)) {
+  const bool own = inside_brick(cell);
+  if (!own) {
     foreign_key_.push_back(key(cell, 6 + number));
-    return static_cast<std::uint32_t>(foreign_key_.size() - 1) | kForeignVertex;
+    if (!names_) return static_cast<std::uint32_t>(foreign_key_.size() - 1) | kForeignVertex;
   }
-  Float3 p;
-  for (std::size_t a = 0; a < 3; ++a) p[a] = static_cast<float>(cell[a]) + position[a];
+  Float3 p = in_owner(cell);
+  for (std::size_t a = 0; a < 3; ++a) p[a] += position[a];
   std::array<std::uint32_t, 4> sum{};
   std::uint32_t count = 0;
   for (int i = 0; i < size; ++i) {
@@ -330,6 +375,13 @@ std::uint32_t BrickExtractor::add_centre(const Int3& cell, int number, const Flo
   std::uint32_t mean = 0;
   for (std::size_t channel = 0; count && channel < 4; ++channel)
     mean |= (sum[channel] + count / 2) / count << 8 * channel;
+  if (!own) {
+    foreign_position_.push_back(p);
+    foreign_rgba_.push_back(mean);
+    foreign_class_.push_back(kind);
+    return static_cast<std::uint32_t>(foreign_key_.size() - 1) | kForeignVertex;
+  }
+  if (names_) patch_.name.push_back(key(cell, 6 + number));
   patch_.position.push_back(p);
   patch_.rgba.push_back(mean);
   patch_.vertex_class.push_back(kind);
@@ -358,6 +410,11 @@ void BrickExtractor::settle_foreign() {
   const auto own = static_cast<std::uint32_t>(patch_.position.size());
   for (std::size_t i = 0; i < named.size(); ++i) {
     patch_.foreign.push_back(named[i].first);
+    if (names_) {
+      patch_.foreign_position.push_back(foreign_position_[named[i].second]);
+      patch_.foreign_rgba.push_back(foreign_rgba_[named[i].second]);
+      patch_.foreign_class.push_back(foreign_class_[named[i].second]);
+    }
     rank[named[i].second] = own + static_cast<std::uint32_t>(i);
   }
   for (const std::uint32_t f : faces)

@@ -36,8 +36,12 @@ class BrickExtractor {
   void emit_edge_vertices();
   void fill_local_edges(const LeafMasks& m);
   void trace_leaf(const LeafMasks& m);
-  void trace_cell(const LeafMasks& m, int x, int y, int z, unsigned pattern);
-  void emit_plain_loop(const Int3& cell, int number, const std::uint32_t* vertex, const std::uint32_t* root);
+  void trace_cell(const LeafMasks& m, int x, int y, int z, unsigned pattern, bool at_rim);
+  void emit_plain_loop(const Int3& cell, int number, const std::uint32_t* vertex, const std::uint32_t* root,
+                       unsigned rim);
+  unsigned rim_segments(const Int3& cell) const;
+  /// Border bit of a face whose first edge lies in the face of `cell`.
+  unsigned ends_before(const Int3& cell) const { return names_ && !band_.takes_part(cell) ? 1u : 0u; }
   bool keep_feature_loop(const Int3& cell, int number, const std::uint32_t* vertex,
                          const std::uint32_t* root);
   void emit_feature_segments();
@@ -47,12 +51,20 @@ class BrickExtractor {
   std::uint32_t add_centre(const Int3& cell, int number, const Float3& position, VertexClass kind,
                            const std::uint32_t* root, int size);
   void add_face(std::uint32_t a, std::uint32_t b, std::uint32_t c) { patch_.faces.push_back({a, b, c}); }
+  /// \param border  bits of its edges at which the surface ends
+  void add_face(std::uint32_t a, std::uint32_t b, std::uint32_t c, unsigned border) {
+    add_face(a, b, c);
+    if (border == 0) return;
+    patch_.border.resize(patch_.faces.size(), 0);
+    patch_.border.back() = static_cast<std::uint8_t>(border);
+  }
   void settle_foreign();
   VertexKey key(const Int3& at, int type) const;
   Float3 point_in_cell(int edge, std::uint32_t root) const;
 
   const DirectedField& field_;
   ExtractMethod method_;
+  bool names_;
   FeatureThresholds thresholds_;
   BrickBand band_;
   Int3 corner_ = {0, 0, 0};  ///< global cell coordinates of the brick
@@ -73,7 +85,11 @@ class BrickExtractor {
   std::vector<std::uint8_t> feature_edge_;
   std::vector<std::uint32_t> feature_vertex_;
   std::vector<std::uint32_t> feature_root_;
-  std::vector<VertexKey> foreign_key_;  ///< per provisional foreign slot
+  // Per provisional foreign slot; all but the key with names only.
+  std::vector<VertexKey> foreign_key_;
+  std::vector<Float3> foreign_position_;
+  std::vector<std::uint32_t> foreign_rgba_;
+  std::vector<VertexClass> foreign_class_;
 };
 
 }  // namespace tessera

@@ -155,9 +155,13 @@ void add_closing(DirectedField& field, std::span<const ClosingLeaf> cells, const
     for (std::size_t a = 0; a < 3; ++a) leaf[a] = (c.origin[a] - field.origin[a]) >> kLeafBits;
     LeafWords used = c.cells;  // of a leaf below the block, the last layer of cells
     const std::int64_t own = slot_of(field, leaf);
-    bool core = own >= 0;
+    if (own < 0) continue;
+    bool core = true;
     for (std::size_t a = 0; a < 3; ++a) core &= leaf[a] * kLeafCells < field.cells[a];
-    if (!core) continue;
+    if (!core) {  // cells above the block: only that they take part is of interest
+      wanted[static_cast<std::size_t>(own)].cells = c.cells;
+      continue;
+    }
     for (std::size_t z = 0; z < 8; ++z) {
       if (leaf[0] < 0) used[z] &= 0x8080808080808080ULL;
       if (leaf[1] < 0) used[z] &= 0xff00000000000000ULL;

@@ -4,8 +4,8 @@
 /// Source: thesis 4.2.1 (directed distance fields).
 ///
 /// Nodes come in leaves of 8^3, aligned to the lattice, stored only where the band is. Node coordinates
-/// are relative to the block's min corner and run over [-1, cells] on each axis: the kernel that extracts
-/// the block needs one halo cell below it (for flips across its min faces) and the nodes of its max faces.
+/// are relative to the block's min corner and run over [-1, cells + 1] on each axis: the kernel that extracts the
+/// block needs one halo cell below it (for flips across its min faces) and one above it (to know where it ends).
 #pragma once
 #include <array>
 #include <bit>
@@ -40,14 +40,14 @@ struct BandLeaf {
 /// The band of a block.
 struct DirectedField {
   Int3 origin = {0, 0, 0};  ///< global cell coordinates of the block's min corner
-  Int3 cells = {0, 0, 0};   ///< core size; nodes run over [-1, cells]
+  Int3 cells = {0, 0, 0};   ///< core size; nodes run over [-1, cells + 1]
   std::vector<std::int32_t> leaf_index;  ///< dense (cells/8 + 2)^3 table, x fastest, -1 = no leaf; leaf -1 first
   std::vector<BandLeaf> leaves;          ///< in table order
   std::vector<EdgeRoot> roots;           ///< by leaf, axis, word, bit
 
   Int3 leaf_dims() const { return {cells[0] / 8 + 2, cells[1] / 8 + 2, cells[2] / 8 + 2}; }
 
-  /// Leaf that holds node (i,j,k), each coordinate within [-1, cells]; null where the band is not.
+  /// Leaf that holds node (i,j,k), each coordinate within [-1, cells + 1]; null where the band is not.
   const BandLeaf* leaf_at(int i, int j, int k) const {
     const Int3 d = leaf_dims();
     const auto at = ((static_cast<std::size_t>((k >> 3) + 1) * static_cast<std::size_t>(d[1]) +

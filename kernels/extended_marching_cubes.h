@@ -16,6 +16,7 @@ struct ExtractOptions {
   ExtractMethod method = ExtractMethod::kExtendedMarchingCubes;
   double feature_angle_deg = 25.0;  ///< opening angle of the loop's normal cone from which it holds a feature
   double corner_angle_deg = 45.0;   ///< deviation of a normal from the crease's plane that makes a corner
+  bool names = false;               ///< fill Patch::name and what follows it
 };
 
 struct ExtractReport {

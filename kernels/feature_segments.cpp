@@ -40,13 +40,13 @@ void BrickExtractor::emit_segment(FeatureLoop& loop, std::size_t s) {
   across[static_cast<std::size_t>(axis)] += face & 1 ? 1 : -1;
   const int mirrored = mirrored_edge(feature_edge_[i], axis);
   if (face & 1) {  // the cell above owns the segment; if its loop is a feature it emits both sides
-    if (inside_brick(across) && !feature_loop_at(across, mirrored)) add_face(a, b, loop.centre);
+    if (inside_brick(across) && !feature_loop_at(across, mirrored)) add_face(a, b, loop.centre, ends_before(across));
     return;
   }
   if (!inside_brick(loop.cell)) return;
   FeatureLoop* below = feature_loop_at(across, mirrored);
   if (!below) {
-    add_face(a, b, loop.centre);
+    add_face(a, b, loop.centre, ends_before(across));
     return;
   }
   // Two flips between the same loops would join them by two edges: not a manifold.

@@ -12,9 +12,8 @@ namespace tessera {
 
 /// 20 bits per axis of the node or cell, then 4 bits of type.
 /// Types: 0..2  point on the lattice edge from the node in +x, +y, +z
-///        3..5  the same point as the cells on its + side of axis (type - 3 + 2) mod 3 name it when they see no link
-///              to the others. Both names mean one vertex, or two where valid cells meet only across the edge
-///              (keeps vertices manifold): only the owner knows, and exports each name that is in use
+///        3..5  the same point as the cells on its + side of axis (type - 3 + 2) mod 3 name it where valid cells
+///              meet only across the edge: two vertices then, which keeps them manifold
 ///        6..9  centre of loop 0..3 in the cell
 using VertexKey = std::uint64_t;
 
@@ -51,8 +50,15 @@ struct Patch {
   std::vector<std::uint8_t> synthetic;     ///< per face: 1 if it closes a hole; empty if none does
   std::vector<VertexKey> foreign;          ///< ascending, no repeats: vertices of other bricks that faces name
   /// Own vertices that other bricks may name (edge points on the min faces, loop centres in the cells of the
-  /// max faces): key and own index, ascending by key. Two keys may name the same vertex.
+  /// max faces): key and own index, ascending by key.
   std::vector<std::pair<VertexKey, std::uint32_t>> exported;
+
+  // With ExtractOptions::names only, for who goes on with the mesh in memory (patch_mesh.h).
+  std::vector<VertexKey> name;               ///< per own vertex
+  std::vector<Float3> foreign_position;      ///< per foreign vertex: cells, relative to the brick that owns it
+  std::vector<std::uint32_t> foreign_rgba;
+  std::vector<VertexClass> foreign_class;
+  std::vector<std::uint8_t> border;          ///< per face: bit i, the surface ends at its edge i; empty if nowhere
 
   bool empty() const { return faces.empty() && position.empty(); }
 };

@@ -159,7 +159,7 @@ std::vector<ClosingLeaf> BrickSectionStore::cells_around(const Int3& origin, con
   Int3 low, high;
   for (std::size_t a = 0; a < 3; ++a) {
     low[a] = (origin[a] - 1) >> kBrickBits;
-    high[a] = (origin[a] + cells[a] - 1) >> kBrickBits;
+    high[a] = (origin[a] + cells[a]) >> kBrickBits;
   }
   std::vector<ClosingLeaf> out;
   for (int k = low[2]; k <= high[2]; ++k)
@@ -168,7 +168,7 @@ std::vector<ClosingLeaf> BrickSectionStore::cells_around(const Int3& origin, con
         if (const BrickSection* found = find({i, j, k})) impl_->read(*found, &out, nullptr);
   std::erase_if(out, [&](const ClosingLeaf& leaf) {
     for (std::size_t a = 0; a < 3; ++a)
-      if (leaf.origin[a] < origin[a] - kLeafCells || leaf.origin[a] >= origin[a] + cells[a]) return true;
+      if (leaf.origin[a] < origin[a] - kLeafCells || leaf.origin[a] > origin[a] + cells[a]) return true;
     return false;
   });
   return out;

@@ -50,7 +50,7 @@ class BrickSectionStore {
   /// Signs of the leaves that hold nodes [0, 64] of a brick.
   std::vector<BandSigns> signs_around(const Int3& brick) const;
   std::vector<Int3> rims(const BrickSection& brick) const;
-  /// Closing cells of a block and of the leaves just below it.
+  /// Closing cells of a block and of the leaves just below and above it.
   std::vector<ClosingLeaf> cells_around(const Int3& origin_cells, const Int3& cells) const;
 
  private:

@@ -123,7 +123,7 @@ DirectedField build_field(const Int3& origin, const Int3& cells,
   field.cells = cells;
   const Int3 dims = field.leaf_dims();
   const auto in_block = [&](int i, int j, int k) {
-    return i >= -1 && j >= -1 && k >= -1 && i <= cells[0] && j <= cells[1] && k <= cells[2];
+    return i >= -1 && j >= -1 && k >= -1 && i <= cells[0] + 1 && j <= cells[1] + 1 && k <= cells[2] + 1;
   };
   for (int lk = -1; lk < dims[2] - 1; ++lk) {
     for (int lj = -1; lj < dims[1] - 1; ++lj) {

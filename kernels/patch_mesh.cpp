@@ -1,0 +1,88 @@
+#include "kernels/patch_mesh.h"
+
+#include <algorithm>
+#include <cassert>
+#include <utility>
+
+#include "kernels/mesh_block_ops.h"
+#include "octree/morton.h"
+
+namespace tessera {
+namespace {
+
+constexpr int kPlaceBits = 22;  ///< of a vertex in its brick; bricks take 3 * 14
+static_assert(3 * (kMaxCellBits - kBrickBits) + kPlaceBits == 64);
+
+constexpr std::uint64_t kLocal = kLeafCells - 1;
+
+}  // namespace
+
+std::uint64_t mesh_key(VertexKey name) {
+  const VertexName v = vertex_name(name);
+  std::array<std::uint32_t, 3> leaf;
+  std::array<std::uint64_t, 3> local;
+  for (std::size_t a = 0; a < 3; ++a) {
+    const auto in_brick = static_cast<std::uint32_t>(v.at[a]) & (kBrickCells - 1);
+    leaf[a] = in_brick >> kLeafBits;
+    local[a] = in_brick & kLocal;
+  }
+  const std::uint64_t in_leaf = local[2] << 6 | local[1] << 3 | local[0];
+  // Points on edges come leaf by leaf: axis by axis, then the second ones; after them centres, leaf by leaf.
+  const std::uint64_t where = morton_encode(leaf[0], leaf[1], leaf[2]);
+  const auto type = static_cast<std::uint64_t>(v.type);
+  const std::uint64_t place =
+      v.type < 6 ? (where << 3 | type) << 9 | in_leaf
+                 : std::uint64_t{1} << (kPlaceBits - 1) | where << 11 | in_leaf << 2 | (type - 6);
+  return brick_key(vertex_brick(name)) << kPlaceBits | place;
+}
+
+MeshName mesh_name(std::uint64_t key) {
+  const bool centre = (key >> (kPlaceBits - 1) & 1) != 0;
+  const auto where = morton_decode(key >> (centre ? 11 : 12) & 0x1ff);
+  const std::uint64_t in_leaf = key >> (centre ? 2 : 0) & 0x1ff;
+  MeshName name;
+  name.brick = brick_of_key(key >> kPlaceBits);
+  for (std::size_t a = 0; a < 3; ++a)
+    name.in_brick[a] = static_cast<std::int32_t>(where[a] << kLeafBits | (in_leaf >> 3 * a & kLocal));
+  name.axis = centre ? MeshName::kCentre : static_cast<int>(key >> 9 & 7) % 3;
+  return name;
+}
+
+MeshBlock make_mesh_block(const Patch& patch, const MeshFrame& frame) {
+  const std::size_t own = patch.position.size();
+  const std::size_t all = own + patch.foreign.size();
+  assert(patch.name.size() == own && patch.foreign_position.size() == patch.foreign.size());
+  MeshBlock block;
+  block.key.resize(all);
+  block.position.resize(all);
+  block.vertex_class.resize(all);
+  if (frame.colour) block.rgba.assign(all, 0);
+  for (std::size_t v = 0; v < all; ++v) {
+    const bool is_own = v < own;
+    const std::size_t f = v - own;
+    const VertexKey name = is_own ? patch.name[v] : patch.foreign[f];
+    const Float3& local = is_own ? patch.position[v] : patch.foreign_position[f];
+    const Int3 brick = is_own ? patch.brick : vertex_brick(name);
+    block.key[v] = mesh_key(name);
+    block.vertex_class[v] = is_own ? patch.vertex_class[v] : patch.foreign_class[f];
+    if (frame.colour) {
+      if (is_own && !patch.rgba.empty()) block.rgba[v] = patch.rgba[v];
+      if (!is_own) block.rgba[v] = patch.foreign_rgba[f];
+    }
+    for (std::size_t a = 0; a < 3; ++a) {
+      const double cells = brick[a] * double{kBrickCells} + double{local[a]};
+      const double world = frame.lattice.world(static_cast<int>(a), cells) - frame.shift[a];
+      block.position[v][a] = frame.double_positions ? world : double{static_cast<float>(world)};
+    }
+  }
+  block.faces = patch.faces;
+  block.face_flags.assign(patch.faces.size(), 0);
+  for (std::size_t f = 0; f < patch.border.size(); ++f) block.face_flags[f] = patch.border[f];
+  for (std::size_t f = 0; f < patch.synthetic.size(); ++f)
+    if (patch.synthetic[f])
+      block.face_flags[f] = static_cast<std::uint8_t>(block.face_flags[f] | kFaceSynthetic);
+  canonicalise(block);
+  return block;
+}
+
+}  // namespace tessera
