@@ -12,12 +12,13 @@
 #include "kernels/mesh_block_ops.h"
 #include "octree/error.h"
 #include "stream/direct_file.h"
+#include "stream/patch_coding.h"
 #include "stream/read_file.h"
 
 namespace tessera {
 namespace {
 
-constexpr char kMagic[8] = {'T', 'S', 'M', 'E', 'S', 'H', '0', '1'};
+constexpr char kMagic[8] = {'T', 'S', 'M', 'E', 'S', 'H', '0', '2'};
 constexpr std::uint32_t kShortIndices = 65536;  ///< up to so many vertices faces have 16-bit corners
 
 struct Header {
@@ -29,7 +30,7 @@ struct Header {
   std::uint32_t colour = 0;
 };
 static_assert(sizeof(Header) == 72);
-static_assert(sizeof(MeshPatchEntry) == 96);
+static_assert(sizeof(MeshPatchEntry) == 104);
 
 struct Footer {
   std::uint64_t table_offset = 0;
@@ -104,6 +105,15 @@ struct MeshFileWriter::Impl {
   std::vector<char> buffer;
 
   Impl(const std::filesystem::path& path, const MeshStoreInfo& i) : file(path), info(i) {}
+
+  /// Writes the buffer. \pre e.vertex_bytes is set
+  void add_section(MeshPatchEntry& e) {
+    e.face_bytes = static_cast<std::uint32_t>(buffer.size()) - e.vertex_bytes;
+    e.vertex_hash = XXH3_64bits(buffer.data(), e.vertex_bytes);
+    e.face_hash = XXH3_64bits(buffer.data() + e.vertex_bytes, e.face_bytes);
+    file.write(buffer.data(), buffer.size());
+    table.push_back(e);
+  }
 };
 
 MeshFileWriter::MeshFileWriter(const std::filesystem::path& path, const MeshStoreInfo& info)
@@ -119,7 +129,7 @@ MeshFileWriter::MeshFileWriter(const std::filesystem::path& path, const MeshStor
 }
 MeshFileWriter::~MeshFileWriter() = default;
 
-void MeshFileWriter::add(std::uint64_t brick, const MeshBlock& patch) {
+void MeshFileWriter::add(std::uint64_t brick, const MeshBlock& patch, unsigned content) {
   if (patch.faces.empty()) return;
   Impl& self = *impl_;
   const std::size_t n = patch.key.size();
@@ -130,7 +140,20 @@ void MeshFileWriter::add(std::uint64_t brick, const MeshBlock& patch) {
   e.offset = self.file.offset();
   e.vertices = static_cast<std::uint32_t>(n);
   e.faces = static_cast<std::uint32_t>(m);
-  e.has_bounds = patch.face_bound.empty() ? 0 : 1;
+  e.content = content | (patch.face_bound.empty() ? 0u : unsigned{kPatchBounds});
+  for (const std::uint8_t flags : patch.face_flags)
+    if (flags & kFaceSynthetic) e.content |= kPatchSynthetic;
+  if (content & kPatchCompact) {
+    e.box = empty_box();
+    for (const Double3& p : patch.position) include(e.box, p);
+    self.buffer.clear();
+    encode_vertices(patch, self.info, self.buffer);
+    e.vertex_bytes = static_cast<std::uint32_t>(self.buffer.size());
+    encode_faces(patch, self.buffer);
+    self.add_section(e);
+    return;
+  }
+  e.vertex_bytes = static_cast<std::uint32_t>(layout.vertices());
   self.buffer.resize(layout.vertices() + layout.faces());
   char* to = self.buffer.data();
   put(to, patch.key.data(), n, layout.key);
@@ -150,10 +173,14 @@ void MeshFileWriter::add(std::uint64_t brick, const MeshBlock& patch) {
   }
   put(to, patch.face_flags.data(), m, layout.flags);
   put(to, patch.face_bound.data(), patch.face_bound.size(), layout.bound);
-  e.vertex_hash = XXH3_64bits(self.buffer.data(), layout.vertices());
-  e.face_hash = XXH3_64bits(self.buffer.data() + layout.vertices(), layout.faces());
-  self.file.write(self.buffer.data(), self.buffer.size());
-  self.table.push_back(e);
+  self.add_section(e);
+}
+
+void MeshFileWriter::remove(std::uint64_t brick) {
+  MeshPatchEntry e;
+  e.key = brick;
+  e.box = empty_box();
+  impl_->table.push_back(e);
 }
 
 /// With their box.
@@ -190,21 +217,27 @@ struct MeshStore::Impl {
   MeshStoreInfo info;
   std::vector<MeshPatchEntry> patches;
   std::uint64_t faces = 0;
+  bool synthetic = false;
   MeshBox box = empty_box();
 
-  Layout layout(const MeshPatchEntry& e) const { return {info, e.vertices, e.faces, e.has_bounds != 0}; }
+  Layout layout(const MeshPatchEntry& e) const {
+    return {info, e.vertices, e.faces, (e.content & kPatchBounds) != 0};
+  }
 
   /// Both sections, checked.
   void read_sections(std::size_t patch, std::vector<char>& data) const {
     const MeshPatchEntry& e = patches[patch];
     const ReadFile& file = files[e.file];
-    const Layout layout = this->layout(e);
-    data.resize(layout.vertices() + layout.faces());
+    data.resize(std::size_t{e.vertex_bytes} + e.face_bytes);
     file.read_at(e.offset, data.data(), data.size());
-    if (XXH3_64bits(data.data(), layout.vertices()) != e.vertex_hash ||
-        XXH3_64bits(data.data() + layout.vertices(), layout.faces()) != e.face_hash)
-      throw InputError(file.path().string() + ": byte " + std::to_string(e.offset) +
-                       ": checksum of a mesh patch differs, the file is damaged; run again with --force");
+    if (XXH3_64bits(data.data(), e.vertex_bytes) != e.vertex_hash ||
+        XXH3_64bits(data.data() + e.vertex_bytes, e.face_bytes) != e.face_hash)
+      throw damaged(e, "checksum of a mesh patch differs");
+  }
+
+  InputError damaged(const MeshPatchEntry& e, const char* what) const {
+    return InputError(files[e.file].path().string() + ": byte " + std::to_string(e.offset) + ": " + what +
+                      ", the file is damaged; run again with --force");
   }
 
   MeshBlock read(std::size_t patch) const {
@@ -212,6 +245,16 @@ struct MeshStore::Impl {
     const Layout layout = this->layout(e);
     std::vector<char> data;
     read_sections(patch, data);
+    if (e.content & kPatchCompact) {
+      MeshBlock block;
+      const std::span<const char> all(data);
+      if (!decode_vertices(all.first(e.vertex_bytes), e.vertices, info, block) ||
+          !decode_faces(all.subspan(e.vertex_bytes), e.faces, (e.content & kPatchBounds) != 0, block))
+        throw damaged(e, "a compact patch does not decode");
+      return block;
+    }
+    if (layout.vertices() != e.vertex_bytes || layout.faces() != e.face_bytes)
+      throw damaged(e, "a mesh patch has another size than it must");
     const char* from = data.data();
     const std::size_t n = e.vertices;
     const std::size_t m = e.faces;
@@ -242,7 +285,7 @@ struct MeshStore::Impl {
       take(from, block.faces, m, layout.corners);
     }
     take(from, block.face_flags, m, layout.flags);
-    if (e.has_bounds) take(from, block.face_bound, m, layout.bound);
+    if (e.content & kPatchBounds) take(from, block.face_bound, m, layout.bound);
     return block;
   }
 
@@ -309,9 +352,7 @@ void MeshFileWriter::add_moved(const MeshStore& store, std::size_t patch,
   put_positions(positions, e, self.buffer.data() + layout.key);
   e.offset = self.file.offset();
   e.file = 0;
-  e.vertex_hash = XXH3_64bits(self.buffer.data(), layout.vertices());
-  self.file.write(self.buffer.data(), self.buffer.size());
-  self.table.push_back(e);
+  self.add_section(e);
 }
 
 MeshStore::MeshStore(const std::vector<std::filesystem::path>& files,
@@ -371,8 +412,10 @@ MeshStore::MeshStore(const std::vector<std::filesystem::path>& files,
   table.erase(
       std::unique(table.begin(), table.end(), [](const auto& a, const auto& b) { return a.key == b.key; }),
       table.end());
+  std::erase_if(table, [](const MeshPatchEntry& e) { return e.faces == 0; });
   for (const MeshPatchEntry& e : table) {
     impl_->faces += e.faces;
+    impl_->synthetic |= (e.content & kPatchSynthetic) != 0;
     include(impl_->box, e.box);
   }
 }
@@ -388,6 +431,9 @@ std::span<const MeshPatchEntry> MeshStore::patches() const {
 }
 std::uint64_t MeshStore::face_count() const {
   return impl_->faces;
+}
+bool MeshStore::has_synthetic() const {
+  return impl_->synthetic;
 }
 const MeshBox& MeshStore::box() const {
   return impl_->box;

@@ -7,7 +7,7 @@
 /// is decided in the block alone, nothing else crosses bricks.
 ///
 /// A file is: header (magic, lattice, precision), per patch one section of vertices and one of faces with an
-/// XXH3 each, the table of patches, a footer. Little endian.
+/// XXH3 each, the table of patches, a footer. Little endian. Patches may be compact (patch_coding.h).
 #pragma once
 #include <cstdint>
 #include <filesystem>
@@ -37,6 +37,13 @@ struct MeshBox {
 bool overlap(const MeshBox& a, const MeshBox& b);
 MeshBox grown(const MeshBox& box, double margin);
 
+enum MeshPatchContent : std::uint32_t {
+  kPatchBounds = 1,     ///< faces come with MeshBlock::face_bound
+  kPatchSynthetic = 2,  ///< some face closes a hole
+  kPatchCompact = 4,    ///< packed as patch_coding.h has it
+  kPatchAlone = 8,      ///< for who wrote it: the brick is a block of its own
+};
+
 /// One patch of the store, as its table has it.
 struct MeshPatchEntry {
   std::uint64_t key = 0;          ///< Morton code of the brick
@@ -44,10 +51,11 @@ struct MeshPatchEntry {
   std::uint64_t vertex_hash = 0;  ///< XXH3 of the section of vertices
   std::uint64_t face_hash = 0;    ///< XXH3 of the section of faces
   std::uint32_t vertices = 0;
-  std::uint32_t faces = 0;       ///< > 0
-  std::uint32_t file = 0;        ///< index of the file; not on disk
-  std::uint32_t has_bounds = 0;  ///< faces come with MeshBlock::face_bound
-  MeshBox box;                   ///< of all vertices; faces may reach out of their brick
+  std::uint32_t faces = 0;                         ///< > 0
+  std::uint32_t file = 0;                          ///< index of the file; not on disk
+  std::uint32_t content = 0;                       ///< bits of MeshPatchContent
+  std::uint32_t vertex_bytes = 0, face_bytes = 0;  ///< of the sections
+  MeshBox box;                                     ///< of all vertices; faces may reach out of their brick
 };
 
 class MeshStore;
@@ -60,9 +68,12 @@ class MeshFileWriter {
   MeshFileWriter& operator=(const MeshFileWriter&) = delete;
   /// The patch of one brick; every brick at most once over all files of a store. Patches without faces are
   /// left out. \pre canonical (mesh_block.h), every vertex used by a face
-  void add(std::uint64_t brick, const MeshBlock& patch);
+  /// \param content  kPatchCompact, kPatchAlone or both; the other bits go by the patch
+  void add(std::uint64_t brick, const MeshBlock& patch, unsigned content = 0);
+  /// In files that stand in for others (MeshStore): the brick has no patch any more.
+  void remove(std::uint64_t brick);
   /// Patch `patch` of a store with its vertices moved; all else is copied as it is.
-  /// \pre the store's info agrees; one position for each vertex, in the order of the patch
+  /// \pre the store's info agrees, the patch is not compact; one position for each vertex, in the order of the patch
   /// \throws InputError naming the file when the patch is damaged
   void add_moved(const MeshStore& store, std::size_t patch, std::span<const Double3> positions);
   /// Writes table and footer, closes. Returns bytes written.
@@ -84,7 +95,7 @@ struct MeshHaloBlock {
   std::vector<std::uint32_t> first_patch;
 };
 
-/// All patches of a mesh. Holds the table only (96 bytes a patch). Loading is thread-safe.
+/// All patches of a mesh. Holds the table only (104 bytes a patch). Loading is thread-safe.
 class MeshStore {
  public:
   /// \param newer  files whose patches stand in for those of the same brick in `files`
@@ -98,6 +109,7 @@ class MeshStore {
   const MeshStoreInfo& info() const;
   std::span<const MeshPatchEntry> patches() const;  ///< ascending key, over all files
   std::uint64_t face_count() const;
+  bool has_synthetic() const;                  ///< some face closes a hole
   const MeshBox& box() const;                  ///< of the whole mesh
   double diagonal() const;                     ///< of that box
   std::int64_t find(std::uint64_t key) const;  ///< patch index, -1 if the brick has no patch

@@ -71,10 +71,10 @@ class StoreWriter {
     header.vertices = report_.vertices;
     header.faces = report_.faces = store_.face_count();
     header.colour = store_.info().colour;
+    header.synthetic = store_.has_synthetic();
     const std::string extension = output_.path.extension().string();
     header.double_positions = store_.info().double_positions && (extension == ".ply" || extension == ".obj");
     header.shift = store_.info().shift;
-    header.synthetic = synthetic_;
     header.comments = output_.comments;
     const auto file = create_mesh_file(output_.path, header);
     write_vertices(*file);
@@ -99,8 +99,6 @@ class StoreWriter {
     ExternalSort<Shared> sort(output_.temp, output_.memory_bytes / 2);
     for (std::size_t p = 0; p < store_.patches().size(); ++p) {
       const MeshBlock block = load(p);
-      for (const std::uint8_t flags : block.face_flags)
-        synthetic_ = synthetic_ || (flags & kFaceSynthetic) != 0;
       const std::vector<std::uint8_t> complete = complete_stars(block);
       for (std::size_t v = 0; v < complete.size(); ++v)
         if (!complete[v]) sort.add({block.key[v], p});
@@ -197,8 +195,10 @@ class StoreWriter {
       faces.clear();
       for (const auto& f : block.faces) faces.push_back({number[f[0]], number[f[1]], number[f[2]]});
       synthetic.clear();
-      for (const std::uint8_t flags : block.face_flags)
-        if (synthetic_) synthetic.push_back((flags & kFaceSynthetic) != 0);
+      for (const std::uint8_t flags : block.face_flags) {
+        if (store_.has_synthetic()) synthetic.push_back((flags & kFaceSynthetic) != 0);
+        report_.synthetic_faces += (flags & kFaceSynthetic) != 0;
+      }
       file.faces(faces, synthetic);
       if (output_.advance) output_.advance(faces.size());
     }
@@ -213,7 +213,6 @@ class StoreWriter {
   std::unique_ptr<Sequence<Named>> named_;  ///< ascending by patch, then key; value: the number
   std::vector<std::uint32_t> foreign_;      ///< per patch: vertices that another one numbers
   std::vector<std::uint64_t> first_;        ///< per patch: its first number
-  bool synthetic_ = false;                  ///< some face closes a hole
 };
 
 }  // namespace

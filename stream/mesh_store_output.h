@@ -26,6 +26,7 @@ struct MeshStoreOutputReport {
   std::uint64_t faces = 0;
   std::uint64_t bytes = 0;
   std::uint64_t shared_vertices = 0;  ///< that more than one patch uses
+  std::uint64_t synthetic_faces = 0;  ///< that close holes: marked where the format can
 };
 
 /// Reads every patch three times: once to find the vertices that patches share, once for vertices, once for
