@@ -45,6 +45,8 @@ struct ReconstructOptions {
   std::uint64_t max_brick_points = 1u << 22;  ///< hot bricks are thinned to this, deterministically
   std::vector<std::string> columns;  ///< names of text columns
   double tolerance = 0.0;            ///< scan units; the mesh shrinks within this distance of itself; 0 = it stays
+  std::string reference = "surface";  ///< with a tolerance: surface, or points (they too stay within it, one way)
+  bool keep_raw = false;             ///< with a tolerance: the full-resolution mesh is written too
   bool local_output = false;         ///< write positions relative to the global shift, floats; the report has it
 };
 

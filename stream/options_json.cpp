@@ -22,6 +22,8 @@ nlohmann::json to_json(const ReconstructOptions& o) {
           {"max-brick-points", o.max_brick_points},
           {"columns", o.columns},
           {"tolerance", o.tolerance},
+          {"reference", o.reference},
+          {"keep-raw", o.keep_raw},
           {"local-output", o.local_output}};
 }
 
@@ -44,6 +46,8 @@ ReconstructOptions reconstruct_options_from_json(const nlohmann::json& j) {
   j.at("max-brick-points").get_to(o.max_brick_points);
   j.at("columns").get_to(o.columns);
   j.at("tolerance").get_to(o.tolerance);
+  j.at("reference").get_to(o.reference);
+  j.at("keep-raw").get_to(o.keep_raw);
   j.at("local-output").get_to(o.local_output);
   return o;
 }

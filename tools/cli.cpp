@@ -379,6 +379,17 @@ void add_reconstruct_options(CLI::App& command, ReconstructOptions& options) {
       ->check(CLI::NonNegativeNumber)
       ->group(group);
   command
+      .add_option("--reference", options.reference,
+                  "with --tolerance: surface = the mesh of full resolution, both ways; points = every point used too, "
+                  "one way. Only the final proof looks at the points: exit code 6 where one is farther")
+      ->capture_default_str()
+      ->check(CLI::IsMember({"surface", "points"}))
+      ->group(group);
+  command
+      .add_flag("--keep-raw", options.keep_raw,
+                "with --tolerance: also write the mesh of full resolution, as OUT with .raw before its extension")
+      ->group(group);
+  command
       .add_flag("--local-output", options.local_output,
                 "write positions relative to the global shift, as floats; the report has the shift")
       ->group(group);

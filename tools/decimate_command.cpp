@@ -90,7 +90,8 @@ void add_decimate(CLI::App& app) {
       ->group(group);
   command
       ->add_option("--reference", o.reference,
-                   "what the tolerance is measured against: surface (the input itself) or a mesh file")
+                   "surface (the input itself), or a mesh file: then the passes still stay within the tolerance of "
+                   "the input, only the final proof is against the file (exit code 6 where it fails)")
       ->capture_default_str()
       ->group(group);
   command

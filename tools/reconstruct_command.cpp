@@ -3,6 +3,7 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 
+#include "octree/error.h"
 #include "stream/memory_budget.h"
 #include "stream/mesh_io.h"
 #include "stream/point_source.h"
@@ -23,9 +24,13 @@ void run(Arguments arguments) {
   cli::require_inputs(arguments.inputs);
   cli::require_output(arguments.state.output);
   require_mesh_extension(arguments.state.output);
+  const ReconstructOptions& options = arguments.state.options;
+  if (options.tolerance == 0.0 && (options.keep_raw || options.reference != "surface"))
+    throw UsageError(std::string(options.keep_raw ? "--keep-raw" : "--reference") +
+                     ": means something with --tolerance only, without it the mesh of full resolution is the result");
   arguments.state.inputs = expand_inputs(arguments.inputs);
   catch_stop_signals();
-  const nlohmann::json report = run_job(arguments.state, reconstruct_job(arguments.state.options.tolerance), cli::stderr_sink());
+  const nlohmann::json report = run_job(arguments.state, reconstruct_job(arguments.state.options), cli::stderr_sink());
   if (arguments.state.run.verbosity < 0) return;
   const nlohmann::json mesh = report.value("mesh", nlohmann::json::object());
   fmt::print("{}: {} vertices, {} faces, {:.1f} s, peak {}\n", arguments.state.output.string(),

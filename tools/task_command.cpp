@@ -5,6 +5,7 @@
 #include "octree/error.h"
 #include "stream/child_process.h"
 #include "stream/journal.h"
+#include "stream/options_json.h"
 #include "stream/stages/decimate_job.h"
 #include "stream/stages/reconstruct_job.h"
 #include "stream/stages/smooth_stage.h"
@@ -37,7 +38,7 @@ JobDescription job_of(const std::filesystem::path& work) {
   const auto command = identity.at("command").get<std::string>();
   if (command == "decimate") return decimate_job(identity.at("options").dump());
   if (command == "smooth") return smooth_job(smooth_options(identity.at("options").dump()));
-  return reconstruct_job(identity.at("options").at("tolerance").get<double>());
+  return reconstruct_job(reconstruct_options_from_json(identity.at("options")));
 }
 
 void run(const Arguments& arguments) {

@@ -1,7 +1,5 @@
 #include "stream/stages/decimate_job.h"
 
-#include <algorithm>
-
 #include <nlohmann/json.hpp>
 
 #include "octree/error.h"
@@ -14,8 +12,6 @@ namespace {
 
 using json = nlohmann::json;
 
-constexpr std::uint64_t kSortBytes = std::uint64_t{64} << 20;
-
 json result_of(const json& report, const std::string& stage) {
   for (const json& entry : report.at("stages"))
     if (entry.at("name") == stage) return entry.at("result");
@@ -26,9 +22,9 @@ std::string certify_name(int round) {
   return round == 0 ? "certify" : "again-" + std::to_string(round) + "-certify";
 }
 
-StageEntry simplify_entry(const SimplifyOptions& options, const SimplifyPass& pass) {
+StageEntry simplify_entry(const SimplifyOptions& options, const SimplifyStores& stores, const SimplifyPass& pass) {
   return {pass.stage_name(),
-          [=](const JobState& state) { return make_simplify_stage(state, options, pass); }};
+          [=](const JobState& state) { return make_simplify_stage(state, options, stores, pass); }};
 }
 
 void summarise(json& report) {
@@ -62,24 +58,26 @@ json certificate_of(const json& report) {
   return last;
 }
 
-std::vector<StageEntry> simplify_stages(const SimplifyOptions& options, const std::string& made_by) {
+std::vector<StageEntry> simplify_stages(const SimplifyOptions& options, const SimplifyStores& stores,
+                                        const std::string& made_by) {
   std::vector<StageEntry> stages;
   const bool own = options.reference == "surface";
   // Against a reference of its own a mesh may fail for good; another round helps where the passes were too bold.
   const int rounds = own && options.tolerance > 0.0 ? kMostRounds : 1;
   for (int round = 0; round < rounds; ++round) {
-    for (int p = 0; p < options.passes; ++p) {
-      if (options.target_faces > 0 && round == 0) stages.push_back(simplify_entry(options, {p, round, true}));
-      stages.push_back(simplify_entry(options, {p, round, false}));
+    for (int p = round == 0 && stores.after_first ? 1 : 0; p < options.passes; ++p) {
+      if (options.target_faces > 0 && round == 0)
+        stages.push_back(simplify_entry(options, stores, {p, round, true}));
+      stages.push_back(simplify_entry(options, stores, {p, round, false}));
     }
     if (!own)
       for (StageEntry& entry : import_stages({1, "reference"})) stages.push_back(std::move(entry));
     CertifyRequest request;
     request.name = certify_name(round);
     request.tolerance = options.tolerance;
-    request.mesh = [=](const JobState& s) { return open_pass_input(s, {options.passes, round, false}); };
+    request.mesh = [=](const JobState& s) { return open_pass_input(s, stores, {options.passes, round, false}); };
     request.reference = [=](const JobState& s) {
-      return open_imported_mesh(s.work, own ? "mesh" : "reference");
+      return own ? stores.full(s) : open_imported_mesh(s.work, "reference");
     };
     if (round + 1 < rounds) request.failed_file = failed_faces_file(round);
     stages.push_back({request.name, [=](const JobState& state) {
@@ -89,16 +87,21 @@ std::vector<StageEntry> simplify_stages(const SimplifyOptions& options, const st
   }
   stages.push_back({"write", [=](const JobState& state) {
                       return make_store_write_stage(
-                          state, open_pass_input(state, {options.passes, last_round(state.work), false}),
+                          state, open_pass_input(state, stores, {options.passes, last_round(state.work), false}),
                           "made by " + made_by + ", tolerance " + json(options.tolerance).dump(),
-                          std::min(kSortBytes, state.run.memory_bytes / 8));
+                          sort_bytes(state));
                     }});
   return stages;
 }
 
+SimplifyStores imported_stores(const std::string& folder) {
+  return {[=](const JobState& state) { return open_imported_mesh(state.work, folder); }, nullptr, nullptr};
+}
+
 JobDescription decimate_job(const SimplifyOptions& options) {
   std::vector<StageEntry> stages = import_stages({0, "mesh"});
-  for (StageEntry& entry : simplify_stages(options, "tessera decimate")) stages.push_back(std::move(entry));
+  for (StageEntry& entry : simplify_stages(options, imported_stores("mesh"), "tessera decimate"))
+    stages.push_back(std::move(entry));
   return {"decimate", std::move(stages), 0, summarise};
 }
 

@@ -12,9 +12,12 @@ namespace tessera {
 /// repeated, if any.
 nlohmann::json certificate_of(const nlohmann::json& report);
 
-/// What follows an import: passes, proof, more rounds of both where it fails, output.
-/// \param made_by  for the comment in the output
-std::vector<StageEntry> simplify_stages(const SimplifyOptions& options, const std::string& made_by);
+/// Passes, proof, more rounds of both where it fails, output. \param made_by  for the comment in the output
+std::vector<StageEntry> simplify_stages(const SimplifyOptions& options, const SimplifyStores& stores,
+                                        const std::string& made_by);
+
+/// All passes over an imported mesh, against that mesh.
+SimplifyStores imported_stores(const std::string& folder);
 
 /// Stages of the job with these options. JobState::inputs are the mesh and, unless the reference is the mesh
 /// itself, the reference.

@@ -5,12 +5,16 @@
 #include "stream/stages/closing_stages.h"
 #include "stream/stages/decimate_job.h"
 #include "stream/stages/distribute_stage.h"
+#include "stream/stages/first_pass.h"
 #include "stream/stages/holes_stage.h"
 #include "stream/stages/import_stages.h"
+#include "stream/stages/islands_stage.h"
 #include "stream/stages/loops_stage.h"
 #include "stream/stages/normals_stage.h"
 #include "stream/stages/order_stage.h"
 #include "stream/stages/probe_stage.h"
+#include "stream/stages/samples_stage.h"
+#include "stream/stages/store_write_stage.h"
 #include "stream/stages/surface_stage.h"
 #include "stream/stages/survey_stage.h"
 #include "stream/stages/weld_stage.h"
@@ -30,6 +34,14 @@ void summarise(nlohmann::json& report) {
   const nlohmann::json survey = result_of(report, "survey");
   if (survey.is_object() && survey.contains("points")) report["points"] = survey.at("points").at("read");
   nlohmann::json mesh = result_of(report, "weld");
+  const nlohmann::json islands = result_of(report, "islands");
+  if (const nlohmann::json samples = result_of(report, "samples"); samples.is_object()) report["samples"] = samples;
+  if (islands.is_object()) {
+    mesh = islands;
+    mesh.erase("full_faces");
+    report["raw_mesh"] = {{"faces", islands.at("full_faces")}};
+    report["certificate"] = certificate_of(report);
+  }
   const nlohmann::json written = result_of(report, "write");
   if (mesh.is_object() && written.is_object()) {
     mesh.update(written);
@@ -46,7 +58,7 @@ void summarise(nlohmann::json& report) {
 
 }  // namespace
 
-std::vector<StageEntry> reconstruct_stages(double tolerance) {
+std::vector<StageEntry> reconstruct_stages(const ReconstructOptions& options) {
   std::vector<StageEntry> stages = {
       // in the order in which they run
       {"probe", [](const JobState& state) { return make_probe_stage(state); }},
@@ -60,25 +72,46 @@ std::vector<StageEntry> reconstruct_stages(double tolerance) {
       {"rims", make_rims_stage},
       {"close", make_close_stage},
       {"surface", make_surface_stage},
-      {"weld", make_weld_stage},
-      {"loops", make_loops_stage},
-      {"holes", make_holes_stage},
   };
-  if (tolerance == 0.0) {
-    stages.push_back({"write", make_write_stage});
+  const auto append = [&](std::vector<StageEntry> more) {
+    for (StageEntry& entry : more) stages.push_back(std::move(entry));
+  };
+  const auto finish = [&](const SimplifyStores& stores) {
+    const SimplifyOptions simplify = reconstruct_simplify_options(options);
+    append(simplify_stages(simplify, stores, "tessera reconstruct"));
+    // The last stage ends the job.
+    if (options.reference == "points")
+      stages.insert(stages.end() - 1, {"samples", [=](const JobState& state) {
+                                         return make_samples_stage(
+                                             state, {simplify.tolerance, [=](const JobState& s) {
+                                                       return open_pass_input(
+                                                           s, stores, {simplify.passes, last_round(s.work), false});
+                                                     }});
+                                       }});
+    if (options.keep_raw)
+      stages.insert(stages.end() - 1, {"keep-raw", [=](const JobState& state) {
+                                         return make_keep_raw_stage(state, stores.full(state),
+                                                                    "made by tessera reconstruct", sort_bytes(state));
+                                       }});
+  };
+  if (fuses_first_pass(options)) {
+    append({{"islands", make_islands_stage}, {"prune", make_prune_stage}});
+    finish({open_full_surface, open_first_pass, first_pass_blocks});
     return stages;
   }
-  stages.push_back({"raw", make_raw_write_stage});
-  SimplifyOptions options;
-  options.tolerance = tolerance;
-  for (StageEntry& entry : import_stages({0, "mesh", kRawMeshFile})) stages.push_back(std::move(entry));
-  for (StageEntry& entry : simplify_stages(options, "tessera reconstruct"))
-    stages.push_back(std::move(entry));
+  append({{"weld", make_weld_stage}, {"loops", make_loops_stage}, {"holes", make_holes_stage}});
+  if (options.tolerance == 0.0) {
+    append({{"write", make_write_stage}});
+    return stages;
+  }
+  append({{"raw", make_raw_write_stage}});
+  append(import_stages({0, "mesh", kRawMeshFile}));
+  finish(imported_stores("mesh"));
   return stages;
 }
 
-JobDescription reconstruct_job(double tolerance) {
-  return {"reconstruct", reconstruct_stages(tolerance), 0, summarise};
+JobDescription reconstruct_job(const ReconstructOptions& options) {
+  return {"reconstruct", reconstruct_stages(options), 0, summarise};
 }
 
 JobDescription plan_job() {

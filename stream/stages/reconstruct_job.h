@@ -9,11 +9,11 @@
 namespace tessera {
 
 /// Its stages, in order.
-std::vector<StageEntry> reconstruct_stages(double tolerance = 0.0);
+std::vector<StageEntry> reconstruct_stages(const ReconstructOptions& options = {});
 
 /// The stages with what the report says of the whole: `points` read and `mesh` {vertices, faces, ...}.
-/// \param tolerance  ReconstructOptions::tolerance: above 0 the mesh is decimated before it is written
-JobDescription reconstruct_job(double tolerance = 0.0);
+/// \param options  which stages there are depends on them
+JobDescription reconstruct_job(const ReconstructOptions& options = {});
 /// The same job up to its plan.json; reconstruct_job() goes on from there.
 JobDescription plan_job();
 

@@ -13,7 +13,6 @@
 #include "stream/direct_file.h"
 #include "stream/durable_file.h"
 #include "stream/failed_places.h"
-#include "stream/stages/import_stages.h"
 #include "stream/stages/unsettled_region.h"
 #include "stream/task_files.h"
 
@@ -39,25 +38,17 @@ DecimatePriority priority_of(const std::string& name) {
                    ": must be quadric, probabilistic, samples, normal, round or length");
 }
 
-/// Sums of what tasks count, by key.
-void add(json& sum, const json& part) {
-  for (const auto& [key, value] : part.items()) {
-    if (value.is_number_unsigned()) sum[key] = sum.value(key, std::uint64_t{0}) + value.get<std::uint64_t>();
-    if (value.is_number_float()) sum[key] = std::max(sum.value(key, 0.0), value.get<double>());
-  }
-}
-
 class SimplifyStage : public Stage {
  public:
-  SimplifyStage(const JobState& state, const SimplifyOptions& options, const SimplifyPass& pass)
+  SimplifyStage(const JobState& state, const SimplifyOptions& options, const SimplifyStores& stores,
+                const SimplifyPass& pass)
       : work_(state.work),
         options_(options),
+        stores_(stores),
         pass_(pass),
-        in_(open_pass_input(state, pass)),
-        reference_(open_imported_mesh(state.work, "mesh")) {
+        in_(open_pass_input(state, stores, pass)),
+        reference_(stores.full(state)) {
     kernel_ = options_.kernel(!in_.info().double_positions);
-    // The proof at the end is tight to a few percent: that much is left to it.
-    kernel_.tolerance *= options_.loop_share / CertificateOptions{}.tightness;
     double radius = options_.tolerance;
     for (int round = pass_.round - 1; round >= 0; --round, radius *= 4.0)
       failed_.add(read_failed_faces(work_ / failed_faces_file(round)), radius);
@@ -65,7 +56,7 @@ class SimplifyStage : public Stage {
     if (!pass_.count_costs && options_.target_faces > 0)
       kernel_.max_cost_class =
           json::parse(read_text(work_ / costs_file(pass.pass))).at("cost_class").get<std::uint32_t>();
-    blocks_ = simplify_blocks(in_, reference_, options_, pass_.pass);
+    blocks_ = cut(in_);
     if (pass_.round > 0) open_round_before(state);
     std::uint64_t total = 0;
     for (const MeshBlockCut& block : blocks_) total += block.faces + block.weight;
@@ -112,7 +103,7 @@ class SimplifyStage : public Stage {
       const MeshBlockCut& cut = blocks_[b];
       if (const MeshBlockCut* same = before_ ? before_->same(in_, cut, failed_) : nullptr) {
         const std::uint64_t faces = before_->copy(*same, *writer);
-        add(sum, {{"faces_in", cut.faces}, {"faces_out", faces}, {"blocks_kept", std::uint64_t{1}}});
+        add_counts(sum, {{"faces_in", cut.faces}, {"faces_out", faces}, {"blocks_kept", std::uint64_t{1}}});
         context.advance(cut.faces);
         continue;
       }
@@ -134,7 +125,7 @@ class SimplifyStage : public Stage {
       }
       const DecimateReport report = decimate(block, pass_.pass == 0 ? block : reference, kernel, held);
       for (std::size_t c = 0; c < kCostClasses; ++c) costs[c] += report.cost_histogram[c];
-      add(sum, to_json(report));
+      add_counts(sum, to_json(report));
       if (writer) write(cut, block, *writer);
       context.count_read(in_.block_bytes(cut.patches));
       context.advance(cut.faces);
@@ -149,7 +140,7 @@ class SimplifyStage : public Stage {
 
   json finish(const std::vector<json>& summaries, TaskContext& context) const override {
     json sum = json::object();
-    for (const json& s : summaries) add(sum, s);
+    for (const json& s : summaries) add_counts(sum, s);
     sum["tolerance"] = kernel_.tolerance;
     if (pass_.count_costs) {
       std::array<std::uint64_t, kCostClasses> costs{};
@@ -206,13 +197,19 @@ class SimplifyStage : public Stage {
     }
   };
 
+  std::vector<MeshBlockCut> cut(const MeshStore& store) const {
+    if (pass_.pass == 0 && stores_.first_blocks) return stores_.first_blocks(store);
+    return simplify_blocks(store, reference_, options_, pass_.pass);
+  }
+
   void open_round_before(const JobState& state) {
     SimplifyPass before = pass_;
     --before.round;
     SimplifyPass next = before;
     ++next.pass;
-    before_.emplace(RoundBefore{open_pass_input(state, before), open_pass_input(state, next), {}, {}});
-    before_->blocks = simplify_blocks(before_->in, reference_, options_, pass_.pass);
+    before_.emplace(
+        RoundBefore{open_pass_input(state, stores_, before), open_pass_input(state, stores_, next), {}, {}});
+    before_->blocks = cut(before_->in);
     for (std::size_t b = 0; b < before_->blocks.size(); ++b)
       before_->by_cube.emplace(RoundBefore::cube(before_->blocks[b]), b);
   }
@@ -220,21 +217,6 @@ class SimplifyStage : public Stage {
   /// All that a collapse in the block may be measured against.
   MeshBox reference_box(const MeshBlockCut& cut) const {
     return grown(in_.box_of(cut.patches), 2.0 * kernel_.tolerance);
-  }
-
-  static json to_json(const DecimateReport& r) {
-    return {{"faces_in", r.faces_in},
-            {"faces_out", r.faces_out},
-            {"locked_vertices", r.locked_vertices},
-            {"collapses", r.collapses},
-            {"candidates", r.candidates},
-            {"refused_by_link", r.by_link},
-            {"refused_by_fold", r.by_fold},
-            {"refused_by_shape", r.by_shape},
-            {"refused_by_normal", r.by_normal},
-            {"refused_by_tolerance", r.by_tolerance},
-            {"exact_tests", r.exact_tests},
-            {"bound", r.bound}};
   }
 
   void write(const MeshBlockCut& cut, const MeshBlock& block, MeshFileWriter& writer) const {
@@ -248,6 +230,7 @@ class SimplifyStage : public Stage {
 
   std::filesystem::path work_;
   SimplifyOptions options_;
+  SimplifyStores stores_;
   SimplifyPass pass_;
   DecimateOptions kernel_;
   MeshStore in_;
@@ -291,7 +274,7 @@ void SimplifyOptions::validate() const {
 
 DecimateOptions SimplifyOptions::kernel(bool float_positions) const {
   DecimateOptions o;
-  o.tolerance = tolerance;
+  o.tolerance = tolerance * loop_share / CertificateOptions{}.tightness;
   o.priority = priority_of(priority);
   if (placement != "endpoint" && placement != "optimal")
     throw UsageError("--placement " + placement + ": must be endpoint or optimal");
@@ -302,6 +285,35 @@ DecimateOptions SimplifyOptions::kernel(bool float_positions) const {
   o.min_roundness = min_roundness;
   o.colour_weight = colour_weight;
   return o;
+}
+
+json to_json(const DecimateReport& r) {
+  return {{"faces_in", r.faces_in},
+          {"faces_out", r.faces_out},
+          {"locked_vertices", r.locked_vertices},
+          {"collapses", r.collapses},
+          {"candidates", r.candidates},
+          {"refused_by_link", r.by_link},
+          {"refused_by_fold", r.by_fold},
+          {"refused_by_shape", r.by_shape},
+          {"refused_by_normal", r.by_normal},
+          {"refused_by_tolerance", r.by_tolerance},
+          {"exact_tests", r.exact_tests},
+          {"bound", r.bound}};
+}
+
+void add_counts(json& sum, const json& part) {
+  for (const auto& [key, value] : part.items()) {
+    if (value.is_number_unsigned()) sum[key] = sum.value(key, std::uint64_t{0}) + value.get<std::uint64_t>();
+    if (value.is_number_float()) sum[key] = std::max(sum.value(key, 0.0), value.get<double>());
+    if (value.is_object()) add_counts(sum.emplace(key, json::object()).first.value(), value);
+  }
+}
+
+SimplifyOptions reconstruct_simplify_options(const ReconstructOptions& options) {
+  SimplifyOptions simplify;
+  simplify.tolerance = options.tolerance;
+  return simplify;
 }
 
 json to_json(const SimplifyOptions& o) {
@@ -355,8 +367,9 @@ int last_round(const std::filesystem::path& work) {
   return round;
 }
 
-MeshStore open_pass_input(const JobState& state, const SimplifyPass& pass) {
-  if (pass.pass == 0) return open_imported_mesh(state.work, "mesh");
+MeshStore open_pass_input(const JobState& state, const SimplifyStores& stores, const SimplifyPass& pass) {
+  if (pass.pass == 0) return stores.full(state);
+  if (pass.pass == 1 && pass.round == 0 && stores.after_first) return stores.after_first(state);
   const SimplifyPass before{pass.pass - 1, pass.round, false};
   return MeshStore(list_task_files(state.work / before.folder(), ".tmm"));
 }
@@ -374,9 +387,9 @@ std::vector<MeshBlockCut> simplify_blocks(const MeshStore& in, const MeshStore& 
 }
 
 std::unique_ptr<Stage> make_simplify_stage(const JobState& state, const SimplifyOptions& options,
-                                           const SimplifyPass& pass) {
+                                           const SimplifyStores& stores, const SimplifyPass& pass) {
   if (pass.round > last_round(state.work)) return make_idle_stage(pass.stage_name());
-  return std::make_unique<SimplifyStage>(state, options, pass);
+  return std::make_unique<SimplifyStage>(state, options, stores, pass);
 }
 
 std::unique_ptr<Stage> make_idle_stage(std::string name) {

@@ -3,6 +3,7 @@
 /// Seams of one pass lie inside the blocks of the next.
 #pragma once
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <string>
 #include <vector>
@@ -33,6 +34,7 @@ struct SimplifyOptions {
 
   /// \throws UsageError naming the option
   void validate() const;
+  /// What blocks are decimated with: the proof at the end is tight to a few percent, that much is left to it.
   DecimateOptions kernel(bool float_positions) const;
 };
 nlohmann::json to_json(const SimplifyOptions& options);
@@ -55,8 +57,24 @@ struct SimplifyPass {
 std::string failed_faces_file(int round);
 /// The last round that there is so far.
 int last_round(const std::filesystem::path& work);
-/// Where a pass reads: the import for the first, else what the pass before left.
-MeshStore open_pass_input(const JobState& state, const SimplifyPass& pass);
+/// Where the passes of a job find what they work on.
+struct SimplifyStores {
+  /// The mesh of full resolution: what the first pass of a round reads, and what every bound is against.
+  std::function<MeshStore(const JobState&)> full;
+  /// What the first pass of the first round left, and its blocks, where that ran in another stage; else empty.
+  std::function<MeshStore(const JobState&)> after_first;
+  std::function<std::vector<MeshBlockCut>(const MeshStore& full)> first_blocks;
+};
+/// Where a pass reads: the mesh of full resolution for the first, else what the pass before left.
+MeshStore open_pass_input(const JobState& state, const SimplifyStores& stores, const SimplifyPass& pass);
+
+/// What `reconstruct --tolerance` decimates with.
+SimplifyOptions reconstruct_simplify_options(const ReconstructOptions& options);
+
+// Reports of passes.
+nlohmann::json to_json(const DecimateReport& report);
+/// Adds integers and takes the largest of other numbers, key by key, also of objects inside.
+void add_counts(nlohmann::json& sum, const nlohmann::json& part);
 
 /// The blocks of a pass over `in`; a pure function of the tables of both stores.
 std::vector<MeshBlockCut> simplify_blocks(const MeshStore& in, const MeshStore& reference,
@@ -64,7 +82,7 @@ std::vector<MeshBlockCut> simplify_blocks(const MeshStore& in, const MeshStore& 
 
 /// A pass of a round that is not needed has no tasks.
 std::unique_ptr<Stage> make_simplify_stage(const JobState& state, const SimplifyOptions& options,
-                                           const SimplifyPass& pass);
+                                           const SimplifyStores& stores, const SimplifyPass& pass);
 /// What stands for a stage in a round that is not needed: no tasks, an empty entry in the report.
 std::unique_ptr<Stage> make_idle_stage(std::string name);
 

@@ -1,5 +1,5 @@
 /// \file store_write_stage.h
-/// The last stage of a job over a mesh store: the store becomes the output file.
+/// The stage that turns a mesh store into a mesh file: the last one of most jobs over stores.
 #pragma once
 #include <cstdint>
 #include <memory>
@@ -11,8 +11,16 @@
 namespace tessera {
 
 /// Stage "write" without tasks: its finish streams `store` to the job's output, with one comment.
-/// \param sort_bytes  memory of its sorts (MeshStoreOutput::memory_bytes)
+/// \param sort_bytes  memory of its sorts (MeshStoreOutput::memory_bytes): as a rule sort_bytes(state)
 std::unique_ptr<Stage> make_store_write_stage(const JobState& state, MeshStore store, std::string comment,
                                               std::uint64_t sort_bytes);
+
+std::uint64_t sort_bytes(const JobState& state);
+
+/// Stage "keep-raw", the same with the name of raw_output_path().
+std::unique_ptr<Stage> make_keep_raw_stage(const JobState& state, MeshStore store, std::string comment,
+                                           std::uint64_t sort_bytes);
+/// Beside the output: "site.raw.ply" for "site.ply".
+std::filesystem::path raw_output_path(const std::filesystem::path& output);
 
 }  // namespace tessera

@@ -11,6 +11,8 @@
 #include "stream/plan.h"
 #include "stream/point_overlay.h"
 #include "stream/stages/closing_stages.h"
+#include "stream/stages/first_pass.h"
+#include "stream/stages/simplify_stage.h"
 #include "stream/task_files.h"
 
 namespace tessera {
@@ -41,6 +43,9 @@ class SurfaceStage : public Stage {
     TilingOptions tiling = surface_tiling(state, field_);
     tiling.closing = closing_.get();
     groups_ = make_tile_groups(store_, tiling);
+    state_ = state;
+    fused_ = fuses_first_pass(state.options);
+    extract_.names = fused_;
   }
 
   std::string name() const override { return "surface"; }
@@ -52,13 +57,20 @@ class SurfaceStage : public Stage {
     std::uint64_t most = 0;
     for (const Tile& tile : groups_[task]) {
       const std::uint64_t near = multipoles_ ? multipoles_->near_bytes(tile.corner(), tile.edges()) : 0;
-      most = std::max(most, tile_bytes(store_, closing_.get(), tile, halo()) + near);
+      std::uint64_t pass = 0;
+      if (fused_) pass = FirstPass::bytes(most_faces(tile, 2), most_faces(tile, 1));
+      most = std::max(most, tile_bytes(store_, closing_.get(), tile, halo()) + near + pass);
     }
     return most + kFixedTaskBytes;
   }
 
   json run(std::size_t task, TaskContext& context) const override {
-    PatchFileWriter writer(context.create("mesh/" + task_file_stem(task) + ".tsm"));
+    std::unique_ptr<PatchFileWriter> writer;
+    std::unique_ptr<FirstPass> pass;
+    if (fused_)
+      pass = std::make_unique<FirstPass>(state_, context, task);
+    else
+      writer = std::make_unique<PatchFileWriter>(context.create("mesh/" + task_file_stem(task) + ".tsm"));
     std::uint64_t patches = 0;
     std::uint64_t vertices = 0;
     std::uint64_t faces = 0;
@@ -88,7 +100,10 @@ class SurfaceStage : public Stage {
         vertices += patch.position.size();
         faces += patch.faces.size();
         for (const std::uint8_t flag : patch.synthetic) synthetic += flag;
-        writer.add(patch, find_components(patch));
+        if (pass)
+          pass->add(patch);
+        else
+          writer->add(patch, find_components(patch));
       });
       total.loops += report.loops;
       total.crease_samples += report.crease_samples;
@@ -97,16 +112,18 @@ class SurfaceStage : public Stage {
       total.rejected_samples += report.rejected_samples;
       context.advance(own_points);
     }
-    context.count_written(writer.finish());
-    return {{"patches", patches},
-            {"vertices", vertices},
-            {"faces", faces},
-            {"synthetic_faces", synthetic},
-            {"loops", total.loops},
-            {"crease_samples", total.crease_samples},
-            {"corner_samples", total.corner_samples},
-            {"flips", total.flips},
-            {"rejected_samples", total.rejected_samples}};
+    json summary = {{"patches", patches},
+                    {"vertices", vertices},
+                    {"faces", faces},
+                    {"synthetic_faces", synthetic},
+                    {"loops", total.loops},
+                    {"crease_samples", total.crease_samples},
+                    {"corner_samples", total.corner_samples},
+                    {"flips", total.flips},
+                    {"rejected_samples", total.rejected_samples}};
+    if (writer) context.count_written(writer->finish());
+    if (pass) summary["first_pass"] = pass->finish();
+    return summary;
   }
 
   std::uint64_t finish_bytes() const override { return 1u << 20; }
@@ -114,20 +131,33 @@ class SurfaceStage : public Stage {
   json finish(const std::vector<json>& summaries, TaskContext&) const override {
     json sum = {{"tiles", 0}, {"h", plan_.lattice.h}, {"radius_cells", plan_.radius_cells}};
     for (const TileGroup& group : groups_) sum["tiles"] = sum["tiles"].get<std::uint64_t>() + group.size();
-    for (const json& s : summaries)
-      for (const auto& [key, value] : s.items())
-        sum[key] = sum.value(key, std::uint64_t{0}) + value.get<std::uint64_t>();
+    for (const json& s : summaries) add_counts(sum, s);
     return sum;
   }
 
  private:
   int halo() const { return field_halo_cells(field_); }
 
+  /// In a cube of so many bricks of the tile.
+  std::uint64_t most_faces(const Tile& tile, int bricks) const {
+    const int edge = std::min(bricks, tile.bricks);
+    std::uint64_t most = 0;
+    for (int z = 0; z < tile.bricks; z += edge)
+      for (int y = 0; y < tile.bricks; y += edge)
+        for (int x = 0; x < tile.bricks; x += edge) {
+          const Tile cube{{tile.brick[0] + x, tile.brick[1] + y, tile.brick[2] + z}, edge};
+          most = std::max(most, tile_faces(store_, closing_.get(), cube, halo()));
+        }
+    return most;
+  }
+
   /// Whole leaves, so that each has all its dipoles.
   int closing_halo() const {
     return std::max(MultipoleStore::kHaloCells, (halo() + kLeafCells - 1) / kLeafCells * kLeafCells);
   }
 
+  JobState state_;
+  bool fused_ = false;  ///< the first pass of decimation runs here
   Plan plan_;
   PointStore store_;
   FieldOptions field_;

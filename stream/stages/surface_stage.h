@@ -1,5 +1,6 @@
 /// \file surface_stage.h
-/// Pass "surface": oriented points of every tile and its halo -> field -> patches, one per brick.
+/// Pass "surface": oriented points of every tile and its halo -> field -> patches, one per brick; with a tolerance ->
+/// the first pass of decimation (first_pass.h).
 #pragma once
 #include <functional>
 
@@ -34,6 +35,9 @@ struct TilingOptions {
 
 /// Upper bound of the memory that computing a tile takes, from the brick tables alone.
 std::uint64_t tile_bytes(const PointStore& store, const BrickSectionStore* closing, const Tile& tile, int halo_cells);
+
+/// Most faces that a tile's patches are expected to have, from the brick tables alone.
+std::uint64_t tile_faces(const PointStore& store, const BrickSectionStore* closing, const Tile& tile, int halo_cells);
 
 /// Cuts the lattice around the points into groups of tiles. The groups (and so the tasks) depend on the points
 /// only; the tiles inside depend on the options. Tiles that no point can reach are left out.

@@ -1,21 +1,18 @@
 #include "stream/stages/write_stage.h"
 
 #include <algorithm>
-#include <cmath>
 #include <nlohmann/json.hpp>
 
 #include "stream/mesh_io.h"
 #include "stream/plan.h"
 #include "stream/stages/hole_files.h"
 #include "stream/stages/numbered_patches.h"
+#include "stream/stages/output_frame.h"
 
 namespace tessera {
 namespace {
 
 using json = nlohmann::json;
-
-/// Floats hold the scan's coordinates when their rounding stays below a thousandth of the lattice spacing.
-bool float_suffices(double largest_coordinate, double h) { return largest_coordinate * 0x1p-24 <= h * 1e-3; }
 
 class WriteStage : public Stage {
  public:
@@ -76,22 +73,13 @@ class WriteStage : public Stage {
       header.synthetic |= head.faces > 0;
     }
     for (const PatchEntry& e : store_.patches()) header.synthetic |= e.has_synthetic != 0;
-    header.colour = plan_.has_colour;
-    // The farthest corner of the used part of the lattice bounds every coordinate.
-    double largest = 0.0;
-    for (const PatchEntry& e : store_.patches()) {
-      const Int3 brick = brick_of_key(e.key);
-      for (std::size_t a = 0; a < 3; ++a) {
-        const double low = plan_.lattice.world(static_cast<int>(a), brick[a] * double{kBrickCells});
-        largest = std::max({largest, std::fabs(low), std::fabs(low + kBrickCells * plan_.lattice.h)});
-      }
-    }
-    const std::string extension = state_.output.extension().string();
-    const bool has_double = extension == ".ply" || extension == ".obj";
-    const bool local = state_.options.local_output || (!has_double && !float_suffices(largest, plan_.lattice.h));
-    header.double_positions = has_double && !local && !float_suffices(largest, plan_.lattice.h);
-    if (local)
-      for (std::size_t a = 0; a < 3; ++a) header.shift[a] = plan_.lattice.world(static_cast<int>(a), 0.0);
+    double farthest = 0.0;
+    for (const PatchEntry& e : store_.patches())
+      farthest = std::max(farthest, farthest_coordinate(plan_.lattice, brick_of_key(e.key)));
+    const MeshFrame frame = output_frame(state_, plan_, farthest);
+    header.colour = frame.colour;
+    header.double_positions = frame.double_positions;
+    header.shift = frame.shift;
     header.comments.push_back("made by tessera reconstruct, lattice spacing " + json(plan_.lattice.h).dump());
     return header;
   }

@@ -137,11 +137,11 @@ int main(int argc, char** argv) {
   if (argc > 3) options.block_faces = static_cast<std::uint64_t>(std::atoll(argv[3]));
   for (int pass = 0; pass < options.passes; ++pass) {
     const StageEntry entry{"pass", [&](const JobState& s) {
-                             return make_simplify_stage(s, options, {pass, 0, false});
+                             return make_simplify_stage(s, options, imported_stores("mesh"), {pass, 0, false});
                            }};
     run_stages(state, {entry}, {});
   }
-  const MeshStore store = open_pass_input(state, {options.passes, 0, false});
+  const MeshStore store = open_pass_input(state, imported_stores("mesh"), {options.passes, 0, false});
   std::vector<std::size_t> every(store.patches().size()), whole(reference.patches().size());
   for (std::size_t p = 0; p < every.size(); ++p) every[p] = p;
   for (std::size_t p = 0; p < whole.size(); ++p) whole[p] = p;
@@ -177,7 +177,7 @@ int main(int argc, char** argv) {
     return p[a] / brick - static_cast<double>(lattice.origin_brick[a]);
   };
   for (int pass = 0; pass < options.passes; ++pass) {
-    const MeshStore in = open_pass_input(state, {pass, 0, false});
+    const MeshStore in = open_pass_input(state, imported_stores("mesh"), {pass, 0, false});
     const std::vector<MeshBlockCut> blocks = simplify_blocks(in, reference, options, pass);
     const Phase phase = [&](const Double3& p, std::size_t axis, double& t, double& distance) {
       for (const MeshBlockCut& b : blocks) {

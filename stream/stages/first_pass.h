@@ -1,0 +1,87 @@
+/// \file first_pass.h
+/// The first pass of decimation inside the surface stage (`reconstruct --tolerance`): patches become blocks in memory,
+/// the full-resolution surface goes to a compact store that later passes and the proof measure against, and what the
+/// pass leaves goes to the store that the next pass reads.
+///
+/// A block is a fixed cube of 2^3 bricks of the lattice; where that holds too many faces, each brick is one. Vertices
+/// at its faces have no complete star, so they stay; later passes have their seams elsewhere. Islands that end inside
+/// a block and are too small whatever else there is go here, all others are left to the islands stage.
+#pragma once
+#include <cstdint>
+#include <filesystem>
+#include <memory>
+#include <string>
+
+#include <nlohmann/json_fwd.hpp>
+
+#include "stream/mesh_store.h"
+#include "stream/stage.h"
+
+namespace tessera {
+
+struct Patch;
+
+/// True if the job's first pass runs in its surface stage: it has a tolerance, and no hole waits to be filled.
+bool fuses_first_pass(const ReconstructOptions& options);
+
+// What it leaves, in the work directory, one file a task of the surface stage.
+inline constexpr const char* kFullFolder = "full/";               ///< the full-resolution surface
+inline constexpr const char* kFirstPassFolder = "pass-1/";        ///< after the first pass
+inline constexpr const char* kIslandFolder = "islands/";          ///< components of blocks (islands_stage.h)
+inline constexpr const char* kPrunedFullFolder = "full-pruned/";  ///< patches that lost an island
+inline constexpr const char* kPrunedPassFolder = "pass-1-pruned/";
+
+/// The blocks of the first pass, from the store of the full-resolution surface.
+std::vector<MeshBlockCut> first_pass_blocks(const MeshStore& full);
+
+/// The full-resolution surface, and what the first pass left of it; both without the islands that went.
+MeshStore open_full_surface(const JobState& state);
+MeshStore open_first_pass(const JobState& state);
+
+/// A component of one block.
+struct IslandPart {
+  std::uint64_t brick = 0;      ///< first brick of the block, Morton code
+  std::uint32_t bricks = 0;     ///< 1 or 8: size of the block
+  std::uint32_t component = 0;  ///< of the block
+  std::uint32_t faces = 0;
+  std::uint32_t unused = 0;
+};
+/// A vertex that blocks share.
+struct IslandSeam {
+  std::uint64_t key = 0;
+  std::uint64_t part = 0;  ///< index of an IslandPart: in the file, later over all files
+  auto operator<=>(const IslandSeam&) const = default;
+};
+struct IslandHeader {
+  std::uint64_t parts = 0;
+  std::uint64_t seams = 0;
+  std::uint64_t dropped = 0;  ///< islands that went at once
+  std::uint64_t dropped_faces = 0;
+};
+std::string island_file(std::size_t task);
+/// The block of these bricks, of a store: merged as the first pass had it. \param patches  out: its patches
+MeshBlock load_island_block(const MeshStore& store, std::uint64_t brick, std::uint32_t bricks,
+                            std::vector<std::size_t>& patches);
+
+/// One task's part.
+class FirstPass {
+ public:
+  FirstPass(const JobState& state, TaskContext& context, std::size_t task);
+  ~FirstPass();
+  FirstPass(const FirstPass&) = delete;
+  FirstPass& operator=(const FirstPass&) = delete;
+
+  /// \pre extracted with names, bricks in ascending order
+  void add(const Patch& patch);
+  /// What it counted, as a pass reports it.
+  nlohmann::json finish();
+
+  /// Upper bound of what it allocates. \param block_faces, brick_faces  most faces of a cube of 2^3 bricks, of a brick
+  static std::uint64_t bytes(std::uint64_t block_faces, std::uint64_t brick_faces);
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace tessera

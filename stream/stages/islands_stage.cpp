@@ -1,0 +1,244 @@
+#include "stream/stages/islands_stage.h"
+
+#include <algorithm>
+#include <numeric>
+#include <vector>
+
+#include <nlohmann/json.hpp>
+
+#include "kernels/block_components.h"
+#include "kernels/mesh_block_ops.h"
+#include "octree/error.h"
+#include "stream/direct_file.h"
+#include "stream/external_sort.h"
+#include "stream/read_file.h"
+#include "stream/stages/first_pass.h"
+#include "stream/stages/weld_stage.h"
+#include "stream/task_files.h"
+
+namespace tessera {
+namespace {
+
+using json = nlohmann::json;
+
+constexpr const char* kDroppedFile = "islands/dropped.bin";
+constexpr std::uint64_t kPage = 1u << 14;  ///< records read at once
+
+/// A part of an island that goes, ascending by file, then block.
+struct DroppedPart {
+  std::uint64_t file = 0;
+  IslandPart part;
+};
+
+class IslandsStage : public Stage {
+ public:
+  explicit IslandsStage(const JobState& state)
+      : state_(state), files_(list_task_files(state.work / kIslandFolder, ".tsi")) {
+    for (const auto& path : files_) {
+      const ReadFile file(path);
+      headers_.emplace_back();
+      file.read_at(0, &headers_.back(), sizeof(IslandHeader));
+      parts_ += headers_.back().parts;
+      dropped_ += headers_.back().dropped;
+      dropped_faces_ += headers_.back().dropped_faces;
+    }
+  }
+
+  std::string name() const override { return "islands"; }
+  std::size_t task_count() const override { return 0; }
+  std::uint64_t task_bytes(std::size_t) const override { return 0; }
+  std::uint64_t units() const override { return parts_; }
+  std::string unit_name() const override { return "components"; }
+  json run(std::size_t, TaskContext&) const override { return {}; }
+  std::uint64_t finish_bytes() const override {
+    return parts_ * 28 + sort_bytes() + (std::uint64_t{8} << 20);
+  }
+
+  json finish(const std::vector<json>&, TaskContext& context) const override {
+    std::vector<std::uint64_t> parent(parts_), faces(parts_, 0);
+    std::iota(parent.begin(), parent.end(), std::uint64_t{0});
+    const auto root_of = [&](std::uint64_t c) {
+      while (parent[c] != c) c = parent[c] = parent[parent[c]];
+      return c;
+    };
+    ExternalSort<IslandSeam> sort(state_.work, sort_bytes());
+    std::uint64_t first = 0;
+    for (std::size_t f = 0; f < files_.size(); ++f) {
+      context.check_stop();
+      const ReadFile file(files_[f]);
+      std::uint64_t part = first;
+      read<IslandPart>(file, sizeof(IslandHeader), headers_[f].parts,
+                       [&](const IslandPart& p) { faces[part++] = p.faces; });
+      read<IslandSeam>(file, sizeof(IslandHeader) + headers_[f].parts * sizeof(IslandPart), headers_[f].seams,
+                       [&](const IslandSeam& s) {
+                         sort.add({s.key, s.part + first});
+                       });
+      first += headers_[f].parts;
+    }
+    IslandSeam last{~std::uint64_t{0}, 0};
+    sort.drain([&](std::span<const IslandSeam> batch) {
+      context.check_stop();
+      for (const IslandSeam& s : batch) {
+        if (s.key == last.key) {
+          const std::uint64_t a = root_of(last.part), b = root_of(s.part);
+          parent[std::max(a, b)] = std::min(a, b);
+        }
+        last = s;
+      }
+    });
+    // Roots are minimal, so one ascending sweep flattens the forest.
+    std::uint64_t all_faces = 0;
+    std::vector<std::uint64_t> total(parts_, 0);
+    for (std::uint64_t c = 0; c < parts_; ++c) {
+      parent[c] = parent[parent[c]];
+      total[parent[c]] += faces[c];
+      all_faces += faces[c];
+    }
+    return decide(parent, total, all_faces, context);
+  }
+
+ private:
+  std::uint64_t sort_bytes() const { return std::min<std::uint64_t>(state_.run.memory_bytes / 8, 64u << 20); }
+
+  template <class Record, class Use>
+  static void read(const ReadFile& file, std::uint64_t at, std::uint64_t count, const Use& use) {
+    std::vector<Record> page(std::min(count, kPage));
+    for (std::uint64_t left = count; left > 0;) {
+      const std::uint64_t n = std::min(left, kPage);
+      file.read_at(at, page.data(), n * sizeof(Record));
+      for (std::uint64_t i = 0; i < n; ++i) use(page[i]);
+      at += n * sizeof(Record);
+      left -= n;
+    }
+  }
+
+  json decide(const std::vector<std::uint64_t>& parent, const std::vector<std::uint64_t>& total,
+              std::uint64_t all_faces, TaskContext& context) const {
+    const std::uint64_t limit = state_.options.min_component != 0
+                                    ? state_.options.min_component
+                                    : automatic_min_component(all_faces + dropped_faces_);
+    std::uint64_t components = 0, dropped = dropped_, largest = 0, kept_faces = 0;
+    for (std::uint64_t c = 0; c < parts_; ++c) {
+      if (parent[c] != c) continue;
+      largest = std::max(largest, total[c]);
+      (total[c] >= limit ? components : dropped) += 1;
+      if (total[c] >= limit) kept_faces += total[c];
+    }
+    if (kept_faces == 0)
+      throw EmptyError(
+          all_faces + dropped_faces_ == 0
+              ? std::string("no surface: no lattice cell has enough points around it; try a larger "
+                            "--resolution or --radius, or check the normals")
+              : "every island has fewer than " + std::to_string(limit) +
+                    " faces; lower --min-component (1 keeps all)");
+    DirectFile out(context.create(kDroppedFile), std::size_t{1} << 16);
+    std::uint64_t part = 0;
+    for (std::size_t f = 0; f < files_.size(); ++f)
+      read<IslandPart>(ReadFile(files_[f]), sizeof(IslandHeader), headers_[f].parts,
+                       [&](const IslandPart& p) {
+                         if (total[parent[part++]] >= limit) return;
+                         const DroppedPart gone{f, p};
+                         out.write(&gone, sizeof gone);
+                       });
+    context.count_written(out.finish());
+    return {{"components", components},
+            {"largest_component_faces", largest},
+            {"min_component_faces", limit},
+            {"islands_dropped", dropped},
+            {"island_faces_dropped", all_faces - kept_faces + dropped_faces_},
+            {"full_faces", kept_faces}};
+  }
+
+  JobState state_;
+  std::vector<std::filesystem::path> files_;
+  std::vector<IslandHeader> headers_;
+  std::uint64_t parts_ = 0;
+  std::uint64_t dropped_ = 0, dropped_faces_ = 0;  ///< in the surface stage
+};
+
+class PruneStage : public Stage {
+ public:
+  explicit PruneStage(const JobState& state)
+      : full_(list_task_files(state.work / kFullFolder, ".tmm")),
+        pass_(list_task_files(state.work / kFirstPassFolder, ".tmm")) {
+    const ReadFile file(state.work / kDroppedFile);
+    dropped_.resize(file.size() / sizeof(DroppedPart));
+    if (!dropped_.empty()) file.read_at(0, dropped_.data(), dropped_.size() * sizeof(DroppedPart));
+    for (std::size_t i = 0; i < dropped_.size(); ++i)
+      if (i == 0 || dropped_[i].file != dropped_[i - 1].file) first_.push_back(i);
+    first_.push_back(dropped_.size());
+  }
+
+  std::string name() const override { return "prune"; }
+  std::size_t task_count() const override { return first_.size() - 1; }
+  std::uint64_t units() const override { return dropped_.size(); }
+  std::string unit_name() const override { return "islands"; }
+  std::uint64_t task_bytes(std::size_t task) const override {
+    std::uint64_t most = 0;
+    for (std::size_t i = first_[task]; i < first_[task + 1]; ++i) {
+      const IslandPart& p = dropped_[i].part;
+      std::vector<std::size_t> patches;
+      for (std::uint64_t b = p.brick; b < p.brick + p.bricks; ++b)
+        if (const std::int64_t at = full_.find(b); at >= 0) patches.push_back(static_cast<std::size_t>(at));
+      most = std::max(most, 2 * full_.block_bytes(patches));
+    }
+    return most + 2 * DirectFile::kDefaultBuffer + (std::uint64_t{2} << 20);
+  }
+
+  json run(std::size_t task, TaskContext& context) const override {
+    MeshFileWriter full(context.create(kPrunedFullFolder + task_file_stem(task) + ".tmm"), full_.info());
+    MeshFileWriter pass(context.create(kPrunedPassFolder + task_file_stem(task) + ".tmm"), pass_.info());
+    for (std::size_t i = first_[task]; i < first_[task + 1];) {
+      context.check_stop();
+      const IslandPart& block = dropped_[i].part;
+      std::vector<std::size_t> patches;
+      const MeshBlock merged = load_island_block(full_, block.brick, block.bricks, patches);
+      const BlockComponents components = find_components(merged, complete_stars(merged));
+      std::vector<std::uint8_t> goes(components.faces.size(), 0);
+      for (; i < first_[task + 1] && dropped_[i].part.brick == block.brick; ++i) {
+        goes.at(dropped_[i].part.component) = 1;
+        context.advance(1);
+      }
+      std::vector<std::uint64_t> gone;
+      for (std::size_t v = 0; v < merged.key.size(); ++v)
+        if (goes[components.of_vertex[v]]) gone.push_back(merged.key[v]);
+      for (const std::size_t p : patches) rewrite(full_, p, gone, full);
+      for (std::uint64_t b = block.brick; b < block.brick + block.bricks; ++b)
+        if (const std::int64_t p = pass_.find(b); p >= 0)
+          rewrite(pass_, static_cast<std::size_t>(p), gone, pass);
+    }
+    context.count_written(full.finish() + pass.finish());
+    return json::object();
+  }
+
+  std::uint64_t finish_bytes() const override { return 1u << 20; }
+  json finish(const std::vector<json>&, TaskContext&) const override { return {{"parts", dropped_.size()}}; }
+  std::vector<std::string> obsolete() const override { return {kIslandFolder}; }
+
+ private:
+  static void rewrite(const MeshStore& store, std::size_t patch, const std::vector<std::uint64_t>& gone,
+                      MeshFileWriter& writer) {
+    const std::uint64_t brick = store.patches()[patch].key;
+    const MeshBlock left = without_vertices(store.load(std::vector<std::size_t>{patch}), gone);
+    if (left.faces.empty())
+      writer.remove(brick);
+    else
+      writer.add(brick, left, store.patches()[patch].content & (kPatchAlone | kPatchCompact));
+  }
+
+  MeshStore full_;
+  MeshStore pass_;
+  std::vector<DroppedPart> dropped_;
+  std::vector<std::size_t> first_;  ///< into dropped_ per task, one more at the end
+};
+
+}  // namespace
+
+std::unique_ptr<Stage> make_islands_stage(const JobState& state) {
+  return std::make_unique<IslandsStage>(state);
+}
+std::unique_ptr<Stage> make_prune_stage(const JobState& state) {
+  return std::make_unique<PruneStage>(state);
+}
+
+}  // namespace tessera

@@ -1,0 +1,17 @@
+/// \file islands_stage.h
+/// Passes "islands" and "prune" of a reconstruction whose first pass of decimation is fused (first_pass.h): components
+/// are joined across blocks and counted by faces of the full-resolution surface, as everywhere; those that are too
+/// small go from it and from what the first pass left of it.
+#pragma once
+#include <memory>
+
+#include "stream/stage.h"
+
+namespace tessera {
+
+/// Without tasks: its finish joins the components.
+std::unique_ptr<Stage> make_islands_stage(const JobState& state);
+/// One task for each file of the surface stage that holds a part of an island that goes.
+std::unique_ptr<Stage> make_prune_stage(const JobState& state);
+
+}  // namespace tessera

@@ -1,0 +1,38 @@
+#include "stream/stages/output_frame.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace tessera {
+namespace {
+
+bool float_suffices(double farthest, double h) {
+  return farthest * 0x1p-24 <= h * 1e-3;
+}
+
+}  // namespace
+
+double farthest_coordinate(const Lattice& lattice, const Int3& brick) {
+  double farthest = 0.0;
+  for (std::size_t a = 0; a < 3; ++a) {
+    const double low = lattice.world(static_cast<int>(a), brick[a] * double{kBrickCells});
+    farthest = std::max({farthest, std::fabs(low), std::fabs(low + kBrickCells * lattice.h)});
+  }
+  return farthest;
+}
+
+MeshFrame output_frame(const JobState& state, const Plan& plan, double farthest) {
+  const std::string extension = state.output.extension().string();
+  const bool has_double = extension == ".ply" || extension == ".obj";
+  const bool enough = float_suffices(farthest, plan.lattice.h);
+  const bool local = state.options.local_output || (!has_double && !enough);
+  MeshFrame frame;
+  frame.lattice = plan.lattice;
+  frame.double_positions = has_double && !local && !enough;
+  frame.colour = plan.has_colour;
+  if (local)
+    for (std::size_t a = 0; a < 3; ++a) frame.shift[a] = plan.lattice.world(static_cast<int>(a), 0.0);
+  return frame;
+}
+
+}  // namespace tessera

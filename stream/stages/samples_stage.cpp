@@ -1,0 +1,173 @@
+#include "stream/stages/samples_stage.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <vector>
+
+#include <nlohmann/json.hpp>
+
+#include "kernels/certificate.h"
+#include "kernels/closest_face.h"
+#include "octree/error.h"
+#include "stream/numbers.h"
+#include "stream/plan.h"
+#include "stream/point_overlay.h"
+#include "stream/point_store.h"
+#include "stream/task_files.h"
+
+namespace tessera {
+namespace {
+
+using json = nlohmann::json;
+
+constexpr double kReach = 4.0;  ///< times the tolerance: distances up to here are told
+constexpr std::size_t kLeastBricks = 16, kMostTasks = 400;
+constexpr std::uint64_t kPointBytes = 64;  ///< records read and the block that they become
+constexpr double kSquareUnit =
+    0x1p-12;  ///< of the tolerance: squares of distances are integers in its square
+
+struct SampleSums {
+  std::uint64_t samples = 0, over = 0, beyond = 0;
+  std::uint64_t squares = 0;  ///< of those within reach
+  double farthest = -1.0;     ///< rounding included; reach if some are beyond
+  Double3 place = {0, 0, 0};
+  std::array<std::uint64_t, kDeviationBins + 1> histogram{};  ///< the last: above the tolerance
+};
+
+class SamplesStage : public Stage {
+ public:
+  SamplesStage(const JobState& state, const SamplesRequest& request)
+      : tolerance_(request.tolerance),
+        lattice_(Plan::of_work(state.work).lattice),
+        points_(list_task_files(state.work / "points", ".tsp"), PointOverlay::open(state.work)),
+        mesh_(request.mesh(state)),
+        per_task_(std::max(kLeastBricks, (points_.bricks().size() + kMostTasks - 1) / kMostTasks)) {}
+
+  std::string name() const override { return "samples"; }
+  std::size_t task_count() const override { return (points_.bricks().size() + per_task_ - 1) / per_task_; }
+  std::uint64_t units() const override { return points_.point_count(); }
+  std::string unit_name() const override { return "points"; }
+  std::uint64_t task_bytes(std::size_t task) const override {
+    std::uint64_t most = 0;
+    for (std::size_t b = first(task); b < first(task + 1); ++b) {
+      const BrickEntry& brick = points_.bricks()[b];
+      const std::vector<std::size_t> near = mesh_.select(near_box(brick));
+      std::uint64_t faces = 0;
+      for (const std::size_t p : near) faces += mesh_.patches()[p].faces;
+      most = std::max(most, kPointBytes * brick.points + mesh_.block_bytes(near) +
+                                faces * (ClosestFaces::bytes_per_face() + 32));
+    }
+    return most + (std::uint64_t{2} << 20);
+  }
+
+  json run(std::size_t task, TaskContext& context) const override {
+    SampleSums sums;
+    for (std::size_t b = first(task); b < first(task + 1); ++b) {
+      context.check_stop();
+      measure(points_.bricks()[b], sums);
+      context.advance(points_.bricks()[b].points);
+      context.count_read(points_.bricks()[b].points * sizeof(PointRecord));
+    }
+    return {{"samples", sums.samples},    {"over", sums.over},         {"beyond", sums.beyond},
+            {"squares", sums.squares},    {"farthest", sums.farthest}, {"place", sums.place},
+            {"histogram", sums.histogram}};
+  }
+
+  std::uint64_t finish_bytes() const override { return std::uint64_t{1} << 20; }
+
+  json finish(const std::vector<json>& summaries, TaskContext&) const override {
+    SampleSums sum;
+    for (const json& s : summaries) {
+      sum.samples += s.at("samples").get<std::uint64_t>();
+      sum.over += s.at("over").get<std::uint64_t>();
+      sum.beyond += s.at("beyond").get<std::uint64_t>();
+      sum.squares += s.at("squares").get<std::uint64_t>();
+      for (std::size_t i = 0; i < sum.histogram.size(); ++i)
+        sum.histogram[i] += s.at("histogram")[i].get<std::uint64_t>();
+      if (s.at("farthest").get<double>() <= sum.farthest) continue;
+      sum.farthest = s.at("farthest").get<double>();
+      sum.place = s.at("place").get<Double3>();
+    }
+    if (sum.over > 0)
+      throw ValidationError(
+          "the result gets no name: " + std::to_string(sum.over) + " of " + std::to_string(sum.samples) +
+          " points are farther than " + number_text(tolerance_) + " from it, the farthest " +
+          (sum.beyond > 0 ? "more than " : "") + number_text(sum.farthest) + " at " +
+          number_text(sum.place[0]) + " " + number_text(sum.place[1]) + " " + number_text(sum.place[2]));
+    const double unit = tolerance_ * kSquareUnit;
+    const double mean =
+        sum.samples > 0 ? static_cast<double>(sum.squares) / static_cast<double>(sum.samples) : 0.0;
+    return {{"samples", sum.samples},
+            {"certified_max", std::max(0.0, sum.farthest)},
+            {"place", sum.place},
+            {"rms", unit * std::sqrt(mean)},
+            {"histogram", sum.histogram}};
+  }
+
+ private:
+  std::size_t first(std::size_t task) const { return std::min(points_.bricks().size(), task * per_task_); }
+
+  double world(std::size_t axis, double cells) const {
+    const int a = static_cast<int>(axis);
+    return lattice_.world(a, cells) - mesh_.info().shift[axis];
+  }
+  MeshBox near_box(const BrickEntry& brick) const {
+    const Int3 at = brick_of_key(brick.key);
+    MeshBox box;
+    for (std::size_t a = 0; a < 3; ++a) {
+      box.low[a] = world(a, at[a] * double{kBrickCells});
+      box.high[a] = world(a, (at[a] + 1) * double{kBrickCells});
+    }
+    return grown(box, kReach * tolerance_ * (1.0 + 0x1p-20));
+  }
+
+  void measure(const BrickEntry& brick, SampleSums& sums) const {
+    const Int3 at = brick_of_key(brick.key);
+    const Int3 corner = {at[0] * kBrickCells, at[1] * kBrickCells, at[2] * kBrickCells};
+    const PointBlock points = points_.load(corner, {kBrickCells, kBrickCells, kBrickCells}, 0);
+    const MeshBox near = near_box(brick);
+    const MeshBlock mesh = mesh_.load_box(near);
+    const ClosestFaces faces(mesh.position, mesh.faces, near.low);
+    const double reach = kReach * tolerance_;
+    const double per_unit = 1.0 / (tolerance_ * kSquareUnit);
+    std::uint32_t hint = ClosestFaces::kNone;
+    double size = 0.0;
+    for (std::size_t a = 0; a < 3; ++a) size = std::max(size, near.high[a] - near.low[a]);
+    const double rounding = certificate_rounding(std::max(size, faces.largest_coordinate()));
+    for (std::size_t i = 0; i < points.size(); ++i) {
+      const Double3 p = {world(0, corner[0] + double{points.x[i]}), world(1, corner[1] + double{points.y[i]}),
+                         world(2, corner[2] + double{points.z[i]})};
+      const Double3 local = {p[0] - near.low[0], p[1] - near.low[1], p[2] - near.low[2]};
+      const ClosestFaces::Hit hit =
+          faces.empty() ? ClosestFaces::Hit{} : faces.closest(local, reach * reach, hint);
+      const bool known = hit.slot != ClosestFaces::kNone;
+      if (known) hint = hit.slot;
+      const double distance = known ? std::sqrt(hit.square) + rounding : reach;
+      ++sums.samples;
+      sums.beyond += !known;
+      sums.over += distance > tolerance_;
+      const double units = distance * per_unit;
+      sums.squares += static_cast<std::uint64_t>(units * units);
+      ++sums.histogram[static_cast<std::size_t>(
+          std::min<double>(kDeviationBins, std::floor(distance / tolerance_ * kDeviationBins)))];
+      if (distance <= sums.farthest) continue;
+      sums.farthest = distance;
+      sums.place = p;
+    }
+  }
+
+  double tolerance_;
+  Lattice lattice_;
+  PointStore points_;
+  MeshStore mesh_;
+  std::size_t per_task_;
+};
+
+}  // namespace
+
+std::unique_ptr<Stage> make_samples_stage(const JobState& state, const SamplesRequest& request) {
+  return std::make_unique<SamplesStage>(state, request);
+}
+
+}  // namespace tessera

@@ -1,0 +1,152 @@
+// reconstruct --tolerance: the first pass runs on patches in memory, and nothing of how it runs shows in the result.
+#include <catch2/catch.hpp>
+
+#include <string>
+#include <vector>
+
+#include <nlohmann/json.hpp>
+
+#include "stream/mesh_check.h"
+#include "stream/mesh_io.h"
+#include "tests/helpers/command.h"
+#include "tests/helpers/serial_job.h"
+
+using namespace tessera;
+using namespace tessera::test;
+
+namespace {
+
+namespace fs = std::filesystem;
+
+std::string scan(const fs::path& folder, const std::string& scene, const std::string& points,
+                 std::vector<std::string> more = {}) {
+  const std::string path = (folder / (scene + ".ply")).string();
+  std::vector<std::string> words = {"synth", "--scene", scene, "--points", points, "--normals", "-o", path};
+  words.insert(words.end(), more.begin(), more.end());
+  REQUIRE(tessera_command(words).code == 0);
+  return path;
+}
+
+std::vector<std::string> job(const std::string& in, const fs::path& out,
+                             const std::vector<std::string>& more) {
+  std::vector<std::string> words = {"reconstruct", in, "-o", out.string(), "--progress", "none", "-q"};
+  words.insert(words.end(), more.begin(), more.end());
+  return words;
+}
+
+nlohmann::json run(const std::string& in, const fs::path& out, const std::vector<std::string>& more) {
+  const CommandResult r = tessera_command(job(in, out, more));
+  INFO(r.errors);
+  REQUIRE(r.code == 0);
+  return nlohmann::json::parse(file_bytes(out.string() + ".report.json"));
+}
+
+nlohmann::json stage(const nlohmann::json& report, const std::string& name) {
+  for (const auto& entry : report.at("stages"))
+    if (entry.at("name") == name) return entry.at("result");
+  return {};
+}
+
+MeshCheck checked(const fs::path& file, const fs::path& temp) {
+  MeshCheckOptions options;
+  options.temp = temp;
+  return check_mesh(*open_mesh_file(file), options);
+}
+
+}  // namespace
+
+TEST_CASE("reconstruct --tolerance: same bytes over tiles, threads, caps, processes and kills",
+          "[property]") {
+  const TempFolder folder;
+  const std::string in = scan(folder.path(), "terrain", "150000");
+  const std::vector<std::string> base = {"--resolution", "3.9", "--tolerance", "0.4"};
+  const auto bytes = [&](std::vector<std::string> more) {
+    const fs::path out = folder.path() / "out.ply";
+    fs::remove(out);
+    more.insert(more.end(), base.begin(), base.end());
+    const nlohmann::json report = run(in, out, more);
+    CHECK_FALSE(fs::exists(out.string() + ".tessera"));
+    CHECK(report.at("certificate").at("proven") == true);
+    CHECK(report.at("certificate").at("certified_max").get<double>() <= 0.4);
+    CHECK(report.at("mesh").at("faces").get<int>() * 10 < report.at("raw_mesh").at("faces").get<int>());
+    return file_bytes(out);
+  };
+  const std::string want = bytes({"-t", "1", "--tile-size", "64", "--memory", "2G"});
+  CHECK(bytes({"-t", "2", "--tile-size", "128", "--memory", "2G"}) == want);
+  CHECK(bytes({"-t", "5", "--tile-size", "256", "--memory", "2G"}) == want);
+  CHECK(bytes({"-t", "2", "--memory", "256M"}) == want);
+  CHECK(bytes({"-t", "2", "--processes"}) == want);
+
+  const fs::path out = folder.path() / "killed.ply";
+  const std::vector<std::string> words =
+      job(in, out, {"--resolution", "3.9", "--tolerance", "0.4", "-t", "2"});
+  int kills = 0;
+  for (const unsigned ms : {150u, 300u, 500u, 800u})
+    kills += tessera_command(words, ms).code == 128 + SIGKILL;
+  CHECK(kills > 0);
+  REQUIRE(tessera_command(words).code == 0);
+  CHECK(file_bytes(out) == want);
+}
+
+TEST_CASE("reconstruct --tolerance: the bound holds against the mesh that the job without it writes",
+          "[property]") {
+  const TempFolder folder;
+  const std::string scene = GENERATE("fandisk", "terrain");
+  const std::string in = scan(folder.path(), scene, "60000", {"--outliers", "0.001"});
+  const fs::path raw = folder.path() / "raw.ply", small = folder.path() / "small.ply";
+  const nlohmann::json full = run(in, raw, {});
+  const std::string tolerance = nlohmann::json(0.2 * stage(full, "surface").at("h").get<double>()).dump();
+  const nlohmann::json report = run(in, small, {"--tolerance", tolerance, "--keep-raw"});
+  CHECK(report.at("raw_mesh").at("faces") == full.at("mesh").at("faces"));
+  for (const char* key : {"components", "largest_component_faces", "islands_dropped", "island_faces_dropped"})
+    CHECK(report.at("mesh").at(key) == full.at("mesh").at(key));
+  const fs::path kept = folder.path() / "small.raw.ply";
+  const MeshCheck a = checked(kept, folder.path()), b = checked(raw, folder.path());
+  CHECK(a.vertices == b.vertices);
+  CHECK(a.faces == b.faces);
+  CHECK(a.boundary_edges == b.boundary_edges);
+  CHECK(a.boundary_loops == b.boundary_loops);
+  CHECK(a.total_genus == b.total_genus);
+  CHECK(checked(small, folder.path()).defects().empty());
+  const auto proven = [&](const fs::path& mesh, const fs::path& reference, const std::string& e) {
+    return tessera_command({"check", mesh.string(), "--reference", reference.string(), "--tolerance", e})
+        .code;
+  };
+  CHECK(proven(kept, raw, "1e-9") == 0);
+  CHECK(proven(small, raw, tolerance) == 0);
+}
+
+TEST_CASE("reconstruct --tolerance: marks of closing faces survive", "[property]") {
+  const TempFolder folder;
+  const std::string in = scan(folder.path(), "sphere", "40000", {"--missing", "0.2"});
+  const fs::path raw = folder.path() / "raw.ply", small = folder.path() / "small.ply";
+  const nlohmann::json full = run(in, raw, {"--holes", "close"});
+  const std::string tolerance = nlohmann::json(0.3 * stage(full, "surface").at("h").get<double>()).dump();
+  const nlohmann::json report = run(in, small, {"--holes", "close", "--tolerance", tolerance});
+  const auto area = [](const fs::path& file, std::uint8_t mark) {
+    const auto mesh = open_mesh_file(file);
+    std::vector<Double3> position;
+    mesh->read_vertices(
+        [&](std::span<const Double3> p, auto) { position.insert(position.end(), p.begin(), p.end()); });
+    double sum = 0.0;
+    mesh->read_flagged_faces([&](std::span<const MeshFace> faces, std::span<const std::uint8_t> synthetic) {
+      REQUIRE(synthetic.size() == faces.size());
+      for (std::size_t f = 0; f < faces.size(); ++f) {
+        if (synthetic[f] != mark) continue;
+        const Double3 &a = position[faces[f][0]], &b = position[faces[f][1]], &c = position[faces[f][2]];
+        Double3 u, v;
+        for (std::size_t k = 0; k < 3; ++k) u[k] = b[k] - a[k], v[k] = c[k] - a[k];
+        const double x = u[1] * v[2] - u[2] * v[1], y = u[2] * v[0] - u[0] * v[2],
+                     z = u[0] * v[1] - u[1] * v[0];
+        sum += 0.5 * std::sqrt(x * x + y * y + z * z);
+      }
+    });
+    return sum;
+  };
+  CHECK(report.at("mesh").at("synthetic_faces").get<int>() > 10);
+  CHECK(report.at("mesh").at("synthetic_faces").get<int>() <
+        full.at("mesh").at("synthetic_faces").get<int>());
+  CHECK(checked(small, folder.path()).boundary_edges == 0);
+  for (const std::uint8_t mark : {std::uint8_t{0}, std::uint8_t{1}})
+    CHECK(area(small, mark) == Approx(area(raw, mark)).epsilon(0.02));
+}
