@@ -357,6 +357,7 @@ void check_until(const JobState& state, const JobDescription& job) {
 nlohmann::json run_job(JobState state, const JobDescription& job, const ProgressSink& sink) {
   const auto start = std::chrono::steady_clock::now();
   const std::string cap_text = resolve_run(state.run);
+  keep_freed_memory(state.run.memory_bytes, state.run.threads);
   check_until(state, job);
   std::vector<InputFingerprint> fingerprints;
   for (fs::path& input : state.inputs) {
@@ -466,6 +467,7 @@ void run_single_task(const fs::path& path, const JobDescription& job, const std:
                      ".jsonl"));
   const std::uint64_t need =
       task == kFinishTask ? stage->finish_bytes() : stage->task_bytes(static_cast<std::size_t>(task));
+  keep_freed_memory(state.run.memory_bytes, state.run.threads);
   MemoryBudget budget(state.run.memory_bytes, resident_bytes());
   const auto stats = [&] {
     return nlohmann::json{{"name", stage_name},

@@ -124,6 +124,16 @@ void consider_ulimit(MemoryCap& cap, int resource, const std::string& source) {
   }
 }
 
+// Blocks above it get mappings of their own, and no arena keeps more than it at its end.
+void set_kept_bytes(std::uint64_t bytes) {
+  ::mallopt(M_MMAP_THRESHOLD, static_cast<int>(bytes));
+  ::mallopt(M_TRIM_THRESHOLD, static_cast<int>(bytes));
+}
+
+int arenas_of(int threads) {
+  return std::clamp(threads, 1, 8);
+}
+
 }  // namespace
 
 MemoryCap detect_memory_cap(const LimitSources& sources) {
@@ -159,11 +169,16 @@ std::uint64_t peak_resident_bytes() {
 }
 
 void configure_allocator(int threads) {
-  // Blocks from 1 MiB on get mappings of their own: what a task frees leaves the process, and no hole in a
-  // heap keeps it. Arenas hold on to memory; threads rarely allocate at once, so a few are enough.
-  ::mallopt(M_MMAP_THRESHOLD, 1 << 20);
-  ::mallopt(M_TRIM_THRESHOLD, 1 << 20);
-  ::mallopt(M_ARENA_MAX, std::clamp(threads, 1, 8));
+  // Large blocks get mappings of their own: what a task frees leaves the process, and no hole in a heap keeps it.
+  // Arenas hold on to memory; threads rarely allocate at once, so a few are enough.
+  set_kept_bytes(kMiB);
+  ::mallopt(M_ARENA_MAX, arenas_of(threads));
+}
+
+void keep_freed_memory(std::uint64_t cap, int threads) {
+  // The main arena and those of the threads keep as much each; the C library takes no threshold above 32 MiB.
+  const std::uint64_t share = cap / 32 / (static_cast<std::uint64_t>(arenas_of(threads)) + 1);
+  set_kept_bytes(std::clamp(share, kMiB, 32 * kMiB));
 }
 
 void trim_allocator() {

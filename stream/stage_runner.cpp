@@ -34,6 +34,7 @@ class PlainContext : public TaskContext {
 std::vector<nlohmann::json> run_stages(const JobState& state, const std::vector<StageEntry>& stages,
                                        const std::function<void()>& check_stop) {
   WorkerPool pool(state.run.threads);
+  keep_freed_memory(state.run.memory_bytes, state.run.threads);
   std::vector<nlohmann::json> reports;
   for (const StageEntry& entry : stages) {
     trim_allocator();
