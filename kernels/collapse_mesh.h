@@ -31,9 +31,6 @@ constexpr std::uint32_t prev_corner(std::uint32_t c) {
   return (c & 3u) == 0u ? c + 2 : c - 1;
 }
 
-/// Bit of MeshBlock::face_flags: decimation found nothing to do at the corners of the face, with complete stars.
-inline constexpr std::uint8_t kFaceSettled = 16;
-
 /// Bits of CollapseFace::state. Border and crease are per edge: shifted by the corner opposite the edge.
 enum FaceState : std::uint32_t {
   kStateBorder = 1,  ///< << 0, 1, 2

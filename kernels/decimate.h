@@ -87,7 +87,7 @@ struct DecimateReport {
 ///                   first pass, which takes less time and memory than a copy; else keys ascend. Not looked
 ///                   at when tolerance is 0.
 /// \param held       keys, ascending, of vertices that are neither moved nor removed
-/// Faces with kFaceSettled (collapse_mesh.h) are where an earlier pass had complete stars and could do no more:
+/// Faces with kFaceSettled are where an earlier pass had complete stars and could do no more:
 /// this one begins elsewhere, and comes there when something near changes.
 /// \pre    every edge of the block has at most two faces, oppositely directed; positions are finite
 /// \post   pure function of the set of faces and the options; locked vertices unchanged; edge-manifold,

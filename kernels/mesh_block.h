@@ -20,6 +20,7 @@ enum MeshFaceFlag : std::uint8_t {
   kFaceBorder12 = 2,
   kFaceBorder20 = 4,
   kFaceSynthetic = 8,  ///< closes a hole: no data there
+  kFaceSettled = 16,   ///< a pass of decimation found nothing to do at its corners, with complete stars
 };
 
 /// n vertices, m faces. Canonical: keys ascending; the smallest index of a face first; faces ascending.

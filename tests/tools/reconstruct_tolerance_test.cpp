@@ -150,3 +150,31 @@ TEST_CASE("reconstruct --tolerance: marks of closing faces survive", "[property]
   for (const std::uint8_t mark : {std::uint8_t{0}, std::uint8_t{1}})
     CHECK(area(small, mark) == Approx(area(raw, mark)).epsilon(0.02));
 }
+
+TEST_CASE("reconstruct --reference points: noise beyond the tolerance is refused, within it is proven",
+          "[property]") {
+  const TempFolder folder;
+  const std::string in = scan(folder.path(), "sphere", "40000", {"--noise", "0.3s"});
+  const fs::path out = folder.path() / "out.ply";
+  const double spacing = nlohmann::json::parse(file_bytes(in + ".truth.json")).at("spacing").get<double>();
+  const auto words = [&](double tolerance) {
+    return std::vector<std::string>{"--resolution", nlohmann::json(1.5 * spacing).dump(),
+                                    "--tolerance",  nlohmann::json(tolerance).dump(),
+                                    "--reference",  "points",
+                                    "--outliers",   "off"};
+  };
+  // 0.3 spacings of noise: the farthest of 40,000 points lies at about four standard deviations.
+  const CommandResult refused = tessera_command(job(in, out, words(0.4 * spacing)));
+  CHECK(refused.code == 6);
+  CHECK(refused.errors.find("points are farther than") != std::string::npos);
+  CHECK_FALSE(fs::exists(out));
+  fs::remove_all(out.string() + ".tessera");
+
+  // Decimation keeps to the surface, not to the points: exact ones are as near as the surface is.
+  const std::string exact = scan(folder.path(), "torus", "40000");
+  const nlohmann::json report = run(exact, out, words(0.4 * spacing));
+  const nlohmann::json& samples = report.at("samples");
+  CHECK(samples.at("samples") == 40000);
+  CHECK(samples.at("certified_max").get<double>() <= 0.4 * spacing);
+  CHECK(samples.at("certified_max").get<double>() > 0.2 * spacing);
+}
