@@ -4,6 +4,8 @@
 #include <array>
 #include <cmath>
 
+#include "kernels/vector3.h"
+
 namespace tessera {
 namespace {
 
@@ -35,13 +37,6 @@ void clip(Polygon& polygon, std::size_t axis, double sign, double limit) {
   polygon = out;
 }
 
-Double3 cross(const Double3& a, const Double3& b) {
-  return {a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]};
-}
-double length(const Double3& a) {
-  return std::sqrt(a[0] * a[0] + a[1] * a[1] + a[2] * a[2]);
-}
-
 /// One side of the surface in one voxel.
 struct Side {
   Double3 position = {0, 0, 0};
@@ -54,7 +49,7 @@ struct Side {
   }
   /// Area per point.
   float weight() const {
-    const double size = length(normal);
+    const double size = norm(normal);
     if (!(size > 0.0)) return 0.0f;
     Double3 n, p;
     for (std::size_t c = 0; c < 3; ++c) n[c] = normal[c] / size, p[c] = position[c] / points;
@@ -72,7 +67,7 @@ double plane_area_in_cube(const Double3& point, const Double3& normal, double ed
   Double3 axis = {0, 0, 0};
   axis[least] = 1.0;
   Double3 u = cross(normal, axis);
-  const double size = length(u);
+  const double size = norm(u);
   for (double& c : u) c /= size;
   const Double3 v = cross(normal, u);
   Polygon polygon;
@@ -95,7 +90,7 @@ double plane_area_in_cube(const Double3& point, const Double3& normal, double ed
     const Double3 n = cross(a, b);
     for (std::size_t c = 0; c < 3; ++c) sum[c] += n[c];
   }
-  return 0.5 * length(sum);
+  return 0.5 * norm(sum);
 }
 
 std::vector<float> area_weights(const PointBlock& points) {

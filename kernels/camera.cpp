@@ -5,6 +5,7 @@
 #include <cstdlib>
 #include <limits>
 
+#include "kernels/vector3.h"
 #include "octree/error.h"
 
 namespace tessera {
@@ -14,20 +15,8 @@ constexpr double kPi = 3.14159265358979323846;
 constexpr double kTanHalfAngle = 0.2679491924311227;  // 15 degrees: a long lens, little distortion
 constexpr double kMargin = 1.10;                      // free frame around the data, also holds the caption
 
-double dot(const Double3& a, const Double3& b) {
-  return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-}
-Double3 cross(const Double3& a, const Double3& b) {
-  return {a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]};
-}
-Double3 scaled(const Double3& a, double s) {
-  return {a[0] * s, a[1] * s, a[2] * s};
-}
-Double3 sum(const Double3& a, const Double3& b) {
-  return {a[0] + b[0], a[1] + b[1], a[2] + b[2]};
-}
 Double3 unit(const Double3& a) {
-  return scaled(a, 1.0 / std::sqrt(dot(a, a)));
+  return a * (1.0 / std::sqrt(dot(a, a)));
 }
 
 /// Frame of the up direction: right and the direction to the viewer of `front`.
@@ -38,15 +27,15 @@ Stand stand_of(const Double3& up_in) {
   const Double3 up = unit(up_in);
   Double3 right = {1, 0, 0};
   if (std::abs(up[0]) > 0.9) right = {0, 1, 0};
-  right = unit(sum(right, scaled(up, -dot(right, up))));
+  right = unit(right + up * -dot(right, up));
   return {right, cross(right, up), up};
 }
 
 Double3 direction(const Stand& s, double azimuth_deg, double elevation_deg) {
   const double a = azimuth_deg * kPi / 180.0;
   const double e = elevation_deg * kPi / 180.0;
-  const Double3 flat = sum(scaled(s.front, std::cos(a)), scaled(s.right, std::sin(a)));
-  return unit(sum(scaled(flat, std::cos(e)), scaled(s.up, std::sin(e))));
+  const Double3 flat = s.front * std::cos(a) + s.right * std::sin(a);
+  return unit(flat * std::cos(e) + s.up * std::sin(e));
 }
 
 Camera oriented(const ViewSpec& view, double aspect) {
@@ -92,7 +81,7 @@ ViewSpec parse_view(const std::string& text, const Double3& up) {
   ViewSpec view;
   view.name = text;
   view.up = s.up;
-  const auto axis = [&](const Double3& back, double sign) { view.back = scaled(back, sign); };
+  const auto axis = [&](const Double3& back, double sign) { view.back = back * sign; };
   const auto turned = [&](double azimuth, double elevation) {
     view.back = direction(s, azimuth, elevation);
     view.orthographic = false;
@@ -107,7 +96,7 @@ ViewSpec parse_view(const std::string& text, const Double3& up) {
     axis(s.right, -1.0);
   } else if (text == "top") {
     axis(s.up, 1.0);
-    view.up = scaled(s.front, -1.0);  // as a map: the far side is up
+    view.up = s.front * -1.0;  // as a map: the far side is up
   } else if (text == "bottom") {
     axis(s.up, -1.0);
     view.up = s.front;
@@ -133,7 +122,7 @@ ViewSpec parse_view(const std::string& text, const Double3& up) {
 }
 
 ViewSpec eye_view(const Double3& eye, const Double3& target, const Double3& up) {
-  const Double3 back = sum(eye, scaled(target, -1.0));
+  const Double3 back = eye - target;
   if (!(dot(back, back) > 0.0)) throw UsageError("--eye and --target are the same point");
   ViewSpec view;
   view.name = "custom";
@@ -187,7 +176,7 @@ Camera fit_camera(const ViewSpec& view, std::span<const Float3> points, double a
     camera.half_width /= zoom;
     camera.half_height /= zoom;
   }
-  camera.eye = sum(sum(scaled(camera.right, cx), scaled(camera.up, cy)), scaled(camera.back, z));
+  camera.eye = camera.right * cx + camera.up * cy + camera.back * z;
   return camera;
 }
 
@@ -203,9 +192,9 @@ Camera focus_camera(const ViewSpec& view, const Double3& centre, double radius, 
   if (camera.orthographic) {
     camera.half_height = half;
     camera.half_width = half * aspect;
-    camera.eye = sum(centre, scaled(camera.back, radius));
+    camera.eye = centre + camera.back * radius;
   } else {
-    camera.eye = sum(centre, scaled(camera.back, half / kTanHalfAngle));
+    camera.eye = centre + camera.back * (half / kTanHalfAngle);
   }
   return camera;
 }
@@ -216,7 +205,7 @@ void set_depth_range(Camera& camera, const Double3& low, const Double3& high) {
   for (int corner = 0; corner < 8; ++corner) {
     const Double3 p = {(corner & 1) != 0 ? high[0] : low[0], (corner & 2) != 0 ? high[1] : low[1],
                        (corner & 4) != 0 ? high[2] : low[2]};
-    const double distance = dot(camera.back, sum(camera.eye, scaled(p, -1.0)));
+    const double distance = dot(camera.back, camera.eye - p);
     nearest = std::min(nearest, distance);
     farthest = std::max(farthest, distance);
   }

@@ -11,6 +11,8 @@
 #include <cmath>
 #include <limits>
 
+#include "kernels/vector3.h"
+
 namespace tessera {
 namespace {
 
@@ -24,22 +26,6 @@ constexpr double kLeastTarget = 1e-3;    // of the tolerance: below it nobody as
 constexpr double kLeastPiece = 0x1p-13;  // of the tolerance: smaller pieces are bounded by their radius
 constexpr double kFineShare = 0.0625;    // of the tolerance: RMS and histogram err by less
 constexpr double kPhase = 0.25;  // the first target is this share of the tolerance, then its square, ...
-
-double dot(const Double3& a, const Double3& b) {
-  return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-}
-Double3 minus(const Double3& a, const Double3& b) {
-  return {a[0] - b[0], a[1] - b[1], a[2] - b[2]};
-}
-Double3 cross(const Double3& a, const Double3& b) {
-  return {a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]};
-}
-double length(const Double3& a) {
-  return std::sqrt(dot(a, a));
-}
-Double3 scaled(const Double3& a, double s) {
-  return {a[0] * s, a[1] * s, a[2] * s};
-}
 
 struct Piece {
   alignas(32) double x[kColumn], y[kColumn], z[kColumn];
@@ -117,14 +103,14 @@ void cut_diagonal(const Piece& piece, Piece& first, Piece& second) {
 
 /// Area, or length of a segment.
 double measure(const Piece& piece) {
-  if (piece.corners == 2) return length(minus(piece.at(1), piece.at(0)));
+  if (piece.corners == 2) return norm(piece.at(1) - piece.at(0));
   Double3 sum{};
   const Double3 a = piece.at(0);
   for (int i = 1; i + 1 < piece.corners; ++i) {
-    const Double3 c = cross(minus(piece.at(i), a), minus(piece.at(i + 1), a));
+    const Double3 c = cross(piece.at(i) - a, piece.at(i + 1) - a);
     for (std::size_t k = 0; k < 3; ++k) sum[k] += c[k];
   }
-  return 0.5 * length(sum);
+  return 0.5 * norm(sum);
 }
 
 float rounded_up(double value) {
@@ -176,7 +162,7 @@ class Certifier {
   }
 
  private:
-  Double3 local(std::uint32_t vertex) const { return minus(surface_.position[vertex], reference_.origin()); }
+  Double3 local(std::uint32_t vertex) const { return surface_.position[vertex] - reference_.origin(); }
   bool in_core(const Double3& p) const {
     return p[0] >= low_[0] && p[0] <= high_[0] && p[1] >= low_[1] && p[1] <= high_[1] && p[2] >= low_[2] &&
            p[2] <= high_[2];
@@ -250,9 +236,9 @@ class Certifier {
       if (piece.hint == kNone) piece.hint = hit_[face[c]];
     }
     piece.close();
-    normal_ = cross(minus(corner[1], corner[0]), minus(corner[2], corner[0]));
-    const double size = length(normal_);
-    normal_ = scaled(normal_, size > 0.0 ? 1.0 / size : 0.0);
+    normal_ = cross(corner[1] - corner[0], corner[2] - corner[0]);
+    const double size = norm(normal_);
+    normal_ = normal_ * (size > 0.0 ? 1.0 / size : 0.0);
     if (!whole && !clip_to_core()) {
       stack_.pop_back();
       return 0.0f;
@@ -389,7 +375,7 @@ class Certifier {
     if (within(square)) return accept(piece, std::sqrt(square));
     double radius_square = 0.0;
     for (int i = 0; i < piece.corners; ++i) {
-      const Double3 d = minus(piece.at(i), middle);
+      const Double3 d = piece.at(i) - middle;
       radius_square = std::max(radius_square, dot(d, d));
     }
     const double lipschitz = std::sqrt(centre.square) + std::sqrt(radius_square);
@@ -427,14 +413,14 @@ class Certifier {
     } else {
       double most = 0.0;
       for (int i = 0; i < piece.corners; ++i) {
-        const Double3 d = minus(piece.at(i), centre);
+        const Double3 d = piece.at(i) - centre;
         if (dot(d, d) > most) most = dot(d, d), far = piece.at(i);
       }
     }
-    plane.normal = minus(far, centre);
-    const double size = length(plane.normal);
+    plane.normal = far - centre;
+    const double size = norm(plane.normal);
     if (size > 0.0) {
-      plane.normal = scaled(plane.normal, 1.0 / size);
+      plane.normal = plane.normal * (1.0 / size);
       plane.offset =
           turn ? dot(plane.normal, centre) : 0.5 * (dot(plane.normal, far) + dot(plane.normal, centre));
       if (cut(piece, plane, inside, outside)) return push(inside, near_centre, outside, near_worst);
@@ -449,9 +435,9 @@ class Certifier {
     const std::array<Double3, 3> t = reference_.corners(slot);
     double most = 0.0;
     const auto offer = [&](Double3 normal, const Double3& on) {
-      const double size = length(normal);
+      const double size = norm(normal);
       if (!(size > 0.0)) return;
-      normal = scaled(normal, 1.0 / size);
+      normal = normal * (1.0 / size);
       const Plane p{normal, dot(normal, on)};
       const double height = p.height(far);
       if (height <= most || p.height(centre) > 0.25 * height) return;
@@ -459,15 +445,15 @@ class Certifier {
       plane = p;
     };
     if (t[1] == t[2]) {
-      offer(minus(t[1], t[0]), t[1]);
-      offer(minus(t[0], t[1]), t[0]);
+      offer(t[1] - t[0], t[1]);
+      offer(t[0] - t[1], t[0]);
       return most > 0.0;
     }
     for (std::size_t c = 0; c < 3; ++c) {
       const Double3& a = t[c];
       const Double3& b = t[(c + 1) % 3];
-      Double3 normal = cross(minus(b, a), normal_);
-      if (dot(normal, minus(t[(c + 2) % 3], a)) > 0.0) normal = scaled(normal, -1.0);
+      Double3 normal = cross(b - a, normal_);
+      if (dot(normal, t[(c + 2) % 3] - a) > 0.0) normal = normal * -1.0;
       offer(normal, a);
     }
     return most > 0.0;
@@ -478,20 +464,20 @@ class Certifier {
                 Plane& plane) const {
     const auto signed_plane = [&](std::uint32_t slot, const Double3& p, Plane& out) {
       const std::array<Double3, 3> t = reference_.corners(slot);
-      out.normal = cross(minus(t[1], t[0]), minus(t[2], t[0]));
-      const double size = length(out.normal);
+      out.normal = cross(t[1] - t[0], t[2] - t[0]);
+      const double size = norm(out.normal);
       if (!(size > 0.0)) return false;
-      out.normal = scaled(out.normal, 1.0 / size);
+      out.normal = out.normal * (1.0 / size);
       out.offset = dot(out.normal, t[0]);
-      if (out.height(p) < 0.0) out = {scaled(out.normal, -1.0), -out.offset};
+      if (out.height(p) < 0.0) out = {out.normal * -1.0, -out.offset};
       return true;
     };
     Plane a, b;
     if (!signed_plane(slot1, p1, a) || !signed_plane(slot2, p2, b)) return false;
-    plane.normal = minus(a.normal, b.normal);
-    const double size = length(plane.normal);
+    plane.normal = a.normal - b.normal;
+    const double size = norm(plane.normal);
     if (size < 1e-6) return false;
-    plane.normal = scaled(plane.normal, 1.0 / size);
+    plane.normal = plane.normal * (1.0 / size);
     plane.offset = (a.offset - b.offset) / size;
     const double at1 = plane.height(p1), at2 = plane.height(p2);
     return at1 < 0.0 && at2 > 0.0 && at2 > 0.05 * (at2 - at1) && at1 < 0.05 * (at1 - at2);

@@ -5,20 +5,12 @@
 #include <limits>
 #include <vector>
 
+#include "kernels/vector3.h"
+
 namespace tessera {
 namespace {
 
 constexpr int kMostParts = 2048;  // per side: a face over a whole picture is not drawn finer
-
-Double3 minus(const Double3& a, const Double3& b) {
-  return {a[0] - b[0], a[1] - b[1], a[2] - b[2]};
-}
-double dot(const Double3& a, const Double3& b) {
-  return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-}
-Double3 cross(const Double3& a, const Double3& b) {
-  return {a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]};
-}
 
 class Sampler {
  public:
@@ -26,14 +18,14 @@ class Sampler {
       : reference_(reference), options_(options) {}
 
   float measure(const Double3& world) {
-    const Double3 p = minus(world, reference_.origin());
+    const Double3 p = world - reference_.origin();
     const ClosestFaces::Hit hit = reference_.closest(p, options_.limit * options_.limit, hint_);
     if (hit.slot == ClosestFaces::kNone) return std::numeric_limits<float>::infinity();
     hint_ = hit.slot;
     const auto distance = static_cast<float>(std::sqrt(hit.square));
     if (!options_.with_sign) return distance;
     const std::array<Double3, 3> t = reference_.corners(hit.slot);
-    const double side = dot(cross(minus(t[1], t[0]), minus(t[2], t[0])), minus(p, t[0]));
+    const double side = dot(cross(t[1] - t[0], t[2] - t[0]), p - t[0]);
     return side < 0.0 ? -distance : distance;
   }
 
@@ -58,7 +50,7 @@ void sample_deviation(const SurfaceFaces& surface, const Box3& core, const Close
   for (const auto& face : surface.faces) {
     const Double3 &a = surface.position[face[0]], &b = surface.position[face[1]],
                   &c = surface.position[face[2]];
-    const Double3 u = minus(b, a), v = minus(c, a), w = minus(c, b);
+    const Double3 u = b - a, v = c - a, w = c - b;
     const double longest = std::sqrt(std::max({dot(u, u), dot(v, v), dot(w, w)}));
     const int n = static_cast<int>(std::clamp(std::ceil(longest / options.edge), 1.0, 1.0 * kMostParts));
     const auto at = [&](double i, double j) {

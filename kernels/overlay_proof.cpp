@@ -7,6 +7,7 @@
 #include <unordered_map>
 
 #include "kernels/overlay_outline.h"
+#include "kernels/vector3.h"
 
 namespace tessera {
 namespace {
@@ -16,19 +17,6 @@ constexpr float kOpen = std::numeric_limits<float>::infinity();
 constexpr int kMostSteps = 512;
 constexpr std::uint32_t kSampling = 16;
 
-double dot(const Double3& a, const Double3& b) {
-  return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-}
-Double3 minus(const Double3& a, const Double3& b) {
-  return {a[0] - b[0], a[1] - b[1], a[2] - b[2]};
-}
-Double3 cross(const Double3& a, const Double3& b) {
-  return {a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]};
-}
-double length(const Double3& a) {
-  return std::sqrt(dot(a, a));
-}
-
 class Overlay {
  public:
   Overlay(const SurfaceFaces& coarse, const SurfaceFaces& fine, const Box3* core, double margin,
@@ -37,10 +25,10 @@ class Overlay {
     vertices_.reserve(fine.position.size());
     points_.reserve(fine.position.size());  // so that they stay where they are
     for (const Double3& p : fine.position) {
-      vertices_.push_back({minus(p, origin), 0, 0});
+      vertices_.push_back({p - origin, 0, 0});
       take_largest(vertices_.back().at);
     }
-    for (const Double3& p : coarse.position) take_largest(minus(p, origin));
+    for (const Double3& p : coarse.position) take_largest(p - origin);
     rounding_ = certificate_rounding(largest_);
     grown_ = 0x1p-47 * largest_;
     limit_ = options.tolerance - rounding_;
@@ -112,7 +100,7 @@ class Overlay {
         if (start_of[v] != kNone) start_[start_of[v]] = f;
   }
 
-  Double3 local(const Double3& p) const { return minus(p, origin_); }
+  Double3 local(const Double3& p) const { return p - origin_; }
 
   /// Lays out the plane of a coarse face and the part of it that counts. \return false where it has none
   bool lay_out(std::uint32_t t) {
@@ -131,9 +119,9 @@ class Overlay {
         near_edge = near_edge || low < from - margin_ || high > to + margin_;
       }
     base_ = p[0];
-    const Double3 u = minus(p[1], p[0]);
-    normal_ = cross(u, minus(p[2], p[0]));
-    const double size = length(u), twice = length(normal_);
+    const Double3 u = p[1] - p[0];
+    normal_ = cross(u, p[2] - p[0]);
+    const double size = norm(u), twice = norm(normal_);
     area_ = meets ? 0.5 * twice : 0.0;
     if (!meets) return false;
     solid_ = size > 0.0 && twice > 0.0;
@@ -142,14 +130,14 @@ class Overlay {
     ey_ = cross(normal_, ex_);
     outline_ = Outline{};
     for (unsigned i = 0; i < 3; ++i) {
-      const Double3 r = minus(p[i], base_);
+      const Double3 r = p[i] - base_;
       corner_[i] = {dot(r, ex_), dot(r, ey_)};
       outline_.add(corner_[i], i);
       // A sliver whose normal does not tell its plane.
       solid_ = solid_ && std::abs(dot(r, normal_)) <= 0x1p-48 * largest_;
     }
     double longest = 0.0;
-    for (std::size_t i = 0; i < 3; ++i) longest = std::max(longest, length(minus(p[(i + 1) % 3], p[i])));
+    for (std::size_t i = 0; i < 3; ++i) longest = std::max(longest, norm(p[(i + 1) % 3] - p[i]));
     needle_ = twice < 0.125 * longest * longest;
     if (!whole_) {
       Outline inside = outline_;
@@ -189,7 +177,7 @@ class Overlay {
     if (vertex.stamp != stamp_) {
       vertex.stamp = stamp_;
       vertex.slot = static_cast<std::uint32_t>(points_.size());
-      const Double3 r = minus(vertex.at, base_);
+      const Double3 r = vertex.at - base_;
       Point p{{dot(r, ex_), dot(r, ey_)}, dot(r, normal_), 0, 0};
       for (int i = 0; i < outline_.corners; ++i) {
         const double side = beyond(i, p.at);
@@ -476,7 +464,7 @@ class Overlay {
     if (!inside || !(static_cast<double>(state.bound) <= limit_)) return;
     out_.fine.bound[f] = bound_above(static_cast<double>(state.bound) + rounding_);
     ++out_.fine.report.faces;
-    const double area = 0.5 * length(cross(minus(p[1], p[0]), minus(p[2], p[0])));
+    const double area = 0.5 * norm(cross(p[1] - p[0], p[2] - p[0]));
     count_piece(out_.fine.report, options_, area, static_cast<double>(std::min(state.centre, state.bound)));
   }
 

@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "kernels/jacobi_eigen3.h"
+#include "kernels/vector3.h"
 
 namespace tessera {
 namespace {
@@ -20,12 +21,6 @@ constexpr double kEnough = 1e-22;
 
 using Matrix3 = std::array<Double3, 3>;
 
-double dot(const Double3& a, const Double3& b) {
-  return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-}
-Double3 cross(const Double3& a, const Double3& b) {
-  return {a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]};
-}
 Double3 unit(const Double3& a) {
   const double s = 1.0 / std::sqrt(dot(a, a));
   return {a[0] * s, a[1] * s, a[2] * s};

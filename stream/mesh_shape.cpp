@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "kernels/vector3.h"
+
 namespace tessera {
 namespace {
 
@@ -10,20 +12,10 @@ constexpr double kLargestExtent = 1e100;  // its cube, the scale of volumes, sta
 constexpr double kZeroArea =
     1e-12;  // altitude over longest edge; input text rounds at 1e-16 of the coordinates
 
-Double3 minus(const Double3& a, const Double3& b) {
-  return {a[0] - b[0], a[1] - b[1], a[2] - b[2]};
-}
-Double3 cross(const Double3& a, const Double3& b) {
-  return {a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]};
-}
-double dot(const Double3& a, const Double3& b) {
-  return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-}
-
 }  // namespace
 
 MeshShape::MeshShape(const Double3& min, const Double3& max) {
-  const Double3 extent = minus(max, min);
+  const Double3 extent = max - min;
   const double largest = std::max({extent[0], extent[1], extent[2]});
   usable_ = largest > 0.0 && largest < kLargestExtent;
   if (!usable_) return;
@@ -36,7 +28,7 @@ MeshShape::MeshShape(const Double3& min, const Double3& max) {
 
 void MeshShape::add(const Double3& a, const Double3& b, const Double3& c, bool flip) {
   if (!usable_) return;
-  const Double3 ab = minus(b, a), ac = minus(c, a), bc = minus(c, b);
+  const Double3 ab = b - a, ac = c - a, bc = c - b;
   const double sides[3] = {dot(ab, ab), dot(ac, ac), dot(bc, bc)};
   const double longest = std::max({sides[0], sides[1], sides[2]});
   min_edge2_ = std::min({min_edge2_, sides[0], sides[1], sides[2]});
@@ -45,7 +37,7 @@ void MeshShape::add(const Double3& a, const Double3& b, const Double3& c, bool f
   const Double3 normal = cross(ab, ac);
   const double twice_area = std::sqrt(dot(normal, normal));
   area_.add(0.5 * twice_area);
-  const double six_volumes = dot(minus(a, centre_), cross(minus(b, centre_), minus(c, centre_)));
+  const double six_volumes = dot(a - centre_, cross(b - centre_, c - centre_));
   volume_.add(flip ? six_volumes / -6.0 : six_volumes / 6.0);
   ++faces_;
   if (twice_area <= kZeroArea * longest) {
