@@ -1,15 +1,14 @@
 #include "octree/quadric_field.h"
 
-#include <immintrin.h>
-
 #include <algorithm>
 #include <cassert>
 #include <cmath>
 
+#include "octree/leaf_queries.h"
+
 namespace tessera {
 namespace {
 
-constexpr std::size_t kLanes = 8;
 /// Weight of the sphere in the fit of the quadric, in squared extents of the samples.
 constexpr double kRidge = 0.02;
 
@@ -42,7 +41,7 @@ struct Lists {
 class ListBuilder {
  public:
   ListBuilder(const MultipoleTree& far, const MultipoleTree* near, Lists& out)
-      : far_(far), near_(near), out_(out), finest_(near ? near->leaf_bits() : far.leaf_bits()) {}
+      : far_(far), near_(near), out_(out), finest_(finest_bits(far, near)) {}
 
   /// \param cell  coordinates of the leaf on the finest level
   void build(const Int3& cell) {
@@ -74,12 +73,8 @@ class ListBuilder {
       if (bits > tree.leaf_bits()) {
         visit(tree, bits - 1, level.first_child[c], level.first_child[c + 1], own);
       } else if (&tree == &far_ && near_) {
-        const MultipoleTree::Level& top = near_->level(near_->top_bits());
-        const auto root = std::lower_bound(top.cells.begin(), top.cells.end(), m.key,
-                                           [](const Multipole& l, std::uint64_t key) { return l.key < key; });
-        assert(root != top.cells.end() && root->key == m.key && "the near tree holds all adjacent cells");
-        const auto index = static_cast<std::size_t>(root - top.cells.begin());
-        visit(*near_, near_->top_bits() - 1, top.first_child[index], top.first_child[index + 1], own);
+        const auto [first, last] = near_children(*near_, m.key);
+        visit(*near_, near_->top_bits() - 1, first, last, own);
       } else {
         assert(level.first_child[c + 1] - level.first_child[c] == m.points &&
                "adjacent leaves have their dipoles");
@@ -114,12 +109,6 @@ class ListBuilder {
     return {nearest, farthest};
   }
 
-  Float3 relative(const Int3& q) const {
-    Float3 p;
-    for (std::size_t a = 0; a < 3; ++a)
-      p[a] = static_cast<float>(q[a] - cell_[a] * (kQuantaPerCell << finest_)) * (1.0f / kQuantaPerCell);
-    return p;
-  }
   void push(const Part& part, std::int32_t own, std::int32_t above) {
     out_.parts.push_back(part);
     if (own < 0 && !out_.runs.empty() && out_.runs.back().own < 0 && out_.runs.back().above == above)
@@ -128,7 +117,7 @@ class ListBuilder {
       out_.runs.push_back({out_.parts.size(), own, above});
   }
   void add(const Multipole& m, int bits, std::int32_t own, std::int32_t above) {
-    const Float3 p = relative(m.centre);
+    const Float3 p = relative_to_leaf(m.centre, cell_, finest_);
     const auto edge = static_cast<float>(std::int64_t{1} << bits);
     const float e2 = edge * edge, e3 = e2 * edge, e4 = e2 * e2;
     Part part{p[0], p[1], p[2], m.weight, {m.first[0] * e2, m.first[1] * e2, m.first[2] * e2}, {}, {}};
@@ -140,7 +129,7 @@ class ListBuilder {
     push(part, own, above);
   }
   void add(const Dipole& d, std::int32_t above) {
-    const Float3 p = relative(d.q);
+    const Float3 p = relative_to_leaf(d.q, cell_, finest_);
     const Float3& n = d.moment;
     push({p[0], p[1], p[2], std::sqrt(n[0] * n[0] + n[1] * n[1] + n[2] * n[2]), n, {}, {}}, -1, above);
   }
@@ -151,11 +140,6 @@ class ListBuilder {
   int finest_;
   Int3 cell_ = {0, 0, 0};
 };
-
-using Pack = __m256;
-Pack all(float v) {
-  return _mm256_set1_ps(v);
-}
 
 constexpr std::size_t kSums = 19;  // weight, p, n, turn, spread
 
@@ -303,54 +287,42 @@ QuadricValue fit(const std::array<double, kSums>& sum) {
 
 void QuadricField::evaluate(std::span<const Int3> queries, std::span<QuadricValue> value) const {
   assert(value.size() == queries.size() && core_ > 0.0f);
-  const int finest = near_ ? near_->leaf_bits() : far_.leaf_bits();
-  const int shift = kQuantumBits + finest;
-  const auto cell_of = [&](const Int3& q) { return Int3{q[0] >> shift, q[1] >> shift, q[2] >> shift}; };
   const Pack core2 = all(core_ * core_);
   Lists lists;
   ListBuilder builder(far_, near_, lists);
   std::vector<float> tapers;  // eight lanes each
-  for (std::size_t begin = 0, end = 0; begin < queries.size(); begin = end) {
-    const Int3 cell = cell_of(queries[begin]);
-    for (end = begin + 1; end < queries.size() && cell_of(queries[end]) == cell;) ++end;
-    builder.build(cell);
+  const auto begin_leaf = [&](const Int3& leaf) {
+    builder.build(leaf);
     tapers.resize(kLanes * lists.tapers.size());
-    for (std::size_t at = begin; at < end; at += kLanes) {
-      const std::size_t count = std::min(kLanes, end - at);
-      alignas(32) std::array<std::array<float, kLanes>, 3> q{};
-      for (std::size_t i = 0; i < kLanes; ++i)
-        for (std::size_t a = 0; a < 3; ++a)
-          q[a][i] = static_cast<float>(queries[at + std::min(i, count - 1)][a] - (cell[a] << shift)) *
-                    (1.0f / kQuantaPerCell);
-      const Pack qx = _mm256_load_ps(q[0].data()), qy = _mm256_load_ps(q[1].data()),
-                 qz = _mm256_load_ps(q[2].data());
-      for (std::size_t t = 0; t < lists.tapers.size(); ++t)
-        _mm256_storeu_ps(&tapers[kLanes * t], taper_at(lists.tapers[t], qx, qy, qz));
-      const auto taper = [&](std::int32_t t) {
-        return _mm256_loadu_ps(&tapers[kLanes * static_cast<std::size_t>(t)]);
-      };
-      Sums sums;
-      std::size_t first = 0;
-      for (const Lists::Run& run : lists.runs) {
-        const std::span<const Part> parts = std::span(lists.parts).subspan(first, run.end - first);
-        first = run.end;
-        Pack factor = all(1.0f);
-        if (run.own >= 0) factor = taper(run.own);
-        if (run.above >= 0) factor *= all(1.0f) - taper(run.above);
-        if (run.own < 0 && run.above < 0)
-          add_parts<false>(parts, factor, qx, qy, qz, core2, sums);
-        else
-          add_parts<true>(parts, factor, qx, qy, qz, core2, sums);
-      }
-      alignas(32) std::array<std::array<float, kLanes>, kSums> out;
-      for (std::size_t s = 0; s < kSums; ++s) _mm256_store_ps(out[s].data(), sums.sum[s]);
-      for (std::size_t i = 0; i < count; ++i) {
-        std::array<double, kSums> sum;
-        for (std::size_t s = 0; s < kSums; ++s) sum[s] = static_cast<double>(out[s][i]);
-        value[at + i] = fit(sum);
-      }
+  };
+  const auto eight = [&](std::size_t at, std::size_t count, Pack qx, Pack qy, Pack qz) {
+    for (std::size_t t = 0; t < lists.tapers.size(); ++t)
+      _mm256_storeu_ps(&tapers[kLanes * t], taper_at(lists.tapers[t], qx, qy, qz));
+    const auto taper = [&](std::int32_t t) {
+      return _mm256_loadu_ps(&tapers[kLanes * static_cast<std::size_t>(t)]);
+    };
+    Sums sums;
+    std::size_t first = 0;
+    for (const Lists::Run& run : lists.runs) {
+      const std::span<const Part> parts = std::span(lists.parts).subspan(first, run.end - first);
+      first = run.end;
+      Pack factor = all(1.0f);
+      if (run.own >= 0) factor = taper(run.own);
+      if (run.above >= 0) factor *= all(1.0f) - taper(run.above);
+      if (run.own < 0 && run.above < 0)
+        add_parts<false>(parts, factor, qx, qy, qz, core2, sums);
+      else
+        add_parts<true>(parts, factor, qx, qy, qz, core2, sums);
     }
-  }
+    alignas(32) std::array<std::array<float, kLanes>, kSums> out;
+    for (std::size_t s = 0; s < kSums; ++s) _mm256_store_ps(out[s].data(), sums.sum[s]);
+    for (std::size_t i = 0; i < count; ++i) {
+      std::array<double, kSums> sum;
+      for (std::size_t s = 0; s < kSums; ++s) sum[s] = static_cast<double>(out[s][i]);
+      value[at + i] = fit(sum);
+    }
+  };
+  for_each_eight(queries, finest_bits(far_, near_), begin_leaf, eight);
 }
 
 }  // namespace tessera

@@ -1,15 +1,14 @@
 #include "octree/winding_number.h"
 
-#include <immintrin.h>
-
 #include <algorithm>
 #include <cassert>
 #include <cmath>
 
+#include "octree/leaf_queries.h"
+
 namespace tessera {
 namespace {
 
-constexpr std::size_t kLanes = 8;
 constexpr float kInverseFourPi = 0.07957747154594767f;
 
 /// A far cell as the inner loop wants it: centre relative to the leaf's corner, constants folded in.
@@ -33,7 +32,7 @@ struct Lists {
 class ListBuilder {
  public:
   ListBuilder(const MultipoleTree& far, const MultipoleTree* near, Lists& out)
-      : far_(far), near_(near), out_(out), finest_(near ? near->leaf_bits() : far.leaf_bits()) {}
+      : far_(far), near_(near), out_(out), finest_(finest_bits(far, near)) {}
 
   /// \param cell  coordinates of the leaf on the finest level
   void build(const Int3& cell) {
@@ -59,12 +58,8 @@ class ListBuilder {
       } else if (bits > tree.leaf_bits()) {
         visit(tree, bits - 1, level.first_child[c], level.first_child[c + 1]);
       } else if (&tree == &far_ && near_) {
-        const MultipoleTree::Level& top = near_->level(near_->top_bits());
-        const auto root = std::lower_bound(top.cells.begin(), top.cells.end(), m.key,
-                                           [](const Multipole& l, std::uint64_t key) { return l.key < key; });
-        assert(root != top.cells.end() && root->key == m.key && "the near tree holds all adjacent cells");
-        const auto index = static_cast<std::size_t>(root - top.cells.begin());
-        visit(*near_, near_->top_bits() - 1, top.first_child[index], top.first_child[index + 1]);
+        const auto [first, last] = near_children(*near_, m.key);
+        visit(*near_, near_->top_bits() - 1, first, last);
       } else {
         assert(level.first_child[c + 1] - level.first_child[c] == m.points &&
                "adjacent leaves have their dipoles");
@@ -73,14 +68,8 @@ class ListBuilder {
     }
   }
 
-  Float3 relative(const Int3& q) const {
-    Float3 p;
-    for (std::size_t a = 0; a < 3; ++a)
-      p[a] = static_cast<float>(q[a] - cell_[a] * (kQuantaPerCell << finest_)) * (1.0f / kQuantaPerCell);
-    return p;
-  }
   void add(const Multipole& m, int bits) {
-    const Float3 p = relative(m.centre);
+    const Float3 p = relative_to_leaf(m.centre, cell_, finest_);
     const auto& s = m.second;
     const auto& t = m.third;
     out_.far.push_back(
@@ -93,7 +82,7 @@ class ListBuilder {
          {15.0f * t[0], 15.0f * t[1], 45.0f * t[2], 45.0f * t[3], 15.0f * t[4], 15.0f * t[5], 90.0f * t[6]}});
   }
   void add(const Dipole& d) {
-    const Float3 p = relative(d.q);
+    const Float3 p = relative_to_leaf(d.q, cell_, finest_);
     out_.near.push_back({p[0], p[1], p[2], d.moment[0], d.moment[1], d.moment[2]});
   }
 
@@ -103,11 +92,6 @@ class ListBuilder {
   int finest_;
   Int3 cell_ = {0, 0, 0};
 };
-
-using Pack = __m256;
-Pack all(float v) {
-  return _mm256_set1_ps(v);
-}
 
 /// Sums of eight queries.
 struct PackSums {
@@ -184,44 +168,30 @@ void add_near(const std::vector<NearPoint>& points, Pack qx, Pack qy, Pack qz, P
 void WindingField::evaluate(std::span<const Int3> queries, std::span<float> value,
                             std::span<Float3> gradient) const {
   assert(value.size() == queries.size() && (gradient.empty() || gradient.size() == queries.size()));
-  const int finest = near_ ? near_->leaf_bits() : far_.leaf_bits();
-  const int shift = kQuantumBits + finest;
-  const auto cell_of = [&](const Int3& q) { return Int3{q[0] >> shift, q[1] >> shift, q[2] >> shift}; };
   Lists lists;
   ListBuilder builder(far_, near_, lists);
-  for (std::size_t begin = 0, end = 0; begin < queries.size(); begin = end) {
-    const Int3 cell = cell_of(queries[begin]);
-    for (end = begin + 1; end < queries.size() && cell_of(queries[end]) == cell;) ++end;
-    builder.build(cell);
-    for (std::size_t at = begin; at < end; at += kLanes) {
-      const std::size_t count = std::min(kLanes, end - at);
-      alignas(32) std::array<std::array<float, kLanes>, 3> q{};
-      for (std::size_t i = 0; i < kLanes; ++i)
-        for (std::size_t a = 0; a < 3; ++a)
-          q[a][i] = static_cast<float>(queries[at + std::min(i, count - 1)][a] - (cell[a] << shift)) *
-                    (1.0f / kQuantaPerCell);
-      const Pack qx = _mm256_load_ps(q[0].data()), qy = _mm256_load_ps(q[1].data()),
-                 qz = _mm256_load_ps(q[2].data());
-      PackSums far, near;
-      if (gradient.empty()) {
-        add_far<false>(lists.far, qx, qy, qz, far);
-        add_near<false>(lists.near, qx, qy, qz, near);
-      } else {
-        add_far<true>(lists.far, qx, qy, qz, far);
-        add_near<true>(lists.near, qx, qy, qz, near);
-      }
-      alignas(32) std::array<std::array<float, kLanes>, 4> sum;
-      const Pack unit = all(kInverseFourPi);
-      _mm256_store_ps(sum[0].data(), unit * (far.value + near.value));
-      _mm256_store_ps(sum[1].data(), unit * (far.gx + near.gx));
-      _mm256_store_ps(sum[2].data(), unit * (far.gy + near.gy));
-      _mm256_store_ps(sum[3].data(), unit * (far.gz + near.gz));
-      for (std::size_t i = 0; i < count; ++i) {
-        value[at + i] = sum[0][i];
-        if (!gradient.empty()) gradient[at + i] = {sum[1][i], sum[2][i], sum[3][i]};
-      }
+  const auto begin_leaf = [&](const Int3& leaf) { builder.build(leaf); };
+  const auto eight = [&](std::size_t at, std::size_t count, Pack qx, Pack qy, Pack qz) {
+    PackSums far, near;
+    if (gradient.empty()) {
+      add_far<false>(lists.far, qx, qy, qz, far);
+      add_near<false>(lists.near, qx, qy, qz, near);
+    } else {
+      add_far<true>(lists.far, qx, qy, qz, far);
+      add_near<true>(lists.near, qx, qy, qz, near);
     }
-  }
+    alignas(32) std::array<std::array<float, kLanes>, 4> sum;
+    const Pack unit = all(kInverseFourPi);
+    _mm256_store_ps(sum[0].data(), unit * (far.value + near.value));
+    _mm256_store_ps(sum[1].data(), unit * (far.gx + near.gx));
+    _mm256_store_ps(sum[2].data(), unit * (far.gy + near.gy));
+    _mm256_store_ps(sum[3].data(), unit * (far.gz + near.gz));
+    for (std::size_t i = 0; i < count; ++i) {
+      value[at + i] = sum[0][i];
+      if (!gradient.empty()) gradient[at + i] = {sum[1][i], sum[2][i], sum[3][i]};
+    }
+  };
+  for_each_eight(queries, finest_bits(far_, near_), begin_leaf, eight);
 }
 
 }  // namespace tessera
