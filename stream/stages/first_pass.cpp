@@ -116,7 +116,8 @@ struct FirstPass::Impl {
   DecimateOptions kernel;
   std::uint64_t least_faces;  ///< islands with fewer go
   MeshFileWriter full, first;
-  std::vector<Piece> pieces;  ///< of the block at work
+  std::uint64_t cube = 0, cube_faces = 0;  ///< at work, and what came of it so far
+  std::vector<Piece> pieces;               ///< of it, not yet simplified
   std::vector<IslandPart> parts;
   std::vector<IslandSeam> seams;
   json counts = json::object();
@@ -134,15 +135,22 @@ struct FirstPass::Impl {
     kernel = reconstruct_simplify_options(state.options).kernel(!info.double_positions);
   }
 
-  void flush() {
-    if (pieces.empty()) return;
-    std::uint64_t faces = 0;
-    for (const Piece& piece : pieces) faces += piece.mesh.faces.size();
-    if (faces > kMostFaces) {
-      for (Piece& piece : pieces) simplify({&piece, 1}, 1);
-    } else {
-      simplify(pieces, kCube);
+  /// Bricks of a cube that has too many faces go one by one as soon as that shows, so few wait in memory.
+  void take(std::uint64_t brick, MeshBlock&& mesh) {
+    if (brick / kCube != cube) {
+      flush();
+      cube = brick / kCube;
+      cube_faces = 0;
     }
+    if (mesh.faces.empty()) return;
+    cube_faces += mesh.faces.size();
+    pieces.push_back({brick, std::move(mesh)});
+    if (cube_faces <= kMostFaces) return;
+    for (Piece& piece : pieces) simplify({&piece, 1}, 1);
+    pieces.clear();
+  }
+  void flush() {
+    if (!pieces.empty()) simplify(pieces, kCube);
     pieces.clear();
   }
 
@@ -207,10 +215,7 @@ FirstPass::FirstPass(const JobState& state, TaskContext& context, std::size_t ta
 FirstPass::~FirstPass() = default;
 
 void FirstPass::add(const Patch& patch) {
-  const std::uint64_t brick = brick_key(patch.brick);
-  if (!impl_->pieces.empty() && impl_->pieces.back().brick / kCube != brick / kCube) impl_->flush();
-  MeshBlock mesh = make_mesh_block(patch, impl_->frame);
-  if (!mesh.faces.empty()) impl_->pieces.push_back({brick, std::move(mesh)});
+  impl_->take(brick_key(patch.brick), make_mesh_block(patch, impl_->frame));
 }
 
 json FirstPass::finish() {
@@ -230,10 +235,9 @@ json FirstPass::finish() {
 
 std::uint64_t FirstPass::bytes(std::uint64_t block_faces, std::uint64_t brick_faces) {
   const std::uint64_t faces = std::max(std::min(block_faces, kMostFaces), brick_faces);
-  // The pieces of a block that is too large lie there until each had its turn.
-  return faces * kBytesPerFace + decimate_bytes(faces, 0) +
-         (block_faces > kMostFaces ? 96 * block_faces : 0) + 2 * DirectFile::kDefaultBuffer +
-         (std::uint64_t{2} << 20);
+  // Pieces of a cube that turns out too large lie there until each had its turn.
+  return faces * kBytesPerFace + decimate_bytes(faces, 0) + (block_faces > kMostFaces ? 96 * kMostFaces : 0) +
+         2 * DirectFile::kDefaultBuffer + (std::uint64_t{2} << 20);
 }
 
 }  // namespace tessera

@@ -92,7 +92,9 @@ class SurfaceStage : public Stage {
         context.count_read(points.size() * sizeof(PointRecord));
         if (!closing.empty()) {
           const MultipoleTree near = multipoles_->near(points);
-          add_closing(field, closing, ClosingField(multipoles_->far(), near, static_cast<float>(plan_.radius_cells)), closing_options_);
+          add_closing(field, closing,
+                      ClosingField(multipoles_->far(), near, static_cast<float>(plan_.radius_cells)),
+                      closing_options_);
         }
       }
       const ExtractReport report = extract_surface(field, extract_, [&](Patch&& patch) {

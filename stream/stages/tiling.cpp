@@ -16,7 +16,7 @@ constexpr std::uint64_t kMaxGroups = 400;
 constexpr std::uint64_t kBytesPerPoint = 24 + 28 + 32;
 constexpr std::uint64_t kBytesPerDipole = 28;
 constexpr std::uint64_t kBytesPerBlock = 30'000;
-constexpr std::uint64_t kFacesPerBlock = 256;  ///< twice what a plane has
+constexpr std::uint64_t kFacesPerBlock = 256;    ///< twice what a plane has
 constexpr std::uint64_t kBytesPerLeafSlot = 32;  ///< dense tables of point ranges, marks and leaves
 
 int super_bricks(std::uint64_t points) {
@@ -68,15 +68,20 @@ void split(const PointStore& store, const TilingOptions& options, const Tile& ti
 
 }  // namespace
 
-std::uint64_t tile_bytes(const PointStore& store, const BrickSectionStore* closing, const Tile& tile, int halo_cells) {
+std::uint64_t tile_bytes(const PointStore& store, const BrickSectionStore* closing, const Tile& tile,
+                         int halo_cells) {
   const Reach reach = reach_of(store, closing, tile, halo_cells);
   const auto leaves = static_cast<std::uint64_t>(tile.bricks * kBrickCells / kLeafCells + 2);
   const std::uint64_t slots = leaves * leaves * leaves;
-  return reach.points * (kBytesPerPoint + (closing ? kBytesPerDipole : 0)) + std::min(reach.blocks, slots) * kBytesPerBlock + slots * kBytesPerLeafSlot;
+  return reach.points * (kBytesPerPoint + (closing ? kBytesPerDipole : 0)) +
+         std::min(reach.blocks, slots) * kBytesPerBlock + slots * kBytesPerLeafSlot;
 }
 
-std::uint64_t tile_faces(const PointStore& store, const BrickSectionStore* closing, const Tile& tile, int halo_cells) {
-  return reach_of(store, closing, tile, halo_cells).blocks * kFacesPerBlock;
+std::uint64_t tile_faces(const PointStore& store, const BrickSectionStore* closing, const Tile& tile,
+                         int halo_cells) {
+  // Only the tile's own blocks emit faces.
+  const auto own = static_cast<std::uint64_t>(tile.bricks * kBrickCells / kLeafCells);
+  return std::min(reach_of(store, closing, tile, halo_cells).blocks, own * own * own) * kFacesPerBlock;
 }
 
 std::vector<TileGroup> make_tile_groups(const PointStore& store, const TilingOptions& options) {
