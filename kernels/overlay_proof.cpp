@@ -409,8 +409,20 @@ class Overlay {
     return true;
   }
 
-  /// The face reaches beyond the coarse face: together with the neighbour there it may be proven.
+  bool beyond_cuts_alone(unsigned outside) const {
+    for (unsigned bits = outside; bits != 0; bits &= bits - 1)
+      if (outline_.tag[static_cast<std::size_t>(std::countr_zero(bits))] != kCutSide) return false;
+    return true;
+  }
+
+  /// The face reaches beyond the outline. Where only the margin cuts that off, what it has in the core lies
+  /// over the outline. Where it reaches beyond the coarse face: together with the neighbour there it may be proven.
   void note_edge(std::uint32_t t, std::uint32_t f, const Point* const* p, unsigned outside, double height) {
+    if (beyond_cuts_alone(outside) &&
+        std::max({std::abs(p[0]->z), std::abs(p[1]->z), std::abs(p[2]->z)}) < margin_ * (1.0 - 0x1p-20)) {
+      state_[f].bound = std::min(state_[f].bound, bound_above(height));
+      return;
+    }
     if ((outside & (outside - 1)) != 0) return;
     const unsigned tag = outline_.tag[std::countr_zero(outside)];
     if (tag == kCutSide) return;
@@ -443,7 +455,30 @@ class Overlay {
       count_piece(report, options_, area_ * (weight / sum), std::min(distance, height));
   }
 
-  /// Faces in the core whose bound is known are proven; those across its boundary are cut by others.
+  /// Of the part of a fine face that lies in the core.
+  double area_in_core(const Double3* p) const {
+    std::array<Double3, 9> polygon = {p[0], p[1], p[2]}, clipped;
+    std::size_t corners = 3;
+    for (std::size_t k = 0; k < 3; ++k)
+      for (const double sign : {1.0, -1.0}) {
+        const double limit = sign > 0.0 ? core_->high[k] - origin_[k] : origin_[k] - core_->low[k];
+        std::size_t count = 0;
+        for (std::size_t i = 0; i < corners; ++i) {
+          const Double3 &a = polygon[i], &b = polygon[i + 1 == corners ? 0 : i + 1];
+          const double u = limit - sign * a[k], v = limit - sign * b[k];
+          if (u >= 0.0) clipped[count++] = a;
+          if ((u > 0.0 && v < 0.0) || (u < 0.0 && v > 0.0)) clipped[count++] = a + (b - a) * (u / (u - v));
+        }
+        corners = count;
+        std::swap(polygon, clipped);
+      }
+    Double3 sum{};
+    for (std::size_t i = 1; i + 1 < corners; ++i)
+      sum = sum + cross(polygon[i] - polygon[0], polygon[i + 1] - polygon[0]);
+    return 0.5 * norm(sum);
+  }
+
+  /// Faces in the core or across its boundary whose bound is known are proven.
   void finish_fine(std::uint32_t f) {
     const auto& v = fine_.faces[f];
     const Double3 p[3] = {vertices_[v[0]].at, vertices_[v[1]].at, vertices_[v[2]].at};
@@ -461,10 +496,10 @@ class Overlay {
       return;
     }
     const State& state = state_[f];
-    if (!inside || !(static_cast<double>(state.bound) <= limit_)) return;
+    if (!(static_cast<double>(state.bound) <= limit_)) return;
+    const double area = inside ? 0.5 * norm(cross(p[1] - p[0], p[2] - p[0])) : area_in_core(p);
     out_.fine.bound[f] = bound_above(static_cast<double>(state.bound) + rounding_);
     ++out_.fine.report.faces;
-    const double area = 0.5 * norm(cross(p[1] - p[0], p[2] - p[0]));
     count_piece(out_.fine.report, options_, area, static_cast<double>(std::min(state.centre, state.bound)));
   }
 

@@ -15,6 +15,10 @@
 /// angles to T1 and T2, and the distance is largest at a corner of the face or where its sides cross these
 /// planes, as high there as over T1 or T2.
 ///
+/// At the boundary of the core T is cut off by a margin m beyond it. A fine face that reaches beyond no edge of T
+/// and is nowhere as high as m has what of it lies in the core over that part of T: so its largest height there
+/// bounds it.
+///
 /// All that this does not prove is left to certify_deviation(). Nothing here is shared with decimation.
 ///
 /// Rounding. Fine vertices are projected once per T, so the overlay is that of a surface moved by less than

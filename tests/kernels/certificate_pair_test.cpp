@@ -182,3 +182,42 @@ TEST_CASE("certificate of a pair: boxes that tile space give every point once an
   CHECK(parts.there.rms() == Approx(whole.there.rms()).epsilon(0.05));
   CHECK(parts.back.rms() == Approx(whole.back.rms()).epsilon(0.05));
 }
+
+TEST_CASE(
+    "certificate of a pair: fine faces across the boundary of the core are proven too, and never too much",
+    "[property]") {
+  const Surface coarse = test::height_grid(kCoarse, 1.0, hills);
+  for (std::uint64_t seed = 1; seed <= 6; ++seed) {
+    test::Random random(seed);
+    // From smooth to steep and folded: then a face may leave the core at a height above the margin.
+    const double noise = 0.006 * static_cast<double>(seed - 1);
+    Surface fine = test::height_grid(
+        kFine, 1.0, [&](double x, double y) { return hills(x, y) + random.in(-noise, noise); });
+    for (Double3& p : fine.position)
+      if (seed > 3) p[0] += random.in(-noise, noise), p[1] += random.in(-noise, noise);
+    for (const double tolerance : {0.004, 0.02}) {
+      const Box3 core = {{0.31, 0.27, -1.0}, {0.67, 0.73, 1.0}};
+      const OverlayProof proof =
+          prove_by_overlay({coarse.position, coarse.faces}, {fine.position, fine.faces}, &core,
+                           1.25 * tolerance, kOrigin, options_for(tolerance));
+      std::size_t across = 0, found = 0;
+      for (std::size_t f = 0; f < fine.faces.size(); ++f) {
+        int inside = 0;
+        for (const std::uint32_t v : fine.faces[f]) {
+          const Double3& p = fine.position[v];
+          inside += p[0] > core.low[0] && p[0] < core.high[0] && p[1] > core.low[1] && p[1] < core.high[1];
+        }
+        if (inside == 0 || inside == 3) continue;
+        ++across;
+        found += std::isfinite(proof.fine.bound[f]);
+        for (int i = 0; i < 40; ++i) {
+          const Double3 p = test::random_point(fine, f, random);
+          if (p[0] < core.low[0] || p[0] > core.high[0] || p[1] < core.low[1] || p[1] > core.high[1])
+            continue;
+          CHECK(test::surface_distance(p, coarse) <= static_cast<double>(proof.fine.bound[f]));
+        }
+      }
+      if (seed == 1 && tolerance == 0.02) CHECK(2 * found > across);
+    }
+  }
+}
