@@ -54,6 +54,25 @@ void include(MeshBox& box, const MeshBox& other) {
   include(box, other.high);
 }
 
+/// Per face: 1 where its box meets this one. A box lies apart from another when all corners are beyond one side.
+std::vector<std::uint8_t> faces_that_meet(const MeshBlock& block, const MeshBox& box) {
+  std::vector<std::uint8_t> beyond(block.position.size());
+  for (std::size_t v = 0; v < beyond.size(); ++v) {
+    unsigned bits = 0;
+    for (std::size_t a = 0; a < 3; ++a) {
+      bits |= static_cast<unsigned>(block.position[v][a] < box.low[a]) << a;
+      bits |= static_cast<unsigned>(block.position[v][a] > box.high[a]) << (a + 3);
+    }
+    beyond[v] = static_cast<std::uint8_t>(bits);
+  }
+  std::vector<std::uint8_t> meets(block.faces.size());
+  for (std::size_t f = 0; f < meets.size(); ++f) {
+    const auto& c = block.faces[f];
+    meets[f] = (beyond[c[0]] & beyond[c[1]] & beyond[c[2]]) == 0;
+  }
+  return meets;
+}
+
 struct Layout {
   std::uint64_t key, position, rgba, vertex_class, corners, flags, bound;
   Layout(const MeshStoreInfo& info, std::uint64_t vertices, std::uint64_t faces, bool bounds)
@@ -303,16 +322,10 @@ struct MeshStore::Impl {
     }
     for (const std::size_t p : halo) {
       MeshBlock piece = read(p);
-      std::vector<std::uint8_t> keep(piece.faces.size());
-      bool any = false;
-      for (std::size_t f = 0; f < keep.size(); ++f) {
-        MeshBox face = empty_box();
-        for (const std::uint32_t v : piece.faces[f]) include(face, piece.position[v]);
-        keep[f] = overlap(face, reach);
-        any |= keep[f] != 0;
-      }
-      if (!any) continue;
-      pieces.push_back(select_faces(piece, keep));
+      const std::vector<std::uint8_t> keep = faces_that_meet(piece, reach);
+      const auto kept = static_cast<std::size_t>(std::count(keep.begin(), keep.end(), std::uint8_t{1}));
+      if (kept == 0) continue;
+      pieces.push_back(kept == keep.size() ? std::move(piece) : select_faces(piece, keep));
       tags.push_back(0);
       patch_of_piece.push_back(static_cast<std::uint32_t>(p));
     }
