@@ -27,16 +27,32 @@ std::uint64_t face_count(const MeshStore& store, const std::vector<std::size_t>&
   return faces;
 }
 
-/// Octree over a cube around both meshes. A cell is split while its patches hold too many faces; below the
-/// size of a patch the table says no more, and the count is taken to fall by four per split, as surfaces do.
+/// Of the patches whose middle lies in the box.
+std::uint64_t faces_around(const MeshStore& store, const std::vector<std::size_t>& patches,
+                           const MeshBox& box) {
+  std::uint64_t faces = 0;
+  for (const std::size_t p : patches) {
+    const MeshPatchEntry& e = store.patches()[p];
+    bool inside = true;
+    for (std::size_t k = 0; k < 3; ++k) {
+      const double middle = 0.5 * (e.box.low[k] + e.box.high[k]);
+      inside = inside && middle >= box.low[k] && middle < box.high[k];
+    }
+    if (inside) faces += e.faces;
+  }
+  return faces;
+}
+
+/// Octree over a cube around both meshes, aligned to the bricks of the finer one. A cell is split while the patches
+/// in it hold too many faces; below the size of a patch the table says no more, and the count is taken to fall by
+/// four per split, as surfaces do.
 class CellMaker {
  public:
   CellMaker(const MeshStore& mesh, const MeshStore& reference, double reach, std::uint64_t cell_faces)
       : mesh_(mesh), reference_(reference), halo_(kCompareHalo * reach), cell_faces_(cell_faces) {
-    const Lattice& lattice = mesh.info().lattice;
-    patch_edge_ = lattice.h * kBrickCells;
-    for (const MeshStore* store : {&mesh, &reference})
-      patch_edge_ = std::min(patch_edge_, store->info().lattice.h * kBrickCells);
+    const MeshStore& finer = mesh.face_count() > reference.face_count() ? mesh : reference;
+    lattice_ = finer.info().lattice;
+    patch_edge_ = lattice_.h * kBrickCells;
   }
 
   std::vector<CompareCell> make() {
@@ -50,11 +66,14 @@ class CellMaker {
         box.low[k] = std::min(box.low[k], reference_.box().low[k]);
         box.high[k] = std::max(box.high[k], reference_.box().high[k]);
       }
-      edge = std::max(edge, box.high[k] - box.low[k]);
+      corner_[k] = std::floor(box.low[k] / patch_edge_) * patch_edge_;
+      while (corner_[k] > box.low[k]) corner_[k] -= patch_edge_;
+      edge = std::max(edge, box.high[k] - corner_[k]);
     }
-    // Each cell shares its planes with its neighbours bit by bit: corner + edge * (an exact fraction).
-    corner_ = box.low;
-    edge_ = edge * (1.0 + 0x1p-30);
+    // A whole number of bricks, so that cells meet where patches meet, for a power of two bricks an edge or more
+    // of them. Each cell shares its planes with its neighbours bit by bit: corner + edge * (an exact fraction).
+    edge_ = patch_edge_;
+    while (edge_ < edge * (1.0 + 0x1p-30)) edge_ *= 2.0;
     split({0, 0, 0}, 0, all[0], all[1]);
     return std::move(cells_);
   }
@@ -72,8 +91,13 @@ class CellMaker {
     const std::vector<std::size_t> b = near_patches(reference_, reference_patches, grown(box, halo_));
     if (near_patches(mesh_, a, box).empty() && near_patches(reference_, b, box).empty()) return;
     const std::uint64_t faces = face_count(mesh_, a) + face_count(reference_, b);
-    const double finer = std::max(0.0, std::ceil(std::log2(patch_edge_ / size)));
-    const double expected = static_cast<double>(faces) * std::ldexp(1.0, -2 * static_cast<int>(finer));
+    double expected = 0.0;
+    if (size >= patch_edge_) {
+      expected = static_cast<double>(faces_around(mesh_, a, box) + faces_around(reference_, b, box));
+    } else {
+      const int finer = static_cast<int>(std::ceil(std::log2(patch_edge_ / size)));
+      expected = static_cast<double>(faces) * std::ldexp(1.0, -2 * finer);
+    }
     if (expected <= static_cast<double>(cell_faces_) || level == kMostSplits ||
         size < kCellsPerReach * halo_) {
       const std::uint64_t index = faces * (ClosestFaces::bytes_per_face() + 32);
@@ -89,6 +113,7 @@ class CellMaker {
   const MeshStore& reference_;
   const double halo_;
   const std::uint64_t cell_faces_;
+  Lattice lattice_;
   double patch_edge_ = 0.0;
   Double3 corner_{};
   double edge_ = 0.0;
