@@ -22,7 +22,6 @@ constexpr int kMostCorners = 16;
 constexpr int kColumn = 20;              // corners, the centroid, padding to whole vectors
 constexpr int kMostCuts = 160;           // in a row; derived into certificate_rounding
 constexpr int kFreeCuts = 24;            // after so many in a row every third is across the longest diagonal
-constexpr double kLeastTarget = 1e-3;    // of the tolerance: below it nobody asks for a tight bound
 constexpr double kLeastPiece = 0x1p-13;  // of the tolerance: smaller pieces are bounded by their radius
 constexpr double kFineShare = 0.0625;    // of the tolerance: RMS and histogram err by less
 constexpr double kPhase = 0.25;  // the first target is this share of the tolerance, then its square, ...
@@ -140,11 +139,12 @@ class Certifier {
     bound.assign(surface_.faces.size(), 0.0f);
     sample_corners();
     counting_ = true;
-    floor_ = kPhase * options_.tolerance;
+    const double least = std::max(kLeastTarget * options_.tolerance, options_.enough);
+    floor_ = std::max(kPhase * options_.tolerance, least);
     for (std::size_t i = 0; i < bound.size(); ++i) bound[i] = bound_face(i);
     counting_ = false;
-    while (options_.tightness * report_.lower < floor_ && floor_ > kLeastTarget * options_.tolerance) {
-      floor_ = std::max(kPhase * floor_, kLeastTarget * options_.tolerance);
+    while (options_.tightness * report_.lower < floor_ && floor_ > least) {
+      floor_ = std::max(kPhase * floor_, least);
       const double target = this->target(true);
       for (std::size_t i = 0; i < bound.size(); ++i)
         if (static_cast<double>(bound[i]) > target && std::isfinite(bound[i]))

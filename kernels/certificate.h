@@ -12,7 +12,7 @@
 /// convexity of the distance to one triangle makes the bound exact where they halve.)
 ///
 /// The bound is tight: pieces are refined until the largest bound is at most `tightness` times the largest
-/// distance that was found at a point, unless that is below tolerance / 1000.
+/// distance that was found at a point, unless that is below tolerance / 1000 or below `enough`.
 ///
 /// Rounding. u = 2^-53, R the largest coordinate relative to the origin. A cut moves its new corners by at
 /// most 8 u R off the segment that they cut; at most kMostCuts = 160 cuts follow each other, so the pieces
@@ -32,7 +32,8 @@
 
 namespace tessera {
 
-inline constexpr int kDeviationBins = 32;  ///< of width tolerance / 32; then up to reach, then beyond
+inline constexpr double kLeastTarget = 1e-3;  ///< of the tolerance: below it nobody asks for a tight bound
+inline constexpr int kDeviationBins = 32;     ///< of width tolerance / 32; then up to reach, then beyond
 
 constexpr double certificate_rounding(double largest_coordinate) {
   return 0x1p-42 * largest_coordinate;
@@ -47,6 +48,7 @@ struct CertificateOptions {
   double reach =
       0.0;  ///< >= tolerance: the other surface is complete within it; larger distances are "beyond"
   double tightness = 1.03;  ///< > 1
+  double enough = 0.0;      ///< >= 0: bounds up to here need not be tight
   double area_unit = 0.0;   ///< > 0: areas in the histogram are integers in it (lengths, of its root)
 };
 

@@ -13,7 +13,6 @@ namespace {
 
 constexpr std::size_t kFewer = 4;        // from here on an overlay pays
 constexpr std::size_t kFirstSearch = 4;  // faces that are searched for the largest distance; then ever more
-constexpr double kLeastTarget = 1e-3;    // of the tolerance: below it nobody asks for a tight bound
 constexpr std::size_t kGrid = 32;        // cells an axis of the box in which faces are picked
 
 using Face = std::array<std::uint32_t, 3>;
@@ -75,7 +74,8 @@ class Finisher {
   /// Until the largest bound is at most `tightness` times the largest distance found.
   void tighten() {
     for (std::size_t most = kFirstSearch;; most *= 8) {
-      const double limit = std::max(options_.tightness * report_.lower, kLeastTarget * options_.tolerance);
+      const double limit =
+          std::max({options_.tightness * report_.lower, kLeastTarget * options_.tolerance, options_.enough});
       std::vector<std::uint32_t> list;
       for (std::uint32_t i = 0; i < bound_.size(); ++i)
         if (static_cast<double>(bound_[i]) > limit && !searched_[i]) list.push_back(i);

@@ -4,6 +4,7 @@
 #include <array>
 #include <chrono>
 #include <cmath>
+#include <numeric>
 #include <vector>
 
 #include "kernels/certificate_pair.h"
@@ -68,8 +69,9 @@ MeshComparison begin_comparison(const MeshStore& mesh, const MeshStore& referenc
 }
 
 CellComparison compare_cell(const MeshStore& mesh, const MeshStore& reference, const MeshComparison& begun,
-                            const MeshBox& box, std::vector<FailedFace>* failed) {
-  const CertificateOptions options = certificate_options(mesh, reference, begun);
+                            const MeshBox& box, double enough, std::vector<FailedFace>* failed) {
+  CertificateOptions options = certificate_options(mesh, reference, begun);
+  options.enough = enough;
   const MeshBox near = grown(box, kCompareHalo * options.reach);
   const MeshBlock a = mesh.load_box(near), b = reference.load_box(near);
   Double3 middle;
@@ -87,6 +89,7 @@ CellComparison compare_cell(const MeshStore& mesh, const MeshStore& reference, c
   };
   name_failed(a, surface.there, surface.there_bound);
   name_failed(b, surface.back, surface.back_bound);
+  options.enough = 0.0;
   const auto border_one_way = [&](const MeshBlock& of, const MeshBlock& to) {
     return certify_deviation({of.position, border_segments(of)}, &core,
                              ClosestFaces(to.position, border_segments(to), middle), options);
@@ -103,6 +106,33 @@ void add_cell(MeshComparison& sum, const CellComparison& cell) {
   ++sum.cells;
 }
 
+CellBounds::CellBounds(const CellComparison& cell)
+    : upper{cell.there.surface.upper, cell.back.surface.upper},
+      lower{cell.there.surface.lower, cell.back.surface.lower} {}
+
+void tighten_cells(std::vector<CellBounds>& cells, double tolerance,
+                   const std::function<CellBounds(std::size_t)>& again) {
+  const CertificateOptions defaults;
+  std::array<double, 2> lower = {0, 0};
+  for (const CellBounds& c : cells)
+    for (std::size_t way = 0; way < 2; ++way) lower[way] = std::max(lower[way], c.lower[way]);
+  std::vector<bool> tight(cells.size());
+  std::vector<std::size_t> order(cells.size());
+  for (std::size_t way = 0; way < 2; ++way) {
+    std::iota(order.begin(), order.end(), std::size_t{0});
+    std::stable_sort(order.begin(), order.end(),
+                     [&](std::size_t a, std::size_t b) { return cells[a].upper[way] > cells[b].upper[way]; });
+    for (const std::size_t i : order) {
+      // What is above the tolerance was searched to the end.
+      if (tight[i] || cells[i].upper[way] > tolerance) continue;
+      if (cells[i].upper[way] <= std::max(defaults.tightness * lower[way], kLeastTarget * tolerance)) break;
+      cells[i] = again(i);
+      tight[i] = true;
+      for (std::size_t w = 0; w < 2; ++w) lower[w] = std::max(lower[w], cells[i].lower[w]);
+    }
+  }
+}
+
 MeshComparison compare_meshes(const MeshStore& mesh, const MeshStore& reference,
                               const CompareOptions& options, WorkerPool& pool, MemoryBudget& budget) {
   const auto start = std::chrono::steady_clock::now();
@@ -113,8 +143,14 @@ MeshComparison compare_meshes(const MeshStore& mesh, const MeshStore& reference,
       cells.size(), [&](std::size_t i) { return cells[i].bytes; }, budget,
       [&](std::size_t i) {
         if (options.check_stop) options.check_stop();
-        results[i] = compare_cell(mesh, reference, out, cells[i].box);
+        results[i] = compare_cell(mesh, reference, out, cells[i].box, out.tolerance);
       });
+  std::vector<CellBounds> bounds(results.begin(), results.end());
+  tighten_cells(bounds, out.tolerance, [&](std::size_t i) {
+    if (options.check_stop) options.check_stop();
+    results[i] = compare_cell(mesh, reference, out, cells[i].box, 0.0);
+    return CellBounds(results[i]);
+  });
   for (const CellComparison& result : results) add_cell(out, result);
   out.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   return out;

@@ -4,10 +4,12 @@
 /// with all that lies within reach of it, and every face is measured cell by cell, so a face may span any
 /// number of cells.
 #pragma once
+#include <array>
 #include <cstdint>
 #include <filesystem>
 #include <functional>
 #include <string>
+#include <vector>
 
 #include <nlohmann/json_fwd.hpp>
 
@@ -63,10 +65,23 @@ struct CellComparison {
 MeshComparison begin_comparison(const MeshStore& mesh, const MeshStore& reference,
                                 const CompareOptions& options);
 /// \param begun   of begin_comparison
+/// \param enough  bounds up to here need not be tight
 /// \param failed  gets every face of either mesh that is not proven; may be null
 CellComparison compare_cell(const MeshStore& mesh, const MeshStore& reference, const MeshComparison& begun,
-                            const MeshBox& cell, std::vector<FailedFace>* failed = nullptr);
+                            const MeshBox& cell, double enough, std::vector<FailedFace>* failed = nullptr);
 void add_cell(MeshComparison& sum, const CellComparison& cell);
+
+/// Of a cell, mesh to reference and back.
+struct CellBounds {
+  std::array<double, 2> upper = {0, 0}, lower = {0, 0};
+  CellBounds() = default;
+  explicit CellBounds(const CellComparison& cell);
+};
+/// After every cell was compared with enough = tolerance: the bound of the whole is tight when those cells are
+/// that are above what was found anywhere. Calls `again` for each of them, the largest first; it compares the
+/// cell with enough = 0. A pure function of the bounds, which it updates.
+void tighten_cells(std::vector<CellBounds>& cells, double tolerance,
+                   const std::function<CellBounds(std::size_t)>& again);
 
 /// \post  depends on the two meshes and the options alone, not on threads and budget
 /// \throws ResourceError when the budget cannot hold the fullest cell, naming the cap that would do

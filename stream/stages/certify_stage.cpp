@@ -1,6 +1,7 @@
 #include "stream/stages/certify_stage.h"
 
 #include <algorithm>
+#include <map>
 #include <type_traits>
 
 #include <nlohmann/json.hpp>
@@ -53,8 +54,8 @@ class CertifyStage : public Stage {
     std::vector<FailedFace> failed;
     for (std::size_t c = first(task); c < first(task + 1); ++c) {
       context.check_stop();
-      const CellComparison result =
-          compare_cell(mesh_, reference_, begun_, cells_[c].box, retry() ? &failed : nullptr);
+      const CellComparison result = compare_cell(mesh_, reference_, begun_, cells_[c].box, begun_.tolerance,
+                                                 retry() ? &failed : nullptr);
       if (failed.size() > kMostFailedFaces) failed.resize(kMostFailedFaces);
       file.write(&result, sizeof result);
       context.advance(1);
@@ -65,19 +66,25 @@ class CertifyStage : public Stage {
   }
 
   std::uint64_t finish_bytes() const override {
-    return (std::uint64_t{2} << 20) + 2 * kMostFailedFaces * sizeof(FailedFace);
+    std::uint64_t most = 0;
+    for (const CompareCell& cell : cells_) most = std::max(most, cell.bytes);
+    return most + (std::uint64_t{2} << 20) + 2 * kMostFailedFaces * sizeof(FailedFace) +
+           cells_.size() * sizeof(CellBounds);
   }
 
   nlohmann::json finish(const std::vector<nlohmann::json>& summaries, TaskContext& context) const override {
+    std::vector<CellBounds> bounds;
+    for_each_result([&](std::size_t, const CellComparison& cell) { bounds.emplace_back(cell); });
+    std::map<std::size_t, CellComparison> tight;
+    tighten_cells(bounds, begun_.tolerance, [&](std::size_t c) {
+      context.check_stop();
+      return CellBounds(tight[c] = compare_cell(mesh_, reference_, begun_, cells_[c].box, 0.0));
+    });
     MeshComparison sum = begun_;
-    for (std::size_t task = 0; task < task_count(); ++task) {
-      const ReadFile file(work_ / file_name(task));
-      for (std::size_t c = first(task); c < first(task + 1); ++c) {
-        CellComparison cell;
-        file.read_at((c - first(task)) * sizeof cell, &cell, sizeof cell);
-        add_cell(sum, cell);
-      }
-    }
+    for_each_result([&](std::size_t c, const CellComparison& cell) {
+      const auto found = tight.find(c);
+      add_cell(sum, found == tight.end() ? cell : found->second);
+    });
     nlohmann::json report = to_json(sum);
     const std::string complaint = request_.tolerance > 0.0 ? sum.complaint(false) : "";
     if (!complaint.empty()) {
@@ -97,6 +104,16 @@ class CertifyStage : public Stage {
   std::vector<std::string> obsolete() const override { return {request_.name + "/"}; }
 
  private:
+  void for_each_result(const std::function<void(std::size_t, const CellComparison&)>& use) const {
+    for (std::size_t task = 0; task < task_count(); ++task) {
+      const ReadFile file(work_ / file_name(task));
+      for (std::size_t c = first(task); c < first(task + 1); ++c) {
+        CellComparison cell;
+        file.read_at((c - first(task)) * sizeof cell, &cell, sizeof cell);
+        use(c, cell);
+      }
+    }
+  }
   std::size_t first(std::size_t task) const { return std::min(cells_.size(), task * per_task_); }
   std::string file_name(std::size_t task) const {
     return request_.name + "/" + task_file_stem(task) + ".bin";

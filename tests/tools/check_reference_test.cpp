@@ -3,6 +3,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "stream/mesh_compare.h"
 #include "stream/mesh_io.h"
 #include "tests/helpers/shell.h"
 #include "tests/helpers/surfaces.h"
@@ -109,10 +110,44 @@ TEST_CASE("check --reference: the same report for any threads and memory, nothin
     CHECK(json.at("proven") == true);
     CHECK(json.at("cells") > 1);
     CHECK(json.at("mesh_to_reference").at("measure").get<double>() == Approx(1.0).epsilon(0.01));
+    for (const char* direction : {"mesh_to_reference", "reference_to_mesh"}) {
+      const nlohmann::json& d = json.at(direction);
+      CHECK(d.at("certified_max").get<double>() <= 1.0301 * d.at("found_max").get<double>());
+    }
     json.erase("seconds");
     json.erase("import_seconds");
     if (first.empty()) first = json.dump();
     CHECK(json.dump() == first);
   }
   for (const auto& entry : std::filesystem::directory_iterator(folder.path())) CHECK(entry.is_regular_file());
+}
+
+TEST_CASE("compare: cells are compared again until the bound of the whole is tight, and no others",
+          "[unit]") {
+  const auto cell = [](double upper, double lower, double upper_back = 0.0, double lower_back = 0.0) {
+    CellBounds c;
+    c.upper = {upper, upper_back};
+    c.lower = {lower, lower_back};
+    return c;
+  };
+  // After the first one 0.89 is known to be there, and 0.91 is near enough to it.
+  std::vector<CellBounds> cells = {cell(0.80, 0.50), cell(0.99, 0.60), cell(0.91, 0.70),
+                                   cell(0.95, 0.10), cell(1.50, 1.45), cell(0.10, 0.05, 0.30, 0.05)};
+  cells[4] = cell(0.0, 0.0);
+  std::vector<std::size_t> again;
+  const auto compare = [&](std::size_t i) {
+    again.push_back(i);
+    const double tight[] = {0.70, 0.91, 0.85, 0.30, 0.0, 0.06};
+    return cell(tight[i], tight[i] / 1.02, i == 5 ? 0.2 : 0.0, i == 5 ? 0.2 : 0.0);
+  };
+  tighten_cells(cells, 1.0, compare);
+  CHECK(again == std::vector<std::size_t>{1, 3, 5});
+  double upper = 0.0, lower = 0.0;
+  for (const CellBounds& c : cells) upper = std::max(upper, c.upper[0]), lower = std::max(lower, c.lower[0]);
+  CHECK(upper <= 1.03 * lower);
+  // What exceeds the tolerance was searched to the end before.
+  again.clear();
+  cells = {cell(1.5, 1.49), cell(0.99, 0.1)};
+  tighten_cells(cells, 1.0, compare);
+  CHECK(again.empty());
 }
