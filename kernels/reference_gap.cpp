@@ -21,6 +21,16 @@ constexpr double cross2(double ax, double ay, double bx, double by) {
 /// Heights of triangles below this share of the limit are no width to speak of.
 constexpr float kThin = 1.0f / 16.0f;
 
+/// The bound of a face shares a word with the flags of its edges: rounded up to the bits that they leave.
+constexpr std::uint32_t kFlagBits = 8;
+std::uint32_t packed_above(float bound) {
+  constexpr std::uint32_t low = (1u << kFlagBits) - 1;
+  return (std::bit_cast<std::uint32_t>(bound) + low) & ~low;
+}
+float unpacked(std::uint32_t lines) {
+  return std::bit_cast<float>(lines >> kFlagBits << kFlagBits);
+}
+
 // Without the care of fmax for what is not a number, which costs a call.
 template <class T>
 constexpr T larger(T a, T b) {
@@ -40,7 +50,7 @@ ReferenceGap::ReferenceGap(const CollapseMesh& reference) {
     faces_[f] = {{from.vertex[0], from.vertex[1], from.vertex[2]},
                  0,
                  {from.opposite[0], from.opposite[1], from.opposite[2]},
-                 from.state & (7u * kStateBorder | 7u * kStateCrease)};
+                 (from.state & (7u * kStateBorder | 7u * kStateCrease)) | packed_above(from.bound)};
   }
   vertices_.resize(reference.vertices());
   corner_.resize(reference.vertices());
@@ -49,7 +59,7 @@ ReferenceGap::ReferenceGap(const CollapseMesh& reference) {
     corner_[v] = reference.corner(v);
   }
   points_.reserve(1024);
-  stack_.reserve(1024);
+  steps_.reserve(1024);
 }
 
 bool ReferenceGap::set_polygon(const RimLoop& loop, bool inner_centre) {
@@ -315,7 +325,7 @@ bool ReferenceGap::seed_faces(std::uint32_t seed, std::size_t flat_edge) {
     from = to, side = weight = 0.0f;
   };
   for (;;) {
-    fan_.push_back(c >> 2);
+    fan_.push_back(c);
     if (flat_edge != kNoFlatEdge) {
       for (const std::uint32_t k : {next_corner(c), prev_corner(c)}) {
         const Vec3 r = vertices_[faces_[c >> 2].vertex[k & 3u]].at - origin_;
@@ -341,8 +351,8 @@ bool ReferenceGap::seed_faces(std::uint32_t seed, std::size_t flat_edge) {
     return false;  // a crease that ends in a border
   }
   for (std::size_t i = best_from; i < best_to; ++i) {
-    faces_[fan_[i]].stamp = stamp_;
-    stack_.push_back(fan_[i]);
+    faces_[fan_[i] >> 2].stamp = stamp_;
+    steps_.push_back({fan_[i], kNoCorner, kNoCorner});
   }
   return best_to > best_from;
 }
@@ -407,6 +417,7 @@ ReferenceGap::Answer ReferenceGap::measure(const RimLoop& loop, const Query& que
   origin_ = query.origin;
   const float slack = 16.0f * 0x1p-24f * radius_;
   gap_ = 0.0f;
+  float own = 0.0f;  // bound of the triangles walked
   limit_ = static_cast<float>(query.limit) * (1.0f - 0x1p-22f) - slack;
   least_cosine_ = static_cast<float>(query.least_cosine);
   lines_ = loop.borders | (query.cross_creases ? 0u : loop.creases);
@@ -414,7 +425,7 @@ ReferenceGap::Answer ReferenceGap::measure(const RimLoop& loop, const Query& que
   covered_ = loop.ends;  // vertices of lines do not move
   const unsigned walls = query.cross_creases ? unsigned{kStateBorder} : kStateBorder | kStateCrease;
   points_.clear();
-  stack_.clear();
+  steps_.clear();
   failed_at_ = kNoCorner;
   if (query.witness != kNoCorner && lines_ == 0) {
     // What was too far from one star is often too far from the next: it costs one vertex to know.
@@ -434,15 +445,20 @@ ReferenceGap::Answer ReferenceGap::measure(const RimLoop& loop, const Query& que
     std::uint32_t slot;
     if (!place(query.seed, slot) || !points_[slot].inside) return Answer::kBeyond;
   }
-  while (!stack_.empty()) {
-    Face& f = faces_[stack_.back()];
-    stack_.pop_back();
+  // First in, first out: what a triangle touches is on its way from memory when its turn comes.
+  for (std::size_t turn = 0; turn < steps_.size(); ++turn) {
+    const Step step = steps_[turn];
+    Face& f = faces_[step.corner >> 2];
     f.stamp = stamp_ + 1;
     ++walked_;
-    std::array<std::uint32_t, 3> slot;
-    for (std::size_t i = 0; i < 3; ++i)
-      if (!place(f.vertex[i], slot[i])) {
-        failed_at_ = f.vertex[i];
+    own = larger(own, unpacked(f.lines));
+    // Corners from that of the step on; the edge opposite the first is the one across which the walk came.
+    const std::uint32_t corner[3] = {step.corner, next_corner(step.corner), prev_corner(step.corner)};
+    std::uint32_t slot[3] = {0, step.next, step.prev};
+    const bool seed = step.next == kNoCorner;
+    for (std::size_t i = 0; i < (seed ? 3 : 1); ++i)
+      if (!place(f.vertex[corner[i] & 3u], slot[i])) {
+        failed_at_ = f.vertex[corner[i] & 3u];
         return Answer::kBeyond;
       }
     const Point* const p[3] = {&points_[slot[0]], &points_[slot[1]], &points_[slot[2]]};
@@ -452,15 +468,18 @@ ReferenceGap::Answer ReferenceGap::measure(const RimLoop& loop, const Query& que
       return Answer::kFolded;
     if (query.free_corners && !corners_above(p)) return Answer::kBeyond;
     if (least_cosine_ > -1.0f && turned(p)) return Answer::kTurned;
-    for (std::uint32_t i = 0; i < 3; ++i) {
-      const std::uint32_t o = f.opposite[i];
+    for (std::size_t i = seed ? 0 : 1; i < 3; ++i) {
+      const std::uint32_t o = f.opposite[corner[i] & 3u];
       if (o != kNoCorner && faces_[o >> 2].stamp == stamp_ + 1) continue;  // seen from there
-      const Point *from = p[i == 2 ? 0 : i + 1], *to = p[i == 0 ? 2 : i - 1];
-      if (to->x < from->x) std::swap(from, to);  // the same bits from either side
-      const Point &a = *from, &b = *to;
-      if (!a.inside && !b.inside && !meets_polygon(a, b)) continue;
-      if ((a.sector != b.sector || a.sector == 0) && !cross_edges(a, b)) return Answer::kBeyond;
-      if (f.lines >> i & walls) {
+      const std::size_t next = i == 2 ? 0 : i + 1, prev = i == 0 ? 2 : i - 1;
+      const Point *from = p[next], *to = p[prev];
+      if (from->sector != to->sector || from->sector == 0) {
+        if (to->x < from->x) std::swap(from, to);  // the same bits from either side
+        if (!from->inside && !to->inside && !meets_polygon(*from, *to)) continue;
+        if (!cross_edges(*from, *to)) return Answer::kBeyond;
+      }
+      if (f.lines >> (corner[i] & 3u) & walls) {
+        const Point &a = *from, &b = *to;
         // Where the line leaves the polygon, its crossing of the rim has been measured.
         const bool through = !a.inside && !b.inside;
         if ((a.inside || through) && !near_line(a)) return Answer::kBeyond;
@@ -469,15 +488,18 @@ ReferenceGap::Answer ReferenceGap::measure(const RimLoop& loop, const Query& que
       }
       if (o == kNoCorner) return Answer::kBeyond;
       Face& across = faces_[o >> 2];
-      if (across.stamp != stamp_) {
-        across.stamp = stamp_;
-        stack_.push_back(o >> 2);
-      }
+      if (across.stamp == stamp_) continue;
+      across.stamp = stamp_;
+      steps_.push_back({o, slot[prev], slot[next]});
+      _mm_prefetch(&vertices_[across.vertex[o & 3u]], _MM_HINT_T0);
+      for (const std::uint32_t ahead :
+           {across.opposite[next_corner(o) & 3u], across.opposite[prev_corner(o) & 3u]})
+        if (ahead != kNoCorner) _mm_prefetch(&faces_[ahead >> 2], _MM_HINT_T0);
     }
   }
   if (query.free_corners && covered_ != all_) return Answer::kBeyond;
-  gap = static_cast<double>(gap_) * (1.0 + 0x1p-22) + static_cast<double>(slack);
-  return Answer::kWithin;
+  gap = static_cast<double>(gap_) * (1.0 + 0x1p-22) + static_cast<double>(slack) + static_cast<double>(own);
+  return gap <= query.limit ? Answer::kWithin : Answer::kBeyond;
 }
 
 }  // namespace tessera

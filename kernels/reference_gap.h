@@ -8,6 +8,9 @@
 /// largest at an overlay vertex: a reference vertex, or where a reference edge crosses an edge of the star.
 /// The vertices of the star lie on the reference.
 ///
+/// Faces of the reference may know how far they are from what they stand for themselves (CollapseFace::bound): the
+/// largest of those walked is added.
+///
 /// Lines. Creases and borders end a side of the surface, in the reference as in the block. The walk does not
 /// cross them; what is left between a line of the rim and the line of the reference is as far as the vertices
 /// of either line and of the reference beyond the rim are from the rim's line.
@@ -61,7 +64,7 @@ class ReferenceGap {
 
  private:
   struct alignas(32) Face {
-    std::uint32_t vertex[3], stamp, opposite[3], lines;  ///< lines: as CollapseFace::state
+    std::uint32_t vertex[3], stamp, opposite[3], lines;  ///< lines: as CollapseFace::state; bound
   };
   struct alignas(32) Vertex {
     synth::Vec3 at;
@@ -72,6 +75,11 @@ class ReferenceGap {
     bool inside;                 ///< of the polygon, or between a line of the rim and that of the reference
     std::uint8_t sector;         ///< of the polygon, 0 outside
     std::uint64_t spokes, rims;  ///< bit j: left of spoke j, of rim edge j
+  };
+
+  /// A triangle to look at, from the corner opposite the edge that led there; slots of the points of that edge.
+  struct Step {
+    std::uint32_t corner, next, prev;
   };
 
   bool next_on_line(std::uint32_t at, std::uint32_t from, std::uint32_t& next) const;
@@ -97,7 +105,8 @@ class ReferenceGap {
   std::vector<Vertex> vertices_;
   std::vector<std::uint32_t> corner_;  ///< of vertices
   std::vector<Point> points_;
-  std::vector<std::uint32_t> stack_, fan_;
+  std::vector<Step> steps_;
+  std::vector<std::uint32_t> fan_;
   std::uint32_t stamp_ = 0;
   std::uint32_t failed_at_ = kNoCorner;
   std::uint64_t walked_ = 0;
