@@ -266,4 +266,38 @@ void CollapseMesh::collapse(const Star& star, std::size_t at) {
   state_[u] = kVertexDead;
 }
 
+void CollapseMesh::compact(std::vector<std::uint32_t>& kept) {
+  kept.clear();
+  std::vector<std::uint32_t> vertex_now(vertices_.size(), kNoCorner), face_now(faces_.size(), kNoCorner);
+  for (std::uint32_t v = 0; v < vertices_.size(); ++v) {
+    if (state_[v] & kVertexDead) continue;
+    vertex_now[v] = static_cast<std::uint32_t>(kept.size());
+    kept.push_back(v);
+  }
+  std::uint32_t faces = 0;
+  for (std::size_t f = 0; f < faces_.size(); ++f)
+    if (!(faces_[f].state & kStateDead)) face_now[f] = faces++;
+  const auto corner_now = [&](std::uint32_t c) {
+    return c == kNoCorner ? c : 4 * face_now[c >> 2] + (c & 3u);
+  };
+  for (std::size_t f = 0; f < faces_.size(); ++f) {
+    if (face_now[f] == kNoCorner) continue;
+    CollapseFace face = faces_[f];
+    for (std::size_t i = 0; i < 3; ++i) {
+      face.vertex[i] = vertex_now[face.vertex[i]];
+      face.opposite[i] = corner_now(face.opposite[i]);
+    }
+    faces_[face_now[f]] = face;
+  }
+  faces_.resize(faces);
+  for (std::size_t i = 0; i < kept.size(); ++i) {
+    vertices_[i] = vertices_[kept[i]];
+    corner_[i] = corner_now(corner_[kept[i]]);
+    block_vertex_[i] = block_vertex_[kept[i]];
+    state_[i] = state_[kept[i]];
+  }
+  vertices_.resize(kept.size()), corner_.resize(kept.size());
+  block_vertex_.resize(kept.size()), state_.resize(kept.size());
+}
+
 }  // namespace tessera

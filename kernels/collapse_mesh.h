@@ -124,6 +124,10 @@ class CollapseMesh {
   /// \pre the collapse is legal
   void collapse(const Star& star, std::size_t at);
 
+  /// Closes the gaps that dead vertices and faces left; the order stays.
+  /// \param[out] kept  the vertices that are left, as they were numbered before: ascending
+  void compact(std::vector<std::uint32_t>& kept);
+
  private:
   void number_vertices(const MeshBlock& block, const Double3& origin, std::vector<std::uint32_t>& place);
   void fill_faces(const MeshBlock& block, const std::vector<std::uint32_t>& place);

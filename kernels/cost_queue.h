@@ -25,7 +25,7 @@ class CostQueue {
  public:
   static constexpr std::uint32_t kNone = 0xffffffffu;
 
-  explicit CostQueue(std::size_t items) : next_(items, kNone), queued_(items, 0) {
+  explicit CostQueue(std::size_t items = 0) : next_(items, kNone), queued_(items, 0) {
     head_.fill(kNone);
     tail_.fill(kNone);
   }

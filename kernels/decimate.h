@@ -44,6 +44,9 @@ struct DecimateOptions {
   DecimatePriority priority = DecimatePriority::kQuadric;
   DecimatePlacement placement = DecimatePlacement::kEndpoint;
   bool float_positions = true;  ///< new positions (kOptimal) are rounded to float, as the file will hold them
+  /// First passes with a tolerance do cheap collapses in the order of places. Costs then are no threshold: off where
+  /// their histogram is to give one. Only with kQuadric, kEndpoint, no limits of cost or turn.
+  bool sweep = true;
   double noise = 0.0;  ///< kProbabilistic: standard deviation of positions, scan units; 0 = tolerance / 8
   /// Edges that turn by more are creases as well; 0 = only by vertex_class. Creases deviate by half the tolerance.
   double feature_angle_deg = 0.0;
@@ -99,7 +102,7 @@ DecimateReport decimate(MeshBlock& block, const MeshBlock& reference, const Deci
                         std::span<const std::uint64_t> held = {});
 
 /// Upper bound of what decimate() allocates above its arguments; reference_faces = 0 where the block is its own.
-/// 160 bytes per face of the block, 112 per face of the reference.
+/// 184 bytes per face of the block, 112 per face of the reference.
 std::size_t decimate_bytes(std::size_t block_faces, std::size_t reference_faces);
 
 /// The cost class up to which collapses must be done to come from `faces` down to `target_faces`, from the

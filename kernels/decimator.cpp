@@ -14,14 +14,9 @@ Decimator::Decimator(CollapseMesh& mesh, const CollapseMesh& reference,
       origin_(origin),
       options_(options),
       quadric_(mesh.vertices()),
-      tried_(mesh.vertices(), 0),
       mark_(mesh.vertices(), 0),
-      queue_(mesh.vertices()),
       reference_vertex_(std::move(reference_vertex)) {
-  if (options.tolerance > 0.0) {
-    reference_gap_ = ReferenceGap(reference);
-    witness_.resize(mesh.vertices(), kNoCorner);
-  }
+  if (options.tolerance > 0.0) reference_gap_ = ReferenceGap(reference);
   if (options.priority == DecimatePriority::kNormalDeviation) normal_sum_.resize(mesh.vertices());
   if (options.max_normal_turn_deg > 0.0)
     least_cosine_ = synth::sin_cos(options.max_normal_turn_deg * (synth::kPi / 180.0)).cos;
@@ -95,7 +90,8 @@ Decimator::Refusal Decimator::check(std::uint32_t u, const Star& star, std::size
   return check_gap(u, star, at_ring);
 }
 
-void Decimator::commit(std::uint32_t u, const Star& star, std::size_t at_ring, std::uint32_t now) {
+/// The collapse that was found legal, with its new bound.
+void Decimator::remove(std::uint32_t u, const Star& star, std::size_t at_ring) {
   const std::uint32_t v = star.ring[at_ring];
   for (std::size_t i = 0; i < star.faces; ++i) {
     mesh_.face(star.corner[i] >> 2).bound = new_bound_;
@@ -111,13 +107,17 @@ void Decimator::commit(std::uint32_t u, const Star& star, std::size_t at_ring, s
   if (moves_) move_vertex(u, v);
   update_error(v);
   mesh_.collapse(star, at_ring);
+}
+
+void Decimator::commit(std::uint32_t u, const Star& star, std::size_t at_ring, std::uint32_t now) {
+  remove(u, star, at_ring);
   // Whoever was refused near here gets another chance; those in the queue are looked at anyway.
   const auto wake = [&](std::uint32_t w) {
     tried_[w] = 0;
     if (!queue_.contains(w) && !(mesh_.state(w) & kVertexKept)) queue_.push(w, now);
   };
-  wake(v);
-  mesh_.for_each_neighbour(v, wake);
+  wake(star.ring[at_ring]);
+  mesh_.for_each_neighbour(star.ring[at_ring], wake);
 }
 
 void Decimator::seed_queue() {
@@ -144,6 +144,10 @@ void Decimator::settle_faces() {
 }
 
 void Decimator::run(DecimateReport& report) {
+  if (sweeps()) sweep_all(report);
+  tried_.assign(mesh_.vertices(), 0);
+  if (options_.tolerance > 0.0) witness_.assign(mesh_.vertices(), kNoCorner);
+  queue_ = CostQueue<kCostClasses>(mesh_.vertices());
   seed_queue();
   std::array<Candidate, kMaxRing + 1> list;
   Star star;

@@ -1,5 +1,10 @@
 /// \file decimator.h
 /// The greedy loop of decimate(): candidates by cost class, binary legality, collapse. See decimate.h.
+///
+/// Most collapses are far below the tolerance. In a first pass those go first, in a few sweeps over the vertices in the
+/// order of their places with a rising limit of the cost: a star and its neighbours are then in the cache, and what is
+/// left for the queue is small. In a sweep no vertex goes whose star another collapse has changed in it, so stars stay
+/// round. What the sweeps leave is a coarse reference as well: it has a tenth of the faces, each with a small bound.
 #pragma once
 #include <cmath>
 #include <limits>
@@ -66,6 +71,11 @@ class Decimator {
   };
 
   void accumulate_quadrics();
+  bool sweeps() const;
+  void sweep_all(DecimateReport& report);
+  void sweep(double most_cost, std::vector<float>& least, DecimateReport& report);
+  bool check_cheap(std::uint32_t u, const Star& star, std::size_t at);
+  void compact(std::vector<float>& least);
   void seed_queue();
   void settle_faces();
   std::size_t list_candidates(std::uint32_t u, const Star& star, std::array<Candidate, kMaxRing + 1>& list);
@@ -88,12 +98,15 @@ class Decimator {
   void make_side(const Star& star, std::uint32_t v, std::size_t from, std::size_t to, bool v_first,
                  RimLoop& loop) const;
   void add_rim(std::uint32_t v, std::uint32_t w, std::uint32_t corner, RimLoop& loop) const;
+  bool near_coarse(std::uint32_t u, const Star& star, std::size_t at);
+  void remove(std::uint32_t u, const Star& star, std::size_t at);
   void commit(std::uint32_t u, const Star& star, std::size_t at, std::uint32_t cost_class_now);
 
   CollapseMesh& mesh_;
   MeshBlock& block_;
   const Double3 origin_;
   const DecimateOptions& options_;
+  double area_ = 0.0;  ///< of all faces
   std::vector<Quadric> quadric_;
   std::vector<std::uint16_t> tried_;  ///< candidates below this class failed with the star as it is
   std::vector<std::uint32_t> mark_;
@@ -108,9 +121,10 @@ class Decimator {
   synth::Vec3 target_;
   bool moves_ = false;
   double least_cosine_ = -1.0;
-  ReferenceGap reference_gap_;
+  ReferenceGap reference_gap_, coarse_gap_;
   std::vector<std::uint32_t> reference_vertex_;
-  std::vector<std::uint32_t> witness_;  ///< per vertex: reference vertex that last refused its removal
+  /// Per vertex: the vertex of the reference, of the coarse one that last refused its removal.
+  std::vector<std::uint32_t> witness_, coarse_witness_;
   std::uint64_t exact_tests_ = 0, exact_accepted_ = 0;
   float new_bound_ = 0.0f;  ///< of the candidate that check() just accepted
 };

@@ -96,6 +96,24 @@ bool Decimator::bound_by_sum(std::uint32_t u, const Star& star, std::size_t at_r
   return true;
 }
 
+/// Asks the mesh as the sweeps left it. It knows about lines by and large only, so not at lines.
+bool Decimator::near_coarse(std::uint32_t u, const Star& star, std::size_t at_ring) {
+  const RimLoop& loop = loops_[0];
+  if (coarse_witness_.empty() || (loop.borders | loop.creases | loop.ends) != 0) return false;
+  ReferenceGap::Query query;
+  query.origin = mesh_.at(star.ring[at_ring]);
+  query.seed = u;
+  query.limit = options_.tolerance;
+  query.cross_creases = true;
+  query.witness = coarse_witness_[u];
+  double gap = 0.0;
+  const ReferenceGap::Answer answer = coarse_gap_.measure(loop, query, gap);
+  if (coarse_gap_.failed_at() != kNoCorner) coarse_witness_[u] = coarse_gap_.failed_at();
+  if (answer != ReferenceGap::Answer::kWithin) return false;
+  new_bound_ = float_above(gap);
+  return true;
+}
+
 Decimator::Refusal Decimator::check_gap(std::uint32_t u, const Star& star, std::size_t at_ring) {
   if (!bound_by_sum(u, star, at_ring)) return Refusal::kFold;
   if (!(options_.tolerance > 0.0)) return Refusal::kNone;
@@ -108,7 +126,8 @@ Decimator::Refusal Decimator::check_gap(std::uint32_t u, const Star& star, std::
     const std::uint32_t v = reference_vertex_[star.ring[at_ring]], q = reference_vertex_[foot_.a];
     const bool known = reference_vertex_[u] != kNoCorner && v != kNoCorner && q != kNoCorner;
     if (known && (crease || !short_sum) &&
-        !reference_gap_.measure_line(reference_vertex_[u], v, q, options_.tolerance * (crease ? 0.5 : 1.0), exact))
+        !reference_gap_.measure_line(reference_vertex_[u], v, q, options_.tolerance * (crease ? 0.5 : 1.0),
+                                     exact))
       return Refusal::kTolerance;
     if (!known && !short_sum) return Refusal::kTolerance;
   }
@@ -116,6 +135,10 @@ Decimator::Refusal Decimator::check_gap(std::uint32_t u, const Star& star, std::
   // Sums of bounds grow faster than the distance itself: ask the reference.
   if (reference_vertex_[u] == kNoCorner) return Refusal::kTolerance;
   ++exact_tests_;
+  if (!on_line && near_coarse(u, star, at_ring)) {
+    ++exact_accepted_;
+    return Refusal::kNone;
+  }
   for (std::size_t s = 0; s < sides_; ++s) {
     ReferenceGap::Query query;
     query.origin = mesh_.at(star.ring[at_ring]);

@@ -17,6 +17,7 @@ void Decimator::accumulate_quadrics() {
     const Vec3 normal = cross(p[1] - p[0], p[2] - p[0]);
     const double twice_area = length(normal);
     if (!(twice_area > 0.0)) continue;
+    area_ += 0.5 * twice_area;
     const Vec3 n = normal * (1.0 / twice_area);
     // A third of the area each.
     const double weight = twice_area / 6.0;

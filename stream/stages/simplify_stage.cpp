@@ -280,6 +280,7 @@ DecimateOptions SimplifyOptions::kernel(bool float_positions) const {
     throw UsageError("--placement " + placement + ": must be endpoint or optimal");
   o.placement = placement == "optimal" ? DecimatePlacement::kOptimal : DecimatePlacement::kEndpoint;
   o.float_positions = float_positions;
+  o.sweep = target_faces == 0;
   o.feature_angle_deg = feature_angle_deg;
   o.max_normal_turn_deg = max_normal_deviation_deg;
   o.min_roundness = min_roundness;

@@ -4,7 +4,7 @@
 //   cost=C               highest cost class
 //   faces=N              plain run first, then the cost class that gives N faces
 //   priority=quadric|probabilistic|samples|normal|round|length   placement=endpoint|optimal
-//   feature=25 turn=0 roundness=0.02 colour=0 passes=1 certify=1 repeat=1 out=FILE.ply
+//   sweep=1 feature=25 turn=0 roundness=0.02 colour=0 passes=1 certify=1 repeat=1 out=FILE.ply
 //   unit=0.1             percent of the diagonal that distances are printed in when tolerance is 0
 #include <algorithm>
 #include <cmath>
@@ -130,7 +130,7 @@ int main(int argc, char** argv) {
   std::map<std::string, std::string> value = {
       {"tolerance", "0.1"},  {"priority", "quadric"},   {"certify", "0"}, {"unit", "0.1"},
       {"repeat", "1"},       {"placement", "endpoint"}, {"feature", "0"}, {"turn", "0"},
-      {"roundness", "0.02"}, {"passes", "1"},           {"faces", "0"}};
+      {"roundness", "0.02"}, {"passes", "1"},           {"sweep", "1"},   {"faces", "0"}};
   for (int i = 2; i < argc; ++i) {
     const char* equals = std::strchr(argv[i], '=');
     if (equals) value[std::string(argv[i], static_cast<std::size_t>(equals - argv[i]))] = equals + 1;
@@ -156,6 +156,7 @@ int main(int argc, char** argv) {
   options.priority = priorities.at(value["priority"]);
   options.placement =
       value["placement"] == "optimal" ? DecimatePlacement::kOptimal : DecimatePlacement::kEndpoint;
+  options.sweep = number("sweep") > 0.0 && !value.count("cost") && number("faces") == 0.0;
   if (value.count("cost")) options.max_cost_class = static_cast<std::uint32_t>(number("cost"));
   const auto target = static_cast<std::uint64_t>(number("faces"));
   if (target > 0) {

@@ -1,0 +1,96 @@
+// Decimator: cheap collapses in the order of places, before the queue.
+#include <algorithm>
+#include <cmath>
+
+#include "kernels/decimator.h"
+
+namespace tessera {
+namespace {
+
+constexpr int kSweeps = 5;
+/// Limits of the cost, in tolerance^2 x the mean area of a vertex; the last is 1.
+constexpr double kFirstLimit = 0x1p-12, kLimitGrowth = 8.0;
+constexpr double kMostBound = 0.25;  ///< of the tolerance
+constexpr std::size_t kLeastGain =
+    4;  ///< a coarse reference with a larger share of the vertices saves nothing
+constexpr float kTouched = -1.0f, kRefused = 0x1p+100f;
+
+}  // namespace
+
+/// In a first pass, where nothing has moved yet; not where every collapse must be asked of the reference, nor where
+/// classes of cost are counted or limited.
+bool Decimator::sweeps() const {
+  for (const CollapseFace& f : mesh_.faces())
+    if (f.bound > 0.0f) return false;
+  return options_.sweep && options_.tolerance > 0.0 && least_cosine_ <= -1.0 &&
+         options_.max_cost_class + 1 == kCostClasses && options_.placement == DecimatePlacement::kEndpoint &&
+         options_.priority == DecimatePriority::kQuadric;
+}
+
+void Decimator::sweep_all(DecimateReport& report) {
+  double limit =
+      kFirstLimit * options_.tolerance * options_.tolerance * area_ / static_cast<double>(mesh_.vertices());
+  const std::size_t before = mesh_.vertices();
+  std::vector<float> least(mesh_.vertices(), 0.0f);
+  for (int i = 0; i < kSweeps; ++i, limit *= kLimitGrowth) {
+    sweep(limit, least, report);
+    compact(least);
+  }
+  if (mesh_.vertices() * kLeastGain > before) return;
+  coarse_gap_ = ReferenceGap(mesh_);
+  coarse_witness_.assign(mesh_.vertices(), kNoCorner);
+}
+
+/// \param least  per vertex: what its best collapse costs as long as its star is as it is
+void Decimator::sweep(double most_cost, std::vector<float>& least, DecimateReport& report) {
+  Star star;
+  for (std::uint32_t u = 0; u < mesh_.vertices(); ++u) {
+    if (least[u] == kTouched) {
+      least[u] = 0.0f;
+      continue;
+    }
+    // Creases are held to half the tolerance, by tests of their own.
+    if (static_cast<double>(least[u]) >= most_cost || (mesh_.state(u) & (kVertexKept | kVertexCrease)))
+      continue;
+    if (!mesh_.gather(u, star)) continue;
+    const Quadric q = quadric_[u];
+    double best = static_cast<double>(kRefused);
+    std::size_t at = 0;
+    for (std::size_t i = 0; i < star.ring_size(); ++i) {
+      if (!allowed_by_features(u, star, i)) continue;
+      const double c = cost(u, q, star, i);
+      if (c < best) best = c, at = i;
+    }
+    least[u] = static_cast<float>(best);
+    if (!(best < most_cost)) continue;
+    ++report.candidates;
+    if (!check_cheap(u, star, at)) {
+      least[u] = kRefused;
+      continue;
+    }
+    remove(u, star, at);
+    ++report.collapses;
+    report.cost_histogram[cost_class(best, kCostClasses)] += star.closed ? 2 : 1;
+    for (std::size_t i = 0; i < star.ring_size(); ++i)
+      least[star.ring[i]] = star.ring[i] > u ? kTouched : 0.0f;
+  }
+}
+
+bool Decimator::check_cheap(std::uint32_t u, const Star& star, std::size_t at_ring) {
+  moves_ = false;
+  return linked(star, at_ring) && check_faces(u, star, at_ring) == Refusal::kNone &&
+         bound_by_sum(u, star, at_ring) && static_cast<double>(new_bound_) <= kMostBound * options_.tolerance;
+}
+
+void Decimator::compact(std::vector<float>& least) {
+  std::vector<std::uint32_t> kept;
+  mesh_.compact(kept);
+  for (std::size_t i = 0; i < kept.size(); ++i) {
+    quadric_[i] = quadric_[kept[i]];
+    least[i] = least[kept[i]];
+    reference_vertex_[i] = reference_vertex_[kept[i]];
+  }
+  quadric_.resize(kept.size()), least.resize(kept.size()), reference_vertex_.resize(kept.size());
+}
+
+}  // namespace tessera
