@@ -1,5 +1,7 @@
 #include "kernels/collapse_gap.h"
 
+#include <immintrin.h>
+
 #include <cmath>
 
 namespace tessera {
@@ -40,13 +42,15 @@ bool fan_gap(const RimLoop& loop, const Vec3& apex, std::size_t flat_edge, doubl
   if (!(length2 > 0.0)) return false;
   const Vec3 n = area * (1.0 / std::sqrt(length2));
   const Vec3 ex = synth::any_orthogonal(n), ey = cross(n, ex);
-  std::array<double, kMaxRing + 2> x, y, z;
+  constexpr std::size_t kLanes = 4;
+  alignas(32) std::array<double, kMaxRing + 2 + kLanes> x, y, z, before;
   for (std::size_t i = 0; i < size; ++i) {
     x[i] = dot(loop.at[i], ex);
     y[i] = dot(loop.at[i], ey);
     z[i] = dot(loop.at[i], n);
   }
   const double ax = dot(apex, ex), ay = dot(apex, ey), az = dot(apex, n);
+  for (std::size_t i = 0; i < size; ++i) before[i] = cross2(ax, ay, x[i], y[i]);
   // New fan: strictly counter-clockwise, and less than a full turn.
   for (std::size_t i = 1; i + 1 < size; ++i) {
     if (!(cross2(x[i], y[i], x[i + 1], y[i + 1]) > 0.0)) return false;
@@ -62,28 +66,53 @@ bool fan_gap(const RimLoop& loop, const Vec3& apex, std::size_t flat_edge, doubl
   if (flat_edge == kNoFlatEdge) {
     bool inside = false;
     for (std::size_t i = 1; i + 1 < size; ++i) {
-      const double before = cross2(x[i], y[i], ax, ay), after = cross2(ax, ay, x[i + 1], y[i + 1]);
-      if (before < rounding || after < rounding) continue;
+      const double to = -before[i], from = before[i + 1];
+      if (to < rounding || from < rounding) continue;
       const double full = cross2(x[i], y[i], x[i + 1], y[i + 1]);
-      const double height = (z[i] * after + z[i + 1] * before) / full;
-      gap = std::fmax(gap, std::fabs(az - height));
+      const double height = std::fabs(az - (z[i] * from + z[i + 1] * to) / full);
+      gap = height > gap ? height : gap;
       inside = true;
-      if (foot) *foot = {i, after / full, before / full};
+      if (foot) *foot = {i, from / full, to / full};
     }
     if (!inside) return false;
   }
+  // Where old spokes cross new ones, those to at[2] .. at[size - 2]: four at once, filled up with some that are
+  // parallel to all, whose crossings are not numbers.
+  if (size < 4) return true;
+  const std::size_t spokes = size - 3;
+  alignas(32) std::array<double, kMaxRing + 2 + kLanes> sx, sy, sz, turned;
+  for (std::size_t j = 0; j < spokes; ++j)
+    sx[j] = x[j + 2], sy[j] = y[j + 2], sz[j] = z[j + 2], turned[j] = -before[j + 2];
+  for (std::size_t j = spokes; j < spokes + kLanes - 1; ++j) sx[j] = sy[j] = sz[j] = turned[j] = 0.0;
   constexpr double kSlack = 1e-9;
+  const __m256d low = _mm256_set1_pd(-kSlack), high = _mm256_set1_pd(1.0 + kSlack);
+  const __m256d absolute = _mm256_castsi256_pd(_mm256_set1_epi64x(0x7fffffffffffffff));
+  __m256d most = _mm256_setzero_pd();
   for (std::size_t i = 1; i < size; ++i) {
-    const double dx = x[i] - ax, dy = y[i] - ay, dz = z[i] - az, side = cross2(ax, ay, dx, dy);
-    for (std::size_t j = 2; j + 1 < size; ++j) {
-      if (j == i) continue;
-      const double turn = cross2(dx, dy, x[j], y[j]);
-      const double t = -cross2(ax, ay, x[j], y[j]) / turn, s = -side / turn;
-      // Not a number where the edges are parallel: no crossing.
-      if (t > -kSlack && t < 1.0 + kSlack && s > -kSlack && s < 1.0 + kSlack)
-        gap = std::fmax(gap, std::fabs(az + t * dz - s * z[j]));
+    const __m256d dx = _mm256_set1_pd(x[i] - ax), dy = _mm256_set1_pd(y[i] - ay),
+                  dz = _mm256_set1_pd(z[i] - az), start = _mm256_set1_pd(az);
+    const __m256d side = _mm256_set1_pd(-before[i]);
+    for (std::size_t j = 0; j < spokes; j += kLanes) {
+      const __m256d turn =
+          _mm256_sub_pd(_mm256_mul_pd(dx, _mm256_load_pd(&sy[j])), _mm256_mul_pd(dy, _mm256_load_pd(&sx[j])));
+      const __m256d t = _mm256_div_pd(_mm256_load_pd(&turned[j]), turn), s = _mm256_div_pd(side, turn);
+      const __m256d height =
+          _mm256_sub_pd(_mm256_add_pd(start, _mm256_mul_pd(t, dz)), _mm256_mul_pd(s, _mm256_load_pd(&sz[j])));
+      __m256d crosses = _mm256_and_pd(_mm256_cmp_pd(t, low, _CMP_GT_OQ), _mm256_cmp_pd(t, high, _CMP_LT_OQ));
+      crosses = _mm256_and_pd(
+          crosses, _mm256_and_pd(_mm256_cmp_pd(s, low, _CMP_GT_OQ), _mm256_cmp_pd(s, high, _CMP_LT_OQ)));
+      if (i >= j + 2 && i < j + 2 + kLanes) {  // not its own spoke
+        const auto own = static_cast<int>(i - j - 2);
+        crosses = _mm256_andnot_pd(
+            _mm256_castsi256_pd(_mm256_cmpeq_epi64(_mm256_set_epi64x(3, 2, 1, 0), _mm256_set1_epi64x(own))),
+            crosses);
+      }
+      most = _mm256_max_pd(most, _mm256_and_pd(crosses, _mm256_and_pd(height, absolute)));
     }
   }
+  alignas(32) std::array<double, kLanes> lane;
+  _mm256_store_pd(lane.data(), most);
+  for (const double height : lane) gap = height > gap ? height : gap;
   return true;
 }
 

@@ -117,24 +117,33 @@ void CollapseMesh::match_edges(const MeshBlock& block) {
   for (std::size_t v = 0; v + 1 < begin.size(); ++v) begin[v + 1] += begin[v];
   std::vector<Edge> edges(3 * faces_.size());
   each([&](std::uint32_t low, std::uint32_t high, std::uint32_t c) { edges[begin[low + 1]++] = {high, c}; });
+  const auto bad = [&](std::size_t low, std::uint32_t high) {
+    return InputError("decimation: the edge between vertices " +
+                      std::to_string(block.key[block_vertex_[low]]) + " and " +
+                      std::to_string(block.key[block_vertex_[high]]) +
+                      " has more than two faces, or two of the same direction; import the mesh first");
+  };
   for (std::size_t v = 0; v < n; ++v) {
-    const auto first = edges.begin() + begin[v], last = edges.begin() + begin[v + 1];
-    std::sort(first, last, [](const Edge& a, const Edge& b) {
-      return a.high != b.high ? a.high < b.high : a.corner < b.corner;
-    });
-    for (auto i = first; i != last;) {
-      auto j = i + 1;
-      while (j != last && j->high == i->high) ++j;
-      if (j - i > 2 || (j - i == 2 && vertex(next_corner(i[0].corner)) != vertex(prev_corner(i[1].corner))))
-        throw InputError("decimation: the edge between vertices " +
-                         std::to_string(block.key[block_vertex_[v]]) + " and " +
-                         std::to_string(block.key[block_vertex_[i->high]]) +
-                         " has more than two faces, or two of the same direction; import the mesh first");
-      if (j - i == 2) {
-        faces_[i[0].corner >> 2].opposite[i[0].corner & 3u] = i[1].corner;
-        faces_[i[1].corner >> 2].opposite[i[1].corner & 3u] = i[0].corner;
+    const std::span<Edge> of(edges.data() + begin[v], edges.data() + begin[v + 1]);
+    // A vertex has few: comparing all is faster than sorting.
+    if (of.size() > 32)
+      std::sort(of.begin(), of.end(), [](const Edge& a, const Edge& b) {
+        return a.high != b.high ? a.high < b.high : a.corner < b.corner;
+      });
+    for (std::size_t i = 0; i < of.size(); ++i) {
+      const std::uint32_t one = of[i].corner;
+      for (std::size_t j = i + 1; j < of.size(); ++j) {
+        if (of[j].high != of[i].high) {
+          if (of.size() > 32) break;
+          continue;
+        }
+        const std::uint32_t other = of[j].corner;
+        if (opposite(one) != kNoCorner || opposite(other) != kNoCorner ||
+            vertex(next_corner(one)) != vertex(prev_corner(other)))
+          throw bad(v, of[i].high);
+        faces_[one >> 2].opposite[one & 3u] = other;
+        faces_[other >> 2].opposite[other & 3u] = one;
       }
-      i = j;
     }
   }
 }
@@ -154,25 +163,23 @@ void CollapseMesh::find_fans() {
       state_[v] = kVertexDead;
       continue;
     }
-    std::uint32_t c = corner_[v], seen = 0;
+    const std::uint32_t start = corner_[v];
+    std::uint32_t c = start, seen = 1, o = opposite(next_corner(c));
     unsigned bits = 0;
-    for (std::uint32_t o = opposite(prev_corner(c)); o != kNoCorner && prev_corner(o) != corner_[v];
-         o = opposite(prev_corner(c)))
-      c = prev_corner(o);
-    if (opposite(prev_corner(c)) == kNoCorner) {
-      bits = kVertexOpen | kVertexBorder;
-      if (!border_edge(prev_corner(c))) bits |= kVertexLocked;
-    }
-    corner_[v] = c;
-    for (;;) {
-      ++seen;
-      const std::uint32_t o = opposite(next_corner(c));
-      if (o == kNoCorner) {
-        if (!border_edge(next_corner(c))) bits |= kVertexLocked;
-        break;
-      }
+    for (; o != kNoCorner && next_corner(o) != start; o = opposite(next_corner(c))) {
       c = next_corner(o);
-      if (c == corner_[v]) break;
+      ++seen;
+    }
+    if (o == kNoCorner) {
+      bits = kVertexOpen | kVertexBorder;
+      if (!border_edge(next_corner(c))) bits |= kVertexLocked;
+      c = start;
+      for (o = opposite(prev_corner(c)); o != kNoCorner; o = opposite(prev_corner(c))) {
+        c = prev_corner(o);
+        ++seen;
+      }
+      if (!border_edge(prev_corner(c))) bits |= kVertexLocked;
+      corner_[v] = c;
     }
     if (seen != corners[v]) bits |= kVertexPinched | kVertexLocked;
     state_[v] = static_cast<std::uint8_t>(bits);

@@ -1,5 +1,7 @@
 #include "kernels/decimator.h"
 
+#include <immintrin.h>
+
 #include <algorithm>
 #include <cmath>
 
@@ -13,6 +15,10 @@ Decimator::Decimator(CollapseMesh& mesh, const CollapseMesh& reference,
       block_(block),
       origin_(origin),
       options_(options),
+      plain_((options.priority == DecimatePriority::kQuadric ||
+              options.priority == DecimatePriority::kProbabilistic) &&
+             options.placement == DecimatePlacement::kEndpoint && !(options.colour_weight > 0.0) &&
+             !(options.normal_weight > 0.0)),
       quadric_(mesh.vertices()),
       mark_(mesh.vertices(), 0),
       reference_vertex_(std::move(reference_vertex)) {
@@ -35,15 +41,27 @@ bool Decimator::allowed_by_features(std::uint32_t u, const Star& star, std::size
 /// else; no edge between two locked vertices is made, another block might make it too.
 bool Decimator::linked(const Star& star, std::size_t at) {
   const std::uint32_t v = star.ring[at];
-  ++stamp_;
-  for (std::size_t i = 0; i < star.ring_size(); ++i) mark_[star.ring[i]] = stamp_;
+  const std::size_t size = star.ring_size();
+  const bool locked = (mesh_.state(v) & kVertexLocked) != 0;
   std::size_t shared = 0;
-  mesh_.for_each_neighbour(v, [&](std::uint32_t w) {
-    if (mark_[w] == stamp_) ++shared, mark_[w] = stamp_ - 1;
-  });
+  if (size <= 8 && !locked) {
+    // A ring of the usual size fits one register.
+    const __m256i ring = _mm256_loadu_si256(reinterpret_cast<const __m256i*>(star.ring.data()));
+    const int used = (1 << size) - 1;
+    mesh_.for_each_neighbour(v, [&](std::uint32_t w) {
+      const __m256i equal = _mm256_cmpeq_epi32(ring, _mm256_set1_epi32(static_cast<int>(w)));
+      shared += (_mm256_movemask_ps(_mm256_castsi256_ps(equal)) & used) != 0;
+    });
+  } else {
+    ++stamp_;
+    for (std::size_t i = 0; i < size; ++i) mark_[star.ring[i]] = stamp_;
+    mesh_.for_each_neighbour(v, [&](std::uint32_t w) {
+      if (mark_[w] == stamp_) ++shared, mark_[w] = stamp_ - 1;
+    });
+  }
   if (shared != (star.closed ? 2u : 1u)) return false;
-  if (mesh_.state(v) & kVertexLocked)  // the marks that are left are ring vertices without an edge to v
-    for (std::size_t i = 0; i < star.ring_size(); ++i)
+  if (locked)  // the marks that are left are ring vertices without an edge to v
+    for (std::size_t i = 0; i < size; ++i)
       if (i != at && mark_[star.ring[i]] == stamp_ && (mesh_.state(star.ring[i]) & kVertexLocked))
         return false;
   if (star.closed) {
@@ -59,23 +77,31 @@ bool Decimator::linked(const Star& star, std::size_t at) {
 
 Decimator::Refusal Decimator::check_faces(std::uint32_t u, const Star& star, std::size_t at_ring) const {
   const std::size_t k = star.faces, size = star.ring_size();
-  const std::uint32_t v = star.ring[at_ring];
-  const Vec3 pu = mesh_.at(u), pv = mesh_.at(v);
+  const Vec3 pu = mesh_.at(u), pv = mesh_.at(star.ring[at_ring]);
+  // Squares compare as well as what they are of, and need no roots.
+  const double least = options_.min_roundness * options_.min_roundness / 12.0;
+  bool thin = false;
+  for (std::size_t i = 0; i < k; ++i) {
+    const std::size_t j = i + 1 < size ? i + 1 : 0;
+    if (i == at_ring || j == at_ring) continue;
+    const Vec3 &a = mesh_.at(star.ring[i]), &b = mesh_.at(star.ring[j]);
+    const Vec3 rim = b - a, to_u = pu - a, to_v = pv - a;
+    const Vec3 before = cross(rim, to_u), after = cross(rim, to_v);
+    const double along = dot(before, after), before2 = dot(before, before), after2 = dot(after, after);
+    if (!(after2 > 0.0) || along < 0.0 || along * along < 0.04 * before2 * after2) return Refusal::kFold;
+    const Vec3 last = pv - b;
+    const double edges = dot(rim, rim) + dot(to_v, to_v) + dot(last, last);
+    thin = thin || after2 < least * edges * edges;
+  }
+  if (!thin) return Refusal::kNone;
   double worst_new = 1.0, worst_old = 1.0;
   for (std::size_t i = 0; i < k; ++i) {
     const std::size_t j = i + 1 < size ? i + 1 : 0;
-    const Vec3 a = mesh_.at(star.ring[i]), b = mesh_.at(star.ring[j]);
-    const Vec3 old_normal = cross(a - pu, b - pu);
-    const double old_area = length(old_normal), rim2 = dot(b - a, b - a);
-    worst_old = std::fmin(worst_old, roundness(old_area, rim2 + dot(a - pu, a - pu) + dot(b - pu, b - pu)));
-    if (i == at_ring || j == at_ring) continue;
-    const Vec3 new_normal = cross(a - pv, b - pv);
-    const double new_area = length(new_normal);
-    if (!(new_area > 0.0) || dot(old_normal, new_normal) < 0.2 * old_area * new_area) return Refusal::kFold;
-    worst_new = std::fmin(worst_new, roundness(new_area, rim2 + dot(a - pv, a - pv) + dot(b - pv, b - pv)));
+    const Vec3 &a = mesh_.at(star.ring[i]), &b = mesh_.at(star.ring[j]);
+    worst_old = std::fmin(worst_old, roundness(pu, a, b));
+    if (i != at_ring && j != at_ring) worst_new = std::fmin(worst_new, roundness(pv, a, b));
   }
-  if (worst_new < options_.min_roundness && worst_new < worst_old) return Refusal::kShape;
-  return Refusal::kNone;
+  return worst_new < worst_old ? Refusal::kShape : Refusal::kNone;
 }
 
 Decimator::Refusal Decimator::check(std::uint32_t u, const Star& star, std::size_t at_ring) {

@@ -34,6 +34,16 @@ inline float float_above(double v) {
   return static_cast<double>(f) >= v ? f : std::nextafter(f, std::numeric_limits<float>::infinity());
 }
 
+/// What a halfedge collapse costs by quadrics: the error of q, which goes to `to`, and of what is there already.
+inline double endpoint_cost(const Quadric& q, const CollapseVertex& to) {
+  const double error = q(to.at.x, to.at.y, to.at.z);
+  return (error > 0.0 ? error : 0.0) + to.error;
+}
+/// In a plane all costs are 0 but for rounding: there short edges go first.
+inline double tie_cost(double squared_edge) {
+  return 1e-8 * squared_edge * squared_edge;
+}
+
 class Decimator {
  public:
   /// \param mesh       features are marked
@@ -48,6 +58,7 @@ class Decimator {
 
  private:
   enum class Refusal : std::uint8_t { kNone, kLink, kFold, kShape, kNormal, kTolerance };
+  enum class Doubt : std::uint8_t { kOpen, kWithin, kBeyond };
   struct Candidate {
     double cost;
     std::uint32_t vertex;
@@ -78,6 +89,12 @@ class Decimator {
   void compact(std::vector<float>& least);
   void seed_queue();
   void settle_faces();
+  /// cost() where it is but a quadric, without the calls.
+  double plain_cost(const Quadric& q, const synth::Vec3& from, std::uint32_t v) const {
+    const CollapseVertex& to = mesh_.node(v);
+    const synth::Vec3 edge = to.at - from;
+    return endpoint_cost(q, to) + tie_cost(dot(edge, edge));
+  }
   std::size_t list_candidates(std::uint32_t u, const Star& star, std::array<Candidate, kMaxRing + 1>& list);
   void update_error(std::uint32_t v);
   double cost(std::uint32_t u, const Quadric& q, const Star& star, std::size_t at);
@@ -98,7 +115,7 @@ class Decimator {
   void make_side(const Star& star, std::uint32_t v, std::size_t from, std::size_t to, bool v_first,
                  RimLoop& loop) const;
   void add_rim(std::uint32_t v, std::uint32_t w, std::uint32_t corner, RimLoop& loop) const;
-  bool near_coarse(std::uint32_t u, const Star& star, std::size_t at);
+  Doubt ask_coarse(std::uint32_t u, const Star& star, std::size_t at);
   void remove(std::uint32_t u, const Star& star, std::size_t at);
   void commit(std::uint32_t u, const Star& star, std::size_t at, std::uint32_t cost_class_now);
 
@@ -106,6 +123,7 @@ class Decimator {
   MeshBlock& block_;
   const Double3 origin_;
   const DecimateOptions& options_;
+  const bool plain_;   ///< costs are endpoint quadrics without attributes
   double area_ = 0.0;  ///< of all faces
   std::vector<Quadric> quadric_;
   std::vector<std::uint16_t> tried_;  ///< candidates below this class failed with the star as it is

@@ -96,10 +96,9 @@ bool Decimator::bound_by_sum(std::uint32_t u, const Star& star, std::size_t at_r
   return true;
 }
 
-/// Asks the mesh as the sweeps left it. It knows about lines by and large only, so not at lines.
-bool Decimator::near_coarse(std::uint32_t u, const Star& star, std::size_t at_ring) {
-  const RimLoop& loop = loops_[0];
-  if (coarse_witness_.empty() || (loop.borders | loop.creases | loop.ends) != 0) return false;
+/// Asks the mesh as the sweeps left it, whose vertices are some of the reference. Where it ends it may be coarse too.
+Decimator::Doubt Decimator::ask_coarse(std::uint32_t u, const Star& star, std::size_t at_ring) {
+  if (coarse_witness_.empty() || loops_[0].borders != 0) return Doubt::kOpen;
   ReferenceGap::Query query;
   query.origin = mesh_.at(star.ring[at_ring]);
   query.seed = u;
@@ -107,11 +106,14 @@ bool Decimator::near_coarse(std::uint32_t u, const Star& star, std::size_t at_ri
   query.cross_creases = true;
   query.witness = coarse_witness_[u];
   double gap = 0.0;
-  const ReferenceGap::Answer answer = coarse_gap_.measure(loop, query, gap);
-  if (coarse_gap_.failed_at() != kNoCorner) coarse_witness_[u] = coarse_gap_.failed_at();
-  if (answer != ReferenceGap::Answer::kWithin) return false;
-  new_bound_ = float_above(gap);
-  return true;
+  const ReferenceGap::Answer answer = coarse_gap_.measure(loops_[0], query, gap);
+  if (answer == ReferenceGap::Answer::kWithin) {
+    new_bound_ = float_above(gap);
+    return Doubt::kWithin;
+  }
+  if (coarse_gap_.failed_at() == kNoCorner) return Doubt::kOpen;
+  coarse_witness_[u] = coarse_gap_.failed_at();
+  return Doubt::kBeyond;
 }
 
 Decimator::Refusal Decimator::check_gap(std::uint32_t u, const Star& star, std::size_t at_ring) {
@@ -135,9 +137,10 @@ Decimator::Refusal Decimator::check_gap(std::uint32_t u, const Star& star, std::
   // Sums of bounds grow faster than the distance itself: ask the reference.
   if (reference_vertex_[u] == kNoCorner) return Refusal::kTolerance;
   ++exact_tests_;
-  if (!on_line && near_coarse(u, star, at_ring)) {
-    ++exact_accepted_;
-    return Refusal::kNone;
+  const Doubt doubt = on_line ? Doubt::kOpen : ask_coarse(u, star, at_ring);
+  if (doubt != Doubt::kOpen) {
+    exact_accepted_ += doubt == Doubt::kWithin;
+    return doubt == Doubt::kWithin ? Refusal::kNone : Refusal::kTolerance;
   }
   for (std::size_t s = 0; s < sides_; ++s) {
     ReferenceGap::Query query;

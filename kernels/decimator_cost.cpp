@@ -68,7 +68,7 @@ double Decimator::cost(std::uint32_t u, const Quadric& q, const Star& star, std:
         const Vec3 p = best_place(both, u, v);
         cost = std::fmax(0.0, both(p.x, p.y, p.z));
       } else {
-        cost = std::fmax(0.0, q(to.at.x, to.at.y, to.at.z)) + to.error;
+        cost = endpoint_cost(q, to);
       }
       break;
     case DecimatePriority::kSampleDistance: {
@@ -87,8 +87,7 @@ double Decimator::cost(std::uint32_t u, const Quadric& q, const Star& star, std:
       cost = edge2;
       break;
   }
-  // In a plane all costs are 0 but for rounding: there short edges go first.
-  cost += 1e-8 * edge2 * edge2;
+  cost += tie_cost(edge2);
   if (options_.colour_weight > 0.0 || options_.normal_weight > 0.0) {
     if (!bound_by_sum(u, star, at_ring)) return kNoCost;
     cost += attribute_cost(u);
@@ -161,9 +160,10 @@ std::size_t Decimator::list_candidates(std::uint32_t u, const Star& star,
                                        std::array<Candidate, kMaxRing + 1>& list) {
   std::size_t n = 0;
   const Quadric q = quadric_[u];
+  const Vec3 from = mesh_.at(u);
   for (std::size_t i = 0; i < star.ring_size(); ++i) {
     if (!allowed_by_features(u, star, i)) continue;
-    const double c = cost(u, q, star, i);
+    const double c = plain_ ? plain_cost(q, from, star.ring[i]) : cost(u, q, star, i);
     if (c < kNoCost) list[n++] = {c, star.ring[i], static_cast<std::uint32_t>(i)};
   }
   std::sort(list.begin(), list.begin() + static_cast<std::ptrdiff_t>(n),

@@ -7,12 +7,12 @@
 namespace tessera {
 namespace {
 
-constexpr int kSweeps = 5;
-/// Limits of the cost, in tolerance^2 x the mean area of a vertex; the last is 1.
+constexpr int kSweeps = 6;
+/// Limits of the cost, in tolerance^2 x the mean area of a vertex; the last is 8.
 constexpr double kFirstLimit = 0x1p-12, kLimitGrowth = 8.0;
 constexpr double kMostBound = 0.25;  ///< of the tolerance
-constexpr std::size_t kLeastGain =
-    4;  ///< a coarse reference with a larger share of the vertices saves nothing
+/// A coarse reference saves nothing with more than a half of the vertices.
+constexpr std::size_t kLeastGain = 2;
 constexpr float kTouched = -1.0f, kRefused = 0x1p+100f;
 
 }  // namespace
@@ -54,11 +54,12 @@ void Decimator::sweep(double most_cost, std::vector<float>& least, DecimateRepor
       continue;
     if (!mesh_.gather(u, star)) continue;
     const Quadric q = quadric_[u];
+    const synth::Vec3 from = mesh_.at(u);
     double best = static_cast<double>(kRefused);
     std::size_t at = 0;
     for (std::size_t i = 0; i < star.ring_size(); ++i) {
       if (!allowed_by_features(u, star, i)) continue;
-      const double c = cost(u, q, star, i);
+      const double c = plain_ ? plain_cost(q, from, star.ring[i]) : cost(u, q, star, i);
       if (c < best) best = c, at = i;
     }
     least[u] = static_cast<float>(best);

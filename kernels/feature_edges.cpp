@@ -14,29 +14,28 @@ double cosine_of_degrees(double degrees) {
   return synth::sin_cos(degrees * (synth::kPi / 180.0)).cos;
 }
 
-std::vector<Vec3> unit_normals(const CollapseMesh& mesh) {
-  std::vector<Vec3> out(mesh.faces().size());
-  for (std::size_t f = 0; f < out.size(); ++f) {
-    const auto p = [&](std::size_t i) { return mesh.at(mesh.face(f).vertex[i]); };
-    const Vec3 n = cross(p(1) - p(0), p(2) - p(0));
-    const double size = length(n);
-    out[f] = size > 0.0 ? n * (1.0 / size) : Vec3{0, 0, 0};
-  }
-  return out;
+/// Zero where the face has no area.
+Vec3 unit_normal(const CollapseMesh& mesh, std::size_t f) {
+  const std::uint32_t* v = mesh.face(f).vertex;
+  const Vec3& a = mesh.at(v[0]);
+  const Vec3 n = cross(mesh.at(v[1]) - a, mesh.at(v[2]) - a);
+  const double size = length(n);
+  return size > 0.0 ? n * (1.0 / size) : Vec3{0, 0, 0};
 }
 
-/// Calls `visit(corner, cosine of the turn)` for each edge with two faces; faces without area count as no
-/// turn.
+/// Faces without area count as no turn.
+bool turns(const Vec3& a, const Vec3& b, double least_cosine) {
+  return dot(a, b) < least_cosine && dot(a, a) > 0.0 && dot(b, b) > 0.0;
+}
+
+/// Calls `visit(corner, corner across)` once for each edge with two faces.
 template <class Visit>
-void for_each_edge(const CollapseMesh& mesh, const std::vector<Vec3>& normal, const Visit& visit) {
-  for (std::uint32_t c = 0; c < mesh.corner_end(); ++c) {
-    if ((c & 3u) == 3u) continue;
-    const std::uint32_t o = mesh.opposite(c);
-    if (o == kNoCorner || o < c) continue;
-    const Vec3 &a = normal[c >> 2], &b = normal[o >> 2];
-    const bool flat = dot(a, a) == 0.0 || dot(b, b) == 0.0;
-    visit(c, flat ? 1.0 : dot(a, b));
-  }
+void for_each_edge(const CollapseMesh& mesh, const Visit& visit) {
+  for (std::uint32_t f = 0; f < mesh.faces().size(); ++f)
+    for (std::uint32_t i = 0; i < 3; ++i) {
+      const std::uint32_t c = 4 * f + i, o = mesh.face(f).opposite[i];
+      if (o != kNoCorner && o > c) visit(c, o);
+    }
 }
 
 }  // namespace
@@ -49,11 +48,15 @@ std::vector<std::uint8_t> sharp_vertices(const CollapseMesh& mesh, double featur
     bool strong;
   };
   std::vector<Sharp> edges;
-  for_each_edge(mesh, unit_normals(mesh), [&](std::uint32_t c, double cosine) {
-    if (cosine >= limit) return;
+  std::vector<Vec3> normal(mesh.faces().size());
+  for (std::size_t f = 0; f < normal.size(); ++f) normal[f] = unit_normal(mesh, f);
+  for_each_edge(mesh, [&](std::uint32_t c, std::uint32_t o) {
+    const Vec3 &n = normal[c >> 2], &m = normal[o >> 2];
+    if (!turns(n, m, limit)) return;
     const std::uint32_t a = mesh.vertex(next_corner(c)), b = mesh.vertex(prev_corner(c));
-    edges.push_back({a, b, cosine < 0.5});
-    edges.push_back({b, a, cosine < 0.5});
+    const bool strong = dot(n, m) < 0.5;
+    edges.push_back({a, b, strong});
+    edges.push_back({b, a, strong});
   });
   std::sort(edges.begin(), edges.end(),
             [](const Sharp& x, const Sharp& y) { return x.from != y.from ? x.from < y.from : x.to < y.to; });
@@ -91,11 +94,12 @@ void mark_features(CollapseMesh& mesh, const MeshBlock& block, const std::vector
 
   std::vector<std::uint8_t> creases(n, 0);
   const double least = cosine_of_degrees(std::fmax(10.0, 0.5 * feature_angle_deg));
-  for_each_edge(mesh, unit_normals(mesh), [&](std::uint32_t c, double cosine) {
+  for_each_edge(mesh, [&](std::uint32_t c, std::uint32_t o) {
     const std::uint32_t a = mesh.vertex(next_corner(c)), b = mesh.vertex(prev_corner(c));
-    const std::uint32_t o = mesh.opposite(c);
     const bool rim = ((mesh.face(c >> 2).state ^ mesh.face(o >> 2).state) & kStateSynthetic) != 0;
-    if (!rim && !(feature[a] && feature[b] && cosine < least)) return;
+    if (!rim &&
+        !(feature[a] && feature[b] && turns(unit_normal(mesh, c >> 2), unit_normal(mesh, o >> 2), least)))
+      return;
     mesh.mark_crease(c);
     mesh.mark_crease(o);
     for (const std::uint32_t v : {a, b}) creases[v] = static_cast<std::uint8_t>(std::min(creases[v] + 1, 3));

@@ -3,6 +3,8 @@
 /// Sources: Garland and Heckbert 1997; Trettner and Kobbelt, "Fast and Robust QEM Minimization using
 /// Probabilistic Quadrics", 2020, equation 12 (isotropic noise of the position and of the normal).
 #pragma once
+#include <immintrin.h>
+
 #include "kernels/portable_math.h"
 
 namespace tessera {
@@ -14,8 +16,12 @@ struct Quadric {
   double bx = 0, by = 0, bz = 0, c = 0;
 
   Quadric& operator+=(const Quadric& o) {
-    xx += o.xx, xy += o.xy, xz += o.xz, yy += o.yy, yz += o.yz, zz += o.zz;
-    bx += o.bx, by += o.by, bz += o.bz, c += o.c;
+    // The ten numbers lie side by side.
+    double* to = reinterpret_cast<double*>(this);
+    const double* from = reinterpret_cast<const double*>(&o);
+    _mm256_storeu_pd(to, _mm256_add_pd(_mm256_loadu_pd(to), _mm256_loadu_pd(from)));
+    _mm256_storeu_pd(to + 4, _mm256_add_pd(_mm256_loadu_pd(to + 4), _mm256_loadu_pd(from + 4)));
+    _mm_storeu_pd(to + 8, _mm_add_pd(_mm_loadu_pd(to + 8), _mm_loadu_pd(from + 8)));
     return *this;
   }
   double operator()(double x, double y, double z) const {
@@ -46,6 +52,8 @@ inline Quadric uncertain_plane_quadric(const synth::Vec3& normal, const synth::V
   q.c += wn * synth::dot(point, point) + weight * position_variance * (1.0 + 3.0 * normal_variance);
   return q;
 }
+
+static_assert(sizeof(Quadric) == 10 * sizeof(double));
 
 /// The minimum of q. \return false where it is not well determined (the condition number is above 1e6)
 bool quadric_minimum(const Quadric& q, synth::Vec3& minimum);

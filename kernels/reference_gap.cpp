@@ -165,7 +165,8 @@ inline bool ReferenceGap::place(std::uint32_t vertex, std::uint32_t& slot) {
   classify(p);
   if (p.inside) {
     const std::size_t i = p.sector;
-    gap_ = larger(gap_, std::fabs(p.z - slope_x_[i] * p.x - slope_y_[i] * p.y));
+    p.gap = std::fabs(p.z - slope_x_[i] * p.x - slope_y_[i] * p.y);
+    gap_ = larger(gap_, p.gap);
   } else if ((lines_ & ~p.rims) != 0) {
     p.inside = beyond_line(p);
   }
@@ -259,20 +260,21 @@ bool ReferenceGap::meets_polygon(const Point& a, const Point& b) const {
     if ((sj > 0.0f && sk < 0.0f) || (sj < 0.0f && sk > 0.0f)) return true;
   }
   // From one corner of the polygon to another.
-  Point middle{0.5f * (a.x + b.x), 0.5f * (a.y + b.y), 0.0f, false, 0, 0, 0};
+  Point middle{0.5f * (a.x + b.x), 0.5f * (a.y + b.y), 0.0f, 0.0f, false, 0, 0, 0};
   classify(middle);
   return middle.inside;
 }
 
 /// Crossings of the segment with spokes and rim edges. \return false above the limit
-bool ReferenceGap::cross_edges(const Point& a, const Point& b) {
+/// \param own  bound of the triangles beside it
+bool ReferenceGap::cross_edges(const Point& a, const Point& b, float own) {
   const float dx = b.x - a.x, dy = b.y - a.y, dz = b.z - a.z;
   const auto cross = [&](float px, float py, float pz, float ux, float uy, float uz) {
     // a + t d = p + s u
     const float turn = cross2(dx, dy, ux, uy);
     const float t = cross2(px - a.x, py - a.y, ux, uy) / turn, s = cross2(px - a.x, py - a.y, dx, dy) / turn;
     if (s >= 0.0f && s <= 1.0f && t >= 0.0f && t <= 1.0f)
-      gap_ = larger(gap_, std::fabs(a.z + t * dz - pz - s * uz));
+      gap_ = larger(gap_, std::fabs(a.z + t * dz - pz - s * uz) + own);
   };
   for (std::uint64_t cut = (a.spokes ^ b.spokes) & inner_spokes_; cut != 0; cut &= cut - 1) {
     const auto j = static_cast<std::size_t>(std::countr_zero(cut));
@@ -417,7 +419,6 @@ ReferenceGap::Answer ReferenceGap::measure(const RimLoop& loop, const Query& que
   origin_ = query.origin;
   const float slack = 16.0f * 0x1p-24f * radius_;
   gap_ = 0.0f;
-  float own = 0.0f;  // bound of the triangles walked
   limit_ = static_cast<float>(query.limit) * (1.0f - 0x1p-22f) - slack;
   least_cosine_ = static_cast<float>(query.least_cosine);
   lines_ = loop.borders | (query.cross_creases ? 0u : loop.creases);
@@ -451,7 +452,6 @@ ReferenceGap::Answer ReferenceGap::measure(const RimLoop& loop, const Query& que
     Face& f = faces_[step.corner >> 2];
     f.stamp = stamp_ + 1;
     ++walked_;
-    own = larger(own, unpacked(f.lines));
     // Corners from that of the step on; the edge opposite the first is the one across which the walk came.
     const std::uint32_t corner[3] = {step.corner, next_corner(step.corner), prev_corner(step.corner)};
     std::uint32_t slot[3] = {0, step.next, step.prev};
@@ -466,6 +466,11 @@ ReferenceGap::Answer ReferenceGap::measure(const RimLoop& loop, const Query& que
                 by = p[2]->y - p[0]->y;
     if (cross2(ax, ay, bx, by) < -slack * (std::fabs(ax) + std::fabs(ay) + std::fabs(bx) + std::fabs(by)))
       return Answer::kFolded;
+    const float own = unpacked(f.lines);
+    if (own > 0.0f) {
+      gap_ = larger(gap_, own + larger(p[0]->gap, larger(p[1]->gap, p[2]->gap)));
+      if (gap_ > limit_) return Answer::kBeyond;
+    }
     if (query.free_corners && !corners_above(p)) return Answer::kBeyond;
     if (least_cosine_ > -1.0f && turned(p)) return Answer::kTurned;
     for (std::size_t i = seed ? 0 : 1; i < 3; ++i) {
@@ -476,7 +481,8 @@ ReferenceGap::Answer ReferenceGap::measure(const RimLoop& loop, const Query& que
       if (from->sector != to->sector || from->sector == 0) {
         if (to->x < from->x) std::swap(from, to);  // the same bits from either side
         if (!from->inside && !to->inside && !meets_polygon(*from, *to)) continue;
-        if (!cross_edges(*from, *to)) return Answer::kBeyond;
+        const float beside = o == kNoCorner ? own : larger(own, unpacked(faces_[o >> 2].lines));
+        if (!cross_edges(*from, *to, beside)) return Answer::kBeyond;
       }
       if (f.lines >> (corner[i] & 3u) & walls) {
         const Point &a = *from, &b = *to;
@@ -498,8 +504,8 @@ ReferenceGap::Answer ReferenceGap::measure(const RimLoop& loop, const Query& que
     }
   }
   if (query.free_corners && covered_ != all_) return Answer::kBeyond;
-  gap = static_cast<double>(gap_) * (1.0 + 0x1p-22) + static_cast<double>(slack) + static_cast<double>(own);
-  return gap <= query.limit ? Answer::kWithin : Answer::kBeyond;
+  gap = static_cast<double>(gap_) * (1.0 + 0x1p-22) + static_cast<double>(slack);
+  return Answer::kWithin;
 }
 
 }  // namespace tessera

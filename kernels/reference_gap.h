@@ -9,7 +9,7 @@
 /// The vertices of the star lie on the reference.
 ///
 /// Faces of the reference may know how far they are from what they stand for themselves (CollapseFace::bound): the
-/// largest of those walked is added.
+/// bound of a triangle is added to the distances at its corners and edges.
 ///
 /// Lines. Creases and borders end a side of the surface, in the reference as in the block. The walk does not
 /// cross them; what is left between a line of the rim and the line of the reference is as far as the vertices
@@ -70,8 +70,9 @@ class ReferenceGap {
     synth::Vec3 at;
     std::uint32_t stamp, slot;
   };
-  struct alignas(32) Point {
+  struct Point {
     float x, y, z;
+    float gap;                   ///< to the polygon's graph, 0 outside
     bool inside;                 ///< of the polygon, or between a line of the rim and that of the reference
     std::uint8_t sector;         ///< of the polygon, 0 outside
     std::uint64_t spokes, rims;  ///< bit j: left of spoke j, of rim edge j
@@ -92,7 +93,7 @@ class ReferenceGap {
   void classify(Point& p) const;
   bool place(std::uint32_t vertex, std::uint32_t& slot);
   bool meets_polygon(const Point& a, const Point& b) const;
-  bool cross_edges(const Point& a, const Point& b);
+  bool cross_edges(const Point& a, const Point& b, float own);
   bool beyond_line(Point& p);
   bool near_line(const Point& p);
   bool is_line(std::uint32_t c) const {
