@@ -24,7 +24,10 @@ constexpr std::uint16_t kMinNeighbours = 5;  ///< a plane through fewer is chanc
 constexpr int kFewNeighbours = 12;           ///< from fewer the radius grows to the largest there is
 constexpr std::uint32_t kCellPoints = 16;    ///< a denser cell is represented by about as many of its points
 constexpr float kBent = 0.02f;               ///< surface variation from which the radius is halved
-constexpr float kSupportCosine = 0.5f;       ///< supporters' normals lie within 60 degrees
+/// Ratio of the two larger eigenvalues below which the neighbours lie on a line: any plane through it fits.
+constexpr double kLine = 0.0025;
+constexpr float kNoPlane = 1.0f / 3.0f;  ///< the largest surface variation there is
+constexpr float kSupportCosine = 0.5f;   ///< supporters' normals lie within 60 degrees
 
 /// Candidates of one cube, positions relative to its corner so that sums stay small; padded to whole vectors.
 struct Candidates {
@@ -132,7 +135,7 @@ Moments moments_at(const Candidates& c, float px, float py, float pz, const Floa
 
 struct Plane {
   Float3 normal{};
-  float variation = 1.0f / 3.0f;
+  float variation = kNoPlane;
   float residual = 0.0f;
 };
 
@@ -142,7 +145,7 @@ Plane fit_plane(const Moments& m) {
   symmetric_eigen3(m.covariance, values, vectors);
   Plane plane;
   const double sum = std::max(values[0], 0.0) + values[1] + values[2];
-  if (!(sum > 0.0)) return plane;
+  if (!(sum > 0.0) || values[1] < kLine * values[2]) return plane;
   // A sign that every block agrees on: the component of largest magnitude is positive.
   Double3 n = vectors[0];
   int major = 0;
@@ -170,7 +173,7 @@ PointShape shape_at(const Candidates& c, float px, float py, float pz, const Flo
   if (!options.estimate) return shape;
   shape.normal = {0, 0, 0};
   if (wide.count <= kMinNeighbours) return shape;
-  Plane plane = fit_plane(wide);
+  Plane plane = fit_plane(wide);  // zero with the largest variation on a line
   if (plane.variation > kBent) {
     const Moments narrow = moments_at(c, px, py, pz, given, radius * 0.5f);
     if (narrow.count > 2 * kMinNeighbours) {
@@ -188,7 +191,8 @@ PointShape shape_at(const Candidates& c, float px, float py, float pz, const Flo
 std::uint32_t end_of_cell(const PointBlock& points, std::uint32_t i, std::uint32_t last) {
   const float x = std::floor(points.x[i]), y = std::floor(points.y[i]), z = std::floor(points.z[i]);
   std::uint32_t end = i + 1;
-  while (end < last && std::floor(points.x[end]) == x && std::floor(points.y[end]) == y && std::floor(points.z[end]) == z)
+  while (end < last && std::floor(points.x[end]) == x && std::floor(points.y[end]) == y &&
+         std::floor(points.z[end]) == z)
     ++end;
   return end;
 }
@@ -200,7 +204,8 @@ int cube_of(float cells) {
 }  // namespace
 
 int normal_halo_cells(const NormalOptions& options) {
-  return options.estimate ? static_cast<int>(kLargestRadius) : static_cast<int>(std::ceil(options.radius_cells));
+  return options.estimate ? static_cast<int>(kLargestRadius)
+                          : static_cast<int>(std::ceil(options.radius_cells));
 }
 
 std::vector<PointShape> estimate_shapes(const PointBlock& points, const NormalOptions& options) {
@@ -280,7 +285,8 @@ std::vector<PointShape> estimate_shapes(const PointBlock& points, const NormalOp
       const float x = points.x[i] - low[0], y = points.y[i] - low[1], z = points.z[i] - low[2];
       const Float3 given = {points.nx[i], points.ny[i], points.nz[i]};
       shapes.push_back(shape_at(candidates, x, y, z, given, radius, options));
-      if (!options.estimate || shapes.back().neighbours >= kFewNeighbours || radius >= kLargestRadius) continue;
+      const bool planar = shapes.back().neighbours >= kFewNeighbours && shapes.back().variation < kNoPlane;
+      if (!options.estimate || planar || radius >= kLargestRadius) continue;
       if (wide.x.empty()) gather(kLargestRadius, wide);
       PointShape wider = shape_at(wide, x, y, z, given, kLargestRadius, options);
       wider.neighbours = shapes.back().neighbours, wider.supporters = shapes.back().supporters;
@@ -293,8 +299,8 @@ std::vector<PointShape> estimate_shapes(const PointBlock& points, const NormalOp
 void symmetric_eigen3(const std::array<double, 6>& m, Double3& values, std::array<Double3, 3>& vectors) {
   constexpr int kSweeps = 12;  // six suffice for double, twice that costs nothing
   std::array<Double3, 3> column;
-  const Double3 value =
-      jacobi_eigen3({Double3{m[0], m[1], m[2]}, {m[1], m[3], m[4]}, {m[2], m[4], m[5]}}, column, kSweeps, 0.0);
+  const Double3 value = jacobi_eigen3({Double3{m[0], m[1], m[2]}, {m[1], m[3], m[4]}, {m[2], m[4], m[5]}},
+                                      column, kSweeps, 0.0);
   std::array<std::size_t, 3> order = {0, 1, 2};
   std::sort(order.begin(), order.end(),
             [&](std::size_t i, std::size_t j) { return value[i] != value[j] ? value[i] < value[j] : i < j; });

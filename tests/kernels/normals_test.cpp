@@ -18,7 +18,8 @@ PointBlock sphere_block(int cells, float radius, int count, const Int3& origin, 
     const double p[3] = {r * std::cos(a), r * std::sin(a), z};
     Int3 at;
     for (std::size_t k = 0; k < 3; ++k)
-      at[k] = static_cast<std::int32_t>(std::floor((double{centre[k]} + double{radius} * p[k]) * kQuantaPerCell));
+      at[k] =
+          static_cast<std::int32_t>(std::floor((double{centre[k]} + double{radius} * p[k]) * kQuantaPerCell));
     q.push_back(at);
   }
   const auto code = [](const Int3& v) {
@@ -85,4 +86,31 @@ TEST_CASE("normals: a sphere's normals are radial, whatever the block", "[proper
   }
   CHECK(compared > 1000);
   CHECK(s == again.size());
+}
+
+TEST_CASE("normals: points of one line have none, two lines have", "[unit]") {
+  const bool two = GENERATE(false, true);
+  PointBlock block;
+  block.cells = {8, 8, 8};
+  for (int i = 0; i < 160; ++i) {
+    const float along = 0.025f + 0.05f * static_cast<float>(two ? i / 2 * 2 : i);
+    block.x.push_back(along), block.y.push_back(two && i % 2 == 1 ? 4.5f : 4.0f), block.z.push_back(4.0f);
+    block.nx.push_back(0), block.ny.push_back(0), block.nz.push_back(0);
+  }
+  std::vector<std::size_t> order(block.size());
+  for (std::size_t i = 0; i < order.size(); ++i) order[i] = i;
+  const auto code = [&](std::size_t i) {
+    const auto q = [](float v) { return static_cast<std::uint32_t>(v * kQuantaPerCell); };
+    return morton_encode(q(block.x[i]), q(block.y[i]), q(block.z[i]));
+  };
+  std::sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) { return code(a) < code(b); });
+  PointBlock sorted = block;
+  for (std::size_t i = 0; i < order.size(); ++i)
+    sorted.x[i] = block.x[order[i]], sorted.y[i] = block.y[order[i]];
+  const std::vector<PointShape> shapes = estimate_shapes(sorted, {});
+  REQUIRE(shapes.size() == sorted.size());
+  for (const PointShape& shape : shapes) {
+    CHECK(std::fabs(shape.normal[2]) == Approx(two ? 1.0 : 0.0).margin(1e-3));
+    CHECK((shape.normal[0] == 0.0f && shape.normal[1] == 0.0f && shape.normal[2] == 0.0f) == !two);
+  }
 }
