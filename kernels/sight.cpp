@@ -24,10 +24,16 @@ constexpr std::uint64_t kPerGroup = 1024;     ///< small groups look more often
 constexpr std::uint64_t kMost = 32;           ///< of one surfel
 constexpr std::size_t kAskedSensors = 8;      ///< the nearest
 constexpr double kBelow = 0.1;  ///< weight of open sight downwards: nobody scans the earth from below
+constexpr float kSky = 0.7f;    ///< cosine with up within which the sky is looked at: where scanners fly
 // Scenes. Figures on simulated and real scans: README, "Orientation".
 constexpr double kShut = 0.1;  ///< share of looks into the open below which a side is shut in
 constexpr double kRoom =
     0.01;  ///< share of enclosed surfels from which the job is a room; objects have 0.004
+constexpr double kClear = 0.25;  ///< share of looks at the sky from which a surfel is under the sky
+constexpr double kUnderSky =
+    0.78;  ///< share of such surfels from which it was scanned from above: balls have 0.7,
+constexpr double kOneSided = 0.5;  ///< if steep ones see less than this part of it with their darker side
+constexpr double kAmid = 3.0;   ///< spread of densities (1: even) from which the scanner stood amid its scene
 constexpr double kShell = 0.2;  ///< share of surfels with one side shut in from which it is an object
 // Length, in mean lengths of sight, that sight of the open counts as.
 constexpr double kOpenInRoom = 0.3;
@@ -35,7 +41,9 @@ constexpr double kOpenOnLand = 1.2;
 constexpr double kLeastOpen = 96.0;  ///< and at least so many cells on land: roofs see the ground below
 constexpr double kRoomSides = 0.25;  ///< weight of sides against `scale` in a room; there pairs do not vote,
 constexpr double kSides = 0.25;      ///< for the backs of furniture see each other's fronts; elsewhere
-constexpr double kPairs = 0.1;       ///< weight of pairs
+constexpr double kSkySides =
+    0.25;                       ///< from above; nor do pairs, for backs of roofs see the fronts of streets
+constexpr double kPairs = 0.1;  ///< weight of pairs
 
 constexpr std::uint64_t kEmpty = std::numeric_limits<std::uint64_t>::max();
 constexpr std::uint64_t kRegion = std::uint64_t{1} << 63;
@@ -232,6 +240,7 @@ struct Views {
   std::array<double, 2> bright{};  ///< the same, those downwards count less
   std::array<double, 2> ended{};   ///< looks that end on something
   std::array<double, 2> deep{};    ///< and their length, cells
+  std::array<double, 2> sky{};     ///< open looks at the sky, by their squared cosines
 };
 
 /// Whole part of a rate, and one more by chance.
@@ -242,9 +251,10 @@ std::uint64_t rounded(double rate, std::uint64_t bits) {
 
 class Looker {
  public:
-  Looker(std::span<const JobSurfel> surfels, std::size_t groups, double scale)
+  Looker(std::span<const JobSurfel> surfels, std::size_t groups, const Float3& up, double scale)
       : surfels_(surfels),
         scene_(surfels),
+        up_(up),
         scale_(scale),
         views_(groups),
         members_(groups, 0),
@@ -300,7 +310,7 @@ class Looker {
       const SurfelScene::Sight sight = scene_.look(s.position, way, kLeastDistance, kFar, i);
       if (!sight.met) {
         seen.open[side] += 1.0;
-        seen.bright[side] += way[2] > 0.0f ? 1.0 : kBelow;
+        seen.bright[side] += dot(way, up_) > 0.0f ? 1.0 : kBelow;
         return;
       }
       seen.ended[side] += 1.0;
@@ -316,6 +326,7 @@ class Looker {
     if (shut && enclosed(i, seed, looks)) enclosed_ += weight * all;
     if (!shut && std::min(seen.open[0], seen.open[1]) <= kShut * all) shell_ += weight * all;
     looked_ += weight * all;
+    look_up(i, seed, looks, weight);
     Views& sum = views_[s.patch];
     for (std::size_t side = 0; side < 2; ++side) {
       sum.open[side] += weight * seen.open[side];
@@ -323,6 +334,34 @@ class Looker {
       sum.ended[side] += weight * seen.ended[side];
       sum.deep[side] += weight * seen.deep[side];
     }
+  }
+
+  /// Looks at the sky. \param weight  of one look
+  void look_up(std::uint32_t i, std::uint64_t seed, std::uint64_t looks, double weight) {
+    const JobSurfel& s = surfels_[i];
+    const float area = std::sqrt(dot(s.area, s.area));
+    Dice dice(mix(seed));
+    std::array<double, 2> all{}, open{}, sky{};
+    for (std::uint64_t k = 0; k < looks;) {
+      const Float3 way = dice.way();
+      if (dot(way, up_) < kSky) continue;
+      ++k;
+      const float cosine = dot(s.area, way) / area;
+      if (std::fabs(cosine) < kGrazing) continue;
+      const std::size_t side = cosine > 0.0f ? 0 : 1;
+      all[side] += 1.0;
+      if (scene_.look(s.position, way, kLeastDistance, kFar, i).met) continue;
+      open[side] += 1.0;
+      sky[side] += static_cast<double>(cosine * cosine);
+    }
+    for (std::size_t side = 0; side < 2; ++side) views_[s.patch].sky[side] += weight * sky[side];
+    const double worth = weight * static_cast<double>(looks);
+    looked_up_ += worth;
+    if (open[0] + open[1] > kClear * (all[0] + all[1])) under_sky_ += worth;
+    if (all[0] == 0.0 || all[1] == 0.0) return;  // not steep: the sky is on one side
+    const double front = open[0] / all[0], back = open[1] / all[1];
+    darker_ += worth * std::min(front, back);
+    brighter_ += worth * std::max(front, back);
   }
 
   /// Layers of one surface, scanned several times, do not enclose each other: looks begin beyond them.
@@ -334,26 +373,47 @@ class Looker {
     return std::max(open[0], open[1]) <= kShut * static_cast<double>(looks);
   }
 
+  /// Mean square of the points in a surfel over their squared mean: they thin out with the squared distance from
+  /// a scanner, so it is near 1 where all stood far away.
+  double density_spread() const {
+    double none = 0.0, once = 0.0, twice = 0.0;
+    for (const JobSurfel& s : surfels_) {
+      const double points = double{s.points}, weight = s.surfels;
+      none += weight, once += weight * points, twice += weight * points * points;
+    }
+    return once > 0.0 ? twice * none / (once * once) : 0.0;
+  }
+
   SightVotes result() {
     SightVotes out;
     double ended = 0.0, deep = 0.0;
     for (const Views& v : views_) ended += v.ended[0] + v.ended[1], deep += v.deep[0] + v.deep[1];
     const double mean = ended > 0.0 ? deep / ended : 0.0;
     out.enclosed = looked_ > 0.0 ? enclosed_ / looked_ : 0.0;
-    const bool room = out.enclosed > kRoom;
-    const bool object = !room && shell_ > kShell * looked_;
-    if (!room) out.pairs = std::move(pairs_);
+    const bool shell = shell_ > kShell * looked_;
+    if (out.enclosed > kRoom || (shell && density_spread() > kAmid))
+      out.scene = SceneKind::kRoom;
+    else if (under_sky_ > kUnderSky * looked_up_ && darker_ <= kOneSided * brighter_)
+      out.scene = SceneKind::kFromAbove;
+    else
+      out.scene = shell ? SceneKind::kObject : SceneKind::kLand;
+    const bool room = out.scene == SceneKind::kRoom;
+    const bool above = out.scene == SceneKind::kFromAbove;
+    if (!room && !above) out.pairs = std::move(pairs_);
+    const double sides = room ? kRoomSides : above ? kSkySides : kSides;
+    const double as = room ? kOpenInRoom * mean : std::max(kLeastOpen, kOpenOnLand * mean);
     for (std::uint32_t g = 0; g < views_.size(); ++g) {
       std::array<double, 2> worth{};
       for (std::size_t side = 0; side < 2; ++side) {
         const Views& v = views_[g];
-        const double as = room ? kOpenInRoom * mean : std::max(kLeastOpen, kOpenOnLand * mean);
-        worth[side] = object ? v.bright[side] : v.deep[side] + as * v.bright[side];
+        worth[side] = above                             ? v.sky[side]
+                      : out.scene == SceneKind::kObject ? v.bright[side]
+                                                        : v.deep[side] + as * v.bright[side];
       }
       const double sum = worth[0] + worth[1];
       const double lean = sum > 0.0 ? (worth[0] - worth[1]) / sum : 0.0;
-      const auto vote = static_cast<std::int64_t>(std::floor(
-          (room ? kRoomSides : kSides) * scale_ * static_cast<double>(all_[g]) * std::fabs(lean) + 0.5));
+      const auto vote = static_cast<std::int64_t>(
+          std::floor(sides * scale_ * static_cast<double>(all_[g]) * std::fabs(lean) + 0.5));
       if (vote > 0)
         out.sides.push_back(
             {g, static_cast<std::uint32_t>(views_.size()), lean > 0.0 ? vote : 0, lean > 0.0 ? 0 : vote});
@@ -364,18 +424,21 @@ class Looker {
   static constexpr float kFar = std::numeric_limits<float>::infinity();
   std::span<const JobSurfel> surfels_;
   SurfelScene scene_;
+  Float3 up_;
   double scale_;
   std::vector<Views> views_;            ///< per group
   std::vector<std::uint64_t> members_;  ///< coarse surfels of a group
   std::vector<std::uint64_t> all_;      ///< and fine ones
   std::vector<PatchVote> pairs_;
   double enclosed_ = 0.0, shell_ = 0.0, looked_ = 0.0;
+  double under_sky_ = 0.0, looked_up_ = 0.0, darker_ = 0.0, brighter_ = 0.0;
 };
 
 }  // namespace
 
-SightVotes vote_by_sight(std::span<const JobSurfel> surfels, std::size_t groups, double scale) {
-  return Looker(surfels, groups, scale).run();
+SightVotes vote_by_sight(std::span<const JobSurfel> surfels, std::size_t groups, const Float3& up,
+                         double scale) {
+  return Looker(surfels, groups, up, scale).run();
 }
 
 std::vector<PatchVote> vote_by_sensors(std::span<const JobSurfel> surfels, std::size_t groups,

@@ -21,6 +21,7 @@ struct JobSurfel {
   Float3 area{};            ///< summed normal times area of its patch's side, cells^2
   std::uint32_t patch = 0;  ///< or group of patches
   std::uint32_t surfels = 0;
+  float points = 0.0f;  ///< of the scan, in one fine surfel
 };
 
 /// The surfels of a job as small disks in a sparse grid of coarse voxels.
@@ -63,18 +64,28 @@ class SurfelScene {
   Int3 end_{};               ///< voxels
 };
 
-/// Votes of looks from surfels to both sides, in directions that hang on their place alone.
-struct SightVotes {
-  std::vector<PatchVote> pairs;  ///< between groups that see each other, merged
-  std::vector<PatchVote> sides;  ///< of groups, for the side that they show; `b` is the number of groups
-  /// Share of the surfels that cannot be seen from outside the job. Where there are some, the scan was taken
-  /// inside a room, and sides count by how far they see; else by how much they see of the open.
-  double enclosed = 0.0;
+/// How a scene was scanned, told from what its surfels see. It decides which side of a surfel sees more.
+enum class SceneKind : std::uint8_t {
+  kObject,     ///< from around it: the side that sees more of the open
+  kLand,       ///< from amid it: how far a side sees, and how much of the open
+  kFromAbove,  ///< most surfels see the sky, steep ones with one side: the side that sees more of the sky
+  kRoom,  ///< from inside it, some cannot be seen from outside the job, or far more points lie near than far
+          ///< on what shuts the view out: how far a side sees
 };
 
-/// \param surfels  with the signs that they have inside their group, which is their `patch` \param scale  weight
-/// of one fine surfel's votes while all its looks agree \cost some millions of rays, whatever the job's size
-SightVotes vote_by_sight(std::span<const JobSurfel> surfels, std::size_t groups, double scale);
+/// Votes of looks from surfels to both sides, in directions that hang on their place alone.
+struct SightVotes {
+  std::vector<PatchVote> pairs;  ///< between groups that see each other, merged; of objects and land
+  std::vector<PatchVote> sides;  ///< of groups, for the side that they show; `b` is the number of groups
+  double enclosed = 0.0;         ///< share of the surfels that cannot be seen from outside the job
+  SceneKind scene = SceneKind::kLand;
+};
+
+/// \param surfels  with the signs that they have inside their group, which is their `patch` \param up  unit
+/// \param scale  weight of one fine surfel's votes while all its looks agree \cost some millions of rays,
+/// whatever the job's size
+SightVotes vote_by_sight(std::span<const JobSurfel> surfels, std::size_t groups, const Float3& up,
+                         double scale);
 
 /// Votes of sensors that nothing hides, for points that do not say which one saw them: the nearest of these says
 /// most, and less the more it looks along the surface. \param sensors  cells from the lattice origin, anywhere

@@ -5,6 +5,7 @@
 #include <cstdlib>
 #include <map>
 #include <nlohmann/json.hpp>
+#include <string>
 
 #include "kernels/sight.h"
 
@@ -19,7 +20,7 @@ constexpr ContractionLimits kGroupLimits = {24.0 * kVoteScale, 0.8};
 constexpr double kSightScale = kVoteScale;
 
 /// `up` is taken to that part of its word: ceilings and the undersides of trees show downwards.
-constexpr std::int64_t kAboveShare = 4;
+constexpr std::int64_t kAboveShare = 8;
 
 struct Agreement {
   std::uint64_t agree = 0;
@@ -30,7 +31,8 @@ double share(std::uint64_t part, std::uint64_t all) {
   return all == 0 ? 0.0 : static_cast<double>(part) / static_cast<double>(all);
 }
 
-std::vector<JobSurfel> job_surfels(const PointOverlay& overlay, const TaskContext& context) {
+std::vector<JobSurfel> job_surfels(const PointOverlay& overlay, const std::vector<PatchFacts>& facts,
+                                   const TaskContext& context) {
   std::vector<JobSurfel> surfels;
   for (std::size_t b = 0; b < overlay.bricks().size(); ++b) {
     context.check_stop();
@@ -42,10 +44,25 @@ std::vector<JobSurfel> job_surfels(const PointOverlay& overlay, const TaskContex
       s.area = c.area;
       s.patch = static_cast<std::uint32_t>(overlay.first_patch()[b] + c.patch);
       s.surfels = c.surfels;
+      s.points = static_cast<float>(facts[s.patch].points) / static_cast<float>(facts[s.patch].surfels);
       surfels.push_back(s);
     }
   }
   return surfels;
+}
+
+std::string name_of(SceneKind scene) {
+  switch (scene) {
+    case SceneKind::kObject:
+      return "object";
+    case SceneKind::kLand:
+      return "land";
+    case SceneKind::kFromAbove:
+      return "from above";
+    case SceneKind::kRoom:
+      return "room";
+  }
+  return "";
 }
 
 enum class Decider : std::uint8_t { kSeen, kPropagation, kSight, kUncertain };
@@ -84,7 +101,7 @@ PatchSigns solve_seen(const std::vector<std::uint64_t>& weight, std::vector<Patc
 /// Nobody is known to have seen anything: links make groups, and what their surfels see of each other and of the
 /// open decides which side of them is outside. \param above  votes of `up`, of patches, `b` is their number
 PatchSigns solve_unseen(const std::vector<std::uint64_t>& weight, const std::vector<PatchVote>& links,
-                        const std::vector<PatchVote>& above, std::vector<JobSurfel> surfels,
+                        const std::vector<PatchVote>& above, std::vector<JobSurfel> surfels, const Float3& up,
                         const TaskContext& context, json& entry) {
   const auto patches = static_cast<std::uint32_t>(weight.size());
   const Contraction tree = contract_signs(weight, links, kGroupLimits);
@@ -92,13 +109,13 @@ PatchSigns solve_unseen(const std::vector<std::uint64_t>& weight, const std::vec
   std::vector<std::int8_t> sign(patches, 1);
   std::vector<std::uint64_t> size;
   for (const std::uint32_t p : tree.joined_last) {
-    const std::uint32_t up = tree.parent[p];
-    if (up == p) {
+    const std::uint32_t parent = tree.parent[p];
+    if (parent == p) {
       group[p] = static_cast<std::uint32_t>(size.size());
       size.push_back(0);
     } else {
-      group[p] = group[up];
-      sign[p] = static_cast<std::int8_t>(sign[up] * tree.relation[p]);
+      group[p] = group[parent];
+      sign[p] = static_cast<std::int8_t>(sign[parent] * tree.relation[p]);
     }
     size[group[p]] += weight[p];
   }
@@ -108,13 +125,15 @@ PatchSigns solve_unseen(const std::vector<std::uint64_t>& weight, const std::vec
     for (float& a : s.area) a *= static_cast<float>(sign[s.patch]);
     s.patch = group[s.patch];
   }
-  SightVotes sight = vote_by_sight(surfels, groups, kSightScale);
+  SightVotes sight = vote_by_sight(surfels, groups, up, kSightScale);
   entry["enclosed_fraction"] = sight.enclosed;
+  entry["scene"] = name_of(sight.scene);
   context.check_stop();
 
   std::vector<PatchVote> votes = std::move(sight.pairs);
   votes.insert(votes.end(), sight.sides.begin(), sight.sides.end());
   for (const PatchVote& v : above) {
+    if (sight.scene == SceneKind::kRoom) break;  // as much shows down as up; `up` said where the sky is
     const std::int64_t same = v.same / kAboveShare, opposite = v.opposite / kAboveShare;
     votes.push_back({group[v.a], groups, sign[v.a] > 0 ? same : opposite, sign[v.a] > 0 ? opposite : same});
   }
@@ -196,11 +215,12 @@ void solve_orientation(const PointOverlay& overlay, std::vector<PatchVote> bound
   if (viewers.own)
     signs = solve_seen(weight, votes_of(facts), std::move(votes));
   else if (!viewers.sensors.empty())
-    signs = solve_seen(weight,
-                       vote_by_sensors(job_surfels(overlay, context), patches, viewers.sensors, kVoteScale),
-                       std::move(votes));
+    signs = solve_seen(
+        weight, vote_by_sensors(job_surfels(overlay, facts, context), patches, viewers.sensors, kVoteScale),
+        std::move(votes));
   else
-    signs = solve_unseen(weight, votes, votes_of(facts), job_surfels(overlay, context), context, entry);
+    signs = solve_unseen(weight, votes, votes_of(facts), job_surfels(overlay, facts, context), viewers.up,
+                         context, entry);
 
   decisions.patch.assign(patches, 0);
   std::map<std::uint32_t, Agreement> by_component;

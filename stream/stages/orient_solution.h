@@ -20,11 +20,12 @@ std::uint64_t orient_solution_bytes(const PointOverlay& overlay, std::uint64_t b
 struct Viewers {
   bool own = false;             ///< points know their sensors, which have voted in PatchFacts
   std::vector<Float3> sensors;  ///< of points that do not know their own; cells from the lattice origin
+  Float3 up = {0, 0, 1};        ///< unit; where the sky is
 };
 
 /// Fills decisions.patch. Entry gets: patches, components, points by who decided (`decided`),
-/// uncertain_points and _fraction, frustrated_fraction, enclosed_fraction where nobody was known to see, and
-/// where given normals were kept aside, `agreement` with them. \param boundary_votes  between patches of
+/// uncertain_points and _fraction, frustrated_fraction, enclosed_fraction and scene where nobody was known to see,
+/// and where given normals were kept aside, `agreement` with them. \param boundary_votes  between patches of
 /// different bricks, numbered over all bricks; any order
 void solve_orientation(const PointOverlay& overlay, std::vector<PatchVote> boundary_votes,
                        const Viewers& viewers, const TaskContext& context, OverlayDecisions& decisions,

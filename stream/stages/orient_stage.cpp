@@ -1,6 +1,7 @@
 #include <fmt/format.h>
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <list>
 #include <map>
 #include <nlohmann/json.hpp>
@@ -72,6 +73,7 @@ class OrientStage : public Stage {
       : work_(state.work),
         output_(state.output),
         max_uncertain_(state.options.max_uncertain),
+        up_(state.options.up),
         memory_bytes_(state.run.memory_bytes),
         plan_(Plan::of_work(state.work)),
         mode_(state.options, state.inputs.size(), plan_),
@@ -167,6 +169,9 @@ class OrientStage : public Stage {
   Viewers viewers() const {
     Viewers v;
     v.own = mode_.by_sensor && mode_.own_sensor;
+    const double length = std::sqrt(up_[0] * up_[0] + up_[1] * up_[1] + up_[2] * up_[2]);
+    if (mode_.by_up && length > 0.0)
+      for (std::size_t a = 0; a < 3; ++a) v.up[a] = static_cast<float>(up_[a] / length);
     if (!mode_.by_sensor || v.own) return v;
     const double cell = plan_.lattice.h;
     for (const Double3& sensor : plan_.sensors) {
@@ -236,6 +241,7 @@ class OrientStage : public Stage {
   std::filesystem::path work_;
   std::filesystem::path output_;
   double max_uncertain_;
+  Double3 up_;
   std::uint64_t memory_bytes_;
   Plan plan_;
   NormalsMode mode_;

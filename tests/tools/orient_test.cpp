@@ -62,6 +62,18 @@ TEST_CASE("orient: a furnished room shows inwards, with no viewpoint given", "[p
   CHECK(entry.at("agreement").at("fraction").get<double>() > 0.98);
 }
 
+TEST_CASE("orient: a city scanned from the air shows upwards, roofs too, with nothing given", "[pipeline]") {
+  const TempFolder folder;
+  const auto out = folder.path() / "mesh.ply";
+  const CommandResult r = reconstruct(scan(folder, "city", "airborne", "150000"), out, {});
+  INFO(r.errors);
+  REQUIRE(r.code == 0);
+  const nlohmann::json entry = orient_entry(out);
+  INFO(entry.dump());
+  CHECK(entry.at("scene") == "from above");
+  CHECK(entry.at("agreement").at("fraction").get<double>() > 0.997);
+}
+
 TEST_CASE("orient: same bytes whatever tiles, threads and cap", "[property]") {
   const TempFolder folder;
   const auto in = scan(folder, "indoor", "terrestrial", "120000");
