@@ -51,8 +51,9 @@ struct DecimateOptions {
   /// Edges that turn by more are creases as well; 0 = only by vertex_class. Creases deviate by half the tolerance.
   double feature_angle_deg = 0.0;
   double max_normal_turn_deg =
-      0.0;  ///< largest angle of a new face to the original faces it stands for; 0 = free. Original faces less
-            ///< high than tolerance / 16 are not asked: noise far below the tolerance turns them
+      0.0;  ///< largest angle of a new face to the original faces it stands for; 0 = free. Not counted where
+            ///< moving one corner of the original face by half the tolerance and a 32nd of the largest height
+            ///< of the faces around its corners explains the turn: noise turns slivers
   double min_roundness =
       0.02;  ///< smallest 4 sqrt(3) area / (sum of squared edges), unless it was worse before
   double colour_weight = 0.0;  ///< scan units that the full range of a colour channel is worth; 0 = ignored

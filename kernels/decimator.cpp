@@ -22,7 +22,7 @@ Decimator::Decimator(CollapseMesh& mesh, const CollapseMesh& reference,
       quadric_(mesh.vertices()),
       mark_(mesh.vertices(), 0),
       reference_vertex_(std::move(reference_vertex)) {
-  if (options.tolerance > 0.0) reference_gap_ = ReferenceGap(reference);
+  if (options.tolerance > 0.0) reference_gap_ = ReferenceGap(reference, options.max_normal_turn_deg > 0.0);
   if (options.priority == DecimatePriority::kNormalDeviation) normal_sum_.resize(mesh.vertices());
   if (options.max_normal_turn_deg > 0.0)
     least_cosine_ = synth::sin_cos(options.max_normal_turn_deg * (synth::kPi / 180.0)).cos;

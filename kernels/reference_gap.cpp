@@ -18,8 +18,8 @@ constexpr double cross2(double ax, double ay, double bx, double by) {
   return ax * by - ay * bx;
 }
 
-/// Heights of triangles below this share of the limit are no width to speak of.
-constexpr float kThin = 1.0f / 16.0f;
+/// How far a corner must be moved to turn a triangle so that this counts, as a share of how wide triangles are there.
+constexpr float kNoise = 1.0f / 32.0f;
 
 /// The bound of a face shares a word with the flags of its edges: rounded up to the bits that they leave.
 constexpr std::uint32_t kFlagBits = 8;
@@ -43,7 +43,7 @@ constexpr T smaller(T a, T b) {
 
 }  // namespace
 
-ReferenceGap::ReferenceGap(const CollapseMesh& reference) {
+ReferenceGap::ReferenceGap(const CollapseMesh& reference, bool normals) {
   faces_.resize(reference.faces().size());
   for (std::size_t f = 0; f < faces_.size(); ++f) {
     const CollapseFace& from = reference.face(f);
@@ -60,6 +60,16 @@ ReferenceGap::ReferenceGap(const CollapseMesh& reference) {
   }
   points_.reserve(1024);
   steps_.reserve(1024);
+  if (!normals) return;
+  width_.resize(vertices_.size(), 0.0f);
+  for (const Face& f : faces_) {
+    const Vec3 a = vertices_[f.vertex[0]].at, b = vertices_[f.vertex[1]].at - a,
+               c = vertices_[f.vertex[2]].at - a;
+    const double longest2 = larger(larger(dot(b, b), dot(c, c)), dot(c - b, c - b));
+    if (!(longest2 > 0.0)) continue;
+    const auto height = static_cast<float>(length(cross(b, c)) / std::sqrt(longest2));
+    for (const std::uint32_t v : f.vertex) width_[v] = larger(width_[v], height);
+  }
 }
 
 bool ReferenceGap::set_polygon(const RimLoop& loop, bool inner_centre) {
@@ -212,7 +222,7 @@ bool ReferenceGap::near_line(const Point& p) {
 }
 
 /// Whether the triangle turns too far against one of the new faces that it lies over.
-bool ReferenceGap::turned(const Point* const* corner) const {
+bool ReferenceGap::turned(const Face& face, const Point* const* corner) const {
   const Point p[3] = {*corner[0], *corner[1], *corner[2]};
   const float ax = p[1].x - p[0].x, ay = p[1].y - p[0].y, az = p[1].z - p[0].z;
   const float bx = p[2].x - p[0].x, by = p[2].y - p[0].y, bz = p[2].z - p[0].z;
@@ -221,8 +231,11 @@ bool ReferenceGap::turned(const Point* const* corner) const {
   const float cx2 = bx - ax, cy2 = by - ay, cz2 = bz - az;
   const float longest = std::sqrt(larger(larger(ax * ax + ay * ay + az * az, bx * bx + by * by + bz * bz),
                                          cx2 * cx2 + cy2 * cy2 + cz2 * cz2));
-  // So thin that noise far below the tolerance turns it: its normal says nothing of the surface.
-  if (!(size > kThin * limit_ * longest)) return false;
+  if (!(size > 0.0f)) return false;
+  // A thin triangle among wide ones turns far where one of its corners moves a little: that says nothing of the
+  // surface.
+  const float width = larger(larger(width_[face.vertex[0]], width_[face.vertex[1]]), width_[face.vertex[2]]);
+  const float noise = smaller(kNoise * width, 0.5f * limit_) * longest;
   // Drawn in a little, so that a face that only touches does not count.
   const float cx = (p[0].x + p[1].x + p[2].x) / 3.0f, cy = (p[0].y + p[1].y + p[2].y) / 3.0f;
   Point q[3];
@@ -245,7 +258,9 @@ bool ReferenceGap::turned(const Point* const* corner) const {
   for (faces &= sectors_; faces != 0; faces &= faces - 1) {
     const auto i = static_cast<std::size_t>(std::countr_zero(faces));
     const float along = (nz - slope_x_[i] * nx - slope_y_[i] * ny) * face_cosine_[i];
-    if (along < least_cosine_ * size) return true;
+    if (along >= least_cosine_ * size) continue;
+    if (along > 0.0f && size * size - along * along <= noise * noise) continue;
+    return true;
   }
   return false;
 }
@@ -472,7 +487,7 @@ ReferenceGap::Answer ReferenceGap::measure(const RimLoop& loop, const Query& que
       if (gap_ > limit_) return Answer::kBeyond;
     }
     if (query.free_corners && !corners_above(p)) return Answer::kBeyond;
-    if (least_cosine_ > -1.0f && turned(p)) return Answer::kTurned;
+    if (least_cosine_ > -1.0f && turned(f, p)) return Answer::kTurned;
     for (std::size_t i = seed ? 0 : 1; i < 3; ++i) {
       const std::uint32_t o = f.opposite[corner[i] & 3u];
       if (o != kNoCorner && faces_[o >> 2].stamp == stamp_ + 1) continue;  // seen from there

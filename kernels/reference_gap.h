@@ -30,7 +30,8 @@ namespace tessera {
 class ReferenceGap {
  public:
   ReferenceGap() = default;
-  explicit ReferenceGap(const CollapseMesh& reference);
+  /// \param normals  for queries with a least_cosine
+  explicit ReferenceGap(const CollapseMesh& reference, bool normals = false);
 
   struct Query {
     synth::Vec3 origin;      ///< of the loop: position of the vertex that takes over
@@ -40,7 +41,8 @@ class ReferenceGap {
     bool cross_creases = false;           ///< walk across creases of the reference as across any edge
     bool inner_centre = false;            ///< at[0] is no part of the rim but the centre of a closed fan
     bool free_corners = false;            ///< corners of the star need not lie on the reference
-    /// Give up where a new face turns more against a reference triangle over it that is at least limit / 16 high.
+    /// Give up where a new face turns more against a reference triangle over it. Not where moving one corner of that
+    /// by half the limit and a 32nd of the largest height of the triangles around its corners explains the turn.
     double least_cosine = -1.0;
     std::uint32_t witness = kNoCorner;  ///< reference vertex to look at first, as failed_at() named it
   };
@@ -100,11 +102,12 @@ class ReferenceGap {
     return (faces_[c >> 2].lines >> (c & 3u) & (kStateBorder | kStateCrease)) != 0;
   }
   bool seed_faces(std::uint32_t seed, std::size_t flat_edge);
-  bool turned(const Point* const* corner) const;
+  bool turned(const Face& face, const Point* const* corner) const;
 
   std::vector<Face> faces_;
   std::vector<Vertex> vertices_;
   std::vector<std::uint32_t> corner_;  ///< of vertices
+  std::vector<float> width_;  ///< per vertex: largest height of the triangles there; for queries of normals
   std::vector<Point> points_;
   std::vector<Step> steps_;
   std::vector<std::uint32_t> fan_;

@@ -89,16 +89,18 @@ void add_decimate(CLI::App& app) {
                    "stop at about so many faces; the tolerance, if any, still holds")
       ->group(group);
   command
-      ->add_option("--reference", o.reference,
-                   "surface (the input itself), or a mesh file: then the passes still stay within the tolerance of "
-                   "the input, only the final proof is against the file (exit code 6 where it fails)")
+      ->add_option(
+          "--reference", o.reference,
+          "surface (the input itself), or a mesh file: then the passes still stay within the tolerance of "
+          "the input, only the final proof is against the file (exit code 6 where it fails)")
       ->capture_default_str()
       ->group(group);
   command
-      ->add_option("--max-normal-deviation", o.max_normal_deviation_deg,
-                   "largest angle in degrees between a new face and the faces it stands for (but slivers of "
-                   "less than a "
-                   "sixteenth of the tolerance); 0 = free")
+      ->add_option(
+          "--max-normal-deviation", o.max_normal_deviation_deg,
+          "largest angle in degrees between a new face and the faces it stands for (but not where "
+          "noise turns a sliver: moving its corner by half the tolerance and a 32nd of the width of the "
+          "faces around it); 0 = free")
       ->capture_default_str()
       ->check(CLI::Range(0.0, 180.0))
       ->group(group);
