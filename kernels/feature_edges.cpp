@@ -14,28 +14,35 @@ double cosine_of_degrees(double degrees) {
   return synth::sin_cos(degrees * (synth::kPi / 180.0)).cos;
 }
 
-/// Zero where the face has no area.
-Vec3 unit_normal(const CollapseMesh& mesh, std::size_t f) {
+/// Not of unit length: cosines compare by their squares, without roots.
+struct FaceNormal {
+  Vec3 normal;
+  double length2;
+};
+
+FaceNormal face_normal(const CollapseMesh& mesh, std::size_t f) {
   const std::uint32_t* v = mesh.face(f).vertex;
   const Vec3& a = mesh.at(v[0]);
   const Vec3 n = cross(mesh.at(v[1]) - a, mesh.at(v[2]) - a);
-  const double size = length(n);
-  return size > 0.0 ? n * (1.0 / size) : Vec3{0, 0, 0};
+  return {n, dot(n, n)};
 }
 
-/// Faces without area count as no turn.
-bool turns(const Vec3& a, const Vec3& b, double least_cosine) {
-  return dot(a, b) < least_cosine && dot(a, a) > 0.0 && dot(b, b) > 0.0;
+/// Whether the cosine is below `least`; faces without area count as no turn.
+bool turns(const FaceNormal& a, const FaceNormal& b, double least) {
+  const double along = dot(a.normal, b.normal), square = along * along,
+               limit = least * least * (a.length2 * b.length2);
+  return least > 0.0 ? along < 0.0 || square < limit : along < 0.0 && square > limit;
 }
 
-/// Calls `visit(corner, corner across)` once for each edge with two faces.
-template <class Visit>
-void for_each_edge(const CollapseMesh& mesh, const Visit& visit) {
+/// Calls `visit(corner, corner across)` once for each edge with two faces, of those at faces that looked_at() takes.
+template <class LookedAt, class Visit>
+void for_each_edge(const CollapseMesh& mesh, const LookedAt& looked_at, const Visit& visit) {
   for (std::uint32_t f = 0; f < mesh.faces().size(); ++f)
-    for (std::uint32_t i = 0; i < 3; ++i) {
-      const std::uint32_t c = 4 * f + i, o = mesh.face(f).opposite[i];
-      if (o != kNoCorner && o > c) visit(c, o);
-    }
+    if (looked_at(mesh.face(f)))
+      for (std::uint32_t i = 0; i < 3; ++i) {
+        const std::uint32_t c = 4 * f + i, o = mesh.face(f).opposite[i];
+        if (o != kNoCorner && o > c) visit(c, o);
+      }
 }
 
 }  // namespace
@@ -48,13 +55,14 @@ std::vector<std::uint8_t> sharp_vertices(const CollapseMesh& mesh, double featur
     bool strong;
   };
   std::vector<Sharp> edges;
-  std::vector<Vec3> normal(mesh.faces().size());
-  for (std::size_t f = 0; f < normal.size(); ++f) normal[f] = unit_normal(mesh, f);
-  for_each_edge(mesh, [&](std::uint32_t c, std::uint32_t o) {
-    const Vec3 &n = normal[c >> 2], &m = normal[o >> 2];
+  std::vector<FaceNormal> normal(mesh.faces().size());
+  for (std::size_t f = 0; f < normal.size(); ++f) normal[f] = face_normal(mesh, f);
+  const auto every = [](const CollapseFace&) { return true; };
+  for_each_edge(mesh, every, [&](std::uint32_t c, std::uint32_t o) {
+    const FaceNormal &n = normal[c >> 2], &m = normal[o >> 2];
     if (!turns(n, m, limit)) return;
     const std::uint32_t a = mesh.vertex(next_corner(c)), b = mesh.vertex(prev_corner(c));
-    const bool strong = dot(n, m) < 0.5;
+    const bool strong = turns(n, m, 0.5);
     edges.push_back({a, b, strong});
     edges.push_back({b, a, strong});
   });
@@ -94,11 +102,14 @@ void mark_features(CollapseMesh& mesh, const MeshBlock& block, const std::vector
 
   std::vector<std::uint8_t> creases(n, 0);
   const double least = cosine_of_degrees(std::fmax(10.0, 0.5 * feature_angle_deg));
-  for_each_edge(mesh, [&](std::uint32_t c, std::uint32_t o) {
+  const auto near = [&](const CollapseFace& f) {
+    return synthetic || feature[f.vertex[0]] + feature[f.vertex[1]] + feature[f.vertex[2]] > 1;
+  };
+  for_each_edge(mesh, near, [&](std::uint32_t c, std::uint32_t o) {
     const std::uint32_t a = mesh.vertex(next_corner(c)), b = mesh.vertex(prev_corner(c));
     const bool rim = ((mesh.face(c >> 2).state ^ mesh.face(o >> 2).state) & kStateSynthetic) != 0;
     if (!rim &&
-        !(feature[a] && feature[b] && turns(unit_normal(mesh, c >> 2), unit_normal(mesh, o >> 2), least)))
+        !(feature[a] && feature[b] && turns(face_normal(mesh, c >> 2), face_normal(mesh, o >> 2), least)))
       return;
     mesh.mark_crease(c);
     mesh.mark_crease(o);

@@ -45,7 +45,6 @@ UnsettledRegion find_unsettled(const MeshBlock& block) {
   for (std::size_t v = 0; v < reached.size(); ++v)
     if (!reached[v]) region.settled_keys.push_back(block.key[v]);
   if (!any) return region;
-  grow(block, reached);
   region.near.resize(block.faces.size());
   for (std::size_t f = 0; f < block.faces.size(); ++f)
     for (const std::uint32_t v : block.faces[f]) region.near[f] |= reached[v];

@@ -14,8 +14,8 @@ struct UnsettledRegion {
   bool empty() const { return near.empty(); }
 };
 
-/// The corners of all faces without kFaceSettled and their neighbours may change; what lies within two further rings
-/// is near. A pure function of the block.
+/// The corners of all faces without kFaceSettled and their neighbours may change; the faces at those are near. A pure
+/// function of the block.
 UnsettledRegion find_unsettled(const MeshBlock& block);
 
 /// All faces of `store` that come within `margin` of the marked faces of the block, and some more. The bytes are at
