@@ -54,10 +54,28 @@ SampleBox reach_of(const std::array<std::uint64_t, 8>& nodes, float radius) {
            static_cast<float>(high_z) + radius}};
 }
 
+/// Closes gaps of a leaf where its samples are sparse or uneven.
+void bridge_leaf(const PointBlock& points, const PointLeaves& leaves, const PointBlock& coarse_points,
+                 const PointLeaves& coarse_leaves, const Int3& leaf, const NodeFitOptions& options,
+                 NodeFitScratch& scratch, LeafFit& fit) {
+  std::array<std::uint64_t, 8> nodes{};
+  std::uint64_t any = 0;
+  for (std::size_t z = 0; z < 8; ++z) any |= nodes[z] = fit.few[z] | fit.beyond[z];
+  if (!any) return;
+  SampleList& samples = scratch.wide_samples;
+  gather_samples(coarse_points, coarse_leaves, leaf[0], leaf[1], leaf[2], reach_of(nodes, kMostRadius),
+                 samples);
+  if (!choose_gaps(samples, options, scratch, fit)) return;
+  for (std::size_t z = 0; z < 8; ++z) nodes[z] = fit.gap[0][z] | fit.gap[1][z] | fit.gap[2][z];
+  gather_samples(points, leaves, leaf[0], leaf[1], leaf[2], reach_of(nodes, kMostRadius), samples);
+  bridge_gaps(samples, options, scratch, fit);
+}
+
 }  // namespace
 
 int field_halo_cells(const FieldOptions& options) {
-  return std::max(kBandReach + 1, static_cast<int>(std::ceil(support_radius(options))) + 2);
+  return std::max(kBandReach + 1,
+                  static_cast<int>(std::ceil(std::max(support_radius(options), kMostRadius))) + 2);
 }
 
 DirectedField evaluate_field(const PointBlock& points, const FieldOptions& options) {
@@ -90,10 +108,12 @@ DirectedField evaluate_field(const PointBlock& points, const FieldOptions& optio
               k = index / (leaves.dims[0] * leaves.dims[1]) - 1;
     const SampleBox reach = reach_of(nodes.nodes, fit_options.radius);
     gather_samples(points, leaves, i, j, k, reach, samples);
-    if (samples.size == 0) continue;
     gather_samples(coarse_points, coarse_leaves, i, j, k, reach, coarse);
     LeafFit& fit = fits.emplace_back();
     fit_nodes(samples, coarse, nodes.nodes, fit_options, scratch, fit, sheets);
+    // Where the surface will be closed, gaps are the closing field's.
+    if (!options.firm_rim)
+      bridge_leaf(points, leaves, coarse_points, coarse_leaves, {i, j, k}, fit_options, scratch, fit);
     std::uint64_t any = 0;
     for (const std::uint64_t word : fit.valid) any |= word;
     if (!any) {

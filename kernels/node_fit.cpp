@@ -4,6 +4,8 @@
 #include <bit>
 #include <cmath>
 
+#include "kernels/rim_test.h"
+
 namespace tessera {
 namespace {
 
@@ -88,9 +90,29 @@ constexpr float kRimRatio = 1.0f;
 /// point this close to the centroid, in radii, is among them. At the border of the half plane it is 0.23;
 /// beyond, the surface reaches on by up to half a cell.
 constexpr float kRimFloor = 0.36f;
+/// Distance from the plane of the averaged samples beyond which a node is not looked at again, cells.
+constexpr float kGapPlane = 2.5f;
+/// Blocks of samples within which the radius that follows the spacing ends: an even plane has 10 within 3 cells.
+constexpr int kGapBlocks = 8;
+/// What suffices at the largest radius.
+constexpr int kLeastBlocks = 6;
+/// Distance to the nearest sample from a foot point that samples surround, in grown radii and in radii: gaps are
+/// bridged up to twice that.
+constexpr float kGapShare = 0.5f;
+constexpr float kMostGap = 0.9f;
+/// How far off the surface a sample may lie that counts as part of it, in radii.
+constexpr float kThickness = 0.3f;
 /// Both where closing takes over at the rim: it stays well among the samples, so that no flap reaches on.
 constexpr float kFirmRimRatio = 0.6f;
 constexpr float kFirmRimFloor = 0.18f;
+
+/// Nodes whose samples' mean plane is near enough for a surface within their cells.
+__m256 near_plane(const Sums& s) {
+  const __m256 farthest = _mm256_set1_ps(kGapPlane * kGapPlane);
+  const __m256 n2 = dot(s.nx, s.ny, s.nz, s.nx, s.ny, s.nz);
+  return _mm256_and_ps(_mm256_cmp_ps(_mm256_mul_ps(s.pn, s.pn), _mm256_mul_ps(n2, farthest), _CMP_LE_OQ),
+                       _mm256_cmp_ps(n2, _mm256_setzero_ps(), _CMP_GT_OQ));
+}
 
 /// The algebraic spheres of one row, as the crease test needs them.
 struct Spheres {
@@ -99,9 +121,17 @@ struct Spheres {
   __m256 sound;
 };
 
+/// A bit per node of a row.
+struct RowFlags {
+  std::uint32_t valid = 0;
+  std::uint32_t bent = 0;    ///< normals that a sphere does not explain
+  std::uint32_t few = 0;     ///< too few samples, but some, and their plane is near
+  std::uint32_t beyond = 0;  ///< only the rim test rejects it
+};
+
 /// Turns the sums into values, gradients and flags of one row.
 void finish_row(const Sums& s, std::uint32_t active, const NodeFitOptions& options, std::size_t at,
-                LeafFit& out, std::uint32_t* valid_bits, std::uint32_t* bent_bits, Spheres* spheres) {
+                LeafFit& out, RowFlags* flags, Spheres* spheres) {
   const __m256 one = _mm256_set1_ps(1.0f), zero = _mm256_setzero_ps(), two = _mm256_set1_ps(2.0f);
   const __m256 enough =
       _mm256_and_ps(_mm256_cmp_ps(s.w, _mm256_set1_ps(kLeastWeight), _CMP_GE_OQ),
@@ -145,7 +175,7 @@ void finish_row(const Sums& s, std::uint32_t active, const NodeFitOptions& optio
       _CMP_LE_OQ);
   const __m256 magnitude = _mm256_andnot_ps(_mm256_set1_ps(-0.0f), value);
   const __m256 close = _mm256_cmp_ps(magnitude, _mm256_set1_ps(kLargestValue), _CMP_LE_OQ);
-  const __m256 valid = _mm256_and_ps(_mm256_and_ps(enough, sound), _mm256_and_ps(among, close));
+  const __m256 fitted = _mm256_and_ps(_mm256_and_ps(enough, sound), close);
   // Mean squared residual of the normals against the sphere's gradient u + 2 u4 p.
   const __m256 u_n = _mm256_fmadd_ps(twice, s.pn, dot(ux, uy, uz, s.nx, s.ny, s.nz));
   const __m256 g2 =
@@ -157,8 +187,13 @@ void finish_row(const Sums& s, std::uint32_t active, const NodeFitOptions& optio
   _mm256_store_ps(out.gradient[0].data() + at, gx);
   _mm256_store_ps(out.gradient[1].data() + at, gy);
   _mm256_store_ps(out.gradient[2].data() + at, gz);
-  *valid_bits = static_cast<std::uint32_t>(_mm256_movemask_ps(valid)) & active;
-  *bent_bits = static_cast<std::uint32_t>(_mm256_movemask_ps(bent)) & active;
+  const auto bits = [&](__m256 lanes) {
+    return static_cast<std::uint32_t>(_mm256_movemask_ps(lanes)) & active;
+  };
+  *flags = {.valid = bits(_mm256_and_ps(fitted, among)),
+            .bent = bits(bent),
+            .few = bits(_mm256_andnot_ps(enough, near_plane(s))),
+            .beyond = bits(_mm256_andnot_ps(among, fitted))};
   const __m256 half_residual = _mm256_mul_ps(_mm256_max_ps(residual, zero), _mm256_set1_ps(0.5f));
   *spheres = {ux, uy, uz, twice, _mm256_sqrt_ps(half_residual), sound};
 }
@@ -231,6 +266,19 @@ bool value_of_sheets(const Sheets& sheets, std::size_t at, LeafFit& out) {
 
 namespace {
 
+/// The samples within the radius of node `x` of the row, to scratch.local.
+void gather_local(std::uint32_t x, const RowReach& reach, bool row_is_whole, NodeFitScratch& scratch) {
+  scratch.local.clear();
+  if (row_is_whole) {
+    append_local(scratch.row, static_cast<float>(x), reach.r2, scratch.local);
+  } else {
+    for (std::size_t next = 0; next < scratch.slab.size;) {
+      fill_row(scratch.slab, reach, &next, scratch.row);
+      append_local(scratch.row, static_cast<float>(x), reach.r2, scratch.local);
+    }
+  }
+}
+
 /// Tries sheets at the bent nodes of a row; updates their values and bits. \param split  nodes that have sheets
 void fit_creases(std::uint32_t bent, const SampleList& coarse, std::size_t at, const NodeFitOptions& options,
                  NodeFitScratch& scratch, const RowReach& reach, bool row_is_whole, LeafFit& out,
@@ -250,15 +298,7 @@ void fit_creases(std::uint32_t bent, const SampleList& coarse, std::size_t at, c
       seeds = seed_normals(scratch.coarse_local, options.sheets.cos_seed);
       if (seeds.count < 2) continue;
     }
-    scratch.local.clear();
-    if (row_is_whole) {
-      append_local(scratch.row, static_cast<float>(x), reach.r2, scratch.local);
-    } else {
-      for (std::size_t next = 0; next < scratch.slab.size;) {
-        fill_row(scratch.slab, reach, &next, scratch.row);
-        append_local(scratch.row, static_cast<float>(x), reach.r2, scratch.local);
-      }
-    }
+    gather_local(x, reach, row_is_whole, scratch);
     scratch.local.pad();
     if (!options.noisy) seeds = seed_normals(scratch.local, options.sheets.cos_feature);
     const Sheets found = fit_sheets(scratch.local, seeds, options.sheets);
@@ -276,7 +316,7 @@ void fit_creases(std::uint32_t bent, const SampleList& coarse, std::size_t at, c
 
 /// Fits those of the nodes anew whose samples lie in layers; updates their values and valid bits.
 void join_layers(std::uint32_t hints, std::size_t at, const NodeFitOptions& options, NodeFitScratch& scratch,
-                 const RowReach& reach, bool row_is_whole, LeafFit& out, std::uint32_t* valid) {
+                 const RowReach& reach, bool row_is_whole, LeafFit& out, RowFlags* flags) {
   Sums sums;
   clear(sums);
   if (row_is_whole) {
@@ -290,15 +330,28 @@ void join_layers(std::uint32_t hints, std::size_t at, const NodeFitOptions& opti
   const std::uint32_t layered = layered_nodes(sums, kLayered * options.radius, kLayeredNormal) & hints;
   if (!layered) return;
   LeafFit& wide = scratch.wide;
-  std::uint32_t wide_valid = 0, bent = 0;
+  RowFlags found;
   Spheres spheres;
-  finish_row(sums, layered, options, at, wide, &wide_valid, &bent, &spheres);
+  finish_row(sums, layered, options, at, wide, &found, &spheres);
   for (std::uint32_t left = layered; left; left &= left - 1) {
     const auto i = at + static_cast<std::size_t>(std::countr_zero(left));
     out.value[i] = wide.value[i];
     for (std::size_t c = 0; c < 3; ++c) out.gradient[c][i] = wide.gradient[c][i];
   }
-  *valid = (*valid & ~layered) | wide_valid;
+  flags->valid = (flags->valid & ~layered) | found.valid;
+  flags->beyond = (flags->beyond & ~layered) | found.beyond;
+}
+
+/// A row of nodes with the radius that they have at a level of growth: 1, 1.5, 2 radii.
+RowReach reach_of_row(std::uint32_t nodes, std::size_t y, std::size_t z, float r) {
+  return {.y0 = static_cast<float>(y),
+          .z0 = static_cast<float>(z),
+          .low_x = static_cast<float>(std::countr_zero(nodes)) - r,
+          .high_x = static_cast<float>(31 - std::countl_zero(nodes)) + r,
+          .r2 = r * r};
+}
+float grown_radius(std::size_t level, const NodeFitOptions& options) {
+  return (1.0f + 0.5f * static_cast<float>(level)) * options.radius;
 }
 
 }  // namespace
@@ -326,11 +379,12 @@ void fit_nodes(const SampleList& samples, const SampleList& coarse, const std::a
         fill_row(scratch.slab, reach, &next, scratch.row);
         accumulate<false>(scratch.row, reach.r2, 1.0f / reach.r2, sums);
       }
-      std::uint32_t valid = 0, bent = 0, split = 0, creased = 0;
+      std::uint32_t split = 0, creased = 0;
+      RowFlags flags;
       Spheres spheres;
       const std::size_t at = 8 * y + 64 * z;
-      finish_row(sums, active, options, at, out, &valid, &bent, &spheres);
-      if (bent) {
+      finish_row(sums, active, options, at, out, &flags, &spheres);
+      if (flags.bent) {
         std::uint32_t hints = 0;
         for (std::size_t next = 0; next < coarse.size;) {
           fill_row(coarse, reach, &next, scratch.coarse_row);
@@ -338,14 +392,90 @@ void fit_nodes(const SampleList& samples, const SampleList& coarse, const std::a
               crease_hints(scratch.coarse_row, spheres, reach.r2,
                            (options.noisy ? kNoisyHintShare : kHintShare) * options.sheets.feature_angle);
         }
-        fit_creases(bent & hints, coarse, at, options, scratch, reach, fills == 1, out, sheets, &valid,
-                    &split, &creased);
+        fit_creases(flags.bent & hints, coarse, at, options, scratch, reach, fills == 1, out, sheets,
+                    &flags.valid, &split, &creased);
       }
       const std::uint32_t hints =
           layered_nodes(sums, kLayeredHint * r, 0.5f * kLayeredNormal) & active & ~split;
-      if (hints) join_layers(hints, at, options, scratch, reach, fills == 1, out, &valid);
-      out.valid[z] |= static_cast<std::uint64_t>(valid) << (8 * y);
+      if (hints) join_layers(hints, at, options, scratch, reach, fills == 1, out, &flags);
+      out.valid[z] |= static_cast<std::uint64_t>(flags.valid) << (8 * y);
       out.creased[z] |= static_cast<std::uint64_t>(creased) << (8 * y);
+      out.few[z] |= static_cast<std::uint64_t>(flags.few & ~split) << (8 * y);
+      out.beyond[z] |= static_cast<std::uint64_t>(flags.beyond & ~split) << (8 * y);
+    }
+  }
+}
+
+bool choose_gaps(const SampleList& coarse, const NodeFitOptions& options, NodeFitScratch& scratch,
+                 LeafFit& fit) {
+  std::uint64_t any = 0;
+  for (std::size_t z = 0; z < 8; ++z)
+    for (std::size_t y = 0; y < 8; ++y) {
+      const auto beyond = static_cast<std::uint32_t>(fit.beyond[z] >> (8 * y) & 0xff);
+      auto left = beyond | static_cast<std::uint32_t>(fit.few[z] >> (8 * y) & 0xff);
+      for (std::size_t level = 0; level < fit.gap.size() && left; ++level) {
+        const std::uint32_t nodes = level == 0 ? beyond : left;  // few samples stay few
+        const float r = grown_radius(level, options);
+        if (!nodes) continue;
+        if (r > kMostRadius) break;
+        const RowReach reach = reach_of_row(nodes, y, z, r);
+        Sums s;
+        clear(s);
+        for (std::size_t next = 0; next < coarse.size;) {
+          fill_row(coarse, reach, &next, scratch.coarse_row);
+          accumulate<false>(scratch.coarse_row, reach.r2, 1.0f / reach.r2, s);
+        }
+        const auto near = static_cast<std::uint32_t>(_mm256_movemask_ps(near_plane(s)));
+        const bool last = level + 1 == fit.gap.size() || grown_radius(level + 1, options) > kMostRadius;
+        const __m256i least = _mm256_set1_epi32((last ? kLeastBlocks : kGapBlocks) - 1);
+        const auto enough = static_cast<std::uint32_t>(
+                                _mm256_movemask_ps(_mm256_castsi256_ps(_mm256_cmpgt_epi32(s.hits, least)))) &
+                            nodes;
+        left &= ~enough;
+        fit.gap[level][z] |= static_cast<std::uint64_t>(enough & near) << (8 * y);
+        any |= enough & near;
+      }
+    }
+  return any != 0;
+}
+
+void bridge_gaps(const SampleList& samples, const NodeFitOptions& options, NodeFitScratch& scratch,
+                 LeafFit& fit) {
+  NodeFitOptions grown = options;
+  for (std::size_t level = 0; level < fit.gap.size(); ++level) {
+    const float r = grown.radius = grown_radius(level, options);
+    const float within = std::min(kGapShare * r, kMostGap * options.radius);
+    for (std::size_t z = 0; z < 8; ++z) {
+      if (!fit.gap[level][z]) continue;
+      fill_slab(samples, static_cast<float>(z), r, scratch.slab);
+      for (std::size_t y = 0; y < 8; ++y) {
+        const auto nodes = static_cast<std::uint32_t>(fit.gap[level][z] >> (8 * y) & 0xff);
+        if (!nodes) continue;
+        const RowReach reach = reach_of_row(nodes, y, z, r);
+        Sums sums;
+        clear(sums);
+        int fills = 0;
+        for (std::size_t next = 0; next < scratch.slab.size; ++fills) {
+          fill_row(scratch.slab, reach, &next, scratch.row);
+          accumulate<false>(scratch.row, reach.r2, 1.0f / reach.r2, sums);
+        }
+        RowFlags flags;
+        Spheres spheres;
+        const std::size_t at = 8 * y + 64 * z;
+        LeafFit& wide = scratch.wide;
+        finish_row(sums, nodes, grown, at, wide, &flags, &spheres);
+        for (std::uint32_t left = flags.valid | flags.beyond; left; left &= left - 1) {
+          const auto x = static_cast<std::uint32_t>(std::countr_zero(left));
+          const std::size_t i = at + x;
+          gather_local(x, reach, fills == 1, scratch);
+          const Float3 gradient = {wide.gradient[0][i], wide.gradient[1][i], wide.gradient[2][i]};
+          if (!is_surrounded(scratch.local, wide.value[i], gradient, kThickness * options.radius, within))
+            continue;
+          fit.value[i] = wide.value[i];
+          for (std::size_t c = 0; c < 3; ++c) fit.gradient[c][i] = gradient[c];
+          fit.valid[z] |= std::uint64_t{1} << (8 * y + x);
+        }
+      }
     }
   }
 }

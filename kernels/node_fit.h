@@ -24,6 +24,10 @@ struct LeafFit {
   std::array<std::uint64_t, 8>
       creased{};  ///< subset of valid: the node has sheets, value and gradient are theirs
   std::array<std::uint32_t, 8> first_sheets{};  ///< index of the sheets of the first such node of each word
+  /// Nodes with too few samples in a plane nearby, and those that only the rim test rejects.
+  std::array<std::uint64_t, 8> few{}, beyond{};
+  /// Among them those that a radius of 1, 1.5 and 2 may make valid: see choose_gaps().
+  std::array<std::array<std::uint64_t, 8>, 3> gap{};
 };
 
 struct NodeFitOptions {
@@ -42,10 +46,10 @@ inline constexpr float kLargestValue = 2.0f;
 
 /// Scratch that a caller keeps between leaves.
 struct NodeFitScratch {
-  SampleList slab;
+  SampleList slab, wide_samples;
   RowSamples row, coarse_row;
   LocalSamples local, coarse_local;
-  LeafFit wide;  ///< of nodes in layers
+  LeafFit wide;  ///< of nodes in layers or gaps
 };
 
 /// \param samples  all samples within the radius of the nodes, relative to the leaf
@@ -54,5 +58,22 @@ struct NodeFitScratch {
 void fit_nodes(const SampleList& samples, const SampleList& coarse, const std::array<std::uint64_t, 8>& nodes,
                const NodeFitOptions& options, NodeFitScratch& scratch, LeafFit& out,
                std::vector<Sheets>& sheets);
+
+/// Largest radius to which the support grows where samples are sparse, cells: what the halo holds.
+inline constexpr float kMostRadius = 6.0f;
+
+/// Chooses the nodes at which the radius may grow with the spacing of the samples: of 1, 1.5 and 2 radii, at most
+/// kMostRadius, the least within which samples lie in `kGapBlocks` blocks of 2^3 cells, if their plane is near.
+/// \param coarse  mean normals within kMostRadius of the nodes that are few or beyond
+/// \returns whether there are any
+bool choose_gaps(const SampleList& coarse, const NodeFitOptions& options, NodeFitScratch& scratch,
+                 LeafFit& fit);
+
+/// Fits the chosen nodes with their radius. A node becomes valid if the samples surround its foot point, one of them
+/// nearby (rim_test.h): so gaps close that are not much wider than the samples around them lie apart, and no border
+/// moves.
+/// \param samples  within kMostRadius of the chosen nodes
+void bridge_gaps(const SampleList& samples, const NodeFitOptions& options, NodeFitScratch& scratch,
+                 LeafFit& fit);
 
 }  // namespace tessera
