@@ -381,7 +381,7 @@ void add_reconstruct_options(CLI::App& command, ReconstructOptions& options) {
   command
       .add_option("--reference", options.reference,
                   "with --tolerance: surface = the mesh of full resolution, both ways; points = every point used too, "
-                  "one way. Only the final proof looks at the points: exit code 6 where one is farther")
+                  "one way: passes use what the points, measured first, leave of it; exit code 6 where that is nothing")
       ->capture_default_str()
       ->check(CLI::IsMember({"surface", "points"}))
       ->group(group);

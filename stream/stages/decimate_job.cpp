@@ -22,9 +22,11 @@ std::string certify_name(int round) {
   return round == 0 ? "certify" : "again-" + std::to_string(round) + "-certify";
 }
 
-StageEntry simplify_entry(const SimplifyOptions& options, const SimplifyStores& stores, const SimplifyPass& pass) {
-  return {pass.stage_name(),
-          [=](const JobState& state) { return make_simplify_stage(state, options, stores, pass); }};
+StageEntry simplify_entry(const SimplifyOptions& options, const SimplifyStores& stores,
+                          const SimplifyPass& pass) {
+  return {pass.stage_name(), [=](const JobState& state) {
+            return make_simplify_stage(state, stores.options(state, options), stores, pass);
+          }};
 }
 
 void summarise(json& report) {
@@ -75,22 +77,26 @@ std::vector<StageEntry> simplify_stages(const SimplifyOptions& options, const Si
     CertifyRequest request;
     request.name = certify_name(round);
     request.tolerance = options.tolerance;
-    request.mesh = [=](const JobState& s) { return open_pass_input(s, stores, {options.passes, round, false}); };
+    request.mesh = [=](const JobState& s) {
+      return open_pass_input(s, stores, {options.passes, round, false});
+    };
     request.reference = [=](const JobState& s) {
       return own ? stores.full(s) : open_imported_mesh(s.work, "reference");
     };
     if (round + 1 < rounds) request.failed_file = failed_faces_file(round);
     stages.push_back({request.name, [=](const JobState& state) {
-                        return round > last_round(state.work) ? make_idle_stage(request.name)
-                                                              : make_certify_stage(state, request);
+                        if (round > last_round(state.work)) return make_idle_stage(request.name);
+                        CertifyRequest now = request;
+                        now.tolerance = stores.options(state, options).tolerance;
+                        return make_certify_stage(state, now);
                       }});
   }
-  stages.push_back({"write", [=](const JobState& state) {
-                      return make_store_write_stage(
-                          state, open_pass_input(state, stores, {options.passes, last_round(state.work), false}),
-                          "made by " + made_by + ", tolerance " + json(options.tolerance).dump(),
-                          sort_bytes(state));
-                    }});
+  stages.push_back(
+      {"write", [=](const JobState& state) {
+         return make_store_write_stage(
+             state, open_pass_input(state, stores, {options.passes, last_round(state.work), false}),
+             "made by " + made_by + ", tolerance " + json(options.tolerance).dump(), sort_bytes(state));
+       }});
   return stages;
 }
 

@@ -69,7 +69,7 @@ MeshStore open(const JobState& state, const char* folder, const char* pruned) {
 }  // namespace
 
 bool fuses_first_pass(const ReconstructOptions& options) {
-  return options.tolerance > 0.0 && options.max_hole == 0;
+  return options.tolerance > 0.0 && options.max_hole == 0 && options.reference == "surface";
 }
 
 MeshStore open_full_surface(const JobState& state) {

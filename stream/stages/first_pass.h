@@ -21,7 +21,8 @@ namespace tessera {
 
 struct Patch;
 
-/// True if the job's first pass runs in its surface stage: it has a tolerance, and no hole waits to be filled.
+/// True if the job's first pass runs in its surface stage: it has a tolerance, no hole waits to be
+/// filled, and what the points leave of the tolerance need not be known before.
 bool fuses_first_pass(const ReconstructOptions& options);
 
 // What it leaves, in the work directory, one file a task of the surface stage.

@@ -35,7 +35,10 @@ void summarise(nlohmann::json& report) {
   if (survey.is_object() && survey.contains("points")) report["points"] = survey.at("points").at("read");
   nlohmann::json mesh = result_of(report, "weld");
   const nlohmann::json islands = result_of(report, "islands");
-  if (const nlohmann::json samples = result_of(report, "samples"); samples.is_object()) report["samples"] = samples;
+  if (const nlohmann::json samples = result_of(report, "samples"); samples.is_object())
+    report["samples"] = samples;
+  if (const nlohmann::json points = result_of(report, "points"); points.is_object())
+    report["points_to_surface"] = points;
   if (islands.is_object()) {
     mesh = islands;
     mesh.erase("full_faces");
@@ -81,17 +84,21 @@ std::vector<StageEntry> reconstruct_stages(const ReconstructOptions& options) {
     append(simplify_stages(simplify, stores, "tessera reconstruct"));
     // The last stage ends the job.
     if (options.reference == "points")
-      stages.insert(stages.end() - 1, {"samples", [=](const JobState& state) {
-                                         return make_samples_stage(
-                                             state, {simplify.tolerance, [=](const JobState& s) {
-                                                       return open_pass_input(
-                                                           s, stores, {simplify.passes, last_round(s.work), false});
-                                                     }});
-                                       }});
+      stages.insert(stages.end() - 1,
+                    {"samples", [=](const JobState& state) {
+                       return make_samples_stage(
+                           state,
+                           {simplify.tolerance,
+                            [=](const JobState& s) {
+                              return open_pass_input(s, stores, {simplify.passes, last_round(s.work), false});
+                            },
+                            false});
+                     }});
     if (options.keep_raw)
       stages.insert(stages.end() - 1, {"keep-raw", [=](const JobState& state) {
                                          return make_keep_raw_stage(state, stores.full(state),
-                                                                    "made by tessera reconstruct", sort_bytes(state));
+                                                                    "made by tessera reconstruct",
+                                                                    sort_bytes(state));
                                        }});
   };
   if (fuses_first_pass(options)) {
@@ -106,7 +113,14 @@ std::vector<StageEntry> reconstruct_stages(const ReconstructOptions& options) {
   }
   append({{"raw", make_raw_write_stage}});
   append(import_stages({0, "mesh", kRawMeshFile}));
-  finish(imported_stores("mesh"));
+  SimplifyStores stores = imported_stores("mesh");
+  if (options.reference == "points") {
+    append({{"points", [=](const JobState& state) {
+               return make_samples_stage(state, {options.tolerance, stores.full, true});
+             }}});
+    stores.tolerance_left = [](const JobState& state) { return tolerance_left(state.work); };
+  }
+  finish(stores);
   return stages;
 }
 

@@ -10,6 +10,7 @@
 #include "kernels/certificate.h"
 #include "kernels/closest_face.h"
 #include "octree/error.h"
+#include "stream/durable_file.h"
 #include "stream/numbers.h"
 #include "stream/plan.h"
 #include "stream/point_overlay.h"
@@ -21,7 +22,10 @@ namespace {
 
 using json = nlohmann::json;
 
-constexpr double kReach = 4.0;  ///< times the tolerance: distances up to here are told
+constexpr double kReach = 4.0;             ///< times the tolerance: distances up to here are told
+constexpr double kReachCells = 6.0;        ///< before decimation at least so many spacings of the lattice
+constexpr double kLeastLeft = 1.0 / 64.0;  ///< of the tolerance, for decimation to do anything
+constexpr const char* kLeftFile = "points/left.json";
 constexpr std::size_t kLeastBricks = 16, kMostTasks = 400;
 constexpr std::uint64_t kPointBytes = 64;  ///< records read and the block that they become
 constexpr double kSquareUnit =
@@ -35,16 +39,26 @@ struct SampleSums {
   std::array<std::uint64_t, kDeviationBins + 1> histogram{};  ///< the last: above the tolerance
 };
 
+/// Up to the next number of three digits.
+double least_above(double value) {
+  double unit = 1.0;
+  while (unit * 100.0 > value) unit /= 10.0;
+  while (unit * 1000.0 <= value) unit *= 10.0;
+  return std::ceil(value / unit) * unit;
+}
+
 class SamplesStage : public Stage {
  public:
   SamplesStage(const JobState& state, const SamplesRequest& request)
       : tolerance_(request.tolerance),
+        before_(request.before),
         lattice_(Plan::of_work(state.work).lattice),
+        reach_(std::max(kReach * tolerance_, before_ ? kReachCells * lattice_.h : 0.0)),
         points_(list_task_files(state.work / "points", ".tsp"), PointOverlay::open(state.work)),
         mesh_(request.mesh(state)),
         per_task_(std::max(kLeastBricks, (points_.bricks().size() + kMostTasks - 1) / kMostTasks)) {}
 
-  std::string name() const override { return "samples"; }
+  std::string name() const override { return before_ ? "points" : "samples"; }
   std::size_t task_count() const override { return (points_.bricks().size() + per_task_ - 1) / per_task_; }
   std::uint64_t units() const override { return points_.point_count(); }
   std::string unit_name() const override { return "points"; }
@@ -76,7 +90,7 @@ class SamplesStage : public Stage {
 
   std::uint64_t finish_bytes() const override { return std::uint64_t{1} << 20; }
 
-  json finish(const std::vector<json>& summaries, TaskContext&) const override {
+  json finish(const std::vector<json>& summaries, TaskContext& context) const override {
     SampleSums sum;
     for (const json& s : summaries) {
       sum.samples += s.at("samples").get<std::uint64_t>();
@@ -89,6 +103,16 @@ class SamplesStage : public Stage {
       sum.farthest = s.at("farthest").get<double>();
       sum.place = s.at("place").get<Double3>();
     }
+    const double left = tolerance_ - std::max(0.0, sum.farthest);
+    if (before_ && left < kLeastLeft * tolerance_)
+      throw ValidationError(
+          "--reference points: points lie up to " + std::string(sum.beyond > 0 ? "more than " : "") +
+          number_text(sum.farthest) + " from the surface of full resolution (" + std::to_string(sum.over) +
+          " of " + std::to_string(sum.samples) + " farther than the tolerance of " + number_text(tolerance_) +
+          ", the farthest at " + number_text(sum.place[0]) + " " + number_text(sum.place[1]) + " " +
+          number_text(sum.place[2]) + "): the least --tolerance that can do is " +
+          (sum.beyond > 0 ? "more than " : "") + number_text(least_above(sum.farthest / (1.0 - kLeastLeft))));
+    if (before_) write_durably(context.create(kLeftFile), json{{"left", left}}.dump());
     if (sum.over > 0)
       throw ValidationError(
           "the result gets no name: " + std::to_string(sum.over) + " of " + std::to_string(sum.samples) +
@@ -119,7 +143,7 @@ class SamplesStage : public Stage {
       box.low[a] = world(a, at[a] * double{kBrickCells});
       box.high[a] = world(a, (at[a] + 1) * double{kBrickCells});
     }
-    return grown(box, kReach * tolerance_ * (1.0 + 0x1p-20));
+    return grown(box, reach_ * (1.0 + 0x1p-20));
   }
 
   void measure(const BrickEntry& brick, SampleSums& sums) const {
@@ -129,7 +153,6 @@ class SamplesStage : public Stage {
     const MeshBox near = near_box(brick);
     const MeshBlock mesh = mesh_.load_box(near);
     const ClosestFaces faces(mesh.position, mesh.faces, near.low);
-    const double reach = kReach * tolerance_;
     const double per_unit = 1.0 / (tolerance_ * kSquareUnit);
     std::uint32_t hint = ClosestFaces::kNone;
     double size = 0.0;
@@ -140,10 +163,10 @@ class SamplesStage : public Stage {
                          world(2, corner[2] + double{points.z[i]})};
       const Double3 local = {p[0] - near.low[0], p[1] - near.low[1], p[2] - near.low[2]};
       const ClosestFaces::Hit hit =
-          faces.empty() ? ClosestFaces::Hit{} : faces.closest(local, reach * reach, hint);
+          faces.empty() ? ClosestFaces::Hit{} : faces.closest(local, reach_ * reach_, hint);
       const bool known = hit.slot != ClosestFaces::kNone;
       if (known) hint = hit.slot;
-      const double distance = known ? std::sqrt(hit.square) + rounding : reach;
+      const double distance = known ? std::sqrt(hit.square) + rounding : reach_;
       ++sums.samples;
       sums.beyond += !known;
       sums.over += distance > tolerance_;
@@ -158,7 +181,9 @@ class SamplesStage : public Stage {
   }
 
   double tolerance_;
+  bool before_;
   Lattice lattice_;
+  double reach_;  ///< distances up to here are told
   PointStore points_;
   MeshStore mesh_;
   std::size_t per_task_;
@@ -168,6 +193,10 @@ class SamplesStage : public Stage {
 
 std::unique_ptr<Stage> make_samples_stage(const JobState& state, const SamplesRequest& request) {
   return std::make_unique<SamplesStage>(state, request);
+}
+
+double tolerance_left(const std::filesystem::path& work) {
+  return json::parse(read_text(work / kLeftFile)).at("left").get<double>();
 }
 
 }  // namespace tessera

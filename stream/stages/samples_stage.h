@@ -1,9 +1,11 @@
 /// \file samples_stage.h
-/// Pass "samples" of `reconstruct --reference points`: the distance of every point that the job used to the result,
-/// one way.
+/// Passes "points" and "samples" of `reconstruct --reference points`: the distance of every point that the job used to
+/// the surface of full resolution, before decimation, and to the result, one way.
 #pragma once
+#include <filesystem>
 #include <functional>
 #include <memory>
+#include <string>
 
 #include "stream/mesh_store.h"
 #include "stream/stage.h"
@@ -13,10 +15,16 @@ namespace tessera {
 struct SamplesRequest {
   double tolerance = 0.0;  ///< scan units, > 0
   std::function<MeshStore(const JobState&)> mesh;
+  bool before = false;  ///< stage "points": what the points leave of the tolerance is kept for the passes
 };
 
 /// Its finish reports count, largest distance with its place (rounding on the safe side), RMS and histogram.
-/// \throws ValidationError from finish when a point is farther than the tolerance
+/// \throws ValidationError from finish when a point is farther than the tolerance; `before`: when less than a 64th of
+///         it is left, naming the least tolerance that can do
 std::unique_ptr<Stage> make_samples_stage(const JobState& state, const SamplesRequest& request);
+
+/// What stage "points" found left of the tolerance: a mesh within it of the surface is within the tolerance of every
+/// point. \pre the stage is done
+double tolerance_left(const std::filesystem::path& work);
 
 }  // namespace tessera

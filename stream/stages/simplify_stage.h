@@ -64,6 +64,13 @@ struct SimplifyStores {
   /// What the first pass of the first round left, and its blocks, where that ran in another stage; else empty.
   std::function<MeshStore(const JobState&)> after_first;
   std::function<std::vector<MeshBlockCut>(const MeshStore& full)> first_blocks;
+  /// What passes and certificate may use of the tolerance, where that is known only during the job; else empty: all.
+  std::function<double(const JobState&)> tolerance_left = {};
+
+  SimplifyOptions options(const JobState& state, SimplifyOptions chosen) const {
+    if (tolerance_left) chosen.tolerance = tolerance_left(state);
+    return chosen;
+  }
 };
 /// Where a pass reads: the mesh of full resolution for the first, else what the pass before left.
 MeshStore open_pass_input(const JobState& state, const SimplifyStores& stores, const SimplifyPass& pass);

@@ -151,8 +151,9 @@ TEST_CASE("reconstruct --tolerance: marks of closing faces survive", "[property]
     CHECK(area(small, mark) == Approx(area(raw, mark)).epsilon(0.02));
 }
 
-TEST_CASE("reconstruct --reference points: noise beyond the tolerance is refused, within it is proven",
-          "[property]") {
+TEST_CASE(
+    "reconstruct --reference points: what the points leave of the tolerance is used, nothing left is refused",
+    "[property]") {
   const TempFolder folder;
   const std::string in = scan(folder.path(), "sphere", "40000", {"--noise", "0.3s"});
   const fs::path out = folder.path() / "out.ply";
@@ -166,15 +167,38 @@ TEST_CASE("reconstruct --reference points: noise beyond the tolerance is refused
   // 0.3 spacings of noise: the farthest of 40,000 points lies at about four standard deviations.
   const CommandResult refused = tessera_command(job(in, out, words(0.4 * spacing)));
   CHECK(refused.code == 6);
-  CHECK(refused.errors.find("points are farther than") != std::string::npos);
+  const std::string promise = "the least --tolerance that can do is ";
+  const std::size_t at = refused.errors.find(promise);
+  REQUIRE(at != std::string::npos);
+  CHECK(refused.errors.find("from the surface of full resolution") != std::string::npos);
   CHECK_FALSE(fs::exists(out));
+  // No pass has run.
+  CHECK_FALSE(fs::exists(out.string() + ".tessera/pass-1"));
   fs::remove_all(out.string() + ".tessera");
 
-  // Decimation keeps to the surface, not to the points: exact ones are as near as the surface is.
+  // What it names does, and a larger one leaves more to decimation.
+  const double least = std::stod(refused.errors.substr(at + promise.size()));
+  CHECK(least > 0.8 * spacing);
+  CHECK(least < 2.0 * spacing);
+  std::size_t faces[2];
+  for (const int more : {0, 1}) {
+    const double tolerance = least * (1 + more);
+    const nlohmann::json report = run(in, out, words(tolerance));
+    const double noise = report.at("points_to_surface").at("certified_max").get<double>();
+    CHECK(noise <= least);
+    CHECK(report.at("samples").at("certified_max").get<double>() <= tolerance);
+    CHECK(report.at("certificate").at("certified_max").get<double>() <= tolerance - noise);
+    faces[more] = report.at("mesh").at("faces").get<std::size_t>();
+    fs::remove(out);
+  }
+  CHECK(4 * faces[1] < faces[0]);
+
+  // Exact points are as near as the surface is.
   const std::string exact = scan(folder.path(), "torus", "40000");
   const nlohmann::json report = run(exact, out, words(0.4 * spacing));
   const nlohmann::json& samples = report.at("samples");
   CHECK(samples.at("samples") == 40000);
   CHECK(samples.at("certified_max").get<double>() <= 0.4 * spacing);
   CHECK(samples.at("certified_max").get<double>() > 0.2 * spacing);
+  CHECK(report.at("points_to_surface").at("certified_max").get<double>() < 0.1 * spacing);
 }
