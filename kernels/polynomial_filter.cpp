@@ -192,10 +192,13 @@ void bilaplacian_filter(const Window& w, const FilterOptions& options, Scratch& 
   }
 }
 
-/// Chebyshev semi-iteration for (1 + lambda A^order) d = -lambda A^order b on the spectrum [1, 1 + lambda 2^order].
+/// Chebyshev semi-iteration for (1 + lambda A^order) d = -lambda A^order b on the spectrum [1 + lambda lowest^order,
+/// 1 + lambda 2^order].
 void implicit_filter(const Window& w, const FilterOptions& options, Scratch& s) {
-  const double half_width = 0.5 * options.lambda * (options.order == 1 ? 2.0 : 4.0);
-  const double centre = 1.0 + half_width;
+  const double top = options.lambda * (options.order == 1 ? 2.0 : 4.0);
+  const double bottom = options.lambda * options.lowest * (options.order == 1 ? 1.0 : options.lowest);
+  const double half_width = 0.5 * (top - bottom);
+  const double centre = 1.0 + 0.5 * (top + bottom);
   const __m128 lambda = _mm_set1_ps(static_cast<float>(options.lambda));
   const bool twice = options.order == 2;
   double rho = half_width / centre;
@@ -281,7 +284,7 @@ std::vector<Displacement> filter_surface(const SurfaceRows& rows, std::span<cons
     scratch.d.assign(window.vertex.size(), {});
     if (!start.empty())
       for (std::size_t i = 0; i < window.vertex.size(); ++i)
-        if (window.inverse_degree[i] > 0.0F) scratch.d[i] = start[window.vertex[i]];
+        if (rows.inverse_degree[window.vertex[i]] > 0.0F) scratch.d[i] = start[window.vertex[i]];
     scratch.other = scratch.d;
     run(window, options, scratch);
     for (std::size_t i = 0; i < core.size(); ++i) out[core[i]] = scratch.d[i];

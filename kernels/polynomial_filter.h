@@ -34,6 +34,8 @@ struct FilterOptions {
   double mu = -0.53;    ///< Taubin only
   int order = 1;        ///< implicit only: 1 or 2
   int degree = 10;      ///< > 0
+  /// Implicit only: the steps are for eigenvalues of A from here to 2; what lies below, a coarse level has solved
+  double lowest = 0.0;
 };
 
 /// Rings that the filter reads around a vertex.

@@ -14,8 +14,11 @@ namespace {
 /// mesh.
 constexpr int kExplicitRings = 32;
 constexpr double kImplicitAccuracy = 1e-3;
-/// Largest Chebyshev degree that a halo can carry; longer wavelengths want the coarse level or more steps.
+/// Largest Chebyshev degree that a halo can carry.
 constexpr int kLargestDegree = 400;
+/// From this degree on an implicit step of order 1 takes a coarse level: three short filters cost less than a long one.
+constexpr int kCoarseDegree = 64;
+constexpr double kLargestLambda = 1e9;
 
 /// Operators, system and multigrid of a curvature flow at their peak, by order: measured on 10^5 to 10^6 vertices.
 constexpr std::uint64_t kFlowBytesPerVertex[] = {900, 2600};
@@ -47,6 +50,12 @@ SmoothRound filter_round(const SmoothOptions& options, FilterKind kind, double l
   round.filter.order = used_order(options);
   round.filter.degree = degree;
   return round;
+}
+
+/// Whether a step of the method takes a coarse level.
+bool takes_coarse_level(const SmoothOptions& options, double lambda) {
+  return (options.method == "implicit" || options.method == "denoise") && options.degree == 0 &&
+         used_order(options) == 1 && chebyshev_degree(lambda, 1, kImplicitAccuracy) >= kCoarseDegree;
 }
 
 SmoothRound normal_round(const SmoothOptions& options) {
@@ -96,17 +105,21 @@ void SmoothOptions::validate() const {
   if (method == "bilaplacian") require(lambda <= 0.5, "--lambda must be at most 0.5 for bilaplacian");
   if ((method == "implicit" || method == "denoise") && degree == 0) {
     const double used = lambda > 0.0 ? lambda : default_lambda(method);
-    require(chebyshev_degree(used, used_order(*this), kImplicitAccuracy) <= kLargestDegree,
+    require(used <= kLargestLambda, "--lambda must be at most 1e9");
+    require(takes_coarse_level(*this, used) ||
+                chebyshev_degree(used, used_order(*this), kImplicitAccuracy) <= kLargestDegree,
             "--lambda " + std::to_string(used) + ": takes more than " + std::to_string(kLargestDegree) +
-                " Chebyshev steps; take a smaller value and more --steps, or set --degree");
+                " Chebyshev steps; take a smaller value and more --steps, --order 1, or set --degree");
   }
 }
 
 std::vector<SmoothRound> smooth_rounds(const SmoothOptions& options) {
   options.validate();
   const double lambda = options.lambda > 0.0 ? options.lambda : default_lambda(options.method);
-  const int degree =
-      options.degree > 0 ? options.degree : chebyshev_degree(lambda, used_order(options), kImplicitAccuracy);
+  const int degree = options.degree > 0 ? options.degree
+                     : takes_coarse_level(options, lambda)
+                         ? 1
+                         : chebyshev_degree(lambda, used_order(options), kImplicitAccuracy);
   std::vector<SmoothRound> rounds;
   if (options.method == "laplacian") {
     add_explicit(rounds, options, FilterKind::kLaplacian, lambda);
@@ -120,8 +133,12 @@ std::vector<SmoothRound> smooth_rounds(const SmoothOptions& options) {
   } else {
     for (int step = 0; step < options.steps; ++step) {
       if (options.method != "implicit") rounds.push_back(normal_round(options));
-      if (options.method != "bilateral")
+      if (options.method == "bilateral") continue;
+      const bool coarse = takes_coarse_level(options, lambda);
+      for (int cycle = 0; cycle < (coarse ? kCoarseCycles : 1); ++cycle) {
         rounds.push_back(filter_round(options, FilterKind::kImplicit, lambda, degree));
+        if (coarse) rounds.back().cycle = cycle;
+      }
     }
   }
   return rounds;
@@ -166,6 +183,21 @@ std::vector<Double3> flow(const MeshBlock& block, const SurfaceRows& rows, const
   return position;
 }
 
+/// Counts what is right; what is not stays.
+void finish(const MeshBlock& block, SurfaceRows& rows, SmoothedBlock& out) {
+  out.counts.degenerate_faces = rows.degenerate_faces;
+  for (std::size_t v = 0; v < rows.role.size(); ++v) {
+    if (out.complete[v] == 0) {
+      out.position[v] = block.position[v];
+      continue;
+    }
+    ++out.counts.vertices;
+    out.counts.line += rows.role[v] == VertexRole::kLine;
+    out.counts.fixed += rows.role[v] == VertexRole::kFixed;
+  }
+  out.role = std::move(rows.role);
+}
+
 }  // namespace
 
 SmoothedBlock smooth_block(const MeshBlock& block, const SmoothRound& round,
@@ -185,17 +217,55 @@ SmoothedBlock smooth_block(const MeshBlock& block, const SmoothRound& round,
     for (std::size_t v = 0; v < moved.size(); ++v)
       for (std::size_t a = 0; a < 3; ++a) out.position[v][a] += static_cast<double>(moved[v].xyz[a]);
   }
-  out.counts.degenerate_faces = rows.degenerate_faces;
-  for (std::size_t v = 0; v < rows.role.size(); ++v) {
-    if (out.complete[v] == 0) {
-      out.position[v] = block.position[v];
-      continue;
+  finish(block, rows, out);
+  return out;
+}
+
+SmoothedBlock smooth_cycle(const MeshBlock& block, std::span<const Double3> now, const SmoothRound& round,
+                           const CoarseOptions& coarse, const CoarseSolution& solution,
+                           std::span<const std::uint8_t> wanted) {
+  SmoothedBlock out;
+  const FaceCorners corners(block);
+  SurfaceRows rows = make_surface_rows(block, corners, round.rows);
+  FilterOptions filter = round.filter;
+  filter.degree = coarse.degree;
+  filter.lowest = coarse.lowest;
+  out.complete = complete_rings(block, corners, rows, filter_rings(filter));
+  std::vector<Displacement> start(block.position.size());
+  {
+    CoarseBasis basis = make_coarse_basis(block, rows, coarse);
+    std::vector<std::size_t> place(basis.name.size());
+    for (std::size_t i = 0, at = 0; i < place.size(); ++i) {
+      at = static_cast<std::size_t>(std::lower_bound(solution.name.begin() + static_cast<std::ptrdiff_t>(at),
+                                                     solution.name.end(), basis.name[i]) -
+                                    solution.name.begin());
+      place[i] = at;
     }
-    ++out.counts.vertices;
-    out.counts.line += rows.role[v] == VertexRole::kLine;
-    out.counts.fixed += rows.role[v] == VertexRole::kFixed;
+    for (std::size_t v = 0; v < start.size(); ++v) {
+      Double3 d;
+      for (std::size_t a = 0; a < 3; ++a) d[a] = now[v][a] - block.position[v][a];
+      for (std::size_t k = 0; k < kCoarseCorners && basis.right[v] != 0; ++k) {
+        const std::uint32_t u = basis.unknown[v][k];
+        if (u == CoarseBasis::kNone) continue;
+        // Right, and yet beyond what was asked for: the solution may not have it.
+        if (place[u] == solution.name.size() || solution.name[place[u]] != basis.name[u]) {
+          basis.right[v] = 0;
+          continue;
+        }
+        const auto w = static_cast<double>(basis.weight[v][k]);
+        for (std::size_t a = 0; a < 3; ++a) d[a] += w * solution.value[place[u]][a];
+      }
+      for (std::size_t a = 0; a < 3; ++a) start[v].xyz[a] = static_cast<float>(d[a]);
+    }
+    erode(block, corners, filter.degree, basis.right);
+    for (std::size_t v = 0; v < start.size(); ++v) out.complete[v] &= basis.right[v];
   }
-  out.role = std::move(rows.role);
+  for (std::size_t v = 0; v < wanted.size(); ++v) out.complete[v] &= wanted[v];
+  out.position = block.position;
+  const std::vector<Displacement> moved = filter_surface(rows, block.position, filter, out.complete, start);
+  for (std::size_t v = 0; v < moved.size(); ++v)
+    for (std::size_t a = 0; a < 3; ++a) out.position[v][a] += static_cast<double>(moved[v].xyz[a]);
+  finish(block, rows, out);
   return out;
 }
 
@@ -232,7 +302,11 @@ std::uint64_t smooth_bytes(std::uint64_t vertices, std::uint64_t faces, const Sm
   const std::uint64_t filter =
       corners + (round.by_normals ? 48 * vertices + 72 * faces
                                   : 20 * vertices + filter_window_bytes(vertices, round_rings(round)));
-  return rows + std::max(making, filter) + 25 * vertices + (1u << 16);
+  // A cycle starts from 16 bytes a vertex, and before it filters it has the basis and the place of its unknowns.
+  const std::uint64_t cycle = round.cycle < 0 ? 0 : 16 * vertices;
+  const std::uint64_t basis =
+      round.cycle < 0 ? 0 : corners + coarse_basis_bytes(vertices) + 8 * kCoarseCorners * vertices;
+  return rows + std::max({making, cycle + filter, cycle + basis}) + 25 * vertices + (1u << 16);
 }
 
 }  // namespace tessera

@@ -238,28 +238,28 @@ SurfaceRows make_surface_rows(const MeshBlock& block, const FaceCorners& corners
 
 std::vector<std::uint8_t> complete_rings(const MeshBlock& block, const FaceCorners& corners,
                                          const SurfaceRows& rows, int rings) {
-  const std::size_t n = rows.role.size();
-  std::vector<std::uint8_t> complete(n, 1);
+  std::vector<std::uint8_t> complete(rows.role.size(), 1);
+  for (std::size_t v = 0; v < complete.size(); ++v) complete[v] = rows.role[v] != VertexRole::kOpen;
+  erode(block, corners, rings - 1, complete);
+  return complete;
+}
+
+void erode(const MeshBlock& block, const FaceCorners& corners, int rings, std::vector<std::uint8_t>& flags) {
   std::vector<std::uint32_t> front, next;
-  for (std::uint32_t v = 0; v < n; ++v) {
-    if (rows.role[v] != VertexRole::kOpen) continue;
-    complete[v] = 0;
-    front.push_back(v);
-  }
-  if (front.empty()) return complete;
+  for (std::uint32_t v = 0; v < flags.size(); ++v)
+    if (flags[v] == 0) front.push_back(v);
   // Rows of lines and corners name few neighbours; rings spread over faces.
-  for (int ring = 1; ring < rings; ++ring) {
+  for (int ring = 0; ring < rings && !front.empty(); ++ring) {
     next.clear();
     for (const std::uint32_t v : front)
       for (const std::uint32_t corner : corners.at(v))
         for (const std::uint32_t u : block.faces[corner >> 2]) {
-          if (complete[u] == 0) continue;
-          complete[u] = 0;
+          if (flags[u] == 0) continue;
+          flags[u] = 0;
           next.push_back(u);
         }
     front.swap(next);
   }
-  return complete;
 }
 
 }  // namespace tessera

@@ -51,4 +51,7 @@ SurfaceRows make_surface_rows(const MeshBlock& block, const FaceCorners& corners
 std::vector<std::uint8_t> complete_rings(const MeshBlock& block, const FaceCorners& corners,
                                          const SurfaceRows& rows, int rings);
 
+/// Clears the flags of all vertices within so many rings of faces around a vertex whose flag is 0.
+void erode(const MeshBlock& block, const FaceCorners& corners, int rings, std::vector<std::uint8_t>& flags);
+
 }  // namespace tessera

@@ -1,6 +1,7 @@
 #include <nlohmann/json.hpp>
 
 #include "octree/error.h"
+#include "stream/stages/coarse_files.h"
 #include "stream/stages/import_stages.h"
 #include "stream/stages/smooth_stage.h"
 #include "stream/stages/store_write_stage.h"
@@ -62,10 +63,19 @@ JobDescription smooth_job(const SmoothOptions& options) {
   const SmoothPlan plan{smooth_rounds(options), options.tolerance};
   JobDescription job{"smooth", import_stages({0, kSmoothImport}), 0, summarise};
   job.stages.push_back({"reach", make_reach_stage});
-  for (std::size_t round = 1; round <= plan.rounds.size(); ++round)
+  for (std::size_t round = 1; round <= plan.rounds.size(); ++round) {
+    if (plan.rounds[round - 1].cycle >= 0) {
+      job.stages.push_back({coarse_sums_folder(round), [plan, round](const JobState& state) {
+                              return make_coarse_sums_stage(state, plan, round);
+                            }});
+      job.stages.push_back({coarse_folder(round), [plan, round](const JobState& state) {
+                              return make_coarse_stage(state, plan, round);
+                            }});
+    }
     job.stages.push_back({"smooth-" + std::to_string(round), [plan, round](const JobState& state) {
                             return make_smooth_stage(state, plan, round);
                           }});
+  }
   const std::size_t rounds = plan.rounds.size();
   job.stages.push_back({"write", [rounds](const JobState& state) {
                           return make_store_write_stage(

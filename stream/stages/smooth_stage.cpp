@@ -8,6 +8,7 @@
 
 #include "octree/error.h"
 #include "stream/mesh_store.h"
+#include "stream/stages/coarse_files.h"
 #include "stream/stages/import_stages.h"
 #include "stream/stages/smooth_tiles.h"
 #include "stream/task_files.h"
@@ -29,21 +30,22 @@ std::string reach_file(std::size_t round) {
   return smooth_folder(round) + "/reach.bin";
 }
 
-MeshStore open_smoothed(const std::filesystem::path& work, std::size_t round) {
-  if (round == 0) return open_imported_mesh(work, kSmoothImport);
-  return MeshStore(list_task_files(work / smooth_folder(round), ".tmm"));
-}
+struct Edges {
+  double longest = 0.0, squares = 0.0;
+};
 
-double longest_edge(const MeshBlock& block) {
-  double longest = 0.0;
+Edges edges_of(const MeshBlock& block) {
+  double longest = 0.0, squares = 0.0;
   for (const auto& face : block.faces)
     for (std::size_t k = 0; k < 3; ++k) {
       const Double3 &p = block.position[face[k]], &q = block.position[face[(k + 1) % 3]];
       const double x = p[0] - q[0], y = p[1] - q[1], z = p[2] - q[2];
-      longest = std::max(longest, x * x + y * y + z * z);
+      const double square = x * x + y * y + z * z;
+      longest = std::max(longest, square);
+      squares += square;
     }
   // A last bit more, so that the bound holds however it was rounded.
-  return std::sqrt(longest) * (1.0 + 1e-12);
+  return {std::sqrt(longest) * (1.0 + 1e-12), squares};
 }
 
 std::uint64_t largest_patch_bytes(const MeshStore& store) {
@@ -53,13 +55,17 @@ std::uint64_t largest_patch_bytes(const MeshStore& store) {
   return largest;
 }
 
-/// From [patch, longest edge] of all tasks.
+/// From [patch, longest edge, sum of squares] of all tasks.
 void save_reach(const std::vector<json>& summaries, std::size_t patches, const std::filesystem::path& path) {
   PatchReach reach;
   reach.longest_edge.resize(patches);
+  reach.edge_squares.resize(patches);
   for (const json& s : summaries)
-    for (const json& entry : s.at("longest_edge"))
-      reach.longest_edge.at(entry.at(0).get<std::size_t>()) = entry.at(1).get<double>();
+    for (const json& entry : s.at("edges")) {
+      const auto p = entry.at(0).get<std::size_t>();
+      reach.longest_edge.at(p) = entry.at(1).get<double>();
+      reach.edge_squares.at(p) = entry.at(2).get<double>();
+    }
   reach.save(path);
 }
 
@@ -78,14 +84,15 @@ class ReachStage : public Stage {
   std::string unit_name() const override { return "patches"; }
 
   json run(std::size_t task, TaskContext& context) const override {
-    json longest = json::array();
+    json edges = json::array();
     const std::size_t last = std::min(store_.patches().size(), (task + 1) * kReachPatches);
     for (std::size_t p = task * kReachPatches; p < last; ++p) {
       context.check_stop();
-      longest.push_back({p, longest_edge(store_.load({&p, 1}))});
+      const Edges found = edges_of(store_.load({&p, 1}));
+      edges.push_back({p, found.longest, found.squares});
       context.advance(1);
     }
-    return {{"longest_edge", std::move(longest)}};
+    return {{"edges", std::move(edges)}};
   }
   json finish(const std::vector<json>& summaries, TaskContext& context) const override {
     if (store_.face_count() == 0) throw EmptyError("the mesh has no face to smooth");
@@ -97,6 +104,11 @@ class ReachStage : public Stage {
  private:
   MeshStore store_;
 };
+
+bool ends_step(const SmoothPlan& plan, std::size_t round) {
+  const int cycle = plan.rounds[round - 1].cycle;
+  return cycle < 0 || cycle + 1 == kCoarseCycles;
+}
 
 /// What moved, each vertex counted once over all patches and tiles.
 struct Movement {
@@ -110,22 +122,36 @@ class SmoothStage : public Stage {
   SmoothStage(const JobState& state, const SmoothPlan& plan, std::size_t round)
       : round_(round),
         rule_(plan.rounds[round - 1]),
-        tolerance_(plan.tolerance),
-        store_(open_smoothed(state.work, round - 1)),
-        original_(open_smoothed(state.work, tolerance_ > 0.0 || round == 1 ? 0 : round - 1)),
-        last_(round == plan.rounds.size()) {
+        base_round_(base_round(plan, round)),
+        tolerance_(ends_step(plan, round) ? plan.tolerance : 0.0),
+        clamped_(plan.tolerance > 0.0),
+        store_(open_smoothed(state.work, base_round_)),
+        before_(open_smoothed(state.work, round - 1)),
+        original_(open_smoothed(state.work, tolerance_ > 0.0 ? 0 : base_round_)),
+        last_(round == plan.rounds.size()),
+        ends_step_(ends_step(plan, round)) {
+    if (rule_.cycle >= 0) {
+      coarse_ = coarse_options(state, plan, round);
+      rule_.filter.degree = coarse_.degree;
+      solution_ = state.work / coarse_solution_file(round);
+    }
     SmoothTiling tiling;
     tiling.rings = round_rings(rule_);
+    if (rule_.cycle >= 0) {
+      ++tiling.rings;
+      tiling.reach = coarse_reach(coarse_);
+    }
     tiling.tile_bricks = state.run.tile_cells / kBrickCells;
     // The rest of the cap is for what the process itself holds.
     tiling.tile_bytes = state.run.memory_bytes * 13 / 16 / static_cast<std::uint64_t>(state.run.threads);
     const std::uint64_t patch = largest_patch_bytes(store_);
-    tiling.bytes = [this, patch](std::uint64_t vertices, std::uint64_t faces) {
-      const std::uint64_t loading =
-          vertices * MeshStore::kBlockBytesPerVertex + faces * MeshStore::kBlockBytesPerFace;
-      const std::uint64_t loaded = vertices * kLoadedVertexBytes + faces * kLoadedFaceBytes;
-      return std::max(loading, loaded + smooth_bytes(vertices, faces, rule_) + 4 * vertices) + 3 * patch +
-             kSlackBytes;
+    const std::uint64_t shared = rule_.cycle >= 0 ? coarse_solution_bytes(solution_) : 0;
+    tiling.bytes = [this, patch, shared](std::uint64_t vertices, std::uint64_t faces) {
+      const std::uint64_t now = rule_.cycle >= 0 ? sizeof(Double3) * vertices : 0;
+      const std::uint64_t loaded = tile_loaded_bytes(vertices, faces) + now;
+      return std::max(tile_loading_bytes(vertices, faces),
+                      loaded + smooth_bytes(vertices, faces, rule_) + 4 * vertices) +
+             3 * patch + kSlackBytes + shared;
     };
     if (rule_.by_flow) {
       SmoothTile whole;
@@ -137,7 +163,7 @@ class SmoothStage : public Stage {
       tasks_ = {{std::move(whole)}};
       return;
     }
-    tasks_ = make_smooth_tasks(store_, PatchReach::load(state.work / reach_file(round - 1)), tiling);
+    tasks_ = make_smooth_tasks(store_, load_reach(state.work, base_round_), tiling);
   }
 
   std::string name() const override { return "smooth-" + std::to_string(round_); }
@@ -154,7 +180,7 @@ class SmoothStage : public Stage {
     MeshFileWriter writer(context.create(smooth_folder(round_) + "/" + task_file_stem(task) + ".tmm"),
                           store_.info());
     Movement moved;
-    json longest = json::array();
+    json edges = json::array();
     std::uint64_t halo = 0, core = 0, degenerate = 0;
     for (const SmoothTile& tile : tasks_[task]) {
       context.check_stop();
@@ -163,7 +189,10 @@ class SmoothStage : public Stage {
       std::vector<std::uint8_t> wanted(near.block.key.size(), 0);
       for (const auto& patch : near.core_vertices)
         for (const std::uint32_t v : patch) wanted[v] = 1;
-      const SmoothedBlock smoothed = smooth_block(near.block, rule_, wanted);
+      const SmoothedBlock smoothed =
+          rule_.cycle < 0 ? smooth_block(near.block, rule_, wanted)
+                          : smooth_cycle(near.block, positions_of(store_, before_, near, tile), rule_,
+                                         coarse_, load_coarse_solution(solution_), wanted);
       core += static_cast<std::uint64_t>(std::count(near.core.begin(), near.core.end(), 1));
       halo += near.core.size();
       degenerate += smoothed.counts.degenerate_faces;
@@ -172,7 +201,10 @@ class SmoothStage : public Stage {
         const std::size_t p = tile.patches[k];
         const std::vector<Double3> positions = settled(p, near, near.core_vertices[k], smoothed, moved);
         writer.add_moved(store_, p, positions);
-        if (!last_) longest.push_back({p, longest_edge(with_positions(p, positions))});
+        if (!last_) {
+          const Edges found = edges_of(with_positions(p, positions));
+          edges.push_back({p, found.longest, found.squares});
+        }
         context.advance(store_.patches()[p].faces);
       }
     }
@@ -186,7 +218,7 @@ class SmoothStage : public Stage {
             {"core_faces", core},
             {"read_faces", halo},
             {"degenerate_faces", degenerate},
-            {"longest_edge", std::move(longest)}};
+            {"edges", std::move(edges)}};
   }
 
   std::uint64_t finish_bytes() const override { return kSlackBytes + 500 * store_.patches().size(); }
@@ -211,10 +243,14 @@ class SmoothStage : public Stage {
   }
 
   std::vector<std::string> obsolete() const override {
-    // The original stays while moves are measured against it.
-    if (round_ == 1 && tolerance_ > 0.0 && !last_) return {};
-    std::vector<std::string> names = {smooth_folder(round_ - 1) + "/"};
-    if (last_ && tolerance_ > 0.0 && round_ > 1) names.push_back(smooth_folder(0) + "/");
+    // The step's own start stays to its end, the original while moves are measured against it.
+    const auto stays = [&](std::size_t round) {
+      return (round == base_round_ && !ends_step_) || (round == 0 && clamped_ && !last_);
+    };
+    std::vector<std::string> names;
+    for (const std::size_t round : {round_ - 1, base_round_, std::size_t{0}})
+      if (!stays(round)) names.push_back(smooth_folder(round) + "/");
+    if (rule_.cycle >= 0) names.push_back(coarse_folder(round_) + "/");
     return names;
   }
 
@@ -231,7 +267,7 @@ class SmoothStage : public Stage {
                                const std::vector<std::uint32_t>& vertices, const SmoothedBlock& smoothed,
                                Movement& moved) const {
     std::vector<Double3> original;
-    if (tolerance_ > 0.0 && round_ > 1) original = original_.load({&p, 1}).position;
+    if (tolerance_ > 0.0 && base_round_ > 0) original = original_.load({&p, 1}).position;
     const bool floats = !store_.info().double_positions;
     std::vector<Double3> out(vertices.size());
     for (std::size_t v = 0; v < vertices.size(); ++v) {
@@ -260,14 +296,50 @@ class SmoothStage : public Stage {
 
   std::size_t round_;
   SmoothRound rule_;
-  double tolerance_;
-  MeshStore store_;
+  std::size_t base_round_;
+  double tolerance_;    ///< 0 inside a step
+  bool clamped_;        ///< at the end of each step
+  MeshStore store_;     ///< where the step began
+  MeshStore before_;    ///< where the round begins
   MeshStore original_;  ///< of the patches that the tolerance is measured from
-  bool last_;
+  bool last_, ends_step_;
+  CoarseOptions coarse_;
+  std::filesystem::path solution_;
   std::vector<SmoothTask> tasks_;
 };
 
 }  // namespace
+
+std::size_t base_round(const SmoothPlan& plan, std::size_t round) {
+  const int cycle = plan.rounds[round - 1].cycle;
+  return round - 1 - static_cast<std::size_t>(cycle > 0 ? cycle : 0);
+}
+
+CoarseOptions coarse_options(const JobState& state, const SmoothPlan& plan, std::size_t round) {
+  const std::size_t base = base_round(plan, round);
+  const std::uint64_t faces = open_smoothed(state.work, base).face_count();
+  const CoarseOptions options =
+      coarse_options(plan.rounds[round - 1].filter.lambda, load_reach(state.work, base).edge(faces), faces);
+  if (!(options.cell > 0.0)) throw InputError("no edge has a length: there is nothing to smooth");
+  return options;
+}
+
+MeshStore open_smoothed(const std::filesystem::path& work, std::size_t round) {
+  if (round == 0) return open_imported_mesh(work, kSmoothImport);
+  return MeshStore(list_task_files(work / smooth_folder(round), ".tmm"));
+}
+
+PatchReach load_reach(const std::filesystem::path& work, std::size_t round) {
+  return PatchReach::load(work / reach_file(round));
+}
+
+std::uint64_t tile_loading_bytes(std::uint64_t vertices, std::uint64_t faces) {
+  return vertices * MeshStore::kBlockBytesPerVertex + faces * MeshStore::kBlockBytesPerFace;
+}
+
+std::uint64_t tile_loaded_bytes(std::uint64_t vertices, std::uint64_t faces) {
+  return vertices * kLoadedVertexBytes + faces * kLoadedFaceBytes;
+}
 
 std::string smooth_folder(std::size_t round) {
   return round == 0 ? kSmoothImport : "smooth-" + std::to_string(round);

@@ -3,6 +3,8 @@
 /// rings.
 ///
 ///   reach     longest edge of every patch: how far rings can reach
+///   sums-K    of rounds with a coarse level: what every patch adds to its system
+///   coarse-K  of these rounds: the system, solved in core
 ///   smooth-K  round K: store K - 1 -> store K; store 0 is the imported mesh
 ///   write     the last store -> the output
 #pragma once
@@ -11,7 +13,9 @@
 
 #include "kernels/smooth.h"
 #include "stream/job.h"
+#include "stream/mesh_store.h"
 #include "stream/stage.h"
+#include "stream/stages/smooth_tiles.h"
 
 namespace tessera {
 
@@ -34,7 +38,20 @@ struct SmoothPlan {
 std::string smooth_folder(std::size_t round);
 inline const std::string kSmoothImport = "mesh";
 
+/// Cell edges and filter of a round with a coarse level, from the mesh that its step began with.
+CoarseOptions coarse_options(const JobState& state, const SmoothPlan& plan, std::size_t round);
+/// The round whose store the step of this round began with: it makes the rows.
+std::size_t base_round(const SmoothPlan& plan, std::size_t round);
+MeshStore open_smoothed(const std::filesystem::path& work, std::size_t round);
+PatchReach load_reach(const std::filesystem::path& work, std::size_t round);
+/// Bytes of a tile while it is loaded, and what stays.
+std::uint64_t tile_loading_bytes(std::uint64_t vertices, std::uint64_t faces);
+std::uint64_t tile_loaded_bytes(std::uint64_t vertices, std::uint64_t faces);
+
 std::unique_ptr<Stage> make_reach_stage(const JobState& state);
+std::unique_ptr<Stage> make_coarse_sums_stage(const JobState& state, const SmoothPlan& plan,
+                                              std::size_t round);
+std::unique_ptr<Stage> make_coarse_stage(const JobState& state, const SmoothPlan& plan, std::size_t round);
 std::unique_ptr<Stage> make_smooth_stage(const JobState& state, const SmoothPlan& plan, std::size_t round);
 
 }  // namespace tessera

@@ -1,6 +1,7 @@
 #include "stream/stages/smooth_tiles.h"
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
 #include <numeric>
 #include <span>
@@ -72,7 +73,7 @@ class Cutter {
     const MeshBox core = store_.box_of(tile.patches);
     // A longer edge within the margin widens it; it ends at the latest when all patches are in.
     for (;;) {
-      tile.margin = tiling_.rings * longest;
+      tile.margin = tiling_.rings * longest + tiling_.reach;
       std::uint64_t vertices = 0, faces = 0;
       double seen = longest;
       for (const std::size_t p : store_.select(grown(core, tile.margin))) {
@@ -93,17 +94,29 @@ class Cutter {
 
 }  // namespace
 
+double PatchReach::edge(std::uint64_t faces) const {
+  double sum = 0.0;
+  for (const double squares : edge_squares) sum += squares;
+  return faces > 0 ? std::sqrt(sum / (3.0 * static_cast<double>(faces))) : 0.0;
+}
+
 void PatchReach::save(const std::filesystem::path& path) const {
   DirectFile file(path);
-  if (!longest_edge.empty()) file.write(longest_edge.data(), longest_edge.size() * sizeof(double));
+  for (const auto* values : {&longest_edge, &edge_squares})
+    if (!values->empty()) file.write(values->data(), values->size() * sizeof(double));
   file.finish();
 }
 
 PatchReach PatchReach::load(const std::filesystem::path& path) {
   const ReadFile file(path);
   PatchReach reach;
-  reach.longest_edge.resize(file.size() / sizeof(double));
-  file.read_at(0, reach.longest_edge.data(), reach.longest_edge.size() * sizeof(double));
+  const std::uint64_t bytes = file.size() / 2;
+  std::uint64_t offset = 0;
+  for (auto* values : {&reach.longest_edge, &reach.edge_squares}) {
+    values->resize(bytes / sizeof(double));
+    file.read_at(offset, values->data(), values->size() * sizeof(double));
+    offset += bytes;
+  }
   return reach;
 }
 

@@ -20,9 +20,13 @@ struct SmoothTile {
 /// Tiles that one task does one after the other, into one file.
 using SmoothTask = std::vector<SmoothTile>;
 
-/// Longest edge of every patch, in the order of the store. It bounds how far a ring reaches.
+/// What a round must know of every patch, in the order of the store.
 struct PatchReach {
-  std::vector<double> longest_edge;
+  std::vector<double> longest_edge;  ///< it bounds how far a ring reaches
+  std::vector<double> edge_squares;  ///< sum of the squared edges of its faces
+
+  /// Root mean square of all edges, those inside counted twice.
+  double edge(std::uint64_t faces) const;
 
   void save(const std::filesystem::path& path) const;
   static PatchReach load(const std::filesystem::path& path);
@@ -30,6 +34,7 @@ struct PatchReach {
 
 struct SmoothTiling {
   int rings = 1;
+  double reach = 0.0;            ///< scan units, beyond the rings
   int tile_bricks = 0;           ///< largest edge of a tile in bricks; 0 = as large as the bytes allow
   std::uint64_t tile_bytes = 0;  ///< a tile above it is split down to single patches
   /// Upper bound for a tile that reads so many vertices and faces, halo included.

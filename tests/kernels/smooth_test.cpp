@@ -378,7 +378,8 @@ TEST_CASE("smooth: options that make no sense are refused by name", "[unit]") {
   CHECK(refused([](SmoothOptions& o) { o.steps = 0; }, "--steps"));
   CHECK(refused([](SmoothOptions& o) { o.tolerance = -1; }, "--tolerance"));
   CHECK(refused([](SmoothOptions& o) { o.lambda = std::nan(""); }, "--lambda"));
-  CHECK(refused([](SmoothOptions& o) { o.lambda = 1e7; }, "--lambda"));
+  CHECK(refused([](SmoothOptions& o) { o.lambda = 1e10; }, "--lambda"));
+  CHECK(refused([](SmoothOptions& o) { o.lambda = 1e7, o.order = 2; }, "--order 1"));
   CHECK(refused([](SmoothOptions& o) { o.method = "laplacian", o.lambda = 1.5; }, "--lambda"));
   SmoothOptions long_one;
   long_one.method = "taubin";

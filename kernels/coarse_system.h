@@ -1,0 +1,60 @@
+/// \file coarse_system.h
+/// The linear system of the coarse level of smoothing (coarse_level.h), summed over the whole mesh and solved in
+/// core.
+#pragma once
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "kernels/coarse_level.h"
+
+#include "solvers/sparse_matrix.h"
+
+namespace tessera {
+
+struct CoarseUnknown {
+  std::uint64_t name = 0;
+  Double3 position = {0, 0, 0};  ///< of the vertex that names it
+  std::uint64_t on_line = 0;     ///< 1: of a line
+};
+
+class CoarseSystem {
+ public:
+  /// \param unknowns  ascending names
+  explicit CoarseSystem(std::vector<CoarseUnknown> unknowns);
+
+  /// \pre ascending rows, ascending columns within a row, each pair once; both are unknowns
+  void add(const CoarseEntry& entry);
+
+  /// The displacements, in the order of the unknowns: those on lines first, then the others, which see them. By
+  /// multigrid to a residual of 1e-5, on one thread: the same bits on every machine.
+  /// \pre all entries are added; every load names an unknown
+  /// \param memory_bytes  for the solver beside the matrix; 0 = no limit
+  /// \throws InputError when there is no solution, with the reason
+  std::vector<Double3> solve(std::span<const CoarseLoad> loads, std::uint64_t memory_bytes = 0);
+
+  std::uint64_t entries() const { return free_.own.entries() + free_.seen.entries() + line_.own.entries(); }
+  /// Cycles of multigrid in the last solve().
+  int cycles() const { return cycles_; }
+
+  /// Upper bound of what adding and solving takes for so many unknowns and entries.
+  static std::uint64_t bytes(std::uint64_t unknowns, std::uint64_t entries);
+
+ private:
+  struct Part {
+    SparseMatrix own;   ///< among unknowns of this kind
+    SparseMatrix seen;  ///< of the free part: columns are unknowns on lines
+    std::vector<Double3> position;
+  };
+  std::size_t number(std::uint64_t name) const;
+  static void end_row(Part& part);
+  std::vector<double> solve_part(Part& part, const std::vector<double>& load, std::uint64_t memory_bytes);
+
+  std::vector<CoarseUnknown> unknowns_;
+  std::vector<std::int32_t> place_;  ///< of each unknown in its part
+  Part free_, line_;
+  std::size_t row_ = 0;  ///< that is being filled
+  int cycles_ = 0;
+};
+
+}  // namespace tessera

@@ -1,0 +1,247 @@
+#include <algorithm>
+#include <nlohmann/json.hpp>
+#include <numeric>
+#include <tuple>
+
+#include "octree/error.h"
+#include "stream/external_sort.h"
+#include "stream/read_file.h"
+#include "stream/stages/coarse_files.h"
+#include "stream/stages/smooth_stage.h"
+#include "stream/task_files.h"
+
+namespace tessera {
+namespace {
+
+using json = nlohmann::json;
+
+constexpr std::uint64_t kSlackBytes = std::uint64_t{16} << 20;
+constexpr std::uint64_t kSortBytes = std::uint64_t{64} << 20;
+constexpr std::uint64_t kReadEntries = std::uint64_t{1} << 16;
+
+/// Rings of faces that the sums at a vertex read: rows of its neighbours' stars, and whether ends of lines are free.
+constexpr int kSumsRings = 3;
+
+/// What coarse_matrix() and coarse_load() take for a vertex of the patch, and for one of the tile.
+constexpr std::uint64_t kSumsPatchBytes = 1500;
+constexpr std::uint64_t kSumsVertexBytes = 8 * (8 + 1 + 4 + 24 + 1);
+
+std::string matrix_file(std::size_t round) {
+  return "matrix-" + std::to_string(round) + "/matrix.bin";
+}
+
+class CoarseSumsStage : public Stage {
+ public:
+  CoarseSumsStage(const JobState& state, const SmoothPlan& plan, std::size_t round)
+      : round_(round),
+        rule_(plan.rounds[round - 1]),
+        options_(coarse_options(state, plan, round)),
+        store_(open_smoothed(state.work, base_round(plan, round))),
+        before_(open_smoothed(state.work, round - 1)) {
+    SmoothTiling tiling;
+    tiling.rings = kSumsRings;
+    tiling.reach = coarse_reach(options_);
+    tiling.tile_bricks = state.run.tile_cells / kBrickCells;
+    tiling.tile_bytes = state.run.memory_bytes * 13 / 16 / static_cast<std::uint64_t>(state.run.threads);
+    std::uint64_t patch_vertices = 0;
+    for (const MeshPatchEntry& e : store_.patches())
+      patch_vertices = std::max<std::uint64_t>(patch_vertices, e.vertices);
+    SmoothRound rows = rule_;
+    rows.filter.degree = 1;
+    tiling.bytes = [=](std::uint64_t vertices, std::uint64_t faces) {
+      const std::uint64_t loaded = tile_loaded_bytes(vertices, faces) + sizeof(Double3) * vertices;
+      return std::max(tile_loading_bytes(vertices, faces),
+                      loaded + smooth_bytes(vertices, faces, rows) + kSumsVertexBytes * vertices) +
+             kSumsPatchBytes * patch_vertices + kSlackBytes;
+    };
+    tasks_ = make_smooth_tasks(store_, load_reach(state.work, base_round(plan, round)), tiling);
+  }
+
+  std::string name() const override { return coarse_sums_folder(round_); }
+  std::size_t task_count() const override { return tasks_.size(); }
+  std::uint64_t units() const override { return store_.face_count(); }
+  std::string unit_name() const override { return "faces"; }
+  std::uint64_t task_bytes(std::size_t task) const override {
+    std::uint64_t bytes = 0;
+    for (const SmoothTile& tile : tasks_[task]) bytes = std::max(bytes, tile.bytes);
+    return bytes;
+  }
+
+  json run(std::size_t task, TaskContext& context) const override {
+    PatchSumsWriter writer(context.create(coarse_sums_folder(round_) + "/" + task_file_stem(task) + ".bin"));
+    for (const SmoothTile& tile : tasks_[task]) {
+      context.check_stop();
+      const MeshHaloBlock near = store_.load_near(tile.patches, tile.margin);
+      const std::vector<Double3> now = positions_of(store_, before_, near, tile);
+      const FaceCorners corners(near.block);
+      const SurfaceRows rows = make_surface_rows(near.block, corners, rule_.rows);
+      context.check_stop();
+      const CoarseBasis basis = make_coarse_basis(near.block, rows, options_);
+      std::vector<std::vector<CoarseUnknown>> unknowns(tile.patches.size());
+      for (std::size_t i = 0; i < basis.name.size(); ++i) {
+        const auto owner =
+            std::lower_bound(tile.patches.begin(), tile.patches.end(), near.first_patch[basis.seed[i]]);
+        if (owner == tile.patches.end() || *owner != near.first_patch[basis.seed[i]]) continue;
+        unknowns[static_cast<std::size_t>(owner - tile.patches.begin())].push_back(
+            {basis.name[i], near.block.position[basis.seed[i]], basis.on_line[i]});
+      }
+      for (std::size_t k = 0; k < tile.patches.size(); ++k) {
+        context.check_stop();
+        std::vector<std::uint32_t> own;
+        for (const std::uint32_t v : near.core_vertices[k])
+          if (near.first_patch[v] == tile.patches[k]) own.push_back(v);
+        PatchSums sums;
+        sums.patch = tile.patches[k];
+        sums.unknowns = std::move(unknowns[k]);
+        if (rule_.cycle == 0) sums.entries = coarse_matrix(rows, basis, own, options_);
+        sums.loads = coarse_load(rows, basis, near.block.position, now, own, options_);
+        writer.add(sums);
+        context.advance(store_.patches()[tile.patches[k]].faces);
+      }
+    }
+    context.count_written(writer.finish());
+    return json::object();
+  }
+  json finish(const std::vector<json>& summaries, TaskContext&) const override {
+    return {{"tasks", summaries.size()}, {"cell", options_.cell}, {"degree", options_.degree}};
+  }
+  std::uint64_t finish_bytes() const override { return kSlackBytes; }
+
+ private:
+  std::size_t round_;
+  SmoothRound rule_;
+  CoarseOptions options_;
+  MeshStore store_;   ///< where the step began
+  MeshStore before_;  ///< where the round begins
+  std::vector<SmoothTask> tasks_;
+};
+
+/// Sums of several patches, in the order of the patches.
+struct PlacedEntry {
+  CoarseEntry entry;
+  std::uint64_t patch = 0;
+  bool operator<(const PlacedEntry& o) const {
+    return std::tie(entry.row, entry.column, patch) < std::tie(o.entry.row, o.entry.column, o.patch);
+  }
+};
+struct PlacedLoad {
+  CoarseLoad load;
+  std::uint64_t patch = 0;
+  bool operator<(const PlacedLoad& o) const {
+    return std::tie(load.row, patch) < std::tie(o.load.row, o.patch);
+  }
+};
+
+class CoarseStage : public Stage {
+ public:
+  CoarseStage(const JobState& state, const SmoothPlan& plan, std::size_t round)
+      : work_(state.work),
+        round_(round),
+        first_(base_round(plan, round) + 1),
+        last_(plan.rounds[round - 1].cycle + 1 == kCoarseCycles),
+        files_(list_task_files(work_ / coarse_sums_folder(round), ".bin")),
+        count_(count_patch_sums(files_)) {
+    entries_ = round_ == first_ ? count_.entries
+                                : ReadFile(work_ / matrix_file(first_)).size() / sizeof(CoarseEntry);
+  }
+
+  std::string name() const override { return coarse_folder(round_); }
+  std::size_t task_count() const override { return 1; }
+  std::uint64_t units() const override { return count_.unknowns; }
+  std::string unit_name() const override { return "unknowns"; }
+  std::uint64_t task_bytes(std::size_t) const override {
+    return CoarseSystem::bytes(count_.unknowns, entries_) +
+           (sizeof(CoarseUnknown) + sizeof(Double3)) * count_.unknowns +
+           (sizeof(PlacedLoad) + sizeof(CoarseLoad)) * count_.loads + kSortBytes +
+           count_.largest_patch_bytes + kSlackBytes;
+  }
+
+  json run(std::size_t, TaskContext& context) const override {
+    std::vector<CoarseUnknown> unknowns;
+    unknowns.reserve(count_.unknowns);
+    std::vector<PlacedLoad> placed;
+    placed.reserve(count_.loads);
+    ExternalSort<PlacedEntry> sort(work_, kSortBytes);
+    read_patch_sums(files_, [&](const PatchSums& sums) {
+      context.check_stop();
+      unknowns.insert(unknowns.end(), sums.unknowns.begin(), sums.unknowns.end());
+      for (const CoarseLoad& l : sums.loads) placed.push_back({l, sums.patch});
+      for (const CoarseEntry& e : sums.entries) sort.add({e, sums.patch});
+    });
+    std::sort(unknowns.begin(), unknowns.end(),
+              [](const CoarseUnknown& a, const CoarseUnknown& b) { return a.name < b.name; });
+    std::sort(placed.begin(), placed.end());
+    std::vector<CoarseLoad> loads;
+    for (const PlacedLoad& p : placed) {
+      if (loads.empty() || loads.back().row != p.load.row) loads.push_back({p.load.row});
+      for (std::size_t a = 0; a < 3; ++a) loads.back().value[a] += p.load.value[a];
+    }
+    CoarseSystem system(unknowns);
+    if (round_ == first_) {
+      DirectFile file(context.create(matrix_file(first_)));
+      CoarseEntry sum;
+      bool any = false;
+      const auto put = [&] {
+        if (!any) return;
+        system.add(sum);
+        file.write(&sum, sizeof sum);
+      };
+      sort.drain([&](std::span<const PlacedEntry> batch) {
+        context.check_stop();
+        for (const PlacedEntry& p : batch) {
+          if (any && p.entry.row == sum.row && p.entry.column == sum.column) {
+            sum.value += p.entry.value;
+            continue;
+          }
+          put();
+          sum = p.entry;
+          any = true;
+        }
+      });
+      put();
+      context.count_written(file.finish());
+    } else {
+      const ReadFile file(work_ / matrix_file(first_));
+      std::vector<CoarseEntry> batch;
+      for (std::uint64_t at = 0; at < entries_; at += batch.size()) {
+        context.check_stop();
+        batch.resize(std::min(kReadEntries, entries_ - at));
+        file.read_at(at * sizeof(CoarseEntry), batch.data(), batch.size() * sizeof(CoarseEntry));
+        for (const CoarseEntry& e : batch) system.add(e);
+      }
+    }
+    const std::vector<Double3> values = system.solve(loads);
+    save_coarse_solution(context.create(coarse_solution_file(round_)), unknowns, values);
+    context.advance(count_.unknowns);
+    return {{"unknowns", count_.unknowns}, {"entries", system.entries()}, {"cycles", system.cycles()}};
+  }
+  json finish(const std::vector<json>& summaries, TaskContext&) const override { return summaries.at(0); }
+  std::uint64_t finish_bytes() const override { return kSlackBytes; }
+
+  std::vector<std::string> obsolete() const override {
+    std::vector<std::string> names = {coarse_sums_folder(round_) + "/"};
+    if (last_) names.push_back(std::filesystem::path(matrix_file(first_)).parent_path().string() + "/");
+    return names;
+  }
+
+ private:
+  std::filesystem::path work_;
+  std::size_t round_, first_;
+  bool last_;
+  std::vector<std::filesystem::path> files_;
+  PatchSumsCount count_;
+  std::uint64_t entries_ = 0;
+};
+
+}  // namespace
+
+std::unique_ptr<Stage> make_coarse_sums_stage(const JobState& state, const SmoothPlan& plan,
+                                              std::size_t round) {
+  return std::make_unique<CoarseSumsStage>(state, plan, round);
+}
+
+std::unique_ptr<Stage> make_coarse_stage(const JobState& state, const SmoothPlan& plan, std::size_t round) {
+  return std::make_unique<CoarseStage>(state, plan, round);
+}
+
+}  // namespace tessera

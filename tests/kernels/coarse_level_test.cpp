@@ -1,0 +1,231 @@
+// The coarse level of smoothing: long wavelengths against direct solutions, and independence of blocks.
+#include "kernels/coarse_level.h"
+
+#include <algorithm>
+#include <catch2/catch.hpp>
+#include <cmath>
+#include <map>
+#include <numeric>
+
+#include "kernels/coarse_system.h"
+#include "kernels/smooth.h"
+#include "octree/error.h"
+#include "solvers/linear_solver.h"
+#include "tests/helpers/block_meshes.h"
+
+namespace {
+
+using namespace tessera;
+
+double rms_edge(const MeshBlock& block) {
+  double sum = 0.0;
+  for (const auto& f : block.faces)
+    for (std::size_t k = 0; k < 3; ++k)
+      for (std::size_t a = 0; a < 3; ++a)
+        sum += std::pow(block.position[f[k]][a] - block.position[f[(k + 1) % 3]][a], 2);
+  return std::sqrt(sum / (3.0 * static_cast<double>(block.faces.size())));
+}
+
+CoarseOptions options_for(const MeshBlock& block, double lambda) {
+  return coarse_options(lambda, rms_edge(block), block.faces.size());
+}
+
+/// One cycle with the whole mesh as one patch.
+std::vector<Double3> cycle(const MeshBlock& block, const std::vector<Double3>& now,
+                           const SmoothRound& round) {
+  const CoarseOptions options = options_for(block, round.filter.lambda);
+  const SurfaceRows rows = make_surface_rows(block, FaceCorners(block), round.rows);
+  const CoarseBasis basis = make_coarse_basis(block, rows, options);
+  std::vector<std::uint32_t> all(block.key.size());
+  std::iota(all.begin(), all.end(), 0u);
+  std::vector<CoarseUnknown> unknowns;
+  for (std::size_t i = 0; i < basis.name.size(); ++i)
+    unknowns.push_back({basis.name[i], block.position[basis.seed[i]], basis.on_line[i]});
+  CoarseSystem system(unknowns);
+  for (const CoarseEntry& e : coarse_matrix(rows, basis, all, options)) system.add(e);
+  const CoarseSolution solution{basis.name,
+                                system.solve(coarse_load(rows, basis, block.position, now, all, options))};
+  const SmoothedBlock out = smooth_cycle(block, now, round, options, solution);
+  CHECK(out.counts.vertices == block.key.size());
+  return out.position;
+}
+
+std::vector<Double3> smoothed(const MeshBlock& block, const SmoothOptions& options) {
+  std::vector<Double3> now = block.position;
+  for (const SmoothRound& round : smooth_rounds(options)) {
+    if (round.cycle >= 0)
+      now = cycle(block, now, round);
+    else
+      now = smooth_block(block, round).position;
+  }
+  return now;
+}
+
+/// (1 + lambda A) x = b by a sparse factor, each row as the filter sees it.
+std::vector<Double3> direct(const MeshBlock& block, const SmoothOptions& options) {
+  const SurfaceRows rows =
+      make_surface_rows(block, FaceCorners(block), {LaplaceWeights::kCotangent, options.feature_angle_deg});
+  const std::size_t n = block.position.size();
+  SparseMatrix a;
+  a.rows = a.columns = static_cast<std::int32_t>(n);
+  a.start.push_back(0);
+  std::vector<double> b(3 * n), x(3 * n);
+  for (std::uint32_t v = 0; v < n; ++v) {
+    std::map<std::int32_t, double> row;
+    double degree = 0.0;
+    Double3 right = {0, 0, 0};
+    for (std::uint32_t e = rows.first[v]; e < rows.first[v + 1]; ++e)
+      degree += static_cast<double>(rows.weight[e]);
+    if (degree == 0.0) degree = 1.0;
+    for (std::size_t k = 0; k < 3; ++k) right[k] = block.position[v][k];
+    for (std::uint32_t e = rows.first[v]; e < rows.first[v + 1]; ++e) {
+      const std::uint32_t u = rows.neighbour[e];
+      const double share = options.lambda * static_cast<double>(rows.weight[e]) / degree;
+      // Lines take the free vertices at their ends where they were.
+      if (rows.role[v] == VertexRole::kLine && rows.role[u] == VertexRole::kFree)
+        for (std::size_t k = 0; k < 3; ++k) right[k] += share * block.position[u][k];
+      else
+        row[static_cast<std::int32_t>(u)] -= share;
+    }
+    row[static_cast<std::int32_t>(v)] = rows.first[v] < rows.first[v + 1] ? 1.0 + options.lambda : 1.0;
+    for (const auto& [column, value] : row) {
+      a.column.push_back(column);
+      a.value.push_back(value);
+    }
+    a.start.push_back(static_cast<std::int32_t>(a.column.size()));
+    for (std::size_t k = 0; k < 3; ++k) b[3 * v + k] = right[k];
+  }
+  const auto solver = make_solver(SolverKind::kLu);
+  REQUIRE(solver->analyse(a).status == SolveStatus::kSolved);
+  REQUIRE(solver->factor(a).status == SolveStatus::kSolved);
+  REQUIRE(solver->solve(b, x, 3).status == SolveStatus::kSolved);
+  std::vector<Double3> out(n);
+  for (std::size_t v = 0; v < n; ++v) out[v] = {x[3 * v], x[3 * v + 1], x[3 * v + 2]};
+  return out;
+}
+
+/// RMS difference as a share of the RMS displacement.
+double error(const MeshBlock& block, const std::vector<Double3>& got, const std::vector<Double3>& right) {
+  double wrong = 0.0, moved = 0.0;
+  for (std::size_t v = 0; v < got.size(); ++v)
+    for (std::size_t a = 0; a < 3; ++a) {
+      wrong += std::pow(got[v][a] - right[v][a], 2);
+      moved += std::pow(right[v][a] - block.position[v][a], 2);
+    }
+  return std::sqrt(wrong / moved);
+}
+
+/// A sphere with long waves and noise; with `cut` its lower part is squeezed, so that a crease runs around it.
+MeshBlock wavy_sphere(int level, bool cut) {
+  MeshBlock block = test::sphere_block(level);
+  for (Double3& p : block.position) {
+    const double w = 1.0 + 0.1 * std::sin(3.0 * p[0]) * std::cos(4.0 * p[1] + p[2]);
+    for (double& x : p) x *= w;
+    if (cut && p[2] < 0.0) p[2] *= 0.2;
+  }
+  test::add_noise(block, 0.1 * rms_edge(block), 31);
+  return block;
+}
+
+}  // namespace
+
+TEST_CASE("coarse level: long wavelengths agree with the direct solution, where Chebyshev alone does not",
+          "[property]") {
+  const bool cut = GENERATE(false, true);
+  const MeshBlock block = wavy_sphere(5, cut);
+  SmoothOptions options;
+  options.lambda = GENERATE(200.0, 1e4, 1e6);
+  options.feature_angle_deg = cut ? 50 : 0;
+  const std::vector<Double3> right = direct(block, options);
+  CHECK(error(block, smoothed(block, options), right) < 1e-3);
+  options.degree = 64;
+  const double alone = error(block, smoothed(block, options), right);
+  if (options.lambda > 1e3) CHECK(alone > 0.1);
+}
+
+TEST_CASE("coarse level: the sides of a thin wall move apart", "[property]") {
+  // Two sheets closer than a cell, waves against each other: corners around them must have an unknown for each.
+  const int side = 60;
+  std::vector<Double3> position;
+  std::vector<std::array<std::uint32_t, 3>> faces;
+  for (int sheet = 0; sheet < 2; ++sheet)
+    for (int j = 0; j <= side; ++j)
+      for (int i = 0; i <= side; ++i)
+        position.push_back({double(i), double(j),
+                            0.5 + sheet + (sheet - 0.5) * 0.8 * std::sin(0.1 * i) * std::sin(0.1 * j)});
+  for (std::uint32_t sheet = 0; sheet < 2; ++sheet)
+    for (std::uint32_t j = 0; j < side; ++j)
+      for (std::uint32_t i = 0; i < side; ++i) {
+        const std::uint32_t a = (sheet * (side + 1) + j) * (side + 1) + i, c = a + side + 1;
+        faces.push_back({a, a + 1, c + 1});
+        faces.push_back({a, c + 1, c});
+      }
+  const MeshBlock block = test::make_block(position, faces);
+  SmoothOptions options;
+  options.lambda = 1e4;
+  options.feature_angle_deg = 0;
+  CHECK(error(block, smoothed(block, options), direct(block, options)) < 1e-3);
+}
+
+TEST_CASE("coarse level: sums have the same bits in every block that holds the surroundings", "[property]") {
+  const MeshBlock whole = wavy_sphere(5, true);
+  const CoarseOptions options = options_for(whole, 1000);
+  const SurfaceRowOptions how{LaplaceWeights::kCotangent, 50};
+  const SurfaceRows rows = make_surface_rows(whole, FaceCorners(whole), how);
+  const CoarseBasis basis = make_coarse_basis(whole, rows, options);
+  std::vector<Double3> now = whole.position;
+  for (std::size_t v = 0; v < now.size(); ++v) now[v][0] += 1e-3 * now[v][1];
+  std::vector<std::uint32_t> core;
+  for (std::uint32_t v = 0; v < now.size(); ++v)
+    if (whole.position[v][0] < -0.6) core.push_back(v);
+  const auto entries = coarse_matrix(rows, basis, core, options);
+  const auto loads = coarse_load(rows, basis, whole.position, now, core, options);
+  REQUIRE(entries.size() > 500);
+  const auto in_piece = [&](double margin) {
+    const MeshBlock piece =
+        test::piece_of(whole, [&](std::uint32_t v) { return whole.position[v][0] < -0.6 + margin; });
+    const SurfaceRows part = make_surface_rows(piece, FaceCorners(piece), how);
+    const CoarseBasis seen = make_coarse_basis(piece, part, options);
+    std::vector<std::uint32_t> same;
+    std::vector<Double3> there;
+    for (std::uint32_t v = 0, at = 0; v < piece.key.size(); ++v) {
+      while (whole.key[at] != piece.key[v]) ++at;
+      there.push_back(now[at]);
+      if (std::binary_search(core.begin(), core.end(), at)) same.push_back(v);
+    }
+    REQUIRE(same.size() == core.size());
+    const auto e = coarse_matrix(part, seen, same, options);
+    const auto l = coarse_load(part, seen, piece.position, there, same, options);
+    REQUIRE(e.size() == entries.size());
+    REQUIRE(l.size() == loads.size());
+    std::size_t different = 0;
+    for (std::size_t k = 0; k < e.size(); ++k)
+      different +=
+          e[k].row != entries[k].row || e[k].column != entries[k].column || e[k].value != entries[k].value;
+    for (std::size_t k = 0; k < l.size(); ++k)
+      different += l[k].row != loads[k].row || l[k].value != loads[k].value;
+    CHECK(different == 0);
+  };
+  in_piece(coarse_reach(options) + 4 * 0.06);
+  CHECK_THROWS_AS(in_piece(0.3 * options.cell), std::logic_error);
+}
+
+TEST_CASE("coarse level: what cannot be solved is said", "[unit]") {
+  const MeshBlock block = wavy_sphere(3, false);
+  CoarseOptions options = options_for(block, 1000);
+  const SurfaceRows rows = make_surface_rows(block, FaceCorners(block), {});
+  SECTION("a mesh too far from zero") {
+    options.cell = 1e-10;
+    CHECK_THROWS_AS(make_coarse_basis(block, rows, options), InputError);
+  }
+  SECTION("a system without a diagonal") {
+    CoarseSystem system({{3, {0, 0, 0}, 0}, {5, {1, 0, 0}, 0}});
+    system.add({3, 3, 1.0});
+    const std::vector<CoarseLoad> loads = {{3, {1, 1, 1}}};
+    CHECK_THROWS_AS(system.solve(loads), InputError);
+  }
+  SECTION("an entry of nobody") {
+    CoarseSystem system({{3, {0, 0, 0}, 0}});
+    CHECK_THROWS_AS(system.add({4, 4, 1.0}), InputError);
+  }
+}
