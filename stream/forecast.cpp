@@ -11,6 +11,8 @@
 #include "stream/point_inputs.h"
 #include "stream/point_sort.h"
 #include "stream/run_file.h"
+#include "stream/stages/closing_stages.h"
+#include "stream/stages/first_pass.h"
 #include "stream/stages/hole_files.h"
 
 namespace tessera {
@@ -31,11 +33,24 @@ constexpr double kShapeTime = 0.25;     // supporters of points with normals
 constexpr double kEstimateTime = 0.95;  // normals too
 constexpr double kSurfaceTime = 0.42;   // per face
 constexpr double kWriteTime = 0.02;     // per face
+// With --holes, per point and per face of the open surface; what closing itself takes only the holes know.
+constexpr double kMultipoleTime = 0.1;
+constexpr double kRimsTime = 0.4;
+constexpr double kMultipoleBytes = 0.96;
+constexpr double kRimsBytes = 1.5;
+// With --tolerance, per face of full resolution.
+constexpr double kFirstPassTime = 0.65;
+constexpr double kFirstPassBytes = 6.4;  // instead of kPatchBytes
+constexpr double kPass2Time = 0.27;
+constexpr double kPass3Time = 0.13;
+constexpr double kCertifyTime = 0.43;
+constexpr double kPassBytes = 0.3;
 constexpr double kDiskBytesPerSecond = 8e8;
 
 // Memory per point of a brick and its surroundings, see normals_stage.cpp and tiling.cpp.
 constexpr std::uint64_t kShapePointBytes = 124;
 constexpr std::uint64_t kTilePointBytes = 84;
+constexpr std::uint64_t kMultipolePointBytes = 200;
 constexpr std::uint64_t kTileFixedBytes = std::uint64_t{42} << 20;
 
 constexpr std::uint64_t kSurfaceTaskPoints = 500'000;
@@ -100,7 +115,6 @@ Forecast forecast_job(const Plan& plan, const std::vector<PlanBrick>& bricks, co
   const std::uint64_t run = bytes_of(points, kRunBytes);
   const std::uint64_t store = bytes_of(points, kStoreBytes);
   const std::uint64_t overlay = shapes ? bytes_of(points, kOverlayBytes) : 0;
-  const std::uint64_t patches = bytes_of(faces, kPatchBytes);
   const std::uint64_t buckets = plan.buckets.size();
   const std::uint64_t share = job.run.memory_bytes / static_cast<std::uint64_t>(threads);
   const std::uint64_t run_buffer = std::min<std::uint64_t>(share / 6, RunWriter::kBytesPerPoint << 20);
@@ -115,13 +129,33 @@ Forecast forecast_job(const Plan& plan, const std::vector<PlanBrick>& bricks, co
         points * (estimate ? kEstimateTime : kShapeTime), static_cast<double>(store + overlay));
   const std::uint64_t groups =
       std::clamp<std::uint64_t>(plan.points() / kSurfaceTaskPoints, 1, kMaxSurfaceTasks);
-  add("surface", groups, around * kTilePointBytes + kTileFixedBytes, patches, groups, faces * kSurfaceTime,
+  const std::uint64_t tile_bytes = around * kTilePointBytes + kTileFixedBytes;
+  std::uint64_t closing = 0;
+  if (HolesMode(job.options.holes).close) {
+    const std::uint64_t multipoles = bytes_of(faces, kMultipoleBytes), rims = bytes_of(faces, kRimsBytes);
+    add("multipole", buckets, largest_brick * kMultipolePointBytes + (std::uint64_t{8} << 20), multipoles,
+        buckets, points * kMultipoleTime, static_cast<double>(store + overlay));
+    add("rims", groups, tile_bytes, rims, groups, faces * kRimsTime, static_cast<double>(store + overlay));
+    add("close", 1, job.run.memory_bytes / 4, 0, 1, 0.0, 0.0);
+    closing = multipoles + rims;
+  }
+  const bool fused = fuses_first_pass(job.options);
+  const std::uint64_t patches = bytes_of(faces, fused ? kFirstPassBytes : kPatchBytes);
+  add("surface", groups, tile_bytes, patches, groups, faces * (kSurfaceTime + (fused ? kFirstPassTime : 0.0)),
       static_cast<double>(store + overlay + patches));
+  if (fused) {
+    const std::uint64_t pass = bytes_of(faces, kPassBytes);
+    const std::uint64_t blocks = groups / 2 + 1;
+    const std::uint64_t pass_bytes = std::min<std::uint64_t>(share, std::uint64_t{100} << 20);
+    add("pass-2", blocks, pass_bytes, pass, blocks, faces * kPass2Time, 0.5 * static_cast<double>(patches));
+    add("pass-3", blocks, pass_bytes, pass, blocks, faces * kPass3Time, 0.2 * static_cast<double>(patches));
+    add("certify", groups, pass_bytes / 4, 0, groups, faces * kCertifyTime, static_cast<double>(patches));
+  }
   add("write", 1, std::uint64_t{64} << 20, f.output_bytes, 1, faces * kWriteTime,
       static_cast<double>(patches + f.output_bytes));
 
-  f.peak_disk_bytes =
-      std::max({run + store, store + overlay + patches, patches + f.output_bytes + store + overlay});
+  f.peak_disk_bytes = std::max({run + store, store + overlay + closing + patches,
+                                patches + f.output_bytes + store + overlay + closing});
   f.least_task_bytes = std::max(around * kTilePointBytes, shapes ? largest_brick * kShapePointBytes : 0);
   return f;
 }

@@ -67,7 +67,7 @@ class CloseStage : public Stage {
 
   json finish(const std::vector<json>&, TaskContext& context) const override {
     if (!mode_.close) return {{"needed", false}};
-    json entry = {{"needed", true}};
+    json entry = {{"needed", true}, {"summary_bytes", multipoles_->far().bytes()}};
     const ClosingOptions options = decide(entry, context);
     std::map<std::uint64_t, std::vector<Int3>> pending;
     for (const BrickSection& brick : rims_->bricks())

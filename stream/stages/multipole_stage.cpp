@@ -75,7 +75,7 @@ class MultipoleStage : public Stage {
       bricks += s.at("bricks").get<std::uint64_t>();
       leaves += s.at("leaves").get<std::uint64_t>();
     }
-    return {{"needed", true}, {"bricks", bricks}, {"leaves", leaves}, {"summary_bytes", bricks * sizeof(Multipole) * 4 / 3}};
+    return {{"needed", true}, {"bricks", bricks}, {"leaves", leaves}};
   }
 
  private:
