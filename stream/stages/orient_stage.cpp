@@ -29,6 +29,9 @@ constexpr std::uint64_t kBoundaryBytes =
 constexpr std::uint64_t kMedianShare = 8;
 constexpr std::uint32_t kFewestSupporters = 3;
 constexpr std::uint32_t kMostSupporters = 16;
+// Strays are rare. Where a share of the median calls more points so, density varies, as around a terrestrial scanner:
+// sparse samples are as true as dense ones, and only the lower limit tells strays.
+constexpr std::uint64_t kMostStrays = 20;  ///< one in so many
 
 /// Boundary surfels of the bricks around the current one, by voxel.
 class BoundaryCache {
@@ -233,6 +236,8 @@ class OrientStage : public Stage {
         std::clamp<std::uint64_t>(median / kMedianShare, kFewestSupporters, kMostSupporters));
     std::uint64_t dropped = 0;
     for (std::uint32_t i = 0; i < decisions.min_supporters; ++i) dropped += histogram[i];
+    while (decisions.min_supporters > kFewestSupporters && dropped > all / kMostStrays)
+      dropped -= histogram[--decisions.min_supporters];
     entry["median_supporters"] = median;
     entry["min_supporters"] = decisions.min_supporters;
     entry["outliers_dropped"] = dropped;

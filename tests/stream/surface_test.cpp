@@ -27,7 +27,7 @@ struct MeshSetup : ChainSetup {
 struct MeshResult {
   std::string bytes;
   MeshCheck check;
-  nlohmann::json close, surface, weld;
+  nlohmann::json orient, close, surface, weld;
   nlohmann::json holes;
 };
 
@@ -44,7 +44,7 @@ MeshResult run_job(const std::vector<TestPoint>& points, const MeshSetup& setup)
   run(DistributeStage(job, inputs));
   run(OrderStage(job));
   run(*make_normals_stage(job));
-  run(*make_orient_stage(job));
+  result.orient = run(*make_orient_stage(job));
   if (setup.options.holes != "keep") {
     run(*make_multipole_stage(job));
     run(*make_rims_stage(job));
@@ -291,4 +291,24 @@ TEST_CASE("main job: without closing no vertex is farther from the data than the
   }
   CHECK(std::sqrt(worst) < 3.0);
   CHECK(vertices.size() > 1000);
+}
+
+TEST_CASE("main job: cleaning takes strays, not the sparse part of a scan whose density varies", "[unit]") {
+  Random random(6);
+  std::vector<TestPoint> points;
+  const auto add = [&](double x, double y, double z) { points.push_back({{x, y, z}, {0.0f, 0.0f, 1.0f}}); };
+  for (int i = 0; i < 60'000;) {  // beside the scanner: 21 points a cell
+    const double x = random.in(-30, 30), y = random.in(-30, 30);
+    if (x * x + y * y < 900.0) add(x, y, 0.0), ++i;
+  }
+  for (double y = -85; y < 85; y += 1.5)
+    for (double x = -85; x < 85; x += 1.5) add(x + random.in(0, 0.5), y + random.in(0, 0.5), 0.0);
+  for (int i = 0; i < 300; ++i) add(random.in(-80, 80), random.in(-80, 80), random.in(10, 60));
+  const MeshResult mesh = run_job(points, {});
+  check_sound(mesh.check);
+  CHECK(mesh.orient.at("outliers_dropped").get<int>() >= 300);
+  CHECK(mesh.orient.at("outliers_dropped").get<int>() < 1000);  // a few at the rim too
+  CHECK(mesh.check.components == 1);
+  CHECK(mesh.check.boundary_loops == 1);
+  CHECK(mesh.check.area == Approx(170.0 * 170.0).epsilon(0.03));
 }
