@@ -59,25 +59,28 @@ class Repair {
   void drop_duplicates() {
     for (RepairFace& f : faces_) f = turned(f);
     // Faces with the same corner set have the same first corner once turned.
-    const auto key = [](const RepairFace& f) {
-      return std::array{f[0], std::min(f[1], f[2]), std::max(f[1], f[2])};
+    const auto same = [](const RepairFace& a, const RepairFace& b) {
+      return a[0] == b[0] && std::min(a[1], a[2]) == std::min(b[1], b[2]) &&
+             std::max(a[1], a[2]) == std::max(b[1], b[2]);
     };
-    const auto before = [&](const RepairFace& a, const RepairFace& b) {
-      const auto ka = key(a);
-      const auto kb = key(b);
-      return ka != kb ? ka < kb : a < b;
+    const auto before = [](const RepairFace& a, const RepairFace& b) {  // of the same first corner
+      const std::uint32_t low_a = std::min(a[1], a[2]), low_b = std::min(b[1], b[2]);
+      if (low_a != low_b) return low_a < low_b;
+      const std::uint32_t high_a = std::max(a[1], a[2]), high_b = std::max(b[1], b[2]);
+      return high_a != high_b ? high_a < high_b : a < b;
     };
     sort_by_first_corner();
     for (std::size_t f = 0; f < faces_.size();) {
       std::size_t end = f + 1;
       while (end < faces_.size() && faces_[end][0] == faces_[f][0]) ++end;
-      std::sort(faces_.begin() + static_cast<std::ptrdiff_t>(f),
-                faces_.begin() + static_cast<std::ptrdiff_t>(end), before);
+      if (end > f + 1)
+        std::sort(faces_.begin() + static_cast<std::ptrdiff_t>(f),
+                  faces_.begin() + static_cast<std::ptrdiff_t>(end), before);
       f = end;
     }
     std::size_t kept = 0;
     for (std::size_t f = 0; f < faces_.size(); ++f) {
-      if (kept > 0 && key(faces_[f]) == key(faces_[kept - 1])) {
+      if (kept > 0 && same(faces_[f], faces_[kept - 1])) {
         if (owned(faces_[f][0])) ++result_.report.duplicate_faces;
         continue;
       }

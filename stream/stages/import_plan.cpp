@@ -42,10 +42,10 @@ std::uint64_t weighted_median(std::vector<std::uint64_t> counts, std::uint64_t v
 }  // namespace
 
 std::uint64_t ImportPlan::brick_of(const Double3& position) const {
-  const double edge = info.lattice.h * kBrickCells;
+  const double per_edge = 1.0 / (info.lattice.h * kBrickCells);  // a power of two: exact
   Int3 brick;
   for (std::size_t a = 0; a < 3; ++a)
-    brick[a] = static_cast<std::int32_t>(std::floor(position[a] / edge) -
+    brick[a] = static_cast<std::int32_t>(std::floor(position[a] * per_edge) -
                                          static_cast<double>(info.lattice.origin_brick[a]));
   return brick_key(brick);
 }
@@ -57,12 +57,13 @@ std::size_t ImportPlan::bucket_of_brick(std::uint64_t brick) const {
          1;
 }
 
-ImportPlan ImportPlan::measure(MeshReader& mesh, const std::function<void()>& check_stop) {
+ImportPlan ImportPlan::measure(const MeshHeader& header, const VertexSource& vertices_of_file,
+                               const std::function<void()>& check_stop) {
   ImportPlan plan;
   constexpr double kInfinity = std::numeric_limits<double>::infinity();
   Double3 low = {kInfinity, kInfinity, kInfinity};
   Double3 high = {-kInfinity, -kInfinity, -kInfinity};
-  mesh.read_vertices([&](std::span<const Double3> positions, std::span<const std::uint32_t>) {
+  vertices_of_file([&](std::span<const Double3> positions, std::span<const std::uint32_t>) {
     check_stop();
     plan.file_vertices += positions.size();
     for (const Double3& p : positions) {
@@ -78,9 +79,9 @@ ImportPlan ImportPlan::measure(MeshReader& mesh, const std::function<void()>& ch
   });
   if (plan.file_vertices == plan.nonfinite_vertices)
     throw EmptyError("the mesh has no vertex with finite coordinates: there is nothing to work on");
-  plan.info.double_positions = mesh.header().double_positions;
-  plan.info.colour = mesh.header().colour;
-  plan.info.shift = mesh.header().shift;
+  plan.info.double_positions = header.double_positions;
+  plan.info.colour = header.colour;
+  plan.info.shift = header.shift;
 
   double extent = 0.0;
   double farthest = 0.0;
@@ -97,7 +98,7 @@ ImportPlan ImportPlan::measure(MeshReader& mesh, const std::function<void()>& ch
 
   const double cell = std::ldexp(root, -kGridLevel);
   std::vector<std::uint32_t> count(std::size_t{kGrid} * kGrid * kGrid, 0);
-  mesh.read_vertices([&](std::span<const Double3> positions, std::span<const std::uint32_t>) {
+  vertices_of_file([&](std::span<const Double3> positions, std::span<const std::uint32_t>) {
     check_stop();
     for (const Double3& p : positions) {
       if (!finite(p)) continue;

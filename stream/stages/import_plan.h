@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <functional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -14,6 +15,10 @@
 #include "stream/stage.h"
 
 namespace tessera {
+
+/// Hands out all vertices in the order of the file, with their colours if there are any, in batches; any number of times.
+using VertexSource =
+    std::function<void(const std::function<void(std::span<const Double3>, std::span<const std::uint32_t>)>&)>;
 
 /// A pure function of the set of vertices. Bricks are cubes of a power of two, aligned to the world's zero,
 /// the largest that hold at most about kBrickVertices vertices in the middle of the distribution.
@@ -37,7 +42,8 @@ struct ImportPlan {
   std::size_t bucket_of_brick(std::uint64_t brick) const;
 
   /// Reads all vertices twice. \throws EmptyError when there is no finite vertex
-  static ImportPlan measure(MeshReader& mesh, const std::function<void()>& check_stop);
+  static ImportPlan measure(const MeshHeader& header, const VertexSource& vertices,
+                            const std::function<void()>& check_stop);
   nlohmann::json to_json() const;
   static ImportPlan from_json(const nlohmann::json& j);
 };

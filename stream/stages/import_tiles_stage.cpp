@@ -86,7 +86,8 @@ class ImportTilesStage : public Stage {
       const std::uint32_t end_number =
           b + 1 < own.brick.size() ? vertices_.first(task) + own.first[b + 1] : vertices_.first(task + 1);
       while (face < result.faces.size() && result.faces[face][0] < end_number) ++face;
-      if (face > begin) writer.add(own.brick[b], make_patch(v, result, begin, face, synthetic, local));
+      if (face > begin)
+        writer.add(own.brick[b], make_patch(v, result, begin, face, end_number, synthetic, local));
     }
     context.count_written(writer.finish());
     std::uint64_t remote = 0;
@@ -203,19 +204,45 @@ class ImportTilesStage : public Stage {
     return marked;
   }
 
-  /// Faces [begin, end) of one brick. \param synthetic  ascending
+  /// Vertices of faces [begin, end) of one brick that are no copies, ascending: those of the brick follow each other.
+  /// \param local  kNone before; not kNone for them after
+  static std::vector<std::uint32_t> used_vertices(const TileVertices& v, const RepairResult& result,
+                                                  std::size_t begin, std::size_t end,
+                                                  std::uint32_t end_number,
+                                                  std::vector<std::uint32_t>& local) {
+    const auto own_end = static_cast<std::uint32_t>(
+        std::lower_bound(v.number.begin(), v.number.end(), end_number) - v.number.begin());
+    std::uint32_t first = own_end;
+    std::vector<std::uint32_t> used, others;
+    for (std::size_t f = begin; f < end; ++f)
+      for (std::size_t c = 0; c < 3; ++c) {
+        const std::uint32_t at = result.local[f][c];
+        if (result.copy[f][c] != 0 || local[at] != kNone) continue;
+        local[at] = 0;
+        first = std::min(first, at);
+        if (at >= own_end) others.push_back(at);
+      }
+    for (std::uint32_t at = first; at < own_end; ++at)
+      if (local[at] != kNone) used.push_back(at);
+    std::sort(others.begin(), others.end());
+    used.insert(used.end(), others.begin(), others.end());
+    return used;
+  }
+
+  /// Faces [begin, end) of one brick, whose vertices end at `end_number`. \param synthetic  ascending
   static MeshBlock make_patch(const TileVertices& v, const RepairResult& result, std::size_t begin,
-                              std::size_t end, const std::vector<RepairFace>& synthetic,
-                              std::vector<std::uint32_t>& local) {
+                              std::size_t end, std::uint32_t end_number,
+                              const std::vector<RepairFace>& synthetic, std::vector<std::uint32_t>& local) {
     MeshBlock block;
     std::map<std::uint64_t, std::uint32_t> copies;  // of split vertices, by key
-    std::vector<std::uint32_t> used;
+    const std::vector<std::uint32_t> used = used_vertices(v, result, begin, end, end_number, local);
     const auto add = [&](std::uint32_t at, std::uint16_t copy) {
       block.key.push_back(key_of(v.number[at], copy));
       block.position.push_back(v.position[at]);
       if (!v.rgba.empty()) block.rgba.push_back(v.rgba[at]);
       return static_cast<std::uint32_t>(block.key.size() - 1);
     };
+    for (const std::uint32_t at : used) local[at] = add(at, 0);
     for (std::size_t f = begin; f < end; ++f) {
       std::array<std::uint32_t, 3> corners;
       for (std::size_t c = 0; c < 3; ++c) {
@@ -226,10 +253,6 @@ class ImportTilesStage : public Stage {
           if (fresh) it->second = add(at, copy);
           corners[c] = it->second;
           continue;
-        }
-        if (local[at] == kNone) {
-          local[at] = add(at, 0);
-          used.push_back(at);
         }
         corners[c] = local[at];
       }

@@ -4,6 +4,8 @@
 #include <bit>
 #include <cmath>
 #include <numeric>
+#include <span>
+#include <utility>
 
 #include <nlohmann/json.hpp>
 
@@ -19,6 +21,8 @@ using json = nlohmann::json;
 
 constexpr std::uint64_t kDealBytes = std::uint64_t{32} << 20;  ///< open chunks while dealing out
 
+constexpr std::uint64_t kLeastToKeep = std::uint64_t{256} << 20;  ///< caps from which vertices may be kept
+
 /// A vertex on its way to its bucket.
 template <class Real>
 struct DealtVertex {
@@ -27,10 +31,79 @@ struct DealtVertex {
   std::uint32_t in_file;
 };
 
+/// The first 32 bits of a number such that their order is that of the numbers; equal ones may belong to different
+/// numbers. \pre finite
+std::uint32_t leading_bits(float value) {
+  const auto bits = std::bit_cast<std::uint32_t>(value + 0.0f);  // one zero
+  return bits >> 31 ? ~bits : bits | 0x80000000u;
+}
+std::uint32_t leading_bits(double value) {
+  const auto bits = static_cast<std::uint32_t>(std::bit_cast<std::uint64_t>(value + 0.0) >> 32);
+  return bits >> 31 ? ~bits : bits | 0x80000000u;
+}
+
+/// By their upper halves, those of the same in the order they were in: counting passes over the bytes that differ.
+void sort_by_upper_half(std::span<std::uint64_t> values, std::vector<std::uint64_t>& scratch) {
+  scratch.resize(values.size());
+  std::span<std::uint64_t> from = values, to = scratch;
+  for (unsigned shift = 32; shift < 64; shift += 8) {
+    std::array<std::uint32_t, 257> begin{};
+    for (const std::uint64_t v : from) ++begin[(v >> shift & 255u) + 1];
+    if (*std::max_element(begin.begin(), begin.end()) == from.size()) continue;
+    std::partial_sum(begin.begin(), begin.end(), begin.begin());
+    for (const std::uint64_t v : from) to[begin[v >> shift & 255u]++] = v;
+    std::swap(from, to);
+  }
+  if (from.data() != values.data()) std::copy(from.begin(), from.end(), values.begin());
+}
+
+/// The vertices of a file. Where floats hold them and as many as its header promises fit, they are kept when they
+/// come the first time.
+class KeptVertices {
+ public:
+  KeptVertices(MeshReader& mesh, std::uint64_t most_bytes)
+      : mesh_(mesh),
+        keep_(!mesh.header().double_positions && !mesh.header().colour && mesh.header().vertices > 0 &&
+              mesh.header().vertices <= most_bytes / sizeof(Float3)) {}
+
+  void read(const std::function<void(std::span<const Double3>, std::span<const std::uint32_t>)>& sink) {
+    if (all_) {
+      std::vector<Double3> batch;
+      for (const Float3& p : position_) {
+        batch.push_back({p[0], p[1], p[2]});
+        if (batch.size() < kBatch && &p != &position_.back()) continue;
+        sink(batch, {});
+        batch.clear();
+      }
+      return;
+    }
+    bool keep = std::exchange(keep_, false);
+    if (keep) position_.reserve(mesh_.header().vertices);
+    mesh_.read_vertices([&](std::span<const Double3> batch, std::span<const std::uint32_t> rgba) {
+      keep = keep && position_.size() + batch.size() <= position_.capacity();
+      for (std::size_t i = 0; keep && i < batch.size(); ++i)
+        position_.push_back({static_cast<float>(batch[i][0]), static_cast<float>(batch[i][1]),
+                             static_cast<float>(batch[i][2])});
+      sink(batch, rgba);
+    });
+    all_ = keep;
+    if (!all_) std::vector<Float3>().swap(position_);
+  }
+
+ private:
+  static constexpr std::size_t kBatch = 8192;
+  MeshReader& mesh_;
+  bool keep_, all_ = false;
+  std::vector<Float3> position_;
+};
+
 class ImportReadStage : public Stage {
  public:
   ImportReadStage(const JobState& state, ImportSource source)
-      : path_(source.path(state)), source_(std::move(source)), names_(source_.folder) {}
+      : path_(source.path(state)),
+        keep_bytes_(state.run.memory_bytes >= kLeastToKeep ? state.run.memory_bytes / 8 : 0),
+        source_(std::move(source)),
+        names_(source_.folder) {}
 
   std::string name() const override { return source_.folder + "-read"; }
   std::size_t task_count() const override { return 0; }
@@ -39,18 +112,21 @@ class ImportReadStage : public Stage {
   std::string unit_name() const override { return "vertices"; }
   json run(std::size_t, TaskContext&) const override { return {}; }
   std::uint64_t finish_bytes() const override {
-    return kDealBytes + ImportPlan::kSurveyBytes + DirectFile::kDefaultBuffer + (std::uint64_t{8} << 20);
+    return keep_bytes_ + kDealBytes + ImportPlan::kSurveyBytes + DirectFile::kDefaultBuffer +
+           (std::uint64_t{8} << 20);
   }
 
   json finish(const std::vector<json>&, TaskContext& context) const override {
     const auto mesh = open_mesh_file(path_);
-    const ImportPlan plan = ImportPlan::measure(*mesh, [&] { context.check_stop(); });
+    KeptVertices kept(*mesh, keep_bytes_);
+    const VertexSource vertices = [&](const auto& sink) { kept.read(sink); };
+    const ImportPlan plan = ImportPlan::measure(mesh->header(), vertices, [&] { context.check_stop(); });
     if (plan.file_vertices >= 0xffffffffu)
       throw ResourceError(path_.string() + ": has " + std::to_string(plan.file_vertices) +
                           " vertices and at most 4294967294 can be worked on: cut the mesh in parts");
     write_durably(context.create(names_.plan()), plan.to_json().dump());
-    const std::uint64_t bytes =
-        plan.info.double_positions ? deal<double>(*mesh, plan, context) : deal<float>(*mesh, plan, context);
+    const std::uint64_t bytes = plan.info.double_positions ? deal<double>(vertices, plan, context)
+                                                           : deal<float>(vertices, plan, context);
     context.count_written(bytes);
     return {{"format", mesh->format()},
             {"vertices", plan.file_vertices},
@@ -61,13 +137,13 @@ class ImportReadStage : public Stage {
 
  private:
   template <class Real>
-  std::uint64_t deal(MeshReader& mesh, const ImportPlan& plan, TaskContext& context) const {
+  std::uint64_t deal(const VertexSource& vertices, const ImportPlan& plan, TaskContext& context) const {
     BucketFileWriter out(context.create(names_.dealt_vertices()), sizeof(DealtVertex<Real>), plan.buckets(),
                          kDealBytes);
     std::uint32_t next = 0;
     std::uint64_t last_brick = ~std::uint64_t{0};
     std::size_t bucket = 0;
-    mesh.read_vertices([&](std::span<const Double3> positions, std::span<const std::uint32_t> rgba) {
+    vertices([&](std::span<const Double3> positions, std::span<const std::uint32_t> rgba) {
       context.check_stop();
       context.count_read(positions.size() * sizeof(std::array<Real, 3>));
       for (std::size_t i = 0; i < positions.size(); ++i, ++next) {
@@ -89,6 +165,7 @@ class ImportReadStage : public Stage {
   }
 
   std::filesystem::path path_;
+  std::uint64_t keep_bytes_;
   ImportSource source_;
   ImportNames names_;
 };
@@ -134,38 +211,71 @@ class ImportVerticesStage : public Stage {
     return plan_.info.double_positions ? sizeof(DealtVertex<double>) : sizeof(DealtVertex<float>);
   }
 
+  /// Indices of the vertices in the lower halves, by brick, then by position.
+  template <class Real>
+  std::vector<std::uint64_t> sort_vertices(const std::vector<DealtVertex<Real>>& dealt,
+                                           std::vector<std::uint64_t>& bricks,
+                                           std::vector<std::uint32_t>& first) const {
+    std::vector<std::uint64_t> brick(dealt.size());
+    for (std::size_t i = 0; i < dealt.size(); ++i) {
+      const auto& p = dealt[i].position;
+      brick[i] = plan_.brick_of({p[0], p[1], p[2]});
+      if (bricks.empty() || bricks.back() != brick[i]) bricks.push_back(brick[i]);
+    }
+    std::sort(bricks.begin(), bricks.end());
+    bricks.erase(std::unique(bricks.begin(), bricks.end()), bricks.end());
+    const auto place = [&](std::size_t i, std::size_t last) {
+      if (last < bricks.size() && bricks[last] == brick[i]) return last;
+      return static_cast<std::size_t>(std::lower_bound(bricks.begin(), bricks.end(), brick[i]) -
+                                      bricks.begin());
+    };
+    first.assign(bricks.size() + 1, 0);
+    std::size_t last = 0;
+    for (std::size_t i = 0; i < dealt.size(); ++i) ++first[(last = place(i, last)) + 1];
+    std::partial_sum(first.begin(), first.end(), first.begin());
+    std::vector<std::uint64_t> order(dealt.size());
+    std::vector<std::uint32_t> next(first.begin(), first.end());
+    for (std::size_t i = 0; i < dealt.size(); ++i)
+      order[next[last = place(i, last)]++] = std::uint64_t{leading_bits(dealt[i].position[0])} << 32 | i;
+    // -0 and 0 are equal; of vertices at one place the colour of largest value stays.
+    const auto before = [&](std::uint64_t a, std::uint64_t b) {
+      const auto& va = dealt[static_cast<std::uint32_t>(a)];
+      const auto& vb = dealt[static_cast<std::uint32_t>(b)];
+      if (va.position != vb.position) return va.position < vb.position;
+      return va.rgba != vb.rgba ? va.rgba > vb.rgba : va.in_file < vb.in_file;
+    };
+    std::vector<std::uint64_t> scratch;
+    for (std::size_t b = 0; b < bricks.size(); ++b) {
+      const std::span<std::uint64_t> of_brick(order.data() + first[b], first[b + 1] - first[b]);
+      sort_by_upper_half(of_brick, scratch);
+      for (std::size_t begin = 0, end = 0; begin < of_brick.size(); begin = end) {
+        while (end < of_brick.size() && of_brick[end] >> 32 == of_brick[begin] >> 32) ++end;
+        std::sort(of_brick.begin() + static_cast<std::ptrdiff_t>(begin),
+                  of_brick.begin() + static_cast<std::ptrdiff_t>(end), before);
+      }
+    }
+    return order;
+  }
+
   template <class Real>
   json weld(std::size_t task, TaskContext& context) const {
     const std::vector<DealtVertex<Real>> dealt = dealt_.load<DealtVertex<Real>>(task);
     context.count_read(dealt.size() * sizeof dealt[0]);
-    struct Placed {
-      std::uint64_t brick;
-      std::uint32_t at;
-    };
-    std::vector<Placed> order(dealt.size());
-    for (std::uint32_t i = 0; i < dealt.size(); ++i) {
-      const auto& p = dealt[i].position;
-      order[i] = {plan_.brick_of({p[0], p[1], p[2]}), i};
-    }
-    context.check_stop();
-    // -0 and 0 are equal; of vertices at one place the colour of largest value stays.
-    std::sort(order.begin(), order.end(), [&](const Placed& a, const Placed& b) {
-      if (a.brick != b.brick) return a.brick < b.brick;
-      const auto& va = dealt[a.at];
-      const auto& vb = dealt[b.at];
-      if (va.position != vb.position) return va.position < vb.position;
-      return va.rgba != vb.rgba ? va.rgba > vb.rgba : va.in_file < vb.in_file;
-    });
+    std::vector<std::uint64_t> bricks;  // in order
+    std::vector<std::uint32_t> first;   // place of the first vertex of each, one more at the end
+    const std::vector<std::uint64_t> order = sort_vertices<Real>(dealt, bricks, first);
     context.check_stop();
     BucketVertices out;
     std::vector<DealtNumber> numbers(dealt.size());
     std::uint64_t conflicts = 0;
+    std::size_t brick = 0;
     for (std::size_t i = 0; i < order.size(); ++i) {
-      const auto& v = dealt[order[i].at];
-      const bool fresh = i == 0 || v.position != dealt[order[i - 1].at].position;
+      const auto at = static_cast<std::uint32_t>(order[i]);
+      const auto& v = dealt[at];
+      const bool fresh = i == 0 || v.position != dealt[static_cast<std::uint32_t>(order[i - 1])].position;
       if (fresh) {
-        if (out.brick.empty() || out.brick.back() != order[i].brick) {
-          out.brick.push_back(order[i].brick);
+        if (i == first[brick]) {
+          out.brick.push_back(bricks[brick++]);
           out.first.push_back(static_cast<std::uint32_t>(out.position.size()));
         }
         // One zero, so that the position says nothing of the vertices that were merged.
@@ -174,7 +284,7 @@ class ImportVerticesStage : public Stage {
       } else if (plan_.info.colour && v.rgba != out.rgba.back()) {
         ++conflicts;
       }
-      numbers[order[i].at] = {v.in_file, static_cast<std::uint32_t>(out.position.size() - 1)};
+      numbers[at] = {v.in_file, static_cast<std::uint32_t>(out.position.size() - 1)};
     }
     DirectFile file(context.create(names_.numbers(task)), std::size_t{1} << 20);
     file.write(numbers.data(), numbers.size() * sizeof numbers[0]);

@@ -152,6 +152,12 @@ TEST_CASE("mesh import: a mesh comes back as it went in, whatever its order", "[
   shuffle(mesh, 7);
   write(mesh, folder.path() / "b.ply");
   CHECK(round_trip(folder.path() / "b.ply", folder.path()).bytes == first.bytes);
+  // Without colours and with room for them, vertices are read once and kept.
+  mesh.rgba.clear();
+  write(mesh, folder.path() / "c.ply");
+  const Imported kept = round_trip(folder.path() / "c.ply", folder.path(), 512u << 20);
+  CHECK(kept.bytes == round_trip(folder.path() / "c.ply", folder.path(), 250u << 20).bytes);
+  CHECK(faces_of(kept.mesh) == faces_of(mesh));
 }
 
 TEST_CASE("mesh import: numbers of vertices that do not fit in memory are taken range by range",
