@@ -155,7 +155,8 @@ void Decimator::seed_queue() {
     bool settled = true;
     for (std::size_t i = 0; i < star.faces; ++i) settled = settled && mesh_.settled(star.corner[i] >> 2);
     if (settled) continue;
-    if (list_candidates(u, star, list) > 0) queue_.push(u, cost_class(list[0].cost, kCostClasses));
+    if (const std::size_t n = list_candidates(u, star, list); n > 0)
+      queue_.push(u, cost_class(next_candidate(list, 0, n).cost, kCostClasses));
   }
 }
 
@@ -186,7 +187,7 @@ void Decimator::run(DecimateReport& report) {
     if ((mesh_.state(u) & kVertexDead) || !mesh_.gather(u, star)) continue;
     const std::size_t n = list_candidates(u, star, list);
     for (std::size_t i = 0; i < n; ++i) {
-      const std::uint32_t cls = cost_class(list[i].cost, kCostClasses);
+      const std::uint32_t cls = cost_class(next_candidate(list, i, n).cost, kCostClasses);
       if (cls < tried_[u]) continue;
       if (cls > now) {
         tried_[u] = static_cast<std::uint16_t>(cls);

@@ -8,6 +8,7 @@
 #pragma once
 #include <cmath>
 #include <limits>
+#include <utility>
 #include <vector>
 
 #include "kernels/collapse_gap.h"
@@ -96,6 +97,17 @@ class Decimator {
     return endpoint_cost(q, to) + tie_cost(dot(edge, edge));
   }
   std::size_t list_candidates(std::uint32_t u, const Star& star, std::array<Candidate, kMaxRing + 1>& list);
+  /// Brings the cheapest of list[at] .. list[n - 1] to `at`; equal costs fall to the lower vertex.
+  static const Candidate& next_candidate(std::array<Candidate, kMaxRing + 1>& list, std::size_t at,
+                                         std::size_t n) {
+    std::size_t least = at;
+    for (std::size_t i = at + 1; i < n; ++i)
+      if (list[i].cost < list[least].cost ||
+          (list[i].cost == list[least].cost && list[i].vertex < list[least].vertex))
+        least = i;
+    std::swap(list[at], list[least]);
+    return list[at];
+  }
   void update_error(std::uint32_t v);
   double cost(std::uint32_t u, const Quadric& q, const Star& star, std::size_t at);
   double normal_cost(std::uint32_t u, const Star& star, std::size_t at) const;

@@ -1,5 +1,4 @@
 // The continuous part of Decimator: what a collapse costs.
-#include <algorithm>
 #include <cmath>
 
 #include "kernels/decimator.h"
@@ -156,6 +155,7 @@ double Decimator::attribute_cost(std::uint32_t u) const {
   return square * (q.xx + q.yy + q.zz);
 }
 
+/// In no order: next_candidate() finds the one that is due, and few get their turn.
 std::size_t Decimator::list_candidates(std::uint32_t u, const Star& star,
                                        std::array<Candidate, kMaxRing + 1>& list) {
   std::size_t n = 0;
@@ -166,10 +166,6 @@ std::size_t Decimator::list_candidates(std::uint32_t u, const Star& star,
     const double c = plain_ ? plain_cost(q, from, star.ring[i]) : cost(u, q, star, i);
     if (c < kNoCost) list[n++] = {c, star.ring[i], static_cast<std::uint32_t>(i)};
   }
-  std::sort(list.begin(), list.begin() + static_cast<std::ptrdiff_t>(n),
-            [](const Candidate& a, const Candidate& b) {
-              return a.cost != b.cost ? a.cost < b.cost : a.vertex < b.vertex;
-            });
   return n;
 }
 
