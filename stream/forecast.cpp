@@ -136,7 +136,7 @@ Forecast forecast_job(const Plan& plan, const std::vector<PlanBrick>& bricks, co
     add("multipole", buckets, largest_brick * kMultipolePointBytes + (std::uint64_t{8} << 20), multipoles,
         buckets, points * kMultipoleTime, static_cast<double>(store + overlay));
     add("rims", groups, tile_bytes, rims, groups, faces * kRimsTime, static_cast<double>(store + overlay));
-    add("close", 1, job.run.memory_bytes / 4, 0, 1, 0.0, 0.0);
+    add("close", 1, around * kMultipolePointBytes + (std::uint64_t{12} << 20), 0, 1, 0.0, 0.0);
     closing = multipoles + rims;
   }
   const bool fused = fuses_first_pass(job.options);
