@@ -19,6 +19,10 @@
 namespace tessera {
 namespace {
 
+/// Of the bound of the whole to what was found anywhere. Decimation works to 1 / 1.03 of the tolerance, so a larger share
+/// would have nearly every cell that it filled compared again.
+constexpr double kWholeTightness = 1.05;
+
 /// Where the surface ends, as segments.
 std::vector<std::array<std::uint32_t, 3>> border_segments(const MeshBlock& block) {
   std::vector<std::array<std::uint32_t, 3>> segments;
@@ -112,7 +116,6 @@ CellBounds::CellBounds(const CellComparison& cell)
 
 void tighten_cells(std::vector<CellBounds>& cells, double tolerance,
                    const std::function<CellBounds(std::size_t)>& again) {
-  const CertificateOptions defaults;
   std::array<double, 2> lower = {0, 0};
   for (const CellBounds& c : cells)
     for (std::size_t way = 0; way < 2; ++way) lower[way] = std::max(lower[way], c.lower[way]);
@@ -125,7 +128,7 @@ void tighten_cells(std::vector<CellBounds>& cells, double tolerance,
     for (const std::size_t i : order) {
       // What is above the tolerance was searched to the end.
       if (tight[i] || cells[i].upper[way] > tolerance) continue;
-      if (cells[i].upper[way] <= std::max(defaults.tightness * lower[way], kLeastTarget * tolerance)) break;
+      if (cells[i].upper[way] <= std::max(kWholeTightness * lower[way], kLeastTarget * tolerance)) break;
       cells[i] = again(i);
       tight[i] = true;
       for (std::size_t w = 0; w < 2; ++w) lower[w] = std::max(lower[w], cells[i].lower[w]);
