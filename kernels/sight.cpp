@@ -21,7 +21,7 @@ constexpr float kFrank = 0.25f;               ///< cosine; flatter looks say not
 constexpr float kNear = 2.0f * kCoarseCells;  ///< disks reach beyond edges: what ends nearer does not vote
 constexpr std::uint64_t kLooks = 1u << 20;    ///< pairs, there and back, aimed at over the whole job
 constexpr std::uint64_t kPerGroup = 1024;     ///< small groups look more often
-constexpr std::uint64_t kMost = 32;           ///< of one surfel
+constexpr std::uint64_t kMost = 32;           ///< of a surfel that looks at all
 constexpr std::size_t kAskedSensors = 8;      ///< the nearest
 constexpr double kBelow = 0.1;  ///< weight of open sight downwards: nobody scans the earth from below
 constexpr float kSky = 0.7f;    ///< cosine with up within which the sky is looked at: where scanners fly
@@ -301,8 +301,9 @@ class Looker {
         std::min(std::max(static_cast<double>(kLooks) / static_cast<double>(surfels_.size()),
                           static_cast<double>(kPerGroup) / static_cast<double>(members_[s.patch])),
                  static_cast<double>(kMost));
-    const std::uint64_t looks = rounded(rate, seed);
-    if (looks == 0) return;
+    // Few surfels look often rather than many seldom: what shuts a surfel in shows in many looks only.
+    if (rounded(rate / static_cast<double>(kMost), seed) == 0) return;
+    const std::uint64_t looks = kMost;
     const double weight = s.surfels / rate;
     const auto vote = static_cast<std::int64_t>(std::floor(kPairs * scale_ * weight / 2.0 + 0.5));
     Views seen;

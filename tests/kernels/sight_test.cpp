@@ -70,3 +70,21 @@ TEST_CASE("sight: a shell with even density is an object, one that is dense at o
   CHECK(room.pairs.empty());
   CHECK(shown(room, 0) < 0);
 }
+
+TEST_CASE("sight: a wide bore through an object does not make it a room, however many surfels it has",
+          "[unit]") {
+  std::vector<JobSurfel> surfels;
+  for (const double radius : {400.0, 500.0}) {
+    const auto around = static_cast<int>(6.283185307179586 * radius / 4.0);
+    for (int i = 0; i < around; ++i) {
+      const double a = 6.283185307179586 * i / around;
+      const auto x = static_cast<float>(std::cos(a)), y = static_cast<float>(std::sin(a));
+      const auto r = static_cast<float>(radius);
+      for (float z = 4.0f; z < 604.0f; z += 4.0f)
+        surfels.push_back(surfel({600.0f + r * x, 600.0f + r * y, z}, {x, y, 0}, r > 450.0f ? 1 : 0, 10.0f));
+    }
+  }
+  const SightVotes v = vote_by_sight(surfels, 2, {0, 0, 1}, kScale);
+  CHECK(v.enclosed < 0.002);
+  CHECK(v.scene != SceneKind::kRoom);
+}
