@@ -15,7 +15,9 @@ constexpr float kSameSheet = 0.7f;  ///< cosine between normals of one surfel
 constexpr float kSheetGap = 0.75f;  ///< cells: a point farther from a surfel's plane belongs to another sheet
 constexpr float kVague = 0.07f;  ///< surface variation from which a fitted plane may stand across the surface
 constexpr float kVagueWeight = 0.25f;  ///< of links that such a surfel takes part in
-constexpr int kSheets = 4;             ///< surfels of one voxel; points that fit none join the nearest
+constexpr float kNearAxis =
+    0.5f;                   ///< cosine between a plane's axis and a given normal that it is compared with
+constexpr int kSheets = 4;  ///< surfels of one voxel; points that fit none join the nearest
 constexpr std::uint32_t kNone = std::numeric_limits<std::uint32_t>::max();
 constexpr std::size_t kVoxels = std::size_t{kSurfelsPerBrick} * kSurfelsPerBrick * kSurfelsPerBrick;
 constexpr int kCoarsePerBrick = kBrickCells / kCoarseCells;
@@ -374,8 +376,12 @@ BrickOrientation orient_brick(const OrientationInput& in) {
           static_cast<std::int64_t>(std::floor(c * c * kVoteScale / static_cast<float>(s.points) + 0.5f));
       (c < 0.0f ? facts.hidden : facts.seen) += vote;
     }
-    if (!in.given.empty() && dot(in.given[i], in.given[i]) > 0.0f)
-      ++(dot(n, in.given[i]) < 0.0f ? facts.disagree : facts.agree);
+    const float length = in.given.empty() ? 0.0f : std::sqrt(dot(in.given[i], in.given[i]));
+    if (length > 0.0f) {
+      const float along = dot(n, in.given[i]);
+      ++(along < 0.0f ? facts.disagree : facts.agree);
+      if (std::fabs(along) > kNearAxis * length) ++(along < 0.0f ? facts.disagree_near : facts.agree_near);
+    }
   }
   out.coarse = thin(surfels);
   for (const Surfel& s : surfels) {

@@ -64,10 +64,12 @@ struct CoarseSurfel {
 struct PatchFacts {
   std::uint32_t points = 0;
   std::uint32_t surfels = 0;
-  std::uint32_t agree = 0;     ///< points whose given normal, kept aside, shows the same side
-  std::uint32_t disagree = 0;  ///< and the other
-  std::int64_t seen = 0;       ///< votes of sensors and `up` for this side, kVoteScale a surfel at most
-  std::int64_t hidden = 0;     ///< and for the other
+  std::uint32_t agree = 0;          ///< points whose given normal, kept aside, shows the same side
+  std::uint32_t disagree = 0;       ///< and the other
+  std::uint32_t agree_near = 0;     ///< of these, with the given normal within 60 degrees of the plane's axis
+  std::uint32_t disagree_near = 0;  ///< as far as that is from it, neither side is the right one
+  std::int64_t seen = 0;            ///< votes of sensors and `up` for this side, kVoteScale a surfel at most
+  std::int64_t hidden = 0;          ///< and for the other
 };
 
 struct BrickOrientation {

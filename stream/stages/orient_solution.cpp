@@ -224,7 +224,7 @@ void solve_orientation(const PointOverlay& overlay, std::vector<PatchVote> bound
 
   decisions.patch.assign(patches, 0);
   std::map<std::uint32_t, Agreement> by_component;
-  Agreement all;
+  Agreement all, near;
   std::array<std::uint64_t, 4> decided{};
   for (std::uint32_t p = 0; p < patches; ++p) {
     const PatchFacts& f = facts[p];
@@ -236,6 +236,8 @@ void solve_orientation(const PointOverlay& overlay, std::vector<PatchVote> bound
     Agreement& a = by_component[signs.component[p]];
     (flip ? a.disagree : a.agree) += f.agree;
     (flip ? a.agree : a.disagree) += f.disagree;
+    (flip ? near.disagree : near.agree) += f.agree_near;
+    (flip ? near.agree : near.disagree) += f.disagree_near;
   }
   Agreement up_to_sign;
   for (const auto& [component, a] : by_component) {
@@ -253,6 +255,10 @@ void solve_orientation(const PointOverlay& overlay, std::vector<PatchVote> bound
         {"agree", all.agree},
         {"disagree", all.disagree},
         {"fraction", share(all.agree, all.agree + all.disagree)},
+        {"near_axis",
+         {{"agree", near.agree},
+          {"disagree", near.disagree},
+          {"fraction", share(near.agree, near.agree + near.disagree)}}},
         {"fraction_up_to_component_sign", share(up_to_sign.agree, up_to_sign.agree + up_to_sign.disagree)}};
 }
 

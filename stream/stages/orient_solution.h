@@ -23,10 +23,10 @@ struct Viewers {
   Float3 up = {0, 0, 1};        ///< unit; where the sky is
 };
 
-/// Fills decisions.patch. Entry gets: patches, components, points by who decided (`decided`),
-/// uncertain_points and _fraction, frustrated_fraction, enclosed_fraction and scene where nobody was known to see,
-/// and where given normals were kept aside, `agreement` with them. \param boundary_votes  between patches of
-/// different bricks, numbered over all bricks; any order
+/// Fills decisions.patch. Entry gets: patches, components, points by who decided (`decided`), uncertain_points and
+/// _fraction, frustrated_fraction, enclosed_fraction and scene where nobody was known to see, and where given
+/// normals were kept aside, `agreement` with them (`near_axis`: with those within 60 degrees of the plane's axis).
+/// \param boundary_votes  between patches of different bricks, numbered over all bricks; any order
 void solve_orientation(const PointOverlay& overlay, std::vector<PatchVote> boundary_votes,
                        const Viewers& viewers, const TaskContext& context, OverlayDecisions& decisions,
                        nlohmann::json& entry);

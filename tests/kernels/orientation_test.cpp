@@ -117,6 +117,23 @@ TEST_CASE("orientation: one patch on a sphere inside a brick", "[unit]") {
   CHECK(o.facts[0].points == 20000);
 }
 
+TEST_CASE("orientation: given normals far from the plane's axis are counted apart", "[unit]") {
+  std::vector<Sample> samples = sphere(24.0, 20000);
+  std::size_t bent = 0;
+  for (Sample& s : samples) {
+    if (s.normal[2] < 0.8f) continue;
+    s.normal = {0.95f, 0.0f, 0.3122499f};  // 72 degrees from the pole
+    ++bent;
+  }
+  const BrickOrientation o = orient(cloud_of(samples));
+  const PatchFacts& f = o.facts[0];
+  CHECK(f.agree + f.disagree == 20000);
+  CHECK(f.agree_near + f.disagree_near > 20000 - bent);
+  CHECK(f.agree_near + f.disagree_near < 20000 - bent / 2);
+  CHECK(f.agree_near <= f.agree);
+  CHECK(f.disagree_near <= f.disagree);
+}
+
 TEST_CASE("orientation: a torus keeps one side through its hole", "[unit]") {
   std::vector<Sample> samples;
   std::uint64_t state = 1;
