@@ -288,6 +288,8 @@ StageRecords Driver::run_stage(std::size_t index, const Journal& journal) {
       [&](std::size_t) { records.finish = run_one(*stage, kFinishTask, summaries, stats); });
   if (!idle) progress_.end_stage();
   log_.info("stage {}: committed: {}", name, records.finish.stage_stats.dump());
+  for (const nlohmann::json& w : warnings_of(records.finish.summary))
+    log_.warn("stage {}: {}", name, w.get<std::string>());
   return records;
 }
 

@@ -41,7 +41,7 @@ struct ReconstructOptions {
   std::vector<Double3> viewpoints;   ///< sensor origins given on the command line
   bool has_up = false;               ///< orient by `up`
   Double3 up = {0, 0, 1};            ///< normals point to this side (airborne scans)
-  double max_uncertain = 1.0;        ///< share of points whose sign may stay in doubt; above it the job fails
+  double max_uncertain = 0.5;        ///< share of points whose sign may stay in doubt; above it the job fails
   std::uint64_t max_brick_points = 1u << 22;  ///< hot bricks are thinned to this, deterministically
   std::vector<std::string> columns;  ///< names of text columns
   double tolerance = 0.0;            ///< scan units; the mesh shrinks within this distance of itself; 0 = it stays

@@ -32,13 +32,19 @@ nlohmann::json describe_output(const JobState& state, const std::vector<StageRec
 
 }  // namespace
 
+nlohmann::json warnings_of(const nlohmann::json& entry) {
+  return entry.is_object() ? entry.value("warnings", nlohmann::json::array()) : nlohmann::json::array();
+}
+
 nlohmann::json make_report(const JobState& state, const nlohmann::json& identity,
                            const std::vector<StageRecords>& done, const RunFigures& figures) {
   nlohmann::json stages = nlohmann::json::array();
+  nlohmann::json warnings = nlohmann::json::array();
   std::uint64_t peak = figures.peak_bytes;
   for (const StageRecords& records : done) {
     nlohmann::json stage = records.finish.stage_stats;
     stage["result"] = records.finish.summary;
+    for (const nlohmann::json& w : warnings_of(records.finish.summary)) warnings.push_back(w);
     peak = std::max(peak, stage.value("peak_bytes", std::uint64_t{0}));
     stages.push_back(std::move(stage));
   }
@@ -63,6 +69,7 @@ nlohmann::json make_report(const JobState& state, const nlohmann::json& identity
           {"peak_bytes", peak},
           {"memory_cap_bytes", state.run.memory_bytes},
           {"stages", std::move(stages)},
+          {"warnings", std::move(warnings)},
           {"output", describe_output(state, done)}};
 }
 

@@ -23,6 +23,9 @@ struct RunFigures {
   std::size_t stages_resumed = 0;  ///< stages that earlier runs had completed
 };
 
+/// What the user should know of a finished stage's result, one sentence each; `entry` as Stage::finish gave it.
+nlohmann::json warnings_of(const nlohmann::json& entry);
+
 /// Keys: schema, tool, version, command, finished, machine, job (hash), options, inputs, run, wall_s, cpu_s,
 /// peak_bytes, memory_cap_bytes, output {path, bytes, xxh3}, stages: a list of {name, tasks, tasks_resumed,
 /// wall_s, cpu_s, peak_bytes, bytes_read, bytes_written, units, unit, result: what the stage reports}.

@@ -56,7 +56,7 @@ class Stage {
   /// Returns a small summary, journaled, handed to finish() in task order.
   virtual nlohmann::json run(std::size_t task, TaskContext& context) const = 0;
   /// Once, after the last task: reduces summaries (task order), may create files, returns the stage's entry in the
-  /// report. Runs as one more journaled task.
+  /// report. Runs as one more journaled task. Sentences under `warnings` are logged, and shown when the job is done.
   virtual nlohmann::json finish(const std::vector<nlohmann::json>& summaries, TaskContext& context) const = 0;
   /// Upper bound of the memory finish() allocates.
   virtual std::uint64_t finish_bytes() const = 0;

@@ -337,7 +337,7 @@ void add_reconstruct_options(CLI::App& command, ReconstructOptions& options) {
   command
       .add_option("--max-uncertain", options.max_uncertain,
                   "estimated normals: share of points whose sign may stay in doubt, 0 to 1; above it the job stops with "
-                  "exit code 6 and draws where; 1 = never")
+                  "exit code 6, above 0.01 the job warns; both draw where; 1 = never stop")
       ->capture_default_str()
       ->check(CLI::Range(0.0, 1.0))
       ->group(group);

@@ -32,6 +32,8 @@ void run(Arguments arguments) {
   catch_stop_signals();
   const nlohmann::json report = run_job(arguments.state, reconstruct_job(arguments.state.options), cli::stderr_sink());
   if (arguments.state.run.verbosity < 0) return;
+  for (const nlohmann::json& w : report.value("warnings", nlohmann::json::array()))
+    fmt::print(stderr, "tessera: warning: {}\n", w.get<std::string>());
   const nlohmann::json mesh = report.value("mesh", nlohmann::json::object());
   fmt::print("{}: {} vertices, {} faces, {:.1f} s, peak {}\n", arguments.state.output.string(),
              mesh.value("vertices", std::uint64_t{0}), mesh.value("faces", std::uint64_t{0}),

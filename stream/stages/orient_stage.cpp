@@ -33,6 +33,8 @@ constexpr std::uint32_t kMostSupporters = 16;
 // sparse samples are as true as dense ones, and only the lower limit tells strays.
 constexpr std::uint64_t kMostStrays = 20;  ///< one in so many
 
+constexpr double kNotable = 0.01;  ///< share of points in doubt from which the user is told
+
 /// Boundary surfels of the bricks around the current one, by voxel.
 class BoundaryCache {
  public:
@@ -144,7 +146,7 @@ class OrientStage : public Stage {
       }
       solve_orientation(overlay_, std::move(votes), viewers(), context, decisions, entry);
       const double uncertain = entry.at("uncertain_fraction").get<double>();
-      if (uncertain > max_uncertain_) refuse(uncertain, decisions, context);
+      if (uncertain > std::min(kNotable, max_uncertain_)) tell(uncertain, decisions, context, entry);
     } else {
       decisions.patch.assign(overlay_.first_patch().back(), 0);
     }
@@ -156,17 +158,24 @@ class OrientStage : public Stage {
   std::vector<std::string> obsolete() const override { return {"votes/"}; }
 
  private:
-  /// Too many signs in doubt: a picture of where, and the end.
-  [[noreturn]] void refuse(double uncertain, const OverlayDecisions& decisions,
-                           const TaskContext& context) const {
+  /// Many signs in doubt: a picture of where, and a warning, or the end where they are too many.
+  void tell(double uncertain, const OverlayDecisions& decisions, const TaskContext& context,
+            json& entry) const {
     std::filesystem::path picture = output_;
     picture += ".uncertain.png";
-    draw_uncertain(overlay_, decisions, plan_.lattice, picture, memory_bytes_, context);
-    throw ValidationError(
-        fmt::format("the sides of {:.3g} % of the points are in doubt, {:.3g} % are allowed; {} shows where "
-                    "in red: give --viewpoint or "
-                    "--up, or allow more with --max-uncertain",
-                    100.0 * uncertain, 100.0 * max_uncertain_, picture.string()));
+    std::string shown = picture.string() + " shows where in red";
+    try {
+      draw_uncertain(overlay_, decisions, plan_.lattice, picture, memory_bytes_, context);
+    } catch (const ResourceError& e) {  // a small cap must not end a job that needs no picture
+      shown = fmt::format("without a picture of where ({})", e.what());
+    }
+    const std::string where =
+        fmt::format("the sides of {:.3g} % of the points are in doubt, {}: ", 100.0 * uncertain, shown);
+    if (uncertain > max_uncertain_)
+      throw ValidationError(where + fmt::format("give --viewpoint or --up, or allow more than {:.3g} % with "
+                                                "--max-uncertain",
+                                                100.0 * max_uncertain_));
+    entry["warnings"] = {where + "give --viewpoint or --up if they face the wrong way"};
   }
 
   Viewers viewers() const {

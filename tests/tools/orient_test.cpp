@@ -104,3 +104,34 @@ TEST_CASE("orient: too much doubt is exit code 6 and a picture, and no mesh", "[
   CHECK_FALSE(std::filesystem::exists(out));
   CHECK_FALSE(std::filesystem::exists(out.string() + ".uncertain.ply"));
 }
+
+TEST_CASE("orient: notable doubt is a warning in summary and report, and a picture", "[pipeline]") {
+  const TempFolder folder;
+  const auto out = folder.path() / "mesh.ply";
+  const auto in = scan(folder, "city", "terrestrial", "60000");
+  const CommandResult r = tessera_command(
+      {"reconstruct", in.string(), "-o", out.string(), "--normals", "estimate", "--progress", "none"});
+  INFO(r.errors);
+  REQUIRE(r.code == 0);
+  const nlohmann::json entry = orient_entry(out);
+  INFO(entry.dump());
+  REQUIRE(entry.at("uncertain_fraction").get<double>() > 0.01);
+  REQUIRE(entry.at("uncertain_fraction").get<double>() < 0.5);
+  const nlohmann::json report = nlohmann::json::parse(file_bytes(out.string() + ".report.json"));
+  REQUIRE(report.at("warnings").size() == 1);
+  CHECK(report.at("warnings")[0] == entry.at("warnings")[0]);
+  CHECK(r.errors.find("warning: " + entry.at("warnings")[0].get<std::string>()) != std::string::npos);
+  CHECK(std::filesystem::file_size(out.string() + ".uncertain.png") > 1000);
+  CHECK_FALSE(std::filesystem::exists(out.string() + ".uncertain.ply"));
+}
+
+TEST_CASE("orient: little doubt is no warning", "[pipeline]") {
+  const TempFolder folder;
+  const auto out = folder.path() / "mesh.ply";
+  const CommandResult r = reconstruct(scan(folder, "torus", "surface", "30000"), out, {});
+  INFO(r.errors);
+  REQUIRE(r.code == 0);
+  const nlohmann::json report = nlohmann::json::parse(file_bytes(out.string() + ".report.json"));
+  CHECK(report.at("warnings").empty());
+  CHECK_FALSE(std::filesystem::exists(out.string() + ".uncertain.png"));
+}
