@@ -4,7 +4,7 @@
 /// Mark the node nearest to every point; close the marks by a cube of 5^3 nodes (gaps of up to four nodes
 /// between samples fill up, a sheet grows no thicker); add two layers of nodes around: one leaves pinholes where the
 /// normal runs along a diagonal of the lattice and chance leaves a gap of two cells. Measured against all
-/// nodes of the cells within Chebyshev distance 1 and 2 of an occupied cell: see README.
+/// nodes of the cells within Chebyshev distance 1 and 2 of an occupied cell: see kernels/README.md, "Field".
 #pragma once
 #include <array>
 #include <cstdint>

@@ -1,7 +1,7 @@
 /// \file extended_marching_cubes.h
 /// Extraction of one block: marching cubes by closed loops, and its feature-sensitive extension.
 /// Source: thesis 4.2.2; Kobbelt, Botsch, Schwanecke, Seidel, "Feature Sensitive Surface Extraction", 2001;
-/// loop formulation and guards: README, design.
+/// loop formulation and guards: kernels/README.md.
 #pragma once
 #include <functional>
 

@@ -25,7 +25,7 @@ constexpr std::uint64_t kMost = 32;           ///< of a surfel that looks at all
 constexpr std::size_t kAskedSensors = 8;      ///< the nearest
 constexpr double kBelow = 0.1;  ///< weight of open sight downwards: nobody scans the earth from below
 constexpr float kSky = 0.7f;    ///< cosine with up within which the sky is looked at: where scanners fly
-// Scenes. Figures on simulated and real scans: README, "Orientation".
+// Scenes. Figures on simulated and real scans: README, "Measured".
 constexpr double kShut = 0.1;  ///< share of looks into the open below which a side is shut in
 constexpr double kRoom =
     0.01;  ///< share of enclosed surfels from which the job is a room; objects have 0.004
