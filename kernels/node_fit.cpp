@@ -367,11 +367,7 @@ void fit_nodes(const SampleList& samples, const SampleList& coarse, const std::a
     for (std::size_t y = 0; y < 8; ++y) {
       const auto active = static_cast<std::uint32_t>(nodes[z] >> (8 * y) & 0xff);
       if (!active) continue;
-      const RowReach reach = {.y0 = static_cast<float>(y),
-                              .z0 = static_cast<float>(z),
-                              .low_x = static_cast<float>(std::countr_zero(active)) - r,
-                              .high_x = static_cast<float>(31 - std::countl_zero(active)) + r,
-                              .r2 = r * r};
+      const RowReach reach = reach_of_row(active, y, z, r);
       Sums sums;
       clear(sums);
       int fills = 0;
