@@ -350,6 +350,16 @@ RowReach reach_of_row(std::uint32_t nodes, std::size_t y, std::size_t z, float r
           .high_x = static_cast<float>(31 - std::countl_zero(nodes)) + r,
           .r2 = r * r};
 }
+/// Sums of the samples that a row of nodes reaches. \return how often `row` was filled: 1 if it holds them all
+int sum_row(const SampleList& samples, const RowReach& reach, RowSamples& row, Sums& sums) {
+  clear(sums);
+  int fills = 0;
+  for (std::size_t next = 0; next < samples.size; ++fills) {
+    fill_row(samples, reach, &next, row);
+    accumulate<false>(row, reach.r2, 1.0f / reach.r2, sums);
+  }
+  return fills;
+}
 float grown_radius(std::size_t level, const NodeFitOptions& options) {
   return (1.0f + 0.5f * static_cast<float>(level)) * options.radius;
 }
@@ -369,12 +379,7 @@ void fit_nodes(const SampleList& samples, const SampleList& coarse, const std::a
       if (!active) continue;
       const RowReach reach = reach_of_row(active, y, z, r);
       Sums sums;
-      clear(sums);
-      int fills = 0;
-      for (std::size_t next = 0; next < scratch.slab.size; ++fills) {
-        fill_row(scratch.slab, reach, &next, scratch.row);
-        accumulate<false>(scratch.row, reach.r2, 1.0f / reach.r2, sums);
-      }
+      const int fills = sum_row(scratch.slab, reach, scratch.row, sums);
       std::uint32_t split = 0, creased = 0;
       RowFlags flags;
       Spheres spheres;
@@ -416,11 +421,7 @@ bool choose_gaps(const SampleList& coarse, const NodeFitOptions& options, NodeFi
         if (r > kMostRadius) break;
         const RowReach reach = reach_of_row(nodes, y, z, r);
         Sums s;
-        clear(s);
-        for (std::size_t next = 0; next < coarse.size;) {
-          fill_row(coarse, reach, &next, scratch.coarse_row);
-          accumulate<false>(scratch.coarse_row, reach.r2, 1.0f / reach.r2, s);
-        }
+        sum_row(coarse, reach, scratch.coarse_row, s);
         const auto near = static_cast<std::uint32_t>(_mm256_movemask_ps(near_plane(s)));
         const bool last = level + 1 == fit.gap.size() || grown_radius(level + 1, options) > kMostRadius;
         const __m256i least = _mm256_set1_epi32((last ? kLeastBlocks : kGapBlocks) - 1);
@@ -449,12 +450,7 @@ void bridge_gaps(const SampleList& samples, const NodeFitOptions& options, NodeF
         if (!nodes) continue;
         const RowReach reach = reach_of_row(nodes, y, z, r);
         Sums sums;
-        clear(sums);
-        int fills = 0;
-        for (std::size_t next = 0; next < scratch.slab.size; ++fills) {
-          fill_row(scratch.slab, reach, &next, scratch.row);
-          accumulate<false>(scratch.row, reach.r2, 1.0f / reach.r2, sums);
-        }
+        const int fills = sum_row(scratch.slab, reach, scratch.row, sums);
         RowFlags flags;
         Spheres spheres;
         const std::size_t at = 8 * y + 64 * z;
