@@ -61,11 +61,7 @@ class CoarseSumsStage : public Stage {
   std::size_t task_count() const override { return tasks_.size(); }
   std::uint64_t units() const override { return store_.face_count(); }
   std::string unit_name() const override { return "faces"; }
-  std::uint64_t task_bytes(std::size_t task) const override {
-    std::uint64_t bytes = 0;
-    for (const SmoothTile& tile : tasks_[task]) bytes = std::max(bytes, tile.bytes);
-    return bytes;
-  }
+  std::uint64_t task_bytes(std::size_t task) const override { return tessera::task_bytes(tasks_[task]); }
 
   json run(std::size_t task, TaskContext& context) const override {
     PatchSumsWriter writer(context.create(coarse_sums_folder(round_) + "/" + task_file_stem(task) + ".bin"));

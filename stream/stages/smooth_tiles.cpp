@@ -120,6 +120,12 @@ PatchReach PatchReach::load(const std::filesystem::path& path) {
   return reach;
 }
 
+std::uint64_t task_bytes(const SmoothTask& task) {
+  std::uint64_t bytes = 0;
+  for (const SmoothTile& tile : task) bytes = std::max(bytes, tile.bytes);
+  return bytes;
+}
+
 std::vector<SmoothTask> make_smooth_tasks(const MeshStore& store, const PatchReach& reach,
                                           const SmoothTiling& tiling) {
   if (reach.longest_edge.size() != store.patches().size())

@@ -20,6 +20,9 @@ struct SmoothTile {
 /// Tiles that one task does one after the other, into one file.
 using SmoothTask = std::vector<SmoothTile>;
 
+/// Bytes of the largest tile: tiles of a task take turns.
+std::uint64_t task_bytes(const SmoothTask& task);
+
 /// What a round must know of every patch, in the order of the store.
 struct PatchReach {
   std::vector<double> longest_edge;  ///< it bounds how far a ring reaches
