@@ -131,25 +131,4 @@ FairingReport fair_region(std::span<Double3> position, FaceSpan faces, std::span
   return report;
 }
 
-FairingReport curvature_flow(std::span<Double3> position, FaceSpan faces, std::span<const std::uint8_t> fixed,
-                             const FlowOptions& options) {
-  require_sizes(position.size(), fixed.size(), options.order, 2, options.steps);
-  if (!(options.step > 0.0)) throw UsageError("the step of a flow must be positive");
-  Sequence sequence(options.direct ? SolverKind::kAutomatic : SolverKind::kMultigrid, options.order,
-                    options.memory_bytes);
-  std::vector<Double3> now(position.begin(), position.end());
-  FairingReport report;
-  for (int step = 0; step < options.steps; ++step) {
-    const Laplacian lap = laplacian({now, faces}, {.weights = options.weights});
-    report.degenerate_faces = lap.report.degenerate_faces;
-    const ConstrainedSystem system = constrain(implicit_step_matrix(lap, options.step, options.order), fixed);
-    std::vector<double> load(3 * now.size());
-    for (std::size_t v = 0; v < now.size(); ++v)
-      for (std::size_t a = 0; a < 3; ++a) load[3 * v + a] = lap.mass[v] * now[v][a];
-    if (!sequence.solve(lap, system, now, load, report)) return report;
-  }
-  std::copy(now.begin(), now.end(), position.begin());
-  return report;
-}
-
 }  // namespace tessera

@@ -48,20 +48,4 @@ struct FairingReport {
 FairingReport fair_region(std::span<Double3> position, FaceSpan faces, std::span<const std::uint8_t> region,
                           const FairingOptions& options);
 
-struct FlowOptions {
-  double step = 0.0;  ///< of one implicit step, squared length (order 1) or its square (order 2); > 0
-  int steps = 1;
-  int order = 1;  ///< 1 mean curvature flow, 2 surface diffusion
-  LaplacianWeights weights = LaplacianWeights::kClampedCotangent;
-  /// Direct: ordered and analysed once for all steps; multigrid where the factor would not fit. Not direct:
-  /// multigrid always, to a residual of 1e-8, so that the result has the same bits on every machine.
-  bool direct = true;
-  std::uint64_t memory_bytes = 0;
-};
-
-/// Implicit fairing: `steps` times (M + step L) x' = M x with operators of the current surface. Vertices with
-/// fixed != 0 stay. Same contract as fair_region().
-FairingReport curvature_flow(std::span<Double3> position, FaceSpan faces, std::span<const std::uint8_t> fixed,
-                             const FlowOptions& options);
-
 }  // namespace tessera

@@ -4,7 +4,7 @@
 #include <array>
 #include <cmath>
 
-#include "kernels/fairing.h"
+#include "kernels/curvature_flow.h"
 #include "octree/error.h"
 
 namespace tessera {
@@ -20,8 +20,8 @@ constexpr int kLargestDegree = 400;
 constexpr int kCoarseDegree = 64;
 constexpr double kLargestLambda = 1e9;
 
-/// Operators, system and multigrid of a curvature flow at their peak, by order: measured on 10^5 to 10^6 vertices.
-constexpr std::uint64_t kFlowBytesPerVertex[] = {900, 2600};
+/// Operators, systems and multigrid of a curvature flow at their peak, by order: measured on 2 10^5 to 2 10^6 vertices.
+constexpr std::uint64_t kFlowBytesPerVertex[] = {900, 1000};
 
 bool one_of(const std::string& value, std::initializer_list<const char*> names) {
   return std::any_of(names.begin(), names.end(), [&](const char* name) { return value == name; });
@@ -165,7 +165,8 @@ double flow_step(const MeshBlock& block, const FilterOptions& options) {
   return options.lambda * (options.order == 1 ? unit : unit * unit);
 }
 
-std::vector<Double3> flow(const MeshBlock& block, const SurfaceRows& rows, const SmoothRound& round) {
+std::vector<Double3> flow(const MeshBlock& block, const SurfaceRows& rows, const SmoothRound& round,
+                          SmoothCounts& counts) {
   std::vector<Double3> position = block.position;
   std::vector<std::uint8_t> fixed(position.size());
   for (std::size_t v = 0; v < fixed.size(); ++v) fixed[v] = rows.role[v] != VertexRole::kFree;
@@ -177,7 +178,15 @@ std::vector<Double3> flow(const MeshBlock& block, const SurfaceRows& rows, const
   options.direct = false;
   if (round.rows.weights == LaplaceWeights::kUniform) options.weights = LaplacianWeights::kUniform;
   if (!(options.step > 0.0)) throw InputError("no edge has a length: there is nothing to smooth");
-  const FairingReport report = curvature_flow(position, block.faces, fixed, options);
+  const FlowReport report = curvature_flow(position, block.faces, fixed, options);
+  counts.flow_systems = report.systems;
+  if (report.folding_faces > 0) {
+    const Double3& p = block.position[block.faces[report.first_folding][0]];
+    throw ValidationError("the curvature flow folds " + std::to_string(report.folding_faces) +
+                          " face(s) over, however short its steps, the first at (" + std::to_string(p[0]) +
+                          ", " + std::to_string(p[1]) + ", " + std::to_string(p[2]) +
+                          "): take a smaller --lambda, or --method implicit, which needs no fresh geometry");
+  }
   const std::string& why = report.factor.message.empty() ? report.solve.message : report.factor.message;
   if (!report.done()) throw InputError("the curvature flow has no solution: " + why);
   return position;
@@ -210,7 +219,7 @@ SmoothedBlock smooth_block(const MeshBlock& block, const SmoothRound& round,
   if (round.by_normals) {
     out.position = filter_by_normals(block, round.normals);
   } else if (round.by_flow) {
-    out.position = flow(block, rows, round);
+    out.position = flow(block, rows, round, out.counts);
   } else {
     out.position = block.position;
     const std::vector<Displacement> moved = filter_surface(rows, block.position, round.filter, out.complete);
@@ -301,6 +310,7 @@ std::uint64_t smooth_bytes(std::uint64_t vertices, std::uint64_t faces, const Sm
   const std::uint64_t making = 4 * vertices + 24 * faces + corners;
   const std::uint64_t filter =
       corners + (round.by_normals ? 48 * vertices + 72 * faces
+                 : round.by_flow  ? kFlowBytesPerVertex[round.filter.order - 1] * vertices
                                   : 20 * vertices + filter_window_bytes(vertices, round_rings(round)));
   // A cycle starts from 16 bytes a vertex, and before it filters it has the basis and the place of its unknowns.
   const std::uint64_t cycle = round.cycle < 0 ? 0 : 16 * vertices;

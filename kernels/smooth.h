@@ -36,7 +36,8 @@ struct SmoothOptions {
 /// One local rule.
 struct SmoothRound {
   bool by_normals = false;
-  bool by_flow = false;  ///< implicit curvature flow (fairing.h): no local rule, the block is the whole mesh
+  bool by_flow =
+      false;  ///< implicit curvature flow (curvature_flow.h): no local rule, the block is the whole mesh
   NormalFilterOptions normals;  ///< by_normals
   SurfaceRowOptions rows;       ///< else; by_flow: creases, corners and borders stay where they are
   FilterOptions filter;         ///< else; by_flow: `degree` steps of strength `lambda`
@@ -58,6 +59,8 @@ struct SmoothCounts {
   std::uint64_t line = 0;      ///< of these, smoothed along a crease or border
   std::uint64_t fixed = 0;     ///< corners, junctions, non-manifold vertices
   std::uint64_t degenerate_faces = 0;
+  std::uint64_t flow_systems =
+      0;  ///< by_flow: solved; more than steps where steps were cut, so as to fold no face
 };
 
 struct SmoothedBlock {
@@ -71,6 +74,7 @@ struct SmoothedBlock {
 /// \param wanted  n flags, 1 or 0, of the vertices to move, or empty: all
 /// \pre the block is canonical, fewer than 2^30 faces
 /// \throws InputError for a position that is not finite; by_flow: when the linear system has no solution
+/// \throws ValidationError  by_flow: where even the shortest steps fold faces over
 SmoothedBlock smooth_block(const MeshBlock& block, const SmoothRound& round,
                            std::span<const std::uint8_t> wanted = {});
 

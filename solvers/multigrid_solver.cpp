@@ -1,8 +1,10 @@
 #include "solvers/multigrid_solver.h"
 
 #include <algorithm>
+#include <array>
 #include <cassert>
 #include <cmath>
+#include <cstdio>
 #include <optional>
 #include <string>
 #include <utility>
@@ -266,8 +268,10 @@ class MultigridSolver final : public LinearSolver {
                        " cycles: the matrix is not positive definite";
     } else if (!result.converged || !(report.residual <= kDrift * options_.tolerance)) {
       report.status = SolveStatus::kNotConverged;
-      report.message = "multigrid reached a relative residual of " + std::to_string(report.residual) +
-                       " in " + std::to_string(result.iterations) + " cycles";
+      std::array<char, 16> residual{};
+      std::snprintf(residual.data(), residual.size(), "%.1e", report.residual);
+      report.message = "multigrid reached a relative residual of " + std::string(residual.data()) + " in " +
+                       std::to_string(result.iterations) + " cycles";
     }
     return report;
   }

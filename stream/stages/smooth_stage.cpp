@@ -177,7 +177,7 @@ class SmoothStage : public Stage {
                           store_.info());
     Movement moved;
     json edges = json::array();
-    std::uint64_t halo = 0, core = 0, degenerate = 0;
+    std::uint64_t halo = 0, core = 0, degenerate = 0, systems = 0;
     for (const SmoothTile& tile : tasks_[task]) {
       context.check_stop();
       const MeshHaloBlock near = store_.load_near(tile.patches, tile.margin);
@@ -192,6 +192,7 @@ class SmoothStage : public Stage {
       core += static_cast<std::uint64_t>(std::count(near.core.begin(), near.core.end(), 1));
       halo += near.core.size();
       degenerate += smoothed.counts.degenerate_faces;
+      systems += smoothed.counts.flow_systems;
       for (std::size_t k = 0; k < tile.patches.size(); ++k) {
         context.check_stop();
         const std::size_t p = tile.patches[k];
@@ -214,6 +215,7 @@ class SmoothStage : public Stage {
             {"core_faces", core},
             {"read_faces", halo},
             {"degenerate_faces", degenerate},
+            {"systems", systems},
             {"edges", std::move(edges)}};
   }
 
@@ -227,6 +229,7 @@ class SmoothStage : public Stage {
       for (const json& s : summaries) sum += s.at(name).get<std::uint64_t>();
       out[name] = sum;
     }
+    if (rule_.by_flow) out["systems"] = summaries.at(0).at("systems");
     double largest = 0.0, squares = 0.0;
     for (const json& s : summaries) {
       largest = std::max(largest, s.at("largest_move").get<double>());
