@@ -7,7 +7,6 @@
 #include <vector>
 
 #include "solvers/multigrid_cycle.h"
-#include "solvers/sparse_matrix.h"
 
 namespace tessera {
 
@@ -18,15 +17,14 @@ struct ConjugateGradientsResult {
   bool breakdown = false;  ///< x^T A x was not positive: A is not positive definite, or numbers overflowed
 };
 
-/// Improves x from its current value. `r` holds b - A x on entry and the residual at the end; `z` and `p` are
+/// Improves x from its current value. apply(u, v) makes v = A u. `r` holds b - A x on entry and the residual at the end; `z` and `p` are
 /// scratch of the same size. precondition() reads r and writes z; z is free otherwise. \param norms  2-norm
 /// of each right-hand side; a column with norm 0 is left alone
-template <int kWidth, class Precondition>
-ConjugateGradientsResult conjugate_gradients(const SparseMatrix& a, std::vector<double>& r,
-                                             std::span<double> x, std::vector<double>& z,
-                                             std::vector<double>& p, const Columns<kWidth>& norms,
-                                             double tolerance, int max_iterations,
-                                             Precondition precondition) {
+template <int kWidth, class Apply, class Precondition>
+ConjugateGradientsResult conjugate_gradients(Apply apply, std::vector<double>& r, std::span<double> x,
+                                             std::vector<double>& z, std::vector<double>& p,
+                                             const Columns<kWidth>& norms, double tolerance,
+                                             int max_iterations, Precondition precondition) {
   ConjugateGradientsResult out;
   Columns<kWidth> rho{};
   p.assign(r.size(), 0.0);
@@ -47,7 +45,7 @@ ConjugateGradientsResult conjugate_gradients(const SparseMatrix& a, std::vector<
     rho = rz;
     for (std::size_t i = 0; i < p.size(); i += kWidth)
       for (int c = 0; c < kWidth; ++c) p[i + c] = z[i + c] + factor[c] * p[i + c];
-    multiply(a, p, z, kWidth);
+    apply(p, z);
     const Columns<kWidth> pap = dots<kWidth>(p, z);
     for (int c = 0; c < kWidth; ++c) {
       factor[c] = pap[c] > 0.0 ? rho[c] / pap[c] : 0.0;

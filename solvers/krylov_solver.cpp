@@ -97,7 +97,9 @@ class ConjugateGradientsSolver final : public LinearSolver {
       const Columns<1> norm = {std::sqrt(dots<1>(r, r)[0])};
       const auto size = static_cast<Eigen::Index>(n);
       const ConjugateGradientsResult result = conjugate_gradients<1>(
-          *matrix_, r, xc, z, p, norm, options_.tolerance, options_.max_iterations, [&] {
+          [this](const auto& u, auto& v) { multiply(*matrix_, u, v); }, r, xc, z, p, norm, options_.tolerance,
+          options_.max_iterations,
+          [&] {
             Eigen::Map<Vector>(z.data(), size) = incomplete_.solve(Eigen::Map<const Vector>(r.data(), size));
           });
       for (std::size_t i = 0; i < n; ++i) x[i * w + c] = xc[i];

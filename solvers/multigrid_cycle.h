@@ -1,6 +1,7 @@
 /// \file multigrid_cycle.h
 /// The steps of a multigrid cycle on vectors of kWidth interleaved columns: Gauss-Seidel, restriction,
-/// prolongation. All run in ascending or descending row order on one thread.
+/// prolongation. All run in ascending or descending row order on one thread. With kSkew the two columns are the
+/// real and imaginary parts of one complex column, and the matrix of the level is matrix + i skew.
 #pragma once
 #include <array>
 #include <cstddef>
@@ -26,6 +27,22 @@ inline void subtract_row(const SparseMatrix& a, std::int32_t from, std::int32_t 
   }
 }
 
+/// The part of row i of i skew with columns in [from, to).
+template <int kWidth, bool kSkew>
+inline void subtract_skew(const MultigridLevel& level, std::int32_t i, std::int32_t from, std::int32_t to,
+                          const double* x, Columns<kWidth>& s) {
+  if constexpr (kSkew) {
+    static_assert(kWidth == 2);
+    const SparseMatrix& k = *level.skew;
+    for (std::int32_t e = k.start[i]; e < k.start[i + 1]; ++e) {
+      if (k.column[e] < from || k.column[e] >= to) continue;
+      const double* xj = x + static_cast<std::size_t>(k.column[e]) * 2;
+      s[0] += k.value[e] * xj[1];
+      s[1] -= k.value[e] * xj[0];
+    }
+  }
+}
+
 template <int kWidth>
 inline Columns<kWidth> load(const double* b, std::int32_t i) {
   Columns<kWidth> s;
@@ -34,13 +51,14 @@ inline Columns<kWidth> load(const double* b, std::int32_t i) {
 }
 
 /// A Gauss-Seidel sweep.
-template <int kWidth>
+template <int kWidth, bool kSkew = false>
 void relax(const MultigridLevel& level, const double* b, double* x, bool forward) {
   const SparseMatrix& a = *level.matrix;
   const std::int32_t step = forward ? 1 : -1, end = forward ? a.rows : -1;
   for (std::int32_t i = forward ? 0 : a.rows - 1; i != end; i += step) {
     Columns<kWidth> s = load<kWidth>(b, i);
     subtract_row<kWidth>(a, a.start[i], a.start[i + 1], x, s);
+    subtract_skew<kWidth, kSkew>(level, i, 0, a.rows, x, s);
     // The row holds the diagonal, so this is a correction.
     for (int c = 0; c < kWidth; ++c)
       x[static_cast<std::size_t>(i) * kWidth + c] += level.inverse_diagonal[i] * s[c];
@@ -48,7 +66,7 @@ void relax(const MultigridLevel& level, const double* b, double* x, bool forward
 }
 
 /// A forward sweep from x = 0: only the lower triangle counts.
-template <int kWidth>
+template <int kWidth, bool kSkew = false>
 void relax_from_zero(const MultigridLevel& level, const double* b, double* x) {
   const SparseMatrix& a = *level.matrix;
   for (std::int32_t i = 0; i < a.rows; ++i) {
@@ -56,13 +74,14 @@ void relax_from_zero(const MultigridLevel& level, const double* b, double* x) {
     std::int32_t to = a.start[i];
     while (to < a.start[i + 1] && a.column[to] < i) ++to;
     subtract_row<kWidth>(a, a.start[i], to, x, s);
+    subtract_skew<kWidth, kSkew>(level, i, 0, i, x, s);
     for (int c = 0; c < kWidth; ++c)
       x[static_cast<std::size_t>(i) * kWidth + c] = level.inverse_diagonal[i] * s[c];
   }
 }
 
 /// coarse = P^T (b - A x). \param one_sweep  x comes from one sweep from zero: then only the upper triangle counts
-template <int kWidth>
+template <int kWidth, bool kSkew = false>
 void restrict_residual(const MultigridLevel& level, const double* b, const double* x,
                        std::vector<double>& coarse, bool one_sweep) {
   const SparseMatrix& a = *level.matrix;
@@ -76,6 +95,7 @@ void restrict_residual(const MultigridLevel& level, const double* b, const doubl
     else
       s = load<kWidth>(b, i);
     subtract_row<kWidth>(a, from, a.start[i + 1], x, s);
+    subtract_skew<kWidth, kSkew>(level, i, one_sweep ? i : 0, a.rows, x, s);
     for (std::int32_t f = p.start[i]; f < p.start[i + 1]; ++f)
       for (int c = 0; c < kWidth; ++c)
         coarse[static_cast<std::size_t>(p.column[f]) * kWidth + c] += static_cast<double>(p.weight[f]) * s[c];

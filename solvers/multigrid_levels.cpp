@@ -174,8 +174,8 @@ Prolongation compact(const SparseMatrix& p) {
 std::uint64_t MultigridLevels::bytes() const {
   std::uint64_t total = 0;
   for (const MultigridLevel& l : levels)
-    total += l.own.bytes() + l.prolongation.column.capacity() * 8 + l.prolongation.start.capacity() * 4 +
-             l.inverse_diagonal.capacity() * sizeof(double);
+    total += l.own.bytes() + l.own_skew.bytes() + l.prolongation.column.capacity() * 8 +
+             l.prolongation.start.capacity() * 4 + l.inverse_diagonal.capacity() * sizeof(double);
   return total;
 }
 
@@ -190,6 +190,7 @@ MultigridLevels multigrid_levels(const SparseMatrix& a, const MultigridLevelsOpt
   MultigridLevels out;
   out.levels.emplace_back();
   out.levels[0].matrix = &a;
+  out.levels[0].skew = options.skew;
   out.levels[0].inverse_diagonal = inverse_diagonal_of(a);
   std::span<const Point> positions = options.positions;
   std::vector<Point> held;  // positions below the finest level
@@ -207,20 +208,24 @@ MultigridLevels multigrid_levels(const SparseMatrix& a, const MultigridLevelsOpt
     }
     coarser = cluster_graph(graph, clusters);
     graph = {coarser.start, coarser.to};
+    const bool smooth = options.order > 1 || out.levels.size() > options.smooth_from;
     SparseMatrix p = positions.empty() ? constant_interpolation(clusters)
-                     : options.order == 1
-                         ? linear_interpolation(clusters, coarser, positions, coarse)
-                         : smooth_interpolation(clusters, coarser, positions, coarse, out.checked_out);
+                     : !smooth         ? linear_interpolation(clusters, coarser, positions, coarse)
+                               : smooth_interpolation(clusters, coarser, positions, coarse, out.checked_out);
     // Weights are kept in single precision; the coarse matrix is made of the same weights.
     for (double& w : p.value) w = static_cast<float>(w);
     held = std::move(coarse);
     positions = held;
     MultigridLevel next;
     next.own = galerkin(*out.levels.back().matrix, p);
+    if (options.skew != nullptr) next.own_skew = galerkin(*out.levels.back().skew, p);
     next.inverse_diagonal = inverse_diagonal_of(next.own);
     out.levels.back().prolongation = compact(p);
     out.levels.push_back(std::move(next));
-    for (std::size_t k = 1; k < out.levels.size(); ++k) out.levels[k].matrix = &out.levels[k].own;
+    for (std::size_t k = 1; k < out.levels.size(); ++k) {
+      out.levels[k].matrix = &out.levels[k].own;
+      if (options.skew != nullptr) out.levels[k].skew = &out.levels[k].own_skew;
+    }
   }
   return out;
 }

@@ -27,14 +27,19 @@ struct Prolongation {
 struct MultigridLevel {
   SparseMatrix own;                      ///< P^T A P of the finer level; empty on the finest
   const SparseMatrix* matrix = nullptr;  ///< &own, or the caller's
+  SparseMatrix own_skew;                 ///< as `own`, of MultigridLevelsOptions::skew
+  const SparseMatrix* skew = nullptr;    ///< &own_skew, or the caller's, or none
   std::vector<double> inverse_diagonal;
   Prolongation prolongation;  ///< rows: this level, columns: next coarser; empty on the coarsest
 };
 
 struct MultigridLevelsOptions {
-  int order = 1;                                       ///< of the Laplacian
-  std::int32_t coarsest = 1000;                        ///< stop at so few unknowns
+  int order = 1;                       ///< of the Laplacian; from 2 on all levels are smooth
+  std::size_t smooth_from = SIZE_MAX;  ///< order 1: interpolation to this level and all below is
+                                       ///< smooth as for order 2
+  std::int32_t coarsest = 1000;        ///< stop at so few unknowns
   std::span<const std::array<double, 3>> positions{};  ///< n, or empty: constant interpolation
+  const SparseMatrix* skew = nullptr;  ///< antisymmetric: the levels are of a + i skew, with the weights of a
   const SparseMatrix* neighbours = nullptr;  ///< mesh edges by its pattern; null: the pattern of the matrix
 };
 

@@ -162,6 +162,11 @@ class MultigridSolver final : public LinearSolver {
   bool coarsest(std::size_t k) const { return k + 1 == levels_.levels.size(); }
   int sweeps() const { return options_.order == 1 ? 1 : 2; }
 
+  template <int kWidth>
+  auto product_with(std::size_t k) const {
+    return [&a = *level(k).matrix](const Vector& u, Vector& v) { multiply(a, u, v, kWidth); };
+  }
+
   /// x_[k] = about A^-1 b_[k]; symmetric and positive definite as a function of b_[k].
   template <int kWidth>
   void cycle(std::size_t k) {
@@ -220,7 +225,7 @@ class MultigridSolver final : public LinearSolver {
         double steps = kCascadeSteps;
         for (std::size_t j = 0; j < k; ++j) steps *= kCascadeGrowth;
         Vector p;
-        conjugate_gradients<kWidth>(*level(k).matrix, r, start, x_[k], p, norms, kStartTolerance,
+        conjugate_gradients<kWidth>(product_with<kWidth>(k), r, start, x_[k], p, norms, kStartTolerance,
                                     static_cast<int>(steps), [&] { smooth<kWidth>(k); });
       } else {
         cycle<kWidth>(k);
@@ -256,9 +261,9 @@ class MultigridSolver final : public LinearSolver {
       std::copy(b.begin(), b.end(), b_[0].begin());
     Vector p;
     const bool cascade = options_.cycle == MultigridCycle::kCascading && !coarsest(0);
-    const ConjugateGradientsResult result =
-        conjugate_gradients<kWidth>(a, b_[0], x, x_[0], p, norms, options_.tolerance, options_.max_iterations,
-                                    [&] { cascade ? smooth<kWidth>(0) : cycle<kWidth>(0); });
+    const ConjugateGradientsResult result = conjugate_gradients<kWidth>(
+        product_with<kWidth>(0), b_[0], x, x_[0], p, norms, options_.tolerance, options_.max_iterations,
+        [&] { cascade ? smooth<kWidth>(0) : cycle<kWidth>(0); });
     SolveReport report;
     report.iterations = result.iterations;
     report.residual = relative_residual(a, x, b, kWidth);
