@@ -34,6 +34,11 @@ std::string mebibytes(double bytes) {
   return std::to_string(static_cast<std::uint64_t>(bytes / 1048576.0) + 1) + " MiB";
 }
 
+std::string describe(std::size_t unknowns, int order, std::size_t right_hand_sides) {
+  return std::to_string(unknowns) + " unknowns of order " + std::to_string(order) + ", " +
+         std::to_string(right_hand_sides) + " right-hand sides: ";
+}
+
 }  // namespace
 
 SolverChoice choose_solver(std::size_t unknowns, int order, std::size_t right_hand_sides,
@@ -48,8 +53,7 @@ SolverChoice choose_solver(std::size_t unknowns, int order, std::size_t right_ha
   if (!symmetric) direct_bytes *= kLuOverCholesky;
   const double iterative_bytes = n * m.multigrid.bytes;
   const bool fits = memory_bytes == 0 || direct_bytes <= static_cast<double>(memory_bytes);
-  const std::string what = std::to_string(unknowns) + " unknowns of order " + std::to_string(order) + ", " +
-                           std::to_string(right_hand_sides) + " right-hand sides: ";
+  const std::string what = describe(unknowns, order, right_hand_sides);
   SolverChoice out;
   if (!symmetric) {
     out.kind = fits ? SolverKind::kLu : SolverKind::kBicgstab;
@@ -92,18 +96,19 @@ class AutomaticSolver final : public LinearSolver {
     std::string reason = choice.reason;
     // Without positions multigrid is slow: then it is the last resort.
     SolverKind kind = choice.kind;
-    if (kind == SolverKind::kMultigrid && (options_.prefer_direct || options_.positions.empty())) {
+    if (options_.symmetric && (options_.prefer_direct || options_.positions.empty())) {
       kind = SolverKind::kCholesky;
-      reason +=
-          options_.prefer_direct ? "; but direct where it fits" : "; but without positions Cholesky first";
+      reason = describe(static_cast<std::size_t>(a.rows), options_.order, options_.right_hand_sides) +
+               "Cholesky where it fits";
     }
     solver_ = make_solver(kind, options_);
     FactorReport report = solver_->analyse(a);
     const bool direct = kind == SolverKind::kCholesky || kind == SolverKind::kLu;
     if (report.status == SolveStatus::kTooLarge && direct) {
       // The exact count knows better than the rule.
-      reason += "; but " + report.message;
-      solver_ = make_solver(options_.symmetric ? SolverKind::kMultigrid : SolverKind::kBicgstab, options_);
+      const SolverKind other = options_.symmetric ? SolverKind::kMultigrid : SolverKind::kBicgstab;
+      reason += "; " + report.message.substr(0, report.message.rfind(':')) + ", so " + name(other);
+      solver_ = make_solver(other, options_);
       report = solver_->analyse(a);
     }
     report.choice = std::move(reason);
