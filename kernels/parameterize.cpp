@@ -6,12 +6,27 @@
 #include "kernels/disk_topology.h"
 #include "kernels/portable_math.h"
 #include "octree/error.h"
+#include "solvers/hermitian_multigrid.h"
 #include "solvers/laplacian_system.h"
 
 namespace tessera {
 namespace {
 
 using Loop = std::vector<std::uint32_t>;
+
+// Bytes a vertex beside the mesh, at the most; measured on disks of 10^4 to 10^6 vertices.
+constexpr std::uint64_t kConformalSystemBytes = 230;  // the Laplacian and its split, without the solver
+constexpr std::uint64_t kFactorSystemBytes =
+    800;  // least squares: the system of both coordinates, without the factor
+constexpr std::uint64_t kComplexBytes = 350;    // least squares by multigrid, all in all
+constexpr std::uint64_t kMultigridBytes = 180;  // of the conformal system: the least that solves it
+constexpr std::uint64_t kLeastBytes = 4'000'000;
+constexpr double kMultigridTolerance = 1e-8;
+constexpr int kMostCycles = 5000;
+
+std::string mebibytes(std::uint64_t bytes) {
+  return std::to_string((bytes >> 20) + 1) + " MiB";
+}
 
 double distance(const TriangleSpan& mesh, std::uint32_t a, std::uint32_t b) {
   const auto &p = mesh.positions[a], &q = mesh.positions[b];
@@ -70,42 +85,27 @@ Laplacian sound_laplacian(const TriangleSpan& mesh, bool clamped) {
   return lap;
 }
 
-/// \param positions, neighbours  of the unknowns: what multigrid reads if the factor does not fit
-void solve(const ConstrainedSystem& system, const ParameterizeOptions& options,
-           const std::vector<std::array<double, 3>>& positions, const SparseMatrix& neighbours,
-           std::span<double> values, int width, ParameterizeReport& report) {
-  SolverOptions how;
-  how.memory_bytes = options.memory_bytes;
-  how.prefer_direct = true;
-  how.right_hand_sides = static_cast<std::size_t>(width);
-  how.tolerance = 1e-10;
-  how.positions = positions;
-  how.neighbours = &neighbours;
-  const auto solver = make_solver(SolverKind::kAutomatic, how);
-  report.unknowns = system.free_vertices.size();
-  report.factor = solver->analyse(system.matrix);
-  report.choice = report.factor.choice;
-  if (report.factor.status == SolveStatus::kSolved) report.factor = solver->factor(system.matrix);
-  if (report.factor.status == SolveStatus::kTooLarge) throw ResourceError(report.factor.message);
-  if (report.factor.status != SolveStatus::kSolved)
-    throw InputError("the mesh has no parameterization: " + report.factor.message);
-  const std::vector<double> b = system.right_hand_side(values, width);
-  std::vector<double> x(b.size());
-  report.solve = solver->solve(b, x, width);
-  if (report.solve.status == SolveStatus::kNotConverged)
-    throw ResourceError("a factor does not fit the memory, and " + report.solve.message +
-                        " instead: give a larger --memory");
-  if (report.solve.status != SolveStatus::kSolved)
-    throw InputError("the mesh has no parameterization: " + report.solve.message);
-  system.scatter(x, values, width);
-}
-
 /// Unused vertices have empty rows: they are held, or the matrix would be singular.
 std::vector<std::uint8_t> unused_vertices(const TriangleSpan& mesh) {
   std::vector<std::uint8_t> unused(mesh.positions.size(), 1);
   for (const auto& face : mesh.faces)
     for (const std::uint32_t v : face) unused[v] = 0;
   return unused;
+}
+
+std::vector<std::array<double, 3>> positions_of(const TriangleSpan& mesh, const ConstrainedSystem& system) {
+  std::vector<std::array<double, 3>> at;
+  at.reserve(system.free_vertices.size());
+  for (const std::int32_t v : system.free_vertices) at.push_back(mesh.positions[static_cast<std::size_t>(v)]);
+  return at;
+}
+
+void require_solved(SolveStatus status, const std::string& message) {
+  if (status == SolveStatus::kTooLarge) throw ResourceError(message);
+  if (status == SolveStatus::kNotConverged)
+    throw ResourceError("a factor does not fit the memory, and " + message +
+                        " instead: give a larger --memory");
+  if (status != SolveStatus::kSolved) throw InputError("the mesh has no parameterization: " + message);
 }
 
 void conformal(const TriangleSpan& mesh, const Loop& loop, const ParameterizeOptions& options,
@@ -116,16 +116,34 @@ void conformal(const TriangleSpan& mesh, const Loop& loop, const ParameterizeOpt
   } else {
     for (std::size_t i = 0; i < loop.size(); ++i) out.uv[loop[i]] = on_circle(share[i]);
   }
-  const Laplacian lap = sound_laplacian(mesh, options.clamp_weights);
+  Laplacian lap = sound_laplacian(mesh, options.clamp_weights);
   out.report.negative_weights = lap.report.negative_weights;
   std::vector<std::uint8_t> fixed = unused_vertices(mesh);
   for (const std::uint32_t v : loop) fixed[v] = 1;
   if (std::count(fixed.begin(), fixed.end(), 0) == 0) return;  // every vertex lies on the border
   const ConstrainedSystem system = laplacian_system(lap, 1, fixed);
-  std::vector<std::array<double, 3>> at;
-  for (const std::int32_t v : system.free_vertices) at.push_back(mesh.positions[static_cast<std::size_t>(v)]);
-  solve(system, options, at, mesh_neighbours(lap, system), {out.uv.front().data(), 2 * out.uv.size()}, 2,
-        out.report);
+  lap = {};
+  const std::vector<std::array<double, 3>> at = positions_of(mesh, system);
+  const std::span<double> values(out.uv.front().data(), 2 * out.uv.size());
+  SolverOptions how;
+  if (options.memory_bytes > 0)
+    how.memory_bytes = options.memory_bytes - fixed.size() * kConformalSystemBytes;
+  how.prefer_direct = true;
+  how.right_hand_sides = 2;
+  how.tolerance = 1e-10;
+  how.positions = at;
+  const auto solver = make_solver(SolverKind::kAutomatic, how);
+  ParameterizeReport& report = out.report;
+  report.unknowns = system.free_vertices.size();
+  report.factor = solver->analyse(system.matrix);
+  report.choice = report.factor.choice;
+  if (report.factor.status == SolveStatus::kSolved) report.factor = solver->factor(system.matrix);
+  require_solved(report.factor.status, report.factor.message);
+  const std::vector<double> b = system.right_hand_side(values, 2);
+  std::vector<double> x(b.size());
+  report.solve = solver->solve(b, x, 2);
+  require_solved(report.solve.status, report.solve.message);
+  system.scatter(x, values, 2);
 }
 
 /// Dirichlet energy of u and v minus the area they enclose, unknowns u_0, v_0, u_1, v_1, ... The area is a
@@ -189,31 +207,134 @@ void fit_unit_square(const TriangleSpan& mesh, std::vector<Double2>& uv) {
     for (std::size_t k = 0; k < 2; ++k) p[k] = (p[k] - low[k]) / extent;
 }
 
+/// The area as part of the complex system of least squares: K of (A + iK) z with z = u + iv.
+SparseMatrix area_form(std::size_t n, const Loop& loop) {
+  std::vector<std::array<std::pair<std::int32_t, double>, 2>> row(n, {{{-1, 0.0}, {-1, 0.0}}});
+  for (std::size_t i = 0; i < loop.size(); ++i) {
+    const std::uint32_t a = loop[i], b = loop[(i + 1) % loop.size()];
+    row[a][0] = {static_cast<std::int32_t>(b), 0.5};
+    row[b][1] = {static_cast<std::int32_t>(a), -0.5};
+  }
+  SparseMatrix m;
+  m.rows = m.columns = static_cast<std::int32_t>(n);
+  m.start.reserve(n + 1);
+  m.start.push_back(0);
+  for (auto& entries : row) {
+    std::sort(entries.begin(), entries.end());
+    for (const auto& [column, value] : entries)
+      if (column >= 0) {
+        m.column.push_back(column);
+        m.value.push_back(value);
+      }
+    m.start.push_back(static_cast<std::int32_t>(m.column.size()));
+  }
+  return m;
+}
+
+/// The two systems of the complex form; where they agree on the fixed vertices, so do their right-hand sides.
+struct ComplexSystem {
+  ConstrainedSystem laplacian, area;
+  std::vector<double> b;  // real and imaginary parts interleaved
+};
+
+ComplexSystem complex_system(Laplacian&& lap, const Loop& loop, const std::vector<std::uint8_t>& fixed,
+                             std::span<const double> values) {
+  ComplexSystem out;
+  for (double& v : lap.stiffness.value) v = -v;
+  out.laplacian = constrain(lap.stiffness, fixed);
+  lap = {};
+  out.area = constrain(area_form(fixed.size(), loop), fixed);
+  out.b = out.laplacian.right_hand_side(values, 2);
+  const std::vector<double> area = out.area.right_hand_side(values, 2);
+  for (std::size_t i = 0; i < out.b.size(); i += 2) {
+    out.b[i] -= area[i + 1];
+    out.b[i + 1] += area[i];
+  }
+  return out;
+}
+
+/// Whether the factor fits and has served. If not, report.choice says why.
+bool solve_by_factor(const Laplacian& lap, const Loop& loop, const std::vector<std::uint8_t>& fixed,
+                     std::uint64_t memory, std::span<double> values, ParameterizeReport& report) {
+  const std::uint64_t n = fixed.size();
+  if (memory > 0 && memory <= n * kFactorSystemBytes) {
+    report.choice = "for a factor the matrix alone needs " + mebibytes(n * kFactorSystemBytes) +
+                    ", allowed are " + mebibytes(memory);
+    return false;
+  }
+  std::vector<std::uint8_t> both(2 * fixed.size());
+  for (std::size_t v = 0; v < fixed.size(); ++v) both[2 * v] = both[2 * v + 1] = fixed[v];
+  const ConstrainedSystem system = constrain(conformal_energy(lap.stiffness, loop), both);
+  const auto solver =
+      make_solver(SolverKind::kCholesky, {.memory_bytes = memory > 0 ? memory - n * kFactorSystemBytes : 0});
+  report.factor = solver->analyse(system.matrix);
+  if (report.factor.status == SolveStatus::kTooLarge) {
+    report.choice = report.factor.message.substr(0, report.factor.message.rfind(':'));
+    return false;
+  }
+  report.unknowns = system.free_vertices.size();
+  report.choice = std::to_string(report.unknowns) + " unknowns: Cholesky, the factor fits";
+  if (report.factor.status == SolveStatus::kSolved) report.factor = solver->factor(system.matrix);
+  require_solved(report.factor.status, report.factor.message);
+  const std::vector<double> b = system.right_hand_side(values, 1);
+  std::vector<double> x(b.size());
+  report.solve = solver->solve(b, x, 1);
+  require_solved(report.solve.status, report.solve.message);
+  system.scatter(x, values, 1);
+  return true;
+}
+
+void solve_by_multigrid(const TriangleSpan& mesh, Laplacian&& lap, const Loop& loop,
+                        const std::vector<std::uint8_t>& fixed, std::span<double> values,
+                        ParameterizeReport& report) {
+  ComplexSystem system = complex_system(std::move(lap), loop, fixed, values);
+  report.unknowns = 2 * system.laplacian.free_vertices.size();
+  std::vector<std::array<double, 3>> at = positions_of(mesh, system.laplacian);
+  HermitianMultigrid solver(system.laplacian.matrix, system.area.matrix, at);
+  at = {};
+  report.factor = solver.report();
+  require_solved(report.factor.status, report.factor.message);
+  std::vector<double> z(system.b.size());
+  report.solve = solver.solve(system.b, z, kMultigridTolerance, kMostCycles);
+  require_solved(report.solve.status, report.solve.message);
+  system.laplacian.scatter(z, values, 2);
+}
+
 void least_squares_conformal(const TriangleSpan& mesh, const Loop& loop, const ParameterizeOptions& options,
                              Parameterization& out) {
-  const Laplacian lap = sound_laplacian(mesh, false);
-  out.report.negative_weights = lap.report.negative_weights;
-  const SparseMatrix energy = conformal_energy(lap.stiffness, loop);
   const auto [a, b] = far_pair(mesh, loop);
   if (a == b) throw InputError("the border of the mesh has no extent; repair the mesh first");
+  std::vector<std::uint8_t> fixed = unused_vertices(mesh);
+  const std::vector<std::uint8_t> unused = fixed;
+  fixed[a] = fixed[b] = 1;
   out.uv[b] = {1.0, 0.0};
-  const std::vector<std::uint8_t> unused = unused_vertices(mesh);
-  std::vector<std::uint8_t> fixed(2 * unused.size());
-  for (std::size_t v = 0; v < unused.size(); ++v)
-    fixed[2 * v] = fixed[2 * v + 1] = unused[v] != 0 || v == a || v == b;
-  const ConstrainedSystem system = constrain(energy, fixed);
-  std::vector<std::array<double, 3>> at;
-  for (const std::int32_t i : system.free_vertices)
-    at.push_back(mesh.positions[static_cast<std::size_t>(i / 2)]);
-  solve(system, options, at, system.matrix, {out.uv.front().data(), 2 * out.uv.size()}, 1, out.report);
+  const std::span<double> values(out.uv.front().data(), 2 * out.uv.size());
+  Laplacian lap = sound_laplacian(mesh, false);
+  out.report.negative_weights = lap.report.negative_weights;
+  if (!solve_by_factor(lap, loop, fixed, options.memory_bytes, values, out.report)) {
+    const std::string why = out.report.choice;
+    solve_by_multigrid(mesh, std::move(lap), loop, fixed, values, out.report);
+    out.report.choice = std::to_string(out.report.unknowns) + " unknowns: " + why + ", so multigrid";
+  }
+  fit_unit_square(mesh, out.uv);
   for (std::size_t v = 0; v < unused.size(); ++v)
     if (unused[v] != 0) out.uv[v] = {0, 0};
-  fit_unit_square(mesh, out.uv);
 }
 
 }  // namespace
 
+std::uint64_t parameterize_bytes(std::uint64_t vertices, ParameterMethod method) {
+  return vertices * (method == ParameterMethod::kConformal ? kConformalSystemBytes + kMultigridBytes
+                                                           : kComplexBytes) +
+         kLeastBytes;
+}
+
 Parameterization parameterize(const TriangleSpan& mesh, const ParameterizeOptions& options) {
+  const std::uint64_t least = parameterize_bytes(mesh.positions.size(), options.method);
+  if (options.memory_bytes > 0 && options.memory_bytes < least)
+    throw ResourceError("a map of " + std::to_string(mesh.positions.size()) + " vertices needs " +
+                        mebibytes(least) + " beside the mesh, allowed are " +
+                        mebibytes(options.memory_bytes) + ": give a larger --memory, or decimate the mesh");
   const SurfaceTopology topology = surface_topology(mesh);
   if (!topology.is_disk())
     throw InputError(

@@ -7,8 +7,9 @@
 /// lscm       minimises the least-squares conformal energy with a free border: Dirichlet energy minus area,
 /// which is
 ///            the sum over faces of the squared Cauchy-Riemann residual (Levy, Petitjean, Ray, Maillot 2002;
-///            the identity is in Pinkall and Polthier 1993). One system of twice the size; two far apart
-///            border vertices are pinned.
+///            the identity is in Pinkall and Polthier 1993). Two far apart border vertices are pinned. A factor
+///            solves one system of twice the size; where it would not fit, multigrid solves the complex
+///            form to a residual of 1e-8 (hermitian_multigrid.h).
 #pragma once
 #include <array>
 #include <cstdint>
@@ -30,7 +31,7 @@ struct ParameterizeOptions {
   ParameterBorder border = ParameterBorder::kCircle;  ///< conformal only
   bool clamp_weights =
       false;  ///< conformal only: negative cotangents become 0; then no triangle flips (Tutte 1963)
-  /// A factor that is predicted to need more is not tried: multigrid serves, or is refused; 0 = no limit
+  /// Beside the mesh; 0 = no limit. A factor that is predicted not to fit is not tried: multigrid serves.
   std::uint64_t memory_bytes = 0;
 };
 
@@ -58,9 +59,12 @@ struct Parameterization {
   ParameterizeReport report;
 };
 
+/// The least that parameterize() takes beside the mesh, in bytes: by multigrid, and the coordinates.
+std::uint64_t parameterize_bytes(std::uint64_t vertices, ParameterMethod method);
+
 /// \param mesh  a disk (disk_topology.h)
 /// \throws InputError     not a disk (says what it is), a vertex that is not finite, a face without an area
-/// \throws ResourceError  the factor does not fit the memory, nor multigrid, or that does not converge
+/// \throws ResourceError  less memory than parameterize_bytes(), or multigrid does not converge
 Parameterization parameterize(const TriangleSpan& mesh, const ParameterizeOptions& options);
 
 ParameterDistortion measure_distortion(const TriangleSpan& mesh, const std::vector<Double2>& uv);

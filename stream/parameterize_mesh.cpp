@@ -1,5 +1,6 @@
 #include "stream/parameterize_mesh.h"
 
+#include <algorithm>
 #include <chrono>
 
 #include "octree/error.h"
@@ -10,9 +11,14 @@
 namespace tessera {
 namespace {
 
-/// Positions and faces; Laplacian, system and its split before the factor: measured on disks of 10^4 to 10^6
-/// vertices.
-constexpr std::uint64_t kBytesPerVertex = 1100;
+/// Bytes a vertex of the mesh in memory: its position and two faces.
+constexpr std::uint64_t kMeshBytes = 48;
+/// The program and its buffers.
+constexpr std::uint64_t kProcessBytes = 12'000'000;
+
+std::uint64_t least_bytes(std::uint64_t vertices, ParameterMethod method) {
+  return kProcessBytes + vertices * kMeshBytes + parameterize_bytes(vertices, method);
+}
 
 struct LoadedMesh {
   MeshHeader header;
@@ -21,7 +27,7 @@ struct LoadedMesh {
 };
 
 LoadedMesh load(const std::filesystem::path& input, const std::filesystem::path& output, std::uint64_t memory,
-                const std::function<void()>& stop) {
+                ParameterMethod method, const std::function<void()>& stop) {
   const auto source = open_mesh_file(input);
   std::unique_ptr<WeldedMesh> welded;
   if (!source->shared_vertices())
@@ -32,11 +38,13 @@ LoadedMesh load(const std::filesystem::path& input, const std::filesystem::path&
   mesh.header = reader.header();
   reader.read_vertices([&](std::span<const Double3> batch, std::span<const std::uint32_t>) {
     if (stop) stop();
-    const std::uint64_t need = (mesh.positions.size() + batch.size()) * kBytesPerVertex;
-    if (need > memory)
-      throw ResourceError(input.string() + ": has more vertices than " + format_bytes(memory) +
-                          " can hold with the linear system (" + std::to_string(kBytesPerVertex) +
-                          " bytes a vertex and the factor): give a larger --memory, or decimate the mesh");
+    const std::uint64_t vertices = mesh.positions.size() + batch.size();
+    if (least_bytes(vertices, method) > memory) {
+      const std::uint64_t all = std::max<std::uint64_t>(vertices, mesh.header.vertices);
+      throw ResourceError(input.string() + ": a map of " + std::to_string(all) + " vertices needs " +
+                          format_bytes(least_bytes(all, method)) + ", allowed are " + format_bytes(memory) +
+                          ": give a larger --memory, or decimate the mesh");
+    }
     mesh.positions.insert(mesh.positions.end(), batch.begin(), batch.end());
   });
   reader.read_faces([&](std::span<const MeshFace> batch) {
@@ -45,6 +53,8 @@ LoadedMesh load(const std::filesystem::path& input, const std::filesystem::path&
       mesh.faces.push_back({static_cast<std::uint32_t>(f[0]), static_cast<std::uint32_t>(f[1]),
                             static_cast<std::uint32_t>(f[2])});
   });
+  mesh.positions.shrink_to_fit();
+  mesh.faces.shrink_to_fit();
   mesh.header.vertices = mesh.positions.size();
   mesh.header.faces = mesh.faces.size();
   mesh.header.colour = false;
@@ -63,10 +73,10 @@ ParameterizeMeshReport parameterize_mesh(const std::filesystem::path& input,
   };
   const std::uint64_t memory = options.memory_bytes > 0 ? options.memory_bytes : detect_memory_cap().bytes;
   const auto start = Clock::now();
-  const LoadedMesh mesh = load(input, output, memory, options.check_stop);
+  const LoadedMesh mesh = load(input, output, memory, options.map.method, options.check_stop);
   const auto loaded = Clock::now();
   ParameterizeOptions map = options.map;
-  map.memory_bytes = memory - mesh.positions.size() * kBytesPerVertex;
+  map.memory_bytes = memory - kProcessBytes - mesh.positions.size() * kMeshBytes;
   Parameterization result;
   try {
     result = parameterize({mesh.positions, mesh.faces}, map);

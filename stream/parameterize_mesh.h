@@ -11,7 +11,7 @@ namespace tessera {
 
 struct ParameterizeMeshOptions {
   ParameterizeOptions map;
-  std::uint64_t memory_bytes = 0;  ///< cap on what the mesh and its factor may take; 0 = 0.8 of what is there
+  std::uint64_t memory_bytes = 0;  ///< peak resident memory; 0 = 0.8 of what is there
   std::function<void()> check_stop;
 };
 
@@ -23,7 +23,7 @@ struct ParameterizeMeshReport {
 
 /// Triangle soups (STL) are merged by exact position; colours are left out.
 /// \throws InputError     damaged, or not a disk (says what it is instead)
-/// \throws ResourceError  the mesh or the factor does not fit the memory
+/// \throws ResourceError  mesh and multigrid do not fit the memory (says what would do)
 /// \throws UsageError     for an output that holds no texture coordinates
 ParameterizeMeshReport parameterize_mesh(const std::filesystem::path& input,
                                          const std::filesystem::path& output,

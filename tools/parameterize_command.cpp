@@ -41,9 +41,11 @@ void run(Arguments arguments) {
   fmt::print("{}: {} vertices, {} faces; read {:.2f} s, map {:.2f} s, write {:.2f} s\n",
              arguments.output.string(), report.vertices, report.faces, report.read_s, report.map_s,
              report.write_s);
-  fmt::print("{} unknowns, factor {} ({} entries), residual {:.1e}\n", report.map.unknowns,
-             format_bytes(report.map.factor.bytes), report.map.factor.factor_entries,
-             report.map.solve.residual);
+  const bool iterated = report.map.solve.iterations > 0;
+  fmt::print("{} unknowns, {} {} ({} entries), residual {:.1e}{}\n", report.map.unknowns,
+             iterated ? "levels" : "factor", format_bytes(report.map.factor.bytes),
+             report.map.factor.factor_entries, report.map.solve.residual,
+             iterated ? fmt::format(" in {} cycles", report.map.solve.iterations) : "");
   fmt::print("{}\n", report.map.choice);
   fmt::print("angles change by {:.3f} degrees in the mean, {:.2f} at most; quasi-conformal factor {:.4f}\n",
              d.mean_angle_deg, d.largest_angle_deg, d.mean_quasi_conformal);
@@ -72,8 +74,9 @@ void add_parameterize(CLI::App& app) {
       ->check(CLI::IsMember({"circle", "square"}));
   command->add_flag("--clamp-weights", arguments->options.map.clamp_weights,
                     "conformal: negative cotangents count as 0; no triangle flips, angles suffer a little");
-  cli::add_bytes(*command, "--memory", arguments->options.memory_bytes,
-                 "cap for the mesh and the factor, e.g. 2G; default: 0.8 of what is there");
+  cli::add_bytes(
+      *command, "--memory", arguments->options.memory_bytes,
+      "cap, e.g. 2G; where a factor would not fit multigrid serves, slower; default: 0.8 of what is there");
   command->add_flag("--force", arguments->force, "replace the output if it exists");
 }
 

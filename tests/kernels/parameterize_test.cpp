@@ -6,6 +6,7 @@
 #include "kernels/disk_topology.h"
 #include "octree/error.h"
 #include "tests/helpers/block_meshes.h"
+#include "tests/helpers/irregular_mesh.h"
 
 namespace {
 
@@ -144,24 +145,66 @@ TEST_CASE("parameterize: too little memory is said before the factor is tried", 
   CHECK_THROWS_AS(parameterize(span_of(cap()), options), ResourceError);
 }
 
-TEST_CASE("parameterize: where the factor does not fit, multigrid finds the same map or says that it cannot",
-          "[unit]") {
+TEST_CASE("parameterize: where the factor does not fit, multigrid finds the same map", "[unit]") {
   const MeshBlock sheet =
       test::grid_block(200, 200, [](double i, double j) { return 0.002 * i * j + 3.0 / (1.0 + i); });
   ParameterizeOptions options;
-  options.method = ParameterMethod::kConformal;
+  SECTION("fixed border") {
+    options.method = ParameterMethod::kConformal;
+  }
+  SECTION("free border") {
+    options.method = ParameterMethod::kLeastSquaresConformal;
+  }
   const Parameterization direct = parameterize(span_of(sheet), options);
   CHECK(direct.report.solve.iterations == 0);
-  options.memory_bytes = 13'000'000;  // multigrid needs 11 MB, the factor more than 15
+  options.memory_bytes = parameterize_bytes(sheet.position.size(), options.method);
   const Parameterization iterated = parameterize(span_of(sheet), options);
-  INFO(iterated.report.choice);
+  CHECK_THAT(iterated.report.choice, Catch::Contains("multigrid"));
   CHECK(iterated.report.solve.iterations > 0);
+  CHECK(iterated.report.solve.residual < 2e-8);
   double largest = 0.0;
   for (std::size_t v = 0; v < direct.uv.size(); ++v)
     for (std::size_t k = 0; k < 2; ++k)
       largest = std::max(largest, std::fabs(direct.uv[v][k] - iterated.uv[v][k]));
-  CHECK(largest < 1e-6);
-  CHECK(iterated.report.distortion.flipped == direct.report.distortion.flipped);
-  options.memory_bytes = 1'000'000;
+  CHECK(largest < 2e-6);
+  const ParameterDistortion &a = direct.report.distortion, &b = iterated.report.distortion;
+  CHECK(b.flipped == a.flipped);
+  CHECK(b.mean_angle_deg == Approx(a.mean_angle_deg).epsilon(1e-3));
+  CHECK(b.largest_angle_deg == Approx(a.largest_angle_deg).epsilon(1e-3));
+  options.memory_bytes -= 1;
   CHECK_THROWS_AS(parameterize(span_of(sheet), options), ResourceError);
+}
+
+TEST_CASE("parameterize: a free border by multigrid on irregular and flat meshes", "[unit]") {
+  const auto by_multigrid = [](const TriangleSpan& mesh) {
+    ParameterizeOptions options;
+    options.memory_bytes = parameterize_bytes(mesh.positions.size(), options.method);
+    return parameterize(mesh, options);
+  };
+  SECTION("slivers and graded density: as the factor") {
+    const test::IrregularMesh mesh = test::irregular_mesh({.side = 120, .stretch = 3.0});
+    const TriangleSpan span{mesh.positions, mesh.faces};
+    const Parameterization direct = parameterize(span, {}), iterated = by_multigrid(span);
+    CHECK(iterated.report.solve.iterations > 0);
+    CHECK(iterated.report.solve.iterations < 150);
+    CHECK(iterated.report.distortion.mean_angle_deg ==
+          Approx(direct.report.distortion.mean_angle_deg).epsilon(1e-3));
+    CHECK(iterated.report.distortion.flipped == direct.report.distortion.flipped);
+  }
+  SECTION("flat: a similarity") {
+    const MeshBlock block = test::grid_block(120, 100, [](double, double) { return 0.0; });
+    const Parameterization map = by_multigrid(span_of(block));
+    CHECK(map.report.solve.iterations > 0);
+    CHECK(map.report.distortion.largest_angle_deg < 1e-2);
+    CHECK(map.report.distortion.flipped == 0);
+  }
+  SECTION("unused vertices") {
+    MeshBlock block = test::grid_block(110, 110, [](double i, double j) { return 0.01 * i * j; });
+    const Parameterization before = by_multigrid(span_of(block));
+    block.position.push_back({100, 100, 100});
+    const Parameterization map = by_multigrid(span_of(block));
+    CHECK(map.report.solve.iterations > 0);
+    CHECK(map.report.distortion.mean_angle_deg == Approx(before.report.distortion.mean_angle_deg));
+    CHECK(map.uv.back() == Double2{0, 0});
+  }
 }
