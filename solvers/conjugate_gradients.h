@@ -17,9 +17,9 @@ struct ConjugateGradientsResult {
   bool breakdown = false;  ///< x^T A x was not positive: A is not positive definite, or numbers overflowed
 };
 
-/// Improves x from its current value. apply(u, v) makes v = A u. `r` holds b - A x on entry and the residual at the end; `z` and `p` are
-/// scratch of the same size. precondition() reads r and writes z; z is free otherwise. \param norms  2-norm
-/// of each right-hand side; a column with norm 0 is left alone
+/// Improves x from its current value. apply(u, v) makes v = A u. `r` holds b - A x on entry and the residual at
+/// the end; `z` and `p` are scratch of the same size. precondition() reads r and writes z; z is free otherwise.
+/// \param norms  2-norm of each right-hand side; a column with norm 0 is left alone
 template <int kWidth, class Apply, class Precondition>
 ConjugateGradientsResult conjugate_gradients(Apply apply, std::vector<double>& r, std::span<double> x,
                                              std::vector<double>& z, std::vector<double>& p,
