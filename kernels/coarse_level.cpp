@@ -124,16 +124,22 @@ class Pieces {
   std::vector<std::uint8_t> whole_;
 };
 
+/// Entries of the matrices of D and D - W.
+struct Value {
+  double mass = 0.0, stiffness = 0.0;
+};
+
 /// A sparse row that is summed up in any order of columns and read in ascending order.
 class RowSum {
  public:
-  explicit RowSum(std::size_t columns) : sum_(columns, 0.0), used_(columns, 0) {}
-  void add(std::uint32_t column, double value) {
+  explicit RowSum(std::size_t columns) : sum_(columns), used_(columns, 0) {}
+  void add(std::uint32_t column, const Value& value) {
     if (used_[column] == 0) {
       used_[column] = 1;
       columns_.push_back(column);
     }
-    sum_[column] += value;
+    sum_[column].mass += value.mass;
+    sum_[column].stiffness += value.stiffness;
   }
   /// sink(column, value), then empty again.
   template <class Sink>
@@ -141,14 +147,14 @@ class RowSum {
     std::sort(columns_.begin(), columns_.end());
     for (const std::uint32_t c : columns_) {
       sink(c, sum_[c]);
-      sum_[c] = 0.0;
+      sum_[c] = {};
       used_[c] = 0;
     }
     columns_.clear();
   }
 
  private:
-  std::vector<double> sum_;
+  std::vector<Value> sum_;
   std::vector<std::uint8_t> used_;
   std::vector<std::uint32_t> columns_;
 };
@@ -173,15 +179,16 @@ void require_right(const SurfaceRows& rows, const CoarseBasis& basis,
 
 }  // namespace
 
-CoarseOptions coarse_options(double lambda, double edge, std::uint64_t faces) {
+CoarseOptions coarse_options(double lambda, int order, double edge, std::uint64_t faces) {
   // About 150,000 unknowns for a large sheet, one for 20 vertices of a small one. The wider the cells, the longer the
   // waves that are left to the filter.
   const double wide = std::sqrt(static_cast<double>(faces) / 125000.0);
   const double cells = wide > kNarrowest ? wide : kNarrowest;
   CoarseOptions out;
   out.cell = cells * edge;
-  out.lambda = lambda;
-  out.stiffness = 0.02 * lambda / (cells * cells);
+  out.order = order;
+  out.lambda = order == 2 ? std::sqrt(lambda) : lambda;
+  out.stiffness = 0.02 / (cells * cells);
   out.degree = static_cast<int>(std::ceil(2.5 * cells));
   out.lowest = 1.0 / (cells * cells);
   return out;
@@ -234,23 +241,23 @@ std::vector<CoarseEntry> coarse_matrix(const SurfaceRows& rows, const CoarseBasi
   // The system's rows of these vertices applied to the basis, and how many vertices test each unknown.
   RowSum row(basis.name.size());
   std::vector<std::uint32_t> first(1, 0), column;
-  std::vector<double> value;
+  std::vector<Value> value;
   std::vector<std::uint32_t> begin(basis.name.size() + 1, 0);
   for (const std::uint32_t v : vertices) {
     if (moves(rows.role[v])) {
-      const double own = (1.0 + options.lambda) * degree(rows, v);
+      const double own = degree(rows, v);
       for_unknowns(basis, v, [&](std::uint32_t c, double weight) {
-        row.add(c, own * weight);
+        row.add(c, {own * weight, own * weight});
         ++begin[c];
       });
       for (std::uint32_t k = rows.first[v]; k < rows.first[v + 1]; ++k) {
         const std::uint32_t u = rows.neighbour[k];
         if (!sees(rows, v, u)) continue;
-        const double share = options.lambda * static_cast<double>(rows.weight[k]);
-        for_unknowns(basis, u, [&](std::uint32_t c, double weight) { row.add(c, -share * weight); });
+        const auto share = static_cast<double>(rows.weight[k]);
+        for_unknowns(basis, u, [&](std::uint32_t c, double weight) { row.add(c, {0.0, -share * weight}); });
       }
     }
-    row.drain([&](std::uint32_t c, double x) {
+    row.drain([&](std::uint32_t c, const Value& x) {
       column.push_back(c);
       value.push_back(x);
     });
@@ -272,44 +279,62 @@ std::vector<CoarseEntry> coarse_matrix(const SurfaceRows& rows, const CoarseBasi
     for (std::uint32_t t = begin[unknown]; t < begin[unknown + 1]; ++t) {
       const std::uint32_t i = tests[t].place, v = vertices[i];
       const auto w = static_cast<double>(tests[t].weight);
-      for (std::uint32_t e = first[i]; e < first[i + 1]; ++e) row.add(column[e], w * value[e]);
+      for (std::uint32_t e = first[i]; e < first[i + 1]; ++e)
+        row.add(column[e], {w * value[e].mass, w * value[e].stiffness});
       // The spread of the values that the vertex is interpolated from.
       const double spread = w * options.stiffness * degree(rows, v);
-      row.add(unknown, spread);
-      for_unknowns(basis, v, [&](std::uint32_t c, double weight) { row.add(c, -spread * weight); });
+      row.add(unknown, {0.0, spread});
+      for_unknowns(basis, v, [&](std::uint32_t c, double weight) { row.add(c, {0.0, -spread * weight}); });
     }
-    row.drain([&](std::uint32_t c, double x) { out.push_back({basis.name[unknown], basis.name[c], x}); });
+    row.drain([&](std::uint32_t c, const Value& x) {
+      out.push_back({basis.name[unknown], basis.name[c], x.mass, x.stiffness});
+    });
   }
   return out;
 }
 
-std::vector<CoarseLoad> coarse_load(const SurfaceRows& rows, const CoarseBasis& basis,
-                                    std::span<const Double3> from, std::span<const Double3> now,
+std::vector<CoarseLoad> coarse_load(const SurfaceRows& rows, const CoarseBasis& basis, const StepState& state,
                                     std::span<const std::uint32_t> vertices, const CoarseOptions& options) {
   require_right(rows, basis, vertices);
-  std::vector<Double3> sum(basis.name.size(), Double3{0, 0, 0});
+  std::vector<CoarseLoad> sum(basis.name.size());
   std::vector<std::uint8_t> used(basis.name.size(), 0);
+  const auto& [from, now, bend] = state;
+  const bool plate = options.order == 2;
   for (const std::uint32_t v : vertices) {
     if (!moves(rows.role[v])) continue;
-    Double3 bend = {0, 0, 0};  // (D - W) of where the vertices are now, as the filter sees it
+    // (D - W) of where the vertices are now, as the filter sees it, and of their bend: that of the own kind.
+    Double3 curved = {0, 0, 0}, bent = {0, 0, 0};
     for (std::uint32_t e = rows.first[v]; e < rows.first[v + 1]; ++e) {
       const std::uint32_t u = rows.neighbour[e];
       const auto w = static_cast<double>(rows.weight[e]);
       const std::span<const Double3> there = sees(rows, v, u) ? now : from;
-      for (std::size_t a = 0; a < 3; ++a) bend[a] += w * (now[v][a] - there[u][a]);
+      for (std::size_t a = 0; a < 3; ++a) curved[a] += w * (now[v][a] - there[u][a]);
+      if (bend.empty()) continue;
+      const bool own = rows.role[u] == rows.role[v];
+      for (std::size_t a = 0; a < 3; ++a)
+        bent[a] += w * (static_cast<double>(bend[v][a]) - (own ? static_cast<double>(bend[u][a]) : 0.0));
     }
     const double d = degree(rows, v);
-    Double3 residual;
-    for (std::size_t a = 0; a < 3; ++a)
-      residual[a] = -options.lambda * bend[a] - d * (now[v][a] - from[v][a]);
+    CoarseLoad residual;
+    for (std::size_t a = 0; a < 3; ++a) {
+      const double moved = d * (now[v][a] - from[v][a]), curve = options.lambda * curved[a];
+      residual.moved[a] = plate ? options.lambda * bent[a] - moved : -curve - moved;
+      if (plate) residual.bend[a] = -curve - (bend.empty() ? 0.0 : d * static_cast<double>(bend[v][a]));
+    }
     for_unknowns(basis, v, [&](std::uint32_t c, double weight) {
       used[c] = 1;
-      for (std::size_t a = 0; a < 3; ++a) sum[c][a] += weight * residual[a];
+      for (std::size_t a = 0; a < 3; ++a) {
+        sum[c].moved[a] += weight * residual.moved[a];
+        sum[c].bend[a] += weight * residual.bend[a];
+      }
     });
   }
   std::vector<CoarseLoad> out;
-  for (std::size_t c = 0; c < sum.size(); ++c)
-    if (used[c] != 0) out.push_back({basis.name[c], sum[c]});
+  for (std::size_t c = 0; c < sum.size(); ++c) {
+    if (used[c] == 0) continue;
+    sum[c].row = basis.name[c];
+    out.push_back(sum[c]);
+  }
   return out;
 }
 

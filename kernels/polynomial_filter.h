@@ -41,23 +41,31 @@ struct FilterOptions {
 /// Rings that the filter reads around a vertex.
 int filter_rings(const FilterOptions& options);
 
-/// Smallest number of Chebyshev steps whose error is at most `accuracy` of the right-hand side (in the norm
-/// of the degrees) on the spectrum [1, 1 + lambda 2^order]: 2 ((sqrt K - 1) / (sqrt K + 1))^k with K = 1 +
-/// lambda 2^order.
+/// Number of steps after which an implicit filter that starts from zero is right to `accuracy`.
+/// Order 1: of the right-hand side (in the norm of the degrees), by 2 ((sqrt K - 1) / (sqrt K + 1))^k with
+/// K = 1 + 2 lambda. Order 2: of every wave's own displacement.
 int chebyshev_degree(double lambda, int order, double accuracy);
+
+/// Where a filter is.
+struct FilterState {
+  std::vector<Displacement> moved;
+  /// Order 2: sqrt(lambda) times the negative Laplacian of the surface it goes to. Empty: zero, not asked for
+  std::vector<Displacement> bend;
+};
 
 /// Free vertices at the ends of lines do not move for the line.
 /// With order 2 a surface continues with no bending at creases, a line bends along itself alone.
+/// Order 2 is order 1 with a complex strength: 1 / (1 + lambda t^2) is the real part of 1 / (1 + i sqrt(lambda) t), so
+/// it takes as few rings as a membrane of strength sqrt(lambda), and no product of two Laplacians.
 /// Runs over windows of vertices that fit the cache together with the rings that they read.
 /// \param position  n; the rows' own mesh
 /// \param wanted    n flags of the vertices to compute, or empty: all
-/// \param start     n displacements to start from (implicit only), or empty: zero
-/// \return          n displacements; zero for fixed, open and unwanted vertices
-/// \cost 20 bytes a vertex and filter_window_bytes()
-std::vector<Displacement> filter_surface(const SurfaceRows& rows, std::span<const Double3> position,
-                                         const FilterOptions& options,
-                                         std::span<const std::uint8_t> wanted = {},
-                                         std::span<const Displacement> start = {});
+/// \param start     where to start from (implicit only), n or empty: zero
+/// \return          moved: n, zero for fixed, open and unwanted vertices; bend: as many as start.bend
+/// \cost 20 bytes a vertex, 16 more with a bend, and filter_window_bytes()
+FilterState filter_surface(const SurfaceRows& rows, std::span<const Double3> position,
+                           const FilterOptions& options, std::span<const std::uint8_t> wanted = {},
+                           const FilterState& start = {});
 
 /// Bytes that a window takes in a block of so many vertices with a filter of so many rings.
 std::uint64_t filter_window_bytes(std::uint64_t vertices, int rings);

@@ -16,7 +16,7 @@ constexpr int kExplicitRings = 32;
 constexpr double kImplicitAccuracy = 1e-3;
 /// Largest Chebyshev degree that a halo can carry.
 constexpr int kLargestDegree = 400;
-/// From this degree on an implicit step of order 1 takes a coarse level: three short filters cost less than a long one.
+/// From this degree on an implicit step takes a coarse level: three short filters cost less than a long one.
 constexpr int kCoarseDegree = 64;
 constexpr double kLargestLambda = 1e9;
 
@@ -55,7 +55,7 @@ SmoothRound filter_round(const SmoothOptions& options, FilterKind kind, double l
 /// Whether a step of the method takes a coarse level.
 bool takes_coarse_level(const SmoothOptions& options, double lambda) {
   return (options.method == "implicit" || options.method == "denoise") && options.degree == 0 &&
-         used_order(options) == 1 && chebyshev_degree(lambda, 1, kImplicitAccuracy) >= kCoarseDegree;
+         chebyshev_degree(lambda, used_order(options), kImplicitAccuracy) >= kCoarseDegree;
 }
 
 SmoothRound normal_round(const SmoothOptions& options) {
@@ -106,10 +106,6 @@ void SmoothOptions::validate() const {
   if ((method == "implicit" || method == "denoise") && degree == 0) {
     const double used = lambda > 0.0 ? lambda : default_lambda(method);
     require(used <= kLargestLambda, "--lambda must be at most 1e9");
-    require(takes_coarse_level(*this, used) ||
-                chebyshev_degree(used, used_order(*this), kImplicitAccuracy) <= kLargestDegree,
-            "--lambda " + std::to_string(used) + ": takes more than " + std::to_string(kLargestDegree) +
-                " Chebyshev steps; take a smaller value and more --steps, --order 1, or set --degree");
   }
 }
 
@@ -222,7 +218,8 @@ SmoothedBlock smooth_block(const MeshBlock& block, const SmoothRound& round,
     out.position = flow(block, rows, round, out.counts);
   } else {
     out.position = block.position;
-    const std::vector<Displacement> moved = filter_surface(rows, block.position, round.filter, out.complete);
+    const std::vector<Displacement> moved =
+        filter_surface(rows, block.position, round.filter, out.complete).moved;
     for (std::size_t v = 0; v < moved.size(); ++v)
       for (std::size_t a = 0; a < 3; ++a) out.position[v][a] += static_cast<double>(moved[v].xyz[a]);
   }
@@ -230,17 +227,20 @@ SmoothedBlock smooth_block(const MeshBlock& block, const SmoothRound& round,
   return out;
 }
 
-SmoothedBlock smooth_cycle(const MeshBlock& block, std::span<const Double3> now, const SmoothRound& round,
-                           const CoarseOptions& coarse, const CoarseSolution& solution,
-                           std::span<const std::uint8_t> wanted) {
+SmoothedBlock smooth_cycle(const MeshBlock& block, std::span<const Double3> now, std::span<const Float3> bend,
+                           const SmoothRound& round, const CoarseOptions& coarse,
+                           const CoarseSolution& solution, std::span<const std::uint8_t> wanted) {
   SmoothedBlock out;
   const FaceCorners corners(block);
   SurfaceRows rows = make_surface_rows(block, corners, round.rows);
   FilterOptions filter = round.filter;
   filter.degree = coarse.degree;
   filter.lowest = coarse.lowest;
+  const bool plate = coarse.order == 2;
   out.complete = complete_rings(block, corners, rows, filter_rings(filter));
-  std::vector<Displacement> start(block.position.size());
+  FilterState start;
+  start.moved.resize(block.position.size());
+  start.bend.resize(plate ? block.position.size() : 0);
   {
     CoarseBasis basis = make_coarse_basis(block, rows, coarse);
     std::vector<std::size_t> place(basis.name.size());
@@ -250,9 +250,12 @@ SmoothedBlock smooth_cycle(const MeshBlock& block, std::span<const Double3> now,
                                     solution.name.begin());
       place[i] = at;
     }
-    for (std::size_t v = 0; v < start.size(); ++v) {
-      Double3 d;
-      for (std::size_t a = 0; a < 3; ++a) d[a] = now[v][a] - block.position[v][a];
+    for (std::size_t v = 0; v < start.moved.size(); ++v) {
+      CoarseValue d;
+      for (std::size_t a = 0; a < 3; ++a) {
+        d.moved[a] = now[v][a] - block.position[v][a];
+        if (!bend.empty()) d.bend[a] = static_cast<double>(bend[v][a]);
+      }
       for (std::size_t k = 0; k < kCoarseCorners && basis.right[v] != 0; ++k) {
         const std::uint32_t u = basis.unknown[v][k];
         if (u == CoarseBasis::kNone) continue;
@@ -262,18 +265,29 @@ SmoothedBlock smooth_cycle(const MeshBlock& block, std::span<const Double3> now,
           continue;
         }
         const auto w = static_cast<double>(basis.weight[v][k]);
-        for (std::size_t a = 0; a < 3; ++a) d[a] += w * solution.value[place[u]][a];
+        const CoarseValue& value = solution.value[place[u]];
+        for (std::size_t a = 0; a < 3; ++a) {
+          d.moved[a] += w * value.moved[a];
+          d.bend[a] += w * value.bend[a];
+        }
       }
-      for (std::size_t a = 0; a < 3; ++a) start[v].xyz[a] = static_cast<float>(d[a]);
+      for (std::size_t a = 0; a < 3; ++a) {
+        start.moved[v].xyz[a] = static_cast<float>(d.moved[a]);
+        if (plate) start.bend[v].xyz[a] = static_cast<float>(d.bend[a]);
+      }
     }
     erode(block, corners, filter.degree, basis.right);
-    for (std::size_t v = 0; v < start.size(); ++v) out.complete[v] &= basis.right[v];
+    for (std::size_t v = 0; v < now.size(); ++v) out.complete[v] &= basis.right[v];
   }
   for (std::size_t v = 0; v < wanted.size(); ++v) out.complete[v] &= wanted[v];
   out.position = block.position;
-  const std::vector<Displacement> moved = filter_surface(rows, block.position, filter, out.complete, start);
-  for (std::size_t v = 0; v < moved.size(); ++v)
-    for (std::size_t a = 0; a < 3; ++a) out.position[v][a] += static_cast<double>(moved[v].xyz[a]);
+  const FilterState end = filter_surface(rows, block.position, filter, out.complete, start);
+  out.bend.resize(end.bend.size());
+  for (std::size_t v = 0; v < end.moved.size(); ++v)
+    for (std::size_t a = 0; a < 3; ++a) {
+      out.position[v][a] += static_cast<double>(end.moved[v].xyz[a]);
+      if (plate) out.bend[v][a] = end.bend[v].xyz[a];
+    }
   finish(block, rows, out);
   return out;
 }
@@ -312,8 +326,9 @@ std::uint64_t smooth_bytes(std::uint64_t vertices, std::uint64_t faces, const Sm
       corners + (round.by_normals ? 48 * vertices + 72 * faces
                  : round.by_flow  ? kFlowBytesPerVertex[round.filter.order - 1] * vertices
                                   : 20 * vertices + filter_window_bytes(vertices, round_rings(round)));
-  // A cycle starts from 16 bytes a vertex, and before it filters it has the basis and the place of its unknowns.
-  const std::uint64_t cycle = round.cycle < 0 ? 0 : 16 * vertices;
+  // A cycle starts from 16 bytes a vertex, of order 2 from 32 and ends with 28 more, and before it filters it has the
+  // basis and the place of its unknowns.
+  const std::uint64_t cycle = round.cycle < 0 ? 0 : (round.filter.order == 2 ? 60 : 16) * vertices;
   const std::uint64_t basis =
       round.cycle < 0 ? 0 : corners + coarse_basis_bytes(vertices) + 8 * kCoarseCorners * vertices;
   return rows + std::max({making, cycle + filter, cycle + basis}) + 25 * vertices + (1u << 16);

@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "kernels/coarse_level.h"
+#include "kernels/coarse_system.h"
 #include "kernels/mesh_block.h"
 #include "kernels/normal_filter.h"
 #include "kernels/polynomial_filter.h"
@@ -65,6 +65,7 @@ struct SmoothCounts {
 
 struct SmoothedBlock {
   std::vector<Double3> position;  ///< n
+  std::vector<Float3> bend;       ///< n after a cycle of order 2, else empty
   std::vector<VertexRole> role;   ///< n
   std::vector<std::uint8_t>
       complete;  ///< n; 1 = wanted, round_rings() rings are in the block, the position is right
@@ -81,16 +82,17 @@ SmoothedBlock smooth_block(const MeshBlock& block, const SmoothRound& round,
 /// Values of the coarse level's unknowns, by ascending name: those of the whole mesh, or all that a block sees.
 struct CoarseSolution {
   std::vector<std::uint64_t> name;
-  std::vector<Double3> value;
+  std::vector<CoarseValue> value;
 };
 
 /// One cycle of an implicit step with a coarse level. \param block  as the step found it: what the rows are made from
-/// \param now  n, where the vertices are after the cycles before
+/// \param now   n, where the vertices are after the cycles before
+/// \param bend  order 2: n, what these cycles said of it, or empty in the first
 /// \pre round.cycle >= 0; the solution holds all unknowns of the wanted vertices' surroundings
 /// \throws as smooth_block()
-SmoothedBlock smooth_cycle(const MeshBlock& block, std::span<const Double3> now, const SmoothRound& round,
-                           const CoarseOptions& coarse, const CoarseSolution& solution,
-                           std::span<const std::uint8_t> wanted = {});
+SmoothedBlock smooth_cycle(const MeshBlock& block, std::span<const Double3> now, std::span<const Float3> bend,
+                           const SmoothRound& round, const CoarseOptions& coarse,
+                           const CoarseSolution& solution, std::span<const std::uint8_t> wanted = {});
 
 /// Where a vertex comes to rest: `to`, rounded to floats if a mesh of floats holds it, and drawn towards
 /// `from` until it is no farther than `tolerance` (0 = no limit) from it. The distance computed from the

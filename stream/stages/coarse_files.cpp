@@ -23,7 +23,7 @@ void for_each_patch(const ReadFile& file, const Sink& sink) {
     Header h;
     file.read_at(offset, h.data(), sizeof h);
     offset += sizeof h;
-    const std::uint64_t most = file.size() / sizeof(CoarseLoad);
+    const std::uint64_t most = file.size() / sizeof(CoarseUnknown);
     if (h[1] > most || h[2] > 2 * most || h[3] > most || body_bytes(h) > file.size() - offset)
       throw InputError(file.path().string() + ": damaged at byte " + std::to_string(offset) +
                        "; run again with --force");
@@ -55,6 +55,10 @@ std::string coarse_folder(std::size_t round) {
 }
 std::string coarse_solution_file(std::size_t round) {
   return coarse_folder(round) + "/solution.bin";
+}
+
+std::string bend_folder(std::size_t round) {
+  return "bend-" + std::to_string(round);
 }
 
 void PatchSumsWriter::add(const PatchSums& sums) {
@@ -93,16 +97,16 @@ void read_patch_sums(const std::vector<std::filesystem::path>& files,
 }
 
 void save_coarse_solution(const std::filesystem::path& path, std::span<const CoarseUnknown> unknowns,
-                          std::span<const Double3> values) {
+                          std::span<const CoarseValue> values) {
   DirectFile file(path);
   for (const CoarseUnknown& u : unknowns) file.write(&u.name, sizeof u.name);
-  for (const Double3& v : values) file.write(v.data(), sizeof v);
+  for (const CoarseValue& v : values) file.write(&v, sizeof v);
   file.finish();
 }
 
 CoarseSolution load_coarse_solution(const std::filesystem::path& path) {
   const ReadFile file(path);
-  const std::uint64_t n = file.size() / (sizeof(std::uint64_t) + sizeof(Double3));
+  const std::uint64_t n = file.size() / (sizeof(std::uint64_t) + sizeof(CoarseValue));
   CoarseSolution out;
   std::uint64_t offset = 0;
   read_all(file, offset, n, out.name);
@@ -114,17 +118,53 @@ std::uint64_t coarse_solution_bytes(const std::filesystem::path& path) {
   return ReadFile(path).size();
 }
 
-std::vector<Double3> positions_of(const MeshStore& loaded, const MeshStore& store, const MeshHaloBlock& near,
-                                  const SmoothTile& tile) {
+void PatchBendWriter::add(std::uint64_t patch, std::span<const Float3> bend) {
+  const std::array<std::uint64_t, 2> header = {patch, bend.size()};
+  file_.write(header.data(), sizeof header);
+  if (!bend.empty()) file_.write(bend.data(), bend.size_bytes());
+}
+
+PatchBends::PatchBends(const std::vector<std::filesystem::path>& files) {
+  for (const auto& path : files) {
+    const ReadFile& file = files_.emplace_back(path);
+    for (std::uint64_t offset = 0; offset < file.size();) {
+      std::array<std::uint64_t, 2> header{};
+      file.read_at(offset, header.data(), sizeof header);
+      offset += sizeof header;
+      const auto [patch, count] = header;
+      if (count > (file.size() - offset) / sizeof(Float3))
+        throw InputError(path.string() + ": damaged at byte " + std::to_string(offset) +
+                         "; run again with --force");
+      places_[patch] = {files_.size() - 1, offset, count};
+      offset += count * sizeof(Float3);
+    }
+  }
+}
+
+std::vector<Float3> PatchBends::load(std::uint64_t patch) const {
+  const Place& place = places_.at(patch);
+  std::vector<Float3> bend(place.count);
+  files_[place.file].read_at(place.offset, bend.data(), bend.size() * sizeof(Float3));
+  return bend;
+}
+
+TileState tile_state(const MeshStore& loaded, const MeshStore& store, const PatchBends& bends,
+                     const MeshHaloBlock& near, const SmoothTile& tile) {
   const std::vector<std::uint64_t>& key = near.block.key;
-  std::vector<Double3> out = near.block.position;
+  TileState out;
+  out.now = near.block.position;
+  if (!bends.empty()) out.bend.resize(key.size());
   for (const std::size_t p : loaded.select(grown(loaded.box_of(tile.patches), tile.margin))) {
     const MeshBlock patch = store.load({&p, 1});
+    const std::vector<Float3> bend = bends.empty() ? std::vector<Float3>() : bends.load(p);
     auto at = key.begin();
     for (std::size_t v = 0; v < patch.key.size(); ++v) {
       at = std::lower_bound(at, key.end(), patch.key[v]);
       if (at == key.end()) break;
-      if (*at == patch.key[v]) out[static_cast<std::size_t>(at - key.begin())] = patch.position[v];
+      if (*at != patch.key[v]) continue;
+      const auto i = static_cast<std::size_t>(at - key.begin());
+      out.now[i] = patch.position[v];
+      if (!bend.empty()) out.bend[i] = bend[v];
     }
   }
   return out;

@@ -1,9 +1,11 @@
 /// \file coarse_files.h
-/// What the stages of the coarse level of smoothing hand on: sums by patch, the summed matrix, the solution.
+/// What the stages of the coarse level of smoothing hand on: sums by patch, the summed matrix, the solution, how a plate
+/// bends.
 #pragma once
 #include <cstdint>
 #include <filesystem>
 #include <functional>
+#include <map>
 #include <span>
 #include <string>
 #include <vector>
@@ -12,6 +14,7 @@
 #include "kernels/smooth.h"
 #include "stream/direct_file.h"
 #include "stream/mesh_store.h"
+#include "stream/read_file.h"
 #include "stream/stages/smooth_tiles.h"
 
 namespace tessera {
@@ -19,6 +22,7 @@ namespace tessera {
 std::string coarse_sums_folder(std::size_t round);
 std::string coarse_folder(std::size_t round);
 std::string coarse_solution_file(std::size_t round);
+std::string bend_folder(std::size_t round);
 
 /// What one patch adds.
 struct PatchSums {
@@ -48,15 +52,52 @@ PatchSumsCount count_patch_sums(const std::vector<std::filesystem::path>& files)
 void read_patch_sums(const std::vector<std::filesystem::path>& files,
                      const std::function<void(const PatchSums&)>& sink);
 
-/// Every solution has a name and a displacement for each unknown.
+/// Every solution has a name and a value for each unknown.
 void save_coarse_solution(const std::filesystem::path& path, std::span<const CoarseUnknown> unknowns,
-                          std::span<const Double3> values);
+                          std::span<const CoarseValue> values);
 CoarseSolution load_coarse_solution(const std::filesystem::path& path);
 /// Bytes of the solution in memory.
 std::uint64_t coarse_solution_bytes(const std::filesystem::path& path);
 
-/// Positions in `store`, which has the same patches, of the vertices of a tile that were loaded from another one.
-std::vector<Double3> positions_of(const MeshStore& loaded, const MeshStore& store, const MeshHaloBlock& near,
-                                  const SmoothTile& tile);
+/// How the vertices of some patches bend (order 2), in the order of each patch.
+class PatchBendWriter {
+ public:
+  explicit PatchBendWriter(const std::filesystem::path& path) : file_(path) {}
+  void add(std::uint64_t patch, std::span<const Float3> bend);
+  std::uint64_t finish() { return file_.finish(); }
+
+ private:
+  DirectFile file_;
+};
+
+class PatchBends {
+ public:
+  /// \throws InputError for a damaged file
+  explicit PatchBends(const std::vector<std::filesystem::path>& files);
+  bool empty() const { return places_.empty(); }
+  std::vector<Float3> load(std::uint64_t patch) const;
+
+ private:
+  struct Place {
+    std::size_t file;
+    std::uint64_t offset, count;
+  };
+  std::vector<ReadFile> files_;
+  std::map<std::uint64_t, Place> places_;
+};
+
+/// Where the vertices of a tile are in the middle of a step.
+struct TileState {
+  std::vector<Double3> now;
+  std::vector<Float3> bend;  ///< empty without bends
+
+  static constexpr std::uint64_t bytes(std::uint64_t vertices) {
+    return (sizeof(Double3) + sizeof(Float3)) * vertices;
+  }
+};
+
+/// \param loaded  that the tile was loaded from \param store  where they are; the same patches
+TileState tile_state(const MeshStore& loaded, const MeshStore& store, const PatchBends& bends,
+                     const MeshHaloBlock& near, const SmoothTile& tile);
 
 }  // namespace tessera

@@ -23,8 +23,8 @@ constexpr std::uint64_t kReadEntries = std::uint64_t{1} << 16;
 constexpr int kSumsRings = 3;
 
 /// What coarse_matrix() and coarse_load() take for a vertex of the patch, and for one of the tile.
-constexpr std::uint64_t kSumsPatchBytes = 1500;
-constexpr std::uint64_t kSumsVertexBytes = 8 * (8 + 1 + 4 + 24 + 1);
+constexpr std::uint64_t kSumsPatchBytes = 1800;
+constexpr std::uint64_t kSumsVertexBytes = 8 * (16 + 1 + 4 + 56 + 1);
 
 std::string matrix_file(std::size_t round) {
   return "matrix-" + std::to_string(round) + "/matrix.bin";
@@ -37,7 +37,8 @@ class CoarseSumsStage : public Stage {
         rule_(plan.rounds[round - 1]),
         options_(coarse_options(state, plan, round)),
         store_(open_smoothed(state.work, base_round(plan, round))),
-        before_(open_smoothed(state.work, round - 1)) {
+        before_(open_smoothed(state.work, round - 1)),
+        bends_(open_bends(state.work, plan, round)) {
     SmoothTiling tiling;
     tiling.rings = kSumsRings;
     tiling.reach = coarse_reach(options_);
@@ -49,7 +50,7 @@ class CoarseSumsStage : public Stage {
     SmoothRound rows = rule_;
     rows.filter.degree = 1;
     tiling.bytes = [=](std::uint64_t vertices, std::uint64_t faces) {
-      const std::uint64_t loaded = tile_loaded_bytes(vertices, faces) + sizeof(Double3) * vertices;
+      const std::uint64_t loaded = tile_loaded_bytes(vertices, faces) + TileState::bytes(vertices);
       return std::max(tile_loading_bytes(vertices, faces),
                       loaded + smooth_bytes(vertices, faces, rows) + kSumsVertexBytes * vertices) +
              kSumsPatchBytes * patch_vertices + kSlackBytes;
@@ -68,7 +69,7 @@ class CoarseSumsStage : public Stage {
     for (const SmoothTile& tile : tasks_[task]) {
       context.check_stop();
       const MeshHaloBlock near = store_.load_near(tile.patches, tile.margin);
-      const std::vector<Double3> now = positions_of(store_, before_, near, tile);
+      const TileState state = tile_state(store_, before_, bends_, near, tile);
       const FaceCorners corners(near.block);
       const SurfaceRows rows = make_surface_rows(near.block, corners, rule_.rows);
       context.check_stop();
@@ -90,7 +91,7 @@ class CoarseSumsStage : public Stage {
         sums.patch = tile.patches[k];
         sums.unknowns = std::move(unknowns[k]);
         if (rule_.cycle == 0) sums.entries = coarse_matrix(rows, basis, own, options_);
-        sums.loads = coarse_load(rows, basis, near.block.position, now, own, options_);
+        sums.loads = coarse_load(rows, basis, {near.block.position, state.now, state.bend}, own, options_);
         writer.add(sums);
         context.advance(store_.patches()[tile.patches[k]].faces);
       }
@@ -109,6 +110,7 @@ class CoarseSumsStage : public Stage {
   CoarseOptions options_;
   MeshStore store_;   ///< where the step began
   MeshStore before_;  ///< where the round begins
+  PatchBends bends_;  ///< there
   std::vector<SmoothTask> tasks_;
 };
 
@@ -135,6 +137,7 @@ class CoarseStage : public Stage {
         round_(round),
         first_(base_round(plan, round) + 1),
         last_(plan.rounds[round - 1].cycle + 1 == kCoarseCycles),
+        options_(coarse_options(state, plan, round)),
         files_(list_task_files(work_ / coarse_sums_folder(round), ".bin")),
         count_(count_patch_sums(files_)) {
     entries_ = round_ == first_ ? count_.entries
@@ -146,8 +149,8 @@ class CoarseStage : public Stage {
   std::uint64_t units() const override { return count_.unknowns; }
   std::string unit_name() const override { return "unknowns"; }
   std::uint64_t task_bytes(std::size_t) const override {
-    return CoarseSystem::bytes(count_.unknowns, entries_) +
-           (sizeof(CoarseUnknown) + sizeof(Double3)) * count_.unknowns +
+    return CoarseSystem::bytes(count_.unknowns, entries_, options_.order) +
+           (sizeof(CoarseUnknown) + sizeof(CoarseValue)) * count_.unknowns +
            (sizeof(PlacedLoad) + sizeof(CoarseLoad)) * count_.loads + kSortBytes +
            count_.largest_patch_bytes + kSlackBytes;
   }
@@ -169,10 +172,13 @@ class CoarseStage : public Stage {
     std::sort(placed.begin(), placed.end());
     std::vector<CoarseLoad> loads;
     for (const PlacedLoad& p : placed) {
-      if (loads.empty() || loads.back().row != p.load.row) loads.push_back({p.load.row});
-      for (std::size_t a = 0; a < 3; ++a) loads.back().value[a] += p.load.value[a];
+      if (loads.empty() || loads.back().row != p.load.row) loads.push_back({p.load.row, {}, {}});
+      for (std::size_t a = 0; a < 3; ++a) {
+        loads.back().moved[a] += p.load.moved[a];
+        loads.back().bend[a] += p.load.bend[a];
+      }
     }
-    CoarseSystem system(unknowns);
+    CoarseSystem system(unknowns, options_);
     if (round_ == first_) {
       DirectFile file(context.create(matrix_file(first_)));
       CoarseEntry sum;
@@ -186,7 +192,8 @@ class CoarseStage : public Stage {
         context.check_stop();
         for (const PlacedEntry& p : batch) {
           if (any && p.entry.row == sum.row && p.entry.column == sum.column) {
-            sum.value += p.entry.value;
+            sum.mass += p.entry.mass;
+            sum.stiffness += p.entry.stiffness;
             continue;
           }
           put();
@@ -206,7 +213,7 @@ class CoarseStage : public Stage {
         for (const CoarseEntry& e : batch) system.add(e);
       }
     }
-    const std::vector<Double3> values = system.solve(loads);
+    const std::vector<CoarseValue> values = system.solve(loads);
     save_coarse_solution(context.create(coarse_solution_file(round_)), unknowns, values);
     context.advance(count_.unknowns);
     return {{"unknowns", count_.unknowns}, {"entries", system.entries()}, {"cycles", system.cycles()}};
@@ -224,6 +231,7 @@ class CoarseStage : public Stage {
   std::filesystem::path work_;
   std::size_t round_, first_;
   bool last_;
+  CoarseOptions options_;
   std::vector<std::filesystem::path> files_;
   PatchSumsCount count_;
   std::uint64_t entries_ = 0;

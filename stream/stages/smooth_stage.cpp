@@ -4,6 +4,7 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 #include <numeric>
+#include <optional>
 #include <stdexcept>
 
 #include "octree/error.h"
@@ -127,6 +128,7 @@ class SmoothStage : public Stage {
         clamped_(plan.tolerance > 0.0),
         store_(open_smoothed(state.work, base_round_)),
         before_(open_smoothed(state.work, round - 1)),
+        bends_(open_bends(state.work, plan, round)),
         original_(open_smoothed(state.work, tolerance_ > 0.0 ? 0 : base_round_)),
         last_(round == plan.rounds.size()),
         ends_step_(ends_step(plan, round)) {
@@ -147,7 +149,7 @@ class SmoothStage : public Stage {
     const std::uint64_t patch = largest_patch_bytes(store_);
     const std::uint64_t shared = rule_.cycle >= 0 ? coarse_solution_bytes(solution_) : 0;
     tiling.bytes = [this, patch, shared](std::uint64_t vertices, std::uint64_t faces) {
-      const std::uint64_t now = rule_.cycle >= 0 ? sizeof(Double3) * vertices : 0;
+      const std::uint64_t now = rule_.cycle >= 0 ? TileState::bytes(vertices) : 0;
       const std::uint64_t loaded = tile_loaded_bytes(vertices, faces) + now;
       return std::max(tile_loading_bytes(vertices, faces),
                       loaded + smooth_bytes(vertices, faces, rule_) + 4 * vertices) +
@@ -175,6 +177,9 @@ class SmoothStage : public Stage {
   json run(std::size_t task, TaskContext& context) const override {
     MeshFileWriter writer(context.create(smooth_folder(round_) + "/" + task_file_stem(task) + ".tmm"),
                           store_.info());
+    std::optional<PatchBendWriter> bends;
+    if (rule_.cycle >= 0 && coarse_.order == 2 && !ends_step_)
+      bends.emplace(context.create(bend_folder(round_) + "/" + task_file_stem(task) + ".bin"));
     Movement moved;
     json edges = json::array();
     std::uint64_t halo = 0, core = 0, degenerate = 0, systems = 0;
@@ -185,10 +190,7 @@ class SmoothStage : public Stage {
       std::vector<std::uint8_t> wanted(near.block.key.size(), 0);
       for (const auto& patch : near.core_vertices)
         for (const std::uint32_t v : patch) wanted[v] = 1;
-      const SmoothedBlock smoothed =
-          rule_.cycle < 0 ? smooth_block(near.block, rule_, wanted)
-                          : smooth_cycle(near.block, positions_of(store_, before_, near, tile), rule_,
-                                         coarse_, load_coarse_solution(solution_), wanted);
+      const SmoothedBlock smoothed = smooth(near, tile, wanted);
       core += static_cast<std::uint64_t>(std::count(near.core.begin(), near.core.end(), 1));
       halo += near.core.size();
       degenerate += smoothed.counts.degenerate_faces;
@@ -198,6 +200,11 @@ class SmoothStage : public Stage {
         const std::size_t p = tile.patches[k];
         const std::vector<Double3> positions = settled(p, near, near.core_vertices[k], smoothed, moved);
         writer.add_moved(store_, p, positions);
+        if (bends) {
+          std::vector<Float3> bend;
+          for (const std::uint32_t v : near.core_vertices[k]) bend.push_back(smoothed.bend[v]);
+          bends->add(p, bend);
+        }
         if (!last_) {
           const Edges found = edges_of(with_positions(p, positions));
           edges.push_back({p, found.longest, found.squares});
@@ -205,7 +212,7 @@ class SmoothStage : public Stage {
         context.advance(store_.patches()[p].faces);
       }
     }
-    context.count_written(writer.finish());
+    context.count_written(writer.finish() + (bends ? bends->finish() : 0));
     return {{"vertices", moved.vertices},
             {"on_lines", moved.line},
             {"fixed", moved.fixed},
@@ -250,6 +257,7 @@ class SmoothStage : public Stage {
     for (const std::size_t round : {round_ - 1, base_round_, std::size_t{0}})
       if (!stays(round)) names.push_back(smooth_folder(round) + "/");
     if (rule_.cycle >= 0) names.push_back(coarse_folder(round_) + "/");
+    if (!bends_.empty()) names.push_back(bend_folder(round_ - 1) + "/");
     return names;
   }
 
@@ -258,6 +266,14 @@ class SmoothStage : public Stage {
     MeshBlock patch = store_.load({&p, 1});
     patch.position = positions;
     return patch;
+  }
+
+  SmoothedBlock smooth(const MeshHaloBlock& near, const SmoothTile& tile,
+                       std::span<const std::uint8_t> wanted) const {
+    if (rule_.cycle < 0) return smooth_block(near.block, rule_, wanted);
+    const TileState state = tile_state(store_, before_, bends_, near, tile);
+    return smooth_cycle(near.block, state.now, state.bend, rule_, coarse_, load_coarse_solution(solution_),
+                        wanted);
   }
 
   /// Where the vertices of a patch come to rest; each is counted once over all patches. \param vertices  their
@@ -300,6 +316,7 @@ class SmoothStage : public Stage {
   bool clamped_;        ///< at the end of each step
   MeshStore store_;     ///< where the step began
   MeshStore before_;    ///< where the round begins
+  PatchBends bends_;    ///< there
   MeshStore original_;  ///< of the patches that the tolerance is measured from
   bool last_, ends_step_;
   CoarseOptions coarse_;
@@ -317,8 +334,9 @@ std::size_t base_round(const SmoothPlan& plan, std::size_t round) {
 CoarseOptions coarse_options(const JobState& state, const SmoothPlan& plan, std::size_t round) {
   const std::size_t base = base_round(plan, round);
   const std::uint64_t faces = open_smoothed(state.work, base).face_count();
+  const FilterOptions& filter = plan.rounds[round - 1].filter;
   const CoarseOptions options =
-      coarse_options(plan.rounds[round - 1].filter.lambda, load_reach(state.work, base).edge(faces), faces);
+      coarse_options(filter.lambda, filter.order, load_reach(state.work, base).edge(faces), faces);
   if (!(options.cell > 0.0)) throw InputError("no edge has a length: there is nothing to smooth");
   return options;
 }
@@ -326,6 +344,12 @@ CoarseOptions coarse_options(const JobState& state, const SmoothPlan& plan, std:
 MeshStore open_smoothed(const std::filesystem::path& work, std::size_t round) {
   if (round == 0) return open_imported_mesh(work, kSmoothImport);
   return MeshStore(list_task_files(work / smooth_folder(round), ".tmm"));
+}
+
+PatchBends open_bends(const std::filesystem::path& work, const SmoothPlan& plan, std::size_t round) {
+  const SmoothRound& rule = plan.rounds[round - 1];
+  if (rule.cycle <= 0 || rule.filter.order == 1) return PatchBends({});
+  return PatchBends(list_task_files(work / bend_folder(round - 1), ".bin"));
 }
 
 PatchReach load_reach(const std::filesystem::path& work, std::size_t round) {

@@ -5,7 +5,8 @@
 ///   reach     longest edge of every patch: how far rings can reach
 ///   sums-K    of rounds with a coarse level: what every patch adds to its system
 ///   coarse-K  of these rounds: the system, solved in core
-///   smooth-K  round K: store K - 1 -> store K; store 0 is the imported mesh
+///   smooth-K  round K: store K - 1 -> store K; store 0 is the imported mesh. A plate's cycle leaves in bend-K how its
+///             vertices bend
 ///   write     the last store -> the output
 #pragma once
 #include <string>
@@ -15,6 +16,7 @@
 #include "stream/job.h"
 #include "stream/mesh_store.h"
 #include "stream/stage.h"
+#include "stream/stages/coarse_files.h"
 #include "stream/stages/smooth_tiles.h"
 
 namespace tessera {
@@ -43,6 +45,8 @@ CoarseOptions coarse_options(const JobState& state, const SmoothPlan& plan, std:
 /// The round whose store the step of this round began with: it makes the rows.
 std::size_t base_round(const SmoothPlan& plan, std::size_t round);
 MeshStore open_smoothed(const std::filesystem::path& work, std::size_t round);
+/// How the mesh bends where the round begins: empty before the first cycle of a step, and with order 1.
+PatchBends open_bends(const std::filesystem::path& work, const SmoothPlan& plan, std::size_t round);
 PatchReach load_reach(const std::filesystem::path& work, std::size_t round);
 /// Bytes of a tile while it is loaded, and what stays.
 std::uint64_t tile_loading_bytes(std::uint64_t vertices, std::uint64_t faces);

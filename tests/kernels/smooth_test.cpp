@@ -201,7 +201,7 @@ TEST_CASE("smooth: two rings too few change bits: the count of rings is no luxur
   const SurfaceRows rows = make_surface_rows(piece, corners, round.rows);
   const auto fewer = complete_rings(piece, corners, rows, round_rings(round) - 2);
   // Values of one round less exist there, but not the right ones.
-  const std::vector<Displacement> moved = filter_surface(rows, piece.position, round.filter);
+  const std::vector<Displacement> moved = filter_surface(rows, piece.position, round.filter).moved;
   std::size_t at = 0, wrong = 0, ring = 0;
   for (std::size_t v = 0; v < piece.position.size(); ++v) {
     while (whole.key[at] != piece.key[v]) ++at;
@@ -379,7 +379,6 @@ TEST_CASE("smooth: options that make no sense are refused by name", "[unit]") {
   CHECK(refused([](SmoothOptions& o) { o.tolerance = -1; }, "--tolerance"));
   CHECK(refused([](SmoothOptions& o) { o.lambda = std::nan(""); }, "--lambda"));
   CHECK(refused([](SmoothOptions& o) { o.lambda = 1e10; }, "--lambda"));
-  CHECK(refused([](SmoothOptions& o) { o.lambda = 1e7, o.order = 2; }, "--order 1"));
   CHECK(refused([](SmoothOptions& o) { o.method = "laplacian", o.lambda = 1.5; }, "--lambda"));
   SmoothOptions long_one;
   long_one.method = "taubin";
@@ -448,6 +447,8 @@ TEST_CASE("smooth: Chebyshev steps agree with the direct solution of the same sy
   const double lambda = GENERATE(3.0, 10.0, 40.0);
   const int order = GENERATE(1, 2);
   CHECK(error_against_direct(4, 0.01, lambda, order) < 1e-3);
+  // Without noise a plate moves its longest waves alone, and them by far less than it bends them.
+  CHECK(error_against_direct(5, 0.0, lambda, 2) < 1e-3);
 }
 
 TEST_CASE("smooth: the same on 655,362 vertices, which takes CHOLMOD a minute", "[.large]") {

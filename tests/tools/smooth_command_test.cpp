@@ -97,6 +97,7 @@ TEST_CASE("smooth command: same bytes for tiles, threads, cap and input order", 
   const std::vector<std::string> how =
       GENERATE(std::vector<std::string>{"--lambda", "4"},
                std::vector<std::string>{"--lambda", "5000", "--steps", "2", "--tolerance", "3"},
+               std::vector<std::string>{"--lambda", "1e6", "--order", "2", "--steps", "2"},
                std::vector<std::string>{"--method", "denoise", "--tolerance", "0.1"},
                std::vector<std::string>{"--method", "taubin", "--steps", "20"},
                std::vector<std::string>{"--method", "curvature-flow", "--lambda", "40", "--steps", "2"});
