@@ -32,10 +32,9 @@ class CoarseSystem {
   /// \pre ascending rows, ascending columns within a row, each pair once; both are unknowns
   void add(const CoarseEntry& entry);
 
-  /// The values, in the order of the unknowns: those on lines are solved first, then the others, which see them. Order
-  /// 1: by multigrid to a residual of 1e-5. Order 2: by a fixed number of Chebyshev steps, each with two systems of
-  /// order 1 (the block matrix of the plate, Axelsson, Neytcheva, Ahmad 2014). On one thread: the same bits on every
-  /// machine.
+  /// The values, in the order of the unknowns: those on lines are solved first, then the others, which see them.
+  /// Order 1: by multigrid to a residual of 1e-5. Order 2: by Chebyshev steps, each with two systems of order 1 (block
+  /// matrices of Axelsson, Neytcheva, Ahmad 2014). On one thread: the same bits on every machine.
   /// \pre all entries are added; every load names an unknown
   /// \param memory_bytes  for the solver beside the matrix; 0 = no limit
   /// \throws InputError when there is no solution, with the reason
