@@ -25,6 +25,10 @@ constexpr int kMostPlateSteps = 60;
 /// A part of a step is not cut shorter than 2^-10 of it, and no step is cut more often than 64 times.
 constexpr int kMostHalvings = 10;
 constexpr int kMostCuts = 64;
+/// Where more than so many vertices, and one in fifty, would have to move as one, the step is too long.
+constexpr std::size_t kFewVertices = 20, kShareOfVertices = 50;
+/// Times that faces beside those which move as one may join them.
+constexpr int kMostRounds = 20;
 
 std::span<double> flat(std::vector<Double3>& v) {
   return {v.empty() ? nullptr : v.front().data(), 3 * v.size()};
@@ -209,9 +213,7 @@ class FoldTest {
   }
 
   /// Faces that turn over and oppose more of their neighbours than before: what turns back into its surroundings heals.
-  /// \param first  the first of them, if any
-  std::size_t count(std::span<const Double3> before, std::span<const Double3> after,
-                    std::uint32_t& first) const {
+  std::vector<std::uint32_t> faces(std::span<const Double3> before, std::span<const Double3> after) const {
     const std::vector<Double3> was = normals(before), is = normals(after);
     std::vector<int> more(faces_.size(), 0);
     for (const auto& [f, g] : pairs_) {
@@ -220,10 +222,10 @@ class FoldTest {
       more[f] += change;
       more[g] += change;
     }
-    std::size_t folding = 0;
+    std::vector<std::uint32_t> out;
     for (std::uint32_t f = 0; f < faces_.size(); ++f)
-      if (dot(was[f], is[f]) < 0.0 && more[f] > 0 && folding++ == 0) first = f;
-    return folding;
+      if (dot(was[f], is[f]) < 0.0 && more[f] > 0) out.push_back(f);
+    return out;
   }
 
  private:
@@ -245,6 +247,77 @@ class FoldTest {
   std::vector<std::pair<std::uint32_t, std::uint32_t>> pairs_;  ///< faces that share an edge
 };
 
+/// Vertices that move as one, so that the faces between them cannot turn.
+class Clusters {
+ public:
+  explicit Clusters(std::size_t vertices) : parent_(vertices) {
+    for (std::uint32_t v = 0; v < vertices; ++v) parent_[v] = v;
+  }
+  void join(const std::array<std::uint32_t, 3>& face) {
+    for (const std::uint32_t v : face) {
+      const std::uint32_t a = root(face[0]), b = root(v);
+      parent_[std::max(a, b)] = std::min(a, b);
+    }
+  }
+  /// Takes the mean displacement of each cluster, none where it holds a fixed vertex. \return vertices in clusters
+  std::size_t level(std::span<const std::uint8_t> fixed, std::vector<Double3>& moved) {
+    std::map<std::uint32_t, std::vector<std::uint32_t>> members;
+    for (std::uint32_t v = 0; v < parent_.size(); ++v)
+      if (const std::uint32_t r = root(v); r != v) members[r].push_back(v);
+    std::size_t count = 0;
+    for (auto& [first, others] : members) {
+      others.push_back(first);
+      Double3 mean = {0, 0, 0};
+      bool held = false;
+      for (const std::uint32_t v : others) {
+        held |= fixed[v] != 0;
+        for (std::size_t a = 0; a < 3; ++a) mean[a] += moved[v][a] / static_cast<double>(others.size());
+      }
+      for (const std::uint32_t v : others) moved[v] = held ? Double3{0, 0, 0} : mean;
+      count += others.size();
+    }
+    return count;
+  }
+
+ private:
+  std::uint32_t root(std::uint32_t v) {
+    while (parent_[v] != v) v = parent_[v] = parent_[parent_[v]];
+    return v;
+  }
+  std::vector<std::uint32_t> parent_;
+};
+
+std::vector<Double3> plus(std::span<const Double3> position, std::span<const Double3> moved) {
+  std::vector<Double3> out(position.begin(), position.end());
+  for (std::size_t v = 0; v < out.size(); ++v)
+    for (std::size_t a = 0; a < 3; ++a) out[v][a] += moved[v][a];
+  return out;
+}
+
+/// Where a step leads without folding a face; the few that would fold move as one with their vertices.
+/// \param folding  those that fold before; those that fold still, when nothing is returned
+/// \param as_one   grows by the number of faces that move as one
+std::vector<Double3> unfolded(const FoldTest& fold, FaceSpan faces, std::span<const std::uint8_t> fixed,
+                              std::span<const Double3> now, std::vector<Double3> moved,
+                              std::vector<std::uint32_t>& folding, std::size_t& as_one) {
+  std::vector<Double3> next = plus(now, moved);
+  folding = fold.faces(now, next);
+  if (folding.empty()) return next;
+  Clusters clusters(now.size());
+  std::size_t joined = 0;
+  for (int round = 0; round < kMostRounds; ++round) {
+    for (const std::uint32_t f : folding) clusters.join(faces[f]);
+    joined += folding.size();
+    if (clusters.level(fixed, moved) > kFewVertices + now.size() / kShareOfVertices) return {};
+    next = plus(now, moved);
+    folding = fold.faces(now, next);
+    if (!folding.empty()) continue;
+    as_one += joined;
+    return next;
+  }
+  return {};
+}
+
 }  // namespace
 
 FlowReport curvature_flow(std::span<Double3> position, FaceSpan faces, std::span<const std::uint8_t> fixed,
@@ -258,27 +331,28 @@ FlowReport curvature_flow(std::span<Double3> position, FaceSpan faces, std::span
   FlowReport report;
   FlowSystem system(options, report);
   const FoldTest fold(faces);
-  std::vector<Double3> now(position.begin(), position.end()), next(now.size());
+  std::vector<Double3> now(position.begin(), position.end());
   // Lengths in parts of 2^-kMostHalvings of a step.
   constexpr int kWhole = 1 << kMostHalvings;
   for (int step = 0; step < options.steps; ++step) {
     int length = kWhole, cuts = 0;
     for (int done = 0; done < kWhole;) {
       length = std::min(length, kWhole - done);
-      const std::vector<Double3> moved =
+      std::vector<Double3> moved =
           system.displacements(now, faces, fixed, options.step * (static_cast<double>(length) / kWhole));
       if (moved.empty()) return report;
-      for (std::size_t v = 0; v < now.size(); ++v)
-        for (std::size_t a = 0; a < 3; ++a) next[v][a] = now[v][a] + moved[v][a];
-      const std::size_t folding = fold.count(now, next, report.first_folding);
-      if (folding == 0) {
-        now.swap(next);
+      std::vector<std::uint32_t> folding;
+      std::vector<Double3> next =
+          unfolded(fold, faces, fixed, now, std::move(moved), folding, report.faces_as_one);
+      if (folding.empty()) {
+        now = std::move(next);
         done += length;
         length *= 2;
         continue;
       }
       if (length == 1 || ++cuts == kMostCuts) {
-        report.folding_faces = folding;
+        report.folding_faces = folding.size();
+        report.first_folding = folding.front();
         return report;
       }
       length /= 2;

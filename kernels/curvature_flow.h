@@ -24,6 +24,8 @@ struct FlowOptions {
 
 struct FlowReport : FairingReport {
   std::size_t systems = 0;  ///< solved, over all steps: more than steps where a step was cut
+  std::size_t faces_as_one =
+      0;  ///< that would have folded: their vertices moved as one, counted in every step
   /// Faces that turn over and fold against more of their neighbours than before, even in the shortest part of a step:
   /// not 0 = no result.
   std::size_t folding_faces = 0;
@@ -32,7 +34,8 @@ struct FlowReport : FairingReport {
 };
 
 /// `steps` times (M + step L) x' = M x, of order 2 (M + step L M^-1 L) x' = M x, with operators of the current surface.
-/// A step that folds a face is cut in halves, down to 2^-10, each with fresh geometry. Vertices with fixed != 0 stay.
+/// Vertices with fixed != 0 stay. No step folds a face over: the vertices of the few that would fold (slivers, what is
+/// folded already) move as one; where more would, the step is cut in halves, down to 2^-10, each with fresh geometry.
 /// \param position  n; unchanged unless the report says done()
 /// \throws UsageError  order or steps out of range, wrong sizes. \throws InputError  a position that is not finite
 FlowReport curvature_flow(std::span<Double3> position, FaceSpan faces, std::span<const std::uint8_t> fixed,

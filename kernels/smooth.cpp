@@ -176,12 +176,15 @@ std::vector<Double3> flow(const MeshBlock& block, const SurfaceRows& rows, const
   if (!(options.step > 0.0)) throw InputError("no edge has a length: there is nothing to smooth");
   const FlowReport report = curvature_flow(position, block.faces, fixed, options);
   counts.flow_systems = report.systems;
+  counts.faces_as_one = report.faces_as_one;
   if (report.folding_faces > 0) {
     const Double3& p = block.position[block.faces[report.first_folding][0]];
-    throw ValidationError("the curvature flow folds " + std::to_string(report.folding_faces) +
-                          " face(s) over, however short its steps, the first at (" + std::to_string(p[0]) +
-                          ", " + std::to_string(p[1]) + ", " + std::to_string(p[2]) +
-                          "): take a smaller --lambda, or --method implicit, which needs no fresh geometry");
+    throw ValidationError(
+        "the curvature flow folds " + std::to_string(report.folding_faces) +
+        " face(s) over, however short its steps, the first at (" + std::to_string(p[0]) + ", " +
+        std::to_string(p[1]) + ", " + std::to_string(p[2]) +
+        "): parts thinner than what it smooths away vanish; take a smaller --lambda, --order 2 "
+        "or --method implicit");
   }
   const std::string& why = report.factor.message.empty() ? report.solve.message : report.factor.message;
   if (!report.done()) throw InputError("the curvature flow has no solution: " + why);

@@ -61,6 +61,8 @@ struct SmoothCounts {
   std::uint64_t degenerate_faces = 0;
   std::uint64_t flow_systems =
       0;  ///< by_flow: solved; more than steps where steps were cut, so as to fold no face
+  std::uint64_t faces_as_one =
+      0;  ///< by_flow: whose vertices moved as one for the same reason, in every step
 };
 
 struct SmoothedBlock {

@@ -182,7 +182,7 @@ class SmoothStage : public Stage {
       bends.emplace(context.create(bend_folder(round_) + "/" + task_file_stem(task) + ".bin"));
     Movement moved;
     json edges = json::array();
-    std::uint64_t halo = 0, core = 0, degenerate = 0, systems = 0;
+    std::uint64_t halo = 0, core = 0, degenerate = 0, systems = 0, as_one = 0;
     for (const SmoothTile& tile : tasks_[task]) {
       context.check_stop();
       const MeshHaloBlock near = store_.load_near(tile.patches, tile.margin);
@@ -195,6 +195,7 @@ class SmoothStage : public Stage {
       halo += near.core.size();
       degenerate += smoothed.counts.degenerate_faces;
       systems += smoothed.counts.flow_systems;
+      as_one += smoothed.counts.faces_as_one;
       for (std::size_t k = 0; k < tile.patches.size(); ++k) {
         context.check_stop();
         const std::size_t p = tile.patches[k];
@@ -223,6 +224,7 @@ class SmoothStage : public Stage {
             {"read_faces", halo},
             {"degenerate_faces", degenerate},
             {"systems", systems},
+            {"faces_as_one", as_one},
             {"edges", std::move(edges)}};
   }
 
@@ -236,7 +238,8 @@ class SmoothStage : public Stage {
       for (const json& s : summaries) sum += s.at(name).get<std::uint64_t>();
       out[name] = sum;
     }
-    if (rule_.by_flow) out["systems"] = summaries.at(0).at("systems");
+    if (rule_.by_flow)
+      for (const char* name : {"systems", "faces_as_one"}) out[name] = summaries.at(0).at(name);
     double largest = 0.0, squares = 0.0;
     for (const json& s : summaries) {
       largest = std::max(largest, s.at("largest_move").get<double>());
