@@ -3,6 +3,7 @@
 #include <immintrin.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <complex>
 #include <utility>
@@ -378,6 +379,20 @@ void run(const Window& w, const FilterOptions& options, Scratch& s) {
   }
 }
 
+/// Orders vertices by the number of their neighbours: rows of one length after the other leave nothing to guess to
+/// the branch predictor, which takes a third of the time otherwise.
+void sort_by_degree(const SurfaceRows& rows, std::vector<std::uint32_t>& vertices,
+                    std::vector<std::uint32_t>& scratch) {
+  constexpr std::uint32_t kMost = 15;
+  const auto degree = [&](std::uint32_t v) { return std::min(rows.first[v + 1] - rows.first[v], kMost); };
+  std::array<std::size_t, kMost + 2> begin{};
+  for (const std::uint32_t v : vertices) ++begin[degree(v) + 1];
+  for (std::size_t d = 0; d <= kMost; ++d) begin[d + 1] += begin[d];
+  scratch.resize(vertices.size());
+  for (const std::uint32_t v : vertices) scratch[begin[degree(v)]++] = v;
+  vertices.swap(scratch);
+}
+
 }  // namespace
 
 int filter_rings(const FilterOptions& options) {
@@ -421,12 +436,13 @@ FilterState filter_surface(const SurfaceRows& rows, std::span<const Double3> pos
   const bool plate = is_plate(options);
   Window window(rows, position, filter_rings(options) - 1, plate);
   Scratch scratch;
-  std::vector<std::uint32_t> core;
+  std::vector<std::uint32_t> core, sorted;
   for (std::uint32_t v = 0; v < n;) {
     core.clear();
     for (; v < n && core.size() < kWindowVertices; ++v)
       if (wanted.empty() || wanted[v] != 0) core.push_back(v);
     if (core.empty()) break;
+    sort_by_degree(rows, core, sorted);
     window.move_to(core);
     const std::size_t size = window.vertex.size();
     if (plate) {
