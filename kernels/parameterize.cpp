@@ -18,7 +18,7 @@ using Loop = std::vector<std::uint32_t>;
 constexpr std::uint64_t kConformalSystemBytes = 230;  // the Laplacian and its split, without the solver
 constexpr std::uint64_t kFactorSystemBytes =
     800;  // least squares: the system of both coordinates, without the factor
-constexpr std::uint64_t kComplexBytes = 350;    // least squares by multigrid, all in all
+constexpr std::uint64_t kComplexBytes = 420;    // least squares by multigrid, all in all
 constexpr std::uint64_t kMultigridBytes = 180;  // of the conformal system: the least that solves it
 constexpr std::uint64_t kLeastBytes = 4'000'000;
 constexpr double kMultigridTolerance = 1e-8;
@@ -79,9 +79,10 @@ Laplacian sound_laplacian(const TriangleSpan& mesh, bool clamped) {
   Laplacian lap = laplacian(
       mesh, {.weights = clamped ? LaplacianWeights::kClampedCotangent : LaplacianWeights::kCotangent});
   if (lap.report.degenerate_faces > 0)
-    throw InputError("face " + std::to_string(lap.report.first_degenerate) + " and " +
-                     std::to_string(lap.report.degenerate_faces - 1) +
-                     " more have no area, so they have no angles to keep; remesh or repair the mesh first");
+    throw InputError(std::to_string(lap.report.degenerate_faces) +
+                     " face(s) have no area, the first is face " +
+                     std::to_string(lap.report.first_degenerate) +
+                     ": they have no angles to keep; remesh or repair the mesh first");
   return lap;
 }
 

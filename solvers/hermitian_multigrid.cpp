@@ -16,6 +16,9 @@ using Vector = std::vector<double>;
 
 // Entries of the coarsest factor. Levels of one piece shrink to a thousand unknowns, far below this.
 constexpr std::uint64_t kLargestEnvelope = std::uint64_t{1} << 24;
+// Smooth interpolation has five times the entries. Where a mesh is stretched levels shrink by 3 instead of 8: then it
+// would cost too much, and linear converges as well.
+constexpr double kSmoothShare = 1.0 / 5.0;
 // The updated residual may drift from the true one by this factor before it counts as lost.
 constexpr double kDrift = 10.0;
 
@@ -71,7 +74,7 @@ HermitianMultigrid::HermitianMultigrid(const SparseMatrix& a, const SparseMatrix
       report_.message = "the diagonal of unknown " + std::to_string(i) + " is not positive";
       return;
     }
-  levels_ = multigrid_levels(a, {.smooth_from = 1, .positions = positions, .skew = &skew});
+  levels_ = multigrid_levels(a, {.smooth_share = kSmoothShare, .positions = positions, .skew = &skew});
   for (const MultigridLevel& level : levels_.levels) {
     x_.emplace_back(static_cast<std::size_t>(level.matrix->rows) * 2);
     b_.emplace_back(static_cast<std::size_t>(level.matrix->rows) * 2);

@@ -210,7 +210,7 @@ Laplacian laplacian(const TriangleSpan& mesh, const LaplacianOptions& options) {
     else
       sound += s.sound;
   }
-  if (sound == 0) throw InputError("the mesh has no face with an area: a Laplacian needs one");
+  if (sound == 0) throw InputError("the mesh has no face with an area: remesh or repair it first");
   if (options.weights == LaplacianWeights::kIntrinsicDelaunay) {
     IntrinsicMesh intrinsic = intrinsic_delaunay(mesh);
     out.report.flips = intrinsic.flips;

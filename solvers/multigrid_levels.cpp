@@ -208,7 +208,10 @@ MultigridLevels multigrid_levels(const SparseMatrix& a, const MultigridLevelsOpt
     }
     coarser = cluster_graph(graph, clusters);
     graph = {coarser.start, coarser.to};
-    const bool smooth = options.order > 1 || out.levels.size() > options.smooth_from;
+    const std::size_t level = out.levels.size() - 1;
+    const bool smooth =
+        options.order > 1 || (level > 0 && out.levels[level].matrix->rows <=
+                                               options.smooth_share * out.levels[level - 1].matrix->rows);
     SparseMatrix p = positions.empty() ? constant_interpolation(clusters)
                      : !smooth         ? linear_interpolation(clusters, coarser, positions, coarse)
                                : smooth_interpolation(clusters, coarser, positions, coarse, out.checked_out);

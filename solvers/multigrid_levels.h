@@ -34,10 +34,11 @@ struct MultigridLevel {
 };
 
 struct MultigridLevelsOptions {
-  int order = 1;                       ///< of the Laplacian; from 2 on all levels are smooth
-  std::size_t smooth_from = SIZE_MAX;  ///< order 1: interpolation to this level and all below is
-                                       ///< smooth as for order 2
-  std::int32_t coarsest = 1000;        ///< stop at so few unknowns
+  int order = 1;  ///< of the Laplacian; from 2 on all levels are smooth
+  /// Order 1: interpolation to a level that has at most this share of the finer one's unknowns is smooth, as for
+  /// order 2; to the finest it is linear.
+  double smooth_share = 0.0;
+  std::int32_t coarsest = 1000;                        ///< stop at so few unknowns
   std::span<const std::array<double, 3>> positions{};  ///< n, or empty: constant interpolation
   const SparseMatrix* skew = nullptr;  ///< antisymmetric: the levels are of a + i skew, with the weights of a
   const SparseMatrix* neighbours = nullptr;  ///< mesh edges by its pattern; null: the pattern of the matrix

@@ -191,6 +191,13 @@ TEST_CASE("parameterize: a free border by multigrid on irregular and flat meshes
           Approx(direct.report.distortion.mean_angle_deg).epsilon(1e-3));
     CHECK(iterated.report.distortion.flipped == direct.report.distortion.flipped);
   }
+  SECTION("stretched: levels shrink slowly, and still fit what was told") {
+    const test::IrregularMesh mesh = test::irregular_mesh({.side = 120, .stretch = 100.0, .height = 0.0});
+    const Parameterization map = by_multigrid({mesh.positions, mesh.faces});
+    CHECK(map.report.solve.iterations > 0);
+    CHECK(map.report.factor.bytes < 200 * mesh.positions.size() + 2'000'000);
+    CHECK(map.report.distortion.largest_angle_deg < 1.0);
+  }
   SECTION("flat: a similarity") {
     const MeshBlock block = test::grid_block(120, 100, [](double, double) { return 0.0; });
     const Parameterization map = by_multigrid(span_of(block));
