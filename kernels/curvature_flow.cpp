@@ -19,7 +19,7 @@ using Columns = std::array<double, 3>;
 
 /// Of the linear systems: the first is that of the whole step, the second of the membranes inside a plate's.
 constexpr double kTolerance = 1e-8;
-constexpr double kInnerTolerance = 1e-5;
+constexpr double kInnerTolerance = 1e-6;
 /// Each step of a plate's solver leaves about a sixth of the error.
 constexpr int kMostPlateSteps = 60;
 /// A part of a step is not cut shorter than 2^-10 of it, and no step is cut more often than 64 times.

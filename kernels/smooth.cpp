@@ -31,7 +31,8 @@ double default_lambda(const std::string& method) {
   if (method == "laplacian") return 0.5;
   if (method == "bilaplacian") return 0.25;
   if (method == "taubin") return 0.5;
-  if (method == "curvature-flow") return 1.0;
+  // What fits leave is small; a stronger step would round creases that they made.
+  if (method == "curvature-flow" || method == "denoise") return 1.0;
   return 10.0;
 }
 
@@ -60,7 +61,9 @@ bool takes_coarse_level(const SmoothOptions& options, double lambda) {
 
 SmoothRound normal_round(const SmoothOptions& options) {
   SmoothRound round;
-  round.by_normals = true;
+  round.by_normals = options.method == "bilateral";
+  round.by_fits = options.method == "denoise";
+  round.noise = options.noise;
   round.normals.normal_rounds = options.normal_rounds;
   round.normals.vertex_rounds = options.vertex_rounds;
   // Two faces of a crease must lie two deviations apart, or every round takes the edge off a little more.
@@ -96,6 +99,7 @@ void SmoothOptions::validate() const {
           "--degree " + std::to_string(degree) + ": must be 0 to " + std::to_string(kLargestDegree));
   require(normal_rounds >= 1 && normal_rounds <= 100 && vertex_rounds >= 1 && vertex_rounds <= 100,
           "--normal-rounds and --vertex-rounds must be 1 to 100");
+  require(std::isfinite(noise) && noise >= 0.0, "--noise must not be negative");
   require(std::isfinite(tolerance) && tolerance >= 0.0, "--tolerance must not be negative");
   require(feature_angle_deg >= 0.0 && feature_angle_deg < 180.0, "--feature-angle must be 0 to 180 degrees");
   require(std::isfinite(lambda) && lambda >= 0.0, "--lambda must not be negative");
@@ -140,8 +144,17 @@ std::vector<SmoothRound> smooth_rounds(const SmoothOptions& options) {
   return rounds;
 }
 
+namespace {
+
+DenoiseOptions denoise_options(const SmoothRound& round) {
+  return {round.normals, round.noise};
+}
+
+}  // namespace
+
 int round_rings(const SmoothRound& round) {
   if (round.by_flow) return 1;
+  if (round.by_fits) return denoise_rings(denoise_options(round));
   return round.by_normals ? filter_rings(round.normals) : filter_rings(round.filter);
 }
 
@@ -217,6 +230,8 @@ SmoothedBlock smooth_block(const MeshBlock& block, const SmoothRound& round,
   for (std::size_t v = 0; v < wanted.size(); ++v) out.complete[v] &= wanted[v];
   if (round.by_normals) {
     out.position = filter_by_normals(block, round.normals);
+  } else if (round.by_fits) {
+    out.position = denoise(block, denoise_options(round), out.complete);
   } else if (round.by_flow) {
     out.position = flow(block, rows, round, out.counts);
   } else {
@@ -327,6 +342,7 @@ std::uint64_t smooth_bytes(std::uint64_t vertices, std::uint64_t faces, const Sm
   const std::uint64_t making = 4 * vertices + 24 * faces + corners;
   const std::uint64_t filter =
       corners + (round.by_normals ? 48 * vertices + 72 * faces
+                 : round.by_fits  ? denoise_bytes(vertices, faces)
                  : round.by_flow  ? kFlowBytesPerVertex[round.filter.order - 1] * vertices
                                   : 20 * vertices + filter_window_bytes(vertices, round_rings(round)));
   // A cycle starts from 16 bytes a vertex, of order 2 from 32 and ends with 28 more, and before it filters it has the

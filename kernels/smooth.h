@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "kernels/coarse_system.h"
+#include "kernels/denoise.h"
 #include "kernels/mesh_block.h"
 #include "kernels/normal_filter.h"
 #include "kernels/polynomial_filter.h"
@@ -28,7 +29,8 @@ struct SmoothOptions {
   double tolerance = 0.0;  ///< no vertex moves farther, scan units; 0 = no limit
   double feature_angle_deg = 40.0;  ///< edges whose faces open more are kept as creases; 0 = none
   int normal_rounds = 8;            ///< bilateral, denoise
-  int vertex_rounds = 10;           ///< bilateral, denoise
+  int vertex_rounds = 10;           ///< bilateral
+  double noise = 0.0;  ///< denoise: standard deviation along the normal, scan units; 0 = measured
 
   void validate() const;  ///< throws UsageError naming the option; changes nothing
 };
@@ -36,9 +38,11 @@ struct SmoothOptions {
 /// One local rule.
 struct SmoothRound {
   bool by_normals = false;
+  bool by_fits = false;  ///< denoise.h
   bool by_flow =
       false;  ///< implicit curvature flow (curvature_flow.h): no local rule, the block is the whole mesh
-  NormalFilterOptions normals;  ///< by_normals
+  NormalFilterOptions normals;  ///< by_normals, by_fits
+  double noise = 0.0;           ///< by_fits
   SurfaceRowOptions rows;       ///< else; by_flow: creases, corners and borders stay where they are
   FilterOptions filter;         ///< else; by_flow: `degree` steps of strength `lambda`
   /// >= 0: the implicit step takes kCoarseCycles rounds, in each a coarse level and then a filter for what that leaves;

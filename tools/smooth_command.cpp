@@ -54,7 +54,9 @@ void add_smooth(CLI::App& app) {
       ->add_option(
           "--method", o.method,
           "implicit: solves (1 + lambda L^order) x = b; laplacian, bilaplacian: explicit steps; taubin: "
-          "does not shrink; bilateral: filters normals, keeps creases; denoise: bilateral, then implicit; "
+          "does not shrink; bilateral: filters normals, moves vertices after them; denoise: fits a quadric "
+          "to every "
+          "smooth side of a vertex, creases and corners come out sharp, then implicit; "
           "curvature-flow: implicit steps with fresh geometry, any lambda, the whole mesh in memory")
       ->capture_default_str()
       ->check(CLI::IsMember(
@@ -72,8 +74,8 @@ void add_smooth(CLI::App& app) {
           "more than half; implicit and denoise: up to 1e9, long waves by a coarse level (order 1 from 140, "
           "order 2 "
           "from 2300 on); curvature-flow: any; laplacian, taubin: up to 1, bilaplacian: up to 0.5; 0 = 10 "
-          "for "
-          "implicit and denoise, 0.5 for laplacian and taubin, 0.25 for bilaplacian, 1 for curvature-flow")
+          "for implicit, 1 for denoise, 0.5 for laplacian and taubin, 0.25 for bilaplacian, 1 for "
+          "curvature-flow")
       ->capture_default_str();
   command
       ->add_option("--order", o.order,
@@ -98,7 +100,13 @@ void add_smooth(CLI::App& app) {
       ->capture_default_str();
   command->add_option("--normal-rounds", o.normal_rounds, "bilateral, denoise: rounds on normals")
       ->capture_default_str();
-  command->add_option("--vertex-rounds", o.vertex_rounds, "bilateral, denoise: rounds on vertices")
+  command->add_option("--vertex-rounds", o.vertex_rounds, "bilateral: rounds on vertices")
+      ->capture_default_str();
+  command
+      ->add_option(
+          "--noise", o.noise,
+          "denoise: standard deviation of the noise along the normal, units of the mesh; 0 = measured "
+          "everywhere in the mesh itself")
       ->capture_default_str();
   cli::add_run_options(*command, arguments->state.run);
 }

@@ -38,7 +38,8 @@ std::string smooth_settings(const SmoothOptions& o) {
                {"tolerance", o.tolerance},
                {"feature-angle", o.feature_angle_deg},
                {"normal-rounds", o.normal_rounds},
-               {"vertex-rounds", o.vertex_rounds}})
+               {"vertex-rounds", o.vertex_rounds},
+               {"noise", o.noise}})
       .dump();
 }
 
@@ -55,6 +56,7 @@ SmoothOptions smooth_options(const std::string& settings) {
   j.at("feature-angle").get_to(o.feature_angle_deg);
   j.at("normal-rounds").get_to(o.normal_rounds);
   j.at("vertex-rounds").get_to(o.vertex_rounds);
+  j.at("noise").get_to(o.noise);
   o.validate();
   return o;
 }

@@ -1,0 +1,43 @@
+/// \file denoise.h
+/// Denoising by local fits: smooth surfaces keep their curvature, creases and corners come out sharp.
+///
+///   normals   filtered bilaterally (normal_filter.h): they tell the smooth sides at a vertex (star_sides.h)
+///   untangle  faces that noise turned over against their filtered normal are spread out along the surface
+///   noise     its standard deviation around every vertex, from how much fits in two windows differ
+///   fit       per side a quadric to the given positions, in a window that spreads over faces of like normals
+///             and grows as far as the noise asks for (window_fit.h)
+///   move      the vertex goes to the nearest point on its side, on the intersection of its sides at creases
+///             and corners
+///
+/// After the moving least squares of Fleishman, Cohen-Or, Silva 2005 and Oeztireli, Guennebaud, Gross 2009, with
+/// the feature vertices of Kobbelt, Botsch, Schwanecke, Seidel 2001 (intersection of tangent elements).
+#pragma once
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "kernels/mesh_block.h"
+#include "kernels/normal_filter.h"
+
+namespace tessera {
+
+struct DenoiseOptions {
+  NormalFilterOptions normals;  ///< its vertex_rounds are not used
+  double noise = 0.0;           ///< standard deviation along the normal, scan units; 0 = measured
+};
+
+/// Rings that it reads around a vertex.
+int denoise_rings(const DenoiseOptions& options);
+
+/// New positions of the wanted vertices, the others stay. Right where denoise_rings() whole rings are in the block
+/// (complete_rings()). A vertex whose sides have too few samples for a fit stays.
+/// \param wanted  n flags, 1 or 0
+/// \pre the block is canonical, fewer than 2^30 faces, positions finite
+/// \cost denoise_bytes()
+std::vector<Double3> denoise(const MeshBlock& block, const DenoiseOptions& options,
+                             std::span<const std::uint8_t> wanted);
+
+/// Bytes that denoise() allocates, the result included.
+std::uint64_t denoise_bytes(std::uint64_t vertices, std::uint64_t faces);
+
+}  // namespace tessera

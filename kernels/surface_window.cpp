@@ -1,0 +1,122 @@
+#include "kernels/surface_window.h"
+
+#include "kernels/portable_math.h"
+#include "kernels/vector3.h"
+
+namespace tessera {
+namespace {
+
+/// Standard deviation of the likeness of normals, degrees: less than a crease, more than filtered noise.
+constexpr double kLikeAngle = 6.5;
+/// Faces less alike do not belong to the window.
+constexpr float kLeastLikeness = 0.1F;
+
+Float3 narrow(const Double3& n) {
+  return {static_cast<float>(n[0]), static_cast<float>(n[1]), static_cast<float>(n[2])};
+}
+
+}  // namespace
+
+SurfaceWindow::SurfaceWindow(const MeshBlock& block, const FaceCorners& corners,
+                             std::span<const Float3> normals, std::span<const Double3> data,
+                             std::span<const Double3> position)
+    : block_(block),
+      corners_(corners),
+      normals_(normals),
+      data_(data),
+      position_(position),
+      vertex_stamp_(block.position.size(), 0),
+      face_stamp_(block.faces.size(), 0),
+      likeness_(block.faces.size(), 0.0F) {}
+
+void SurfaceWindow::begin(std::uint32_t vertex, const Double3& normal, std::span<const std::uint32_t> faces) {
+  const synth::Vec3 a = synth::any_orthogonal({normal[0], normal[1], normal[2]});
+  frame_.origin = position_[vertex];
+  frame_.n = normal;
+  frame_.a = {a.x, a.y, a.z};
+  frame_.b = cross(normal, frame_.a);
+  samples_.clear();
+  square_ = 0.0;
+  stamp_ += 2;
+  faces_.clear();
+  waiting_.clear();
+  next_face_ = 0;
+  quadric_ = {};
+  for (const std::uint32_t f : faces) {
+    likeness(f, narrow(normal));
+    face_stamp_[f] = stamp_ + 1;
+    faces_.push_back({f, 0});
+  }
+}
+
+void SurfaceWindow::expect(const std::array<double, 6>& quadric) {
+  quadric_ = quadric;
+}
+
+Float3 SurfaceWindow::expected_normal(std::uint32_t vertex) const {
+  const Double3 d = position_[vertex] - frame_.origin;
+  const double s = dot(d, frame_.a), t = dot(d, frame_.b);
+  const double slope_s = quadric_[1] + 2.0 * quadric_[3] * s + quadric_[4] * t,
+               slope_t = quadric_[2] + quadric_[4] * s + 2.0 * quadric_[5] * t;
+  return narrow(unit_or_zero(frame_.n - frame_.a * slope_s - frame_.b * slope_t));
+}
+
+float SurfaceWindow::likeness(std::uint32_t face, const Float3& expected) {
+  if (face_stamp_[face] >= stamp_) return likeness_[face];
+  static const double width = 2.0 * synth::sin_cos(kLikeAngle * (synth::kPi / 360.0)).sin;
+  static const float inverse = static_cast<float>(0.5 / (width * width));
+  const Float3& n = normals_[face];
+  const float x = n[0] - expected[0], y = n[1] - expected[1], z = n[2] - expected[2];
+  face_stamp_[face] = stamp_;
+  return likeness_[face] = synth::bell((x * x + y * y + z * z) * inverse);
+}
+
+void SurfaceWindow::reach(std::uint32_t vertex, int ring) {
+  if (vertex_stamp_[vertex] == stamp_) return;
+  vertex_stamp_[vertex] = stamp_;
+  const Double3 apart = position_[vertex] - frame_.origin;
+  if (dot(apart, apart) < square_) {
+    take(vertex, ring);
+  } else {
+    waiting_.push_back({vertex, ring});
+  }
+}
+
+void SurfaceWindow::take(std::uint32_t vertex, int ring) {
+  const auto star = corners_.at(vertex);
+  const Float3 expected = expected_normal(vertex);
+  float sum = 0.0F;
+  for (const std::uint32_t corner : star) {
+    const std::uint32_t f = corner >> 2;
+    const float like = likeness(f, expected);
+    sum += like;
+    if (like < kLeastLikeness || face_stamp_[f] != stamp_ || ring + 1 >= kRings) continue;
+    face_stamp_[f] = stamp_ + 1;
+    faces_.push_back({f, ring});
+  }
+  const Double3 d = data_[vertex] - frame_.origin;
+  samples_.add(dot(d, frame_.a), dot(d, frame_.b), dot(d, frame_.n),
+               static_cast<double>(sum) / static_cast<double>(star.size()));
+}
+
+void SurfaceWindow::grow(double radius) {
+  square_ = radius * radius;
+  std::size_t kept = 0;
+  // take() may let more wait: they are beyond the radius too.
+  for (std::size_t i = 0, count = waiting_.size(); i < count; ++i) {
+    const Reached r = waiting_[i];
+    const Double3 apart = position_[r.index] - frame_.origin;
+    if (dot(apart, apart) < square_) {
+      take(r.index, r.ring);
+    } else {
+      waiting_[kept++] = r;
+    }
+  }
+  waiting_.resize(kept);
+  for (; next_face_ < faces_.size(); ++next_face_) {
+    const Reached face = faces_[next_face_];
+    for (const std::uint32_t u : block_.faces[face.index]) reach(u, face.ring + 1);
+  }
+}
+
+}  // namespace tessera

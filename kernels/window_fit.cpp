@@ -1,0 +1,213 @@
+#include "kernels/window_fit.h"
+
+#include <algorithm>
+#include <cmath>
+#include <iterator>
+
+namespace tessera {
+namespace {
+
+constexpr std::size_t kLanes = WindowSamples::kLanes;
+constexpr std::size_t kTerms = 6;
+/// Half width of a confidence interval in standard deviations: first window, second, all others. What a narrow one says
+/// weighs little, and an outlier there would end the choice.
+constexpr double kConfidence[] = {2.5, 2.0, 1.5};
+/// A plane must agree with the windows so far more closely, and leave hardly more than the quadric.
+constexpr double kPlaneConfidence = 0.75;
+constexpr double kPlaneResidual = 1.1;
+/// Below this share of the diagonal a pivot means that the samples do not determine the fit.
+constexpr double kLeastPivot = 1e-10;
+
+double window_weight(double s, double t, double per_square, double weight) {
+  const double u = 1.0 - (s * s + t * t) * per_square;
+  const double inside = u > 0.0 ? u : 0.0;
+  return inside * inside * weight;
+}
+
+std::array<double, kTerms> basis(double s, double t, double per_radius) {
+  const double x = s * per_radius, y = t * per_radius;
+  return {1.0, x, y, x * x, x * y, y * y};
+}
+
+/// Cholesky factor of the normal equations, rows one after the other.
+struct Factor {
+  double row[kTerms][kTerms];
+  std::size_t size = 0;
+
+  bool make(const double (&a)[kTerms][kTerms], std::size_t terms) {
+    size = terms;
+    for (std::size_t i = 0; i < terms; ++i)
+      for (std::size_t j = 0; j <= i; ++j) {
+        double sum = a[i][j];
+        for (std::size_t k = 0; k < j; ++k) sum -= row[i][k] * row[j][k];
+        if (i != j) {
+          row[i][j] = sum / row[j][j];
+        } else if (sum > kLeastPivot * a[i][i]) {
+          row[i][i] = std::sqrt(sum);
+        } else {
+          return false;
+        }
+      }
+    return true;
+  }
+  void solve(std::array<double, kTerms>& x) const {
+    for (std::size_t i = 0; i < size; ++i) {
+      for (std::size_t k = 0; k < i; ++k) x[i] -= row[i][k] * x[k];
+      x[i] /= row[i][i];
+    }
+    for (std::size_t i = size; i-- > 0;) {
+      for (std::size_t k = i + 1; k < size; ++k) x[i] -= row[k][i] * x[k];
+      x[i] /= row[i][i];
+    }
+  }
+};
+
+struct Moments {
+  double a[kTerms][kTerms] = {};
+  std::array<double, kTerms> b = {};
+  double count = 0.0, weight = 0.0, weight_square = 0.0, height_square = 0.0;
+};
+
+Moments sum_moments(const WindowSamples& samples, double radius) {
+  const double per_radius = 1.0 / radius, per_square = per_radius * per_radius;
+  // Four columns that are added at last: the same sums whatever the processor.
+  double a[21][kLanes] = {}, b[kTerms][kLanes] = {}, count[kLanes] = {}, square[kLanes] = {}, zz[kLanes] = {};
+  const std::size_t packs = samples.pack_count();
+  for (std::size_t q = 0; q < packs; ++q) {
+    const WindowSamples::Pack& pack = samples.packs()[q];
+    for (std::size_t i = 0; i < kLanes; ++i) {
+      const double x = pack.s[i] * per_radius, y = pack.t[i] * per_radius, z = pack.z[i];
+      const double w = window_weight(pack.s[i], pack.t[i], per_square, pack.weight[i]);
+      const double p[kTerms] = {1.0, x, y, x * x, x * y, y * y};
+      std::size_t at = 0;
+      for (std::size_t r = 0; r < kTerms; ++r) {
+        const double wp = w * p[r];
+        b[r][i] += wp * z;
+        for (std::size_t c = 0; c <= r; ++c) a[at++][i] += wp * p[c];
+      }
+      count[i] += w > 0.0 ? 1.0 : 0.0;
+      square[i] += w * w;
+      zz[i] += w * z * z;
+    }
+  }
+  const auto total = [](const double(&lane)[kLanes]) { return (lane[0] + lane[1]) + (lane[2] + lane[3]); };
+  Moments m;
+  std::size_t at = 0;
+  for (std::size_t r = 0; r < kTerms; ++r) {
+    m.b[r] = total(b[r]);
+    for (std::size_t c = 0; c <= r; ++c) m.a[r][c] = total(a[at++]);
+  }
+  m.count = total(count);
+  m.weight = m.a[0][0];
+  m.weight_square = total(square);
+  m.height_square = total(zz);
+  return m;
+}
+
+/// How much every sample adds to c0, squared and summed.
+double middle_variance(const WindowSamples& samples, double radius, const WindowFit& fit) {
+  const double per_radius = 1.0 / radius, per_square = per_radius * per_radius;
+  const std::array<double, kTerms>& v = fit.inverse;
+  double sum[kLanes] = {};
+  const std::size_t packs = samples.pack_count();
+  for (std::size_t q = 0; q < packs; ++q) {
+    const WindowSamples::Pack& pack = samples.packs()[q];
+    for (std::size_t i = 0; i < kLanes; ++i) {
+      const double x = pack.s[i] * per_radius, y = pack.t[i] * per_radius;
+      const double w = window_weight(pack.s[i], pack.t[i], per_square, pack.weight[i]);
+      const double l = w * (v[0] + v[1] * x + v[2] * y + v[3] * (x * x) + v[4] * (x * y) + v[5] * (y * y));
+      sum[i] += l * l;
+    }
+  }
+  return (sum[0] + sum[1]) + (sum[2] + sum[3]);
+}
+
+}  // namespace
+
+void WindowSamples::add(double s, double t, double z, double weight) {
+  const std::size_t pack = size_ / kLanes, lane = size_ % kLanes;
+  if (pack >= packs_.size()) packs_.emplace_back();
+  if (lane == 0) packs_[pack] = {};
+  packs_[pack].s[lane] = s;
+  packs_[pack].t[lane] = t;
+  packs_[pack].z[lane] = z;
+  packs_[pack].weight[lane] = weight;
+  ++size_;
+}
+
+std::optional<WindowFit> fit_window(const WindowSamples& samples, double radius, int terms) {
+  const Moments m = sum_moments(samples, radius);
+  if (m.count < terms + 2) return std::nullopt;
+  Factor factor;
+  if (!factor.make(m.a, static_cast<std::size_t>(terms))) return std::nullopt;
+  WindowFit fit;
+  std::array<double, kTerms> c = m.b;
+  for (auto i = static_cast<std::size_t>(terms); i < kTerms; ++i) c[i] = 0.0;
+  factor.solve(c);
+  fit.inverse = {1.0, 0.0, 0.0, 0.0, 0.0, 0.0};
+  factor.solve(fit.inverse);
+  fit.variance = middle_variance(samples, radius, fit);
+  double left = m.height_square;
+  for (std::size_t i = 0; i < kTerms; ++i) left -= c[i] * m.b[i];
+  const double freedom = m.weight - terms * m.weight_square / m.weight;
+  fit.residual_square = left > 0.0 && freedom > 0.0 ? left / freedom : 0.0;
+  const double per_radius = 1.0 / radius, per_square = per_radius * per_radius;
+  fit.c = {
+      c[0], c[1] * per_radius, c[2] * per_radius, c[3] * per_square, c[4] * per_square, c[5] * per_square};
+  return fit;
+}
+
+double noise_square_between(const WindowSamples& samples, double narrow, double wide) {
+  const std::optional<WindowFit> a = fit_window(samples, narrow, 6), b = fit_window(samples, wide, 6);
+  if (!a || !b) return -1.0;
+  double variance = 0.0;
+  for (std::size_t k = 0; k < samples.size(); ++k) {
+    const WindowSamples::Pack& pack = samples.packs()[k / kLanes];
+    const double s = pack.s[k % kLanes], t = pack.t[k % kLanes], weight = pack.weight[k % kLanes];
+    double change = 0.0;
+    for (const bool second : {false, true}) {
+      const double radius = second ? wide : narrow;
+      const auto p = basis(s, t, 1.0 / radius);
+      const std::array<double, kTerms>& v = second ? b->inverse : a->inverse;
+      double sum = 0.0;
+      for (std::size_t i = 0; i < kTerms; ++i) sum += v[i] * p[i];
+      const double l = sum * window_weight(s, t, 1.0 / (radius * radius), weight);
+      change += second ? l : -l;
+    }
+    variance += change * change;
+  }
+  const double apart = b->c[0] - a->c[0];
+  return variance > 0.0 ? apart * apart / variance : -1.0;
+}
+
+bool WindowChoice::offer(const WindowSamples& samples, double radius) {
+  offered_ = radius;
+  const std::optional<WindowFit> fit = fit_window(samples, radius, 6);
+  if (!fit) return true;
+  const std::size_t step = std::min(offers_++, std::size(kConfidence) - 1);
+  const double half = kConfidence[step] * noise_ * std::sqrt(fit->variance);
+  const double low = fit->c[0] - half, high = fit->c[0] + half;
+  if (best_) {
+    if (std::max(low_, low) > std::min(high_, high)) return false;
+    low_ = std::max(low_, low);
+    high_ = std::min(high_, high);
+    // A lopsided window can be wider and yet tell less.
+    if (fit->variance >= best_->variance) return true;
+  } else {
+    low_ = low;
+    high_ = high;
+  }
+  best_ = fit;
+  radius_ = radius;
+  return true;
+}
+
+std::optional<WindowFit> WindowChoice::result(const WindowSamples& samples) const {
+  if (!best_) return fit_window(samples, offered_, 3);
+  const std::optional<WindowFit> plane = fit_window(samples, radius_, 3);
+  if (!plane || plane->residual_square > kPlaneResidual * best_->residual_square) return best_;
+  const double half = kPlaneConfidence * noise_ * std::sqrt(plane->variance);
+  return plane->c[0] - half <= high_ && plane->c[0] + half >= low_ ? plane : best_;
+}
+
+}  // namespace tessera
