@@ -26,8 +26,10 @@ SurfaceWindow::SurfaceWindow(const MeshBlock& block, const FaceCorners& corners,
       data_(data),
       position_(position),
       vertex_stamp_(block.position.size(), 0),
-      face_stamp_(block.faces.size(), 0),
-      likeness_(block.faces.size(), 0.0F) {}
+      face_mark_(block.faces.size()) {
+  const double width = 2.0 * synth::sin_cos(kLikeAngle * (synth::kPi / 360.0)).sin;
+  inverse_width_ = static_cast<float>(0.5 / (width * width));
+}
 
 void SurfaceWindow::begin(std::uint32_t vertex, const Double3& normal, std::span<const std::uint32_t> faces) {
   const synth::Vec3 a = synth::any_orthogonal({normal[0], normal[1], normal[2]});
@@ -42,18 +44,21 @@ void SurfaceWindow::begin(std::uint32_t vertex, const Double3& normal, std::span
   waiting_.clear();
   next_face_ = 0;
   quadric_ = {};
+  bent_ = false;
   for (const std::uint32_t f : faces) {
     likeness(f, narrow(normal));
-    face_stamp_[f] = stamp_ + 1;
+    face_mark_[f].stamp = stamp_ + 1;
     faces_.push_back({f, 0});
   }
 }
 
 void SurfaceWindow::expect(const std::array<double, 6>& quadric) {
   quadric_ = quadric;
+  bent_ = true;
 }
 
 Float3 SurfaceWindow::expected_normal(std::uint32_t vertex) const {
+  if (!bent_) return narrow(frame_.n);
   const Double3 d = position_[vertex] - frame_.origin;
   const double s = dot(d, frame_.a), t = dot(d, frame_.b);
   const double slope_s = quadric_[1] + 2.0 * quadric_[3] * s + quadric_[4] * t,
@@ -62,13 +67,12 @@ Float3 SurfaceWindow::expected_normal(std::uint32_t vertex) const {
 }
 
 float SurfaceWindow::likeness(std::uint32_t face, const Float3& expected) {
-  if (face_stamp_[face] >= stamp_) return likeness_[face];
-  static const double width = 2.0 * synth::sin_cos(kLikeAngle * (synth::kPi / 360.0)).sin;
-  static const float inverse = static_cast<float>(0.5 / (width * width));
+  FaceMark& mark = face_mark_[face];
+  if (mark.stamp >= stamp_) return mark.likeness;
   const Float3& n = normals_[face];
   const float x = n[0] - expected[0], y = n[1] - expected[1], z = n[2] - expected[2];
-  face_stamp_[face] = stamp_;
-  return likeness_[face] = synth::bell((x * x + y * y + z * z) * inverse);
+  mark = {stamp_, synth::bell((x * x + y * y + z * z) * inverse_width_)};
+  return mark.likeness;
 }
 
 void SurfaceWindow::reach(std::uint32_t vertex, int ring) {
@@ -90,8 +94,8 @@ void SurfaceWindow::take(std::uint32_t vertex, int ring) {
     const std::uint32_t f = corner >> 2;
     const float like = likeness(f, expected);
     sum += like;
-    if (like < kLeastLikeness || face_stamp_[f] != stamp_ || ring + 1 >= kRings) continue;
-    face_stamp_[f] = stamp_ + 1;
+    if (like < kLeastLikeness || face_mark_[f].stamp != stamp_ || ring + 1 >= kRings) continue;
+    face_mark_[f].stamp = stamp_ + 1;
     faces_.push_back({f, ring});
   }
   const Double3 d = data_[vertex] - frame_.origin;

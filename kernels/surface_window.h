@@ -49,6 +49,10 @@ class SurfaceWindow {
     std::uint32_t index;
     int ring;
   };
+  struct FaceMark {
+    std::uint32_t stamp = 0;  ///< even: its likeness is known; + 1: it belongs to the window
+    float likeness = 0.0F;
+  };
   void reach(std::uint32_t vertex, int ring);
   void take(std::uint32_t vertex, int ring);
   float likeness(std::uint32_t face, const Float3& expected);
@@ -60,13 +64,13 @@ class SurfaceWindow {
   std::span<const Double3> data_, position_;
   WindowFrame frame_;
   WindowSamples samples_;
+  float inverse_width_;  ///< of the likeness
   std::array<double, 6> quadric_ = {};
+  bool bent_ = false;    ///< the quadric is not zero
   double square_ = 0.0;  ///< of the radius
   std::uint32_t stamp_ = 0;
   std::vector<std::uint32_t> vertex_stamp_;  ///< n
-  std::vector<std::uint32_t>
-      face_stamp_;               ///< m; 2 * stamp: its likeness is known, + 1: it belongs to the window
-  std::vector<float> likeness_;  ///< m
+  std::vector<FaceMark> face_mark_;          ///< m
   std::vector<Reached> faces_, waiting_;
   std::size_t next_face_ = 0;
 };

@@ -7,6 +7,7 @@
 namespace tessera {
 namespace {
 
+using Lanes = WindowSamples::Lanes;
 constexpr std::size_t kLanes = WindowSamples::kLanes;
 constexpr std::size_t kTerms = 6;
 /// Half width of a confidence interval in standard deviations: first window, second, all others. What a narrow one says
@@ -18,10 +19,16 @@ constexpr double kPlaneResidual = 1.1;
 /// Below this share of the diagonal a pivot means that the samples do not determine the fit.
 constexpr double kLeastPivot = 1e-10;
 
-double window_weight(double s, double t, double per_square, double weight) {
-  const double u = 1.0 - (s * s + t * t) * per_square;
-  const double inside = u > 0.0 ? u : 0.0;
+/// Of numbers or of lanes.
+template <typename Number>
+Number window_weight(Number s, Number t, double per_square, Number weight) {
+  const Number u = 1.0 - (s * s + t * t) * per_square;
+  const Number inside = u > 0.0 ? u : u * 0.0;
   return inside * inside * weight;
+}
+
+double total(const Lanes& lane) {
+  return (lane[0] + lane[1]) + (lane[2] + lane[3]);
 }
 
 std::array<double, kTerms> basis(double s, double t, double per_radius) {
@@ -70,27 +77,23 @@ struct Moments {
 
 Moments sum_moments(const WindowSamples& samples, double radius) {
   const double per_radius = 1.0 / radius, per_square = per_radius * per_radius;
-  // Four columns that are added at last: the same sums whatever the processor.
-  double a[21][kLanes] = {}, b[kTerms][kLanes] = {}, count[kLanes] = {}, square[kLanes] = {}, zz[kLanes] = {};
+  Lanes a[21] = {}, b[kTerms] = {}, count = {}, square = {}, zz = {};
   const std::size_t packs = samples.pack_count();
   for (std::size_t q = 0; q < packs; ++q) {
     const WindowSamples::Pack& pack = samples.packs()[q];
-    for (std::size_t i = 0; i < kLanes; ++i) {
-      const double x = pack.s[i] * per_radius, y = pack.t[i] * per_radius, z = pack.z[i];
-      const double w = window_weight(pack.s[i], pack.t[i], per_square, pack.weight[i]);
-      const double p[kTerms] = {1.0, x, y, x * x, x * y, y * y};
-      std::size_t at = 0;
-      for (std::size_t r = 0; r < kTerms; ++r) {
-        const double wp = w * p[r];
-        b[r][i] += wp * z;
-        for (std::size_t c = 0; c <= r; ++c) a[at++][i] += wp * p[c];
-      }
-      count[i] += w > 0.0 ? 1.0 : 0.0;
-      square[i] += w * w;
-      zz[i] += w * z * z;
+    const Lanes x = pack.s * per_radius, y = pack.t * per_radius, z = pack.z;
+    const Lanes w = window_weight(pack.s, pack.t, per_square, pack.weight);
+    const Lanes p[kTerms] = {Lanes{} + 1.0, x, y, x * x, x * y, y * y};
+    std::size_t at = 0;
+    for (std::size_t r = 0; r < kTerms; ++r) {
+      const Lanes wp = w * p[r];
+      b[r] += wp * z;
+      for (std::size_t c = 0; c <= r; ++c) a[at++] += wp * p[c];
     }
+    count += w > 0.0 ? Lanes{} + 1.0 : Lanes{};
+    square += w * w;
+    zz += w * z * z;
   }
-  const auto total = [](const double(&lane)[kLanes]) { return (lane[0] + lane[1]) + (lane[2] + lane[3]); };
   Moments m;
   std::size_t at = 0;
   for (std::size_t r = 0; r < kTerms; ++r) {
@@ -108,18 +111,16 @@ Moments sum_moments(const WindowSamples& samples, double radius) {
 double middle_variance(const WindowSamples& samples, double radius, const WindowFit& fit) {
   const double per_radius = 1.0 / radius, per_square = per_radius * per_radius;
   const std::array<double, kTerms>& v = fit.inverse;
-  double sum[kLanes] = {};
+  Lanes sum = {};
   const std::size_t packs = samples.pack_count();
   for (std::size_t q = 0; q < packs; ++q) {
     const WindowSamples::Pack& pack = samples.packs()[q];
-    for (std::size_t i = 0; i < kLanes; ++i) {
-      const double x = pack.s[i] * per_radius, y = pack.t[i] * per_radius;
-      const double w = window_weight(pack.s[i], pack.t[i], per_square, pack.weight[i]);
-      const double l = w * (v[0] + v[1] * x + v[2] * y + v[3] * (x * x) + v[4] * (x * y) + v[5] * (y * y));
-      sum[i] += l * l;
-    }
+    const Lanes x = pack.s * per_radius, y = pack.t * per_radius;
+    const Lanes w = window_weight(pack.s, pack.t, per_square, pack.weight);
+    const Lanes l = w * (v[0] + v[1] * x + v[2] * y + v[3] * (x * x) + v[4] * (x * y) + v[5] * (y * y));
+    sum += l * l;
   }
-  return (sum[0] + sum[1]) + (sum[2] + sum[3]);
+  return total(sum);
 }
 
 }  // namespace
@@ -127,7 +128,7 @@ double middle_variance(const WindowSamples& samples, double radius, const Window
 void WindowSamples::add(double s, double t, double z, double weight) {
   const std::size_t pack = size_ / kLanes, lane = size_ % kLanes;
   if (pack >= packs_.size()) packs_.emplace_back();
-  if (lane == 0) packs_[pack] = {};
+  if (lane == 0) packs_[pack] = Pack{};
   packs_[pack].s[lane] = s;
   packs_[pack].t[lane] = t;
   packs_[pack].z[lane] = z;

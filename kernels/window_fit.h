@@ -21,8 +21,10 @@ class WindowSamples {
   std::size_t size() const { return size_; }
 
   static constexpr std::size_t kLanes = 4;
-  struct alignas(32) Pack {
-    double s[kLanes], t[kLanes], z[kLanes], weight[kLanes];
+  /// Four numbers added and multiplied one by one: the same sums whatever the processor.
+  using Lanes [[gnu::vector_size(kLanes * sizeof(double))]] = double;
+  struct Pack {
+    Lanes s = {}, t = {}, z = {}, weight = {};
   };
   /// Packs of four; the last is filled up with samples of weight zero.
   const std::vector<Pack>& packs() const { return packs_; }
