@@ -36,6 +36,12 @@ nlohmann::json warnings_of(const nlohmann::json& entry) {
   return entry.is_object() ? entry.value("warnings", nlohmann::json::array()) : nlohmann::json::array();
 }
 
+nlohmann::json result_of(const nlohmann::json& report, const std::string& stage) {
+  for (const nlohmann::json& entry : report.at("stages"))
+    if (entry.at("name") == stage) return entry.at("result");
+  return nullptr;
+}
+
 nlohmann::json make_report(const JobState& state, const nlohmann::json& identity,
                            const std::vector<StageRecords>& done, const RunFigures& figures) {
   nlohmann::json stages = nlohmann::json::array();

@@ -32,6 +32,9 @@ nlohmann::json warnings_of(const nlohmann::json& entry);
 nlohmann::json make_report(const JobState& state, const nlohmann::json& identity,
                            const std::vector<StageRecords>& done, const RunFigures& figures);
 
+/// What a stage reported; null where it did not run.
+nlohmann::json result_of(const nlohmann::json& report, const std::string& stage);
+
 /// run.report, or <output>.report.json.
 std::filesystem::path report_path(const JobState& state);
 

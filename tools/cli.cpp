@@ -199,6 +199,25 @@ CLI::Option* add_bytes(CLI::App& command, const std::string& names, std::uint64_
       ->type_name("SIZE");
 }
 
+void print_repairs(const std::string& input, const nlohmann::json& report) {
+  const nlohmann::json& repair = report.at("input").at("repair");
+  static const std::pair<const char*, const char*> kWords[] = {
+      {"nonfinite_vertices", "vertices without finite coordinates"},
+      {"bad_faces", "faces that name no vertex dropped"},
+      {"degenerate_faces", "degenerate faces dropped"},
+      {"duplicate_faces", "duplicate faces dropped"},
+      {"nonmanifold_edges", "edges with more than two faces taken apart"},
+      {"inconsistent_edges", "edges cut where neighbours face opposite sides"},
+      {"turned_faces", "faces turned"},
+      {"split_vertices", "vertices split"}};
+  std::string text;
+  for (const auto& [key, words] : kWords) {
+    const auto count = repair.value(key, std::uint64_t{0});
+    if (count > 0) text += fmt::format("{}{} {}", text.empty() ? "" : ", ", count, words);
+  }
+  if (!text.empty()) fmt::print("{}: repaired: {}\n", input, text);
+}
+
 Double3 parse_vector(const std::string& text) {
   Double3 value{};
   const char* at = text.c_str();

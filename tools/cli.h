@@ -19,6 +19,7 @@
 #include <vector>
 
 #include <CLI/CLI.hpp>
+#include <nlohmann/json_fwd.hpp>
 
 #include "octree/lattice.h"
 #include "stream/options.h"
@@ -56,6 +57,9 @@ ProgressSink stderr_sink();
 /// \throws UsageError when the user gave none
 void require_inputs(const std::vector<std::string>& inputs);
 void require_output(const std::filesystem::path& output);
+
+/// One line for what a job's import repaired, from `input` of its report; none for a sound mesh.
+void print_repairs(const std::string& input, const nlohmann::json& report);
 
 /// "x,y,z" to numbers. \throws UsageError
 Double3 parse_vector(const std::string& text);

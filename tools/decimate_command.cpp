@@ -20,25 +20,6 @@ struct Arguments {
   JobState state;
 };
 
-/// One line for what the repair changed; empty for a sound mesh.
-std::string repair_text(const nlohmann::json& repair) {
-  static const std::pair<const char*, const char*> kWords[] = {
-      {"nonfinite_vertices", "vertices without finite coordinates"},
-      {"bad_faces", "faces that name no vertex dropped"},
-      {"degenerate_faces", "degenerate faces dropped"},
-      {"duplicate_faces", "duplicate faces dropped"},
-      {"nonmanifold_edges", "edges with more than two faces taken apart"},
-      {"inconsistent_edges", "edges cut where neighbours face opposite sides"},
-      {"turned_faces", "faces turned"},
-      {"split_vertices", "vertices split"}};
-  std::string text;
-  for (const auto& [key, words] : kWords) {
-    const auto count = repair.value(key, std::uint64_t{0});
-    if (count > 0) text += fmt::format("{}{} {}", text.empty() ? "" : ", ", count, words);
-  }
-  return text;
-}
-
 void run(Arguments arguments) {
   if (arguments.input.empty()) throw UsageError("no input given: name the mesh to decimate");
   cli::require_output(arguments.state.output);
@@ -51,8 +32,7 @@ void run(Arguments arguments) {
   catch_stop_signals();
   const nlohmann::json report = run_job(arguments.state, decimate_job(arguments.options), cli::stderr_sink());
   if (arguments.state.run.verbosity < 0) return;
-  const std::string repairs = repair_text(report.at("input").at("repair"));
-  if (!repairs.empty()) fmt::print("{}: repaired: {}\n", arguments.input, repairs);
+  cli::print_repairs(arguments.input, report);
   fmt::print("{}: {} of {} faces, {:.1f} s, peak {}\n", arguments.state.output.string(),
              report.at("mesh").value("faces", std::uint64_t{0}),
              report.at("input").value("faces", std::uint64_t{0}), report.at("wall_s").get<double>(),

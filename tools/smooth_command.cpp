@@ -32,6 +32,7 @@ void run(Arguments arguments) {
   catch_stop_signals();
   const nlohmann::json report = run_job(arguments.state, smooth_job(arguments.options), cli::stderr_sink());
   if (arguments.state.run.verbosity < 0) return;
+  cli::print_repairs(arguments.state.inputs.front().string(), report);
   const nlohmann::json mesh = report.value("mesh", nlohmann::json::object());
   fmt::print("{}: {} vertices, {} faces, moved {:.6g} at most, {:.6g} rms, {:.1f} s, peak {}\n",
              arguments.state.output.string(), mesh.value("vertices", std::uint64_t{0}),

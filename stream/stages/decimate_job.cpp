@@ -3,6 +3,7 @@
 #include <nlohmann/json.hpp>
 
 #include "octree/error.h"
+#include "stream/report.h"
 #include "stream/stages/certify_stage.h"
 #include "stream/stages/import_stages.h"
 #include "stream/stages/store_write_stage.h"
@@ -12,11 +13,7 @@ namespace {
 
 using json = nlohmann::json;
 
-json result_of(const json& report, const std::string& stage) {
-  for (const json& entry : report.at("stages"))
-    if (entry.at("name") == stage) return entry.at("result");
-  return json::object();
-}
+const std::string kDecimateImport = "mesh";
 
 std::string certify_name(int round) {
   return round == 0 ? "certify" : "again-" + std::to_string(round) + "-certify";
@@ -30,19 +27,7 @@ StageEntry simplify_entry(const SimplifyOptions& options, const SimplifyStores& 
 }
 
 void summarise(json& report) {
-  const json read = result_of(report, "mesh-read");
-  const json welded = result_of(report, "mesh-vertices");
-  const json corners = result_of(report, "mesh-corners");
-  json repair = result_of(report, "mesh-tiles");
-  repair["nonfinite_vertices"] = read.value("nonfinite_vertices", 0);
-  repair["welded_vertices"] = welded.value("welded", 0);
-  repair["bad_faces"] = corners.value("bad_faces", 0);
-  repair["degenerate_faces"] = corners.value("degenerate_faces", 0);
-  repair.erase("fixes");
-  report["input"] = {{"format", read.value("format", "")},
-                     {"vertices", read.value("vertices", 0)},
-                     {"faces", corners.value("faces", 0)},
-                     {"repair", repair}};
+  report["input"] = import_report(report, kDecimateImport);
   report["mesh"] = result_of(report, "write");
   report["certificate"] = certificate_of(report);
 }
@@ -105,8 +90,8 @@ SimplifyStores imported_stores(const std::string& folder) {
 }
 
 JobDescription decimate_job(const SimplifyOptions& options) {
-  std::vector<StageEntry> stages = import_stages({0, "mesh"});
-  for (StageEntry& entry : simplify_stages(options, imported_stores("mesh"), "tessera decimate"))
+  std::vector<StageEntry> stages = import_stages({0, kDecimateImport});
+  for (StageEntry& entry : simplify_stages(options, imported_stores(kDecimateImport), "tessera decimate"))
     stages.push_back(std::move(entry));
   return {"decimate", std::move(stages), 0, summarise};
 }

@@ -1,4 +1,5 @@
 #include "stream/stages/import_stages.h"
+#include "stream/report.h"
 
 #include <algorithm>
 #include <cstring>
@@ -179,6 +180,24 @@ std::vector<StageEntry> import_stages(const ImportSource& source) {
 MeshStore open_imported_mesh(const std::filesystem::path& work, const std::string& folder) {
   return MeshStore(list_task_files(work / folder / "tiles", ".tmm"),
                    list_task_files(work / folder / "repaired", ".tmm"));
+}
+
+nlohmann::json import_report(const nlohmann::json& report, const std::string& folder) {
+  const auto result = [&](const std::string& stage) {
+    nlohmann::json found = result_of(report, folder + stage);
+    return found.is_object() ? found : nlohmann::json::object();
+  };
+  const nlohmann::json read = result("-read"), corners = result("-corners");
+  nlohmann::json repair = result("-tiles");
+  repair["nonfinite_vertices"] = read.value("nonfinite_vertices", 0);
+  repair["welded_vertices"] = result("-vertices").value("welded", 0);
+  repair["bad_faces"] = corners.value("bad_faces", 0);
+  repair["degenerate_faces"] = corners.value("degenerate_faces", 0);
+  repair.erase("fixes");
+  return {{"format", read.value("format", "")},
+          {"vertices", read.value("vertices", 0)},
+          {"faces", corners.value("faces", 0)},
+          {"repair", repair}};
 }
 
 }  // namespace tessera

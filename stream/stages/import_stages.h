@@ -16,6 +16,8 @@
 #include <span>
 #include <vector>
 
+#include <nlohmann/json_fwd.hpp>
+
 #include "kernels/mesh_repair.h"
 #include "stream/mesh_store.h"
 #include "stream/read_file.h"
@@ -34,6 +36,9 @@ std::vector<StageEntry> import_stages(const ImportSource& source);
 
 /// The store that they leave.
 MeshStore open_imported_mesh(const std::filesystem::path& work, const std::string& folder);
+
+/// Of a finished job's report: format, vertices and faces of what was read, and how much of it was repaired, by kind.
+nlohmann::json import_report(const nlohmann::json& report, const std::string& folder);
 
 // What the stages share.
 

@@ -1,4 +1,5 @@
 #include "stream/stages/reconstruct_job.h"
+#include "stream/report.h"
 
 #include <nlohmann/json.hpp>
 
@@ -22,13 +23,6 @@
 
 namespace tessera {
 namespace {
-
-nlohmann::json result_of(const nlohmann::json& report, const std::string& stage) {
-  for (const nlohmann::json& entry : report.at("stages")) {
-    if (entry.at("name") == stage) return entry.at("result");
-  }
-  return nullptr;
-}
 
 void summarise(nlohmann::json& report) {
   const nlohmann::json survey = result_of(report, "survey");

@@ -14,7 +14,7 @@ using json = nlohmann::json;
 
 constexpr std::uint64_t kSortBytes = std::uint64_t{32} << 20;
 
-/// The report's `mesh`: what was written, and how far vertices moved in the last round (with a tolerance: in
+/// The report's `input`, and its `mesh`: what was written, and how far vertices moved in the last round (with a tolerance: in
 /// all).
 void summarise(json& report) {
   json mesh = json::object();
@@ -23,6 +23,7 @@ void summarise(json& report) {
     if (name == "write" || name.rfind("smooth-", 0) == 0) mesh.update(stage.at("result"));
   }
   report["mesh"] = mesh;
+  report["input"] = import_report(report, kSmoothImport);
 }
 
 }  // namespace

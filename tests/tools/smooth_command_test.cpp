@@ -202,6 +202,7 @@ TEST_CASE("smooth command: what cannot work is said", "[pipeline]") {
   CHECK(run({"--lambda", "-1"}).code == 2);
   CHECK(run({"--method", "laplacian", "--lambda", "3"}).code == 2);
   CHECK(run({"--method", "nonsense"}).code == 2);
+  CHECK(run({"--method", "denoise", "--noise", "-1"}).code == 2);
   CHECK(run({"--memory", "1M"}).code == 4);
   const test::CommandResult large = run({"--method", "curvature-flow", "--memory", "48M"});
   INFO(large.errors);
@@ -210,6 +211,18 @@ TEST_CASE("smooth command: what cannot work is said", "[pipeline]") {
   CHECK(test::tessera_command({"smooth", (folder / "none.ply").string(), "-o", (folder / "o.ply").string()})
             .code == 3);
   CHECK_FALSE(fs::exists(folder / "out.ply"));
+}
+
+TEST_CASE("smooth command: what the import repaired is in the report", "[pipeline]") {
+  const test::TempFolder folder;
+  Mesh mesh = sheet(20);
+  mesh.position[210][0] = std::nan("");
+  const fs::path in = write(mesh, folder / "in.ply"), out = folder / "out.ply";
+  REQUIRE(test::tessera_command({"smooth", in.string(), "-o", out.string()}).code == 0);
+  const auto report = nlohmann::json::parse(std::ifstream(out.string() + ".report.json"));
+  CHECK(report.at("input").at("faces") == mesh.faces.size());
+  CHECK(report.at("input").at("repair").at("nonfinite_vertices") == 1);
+  CHECK(read(out).position.size() < mesh.position.size());
 }
 
 TEST_CASE("parameterize command: coordinates for a disk, a clear word for the rest", "[pipeline]") {
