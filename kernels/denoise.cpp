@@ -137,13 +137,9 @@ class Denoiser {
       std::fill(reversed.begin(), reversed.end(), std::uint8_t{0});
       for (std::size_t f = 0; f < block_.faces.size(); ++f) {
         const auto& face = block_.faces[f];
-        const Float3& n = normals_[f];
         const Double3 area =
             cross(position_[face[1]] - position_[face[0]], position_[face[2]] - position_[face[0]]);
-        if (area[0] * static_cast<double>(n[0]) + area[1] * static_cast<double>(n[1]) +
-                area[2] * static_cast<double>(n[2]) >
-            0.0)
-          continue;
+        if (dot(area, wide(normals_[f])) > 0.0) continue;
         for (const std::uint32_t v : face) reversed[v] = 1;
       }
       for (std::uint32_t v = 0; v < size(); ++v)

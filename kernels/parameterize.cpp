@@ -109,6 +109,18 @@ void require_solved(SolveStatus status, const std::string& message) {
   if (status != SolveStatus::kSolved) throw InputError("the mesh has no parameterization: " + message);
 }
 
+/// What comes after report.factor = solver.analyse(): factor, solve for all columns of `values`, which get the result.
+void factor_and_solve(LinearSolver& solver, const ConstrainedSystem& system, std::span<double> values,
+                      int columns, ParameterizeReport& report) {
+  if (report.factor.status == SolveStatus::kSolved) report.factor = solver.factor(system.matrix);
+  require_solved(report.factor.status, report.factor.message);
+  const std::vector<double> b = system.right_hand_side(values, columns);
+  std::vector<double> x(b.size());
+  report.solve = solver.solve(b, x, columns);
+  require_solved(report.solve.status, report.solve.message);
+  system.scatter(x, values, columns);
+}
+
 void conformal(const TriangleSpan& mesh, const Loop& loop, const ParameterizeOptions& options,
                Parameterization& out) {
   const std::vector<double> share = arc_shares(mesh, loop);
@@ -138,49 +150,7 @@ void conformal(const TriangleSpan& mesh, const Loop& loop, const ParameterizeOpt
   report.unknowns = system.free_vertices.size();
   report.factor = solver->analyse(system.matrix);
   report.choice = report.factor.choice;
-  if (report.factor.status == SolveStatus::kSolved) report.factor = solver->factor(system.matrix);
-  require_solved(report.factor.status, report.factor.message);
-  const std::vector<double> b = system.right_hand_side(values, 2);
-  std::vector<double> x(b.size());
-  report.solve = solver->solve(b, x, 2);
-  require_solved(report.solve.status, report.solve.message);
-  system.scatter(x, values, 2);
-}
-
-/// Dirichlet energy of u and v minus the area they enclose, unknowns u_0, v_0, u_1, v_1, ... The area is a
-/// sum over the border alone: 1/2 sum (u_i v_j - u_j v_i).
-SparseMatrix conformal_energy(const SparseMatrix& stiffness, const Loop& loop) {
-  const std::size_t n = static_cast<std::size_t>(stiffness.rows);
-  constexpr std::int32_t kNone = -1;
-  std::vector<std::array<std::int32_t, 2>> around(n, {kNone, kNone});  // before and after on the border
-  for (std::size_t i = 0; i < loop.size(); ++i) {
-    const std::uint32_t a = loop[i], b = loop[(i + 1) % loop.size()];
-    around[a][1] = static_cast<std::int32_t>(b);
-    around[b][0] = static_cast<std::int32_t>(a);
-  }
-  SparseMatrix m;
-  m.rows = m.columns = 2 * stiffness.rows;
-  m.start.reserve(2 * n + 1);
-  m.column.reserve(2 * stiffness.entries() + 4 * loop.size());
-  m.value.reserve(m.column.capacity());
-  m.start.push_back(0);
-  std::vector<std::pair<std::int32_t, double>> row;
-  for (std::size_t i = 0; i < n; ++i)
-    for (const int component : {0, 1}) {
-      row.clear();
-      for (std::int32_t e = stiffness.start[i]; e < stiffness.start[i + 1]; ++e)
-        row.emplace_back(2 * stiffness.column[e] + component, -stiffness.value[e]);
-      const double sign = component == 0 ? 0.5 : -0.5;
-      if (around[i][0] != kNone) row.emplace_back(2 * around[i][0] + 1 - component, sign);
-      if (around[i][1] != kNone) row.emplace_back(2 * around[i][1] + 1 - component, -sign);
-      std::sort(row.begin(), row.end());
-      for (const auto& [column, value] : row) {
-        m.column.push_back(column);
-        m.value.push_back(value);
-      }
-      m.start.push_back(static_cast<std::int32_t>(m.column.size()));
-    }
-  return m;
+  factor_and_solve(*solver, system, values, 2, report);
 }
 
 /// Two border vertices far apart: pins at the ends of the border's longest extent distort least.
@@ -208,7 +178,8 @@ void fit_unit_square(const TriangleSpan& mesh, std::vector<Double2>& uv) {
     for (std::size_t k = 0; k < 2; ++k) p[k] = (p[k] - low[k]) / extent;
 }
 
-/// The area as part of the complex system of least squares: K of (A + iK) z with z = u + iv.
+/// The area as part of the complex system of least squares, K of (A + iK) z with z = u + iv: the Dirichlet energy of u
+/// and v minus the area they enclose, which is a sum over the border alone, 1/2 sum (u_i v_j - u_j v_i).
 SparseMatrix area_form(std::size_t n, const Loop& loop) {
   std::vector<std::array<std::pair<std::int32_t, double>, 2>> row(n, {{{-1, 0.0}, {-1, 0.0}}});
   for (std::size_t i = 0; i < loop.size(); ++i) {
@@ -238,12 +209,11 @@ struct ComplexSystem {
   std::vector<double> b;  // real and imaginary parts interleaved
 };
 
-ComplexSystem complex_system(Laplacian&& lap, const Loop& loop, const std::vector<std::uint8_t>& fixed,
+ComplexSystem complex_system(SparseMatrix&& energy, const Loop& loop, const std::vector<std::uint8_t>& fixed,
                              std::span<const double> values) {
   ComplexSystem out;
-  for (double& v : lap.stiffness.value) v = -v;
-  out.laplacian = constrain(lap.stiffness, fixed);
-  lap = {};
+  out.laplacian = constrain(energy, fixed);
+  energy = {};
   out.area = constrain(area_form(fixed.size(), loop), fixed);
   out.b = out.laplacian.right_hand_side(values, 2);
   const std::vector<double> area = out.area.right_hand_side(values, 2);
@@ -255,7 +225,7 @@ ComplexSystem complex_system(Laplacian&& lap, const Loop& loop, const std::vecto
 }
 
 /// Whether the factor fits and has served. If not, report.choice says why.
-bool solve_by_factor(const Laplacian& lap, const Loop& loop, const std::vector<std::uint8_t>& fixed,
+bool solve_by_factor(const SparseMatrix& energy, const Loop& loop, const std::vector<std::uint8_t>& fixed,
                      std::uint64_t memory, std::span<double> values, ParameterizeReport& report) {
   const std::uint64_t n = fixed.size();
   if (memory > 0 && memory <= n * kFactorSystemBytes) {
@@ -265,7 +235,7 @@ bool solve_by_factor(const Laplacian& lap, const Loop& loop, const std::vector<s
   }
   std::vector<std::uint8_t> both(2 * fixed.size());
   for (std::size_t v = 0; v < fixed.size(); ++v) both[2 * v] = both[2 * v + 1] = fixed[v];
-  const ConstrainedSystem system = constrain(conformal_energy(lap.stiffness, loop), both);
+  const ConstrainedSystem system = constrain(real_form(energy, area_form(fixed.size(), loop)), both);
   const auto solver =
       make_solver(SolverKind::kCholesky, {.memory_bytes = memory > 0 ? memory - n * kFactorSystemBytes : 0});
   report.factor = solver->analyse(system.matrix);
@@ -275,20 +245,14 @@ bool solve_by_factor(const Laplacian& lap, const Loop& loop, const std::vector<s
   }
   report.unknowns = system.free_vertices.size();
   report.choice = std::to_string(report.unknowns) + " unknowns: Cholesky, the factor fits";
-  if (report.factor.status == SolveStatus::kSolved) report.factor = solver->factor(system.matrix);
-  require_solved(report.factor.status, report.factor.message);
-  const std::vector<double> b = system.right_hand_side(values, 1);
-  std::vector<double> x(b.size());
-  report.solve = solver->solve(b, x, 1);
-  require_solved(report.solve.status, report.solve.message);
-  system.scatter(x, values, 1);
+  factor_and_solve(*solver, system, values, 1, report);
   return true;
 }
 
-void solve_by_multigrid(const TriangleSpan& mesh, Laplacian&& lap, const Loop& loop,
+void solve_by_multigrid(const TriangleSpan& mesh, SparseMatrix&& energy, const Loop& loop,
                         const std::vector<std::uint8_t>& fixed, std::span<double> values,
                         ParameterizeReport& report) {
-  ComplexSystem system = complex_system(std::move(lap), loop, fixed, values);
+  ComplexSystem system = complex_system(std::move(energy), loop, fixed, values);
   report.unknowns = 2 * system.laplacian.free_vertices.size();
   std::vector<std::array<double, 3>> at = positions_of(mesh, system.laplacian);
   HermitianMultigrid solver(system.laplacian.matrix, system.area.matrix, at);
@@ -312,9 +276,12 @@ void least_squares_conformal(const TriangleSpan& mesh, const Loop& loop, const P
   const std::span<double> values(out.uv.front().data(), 2 * out.uv.size());
   Laplacian lap = sound_laplacian(mesh, false);
   out.report.negative_weights = lap.report.negative_weights;
-  if (!solve_by_factor(lap, loop, fixed, options.memory_bytes, values, out.report)) {
+  SparseMatrix energy = std::move(lap.stiffness);
+  lap = {};
+  for (double& v : energy.value) v = -v;
+  if (!solve_by_factor(energy, loop, fixed, options.memory_bytes, values, out.report)) {
     const std::string why = out.report.choice;
-    solve_by_multigrid(mesh, std::move(lap), loop, fixed, values, out.report);
+    solve_by_multigrid(mesh, std::move(energy), loop, fixed, values, out.report);
     out.report.choice = std::to_string(out.report.unknowns) + " unknowns: " + why + ", so multigrid";
   }
   fit_unit_square(mesh, out.uv);

@@ -12,10 +12,6 @@ namespace {
 constexpr double kSideAngle = 30.0;
 constexpr int kRounds = 3;
 
-Double3 wide(const Float3& n) {
-  return {static_cast<double>(n[0]), static_cast<double>(n[1]), static_cast<double>(n[2])};
-}
-
 }  // namespace
 
 void StarSides::find(const MeshBlock& block, std::span<const std::uint32_t> star,

@@ -11,10 +11,6 @@ constexpr double kLikeAngle = 6.5;
 /// Faces less alike do not belong to the window.
 constexpr float kLeastLikeness = 0.1F;
 
-Float3 narrow(const Double3& n) {
-  return {static_cast<float>(n[0]), static_cast<float>(n[1]), static_cast<float>(n[2])};
-}
-
 }  // namespace
 
 SurfaceWindow::SurfaceWindow(const MeshBlock& block, const FaceCorners& corners,

@@ -31,4 +31,11 @@ inline Double3 unit_or_zero(const Double3& a) {
   return length > 0.0 ? a * (1.0 / length) : Double3{};
 }
 
+inline Double3 wide(const Float3& a) {
+  return {static_cast<double>(a[0]), static_cast<double>(a[1]), static_cast<double>(a[2])};
+}
+inline Float3 narrow(const Double3& a) {
+  return {static_cast<float>(a[0]), static_cast<float>(a[1]), static_cast<float>(a[2])};
+}
+
 }  // namespace tessera

@@ -35,29 +35,6 @@ void multiply_hermitian(const MultigridLevel& level, std::span<const double> u, 
     }
 }
 
-/// The same map on real vectors of twice the size.
-SparseMatrix as_real(const SparseMatrix& a, const SparseMatrix& skew) {
-  SparseMatrix m;
-  m.rows = m.columns = 2 * a.rows;
-  m.start.push_back(0);
-  std::vector<std::pair<std::int32_t, double>> row;
-  for (std::int32_t i = 0; i < a.rows; ++i)
-    for (const int part : {0, 1}) {
-      row.clear();
-      for (std::int32_t e = a.start[i]; e < a.start[i + 1]; ++e)
-        row.emplace_back(2 * a.column[e] + part, a.value[e]);
-      for (std::int32_t e = skew.start[i]; e < skew.start[i + 1]; ++e)
-        row.emplace_back(2 * skew.column[e] + 1 - part, part == 0 ? -skew.value[e] : skew.value[e]);
-      std::sort(row.begin(), row.end());
-      for (const auto& [column, value] : row) {
-        m.column.push_back(column);
-        m.value.push_back(value);
-      }
-      m.start.push_back(static_cast<std::int32_t>(m.column.size()));
-    }
-  return m;
-}
-
 }  // namespace
 
 HermitianMultigrid::HermitianMultigrid(const SparseMatrix& a, const SparseMatrix& skew,
@@ -86,7 +63,7 @@ HermitianMultigrid::HermitianMultigrid(const SparseMatrix& a, const SparseMatrix
 }
 
 void HermitianMultigrid::factor_coarsest() {
-  const SparseMatrix real = as_real(*levels_.levels.back().matrix, *levels_.levels.back().skew);
+  const SparseMatrix real = real_form(*levels_.levels.back().matrix, *levels_.levels.back().skew);
   coarsest_.emplace(real);
   if (coarsest_->envelope() > kLargestEnvelope) {
     report_.status = SolveStatus::kTooLarge;

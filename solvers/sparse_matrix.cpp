@@ -217,4 +217,29 @@ double relative_residual(const SparseMatrix& a, std::span<const double> x, std::
   return worst;
 }
 
+SparseMatrix real_form(const SparseMatrix& a, const SparseMatrix& skew) {
+  SparseMatrix m;
+  m.rows = m.columns = 2 * a.rows;
+  m.start.reserve(2 * static_cast<std::size_t>(a.rows) + 1);
+  m.column.reserve(2 * (a.entries() + skew.entries()));
+  m.value.reserve(m.column.capacity());
+  m.start.push_back(0);
+  std::vector<std::pair<std::int32_t, double>> row;
+  for (std::int32_t i = 0; i < a.rows; ++i)
+    for (const int part : {0, 1}) {
+      row.clear();
+      for (std::int32_t e = a.start[i]; e < a.start[i + 1]; ++e)
+        row.emplace_back(2 * a.column[e] + part, a.value[e]);
+      for (std::int32_t e = skew.start[i]; e < skew.start[i + 1]; ++e)
+        row.emplace_back(2 * skew.column[e] + 1 - part, part == 0 ? -skew.value[e] : skew.value[e]);
+      std::sort(row.begin(), row.end());
+      for (const auto& [column, value] : row) {
+        m.column.push_back(column);
+        m.value.push_back(value);
+      }
+      m.start.push_back(static_cast<std::int32_t>(m.column.size()));
+    }
+  return m;
+}
+
 }  // namespace tessera

@@ -61,4 +61,7 @@ bool all_finite(std::span<const double> values);
 double relative_residual(const SparseMatrix& a, std::span<const double> x, std::span<const double> b,
                          int width);
 
+/// A + iK on complex vectors as a real matrix of twice the size; real and imaginary parts take turns.
+SparseMatrix real_form(const SparseMatrix& a, const SparseMatrix& skew);
+
 }  // namespace tessera
