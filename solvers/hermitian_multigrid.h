@@ -6,8 +6,8 @@
 ///
 /// Holomorphic functions have next to no energy, whatever their values at the border: of (k h)^2 relative to their
 /// Dirichlet energy, at k waves along the border and mesh width h. Linear interpolation between levels adds
-/// (k H)^2. Smooth interpolation adds less, so all levels but the finest use it where they shrink fast, and take a W-cycle. To 1e-8 that
-/// is 120 to 280 cycles for 10^5 to 10^6 vertices; a Laplacian takes 30.
+/// (k H)^2. Smooth interpolation adds less, so all levels but the finest use it where they shrink fast, and take a
+/// W-cycle. To 1e-8 that is 120 to 280 cycles for 10^5 to 10^6 vertices; a Laplacian takes 30.
 #pragma once
 #include <array>
 #include <optional>

@@ -3,11 +3,15 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <nlohmann/json.hpp>
 #include <numeric>
 #include <random>
+#include <set>
 
+#include "kernels/closest_face.h"
 #include "kernels/smooth.h"
+#include "kernels/vector3.h"
 #include "stream/mesh_io.h"
 #include "stream/stage_runner.h"
 #include "tests/helpers/command.h"
@@ -42,6 +46,27 @@ fs::path write(const Mesh& mesh, const fs::path& path, bool doubles = false) {
   file->faces(mesh.faces);
   file->finish();
   return path;
+}
+
+/// Vertices at edges whose normals differ by more.
+std::vector<Double3> crease_vertices(const Mesh& mesh, double degrees) {
+  std::map<std::pair<std::uint64_t, std::uint64_t>, Double3> first;
+  std::set<std::uint64_t> found;
+  const double limit = std::cos(degrees * 3.14159265358979 / 180.0);
+  for (const MeshFace& f : mesh.faces) {
+    const Double3 n = unit_or_zero(
+        cross(mesh.position[f[1]] - mesh.position[f[0]], mesh.position[f[2]] - mesh.position[f[0]]));
+    for (std::size_t k = 0; k < 3; ++k) {
+      const auto edge = std::minmax(f[k], f[(k + 1) % 3]);
+      const auto [other, is_first] = first.emplace(edge, n);
+      if (is_first || dot(other->second, n) > limit) continue;
+      found.insert(edge.first);
+      found.insert(edge.second);
+    }
+  }
+  std::vector<Double3> out;
+  for (const std::uint64_t v : found) out.push_back(mesh.position[v]);
+  return out;
 }
 
 /// A noisy sheet with a ridge, a hole and floats for coordinates: many patches, creases, borders.
@@ -172,6 +197,56 @@ TEST_CASE("smooth command: vertices keep their colours", "[pipeline]") {
   std::sort(before.begin(), before.end());
   std::sort(after.begin(), after.end());
   CHECK(before == after);
+}
+
+TEST_CASE("smooth command: a noisy fandisk loses its noise and keeps its creases", "[pipeline]") {
+  const test::TempFolder folder;
+  const double h = 0.016;
+  const fs::path scan = folder / "scan.ply", mesh = folder / "mesh.ply", in = folder / "in.ply",
+                 out = folder / "out.ply";
+  REQUIRE(test::tessera_command(
+              {"synth", "--scene", "fandisk", "--points", "120k", "--normals", "-o", scan.string()})
+              .code == 0);
+  REQUIRE(test::tessera_command({"reconstruct", scan.string(), "-o", mesh.string(), "--resolution", "0.016"})
+              .code == 0);
+  const Mesh clean = read(mesh);
+  REQUIRE(clean.position.size() > 20000);
+  Mesh noisy = clean;
+  std::mt19937 random(3);
+  std::normal_distribution<double> normal(0.0, 0.1 * h);
+  for (Double3& p : noisy.position)
+    for (double& x : p) x = static_cast<double>(static_cast<float>(x + normal(random)));
+  write(noisy, in);
+  REQUIRE(test::tessera_command({"smooth", in.string(), "-o", out.string(), "--method", "denoise"}).code ==
+          0);
+  const Mesh result = read(out);
+  const auto triangles = [](const Mesh& m) {
+    std::vector<std::array<std::uint32_t, 3>> faces;
+    for (const MeshFace& f : m.faces)
+      faces.push_back({static_cast<std::uint32_t>(f[0]), static_cast<std::uint32_t>(f[1]),
+                       static_cast<std::uint32_t>(f[2])});
+    return faces;
+  };
+  const auto off = [&](const std::vector<Double3>& points, const Mesh& m) {
+    const ClosestFaces faces(m.position, triangles(m), Double3{0, 0, 0});
+    std::vector<double> distance;
+    for (const Double3& p : points)
+      distance.push_back(std::sqrt(faces.closest(p, 1e30, ClosestFaces::kNone).square) / h);
+    std::sort(distance.begin(), distance.end());
+    return distance;
+  };
+  const auto rms = [](const std::vector<double>& d) {
+    double sum = 0.0;
+    for (const double x : d) sum += x * x;
+    return std::sqrt(sum / static_cast<double>(d.size()));
+  };
+  const std::vector<double> before = off(noisy.position, clean), after = off(result.position, clean);
+  CHECK(rms(before) == Approx(0.1).epsilon(0.05));
+  CHECK(rms(after) < rms(before) / 5.0);
+  const std::vector<double> creases = off(crease_vertices(clean, 60.0), result);
+  CHECK(creases.size() > 500);
+  CHECK(creases[creases.size() / 2] < 0.02);
+  CHECK(creases[creases.size() * 95 / 100] < 0.05);
 }
 
 TEST_CASE("smooth command: killed at any moment, the same command ends with the same bytes", "[fault]") {
