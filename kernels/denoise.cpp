@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "kernels/face_corners.h"
 #include "kernels/portable_math.h"
 #include "kernels/star_sides.h"
 #include "kernels/surface_window.h"
@@ -92,12 +91,13 @@ double median(std::vector<float>& values) {
 
 class Denoiser {
  public:
-  Denoiser(const MeshBlock& block, const DenoiseOptions& options, std::span<const std::uint8_t> wanted)
+  Denoiser(const MeshBlock& block, const FaceCorners& corners, const DenoiseOptions& options,
+           std::span<const std::uint8_t> wanted)
       : block_(block),
+        corners_(corners),
         options_(options),
         wanted_(wanted),
-        corners_(block),
-        normals_(filter_normals(block, options.normals)),
+        normals_(filter_normals(block, corners, options.normals)),
         position_(block.position) {}
 
   std::vector<Double3> run() {
@@ -301,9 +301,9 @@ class Denoiser {
   }
 
   const MeshBlock& block_;
+  const FaceCorners& corners_;
   const DenoiseOptions& options_;
   std::span<const std::uint8_t> wanted_;
-  FaceCorners corners_;
   std::vector<Float3> normals_;    ///< m
   std::vector<Double3> position_;  ///< n, untangled
   std::vector<float> edge_;        ///< n, mean length around
@@ -321,16 +321,15 @@ int denoise_rings(const DenoiseOptions& options) {
          (options.noise > 0.0 ? SurfaceWindow::kRings : noise) + 1;
 }
 
-std::vector<Double3> denoise(const MeshBlock& block, const DenoiseOptions& options,
-                             std::span<const std::uint8_t> wanted) {
-  return Denoiser(block, options, wanted).run();
+std::vector<Double3> denoise(const MeshBlock& block, const FaceCorners& corners,
+                             const DenoiseOptions& options, std::span<const std::uint8_t> wanted) {
+  return Denoiser(block, corners, options, wanted).run();
 }
 
 std::uint64_t denoise_bytes(std::uint64_t vertices, std::uint64_t faces) {
-  const std::uint64_t corners = 4 * vertices + 12 * faces;
   // Normals remain; while they are filtered, frames and a second set are there.
-  const std::uint64_t filter = corners + 72 * faces;
-  const std::uint64_t stay = corners + 12 * faces + 24 * vertices + 8 * vertices;
+  const std::uint64_t filter = 72 * faces;
+  const std::uint64_t stay = 12 * faces + 24 * vertices + 8 * vertices;
   // To untangle, a second set of positions; to measure, the window, two squares, stamps and a second set of noise.
   const std::uint64_t measure = SurfaceWindow::bytes(vertices, faces) + 24 * vertices;
   return std::max({filter, stay + 25 * vertices, stay + measure}) + (1U << 20);

@@ -16,6 +16,7 @@
 #include <span>
 #include <vector>
 
+#include "kernels/face_corners.h"
 #include "kernels/mesh_block.h"
 #include "kernels/normal_filter.h"
 
@@ -31,13 +32,13 @@ int denoise_rings(const DenoiseOptions& options);
 
 /// New positions of the wanted vertices, the others stay. Right where denoise_rings() whole rings are in the block
 /// (complete_rings()). A vertex whose sides have too few samples for a fit stays.
-/// \param wanted  n flags, 1 or 0
+/// \param corners  the block's own; \param wanted  n flags, 1 or 0
 /// \pre the block is canonical, fewer than 2^30 faces, positions finite
 /// \cost denoise_bytes()
-std::vector<Double3> denoise(const MeshBlock& block, const DenoiseOptions& options,
-                             std::span<const std::uint8_t> wanted);
+std::vector<Double3> denoise(const MeshBlock& block, const FaceCorners& corners,
+                             const DenoiseOptions& options, std::span<const std::uint8_t> wanted);
 
-/// Bytes that denoise() allocates, the result included.
+/// Bytes that denoise() allocates, the result included, the corners not.
 std::uint64_t denoise_bytes(std::uint64_t vertices, std::uint64_t faces);
 
 }  // namespace tessera

@@ -4,7 +4,6 @@
 #include <cmath>
 #include <utility>
 
-#include "kernels/face_corners.h"
 #include "kernels/portable_math.h"
 
 namespace tessera {
@@ -147,6 +146,16 @@ class NormalRounds {
   std::vector<std::uint32_t> near_;
 };
 
+}  // namespace
+
+int normal_rings(const NormalFilterOptions& options) {
+  return options.normal_rounds + (options.normal_rounds >= 4 ? 2 : 0);
+}
+
+int filter_rings(const NormalFilterOptions& options) {
+  return normal_rings(options) + options.vertex_rounds;
+}
+
 std::vector<Float3> filter_normals(const MeshBlock& block, const FaceCorners& corners,
                                    const NormalFilterOptions& options) {
   NormalRounds rounds(block, corners);
@@ -161,22 +170,8 @@ std::vector<Float3> filter_normals(const MeshBlock& block, const FaceCorners& co
   return std::move(rounds).result();
 }
 
-}  // namespace
-
-int normal_rings(const NormalFilterOptions& options) {
-  return options.normal_rounds + (options.normal_rounds >= 4 ? 2 : 0);
-}
-
-int filter_rings(const NormalFilterOptions& options) {
-  return normal_rings(options) + options.vertex_rounds;
-}
-
-std::vector<Float3> filter_normals(const MeshBlock& block, const NormalFilterOptions& options) {
-  return filter_normals(block, FaceCorners(block), options);
-}
-
-std::vector<Double3> filter_by_normals(const MeshBlock& block, const NormalFilterOptions& options) {
-  const FaceCorners corners(block);
+std::vector<Double3> filter_by_normals(const MeshBlock& block, const FaceCorners& corners,
+                                       const NormalFilterOptions& options) {
   const std::vector<Float3> normals = filter_normals(block, corners, options);
   std::vector<Double3> now = block.position, next = block.position;
   for (int round = 0; round < options.vertex_rounds; ++round) {

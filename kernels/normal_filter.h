@@ -12,6 +12,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "kernels/face_corners.h"
 #include "kernels/mesh_block.h"
 
 namespace tessera {
@@ -28,11 +29,14 @@ int normal_rings(const NormalFilterOptions& options);
 int filter_rings(const NormalFilterOptions& options);
 
 /// Filtered unit normals of all faces; zero for faces without an area.
-std::vector<Float3> filter_normals(const MeshBlock& block, const NormalFilterOptions& options);
+/// \param corners  the block's own
+std::vector<Float3> filter_normals(const MeshBlock& block, const FaceCorners& corners,
+                                   const NormalFilterOptions& options);
 
 /// New positions of all vertices. Right where filter_rings() whole rings are in the block (complete_rings()).
 /// \pre the block is canonical, fewer than 2^30 faces, positions finite
 /// \cost 60 bytes a vertex and 84 bytes a face
-std::vector<Double3> filter_by_normals(const MeshBlock& block, const NormalFilterOptions& options);
+std::vector<Double3> filter_by_normals(const MeshBlock& block, const FaceCorners& corners,
+                                       const NormalFilterOptions& options);
 
 }  // namespace tessera

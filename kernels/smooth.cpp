@@ -229,9 +229,9 @@ SmoothedBlock smooth_block(const MeshBlock& block, const SmoothRound& round,
   out.complete = complete_rings(block, corners, rows, round_rings(round));
   for (std::size_t v = 0; v < wanted.size(); ++v) out.complete[v] &= wanted[v];
   if (round.by_normals) {
-    out.position = filter_by_normals(block, round.normals);
+    out.position = filter_by_normals(block, corners, round.normals);
   } else if (round.by_fits) {
-    out.position = denoise(block, denoise_options(round), out.complete);
+    out.position = denoise(block, corners, denoise_options(round), out.complete);
   } else if (round.by_flow) {
     out.position = flow(block, rows, round, out.counts);
   } else {

@@ -40,8 +40,7 @@ struct WindowFit {
   std::array<double, 6> c = {};
   double variance = 0.0;         ///< of c0, for samples whose heights have variance 1 and are independent
   double residual_square = 0.0;  ///< mean square of what the fit leaves, over its degrees of freedom
-  std::array<double, 6> inverse =
-      {};  ///< first row of the inverse of the normal equations, scaled by the radius
+  std::array<double, 6> inverse = {};  ///< first row of the normal equations' inverse, scaled by the radius
 };
 
 /// Weighted least squares with the weights times (1 - (s^2 + t^2) / radius^2)^2, zero beyond the radius.

@@ -34,7 +34,7 @@ Errors errors(std::vector<double> values) {
 }
 
 std::vector<Double3> denoised(const MeshBlock& block, const DenoiseOptions& options = {}) {
-  return denoise(block, options, std::vector<std::uint8_t>(block.position.size(), 1));
+  return denoise(block, FaceCorners(block), options, std::vector<std::uint8_t>(block.position.size(), 1));
 }
 
 /// Of a unit cube: how far from the planes that each vertex of the clean cube lies on, by their number.
@@ -152,7 +152,7 @@ TEST_CASE("window choice: wide on a smooth surface, narrow before a step", "[uni
 TEST_CASE("star sides: one on a face, two at an edge, three at a corner of a cube", "[unit]") {
   const MeshBlock cube = test::cube_block(6);
   const FaceCorners corners(cube);
-  const std::vector<Float3> normals = filter_normals(cube, {.normal_rounds = 4});
+  const std::vector<Float3> normals = filter_normals(cube, corners, {.normal_rounds = 4});
   std::array<int, 4> found = {};
   StarSides sides;
   for (std::uint32_t v = 0; v < cube.position.size(); ++v) {
@@ -171,7 +171,7 @@ TEST_CASE("star sides: one on a face, two at an edge, three at a corner of a cub
 TEST_CASE("surface window: it does not pass a crease", "[unit]") {
   const MeshBlock block = roof(40, 60.0);
   const FaceCorners corners(block);
-  const std::vector<Float3> normals = filter_normals(block, {});
+  const std::vector<Float3> normals = filter_normals(block, corners, {});
   SurfaceWindow window(block, corners, normals, block.position, block.position);
   StarSides sides;
   for (std::uint32_t v = 0; v < block.position.size(); ++v) {
