@@ -9,6 +9,7 @@
 #include <utility>
 #include <vector>
 
+#include "kernels/vector3.h"
 #include "octree/error.h"
 #include "solvers/laplacian_system.h"
 
@@ -35,10 +36,6 @@ std::span<double> flat(std::vector<Double3>& v) {
 }
 std::span<const double> flat(std::span<const Double3> v) {
   return {v.empty() ? nullptr : v.front().data(), 3 * v.size()};
-}
-
-double dot(const Double3& a, const Double3& b) {
-  return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 }
 
 Columns dots(std::span<const Double3> u, std::span<const Double3> v) {
@@ -233,12 +230,8 @@ class FoldTest {
   std::vector<Double3> normals(std::span<const Double3> position) const {
     std::vector<Double3> out(faces_.size());
     for (std::size_t f = 0; f < out.size(); ++f) {
-      Double3 u, v;
-      for (std::size_t a = 0; a < 3; ++a) {
-        u[a] = position[faces_[f][1]][a] - position[faces_[f][0]][a];
-        v[a] = position[faces_[f][2]][a] - position[faces_[f][0]][a];
-      }
-      out[f] = {u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]};
+      const auto& [p, q, r] = faces_[f];
+      out[f] = cross(position[q] - position[p], position[r] - position[p]);
     }
     return out;
   }
