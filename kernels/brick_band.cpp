@@ -32,8 +32,12 @@ constexpr std::uint64_t kAll = ~std::uint64_t{0};
 /// Cells of the brick and its halo: those with the last coordinate only in leaf -1, with the first in leaf 8.
 std::uint64_t cell_window(const Int3& at, std::size_t z) {
   if ((at[2] < 0 && z != 7) || (at[2] >= kBrickLeaves && z != 0)) return 0;
-  return (at[0] < 0 ? kLastColumn : at[0] >= kBrickLeaves ? kFirstColumn : kAll) &
-         (at[1] < 0 ? kLastRow : at[1] >= kBrickLeaves ? kFirstRow : kAll);
+  return (at[0] < 0               ? kLastColumn
+          : at[0] >= kBrickLeaves ? kFirstColumn
+                                  : kAll) &
+         (at[1] < 0               ? kLastRow
+          : at[1] >= kBrickLeaves ? kFirstRow
+                                  : kAll);
 }
 
 }  // namespace
@@ -155,8 +159,8 @@ LeafWords BrickBand::rim_cells(const LeafMasks& m) const {
     const LeafMasks* other = at(m.at[0] + i, m.at[1] + j, m.at[2] + k);
     return other ? other->cells : kEmpty;
   };
-  const LeafWords &left = cells(-1, 0, 0), &right = cells(1, 0, 0), &front = cells(0, -1, 0), &back = cells(0, 1, 0),
-                  &down = cells(0, 0, -1), &up = cells(0, 0, 1);
+  const LeafWords &left = cells(-1, 0, 0), &right = cells(1, 0, 0), &front = cells(0, -1, 0),
+                  &back = cells(0, 1, 0), &down = cells(0, 0, -1), &up = cells(0, 0, 1);
   LeafWords rim;
   for (std::size_t z = 0; z < 8; ++z) {
     const std::uint64_t here = m.cells[z];

@@ -16,7 +16,6 @@
 #include "kernels/closing_field.h"
 #include "kernels/directed_field.h"
 
-
 namespace tessera {
 
 /// Signs of the local field at the nodes of one leaf.

@@ -20,20 +20,21 @@ using LeafWords = std::array<std::uint64_t, 8>;  ///< a bit per node or cell of 
 
 /// Where the surface crosses the lattice edge from a node in +axis direction.
 struct EdgeRoot {
-  float t = 0.5f;            ///< directed distance from the node along the axis, in cells, within (0, 1)
+  float t = 0.5f;             ///< directed distance from the node along the axis, in cells, within (0, 1)
   Float3 normal = {0, 0, 0};  ///< unit, outward (from inside to outside)
-  float offset = 0.0f;       ///< the tangent plane is n.(x - root) = offset, cells; 0 unless t was clamped
-  std::uint32_t rgba = 0;    ///< colour near the root, alpha 0 = none
+  float offset = 0.0f;        ///< the tangent plane is n.(x - root) = offset, cells; 0 unless t was clamped
+  std::uint32_t rgba = 0;     ///< colour near the root, alpha 0 = none
 };
 
 /// 8^3 nodes. Bit b = x + 8 y of word z stands for local node (x, y, z).
 struct BandLeaf {
-  Int3 origin = {0, 0, 0};  ///< node coordinates of the leaf's min corner, relative to the block, multiple of 8
+  Int3 origin = {0, 0,
+                 0};  ///< node coordinates of the leaf's min corner, relative to the block, multiple of 8
   alignas(32) std::array<float, 512> value{};  ///< signed distance in cells, < 0 inside; index x + 8y + 64z
   std::array<std::uint64_t, 8> valid{};        ///< the field is defined here
-  std::array<std::uint64_t, 8> inside{};       ///< exactly 0 counts as outside; of valid nodes and closing cells
-  LeafWords closing{};                         ///< cells that take part though not all of their nodes are valid
-  std::array<std::array<std::uint64_t, 8>, 3> crossing{};  ///< per axis: the edge from this node has a root
+  std::array<std::uint64_t, 8> inside{};  ///< exactly 0 counts as outside; of valid nodes and closing cells
+  LeafWords closing{};                    ///< cells that take part though not all of their nodes are valid
+  std::array<std::array<std::uint64_t, 8>, 3> crossing{};    ///< per axis: the edge from this node has a root
   std::array<std::array<std::uint32_t, 8>, 3> first_root{};  ///< index of the first root of each word
 };
 
@@ -41,9 +42,10 @@ struct BandLeaf {
 struct DirectedField {
   Int3 origin = {0, 0, 0};  ///< global cell coordinates of the block's min corner
   Int3 cells = {0, 0, 0};   ///< core size; nodes run over [-1, cells + 1]
-  std::vector<std::int32_t> leaf_index;  ///< dense (cells/8 + 2)^3 table, x fastest, -1 = no leaf; leaf -1 first
-  std::vector<BandLeaf> leaves;          ///< in table order
-  std::vector<EdgeRoot> roots;           ///< by leaf, axis, word, bit
+  std::vector<std::int32_t>
+      leaf_index;                ///< dense (cells/8 + 2)^3 table, x fastest, -1 = no leaf; leaf -1 first
+  std::vector<BandLeaf> leaves;  ///< in table order
+  std::vector<EdgeRoot> roots;   ///< by leaf, axis, word, bit
 
   Int3 leaf_dims() const { return {cells[0] / 8 + 2, cells[1] / 8 + 2, cells[2] / 8 + 2}; }
 

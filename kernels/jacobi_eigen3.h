@@ -14,7 +14,8 @@ namespace tessera {
 /// \param sweeps  at most so many
 /// \param enough  stop when the squares of the off-diagonal entries sum to at most this share of the squared trace
 /// \return eigenvalues, in no order
-inline Double3 jacobi_eigen3(std::array<Double3, 3> a, std::array<Double3, 3>& vector, int sweeps, double enough) {
+inline Double3 jacobi_eigen3(std::array<Double3, 3> a, std::array<Double3, 3>& vector, int sweeps,
+                             double enough) {
   vector = {Double3{1, 0, 0}, Double3{0, 1, 0}, Double3{0, 0, 1}};
   const double scale = a[0][0] + a[1][1] + a[2][2];
   for (int sweep = 0; sweep < sweeps; ++sweep) {

@@ -18,11 +18,14 @@ struct NormalOptions {
 
 /// What one point's neighbourhood looks like.
 struct PointShape {
-  Float3 normal = {0, 0, 0};        ///< unit, sign arbitrary but deterministic; zero if too few neighbours, or all on a line
-  float variation = 0.0f;           ///< with estimate only: l0 / (l0 + l1 + l2) of the covariance: 0 flat .. 1/3 no surface
-  float residual = 0.0f;            ///< with estimate only: weighted RMS distance of the neighbours to the plane, cells
-  std::uint16_t neighbours = 0;     ///< within the radius, the point itself not counted; of dense cells a part
-  std::uint16_t supporters = 0;     ///< of these, with a normal within 60 degrees (given normals); else = neighbours
+  Float3 normal = {
+      0, 0, 0};  ///< unit, sign arbitrary but deterministic; zero if too few neighbours, or all on a line
+  float variation =
+      0.0f;  ///< with estimate only: l0 / (l0 + l1 + l2) of the covariance: 0 flat .. 1/3 no surface
+  float residual = 0.0f;  ///< with estimate only: weighted RMS distance of the neighbours to the plane, cells
+  std::uint16_t neighbours = 0;  ///< within the radius, the point itself not counted; of dense cells a part
+  std::uint16_t supporters =
+      0;  ///< of these, with a normal within 60 degrees (given normals); else = neighbours
 };
 
 /// Cells around the core that must hold all points: the largest radius, rounded up.

@@ -22,7 +22,7 @@ constexpr VertexKey make_vertex_key(std::uint32_t i, std::uint32_t j, std::uint3
          (static_cast<std::uint64_t>(i) << 4) | type;
 }
 struct VertexName {
-  Int3 at;   ///< global node or cell coordinates
+  Int3 at;  ///< global node or cell coordinates
   int type;
 };
 constexpr VertexName vertex_name(VertexKey key) {
@@ -43,22 +43,22 @@ using PatchFace = std::array<std::uint32_t, 3>;
 
 struct Patch {
   Int3 brick = {0, 0, 0};
-  std::vector<Float3> position;            ///< cells, relative to the brick's min corner
-  std::vector<std::uint32_t> rgba;         ///< per own vertex; empty if none of them has a colour
-  std::vector<VertexClass> vertex_class;   ///< per own vertex
-  std::vector<PatchFace> faces;            ///< counter-clockwise from outside
-  std::vector<std::uint8_t> synthetic;     ///< per face: 1 if it closes a hole; empty if none does
-  std::vector<VertexKey> foreign;          ///< ascending, no repeats: vertices of other bricks that faces name
+  std::vector<Float3> position;           ///< cells, relative to the brick's min corner
+  std::vector<std::uint32_t> rgba;        ///< per own vertex; empty if none of them has a colour
+  std::vector<VertexClass> vertex_class;  ///< per own vertex
+  std::vector<PatchFace> faces;           ///< counter-clockwise from outside
+  std::vector<std::uint8_t> synthetic;    ///< per face: 1 if it closes a hole; empty if none does
+  std::vector<VertexKey> foreign;         ///< ascending, no repeats: vertices of other bricks that faces name
   /// Own vertices that other bricks may name (edge points on the min faces, loop centres in the cells of the
   /// max faces): key and own index, ascending by key.
   std::vector<std::pair<VertexKey, std::uint32_t>> exported;
 
   // With ExtractOptions::names only, for who goes on with the mesh in memory (patch_mesh.h).
-  std::vector<VertexKey> name;               ///< per own vertex
-  std::vector<Float3> foreign_position;      ///< per foreign vertex: cells, relative to the brick that owns it
+  std::vector<VertexKey> name;           ///< per own vertex
+  std::vector<Float3> foreign_position;  ///< per foreign vertex: cells, relative to the brick that owns it
   std::vector<std::uint32_t> foreign_rgba;
   std::vector<VertexClass> foreign_class;
-  std::vector<std::uint8_t> border;          ///< per face: bit i, the surface ends at its edge i; empty if nowhere
+  std::vector<std::uint8_t> border;  ///< per face: bit i, the surface ends at its edge i; empty if nowhere
 
   bool empty() const { return faces.empty() && position.empty(); }
 };

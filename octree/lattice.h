@@ -29,7 +29,7 @@ inline constexpr int kQuantaPerCell = 1 << kQuantumBits;
 inline constexpr int kMaxCellBits = 20;  ///< largest extent of a job: 2^20 cells per axis
 
 struct Lattice {
-  double h = 0.0;                                       ///< lattice spacing, scan units, > 0
+  double h = 0.0;                                        ///< lattice spacing, scan units, > 0
   std::array<std::int64_t, 3> origin_brick = {0, 0, 0};  ///< brick (0,0,0) in units of 64 h: the global shift
 
   /// Coordinate of one axis in quanta from the lattice origin, nearest, ties up.

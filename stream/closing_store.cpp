@@ -35,7 +35,8 @@ struct BrickSectionWriter::Impl {
     };
     append(items.data(), items.size() * sizeof(Item));
     append(extra.data(), extra.size() * sizeof(Int3));
-    table.push_back({key, file.offset(), XXH3_64bits(bytes.data(), bytes.size()), items.size(), extra.size()});
+    table.push_back(
+        {key, file.offset(), XXH3_64bits(bytes.data(), bytes.size()), items.size(), extra.size()});
     file.write(bytes.data(), bytes.size());
   }
 
@@ -43,7 +44,8 @@ struct BrickSectionWriter::Impl {
   std::vector<BrickSection> table;
 };
 
-BrickSectionWriter::BrickSectionWriter(const std::filesystem::path& path) : impl_(std::make_unique<Impl>(path)) {}
+BrickSectionWriter::BrickSectionWriter(const std::filesystem::path& path)
+    : impl_(std::make_unique<Impl>(path)) {}
 BrickSectionWriter::~BrickSectionWriter() = default;
 
 void BrickSectionWriter::signs(std::uint64_t key, const std::vector<BandSigns>& signs,
@@ -73,8 +75,8 @@ struct BrickSectionStore::Impl {
   template <typename Item>
   void read(const BrickSection& brick, std::vector<Item>* items, std::vector<Int3>* extra) const {
     const auto index = static_cast<std::size_t>(&brick - bricks.data());
-    const auto file = static_cast<std::size_t>(
-        std::upper_bound(file_end.begin(), file_end.end(), index) - file_end.begin());
+    const auto file = static_cast<std::size_t>(std::upper_bound(file_end.begin(), file_end.end(), index) -
+                                               file_end.begin());
     std::vector<char> bytes(brick.count * sizeof(Item) + brick.extra * sizeof(Int3));
     files[file].read_at(brick.offset, bytes.data(), bytes.size());
     if (XXH3_64bits(bytes.data(), bytes.size()) != brick.hash)
@@ -120,7 +122,9 @@ BrickSectionStore::BrickSectionStore(const std::vector<std::filesystem::path>& p
 }
 BrickSectionStore::~BrickSectionStore() = default;
 
-std::span<const BrickSection> BrickSectionStore::bricks() const { return impl_->bricks; }
+std::span<const BrickSection> BrickSectionStore::bricks() const {
+  return impl_->bricks;
+}
 
 const BrickSection* BrickSectionStore::find(const Int3& brick) const {
   for (const int c : brick)

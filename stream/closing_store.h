@@ -15,11 +15,11 @@
 namespace tessera {
 
 struct BrickSection {
-  std::uint64_t key = 0;     ///< Morton code of the brick
+  std::uint64_t key = 0;  ///< Morton code of the brick
   std::uint64_t offset = 0;
   std::uint64_t hash = 0;
-  std::uint64_t count = 0;   ///< leaves
-  std::uint64_t extra = 0;   ///< rim cells behind them
+  std::uint64_t count = 0;  ///< leaves
+  std::uint64_t extra = 0;  ///< rim cells behind them
 };
 
 /// Writes sections in ascending order of bricks.

@@ -117,7 +117,8 @@ std::string describe(const MeshCheck& check) {
   };
   line("format", check.format);
   std::string vertices = grouped(check.vertices);
-  if (check.welded) vertices.append(" (merged by position from ").append(grouped(check.file_vertices)).append(")");
+  if (check.welded)
+    vertices.append(" (merged by position from ").append(grouped(check.file_vertices)).append(")");
   line("vertices", vertices);
   line("faces", grouped(check.faces));
   line("edges", grouped(check.edges));

@@ -23,10 +23,10 @@ struct MeshHeader {
   std::uint64_t faces = 0;
   bool colour = false;            ///< per-vertex rgba follows positions
   bool double_positions = false;  ///< PLY and OBJ only
-  bool synthetic = false;         ///< faces say whether they close a hole (PLY: property uchar synthetic); other
-                                  ///< formats drop it
-  Double3 shift = {0, 0, 0};      ///< what was subtracted from the positions (recorded as a comment where the
-                                  ///< format has one); zero when positions are in the scan's frame
+  bool synthetic = false;     ///< faces say whether they close a hole (PLY: property uchar synthetic); other
+                              ///< formats drop it
+  Double3 shift = {0, 0, 0};  ///< what was subtracted from the positions (recorded as a comment where the
+                              ///< format has one); zero when positions are in the scan's frame
   std::vector<std::string> comments;  ///< provenance, one line each
 };
 

@@ -44,7 +44,8 @@ struct MultipoleFileWriter::Impl {
   std::vector<Entry> table;
 };
 
-MultipoleFileWriter::MultipoleFileWriter(const std::filesystem::path& path) : impl_(std::make_unique<Impl>(path)) {}
+MultipoleFileWriter::MultipoleFileWriter(const std::filesystem::path& path)
+    : impl_(std::make_unique<Impl>(path)) {}
 MultipoleFileWriter::~MultipoleFileWriter() = default;
 
 void MultipoleFileWriter::brick(std::uint64_t key, const std::vector<Multipole>& leaves) {
@@ -132,7 +133,9 @@ MultipoleStore::MultipoleStore(const std::filesystem::path& work) : impl_(std::m
 }
 MultipoleStore::~MultipoleStore() = default;
 
-const MultipoleTree& MultipoleStore::far() const { return *impl_->far; }
+const MultipoleTree& MultipoleStore::far() const {
+  return *impl_->far;
+}
 
 MultipoleTree MultipoleStore::near(const PointBlock& points) const {
   std::vector<std::size_t> bricks;
@@ -147,8 +150,9 @@ MultipoleTree MultipoleStore::near(const PointBlock& points) const {
     const std::uint64_t bytes = place.leaves * sizeof(Multipole);
     file.read_at(place.offset, leaves.data() + old, bytes);
     if (XXH3_64bits(leaves.data() + old, bytes) != place.hash)
-      throw InputError(file.path().string() + ": byte " + std::to_string(place.offset) +
-                       ": checksum of a brick's multipoles differs, the file is damaged; run again with --force");
+      throw InputError(
+          file.path().string() + ": byte " + std::to_string(place.offset) +
+          ": checksum of a brick's multipoles differs, the file is damaged; run again with --force");
   }
   std::vector<Dipole> dipoles = make_dipoles(points);
   std::erase_if(dipoles, [&](const Dipole& d) {

@@ -25,8 +25,8 @@ struct Footer {
 
 /// Sections of a patch in file order, as byte sizes.
 struct Layout {
-  std::uint64_t foreign, exported_key, exported_index, component_of, component_counts, position, rgba, vertex_class,
-      faces, synthetic;
+  std::uint64_t foreign, exported_key, exported_index, component_of, component_counts, position, rgba,
+      vertex_class, faces, synthetic;
   explicit Layout(const PatchEntry& e)
       : foreign(8ull * e.foreign),
         exported_key(8ull * e.exported),
@@ -155,7 +155,8 @@ struct PatchStore::Impl {
   }
 
   /// One checked section group of a patch.
-  std::vector<char> read(std::size_t patch, std::uint64_t offset, std::uint64_t bytes, std::uint64_t hash) const {
+  std::vector<char> read(std::size_t patch, std::uint64_t offset, std::uint64_t bytes,
+                         std::uint64_t hash) const {
     const ReadFile& file = files[file_of(patch)].file;
     std::vector<char> data(bytes);
     file.read_at(offset, data.data(), bytes);
@@ -188,23 +189,30 @@ PatchStore::PatchStore(const std::vector<std::filesystem::path>& paths) : impl_(
   }
   const auto by_key = [](const PatchEntry& a, const PatchEntry& b) { return a.key < b.key; };
   if (!std::is_sorted(impl_->patches.begin(), impl_->patches.end(), by_key))
-    throw InputError("patch files are not in brick order: files of different jobs were mixed; run again with --force");
+    throw InputError(
+        "patch files are not in brick order: files of different jobs were mixed; run again with --force");
 }
 PatchStore::~PatchStore() = default;
 PatchStore::PatchStore(PatchStore&&) noexcept = default;
 PatchStore& PatchStore::operator=(PatchStore&&) noexcept = default;
 
-std::span<const PatchEntry> PatchStore::patches() const { return impl_->patches; }
-std::size_t PatchStore::file_count() const { return impl_->files.size(); }
-std::size_t PatchStore::file_of(std::size_t patch) const { return impl_->file_of(patch); }
+std::span<const PatchEntry> PatchStore::patches() const {
+  return impl_->patches;
+}
+std::size_t PatchStore::file_count() const {
+  return impl_->files.size();
+}
+std::size_t PatchStore::file_of(std::size_t patch) const {
+  return impl_->file_of(patch);
+}
 std::pair<std::size_t, std::size_t> PatchStore::file_range(std::size_t file) const {
   return {impl_->files[file].first, impl_->files[file].last};
 }
 
 std::int64_t PatchStore::find(std::uint64_t key) const {
   const auto& p = impl_->patches;
-  const auto it =
-      std::lower_bound(p.begin(), p.end(), key, [](const PatchEntry& e, std::uint64_t k) { return e.key < k; });
+  const auto it = std::lower_bound(p.begin(), p.end(), key,
+                                   [](const PatchEntry& e, std::uint64_t k) { return e.key < k; });
   return it == p.end() || it->key != key ? -1 : it - p.begin();
 }
 
@@ -226,10 +234,12 @@ PatchSeam PatchStore::load_seam(std::size_t patch) const {
 }
 
 void PatchStore::load_vertices(std::size_t patch, std::vector<Float3>& position,
-                               std::vector<std::uint32_t>& rgba, std::vector<VertexClass>* vertex_class) const {
+                               std::vector<std::uint32_t>& rgba,
+                               std::vector<VertexClass>* vertex_class) const {
   const PatchEntry& e = impl_->patches[patch];
   const Layout layout(e);
-  const std::vector<char> data = impl_->read(patch, e.offset + layout.seam(), layout.vertices(), e.vertex_hash);
+  const std::vector<char> data =
+      impl_->read(patch, e.offset + layout.seam(), layout.vertices(), e.vertex_hash);
   const char* at = data.data();
   take(at, position, layout.position);
   take(at, rgba, layout.rgba);
@@ -240,9 +250,8 @@ void PatchStore::load_faces(std::size_t patch, std::vector<PatchFace>& faces,
                             std::vector<std::uint8_t>* synthetic) const {
   const PatchEntry& e = impl_->patches[patch];
   const Layout layout(e);
-  const std::vector<char> data =
-      impl_->read(patch, e.offset + layout.seam() + layout.vertices(), layout.faces + layout.synthetic,
-                  e.face_hash);
+  const std::vector<char> data = impl_->read(patch, e.offset + layout.seam() + layout.vertices(),
+                                             layout.faces + layout.synthetic, e.face_hash);
   const char* at = data.data();
   take(at, faces, layout.faces);
   if (synthetic) take(at, *synthetic, layout.synthetic);

@@ -17,9 +17,9 @@ namespace tessera {
 
 /// One patch of the store, as its table has it.
 struct PatchEntry {
-  std::uint64_t key = 0;         ///< Morton code of the brick
-  std::uint64_t offset = 0;      ///< of its first section in the file
-  std::uint64_t seam_hash = 0;   ///< XXH3 of foreign, exported and component sections
+  std::uint64_t key = 0;          ///< Morton code of the brick
+  std::uint64_t offset = 0;       ///< of its first section in the file
+  std::uint64_t seam_hash = 0;    ///< XXH3 of foreign, exported and component sections
   std::uint64_t vertex_hash = 0;  ///< XXH3 of position, colour and class sections
   std::uint64_t face_hash = 0;    ///< XXH3 of the face section
   std::uint32_t vertices = 0;
@@ -34,8 +34,8 @@ struct PatchEntry {
 /// What welding needs of a patch: everything but the mesh itself.
 struct PatchSeam {
   std::vector<VertexKey> foreign;
-  std::vector<VertexKey> exported_key;          ///< ascending
-  std::vector<std::uint32_t> exported_index;    ///< own vertex of each
+  std::vector<VertexKey> exported_key;        ///< ascending
+  std::vector<std::uint32_t> exported_index;  ///< own vertex of each
   PatchComponents components;
 };
 
@@ -64,18 +64,19 @@ class PatchStore {
   PatchStore(PatchStore&&) noexcept;
   PatchStore& operator=(PatchStore&&) noexcept;
 
-  std::span<const PatchEntry> patches() const;         ///< ascending key, over all files
+  std::span<const PatchEntry> patches() const;                             ///< ascending key, over all files
   std::pair<std::size_t, std::size_t> file_range(std::size_t file) const;  ///< patch indices [first, last)
   std::size_t file_count() const;
   std::size_t file_of(std::size_t patch) const;
-  std::int64_t find(std::uint64_t key) const;          ///< patch index, -1 if the brick has no patch
+  std::int64_t find(std::uint64_t key) const;  ///< patch index, -1 if the brick has no patch
 
   PatchSeam load_seam(std::size_t patch) const;
   /// \param vertex_class  may be null
   void load_vertices(std::size_t patch, std::vector<Float3>& position, std::vector<std::uint32_t>& rgba,
                      std::vector<VertexClass>* vertex_class = nullptr) const;
   /// \param synthetic  per face, empty if none closes a hole; may be null
-  void load_faces(std::size_t patch, std::vector<PatchFace>& faces, std::vector<std::uint8_t>* synthetic = nullptr) const;
+  void load_faces(std::size_t patch, std::vector<PatchFace>& faces,
+                  std::vector<std::uint8_t>* synthetic = nullptr) const;
 
  private:
   struct Impl;

@@ -36,7 +36,8 @@ struct OverlayFileWriter::Impl {
   std::vector<OverlayBrick> table;
 };
 
-OverlayFileWriter::OverlayFileWriter(const std::filesystem::path& path) : impl_(std::make_unique<Impl>(path)) {}
+OverlayFileWriter::OverlayFileWriter(const std::filesystem::path& path)
+    : impl_(std::make_unique<Impl>(path)) {}
 OverlayFileWriter::~OverlayFileWriter() = default;
 
 void OverlayFileWriter::brick(std::uint64_t key, std::span<const PointOverlayRecord> records,
@@ -106,7 +107,8 @@ struct PointOverlay::Impl {
   }
 };
 
-PointOverlay::PointOverlay(const std::vector<std::filesystem::path>& paths) : impl_(std::make_unique<Impl>()) {
+PointOverlay::PointOverlay(const std::vector<std::filesystem::path>& paths)
+    : impl_(std::make_unique<Impl>()) {
   for (const auto& path : paths) {
     ReadFile file(path);
     Footer footer;
@@ -119,12 +121,14 @@ PointOverlay::PointOverlay(const std::vector<std::filesystem::path>& paths) : im
     const std::size_t first = impl_->bricks.size();
     impl_->bricks.resize(first + footer.bricks);
     if (bytes != 0) file.read_at(footer.table_offset, impl_->bricks.data() + first, bytes);
-    if (XXH3_64bits(impl_->bricks.data() + first, bytes) != footer.table_hash) damaged(path, "damaged brick table");
+    if (XXH3_64bits(impl_->bricks.data() + first, bytes) != footer.table_hash)
+      damaged(path, "damaged brick table");
     impl_->files.push_back(std::move(file));
     impl_->file_end.push_back(impl_->bricks.size());
   }
   impl_->first_patch.push_back(0);
-  for (const OverlayBrick& b : impl_->bricks) impl_->first_patch.push_back(impl_->first_patch.back() + b.patches);
+  for (const OverlayBrick& b : impl_->bricks)
+    impl_->first_patch.push_back(impl_->first_patch.back() + b.patches);
 }
 PointOverlay::~PointOverlay() = default;
 
@@ -137,17 +141,23 @@ std::shared_ptr<const PointOverlay> PointOverlay::open(const std::filesystem::pa
   return overlay;
 }
 
-std::span<const OverlayBrick> PointOverlay::bricks() const { return impl_->bricks; }
-std::size_t PointOverlay::file_count() const { return impl_->files.size(); }
-std::span<const std::uint64_t> PointOverlay::first_patch() const { return impl_->first_patch; }
+std::span<const OverlayBrick> PointOverlay::bricks() const {
+  return impl_->bricks;
+}
+std::size_t PointOverlay::file_count() const {
+  return impl_->files.size();
+}
+std::span<const std::uint64_t> PointOverlay::first_patch() const {
+  return impl_->first_patch;
+}
 std::pair<std::size_t, std::size_t> PointOverlay::file_range(std::size_t file) const {
   return {file == 0 ? 0 : impl_->file_end[file - 1], impl_->file_end[file]};
 }
 
 std::int64_t PointOverlay::find(std::uint64_t key) const {
   const auto& b = impl_->bricks;
-  const auto it =
-      std::lower_bound(b.begin(), b.end(), key, [](const OverlayBrick& e, std::uint64_t k) { return e.key < k; });
+  const auto it = std::lower_bound(b.begin(), b.end(), key,
+                                   [](const OverlayBrick& e, std::uint64_t k) { return e.key < k; });
   return it == b.end() || it->key != key ? -1 : it - b.begin();
 }
 
@@ -189,7 +199,8 @@ std::vector<PointOverlayRecord> PointOverlay::load_records(std::size_t brick, st
   assert(first + count <= e.points);
   std::vector<PointOverlayRecord> records(count);
   const ReadFile& file = impl_->file_of(brick);
-  file.read_at(e.records + first * sizeof(PointOverlayRecord), records.data(), count * sizeof(PointOverlayRecord));
+  file.read_at(e.records + first * sizeof(PointOverlayRecord), records.data(),
+               count * sizeof(PointOverlayRecord));
   if (count == e.points && XXH3_64bits(records.data(), count * sizeof(PointOverlayRecord)) != e.hash)
     damaged(file.path(), "brick " + std::to_string(e.key) + ": checksum of its normals differs");
   return records;

@@ -15,22 +15,22 @@ namespace tessera {
 
 struct PointOverlayRecord {
   std::uint32_t normal = kNoNormal;
-  std::uint16_t supporters = 0;     ///< neighbours that confirm the point
-  std::uint16_t patch = kNoPatch;   ///< orientation patch inside the brick, kNoPatch or kGivenPatch
+  std::uint16_t supporters = 0;    ///< neighbours that confirm the point
+  std::uint16_t patch = kNoPatch;  ///< orientation patch inside the brick, kNoPatch or kGivenPatch
 };
 static_assert(sizeof(PointOverlayRecord) == 8);
 
 /// One brick of an overlay file.
 struct OverlayBrick {
   std::uint64_t key = 0;
-  std::uint64_t records = 0;   ///< byte offset of its records
-  std::uint64_t surfels = 0;   ///< byte offset of its boundary surfels, then facts, votes, coarse surfels
-  std::uint64_t hash = 0;      ///< XXH3 of the records
+  std::uint64_t records = 0;  ///< byte offset of its records
+  std::uint64_t surfels = 0;  ///< byte offset of its boundary surfels, then facts, votes, coarse surfels
+  std::uint64_t hash = 0;     ///< XXH3 of the records
   std::uint32_t points = 0;
   std::uint32_t boundary = 0;  ///< boundary surfels
   std::uint32_t patches = 0;
-  std::uint32_t votes = 0;     ///< between its patches
-  std::uint32_t coarse = 0;    ///< coarse surfels
+  std::uint32_t votes = 0;   ///< between its patches
+  std::uint32_t coarse = 0;  ///< coarse surfels
   std::uint32_t unused = 0;
 };
 
@@ -41,7 +41,8 @@ class OverlayFileWriter {
   OverlayFileWriter(const OverlayFileWriter&) = delete;
   OverlayFileWriter& operator=(const OverlayFileWriter&) = delete;
   /// Bricks in the order of the point file. `orientation` may have no patches.
-  void brick(std::uint64_t key, std::span<const PointOverlayRecord> records, const BrickOrientation& orientation);
+  void brick(std::uint64_t key, std::span<const PointOverlayRecord> records,
+             const BrickOrientation& orientation);
   std::uint64_t finish();
 
  private:
@@ -57,8 +58,8 @@ enum PatchDecision : std::uint8_t {
 
 /// Decisions of the orient stage, the job's global summary.
 struct OverlayDecisions {
-  std::uint32_t min_supporters = 0;   ///< points with fewer are outliers
-  std::vector<std::uint8_t> patch;    ///< PatchDecision bits of all patches over all bricks, in brick order
+  std::uint32_t min_supporters = 0;  ///< points with fewer are outliers
+  std::vector<std::uint8_t> patch;   ///< PatchDecision bits of all patches over all bricks, in brick order
 
   void save(const std::filesystem::path& path) const;
   static OverlayDecisions load(const std::filesystem::path& path);
@@ -90,7 +91,8 @@ class PointOverlay {
   std::vector<PatchVote> load_votes(std::size_t brick) const;  ///< patches numbered inside the brick
   std::vector<CoarseSurfel> load_coarse(std::size_t brick) const;
   /// Records [first, first + count) of the brick, checked against its hash when all are asked for.
-  std::vector<PointOverlayRecord> load_records(std::size_t brick, std::uint64_t first, std::uint64_t count) const;
+  std::vector<PointOverlayRecord> load_records(std::size_t brick, std::uint64_t first,
+                                               std::uint64_t count) const;
 
   /// Starts fetching the records of a brick.
   void prefetch(std::uint64_t key) const;

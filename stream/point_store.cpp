@@ -380,12 +380,14 @@ PointBlock PointStore::load(const Int3& origin_cells, const Int3& cells, int hal
 }
 
 void PointStore::prefetch(const Int3& origin_cells, const Int3& cells, int halo_cells) const {
-  for_bricks(*impl_, box_of(origin_cells, cells, halo_cells), [&](const BrickEntry& brick, const Int3&, bool) {
-    const ReadFile& file = impl_->files[brick.file];
-    file.will_need(sizeof(FileHeader) + brick.first * sizeof(PointRecord), brick.points * sizeof(PointRecord));
-    file.will_need(brick.table, brick.blocks * sizeof(DiskBlock));
-    if (impl_->overlay) impl_->overlay->prefetch(brick.key);
-  });
+  for_bricks(*impl_, box_of(origin_cells, cells, halo_cells),
+             [&](const BrickEntry& brick, const Int3&, bool) {
+               const ReadFile& file = impl_->files[brick.file];
+               file.will_need(sizeof(FileHeader) + brick.first * sizeof(PointRecord),
+                              brick.points * sizeof(PointRecord));
+               file.will_need(brick.table, brick.blocks * sizeof(DiskBlock));
+               if (impl_->overlay) impl_->overlay->prefetch(brick.key);
+             });
 }
 
 std::vector<PointRecord> PointStore::load_brick(const BrickEntry& brick) const {

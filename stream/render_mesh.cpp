@@ -302,18 +302,18 @@ void MeshItem::draw(Picture& picture, const DrawContext& context) {
     }
   };
   if (resident_) {
-    open_mesh_file(path_)->read_flagged_faces([&](std::span<const MeshFace> faces,
-                                                  std::span<const std::uint8_t> synthetic) {
-      for (std::size_t f = 0; f < faces.size(); ++f) {
-        const MeshFace& face = faces[f];
-        std::array<Corner, 3> corners;
-        for (std::size_t i = 0; i < 3; ++i) {
-          const Float3& p = positions_[face[i]];
-          corners[i] = {p[0], p[1], p[2], colour_ ? rgba_[face[i]] : 0};
-        }
-        emit(corners, &face, !synthetic.empty() && synthetic[f] != 0);
-      }
-    });
+    open_mesh_file(path_)->read_flagged_faces(
+        [&](std::span<const MeshFace> faces, std::span<const std::uint8_t> synthetic) {
+          for (std::size_t f = 0; f < faces.size(); ++f) {
+            const MeshFace& face = faces[f];
+            std::array<Corner, 3> corners;
+            for (std::size_t i = 0; i < 3; ++i) {
+              const Float3& p = positions_[face[i]];
+              corners[i] = {p[0], p[1], p[2], colour_ ? rgba_[face[i]] : 0};
+            }
+            emit(corners, &face, !synthetic.empty() && synthetic[f] != 0);
+          }
+        });
   } else {
     corners_->read([&](std::span<const Corner> corners) {
       for (std::size_t i = 0; i < corners.size(); i += 3)

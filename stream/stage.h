@@ -32,12 +32,13 @@ class TaskContext {
 
 /// Everything a stage may know of its job.
 struct JobState {
-  std::filesystem::path work;   ///< work directory
+  std::filesystem::path work;    ///< work directory
   std::filesystem::path output;  ///< final output path
   std::vector<std::filesystem::path> inputs;
-  ReconstructOptions options;   ///< of a reconstruction
-  std::string settings;         ///< of any other job instead: its options as one JSON object, keys as on the command line
-  RunOptions run;               ///< memory_bytes and threads are resolved, never 0
+  ReconstructOptions options;  ///< of a reconstruction
+  std::string
+      settings;    ///< of any other job instead: its options as one JSON object, keys as on the command line
+  RunOptions run;  ///< memory_bytes and threads are resolved, never 0
 };
 
 /// One stage. Constructed (by its factory) after all earlier stages are committed; run() and task_bytes() are

@@ -107,7 +107,9 @@ class MissingSpots {
     std::size_t kept = 0;
     for (std::size_t i = 0; i < s.size(); ++i) {
       const Vec3 p = {s.x[i], s.y[i], s.z[i]};
-      if (std::any_of(centres_.begin(), centres_.end(), [&](const Vec3& c) { return squared(p, c) < radius2_; })) continue;
+      if (std::any_of(centres_.begin(), centres_.end(),
+                      [&](const Vec3& c) { return squared(p, c) < radius2_; }))
+        continue;
       for (std::vector<double>* v : {&s.x, &s.y, &s.z, &s.nx, &s.ny, &s.nz, &batch.dx, &batch.dy, &batch.dz})
         if (!v->empty()) (*v)[kept] = (*v)[i];
       batch.key[kept] = batch.key[i];
@@ -322,7 +324,8 @@ SynthReport synthesize(const SynthOptions& asked, const std::filesystem::path& o
     throw UsageError(
         "synth: .ptx holds grids seen from one place: use --mode terrestrial, or write .ply, .las or .xyz");
   }
-  if (ptx && o.missing > 0.0) throw UsageError("synth: --missing leaves no whole grids, which .ptx needs; write .ply");
+  if (ptx && o.missing > 0.0)
+    throw UsageError("synth: --missing leaves no whole grids, which .ptx needs; write .ply");
   const auto source = make_source(o, *scene, ptx);
   SynthReport report;
   report.area = source->area();

@@ -26,7 +26,7 @@ struct SynthOptions {
   double flying = 0.1;  ///< sensors: share of range jumps that give a flying point
   double missing = 0.0;  ///< share of the surface that nobody saw: balls around spots far from each other
   int missing_spots = 3;
-  int views = 0;        ///< sensors: number of set-ups; 0 = usual for sensor and scene
+  int views = 0;         ///< sensors: number of set-ups; 0 = usual for sensor and scene
   bool normals = false;  ///< write exact normals
   bool colour = false;
   bool per_scan = false;          ///< one file per set-up: NAME_001.EXT, ...

@@ -151,12 +151,9 @@ nlohmann::json job_identity(const std::string& command, const JobState& state,
                             const std::vector<InputFingerprint>& inputs) {
   nlohmann::json list = nlohmann::json::array();
   for (const InputFingerprint& input : inputs) list.push_back(to_json(input));
-  return {{"schema", kWorkSchema},
-          {"version", TESSERA_VERSION},
-          {"command", command},
-          {"settings", !state.settings.empty()},
-          {"options", options_of(state)},
-          {"inputs", std::move(list)}};
+  return {{"schema", kWorkSchema},        {"version", TESSERA_VERSION},
+          {"command", command},           {"settings", !state.settings.empty()},
+          {"options", options_of(state)}, {"inputs", std::move(list)}};
 }
 
 fs::path work_path(const fs::path& output, const fs::path& temp) {

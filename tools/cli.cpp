@@ -340,9 +340,11 @@ void add_reconstruct_options(CLI::App& command, ReconstructOptions& options) {
       ->check(CLI::Range(std::uint32_t{0}, kMostHoleEdges))
       ->group(group);
   command
-      .add_option("--holes", options.holes,
-                  "keep: the surface ends where the data does; close: every hole of an object is closed, of open terrain "
-                  "those that stay within 20 h of the data; fill-to:D: those within D of the data, scan units")
+      .add_option(
+          "--holes", options.holes,
+          "keep: the surface ends where the data does; close: every hole of an object is closed, of open "
+          "terrain "
+          "those that stay within 20 h of the data; fill-to:D: those within D of the data, scan units")
       ->capture_default_str()
       ->group(group);
   command.add_option("--outliers", options.outliers, "auto: drop isolated and flying points; off: keep all")
@@ -355,7 +357,8 @@ void add_reconstruct_options(CLI::App& command, ReconstructOptions& options) {
       ->group(group);
   command
       .add_option("--max-uncertain", options.max_uncertain,
-                  "estimated normals: share of points whose sign may stay in doubt, 0 to 1; above it the job stops with "
+                  "estimated normals: share of points whose sign may stay in doubt, 0 to 1; above it the job "
+                  "stops with "
                   "exit code 6, above 0.01 the job warns; both draw where; 1 = never stop")
       ->capture_default_str()
       ->check(CLI::Range(0.0, 1.0))
@@ -391,22 +394,26 @@ void add_reconstruct_options(CLI::App& command, ReconstructOptions& options) {
       ->check(CLI::PositiveNumber)
       ->group(group);
   command
-      .add_option("--tolerance", options.tolerance,
-                  "scan units; the mesh shrinks to what its geometry needs and stays, proven, within this distance; "
-                  "0 = every face of the lattice")
+      .add_option(
+          "--tolerance", options.tolerance,
+          "scan units; the mesh shrinks to what its geometry needs and stays, proven, within this distance; "
+          "0 = every face of the lattice")
       ->capture_default_str()
       ->check(CLI::NonNegativeNumber)
       ->group(group);
   command
       .add_option("--reference", options.reference,
-                  "with --tolerance: surface = the mesh of full resolution, both ways; points = every point used too, "
-                  "one way: passes use what the points, measured first, leave of it; exit code 6 where that is nothing")
+                  "with --tolerance: surface = the mesh of full resolution, both ways; points = every point "
+                  "used too, "
+                  "one way: passes use what the points, measured first, leave of it; exit code 6 where that "
+                  "is nothing")
       ->capture_default_str()
       ->check(CLI::IsMember({"surface", "points"}))
       ->group(group);
   command
-      .add_flag("--keep-raw", options.keep_raw,
-                "with --tolerance: also write the mesh of full resolution, as OUT with .raw before its extension")
+      .add_flag(
+          "--keep-raw", options.keep_raw,
+          "with --tolerance: also write the mesh of full resolution, as OUT with .raw before its extension")
       ->group(group);
   command
       .add_flag("--local-output", options.local_output,

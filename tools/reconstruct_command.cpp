@@ -26,11 +26,13 @@ void run(Arguments arguments) {
   require_mesh_extension(arguments.state.output);
   const ReconstructOptions& options = arguments.state.options;
   if (options.tolerance == 0.0 && (options.keep_raw || options.reference != "surface"))
-    throw UsageError(std::string(options.keep_raw ? "--keep-raw" : "--reference") +
-                     ": means something with --tolerance only, without it the mesh of full resolution is the result");
+    throw UsageError(
+        std::string(options.keep_raw ? "--keep-raw" : "--reference") +
+        ": means something with --tolerance only, without it the mesh of full resolution is the result");
   arguments.state.inputs = expand_inputs(arguments.inputs);
   catch_stop_signals();
-  const nlohmann::json report = run_job(arguments.state, reconstruct_job(arguments.state.options), cli::stderr_sink());
+  const nlohmann::json report =
+      run_job(arguments.state, reconstruct_job(arguments.state.options), cli::stderr_sink());
   if (arguments.state.run.verbosity < 0) return;
   for (const nlohmann::json& w : report.value("warnings", nlohmann::json::array()))
     fmt::print(stderr, "tessera: warning: {}\n", w.get<std::string>());

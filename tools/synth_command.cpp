@@ -100,7 +100,8 @@ void add_synth(CLI::App& app) {
                    "sensors: share of range jumps that give a point between two surfaces")
       ->capture_default_str();
   command
-      ->add_option("--missing", o.missing, "share of the surface that is unseen, in balls around spots far apart")
+      ->add_option("--missing", o.missing,
+                   "share of the surface that is unseen, in balls around spots far apart")
       ->capture_default_str();
   command->add_option("--missing-spots", o.missing_spots, "how many such balls")->capture_default_str();
   command->add_option("--views", o.views, "sensors: number of set-ups; 0 = usual for sensor and scene")

@@ -75,7 +75,9 @@ class PlyMeshReader : public MeshReader {
       flags.clear();
     };
     read_faces(
-        [&](std::span<const MeshFace> batch) { triangles.insert(triangles.end(), batch.begin(), batch.end()); },
+        [&](std::span<const MeshFace> batch) {
+          triangles.insert(triangles.end(), batch.begin(), batch.end());
+        },
         [&](const Values& values) {
           const bool flag = values[static_cast<std::size_t>(synthetic_)] != 0.0;
           flags.resize(triangles.size(), flag ? std::uint8_t{1} : std::uint8_t{0});
@@ -91,7 +93,8 @@ class PlyMeshReader : public MeshReader {
 
   /// \param then  called with the properties of each face
   /// \param one_by_one  hand over the triangles of each face before `then` is called
-  void read_faces(const FaceSink& sink, const std::function<void(const Values&)>& then, bool one_by_one = false) {
+  void read_faces(const FaceSink& sink, const std::function<void(const Values&)>& then,
+                  bool one_by_one = false) {
     if (!faces_) return;
     const PlyElement& faces = ply_.elements[*faces_];
     if (ply_.encoding == PlyEncoding::kAscii) {

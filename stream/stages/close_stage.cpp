@@ -57,8 +57,9 @@ class CloseStage : public Stage {
     for (const BrickEntry& brick : points_->bricks()) {
       const Int3 at = brick_of_key(brick.key);
       const Int3 corner = corner_of(at);
-      most = std::max(most, points_->count_bound(corner, kEdges, MultipoleStore::kHaloCells) * kBytesPerPoint +
-                                multipoles_->near_bytes(corner, kEdges));
+      most =
+          std::max(most, points_->count_bound(corner, kEdges, MultipoleStore::kHaloCells) * kBytesPerPoint +
+                             multipoles_->near_bytes(corner, kEdges));
     }
     for (const BrickSection& b : rims_->bricks()) rims += b.extra;
     return static_cast<std::uint64_t>(state_.run.threads) * (most + kVisitBytes) + rims * 3 * sizeof(Int3) +
@@ -156,15 +157,19 @@ class CloseStage : public Stage {
     const double given = mode_.limit / plan_.lattice.h;
     const double limit = given > 0.0 ? given : sheet ? kDefaultSheetLimit : 0.0;
     if (limit > double{kMostClosingLimit})
-      throw UsageError("--holes " + state_.options.holes + ": at most " +
-                       json(double{kMostClosingLimit} * plan_.lattice.h).dump() +
-                       " (56 lattice spacings) can be bridged; a closed object needs no limit: --holes close");
+      throw UsageError(
+          "--holes " + state_.options.holes + ": at most " +
+          json(double{kMostClosingLimit} * plan_.lattice.h).dump() +
+          " (56 lattice spacings) can be bridged; a closed object needs no limit: --holes close");
     options.limit = static_cast<float>(limit);
-    const json decision = {{"level", options.level}, {"limit_cells", options.limit},
-                           {"low", options.low},     {"high", options.high}};
+    const json decision = {{"level", options.level},
+                           {"limit_cells", options.limit},
+                           {"low", options.low},
+                           {"high", options.high}};
     std::ofstream file(context.create(kDecisionFile));
     file << decision.dump() << '\n';
-    if (!file.flush()) throw ResourceError("cannot write " + std::string(kDecisionFile) + "; is the disk full?");
+    if (!file.flush())
+      throw ResourceError("cannot write " + std::string(kDecisionFile) + "; is the disk full?");
     entry["kind"] = sheet ? "sheet" : options.level > 0.0f ? "solid" : "room";
     entry["level"] = options.level;
     entry["limit"] = limit * plan_.lattice.h;
@@ -199,7 +204,8 @@ class CloseStage : public Stage {
       for (const Multipole& m : near.level(kLeafBits).cells) data.push_back(m.centre);
     }
     return grow_closing(corner, rims_->signs_around(brick), known, seeds,
-                        ClosingField(multipoles_->far(), near, static_cast<float>(plan_.radius_cells)), data, options);
+                        ClosingField(multipoles_->far(), near, static_cast<float>(plan_.radius_cells)), data,
+                        options);
   }
 
   JobState state_;
@@ -222,7 +228,8 @@ HolesMode::HolesMode(const std::string& text) {
     const auto read = std::from_chars(text.data() + word.size() + 1, end, limit);
     if (read.ec == std::errc() && read.ptr == end && limit > 0.0 && limit < 1e30) return;
   }
-  throw UsageError("--holes " + text + ": write keep, close, or fill-to:D with a distance D > 0 in scan units");
+  throw UsageError("--holes " + text +
+                   ": write keep, close, or fill-to:D with a distance D > 0 in scan units");
 }
 
 ClosingOptions load_closing_options(const std::filesystem::path& work) {
@@ -239,6 +246,8 @@ ClosingOptions load_closing_options(const std::filesystem::path& work) {
   return options;
 }
 
-std::unique_ptr<Stage> make_close_stage(const JobState& state) { return std::make_unique<CloseStage>(state); }
+std::unique_ptr<Stage> make_close_stage(const JobState& state) {
+  return std::make_unique<CloseStage>(state);
+}
 
 }  // namespace tessera

@@ -36,13 +36,14 @@ class MultipoleStage : public Stage {
 
   std::uint64_t task_bytes(std::size_t task) const override {
     std::uint64_t most = 0;
-    for (std::size_t b = first_brick(task); b < file_end_[task]; ++b) most = std::max(most, store_.bricks()[b].points);
+    for (std::size_t b = first_brick(task); b < file_end_[task]; ++b)
+      most = std::max(most, store_.bricks()[b].points);
     return most * kBytesPerPoint + kFixedTaskBytes;
   }
 
   json run(std::size_t task, TaskContext& context) const override {
-    MultipoleFileWriter writer(context.create(std::string(MultipoleStore::kFolder) + "/" + task_file_stem(task) +
-                                              MultipoleStore::kExtension));
+    MultipoleFileWriter writer(context.create(std::string(MultipoleStore::kFolder) + "/" +
+                                              task_file_stem(task) + MultipoleStore::kExtension));
     std::uint64_t bricks = 0;
     std::uint64_t leaves = 0;
     for (std::size_t b = first_brick(task); b < file_end_[task]; ++b) {
@@ -87,6 +88,8 @@ class MultipoleStage : public Stage {
 
 }  // namespace
 
-std::unique_ptr<Stage> make_multipole_stage(const JobState& state) { return std::make_unique<MultipoleStage>(state); }
+std::unique_ptr<Stage> make_multipole_stage(const JobState& state) {
+  return std::make_unique<MultipoleStage>(state);
+}
 
 }  // namespace tessera

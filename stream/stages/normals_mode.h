@@ -15,11 +15,11 @@ inline constexpr std::size_t kSupporterBins = 256;
 inline constexpr const char* kSupportersFile = "normals/supporters.bin";
 
 struct NormalsMode {
-  bool estimate = false;   ///< fit planes; false = the given normals are used
-  bool by_sensor = false;  ///< sensor origins are known
-  bool own_sensor = false; ///< and every point knows which one saw it
+  bool estimate = false;    ///< fit planes; false = the given normals are used
+  bool by_sensor = false;   ///< sensor origins are known
+  bool own_sensor = false;  ///< and every point knows which one saw it
   bool by_up = false;
-  bool clean = false;      ///< outliers are looked for
+  bool clean = false;  ///< outliers are looked for
 
   /// \throws UsageError when normals are demanded that the input does not carry
   NormalsMode(const ReconstructOptions& options, std::size_t inputs, const Plan& plan)

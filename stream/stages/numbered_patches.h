@@ -14,10 +14,10 @@ namespace tessera {
 
 /// The faces of one patch, with what each of its vertices is called outside.
 struct PatchFaces {
-  std::vector<PatchFace> faces;      ///< of the patch, dropped islands among them
+  std::vector<PatchFace> faces;         ///< of the patch, dropped islands among them
   std::vector<std::uint8_t> synthetic;  ///< per face, empty if none of them closes a hole
-  std::vector<VertexPlace> foreign;  ///< places of the foreign vertices
-  std::vector<std::uint64_t> index;  ///< output number per own, then per foreign vertex
+  std::vector<VertexPlace> foreign;     ///< places of the foreign vertices
+  std::vector<std::uint64_t> index;     ///< output number per own, then per foreign vertex
   static constexpr std::uint64_t kDropped = ~std::uint64_t{0};  ///< index of a vertex of a dropped island
   bool kept(const PatchFace& f) const { return index[f[0]] != kDropped; }
 };

@@ -57,8 +57,9 @@ class RimsStage : public Stage {
         const Int3 brick = {static_cast<int>(at[0]), static_cast<int>(at[1]), static_cast<int>(at[2])};
         const std::vector<BandSigns> signs = signs_of_brick(field, brick);
         if (signs.empty()) continue;
-        writer.signs(brick_key({tile.brick[0] + brick[0], tile.brick[1] + brick[1], tile.brick[2] + brick[2]}), signs,
-                     cells);
+        writer.signs(
+            brick_key({tile.brick[0] + brick[0], tile.brick[1] + brick[1], tile.brick[2] + brick[2]}), signs,
+            cells);
         cells.clear();  // global names: any brick of the tile may hold them
       }
       context.advance(core_points(points));
@@ -85,6 +86,8 @@ class RimsStage : public Stage {
 
 }  // namespace
 
-std::unique_ptr<Stage> make_rims_stage(const JobState& state) { return std::make_unique<RimsStage>(state); }
+std::unique_ptr<Stage> make_rims_stage(const JobState& state) {
+  return std::make_unique<RimsStage>(state);
+}
 
 }  // namespace tessera

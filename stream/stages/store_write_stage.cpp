@@ -41,12 +41,9 @@ class StoreWriteStage : public Stage {
     output.advance = [&](std::uint64_t faces) { context.advance(faces); };
     const MeshStoreOutputReport report = write_mesh_store(store_, output);
     context.count_written(report.bytes);
-    return {{"path", path_.string()},
-            {"vertices", report.vertices},
-            {"faces", report.faces},
-            {"synthetic_faces", report.synthetic_faces},
-            {"bytes", report.bytes},
-            {"double_positions", store_.info().double_positions},
+    return {{"path", path_.string()},      {"vertices", report.vertices},
+            {"faces", report.faces},       {"synthetic_faces", report.synthetic_faces},
+            {"bytes", report.bytes},       {"double_positions", store_.info().double_positions},
             {"shift", store_.info().shift}};
   }
 

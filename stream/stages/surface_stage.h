@@ -17,9 +17,7 @@ struct Tile {
   Int3 brick = {0, 0, 0};
   int bricks = 1;  ///< edge in bricks, a power of two; the min corner is a multiple of it
 
-  Int3 corner() const {
-    return {brick[0] * kBrickCells, brick[1] * kBrickCells, brick[2] * kBrickCells};
-  }
+  Int3 corner() const { return {brick[0] * kBrickCells, brick[1] * kBrickCells, brick[2] * kBrickCells}; }
   Int3 edges() const { return {bricks * kBrickCells, bricks * kBrickCells, bricks * kBrickCells}; }
 };
 
@@ -28,16 +26,19 @@ using TileGroup = std::vector<Tile>;
 
 struct TilingOptions {
   int halo_cells = 0;
-  int tile_bricks = 0;                ///< edge of a tile in bricks; 0 = the largest that fits
+  int tile_bricks = 0;                         ///< edge of a tile in bricks; 0 = the largest that fits
   const BrickSectionStore* closing = nullptr;  ///< cells that close holes, also where no point is
-  std::uint64_t tile_bytes_limit = 0;  ///< memory one tile may take; tiles over it are split down to one brick
+  std::uint64_t tile_bytes_limit =
+      0;  ///< memory one tile may take; tiles over it are split down to one brick
 };
 
 /// Upper bound of the memory that computing a tile takes, from the brick tables alone.
-std::uint64_t tile_bytes(const PointStore& store, const BrickSectionStore* closing, const Tile& tile, int halo_cells);
+std::uint64_t tile_bytes(const PointStore& store, const BrickSectionStore* closing, const Tile& tile,
+                         int halo_cells);
 
 /// Most faces that a tile's patches are expected to have, from the brick tables alone.
-std::uint64_t tile_faces(const PointStore& store, const BrickSectionStore* closing, const Tile& tile, int halo_cells);
+std::uint64_t tile_faces(const PointStore& store, const BrickSectionStore* closing, const Tile& tile,
+                         int halo_cells);
 
 /// Cuts the lattice around the points into groups of tiles. The groups (and so the tasks) depend on the points
 /// only; the tiles inside depend on the options. Tiles that no point can reach are left out.

@@ -90,8 +90,10 @@ class WeldStage : public Stage {
     std::uint64_t largest = 0;
     for (std::size_t p = first; p < last; ++p) {
       const PatchEntry& e = store_.patches()[p];
-      bytes += sizeof(VertexPlace) * e.foreign + sizeof(ComponentSize) * e.components + 2 * sizeof(Link) * e.components;
-      largest = std::max<std::uint64_t>(largest, 4ull * e.vertices + 28ull * (e.foreign + std::uint64_t{e.exported}));
+      bytes += sizeof(VertexPlace) * e.foreign + sizeof(ComponentSize) * e.components +
+               2 * sizeof(Link) * e.components;
+      largest = std::max<std::uint64_t>(largest,
+                                        4ull * e.vertices + 28ull * (e.foreign + std::uint64_t{e.exported}));
     }
     return bytes + 2 * largest;
   }
@@ -120,8 +122,9 @@ class WeldStage : public Stage {
                                  std::to_string(key) + ", which its owner does not have");
         const auto vertex = there->exported_index[static_cast<std::size_t>(at - there->exported_key.begin())];
         places.push_back({static_cast<std::uint32_t>(owner), vertex});
-        links.push_back({first_component_[p] + seam.components.of_vertex[own + f],
-                         first_component_[static_cast<std::size_t>(owner)] + there->components.of_vertex[vertex]});
+        links.push_back(
+            {first_component_[p] + seam.components.of_vertex[own + f],
+             first_component_[static_cast<std::size_t>(owner)] + there->components.of_vertex[vertex]});
       }
       if (links.size() > compact_at) {
         unique_links(links);
@@ -194,8 +197,8 @@ class WeldStage : public Stage {
       faces[parent[c]] += sizes[c].faces;
       all_faces += sizes[c].faces;
     }
-    const std::uint64_t limit = state_.options.min_component != 0 ? state_.options.min_component
-                                                                  : automatic_min_component(all_faces);
+    const std::uint64_t limit =
+        state_.options.min_component != 0 ? state_.options.min_component : automatic_min_component(all_faces);
     Numbering numbering;
     numbering.kept.resize(parent.size());
     std::uint64_t components = 0;
@@ -230,11 +233,12 @@ class WeldStage : public Stage {
       }
     }
     if (numbering.faces == 0) {
-      throw EmptyError(all_faces == 0
-                           ? std::string("no surface: no lattice cell has enough points around it; try a larger "
-                                         "--resolution or --radius, or check the normals")
-                           : "every island has fewer than " + std::to_string(limit) +
-                                 " faces; lower --min-component (1 keeps all)");
+      throw EmptyError(
+          all_faces == 0
+              ? std::string("no surface: no lattice cell has enough points around it; try a larger "
+                            "--resolution or --radius, or check the normals")
+              : "every island has fewer than " + std::to_string(limit) +
+                    " faces; lower --min-component (1 keeps all)");
     }
     numbering.save(context.create(kNumberingFile));
     return {{"vertices", numbering.vertices},
@@ -259,9 +263,13 @@ std::uint64_t automatic_min_component(std::uint64_t faces) {
   return std::clamp<std::uint64_t>(faces / 500, 50, 1000);
 }
 
-PatchStore open_patches(const std::filesystem::path& work) { return PatchStore(list_task_files(work / "mesh", ".tsm")); }
+PatchStore open_patches(const std::filesystem::path& work) {
+  return PatchStore(list_task_files(work / "mesh", ".tsm"));
+}
 
-std::string weld_file_name(std::size_t file) { return "weld/" + task_file_stem(file) + ".tsw"; }
+std::string weld_file_name(std::size_t file) {
+  return "weld/" + task_file_stem(file) + ".tsw";
+}
 
 void Numbering::save(const std::filesystem::path& path) const {
   DirectFile file(path);
@@ -286,6 +294,8 @@ Numbering Numbering::load(const std::filesystem::path& path) {
   return n;
 }
 
-std::unique_ptr<Stage> make_weld_stage(const JobState& state) { return std::make_unique<WeldStage>(state); }
+std::unique_ptr<Stage> make_weld_stage(const JobState& state) {
+  return std::make_unique<WeldStage>(state);
+}
 
 }  // namespace tessera

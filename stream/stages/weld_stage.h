@@ -15,7 +15,7 @@ struct VertexPlace {
 
 /// What welding knows of one patch.
 struct PatchPlace {
-  std::uint64_t first_vertex = 0;     ///< output index of its first kept vertex
+  std::uint64_t first_vertex = 0;  ///< output index of its first kept vertex
   std::uint64_t first_face = 0;
   std::uint64_t first_component = 0;  ///< into Numbering::kept
   std::uint64_t foreign_offset = 0;   ///< of its VertexPlace list in the weld file of its patch file

@@ -35,7 +35,8 @@ class WriteStage : public Stage {
     std::uint64_t largest = 0;
     for (const PatchEntry& e : store_.patches())
       largest = std::max<std::uint64_t>(largest, 48ull * e.vertices + 40ull * e.faces + 16ull * e.foreign);
-    for (const auto& file : fillings_) largest = std::max<std::uint64_t>(largest, std::filesystem::file_size(file));
+    for (const auto& file : fillings_)
+      largest = std::max<std::uint64_t>(largest, std::filesystem::file_size(file));
     return 2 * largest + NumberedPatches::kCacheBytes + (48u << 20);
   }
 
@@ -100,7 +101,8 @@ class WriteStage : public Stage {
       for (std::size_t a = 0; a < 3; ++a) {
         const double corner = brick[a] * double{kBrickCells};
         for (std::size_t v = 0; v < local.size(); ++v)
-          world[v][a] = plan_.lattice.world(static_cast<int>(a), corner + double{local[v][a]}) - header.shift[a];
+          world[v][a] =
+              plan_.lattice.world(static_cast<int>(a), corner + double{local[v][a]}) - header.shift[a];
       }
       if (place.kept_vertices != local.size()) {
         const std::vector<std::uint32_t> map = numbered.make_remap(p);
@@ -112,7 +114,8 @@ class WriteStage : public Stage {
         world.resize(place.kept_vertices);
         if (header.colour) rgba.resize(place.kept_vertices);
       }
-      writer.vertices(world, header.colour ? std::span<const std::uint32_t>(rgba) : std::span<const std::uint32_t>());
+      writer.vertices(
+          world, header.colour ? std::span<const std::uint32_t>(rgba) : std::span<const std::uint32_t>());
       context.count_read(16 * local.size());
     }
   }
@@ -154,8 +157,8 @@ class WriteStage : public Stage {
         for (std::size_t a = 0; a < 3; ++a)
           p[a] = plan_.lattice.world(static_cast<int>(a), p[a]) - header.shift[a];
       if (header.colour) fillings.rgba.resize(fillings.position.size(), 0);
-      writer.vertices(fillings.position,
-                      header.colour ? std::span<const std::uint32_t>(fillings.rgba) : std::span<const std::uint32_t>());
+      writer.vertices(fillings.position, header.colour ? std::span<const std::uint32_t>(fillings.rgba)
+                                                       : std::span<const std::uint32_t>());
     }
   }
 
@@ -184,7 +187,11 @@ class WriteStage : public Stage {
 
 }  // namespace
 
-std::unique_ptr<Stage> make_write_stage(const JobState& state) { return std::make_unique<WriteStage>(state, false); }
-std::unique_ptr<Stage> make_raw_write_stage(const JobState& state) { return std::make_unique<WriteStage>(state, true); }
+std::unique_ptr<Stage> make_write_stage(const JobState& state) {
+  return std::make_unique<WriteStage>(state, false);
+}
+std::unique_ptr<Stage> make_raw_write_stage(const JobState& state) {
+  return std::make_unique<WriteStage>(state, true);
+}
 
 }  // namespace tessera

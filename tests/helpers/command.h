@@ -17,7 +17,7 @@
 namespace tessera::test {
 
 struct CommandResult {
-  int code = 0;  ///< exit code; 128 + signal when killed
+  int code = 0;        ///< exit code; 128 + signal when killed
   std::string errors;  ///< all of stderr
   std::uint64_t peak_bytes = 0;
 };

@@ -86,8 +86,7 @@ Samples Solid::sample(const Double3& centre, double reach, double spacing, Rando
     const int around = radius > 0 ? static_cast<int>(std::ceil(2 * std::numbers::pi * radius / spacing)) : n;
     for (int i = 0; i < around; ++i)
       for (int j = 0; j < n; ++j) {
-        const double a = (i + random.unit()) / around,
-                     b = ((j + random.unit()) / n - 0.5) * 3.5 * reach;
+        const double a = (i + random.unit()) / around, b = ((j + random.unit()) / n - 0.5) * 3.5 * reach;
         Double3 p;
         if (radius > 0) {
           const double angle = 2 * std::numbers::pi * a;

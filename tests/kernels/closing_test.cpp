@@ -49,7 +49,8 @@ Closed close(const test::Samples& samples, const ClosingOptions& options) {
   out.field = evaluate_field(points, {});
   std::vector<BandSigns> signs;
   for (const BandLeaf& leaf : out.field.leaves)
-    signs.push_back({{leaf.origin[0] + 64, leaf.origin[1] + 64, leaf.origin[2] + 64}, leaf.valid, leaf.inside});
+    signs.push_back(
+        {{leaf.origin[0] + 64, leaf.origin[1] + 64, leaf.origin[2] + 64}, leaf.valid, leaf.inside});
   std::vector<Int3> data;
   for (const Dipole& d : tree.dipoles()) data.push_back(d.q);
   out.grown = grow_closing(kOrigin, signs, {}, rim_cells(out.field), closing, data, options);
@@ -59,7 +60,8 @@ Closed close(const test::Samples& samples, const ClosingOptions& options) {
 
 }  // namespace
 
-TEST_CASE("closing: every crossed edge of a closing cell has a root, every crossed face a cell on both sides", "[unit]") {
+TEST_CASE("closing: every crossed edge of a closing cell has a root, every crossed face a cell on both sides",
+          "[unit]") {
   const Closed closed = close(capped_sphere(0.5), wide());
   const DirectedField& field = closed.field;
   REQUIRE(closed.grown.added > 500);
@@ -122,12 +124,15 @@ TEST_CASE("closing: the missing cap of a sphere comes back, whatever its height"
         for (std::uint64_t left = leaf.closing[static_cast<std::size_t>(z)]; left; left &= left - 1) {
           const int b = std::countr_zero(left);
           for (int axis = 0; axis < 3; ++axis) {
-            Double3 p = {leaf.origin[0] + (b & 7) + 64.0, leaf.origin[1] + (b >> 3) + 64.0, leaf.origin[2] + z + 64.0};
-            const EdgeRoot* root =
-                closed.field.root_at(leaf.origin[0] + (b & 7), leaf.origin[1] + (b >> 3), leaf.origin[2] + z, axis);
+            Double3 p = {leaf.origin[0] + (b & 7) + 64.0, leaf.origin[1] + (b >> 3) + 64.0,
+                         leaf.origin[2] + z + 64.0};
+            const EdgeRoot* root = closed.field.root_at(leaf.origin[0] + (b & 7), leaf.origin[1] + (b >> 3),
+                                                        leaf.origin[2] + z, axis);
             if (!root) continue;
             p[static_cast<std::size_t>(axis)] += static_cast<double>(root->t);
-            worst = std::max(worst, std::abs(std::hypot(p[0] - kCentre[0], p[1] - kCentre[1], p[2] - kCentre[2]) - kRadius));
+            worst = std::max(
+                worst,
+                std::abs(std::hypot(p[0] - kCentre[0], p[1] - kCentre[1], p[2] - kCentre[2]) - kRadius));
             ++count;
           }
         }
@@ -151,7 +156,8 @@ TEST_CASE("closing: where nothing is missing nothing changes; a limit keeps it n
     for (int z = 0; z < 8; ++z)
       for (int b = 0; b < 64; ++b) {
         if (!(leaf.cells[static_cast<std::size_t>(z)] >> b & 1)) continue;
-        const double x = leaf.origin[0] + (b & 7) + 0.5 - kCentre[0], y = leaf.origin[1] + (b >> 3) + 0.5 - kCentre[1];
+        const double x = leaf.origin[0] + (b & 7) + 0.5 - kCentre[0],
+                     y = leaf.origin[1] + (b >> 3) + 0.5 - kCentre[1];
         CHECK(std::hypot(x, y) > rim - 5.5);
       }
   // What was not finished is taken back, all of it.

@@ -356,8 +356,9 @@ TEST_CASE("field: two scans that disagree by up to 0.8 radii give one surface", 
   for (const double height : {96.3, 96.3 + apart * std::sqrt(1 + slope * slope)}) {
     const double size = std::sqrt(1 + slope * slope);
     test::Samples scan;
-    test::add_face({40, 40, height - 20 * slope}, {120, 0, 120 * slope}, {0, 120, 0},
-                   {-slope / size, 0, 1 / size}, 1 / 1.5, [](const Double3&) { return true; }, random, scan);
+    test::add_face(
+        {40, 40, height - 20 * slope}, {120, 0, 120 * slope}, {0, 120, 0}, {-slope / size, 0, 1 / size},
+        1 / 1.5, [](const Double3&) { return true; }, random, scan);
     test::add_noise(noise, random, scan);
     samples.insert(samples.end(), scan.begin(), scan.end());
   }

@@ -149,7 +149,8 @@ TEST_CASE("distribute: sensor ids follow from the set of sensors", "[unit]") {
   }
 }
 
-TEST_CASE("distribute: given normals are kept aside where normals are estimated, to be compared with", "[unit]") {
+TEST_CASE("distribute: given normals are kept aside where normals are estimated, to be compared with",
+          "[unit]") {
   ChainSetup setup;
   setup.options.normals = "estimate";
   const ChainResult r = run_chain(sphere_points(3000, 100.0, {0, 0, 0}), setup);

@@ -6,11 +6,11 @@
 #include "tests/helpers/toy.h"
 
 using namespace tessera;
-using test::Outcome;
-using test::TempFolder;
-using test::shell;
 using test::file_bytes;
+using test::Outcome;
+using test::shell;
 using test::spill;
+using test::TempFolder;
 using test::Toy;
 using test::toy_truth;
 

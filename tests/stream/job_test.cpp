@@ -5,10 +5,10 @@
 #include "tests/helpers/toy.h"
 
 using namespace tessera;
-using test::Outcome;
-using test::TempFolder;
 using test::file_bytes;
+using test::Outcome;
 using test::spill;
+using test::TempFolder;
 using test::Toy;
 using test::toy_truth;
 

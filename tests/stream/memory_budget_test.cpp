@@ -11,8 +11,8 @@
 #include "tests/helpers/shell.h"
 
 using namespace tessera;
-using test::TempFolder;
 using test::spill;
+using test::TempFolder;
 
 namespace {
 

@@ -230,8 +230,8 @@ TEST_CASE("check: random complexes agree with plain counting at every cap", "[pr
     std::vector<Double3> points;
     std::vector<MeshFace> faces;
     for (std::uint64_t i = 0; i < n; ++i) {
-      points.push_back(
-          {static_cast<double>(random.below(1000)), static_cast<double>(random.below(1000)), static_cast<double>(i)});
+      points.push_back({static_cast<double>(random.below(1000)), static_cast<double>(random.below(1000)),
+                        static_cast<double>(i)});
     }
     const std::uint64_t reach = round % 3 == 0 ? n : 5;  // near in number, or anywhere
     for (std::uint64_t i = 0; i < n; ++i) {

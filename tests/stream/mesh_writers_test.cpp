@@ -73,7 +73,8 @@ TEST_CASE("PLY writer: faces that close a hole say so, other formats drop it", "
   const std::string bytes = contents(folder.path() / "a.ply");
   CHECK(bytes.find("property list uchar uint vertex_indices\nproperty uchar synthetic\nend_header\n") !=
         std::string::npos);
-  for (std::size_t f = 0; f < 4; ++f) CHECK(bytes[bytes.size() - 1 - 14 * (3 - f)] == static_cast<char>(f % 2));
+  for (std::size_t f = 0; f < 4; ++f)
+    CHECK(bytes[bytes.size() - 1 - 14 * (3 - f)] == static_cast<char>(f % 2));
   std::size_t read = 0;
   open_mesh_file(folder.path() / "a.ply")->read_faces([&](std::span<const MeshFace> faces) {
     for (const MeshFace& face : faces) CHECK(face == kTetrahedron[read++]);

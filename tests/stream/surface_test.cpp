@@ -3,9 +3,9 @@
 
 #include "octree/error.h"
 #include "stream/mesh_check.h"
+#include "stream/stages/closing_stages.h"
 #include "stream/stages/holes_stage.h"
 #include "stream/stages/loops_stage.h"
-#include "stream/stages/closing_stages.h"
 #include "stream/stages/normals_stage.h"
 #include "stream/stages/surface_stage.h"
 #include "stream/stages/weld_stage.h"
@@ -59,9 +59,10 @@ MeshResult run_job(const std::vector<TestPoint>& points, const MeshSetup& setup)
   MeshReadOptions read;
   read.keep_bad_faces = true;
   if (setup.vertices)
-    open_mesh_file(job.output)->read_vertices([&](std::span<const Double3> batch, std::span<const std::uint32_t>) {
-      setup.vertices->insert(setup.vertices->end(), batch.begin(), batch.end());
-    });
+    open_mesh_file(job.output)
+        ->read_vertices([&](std::span<const Double3> batch, std::span<const std::uint32_t>) {
+          setup.vertices->insert(setup.vertices->end(), batch.begin(), batch.end());
+        });
   result.check = check_mesh(*open_mesh_file(job.output, read), {});
   return result;
 }
@@ -97,7 +98,8 @@ void check_sound(const MeshCheck& c) {
 
 }  // namespace
 
-TEST_CASE("main job: a sphere over many bricks is one closed surface, the same bytes for any tiling", "[property]") {
+TEST_CASE("main job: a sphere over many bricks is one closed surface, the same bytes for any tiling",
+          "[property]") {
   auto points = true_sphere(80'000, 70.0, {1000.0, -37.0, 12.0});
   MeshSetup setup;
   const MeshResult want = run_job(points, setup);
@@ -158,7 +160,8 @@ TEST_CASE("main job: small holes are filled, the same bytes for any tiling, larg
     double cosine;
   };
   const Double3 centre = {1000.0, -37.0, 12.0};
-  const Cap caps[] = {{{0.577, 0.577, 0.577}, 0.985}, {{1, 0, 0}, 0.99}, {{-0.6, 0, 0.8}, 0.995}, {{0, -1, 0}, 0.7}};
+  const Cap caps[] = {
+      {{0.577, 0.577, 0.577}, 0.985}, {{1, 0, 0}, 0.99}, {{-0.6, 0, 0.8}, 0.995}, {{0, -1, 0}, 0.7}};
   auto points = true_sphere(80'000, 70.0, centre);
   std::erase_if(points, [&](const TestPoint& p) {
     return std::any_of(std::begin(caps), std::end(caps), [&](const Cap& c) {
@@ -203,7 +206,8 @@ TEST_CASE("main job: filling the holes of pure noise leaves a manifold", "[prope
   CHECK(result.holes.at("filled") > 20);
 }
 
-TEST_CASE("main job: holes are closed, the same bytes for any tiling, also where bricks hold no point", "[property]") {
+TEST_CASE("main job: holes are closed, the same bytes for any tiling, also where bricks hold no point",
+          "[property]") {
   // The cap that is missing spans several bricks.
   auto points = true_sphere(150'000, 100.0, {1000.0, -37.0, 12.0});
   std::erase_if(points, [](const TestPoint& p) { return p.p[2] > 12.0 + 60.0; });
@@ -220,7 +224,8 @@ TEST_CASE("main job: holes are closed, the same bytes for any tiling, also where
   CHECK(want.close.at("kind") == "solid");
   CHECK(want.close.at("rounds").get<int>() > 1);
   // The cap comes back: its area is 2 pi 100 40, an oblique surface has about three faces a square cell.
-  CHECK(want.surface.at("synthetic_faces").get<double>() == Approx(3.1 * 2 * 3.14159 * 100.0 * 40.0).epsilon(0.1));
+  CHECK(want.surface.at("synthetic_faces").get<double>() ==
+        Approx(3.1 * 2 * 3.14159 * 100.0 * 40.0).epsilon(0.1));
   CHECK(want.check.volume == Approx(3.14159265 * 4.0 / 3.0 * 1e6).epsilon(5e-4));
   const int tile = GENERATE(64, 128);
   setup.tile_cells = tile;

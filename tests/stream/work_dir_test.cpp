@@ -9,8 +9,8 @@
 #include "tests/helpers/shell.h"
 
 using namespace tessera;
-using test::TempFolder;
 using test::spill;
+using test::TempFolder;
 
 namespace {
 

@@ -39,7 +39,8 @@ std::string las(std::size_t points, const std::function<void(std::string&)>& edi
   for (std::size_t a = 0; a < 3; ++a) put(131 + 8 * a, 0.01);
   h.resize(227 + 20 * points);
   for (std::size_t i = 0; i < points; ++i)
-    for (std::size_t a = 0; a < 3; ++a) put(227 + 20 * i + 4 * a, static_cast<std::int32_t>(i * (a + 3) % 97));
+    for (std::size_t a = 0; a < 3; ++a)
+      put(227 + 20 * i + 4 * a, static_cast<std::int32_t>(i * (a + 3) % 97));
   edit(h);
   return h;
 }
@@ -81,8 +82,10 @@ TEST_CASE("bad input: scans that cannot be read or meshed", "[fault]") {
       {"no format", 3, "a.ply", "ply\nelement vertex 3\n" + kXyz + "end_header\n"},
       {"unknown format", 3, "a.ply", ply_header("binary_middle_endian", "3", kXyz)},
       {"unknown property type", 3, "a.ply", ply_header("ascii", "3", "property quad x\n") + three},
-      {"no vertex element", 3, "a.ply", "ply\nformat ascii 1.0\nelement face 1\nproperty int x\nend_header\n1\n"},
-      {"no z", 3, "a.ply", ply_header("ascii", "3", "property float x\nproperty float y\n") + "0 0\n1 0\n0 1\n"},
+      {"no vertex element", 3, "a.ply",
+       "ply\nformat ascii 1.0\nelement face 1\nproperty int x\nend_header\n1\n"},
+      {"no z", 3, "a.ply",
+       ply_header("ascii", "3", "property float x\nproperty float y\n") + "0 0\n1 0\n0 1\n"},
       {"negative count", 3, "a.ply", ply_header("ascii", "-3", kXyz) + three},
       {"absurd count, nothing there", 5, "a.ply", ply_header("binary_little_endian", "99999999999999", kXyz)},
       {"letters among numbers", 3, "a.ply", ply_header("ascii", "3", kXyz) + "0 0 0\n1 x 0\n0 1 0\n"},
@@ -95,7 +98,8 @@ TEST_CASE("bad input: scans that cannot be read or meshed", "[fault]") {
       {"LAS of point format 77", 3, "a.las", las(10, [](std::string& h) { h[104] = 77; })},
       {"LAZ", 3, "a.laz", las(10, [](std::string& h) { h[104] = static_cast<char>(0x80); })},
       {"LAS with record length 3", 3, "a.las", las(10, [](std::string& h) { h[105] = 3, h[106] = 0; })},
-      {"LAS with points behind the end", 5, "a.las", las(10, [](std::string& h) { h[96] = h[97] = h[98] = 0x7f; })},
+      {"LAS with points behind the end", 5, "a.las",
+       las(10, [](std::string& h) { h[96] = h[97] = h[98] = 0x7f; })},
       {"E57", 3, "a.e57", "ASTM-E57" + std::string(100, '\0')},
       {"PTX cut in the pose", 3, "a.ptx", "2\n2\n0 0 0\n1 0 0\n"},
       {"all NaN", 5, "a.xyz", "nan nan nan\nnan nan nan\n"},
@@ -132,8 +136,10 @@ TEST_CASE("bad input: options, folders, caps", "[fault]") {
   expect(f, "no output", 2, {"reconstruct", in});
   expect(f, "missing file", 3, {"reconstruct", f.folder.path() / "nothing.las", "-o", out});
   expect(f, "glob without match", 3, {"reconstruct", f.folder.path() / "*.las", "-o", out});
-  expect(f, "empty folder", 3, {"reconstruct", (std::filesystem::create_directory(f.folder.path() / "empty"),
-                                                 f.folder.path() / "empty"), "-o", out});
+  expect(
+      f, "empty folder", 3,
+      {"reconstruct",
+       (std::filesystem::create_directory(f.folder.path() / "empty"), f.folder.path() / "empty"), "-o", out});
   expect(f, "unknown option", 2, with({"--resolutoin", "2"}));
   expect(f, "resolution below zero", 2, with({"--voxel", "-1"}));
   expect(f, "resolution no number", 2, with({"--voxel", "fine"}));
@@ -146,8 +152,8 @@ TEST_CASE("bad input: options, folders, caps", "[fault]") {
   expect(f, "up without direction", 2, with({"--normals", "estimate", "--up", "0,0,0"}));
   expect(f, "tile no multiple of 64", 2, with({"--tile-size", "100"}));
   expect(f, "given normals that are not there", 2,
-         {"reconstruct", f.text("bare.xyz", "0 0 0\n1 0 0\n0 1 0\n1 1 0\n"), "-o", out, "--resolution", "1", "--normals",
-          "given"});
+         {"reconstruct", f.text("bare.xyz", "0 0 0\n1 0 0\n0 1 0\n1 1 0\n"), "-o", out, "--resolution", "1",
+          "--normals", "given"});
   expect(f, "unknown stage", 2, with({"--until", "lunch"}));
   expect(f, "unknown command", 2, {"reconstrut", in, "-o", out});
 }

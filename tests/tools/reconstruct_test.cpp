@@ -15,8 +15,8 @@ const std::filesystem::path& scan() {
   static const TempFolder folder;
   static const std::filesystem::path file = [] {
     auto path = folder.path() / "scan.xyz";
-    REQUIRE(tessera_command({"synth", "--scene", "fandisk", "--points", "60000", "--noise", "0.2s", "--outliers",
-                             "0.001", "--normals", "--colour", "-o", path.string(), "-t", "1"})
+    REQUIRE(tessera_command({"synth", "--scene", "fandisk", "--points", "60000", "--noise", "0.2s",
+                             "--outliers", "0.001", "--normals", "--colour", "-o", path.string(), "-t", "1"})
                 .code == 0);
     return path;
   }();
@@ -109,7 +109,9 @@ TEST_CASE("reconstruct: killed at any moment, the same command ends in the same 
 TEST_CASE("reconstruct: killed at every commit point, the same command ends in the same bytes", "[fault]") {
   const TempFolder folder;
   const auto cloud = (folder.path() / "ball.ply").string();
-  REQUIRE(tessera_command({"synth", "--scene", "sphere", "--points", "4000", "--normals", "-o", cloud}).code == 0);
+  REQUIRE(
+      tessera_command({"synth", "--scene", "sphere", "--points", "4000", "--normals", "-o", cloud}).code ==
+      0);
   const std::string want = mesh_of({cloud}, {});
   const auto out = folder.path() / "mesh.ply";
   const auto words = job({cloud}, out, {"-t", "1"});
@@ -134,7 +136,8 @@ TEST_CASE("reconstruct: killed at every commit point, the same command ends in t
 TEST_CASE("reconstruct: the cap holds for a million points", "[memory]") {
   const TempFolder folder;
   const auto cloud = (folder.path() / "cloud.ply").string();
-  REQUIRE(tessera_command({"synth", "--scene", "terrain", "--points", "1000000", "--normals", "-o", cloud}).code == 0);
+  REQUIRE(tessera_command({"synth", "--scene", "terrain", "--points", "1000000", "--normals", "-o", cloud})
+              .code == 0);
   const auto out = folder.path() / "mesh.ply";
   const CommandResult r = tessera_command(job({cloud}, out, {"--memory", "128M", "-t", "2"}));
   INFO(r.errors);

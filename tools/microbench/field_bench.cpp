@@ -131,7 +131,8 @@ int main(int argc, char** argv) {
   }
   const auto n = static_cast<double>(core);
   std::printf(
-      "{\"bench\":\"field\",\"scene\":\"%s\",\"cells\":%d,\"h\":%g,\"radius\":%g,\"noise\":%g,\"normal_noise\":%g,"
+      "{\"bench\":\"field\",\"scene\":\"%s\",\"cells\":%d,\"h\":%g,\"radius\":%g,\"noise\":%g,\"normal_"
+      "noise\":%g,"
       "\"points\":%zu,\"seconds\":%.5f,\"points_per_s\":%.0f,\"us_per_point\":%.4f,\"nodes_per_point\":%.3f,"
       "\"roots_per_point\":%.3f,\"leaves\":%zu,\"torn_edges\":%zu,\"mean_error_h\":%.5f,"
       "\"mean_normal_error\":%.5f}\n",

@@ -136,9 +136,10 @@ int main(int argc, char** argv) {
   options.tolerance = std::atof(argv[2]) / 100.0 * reference.diagonal();
   if (argc > 3) options.block_faces = static_cast<std::uint64_t>(std::atoll(argv[3]));
   for (int pass = 0; pass < options.passes; ++pass) {
-    const StageEntry entry{"pass", [&](const JobState& s) {
-                             return make_simplify_stage(s, options, imported_stores("mesh"), {pass, 0, false});
-                           }};
+    const StageEntry entry{
+        "pass", [&](const JobState& s) {
+          return make_simplify_stage(s, options, imported_stores("mesh"), {pass, 0, false});
+        }};
     run_stages(state, {entry}, {});
   }
   const MeshStore store = open_pass_input(state, imported_stores("mesh"), {options.passes, 0, false});

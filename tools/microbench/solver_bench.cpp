@@ -271,7 +271,8 @@ json in_child(const Settings& s, const Run& run, const System& system) {
   waitpid(child, &state, 0);
   if (!text.empty()) return json::parse(text);
   if (WIFSIGNALED(state) && WTERMSIG(state) == SIGPROF)
-    return {{"status", "too slow"}, {"message", "stopped after " + std::to_string(s.seconds) + " s of CPU time"}};
+    return {{"status", "too slow"},
+            {"message", "stopped after " + std::to_string(s.seconds) + " s of CPU time"}};
   return {{"status", "failed"}, {"message", "the child ended by signal " + std::to_string(WTERMSIG(state))}};
 }
 
