@@ -4,7 +4,6 @@
 
 #include "stream/memory_budget.h"
 #include "stream/parallel.h"
-#include "stream/stages/import_stages.h"
 
 namespace tessera {
 namespace {
@@ -54,22 +53,6 @@ std::vector<nlohmann::json> run_stages(const JobState& state, const std::vector<
     for (const std::string& name : stage->obsolete()) std::filesystem::remove_all(state.work / name);
   }
   return reports;
-}
-
-MeshStore import_mesh(const std::filesystem::path& mesh, const std::filesystem::path& work,
-                      const std::string& folder, const RunOptions& run,
-                      const std::function<void()>& check_stop, nlohmann::json* report) {
-  JobState state;
-  state.work = work;
-  state.inputs = {mesh};
-  state.run = run;
-  const std::vector<StageEntry> stages = import_stages({0, folder});
-  const std::vector<nlohmann::json> reports = run_stages(state, stages, check_stop);
-  if (report) {
-    *report = nlohmann::json::object();
-    for (std::size_t s = 0; s < stages.size(); ++s) (*report)[stages[s].name] = reports[s];
-  }
-  return open_imported_mesh(work, folder);
 }
 
 }  // namespace tessera

@@ -9,7 +9,6 @@
 
 #include <nlohmann/json_fwd.hpp>
 
-#include "stream/mesh_store.h"
 #include "stream/stage.h"
 
 namespace tessera {
@@ -19,10 +18,5 @@ namespace tessera {
 /// ResourceError when a task exceeds the memory, StoppedError through check_stop
 std::vector<nlohmann::json> run_stages(const JobState& state, const std::vector<StageEntry>& stages,
                                        const std::function<void()>& check_stop);
-
-/// Imports a mesh file as a store in `work`/`folder`, which must not hold one. \throws as run_stages, InputError
-MeshStore import_mesh(const std::filesystem::path& mesh, const std::filesystem::path& work,
-                      const std::string& folder, const RunOptions& run,
-                      const std::function<void()>& check_stop, nlohmann::json* report = nullptr);
 
 }  // namespace tessera

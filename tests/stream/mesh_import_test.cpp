@@ -12,10 +12,10 @@
 
 #include "kernels/mesh_block_ops.h"
 #include "octree/error.h"
+#include "stream/import_mesh.h"
 #include "stream/mesh_check.h"
 #include "stream/mesh_io.h"
 #include "stream/mesh_store_output.h"
-#include "stream/stage_runner.h"
 #include "stream/stages/import_stages.h"
 #include "tests/helpers/serial_job.h"
 

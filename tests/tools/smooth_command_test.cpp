@@ -12,8 +12,8 @@
 #include "kernels/closest_face.h"
 #include "kernels/smooth.h"
 #include "kernels/vector3.h"
+#include "stream/import_mesh.h"
 #include "stream/mesh_io.h"
-#include "stream/stage_runner.h"
 #include "tests/helpers/command.h"
 #include "tests/helpers/temp_folder.h"
 

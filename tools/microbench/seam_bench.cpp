@@ -15,6 +15,7 @@
 #include <nlohmann/json.hpp>
 
 #include "kernels/closest_face.h"
+#include "stream/import_mesh.h"
 #include "stream/scratch_folder.h"
 #include "stream/stage_runner.h"
 #include "stream/stages/decimate_job.h"
