@@ -9,8 +9,8 @@
 #include <sstream>
 
 #include "stream/point_summary.h"
+#include "tests/helpers/point_reading.h"
 #include "tests/helpers/temp_folder.h"
-#include "tests/stream/point_reading.h"
 
 namespace tessera {
 namespace {

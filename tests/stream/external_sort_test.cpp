@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "stream/external_sort.h"
-#include "tests/stream/memory_mesh.h"
+#include "tests/helpers/memory_mesh.h"
 
 namespace tessera {
 namespace {

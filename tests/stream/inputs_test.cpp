@@ -1,8 +1,8 @@
 #include <sys/resource.h>
 #include <unistd.h>
 
+#include "tests/helpers/point_reading.h"
 #include "tests/helpers/temp_folder.h"
-#include "tests/stream/point_reading.h"
 
 namespace tessera {
 namespace {

@@ -9,7 +9,7 @@
 
 #include "octree/error.h"
 #include "stream/mesh_check.h"
-#include "tests/stream/memory_mesh.h"
+#include "tests/helpers/memory_mesh.h"
 
 namespace tessera {
 namespace {

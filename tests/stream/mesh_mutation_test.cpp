@@ -10,8 +10,8 @@
 #include <vector>
 
 #include "tests/fuzz/mesh_reader_check.h"
+#include "tests/helpers/mesh_files.h"
 #include "tests/helpers/temp_folder.h"
-#include "tests/stream/mesh_files.h"
 
 namespace tessera {
 namespace {

@@ -8,9 +8,9 @@
 #include "octree/error.h"
 #include "stream/convert_mesh.h"
 #include "stream/mesh_check.h"
+#include "tests/helpers/memory_mesh.h"
+#include "tests/helpers/mesh_files.h"
 #include "tests/helpers/temp_folder.h"
-#include "tests/stream/memory_mesh.h"
-#include "tests/stream/mesh_files.h"
 
 namespace tessera {
 namespace {

@@ -3,8 +3,8 @@
 #include <cmath>
 #include <limits>
 
+#include "tests/helpers/point_reading.h"
 #include "tests/helpers/temp_folder.h"
-#include "tests/stream/point_reading.h"
 
 namespace tessera {
 namespace {

@@ -1,7 +1,7 @@
 #include "stream/formats/ptx_points.h"
 
+#include "tests/helpers/point_reading.h"
 #include "tests/helpers/temp_folder.h"
-#include "tests/stream/point_reading.h"
 
 namespace tessera {
 namespace {

@@ -2,8 +2,8 @@
 
 #include <cmath>
 
+#include "tests/helpers/point_reading.h"
 #include "tests/helpers/temp_folder.h"
-#include "tests/stream/point_reading.h"
 
 namespace tessera {
 namespace {
