@@ -4,7 +4,7 @@
 #include <array>
 #include <cmath>
 
-#include "kernels/vector3.h"
+#include "octree/vector3.h"
 
 namespace tessera {
 namespace {

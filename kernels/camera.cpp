@@ -5,8 +5,8 @@
 #include <cstdlib>
 #include <limits>
 
-#include "kernels/vector3.h"
 #include "octree/error.h"
+#include "octree/vector3.h"
 
 namespace tessera {
 namespace {

@@ -11,7 +11,7 @@
 #include <cmath>
 #include <limits>
 
-#include "kernels/vector3.h"
+#include "octree/vector3.h"
 
 namespace tessera {
 namespace {

@@ -7,7 +7,7 @@
 #include <cstddef>
 
 #include "kernels/collapse_mesh.h"
-#include "kernels/portable_math.h"
+#include "octree/portable_math.h"
 
 namespace tessera {
 

@@ -17,7 +17,7 @@
 #include <vector>
 
 #include "kernels/mesh_block.h"
-#include "kernels/portable_math.h"
+#include "octree/portable_math.h"
 
 namespace tessera {
 

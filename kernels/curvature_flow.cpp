@@ -9,8 +9,8 @@
 #include <utility>
 #include <vector>
 
-#include "kernels/vector3.h"
 #include "octree/error.h"
+#include "octree/vector3.h"
 #include "solvers/laplacian_system.h"
 
 namespace tessera {

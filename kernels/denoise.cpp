@@ -3,10 +3,10 @@
 #include <algorithm>
 #include <cmath>
 
-#include "kernels/portable_math.h"
 #include "kernels/star_sides.h"
 #include "kernels/surface_window.h"
-#include "kernels/vector3.h"
+#include "octree/portable_math.h"
+#include "octree/vector3.h"
 
 namespace tessera {
 namespace {

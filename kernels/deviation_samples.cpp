@@ -5,7 +5,7 @@
 #include <limits>
 #include <vector>
 
-#include "kernels/vector3.h"
+#include "octree/vector3.h"
 
 namespace tessera {
 namespace {

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "kernels/portable_math.h"
+#include "octree/portable_math.h"
 
 namespace tessera {
 namespace {

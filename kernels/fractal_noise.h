@@ -6,7 +6,7 @@
 #include <cstdint>
 #include <span>
 
-#include "kernels/portable_math.h"
+#include "octree/portable_math.h"
 
 namespace tessera::synth {
 

@@ -6,7 +6,7 @@
 
 #include "kernels/hole_mesh.h"
 #include "kernels/hole_triangulation.h"
-#include "kernels/vector3.h"
+#include "octree/vector3.h"
 #include "solvers/envelope_cholesky.h"
 #include "solvers/sparse_matrix.h"
 

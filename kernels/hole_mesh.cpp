@@ -4,7 +4,7 @@
 #include <cassert>
 
 #include "kernels/hole_triangulation.h"
-#include "kernels/vector3.h"
+#include "octree/vector3.h"
 
 // Two triangles at an edge, and what their corners are called here:
 //

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "kernels/vector3.h"
+#include "octree/vector3.h"
 
 namespace tessera {
 namespace {

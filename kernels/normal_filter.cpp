@@ -4,7 +4,7 @@
 #include <cmath>
 #include <utility>
 
-#include "kernels/portable_math.h"
+#include "octree/portable_math.h"
 
 namespace tessera {
 namespace {

@@ -7,7 +7,7 @@
 #include <cmath>
 #include <utility>
 
-#include "kernels/jacobi_eigen3.h"
+#include "octree/jacobi_eigen3.h"
 
 // Points come in Morton order, so the points of one cube of 4^3 cells are consecutive. For each cube of the
 // core the points of its box grown by the radius are gathered once, in canonical order; that list, and so the

@@ -7,7 +7,7 @@
 #include <unordered_map>
 
 #include "kernels/overlay_outline.h"
-#include "kernels/vector3.h"
+#include "octree/vector3.h"
 
 namespace tessera {
 namespace {

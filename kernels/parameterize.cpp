@@ -4,8 +4,8 @@
 #include <cmath>
 
 #include "kernels/disk_topology.h"
-#include "kernels/portable_math.h"
 #include "octree/error.h"
+#include "octree/portable_math.h"
 #include "solvers/hermitian_multigrid.h"
 #include "solvers/laplacian_system.h"
 

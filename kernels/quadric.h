@@ -5,7 +5,7 @@
 #pragma once
 #include <immintrin.h>
 
-#include "kernels/portable_math.h"
+#include "octree/portable_math.h"
 
 namespace tessera {
 

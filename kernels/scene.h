@@ -10,7 +10,7 @@
 #include <string_view>
 #include <vector>
 
-#include "kernels/portable_math.h"
+#include "octree/portable_math.h"
 
 namespace tessera::synth {
 

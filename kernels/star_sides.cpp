@@ -2,8 +2,8 @@
 
 #include <algorithm>
 
-#include "kernels/portable_math.h"
-#include "kernels/vector3.h"
+#include "octree/portable_math.h"
+#include "octree/vector3.h"
 
 namespace tessera {
 namespace {

@@ -4,8 +4,8 @@
 #include <cmath>
 #include <string>
 
-#include "kernels/portable_math.h"
 #include "octree/error.h"
+#include "octree/portable_math.h"
 
 namespace tessera {
 namespace {

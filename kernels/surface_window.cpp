@@ -1,7 +1,7 @@
 #include "kernels/surface_window.h"
 
-#include "kernels/portable_math.h"
-#include "kernels/vector3.h"
+#include "octree/portable_math.h"
+#include "octree/vector3.h"
 
 namespace tessera {
 namespace {

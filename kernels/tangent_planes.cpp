@@ -3,8 +3,8 @@
 #include <cmath>
 #include <utility>
 
-#include "kernels/jacobi_eigen3.h"
-#include "kernels/vector3.h"
+#include "octree/jacobi_eigen3.h"
+#include "octree/vector3.h"
 
 namespace tessera {
 namespace {

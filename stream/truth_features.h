@@ -5,7 +5,7 @@
 #include <span>
 #include <vector>
 
-#include "kernels/portable_math.h"
+#include "octree/portable_math.h"
 
 namespace tessera {
 

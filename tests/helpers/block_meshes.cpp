@@ -4,7 +4,7 @@
 #include <cmath>
 #include <map>
 
-#include "kernels/portable_math.h"
+#include "octree/portable_math.h"
 
 namespace tessera::test {
 namespace {

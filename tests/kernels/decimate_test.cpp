@@ -16,8 +16,8 @@
 
 #include "kernels/closest_face.h"
 #include "kernels/collapse_mesh.h"
-#include "kernels/portable_math.h"
 #include "octree/error.h"
+#include "octree/portable_math.h"
 #include "tests/helpers/block_meshes.h"
 #include "tests/helpers/mesh_checks.h"
 

@@ -5,7 +5,7 @@
 #include <set>
 
 #include "kernels/hole_filling.h"
-#include "kernels/vector3.h"
+#include "octree/vector3.h"
 #include "solvers/envelope_cholesky.h"
 #include "tests/helpers/random.h"
 

@@ -8,8 +8,8 @@
 
 #include <nlohmann/json.hpp>
 
-#include "kernels/portable_math.h"
 #include "octree/error.h"
+#include "octree/portable_math.h"
 #include "stream/mesh_io.h"
 #include "stream/truth.h"
 #include "stream/truth_features.h"

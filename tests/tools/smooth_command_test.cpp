@@ -11,7 +11,7 @@
 
 #include "kernels/closest_face.h"
 #include "kernels/smooth.h"
-#include "kernels/vector3.h"
+#include "octree/vector3.h"
 #include "stream/import_mesh.h"
 #include "stream/mesh_io.h"
 #include "tests/helpers/command.h"
