@@ -27,7 +27,7 @@
 #include <span>
 #include <vector>
 
-#include "kernels/closest_face.h"
+#include "kernels/mesh/closest_face.h"
 #include "octree/lattice.h"
 
 namespace tessera {

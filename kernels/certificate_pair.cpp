@@ -5,7 +5,7 @@
 #include <limits>
 #include <numeric>
 
-#include "kernels/box_mask.h"
+#include "kernels/mesh/box_mask.h"
 #include "kernels/overlay_proof.h"
 
 namespace tessera {

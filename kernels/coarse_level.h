@@ -21,7 +21,7 @@
 #include <span>
 #include <vector>
 
-#include "kernels/mesh_block.h"
+#include "kernels/mesh/mesh_block.h"
 #include "kernels/surface_rows.h"
 
 namespace tessera {

@@ -16,7 +16,7 @@
 #include <span>
 #include <vector>
 
-#include "kernels/mesh_block.h"
+#include "kernels/mesh/mesh_block.h"
 #include "octree/portable_math.h"
 
 namespace tessera {

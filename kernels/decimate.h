@@ -14,7 +14,7 @@
 #include <cstdint>
 #include <span>
 
-#include "kernels/mesh_block.h"
+#include "kernels/mesh/mesh_block.h"
 
 namespace tessera {
 

@@ -16,8 +16,8 @@
 #include <span>
 #include <vector>
 
-#include "kernels/face_corners.h"
-#include "kernels/mesh_block.h"
+#include "kernels/mesh/face_corners.h"
+#include "kernels/mesh/mesh_block.h"
 #include "kernels/normal_filter.h"
 
 namespace tessera {

@@ -6,7 +6,7 @@
 #include <functional>
 
 #include "kernels/certificate.h"
-#include "kernels/closest_face.h"
+#include "kernels/mesh/closest_face.h"
 
 namespace tessera {
 

@@ -6,7 +6,7 @@
 #include <functional>
 
 #include "kernels/directed_field.h"
-#include "kernels/patch.h"
+#include "kernels/mesh/patch.h"
 
 namespace tessera {
 

@@ -10,7 +10,7 @@
 
 #include "kernels/coarse_system.h"
 #include "kernels/denoise.h"
-#include "kernels/mesh_block.h"
+#include "kernels/mesh/mesh_block.h"
 #include "kernels/normal_filter.h"
 #include "kernels/polynomial_filter.h"
 #include "kernels/surface_rows.h"

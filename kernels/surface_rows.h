@@ -17,8 +17,8 @@
 #include <cstdint>
 #include <vector>
 
-#include "kernels/face_corners.h"
-#include "kernels/mesh_block.h"
+#include "kernels/mesh/face_corners.h"
+#include "kernels/mesh/mesh_block.h"
 
 namespace tessera {
 

@@ -39,7 +39,7 @@
 #include <vector>
 
 #include "kernels/certificate.h"
-#include "kernels/closest_face.h"
+#include "kernels/mesh/closest_face.h"
 #include "octree/lattice.h"
 
 namespace tessera {

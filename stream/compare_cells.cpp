@@ -4,7 +4,7 @@
 #include <array>
 #include <cmath>
 
-#include "kernels/closest_face.h"
+#include "kernels/mesh/closest_face.h"
 
 namespace tessera {
 namespace {

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <type_traits>
 
-#include "kernels/closest_face.h"
+#include "kernels/mesh/closest_face.h"
 #include "octree/error.h"
 #include "stream/direct_file.h"
 #include "stream/read_file.h"

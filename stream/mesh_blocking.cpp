@@ -1,7 +1,7 @@
 /// Semantic blocks: maximal nodes of a shifted octree of bricks.
 #include <algorithm>
 
-#include "kernels/mesh_block_ops.h"
+#include "kernels/mesh/mesh_block_ops.h"
 #include "stream/mesh_store.h"
 
 namespace tessera {

@@ -9,7 +9,7 @@
 
 #include <xxhash.h>
 
-#include "kernels/mesh_block_ops.h"
+#include "kernels/mesh/mesh_block_ops.h"
 #include "octree/error.h"
 #include "stream/direct_file.h"
 #include "stream/patch_coding.h"

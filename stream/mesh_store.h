@@ -15,7 +15,7 @@
 #include <span>
 #include <vector>
 
-#include "kernels/mesh_block.h"
+#include "kernels/mesh/mesh_block.h"
 #include "octree/lattice.h"
 
 namespace tessera {

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "kernels/mesh_block_ops.h"
+#include "kernels/mesh/mesh_block_ops.h"
 #include "octree/error.h"
 #include "stream/external_sort.h"
 #include "stream/mesh_io.h"

@@ -3,7 +3,7 @@
 #include <cmath>
 #include <cstring>
 
-#include "kernels/patch_mesh.h"
+#include "kernels/mesh/patch_mesh.h"
 #include "stream/mesh_store.h"
 
 namespace tessera {

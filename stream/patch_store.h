@@ -10,8 +10,8 @@
 #include <span>
 #include <vector>
 
-#include "kernels/patch.h"
-#include "kernels/patch_components.h"
+#include "kernels/mesh/patch.h"
+#include "kernels/mesh/patch_components.h"
 
 namespace tessera {
 

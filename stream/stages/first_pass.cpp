@@ -6,9 +6,9 @@
 
 #include <nlohmann/json.hpp>
 
-#include "kernels/block_components.h"
-#include "kernels/mesh_block_ops.h"
-#include "kernels/patch_mesh.h"
+#include "kernels/mesh/block_components.h"
+#include "kernels/mesh/mesh_block_ops.h"
+#include "kernels/mesh/patch_mesh.h"
 #include "stream/direct_file.h"
 #include "stream/stages/output_frame.h"
 #include "stream/stages/simplify_stage.h"

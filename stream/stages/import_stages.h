@@ -18,7 +18,7 @@
 
 #include <nlohmann/json_fwd.hpp>
 
-#include "kernels/mesh_repair.h"
+#include "kernels/mesh/mesh_repair.h"
 #include "stream/mesh_store.h"
 #include "stream/read_file.h"
 #include "stream/stage.h"

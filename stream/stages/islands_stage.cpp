@@ -6,8 +6,8 @@
 
 #include <nlohmann/json.hpp>
 
-#include "kernels/block_components.h"
-#include "kernels/mesh_block_ops.h"
+#include "kernels/mesh/block_components.h"
+#include "kernels/mesh/mesh_block_ops.h"
 #include "octree/error.h"
 #include "stream/direct_file.h"
 #include "stream/external_sort.h"

@@ -1,7 +1,7 @@
 /// \file output_frame.h
 /// How a reconstruction writes positions.
 #pragma once
-#include "kernels/patch_mesh.h"
+#include "kernels/mesh/patch_mesh.h"
 #include "stream/plan.h"
 #include "stream/stage.h"
 

@@ -8,7 +8,7 @@
 #include <nlohmann/json.hpp>
 
 #include "kernels/certificate.h"
-#include "kernels/closest_face.h"
+#include "kernels/mesh/closest_face.h"
 #include "octree/error.h"
 #include "stream/durable_file.h"
 #include "stream/numbers.h"

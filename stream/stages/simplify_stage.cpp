@@ -8,7 +8,7 @@
 #include <nlohmann/json.hpp>
 
 #include "kernels/certificate.h"
-#include "kernels/mesh_block_ops.h"
+#include "kernels/mesh/mesh_block_ops.h"
 #include "octree/error.h"
 #include "stream/direct_file.h"
 #include "stream/durable_file.h"

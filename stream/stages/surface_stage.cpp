@@ -5,7 +5,7 @@
 
 #include "kernels/extended_marching_cubes.h"
 #include "kernels/field.h"
-#include "kernels/patch_components.h"
+#include "kernels/mesh/patch_components.h"
 #include "stream/multipole_store.h"
 #include "stream/patch_store.h"
 #include "stream/plan.h"

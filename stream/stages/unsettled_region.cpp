@@ -4,9 +4,9 @@
 #include <array>
 #include <limits>
 
-#include "kernels/box_mask.h"
 #include "kernels/collapse_mesh.h"
-#include "kernels/mesh_block_ops.h"
+#include "kernels/mesh/box_mask.h"
+#include "kernels/mesh/mesh_block_ops.h"
 
 namespace tessera {
 namespace {

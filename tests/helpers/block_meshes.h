@@ -3,7 +3,7 @@
 #pragma once
 #include <functional>
 
-#include "kernels/mesh_block.h"
+#include "kernels/mesh/mesh_block.h"
 
 namespace tessera::test {
 

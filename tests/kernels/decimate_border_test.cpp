@@ -5,7 +5,7 @@
 
 #include "kernels/certificate.h"
 #include "kernels/decimate.h"
-#include "kernels/mesh_block_ops.h"
+#include "kernels/mesh/mesh_block_ops.h"
 #include "octree/portable_math.h"
 #include "tests/helpers/block_meshes.h"
 

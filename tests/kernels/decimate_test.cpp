@@ -14,8 +14,8 @@
 #include <new>
 #include <set>
 
-#include "kernels/closest_face.h"
 #include "kernels/collapse_mesh.h"
+#include "kernels/mesh/closest_face.h"
 #include "octree/error.h"
 #include "octree/portable_math.h"
 #include "tests/helpers/block_meshes.h"

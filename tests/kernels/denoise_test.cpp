@@ -5,7 +5,7 @@
 #include <cmath>
 #include <random>
 
-#include "kernels/face_corners.h"
+#include "kernels/mesh/face_corners.h"
 #include "kernels/smooth.h"
 #include "kernels/star_sides.h"
 #include "kernels/surface_window.h"

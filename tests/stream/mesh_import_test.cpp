@@ -10,7 +10,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "kernels/mesh_block_ops.h"
+#include "kernels/mesh/mesh_block_ops.h"
 #include "octree/error.h"
 #include "stream/import_mesh.h"
 #include "stream/mesh_check.h"

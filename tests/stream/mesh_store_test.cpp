@@ -6,7 +6,7 @@
 #include <numeric>
 #include <set>
 
-#include "kernels/mesh_block_ops.h"
+#include "kernels/mesh/mesh_block_ops.h"
 #include "octree/error.h"
 #include "stream/mesh_store.h"
 #include "tests/helpers/serial_job.h"

@@ -9,7 +9,7 @@
 #include <random>
 #include <set>
 
-#include "kernels/closest_face.h"
+#include "kernels/mesh/closest_face.h"
 #include "kernels/smooth.h"
 #include "octree/vector3.h"
 #include "stream/import_mesh.h"

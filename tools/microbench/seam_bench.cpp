@@ -14,7 +14,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "kernels/closest_face.h"
+#include "kernels/mesh/closest_face.h"
 #include "stream/import_mesh.h"
 #include "stream/scratch_folder.h"
 #include "stream/stage_runner.h"

@@ -5,7 +5,7 @@
 #include <span>
 #include <vector>
 
-#include "kernels/mesh_block.h"
+#include "kernels/mesh/mesh_block.h"
 
 namespace tessera {
 

@@ -6,8 +6,8 @@
 #include <utility>
 
 #include "kernels/extended_marching_cubes.h"
-#include "kernels/mesh_block_ops.h"
-#include "kernels/patch_mesh.h"
+#include "kernels/mesh/mesh_block_ops.h"
+#include "kernels/mesh/patch_mesh.h"
 #include "tests/helpers/analytic_field.h"
 #include "tests/helpers/mesh_checks.h"
 

@@ -3,8 +3,8 @@
 #pragma once
 #include <cstdint>
 
-#include "kernels/mesh_block.h"
-#include "kernels/patch.h"
+#include "kernels/mesh/mesh_block.h"
+#include "kernels/mesh/patch.h"
 #include "octree/lattice.h"
 
 namespace tessera {

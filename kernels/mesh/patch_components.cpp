@@ -1,8 +1,8 @@
-#include "kernels/patch_components.h"
+#include "kernels/mesh/patch_components.h"
 
 #include <utility>
 
-#include "kernels/face_components.h"
+#include "kernels/mesh/face_components.h"
 
 namespace tessera {
 

@@ -1,4 +1,4 @@
-#include "kernels/closest_face.h"
+#include "kernels/mesh/closest_face.h"
 
 #include <immintrin.h>
 

@@ -8,7 +8,7 @@
 #include <random>
 #include <set>
 
-#include "kernels/mesh_repair.h"
+#include "kernels/mesh/mesh_repair.h"
 
 namespace tessera {
 namespace {

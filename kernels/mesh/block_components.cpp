@@ -1,10 +1,10 @@
-#include "kernels/block_components.h"
+#include "kernels/mesh/block_components.h"
 
 #include <algorithm>
 #include <utility>
 
-#include "kernels/face_components.h"
-#include "kernels/mesh_block_ops.h"
+#include "kernels/mesh/face_components.h"
+#include "kernels/mesh/mesh_block_ops.h"
 
 namespace tessera {
 

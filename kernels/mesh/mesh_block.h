@@ -9,7 +9,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "kernels/patch.h"
+#include "kernels/mesh/patch.h"
 #include "octree/lattice.h"
 
 namespace tessera {

@@ -1,4 +1,4 @@
-#include "kernels/mesh_repair.h"
+#include "kernels/mesh/mesh_repair.h"
 
 #include <algorithm>
 #include <cassert>

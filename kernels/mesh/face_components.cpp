@@ -1,4 +1,4 @@
-#include "kernels/face_components.h"
+#include "kernels/mesh/face_components.h"
 
 #include "octree/union_find.h"
 

@@ -1,10 +1,10 @@
-#include "kernels/patch_mesh.h"
+#include "kernels/mesh/patch_mesh.h"
 
 #include <algorithm>
 #include <cassert>
 #include <utility>
 
-#include "kernels/mesh_block_ops.h"
+#include "kernels/mesh/mesh_block_ops.h"
 #include "octree/morton.h"
 
 namespace tessera {

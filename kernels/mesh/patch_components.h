@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "kernels/patch.h"
+#include "kernels/mesh/patch.h"
 
 namespace tessera {
 

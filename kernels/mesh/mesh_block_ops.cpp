@@ -1,4 +1,4 @@
-#include "kernels/mesh_block_ops.h"
+#include "kernels/mesh/mesh_block_ops.h"
 
 #include <algorithm>
 #include <cmath>
