@@ -8,7 +8,7 @@
 #include <span>
 #include <vector>
 
-#include "kernels/orientation.h"
+#include "kernels/points/orientation.h"
 #include "octree/points.h"
 
 namespace tessera {

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
-#include "kernels/normals.h"
+#include "kernels/points/normals.h"
 #include "octree/error.h"
 #include "stream/direct_file.h"
 #include "stream/plan.h"

@@ -7,7 +7,7 @@
 #include <nlohmann/json.hpp>
 #include <string>
 
-#include "kernels/sight.h"
+#include "kernels/points/sight.h"
 
 namespace tessera {
 namespace {

@@ -6,7 +6,7 @@
 
 #include <nlohmann/json_fwd.hpp>
 
-#include "kernels/sign_solver.h"
+#include "kernels/points/sign_solver.h"
 #include "octree/lattice.h"
 #include "stream/point_overlay.h"
 #include "stream/stage.h"

@@ -6,7 +6,7 @@
 #include <nlohmann/json.hpp>
 #include <string>
 
-#include "kernels/spacing.h"
+#include "kernels/points/spacing.h"
 #include "octree/error.h"
 #include "stream/brick_histogram.h"
 #include "stream/forecast.h"

@@ -1,10 +1,10 @@
-#include "kernels/spacing.h"
+#include "kernels/points/spacing.h"
 
 #include <algorithm>
 #include <bit>
 #include <cmath>
 
-#include "kernels/normals.h"
+#include "kernels/points/normals.h"
 
 namespace tessera {
 namespace {

@@ -10,7 +10,7 @@
 #include <span>
 #include <vector>
 
-#include "kernels/sign_solver.h"
+#include "kernels/points/sign_solver.h"
 #include "octree/lattice.h"
 
 namespace tessera {

@@ -1,11 +1,11 @@
-#include "kernels/sight.h"
+#include "kernels/points/sight.h"
 
 #include <algorithm>
 #include <bit>
 #include <cmath>
 #include <limits>
 
-#include "kernels/orientation.h"
+#include "kernels/points/orientation.h"
 
 namespace tessera {
 namespace {

@@ -2,7 +2,7 @@
 #include <catch2/catch.hpp>
 #include <cmath>
 
-#include "kernels/sight.h"
+#include "kernels/points/sight.h"
 
 using namespace tessera;
 

@@ -1,7 +1,7 @@
 #include <catch2/catch.hpp>
 #include <cmath>
 
-#include "kernels/normals.h"
+#include "kernels/points/normals.h"
 #include "octree/morton.h"
 
 using namespace tessera;

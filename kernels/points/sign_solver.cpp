@@ -1,4 +1,4 @@
-#include "kernels/sign_solver.h"
+#include "kernels/points/sign_solver.h"
 
 #include <algorithm>
 #include <cmath>

@@ -1,4 +1,4 @@
-#include "kernels/orientation.h"
+#include "kernels/points/orientation.h"
 
 #include <algorithm>
 #include <cmath>

@@ -5,9 +5,9 @@
 #include <cmath>
 #include <functional>
 
-#include "kernels/normals.h"
-#include "kernels/orientation.h"
-#include "kernels/sight.h"
+#include "kernels/points/normals.h"
+#include "kernels/points/orientation.h"
+#include "kernels/points/sight.h"
 #include "octree/morton.h"
 
 using namespace tessera;

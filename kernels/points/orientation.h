@@ -11,7 +11,7 @@
 #include <span>
 #include <vector>
 
-#include "kernels/sign_solver.h"
+#include "kernels/points/sign_solver.h"
 #include "octree/lattice.h"
 
 namespace tessera {

@@ -1,4 +1,4 @@
-#include "kernels/normals.h"
+#include "kernels/points/normals.h"
 
 #include <immintrin.h>
 
