@@ -22,7 +22,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "kernels/directed_field.h"
+#include "kernels/field/directed_field.h"
 
 namespace tessera {
 

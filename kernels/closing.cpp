@@ -5,8 +5,8 @@
 #include <cmath>
 #include <utility>
 
-#include "kernels/edge_roots.h"
-#include "kernels/node_fit.h"
+#include "kernels/field/edge_roots.h"
+#include "kernels/field/node_fit.h"
 
 namespace tessera {
 namespace {

@@ -14,7 +14,7 @@
 #include <vector>
 
 #include "kernels/closing_field.h"
-#include "kernels/directed_field.h"
+#include "kernels/field/directed_field.h"
 
 namespace tessera {
 

@@ -5,7 +5,7 @@
 #pragma once
 #include <functional>
 
-#include "kernels/directed_field.h"
+#include "kernels/field/directed_field.h"
 #include "kernels/mesh/patch.h"
 
 namespace tessera {

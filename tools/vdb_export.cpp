@@ -6,7 +6,7 @@
 #include <fstream>
 #include <memory>
 
-#include "kernels/band_vdb.h"
+#include "kernels/field/band_vdb.h"
 #include "octree/error.h"
 #include "stream/stages/surface_stage.h"
 #include "tools/cli.h"

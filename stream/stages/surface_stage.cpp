@@ -4,7 +4,7 @@
 #include <nlohmann/json.hpp>
 
 #include "kernels/extended_marching_cubes.h"
-#include "kernels/field.h"
+#include "kernels/field/field.h"
 #include "kernels/mesh/patch_components.h"
 #include "stream/multipole_store.h"
 #include "stream/patch_store.h"

@@ -4,7 +4,7 @@
 #pragma once
 #include <functional>
 
-#include "kernels/field.h"
+#include "kernels/field/field.h"
 #include "stream/closing_store.h"
 #include "stream/plan.h"
 #include "stream/point_store.h"

@@ -5,7 +5,7 @@
 #include <cstdint>
 #include <functional>
 
-#include "kernels/directed_field.h"
+#include "kernels/field/directed_field.h"
 
 namespace tessera::test {
 

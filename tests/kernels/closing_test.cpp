@@ -7,7 +7,7 @@
 #include <map>
 
 #include "kernels/area_weights.h"
-#include "kernels/field.h"
+#include "kernels/field/field.h"
 #include "octree/morton.h"
 #include "tests/helpers/oriented_samples.h"
 

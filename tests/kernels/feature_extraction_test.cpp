@@ -4,7 +4,7 @@
 #include <cmath>
 
 #include "kernels/extended_marching_cubes.h"
-#include "kernels/field.h"
+#include "kernels/field/field.h"
 #include "tests/helpers/mesh_checks.h"
 #include "tests/helpers/oriented_samples.h"
 #include "tests/helpers/solids.h"

@@ -8,7 +8,7 @@
 #include <ctime>
 #include <string>
 
-#include "kernels/field.h"
+#include "kernels/field/field.h"
 #include "tests/helpers/oriented_samples.h"
 
 namespace {

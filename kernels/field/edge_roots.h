@@ -3,9 +3,9 @@
 #pragma once
 #include <vector>
 
-#include "kernels/directed_field.h"
-#include "kernels/node_fit.h"
-#include "kernels/point_leaves.h"
+#include "kernels/field/directed_field.h"
+#include "kernels/field/node_fit.h"
+#include "kernels/field/point_leaves.h"
 
 namespace tessera {
 

@@ -1,4 +1,4 @@
-#include "kernels/row_samples.h"
+#include "kernels/field/row_samples.h"
 
 #include <bit>
 

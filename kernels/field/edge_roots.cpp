@@ -1,4 +1,4 @@
-#include "kernels/edge_roots.h"
+#include "kernels/field/edge_roots.h"
 
 #include <algorithm>
 #include <cmath>

@@ -11,8 +11,8 @@
 #include <array>
 #include <cstdint>
 
-#include "kernels/row_samples.h"
-#include "kernels/sheets.h"
+#include "kernels/field/row_samples.h"
+#include "kernels/field/sheets.h"
 
 namespace tessera {
 

@@ -1,4 +1,4 @@
-#include "kernels/rim_test.h"
+#include "kernels/field/rim_test.h"
 
 #include <cmath>
 #include <cstdint>

@@ -1,4 +1,4 @@
-#include "kernels/sample_list.h"
+#include "kernels/field/sample_list.h"
 
 #include <bit>
 

@@ -1,4 +1,4 @@
-#include "kernels/band.h"
+#include "kernels/field/band.h"
 
 namespace tessera {
 namespace {

@@ -1,10 +1,10 @@
-#include "kernels/node_fit.h"
+#include "kernels/field/node_fit.h"
 
 #include <algorithm>
 #include <bit>
 #include <cmath>
 
-#include "kernels/rim_test.h"
+#include "kernels/field/rim_test.h"
 
 namespace tessera {
 namespace {

@@ -1,8 +1,8 @@
 /// \file root_colour.h
 /// Colour of the surface at the roots: weighted mean of the samples around each.
 #pragma once
-#include "kernels/directed_field.h"
-#include "kernels/point_leaves.h"
+#include "kernels/field/directed_field.h"
+#include "kernels/field/point_leaves.h"
 
 namespace tessera {
 

@@ -1,4 +1,4 @@
-#include "kernels/sheets.h"
+#include "kernels/field/sheets.h"
 
 #include <algorithm>
 #include <cmath>

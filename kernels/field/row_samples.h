@@ -4,8 +4,8 @@
 #pragma once
 #include <array>
 
-#include "kernels/sample_list.h"
-#include "kernels/sheets.h"
+#include "kernels/field/sample_list.h"
+#include "kernels/field/sheets.h"
 
 namespace tessera {
 

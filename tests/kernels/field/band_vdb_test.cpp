@@ -1,4 +1,4 @@
-#include "kernels/band_vdb.h"
+#include "kernels/field/band_vdb.h"
 
 #include <openvdb/io/Stream.h>
 #include <openvdb/openvdb.h>
@@ -6,7 +6,7 @@
 #include <catch2/catch.hpp>
 #include <sstream>
 
-#include "kernels/field.h"
+#include "kernels/field/field.h"
 #include "tests/helpers/oriented_samples.h"
 
 using namespace tessera;

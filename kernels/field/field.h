@@ -9,7 +9,7 @@
 /// and join these by minima and maxima (sheets.h); roots and normals on crossed edges from the fits at both
 /// ends (edge_roots.h); colour (root_colour.h).
 #pragma once
-#include "kernels/directed_field.h"
+#include "kernels/field/directed_field.h"
 #include "octree/points.h"
 
 namespace tessera {

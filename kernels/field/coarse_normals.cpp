@@ -1,4 +1,4 @@
-#include "kernels/coarse_normals.h"
+#include "kernels/field/coarse_normals.h"
 
 #include <cmath>
 

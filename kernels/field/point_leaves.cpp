@@ -1,4 +1,4 @@
-#include "kernels/point_leaves.h"
+#include "kernels/field/point_leaves.h"
 
 #include <cassert>
 #include <cmath>

@@ -1,7 +1,7 @@
 /// \file rim_test.h
 /// Whether the samples go on around a foot point, however unevenly they lie.
 #pragma once
-#include "kernels/sample_clusters.h"
+#include "kernels/field/sample_clusters.h"
 
 namespace tessera {
 

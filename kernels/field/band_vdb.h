@@ -7,7 +7,7 @@
 #include <iosfwd>
 #include <memory>
 
-#include "kernels/directed_field.h"
+#include "kernels/field/directed_field.h"
 
 namespace tessera {
 

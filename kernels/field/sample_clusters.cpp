@@ -1,4 +1,4 @@
-#include "kernels/sample_clusters.h"
+#include "kernels/field/sample_clusters.h"
 
 #include <immintrin.h>
 

@@ -10,7 +10,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "kernels/sample_clusters.h"
+#include "kernels/field/sample_clusters.h"
 
 namespace tessera {
 

@@ -1,4 +1,4 @@
-#include "kernels/band_vdb.h"
+#include "kernels/field/band_vdb.h"
 
 #include <openvdb/io/Stream.h>
 #include <openvdb/openvdb.h>

@@ -1,10 +1,10 @@
-#include "kernels/root_colour.h"
+#include "kernels/field/root_colour.h"
 
 #include <algorithm>
 #include <bit>
 #include <cmath>
 
-#include "kernels/sample_list.h"
+#include "kernels/field/sample_list.h"
 
 namespace tessera {
 namespace {

@@ -12,7 +12,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "kernels/point_leaves.h"
+#include "kernels/field/point_leaves.h"
 
 namespace tessera {
 

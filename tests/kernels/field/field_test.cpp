@@ -1,4 +1,4 @@
-#include "kernels/field.h"
+#include "kernels/field/field.h"
 
 #include <algorithm>
 #include <bit>

@@ -1,14 +1,14 @@
-#include "kernels/field.h"
+#include "kernels/field/field.h"
 
 #include <algorithm>
 #include <cmath>
 
-#include "kernels/band.h"
-#include "kernels/coarse_normals.h"
-#include "kernels/edge_roots.h"
-#include "kernels/node_fit.h"
-#include "kernels/point_leaves.h"
-#include "kernels/root_colour.h"
+#include "kernels/field/band.h"
+#include "kernels/field/coarse_normals.h"
+#include "kernels/field/edge_roots.h"
+#include "kernels/field/node_fit.h"
+#include "kernels/field/point_leaves.h"
+#include "kernels/field/root_colour.h"
 
 namespace tessera {
 namespace {
