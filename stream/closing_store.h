@@ -10,7 +10,7 @@
 #include <span>
 #include <vector>
 
-#include "kernels/closing.h"
+#include "kernels/closing/closing.h"
 
 namespace tessera {
 

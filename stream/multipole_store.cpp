@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <string>
 
-#include "kernels/area_weights.h"
+#include "kernels/closing/area_weights.h"
 #include "octree/error.h"
 #include "stream/direct_file.h"
 #include "stream/read_file.h"

@@ -7,7 +7,7 @@
 #pragma once
 #include <string>
 
-#include "kernels/closing.h"
+#include "kernels/closing/closing.h"
 #include "stream/options.h"
 #include "stream/plan.h"
 #include "stream/stage.h"

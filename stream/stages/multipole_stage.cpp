@@ -1,7 +1,7 @@
 #include <algorithm>
 #include <nlohmann/json.hpp>
 
-#include "kernels/area_weights.h"
+#include "kernels/closing/area_weights.h"
 #include "stream/multipole_store.h"
 #include "stream/point_overlay.h"
 #include "stream/point_store.h"

@@ -1,4 +1,4 @@
-#include "kernels/closing_field.h"
+#include "kernels/closing/closing_field.h"
 
 #include <algorithm>
 #include <cassert>

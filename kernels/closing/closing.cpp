@@ -1,4 +1,4 @@
-#include "kernels/closing.h"
+#include "kernels/closing/closing.h"
 
 #include <algorithm>
 #include <cassert>

@@ -1,7 +1,7 @@
 #include <algorithm>
 #include <cassert>
 
-#include "kernels/closing.h"
+#include "kernels/closing/closing.h"
 #include "octree/morton.h"
 
 namespace tessera {

@@ -1,4 +1,4 @@
-#include "kernels/area_weights.h"
+#include "kernels/closing/area_weights.h"
 
 #include <catch2/catch.hpp>
 #include <cmath>

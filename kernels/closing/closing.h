@@ -13,7 +13,7 @@
 #include <span>
 #include <vector>
 
-#include "kernels/closing_field.h"
+#include "kernels/closing/closing_field.h"
 #include "kernels/field/directed_field.h"
 
 namespace tessera {

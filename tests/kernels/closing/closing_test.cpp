@@ -1,4 +1,4 @@
-#include "kernels/closing.h"
+#include "kernels/closing/closing.h"
 
 #include <algorithm>
 #include <bit>
@@ -6,7 +6,7 @@
 #include <cmath>
 #include <map>
 
-#include "kernels/area_weights.h"
+#include "kernels/closing/area_weights.h"
 #include "kernels/field/field.h"
 #include "octree/morton.h"
 #include "tests/helpers/oriented_samples.h"
