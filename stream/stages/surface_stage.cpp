@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <nlohmann/json.hpp>
 
-#include "kernels/extended_marching_cubes.h"
+#include "kernels/extract/extended_marching_cubes.h"
 #include "kernels/field/field.h"
 #include "kernels/mesh/patch_components.h"
 #include "stream/multipole_store.h"

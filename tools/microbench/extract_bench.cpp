@@ -5,7 +5,7 @@
 #include <cstdlib>
 #include <ctime>
 
-#include "kernels/extended_marching_cubes.h"
+#include "kernels/extract/extended_marching_cubes.h"
 #include "tests/helpers/analytic_field.h"
 
 namespace {

@@ -5,7 +5,7 @@
 #include <map>
 #include <utility>
 
-#include "kernels/extended_marching_cubes.h"
+#include "kernels/extract/extended_marching_cubes.h"
 #include "kernels/mesh/mesh_block_ops.h"
 #include "kernels/mesh/patch_mesh.h"
 #include "tests/helpers/analytic_field.h"

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <map>
 
-#include "kernels/extended_marching_cubes.h"
+#include "kernels/extract/extended_marching_cubes.h"
 #include "kernels/field/field.h"
 #include "tests/helpers/mesh_checks.h"
 #include "tests/helpers/oriented_samples.h"

@@ -5,7 +5,7 @@
 #pragma once
 #include <array>
 
-#include "kernels/cell_loops.h"
+#include "kernels/extract/cell_loops.h"
 #include "octree/lattice.h"
 
 namespace tessera {

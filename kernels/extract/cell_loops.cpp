@@ -1,4 +1,4 @@
-#include "kernels/cell_loops.h"
+#include "kernels/extract/cell_loops.h"
 
 namespace tessera {
 namespace {

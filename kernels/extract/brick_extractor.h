@@ -5,10 +5,10 @@
 #include <cstdint>
 #include <vector>
 
-#include "kernels/brick_band.h"
-#include "kernels/extended_marching_cubes.h"
-#include "kernels/feature_sample.h"
-#include "kernels/loop_triangulation.h"
+#include "kernels/extract/brick_band.h"
+#include "kernels/extract/extended_marching_cubes.h"
+#include "kernels/extract/feature_sample.h"
+#include "kernels/extract/loop_triangulation.h"
 
 namespace tessera {
 

@@ -1,4 +1,4 @@
-#include "kernels/brick_extractor.h"
+#include "kernels/extract/brick_extractor.h"
 
 #include <algorithm>
 #include <bit>

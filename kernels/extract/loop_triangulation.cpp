@@ -1,4 +1,4 @@
-#include "kernels/loop_triangulation.h"
+#include "kernels/extract/loop_triangulation.h"
 
 #include <cmath>
 

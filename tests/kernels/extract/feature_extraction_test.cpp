@@ -3,7 +3,7 @@
 #include <catch2/catch.hpp>
 #include <cmath>
 
-#include "kernels/extended_marching_cubes.h"
+#include "kernels/extract/extended_marching_cubes.h"
 #include "kernels/field/field.h"
 #include "tests/helpers/mesh_checks.h"
 #include "tests/helpers/oriented_samples.h"

@@ -8,7 +8,7 @@
 //        a                    a
 #include <cmath>
 
-#include "kernels/brick_extractor.h"
+#include "kernels/extract/brick_extractor.h"
 
 namespace tessera {
 namespace {

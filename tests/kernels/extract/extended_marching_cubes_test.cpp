@@ -1,10 +1,10 @@
-#include "kernels/extended_marching_cubes.h"
+#include "kernels/extract/extended_marching_cubes.h"
 
 #include <catch2/catch.hpp>
 #include <cmath>
 #include <map>
 
-#include "kernels/cell_loops.h"
+#include "kernels/extract/cell_loops.h"
 #include "tests/helpers/analytic_field.h"
 #include "tests/helpers/mesh_checks.h"
 

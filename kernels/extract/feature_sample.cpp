@@ -1,9 +1,9 @@
-#include "kernels/feature_sample.h"
+#include "kernels/extract/feature_sample.h"
 
 #include <algorithm>
 #include <cmath>
 
-#include "kernels/tangent_planes.h"
+#include "kernels/extract/tangent_planes.h"
 
 namespace tessera {
 namespace {

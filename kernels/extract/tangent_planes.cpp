@@ -1,4 +1,4 @@
-#include "kernels/tangent_planes.h"
+#include "kernels/extract/tangent_planes.h"
 
 #include <cmath>
 #include <utility>

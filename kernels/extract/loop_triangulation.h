@@ -5,7 +5,7 @@
 #include <array>
 #include <cstdint>
 
-#include "kernels/feature_sample.h"
+#include "kernels/extract/feature_sample.h"
 
 namespace tessera {
 

@@ -1,4 +1,4 @@
-#include "kernels/brick_band.h"
+#include "kernels/extract/brick_band.h"
 
 #include <cassert>
 

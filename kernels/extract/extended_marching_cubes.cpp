@@ -1,10 +1,10 @@
-#include "kernels/extended_marching_cubes.h"
+#include "kernels/extract/extended_marching_cubes.h"
 
 #include <algorithm>
 #include <cassert>
 #include <utility>
 
-#include "kernels/brick_extractor.h"
+#include "kernels/extract/brick_extractor.h"
 #include "octree/morton.h"
 
 namespace tessera {
