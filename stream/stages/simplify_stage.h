@@ -10,7 +10,7 @@
 
 #include <nlohmann/json_fwd.hpp>
 
-#include "kernels/decimate.h"
+#include "kernels/decimate/decimate.h"
 #include "stream/mesh_store.h"
 #include "stream/stage.h"
 

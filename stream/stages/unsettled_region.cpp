@@ -4,7 +4,7 @@
 #include <array>
 #include <limits>
 
-#include "kernels/collapse_mesh.h"
+#include "kernels/decimate/collapse_mesh.h"
 #include "kernels/mesh/box_mask.h"
 #include "kernels/mesh/mesh_block_ops.h"
 

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <map>
 
-#include "kernels/decimate.h"
+#include "kernels/decimate/decimate.h"
 #include "octree/error.h"
 #include "tests/helpers/block_meshes.h"
 

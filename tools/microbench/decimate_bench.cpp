@@ -17,7 +17,7 @@
 #include <unordered_map>
 
 #include "kernels/certificate.h"
-#include "kernels/decimate.h"
+#include "kernels/decimate/decimate.h"
 #include "stream/mesh_io.h"
 
 namespace {

@@ -11,12 +11,12 @@
 #include <utility>
 #include <vector>
 
-#include "kernels/collapse_gap.h"
-#include "kernels/collapse_mesh.h"
-#include "kernels/cost_queue.h"
-#include "kernels/decimate.h"
-#include "kernels/quadric.h"
-#include "kernels/reference_gap.h"
+#include "kernels/decimate/collapse_gap.h"
+#include "kernels/decimate/collapse_mesh.h"
+#include "kernels/decimate/cost_queue.h"
+#include "kernels/decimate/decimate.h"
+#include "kernels/decimate/quadric.h"
+#include "kernels/decimate/reference_gap.h"
 
 namespace tessera {
 

@@ -6,7 +6,7 @@
 #include <array>
 #include <cstddef>
 
-#include "kernels/collapse_mesh.h"
+#include "kernels/decimate/collapse_mesh.h"
 #include "octree/portable_math.h"
 
 namespace tessera {

@@ -4,7 +4,7 @@
 #include <algorithm>
 
 #include "kernels/certificate.h"
-#include "kernels/decimate.h"
+#include "kernels/decimate/decimate.h"
 #include "kernels/mesh/mesh_block_ops.h"
 #include "octree/portable_math.h"
 #include "tests/helpers/block_meshes.h"

@@ -1,4 +1,4 @@
-#include "kernels/decimate.h"
+#include "kernels/decimate/decimate.h"
 
 #include <algorithm>
 #include <cmath>
@@ -6,8 +6,8 @@
 #include <optional>
 #include <string>
 
-#include "kernels/decimator.h"
-#include "kernels/feature_edges.h"
+#include "kernels/decimate/decimator.h"
+#include "kernels/decimate/feature_edges.h"
 #include "octree/error.h"
 
 namespace tessera {

@@ -1,4 +1,4 @@
-#include "kernels/reference_gap.h"
+#include "kernels/decimate/reference_gap.h"
 
 #include <immintrin.h>
 

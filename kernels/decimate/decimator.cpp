@@ -1,4 +1,4 @@
-#include "kernels/decimator.h"
+#include "kernels/decimate/decimator.h"
 
 #include <immintrin.h>
 

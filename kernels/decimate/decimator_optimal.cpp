@@ -2,7 +2,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "kernels/decimator.h"
+#include "kernels/decimate/decimator.h"
 
 namespace tessera {
 

@@ -1,4 +1,4 @@
-#include "kernels/quadric.h"
+#include "kernels/decimate/quadric.h"
 
 #include <cmath>
 

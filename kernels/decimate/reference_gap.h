@@ -22,8 +22,8 @@
 #include <cstdint>
 #include <vector>
 
-#include "kernels/collapse_gap.h"
-#include "kernels/collapse_mesh.h"
+#include "kernels/decimate/collapse_gap.h"
+#include "kernels/decimate/collapse_mesh.h"
 
 namespace tessera {
 

@@ -1,4 +1,4 @@
-#include "kernels/collapse_gap.h"
+#include "kernels/decimate/collapse_gap.h"
 
 #include <immintrin.h>
 

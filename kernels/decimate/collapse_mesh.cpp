@@ -1,4 +1,4 @@
-#include "kernels/collapse_mesh.h"
+#include "kernels/decimate/collapse_mesh.h"
 
 #include <algorithm>
 #include <string>

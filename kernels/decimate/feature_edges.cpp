@@ -1,4 +1,4 @@
-#include "kernels/feature_edges.h"
+#include "kernels/decimate/feature_edges.h"
 
 #include <algorithm>
 #include <cmath>

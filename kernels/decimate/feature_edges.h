@@ -2,7 +2,7 @@
 /// Which vertices and edges of a block are features: corners stay, creases and borders collapse along
 /// themselves.
 #pragma once
-#include "kernels/collapse_mesh.h"
+#include "kernels/decimate/collapse_mesh.h"
 
 namespace tessera {
 

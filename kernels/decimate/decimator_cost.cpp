@@ -1,7 +1,7 @@
 // The continuous part of Decimator: what a collapse costs.
 #include <cmath>
 
-#include "kernels/decimator.h"
+#include "kernels/decimate/decimator.h"
 
 namespace tessera {
 

@@ -1,5 +1,5 @@
 // The decimation kernel on tiny meshes, named by what must not happen, and its promises on larger ones.
-#include "kernels/decimate.h"
+#include "kernels/decimate/decimate.h"
 
 #include <malloc.h>
 
@@ -14,7 +14,7 @@
 #include <new>
 #include <set>
 
-#include "kernels/collapse_mesh.h"
+#include "kernels/decimate/collapse_mesh.h"
 #include "kernels/mesh/closest_face.h"
 #include "octree/error.h"
 #include "octree/portable_math.h"
