@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "kernels/certificate_pair.h"
+#include "kernels/certify/certificate_pair.h"
 #include "stream/mesh_store.h"
 
 namespace tessera {

@@ -7,7 +7,7 @@
 #include <numeric>
 #include <vector>
 
-#include "kernels/certificate_pair.h"
+#include "kernels/certify/certificate_pair.h"
 #include "octree/error.h"
 #include "stream/compare_cells.h"
 #include "stream/import_mesh.h"

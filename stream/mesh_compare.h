@@ -13,7 +13,7 @@
 
 #include <nlohmann/json_fwd.hpp>
 
-#include "kernels/certificate.h"
+#include "kernels/certify/certificate.h"
 #include "stream/failed_places.h"
 #include "stream/mesh_store.h"
 #include "stream/options.h"

@@ -4,7 +4,7 @@
 #include <thread>
 
 #include "kernels/caption.h"
-#include "kernels/deviation_samples.h"
+#include "kernels/certify/deviation_samples.h"
 #include "octree/error.h"
 #include "stream/compare_cells.h"
 #include "stream/import_mesh.h"

@@ -7,7 +7,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "kernels/certificate.h"
+#include "kernels/certify/certificate.h"
 #include "kernels/mesh/closest_face.h"
 #include "octree/error.h"
 #include "stream/durable_file.h"

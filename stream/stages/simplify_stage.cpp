@@ -7,7 +7,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "kernels/certificate.h"
+#include "kernels/certify/certificate.h"
 #include "kernels/mesh/mesh_block_ops.h"
 #include "octree/error.h"
 #include "stream/direct_file.h"

@@ -16,7 +16,7 @@
 #include <string>
 #include <unordered_map>
 
-#include "kernels/certificate.h"
+#include "kernels/certify/certificate.h"
 #include "kernels/decimate/decimate.h"
 #include "stream/mesh_io.h"
 

@@ -9,7 +9,7 @@
 #include <ctime>
 #include <string>
 
-#include "kernels/tolerance_filter.h"
+#include "kernels/certify/tolerance_filter.h"
 #include "stream/mesh_io.h"
 #include "tests/helpers/surfaces.h"
 

@@ -3,7 +3,7 @@
 
 #include <algorithm>
 
-#include "kernels/certificate.h"
+#include "kernels/certify/certificate.h"
 #include "kernels/decimate/decimate.h"
 #include "kernels/mesh/mesh_block_ops.h"
 #include "octree/portable_math.h"

@@ -8,8 +8,8 @@
 #include <algorithm>
 #include <cassert>
 
+#include "kernels/certify/tolerance_raster.h"
 #include "kernels/gl_functions.h"
-#include "kernels/tolerance_raster.h"
 #include "octree/error.h"
 
 namespace tessera {

@@ -6,7 +6,7 @@
 #include <span>
 #include <vector>
 
-#include "kernels/tolerance_raster.h"
+#include "kernels/certify/tolerance_raster.h"
 
 namespace tessera {
 

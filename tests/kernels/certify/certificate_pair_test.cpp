@@ -1,11 +1,11 @@
-#include "kernels/certificate_pair.h"
+#include "kernels/certify/certificate_pair.h"
 
 #include <catch2/catch.hpp>
 
 #include <cmath>
 #include <vector>
 
-#include "kernels/overlay_proof.h"
+#include "kernels/certify/overlay_proof.h"
 #include "tests/helpers/surfaces.h"
 
 namespace {

@@ -3,7 +3,7 @@
 /// search of certificate.h for what it leaves open and for the largest distances, until bound and finding
 /// meet.
 #pragma once
-#include "kernels/certificate.h"
+#include "kernels/certify/certificate.h"
 
 namespace tessera {
 

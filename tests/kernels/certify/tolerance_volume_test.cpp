@@ -1,10 +1,10 @@
-#include "kernels/tolerance_volume.h"
+#include "kernels/certify/tolerance_volume.h"
 
 #include <catch2/catch.hpp>
 
 #include <cmath>
 
-#include "kernels/tolerance_filter.h"
+#include "kernels/certify/tolerance_filter.h"
 #include "tests/helpers/surfaces.h"
 
 namespace {

@@ -38,7 +38,7 @@
 #include <span>
 #include <vector>
 
-#include "kernels/certificate.h"
+#include "kernels/certify/certificate.h"
 #include "kernels/mesh/closest_face.h"
 #include "octree/lattice.h"
 

@@ -1,4 +1,4 @@
-#include "kernels/tolerance_volume.h"
+#include "kernels/certify/tolerance_volume.h"
 
 #include <algorithm>
 #include <bit>

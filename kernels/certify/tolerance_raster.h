@@ -10,8 +10,8 @@
 #include <string>
 #include <vector>
 
+#include "kernels/certify/tolerance_volume.h"
 #include "kernels/rasterizer.h"
-#include "kernels/tolerance_volume.h"
 
 namespace tessera {
 

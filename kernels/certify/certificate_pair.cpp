@@ -1,12 +1,12 @@
-#include "kernels/certificate_pair.h"
+#include "kernels/certify/certificate_pair.h"
 
 #include <algorithm>
 #include <cmath>
 #include <limits>
 #include <numeric>
 
+#include "kernels/certify/overlay_proof.h"
 #include "kernels/mesh/box_mask.h"
-#include "kernels/overlay_proof.h"
 
 namespace tessera {
 namespace {

@@ -5,7 +5,7 @@
 #include <array>
 #include <functional>
 
-#include "kernels/certificate.h"
+#include "kernels/certify/certificate.h"
 #include "kernels/mesh/closest_face.h"
 
 namespace tessera {

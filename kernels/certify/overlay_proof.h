@@ -29,7 +29,7 @@
 #pragma once
 #include <vector>
 
-#include "kernels/certificate.h"
+#include "kernels/certify/certificate.h"
 
 namespace tessera {
 

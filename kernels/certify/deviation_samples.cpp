@@ -1,4 +1,4 @@
-#include "kernels/deviation_samples.h"
+#include "kernels/certify/deviation_samples.h"
 
 #include <algorithm>
 #include <cmath>

@@ -1,4 +1,4 @@
-#include "kernels/certificate.h"
+#include "kernels/certify/certificate.h"
 
 #include <catch2/catch.hpp>
 

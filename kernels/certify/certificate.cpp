@@ -4,7 +4,7 @@
 //        a___________b          T is cut where the closest triangle changes: the sides of F1 seen along the
 //        |  F1 \ F2 |           normal of T. A piece that lies over one triangle alone is done at once.
 //        |______\___|  T
-#include "kernels/certificate.h"
+#include "kernels/certify/certificate.h"
 
 #include <algorithm>
 #include <cassert>

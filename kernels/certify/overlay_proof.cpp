@@ -1,4 +1,4 @@
-#include "kernels/overlay_proof.h"
+#include "kernels/certify/overlay_proof.h"
 
 #include <algorithm>
 #include <bit>
@@ -6,7 +6,7 @@
 #include <limits>
 #include <unordered_map>
 
-#include "kernels/overlay_outline.h"
+#include "kernels/certify/overlay_outline.h"
 #include "octree/vector3.h"
 
 namespace tessera {

@@ -1,4 +1,4 @@
-#include "kernels/tolerance_filter.h"
+#include "kernels/certify/tolerance_filter.h"
 
 #include <algorithm>
 #include <cassert>

@@ -7,7 +7,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "kernels/certificate.h"
+#include "kernels/certify/certificate.h"
 
 namespace tessera {
 
