@@ -10,8 +10,8 @@
 #include <string>
 #include <vector>
 
-#include "kernels/coarse_system.h"
-#include "kernels/smooth.h"
+#include "kernels/smooth/coarse_system.h"
+#include "kernels/smooth/smooth.h"
 #include "stream/direct_file.h"
 #include "stream/mesh_store.h"
 #include "stream/read_file.h"

@@ -12,7 +12,7 @@
 #include <string>
 #include <vector>
 
-#include "kernels/smooth.h"
+#include "kernels/smooth/smooth.h"
 #include "stream/job.h"
 #include "stream/mesh_store.h"
 #include "stream/stage.h"

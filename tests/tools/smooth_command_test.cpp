@@ -10,7 +10,7 @@
 #include <set>
 
 #include "kernels/mesh/closest_face.h"
-#include "kernels/smooth.h"
+#include "kernels/smooth/smooth.h"
 #include "octree/vector3.h"
 #include "stream/import_mesh.h"
 #include "stream/mesh_io.h"

@@ -7,7 +7,7 @@
 #include <cstdint>
 #include <span>
 
-#include "kernels/fairing.h"
+#include "kernels/smooth/fairing.h"
 
 namespace tessera {
 

@@ -1,4 +1,4 @@
-#include "kernels/coarse_level.h"
+#include "kernels/smooth/coarse_level.h"
 
 #include <algorithm>
 #include <array>

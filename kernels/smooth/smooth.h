@@ -8,12 +8,12 @@
 #include <string>
 #include <vector>
 
-#include "kernels/coarse_system.h"
-#include "kernels/denoise.h"
 #include "kernels/mesh/mesh_block.h"
-#include "kernels/normal_filter.h"
-#include "kernels/polynomial_filter.h"
-#include "kernels/surface_rows.h"
+#include "kernels/smooth/coarse_system.h"
+#include "kernels/smooth/denoise.h"
+#include "kernels/smooth/normal_filter.h"
+#include "kernels/smooth/polynomial_filter.h"
+#include "kernels/smooth/surface_rows.h"
 
 namespace tessera {
 

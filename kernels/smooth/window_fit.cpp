@@ -1,4 +1,4 @@
-#include "kernels/window_fit.h"
+#include "kernels/smooth/window_fit.h"
 
 #include <algorithm>
 #include <cmath>

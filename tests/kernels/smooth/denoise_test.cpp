@@ -1,4 +1,4 @@
-#include "kernels/denoise.h"
+#include "kernels/smooth/denoise.h"
 
 #include <algorithm>
 #include <catch2/catch.hpp>
@@ -6,10 +6,10 @@
 #include <random>
 
 #include "kernels/mesh/face_corners.h"
-#include "kernels/smooth.h"
-#include "kernels/star_sides.h"
-#include "kernels/surface_window.h"
-#include "kernels/window_fit.h"
+#include "kernels/smooth/smooth.h"
+#include "kernels/smooth/star_sides.h"
+#include "kernels/smooth/surface_window.h"
+#include "kernels/smooth/window_fit.h"
 #include "tests/helpers/block_meshes.h"
 
 namespace {

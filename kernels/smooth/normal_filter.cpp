@@ -1,4 +1,4 @@
-#include "kernels/normal_filter.h"
+#include "kernels/smooth/normal_filter.h"
 
 #include <algorithm>
 #include <cmath>

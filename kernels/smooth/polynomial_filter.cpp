@@ -1,4 +1,4 @@
-#include "kernels/polynomial_filter.h"
+#include "kernels/smooth/polynomial_filter.h"
 
 #include <immintrin.h>
 

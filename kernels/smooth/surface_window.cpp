@@ -1,4 +1,4 @@
-#include "kernels/surface_window.h"
+#include "kernels/smooth/surface_window.h"
 
 #include "octree/portable_math.h"
 #include "octree/vector3.h"

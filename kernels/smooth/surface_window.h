@@ -8,7 +8,7 @@
 
 #include "kernels/mesh/face_corners.h"
 #include "kernels/mesh/mesh_block.h"
-#include "kernels/window_fit.h"
+#include "kernels/smooth/window_fit.h"
 
 namespace tessera {
 

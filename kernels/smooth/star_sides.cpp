@@ -1,4 +1,4 @@
-#include "kernels/star_sides.h"
+#include "kernels/smooth/star_sides.h"
 
 #include <algorithm>
 

@@ -1,4 +1,4 @@
-#include "kernels/curvature_flow.h"
+#include "kernels/smooth/curvature_flow.h"
 
 #include <algorithm>
 #include <array>

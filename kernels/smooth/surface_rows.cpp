@@ -1,4 +1,4 @@
-#include "kernels/surface_rows.h"
+#include "kernels/smooth/surface_rows.h"
 
 #include <algorithm>
 #include <cmath>

@@ -12,7 +12,7 @@
 #include <span>
 #include <vector>
 
-#include "kernels/surface_rows.h"
+#include "kernels/smooth/surface_rows.h"
 
 namespace tessera {
 

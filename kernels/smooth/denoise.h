@@ -18,7 +18,7 @@
 
 #include "kernels/mesh/face_corners.h"
 #include "kernels/mesh/mesh_block.h"
-#include "kernels/normal_filter.h"
+#include "kernels/smooth/normal_filter.h"
 
 namespace tessera {
 

@@ -1,4 +1,4 @@
-#include "kernels/smooth.h"
+#include "kernels/smooth/smooth.h"
 
 #include <catch2/catch.hpp>
 #include <cmath>

@@ -1,4 +1,4 @@
-#include "kernels/fairing.h"
+#include "kernels/smooth/fairing.h"
 
 #include <algorithm>
 #include <string>

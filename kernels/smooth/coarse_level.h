@@ -22,7 +22,7 @@
 #include <vector>
 
 #include "kernels/mesh/mesh_block.h"
-#include "kernels/surface_rows.h"
+#include "kernels/smooth/surface_rows.h"
 
 namespace tessera {
 

@@ -6,7 +6,7 @@
 #include <span>
 #include <vector>
 
-#include "kernels/coarse_level.h"
+#include "kernels/smooth/coarse_level.h"
 
 #include "solvers/linear_solver.h"
 

@@ -1,5 +1,5 @@
 // The coarse level of smoothing: long wavelengths against direct solutions, and independence of blocks.
-#include "kernels/coarse_level.h"
+#include "kernels/smooth/coarse_level.h"
 
 #include <algorithm>
 #include <catch2/catch.hpp>
@@ -7,8 +7,8 @@
 #include <map>
 #include <numeric>
 
-#include "kernels/coarse_system.h"
-#include "kernels/smooth.h"
+#include "kernels/smooth/coarse_system.h"
+#include "kernels/smooth/smooth.h"
 #include "octree/error.h"
 #include "solvers/linear_solver.h"
 #include "tests/helpers/block_meshes.h"

@@ -1,4 +1,4 @@
-#include "kernels/coarse_system.h"
+#include "kernels/smooth/coarse_system.h"
 
 #include <algorithm>
 #include <cmath>

@@ -1,10 +1,10 @@
-#include "kernels/smooth.h"
+#include "kernels/smooth/smooth.h"
 
 #include <algorithm>
 #include <array>
 #include <cmath>
 
-#include "kernels/curvature_flow.h"
+#include "kernels/smooth/curvature_flow.h"
 #include "octree/error.h"
 
 namespace tessera {

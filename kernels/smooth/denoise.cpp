@@ -1,10 +1,10 @@
-#include "kernels/denoise.h"
+#include "kernels/smooth/denoise.h"
 
 #include <algorithm>
 #include <cmath>
 
-#include "kernels/star_sides.h"
-#include "kernels/surface_window.h"
+#include "kernels/smooth/star_sides.h"
+#include "kernels/smooth/surface_window.h"
 #include "octree/portable_math.h"
 #include "octree/vector3.h"
 
