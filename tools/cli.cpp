@@ -12,7 +12,7 @@
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
-#include "kernels/hole_filling.h"
+#include "kernels/holes/hole_filling.h"
 #include "octree/error.h"
 #include "stream/memory_budget.h"
 #include "stream/stop.h"

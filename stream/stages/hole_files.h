@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "kernels/hole_filling.h"
+#include "kernels/holes/hole_filling.h"
 
 namespace tessera {
 

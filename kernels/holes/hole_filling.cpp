@@ -1,11 +1,11 @@
-#include "kernels/hole_filling.h"
+#include "kernels/holes/hole_filling.h"
 
 #include <algorithm>
 #include <cassert>
 #include <cmath>
 
-#include "kernels/hole_mesh.h"
-#include "kernels/hole_triangulation.h"
+#include "kernels/holes/hole_mesh.h"
+#include "kernels/holes/hole_triangulation.h"
 #include "octree/vector3.h"
 #include "solvers/envelope_cholesky.h"
 #include "solvers/sparse_matrix.h"

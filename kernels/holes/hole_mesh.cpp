@@ -1,9 +1,9 @@
-#include "kernels/hole_mesh.h"
+#include "kernels/holes/hole_mesh.h"
 
 #include <algorithm>
 #include <cassert>
 
-#include "kernels/hole_triangulation.h"
+#include "kernels/holes/hole_triangulation.h"
 #include "octree/vector3.h"
 
 // Two triangles at an edge, and what their corners are called here:

@@ -6,7 +6,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "kernels/hole_filling.h"
+#include "kernels/holes/hole_filling.h"
 
 namespace tessera {
 

@@ -1,4 +1,4 @@
-#include "kernels/hole_triangulation.h"
+#include "kernels/holes/hole_triangulation.h"
 
 #include <algorithm>
 #include <cmath>

@@ -4,7 +4,7 @@
 #include <map>
 #include <set>
 
-#include "kernels/hole_filling.h"
+#include "kernels/holes/hole_filling.h"
 #include "octree/vector3.h"
 #include "solvers/envelope_cholesky.h"
 #include "tests/helpers/random.h"
