@@ -5,7 +5,7 @@
 #include <filesystem>
 #include <functional>
 
-#include "kernels/parameterize.h"
+#include "kernels/maps/parameterize.h"
 
 namespace tessera {
 

@@ -1,9 +1,9 @@
-#include "kernels/parameterize.h"
+#include "kernels/maps/parameterize.h"
 
 #include <catch2/catch.hpp>
 #include <cmath>
 
-#include "kernels/disk_topology.h"
+#include "kernels/maps/disk_topology.h"
 #include "octree/error.h"
 #include "tests/helpers/block_meshes.h"
 #include "tests/helpers/irregular_mesh.h"

@@ -1,9 +1,9 @@
-#include "kernels/parameterize.h"
+#include "kernels/maps/parameterize.h"
 
 #include <algorithm>
 #include <cmath>
 
-#include "kernels/disk_topology.h"
+#include "kernels/maps/disk_topology.h"
 #include "octree/error.h"
 #include "octree/portable_math.h"
 #include "solvers/hermitian_multigrid.h"

@@ -1,4 +1,4 @@
-#include "kernels/disk_topology.h"
+#include "kernels/maps/disk_topology.h"
 
 #include <algorithm>
 
