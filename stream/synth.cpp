@@ -9,8 +9,8 @@
 #include <tbb/parallel_pipeline.h>
 #include <nlohmann/json.hpp>
 
-#include "kernels/sample_source.h"
-#include "kernels/scene.h"
+#include "kernels/scene/sample_source.h"
+#include "kernels/scene/scene.h"
 #include "octree/error.h"
 #include "stream/formats/point_writer.h"
 #include "stream/output_file.h"

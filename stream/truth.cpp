@@ -9,7 +9,7 @@
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
-#include "kernels/sample_source.h"
+#include "kernels/scene/sample_source.h"
 #include "octree/error.h"
 #include "stream/parallel.h"
 #include "stream/truth_features.h"

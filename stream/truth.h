@@ -11,7 +11,7 @@
 
 #include <nlohmann/json_fwd.hpp>
 
-#include "kernels/scene.h"
+#include "kernels/scene/scene.h"
 #include "octree/lattice.h"
 #include "stream/mesh_io.h"
 

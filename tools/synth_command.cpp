@@ -5,7 +5,7 @@
 
 #include <fmt/format.h>
 
-#include "kernels/scene.h"
+#include "kernels/scene/scene.h"
 #include "octree/error.h"
 #include "stream/stop.h"
 #include "stream/synth.h"

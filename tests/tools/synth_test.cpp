@@ -11,7 +11,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "kernels/scene.h"
+#include "kernels/scene/scene.h"
 #include "octree/error.h"
 #include "stream/point_source.h"
 #include "stream/synth.h"

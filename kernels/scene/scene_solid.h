@@ -4,7 +4,7 @@
 #pragma once
 #include <memory>
 
-#include "kernels/scene.h"
+#include "kernels/scene/scene.h"
 
 namespace tessera::synth {
 

@@ -1,4 +1,4 @@
-#include "kernels/solid.h"
+#include "kernels/scene/solid.h"
 
 #include <limits>
 

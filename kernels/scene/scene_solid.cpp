@@ -1,8 +1,8 @@
-#include "kernels/scene_solid.h"
+#include "kernels/scene/scene_solid.h"
 
 #include <array>
 
-#include "kernels/solid.h"
+#include "kernels/scene/solid.h"
 
 namespace tessera::synth {
 namespace {

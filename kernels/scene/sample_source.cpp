@@ -1,8 +1,8 @@
-#include "kernels/sample_source.h"
+#include "kernels/scene/sample_source.h"
 
 #include <algorithm>
 
-#include "kernels/surface_sampler.h"
+#include "kernels/scene/surface_sampler.h"
 
 namespace tessera::synth {
 namespace {

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "kernels/scene.h"
+#include "kernels/scene/scene.h"
 
 namespace tessera::synth {
 

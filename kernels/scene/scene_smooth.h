@@ -3,8 +3,8 @@
 #pragma once
 #include <memory>
 
-#include "kernels/fractal_noise.h"
-#include "kernels/scene.h"
+#include "kernels/scene/fractal_noise.h"
+#include "kernels/scene/scene.h"
 
 namespace tessera::synth {
 

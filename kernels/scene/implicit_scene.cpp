@@ -1,4 +1,4 @@
-#include "kernels/implicit_scene.h"
+#include "kernels/scene/implicit_scene.h"
 
 #include <algorithm>
 #include <cassert>

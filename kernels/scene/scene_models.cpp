@@ -1,6 +1,6 @@
-#include "kernels/scene_models.h"
+#include "kernels/scene/scene_models.h"
 
-#include "kernels/implicit_scene.h"
+#include "kernels/scene/implicit_scene.h"
 
 namespace tessera::synth {
 namespace {

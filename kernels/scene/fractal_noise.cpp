@@ -1,4 +1,4 @@
-#include "kernels/fractal_noise.h"
+#include "kernels/scene/fractal_noise.h"
 
 namespace tessera::synth {
 namespace {

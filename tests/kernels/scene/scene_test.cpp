@@ -4,11 +4,11 @@
 #include <cmath>
 #include <limits>
 
-#include "kernels/fractal_noise.h"
-#include "kernels/sample_source.h"
-#include "kernels/scene.h"
-#include "kernels/scene_smooth.h"
-#include "kernels/surface_sampler.h"
+#include "kernels/scene/fractal_noise.h"
+#include "kernels/scene/sample_source.h"
+#include "kernels/scene/scene.h"
+#include "kernels/scene/scene_smooth.h"
+#include "kernels/scene/surface_sampler.h"
 #include "octree/error.h"
 
 using namespace tessera;

@@ -1,10 +1,10 @@
-#include "kernels/scene.h"
+#include "kernels/scene/scene.h"
 
 #include <array>
 
-#include "kernels/scene_models.h"
-#include "kernels/scene_smooth.h"
-#include "kernels/scene_solid.h"
+#include "kernels/scene/scene_models.h"
+#include "kernels/scene/scene_smooth.h"
+#include "kernels/scene/scene_solid.h"
 #include "octree/error.h"
 
 namespace tessera::synth {

@@ -10,7 +10,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "kernels/scene.h"
+#include "kernels/scene/scene.h"
 
 namespace tessera::synth {
 

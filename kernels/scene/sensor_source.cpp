@@ -2,7 +2,7 @@
 /// that falls with range and slant, lost grazing returns, flying points where a beam straddles two surfaces.
 #include <algorithm>
 
-#include "kernels/sample_source.h"
+#include "kernels/scene/sample_source.h"
 
 namespace tessera::synth {
 namespace {

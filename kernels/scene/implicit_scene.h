@@ -8,8 +8,8 @@
 #include <string>
 #include <vector>
 
-#include "kernels/fractal_noise.h"
-#include "kernels/scene.h"
+#include "kernels/scene/fractal_noise.h"
+#include "kernels/scene/scene.h"
 
 namespace tessera::synth {
 

@@ -1,4 +1,4 @@
-#include "kernels/surface_sampler.h"
+#include "kernels/scene/surface_sampler.h"
 
 #include <algorithm>
 #include <cassert>

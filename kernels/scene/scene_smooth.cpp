@@ -1,11 +1,11 @@
 /// Scenes that are smooth everywhere and have a parametrisation: sphere, torus, fractal terrain.
-#include "kernels/scene_smooth.h"
+#include "kernels/scene/scene_smooth.h"
 
 #include <algorithm>
 #include <array>
 #include <vector>
 
-#include "kernels/fractal_noise.h"
+#include "kernels/scene/fractal_noise.h"
 
 namespace tessera::synth {
 namespace {

@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-#include "kernels/scene.h"
+#include "kernels/scene/scene.h"
 
 namespace tessera::synth {
 
