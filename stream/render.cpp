@@ -5,9 +5,9 @@
 #include <cstdio>
 #include <memory>
 
-#include "kernels/camera.h"
-#include "kernels/caption.h"
-#include "kernels/picture.h"
+#include "kernels/picture/camera.h"
+#include "kernels/picture/caption.h"
+#include "kernels/picture/picture.h"
 #include "octree/error.h"
 #include "stream/file_extension.h"
 #include "stream/formats/ply_header.h"

@@ -3,8 +3,8 @@
 #include <cmath>
 #include <thread>
 
-#include "kernels/caption.h"
 #include "kernels/certify/deviation_samples.h"
+#include "kernels/picture/caption.h"
 #include "octree/error.h"
 #include "stream/compare_cells.h"
 #include "stream/import_mesh.h"

@@ -6,7 +6,7 @@
 #include <optional>
 #include <vector>
 
-#include "kernels/caption.h"
+#include "kernels/picture/caption.h"
 #include "octree/error.h"
 #include "stream/border_edges.h"
 #include "stream/corner_file.h"

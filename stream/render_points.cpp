@@ -4,7 +4,7 @@
 #include <limits>
 #include <vector>
 
-#include "kernels/caption.h"
+#include "kernels/picture/caption.h"
 #include "octree/error.h"
 #include "stream/point_source.h"
 #include "stream/render_scene.h"

@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "kernels/picture.h"
+#include "kernels/picture/picture.h"
 #include "stream/render.h"
 
 namespace tessera {

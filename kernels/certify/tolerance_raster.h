@@ -11,7 +11,7 @@
 #include <vector>
 
 #include "kernels/certify/tolerance_volume.h"
-#include "kernels/rasterizer.h"
+#include "kernels/picture/rasterizer.h"
 
 namespace tessera {
 

@@ -9,7 +9,7 @@
 #include <cassert>
 
 #include "kernels/certify/tolerance_raster.h"
-#include "kernels/gl_functions.h"
+#include "kernels/picture/gl_functions.h"
 #include "octree/error.h"
 
 namespace tessera {

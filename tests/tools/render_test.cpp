@@ -13,7 +13,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-#include "kernels/picture.h"
+#include "kernels/picture/picture.h"
 #include "octree/error.h"
 #include "stream/mesh_io.h"
 #include "stream/render.h"

@@ -11,8 +11,8 @@
 #include <span>
 #include <vector>
 
-#include "kernels/camera.h"
-#include "kernels/rasterizer.h"
+#include "kernels/picture/camera.h"
+#include "kernels/picture/rasterizer.h"
 
 namespace tessera {
 

@@ -1,4 +1,4 @@
-#include "kernels/camera.h"
+#include "kernels/picture/camera.h"
 
 #include <algorithm>
 #include <cmath>

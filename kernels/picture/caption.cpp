@@ -1,4 +1,4 @@
-#include "kernels/caption.h"
+#include "kernels/picture/caption.h"
 
 #include <algorithm>
 #include <cmath>

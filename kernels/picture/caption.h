@@ -3,7 +3,7 @@
 #pragma once
 #include <string>
 
-#include "kernels/picture.h"
+#include "kernels/picture/picture.h"
 
 namespace tessera {
 

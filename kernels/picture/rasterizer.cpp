@@ -1,4 +1,4 @@
-#include "kernels/rasterizer.h"
+#include "kernels/picture/rasterizer.h"
 
 #include <array>
 #include <stdexcept>
@@ -6,7 +6,7 @@
 
 #include <dlfcn.h>
 
-#include "kernels/gl_functions.h"
+#include "kernels/picture/gl_functions.h"
 #include "octree/error.h"
 
 // The attribute names below are OSMesa's (GL/osmesa.h). That header includes GL/gl.h, which clashes with the

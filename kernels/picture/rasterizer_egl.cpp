@@ -8,8 +8,8 @@
 #include <stdexcept>
 #include <vector>
 
-#include "kernels/gl_functions.h"
-#include "kernels/rasterizer.h"
+#include "kernels/picture/gl_functions.h"
+#include "kernels/picture/rasterizer.h"
 #include "octree/error.h"
 
 namespace tessera {

@@ -1,4 +1,4 @@
-#include "kernels/picture.h"
+#include "kernels/picture/picture.h"
 
 #include <algorithm>
 #include <cmath>
@@ -6,8 +6,8 @@
 #include <stdexcept>
 #include <string>
 
-#include "kernels/gl_functions.h"
-#include "kernels/picture_shaders.h"
+#include "kernels/picture/gl_functions.h"
+#include "kernels/picture/picture_shaders.h"
 #include "octree/error.h"
 
 namespace tessera {
