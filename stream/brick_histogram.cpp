@@ -5,8 +5,8 @@
 #include <string>
 
 #include "octree/error.h"
+#include "stream/files/read_file.h"
 #include "stream/numbers.h"
-#include "stream/read_file.h"
 
 namespace tessera {
 namespace {

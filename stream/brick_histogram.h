@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "octree/lattice.h"
-#include "stream/direct_file.h"
+#include "stream/files/direct_file.h"
 
 namespace tessera {
 

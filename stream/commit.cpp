@@ -10,8 +10,8 @@
 #include <fmt/format.h>
 
 #include "octree/error.h"
-#include "stream/durable_file.h"
-#include "stream/fault.h"
+#include "stream/files/durable_file.h"
+#include "stream/files/fault.h"
 #include "stream/memory_budget.h"
 #include "stream/stop.h"
 

@@ -5,11 +5,11 @@
 #include <string>
 
 #include "octree/error.h"
-#include "stream/file_extension.h"
+#include "stream/files/file_extension.h"
+#include "stream/files/read_file.h"
 #include "stream/formats/ply_header.h"
 #include "stream/mesh_io.h"
 #include "stream/mesh_weld.h"
-#include "stream/read_file.h"
 
 namespace tessera {
 namespace {

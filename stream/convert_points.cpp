@@ -8,7 +8,7 @@
 #include <tbb/parallel_pipeline.h>
 
 #include "octree/error.h"
-#include "stream/file_extension.h"
+#include "stream/files/file_extension.h"
 #include "stream/formats/point_writer.h"
 #include "stream/point_summary.h"
 #include "stream/stop.h"

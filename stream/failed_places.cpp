@@ -5,8 +5,8 @@
 
 #include "kernels/mesh/closest_face.h"
 #include "octree/error.h"
-#include "stream/direct_file.h"
-#include "stream/read_file.h"
+#include "stream/files/direct_file.h"
+#include "stream/files/read_file.h"
 
 namespace tessera {
 namespace {

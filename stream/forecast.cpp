@@ -5,7 +5,7 @@
 #include <string>
 
 #include "octree/error.h"
-#include "stream/direct_file.h"
+#include "stream/files/direct_file.h"
 #include "stream/hot_brick.h"
 #include "stream/memory_budget.h"
 #include "stream/point_inputs.h"

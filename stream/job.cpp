@@ -16,7 +16,7 @@
 #include "octree/error.h"
 #include "stream/child_process.h"
 #include "stream/commit.h"
-#include "stream/durable_file.h"
+#include "stream/files/durable_file.h"
 #include "stream/journal.h"
 #include "stream/log.h"
 #include "stream/memory_budget.h"

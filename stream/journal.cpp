@@ -12,7 +12,7 @@
 #include <fmt/format.h>
 
 #include "octree/error.h"
-#include "stream/durable_file.h"
+#include "stream/files/durable_file.h"
 
 namespace tessera {
 namespace {

@@ -11,7 +11,7 @@
 #include <spdlog/sinks/basic_file_sink.h>
 #include <nlohmann/json.hpp>
 
-#include "stream/durable_file.h"
+#include "stream/files/durable_file.h"
 #include "stream/memory_budget.h"
 
 namespace tessera {

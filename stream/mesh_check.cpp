@@ -8,10 +8,10 @@
 #include <nlohmann/json.hpp>
 
 #include "octree/error.h"
+#include "stream/files/vertex_store.h"
 #include "stream/mesh_shape.h"
 #include "stream/mesh_topology.h"
 #include "stream/mesh_weld.h"
-#include "stream/vertex_store.h"
 
 namespace tessera {
 namespace {

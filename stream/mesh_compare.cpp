@@ -10,11 +10,11 @@
 #include "kernels/certify/certificate_pair.h"
 #include "octree/error.h"
 #include "stream/compare_cells.h"
+#include "stream/files/scratch_folder.h"
 #include "stream/import_mesh.h"
 #include "stream/memory_budget.h"
 #include "stream/numbers.h"
 #include "stream/parallel.h"
-#include "stream/scratch_folder.h"
 
 namespace tessera {
 namespace {

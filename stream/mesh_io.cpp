@@ -4,10 +4,10 @@
 #include <utility>
 
 #include "octree/error.h"
-#include "stream/file_extension.h"
+#include "stream/files/file_extension.h"
+#include "stream/files/read_file.h"
 #include "stream/formats/mesh_reader_base.h"
 #include "stream/formats/mesh_writer_base.h"
-#include "stream/read_file.h"
 
 namespace tessera {
 namespace {

@@ -11,9 +11,9 @@
 
 #include "kernels/mesh/mesh_block_ops.h"
 #include "octree/error.h"
-#include "stream/direct_file.h"
+#include "stream/files/direct_file.h"
+#include "stream/files/read_file.h"
 #include "stream/patch_coding.h"
-#include "stream/read_file.h"
 
 namespace tessera {
 namespace {

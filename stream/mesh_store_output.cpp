@@ -4,9 +4,9 @@
 
 #include "kernels/mesh/mesh_block_ops.h"
 #include "octree/error.h"
-#include "stream/external_sort.h"
+#include "stream/files/external_sort.h"
+#include "stream/files/spill_file.h"
 #include "stream/mesh_io.h"
-#include "stream/spill_file.h"
 
 namespace tessera {
 namespace {

@@ -10,10 +10,10 @@
 #include <span>
 #include <vector>
 
+#include "stream/files/spill_buckets.h"
+#include "stream/files/vertex_store.h"
 #include "stream/mesh_check.h"
 #include "stream/mesh_shape.h"
-#include "stream/spill_buckets.h"
-#include "stream/vertex_store.h"
 
 namespace tessera {
 

@@ -5,8 +5,8 @@
 #include <tuple>
 
 #include "octree/error.h"
-#include "stream/external_sort.h"
-#include "stream/spill_buckets.h"
+#include "stream/files/external_sort.h"
+#include "stream/files/spill_buckets.h"
 
 namespace tessera {
 namespace {

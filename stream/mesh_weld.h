@@ -8,8 +8,8 @@
 #include <functional>
 #include <memory>
 
+#include "stream/files/vertex_store.h"
 #include "stream/mesh_io.h"
-#include "stream/vertex_store.h"
 
 namespace tessera {
 

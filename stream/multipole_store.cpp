@@ -7,9 +7,9 @@
 
 #include "kernels/closing/area_weights.h"
 #include "octree/error.h"
-#include "stream/direct_file.h"
-#include "stream/read_file.h"
-#include "stream/task_files.h"
+#include "stream/files/direct_file.h"
+#include "stream/files/read_file.h"
+#include "stream/files/task_files.h"
 
 namespace tessera {
 namespace {

@@ -7,7 +7,7 @@
 #include <xxhash.h>
 
 #include "octree/error.h"
-#include "stream/read_file.h"
+#include "stream/files/read_file.h"
 
 namespace tessera {
 namespace {

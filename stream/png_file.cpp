@@ -6,7 +6,7 @@
 #include <png.h>
 
 #include "octree/error.h"
-#include "stream/output_file.h"
+#include "stream/files/output_file.h"
 
 namespace tessera {
 namespace {

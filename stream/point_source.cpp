@@ -5,13 +5,13 @@
 #include <utility>
 
 #include "octree/error.h"
-#include "stream/file_extension.h"
+#include "stream/files/file_extension.h"
+#include "stream/files/read_file.h"
 #include "stream/formats/byte_window.h"
 #include "stream/formats/las_points.h"
 #include "stream/formats/ply_points.h"
 #include "stream/formats/ptx_points.h"
 #include "stream/formats/text_points.h"
-#include "stream/read_file.h"
 
 namespace tessera {
 

@@ -9,9 +9,9 @@
 #include <xxhash.h>
 
 #include "octree/error.h"
-#include "stream/direct_file.h"
+#include "stream/files/direct_file.h"
+#include "stream/files/read_file.h"
 #include "stream/point_overlay.h"
-#include "stream/read_file.h"
 
 namespace tessera {
 namespace {

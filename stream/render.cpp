@@ -9,7 +9,7 @@
 #include "kernels/picture/caption.h"
 #include "kernels/picture/picture.h"
 #include "octree/error.h"
-#include "stream/file_extension.h"
+#include "stream/files/file_extension.h"
 #include "stream/formats/ply_header.h"
 #include "stream/memory_budget.h"
 #include "stream/mesh_io.h"

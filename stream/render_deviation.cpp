@@ -7,11 +7,11 @@
 #include "kernels/picture/caption.h"
 #include "octree/error.h"
 #include "stream/compare_cells.h"
+#include "stream/files/scratch_folder.h"
 #include "stream/import_mesh.h"
 #include "stream/memory_budget.h"
 #include "stream/numbers.h"
 #include "stream/render_scene.h"
-#include "stream/scratch_folder.h"
 #include "stream/stop.h"
 
 namespace tessera {

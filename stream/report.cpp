@@ -3,7 +3,7 @@
 #include <fmt/format.h>
 
 #include "octree/error.h"
-#include "stream/durable_file.h"
+#include "stream/files/durable_file.h"
 #include "stream/log.h"
 #include "stream/options_json.h"
 

@@ -3,7 +3,7 @@
 #include <algorithm>
 
 #include "stream/commit.h"
-#include "stream/durable_file.h"
+#include "stream/files/durable_file.h"
 
 namespace tessera {
 namespace {

@@ -11,8 +11,8 @@
 #include <vector>
 
 #include "octree/points.h"
-#include "stream/direct_file.h"
-#include "stream/read_file.h"
+#include "stream/files/direct_file.h"
+#include "stream/files/read_file.h"
 
 namespace tessera {
 

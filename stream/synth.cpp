@@ -12,8 +12,8 @@
 #include "kernels/scene/sample_source.h"
 #include "kernels/scene/scene.h"
 #include "octree/error.h"
+#include "stream/files/output_file.h"
 #include "stream/formats/point_writer.h"
-#include "stream/output_file.h"
 #include "stream/stop.h"
 
 namespace tessera {

@@ -11,9 +11,9 @@
 
 #include "kernels/scene/sample_source.h"
 #include "octree/error.h"
+#include "stream/files/vertex_store.h"
 #include "stream/parallel.h"
 #include "stream/truth_features.h"
-#include "stream/vertex_store.h"
 
 namespace tessera {
 namespace {

@@ -16,9 +16,9 @@
 #include <fmt/format.h>
 
 #include "octree/error.h"
-#include "stream/durable_file.h"
+#include "stream/files/durable_file.h"
+#include "stream/files/read_file.h"
 #include "stream/options_json.h"
-#include "stream/read_file.h"
 
 namespace tessera {
 namespace {

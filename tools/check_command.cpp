@@ -9,10 +9,10 @@
 #include <nlohmann/json.hpp>
 
 #include "octree/error.h"
+#include "stream/files/output_file.h"
 #include "stream/mesh_check.h"
 #include "stream/mesh_compare.h"
 #include "stream/mesh_io.h"
-#include "stream/output_file.h"
 #include "stream/stop.h"
 #include "stream/truth.h"
 #include "tools/cli.h"

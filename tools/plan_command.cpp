@@ -4,10 +4,10 @@
 #include <nlohmann/json.hpp>
 
 #include "octree/error.h"
+#include "stream/files/scratch_folder.h"
 #include "stream/memory_budget.h"
 #include "stream/plan.h"
 #include "stream/point_source.h"
-#include "stream/scratch_folder.h"
 #include "stream/stages/closing_stages.h"
 #include "stream/stages/reconstruct_job.h"
 #include "stream/stop.h"

@@ -7,7 +7,7 @@
 #include <memory>
 #include <string_view>
 
-#include "stream/read_file.h"
+#include "stream/files/read_file.h"
 
 namespace tessera {
 

@@ -5,7 +5,7 @@
 #include <cstdint>
 #include <filesystem>
 
-#include "stream/read_file.h"
+#include "stream/files/read_file.h"
 
 namespace tessera {
 

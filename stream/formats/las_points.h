@@ -7,8 +7,8 @@
 #pragma once
 #include <memory>
 
+#include "stream/files/read_file.h"
 #include "stream/point_source.h"
-#include "stream/read_file.h"
 
 namespace tessera {
 

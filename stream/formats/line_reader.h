@@ -6,8 +6,8 @@
 #include <string>
 #include <string_view>
 
+#include "stream/files/read_file.h"
 #include "stream/formats/byte_window.h"
-#include "stream/read_file.h"
 
 namespace tessera {
 

@@ -10,8 +10,8 @@
 #include <vector>
 
 #include "octree/error.h"
+#include "stream/files/read_file.h"
 #include "stream/mesh_io.h"
-#include "stream/read_file.h"
 
 namespace tessera {
 

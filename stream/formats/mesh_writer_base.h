@@ -6,8 +6,8 @@
 #include <span>
 #include <string>
 
+#include "stream/files/output_file.h"
 #include "stream/mesh_io.h"
-#include "stream/output_file.h"
 
 namespace tessera {
 

@@ -8,9 +8,9 @@
 #include <string_view>
 #include <vector>
 
+#include "stream/files/read_file.h"
 #include "stream/formats/byte_window.h"
 #include "stream/formats/scalar.h"
-#include "stream/read_file.h"
 
 namespace tessera {
 

@@ -8,7 +8,7 @@
 #include <limits>
 
 #include "octree/error.h"
-#include "stream/output_file.h"
+#include "stream/files/output_file.h"
 
 namespace tessera {
 namespace {

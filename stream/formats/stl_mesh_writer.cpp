@@ -5,8 +5,8 @@
 #include <cstring>
 
 #include "octree/error.h"
+#include "stream/files/vertex_store.h"
 #include "stream/formats/mesh_writer_base.h"
-#include "stream/vertex_store.h"
 
 namespace tessera {
 namespace {

@@ -5,8 +5,8 @@
 #include <string>
 
 #include "octree/error.h"
+#include "stream/files/output_file.h"
 #include "stream/formats/mesh_writer_base.h"
-#include "stream/output_file.h"
 
 namespace tessera {
 namespace {

@@ -8,10 +8,10 @@
 
 #include "octree/error.h"
 #include "stream/compare_cells.h"
-#include "stream/direct_file.h"
+#include "stream/files/direct_file.h"
+#include "stream/files/read_file.h"
+#include "stream/files/task_files.h"
 #include "stream/mesh_compare.h"
-#include "stream/read_file.h"
-#include "stream/task_files.h"
 
 namespace tessera {
 namespace {

@@ -6,15 +6,15 @@
 
 #include "octree/error.h"
 #include "stream/closing_store.h"
-#include "stream/direct_file.h"
+#include "stream/files/direct_file.h"
+#include "stream/files/read_file.h"
+#include "stream/files/task_files.h"
 #include "stream/memory_budget.h"
 #include "stream/multipole_store.h"
 #include "stream/parallel.h"
 #include "stream/point_overlay.h"
 #include "stream/point_store.h"
-#include "stream/read_file.h"
 #include "stream/stages/closing_stages.h"
-#include "stream/task_files.h"
 
 namespace tessera {
 namespace {

@@ -5,7 +5,7 @@
 #include <limits>
 
 #include "octree/error.h"
-#include "stream/read_file.h"
+#include "stream/files/read_file.h"
 
 namespace tessera {
 namespace {

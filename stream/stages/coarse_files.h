@@ -12,9 +12,9 @@
 
 #include "kernels/smooth/coarse_system.h"
 #include "kernels/smooth/smooth.h"
-#include "stream/direct_file.h"
+#include "stream/files/direct_file.h"
+#include "stream/files/read_file.h"
 #include "stream/mesh_store.h"
-#include "stream/read_file.h"
 #include "stream/stages/smooth_tiles.h"
 
 namespace tessera {

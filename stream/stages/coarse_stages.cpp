@@ -4,11 +4,11 @@
 #include <tuple>
 
 #include "octree/error.h"
-#include "stream/external_sort.h"
-#include "stream/read_file.h"
+#include "stream/files/external_sort.h"
+#include "stream/files/read_file.h"
+#include "stream/files/task_files.h"
 #include "stream/stages/coarse_files.h"
 #include "stream/stages/smooth_stage.h"
-#include "stream/task_files.h"
 
 namespace tessera {
 namespace {

@@ -6,9 +6,9 @@
 #include <string>
 
 #include "octree/error.h"
+#include "stream/files/task_files.h"
 #include "stream/quantise.h"
 #include "stream/run_file.h"
-#include "stream/task_files.h"
 
 namespace tessera {
 namespace {

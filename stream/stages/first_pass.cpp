@@ -9,11 +9,11 @@
 #include "kernels/mesh/block_components.h"
 #include "kernels/mesh/mesh_block_ops.h"
 #include "kernels/mesh/patch_mesh.h"
-#include "stream/direct_file.h"
+#include "stream/files/direct_file.h"
+#include "stream/files/task_files.h"
 #include "stream/stages/output_frame.h"
 #include "stream/stages/simplify_stage.h"
 #include "stream/stages/weld_stage.h"
-#include "stream/task_files.h"
 
 namespace tessera {
 namespace {

@@ -1,8 +1,8 @@
 #include "stream/stages/hole_files.h"
 
-#include "stream/direct_file.h"
-#include "stream/read_file.h"
-#include "stream/task_files.h"
+#include "stream/files/direct_file.h"
+#include "stream/files/read_file.h"
+#include "stream/files/task_files.h"
 
 namespace tessera {
 namespace {

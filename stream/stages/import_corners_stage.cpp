@@ -4,9 +4,9 @@
 #include <nlohmann/json.hpp>
 
 #include "octree/error.h"
-#include "stream/bucket_file.h"
-#include "stream/durable_file.h"
-#include "stream/spill_file.h"
+#include "stream/files/bucket_file.h"
+#include "stream/files/durable_file.h"
+#include "stream/files/spill_file.h"
 #include "stream/stages/import_stages.h"
 
 namespace tessera {

@@ -8,9 +8,9 @@
 #include <nlohmann/json.hpp>
 
 #include "octree/error.h"
-#include "stream/direct_file.h"
-#include "stream/durable_file.h"
-#include "stream/task_files.h"
+#include "stream/files/direct_file.h"
+#include "stream/files/durable_file.h"
+#include "stream/files/task_files.h"
 
 namespace tessera {
 namespace {

@@ -19,8 +19,8 @@
 #include <nlohmann/json_fwd.hpp>
 
 #include "kernels/mesh/mesh_repair.h"
+#include "stream/files/read_file.h"
 #include "stream/mesh_store.h"
-#include "stream/read_file.h"
 #include "stream/stage.h"
 #include "stream/stages/import_plan.h"
 

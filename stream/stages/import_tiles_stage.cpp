@@ -6,9 +6,9 @@
 
 #include "kernels/mesh/mesh_block_ops.h"
 #include "octree/error.h"
-#include "stream/bucket_file.h"
-#include "stream/durable_file.h"
-#include "stream/external_sort.h"
+#include "stream/files/bucket_file.h"
+#include "stream/files/durable_file.h"
+#include "stream/files/external_sort.h"
 #include "stream/stages/import_stages.h"
 
 namespace tessera {

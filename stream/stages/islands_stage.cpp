@@ -9,12 +9,12 @@
 #include "kernels/mesh/block_components.h"
 #include "kernels/mesh/mesh_block_ops.h"
 #include "octree/error.h"
-#include "stream/direct_file.h"
-#include "stream/external_sort.h"
-#include "stream/read_file.h"
+#include "stream/files/direct_file.h"
+#include "stream/files/external_sort.h"
+#include "stream/files/read_file.h"
+#include "stream/files/task_files.h"
 #include "stream/stages/first_pass.h"
 #include "stream/stages/weld_stage.h"
-#include "stream/task_files.h"
 
 namespace tessera {
 namespace {

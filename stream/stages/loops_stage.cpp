@@ -5,13 +5,13 @@
 #include <nlohmann/json.hpp>
 
 #include "octree/error.h"
-#include "stream/direct_file.h"
-#include "stream/external_sort.h"
+#include "stream/files/direct_file.h"
+#include "stream/files/external_sort.h"
+#include "stream/files/read_file.h"
+#include "stream/files/task_files.h"
 #include "stream/plan.h"
-#include "stream/read_file.h"
 #include "stream/stages/hole_files.h"
 #include "stream/stages/numbered_patches.h"
-#include "stream/task_files.h"
 
 namespace tessera {
 namespace {

@@ -2,11 +2,11 @@
 #include <nlohmann/json.hpp>
 
 #include "kernels/closing/area_weights.h"
+#include "stream/files/task_files.h"
 #include "stream/multipole_store.h"
 #include "stream/point_overlay.h"
 #include "stream/point_store.h"
 #include "stream/stages/closing_stages.h"
-#include "stream/task_files.h"
 
 namespace tessera {
 namespace {

@@ -6,12 +6,12 @@
 
 #include "kernels/points/normals.h"
 #include "octree/error.h"
-#include "stream/direct_file.h"
+#include "stream/files/direct_file.h"
+#include "stream/files/task_files.h"
 #include "stream/plan.h"
 #include "stream/point_overlay.h"
 #include "stream/point_store.h"
 #include "stream/stages/normals_mode.h"
-#include "stream/task_files.h"
 
 namespace tessera {
 namespace {

@@ -7,7 +7,7 @@
 #include <memory>
 #include <vector>
 
-#include "stream/read_file.h"
+#include "stream/files/read_file.h"
 #include "stream/stages/weld_stage.h"
 
 namespace tessera {

@@ -5,11 +5,11 @@
 #include <string>
 
 #include "octree/error.h"
+#include "stream/files/task_files.h"
 #include "stream/hot_brick.h"
 #include "stream/point_sort.h"
 #include "stream/point_store.h"
 #include "stream/stages/distribute_stage.h"
-#include "stream/task_files.h"
 
 namespace tessera {
 namespace {

@@ -7,14 +7,14 @@
 #include <nlohmann/json.hpp>
 
 #include "octree/error.h"
-#include "stream/direct_file.h"
+#include "stream/files/direct_file.h"
+#include "stream/files/read_file.h"
+#include "stream/files/task_files.h"
 #include "stream/point_overlay.h"
-#include "stream/read_file.h"
 #include "stream/stages/normals_mode.h"
 #include "stream/stages/normals_stage.h"
 #include "stream/stages/orient_solution.h"
 #include "stream/stages/uncertain_picture.h"
-#include "stream/task_files.h"
 
 namespace tessera {
 namespace {

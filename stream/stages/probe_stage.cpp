@@ -8,11 +8,11 @@
 
 #include "kernels/points/spacing.h"
 #include "octree/error.h"
-#include "stream/direct_file.h"
+#include "stream/files/direct_file.h"
+#include "stream/files/read_file.h"
+#include "stream/files/task_files.h"
 #include "stream/numbers.h"
 #include "stream/point_sample.h"
-#include "stream/read_file.h"
-#include "stream/task_files.h"
 
 namespace tessera {
 namespace {

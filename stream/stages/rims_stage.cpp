@@ -3,10 +3,10 @@
 
 #include "octree/morton.h"
 #include "stream/closing_store.h"
+#include "stream/files/task_files.h"
 #include "stream/point_overlay.h"
 #include "stream/stages/closing_stages.h"
 #include "stream/stages/surface_stage.h"
-#include "stream/task_files.h"
 
 namespace tessera {
 namespace {

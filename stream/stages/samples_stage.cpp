@@ -10,12 +10,12 @@
 #include "kernels/certify/certificate.h"
 #include "kernels/mesh/closest_face.h"
 #include "octree/error.h"
-#include "stream/durable_file.h"
+#include "stream/files/durable_file.h"
+#include "stream/files/task_files.h"
 #include "stream/numbers.h"
 #include "stream/plan.h"
 #include "stream/point_overlay.h"
 #include "stream/point_store.h"
-#include "stream/task_files.h"
 
 namespace tessera {
 namespace {

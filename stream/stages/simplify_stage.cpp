@@ -10,11 +10,11 @@
 #include "kernels/certify/certificate.h"
 #include "kernels/mesh/mesh_block_ops.h"
 #include "octree/error.h"
-#include "stream/direct_file.h"
-#include "stream/durable_file.h"
 #include "stream/failed_places.h"
+#include "stream/files/direct_file.h"
+#include "stream/files/durable_file.h"
+#include "stream/files/task_files.h"
 #include "stream/stages/unsettled_region.h"
-#include "stream/task_files.h"
 
 namespace tessera {
 namespace {

@@ -8,11 +8,11 @@
 #include <stdexcept>
 
 #include "octree/error.h"
+#include "stream/files/task_files.h"
 #include "stream/mesh_store.h"
 #include "stream/stages/coarse_files.h"
 #include "stream/stages/import_stages.h"
 #include "stream/stages/smooth_tiles.h"
-#include "stream/task_files.h"
 
 namespace tessera {
 namespace {

@@ -7,8 +7,8 @@
 #include <span>
 
 #include "octree/error.h"
-#include "stream/direct_file.h"
-#include "stream/read_file.h"
+#include "stream/files/direct_file.h"
+#include "stream/files/read_file.h"
 
 namespace tessera {
 namespace {

@@ -6,6 +6,7 @@
 #include "kernels/extract/extended_marching_cubes.h"
 #include "kernels/field/field.h"
 #include "kernels/mesh/patch_components.h"
+#include "stream/files/task_files.h"
 #include "stream/multipole_store.h"
 #include "stream/patch_store.h"
 #include "stream/plan.h"
@@ -13,7 +14,6 @@
 #include "stream/stages/closing_stages.h"
 #include "stream/stages/first_pass.h"
 #include "stream/stages/simplify_stage.h"
-#include "stream/task_files.h"
 
 namespace tessera {
 namespace {

@@ -9,12 +9,12 @@
 #include "kernels/points/spacing.h"
 #include "octree/error.h"
 #include "stream/brick_histogram.h"
+#include "stream/files/task_files.h"
 #include "stream/forecast.h"
 #include "stream/numbers.h"
 #include "stream/point_sample.h"
 #include "stream/quantise.h"
 #include "stream/stages/probe_stage.h"
-#include "stream/task_files.h"
 
 namespace tessera {
 namespace {

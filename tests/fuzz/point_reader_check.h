@@ -12,8 +12,8 @@
 #include <string_view>
 
 #include "octree/error.h"
+#include "stream/files/read_file.h"
 #include "stream/point_source.h"
-#include "stream/read_file.h"
 
 namespace tessera::fuzz {
 

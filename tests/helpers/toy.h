@@ -3,7 +3,7 @@
 #pragma once
 #include <string>
 
-#include "stream/durable_file.h"
+#include "stream/files/durable_file.h"
 #include "tests/helpers/shell.h"
 
 namespace tessera::test {

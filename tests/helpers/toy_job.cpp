@@ -20,7 +20,7 @@
 
 #include "octree/error.h"
 #include "stream/child_process.h"
-#include "stream/durable_file.h"
+#include "stream/files/durable_file.h"
 #include "stream/job.h"
 #include "stream/journal.h"
 #include "stream/stop.h"

@@ -2,7 +2,7 @@
 #include <fstream>
 
 #include "octree/error.h"
-#include "stream/direct_file.h"
+#include "stream/files/direct_file.h"
 #include "stream/run_file.h"
 #include "tests/helpers/point_chain.h"
 #include "tests/helpers/random_points.h"

@@ -4,7 +4,7 @@
 #include <fstream>
 
 #include "octree/error.h"
-#include "stream/durable_file.h"
+#include "stream/files/durable_file.h"
 #include "tests/helpers/shell.h"
 
 using namespace tessera;

@@ -4,7 +4,7 @@
 #include <chrono>
 
 #include "octree/error.h"
-#include "stream/durable_file.h"
+#include "stream/files/durable_file.h"
 #include "stream/options_json.h"
 #include "tests/helpers/shell.h"
 

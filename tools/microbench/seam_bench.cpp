@@ -15,8 +15,8 @@
 #include <nlohmann/json.hpp>
 
 #include "kernels/mesh/closest_face.h"
+#include "stream/files/scratch_folder.h"
 #include "stream/import_mesh.h"
-#include "stream/scratch_folder.h"
 #include "stream/stage_runner.h"
 #include "stream/stages/decimate_job.h"
 #include "stream/stages/import_stages.h"

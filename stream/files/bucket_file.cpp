@@ -1,4 +1,4 @@
-#include "stream/bucket_file.h"
+#include "stream/files/bucket_file.h"
 
 #include <algorithm>
 #include <string>

@@ -1,4 +1,4 @@
-#include "stream/output_file.h"
+#include "stream/files/output_file.h"
 
 #include <fcntl.h>
 #include <unistd.h>

@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "octree/lattice.h"
-#include "stream/spill_file.h"
+#include "stream/files/spill_file.h"
 
 namespace tessera {
 

@@ -1,4 +1,4 @@
-#include "stream/direct_file.h"
+#include "stream/files/direct_file.h"
 
 #include <fcntl.h>
 #include <unistd.h>

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <vector>
 
-#include "stream/external_sort.h"
+#include "stream/files/external_sort.h"
 #include "tests/helpers/memory_mesh.h"
 
 namespace tessera {

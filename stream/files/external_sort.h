@@ -12,7 +12,7 @@
 #include <utility>
 #include <vector>
 
-#include "stream/spill_file.h"
+#include "stream/files/spill_file.h"
 
 namespace tessera {
 

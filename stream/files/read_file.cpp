@@ -1,4 +1,4 @@
-#include "stream/read_file.h"
+#include "stream/files/read_file.h"
 
 #include <fcntl.h>
 #include <sys/stat.h>

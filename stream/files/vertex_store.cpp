@@ -1,4 +1,4 @@
-#include "stream/vertex_store.h"
+#include "stream/files/vertex_store.h"
 
 #include <algorithm>
 #include <cstring>

@@ -7,7 +7,7 @@
 #include <string>
 #include <system_error>
 
-#include "stream/durable_file.h"
+#include "stream/files/durable_file.h"
 
 namespace tessera {
 

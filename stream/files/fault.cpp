@@ -1,4 +1,4 @@
-#include "stream/fault.h"
+#include "stream/files/fault.h"
 
 #include <atomic>
 #include <csignal>

@@ -1,4 +1,4 @@
-#include "stream/durable_file.h"
+#include "stream/files/durable_file.h"
 
 #include <cerrno>
 #include <cstdio>

@@ -1,4 +1,4 @@
-#include "stream/spill_file.h"
+#include "stream/files/spill_file.h"
 
 #include <fcntl.h>
 #include <stdlib.h>

@@ -10,8 +10,8 @@
 #include <span>
 #include <vector>
 
-#include "stream/direct_file.h"
-#include "stream/read_file.h"
+#include "stream/files/direct_file.h"
+#include "stream/files/read_file.h"
 
 namespace tessera {
 
