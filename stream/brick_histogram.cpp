@@ -6,7 +6,7 @@
 
 #include "octree/error.h"
 #include "stream/files/read_file.h"
-#include "stream/numbers.h"
+#include "stream/runtime/numbers.h"
 
 namespace tessera {
 namespace {

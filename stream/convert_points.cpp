@@ -11,7 +11,7 @@
 #include "stream/files/file_extension.h"
 #include "stream/formats/point_writer.h"
 #include "stream/point_summary.h"
-#include "stream/stop.h"
+#include "stream/runtime/stop.h"
 
 namespace tessera {
 

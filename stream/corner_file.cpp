@@ -9,7 +9,7 @@
 #include <unistd.h>
 
 #include "octree/error.h"
-#include "stream/stop.h"
+#include "stream/runtime/stop.h"
 
 namespace tessera {
 namespace {

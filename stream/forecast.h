@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "stream/plan.h"
-#include "stream/stage.h"
+#include "stream/runtime/stage.h"
 
 namespace tessera {
 

@@ -2,7 +2,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "stream/stage_runner.h"
+#include "stream/runtime/stage_runner.h"
 #include "stream/stages/import_stages.h"
 
 namespace tessera {

@@ -8,7 +8,7 @@
 #include <nlohmann/json_fwd.hpp>
 
 #include "stream/mesh_store.h"
-#include "stream/options.h"
+#include "stream/runtime/options.h"
 
 namespace tessera {
 

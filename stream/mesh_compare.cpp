@@ -12,9 +12,9 @@
 #include "stream/compare_cells.h"
 #include "stream/files/scratch_folder.h"
 #include "stream/import_mesh.h"
-#include "stream/memory_budget.h"
-#include "stream/numbers.h"
-#include "stream/parallel.h"
+#include "stream/runtime/memory_budget.h"
+#include "stream/runtime/numbers.h"
+#include "stream/runtime/parallel.h"
 
 namespace tessera {
 namespace {

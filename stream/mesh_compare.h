@@ -16,7 +16,7 @@
 #include "kernels/certify/certificate.h"
 #include "stream/failed_places.h"
 #include "stream/mesh_store.h"
-#include "stream/options.h"
+#include "stream/runtime/options.h"
 
 namespace tessera {
 

@@ -5,7 +5,7 @@
 #include <nlohmann/json.hpp>
 
 #include "stream/mesh_compare.h"
-#include "stream/numbers.h"
+#include "stream/runtime/numbers.h"
 
 namespace tessera {
 namespace {

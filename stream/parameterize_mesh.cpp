@@ -5,8 +5,8 @@
 
 #include "octree/error.h"
 #include "stream/formats/uv_mesh_writer.h"
-#include "stream/memory_budget.h"
 #include "stream/mesh_weld.h"
+#include "stream/runtime/memory_budget.h"
 
 namespace tessera {
 namespace {

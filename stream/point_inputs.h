@@ -7,9 +7,9 @@
 #include <span>
 #include <vector>
 
-#include "stream/options.h"
 #include "stream/point_source.h"
-#include "stream/stage.h"
+#include "stream/runtime/options.h"
+#include "stream/runtime/stage.h"
 
 namespace tessera {
 

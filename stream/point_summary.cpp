@@ -7,7 +7,7 @@
 
 #include <tbb/parallel_for.h>
 
-#include "stream/stop.h"
+#include "stream/runtime/stop.h"
 
 namespace tessera {
 

@@ -11,11 +11,11 @@
 #include "octree/error.h"
 #include "stream/files/file_extension.h"
 #include "stream/formats/ply_header.h"
-#include "stream/memory_budget.h"
 #include "stream/mesh_io.h"
 #include "stream/png_file.h"
 #include "stream/point_source.h"
 #include "stream/render_scene.h"
+#include "stream/runtime/memory_budget.h"
 
 namespace tessera {
 namespace {

@@ -9,10 +9,10 @@
 #include "stream/compare_cells.h"
 #include "stream/files/scratch_folder.h"
 #include "stream/import_mesh.h"
-#include "stream/memory_budget.h"
-#include "stream/numbers.h"
 #include "stream/render_scene.h"
-#include "stream/stop.h"
+#include "stream/runtime/memory_budget.h"
+#include "stream/runtime/numbers.h"
+#include "stream/runtime/stop.h"
 
 namespace tessera {
 namespace {

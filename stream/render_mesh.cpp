@@ -10,10 +10,10 @@
 #include "octree/error.h"
 #include "stream/border_edges.h"
 #include "stream/corner_file.h"
-#include "stream/memory_budget.h"
 #include "stream/mesh_weld.h"
 #include "stream/render_scene.h"
-#include "stream/stop.h"
+#include "stream/runtime/memory_budget.h"
+#include "stream/runtime/stop.h"
 
 namespace tessera {
 namespace {

@@ -8,7 +8,7 @@
 #include "octree/error.h"
 #include "stream/point_source.h"
 #include "stream/render_scene.h"
-#include "stream/stop.h"
+#include "stream/runtime/stop.h"
 
 namespace tessera {
 namespace {

@@ -14,7 +14,7 @@
 #include "octree/error.h"
 #include "stream/files/output_file.h"
 #include "stream/formats/point_writer.h"
-#include "stream/stop.h"
+#include "stream/runtime/stop.h"
 
 namespace tessera {
 namespace {

@@ -12,7 +12,7 @@
 #include "kernels/scene/sample_source.h"
 #include "octree/error.h"
 #include "stream/files/vertex_store.h"
-#include "stream/parallel.h"
+#include "stream/runtime/parallel.h"
 #include "stream/truth_features.h"
 
 namespace tessera {

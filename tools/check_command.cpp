@@ -13,7 +13,7 @@
 #include "stream/mesh_check.h"
 #include "stream/mesh_compare.h"
 #include "stream/mesh_io.h"
-#include "stream/stop.h"
+#include "stream/runtime/stop.h"
 #include "stream/truth.h"
 #include "tools/cli.h"
 #include "tools/commands.h"

@@ -14,8 +14,8 @@
 
 #include "kernels/holes/hole_filling.h"
 #include "octree/error.h"
-#include "stream/memory_budget.h"
-#include "stream/stop.h"
+#include "stream/runtime/memory_budget.h"
+#include "stream/runtime/stop.h"
 
 namespace tessera::cli {
 namespace {

@@ -22,8 +22,8 @@
 #include <nlohmann/json_fwd.hpp>
 
 #include "octree/lattice.h"
-#include "stream/options.h"
-#include "stream/progress.h"
+#include "stream/runtime/options.h"
+#include "stream/runtime/progress.h"
 
 namespace tessera::cli {
 

@@ -5,7 +5,7 @@
 #include "octree/error.h"
 #include "stream/convert_mesh.h"
 #include "stream/convert_points.h"
-#include "stream/stop.h"
+#include "stream/runtime/stop.h"
 #include "tools/cli.h"
 #include "tools/commands.h"
 

@@ -6,7 +6,7 @@
 
 #include "octree/error.h"
 #include "stream/point_summary.h"
-#include "stream/stop.h"
+#include "stream/runtime/stop.h"
 #include "tools/cli.h"
 #include "tools/commands.h"
 

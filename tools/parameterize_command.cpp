@@ -3,10 +3,10 @@
 #include <memory>
 
 #include "octree/error.h"
-#include "stream/memory_budget.h"
 #include "stream/parameterize_mesh.h"
 #include "stream/point_source.h"
-#include "stream/stop.h"
+#include "stream/runtime/memory_budget.h"
+#include "stream/runtime/stop.h"
 #include "tools/cli.h"
 #include "tools/commands.h"
 

@@ -5,13 +5,13 @@
 
 #include "octree/error.h"
 #include "stream/files/scratch_folder.h"
-#include "stream/memory_budget.h"
 #include "stream/plan.h"
 #include "stream/point_source.h"
+#include "stream/runtime/memory_budget.h"
+#include "stream/runtime/stop.h"
+#include "stream/runtime/work_dir.h"
 #include "stream/stages/closing_stages.h"
 #include "stream/stages/reconstruct_job.h"
-#include "stream/stop.h"
-#include "stream/work_dir.h"
 #include "tools/cli.h"
 #include "tools/commands.h"
 

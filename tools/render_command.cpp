@@ -7,9 +7,9 @@
 #include <fmt/format.h>
 
 #include "octree/error.h"
-#include "stream/memory_budget.h"
 #include "stream/render.h"
-#include "stream/stop.h"
+#include "stream/runtime/memory_budget.h"
+#include "stream/runtime/stop.h"
 #include "tools/cli.h"
 #include "tools/commands.h"
 

@@ -4,11 +4,11 @@
 #include <nlohmann/json.hpp>
 
 #include "octree/error.h"
-#include "stream/memory_budget.h"
 #include "stream/mesh_io.h"
 #include "stream/point_source.h"
+#include "stream/runtime/memory_budget.h"
+#include "stream/runtime/stop.h"
 #include "stream/stages/smooth_stage.h"
-#include "stream/stop.h"
 #include "tools/cli.h"
 #include "tools/commands.h"
 

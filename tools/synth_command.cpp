@@ -7,7 +7,7 @@
 
 #include "kernels/scene/scene.h"
 #include "octree/error.h"
-#include "stream/stop.h"
+#include "stream/runtime/stop.h"
 #include "stream/synth.h"
 #include "tools/cli.h"
 #include "tools/commands.h"

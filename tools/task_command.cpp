@@ -3,14 +3,14 @@
 #include <memory>
 
 #include "octree/error.h"
-#include "stream/child_process.h"
-#include "stream/journal.h"
-#include "stream/options_json.h"
+#include "stream/runtime/child_process.h"
+#include "stream/runtime/journal.h"
+#include "stream/runtime/options_json.h"
+#include "stream/runtime/stop.h"
+#include "stream/runtime/work_dir.h"
 #include "stream/stages/decimate_job.h"
 #include "stream/stages/reconstruct_job.h"
 #include "stream/stages/smooth_stage.h"
-#include "stream/stop.h"
-#include "stream/work_dir.h"
 #include "tools/cli.h"
 #include "tools/commands.h"
 

@@ -2,7 +2,7 @@
 
 #include <thread>
 
-#include "stream/memory_budget.h"
+#include "stream/runtime/memory_budget.h"
 #include "tools/cli.h"
 
 int main(int argc, char** argv) {

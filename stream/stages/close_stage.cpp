@@ -9,11 +9,11 @@
 #include "stream/files/direct_file.h"
 #include "stream/files/read_file.h"
 #include "stream/files/task_files.h"
-#include "stream/memory_budget.h"
 #include "stream/multipole_store.h"
-#include "stream/parallel.h"
 #include "stream/point_overlay.h"
 #include "stream/point_store.h"
+#include "stream/runtime/memory_budget.h"
+#include "stream/runtime/parallel.h"
 #include "stream/stages/closing_stages.h"
 
 namespace tessera {

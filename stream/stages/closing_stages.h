@@ -8,9 +8,9 @@
 #include <string>
 
 #include "kernels/closing/closing.h"
-#include "stream/options.h"
 #include "stream/plan.h"
-#include "stream/stage.h"
+#include "stream/runtime/options.h"
+#include "stream/runtime/stage.h"
 
 namespace tessera {
 

@@ -3,7 +3,7 @@
 #include <nlohmann/json.hpp>
 
 #include "octree/error.h"
-#include "stream/report.h"
+#include "stream/runtime/report.h"
 #include "stream/stages/certify_stage.h"
 #include "stream/stages/import_stages.h"
 #include "stream/stages/store_write_stage.h"

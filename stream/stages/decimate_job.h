@@ -3,7 +3,7 @@
 #pragma once
 #include <nlohmann/json_fwd.hpp>
 
-#include "stream/job.h"
+#include "stream/runtime/job.h"
 #include "stream/stages/simplify_stage.h"
 
 namespace tessera {

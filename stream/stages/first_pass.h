@@ -15,7 +15,7 @@
 #include <nlohmann/json_fwd.hpp>
 
 #include "stream/mesh_store.h"
-#include "stream/stage.h"
+#include "stream/runtime/stage.h"
 
 namespace tessera {
 

@@ -3,7 +3,7 @@
 #pragma once
 #include <memory>
 
-#include "stream/stage.h"
+#include "stream/runtime/stage.h"
 
 namespace tessera {
 

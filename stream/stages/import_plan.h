@@ -12,7 +12,7 @@
 
 #include "stream/mesh_io.h"
 #include "stream/mesh_store.h"
-#include "stream/stage.h"
+#include "stream/runtime/stage.h"
 
 namespace tessera {
 

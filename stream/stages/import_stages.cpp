@@ -1,5 +1,5 @@
 #include "stream/stages/import_stages.h"
-#include "stream/report.h"
+#include "stream/runtime/report.h"
 
 #include <algorithm>
 #include <cstring>

@@ -21,7 +21,7 @@
 #include "kernels/mesh/mesh_repair.h"
 #include "stream/files/read_file.h"
 #include "stream/mesh_store.h"
-#include "stream/stage.h"
+#include "stream/runtime/stage.h"
 #include "stream/stages/import_plan.h"
 
 namespace tessera {

@@ -4,7 +4,7 @@
 #pragma once
 #include <memory>
 
-#include "stream/stage.h"
+#include "stream/runtime/stage.h"
 
 namespace tessera {
 

@@ -4,8 +4,8 @@
 #include <limits>
 
 #include "octree/error.h"
-#include "stream/options.h"
 #include "stream/plan.h"
+#include "stream/runtime/options.h"
 
 namespace tessera {
 

@@ -3,7 +3,7 @@
 /// direction decides them, brick-local patches where not, supporters for cleaning.
 /// Pass "orient": votes between the patches of neighbouring bricks, their solution, and the outlier threshold.
 #pragma once
-#include "stream/stage.h"
+#include "stream/runtime/stage.h"
 
 namespace tessera {
 

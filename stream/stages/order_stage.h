@@ -7,7 +7,7 @@
 
 #include "stream/plan.h"
 #include "stream/run_file.h"
-#include "stream/stage.h"
+#include "stream/runtime/stage.h"
 
 namespace tessera {
 

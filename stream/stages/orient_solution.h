@@ -9,7 +9,7 @@
 #include "kernels/points/sign_solver.h"
 #include "octree/lattice.h"
 #include "stream/point_overlay.h"
-#include "stream/stage.h"
+#include "stream/runtime/stage.h"
 
 namespace tessera {
 

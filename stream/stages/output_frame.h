@@ -3,7 +3,7 @@
 #pragma once
 #include "kernels/mesh/patch_mesh.h"
 #include "stream/plan.h"
-#include "stream/stage.h"
+#include "stream/runtime/stage.h"
 
 namespace tessera {
 

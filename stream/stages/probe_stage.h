@@ -7,7 +7,7 @@
 #include <memory>
 
 #include "stream/point_inputs.h"
-#include "stream/stage.h"
+#include "stream/runtime/stage.h"
 
 namespace tessera {
 

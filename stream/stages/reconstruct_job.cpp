@@ -1,5 +1,5 @@
 #include "stream/stages/reconstruct_job.h"
-#include "stream/report.h"
+#include "stream/runtime/report.h"
 
 #include <nlohmann/json.hpp>
 

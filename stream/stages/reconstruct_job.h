@@ -3,8 +3,8 @@
 #pragma once
 #include <vector>
 
-#include "stream/job.h"
-#include "stream/stage.h"
+#include "stream/runtime/job.h"
+#include "stream/runtime/stage.h"
 
 namespace tessera {
 

@@ -12,10 +12,10 @@
 #include "octree/error.h"
 #include "stream/files/durable_file.h"
 #include "stream/files/task_files.h"
-#include "stream/numbers.h"
 #include "stream/plan.h"
 #include "stream/point_overlay.h"
 #include "stream/point_store.h"
+#include "stream/runtime/numbers.h"
 
 namespace tessera {
 namespace {

@@ -8,7 +8,7 @@
 #include <string>
 
 #include "stream/mesh_store.h"
-#include "stream/stage.h"
+#include "stream/runtime/stage.h"
 
 namespace tessera {
 

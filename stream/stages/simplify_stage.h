@@ -12,7 +12,7 @@
 
 #include "kernels/decimate/decimate.h"
 #include "stream/mesh_store.h"
-#include "stream/stage.h"
+#include "stream/runtime/stage.h"
 
 namespace tessera {
 

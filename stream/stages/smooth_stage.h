@@ -13,9 +13,9 @@
 #include <vector>
 
 #include "kernels/smooth/smooth.h"
-#include "stream/job.h"
 #include "stream/mesh_store.h"
-#include "stream/stage.h"
+#include "stream/runtime/job.h"
+#include "stream/runtime/stage.h"
 #include "stream/stages/coarse_files.h"
 #include "stream/stages/smooth_tiles.h"
 

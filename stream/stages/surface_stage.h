@@ -8,7 +8,7 @@
 #include "stream/closing_store.h"
 #include "stream/plan.h"
 #include "stream/point_store.h"
-#include "stream/stage.h"
+#include "stream/runtime/stage.h"
 
 namespace tessera {
 

@@ -11,9 +11,9 @@
 #include "stream/brick_histogram.h"
 #include "stream/files/task_files.h"
 #include "stream/forecast.h"
-#include "stream/numbers.h"
 #include "stream/point_sample.h"
 #include "stream/quantise.h"
+#include "stream/runtime/numbers.h"
 #include "stream/stages/probe_stage.h"
 
 namespace tessera {

@@ -6,7 +6,7 @@
 
 #include "stream/plan.h"
 #include "stream/point_inputs.h"
-#include "stream/stage.h"
+#include "stream/runtime/stage.h"
 
 namespace tessera {
 

@@ -4,7 +4,7 @@
 #include <filesystem>
 
 #include "stream/point_overlay.h"
-#include "stream/stage.h"
+#include "stream/runtime/stage.h"
 
 namespace tessera {
 

@@ -3,7 +3,7 @@
 /// element its place in the output by prefix sums. No distance tolerance: a name that has no owner is a bug.
 #pragma once
 #include "stream/patch_store.h"
-#include "stream/stage.h"
+#include "stream/runtime/stage.h"
 
 namespace tessera {
 

@@ -1,7 +1,7 @@
 /// \file write_stage.h
 /// Pass "write": streams the kept patches into the output file with one global numbering.
 #pragma once
-#include "stream/stage.h"
+#include "stream/runtime/stage.h"
 
 namespace tessera {
 

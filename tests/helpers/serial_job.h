@@ -8,7 +8,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "stream/stage.h"
+#include "stream/runtime/stage.h"
 #include "tests/helpers/temp_folder.h"
 
 namespace tessera::test {

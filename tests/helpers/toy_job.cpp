@@ -19,11 +19,11 @@
 #include <thread>
 
 #include "octree/error.h"
-#include "stream/child_process.h"
 #include "stream/files/durable_file.h"
-#include "stream/job.h"
-#include "stream/journal.h"
-#include "stream/stop.h"
+#include "stream/runtime/child_process.h"
+#include "stream/runtime/job.h"
+#include "stream/runtime/journal.h"
+#include "stream/runtime/stop.h"
 #include "tools/cli.h"
 
 using namespace tessera;

@@ -3,7 +3,7 @@
 
 #include "octree/error.h"
 #include "stream/brick_histogram.h"
-#include "stream/numbers.h"
+#include "stream/runtime/numbers.h"
 #include "stream/stages/probe_stage.h"
 #include "tests/helpers/point_chain.h"
 #include "tests/helpers/random_points.h"

@@ -5,8 +5,8 @@
 
 #include <nlohmann/json.hpp>
 
-#include "stream/options.h"
-#include "stream/stage.h"
+#include "stream/runtime/options.h"
+#include "stream/runtime/stage.h"
 
 namespace tessera {
 

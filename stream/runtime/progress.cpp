@@ -1,4 +1,4 @@
-#include "stream/progress.h"
+#include "stream/runtime/progress.h"
 
 #include <algorithm>
 
@@ -6,7 +6,7 @@
 #include <nlohmann/json.hpp>
 
 #include "octree/error.h"
-#include "stream/memory_budget.h"
+#include "stream/runtime/memory_budget.h"
 
 namespace tessera {
 namespace {

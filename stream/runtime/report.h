@@ -7,8 +7,8 @@
 
 #include <nlohmann/json.hpp>
 
-#include "stream/resume.h"
-#include "stream/stage.h"
+#include "stream/runtime/resume.h"
+#include "stream/runtime/stage.h"
 
 namespace tessera {
 

@@ -13,8 +13,8 @@
 
 #include <nlohmann/json.hpp>
 
-#include "stream/progress.h"
-#include "stream/stage.h"
+#include "stream/runtime/progress.h"
+#include "stream/runtime/stage.h"
 
 namespace tessera {
 

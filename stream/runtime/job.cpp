@@ -1,4 +1,4 @@
-#include "stream/job.h"
+#include "stream/runtime/job.h"
 
 #include <algorithm>
 #include <cerrno>
@@ -14,18 +14,18 @@
 #include <fmt/format.h>
 
 #include "octree/error.h"
-#include "stream/child_process.h"
-#include "stream/commit.h"
 #include "stream/files/durable_file.h"
-#include "stream/journal.h"
-#include "stream/log.h"
-#include "stream/memory_budget.h"
-#include "stream/options_json.h"
-#include "stream/parallel.h"
-#include "stream/report.h"
-#include "stream/resume.h"
-#include "stream/stop.h"
-#include "stream/work_dir.h"
+#include "stream/runtime/child_process.h"
+#include "stream/runtime/commit.h"
+#include "stream/runtime/journal.h"
+#include "stream/runtime/log.h"
+#include "stream/runtime/memory_budget.h"
+#include "stream/runtime/options_json.h"
+#include "stream/runtime/parallel.h"
+#include "stream/runtime/report.h"
+#include "stream/runtime/resume.h"
+#include "stream/runtime/stop.h"
+#include "stream/runtime/work_dir.h"
 
 namespace tessera {
 namespace {

@@ -11,7 +11,7 @@
 
 #include <nlohmann/json_fwd.hpp>
 
-#include "stream/options.h"
+#include "stream/runtime/options.h"
 
 namespace tessera {
 

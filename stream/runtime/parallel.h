@@ -7,7 +7,7 @@
 #include <functional>
 #include <memory>
 
-#include "stream/memory_budget.h"
+#include "stream/runtime/memory_budget.h"
 
 namespace tessera {
 

@@ -1,4 +1,4 @@
-#include "stream/child_process.h"
+#include "stream/runtime/child_process.h"
 
 #include <cerrno>
 #include <csignal>
@@ -15,8 +15,8 @@
 #include <fmt/format.h>
 
 #include "octree/error.h"
-#include "stream/journal.h"
-#include "stream/stop.h"
+#include "stream/runtime/journal.h"
+#include "stream/runtime/stop.h"
 
 namespace tessera {
 namespace {

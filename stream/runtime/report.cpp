@@ -1,11 +1,11 @@
-#include "stream/report.h"
+#include "stream/runtime/report.h"
 
 #include <fmt/format.h>
 
 #include "octree/error.h"
 #include "stream/files/durable_file.h"
-#include "stream/log.h"
-#include "stream/options_json.h"
+#include "stream/runtime/log.h"
+#include "stream/runtime/options_json.h"
 
 namespace tessera {
 namespace {

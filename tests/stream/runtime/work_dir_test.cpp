@@ -1,11 +1,11 @@
-#include "stream/work_dir.h"
+#include "stream/runtime/work_dir.h"
 
 #include <catch2/catch.hpp>
 #include <chrono>
 
 #include "octree/error.h"
 #include "stream/files/durable_file.h"
-#include "stream/options_json.h"
+#include "stream/runtime/options_json.h"
 #include "tests/helpers/shell.h"
 
 using namespace tessera;

@@ -1,7 +1,7 @@
 #include <catch2/catch.hpp>
 #include <nlohmann/json.hpp>
 
-#include "stream/job.h"
+#include "stream/runtime/job.h"
 #include "tests/helpers/toy.h"
 
 using namespace tessera;

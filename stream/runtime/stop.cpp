@@ -1,4 +1,4 @@
-#include "stream/stop.h"
+#include "stream/runtime/stop.h"
 
 #include <atomic>
 #include <csignal>

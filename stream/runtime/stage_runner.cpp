@@ -1,9 +1,9 @@
-#include "stream/stage_runner.h"
+#include "stream/runtime/stage_runner.h"
 
 #include <nlohmann/json.hpp>
 
-#include "stream/memory_budget.h"
-#include "stream/parallel.h"
+#include "stream/runtime/memory_budget.h"
+#include "stream/runtime/parallel.h"
 
 namespace tessera {
 namespace {

@@ -1,4 +1,4 @@
-#include "stream/commit.h"
+#include "stream/runtime/commit.h"
 
 #include <algorithm>
 #include <atomic>
@@ -12,8 +12,8 @@
 #include "octree/error.h"
 #include "stream/files/durable_file.h"
 #include "stream/files/fault.h"
-#include "stream/memory_budget.h"
-#include "stream/stop.h"
+#include "stream/runtime/memory_budget.h"
+#include "stream/runtime/stop.h"
 
 namespace tessera {
 namespace {

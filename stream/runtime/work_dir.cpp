@@ -1,4 +1,4 @@
-#include "stream/work_dir.h"
+#include "stream/runtime/work_dir.h"
 
 #include <algorithm>
 #include <cerrno>
@@ -18,7 +18,7 @@
 #include "octree/error.h"
 #include "stream/files/durable_file.h"
 #include "stream/files/read_file.h"
-#include "stream/options_json.h"
+#include "stream/runtime/options_json.h"
 
 namespace tessera {
 namespace {

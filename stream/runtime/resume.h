@@ -11,8 +11,8 @@
 #include <string>
 #include <vector>
 
-#include "stream/journal.h"
-#include "stream/stage.h"
+#include "stream/runtime/journal.h"
+#include "stream/runtime/stage.h"
 
 namespace tessera {
 

@@ -1,4 +1,4 @@
-#include "stream/parallel.h"
+#include "stream/runtime/parallel.h"
 
 #include <atomic>
 #include <catch2/catch.hpp>
@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "octree/error.h"
-#include "stream/stop.h"
+#include "stream/runtime/stop.h"
 
 using namespace tessera;
 

@@ -1,4 +1,4 @@
-#include "stream/memory_budget.h"
+#include "stream/runtime/memory_budget.h"
 
 #include <atomic>
 #include <catch2/catch.hpp>

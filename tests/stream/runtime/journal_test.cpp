@@ -1,4 +1,4 @@
-#include "stream/journal.h"
+#include "stream/runtime/journal.h"
 
 #include <catch2/catch.hpp>
 #include <fstream>

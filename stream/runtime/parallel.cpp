@@ -1,4 +1,4 @@
-#include "stream/parallel.h"
+#include "stream/runtime/parallel.h"
 
 #include <algorithm>
 #include <atomic>
@@ -10,7 +10,7 @@
 #include <tbb/parallel_for.h>
 #include <tbb/task_arena.h>
 
-#include "stream/stop.h"
+#include "stream/runtime/stop.h"
 
 namespace tessera {
 namespace {

@@ -1,9 +1,9 @@
-#include "stream/resume.h"
+#include "stream/runtime/resume.h"
 
 #include <algorithm>
 
-#include "stream/commit.h"
 #include "stream/files/durable_file.h"
+#include "stream/runtime/commit.h"
 
 namespace tessera {
 namespace {

@@ -1,4 +1,4 @@
-#include "stream/log.h"
+#include "stream/runtime/log.h"
 
 #include <cerrno>
 #include <ctime>
@@ -12,7 +12,7 @@
 #include <nlohmann/json.hpp>
 
 #include "stream/files/durable_file.h"
-#include "stream/memory_budget.h"
+#include "stream/runtime/memory_budget.h"
 
 namespace tessera {
 namespace {

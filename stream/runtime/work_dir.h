@@ -9,7 +9,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "stream/stage.h"
+#include "stream/runtime/stage.h"
 
 namespace tessera {
 

@@ -1,4 +1,4 @@
-#include "stream/journal.h"
+#include "stream/runtime/journal.h"
 
 #include <algorithm>
 #include <cerrno>

@@ -5,9 +5,9 @@
 #include <string>
 #include <vector>
 
-#include "stream/journal.h"
-#include "stream/progress.h"
-#include "stream/stage.h"
+#include "stream/runtime/journal.h"
+#include "stream/runtime/progress.h"
+#include "stream/runtime/stage.h"
 
 namespace tessera {
 

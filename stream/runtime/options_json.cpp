@@ -1,4 +1,4 @@
-#include "stream/options_json.h"
+#include "stream/runtime/options_json.h"
 
 #include <fmt/format.h>
 
