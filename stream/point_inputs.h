@@ -7,7 +7,7 @@
 #include <span>
 #include <vector>
 
-#include "stream/point_source.h"
+#include "stream/formats/points/point_source.h"
 #include "stream/runtime/options.h"
 #include "stream/runtime/stage.h"
 

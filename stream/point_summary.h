@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "stream/point_source.h"
+#include "stream/formats/points/point_source.h"
 
 namespace tessera {
 

@@ -11,9 +11,9 @@
 #include "octree/error.h"
 #include "stream/files/file_extension.h"
 #include "stream/formats/ply_header.h"
+#include "stream/formats/points/point_source.h"
 #include "stream/mesh_io.h"
 #include "stream/png_file.h"
-#include "stream/point_source.h"
 #include "stream/render_scene.h"
 #include "stream/runtime/memory_budget.h"
 

@@ -13,7 +13,7 @@
 #include "kernels/scene/scene.h"
 #include "octree/error.h"
 #include "stream/files/output_file.h"
-#include "stream/formats/point_writer.h"
+#include "stream/formats/points/point_writer.h"
 #include "stream/runtime/stop.h"
 
 namespace tessera {

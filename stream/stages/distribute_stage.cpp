@@ -7,7 +7,7 @@
 
 #include "octree/error.h"
 #include "stream/files/task_files.h"
-#include "stream/quantise.h"
+#include "stream/formats/points/quantise.h"
 #include "stream/run_file.h"
 
 namespace tessera {

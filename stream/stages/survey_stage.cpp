@@ -11,8 +11,8 @@
 #include "stream/brick_histogram.h"
 #include "stream/files/task_files.h"
 #include "stream/forecast.h"
+#include "stream/formats/points/quantise.h"
 #include "stream/point_sample.h"
-#include "stream/quantise.h"
 #include "stream/runtime/numbers.h"
 #include "stream/stages/probe_stage.h"
 

@@ -3,7 +3,7 @@
 #include <cmath>
 #include <cstdint>
 
-#include "stream/formats/point_writer.h"
+#include "stream/formats/points/point_writer.h"
 #include "stream/render.h"
 
 namespace tessera {

@@ -1,4 +1,4 @@
-#include "stream/formats/las_points.h"
+#include "stream/formats/points/las_points.h"
 
 #include "tests/fuzz/point_reader_check.h"
 

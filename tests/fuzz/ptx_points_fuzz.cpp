@@ -1,4 +1,4 @@
-#include "stream/formats/ptx_points.h"
+#include "stream/formats/points/ptx_points.h"
 
 #include "tests/fuzz/point_reader_check.h"
 

@@ -5,8 +5,8 @@
 #include <string>
 #include <vector>
 
+#include "stream/formats/points/point_source.h"
 #include "stream/point_inputs.h"
-#include "stream/point_source.h"
 
 namespace tessera::test {
 

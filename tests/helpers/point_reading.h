@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "octree/error.h"
-#include "stream/point_source.h"
+#include "stream/formats/points/point_source.h"
 
 namespace tessera::test {
 

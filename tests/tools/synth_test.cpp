@@ -13,7 +13,7 @@
 
 #include "kernels/scene/scene.h"
 #include "octree/error.h"
-#include "stream/point_source.h"
+#include "stream/formats/points/point_source.h"
 #include "stream/synth.h"
 #include "stream/truth.h"
 #include "tests/helpers/temp_folder.h"

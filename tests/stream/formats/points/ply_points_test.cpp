@@ -1,4 +1,4 @@
-#include "stream/formats/ply_points.h"
+#include "stream/formats/points/ply_points.h"
 
 #include <cmath>
 #include <limits>

@@ -1,4 +1,4 @@
-#include "stream/formats/ptx_points.h"
+#include "stream/formats/points/ptx_points.h"
 
 #include <algorithm>
 #include <array>
@@ -12,7 +12,7 @@
 #include "octree/points.h"
 #include "stream/formats/closed_file.h"
 #include "stream/formats/line_reader.h"
-#include "stream/formats/point_records.h"
+#include "stream/formats/points/point_records.h"
 #include "stream/formats/scalar.h"
 
 namespace tessera {

@@ -1,4 +1,4 @@
-#include "stream/formats/point_writer.h"
+#include "stream/formats/points/point_writer.h"
 
 #include <algorithm>
 #include <array>

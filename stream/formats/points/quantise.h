@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "octree/lattice.h"
-#include "stream/point_source.h"
+#include "stream/formats/points/point_source.h"
 
 namespace tessera {
 

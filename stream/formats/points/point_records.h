@@ -9,8 +9,8 @@
 #include <vector>
 
 #include "stream/formats/byte_window.h"
+#include "stream/formats/points/point_source.h"
 #include "stream/formats/scalar.h"
-#include "stream/point_source.h"
 
 namespace tessera {
 

@@ -13,7 +13,7 @@
 #include <memory>
 
 #include "stream/files/read_file.h"
-#include "stream/point_source.h"
+#include "stream/formats/points/point_source.h"
 
 namespace tessera {
 

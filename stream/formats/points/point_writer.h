@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "stream/point_source.h"
+#include "stream/formats/points/point_source.h"
 
 namespace tessera {
 

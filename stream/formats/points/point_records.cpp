@@ -1,4 +1,4 @@
-#include "stream/formats/point_records.h"
+#include "stream/formats/points/point_records.h"
 
 #include <algorithm>
 #include <cmath>

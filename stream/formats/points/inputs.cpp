@@ -7,7 +7,7 @@
 
 #include "octree/error.h"
 #include "stream/formats/line_reader.h"
-#include "stream/point_source.h"
+#include "stream/formats/points/point_source.h"
 
 namespace tessera {
 

@@ -1,4 +1,4 @@
-#include "stream/formats/text_columns.h"
+#include "stream/formats/points/text_columns.h"
 
 #include <algorithm>
 #include <limits>

@@ -1,4 +1,4 @@
-#include "stream/formats/las_points.h"
+#include "stream/formats/points/las_points.h"
 
 #include <algorithm>
 #include <array>
@@ -9,7 +9,7 @@
 
 #include "octree/error.h"
 #include "stream/formats/closed_file.h"
-#include "stream/formats/point_records.h"
+#include "stream/formats/points/point_records.h"
 #include "stream/formats/scalar.h"
 
 namespace tessera {

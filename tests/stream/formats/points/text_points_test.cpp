@@ -1,4 +1,4 @@
-#include "stream/formats/text_points.h"
+#include "stream/formats/points/text_points.h"
 
 #include <cmath>
 

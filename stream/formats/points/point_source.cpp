@@ -1,4 +1,4 @@
-#include "stream/point_source.h"
+#include "stream/formats/points/point_source.h"
 
 #include <algorithm>
 #include <string_view>
@@ -8,10 +8,10 @@
 #include "stream/files/file_extension.h"
 #include "stream/files/read_file.h"
 #include "stream/formats/byte_window.h"
-#include "stream/formats/las_points.h"
-#include "stream/formats/ply_points.h"
-#include "stream/formats/ptx_points.h"
-#include "stream/formats/text_points.h"
+#include "stream/formats/points/las_points.h"
+#include "stream/formats/points/ply_points.h"
+#include "stream/formats/points/ptx_points.h"
+#include "stream/formats/points/text_points.h"
 
 namespace tessera {
 

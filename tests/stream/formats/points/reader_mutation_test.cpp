@@ -7,10 +7,10 @@
 #include <string>
 #include <vector>
 
-#include "stream/formats/las_points.h"
-#include "stream/formats/ply_points.h"
-#include "stream/formats/ptx_points.h"
-#include "stream/formats/text_points.h"
+#include "stream/formats/points/las_points.h"
+#include "stream/formats/points/ply_points.h"
+#include "stream/formats/points/ptx_points.h"
+#include "stream/formats/points/text_points.h"
 #include "tests/fuzz/point_reader_check.h"
 
 namespace tessera {

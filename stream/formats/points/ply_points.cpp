@@ -1,4 +1,4 @@
-#include "stream/formats/ply_points.h"
+#include "stream/formats/points/ply_points.h"
 
 #include <algorithm>
 #include <array>
@@ -11,7 +11,7 @@
 #include "stream/formats/closed_file.h"
 #include "stream/formats/line_reader.h"
 #include "stream/formats/ply_header.h"
-#include "stream/formats/point_records.h"
+#include "stream/formats/points/point_records.h"
 
 namespace tessera {
 

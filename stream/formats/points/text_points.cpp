@@ -1,4 +1,4 @@
-#include "stream/formats/text_points.h"
+#include "stream/formats/points/text_points.h"
 
 #include <algorithm>
 #include <array>
@@ -11,9 +11,9 @@
 #include "octree/error.h"
 #include "stream/formats/closed_file.h"
 #include "stream/formats/line_reader.h"
-#include "stream/formats/point_records.h"
+#include "stream/formats/points/point_records.h"
+#include "stream/formats/points/text_columns.h"
 #include "stream/formats/scalar.h"
-#include "stream/formats/text_columns.h"
 
 namespace tessera {
 
