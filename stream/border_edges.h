@@ -7,7 +7,7 @@
 #include <span>
 #include <vector>
 
-#include "stream/mesh_io.h"
+#include "stream/formats/meshes/mesh_io.h"
 
 namespace tessera {
 

@@ -7,8 +7,8 @@
 #include "octree/error.h"
 #include "stream/files/file_extension.h"
 #include "stream/files/read_file.h"
+#include "stream/formats/meshes/mesh_io.h"
 #include "stream/formats/ply_header.h"
-#include "stream/mesh_io.h"
 #include "stream/mesh_weld.h"
 
 namespace tessera {

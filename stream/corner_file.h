@@ -6,7 +6,7 @@
 #include <functional>
 #include <span>
 
-#include "stream/mesh_io.h"
+#include "stream/formats/meshes/mesh_io.h"
 
 namespace tessera {
 

@@ -12,7 +12,7 @@
 
 #include <nlohmann/json_fwd.hpp>
 
-#include "stream/mesh_io.h"
+#include "stream/formats/meshes/mesh_io.h"
 
 namespace tessera {
 

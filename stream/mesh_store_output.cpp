@@ -6,7 +6,7 @@
 #include "octree/error.h"
 #include "stream/files/external_sort.h"
 #include "stream/files/spill_file.h"
-#include "stream/mesh_io.h"
+#include "stream/formats/meshes/mesh_io.h"
 
 namespace tessera {
 namespace {

@@ -9,7 +9,7 @@
 #include <memory>
 
 #include "stream/files/vertex_store.h"
-#include "stream/mesh_io.h"
+#include "stream/formats/meshes/mesh_io.h"
 
 namespace tessera {
 

@@ -4,7 +4,7 @@
 #include <chrono>
 
 #include "octree/error.h"
-#include "stream/formats/uv_mesh_writer.h"
+#include "stream/formats/meshes/uv_mesh_writer.h"
 #include "stream/mesh_weld.h"
 #include "stream/runtime/memory_budget.h"
 

@@ -13,7 +13,7 @@
 
 #include "kernels/scene/scene.h"
 #include "octree/lattice.h"
-#include "stream/mesh_io.h"
+#include "stream/formats/meshes/mesh_io.h"
 
 namespace tessera {
 

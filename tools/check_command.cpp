@@ -10,9 +10,9 @@
 
 #include "octree/error.h"
 #include "stream/files/output_file.h"
+#include "stream/formats/meshes/mesh_io.h"
 #include "stream/mesh_check.h"
 #include "stream/mesh_compare.h"
-#include "stream/mesh_io.h"
 #include "stream/runtime/stop.h"
 #include "stream/truth.h"
 #include "tools/cli.h"

@@ -4,7 +4,7 @@
 #include <nlohmann/json.hpp>
 
 #include "octree/error.h"
-#include "stream/mesh_io.h"
+#include "stream/formats/meshes/mesh_io.h"
 #include "stream/runtime/memory_budget.h"
 #include "stream/runtime/stop.h"
 #include "stream/stages/decimate_job.h"

@@ -4,8 +4,8 @@
 #include <nlohmann/json.hpp>
 
 #include "octree/error.h"
+#include "stream/formats/meshes/mesh_io.h"
 #include "stream/formats/points/point_source.h"
-#include "stream/mesh_io.h"
 #include "stream/runtime/memory_budget.h"
 #include "stream/runtime/stop.h"
 #include "stream/stages/smooth_stage.h"

@@ -10,7 +10,7 @@
 
 #include <nlohmann/json_fwd.hpp>
 
-#include "stream/mesh_io.h"
+#include "stream/formats/meshes/mesh_io.h"
 #include "stream/mesh_store.h"
 #include "stream/runtime/stage.h"
 

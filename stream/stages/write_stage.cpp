@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <nlohmann/json.hpp>
 
-#include "stream/mesh_io.h"
+#include "stream/formats/meshes/mesh_io.h"
 #include "stream/plan.h"
 #include "stream/stages/hole_files.h"
 #include "stream/stages/numbered_patches.h"

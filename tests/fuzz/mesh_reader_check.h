@@ -4,7 +4,7 @@
 #include <memory>
 #include <string_view>
 
-#include "stream/formats/mesh_reader_base.h"
+#include "stream/formats/meshes/mesh_reader_base.h"
 #include "tests/fuzz/point_reader_check.h"
 
 namespace tessera::fuzz {

@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-#include "stream/mesh_io.h"
+#include "stream/formats/meshes/mesh_io.h"
 #include "tests/helpers/random.h"
 
 namespace tessera::test {

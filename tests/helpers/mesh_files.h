@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "stream/mesh_io.h"
+#include "stream/formats/meshes/mesh_io.h"
 
 namespace tessera::test {
 

@@ -10,7 +10,7 @@
 
 #include "octree/error.h"
 #include "octree/portable_math.h"
-#include "stream/mesh_io.h"
+#include "stream/formats/meshes/mesh_io.h"
 #include "stream/truth.h"
 #include "stream/truth_features.h"
 

@@ -7,8 +7,8 @@
 
 #include <nlohmann/json.hpp>
 
+#include "stream/formats/meshes/mesh_io.h"
 #include "stream/mesh_check.h"
-#include "stream/mesh_io.h"
 #include "tests/helpers/command.h"
 #include "tests/helpers/serial_job.h"
 

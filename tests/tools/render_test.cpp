@@ -15,7 +15,7 @@
 
 #include "kernels/picture/picture.h"
 #include "octree/error.h"
-#include "stream/mesh_io.h"
+#include "stream/formats/meshes/mesh_io.h"
 #include "stream/render.h"
 #include "stream/render_scene.h"
 #include "tests/helpers/temp_folder.h"

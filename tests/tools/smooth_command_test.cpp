@@ -12,8 +12,8 @@
 #include "kernels/mesh/closest_face.h"
 #include "kernels/smooth/smooth.h"
 #include "octree/vector3.h"
+#include "stream/formats/meshes/mesh_io.h"
 #include "stream/import_mesh.h"
-#include "stream/mesh_io.h"
 #include "tests/helpers/command.h"
 #include "tests/helpers/temp_folder.h"
 

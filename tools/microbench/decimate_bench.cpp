@@ -18,7 +18,7 @@
 
 #include "kernels/certify/certificate.h"
 #include "kernels/decimate/decimate.h"
-#include "stream/mesh_io.h"
+#include "stream/formats/meshes/mesh_io.h"
 
 namespace {
 

@@ -10,7 +10,7 @@
 #include <string>
 
 #include "kernels/certify/tolerance_filter.h"
-#include "stream/mesh_io.h"
+#include "stream/formats/meshes/mesh_io.h"
 #include "tests/helpers/surfaces.h"
 
 namespace {

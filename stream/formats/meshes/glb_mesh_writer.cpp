@@ -10,7 +10,7 @@
 #include <nlohmann/json.hpp>
 
 #include "octree/error.h"
-#include "stream/formats/mesh_writer_base.h"
+#include "stream/formats/meshes/mesh_writer_base.h"
 
 namespace tessera {
 namespace {

@@ -1,4 +1,4 @@
-#include "stream/mesh_io.h"
+#include "stream/formats/meshes/mesh_io.h"
 
 #include <algorithm>
 #include <utility>
@@ -6,8 +6,8 @@
 #include "octree/error.h"
 #include "stream/files/file_extension.h"
 #include "stream/files/read_file.h"
-#include "stream/formats/mesh_reader_base.h"
-#include "stream/formats/mesh_writer_base.h"
+#include "stream/formats/meshes/mesh_reader_base.h"
+#include "stream/formats/meshes/mesh_writer_base.h"
 
 namespace tessera {
 namespace {

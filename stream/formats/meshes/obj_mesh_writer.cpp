@@ -2,7 +2,7 @@
 /// 0..1. Text has no limit on counts.
 #include <charconv>
 
-#include "stream/formats/mesh_writer_base.h"
+#include "stream/formats/meshes/mesh_writer_base.h"
 
 namespace tessera {
 namespace {

@@ -6,7 +6,7 @@
 #include <utility>
 
 #include "stream/formats/line_reader.h"
-#include "stream/formats/mesh_reader_base.h"
+#include "stream/formats/meshes/mesh_reader_base.h"
 #include "stream/formats/scalar.h"
 #include "stream/formats/text_scanner.h"
 

@@ -7,7 +7,7 @@
 #include <string>
 
 #include "stream/files/output_file.h"
-#include "stream/mesh_io.h"
+#include "stream/formats/meshes/mesh_io.h"
 
 namespace tessera {
 

@@ -10,7 +10,7 @@
 #include <nlohmann/json.hpp>
 
 #include "stream/formats/byte_window.h"
-#include "stream/formats/mesh_reader_base.h"
+#include "stream/formats/meshes/mesh_reader_base.h"
 #include "stream/formats/scalar.h"
 
 namespace tessera {

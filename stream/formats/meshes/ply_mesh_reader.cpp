@@ -5,7 +5,7 @@
 #include <string>
 #include <utility>
 
-#include "stream/formats/mesh_reader_base.h"
+#include "stream/formats/meshes/mesh_reader_base.h"
 #include "stream/formats/ply_header.h"
 #include "stream/formats/text_scanner.h"
 

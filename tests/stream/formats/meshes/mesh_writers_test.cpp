@@ -9,7 +9,7 @@
 #include <string>
 
 #include "octree/error.h"
-#include "stream/mesh_io.h"
+#include "stream/formats/meshes/mesh_io.h"
 #include "tests/helpers/temp_folder.h"
 
 namespace tessera {

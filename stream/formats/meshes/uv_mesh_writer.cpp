@@ -1,4 +1,4 @@
-#include "stream/formats/uv_mesh_writer.h"
+#include "stream/formats/meshes/uv_mesh_writer.h"
 
 #include <charconv>
 #include <cstring>
@@ -6,7 +6,7 @@
 
 #include "octree/error.h"
 #include "stream/files/output_file.h"
-#include "stream/formats/mesh_writer_base.h"
+#include "stream/formats/meshes/mesh_writer_base.h"
 
 namespace tessera {
 namespace {

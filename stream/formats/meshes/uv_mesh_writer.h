@@ -7,7 +7,7 @@
 #include <filesystem>
 #include <span>
 
-#include "stream/mesh_io.h"
+#include "stream/formats/meshes/mesh_io.h"
 
 namespace tessera {
 

@@ -11,7 +11,7 @@
 
 #include "octree/error.h"
 #include "stream/files/read_file.h"
-#include "stream/mesh_io.h"
+#include "stream/formats/meshes/mesh_io.h"
 
 namespace tessera {
 

@@ -1,4 +1,4 @@
-#include "stream/formats/mesh_reader_base.h"
+#include "stream/formats/meshes/mesh_reader_base.h"
 
 #include <cmath>
 

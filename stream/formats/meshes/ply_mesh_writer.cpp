@@ -6,7 +6,7 @@
 #include <cstring>
 
 #include "octree/error.h"
-#include "stream/formats/mesh_writer_base.h"
+#include "stream/formats/meshes/mesh_writer_base.h"
 
 namespace tessera {
 namespace {

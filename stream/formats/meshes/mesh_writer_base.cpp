@@ -1,4 +1,4 @@
-#include "stream/formats/mesh_writer_base.h"
+#include "stream/formats/meshes/mesh_writer_base.h"
 
 #include <charconv>
 
