@@ -10,7 +10,7 @@
 #include "octree/error.h"
 #include "stream/files/file_extension.h"
 #include "stream/formats/points/point_writer.h"
-#include "stream/point_summary.h"
+#include "stream/points/point_summary.h"
 #include "stream/runtime/stop.h"
 
 namespace tessera {

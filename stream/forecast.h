@@ -7,7 +7,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "stream/plan.h"
+#include "stream/points/plan.h"
 #include "stream/runtime/stage.h"
 
 namespace tessera {

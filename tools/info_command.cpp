@@ -5,7 +5,7 @@
 #include <nlohmann/json.hpp>
 
 #include "octree/error.h"
-#include "stream/point_summary.h"
+#include "stream/points/point_summary.h"
 #include "stream/runtime/stop.h"
 #include "tools/cli.h"
 #include "tools/commands.h"

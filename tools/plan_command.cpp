@@ -6,7 +6,7 @@
 #include "octree/error.h"
 #include "stream/files/scratch_folder.h"
 #include "stream/formats/points/point_source.h"
-#include "stream/plan.h"
+#include "stream/points/plan.h"
 #include "stream/runtime/memory_budget.h"
 #include "stream/runtime/stop.h"
 #include "stream/runtime/work_dir.h"

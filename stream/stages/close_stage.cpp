@@ -5,13 +5,13 @@
 #include <nlohmann/json.hpp>
 
 #include "octree/error.h"
-#include "stream/closing_store.h"
 #include "stream/files/direct_file.h"
 #include "stream/files/read_file.h"
 #include "stream/files/task_files.h"
-#include "stream/multipole_store.h"
-#include "stream/point_overlay.h"
-#include "stream/point_store.h"
+#include "stream/points/closing_store.h"
+#include "stream/points/multipole_store.h"
+#include "stream/points/point_overlay.h"
+#include "stream/points/point_store.h"
 #include "stream/runtime/memory_budget.h"
 #include "stream/runtime/parallel.h"
 #include "stream/stages/closing_stages.h"

@@ -8,7 +8,7 @@
 #include <string>
 
 #include "kernels/closing/closing.h"
-#include "stream/plan.h"
+#include "stream/points/plan.h"
 #include "stream/runtime/options.h"
 #include "stream/runtime/stage.h"
 

@@ -8,7 +8,7 @@
 #include "octree/error.h"
 #include "stream/files/task_files.h"
 #include "stream/formats/points/quantise.h"
-#include "stream/run_file.h"
+#include "stream/points/run_file.h"
 
 namespace tessera {
 namespace {

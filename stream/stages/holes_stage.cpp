@@ -4,7 +4,7 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
-#include "stream/plan.h"
+#include "stream/points/plan.h"
 #include "stream/stages/hole_files.h"
 
 namespace tessera {

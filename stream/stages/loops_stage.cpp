@@ -9,7 +9,7 @@
 #include "stream/files/external_sort.h"
 #include "stream/files/read_file.h"
 #include "stream/files/task_files.h"
-#include "stream/plan.h"
+#include "stream/points/plan.h"
 #include "stream/stages/hole_files.h"
 #include "stream/stages/numbered_patches.h"
 

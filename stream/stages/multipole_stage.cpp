@@ -3,9 +3,9 @@
 
 #include "kernels/closing/area_weights.h"
 #include "stream/files/task_files.h"
-#include "stream/multipole_store.h"
-#include "stream/point_overlay.h"
-#include "stream/point_store.h"
+#include "stream/points/multipole_store.h"
+#include "stream/points/point_overlay.h"
+#include "stream/points/point_store.h"
 #include "stream/stages/closing_stages.h"
 
 namespace tessera {

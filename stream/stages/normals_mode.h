@@ -4,7 +4,7 @@
 #include <limits>
 
 #include "octree/error.h"
-#include "stream/plan.h"
+#include "stream/points/plan.h"
 #include "stream/runtime/options.h"
 
 namespace tessera {

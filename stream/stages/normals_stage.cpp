@@ -8,9 +8,9 @@
 #include "octree/error.h"
 #include "stream/files/direct_file.h"
 #include "stream/files/task_files.h"
-#include "stream/plan.h"
-#include "stream/point_overlay.h"
-#include "stream/point_store.h"
+#include "stream/points/plan.h"
+#include "stream/points/point_overlay.h"
+#include "stream/points/point_store.h"
 #include "stream/stages/normals_mode.h"
 
 namespace tessera {

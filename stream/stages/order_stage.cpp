@@ -6,9 +6,9 @@
 
 #include "octree/error.h"
 #include "stream/files/task_files.h"
-#include "stream/hot_brick.h"
-#include "stream/point_sort.h"
-#include "stream/point_store.h"
+#include "stream/points/hot_brick.h"
+#include "stream/points/point_sort.h"
+#include "stream/points/point_store.h"
 #include "stream/stages/distribute_stage.h"
 
 namespace tessera {

@@ -5,8 +5,8 @@
 #include <memory>
 #include <vector>
 
-#include "stream/plan.h"
-#include "stream/run_file.h"
+#include "stream/points/plan.h"
+#include "stream/points/run_file.h"
 #include "stream/runtime/stage.h"
 
 namespace tessera {

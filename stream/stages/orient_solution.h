@@ -8,7 +8,7 @@
 
 #include "kernels/points/sign_solver.h"
 #include "octree/lattice.h"
-#include "stream/point_overlay.h"
+#include "stream/points/point_overlay.h"
 #include "stream/runtime/stage.h"
 
 namespace tessera {

@@ -10,7 +10,7 @@
 #include "stream/files/direct_file.h"
 #include "stream/files/read_file.h"
 #include "stream/files/task_files.h"
-#include "stream/point_overlay.h"
+#include "stream/points/point_overlay.h"
 #include "stream/stages/normals_mode.h"
 #include "stream/stages/normals_stage.h"
 #include "stream/stages/orient_solution.h"

@@ -2,7 +2,7 @@
 /// How a reconstruction writes positions.
 #pragma once
 #include "kernels/mesh/patch_mesh.h"
-#include "stream/plan.h"
+#include "stream/points/plan.h"
 #include "stream/runtime/stage.h"
 
 namespace tessera {

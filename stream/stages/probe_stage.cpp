@@ -11,7 +11,7 @@
 #include "stream/files/direct_file.h"
 #include "stream/files/read_file.h"
 #include "stream/files/task_files.h"
-#include "stream/point_sample.h"
+#include "stream/points/point_sample.h"
 #include "stream/runtime/numbers.h"
 
 namespace tessera {

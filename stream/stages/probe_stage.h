@@ -6,7 +6,7 @@
 #pragma once
 #include <memory>
 
-#include "stream/point_inputs.h"
+#include "stream/points/point_inputs.h"
 #include "stream/runtime/stage.h"
 
 namespace tessera {

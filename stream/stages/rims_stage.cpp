@@ -2,9 +2,9 @@
 #include <nlohmann/json.hpp>
 
 #include "octree/morton.h"
-#include "stream/closing_store.h"
 #include "stream/files/task_files.h"
-#include "stream/point_overlay.h"
+#include "stream/points/closing_store.h"
+#include "stream/points/point_overlay.h"
 #include "stream/stages/closing_stages.h"
 #include "stream/stages/surface_stage.h"
 

@@ -12,9 +12,9 @@
 #include "octree/error.h"
 #include "stream/files/durable_file.h"
 #include "stream/files/task_files.h"
-#include "stream/plan.h"
-#include "stream/point_overlay.h"
-#include "stream/point_store.h"
+#include "stream/points/plan.h"
+#include "stream/points/point_overlay.h"
+#include "stream/points/point_store.h"
 #include "stream/runtime/numbers.h"
 
 namespace tessera {

@@ -5,9 +5,9 @@
 #include <functional>
 
 #include "kernels/field/field.h"
-#include "stream/closing_store.h"
-#include "stream/plan.h"
-#include "stream/point_store.h"
+#include "stream/points/closing_store.h"
+#include "stream/points/plan.h"
+#include "stream/points/point_store.h"
 #include "stream/runtime/stage.h"
 
 namespace tessera {

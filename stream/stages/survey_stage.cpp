@@ -8,11 +8,11 @@
 
 #include "kernels/points/spacing.h"
 #include "octree/error.h"
-#include "stream/brick_histogram.h"
 #include "stream/files/task_files.h"
 #include "stream/forecast.h"
 #include "stream/formats/points/quantise.h"
-#include "stream/point_sample.h"
+#include "stream/points/brick_histogram.h"
+#include "stream/points/point_sample.h"
 #include "stream/runtime/numbers.h"
 #include "stream/stages/probe_stage.h"
 

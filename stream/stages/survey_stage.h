@@ -4,8 +4,8 @@
 #pragma once
 #include <memory>
 
-#include "stream/plan.h"
-#include "stream/point_inputs.h"
+#include "stream/points/plan.h"
+#include "stream/points/point_inputs.h"
 #include "stream/runtime/stage.h"
 
 namespace tessera {

@@ -3,7 +3,7 @@
 #pragma once
 #include <filesystem>
 
-#include "stream/point_overlay.h"
+#include "stream/points/point_overlay.h"
 #include "stream/runtime/stage.h"
 
 namespace tessera {

@@ -4,7 +4,7 @@
 #include <nlohmann/json.hpp>
 
 #include "stream/formats/meshes/mesh_io.h"
-#include "stream/plan.h"
+#include "stream/points/plan.h"
 #include "stream/stages/hole_files.h"
 #include "stream/stages/numbered_patches.h"
 #include "stream/stages/output_frame.h"

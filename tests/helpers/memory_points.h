@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "stream/formats/points/point_source.h"
-#include "stream/point_inputs.h"
+#include "stream/points/point_inputs.h"
 
 namespace tessera::test {
 

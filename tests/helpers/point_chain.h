@@ -4,8 +4,8 @@
 #include <memory>
 #include <vector>
 
-#include "stream/plan.h"
-#include "stream/point_store.h"
+#include "stream/points/plan.h"
+#include "stream/points/point_store.h"
 #include "stream/stages/distribute_stage.h"
 #include "stream/stages/order_stage.h"
 #include "stream/stages/survey_stage.h"

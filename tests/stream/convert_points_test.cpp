@@ -8,7 +8,7 @@
 #include <nlohmann/json.hpp>
 #include <sstream>
 
-#include "stream/point_summary.h"
+#include "stream/points/point_summary.h"
 #include "tests/helpers/point_reading.h"
 #include "tests/helpers/temp_folder.h"
 

@@ -3,7 +3,7 @@
 
 #include "octree/error.h"
 #include "stream/files/direct_file.h"
-#include "stream/run_file.h"
+#include "stream/points/run_file.h"
 #include "tests/helpers/point_chain.h"
 #include "tests/helpers/random_points.h"
 

@@ -2,7 +2,7 @@
 #include <cstring>
 
 #include "octree/error.h"
-#include "stream/hot_brick.h"
+#include "stream/points/hot_brick.h"
 #include "tests/helpers/point_chain.h"
 #include "tests/helpers/random_points.h"
 

@@ -2,7 +2,7 @@
 #include <limits>
 
 #include "octree/error.h"
-#include "stream/brick_histogram.h"
+#include "stream/points/brick_histogram.h"
 #include "stream/runtime/numbers.h"
 #include "stream/stages/probe_stage.h"
 #include "tests/helpers/point_chain.h"

@@ -1,4 +1,4 @@
-#include "stream/run_file.h"
+#include "stream/points/run_file.h"
 
 #include <algorithm>
 #include <fstream>

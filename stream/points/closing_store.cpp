@@ -1,4 +1,4 @@
-#include "stream/closing_store.h"
+#include "stream/points/closing_store.h"
 
 #include <xxhash.h>
 

@@ -1,4 +1,4 @@
-#include "stream/multipole_store.h"
+#include "stream/points/multipole_store.h"
 
 #include <xxhash.h>
 

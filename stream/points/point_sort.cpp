@@ -1,4 +1,4 @@
-#include "stream/point_sort.h"
+#include "stream/points/point_sort.h"
 
 #include <algorithm>
 #include <array>

@@ -1,4 +1,4 @@
-#include "stream/point_inputs.h"
+#include "stream/points/point_inputs.h"
 
 #include <algorithm>
 #include <cassert>

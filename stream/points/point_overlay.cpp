@@ -1,4 +1,4 @@
-#include "stream/point_overlay.h"
+#include "stream/points/point_overlay.h"
 
 #include <algorithm>
 #include <cassert>

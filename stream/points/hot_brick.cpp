@@ -1,4 +1,4 @@
-#include "stream/hot_brick.h"
+#include "stream/points/hot_brick.h"
 
 #include <algorithm>
 #include <tuple>

@@ -1,4 +1,4 @@
-#include "stream/plan.h"
+#include "stream/points/plan.h"
 
 #include <fstream>
 #include <nlohmann/json.hpp>

@@ -11,7 +11,7 @@
 #include <span>
 #include <vector>
 
-#include "stream/point_sort.h"
+#include "stream/points/point_sort.h"
 
 namespace tessera {
 

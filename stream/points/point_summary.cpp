@@ -1,4 +1,4 @@
-#include "stream/point_summary.h"
+#include "stream/points/point_summary.h"
 
 #include <algorithm>
 #include <array>

@@ -2,8 +2,8 @@
 #include <fstream>
 
 #include "octree/error.h"
-#include "stream/point_sort.h"
-#include "stream/point_store.h"
+#include "stream/points/point_sort.h"
+#include "stream/points/point_store.h"
 #include "tests/helpers/random_points.h"
 #include "tests/helpers/serial_job.h"
 

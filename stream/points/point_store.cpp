@@ -1,4 +1,4 @@
-#include "stream/point_store.h"
+#include "stream/points/point_store.h"
 
 #include <algorithm>
 #include <cassert>
@@ -11,7 +11,7 @@
 #include "octree/error.h"
 #include "stream/files/direct_file.h"
 #include "stream/files/read_file.h"
-#include "stream/point_overlay.h"
+#include "stream/points/point_overlay.h"
 
 namespace tessera {
 namespace {

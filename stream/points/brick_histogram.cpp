@@ -1,4 +1,4 @@
-#include "stream/brick_histogram.h"
+#include "stream/points/brick_histogram.h"
 
 #include <algorithm>
 #include <limits>

@@ -1,4 +1,4 @@
-#include "stream/point_sample.h"
+#include "stream/points/point_sample.h"
 
 #include <algorithm>
 #include <bit>
