@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "kernels/certify/certificate_pair.h"
-#include "stream/mesh_store.h"
+#include "stream/meshes/mesh_store.h"
 
 namespace tessera {
 

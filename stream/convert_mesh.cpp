@@ -9,7 +9,7 @@
 #include "stream/files/read_file.h"
 #include "stream/formats/meshes/mesh_io.h"
 #include "stream/formats/ply_header.h"
-#include "stream/mesh_weld.h"
+#include "stream/meshes/mesh_weld.h"
 
 namespace tessera {
 namespace {

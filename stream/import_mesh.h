@@ -7,7 +7,7 @@
 
 #include <nlohmann/json_fwd.hpp>
 
-#include "stream/mesh_store.h"
+#include "stream/meshes/mesh_store.h"
 #include "stream/runtime/options.h"
 
 namespace tessera {

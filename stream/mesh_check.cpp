@@ -11,7 +11,7 @@
 #include "stream/files/vertex_store.h"
 #include "stream/mesh_shape.h"
 #include "stream/mesh_topology.h"
-#include "stream/mesh_weld.h"
+#include "stream/meshes/mesh_weld.h"
 
 namespace tessera {
 namespace {

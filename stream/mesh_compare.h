@@ -14,8 +14,8 @@
 #include <nlohmann/json_fwd.hpp>
 
 #include "kernels/certify/certificate.h"
-#include "stream/failed_places.h"
-#include "stream/mesh_store.h"
+#include "stream/meshes/failed_places.h"
+#include "stream/meshes/mesh_store.h"
 #include "stream/runtime/options.h"
 
 namespace tessera {

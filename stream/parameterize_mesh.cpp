@@ -5,7 +5,7 @@
 
 #include "octree/error.h"
 #include "stream/formats/meshes/uv_mesh_writer.h"
-#include "stream/mesh_weld.h"
+#include "stream/meshes/mesh_weld.h"
 #include "stream/runtime/memory_budget.h"
 
 namespace tessera {

@@ -8,9 +8,9 @@
 
 #include "kernels/picture/caption.h"
 #include "octree/error.h"
-#include "stream/border_edges.h"
-#include "stream/corner_file.h"
-#include "stream/mesh_weld.h"
+#include "stream/meshes/border_edges.h"
+#include "stream/meshes/corner_file.h"
+#include "stream/meshes/mesh_weld.h"
 #include "stream/render_scene.h"
 #include "stream/runtime/memory_budget.h"
 #include "stream/runtime/stop.h"

@@ -6,7 +6,7 @@
 #include <memory>
 #include <string>
 
-#include "stream/mesh_store.h"
+#include "stream/meshes/mesh_store.h"
 #include "stream/runtime/stage.h"
 
 namespace tessera {

@@ -14,7 +14,7 @@
 #include "kernels/smooth/smooth.h"
 #include "stream/files/direct_file.h"
 #include "stream/files/read_file.h"
-#include "stream/mesh_store.h"
+#include "stream/meshes/mesh_store.h"
 #include "stream/stages/smooth_tiles.h"
 
 namespace tessera {

@@ -14,7 +14,7 @@
 
 #include <nlohmann/json_fwd.hpp>
 
-#include "stream/mesh_store.h"
+#include "stream/meshes/mesh_store.h"
 #include "stream/runtime/stage.h"
 
 namespace tessera {

@@ -11,7 +11,7 @@
 #include <nlohmann/json_fwd.hpp>
 
 #include "stream/formats/meshes/mesh_io.h"
-#include "stream/mesh_store.h"
+#include "stream/meshes/mesh_store.h"
 #include "stream/runtime/stage.h"
 
 namespace tessera {

@@ -20,7 +20,7 @@
 
 #include "kernels/mesh/mesh_repair.h"
 #include "stream/files/read_file.h"
-#include "stream/mesh_store.h"
+#include "stream/meshes/mesh_store.h"
 #include "stream/runtime/stage.h"
 #include "stream/stages/import_plan.h"
 

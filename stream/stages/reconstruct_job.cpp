@@ -3,6 +3,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "stream/meshes/store_write_stage.h"
 #include "stream/stages/closing_stages.h"
 #include "stream/stages/decimate_job.h"
 #include "stream/stages/distribute_stage.h"
@@ -15,7 +16,6 @@
 #include "stream/stages/order_stage.h"
 #include "stream/stages/probe_stage.h"
 #include "stream/stages/samples_stage.h"
-#include "stream/stages/store_write_stage.h"
 #include "stream/stages/surface_stage.h"
 #include "stream/stages/survey_stage.h"
 #include "stream/stages/weld_stage.h"

@@ -10,10 +10,10 @@
 #include "kernels/certify/certificate.h"
 #include "kernels/mesh/mesh_block_ops.h"
 #include "octree/error.h"
-#include "stream/failed_places.h"
 #include "stream/files/direct_file.h"
 #include "stream/files/durable_file.h"
 #include "stream/files/task_files.h"
+#include "stream/meshes/failed_places.h"
 #include "stream/stages/unsettled_region.h"
 
 namespace tessera {

@@ -9,7 +9,7 @@
 
 #include "octree/error.h"
 #include "stream/files/task_files.h"
-#include "stream/mesh_store.h"
+#include "stream/meshes/mesh_store.h"
 #include "stream/stages/coarse_files.h"
 #include "stream/stages/import_stages.h"
 #include "stream/stages/smooth_tiles.h"

@@ -13,7 +13,7 @@
 #include <vector>
 
 #include "kernels/smooth/smooth.h"
-#include "stream/mesh_store.h"
+#include "stream/meshes/mesh_store.h"
 #include "stream/runtime/job.h"
 #include "stream/runtime/stage.h"
 #include "stream/stages/coarse_files.h"

@@ -7,7 +7,7 @@
 #include <functional>
 #include <vector>
 
-#include "stream/mesh_store.h"
+#include "stream/meshes/mesh_store.h"
 
 namespace tessera {
 

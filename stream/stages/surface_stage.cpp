@@ -7,7 +7,7 @@
 #include "kernels/field/field.h"
 #include "kernels/mesh/patch_components.h"
 #include "stream/files/task_files.h"
-#include "stream/patch_store.h"
+#include "stream/meshes/patch_store.h"
 #include "stream/points/multipole_store.h"
 #include "stream/points/plan.h"
 #include "stream/points/point_overlay.h"

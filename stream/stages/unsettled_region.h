@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "stream/mesh_store.h"
+#include "stream/meshes/mesh_store.h"
 
 namespace tessera {
 

@@ -2,7 +2,7 @@
 /// Pass "weld": joins the patches of all bricks by vertex key, finds islands across bricks, and gives every kept
 /// element its place in the output by prefix sums. No distance tolerance: a name that has no owner is a bug.
 #pragma once
-#include "stream/patch_store.h"
+#include "stream/meshes/patch_store.h"
 #include "stream/runtime/stage.h"
 
 namespace tessera {

@@ -15,7 +15,7 @@
 #include "stream/formats/meshes/mesh_io.h"
 #include "stream/import_mesh.h"
 #include "stream/mesh_check.h"
-#include "stream/mesh_store_output.h"
+#include "stream/meshes/mesh_store_output.h"
 #include "stream/stages/import_stages.h"
 #include "tests/helpers/serial_job.h"
 

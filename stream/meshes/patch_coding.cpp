@@ -1,10 +1,10 @@
-#include "stream/patch_coding.h"
+#include "stream/meshes/patch_coding.h"
 
 #include <cmath>
 #include <cstring>
 
 #include "kernels/mesh/patch_mesh.h"
-#include "stream/mesh_store.h"
+#include "stream/meshes/mesh_store.h"
 
 namespace tessera {
 namespace {

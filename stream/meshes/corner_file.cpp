@@ -1,4 +1,4 @@
-#include "stream/corner_file.h"
+#include "stream/meshes/corner_file.h"
 
 #include <algorithm>
 #include <cerrno>

@@ -1,4 +1,4 @@
-#include "stream/mesh_store.h"
+#include "stream/meshes/mesh_store.h"
 
 #include <algorithm>
 #include <cmath>
@@ -13,7 +13,7 @@
 #include "octree/error.h"
 #include "stream/files/direct_file.h"
 #include "stream/files/read_file.h"
-#include "stream/patch_coding.h"
+#include "stream/meshes/patch_coding.h"
 
 namespace tessera {
 namespace {

@@ -8,7 +8,7 @@
 
 #include "kernels/mesh/mesh_block_ops.h"
 #include "octree/error.h"
-#include "stream/mesh_store.h"
+#include "stream/meshes/mesh_store.h"
 #include "tests/helpers/serial_job.h"
 
 namespace tessera {

@@ -1,4 +1,4 @@
-#include "stream/border_edges.h"
+#include "stream/meshes/border_edges.h"
 
 #include <algorithm>
 

@@ -1,4 +1,4 @@
-#include "stream/mesh_weld.h"
+#include "stream/meshes/mesh_weld.h"
 
 #include <algorithm>
 #include <bit>

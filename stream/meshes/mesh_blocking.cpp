@@ -2,7 +2,7 @@
 #include <algorithm>
 
 #include "kernels/mesh/mesh_block_ops.h"
-#include "stream/mesh_store.h"
+#include "stream/meshes/mesh_store.h"
 
 namespace tessera {
 namespace {

@@ -1,11 +1,11 @@
-#include "stream/stages/store_write_stage.h"
+#include "stream/meshes/store_write_stage.h"
 
 #include <algorithm>
 #include <utility>
 
 #include <nlohmann/json.hpp>
 
-#include "stream/mesh_store_output.h"
+#include "stream/meshes/mesh_store_output.h"
 
 namespace tessera {
 namespace {

@@ -1,4 +1,4 @@
-#include "stream/mesh_store_output.h"
+#include "stream/meshes/mesh_store_output.h"
 
 #include <algorithm>
 

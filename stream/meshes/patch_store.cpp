@@ -1,4 +1,4 @@
-#include "stream/patch_store.h"
+#include "stream/meshes/patch_store.h"
 
 #include <algorithm>
 #include <cstring>

@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "stream/mesh_store.h"
+#include "stream/meshes/mesh_store.h"
 
 namespace tessera {
 

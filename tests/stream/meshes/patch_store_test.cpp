@@ -2,7 +2,7 @@
 #include <fstream>
 
 #include "octree/error.h"
-#include "stream/patch_store.h"
+#include "stream/meshes/patch_store.h"
 #include "tests/helpers/temp_folder.h"
 
 using namespace tessera;
