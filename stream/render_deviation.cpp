@@ -8,7 +8,7 @@
 #include "octree/error.h"
 #include "stream/compare_cells.h"
 #include "stream/files/scratch_folder.h"
-#include "stream/import_mesh.h"
+#include "stream/import/import_mesh.h"
 #include "stream/render_scene.h"
 #include "stream/runtime/memory_budget.h"
 #include "stream/runtime/numbers.h"

@@ -3,10 +3,10 @@
 #include <nlohmann/json.hpp>
 
 #include "octree/error.h"
+#include "stream/import/import_stages.h"
 #include "stream/meshes/store_write_stage.h"
 #include "stream/runtime/report.h"
 #include "stream/stages/certify_stage.h"
-#include "stream/stages/import_stages.h"
 
 namespace tessera {
 namespace {

@@ -3,13 +3,13 @@
 
 #include <nlohmann/json.hpp>
 
+#include "stream/import/import_stages.h"
 #include "stream/meshes/store_write_stage.h"
 #include "stream/stages/closing_stages.h"
 #include "stream/stages/decimate_job.h"
 #include "stream/stages/distribute_stage.h"
 #include "stream/stages/first_pass.h"
 #include "stream/stages/holes_stage.h"
-#include "stream/stages/import_stages.h"
 #include "stream/stages/islands_stage.h"
 #include "stream/stages/loops_stage.h"
 #include "stream/stages/normals_stage.h"

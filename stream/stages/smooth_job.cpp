@@ -2,9 +2,9 @@
 
 #include "octree/error.h"
 #include "stream/files/task_files.h"
+#include "stream/import/import_stages.h"
 #include "stream/meshes/store_write_stage.h"
 #include "stream/stages/coarse_files.h"
-#include "stream/stages/import_stages.h"
 #include "stream/stages/smooth_stage.h"
 
 namespace tessera {

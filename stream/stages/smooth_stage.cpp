@@ -9,9 +9,9 @@
 
 #include "octree/error.h"
 #include "stream/files/task_files.h"
+#include "stream/import/import_stages.h"
 #include "stream/meshes/mesh_store.h"
 #include "stream/stages/coarse_files.h"
-#include "stream/stages/import_stages.h"
 #include "stream/stages/smooth_tiles.h"
 
 namespace tessera {

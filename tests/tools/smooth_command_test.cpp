@@ -13,7 +13,7 @@
 #include "kernels/smooth/smooth.h"
 #include "octree/vector3.h"
 #include "stream/formats/meshes/mesh_io.h"
-#include "stream/import_mesh.h"
+#include "stream/import/import_mesh.h"
 #include "tests/helpers/command.h"
 #include "tests/helpers/temp_folder.h"
 

@@ -16,10 +16,10 @@
 
 #include "kernels/mesh/closest_face.h"
 #include "stream/files/scratch_folder.h"
-#include "stream/import_mesh.h"
+#include "stream/import/import_mesh.h"
+#include "stream/import/import_stages.h"
 #include "stream/runtime/stage_runner.h"
 #include "stream/stages/decimate_job.h"
-#include "stream/stages/import_stages.h"
 
 namespace {
 

@@ -1,4 +1,4 @@
-#include "stream/stages/import_plan.h"
+#include "stream/import/import_plan.h"
 
 #include <algorithm>
 #include <cmath>

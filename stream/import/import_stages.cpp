@@ -1,4 +1,4 @@
-#include "stream/stages/import_stages.h"
+#include "stream/import/import_stages.h"
 #include "stream/runtime/report.h"
 
 #include <algorithm>

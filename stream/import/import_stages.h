@@ -20,9 +20,9 @@
 
 #include "kernels/mesh/mesh_repair.h"
 #include "stream/files/read_file.h"
+#include "stream/import/import_plan.h"
 #include "stream/meshes/mesh_store.h"
 #include "stream/runtime/stage.h"
-#include "stream/stages/import_plan.h"
 
 namespace tessera {
 

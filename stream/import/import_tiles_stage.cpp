@@ -9,7 +9,7 @@
 #include "stream/files/bucket_file.h"
 #include "stream/files/durable_file.h"
 #include "stream/files/external_sort.h"
-#include "stream/stages/import_stages.h"
+#include "stream/import/import_stages.h"
 
 namespace tessera {
 namespace {

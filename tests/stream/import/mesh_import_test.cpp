@@ -13,10 +13,10 @@
 #include "kernels/mesh/mesh_block_ops.h"
 #include "octree/error.h"
 #include "stream/formats/meshes/mesh_io.h"
-#include "stream/import_mesh.h"
+#include "stream/import/import_mesh.h"
+#include "stream/import/import_stages.h"
 #include "stream/mesh_check.h"
 #include "stream/meshes/mesh_store_output.h"
-#include "stream/stages/import_stages.h"
 #include "tests/helpers/serial_job.h"
 
 namespace tessera {

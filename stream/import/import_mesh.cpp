@@ -1,9 +1,9 @@
-#include "stream/import_mesh.h"
+#include "stream/import/import_mesh.h"
 
 #include <nlohmann/json.hpp>
 
+#include "stream/import/import_stages.h"
 #include "stream/runtime/stage_runner.h"
-#include "stream/stages/import_stages.h"
 
 namespace tessera {
 

@@ -12,7 +12,7 @@
 #include "octree/error.h"
 #include "stream/files/bucket_file.h"
 #include "stream/files/durable_file.h"
-#include "stream/stages/import_stages.h"
+#include "stream/import/import_stages.h"
 
 namespace tessera {
 namespace {
