@@ -6,7 +6,7 @@
 #include "kernels/certify/deviation_samples.h"
 #include "kernels/picture/caption.h"
 #include "octree/error.h"
-#include "stream/compare_cells.h"
+#include "stream/check/compare_cells.h"
 #include "stream/files/scratch_folder.h"
 #include "stream/import/import_mesh.h"
 #include "stream/render_scene.h"

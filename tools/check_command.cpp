@@ -9,12 +9,12 @@
 #include <nlohmann/json.hpp>
 
 #include "octree/error.h"
+#include "stream/check/mesh_check.h"
+#include "stream/check/mesh_compare.h"
+#include "stream/check/truth.h"
 #include "stream/files/output_file.h"
 #include "stream/formats/meshes/mesh_io.h"
-#include "stream/mesh_check.h"
-#include "stream/mesh_compare.h"
 #include "stream/runtime/stop.h"
-#include "stream/truth.h"
 #include "tools/cli.h"
 #include "tools/commands.h"
 

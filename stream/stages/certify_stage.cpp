@@ -7,11 +7,11 @@
 #include <nlohmann/json.hpp>
 
 #include "octree/error.h"
-#include "stream/compare_cells.h"
+#include "stream/check/compare_cells.h"
+#include "stream/check/mesh_compare.h"
 #include "stream/files/direct_file.h"
 #include "stream/files/read_file.h"
 #include "stream/files/task_files.h"
-#include "stream/mesh_compare.h"
 
 namespace tessera {
 namespace {

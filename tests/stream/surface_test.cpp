@@ -2,7 +2,7 @@
 #include <catch2/catch.hpp>
 
 #include "octree/error.h"
-#include "stream/mesh_check.h"
+#include "stream/check/mesh_check.h"
 #include "stream/stages/closing_stages.h"
 #include "stream/stages/holes_stage.h"
 #include "stream/stages/loops_stage.h"

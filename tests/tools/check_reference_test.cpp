@@ -3,8 +3,8 @@
 
 #include <nlohmann/json.hpp>
 
+#include "stream/check/mesh_compare.h"
 #include "stream/formats/meshes/mesh_io.h"
-#include "stream/mesh_compare.h"
 #include "tests/helpers/shell.h"
 #include "tests/helpers/surfaces.h"
 

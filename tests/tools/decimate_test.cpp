@@ -7,8 +7,8 @@
 
 #include <nlohmann/json.hpp>
 
+#include "stream/check/mesh_check.h"
 #include "stream/formats/meshes/mesh_io.h"
-#include "stream/mesh_check.h"
 #include "tests/helpers/command.h"
 #include "tests/helpers/serial_job.h"
 

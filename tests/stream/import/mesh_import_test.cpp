@@ -12,10 +12,10 @@
 
 #include "kernels/mesh/mesh_block_ops.h"
 #include "octree/error.h"
+#include "stream/check/mesh_check.h"
 #include "stream/formats/meshes/mesh_io.h"
 #include "stream/import/import_mesh.h"
 #include "stream/import/import_stages.h"
-#include "stream/mesh_check.h"
 #include "stream/meshes/mesh_store_output.h"
 #include "tests/helpers/serial_job.h"
 

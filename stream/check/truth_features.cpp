@@ -1,4 +1,4 @@
-#include "stream/truth_features.h"
+#include "stream/check/truth_features.h"
 
 #include <algorithm>
 #include <cmath>

@@ -1,4 +1,4 @@
-#include "stream/truth.h"
+#include "stream/check/truth.h"
 
 #include <algorithm>
 #include <bit>
@@ -11,9 +11,9 @@
 
 #include "kernels/scene/sample_source.h"
 #include "octree/error.h"
+#include "stream/check/truth_features.h"
 #include "stream/files/vertex_store.h"
 #include "stream/runtime/parallel.h"
-#include "stream/truth_features.h"
 
 namespace tessera {
 namespace {

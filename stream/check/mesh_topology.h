@@ -10,10 +10,10 @@
 #include <span>
 #include <vector>
 
+#include "stream/check/mesh_check.h"
+#include "stream/check/mesh_shape.h"
 #include "stream/files/spill_buckets.h"
 #include "stream/files/vertex_store.h"
-#include "stream/mesh_check.h"
-#include "stream/mesh_shape.h"
 
 namespace tessera {
 

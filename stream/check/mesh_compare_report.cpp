@@ -4,7 +4,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "stream/mesh_compare.h"
+#include "stream/check/mesh_compare.h"
 #include "stream/runtime/numbers.h"
 
 namespace tessera {

@@ -2,8 +2,8 @@
 /// Area, volume, edge lengths and aspect of triangles, summed without regard to order.
 #pragma once
 #include "octree/lattice.h"
-#include "stream/fixed_sum.h"
-#include "stream/mesh_check.h"
+#include "stream/check/fixed_sum.h"
+#include "stream/check/mesh_check.h"
 
 namespace tessera {
 

@@ -10,9 +10,9 @@
 
 #include "octree/error.h"
 #include "octree/portable_math.h"
+#include "stream/check/truth.h"
+#include "stream/check/truth_features.h"
 #include "stream/formats/meshes/mesh_io.h"
-#include "stream/truth.h"
-#include "stream/truth_features.h"
 
 using namespace tessera;
 using synth::Vec3;

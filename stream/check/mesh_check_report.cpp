@@ -5,7 +5,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "stream/mesh_check.h"
+#include "stream/check/mesh_check.h"
 
 namespace tessera {
 namespace {

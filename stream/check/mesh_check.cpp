@@ -1,4 +1,4 @@
-#include "stream/mesh_check.h"
+#include "stream/check/mesh_check.h"
 
 #include <algorithm>
 #include <cmath>
@@ -8,9 +8,9 @@
 #include <nlohmann/json.hpp>
 
 #include "octree/error.h"
+#include "stream/check/mesh_shape.h"
+#include "stream/check/mesh_topology.h"
 #include "stream/files/vertex_store.h"
-#include "stream/mesh_shape.h"
-#include "stream/mesh_topology.h"
 #include "stream/meshes/mesh_weld.h"
 
 namespace tessera {

@@ -1,4 +1,4 @@
-#include "stream/mesh_shape.h"
+#include "stream/check/mesh_shape.h"
 
 #include <algorithm>
 #include <cmath>

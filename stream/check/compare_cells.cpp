@@ -1,4 +1,4 @@
-#include "stream/compare_cells.h"
+#include "stream/check/compare_cells.h"
 
 #include <algorithm>
 #include <array>

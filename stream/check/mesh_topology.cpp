@@ -1,4 +1,4 @@
-#include "stream/mesh_topology.h"
+#include "stream/check/mesh_topology.h"
 
 #include <algorithm>
 #include <cassert>

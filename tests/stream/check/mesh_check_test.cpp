@@ -8,7 +8,7 @@
 #include <nlohmann/json.hpp>
 
 #include "octree/error.h"
-#include "stream/mesh_check.h"
+#include "stream/check/mesh_check.h"
 #include "tests/helpers/memory_mesh.h"
 
 namespace tessera {

@@ -1,4 +1,4 @@
-#include "stream/mesh_compare.h"
+#include "stream/check/mesh_compare.h"
 
 #include <algorithm>
 #include <array>
@@ -9,7 +9,7 @@
 
 #include "kernels/certify/certificate_pair.h"
 #include "octree/error.h"
-#include "stream/compare_cells.h"
+#include "stream/check/compare_cells.h"
 #include "stream/files/scratch_folder.h"
 #include "stream/import/import_mesh.h"
 #include "stream/runtime/memory_budget.h"
