@@ -7,7 +7,7 @@
 #include <fmt/format.h>
 
 #include "octree/error.h"
-#include "stream/render.h"
+#include "stream/render/render.h"
 #include "stream/runtime/memory_budget.h"
 #include "stream/runtime/stop.h"
 #include "tools/cli.h"

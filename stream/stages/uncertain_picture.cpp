@@ -4,7 +4,7 @@
 #include <cstdint>
 
 #include "stream/formats/points/point_writer.h"
-#include "stream/render.h"
+#include "stream/render/render.h"
 
 namespace tessera {
 namespace {

@@ -16,8 +16,8 @@
 #include "kernels/picture/picture.h"
 #include "octree/error.h"
 #include "stream/formats/meshes/mesh_io.h"
-#include "stream/render.h"
-#include "stream/render_scene.h"
+#include "stream/render/render.h"
+#include "stream/render/render_scene.h"
 #include "tests/helpers/temp_folder.h"
 
 namespace tessera {

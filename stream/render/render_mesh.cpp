@@ -11,7 +11,7 @@
 #include "stream/meshes/border_edges.h"
 #include "stream/meshes/corner_file.h"
 #include "stream/meshes/mesh_weld.h"
-#include "stream/render_scene.h"
+#include "stream/render/render_scene.h"
 #include "stream/runtime/memory_budget.h"
 #include "stream/runtime/stop.h"
 

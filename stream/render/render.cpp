@@ -1,4 +1,4 @@
-#include "stream/render.h"
+#include "stream/render/render.h"
 
 #include <algorithm>
 #include <cmath>
@@ -13,8 +13,8 @@
 #include "stream/formats/meshes/mesh_io.h"
 #include "stream/formats/ply_header.h"
 #include "stream/formats/points/point_source.h"
-#include "stream/png_file.h"
-#include "stream/render_scene.h"
+#include "stream/render/png_file.h"
+#include "stream/render/render_scene.h"
 #include "stream/runtime/memory_budget.h"
 
 namespace tessera {

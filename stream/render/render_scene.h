@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "kernels/picture/picture.h"
-#include "stream/render.h"
+#include "stream/render/render.h"
 
 namespace tessera {
 

@@ -7,7 +7,7 @@
 #include "kernels/picture/caption.h"
 #include "octree/error.h"
 #include "stream/formats/points/point_source.h"
-#include "stream/render_scene.h"
+#include "stream/render/render_scene.h"
 #include "stream/runtime/stop.h"
 
 namespace tessera {

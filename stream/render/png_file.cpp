@@ -1,4 +1,4 @@
-#include "stream/png_file.h"
+#include "stream/render/png_file.h"
 
 #include <csetjmp>
 #include <exception>

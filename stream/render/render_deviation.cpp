@@ -9,7 +9,7 @@
 #include "stream/check/compare_cells.h"
 #include "stream/files/scratch_folder.h"
 #include "stream/import/import_mesh.h"
-#include "stream/render_scene.h"
+#include "stream/render/render_scene.h"
 #include "stream/runtime/memory_budget.h"
 #include "stream/runtime/numbers.h"
 #include "stream/runtime/stop.h"

@@ -1,4 +1,4 @@
-#include "stream/render_scene.h"
+#include "stream/render/render_scene.h"
 
 #include <algorithm>
 #include <array>
