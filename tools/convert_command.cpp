@@ -3,8 +3,8 @@
 #include <fmt/format.h>
 
 #include "octree/error.h"
-#include "stream/convert_mesh.h"
-#include "stream/convert_points.h"
+#include "stream/commands/convert_mesh.h"
+#include "stream/commands/convert_points.h"
 #include "stream/runtime/stop.h"
 #include "tools/cli.h"
 #include "tools/commands.h"

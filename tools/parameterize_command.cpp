@@ -3,8 +3,8 @@
 #include <memory>
 
 #include "octree/error.h"
+#include "stream/commands/parameterize_mesh.h"
 #include "stream/formats/points/point_source.h"
-#include "stream/parameterize_mesh.h"
 #include "stream/runtime/memory_budget.h"
 #include "stream/runtime/stop.h"
 #include "tools/cli.h"

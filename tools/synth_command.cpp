@@ -7,8 +7,8 @@
 
 #include "kernels/scene/scene.h"
 #include "octree/error.h"
+#include "stream/commands/synth.h"
 #include "stream/runtime/stop.h"
-#include "stream/synth.h"
 #include "tools/cli.h"
 #include "tools/commands.h"
 

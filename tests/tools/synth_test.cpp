@@ -14,8 +14,8 @@
 #include "kernels/scene/scene.h"
 #include "octree/error.h"
 #include "stream/check/truth.h"
+#include "stream/commands/synth.h"
 #include "stream/formats/points/point_source.h"
-#include "stream/synth.h"
 #include "tests/helpers/temp_folder.h"
 
 using namespace tessera;

@@ -7,7 +7,7 @@
 
 #include "octree/error.h"
 #include "stream/check/mesh_check.h"
-#include "stream/convert_mesh.h"
+#include "stream/commands/convert_mesh.h"
 #include "tests/helpers/memory_mesh.h"
 #include "tests/helpers/mesh_files.h"
 #include "tests/helpers/temp_folder.h"

@@ -1,4 +1,4 @@
-#include "stream/convert_points.h"
+#include "stream/commands/convert_points.h"
 
 #include <sys/wait.h>
 

@@ -1,4 +1,4 @@
-#include "stream/parameterize_mesh.h"
+#include "stream/commands/parameterize_mesh.h"
 
 #include <algorithm>
 #include <chrono>

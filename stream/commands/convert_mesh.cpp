@@ -1,4 +1,4 @@
-#include "stream/convert_mesh.h"
+#include "stream/commands/convert_mesh.h"
 
 #include <algorithm>
 #include <memory>

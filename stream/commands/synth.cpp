@@ -1,4 +1,4 @@
-#include "stream/synth.h"
+#include "stream/commands/synth.h"
 
 #include <algorithm>
 #include <chrono>
