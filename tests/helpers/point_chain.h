@@ -6,9 +6,9 @@
 
 #include "stream/points/plan.h"
 #include "stream/points/point_store.h"
-#include "stream/stages/distribute_stage.h"
-#include "stream/stages/order_stage.h"
-#include "stream/stages/survey_stage.h"
+#include "stream/stages/scan/distribute_stage.h"
+#include "stream/stages/scan/order_stage.h"
+#include "stream/stages/scan/survey_stage.h"
 #include "tests/helpers/memory_points.h"
 #include "tests/helpers/serial_job.h"
 

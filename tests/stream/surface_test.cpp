@@ -6,7 +6,7 @@
 #include "stream/stages/closing_stages.h"
 #include "stream/stages/holes_stage.h"
 #include "stream/stages/loops_stage.h"
-#include "stream/stages/normals_stage.h"
+#include "stream/stages/scan/normals_stage.h"
 #include "stream/stages/surface_stage.h"
 #include "stream/stages/weld_stage.h"
 #include "stream/stages/write_stage.h"

@@ -1,4 +1,4 @@
-#include "stream/stages/distribute_stage.h"
+#include "stream/stages/scan/distribute_stage.h"
 
 #include <algorithm>
 #include <cmath>

@@ -1,4 +1,4 @@
-#include "stream/stages/normals_stage.h"
+#include "stream/stages/scan/normals_stage.h"
 
 #include <algorithm>
 #include <cmath>
@@ -11,7 +11,7 @@
 #include "stream/points/plan.h"
 #include "stream/points/point_overlay.h"
 #include "stream/points/point_store.h"
-#include "stream/stages/normals_mode.h"
+#include "stream/stages/scan/normals_mode.h"
 
 namespace tessera {
 namespace {

@@ -1,4 +1,4 @@
-#include "stream/stages/orient_solution.h"
+#include "stream/stages/scan/orient_solution.h"
 
 #include <algorithm>
 #include <array>

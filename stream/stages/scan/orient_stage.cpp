@@ -11,10 +11,10 @@
 #include "stream/files/read_file.h"
 #include "stream/files/task_files.h"
 #include "stream/points/point_overlay.h"
-#include "stream/stages/normals_mode.h"
-#include "stream/stages/normals_stage.h"
-#include "stream/stages/orient_solution.h"
-#include "stream/stages/uncertain_picture.h"
+#include "stream/stages/scan/normals_mode.h"
+#include "stream/stages/scan/normals_stage.h"
+#include "stream/stages/scan/orient_solution.h"
+#include "stream/stages/scan/uncertain_picture.h"
 
 namespace tessera {
 namespace {

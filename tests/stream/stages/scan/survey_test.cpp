@@ -4,7 +4,7 @@
 #include "octree/error.h"
 #include "stream/points/brick_histogram.h"
 #include "stream/runtime/numbers.h"
-#include "stream/stages/probe_stage.h"
+#include "stream/stages/scan/probe_stage.h"
 #include "tests/helpers/point_chain.h"
 #include "tests/helpers/random_points.h"
 

@@ -1,4 +1,4 @@
-#include "stream/forecast.h"
+#include "stream/stages/scan/forecast.h"
 
 #include <algorithm>
 #include <filesystem>

@@ -4,7 +4,7 @@
 #include <catch2/catch.hpp>
 
 #include "stream/runtime/memory_budget.h"
-#include "stream/stages/probe_stage.h"
+#include "stream/stages/scan/probe_stage.h"
 #include "tests/helpers/point_chain.h"
 #include "tests/helpers/random_points.h"
 

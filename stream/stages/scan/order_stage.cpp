@@ -1,4 +1,4 @@
-#include "stream/stages/order_stage.h"
+#include "stream/stages/scan/order_stage.h"
 
 #include <algorithm>
 #include <nlohmann/json.hpp>
@@ -9,7 +9,7 @@
 #include "stream/points/hot_brick.h"
 #include "stream/points/point_sort.h"
 #include "stream/points/point_store.h"
-#include "stream/stages/distribute_stage.h"
+#include "stream/stages/scan/distribute_stage.h"
 
 namespace tessera {
 namespace {

@@ -1,4 +1,4 @@
-#include "stream/stages/probe_stage.h"
+#include "stream/stages/scan/probe_stage.h"
 
 #include <algorithm>
 #include <cmath>

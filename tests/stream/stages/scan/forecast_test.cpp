@@ -1,10 +1,10 @@
-#include "stream/forecast.h"
+#include "stream/stages/scan/forecast.h"
 
 #include <catch2/catch.hpp>
 
 #include "octree/error.h"
 #include "stream/stages/closing_stages.h"
-#include "stream/stages/normals_stage.h"
+#include "stream/stages/scan/normals_stage.h"
 #include "tests/helpers/point_chain.h"
 #include "tests/helpers/random_points.h"
 

@@ -1,4 +1,4 @@
-#include "stream/stages/uncertain_picture.h"
+#include "stream/stages/scan/uncertain_picture.h"
 
 #include <cmath>
 #include <cstdint>

@@ -1,4 +1,4 @@
-#include "stream/stages/survey_stage.h"
+#include "stream/stages/scan/survey_stage.h"
 
 #include <algorithm>
 #include <bitset>
@@ -9,12 +9,12 @@
 #include "kernels/points/spacing.h"
 #include "octree/error.h"
 #include "stream/files/task_files.h"
-#include "stream/forecast.h"
 #include "stream/formats/points/quantise.h"
 #include "stream/points/brick_histogram.h"
 #include "stream/points/point_sample.h"
 #include "stream/runtime/numbers.h"
-#include "stream/stages/probe_stage.h"
+#include "stream/stages/scan/forecast.h"
+#include "stream/stages/scan/probe_stage.h"
 
 namespace tessera {
 namespace {
