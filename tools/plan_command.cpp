@@ -10,8 +10,8 @@
 #include "stream/runtime/memory_budget.h"
 #include "stream/runtime/stop.h"
 #include "stream/runtime/work_dir.h"
-#include "stream/stages/closing_stages.h"
 #include "stream/stages/reconstruct_job.h"
+#include "stream/stages/surface/closing_stages.h"
 #include "tools/cli.h"
 #include "tools/commands.h"
 

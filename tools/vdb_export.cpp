@@ -8,7 +8,7 @@
 
 #include "kernels/field/band_vdb.h"
 #include "octree/error.h"
-#include "stream/stages/surface_stage.h"
+#include "stream/stages/surface/surface_stage.h"
 #include "tools/cli.h"
 
 namespace {

@@ -11,9 +11,9 @@
 #include "stream/points/point_sort.h"
 #include "stream/points/run_file.h"
 #include "stream/runtime/memory_budget.h"
-#include "stream/stages/closing_stages.h"
-#include "stream/stages/first_pass.h"
-#include "stream/stages/hole_files.h"
+#include "stream/stages/surface/closing_stages.h"
+#include "stream/stages/surface/first_pass.h"
+#include "stream/stages/surface/hole_files.h"
 
 namespace tessera {
 namespace {

@@ -3,8 +3,8 @@
 #include <catch2/catch.hpp>
 
 #include "octree/error.h"
-#include "stream/stages/closing_stages.h"
 #include "stream/stages/scan/normals_stage.h"
+#include "stream/stages/surface/closing_stages.h"
 #include "tests/helpers/point_chain.h"
 #include "tests/helpers/random_points.h"
 

@@ -1,4 +1,4 @@
-#include "stream/stages/hole_files.h"
+#include "stream/stages/surface/hole_files.h"
 
 #include "stream/files/direct_file.h"
 #include "stream/files/read_file.h"

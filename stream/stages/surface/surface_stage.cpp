@@ -1,4 +1,4 @@
-#include "stream/stages/surface_stage.h"
+#include "stream/stages/surface/surface_stage.h"
 
 #include <algorithm>
 #include <nlohmann/json.hpp>
@@ -11,9 +11,9 @@
 #include "stream/points/multipole_store.h"
 #include "stream/points/plan.h"
 #include "stream/points/point_overlay.h"
-#include "stream/stages/closing_stages.h"
-#include "stream/stages/first_pass.h"
 #include "stream/stages/simplify_stage.h"
+#include "stream/stages/surface/closing_stages.h"
+#include "stream/stages/surface/first_pass.h"
 
 namespace tessera {
 namespace {

@@ -1,4 +1,4 @@
-#include "stream/stages/output_frame.h"
+#include "stream/stages/surface/output_frame.h"
 
 #include <algorithm>
 #include <cmath>

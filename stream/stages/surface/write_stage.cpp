@@ -1,13 +1,13 @@
-#include "stream/stages/write_stage.h"
+#include "stream/stages/surface/write_stage.h"
 
 #include <algorithm>
 #include <nlohmann/json.hpp>
 
 #include "stream/formats/meshes/mesh_io.h"
 #include "stream/points/plan.h"
-#include "stream/stages/hole_files.h"
-#include "stream/stages/numbered_patches.h"
-#include "stream/stages/output_frame.h"
+#include "stream/stages/surface/hole_files.h"
+#include "stream/stages/surface/numbered_patches.h"
+#include "stream/stages/surface/output_frame.h"
 
 namespace tessera {
 namespace {

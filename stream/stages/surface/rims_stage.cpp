@@ -5,8 +5,8 @@
 #include "stream/files/task_files.h"
 #include "stream/points/closing_store.h"
 #include "stream/points/point_overlay.h"
-#include "stream/stages/closing_stages.h"
-#include "stream/stages/surface_stage.h"
+#include "stream/stages/surface/closing_stages.h"
+#include "stream/stages/surface/surface_stage.h"
 
 namespace tessera {
 namespace {

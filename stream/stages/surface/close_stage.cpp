@@ -14,7 +14,7 @@
 #include "stream/points/point_store.h"
 #include "stream/runtime/memory_budget.h"
 #include "stream/runtime/parallel.h"
-#include "stream/stages/closing_stages.h"
+#include "stream/stages/surface/closing_stages.h"
 
 namespace tessera {
 namespace {

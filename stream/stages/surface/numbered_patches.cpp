@@ -1,4 +1,4 @@
-#include "stream/stages/numbered_patches.h"
+#include "stream/stages/surface/numbered_patches.h"
 
 namespace tessera {
 namespace {

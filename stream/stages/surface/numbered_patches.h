@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "stream/files/read_file.h"
-#include "stream/stages/weld_stage.h"
+#include "stream/stages/surface/weld_stage.h"
 
 namespace tessera {
 

@@ -6,7 +6,7 @@
 #include "stream/points/multipole_store.h"
 #include "stream/points/point_overlay.h"
 #include "stream/points/point_store.h"
-#include "stream/stages/closing_stages.h"
+#include "stream/stages/surface/closing_stages.h"
 
 namespace tessera {
 namespace {

@@ -1,11 +1,11 @@
-#include "stream/stages/holes_stage.h"
+#include "stream/stages/surface/holes_stage.h"
 
 #include <algorithm>
 #include <cmath>
 #include <nlohmann/json.hpp>
 
 #include "stream/points/plan.h"
-#include "stream/stages/hole_files.h"
+#include "stream/stages/surface/hole_files.h"
 
 namespace tessera {
 namespace {

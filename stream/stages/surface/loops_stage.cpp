@@ -1,4 +1,4 @@
-#include "stream/stages/loops_stage.h"
+#include "stream/stages/surface/loops_stage.h"
 
 #include <algorithm>
 #include <map>
@@ -10,8 +10,8 @@
 #include "stream/files/read_file.h"
 #include "stream/files/task_files.h"
 #include "stream/points/plan.h"
-#include "stream/stages/hole_files.h"
-#include "stream/stages/numbered_patches.h"
+#include "stream/stages/surface/hole_files.h"
+#include "stream/stages/surface/numbered_patches.h"
 
 namespace tessera {
 namespace {

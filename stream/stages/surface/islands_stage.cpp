@@ -1,4 +1,4 @@
-#include "stream/stages/islands_stage.h"
+#include "stream/stages/surface/islands_stage.h"
 
 #include <algorithm>
 #include <numeric>
@@ -13,8 +13,8 @@
 #include "stream/files/external_sort.h"
 #include "stream/files/read_file.h"
 #include "stream/files/task_files.h"
-#include "stream/stages/first_pass.h"
-#include "stream/stages/weld_stage.h"
+#include "stream/stages/surface/first_pass.h"
+#include "stream/stages/surface/weld_stage.h"
 
 namespace tessera {
 namespace {

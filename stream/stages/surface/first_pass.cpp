@@ -1,4 +1,4 @@
-#include "stream/stages/first_pass.h"
+#include "stream/stages/surface/first_pass.h"
 
 #include <algorithm>
 #include <utility>
@@ -11,9 +11,9 @@
 #include "kernels/mesh/patch_mesh.h"
 #include "stream/files/direct_file.h"
 #include "stream/files/task_files.h"
-#include "stream/stages/output_frame.h"
 #include "stream/stages/simplify_stage.h"
-#include "stream/stages/weld_stage.h"
+#include "stream/stages/surface/output_frame.h"
+#include "stream/stages/surface/weld_stage.h"
 
 namespace tessera {
 namespace {

@@ -1,7 +1,7 @@
 #include <algorithm>
 #include <bit>
 
-#include "stream/stages/surface_stage.h"
+#include "stream/stages/surface/surface_stage.h"
 
 namespace tessera {
 namespace {

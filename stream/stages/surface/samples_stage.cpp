@@ -1,4 +1,4 @@
-#include "stream/stages/samples_stage.h"
+#include "stream/stages/surface/samples_stage.h"
 
 #include <algorithm>
 #include <array>
