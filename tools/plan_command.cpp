@@ -10,7 +10,7 @@
 #include "stream/runtime/memory_budget.h"
 #include "stream/runtime/stop.h"
 #include "stream/runtime/work_dir.h"
-#include "stream/stages/reconstruct_job.h"
+#include "stream/stages/reconstruct/reconstruct_job.h"
 #include "stream/stages/surface/closing_stages.h"
 #include "tools/cli.h"
 #include "tools/commands.h"

@@ -1,4 +1,4 @@
-#include "stream/stages/reconstruct_job.h"
+#include "stream/stages/reconstruct/reconstruct_job.h"
 #include "stream/runtime/report.h"
 
 #include <nlohmann/json.hpp>
