@@ -7,7 +7,7 @@
 #include "stream/formats/meshes/mesh_io.h"
 #include "stream/runtime/memory_budget.h"
 #include "stream/runtime/stop.h"
-#include "stream/stages/decimate_job.h"
+#include "stream/stages/decimate/decimate_job.h"
 #include "tools/cli.h"
 #include "tools/commands.h"
 

@@ -8,7 +8,7 @@
 #include "stream/runtime/options_json.h"
 #include "stream/runtime/stop.h"
 #include "stream/runtime/work_dir.h"
-#include "stream/stages/decimate_job.h"
+#include "stream/stages/decimate/decimate_job.h"
 #include "stream/stages/reconstruct/reconstruct_job.h"
 #include "stream/stages/smooth_stage.h"
 #include "tools/cli.h"

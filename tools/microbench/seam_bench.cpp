@@ -19,7 +19,7 @@
 #include "stream/import/import_mesh.h"
 #include "stream/import/import_stages.h"
 #include "stream/runtime/stage_runner.h"
-#include "stream/stages/decimate_job.h"
+#include "stream/stages/decimate/decimate_job.h"
 
 namespace {
 

@@ -5,7 +5,7 @@
 
 #include "stream/import/import_stages.h"
 #include "stream/meshes/store_write_stage.h"
-#include "stream/stages/decimate_job.h"
+#include "stream/stages/decimate/decimate_job.h"
 #include "stream/stages/scan/distribute_stage.h"
 #include "stream/stages/scan/normals_stage.h"
 #include "stream/stages/scan/order_stage.h"

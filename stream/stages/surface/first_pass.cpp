@@ -11,7 +11,7 @@
 #include "kernels/mesh/patch_mesh.h"
 #include "stream/files/direct_file.h"
 #include "stream/files/task_files.h"
-#include "stream/stages/simplify_stage.h"
+#include "stream/stages/decimate/simplify_stage.h"
 #include "stream/stages/surface/output_frame.h"
 #include "stream/stages/surface/weld_stage.h"
 

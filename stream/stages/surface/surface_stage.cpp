@@ -11,7 +11,7 @@
 #include "stream/points/multipole_store.h"
 #include "stream/points/plan.h"
 #include "stream/points/point_overlay.h"
-#include "stream/stages/simplify_stage.h"
+#include "stream/stages/decimate/simplify_stage.h"
 #include "stream/stages/surface/closing_stages.h"
 #include "stream/stages/surface/first_pass.h"
 

@@ -1,4 +1,4 @@
-#include "stream/stages/unsettled_region.h"
+#include "stream/stages/decimate/unsettled_region.h"
 
 #include <algorithm>
 #include <array>

@@ -1,4 +1,4 @@
-#include "stream/stages/certify_stage.h"
+#include "stream/stages/decimate/certify_stage.h"
 
 #include <algorithm>
 #include <map>

@@ -1,4 +1,4 @@
-#include "stream/stages/simplify_stage.h"
+#include "stream/stages/decimate/simplify_stage.h"
 
 #include <algorithm>
 #include <cmath>
@@ -14,7 +14,7 @@
 #include "stream/files/durable_file.h"
 #include "stream/files/task_files.h"
 #include "stream/meshes/failed_places.h"
-#include "stream/stages/unsettled_region.h"
+#include "stream/stages/decimate/unsettled_region.h"
 
 namespace tessera {
 namespace {

@@ -4,7 +4,7 @@
 #include <nlohmann/json_fwd.hpp>
 
 #include "stream/runtime/job.h"
-#include "stream/stages/simplify_stage.h"
+#include "stream/stages/decimate/simplify_stage.h"
 
 namespace tessera {
 

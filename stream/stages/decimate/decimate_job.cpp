@@ -1,4 +1,4 @@
-#include "stream/stages/decimate_job.h"
+#include "stream/stages/decimate/decimate_job.h"
 
 #include <nlohmann/json.hpp>
 
@@ -6,7 +6,7 @@
 #include "stream/import/import_stages.h"
 #include "stream/meshes/store_write_stage.h"
 #include "stream/runtime/report.h"
-#include "stream/stages/certify_stage.h"
+#include "stream/stages/decimate/certify_stage.h"
 
 namespace tessera {
 namespace {
