@@ -8,7 +8,7 @@
 #include "stream/formats/points/point_source.h"
 #include "stream/runtime/memory_budget.h"
 #include "stream/runtime/stop.h"
-#include "stream/stages/smooth_stage.h"
+#include "stream/stages/smooth/smooth_stage.h"
 #include "tools/cli.h"
 #include "tools/commands.h"
 

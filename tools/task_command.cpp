@@ -10,7 +10,7 @@
 #include "stream/runtime/work_dir.h"
 #include "stream/stages/decimate/decimate_job.h"
 #include "stream/stages/reconstruct/reconstruct_job.h"
-#include "stream/stages/smooth_stage.h"
+#include "stream/stages/smooth/smooth_stage.h"
 #include "tools/cli.h"
 #include "tools/commands.h"
 

@@ -1,4 +1,4 @@
-#include "stream/stages/coarse_files.h"
+#include "stream/stages/smooth/coarse_files.h"
 
 #include <algorithm>
 #include <array>

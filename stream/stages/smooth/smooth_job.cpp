@@ -4,8 +4,8 @@
 #include "stream/files/task_files.h"
 #include "stream/import/import_stages.h"
 #include "stream/meshes/store_write_stage.h"
-#include "stream/stages/coarse_files.h"
-#include "stream/stages/smooth_stage.h"
+#include "stream/stages/smooth/coarse_files.h"
+#include "stream/stages/smooth/smooth_stage.h"
 
 namespace tessera {
 namespace {

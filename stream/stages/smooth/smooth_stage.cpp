@@ -1,4 +1,4 @@
-#include "stream/stages/smooth_stage.h"
+#include "stream/stages/smooth/smooth_stage.h"
 
 #include <algorithm>
 #include <cmath>
@@ -11,8 +11,8 @@
 #include "stream/files/task_files.h"
 #include "stream/import/import_stages.h"
 #include "stream/meshes/mesh_store.h"
-#include "stream/stages/coarse_files.h"
-#include "stream/stages/smooth_tiles.h"
+#include "stream/stages/smooth/coarse_files.h"
+#include "stream/stages/smooth/smooth_tiles.h"
 
 namespace tessera {
 namespace {

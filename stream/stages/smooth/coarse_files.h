@@ -15,7 +15,7 @@
 #include "stream/files/direct_file.h"
 #include "stream/files/read_file.h"
 #include "stream/meshes/mesh_store.h"
-#include "stream/stages/smooth_tiles.h"
+#include "stream/stages/smooth/smooth_tiles.h"
 
 namespace tessera {
 

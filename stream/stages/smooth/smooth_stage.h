@@ -16,8 +16,8 @@
 #include "stream/meshes/mesh_store.h"
 #include "stream/runtime/job.h"
 #include "stream/runtime/stage.h"
-#include "stream/stages/coarse_files.h"
-#include "stream/stages/smooth_tiles.h"
+#include "stream/stages/smooth/coarse_files.h"
+#include "stream/stages/smooth/smooth_tiles.h"
 
 namespace tessera {
 

@@ -7,8 +7,8 @@
 #include "stream/files/external_sort.h"
 #include "stream/files/read_file.h"
 #include "stream/files/task_files.h"
-#include "stream/stages/coarse_files.h"
-#include "stream/stages/smooth_stage.h"
+#include "stream/stages/smooth/coarse_files.h"
+#include "stream/stages/smooth/smooth_stage.h"
 
 namespace tessera {
 namespace {

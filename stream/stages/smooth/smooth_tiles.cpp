@@ -1,4 +1,4 @@
-#include "stream/stages/smooth_tiles.h"
+#include "stream/stages/smooth/smooth_tiles.h"
 
 #include <algorithm>
 #include <cmath>
