@@ -4,7 +4,6 @@
 #include <filesystem>
 #include <iostream>
 #include <memory>
-#include <thread>
 
 #include <nlohmann/json.hpp>
 
@@ -14,6 +13,7 @@
 #include "stream/check/truth.h"
 #include "stream/files/output_file.h"
 #include "stream/formats/meshes/mesh_io.h"
+#include "stream/runtime/parallel.h"
 #include "stream/runtime/stop.h"
 #include "tools/cli.h"
 #include "tools/commands.h"
@@ -45,8 +45,7 @@ MeshComparison compare_with_reference(const CheckCommand& command, const MeshChe
   RunOptions run;
   run.memory_bytes = options.memory_bytes;
   run.temp = options.temp;
-  run.threads = command.threads > 0 ? command.threads
-                                    : static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
+  run.threads = command.threads > 0 ? command.threads : core_count();
   CompareOptions compare = command.compare;
   compare.check_stop = throw_if_stopped;
   return compare_mesh_files(command.mesh, command.reference, compare, run);

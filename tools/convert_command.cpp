@@ -75,6 +75,10 @@ void add_convert(CLI::App& app) {
       ->check(CLI::NonNegativeNumber);
   command->add_flag("--float", shared->floats,
                     "meshes: positions as floats even where the source has doubles");
+  command
+      ->add_option("-t,--threads", shared->options.threads,
+                   "threads; 0 = one per core; never changes the result")
+      ->check(CLI::NonNegativeNumber);
   command->add_flag("--force", shared->force, "replace the output if it exists");
 }
 

@@ -6,6 +6,7 @@
 
 #include "octree/error.h"
 #include "stream/points/point_summary.h"
+#include "stream/runtime/parallel.h"
 #include "stream/runtime/stop.h"
 #include "tools/cli.h"
 #include "tools/commands.h"
@@ -16,6 +17,7 @@ namespace {
 struct InfoCommand {
   std::vector<std::string> inputs;
   ReadOptions read;
+  int threads = 0;
   bool json = false;
 };
 
@@ -93,9 +95,11 @@ void run_info(const InfoCommand& command) {
   nlohmann::ordered_json files = nlohmann::ordered_json::array();
   std::string first_error;
   std::size_t failed = 0;
+  WorkerPool pool(command.threads);
   for (const auto& path : paths) {
     try {
-      const PointSummary summary = summarize_points(path, command.read);
+      PointSummary summary;
+      pool.run_here([&] { summary = summarize_points(path, command.read); });
       if (command.json) {
         files.push_back(to_json(summary));
       } else {
@@ -128,6 +132,8 @@ void add_info(CLI::App& app) {
       [shared] { run_info(*shared); });
   cli::add_inputs(*command, shared->inputs);
   cli::add_columns(*command, shared->read.columns);
+  command->add_option("-t,--threads", shared->threads, "threads; 0 = one per core")
+      ->check(CLI::NonNegativeNumber);
   command->add_flag("--json", shared->json, "print one JSON object instead of text");
 }
 

@@ -1,12 +1,11 @@
 #include "tools/commands.h"
 
-#include <thread>
-
 #include "stream/runtime/memory_budget.h"
+#include "stream/runtime/parallel.h"
 #include "tools/cli.h"
 
 int main(int argc, char** argv) {
-  tessera::configure_allocator(static_cast<int>(std::thread::hardware_concurrency()));
+  tessera::configure_allocator(tessera::core_count());
   CLI::App app("Tessera turns huge 3D scans into meshes, out of core.", "tessera");
   app.set_version_flag("--version", "tessera " TESSERA_VERSION);
   app.require_subcommand(1);

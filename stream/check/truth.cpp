@@ -4,7 +4,6 @@
 #include <bit>
 #include <cmath>
 #include <fstream>
-#include <thread>
 
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
@@ -300,9 +299,7 @@ double DeviationStats::percentile(double share) const {
 }
 
 TruthReport compare_with_truth(MeshReader& mesh, const TruthFile& truth, const TruthOptions& options) {
-  const int threads =
-      options.threads > 0 ? options.threads : static_cast<int>(std::thread::hardware_concurrency());
-  WorkerPool pool(threads);
+  WorkerPool pool(options.threads);
   Comparison comparison(mesh, truth, options);
   std::unique_ptr<TruthReport> report;
   pool.run_here([&] { report = std::make_unique<TruthReport>(comparison.run()); });

@@ -2,15 +2,14 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <memory>
-
-#include <tbb/info.h>
-#include <tbb/parallel_pipeline.h>
 
 #include "octree/error.h"
 #include "stream/files/file_extension.h"
 #include "stream/formats/points/point_writer.h"
 #include "stream/points/point_summary.h"
+#include "stream/runtime/parallel.h"
 #include "stream/runtime/stop.h"
 
 namespace tessera {
@@ -88,56 +87,39 @@ void complete(PointChunk& chunk, const PointAttributes& attributes) {
   if (attributes.colour && chunk.rgba.empty()) chunk.rgba.resize(n);
 }
 
-void append(const std::shared_ptr<std::vector<EncodedPoints>>& pieces, PointWriter& writer,
-            ConvertReport& report) {
-  for (const EncodedPoints& piece : *pieces) {
-    writer.append(piece);
-    report.points += piece.points;
-  }
-}
-
 void write_file(const std::filesystem::path& path, const ReadOptions& read, const PointAttributes& attributes,
-                const PointEncoder& encoder, PointWriter& writer, ConvertReport& report) {
+                const PointEncoder& encoder, std::size_t window, PointWriter& writer, ConvertReport& report) {
   const auto file = open_point_file(path, read);
   const std::vector<InputSlice> slices = file->slices(0, kSliceBytes);
-  const bool in_pieces = slices.size() > 1;
-  if (!in_pieces) {
-    // A file of one slice may be of any size: nothing of it waits in memory.
+  const auto append = [&](const EncodedPoints& encoded) {
+    writer.append(encoded);
+    report.points += encoded.points;
+  };
+  const auto read_slice = [&](std::size_t slice, const std::function<void(EncodedPoints&)>& sink) {
     EncodedPoints encoded;
-    file->read(slices.front(), [&](const PointChunk& chunk) {
+    file->read(slices[slice], [&](const PointChunk& chunk) {
       throw_if_stopped();
       PointChunk full = chunk;
       complete(full, attributes);
       encoder.encode(full, {}, encoded);
-      writer.append(encoded);
-      report.points += encoded.points;
+      sink(encoded);
     });
+  };
+  if (slices.size() == 1) {  // may be of any size: nothing of it waits in memory
+    read_slice(0, append);
     return;
   }
-  using Pieces = std::shared_ptr<std::vector<EncodedPoints>>;
-  std::size_t next = 0;
-  const auto tokens = static_cast<std::size_t>(tbb::info::default_concurrency()) + 1;
-  const auto feed = [&](tbb::flow_control& control) -> std::size_t {
-    throw_if_stopped();
-    if (next < slices.size()) return next++;
-    control.stop();
-    return 0;
-  };
-  const auto encode = [&](std::size_t index) {
-    auto pieces = std::make_shared<std::vector<EncodedPoints>>();
-    file->read(slices[index], [&](const PointChunk& chunk) {
-      PointChunk full = chunk;
-      complete(full, attributes);
-      encoder.encode(full, {}, pieces->emplace_back());
-    });
-    return pieces;
-  };
-  tbb::parallel_pipeline(
-      tokens,
-      tbb::make_filter<void, std::size_t>(tbb::filter_mode::serial_in_order, feed) &
-          tbb::make_filter<std::size_t, Pieces>(tbb::filter_mode::parallel, encode) &
-          tbb::make_filter<Pieces, void>(tbb::filter_mode::serial_in_order,
-                                         [&](const Pieces& pieces) { append(pieces, writer, report); }));
+  std::vector<std::vector<EncodedPoints>> ring(window);
+  parallel_in_order(
+      slices.size(), window,
+      [&](std::size_t slice) {
+        auto& pieces = ring[slice % window];
+        pieces.clear();
+        read_slice(slice, [&](EncodedPoints& encoded) { pieces.push_back(std::move(encoded)); });
+      },
+      [&](std::size_t slice) {
+        for (const EncodedPoints& piece : ring[slice % window]) append(piece);
+      });
 }
 
 }  // namespace
@@ -157,18 +139,22 @@ ConvertReport convert_points(const std::vector<std::filesystem::path>& inputs,
   }
   const ReadOptions read{.columns = options.columns, .chunk_points = 16384};
   ConvertReport report;
-  const Survey all = survey(inputs, read, report);
-  if (all.finite == 0)
-    throw EmptyError("the inputs hold no point with finite coordinates; nothing is written");
-  const PointFileHeader header = header_for(output, options, all, report);
-  const auto encoder = make_point_encoder(output, header);
-  const auto writer = create_point_file(output, header);
-  PointAttributes kept = all.attributes;
-  if (extension == ".las") kept.normals = false;
-  for (const auto& path : inputs) write_file(path, read, kept, *encoder, *writer, report);
-  if (report.points != all.finite)
-    throw InputError("an input changed while it was read; run the command again");
-  report.bytes = writer->finish();
+  WorkerPool pool(options.threads);
+  pool.run_here([&] {
+    const Survey all = survey(inputs, read, report);
+    if (all.finite == 0)
+      throw EmptyError("the inputs hold no point with finite coordinates; nothing is written");
+    const PointFileHeader header = header_for(output, options, all, report);
+    const auto encoder = make_point_encoder(output, header);
+    const auto writer = create_point_file(output, header);
+    PointAttributes kept = all.attributes;
+    if (extension == ".las") kept.normals = false;
+    const auto window = static_cast<std::size_t>(pool.threads()) + 1;
+    for (const auto& path : inputs) write_file(path, read, kept, *encoder, window, *writer, report);
+    if (report.points != all.finite)
+      throw InputError("an input changed while it was read; run the command again");
+    report.bytes = writer->finish();
+  });
   return report;
 }
 

@@ -14,8 +14,10 @@ namespace tessera {
 struct ConvertOptions {
   std::vector<std::string> columns;  ///< names of text columns
   bool force_double = false;         ///< PLY: double coordinates even if floats hold them exactly
-  double las_scale = 0.0;  ///< step of LAS coordinates, scan units; 0 = the power of ten that uses 30 bits,
-                           ///< between 1e-9 and 1e-3, larger only where the extent needs it
+  /// Step of LAS coordinates, scan units; 0 = the power of ten that uses 30 bits, between 1e-9 and 1e-3, larger only
+  /// where the extent needs it.
+  double las_scale = 0.0;
+  int threads = 0;  ///< 0 = all cores
 };
 
 struct ConvertReport {
@@ -25,14 +27,13 @@ struct ConvertReport {
   std::uint64_t empty = 0;
   std::uint64_t missing = 0;
   std::uint64_t bytes = 0;
-  std::vector<std::string>
-      notes;  ///< what the output cannot hold, one sentence each, and warnings of the inputs
+  /// What the output cannot hold, one sentence each, and warnings of the inputs.
+  std::vector<std::string> notes;
 };
 
 /// Two passes: one to know bounds and attributes, one to write. The same bytes on any number of threads.
-/// \throws InputError, UsageError (unknown extension, output among the inputs), EmptyError when no finite
-/// point is
-///         left, ResourceError when the disk is full
+/// \throws InputError, UsageError (unknown extension, output among the inputs), EmptyError when no finite point is left,
+///   ResourceError when the disk is full
 ConvertReport convert_points(const std::vector<std::filesystem::path>& inputs,
                              const std::filesystem::path& output, const ConvertOptions& options);
 

@@ -3,10 +3,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
-#include <thread>
 
-#include <tbb/global_control.h>
-#include <tbb/parallel_pipeline.h>
 #include <nlohmann/json.hpp>
 
 #include "kernels/scene/sample_source.h"
@@ -14,7 +11,7 @@
 #include "octree/error.h"
 #include "stream/files/output_file.h"
 #include "stream/formats/points/point_writer.h"
-#include "stream/runtime/stop.h"
+#include "stream/runtime/parallel.h"
 
 namespace tessera {
 namespace {
@@ -337,51 +334,39 @@ SynthReport synthesize(const SynthOptions& asked, const std::filesystem::path& o
 
   const MissingSpots missing(o, *source);
   const Corrupter corrupter(o, *scene, report.noise);
-  const int threads = o.threads > 0 ? o.threads : static_cast<int>(std::thread::hardware_concurrency());
-  const tbb::global_control limit(tbb::global_control::max_allowed_parallelism,
-                                  static_cast<std::size_t>(threads));
   struct Unit {
-    std::uint64_t number = 0;
     std::size_t scan = 0;
     std::uint64_t outliers = 0, flying = 0;
     EncodedPoints encoded;
   };
-  using UnitPointer = std::shared_ptr<Unit>;
-  std::uint64_t next = 0;
-  std::size_t scan = 0;
-  const auto count_off = [&](tbb::flow_control& control) -> UnitPointer {
-    throw_if_stopped();
-    if (next == source->unit_count()) {
-      control.stop();
-      return nullptr;
-    }
-    while (next >= source->scans()[scan].first_unit + source->scans()[scan].units) ++scan;
-    auto unit = std::make_shared<Unit>();
-    unit->number = next++;
-    unit->scan = scan;
-    return unit;
+  const auto scan_of = [&](std::uint64_t unit) {
+    const auto after =
+        std::upper_bound(source->scans().begin(), source->scans().end(), unit,
+                         [](std::uint64_t u, const ScanInfo& s) { return u < s.first_unit + s.units; });
+    return static_cast<std::size_t>(after - source->scans().begin());
   };
-  const auto make = [&](const UnitPointer& unit) {
+  WorkerPool pool(o.threads);
+  // Units in flight are bounded, and so is memory: a unit is at most 65,000 points.
+  std::vector<Unit> ring(static_cast<std::size_t>(pool.threads()) + 1);
+  const auto make = [&](std::size_t number) {
+    Unit& unit = ring[number % ring.size()];
     SampleBatch batch;
     PointChunk chunk;
-    source->sample(unit->number, batch);
+    unit.scan = scan_of(number);
+    source->sample(number, batch);
     missing.drop(batch);
-    unit->outliers = corrupter.apply(batch, chunk);
-    unit->flying = batch.flying;
-    encoder->encode(chunk, files.ptx(unit->scan), unit->encoded);
-    return unit;
+    unit.outliers = corrupter.apply(batch, chunk);
+    unit.flying = batch.flying;
+    encoder->encode(chunk, files.ptx(unit.scan), unit.encoded);
   };
-  const auto write = [&](const UnitPointer& unit) {
-    files.append(unit->scan, unit->encoded);
-    report.points += unit->encoded.points;
-    report.outliers += unit->outliers;
-    report.flying += unit->flying;
+  const auto write = [&](std::size_t number) {
+    const Unit& unit = ring[number % ring.size()];
+    files.append(unit.scan, unit.encoded);
+    report.points += unit.encoded.points;
+    report.outliers += unit.outliers;
+    report.flying += unit.flying;
   };
-  // Units in flight are bounded, and so is memory: a unit is at most 65,000 points.
-  tbb::parallel_pipeline(static_cast<std::size_t>(threads) + 1,
-                         tbb::make_filter<void, UnitPointer>(tbb::filter_mode::serial_in_order, count_off) &
-                             tbb::make_filter<UnitPointer, UnitPointer>(tbb::filter_mode::parallel, make) &
-                             tbb::make_filter<UnitPointer, void>(tbb::filter_mode::serial_in_order, write));
+  pool.run_here([&] { parallel_in_order(source->unit_count(), ring.size(), make, write); });
   files.finish();
   report.truth = o.per_scan ? output.parent_path() / output.stem() : output;
   report.truth += ".truth.json";

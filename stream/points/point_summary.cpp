@@ -5,8 +5,7 @@
 #include <cmath>
 #include <limits>
 
-#include <tbb/parallel_for.h>
-
+#include "stream/runtime/parallel.h"
 #include "stream/runtime/stop.h"
 
 namespace tessera {
@@ -155,7 +154,7 @@ PointSummary summarize_points(const std::filesystem::path& path, const ReadOptio
   // One part per task of a fixed number of slices: few enough to keep all of them.
   const std::size_t step = std::max<std::size_t>(1, slices.size() / 1024);
   std::vector<Part> parts((slices.size() + step - 1) / step);
-  tbb::parallel_for(std::size_t{0}, parts.size(), [&](std::size_t p) {
+  parallel_for(parts.size(), [&](std::size_t p) {
     parts[p].nearest = total.nearest;
     for (std::size_t s = p * step; s < std::min(slices.size(), (p + 1) * step); ++s) {
       throw_if_stopped();

@@ -24,7 +24,8 @@ struct PointSummary {
   std::vector<std::string> warnings;  ///< of the header and of reading, claims refuted, one sentence each
 };
 
-/// Reads the file once, plus a few samples before. Memory is bounded: about 4 MiB per thread.
+/// Reads the file once, plus a few samples before, on the threads of the enclosing WorkerPool. Memory is bounded: about
+/// 4 MiB per thread.
 /// The spacing is the median over at most 64 points, spread evenly over the file, of the distance to their
 /// fourth nearest point (which is 1 spacing on a square grid and 1.09 for random samples of a surface),
 /// coincident ones left out. Overlapping scans make it smaller than that of one scan. \throws InputError as

@@ -1,7 +1,6 @@
 // A mesh as a scene item in colours of its distance to a reference, cell by cell.
 #include <algorithm>
 #include <cmath>
-#include <thread>
 
 #include "kernels/certify/deviation_samples.h"
 #include "kernels/picture/caption.h"
@@ -12,6 +11,7 @@
 #include "stream/render/render_scene.h"
 #include "stream/runtime/memory_budget.h"
 #include "stream/runtime/numbers.h"
+#include "stream/runtime/parallel.h"
 #include "stream/runtime/stop.h"
 
 namespace tessera {
@@ -30,7 +30,7 @@ class DeviationItem final : public SceneItem {
       : path_(path), options_(options), scratch_(render_temp(options), "deviation") {
     RunOptions run;
     run.memory_bytes = memory_bytes != 0 ? memory_bytes : detect_memory_cap().bytes;
-    run.threads = static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
+    run.threads = core_count();
     mesh_.emplace(import_mesh(path, scratch_.path(), "mesh", run, throw_if_stopped));
     reference_.emplace(import_mesh(options.deviation, scratch_.path(), "reference", run, throw_if_stopped));
     memory_bytes_ = run.memory_bytes;

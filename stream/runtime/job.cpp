@@ -6,7 +6,6 @@
 #include <cstring>
 #include <mutex>
 #include <set>
-#include <thread>
 
 #include <sys/resource.h>
 #include <unistd.h>
@@ -336,7 +335,7 @@ TaskRecord Driver::run_child(const std::string& stage, std::int64_t task) {
 
 /// The caps and counts that the user left open.
 std::string resolve_run(RunOptions& run) {
-  if (run.threads <= 0) run.threads = std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
+  if (run.threads <= 0) run.threads = core_count();
   if (run.tile_cells < 0 || run.tile_cells % kBrickCells != 0) {
     throw UsageError(
         fmt::format("--tile-size {}: must be a multiple of {} cells", run.tile_cells, kBrickCells));

@@ -3,7 +3,6 @@
 #include <cerrno>
 #include <ctime>
 #include <fstream>
-#include <thread>
 
 #include <sys/utsname.h>
 
@@ -13,6 +12,7 @@
 
 #include "stream/files/durable_file.h"
 #include "stream/runtime/memory_budget.h"
+#include "stream/runtime/parallel.h"
 
 namespace tessera {
 namespace {
@@ -63,7 +63,7 @@ nlohmann::json machine_description() {
   return {{"host", system.nodename},
           {"system", fmt::format("{} {}", system.sysname, system.release)},
           {"processor", field("/proc/cpuinfo", "model name")},
-          {"cores", std::thread::hardware_concurrency()},
+          {"cores", core_count()},
           {"memory_bytes", std::strtoull(memory.c_str(), nullptr, 10) * 1024}};
 }
 

@@ -2,9 +2,12 @@
 
 #include <algorithm>
 #include <atomic>
+#include <chrono>
 #include <condition_variable>
 #include <exception>
 #include <mutex>
+#include <thread>
+#include <vector>
 
 #include <tbb/global_control.h>
 #include <tbb/parallel_for.h>
@@ -14,6 +17,8 @@
 
 namespace tessera {
 namespace {
+
+constexpr std::chrono::milliseconds kStopCheck{100};
 
 /// The failure of the lowest index.
 class FirstFailure {
@@ -65,6 +70,47 @@ void parallel_for(std::size_t count, const std::function<void(std::size_t)>& bod
   failure.rethrow();
 }
 
+void parallel_in_order(std::size_t count, std::size_t window, const std::function<void(std::size_t)>& make,
+                       const std::function<void(std::size_t)>& use) {
+  std::mutex mutex;
+  std::condition_variable moved;
+  std::vector<std::uint8_t> made(window, 0);
+  std::size_t next = 0;  // to be used
+  bool using_one = false;
+  bool failed = false;
+  parallel_for(count, [&](std::size_t index) {
+    try {
+      std::unique_lock lock(mutex);
+      // The lowest index that is under way never waits. A stop signal may keep it from being begun.
+      while (!moved.wait_for(lock, kStopCheck, [&] { return index < next + window || failed; }))
+        throw_if_stopped();
+      if (failed) return;
+      lock.unlock();
+      make(index);
+      lock.lock();
+      made[index % window] = 1;
+      if (using_one) return;  // who uses will find it
+      using_one = true;
+      for (; made[next % window] && !failed; ++next, moved.notify_all()) {
+        made[next % window] = 0;
+        lock.unlock();
+        use(next);
+        lock.lock();
+      }
+      using_one = false;
+    } catch (...) {
+      const std::lock_guard lock(mutex);
+      failed = true;
+      moved.notify_all();
+      throw;
+    }
+  });
+}
+
+int core_count() {
+  return static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
+}
+
 struct WorkerPool::Impl {
   explicit Impl(int count)
       : threads(count),
@@ -76,7 +122,7 @@ struct WorkerPool::Impl {
   tbb::task_arena arena;
 };
 
-WorkerPool::WorkerPool(int threads) : impl_(std::make_unique<Impl>(std::max(1, threads))) {}
+WorkerPool::WorkerPool(int threads) : impl_(std::make_unique<Impl>(threads > 0 ? threads : core_count())) {}
 WorkerPool::~WorkerPool() = default;
 
 int WorkerPool::threads() const {

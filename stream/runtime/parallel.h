@@ -18,10 +18,19 @@ namespace tessera {
 /// started, so it is always the same). \throws what body throws; StoppedError after a stop signal
 void parallel_for(std::size_t count, const std::function<void(std::size_t)>& body);
 
+/// Calls make(i) for every i of [0, count) as parallel_for does, and use(i) after it, in ascending order and one at a
+/// time. make(i) begins when use(i - window) has ended: the results on their way fit a ring of `window` slots.
+/// \pre window >= 1
+void parallel_in_order(std::size_t count, std::size_t window, const std::function<void(std::size_t)>& make,
+                       const std::function<void(std::size_t)>& use);
+
+/// Hardware threads, at least 1.
+int core_count();
+
 /// A number of threads and a budget. One per job.
 class WorkerPool {
  public:
-  /// \param threads  >= 1; also limits the libraries that use TBB
+  /// \param threads  0 = all cores; also limits the libraries that use TBB
   explicit WorkerPool(int threads);
   ~WorkerPool();
   WorkerPool(const WorkerPool&) = delete;

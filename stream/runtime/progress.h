@@ -9,7 +9,7 @@
 #include <functional>
 #include <mutex>
 #include <string>
-#include <thread>
+#include <thread>  // of the ticker: it draws while the workers are busy or asleep, and does none of their work
 
 namespace tessera {
 

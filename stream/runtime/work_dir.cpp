@@ -5,7 +5,7 @@
 #include <chrono>
 #include <cstring>
 #include <functional>
-#include <thread>
+#include <thread>  // sleep_for alone
 #include <utility>
 
 #include <fcntl.h>

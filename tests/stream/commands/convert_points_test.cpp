@@ -58,6 +58,19 @@ TEST_CASE("convert: text to PLY, LAS and text again keeps positions, normals and
   }
 }
 
+TEST_CASE("convert: same bytes on any number of threads", "[property]") {
+  const test::TempFolder folder;
+  const auto in = folder.write("in.xyz", cloud(300000));  // several slices
+  ConvertOptions options;
+  options.threads = 1;
+  convert_points({in, in}, folder.path() / "one.ply", options);
+  options.threads = 5;
+  convert_points({in, in}, folder.path() / "five.ply", options);
+  const bool same =
+      test::file_bytes(folder.path() / "one.ply") == test::file_bytes(folder.path() / "five.ply");
+  CHECK(same);
+}
+
 TEST_CASE("convert: several files of different attributes become one", "[unit]") {
   const test::TempFolder folder;
   const auto a = folder.write("a.xyz", "x y z nx ny nz\n1 2 3 0 0 1\n");

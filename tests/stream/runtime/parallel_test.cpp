@@ -1,5 +1,6 @@
 #include "stream/runtime/parallel.h"
 
+#include <algorithm>
 #include <atomic>
 #include <catch2/catch.hpp>
 #include <chrono>
@@ -41,6 +42,47 @@ TEST_CASE("parallel: every index once, on any number of threads", "[unit]") {
   for (const auto& n : loops) CHECK(n == 1);
   run_small(pool, 0, [](std::size_t) { FAIL("no task"); });
   parallel_for(0, [](std::size_t) { FAIL("no index"); });
+}
+
+TEST_CASE("parallel: results are used in order, few at a time", "[unit]") {
+  const int threads = GENERATE(1, 2, 5);
+  const std::size_t window = GENERATE(1u, 3u, 8u);
+  CAPTURE(threads, window);
+  WorkerPool pool(threads);
+  std::vector<std::size_t> ring(window), used;
+  std::atomic<std::size_t> ended{0};
+  pool.run_here([&] {
+    parallel_in_order(
+        200, window,
+        [&](std::size_t i) {
+          CHECK(i < ended + window);
+          if (i % 7 == 0) pause_us(300);
+          ring[i % window] = i * i;
+        },
+        [&](std::size_t i) {
+          CHECK(ring[i % window] == i * i);
+          used.push_back(i);
+          ++ended;
+        });
+  });
+  CHECK(used.size() == 200);
+  CHECK(std::is_sorted(used.begin(), used.end()));
+}
+
+TEST_CASE("parallel: a failure in order ends the loop, waiting threads too", "[fault]") {
+  const bool in_use = GENERATE(false, true);
+  WorkerPool pool(5);
+  const auto fail = [](std::size_t i) {
+    if (i == 20) throw std::runtime_error("20");
+  };
+  const auto pass = [](std::size_t) {};
+  CHECK_THROWS_WITH(pool.run_here([&] {
+    if (in_use)
+      parallel_in_order(1000, 2, pass, fail);
+    else
+      parallel_in_order(1000, 2, fail, pass);
+  }),
+                    "20");
 }
 
 TEST_CASE("parallel: no more tasks at once than threads", "[property]") {
