@@ -28,8 +28,6 @@ class DirectFile {
   std::uint64_t offset() const { return offset_; }
   /// Writes the rest, cuts the file to its true size, closes. No sync, no rename. Returns the size.
   std::uint64_t finish();
-  /// False where the file system refused direct writes.
-  bool direct() const { return direct_; }
 
  private:
   void flush(std::size_t bytes);

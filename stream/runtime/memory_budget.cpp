@@ -232,13 +232,6 @@ MemoryBudget::Reservation MemoryBudget::reserve(std::uint64_t bytes) {
   return Reservation(this, bytes);
 }
 
-std::optional<MemoryBudget::Reservation> MemoryBudget::try_reserve(std::uint64_t bytes) {
-  const std::lock_guard lock(mutex_);
-  if (serving_ != next_ticket_ || reserved_ + bytes > capacity_) return std::nullopt;
-  reserved_ += bytes;
-  return Reservation(this, bytes);
-}
-
 std::uint64_t MemoryBudget::reserved() const {
   const std::lock_guard lock(mutex_);
   return reserved_;

@@ -7,7 +7,6 @@
 #include <functional>
 #include <map>
 #include <mutex>
-#include <optional>
 #include <string>
 
 namespace tessera {
@@ -85,8 +84,6 @@ class MemoryBudget {
   /// Waits until `bytes` are free and it is this caller's turn. Hold no reservation when calling.
   /// \throws ResourceError when bytes exceed the capacity
   Reservation reserve(std::uint64_t bytes);
-  /// A reservation if that many bytes are free now and nobody waits.
-  std::optional<Reservation> try_reserve(std::uint64_t bytes);
   std::uint64_t reserved() const;
 
  private:
