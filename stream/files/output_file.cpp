@@ -14,9 +14,6 @@
 namespace tessera {
 namespace {
 
-// Dirty pages per file stay below two windows: enough to keep a disk busy, little enough for a small machine.
-constexpr std::uint64_t kWindowBytes = std::uint64_t{32} << 20;
-
 [[noreturn]] void fail(const std::filesystem::path& path, const char* what, int error) {
   std::string advice;
   if (error == ENOSPC || error == EDQUOT) advice = "; free space and run the same command again";
@@ -80,19 +77,7 @@ void OutputFile::flush() {
   write_out(flushed_, buffer_.get(), used_);
   flushed_ += used_;
   used_ = 0;
-  if (flushed_ - started_ < kWindowBytes) return;
-  // Wait for the window before last, then start the last one: writing and formatting overlap.
-  if (started_ > released_) {
-    const auto from = static_cast<off_t>(released_);
-    const auto bytes = static_cast<off_t>(started_ - released_);
-    ::sync_file_range(fd_, from, bytes,
-                      SYNC_FILE_RANGE_WAIT_BEFORE | SYNC_FILE_RANGE_WRITE | SYNC_FILE_RANGE_WAIT_AFTER);
-    ::posix_fadvise(fd_, from, bytes, POSIX_FADV_DONTNEED);
-    released_ = started_;
-  }
-  ::sync_file_range(fd_, static_cast<off_t>(started_), static_cast<off_t>(flushed_ - started_),
-                    SYNC_FILE_RANGE_WRITE);
-  started_ = flushed_;
+  behind_.written(fd_, flushed_);
 }
 
 void OutputFile::finish() {

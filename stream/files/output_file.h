@@ -9,6 +9,8 @@
 #include <memory>
 #include <string_view>
 
+#include "stream/files/write_behind.h"
+
 namespace tessera {
 
 class OutputFile {
@@ -47,8 +49,7 @@ class OutputFile {
   std::unique_ptr<char[]> buffer_;
   std::size_t used_ = 0;
   std::uint64_t flushed_ = 0;
-  std::uint64_t started_ = 0;   ///< write-back was asked for up to here
-  std::uint64_t released_ = 0;  ///< on disk and out of the page cache up to here
+  WriteBehind behind_;
 };
 
 }  // namespace tessera

@@ -13,8 +13,6 @@
 namespace tessera {
 namespace {
 
-constexpr std::uint64_t kWindowBytes = std::uint64_t{32} << 20;
-
 [[noreturn]] void fail(const std::filesystem::path& folder, const char* what, int error) {
   std::string advice;
   if (error == ENOSPC || error == EDQUOT) advice = "; free space or name another folder with --temp";
@@ -48,19 +46,7 @@ std::uint64_t SpillFile::append(const void* data, std::uint64_t bytes) {
     from += put;
     bytes -= static_cast<std::uint64_t>(put);
   }
-  if (size_ - started_ >= kWindowBytes) {
-    if (started_ > released_) {
-      const auto begin = static_cast<off_t>(released_);
-      const auto length = static_cast<off_t>(started_ - released_);
-      ::sync_file_range(fd_, begin, length,
-                        SYNC_FILE_RANGE_WAIT_BEFORE | SYNC_FILE_RANGE_WRITE | SYNC_FILE_RANGE_WAIT_AFTER);
-      ::posix_fadvise(fd_, begin, length, POSIX_FADV_DONTNEED);
-      released_ = started_;
-    }
-    ::sync_file_range(fd_, static_cast<off_t>(started_), static_cast<off_t>(size_ - started_),
-                      SYNC_FILE_RANGE_WRITE);
-    started_ = size_;
-  }
+  behind_.written(fd_, size_);
   return offset;
 }
 

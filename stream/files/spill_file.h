@@ -5,6 +5,8 @@
 #include <cstdint>
 #include <filesystem>
 
+#include "stream/files/write_behind.h"
+
 namespace tessera {
 
 class SpillFile {
@@ -28,8 +30,7 @@ class SpillFile {
   std::filesystem::path folder_;
   int fd_ = -1;
   std::uint64_t size_ = 0;
-  std::uint64_t started_ = 0;   ///< write-back was asked for up to here
-  std::uint64_t released_ = 0;  ///< on disk and out of the page cache up to here
+  WriteBehind behind_;
 };
 
 }  // namespace tessera
