@@ -1,7 +1,6 @@
 /// \file mesh_check.h
-/// What is true of a mesh on disk: topology, orientation, shape, self-consistency. Streaming: corners are
-/// partitioned by vertex range, each range is analysed in memory, so the mesh may exceed the cap many times.
-/// Every number is independent of the cap and of the order of faces.
+/// What is true of a mesh on disk: topology, orientation, shape. Streaming: corners are partitioned by vertex range,
+/// so the mesh may exceed the cap many times. No number depends on the cap or on the order of faces.
 #pragma once
 #include <array>
 #include <cstdint>
@@ -23,8 +22,7 @@ struct MeshCheckOptions {
   std::function<void()> check_stop;  ///< may throw StoppedError; called every few milliseconds; may be empty
 };
 
-/// One connected part: faces joined through shared vertices. Faces with a repeated or unknown index belong to
-/// none.
+/// One connected part: faces joined through shared vertices. Faces with a repeated or unknown index belong to none.
 struct MeshComponent {
   std::uint64_t vertices = 0;
   std::uint64_t edges = 0;
@@ -49,20 +47,19 @@ struct BoundaryLoop {
   bool operator==(const BoundaryLoop&) const = default;
 };
 
-/// Bounds of the aspect classes: longest edge over shortest altitude, 1 for equilateral (scaled by
-/// sqrt(3)/2).
+/// Bounds of the aspect classes: longest edge over shortest altitude, times sqrt(3)/2: 1 for equilateral.
 inline constexpr std::array<double, 7> kAspectBounds = {1.5, 2, 3, 5, 10, 100, 1000};
 inline constexpr std::size_t kListedParts = 16;  ///< largest components and loops that a report lists
 
 struct MeshCheck {
   std::string format;
-  bool welded = false;                  ///< vertices were merged by position before the check
-  std::uint64_t file_vertices = 0;      ///< read, before welding
-  std::uint64_t declared_vertices = 0;  ///< by the header; 0 when it does not say
-  std::uint64_t declared_faces = 0;     ///< by the header, polygons count once; 0 when it does not say
+  bool welded = false;              ///< vertices were merged by position before the check
+  std::uint64_t file_vertices = 0;  ///< read, before welding
+  /// By the header, polygons count once; 0 when it does not say.
+  std::uint64_t declared_vertices = 0, declared_faces = 0;
 
   std::uint64_t vertices = 0;
-  std::uint64_t faces = 0;  ///< triangles
+  std::uint64_t faces = 0;
   std::uint64_t edges = 0;
   std::uint64_t unreferenced_vertices = 0;
   std::uint64_t nonfinite_vertices = 0;
@@ -72,16 +69,16 @@ struct MeshCheck {
   std::uint64_t duplicate_faces = 0;   ///< same three vertices as an earlier face, either orientation
 
   std::uint64_t boundary_edges = 0;        ///< one face
-  std::uint64_t nonmanifold_edges = 0;     ///< more than two faces
+  std::uint64_t nonmanifold_edges = 0;     ///< more than two
   std::uint64_t inconsistent_edges = 0;    ///< two faces that run along it in the same direction
   std::uint64_t nonmanifold_vertices = 0;  ///< the faces around it are not one fan or one disk
 
-  std::uint64_t boundary_loops = 0;         ///< all, closed or not
+  std::uint64_t boundary_loops = 0;
   std::uint64_t open_loops = 0;             ///< end at a non-manifold edge
   std::vector<BoundaryLoop> largest_loops;  ///< by edges, at most kListedParts
 
   std::uint64_t components = 0;
-  std::uint64_t solid_components = 0;             ///< MeshComponent::solid
+  std::uint64_t solid_components = 0;
   std::int64_t total_genus = 0;                   ///< of the solid ones
   std::vector<MeshComponent> largest_components;  ///< by faces, at most kListedParts
 
@@ -90,8 +87,8 @@ struct MeshCheck {
   double area = 0;
   double volume = 0;  ///< signed; negative when faces point inwards; 0 unless solid()
   double min_edge = 0, mean_edge = 0, max_edge = 0;  ///< mean over the sides of all faces
-  std::array<std::uint64_t, kAspectBounds.size() + 1> aspect_histogram =
-      {};  ///< last: beyond, zero area excluded
+  /// Last: beyond, zero area excluded.
+  std::array<std::uint64_t, kAspectBounds.size() + 1> aspect_histogram = {};
 
   /// Every component is closed, manifold and consistently oriented.
   bool solid() const { return components > 0 && solid_components == components; }
@@ -105,7 +102,6 @@ struct MeshCheck {
 MeshCheck check_mesh(MeshReader& mesh, const MeshCheckOptions& options);
 
 nlohmann::json to_json(const MeshCheck& check);
-/// Lines for people.
-std::string describe(const MeshCheck& check);
+std::string describe(const MeshCheck& check);  ///< lines for people
 
 }  // namespace tessera

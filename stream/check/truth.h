@@ -72,8 +72,9 @@ struct TruthReport {
   DeviationStats corners;         ///< true corners to the nearest mesh vertex
   double crease_recovered = 0.0;  ///< share of true crease length with a sharp mesh edge within h/10
   std::uint64_t sharp_edges = 0;
-  std::uint64_t slivers = 0;     ///< faces near creases with an altitude below 0.03 h: their normals say
-                                 ///< nothing, so their edges do not count as sharp
+  /// Faces near creases with an altitude below 0.03 h: their normals say nothing, so their edges do not count
+  /// as sharp.
+  std::uint64_t slivers = 0;
   double normal_near_deg = 0.0;  ///< mean angle of face and truth, by area, centres within h of a crease
   double normal_away_deg = 0.0;  ///< elsewhere
   std::uint64_t faces_near = 0, faces_away = 0;

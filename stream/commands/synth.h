@@ -15,15 +15,15 @@ namespace tessera {
 /// Everything that decides the bytes, except `threads`.
 struct SynthOptions {
   std::string scene = "terrain";
-  std::string mode =
-      "surface";  ///< surface: direct, uniform in area; terrestrial, airborne, structured-light
+  /// `surface`: direct, uniform in area; terrestrial, airborne, structured-light.
+  std::string mode = "surface";
   std::uint64_t points = 1000000;  ///< exact in mode surface of scenes with a parametrisation, else aimed at
   double spacing = 0.0;            ///< mean sample spacing, scene units; > 0 replaces `points`
   double noise = 0.0;              ///< standard deviation along the normal (surface) or the ray (sensors)
   bool noise_in_spacings = false;  ///< `noise` counts in mean spacings instead of scene units
-  double outliers =
-      0.0;              ///< share of points replaced by uniform ones in the box of the scene grown by a tenth
-  double flying = 0.1;  ///< sensors: share of range jumps that give a flying point
+  /// Share of points replaced by uniform ones in the box of the scene grown by a tenth.
+  double outliers = 0.0;
+  double flying = 0.1;   ///< sensors: share of range jumps that give a flying point
   double missing = 0.0;  ///< share of the surface that nobody saw: balls around spots far from each other
   int missing_spots = 3;
   int views = 0;         ///< sensors: number of set-ups; 0 = usual for sensor and scene
@@ -46,8 +46,8 @@ struct SynthReport {
   double noise = 0.0;          ///< standard deviation used, scene units
   double seconds = 0.0;
   std::vector<std::filesystem::path> files;
-  std::filesystem::path
-      truth;  ///< sidecar: OUT without extension + .truth.json if per scan, else OUT.truth.json
+  /// Sidecar: OUT without extension + .truth.json if per scan, else OUT.truth.json.
+  std::filesystem::path truth;
 };
 
 /// \throws UsageError for options that make no sense, naming the option; ResourceError when the disk is full

@@ -54,9 +54,8 @@ struct PlyHeader {
 };
 
 /// Reads the header. Lines may end in LF, CRLF or CR; blank lines are skipped.
-/// \throws InputError naming file, line and what is wrong: no PLY, no end_header within 4 MiB, an unknown
-/// type,
-///         encoding or keyword, a count that is no number, a property before any element, a repeated property
+/// \throws InputError naming file, line and what is wrong: no PLY, no end_header within 4 MiB, an unknown type,
+///   encoding or keyword, a count that is no number, a property before any element, a repeated property
 PlyHeader read_ply_header(const ReadFile& file);
 
 /// Moves past up to `count` binary elements. Returns how many were complete; fewer when the file ends early.

@@ -11,8 +11,8 @@
 namespace tessera {
 namespace {
 
-constexpr int kGridLevel =
-    6;  ///< cells an edge of the root cube; the mesh lies in at most two root cubes an axis
+/// Cells an edge of the root cube; the mesh lies in at most two root cubes an axis.
+constexpr int kGridLevel = 6;
 constexpr int kGrid = 2 << kGridLevel;
 constexpr int kMostBrickLevel = kMaxCellBits - kBrickBits - 1;
 

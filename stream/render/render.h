@@ -35,13 +35,14 @@ struct RenderOptions {
   double tolerance = 0.0;           ///< scan units, end of the scale of colours; 0 = the 99th percentile
   bool with_sign = false;           ///< deviation in front of or behind the reference, not only how far
 
-  std::string colour = "auto";  ///< vertex, clay, height or auto: vertex where the file has colours, else
-                                ///< clay; points that have neither colours nor normals by height
-  std::string borders =
-      "auto";           ///< on, off or auto: border edges red, non-manifold edges magenta; auto leaves them
-                        ///< out, and says so, where the edge table does not fit the cap in one pass
-  bool smooth = false;  ///< interpolate normals of vertices instead of one normal per face
-  bool wire = false;    ///< draw the edges of all faces
+  /// vertex, clay, height or auto: vertex where the file has colours, else clay; points that have neither
+  /// colours nor normals by height.
+  std::string colour = "auto";
+  /// on, off or auto: border edges red, non-manifold edges magenta; auto leaves them out, and says so, where
+  /// the edge table does not fit the cap in one pass.
+  std::string borders = "auto";
+  bool smooth = false;     ///< interpolate normals of vertices instead of one normal per face
+  bool wire = false;       ///< draw the edges of all faces
   double occlusion = 1.0;  ///< strength of ambient occlusion, 0..2
   double splat = 0.0;      ///< diameter of points, scan units; 0 = from their spacing
   bool captions = true;    ///< names, counts, scale bars
@@ -66,9 +67,8 @@ struct RenderReport {
 };
 
 /// Draws and writes options.output.
-/// \throws UsageError; InputError; EmptyError when there is nothing to draw; ResourceError when the cap is
-/// too small,
-///         naming the smallest that would do, when the disk is full, or when OSMesa is missing
+/// \throws UsageError; InputError; EmptyError when there is nothing to draw; ResourceError when the cap is too
+///   small, naming the smallest that would do, when the disk is full, or when OSMesa is missing
 RenderReport render(const RenderOptions& options);
 
 }  // namespace tessera

@@ -30,8 +30,8 @@ struct TaskRecord {
   std::string stage;
   std::int64_t task = 0;
   std::string basis;  ///< hash of the job's identity and of everything that earlier stages committed
-  std::string
-      plan;  ///< how work was cut (cap, threads, tile size); records of a stage count together only if equal
+  /// How work was cut (cap, threads, tile size); records of a stage count together only if equal.
+  std::string plan;
   std::vector<FileRecord> files;
   double seconds = 0.0;
   double cpu_seconds = 0.0;

@@ -23,10 +23,11 @@ struct MeshHeader {
   std::uint64_t faces = 0;
   bool colour = false;            ///< per-vertex rgba follows positions
   bool double_positions = false;  ///< PLY and OBJ only
-  bool synthetic = false;     ///< faces say whether they close a hole (PLY: property uchar synthetic); other
-                              ///< formats drop it
-  Double3 shift = {0, 0, 0};  ///< what was subtracted from the positions (recorded as a comment where the
-                              ///< format has one); zero when positions are in the scan's frame
+  /// Faces say whether they close a hole (PLY: property uchar synthetic); other formats drop it.
+  bool synthetic = false;
+  /// What was subtracted from the positions (recorded as a comment where the format has one); zero when
+  /// positions are in the scan's frame.
+  Double3 shift = {0, 0, 0};
   std::vector<std::string> comments;  ///< provenance, one line each
 };
 
@@ -48,9 +49,8 @@ class MeshWriter {
 void require_mesh_extension(const std::filesystem::path& path);
 
 /// By extension: .ply (binary little endian), .obj, .stl (binary), .glb.
-/// \throws UsageError for an unknown extension or a mesh over the format's limits (STL 2^32-1 faces and
-/// floats,
-///         GLB 2^32-1 bytes per buffer), naming one that can hold it; ResourceError when the disk is full
+/// \throws UsageError for an unknown extension or a mesh over the format's limits (STL 2^32-1 faces and floats, GLB
+///   2^32-1 bytes per buffer), naming one that can hold it; ResourceError when the disk is full
 std::unique_ptr<MeshWriter> create_mesh_file(const std::filesystem::path& path, const MeshHeader& header);
 
 /// A mesh on disk, streamed through bounded buffers. Polygons are fanned into triangles. Both parts can be
@@ -76,8 +76,8 @@ class MeshReader {
 };
 
 struct MeshReadOptions {
-  bool keep_bad_faces =
-      false;  ///< hand out faces that name unknown vertices instead of throwing; for checks only
+  /// Hand out faces that name unknown vertices instead of throwing; for checks only.
+  bool keep_bad_faces = false;
 };
 
 /// PLY, OBJ, STL, OFF, GLB. \throws InputError (file, offset or line, what is wrong, what to do)

@@ -12,9 +12,8 @@
 
 namespace tessera {
 
-/// \throws InputError naming file, byte offset, field and value: header cut off, unknown version or point
-/// format,
-///         compressed points (LAZ), record shorter than its format, scale that is zero or no number
+/// \throws InputError naming file, byte offset, field and value: header cut off, unknown version or point format,
+///   compressed points (LAZ), record shorter than its format, scale that is zero or no number
 std::unique_ptr<PointFile> open_las_points(const ReadFile& file, const ReadOptions& options);
 
 }  // namespace tessera

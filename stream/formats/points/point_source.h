@@ -34,8 +34,8 @@ struct PointAttributes {
 
 struct PointFileInfo {
   std::filesystem::path path;
-  std::string format;                 ///< "PLY binary little endian", "LAS 1.2 point format 3", ...
-  std::uint64_t bytes = 0;            ///< size of the file
+  std::string format;  ///< "PLY binary little endian", "LAS 1.2 point format 3", ...
+  std::uint64_t bytes = 0;
   std::uint64_t declared_points = 0;  ///< what the header says; 0 if it does not say
   bool has_bounds = false;
   Double3 declared_min{}, declared_max{};
@@ -44,8 +44,7 @@ struct PointFileInfo {
   std::vector<std::string> warnings;  ///< what the header gets wrong, one sentence each
 };
 
-/// Part of a file that can be read on its own; begin and end are in the format's own unit (point index or
-/// byte).
+/// Part of a file that can be read on its own; begin and end are in the format's own unit (point index or byte).
 struct InputSlice {
   std::uint32_t file = 0;  ///< index into the job's list of inputs
   std::uint64_t begin = 0;
@@ -58,26 +57,24 @@ struct ReadCounts {
   std::uint64_t points = 0;    ///< handed to the sink
   std::uint64_t withheld = 0;  ///< flagged withheld or synthetic-deleted by the format (LAS)
   std::uint64_t empty = 0;     ///< placeholders that stand for "no return" (PTX 0 0 0)
-  std::uint64_t missing = 0;   ///< declared by the header, not in the file (truncated); text files read in
-                               ///< slices cannot know and count a torn last line only: see missing_points
+  /// Declared by the header, not in the file (truncated); text files read in slices cannot know and count a
+  /// torn last line only: see missing_points.
+  std::uint64_t missing = 0;
   std::vector<std::string> warnings;
 };
 
 struct ReadOptions {
-  std::vector<std::string>
-      columns;  ///< names of text columns, e.g. x y z nx ny nz r g b; empty = header or x y z
+  std::vector<std::string> columns;  ///< of text files, e.g. x y z nx ny nz r g b; empty = header or x y z
   std::size_t chunk_points = 65536;  ///< points per chunk handed to the sink
   bool release_cache = false;        ///< tell the system to drop what was read from its page cache
 };
 
-/// One input file, looked at and closed again: a job may hold thousands. All members are const and may be
-/// called from several threads at once.
+/// One input file, looked at and closed again: a job may hold thousands. May be used from several threads at once.
 class PointFile {
  public:
   virtual ~PointFile() = default;
   virtual const PointFileInfo& info() const = 0;
-  /// Splits the file into slices of about `target_bytes`. A format that must be read in order gives one
-  /// slice. `file` is copied into every slice.
+  /// Slices of about `target_bytes`; one where the format must be read in order. `file` is copied into each.
   virtual std::vector<InputSlice> slices(std::uint32_t file, std::uint64_t target_bytes) const = 0;
   /// Streams a slice to the sink, in chunks; the chunk is reused after the sink returns.
   /// \throws InputError naming file and byte offset or line, for content that cannot be read past
@@ -92,9 +89,8 @@ std::unique_ptr<PointFile> open_point_file(const std::filesystem::path& path, co
 /// Points that the header promises and the file does not hold. \param total  sums over all slices of the file
 std::uint64_t missing_points(const PointFileInfo& info, const ReadCounts& total);
 
-/// What reading refuted of the header's claims, beyond info.warnings, one sentence each: the count, the
-/// bounds (by more than a millionth of their size). \param read_min, read_max  bounds of all finite points
-/// read; min > max if there are none
+/// What reading refuted of the header's claims, beyond info.warnings, one sentence each: the count, the bounds (by more
+/// than a millionth of their size). \param read_min, read_max  of all finite points; min > max if there are none
 std::vector<std::string> refuted_claims(const PointFileInfo& info, const ReadCounts& total,
                                         const Double3& read_min, const Double3& read_max);
 

@@ -17,9 +17,8 @@ namespace tessera {
 /// True if the file starts with a complete PTX header.
 bool looks_like_ptx(const ReadFile& file);
 
-/// \throws InputError naming file and line: header cut off or no numbers, a matrix that is no motion (it is
-/// not finite
-///         or has no volume), more than 65535 scans. Reading throws it for a line that is no point.
+/// \throws InputError naming file and line: header cut off or no numbers, a matrix that is no motion (it is not
+///   finite or has no volume), more than 65535 scans. Reading throws it for a line that is no point.
 std::unique_ptr<PointFile> open_ptx_points(const ReadFile& file, const ReadOptions& options);
 
 }  // namespace tessera

@@ -21,9 +21,8 @@ namespace tessera {
 /// count.
 bool looks_like_text_points(const ReadFile& file);
 
-/// \throws InputError naming file and line when no columns x y z are found; reading throws it for a line that
-/// is no
-///         point (a torn last line is left out and counted as missing)
+/// \throws InputError naming file and line when no columns x y z are found; reading throws it for a line that is no
+///   point (a torn last line is left out and counted as missing)
 /// \throws UsageError when options.columns lacks x, y or z, or has a name twice
 std::unique_ptr<PointFile> open_text_points(const ReadFile& file, const ReadOptions& options);
 

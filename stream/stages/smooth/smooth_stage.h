@@ -25,8 +25,7 @@ namespace tessera {
 std::string smooth_settings(const SmoothOptions& options);
 SmoothOptions smooth_options(const std::string& settings);
 
-/// The whole job: import, rounds, output. One input. The report's `mesh` has {vertices, faces, largest_move,
-/// rms_move,
+/// The whole job: import, rounds, output. One input. The report's `mesh` has {vertices, faces, largest_move, rms_move,
 /// ...}.
 JobDescription smooth_job(const SmoothOptions& options);
 

@@ -28,8 +28,8 @@ struct TilingOptions {
   int halo_cells = 0;
   int tile_bricks = 0;                         ///< edge of a tile in bricks; 0 = the largest that fits
   const BrickSectionStore* closing = nullptr;  ///< cells that close holes, also where no point is
-  std::uint64_t tile_bytes_limit =
-      0;  ///< memory one tile may take; tiles over it are split down to one brick
+  /// Memory one tile may take; tiles over it are split down to one brick.
+  std::uint64_t tile_bytes_limit = 0;
 };
 
 /// Upper bound of the memory that computing a tile takes, from the brick tables alone.
