@@ -1,7 +1,6 @@
 /// \file bucket_file.h
-/// Records of one size, written in any order of buckets and read back bucket by bucket: one packed file,
-/// chunks of one bucket each with an XXH3, and a table of chunks at the end. Inside a bucket records keep the
-/// order they came in.
+/// Records of one size, written in any order of buckets and read back bucket by bucket: one packed file of chunks of
+/// one bucket each. Inside a bucket records keep the order they came in.
 #pragma once
 #include <cstdint>
 #include <filesystem>
@@ -10,8 +9,7 @@
 #include <span>
 #include <vector>
 
-#include "stream/files/direct_file.h"
-#include "stream/files/read_file.h"
+#include "stream/files/packed_file.h"
 
 namespace tessera {
 
@@ -27,14 +25,12 @@ class BucketFileWriter {
     std::copy_n(static_cast<const char*>(record), record_bytes_, open.data.data() + open.filled);
     open.filled += record_bytes_;
   }
-  /// Writes what is open, the table, and closes. Returns bytes written.
+  /// Writes what is open, closes. Returns bytes written.
   std::uint64_t finish();
 
   struct Chunk {
     std::uint64_t bucket = 0;
-    std::uint64_t offset = 0;
-    std::uint64_t bytes = 0;
-    std::uint64_t hash = 0;
+    Section records;
   };
 
  private:
@@ -44,7 +40,7 @@ class BucketFileWriter {
   };
   void flush(std::size_t bucket);
 
-  DirectFile file_;
+  PackedWriter file_;
   std::size_t record_bytes_;
   std::size_t chunk_bytes_;
   std::vector<Open> open_;
@@ -55,7 +51,6 @@ class BucketFile {
  public:
   /// \throws InputError when the file is damaged or holds records of another size
   BucketFile(const std::filesystem::path& path, std::size_t record_bytes);
-  std::size_t bucket_count() const { return first_.size() - 1; }
   std::uint64_t records(std::size_t bucket) const;
   /// All records of a bucket, appended. \throws InputError for a damaged chunk
   template <class Record>
@@ -68,7 +63,7 @@ class BucketFile {
  private:
   void read(std::size_t bucket, void* to) const;
 
-  ReadFile file_;
+  PackedFile file_;
   std::size_t record_bytes_;
   std::vector<BucketFileWriter::Chunk> chunks_;  ///< by bucket, then as they came
   std::vector<std::size_t> first_;               ///< chunk index per bucket, one more at the end

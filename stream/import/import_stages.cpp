@@ -1,31 +1,26 @@
 #include "stream/import/import_stages.h"
-#include "stream/runtime/report.h"
 
 #include <algorithm>
 #include <cstring>
 
-#include <xxhash.h>
 #include <nlohmann/json.hpp>
 
-#include "octree/error.h"
-#include "stream/files/direct_file.h"
 #include "stream/files/durable_file.h"
+#include "stream/files/packed_file.h"
 #include "stream/files/task_files.h"
+#include "stream/runtime/report.h"
 
 namespace tessera {
 namespace {
 
-struct BucketHeader {
-  std::uint64_t bricks = 0;
-  std::uint64_t vertices = 0;
-  std::uint64_t hash = 0;  ///< of all that follows
+constexpr PackedKind kKind = {"TSVERTX2", "a file of vertices"};
+
+struct VertexSections {
+  Section brick, first, position, rgba;
 };
 
 std::uint64_t position_bytes(const MeshStoreInfo& info) {
   return info.double_positions ? 24 : 12;
-}
-std::uint64_t positions_offset(std::uint64_t bricks) {
-  return sizeof(BucketHeader) + 12 * bricks;
 }
 
 void pack(const std::vector<Double3>& positions, bool doubles, char* to) {
@@ -70,53 +65,28 @@ std::string ImportNames::repaired(std::size_t bucket) const {
 }
 
 std::uint64_t BucketVertices::save(const std::filesystem::path& path, const MeshStoreInfo& info) const {
-  std::vector<char> data(12 * brick.size() + position.size() * position_bytes(info) + 4 * rgba.size());
-  char* at = data.data();
-  const auto put = [&](const auto& values) {
-    const std::size_t bytes = values.size() * sizeof values[0];
-    if (bytes > 0) std::memcpy(at, values.data(), bytes);
-    at += bytes;
-  };
-  put(brick);
-  put(first);
-  pack(position, info.double_positions, at);
-  at += position.size() * position_bytes(info);
-  put(rgba);
-  const BucketHeader header{brick.size(), position.size(), XXH3_64bits(data.data(), data.size())};
-  DirectFile file(path);
-  file.write(&header, sizeof header);
-  file.write(data.data(), data.size());
-  return file.finish();
+  std::vector<char> packed(position.size() * position_bytes(info));
+  pack(position, info.double_positions, packed.data());
+  PackedWriter file(path, kKind);
+  const std::vector<VertexSections> table = {{file.append(bytes_of(brick)), file.append(bytes_of(first)),
+                                              file.append(bytes_of(packed)), file.append(bytes_of(rgba))}};
+  return file.finish(table);
 }
 
 BucketVertices BucketVertices::load(const std::filesystem::path& path, const MeshStoreInfo& info) {
-  const ReadFile file(path);
-  BucketHeader header;
-  file.read_at(0, &header, sizeof header);
-  const std::uint64_t bytes =
-      12 * header.bricks + header.vertices * (position_bytes(info) + (info.colour ? 4 : 0));
-  if (file.size() != sizeof header + bytes)
-    throw InputError(path.string() +
-                     ": has another size than its header says, the file is damaged; run again with --force");
-  std::vector<char> data(bytes);
-  file.read_at(sizeof header, data.data(), bytes);
-  if (XXH3_64bits(data.data(), bytes) != header.hash)
-    throw InputError(path.string() + ": checksum differs, the file is damaged; run again with --force");
+  const PackedFile file(path, kKind, sizeof(VertexSections));
+  const VertexSections s = file.table<VertexSections>().at(0);
   BucketVertices out;
-  const char* at = data.data();
-  const auto take = [&](auto& values, std::uint64_t count) {
-    values.resize(count);
-    if (count > 0) std::memcpy(values.data(), at, count * sizeof values[0]);
-    at += count * sizeof values[0];
-  };
-  take(out.brick, header.bricks);
-  take(out.first, header.bricks);
-  out.position.resize(header.vertices);
+  out.brick = file.load<std::uint64_t>(s.brick);
+  out.first = file.load<std::uint32_t>(s.first);
+  out.rgba = file.load<std::uint32_t>(s.rgba);
+  const std::vector<char> packed = file.load<char>(s.position);
+  out.position.resize(packed.size() / position_bytes(info));
+  const char* at = packed.data();
   for (Double3& p : out.position) {
     p = unpack(at, info.double_positions);
     at += position_bytes(info);
   }
-  if (info.colour) take(out.rgba, header.vertices);
   return out;
 }
 
@@ -145,18 +115,16 @@ void ImportedVertices::fetch(std::span<const std::uint32_t> numbers, std::vector
   std::vector<std::uint32_t> colours;
   for (std::size_t i = 0; i < numbers.size();) {
     const std::size_t bucket = bucket_of(numbers[i]);
-    const ReadFile file(work_ / names_.vertices(bucket));
-    BucketHeader header;
-    file.read_at(0, &header, sizeof header);
-    const std::uint64_t positions = positions_offset(header.bricks);
+    const PackedFile file(work_ / names_.vertices(bucket), kKind, sizeof(VertexSections));
+    const VertexSections s = file.table<VertexSections>().at(0);
     while (i < numbers.size() && numbers[i] < first_[bucket + 1]) {
       const std::uint64_t begin = numbers[i] - first_[bucket];
-      const std::uint64_t count = std::min(kPage, header.vertices - begin);
+      const std::uint64_t count = std::min(kPage, s.position.bytes / width - begin);
       page.resize(count * width);
-      file.read_at(positions + begin * width, page.data(), page.size());
+      file.read_part(s.position, begin * width, page.data(), page.size());
       if (plan_.info.colour) {
         colours.resize(count);
-        file.read_at(positions + header.vertices * width + 4 * begin, colours.data(), 4 * count);
+        file.read_part(s.rgba, 4 * begin, colours.data(), 4 * count);
       }
       for (; i < numbers.size() && numbers[i] - first_[bucket] < begin + count; ++i) {
         const std::uint64_t at = numbers[i] - first_[bucket] - begin;

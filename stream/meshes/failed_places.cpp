@@ -4,15 +4,15 @@
 #include <type_traits>
 
 #include "kernels/mesh/closest_face.h"
-#include "octree/error.h"
-#include "stream/files/direct_file.h"
-#include "stream/files/read_file.h"
+#include "stream/files/packed_file.h"
 
 namespace tessera {
 namespace {
 
 static_assert(std::is_trivially_copyable_v<FailedFace> && sizeof(FailedFace) == 72,
               "kept as it lies in memory");
+
+constexpr PackedKind kKind = {"TSFAILD2", "a list of faces"};
 
 MeshBox box_around(const FailedFace& face, double radius) {
   MeshBox box{face[0], face[0]};
@@ -26,20 +26,12 @@ MeshBox box_around(const FailedFace& face, double radius) {
 
 }  // namespace
 
-std::uint64_t write_failed_faces(const std::filesystem::path& path, std::span<const FailedFace> faces) {
-  DirectFile file(path, std::size_t{1} << 16);
-  if (!faces.empty()) file.write(faces.data(), faces.size_bytes());
-  return file.finish();
+std::uint64_t write_failed_faces(const std::filesystem::path& path, const std::vector<FailedFace>& faces) {
+  return PackedWriter(path, kKind, std::size_t{1} << 16).finish(faces);
 }
 
 std::vector<FailedFace> read_failed_faces(const std::filesystem::path& path) {
-  const ReadFile file(path);
-  if (file.size() % sizeof(FailedFace) != 0 || file.size() > kMostFailedFaces * sizeof(FailedFace))
-    throw InputError(path.string() +
-                     ": no whole number of faces, the file is damaged; run again with --force");
-  std::vector<FailedFace> faces(file.size() / sizeof(FailedFace));
-  if (!faces.empty()) file.read_at(0, faces.data(), file.size());
-  return faces;
+  return PackedFile(path, kKind, sizeof(FailedFace)).table<FailedFace>();
 }
 
 void FailedPlaces::add(std::vector<FailedFace> faces, double radius) {

@@ -19,7 +19,7 @@ using FailedFace = std::array<Double3, 3>;
 inline constexpr std::size_t kMostFailedFaces = std::size_t{1} << 14;
 
 /// Returns bytes written.
-std::uint64_t write_failed_faces(const std::filesystem::path& path, std::span<const FailedFace> faces);
+std::uint64_t write_failed_faces(const std::filesystem::path& path, const std::vector<FailedFace>& faces);
 /// \throws InputError when the file is damaged
 std::vector<FailedFace> read_failed_faces(const std::filesystem::path& path);
 

@@ -1,8 +1,8 @@
-/// Semantic blocks: maximal nodes of a shifted octree of bricks.
+#include "stream/meshes/mesh_blocking.h"
+
 #include <algorithm>
 
 #include "kernels/mesh/mesh_block_ops.h"
-#include "stream/meshes/mesh_store.h"
 
 namespace tessera {
 namespace {

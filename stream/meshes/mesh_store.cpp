@@ -7,37 +7,27 @@
 #include <numeric>
 #include <string>
 
-#include <xxhash.h>
-
 #include "kernels/mesh/mesh_block_ops.h"
 #include "octree/error.h"
-#include "stream/files/direct_file.h"
-#include "stream/files/read_file.h"
+#include "stream/files/packed_file.h"
 #include "stream/meshes/patch_coding.h"
 
 namespace tessera {
 namespace {
 
-constexpr char kMagic[8] = {'T', 'S', 'M', 'E', 'S', 'H', '0', '2'};
+constexpr PackedKind kKind = {"TSMESH03", "a mesh file"};
 constexpr std::uint32_t kShortIndices = 65536;  ///< up to so many vertices faces have 16-bit corners
 
-struct Header {
-  char magic[8] = {};
+/// MeshStoreInfo without padding.
+struct DiskInfo {
   double h = 0.0;
-  std::int64_t origin_brick[3] = {};
-  double shift[3] = {};
+  std::array<std::int64_t, 3> origin_brick{};
+  Double3 shift{};
   std::uint32_t double_positions = 0;
   std::uint32_t colour = 0;
 };
-static_assert(sizeof(Header) == 72);
+static_assert(sizeof(DiskInfo) == 64);
 static_assert(sizeof(MeshPatchEntry) == 104);
-
-struct Footer {
-  std::uint64_t table_offset = 0;
-  std::uint64_t patches = 0;
-  std::uint64_t table_hash = 0;
-  char magic[8] = {};
-};
 
 MeshBox empty_box() {
   constexpr double kInfinity = std::numeric_limits<double>::infinity();
@@ -118,34 +108,26 @@ MeshBox grown(const MeshBox& box, double margin) {
 }
 
 struct MeshFileWriter::Impl {
-  DirectFile file;
+  PackedWriter file;
   MeshStoreInfo info;
   std::vector<MeshPatchEntry> table;
   std::vector<char> buffer;
 
-  Impl(const std::filesystem::path& path, const MeshStoreInfo& i) : file(path), info(i) {}
-
   /// Writes the buffer. \pre e.vertex_bytes is set
   void add_section(MeshPatchEntry& e) {
-    e.face_bytes = static_cast<std::uint32_t>(buffer.size()) - e.vertex_bytes;
-    e.vertex_hash = XXH3_64bits(buffer.data(), e.vertex_bytes);
-    e.face_hash = XXH3_64bits(buffer.data() + e.vertex_bytes, e.face_bytes);
-    file.write(buffer.data(), buffer.size());
+    const auto all = bytes_of(buffer);
+    const Section vertices = file.append(all.first(e.vertex_bytes));
+    const Section faces = file.append(all.subspan(e.vertex_bytes));
+    e.offset = vertices.offset;
+    e.vertex_hash = vertices.hash;
+    e.face_hash = faces.hash;
+    e.face_bytes = static_cast<std::uint32_t>(faces.bytes);
     table.push_back(e);
   }
 };
 
 MeshFileWriter::MeshFileWriter(const std::filesystem::path& path, const MeshStoreInfo& info)
-    : impl_(std::make_unique<Impl>(path, info)) {
-  Header header;
-  std::copy(std::begin(kMagic), std::end(kMagic), header.magic);
-  header.h = info.lattice.h;
-  std::copy(info.lattice.origin_brick.begin(), info.lattice.origin_brick.end(), header.origin_brick);
-  std::copy(info.shift.begin(), info.shift.end(), header.shift);
-  header.double_positions = info.double_positions;
-  header.colour = info.colour;
-  impl_->file.write(&header, sizeof header);
-}
+    : impl_(new Impl{{path, kKind}, info, {}, {}}) {}
 MeshFileWriter::~MeshFileWriter() = default;
 
 void MeshFileWriter::add(std::uint64_t brick, const MeshBlock& patch, unsigned content) {
@@ -156,7 +138,6 @@ void MeshFileWriter::add(std::uint64_t brick, const MeshBlock& patch, unsigned c
   const Layout layout(self.info, n, m, !patch.face_bound.empty());
   MeshPatchEntry e;
   e.key = brick;
-  e.offset = self.file.offset();
   e.vertices = static_cast<std::uint32_t>(n);
   e.faces = static_cast<std::uint32_t>(m);
   e.content = content | (patch.face_bound.empty() ? 0u : unsigned{kPatchBounds});
@@ -220,19 +201,13 @@ char* MeshFileWriter::put_positions(std::span<const Double3> positions, MeshPatc
 }
 
 std::uint64_t MeshFileWriter::finish() {
-  Impl& self = *impl_;
-  Footer footer;
-  footer.table_offset = self.file.offset();
-  footer.patches = self.table.size();
-  footer.table_hash = XXH3_64bits(self.table.data(), self.table.size() * sizeof(MeshPatchEntry));
-  std::copy(std::begin(kMagic), std::end(kMagic), footer.magic);
-  self.file.write(self.table.data(), self.table.size() * sizeof(MeshPatchEntry));
-  self.file.write(&footer, sizeof footer);
-  return self.file.finish();
+  const MeshStoreInfo& i = impl_->info;
+  const DiskInfo info = {i.lattice.h, i.lattice.origin_brick, i.shift, i.double_positions, i.colour};
+  return impl_->file.finish(impl_->table, std::as_bytes(std::span(&info, 1)));
 }
 
 struct MeshStore::Impl {
-  std::vector<ReadFile> files;
+  std::vector<PackedFile> files;
   MeshStoreInfo info;
   std::vector<MeshPatchEntry> patches;
   std::uint64_t faces = 0;
@@ -246,17 +221,10 @@ struct MeshStore::Impl {
   /// Both sections, checked.
   void read_sections(std::size_t patch, std::vector<char>& data) const {
     const MeshPatchEntry& e = patches[patch];
-    const ReadFile& file = files[e.file];
     data.resize(std::size_t{e.vertex_bytes} + e.face_bytes);
-    file.read_at(e.offset, data.data(), data.size());
-    if (XXH3_64bits(data.data(), e.vertex_bytes) != e.vertex_hash ||
-        XXH3_64bits(data.data() + e.vertex_bytes, e.face_bytes) != e.face_hash)
-      throw damaged(e, "checksum of a mesh patch differs");
-  }
-
-  InputError damaged(const MeshPatchEntry& e, const char* what) const {
-    return InputError(files[e.file].path().string() + ": byte " + std::to_string(e.offset) + ": " + what +
-                      ", the file is damaged; run again with --force");
+    const auto all = room_of(data);
+    files[e.file].read({e.offset, e.vertex_bytes, e.vertex_hash}, {all.first(e.vertex_bytes)});
+    files[e.file].read({e.offset + e.vertex_bytes, e.face_bytes, e.face_hash}, {all.subspan(e.vertex_bytes)});
   }
 
   MeshBlock read(std::size_t patch) const {
@@ -269,11 +237,11 @@ struct MeshStore::Impl {
       const std::span<const char> all(data);
       if (!decode_vertices(all.first(e.vertex_bytes), e.vertices, info, block) ||
           !decode_faces(all.subspan(e.vertex_bytes), e.faces, (e.content & kPatchBounds) != 0, block))
-        throw damaged(e, "a compact patch does not decode");
+        files[e.file].damaged(e.offset, "a compact patch does not decode");
       return block;
     }
     if (layout.vertices() != e.vertex_bytes || layout.faces() != e.face_bytes)
-      throw damaged(e, "a mesh patch has another size than it must");
+      files[e.file].damaged(e.offset, "a mesh patch has another size than it must");
     const char* from = data.data();
     const std::size_t n = e.vertices;
     const std::size_t m = e.faces;
@@ -363,7 +331,6 @@ void MeshFileWriter::add_moved(const MeshStore& store, std::size_t patch,
   const Layout layout = from.layout(e);
   from.read_sections(patch, self.buffer);
   put_positions(positions, e, self.buffer.data() + layout.key);
-  e.offset = self.file.offset();
   e.file = 0;
   self.add_section(e);
 }
@@ -374,41 +341,23 @@ MeshStore::MeshStore(const std::vector<std::filesystem::path>& files,
   std::vector<std::filesystem::path> paths = files;
   paths.insert(paths.end(), newer.begin(), newer.end());
   for (const auto& path : paths) {
-    ReadFile file(path);
-    const auto damaged = [&](const char* what) {
-      return InputError(path.string() + ": " + what + ", the file is damaged; run again with --force");
-    };
-    Header header;
-    Footer footer;
-    if (file.size() < sizeof header + sizeof footer) throw damaged("too short for a mesh file");
-    file.read_at(0, &header, sizeof header);
-    file.read_at(file.size() - sizeof footer, &footer, sizeof footer);
-    if (!std::equal(std::begin(kMagic), std::end(kMagic), header.magic) ||
-        !std::equal(std::begin(kMagic), std::end(kMagic), footer.magic))
-      throw damaged("no header or footer of a mesh file");
-    const std::uint64_t bytes = footer.patches * sizeof(MeshPatchEntry);
-    if (footer.patches > file.size() || footer.table_offset + bytes + sizeof footer != file.size())
-      throw damaged("patch table does not fit");
+    const PackedFile& file = impl_->files.emplace_back(path, kKind, sizeof(MeshPatchEntry), sizeof(DiskInfo));
+    DiskInfo disk;
+    std::memcpy(&disk, file.info().data(), sizeof disk);
     MeshStoreInfo info;
-    info.lattice.h = header.h;
-    std::copy(std::begin(header.origin_brick), std::end(header.origin_brick),
-              info.lattice.origin_brick.begin());
-    std::copy(std::begin(header.shift), std::end(header.shift), info.shift.begin());
-    info.double_positions = header.double_positions != 0;
-    info.colour = header.colour != 0;
-    if (!impl_->files.empty() && !(info == impl_->info))
+    info.lattice.h = disk.h;
+    info.lattice.origin_brick = disk.origin_brick;
+    info.shift = disk.shift;
+    info.double_positions = disk.double_positions != 0;
+    info.colour = disk.colour != 0;
+    if (impl_->files.size() > 1 && !(info == impl_->info))
       throw InputError(path.string() +
                        ": belongs to another mesh than the files before it; run again with --force");
     impl_->info = info;
     const std::size_t first = impl_->patches.size();
-    impl_->patches.resize(first + footer.patches);
-    MeshPatchEntry* table = impl_->patches.data() + first;
-    if (bytes != 0) file.read_at(footer.table_offset, table, bytes);
-    if (XXH3_64bits(table, bytes) != footer.table_hash) throw damaged("checksum of the patch table differs");
-    for (std::size_t i = 0; i < footer.patches; ++i) {
-      table[i].file = static_cast<std::uint32_t>(impl_->files.size());
-    }
-    impl_->files.push_back(std::move(file));
+    file.append_table(impl_->patches);
+    for (std::size_t i = first; i < impl_->patches.size(); ++i)
+      impl_->patches[i].file = static_cast<std::uint32_t>(impl_->files.size() - 1);
   }
   // Of one brick the newest comes first; older ones go.
   auto& table = impl_->patches;
@@ -492,38 +441,6 @@ MeshHaloBlock MeshStore::load_near(std::span<const std::size_t> core, double mar
   std::set_difference(all.begin(), all.end(), core.begin(), core.end(), std::back_inserter(halo));
   MeshHaloBlock out;
   out.block = impl_->merge(core, halo, near, &out.core, &out);
-  return out;
-}
-
-MeshHaloBlock MeshStore::load_rings(std::span<const std::size_t> core, int rings) const {
-  // Ring k shares a vertex with ring k - 1, so the box of what is taken finds every patch of the next ring.
-  MeshHaloBlock out;
-  MeshBox box = box_of(core);
-  for (int ring = 1; ring <= rings; ++ring) {
-    std::vector<std::size_t> halo;
-    const std::vector<std::size_t> all = select(box);
-    std::set_difference(all.begin(), all.end(), core.begin(), core.end(), std::back_inserter(halo));
-    std::vector<std::uint8_t> is_core;
-    const MeshBlock block = impl_->merge(core, halo, box, &is_core);
-    std::vector<std::uint8_t> taken = is_core;
-    std::vector<std::uint8_t> reached(block.key.size(), 0);
-    for (int r = 1; r <= ring; ++r) {
-      for (std::size_t f = 0; f < taken.size(); ++f)
-        if (taken[f])
-          for (const std::uint32_t v : block.faces[f]) reached[v] = 1;
-      for (std::size_t f = 0; f < taken.size(); ++f) {
-        const auto& c = block.faces[f];
-        if (reached[c[0]] || reached[c[1]] || reached[c[2]]) taken[f] = 1;
-      }
-    }
-    out.core.clear();
-    for (std::size_t f = 0; f < taken.size(); ++f) {
-      if (!taken[f]) continue;
-      out.core.push_back(is_core[f]);
-      for (const std::uint32_t v : block.faces[f]) include(box, block.position[v]);
-    }
-    if (ring == rings) out.block = select_faces(block, taken);
-  }
   return out;
 }
 

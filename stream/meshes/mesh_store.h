@@ -2,12 +2,9 @@
 /// A mesh of any size on disk: packed files of patches, one patch per brick of the store's lattice. Extracted
 /// and imported meshes, every pass over them, and references all live in stores.
 ///
-/// A face is in exactly one patch. A vertex is stored with every patch that uses it, with its global key and
-/// its exact position, and every face says at which of its edges the surface ends: whether a star is complete
-/// is decided in the block alone, nothing else crosses bricks.
-///
-/// A file is: header (magic, lattice, precision), per patch one section of vertices and one of faces with an
-/// XXH3 each, the table of patches, a footer. Little endian. Patches may be compact (patch_coding.h).
+/// A face is in exactly one patch. A vertex is stored with every patch that uses it, with its global key and its exact
+/// position, and every face says at which of its edges the surface ends: whether a star is complete is decided in the
+/// block alone, nothing else crosses bricks. Patches may be compact (patch_coding.h).
 #pragma once
 #include <cstdint>
 #include <filesystem>
@@ -22,7 +19,7 @@ namespace tessera {
 
 /// What all files of a store agree on.
 struct MeshStoreInfo {
-  Lattice lattice;                ///< its bricks are the patches
+  Lattice lattice;
   bool double_positions = false;  ///< positions need more than floats; else all of them are floats exactly
   bool colour = false;
   Double3 shift = {0, 0, 0};  ///< as MeshHeader::shift of the file that was read, to be written back
@@ -46,16 +43,14 @@ enum MeshPatchContent : std::uint32_t {
 
 /// One patch of the store, as its table has it.
 struct MeshPatchEntry {
-  std::uint64_t key = 0;          ///< Morton code of the brick
-  std::uint64_t offset = 0;       ///< of its first section in the file
-  std::uint64_t vertex_hash = 0;  ///< XXH3 of the section of vertices
-  std::uint64_t face_hash = 0;    ///< XXH3 of the section of faces
-  std::uint32_t vertices = 0;
-  std::uint32_t faces = 0;                         ///< > 0
-  std::uint32_t file = 0;                          ///< index of the file; not on disk
-  std::uint32_t content = 0;                       ///< bits of MeshPatchContent
-  std::uint32_t vertex_bytes = 0, face_bytes = 0;  ///< of the sections
-  MeshBox box;                                     ///< of all vertices; faces may reach out of their brick
+  std::uint64_t key = 0;                         ///< Morton code of the brick
+  std::uint64_t offset = 0;                      ///< of its section of vertices; that of faces lies behind it
+  std::uint64_t vertex_hash = 0, face_hash = 0;  ///< of the sections
+  std::uint32_t vertices = 0, faces = 0;         ///< > 0
+  std::uint32_t file = 0;                        ///< index of the file; not on disk
+  std::uint32_t content = 0;                     ///< bits of MeshPatchContent
+  std::uint32_t vertex_bytes = 0, face_bytes = 0;
+  MeshBox box;  ///< of all vertices; faces may reach out of their brick
 };
 
 class MeshStore;
@@ -66,8 +61,8 @@ class MeshFileWriter {
   ~MeshFileWriter();
   MeshFileWriter(const MeshFileWriter&) = delete;
   MeshFileWriter& operator=(const MeshFileWriter&) = delete;
-  /// The patch of one brick; every brick at most once over all files of a store. Patches without faces are
-  /// left out. \pre canonical (mesh_block.h), every vertex used by a face
+  /// The patch of one brick, each at most once over all files of a store. Patches without faces are left out.
+  /// \pre canonical (mesh_block.h), every vertex used by a face
   /// \param content  kPatchCompact, kPatchAlone or both; the other bits go by the patch
   void add(std::uint64_t brick, const MeshBlock& patch, unsigned content = 0);
   /// In files that stand in for others (MeshStore): the brick has no patch any more.
@@ -76,8 +71,7 @@ class MeshFileWriter {
   /// \pre the store's info agrees, the patch is not compact; one position for each vertex, in the order of the patch
   /// \throws InputError naming the file when the patch is damaged
   void add_moved(const MeshStore& store, std::size_t patch, std::span<const Double3> positions);
-  /// Writes table and footer, closes. Returns bytes written.
-  std::uint64_t finish();
+  std::uint64_t finish();  ///< returns bytes written
 
  private:
   char* put_positions(std::span<const Double3> positions, MeshPatchEntry& entry, char* to) const;
@@ -113,22 +107,17 @@ class MeshStore {
   const MeshBox& box() const;                  ///< of the whole mesh
   double diagonal() const;                     ///< of that box
   std::int64_t find(std::uint64_t key) const;  ///< patch index, -1 if the brick has no patch
-  /// Indices of the patches whose boxes meet this one, ascending.
+  /// Indices of the patches whose boxes meet this one, ascending; and the smallest box around some patches.
   std::vector<std::size_t> select(const MeshBox& box) const;
-  /// Smallest box around some patches.
   MeshBox box_of(std::span<const std::size_t> patches) const;
 
   /// Merges patches (indices ascending) into one canonical block: vertices by key, faces in canonical order.
   MeshBlock load(std::span<const std::size_t> patches) const;
-  /// The same, and every face of other patches that comes within `margin` (>= 0) of the core's box, by its
-  /// own box. Whatever lies within `margin` of a core face is there.
+  /// The same, and every face of other patches that comes within `margin` (>= 0) of the core's box, by its own box.
   MeshHaloBlock load_near(std::span<const std::size_t> core, double margin) const;
-  /// The same with k >= 1 rings of faces around the core: ring 1 are all faces that share a vertex with it.
-  MeshHaloBlock load_rings(std::span<const std::size_t> core, int rings) const;
   /// Every face whose box meets this one.
   MeshBlock load_box(const MeshBox& box) const;
-  /// Upper bound of the bytes of a block of these patches while it is loaded: sum over patches of
-  /// kBlockBytesPerVertex and kBlockBytesPerFace.
+  /// Upper bound of the bytes of a block of these patches while it is loaded.
   std::uint64_t block_bytes(std::span<const std::size_t> patches) const;
 
   static constexpr std::uint64_t kBlockBytesPerVertex = 104;
@@ -139,33 +128,5 @@ class MeshStore {
   struct Impl;
   std::unique_ptr<Impl> impl_;
 };
-
-/// Semantic blocks over a store: maximal nodes of an octree of bricks that stay within the limits. A pure
-/// function of the table of patches: never of cap, threads or tiles.
-struct MeshBlocking {
-  std::uint64_t max_faces = 1u << 16;  ///< a brick that exceeds a limit is a block of its own
-  std::uint64_t max_weight = ~std::uint64_t{0};
-  Int3 shift = {0, 0, 0};  ///< added to brick coordinates: moves the seams between blocks
-};
-
-/// One block: all patches of a cube of bricks.
-struct MeshBlockCut {
-  std::vector<std::size_t> patches;  ///< ascending
-  Int3 first_brick = {0, 0, 0};      ///< of the cube, both inclusive; may lie below zero
-  Int3 last_brick = {0, 0, 0};
-  std::uint64_t faces = 0;
-  std::uint64_t weight = 0;
-  /// The brick of a face by its centroid, or the nearest one of the cube: blocks never write to bricks of
-  /// others.
-  std::uint64_t brick_of(const Lattice& lattice, const Double3& a, const Double3& b, const Double3& c) const;
-};
-
-/// \param weight  per patch, or empty: what else adds up to a limit
-std::vector<MeshBlockCut> make_blocks(const MeshStore& store, const MeshBlocking& blocking,
-                                      std::span<const std::uint64_t> weight = {});
-
-/// Shift of pass p = 0, 1, 2, ...: no two of three passes in a row have a seam in common but where a single
-/// brick is a block.
-Int3 pass_shift(int pass);
 
 }  // namespace tessera

@@ -1,17 +1,15 @@
 /// \file patch_store.h
-/// Patches on disk: packed files of many bricks each, in Morton order of bricks over all files.
-///
-/// A file is: magic, the patches' sections one after the other, the table of patches, a footer. Every patch has
-/// one checksum for what welding reads (foreign, exported, components), one for its vertices, one for its faces.
+/// Patches on disk: packed files of many bricks each, in Morton order of bricks over all files. Every patch has one
+/// section for what welding reads (foreign, exported, components), one for its vertices, one for its faces.
 #pragma once
 #include <cstdint>
 #include <filesystem>
-#include <memory>
 #include <span>
 #include <vector>
 
 #include "kernels/mesh/patch.h"
 #include "kernels/mesh/patch_components.h"
+#include "stream/files/packed_file.h"
 
 namespace tessera {
 
@@ -19,9 +17,9 @@ namespace tessera {
 struct PatchEntry {
   std::uint64_t key = 0;          ///< Morton code of the brick
   std::uint64_t offset = 0;       ///< of its first section in the file
-  std::uint64_t seam_hash = 0;    ///< XXH3 of foreign, exported and component sections
-  std::uint64_t vertex_hash = 0;  ///< XXH3 of position, colour and class sections
-  std::uint64_t face_hash = 0;    ///< XXH3 of the face section
+  std::uint64_t seam_hash = 0;    ///< of foreign, exported and components
+  std::uint64_t vertex_hash = 0;  ///< of positions, colours and classes
+  std::uint64_t face_hash = 0;
   std::uint32_t vertices = 0;
   std::uint32_t faces = 0;
   std::uint32_t foreign = 0;
@@ -42,17 +40,14 @@ struct PatchSeam {
 class PatchFileWriter {
  public:
   explicit PatchFileWriter(const std::filesystem::path& path);
-  ~PatchFileWriter();
-  PatchFileWriter(const PatchFileWriter&) = delete;
-  PatchFileWriter& operator=(const PatchFileWriter&) = delete;
   /// Patches in ascending brick order.
   void add(const Patch& patch, const PatchComponents& components);
-  /// Writes table and footer, closes. Returns bytes written.
-  std::uint64_t finish();
+  /// Returns bytes written.
+  std::uint64_t finish() { return file_.finish(table_); }
 
  private:
-  struct Impl;
-  std::unique_ptr<Impl> impl_;
+  PackedWriter file_;
+  std::vector<PatchEntry> table_;
 };
 
 /// All patches of a job. Holds the tables only (64 bytes a patch). Reading is thread-safe.
@@ -60,15 +55,16 @@ class PatchStore {
  public:
   /// \throws InputError naming the file when one is damaged
   explicit PatchStore(const std::vector<std::filesystem::path>& files);
-  ~PatchStore();
-  PatchStore(PatchStore&&) noexcept;
-  PatchStore& operator=(PatchStore&&) noexcept;
 
-  std::span<const PatchEntry> patches() const;                             ///< ascending key, over all files
-  std::pair<std::size_t, std::size_t> file_range(std::size_t file) const;  ///< patch indices [first, last)
-  std::size_t file_count() const;
-  std::size_t file_of(std::size_t patch) const;
-  std::int64_t find(std::uint64_t key) const;  ///< patch index, -1 if the brick has no patch
+  std::span<const PatchEntry> patches() const {
+    return patches_.entries();
+  }  ///< ascending key, over all files
+  /// Patch indices [first, last).
+  std::pair<std::size_t, std::size_t> file_range(std::size_t file) const { return patches_.file_range(file); }
+  std::size_t file_count() const { return patches_.file_count(); }
+  std::size_t file_of(std::size_t patch) const { return patches_.file_index(patch); }
+  /// Patch index, -1 if the brick has no patch.
+  std::int64_t find(std::uint64_t key) const { return patches_.index_of(key); }
 
   PatchSeam load_seam(std::size_t patch) const;
   /// \param vertex_class  may be null
@@ -79,8 +75,7 @@ class PatchStore {
                   std::vector<std::uint8_t>* synthetic = nullptr) const;
 
  private:
-  struct Impl;
-  std::unique_ptr<Impl> impl_;
+  PackedTables<PatchEntry> patches_;
 };
 
 }  // namespace tessera

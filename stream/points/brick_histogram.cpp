@@ -5,12 +5,12 @@
 #include <string>
 
 #include "octree/error.h"
-#include "stream/files/read_file.h"
 #include "stream/runtime/numbers.h"
 
 namespace tessera {
 namespace {
 
+constexpr PackedKind kKind = {"TSCOUNT1", "a file of brick counts"};
 // Two bricks of the lattice stay empty around the data: the origin lies one below, halo bricks exist above.
 constexpr std::int64_t kMaxBricksPerAxis = (std::int64_t{1} << (kMaxCellBits - kBrickBits)) - 2;
 
@@ -39,7 +39,7 @@ void combine(std::vector<BrickCount>& counts) {
 }  // namespace
 
 BrickCounter::BrickCounter(const std::filesystem::path& file, std::size_t capacity)
-    : file_(file, std::size_t{256} << 10), capacity_(capacity) {
+    : file_(file, kKind, std::size_t{256} << 10), capacity_(capacity) {
   std::size_t slots = 1024;
   while (slots < 2 * capacity) slots *= 2;
   slots_.resize(slots);
@@ -72,12 +72,12 @@ void BrickCounter::spill() {
   used_ = 0;
   last_.fill(std::numeric_limits<std::int64_t>::min());
   combine(run);
-  file_.write(run.data(), run.size() * sizeof(BrickCount));
+  runs_.push_back(file_.append(bytes_of(run)));
 }
 
 std::uint64_t BrickCounter::finish() {
   spill();
-  return file_.finish();
+  return file_.finish(runs_);
 }
 
 std::vector<BrickCount> merge_brick_counts(const std::vector<std::filesystem::path>& files,
@@ -86,20 +86,18 @@ std::vector<BrickCount> merge_brick_counts(const std::vector<std::filesystem::pa
   std::vector<BrickCount> all;
   std::size_t distinct = 0;
   for (const auto& path : files) {
-    const ReadFile file(path);
-    if (file.size() % sizeof(BrickCount) != 0)
-      throw InputError(path.string() + ": not a brick count of this version; run again with --force");
-    for (std::uint64_t at = 0; at < file.size();) {
-      const std::uint64_t part = std::min<std::uint64_t>(kPart * sizeof(BrickCount), file.size() - at);
-      const std::size_t before = all.size();
-      all.resize(before + part / sizeof(BrickCount));
-      file.read_at(at, all.data() + before, part);
-      at += part;
-      if (all.size() > 2 * distinct + 4 * kPart) {
-        combine(all);
-        distinct = all.size();
+    const PackedFile file(path, kKind, sizeof(Section));
+    for (const Section& run : file.table<Section>()) {
+      SectionReader reader(file, run);
+      while (reader.left() > 0 && distinct <= max_bricks) {
+        const std::size_t before = all.size();
+        all.resize(before + std::min<std::uint64_t>(kPart, reader.left() / sizeof(BrickCount)));
+        reader.next(all.data() + before, (all.size() - before) * sizeof(BrickCount));
+        if (all.size() > 2 * distinct + 4 * kPart) {
+          combine(all);
+          distinct = all.size();
+        }
       }
-      if (distinct > max_bricks) break;
     }
   }
   combine(all);

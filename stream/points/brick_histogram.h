@@ -1,7 +1,7 @@
 /// \file brick_histogram.h
 /// Sparse count of points per brick while nothing is known of the extent: bricks are named by signed
-/// coordinates in units of 64 h from the world's zero. Bounded memory: full tables are spilled as sorted
-/// runs.
+/// coordinates in units of 64 h from the world's zero. Bounded memory: full tables are spilled as sorted runs, sections
+/// of a packed file.
 #pragma once
 #include <array>
 #include <cstdint>
@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "octree/lattice.h"
-#include "stream/files/direct_file.h"
+#include "stream/files/packed_file.h"
 
 namespace tessera {
 
@@ -39,7 +39,8 @@ class BrickCounter {
   void add_other(const BrickCoord& brick);
   void spill();
 
-  DirectFile file_;
+  PackedWriter file_;
+  std::vector<Section> runs_;
   std::size_t capacity_;
   std::size_t used_ = 0;
   std::vector<BrickCount> slots_;  ///< open addressing, points == 0 = free

@@ -1,79 +1,32 @@
 #include "stream/points/multipole_store.h"
 
-#include <xxhash.h>
-
 #include <algorithm>
-#include <string>
 
 #include "kernels/closing/area_weights.h"
-#include "octree/error.h"
-#include "stream/files/direct_file.h"
-#include "stream/files/read_file.h"
 #include "stream/files/task_files.h"
 
 namespace tessera {
 namespace {
 
-constexpr char kMagic[8] = {'T', 'S', 'M', 'U', 'L', 'T', 'I', '3'};
+constexpr PackedKind kKind = {"TSMULTI4", "a multipole file"};
 
-struct Entry {
-  std::uint64_t key = 0;
-  std::uint64_t offset = 0;
-  std::uint64_t hash = 0;
-  std::uint64_t leaves = 0;
-  Multipole whole;
-};
-struct Footer {
-  std::uint64_t table_offset = 0;
-  std::uint64_t bricks = 0;
-  std::uint64_t table_hash = 0;
-  char magic[8] = {};
-};
 struct Place {
-  std::uint64_t offset = 0;
-  std::uint64_t hash = 0;
-  std::uint32_t file = 0;
-  std::uint32_t leaves = 0;
+  Section leaves;
+  std::uint64_t file = 0;
 };
 
 }  // namespace
 
-struct MultipoleFileWriter::Impl {
-  explicit Impl(const std::filesystem::path& path) : file(path) { file.write(kMagic, sizeof kMagic); }
-  DirectFile file;
-  std::vector<Entry> table;
-};
+MultipoleFileWriter::MultipoleFileWriter(const std::filesystem::path& path) : file_(path, kKind) {}
 
-MultipoleFileWriter::MultipoleFileWriter(const std::filesystem::path& path)
-    : impl_(std::make_unique<Impl>(path)) {}
-MultipoleFileWriter::~MultipoleFileWriter() = default;
-
-void MultipoleFileWriter::brick(std::uint64_t key, const std::vector<Multipole>& leaves) {
+void MultipoleFileWriter::brick(const std::vector<Multipole>& leaves) {
   // The brick's own is merged level by level, as a tree over all points would.
   const MultipoleTree tree(leaves, std::vector<Dipole>{}, kLeafBits, kBrickBits);
-  Entry e;
-  e.key = key;
-  e.offset = impl_->file.offset();
-  e.leaves = leaves.size();
-  e.hash = XXH3_64bits(leaves.data(), leaves.size() * sizeof(Multipole));
-  e.whole = tree.level(kBrickBits).cells.front();
-  impl_->file.write(leaves.data(), leaves.size() * sizeof(Multipole));
-  impl_->table.push_back(e);
-}
-
-std::uint64_t MultipoleFileWriter::finish() {
-  Footer footer;
-  footer.table_offset = impl_->file.offset();
-  footer.bricks = impl_->table.size();
-  footer.table_hash = XXH3_64bits(impl_->table.data(), impl_->table.size() * sizeof(Entry));
-  std::copy(std::begin(kMagic), std::end(kMagic), footer.magic);
-  impl_->file.write(impl_->table.data(), impl_->table.size() * sizeof(Entry));
-  impl_->file.write(&footer, sizeof footer);
-  return impl_->file.finish();
+  table_.push_back({file_.append(bytes_of(leaves)), tree.level(kBrickBits).cells.front()});
 }
 
 struct MultipoleStore::Impl {
-  std::vector<ReadFile> files;
+  std::vector<PackedFile> files;
   std::vector<Place> places;  ///< per brick of the summary
   std::unique_ptr<MultipoleTree> far;
 
@@ -107,27 +60,11 @@ struct MultipoleStore::Impl {
 MultipoleStore::MultipoleStore(const std::filesystem::path& work) : impl_(std::make_unique<Impl>()) {
   std::vector<Multipole> bricks;
   for (const auto& path : list_task_files(work / kFolder, kExtension)) {
-    ReadFile file(path);
-    const auto damaged = [&](const char* what) {
-      return InputError(path.string() + ": " + what + ", the file is damaged; run again with --force");
-    };
-    Footer footer;
-    if (file.size() < sizeof footer + sizeof kMagic) throw damaged("too short for a multipole file");
-    file.read_at(file.size() - sizeof footer, &footer, sizeof footer);
-    if (!std::equal(std::begin(kMagic), std::end(kMagic), footer.magic)) throw damaged("no multipole footer");
-    if (footer.bricks > file.size() ||
-        footer.table_offset + footer.bricks * sizeof(Entry) + sizeof footer != file.size())
-      throw damaged("brick table does not fit");
-    std::vector<Entry> table(footer.bricks);
-    if (!table.empty()) file.read_at(footer.table_offset, table.data(), table.size() * sizeof(Entry));
-    if (XXH3_64bits(table.data(), table.size() * sizeof(Entry)) != footer.table_hash)
-      throw damaged("checksum of the brick table differs");
-    for (const Entry& e : table) {
+    const PackedFile& file = impl_->files.emplace_back(path, kKind, sizeof(MultipoleFileWriter::Entry));
+    for (const auto& e : file.table<MultipoleFileWriter::Entry>()) {
       bricks.push_back(e.whole);
-      impl_->places.push_back({e.offset, e.hash, static_cast<std::uint32_t>(impl_->files.size()),
-                               static_cast<std::uint32_t>(e.leaves)});
+      impl_->places.push_back({e.leaves, impl_->files.size() - 1});
     }
-    impl_->files.push_back(std::move(file));
   }
   impl_->far = std::make_unique<MultipoleTree>(std::move(bricks), std::vector<Dipole>{}, kBrickBits);
 }
@@ -144,15 +81,8 @@ MultipoleTree MultipoleStore::near(const PointBlock& points) const {
   std::vector<Multipole> leaves;
   for (const std::size_t b : bricks) {
     const Place& place = impl_->places[b];
-    const ReadFile& file = impl_->files[place.file];
-    const std::size_t old = leaves.size();
-    leaves.resize(old + place.leaves);
-    const std::uint64_t bytes = place.leaves * sizeof(Multipole);
-    file.read_at(place.offset, leaves.data() + old, bytes);
-    if (XXH3_64bits(leaves.data() + old, bytes) != place.hash)
-      throw InputError(
-          file.path().string() + ": byte " + std::to_string(place.offset) +
-          ": checksum of a brick's multipoles differs, the file is damaged; run again with --force");
+    const std::vector<Multipole> own = impl_->files[place.file].load<Multipole>(place.leaves);
+    leaves.insert(leaves.end(), own.begin(), own.end());
   }
   std::vector<Dipole> dipoles = make_dipoles(points);
   std::erase_if(dipoles, [&](const Dipole& d) {
@@ -167,9 +97,9 @@ MultipoleTree MultipoleStore::near(const PointBlock& points) const {
 }
 
 std::uint64_t MultipoleStore::near_bytes(const Int3& origin, const Int3& cells) const {
-  std::uint64_t leaves = 0;
-  impl_->for_each_near(origin, cells, [&](std::size_t b) { leaves += impl_->places[b].leaves; });
-  return leaves * sizeof(Multipole) * 2;
+  std::uint64_t bytes = 0;
+  impl_->for_each_near(origin, cells, [&](std::size_t b) { bytes += impl_->places[b].leaves.bytes; });
+  return 2 * bytes;
 }
 
 }  // namespace tessera

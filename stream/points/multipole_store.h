@@ -1,8 +1,6 @@
 /// \file multipole_store.h
-/// Multipoles of the oriented points on disk, by brick, and the global summary of the bricks in memory.
-///
-/// File, little endian: magic | leaves (120 bytes each) of brick after brick | brick table | footer. XXH3 guards each
-/// brick's leaves and the table.
+/// Multipoles of the oriented points on disk, leaves by brick in packed files, and the global summary of the bricks in
+/// memory.
 #pragma once
 #include <cstdint>
 #include <filesystem>
@@ -12,23 +10,26 @@
 
 #include "octree/multipole.h"
 #include "octree/points.h"
+#include "stream/files/packed_file.h"
 
 namespace tessera {
 
 class MultipoleFileWriter {
  public:
   explicit MultipoleFileWriter(const std::filesystem::path& path);
-  ~MultipoleFileWriter();
-  MultipoleFileWriter(const MultipoleFileWriter&) = delete;
-  MultipoleFileWriter& operator=(const MultipoleFileWriter&) = delete;
   /// Bricks in ascending order. \param leaves  ascending keys, at least one, all of the brick
-  void brick(std::uint64_t key, const std::vector<Multipole>& leaves);
-  /// Table, footer, close. Returns bytes written.
-  std::uint64_t finish();
+  void brick(const std::vector<Multipole>& leaves);
+  /// Returns bytes written.
+  std::uint64_t finish() { return file_.finish(table_); }
 
  private:
-  struct Impl;
-  std::unique_ptr<Impl> impl_;
+  struct Entry {
+    Section leaves;
+    Multipole whole;
+  };
+  friend class MultipoleStore;
+  PackedWriter file_;
+  std::vector<Entry> table_;
 };
 
 /// All multipole files of a job. Thread-safe for reading.

@@ -3,53 +3,19 @@
 #include <fstream>
 #include <nlohmann/json.hpp>
 
-#define XXH_INLINE_ALL
-#include <xxhash.h>
-
 #include "octree/error.h"
-#include "stream/files/read_file.h"
+#include "stream/files/durable_file.h"
+#include "stream/files/packed_file.h"
 
 namespace tessera {
 namespace {
 
 constexpr int kPlanVersion = 1;
-constexpr std::uint64_t kBrickMagic = 0x31304b5242535354ULL;  // "TSSBRK01", little endian
-
-struct BrickHeader {
-  std::uint64_t magic = kBrickMagic;
-  std::uint64_t bricks = 0;
-  std::uint64_t checksum = 0;  ///< XXH3 of the bricks
-};
-
-void write_all(const std::filesystem::path& file, const void* head, std::size_t head_bytes, const void* body,
-               std::size_t body_bytes) {
-  std::ofstream out(file, std::ios::binary | std::ios::trunc);
-  out.write(static_cast<const char*>(head), static_cast<std::streamsize>(head_bytes));
-  out.write(static_cast<const char*>(body), static_cast<std::streamsize>(body_bytes));
-  out.close();
-  if (!out)
-    throw ResourceError(file.string() + ": cannot be written: the disk is full or the folder is read-only");
-}
-
-nlohmann::json to_json(const PointFates& f) {
-  return {{"read", f.read},       {"withheld", f.withheld},     {"empty", f.empty},
-          {"missing", f.missing}, {"non_finite", f.non_finite}, {"absurd", f.absurd},
-          {"kept", f.kept}};
-}
-
-PointFates fates_from(const nlohmann::json& j) {
-  PointFates f;
-  j.at("read").get_to(f.read);
-  j.at("withheld").get_to(f.withheld);
-  j.at("empty").get_to(f.empty);
-  j.at("missing").get_to(f.missing);
-  j.at("non_finite").get_to(f.non_finite);
-  j.at("absurd").get_to(f.absurd);
-  j.at("kept").get_to(f.kept);
-  return f;
-}
+constexpr PackedKind kBricksKind = {"TSBRICK2", "a brick list"};
 
 }  // namespace
+
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(PointFates, read, withheld, empty, missing, non_finite, absurd, kept)
 
 nlohmann::json Plan::to_json() const {
   nlohmann::json j;
@@ -67,7 +33,7 @@ nlohmann::json Plan::to_json() const {
   j["brick_max"] = brick_max;
   j["bricks"] = bricks;
   j["faces_estimate"] = faces_estimate;
-  j["points"] = tessera::to_json(fates);
+  j["points"] = fates;
   j["buckets"] = nlohmann::json::array();
   for (const PlanBucket& b : buckets)
     j["buckets"].push_back({b.first_key, b.first_brick, b.bricks, b.points});
@@ -85,8 +51,7 @@ nlohmann::json Plan::to_json() const {
 }
 
 void Plan::save(const std::filesystem::path& file) const {
-  const std::string text = to_json().dump(1) + "\n";
-  write_all(file, text.data(), text.size(), nullptr, 0);
+  write_durably(file, to_json().dump(1) + "\n");
 }
 
 Plan Plan::load(const std::filesystem::path& file) {
@@ -112,7 +77,7 @@ Plan Plan::load(const std::filesystem::path& file) {
     j.at("brick_max").get_to(p.brick_max);
     j.at("bricks").get_to(p.bricks);
     j.at("faces_estimate").get_to(p.faces_estimate);
-    p.fates = fates_from(j.at("points"));
+    j.at("points").get_to(p.fates);
     for (const auto& b : j.at("buckets"))
       p.buckets.push_back({b.at(0).get<std::uint64_t>(), b.at(1).get<std::uint64_t>(),
                            b.at(2).get<std::uint64_t>(), b.at(3).get<std::uint64_t>()});
@@ -129,26 +94,11 @@ Plan Plan::load(const std::filesystem::path& file) {
 }
 
 void save_plan_bricks(const std::filesystem::path& file, const std::vector<PlanBrick>& bricks) {
-  BrickHeader header;
-  header.bricks = bricks.size();
-  header.checksum = XXH3_64bits(bricks.data(), bricks.size() * sizeof(PlanBrick));
-  write_all(file, &header, sizeof header, bricks.data(), bricks.size() * sizeof(PlanBrick));
+  PackedWriter(file, kBricksKind, std::size_t{1} << 20).finish(bricks);
 }
 
 std::vector<PlanBrick> load_plan_bricks(const std::filesystem::path& file) {
-  const ReadFile in(file);
-  BrickHeader header;
-  if (in.size() < sizeof header)
-    throw InputError(file.string() + ": too short for a brick list; run again with --force");
-  in.read_at(0, &header, sizeof header);
-  if (header.magic != kBrickMagic || (in.size() - sizeof header) / sizeof(PlanBrick) != header.bricks ||
-      (in.size() - sizeof header) % sizeof(PlanBrick) != 0)
-    throw InputError(file.string() + ": not a brick list of this version; run again with --force");
-  std::vector<PlanBrick> bricks(header.bricks);
-  in.read_at(sizeof header, bricks.data(), bricks.size() * sizeof(PlanBrick));
-  if (XXH3_64bits(bricks.data(), bricks.size() * sizeof(PlanBrick)) != header.checksum)
-    throw InputError(file.string() + ": damaged brick list (checksum); run again with --force");
-  return bricks;
+  return PackedFile(file, kBricksKind, sizeof(PlanBrick)).table<PlanBrick>();
 }
 
 std::vector<PlanBucket> cut_buckets(const std::vector<PlanBrick>& bricks, std::uint64_t target_points,

@@ -1,9 +1,8 @@
 /// \file plan.h
 /// What the survey decided: the lattice, what the points carry, and the buckets they are sorted in.
-/// Written once (plan.json, bricks.bin in the work directory), read by every later stage.
-/// Lattice, radii, attributes, sensors, fates and bricks are functions of the points and the options that
-/// change the result alone: not of the order, the files, the slices, the threads or the cap. Buckets,
-/// forecasts and warnings are about execution and may follow the cap; no byte of a result depends on them.
+/// Lattice, radii, attributes, sensors, fates and bricks are functions of the points and the options that change the
+/// result alone: not of the order, the files, the slices, the threads or the cap. Buckets, forecasts and warnings are
+/// about execution and may follow the cap; no byte of a result depends on them.
 #pragma once
 #include <cstdint>
 #include <filesystem>
@@ -85,13 +84,13 @@ struct Plan {
   static constexpr const char* kBrickFile = "bricks.bin";
 };
 
-/// The occupied bricks, ascending key: 16 bytes each behind a checked header.
+/// The occupied bricks, ascending key: 16 bytes each.
 void save_plan_bricks(const std::filesystem::path& file, const std::vector<PlanBrick>& bricks);
 /// \throws InputError naming the file when it is missing or damaged
 std::vector<PlanBrick> load_plan_bricks(const std::filesystem::path& file);
 
-/// Cuts the bricks into buckets of at most `target_points`; a brick is never cut, so a bucket may be one
-/// large brick, and a hot one (over `max_brick_points`) always stands alone.
+/// Cuts the bricks into buckets of at most `target_points`; a brick is never cut, so a bucket may be one large brick,
+/// and a hot one (over `max_brick_points`) always stands alone.
 std::vector<PlanBucket> cut_buckets(const std::vector<PlanBrick>& bricks, std::uint64_t target_points,
                                     std::uint64_t max_brick_points);
 

@@ -1,222 +1,139 @@
 #include "stream/points/point_overlay.h"
 
-#include <algorithm>
-#include <cassert>
 #include <cstring>
+#include <numeric>
 #include <string>
 
-#include <xxhash.h>
-
 #include "octree/error.h"
-#include "stream/files/direct_file.h"
-#include "stream/files/read_file.h"
 #include "stream/files/task_files.h"
 
 namespace tessera {
 namespace {
 
-constexpr char kMagic[8] = {'T', 'S', 'N', 'O', 'R', 'M', 'L', '2'};
-
-struct Footer {
-  std::uint64_t table_offset = 0;
-  std::uint64_t bricks = 0;
-  std::uint64_t table_hash = 0;
-  char magic[8] = {};
-};
-
-[[noreturn]] void damaged(const std::filesystem::path& path, const std::string& what) {
-  throw InputError(path.string() + ": " + what + "; the work directory is damaged, run again with --force");
-}
+constexpr PackedKind kKind = {"TSNORML3", "a file of normals"};
+constexpr PackedKind kDecisionsKind = {"TSDECID1", "a file of orientation decisions"};
 
 }  // namespace
 
-struct OverlayFileWriter::Impl {
-  explicit Impl(const std::filesystem::path& path) : file(path) { file.write(kMagic, sizeof kMagic); }
-  DirectFile file;
-  std::vector<OverlayBrick> table;
-};
+Section OverlayBrick::section(Part part) const {
+  const std::uint64_t bytes[] = {points * sizeof(PointOverlayRecord), boundary * sizeof(Surfel),
+                                 patches * sizeof(PatchFacts), votes * sizeof(PatchVote),
+                                 coarse * sizeof(CoarseSurfel)};
+  return {std::accumulate(bytes, bytes + part, offset), bytes[part], hash[part]};
+}
 
-OverlayFileWriter::OverlayFileWriter(const std::filesystem::path& path)
-    : impl_(std::make_unique<Impl>(path)) {}
-OverlayFileWriter::~OverlayFileWriter() = default;
+OverlayFileWriter::OverlayFileWriter(const std::filesystem::path& path) : file_(path, kKind) {}
 
 void OverlayFileWriter::brick(std::uint64_t key, std::span<const PointOverlayRecord> records,
                               const BrickOrientation& orientation) {
-  DirectFile& file = impl_->file;
-  OverlayBrick entry;
-  entry.key = key;
-  entry.points = static_cast<std::uint32_t>(records.size());
-  entry.boundary = static_cast<std::uint32_t>(orientation.boundary.size());
-  entry.patches = orientation.patches;
-  entry.records = file.offset();
-  file.write(records.data(), records.size_bytes());
-  entry.surfels = file.offset();
-  entry.votes = static_cast<std::uint32_t>(orientation.votes.size());
-  entry.coarse = static_cast<std::uint32_t>(orientation.coarse.size());
-  file.write(orientation.boundary.data(), orientation.boundary.size() * sizeof(Surfel));
-  file.write(orientation.facts.data(), orientation.facts.size() * sizeof(PatchFacts));
-  file.write(orientation.votes.data(), orientation.votes.size() * sizeof(PatchVote));
-  file.write(orientation.coarse.data(), orientation.coarse.size() * sizeof(CoarseSurfel));
-  entry.hash = XXH3_64bits(records.data(), records.size_bytes());
-  impl_->table.push_back(entry);
-}
-
-std::uint64_t OverlayFileWriter::finish() {
-  DirectFile& file = impl_->file;
-  const auto& table = impl_->table;
-  Footer footer;
-  footer.table_offset = file.offset();
-  footer.bricks = table.size();
-  footer.table_hash = XXH3_64bits(table.data(), table.size() * sizeof(OverlayBrick));
-  std::copy(std::begin(kMagic), std::end(kMagic), footer.magic);
-  file.write(table.data(), table.size() * sizeof(OverlayBrick));
-  file.write(&footer, sizeof footer);
-  return file.finish();
+  OverlayBrick e;
+  e.key = key;
+  e.points = static_cast<std::uint32_t>(records.size());
+  e.boundary = static_cast<std::uint32_t>(orientation.boundary.size());
+  e.patches = static_cast<std::uint32_t>(orientation.facts.size());
+  e.votes = static_cast<std::uint32_t>(orientation.votes.size());
+  e.coarse = static_cast<std::uint32_t>(orientation.coarse.size());
+  const Section first = file_.append(std::as_bytes(records));
+  e.offset = first.offset;
+  e.hash = {first.hash, file_.append(bytes_of(orientation.boundary)).hash,
+            file_.append(bytes_of(orientation.facts)).hash, file_.append(bytes_of(orientation.votes)).hash,
+            file_.append(bytes_of(orientation.coarse)).hash};
+  table_.push_back(e);
 }
 
 void OverlayDecisions::save(const std::filesystem::path& path) const {
-  DirectFile file(path);
-  const std::uint64_t head[2] = {min_supporters, patch.size()};
-  file.write(head, sizeof head);
-  file.write(patch.data(), patch.size());
-  file.finish();
+  PackedWriter file(path, kDecisionsKind);
+  const std::vector<Section> table = {file.append(bytes_of(patch))};
+  file.finish(table, std::as_bytes(std::span(&min_supporters, 1)));
 }
 
 OverlayDecisions OverlayDecisions::load(const std::filesystem::path& path) {
-  const ReadFile file(path);
-  std::uint64_t head[2];
-  file.read_at(0, head, sizeof head);
-  if (head[1] != file.size() - sizeof head) damaged(path, "length does not fit its header");
   OverlayDecisions d;
-  d.min_supporters = static_cast<std::uint32_t>(head[0]);
-  d.patch.resize(head[1]);
-  file.read_at(sizeof head, d.patch.data(), d.patch.size());
+  const PackedFile file(path, kDecisionsKind, sizeof(Section), sizeof d.min_supporters);
+  std::memcpy(&d.min_supporters, file.info().data(), sizeof d.min_supporters);
+  d.patch = file.load<std::uint8_t>(file.table<Section>().at(0));
   return d;
 }
 
 struct PointOverlay::Impl {
-  std::vector<ReadFile> files;
-  std::vector<std::size_t> file_end;  ///< brick index behind the last of each file
-  std::vector<OverlayBrick> bricks;
+  PackedTables<OverlayBrick> bricks;
   std::vector<std::uint64_t> first_patch;
   OverlayDecisions decisions;
 
-  const ReadFile& file_of(std::size_t brick) const {
-    return files[static_cast<std::size_t>(std::upper_bound(file_end.begin(), file_end.end(), brick) -
-                                          file_end.begin())];
+  template <class T>
+  std::vector<T> load(std::size_t brick, OverlayBrick::Part part) const {
+    return bricks.file_of(brick).load<T>(bricks[brick].section(part));
   }
 };
 
 PointOverlay::PointOverlay(const std::vector<std::filesystem::path>& paths)
-    : impl_(std::make_unique<Impl>()) {
-  for (const auto& path : paths) {
-    ReadFile file(path);
-    Footer footer;
-    if (file.size() < sizeof footer + sizeof kMagic) damaged(path, "too short for a normals file");
-    file.read_at(file.size() - sizeof footer, &footer, sizeof footer);
-    const std::uint64_t bytes = footer.bricks * sizeof(OverlayBrick);
-    if (!std::equal(std::begin(kMagic), std::end(kMagic), footer.magic) || footer.bricks > file.size() ||
-        footer.table_offset + bytes + sizeof footer != file.size())
-      damaged(path, "damaged footer");
-    const std::size_t first = impl_->bricks.size();
-    impl_->bricks.resize(first + footer.bricks);
-    if (bytes != 0) file.read_at(footer.table_offset, impl_->bricks.data() + first, bytes);
-    if (XXH3_64bits(impl_->bricks.data() + first, bytes) != footer.table_hash)
-      damaged(path, "damaged brick table");
-    impl_->files.push_back(std::move(file));
-    impl_->file_end.push_back(impl_->bricks.size());
-  }
-  impl_->first_patch.push_back(0);
-  for (const OverlayBrick& b : impl_->bricks)
-    impl_->first_patch.push_back(impl_->first_patch.back() + b.patches);
+    : impl_(new Impl{{paths, kKind}, {0}, {}}) {
+  for (const OverlayBrick& b : bricks()) impl_->first_patch.push_back(impl_->first_patch.back() + b.patches);
 }
 PointOverlay::~PointOverlay() = default;
 
 std::shared_ptr<const PointOverlay> PointOverlay::open(const std::filesystem::path& work) {
-  if (!std::filesystem::exists(work / kDecisionsFile)) return nullptr;
+  const std::filesystem::path decisions = work / kDecisionsFile;
+  if (!std::filesystem::exists(decisions)) return nullptr;
   auto overlay = std::make_shared<PointOverlay>(list_task_files(work / kFolder, kExtension));
-  overlay->impl_->decisions = OverlayDecisions::load(work / kDecisionsFile);
+  overlay->impl_->decisions = OverlayDecisions::load(decisions);
   if (overlay->impl_->decisions.patch.size() != overlay->first_patch().back())
-    damaged(work / kDecisionsFile, "does not belong to these normals");
+    throw InputError(decisions.string() + ": does not belong to these normals; run again with --force");
   return overlay;
 }
 
 std::span<const OverlayBrick> PointOverlay::bricks() const {
-  return impl_->bricks;
+  return impl_->bricks.entries();
 }
 std::size_t PointOverlay::file_count() const {
-  return impl_->files.size();
+  return impl_->bricks.file_count();
 }
 std::span<const std::uint64_t> PointOverlay::first_patch() const {
   return impl_->first_patch;
 }
 std::pair<std::size_t, std::size_t> PointOverlay::file_range(std::size_t file) const {
-  return {file == 0 ? 0 : impl_->file_end[file - 1], impl_->file_end[file]};
+  return impl_->bricks.file_range(file);
 }
-
 std::int64_t PointOverlay::find(std::uint64_t key) const {
-  const auto& b = impl_->bricks;
-  const auto it = std::lower_bound(b.begin(), b.end(), key,
-                                   [](const OverlayBrick& e, std::uint64_t k) { return e.key < k; });
-  return it == b.end() || it->key != key ? -1 : it - b.begin();
+  return impl_->bricks.index_of(key);
 }
 
 std::vector<Surfel> PointOverlay::load_boundary(std::size_t brick) const {
-  const OverlayBrick& e = impl_->bricks[brick];
-  std::vector<Surfel> surfels(e.boundary);
-  impl_->file_of(brick).read_at(e.surfels, surfels.data(), surfels.size() * sizeof(Surfel));
-  return surfels;
+  return impl_->load<Surfel>(brick, OverlayBrick::kBoundary);
 }
-
 std::vector<PatchFacts> PointOverlay::load_facts(std::size_t brick) const {
-  const OverlayBrick& e = impl_->bricks[brick];
-  std::vector<PatchFacts> facts(e.patches);
-  impl_->file_of(brick).read_at(e.surfels + e.boundary * sizeof(Surfel), facts.data(),
-                                facts.size() * sizeof(PatchFacts));
-  return facts;
+  return impl_->load<PatchFacts>(brick, OverlayBrick::kFacts);
 }
-
 std::vector<PatchVote> PointOverlay::load_votes(std::size_t brick) const {
-  const OverlayBrick& e = impl_->bricks[brick];
-  std::vector<PatchVote> votes(e.votes);
-  impl_->file_of(brick).read_at(e.surfels + e.boundary * sizeof(Surfel) + e.patches * sizeof(PatchFacts),
-                                votes.data(), votes.size() * sizeof(PatchVote));
-  return votes;
+  return impl_->load<PatchVote>(brick, OverlayBrick::kVotes);
 }
-
 std::vector<CoarseSurfel> PointOverlay::load_coarse(std::size_t brick) const {
-  const OverlayBrick& e = impl_->bricks[brick];
-  std::vector<CoarseSurfel> coarse(e.coarse);
-  impl_->file_of(brick).read_at(
-      e.surfels + e.boundary * sizeof(Surfel) + e.patches * sizeof(PatchFacts) + e.votes * sizeof(PatchVote),
-      coarse.data(), coarse.size() * sizeof(CoarseSurfel));
-  return coarse;
+  return impl_->load<CoarseSurfel>(brick, OverlayBrick::kCoarse);
 }
 
 std::vector<PointOverlayRecord> PointOverlay::load_records(std::size_t brick, std::uint64_t first,
                                                            std::uint64_t count) const {
   const OverlayBrick& e = impl_->bricks[brick];
-  assert(first + count <= e.points);
+  const Section all = e.section(OverlayBrick::kRecords);
   std::vector<PointOverlayRecord> records(count);
-  const ReadFile& file = impl_->file_of(brick);
-  file.read_at(e.records + first * sizeof(PointOverlayRecord), records.data(),
-               count * sizeof(PointOverlayRecord));
-  if (count == e.points && XXH3_64bits(records.data(), count * sizeof(PointOverlayRecord)) != e.hash)
-    damaged(file.path(), "brick " + std::to_string(e.key) + ": checksum of its normals differs");
+  if (count == e.points)
+    impl_->bricks.file_of(brick).read(all, {room_of(records)});
+  else
+    impl_->bricks.file_of(brick).read_part(all, first * sizeof(PointOverlayRecord), records.data(),
+                                           count * sizeof(PointOverlayRecord));
   return records;
 }
 
 void PointOverlay::prefetch(std::uint64_t key) const {
-  const std::int64_t at = find(key);
-  if (at < 0) return;
-  const auto brick = static_cast<std::size_t>(at);
-  const OverlayBrick& e = impl_->bricks[brick];
-  impl_->file_of(brick).will_need(e.records, e.points * sizeof(PointOverlayRecord));
+  if (const OverlayBrick* e = impl_->bricks.find(key))
+    impl_->bricks.file_of(*e).will_need(e->section(OverlayBrick::kRecords));
 }
 
 void PointOverlay::apply(std::uint64_t key, std::uint64_t first, std::span<PointRecord> records) const {
   const std::int64_t at = find(key);
-  if (at < 0) damaged(impl_->files.front().path(), "brick " + std::to_string(key) + " is missing");
+  if (at < 0)
+    throw InputError("the normals of brick " + std::to_string(key) +
+                     " are missing; the work directory is damaged, run again with --force");
   const auto brick = static_cast<std::size_t>(at);
   const std::vector<PointOverlayRecord> overlay = load_records(brick, first, records.size());
   const std::uint8_t* decided = impl_->decisions.patch.data() + impl_->first_patch[brick];

@@ -1,7 +1,8 @@
 /// \file point_overlay.h
 /// What the normals stage knows of every ordered point, kept beside the points so that they are never rewritten:
-/// one file per point file, eight bytes a point in the same order, and the surfels that orientation links.
+/// one packed file per point file, eight bytes a point in the same order, and the surfels that orientation links.
 #pragma once
+#include <array>
 #include <cstdint>
 #include <filesystem>
 #include <memory>
@@ -10,6 +11,7 @@
 
 #include "kernels/points/orientation.h"
 #include "octree/points.h"
+#include "stream/files/packed_file.h"
 
 namespace tessera {
 
@@ -20,34 +22,33 @@ struct PointOverlayRecord {
 };
 static_assert(sizeof(PointOverlayRecord) == 8);
 
-/// One brick of an overlay file.
+/// One brick of an overlay file: five sections, one behind the other.
 struct OverlayBrick {
   std::uint64_t key = 0;
-  std::uint64_t records = 0;  ///< byte offset of its records
-  std::uint64_t surfels = 0;  ///< byte offset of its boundary surfels, then facts, votes, coarse surfels
-  std::uint64_t hash = 0;     ///< XXH3 of the records
+  std::uint64_t offset = 0;  ///< of its records; then boundary surfels, facts, votes, coarse surfels
+  std::array<std::uint64_t, 5> hash{};
   std::uint32_t points = 0;
   std::uint32_t boundary = 0;  ///< boundary surfels
   std::uint32_t patches = 0;
   std::uint32_t votes = 0;   ///< between its patches
   std::uint32_t coarse = 0;  ///< coarse surfels
   std::uint32_t unused = 0;
+
+  enum Part { kRecords, kBoundary, kFacts, kVotes, kCoarse };
+  Section section(Part part) const;
 };
 
 class OverlayFileWriter {
  public:
   explicit OverlayFileWriter(const std::filesystem::path& path);
-  ~OverlayFileWriter();
-  OverlayFileWriter(const OverlayFileWriter&) = delete;
-  OverlayFileWriter& operator=(const OverlayFileWriter&) = delete;
   /// Bricks in the order of the point file. `orientation` may have no patches.
   void brick(std::uint64_t key, std::span<const PointOverlayRecord> records,
              const BrickOrientation& orientation);
-  std::uint64_t finish();
+  std::uint64_t finish() { return file_.finish(table_); }
 
  private:
-  struct Impl;
-  std::unique_ptr<Impl> impl_;
+  PackedWriter file_;
+  std::vector<OverlayBrick> table_;
 };
 
 /// What the orient stage says of a patch, bits.

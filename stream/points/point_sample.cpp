@@ -3,12 +3,12 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
+#include <cstring>
 #include <string>
 #include <tuple>
 
 #include "octree/error.h"
-#include "stream/files/direct_file.h"
-#include "stream/files/read_file.h"
+#include "stream/files/packed_file.h"
 
 namespace tessera {
 namespace {
@@ -28,12 +28,7 @@ bool before(const HashedPoint& a, const HashedPoint& b) {
   return std::tie(a.hash, a.p) < std::tie(b.hash, b.p);
 }
 
-struct SampleHeader {
-  std::uint64_t magic = 0x31304d4153534554ULL;  // "TESSAM01", little endian
-  std::uint64_t threshold = 0;
-  std::uint64_t crowded = 0;
-  std::uint64_t points = 0;
-};
+constexpr PackedKind kKind = {"TSSAMPL2", "a sample"};
 
 }  // namespace
 
@@ -114,34 +109,22 @@ void CellSampler::save(const std::filesystem::path& file) {
   shrink();
   std::vector<std::uint64_t> crowded(crowded_.begin(), crowded_.end());
   std::sort(crowded.begin(), crowded.end());
-  SampleHeader header;
-  header.threshold = threshold_;
-  header.crowded = crowded.size();
-  header.points = held_.size();
-  DirectFile out(file, std::size_t{1} << 20);
-  out.write(&header, sizeof header);
-  out.write(crowded.data(), crowded.size() * sizeof(std::uint64_t));
-  out.write(held_.data(), held_.size() * sizeof(HashedPoint));
-  out.finish();
+  PackedWriter out(file, kKind, std::size_t{1} << 20);
+  const std::vector<Section> sections = {out.append(bytes_of(crowded)), out.append(bytes_of(held_))};
+  out.finish(sections, std::as_bytes(std::span(&threshold_, 1)));
 }
 
 void CellSampler::merge(const std::filesystem::path& file) {
-  const ReadFile in(file);
-  SampleHeader header;
-  const SampleHeader want;
-  if (in.size() >= sizeof header) in.read_at(0, &header, sizeof header);
-  if (in.size() < sizeof header || header.magic != want.magic ||
-      in.size() !=
-          sizeof header + header.crowded * sizeof(std::uint64_t) + header.points * sizeof(HashedPoint))
-    throw InputError(file.string() + ": not a sample of this version; run again with --force");
-  std::vector<std::uint64_t> crowded(header.crowded);
-  in.read_at(sizeof header, crowded.data(), crowded.size() * sizeof(std::uint64_t));
+  const PackedFile in(file, kKind, sizeof(Section), sizeof threshold_);
+  const auto sections = in.table<Section>();
+  std::uint64_t threshold = 0;
+  std::memcpy(&threshold, in.info().data(), sizeof threshold);
+  threshold_ = std::min(threshold_, threshold);
+  const auto crowded = in.load<std::uint64_t>(sections.at(0));
   crowded_.insert(crowded.begin(), crowded.end());
-  threshold_ = std::min(threshold_, header.threshold);
-  const std::size_t before_size = held_.size();
-  held_.resize(before_size + header.points);
-  in.read_at(sizeof header + crowded.size() * sizeof(std::uint64_t), held_.data() + before_size,
-             header.points * sizeof(HashedPoint));
+  const std::size_t old = held_.size();
+  held_.resize(old + sections.at(1).bytes / sizeof(HashedPoint));
+  in.read(sections[1], {std::as_writable_bytes(std::span(held_).subspan(old))});
   if (held_.size() >= 2 * limit_) shrink();
 }
 

@@ -1,9 +1,6 @@
 /// \file run_file.h
-/// What distribution leaves: points in runs, each run grouped by bucket. One file per task, one table for
-/// all.
-///
-/// File, little endian: header (64 bytes, magic and version) | records of 24 bytes | extents, 32 bytes each |
-/// footer (32 bytes). An extent is the points of one bucket in one run, guarded by an XXH3.
+/// What distribution leaves: points in runs, each run grouped by bucket. One packed file per task, one table of all
+/// extents.
 #pragma once
 #include <cstdint>
 #include <filesystem>
@@ -11,17 +8,16 @@
 #include <vector>
 
 #include "octree/points.h"
-#include "stream/files/direct_file.h"
-#include "stream/files/read_file.h"
+#include "stream/files/packed_file.h"
 
 namespace tessera {
 
+/// The points of one bucket in one run.
 struct Extent {
   std::uint32_t bucket = 0;
   std::uint32_t file = 0;
-  std::uint64_t offset = 0;  ///< byte offset of its first record
-  std::uint64_t points = 0;
-  std::uint64_t checksum = 0;
+  Section records;
+  std::uint64_t points() const { return records.bytes / sizeof(PointRecord); }
 };
 static_assert(sizeof(Extent) == 32);
 
@@ -36,7 +32,7 @@ class RunWriter {
     buckets_.push_back(bucket);
     if (points_.size() == run_points_) flush();
   }
-  /// Last run, table, footer. Returns bytes written.
+  /// Last run, table. Returns bytes written.
   std::uint64_t finish();
 
   static constexpr std::uint64_t kBytesPerPoint = 2 * sizeof(PointRecord) + 4;
@@ -44,7 +40,7 @@ class RunWriter {
  private:
   void flush();
 
-  DirectFile out_;
+  PackedWriter out_;
   std::uint32_t file_;
   std::size_t run_points_;
   std::vector<PointRecord> points_, grouped_;
@@ -53,8 +49,8 @@ class RunWriter {
   std::vector<Extent> extents_;
 };
 
-/// The extents of one run file. \throws InputError naming the file when it is damaged
-std::vector<Extent> read_extents(const std::filesystem::path& run_file);
+/// A run file: its table are the extents. \throws InputError naming the file when it is damaged
+PackedFile open_run_file(const std::filesystem::path& path);
 
 /// The extents of all files, by bucket, file, offset; written by one task, read by many.
 void save_extents(const std::filesystem::path& path, std::vector<Extent> extents);
@@ -62,44 +58,20 @@ std::vector<Extent> load_extents(const std::filesystem::path& path);
 /// Extents [first, first + count) of a table that load_extents has checked.
 std::vector<Extent> load_extents(const std::filesystem::path& path, std::uint64_t first, std::uint64_t count);
 
-/// Streams the records of an extent in chunks, releasing pages behind itself.
-/// \throws InputError naming the file when it is damaged
-template <typename Use>
-void stream_extent(const ReadFile& file, const Extent& extent, std::vector<PointRecord>& buffer,
-                   const Use& use);
-
 /// Records per chunk of stream_extent.
 inline constexpr std::size_t kExtentChunk = 32768;
 
-/// Incremental checksum, so that a chunk need not be a whole extent.
-class ExtentCheck {
- public:
-  ExtentCheck();
-  ~ExtentCheck();
-  ExtentCheck(const ExtentCheck&) = delete;
-  ExtentCheck& operator=(const ExtentCheck&) = delete;
-  void add(const void* data, std::size_t bytes);
-  /// \throws InputError when what was added is not the extent
-  void verify(const ReadFile& file, const Extent& extent) const;
-
- private:
-  void* state_;
-};
-
+/// Streams the records of an extent in chunks. \throws InputError naming the file when it is damaged
 template <typename Use>
-void stream_extent(const ReadFile& file, const Extent& extent, std::vector<PointRecord>& buffer,
+void stream_extent(const PackedFile& file, const Extent& extent, std::vector<PointRecord>& buffer,
                    const Use& use) {
-  ExtentCheck check;
+  SectionReader reader(file, extent.records);
   buffer.resize(kExtentChunk);
-  for (std::uint64_t done = 0; done < extent.points;) {
-    const std::uint64_t part = std::min<std::uint64_t>(extent.points - done, kExtentChunk);
-    const std::uint64_t at = extent.offset + done * sizeof(PointRecord);
-    file.read_at(at, buffer.data(), part * sizeof(PointRecord));
-    check.add(buffer.data(), part * sizeof(PointRecord));
+  while (reader.left() > 0) {
+    const std::uint64_t part = std::min<std::uint64_t>(reader.left() / sizeof(PointRecord), kExtentChunk);
+    reader.next(buffer.data(), part * sizeof(PointRecord));
     use(std::span<const PointRecord>(buffer.data(), static_cast<std::size_t>(part)));
-    done += part;
   }
-  check.verify(file, extent);
 }
 
 }  // namespace tessera

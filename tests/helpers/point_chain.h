@@ -4,13 +4,14 @@
 #include <memory>
 #include <vector>
 
+#include "stream/files/task_files.h"
 #include "stream/points/plan.h"
-#include "stream/points/point_store.h"
 #include "stream/stages/scan/distribute_stage.h"
 #include "stream/stages/scan/order_stage.h"
 #include "stream/stages/scan/survey_stage.h"
 #include "tests/helpers/memory_points.h"
 #include "tests/helpers/serial_job.h"
+#include "tests/helpers/stored_points.h"
 
 namespace tessera::test {
 
@@ -66,11 +67,7 @@ inline ChainResult run_chain(const std::vector<TestPoint>& points, const ChainSe
   r.order = run_stage(OrderStage(job), job.work, setup.backwards);
   r.plan = Plan::of_work(job.work);
   r.bricks = load_plan_bricks(job.work / Plan::kBrickFile);
-  const PointStore store(point_files(job.work, r.plan));
-  for (const BrickEntry& b : store.bricks()) {
-    const auto records = store.load_brick(b);
-    r.points.insert(r.points.end(), records.begin(), records.end());
-  }
+  r.points = stored_points(list_task_files(job.work / "points", ".tsp"));
   return r;
 }
 

@@ -11,15 +11,15 @@
 #include <nlohmann/json_fwd.hpp>
 
 #include "kernels/decimate/decimate.h"
-#include "stream/meshes/mesh_store.h"
+#include "stream/meshes/mesh_blocking.h"
 #include "stream/runtime/stage.h"
 
 namespace tessera {
 
 /// What of decimation users choose; part of a job's identity.
 struct SimplifyOptions {
-  double tolerance =
-      0.0;  ///< two-sided distance to the reference, scan units; 0 = only a face count is given
+  /// Two-sided distance to the reference, scan units; 0 = only a face count is given.
+  double tolerance = 0.0;
   std::uint64_t target_faces = 0;         ///< stop at about so many faces; 0 = as few as the tolerance allows
   std::string reference = "surface";      ///< surface: the input itself; else a mesh file
   double max_normal_deviation_deg = 0.0;  ///< 0 = free

@@ -113,14 +113,12 @@ nlohmann::json DistributeStage::finish(const std::vector<nlohmann::json>& summar
                                        TaskContext& context) const {
   std::vector<Extent> all;
   std::uint64_t bytes = 0;
-  for (std::size_t k = 0; k < summaries.size(); ++k) {
-    const auto extents = read_extents(job_.work / run_file_name(k));
-    all.insert(all.end(), extents.begin(), extents.end());
-  }
+  for (std::size_t k = 0; k < summaries.size(); ++k)
+    open_run_file(job_.work / run_file_name(k)).append_table(all);
   std::vector<std::uint64_t> points(plan_.buckets.size());
   for (const Extent& e : all) {
-    points[e.bucket] += e.points;
-    bytes += e.points * sizeof(PointRecord);
+    points[e.bucket] += e.points();
+    bytes += e.records.bytes;
   }
   for (std::size_t b = 0; b < points.size(); ++b)
     if (points[b] != plan_.buckets[b].points)

@@ -46,23 +46,17 @@ class NormalsStage : public Stage {
         options_(state.options) {
     shape_.radius_cells = plan_.radius_cells;
     shape_.estimate = mode_.estimate;
-    if (!mode_.needed()) return;
-    std::size_t file = 0;
-    for (std::size_t b = 0; b < store_.bricks().size(); ++b) {
-      file = store_.bricks()[b].file;
-      if (file + 1 > file_end_.size()) file_end_.resize(file + 1, b);
-      file_end_[file] = b + 1;
-    }
   }
 
   std::string name() const override { return "normals"; }
-  std::size_t task_count() const override { return file_end_.size(); }
+  std::size_t task_count() const override { return mode_.needed() ? store_.file_count() : 0; }
   std::uint64_t units() const override { return mode_.needed() ? store_.point_count() : 0; }
   std::string unit_name() const override { return "points"; }
 
   std::uint64_t task_bytes(std::size_t task) const override {
     std::uint64_t most = 0;
-    for (std::size_t b = first_brick(task); b < file_end_[task]; ++b) {
+    const auto [first, last] = store_.file_range(task);
+    for (std::size_t b = first; b < last; ++b) {
       const Int3 at = brick_of_key(store_.bricks()[b].key);
       std::uint64_t points = 0;
       for (int d = 0; d < 27; ++d) {
@@ -82,7 +76,8 @@ class NormalsStage : public Stage {
                                             PointOverlay::kExtension));
     SignCounts counts;
     std::vector<std::uint64_t> histogram(kSupporterBins, 0);
-    for (std::size_t b = first_brick(task); b < file_end_[task]; ++b) {
+    const auto [first, last] = store_.file_range(task);
+    for (std::size_t b = first; b < last; ++b) {
       context.check_stop();
       const BrickEntry& brick = store_.bricks()[b];
       const Int3 at = brick_of_key(brick.key);
@@ -123,14 +118,12 @@ class NormalsStage : public Stage {
   }
 
  private:
-  std::size_t first_brick(std::size_t task) const { return task == 0 ? 0 : file_end_[task - 1]; }
-
   /// Keeps the disk a few bricks ahead.
   void prefetch(std::size_t task, std::size_t brick) const {
     constexpr std::size_t kAhead = 16;
-    const std::size_t first = first_brick(task);
-    for (std::size_t b = brick == first ? first : brick + kAhead;
-         b < std::min(brick + kAhead + 1, file_end_[task]); ++b) {
+    const auto [first, last] = store_.file_range(task);
+    for (std::size_t b = brick == first ? first : brick + kAhead; b < std::min(brick + kAhead + 1, last);
+         ++b) {
       const Int3 at = brick_of_key(store_.bricks()[b].key);
       store_.prefetch({at[0] * kBrickCells, at[1] * kBrickCells, at[2] * kBrickCells},
                       {kBrickCells, kBrickCells, kBrickCells}, normal_halo_cells(shape_));
@@ -237,7 +230,6 @@ class NormalsStage : public Stage {
   PointStore store_;
   ReconstructOptions options_;
   NormalOptions shape_;
-  std::vector<std::size_t> file_end_;
 };
 
 }  // namespace

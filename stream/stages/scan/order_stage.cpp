@@ -57,12 +57,6 @@ std::string point_file_name(std::size_t bucket) {
   return "points/" + task_file_stem(bucket) + ".tsp";
 }
 
-std::vector<std::filesystem::path> point_files(const std::filesystem::path& work, const Plan& plan) {
-  std::vector<std::filesystem::path> files;
-  for (std::size_t k = 0; k < plan.buckets.size(); ++k) files.push_back(work / point_file_name(k));
-  return files;
-}
-
 OrderStage::OrderStage(const JobState& job)
     : job_(job),
       plan_(Plan::of_work(job.work)),
@@ -98,14 +92,14 @@ void OrderStage::stream_bucket(std::size_t task, TaskContext& context, const Use
       load_extents(job_.work / DistributeStage::kExtentFile, first_extent_[task],
                    first_extent_[task + 1] - first_extent_[task]);
   for (std::size_t at = 0; at < extents.size();) {
-    const ReadFile file(job_.work / run_file_name(extents[at].file));
+    const PackedFile file = open_run_file(job_.work / run_file_name(extents[at].file));
     for (const std::uint32_t id = extents[at].file; at < extents.size() && extents[at].file == id; ++at) {
       stream_extent(file, extents[at], buffer, [&](std::span<const PointRecord> points) {
         context.check_stop();
         use(points);
       });
-      file.release(extents[at].offset, extents[at].points * sizeof(PointRecord));
-      context.count_read(extents[at].points * sizeof(PointRecord));
+      file.release(extents[at].records);
+      context.count_read(extents[at].records.bytes);
     }
   }
 }
@@ -119,7 +113,7 @@ OrderStage::Counts OrderStage::order_bucket(std::size_t task, TaskContext& conte
     for (const PointRecord& p : chunk) points[slots.take(p.q)] = p;
   });
   PointFileWriter out(context.create(point_file_name(task)));
-  out.expect(bucket.bricks, bucket.points);
+  out.expect(bucket.bricks);
   BrickSorter sorter;
   Counts counts;
   const PointRecord* from = points.data();

@@ -48,7 +48,5 @@ std::unique_ptr<Stage> make_order_stage(const JobState& job);
 
 /// The point file of bucket k, relative to the work directory.
 std::string point_file_name(std::size_t bucket);
-/// All of them, in order, for PointStore.
-std::vector<std::filesystem::path> point_files(const std::filesystem::path& work, const Plan& plan);
 
 }  // namespace tessera

@@ -1,49 +1,13 @@
 #include "stream/stages/smooth/coarse_files.h"
 
 #include <algorithm>
-#include <array>
-#include <limits>
-
-#include "octree/error.h"
-#include "stream/files/read_file.h"
 
 namespace tessera {
 namespace {
 
-using Header = std::array<std::uint64_t, 4>;  // patch, unknowns, entries, loads
-
-std::uint64_t body_bytes(const Header& h) {
-  return h[1] * sizeof(CoarseUnknown) + h[2] * sizeof(CoarseEntry) + h[3] * sizeof(CoarseLoad);
-}
-
-/// Calls sink(header, offset of the body) for every patch.
-template <class Sink>
-void for_each_patch(const ReadFile& file, const Sink& sink) {
-  for (std::uint64_t offset = 0; offset < file.size();) {
-    Header h;
-    file.read_at(offset, h.data(), sizeof h);
-    offset += sizeof h;
-    const std::uint64_t most = file.size() / sizeof(CoarseUnknown);
-    if (h[1] > most || h[2] > 2 * most || h[3] > most || body_bytes(h) > file.size() - offset)
-      throw InputError(file.path().string() + ": damaged at byte " + std::to_string(offset) +
-                       "; run again with --force");
-    sink(h, offset);
-    offset += body_bytes(h);
-  }
-}
-
-template <class Record>
-void write_all(DirectFile& file, const std::vector<Record>& records) {
-  if (!records.empty()) file.write(records.data(), records.size() * sizeof(Record));
-}
-
-template <class Record>
-void read_all(const ReadFile& file, std::uint64_t& offset, std::uint64_t count,
-              std::vector<Record>& records) {
-  records.resize(count);
-  file.read_at(offset, records.data(), count * sizeof(Record));
-  offset += count * sizeof(Record);
-}
+constexpr PackedKind kSumsKind = {"TSCSUMS2", "a file of sums"};
+constexpr PackedKind kSolutionKind = {"TSCSOLV2", "a coarse solution"};
+constexpr PackedKind kBendKind = {"TSCBEND2", "a file of bends"};
 
 }  // namespace
 
@@ -61,91 +25,73 @@ std::string bend_folder(std::size_t round) {
   return "bend-" + std::to_string(round);
 }
 
+PatchSumsWriter::PatchSumsWriter(const std::filesystem::path& path) : file_(path, kSumsKind) {}
+
 void PatchSumsWriter::add(const PatchSums& sums) {
-  const Header h = {sums.patch, sums.unknowns.size(), sums.entries.size(), sums.loads.size()};
-  file_.write(h.data(), sizeof h);
-  write_all(file_, sums.unknowns);
-  write_all(file_, sums.entries);
-  write_all(file_, sums.loads);
+  table_.push_back({sums.patch, file_.append(bytes_of(sums.unknowns)), file_.append(bytes_of(sums.entries)),
+                    file_.append(bytes_of(sums.loads))});
 }
 
 PatchSumsCount count_patch_sums(const std::vector<std::filesystem::path>& files) {
   PatchSumsCount count;
-  for (const auto& path : files)
-    for_each_patch(ReadFile(path), [&](const Header& h, std::uint64_t) {
-      count.unknowns += h[1];
-      count.entries += h[2];
-      count.loads += h[3];
-      count.largest_patch_bytes = std::max(count.largest_patch_bytes, body_bytes(h));
-    });
+  for (const auto& path : files) {
+    const PackedFile file(path, kSumsKind, sizeof(PatchSumsWriter::Entry));
+    for (const auto& e : file.table<PatchSumsWriter::Entry>()) {
+      count.unknowns += e.unknowns.bytes / sizeof(CoarseUnknown);
+      count.entries += e.entries.bytes / sizeof(CoarseEntry);
+      count.loads += e.loads.bytes / sizeof(CoarseLoad);
+      count.largest_patch_bytes =
+          std::max(count.largest_patch_bytes, e.unknowns.bytes + e.entries.bytes + e.loads.bytes);
+    }
+  }
   return count;
 }
 
 void read_patch_sums(const std::vector<std::filesystem::path>& files,
                      const std::function<void(const PatchSums&)>& sink) {
-  PatchSums sums;
   for (const auto& path : files) {
-    const ReadFile file(path);
-    for_each_patch(file, [&](const Header& h, std::uint64_t offset) {
-      sums.patch = h[0];
-      read_all(file, offset, h[1], sums.unknowns);
-      read_all(file, offset, h[2], sums.entries);
-      read_all(file, offset, h[3], sums.loads);
-      sink(sums);
-    });
+    const PackedFile file(path, kSumsKind, sizeof(PatchSumsWriter::Entry));
+    for (const auto& e : file.table<PatchSumsWriter::Entry>())
+      sink({e.patch, file.load<CoarseUnknown>(e.unknowns), file.load<CoarseEntry>(e.entries),
+            file.load<CoarseLoad>(e.loads)});
   }
 }
 
 void save_coarse_solution(const std::filesystem::path& path, std::span<const CoarseUnknown> unknowns,
                           std::span<const CoarseValue> values) {
-  DirectFile file(path);
-  for (const CoarseUnknown& u : unknowns) file.write(&u.name, sizeof u.name);
-  for (const CoarseValue& v : values) file.write(&v, sizeof v);
-  file.finish();
+  std::vector<std::uint64_t> names;
+  for (const CoarseUnknown& u : unknowns) names.push_back(u.name);
+  PackedWriter file(path, kSolutionKind);
+  const std::vector<Section> sections = {file.append(bytes_of(names)), file.append(std::as_bytes(values))};
+  file.finish(sections);
 }
 
 CoarseSolution load_coarse_solution(const std::filesystem::path& path) {
-  const ReadFile file(path);
-  const std::uint64_t n = file.size() / (sizeof(std::uint64_t) + sizeof(CoarseValue));
-  CoarseSolution out;
-  std::uint64_t offset = 0;
-  read_all(file, offset, n, out.name);
-  read_all(file, offset, n, out.value);
-  return out;
+  const PackedFile file(path, kSolutionKind, sizeof(Section));
+  const auto sections = file.table<Section>();
+  return {file.load<std::uint64_t>(sections.at(0)), file.load<CoarseValue>(sections.at(1))};
 }
 
 std::uint64_t coarse_solution_bytes(const std::filesystem::path& path) {
   return ReadFile(path).size();
 }
 
+PatchBendWriter::PatchBendWriter(const std::filesystem::path& path) : file_(path, kBendKind) {}
+
 void PatchBendWriter::add(std::uint64_t patch, std::span<const Float3> bend) {
-  const std::array<std::uint64_t, 2> header = {patch, bend.size()};
-  file_.write(header.data(), sizeof header);
-  if (!bend.empty()) file_.write(bend.data(), bend.size_bytes());
+  table_.push_back({patch, file_.append(std::as_bytes(bend))});
 }
 
 PatchBends::PatchBends(const std::vector<std::filesystem::path>& files) {
   for (const auto& path : files) {
-    const ReadFile& file = files_.emplace_back(path);
-    for (std::uint64_t offset = 0; offset < file.size();) {
-      std::array<std::uint64_t, 2> header{};
-      file.read_at(offset, header.data(), sizeof header);
-      offset += sizeof header;
-      const auto [patch, count] = header;
-      if (count > (file.size() - offset) / sizeof(Float3))
-        throw InputError(path.string() + ": damaged at byte " + std::to_string(offset) +
-                         "; run again with --force");
-      places_[patch] = {files_.size() - 1, offset, count};
-      offset += count * sizeof(Float3);
-    }
+    const PackedFile& file = files_.emplace_back(path, kBendKind, sizeof(PatchBendWriter::Entry));
+    for (const auto& e : file.table<PatchBendWriter::Entry>()) places_[e.patch] = {files_.size() - 1, e.bend};
   }
 }
 
 std::vector<Float3> PatchBends::load(std::uint64_t patch) const {
   const Place& place = places_.at(patch);
-  std::vector<Float3> bend(place.count);
-  files_[place.file].read_at(place.offset, bend.data(), bend.size() * sizeof(Float3));
-  return bend;
+  return files_[place.file].load<Float3>(place.bend);
 }
 
 TileState tile_state(const MeshStore& loaded, const MeshStore& store, const PatchBends& bends,

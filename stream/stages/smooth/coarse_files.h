@@ -12,8 +12,7 @@
 
 #include "kernels/smooth/coarse_system.h"
 #include "kernels/smooth/smooth.h"
-#include "stream/files/direct_file.h"
-#include "stream/files/read_file.h"
+#include "stream/files/packed_file.h"
 #include "stream/meshes/mesh_store.h"
 #include "stream/stages/smooth/smooth_tiles.h"
 
@@ -35,12 +34,18 @@ struct PatchSums {
 /// Sums of the patches of one task, in any order.
 class PatchSumsWriter {
  public:
-  explicit PatchSumsWriter(const std::filesystem::path& path) : file_(path) {}
+  explicit PatchSumsWriter(const std::filesystem::path& path);
   void add(const PatchSums& sums);
-  std::uint64_t finish() { return file_.finish(); }
+  std::uint64_t finish() { return file_.finish(table_); }
+
+  struct Entry {
+    std::uint64_t patch;
+    Section unknowns, entries, loads;
+  };
 
  private:
-  DirectFile file_;
+  PackedWriter file_;
+  std::vector<Entry> table_;
 };
 
 /// How much lies in some files.
@@ -62,12 +67,18 @@ std::uint64_t coarse_solution_bytes(const std::filesystem::path& path);
 /// How the vertices of some patches bend (order 2), in the order of each patch.
 class PatchBendWriter {
  public:
-  explicit PatchBendWriter(const std::filesystem::path& path) : file_(path) {}
+  explicit PatchBendWriter(const std::filesystem::path& path);
   void add(std::uint64_t patch, std::span<const Float3> bend);
-  std::uint64_t finish() { return file_.finish(); }
+  std::uint64_t finish() { return file_.finish(table_); }
+
+  struct Entry {
+    std::uint64_t patch;
+    Section bend;
+  };
 
  private:
-  DirectFile file_;
+  PackedWriter file_;
+  std::vector<Entry> table_;
 };
 
 class PatchBends {
@@ -80,9 +91,9 @@ class PatchBends {
  private:
   struct Place {
     std::size_t file;
-    std::uint64_t offset, count;
+    Section bend;
   };
-  std::vector<ReadFile> files_;
+  std::vector<PackedFile> files_;
   std::map<std::uint64_t, Place> places_;
 };
 

@@ -223,12 +223,11 @@ json FirstPass::finish() {
   self.flush();
   self.context.count_written(self.full.finish());
   self.context.count_written(self.first.finish());
-  DirectFile file(self.context.create(island_file(self.task)), kBuffer);
-  const IslandHeader header{self.parts.size(), self.seams.size(), self.dropped, self.dropped_faces};
-  file.write(&header, sizeof header);
-  file.write(self.parts.data(), self.parts.size() * sizeof(IslandPart));
-  file.write(self.seams.data(), self.seams.size() * sizeof(IslandSeam));
-  self.context.count_written(file.finish());
+  PackedWriter file(self.context.create(island_file(self.task)), kIslandKind, kBuffer);
+  const std::vector<IslandEntry> table = {{file.append(bytes_of(self.parts)),
+                                           file.append(bytes_of(self.seams)), self.dropped,
+                                           self.dropped_faces}};
+  self.context.count_written(file.finish(table));
   self.counts["blocks"] = self.blocks;
   return std::move(self.counts);
 }

@@ -14,7 +14,8 @@
 
 #include <nlohmann/json_fwd.hpp>
 
-#include "stream/meshes/mesh_store.h"
+#include "stream/files/packed_file.h"
+#include "stream/meshes/mesh_blocking.h"
 #include "stream/runtime/stage.h"
 
 namespace tessera {
@@ -53,12 +54,13 @@ struct IslandSeam {
   std::uint64_t part = 0;  ///< index of an IslandPart: in the file, later over all files
   auto operator<=>(const IslandSeam&) const = default;
 };
-struct IslandHeader {
-  std::uint64_t parts = 0;
-  std::uint64_t seams = 0;
+/// What an island file says at its end.
+struct IslandEntry {
+  Section parts, seams;
   std::uint64_t dropped = 0;  ///< islands that went at once
   std::uint64_t dropped_faces = 0;
 };
+inline constexpr PackedKind kIslandKind = {"TSISLND2", "an island file"};
 std::string island_file(std::size_t task);
 /// The block of these bricks, of a store: merged as the first pass had it. \param patches  out: its patches
 MeshBlock load_island_block(const MeshStore& store, std::uint64_t brick, std::uint32_t bricks,

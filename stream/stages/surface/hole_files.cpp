@@ -1,107 +1,72 @@
 #include "stream/stages/surface/hole_files.h"
 
-#include "stream/files/direct_file.h"
-#include "stream/files/read_file.h"
+#include "stream/files/packed_file.h"
 #include "stream/files/task_files.h"
 
 namespace tessera {
 namespace {
 
 constexpr std::size_t kBuffer = std::size_t{1} << 20;
+constexpr PackedKind kLoopsKind = {"TSLOOPS2", "a file of loops"};
+constexpr PackedKind kFillingsKind = {"TSHOLES2", "a file of fillings"};
 
-/// Vectors one after the other; their sizes are known from what was read before.
-class Cursor {
- public:
-  explicit Cursor(const std::filesystem::path& path) : file_(path) {}
-  template <class T>
-  void take(std::vector<T>& values, std::uint64_t count) {
-    values.resize(count);
-    take(values.data(), count * sizeof(T));
-  }
-  void take(void* to, std::uint64_t bytes) {
-    if (bytes != 0) file_.read_at(at_, to, bytes);
-    at_ += bytes;
-  }
-
- private:
-  ReadFile file_;
-  std::uint64_t at_ = 0;
+struct LoopEntry {
+  Section section;
+  std::uint64_t edges = 0, taken = 0, coloured = 0;
 };
 
 template <class T>
-void put(DirectFile& file, const std::vector<T>& values) {
-  if (!values.empty()) file.write(values.data(), values.size() * sizeof(T));
+std::span<std::byte> room(std::vector<T>& values, std::uint64_t count) {
+  values.resize(count);
+  return room_of(values);
 }
 
-struct LoopHead {
-  std::uint32_t edges = 0;
-  std::uint32_t taken = 0;
-  std::uint32_t coloured = 0;
-  std::uint32_t unused = 0;
+/// The sections of a fillings file.
+struct FillingSections {
+  Section position, rgba, faces;
 };
 
 }  // namespace
 
 void save_loops(const std::filesystem::path& path, const std::vector<NamedLoop>& loops) {
-  DirectFile file(path, kBuffer);
-  const std::uint64_t count = loops.size();
-  file.write(&count, sizeof count);
-  for (const NamedLoop& l : loops) {
-    const LoopHead head = {static_cast<std::uint32_t>(l.vertex.size()),
-                           static_cast<std::uint32_t>(l.loop.taken.size()),
-                           static_cast<std::uint32_t>(l.loop.rgba.size()), 0};
-    file.write(&head, sizeof head);
-    put(file, l.vertex);
-    put(file, l.loop.position);
-    put(file, l.loop.opposite);
-    put(file, l.loop.taken);
-    put(file, l.loop.rgba);
-  }
-  file.finish();
+  PackedWriter file(path, kLoopsKind, kBuffer);
+  std::vector<LoopEntry> table;
+  for (const NamedLoop& l : loops)
+    table.push_back({file.append({bytes_of(l.vertex), bytes_of(l.loop.position), bytes_of(l.loop.opposite),
+                                  bytes_of(l.loop.taken), bytes_of(l.loop.rgba)}),
+                     l.vertex.size(), l.loop.taken.size(), l.loop.rgba.size()});
+  file.finish(table);
 }
 
 std::vector<NamedLoop> load_loops(const std::filesystem::path& path) {
-  Cursor in(path);
-  std::uint64_t count = 0;
-  in.take(&count, sizeof count);
-  std::vector<NamedLoop> loops(count);
-  for (NamedLoop& l : loops) {
-    LoopHead head;
-    in.take(&head, sizeof head);
-    in.take(l.vertex, head.edges);
-    in.take(l.loop.position, head.edges);
-    in.take(l.loop.opposite, head.edges);
-    in.take(l.loop.taken, head.taken);
-    in.take(l.loop.rgba, head.coloured);
+  const PackedFile file(path, kLoopsKind, sizeof(LoopEntry));
+  std::vector<NamedLoop> loops;
+  for (const LoopEntry& e : file.table<LoopEntry>()) {
+    auto& [loop, vertex] = loops.emplace_back();
+    file.read(e.section, {room(vertex, e.edges), room(loop.position, e.edges), room(loop.opposite, e.edges),
+                          room(loop.taken, e.taken), room(loop.rgba, e.coloured)});
   }
   return loops;
 }
 
 void HoleFillings::save(const std::filesystem::path& path) const {
-  DirectFile file(path, kBuffer);
-  const HoleFillingsHead head = {position.size(), rgba.size(), faces.size()};
-  file.write(&head, sizeof head);
-  put(file, position);
-  put(file, rgba);
-  put(file, faces);
-  file.finish();
+  PackedWriter file(path, kFillingsKind, kBuffer);
+  const std::vector<FillingSections> table = {
+      {file.append(bytes_of(position)), file.append(bytes_of(rgba)), file.append(bytes_of(faces))}};
+  file.finish(table);
 }
 
 HoleFillings HoleFillings::load(const std::filesystem::path& path) {
-  Cursor in(path);
-  HoleFillingsHead head;
-  in.take(&head, sizeof head);
-  HoleFillings out;
-  in.take(out.position, head.vertices);
-  in.take(out.rgba, head.coloured);
-  in.take(out.faces, head.faces);
-  return out;
+  const PackedFile file(path, kFillingsKind, sizeof(FillingSections));
+  const FillingSections s = file.table<FillingSections>().at(0);
+  return {file.load<Double3>(s.position), file.load<std::uint32_t>(s.rgba),
+          file.load<std::array<std::uint64_t, 3>>(s.faces)};
 }
 
 HoleFillingsHead load_fillings_head(const std::filesystem::path& path) {
-  HoleFillingsHead head;
-  ReadFile(path).read_at(0, &head, sizeof head);
-  return head;
+  const PackedFile file(path, kFillingsKind, sizeof(FillingSections));
+  const FillingSections s = file.table<FillingSections>().at(0);
+  return {s.position.bytes / sizeof(Double3), s.faces.bytes / (3 * sizeof(std::uint64_t))};
 }
 
 std::vector<std::filesystem::path> list_loop_files(const std::filesystem::path& work) {

@@ -47,7 +47,6 @@ struct HoleFillings {
 /// Sizes without loading.
 struct HoleFillingsHead {
   std::uint64_t vertices = 0;
-  std::uint64_t coloured = 0;  ///< = vertices, or 0
   std::uint64_t faces = 0;
 };
 HoleFillingsHead load_fillings_head(const std::filesystem::path& path);

@@ -22,6 +22,7 @@ namespace {
 using json = nlohmann::json;
 
 constexpr const char* kDroppedFile = "islands/dropped.bin";
+constexpr PackedKind kDroppedKind = {"TSDROPD2", "a file of dropped islands"};
 constexpr std::uint64_t kPage = 1u << 14;  ///< records read at once
 
 /// A part of an island that goes, ascending by file, then block.
@@ -35,12 +36,11 @@ class IslandsStage : public Stage {
   explicit IslandsStage(const JobState& state)
       : state_(state), files_(list_task_files(state.work / kIslandFolder, ".tsi")) {
     for (const auto& path : files_) {
-      const ReadFile file(path);
-      headers_.emplace_back();
-      file.read_at(0, &headers_.back(), sizeof(IslandHeader));
-      parts_ += headers_.back().parts;
-      dropped_ += headers_.back().dropped;
-      dropped_faces_ += headers_.back().dropped_faces;
+      const PackedFile file(path, kIslandKind, sizeof(IslandEntry));
+      const IslandEntry& e = entries_.emplace_back(file.table<IslandEntry>().at(0));
+      parts_ += e.parts.bytes / sizeof(IslandPart);
+      dropped_ += e.dropped;
+      dropped_faces_ += e.dropped_faces;
     }
   }
 
@@ -65,15 +65,10 @@ class IslandsStage : public Stage {
     std::uint64_t first = 0;
     for (std::size_t f = 0; f < files_.size(); ++f) {
       context.check_stop();
-      const ReadFile file(files_[f]);
       std::uint64_t part = first;
-      read<IslandPart>(file, sizeof(IslandHeader), headers_[f].parts,
-                       [&](const IslandPart& p) { faces[part++] = p.faces; });
-      read<IslandSeam>(file, sizeof(IslandHeader) + headers_[f].parts * sizeof(IslandPart), headers_[f].seams,
-                       [&](const IslandSeam& s) {
-                         sort.add({s.key, s.part + first});
-                       });
-      first += headers_[f].parts;
+      read<IslandPart>(f, entries_[f].parts, [&](const IslandPart& p) { faces[part++] = p.faces; });
+      read<IslandSeam>(f, entries_[f].seams, [&](const IslandSeam& s) { sort.add({s.key, s.part + first}); });
+      first = part;
     }
     IslandSeam last{~std::uint64_t{0}, 0};
     sort.drain([&](std::span<const IslandSeam> batch) {
@@ -101,14 +96,14 @@ class IslandsStage : public Stage {
   std::uint64_t sort_bytes() const { return std::min<std::uint64_t>(state_.run.memory_bytes / 8, 64u << 20); }
 
   template <class Record, class Use>
-  static void read(const ReadFile& file, std::uint64_t at, std::uint64_t count, const Use& use) {
-    std::vector<Record> page(std::min(count, kPage));
-    for (std::uint64_t left = count; left > 0;) {
-      const std::uint64_t n = std::min(left, kPage);
-      file.read_at(at, page.data(), n * sizeof(Record));
+  void read(std::size_t file, const Section& section, const Use& use) const {
+    const PackedFile in(files_[file], kIslandKind, sizeof(IslandEntry));
+    SectionReader reader(in, section);
+    std::vector<Record> page(std::min(section.bytes / sizeof(Record), kPage));
+    while (reader.left() > 0) {
+      const std::uint64_t n = std::min(reader.left() / sizeof(Record), kPage);
+      reader.next(page.data(), n * sizeof(Record));
       for (std::uint64_t i = 0; i < n; ++i) use(page[i]);
-      at += n * sizeof(Record);
-      left -= n;
     }
   }
 
@@ -131,16 +126,17 @@ class IslandsStage : public Stage {
                             "--resolution or --radius, or check the normals")
               : "every island has fewer than " + std::to_string(limit) +
                     " faces; lower --min-component (1 keeps all)");
-    DirectFile out(context.create(kDroppedFile), std::size_t{1} << 16);
+    PackedWriter out(context.create(kDroppedFile), kDroppedKind, std::size_t{1} << 16);
+    std::vector<Section> sections;
     std::uint64_t part = 0;
-    for (std::size_t f = 0; f < files_.size(); ++f)
-      read<IslandPart>(ReadFile(files_[f]), sizeof(IslandHeader), headers_[f].parts,
-                       [&](const IslandPart& p) {
-                         if (total[parent[part++]] >= limit) return;
-                         const DroppedPart gone{f, p};
-                         out.write(&gone, sizeof gone);
-                       });
-    context.count_written(out.finish());
+    for (std::size_t f = 0; f < files_.size(); ++f) {
+      std::vector<IslandPart> gone;
+      read<IslandPart>(f, entries_[f].parts, [&](const IslandPart& p) {
+        if (total[parent[part++]] < limit) gone.push_back(p);
+      });
+      sections.push_back(out.append(bytes_of(gone)));
+    }
+    context.count_written(out.finish(sections));
     return {{"components", components},
             {"largest_component_faces", largest},
             {"min_component_faces", limit},
@@ -151,7 +147,7 @@ class IslandsStage : public Stage {
 
   JobState state_;
   std::vector<std::filesystem::path> files_;
-  std::vector<IslandHeader> headers_;
+  std::vector<IslandEntry> entries_;
   std::uint64_t parts_ = 0;
   std::uint64_t dropped_ = 0, dropped_faces_ = 0;  ///< in the surface stage
 };
@@ -161,9 +157,10 @@ class PruneStage : public Stage {
   explicit PruneStage(const JobState& state)
       : full_(list_task_files(state.work / kFullFolder, ".tmm")),
         pass_(list_task_files(state.work / kFirstPassFolder, ".tmm")) {
-    const ReadFile file(state.work / kDroppedFile);
-    dropped_.resize(file.size() / sizeof(DroppedPart));
-    if (!dropped_.empty()) file.read_at(0, dropped_.data(), dropped_.size() * sizeof(DroppedPart));
+    const PackedFile file(state.work / kDroppedFile, kDroppedKind, sizeof(Section));
+    const auto sections = file.table<Section>();
+    for (std::size_t f = 0; f < sections.size(); ++f)
+      for (const IslandPart& part : file.load<IslandPart>(sections[f])) dropped_.push_back({f, part});
     for (std::size_t i = 0; i < dropped_.size(); ++i)
       if (i == 0 || dropped_[i].file != dropped_[i - 1].file) first_.push_back(i);
     first_.push_back(dropped_.size());

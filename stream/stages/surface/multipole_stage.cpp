@@ -20,24 +20,18 @@ constexpr std::uint64_t kFixedTaskBytes = 12u << 20;
 class MultipoleStage : public Stage {
  public:
   explicit MultipoleStage(const JobState& state)
-      : store_(list_task_files(state.work / "points", ".tsp"), PointOverlay::open(state.work)) {
-    if (!HolesMode(state.options.holes).close) return;
-    for (std::size_t b = 0; b < store_.bricks().size(); ++b) {
-      const std::size_t file = store_.bricks()[b].file;
-      if (file + 1 > file_end_.size()) file_end_.resize(file + 1, b);
-      file_end_[file] = b + 1;
-    }
-  }
+      : store_(list_task_files(state.work / "points", ".tsp"), PointOverlay::open(state.work)),
+        needed_(HolesMode(state.options.holes).close) {}
 
   std::string name() const override { return "multipole"; }
-  std::size_t task_count() const override { return file_end_.size(); }
-  std::uint64_t units() const override { return file_end_.empty() ? 0 : store_.point_count(); }
+  std::size_t task_count() const override { return needed_ ? store_.file_count() : 0; }
+  std::uint64_t units() const override { return needed_ ? store_.point_count() : 0; }
   std::string unit_name() const override { return "points"; }
 
   std::uint64_t task_bytes(std::size_t task) const override {
     std::uint64_t most = 0;
-    for (std::size_t b = first_brick(task); b < file_end_[task]; ++b)
-      most = std::max(most, store_.bricks()[b].points);
+    const auto [first, last] = store_.file_range(task);
+    for (std::size_t b = first; b < last; ++b) most = std::max(most, store_.bricks()[b].points);
     return most * kBytesPerPoint + kFixedTaskBytes;
   }
 
@@ -46,7 +40,8 @@ class MultipoleStage : public Stage {
                                               task_file_stem(task) + MultipoleStore::kExtension));
     std::uint64_t bricks = 0;
     std::uint64_t leaves = 0;
-    for (std::size_t b = first_brick(task); b < file_end_[task]; ++b) {
+    const auto [first, last] = store_.file_range(task);
+    for (std::size_t b = first; b < last; ++b) {
       context.check_stop();
       const BrickEntry& brick = store_.bricks()[b];
       const Int3 at = brick_of_key(brick.key);
@@ -55,7 +50,7 @@ class MultipoleStage : public Stage {
       const MultipoleTree tree(make_dipoles(block), kLeafBits, kLeafBits);
       const auto& cells = tree.level(kLeafBits).cells;
       if (!cells.empty()) {
-        writer.brick(brick.key, cells);
+        writer.brick(cells);
         ++bricks;
         leaves += cells.size();
       }
@@ -69,7 +64,7 @@ class MultipoleStage : public Stage {
   std::uint64_t finish_bytes() const override { return 1u << 20; }
 
   json finish(const std::vector<json>& summaries, TaskContext&) const override {
-    if (file_end_.empty()) return {{"needed", false}};
+    if (!needed_) return {{"needed", false}};
     std::uint64_t bricks = 0;
     std::uint64_t leaves = 0;
     for (const json& s : summaries) {
@@ -80,10 +75,8 @@ class MultipoleStage : public Stage {
   }
 
  private:
-  std::size_t first_brick(std::size_t task) const { return task == 0 ? 0 : file_end_[task - 1]; }
-
   PointStore store_;
-  std::vector<std::size_t> file_end_;
+  bool needed_;
 };
 
 }  // namespace

@@ -33,14 +33,14 @@ void NumberedPatches::load_faces(std::size_t patch, PatchFaces& out) {
   const PatchEntry& entry = store_->patches()[patch];
   const auto file = static_cast<std::int64_t>(store_->file_of(patch));
   if (file != open_file_) {
-    places_ = std::make_unique<ReadFile>(work_ / weld_file_name(static_cast<std::size_t>(file)));
+    places_ = std::make_unique<WeldFile>(work_ / weld_file_name(static_cast<std::size_t>(file)));
     open_file_ = file;
   }
   if (remaps_.size() > kRemaps) remaps_.clear();
   store_->load_faces(patch, out.faces, &out.synthetic);
   out.foreign.resize(entry.foreign);
-  places_->read_at(numbering_->patches[patch].foreign_offset, out.foreign.data(),
-                   out.foreign.size() * sizeof(VertexPlace));
+  places_->file.read_part(places_->places, numbering_->patches[patch].foreign_offset, out.foreign.data(),
+                          out.foreign.size() * sizeof(VertexPlace));
   out.index.resize(std::size_t{entry.vertices} + entry.foreign);
   for (std::uint32_t v = 0; v < entry.vertices; ++v)
     out.index[v] = output_index({static_cast<std::uint32_t>(patch), v});

@@ -7,7 +7,6 @@
 #include <memory>
 #include <vector>
 
-#include "stream/files/read_file.h"
 #include "stream/stages/surface/weld_stage.h"
 
 namespace tessera {
@@ -45,7 +44,7 @@ class NumberedPatches {
   const Numbering* numbering_;
   std::map<std::size_t, std::vector<std::uint32_t>> remaps_;  ///< of patches that lost an island
   std::int64_t open_file_ = -1;                               ///< whose places are open
-  std::unique_ptr<ReadFile> places_;
+  std::unique_ptr<WeldFile> places_;
 };
 
 }  // namespace tessera

@@ -1,14 +1,13 @@
 #include "stream/stages/surface/weld_stage.h"
 
 #include <algorithm>
+#include <cstring>
 #include <map>
 #include <nlohmann/json.hpp>
 #include <numeric>
 #include <stdexcept>
 
 #include "octree/error.h"
-#include "stream/files/direct_file.h"
-#include "stream/files/read_file.h"
 #include "stream/files/task_files.h"
 
 namespace tessera {
@@ -55,11 +54,9 @@ class SeamCache {
   std::uint64_t clock_ = 0;
 };
 
-struct WeldHeader {
-  std::uint64_t places = 0;
-  std::uint64_t links = 0;
-  std::uint64_t components = 0;
-};
+constexpr PackedKind kWeldKind = {"TSWELDS2", "a weld file"};
+constexpr PackedKind kNumberingKind = {"TSNUMBR2", "a numbering"};
+
 /// Two components of different patches that share a vertex; indices over all patches.
 struct Link {
   std::uint64_t a = 0;
@@ -133,16 +130,10 @@ class WeldStage : public Stage {
       context.advance(1);
     }
     unique_links(links);
-    const std::filesystem::path path = context.create(weld_file_name(task));
-    DirectFile file(path);
-    const WeldHeader header{places.size(), links.size(), sizes.size()};
-    file.write(&header, sizeof header);
-    file.write(places.data(), places.size() * sizeof(VertexPlace));
-    file.write(links.data(), links.size() * sizeof(Link));
-    file.write(sizes.data(), sizes.size() * sizeof(ComponentSize));
-    file.finish();
-    context.count_written(sizeof header + places.size() * sizeof(VertexPlace) + links.size() * sizeof(Link) +
-                          sizes.size() * sizeof(ComponentSize));
+    PackedWriter file(context.create(weld_file_name(task)), kWeldKind);
+    const std::vector<Section> sections = {file.append(bytes_of(places)), file.append(bytes_of(links)),
+                                           file.append(bytes_of(sizes))};
+    context.count_written(file.finish(sections));
     return {{"shared_vertices", places.size()}};
   }
 
@@ -162,21 +153,14 @@ class WeldStage : public Stage {
       return c;
     };
     for (std::size_t file = 0; file < store_.file_count(); ++file) {
-      const ReadFile in(state_.work / weld_file_name(file));
-      WeldHeader header;
-      in.read_at(0, &header, sizeof header);
-      std::uint64_t at = sizeof header + header.places * sizeof(VertexPlace);
-      std::vector<Link> links(header.links);
-      in.read_at(at, links.data(), links.size() * sizeof(Link));
-      at += links.size() * sizeof(Link);
-      for (const Link& link : links) {
+      const WeldFile in(state_.work / weld_file_name(file));
+      for (const Link& link : in.file.load<Link>(in.links)) {
         const std::uint64_t a = root_of(link.a);
         const std::uint64_t b = root_of(link.b);
         parent[std::max(a, b)] = std::min(a, b);
       }
-      const std::size_t old = sizes.size();
-      sizes.resize(old + header.components);
-      in.read_at(at, sizes.data() + old, header.components * sizeof(ComponentSize));
+      const auto own = in.file.load<ComponentSize>(in.sizes);
+      sizes.insert(sizes.end(), own.begin(), own.end());
     }
     return number(parent, sizes, summaries, context);
   }
@@ -215,11 +199,10 @@ class WeldStage : public Stage {
     for (const json& s : summaries) shared += s.at("shared_vertices").get<std::uint64_t>();
     for (std::size_t file = 0; file < store_.file_count(); ++file) {
       const auto [first, last] = store_.file_range(file);
-      std::uint64_t offset = sizeof(WeldHeader);
+      std::uint64_t offset = 0;
       for (std::size_t p = first; p < last; ++p) {
         PatchPlace& place = numbering.patches[p];
         place.first_vertex = numbering.vertices;
-        place.first_face = numbering.faces;
         place.first_component = first_component_[p];
         place.foreign_offset = offset;
         offset += sizeof(VertexPlace) * store_.patches()[p].foreign;
@@ -271,27 +254,25 @@ std::string weld_file_name(std::size_t file) {
   return "weld/" + task_file_stem(file) + ".tsw";
 }
 
+WeldFile::WeldFile(const std::filesystem::path& path) : file(path, kWeldKind, sizeof(Section)) {
+  const auto sections = file.table<Section>();
+  places = sections.at(0), links = sections.at(1), sizes = sections.at(2);
+}
+
 void Numbering::save(const std::filesystem::path& path) const {
-  DirectFile file(path);
-  const std::uint64_t head[4] = {patches.size(), kept.size(), vertices, faces};
-  file.write(head, sizeof head);
-  file.write(patches.data(), patches.size() * sizeof(PatchPlace));
-  file.write(kept.data(), kept.size());
-  file.finish();
+  PackedWriter file(path, kNumberingKind);
+  const std::vector<Section> sections = {file.append(bytes_of(patches)), file.append(bytes_of(kept))};
+  const std::array<std::uint64_t, 2> totals = {vertices, faces};
+  file.finish(sections, bytes_of(totals));
 }
 
 Numbering Numbering::load(const std::filesystem::path& path) {
-  const ReadFile file(path);
-  std::uint64_t head[4];
-  file.read_at(0, head, sizeof head);
-  Numbering n;
-  n.patches.resize(head[0]);
-  n.kept.resize(head[1]);
-  n.vertices = head[2];
-  n.faces = head[3];
-  file.read_at(sizeof head, n.patches.data(), n.patches.size() * sizeof(PatchPlace));
-  file.read_at(sizeof head + n.patches.size() * sizeof(PatchPlace), n.kept.data(), n.kept.size());
-  return n;
+  std::array<std::uint64_t, 2> totals{};
+  const PackedFile file(path, kNumberingKind, sizeof(Section), sizeof totals);
+  std::memcpy(totals.data(), file.info().data(), sizeof totals);
+  const auto sections = file.table<Section>();
+  return {file.load<PatchPlace>(sections.at(0)), file.load<std::uint8_t>(sections.at(1)), totals[0],
+          totals[1]};
 }
 
 std::unique_ptr<Stage> make_weld_stage(const JobState& state) {

@@ -16,14 +16,13 @@ struct VertexPlace {
 /// What welding knows of one patch.
 struct PatchPlace {
   std::uint64_t first_vertex = 0;  ///< output index of its first kept vertex
-  std::uint64_t first_face = 0;
   std::uint64_t first_component = 0;  ///< into Numbering::kept
-  std::uint64_t foreign_offset = 0;   ///< of its VertexPlace list in the weld file of its patch file
+  std::uint64_t foreign_offset = 0;   ///< of its VertexPlaces among those of its patch file, bytes
   std::uint32_t kept_vertices = 0;
   std::uint32_t kept_faces = 0;
 };
 
-/// The global summary that writing needs: 40 bytes a patch, one byte a patch component.
+/// The global summary that writing needs: 32 bytes a patch, one byte a patch component.
 struct Numbering {
   std::vector<PatchPlace> patches;
   std::vector<std::uint8_t> kept;  ///< per patch component
@@ -38,8 +37,13 @@ inline constexpr const char* kNumberingFile = "weld/numbering.bin";  ///< in the
 
 /// Patch files of the job, in order.
 PatchStore open_patches(const std::filesystem::path& work);
-/// Weld file of one patch file.
+/// Weld file of one patch file, and its section of all VertexPlaces.
 std::string weld_file_name(std::size_t file);
+struct WeldFile {
+  explicit WeldFile(const std::filesystem::path& path);
+  PackedFile file;
+  Section places, links, sizes;
+};
 
 /// Islands below this many faces go when --min-component is auto: a five-hundredth of all faces, within [50, 1000].
 std::uint64_t automatic_min_component(std::uint64_t faces);

@@ -8,7 +8,7 @@
 
 #include "kernels/mesh/mesh_block_ops.h"
 #include "octree/error.h"
-#include "stream/meshes/mesh_store.h"
+#include "stream/meshes/mesh_blocking.h"
 #include "tests/helpers/serial_job.h"
 
 namespace tessera {
@@ -106,7 +106,7 @@ TEST_CASE("mesh store: a star that the block cuts is not complete, a border is",
   for (std::size_t v = 0; v < one.key.size(); ++v) CHECK((complete[v] != 0) == (cut.count(one.key[v]) == 0));
 }
 
-TEST_CASE("mesh store: halos hold what is near and what is joined", "[unit]") {
+TEST_CASE("mesh store: halos hold what is near", "[unit]") {
   const test::TempFolder folder;
   const MeshBlock sheet = make_sheet();
   const MeshStore store(write_sheet(sheet, folder.path()));
@@ -128,27 +128,6 @@ TEST_CASE("mesh store: halos hold what is near and what is joined", "[unit]") {
       expected += overlap(b, box);
     }
     CHECK(near.block.faces.size() == expected);
-  }
-  for (const int rings : {1, 2, 9}) {
-    std::set<std::uint64_t> reached;
-    for (const std::uint64_t k : store.load(list).key) reached.insert(k);
-    std::size_t expected = 0;
-    for (int r = 0; r < rings; ++r) {
-      std::set<std::uint64_t> next = reached;
-      expected = 0;
-      for (const auto& f : sheet.faces) {
-        const bool touched =
-            std::any_of(f.begin(), f.end(), [&](std::uint32_t v) { return reached.count(sheet.key[v]); });
-        if (!touched) continue;
-        ++expected;
-        for (const std::uint32_t v : f) next.insert(sheet.key[v]);
-      }
-      reached = next;
-    }
-    const MeshHaloBlock block = store.load_rings(list, rings);
-    CHECK(block.block.faces.size() == expected);
-    CHECK(block.core.size() == expected);
-    CHECK(std::count(block.core.begin(), block.core.end(), 1) == core_faces);
   }
 }
 

@@ -2,7 +2,6 @@
 #include <fstream>
 
 #include "octree/error.h"
-#include "stream/files/direct_file.h"
 #include "stream/points/run_file.h"
 #include "tests/helpers/point_chain.h"
 #include "tests/helpers/random_points.h"
@@ -21,8 +20,8 @@ TEST_CASE("run file: points come back by bucket", "[unit]") {
   }
   const std::uint64_t size = writer.finish();
   CHECK(size == std::filesystem::file_size(path));
-  const auto extents = read_extents(path);
-  const ReadFile file(path);
+  const PackedFile file = open_run_file(path);
+  const auto extents = file.table<Extent>();
   std::vector<PointRecord> buffer;
   std::vector<int> seen(1050);
   for (const Extent& e : extents) {
@@ -43,31 +42,31 @@ TEST_CASE("run file: damage is found", "[fault]") {
   RunWriter writer(path, 0, 2, 100);
   for (int i = 0; i < 150; ++i) writer.add(PointRecord{}, static_cast<std::uint32_t>(i % 2));
   writer.finish();
-  const auto extents = read_extents(path);
+  const auto extents = open_run_file(path).table<Extent>();
   const auto size = std::filesystem::file_size(path);
   std::string bytes = file_bytes(path);
   const auto write = [&] { std::ofstream(path, std::ios::binary) << bytes; };
   SECTION("points") {
     bytes[64 + 24 * 10] ^= 1;
     write();
-    const ReadFile file(path);
+    const PackedFile file = open_run_file(path);
     std::vector<PointRecord> buffer;
     CHECK_THROWS_AS(stream_extent(file, extents[0], buffer, [](auto) {}), InputError);
   }
   SECTION("table") {
-    bytes[size - 40] ^= 1;
+    bytes[size - 80] ^= 1;
     write();
-    CHECK_THROWS_AS(read_extents(path), InputError);
+    CHECK_THROWS_AS(open_run_file(path).table<Extent>(), InputError);
   }
   SECTION("end") {
     bytes.resize(size - 3);
     write();
-    CHECK_THROWS_AS(read_extents(path), InputError);
+    CHECK_THROWS_AS(open_run_file(path).table<Extent>(), InputError);
   }
   SECTION("nearly nothing") {
     bytes.resize(20);
     write();
-    CHECK_THROWS_AS(read_extents(path), InputError);
+    CHECK_THROWS_AS(open_run_file(path).table<Extent>(), InputError);
   }
 }
 
