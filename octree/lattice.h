@@ -13,12 +13,9 @@
 #include <cstdint>
 
 #include "octree/morton.h"
+#include "octree/vector.h"
 
 namespace tessera {
-
-using Int3 = std::array<std::int32_t, 3>;
-using Double3 = std::array<double, 3>;
-using Float3 = std::array<float, 3>;
 
 inline constexpr int kBrickBits = 6;
 inline constexpr int kBrickCells = 1 << kBrickBits;

@@ -77,10 +77,6 @@ Double3 displacement(const Int3& from, const Int3& to, int bits) {
   return t;
 }
 
-double dot(const Double3& a, const Double3& b) {
-  return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-}
-
 /// s += w t t
 void add_square(std::array<double, 6>& s, double w, const Double3& t) {
   s[0] += w * t[0] * t[0];

@@ -1,53 +1,16 @@
 /// \file portable_math.h
-/// Small vectors, counter-based random numbers and elementary functions that give the same bits on every
+/// Counter-based random numbers and elementary functions that give the same bits on every
 /// machine: only + - * / sqrt floor and integer operations, never libm transcendentals.
 #pragma once
 #include <bit>
 #include <cmath>
 #include <cstdint>
 
-namespace tessera::synth {
+#include "octree/vector.h"
+
+namespace tessera {
 
 inline constexpr double kPi = 3.14159265358979323846;
-
-struct Vec3 {
-  double x = 0.0, y = 0.0, z = 0.0;
-};
-inline Vec3 operator+(const Vec3& a, const Vec3& b) {
-  return {a.x + b.x, a.y + b.y, a.z + b.z};
-}
-inline Vec3 operator-(const Vec3& a, const Vec3& b) {
-  return {a.x - b.x, a.y - b.y, a.z - b.z};
-}
-inline Vec3 operator-(const Vec3& a) {
-  return {-a.x, -a.y, -a.z};
-}
-inline Vec3 operator*(const Vec3& a, double s) {
-  return {a.x * s, a.y * s, a.z * s};
-}
-inline double dot(const Vec3& a, const Vec3& b) {
-  return a.x * b.x + a.y * b.y + a.z * b.z;
-}
-inline Vec3 cross(const Vec3& a, const Vec3& b) {
-  return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
-}
-inline double length(const Vec3& a) {
-  return std::sqrt(dot(a, a));
-}
-/// \pre a is not zero
-inline Vec3 normalized(const Vec3& a) {
-  return a * (1.0 / length(a));
-}
-/// Any unit vector at right angles to the unit vector `n`; continuous except where its smallest component
-/// changes.
-inline Vec3 any_orthogonal(const Vec3& n) {
-  const double ax = std::fabs(n.x), ay = std::fabs(n.y), az = std::fabs(n.z);
-  const Vec3 axis = ax <= ay && ax <= az ? Vec3{1, 0, 0} : ay <= az ? Vec3{0, 1, 0} : Vec3{0, 0, 1};
-  return normalized(cross(n, axis));
-}
-inline double clamp(double v, double lo, double hi) {
-  return v < lo ? lo : v > hi ? hi : v;
-}
 
 /// exp(-t), nearly: within 0.013 of it, zero from t = 16.
 inline float bell(float t) {
@@ -112,6 +75,10 @@ inline SinCos sin_cos(double angle) {
   }
 }
 
+inline double cosine_of_degrees(double degrees) {
+  return sin_cos(degrees * (kPi / 180.0)).cos;
+}
+
 /// Natural logarithm of a positive normal number; error below 1e-15 relative to max(1, |result|).
 inline double natural_log(double v) {
   std::uint64_t bits = std::bit_cast<std::uint64_t>(v);
@@ -131,8 +98,8 @@ inline double natural_log(double v) {
 
 /// Angle between two vectors in [0, pi], also accurate where they are nearly parallel; error below 1e-14.
 /// \pre both are unit vectors
-inline double angle_between(const Vec3& a, const Vec3& b) {
-  const double across = length(a - b), along = length(a + b);  // tan(angle / 2) = across / along
+inline double angle_between(const Double3& a, const Double3& b) {
+  const double across = norm(a - b), along = norm(a + b);  // tan(angle / 2) = across / along
   const bool steep = across > along;
   double t = steep ? along / across : across / along;
   if (!(t > 0.0)) return steep ? kPi : 0.0;
@@ -150,4 +117,4 @@ inline double gaussian(std::uint64_t a, std::uint64_t b) {
   return std::sqrt(-2.0 * natural_log(u)) * sin_cos(2.0 * kPi * to_unit(b)).cos;
 }
 
-}  // namespace tessera::synth
+}  // namespace tessera

@@ -5,6 +5,8 @@
 #include <cmath>
 
 #include "octree/leaf_queries.h"
+#include "octree/small_matrix.h"
+#include "octree/vector.h"
 
 namespace tessera {
 namespace {
@@ -120,7 +122,7 @@ class ListBuilder {
     const Float3 p = relative_to_leaf(m.centre, cell_, finest_);
     const auto edge = static_cast<float>(std::int64_t{1} << bits);
     const float e2 = edge * edge, e3 = e2 * edge, e4 = e2 * e2;
-    Part part{p[0], p[1], p[2], m.weight, {m.first[0] * e2, m.first[1] * e2, m.first[2] * e2}, {}, {}};
+    Part part{p[0], p[1], p[2], m.weight, m.first * e2, {}, {}};
     const float third = m.flux * (1.0f / 3.0f);
     part.turn = {m.second[0] + third, m.second[1] + third, third - (m.second[0] + m.second[1]),
                  m.second[2],         m.second[3],         m.second[4]};
@@ -131,7 +133,7 @@ class ListBuilder {
   void add(const Dipole& d, std::int32_t above) {
     const Float3 p = relative_to_leaf(d.q, cell_, finest_);
     const Float3& n = d.moment;
-    push({p[0], p[1], p[2], std::sqrt(n[0] * n[0] + n[1] * n[1] + n[2] * n[2]), n, {}, {}}, -1, above);
+    push({p[0], p[1], p[2], norm(n), n, {}, {}}, -1, above);
   }
 
   const MultipoleTree& far_;
@@ -196,39 +198,12 @@ void add_parts(std::span<const Part> parts, Pack factor, Pack qx, Pack qy, Pack 
 
 using Six = std::array<double, 6>;  // xx yy zz xy xz yz
 
-/// x = k^-1 x. Returns false if k is not positive definite.
-bool solve(std::array<Six, 6> k, Six& x) {
-  for (std::size_t i = 0; i < 6; ++i) {
-    for (std::size_t j = 0; j < i; ++j) {
-      double s = k[i][j];
-      for (std::size_t l = 0; l < j; ++l) s -= k[i][l] * k[j][l];
-      k[i][j] = s / k[j][j];
-    }
-    double d = k[i][i];
-    for (std::size_t l = 0; l < i; ++l) d -= k[i][l] * k[i][l];
-    if (!(d > 0.0)) return false;
-    k[i][i] = std::sqrt(d);
-  }
-  for (std::size_t i = 0; i < 6; ++i) {
-    for (std::size_t l = 0; l < i; ++l) x[i] -= k[i][l] * x[l];
-    x[i] /= k[i][i];
-  }
-  for (std::size_t i = 6; i-- > 0;) {
-    for (std::size_t l = i + 1; l < 6; ++l) x[i] -= k[l][i] * x[l];
-    x[i] /= k[i][i];
-  }
-  return true;
-}
-
 double contract(const Six& a, const Six& b) {
   return a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + 2.0 * (a[3] * b[3] + a[4] * b[4] + a[5] * b[5]);
 }
 Double3 times(const Six& a, const Double3& p) {
   return {a[0] * p[0] + a[3] * p[1] + a[4] * p[2], a[3] * p[0] + a[1] * p[1] + a[5] * p[2],
           a[4] * p[0] + a[5] * p[1] + a[2] * p[2]};
-}
-double dot(const Double3& a, const Double3& b) {
-  return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 }
 
 /// The quadric of one query from its sums about it.
@@ -253,28 +228,31 @@ QuadricValue fit(const std::array<double, kSums>& sum) {
   if (size > 1e-6 * (whole[0] + whole[1] + whole[2])) {
     const auto [xx, yy, zz, xy, xz, yz] = spread;
     const double ridge = kRidge * size, sphere = (turn[0] + turn[1] + turn[2]) / size;
-    const std::array<Six, 6> k = {Six{xx + ridge, 0, 0, xy, xz, 0},
-                                  Six{0, yy + ridge, 0, xy, 0, yz},
-                                  Six{0, 0, zz + ridge, 0, xz, yz},
-                                  Six{xy, xy, 0, xx + yy + 2 * ridge, yz, xz},
-                                  Six{xz, 0, xz, yz, xx + zz + 2 * ridge, xy},
-                                  Six{0, yz, yz, xz, xy, yy + zz + 2 * ridge}};
+    SmallMatrix<6> k;
+    k << xx + ridge, 0, 0, xy, xz, 0,            //
+        0, yy + ridge, 0, xy, 0, yz,             //
+        0, 0, zz + ridge, 0, xz, yz,             //
+        xy, xy, 0, xx + yy + 2 * ridge, yz, xz,  //
+        xz, 0, xz, yz, xx + zz + 2 * ridge, xy,  //
+        0, yz, yz, xz, xy, yy + zz + 2 * ridge;
+    SmallMatrix<6> factor = k;
+    if (!cholesky_factor(factor)) return {};
     bend = {turn[0] + ridge * sphere,
             turn[1] + ridge * sphere,
             turn[2] + ridge * sphere,
             2 * turn[3],
             2 * turn[4],
             2 * turn[5]};
-    if (!solve(k, bend)) return {};
+    cholesky_solve(factor, bend);
     // What is left of the normals' variance: that of A p - n.
     double steep = -ridge * (bend[0] * bend[0] + bend[1] * bend[1] + bend[2] * bend[2] +
                              2 * (bend[3] * bend[3] + bend[4] * bend[4] + bend[5] * bend[5]));
     for (std::size_t i = 0; i < 6; ++i)
-      for (std::size_t j = 0; j < 6; ++j) steep += bend[i] * k[i][j] * bend[j];
+      for (std::size_t j = 0; j < 6; ++j) steep += bend[i] * k.coeff(i, j) * bend[j];
     explained += 2.0 * contract(bend, turn) - steep;
   }
   const Double3 ap = times(bend, p);
-  const Double3 u = {n[0] - ap[0], n[1] - ap[1], n[2] - ap[2]};
+  const Double3 u = n - ap;
   const double value = -(dot(u, p) + 0.5 * contract(bend, whole));
   const double slope2 = dot(u, u);
   if (!(slope2 > 1e-12)) return {};

@@ -38,7 +38,7 @@ void multiply_hermitian(const MultigridLevel& level, std::span<const double> u, 
 }  // namespace
 
 HermitianMultigrid::HermitianMultigrid(const SparseMatrix& a, const SparseMatrix& skew,
-                                       std::span<const std::array<double, 3>> positions) {
+                                       std::span<const Double3> positions) {
   assert(a.rows == a.columns && skew.rows == a.rows && skew.columns == a.rows);
   if (!all_finite(a.value) || !all_finite(skew.value)) {
     report_.status = SolveStatus::kNotFinite;

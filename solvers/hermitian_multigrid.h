@@ -14,6 +14,7 @@
 #include <span>
 #include <vector>
 
+#include "octree/vector.h"
 #include "solvers/envelope_cholesky.h"
 #include "solvers/linear_solver.h"
 #include "solvers/multigrid_levels.h"
@@ -24,8 +25,7 @@ class HermitianMultigrid {
  public:
   /// \param positions  of the unknowns, read here alone. Both matrices live, unchanged, as long as the solver.
   /// \pre both n x n, A + iK positive definite
-  HermitianMultigrid(const SparseMatrix& a, const SparseMatrix& skew,
-                     std::span<const std::array<double, 3>> positions);
+  HermitianMultigrid(const SparseMatrix& a, const SparseMatrix& skew, std::span<const Double3> positions);
   /// kSolved, kNotFinite, kSingular or kTooLarge; solve() only after kSolved.
   const FactorReport& report() const { return report_; }
   /// Improves z from its current value until |b - (A + iK) z| <= tolerance |b|. Vectors are n x 2: real and

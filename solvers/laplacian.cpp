@@ -7,16 +7,16 @@
 #include <string>
 
 #include "octree/error.h"
+#include "octree/lists.h"
+#include "octree/vector.h"
 #include "solvers/intrinsic_delaunay.h"
 
 namespace tessera {
 namespace {
 
-using Corner = std::array<double, 3>;
-
 /// Cotangents at the three corners, squared lengths of the edges opposite to them and the area.
 struct FaceShape {
-  Corner cot{}, squared{};
+  Double3 cot{}, squared{};
   double area = 0.0;
   bool sound = false;
 };
@@ -24,30 +24,27 @@ struct FaceShape {
 FaceShape shape_of(const TriangleSpan& mesh, const std::array<std::uint32_t, 3>& face,
                    double degenerate_ratio) {
   FaceShape s;
-  std::array<Corner, 3> edge;  // edge k lies opposite corner k
+  std::array<Double3, 3> edge;  // edge k lies opposite corner k
   for (int k = 0; k < 3; ++k) {
-    const Corner& from = mesh.positions[face[(k + 1) % 3]];
-    const Corner& to = mesh.positions[face[(k + 2) % 3]];
-    for (int d = 0; d < 3; ++d) edge[k][d] = to[d] - from[d];
-    s.squared[k] = edge[k][0] * edge[k][0] + edge[k][1] * edge[k][1] + edge[k][2] * edge[k][2];
+    const Double3& from = mesh.positions[face[(k + 1) % 3]];
+    const Double3& to = mesh.positions[face[(k + 2) % 3]];
+    edge[k] = to - from;
+    s.squared[k] = dot(edge[k], edge[k]);
   }
-  const Corner normal = {edge[0][1] * edge[1][2] - edge[0][2] * edge[1][1],
-                         edge[0][2] * edge[1][0] - edge[0][0] * edge[1][2],
-                         edge[0][0] * edge[1][1] - edge[0][1] * edge[1][0]};
-  const double twice = std::sqrt(normal[0] * normal[0] + normal[1] * normal[1] + normal[2] * normal[2]);
+  const double twice = norm(cross(edge[0], edge[1]));
   const double longest = std::max({s.squared[0], s.squared[1], s.squared[2]});
   if (!(twice > degenerate_ratio * longest)) return s;
   s.sound = true;
   s.area = 0.5 * twice;
   for (int k = 0; k < 3; ++k) {
-    const Corner &u = edge[(k + 1) % 3], &v = edge[(k + 2) % 3];
-    s.cot[k] = -(u[0] * v[0] + u[1] * v[1] + u[2] * v[2]) / twice;
+    const Double3 &u = edge[(k + 1) % 3], &v = edge[(k + 2) % 3];
+    s.cot[k] = -(dot(u, v)) / twice;
   }
   return s;
 }
 
 /// The same from edge lengths; edge k lies opposite corner k.
-FaceShape shape_of(const Corner& length) {
+FaceShape shape_of(const Double3& length) {
   FaceShape s;
   const double twice = 2.0 * triangle_area(length);
   for (int k = 0; k < 3; ++k) s.squared[k] = length[k] * length[k];
@@ -61,14 +58,14 @@ FaceShape shape_of(const Corner& length) {
 
 /// Share of each corner in the area: Voronoi where no angle is obtuse, else 1/2 at the obtuse corner, 1/4
 /// beside it.
-Corner mixed_areas(const FaceShape& s) {
+Double3 mixed_areas(const FaceShape& s) {
   for (int k = 0; k < 3; ++k)
     if (s.cot[k] < 0.0) {
-      Corner share = {0.25 * s.area, 0.25 * s.area, 0.25 * s.area};
+      Double3 share = {0.25 * s.area, 0.25 * s.area, 0.25 * s.area};
       share[k] = 0.5 * s.area;
       return share;
     }
-  Corner share{};
+  Double3 share{};
   for (int k = 0; k < 3; ++k) {
     const int a = (k + 1) % 3, b = (k + 2) % 3;
     share[k] = 0.125 * (s.squared[a] * s.cot[a] + s.squared[b] * s.cot[b]);
@@ -101,17 +98,11 @@ struct Entry {
 /// vertex in ascending order: both entries of an edge are then the same sum, and the matrix is symmetric to
 /// the bit.
 SparseMatrix assemble(std::size_t n, std::span<const std::array<std::uint32_t, 3>> faces,
-                      std::span<const Corner> weight, LaplacianWeights kind, LaplacianReport& report) {
-  std::vector<std::int32_t> first(n + 1, 0);
-  for (const auto& face : faces)
-    for (const std::uint32_t v : face) ++first[v + 1];
-  for (std::size_t v = 0; v < n; ++v) first[v + 1] += first[v];
-  std::vector<std::int32_t> corner(faces.size() * 3);
-  {
-    std::vector<std::int32_t> next(first.begin(), first.end() - 1);
+                      std::span<const Double3> weight, LaplacianWeights kind, LaplacianReport& report) {
+  const auto corners = make_lists<std::int32_t, std::int32_t>(n, [&](const auto& put) {
     for (std::size_t f = 0; f < faces.size(); ++f)
-      for (int k = 0; k < 3; ++k) corner[next[faces[f][k]]++] = static_cast<std::int32_t>(3 * f) + k;
-  }
+      for (int k = 0; k < 3; ++k) put(faces[f][k], static_cast<std::int32_t>(3 * f) + k);
+  });
   SparseMatrix m;
   m.rows = m.columns = static_cast<std::int32_t>(n);
   m.start.assign(n + 1, 0);
@@ -121,9 +112,9 @@ SparseMatrix assemble(std::size_t n, std::span<const std::array<std::uint32_t, 3
   for (std::size_t i = 0; i < n; ++i) {
     const auto self = static_cast<std::int32_t>(i);
     row.clear();
-    for (std::int32_t c = first[i]; c < first[i + 1]; ++c) {
-      const std::int32_t f = corner[c] / 3;
-      const int k = corner[c] % 3;
+    for (const std::int32_t c : corners[i]) {
+      const std::int32_t f = c / 3;
+      const int k = c % 3;
       for (const int side : {1, 2}) {
         const auto j = static_cast<std::int32_t>(faces[f][(k + side) % 3]);
         const double w = kind == LaplacianWeights::kUniform ? 1.0 : 0.5 * weight[f][(k + 3 - side) % 3];
@@ -191,13 +182,13 @@ Laplacian laplacian(const TriangleSpan& mesh, const LaplacianOptions& options) {
     fill_massless(out);
     return out;
   }
-  std::vector<Corner> cot(mesh.faces.size());
+  std::vector<Double3> cot(mesh.faces.size());
   std::size_t sound = 0;
   const auto take = [&](std::size_t f, const std::array<std::uint32_t, 3>& face, const FaceShape& s) {
     cot[f] = s.cot;
     if (!s.sound) return;
     ++sound;
-    const Corner share = mixed_areas(s);
+    const Double3 share = mixed_areas(s);
     for (int k = 0; k < 3; ++k) out.mass[face[k]] += share[k];
   };
   for (std::size_t f = 0; f < mesh.faces.size(); ++f) {
@@ -222,15 +213,6 @@ Laplacian laplacian(const TriangleSpan& mesh, const LaplacianOptions& options) {
     out.stiffness = assemble(n, mesh.faces, cot, options.weights, out.report);
   }
   fill_massless(out);
-  return out;
-}
-
-std::vector<double> apply_laplacian(const Laplacian& operators, std::span<const double> f, int width) {
-  std::vector<double> out(f.size());
-  multiply(operators.stiffness, f, out, width);
-  const auto w = static_cast<std::size_t>(width);
-  for (std::size_t i = 0; i < operators.mass.size(); ++i)
-    for (std::size_t c = 0; c < w; ++c) out[i * w + c] /= operators.mass[i];
   return out;
 }
 

@@ -4,10 +4,10 @@
 #include <cmath>
 #include <limits>
 
+#include "octree/small_matrix.h"
+
 namespace tessera {
 namespace {
-
-using Point = std::array<double, 3>;
 
 constexpr double kReach = 2.0;  // of a seed's weight, in mean distances to its neighbours
 constexpr double kFlat = 1e-3;  // share of the trace added to the moment matrix: the surface may be flat
@@ -15,13 +15,6 @@ constexpr double kSmallWeight = 1e-4;  // not stored
 constexpr double kLargestSum = 3.0;    // of |weights|; more would amplify errors
 constexpr double kLargestMiss = 0.25;  // of the own position, in reaches
 constexpr std::size_t kFewestSeeds = 4;
-
-Point minus(const Point& a, const Point& b) {
-  return {a[0] - b[0], a[1] - b[1], a[2] - b[2]};
-}
-double dot(const Point& a, const Point& b) {
-  return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-}
 
 bool adjacent(const NodeGraph& g, std::int32_t a, std::int32_t b) {
   return std::binary_search(g.to.begin() + g.start[a], g.to.begin() + g.start[a + 1], b);
@@ -32,18 +25,18 @@ struct InTriangle {
   double a = 0.0, b = 0.0, distance = 0.0;
 };
 
-InTriangle closest_in_triangle(const Point& u, const Point& v, const Point& d) {
+InTriangle closest_in_triangle(const Double3& u, const Double3& v, const Double3& d) {
   const double uu = dot(u, u), uv = dot(u, v), vv = dot(v, v), du = dot(d, u), dv = dot(d, v);
   const double det = uu * vv - uv * uv;
   const auto distance = [&](double a, double b) {
-    const Point e = {d[0] - a * u[0] - b * v[0], d[1] - a * u[1] - b * v[1], d[2] - a * u[2] - b * v[2]};
+    const Double3 e = d - u * a - v * b;
     return dot(e, e);
   };
   if (det > 1e-10 * uu * vv) {
     const double a = (du * vv - dv * uv) / det, b = (dv * uu - du * uv) / det;
     if (a >= 0.0 && b >= 0.0 && a + b <= 1.0) return {a, b, distance(a, b)};
   }
-  const auto unit = [](double t) { return t < 0.0 ? 0.0 : t > 1.0 ? 1.0 : t; };
+  const auto unit = [](double t) { return std::clamp(t, 0.0, 1.0); };
   InTriangle best{0.0, 0.0, std::numeric_limits<double>::infinity()};
   const auto offer = [&](double a, double b) {
     const double s = distance(a, b);
@@ -65,24 +58,24 @@ struct Row {
 };
 
 /// Entries sorted by cluster.
-void linear_row(const Clusters& c, const NodeGraph& touching, std::span<const Point> fine,
-                std::span<const Point> coarse, std::int32_t i, Row& row) {
+void linear_row(const Clusters& c, const NodeGraph& touching, std::span<const Double3> fine,
+                std::span<const Double3> coarse, std::int32_t i, Row& row) {
   const std::int32_t own = c.of[i];
   std::array<std::int32_t, 3> corner = {own, own, own};
   std::array<double, 3> weight = {1.0, 0.0, 0.0};
   if (c.seed[own] != i) {
-    const Point d = minus(fine[i], coarse[own]);
+    const Double3 d = fine[i] - coarse[own];
     // Of triangles that are as close, the smallest.
     const double slack = 1e-3 * dot(d, d);
     double best = dot(d, d), best_size = 0.0;
     bool found = false;
     for (std::int32_t e = touching.start[own]; e < touching.start[own + 1]; ++e) {
       const std::int32_t a = touching.to[e];
-      const Point u = minus(coarse[a], coarse[own]);
+      const Double3 u = coarse[a] - coarse[own];
       for (std::int32_t f = e + 1; f < touching.start[own + 1]; ++f) {
         const std::int32_t b = touching.to[f];
         if (!adjacent(touching, a, b)) continue;
-        const Point v = minus(coarse[b], coarse[own]);
+        const Double3 v = coarse[b] - coarse[own];
         const InTriangle t = closest_in_triangle(u, v, d);
         const double size = dot(u, u) + dot(v, v);
         if (t.distance < best - slack || (found && t.distance < best + slack && size < best_size)) {
@@ -106,30 +99,15 @@ void linear_row(const Clusters& c, const NodeGraph& touching, std::span<const Po
     }
 }
 
-/// y with m y = b, by elimination. \pre m symmetric, positive definite
-Point solved(std::array<Point, 3> m, Point b) {
-  for (int r = 0; r < 3; ++r)
-    for (int q = r + 1; q < 3; ++q) {
-      const double f = m[q][r] / m[r][r];
-      for (int t = r; t < 3; ++t) m[q][t] -= f * m[r][t];
-      b[q] -= f * b[r];
-    }
-  for (int r = 2; r >= 0; --r) {
-    for (int q = r + 1; q < 3; ++q) b[r] -= m[r][q] * b[q];
-    b[r] /= m[r][r];
-  }
-  return b;
-}
-
 /// Weights at x of the linear function that fits values at the seeds `row.cluster` best; replaces row.weight.
 /// \return whether the row passes its checks
-bool smooth_row(std::span<const Point> coarse, std::span<const double> reach, const Point& x, Row& row) {
+bool smooth_row(std::span<const Double3> coarse, std::span<const double> reach, const Double3& x, Row& row) {
   row.weight.clear();
   double total = 0.0;
-  Point mean{};
+  Double3 mean{};
   std::size_t kept = 0;
   for (const std::int32_t j : row.cluster) {
-    const Point d = minus(coarse[j], x);
+    const Double3 d = coarse[j] - x;
     const double q = 1.0 - dot(d, d) / (reach[j] * reach[j]);
     if (!(q > 0.0)) continue;
     const double w = q * q * q;
@@ -141,24 +119,25 @@ bool smooth_row(std::span<const Point> coarse, std::span<const double> reach, co
   row.cluster.resize(kept);
   if (kept < kFewestSeeds) return false;
   for (double& m : mean) m /= total;
-  std::array<Point, 3> moments{};
+  Matrix3 moments = Matrix3::Zero();
   double largest_reach = 0.0;
   for (std::size_t k = 0; k < kept; ++k) {
-    const Point d = minus(minus(coarse[row.cluster[k]], x), mean);
+    const Double3 d = coarse[row.cluster[k]] - x - mean;
     largest_reach = std::max(largest_reach, reach[row.cluster[k]]);
     for (int r = 0; r < 3; ++r)
-      for (int q = 0; q < 3; ++q) moments[r][q] += row.weight[k] * d[r] * d[q];
+      for (int q = 0; q < 3; ++q) moments.coeffRef(r, q) += row.weight[k] * d[r] * d[q];
   }
-  const double trace = moments[0][0] + moments[1][1] + moments[2][2];
+  const double trace = moments.coeff(0, 0) + moments.coeff(1, 1) + moments.coeff(2, 2);
   if (!(trace > 0.0)) return false;
-  for (int r = 0; r < 3; ++r) moments[r][r] += kFlat * trace;
-  const Point y = solved(moments, {-mean[0], -mean[1], -mean[2]});
+  for (int r = 0; r < 3; ++r) moments.coeffRef(r, r) += kFlat * trace;
+  Double3 y = -mean;
+  eliminate(moments, y);
   double absolute = 0.0;
-  Point miss{};
+  Double3 miss{};
   kept = 0;
   for (std::size_t k = 0; k < row.cluster.size(); ++k) {
-    const Point d = minus(coarse[row.cluster[k]], x);
-    const double w = row.weight[k] * (1.0 / total + dot(y, minus(d, mean)));
+    const Double3 d = coarse[row.cluster[k]] - x;
+    const double w = row.weight[k] * (1.0 / total + dot(y, d - mean));
     absolute += std::fabs(w);
     for (int t = 0; t < 3; ++t) miss[t] += w * d[t];
     if (std::fabs(w) < kSmallWeight) continue;
@@ -196,7 +175,7 @@ SparseMatrix constant_interpolation(const Clusters& clusters) {
 }
 
 SparseMatrix linear_interpolation(const Clusters& clusters, const NodeGraph& touching,
-                                  std::span<const Point> fine, std::span<const Point> coarse) {
+                                  std::span<const Double3> fine, std::span<const Double3> coarse) {
   SparseMatrix p = empty_rows(clusters, 3);
   Row row;
   for (std::int32_t i = 0; i < p.rows; ++i) {
@@ -207,13 +186,13 @@ SparseMatrix linear_interpolation(const Clusters& clusters, const NodeGraph& tou
 }
 
 SparseMatrix smooth_interpolation(const Clusters& clusters, const NodeGraph& touching,
-                                  std::span<const Point> fine, std::span<const Point> coarse,
+                                  std::span<const Double3> fine, std::span<const Double3> coarse,
                                   std::size_t& checked_out) {
   std::vector<double> reach(coarse.size(), 0.0);
   for (std::size_t k = 0; k < coarse.size(); ++k) {
     for (std::int32_t e = touching.start[k]; e < touching.start[k + 1]; ++e) {
-      const Point d = minus(coarse[touching.to[e]], coarse[k]);
-      reach[k] += std::sqrt(dot(d, d));
+      const Double3 d = coarse[touching.to[e]] - coarse[k];
+      reach[k] += norm(d);
     }
     if (touching.start[k + 1] > touching.start[k])
       reach[k] *= kReach / (touching.start[k + 1] - touching.start[k]);

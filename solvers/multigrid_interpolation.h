@@ -7,6 +7,7 @@
 #include <span>
 #include <vector>
 
+#include "octree/vector.h"
 #include "solvers/sparse_matrix.h"
 
 namespace tessera {
@@ -27,20 +28,20 @@ SparseMatrix constant_interpolation(const Clusters& clusters);
 
 /// Barycentric weights of the closest point in a triangle of mutually touching seeds, one of them the own
 /// one; exact for linear functions on a flat mesh, about 2.7 entries a row. Source: Wiersma, Nasikun,
-/// Eisemann, Hildebrandt 2023. \param touching  graph of the clusters \param fine  position of each unknown
+/// Eisemann, Hildebrandt 2023.
+/// \param touching  graph of the clusters
+/// \param fine  position of each unknown
 /// \param coarse  of each seed
 SparseMatrix linear_interpolation(const Clusters& clusters, const NodeGraph& touching,
-                                  std::span<const std::array<double, 3>> fine,
-                                  std::span<const std::array<double, 3>> coarse);
+                                  std::span<const Double3> fine, std::span<const Double3> coarse);
 
 /// Moving least squares with linear functions over the seeds within two steps (Lancaster and Salkauskas
 /// 1981): the shape functions have continuous derivatives, as the energy of a plate wants them. Hats have
 /// kinks, whose bending energy grows by the coarsening ratio with every level. About 13 entries a row.
-/// \param[out] checked_out  rows that were checked and taken from linear_interpolation instead: too few
-/// seeds, or
-///             they miss the unknown's own position, or weights that would amplify errors
+/// \param[out] checked_out  rows that were checked and taken from linear_interpolation instead: too few seeds, or they
+///             miss the unknown's own position, or weights that would amplify errors
 SparseMatrix smooth_interpolation(const Clusters& clusters, const NodeGraph& touching,
-                                  std::span<const std::array<double, 3>> fine,
-                                  std::span<const std::array<double, 3>> coarse, std::size_t& checked_out);
+                                  std::span<const Double3> fine, std::span<const Double3> coarse,
+                                  std::size_t& checked_out);
 
 }  // namespace tessera

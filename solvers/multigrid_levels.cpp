@@ -6,12 +6,11 @@
 #include <span>
 #include <utility>
 
+#include "octree/lists.h"
 #include "solvers/multigrid_interpolation.h"
 
 namespace tessera {
 namespace {
-
-using Point = std::array<double, 3>;
 
 constexpr double kShort = 2.5;        // an edge up to so many times the shortest at an end couples clusters
 constexpr double kLeastShrink = 0.8;  // a level that keeps more than this share of its unknowns is the last
@@ -24,7 +23,7 @@ struct GraphView {
 /// Tells which edges are not much longer than the shortest at one of their ends. Without positions all are.
 class ShortEdges {
  public:
-  ShortEdges(const GraphView& g, std::span<const Point> positions) : positions_(positions) {
+  ShortEdges(const GraphView& g, std::span<const Double3> positions) : positions_(positions) {
     if (positions.empty()) return;
     shortest_.assign(positions.size(), std::numeric_limits<double>::infinity());
     for (std::size_t i = 0; i < shortest_.size(); ++i)
@@ -38,14 +37,9 @@ class ShortEdges {
 
  private:
   double squared(std::size_t i, std::int32_t j) const {
-    double s = 0.0;
-    for (int d = 0; d < 3; ++d) {
-      const double t = positions_[i][d] - positions_[j][d];
-      s += t * t;
-    }
-    return s;
+    return squared_distance(positions_[i], positions_[j]);
   }
-  std::span<const Point> positions_;
+  std::span<const Double3> positions_;
   std::vector<double> shortest_;
 };
 
@@ -77,13 +71,9 @@ Clusters cluster(const GraphView& g, const ShortEdges& is_short) {
 /// Which clusters touch.
 NodeGraph cluster_graph(const GraphView& g, const Clusters& c) {
   const std::size_t m = c.seed.size();
-  std::vector<std::int32_t> first(m + 1, 0), member(c.of.size());
-  for (const std::int32_t id : c.of) ++first[id + 1];
-  for (std::size_t k = 0; k < m; ++k) first[k + 1] += first[k];
-  {
-    std::vector<std::int32_t> next(first.begin(), first.end() - 1);
-    for (std::size_t i = 0; i < c.of.size(); ++i) member[next[c.of[i]]++] = static_cast<std::int32_t>(i);
-  }
+  const auto members = make_lists<std::int32_t, std::int32_t>(m, [&](const auto& put) {
+    for (std::size_t i = 0; i < c.of.size(); ++i) put(c.of[i], static_cast<std::int32_t>(i));
+  });
   NodeGraph out;
   out.start.assign(m + 1, 0);
   std::vector<std::int32_t> seen(m, -1);
@@ -91,8 +81,8 @@ NodeGraph cluster_graph(const GraphView& g, const Clusters& c) {
     const auto self = static_cast<std::int32_t>(k);
     const auto begin = static_cast<std::ptrdiff_t>(out.to.size());
     seen[k] = self;
-    for (std::int32_t q = first[k]; q < first[k + 1]; ++q)
-      for (std::int32_t e = g.start[member[q]]; e < g.start[member[q] + 1]; ++e)
+    for (const std::int32_t i : members[k])
+      for (std::int32_t e = g.start[i]; e < g.start[i + 1]; ++e)
         if (const std::int32_t other = c.of[g.to[e]]; seen[other] != self) {
           seen[other] = self;
           out.to.push_back(other);
@@ -192,8 +182,8 @@ MultigridLevels multigrid_levels(const SparseMatrix& a, const MultigridLevelsOpt
   out.levels[0].matrix = &a;
   out.levels[0].skew = options.skew;
   out.levels[0].inverse_diagonal = inverse_diagonal_of(a);
-  std::span<const Point> positions = options.positions;
-  std::vector<Point> held;  // positions below the finest level
+  std::span<const Double3> positions = options.positions;
+  std::vector<Double3> held;  // positions below the finest level
   const SparseMatrix& mesh = options.neighbours != nullptr ? *options.neighbours : a;
   GraphView graph{mesh.start, mesh.column};
   NodeGraph coarser;
@@ -201,7 +191,7 @@ MultigridLevels multigrid_levels(const SparseMatrix& a, const MultigridLevelsOpt
     const Clusters clusters = cluster(graph, ShortEdges(graph, positions));
     if (static_cast<double>(clusters.seed.size()) > kLeastShrink * static_cast<double>(clusters.of.size()))
       break;
-    std::vector<Point> coarse;
+    std::vector<Double3> coarse;
     if (!positions.empty()) {
       coarse.reserve(clusters.seed.size());
       for (const std::int32_t s : clusters.seed) coarse.push_back(positions[s]);

@@ -14,6 +14,7 @@
 #include <span>
 #include <vector>
 
+#include "octree/vector.h"
 #include "solvers/sparse_matrix.h"
 
 namespace tessera {
@@ -38,8 +39,8 @@ struct MultigridLevelsOptions {
   /// Order 1: interpolation to a level that has at most this share of the finer one's unknowns is smooth, as for
   /// order 2; to the finest it is linear.
   double smooth_share = 0.0;
-  std::int32_t coarsest = 1000;                        ///< stop at so few unknowns
-  std::span<const std::array<double, 3>> positions{};  ///< n, or empty: constant interpolation
+  std::int32_t coarsest = 1000;          ///< stop at so few unknowns
+  std::span<const Double3> positions{};  ///< n, or empty: constant interpolation
   const SparseMatrix* skew = nullptr;  ///< antisymmetric: the levels are of a + i skew, with the weights of a
   const SparseMatrix* neighbours = nullptr;  ///< mesh edges by its pattern; null: the pattern of the matrix
 };

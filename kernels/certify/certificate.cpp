@@ -11,7 +11,8 @@
 #include <cmath>
 #include <limits>
 
-#include "octree/vector3.h"
+#include "octree/rounding.h"
+#include "octree/vector.h"
 
 namespace tessera {
 namespace {
@@ -110,11 +111,6 @@ double measure(const Piece& piece) {
     for (std::size_t k = 0; k < 3; ++k) sum[k] += c[k];
   }
   return 0.5 * norm(sum);
-}
-
-float rounded_up(double value) {
-  const auto f = static_cast<float>(value);
-  return static_cast<double>(f) < value ? std::nextafterf(f, std::numeric_limits<float>::infinity()) : f;
 }
 
 class Certifier {

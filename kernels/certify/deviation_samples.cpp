@@ -5,7 +5,7 @@
 #include <limits>
 #include <vector>
 
-#include "octree/vector3.h"
+#include "octree/vector.h"
 
 namespace tessera {
 namespace {

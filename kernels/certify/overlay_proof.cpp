@@ -7,7 +7,8 @@
 #include <unordered_map>
 
 #include "kernels/certify/overlay_outline.h"
-#include "octree/vector3.h"
+#include "octree/rounding.h"
+#include "octree/vector.h"
 
 namespace tessera {
 namespace {
@@ -328,7 +329,7 @@ class Overlay {
     double height = 0.0;
     if (!cover(t, seed, height)) return;
     if (!(height <= limit_)) return;
-    out_.coarse.bound[t] = bound_above(height + rounding_);
+    out_.coarse.bound[t] = rounded_up(height + rounding_);
     count_coarse(height);
   }
 
@@ -384,7 +385,7 @@ class Overlay {
     double own = 0.0;
     if (outside == 0) {
       own = std::max({std::abs(p[0]->z), std::abs(p[1]->z), std::abs(p[2]->z)});
-      state.bound = std::min(state.bound, bound_above(own));
+      state.bound = std::min(state.bound, rounded_up(own));
     } else if (!height_across(p, outside, own)) {
       return;
     } else {
@@ -420,7 +421,7 @@ class Overlay {
   void note_edge(std::uint32_t t, std::uint32_t f, const Point* const* p, unsigned outside, double height) {
     if (beyond_cuts_alone(outside) &&
         std::max({std::abs(p[0]->z), std::abs(p[1]->z), std::abs(p[2]->z)}) < margin_ * (1.0 - 0x1p-20)) {
-      state_[f].bound = std::min(state_[f].bound, bound_above(height));
+      state_[f].bound = std::min(state_[f].bound, rounded_up(height));
       return;
     }
     if ((outside & (outside - 1)) != 0) return;
@@ -432,7 +433,7 @@ class Overlay {
     const std::uint32_t here = 4 * t + tag;
     if (state.over == kNone) {
       state.over = here;
-      state.height = bound_above(height);
+      state.height = rounded_up(height);
       state.corners = corners;
     } else if (across_coarse_[t][tag] == state.over) {
       for (unsigned i = 0; i < 3; ++i) {
@@ -441,7 +442,7 @@ class Overlay {
             beyond(std::countr_zero(outside), p[i]->at);  // over neither: as far as from the edge
         height = std::max(height, std::sqrt(off * off + p[i]->z * p[i]->z));
       }
-      state.bound = std::min(state.bound, std::max(state.height, bound_above(height)));
+      state.bound = std::min(state.bound, std::max(state.height, rounded_up(height)));
     }
   }
 
@@ -498,7 +499,7 @@ class Overlay {
     const State& state = state_[f];
     if (!(static_cast<double>(state.bound) <= limit_)) return;
     const double area = inside ? 0.5 * norm(cross(p[1] - p[0], p[2] - p[0])) : area_in_core(p);
-    out_.fine.bound[f] = bound_above(static_cast<double>(state.bound) + rounding_);
+    out_.fine.bound[f] = rounded_up(static_cast<double>(state.bound) + rounding_);
     ++out_.fine.report.faces;
     count_piece(out_.fine.report, options_, area, static_cast<double>(std::min(state.centre, state.bound)));
   }
@@ -532,11 +533,6 @@ class Overlay {
 };
 
 }  // namespace
-
-float bound_above(double value) {
-  const auto f = static_cast<float>(value);
-  return static_cast<double>(f) < value ? std::nextafterf(f, std::numeric_limits<float>::infinity()) : f;
-}
 
 void count_piece(DeviationReport& report, const CertificateOptions& options, double area, double distance) {
   report.area += area;

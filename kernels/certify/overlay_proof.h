@@ -52,8 +52,6 @@ struct OverlayProof {
 OverlayProof prove_by_overlay(const SurfaceFaces& coarse, const SurfaceFaces& fine, const Box3* core,
                               double margin, const Double3& origin, const CertificateOptions& options);
 
-/// Rounds towards plus infinity.
-float bound_above(double value);
 /// Adds a piece to area, RMS and histogram.
 void count_piece(DeviationReport& report, const CertificateOptions& options, double area, double distance);
 

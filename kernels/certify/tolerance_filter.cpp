@@ -4,6 +4,8 @@
 #include <cassert>
 #include <cmath>
 
+#include "octree/vector.h"
+
 namespace tessera {
 
 ToleranceFilterReport filter_by_volume(const ToleranceVolume& volume, TexturePrecision precision,
@@ -113,7 +115,7 @@ bool PermissionGrid::permits(const Double3& a, const Double3& b, const Double3& 
   }
   Double3 u, v;
   for (std::size_t k = 0; k < 3; ++k) u[k] = b[k] - a[k], v[k] = c[k] - a[k];
-  const Double3 n = {u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]};
+  const Double3 n = cross(u, v);
   const double radius = 0.5 * spacing_ * (std::abs(n[0]) + std::abs(n[1]) + std::abs(n[2])) * (1.0 + 0x1p-40);
   for (int k = first[2]; k <= last[2]; ++k)
     for (int j = first[1]; j <= last[1]; ++j)

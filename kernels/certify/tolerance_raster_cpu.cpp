@@ -7,6 +7,7 @@
 #include <cstring>
 
 #include "kernels/certify/tolerance_raster.h"
+#include "octree/rounding.h"
 
 namespace tessera {
 namespace {

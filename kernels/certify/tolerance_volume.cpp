@@ -1,23 +1,44 @@
+// Field. Nodes within `band` of the reference get their exact distance d, the others a fast marching
+// continuation (Sethian 1996, first order), at least the band. Unsigned, so open surfaces need no case of
+// their own.
+//
+// Interpolation, h the spacing. d is 1-Lipschitz, so |I(p) - d(p)| <= h sqrt(sum t (1 - t)) <= sqrt(3)/2 h,
+// the thesis's term. But the distance to ONE triangle F is convex, and interpolating a convex function
+// overestimates it (Jensen): with c = min over F of max over the 8 corners of dist(corner, F) - d(corner),
+// I(p) + c >= d(p) in that cell. Every node stores d plus the largest c of its cells (`lift`, never above
+// the worst case), so I(p) >= d(p) everywhere. The lift is nothing where one triangle serves the whole cell,
+// so it pays where triangles are larger than cells.
+//
+// Outside. With y the closest point to p, the nodes' distances are at most |node - y|, their weighted squares sum to
+// d(p)^2 + h^2 sum t (1 - t) because trilinear weights reproduce linear functions, and roots are concave: so the
+// interpolation of exact distances is at most sqrt(d(p)^2 + 3/4 h^2).
+//
+// Samples. A triangle is sampled at the points with barycentric coordinates ((i + o) / n, (j + o) / n), i +
+// j < n, o = 85/256: the centroids of the upright triangles of its n-fold subdivision but for 1/768, so that
+// hardware which snaps vertices to 1/256 of a pixel takes the very same points. Any point is within delta =
+// 0.68 m / n of a sample, m the longest median: 2/3 m / n for true centroids (the reflected triangles by
+// their three neighbours), and 0.0131 m / n for the shift.
+//
+// Texture. Stored values are rounded up to the precision: by at most cap/255 (8 bit), 2^-10 of the value (16
+// bit float), nothing (32 bit). Filtering hardware rounds weights to 1/256: at most 3 h / 256
+// (`weight_error`; our own rasterizer: 2^-16 of the nodes per axis times h, from the rounding of float
+// coordinates).
 #include "kernels/certify/tolerance_volume.h"
 
 #include <algorithm>
-#include <bit>
 #include <cassert>
 #include <cmath>
 #include <limits>
 #include <queue>
 #include <utility>
 
+#include "octree/rounding.h"
+
 namespace tessera {
 namespace {
 
 constexpr std::uint32_t kNone = ClosestFaces::kNone;
 constexpr double kHalfDiagonal = 0.86602540378443871;  // sqrt(3) / 2, rounded up
-
-float rounded_up(double value) {
-  const auto f = static_cast<float>(value);
-  return static_cast<double>(f) < value ? std::nextafterf(f, std::numeric_limits<float>::infinity()) : f;
-}
 
 }  // namespace
 
@@ -35,19 +56,6 @@ double longest_median(const Double3& a, const Double3& b, const Double3& c) {
 
 int samples_per_side(double longest_median, double delta) {
   return static_cast<int>(std::clamp(std::ceil(0.68 * longest_median / delta), 1.0, 4096.0));
-}
-
-std::uint16_t half_rounded_up(float value) {
-  if (!(value > 0.0f)) return 0;
-  // Scaled by 2^-112 the exponent fields agree; normal and denormal halfs alike.
-  const auto bits = std::bit_cast<std::uint32_t>(value * 0x1p-112f);
-  std::uint32_t half = bits >> 13;
-  while (half < 0x7bffu && half_value(static_cast<std::uint16_t>(half)) < value) ++half;
-  return static_cast<std::uint16_t>(std::min(half, 0x7bffu));
-}
-
-float half_value(std::uint16_t bits) {
-  return std::bit_cast<float>(std::uint32_t{bits} << 13) * 0x1p112f;
 }
 
 ToleranceVolume::ToleranceVolume(const Box3& box, const ClosestFaces& reference,

@@ -2,32 +2,7 @@
 /// The distance field of a reference on a regular grid, kept so that trilinear interpolation never says less
 /// than the true distance: a fast filter in front of the exact certificate. After Botsch, Bommes, Vogel,
 /// Kobbelt, "GPU-based tolerance volumes for mesh processing", 2004, with a bound of our own per cell.
-///
-/// Field. Nodes within `band` of the reference get their exact distance d, the others a fast marching
-/// continuation (Sethian 1996, first order), at least the band. Unsigned, so open surfaces need no case of
-/// their own.
-///
-/// Interpolation, h the spacing. d is 1-Lipschitz, so |I(p) - d(p)| <= h sqrt(sum t (1 - t)) <= sqrt(3)/2 h,
-/// the thesis's term. But the distance to ONE triangle F is convex, and interpolating a convex function
-/// overestimates it (Jensen): with c = min over F of max over the 8 corners of dist(corner, F) - d(corner),
-/// I(p) + c >= d(p) in that cell. Every node stores d plus the largest c of its cells (`lift`, never above
-/// the worst case), so I(p) >= d(p) everywhere. The lift is nothing where one triangle serves the whole cell,
-/// so it pays where triangles are larger than cells.
-///
-/// Outside. With y the closest point to p, the nodes' distances are at most |node - y|, their weighted squares sum to
-/// d(p)^2 + h^2 sum t (1 - t) because trilinear weights reproduce linear functions, and roots are concave: so the
-/// interpolation of exact distances is at most sqrt(d(p)^2 + 3/4 h^2).
-///
-/// Samples. A triangle is sampled at the points with barycentric coordinates ((i + o) / n, (j + o) / n), i +
-/// j < n, o = 85/256: the centroids of the upright triangles of its n-fold subdivision but for 1/768, so that
-/// hardware which snaps vertices to 1/256 of a pixel takes the very same points. Any point is within delta =
-/// 0.68 m / n of a sample, m the longest median: 2/3 m / n for true centroids (the reflected triangles by
-/// their three neighbours), and 0.0131 m / n for the shift.
-///
-/// Texture. Stored values are rounded up to the precision: by at most cap/255 (8 bit), 2^-10 of the value (16
-/// bit float), nothing (32 bit). Filtering hardware rounds weights to 1/256: at most 3 h / 256
-/// (`weight_error`; our own rasterizer: 2^-16 of the nodes per axis times h, from the rounding of float
-/// coordinates).
+/// Every stored value is an upper bound; why, and what sampling and textures lose, is proven in tolerance_volume.cpp.
 ///
 ///   clearly inside:   max I + delta + filter_error <= tolerance
 ///   clearly outside:  max I - largest lift - texture_error - filter_error > sqrt(tolerance^2 + 3/4 h^2)
@@ -107,9 +82,5 @@ double longest_median(const Double3& a, const Double3& b, const Double3& c);
 inline double sample_delta(double longest_median, int per_side) {
   return 0.68 * longest_median / per_side;
 }
-
-/// A value rounded up to a half float, as its bits; and back.
-std::uint16_t half_rounded_up(float value);
-float half_value(std::uint16_t bits);
 
 }  // namespace tessera

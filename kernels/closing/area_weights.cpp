@@ -4,7 +4,7 @@
 #include <array>
 #include <cmath>
 
-#include "octree/vector3.h"
+#include "octree/vector.h"
 
 namespace tessera {
 namespace {

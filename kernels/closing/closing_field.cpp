@@ -5,6 +5,8 @@
 #include <cmath>
 #include <vector>
 
+#include "octree/vector.h"
+
 namespace tessera {
 namespace {
 
@@ -30,7 +32,7 @@ void ClosingField::evaluate(std::span<const Int3> queries, float level, std::spa
   quadric_.evaluate(queries, quadric);
   for (std::size_t i = 0; i < queries.size(); ++i) {
     const Float3& g = gradient[i];
-    const float slope = std::sqrt(g[0] * g[0] + g[1] * g[1] + g[2] * g[2]);
+    const float slope = norm(g);
     const float off = level - winding[i];
     // Clamped before it is divided: a flat field has no distance.
     const float size = std::abs(off) < kFarthest * slope ? std::abs(off) / slope : kFarthest;

@@ -7,8 +7,6 @@
 namespace tessera {
 namespace {
 
-using synth::Vec3;
-
 constexpr double cross2(double ax, double ay, double bx, double by) {
   return ax * by - ay * bx;
 }
@@ -32,16 +30,16 @@ bool height_over(const Flat& p, const Flat& a, const Flat& b, const Flat& c, dou
 
 }  // namespace
 
-bool fan_gap(const RimLoop& loop, const Vec3& apex, std::size_t flat_edge, double& gap, FanFoot* foot) {
+bool fan_gap(const RimLoop& loop, const Double3& apex, std::size_t flat_edge, double& gap, FanFoot* foot) {
   gap = 0.0;
   const std::size_t size = loop.size;
   if (size < 3) return true;  // the side vanishes; its apex already lies on the edge that stays
-  Vec3 area{0, 0, 0};
+  Double3 area{0, 0, 0};
   for (std::size_t i = 1; i + 1 < size; ++i) area = area + cross(loop.at[i], loop.at[i + 1]);
   const double length2 = dot(area, area);
   if (!(length2 > 0.0)) return false;
-  const Vec3 n = area * (1.0 / std::sqrt(length2));
-  const Vec3 ex = synth::any_orthogonal(n), ey = cross(n, ex);
+  const Double3 n = area * (1.0 / std::sqrt(length2));
+  const Double3 ex = any_orthogonal(n), ey = cross(n, ex);
   constexpr std::size_t kLanes = 4;
   alignas(32) std::array<double, kMaxRing + 2 + kLanes> x, y, z, before;
   for (std::size_t i = 0; i < size; ++i) {
@@ -116,17 +114,17 @@ bool fan_gap(const RimLoop& loop, const Vec3& apex, std::size_t flat_edge, doubl
   return true;
 }
 
-bool edge_gap(const RimLoop& loop, const Vec3& u, const Vec3& v, std::size_t first, double& gap) {
+bool edge_gap(const RimLoop& loop, const Double3& u, const Double3& v, std::size_t first, double& gap) {
   gap = 0.0;
   const std::size_t size = loop.size;
   const auto after = [&](std::size_t i) { return i + 1 < size ? i + 1 : 1; };
-  Vec3 area{0, 0, 0};
+  Double3 area{0, 0, 0};
   for (std::size_t i = 1; i < size; ++i) area = area + cross(loop.at[i], loop.at[after(i)]);
   const double length2 = dot(area, area);
   if (!(length2 > 0.0)) return false;
-  const Vec3 n = area * (1.0 / std::sqrt(length2));
-  const Vec3 ex = synth::any_orthogonal(n), ey = cross(n, ex);
-  const auto flat = [&](const Vec3& p) { return Flat{dot(p, ex), dot(p, ey), dot(p, n)}; };
+  const Double3 n = area * (1.0 / std::sqrt(length2));
+  const Double3 ex = any_orthogonal(n), ey = cross(n, ex);
+  const auto flat = [&](const Double3& p) { return Flat{dot(p, ex), dot(p, ey), dot(p, n)}; };
   std::array<Flat, kMaxRing + 2> rim;
   for (std::size_t i = 0; i < size; ++i) rim[i] = flat(loop.at[i]);
   const Flat centre[2] = {flat(u), flat(v)}, zero{0.0, 0.0, 0.0};

@@ -4,12 +4,12 @@
 #include <string>
 
 #include "octree/error.h"
+#include "octree/lists.h"
 #include "octree/morton.h"
+#include "octree/vector.h"
 
 namespace tessera {
 namespace {
-
-using synth::Vec3;
 
 /// The flag of an edge in the numbering of MeshFaceFlag: opposite corner 2, 0, 1.
 constexpr unsigned kFlagOppositeCorner[3] = {kFaceBorder12, kFaceBorder20, kFaceBorder01};
@@ -41,10 +41,7 @@ void CollapseMesh::number_vertices(const MeshBlock& block, const Double3& origin
   // Stable radix sort of 30 bits: ties stay in the order of the block.
   std::vector<std::uint32_t> count(1025);
   for (int shift = 32; shift < 62; shift += 10) {
-    std::fill(count.begin(), count.end(), 0u);
-    for (const std::uint64_t o : order) ++count[(o >> shift & 1023) + 1];
-    for (std::size_t i = 1; i < count.size(); ++i) count[i] += count[i - 1];
-    for (const std::uint64_t o : order) other[count[o >> shift & 1023]++] = o;
+    counting_sort<std::uint64_t>(order, other, count, [shift](std::uint64_t o) { return o >> shift & 1023; });
     order.swap(other);
   }
   place.resize(n);
@@ -57,7 +54,7 @@ void CollapseMesh::number_vertices(const MeshBlock& block, const Double3& origin
     block_vertex_[i] = v;
     place[v] = static_cast<std::uint32_t>(i);
     const Double3& p = block.position[v];
-    vertices_[i].at = {p[0] - origin[0], p[1] - origin[1], p[2] - origin[2]};
+    vertices_[i].at = p - origin;
   }
 }
 
@@ -104,19 +101,14 @@ void CollapseMesh::match_edges(const MeshBlock& block) {
     std::uint32_t high, corner;
   };
   const std::size_t n = vertices_.size();
-  std::vector<std::uint32_t> begin(n + 2, 0);
-  const auto each = [&](const auto& visit) {
+  Lists<Edge> edges = make_lists<Edge>(n, [&](const auto& put) {
     for (std::uint32_t f = 0; f < faces_.size(); ++f)
       for (std::uint32_t i = 0; i < 3; ++i) {
         const std::uint32_t a = faces_[f].vertex[i == 2 ? 0 : i + 1],
                             b = faces_[f].vertex[i == 0 ? 2 : i - 1];
-        visit(std::min(a, b), std::max(a, b), 4 * f + i);
+        put(std::min(a, b), {std::max(a, b), 4 * f + i});
       }
-  };
-  each([&](std::uint32_t low, std::uint32_t, std::uint32_t) { ++begin[low + 2]; });
-  for (std::size_t v = 0; v + 1 < begin.size(); ++v) begin[v + 1] += begin[v];
-  std::vector<Edge> edges(3 * faces_.size());
-  each([&](std::uint32_t low, std::uint32_t high, std::uint32_t c) { edges[begin[low + 1]++] = {high, c}; });
+  });
   const auto bad = [&](std::size_t low, std::uint32_t high) {
     return InputError("decimation: the edge between vertices " +
                       std::to_string(block.key[block_vertex_[low]]) + " and " +
@@ -124,7 +116,7 @@ void CollapseMesh::match_edges(const MeshBlock& block) {
                       " has more than two faces, or two of the same direction; import the mesh first");
   };
   for (std::size_t v = 0; v < n; ++v) {
-    const std::span<Edge> of(edges.data() + begin[v], edges.data() + begin[v + 1]);
+    const std::span<Edge> of = edges[v];
     // A vertex has few: comparing all is faster than sorting.
     if (of.size() > 32)
       std::sort(of.begin(), of.end(), [](const Edge& a, const Edge& b) {

@@ -3,8 +3,7 @@
 /// after construction.
 ///
 ///            b                      corner c = 4 f + i is corner i of face f, at vertex(c) = u here;
-///          /   \                    next_corner(c) is at a, prev_corner(c) at b: counter-clockwise from
-///          outside
+///          /   \                    next_corner(c) is at a, prev_corner(c) at b: counter-clockwise from outside
 ///    f   /       \                  opposite(c): the corner across the edge a-b, kNoCorner where the block
 ///      /c          \                or the surface ends
 ///     u ----------- a
@@ -69,7 +68,7 @@ struct alignas(32) CollapseFace {
 };
 
 struct alignas(32) CollapseVertex {
-  synth::Vec3 at;
+  Double3 at{};
   double error = 0.0;  ///< for the owner of the mesh: what the vertex costs where it is
 };
 
@@ -81,7 +80,6 @@ class CollapseMesh {
   CollapseMesh(const MeshBlock& block, const Double3& origin);
 
   std::size_t vertices() const { return vertices_.size(); }
-  std::size_t corner_end() const { return 4 * faces_.size(); }  ///< corner 3 of a face is none
   std::uint32_t vertex(std::uint32_t c) const { return faces_[c >> 2].vertex[c & 3u]; }
   std::uint32_t opposite(std::uint32_t c) const { return faces_[c >> 2].opposite[c & 3u]; }
   const CollapseFace& face(std::size_t f) const { return faces_[f]; }
@@ -89,7 +87,7 @@ class CollapseMesh {
   std::span<const CollapseFace> faces() const { return faces_; }
   const CollapseVertex& node(std::uint32_t v) const { return vertices_[v]; }
   CollapseVertex& node(std::uint32_t v) { return vertices_[v]; }
-  const synth::Vec3& at(std::uint32_t v) const { return vertices_[v].at; }
+  const Double3& at(std::uint32_t v) const { return vertices_[v].at; }
   std::uint8_t state(std::uint32_t v) const { return state_[v]; }
   void add_state(std::uint32_t v, unsigned bits) { state_[v] = static_cast<std::uint8_t>(state_[v] | bits); }
   /// A corner of the vertex, the first of its fan where that is open.

@@ -1,3 +1,6 @@
+// Sources: Garland and Heckbert 1997 (quadrics); Trettner and Kobbelt, "Fast and Robust QEM Minimization using
+// Probabilistic Quadrics", 2020; Kobbelt, Campagna and Seidel, "A General Framework for Mesh Decimation", 1998 (halfedge
+// collapses; binary legality, continuous priority); Botsch's thesis, 3.2.2.
 #include "kernels/decimate/decimate.h"
 
 #include <algorithm>

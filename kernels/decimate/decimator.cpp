@@ -6,7 +6,6 @@
 #include <cmath>
 
 namespace tessera {
-using synth::Vec3;
 
 Decimator::Decimator(CollapseMesh& mesh, const CollapseMesh& reference,
                      std::vector<std::uint32_t> reference_vertex, const DecimateOptions& options,
@@ -24,8 +23,7 @@ Decimator::Decimator(CollapseMesh& mesh, const CollapseMesh& reference,
       reference_vertex_(std::move(reference_vertex)) {
   if (options.tolerance > 0.0) reference_gap_ = ReferenceGap(reference, options.max_normal_turn_deg > 0.0);
   if (options.priority == DecimatePriority::kNormalDeviation) normal_sum_.resize(mesh.vertices());
-  if (options.max_normal_turn_deg > 0.0)
-    least_cosine_ = synth::sin_cos(options.max_normal_turn_deg * (synth::kPi / 180.0)).cos;
+  if (options.max_normal_turn_deg > 0.0) least_cosine_ = cosine_of_degrees(options.max_normal_turn_deg);
   accumulate_quadrics();
 }
 
@@ -77,19 +75,19 @@ bool Decimator::linked(const Star& star, std::size_t at) {
 
 Decimator::Refusal Decimator::check_faces(std::uint32_t u, const Star& star, std::size_t at_ring) const {
   const std::size_t k = star.faces, size = star.ring_size();
-  const Vec3 pu = mesh_.at(u), pv = mesh_.at(star.ring[at_ring]);
+  const Double3 pu = mesh_.at(u), pv = mesh_.at(star.ring[at_ring]);
   // Squares compare as well as what they are of, and need no roots.
   const double least = options_.min_roundness * options_.min_roundness / 12.0;
   bool thin = false;
   for (std::size_t i = 0; i < k; ++i) {
     const std::size_t j = i + 1 < size ? i + 1 : 0;
     if (i == at_ring || j == at_ring) continue;
-    const Vec3 &a = mesh_.at(star.ring[i]), &b = mesh_.at(star.ring[j]);
-    const Vec3 rim = b - a, to_u = pu - a, to_v = pv - a;
-    const Vec3 before = cross(rim, to_u), after = cross(rim, to_v);
+    const Double3 &a = mesh_.at(star.ring[i]), &b = mesh_.at(star.ring[j]);
+    const Double3 rim = b - a, to_u = pu - a, to_v = pv - a;
+    const Double3 before = cross(rim, to_u), after = cross(rim, to_v);
     const double along = dot(before, after), before2 = dot(before, before), after2 = dot(after, after);
     if (!(after2 > 0.0) || along < 0.0 || along * along < 0.04 * before2 * after2) return Refusal::kFold;
-    const Vec3 last = pv - b;
+    const Double3 last = pv - b;
     const double edges = dot(rim, rim) + dot(to_v, to_v) + dot(last, last);
     thin = thin || after2 < least * edges * edges;
   }
@@ -97,7 +95,7 @@ Decimator::Refusal Decimator::check_faces(std::uint32_t u, const Star& star, std
   double worst_new = 1.0, worst_old = 1.0;
   for (std::size_t i = 0; i < k; ++i) {
     const std::size_t j = i + 1 < size ? i + 1 : 0;
-    const Vec3 &a = mesh_.at(star.ring[i]), &b = mesh_.at(star.ring[j]);
+    const Double3 &a = mesh_.at(star.ring[i]), &b = mesh_.at(star.ring[j]);
     worst_old = std::fmin(worst_old, roundness(pu, a, b));
     if (i != at_ring && j != at_ring) worst_new = std::fmin(worst_new, roundness(pv, a, b));
   }

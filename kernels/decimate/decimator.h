@@ -24,20 +24,14 @@ namespace tessera {
 inline double roundness(double twice_area, double squared_edges) {
   return squared_edges > 0.0 ? 2.0 * 1.7320508075688772 * twice_area / squared_edges : 0.0;
 }
-inline double roundness(const synth::Vec3& a, const synth::Vec3& b, const synth::Vec3& c) {
-  const synth::Vec3 u = b - a, v = c - a, w = c - b;
-  return roundness(length(cross(u, v)), dot(u, u) + dot(v, v) + dot(w, w));
-}
-
-/// Rounds towards plus infinity, so that a bound stays one.
-inline float float_above(double v) {
-  const float f = static_cast<float>(v);
-  return static_cast<double>(f) >= v ? f : std::nextafter(f, std::numeric_limits<float>::infinity());
+inline double roundness(const Double3& a, const Double3& b, const Double3& c) {
+  const Double3 u = b - a, v = c - a, w = c - b;
+  return roundness(norm(cross(u, v)), dot(u, u) + dot(v, v) + dot(w, w));
 }
 
 /// What a halfedge collapse costs by quadrics: the error of q, which goes to `to`, and of what is there already.
 inline double endpoint_cost(const Quadric& q, const CollapseVertex& to) {
-  const double error = q(to.at.x, to.at.y, to.at.z);
+  const double error = q(to.at[0], to.at[1], to.at[2]);
   return (error > 0.0 ? error : 0.0) + to.error;
 }
 /// In a plane all costs are 0 but for rounding: there short edges go first.
@@ -68,7 +62,7 @@ class Decimator {
 
   /// Area-weighted sum of original normals.
   struct NormalSum {
-    synth::Vec3 normal;
+    Double3 normal{};
     double area = 0.0;
     NormalSum& operator+=(const NormalSum& o) {
       normal = normal + o.normal;
@@ -91,9 +85,9 @@ class Decimator {
   void seed_queue();
   void settle_faces();
   /// cost() where it is but a quadric, without the calls.
-  double plain_cost(const Quadric& q, const synth::Vec3& from, std::uint32_t v) const {
+  double plain_cost(const Quadric& q, const Double3& from, std::uint32_t v) const {
     const CollapseVertex& to = mesh_.node(v);
-    const synth::Vec3 edge = to.at - from;
+    const Double3 edge = to.at - from;
     return endpoint_cost(q, to) + tie_cost(dot(edge, edge));
   }
   std::size_t list_candidates(std::uint32_t u, const Star& star, std::array<Candidate, kMaxRing + 1>& list);
@@ -119,8 +113,8 @@ class Decimator {
   Refusal check_faces(std::uint32_t u, const Star& star, std::size_t at) const;
   bool bound_by_sum(std::uint32_t u, const Star& star, std::size_t at);
   bool may_move(std::uint32_t u, std::uint32_t v) const;
-  synth::Vec3 best_place(const Quadric& q, std::uint32_t u, std::uint32_t v) const;
-  synth::Vec3 as_stored(const synth::Vec3& p) const;
+  Double3 best_place(const Quadric& q, std::uint32_t u, std::uint32_t v) const;
+  Double3 as_stored(const Double3& p) const;
   bool check_optimal(std::uint32_t u, const Star& star, std::size_t at);
   void move_vertex(std::uint32_t u, std::uint32_t v);
   Refusal check_gap(std::uint32_t u, const Star& star, std::size_t at);
@@ -148,7 +142,7 @@ class Decimator {
   std::size_t sides_ = 0, flat_edge_[2] = {kNoFlatEdge, kNoFlatEdge};
   Foot foot_;
   Star other_star_;
-  synth::Vec3 target_;
+  Double3 target_{};
   bool moves_ = false;
   double least_cosine_ = -1.0;
   ReferenceGap reference_gap_, coarse_gap_;

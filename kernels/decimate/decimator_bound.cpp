@@ -3,10 +3,9 @@
 #include <cmath>
 
 #include "kernels/decimate/decimator.h"
+#include "octree/rounding.h"
 
 namespace tessera {
-
-using synth::Vec3;
 
 /// The side of the star whose ring runs from place `from` to `to`, counter-clockwise; one of them takes over.
 void Decimator::make_side(const Star& star, std::uint32_t v, std::size_t from, std::size_t to, bool v_first,
@@ -45,7 +44,7 @@ void Decimator::add_rim(std::uint32_t v, std::uint32_t w, std::uint32_t corner, 
 bool Decimator::bound_by_sum(std::uint32_t u, const Star& star, std::size_t at_ring) {
   const std::uint32_t v = star.ring[at_ring];
   const std::size_t size = star.ring_size();
-  const Vec3 pu = mesh_.at(u), pv = mesh_.at(v);
+  const Double3 pu = mesh_.at(u), pv = mesh_.at(v);
   const std::uint8_t state = mesh_.state(u);
   double gap = 0.0;
   sides_ = 0;
@@ -59,10 +58,10 @@ bool Decimator::bound_by_sum(std::uint32_t u, const Star& star, std::size_t at_r
       for (std::size_t i = 0; i < star.faces; ++i)
         if (i != at_ring && mesh_.crease_edge(prev_corner(star.corner[i]))) far = i;
     }
-    const Vec3 edge = mesh_.at(star.ring[far]) - pv, from = pu - pv;
+    const Double3 edge = mesh_.at(star.ring[far]) - pv, from = pu - pv;
     const double size2 = dot(edge, edge);
     if (!(size2 > 0.0)) return false;
-    const Vec3 foot = edge * synth::clamp(dot(from, edge) / size2, 0.0, 1.0);
+    const Double3 foot = edge * std::clamp(dot(from, edge) / size2, 0.0, 1.0);
     if (!(state & kVertexBorder) || at_ring == 0) {
       make_side(star, v, at_ring, far, true, loops_[sides_]);
       flat_edge_[sides_] = loops_[sides_].size - 1;
@@ -77,8 +76,8 @@ bool Decimator::bound_by_sum(std::uint32_t u, const Star& star, std::size_t at_r
       if (!fan_gap(loops_[s], foot, flat_edge_[s], side)) return false;
       gap = std::fmax(gap, side);
     }
-    gap += length(from - foot);
-    foot_ = {star.ring[far], v, v, synth::clamp(dot(from, edge) / size2, 0.0, 1.0), 0.0};
+    gap += norm(from - foot);
+    foot_ = {star.ring[far], v, v, std::clamp(dot(from, edge) / size2, 0.0, 1.0), 0.0};
   } else {
     RimLoop& loop = loops_[sides_++];
     loop.clear();
@@ -92,7 +91,7 @@ bool Decimator::bound_by_sum(std::uint32_t u, const Star& star, std::size_t at_r
   double bound = 0.0;
   for (std::size_t i = 0; i < star.faces; ++i)
     bound = std::fmax(bound, static_cast<double>(mesh_.face(star.corner[i] >> 2).bound));
-  new_bound_ = float_above(bound + gap * (1.0 + 1e-12));
+  new_bound_ = rounded_up(bound + gap * (1.0 + 1e-12));
   return true;
 }
 
@@ -108,7 +107,7 @@ Decimator::Doubt Decimator::ask_coarse(std::uint32_t u, const Star& star, std::s
   double gap = 0.0;
   const ReferenceGap::Answer answer = coarse_gap_.measure(loops_[0], query, gap);
   if (answer == ReferenceGap::Answer::kWithin) {
-    new_bound_ = float_above(gap);
+    new_bound_ = rounded_up(gap);
     return Doubt::kWithin;
   }
   if (coarse_gap_.failed_at() == kNoCorner) return Doubt::kOpen;
@@ -164,7 +163,7 @@ Decimator::Refusal Decimator::check_gap(std::uint32_t u, const Star& star, std::
     exact = std::fmax(exact, side);
   }
   ++exact_accepted_;
-  new_bound_ = short_sum ? std::fmin(new_bound_, float_above(exact)) : float_above(exact);
+  new_bound_ = short_sum ? std::fmin(new_bound_, rounded_up(exact)) : rounded_up(exact);
   return Refusal::kNone;
 }
 

@@ -5,19 +5,17 @@
 
 namespace tessera {
 
-using synth::Vec3;
-
 void Decimator::accumulate_quadrics() {
   const bool uncertain = options_.priority == DecimatePriority::kProbabilistic;
   const double noise = options_.noise > 0.0 ? options_.noise : options_.tolerance / 8.0;
   for (std::uint32_t f = 0; f < mesh_.faces().size(); ++f) {
     const std::uint32_t* v = mesh_.face(f).vertex;
-    const Vec3 p[3] = {mesh_.at(v[0]), mesh_.at(v[1]), mesh_.at(v[2])};
-    const Vec3 normal = cross(p[1] - p[0], p[2] - p[0]);
-    const double twice_area = length(normal);
+    const Double3 p[3] = {mesh_.at(v[0]), mesh_.at(v[1]), mesh_.at(v[2])};
+    const Double3 normal = cross(p[1] - p[0], p[2] - p[0]);
+    const double twice_area = norm(normal);
     if (!(twice_area > 0.0)) continue;
     area_ += 0.5 * twice_area;
-    const Vec3 n = normal * (1.0 / twice_area);
+    const Double3 n = normal * (1.0 / twice_area);
     // A third of the area each.
     const double weight = twice_area / 6.0;
     const Quadric q = uncertain ? uncertain_plane_quadric(n, p[0], weight, noise * noise,
@@ -33,10 +31,10 @@ void Decimator::accumulate_quadrics() {
       const std::uint32_t c = 4 * f + i;
       if (!mesh_.border_edge(c) && !mesh_.crease_edge(c)) continue;
       const std::uint32_t a = (i + 1) % 3, b = (i + 2) % 3;
-      const Vec3 edge = p[b] - p[a], across = cross(edge, n);
+      const Double3 edge = p[b] - p[a], across = cross(edge, n);
       const double size2 = dot(edge, edge);
       if (!(size2 > 0.0)) continue;
-      const Quadric wall = plane_quadric(across * (1.0 / length(across)), p[a], size2);
+      const Quadric wall = plane_quadric(across * (1.0 / norm(across)), p[a], size2);
       quadric_[v[a]] += wall;
       quadric_[v[b]] += wall;
     }
@@ -46,7 +44,7 @@ void Decimator::accumulate_quadrics() {
 
 void Decimator::update_error(std::uint32_t v) {
   CollapseVertex& node = mesh_.node(v);
-  node.error = std::fmax(0.0, quadric_[v](node.at.x, node.at.y, node.at.z));
+  node.error = std::fmax(0.0, quadric_[v](node.at[0], node.at[1], node.at[2]));
 }
 
 /// A cost that no candidate reaches: the collapse folds.
@@ -55,7 +53,7 @@ constexpr double kNoCost = 0x1p+900;
 double Decimator::cost(std::uint32_t u, const Quadric& q, const Star& star, std::size_t at_ring) {
   const std::uint32_t v = star.ring[at_ring];
   const CollapseVertex& to = mesh_.node(v);
-  const Vec3 edge = to.at - mesh_.at(u);
+  const Double3 edge = to.at - mesh_.at(u);
   const double edge2 = dot(edge, edge);
   double cost = 0.0;
   switch (options_.priority) {
@@ -64,8 +62,8 @@ double Decimator::cost(std::uint32_t u, const Quadric& q, const Star& star, std:
       if (options_.placement == DecimatePlacement::kOptimal && may_move(u, v)) {
         Quadric both = q;
         both += quadric_[v];
-        const Vec3 p = best_place(both, u, v);
-        cost = std::fmax(0.0, both(p.x, p.y, p.z));
+        const Double3 p = best_place(both, u, v);
+        cost = std::fmax(0.0, both(p[0], p[1], p[2]));
       } else {
         cost = endpoint_cost(q, to);
       }
@@ -98,15 +96,15 @@ double Decimator::cost(std::uint32_t u, const Quadric& q, const Star& star, std:
 /// area |n - m|^2 over original normals m, for each new face by its share. (Cohen-Steiner, Alliez, Desbrun 2004.)
 double Decimator::normal_cost(std::uint32_t u, const Star& star, std::size_t at_ring) const {
   const std::size_t k = star.faces, size = star.ring_size();
-  const Vec3 pv = mesh_.at(star.ring[at_ring]);
+  const Double3 pv = mesh_.at(star.ring[at_ring]);
   NormalSum sum = normal_sum_[u];
   sum += normal_sum_[star.ring[at_ring]];
   double area = 0.0, along = 0.0;
   for (std::size_t i = 0; i < k; ++i) {
     const std::size_t j = i + 1 < size ? i + 1 : 0;
     if (i == at_ring || j == at_ring) continue;
-    const Vec3 normal = cross(mesh_.at(star.ring[i]) - pv, mesh_.at(star.ring[j]) - pv);
-    area += length(normal);
+    const Double3 normal = cross(mesh_.at(star.ring[i]) - pv, mesh_.at(star.ring[j]) - pv);
+    area += norm(normal);
     along += dot(normal, sum.normal);
   }
   return area > 0.0 ? std::fmax(0.0, 2.0 * (sum.area - along / area)) : 0.0;
@@ -115,7 +113,7 @@ double Decimator::normal_cost(std::uint32_t u, const Star& star, std::size_t at_
 /// 1 - the smallest roundness of the new faces.
 double Decimator::worst_shape(const Star& star, std::size_t at_ring) const {
   const std::size_t k = star.faces, size = star.ring_size();
-  const Vec3 pv = mesh_.at(star.ring[at_ring]);
+  const Double3 pv = mesh_.at(star.ring[at_ring]);
   double worst = 1.0;
   for (std::size_t i = 0; i < k; ++i) {
     const std::size_t j = i + 1 < size ? i + 1 : 0;
@@ -160,7 +158,7 @@ std::size_t Decimator::list_candidates(std::uint32_t u, const Star& star,
                                        std::array<Candidate, kMaxRing + 1>& list) {
   std::size_t n = 0;
   const Quadric q = quadric_[u];
-  const Vec3 from = mesh_.at(u);
+  const Double3 from = mesh_.at(u);
   for (std::size_t i = 0; i < star.ring_size(); ++i) {
     if (!allowed_by_features(u, star, i)) continue;
     const double c = plain_ ? plain_cost(q, from, star.ring[i]) : cost(u, q, star, i);

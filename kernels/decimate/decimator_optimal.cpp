@@ -3,10 +3,10 @@
 #include <cmath>
 
 #include "kernels/decimate/decimator.h"
+#include "octree/rounding.h"
+#include "octree/vector.h"
 
 namespace tessera {
-
-using synth::Vec3;
 
 /// Both ends are free inside the surface, and the reference is known there.
 bool Decimator::may_move(std::uint32_t u, std::uint32_t v) const {
@@ -15,20 +15,20 @@ bool Decimator::may_move(std::uint32_t u, std::uint32_t v) const {
 }
 
 /// The minimum of the quadric, or the middle of the edge where it is not well determined or far off.
-Vec3 Decimator::best_place(const Quadric& q, std::uint32_t u, std::uint32_t v) const {
-  const Vec3 a = mesh_.at(u), b = mesh_.at(v), middle = (a + b) * 0.5, edge = b - a;
-  Vec3 p;
+Double3 Decimator::best_place(const Quadric& q, std::uint32_t u, std::uint32_t v) const {
+  const Double3 a = mesh_.at(u), b = mesh_.at(v), middle = (a + b) * 0.5, edge = b - a;
+  Double3 p{};
   if (!quadric_minimum(q, p) || dot(p - middle, p - middle) > 4.0 * dot(edge, edge)) p = middle;
   return as_stored(p);
 }
 
 /// As the file will hold it.
-Vec3 Decimator::as_stored(const Vec3& p) const {
+Double3 Decimator::as_stored(const Double3& p) const {
   if (!options_.float_positions) return p;
   const auto round = [](double local, double origin) {
     return static_cast<double>(static_cast<float>(local + origin)) - origin;
   };
-  return {round(p.x, origin_[0]), round(p.y, origin_[1]), round(p.z, origin_[2])};
+  return {round(p[0], origin_[0]), round(p[1], origin_[1]), round(p[2], origin_[2])};
 }
 
 /// Tries the collapse of the edge into the minimum: both stars become one fan around it.
@@ -41,15 +41,15 @@ bool Decimator::check_optimal(std::uint32_t u, const Star& star, std::size_t at_
   while (other_star_.ring[from_v] != u) ++from_v;
   Quadric both = quadric_[u];
   both += quadric_[v];
-  const Vec3 p = best_place(both, u, v);
+  const Double3 p = best_place(both, u, v);
   // The rim: around u from behind v to before v, then around v in the same way.
   RimLoop& loop = loops_[0];
   loop.clear();
   loop.at[loop.size++] = {0, 0, 0};
-  const auto add = [&](const Star& s, std::size_t i, const Vec3& centre) {
-    const Vec3 a = mesh_.at(s.ring[i]), b = mesh_.at(s.ring[i + 1 < s.faces ? i + 1 : 0]);
-    const Vec3 old_normal = cross(a - centre, b - centre), new_normal = cross(a - p, b - p);
-    const double old_area = length(old_normal), new_area = length(new_normal);
+  const auto add = [&](const Star& s, std::size_t i, const Double3& centre) {
+    const Double3 a = mesh_.at(s.ring[i]), b = mesh_.at(s.ring[i + 1 < s.faces ? i + 1 : 0]);
+    const Double3 old_normal = cross(a - centre, b - centre), new_normal = cross(a - p, b - p);
+    const double old_area = norm(old_normal), new_area = norm(new_normal);
     if (!(new_area > 0.0) || dot(old_normal, new_normal) < 0.2 * old_area * new_area) return false;
     if (roundness(p, a, b) < options_.min_roundness) return false;
     const std::uint64_t bit = std::uint64_t{1} << loop.size;
@@ -76,7 +76,7 @@ bool Decimator::check_optimal(std::uint32_t u, const Star& star, std::size_t at_
     for (const Star* s : {&star, static_cast<const Star*>(&other_star_)})
       for (std::size_t i = 0; i < s->faces; ++i)
         bound = std::fmax(bound, static_cast<double>(mesh_.face(s->corner[i] >> 2).bound));
-    new_bound_ = float_above(bound + gap * (1.0 + 1e-12));
+    new_bound_ = rounded_up(bound + gap * (1.0 + 1e-12));
     if (static_cast<double>(new_bound_) <= options_.tolerance) {
       if (near_u) reference_vertex_[v] = reference_vertex_[u];
       return true;
@@ -93,7 +93,7 @@ bool Decimator::check_optimal(std::uint32_t u, const Star& star, std::size_t at_
     ++exact_tests_;
     if (reference_gap_.measure(loop, query, gap) != ReferenceGap::Answer::kWithin) continue;
     ++exact_accepted_;
-    new_bound_ = float_above(gap);
+    new_bound_ = rounded_up(gap);
     reference_vertex_[v] = query.seed;
     return static_cast<double>(new_bound_) <= options_.tolerance;
   }
@@ -104,12 +104,12 @@ bool Decimator::check_optimal(std::uint32_t u, const Star& star, std::size_t at_
 void Decimator::move_vertex(std::uint32_t u, std::uint32_t v) {
   for (std::size_t i = 0; i < other_star_.faces; ++i)
     mesh_.face(other_star_.corner[i] >> 2).bound = new_bound_;
-  const Vec3 a = mesh_.at(u), edge = mesh_.at(v) - a;
+  const Double3 a = mesh_.at(u), edge = mesh_.at(v) - a;
   const double size2 = dot(edge, edge);
-  const double t = size2 > 0.0 ? synth::clamp(dot(target_ - a, edge) / size2, 0.0, 1.0) : 1.0;
+  const double t = size2 > 0.0 ? std::clamp(dot(target_ - a, edge) / size2, 0.0, 1.0) : 1.0;
   const std::uint32_t from = mesh_.block_vertex(u), to = mesh_.block_vertex(v);
   mesh_.node(v).at = target_;
-  block_.position[to] = {target_.x + origin_[0], target_.y + origin_[1], target_.z + origin_[2]};
+  block_.position[to] = target_ + origin_;
   if (options_.float_positions)
     for (double& c : block_.position[to]) c = static_cast<double>(static_cast<float>(c));
   if (!block_.rgba.empty()) {
@@ -122,16 +122,16 @@ void Decimator::move_vertex(std::uint32_t u, std::uint32_t v) {
     block_.rgba[to] = blend;
   }
   if (!block_.normal.empty()) {
-    Vec3 n;
+    Double3 n{};
     const Float3 &x = block_.normal[from], &y = block_.normal[to];
     const auto mix = [&](std::size_t axis) {
       return (1.0 - t) * static_cast<double>(x[axis]) + t * static_cast<double>(y[axis]);
     };
     n = {mix(0), mix(1), mix(2)};
-    const double size = length(n);
+    const double size = norm(n);
     if (size > 0.0)
-      block_.normal[to] = {static_cast<float>(n.x / size), static_cast<float>(n.y / size),
-                           static_cast<float>(n.z / size)};
+      block_.normal[to] = {static_cast<float>(n[0] / size), static_cast<float>(n[1] / size),
+                           static_cast<float>(n[2] / size)};
   }
 }
 

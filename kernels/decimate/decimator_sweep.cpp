@@ -54,7 +54,7 @@ void Decimator::sweep(double most_cost, std::vector<float>& least, DecimateRepor
       continue;
     if (!mesh_.gather(u, star)) continue;
     const Quadric q = quadric_[u];
-    const synth::Vec3 from = mesh_.at(u);
+    const Double3 from = mesh_.at(u);
     double best = static_cast<double>(kRefused);
     std::size_t at = 0;
     for (std::size_t i = 0; i < star.ring_size(); ++i) {

@@ -8,22 +8,16 @@
 namespace tessera {
 namespace {
 
-using synth::Vec3;
-
-double cosine_of_degrees(double degrees) {
-  return synth::sin_cos(degrees * (synth::kPi / 180.0)).cos;
-}
-
 /// Not of unit length: cosines compare by their squares, without roots.
 struct FaceNormal {
-  Vec3 normal;
+  Double3 normal{};
   double length2;
 };
 
 FaceNormal face_normal(const CollapseMesh& mesh, std::size_t f) {
   const std::uint32_t* v = mesh.face(f).vertex;
-  const Vec3& a = mesh.at(v[0]);
-  const Vec3 n = cross(mesh.at(v[1]) - a, mesh.at(v[2]) - a);
+  const Double3& a = mesh.at(v[0]);
+  const Double3 n = cross(mesh.at(v[1]) - a, mesh.at(v[2]) - a);
   return {n, dot(n, n)};
 }
 
@@ -69,11 +63,11 @@ std::vector<std::uint8_t> sharp_vertices(const CollapseMesh& mesh, double featur
   std::sort(edges.begin(), edges.end(),
             [](const Sharp& x, const Sharp& y) { return x.from != y.from ? x.from < y.from : x.to < y.to; });
   const auto goes_on = [&](std::uint32_t from, std::uint32_t at) {
-    const Vec3 in = mesh.at(at) - mesh.at(from);
+    const Double3 in = mesh.at(at) - mesh.at(from);
     for (auto e = std::lower_bound(edges.begin(), edges.end(), at,
                                    [](const Sharp&x, std::uint32_t v) { return x.from < v; });
          e != edges.end() && e->from == at; ++e) {
-      const Vec3 out = mesh.at(e->to) - mesh.at(at);
+      const Double3 out = mesh.at(e->to) - mesh.at(at);
       const double along = dot(in, out);
       if (e->to != from && along > 0.0 && along * along > 0.5 * dot(in, in) * dot(out, out)) return true;
     }

@@ -33,29 +33,29 @@ struct Quadric {
 };
 
 /// \param normal  unit length
-inline Quadric plane_quadric(const synth::Vec3& normal, const synth::Vec3& point, double weight) {
-  const double d = synth::dot(normal, point);
-  const synth::Vec3 w = normal * weight;
-  return {w.x * normal.x, w.x * normal.y, w.x * normal.z, w.y * normal.y, w.y * normal.z,
-          w.z * normal.z, w.x * d,        w.y * d,        w.z * d,        weight * d * d};
+inline Quadric plane_quadric(const Double3& normal, const Double3& point, double weight) {
+  const double d = dot(normal, point);
+  const Double3 w = normal * weight;
+  return {w[0] * normal[0], w[0] * normal[1], w[0] * normal[2], w[1] * normal[1], w[1] * normal[2],
+          w[2] * normal[2], w[0] * d,         w[1] * d,         w[2] * d,         weight * d * d};
 }
 
 /// Expected squared distance to a plane whose point and normal are off by independent normal variates.
 /// \param position_variance  per coordinate, squared scan units
 /// \param normal_variance    per coordinate, no unit
-inline Quadric uncertain_plane_quadric(const synth::Vec3& normal, const synth::Vec3& point, double weight,
+inline Quadric uncertain_plane_quadric(const Double3& normal, const Double3& point, double weight,
                                        double position_variance, double normal_variance) {
   Quadric q = plane_quadric(normal, point, weight);
   const double wn = weight * normal_variance;
   q.xx += wn, q.yy += wn, q.zz += wn;
-  q.bx += wn * point.x, q.by += wn * point.y, q.bz += wn * point.z;
-  q.c += wn * synth::dot(point, point) + weight * position_variance * (1.0 + 3.0 * normal_variance);
+  q.bx += wn * point[0], q.by += wn * point[1], q.bz += wn * point[2];
+  q.c += wn * dot(point, point) + weight * position_variance * (1.0 + 3.0 * normal_variance);
   return q;
 }
 
 static_assert(sizeof(Quadric) == 10 * sizeof(double));
 
 /// The minimum of q. \return false where it is not well determined (the condition number is above 1e6)
-bool quadric_minimum(const Quadric& q, synth::Vec3& minimum);
+bool quadric_minimum(const Quadric& q, Double3& minimum);
 
 }  // namespace tessera

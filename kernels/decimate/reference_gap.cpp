@@ -2,14 +2,13 @@
 
 #include <immintrin.h>
 
+#include <algorithm>
 #include <bit>
 #include <cmath>
 #include <utility>
 
 namespace tessera {
 namespace {
-
-using synth::Vec3;
 
 constexpr float cross2(float ax, float ay, float bx, float by) {
   return ax * by - ay * bx;
@@ -63,11 +62,11 @@ ReferenceGap::ReferenceGap(const CollapseMesh& reference, bool normals) {
   if (!normals) return;
   width_.resize(vertices_.size(), 0.0f);
   for (const Face& f : faces_) {
-    const Vec3 a = vertices_[f.vertex[0]].at, b = vertices_[f.vertex[1]].at - a,
-               c = vertices_[f.vertex[2]].at - a;
+    const Double3 a = vertices_[f.vertex[0]].at, b = vertices_[f.vertex[1]].at - a,
+                  c = vertices_[f.vertex[2]].at - a;
     const double longest2 = larger(larger(dot(b, b), dot(c, c)), dot(c - b, c - b));
     if (!(longest2 > 0.0)) continue;
-    const auto height = static_cast<float>(length(cross(b, c)) / std::sqrt(longest2));
+    const auto height = static_cast<float>(norm(cross(b, c)) / std::sqrt(longest2));
     for (const std::uint32_t v : f.vertex) width_[v] = larger(width_[v], height);
   }
 }
@@ -76,16 +75,16 @@ bool ReferenceGap::set_polygon(const RimLoop& loop, bool inner_centre) {
   size_ = loop.size;
   if (size_ < (inner_centre ? 4u : 3u) || size_ >= kPadded) return false;
   closes_to_ = inner_centre ? 1 : 0;
-  Vec3 area{0, 0, 0};
+  Double3 area{0, 0, 0};
   for (std::size_t i = 1; i < size_; ++i) area = area + cross(loop.at[i], loop.at[following(i)]);
   const double length2 = dot(area, area);
   if (!(length2 > 0.0)) return false;
   n_ = area * (1.0 / std::sqrt(length2));
-  ex_ = synth::any_orthogonal(n_);
+  ex_ = any_orthogonal(n_);
   ey_ = cross(n_, ex_);
-  frame_ = {static_cast<float>(ex_.x), static_cast<float>(ey_.x), static_cast<float>(n_.x), 0.0f,
-            static_cast<float>(ex_.y), static_cast<float>(ey_.y), static_cast<float>(n_.y), 0.0f,
-            static_cast<float>(ex_.z), static_cast<float>(ey_.z), static_cast<float>(n_.z), 0.0f};
+  frame_ = {static_cast<float>(ex_[0]), static_cast<float>(ey_[0]), static_cast<float>(n_[0]), 0.0f,
+            static_cast<float>(ex_[1]), static_cast<float>(ey_[1]), static_cast<float>(n_[1]), 0.0f,
+            static_cast<float>(ex_[2]), static_cast<float>(ey_[2]), static_cast<float>(n_[2]), 0.0f};
   std::array<double, kPadded> x, y, z;
   double radius = 0.0;
   int turns = 0;
@@ -161,8 +160,8 @@ inline bool ReferenceGap::place(std::uint32_t vertex, std::uint32_t& slot) {
   v.stamp = stamp_;
   slot = v.slot = static_cast<std::uint32_t>(points_.size());
   // The fourth lane holds the stamp: cleared, or its bits would count as a subnormal number.
-  const __m256d r = _mm256_sub_pd(_mm256_blend_pd(_mm256_load_pd(&v.at.x), _mm256_setzero_pd(), 8),
-                                  _mm256_set_pd(0.0, origin_.z, origin_.y, origin_.x));
+  const __m256d r = _mm256_sub_pd(_mm256_blend_pd(_mm256_load_pd(&v.at[0]), _mm256_setzero_pd(), 8),
+                                  _mm256_set_pd(0.0, origin_[2], origin_[1], origin_[0]));
   const __m128 f = _mm256_cvtpd_ps(r);
   const __m128 x = _mm_mul_ps(_mm_shuffle_ps(f, f, 0x00), _mm_load_ps(&frame_[0]));
   const __m128 y = _mm_mul_ps(_mm_shuffle_ps(f, f, 0x55), _mm_load_ps(&frame_[4]));
@@ -345,7 +344,7 @@ bool ReferenceGap::seed_faces(std::uint32_t seed, std::size_t flat_edge) {
     fan_.push_back(c);
     if (flat_edge != kNoFlatEdge) {
       for (const std::uint32_t k : {next_corner(c), prev_corner(c)}) {
-        const Vec3 r = vertices_[faces_[c >> 2].vertex[k & 3u]].at - origin_;
+        const Double3 r = vertices_[faces_[c >> 2].vertex[k & 3u]].at - origin_;
         side +=
             cross2(edge_x_[flat_edge], edge_y_[flat_edge], static_cast<float>(dot(r, ex_)) - x_[flat_edge],
                    static_cast<float>(dot(r, ey_)) - y_[flat_edge]);
@@ -403,12 +402,12 @@ bool ReferenceGap::next_on_line(std::uint32_t at, std::uint32_t from, std::uint3
 bool ReferenceGap::measure_line(std::uint32_t u, std::uint32_t v, std::uint32_t q, double limit,
                                 double& gap) const {
   constexpr int kMostSteps = 100000;
-  const Vec3 start = vertices_[v].at, edge = vertices_[q].at - start;
+  const Double3 start = vertices_[v].at, edge = vertices_[q].at - start;
   const double size2 = dot(edge, edge);
   double worst2 = 0.0;
   const auto add = [&](std::uint32_t w) {
-    const Vec3 r = vertices_[w].at - start;
-    const Vec3 off = r - edge * (size2 > 0.0 ? synth::clamp(dot(r, edge) / size2, 0.0, 1.0) : 0.0);
+    const Double3 r = vertices_[w].at - start;
+    const Double3 off = r - edge * (size2 > 0.0 ? std::clamp(dot(r, edge) / size2, 0.0, 1.0) : 0.0);
     worst2 = larger(worst2, dot(off, off));
     return worst2 <= limit * limit;
   };

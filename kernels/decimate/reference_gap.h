@@ -34,7 +34,7 @@ class ReferenceGap {
   explicit ReferenceGap(const CollapseMesh& reference, bool normals = false);
 
   struct Query {
-    synth::Vec3 origin;      ///< of the loop: position of the vertex that takes over
+    Double3 origin{};        ///< of the loop: position of the vertex that takes over
     std::uint32_t seed = 0;  ///< reference vertex inside the polygon or, with a flat edge, on the line there
     std::size_t flat_edge = kNoFlatEdge;  ///< as fan_gap()
     double limit = 0.0;                   ///< give up above it
@@ -69,7 +69,7 @@ class ReferenceGap {
     std::uint32_t vertex[3], stamp, opposite[3], lines;  ///< lines: as CollapseFace::state; bound
   };
   struct alignas(32) Vertex {
-    synth::Vec3 at;
+    Double3 at{};
     std::uint32_t stamp, slot;
   };
   struct Point {
@@ -125,9 +125,9 @@ class ReferenceGap {
   std::array<float, kPadded> slope_x_{}, slope_y_{}, face_cosine_{};
   std::uint64_t lines_ = 0, ends_ = 0, covered_ = 0;
   float least_cosine_ = -1.0f;
-  synth::Vec3 ex_{}, ey_{}, n_{}, origin_{};
-  alignas(
-      16) std::array<float, 12> frame_{};  ///< columns: what x, y and z add to the coordinates in the plane
+  Double3 ex_{}, ey_{}, n_{}, origin_{};
+  /// Columns: what x, y and z add to the coordinates in the plane.
+  alignas(16) std::array<float, 12> frame_{};
   float gap_ = 0.0f, limit_ = 0.0f, radius_ = 0.0f;
 };
 

@@ -4,6 +4,8 @@
 #include <cmath>
 
 #include "kernels/extract/tangent_planes.h"
+#include "octree/portable_math.h"
+#include "octree/vector.h"
 
 namespace tessera {
 namespace {
@@ -30,23 +32,6 @@ constexpr float kCrossingMargin = 1.0f;
 constexpr int kHalvings = 4;
 /// Smallest height of a triangle: coordinates in a brick are floats below 64, exact to 2^-18.
 constexpr float kMinHeight = 1.0f / 2048;
-
-/// Taylor series about 0; |x| <= pi/2 gives an error below 1e-15.
-double cosine(double x) {
-  const double y = x * x;
-  double term = 1.0;
-  double sum = 1.0;
-  for (int n = 1; n <= 12; ++n) {
-    term *= -y / ((2 * n - 1) * (2 * n));
-    sum += term;
-  }
-  return sum;
-}
-
-double cos_degrees(double degrees) {
-  constexpr double kRadian = 3.14159265358979323846 / 180.0;
-  return degrees > 90.0 ? -cosine((180.0 - degrees) * kRadian) : cosine(degrees * kRadian);
-}
 
 /// A segment from one side of a crease to the other will be flipped, so what counts are the triangles up to
 /// the point where the crease passes the segment's face: (centre, a, crossing) and (crossing, b, centre).
@@ -223,7 +208,7 @@ bool pull_into_cell(Double3& x, const Double3& mass) {
 
 bool is_sliver(const Float3& a, const Float3& b, const Float3& c) {
   const auto squared = [](const Float3& p, const Float3& q) {
-    const Float3 d = {p[0] - q[0], p[1] - q[1], p[2] - q[2]};
+    const Float3 d = p - q;
     return dot(d, d);
   };
   const Float3 up = triangle_normal(a, b, c);
@@ -233,11 +218,11 @@ bool is_sliver(const Float3& a, const Float3& b, const Float3& c) {
 
 FeatureThresholds feature_thresholds(double feature_angle_deg, double corner_angle_deg) {
   FeatureThresholds t;
-  t.cone_cos = static_cast<float>(cos_degrees(feature_angle_deg));
+  t.cone_cos = static_cast<float>(cosine_of_degrees(feature_angle_deg));
   // Two normals within half the angle of a third are within the angle of each other; the margin covers
   // rounding.
-  t.quick_dot = static_cast<float>(cos_degrees(0.5 * feature_angle_deg)) + 1e-5f;
-  t.corner_sin = static_cast<float>(cos_degrees(90.0 - corner_angle_deg));
+  t.quick_dot = static_cast<float>(cosine_of_degrees(0.5 * feature_angle_deg)) + 1e-5f;
+  t.corner_sin = static_cast<float>(cosine_of_degrees(90.0 - corner_angle_deg));
   return t;
 }
 
@@ -260,7 +245,7 @@ FeatureSample sample_feature(const LoopSamples& loop, const FeatureThresholds& t
 
   const Float3 zero = {0, 0, 0};
   const Float3 crease = triangle_normal(zero, loop.normal[first], loop.normal[second]);
-  const float length = std::sqrt(dot(crease, crease));
+  const float length = norm(crease);
   if (!(length > kLeastSine)) {  // two sheets back to back have no crease between them
     sample.kind = FeatureKind::kRejected;
     return sample;

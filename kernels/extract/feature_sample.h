@@ -33,24 +33,14 @@ enum class FeatureKind { kNone, kCrease, kCorner, kRejected };
 struct FeatureSample {
   FeatureKind kind = FeatureKind::kNone;
   Float3 position = {0, 0, 0};
-  bool on_feature =
-      false;  ///< false: the sample had to be drawn back towards the loop, it is not on the feature
+  /// false: the sample had to be drawn back towards the loop, it is not on the feature.
+  bool on_feature = false;
 };
 
 /// Cone test, classification, least-squares sample and its clamp.
 /// \post kind crease or corner: every triangle (point i, point i+1, position) has an area above zero, also in
 ///       brick coordinates rounded to float, and is not turned against its normals
 FeatureSample sample_feature(const LoopSamples& loop, const FeatureThresholds& thresholds);
-
-/// Twice the area of (a, b, c) as a vector, along its normal.
-inline Float3 triangle_normal(const Float3& a, const Float3& b, const Float3& c) {
-  const Float3 p = {b[0] - a[0], b[1] - a[1], b[2] - a[2]};
-  const Float3 q = {c[0] - a[0], c[1] - a[1], c[2] - a[2]};
-  return {p[1] * q[2] - p[2] * q[1], p[2] * q[0] - p[0] * q[2], p[0] * q[1] - p[1] * q[0]};
-}
-inline float dot(const Float3& a, const Float3& b) {
-  return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-}
 
 /// True when the triangle's smallest height is too close to zero to survive rounding to float.
 bool is_sliver(const Float3& a, const Float3& b, const Float3& c);

@@ -1,10 +1,8 @@
 #include "kernels/extract/tangent_planes.h"
 
-#include <cmath>
 #include <utility>
 
-#include "octree/jacobi_eigen3.h"
-#include "octree/vector3.h"
+#include "octree/small_matrix.h"
 
 namespace tessera {
 namespace {
@@ -19,17 +17,10 @@ constexpr double kRidge = 0.02;
 constexpr int kSweeps = 8;
 constexpr double kEnough = 1e-22;
 
-using Matrix3 = std::array<Double3, 3>;
-
-Double3 unit(const Double3& a) {
-  const double s = 1.0 / std::sqrt(dot(a, a));
-  return {a[0] * s, a[1] * s, a[2] * s};
-}
-
 }  // namespace
 
 PlaneIntersection intersect_planes(const TangentPlanes& planes, const Double3& anchor, int rank) {
-  Matrix3 a{};
+  Matrix3 a = Matrix3::Zero();
   Double3 b{};
   for (std::size_t i = 0; i < planes.size; ++i) {
     const Double3& n = planes.normal[i];
@@ -39,7 +30,7 @@ PlaneIntersection intersect_planes(const TangentPlanes& planes, const Double3& a
     for (std::size_t r = 0; r < 3; ++r) {
       const double wn = planes.weight[i] * n[r];
       b[r] += wn * d;
-      for (std::size_t c = 0; c < 3; ++c) a[r][c] += wn * n[c];
+      for (std::size_t c = 0; c < 3; ++c) a.coeffRef(r, c) += wn * n[c];
     }
   }
   Matrix3 vector;
@@ -54,7 +45,7 @@ PlaneIntersection intersect_planes(const TangentPlanes& planes, const Double3& a
   for (std::size_t k = 0; k < static_cast<std::size_t>(rank); ++k) {
     const std::size_t column = order[k];
     if (!(value[column] > cut)) break;
-    const Double3 v = {vector[0][column], vector[1][column], vector[2][column]};
+    const Double3 v = {vector.coeff(0, column), vector.coeff(1, column), vector.coeff(2, column)};
     const double s = dot(v, b) / value[column];
     for (std::size_t r = 0; r < 3; ++r) out.position[r] += s * v[r];
   }
@@ -103,34 +94,28 @@ void bend_planes_towards(TangentPlanes& planes, const std::array<int, kMaxPlanes
     p_mean[k] /= static_cast<double>(count);
     n_mean[k] /= static_cast<double>(count);
   }
-  Matrix3 spread{Double3{kRidge, 0, 0}, Double3{0, kRidge, 0}, Double3{0, 0, kRidge}};
-  Matrix3 turn{};
+  Matrix3 spread = Matrix3::Zero(), turn = Matrix3::Zero();
+  for (int k = 0; k < 3; ++k) spread.coeffRef(k, k) = kRidge;
   for (std::size_t i = 0; i < planes.size; ++i) {
     if (sheets[i] != sheet) continue;
     for (std::size_t r = 0; r < 3; ++r) {
       for (std::size_t c = 0; c < 3; ++c) {
         const double q = planes.point[i][c] - p_mean[c];
-        spread[r][c] += (planes.point[i][r] - p_mean[r]) * q;
-        turn[r][c] += (planes.normal[i][r] - n_mean[r]) * q;
+        spread.coeffRef(r, c) += (planes.point[i][r] - p_mean[r]) * q;
+        turn.coeffRef(r, c) += (planes.normal[i][r] - n_mean[r]) * q;
       }
     }
   }
-  const Double3 off = {x[0] - p_mean[0], x[1] - p_mean[1], x[2] - p_mean[2]};
-  // Cramer's rule: the ridge keeps the determinant above kRidge^3.
-  const Double3 c0 = cross(spread[1], spread[2]);
-  const Double3 c1 = cross(spread[2], spread[0]);
-  const Double3 c2 = cross(spread[0], spread[1]);
-  const double det = dot(spread[0], c0);
-  Double3 y;
-  for (std::size_t k = 0; k < 3; ++k) y[k] = (c0[k] * off[0] + c1[k] * off[1] + c2[k] * off[2]) / det;
+  // The ridge keeps the determinant above kRidge^3.
+  const Cramer3 system{spread.coeff(0, 0), spread.coeff(0, 1), spread.coeff(0, 2),
+                       spread.coeff(1, 1), spread.coeff(1, 2), spread.coeff(2, 2)};
+  const Double3 y = system.solve(x - p_mean);
   Double3 at_x;
-  for (std::size_t k = 0; k < 3; ++k) at_x[k] = n_mean[k] + dot(turn[k], y);
+  for (std::size_t k = 0; k < 3; ++k) at_x[k] = n_mean[k] + dot(row(turn, k), y);
   at_x = unit(at_x);
   for (std::size_t i = 0; i < planes.size; ++i) {
     if (sheets[i] != sheet) continue;
-    Double3 mean;
-    for (std::size_t k = 0; k < 3; ++k) mean[k] = planes.normal[i][k] + at_x[k];
-    planes.normal[i] = unit(mean);
+    planes.normal[i] = unit(planes.normal[i] + at_x);
   }
 }
 

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "octree/vector.h"
+
 namespace tessera {
 namespace {
 
@@ -51,7 +53,7 @@ EdgeRoot smooth_root(const LeafFit& fit_a, std::size_t a, const LeafFit& fit_b, 
       hermite_root(fit_a.value[a], fit_b.value[b], fit_a.gradient[axis][a], fit_b.gradient[axis][b]);
   Float3 n;
   for (std::size_t c = 0; c < 3; ++c) n[c] = (1.0f - t) * fit_a.gradient[c][a] + t * fit_b.gradient[c][b];
-  const float length = std::sqrt(n[0] * n[0] + n[1] * n[1] + n[2] * n[2]);
+  const float length = norm(n);
   Float3 normal = {0, 0, 0};
   if (length > 0.0f) {
     for (std::size_t c = 0; c < 3; ++c) normal[c] = n[c] / length;
@@ -119,9 +121,9 @@ EdgeRoot crease_root(const EdgeEnd& a, const EdgeEnd& b, std::size_t axis) {
   // Where both ends see the same sheet, blend; else the end whose surface is nearer to the root speaks.
   const bool use_a = a_alone || (!b_alone && std::abs(from_a.value) <= std::abs(from_b.value));
   Float3 n = use_a ? na : nb;
-  if (!a_alone && !b_alone && na[0] * nb[0] + na[1] * nb[1] + na[2] * nb[2] > 0.95f)
+  if (!a_alone && !b_alone && dot(na, nb) > 0.95f)
     for (std::size_t c = 0; c < 3; ++c) n[c] = (1.0f - t) * na[c] + t * nb[c];
-  const float length = std::sqrt(n[0] * n[0] + n[1] * n[1] + n[2] * n[2]);
+  const float length = norm(n);
   if (length > 0.0f)
     for (float& c : n) c /= length;
   return clamped_root(t, n, axis);

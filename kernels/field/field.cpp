@@ -9,6 +9,7 @@
 #include "kernels/field/node_fit.h"
 #include "kernels/field/point_leaves.h"
 #include "kernels/field/root_colour.h"
+#include "octree/portable_math.h"
 
 namespace tessera {
 namespace {
@@ -22,14 +23,8 @@ float support_radius(const FieldOptions& options) {
 /// Noise up to which samples count as exact, cells.
 constexpr double kExactNoise = 0.03;
 
-constexpr double kRadiansPerDegree = 0.017453292519943295;
-
-/// Cosine by its series: libm's differs between machines. \pre 0 <= degrees <= 90
-float cosine_of_degrees(double degrees) {
-  const double a = std::clamp(degrees, 0.0, 90.0) * kRadiansPerDegree, a2 = a * a;
-  double sum = 0.0;
-  for (int k = 12; k > 0; k -= 1) sum = (1.0 + sum) * (-a2 / static_cast<double>((2 * k - 1) * (2 * k)));
-  return static_cast<float>(1.0 + sum);
+float cosine_to_90(double degrees) {
+  return static_cast<float>(cosine_of_degrees(std::clamp(degrees, 0.0, 90.0)));
 }
 
 /// Box of the samples that reach a leaf's band nodes.
@@ -93,9 +88,9 @@ DirectedField evaluate_field(const PointBlock& points, const FieldOptions& optio
 
   NodeFitOptions fit_options;
   fit_options.radius = support_radius(options);
-  fit_options.sheets.feature_angle = static_cast<float>(options.feature_angle_deg * kRadiansPerDegree);
-  fit_options.sheets.cos_feature = cosine_of_degrees(options.feature_angle_deg);
-  fit_options.sheets.cos_seed = cosine_of_degrees(0.8 * options.feature_angle_deg);
+  fit_options.sheets.feature_angle = static_cast<float>(options.feature_angle_deg * (kPi / 180.0));
+  fit_options.sheets.cos_feature = cosine_to_90(options.feature_angle_deg);
+  fit_options.sheets.cos_seed = cosine_to_90(0.8 * options.feature_angle_deg);
   fit_options.sheets.noise = static_cast<float>(options.noise_cells);
   fit_options.firm_rim = options.firm_rim;
   fit_options.noisy = options.noise_cells > kExactNoise;

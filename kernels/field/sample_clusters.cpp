@@ -4,21 +4,11 @@
 
 #include <algorithm>
 #include <bit>
-#include <cmath>
 
 namespace tessera {
 namespace {
 
 constexpr std::size_t kLanes = 8;
-
-float dot(const Float3& a, const Float3& b) {
-  return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-}
-Float3 unit(const Float3& a) {
-  const float l2 = dot(a, a);
-  const float s = l2 > 0.0f ? 1.0f / std::sqrt(l2) : 0.0f;
-  return {a[0] * s, a[1] * s, a[2] * s};
-}
 
 /// Sum of eight lanes by a fixed tree.
 float total(__m256 v) {
@@ -96,7 +86,7 @@ void lloyd_round(const LocalSamples& s, std::array<Float3, kMostSheets>& means, 
   for (int k = 0; k < count; ++k) {
     const auto at = static_cast<std::size_t>(3 * k);
     const Float3 n = {total(sum[at]), total(sum[at + 1]), total(sum[at + 2])};
-    if (dot(n, n) > 0.0f) means[static_cast<std::size_t>(k)] = unit(n);
+    if (dot(n, n) > 0.0f) means[static_cast<std::size_t>(k)] = unit_or_zero(n);
   }
 }
 
@@ -160,7 +150,7 @@ NormalSeeds seed_normals(const LocalSamples& from, float cos_seed) {
     sy = _mm256_fmadd_ps(w, _mm256_loadu_ps(&from.ny[i]), sy);
     sz = _mm256_fmadd_ps(w, _mm256_loadu_ps(&from.nz[i]), sz);
   }
-  seeds.normal[0] = unit({total(sx), total(sy), total(sz)});
+  seeds.normal[0] = unit_or_zero(Float3{total(sx), total(sy), total(sz)});
   const auto normal_of = [&](std::size_t i) { return Float3{from.nx[i], from.ny[i], from.nz[i]}; };
   const std::size_t first = farthest(from, seeds.normal, 1);
   if (first >= from.size) return seeds;  // all normals alike: padding won

@@ -3,22 +3,11 @@
 #include <algorithm>
 #include <cmath>
 
+#include "octree/vector.h"
+
 namespace tessera {
 namespace {
 
-float dot(const Float3& a, const Float3& b) {
-  return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-}
-Float3 scaled(const Float3& a, float s) {
-  return {a[0] * s, a[1] * s, a[2] * s};
-}
-Float3 minus(const Float3& a, const Float3& b) {
-  return {a[0] - b[0], a[1] - b[1], a[2] - b[2]};
-}
-Float3 unit(const Float3& a) {
-  const float l2 = dot(a, a);
-  return l2 > 0.0f ? scaled(a, 1.0f / std::sqrt(l2)) : Float3{0, 0, 0};
-}
 /// Product with a symmetric matrix (xx, xy, xz, yy, yz, zz).
 Float3 times(const std::array<float, 6>& m, const Float3& v) {
   return {m[0] * v[0] + m[1] * v[1] + m[2] * v[2], m[1] * v[0] + m[3] * v[1] + m[4] * v[2],
@@ -58,18 +47,18 @@ constexpr float kCurvatureRidge = 0.02f;
 Fit fit_quadric(const Moments& m) {
   Fit fit;
   const float inverse = 1.0f / m.w();
-  fit.centroid = scaled(m.p(), inverse);
-  fit.mean_normal = unit(m.n());
+  fit.centroid = m.p() * inverse;
+  fit.mean_normal = unit_or_zero(m.n());
   const Float3& c = fit.centroid;
   const Float3& n = fit.mean_normal;
   // Tangent frame: the axis least along the normal makes it well-conditioned.
   const std::size_t axis = std::abs(n[0]) <= std::abs(n[1]) ? (std::abs(n[0]) <= std::abs(n[2]) ? 0 : 2)
                                                             : (std::abs(n[1]) <= std::abs(n[2]) ? 1 : 2);
-  Float3 t1 = scaled(n, -n[axis]);
+  Float3 t1 = n * -n[axis];
   t1[axis] += 1.0f;
-  t1 = unit(t1);
-  const Float3 t2 = {n[1] * t1[2] - n[2] * t1[1], n[2] * t1[0] - n[0] * t1[2], n[0] * t1[1] - n[1] * t1[0]};
-  const Float3 mean = scaled(m.n(), inverse);
+  t1 = unit_or_zero(t1);
+  const Float3 t2 = cross(n, t1);
+  const Float3 mean = m.n() * inverse;
   std::array<float, 6> pp;  // covariance of positions
   constexpr std::array<std::array<std::size_t, 2>, 6> kPair = {
       {{0, 0}, {0, 1}, {0, 2}, {1, 1}, {1, 2}, {2, 2}}};
@@ -96,7 +85,7 @@ Fit fit_quadric(const Moments& m) {
   const Float3 hc = times(fit.sheet.h, c);
   const float bend =
       0.5f * (s11 * (m11 - kCurvatureRidge) + 2.0f * s12 * m12 + s22 * (m22 - kCurvatureRidge));
-  fit.sheet.g = minus(n, hc);
+  fit.sheet.g = n - hc;
   fit.sheet.f0 = 0.5f * dot(c, hc) - dot(n, c) - bend;
   const float variance = 1.0f - dot(mean, mean);
   const float explained =
@@ -116,7 +105,7 @@ void Clusters::add(const Moments& m) {
 
 Float3 gradient_at(const Sheet& s, const Float3& p) {
   const Float3 hp = times(s.h, p);
-  return {s.g[0] + hp[0], s.g[1] + hp[1], s.g[2] + hp[2]};
+  return s.g + hp;
 }
 
 /// Sheets farther apart than their spread: the squared chord between their normals must exceed the mean
@@ -144,9 +133,9 @@ constexpr float kLargestLoss = 0.2f;
 /// Cosine of the angle between two sheets where they meet (half-way between their samples), or 1 if noise
 /// explains the difference.
 float joint_cosine(const Fit& a, const Fit& b) {
-  const Float3 middle = scaled(
-      {a.centroid[0] + b.centroid[0], a.centroid[1] + b.centroid[1], a.centroid[2] + b.centroid[2]}, 0.5f);
-  const Float3 na = unit(gradient_at(a.sheet, middle)), nb = unit(gradient_at(b.sheet, middle));
+  const Float3 middle = (a.centroid + b.centroid) * 0.5f;
+  const Float3 na = unit_or_zero(gradient_at(a.sheet, middle)),
+               nb = unit_or_zero(gradient_at(b.sheet, middle));
   const float cosine = dot(na, nb);
   const float residual = 0.5f * (a.normal_residual + b.normal_residual);
   return 2.0f - 2.0f * cosine < kSeparation2 * residual ? 1.0f : cosine;
@@ -212,7 +201,7 @@ void order_joints(Clusters& clusters, Sheets& out) {
     std::array<std::array<bool, kMostSheets>, kMostSheets> convex{};
     for (std::size_t a = 0; a < n; ++a)
       for (std::size_t b = 0; b < n; ++b) {
-        const Float3 d = minus(fits[b].centroid, fits[a].centroid);
+        const Float3 d = fits[b].centroid - fits[a].centroid;
         convex[a][b] = dot(fits[a].mean_normal, d) - dot(fits[b].mean_normal, d) < 0.0f;
       }
     std::array<bool, kMostSheets> gone{};
@@ -250,9 +239,9 @@ SurfaceValue Sheets::at(const Float3& p) const {
     const Sheet& s = sheet[k];
     const Float3 hp = times(s.h, p);
     const float f = s.f0 + dot(s.g, p) + 0.5f * dot(p, hp);
-    const Float3 g = {s.g[0] + hp[0], s.g[1] + hp[1], s.g[2] + hp[2]};
-    const float length = std::sqrt(dot(g, g));
-    value[k] = length > 0.0f ? SurfaceValue{f / length, scaled(g, 1.0f / length)} : SurfaceValue{f, s.g};
+    const Float3 g = s.g + hp;
+    const float length = norm(g);
+    value[k] = length > 0.0f ? SurfaceValue{f / length, g * (1.0f / length)} : SurfaceValue{f, s.g};
   }
   for (std::size_t j = 0; j + 1 < static_cast<std::size_t>(count); ++j) {
     SurfaceValue& a = value[first[j]];
@@ -266,7 +255,7 @@ namespace {
 
 /// Squared mean height of b's samples above a's tangent plane, over their variance about it.
 float one_sidedness(const Fit& a, const Fit& b, float noise) {
-  const float mean = dot(a.mean_normal, minus(b.centroid, a.centroid));
+  const float mean = dot(a.mean_normal, b.centroid - a.centroid);
   const float variance = dot(a.mean_normal, times(b.spread, a.mean_normal));
   return mean * mean / (std::max(0.0f, variance) + noise * noise + 1e-4f);
 }
@@ -338,7 +327,7 @@ Sheets fit_sheets(LocalSamples& samples, const NormalSeeds& seeds, const SheetOp
     if (k > 0) all = merged(all, clusters.moments[k]);
   }
   const float inverse = 1.0f / all.w();
-  out.centroid = scaled(all.p(), inverse);
+  out.centroid = all.p() * inverse;
   out.spread2 = (all.s[7] + all.s[10] + all.s[12]) * inverse - dot(out.centroid, out.centroid);
   return out;
 }

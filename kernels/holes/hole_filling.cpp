@@ -6,7 +6,7 @@
 
 #include "kernels/holes/hole_mesh.h"
 #include "kernels/holes/hole_triangulation.h"
-#include "octree/vector3.h"
+#include "octree/vector.h"
 #include "solvers/envelope_cholesky.h"
 #include "solvers/sparse_matrix.h"
 

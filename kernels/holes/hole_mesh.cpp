@@ -4,7 +4,7 @@
 #include <cassert>
 
 #include "kernels/holes/hole_triangulation.h"
-#include "octree/vector3.h"
+#include "octree/vector.h"
 
 // Two triangles at an edge, and what their corners are called here:
 //

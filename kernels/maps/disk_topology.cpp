@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "octree/error.h"
+#include "octree/lists.h"
 #include "octree/union_find.h"
 
 namespace tessera {
@@ -20,29 +21,20 @@ std::string counted(std::size_t n, const std::string& one, const std::string& ma
 
 /// Sorted by edge, then face: a counting sort over the smaller vertex, then tiny sorts.
 std::vector<HalfEdge> sorted_half_edges(const TriangleSpan& mesh) {
-  std::vector<std::size_t> first(mesh.positions.size() + 1, 0);
-  const auto smaller = [](const std::array<std::uint32_t, 3>& face, std::size_t k) {
-    return std::min(face[k], face[(k + 1) % 3]);
-  };
-  for (const auto& face : mesh.faces)
-    for (std::size_t k = 0; k < 3; ++k) ++first[smaller(face, k) + 1];
-  for (std::size_t v = 0; v + 1 < first.size(); ++v) first[v + 1] += first[v];
-  std::vector<HalfEdge> half(3 * mesh.faces.size());
-  std::vector<std::size_t> next(first.begin(), first.end() - 1);
-  for (std::size_t f = 0; f < mesh.faces.size(); ++f)
-    for (std::size_t k = 0; k < 3; ++k) {
-      const std::uint32_t a = mesh.faces[f][k], b = mesh.faces[f][(k + 1) % 3];
-      half[next[smaller(mesh.faces[f], k)]++] = {
-          static_cast<std::uint64_t>(std::min(a, b)) << 32 | std::max(a, b), static_cast<std::uint32_t>(f),
-          a < b};
-    }
-  for (std::size_t v = 0; v + 1 < first.size(); ++v)
-    std::sort(half.begin() + static_cast<std::ptrdiff_t>(first[v]),
-              half.begin() + static_cast<std::ptrdiff_t>(first[v + 1]),
-              [](const HalfEdge& a, const HalfEdge& b) {
-                return a.edge != b.edge ? a.edge < b.edge : a.face < b.face;
-              });
-  return half;
+  Lists<HalfEdge, std::size_t> half =
+      make_lists<HalfEdge, std::size_t>(mesh.positions.size(), [&](const auto& put) {
+        for (std::size_t f = 0; f < mesh.faces.size(); ++f)
+          for (std::size_t k = 0; k < 3; ++k) {
+            const std::uint32_t a = mesh.faces[f][k], b = mesh.faces[f][(k + 1) % 3];
+            put(std::min(a, b), {static_cast<std::uint64_t>(std::min(a, b)) << 32 | std::max(a, b),
+                                 static_cast<std::uint32_t>(f), a < b});
+          }
+      });
+  for (std::size_t v = 0; v < half.size(); ++v)
+    std::sort(half[v].begin(), half[v].end(), [](const HalfEdge& a, const HalfEdge& b) {
+      return a.edge != b.edge ? a.edge < b.edge : a.face < b.face;
+    });
+  return std::move(half.item);
 }
 
 class Surveyor {

@@ -28,19 +28,13 @@ std::string mebibytes(std::uint64_t bytes) {
   return std::to_string((bytes >> 20) + 1) + " MiB";
 }
 
-double distance(const TriangleSpan& mesh, std::uint32_t a, std::uint32_t b) {
-  const auto &p = mesh.positions[a], &q = mesh.positions[b];
-  const double x = p[0] - q[0], y = p[1] - q[1], z = p[2] - q[2];
-  return std::sqrt(x * x + y * y + z * z);
-}
-
 /// Share of the border's length up to each of its vertices, in [0, 1).
 std::vector<double> arc_shares(const TriangleSpan& mesh, const Loop& loop) {
   std::vector<double> share(loop.size());
   double sum = 0.0;
   for (std::size_t i = 0; i < loop.size(); ++i) {
     share[i] = sum;
-    sum += distance(mesh, loop[i], loop[(i + 1) % loop.size()]);
+    sum += norm(mesh.positions[loop[i]] - mesh.positions[loop[(i + 1) % loop.size()]]);
   }
   if (!(sum > 0.0)) throw InputError("the border of the mesh has no length; repair the mesh first");
   for (double& s : share) s /= sum;
@@ -48,7 +42,7 @@ std::vector<double> arc_shares(const TriangleSpan& mesh, const Loop& loop) {
 }
 
 Double2 on_circle(double share) {
-  const synth::SinCos at = synth::sin_cos(2.0 * synth::kPi * share);
+  const SinCos at = sin_cos(2.0 * kPi * share);
   return {0.5 + 0.5 * at.cos, 0.5 + 0.5 * at.sin};
 }
 
@@ -94,8 +88,8 @@ std::vector<std::uint8_t> unused_vertices(const TriangleSpan& mesh) {
   return unused;
 }
 
-std::vector<std::array<double, 3>> positions_of(const TriangleSpan& mesh, const ConstrainedSystem& system) {
-  std::vector<std::array<double, 3>> at;
+std::vector<Double3> positions_of(const TriangleSpan& mesh, const ConstrainedSystem& system) {
+  std::vector<Double3> at;
   at.reserve(system.free_vertices.size());
   for (const std::int32_t v : system.free_vertices) at.push_back(mesh.positions[static_cast<std::size_t>(v)]);
   return at;
@@ -136,13 +130,11 @@ void conformal(const TriangleSpan& mesh, const Loop& loop, const ParameterizeOpt
   if (std::count(fixed.begin(), fixed.end(), 0) == 0) return;  // every vertex lies on the border
   const ConstrainedSystem system = laplacian_system(lap, 1, fixed);
   lap = {};
-  const std::vector<std::array<double, 3>> at = positions_of(mesh, system);
+  const std::vector<Double3> at = positions_of(mesh, system);
   const std::span<double> values(out.uv.front().data(), 2 * out.uv.size());
   SolverOptions how;
   if (options.memory_bytes > 0)
     how.memory_bytes = options.memory_bytes - fixed.size() * kConformalSystemBytes;
-  how.prefer_direct = true;
-  how.right_hand_sides = 2;
   how.tolerance = 1e-10;
   how.positions = at;
   const auto solver = make_solver(SolverKind::kAutomatic, how);
@@ -157,7 +149,7 @@ void conformal(const TriangleSpan& mesh, const Loop& loop, const ParameterizeOpt
 std::array<std::uint32_t, 2> far_pair(const TriangleSpan& mesh, const Loop& loop) {
   const auto farthest = [&](std::uint32_t from) {
     return *std::max_element(loop.begin(), loop.end(), [&](std::uint32_t a, std::uint32_t b) {
-      return distance(mesh, from, a) < distance(mesh, from, b);
+      return norm(mesh.positions[a] - mesh.positions[from]) < norm(mesh.positions[b] - mesh.positions[from]);
     });
   };
   const std::uint32_t a = farthest(loop.front());
@@ -254,7 +246,7 @@ void solve_by_multigrid(const TriangleSpan& mesh, SparseMatrix&& energy, const L
                         ParameterizeReport& report) {
   ComplexSystem system = complex_system(std::move(energy), loop, fixed, values);
   report.unknowns = 2 * system.laplacian.free_vertices.size();
-  std::vector<std::array<double, 3>> at = positions_of(mesh, system.laplacian);
+  std::vector<Double3> at = positions_of(mesh, system.laplacian);
   HermitianMultigrid solver(system.laplacian.matrix, system.area.matrix, at);
   at = {};
   report.factor = solver.report();
@@ -321,21 +313,20 @@ Parameterization parameterize(const TriangleSpan& mesh, const ParameterizeOption
 }
 
 ParameterDistortion measure_distortion(const TriangleSpan& mesh, const std::vector<Double2>& uv) {
-  using synth::Vec3;
   ParameterDistortion out;
   double area_sum = 0.0, plane_sum = 0.0, ratio_sum = 0.0, angle_sum = 0.0, largest_scale = 0.0;
   std::size_t angles = 0;
   for (const auto& face : mesh.faces) {
-    std::array<Vec3, 3> p, q;
+    std::array<Double3, 3> p{}, q{};
     for (std::size_t k = 0; k < 3; ++k) {
       const auto& at = mesh.positions[face[k]];
       p[k] = {at[0], at[1], at[2]};
       q[k] = {uv[face[k]][0], uv[face[k]][1], 0.0};
     }
-    const Vec3 e = p[1] - p[0], f = p[2] - p[0];
-    const double area = length(cross(e, f));
+    const Double3 e = p[1] - p[0], f = p[2] - p[0];
+    const double area = norm(cross(e, f));
     if (!(area > 0.0)) continue;
-    const double plane = cross(q[1] - q[0], q[2] - q[0]).z;
+    const double plane = cross(q[1] - q[0], q[2] - q[0])[2];
     area_sum += area;
     plane_sum += std::fabs(plane);
     largest_scale = std::max(largest_scale, std::fabs(plane) / area);
@@ -343,16 +334,16 @@ ParameterDistortion measure_distortion(const TriangleSpan& mesh, const std::vect
     out.collapsed += plane == 0.0;
     if (plane == 0.0) continue;
     // Singular values of the map from the face, in an orthonormal frame, to the plane.
-    const double x1 = length(e), x2 = dot(e, f) / x1, y2 = area / x1;
-    const Vec3 du = (q[1] - q[0]) * (1.0 / x1), dv = ((q[2] - q[0]) - du * x2) * (1.0 / y2);
-    const double trace = dot(du, du) + dot(dv, dv), det = std::fabs(du.x * dv.y - du.y * dv.x);
+    const double x1 = norm(e), x2 = dot(e, f) / x1, y2 = area / x1;
+    const Double3 du = (q[1] - q[0]) * (1.0 / x1), dv = ((q[2] - q[0]) - du * x2) * (1.0 / y2);
+    const double trace = dot(du, du) + dot(dv, dv), det = std::fabs(du[0] * dv[1] - du[1] * dv[0]);
     const double root = std::sqrt(std::max(0.0, trace * trace - 4.0 * det * det));
     ratio_sum += area * (trace + root) / (2.0 * det);
     for (std::size_t k = 0; k < 3; ++k) {
-      const auto angle = [&](const std::array<Vec3, 3>& t) {
-        return angle_between(normalized(t[(k + 1) % 3] - t[k]), normalized(t[(k + 2) % 3] - t[k]));
+      const auto angle = [&](const std::array<Double3, 3>& t) {
+        return angle_between(unit(t[(k + 1) % 3] - t[k]), unit(t[(k + 2) % 3] - t[k]));
       };
-      const double change = std::fabs(angle(p) - angle(q)) * (180.0 / synth::kPi);
+      const double change = std::fabs(angle(p) - angle(q)) * (180.0 / kPi);
       angle_sum += change;
       ++angles;
       out.largest_angle_deg = std::max(out.largest_angle_deg, change);

@@ -9,6 +9,7 @@
 #include <limits>
 #include <utility>
 
+#include "octree/lists.h"
 #include "octree/morton.h"
 
 namespace tessera {
@@ -23,11 +24,9 @@ std::vector<std::uint32_t> morton_order(const std::vector<std::uint32_t>& code) 
   std::vector<std::uint32_t> order(code.size()), next(code.size());
   for (std::size_t i = 0; i < order.size(); ++i) order[i] = static_cast<std::uint32_t>(i);
   for (int shift = 0; shift < 3 * kMortonBits; shift += kMortonBits) {
-    std::array<std::uint32_t, kRadix> begin{};
-    for (const std::uint32_t c : code) ++begin[c >> shift & (kRadix - 1)];
-    std::uint32_t sum = 0;
-    for (std::uint32_t& b : begin) sum += std::exchange(b, sum);
-    for (const std::uint32_t i : order) next[begin[code[i] >> shift & (kRadix - 1)]++] = i;
+    std::array<std::uint32_t, kRadix + 1> begin;
+    counting_sort<std::uint32_t>(order, next, begin,
+                                 [&](std::uint32_t i) { return code[i] >> shift & (kRadix - 1); });
     order.swap(next);
   }
   return order;

@@ -2,9 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numeric>
 #include <stdexcept>
 #include <string>
+
+#include "octree/lists.h"
 
 namespace tessera {
 namespace {
@@ -53,24 +54,15 @@ void sort_runs(std::vector<Value>& values) {
 void sort_faces(MeshBlock& block, std::vector<std::uint8_t>* tag) {
   const std::size_t m = block.faces.size();
   if (std::is_sorted(block.faces.begin(), block.faces.end())) return;
-  std::vector<std::uint32_t> first(block.key.size() + 1, 0);
-  for (const FaceCorners& f : block.faces) ++first[f[0] + 1];
-  std::partial_sum(first.begin(), first.end(), first.begin());
-  std::vector<std::uint32_t> order(m);
-  for (std::uint32_t i = 0; i < m; ++i) order[first[block.faces[i][0]]++] = i;
-  std::size_t begin = 0;
-  while (begin < m) {
-    const std::uint32_t corner = block.faces[order[begin]][0];
-    std::size_t end = begin + 1;
-    while (end < m && block.faces[order[end]][0] == corner) ++end;
-    std::sort(order.begin() + static_cast<std::ptrdiff_t>(begin),
-              order.begin() + static_cast<std::ptrdiff_t>(end),
+  Lists<std::uint32_t> by_first = make_lists<std::uint32_t>(block.key.size(), [&](const auto& put) {
+    for (std::uint32_t i = 0; i < m; ++i) put(block.faces[i][0], i);
+  });
+  for (std::size_t v = 0; v < by_first.size(); ++v)
+    std::sort(by_first[v].begin(), by_first[v].end(),
               [&](std::uint32_t a, std::uint32_t b) { return block.faces[a] < block.faces[b]; });
-    begin = end;
-  }
   const auto permute = [&](auto& values) {
     std::remove_reference_t<decltype(values)> sorted(m);
-    for (std::size_t i = 0; i < m; ++i) sorted[i] = values[order[i]];
+    for (std::size_t i = 0; i < m; ++i) sorted[i] = values[by_first.item[i]];
     values = std::move(sorted);
   };
   permute(block.faces);
@@ -241,30 +233,22 @@ std::vector<std::uint8_t> complete_stars(const MeshBlock& block) {
     std::uint32_t other;
     bool border;
   };
-  std::vector<std::uint32_t> first(n + 1, 0);
-  const auto for_edges = [&](const auto& use) {
+  const Lists<Half> halves = make_lists<Half>(n, [&](const auto& put) {
     for (std::size_t f = 0; f < block.faces.size(); ++f)
       for (unsigned e = 0; e < 3; ++e) {
         const std::uint32_t a = block.faces[f][e];
         const std::uint32_t b = block.faces[f][(e + 1) % 3];
-        use(std::min(a, b), std::max(a, b), (block.face_flags[f] >> e & 1u) != 0);
+        put(std::min(a, b), {std::max(a, b), (block.face_flags[f] >> e & 1u) != 0});
       }
-  };
-  for_edges([&](std::uint32_t low, std::uint32_t, bool) { ++first[low + 1]; });
-  std::partial_sum(first.begin(), first.end(), first.begin());
-  std::vector<Half> halves(block.faces.size() * 3);
-  std::vector<std::uint32_t> next(first.begin(), first.end() - 1);
-  for_edges([&](std::uint32_t low, std::uint32_t high, bool border) {
-    halves[next[low]++] = {high, border};
   });
   std::vector<std::uint8_t> complete(n, 1);
   for (std::uint32_t low = 0; low < n; ++low) {
-    for (std::uint32_t i = first[low]; i < first[low + 1]; ++i) {
+    for (const Half& half : halves[low]) {
       unsigned count = 0;
-      for (std::uint32_t j = first[low]; j < first[low + 1]; ++j) count += halves[j].other == halves[i].other;
-      if (count == (halves[i].border ? 1u : 2u)) continue;
+      for (const Half& same : halves[low]) count += same.other == half.other;
+      if (count == (half.border ? 1u : 2u)) continue;
       complete[low] = 0;
-      complete[halves[i].other] = 0;
+      complete[half.other] = 0;
     }
   }
   return complete;

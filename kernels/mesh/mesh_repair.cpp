@@ -3,10 +3,11 @@
 #include <algorithm>
 #include <cassert>
 #include <cmath>
-#include <numeric>
 #include <string>
 
 #include "octree/error.h"
+#include "octree/lists.h"
+#include "octree/vector.h"
 
 namespace tessera {
 namespace {
@@ -94,10 +95,8 @@ class Repair {
     std::vector<RepairFace> other(faces_.size());
     std::vector<std::uint32_t> begin(65537);
     for (const unsigned shift : {0u, 16u}) {
-      std::fill(begin.begin(), begin.end(), 0);
-      for (const RepairFace& f : faces_) ++begin[(f[0] >> shift & 0xffffu) + 1];
-      std::partial_sum(begin.begin(), begin.end(), begin.begin());
-      for (const RepairFace& f : faces_) other[begin[f[0] >> shift & 0xffffu]++] = f;
+      counting_sort<RepairFace>(faces_, other, begin,
+                                [shift](const RepairFace& f) { return f[0] >> shift & 0xffffu; });
       faces_.swap(other);
     }
   }
@@ -127,32 +126,26 @@ class Repair {
   template <class Use>
   void for_each_edge(const Use& use) {
     const std::size_t n = tile_.number.size();
-    std::vector<std::uint32_t> first(n + 1, 0);
-    const auto halves = static_cast<std::uint32_t>(3 * faces_.size());
-    const auto known = [&](std::uint32_t h) { return own_vertex(from(h)) || own_vertex(to(h)); };
-    for (std::uint32_t h = 0; h < halves; ++h)
-      if (known(h)) ++first[std::min(from(h), to(h)) + 1];
-    std::partial_sum(first.begin(), first.end(), first.begin());
     struct Edge {
       std::uint32_t other, half;
     };
-    std::vector<Edge> edges(first.back());
-    for (std::uint32_t h = 0; h < halves; ++h)
-      if (known(h)) edges[first[std::min(from(h), to(h))]++] = {std::max(from(h), to(h)), h};
-    std::uint32_t begin = 0;
+    Lists<Edge> by_lower = make_lists<Edge>(n, [&](const auto& put) {
+      for (std::uint32_t h = 0; h < 3 * faces_.size(); ++h)
+        if (own_vertex(from(h)) || own_vertex(to(h)))
+          put(std::min(from(h), to(h)), {std::max(from(h), to(h)), h});
+    });
     for (std::size_t v = 0; v < n; ++v) {
-      const std::uint32_t end = first[v];
+      const std::span<Edge> edges = by_lower[v];
       // Few edges a vertex: insertion sort by the other end, then by half-edge.
-      for (std::uint32_t i = begin + 1; i < end; ++i)
-        for (std::uint32_t j = i; j > begin && edges[j].other < edges[j - 1].other; --j)
+      for (std::size_t i = 1; i < edges.size(); ++i)
+        for (std::size_t j = i; j > 0 && edges[j].other < edges[j - 1].other; --j)
           std::swap(edges[j], edges[j - 1]);
-      for (std::uint32_t i = begin; i < end;) {
+      for (std::size_t i = 0; i < edges.size();) {
         group_.clear();
         const std::uint32_t other = edges[i].other;
-        for (; i < end && edges[i].other == other; ++i) group_.push_back(edges[i].half);
+        for (; i < edges.size() && edges[i].other == other; ++i) group_.push_back(edges[i].half);
         use(static_cast<std::uint32_t>(v));
       }
-      begin = end;
     }
   }
 
@@ -220,17 +213,14 @@ class Repair {
   /// area.
   Double3 into_face(std::uint32_t half, const Double3& origin, const Double3& along) const {
     const Double3& apex = tile_.position[from(previous_of(half))];
-    Double3 d = {apex[0] - origin[0], apex[1] - origin[1], apex[2] - origin[2]};
-    const double t = d[0] * along[0] + d[1] * along[1] + d[2] * along[2];
-    for (std::size_t i = 0; i < 3; ++i) d[i] -= t * along[i];
-    return unit(d);
+    const Double3 d = apex - origin;
+    return direction(d - along * dot(d, along));
   }
 
-  static Double3 unit(Double3 d) {
-    const double length = std::sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2]);
-    if (!(length > 0.0)) return {0, 0, 0};
-    for (double& x : d) x /= length;
-    return d;
+  /// unit_or_zero but for the last bit: symmetric faces are to stay ties.
+  static Double3 direction(const Double3& d) {
+    const double length = norm(d);
+    return length > 0.0 ? d / length : Double3{};
   }
 
   void pair_many(std::uint32_t low) {
@@ -246,18 +236,17 @@ class Repair {
     const std::uint32_t high = from(group_[0]) == low ? to(group_[0]) : from(group_[0]);
     const Double3& origin = tile_.position[low];
     const Double3& end = tile_.position[high];
-    const Double3 along = unit({end[0] - origin[0], end[1] - origin[1], end[2] - origin[2]});
+    const Double3 along = direction(end - origin);
     std::vector<Candidate> candidates;
     for (const std::uint32_t up : group_) {
       if (from(up) != low) continue;
       const Double3 u = into_face(up, origin, along);
-      const Double3 outside = {along[1] * u[2] - along[2] * u[1], along[2] * u[0] - along[0] * u[2],
-                               along[0] * u[1] - along[1] * u[0]};
+      const Double3 outside = cross(along, u);
       for (const std::uint32_t down : group_) {
         if (from(down) == low) continue;
         const Double3 d = into_face(down, origin, along);
-        const double cosine = u[0] * d[0] + u[1] * d[1] + u[2] * d[2];
-        const double sine = -(outside[0] * d[0] + outside[1] * d[1] + outside[2] * d[2]);
+        const double cosine = dot(u, d);
+        const double sine = -dot(outside, d);
         candidates.push_back(
             {sine >= 0.0 ? 1.0 - cosine : 3.0 + cosine, faces_[up / 3], faces_[down / 3], up, down});
       }

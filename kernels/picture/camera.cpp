@@ -6,18 +6,14 @@
 #include <limits>
 
 #include "octree/error.h"
-#include "octree/vector3.h"
+#include "octree/portable_math.h"
+#include "octree/vector.h"
 
 namespace tessera {
 namespace {
 
-constexpr double kPi = 3.14159265358979323846;
 constexpr double kTanHalfAngle = 0.2679491924311227;  // 15 degrees: a long lens, little distortion
 constexpr double kMargin = 1.10;                      // free frame around the data, also holds the caption
-
-Double3 unit(const Double3& a) {
-  return a * (1.0 / std::sqrt(dot(a, a)));
-}
 
 /// Frame of the up direction: right and the direction to the viewer of `front`.
 struct Stand {

@@ -7,7 +7,7 @@
 #include <cmath>
 #include <utility>
 
-#include "octree/jacobi_eigen3.h"
+#include "octree/small_matrix.h"
 
 // Points come in Morton order, so the points of one cube of 4^3 cells are consecutive. For each cube of the
 // core the points of its box grown by the radius are gathered once, in canonical order; that list, and so the
@@ -294,20 +294,6 @@ std::vector<PointShape> estimate_shapes(const PointBlock& points, const NormalOp
     }
   }
   return shapes;
-}
-
-void symmetric_eigen3(const std::array<double, 6>& m, Double3& values, std::array<Double3, 3>& vectors) {
-  constexpr int kSweeps = 12;  // six suffice for double, twice that costs nothing
-  std::array<Double3, 3> column;
-  const Double3 value = jacobi_eigen3({Double3{m[0], m[1], m[2]}, {m[1], m[3], m[4]}, {m[2], m[4], m[5]}},
-                                      column, kSweeps, 0.0);
-  std::array<std::size_t, 3> order = {0, 1, 2};
-  std::sort(order.begin(), order.end(),
-            [&](std::size_t i, std::size_t j) { return value[i] != value[j] ? value[i] < value[j] : i < j; });
-  for (std::size_t i = 0; i < 3; ++i) {
-    values[i] = value[order[i]];
-    for (std::size_t k = 0; k < 3; ++k) vectors[i][k] = column[k][order[i]];
-  }
 }
 
 }  // namespace tessera

@@ -18,14 +18,14 @@ struct NormalOptions {
 
 /// What one point's neighbourhood looks like.
 struct PointShape {
-  Float3 normal = {
-      0, 0, 0};  ///< unit, sign arbitrary but deterministic; zero if too few neighbours, or all on a line
-  float variation =
-      0.0f;  ///< with estimate only: l0 / (l0 + l1 + l2) of the covariance: 0 flat .. 1/3 no surface
+  /// Unit, sign arbitrary but deterministic; zero if too few neighbours, or all on a line.
+  Float3 normal = {0, 0, 0};
+  /// With estimate only: l0 / (l0 + l1 + l2) of the covariance: 0 flat .. 1/3 no surface.
+  float variation = 0.0f;
   float residual = 0.0f;  ///< with estimate only: weighted RMS distance of the neighbours to the plane, cells
   std::uint16_t neighbours = 0;  ///< within the radius, the point itself not counted; of dense cells a part
-  std::uint16_t supporters =
-      0;  ///< of these, with a normal within 60 degrees (given normals); else = neighbours
+  /// Of these, with a normal within 60 degrees (given normals); else = neighbours.
+  std::uint16_t supporters = 0;
 };
 
 /// Cells around the core that must hold all points: the largest radius, rounded up.
@@ -36,9 +36,5 @@ int normal_halo_cells(const NormalOptions& options);
 /// \pre points are complete within normal_halo_cells of the core, canonical order
 /// \cost one vectorised pass over the points of the 4^3-cell cube and its halo per point
 std::vector<PointShape> estimate_shapes(const PointBlock& points, const NormalOptions& options);
-
-/// Eigen-decomposition of a symmetric 3x3 matrix by cyclic Jacobi (only + - * / sqrt): eigenvalues ascending,
-/// eigenvectors as rows. \param m  xx, xy, xz, yy, yz, zz
-void symmetric_eigen3(const std::array<double, 6>& m, Double3& values, std::array<Double3, 3>& vectors);
 
 }  // namespace tessera

@@ -5,6 +5,8 @@
 #include <limits>
 #include <numeric>
 
+#include "octree/union_find.h"
+
 namespace tessera {
 namespace {
 
@@ -23,19 +25,6 @@ constexpr std::size_t kVoxels = std::size_t{kSurfelsPerBrick} * kSurfelsPerBrick
 constexpr int kCoarsePerBrick = kBrickCells / kCoarseCells;
 /// Groups of a brick join to patches while about six whole links speak for it and few against.
 constexpr ContractionLimits kPatchLimits = {6.0 * kVoteScale, 0.8};
-
-float dot(const Float3& a, const Float3& b) {
-  return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-}
-Float3 minus(const Float3& a, const Float3& b) {
-  return {a[0] - b[0], a[1] - b[1], a[2] - b[2]};
-}
-Float3 plus(const Float3& a, const Float3& b) {
-  return {a[0] + b[0], a[1] + b[1], a[2] + b[2]};
-}
-void negate(Float3& v) {
-  v = {-v[0], -v[1], -v[2]};
-}
 
 std::size_t voxel_index(int x, int y, int z) {
   return (static_cast<std::size_t>(z) * kSurfelsPerBrick + static_cast<std::size_t>(y)) * kSurfelsPerBrick +
@@ -176,38 +165,22 @@ void join_surfels(const std::vector<Surfel>& surfels, std::vector<SurfelLink>& l
     if (lw != rw) return lw > rw;
     return l.a != r.a ? l.a < r.a : l.b < r.b;
   });
-  std::vector<std::uint32_t> parent(n);
-  std::iota(parent.begin(), parent.end(), 0u);
-  std::vector<std::int8_t> to(n, 1);
-  const auto root = [&](std::uint32_t v, int& s) {
-    s = 1;
-    while (parent[v] != v) {
-      to[v] = static_cast<std::int8_t>(to[v] * to[parent[v]]);
-      parent[v] = parent[parent[v]];
-      s *= to[v];
-      v = parent[v];
-    }
-    return v;
-  };
+  SignedUnionFind sets(n);
   for (const SurfelLink& l : links) {
     if (std::abs(l.vote) < kSmooth) break;
-    int sa = 1, sb = 1;
-    std::uint32_t a = root(l.a, sa), b = root(l.b, sb);
-    if (a == b) continue;
-    if (a > b) std::swap(a, b);
-    parent[b] = a;
-    to[b] = static_cast<std::int8_t>(sa * sb * (l.vote < 0 ? -1 : 1));
+    const SignedUnionFind::Place a = sets.find(l.a), b = sets.find(l.b);
+    if (a.root == b.root) continue;
+    sets.hang(std::max(a.root, b.root), std::min(a.root, b.root), a.sign * b.sign * (l.vote < 0 ? -1 : 1));
   }
   // Votes between the groups, every link counted.
   std::vector<std::uint32_t> number(n, kNone);
   std::uint32_t groups = 0;
   group.resize(n), sign.resize(n);
   for (std::uint32_t i = 0; i < n; ++i) {
-    int s = 1;
-    const std::uint32_t r = root(i, s);
-    if (number[r] == kNone) number[r] = groups++;
-    group[i] = number[r];
-    sign[i] = static_cast<std::int8_t>(s);
+    const SignedUnionFind::Place at = sets.find(i);
+    if (number[at.root] == kNone) number[at.root] = groups++;
+    group[i] = number[at.root];
+    sign[i] = static_cast<std::int8_t>(at.sign);
   }
   std::vector<std::uint64_t> weight(groups, 0);
   for (std::uint32_t i = 0; i < n; ++i) ++weight[group[i]];
@@ -322,7 +295,7 @@ void link_voxels(std::span<const Surfel> a, std::span<const Surfel> b, const Flo
   const std::size_t known = links.size();
   for (std::uint32_t i = 0; i < a.size(); ++i)
     for (std::uint32_t j = same ? i + 1 : 0; j < b.size(); ++j) {
-      const std::int32_t vote = link_vote(a[i], b[j], minus(plus(b[j].position, shift), a[i].position));
+      const std::int32_t vote = link_vote(a[i], b[j], b[j].position + shift - a[i].position);
       if (vote != 0) links.push_back({i, j, vote});
     }
   if (same || links.size() - known < 2) return;
@@ -353,7 +326,7 @@ BrickOrientation orient_brick(const OrientationInput& in) {
   join_surfels(surfels, links, group, sign, out.votes);
   for (std::size_t i = 0; i < surfels.size(); ++i) {
     surfels[i].patch = static_cast<std::uint16_t>(group[i]);
-    if (sign[i] < 0) negate(surfels[i].normal);
+    if (sign[i] < 0) surfels[i].normal = -surfels[i].normal;
     out.patches = std::max(out.patches, static_cast<std::uint16_t>(group[i] + 1));
   }
 
@@ -365,7 +338,7 @@ BrickOrientation orient_brick(const OrientationInput& in) {
     Float3& n = out.normal[i];
     out.patch[i] = s.patch;
     const bool flip = dot(n, s.normal) < 0.0f;
-    if (flip) negate(n);
+    if (flip) n = -n;
     PatchFacts& facts = out.facts[s.patch];
     ++facts.points;
     if (!in.visible.empty()) {

@@ -6,6 +6,7 @@
 #include <limits>
 
 #include "kernels/points/orientation.h"
+#include "octree/vector.h"
 
 namespace tessera {
 namespace {
@@ -48,10 +49,6 @@ constexpr double kPairs = 0.1;  ///< weight of pairs
 constexpr std::uint64_t kEmpty = std::numeric_limits<std::uint64_t>::max();
 constexpr std::uint64_t kRegion = std::uint64_t{1} << 63;
 
-float dot(const Float3& a, const Float3& b) {
-  return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-}
-
 std::uint64_t mix(std::uint64_t v) {
   v = (v ^ (v >> 30)) * 0xbf58476d1ce4e5b9ULL;
   v = (v ^ (v >> 27)) * 0x94d049bb133111ebULL;
@@ -87,7 +84,7 @@ class Dice {
       const float square = dot(w, w);
       if (square > 1023.0f * 1023.0f || square < 256.0f * 256.0f) continue;
       const float scale = 1.0f / std::sqrt(square);
-      return {w[0] * scale, w[1] * scale, w[2] * scale};
+      return w * scale;
     }
   }
 
@@ -167,14 +164,14 @@ void SurfelScene::meet(std::uint32_t voxel, const Float3& from, const Float3& wa
   for (std::uint32_t k = voxel_begin_[voxel]; k < voxel_begin_[voxel + 1]; ++k) {
     const std::uint32_t i = order_[k];
     const JobSurfel& s = surfels_[i];
-    const float area = std::sqrt(dot(s.area, s.area));
+    const float area = norm(s.area);
     if (i == own || !(area > 0.0f)) continue;
     const float cosine = -dot(s.area, way) / area;
     if (std::fabs(cosine) < kGrazing) continue;
-    const Float3 to = {s.position[0] - from[0], s.position[1] - from[1], s.position[2] - from[2]};
+    const Float3 to = s.position - from;
     const float distance = -dot(s.area, to) / (area * cosine);
     if (distance < near || (best.met && distance >= best.distance)) continue;
-    const Float3 off = {to[0] - distance * way[0], to[1] - distance * way[1], to[2] - distance * way[2]};
+    const Float3 off = to - way * distance;
     const float radius = std::clamp(kDiskSpread * std::sqrt(area * 0.31830989f), kLeastRadius, kMostRadius);
     if (dot(off, off) <= radius * radius) best = {true, i, distance, cosine};
   }
@@ -279,7 +276,7 @@ class Looker {
   /// Calls see(side, way) for `looks` directions there and back.
   template <class See>
   void each_way(const JobSurfel& s, std::uint64_t seed, std::uint64_t looks, See&& see) const {
-    const float area = std::sqrt(dot(s.area, s.area));
+    const float area = norm(s.area);
     Dice dice(seed);
     for (std::uint64_t k = 0; k < looks;) {
       Float3 way = dice.way();
@@ -340,7 +337,7 @@ class Looker {
   /// Looks at the sky. \param weight  of one look
   void look_up(std::uint32_t i, std::uint64_t seed, std::uint64_t looks, double weight) {
     const JobSurfel& s = surfels_[i];
-    const float area = std::sqrt(dot(s.area, s.area));
+    const float area = norm(s.area);
     Dice dice(mix(seed));
     std::array<double, 2> all{}, open{}, sky{};
     for (std::uint64_t k = 0; k < looks;) {
@@ -453,7 +450,7 @@ std::vector<PatchVote> vote_by_sensors(std::span<const JobSurfel> surfels, std::
   const std::size_t asked = std::min(sensors.size(), kAskedSensors);
   for (std::uint32_t i = 0; i < surfels.size(); ++i) {
     const JobSurfel& s = surfels[i];
-    const float area = std::sqrt(dot(s.area, s.area));
+    const float area = norm(s.area);
     if (!(area > 0.0f)) continue;
     const double rate = std::min(
         1.0, std::max(2.0 * static_cast<double>(kLooks) / static_cast<double>(surfels.size() * asked),
@@ -461,8 +458,7 @@ std::vector<PatchVote> vote_by_sensors(std::span<const JobSurfel> surfels, std::
     const std::uint64_t seed = mix(key_of(voxel_of(s.position)) + (std::uint64_t{s.surfels} << 56));
     if (rounded(rate, seed) == 0) continue;
     for (std::uint32_t k = 0; k < sensors.size(); ++k) {
-      const Float3 to = {sensors[k][0] - s.position[0], sensors[k][1] - s.position[1],
-                         sensors[k][2] - s.position[2]};
+      const Float3 to = sensors[k] - s.position;
       near[k] = {dot(to, to), k};
     }
     std::partial_sort(near.begin(), near.begin() + static_cast<std::ptrdiff_t>(asked), near.end());

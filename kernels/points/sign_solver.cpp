@@ -5,6 +5,9 @@
 #include <limits>
 #include <numeric>
 
+#include "octree/lists.h"
+#include "octree/union_find.h"
+
 namespace tessera {
 namespace {
 
@@ -46,19 +49,12 @@ std::vector<std::int64_t> cuts(const Contraction& tree, std::span<const PatchVot
   return cut;
 }
 
-/// Neighbours of every node, votes by index.
-struct Adjacency {
-  std::vector<std::uint64_t> first;
-  std::vector<std::uint32_t> vote;
-  Adjacency(std::size_t nodes, std::span<const PatchVote> votes)
-      : first(nodes + 1, 0), vote(votes.size() * 2) {
-    for (const PatchVote& v : votes) ++first[v.a + 1], ++first[v.b + 1];
-    std::partial_sum(first.begin(), first.end(), first.begin());
-    std::vector<std::uint64_t> fill(first.begin(), first.end() - 1);
-    for (std::uint32_t v = 0; v < votes.size(); ++v)
-      vote[fill[votes[v].a]++] = v, vote[fill[votes[v].b]++] = v;
-  }
-};
+/// Places of the votes of every node.
+Lists<std::uint32_t, std::uint64_t> votes_of_nodes(std::size_t nodes, std::span<const PatchVote> votes) {
+  return make_lists<std::uint32_t, std::uint64_t>(nodes, [&](const auto& put) {
+    for (std::uint32_t v = 0; v < votes.size(); ++v) put(votes[v].a, v), put(votes[v].b, v);
+  });
+}
 
 /// Nodes below each node of the forest, as ranges of one preorder.
 struct Subtrees {
@@ -84,7 +80,11 @@ struct Subtrees {
 class Flips {
  public:
   Flips(const Contraction& tree, std::span<const PatchVote> votes, std::vector<std::int8_t>& sign)
-      : tree_(tree), votes_(votes), sign_(sign), subtrees_(tree), adjacency_(sign.size(), votes) {}
+      : tree_(tree),
+        votes_(votes),
+        sign_(sign),
+        subtrees_(tree),
+        touching_(votes_of_nodes(sign.size(), votes)) {}
 
   void run() {
     for (int sweep = 0; sweep < kFlipSweeps; ++sweep) {
@@ -101,8 +101,8 @@ class Flips {
     std::int64_t sum = 0;
     for (std::uint32_t i = begin; i < end; ++i) {
       const std::uint32_t p = subtrees_.order[i];
-      for (std::uint64_t k = adjacency_.first[p]; k < adjacency_.first[p + 1]; ++k) {
-        const PatchVote& w = votes_[adjacency_.vote[k]];
+      for (const std::uint32_t k : touching_[p]) {
+        const PatchVote& w = votes_[k];
         const std::uint32_t other = subtrees_.at[w.a == p ? w.b : w.a];
         if (other < begin || other >= end) sum += (w.same - w.opposite) * sign_[w.a] * sign_[w.b];
       }
@@ -142,7 +142,7 @@ class Flips {
   std::span<const PatchVote> votes_;
   std::vector<std::int8_t>& sign_;
   Subtrees subtrees_;
-  Adjacency adjacency_;
+  Lists<std::uint32_t, std::uint64_t> touching_;
 };
 
 }  // namespace
@@ -173,8 +173,7 @@ Contraction contract_signs(std::span<const std::uint64_t> weight, std::vector<Pa
   tree.confidence.assign(n, 1.0f);
   std::vector<std::uint64_t> group(weight.begin(), weight.end());  // weight of the group of a root
   std::vector<std::uint32_t> best(n, kNever);
-  std::vector<std::uint32_t> hop(n);
-  std::vector<std::int8_t> to(n, 1);
+  SignedUnionFind trees(n);
   std::vector<std::uint32_t> joined;
   const auto heavier = [&](std::uint32_t l, std::uint32_t r) {
     return group[l] != group[r] ? group[l] > group[r] : l < r;
@@ -200,32 +199,19 @@ Contraction contract_signs(std::span<const std::uint64_t> weight, std::vector<Pa
     }
     std::sort(joined.begin(), joined.end());
     // Best ties form trees (ties in score by the order of edges). The heaviest of a tree takes the others in.
-    for (const std::uint32_t v : joined) hop[v] = v, to[v] = 1;
-    const auto root = [&](std::uint32_t v, int& sign) {
-      sign = 1;
-      while (hop[v] != v) {  // halving the path as it goes
-        to[v] = static_cast<std::int8_t>(to[v] * to[hop[v]]);
-        hop[v] = hop[hop[v]];
-        sign *= to[v];
-        v = hop[v];
-      }
-      return v;
-    };
+    for (const std::uint32_t v : joined) trees.isolate(v);
     for (const std::uint32_t v : joined) {
       const PatchVote& edge = votes[best[v]];
-      int sa = 1, sb = 1;
-      std::uint32_t a = root(edge.a, sa), b = root(edge.b, sb);
-      if (a == b) continue;
-      if (heavier(b, a)) std::swap(a, b);
-      hop[b] = a;
-      to[b] = static_cast<std::int8_t>(sa * sb * (edge.same >= edge.opposite ? 1 : -1));
+      SignedUnionFind::Place a = trees.find(edge.a), b = trees.find(edge.b);
+      if (a.root == b.root) continue;
+      if (heavier(b.root, a.root)) std::swap(a, b);
+      trees.hang(b.root, a.root, a.sign * b.sign * (edge.same >= edge.opposite ? 1 : -1));
     }
     for (const std::uint32_t v : joined) {
-      int sign = 1;
-      const std::uint32_t r = root(v, sign);
-      if (r == v) continue;
-      tree.parent[v] = r;
-      tree.relation[v] = static_cast<std::int8_t>(sign);
+      const SignedUnionFind::Place at = trees.find(v);
+      if (at.root == v) continue;
+      tree.parent[v] = at.root;
+      tree.relation[v] = static_cast<std::int8_t>(at.sign);
       tree.round[v] = round;
       tree.confidence[v] = static_cast<float>(confidence(votes[best[v]]));
     }

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "kernels/points/normals.h"
+#include "octree/small_matrix.h"
 
 namespace tessera {
 namespace {
@@ -30,37 +31,6 @@ std::vector<std::size_t> probes_of(const SampleCell& cell) {
   std::vector<std::size_t> probes;
   for (std::size_t k = 0; k < kProbesPerCell; ++k) probes.push_back(inner[k * inner.size() / kProbesPerCell]);
   return probes;
-}
-
-double squared_distance(const Double3& a, const Double3& b) {
-  const double x = a[0] - b[0];
-  const double y = a[1] - b[1];
-  const double z = a[2] - b[2];
-  return x * x + y * y + z * z;
-}
-
-/// Solves the symmetric positive definite system in place by Cholesky; false if it is not definite.
-bool solve(std::array<std::array<double, kQuadricTerms>, kQuadricTerms>& m,
-           std::array<double, kQuadricTerms>& b) {
-  constexpr auto kN = static_cast<std::size_t>(kQuadricTerms);
-  for (std::size_t j = 0; j < kN; ++j) {
-    for (std::size_t k = 0; k < j; ++k) m[j][j] -= m[j][k] * m[j][k];
-    if (!(m[j][j] > 1e-9)) return false;
-    m[j][j] = std::sqrt(m[j][j]);
-    for (std::size_t i = j + 1; i < kN; ++i) {
-      for (std::size_t k = 0; k < j; ++k) m[i][j] -= m[i][k] * m[j][k];
-      m[i][j] /= m[j][j];
-    }
-  }
-  for (std::size_t i = 0; i < kN; ++i) {
-    for (std::size_t k = 0; k < i; ++k) b[i] -= m[i][k] * b[k];
-    b[i] /= m[i][i];
-  }
-  for (std::size_t i = kN; i-- > 0;) {
-    for (std::size_t k = i + 1; k < kN; ++k) b[i] -= m[k][i] * b[k];
-    b[i] /= m[i][i];
-  }
-  return true;
 }
 
 /// Standard deviation of the points (relative to a probe, in units of the radius) from a quadric over their
@@ -89,17 +59,18 @@ double quadric_residual(const std::vector<Double3>& points) {
     const double v = along(p, axes[1]);
     return std::array<double, kQuadricTerms>{1.0, u, v, u * u, u * v, v * v};
   };
-  std::array<std::array<double, kQuadricTerms>, kQuadricTerms> m{};
+  SmallMatrix<kQuadricTerms> m = SmallMatrix<kQuadricTerms>::Zero();
   std::array<double, kQuadricTerms> b{};
   for (const Double3& p : points) {
     const auto t = terms(p);
     const double w = along(p, axes[0]);
     for (std::size_t i = 0; i < t.size(); ++i) {
       b[i] += t[i] * w;
-      for (std::size_t j = 0; j <= i; ++j) m[i][j] += t[i] * t[j];
+      for (std::size_t j = 0; j <= i; ++j) m.coeffRef(i, j) += t[i] * t[j];
     }
   }
-  if (!solve(m, b)) return -1.0;
+  if (!cholesky_factor(m, 1e-9)) return -1.0;
+  cholesky_solve(m, b);
   double sum = 0.0;
   for (const Double3& p : points) {
     const auto t = terms(p);

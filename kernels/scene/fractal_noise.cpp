@@ -107,32 +107,33 @@ double fractal_slope_bound(const FractalOptions& options) {
   });
 }
 
-double fractal_volume(const FractalOptions& options, const Vec3& p, Vec3& gradient) {
+double fractal_volume(const FractalOptions& options, const Double3& p, Double3& gradient) {
   double value = 0.0, amplitude = options.amplitude, frequency = 1.0 / options.wavelength;
   gradient = {};
   for (int k = 0; k < options.octaves; ++k) {
     const std::uint32_t seed = octave_seed(options, k);
     const double shift = 0.37 * (k + 1);
-    const Vec3 q{p.x * frequency + shift, p.y * frequency - shift, p.z * frequency + 0.61 * shift};
-    const Vec3 f{std::floor(q.x), std::floor(q.y), std::floor(q.z)};
-    const Vec3 t = q - f;
-    const Vec3 w{fade(t.x), fade(t.y), fade(t.z)};
-    const Vec3 s{fade_slope(t.x), fade_slope(t.y), fade_slope(t.z)};
+    const Double3 q{p[0] * frequency + shift, p[1] * frequency - shift, p[2] * frequency + 0.61 * shift};
+    const Double3 f{std::floor(q[0]), std::floor(q[1]), std::floor(q[2])};
+    const Double3 t = q - f;
+    const Double3 w{fade(t[0]), fade(t[1]), fade(t[2])};
+    const Double3 s{fade_slope(t[0]), fade_slope(t[1]), fade_slope(t[2])};
     double sum = 0.0;
-    Vec3 slope;
+    Double3 slope{};
     for (int corner = 0; corner < 8; ++corner) {
       const int i = corner & 1, j = corner >> 1 & 1, l = corner >> 2;
-      const std::uint32_t kx = static_cast<std::uint32_t>(static_cast<std::int32_t>(f.x) + i);
-      const std::uint32_t ky = static_cast<std::uint32_t>(static_cast<std::int32_t>(f.y) + j);
-      const std::uint32_t kz = static_cast<std::uint32_t>(static_cast<std::int32_t>(f.z) + l);
+      const std::uint32_t kx = static_cast<std::uint32_t>(static_cast<std::int32_t>(f[0]) + i);
+      const std::uint32_t ky = static_cast<std::uint32_t>(static_cast<std::int32_t>(f[1]) + j);
+      const std::uint32_t kz = static_cast<std::uint32_t>(static_cast<std::int32_t>(f[2]) + l);
       const std::uint32_t h = hash2(kx, ky, seed ^ kz * 0xcb1ab31fu);
-      const Vec3 g{low_half(h), high_half(h), low_half(h * 0x297a2d39u >> 11)};
-      const double value_here = g.x * (t.x - i) + g.y * (t.y - j) + g.z * (t.z - l);
-      const double wx = i ? w.x : 1.0 - w.x, wy = j ? w.y : 1.0 - w.y, wz = l ? w.z : 1.0 - w.z;
+      const Double3 g{low_half(h), high_half(h), low_half(h * 0x297a2d39u >> 11)};
+      const double value_here = g[0] * (t[0] - i) + g[1] * (t[1] - j) + g[2] * (t[2] - l);
+      const double wx = i ? w[0] : 1.0 - w[0], wy = j ? w[1] : 1.0 - w[1], wz = l ? w[2] : 1.0 - w[2];
       sum += wx * wy * wz * value_here;
-      slope = slope + g * (wx * wy * wz) +
-              Vec3{(i ? s.x : -s.x) * wy * wz, (j ? s.y : -s.y) * wx * wz, (l ? s.z : -s.z) * wx * wy} *
-                  value_here;
+      slope =
+          slope + g * (wx * wy * wz) +
+          Double3{(i ? s[0] : -s[0]) * wy * wz, (j ? s[1] : -s[1]) * wx * wz, (l ? s[2] : -s[2]) * wx * wy} *
+              value_here;
     }
     value += amplitude * sum;
     gradient = gradient + slope * (amplitude * frequency);

@@ -28,7 +28,7 @@ double fractal_height_bound(const FractalOptions& options);
 double fractal_slope_bound(const FractalOptions& options);
 
 /// Three-dimensional variant: value at p; `gradient` receives the exact gradient.
-double fractal_volume(const FractalOptions& options, const Vec3& p, Vec3& gradient);
+double fractal_volume(const FractalOptions& options, const Double3& p, Double3& gradient);
 double fractal_volume_slope_bound(const FractalOptions& options);
 
 }  // namespace tessera::synth

@@ -28,23 +28,23 @@ enum class Join : std::uint8_t {
 struct Primitive {
   Shape shape = Shape::kBox;
   Join join = Join::kUnite;
-  Vec3 centre;
-  Vec3 x = {1, 0, 0}, y = {0, 1, 0}, z = {0, 0, 1};  ///< local axes, orthonormal
-  Vec3 size;
+  Double3 centre{};
+  Double3 x = {1, 0, 0}, y = {0, 1, 0}, z = {0, 0, 1};  ///< local axes, orthonormal
+  Double3 size{};
   double round = 0.0;
   double blend = 0.0;  ///< width of the transition to what was there before; 0 = crease
   std::uint32_t colour = 0xffb4b4b4u;
 
-  Primitive& turned(double angle);          ///< about the world's z
-  Primitive& along(const Vec3& direction);  ///< local z along a direction
+  Primitive& turned(double angle);             ///< about the world's z
+  Primitive& along(const Double3& direction);  ///< local z along a direction
   Primitive& painted(int r, int g, int b);
 };
-Primitive box(const Vec3& centre, const Vec3& half, double round = 0.0, double blend = 0.0);
-Primitive cylinder(const Vec3& centre, double radius, double half_height, double round = 0.0,
+Primitive box(const Double3& centre, const Double3& half, double round = 0.0, double blend = 0.0);
+Primitive cylinder(const Double3& centre, double radius, double half_height, double round = 0.0,
                    double blend = 0.0);
-Primitive torus(const Vec3& centre, double major, double minor, double blend = 0.0);
-Primitive round_cone(const Vec3& a, const Vec3& b, double ra, double rb, double blend = 0.0);
-Primitive ball(const Vec3& centre, double radius, double blend = 0.0);
+Primitive torus(const Double3& centre, double major, double minor, double blend = 0.0);
+Primitive round_cone(const Double3& a, const Double3& b, double ra, double rb, double blend = 0.0);
+Primitive ball(const Double3& centre, double radius, double blend = 0.0);
 
 /// What a scene is made of.
 struct ImplicitModel {
@@ -54,7 +54,7 @@ struct ImplicitModel {
   bool ground = false;                          ///< z = height(x, y) below everything
   FractalOptions relief;                        ///< of the ground
   FractalOptions skin = {3, 1.0, 0.0, 0.5, 1};  ///< displacement of all primitives; amplitude 0 = none
-  std::vector<Vec3> stations;  ///< where a terrestrial scanner stands; empty = around the scene
+  std::vector<Double3> stations;  ///< where a terrestrial scanner stands; empty = around the scene
 };
 
 class ImplicitScene final : public Scene {
@@ -62,35 +62,35 @@ class ImplicitScene final : public Scene {
   explicit ImplicitScene(ImplicitModel model);
 
   /// Field and gradient at p. \param paint  receives the colour of the nearest primitive if not null
-  double field(const Vec3& p, Vec3& gradient, std::uint32_t* paint = nullptr) const;
+  double field(const Double3& p, Double3& gradient, std::uint32_t* paint = nullptr) const;
 
   std::string_view name() const override { return model_.name; }
   Box3 bounds() const override { return model_.bounds; }
-  SurfacePoint closest(const Vec3& p) const override;
+  SurfacePoint closest(const Double3& p) const override;
   bool intersect(const Ray& ray, double limit, RayHit& hit) const override;
   void crossings(const Ray& ray, double limit, std::vector<SurfacePoint>& out) const override;
   bool open() const override { return model_.ground; }
-  std::vector<Vec3> stations() const override { return model_.stations; }
+  std::vector<Double3> stations() const override { return model_.stations; }
   std::uint32_t colour(const SurfacePoint& p) const override;
 
  private:
   void build_grid();
   template <class Ids>
-  double join(const Ids& ids, const Vec3& p, Vec3& gradient, std::uint32_t* paint) const;
-  double ground(const Vec3& p, Vec3& gradient) const;
+  double join(const Ids& ids, const Double3& p, Double3& gradient, std::uint32_t* paint) const;
+  double ground(const Double3& p, Double3& gradient) const;
   /// Part of [0, limit] inside the grid. \returns false if there is none
   bool clip(const Ray& ray, double limit, double& t0, double& t1) const;
   /// Share of the field's value that may be stepped.
   double stride() const;
   /// Moves q onto the surface along the gradient. \returns false if it does not arrive
-  bool settle(Vec3& q, Vec3& normal) const;
+  bool settle(Double3& q, Double3& normal) const;
 
   ImplicitModel model_;
   double skin_slope_ = 0.0;     ///< certified bound
   double ground_factor_ = 1.0;  ///< turns a height difference into a bound of the distance
   double size_ = 0.0;
   int cells_[3] = {1, 1, 1};
-  Vec3 grid_lo_, grid_hi_, per_cell_;
+  Double3 grid_lo_{}, grid_hi_{}, per_cell_{};
   std::vector<std::uint32_t> first_;  ///< per cell, into ids_
   std::vector<std::uint16_t> ids_;
 };

@@ -35,8 +35,8 @@ class PatchSource final : public SampleSource {
 class AxisSource final : public SampleSource {
  public:
   AxisSource(const Scene& scene, std::uint64_t points, std::uint64_t seed) : scene_(scene), seed_(seed) {
-    const Vec3 extent = scene.bounds().hi - scene.bounds().lo;
-    const double widest = std::max(extent.x, std::max(extent.y, extent.z));
+    const Double3 extent = scene.bounds().hi - scene.bounds().lo;
+    const double widest = std::max(extent[0], std::max(extent[1], extent[2]));
     // A coarse run counts what a grid of that step gives, and measures the area.
     set_step(widest / 96.0);
     std::uint64_t hits = 0;
@@ -60,7 +60,7 @@ class AxisSource final : public SampleSource {
     std::uint64_t row = unit;
     while (row >= rows_[axis]) row -= rows_[axis++];
     const Box3 box = scene_.bounds();
-    const double lo[3] = {box.lo.x, box.lo.y, box.lo.z}, hi[3] = {box.hi.x, box.hi.y, box.hi.z};
+    const double lo[3] = {box.lo[0], box.lo[1], box.lo[2]}, hi[3] = {box.hi[0], box.hi[1], box.hi[2]};
     const int u = (axis + 1) % 3, v = (axis + 2) % 3;
     const auto columns = static_cast<std::uint64_t>(std::floor((hi[u] - lo[u]) / step_)) + 1;
     out.surface.resize(0);
@@ -80,7 +80,7 @@ class AxisSource final : public SampleSource {
       scene_.crossings({{o[0], o[1], o[2]}, {d[0], d[1], d[2]}}, 1.02 * (hi[axis] - lo[axis]), found);
       for (std::size_t k = 0; k < found.size(); ++k) {
         const SurfacePoint& p = found[k];
-        const double n[3] = {std::fabs(p.normal.x), std::fabs(p.normal.y), std::fabs(p.normal.z)};
+        const double n[3] = {std::fabs(p.normal[0]), std::fabs(p.normal[1]), std::fabs(p.normal[2])};
         // Ties (a slope of exactly 45 degrees) go to the earlier axis.
         const int dominant = n[0] >= n[1] && n[0] >= n[2] ? 0 : n[1] >= n[2] ? 1 : 2;
         if (dominant != axis) continue;
@@ -96,8 +96,8 @@ class AxisSource final : public SampleSource {
  private:
   void set_step(double step) {
     step_ = step;
-    const Vec3 extent = scene_.bounds().hi - scene_.bounds().lo;
-    const double e[3] = {extent.x, extent.y, extent.z};
+    const Double3 extent = scene_.bounds().hi - scene_.bounds().lo;
+    const double e[3] = {extent[0], extent[1], extent[2]};
     for (int axis = 0; axis < 3; ++axis) {
       rows_[axis] = static_cast<std::uint64_t>(std::floor(e[(axis + 2) % 3] / step)) + 1;
     }

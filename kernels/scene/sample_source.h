@@ -23,7 +23,7 @@ struct SampleBatch {
 
 /// One set-up of the sensor.
 struct ScanInfo {
-  Vec3 origin;                          ///< of the sensor (airborne: middle of the line)
+  Double3 origin{};                     ///< of the sensor (airborne: middle of the line)
   std::uint64_t columns = 0, rows = 0;  ///< grid of rays; 0 where there is none
   std::uint64_t first_unit = 0, units = 0;
 };
@@ -56,7 +56,8 @@ struct SensorOptions {
 
 /// Direct sampling. Exact number of points for scenes with patches(), else (rows of axis-parallel rays, each
 /// keeping the hits that it meets most squarely) within a few percent and up to 1.7 times thinner on oblique
-/// faces. \pre points > 0; the scene outlives the source
+/// faces.
+/// \pre points > 0; the scene outlives the source
 std::unique_ptr<SampleSource> sample_surface(const Scene& scene, std::uint64_t points, std::uint64_t seed);
 /// Number of points that direct sampling needs for a mean spacing.
 std::uint64_t points_for_spacing(const Scene& scene, double spacing);

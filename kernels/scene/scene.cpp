@@ -1,5 +1,6 @@
 #include "kernels/scene/scene.h"
 
+#include <algorithm>
 #include <array>
 
 #include "kernels/scene/scene_models.h"
@@ -32,9 +33,9 @@ std::span<const SceneName> scene_names() {
 std::uint32_t Scene::colour(const SurfacePoint& p) const {
   // Painted plaster: hue by the direction of the surface, so that creases show in a coloured point cloud.
   const auto channel = [](double n) {
-    return static_cast<std::uint32_t>(176.0 + 48.0 * clamp(n, -1.0, 1.0));
+    return static_cast<std::uint32_t>(176.0 + 48.0 * std::clamp(n, -1.0, 1.0));
   };
-  return channel(p.normal.x) | channel(p.normal.y) << 8 | channel(p.normal.z) << 16 | 0xff000000u;
+  return channel(p.normal[0]) | channel(p.normal[1]) << 8 | channel(p.normal[2]) << 16 | 0xff000000u;
 }
 
 std::unique_ptr<Scene> make_scene(const SceneOptions& options) {

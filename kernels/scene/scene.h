@@ -15,18 +15,18 @@
 namespace tessera::synth {
 
 struct Box3 {
-  Vec3 lo, hi;
+  Double3 lo{}, hi{};
 };
 
 /// A point of the truth surface and the outward (solid) or upward (terrain) unit normal there.
 struct SurfacePoint {
-  Vec3 position;
-  Vec3 normal;
+  Double3 position{};
+  Double3 normal{};
 };
 
 struct Ray {
-  Vec3 origin;
-  Vec3 direction;  ///< unit
+  Double3 origin{};
+  Double3 direction{};  ///< unit
 };
 
 struct RayHit {
@@ -64,7 +64,7 @@ class SurfacePatch {
 struct SharpFeature {
   bool corner = false;
   double distance = 0.0;  ///< from the query to the nearest crease or corner
-  Vec3 position;
+  Double3 position{};
 };
 
 class Scene {
@@ -76,7 +76,7 @@ class Scene {
   /// Nearest point of the surface. Exact (to rounding) for queries nearer to it than its radii of curvature,
   /// for sphere, torus, cube, csg, fandisk everywhere; else a point of the surface, so that the distance is
   /// never understated.
-  virtual SurfacePoint closest(const Vec3& p) const = 0;
+  virtual SurfacePoint closest(const Double3& p) const = 0;
   /// First hit with 0 < range <= limit. \returns false if there is none
   virtual bool intersect(const Ray& ray, double limit, RayHit& hit) const = 0;
 
@@ -86,19 +86,19 @@ class Scene {
   /// Pieces for direct sampling; empty for scenes that have no parametrisation.
   virtual std::vector<const SurfacePatch*> patches() const { return {}; }
   /// Nearest point of any crease. \returns false if the scene has none or does not know them
-  virtual bool nearest_crease(const Vec3&, SharpFeature&) const { return false; }
+  virtual bool nearest_crease(const Double3&, SharpFeature&) const { return false; }
   /// Nearest corner. \returns false if the scene has none or does not know them
-  virtual bool nearest_corner(const Vec3&, SharpFeature&) const { return false; }
+  virtual bool nearest_corner(const Double3&, SharpFeature&) const { return false; }
   /// All corners, and points along all creases at most `step` apart. Empty where not known.
-  virtual std::vector<Vec3> corners() const { return {}; }
-  virtual std::vector<Vec3> crease_points(double) const { return {}; }
+  virtual std::vector<Double3> corners() const { return {}; }
+  virtual std::vector<Double3> crease_points(double) const { return {}; }
   /// Whether a point of the surface lies where the surface ends, so that what is beyond says nothing of
   /// accuracy.
-  virtual bool at_border(const Vec3&) const { return false; }
+  virtual bool at_border(const Double3&) const { return false; }
   /// Whether the surface ends somewhere (terrain), so that meshes of it have a border.
   virtual bool open() const { return false; }
   /// Where a terrestrial scanner stands in the scene; empty = around it.
-  virtual std::vector<Vec3> stations() const { return {}; }
+  virtual std::vector<Double3> stations() const { return {}; }
   /// Octaves of fractal relief in it, 0 without.
   virtual int octaves() const { return 0; }
   /// Colour at a point of the surface: r | g<<8 | b<<16 | 255<<24.

@@ -1,5 +1,7 @@
 #include "kernels/scene/scene_models.h"
 
+#include <algorithm>
+
 #include "kernels/scene/implicit_scene.h"
 
 namespace tessera::synth {
@@ -13,18 +15,18 @@ Primitive minus(Primitive p) {
 /// The same primitive moved and turned about the world's z through the origin of the part.
 struct Part {
   std::vector<Primitive>& out;
-  Vec3 at;
+  Double3 at{};
   double angle = 0.0;
   void operator()(Primitive p) const {
     const SinCos t = sin_cos(angle);
-    p.centre =
-        Vec3{p.centre.x * t.cos - p.centre.y * t.sin, p.centre.x * t.sin + p.centre.y * t.cos, p.centre.z} +
-        at;
+    p.centre = Double3{p.centre[0] * t.cos - p.centre[1] * t.sin, p.centre[0] * t.sin + p.centre[1] * t.cos,
+                       p.centre[2]} +
+               at;
     out.push_back(p.turned(angle));
   }
 };
 
-Primitive lying(Primitive p, const Vec3& axis) {
+Primitive lying(Primitive p, const Double3& axis) {
   return p.along(axis);
 }
 
@@ -261,7 +263,7 @@ std::unique_ptr<Scene> make_city() {
         constexpr double c = 0.70710678118654752440;
         roof.y = {0, c, c};
         roof.z = {0, -c, c};
-        roof.centre.z = high - 0.55 * d;
+        roof.centre[2] = high - 0.55 * d;
         house(roof);
       } else if (what < 0.72) {  // tower
         house(cylinder({0, 0, high}, 0.4 * w, 0.7 * high).painted(170, 176, 186));
@@ -274,7 +276,7 @@ std::unique_ptr<Scene> make_city() {
   }
   for (int k = 0; k <= kBlocks; k += 2) {
     for (int l = 0; l < kBlocks; ++l) {  // trees along the streets
-      const double x = clamp(k * kPitch, 4, 596) + 4.0, y = (l + 0.3) * kPitch;
+      const double x = std::clamp(k * kPitch, 4.0, 596.0) + 4.0, y = (l + 0.3) * kPitch;
       const double foot = ground(x, y);
       p.push_back(round_cone({x, y, foot - 1.0}, {x, y, foot + 3.5}, 0.3, 0.25).painted(110, 84, 60));
       p.push_back(ball({x, y, foot + 5.5}, 2.4, 0.5).painted(70, 120, 64));

@@ -58,9 +58,9 @@ class SphereScene final : public Scene {
   Box3 bounds() const override {
     return {{-kSphereRadius, -kSphereRadius, -kSphereRadius}, {kSphereRadius, kSphereRadius, kSphereRadius}};
   }
-  SurfacePoint closest(const Vec3& p) const override {
-    const double r = length(p);
-    const Vec3 n = r > 0.0 ? p * (1.0 / r) : Vec3{0, 0, 1};
+  SurfacePoint closest(const Double3& p) const override {
+    const double r = norm(p);
+    const Double3 n = r > 0.0 ? p * (1.0 / r) : Double3{0, 0, 1};
     return {n * kSphereRadius, n};
   }
   bool intersect(const Ray& ray, double limit, RayHit& hit) const override {
@@ -118,22 +118,22 @@ class TorusScene final : public Scene {
     constexpr double r = kTorusMajor + kTorusMinor;
     return {{-r, -r, -kTorusMinor}, {r, r, kTorusMinor}};
   }
-  SurfacePoint closest(const Vec3& p) const override {
-    const double rho = std::sqrt(p.x * p.x + p.y * p.y);
-    const Vec3 spoke = rho > 0.0 ? Vec3{p.x / rho, p.y / rho, 0.0} : Vec3{1, 0, 0};
-    const Vec3 core = spoke * kTorusMajor;
-    const Vec3 off = p - core;
-    const double r = length(off);
-    const Vec3 n = r > 0.0 ? off * (1.0 / r) : Vec3{0, 0, 1};
+  SurfacePoint closest(const Double3& p) const override {
+    const double rho = std::sqrt(p[0] * p[0] + p[1] * p[1]);
+    const Double3 spoke = rho > 0.0 ? Double3{p[0] / rho, p[1] / rho, 0.0} : Double3{1, 0, 0};
+    const Double3 core = spoke * kTorusMajor;
+    const Double3 off = p - core;
+    const double r = norm(off);
+    const Double3 n = r > 0.0 ? off * (1.0 / r) : Double3{0, 0, 1};
     return {core + n * kTorusMinor, n};
   }
   bool intersect(const Ray& ray, double limit, RayHit& hit) const override {
     // The signed distance is exact, so a step of its size never crosses the surface.
     double t = 0.0;
     for (int step = 0; step < 512 && t <= limit; ++step) {
-      const Vec3 p = ray.origin + ray.direction * t;
-      const double rho = std::sqrt(p.x * p.x + p.y * p.y) - kTorusMajor;
-      const double d = std::sqrt(rho * rho + p.z * p.z) - kTorusMinor;
+      const Double3 p = ray.origin + ray.direction * t;
+      const double rho = std::sqrt(p[0] * p[0] + p[1] * p[1]) - kTorusMajor;
+      const double d = std::sqrt(rho * rho + p[2] * p[2]) - kTorusMinor;
       if (d < 1e-12) {
         if (!(t > 0.0)) return false;
         hit = {t, closest(p)};
@@ -158,26 +158,26 @@ class TerrainScene final : public Scene, private SurfacePatch {
   std::string_view name() const override { return "terrain"; }
   bool open() const override { return true; }
   int octaves() const override { return relief_.octaves; }
-  bool at_border(const Vec3& p) const override {
-    return p.x <= 0.0 || p.y <= 0.0 || p.x >= kTerrainSize || p.y >= kTerrainSize;
+  bool at_border(const Double3& p) const override {
+    return p[0] <= 0.0 || p[1] <= 0.0 || p[0] >= kTerrainSize || p[1] >= kTerrainSize;
   }
   Box3 bounds() const override {
     const double z = fractal_height_bound(relief_);
     return {{0, 0, -z}, {kTerrainSize, kTerrainSize, z}};
   }
-  SurfacePoint closest(const Vec3& p) const override {
+  SurfacePoint closest(const Double3& p) const override {
     // Foot point on the tangent plane, again and again: converges where the query is nearer than the radius
     // of curvature. Keeps the best point seen, so that a query beyond that still gets a point of the surface.
-    Vec3 best = on_surface(p.x, p.y), at = best;
-    Vec3 normal = normal_at(p.x, p.y), best_normal = normal;
-    double best_d = length(p - best);
+    Double3 best = on_surface(p[0], p[1]), at = best;
+    Double3 normal = normal_at(p[0], p[1]), best_normal = normal;
+    double best_d = norm(p - best);
     for (int round = 0; round < 40; ++round) {
-      const Vec3 foot = p - normal * dot(p - at, normal);
-      const double x = clamp(foot.x, 0.0, kTerrainSize), y = clamp(foot.y, 0.0, kTerrainSize);
-      if (std::fabs(x - at.x) + std::fabs(y - at.y) < 1e-13 * kTerrainSize) break;
+      const Double3 foot = p - normal * dot(p - at, normal);
+      const double x = std::clamp(foot[0], 0.0, kTerrainSize), y = std::clamp(foot[1], 0.0, kTerrainSize);
+      if (std::fabs(x - at[0]) + std::fabs(y - at[1]) < 1e-13 * kTerrainSize) break;
       at = on_surface(x, y);
       normal = normal_at(x, y);
-      const double d = length(p - at);
+      const double d = norm(p - at);
       if (d < best_d) {
         best_d = d;
         best = at;
@@ -188,10 +188,10 @@ class TerrainScene final : public Scene, private SurfacePatch {
   }
   bool intersect(const Ray& ray, double limit, RayHit& hit) const override {
     return intersect_heightfield(
-        [this](const Vec3& p, double& height, Vec3& normal) {
-          if (p.x < 0.0 || p.y < 0.0 || p.x > kTerrainSize || p.y > kTerrainSize) return false;
-          height = on_surface(p.x, p.y).z;
-          normal = normal_at(p.x, p.y);
+        [this](const Double3& p, double& height, Double3& normal) {
+          if (p[0] < 0.0 || p[1] < 0.0 || p[0] > kTerrainSize || p[1] > kTerrainSize) return false;
+          height = on_surface(p[0], p[1])[2];
+          normal = normal_at(p[0], p[1]);
           return true;
         },
         bounds(), ray, limit, fractal_slope_bound(relief_) * 0.4, hit);
@@ -203,8 +203,8 @@ class TerrainScene final : public Scene, private SurfacePatch {
   double length_u() const override { return kTerrainSize; }
   double length_v() const override { return kTerrainSize; }
   double density(double u, double v) const override {
-    const Vec3 n = normal_at(u * kTerrainSize, v * kTerrainSize);
-    return kTerrainSize * kTerrainSize / n.z;
+    const Double3 n = normal_at(u * kTerrainSize, v * kTerrainSize);
+    return kTerrainSize * kTerrainSize / n[2];
   }
   void evaluate(std::span<const double> u, std::span<const double> v, SurfaceBatch& out) const override {
     const std::size_t n = u.size();
@@ -227,15 +227,15 @@ class TerrainScene final : public Scene, private SurfacePatch {
     }
   }
 
-  Vec3 on_surface(double x, double y) const {
+  Double3 on_surface(double x, double y) const {
     double z, sx, sy;
     fractal_heights(relief_, {&x, 1}, {&y, 1}, {&z, 1}, {&sx, 1}, {&sy, 1});
     return {x, y, z};
   }
-  Vec3 normal_at(double x, double y) const {
+  Double3 normal_at(double x, double y) const {
     double z, sx, sy;
     fractal_heights(relief_, {&x, 1}, {&y, 1}, {&z, 1}, {&sx, 1}, {&sy, 1});
-    return normalized({-sx, -sy, 1.0});
+    return unit(Double3{-sx, -sy, 1.0});
   }
 
   FractalOptions relief_;
@@ -245,8 +245,8 @@ class TerrainScene final : public Scene, private SurfacePatch {
 
 std::uint32_t terrain_colour(const SurfacePoint& p, double amplitude) {
   // Grass on the flat, rock on slopes, pale on the heights.
-  const double slope = clamp((1.0 - p.normal.z) * 4.0, 0.0, 1.0);
-  const double high = clamp(p.position.z / amplitude + 0.4, 0.0, 1.0);
+  const double slope = std::clamp((1.0 - p.normal[2]) * 4.0, 0.0, 1.0);
+  const double high = std::clamp(p.position[2] / amplitude + 0.4, 0.0, 1.0);
   const auto blend = [&](double grass, double rock, double pale) {
     const double ground = grass + (pale - grass) * high;
     return static_cast<std::uint32_t>(ground + (rock - ground) * slope);

@@ -20,16 +20,16 @@ std::unique_ptr<Scene> make_terrain(const FractalOptions& relief);
 
 /// First crossing of a ray with a surface z = height(x, y) from above or below: steps in proportion to the
 /// height difference, then bisection, so that a hit lies on the surface to 1e-12 of the scene; slopes steeper
-/// than 2.5 may be stepped over where they are thinner than a step. \param field  (p, height, normal) ->
-/// whether (p.x, p.y) belongs to the field
+/// than 2.5 may be stepped over where they are thinner than a step.
+/// \param field  (p, height, normal) -> whether (p.x, p.y) belongs to the field
 template <class Field>
 bool intersect_heightfield(const Field& field, const Box3& box, const Ray& ray, double limit, double slope,
                            RayHit& hit) {
   // Clip to the box: nothing is outside.
   double t0 = 0.0, t1 = limit;
-  const double o[3] = {ray.origin.x, ray.origin.y, ray.origin.z};
-  const double d[3] = {ray.direction.x, ray.direction.y, ray.direction.z};
-  const double lo[3] = {box.lo.x, box.lo.y, box.lo.z}, hi[3] = {box.hi.x, box.hi.y, box.hi.z};
+  const double o[3] = {ray.origin[0], ray.origin[1], ray.origin[2]};
+  const double d[3] = {ray.direction[0], ray.direction[1], ray.direction[2]};
+  const double lo[3] = {box.lo[0], box.lo[1], box.lo[2]}, hi[3] = {box.hi[0], box.hi[1], box.hi[2]};
   for (int axis = 0; axis < 3; ++axis) {
     if (d[axis] == 0.0) {
       if (o[axis] < lo[axis] || o[axis] > hi[axis]) return false;
@@ -41,30 +41,30 @@ bool intersect_heightfield(const Field& field, const Box3& box, const Ray& ray, 
   }
   if (!(t0 < t1)) return false;
   const double closing = std::fabs(d[2]) + slope * std::sqrt(d[0] * d[0] + d[1] * d[1]);
-  const double least = 1e-5 * (box.hi.x - box.lo.x);
+  const double least = 1e-5 * (box.hi[0] - box.lo[0]);
   double before = 0.0, t_before = t0, t = t0;
   bool have_before = false;
   for (int step = 0; step < 4000 && t <= t1; ++step) {
-    const Vec3 p = ray.origin + ray.direction * t;
+    const Double3 p = ray.origin + ray.direction * t;
     double height = 0.0;
-    Vec3 normal;
+    Double3 normal{};
     if (!field(p, height, normal)) {
       have_before = false;
       t += least * 10.0;
       continue;
     }
-    const double gap = p.z - height;
+    const double gap = p[2] - height;
     if (have_before && (gap < 0.0) != (before < 0.0)) {
       double a = t_before, b = t;
       for (int k = 0; k < 60; ++k) {
         const double m = 0.5 * (a + b);
-        const Vec3 q = ray.origin + ray.direction * m;
+        const Double3 q = ray.origin + ray.direction * m;
         if (!field(q, height, normal)) return false;
-        ((q.z - height < 0.0) == (before < 0.0) ? a : b) = m;
+        ((q[2] - height < 0.0) == (before < 0.0) ? a : b) = m;
       }
-      const Vec3 q = ray.origin + ray.direction * b;
+      const Double3 q = ray.origin + ray.direction * b;
       if (!field(q, height, normal)) return false;
-      hit = {b, {{q.x, q.y, height}, normal}};
+      hit = {b, {{q[0], q[1], height}, normal}};
       return b > 0.0;
     }
     before = gap;

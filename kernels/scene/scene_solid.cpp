@@ -8,9 +8,9 @@ namespace tessera::synth {
 namespace {
 
 /// Faces of an axis-parallel block, each with its own trim (order: -x +x -y +y -z +z).
-void add_block_faces(Solid& solid, const Vec3& lo, const Vec3& hi, const std::array<Trim, 6>& trims) {
-  const Vec3 d = hi - lo;
-  const Vec3 x{d.x, 0, 0}, y{0, d.y, 0}, z{0, 0, d.z};
+void add_block_faces(Solid& solid, const Double3& lo, const Double3& hi, const std::array<Trim, 6>& trims) {
+  const Double3 d = hi - lo;
+  const Double3 x{d[0], 0, 0}, y{0, d[1], 0}, z{0, 0, d[2]};
   solid.add(plane_face(lo, z, y, trims[0]));
   solid.add(plane_face(lo + x, y, z, trims[1]));
   solid.add(plane_face(lo, x, z, trims[2]));
@@ -19,9 +19,9 @@ void add_block_faces(Solid& solid, const Vec3& lo, const Vec3& hi, const std::ar
   solid.add(plane_face(lo + z, x, y, trims[5]));
 }
 
-void add_block_edges(Solid& solid, const Vec3& lo, const Vec3& hi) {
+void add_block_edges(Solid& solid, const Double3& lo, const Double3& hi) {
   const auto corner = [&](int k) {
-    return Vec3{k & 1 ? hi.x : lo.x, k & 2 ? hi.y : lo.y, k & 4 ? hi.z : lo.z};
+    return Double3{k & 1 ? hi[0] : lo[0], k & 2 ? hi[1] : lo[1], k & 4 ? hi[2] : lo[2]};
   };
   for (int k = 0; k < 8; ++k) {
     solid.add_corner(corner(k));
@@ -94,24 +94,24 @@ class Profile {
 void add_prism(Solid& solid, const Profile& profile, Point2 lo, Point2 hi, double low, double height,
                Point2 slope) {
   const auto top = [=](double x, double y) { return height + slope.x * x + slope.y * y; };
-  const Trim trim = [profile](const Vec3& p) { return profile.inside(p.x, p.y); };
+  const Trim trim = [profile](const Double3& p) { return profile.inside(p[0], p[1]); };
   const double dx = hi.x - lo.x, dy = hi.y - lo.y;
   solid.add(plane_face({lo.x, lo.y, low}, {0, dy, 0}, {dx, 0, 0}, trim));
   solid.add(plane_face({lo.x, lo.y, top(lo.x, lo.y)}, {dx, 0, slope.x * dx}, {0, dy, slope.y * dy}, trim));
   for (const auto& p : profile.pieces()) {
-    const Vec3 a0{p.a.x, p.a.y, low}, b0{p.b.x, p.b.y, low};
-    const Vec3 a1{p.a.x, p.a.y, top(p.a.x, p.a.y)}, b1{p.b.x, p.b.y, top(p.b.x, p.b.y)};
+    const Double3 a0{p.a.x, p.a.y, low}, b0{p.b.x, p.b.y, low};
+    const Double3 a1{p.a.x, p.a.y, top(p.a.x, p.a.y)}, b1{p.b.x, p.b.y, top(p.b.x, p.b.y)};
     if (p.sharp_start) {
       solid.add(Crease::line(a0, a1));
       solid.add_corner(a0);
       solid.add_corner(a1);
     }
     if (!p.arc) {
-      const double tallest = a1.z > b1.z ? a1.z : b1.z;
+      const double tallest = a1[2] > b1[2] ? a1[2] : b1[2];
       // Rectangle up to the higher end, trimmed by the oblique plane.
       const Trim below = slope.x == 0.0 && slope.y == 0.0
                              ? Trim{}
-                             : Trim{[top](const Vec3& q) { return q.z <= top(q.x, q.y); }};
+                             : Trim{[top](const Double3& q) { return q[2] <= top(q[0], q[1]); }};
       solid.add(plane_face(a0, b0 - a0, {0, 0, tallest - low}, below));
       solid.add(Crease::line(a0, b0));
       solid.add(Crease::line(a1, b1));
@@ -130,17 +130,17 @@ void add_prism(Solid& solid, const Profile& profile, Point2 lo, Point2 hi, doubl
     shape.top_slope = {slope.x, slope.y, 0};
     shape.inward = clockwise;
     solid.add(cylinder_face(shape));
-    const Vec3 a{p.radius, 0, 0}, b{0, p.radius, 0};
+    const Double3 a{p.radius, 0, 0}, b{0, p.radius, 0};
     solid.add(Crease::arc({p.centre.x, p.centre.y, low}, a, b, shape.from, shape.to));
-    solid.add(Crease::arc({p.centre.x, p.centre.y, shape.top_height}, a + Vec3{0, 0, slope.x * p.radius},
-                          b + Vec3{0, 0, slope.y * p.radius}, shape.from, shape.to));
+    solid.add(Crease::arc({p.centre.x, p.centre.y, shape.top_height}, a + Double3{0, 0, slope.x * p.radius},
+                          b + Double3{0, 0, slope.y * p.radius}, shape.from, shape.to));
   }
 }
 
 }  // namespace
 
 std::unique_ptr<Scene> make_cube() {
-  const Vec3 lo{-1, -1, -1}, hi{1, 1, 1};
+  const Double3 lo{-1, -1, -1}, hi{1, 1, 1};
   auto solid = std::make_unique<Solid>("cube", Box3{lo, hi});
   add_block_faces(*solid, lo, hi, {});
   add_block_edges(*solid, lo, hi);
@@ -149,39 +149,39 @@ std::unique_ptr<Scene> make_cube() {
 
 std::unique_ptr<Scene> make_csg() {
   constexpr double kRod = 0.55, kRodEnd = 1.3, kBore = 0.35;
-  const Vec3 lo{-1.2, -1.0, -0.8}, hi{1.2, 1.0, 0.8};
-  auto solid = std::make_unique<Solid>("csg", Box3{{lo.x, lo.y, -kRodEnd}, {hi.x, hi.y, kRodEnd}});
-  const Trim outside_rod = [](const Vec3& p) { return p.x * p.x + p.y * p.y >= kRod * kRod; };
-  const Trim inside_rod = [](const Vec3& p) { return p.x * p.x + p.y * p.y <= kRod * kRod; };
-  const Trim outside_bore = [](const Vec3& p) { return p.y * p.y + p.z * p.z >= kBore * kBore; };
+  const Double3 lo{-1.2, -1.0, -0.8}, hi{1.2, 1.0, 0.8};
+  auto solid = std::make_unique<Solid>("csg", Box3{{lo[0], lo[1], -kRodEnd}, {hi[0], hi[1], kRodEnd}});
+  const Trim outside_rod = [](const Double3& p) { return p[0] * p[0] + p[1] * p[1] >= kRod * kRod; };
+  const Trim inside_rod = [](const Double3& p) { return p[0] * p[0] + p[1] * p[1] <= kRod * kRod; };
+  const Trim outside_bore = [](const Double3& p) { return p[1] * p[1] + p[2] * p[2] >= kBore * kBore; };
   add_block_faces(*solid, lo, hi, {outside_bore, outside_bore, Trim{}, Trim{}, outside_rod, outside_rod});
   add_block_edges(*solid, lo, hi);
-  const auto circle = [&](const Vec3& centre, const Vec3& a, const Vec3& b) {
+  const auto circle = [&](const Double3& centre, const Double3& a, const Double3& b) {
     solid->add(Crease::arc(centre, a, b, 0.0, 2.0 * kPi));
   };
-  const Vec3 rx{kRod, 0, 0}, ry{0, kRod, 0}, by{0, kBore, 0}, bz{0, 0, kBore};
+  const Double3 rx{kRod, 0, 0}, ry{0, kRod, 0}, by{0, kBore, 0}, bz{0, 0, kBore};
   for (const double side : {-1.0, 1.0}) {
     CylinderShape rod;
     rod.axis = {0, 0, side};
     rod.x = {1, 0, 0};
     rod.radius = kRod;
-    rod.low = hi.z;
+    rod.low = hi[2];
     rod.top_height = kRodEnd;
     solid->add(cylinder_face(rod));
-    const Vec3 end{-kRod, -kRod, side * kRodEnd};
-    const Vec3 across{2 * kRod, 0, 0}, along{0, 2 * kRod, 0};
+    const Double3 end{-kRod, -kRod, side * kRodEnd};
+    const Double3 across{2 * kRod, 0, 0}, along{0, 2 * kRod, 0};
     solid->add(side > 0 ? plane_face(end, across, along, inside_rod)
                         : plane_face(end, along, across, inside_rod));
-    circle({0, 0, side * hi.z}, rx, ry);
+    circle({0, 0, side * hi[2]}, rx, ry);
     circle({0, 0, side * kRodEnd}, rx, ry);
-    circle({side * hi.x, 0, 0}, by, bz);
+    circle({side * hi[0], 0, 0}, by, bz);
   }
   CylinderShape bore;
   bore.axis = {1, 0, 0};
   bore.x = {0, 1, 0};
   bore.radius = kBore;
-  bore.low = lo.x;
-  bore.top_height = hi.x;
+  bore.low = lo[0];
+  bore.top_height = hi[0];
   bore.inward = true;
   solid->add(cylinder_face(bore));
   return solid;

@@ -20,22 +20,22 @@ constexpr std::uint64_t kCalibrationRays = 24000;
 
 /// One set-up: origin, frame and window of its grid.
 struct SetUp {
-  Vec3 origin, right, up, forward;
+  Double3 origin{}, right{}, up{}, forward{};
   double u0 = 0.0, u1 = 0.0;  ///< azimuth, tangent or way along the flight line
   double v0 = 0.0, v1 = 0.0;  ///< elevation, tangent or angle across
   double weight = 1.0;        ///< extent of the window in steps of the common unit
 };
 
-Vec3 centre_of(const Box3& box) {
+Double3 centre_of(const Box3& box) {
   return (box.lo + box.hi) * 0.5;
 }
 
-SetUp look(const Vec3& from, const Vec3& at) {
+SetUp look(const Double3& from, const Double3& at) {
   SetUp s;
   s.origin = from;
-  s.forward = normalized(at - from);
-  Vec3 side = cross(s.forward, {0, 0, 1});
-  s.right = length(side) > 1e-6 ? normalized(side) : Vec3{1, 0, 0};
+  s.forward = unit(at - from);
+  Double3 side = cross(s.forward, {0, 0, 1});
+  s.right = norm(side) > 1e-6 ? unit(side) : Double3{1, 0, 0};
   s.up = cross(s.right, s.forward);
   return s;
 }
@@ -44,7 +44,7 @@ class SensorSource final : public SampleSource {
  public:
   SensorSource(const Scene& scene, const SensorOptions& options) : scene_(scene), o_(options) {
     const Box3 box = scene.bounds();
-    size_ = length(box.hi - box.lo);
+    size_ = norm(box.hi - box.lo);
     switch (o_.kind) {
       case SensorKind::kTerrestrial:
         place_terrestrial(box);
@@ -89,8 +89,8 @@ class SensorSource final : public SampleSource {
   // ------------------------------------------------------------------------------------------ placing
 
   void place_terrestrial(const Box3& box) {
-    std::vector<Vec3> stations = scene_.stations();
-    const Vec3 centre = centre_of(box);
+    std::vector<Double3> stations = scene_.stations();
+    const Double3 centre = centre_of(box);
     const bool inside = !stations.empty();
     if (!inside) {
       const int count = o_.views > 0 ? o_.views : 6;
@@ -98,12 +98,12 @@ class SensorSource final : public SampleSource {
         // A ring around the scene, every second one from above.
         const SinCos t = sin_cos(2.0 * kPi * k / count + 0.4);
         const double lift = k % 2 ? 0.55 : 0.15;
-        stations.push_back(centre + normalized({t.cos, t.sin, lift}) * (1.1 * size_));
+        stations.push_back(centre + unit(Double3{t.cos, t.sin, lift}) * (1.1 * size_));
       }
     } else if (o_.views > 0 && static_cast<std::size_t>(o_.views) < stations.size()) {
       stations.resize(static_cast<std::size_t>(o_.views));
     }
-    for (const Vec3& station : stations) {
+    for (const Double3& station : stations) {
       SetUp s;
       if (inside) {
         s.origin = station;
@@ -112,7 +112,7 @@ class SensorSource final : public SampleSource {
         s.v0 = -1.1, s.v1 = 0.5 * kPi;  // the tripod hides what is below
       } else {
         s = look(station, centre);
-        const double half = 0.5 * size_ / length(centre - station);
+        const double half = 0.5 * size_ / norm(centre - station);
         s.u0 = s.v0 = -1.1 * half, s.u1 = s.v1 = 1.1 * half;
       }
       s.weight = (s.u1 - s.u0) * (s.v1 - s.v0);
@@ -121,14 +121,14 @@ class SensorSource final : public SampleSource {
   }
 
   void place_cameras(const Box3& box) {
-    const Vec3 centre = centre_of(box);
+    const Double3 centre = centre_of(box);
     const int count = o_.views > 0 ? o_.views : 14;
     for (int k = 0; k < count; ++k) {
       // Golden-angle spiral over the sphere of directions, a little more from above than from below.
       const double z = 0.92 - 1.5 * (k + 0.5) / count;
       const double r = std::sqrt(1.0 - z * z);
       const SinCos t = sin_cos(2.39996322972865332 * k);
-      SetUp s = look(centre + Vec3{r * t.cos, r * t.sin, z} * (1.4 * size_), centre);
+      SetUp s = look(centre + Double3{r * t.cos, r * t.sin, z} * (1.4 * size_), centre);
       const double half = 0.5 / 1.4 * 1.05;
       s.u0 = s.v0 = -half, s.u1 = s.v1 = half;
       s.weight = (s.u1 - s.u0) * (s.v1 - s.v0);
@@ -137,15 +137,15 @@ class SensorSource final : public SampleSource {
   }
 
   void place_airborne(const Box3& box) {
-    const double width = box.hi.y - box.lo.y, along = box.hi.x - box.lo.x;
+    const double width = box.hi[1] - box.lo[1], along = box.hi[0] - box.lo[0];
     const int lines = o_.views > 0 ? o_.views : 5;
     const double height = 0.7 * width;  // above the highest ground
     for (int k = 0; k < lines; ++k) {
       SetUp s;
-      s.origin = {box.lo.x, box.lo.y + width * (k + 0.5) / lines, box.hi.z + height};
+      s.origin = {box.lo[0], box.lo[1] + width * (k + 0.5) / lines, box.hi[2] + height};
       // Every second line is flown back.
       s.forward = {k % 2 ? -1.0 : 1.0, 0, 0};
-      if (k % 2) s.origin.x = box.hi.x;
+      if (k % 2) s.origin[0] = box.hi[0];
       s.right = {0, 1, 0}, s.up = {0, 0, 1};
       s.u0 = 0.0, s.u1 = along;
       const double half = 0.5 * width / lines * 1.5 / height;  // half a strip of overlap
@@ -165,14 +165,14 @@ class SensorSource final : public SampleSource {
     switch (o_.kind) {
       case SensorKind::kTerrestrial: {
         const SinCos a = sin_cos(u), e = sin_cos(v);
-        return {s.origin, normalized((s.right * a.sin + s.forward * a.cos) * e.cos + s.up * e.sin)};
+        return {s.origin, unit((s.right * a.sin + s.forward * a.cos) * e.cos + s.up * e.sin)};
       }
       case SensorKind::kAirborne: {
         const SinCos a = sin_cos(v);
         return {s.origin + s.forward * u, s.right * a.sin - s.up * a.cos};
       }
       default:
-        return {s.origin, normalized(s.forward + s.right * u + s.up * v)};
+        return {s.origin, unit(s.forward + s.right * u + s.up * v)};
     }
   }
 
@@ -182,10 +182,10 @@ class SensorSource final : public SampleSource {
     if (o_.kind != SensorKind::kStructuredLight) return facing > kLeastCosineLaser;
     if (facing < kLeastCosineCamera) return false;
     // The projector stands beside the camera: what it does not light has no depth.
-    const Vec3 projector = s.origin + s.right * (0.25 * 1.4 * size_);
-    const Vec3 way = projector - hit.point.position;
-    const double range = length(way);
-    const Vec3 to = way * (1.0 / range);
+    const Double3 projector = s.origin + s.right * (0.25 * 1.4 * size_);
+    const Double3 way = projector - hit.point.position;
+    const double range = norm(way);
+    const Double3 to = way * (1.0 / range);
     if (dot(hit.point.normal, to) < kLeastCosineCamera) return false;
     RayHit blocked;
     return !scene_.intersect({hit.point.position + hit.point.normal * (2e-5 * size_), to}, range, blocked);
@@ -231,9 +231,9 @@ class SensorSource final : public SampleSource {
         }
         out.surface.push_back(point);
       }
-      out.dx.push_back(rays[row].direction.x);
-      out.dy.push_back(rays[row].direction.y);
-      out.dz.push_back(rays[row].direction.z);
+      out.dx.push_back(rays[row].direction[0]);
+      out.dy.push_back(rays[row].direction[1]);
+      out.dz.push_back(rays[row].direction[2]);
       out.key.push_back(name);
     }
   }

@@ -7,31 +7,31 @@ namespace {
 
 class PlaneFace final : public SolidFace {
  public:
-  PlaneFace(const Vec3& origin, const Vec3& u, const Vec3& v, Trim trim)
+  PlaneFace(const Double3& origin, const Double3& u, const Double3& v, Trim trim)
       : origin_(origin), u_(u), v_(v), trim_(std::move(trim)) {
-    const Vec3 n = cross(u, v);
-    area_ = length(n);
+    const Double3 n = cross(u, v);
+    area_ = norm(n);
     normal_ = n * (1.0 / area_);
     // Dual basis: parameters of a point of the plane by two dot products.
     dual_u_ = cross(v_, normal_) * (1.0 / dot(u_, cross(v_, normal_)));
     dual_v_ = cross(normal_, u_) * (1.0 / dot(v_, cross(normal_, u_)));
   }
-  double length_u() const override { return length(u_); }
-  double length_v() const override { return length(v_); }
+  double length_u() const override { return norm(u_); }
+  double length_v() const override { return norm(v_); }
   double density(double, double) const override { return area_; }
   bool trimmed() const override { return static_cast<bool>(trim_); }
   bool inside(double u, double v) const override { return !trim_ || trim_(origin_ + u_ * u + v_ * v); }
   void evaluate(std::span<const double> u, std::span<const double> v, SurfaceBatch& out) const override {
     out.resize(u.size());
     for (std::size_t i = 0; i < u.size(); ++i) {
-      const Vec3 p = origin_ + u_ * u[i] + v_ * v[i];
-      out.x[i] = p.x, out.y[i] = p.y, out.z[i] = p.z;
-      out.nx[i] = normal_.x, out.ny[i] = normal_.y, out.nz[i] = normal_.z;
+      const Double3 p = origin_ + u_ * u[i] + v_ * v[i];
+      out.x[i] = p[0], out.y[i] = p[1], out.z[i] = p[2];
+      out.nx[i] = normal_[0], out.ny[i] = normal_[1], out.nz[i] = normal_[2];
     }
   }
-  bool foot(const Vec3& p, SurfacePoint& out) const override {
-    const Vec3 q = p - normal_ * dot(p - origin_, normal_);
-    const Vec3 r = q - origin_;
+  bool foot(const Double3& p, SurfacePoint& out) const override {
+    const Double3 q = p - normal_ * dot(p - origin_, normal_);
+    const Double3 r = q - origin_;
     const double a = dot(r, dual_u_), b = dot(r, dual_v_);
     if (!(a >= 0.0 && a <= 1.0 && b >= 0.0 && b <= 1.0)) return false;
     if (trim_ && !trim_(q)) return false;
@@ -47,7 +47,7 @@ class PlaneFace final : public SolidFace {
   }
 
  private:
-  Vec3 origin_, u_, v_, normal_, dual_u_, dual_v_;
+  Double3 origin_{}, u_{}, v_{}, normal_{}, dual_u_{}, dual_v_{};
   double area_;
   Trim trim_;
 };
@@ -69,32 +69,32 @@ class CylinderFace final : public SolidFace {
   void evaluate(std::span<const double> u, std::span<const double> v, SurfaceBatch& out) const override {
     out.resize(u.size());
     for (std::size_t i = 0; i < u.size(); ++i) {
-      const Vec3 n = outward(u[i]);
-      const Vec3 p = s_.centre + n * s_.radius + s_.axis * (s_.low + v[i] * (top(n) - s_.low));
+      const Double3 n = outward(u[i]);
+      const Double3 p = s_.centre + n * s_.radius + s_.axis * (s_.low + v[i] * (top(n) - s_.low));
       const double sign = s_.inward ? -1.0 : 1.0;
-      out.x[i] = p.x, out.y[i] = p.y, out.z[i] = p.z;
-      out.nx[i] = sign * n.x, out.ny[i] = sign * n.y, out.nz[i] = sign * n.z;
+      out.x[i] = p[0], out.y[i] = p[1], out.z[i] = p[2];
+      out.nx[i] = sign * n[0], out.ny[i] = sign * n[1], out.nz[i] = sign * n[2];
     }
   }
-  bool foot(const Vec3& p, SurfacePoint& out) const override {
-    const Vec3 r = p - s_.centre;
+  bool foot(const Double3& p, SurfacePoint& out) const override {
+    const Double3 r = p - s_.centre;
     const double height = dot(r, s_.axis);
-    const Vec3 spoke = r - s_.axis * height;
-    const double rho = length(spoke);
+    const Double3 spoke = r - s_.axis * height;
+    const double rho = norm(spoke);
     if (!(rho > 0.0))
       return false;  // on the axis every direction is as near: a crease or another face answers
-    const Vec3 n = spoke * (1.0 / rho);
+    const Double3 n = spoke * (1.0 / rho);
     if (dot(n, middle_) < least_cosine_) return false;
     if (!(height >= s_.low && height <= top(n))) return false;
-    const Vec3 q = s_.centre + n * s_.radius + s_.axis * height;
+    const Double3 q = s_.centre + n * s_.radius + s_.axis * height;
     if (s_.trim && !s_.trim(q)) return false;
     out = {q, s_.inward ? -n : n};
     return true;
   }
   void intersect(const Ray& ray, RayHit& hit) const override {
-    const Vec3 o = ray.origin - s_.centre;
-    const Vec3 d = ray.direction - s_.axis * dot(ray.direction, s_.axis);
-    const Vec3 e = o - s_.axis * dot(o, s_.axis);
+    const Double3 o = ray.origin - s_.centre;
+    const Double3 d = ray.direction - s_.axis * dot(ray.direction, s_.axis);
+    const Double3 e = o - s_.axis * dot(o, s_.axis);
     const double a = dot(d, d), b = dot(d, e), c = dot(e, e) - s_.radius * s_.radius;
     const double disc = b * b - a * c;
     if (a == 0.0 || disc <= 0.0) return;
@@ -109,36 +109,36 @@ class CylinderFace final : public SolidFace {
   }
 
  private:
-  Vec3 outward(double u) const {
+  Double3 outward(double u) const {
     const SinCos t = sin_cos(s_.from + u * (s_.to - s_.from));
     return s_.x * t.cos + y_ * t.sin;
   }
-  double top(const Vec3& n) const { return s_.top_height + s_.radius * dot(s_.top_slope, n); }
-  Vec3 point(double u, double v) const {
-    const Vec3 n = outward(u);
+  double top(const Double3& n) const { return s_.top_height + s_.radius * dot(s_.top_slope, n); }
+  Double3 point(double u, double v) const {
+    const Double3 n = outward(u);
     return s_.centre + n * s_.radius + s_.axis * (s_.low + v * (top(n) - s_.low));
   }
 
   CylinderShape s_;
-  Vec3 y_, middle_;
+  Double3 y_{}, middle_{};
   double least_cosine_;
 };
 
-double squared(const Vec3& v) {
+double squared(const Double3& v) {
   return dot(v, v);
 }
 
 constexpr int kScanSteps = 48;
 
 /// Whether a crease may come nearer to p than sqrt(d).
-bool may_beat(const Crease& crease, const Vec3& p, double d) {
-  const double gap = length(p - crease.middle) - crease.reach;
+bool may_beat(const Crease& crease, const Double3& p, double d) {
+  const double gap = norm(p - crease.middle) - crease.reach;
   return gap <= 0.0 || gap * gap < d;
 }
 
 }  // namespace
 
-std::unique_ptr<SolidFace> plane_face(const Vec3& origin, const Vec3& u, const Vec3& v, Trim trim) {
+std::unique_ptr<SolidFace> plane_face(const Double3& origin, const Double3& u, const Double3& v, Trim trim) {
   return std::make_unique<PlaneFace>(origin, u, v, std::move(trim));
 }
 
@@ -146,26 +146,26 @@ std::unique_ptr<SolidFace> cylinder_face(const CylinderShape& shape) {
   return std::make_unique<CylinderFace>(shape);
 }
 
-Crease Crease::line(const Vec3& from, const Vec3& to) {
+Crease Crease::line(const Double3& from, const Double3& to) {
   Crease c;
   c.centre = from, c.a = to - from, c.to = 1.0, c.straight = true;
   return c;
 }
 
-Crease Crease::arc(const Vec3& centre, const Vec3& a, const Vec3& b, double from, double to) {
+Crease Crease::arc(const Double3& centre, const Double3& a, const Double3& b, double from, double to) {
   Crease c;
   c.centre = centre, c.a = a, c.b = b, c.from = from, c.to = to;
   return c;
 }
 
-Vec3 Crease::at(double t) const {
+Double3 Crease::at(double t) const {
   if (straight) return centre + a * t;
   const SinCos angle = sin_cos(t);
   return centre + a * angle.cos + b * angle.sin;
 }
 
-Vec3 Crease::closest(const Vec3& p) const {
-  if (straight) return centre + a * clamp(dot(p - centre, a) / dot(a, a), 0.0, 1.0);
+Double3 Crease::closest(const Double3& p) const {
+  if (straight) return centre + a * std::clamp(dot(p - centre, a) / dot(a, a), 0.0, 1.0);
   // Coarse scan for the valley, then bisection on the derivative of the squared distance inside its bracket:
   // an ellipse has at most two valleys, wider apart than a step.
   const double step = (to - from) / kScanSteps;
@@ -188,8 +188,8 @@ Vec3 Crease::closest(const Vec3& p) const {
   for (int k = 0; k < 52; ++k) {
     const double m = 0.5 * (lo + hi);
     const SinCos angle = sin_cos(m);
-    const Vec3 here = centre + a * angle.cos + b * angle.sin;
-    const Vec3 tangent = b * angle.cos - a * angle.sin;
+    const Double3 here = centre + a * angle.cos + b * angle.sin;
+    const Double3 tangent = b * angle.cos - a * angle.sin;
     (dot(here - p, tangent) < 0.0 ? lo : hi) = m;
   }
   return at(0.5 * (lo + hi));
@@ -199,11 +199,11 @@ void Solid::add(Crease crease) {
   for (int k = 0; k <= kScanSteps; ++k) {
     crease.scan.push_back(crease.at(crease.from + (crease.to - crease.from) * k / kScanSteps));
   }
-  Vec3 sum;
-  for (const Vec3& p : crease.scan) sum = sum + p;
+  Double3 sum{};
+  for (const Double3& p : crease.scan) sum = sum + p;
   crease.middle = sum * (1.0 / (kScanSteps + 1));
-  for (const Vec3& p : crease.scan) {
-    const double r = length(p - crease.middle);
+  for (const Double3& p : crease.scan) {
+    const double r = norm(p - crease.middle);
     if (r > crease.reach) crease.reach = r;
   }
   // An arc bulges between scan points by less than its step's share of its size.
@@ -211,11 +211,11 @@ void Solid::add(Crease crease) {
   creases_.push_back(std::move(crease));
 }
 
-std::vector<Vec3> Solid::crease_points(double step) const {
-  std::vector<Vec3> out;
+std::vector<Double3> Solid::crease_points(double step) const {
+  std::vector<Double3> out;
   for (const auto& crease : creases_) {
     double way = 0.0;
-    for (std::size_t k = 1; k < crease.scan.size(); ++k) way += length(crease.scan[k] - crease.scan[k - 1]);
+    for (std::size_t k = 1; k < crease.scan.size(); ++k) way += norm(crease.scan[k] - crease.scan[k - 1]);
     const double n = std::floor(way * 1.01 / step) + 1.0;
     for (double k = 0.5; k < n; k += 1.0)
       out.push_back(crease.at(crease.from + (crease.to - crease.from) * k / n));
@@ -223,7 +223,7 @@ std::vector<Vec3> Solid::crease_points(double step) const {
   return out;
 }
 
-SurfacePoint Solid::closest(const Vec3& p) const {
+SurfacePoint Solid::closest(const Double3& p) const {
   SurfacePoint best;
   double best_d = std::numeric_limits<double>::max();
   for (const auto& face : faces_) {
@@ -238,11 +238,11 @@ SurfacePoint Solid::closest(const Vec3& p) const {
   // Where no face has its foot nearest, a crease does; the normal is then the direction from it.
   for (const auto& crease : creases_) {
     if (!may_beat(crease, p, best_d)) continue;
-    const Vec3 q = crease.closest(p);
+    const Double3 q = crease.closest(p);
     const double d = squared(p - q);
     if (d < best_d) {
       best_d = d;
-      best = {q, d > 0.0 ? normalized(p - q) : Vec3{0, 0, 1}};
+      best = {q, d > 0.0 ? unit(p - q) : Double3{0, 0, 1}};
     }
   }
   return best;
@@ -267,11 +267,11 @@ std::vector<const SurfacePatch*> Solid::patches() const {
   return out;
 }
 
-bool Solid::nearest_crease(const Vec3& p, SharpFeature& out) const {
+bool Solid::nearest_crease(const Double3& p, SharpFeature& out) const {
   double best = std::numeric_limits<double>::max();
   for (const auto& crease : creases_) {
     if (!may_beat(crease, p, best)) continue;
-    const Vec3 q = crease.closest(p);
+    const Double3 q = crease.closest(p);
     const double d = squared(p - q);
     if (d < best) {
       best = d;
@@ -281,7 +281,7 @@ bool Solid::nearest_crease(const Vec3& p, SharpFeature& out) const {
   return !creases_.empty();
 }
 
-bool Solid::nearest_corner(const Vec3& p, SharpFeature& out) const {
+bool Solid::nearest_corner(const Double3& p, SharpFeature& out) const {
   double best = std::numeric_limits<double>::max();
   for (const auto& corner : corners_) {
     const double d = squared(p - corner);

@@ -11,30 +11,31 @@
 namespace tessera::synth {
 
 /// Whether a point of a face's carrier surface belongs to the face.
-using Trim = std::function<bool(const Vec3&)>;
+using Trim = std::function<bool(const Double3&)>;
 
 /// A face on a carrier surface that is larger than it.
 class SolidFace : public SurfacePatch {
  public:
   /// Nearest point of the carrier. \returns false where it is not on the face
-  virtual bool foot(const Vec3& p, SurfacePoint& out) const = 0;
+  virtual bool foot(const Double3& p, SurfacePoint& out) const = 0;
   /// Shortens `hit` to the first hit in (0, hit.range) if there is one.
   virtual void intersect(const Ray& ray, RayHit& hit) const = 0;
 };
 
 /// Parallelogram origin + u U + v V, normal along cross(U, V), cut by `trim` (empty: whole).
-std::unique_ptr<SolidFace> plane_face(const Vec3& origin, const Vec3& u, const Vec3& v, Trim trim = {});
+std::unique_ptr<SolidFace> plane_face(const Double3& origin, const Double3& u, const Double3& v,
+                                      Trim trim = {});
 
 /// Cylinder about the line through `centre` along the unit vector `axis`: angle from `from` to `to` measured
 /// from the unit vector `x` towards cross(axis, x), height along the axis from `low` to top(point), where
 /// `top` is linear: top_height + dot(top_slope, point - centre).
 struct CylinderShape {
-  Vec3 centre, axis, x;
+  Double3 centre{}, axis{}, x{};
   double radius = 1.0;
   double from = 0.0, to = 2.0 * kPi;
   double low = 0.0;
   double top_height = 1.0;
-  Vec3 top_slope;       ///< at right angles to axis
+  Double3 top_slope{};  ///< at right angles to axis
   bool inward = false;  ///< normal towards the axis: a bore
   Trim trim;
 };
@@ -42,16 +43,16 @@ std::unique_ptr<SolidFace> cylinder_face(const CylinderShape& shape);
 
 /// centre + cos(t) a + sin(t) b for t in [from, to], or a segment.
 struct Crease {
-  Vec3 centre, a, b;
+  Double3 centre{}, a{}, b{};
   double from = 0.0, to = 0.0;
   bool straight = false;  ///< centre + t a, t in [0, 1]
-  static Crease line(const Vec3& from, const Vec3& to);
-  static Crease arc(const Vec3& centre, const Vec3& a, const Vec3& b, double from, double to);
-  Vec3 at(double t) const;
-  Vec3 closest(const Vec3& p) const;
+  static Crease line(const Double3& from, const Double3& to);
+  static Crease arc(const Double3& centre, const Double3& a, const Double3& b, double from, double to);
+  Double3 at(double t) const;
+  Double3 closest(const Double3& p) const;
   /// Positions at equal steps of t, for closest(), and a ball around them; made by Solid::add.
-  std::vector<Vec3> scan;
-  Vec3 middle;
+  std::vector<Double3> scan;
+  Double3 middle{};
   double reach = 0.0;
 };
 
@@ -60,24 +61,24 @@ class Solid : public Scene {
   Solid(std::string name, const Box3& bounds) : name_(std::move(name)), bounds_(bounds) {}
   void add(std::unique_ptr<SolidFace> face) { faces_.push_back(std::move(face)); }
   void add(Crease crease);
-  void add_corner(const Vec3& corner) { corners_.push_back(corner); }
+  void add_corner(const Double3& corner) { corners_.push_back(corner); }
 
   std::string_view name() const override { return name_; }
   Box3 bounds() const override { return bounds_; }
-  SurfacePoint closest(const Vec3& p) const override;
+  SurfacePoint closest(const Double3& p) const override;
   bool intersect(const Ray& ray, double limit, RayHit& hit) const override;
   std::vector<const SurfacePatch*> patches() const override;
-  std::vector<Vec3> corners() const override { return corners_; }
-  std::vector<Vec3> crease_points(double step) const override;
-  bool nearest_crease(const Vec3& p, SharpFeature& out) const override;
-  bool nearest_corner(const Vec3& p, SharpFeature& out) const override;
+  std::vector<Double3> corners() const override { return corners_; }
+  std::vector<Double3> crease_points(double step) const override;
+  bool nearest_crease(const Double3& p, SharpFeature& out) const override;
+  bool nearest_corner(const Double3& p, SharpFeature& out) const override;
 
  private:
   std::string name_;
   Box3 bounds_;
   std::vector<std::unique_ptr<SolidFace>> faces_;
   std::vector<Crease> creases_;
-  std::vector<Vec3> corners_;
+  std::vector<Double3> corners_;
 };
 
 }  // namespace tessera::synth

@@ -26,8 +26,8 @@ void SurfaceBatch::resize(std::size_t n) {
 }
 
 void SurfaceBatch::push_back(const SurfacePoint& p) {
-  x.push_back(p.position.x), y.push_back(p.position.y), z.push_back(p.position.z);
-  nx.push_back(p.normal.x), ny.push_back(p.normal.y), nz.push_back(p.normal.z);
+  x.push_back(p.position[0]), y.push_back(p.position[1]), z.push_back(p.position[2]);
+  nx.push_back(p.normal[0]), ny.push_back(p.normal[1]), nz.push_back(p.normal[2]);
 }
 
 SurfaceSampler::SurfaceSampler(const Scene& scene, std::uint64_t points, std::uint64_t seed)
@@ -39,7 +39,7 @@ SurfaceSampler::SurfaceSampler(const Scene& scene, std::uint64_t points, std::ui
   double sum = 0.0;
   for (std::uint32_t p = 0; p < patches_.size(); ++p) {
     const auto count = [edge](double extent) {
-      return static_cast<std::uint32_t>(clamp(std::floor(extent / edge + 0.5), 1.0, 1e6));
+      return static_cast<std::uint32_t>(std::clamp(std::floor(extent / edge + 0.5), 1.0, 1e6));
     };
     grids_.push_back({count(patches_[p]->length_v()), count(patches_[p]->length_u())});
     for (std::uint32_t row = 0; row < grids_[p].rows; ++row) {

@@ -7,6 +7,8 @@
 #include <string>
 
 #include "octree/error.h"
+#include "octree/lists.h"
+#include "octree/union_find.h"
 
 namespace tessera {
 namespace {
@@ -79,49 +81,37 @@ double degree(const SurfaceRows& rows, std::uint32_t v) {
 class Pieces {
  public:
   Pieces(const std::vector<Place>& place, const SurfaceRows& rows, std::uint32_t parity)
-      : parent_(place.size(), kNone) {
-    const auto n = static_cast<std::uint32_t>(parent_.size());
+      : sets_(place.size()), state_(place.size(), kStill) {
+    const auto n = static_cast<std::uint32_t>(place.size());
     for (std::uint32_t v = 0; v < n; ++v)
-      if (moves(rows.role[v]) && place[v].hat(parity) > 0.0F) parent_[v] = v;
+      if (moves(rows.role[v]) && place[v].hat(parity) > 0.0F) state_[v] = kWhole;
     std::vector<std::uint32_t> cut;  // pieces that go on in a star the block does not hold
     for (std::uint32_t v = 0; v < n; ++v) {
-      if (parent_[v] == kNone) continue;
+      if (state_[v] == kStill) continue;
       const auto corner = place[v].corner(parity);
       for (std::uint32_t e = rows.first[v]; e < rows.first[v + 1]; ++e) {
         const std::uint32_t u = rows.neighbour[e];
         const bool open = rows.role[u] == VertexRole::kOpen;
-        if (!open && (u > v || parent_[u] == kNone || rows.role[u] != rows.role[v])) continue;
+        if (!open && (u > v || state_[u] == kStill || rows.role[u] != rows.role[v])) continue;
         if (place[u].corner(parity) != corner) continue;
         if (open)
           cut.push_back(v);
         else
-          join(v, u);
+          sets_.unite(v, u);
       }
     }
-    whole_.assign(n, 1);
-    for (const std::uint32_t v : cut) whole_[root(v)] = 0;
+    for (const std::uint32_t v : cut) state_[sets_.find(v)] = kCut;
   }
 
   /// kNone where the vertex does not move.
-  std::uint32_t root(std::uint32_t v) {
-    if (parent_[v] == kNone) return kNone;
-    while (parent_[v] != v) {
-      parent_[v] = parent_[parent_[v]];
-      v = parent_[v];
-    }
-    return v;
-  }
-  bool whole(std::uint32_t root) const { return whole_[root] != 0; }
+  std::uint32_t root(std::uint32_t v) { return state_[v] == kStill ? kNone : sets_.find(v); }
+  bool whole(std::uint32_t root) const { return state_[root] == kWhole; }
 
  private:
-  void join(std::uint32_t v, std::uint32_t u) {
-    v = root(v);
-    u = root(u);
-    if (v != u) parent_[std::max(v, u)] = std::min(v, u);
-  }
+  enum State : std::uint8_t { kStill, kCut, kWhole };
 
-  std::vector<std::uint32_t> parent_;
-  std::vector<std::uint8_t> whole_;
+  UnionFind sets_;
+  std::vector<std::uint8_t> state_;
 };
 
 /// Entries of the matrices of D and D - W.
@@ -242,13 +232,11 @@ std::vector<CoarseEntry> coarse_matrix(const SurfaceRows& rows, const CoarseBasi
   RowSum row(basis.name.size());
   std::vector<std::uint32_t> first(1, 0), column;
   std::vector<Value> value;
-  std::vector<std::uint32_t> begin(basis.name.size() + 1, 0);
   for (const std::uint32_t v : vertices) {
     if (moves(rows.role[v])) {
       const double own = degree(rows, v);
       for_unknowns(basis, v, [&](std::uint32_t c, double weight) {
         row.add(c, {own * weight, own * weight});
-        ++begin[c];
       });
       for (std::uint32_t k = rows.first[v]; k < rows.first[v + 1]; ++k) {
         const std::uint32_t u = rows.neighbour[k];
@@ -267,18 +255,17 @@ std::vector<CoarseEntry> coarse_matrix(const SurfaceRows& rows, const CoarseBasi
     std::uint32_t place;  ///< of the vertex in `vertices`
     float weight;
   };
-  std::uint32_t sum = 0;
-  for (std::uint32_t& b : begin) b = sum += b;
-  std::vector<Test> tests(sum);
-  for (auto i = static_cast<std::uint32_t>(vertices.size()); i-- > 0;)
-    for_unknowns(basis, vertices[i], [&](std::uint32_t c, double weight) {
-      tests[--begin[c]] = {i, static_cast<float>(weight)};
-    });
+  const Lists<Test> tests = make_lists<Test>(basis.name.size(), [&](const auto& put) {
+    for (std::uint32_t i = 0; i < vertices.size(); ++i)
+      for_unknowns(basis, vertices[i], [&](std::uint32_t c, double weight) {
+        put(c, {i, static_cast<float>(weight)});
+      });
+  });
   std::vector<CoarseEntry> out;
   for (std::uint32_t unknown = 0; unknown < basis.name.size(); ++unknown) {
-    for (std::uint32_t t = begin[unknown]; t < begin[unknown + 1]; ++t) {
-      const std::uint32_t i = tests[t].place, v = vertices[i];
-      const auto w = static_cast<double>(tests[t].weight);
+    for (const Test& test : tests[unknown]) {
+      const std::uint32_t i = test.place, v = vertices[i];
+      const auto w = static_cast<double>(test.weight);
       for (std::uint32_t e = first[i]; e < first[i + 1]; ++e)
         row.add(column[e], {w * value[e].mass, w * value[e].stiffness});
       // The spread of the values that the vertex is interpolated from.

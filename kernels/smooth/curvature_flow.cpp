@@ -10,13 +10,14 @@
 #include <vector>
 
 #include "octree/error.h"
-#include "octree/vector3.h"
+#include "octree/union_find.h"
+#include "octree/vector.h"
 #include "solvers/laplacian_system.h"
 
 namespace tessera {
 namespace {
 
-using Columns = std::array<double, 3>;
+using Columns = Double3;
 
 /// Of the linear systems: the first is that of the whole step, the second of the membranes inside a plate's.
 constexpr double kTolerance = 1e-8;
@@ -63,7 +64,6 @@ std::vector<Double3> stiffness_times(const SparseMatrix& stiffness, std::span<co
 class FlowSystem {
  public:
   FlowSystem(const FlowOptions& options, FlowReport& report) : flow_(options), report_(report) {
-    options_.prefer_direct = true;
     options_.memory_bytes = options.memory_bytes;
     options_.neighbours = &neighbours_;
     options_.tolerance = options.order == 2 ? kInnerTolerance : kTolerance;
@@ -243,20 +243,15 @@ class FoldTest {
 /// Vertices that move as one, so that the faces between them cannot turn.
 class Clusters {
  public:
-  explicit Clusters(std::size_t vertices) : parent_(vertices) {
-    for (std::uint32_t v = 0; v < vertices; ++v) parent_[v] = v;
-  }
+  explicit Clusters(std::size_t vertices) : sets_(vertices) {}
   void join(const std::array<std::uint32_t, 3>& face) {
-    for (const std::uint32_t v : face) {
-      const std::uint32_t a = root(face[0]), b = root(v);
-      parent_[std::max(a, b)] = std::min(a, b);
-    }
+    for (const std::uint32_t v : face) sets_.unite(face[0], v);
   }
   /// Takes the mean displacement of each cluster, none where it holds a fixed vertex. \return vertices in clusters
   std::size_t level(std::span<const std::uint8_t> fixed, std::vector<Double3>& moved) {
     std::map<std::uint32_t, std::vector<std::uint32_t>> members;
-    for (std::uint32_t v = 0; v < parent_.size(); ++v)
-      if (const std::uint32_t r = root(v); r != v) members[r].push_back(v);
+    for (std::uint32_t v = 0; v < sets_.size(); ++v)
+      if (const std::uint32_t r = sets_.find(v); r != v) members[r].push_back(v);
     std::size_t count = 0;
     for (auto& [first, others] : members) {
       others.push_back(first);
@@ -273,11 +268,7 @@ class Clusters {
   }
 
  private:
-  std::uint32_t root(std::uint32_t v) {
-    while (parent_[v] != v) v = parent_[v] = parent_[parent_[v]];
-    return v;
-  }
-  std::vector<std::uint32_t> parent_;
+  UnionFind sets_;
 };
 
 std::vector<Double3> plus(std::span<const Double3> position, std::span<const Double3> moved) {

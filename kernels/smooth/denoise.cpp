@@ -6,7 +6,8 @@
 #include "kernels/smooth/star_sides.h"
 #include "kernels/smooth/surface_window.h"
 #include "octree/portable_math.h"
-#include "octree/vector3.h"
+#include "octree/small_matrix.h"
+#include "octree/vector.h"
 
 namespace tessera {
 namespace {
@@ -59,23 +60,14 @@ Double3 meet(const std::vector<FittedSide>& sides, Double3 p, double reach) {
   const std::size_t k = sides.size();
   for (int step = 0; step < kNewtonSteps; ++step) {
     std::array<Double3, StarSides::kMost> g;
-    double m[StarSides::kMost][StarSides::kMost + 1];
-    for (std::size_t i = 0; i < k; ++i) m[i][k] = -sides[i].distance(p, g[i]);
+    SmallMatrix<StarSides::kMost> m;
+    std::array<double, StarSides::kMost> share{};
+    for (std::size_t i = 0; i < k; ++i) share[i] = -sides[i].distance(p, g[i]);
     for (std::size_t i = 0; i < k; ++i)
-      for (std::size_t j = 0; j < k; ++j) m[i][j] = dot(g[i], g[j]) + (i == j ? kParallel : 0.0);
-    for (std::size_t i = 0; i < k; ++i)
-      for (std::size_t r = i + 1; r < k; ++r) {
-        const double factor = m[r][i] / m[i][i];
-        for (std::size_t j = i; j <= k; ++j) m[r][j] -= factor * m[i][j];
-      }
+      for (std::size_t j = 0; j < k; ++j) m.coeffRef(i, j) = dot(g[i], g[j]) + (i == j ? kParallel : 0.0);
+    eliminate(m, share, static_cast<Eigen::Index>(k));
     Double3 move{};
-    std::array<double, StarSides::kMost> share = {};
-    for (std::size_t i = k; i-- > 0;) {
-      double sum = m[i][k];
-      for (std::size_t j = i + 1; j < k; ++j) sum -= m[i][j] * share[j];
-      share[i] = sum / m[i][i];
-      move = move + g[i] * share[i];
-    }
+    for (std::size_t i = k; i-- > 0;) move = move + g[i] * share[i];
     const double length = norm(move);
     p = p + move * (length > reach ? reach / length : 1.0);
   }
@@ -210,7 +202,7 @@ class Denoiser {
     fill_between();
   }
 
-  bool measured(std::uint32_t v) const { return synth::mix(block_.key[v]) % kNoiseShare == 0; }
+  bool measured(std::uint32_t v) const { return mix(block_.key[v]) % kNoiseShare == 0; }
 
   /// At the measured vertices the larger of both medians over the rings around; elsewhere -1.
   void pool(const std::vector<float>& residual, const std::vector<float>& between) {

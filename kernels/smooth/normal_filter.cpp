@@ -5,14 +5,12 @@
 #include <utility>
 
 #include "octree/portable_math.h"
+#include "octree/vector.h"
 
 namespace tessera {
 namespace {
 
-using synth::bell;
-using synth::Vec3;
-
-Vec3 point(const Double3& p) {
+Double3 point(const Double3& p) {
   return {p[0], p[1], p[2]};
 }
 
@@ -21,7 +19,7 @@ constexpr float kLeastSupport = 0.2F;
 
 /// What stays the same over all rounds on normals.
 struct FaceFrame {
-  Vec3 centre;
+  Double3 centre{};
   float area = 0.0F;
   float inverse_width = 0.0F;  ///< 1 / (2 x squared mean distance to the neighbours' centres)
 };
@@ -29,15 +27,15 @@ struct FaceFrame {
 void make_frames(const MeshBlock& block, std::vector<FaceFrame>& frames, std::vector<Float3>& normals) {
   for (std::size_t f = 0; f < block.faces.size(); ++f) {
     const auto& face = block.faces[f];
-    const Vec3 p = point(block.position[face[0]]), q = point(block.position[face[1]]),
-               r = point(block.position[face[2]]);
+    const Double3 p = point(block.position[face[0]]), q = point(block.position[face[1]]),
+                  r = point(block.position[face[2]]);
     frames[f].centre = (p + q + r) * (1.0 / 3.0);
-    const Vec3 area = cross(q - p, r - p);
-    const double doubled = length(area);
+    const Double3 area = cross(q - p, r - p);
+    const double doubled = norm(area);
     if (!(doubled > 0.0)) continue;
     frames[f].area = static_cast<float>(0.5 * doubled);
-    normals[f] = {static_cast<float>(area.x / doubled), static_cast<float>(area.y / doubled),
-                  static_cast<float>(area.z / doubled)};
+    normals[f] = {static_cast<float>(area[0] / doubled), static_cast<float>(area[1] / doubled),
+                  static_cast<float>(area[2] / doubled)};
   }
 }
 
@@ -54,7 +52,7 @@ void set_widths(const MeshBlock& block, const FaceCorners& corners, std::vector<
     double sum = 0.0;
     int count = 0;
     for_each_neighbour(block, corners, f, [&](std::uint32_t g) {
-      sum += length(frames[g].centre - frames[f].centre);
+      sum += norm(frames[g].centre - frames[f].centre);
       ++count;
     });
     if (count > 0 && sum > 0.0)
@@ -64,7 +62,7 @@ void set_widths(const MeshBlock& block, const FaceCorners& corners, std::vector<
 
 /// 1 / (2 sigma^2) for the squared difference of unit normals.
 float inverse_range(double angle_deg) {
-  const double range = 2.0 * synth::sin_cos(angle_deg * (synth::kPi / 360.0)).sin;
+  const double range = 2.0 * sin_cos(angle_deg * (kPi / 360.0)).sin;
   return static_cast<float>(0.5 / (range * range));
 }
 
@@ -93,7 +91,7 @@ class NormalRounds {
       float x = here.area * n[0], y = here.area * n[1], z = here.area * n[2];
       for_each_neighbour(block_, corners_, f, [&](std::uint32_t g) {
         const FaceFrame& there = frames_[g];
-        const Vec3 apart = there.centre - here.centre;
+        const Double3 apart = there.centre - here.centre;
         const Float3& k = normals_[g];
         const float w = there.area * bell(static_cast<float>(dot(apart, apart)) * here.inverse_width) *
                         alike(k, n, inverse);
@@ -178,19 +176,19 @@ std::vector<Double3> filter_by_normals(const MeshBlock& block, const FaceCorners
     for (std::uint32_t v = 0; v < now.size(); ++v) {
       const auto star = corners.at(v);
       if (star.empty()) continue;
-      const Vec3 here = point(now[v]);
-      Vec3 move;
+      const Double3 here = point(now[v]);
+      Double3 move{};
       for (const std::uint32_t corner : star) {
         const std::uint32_t f = corner >> 2;
         const auto& face = block.faces[f];
-        const Vec3 to_centre =
+        const Double3 to_centre =
             ((point(now[face[0]]) - here) + (point(now[face[1]]) - here) + (point(now[face[2]]) - here)) *
             (1.0 / 3.0);
-        const Vec3 n = {normals[f][0], normals[f][1], normals[f][2]};
+        const Double3 n = {normals[f][0], normals[f][1], normals[f][2]};
         move = move + n * dot(n, to_centre);
       }
       move = move * (1.0 / static_cast<double>(star.size()));
-      next[v] = {here.x + move.x, here.y + move.y, here.z + move.z};
+      next[v] = here + move;
     }
     now.swap(next);
   }

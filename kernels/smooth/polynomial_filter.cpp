@@ -8,6 +8,8 @@
 #include <complex>
 #include <utility>
 
+#include "octree/lists.h"
+
 namespace tessera {
 namespace {
 
@@ -385,11 +387,9 @@ void sort_by_degree(const SurfaceRows& rows, std::vector<std::uint32_t>& vertice
                     std::vector<std::uint32_t>& scratch) {
   constexpr std::uint32_t kMost = 15;
   const auto degree = [&](std::uint32_t v) { return std::min(rows.first[v + 1] - rows.first[v], kMost); };
-  std::array<std::size_t, kMost + 2> begin{};
-  for (const std::uint32_t v : vertices) ++begin[degree(v) + 1];
-  for (std::size_t d = 0; d <= kMost; ++d) begin[d + 1] += begin[d];
+  std::array<std::uint32_t, kMost + 2> begin;
   scratch.resize(vertices.size());
-  for (const std::uint32_t v : vertices) scratch[begin[degree(v)]++] = v;
+  counting_sort<std::uint32_t>(vertices, scratch, begin, degree);
   vertices.swap(scratch);
 }
 

@@ -3,7 +3,7 @@
 #include <algorithm>
 
 #include "octree/portable_math.h"
-#include "octree/vector3.h"
+#include "octree/vector.h"
 
 namespace tessera {
 namespace {
@@ -16,7 +16,7 @@ constexpr int kRounds = 3;
 
 void StarSides::find(const MeshBlock& block, std::span<const std::uint32_t> star,
                      std::span<const Float3> normals, std::span<const Double3> position) {
-  static const double limit = synth::sin_cos(kSideAngle * (synth::kPi / 180.0)).cos;
+  static const double limit = cosine_of_degrees(kSideAngle);
   const std::size_t m = star.size();
   const auto at = [&](std::size_t i) { return wide(normals[star[i] >> 2]); };
   area_.resize(m);

@@ -6,11 +6,10 @@
 
 #include "octree/error.h"
 #include "octree/portable_math.h"
+#include "octree/vector.h"
 
 namespace tessera {
 namespace {
-
-using synth::Vec3;
 
 /// Below this ratio of doubled area to the sum of squared edges a face has no direction that means anything.
 constexpr double kDegenerateRatio = 1e-10;
@@ -25,7 +24,7 @@ struct FaceShape {
   Float3 normal = {0, 0, 0};                   ///< unit; zero for a degenerate face
 };
 
-Vec3 point(const Double3& p) {
+Double3 point(const Double3& p) {
   return {p[0], p[1], p[2]};
 }
 
@@ -39,11 +38,11 @@ std::vector<FaceShape> face_shapes(const MeshBlock& block, std::uint64_t& degene
   std::vector<FaceShape> shapes(block.faces.size());
   for (std::size_t f = 0; f < shapes.size(); ++f) {
     const auto& face = block.faces[f];
-    const Vec3 p = point(block.position[face[0]]), q = point(block.position[face[1]]),
-               r = point(block.position[face[2]]);
-    const Vec3 pq = q - p, qr = r - q, rp = p - r;
-    const Vec3 area = cross(pq, qr);
-    const double doubled = length(area);
+    const Double3 p = point(block.position[face[0]]), q = point(block.position[face[1]]),
+                  r = point(block.position[face[2]]);
+    const Double3 pq = q - p, qr = r - q, rp = p - r;
+    const Double3 area = cross(pq, qr);
+    const double doubled = norm(area);
     if (!(doubled > kDegenerateRatio * (dot(pq, pq) + dot(qr, qr) + dot(rp, rp)))) {
       ++degenerate;
       continue;
@@ -52,8 +51,8 @@ std::vector<FaceShape> face_shapes(const MeshBlock& block, std::uint64_t& degene
     const double inverse = 1.0 / doubled;
     s.cotangent = {bounded_cotangent(-dot(pq, rp) * inverse), bounded_cotangent(-dot(qr, pq) * inverse),
                    bounded_cotangent(-dot(rp, qr) * inverse)};
-    s.normal = {static_cast<float>(area.x * inverse), static_cast<float>(area.y * inverse),
-                static_cast<float>(area.z * inverse)};
+    s.normal = {static_cast<float>(area[0] * inverse), static_cast<float>(area[1] * inverse),
+                static_cast<float>(area[2] * inverse)};
   }
   return shapes;
 }
@@ -72,10 +71,10 @@ class RowMaker {
  public:
   RowMaker(const MeshBlock& block, const SurfaceRowOptions& options) : block_(block), options_(options) {
     creases_ = options.feature_angle_deg > 0.0;
-    const double limit = synth::sin_cos(options.feature_angle_deg * (synth::kPi / 180.0)).cos;
+    const double limit = cosine_of_degrees(options.feature_angle_deg);
     crease_cosine_ = static_cast<float>(limit);
     // Where extraction or the user already said "crease", half the angle confirms it.
-    hinted_cosine_ = static_cast<float>(synth::sin_cos(options.feature_angle_deg * (synth::kPi / 360.0)).cos);
+    hinted_cosine_ = static_cast<float>(sin_cos(options.feature_angle_deg * (kPi / 360.0)).cos);
   }
 
   SurfaceRows make(const FaceCorners& corners) {
@@ -106,7 +105,7 @@ class RowMaker {
   bool is_crease(std::uint32_t v, std::uint32_t u, std::uint32_t f, std::uint32_t g) const {
     const Float3& a = shapes_[f].normal;
     const Float3& b = shapes_[g].normal;
-    const float cosine = a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+    const float cosine = dot(a, b);
     if (a == Float3{0, 0, 0} || b == Float3{0, 0, 0}) return false;
     return cosine < (hinted(v) && hinted(u) ? hinted_cosine_ : crease_cosine_);
   }
@@ -177,11 +176,11 @@ class RowMaker {
   /// Exactly two edges of the line, without a sharp turn between them.
   bool is_straight(std::uint32_t v, std::size_t lines) const {
     if (lines != 2) return false;
-    std::array<Vec3, 2> arm;
+    std::array<Double3, 2> arm{};
     std::size_t found = 0;
     for (const EdgeView& e : star_)
       if (on_line(e)) arm[found++] = point(block_.position[e.to]) - point(block_.position[v]);
-    const double lengths = length(arm[0]) * length(arm[1]);
+    const double lengths = norm(arm[0]) * norm(arm[1]);
     return lengths > 0.0 && -dot(arm[0], arm[1]) > kCornerTurnCosine * lengths;
   }
 
@@ -209,7 +208,7 @@ class RowMaker {
     float sum = 0.0F;
     for (const EdgeView& e : star_) {
       if (!on_line(e)) continue;
-      const double arm = length(point(block_.position[e.to]) - point(block_.position[v]));
+      const double arm = norm(point(block_.position[e.to]) - point(block_.position[v]));
       const float w = options_.weights == LaplaceWeights::kUniform ? 1.0F : static_cast<float>(1.0 / arm);
       append(e.to, w);
       sum += w;

@@ -1,7 +1,7 @@
 #include "kernels/smooth/surface_window.h"
 
 #include "octree/portable_math.h"
-#include "octree/vector3.h"
+#include "octree/vector.h"
 
 namespace tessera {
 namespace {
@@ -23,15 +23,15 @@ SurfaceWindow::SurfaceWindow(const MeshBlock& block, const FaceCorners& corners,
       position_(position),
       vertex_stamp_(block.position.size(), 0),
       face_mark_(block.faces.size()) {
-  const double width = 2.0 * synth::sin_cos(kLikeAngle * (synth::kPi / 360.0)).sin;
+  const double width = 2.0 * sin_cos(kLikeAngle * (kPi / 360.0)).sin;
   inverse_width_ = static_cast<float>(0.5 / (width * width));
 }
 
 void SurfaceWindow::begin(std::uint32_t vertex, const Double3& normal, std::span<const std::uint32_t> faces) {
-  const synth::Vec3 a = synth::any_orthogonal({normal[0], normal[1], normal[2]});
+  const Double3 a = any_orthogonal({normal[0], normal[1], normal[2]});
   frame_.origin = position_[vertex];
   frame_.n = normal;
-  frame_.a = {a.x, a.y, a.z};
+  frame_.a = {a[0], a[1], a[2]};
   frame_.b = cross(normal, frame_.a);
   samples_.clear();
   square_ = 0.0;
@@ -67,7 +67,7 @@ float SurfaceWindow::likeness(std::uint32_t face, const Float3& expected) {
   if (mark.stamp >= stamp_) return mark.likeness;
   const Float3& n = normals_[face];
   const float x = n[0] - expected[0], y = n[1] - expected[1], z = n[2] - expected[2];
-  mark = {stamp_, synth::bell((x * x + y * y + z * z) * inverse_width_)};
+  mark = {stamp_, bell((x * x + y * y + z * z) * inverse_width_)};
   return mark.likeness;
 }
 

@@ -4,6 +4,8 @@
 #include <cmath>
 #include <iterator>
 
+#include "octree/small_matrix.h"
+
 namespace tessera {
 namespace {
 
@@ -36,41 +38,8 @@ std::array<double, kTerms> basis(double s, double t, double per_radius) {
   return {1.0, x, y, x * x, x * y, y * y};
 }
 
-/// Cholesky factor of the normal equations, rows one after the other.
-struct Factor {
-  double row[kTerms][kTerms];
-  std::size_t size = 0;
-
-  bool make(const double (&a)[kTerms][kTerms], std::size_t terms) {
-    size = terms;
-    for (std::size_t i = 0; i < terms; ++i)
-      for (std::size_t j = 0; j <= i; ++j) {
-        double sum = a[i][j];
-        for (std::size_t k = 0; k < j; ++k) sum -= row[i][k] * row[j][k];
-        if (i != j) {
-          row[i][j] = sum / row[j][j];
-        } else if (sum > kLeastPivot * a[i][i]) {
-          row[i][i] = std::sqrt(sum);
-        } else {
-          return false;
-        }
-      }
-    return true;
-  }
-  void solve(std::array<double, kTerms>& x) const {
-    for (std::size_t i = 0; i < size; ++i) {
-      for (std::size_t k = 0; k < i; ++k) x[i] -= row[i][k] * x[k];
-      x[i] /= row[i][i];
-    }
-    for (std::size_t i = size; i-- > 0;) {
-      for (std::size_t k = i + 1; k < size; ++k) x[i] -= row[k][i] * x[k];
-      x[i] /= row[i][i];
-    }
-  }
-};
-
 struct Moments {
-  double a[kTerms][kTerms] = {};
+  SmallMatrix<kTerms> a = SmallMatrix<kTerms>::Zero();  ///< the lower triangle
   std::array<double, kTerms> b = {};
   double count = 0.0, weight = 0.0, weight_square = 0.0, height_square = 0.0;
 };
@@ -98,10 +67,10 @@ Moments sum_moments(const WindowSamples& samples, double radius) {
   std::size_t at = 0;
   for (std::size_t r = 0; r < kTerms; ++r) {
     m.b[r] = total(b[r]);
-    for (std::size_t c = 0; c <= r; ++c) m.a[r][c] = total(a[at++]);
+    for (std::size_t c = 0; c <= r; ++c) m.a.coeffRef(r, c) = total(a[at++]);
   }
   m.count = total(count);
-  m.weight = m.a[0][0];
+  m.weight = m.a.coeff(0, 0);
   m.weight_square = total(square);
   m.height_square = total(zz);
   return m;
@@ -139,14 +108,14 @@ void WindowSamples::add(double s, double t, double z, double weight) {
 std::optional<WindowFit> fit_window(const WindowSamples& samples, double radius, int terms) {
   const Moments m = sum_moments(samples, radius);
   if (m.count < terms + 2) return std::nullopt;
-  Factor factor;
-  if (!factor.make(m.a, static_cast<std::size_t>(terms))) return std::nullopt;
+  SmallMatrix<kTerms> factor = m.a;
+  if (!cholesky_factor(factor, 0.0, kLeastPivot, terms)) return std::nullopt;
   WindowFit fit;
   std::array<double, kTerms> c = m.b;
   for (auto i = static_cast<std::size_t>(terms); i < kTerms; ++i) c[i] = 0.0;
-  factor.solve(c);
+  cholesky_solve(factor, c, terms);
   fit.inverse = {1.0, 0.0, 0.0, 0.0, 0.0, 0.0};
-  factor.solve(fit.inverse);
+  cholesky_solve(factor, fit.inverse, terms);
   fit.variance = middle_variance(samples, radius, fit);
   double left = m.height_square;
   for (std::size_t i = 0; i < kTerms; ++i) left -= c[i] * m.b[i];

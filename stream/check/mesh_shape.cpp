@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "octree/vector3.h"
+#include "octree/vector.h"
 
 namespace tessera {
 namespace {

@@ -10,6 +10,7 @@
 
 #include "kernels/scene/sample_source.h"
 #include "octree/error.h"
+#include "octree/vector.h"
 #include "stream/check/truth_features.h"
 #include "stream/files/vertex_store.h"
 #include "stream/runtime/parallel.h"
@@ -20,15 +21,14 @@ namespace {
 using synth::Scene;
 using synth::SharpFeature;
 using synth::SurfacePoint;
-using synth::Vec3;
 
 constexpr int kMantissaBits = 5;       // histogram bins per octave: 32, so 3 % wide
 constexpr double kSliver = 0.03;       // of h: a vertex kept off a node by the extraction tilts thinner faces
 constexpr std::size_t kBlock = 65536;  // queries answered at once
 constexpr std::size_t kChunk = 1024;   // by one thread
 
-bool finite(const Vec3& p) {
-  return std::isfinite(p.x) && std::isfinite(p.y) && std::isfinite(p.z);
+bool finite(const Double3& p) {
+  return std::isfinite(p[0]) && std::isfinite(p[1]) && std::isfinite(p[2]);
 }
 
 /// Answers for a block of queries, by index.
@@ -37,7 +37,7 @@ struct Answer {
   double crease = 0.0;  ///< distance of the query to the nearest crease, 1e300 without
 };
 
-void answer(const Scene& scene, const std::vector<Vec3>& queries, std::vector<Answer>& answers) {
+void answer(const Scene& scene, const std::vector<Double3>& queries, std::vector<Answer>& answers) {
   answers.resize(queries.size());
   parallel_for((queries.size() + kChunk - 1) / kChunk, [&](std::size_t chunk) {
     const std::size_t end = std::min(queries.size(), (chunk + 1) * kChunk);
@@ -60,10 +60,9 @@ class Comparison {
         report_(h_),
         vertices_(options.temp.empty() ? std::filesystem::temp_directory_path() : options.temp, true,
                   options.memory_bytes),
-        sharp_(synth::sin_cos(options.sharp_angle_deg * synth::kPi / 180.0).cos) {
+        sharp_(cosine_of_degrees(options.sharp_angle_deg)) {
     const Double3 file_shift = mesh.header().shift;
-    offset_ = {file_shift[0] - truth.shift[0], file_shift[1] - truth.shift[1],
-               file_shift[2] - truth.shift[2]};
+    offset_ = file_shift - truth.shift;
     report_.spacing = truth.spacing;
     report_.noise = truth.noise;
     SharpFeature any;
@@ -82,10 +81,10 @@ class Comparison {
   }
 
  private:
-  Vec3 to_truth(const Double3& p) const { return {p[0] + offset_.x, p[1] + offset_.y, p[2] + offset_.z}; }
+  Double3 to_truth(const Double3& p) const { return p + offset_; }
 
   void measure_vertices() {
-    std::vector<Vec3> queries;
+    std::vector<Double3> queries;
     std::vector<Answer> answers;
     double signed_sum = 0.0;
     const auto flush = [&] {
@@ -96,16 +95,16 @@ class Comparison {
           ++report_.beyond_border;
           continue;
         }
-        const Vec3 off = queries[i] - truth.position;
-        report_.vertices.add(length(off));
-        signed_sum += dot(off, truth.normal) < 0.0 ? -length(off) : length(off);
+        const Double3 off = queries[i] - truth.position;
+        report_.vertices.add(norm(off));
+        signed_sum += dot(off, truth.normal) < 0.0 ? -norm(off) : norm(off);
       }
       queries.clear();
     };
     mesh_.read_vertices([&](std::span<const Double3> batch, std::span<const std::uint32_t>) {
       vertices_.append(batch);
       for (const Double3& p : batch) {
-        const Vec3 q = to_truth(p);
+        const Double3 q = to_truth(p);
         if (!finite(q)) continue;
         queries.push_back(q);
         if (queries.size() == kBlock) flush();
@@ -120,11 +119,11 @@ class Comparison {
   void measure_faces(NearestTracker& coverage, NearestTracker& corners) {
     struct Face {
       std::uint64_t corner[3];
-      Vec3 normal;
+      Double3 normal{};
       double area, altitude;
     };
     std::vector<Face> faces;
-    std::vector<Vec3> queries;
+    std::vector<Double3> queries;
     std::vector<Answer> answers;
     double near_angle = 0.0, near_area = 0.0, away_angle = 0.0, away_area = 0.0;
     const auto flush = [&] {
@@ -136,8 +135,8 @@ class Comparison {
           ++report_.beyond_border;
           continue;
         }
-        report_.centres.add(length(queries[i] - truth.position));
-        const double angle = synth::angle_between(face.normal, truth.normal);
+        report_.centres.add(norm(queries[i] - truth.position));
+        const double angle = angle_between(face.normal, truth.normal);
         const bool near = answers[i].crease <= h_;
         (near ? near_angle : away_angle) += angle * face.area;
         (near ? near_area : away_area) += face.area;
@@ -155,22 +154,22 @@ class Comparison {
     mesh_.read_faces([&](std::span<const MeshFace> batch) {
       for (const MeshFace& f : batch) {
         if (f[0] >= vertices_.size() || f[1] >= vertices_.size() || f[2] >= vertices_.size()) continue;
-        const Vec3 a = to_truth(vertices_.at(f[0])), b = to_truth(vertices_.at(f[1])),
-                   c = to_truth(vertices_.at(f[2]));
+        const Double3 a = to_truth(vertices_.at(f[0])), b = to_truth(vertices_.at(f[1])),
+                      c = to_truth(vertices_.at(f[2]));
         if (!finite(a) || !finite(b) || !finite(c)) continue;
         coverage.take(a, b, c);
-        for (const Vec3& p : {a, b, c}) corners.take(p, p, p);
-        const Vec3 n = cross(b - a, c - a);
-        const double twice = length(n);
+        for (const Double3& p : {a, b, c}) corners.take(p, p, p);
+        const Double3 n = cross(b - a, c - a);
+        const double twice = norm(n);
         if (!(twice > 0.0)) continue;
-        const double longest = std::max({length(b - a), length(c - b), length(a - c)});
+        const double longest = std::max({norm(b - a), norm(c - b), norm(a - c)});
         faces.push_back({{f[0], f[1], f[2]}, n * (1.0 / twice), 0.5 * twice, twice / longest});
         queries.push_back((a + b + c) * (1.0 / 3.0));
         if (faces.size() == kBlock) flush();
       }
     });
     flush();
-    constexpr double kDegrees = 180.0 / synth::kPi;
+    constexpr double kDegrees = 180.0 / kPi;
     if (near_area > 0.0) report_.normal_near_deg = near_angle / near_area * kDegrees;
     if (away_area > 0.0) report_.normal_away_deg = away_angle / away_area * kDegrees;
   }
@@ -183,7 +182,7 @@ class Comparison {
     for (const auto& edge : edges) {
       ends.push_back(edge.a);
       ends.push_back(edge.b);
-      const Vec3 a = to_truth(vertices_.at(edge.a)), b = to_truth(vertices_.at(edge.b));
+      const Double3 a = to_truth(vertices_.at(edge.a)), b = to_truth(vertices_.at(edge.b));
       truth.take(a, b, b);
     }
     std::sort(ends.begin(), ends.end());
@@ -201,8 +200,8 @@ class Comparison {
   }
 
   /// Samples of the truth that a scan could see; not those at the end of an open surface.
-  std::vector<Vec3> coverage_points() const {
-    std::vector<Vec3> points;
+  std::vector<Double3> coverage_points() const {
+    std::vector<Double3> points;
     if (o_.coverage_samples == 0) return points;
     const auto source = synth::sample_surface(*scene_, o_.coverage_samples, 77);
     synth::SampleBatch batch;
@@ -211,9 +210,9 @@ class Comparison {
     for (std::uint64_t unit = 0; unit < source->unit_count(); ++unit) {
       source->sample(unit, batch);
       for (std::size_t i = 0; i < batch.surface.size(); ++i) {
-        const Vec3 p{batch.surface.x[i], batch.surface.y[i], batch.surface.z[i]};
-        if (p.x < box.lo.x + margin || p.x > box.hi.x - margin || p.y < box.lo.y + margin ||
-            p.y > box.hi.y - margin) {
+        const Double3 p{batch.surface.x[i], batch.surface.y[i], batch.surface.z[i]};
+        if (p[0] < box.lo[0] + margin || p[0] > box.hi[0] - margin || p[1] < box.lo[1] + margin ||
+            p[1] > box.hi[1] - margin) {
           continue;
         }
         points.push_back(p);
@@ -229,7 +228,7 @@ class Comparison {
   TruthReport report_;
   VertexStore vertices_;
   SharpEdges sharp_;
-  Vec3 offset_;
+  Double3 offset_{};
 };
 
 nlohmann::json to_json(const DeviationStats& stats, double h) {

@@ -8,17 +8,15 @@
 
 namespace tessera {
 
-using synth::Vec3;
-
-double squared_distance(const Vec3& p, const Vec3& a, const Vec3& b, const Vec3& c) {
-  const auto to_segment = [&p](const Vec3& s, const Vec3& e) {
-    const Vec3 d = e - s;
+double squared_distance(const Double3& p, const Double3& a, const Double3& b, const Double3& c) {
+  const auto to_segment = [&p](const Double3& s, const Double3& e) {
+    const Double3 d = e - s;
     const double dd = dot(d, d);
-    const double t = dd > 0.0 ? synth::clamp(dot(p - s, d) / dd, 0.0, 1.0) : 0.0;
-    const Vec3 r = p - (s + d * t);
+    const double t = dd > 0.0 ? std::clamp(dot(p - s, d) / dd, 0.0, 1.0) : 0.0;
+    const Double3 r = p - (s + d * t);
     return dot(r, r);
   };
-  const Vec3 n = cross(b - a, c - a);
+  const Double3 n = cross(b - a, c - a);
   const double nn = dot(n, n);
   if (nn > 0.0) {
     const bool inside = dot(cross(b - a, p - a), n) >= 0.0 && dot(cross(c - b, p - b), n) >= 0.0 &&
@@ -29,26 +27,26 @@ double squared_distance(const Vec3& p, const Vec3& a, const Vec3& b, const Vec3&
   return std::min({to_segment(a, b), to_segment(b, c), to_segment(c, a)});
 }
 
-NearestTracker::NearestTracker(std::vector<Vec3> points, double reach) : reach_(reach) {
+NearestTracker::NearestTracker(std::vector<Double3> points, double reach) : reach_(reach) {
   constexpr double kInf = std::numeric_limits<double>::infinity();
   lo_ = {kInf, kInf, kInf};
   hi_ = {-kInf, -kInf, -kInf};
-  for (const Vec3& p : points) {
-    lo_ = {std::min(lo_.x, p.x), std::min(lo_.y, p.y), std::min(lo_.z, p.z)};
-    hi_ = {std::max(hi_.x, p.x), std::max(hi_.y, p.y), std::max(hi_.z, p.z)};
+  for (const Double3& p : points) {
+    lo_ = {std::min(lo_[0], p[0]), std::min(lo_[1], p[1]), std::min(lo_[2], p[2])};
+    hi_ = {std::max(hi_[0], p[0]), std::max(hi_[1], p[1]), std::max(hi_[2], p[2])};
   }
   if (points.empty()) lo_ = hi_ = {};
-  const Vec3 extent = hi_ - lo_;
+  const Double3 extent = hi_ - lo_;
   // 20 bits an axis are enough: cells no smaller than a millionth of the extent.
-  cell_ = std::max({reach, extent.x * 1e-6, extent.y * 1e-6, extent.z * 1e-6});
+  cell_ = std::max({reach, extent[0] * 1e-6, extent[1] * 1e-6, extent[2] * 1e-6});
   if (!(cell_ > 0.0)) cell_ = 1.0;
   std::vector<std::pair<std::uint64_t, std::size_t>> order;
   const auto index = [this](double v, double lo) {
     return static_cast<std::int64_t>(std::floor((v - lo) / cell_));
   };
   for (std::size_t i = 0; i < points.size(); ++i) {
-    const Vec3& p = points[i];
-    order.emplace_back(key(index(p.x, lo_.x), index(p.y, lo_.y), index(p.z, lo_.z)), i);
+    const Double3& p = points[i];
+    order.emplace_back(key(index(p[0], lo_[0]), index(p[1], lo_[1]), index(p[2], lo_[2])), i);
   }
   std::sort(order.begin(), order.end());
   for (const auto& [k, i] : order) {
@@ -63,7 +61,7 @@ std::uint64_t NearestTracker::key(std::int64_t i, std::int64_t j, std::int64_t k
          static_cast<std::uint64_t>(i);
 }
 
-void NearestTracker::take(const Vec3& a, const Vec3& b, const Vec3& c) {
+void NearestTracker::take(const Double3& a, const Double3& b, const Double3& c) {
   if (points_.empty()) return;
   const auto range = [this](double u, double v, double w, double lo, double hi, std::int64_t& from,
                             std::int64_t& to) {
@@ -75,8 +73,8 @@ void NearestTracker::take(const Vec3& a, const Vec3& b, const Vec3& c) {
     return true;
   };
   std::int64_t i0, i1, j0, j1, k0, k1;
-  if (!range(a.x, b.x, c.x, lo_.x, hi_.x, i0, i1) || !range(a.y, b.y, c.y, lo_.y, hi_.y, j0, j1) ||
-      !range(a.z, b.z, c.z, lo_.z, hi_.z, k0, k1)) {
+  if (!range(a[0], b[0], c[0], lo_[0], hi_[0], i0, i1) || !range(a[1], b[1], c[1], lo_[1], hi_[1], j0, j1) ||
+      !range(a[2], b[2], c[2], lo_[2], hi_[2], k0, k1)) {
     return;
   }
   for (std::int64_t k = k0; k <= k1; ++k) {
@@ -96,13 +94,13 @@ double NearestTracker::distance(std::size_t i) const {
   return std::sqrt(squared_[i]);
 }
 
-void SharpEdges::add(const std::uint64_t (&corners)[3], const Vec3& normal) {
+void SharpEdges::add(const std::uint64_t (&corners)[3], const Double3& normal) {
   for (int e = 0; e < 3; ++e) {
     const std::uint64_t a = corners[e], b = corners[(e + 1) % 3];
     sides_.push_back(
         {std::min(a, b),
          std::max(a, b),
-         {static_cast<float>(normal.x), static_cast<float>(normal.y), static_cast<float>(normal.z)}});
+         {static_cast<float>(normal[0]), static_cast<float>(normal[1]), static_cast<float>(normal[2])}});
   }
 }
 

@@ -10,27 +10,26 @@
 namespace tessera {
 
 /// Squared distance from p to the triangle abc.
-double squared_distance(const synth::Vec3& p, const synth::Vec3& a, const synth::Vec3& b,
-                        const synth::Vec3& c);
+double squared_distance(const Double3& p, const Double3& a, const Double3& b, const Double3& c);
 
 /// Points in cells of a grid, each with the squared distance to what has come near it so far.
 class NearestTracker {
  public:
   /// \param reach  distances beyond it are not told apart
-  NearestTracker(std::vector<synth::Vec3> points, double reach);
+  NearestTracker(std::vector<Double3> points, double reach);
   /// Takes a triangle (or, with equal corners, a segment or a point) into account.
-  void take(const synth::Vec3& a, const synth::Vec3& b, const synth::Vec3& c);
-  std::span<const synth::Vec3> points() const { return points_; }
+  void take(const Double3& a, const Double3& b, const Double3& c);
+  std::span<const Double3> points() const { return points_; }
   /// Distance of point i to the nearest taken, at most `reach`.
   double distance(std::size_t i) const;
 
  private:
   std::uint64_t key(std::int64_t i, std::int64_t j, std::int64_t k) const;
 
-  std::vector<synth::Vec3> points_;  ///< by cell
+  std::vector<Double3> points_;      ///< by cell
   std::vector<std::uint64_t> keys_;  ///< of points_, ascending
   std::vector<double> squared_;
-  synth::Vec3 lo_, hi_;
+  Double3 lo_{}, hi_{};
   double cell_ = 1.0, reach_ = 0.0;
 };
 
@@ -40,7 +39,7 @@ class SharpEdges {
   /// \param min_cosine  of the angle between normals
   explicit SharpEdges(double min_cosine) : min_cosine_(min_cosine) {}
   /// \param normal  unit
-  void add(const std::uint64_t (&corners)[3], const synth::Vec3& normal);
+  void add(const std::uint64_t (&corners)[3], const Double3& normal);
   struct Edge {
     std::uint64_t a, b;
   };

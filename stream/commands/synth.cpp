@@ -9,6 +9,7 @@
 #include "kernels/scene/sample_source.h"
 #include "kernels/scene/scene.h"
 #include "octree/error.h"
+#include "octree/vector.h"
 #include "stream/files/output_file.h"
 #include "stream/formats/points/point_writer.h"
 #include "stream/runtime/parallel.h"
@@ -22,7 +23,6 @@ using synth::SampleSource;
 using synth::ScanInfo;
 using synth::Scene;
 using synth::SurfaceBatch;
-using synth::Vec3;
 
 // Streams of random numbers, so that no two uses share one.
 enum : std::uint64_t { kNoiseStream = 11, kOutlierStream = 13, kMissingStream = 17 };
@@ -73,7 +73,7 @@ class MissingSpots {
   MissingSpots(const SynthOptions& o, const SampleSource& source) {
     if (o.missing == 0.0) return;
     constexpr std::uint64_t kLookedUnits = 256;
-    std::vector<Vec3> looked;
+    std::vector<Double3> looked;
     const std::uint64_t step = source.unit_count() / kLookedUnits + 1;
     SampleBatch batch;
     for (std::uint64_t unit = 0; unit < source.unit_count(); unit += step) {
@@ -84,8 +84,8 @@ class MissingSpots {
     }
     if (looked.empty()) return;
     std::vector<double> distance2(looked.size(), 1e300);
-    std::size_t next = static_cast<std::size_t>(
-        synth::to_unit(synth::random_bits(o.seed, kMissingStream, 0)) * static_cast<double>(looked.size()));
+    std::size_t next = static_cast<std::size_t>(to_unit(random_bits(o.seed, kMissingStream, 0)) *
+                                                static_cast<double>(looked.size()));
     for (int spot = 0; spot < o.missing_spots; ++spot) {
       centres_.push_back(looked[next]);
       for (std::size_t i = 0; i < looked.size(); ++i) {
@@ -103,9 +103,9 @@ class MissingSpots {
     SurfaceBatch& s = batch.surface;
     std::size_t kept = 0;
     for (std::size_t i = 0; i < s.size(); ++i) {
-      const Vec3 p = {s.x[i], s.y[i], s.z[i]};
+      const Double3 p = {s.x[i], s.y[i], s.z[i]};
       if (std::any_of(centres_.begin(), centres_.end(),
-                      [&](const Vec3& c) { return squared(p, c) < radius2_; }))
+                      [&](const Double3& c) { return squared_distance(p, c) < radius2_; }))
         continue;
       for (std::vector<double>* v : {&s.x, &s.y, &s.z, &s.nx, &s.ny, &s.nz, &batch.dx, &batch.dy, &batch.dz})
         if (!v->empty()) (*v)[kept] = (*v)[i];
@@ -117,15 +117,11 @@ class MissingSpots {
     s.resize(kept);
     batch.key.resize(kept);
   }
-  const std::vector<Vec3>& centres() const { return centres_; }
+  const std::vector<Double3>& centres() const { return centres_; }
   double radius() const { return std::sqrt(radius2_); }
 
  private:
-  static double squared(const Vec3& a, const Vec3& b) {
-    const Vec3 d = a - b;
-    return d.x * d.x + d.y * d.y + d.z * d.z;
-  }
-  std::vector<Vec3> centres_;
+  std::vector<Double3> centres_;
   double radius2_ = 0.0;
 };
 
@@ -134,7 +130,7 @@ class Corrupter {
  public:
   Corrupter(const SynthOptions& o, const Scene& scene, double noise) : o_(o), scene_(scene), noise_(noise) {
     const Box3 box = scene.bounds();
-    const Vec3 margin = (box.hi - box.lo) * 0.1;
+    const Double3 margin = (box.hi - box.lo) * 0.1;
     lo_ = box.lo - margin;
     size_ = (box.hi - box.lo) * 1.2;
   }
@@ -166,8 +162,8 @@ class Corrupter {
       const double* dy = along_ray ? batch.dy.data() : in.ny.data();
       const double* dz = along_ray ? batch.dz.data() : in.nz.data();
       for (std::size_t i = 0; i < n; ++i) {
-        const std::uint64_t bits = synth::random_bits(o_.seed, kNoiseStream, batch.key[i]);
-        const double d = noise_ * synth::gaussian(bits, synth::mix(bits));
+        const std::uint64_t bits = random_bits(o_.seed, kNoiseStream, batch.key[i]);
+        const double d = noise_ * gaussian(bits, mix(bits));
         out.x[i] += d * dx[i];
         out.y[i] += d * dy[i];
         out.z[i] += d * dz[i];
@@ -176,12 +172,12 @@ class Corrupter {
     std::uint64_t outliers = 0;
     if (o_.outliers > 0.0) {
       for (std::size_t i = 0; i < n; ++i) {
-        std::uint64_t bits = synth::random_bits(o_.seed, kOutlierStream, batch.key[i]);
-        if (synth::to_unit(bits) >= o_.outliers || std::isnan(in.x[i])) continue;
+        std::uint64_t bits = random_bits(o_.seed, kOutlierStream, batch.key[i]);
+        if (to_unit(bits) >= o_.outliers || std::isnan(in.x[i])) continue;
         ++outliers;
-        out.x[i] = lo_.x + size_.x * synth::to_unit(bits = synth::mix(bits));
-        out.y[i] = lo_.y + size_.y * synth::to_unit(bits = synth::mix(bits));
-        out.z[i] = lo_.z + size_.z * synth::to_unit(bits = synth::mix(bits));
+        out.x[i] = lo_[0] + size_[0] * to_unit(bits = mix(bits));
+        out.y[i] = lo_[1] + size_[1] * to_unit(bits = mix(bits));
+        out.z[i] = lo_[2] + size_[2] * to_unit(bits = mix(bits));
       }
     }
     if (shifted(o_)) {
@@ -198,7 +194,7 @@ class Corrupter {
   const SynthOptions& o_;
   const Scene& scene_;
   double noise_;
-  Vec3 lo_, size_;
+  Double3 lo_{}, size_{};
 };
 
 void write_truth(const SynthOptions& o, const SynthReport& report, const std::vector<ScanInfo>& scans,
@@ -224,9 +220,7 @@ void write_truth(const SynthOptions& o, const SynthReport& report, const std::ve
   for (const ScanInfo& scan : scans) {
     if (scan.columns == 0) continue;
     truth["scans"].push_back(
-        {{"origin", {scan.origin.x + o.shift[0], scan.origin.y + o.shift[1], scan.origin.z + o.shift[2]}},
-         {"columns", scan.columns},
-         {"rows", scan.rows}});
+        {{"origin", scan.origin + o.shift}, {"columns", scan.columns}, {"rows", scan.rows}});
   }
   OutputFile out(path);
   out.append(truth.dump(2) + "\n");
@@ -271,9 +265,7 @@ class ScanFiles {
       : o_(o), output_(output), header_(header), scans_(scans), report_(report) {}
   PtxScan ptx(std::size_t scan) const {
     const ScanInfo& info = scans_[scan];
-    return {info.columns,
-            info.rows,
-            {info.origin.x + o_.shift[0], info.origin.y + o_.shift[1], info.origin.z + o_.shift[2]}};
+    return {info.columns, info.rows, info.origin + o_.shift};
   }
   void append(std::size_t scan, const EncodedPoints& points) {
     while (next_scan_ <= scan) open(next_scan_++);

@@ -9,6 +9,7 @@
 #include "kernels/picture/caption.h"
 #include "kernels/picture/picture.h"
 #include "octree/error.h"
+#include "octree/vector.h"
 #include "stream/files/file_extension.h"
 #include "stream/formats/meshes/mesh_io.h"
 #include "stream/formats/ply_header.h"
@@ -210,8 +211,7 @@ Image draw_panel(Panel& panel, const std::vector<ViewSpec>& specs, const std::ve
     if (options.focus.empty()) {
       views[i].camera = fit_camera(specs[i], fit_points, aspect, options.zoom);
     } else {
-      const Double3 centre = {options.focus[0] - origin[0], options.focus[1] - origin[1],
-                              options.focus[2] - origin[2]};
+      const Double3 centre = options.focus - origin;
       views[i].camera = focus_camera(specs[i], centre, options.focus[3], aspect, options.zoom);
     }
     set_depth_range(views[i].camera, low, high);
@@ -262,7 +262,7 @@ void RenderOptions::validate() const {
         "--borders " + borders + ": use auto, on or off");
   check(focus.empty() || (focus.size() == 4 && focus[3] > 0.0),
         "--focus: expected x,y,z,radius with radius above 0");
-  check(up[0] * up[0] + up[1] * up[1] + up[2] * up[2] > 0.0, "--up must not be zero");
+  check(dot(up, up) > 0.0, "--up must not be zero");
 }
 
 RenderReport render(const RenderOptions& options) {

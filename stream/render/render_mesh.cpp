@@ -8,6 +8,7 @@
 
 #include "kernels/picture/caption.h"
 #include "octree/error.h"
+#include "octree/vector.h"
 #include "stream/meshes/border_edges.h"
 #include "stream/meshes/corner_file.h"
 #include "stream/meshes/mesh_weld.h"
@@ -163,8 +164,8 @@ void MeshItem::add_normals(RenderReport& report) {
     throw_if_stopped();
     for (const MeshFace& face : batch) {
       const Float3 &a = positions_[face[0]], &b = positions_[face[1]], &c = positions_[face[2]];
-      const Float3 u = {b[0] - a[0], b[1] - a[1], b[2] - a[2]}, v = {c[0] - a[0], c[1] - a[1], c[2] - a[2]};
-      const Float3 n = {u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]};
+      const Float3 u = b - a, v = c - a;
+      const Float3 n = cross(u, v);
       if (!std::isfinite(n[0] + n[1] + n[2])) continue;
       for (const std::uint64_t corner : face) {
         for (std::size_t k = 0; k < 3; ++k) normals_[corner][k] += n[k];
@@ -262,15 +263,14 @@ void MeshItem::draw(Picture& picture, const DrawContext& context) {
   const bool by_vertex = colour_ && (options.colour == "auto" || options.colour == "vertex");
   const bool by_height = options.colour == "height";
   const float wire = options.wire ? kWirePixels : 0.0f;
-  picture.set_offset(
-      {origin_[0] - context.origin[0], origin_[1] - context.origin[1], origin_[2] - context.origin[2]});
+  picture.set_offset(origin_ - context.origin);
   std::vector<PictureVertex> batch;
   batch.reserve(3 * kBatchFaces);
   const bool by_origin = !by_vertex && !by_height;
   const auto emit = [&](const std::array<Corner, 3>& corners, const MeshFace* face, bool synthetic) {
     const auto& [a, b, c] = corners;
     const Float3 u = {b.x - a.x, b.y - a.y, b.z - a.z}, v = {c.x - a.x, c.y - a.y, c.z - a.z};
-    const Float3 n = {u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]};
+    const Float3 n = cross(u, v);
     if (!std::isfinite(n[0] + n[1] + n[2])) return;  // a corner that is not a number: nothing to see
     PictureVertex flat;
     // Scaled first: squares of tiny faces would underflow.

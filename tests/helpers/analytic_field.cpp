@@ -5,21 +5,10 @@
 #include <cmath>
 #include <utility>
 
+#include "octree/vector.h"
+
 namespace tessera::test {
 namespace {
-
-Double3 minus(const Double3& a, const Double3& b) {
-  return {a[0] - b[0], a[1] - b[1], a[2] - b[2]};
-}
-Double3 scaled(const Double3& a, double s) {
-  return {a[0] * s, a[1] * s, a[2] * s};
-}
-double dot(const Double3& a, const Double3& b) {
-  return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-}
-Double3 unit(const Double3& a) {
-  return scaled(a, 1.0 / std::max(1e-300, std::sqrt(dot(a, a))));
-}
 
 Double3 to_double(const Int3& n) {
   return {static_cast<double>(n[0]), static_cast<double>(n[1]), static_cast<double>(n[2])};
@@ -42,7 +31,7 @@ EdgeRoot find_root(const Shape& shape, const Int3& node, int axis, const Analyti
   }
   const double t = 0.5 * (lo + hi);
   p[a] = start + t;
-  const Double3 n = unit(shape(p).gradient);
+  const Double3 n = unit_or_zero(shape(p).gradient);
   EdgeRoot root;
   root.t = static_cast<float>(std::clamp(t, 1.0 / 64, 63.0 / 64));
   root.normal = {static_cast<float>(n[0]), static_cast<float>(n[1]), static_cast<float>(n[2])};
@@ -54,33 +43,33 @@ EdgeRoot find_root(const Shape& shape, const Int3& node, int axis, const Analyti
 }  // namespace
 
 Shape half_space(const Double3& point, const Double3& outward) {
-  const Double3 n = unit(outward);
-  return [=](const Double3& x) { return ShapeSample{dot(n, minus(x, point)), n}; };
+  const Double3 n = unit_or_zero(outward);
+  return [=](const Double3& x) { return ShapeSample{dot(n, x - point), n}; };
 }
 
 Shape ball(const Double3& centre, double radius) {
   return [=](const Double3& x) {
-    const Double3 d = minus(x, centre);
-    return ShapeSample{std::sqrt(dot(d, d)) - radius, unit(d)};
+    const Double3 d = x - centre;
+    return ShapeSample{norm(d) - radius, unit_or_zero(d)};
   };
 }
 
 Shape cylinder(const Double3& point, const Double3& direction, double radius) {
-  const Double3 n = unit(direction);
+  const Double3 n = unit_or_zero(direction);
   return [=](const Double3& x) {
-    Double3 d = minus(x, point);
-    d = minus(d, scaled(n, dot(n, d)));
-    return ShapeSample{std::sqrt(dot(d, d)) - radius, unit(d)};
+    Double3 d = x - point;
+    d = d - n * dot(n, d);
+    return ShapeSample{norm(d) - radius, unit_or_zero(d)};
   };
 }
 
 Shape torus(const Double3& centre, double ring_radius, double tube_radius) {
   return [=](const Double3& x) {
-    Double3 d = minus(x, centre);
+    Double3 d = x - centre;
     const double r = std::max(1e-300, std::sqrt(d[0] * d[0] + d[1] * d[1]));
     const double off = r - ring_radius;
     d = {d[0] / r * off, d[1] / r * off, d[2]};
-    return ShapeSample{std::sqrt(dot(d, d)) - tube_radius, unit(d)};
+    return ShapeSample{norm(d) - tube_radius, unit_or_zero(d)};
   };
 }
 
@@ -110,7 +99,7 @@ Shape unite(Shape a, Shape b) {
 Shape subtract(Shape a, Shape b) {
   return intersect(std::move(a), [b = std::move(b)](const Double3& x) {
     const ShapeSample s = b(x);
-    return ShapeSample{-s.value, scaled(s.gradient, -1.0)};
+    return ShapeSample{-s.value, s.gradient * -1.0};
   });
 }
 
@@ -217,8 +206,8 @@ DirectedField make_noise_field(const NoiseOptions& noise, const Int3& origin, co
         const auto salt = static_cast<std::uint64_t>(3 + 4 * axis);
         EdgeRoot root;
         root.t = static_cast<float>((1.0 + 62.0 * random(n, salt)) / 64);
-        const Double3 v =
-            unit({random(n, salt + 1) - 0.5, random(n, salt + 2) - 0.5, random(n, salt + 3) - 0.5});
+        const Double3 v = unit_or_zero(
+            Double3{random(n, salt + 1) - 0.5, random(n, salt + 2) - 0.5, random(n, salt + 3) - 0.5});
         root.normal = {static_cast<float>(v[0]), static_cast<float>(v[1]), static_cast<float>(v[2])};
         return root;
       });

@@ -5,6 +5,7 @@
 #include <map>
 
 #include "octree/portable_math.h"
+#include "octree/vector.h"
 
 namespace tessera::test {
 namespace {
@@ -65,7 +66,7 @@ MeshBlock sphere_block(int levels) {
       if (fresh) {
         Double3 m;
         for (std::size_t k = 0; k < 3; ++k) m[k] = position[a][k] + position[b][k];
-        const double size = std::sqrt(m[0] * m[0] + m[1] * m[1] + m[2] * m[2]);
+        const double size = norm(m);
         position.push_back({m[0] / size, m[1] / size, m[2] / size});
       }
       return it->second;
@@ -138,8 +139,7 @@ MeshBlock piece_of(const MeshBlock& whole, const std::function<bool(std::uint32_
 void add_noise(MeshBlock& block, double amplitude, std::uint64_t seed) {
   for (std::size_t v = 0; v < block.position.size(); ++v)
     for (std::size_t a = 0; a < 3; ++a)
-      block.position[v][a] +=
-          amplitude * (2.0 * synth::to_unit(synth::random_bits(seed, a, block.key[v])) - 1.0);
+      block.position[v][a] += amplitude * (2.0 * to_unit(random_bits(seed, a, block.key[v])) - 1.0);
 }
 
 }  // namespace tessera::test

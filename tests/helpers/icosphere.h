@@ -8,6 +8,8 @@
 #include <utility>
 #include <vector>
 
+#include "octree/vector.h"
+
 namespace tessera::test {
 
 struct Icosphere {
@@ -24,7 +26,7 @@ inline Icosphere icosphere(int level) {
              {11, 10, 2}, {10, 7, 6}, {7, 1, 8},  {3, 9, 4},  {3, 4, 2},   {3, 2, 6}, {3, 6, 8},
              {3, 8, 9},   {4, 9, 5},  {2, 4, 11}, {6, 2, 10}, {8, 6, 7},   {9, 8, 1}};
   const auto on_sphere = [](std::array<double, 3> p) {
-    const double l = std::sqrt(p[0] * p[0] + p[1] * p[1] + p[2] * p[2]);
+    const double l = norm(p);
     return std::array<double, 3>{p[0] / l, p[1] / l, p[2] / l};
   };
   for (auto& p : s.positions) p = on_sphere(p);
@@ -35,7 +37,7 @@ inline Icosphere icosphere(int level) {
       const auto [it, fresh] = middle.try_emplace(key, static_cast<std::uint32_t>(s.positions.size()));
       if (fresh) {
         const auto &p = s.positions[a], &q = s.positions[b];
-        s.positions.push_back(on_sphere({p[0] + q[0], p[1] + q[1], p[2] + q[2]}));
+        s.positions.push_back(on_sphere(p + q));
       }
       return it->second;
     };

@@ -4,9 +4,12 @@
 #include <map>
 #include <numeric>
 
+#include "octree/vector.h"
+
 namespace tessera::test {
 namespace {
 
+/// Not the product's, which it is there to check.
 class UnionFind {
  public:
   explicit UnionFind(std::size_t n) : parent_(n) { std::iota(parent_.begin(), parent_.end(), 0u); }
@@ -92,13 +95,8 @@ MeshChecks check_mesh(const IndexedMesh& mesh) {
       used.at(a) = 1;
       p[i] = mesh.position[a];
     }
-    Double3 u, v;
-    for (std::size_t k = 0; k < 3; ++k) {
-      u[k] = p[1][k] - p[0][k];
-      v[k] = p[2][k] - p[0][k];
-    }
-    const Double3 n = {u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]};
-    out.degenerate_faces += n[0] * n[0] + n[1] * n[1] + n[2] * n[2] <= 0.0;
+    const Double3 n = triangle_normal(p[0], p[1], p[2]);
+    out.degenerate_faces += dot(n, n) <= 0.0;
     auto s = t;
     std::sort(s.begin(), s.end());
     sorted.push_back(s);

@@ -6,20 +6,13 @@
 #include <tuple>
 
 #include "octree/morton.h"
+#include "octree/vector.h"
 
 namespace tessera::test {
-namespace {
-
-double length(const Double3& v) {
-  return std::sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]);
-}
-
-}  // namespace
-
 void add_face(const Double3& corner, const Double3& u, const Double3& v, const Double3& n, double spacing,
               const std::function<bool(const Double3&)>& keep, Random& random, Samples& out) {
-  const int rows = std::max(1, static_cast<int>(std::ceil(length(u) / spacing)));
-  const int columns = std::max(1, static_cast<int>(std::ceil(length(v) / spacing)));
+  const int rows = std::max(1, static_cast<int>(std::ceil(norm(u) / spacing)));
+  const int columns = std::max(1, static_cast<int>(std::ceil(norm(v) / spacing)));
   for (int i = 0; i < rows; ++i)
     for (int j = 0; j < columns; ++j) {
       const double a = (i + random.unit()) / rows, b = (j + random.unit()) / columns;

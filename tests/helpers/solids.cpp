@@ -4,21 +4,13 @@
 #include <cmath>
 #include <numbers>
 
+#include "octree/vector.h"
+
 namespace tessera::test {
 namespace {
 
-double dot(const Double3& a, const Double3& b) {
-  return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-}
 Double3 along(const Double3& p, const Double3& d, double s) {
-  return {p[0] + s * d[0], p[1] + s * d[1], p[2] + s * d[2]};
-}
-Double3 unit(const Double3& a) {
-  const double l = std::sqrt(dot(a, a));
-  return {a[0] / l, a[1] / l, a[2] / l};
-}
-Double3 cross(const Double3& a, const Double3& b) {
-  return {a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]};
+  return p + d * s;
 }
 /// Two unit vectors that complete `n`.
 std::array<Double3, 2> frame(const Double3& n) {
@@ -30,8 +22,8 @@ struct Axes {
   Double3 u = {1, 0, 0}, v = {0, 1, 0}, w = {0, 0, 1};
   explicit Axes(bool turned) {
     if (!turned) return;
-    u = unit({0.8, 0.47, -0.31});
-    v = unit(cross({0.2, -0.1, 0.9}, u));
+    u = unit(Double3{0.8, 0.47, -0.31});
+    v = unit(cross(Double3{0.2, -0.1, 0.9}, u));
     w = cross(u, v);
   }
   Double3 at(double a, double b, double c) const { return along(along(along({0, 0, 0}, u, a), v, b), w, c); }

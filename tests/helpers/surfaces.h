@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "octree/lattice.h"
+#include "octree/vector.h"
 #include "tests/helpers/random.h"
 
 namespace tessera::test {
@@ -106,25 +107,17 @@ inline Double3 random_point(const Surface& s, std::size_t face, Random& random) 
 
 /// Distance of a point to a triangle, the slow way: nearest of the plane's foot and the three sides.
 inline double triangle_distance(const Double3& p, const Double3& a, const Double3& b, const Double3& c) {
-  const auto sub = [](const Double3& x, const Double3& y) {
-    return Double3{x[0] - y[0], x[1] - y[1], x[2] - y[2]};
-  };
-  const auto dot = [](const Double3& x, const Double3& y) { return x[0] * y[0] + x[1] * y[1] + x[2] * y[2]; };
-  const auto cross = [](const Double3& x, const Double3& y) {
-    return Double3{x[1] * y[2] - x[2] * y[1], x[2] * y[0] - x[0] * y[2], x[0] * y[1] - x[1] * y[0]};
-  };
   const auto segment = [&](const Double3& s, const Double3& e) {
-    const Double3 d = sub(e, s), q = sub(p, s);
+    const Double3 d = e - s, q = p - s;
     const double dd = dot(d, d), t = dd > 0.0 ? std::min(1.0, std::max(0.0, dot(q, d) / dd)) : 0.0;
-    const Double3 r = {q[0] - t * d[0], q[1] - t * d[1], q[2] - t * d[2]};
-    return std::sqrt(dot(r, r));
+    return norm(q - d * t);
   };
   double best = std::min({segment(a, b), segment(b, c), segment(c, a)});
-  const Double3 n = cross(sub(b, a), sub(c, a));
+  const Double3 n = cross(b - a, c - a);
   const double nn = dot(n, n);
-  if (nn > 0.0 && dot(cross(sub(b, a), sub(p, a)), n) >= 0.0 && dot(cross(sub(c, b), sub(p, b)), n) >= 0.0 &&
-      dot(cross(sub(a, c), sub(p, c)), n) >= 0.0)
-    best = std::min(best, std::abs(dot(sub(p, a), n)) / std::sqrt(nn));
+  if (nn > 0.0 && dot(cross(b - a, p - a), n) >= 0.0 && dot(cross(c - b, p - b), n) >= 0.0 &&
+      dot(cross(a - c, p - c), n) >= 0.0)
+    best = std::min(best, std::abs(dot(p - a, n)) / std::sqrt(nn));
   return best;
 }
 

@@ -114,8 +114,8 @@ TEST_CASE("synth: what is written is read back in every format", "[pipeline]") {
     }
     double worst = 0;
     for (std::size_t i = 0; i < all.size(); ++i) {
-      const synth::Vec3 p{all.x[i], all.y[i], all.z[i]};
-      worst = std::max(worst, length(scene->closest(p).position - p));
+      const Double3 p{all.x[i], all.y[i], all.z[i]};
+      worst = std::max(worst, norm(scene->closest(p).position - p));
     }
     CHECK(worst < (name == "a.ply" ? 2e-7 : 1e-12));  // floats in PLY, all digits in text
   }
@@ -131,8 +131,8 @@ TEST_CASE("synth: what is written is read back in every format", "[pipeline]") {
   CHECK(info.declared_max[2] == Approx(120 + 1.3).margin(0.01));
   double worst = 0;
   for (std::size_t i = 0; i < las.size(); ++i) {
-    const synth::Vec3 p{las.x[i] - o.shift[0], las.y[i] - o.shift[1], las.z[i] - o.shift[2]};
-    worst = std::max(worst, length(scene->closest(p).position - p));
+    const Double3 p{las.x[i] - o.shift[0], las.y[i] - o.shift[1], las.z[i] - o.shift[2]};
+    worst = std::max(worst, norm(scene->closest(p).position - p));
   }
   CHECK(worst < report.spacing / 1000.0);
   CHECK(read_truth(report.truth).shift == o.shift);
@@ -181,7 +181,7 @@ TEST_CASE("synth: noise and outliers are as large as asked for", "[property]") {
   const PointChunk noisy = read_all(folder / "noisy.xyz");
   double sum = 0, squares = 0;
   for (std::size_t i = 0; i < noisy.size(); ++i) {
-    const double d = length(synth::Vec3{noisy.x[i], noisy.y[i], noisy.z[i]}) - 1.0;
+    const double d = norm(Double3{noisy.x[i], noisy.y[i], noisy.z[i]}) - 1.0;
     sum += d;
     squares += d * d;
   }
@@ -195,7 +195,7 @@ TEST_CASE("synth: noise and outliers are as large as asked for", "[property]") {
   const PointChunk points = read_all(folder / "dirty.xyz");
   std::uint64_t off = 0;
   for (std::size_t i = 0; i < points.size(); ++i) {
-    off += std::fabs(length(synth::Vec3{points.x[i], points.y[i], points.z[i]}) - 1.0) > 1e-9;
+    off += std::fabs(norm(Double3{points.x[i], points.y[i], points.z[i]}) - 1.0) > 1e-9;
   }
   CHECK(off == dirty.outliers);
 }

@@ -15,6 +15,7 @@
 #include <nlohmann/json.hpp>
 
 #include "kernels/mesh/closest_face.h"
+#include "octree/vector.h"
 #include "stream/files/scratch_folder.h"
 #include "stream/import/import_mesh.h"
 #include "stream/import/import_stages.h"
@@ -161,8 +162,8 @@ int main(int argc, char** argv) {
         u[a] = y - x, v[a] = z - x;
         p[a] = f.centre[a] - original.position[0][a];
       }
-      const Double3 n = {u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]};
-      f.size = std::sqrt(0.5 * std::sqrt(n[0] * n[0] + n[1] * n[1] + n[2] * n[2]));
+      const Double3 n = cross(u, v);
+      f.size = std::sqrt(0.5 * norm(n));
       f.deviation = std::sqrt(closest.closest(p, 1e300, ClosestFaces::kNone).square);
       faces.push_back(f);
     }

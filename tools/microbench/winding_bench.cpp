@@ -10,13 +10,13 @@
 #include <ctime>
 #include <vector>
 
+#include "octree/portable_math.h"
 #include "octree/winding_number.h"
 #include "tests/helpers/oriented_samples.h"
 
 namespace {
 
 using namespace tessera;
-constexpr double kPi = 3.14159265358979323846;
 
 double thread_seconds() {
   timespec t;

@@ -5,6 +5,7 @@
 #include <cstring>
 
 #include "octree/error.h"
+#include "octree/vector.h"
 #include "stream/files/vertex_store.h"
 #include "stream/formats/meshes/mesh_writer_base.h"
 
@@ -38,9 +39,9 @@ class StlMeshWriter : public MeshWriterBase {
   void write_faces(std::span<const MeshFace> faces, std::span<const std::uint8_t>) override {
     for (const MeshFace& face : faces) {
       const Double3 a = store_.at(face[0]), b = store_.at(face[1]), c = store_.at(face[2]);
-      const Double3 u = {b[0] - a[0], b[1] - a[1], b[2] - a[2]}, v = {c[0] - a[0], c[1] - a[1], c[2] - a[2]};
-      const Double3 n = {u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]};
-      const double length = std::sqrt(n[0] * n[0] + n[1] * n[1] + n[2] * n[2]);
+      const Double3 u = b - a, v = c - a;
+      const Double3 n = cross(u, v);
+      const double length = norm(n);
       const double scale = length > 0.0 && std::isfinite(length) ? 1.0 / length : 0.0;
       float facet[12];
       for (std::size_t k = 0; k < 3; ++k) {

@@ -1,7 +1,6 @@
 #include "stream/stages/surface/islands_stage.h"
 
 #include <algorithm>
-#include <numeric>
 #include <vector>
 
 #include <nlohmann/json.hpp>
@@ -9,6 +8,7 @@
 #include "kernels/mesh/block_components.h"
 #include "kernels/mesh/mesh_block_ops.h"
 #include "octree/error.h"
+#include "octree/union_find.h"
 #include "stream/files/direct_file.h"
 #include "stream/files/external_sort.h"
 #include "stream/files/read_file.h"
@@ -55,12 +55,8 @@ class IslandsStage : public Stage {
   }
 
   json finish(const std::vector<json>&, TaskContext& context) const override {
-    std::vector<std::uint64_t> parent(parts_), faces(parts_, 0);
-    std::iota(parent.begin(), parent.end(), std::uint64_t{0});
-    const auto root_of = [&](std::uint64_t c) {
-      while (parent[c] != c) c = parent[c] = parent[parent[c]];
-      return c;
-    };
+    DisjointSets<std::uint64_t> sets(parts_);
+    std::vector<std::uint64_t> faces(parts_, 0);
     ExternalSort<IslandSeam> sort(state_.work, sort_bytes());
     std::uint64_t first = 0;
     for (std::size_t f = 0; f < files_.size(); ++f) {
@@ -74,22 +70,18 @@ class IslandsStage : public Stage {
     sort.drain([&](std::span<const IslandSeam> batch) {
       context.check_stop();
       for (const IslandSeam& s : batch) {
-        if (s.key == last.key) {
-          const std::uint64_t a = root_of(last.part), b = root_of(s.part);
-          parent[std::max(a, b)] = std::min(a, b);
-        }
+        if (s.key == last.key) sets.unite(last.part, s.part);
         last = s;
       }
     });
-    // Roots are minimal, so one ascending sweep flattens the forest.
+    const std::vector<std::uint64_t>& root = sets.roots();
     std::uint64_t all_faces = 0;
     std::vector<std::uint64_t> total(parts_, 0);
     for (std::uint64_t c = 0; c < parts_; ++c) {
-      parent[c] = parent[parent[c]];
-      total[parent[c]] += faces[c];
+      total[root[c]] += faces[c];
       all_faces += faces[c];
     }
-    return decide(parent, total, all_faces, context);
+    return decide(root, total, all_faces, context);
   }
 
  private:
@@ -107,14 +99,14 @@ class IslandsStage : public Stage {
     }
   }
 
-  json decide(const std::vector<std::uint64_t>& parent, const std::vector<std::uint64_t>& total,
+  json decide(const std::vector<std::uint64_t>& root, const std::vector<std::uint64_t>& total,
               std::uint64_t all_faces, TaskContext& context) const {
     const std::uint64_t limit = state_.options.min_component != 0
                                     ? state_.options.min_component
                                     : automatic_min_component(all_faces + dropped_faces_);
     std::uint64_t components = 0, dropped = dropped_, largest = 0, kept_faces = 0;
     for (std::uint64_t c = 0; c < parts_; ++c) {
-      if (parent[c] != c) continue;
+      if (root[c] != c) continue;
       largest = std::max(largest, total[c]);
       (total[c] >= limit ? components : dropped) += 1;
       if (total[c] >= limit) kept_faces += total[c];
@@ -132,7 +124,7 @@ class IslandsStage : public Stage {
     for (std::size_t f = 0; f < files_.size(); ++f) {
       std::vector<IslandPart> gone;
       read<IslandPart>(f, entries_[f].parts, [&](const IslandPart& p) {
-        if (total[parent[part++]] < limit) gone.push_back(p);
+        if (total[root[part++]] < limit) gone.push_back(p);
       });
       sections.push_back(out.append(bytes_of(gone)));
     }

@@ -4,10 +4,10 @@
 #include <cstring>
 #include <map>
 #include <nlohmann/json.hpp>
-#include <numeric>
 #include <stdexcept>
 
 #include "octree/error.h"
+#include "octree/union_find.h"
 #include "stream/files/task_files.h"
 
 namespace tessera {
@@ -144,25 +144,16 @@ class WeldStage : public Stage {
 
   json finish(const std::vector<json>& summaries, TaskContext& context) const override {
     const std::uint64_t count = first_component_.back();
-    std::vector<std::uint64_t> parent(count);
-    std::iota(parent.begin(), parent.end(), std::uint64_t{0});
+    DisjointSets<std::uint64_t> sets(count);
     std::vector<ComponentSize> sizes;
     sizes.reserve(count);
-    const auto root_of = [&](std::uint64_t c) {
-      while (parent[c] != c) c = parent[c] = parent[parent[c]];
-      return c;
-    };
     for (std::size_t file = 0; file < store_.file_count(); ++file) {
       const WeldFile in(state_.work / weld_file_name(file));
-      for (const Link& link : in.file.load<Link>(in.links)) {
-        const std::uint64_t a = root_of(link.a);
-        const std::uint64_t b = root_of(link.b);
-        parent[std::max(a, b)] = std::min(a, b);
-      }
+      for (const Link& link : in.file.load<Link>(in.links)) sets.unite(link.a, link.b);
       const auto own = in.file.load<ComponentSize>(in.sizes);
       sizes.insert(sizes.end(), own.begin(), own.end());
     }
-    return number(parent, sizes, summaries, context);
+    return number(sets.roots(), sizes, summaries, context);
   }
 
  private:
@@ -171,26 +162,24 @@ class WeldStage : public Stage {
     links.erase(std::unique(links.begin(), links.end()), links.end());
   }
 
-  json number(std::vector<std::uint64_t>& parent, const std::vector<ComponentSize>& sizes,
+  json number(const std::vector<std::uint64_t>& root, const std::vector<ComponentSize>& sizes,
               const std::vector<json>& summaries, TaskContext& context) const {
-    // Roots are minimal, so parents come before children and one ascending sweep flattens the forest.
-    std::vector<std::uint64_t> faces(parent.size(), 0);
+    std::vector<std::uint64_t> faces(root.size(), 0);
     std::uint64_t all_faces = 0;
-    for (std::uint64_t c = 0; c < parent.size(); ++c) {
-      parent[c] = parent[parent[c]];
-      faces[parent[c]] += sizes[c].faces;
+    for (std::uint64_t c = 0; c < root.size(); ++c) {
+      faces[root[c]] += sizes[c].faces;
       all_faces += sizes[c].faces;
     }
     const std::uint64_t limit =
         state_.options.min_component != 0 ? state_.options.min_component : automatic_min_component(all_faces);
     Numbering numbering;
-    numbering.kept.resize(parent.size());
+    numbering.kept.resize(root.size());
     std::uint64_t components = 0;
     std::uint64_t dropped = 0;
     std::uint64_t largest = 0;
-    for (std::uint64_t c = 0; c < parent.size(); ++c) {
-      numbering.kept[c] = faces[parent[c]] >= limit;
-      if (parent[c] != c || faces[c] == 0) continue;
+    for (std::uint64_t c = 0; c < root.size(); ++c) {
+      numbering.kept[c] = faces[root[c]] >= limit;
+      if (root[c] != c || faces[c] == 0) continue;
       (numbering.kept[c] ? components : dropped) += 1;
       largest = std::max(largest, faces[c]);
     }

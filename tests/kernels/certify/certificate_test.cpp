@@ -4,6 +4,7 @@
 
 #include <cmath>
 
+#include "octree/vector.h"
 #include "tests/helpers/surfaces.h"
 
 namespace {
@@ -82,10 +83,10 @@ TEST_CASE("certificate: a coarse sphere in a fine one", "[unit]") {
   double depth = 0.0;
   for (const auto& f : coarse.faces) {
     const Double3 &a = coarse.position[f[0]], &b = coarse.position[f[1]], &c = coarse.position[f[2]];
-    const Double3 u = {b[0] - a[0], b[1] - a[1], b[2] - a[2]}, v = {c[0] - a[0], c[1] - a[1], c[2] - a[2]};
-    const Double3 n = {u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]};
-    const double size = std::sqrt(n[0] * n[0] + n[1] * n[1] + n[2] * n[2]);
-    depth = std::max(depth, 1.0 - std::abs(n[0] * a[0] + n[1] * a[1] + n[2] * a[2]) / size);
+    const Double3 u = b - a, v = c - a;
+    const Double3 n = cross(u, v);
+    const double size = norm(n);
+    depth = std::max(depth, 1.0 - std::abs(dot(n, a)) / size);
   }
   for (const auto& [one, other] : {std::pair(&coarse, &fine), std::pair(&fine, &coarse)}) {
     const DeviationReport r = measure(*one, *other, 0.05, 0.05);

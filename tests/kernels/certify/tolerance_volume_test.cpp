@@ -5,6 +5,8 @@
 #include <cmath>
 
 #include "kernels/certify/tolerance_filter.h"
+#include "octree/rounding.h"
+#include "octree/vector.h"
 #include "tests/helpers/surfaces.h"
 
 namespace {
@@ -36,7 +38,7 @@ struct Bed {
       }
     } while (size > 1.0 || size < 0.01);
     const double r = random.in(0.8, 1.08) / std::sqrt(size);
-    return {p[0] * r, p[1] * r, p[2] * r};
+    return p * r;
   }
   static std::vector<Double3> triangles(std::size_t count, double edge, test::Random& random) {
     std::vector<Double3> corners;

@@ -31,7 +31,7 @@ MeshBlock ragged_sheet(int size, double noise, double missing, std::uint64_t see
   add_noise(sheet, noise, seed);
   std::vector<std::array<std::uint32_t, 3>> faces;
   for (std::size_t f = 0; f < sheet.faces.size(); ++f)
-    if (static_cast<double>(synth::random_bits(seed, 9, f) % 1000) >= 1000.0 * missing)
+    if (static_cast<double>(random_bits(seed, 9, f) % 1000) >= 1000.0 * missing)
       faces.push_back(sheet.faces[f]);
   // Every fan gets a vertex of its own, as the import makes them.
   std::vector<Double3> position;

@@ -18,6 +18,7 @@
 #include "kernels/mesh/closest_face.h"
 #include "octree/error.h"
 #include "octree/portable_math.h"
+#include "octree/vector.h"
 #include "tests/helpers/block_meshes.h"
 #include "tests/helpers/mesh_checks.h"
 
@@ -105,7 +106,7 @@ MeshBlock bumpy_sphere(int levels, double bump) {
   MeshBlock b = sphere_block(levels);
   for (Double3& q : b.position) {
     const double scale = 1.0 + bump * std::sin(7.0 * q[0]) * std::sin(5.0 * q[1] + 2.0 * q[2]);
-    q = {q[0] * scale, q[1] * scale, q[2] * scale};
+    q = q * scale;
   }
   return b;
 }
@@ -121,7 +122,7 @@ MeshBlock shuffled(const MeshBlock& b, std::uint64_t seed) {
     std::vector<std::uint32_t> order(n);
     for (std::size_t i = 0; i < n; ++i) order[i] = static_cast<std::uint32_t>(i);
     std::sort(order.begin(), order.end(), [&](std::uint32_t x, std::uint32_t y) {
-      return synth::random_bits(seed, salt, x) < synth::random_bits(seed, salt, y);
+      return random_bits(seed, salt, x) < random_bits(seed, salt, y);
     });
     return order;
   };
@@ -135,7 +136,7 @@ MeshBlock shuffled(const MeshBlock& b, std::uint64_t seed) {
     if (!b.rgba.empty()) out.rgba.push_back(b.rgba[v]);
   }
   for (const std::uint32_t f : random_order(b.faces.size(), 2)) {
-    const std::size_t turn = synth::random_bits(seed, 3, f) % 3;
+    const std::size_t turn = random_bits(seed, 3, f) % 3;
     std::array<std::uint32_t, 3> t;
     unsigned flags = 0;
     for (std::size_t i = 0; i < 3; ++i) {
@@ -406,12 +407,12 @@ TEST_CASE("decimate: normals turn no more than asked", "[property]") {
     const auto normal = [](const MeshBlock& m, std::size_t f) {
       const auto p = [&](std::size_t i) {
         const Double3& q = m.position[m.faces[f][i]];
-        return synth::Vec3{q[0], q[1], q[2]};
+        return Double3{q[0], q[1], q[2]};
       };
-      return synth::normalized(cross(p(1) - p(0), p(2) - p(0)));
+      return unit(cross(p(1) - p(0), p(2) - p(0)));
     };
     const ClosestFaces closest(b.position, b.faces, {0, 0, 0});
-    const double limit = synth::sin_cos((degrees + 1.0) * synth::kPi / 180.0).cos;
+    const double limit = sin_cos((degrees + 1.0) * kPi / 180.0).cos;
     std::size_t over = 0;
     for (std::size_t f = 0; f < original.faces.size(); ++f) {
       Double3 middle{};
@@ -439,7 +440,7 @@ TEST_CASE("decimate: the normal of a sliver that noise turns is not asked, that 
   std::vector<Double3> position;
   std::vector<std::array<std::uint32_t, 3>> faces;
   for (std::uint32_t i = 0; i < 36; ++i) {
-    const synth::SinCos turn = synth::sin_cos(i * synth::kPi / 18.0);
+    const SinCos turn = sin_cos(i * kPi / 18.0);
     for (const double z : {0.0, 10.0}) position.push_back({turn.cos, turn.sin, z});
     const std::uint32_t at = 2 * i, next = 2 * ((i + 1) % 36);
     faces.push_back({at, next, next + 1});

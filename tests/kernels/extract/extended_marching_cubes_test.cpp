@@ -5,6 +5,7 @@
 #include <map>
 
 #include "kernels/extract/cell_loops.h"
+#include "octree/vector.h"
 #include "tests/helpers/analytic_field.h"
 #include "tests/helpers/mesh_checks.h"
 
@@ -42,15 +43,7 @@ void require_sound(const Extracted& e) {
 
 using Normal = Double3;
 Normal face_normal(const IndexedMesh& m, const std::array<std::uint32_t, 3>& f) {
-  Double3 u, v;
-  for (std::size_t k = 0; k < 3; ++k) {
-    u[k] = m.position[f[1]][k] - m.position[f[0]][k];
-    v[k] = m.position[f[2]][k] - m.position[f[0]][k];
-  }
-  return {u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]};
-}
-double dot3(const Double3& a, const Double3& b) {
-  return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+  return triangle_normal(m.position[f[0]], m.position[f[1]], m.position[f[2]]);
 }
 
 const Int3 kOrigin = {64, 128, 64};
@@ -102,9 +95,9 @@ double normal_deviation_at_edges(const Solid& solid, const IndexedMesh& m) {
       for (std::size_t k = 0; k < 3; ++k) c[k] += m.position[v][k] / 3;
     if (second_nearest(solid, c) > 0.7) continue;
     const Double3 n = face_normal(m, f);
-    const double length = std::sqrt(dot3(n, n));
+    const double length = std::sqrt(dot(n, n));
     const Double3 g = solid.shape(c).gradient;
-    const double cosine = dot3(n, g) / length / std::sqrt(dot3(g, g));
+    const double cosine = dot(n, g) / length / std::sqrt(dot(g, g));
     sum += length * std::acos(std::min(1.0, std::max(-1.0, cosine)));
     area += length;
   }
@@ -120,7 +113,7 @@ Solid cube_solid(double size) {
   for (int side = 0; side < 2; ++side) {
     for (const Double3& a : axes) {
       const double sign = side ? 1.0 : -1.0;
-      const double length = std::sqrt(dot3(a, a));
+      const double length = std::sqrt(dot(a, a));
       Double3 n, p;
       for (std::size_t k = 0; k < 3; ++k) {
         n[k] = sign * a[k] / length;
@@ -260,7 +253,7 @@ TEST_CASE("extract: a plane in general position is one flat disc", "[unit]") {
   const Double3 g = plane({0, 0, 0}).gradient;
   for (const auto& f : e.mesh.faces) {
     const Double3 n = face_normal(e.mesh, f);
-    REQUIRE(dot3(n, g) > 0.99999 * std::sqrt(dot3(n, n)));
+    REQUIRE(dot(n, g) > 0.99999 * std::sqrt(dot(n, n)));
   }
   for (const Double3& x : e.mesh.position) REQUIRE(std::fabs(plane(x).value) < 1e-5);
 }
@@ -275,7 +268,7 @@ TEST_CASE("extract: sphere and torus are closed, oriented outward, of the right 
     CHECK(e.checks.euler == euler);
     for (const auto& f : e.mesh.faces) {
       const Double3 n = face_normal(e.mesh, f);
-      REQUIRE(dot3(n, shape(e.mesh.position[f[0]]).gradient) > 0.0);
+      REQUIRE(dot(n, shape(e.mesh.position[f[0]]).gradient) > 0.0);
     }
   };
   SECTION("sphere") {

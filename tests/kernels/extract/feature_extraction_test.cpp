@@ -5,6 +5,7 @@
 
 #include "kernels/extract/extended_marching_cubes.h"
 #include "kernels/field/field.h"
+#include "octree/vector.h"
 #include "tests/helpers/mesh_checks.h"
 #include "tests/helpers/oriented_samples.h"
 #include "tests/helpers/solids.h"
@@ -72,8 +73,8 @@ Measured measure(const Solid& solid, const DirectedField& field, ExtractMethod m
     for (const Face& face : solid.faces) near.push_back(std::fabs(face.value(c)));
     std::nth_element(near.begin(), near.begin() + 1, near.end());
     if (near[1] > 0.7) continue;
-    Double3 n = {u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]};
-    const double length = std::sqrt(n[0] * n[0] + n[1] * n[1] + n[2] * n[2]);
+    Double3 n = cross(u, v);
+    const double length = norm(n);
     for (double& x : n) x /= length;
     m.deviation += length * solid.normal_error(c, n, near[0] + 1e-6);
     area += length;

@@ -6,6 +6,7 @@
 
 #include "kernels/extract/extended_marching_cubes.h"
 #include "kernels/field/field.h"
+#include "octree/vector.h"
 #include "tests/helpers/mesh_checks.h"
 #include "tests/helpers/oriented_samples.h"
 #include "tests/helpers/solids.h"
@@ -212,8 +213,8 @@ TEST_CASE("robustness: the two sides of a thin plate stay two sheets, each with 
     Double3 u, v, middle;
     for (std::size_t i = 0; i < 3; ++i)
       u[i] = b[i] - a[i], v[i] = d[i] - a[i], middle[i] = (a[i] + b[i] + d[i]) / 3;
-    Double3 n = {u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]};
-    const double length = std::sqrt(n[0] * n[0] + n[1] * n[1] + n[2] * n[2]);
+    Double3 n = cross(u, v);
+    const double length = norm(n);
     for (double& x : n) x /= length;
     off += std::abs(solid.value(middle)) > (noise > 0 ? 0.3 : 0.02);
     if (length < 0.02) continue;  // a sliver: its normal is what rounding makes of it
@@ -233,7 +234,7 @@ TEST_CASE("robustness: an open surface has no face farther than the support radi
   const auto anywhere = [&] { return Double3{random.in(70, 122), random.in(70, 122), random.in(70, 122)}; };
   const auto direction = [&] {
     Double3 n = {random.gaussian(), random.gaussian(), random.gaussian()};
-    const double length = std::sqrt(n[0] * n[0] + n[1] * n[1] + n[2] * n[2]) + 1e-9;
+    const double length = norm(n) + 1e-9;
     for (double& c : n) c /= length;
     return n;
   };
@@ -244,9 +245,7 @@ TEST_CASE("robustness: an open surface has no face farther than the support radi
       test::add_sphere(kCentre, 24.3, 1 / 1.5, random, samples);
       for (int ball = 0; ball < 12; ++ball) {
         const Double3 n = direction();
-        std::erase_if(samples, [&](const test::Sample& s) {
-          return s.n[0] * n[0] + s.n[1] * n[1] + s.n[2] * n[2] > 0.9;
-        });
+        std::erase_if(samples, [&](const test::Sample& s) { return dot(s.n, n) > 0.9; });
       }
       break;
     case 1:  // ragged: single samples missing, four of five

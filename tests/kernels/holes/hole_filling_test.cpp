@@ -5,7 +5,7 @@
 #include <set>
 
 #include "kernels/holes/hole_filling.h"
-#include "octree/vector3.h"
+#include "octree/vector.h"
 #include "solvers/envelope_cholesky.h"
 #include "tests/helpers/random.h"
 

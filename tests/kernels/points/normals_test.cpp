@@ -3,6 +3,8 @@
 
 #include "kernels/points/normals.h"
 #include "octree/morton.h"
+#include "octree/small_matrix.h"
+#include "octree/vector.h"
 
 using namespace tessera;
 
@@ -65,9 +67,9 @@ TEST_CASE("normals: a sphere's normals are radial, whatever the block", "[proper
   double worst = 0.0;
   for (std::size_t i = 0; i < shapes.size(); ++i) {
     const double d[3] = {large.x[i] - centre[0], large.y[i] - centre[1], large.z[i] - centre[2]};
-    const double r = std::sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2]);
+    const double r = norm(d);
     const auto& n = shapes[i].normal;
-    const double c = std::fabs(d[0] * n[0] + d[1] * n[1] + d[2] * n[2]) / r;
+    const double c = std::fabs(dot(d, n)) / r;
     worst = std::max(worst, 1.0 - c);
   }
   CHECK(worst < 1e-3);

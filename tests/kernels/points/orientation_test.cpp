@@ -9,6 +9,7 @@
 #include "kernels/points/orientation.h"
 #include "kernels/points/sight.h"
 #include "octree/morton.h"
+#include "octree/vector.h"
 
 using namespace tessera;
 
@@ -98,8 +99,7 @@ std::vector<Sample> sphere(double radius, int count) {
 /// The rectangle corner + u side + v up, two points a square cell.
 void rectangle(const Double3& corner, const Double3& side, const Double3& up, const Float3& normal,
                std::uint64_t& state, std::vector<Sample>& out) {
-  const auto length = [](const Double3& v) { return std::sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]); };
-  const int count = static_cast<int>(2.5 * length(side) * length(up));
+  const int count = static_cast<int>(2.5 * norm(side) * norm(up));
   for (int i = 0; i < count; ++i) {
     const double u = random_unit(state), v = random_unit(state);
     out.push_back({{corner[0] + u * side[0] + v * up[0], corner[1] + u * side[1] + v * up[1],

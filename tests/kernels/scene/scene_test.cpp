@@ -19,7 +19,7 @@ namespace {
 const std::vector<std::string> kParametric = {"sphere", "torus", "cube", "csg", "fandisk", "terrain"};
 
 struct Samples {
-  std::vector<Vec3> points, normals;
+  std::vector<Double3> points, normals;
 };
 
 Samples sample_all(const SurfaceSampler& sampler) {
@@ -36,9 +36,9 @@ Samples sample_all(const SurfaceSampler& sampler) {
   return all;
 }
 
-Vec3 random_in(const Box3& box, std::uint64_t i) {
+Double3 random_in(const Box3& box, std::uint64_t i) {
   const auto u = [&](std::uint64_t stream) { return to_unit(random_bits(7, stream, i)); };
-  const Vec3 d = box.hi - box.lo;
+  const Double3 d = box.hi - box.lo;
   return {box.lo.x + d.x * u(1), box.lo.y + d.y * u(2), box.lo.z + d.z * u(3)};
 }
 
@@ -76,7 +76,7 @@ TEST_CASE("fractal noise: slopes are the derivatives of the height and stay with
   FractalOptions o;
   const double e = 1e-5;
   for (std::uint64_t i = 0; i < 500; ++i) {
-    const Vec3 p = random_in({{-900, -900, -900}, {900, 900, 900}}, i);
+    const Double3 p = random_in({{-900, -900, -900}, {900, 900, 900}}, i);
     const double x[5] = {p.x, p.x + e, p.x - e, p.x, p.x}, y[5] = {p.y, p.y, p.y, p.y + e, p.y - e};
     double h[5], sx[5], sy[5];
     fractal_heights(o, x, y, h, sx, sy);
@@ -84,15 +84,15 @@ TEST_CASE("fractal noise: slopes are the derivatives of the height and stay with
     CHECK(sy[0] == Approx((h[3] - h[4]) / (2 * e)).margin(1e-6));
     CHECK(std::fabs(h[0]) <= fractal_height_bound(o));
     CHECK(std::sqrt(sx[0] * sx[0] + sy[0] * sy[0]) <= fractal_slope_bound(o));
-    Vec3 g, unused;
+    Double3 g{}, unused{};
     fractal_volume(o, p, g);
     const double dz =
-        fractal_volume(o, p + Vec3{0, 0, e}, unused) - fractal_volume(o, p - Vec3{0, 0, e}, unused);
+        fractal_volume(o, p + Double3{0, 0, e}, unused) - fractal_volume(o, p - Double3{0, 0, e}, unused);
     const double dx =
-        fractal_volume(o, p + Vec3{e, 0, 0}, unused) - fractal_volume(o, p - Vec3{e, 0, 0}, unused);
+        fractal_volume(o, p + Double3{e, 0, 0}, unused) - fractal_volume(o, p - Double3{e, 0, 0}, unused);
     CHECK(g.z == Approx(dz / (2 * e)).margin(1e-6));
     CHECK(g.x == Approx(dx / (2 * e)).margin(1e-6));
-    CHECK(length(g) <= fractal_volume_slope_bound(o));
+    CHECK(norm(g) <= fractal_volume_slope_bound(o));
   }
 }
 
@@ -100,7 +100,7 @@ TEST_CASE("fractal noise: a point alone has the bits it has in a batch", "[prope
   FractalOptions o;
   std::vector<double> x, y;
   for (std::uint64_t i = 0; i < 1003; ++i) {
-    const Vec3 p = random_in({{0, 0, 0}, {1000, 1000, 1}}, i);
+    const Double3 p = random_in({{0, 0, 0}, {1000, 1000, 1}}, i);
     x.push_back(p.x);
     y.push_back(p.y);
   }
@@ -123,12 +123,12 @@ TEST_CASE("samples lie on the truth with the truth's normals, in the number aske
       const SurfaceSampler sampler(*scene, n, 3);
       const Samples all = sample_all(sampler);
       REQUIRE(all.points.size() == n);
-      const double size = length(scene->bounds().hi - scene->bounds().lo);
+      const double size = norm(scene->bounds().hi - scene->bounds().lo);
       int turned = 0;
       for (std::size_t i = 0; i < n; ++i) {
         const SurfacePoint truth = scene->closest(all.points[i]);
-        REQUIRE(length(truth.position - all.points[i]) < 1e-12 * size);
-        REQUIRE(std::fabs(length(all.normals[i]) - 1.0) < 1e-12);
+        REQUIRE(norm(truth.position - all.points[i]) < 1e-12 * size);
+        REQUIRE(std::fabs(norm(all.normals[i]) - 1.0) < 1e-12);
         turned += dot(truth.normal, all.normals[i]) < 1.0 - 1e-9;
       }
       CHECK(turned == 0);
@@ -155,7 +155,7 @@ TEST_CASE("direct sampling has the true area and an even density", "[unit]") {
   for (std::size_t i = 0; i < 400; ++i) {
     double nearest = 1e9;
     for (std::size_t j = 0; j < all.points.size(); ++j) {
-      if (i != j) nearest = std::min(nearest, length(all.points[i] - all.points[j]));
+      if (i != j) nearest = std::min(nearest, norm(all.points[i] - all.points[j]));
     }
     lonely += nearest > 1.5 * sampler.spacing();
   }
@@ -185,16 +185,16 @@ TEST_CASE("closest point: nothing sampled is nearer, and it lies on the surface"
     const Samples all = sample_all(sampler);
     const bool terrain = name == "terrain";
     for (std::uint64_t i = 0; i < 150; ++i) {
-      Vec3 p = random_in(scene->bounds(), i);
+      Double3 p = random_in(scene->bounds(), i);
       // The terrain's foot point is exact near the surface only.
       if (terrain) p = all.points[i * 200] + all.normals[i * 200] * (sampler.spacing() * 2.0);
       const SurfacePoint foot = scene->closest(p);
-      const double d = length(p - foot.position);
+      const double d = norm(p - foot.position);
       double brute = std::numeric_limits<double>::max();
-      for (const auto& q : all.points) brute = std::min(brute, length(p - q));
+      for (const auto& q : all.points) brute = std::min(brute, norm(p - q));
       CHECK(d <= brute + 1e-9);
       CHECK(d >= brute - 2.0 * sampler.spacing());
-      CHECK(length(scene->closest(foot.position).position - foot.position) < 1e-9);
+      CHECK(norm(scene->closest(foot.position).position - foot.position) < 1e-9);
       // The line to the foot is at right angles to the surface there, unless a border or a crease stops it.
       if (d > 1e-6 && !terrain)
         CHECK(std::fabs(dot((p - foot.position) * (1.0 / d), foot.normal)) > 1.0 - 1e-9);
@@ -207,25 +207,25 @@ TEST_CASE("rays hit the surface where nothing is before it", "[property]") {
     CAPTURE(name);
     const auto scene = make_scene({name, 3, 0});
     const Box3 box = scene->bounds();
-    const double size = length(box.hi - box.lo);
+    const double size = norm(box.hi - box.lo);
     const Samples targets = sample_all(SurfaceSampler(*scene, 300, 9));
     int hits = 0;
     for (std::size_t i = 0; i < targets.points.size(); ++i) {
       // From far outside towards a point of the surface: something must be hit, not behind that point.
-      const Vec3 from = targets.points[i] + normalized(targets.normals[i] + Vec3{0.1, 0.2, 0.3}) * size;
-      const Vec3 way = targets.points[i] - from;
-      const Ray ray{from, normalized(way)};
+      const Double3 from = targets.points[i] + unit(targets.normals[i] + Double3{0.1, 0.2, 0.3}) * size;
+      const Double3 way = targets.points[i] - from;
+      const Ray ray{from, unit(way)};
       RayHit hit;
       const bool found = scene->intersect(ray, 2.0 * size, hit);
       if (!found) continue;  // grazes a border or a crease
       ++hits;
-      CHECK(hit.range <= length(way) + 1e-6 * size);
-      CHECK(length(scene->closest(hit.point.position).position - hit.point.position) < 1e-9 * size);
-      CHECK(length(ray.origin + ray.direction * hit.range - hit.point.position) < 1e-8 * size);
+      CHECK(hit.range <= norm(way) + 1e-6 * size);
+      CHECK(norm(scene->closest(hit.point.position).position - hit.point.position) < 1e-9 * size);
+      CHECK(norm(ray.origin + ray.direction * hit.range - hit.point.position) < 1e-8 * size);
     }
     CHECK(hits >= 295);
     RayHit none;
-    CHECK_FALSE(scene->intersect({box.hi + Vec3{1, 1, size}, {0, 0, 1}}, 10.0 * size, none));
+    CHECK_FALSE(scene->intersect({box.hi + Double3{1, 1, size}, {0, 0, 1}}, 10.0 * size, none));
   }
 }
 
@@ -234,7 +234,7 @@ TEST_CASE("creases and corners of the solids are where the faces meet", "[unit]"
   const auto cube = make_scene({"cube", 0, 0});
   REQUIRE(cube->nearest_crease({1.1, 1.1, 0.3}, f));
   CHECK(f.distance == Approx(std::sqrt(0.02)));
-  CHECK(length(f.position - Vec3{1, 1, 0.3}) < 1e-12);
+  CHECK(norm(f.position - Double3{1, 1, 0.3}) < 1e-12);
   REQUIRE(cube->nearest_corner({0.9, 0.9, 0.9}, f));
   CHECK(f.distance == Approx(std::sqrt(0.03)));
   const auto csg = make_scene({"csg", 0, 0});
@@ -245,9 +245,9 @@ TEST_CASE("creases and corners of the solids are where the faces meet", "[unit]"
   // Every crease of the fandisk lies on its surface, also the elliptic ones.
   const auto disk = make_scene({"fandisk", 0, 0});
   for (std::uint64_t i = 0; i < 300; ++i) {
-    const Vec3 p = random_in(disk->bounds(), i);
+    const Double3 p = random_in(disk->bounds(), i);
     REQUIRE(disk->nearest_crease(p, f));
-    CHECK(length(disk->closest(f.position).position - f.position) < 1e-9);
+    CHECK(norm(disk->closest(f.position).position - f.position) < 1e-9);
     SharpFeature again;
     disk->nearest_crease(f.position, again);
     CHECK(again.distance < 1e-9);
@@ -266,7 +266,7 @@ TEST_CASE("implicit scenes: direct samples lie on the field's zero, normals are 
   for (const std::string name : {"parts", "statue", "indoor", "city"}) {
     CAPTURE(name);
     const auto scene = make_scene({name, 0, 0});
-    const double size = length(scene->bounds().hi - scene->bounds().lo);
+    const double size = norm(scene->bounds().hi - scene->bounds().lo);
     const auto source = sample_surface(*scene, 4000, 1);
     SampleBatch batch;
     std::size_t count = 0, turned = 0;
@@ -274,13 +274,13 @@ TEST_CASE("implicit scenes: direct samples lie on the field's zero, normals are 
       source->sample(unit, batch);
       for (std::size_t i = 0; i < batch.surface.size(); ++i) {
         const auto& s = batch.surface;
-        const Vec3 p{s.x[i], s.y[i], s.z[i]}, n{s.nx[i], s.ny[i], s.nz[i]};
+        const Double3 p{s.x[i], s.y[i], s.z[i]}, n{s.nx[i], s.ny[i], s.nz[i]};
         const SurfacePoint truth = scene->closest(p);
-        REQUIRE(length(truth.position - p) < 1e-9 * size);
+        REQUIRE(norm(truth.position - p) < 1e-9 * size);
         turned += dot(truth.normal, n) < 0.999999;
         // From a little outside, the way back is the same.
-        const Vec3 away = p + n * (1e-4 * size);
-        const double back = length(scene->closest(away).position - away);
+        const Double3 away = p + n * (1e-4 * size);
+        const double back = norm(scene->closest(away).position - away);
         REQUIRE(back < 1.0001e-4 * size);
         ++count;
       }
@@ -300,7 +300,7 @@ TEST_CASE("sensors: noise-free returns lie on the surface, in sight, near the nu
   for (const auto& [name, kind] : cases) {
     CAPTURE(name);
     const auto scene = make_scene({name, 3, 0});
-    const double size = length(scene->bounds().hi - scene->bounds().lo);
+    const double size = norm(scene->bounds().hi - scene->bounds().lo);
     SensorOptions options;
     options.kind = kind;
     options.points = 5000;
@@ -314,13 +314,13 @@ TEST_CASE("sensors: noise-free returns lie on the surface, in sight, near the nu
         CHECK(batch.flying == 0);
         for (std::size_t i = 0; i < batch.surface.size(); ++i) {
           const auto& s = batch.surface;
-          const Vec3 p{s.x[i], s.y[i], s.z[i]}, n{s.nx[i], s.ny[i], s.nz[i]};
-          REQUIRE(length(scene->closest(p).position - p) < 1e-8 * size);
+          const Double3 p{s.x[i], s.y[i], s.z[i]}, n{s.nx[i], s.ny[i], s.nz[i]};
+          REQUIRE(norm(scene->closest(p).position - p) < 1e-8 * size);
           REQUIRE(dot(n, {batch.dx[i], batch.dy[i], batch.dz[i]}) < 0.0);
           if (kind != SensorKind::kAirborne && i % 16 == 0) {
             RayHit before;
-            const Vec3 way = p - scan.origin;
-            CHECK_FALSE(scene->intersect({scan.origin, normalized(way)}, length(way) - 1e-3 * size, before));
+            const Double3 way = p - scan.origin;
+            CHECK_FALSE(scene->intersect({scan.origin, unit(way)}, norm(way) - 1e-3 * size, before));
           }
           ++count;
         }
@@ -347,8 +347,8 @@ TEST_CASE("sensors: flying points lie on a ray between two surfaces; gaps keep t
       in_scan += batch.surface.size();
       flying += batch.flying;
       for (std::size_t i = 0; i < batch.surface.size(); ++i) {
-        const Vec3 p{batch.surface.x[i], batch.surface.y[i], batch.surface.z[i]};
-        if (!std::isnan(p.x)) off += length(scene->closest(p).position - p) > 1e-6;
+        const Double3 p{batch.surface.x[i], batch.surface.y[i], batch.surface.z[i]};
+        if (!std::isnan(p.x)) off += norm(scene->closest(p).position - p) > 1e-6;
       }
     }
     CHECK(in_scan == scan.columns * scan.rows);

@@ -6,6 +6,7 @@
 #include <map>
 
 #include "octree/error.h"
+#include "octree/vector.h"
 #include "solvers/linear_solver.h"
 #include "tests/helpers/block_meshes.h"
 
@@ -14,10 +15,7 @@ namespace {
 using namespace tessera;
 
 double distance(const Double3& a, const Double3& b) {
-  return std::hypot(a[0] - b[0], a[1] - b[1], a[2] - b[2]);
-}
-double norm(const Double3& a) {
-  return distance(a, {0, 0, 0});
+  return norm(a - b);
 }
 
 SmoothRound only_round(SmoothOptions options) {
@@ -91,9 +89,8 @@ TEST_CASE("smooth: harmonics of the sphere shrink in the order of their frequenc
   std::vector<double> area(sphere.position.size(), 0.0);
   for (const auto& f : sphere.faces) {
     const Double3 &p = sphere.position[f[0]], &q = sphere.position[f[1]], &r = sphere.position[f[2]];
-    const Double3 a = {q[0] - p[0], q[1] - p[1], q[2] - p[2]}, b = {r[0] - p[0], r[1] - p[1], r[2] - p[2]};
-    const double doubled =
-        norm({a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]});
+    const Double3 a = q - p, b = r - p;
+    const double doubled = norm(cross(a, b));
     for (const std::uint32_t v : f) area[v] += doubled / 6;
   }
   // Rayleigh quotients of x (a harmonic of degree 1, eigenvalue 2) and x y (degree 2, eigenvalue 6). A row

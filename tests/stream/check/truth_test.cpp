@@ -15,7 +15,6 @@
 #include "stream/formats/meshes/mesh_io.h"
 
 using namespace tessera;
-using synth::Vec3;
 
 namespace {
 
@@ -169,15 +168,15 @@ TEST_CASE("truth: coverage finds what is missing", "[unit]") {
 }
 
 TEST_CASE("truth: distance to a triangle by brute force", "[property]") {
-  const Vec3 a{0, 0, 0}, b{1, 0.2, 0}, c{0.3, 0.9, 0.4};
+  const Double3 a{0, 0, 0}, b{1, 0.2, 0}, c{0.3, 0.9, 0.4};
   for (std::uint64_t i = 0; i < 200; ++i) {
-    const auto u = [&](std::uint64_t s) { return 3.0 * synth::to_unit(synth::random_bits(1, s, i)) - 1.0; };
-    const Vec3 p{u(1), u(2), u(3)};
+    const auto u = [&](std::uint64_t s) { return 3.0 * to_unit(random_bits(1, s, i)) - 1.0; };
+    const Double3 p{u(1), u(2), u(3)};
     double brute = 1e9;
     for (int s = 0; s <= 100; ++s) {
       for (int t = 0; s + t <= 100; ++t) {
-        const Vec3 q = a + (b - a) * (s / 100.0) + (c - a) * (t / 100.0);
-        brute = std::min(brute, length(p - q));
+        const Double3 q = a + (b - a) * (s / 100.0) + (c - a) * (t / 100.0);
+        brute = std::min(brute, norm(p - q));
       }
     }
     const double d = std::sqrt(squared_distance(p, a, b, c));

@@ -1,0 +1,144 @@
+/// \file small_matrix.h
+/// Systems of at most a handful of unknowns, over Eigen's fixed-size storage. For .cpp files: Eigen compiles slowly.
+/// The loops are ours: Eigen's sum up in an order that hangs on the packets of the instruction set and on what it
+/// inlines, here it is written down, with nothing but + - * / sqrt.
+#pragma once
+#include <Eigen/Core>
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <type_traits>
+
+#include "octree/vector.h"
+
+namespace tessera {
+
+template <int kSize>
+using SmallMatrix = Eigen::Matrix<double, kSize, kSize, Eigen::RowMajor>;
+using Matrix3 = SmallMatrix<3>;
+
+/// The row as a vector.
+inline Double3 row(const Matrix3& m, Eigen::Index i) {
+  return {m.coeff(i, 0), m.coeff(i, 1), m.coeff(i, 2)};
+}
+
+/// Turns the lower triangle of the leading n x n block into its Cholesky factor.
+/// \return false where a pivot is not above `least` + `share` of its diagonal entry
+template <int kSize>
+bool cholesky_factor(SmallMatrix<kSize>& a, double least = 0.0, double share = 0.0, Eigen::Index n = kSize) {
+  for (Eigen::Index i = 0; i < n; ++i) {
+    for (Eigen::Index j = 0; j <= i; ++j) {
+      double sum = a.coeff(i, j);
+      for (Eigen::Index k = 0; k < j; ++k) sum -= a.coeff(i, k) * a.coeff(j, k);
+      if (i != j) {
+        a.coeffRef(i, j) = sum / a.coeff(j, j);
+      } else if (sum > least + share * a.coeff(i, i)) {
+        a.coeffRef(i, i) = std::sqrt(sum);
+      } else {
+        return false;
+      }
+    }
+  }
+  return true;
+}
+
+/// x of L L' x = b in place of b. \param factor  of cholesky_factor
+template <int kSize>
+void cholesky_solve(const SmallMatrix<kSize>& factor, std::type_identity_t<std::array<double, kSize>>& x,
+                    Eigen::Index n = kSize) {
+  double* const at = x.data();
+  for (Eigen::Index i = 0; i < n; ++i) {
+    for (Eigen::Index k = 0; k < i; ++k) at[i] -= factor.coeff(i, k) * at[k];
+    at[i] /= factor.coeff(i, i);
+  }
+  for (Eigen::Index i = n; i-- > 0;) {
+    for (Eigen::Index k = i + 1; k < n; ++k) at[i] -= factor.coeff(k, i) * at[k];
+    at[i] /= factor.coeff(i, i);
+  }
+}
+
+/// x of m x = b in place of b, by elimination of the leading n x n block without pivots.
+/// \pre m is symmetric, positive definite
+template <int kSize>
+void eliminate(SmallMatrix<kSize>& m, std::type_identity_t<std::array<double, kSize>>& b,
+               Eigen::Index n = kSize) {
+  double* const at = b.data();
+  for (Eigen::Index i = 0; i < n; ++i) {
+    for (Eigen::Index r = i + 1; r < n; ++r) {
+      const double factor = m.coeff(r, i) / m.coeff(i, i);
+      for (Eigen::Index j = i; j < n; ++j) m.coeffRef(r, j) -= factor * m.coeff(i, j);
+      at[r] -= factor * at[i];
+    }
+  }
+  for (Eigen::Index i = n; i-- > 0;) {
+    for (Eigen::Index j = i + 1; j < n; ++j) at[i] -= m.coeff(i, j) * at[j];
+    at[i] /= m.coeff(i, i);
+  }
+}
+
+/// Cramer's rule for a symmetric matrix.
+struct Cramer3 {
+  double xx, xy, xz, yy, yz, zz;  ///< of the matrix
+  double c00 = yy * zz - yz * yz, c01 = xz * yz - xy * zz, c02 = xy * yz - xz * yy;
+  double determinant = xx * c00 + xy * c01 + xz * c02;
+
+  Double3 solve(const Double3& b) const {
+    const double c11 = xx * zz - xz * xz, c12 = xy * xz - xx * yz, c22 = xx * yy - xy * xy;
+    return {(c00 * b[0] + c01 * b[1] + c02 * b[2]) / determinant,
+            (c01 * b[0] + c11 * b[1] + c12 * b[2]) / determinant,
+            (c02 * b[0] + c12 * b[1] + c22 * b[2]) / determinant};
+  }
+};
+
+/// Eigenvalues, in no order, of a symmetric matrix by cyclic Jacobi rotations.
+/// Source: Golub, Van Loan, "Matrix Computations", 8.5 (convergence is quadratic).
+/// \param vector  out: eigenvectors as columns
+/// \param sweeps  at most so many
+/// \param enough  stop when the squares of the off-diagonal entries sum to at most this share of the squared trace
+inline Double3 jacobi_eigen3(Matrix3 a, Matrix3& vector, int sweeps, double enough) {
+  vector.setIdentity();
+  const double scale = a.coeff(0, 0) + a.coeff(1, 1) + a.coeff(2, 2);
+  for (int sweep = 0; sweep < sweeps; ++sweep) {
+    const double off =
+        a.coeff(0, 1) * a.coeff(0, 1) + a.coeff(0, 2) * a.coeff(0, 2) + a.coeff(1, 2) * a.coeff(1, 2);
+    if (off <= enough * scale * scale) break;
+    for (Eigen::Index p = 0; p < 2; ++p) {
+      for (Eigen::Index q = p + 1; q < 3; ++q) {
+        if (a.coeff(p, q) == 0.0) continue;
+        const double theta = (a.coeff(q, q) - a.coeff(p, p)) / (2.0 * a.coeff(p, q));
+        const double t = (theta < 0.0 ? -1.0 : 1.0) / (std::fabs(theta) + std::sqrt(theta * theta + 1.0));
+        const double c = 1.0 / std::sqrt(t * t + 1.0);
+        const double s = t * c;
+        const auto turn = [c, s](double& first, double& second) {
+          const double u = first, v = second;
+          first = c * u - s * v;
+          second = s * u + c * v;
+        };
+        for (Eigen::Index k = 0; k < 3; ++k) turn(a.coeffRef(k, p), a.coeffRef(k, q));
+        for (Eigen::Index k = 0; k < 3; ++k) turn(a.coeffRef(p, k), a.coeffRef(q, k));
+        a.coeffRef(p, q) = a.coeffRef(q, p) = 0.0;
+        for (Eigen::Index k = 0; k < 3; ++k) turn(vector.coeffRef(k, p), vector.coeffRef(k, q));
+      }
+    }
+  }
+  return {a.coeff(0, 0), a.coeff(1, 1), a.coeff(2, 2)};
+}
+
+/// The same to the last bit that rotations reach, eigenvalues ascending, eigenvectors as rows.
+/// \param m  xx, xy, xz, yy, yz, zz
+inline void symmetric_eigen3(const std::array<double, 6>& m, Double3& values,
+                             std::array<Double3, 3>& vectors) {
+  constexpr int kSweeps = 12;  // six suffice for double, twice that costs nothing
+  Matrix3 a, column;
+  a << m[0], m[1], m[2], m[1], m[3], m[4], m[2], m[4], m[5];
+  const Double3 value = jacobi_eigen3(a, column, kSweeps, 0.0);
+  std::array<std::size_t, 3> order = {0, 1, 2};
+  std::sort(order.begin(), order.end(),
+            [&](std::size_t i, std::size_t j) { return value[i] != value[j] ? value[i] < value[j] : i < j; });
+  for (std::size_t i = 0; i < 3; ++i) {
+    values[i] = value[order[i]];
+    for (std::size_t k = 0; k < 3; ++k) vectors[i][k] = column.coeff(k, order[i]);
+  }
+}
+
+}  // namespace tessera

@@ -1,0 +1,86 @@
+/// \file vector.h
+/// Double3 and Float3 and their arithmetic: only + - * / sqrt, the same bits on every machine.
+#pragma once
+#include <array>
+#include <cmath>
+#include <concepts>
+#include <cstdint>
+#include <type_traits>
+
+namespace tessera {
+
+using Int3 = std::array<std::int32_t, 3>;
+using Double3 = std::array<double, 3>;
+using Float3 = std::array<float, 3>;
+
+template <std::floating_point T>
+constexpr std::array<T, 3> operator+(const std::array<T, 3>& a, const std::array<T, 3>& b) {
+  return {a[0] + b[0], a[1] + b[1], a[2] + b[2]};
+}
+template <std::floating_point T>
+constexpr std::array<T, 3> operator-(const std::array<T, 3>& a, const std::array<T, 3>& b) {
+  return {a[0] - b[0], a[1] - b[1], a[2] - b[2]};
+}
+template <std::floating_point T>
+constexpr std::array<T, 3> operator-(const std::array<T, 3>& a) {
+  return {-a[0], -a[1], -a[2]};
+}
+template <std::floating_point T>
+constexpr std::array<T, 3> operator*(const std::array<T, 3>& a, std::type_identity_t<T> s) {
+  return {a[0] * s, a[1] * s, a[2] * s};
+}
+template <std::floating_point T>
+constexpr std::array<T, 3> operator/(const std::array<T, 3>& a, std::type_identity_t<T> s) {
+  return {a[0] / s, a[1] / s, a[2] / s};
+}
+template <std::floating_point T>
+constexpr T dot(const std::array<T, 3>& a, const std::array<T, 3>& b) {
+  return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+}
+template <std::floating_point T>
+constexpr std::array<T, 3> cross(const std::array<T, 3>& a, const std::array<T, 3>& b) {
+  return {a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]};
+}
+template <std::floating_point T>
+T norm(const std::array<T, 3>& a) {
+  return std::sqrt(dot(a, a));
+}
+/// \pre a is not zero
+template <std::floating_point T>
+std::array<T, 3> unit(const std::array<T, 3>& a) {
+  return a * (T{1} / norm(a));
+}
+/// Zero stays zero.
+template <std::floating_point T>
+std::array<T, 3> unit_or_zero(const std::array<T, 3>& a) {
+  const T length = norm(a);
+  return length > T{0} ? a * (T{1} / length) : std::array<T, 3>{};
+}
+template <std::floating_point T>
+T squared_distance(const std::array<T, 3>& a, const std::array<T, 3>& b) {
+  const std::array<T, 3> d = a - b;
+  return dot(d, d);
+}
+/// Twice the area of the triangle (a, b, c), along its normal.
+template <std::floating_point T>
+std::array<T, 3> triangle_normal(const std::array<T, 3>& a, const std::array<T, 3>& b,
+                                 const std::array<T, 3>& c) {
+  return cross(b - a, c - a);
+}
+/// Any unit vector at right angles to the unit vector `n`; continuous except where its smallest component changes.
+inline Double3 any_orthogonal(const Double3& n) {
+  const double ax = std::fabs(n[0]), ay = std::fabs(n[1]), az = std::fabs(n[2]);
+  const Double3 axis = ax <= ay && ax <= az ? Double3{1, 0, 0}
+                       : ay <= az           ? Double3{0, 1, 0}
+                                            : Double3{0, 0, 1};
+  return unit(cross(n, axis));
+}
+
+constexpr Double3 wide(const Float3& a) {
+  return {static_cast<double>(a[0]), static_cast<double>(a[1]), static_cast<double>(a[2])};
+}
+constexpr Float3 narrow(const Double3& a) {
+  return {static_cast<float>(a[0]), static_cast<float>(a[1]), static_cast<float>(a[2])};
+}
+
+}  // namespace tessera
