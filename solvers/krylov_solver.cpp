@@ -3,6 +3,7 @@
 #include <Eigen/Core>
 #include <Eigen/IterativeLinearSolvers>
 #include <Eigen/SparseCore>
+#include <algorithm>
 #include <cassert>
 #include <cmath>
 #include <string>
@@ -12,9 +13,6 @@
 
 namespace tessera {
 namespace {
-
-constexpr double kDrop = 1e-3;  // of incomplete LU, relative to the row
-constexpr int kFill = 10;       // of incomplete LU, times the entries of a row
 
 using Rows = Eigen::Map<const Eigen::SparseMatrix<double, Eigen::RowMajor, std::int32_t>>;
 using Vector = Eigen::VectorXd;
@@ -118,97 +116,10 @@ class ConjugateGradientsSolver final : public LinearSolver {
   Eigen::IncompleteCholesky<double, Eigen::Lower, Eigen::AMDOrdering<std::int32_t>> incomplete_;
 };
 
-class BicgstabSolver final : public LinearSolver {
- public:
-  explicit BicgstabSolver(const SolverOptions& options) : options_(options) {}
-
-  FactorReport analyse(const SparseMatrix& a) override {
-    assert(a.rows == a.columns);
-    return predicted(a.entries() * 12 * (kFill + 1) + static_cast<std::uint64_t>(a.rows) * 100,
-                     options_.memory_bytes, "BiCGSTAB", a.rows);
-  }
-
-  FactorReport factor(const SparseMatrix& a) override {
-    FactorReport report;
-    matrix_ = &a;
-    if (not_finite(a.value, "the matrix", report)) return report;
-    incomplete_.setDroptol(kDrop);
-    incomplete_.setFillfactor(kFill);
-    incomplete_.compute(view_of(a));
-    if (incomplete_.info() != Eigen::Success) {
-      report.status = SolveStatus::kSingular;
-      report.message = "no incomplete LU factor: the matrix is singular";
-      return report;
-    }
-    report.factor_entries = 0;
-    report.bytes = a.entries() * 12 * (kFill + 1);
-    report.peak_bytes = report.bytes;
-    return report;
-  }
-
-  SolveReport solve(std::span<const double> b, std::span<double> x, int width) override {
-    SolveReport report;
-    if (not_finite(b, "the right-hand side", report)) return report;
-    const auto w = static_cast<std::size_t>(width);
-    const auto n = static_cast<Eigen::Index>(b.size() / w);
-    Vector bc(n), xc(n);
-    bool converged = true, breakdown = false;
-    for (std::size_t c = 0; c < w; ++c) {
-      for (Eigen::Index i = 0; i < n; ++i) bc[i] = b[static_cast<std::size_t>(i) * w + c];
-      column(bc, xc, report.iterations, converged, breakdown);
-      for (Eigen::Index i = 0; i < n; ++i) x[static_cast<std::size_t>(i) * w + c] = xc[i];
-    }
-    report.residual = relative_residual(*matrix_, x, b, width);
-    judge(converged, breakdown, options_.tolerance, "BiCGSTAB", report);
-    return report;
-  }
-
- private:
-  void column(const Vector& b, Vector& x, int& iterations, bool& converged, bool& breakdown) const {
-    const Eigen::Index n = b.size();
-    x.setZero(n);
-    Vector r = b, shadow = b, p = Vector::Zero(n), v = Vector::Zero(n), y(n), z(n), t(n);
-    const double norm = b.norm();
-    double rho = 1.0, alpha = 1.0, omega = 1.0;
-    for (int k = 0;; ++k) {
-      iterations = std::max(iterations, k);
-      if (r.norm() <= options_.tolerance * norm) return;
-      if (k == options_.max_iterations) break;
-      const double next = shadow.dot(r);
-      if (!std::isfinite(next) || next == 0.0 || omega == 0.0) {
-        breakdown = true;
-        break;
-      }
-      const double beta = next / rho * (alpha / omega);
-      rho = next;
-      p = r + beta * (p - omega * v);
-      y = incomplete_.solve(p);
-      multiply(*matrix_, {y.data(), static_cast<std::size_t>(n)}, {v.data(), static_cast<std::size_t>(n)});
-      alpha = rho / shadow.dot(v);
-      r -= alpha * v;
-      z = incomplete_.solve(r);
-      multiply(*matrix_, {z.data(), static_cast<std::size_t>(n)}, {t.data(), static_cast<std::size_t>(n)});
-      const double tt = t.squaredNorm();
-      omega = tt > 0.0 ? t.dot(r) / tt : 0.0;
-      x += alpha * y + omega * z;
-      r -= omega * t;
-    }
-    converged = false;
-  }
-
-  SolverOptions options_;
-  const SparseMatrix* matrix_ = nullptr;
-  Eigen::IncompleteLUT<double, std::int32_t> incomplete_;
-};
-
 }  // namespace
 
 std::unique_ptr<LinearSolver> make_conjugate_gradients_solver(const SolverOptions& options) {
   return std::make_unique<ConjugateGradientsSolver>(options);
-}
-
-std::unique_ptr<LinearSolver> make_bicgstab_solver(const SolverOptions& options) {
-  return std::make_unique<BicgstabSolver>(options);
 }
 
 }  // namespace tessera

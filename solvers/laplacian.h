@@ -14,13 +14,14 @@
 #include <span>
 #include <vector>
 
+#include "octree/vector.h"
 #include "solvers/sparse_matrix.h"
 
 namespace tessera {
 
 /// n positions, m faces, none of them owned. Indices are below n; a face may be degenerate.
 struct TriangleSpan {
-  std::span<const std::array<double, 3>> positions;
+  std::span<const Double3> positions;
   std::span<const std::array<std::uint32_t, 3>> faces;
 };
 
@@ -61,8 +62,5 @@ struct Laplacian {
 ///                     no faces with positive area at all (but for kUniform)
 /// \throws ResourceError  at 2^31 entries or more
 Laplacian laplacian(const TriangleSpan& mesh, const LaplacianOptions& options = {});
-
-/// Delta f = M^-1 L f for f with `width` interleaved components.
-std::vector<double> apply_laplacian(const Laplacian& operators, std::span<const double> f, int width);
 
 }  // namespace tessera

@@ -1,6 +1,5 @@
 #include "solvers/laplacian_system.h"
 
-#include <algorithm>
 #include <cassert>
 #include <numeric>
 #include <string>
@@ -35,7 +34,7 @@ Split split(std::size_t n, std::span<const std::uint8_t> fixed) {
 }
 
 /// From rows of the free vertices over all columns.
-ConstrainedSystem split_columns(const SparseMatrix& rows, Split&& s, bool symmetric) {
+ConstrainedSystem split_columns(const SparseMatrix& rows, Split&& s) {
   std::vector<std::int32_t> all(static_cast<std::size_t>(rows.rows));
   std::iota(all.begin(), all.end(), 0);
   ConstrainedSystem out;
@@ -43,7 +42,6 @@ ConstrainedSystem split_columns(const SparseMatrix& rows, Split&& s, bool symmet
   out.coupling = select(rows, all, s.fixed_column, static_cast<std::int32_t>(s.fixed_vertices.size()));
   out.free_vertices = std::move(s.free_vertices);
   out.fixed_vertices = std::move(s.fixed_vertices);
-  out.symmetric = symmetric;
   return out;
 }
 
@@ -79,7 +77,7 @@ void ConstrainedSystem::scatter(std::span<const double> solution, std::span<doub
     for (std::size_t c = 0; c < w; ++c) values[free_vertices[k] * w + c] = solution[k * w + c];
 }
 
-ConstrainedSystem constrain(const SparseMatrix& a, std::span<const std::uint8_t> fixed, bool symmetric) {
+ConstrainedSystem constrain(const SparseMatrix& a, std::span<const std::uint8_t> fixed) {
   Split s = split(static_cast<std::size_t>(a.rows), fixed);
   ConstrainedSystem out;
   out.matrix = select(a, s.free_vertices, s.free_column, static_cast<std::int32_t>(s.free_vertices.size()));
@@ -87,7 +85,6 @@ ConstrainedSystem constrain(const SparseMatrix& a, std::span<const std::uint8_t>
       select(a, s.free_vertices, s.fixed_column, static_cast<std::int32_t>(s.fixed_vertices.size()));
   out.free_vertices = std::move(s.free_vertices);
   out.fixed_vertices = std::move(s.fixed_vertices);
-  out.symmetric = symmetric;
   return out;
 }
 
@@ -100,38 +97,18 @@ SparseMatrix laplacian_power(const Laplacian& operators, int order) {
   return p;
 }
 
-ConstrainedSystem laplacian_system(const Laplacian& operators, int order, std::span<const std::uint8_t> fixed,
-                                   std::span<const double> smoothness) {
+ConstrainedSystem laplacian_system(const Laplacian& operators, int order,
+                                   std::span<const std::uint8_t> fixed) {
   check_order(order);
   const std::size_t n = operators.mass.size();
-  if (!smoothness.empty() && smoothness.size() != n)
-    throw UsageError(std::to_string(smoothness.size()) + " smoothness values for " + std::to_string(n) +
-                     " vertices");
   Split s = split(n, fixed);
-  const auto lambda = [&](std::size_t i, int j) {
-    return smoothness.empty() || !fixed[i] ? 1.0 : std::clamp(smoothness[i] - (j - 1), 0.0, 1.0);
-  };
-  bool symmetric = true;
-  if (!smoothness.empty())
-    for (const std::int32_t v : s.fixed_vertices) {
-      const auto i = static_cast<std::size_t>(v);
-      if (!(smoothness[i] >= 0.0 && smoothness[i] <= order - 1))
-        throw UsageError("vertex " + std::to_string(i) + ": boundary smoothness " +
-                         std::to_string(smoothness[i]) + " is outside [0, " + std::to_string(order - 1) +
-                         "]");
-      for (int j = 2; j < order; ++j) symmetric = symmetric && lambda(i, j) == lambda(i, 1);
-    }
   std::vector<std::int32_t> identity(n);
   std::iota(identity.begin(), identity.end(), 0);
   SparseMatrix rows = select(operators.stiffness, s.free_vertices, identity, static_cast<std::int32_t>(n));
-  const std::vector<double> inverse_mass = inverse(operators.mass);
-  std::vector<double> d(n);
-  for (int j = order - 1; j >= 1; --j) {
-    for (std::size_t i = 0; i < n; ++i) d[i] = lambda(i, j) * inverse_mass[i];
-    rows = product(rows, operators.stiffness, d);
-  }
+  const std::vector<double> d = inverse(operators.mass);
+  for (int j = order - 1; j >= 1; --j) rows = product(rows, operators.stiffness, d);
   if (order % 2 == 1) negate(rows);
-  return split_columns(rows, std::move(s), symmetric);
+  return split_columns(rows, std::move(s));
 }
 
 SparseMatrix implicit_step_matrix(const Laplacian& operators, double step, int order) {
@@ -143,31 +120,6 @@ SparseMatrix mesh_neighbours(const Laplacian& operators, const ConstrainedSystem
   for (std::size_t k = 0; k < system.free_vertices.size(); ++k)
     column[system.free_vertices[k]] = static_cast<std::int32_t>(k);
   return select(operators.stiffness, system.free_vertices, column, system.matrix.rows);
-}
-
-std::vector<std::int32_t> unconstrained_pieces(const ConstrainedSystem& system) {
-  const SparseMatrix& a = system.matrix;
-  std::vector<std::uint8_t> seen(static_cast<std::size_t>(a.rows), 0);
-  std::vector<std::int32_t> out, stack;
-  for (std::int32_t seed = 0; seed < a.rows; ++seed) {
-    if (seen[seed]) continue;
-    bool tied = false;
-    seen[seed] = 1;
-    stack.assign(1, seed);
-    while (!stack.empty()) {
-      const std::int32_t i = stack.back();
-      stack.pop_back();
-      for (std::int32_t e = system.coupling.start[i]; e < system.coupling.start[i + 1]; ++e)
-        tied = tied || system.coupling.value[e] != 0.0;
-      for (std::int32_t e = a.start[i]; e < a.start[i + 1]; ++e)
-        if (const std::int32_t j = a.column[e]; a.value[e] != 0.0 && !seen[j]) {
-          seen[j] = 1;
-          stack.push_back(j);
-        }
-    }
-    if (!tied) out.push_back(system.free_vertices[seed]);
-  }
-  return out;
 }
 
 }  // namespace tessera

@@ -13,48 +13,42 @@ namespace tessera {
 
 /// A system in the free vertices alone: matrix x_free = load_free - coupling x_fixed.
 struct ConstrainedSystem {
-  SparseMatrix matrix;                       ///< free x free
-  SparseMatrix coupling;                     ///< free x fixed
+  SparseMatrix matrix;    ///< free x free, positive definite if every piece has a fixed vertex
+  SparseMatrix coupling;  ///< free x fixed
   std::vector<std::int32_t> free_vertices;   ///< ascending
   std::vector<std::int32_t> fixed_vertices;  ///< ascending
-  bool symmetric = true;  ///< of the matrix; then positive definite if every piece has a fixed vertex
 
   /// Right-hand side for the values of all n vertices (only fixed ones are read) and a load on all n vertices
-  /// (empty: none). \return free x width, interleaved
+  /// (empty: none).
+  /// \return free x width, interleaved
   std::vector<double> right_hand_side(std::span<const double> values, int width,
                                       std::span<const double> load = {}) const;
   /// Writes the solution into the free vertices of `values` (n x width).
   void scatter(std::span<const double> solution, std::span<double> values, int width) const;
 };
 
-/// Splits a system over all vertices into free and fixed ones. \pre fixed has a.rows flags, a is square
+/// Splits a system over all vertices into free and fixed ones.
+/// \pre fixed has a.rows flags, a is square
 /// \throws UsageError  when no vertex is free
-ConstrainedSystem constrain(const SparseMatrix& a, std::span<const std::uint8_t> fixed,
-                            bool symmetric = true);
+ConstrainedSystem constrain(const SparseMatrix& a, std::span<const std::uint8_t> fixed);
 
 /// (-1)^k L (M^-1 L)^(k-1): the Euler-Lagrange matrix of the membrane (1), thin plate (2) and minimum
-/// variation (3) energy, positive semidefinite. \throws UsageError  when order is not 1, 2 or 3
+/// variation (3) energy, positive semidefinite.
+/// \throws UsageError  when order is not 1, 2 or 3
 SparseMatrix laplacian_power(const Laplacian& operators, int order);
 
 /// The system Delta^k f = 0 on the free vertices; the first k rings of fixed vertices give the boundary
-/// condition. \param smoothness  empty: C^(k-1) everywhere. Otherwise one value c in [0, k-1] for each of the
-/// n vertices, read
-///        at the fixed ones: lambda_j = clamp(c - (j - 1), 0, 1) damps the Laplacian of order j there, so c
-///        blends from C^0 to C^(k-1). Then (-1)^k L Lambda_(k-1) M^-1 L ... Lambda_1 M^-1 L is symmetric only
-///        where all lambda_j of a vertex are equal; `symmetric` says which it is.
-/// \throws UsageError  order, sizes or a smoothness outside its range; no free vertex
-ConstrainedSystem laplacian_system(const Laplacian& operators, int order, std::span<const std::uint8_t> fixed,
-                                   std::span<const double> smoothness = {});
+/// condition: C^(k-1).
+/// \throws UsageError  order or sizes; no free vertex
+ConstrainedSystem laplacian_system(const Laplacian& operators, int order,
+                                   std::span<const std::uint8_t> fixed);
 
 /// M + step (-1)^k L (M^-1 L)^(k-1): one implicit fairing step solves it against M f. Same pattern for every
-/// step. \pre step >= 0, squared length (k = 1), its k-th power for order k
+/// step.
+/// \pre step >= 0, squared length (k = 1), its k-th power for order k
 SparseMatrix implicit_step_matrix(const Laplacian& operators, double step, int order = 1);
 
 /// The mesh edges between free vertices, for SolverOptions::neighbours: the stiffness restricted to them.
 SparseMatrix mesh_neighbours(const Laplacian& operators, const ConstrainedSystem& system);
-
-/// Number of connected pieces of the free vertices that see no fixed vertex: each makes the matrix singular.
-/// \return index of one vertex of each such piece, ascending
-std::vector<std::int32_t> unconstrained_pieces(const ConstrainedSystem& system);
 
 }  // namespace tessera

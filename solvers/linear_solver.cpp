@@ -1,13 +1,43 @@
 #include "solvers/linear_solver.h"
 
+#include <utility>
+
 #include "octree/error.h"
 #include "solvers/cholesky_solver.h"
 #include "solvers/krylov_solver.h"
-#include "solvers/lu_solver.h"
 #include "solvers/multigrid_solver.h"
-#include "solvers/solver_choice.h"
 
 namespace tessera {
+namespace {
+
+class AutomaticSolver final : public LinearSolver {
+ public:
+  explicit AutomaticSolver(const SolverOptions& options) : options_(options) {}
+
+  FactorReport analyse(const SparseMatrix& a) override {
+    solver_ = make_cholesky_solver(options_);
+    FactorReport report = solver_->analyse(a);
+    std::string reason = std::to_string(a.rows) + " unknowns of order " + std::to_string(options_.order) +
+                         ": Cholesky where it fits";
+    if (report.status == SolveStatus::kTooLarge) {
+      reason += "; " + report.message.substr(0, report.message.rfind(':')) + ", so multigrid";
+      solver_ = make_multigrid_solver(options_);
+      report = solver_->analyse(a);
+    }
+    report.choice = std::move(reason);
+    return report;
+  }
+  FactorReport factor(const SparseMatrix& a) override { return solver_->factor(a); }
+  SolveReport solve(std::span<const double> b, std::span<double> x, int width) override {
+    return solver_->solve(b, x, width);
+  }
+
+ private:
+  SolverOptions options_;
+  std::unique_ptr<LinearSolver> solver_;
+};
+
+}  // namespace
 
 std::unique_ptr<LinearSolver> make_solver(SolverKind kind, const SolverOptions& options) {
   if (!(options.tolerance > 0.0)) throw UsageError("the tolerance of a solver must be positive");
@@ -15,14 +45,10 @@ std::unique_ptr<LinearSolver> make_solver(SolverKind kind, const SolverOptions& 
   switch (kind) {
     case SolverKind::kCholesky:
       return make_cholesky_solver(options);
-    case SolverKind::kLu:
-      return make_lu_solver(options);
     case SolverKind::kConjugateGradients:
       return make_conjugate_gradients_solver(options);
-    case SolverKind::kBicgstab:
-      return make_bicgstab_solver(options);
     case SolverKind::kAutomatic:
-      return make_automatic_solver(options);
+      return std::make_unique<AutomaticSolver>(options);
     case SolverKind::kMultigrid:
       return make_multigrid_solver(options);
   }
@@ -33,12 +59,8 @@ const char* name(SolverKind kind) {
   switch (kind) {
     case SolverKind::kCholesky:
       return "Cholesky";
-    case SolverKind::kLu:
-      return "LU";
     case SolverKind::kConjugateGradients:
       return "conjugate gradients";
-    case SolverKind::kBicgstab:
-      return "BiCGSTAB";
     case SolverKind::kAutomatic:
       return "automatic";
     case SolverKind::kMultigrid:

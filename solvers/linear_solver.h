@@ -13,16 +13,15 @@
 #include <span>
 #include <string>
 
+#include "octree/vector.h"
 #include "solvers/sparse_matrix.h"
 
 namespace tessera {
 
 enum class SolverKind {
   kCholesky,            ///< CHOLMOD, supernodal; symmetric positive definite
-  kLu,                  ///< UMFPACK; any square matrix
   kConjugateGradients,  ///< preconditioned by incomplete Cholesky; symmetric positive definite
-  kBicgstab,            ///< preconditioned by incomplete LU; any square matrix
-  kAutomatic,           ///< the choice of choose_solver(); falls to multigrid where the factor does not fit
+  kAutomatic,           ///< Cholesky where the factor fits, else multigrid
   kMultigrid,           ///< conjugate gradients preconditioned by our multigrid; symmetric positive definite
 };
 
@@ -54,16 +53,12 @@ struct SolverOptions {
   std::uint64_t memory_bytes = 0;  ///< refuse what is predicted to need more; 0: no limit
   double tolerance = 1e-8;         ///< iterative: stop at this relative residual, of every column
   int max_iterations = 1000;       ///< iterative: cycles or steps
-  /// Automatic: how many columns will be solved in all, and whether the matrix is symmetric.
-  std::size_t right_hand_sides = 3;
-  bool symmetric = true;
-  bool prefer_direct = false;  ///< automatic: iterate only where the factor does not fit
   /// Multigrid and automatic: order k of the Laplacian; from 2 on the interpolation is smooth and the cycle a W.
   int order = 1;
   MultigridCycle cycle = MultigridCycle::kFull;
   /// Multigrid: position of each unknown, n, for linear interpolation between levels. Empty: interpolation by
   /// the matrix alone (constants only, more cycles). Read by factor().
-  std::span<const std::array<double, 3>> positions{};
+  std::span<const Double3> positions{};
   /// Multigrid: n x n, its pattern holds the mesh edges between unknowns (as mesh_neighbours() gives it).
   /// Null: the pattern of the matrix. Read by factor().
   const SparseMatrix* neighbours = nullptr;
@@ -92,25 +87,15 @@ class LinearSolver {
 
   /// Orders and counts by the pattern alone. Again only when the pattern changes.
   virtual FactorReport analyse(const SparseMatrix& a) = 0;
-  /// Takes the values. \pre same pattern as in analyse(), which has reported kSolved; the matrix lives,
-  /// unchanged, until the last solve()
+  /// Takes the values.
+  /// \pre same pattern as in analyse(), which has reported kSolved; the matrix lives, unchanged, until the
+  ///       last solve()
   virtual FactorReport factor(const SparseMatrix& a) = 0;
   /// x for b, both n x width interleaved; iterative solvers start from zero. \pre factor() has reported kSolved
   virtual SolveReport solve(std::span<const double> b, std::span<double> x, int width) = 0;
 };
 
 std::unique_ptr<LinearSolver> make_solver(SolverKind kind, const SolverOptions& options = {});
-
-/// The measured rule: which solver for n unknowns of a Laplacian of this order, with so many right-hand sides
-/// in all, under a memory cap. `reason` is a sentence for the log.
-struct SolverChoice {
-  SolverKind kind = SolverKind::kCholesky;
-  std::uint64_t predicted_bytes = 0;
-  std::string reason;
-};
-/// \param memory_bytes  0: no cap. \param symmetric  false: LU or BiCGSTAB
-SolverChoice choose_solver(std::size_t unknowns, int order, std::size_t right_hand_sides,
-                           std::uint64_t memory_bytes, bool symmetric = true);
 
 const char* name(SolverKind kind);
 const char* name(Ordering ordering);

@@ -177,17 +177,6 @@ SparseMatrix select(const SparseMatrix& a, std::span<const std::int32_t> rows,
   return s;
 }
 
-double asymmetry(const SparseMatrix& a) {
-  assert(a.rows == a.columns);
-  double difference = 0.0, largest = 0.0;
-  for (std::int32_t i = 0; i < a.rows; ++i)
-    for (std::int32_t e = a.start[i]; e < a.start[i + 1]; ++e) {
-      largest = std::max(largest, std::fabs(a.value[e]));
-      difference = std::max(difference, std::fabs(a.value[e] - entry(a, a.column[e], i)));
-    }
-  return largest > 0.0 ? difference / largest : 0.0;
-}
-
 bool all_finite(std::span<const double> values) {
   // NaN and infinity give NaN, everything else 0: one test at the end.
   double s = 0.0;

@@ -47,12 +47,10 @@ SparseMatrix sum(double alpha, const SparseMatrix& a, double beta, const SparseM
 SparseMatrix diagonal_matrix(std::span<const double> d);
 
 /// Rows `rows` of a, in that order, and of these the columns j with new_column[j] >= 0, renamed to
-/// new_column[j]. \pre new_column is ascending where it is not negative
+/// new_column[j].
+/// \pre new_column is ascending where it is not negative
 SparseMatrix select(const SparseMatrix& a, std::span<const std::int32_t> rows,
                     std::span<const std::int32_t> new_column, std::int32_t columns);
-
-/// Largest |a_ij - a_ji| over the largest |a_ij|; 0 for an exactly symmetric matrix. \pre square
-double asymmetry(const SparseMatrix& a);
 
 /// Whether all values are finite numbers.
 bool all_finite(std::span<const double> values);

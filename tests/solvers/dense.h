@@ -20,4 +20,11 @@ inline Eigen::MatrixXd dense(std::span<const double> interleaved, int width) {
       interleaved.data(), static_cast<Eigen::Index>(interleaved.size()) / width, width);
 }
 
+/// Largest |a_ij - a_ji| over the largest |a_ij|; 0 for an exactly symmetric matrix. \pre square
+inline double asymmetry(const SparseMatrix& a) {
+  const Eigen::MatrixXd m = dense(a);
+  const double largest = m.cwiseAbs().maxCoeff();
+  return largest > 0.0 ? (m - m.transpose()).cwiseAbs().maxCoeff() / largest : 0.0;
+}
+
 }  // namespace tessera::test

@@ -49,12 +49,11 @@ Strip strip(std::size_t cells) {
 struct Jumps {
   double first, second;
 };
-Jumps jumps(std::size_t cells, int order, double smoothness) {
+Jumps jumps(std::size_t cells, int order) {
   Strip s = strip(cells);
   const Laplacian l = laplacian({s.positions, s.faces});
-  const std::vector<double> c(s.values.size(), smoothness);
-  const ConstrainedSystem system = laplacian_system(l, order, s.fixed, c);
-  const auto solver = make_solver(system.symmetric ? SolverKind::kCholesky : SolverKind::kLu);
+  const ConstrainedSystem system = laplacian_system(l, order, s.fixed);
+  const auto solver = make_solver(SolverKind::kCholesky);
   REQUIRE(solver->analyse(system.matrix).status == SolveStatus::kSolved);
   REQUIRE(solver->factor(system.matrix).status == SolveStatus::kSolved);
   const std::vector<double> b = system.right_hand_side(s.values, 1);
@@ -80,9 +79,7 @@ TEST_CASE("laplacian system: matrices are (-1)^k L (M^-1 L)^(k-1) without fixed 
   if (order % 2 == 1) full = -full;
   CHECK((test::dense(laplacian_power(l, order)) - full).norm() <= 1e-13 * full.norm());
   const ConstrainedSystem s = laplacian_system(l, order, mesh.fixed);
-  CHECK(s.symmetric);
-  CHECK(asymmetry(s.matrix) < 1e-14);
-  CHECK(unconstrained_pieces(s).empty());
+  CHECK(test::asymmetry(s.matrix) < 1e-14);
   for (std::size_t a = 0; a < s.free_vertices.size(); ++a)
     for (std::size_t b = 0; b < s.free_vertices.size(); ++b) {
       const auto i = static_cast<std::int32_t>(a), j = static_cast<std::int32_t>(b);
@@ -95,8 +92,8 @@ TEST_CASE("laplacian system: matrices are (-1)^k L (M^-1 L)^(k-1) without fixed 
   REQUIRE(llt.info() == Eigen::Success);
   const std::vector<double> b = s.right_hand_side(mesh.target, 3);
   const Eigen::MatrixXd exact = llt.solve(test::dense(b, 3));
-  for (const SolverKind kind : {SolverKind::kCholesky, SolverKind::kLu, SolverKind::kConjugateGradients,
-                                SolverKind::kBicgstab, SolverKind::kMultigrid}) {
+  for (const SolverKind kind :
+       {SolverKind::kCholesky, SolverKind::kConjugateGradients, SolverKind::kMultigrid}) {
     CAPTURE(name(kind), order);
     const auto solver = make_solver(kind, {.tolerance = 1e-12, .order = order});
     REQUIRE(solver->analyse(s.matrix).status == SolveStatus::kSolved);
@@ -112,14 +109,11 @@ TEST_CASE("laplacian system: matrices are (-1)^k L (M^-1 L)^(k-1) without fixed 
 TEST_CASE("laplacian system: order k meets its boundary with k - 1 derivatives", "[property]") {
   struct Case {
     int order;
-    double smoothness;
     bool first, second;  // which derivatives must join
   };
-  const auto c = GENERATE(Case{1, 0.0, false, false}, Case{2, 1.0, true, false}, Case{3, 2.0, true, true},
-                          Case{2, 0.0, false, false}, Case{3, 0.0, false, false}, Case{3, 1.0, true, false});
-  CAPTURE(c.order, c.smoothness);
-  const Jumps coarse = jumps(32, c.order, c.smoothness), middle = jumps(64, c.order, c.smoothness),
-              fine = jumps(128, c.order, c.smoothness);
+  const auto c = GENERATE(Case{1, false, false}, Case{2, true, false}, Case{3, true, true});
+  CAPTURE(c.order);
+  const Jumps coarse = jumps(32, c.order), middle = jumps(64, c.order), fine = jumps(128, c.order);
   CAPTURE(coarse.first, middle.first, fine.first, coarse.second, middle.second, fine.second);
   if (c.first)
     CHECK((coarse.first > 1.6 * middle.first && middle.first > 1.6 * fine.first));
@@ -131,51 +125,10 @@ TEST_CASE("laplacian system: order k meets its boundary with k - 1 derivatives",
     CHECK((fine.second > 0.7 * middle.second && fine.second > 0.05));
 }
 
-TEST_CASE("laplacian system: boundary smoothness blends continuously and says when it is not symmetric",
+TEST_CASE("laplacian system: an order that is not there and a mesh without a free vertex are refused",
           "[unit]") {
-  const test::IrregularMesh mesh = test::irregular_mesh({.side = 16});
+  const test::IrregularMesh mesh = test::irregular_mesh({.side = 10});
   const Laplacian l = laplacian({mesh.positions, mesh.faces});
-  const auto system = [&](int order, double c) {
-    return laplacian_system(l, order, mesh.fixed, std::vector<double>(l.mass.size(), c));
-  };
-  CHECK(system(3, 2.0).matrix.value == laplacian_system(l, 3, mesh.fixed).matrix.value);
-  CHECK(system(3, 0.0).symmetric);
-  CHECK(system(2, 0.4).symmetric);
-  CHECK(asymmetry(system(2, 0.4).matrix) < 1e-14);
-  const ConstrainedSystem blend = system(3, 1.0);
-  CHECK_FALSE(blend.symmetric);
-  CHECK(asymmetry(blend.matrix) > 1e-6);
-  const std::vector<double> b = blend.right_hand_side(mesh.target, 3);
-  const Eigen::MatrixXd exact = test::dense(blend.matrix).partialPivLu().solve(test::dense(b, 3));
-  for (const SolverKind kind : {SolverKind::kLu, SolverKind::kBicgstab}) {
-    const auto solver = make_solver(kind, {.tolerance = 1e-12});
-    REQUIRE(solver->analyse(blend.matrix).status == SolveStatus::kSolved);
-    REQUIRE(solver->factor(blend.matrix).status == SolveStatus::kSolved);
-    std::vector<double> x(b.size());
-    CHECK(solver->solve(b, x, 3).status == SolveStatus::kSolved);
-    CHECK((test::dense(x, 3) - exact).norm() < 1e-7 * exact.norm());
-  }
-  // A small step of c is a small step of the matrix.
-  const Eigen::MatrixXd m0 = test::dense(system(3, 1.0).matrix), m1 = test::dense(system(3, 1.001).matrix);
-  CHECK((m0 - m1).norm() < 1e-3 * m0.norm());
-  CHECK((m0 - m1).norm() > 0.0);
-  CHECK_THROWS_AS(system(2, 1.5), UsageError);
-}
-
-TEST_CASE("laplacian system: pieces without a fixed vertex are found", "[unit]") {
-  test::IrregularMesh mesh = test::irregular_mesh({.side = 10});
-  const auto n = static_cast<std::uint32_t>(mesh.positions.size());
-  test::IrregularMesh other = mesh;
-  for (std::size_t i = 0; i < n; ++i) {
-    mesh.positions.push_back({other.positions[i][0] + 5.0, other.positions[i][1], 0.0});
-    mesh.fixed.push_back(0);
-  }
-  for (auto f : other.faces) mesh.faces.push_back({f[0] + n, f[1] + n, f[2] + n});
-  const Laplacian l = laplacian({mesh.positions, mesh.faces});
-  const int order = GENERATE(1, 2, 3);
-  const auto pieces = unconstrained_pieces(laplacian_system(l, order, mesh.fixed));
-  REQUIRE(pieces.size() == 1);
-  CHECK(pieces[0] == static_cast<std::int32_t>(n));
   CHECK_THROWS_AS(laplacian_system(l, 4, mesh.fixed), UsageError);
   CHECK_THROWS_AS(laplacian_system(l, 1, std::vector<std::uint8_t>(mesh.fixed.size(), 1)), UsageError);
 }

@@ -216,9 +216,7 @@ Run runner(const std::string& which, const Settings& s) {
   constexpr auto kFull = MultigridCycle::kFull;
   if (which == "cholesky-nd") return with(kCholesky, Ordering::kNestedDissection, kFull);
   if (which == "cholesky-amd") return with(kCholesky, Ordering::kMinimumDegree, kFull);
-  if (which == "lu") return with(kLu, Ordering::kAuto, kFull);
   if (which == "cg") return with(kConjugateGradients, Ordering::kAuto, kFull);
-  if (which == "bicgstab") return with(kBicgstab, Ordering::kAuto, kFull);
   if (which == "multigrid") return with(kMultigrid, Ordering::kAuto, kFull);
   if (which == "multigrid-v") return with(kMultigrid, Ordering::kAuto, MultigridCycle::kV);
   if (which == "multigrid-cascade") return with(kMultigrid, Ordering::kAuto, MultigridCycle::kCascading);

@@ -20,10 +20,8 @@ struct Column {
 };
 constexpr Column kColumns[] = {
     {"cg", "CG + IC", "#a63d40"},
-    {"bicgstab", "BiCGSTAB + ILU", "#e9b872"},
     {"multigrid", "Multigrid", "#2a6f97"},
     {"hypre", "AMG (hypre)", "#90a959"},
-    {"lu", "LU", "#6494aa"},
     {"cholesky-amd", "Cholesky AMD", "#8d6a9f"},
     {"cholesky-nd", "Cholesky METIS", "#1b1b1e"},
 };

@@ -1,6 +1,7 @@
 // The coarse level of smoothing: long wavelengths against direct solutions, and independence of blocks.
 #include "kernels/smooth/coarse_level.h"
 
+#include <Eigen/SparseLU>
 #include <algorithm>
 #include <catch2/catch.hpp>
 #include <cmath>
@@ -10,7 +11,7 @@
 #include "kernels/smooth/coarse_system.h"
 #include "kernels/smooth/smooth.h"
 #include "octree/error.h"
-#include "solvers/linear_solver.h"
+#include "solvers/sparse_matrix.h"
 #include "tests/helpers/block_meshes.h"
 
 namespace {
@@ -109,10 +110,14 @@ std::vector<Double3> direct(const MeshBlock& block, const SmoothOptions& options
   }
   for (double& value : b) value *= options.lambda;
   const SparseMatrix system = sum(1.0, diagonal_matrix(std::vector<double>(n, 1.0)), options.lambda, a);
-  const auto solver = make_solver(SolverKind::kLu);
-  REQUIRE(solver->analyse(system).status == SolveStatus::kSolved);
-  REQUIRE(solver->factor(system).status == SolveStatus::kSolved);
-  REQUIRE(solver->solve(b, x, 3).status == SolveStatus::kSolved);
+  const Eigen::SparseMatrix<double> columns =
+      Eigen::Map<const Eigen::SparseMatrix<double, Eigen::RowMajor, std::int32_t>>(
+          system.rows, system.columns, static_cast<Eigen::Index>(system.entries()), system.start.data(),
+          system.column.data(), system.value.data());
+  const Eigen::SparseLU<Eigen::SparseMatrix<double>> factor(columns);
+  REQUIRE(factor.info() == Eigen::Success);
+  using Rows = Eigen::Matrix<double, Eigen::Dynamic, 3, Eigen::RowMajor>;
+  Eigen::Map<Rows>(x.data(), system.rows, 3) = factor.solve(Eigen::Map<const Rows>(b.data(), system.rows, 3));
   std::vector<Double3> out(n);
   for (std::size_t v = 0; v < n; ++v)
     for (std::size_t k = 0; k < 3; ++k) out[v][k] = block.position[v][k] + x[3 * v + k];

@@ -6,142 +6,27 @@
 
 #include "kernels/decimate/decimate.h"
 #include "octree/error.h"
+#include "octree/vector.h"
 #include "tests/helpers/block_meshes.h"
-
-namespace {
 
 using namespace tessera;
 
-/// Free where all coordinates are more than `rim` inside the grid of n squares.
-std::vector<std::uint8_t> inner_vertices(const MeshBlock& block, int n, int rim) {
-  std::vector<std::uint8_t> region;
-  for (const Double3& p : block.position)
-    region.push_back(p[0] > rim - 0.5 && p[0] < n - rim + 0.5 && p[1] > rim - 0.5 && p[1] < n - rim + 0.5);
-  return region;
-}
-
-/// Largest error after the inside of a unit square was faired against the rings of `height`. Heights are
-/// scaled down: the operator sees a plane.
-double worst_error(int n, int order, const std::function<double(double, double)>& height) {
-  constexpr double kScale = 1e-4;
-  MeshBlock block = test::grid_block(n, n, [&](double i, double j) { return kScale * height(i / n, j / n); });
-  const std::vector<std::uint8_t> region = inner_vertices(block, n, order);
-  for (Double3& p : block.position) p = {p[0] / n, p[1] / n, p[2]};
-  const std::vector<Double3> right = block.position;
-  for (std::size_t v = 0; v < region.size(); ++v)
-    if (region[v] != 0) block.position[v][2] = 0.0;
-  const FairingReport report = fair_region(block.position, block.faces, region, {.order = order});
-  REQUIRE(report.done());
-  double worst = 0.0;
-  for (std::size_t v = 0; v < region.size(); ++v)
-    worst = std::max(worst, std::fabs(block.position[v][2] - right[v][2]) / kScale);
-  return worst;
-}
-
-}  // namespace
-
-TEST_CASE("fairing: the order-k surface reproduces polynomials that Delta^k maps to zero", "[unit]") {
-  // Right-angled grid: the discrete Laplacian is the five-point stencil, exact for these.
-  const auto saddle = [](double x, double y) { return 1.0 + x * x - y * y + 2.0 * x * y; };
-  const auto biharmonic = [](double x, double y) { return x * x + 2.0 * y * y + x * x * x; };
-  const auto triharmonic = [](double x, double y) { return x * x * x * x + x * y * y * y; };
-  CHECK(worst_error(16, 1, saddle) < 1e-5);
-  CHECK(worst_error(16, 2, biharmonic) < 1e-5);
-  CHECK(worst_error(16, 3, triharmonic) < 1e-4);
-  CHECK(worst_error(16, 1, biharmonic) > 0.05);
-  CHECK(worst_error(16, 2, triharmonic) > 1e-3);
-}
-
-TEST_CASE("fairing: a dented sphere heals, the better the higher the order", "[unit]") {
-  MeshBlock sphere = test::sphere_block(5);
-  const std::vector<Double3> right = sphere.position;
-  std::vector<std::uint8_t> region;
-  for (Double3& p : sphere.position) {
-    region.push_back(p[2] > 0.8);
-    if (p[2] > 0.8) p[2] = 0.8;
-  }
-  std::vector<double> worst;
-  for (const int order : {1, 2, 3}) {
-    std::vector<Double3> position = sphere.position;
-    const FairingReport report = fair_region(position, sphere.faces, region, {.order = order, .rounds = 3});
-    REQUIRE(report.done());
-    CHECK(report.solve.residual < 1e-8);
-    double error = 0.0;
-    for (std::size_t v = 0; v < region.size(); ++v) {
-      const Double3& p = position[v];
-      if (region[v] == 0) CHECK(p == right[v]);
-      error = std::max(error, std::fabs(std::sqrt(p[0] * p[0] + p[1] * p[1] + p[2] * p[2]) - 1.0));
-    }
-    worst.push_back(error);
-  }
-  CHECK(worst[1] < 0.5 * worst[0]);
-  CHECK(worst[2] < worst[1]);
-  CHECK(worst[1] < 0.05);
-}
-
-TEST_CASE("fairing: a region without boundary is reported and left alone", "[unit]") {
-  MeshBlock sphere = test::sphere_block(2);
-  const std::vector<Double3> before = sphere.position;
-  const std::vector<std::uint8_t> all(before.size(), 1);
-  const FairingReport report = fair_region(sphere.position, sphere.faces, all, {});
-  CHECK_FALSE(report.done());
-  CHECK(report.solve.status == SolveStatus::kSingular);
-  CHECK(sphere.position == before);
-  CHECK_THROWS_AS(fair_region(sphere.position, sphere.faces, std::vector<std::uint8_t>(before.size(), 0), {}),
-                  UsageError);
-  CHECK_THROWS_AS(fair_region(sphere.position, sphere.faces, all, {.order = 4}), UsageError);
-}
-
-TEST_CASE("fairing: too little memory for the factor is predicted and said", "[unit]") {
-  MeshBlock block = test::grid_block(60, 60, [](double, double) { return 0.0; });
-  const std::vector<Double3> before = block.position;
-  const FairingReport report =
-      fair_region(block.position, block.faces, inner_vertices(block, 60, 2), {.memory_bytes = 10000});
-  CHECK(report.factor.status == SolveStatus::kTooLarge);
-  CHECK_FALSE(report.factor.message.empty());
-  CHECK(block.position == before);
-}
-
-TEST_CASE("fairing: curvature flow shrinks a sphere as the differential equation says", "[unit]") {
+TEST_CASE("flow: curvature flow shrinks a sphere as the differential equation says", "[unit]") {
   // dr/dt = -2/r: an implicit step of size t takes the radius r to r / (1 + 2 t / r^2).
   MeshBlock sphere = test::sphere_block(5);
   const double t = 0.02;
-  const FairingReport report =
+  const FlowReport report =
       curvature_flow(sphere.position, sphere.faces, std::vector<std::uint8_t>(sphere.position.size(), 0),
                      {.step = t, .steps = 3});
   REQUIRE(report.done());
   double r = 1.0;
   for (int step = 0; step < 3; ++step) r /= 1.0 + 2.0 * t / (r * r);
   double mean = 0.0;
-  for (const Double3& p : sphere.position)
-    mean += std::sqrt(p[0] * p[0] + p[1] * p[1] + p[2] * p[2]) / static_cast<double>(sphere.position.size());
+  for (const Double3& p : sphere.position) mean += norm(p) / static_cast<double>(sphere.position.size());
   CHECK(mean == Approx(r).epsilon(0.002));
 }
 
-TEST_CASE("fairing: where the factor does not fit, multigrid finds the same surface", "[unit]") {
-  const auto dent = [](double i, double j) {
-    return 0.02 * i * j + ((static_cast<int>(i * 7 + j * 3) % 5) * 0.1);
-  };
-  MeshBlock direct = test::grid_block(200, 200, dent), iterated = direct;
-  const int order = GENERATE(1, 2);
-  const auto region = inner_vertices(direct, 200, order);
-  const FairingReport a = fair_region(direct.position, direct.faces, region, {.order = order});
-  REQUIRE(a.done());
-  CHECK(a.solve.iterations == 0);
-  // Between what multigrid and what a factor of this system need.
-  const std::uint64_t cap = order == 1 ? 14'000'000 : 40'000'000;
-  const FairingReport b =
-      fair_region(iterated.position, iterated.faces, region, {.order = order, .memory_bytes = cap});
-  INFO(b.choice << "; direct predicted " << a.factor.peak_bytes << "; " << b.factor.message);
-  REQUIRE(b.done());
-  CHECK(b.solve.iterations > 0);
-  double largest = 0.0;
-  for (std::size_t v = 0; v < direct.position.size(); ++v)
-    largest = std::max(largest, std::fabs(direct.position[v][2] - iterated.position[v][2]));
-  CHECK(largest < 1e-5 * 800);  // the surface is 800 high
-}
-
-TEST_CASE("fairing: curvature flow by multigrid is the flow of the direct solver", "[unit]") {
+TEST_CASE("flow: curvature flow by multigrid is the flow of the direct solver", "[unit]") {
   MeshBlock direct = test::sphere_block(5);
   test::add_noise(direct, 0.01, 7);
   std::vector<Double3> iterated = direct.position, again = direct.position;
@@ -165,16 +50,7 @@ namespace {
 
 Double3 normal(const MeshBlock& block, const std::vector<Double3>& position, std::size_t face) {
   const auto& f = block.faces[face];
-  Double3 u, v;
-  for (std::size_t a = 0; a < 3; ++a) {
-    u[a] = position[f[1]][a] - position[f[0]][a];
-    v[a] = position[f[2]][a] - position[f[0]][a];
-  }
-  return {u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]};
-}
-
-double along(const Double3& a, const Double3& b) {
-  return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+  return triangle_normal(position[f[0]], position[f[1]], position[f[2]]);
 }
 
 /// Edges whose two faces open more than 90 degrees.
@@ -185,7 +61,7 @@ std::size_t folded_edges(const MeshBlock& block, const std::vector<Double3>& pos
     for (std::size_t k = 0; k < 3; ++k) {
       const std::uint32_t u = block.faces[f][k], v = block.faces[f][(k + 1) % 3];
       const auto [it, fresh] = other.try_emplace({std::min(u, v), std::max(u, v)}, f);
-      if (!fresh) folded += along(normal(block, position, f), normal(block, position, it->second)) < 0.0;
+      if (!fresh) folded += dot(normal(block, position, f), normal(block, position, it->second)) < 0.0;
     }
   return folded;
 }
@@ -210,7 +86,36 @@ std::vector<std::uint8_t> border_vertices(const MeshBlock& block) {
 
 }  // namespace
 
-TEST_CASE("fairing: a wave between fixed borders decays as surface diffusion says", "[unit]") {
+TEST_CASE("flow: where the factor does not fit, multigrid finds the same surface, and too little is said",
+          "[unit]") {
+  MeshBlock direct = test::grid_block(200, 200, [](double i, double j) {
+    return 0.02 * i * j + ((static_cast<int>(i * 7 + j * 3) % 5) * 0.1);
+  });
+  std::vector<Double3> iterated = direct.position, refused = direct.position;
+  const std::vector<Double3> before = direct.position;
+  const std::vector<std::uint8_t> fixed = border_vertices(direct);
+  FlowOptions options;
+  options.step = 4.0;
+  const FlowReport a = curvature_flow(direct.position, direct.faces, fixed, options);
+  REQUIRE(a.done());
+  CHECK(a.solve.iterations == 0);
+  options.memory_bytes = 14'000'000;  // between what multigrid and what a factor of this system need
+  const FlowReport b = curvature_flow(iterated, direct.faces, fixed, options);
+  INFO(b.choice << "; direct predicted " << a.factor.peak_bytes << "; " << b.factor.message);
+  REQUIRE(b.done());
+  CHECK(b.solve.iterations > 0);
+  double largest = 0.0;
+  for (std::size_t v = 0; v < before.size(); ++v)
+    largest = std::max(largest, std::fabs(direct.position[v][2] - iterated[v][2]));
+  CHECK(largest < 1e-5 * 800);  // the surface is 800 high
+  options.memory_bytes = 10000;
+  const FlowReport c = curvature_flow(refused, direct.faces, fixed, options);
+  CHECK(c.factor.status == SolveStatus::kTooLarge);
+  CHECK_FALSE(c.factor.message.empty());
+  CHECK(refused == before);
+}
+
+TEST_CASE("flow: a wave between fixed borders decays as surface diffusion says", "[unit]") {
   // The border does not bend: sin(pi x) sin(pi y) is a mode of the plate. Right-angled grid: the five-point stencil.
   const int n = 32;
   const double pi = std::acos(-1.0), amplitude = 1e-4;
@@ -238,8 +143,7 @@ TEST_CASE("fairing: a wave between fixed borders decays as surface diffusion say
   CHECK(worst < 1e-4 * amplitude);
 }
 
-TEST_CASE("fairing: a flow folds no face of a decimated sheet or sphere, however long its steps",
-          "[property]") {
+TEST_CASE("flow: a flow folds no face of a decimated sheet or sphere, however long its steps", "[property]") {
   const bool closed = GENERATE(false, true);
   MeshBlock block;
   if (closed) {
@@ -290,7 +194,7 @@ TEST_CASE("fairing: a flow folds no face of a decimated sheet or sphere, however
   if (length > 3.0) CHECK(moved > 1.0);
 }
 
-TEST_CASE("fairing: faces that cannot but fold move as one, a mesh of many is refused and left alone",
+TEST_CASE("flow: faces that cannot but fold move as one, a mesh of many is refused and left alone",
           "[unit]") {
   // The mean of the neighbours lies outside a chevron, where the vertex in the middle cannot see all of its border.
   const std::vector<Double3> chevron = {{0, 1, 0.1},    {0, 0, 0},      {9, -8, 0},
