@@ -56,14 +56,15 @@ class MultipoleTree {
   /// \pre canonical order (Morton code of q)
   MultipoleTree(std::vector<Dipole> dipoles, int leaf_bits, int top_bits = kMaxCellBits);
   /// From ready leaves, and the dipoles of some of them: of those that are adjacent to a query, if there is
-  /// no finer tree below. \pre ascending keys; canonical order
+  /// no finer tree below.
+  /// \pre ascending keys; canonical order
   MultipoleTree(std::vector<Multipole> leaves, std::vector<Dipole> dipoles, int leaf_bits,
                 int top_bits = kMaxCellBits);
 
   struct Level {
     std::vector<Multipole> cells;  ///< ascending keys
-    std::vector<std::uint32_t>
-        first_child;  ///< per cell, and the end: index into the level below, or the dipoles
+    /// Per cell, and the end: index into the level below, or the dipoles.
+    std::vector<std::uint32_t> first_child;
   };
   int leaf_bits() const { return leaf_bits_; }
   int top_bits() const { return leaf_bits_ + static_cast<int>(levels_.size()) - 1; }

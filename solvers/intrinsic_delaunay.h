@@ -18,8 +18,8 @@ struct IntrinsicMesh {
   std::vector<std::array<std::uint32_t, 3>> faces;  ///< m, as oriented in the input
   std::vector<std::array<double, 3>> length;        ///< m x 3, of the edge opposite each corner
   std::size_t flips = 0;
-  std::size_t not_delaunay =
-      0;  ///< edges left that would flip but may not: other than two faces, or the flip limit
+  /// Edges left that would flip but may not: other than two faces, or the flip limit.
+  std::size_t not_delaunay = 0;
   double mollified = 0.0;  ///< length added to every edge; 0 unless a face is degenerate
 };
 

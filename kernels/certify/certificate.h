@@ -45,16 +45,16 @@ struct Box3 {
 
 struct CertificateOptions {
   double tolerance = 0.0;  ///< scan units, > 0
-  double reach =
-      0.0;  ///< >= tolerance: the other surface is complete within it; larger distances are "beyond"
+  /// >= tolerance: the other surface is complete within it; larger distances are "beyond".
+  double reach = 0.0;
   double tightness = 1.03;  ///< > 1
   double enough = 0.0;      ///< >= 0: bounds up to here need not be tight
   double area_unit = 0.0;   ///< > 0: areas in the histogram are integers in it (lengths, of its root)
 };
 
 struct DeviationReport {
-  double upper =
-      0.0;  ///< no point is farther: proven, rounding included. Infinite when some are beyond reach
+  /// No point is farther: proven, rounding included. Infinite when some are beyond reach.
+  double upper = 0.0;
   double lower = 0.0;  ///< some point is this far: `witness`. With points beyond reach: the reach
   Double3 witness = {0, 0, 0};
   std::uint32_t witness_face = 0;
@@ -62,8 +62,8 @@ struct DeviationReport {
   std::uint64_t faces = 0;       ///< looked at
   std::uint64_t faces_over = 0;  ///< not proven to stay within the tolerance
   double area = 0.0;             ///< of what was looked at
-  double square_integral =
-      0.0;  ///< of the distance, by one point per piece; what is beyond reach counts as reach
+  /// Of the distance, by one point per piece; what is beyond reach counts as reach.
+  double square_integral = 0.0;
   std::array<std::uint64_t, kDeviationBins + 2> histogram{};  ///< area by distance, in area_unit
   std::uint64_t pieces = 0, queries = 0;                      ///< work
 

@@ -79,9 +79,10 @@ GrownCells grow_closing(const Int3& corner, std::span<const BandSigns> signs,
                         const ClosingField& field, std::span<const Int3> near_points,
                         const ClosingOptions& options);
 
-/// Adds closing cells to the band of a block: values of the closing field at their nodes and roots on their edges.
-/// \param cells  those of the block and of the leaves just below and above it \post  the local
-/// cells of `field` are what they were
+/// Adds closing cells to the band of a block: values of the closing field at their nodes and roots on their
+/// edges.
+/// \param cells  those of the block and of the leaves just below and above it
+/// \post  the local cells of `field` are what they were
 void add_closing(DirectedField& field, std::span<const ClosingLeaf> cells, const ClosingField& closing,
                  const ClosingOptions& options);
 

@@ -1,13 +1,8 @@
 /// \file decimate.h
 /// Edge-collapse decimation of one block of mesh inside a two-sided tolerance to the reference.
-/// Sources: Garland and Heckbert 1997 (quadrics); Trettner and Kobbelt, "Fast and Robust QEM Minimization
-/// using Probabilistic Quadrics", 2020; Kobbelt, Campagna and Seidel, "A General Framework for Mesh
-/// Decimation", 1998 (halfedge collapses; binary legality, continuous priority); Botsch's thesis, 3.2.2.
-///
-/// A vertex is free if its star is complete: each edge at it has two faces in the block, or one and the flag
-/// of a border. All other vertices are locked: they keep key, position and attributes bit for bit, and edges
-/// between two locked vertices with less than two faces in the block stay. So blocks of one pass may run in
-/// any order or at once.
+/// A vertex is free if its star is complete: each edge at it has two faces in the block, or one and the flag of a
+/// border. All other vertices are locked: they keep key, position and attributes bit for bit, and edges between two
+/// locked vertices with less than two faces in the block stay. So blocks of one pass may run in any order or at once.
 #pragma once
 #include <array>
 #include <cstddef>
@@ -38,8 +33,8 @@ enum class DecimatePlacement : std::uint8_t {
 inline constexpr std::size_t kCostClasses = 2048;
 
 struct DecimateOptions {
-  double tolerance =
-      0.0;  ///< two-sided distance to the reference, scan units; 0 = not tested (plain quadrics)
+  /// Two-sided distance to the reference, scan units; 0 = not tested (plain quadrics).
+  double tolerance = 0.0;
   std::uint32_t max_cost_class = kCostClasses - 1;  ///< collapses of a higher class are not done
   DecimatePriority priority = DecimatePriority::kQuadric;
   DecimatePlacement placement = DecimatePlacement::kEndpoint;
@@ -50,15 +45,15 @@ struct DecimateOptions {
   double noise = 0.0;  ///< kProbabilistic: standard deviation of positions, scan units; 0 = tolerance / 8
   /// Edges that turn by more are creases as well; 0 = only by vertex_class. Creases deviate by half the tolerance.
   double feature_angle_deg = 0.0;
-  double max_normal_turn_deg =
-      0.0;  ///< largest angle of a new face to the original faces it stands for; 0 = free. Not counted where
-            ///< moving one corner of the original face by half the tolerance and a 32nd of the largest height
-            ///< of the faces around its corners explains the turn: noise turns slivers
-  double min_roundness =
-      0.02;  ///< smallest 4 sqrt(3) area / (sum of squared edges), unless it was worse before
+  /// Largest angle of a new face to the original faces it stands for; 0 = free. Not counted where moving one
+  /// corner of the original face by half the tolerance and a 32nd of the largest height of the faces around
+  /// its corners explains the turn: noise turns slivers.
+  double max_normal_turn_deg = 0.0;
+  /// Smallest 4 sqrt(3) area / (sum of squared edges), unless it was worse before.
+  double min_roundness = 0.02;
   double colour_weight = 0.0;  ///< scan units that the full range of a colour channel is worth; 0 = ignored
-  double normal_weight =
-      0.0;  ///< scan units that a turn of a vertex normal by one radian is worth; 0 = ignored
+  /// Scan units that a turn of a vertex normal by one radian is worth; 0 = ignored.
+  double normal_weight = 0.0;
 
   void validate() const;  ///< throws UsageError naming the field
 };

@@ -26,8 +26,8 @@ class BrickExtractor {
     Int3 cell;            ///< relative to the brick; -1 on one axis for the halo
     std::uint8_t number;  ///< loop of the cell
     std::uint8_t size;
-    std::uint8_t flipped[3] = {
-        0, 0, 0};  ///< per axis: loops of the cell below that a flip already links to this one
+    /// Per axis: loops of the cell below that a flip already links to this one.
+    std::uint8_t flipped[3] = {0, 0, 0};
     std::uint32_t first;
     std::uint32_t centre;  ///< vertex
     Float3 position;       ///< relative to the cell

@@ -29,13 +29,10 @@ struct ExtractReport {
 
 /// Extracts every brick of the block's core, in Morton order of bricks, and hands each non-empty patch to
 /// `sink`. A cell takes part when all its eight nodes are valid or it closes a hole (closing.h); the latter hold no
-/// features. The patch of a brick is a pure function of
-/// the field within one cell around it: the same bytes for any block that holds it. A patch may be non-empty
-/// although its brick has no cell at the surface: edge points on its min faces, and faces at features that
-/// pass them, belong to it, so extract every brick that touches a valid cell.
-///
+/// features. The patch of a brick is a pure function of the field within one cell around it: the same bytes for any
+/// block that holds it. A patch may be non-empty although its brick has no cell at the surface: edge points on its min
+/// faces, and faces at features that pass them, belong to it, so extract every brick that touches a valid cell.
 /// \pre   field.cells are multiples of kBrickCells
-///
 /// \post  the union of all patches, welded by key, is an oriented 2-manifold with border; the border lies
 ///        only where valid cells meet invalid ones; no face is degenerate
 ExtractReport extract_surface(const DirectedField& field, const ExtractOptions& options,

@@ -42,8 +42,8 @@ struct BandLeaf {
 struct DirectedField {
   Int3 origin = {0, 0, 0};  ///< global cell coordinates of the block's min corner
   Int3 cells = {0, 0, 0};   ///< core size; nodes run over [-1, cells + 1]
-  std::vector<std::int32_t>
-      leaf_index;                ///< dense (cells/8 + 2)^3 table, x fastest, -1 = no leaf; leaf -1 first
+  /// Dense (cells/8 + 2)^3 table, x fastest, -1 = no leaf; leaf -1 first.
+  std::vector<std::int32_t> leaf_index;
   std::vector<BandLeaf> leaves;  ///< in table order
   std::vector<EdgeRoot> roots;   ///< by leaf, axis, word, bit
 

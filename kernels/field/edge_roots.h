@@ -12,10 +12,11 @@ namespace tessera {
 /// Smallest distance of a root from the ends of its edge, cells; keeps triangles from degenerating.
 inline constexpr float kRootMargin = 1.0f / 64.0f;
 
-/// Finds every crossed edge of the band, sets BandLeaf::crossing and first_root, and fills field.roots.
-/// On smooth stretches the root is that of the cubic through values and slopes at both nodes. Beside creases
-/// it is the root of the nodes' sheets, so that it lies on one exact face and has that face's normal. \param
-/// fits    per leaf of the field, same order \param sheets  what LeafFit::first_sheets points into
+/// Finds every crossed edge of the band, sets BandLeaf::crossing and first_root, and fills field.roots. On smooth
+/// stretches the root is that of the cubic through values and slopes at both nodes. Beside creases it is the root of the
+/// nodes' sheets, so that it lies on one exact face and has that face's normal.
+/// \param fits    per leaf of the field, same order
+/// \param sheets  what LeafFit::first_sheets points into
 void find_roots(const std::vector<LeafFit>& fits, const std::vector<Sheets>& sheets, DirectedField& field);
 
 }  // namespace tessera

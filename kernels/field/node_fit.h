@@ -21,8 +21,8 @@ struct LeafFit {
   alignas(32) std::array<float, 512> value{};  ///< signed distance to the fitted sphere, cells
   alignas(32) std::array<std::array<float, 512>, 3> gradient{};  ///< unit, outward
   std::array<std::uint64_t, 8> valid{};  ///< enough samples, and the node's foot point lies among them
-  std::array<std::uint64_t, 8>
-      creased{};  ///< subset of valid: the node has sheets, value and gradient are theirs
+  /// Subset of valid: the node has sheets, value and gradient are theirs.
+  std::array<std::uint64_t, 8> creased{};
   std::array<std::uint32_t, 8> first_sheets{};  ///< index of the sheets of the first such node of each word
   /// Nodes with too few samples in a plane nearby, and those that only the rim test rejects.
   std::array<std::uint64_t, 8> few{}, beyond{};
@@ -32,8 +32,8 @@ struct LeafFit {
 
 struct NodeFitOptions {
   float radius = 3.0f;  ///< cells; a multiple of 1/1024, so that comparing with it is exact
-  float bent_residual =
-      4e-3f;  ///< mean squared normal residual against the sphere from which sheets are tried
+  /// Mean squared normal residual against the sphere from which sheets are tried.
+  float bent_residual = 4e-3f;
   /// Samples off the surface, with normals to match: clusters start from averaged normals. Else from single
   /// ones, which finds faces that barely reach in.
   bool noisy = false;

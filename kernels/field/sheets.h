@@ -47,7 +47,8 @@ struct SheetOptions {
 };
 
 /// Splits the samples into sheets. Each sum runs over the samples in canonical order, in eight interleaved
-/// partial sums that are joined by a fixed tree: a pure function of the list. \pre samples padded
+/// partial sums that are joined by a fixed tree: a pure function of the list.
+/// \pre samples padded
 Sheets fit_sheets(LocalSamples& samples, const NormalSeeds& seeds, const SheetOptions& options);
 
 }  // namespace tessera

@@ -46,8 +46,8 @@ enum class HoleOutcome : std::uint8_t {
 
 struct HoleFilling {
   HoleOutcome outcome = HoleOutcome::kFilled;
-  bool fair =
-      true;  ///< false: the bending could not be minimised (a degenerate patch); it is a membrane then
+  /// false: the bending could not be minimised (a degenerate patch); it is a membrane then.
+  bool fair = true;
   std::vector<Double3> position;    ///< new vertices, none on the rim
   std::vector<std::uint32_t> rgba;  ///< theirs, or empty
   /// Counter-clockwise from outside; indices below n are the loop's, others n + new vertex. Canonical: a pure

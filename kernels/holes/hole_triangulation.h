@@ -11,9 +11,8 @@
 namespace tessera {
 
 struct HoleTriangulation {
-  std::vector<std::array<std::uint32_t, 3>>
-      faces;  ///< n - 2, or none when every one needs a taken edge or a face
-              ///< without area
+  /// n - 2, or none when every one needs a taken edge or a face without area.
+  std::vector<std::array<std::uint32_t, 3>> faces;
   /// Cosine between the normals of the faces on both sides of the rim, mean weighted by length: 1 goes
   /// straight on, -1 folds back.
   double rim_cosine = 1.0;

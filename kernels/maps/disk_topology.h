@@ -10,8 +10,8 @@
 namespace tessera {
 
 struct SurfaceTopology {
-  std::vector<std::vector<std::uint32_t>>
-      loops;                   ///< borders, each along its faces, from its smallest vertex; by it
+  /// Borders, each along its faces, from its smallest vertex; by it.
+  std::vector<std::vector<std::uint32_t>> loops;
   std::int64_t euler = 0;      ///< vertices - edges + faces, unused vertices left out
   std::size_t components = 0;  ///< pieces joined by edges
   std::size_t unused_vertices = 0;

@@ -29,8 +29,8 @@ enum class ParameterBorder : std::uint8_t { kCircle, kSquare };
 struct ParameterizeOptions {
   ParameterMethod method = ParameterMethod::kLeastSquaresConformal;
   ParameterBorder border = ParameterBorder::kCircle;  ///< conformal only
-  bool clamp_weights =
-      false;  ///< conformal only: negative cotangents become 0; then no triangle flips (Tutte 1963)
+  /// Conformal only: negative cotangents become 0; then no triangle flips (Tutte 1963).
+  bool clamp_weights = false;
   /// Beside the mesh; 0 = no limit. A factor that is predicted not to fit is not tried: multigrid serves.
   std::uint64_t memory_bytes = 0;
 };

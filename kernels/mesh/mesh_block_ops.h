@@ -12,7 +12,8 @@
 namespace tessera {
 
 /// Sorts vertices by key, drops those that no face uses, turns every face so that its smallest index comes
-/// first (border bits along), sorts faces. `tag` (one per face, or empty) moves along. \pre keys are unique
+/// first (border bits along), sorts faces. `tag` (one per face, or empty) moves along.
+/// \pre keys are unique
 void canonicalise(MeshBlock& block, std::vector<std::uint8_t>* tag = nullptr);
 
 /// The faces with keep != 0 and their vertices. The result is canonical if `block` is.

@@ -35,14 +35,16 @@ struct Camera {
 
 /// front back left right top bottom iso iso2 turn:DEGREES. With up = z the viewer of `front` stands at -y;
 /// with up = y at +z. iso looks from the front, right and above, iso2 from the opposite side; turn goes
-/// around from the front, 20 degrees above. \throws UsageError for an unknown name
+/// around from the front, 20 degrees above.
+/// \throws UsageError for an unknown name
 ViewSpec parse_view(const std::string& text, const Double3& up);
 
 /// The view from `eye` to `target`, in perspective. \throws UsageError when they coincide
 ViewSpec eye_view(const Double3& eye, const Double3& target, const Double3& up);
 
-/// Places a camera so that `points` (a sample of what is seen) fill the frame but for a margin, then
-/// enlarges by `zoom`. \pre points not empty, aspect = width / height > 0
+/// Places a camera so that `points` (a sample of what is seen) fill the frame but for a margin, then enlarges
+/// by `zoom`.
+/// \pre points not empty, aspect = width / height > 0
 Camera fit_camera(const ViewSpec& view, std::span<const Float3> points, double aspect, double zoom);
 
 /// Places a camera on the ball of `radius` around `centre`.

@@ -35,7 +35,8 @@ struct Surfel {
 
 /// Sign and weight of a link between two surfels: the normal of `a`, carried to `b` along a circular arc,
 /// against the normal of `b`. Positive = same side. 0 when no arc joins the two; magnitude at most
-/// kVoteScale. \param offset  b's position minus a's, cells
+/// kVoteScale.
+/// \param offset  b's position minus a's, cells
 std::int32_t link_vote(const Surfel& a, const Surfel& b, const Float3& offset);
 inline constexpr std::int32_t kVoteScale = 4096;
 
@@ -48,7 +49,9 @@ struct SurfelLink {
 
 /// Links between the surfels of two voxels: of all pairs those that are the best for at least one of the two,
 /// so that the two sides of a thin wall follow their own sides. `a` and `b` may be the same list: then each
-/// pair once. \param shift  added to b's positions, cells   \param links  appended to
+/// pair once.
+/// \param shift  added to b's positions, cells
+/// \param links  appended to
 void link_voxels(std::span<const Surfel> a, std::span<const Surfel> b, const Float3& shift,
                  std::vector<SurfelLink>& links);
 
@@ -88,8 +91,8 @@ struct OrientationInput {
   std::span<const Float3> normal;
   std::span<const float> variation;  ///< PointShape::variation
   std::span<const Float3> given;     ///< normals that came with the points, only compared with; empty = none
-  std::span<const float>
-      visible;  ///< cosine of the normal with the way to the sensor or up; empty = unknown, as 0
+  /// Cosine of the normal with the way to the sensor or up; empty = unknown, as 0.
+  std::span<const float> visible;
 };
 
 /// Patches of one brick and what they say of each other.

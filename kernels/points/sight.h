@@ -36,13 +36,15 @@ class SurfelScene {
     float distance = 0.0f;     ///< cells
     float cosine = 0.0f;       ///< between its normal and the way back: positive = its front is met
   };
-  /// The first surfel along a ray. \param way  unit, no component 0 \param near,far  distances between which a
-  /// surfel is met, cells \param own  a surfel that is not met
+  /// The first surfel along a ray.
+  /// \param way  unit, no component 0
+  /// \param near,far  distances between which a surfel is met, cells
+  /// \param own  a surfel that is not met
   Sight look(const Float3& from, const Float3& way, float near, float far, std::uint32_t own) const;
 
  private:
-  static constexpr std::int32_t kVoxels =
-      8;  ///< along the edge of a brick, and bricks along that of a region
+  /// Along the edge of a brick, and bricks along that of a region.
+  static constexpr std::int32_t kVoxels = 8;
   struct Brick {
     std::array<std::uint64_t, kVoxels> occupied{};  ///< bit per coarse voxel, x lowest
     std::array<std::uint32_t, kVoxels> before{};    ///< occupied voxels of the job before each word
@@ -81,15 +83,18 @@ struct SightVotes {
   SceneKind scene = SceneKind::kLand;
 };
 
-/// \param surfels  with the signs that they have inside their group, which is their `patch` \param up  unit
-/// \param scale  weight of one fine surfel's votes while all its looks agree \cost some millions of rays,
-/// whatever the job's size
+/// \param surfels  with the signs that they have inside their group, which is their `patch`
+/// \param up  unit
+/// \param scale  weight of one fine surfel's votes while all its looks agree
+/// \cost some millions of rays, whatever the job's size
 SightVotes vote_by_sight(std::span<const JobSurfel> surfels, std::size_t groups, const Float3& up,
                          double scale);
 
-/// Votes of sensors that nothing hides, for points that do not say which one saw them: the nearest of these says
-/// most, and less the more it looks along the surface. \param sensors  cells from the lattice origin, anywhere
-/// \returns as SightVotes::sides \cost as vote_by_sight
+/// Votes of sensors that nothing hides, for points that do not say which one saw them: the nearest of these
+/// says most, and less the more it looks along the surface.
+/// \param sensors  cells from the lattice origin, anywhere
+/// \returns as SightVotes::sides
+/// \cost as vote_by_sight
 std::vector<PatchVote> vote_by_sensors(std::span<const JobSurfel> surfels, std::size_t groups,
                                        std::span<const Float3> sensors, double scale);
 

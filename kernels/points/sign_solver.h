@@ -39,8 +39,10 @@ struct Contraction {
 
 /// Joins the pairs with the best score, round by round: in a round every group that has a tie within a fixed
 /// factor of the best joins along its best tie. Heavier groups take lighter ones in. Deterministic, ties by
-/// index. \param weight  of the nodes, decides who takes whom in   \pre votes are merged, a < b \cost O(E log
-/// E) per round, rounds grow with log(nodes) and log(range of votes)
+/// index.
+/// \param weight  of the nodes, decides who takes whom in
+/// \pre votes are merged, a < b
+/// \cost O(E log E) per round, rounds grow with log(nodes) and log(range of votes)
 Contraction contract_signs(std::span<const std::uint64_t> weight, std::vector<PatchVote> votes,
                            const ContractionLimits& limits);
 
@@ -53,8 +55,8 @@ struct SignSolution {
 };
 
 /// Signs that break few votes: contraction to the end, then flips of whole subtrees of the contraction,
-/// largest gain first, and of single nodes, while they gain, a fixed number of sweeps. \pre votes are merged,
-/// a < b, every index below weight.size()
+/// largest gain first, and of single nodes, while they gain, a fixed number of sweeps.
+/// \pre votes are merged, a < b, every index below weight.size()
 SignSolution solve_signs(std::span<const std::uint64_t> weight, std::span<const PatchVote> votes);
 
 }  // namespace tessera

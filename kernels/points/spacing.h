@@ -49,7 +49,8 @@ struct SpacingHistograms {
 void measure_distances(const SampleCell& cell, SpacingHistograms& out);
 
 /// Residuals of quadrics fitted to the points within `radius` of points in the middle half of the cell, where
-/// there are at least 12. \pre radius <= cell.size / 4
+/// there are at least 12.
+/// \pre radius <= cell.size / 4
 void measure_residuals(const SampleCell& cell, double radius, SpacingHistograms& out);
 
 /// What is concluded from the histograms, in their unit. Zero: not measured.
@@ -58,8 +59,8 @@ struct SpacingSummary {
   /// about coverage: half the 95 % quantile of the distance to the 8th one (equal to the spacing of a uniform
   /// random sample), but at least the median nearest distance (equal to the spacing of a grid).
   double spacing = 0.0;
-  double gap =
-      0.0;  ///< 95 % quantile of the distance to the 4th neighbour; a support must reach 2.5 times it
+  /// 95 % quantile of the distance to the 4th neighbour; a support must reach 2.5 times it.
+  double gap = 0.0;
   double noise = 0.0;     ///< lower quartile of the residual: curvature and features only add to noise
   double residual = 0.0;  ///< median residual
 };

@@ -51,8 +51,8 @@ struct CoarseBasis {
   std::vector<std::uint64_t> name;    ///< of the unknowns, ascending
   std::vector<std::uint32_t> seed;    ///< the vertex with the smallest key
   std::vector<std::uint8_t> on_line;  ///< the piece is of a crease or border
-  std::vector<std::array<std::uint32_t, kCoarseCorners>>
-      unknown;  ///< n; that the vertex is interpolated from, or kNone
+  /// n; that the vertex is interpolated from, or kNone.
+  std::vector<std::array<std::uint32_t, kCoarseCorners>> unknown;
   std::vector<std::array<float, kCoarseCorners>> weight;  ///< n; >= 0, 0 for kNone; sum to 1, or 0 for all
   std::vector<std::uint8_t> right;                        ///< n; all that the row depends on is in the block
 };
@@ -74,7 +74,8 @@ struct CoarseLoad {
   Double3 bend = {0, 0, 0};  ///< order 2
 };
 
-/// What the vertices add to the matrices, by row and column. \param vertices  ascending
+/// What the vertices add to the matrices, by row and column.
+/// \param vertices  ascending
 /// \throws std::logic_error when one of them or of their neighbours is not `right`
 std::vector<CoarseEntry> coarse_matrix(const SurfaceRows& rows, const CoarseBasis& basis,
                                        std::span<const std::uint32_t> vertices, const CoarseOptions& options);

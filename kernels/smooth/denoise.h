@@ -30,9 +30,10 @@ struct DenoiseOptions {
 /// Rings that it reads around a vertex.
 int denoise_rings(const DenoiseOptions& options);
 
-/// New positions of the wanted vertices, the others stay. Right where denoise_rings() whole rings are in the block
-/// (complete_rings()). A vertex whose sides have too few samples for a fit stays.
-/// \param corners  the block's own; \param wanted  n flags, 1 or 0
+/// New positions of the wanted vertices, the others stay. Right where denoise_rings() whole rings are in the
+/// block (complete_rings()). A vertex whose sides have too few samples for a fit stays.
+/// \param corners  the block's own
+/// \param wanted  n flags, 1 or 0
 /// \pre the block is canonical, fewer than 2^30 faces, positions finite
 /// \cost denoise_bytes()
 std::vector<Double3> denoise(const MeshBlock& block, const FaceCorners& corners,

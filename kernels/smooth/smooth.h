@@ -39,8 +39,8 @@ struct SmoothOptions {
 struct SmoothRound {
   bool by_normals = false;
   bool by_fits = false;  ///< denoise.h
-  bool by_flow =
-      false;  ///< implicit curvature flow (curvature_flow.h): no local rule, the block is the whole mesh
+  /// Implicit curvature flow (curvature_flow.h): no local rule, the block is the whole mesh.
+  bool by_flow = false;
   NormalFilterOptions normals;  ///< by_normals, by_fits
   double noise = 0.0;           ///< by_fits
   SurfaceRowOptions rows;       ///< else; by_flow: creases, corners and borders stay where they are
@@ -53,7 +53,8 @@ struct SmoothRound {
 constexpr int kCoarseCycles = 3;
 
 /// The rounds that the options mean, in order. Long explicit methods are cut into rounds of at most 32 rings,
-/// always at the same steps. \throws UsageError from validate()
+/// always at the same steps.
+/// \throws UsageError from validate()
 std::vector<SmoothRound> smooth_rounds(const SmoothOptions& options);
 
 int round_rings(const SmoothRound& round);
@@ -63,18 +64,18 @@ struct SmoothCounts {
   std::uint64_t line = 0;      ///< of these, smoothed along a crease or border
   std::uint64_t fixed = 0;     ///< corners, junctions, non-manifold vertices
   std::uint64_t degenerate_faces = 0;
-  std::uint64_t flow_systems =
-      0;  ///< by_flow: solved; more than steps where steps were cut, so as to fold no face
-  std::uint64_t faces_as_one =
-      0;  ///< by_flow: whose vertices moved as one for the same reason, in every step
+  /// by_flow: solved; more than steps where steps were cut, so as to fold no face.
+  std::uint64_t flow_systems = 0;
+  /// by_flow: whose vertices moved as one for the same reason, in every step.
+  std::uint64_t faces_as_one = 0;
 };
 
 struct SmoothedBlock {
   std::vector<Double3> position;  ///< n
   std::vector<Float3> bend;       ///< n after a cycle of order 2, else empty
   std::vector<VertexRole> role;   ///< n
-  std::vector<std::uint8_t>
-      complete;  ///< n; 1 = wanted, round_rings() rings are in the block, the position is right
+  /// n; 1 = wanted, round_rings() rings are in the block, the position is right.
+  std::vector<std::uint8_t> complete;
   SmoothCounts counts;
 };
 
@@ -91,7 +92,8 @@ struct CoarseSolution {
   std::vector<CoarseValue> value;
 };
 
-/// One cycle of an implicit step with a coarse level. \param block  as the step found it: what the rows are made from
+/// One cycle of an implicit step with a coarse level.
+/// \param block  as the step found it: what the rows are made from
 /// \param now   n, where the vertices are after the cycles before
 /// \param bend  order 2: n, what these cycles said of it, or empty in the first
 /// \pre round.cycle >= 0; the solution holds all unknowns of the wanted vertices' surroundings
@@ -102,7 +104,8 @@ SmoothedBlock smooth_cycle(const MeshBlock& block, std::span<const Double3> now,
 
 /// Where a vertex comes to rest: `to`, rounded to floats if a mesh of floats holds it, and drawn towards
 /// `from` until it is no farther than `tolerance` (0 = no limit) from it. The distance computed from the
-/// result does not exceed it. \pre with `floats`, `from` is a float exactly
+/// result does not exceed it.
+/// \pre with `floats`, `from` is a float exactly
 Double3 settle(const Double3& from, const Double3& to, double tolerance, bool floats);
 
 /// Bytes that smooth_block() or smooth_cycle() allocates for a block of so many vertices and faces.

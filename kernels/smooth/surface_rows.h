@@ -27,8 +27,8 @@ enum class VertexRole : std::uint8_t { kFree, kLine, kFixed, kOpen };
 
 struct SurfaceRowOptions {
   LaplaceWeights weights = LaplaceWeights::kCotangent;
-  double feature_angle_deg =
-      0.0;  ///< edges whose faces open more are creases; 0 = no creases (borders stay lines)
+  /// Edges whose faces open more are creases; 0 = no creases (borders stay lines).
+  double feature_angle_deg = 0.0;
 };
 
 struct SurfaceRows {

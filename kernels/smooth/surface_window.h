@@ -24,9 +24,10 @@ class SurfaceWindow {
   /// Rings that a window reads.
   static constexpr int kRings = 20;
 
-  /// \param normals   m, filtered; \param data  n, the positions that are fitted
+  /// All of these outlive the window.
+  /// \param normals   m, filtered
+  /// \param data      n, the positions that are fitted
   /// \param position  n, where the surface is taken to be
-  /// All of them outlive the window.
   SurfaceWindow(const MeshBlock& block, const FaceCorners& corners, std::span<const Float3> normals,
                 std::span<const Double3> data, std::span<const Double3> position);
 

@@ -48,9 +48,10 @@ struct WindowFit {
 /// \return nothing with fewer than terms + 2 samples in the window or where they do not determine the fit
 std::optional<WindowFit> fit_window(const WindowSamples& samples, double radius, int terms);
 
-/// Square of the noise that explains how far the quadrics of two windows differ in the middle: its median over
-/// many places, over the median 0.455 of chi-square, is the variance of independent noise, and what
-/// correlated noise of this wavelength amounts to. \return negative where there is no fit
+/// Square of the noise that explains how far the quadrics of two windows differ in the middle: its median
+/// over many places, over the median 0.455 of chi-square, is the variance of independent noise, and what
+/// correlated noise of this wavelength amounts to.
+/// \return negative where there is no fit
 double noise_square_between(const WindowSamples& samples, double narrow, double wide);
 
 /// Radii of the windows, smallest first: kSmallestWindow * kWindowGrowth^i, in mean edges.
