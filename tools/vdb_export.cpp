@@ -1,10 +1,11 @@
 // tessera-vdb: the band of a job as an OpenVDB level set, for people and other programs. A program of its
-// own, so that `tessera` does not load OpenVDB. Usage: tessera reconstruct SCAN -o MESH --keep; tessera-vdb
+// own, so that `tessera` does not load libopenvdb. Usage: tessera reconstruct SCAN -o MESH --keep; tessera-vdb
 // export MESH.tessera -o BAND.vdb
 #include <fmt/format.h>
 
 #include <fstream>
 #include <memory>
+#include <utility>
 
 #include "kernels/field/band_vdb.h"
 #include "octree/error.h"
@@ -23,8 +24,8 @@ struct Arguments {
 void run(const Arguments& a) {
   tessera::cli::require_output(a.out);
   tessera::VdbExport grid(tessera::Plan::of_work(a.work).lattice);
-  tessera::for_each_band(a.work, a.feature_angle_deg, [&](const tessera::DirectedField& field) {
-    grid.add(field);
+  tessera::for_each_band(a.work, a.feature_angle_deg, [&](tessera::DirectedField&& field) {
+    grid.add(std::move(field));
     if (grid.bytes() > a.memory_bytes)
       throw tessera::ResourceError("the band does not fit " + std::to_string(a.memory_bytes >> 20) +
                                    " MiB in one OpenVDB grid; give a larger --memory");

@@ -50,8 +50,9 @@ void evaluate_nodes(BandLeaf& leaf, const Int3& block, const LeafWords& wanted, 
                     const ClosingOptions& options) {
   std::vector<Int3> queries;
   std::vector<std::size_t> nodes;
+  const LeafWords valid = leaf.valid();
   for (std::size_t z = 0; z < 8; ++z)
-    for (std::uint64_t left = wanted[z] & ~leaf.valid[z]; left; left &= left - 1) {
+    for (std::uint64_t left = wanted[z] & ~valid[z]; left; left &= left - 1) {
       const auto b = static_cast<std::size_t>(std::countr_zero(left));
       const Int3 at = {block[0] + leaf.origin[0] + static_cast<int>(b & 7),
                        block[1] + leaf.origin[1] + static_cast<int>(b >> 3),
@@ -60,7 +61,7 @@ void evaluate_nodes(BandLeaf& leaf, const Int3& block, const LeafWords& wanted, 
       for (std::size_t a = 0; a < 3; ++a) bounded &= at[a] > options.low[a] && at[a] < options.high[a];
       if (!bounded) {
         const bool inside = options.level < 0.0f;
-        leaf.value[b + 64 * z] = inside ? -kLargestValue : kLargestValue;
+        leaf.value(b + 64 * z) = inside ? -kLargestValue : kLargestValue;
         if (inside) leaf.inside[z] |= std::uint64_t{1} << b;
         continue;
       }
@@ -70,7 +71,7 @@ void evaluate_nodes(BandLeaf& leaf, const Int3& block, const LeafWords& wanted, 
   std::vector<float> value(queries.size());
   field.evaluate(queries, options.level, value);
   for (std::size_t i = 0; i < queries.size(); ++i) {
-    leaf.value[nodes[i]] = std::clamp(value[i], -kLargestValue, kLargestValue);
+    leaf.value(nodes[i]) = std::clamp(value[i], -kLargestValue, kLargestValue);
     if (value[i] < 0.0f) leaf.inside[nodes[i] >> 6] |= std::uint64_t{1} << (nodes[i] & 63);
   }
 }
@@ -131,8 +132,8 @@ class RootMerger {
     const bool inside = (field_.leaves[l].inside[z] & from_bit) != 0;
     const bool to_inside = (field_.leaves[other].inside[to_z] & to_bit) != 0;
     if (inside == to_inside) return false;
-    const float from_value = std::abs(field_.leaves[l].value[b + 64 * z]);
-    const float to_value = std::abs(field_.leaves[other].value[to_b + 64 * to_z]);
+    const float from_value = std::abs(field_.leaves[l].value(b + 64 * z));
+    const float to_value = std::abs(field_.leaves[other].value(to_b + 64 * to_z));
     const float sum = from_value + to_value;
     root = EdgeRoot{};
     root.t = std::clamp(sum > 0.0f ? from_value / sum : 0.5f, kRootMargin, 1.0f - kRootMargin);
@@ -189,12 +190,12 @@ void add_closing(DirectedField& field, std::span<const ClosingLeaf> cells, const
     if (old < 0 && !wanted[slot].any) continue;
     field.leaf_index[slot] = static_cast<std::int32_t>(leaves.size());
     if (old >= 0) {
-      leaves.push_back(field.leaves[static_cast<std::size_t>(old)]);
+      leaves.push_back(std::move(field.leaves[static_cast<std::size_t>(old)]));
     } else {
       const auto s = static_cast<int>(slot);
-      leaves.emplace_back().origin = {(s % dims[0] - 1) * kLeafCells,
-                                      (s / dims[0] % dims[1] - 1) * kLeafCells,
-                                      (s / (dims[0] * dims[1]) - 1) * kLeafCells};
+      leaves.emplace_back(field.origin,
+                          Int3{(s % dims[0] - 1) * kLeafCells, (s / dims[0] % dims[1] - 1) * kLeafCells,
+                               (s / (dims[0] * dims[1]) - 1) * kLeafCells});
     }
     leaves.back().closing = wanted[slot].cells;
     of_leaf.push_back(wanted[slot]);

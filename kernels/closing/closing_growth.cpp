@@ -204,7 +204,7 @@ std::vector<Int3> rim_cells(const DirectedField& field) {
   const auto node = [&](int i, int j, int k, bool& valid, bool& inside) {
     const BandLeaf* leaf = field.leaf_at(i, j, k);
     const auto w = static_cast<std::size_t>(DirectedField::word(k));
-    valid = leaf && (leaf->valid[w] >> DirectedField::bit(i, j) & 1);
+    valid = leaf && leaf->is_valid(BandLeaf::node(i, j, k));
     inside = leaf && (leaf->inside[w] >> DirectedField::bit(i, j) & 1);
   };
   /// Whether all nodes are valid; the corners inside.
@@ -224,8 +224,9 @@ std::vector<Int3> rim_cells(const DirectedField& field) {
   };
   // Only pairs with a local cell that the surface crosses count, so look at these and both their neighbours.
   for (const BandLeaf& leaf : field.leaves) {
+    const LeafWords valid = leaf.valid();
     for (int z = 0; z < kLeafCells; ++z)
-      for (std::uint64_t left = leaf.valid[static_cast<std::size_t>(z)]; left; left &= left - 1) {
+      for (std::uint64_t left = valid[static_cast<std::size_t>(z)]; left; left &= left - 1) {
         const int b = std::countr_zero(left);
         const Int3 c = {leaf.origin[0] + (b & 7), leaf.origin[1] + (b >> 3), leaf.origin[2] + z};
         bool in_range = true;
@@ -259,7 +260,7 @@ std::vector<BandSigns> signs_of_brick(const DirectedField& field, const Int3& br
     if (!mine) continue;
     BandSigns& s = out.emplace_back();
     for (std::size_t a = 0; a < 3; ++a) s.origin[a] = field.origin[a] + leaf.origin[a];
-    s.valid = leaf.valid;
+    s.valid = leaf.valid();
     s.inside = leaf.inside;
   }
   return out;

@@ -63,6 +63,8 @@ void BrickBand::find_leaves(const DirectedField& field, const Int3& corner) {
     masks_.emplace_back();
     masks_.back().leaf = leaf;
     masks_.back().at = {i, j, k};
+    masks_.back().valid = leaf->valid();
+    masks_.back().inside = leaf->inside;
   };
   for (std::uint64_t code = 0; code < kBrickLeaves * kBrickLeaves * kBrickLeaves; ++code) {
     const auto c = morton_decode(code);
@@ -76,15 +78,14 @@ void BrickBand::find_leaves(const DirectedField& field, const Int3& corner) {
   }
 }
 
-BrickBand::CornerWords BrickBand::corner_words(const LeafMasks& m, LeafWords BandLeaf::*words) const {
+BrickBand::CornerWords BrickBand::corner_words(const LeafMasks& m, LeafWords LeafMasks::*words) const {
   static const LeafWords kEmpty{};
   std::array<std::array<const LeafWords*, 4>, 2> n;  // [+z][+x + 2 (+y)]
   for (int d = 0; d < 8; ++d) {
     const Int3 leaf = {m.at[0] + (d & 1), m.at[1] + (d >> 1 & 1), m.at[2] + (d >> 2)};
     const bool known = leaf[0] <= kBrickLeaves && leaf[1] <= kBrickLeaves && leaf[2] <= kBrickLeaves;
     const LeafMasks* other = known ? at(leaf[0], leaf[1], leaf[2]) : nullptr;
-    n[static_cast<std::size_t>(d >> 2)][static_cast<std::size_t>(d & 3)] =
-        other ? &(other->leaf->*words) : &kEmpty;
+    n[static_cast<std::size_t>(d >> 2)][static_cast<std::size_t>(d & 3)] = other ? &(other->*words) : &kEmpty;
   }
   CornerWords out;
   for (std::size_t z = 0; z < 9; ++z) {
@@ -101,8 +102,8 @@ void BrickBand::mark_cells(LeafMasks& m, bool with_halo) {
   int below = 0, above = 0;
   for (int c : m.at) below += c < 0, above += c >= kBrickLeaves;
   const bool wants_active = above == 0 && (below == 0 || (below == 1 && with_halo));
-  const auto valid = corner_words(m, &BandLeaf::valid);
-  const auto inside = corner_words(m, &BandLeaf::inside);
+  const auto valid = corner_words(m, &LeafMasks::valid);
+  const auto inside = corner_words(m, &LeafMasks::inside);
   std::array<std::uint64_t, 9> all_valid, all_inside, any_inside;
   for (std::size_t z = 0; z < 9; ++z) {
     const auto& v = valid[z];

@@ -35,8 +35,9 @@ struct LeafMasks {
   const BandLeaf* leaf = nullptr;
   Int3 at = {0, 0, 0};  ///< leaf coordinates relative to the brick, each within [-1, 8]
   bool any_active = false;
-  LeafWords cells{};   ///< valid cells, those that close holes among them
-  LeafWords active{};  ///< valid cells with corners on both sides
+  LeafWords valid{}, inside{};  ///< the leaf's nodes
+  LeafWords cells{};            ///< valid cells, those that close holes among them
+  LeafWords active{};           ///< valid cells with corners on both sides
   std::array<std::uint32_t, 8> first_cell{};
   std::array<LeafWords, 3> edges{};   ///< crossed edges of valid cells
   std::array<LeafWords, 3> split{};   ///< of these: two vertices
@@ -73,7 +74,7 @@ class BrickBand {
   /// Words of a leaf's nodes seen from its cells: [z][dx + 2 dy] holds at (x, y) the node (x+dx, y+dy, z), z
   /// in 0..8.
   using CornerWords = std::array<std::array<std::uint64_t, 4>, 9>;
-  CornerWords corner_words(const LeafMasks& m, LeafWords BandLeaf::*words) const;
+  CornerWords corner_words(const LeafMasks& m, LeafWords LeafMasks::*words) const;
 
   /// Cells of the brick of which some neighbour across a face takes no part.
   LeafWords rim_cells(const LeafMasks& m) const;

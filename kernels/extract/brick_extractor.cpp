@@ -215,7 +215,7 @@ void BrickExtractor::fill_local_edges(const LeafMasks& m) {
 
 void BrickExtractor::trace_leaf(const LeafMasks& m) {
   fill_local_edges(m);
-  const auto inside = band_.corner_words(m, &BandLeaf::inside);
+  const auto inside = band_.corner_words(m, &LeafMasks::inside);
   const LeafWords rim = names_ && m.own() ? band_.rim_cells(m) : LeafWords{};
   for (std::size_t z = 0; z < 8; ++z) {
     for (std::uint64_t left = m.active[z]; left; left &= left - 1) {
@@ -241,8 +241,7 @@ void BrickExtractor::trace_cell(const LeafMasks& m, int x, int y, int z, unsigne
       const Int3 n = {x + (c & 1), y + (c >> 1 & 1), z + (c >> 2)};
       const BandLeaf& l =
           *band_.at(m.at[0] + (n[0] >> 3), m.at[1] + (n[1] >> 3), m.at[2] + (n[2] >> 3))->leaf;
-      value[static_cast<std::size_t>(c)] =
-          l.value[static_cast<std::size_t>((n[0] & 7) + 8 * (n[1] & 7) + 64 * (n[2] & 7))];
+      value[static_cast<std::size_t>(c)] = l.value(BandLeaf::node(n[0], n[1], n[2]));
     }
     traced = trace_loops(pattern, joined_faces(pattern, value));
     loops = &traced;

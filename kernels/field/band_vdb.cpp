@@ -1,17 +1,13 @@
 #include "kernels/field/band_vdb.h"
 
+#include "kernels/field/vdb_leaf.h"
+//
 #include <openvdb/io/Stream.h>
 #include <openvdb/openvdb.h>
 
 #include <bit>
 
 namespace tessera {
-namespace {
-
-/// Outside the band, in cells: beyond any value in it.
-constexpr float kBackground = 3.0f;
-
-}  // namespace
 
 struct VdbExport::Impl {
   openvdb::FloatGrid::Ptr grid;
@@ -21,7 +17,7 @@ struct VdbExport::Impl {
 VdbExport::VdbExport(const Lattice& lattice) : impl_(std::make_unique<Impl>()) {
   openvdb::initialize();
   impl_->h = static_cast<float>(lattice.h);
-  impl_->grid = openvdb::FloatGrid::create(kBackground * impl_->h);
+  impl_->grid = openvdb::FloatGrid::create(kBandBackground * impl_->h);
   impl_->grid->setName("distance");
   impl_->grid->setGridClass(openvdb::GRID_LEVEL_SET);
   auto transform = openvdb::math::Transform::createLinearTransform(lattice.h);
@@ -31,19 +27,27 @@ VdbExport::VdbExport(const Lattice& lattice) : impl_(std::make_unique<Impl>()) {
 
 VdbExport::~VdbExport() = default;
 
-void VdbExport::add(const DirectedField& field) {
-  auto accessor = impl_->grid->getAccessor();
-  for (const BandLeaf& leaf : field.leaves) {
-    // Lattice leaves are the grid's own leaves: both are aligned to 8 nodes.
-    const openvdb::Coord origin(field.origin[0] + leaf.origin[0], field.origin[1] + leaf.origin[1],
-                                field.origin[2] + leaf.origin[2]);
-    auto* to = accessor.touchLeaf(origin);
-    for (int z = 0; z < 8; ++z)
-      for (std::uint64_t left = leaf.valid[static_cast<std::size_t>(z)]; left; left &= left - 1) {
-        const int bit = std::countr_zero(left);
-        const openvdb::Index offset = static_cast<openvdb::Index>((bit & 7) << 6 | (bit >> 3) << 3 | z);
-        to->setValueOn(offset, leaf.value[static_cast<std::size_t>(bit + 64 * z)] * impl_->h);
+void VdbExport::add(DirectedField&& field) {
+  auto& tree = impl_->grid->tree();
+  for (BandLeaf& leaf : field.leaves) {
+    VdbLeaf* from = leaf.release();
+    float* value = from->buffer().data();
+    for (std::size_t n = 0; n < VdbLeaf::SIZE; ++n) value[n] *= impl_->h;
+    VdbLeaf* to = tree.probeLeaf(from->origin());
+    if (!to) {
+      tree.addLeaf(from);
+      continue;
+    }
+    // A leaf on the common face of two blocks: each holds nodes of its own.
+    for (openvdb::Index word = 0; word < 8; ++word) {
+      const auto nodes = from->getValueMask().getWord<std::uint64_t>(word);
+      for (std::uint64_t left = nodes; left; left &= left - 1) {
+        const auto n = 64 * word + static_cast<openvdb::Index>(std::countr_zero(left));
+        to->buffer().data()[n] = value[n];
       }
+      to->getValueMask().getWord<std::uint64_t>(word) |= nodes;
+    }
+    delete from;
   }
 }
 

@@ -1,7 +1,6 @@
 /// \file band_vdb.h
-/// Export of the band to OpenVDB, for people and other programs: one float grid of class level set, signed
-/// distances in scan units, active where the field is valid. The band of the job itself lives in BandLeaf
-/// (README says why).
+/// The band as an OpenVDB grid, for people and other programs: one float grid of class level set, signed distances in
+/// scan units, active where the field is valid. Its leaves are the band's own (band_leaf.h).
 #pragma once
 #include <cstddef>
 #include <iosfwd>
@@ -19,8 +18,8 @@ class VdbExport {
   VdbExport(const VdbExport&) = delete;
   VdbExport& operator=(const VdbExport&) = delete;
 
-  /// Adds the nodes of a block. Blocks may overlap and come in any order: their nodes agree to the bit.
-  void add(const DirectedField& field);
+  /// Takes the leaves of a block. Blocks may overlap and come in any order: their nodes agree to the bit.
+  void add(DirectedField&& field);
   std::size_t node_count() const;
   std::size_t bytes() const;
   /// Writes a .vdb file. \pre the stream is binary \post stream state says whether all was written

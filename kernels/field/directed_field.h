@@ -7,16 +7,13 @@
 /// are relative to the block's min corner and run over [-1, cells + 1] on each axis: the kernel that extracts the
 /// block needs one halo cell below it (for flips across its min faces) and one above it (to know where it ends).
 #pragma once
-#include <array>
 #include <bit>
 #include <cstdint>
 #include <vector>
 
-#include "octree/lattice.h"
+#include "kernels/field/band_leaf.h"
 
 namespace tessera {
-
-using LeafWords = std::array<std::uint64_t, 8>;  ///< a bit per node or cell of a leaf
 
 /// Where the surface crosses the lattice edge from a node in +axis direction.
 struct EdgeRoot {
@@ -24,18 +21,6 @@ struct EdgeRoot {
   Float3 normal = {0, 0, 0};  ///< unit, outward (from inside to outside)
   float offset = 0.0f;        ///< the tangent plane is n.(x - root) = offset, cells; 0 unless t was clamped
   std::uint32_t rgba = 0;     ///< colour near the root, alpha 0 = none
-};
-
-/// 8^3 nodes. Bit b = x + 8 y of word z stands for local node (x, y, z).
-struct BandLeaf {
-  Int3 origin = {0, 0,
-                 0};  ///< node coordinates of the leaf's min corner, relative to the block, multiple of 8
-  alignas(32) std::array<float, 512> value{};  ///< signed distance in cells, < 0 inside; index x + 8y + 64z
-  std::array<std::uint64_t, 8> valid{};        ///< the field is defined here
-  std::array<std::uint64_t, 8> inside{};  ///< exactly 0 counts as outside; of valid nodes and closing cells
-  LeafWords closing{};                    ///< cells that take part though not all of their nodes are valid
-  std::array<std::array<std::uint64_t, 8>, 3> crossing{};    ///< per axis: the edge from this node has a root
-  std::array<std::array<std::uint32_t, 8>, 3> first_root{};  ///< index of the first root of each word
 };
 
 /// The band of a block.

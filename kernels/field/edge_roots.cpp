@@ -144,8 +144,10 @@ void find_roots(const std::vector<LeafFit>& fits, const std::vector<Sheets>& she
         if (found) next = static_cast<std::int32_t>(found - field.leaves.data());
       }
       const BandLeaf* other = next < 0 ? nullptr : &field.leaves[static_cast<std::size_t>(next)];
+      const LeafFit* fit_after = next < 0 ? nullptr : &fits[static_cast<std::size_t>(next)];
       for (std::size_t z = 0; z < 8; ++z) {
-        const std::uint64_t both = leaf.valid[z] & shifted(leaf.valid, other ? other->valid : kNone, axis, z);
+        const std::uint64_t both =
+            fits[l].valid[z] & shifted(fits[l].valid, fit_after ? fit_after->valid : kNone, axis, z);
         const std::uint64_t differ =
             leaf.inside[z] ^ shifted(leaf.inside, other ? other->inside : kNone, axis, z);
         leaf.crossing[axis][z] = both & differ;

@@ -116,15 +116,15 @@ DirectedField evaluate_field(const PointBlock& points, const FieldOptions& optio
       continue;
     }
     field.leaf_index[nodes.leaf] = static_cast<std::int32_t>(field.leaves.size());
-    BandLeaf& leaf = field.leaves.emplace_back();
-    leaf.origin = {i * kLeafCells, j * kLeafCells, k * kLeafCells};
-    leaf.valid = fit.valid;
-    for (std::size_t n = 0; n < 512; ++n) {
-      const std::uint64_t valid = fit.valid[n >> 6] >> (n & 63) & 1;
-      if (!valid) continue;
-      leaf.value[n] = fit.value[n];
-      if (fit.value[n] < 0.0f) leaf.inside[n >> 6] |= std::uint64_t{1} << (n & 63);
-    }
+    BandLeaf& leaf =
+        field.leaves.emplace_back(field.origin, Int3{i * kLeafCells, j * kLeafCells, k * kLeafCells});
+    leaf.set_valid(fit.valid);
+    for (std::size_t z = 0; z < 8; ++z)
+      for (std::uint64_t left = fit.valid[z]; left; left &= left - 1) {
+        const std::size_t n = static_cast<std::size_t>(std::countr_zero(left)) + 64 * z;
+        leaf.value(n) = fit.value[n];
+        if (fit.value[n] < 0.0f) leaf.inside[z] |= left & (~left + 1);
+      }
   }
   find_roots(fits, sheets, field);
   if (!points.rgba.empty()) colour_roots(points, leaves, fit_options.radius, field);

@@ -117,8 +117,8 @@ DirectedField build_field(const Int3& origin, const Int3& cells,
   for (int lk = -1; lk < dims[2] - 1; ++lk) {
     for (int lj = -1; lj < dims[1] - 1; ++lj) {
       for (int li = -1; li < dims[0] - 1; ++li) {
-        BandLeaf leaf;
-        leaf.origin = {li * 8, lj * 8, lk * 8};
+        BandLeaf leaf(origin, {li * 8, lj * 8, lk * 8});
+        LeafWords nodes{};
         bool any = false;
         for (int b = 0; b < 512; ++b) {
           const int i = leaf.origin[0] + (b & 7), j = leaf.origin[1] + (b >> 3 & 7),
@@ -129,21 +129,23 @@ DirectedField build_field(const Int3& origin, const Int3& cells,
           if (!valid(node, f)) continue;
           any = true;
           const std::uint64_t bit = std::uint64_t{1} << (b & 63);
-          leaf.value[static_cast<std::size_t>(b)] = static_cast<float>(f);
-          leaf.valid[static_cast<std::size_t>(b >> 6)] |= bit;
+          leaf.value(static_cast<std::size_t>(b)) = static_cast<float>(f);
+          nodes[static_cast<std::size_t>(b >> 6)] |= bit;
           if (f < 0.0) leaf.inside[static_cast<std::size_t>(b >> 6)] |= bit;
         }
         field.leaf_index.push_back(any ? static_cast<std::int32_t>(field.leaves.size()) : -1);
-        if (any) field.leaves.push_back(leaf);
+        leaf.set_valid(nodes);
+        if (any) field.leaves.push_back(std::move(leaf));
       }
     }
   }
   for (BandLeaf& leaf : field.leaves) {
+    const LeafWords valid_nodes = leaf.valid();
     for (int axis = 0; axis < 3; ++axis) {
       const auto a = static_cast<std::size_t>(axis);
       for (std::size_t w = 0; w < 8; ++w) {
         leaf.first_root[a][w] = static_cast<std::uint32_t>(field.roots.size());
-        for (std::uint64_t left = leaf.valid[w]; left; left &= left - 1) {
+        for (std::uint64_t left = valid_nodes[w]; left; left &= left - 1) {
           const int b = std::countr_zero(left);
           const Int3 node = {leaf.origin[0] + (b & 7), leaf.origin[1] + (b >> 3),
                              leaf.origin[2] + static_cast<int>(w)};
@@ -152,9 +154,9 @@ DirectedField build_field(const Int3& origin, const Int3& cells,
           if (!in_block(end[0], end[1], end[2])) continue;
           const BandLeaf* other = field.leaf_at(end[0], end[1], end[2]);
           if (!other) continue;
+          if (!other->is_valid(BandLeaf::node(end[0], end[1], end[2]))) continue;
           const auto ow = static_cast<std::size_t>(DirectedField::word(end[2]));
           const int ob = DirectedField::bit(end[0], end[1]);
-          if (!(other->valid[ow] >> ob & 1)) continue;
           if ((other->inside[ow] >> ob & 1) == (leaf.inside[w] >> b & 1)) continue;
           leaf.crossing[a][w] |= std::uint64_t{1} << b;
           field.roots.push_back(root({origin[0] + node[0], origin[1] + node[1], origin[2] + node[2]}, axis));

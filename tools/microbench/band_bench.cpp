@@ -1,12 +1,15 @@
-// Our band leaves against an openvdb::FloatGrid, on the band of a synthetic sphere; prints one JSON line.
-// band_bench [cells] [repeats]
-#include <openvdb/openvdb.h>
+// The band in OpenVDB's leaves against the same leaf with plain arrays of its own, on the band of a synthetic sphere:
+// fill, read and throw away as the field and the extraction do. Prints one JSON line. band_bench [cells] [repeats]
+#include "kernels/field/vdb_leaf.h"
+//
+#include <malloc.h>
 
 #include <algorithm>
 #include <bit>
 #include <cstdio>
 #include <cstdlib>
 #include <ctime>
+#include <vector>
 
 #include "kernels/field/field.h"
 #include "tests/helpers/oriented_samples.h"
@@ -14,6 +17,45 @@
 namespace {
 
 using namespace tessera;
+
+/// What BandLeaf is, but for where values and their mask lie.
+struct PlainLeaf {
+  PlainLeaf(const Int3&, const Int3& at) : origin(at) {}
+  static constexpr std::size_t node(int i, int j, int k) { return BandLeaf::node(i, j, k); }
+  float& value(std::size_t n) { return values[n]; }
+  float value(std::size_t n) const { return values[n]; }
+  const LeafWords& valid() const { return mask; }
+  void set_valid(const LeafWords& words) { mask = words; }
+  bool is_valid(std::size_t n) const { return mask[n >> 6] >> (n & 63) & 1; }
+
+  Int3 origin;
+  alignas(32) std::array<float, 512> values{};
+  LeafWords mask{}, inside{}, closing{};
+  std::array<LeafWords, 3> crossing{};
+  std::array<std::array<std::uint32_t, 8>, 3> first_root{};
+};
+
+std::size_t heap_bytes(const PlainLeaf&) {
+  return 0;
+}
+/// What the allocator keeps for an OpenVDB leaf, its own word before each block among it.
+std::size_t heap_bytes(const BandLeaf& leaf) {
+  const auto block = [](const void* p) { return malloc_usable_size(const_cast<void*>(p)) + sizeof(void*); };
+  return block(&leaf.vdb()) + block(leaf.vdb().buffer().data());
+}
+
+/// What the fit hands over.
+struct Fit {
+  Int3 origin;
+  LeafWords valid;
+  std::array<float, 512> value;
+};
+
+struct Times {
+  double fill = 1e30, read = 1e30, words = 1e30;
+  double sum = 0, bytes = 0;
+  std::uint64_t bits = 0;
+};
 
 /// Processor time: a busy machine does not count.
 double thread_seconds() {
@@ -23,25 +65,63 @@ double thread_seconds() {
 }
 
 template <class Body>
-double best_of(int repeats, const Body& body) {
-  double best = 1e30;
-  for (int i = 0; i < repeats; ++i) {
-    const double start = thread_seconds();
-    body();
-    best = std::min(best, thread_seconds() - start);
-  }
-  return best;
+void keep_best(double& best, const Body& body) {
+  const double start = thread_seconds();
+  body();
+  best = std::min(best, thread_seconds() - start);
 }
 
-template <class Body>
-void for_each_node(const DirectedField& field, const Body& body) {
-  for (const BandLeaf& leaf : field.leaves)
-    for (int z = 0; z < 8; ++z)
-      for (std::uint64_t left = leaf.valid[static_cast<std::size_t>(z)]; left; left &= left - 1) {
-        const int bit = std::countr_zero(left);
-        body(leaf, leaf.origin[0] + (bit & 7), leaf.origin[1] + (bit >> 3), leaf.origin[2] + z,
-             static_cast<std::size_t>(bit + 64 * z));
-      }
+template <class Leaf>
+void measure(const DirectedField& field, const std::vector<Fit>& fits, Times& t) {
+  std::vector<Leaf> leaves;
+  keep_best(t.fill, [&] {
+    std::vector<Leaf> fresh;
+    fresh.reserve(fits.size());
+    for (const Fit& fit : fits) {
+      Leaf& leaf = fresh.emplace_back(field.origin, fit.origin);
+      leaf.set_valid(fit.valid);
+      for (std::size_t z = 0; z < 8; ++z)
+        for (std::uint64_t left = fit.valid[z]; left; left &= left - 1) {
+          const auto n = static_cast<std::size_t>(std::countr_zero(left)) + 64 * z;
+          leaf.value(n) = fit.value[n];
+          if (fit.value[n] < 0.0f) leaf.inside[z] |= left & (~left + 1);
+        }
+    }
+    leaves.swap(fresh);
+  });
+  // The eight corners of every cell whose first node is valid, as ambiguous cells are read.
+  const Int3 dims = field.leaf_dims();
+  const auto leaf_at = [&](int i, int j, int k) {
+    const auto slot =
+        static_cast<std::size_t>((((k >> 3) + 1) * dims[1] + (j >> 3) + 1) * dims[0] + (i >> 3) + 1);
+    return field.leaf_index[slot] < 0 ? nullptr : &leaves[static_cast<std::size_t>(field.leaf_index[slot])];
+  };
+  keep_best(t.read, [&] {
+    t.sum = 0;
+    for (const Fit& fit : fits)
+      for (std::size_t z = 0; z < 8; ++z)
+        for (std::uint64_t left = fit.valid[z]; left; left &= left - 1) {
+          const int b = std::countr_zero(left);
+          const int i = fit.origin[0] + (b & 7), j = fit.origin[1] + (b >> 3),
+                    k = fit.origin[2] + static_cast<int>(z);
+          if (i >= field.cells[0] || j >= field.cells[1] || k >= field.cells[2]) continue;
+          float s = 0.0f;
+          for (int c = 0; c < 8; ++c) {
+            const int x = i + (c & 1), y = j + (c >> 1 & 1), w = k + (c >> 2);
+            const Leaf* leaf = leaf_at(x, y, w);
+            const std::size_t n = Leaf::node(x, y, w);
+            s += leaf && leaf->is_valid(n) ? leaf->value(n) : kBandBackground;
+          }
+          t.sum += static_cast<double>(s);
+        }
+  });
+  keep_best(t.words, [&] {
+    t.bits = 0;
+    for (const Leaf& leaf : leaves)
+      for (const std::uint64_t word : leaf.valid()) t.bits = t.bits * 3 + word;
+  });
+  t.bytes = 0;
+  for (const Leaf& leaf : leaves) t.bytes += static_cast<double>(sizeof(Leaf) + heap_bytes(leaf));
 }
 
 }  // namespace
@@ -54,83 +134,32 @@ int main(int argc, char** argv) {
   test::add_sphere({centre, centre, centre}, 0.43 * cells, 1 / 1.5, random, samples);
   const auto block = test::make_block(samples, {64, 64, 64}, {cells, cells, cells}, field_halo_cells({}));
   const DirectedField field = evaluate_field(block, {});
+  std::vector<Fit> fits;
   std::size_t nodes = 0;
-  for_each_node(field, [&](const BandLeaf&, int, int, int, std::size_t) { ++nodes; });
-
-  // Fill: value and validity of every node.
-  DirectedField copy;
-  const double fill_ours = best_of(repeats, [&] {
-    copy = DirectedField{};
-    copy.cells = field.cells;
-    copy.leaf_index.assign(field.leaf_index.size(), -1);
-    copy.leaves.reserve(field.leaves.size());
-    const Int3 dims = copy.leaf_dims();
-    for (const BandLeaf& leaf : field.leaves) {
-      const auto at = static_cast<std::size_t>(
-          (((leaf.origin[2] >> 3) + 1) * dims[1] + (leaf.origin[1] >> 3) + 1) * dims[0] +
-          (leaf.origin[0] >> 3) + 1);
-      copy.leaf_index[at] = static_cast<std::int32_t>(copy.leaves.size());
-      BandLeaf& to = copy.leaves.emplace_back();
-      to.origin = leaf.origin;
-      for (std::size_t z = 0; z < 8; ++z)
-        for (std::uint64_t left = leaf.valid[z]; left; left &= left - 1) {
-          const auto n = static_cast<std::size_t>(std::countr_zero(left)) + 64 * z;
-          to.value[n] = leaf.value[n];
-          to.valid[z] |= left & (~left + 1);
-        }
-    }
-  });
-  openvdb::initialize();
-  openvdb::FloatGrid::Ptr grid;
-  const double fill_vdb = best_of(repeats, [&] {
-    grid = openvdb::FloatGrid::create(3.0f);
-    auto accessor = grid->getAccessor();
-    for_each_node(field, [&](const BandLeaf& leaf, int i, int j, int k, std::size_t n) {
-      accessor.setValueOn(openvdb::Coord(i, j, k), leaf.value[n]);
-    });
-  });
-
-  // Read: the eight corners of every cell whose first node is valid, as extraction does.
-  double sum_ours = 0, sum_vdb = 0;
-  const auto corners = [&](const auto& value_at, double* sum) {
-    for_each_node(field, [&](const BandLeaf&, int i, int j, int k, std::size_t) {
-      if (i >= cells || j >= cells || k >= cells) return;
-      float s = 0.0f;
-      for (int c = 0; c < 8; ++c) s += value_at(i + (c & 1), j + (c >> 1 & 1), k + (c >> 2));
-      *sum += static_cast<double>(s);
-    });
-  };
-  const double read_ours = best_of(repeats, [&] {
-    sum_ours = 0;
-    corners(
-        [&](int i, int j, int k) {
-          const BandLeaf* leaf = copy.leaf_at(i, j, k);
-          const auto bit = static_cast<std::size_t>(DirectedField::bit(i, j));
-          const auto z = static_cast<std::size_t>(k & 7);
-          return leaf && leaf->valid[z] >> bit & 1 ? leaf->value[bit + 64 * z] : 3.0f;
-        },
-        &sum_ours);
-  });
-  const double read_vdb = best_of(repeats, [&] {
-    sum_vdb = 0;
-    auto accessor = grid->getConstAccessor();
-    corners([&](int i, int j, int k) { return accessor.getValue(openvdb::Coord(i, j, k)); }, &sum_vdb);
-  });
-  if (sum_ours != sum_vdb) {
-    std::fprintf(stderr, "band_bench: the two bands differ: %.9g and %.9g\n", sum_ours, sum_vdb);
+  for (const BandLeaf& leaf : field.leaves) {
+    Fit& fit = fits.emplace_back();
+    fit.origin = leaf.origin;
+    fit.valid = leaf.valid();
+    for (std::size_t n = 0; n < 512; ++n) fit.value[n] = leaf.value(n);
+    for (const std::uint64_t word : fit.valid) nodes += static_cast<std::size_t>(std::popcount(word));
+  }
+  Times plain, vdb;
+  for (int i = 0; i < repeats; ++i) {
+    measure<PlainLeaf>(field, fits, plain);
+    measure<BandLeaf>(field, fits, vdb);
+  }
+  if (plain.sum != vdb.sum || plain.bits != vdb.bits) {
+    std::fprintf(stderr, "band_bench: the two bands differ: %.9g and %.9g\n", plain.sum, vdb.sum);
     return 1;
   }
-  const auto n = static_cast<double>(nodes);
-  const double bytes = static_cast<double>(field.leaves.size() * sizeof(BandLeaf) +
-                                           field.leaf_index.size() * sizeof(std::int32_t));
-  const double lean = static_cast<double>(field.leaves.size() * (512 * sizeof(float) + 64 + 12) +
-                                          field.leaf_index.size() * sizeof(std::int32_t));
+  const auto n = static_cast<double>(nodes), leaves = static_cast<double>(fits.size());
   std::printf(
-      "{\"bench\":\"band\",\"cells\":%d,\"nodes\":%zu,\"fill_ns_per_node\":%.2f,\"fill_ns_per_node_vdb\":%."
-      "2f,"
-      "\"read_ns_per_cell\":%.2f,\"read_ns_per_cell_vdb\":%.2f,\"bytes_per_node\":%.2f,"
-      "\"bytes_per_node_values_only\":%.2f,\"bytes_per_node_vdb\":%.2f}\n",
-      cells, nodes, fill_ours / n * 1e9, fill_vdb / n * 1e9, read_ours / n * 1e9, read_vdb / n * 1e9,
-      bytes / n, lean / n, static_cast<double>(grid->memUsage()) / n);
+      "{\"bench\":\"band\",\"cells\":%d,\"leaves\":%zu,\"nodes\":%zu,\"fill_ns_per_node\":%.2f,"
+      "\"fill_ns_per_node_vdb\":%.2f,\"read_ns_per_cell\":%.2f,\"read_ns_per_cell_vdb\":%.2f,"
+      "\"words_ns_per_leaf\":%.1f,\"words_ns_per_leaf_vdb\":%.1f,\"bytes_per_node\":%.2f,"
+      "\"bytes_per_node_vdb\":%.2f}\n",
+      cells, fits.size(), nodes, plain.fill / n * 1e9, vdb.fill / n * 1e9, plain.read / n * 1e9,
+      vdb.read / n * 1e9, plain.words / leaves * 1e9, vdb.words / leaves * 1e9, plain.bytes / n,
+      vdb.bytes / n);
   return 0;
 }

@@ -90,7 +90,7 @@ int main(int argc, char** argv) {
   double error = 0, normal_error = 0;
   std::size_t roots = 0;
   for (const BandLeaf& leaf : field.leaves) {
-    for (const auto word : leaf.valid) nodes += static_cast<std::size_t>(std::popcount(word));
+    for (const auto word : leaf.valid()) nodes += static_cast<std::size_t>(std::popcount(word));
     for (std::size_t axis = 0; axis < 3; ++axis)
       for (int z = 0; z < 8; ++z)
         for (int b = 0; b < 64; ++b) {
@@ -122,8 +122,7 @@ int main(int argc, char** argv) {
               for (std::size_t a = 0; a < 3; ++a) in = in && q[a] >= -1 && q[a] <= cells;
               if (!in) continue;
               const BandLeaf* at = field.leaf_at(q[0], q[1], q[2]);
-              complete =
-                  at && (at->valid[static_cast<std::size_t>(q[2] & 7)] >> ((q[0] & 7) + 8 * (q[1] & 7)) & 1);
+              complete = at && at->is_valid(BandLeaf::node(q[0], q[1], q[2]));
             }
           }
           torn += !complete;

@@ -198,7 +198,7 @@ FieldOptions field_options(const Plan& plan, double feature_angle_deg) {
 }
 
 void for_each_band(const std::filesystem::path& work, double feature_angle_deg,
-                   const std::function<void(const DirectedField&)>& sink) {
+                   const std::function<void(DirectedField&&)>& sink) {
   const FieldOptions options = field_options(Plan::of_work(work), feature_angle_deg);
   const PointStore store(list_task_files(work / "points", ".tsp"), PointOverlay::open(work));
   const int halo = field_halo_cells(options);

@@ -56,7 +56,7 @@ FieldOptions field_options(const Plan& plan, double feature_angle_deg);
 /// Computes the band of every tile of a work directory that is ordered and oriented, one after the other, in tile
 /// order, with tiles of two bricks.
 void for_each_band(const std::filesystem::path& work, double feature_angle_deg,
-                   const std::function<void(const DirectedField&)>& sink);
+                   const std::function<void(DirectedField&&)>& sink);
 
 std::unique_ptr<Stage> make_surface_stage(const JobState& state);
 

@@ -50,7 +50,7 @@ Closed close(const test::Samples& samples, const ClosingOptions& options) {
   std::vector<BandSigns> signs;
   for (const BandLeaf& leaf : out.field.leaves)
     signs.push_back(
-        {{leaf.origin[0] + 64, leaf.origin[1] + 64, leaf.origin[2] + 64}, leaf.valid, leaf.inside});
+        {{leaf.origin[0] + 64, leaf.origin[1] + 64, leaf.origin[2] + 64}, leaf.valid(), leaf.inside});
   std::vector<Int3> data;
   for (const Dipole& d : tree.dipoles()) data.push_back(d.q);
   out.grown = grow_closing(kOrigin, signs, {}, rim_cells(out.field), closing, data, options);
@@ -82,7 +82,7 @@ TEST_CASE("closing: every crossed edge of a closing cell has a root, every cross
           const BandLeaf* l = field.leaf_at(n[0], n[1], n[2]);
           const auto w = static_cast<std::size_t>(n[2] & 7);
           const int bit = DirectedField::bit(n[0], n[1]);
-          all &= l && (l->valid[w] >> bit & 1);
+          all &= l && l->is_valid(BandLeaf::node(n[0], n[1], n[2]));
           if (l && (l->inside[w] >> bit & 1)) inside |= 1u << k;
         }
         const bool closing = leaf.closing[static_cast<std::size_t>(z)] >> b & 1;

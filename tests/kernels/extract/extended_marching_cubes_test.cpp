@@ -350,8 +350,7 @@ TEST_CASE("extract: noise fields have no defects, and borders only where valid c
     for (int c = 0; c < 8; ++c) {
       const int x = i + (c & 1), y = j + (c >> 1 & 1), z = k + (c >> 2);
       const BandLeaf* leaf = field.leaf_at(x, y, z);
-      if (!leaf || !(leaf->valid[static_cast<std::size_t>(z & 7)] >> DirectedField::bit(x, y) & 1))
-        return false;
+      if (!leaf || !leaf->is_valid(BandLeaf::node(x, y, z))) return false;
     }
     return true;
   };

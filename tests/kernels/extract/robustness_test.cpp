@@ -46,7 +46,7 @@ Columns columns_of(const DirectedField& field, double z, double tolerance, doubl
   Columns c;
   const auto valid = [&](int i, int j, int k) {
     const BandLeaf* leaf = field.leaf_at(i, j, k);
-    return leaf && (leaf->valid[static_cast<std::size_t>(k & 7)] >> DirectedField::bit(i, j) & 1);
+    return leaf && leaf->is_valid(BandLeaf::node(i, j, k));
   };
   for (int j = 1; j < kCells; ++j)
     for (int i = 1; i < kCells; ++i) {

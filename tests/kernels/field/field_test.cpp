@@ -50,7 +50,7 @@ std::vector<Root> roots_of(const DirectedField& field) {
 
 bool valid_at(const DirectedField& field, int i, int j, int k) {
   const BandLeaf* leaf = field.leaf_at(i, j, k);
-  return leaf && (leaf->valid[static_cast<std::size_t>(k & 7)] >> DirectedField::bit(i, j) & 1);
+  return leaf && leaf->is_valid(BandLeaf::node(i, j, k));
 }
 bool inside_at(const DirectedField& field, int i, int j, int k) {
   const BandLeaf* leaf = field.leaf_at(i, j, k);
@@ -67,8 +67,7 @@ std::map<Int3, std::vector<std::uint32_t>> bits_of(const DirectedField& field, c
         const int a = i - field.origin[0], b = j - field.origin[1], c = k - field.origin[2];
         if (!valid_at(field, a, b, c)) continue;
         auto& words = out[{i, j, k}];
-        const float value =
-            field.leaf_at(a, b, c)->value[static_cast<std::size_t>((a & 7) + 8 * (b & 7) + 64 * (c & 7))];
+        const float value = field.leaf_at(a, b, c)->value(BandLeaf::node(a, b, c));
         words.push_back(std::bit_cast<std::uint32_t>(value));
         words.push_back(inside_at(field, a, b, c));
         for (int axis = 0; axis < 3; ++axis) {
@@ -114,11 +113,11 @@ TEST_CASE("field: a tilted plane is exact", "[unit]") {
     int seen = 0;
     for (const BandLeaf& leaf : field.leaves)
       for (int n = 0; n < 512; ++n) {
-        if (!(leaf.valid[static_cast<std::size_t>(n >> 6)] >> (n & 63) & 1)) continue;
+        if (!leaf.is_valid(static_cast<std::size_t>(n))) continue;
         const double x = leaf.origin[0] + (n & 7) + 64.0, y = leaf.origin[1] + (n >> 3 & 7) + 64.0,
                      z = leaf.origin[2] + (n >> 6) + 64.0;
         const double d = (z - 96.3 - 0.2 * (x - 96) + 0.1 * (y - 96)) / std::sqrt(1.05);
-        REQUIRE(std::abs(static_cast<double>(leaf.value[static_cast<std::size_t>(n)]) - d) < 5e-3);
+        REQUIRE(std::abs(static_cast<double>(leaf.value(static_cast<std::size_t>(n))) - d) < 5e-3);
         ++seen;
       }
     CHECK(seen > 12000);
