@@ -165,7 +165,7 @@ TEST_CASE("coarse level: long wavelengths agree with the direct solution, where 
   if (options.lambda >= (options.order == 1 ? 1e4 : 1e6)) CHECK(alone > 0.1);
 }
 
-TEST_CASE("coarse level: the same of order 2 on 65,538 vertices", "[.large]") {
+TEST_CASE("coarse level: the same of order 2 on 65,538 vertices", "[property][.large]") {
   const MeshBlock block = wavy_sphere(7, false);
   SmoothOptions options;
   options.order = 2;

@@ -448,7 +448,7 @@ TEST_CASE("smooth: Chebyshev steps agree with the direct solution of the same sy
   CHECK(error_against_direct(5, 0.0, lambda, 2) < 1e-3);
 }
 
-TEST_CASE("smooth: the same on 655,362 vertices, which takes CHOLMOD a minute", "[.large]") {
+TEST_CASE("smooth: the same on 655,362 vertices, which takes CHOLMOD a minute", "[property][.large]") {
   const double error = error_against_direct(8, 0.001, 10.0, 1);
   INFO("error " << error << " of the displacement");
   CHECK(error < 1e-3);

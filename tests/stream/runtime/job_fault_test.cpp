@@ -3,6 +3,7 @@
 #include <catch2/catch.hpp>
 #include <random>
 
+#include "tests/helpers/skip.h"
 #include "tests/helpers/toy.h"
 
 using namespace tessera;
@@ -231,7 +232,7 @@ TEST_CASE("fault: two drivers of one job: one works, the other is told", "[fault
 TEST_CASE("fault: a full disk is one sentence and exit 4, and with space the same command goes on",
           "[fault]") {
   if (::geteuid() != 0) {
-    WARN("skipped: mounting a small tmpfs needs root");
+    test::skip("mounting a small tmpfs needs root");
     return;
   }
   const TempFolder scratch;
@@ -240,7 +241,7 @@ TEST_CASE("fault: a full disk is one sentence and exit 4, and with space the sam
   int full = 0;
   for (const int kib : {64, 100, 140, 164, 180, 196, 212}) {
     if (shell("mount -t tmpfs -o size=" + std::to_string(kib) + "k tessera-test " + disk).code != 0) {
-      WARN("skipped: this machine does not let root mount a tmpfs");
+      test::skip("this machine does not let root mount a tmpfs");
       return;
     }
     const Toy toy(disk);

@@ -1,4 +1,4 @@
-// Real meshes of the shared catalogue, with the states that other parsers found there. Passes without them.
+// Real meshes of the shared catalogue, with the states that other parsers found there.
 #include <catch2/catch.hpp>
 
 #include <filesystem>
@@ -6,11 +6,10 @@
 
 #include "octree/error.h"
 #include "stream/check/mesh_check.h"
+#include "tests/helpers/skip.h"
 
 namespace tessera {
 namespace {
-
-const std::filesystem::path kData = TESSERA_SHARED_DATA;
 
 struct Known {
   const char* file;
@@ -44,9 +43,9 @@ constexpr Known kMeshes[] = {
 };
 
 TEST_CASE("real meshes: the check agrees with the catalogue", "[pipeline]") {
+  if (!test::has_shared_data()) return;
   for (const Known& known : kMeshes) {
-    const std::filesystem::path path = kData / known.file;
-    if (!std::filesystem::exists(path)) continue;
+    const std::filesystem::path path = test::kSharedData / known.file;
     CAPTURE(known.file);
     const auto mesh = open_mesh_file(path, {.keep_bad_faces = true});
     const MeshCheck c = check_mesh(*mesh, {});
@@ -64,8 +63,8 @@ TEST_CASE("real meshes: the check agrees with the catalogue", "[pipeline]") {
 }
 
 TEST_CASE("real meshes: every edge case is read or refused in one sentence", "[fault]") {
-  const std::filesystem::path folder = kData / "dirty/edge-cases";
-  if (!std::filesystem::exists(folder)) return;
+  if (!test::has_shared_data()) return;
+  const std::filesystem::path folder = test::kSharedData / "dirty/edge-cases";
   int read = 0;
   for (const auto& entry : std::filesystem::directory_iterator(folder)) {
     if (!entry.path().has_extension()) continue;

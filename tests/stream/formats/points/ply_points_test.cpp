@@ -4,6 +4,7 @@
 #include <limits>
 
 #include "tests/helpers/point_reading.h"
+#include "tests/helpers/skip.h"
 #include "tests/helpers/temp_folder.h"
 
 namespace tessera {
@@ -226,7 +227,8 @@ TEST_CASE("ply points: files without points to read are refused with a reason", 
 }
 
 TEST_CASE("ply points: real files have the points that their catalogue says", "[pipeline]") {
-  const std::filesystem::path data = TESSERA_SHARED_DATA;
+  if (!test::has_shared_data()) return;
+  const std::filesystem::path data = test::kSharedData;
   const std::vector<std::pair<std::string, std::size_t>> files = {
       {"scans/bunny-raw.ply", 362272},
       {"scans/drill-raw.ply", 50643},
@@ -239,7 +241,6 @@ TEST_CASE("ply points: real files have the points that their catalogue says", "[
       {"dirty/brain-tristrips.ply", 18844},
       {"dirty/cycloidal.ply", 21384}};
   for (const auto& [name, count] : files) {
-    if (!std::filesystem::exists(data / name)) continue;
     CAPTURE(name);
     const auto r = test::read_points(data / name);
     CHECK(r.points.size() == count);

@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "tests/helpers/point_reading.h"
+#include "tests/helpers/skip.h"
 #include "tests/helpers/temp_folder.h"
 
 namespace tessera {
@@ -179,8 +180,8 @@ TEST_CASE("text points: what is no text of points is refused", "[fault]") {
 }
 
 TEST_CASE("text points: the real CSV has the points that its catalogue says", "[pipeline]") {
-  const std::filesystem::path path = std::filesystem::path(TESSERA_SHARED_DATA) / "scans/car-cloud400.csv";
-  if (!std::filesystem::exists(path)) return;
+  if (!test::has_shared_data()) return;
+  const std::filesystem::path path = test::kSharedData / "scans/car-cloud400.csv";
   const auto r = test::read_points(path);
   CHECK(r.points.size() == 24989);
   CHECK(r.info.attributes.normals);

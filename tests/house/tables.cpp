@@ -1,0 +1,170 @@
+// The exceptions and relations that the gates need to know, each with its reason. A gate speaks of stale lines too.
+#include "tests/house/house.h"
+
+namespace tessera::house {
+
+/// file -> the header that declares what it defines
+const std::map<std::string, std::string>& parts_of_headers() {
+  static const std::map<std::string, std::string> parts = {
+      {"kernels/certify/tolerance_raster_cpu.cpp", "kernels/certify/tolerance_raster.h"},
+      {"kernels/certify/tolerance_raster_gl.cpp", "kernels/certify/tolerance_raster.h"},
+      {"kernels/closing/closing_growth.cpp", "kernels/closing/closing.h"},
+      {"kernels/decimate/decimator_bound.cpp", "kernels/decimate/decimator.h"},
+      {"kernels/decimate/decimator_cost.cpp", "kernels/decimate/decimator.h"},
+      {"kernels/decimate/decimator_optimal.cpp", "kernels/decimate/decimator.h"},
+      {"kernels/decimate/decimator_sweep.cpp", "kernels/decimate/decimator.h"},
+      {"kernels/extract/feature_segments.cpp", "kernels/extract/brick_extractor.h"},
+      {"kernels/picture/rasterizer_egl.cpp", "kernels/picture/rasterizer.h"},
+      {"kernels/scene/sensor_source.cpp", "kernels/scene/sample_source.h"},
+      {"stream/check/mesh_check_report.cpp", "stream/check/mesh_check.h"},
+      {"stream/check/mesh_compare_report.cpp", "stream/check/mesh_compare.h"},
+      {"stream/formats/meshes/glb_mesh_reader.cpp", "stream/formats/meshes/mesh_reader_base.h"},
+      {"stream/formats/meshes/glb_mesh_writer.cpp", "stream/formats/meshes/mesh_writer_base.h"},
+      {"stream/formats/meshes/obj_mesh_reader.cpp", "stream/formats/meshes/mesh_reader_base.h"},
+      {"stream/formats/meshes/obj_mesh_writer.cpp", "stream/formats/meshes/mesh_writer_base.h"},
+      {"stream/formats/meshes/off_mesh_reader.cpp", "stream/formats/meshes/mesh_reader_base.h"},
+      {"stream/formats/meshes/ply_mesh_reader.cpp", "stream/formats/meshes/mesh_reader_base.h"},
+      {"stream/formats/meshes/ply_mesh_writer.cpp", "stream/formats/meshes/mesh_writer_base.h"},
+      {"stream/formats/meshes/stl_mesh_reader.cpp", "stream/formats/meshes/mesh_reader_base.h"},
+      {"stream/formats/meshes/stl_mesh_writer.cpp", "stream/formats/meshes/mesh_writer_base.h"},
+      {"stream/formats/points/inputs.cpp", "stream/formats/points/point_source.h"},
+      {"stream/import/import_corners_stage.cpp", "stream/import/import_stages.h"},
+      {"stream/import/import_tiles_stage.cpp", "stream/import/import_stages.h"},
+      {"stream/import/import_vertices_stage.cpp", "stream/import/import_stages.h"},
+      {"stream/meshes/mesh_blocking.cpp", "stream/meshes/mesh_store.h"},
+      {"stream/render/render_deviation.cpp", "stream/render/render_scene.h"},
+      {"stream/render/render_mesh.cpp", "stream/render/render_scene.h"},
+      {"stream/render/render_points.cpp", "stream/render/render_scene.h"},
+      {"stream/stages/scan/orient_stage.cpp", "stream/stages/scan/normals_stage.h"},
+      {"stream/stages/smooth/coarse_stages.cpp", "stream/stages/smooth/smooth_stage.h"},
+      {"stream/stages/smooth/smooth_job.cpp", "stream/stages/smooth/smooth_stage.h"},
+      {"stream/stages/surface/close_stage.cpp", "stream/stages/surface/closing_stages.h"},
+      {"stream/stages/surface/multipole_stage.cpp", "stream/stages/surface/closing_stages.h"},
+      {"stream/stages/surface/rims_stage.cpp", "stream/stages/surface/closing_stages.h"},
+      {"stream/stages/surface/tiling.cpp", "stream/stages/surface/surface_stage.h"},
+      {"tools/check_command.cpp", "tools/commands.h"},
+      {"tools/convert_command.cpp", "tools/commands.h"},
+      {"tools/decimate_command.cpp", "tools/commands.h"},
+      {"tools/info_command.cpp", "tools/commands.h"},
+      {"tools/parameterize_command.cpp", "tools/commands.h"},
+      {"tools/plan_command.cpp", "tools/commands.h"},
+      {"tools/reconstruct_command.cpp", "tools/commands.h"},
+      {"tools/render_command.cpp", "tools/commands.h"},
+      {"tools/smooth_command.cpp", "tools/commands.h"},
+      {"tools/synth_command.cpp", "tools/commands.h"},
+      {"tools/task_command.cpp", "tools/commands.h"},
+  };
+  return parts;
+}
+
+/// stem -> the test that runs it, where it has none of its own
+const std::map<std::string, std::string>& covering_tests() {
+  static const std::map<std::string, std::string> covered = [] {
+    std::map<std::string, std::string> all;
+    const auto by = [&](const std::string& test, const std::string& folder,
+                        const std::vector<std::string>& stems) {
+      for (const std::string& stem : stems) all[folder + "/" + stem] = "tests/" + test + "_test.cpp";
+    };
+    by("tools/bad_input", "octree", {"error"});  // every kind of error is an exit code there
+    by("octree/points", "octree", {"lattice", "morton"});
+    by("octree/winding_number", "octree", {"leaf_queries", "multipole"});
+    by("kernels/points/normals", "octree", {"jacobi_eigen3"});
+    by("kernels/scene/scene", "octree", {"portable_math"});
+    by("stream/check/mesh_check", "octree", {"union_find"});
+    by("octree/quadric_field", "octree", {"vector3"});
+
+    by("solvers/linear_solver", "solvers",
+       {"cholesky_solver", "cholmod_view", "conjugate_gradients", "krylov_solver", "lu_solver",
+        "multigrid_cycle", "multigrid_interpolation", "multigrid_levels", "multigrid_solver", "rcm_ordering",
+        "single_thread", "solver_choice", "sparse_matrix"});
+    by("kernels/holes/hole_filling", "solvers", {"envelope_cholesky"});
+    by("solvers/laplacian", "solvers", {"intrinsic_delaunay"});
+
+    by("kernels/certify/certificate_pair", "kernels/certify", {"overlay_outline", "overlay_proof"});
+    by("kernels/certify/tolerance_volume", "kernels/certify",
+       {"tolerance_filter", "tolerance_raster", "tolerance_raster_cpu", "tolerance_raster_gl"});
+    by("tools/render", "kernels/certify", {"deviation_samples"});
+    by("kernels/closing/closing", "kernels/closing", {"closing_field", "closing_growth"});
+    by("kernels/decimate/decimate", "kernels/decimate",
+       {"collapse_gap", "collapse_mesh", "decimator", "decimator_bound", "decimator_cost",
+        "decimator_optimal", "decimator_sweep", "feature_edges", "quadric", "reference_gap"});
+    by("kernels/extract/extended_marching_cubes", "kernels/extract",
+       {"brick_band", "brick_extractor", "cell_loops", "feature_sample", "feature_segments",
+        "loop_triangulation", "tangent_planes"});
+    by("kernels/field/field", "kernels/field",
+       {"band", "coarse_normals", "directed_field", "edge_roots", "node_fit", "point_leaves", "rim_test",
+        "root_colour", "row_samples", "sample_clusters", "sample_list", "sheets"});
+    by("kernels/holes/hole_filling", "kernels/holes", {"hole_mesh", "hole_triangulation"});
+    by("kernels/maps/parameterize", "kernels/maps", {"disk_topology"});
+    by("kernels/certify/certificate", "kernels/mesh", {"closest_face"});
+    by("kernels/smooth/denoise", "kernels/mesh", {"face_corners"});
+    by("kernels/mesh/block_components", "kernels/mesh", {"face_components"});
+    by("stream/meshes/patch_store", "kernels/mesh", {"patch", "patch_components"});
+    by("stream/meshes/mesh_store", "kernels/mesh", {"mesh_block", "mesh_block_ops"});
+    by("tools/render", "kernels/picture", {"caption", "picture", "picture_shaders"});
+    by("kernels/certify/tolerance_volume", "kernels/picture",
+       {"gl_functions", "rasterizer", "rasterizer_egl"});
+    by("kernels/points/orientation", "kernels/points", {"sign_solver"});
+    by("stream/stages/scan/survey", "kernels/points", {"spacing"});
+    by("kernels/scene/scene", "kernels/scene",
+       {"fractal_noise", "implicit_scene", "sample_source", "scene_models", "scene_smooth", "scene_solid",
+        "sensor_source", "solid", "surface_sampler"});
+    by("kernels/smooth/coarse_level", "kernels/smooth", {"coarse_system"});
+    by("kernels/smooth/fairing", "kernels/smooth", {"curvature_flow"});
+    by("kernels/smooth/smooth", "kernels/smooth", {"normal_filter", "polynomial_filter", "surface_rows"});
+    by("kernels/smooth/denoise", "kernels/smooth", {"star_sides", "surface_window", "window_fit"});
+
+    by("stream/import/mesh_import", "stream/import",
+       {"import_corners_stage", "import_tiles_stage", "import_vertices_stage"});
+    by("tools/decimate", "stream/meshes", {"store_write_stage"});
+    by("tools/decimate", "stream/stages/decimate",
+       {"certify_stage", "decimate_job", "simplify_stage", "unsettled_region"});
+    by("tools/reconstruct", "stream/stages/reconstruct", {"reconstruct_job"});
+    by("stream/stages/scan/distribute", "stream/stages/scan", {"distribute_stage"});
+    by("stream/stages/scan/order", "stream/stages/scan", {"order_stage"});
+    by("stream/stages/scan/survey", "stream/stages/scan", {"probe_stage", "survey_stage"});
+    by("tools/orient", "stream/stages/scan",
+       {"normals_mode", "normals_stage", "orient_solution", "orient_stage", "uncertain_picture"});
+    by("tools/smooth_command", "stream/stages/smooth",
+       {"coarse_files", "coarse_stages", "smooth_job", "smooth_stage", "smooth_tiles"});
+    by("tools/reconstruct_tolerance", "stream/stages/surface",
+       {"first_pass", "islands_stage", "samples_stage"});
+    by("stream/stages/surface/surface", "stream/stages/surface",
+       {"close_stage", "closing_stages", "hole_files", "holes_stage", "loops_stage", "multipole_stage",
+        "numbered_patches", "output_frame", "rims_stage", "surface_stage", "tiling", "weld_stage",
+        "write_stage"});
+    return all;
+  }();
+  return covered;
+}
+
+/// "path word" -> why it may stand there
+const std::map<std::string, std::string>& allowed_words() {
+  static const std::string loader =
+      "a picture needs OpenGL, nothing else does: linked, Mesa and LLVM would cost every command 100 MB and "
+      "a start";
+  static const std::map<std::string, std::string> allowed = {
+      {"kernels/picture/rasterizer.cpp <dlfcn.h>", loader},
+      {"kernels/picture/rasterizer.cpp dlopen(", loader},
+      {"kernels/picture/rasterizer_egl.cpp <dlfcn.h>", loader},
+      {"kernels/picture/rasterizer_egl.cpp dlopen(", loader},
+      {"solvers/multigrid_solver.cpp <cstdio>", "snprintf"},
+      {"solvers/single_thread.cpp <omp.h>", "keeps CHOLMOD from starting threads"},
+  };
+  return allowed;
+}
+
+/// "path word": headers that may hand on a heavy one
+const std::set<std::string>& allowed_heavy_headers() {
+  static const std::set<std::string> allowed = {
+      "stream/runtime/job.h <nlohmann/json.hpp>",           // a job holds its options as JSON
+      "stream/runtime/journal.h <nlohmann/json.hpp>",       // a line of the journal is JSON
+      "stream/runtime/options_json.h <nlohmann/json.hpp>",  // its subject
+      "stream/runtime/report.h <nlohmann/json.hpp>",        // its subject
+      "stream/runtime/work_dir.h <nlohmann/json.hpp>",      // holds job.json
+      "tools/cli.h <CLI/",                                  // its subject
+  };
+  return allowed;
+}
+
+}  // namespace tessera::house
