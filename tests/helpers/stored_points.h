@@ -1,4 +1,5 @@
-// Every record of some point files, in order, outliers included.
+/// \file stored_points.h
+/// Every record of some point files, in order, outliers included.
 #pragma once
 #include <filesystem>
 #include <vector>

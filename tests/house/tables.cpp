@@ -31,7 +31,6 @@ const std::map<std::string, std::string>& parts_of_headers() {
       {"stream/import/import_corners_stage.cpp", "stream/import/import_stages.h"},
       {"stream/import/import_tiles_stage.cpp", "stream/import/import_stages.h"},
       {"stream/import/import_vertices_stage.cpp", "stream/import/import_stages.h"},
-      {"stream/meshes/mesh_blocking.cpp", "stream/meshes/mesh_store.h"},
       {"stream/render/render_deviation.cpp", "stream/render/render_scene.h"},
       {"stream/render/render_mesh.cpp", "stream/render/render_scene.h"},
       {"stream/render/render_points.cpp", "stream/render/render_scene.h"},
