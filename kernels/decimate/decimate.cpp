@@ -19,8 +19,7 @@ namespace {
 void check_sizes(const MeshBlock& b, const char* name) {
   const std::size_t n = b.position.size(), m = b.faces.size();
   if (b.key.size() != n || b.vertex_class.size() != n || (!b.rgba.empty() && b.rgba.size() != n) ||
-      (!b.normal.empty() && b.normal.size() != n) || b.face_flags.size() != m ||
-      (!b.face_bound.empty() && b.face_bound.size() != m))
+      b.face_flags.size() != m || (!b.face_bound.empty() && b.face_bound.size() != m))
     throw InputError(std::string("decimation: arrays of different length in the ") + name);
   if (3 * m >= kNoCorner || n >= kNoCorner)
     throw InputError(std::string("decimation: more than a thousand million faces in the ") + name);
@@ -61,7 +60,6 @@ void make_canonical(MeshBlock& b) {
       throw InputError("decimation: two vertices of the block have the key " +
                        std::to_string(b.key[order[i]]));
   take(b.key, order), take(b.position, order), take(b.vertex_class, order), take(b.rgba, order);
-  take(b.normal, order);
   for (std::size_t f = 0; f < b.faces.size(); ++f) {
     auto& t = b.faces[f];
     for (auto& v : t) v = place[v];
@@ -127,7 +125,6 @@ void DecimateOptions::validate() const {
   need(max_normal_turn_deg >= 0.0 && max_normal_turn_deg <= 180.0, "max_normal_turn_deg", "in [0, 180]");
   need(min_roundness >= 0.0 && min_roundness < 1.0, "min_roundness", "in [0, 1)");
   need(colour_weight >= 0.0 && std::isfinite(colour_weight), "colour_weight", "a length of 0 or more");
-  need(normal_weight >= 0.0 && std::isfinite(normal_weight), "normal_weight", "a length of 0 or more");
 }
 
 DecimateReport decimate(MeshBlock& block, const MeshBlock& reference, const DecimateOptions& options,

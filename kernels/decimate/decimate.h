@@ -52,8 +52,6 @@ struct DecimateOptions {
   /// Smallest 4 sqrt(3) area / (sum of squared edges), unless it was worse before.
   double min_roundness = 0.02;
   double colour_weight = 0.0;  ///< scan units that the full range of a colour channel is worth; 0 = ignored
-  /// Scan units that a turn of a vertex normal by one radian is worth; 0 = ignored.
-  double normal_weight = 0.0;
 
   void validate() const;  ///< throws UsageError naming the field
 };

@@ -16,8 +16,7 @@ Decimator::Decimator(CollapseMesh& mesh, const CollapseMesh& reference,
       options_(options),
       plain_((options.priority == DecimatePriority::kQuadric ||
               options.priority == DecimatePriority::kProbabilistic) &&
-             options.placement == DecimatePlacement::kEndpoint && !(options.colour_weight > 0.0) &&
-             !(options.normal_weight > 0.0)),
+             options.placement == DecimatePlacement::kEndpoint && !(options.colour_weight > 0.0)),
       quadric_(mesh.vertices()),
       mark_(mesh.vertices(), 0),
       reference_vertex_(std::move(reference_vertex)) {

@@ -85,7 +85,7 @@ double Decimator::cost(std::uint32_t u, const Quadric& q, const Star& star, std:
       break;
   }
   cost += tie_cost(edge2);
-  if (options_.colour_weight > 0.0 || options_.normal_weight > 0.0) {
+  if (options_.colour_weight > 0.0) {
     if (!bound_by_sum(u, star, at_ring)) return kNoCost;
     cost += attribute_cost(u);
   }
@@ -129,22 +129,13 @@ double Decimator::attribute_cost(std::uint32_t u) const {
   const std::uint32_t corner[3] = {foot_.a, foot_.b, foot_.c};
   const double weight[3] = {foot_.wa, foot_.wb, 1.0 - foot_.wa - foot_.wb};
   double square = 0.0;
-  if (options_.colour_weight > 0.0 && !block_.rgba.empty()) {
+  if (!block_.rgba.empty()) {
     for (unsigned shift = 0; shift < 24; shift += 8) {
       double difference = static_cast<double>(block_.rgba[mesh_.block_vertex(u)] >> shift & 255u);
       for (std::size_t i = 0; i < 3; ++i)
         difference -=
             weight[i] * static_cast<double>(block_.rgba[mesh_.block_vertex(corner[i])] >> shift & 255u);
       difference *= options_.colour_weight / 255.0;
-      square += difference * difference;
-    }
-  }
-  if (options_.normal_weight > 0.0 && !block_.normal.empty()) {
-    for (std::size_t axis = 0; axis < 3; ++axis) {
-      double difference = static_cast<double>(block_.normal[mesh_.block_vertex(u)][axis]);
-      for (std::size_t i = 0; i < 3; ++i)
-        difference -= weight[i] * static_cast<double>(block_.normal[mesh_.block_vertex(corner[i])][axis]);
-      difference *= options_.normal_weight;
       square += difference * difference;
     }
   }

@@ -121,18 +121,6 @@ void Decimator::move_vertex(std::uint32_t u, std::uint32_t v) {
     }
     block_.rgba[to] = blend;
   }
-  if (!block_.normal.empty()) {
-    Double3 n{};
-    const Float3 &x = block_.normal[from], &y = block_.normal[to];
-    const auto mix = [&](std::size_t axis) {
-      return (1.0 - t) * static_cast<double>(x[axis]) + t * static_cast<double>(y[axis]);
-    };
-    n = {mix(0), mix(1), mix(2)};
-    const double size = norm(n);
-    if (size > 0.0)
-      block_.normal[to] = {static_cast<float>(n[0] / size), static_cast<float>(n[1] / size),
-                           static_cast<float>(n[2] / size)};
-  }
 }
 
 }  // namespace tessera

@@ -29,7 +29,6 @@ struct MeshBlock {
   std::vector<Double3> position;          ///< n, scan units, world frame: exactly what the file holds
   std::vector<VertexClass> vertex_class;  ///< n
   std::vector<std::uint32_t> rgba;        ///< n, or empty without colour; as PointRecord::rgba
-  std::vector<Float3> normal;             ///< n, or empty: normals that the input brought
   std::vector<std::array<std::uint32_t, 3>> faces;  ///< m, counter-clockwise from outside
   std::vector<std::uint8_t> face_flags;             ///< m, bits of MeshFaceFlag
   /// m, or empty (all 0): bound of the distance between the face and what it stands for in the reference,

@@ -82,7 +82,6 @@ void append_vertices(const MeshBlock& in, std::span<const std::uint32_t> from, M
   take(in.position, out.position);
   take(in.vertex_class, out.vertex_class);
   take(in.rgba, out.rgba);
-  take(in.normal, out.normal);
 }
 
 /// `faces` (indices of `in`) with the vertices that they use, in the order of `in`. `local` holds kNone for
@@ -179,7 +178,6 @@ MeshBlock merge_blocks(std::span<const MeshBlock* const> pieces, std::span<const
     append(piece->position, all.position);
     append(piece->vertex_class, all.vertex_class);
     append(piece->rgba, all.rgba);
-    append(piece->normal, all.normal);
   }
   std::vector<std::pair<std::uint64_t, std::uint32_t>> by_key(vertices);
   for (std::uint32_t i = 0; i < vertices; ++i) by_key[i] = {all.key[i], i};

@@ -292,8 +292,7 @@ Image Picture::finish() {
   gl.Uniform1f(gl_uniform(gl, occlusion, "strength"), static_cast<float>(s.options.occlusion));
   for (const PictureView& view : s.views) {
     s.use_screen_view(occlusion, view);
-    const double radius = s.options.occlusion_radius > 0.0 ? s.options.occlusion_radius
-                                                           : kOcclusionShare * view_half_width(view.camera);
+    const double radius = kOcclusionShare * view_half_width(view.camera);
     gl.Uniform1f(gl_uniform(gl, occlusion, "radius"), static_cast<float>(radius));
     gl.Uniform2f(gl_uniform(gl, occlusion, "half_size"), static_cast<float>(view.camera.half_width),
                  static_cast<float>(view.camera.half_height));

@@ -57,7 +57,6 @@ struct PictureOptions {
   int height = 1200;
   int supersample = 3;            ///< 1..4: samples per pixel and axis
   double occlusion = 1.0;         ///< strength of ambient occlusion; 0 = off
-  double occlusion_radius = 0.0;  ///< scene units; 0 = a share of each view's width
 };
 
 /// Bytes of pixel memory that a picture of this size needs.
