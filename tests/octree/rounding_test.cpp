@@ -1,9 +1,11 @@
+#include "octree/rounding.h"
+
 #include <catch2/catch.hpp>
 
 #include <array>
 #include <vector>
 
-#include "octree/lattice.h"
+#include "octree/vector.h"
 
 namespace tessera {
 namespace {
@@ -24,6 +26,14 @@ namespace {
 bool is_float(double value) {
   const volatile float f = static_cast<float>(value);
   return static_cast<double>(f) == value;
+}
+
+TEST_CASE("rounding: up is the smallest float that is not below", "[unit]") {
+  for (const double v : {0.0, 1.0, 1.0 + 1e-12, 0.1, -0.1, 1e30, 3e-40, -1.0 - 1e-12}) {
+    const float up = rounded_up(v);
+    CHECK(static_cast<double>(up) >= v);
+    CHECK(static_cast<double>(std::nextafter(up, -1e38f)) < v);
+  }
 }
 
 TEST_CASE("compiler: a value that went through float is rounded", "[unit]") {

@@ -3,7 +3,7 @@
 #include <catch2/catch.hpp>
 
 #include "octree/error.h"
-#include "octree/vector3.h"
+#include "octree/vector.h"
 
 namespace tessera {
 
