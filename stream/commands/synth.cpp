@@ -89,7 +89,7 @@ class MissingSpots {
     for (int spot = 0; spot < o.missing_spots; ++spot) {
       centres_.push_back(looked[next]);
       for (std::size_t i = 0; i < looked.size(); ++i) {
-        distance2[i] = std::min(distance2[i], squared(looked[i], centres_.back()));
+        distance2[i] = std::min(distance2[i], squared_distance(looked[i], centres_.back()));
         if (distance2[i] > distance2[next]) next = i;
       }
     }

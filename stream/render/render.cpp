@@ -211,7 +211,8 @@ Image draw_panel(Panel& panel, const std::vector<ViewSpec>& specs, const std::ve
     if (options.focus.empty()) {
       views[i].camera = fit_camera(specs[i], fit_points, aspect, options.zoom);
     } else {
-      const Double3 centre = options.focus - origin;
+      const Double3 centre = {options.focus[0] - origin[0], options.focus[1] - origin[1],
+                              options.focus[2] - origin[2]};
       views[i].camera = focus_camera(specs[i], centre, options.focus[3], aspect, options.zoom);
     }
     set_depth_range(views[i].camera, low, high);
