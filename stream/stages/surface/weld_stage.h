@@ -15,7 +15,7 @@ struct VertexPlace {
 
 /// What welding knows of one patch.
 struct PatchPlace {
-  std::uint64_t first_vertex = 0;  ///< output index of its first kept vertex
+  std::uint64_t first_vertex = 0;     ///< output index of its first kept vertex
   std::uint64_t first_component = 0;  ///< into Numbering::kept
   std::uint64_t foreign_offset = 0;   ///< of its VertexPlaces among those of its patch file, bytes
   std::uint32_t kept_vertices = 0;
