@@ -66,10 +66,10 @@ TEST_CASE("normals: a sphere's normals are radial, whatever the block", "[proper
   REQUIRE(shapes.size() == large.size());
   double worst = 0.0;
   for (std::size_t i = 0; i < shapes.size(); ++i) {
-    const double d[3] = {large.x[i] - centre[0], large.y[i] - centre[1], large.z[i] - centre[2]};
+    const Double3 d = {large.x[i] - centre[0], large.y[i] - centre[1], large.z[i] - centre[2]};
     const double r = norm(d);
     const auto& n = shapes[i].normal;
-    const double c = std::fabs(dot(d, n)) / r;
+    const double c = std::fabs(dot(d, wide(n))) / r;
     worst = std::max(worst, 1.0 - c);
   }
   CHECK(worst < 1e-3);

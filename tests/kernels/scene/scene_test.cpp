@@ -39,7 +39,7 @@ Samples sample_all(const SurfaceSampler& sampler) {
 Double3 random_in(const Box3& box, std::uint64_t i) {
   const auto u = [&](std::uint64_t stream) { return to_unit(random_bits(7, stream, i)); };
   const Double3 d = box.hi - box.lo;
-  return {box.lo.x + d.x * u(1), box.lo.y + d.y * u(2), box.lo.z + d.z * u(3)};
+  return {box.lo[0] + d[0] * u(1), box.lo[1] + d[1] * u(2), box.lo[2] + d[2] * u(3)};
 }
 
 }  // namespace
@@ -77,7 +77,7 @@ TEST_CASE("fractal noise: slopes are the derivatives of the height and stay with
   const double e = 1e-5;
   for (std::uint64_t i = 0; i < 500; ++i) {
     const Double3 p = random_in({{-900, -900, -900}, {900, 900, 900}}, i);
-    const double x[5] = {p.x, p.x + e, p.x - e, p.x, p.x}, y[5] = {p.y, p.y, p.y, p.y + e, p.y - e};
+    const double x[5] = {p[0], p[0] + e, p[0] - e, p[0], p[0]}, y[5] = {p[1], p[1], p[1], p[1] + e, p[1] - e};
     double h[5], sx[5], sy[5];
     fractal_heights(o, x, y, h, sx, sy);
     CHECK(sx[0] == Approx((h[1] - h[2]) / (2 * e)).margin(1e-6));
@@ -90,8 +90,8 @@ TEST_CASE("fractal noise: slopes are the derivatives of the height and stay with
         fractal_volume(o, p + Double3{0, 0, e}, unused) - fractal_volume(o, p - Double3{0, 0, e}, unused);
     const double dx =
         fractal_volume(o, p + Double3{e, 0, 0}, unused) - fractal_volume(o, p - Double3{e, 0, 0}, unused);
-    CHECK(g.z == Approx(dz / (2 * e)).margin(1e-6));
-    CHECK(g.x == Approx(dx / (2 * e)).margin(1e-6));
+    CHECK(g[2] == Approx(dz / (2 * e)).margin(1e-6));
+    CHECK(g[0] == Approx(dx / (2 * e)).margin(1e-6));
     CHECK(norm(g) <= fractal_volume_slope_bound(o));
   }
 }
@@ -101,8 +101,8 @@ TEST_CASE("fractal noise: a point alone has the bits it has in a batch", "[prope
   std::vector<double> x, y;
   for (std::uint64_t i = 0; i < 1003; ++i) {
     const Double3 p = random_in({{0, 0, 0}, {1000, 1000, 1}}, i);
-    x.push_back(p.x);
-    y.push_back(p.y);
+    x.push_back(p[0]);
+    y.push_back(p[1]);
   }
   std::vector<double> h(x.size()), sx(x.size()), sy(x.size());
   fractal_heights(o, x, y, h, sx, sy);
@@ -149,7 +149,7 @@ TEST_CASE("direct sampling has the true area and an even density", "[unit]") {
   const SurfaceSampler sampler(*sphere, 16000, 1);
   const Samples all = sample_all(sampler);
   int octant[8] = {};
-  for (const auto& p : all.points) ++octant[(p.x > 0) | (p.y > 0) << 1 | (p.z > 0) << 2];
+  for (const auto& p : all.points) ++octant[(p[0] > 0) | (p[1] > 0) << 1 | (p[2] > 0) << 2];
   for (const int count : octant) CHECK(std::abs(count - 2000) < 60);
   int lonely = 0;
   for (std::size_t i = 0; i < 400; ++i) {
@@ -214,7 +214,7 @@ TEST_CASE("rays hit the surface where nothing is before it", "[property]") {
       // From far outside towards a point of the surface: something must be hit, not behind that point.
       const Double3 from = targets.points[i] + unit(targets.normals[i] + Double3{0.1, 0.2, 0.3}) * size;
       const Double3 way = targets.points[i] - from;
-      const Ray ray{from, unit(way)};
+      const Ray ray{from, tessera::unit(way)};
       RayHit hit;
       const bool found = scene->intersect(ray, 2.0 * size, hit);
       if (!found) continue;  // grazes a border or a crease
@@ -320,7 +320,7 @@ TEST_CASE("sensors: noise-free returns lie on the surface, in sight, near the nu
           if (kind != SensorKind::kAirborne && i % 16 == 0) {
             RayHit before;
             const Double3 way = p - scan.origin;
-            CHECK_FALSE(scene->intersect({scan.origin, unit(way)}, norm(way) - 1e-3 * size, before));
+            CHECK_FALSE(scene->intersect({scan.origin, tessera::unit(way)}, norm(way) - 1e-3 * size, before));
           }
           ++count;
         }
@@ -348,7 +348,7 @@ TEST_CASE("sensors: flying points lie on a ray between two surfaces; gaps keep t
       flying += batch.flying;
       for (std::size_t i = 0; i < batch.surface.size(); ++i) {
         const Double3 p{batch.surface.x[i], batch.surface.y[i], batch.surface.z[i]};
-        if (!std::isnan(p.x)) off += norm(scene->closest(p).position - p) > 1e-6;
+        if (!std::isnan(p[0])) off += norm(scene->closest(p).position - p) > 1e-6;
       }
     }
     CHECK(in_scan == scan.columns * scan.rows);

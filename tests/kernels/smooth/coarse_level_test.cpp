@@ -117,7 +117,9 @@ std::vector<Double3> direct(const MeshBlock& block, const SmoothOptions& options
   const Eigen::SparseLU<Eigen::SparseMatrix<double>> factor(columns);
   REQUIRE(factor.info() == Eigen::Success);
   using Rows = Eigen::Matrix<double, Eigen::Dynamic, 3, Eigen::RowMajor>;
-  Eigen::Map<Rows>(x.data(), system.rows, 3) = factor.solve(Eigen::Map<const Rows>(b.data(), system.rows, 3));
+  const Eigen::MatrixXd right = Eigen::Map<const Rows>(b.data(), system.rows, 3);
+  const Eigen::MatrixXd solution = factor.solve(right);
+  Eigen::Map<Rows>(x.data(), system.rows, 3) = solution;
   std::vector<Double3> out(n);
   for (std::size_t v = 0; v < n; ++v)
     for (std::size_t k = 0; k < 3; ++k) out[v][k] = block.position[v][k] + x[3 * v + k];
