@@ -50,7 +50,7 @@ Double2 on_circle(double share) {
 /// corners, so that no face is cut off by a corner between two vertices.
 void place_on_square(const Loop& loop, const std::vector<double>& share, std::vector<Double2>& uv) {
   const std::size_t n = loop.size();
-  if (n < 4) throw InputError("a border of three vertices has no square; choose --border circle");
+  if (n < 4) throw InputError("a border of three vertices has no square; choose the circle");
   std::array<std::size_t, 5> corner{};
   for (std::size_t c = 1; c < 4; ++c) {
     std::size_t best = corner[c - 1] + 1;
@@ -98,8 +98,7 @@ std::vector<Double3> positions_of(const TriangleSpan& mesh, const ConstrainedSys
 void require_solved(SolveStatus status, const std::string& message) {
   if (status == SolveStatus::kTooLarge) throw ResourceError(message);
   if (status == SolveStatus::kNotConverged)
-    throw ResourceError("a factor does not fit the memory, and " + message +
-                        " instead: give a larger --memory");
+    throw ResourceError("a factor does not fit the memory, and " + message + " instead: allow more memory");
   if (status != SolveStatus::kSolved) throw InputError("the mesh has no parameterization: " + message);
 }
 
@@ -294,7 +293,7 @@ Parameterization parameterize(const TriangleSpan& mesh, const ParameterizeOption
   if (options.memory_bytes > 0 && options.memory_bytes < least)
     throw ResourceError("a map of " + std::to_string(mesh.positions.size()) + " vertices needs " +
                         mebibytes(least) + " beside the mesh, allowed are " +
-                        mebibytes(options.memory_bytes) + ": give a larger --memory, or decimate the mesh");
+                        mebibytes(options.memory_bytes) + ": allow more memory, or decimate the mesh");
   const SurfaceTopology topology = surface_topology(mesh);
   if (!topology.is_disk())
     throw InputError(

@@ -105,21 +105,21 @@ ViewSpec parse_view(const std::string& text, const Double3& up) {
     char* end = nullptr;
     const double degrees = std::strtod(digits.c_str(), &end);
     if (digits.empty() || *end != '\0' || !std::isfinite(degrees)) {
-      throw UsageError("--view " + text + ": expected turn:DEGREES, e.g. turn:45");
+      throw UsageError("view " + text + ": expected turn:DEGREES, e.g. turn:45");
     }
     turned(degrees, 20.0);
     view.name = "turn " + digits;
   } else {
-    throw UsageError("--view " + text +
+    throw UsageError("view " + text +
                      ": unknown view; use front, back, left, right, top, bottom, iso, iso2, turn:DEGREES, or "
-                     "custom with --eye and --target");
+                     "custom with an eye and a target");
   }
   return view;
 }
 
 ViewSpec eye_view(const Double3& eye, const Double3& target, const Double3& up) {
   const Double3 back = eye - target;
-  if (!(dot(back, back) > 0.0)) throw UsageError("--eye and --target are the same point");
+  if (!(dot(back, back) > 0.0)) throw UsageError("eye and target are the same point");
   ViewSpec view;
   view.name = "custom";
   view.back = unit(back);

@@ -98,8 +98,8 @@ void Picture::State::build_targets() {
   const int width = options.width * options.supersample;
   const int height = options.height * options.supersample;
   if (std::max(width, height) > context->max_texture_size()) {
-    throw UsageError("--size " + std::to_string(options.width) + "x" + std::to_string(options.height) +
-                     " with --samples " + std::to_string(options.supersample) + " is over " +
+    throw UsageError("a picture of " + std::to_string(options.width) + "x" + std::to_string(options.height) +
+                     " pixels with " + std::to_string(options.supersample) + " samples a side is over " +
                      std::to_string(context->max_texture_size()) +
                      " samples a side, the limit of the rasterizer");
   }

@@ -52,7 +52,7 @@ std::unique_ptr<Scene> make_scene(const SceneOptions& options) {
   if (name == "terrain") return make_terrain(terrain_relief(options.octaves, options.spacing));
   std::string known;
   for (const auto& scene : kScenes) known += (known.empty() ? "" : ", ") + std::string(scene.name);
-  throw UsageError("--scene '" + name + "' is unknown: choose one of " + known);
+  throw UsageError("scene '" + name + "' is unknown: choose one of " + known);
 }
 
 }  // namespace tessera::synth

@@ -88,28 +88,29 @@ void require(bool good, const std::string& sentence) {
 void SmoothOptions::validate() const {
   require(one_of(method, {"implicit", "laplacian", "bilaplacian", "taubin", "bilateral", "denoise",
                           "curvature-flow"}),
-          "--method " + method +
+          "method " + method +
               ": not one of implicit, laplacian, bilaplacian, taubin, bilateral, denoise, curvature-flow");
   require(one_of(weights, {"cotangent", "uniform"}),
-          "--weights " + weights + ": not one of cotangent, uniform");
-  require(steps >= 1 && steps <= 1000, "--steps " + std::to_string(steps) + ": must be 1 to 1000");
+          "weights " + weights + ": not one of cotangent, uniform");
+  require(steps >= 1 && steps <= 1000, "steps " + std::to_string(steps) + ": must be 1 to 1000");
   require(order >= 0 && order <= 2,
-          "--order " + std::to_string(order) + ": must be 1, 2, or 0 for the method's own");
+          "order " + std::to_string(order) + ": must be 1, 2, or 0 for the method's own");
   require(degree >= 0 && degree <= kLargestDegree,
-          "--degree " + std::to_string(degree) + ": must be 0 to " + std::to_string(kLargestDegree));
+          "degree " + std::to_string(degree) + ": must be 0 to " + std::to_string(kLargestDegree));
   require(normal_rounds >= 1 && normal_rounds <= 100 && vertex_rounds >= 1 && vertex_rounds <= 100,
-          "--normal-rounds and --vertex-rounds must be 1 to 100");
-  require(std::isfinite(noise) && noise >= 0.0, "--noise must not be negative");
-  require(std::isfinite(tolerance) && tolerance >= 0.0, "--tolerance must not be negative");
-  require(feature_angle_deg >= 0.0 && feature_angle_deg < 180.0, "--feature-angle must be 0 to 180 degrees");
-  require(std::isfinite(lambda) && lambda >= 0.0, "--lambda must not be negative");
+          "rounds on normals and on vertices must be 1 to 100");
+  require(std::isfinite(noise) && noise >= 0.0, "noise must not be negative");
+  require(std::isfinite(tolerance) && tolerance >= 0.0, "tolerance must not be negative");
+  require(feature_angle_deg >= 0.0 && feature_angle_deg < 180.0,
+          "the feature angle must be 0 to 180 degrees");
+  require(std::isfinite(lambda) && lambda >= 0.0, "lambda must not be negative");
   // Beyond these an explicit step blows noise up: the spectrum of the Laplacian reaches 2.
   if (method == "laplacian" || method == "taubin")
-    require(lambda <= 1.0, "--lambda must be at most 1 for " + method);
-  if (method == "bilaplacian") require(lambda <= 0.5, "--lambda must be at most 0.5 for bilaplacian");
+    require(lambda <= 1.0, "lambda must be at most 1 for " + method);
+  if (method == "bilaplacian") require(lambda <= 0.5, "lambda must be at most 0.5 for bilaplacian");
   if ((method == "implicit" || method == "denoise") && degree == 0) {
     const double used = lambda > 0.0 ? lambda : default_lambda(method);
-    require(used <= kLargestLambda, "--lambda must be at most 1e9");
+    require(used <= kLargestLambda, "lambda must be at most 1e9");
   }
 }
 
@@ -192,12 +193,11 @@ std::vector<Double3> flow(const MeshBlock& block, const SurfaceRows& rows, const
   counts.faces_as_one = report.faces_as_one;
   if (report.folding_faces > 0) {
     const Double3& p = block.position[block.faces[report.first_folding][0]];
-    throw ValidationError(
-        "the curvature flow folds " + std::to_string(report.folding_faces) +
-        " face(s) over, however short its steps, the first at (" + std::to_string(p[0]) + ", " +
-        std::to_string(p[1]) + ", " + std::to_string(p[2]) +
-        "): parts thinner than what it smooths away vanish; take a smaller --lambda, --order 2 "
-        "or --method implicit");
+    throw ValidationError("the curvature flow folds " + std::to_string(report.folding_faces) +
+                          " face(s) over, however short its steps, the first at (" + std::to_string(p[0]) +
+                          ", " + std::to_string(p[1]) + ", " + std::to_string(p[2]) +
+                          "): parts thinner than what it smooths away vanish; take a smaller lambda, order 2 "
+                          "or method implicit");
   }
   const std::string& why = report.factor.message.empty() ? report.solve.message : report.factor.message;
   if (!report.done()) throw InputError("the curvature flow has no solution: " + why);

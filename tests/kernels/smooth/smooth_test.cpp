@@ -370,13 +370,14 @@ TEST_CASE("smooth: options that make no sense are refused by name", "[unit]") {
     }
     return false;
   };
-  CHECK(refused([](SmoothOptions& o) { o.method = "magic"; }, "--method"));
-  CHECK(refused([](SmoothOptions& o) { o.weights = "heavy"; }, "--weights"));
-  CHECK(refused([](SmoothOptions& o) { o.steps = 0; }, "--steps"));
-  CHECK(refused([](SmoothOptions& o) { o.tolerance = -1; }, "--tolerance"));
-  CHECK(refused([](SmoothOptions& o) { o.lambda = std::nan(""); }, "--lambda"));
-  CHECK(refused([](SmoothOptions& o) { o.lambda = 1e10; }, "--lambda"));
-  CHECK(refused([](SmoothOptions& o) { o.method = "laplacian", o.lambda = 1.5; }, "--lambda"));
+  CHECK(refused([](SmoothOptions& o) { o.method = "magic"; }, "method magic: not one of"));
+  CHECK(refused([](SmoothOptions& o) { o.weights = "heavy"; }, "weights heavy: not one of"));
+  CHECK(refused([](SmoothOptions& o) { o.steps = 0; }, "steps 0: must be 1 to 1000"));
+  CHECK(refused([](SmoothOptions& o) { o.tolerance = -1; }, "tolerance must not be negative"));
+  CHECK(refused([](SmoothOptions& o) { o.lambda = std::nan(""); }, "lambda must not be negative"));
+  CHECK(refused([](SmoothOptions& o) { o.lambda = 1e10; }, "lambda must be at most 1e9"));
+  CHECK(refused([](SmoothOptions& o) { o.method = "laplacian", o.lambda = 1.5; },
+                "lambda must be at most 1 for laplacian"));
   SmoothOptions long_one;
   long_one.method = "taubin";
   long_one.steps = 50;
