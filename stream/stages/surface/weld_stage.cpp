@@ -220,8 +220,7 @@ class WeldStage : public Stage {
             {"min_component_faces", limit},
             {"islands_dropped", dropped},
             {"island_faces_dropped", all_faces - numbering.faces},
-            {"shared_seam_vertices", shared},
-            {"seam_gap", 0}};
+            {"shared_seam_vertices", shared}};
   }
 
   JobState state_;
