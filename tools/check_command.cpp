@@ -56,7 +56,6 @@ void run_check(const CheckCommand& command) {
   if (!command.reference.empty()) command.compare.validate();
   if (command.reference.empty() && (command.compare.tolerance != 0.0 || command.with_borders))
     throw UsageError("--tolerance and --borders need --reference FILE to compare with");
-  catch_stop_signals();
   MeshCheckOptions options = command.options;
   options.check_stop = throw_if_stopped;
   if (options.temp.empty()) options.temp = scratch_folder(command.mesh);
@@ -105,39 +104,30 @@ void run_check(const CheckCommand& command) {
 
 }  // namespace
 
-void add_check(CLI::App& app) {
+cli::Command check_command() {
   auto shared = std::make_shared<CheckCommand>();
-  CLI::App* command =
-      cli::add_command(app, "check", "Say what is true of a mesh: topology, orientation, shape, defects.",
-                       [shared] { run_check(*shared); });
-  command->add_option("mesh", shared->mesh, "PLY, OBJ, STL, OFF or GLB")->type_name("FILE");
-  command->add_flag("--strict", shared->strict, "fail with exit code 6 if there are defects");
-  command->add_flag("--closed", shared->closed, "like --strict, and boundary edges are defects too");
-  command->add_flag("--weld", shared->options.weld, "merge vertices of equal position first (STL always)");
-  command->add_option("--truth", shared->truth, "compare with the surface that `tessera synth` scanned")
-      ->type_name("FILE.truth.json");
-  command
-      ->add_option("--h", shared->truth_options.h,
-                   "lattice spacing of the mesh, for --truth [sample spacing]")
-      ->check(CLI::NonNegativeNumber);
-  command
-      ->add_option("--reference", shared->reference,
-                   "prove that this mesh and the one given stay within --tolerance of each other, both ways; "
-                   "exit code 6 if not")
-      ->type_name("FILE");
-  command->add_option("--tolerance", shared->compare.tolerance,
-                      "largest distance allowed, in the unit of the mesh; with --reference");
-  command->add_flag("--borders", shared->with_borders,
-                    "with --reference: border curves must stay within the tolerance of each other too");
-  command->add_option("-t,--threads", shared->threads, "threads for --reference; 0 = all cores")
-      ->check(CLI::Range(0, 1024))
-      ->capture_default_str();
-  command->add_option("--json,--report", shared->json, "also write the result to this file")
-      ->type_name("FILE");
-  cli::add_bytes(*command, "--memory", shared->options.memory_bytes,
-                 "cap on memory; larger meshes go through --temp [1G]");
-  command->add_option("--temp", shared->options.temp, "folder for scratch files [beside the mesh]")
-      ->type_name("FOLDER");
+  CheckCommand& c = *shared;
+  OptionTable t;
+  t.add("mesh", &c.mesh, "PLY, OBJ, STL, OFF or GLB").positional();
+  t.add("strict", &c.strict, "fail with exit code 6 if there are defects");
+  t.add("closed", &c.closed, "like --strict, and boundary edges are defects too");
+  t.add("weld", &c.options.weld, "merge vertices of equal position first (STL always)");
+  t.add("truth", &c.truth, "compare with the surface that `tessera synth` scanned")
+      .shown_as("FILE.truth.json");
+  t.add("h", &c.truth_options.h, "lattice spacing of the mesh, for --truth; 0 = sample spacing").at_least(0);
+  t.add("reference", &c.reference,
+        "prove that this mesh and the one given stay within --tolerance of each other, both ways; exit code "
+        "6 if not");
+  t.add("tolerance", &c.compare.tolerance,
+        "largest distance allowed, in the unit of the mesh; with --reference");
+  t.add("borders", &c.with_borders,
+        "with --reference: border curves must stay within the tolerance of each other too");
+  cli::add_threads(t, c.threads, "threads for --reference");
+  t.add("json,report", &c.json, "also write the result to this file");
+  t.add("memory", &c.options.memory_bytes, "cap on memory; larger meshes go through --temp").bytes();
+  t.add("temp", &c.options.temp, "folder for scratch files; default: beside the mesh");
+  return {"check", "Say what is true of a mesh: topology, orientation, shape, defects.", t,
+          [shared] { run_check(*shared); }};
 }
 
 }  // namespace tessera

@@ -1,72 +1,94 @@
 /// \file cli.h
-/// What the commands of `tessera` share: registration, groups of options, exit codes.
-/// A command lives in tools/<command>_command.cpp, declares its function in tools/commands.h and is called
-/// from tools/tessera.cpp:
+/// What the commands of `tessera` share: registration, options, exit codes.
+/// A command lives in tools/<command>_command.cpp, declares its function in tools/commands.h and is listed in
+/// tools/tessera.cpp:
 ///
-///     void add_info(CLI::App& app) {
+///     cli::Command info_command() {
 ///       auto options = std::make_shared<InfoOptions>();  // defaults live in this struct
-///       CLI::App* command = cli::add_command(app, "info", "What a scan holds.", [options] {
-///       run_info(*options); }); cli::add_inputs(*command, options->inputs);
+///       OptionTable table;
+///       cli::add_inputs(table, options->inputs);
+///       return {"info", "What a scan holds.", table, [options] { run_info(*options); }};
 ///     }
 ///
 /// The function given runs after the whole line is parsed; it prints to stdout what the user asked for and
 /// throws to fail.
 #pragma once
-#include <cstdint>
 #include <filesystem>
 #include <functional>
+#include <memory>
 #include <string>
 #include <vector>
 
-#include <CLI/CLI.hpp>
 #include <nlohmann/json_fwd.hpp>
 
-#include "octree/lattice.h"
-#include "stream/runtime/options.h"
+#include "stream/formats/points/point_source.h"
+#include "stream/runtime/option_table.h"
 #include "stream/runtime/progress.h"
+#include "stream/runtime/stage.h"
 
 namespace tessera::cli {
 
-/// Adds a subcommand. Every command takes `--job FILE`: JSON with every option by the same key ("out",
-/// "memory", "inputs", ...); flags on the line win.
-CLI::App* add_command(CLI::App& app, const std::string& name, const std::string& description,
-                      std::function<void()> run);
+/// Every command also takes `--job FILE`: JSON with every option by its key ("out", "memory", "inputs", ...); what is
+/// on the line wins.
+struct Command {
+  std::string name;
+  std::string description;
+  OptionTable options;
+  std::function<void()> run;
+};
 
 /// Positional inputs: files, folders, globs, @list. Checked by require_inputs, since a job file may give
 /// them.
-void add_inputs(CLI::App& command, std::vector<std::string>& inputs);
+void add_inputs(OptionTable& table, std::vector<std::string>& inputs);
 /// -o/--out
-void add_output(CLI::App& command, std::filesystem::path& output, const std::string& help);
-/// A size in bytes: "2G", "512MiB".
-CLI::Option* add_bytes(CLI::App& command, const std::string& names, std::uint64_t& bytes,
-                       const std::string& help);
-/// A direction or position: "x,y,z".
-CLI::Option* add_vector(CLI::App& command, const std::string& names, Double3& value, const std::string& help);
-/// --memory, -t/--threads, --temp, --tile-size, --force, --keep, --processes, --until, --progress, -v/-q,
-/// --log,
-/// --report
-void add_run_options(CLI::App& command, RunOptions& run);
-/// --columns, for every command that reads text scans
-void add_columns(CLI::App& command, std::vector<std::string>& columns);
-/// Everything of ReconstructOptions
-void add_reconstruct_options(CLI::App& command, ReconstructOptions& options);
-
-/// Progress to stderr.
-ProgressSink stderr_sink();
+void add_output(OptionTable& table, std::filesystem::path& output, const std::string& help);
+/// -t/--threads
+void add_threads(OptionTable& table, int& threads, const std::string& help);
 
 /// \throws UsageError when the user gave none
 void require_inputs(const std::vector<std::string>& inputs);
 void require_output(const std::filesystem::path& output);
+/// \throws UsageError also when it is there and `force` is off
+void require_new_output(const std::filesystem::path& output, bool force);
+/// The only input. \throws UsageError "meshes are <verb> one at a time" \pre there is one
+std::filesystem::path one_input(const std::vector<std::filesystem::path>& inputs, const std::string& verb);
+
+/// A command that runs a job with these options (validate(), option_table()): inputs, output, the job's options, how
+/// it runs.
+/// \param run  gets the options, checked, and a state with inputs and settings
+template <typename Options>
+Command job_command(const std::string& name, const std::string& description, const std::string& output,
+                    void (*run)(const Options& options, JobState state)) {
+  struct Arguments {
+    std::vector<std::string> inputs;
+    Options options;
+    JobState state;
+  };
+  auto a = std::make_shared<Arguments>();
+  OptionTable table;
+  add_inputs(table, a->inputs);
+  add_output(table, a->state.output, output);
+  table.append(option_table(a->options));
+  table.append(option_table(a->state.run));
+  return {name, description, table, [a, run] {
+            require_inputs(a->inputs);
+            a->options.validate();
+            a->state.inputs = expand_inputs(a->inputs);
+            a->state.settings = to_settings(a->options);
+            run(a->options, a->state);
+          }};
+}
+
+/// Progress to stderr.
+ProgressSink stderr_sink();
 
 /// One line for what a job's import repaired, from `input` of its report; none for a sound mesh.
 void print_repairs(const std::string& input, const nlohmann::json& report);
 
-/// "x,y,z" to numbers. \throws UsageError
-Double3 parse_vector(const std::string& text);
-
 /// Parses the line and runs the command chosen. Every failure is one line on stderr and a documented exit
 /// code: 0 done, 2 usage, 3 input, 4 resources, 5 nothing to output, 6 validation, 7 stopped and resumable,
 /// 130/143 after a signal, 70 a bug of Tessera.
-int run(CLI::App& app, int argc, char** argv);
+int run(const std::string& name, const std::string& description, const std::vector<Command>& commands,
+        int argc, char** argv);
 
 }  // namespace tessera::cli

@@ -6,8 +6,8 @@
 
 #include "octree/error.h"
 #include "stream/points/point_summary.h"
+#include "stream/points/reconstruct_options.h"
 #include "stream/runtime/parallel.h"
-#include "stream/runtime/stop.h"
 #include "tools/cli.h"
 #include "tools/commands.h"
 
@@ -90,7 +90,6 @@ nlohmann::ordered_json to_json(const PointSummary& s) {
 /// Describes every file that can be read; one that cannot is named and makes the command fail in the end.
 void run_info(const InfoCommand& command) {
   cli::require_inputs(command.inputs);
-  catch_stop_signals();
   const auto paths = expand_inputs(command.inputs);
   nlohmann::ordered_json files = nlohmann::ordered_json::array();
   std::string first_error;
@@ -124,17 +123,16 @@ void run_info(const InfoCommand& command) {
 
 }  // namespace
 
-void add_info(CLI::App& app) {
+cli::Command info_command() {
   auto shared = std::make_shared<InfoCommand>();
-  CLI::App* command = cli::add_command(
-      app, "info",
-      "Read scans whole and say what they hold: counts, fates of points, bounds, attributes, spacing.",
-      [shared] { run_info(*shared); });
-  cli::add_inputs(*command, shared->inputs);
-  cli::add_columns(*command, shared->read.columns);
-  command->add_option("-t,--threads", shared->threads, "threads; 0 = one per core")
-      ->check(CLI::NonNegativeNumber);
-  command->add_flag("--json", shared->json, "print one JSON object instead of text");
+  OptionTable t;
+  cli::add_inputs(t, shared->inputs);
+  add_columns(t, shared->read.columns);
+  cli::add_threads(t, shared->threads, "threads");
+  t.add("json", &shared->json, "print one JSON object instead of text");
+  return {"info",
+          "Read scans whole and say what they hold: counts, fates of points, bounds, attributes, spacing.", t,
+          [shared] { run_info(*shared); }};
 }
 
 }  // namespace tessera

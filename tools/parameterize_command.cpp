@@ -2,9 +2,7 @@
 
 #include <memory>
 
-#include "octree/error.h"
 #include "stream/commands/parameterize_mesh.h"
-#include "stream/formats/points/point_source.h"
 #include "stream/runtime/memory_budget.h"
 #include "stream/runtime/stop.h"
 #include "tools/cli.h"
@@ -24,19 +22,14 @@ struct Arguments {
 
 void run(Arguments arguments) {
   cli::require_inputs(arguments.inputs);
-  cli::require_output(arguments.output);
-  const auto inputs = expand_inputs(arguments.inputs);
-  if (inputs.size() > 1) throw UsageError("meshes are parameterized one at a time: give one input");
-  if (std::filesystem::exists(arguments.output) && !arguments.force)
-    throw UsageError(arguments.output.string() + ": exists already; give --force to replace it");
-  catch_stop_signals();
+  cli::require_new_output(arguments.output, arguments.force);
+  const std::filesystem::path input = cli::one_input(expand_inputs(arguments.inputs), "parameterized");
   arguments.options.check_stop = throw_if_stopped;
   ParameterizeOptions& map = arguments.options.map;
   map.method =
       arguments.method == "lscm" ? ParameterMethod::kLeastSquaresConformal : ParameterMethod::kConformal;
   map.border = arguments.border == "circle" ? ParameterBorder::kCircle : ParameterBorder::kSquare;
-  const ParameterizeMeshReport report =
-      parameterize_mesh(inputs.front(), arguments.output, arguments.options);
+  const ParameterizeMeshReport report = parameterize_mesh(input, arguments.output, arguments.options);
   const ParameterDistortion& d = report.map.distortion;
   fmt::print("{}: {} vertices, {} faces; read {:.2f} s, map {:.2f} s, write {:.2f} s\n",
              arguments.output.string(), report.vertices, report.faces, report.read_s, report.map_s,
@@ -55,29 +48,24 @@ void run(Arguments arguments) {
 
 }  // namespace
 
-void add_parameterize(CLI::App& app) {
+cli::Command parameterize_command() {
   auto arguments = std::make_shared<Arguments>();
-  CLI::App* command = cli::add_command(
-      app, "parameterize", "Texture coordinates for a disk-like mesh, conformal: angles are kept. In core.",
-      [arguments] { run(*arguments); });
-  cli::add_inputs(*command, arguments->inputs);
-  cli::add_output(*command, arguments->output,
-                  "mesh to write: .obj (vt) or .ply (s, t), coordinates in [0, 1]");
-  command
-      ->add_option(
-          "--method", arguments->method,
-          "lscm: least-squares conformal, the border is free; conformal: the border is fixed by arc length")
-      ->capture_default_str()
-      ->check(CLI::IsMember({"lscm", "conformal"}));
-  command->add_option("--border", arguments->border, "conformal: shape of the border, circle or square")
-      ->capture_default_str()
-      ->check(CLI::IsMember({"circle", "square"}));
-  command->add_flag("--clamp-weights", arguments->options.map.clamp_weights,
-                    "conformal: negative cotangents count as 0; no triangle flips, angles suffer a little");
-  cli::add_bytes(
-      *command, "--memory", arguments->options.memory_bytes,
-      "cap, e.g. 2G; where a factor would not fit multigrid serves, slower; default: 0.8 of what is there");
-  command->add_flag("--force", arguments->force, "replace the output if it exists");
+  Arguments& a = *arguments;
+  OptionTable t;
+  cli::add_inputs(t, a.inputs);
+  cli::add_output(t, a.output, "mesh to write: .obj (vt) or .ply (s, t), coordinates in [0, 1]");
+  t.add("method", &a.method,
+        "lscm: least-squares conformal, the border is free; conformal: the border is fixed by arc length")
+      .one_of({"lscm", "conformal"});
+  t.add("border", &a.border, "conformal: shape of the border").one_of({"circle", "square"});
+  t.add("clamp-weights", &a.options.map.clamp_weights,
+        "conformal: negative cotangents count as 0; no triangle flips, angles suffer a little");
+  t.add("memory", &a.options.memory_bytes,
+        "cap, e.g. 2G; where a factor would not fit multigrid serves, slower; default: 0.8 of what is there")
+      .bytes();
+  t.add("force", &a.force, "replace the output if it exists");
+  return {"parameterize", "Texture coordinates for a disk-like mesh, conformal: angles are kept. In core.", t,
+          [arguments] { run(*arguments); }};
 }
 
 }  // namespace tessera

@@ -5,10 +5,8 @@
 
 #include "octree/error.h"
 #include "stream/files/scratch_folder.h"
-#include "stream/formats/points/point_source.h"
 #include "stream/points/plan.h"
 #include "stream/runtime/memory_budget.h"
-#include "stream/runtime/stop.h"
 #include "stream/runtime/work_dir.h"
 #include "stream/stages/reconstruct/reconstruct_job.h"
 #include "stream/stages/surface/closing_stages.h"
@@ -19,11 +17,6 @@ namespace tessera {
 namespace {
 
 namespace fs = std::filesystem;
-
-struct Arguments {
-  std::vector<std::string> inputs;
-  JobState state;
-};
 
 void print_forecast(const Plan& plan) {
   if (plan.forecast.empty()) return;
@@ -42,7 +35,7 @@ void print_forecast(const Plan& plan) {
   fmt::print("{:<12}{:>8}{:>14}{:>14}{:>8}{:>10.1f}\n", "all", "", "", format_bytes(disk), files, seconds);
 }
 
-void print_plan(const Plan& plan, const JobState& state) {
+void print_plan(const Plan& plan, const ReconstructOptions& options, const JobState& state) {
   const PointFates& p = plan.fates;
   fmt::print("points       {} read, {} kept", p.read, p.kept);
   if (p.non_finite > 0) fmt::print(", {} not finite", p.non_finite);
@@ -67,22 +60,18 @@ void print_plan(const Plan& plan, const JobState& state) {
   fmt::print("disk         at most {} at one time in the work directory\n",
              format_bytes(plan.peak_disk_bytes));
   print_forecast(plan);
-  if (HolesMode(state.options.holes).close)
+  if (HolesMode(options.holes).close)
     fmt::print(
         "note: closing takes 7 to 55 s of processor time per million faces that it adds; which holes there "
         "are is "
         "not known yet\n");
-  if (state.options.tolerance > 0.0)
+  if (options.tolerance > 0.0)
     fmt::print(
         "note: write is told for the faces before decimation; usually a few per cent of them are left\n");
   for (const std::string& warning : plan.warnings) fmt::print("warning: {}\n", warning);
 }
 
-void run(Arguments arguments) {
-  cli::require_inputs(arguments.inputs);
-  JobState& state = arguments.state;
-  state.inputs = expand_inputs(arguments.inputs);
-  catch_stop_signals();
+void run(const ReconstructOptions& options, JobState state) {
   std::unique_ptr<ScratchFolder> scratch;
   const bool kept = !state.output.empty();
   if (!kept) {
@@ -96,7 +85,7 @@ void run(Arguments arguments) {
   const Plan plan = Plan::of_work(work);
   state.run.memory_bytes = report.at("run").at("memory_bytes").get<std::uint64_t>();
   state.run.threads = report.at("run").at("threads").get<int>();
-  print_plan(plan, state);
+  print_plan(plan, options, state);
   if (!state.run.report.empty()) write_durably(state.run.report, plan.to_json().dump(1) + "\n");
   if (kept)
     fmt::print("\n{} holds the plan; reconstruct with the same inputs and options goes on from it\n",
@@ -105,17 +94,11 @@ void run(Arguments arguments) {
 
 }  // namespace
 
-void add_plan(CLI::App& app) {
-  auto arguments = std::make_shared<Arguments>();
-  CLI::App* command = cli::add_command(
-      app, "plan", "What reconstruct will do: points, resolution, tasks, memory, disk, time.",
-      [arguments] { run(*arguments); });
-  cli::add_inputs(*command, arguments->inputs);
-  cli::add_output(
-      *command, arguments->state.output,
-      "the mesh that reconstruct will write: the plan is kept in its work directory, for it and for task");
-  cli::add_reconstruct_options(*command, arguments->state.options);
-  cli::add_run_options(*command, arguments->state.run);
+cli::Command plan_command() {
+  return cli::job_command<ReconstructOptions>(
+      "plan", "What reconstruct will do: points, resolution, tasks, memory, disk, time.",
+      "the mesh that reconstruct will write: the plan is kept in its work directory, for it and for task",
+      run);
 }
 
 }  // namespace tessera

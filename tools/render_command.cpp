@@ -2,14 +2,12 @@
 #include <cstdlib>
 #include <iostream>
 #include <memory>
-#include <sstream>
 
 #include <fmt/format.h>
 
 #include "octree/error.h"
 #include "stream/render/render.h"
 #include "stream/runtime/memory_budget.h"
-#include "stream/runtime/stop.h"
 #include "tools/cli.h"
 #include "tools/commands.h"
 
@@ -31,34 +29,28 @@ void parse_size(const std::string& text, RenderOptions& options) {
   }
 }
 
-std::vector<double> parse_numbers(const std::string& option, const std::string& text, std::size_t count) {
-  std::vector<double> values;
-  std::stringstream parts(text);
-  std::string part;
-  while (std::getline(parts, part, ',')) {
-    char* end = nullptr;
-    values.push_back(std::strtod(part.c_str(), &end));
-    if (part.empty() || *end != '\0')
-      throw UsageError(option + " " + text + ": '" + part + "' is not a number");
-  }
-  if (values.size() != count) {
-    throw UsageError(option + " " + text + ": expected " + std::to_string(count) +
-                     " numbers with commas between");
-  }
-  return values;
-}
-
 Double3 parse_up(const std::string& text) {
   if (text == "x") return {1, 0, 0};
   if (text == "y") return {0, 1, 0};
   if (text == "z") return {0, 0, 1};
-  return cli::parse_vector(text);
+  const std::vector<double> v = numbers_of(text, 3);
+  if (v.empty()) throw UsageError("--up " + text + ": is not x, y, z or three numbers x,y,z");
+  return {v[0], v[1], v[2]};
+}
+
+std::vector<double> parse_focus(const std::string& text) {
+  std::vector<double> v = numbers_of(text, 4);
+  if (v.empty()) throw UsageError("--focus " + text + ": expected four numbers with commas between");
+  return v;
 }
 
 void run_render(const RenderCommand& command) {
   cli::require_inputs(command.options.inputs);
   cli::require_output(command.options.output);
-  catch_stop_signals();
+  if (command.sheet && !command.options.views.empty())
+    throw UsageError("--sheet excludes --view: it is four views of its own");
+  if (command.options.eye.has_value() != command.options.target.has_value())
+    throw UsageError("--eye needs --target, and --target needs --eye");
   // llvmpipe takes the number of its threads from the environment alone, when its library is loaded.
   if (command.threads > 0) ::setenv("LP_NUM_THREADS", std::to_string(command.threads).c_str(), 1);
   RenderOptions options = command.options;
@@ -78,84 +70,56 @@ void run_render(const RenderCommand& command) {
 
 }  // namespace
 
-void add_render(CLI::App& app) {
+cli::Command render_command() {
   auto shared = std::make_shared<RenderCommand>();
   RenderOptions& o = shared->options;
-  CLI::App* command =
-      cli::add_command(app, "render", "Draw shaded pictures of meshes and point clouds (PNG).",
-                       [shared] { run_render(*shared); });
-  cli::add_inputs(*command, o.inputs);
-  cli::add_output(*command, o.output, "picture to write, .png");
-  CLI::Option* view = command
-                          ->add_option("--view", o.views,
-                                       "front, back, left, right, top, bottom, iso, iso2, turn:DEGREES or "
-                                       "custom; several make a sheet "
-                                       "(default: iso,iso2,front,top)")
-                          ->delimiter(',');
-  command->add_flag("--sheet", shared->sheet, "four views in one picture: iso, iso2, front, top; the default")
-      ->excludes(view);
-  command
-      ->add_option_function<std::string>(
-          "--size", [&o](const std::string& text) { parse_size(text, o); }, "pixels of the whole picture")
-      ->type_name("WxH")
-      ->default_str(fmt::format("{}x{}", o.width, o.height));
-  command->add_option("--samples", o.samples, "samples per pixel and axis, 1 to 4")->capture_default_str();
-  command
-      ->add_option_function<std::string>(
-          "--up", [&o](const std::string& text) { o.up = parse_up(text); },
-          "which way is up: x, y, z or a vector x,y,z")
-      ->type_name("AXIS")
-      ->default_str("z");
-  command
-      ->add_option_function<std::string>(
-          "--focus", [&o](const std::string& text) { o.focus = parse_numbers("--focus", text, 4); },
-          "look at this ball only, scan units")
-      ->type_name("X,Y,Z,RADIUS");
-  command->add_option("--zoom", o.zoom, "enlarge after the fit")->capture_default_str();
-  CLI::Option* eye =
-      command
-          ->add_option_function<std::string>(
-              "--eye", [&o](const std::string& text) { o.eye = cli::parse_vector(text), o.has_eye = true; },
-              "where the viewer stands (view custom), scan units")
-          ->type_name("X,Y,Z");
-  CLI::Option* target =
-      cli::add_vector(*command, "--target", o.target, "what the viewer at --eye looks at, scan units");
-  eye->needs(target);
-  target->needs(eye);
-  command->add_option("--colour,--color", o.colour, "auto, vertex, clay or height")->capture_default_str();
-  command
-      ->add_option("--deviation", o.deviation,
-                   "colour every mesh by its distance to this one, with a scale beside the picture")
-      ->type_name("FILE");
-  command->add_option("--tolerance", o.tolerance,
-                      "with --deviation: end of the scale, in the unit of the mesh; beyond it magenta [99th "
-                      "percentile]");
-  command->add_flag("--signed", o.with_sign,
-                    "with --deviation: red in front of the reference, blue behind it");
-  command
-      ->add_option(
-          "--borders", o.borders,
-          "border edges in red, non-manifold edges in magenta: on, off, or auto (off where memory is short)")
-      ->capture_default_str();
-  command->add_flag("--smooth", o.smooth, "interpolate normals; default is one normal per face");
-  command->add_flag("--wire", o.wire, "draw the edges of all faces");
-  command->add_option("--occlusion", o.occlusion, "strength of ambient occlusion, 0 to 2")
-      ->capture_default_str();
-  command->add_option("--splat", o.splat, "diameter of points, scan units; 0 = from their spacing")
-      ->capture_default_str();
-  command->add_flag("!--no-captions", o.captions, "leave out names, counts and scale bars");
-  command->add_option("--compare", o.compare,
-                      "another file, same camera, drawn to the right; may be repeated");
-  cli::add_columns(*command, o.columns);
-  cli::add_bytes(
-      *command, "--memory", o.memory_bytes,
-      "cap on the peak resident memory, e.g. 512M; default: the smallest limit of this machine x 0.8");
-  command->add_option("-t,--threads", shared->threads, "threads of the rasterizer; 0 = all cores")
-      ->check(CLI::Range(0, 1024))
-      ->capture_default_str();
-  command->add_option("--temp", o.temp,
-                      "folder for the temporary file of meshes over the cap; default: beside the output");
-  command->add_flag("-q,--quiet", shared->quiet, "print nothing but notes and errors");
+  OptionTable t;
+  cli::add_inputs(t, o.inputs);
+  cli::add_output(t, o.output, "picture to write, .png");
+  t.add("view", &o.views,
+        "front, back, left, right, top, bottom, iso, iso2, turn:DEGREES or custom (--eye); several make a "
+        "sheet; default: iso,iso2,front,top")
+      .split();
+  t.add("sheet", &shared->sheet, "four views in one picture: iso, iso2, front, top; the default");
+  t.add("size", OptionSetter([&o](const std::string& text) { parse_size(text, o); }),
+        fmt::format("pixels of the whole picture; default: {}x{}", o.width, o.height))
+      .shown_as("WxH");
+  t.add("samples", &o.samples, "samples per pixel and axis, 1 to 4");
+  t.add("up", OptionSetter([&o](const std::string& text) { o.up = parse_up(text); }),
+        "which way is up: x, y, z or a vector x,y,z; default: z")
+      .shown_as("AXIS");
+  t.add("focus", OptionSetter([&o](const std::string& text) { o.focus = parse_focus(text); }),
+        "look at this ball only, scan units")
+      .shown_as("X,Y,Z,RADIUS");
+  t.add("zoom", &o.zoom, "enlarge after the fit");
+  t.add("eye", &o.eye, "where the viewer stands (view custom), scan units");
+  t.add("target", &o.target, "what the viewer at --eye looks at, scan units");
+  t.add("colour,color", &o.colour, "auto, vertex, clay or height");
+  t.add("deviation", &o.deviation,
+        "colour every mesh by its distance to this one, with a scale beside the picture");
+  t.add(
+      "tolerance", &o.tolerance,
+      "with --deviation: end of the scale, in the unit of the mesh, beyond it magenta; 0 = 99th percentile");
+  t.add("signed", &o.with_sign, "with --deviation: red in front of the reference, blue behind it");
+  t.add("borders", &o.borders,
+        "border edges in red, non-manifold edges in magenta: on, off, or auto (off where memory is short)");
+  t.add("smooth", &o.smooth, "interpolate normals; default is one normal per face");
+  t.add("wire", &o.wire, "draw the edges of all faces");
+  t.add("occlusion", &o.occlusion, "strength of ambient occlusion, 0 to 2");
+  t.add("splat", &o.splat, "diameter of points, scan units; 0 = from their spacing");
+  t.add_flag(
+      "no-captions", [&o] { o.captions = false; }, "leave out names, counts and scale bars");
+  t.add("compare", &o.compare, "another file, same camera, drawn to the right; may be repeated")
+      .shown_as("FILE");
+  add_columns(t, o.columns);
+  t.add("memory", &o.memory_bytes,
+        "cap on the peak resident memory, e.g. 512M; default: the smallest limit of this machine x 0.8")
+      .bytes();
+  cli::add_threads(t, shared->threads, "threads of the rasterizer");
+  t.add("temp", &o.temp, "folder for the temporary file of meshes over the cap; default: beside the output");
+  t.add("quiet,q", &shared->quiet, "print nothing but notes and errors");
+  return {"render", "Draw shaded pictures of meshes and point clouds (PNG).", t,
+          [shared] { run_render(*shared); }};
 }
 
 }  // namespace tessera

@@ -8,7 +8,6 @@
 #include "kernels/scene/scene.h"
 #include "octree/error.h"
 #include "stream/commands/synth.h"
-#include "stream/runtime/stop.h"
 #include "tools/cli.h"
 #include "tools/commands.h"
 
@@ -53,7 +52,6 @@ void run_synth(const SynthCommand& command) {
     return;
   }
   cli::require_output(command.output);
-  catch_stop_signals();
   const SynthReport report = synthesize(command.options, command.output);
   for (const auto& file : report.files) fmt::print("{}\n", file.string());
   fmt::print(
@@ -66,57 +64,41 @@ void run_synth(const SynthCommand& command) {
 
 }  // namespace
 
-void add_synth(CLI::App& app) {
+cli::Command synth_command() {
   auto shared = std::make_shared<SynthCommand>();
   SynthOptions& o = shared->options;
-  CLI::App* command = cli::add_command(app, "synth", "Simulate a scan of a scene whose surface is known.",
-                                       [shared] { run_synth(*shared); });
-  cli::add_output(*command, shared->output, "scan to write: .ply, .las, .ptx or .xyz");
+  OptionTable t;
+  cli::add_output(t, shared->output, "scan to write: .ply, .las, .ptx or .xyz");
   std::string scenes;
   for (const auto& scene : synth::scene_names())
     scenes += (scenes.empty() ? "" : ", ") + std::string(scene.name);
-  command->add_option("--scene", o.scene, "what is scanned: " + scenes)->capture_default_str();
-  command
-      ->add_option("--mode", o.mode,
-                   "surface: direct, uniform in area; or the sensor: terrestrial, airborne, structured-light")
-      ->capture_default_str();
-  command->add_flag("--list-scenes", shared->list, "print the scenes and stop");
-  command
-      ->add_option_function<std::string>(
-          "--points", [&o](const std::string& text) { o.points = parse_count(text); },
-          "how many points, e.g. 250000 or 100M [1000000]")
-      ->type_name("COUNT");
-  command->add_option("--spacing", o.spacing, "mean distance of samples, scene units; replaces --points")
-      ->check(CLI::NonNegativeNumber);
-  command
-      ->add_option_function<std::string>(
-          "--noise", [&o](const std::string& text) { parse_noise(text, o); },
-          "standard deviation of Gaussian noise in scene units, or with s behind it in mean spacings [0]")
-      ->type_name("SIGMA");
-  command->add_option("--outliers", o.outliers, "share of points that are uniform in a box around the scene")
-      ->capture_default_str();
-  command
-      ->add_option("--flying", o.flying,
-                   "sensors: share of range jumps that give a point between two surfaces")
-      ->capture_default_str();
-  command
-      ->add_option("--missing", o.missing,
-                   "share of the surface that is unseen, in balls around spots far apart")
-      ->capture_default_str();
-  command->add_option("--missing-spots", o.missing_spots, "how many such balls")->capture_default_str();
-  command->add_option("--views", o.views, "sensors: number of set-ups; 0 = usual for sensor and scene")
-      ->capture_default_str();
-  command->add_flag("--per-scan", o.per_scan, "one file per set-up: NAME_001.EXT and so on");
-  command->add_flag("--normals", o.normals, "write the exact normals");
-  command->add_flag("--colour", o.colour, "write colours");
-  command->add_flag("--double", o.double_positions, "double coordinates in PLY (a shift implies it)");
-  cli::add_vector(*command, "--shift", o.shift, "added to every coordinate, for UTM-like frames");
-  command->add_option("--seed", o.seed, "another seed, another sampling")->capture_default_str();
-  command->add_option("--octaves", o.octaves, "detail of the terrain; 0 = what the spacing resolves")
-      ->capture_default_str();
-  command->add_option("-t,--threads", o.threads, "threads; 0 = one per core; never changes the result")
-      ->capture_default_str()
-      ->check(CLI::Range(0, 4096));
+  t.add("scene", &o.scene, "what is scanned: " + scenes);
+  t.add("mode", &o.mode,
+        "surface: direct, uniform in area; or the sensor: terrestrial, airborne, structured-light");
+  t.add("list-scenes", &shared->list, "print the scenes and stop");
+  t.add("points", OptionSetter([&o](const std::string& text) { o.points = parse_count(text); }),
+        "how many points, e.g. 250000 or 100M; default: 1M")
+      .shown_as("COUNT");
+  t.add("spacing", &o.spacing, "mean distance of samples, scene units; replaces --points; 0 = by --points")
+      .at_least(0);
+  t.add("noise", OptionSetter([&o](const std::string& text) { parse_noise(text, o); }),
+        "standard deviation of Gaussian noise in scene units, or with s behind it in mean spacings; default: "
+        "0")
+      .shown_as("SIGMA");
+  t.add("outliers", &o.outliers, "share of points that are uniform in a box around the scene");
+  t.add("flying", &o.flying, "sensors: share of range jumps that give a point between two surfaces");
+  t.add("missing", &o.missing, "share of the surface that is unseen, in balls around spots far apart");
+  t.add("missing-spots", &o.missing_spots, "how many such balls");
+  t.add("views", &o.views, "sensors: number of set-ups; 0 = usual for sensor and scene");
+  t.add("per-scan", &o.per_scan, "one file per set-up: NAME_001.EXT and so on");
+  t.add("normals", &o.normals, "write the exact normals");
+  t.add("colour", &o.colour, "write colours");
+  t.add("double", &o.double_positions, "double coordinates in PLY (a shift implies it)");
+  t.add("shift", &o.shift, "added to every coordinate, for UTM-like frames");
+  t.add("seed", &o.seed, "another seed, another sampling");
+  t.add("octaves", &o.octaves, "detail of the terrain; 0 = what the spacing resolves");
+  cli::add_threads(t, o.threads, "threads; never changes the result");
+  return {"synth", "Simulate a scan of a scene whose surface is known.", t, [shared] { run_synth(*shared); }};
 }
 
 }  // namespace tessera

@@ -9,6 +9,8 @@
 
 #include "kernels/field/band_vdb.h"
 #include "octree/error.h"
+#include "stream/points/reconstruct_options.h"
+#include "stream/runtime/stop.h"
 #include "stream/stages/surface/surface_stage.h"
 #include "tools/cli.h"
 
@@ -22,9 +24,11 @@ struct Arguments {
 };
 
 void run(const Arguments& a) {
+  if (a.work.empty()) throw tessera::UsageError("no work directory given");
   tessera::cli::require_output(a.out);
   tessera::VdbExport grid(tessera::Plan::of_work(a.work).lattice);
   tessera::for_each_band(a.work, a.feature_angle_deg, [&](tessera::DirectedField&& field) {
+    tessera::throw_if_stopped();
     grid.add(std::move(field));
     if (grid.bytes() > a.memory_bytes)
       throw tessera::ResourceError("the band does not fit " + std::to_string(a.memory_bytes >> 20) +
@@ -46,16 +50,13 @@ void run(const Arguments& a) {
 }  // namespace
 
 int main(int argc, char** argv) {
-  CLI::App app("Writes the band of a kept or unfinished job as an OpenVDB level set.", "tessera-vdb");
   auto a = std::make_shared<Arguments>();
-  CLI::App* command =
-      tessera::cli::add_command(app, "export", "Work directory to .vdb, in scan units.", [a] { run(*a); });
-  command->add_option("work", a->work, "work directory of a job whose points are ordered and oriented")
-      ->required();
-  tessera::cli::add_output(*command, a->out, "grid to write, .vdb");
-  command->add_option("--feature-angle", a->feature_angle_deg, "degrees, as in the job")
-      ->capture_default_str();
-  tessera::cli::add_bytes(*command, "--memory", a->memory_bytes, "cap on the grid, which is held in memory");
-  app.require_subcommand(1);
-  return tessera::cli::run(app, argc, argv);
+  tessera::OptionTable t;
+  t.add("work", &a->work, "work directory of a job whose points are ordered and oriented").positional();
+  tessera::cli::add_output(t, a->out, "grid to write, .vdb");
+  t.add("feature-angle", &a->feature_angle_deg, "degrees, as in the job").within(0, 180);
+  t.add("memory", &a->memory_bytes, "cap on the grid, which is held in memory").bytes();
+  return tessera::cli::run(
+      "tessera-vdb", "Writes the band of a kept or unfinished job as an OpenVDB level set.",
+      {{"export", "Work directory to .vdb, in scan units.", t, [a] { run(*a); }}}, argc, argv);
 }

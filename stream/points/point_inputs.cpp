@@ -129,10 +129,11 @@ ReadCounts PointInputs::read(std::size_t k, TaskContext& context, bool in_bytes,
 
 std::shared_ptr<const PointInputs> open_point_inputs(const JobState& job) {
   ReadOptions read;
-  read.columns = job.options.columns;
+  const ReconstructOptions options = reconstruct_options(job);
+  read.columns = options.columns;
   std::vector<std::unique_ptr<PointFile>> files;
   for (const auto& path : job.inputs) files.push_back(open_point_file(path, read));
-  return std::make_shared<PointInputs>(std::move(files), job.options);
+  return std::make_shared<PointInputs>(std::move(files), options);
 }
 
 }  // namespace tessera

@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "stream/formats/points/point_source.h"
-#include "stream/runtime/options.h"
+#include "stream/points/reconstruct_options.h"
 #include "stream/runtime/stage.h"
 
 namespace tessera {

@@ -70,7 +70,7 @@ Panel open_panel(const std::vector<std::string>& inputs, const RenderOptions& op
 
 std::vector<ViewSpec> chosen_views(const RenderOptions& options, const Double3& origin) {
   std::vector<std::string> names = options.views;
-  if (names.empty() && options.has_eye) names = {"custom"};
+  if (names.empty() && options.eye) names = {"custom"};
   if (names.empty()) names = {"iso", "iso2", "front", "top"};
   std::vector<ViewSpec> views;
   for (const std::string& name : names) {
@@ -78,8 +78,9 @@ std::vector<ViewSpec> chosen_views(const RenderOptions& options, const Double3& 
       views.push_back(parse_view(name, options.up));
       continue;
     }
-    if (!options.has_eye) throw UsageError("--view custom needs --eye x,y,z and --target x,y,z");
-    Double3 eye = options.eye, target = options.target;
+    if (!options.eye || !options.target)
+      throw UsageError("--view custom needs --eye x,y,z and --target x,y,z");
+    Double3 eye = *options.eye, target = *options.target;
     for (std::size_t i = 0; i < 3; ++i) eye[i] -= origin[i], target[i] -= origin[i];
     views.push_back(eye_view(eye, target, options.up));
   }

@@ -8,6 +8,7 @@
 #pragma once
 #include <cstdint>
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -23,13 +24,11 @@ struct RenderOptions {
   std::vector<std::string> views;  ///< names for parse_view, or custom; empty = iso, iso2, front, top
   int width = 1600;                ///< of the whole picture, pixels
   int height = 1200;
-  int samples = 3;            ///< per pixel and axis, 1..4
-  double zoom = 1.0;          ///< enlarges after the fit
-  std::vector<double> focus;  ///< x, y, z, radius of what to look at, scan units; empty = everything
-  bool has_eye = false;       ///< view custom: from `eye` to `target`
-  Double3 eye = {0, 0, 0};
-  Double3 target = {0, 0, 0};
-  Double3 up = {0, 0, 1};  ///< which way is up in the views
+  int samples = 3;                     ///< per pixel and axis, 1..4
+  double zoom = 1.0;                   ///< enlarges after the fit
+  std::vector<double> focus;           ///< x, y, z, radius of what to look at, scan units; empty = everything
+  std::optional<Double3> eye, target;  ///< view custom: from one to the other; both or none
+  Double3 up = {0, 0, 1};              ///< which way is up in the views
 
   std::filesystem::path deviation;  ///< mesh to colour the distance to; empty = no such colours
   double tolerance = 0.0;           ///< scan units, end of the scale of colours; 0 = the 99th percentile

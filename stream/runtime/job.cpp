@@ -13,13 +13,13 @@
 #include <fmt/format.h>
 
 #include "octree/error.h"
+#include "octree/lattice.h"
 #include "stream/files/durable_file.h"
 #include "stream/runtime/child_process.h"
 #include "stream/runtime/commit.h"
 #include "stream/runtime/journal.h"
 #include "stream/runtime/log.h"
 #include "stream/runtime/memory_budget.h"
-#include "stream/runtime/options_json.h"
 #include "stream/runtime/parallel.h"
 #include "stream/runtime/report.h"
 #include "stream/runtime/resume.h"
@@ -420,10 +420,11 @@ nlohmann::json run_job(JobState state, const JobDescription& job, const Progress
   }
 }
 
-void run_single_task(const fs::path& path, const JobDescription& job, const std::string& stage_name,
+void run_single_task(const fs::path& path, const JobFinder& find_job, const std::string& stage_name,
                      std::int64_t task, const std::string& writer, bool driven) {
   const WorkDir work = WorkDir::open_existing(path, !driven);
   const JobState state = work.read_state();
+  const JobDescription job = find_job(work.identity().at("command").get<std::string>(), state.settings);
   const std::vector<std::string> names = stage_names(job.stages);
   const auto at = std::find(names.begin(), names.end(), stage_name);
   if (at == names.end()) {

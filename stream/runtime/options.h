@@ -1,12 +1,11 @@
 /// \file options.h
-/// Every option of a job, with its default, once. The command line and job files bind to these fields.
+/// How jobs run; what a job computes are options of its own (option_table.h).
 #pragma once
 #include <cstdint>
 #include <filesystem>
 #include <string>
-#include <vector>
 
-#include "octree/lattice.h"
+#include <nlohmann/json_fwd.hpp>
 
 namespace tessera {
 
@@ -26,29 +25,13 @@ struct RunOptions {
   int verbosity = 0;               ///< -1 quiet .. 2
 };
 
-/// What a job computes. Every field changes the result and is part of the job's identity.
-struct ReconstructOptions {
-  double resolution = 0.0;          ///< lattice spacing h, scan units; 0 = auto
-  double radius = 0.0;              ///< support radius, scan units; 0 = auto (at least 3 h when h is auto)
-  std::string method = "emc";       ///< emc or mc
-  double feature_angle_deg = 25.0;  ///< opening angle from which a cell holds a feature
-  double corner_angle_deg = 45.0;   ///< deviation from the crease plane from which it is a corner
-  std::uint64_t min_component = 0;  ///< faces; smaller islands are dropped; 0 = auto, 1 = keep all
-  std::uint32_t max_hole = 0;       ///< boundary loops of at most this many edges are filled; 0 = none
-  std::string holes = "keep";       ///< keep, close, or fill-to:D: close, but no farther than D from the data
-  std::string outliers = "auto";    ///< auto or off: statistical, isolated and flying points
-  std::string normals = "auto";     ///< auto (given ones, else estimated), given, estimate
-  std::vector<Double3> viewpoints;  ///< sensor origins given on the command line
-  bool has_up = false;              ///< orient by `up`
-  Double3 up = {0, 0, 1};           ///< normals point to this side (airborne scans)
-  double max_uncertain = 0.5;       ///< share of points whose sign may stay in doubt; above it the job fails
-  std::uint64_t max_brick_points = 1u << 22;  ///< hot bricks are thinned to this, deterministically
-  std::vector<std::string> columns;           ///< names of text columns
-  double tolerance = 0.0;  ///< scan units; the mesh shrinks within this distance of itself; 0 = it stays
-  std::string reference =
-      "surface";              ///< with a tolerance: surface, or points (they too stay within it, one way)
-  bool keep_raw = false;      ///< with a tolerance: the full-resolution mesh is written too
-  bool local_output = false;  ///< write positions relative to the global shift, floats; the report has it
-};
+class OptionTable;
+OptionTable option_table(RunOptions& options);
+
+/// What of RunOptions decides how work is cut into tasks.
+nlohmann::json plan_to_json(const RunOptions& run);
+
+/// "resolution was 0.1 and is 0.2": the first difference between two flat objects, empty if there is none.
+std::string first_difference(const nlohmann::json& was, const nlohmann::json& is);
 
 }  // namespace tessera

@@ -5,7 +5,6 @@
 #include "octree/error.h"
 #include "stream/files/durable_file.h"
 #include "stream/runtime/log.h"
-#include "stream/runtime/options_json.h"
 
 namespace tessera {
 namespace {
@@ -61,7 +60,7 @@ nlohmann::json make_report(const JobState& state, const nlohmann::json& identity
           {"finished", utc_now()},
           {"machine", machine_description()},
           {"job", job_hash(identity)},
-          {"options", options_of(state)},
+          {"options", identity.at("options")},
           {"inputs", identity.at("inputs")},
           {"run",
            {{"memory_bytes", state.run.memory_bytes},

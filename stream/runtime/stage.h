@@ -35,10 +35,8 @@ struct JobState {
   std::filesystem::path work;    ///< work directory
   std::filesystem::path output;  ///< final output path
   std::vector<std::filesystem::path> inputs;
-  ReconstructOptions options;  ///< of a reconstruction
-  std::string
-      settings;    ///< of any other job instead: its options as one JSON object, keys as on the command line
-  RunOptions run;  ///< memory_bytes and threads are resolved, never 0
+  std::string settings;  ///< what it computes: the job's own options as one JSON object (option_table.h)
+  RunOptions run;        ///< memory_bytes and threads are resolved, never 0
 };
 
 /// One stage. Constructed (by its factory) after all earlier stages are committed; run() and task_bytes() are

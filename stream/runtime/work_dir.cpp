@@ -18,7 +18,7 @@
 #include "octree/error.h"
 #include "stream/files/durable_file.h"
 #include "stream/files/read_file.h"
-#include "stream/runtime/options_json.h"
+#include "stream/runtime/option_table.h"
 
 namespace tessera {
 namespace {
@@ -151,9 +151,11 @@ nlohmann::json job_identity(const std::string& command, const JobState& state,
                             const std::vector<InputFingerprint>& inputs) {
   nlohmann::json list = nlohmann::json::array();
   for (const InputFingerprint& input : inputs) list.push_back(to_json(input));
-  return {{"schema", kWorkSchema},        {"version", TESSERA_VERSION},
-          {"command", command},           {"settings", !state.settings.empty()},
-          {"options", options_of(state)}, {"inputs", std::move(list)}};
+  return {{"schema", kWorkSchema},
+          {"version", TESSERA_VERSION},
+          {"command", command},
+          {"options", nlohmann::json::parse(state.settings)},
+          {"inputs", std::move(list)}};
 }
 
 fs::path work_path(const fs::path& output, const fs::path& temp) {
@@ -244,14 +246,8 @@ JobState WorkDir::read_state() const {
   state.output = job.at("output").get<std::string>();
   for (const nlohmann::json& input : identity_.at("inputs"))
     state.inputs.emplace_back(input.at("path").get<std::string>());
-  if (identity_.at("settings").get<bool>()) {
-    state.settings = identity_.at("options").dump();
-  } else {
-    state.options = reconstruct_options_from_json(identity_.at("options"));
-  }
-  state.run.memory_bytes = job.at("run").at("memory").get<std::uint64_t>();
-  state.run.threads = job.at("run").at("threads").get<int>();
-  state.run.tile_cells = job.at("run").at("tile-size").get<int>();
+  state.settings = identity_.at("options").dump();
+  option_table(state.run).from_json(job.at("run"));
   return state;
 }
 

@@ -13,7 +13,7 @@
 
 namespace tessera {
 
-inline constexpr int kWorkSchema = 1;  ///< of job.json, the journal and every tile file together
+inline constexpr int kWorkSchema = 2;  ///< of job.json, the journal and every tile file together
 
 /// Enough of an input to tell whether it is still the same file.
 struct InputFingerprint {

@@ -6,6 +6,7 @@
 
 #include "stream/files/task_files.h"
 #include "stream/points/plan.h"
+#include "stream/points/reconstruct_options.h"
 #include "stream/stages/scan/distribute_stage.h"
 #include "stream/stages/scan/order_stage.h"
 #include "stream/stages/scan/survey_stage.h"
@@ -36,8 +37,9 @@ struct ChainResult {
 inline JobState chain_job(const std::filesystem::path& work, const ChainSetup& setup) {
   JobState job;
   job.work = work;
-  job.options = setup.options;
-  job.options.resolution = setup.h;
+  ReconstructOptions options = setup.options;
+  options.resolution = setup.h;
+  job.settings = to_settings(options);
   job.run.memory_bytes = setup.memory;
   job.run.threads = setup.threads;
   return job;

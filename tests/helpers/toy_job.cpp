@@ -31,6 +31,22 @@ namespace fs = std::filesystem;
 
 namespace {
 
+struct ToyOptions {
+  double resolution = 0.0;  ///< makes the result
+  double radius = 0.0;
+  std::vector<Double3> viewpoints;
+  std::optional<Double3> up;
+  void validate() const {}
+};
+OptionTable option_table(ToyOptions& o) {
+  OptionTable t;
+  t.add("resolution", &o.resolution, "");
+  t.add("radius", &o.radius, "");
+  t.add("viewpoint", &o.viewpoints, "");
+  t.add("up", &o.up, "");
+  return t;
+}
+
 std::string toy(const std::string& key) {
   const char* text = std::getenv("TESSERA_TOY");
   const std::string word = text == nullptr ? "" : text;
@@ -115,8 +131,9 @@ class Make : public ToyStage {
     // The pieces do not depend on how they are dealt out to tasks.
     const std::size_t each = kPieces / task_count();
     for (std::size_t p = task * each; p < (task + 1) * each; ++p) {
-      const std::string seed =
-          read_text(state_.inputs.front()) + std::to_string(state_.options.resolution) + std::to_string(p);
+      const std::string seed = read_text(state_.inputs.front()) +
+                               std::to_string(from_settings<ToyOptions>(state_.settings).resolution) +
+                               std::to_string(p);
       write_file(context.create("a/" + std::to_string(p)), noise(seed));
     }
     context.count_written(each);
@@ -184,41 +201,36 @@ JobDescription toy_job() {
       "toy", {{"make", make<Make>}, {"mix", make<Mix>}, {"sum", make<Sum>}, {"write", make<Write>}}, 0, {}};
 }
 
-struct Arguments {
-  std::vector<std::string> inputs;
-  JobState state;
+struct TaskArguments {
   fs::path work;
   std::string stage, task, writer;
   int driver = 0;
 };
 
+JobDescription find_toy(const std::string&, const std::string&) {
+  return toy_job();
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
-  CLI::App app("Toy job.", "toy_job");
-  app.require_subcommand(1);
-  auto a = std::make_shared<Arguments>();
-  CLI::App* run = cli::add_command(app, "run", "Run it.", [a] {
-    cli::require_inputs(a->inputs);
-    cli::require_output(a->state.output);
-    a->state.inputs.assign(a->inputs.begin(), a->inputs.end());
-    catch_stop_signals();
-    run_job(a->state, toy_job(), cli::stderr_sink());
-  });
-  cli::add_inputs(*run, a->inputs);
-  cli::add_output(*run, a->state.output, "output");
-  cli::add_reconstruct_options(*run, a->state.options);
-  cli::add_run_options(*run, a->state.run);
-  CLI::App* task = cli::add_command(app, "task", "One task.", [a] {
-    if (a->driver != 0) follow_parent(a->driver);
-    catch_stop_signals();
-    run_single_task(a->work, toy_job(), a->stage, a->task == "finish" ? kFinishTask : std::stoll(a->task),
-                    a->writer, a->driver != 0);
-  });
-  task->add_option("workdir", a->work, "");
-  task->add_option("stage", a->stage, "");
-  task->add_option("k", a->task, "");
-  task->add_option("--writer", a->writer, "");
-  task->add_option("--driven", a->driver, "");
-  return cli::run(app, argc, argv);
+  const cli::Command run =
+      cli::job_command<ToyOptions>("run", "Run it.", "output", [](const ToyOptions&, JobState state) {
+        cli::require_output(state.output);
+        run_job(state, toy_job(), cli::stderr_sink());
+      });
+  TaskArguments a;
+  OptionTable task;
+  task.add("workdir", &a.work, "").positional();
+  task.add("stage", &a.stage, "").positional();
+  task.add("k", &a.task, "").positional();
+  task.add("writer", &a.writer, "");
+  task.add("driven", &a.driver, "");
+  const cli::Command one = {"task", "One task.", task, [&a] {
+                              if (a.driver != 0) follow_parent(a.driver);
+                              run_single_task(a.work, find_toy, a.stage,
+                                              a.task == "finish" ? kFinishTask : std::stoll(a.task), a.writer,
+                                              a.driver != 0);
+                            }};
+  return cli::run("toy_job", "Toy job.", {run, one}, argc, argv);
 }

@@ -96,8 +96,4 @@ JobDescription decimate_job(const SimplifyOptions& options) {
   return {"decimate", std::move(stages), 0, summarise};
 }
 
-JobDescription decimate_job(const std::string& settings) {
-  return decimate_job(simplify_options_from_json(json::parse(settings)));
-}
-
 }  // namespace tessera

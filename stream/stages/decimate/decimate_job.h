@@ -23,7 +23,4 @@ SimplifyStores imported_stores(const std::string& folder);
 /// itself, the reference.
 JobDescription decimate_job(const SimplifyOptions& options);
 
-/// The same from what a work directory holds (JobState::settings).
-JobDescription decimate_job(const std::string& settings);
-
 }  // namespace tessera

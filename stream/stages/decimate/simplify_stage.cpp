@@ -7,7 +7,6 @@
 
 #include <nlohmann/json.hpp>
 
-#include "kernels/certify/certificate.h"
 #include "kernels/mesh/mesh_block_ops.h"
 #include "octree/error.h"
 #include "stream/files/direct_file.h"
@@ -26,17 +25,6 @@ constexpr std::uint64_t kReferenceBlocks = 8;
 constexpr std::uint64_t kTaskFaces =
     1u << 20;  ///< of block and reference together: a task is worth a file from here
 constexpr std::uint64_t kMostTasks = 400;
-
-DecimatePriority priority_of(const std::string& name) {
-  if (name == "quadric") return DecimatePriority::kQuadric;
-  if (name == "probabilistic") return DecimatePriority::kProbabilistic;
-  if (name == "samples") return DecimatePriority::kSampleDistance;
-  if (name == "normal") return DecimatePriority::kNormalDeviation;
-  if (name == "round") return DecimatePriority::kRoundness;
-  if (name == "length") return DecimatePriority::kEdgeLength;
-  throw UsageError("--priority " + name +
-                   ": must be quadric, probabilistic, samples, normal, round or length");
-}
 
 class SimplifyStage : public Stage {
  public:
@@ -260,34 +248,6 @@ class IdleStage : public Stage {
 
 }  // namespace
 
-void SimplifyOptions::validate() const {
-  if (!(tolerance >= 0.0) || !std::isfinite(tolerance))
-    throw UsageError("--tolerance: must be a length above 0 in the units of the mesh");
-  if (tolerance == 0.0 && target_faces == 0)
-    throw UsageError("give --tolerance above 0, or --target-faces, or both: nothing says how far to go");
-  if (passes < 1 || passes > 8) throw UsageError("--passes: must be 1 to 8");
-  if (!(loop_share > 0.0) || !(loop_share <= 4.0))
-    throw UsageError("--loop-share: must be above 0, 4 at most");
-  if (block_faces < 1024) throw UsageError("--block-faces: must be at least 1024");
-  kernel(true).validate();
-}
-
-DecimateOptions SimplifyOptions::kernel(bool float_positions) const {
-  DecimateOptions o;
-  o.tolerance = tolerance * loop_share / CertificateOptions{}.tightness;
-  o.priority = priority_of(priority);
-  if (placement != "endpoint" && placement != "optimal")
-    throw UsageError("--placement " + placement + ": must be endpoint or optimal");
-  o.placement = placement == "optimal" ? DecimatePlacement::kOptimal : DecimatePlacement::kEndpoint;
-  o.float_positions = float_positions;
-  o.sweep = target_faces == 0;
-  o.feature_angle_deg = feature_angle_deg;
-  o.max_normal_turn_deg = max_normal_deviation_deg;
-  o.min_roundness = min_roundness;
-  o.colour_weight = colour_weight;
-  return o;
-}
-
 json to_json(const DecimateReport& r) {
   return {{"faces_in", r.faces_in},
           {"faces_out", r.faces_out},
@@ -309,44 +269,6 @@ void add_counts(json& sum, const json& part) {
     if (value.is_number_float()) sum[key] = std::max(sum.value(key, 0.0), value.get<double>());
     if (value.is_object()) add_counts(sum.emplace(key, json::object()).first.value(), value);
   }
-}
-
-SimplifyOptions reconstruct_simplify_options(const ReconstructOptions& options) {
-  SimplifyOptions simplify;
-  simplify.tolerance = options.tolerance;
-  return simplify;
-}
-
-json to_json(const SimplifyOptions& o) {
-  return {{"tolerance", o.tolerance},
-          {"target-faces", o.target_faces},
-          {"reference", o.reference},
-          {"max-normal-deviation", o.max_normal_deviation_deg},
-          {"feature-angle", o.feature_angle_deg},
-          {"priority", o.priority},
-          {"placement", o.placement},
-          {"min-roundness", o.min_roundness},
-          {"colour-weight", o.colour_weight},
-          {"loop-share", o.loop_share},
-          {"passes", o.passes},
-          {"block-faces", o.block_faces}};
-}
-
-SimplifyOptions simplify_options_from_json(const json& j) {
-  SimplifyOptions o;
-  j.at("tolerance").get_to(o.tolerance);
-  j.at("target-faces").get_to(o.target_faces);
-  j.at("reference").get_to(o.reference);
-  j.at("max-normal-deviation").get_to(o.max_normal_deviation_deg);
-  j.at("feature-angle").get_to(o.feature_angle_deg);
-  j.at("priority").get_to(o.priority);
-  j.at("placement").get_to(o.placement);
-  j.at("min-roundness").get_to(o.min_roundness);
-  j.at("colour-weight").get_to(o.colour_weight);
-  j.at("loop-share").get_to(o.loop_share);
-  j.at("passes").get_to(o.passes);
-  j.at("block-faces").get_to(o.block_faces);
-  return o;
 }
 
 std::string SimplifyPass::stage_name() const {

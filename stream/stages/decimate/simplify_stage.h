@@ -10,35 +10,11 @@
 
 #include <nlohmann/json_fwd.hpp>
 
-#include "kernels/decimate/decimate.h"
 #include "stream/meshes/mesh_blocking.h"
 #include "stream/runtime/stage.h"
+#include "stream/stages/decimate/simplify_options.h"
 
 namespace tessera {
-
-/// What of decimation users choose; part of a job's identity.
-struct SimplifyOptions {
-  /// Two-sided distance to the reference, scan units; 0 = only a face count is given.
-  double tolerance = 0.0;
-  std::uint64_t target_faces = 0;         ///< stop at about so many faces; 0 = as few as the tolerance allows
-  std::string reference = "surface";      ///< surface: the input itself; else a mesh file
-  double max_normal_deviation_deg = 0.0;  ///< 0 = free
-  double feature_angle_deg = 25.0;        ///< edges that turn by more stay; 0 = none
-  std::string priority = "quadric";       ///< quadric, probabilistic, samples, normal, round or length
-  std::string placement = "endpoint";     ///< endpoint or optimal
-  double min_roundness = 0.02;
-  double colour_weight = 0.0;  ///< scan units that the full range of a colour channel is worth
-  double loop_share = 1.0;  ///< of the tolerance that passes may use; above 1 the certificate sends them back
-  int passes = 3;  ///< 1 .. 8, each with the whole tolerance: a ramp left three times the faces on terrain
-  std::uint64_t block_faces = 1u << 16;  ///< most faces of a block; with at most eight times as many below it
-
-  /// \throws UsageError naming the option
-  void validate() const;
-  /// What blocks are decimated with: the proof at the end is tight to a few percent, that much is left to it.
-  DecimateOptions kernel(bool float_positions) const;
-};
-nlohmann::json to_json(const SimplifyOptions& options);
-SimplifyOptions simplify_options_from_json(const nlohmann::json& json);
 
 /// Rounds. Where the certificate fails, all passes run once more and leave the reference as it is near the faces that
 /// failed; blocks that nothing changes in are taken over from the round before. Each round keeps farther around, and
@@ -74,9 +50,6 @@ struct SimplifyStores {
 };
 /// Where a pass reads: the mesh of full resolution for the first, else what the pass before left.
 MeshStore open_pass_input(const JobState& state, const SimplifyStores& stores, const SimplifyPass& pass);
-
-/// What `reconstruct --tolerance` decimates with.
-SimplifyOptions reconstruct_simplify_options(const ReconstructOptions& options);
 
 // Reports of passes.
 nlohmann::json to_json(const DecimateReport& report);

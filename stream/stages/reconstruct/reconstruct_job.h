@@ -3,6 +3,7 @@
 #pragma once
 #include <vector>
 
+#include "stream/points/reconstruct_options.h"
 #include "stream/runtime/job.h"
 #include "stream/runtime/stage.h"
 

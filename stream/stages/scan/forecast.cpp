@@ -9,6 +9,7 @@
 #include "stream/points/hot_brick.h"
 #include "stream/points/point_inputs.h"
 #include "stream/points/point_sort.h"
+#include "stream/points/reconstruct_options.h"
 #include "stream/points/run_file.h"
 #include "stream/runtime/memory_budget.h"
 #include "stream/stages/surface/closing_stages.h"
@@ -87,10 +88,11 @@ Forecast forecast_job(const Plan& plan, const std::vector<PlanBrick>& bricks, co
                       std::size_t input_tasks) {
   const auto points = static_cast<double>(plan.points());
   const double threads = std::max(1, job.run.threads);
-  const std::uint64_t most = job.options.max_brick_points;
+  const ReconstructOptions options = reconstruct_options(job);
+  const std::uint64_t most = options.max_brick_points;
   const bool estimate =
-      job.options.normals == "estimate" || (job.options.normals == "auto" && plan.normal_fraction < 0.5);
-  const bool shapes = estimate || job.options.outliers != "off";
+      options.normals == "estimate" || (options.normals == "auto" && plan.normal_fraction < 0.5);
+  const bool shapes = estimate || options.outliers != "off";
 
   Forecast f;
   f.faces = plan.faces_estimate;
@@ -131,7 +133,7 @@ Forecast forecast_job(const Plan& plan, const std::vector<PlanBrick>& bricks, co
       std::clamp<std::uint64_t>(plan.points() / kSurfaceTaskPoints, 1, kMaxSurfaceTasks);
   const std::uint64_t tile_bytes = around * kTilePointBytes + kTileFixedBytes;
   std::uint64_t closing = 0;
-  if (HolesMode(job.options.holes).close) {
+  if (HolesMode(options.holes).close) {
     const std::uint64_t multipoles = bytes_of(faces, kMultipoleBytes), rims = bytes_of(faces, kRimsBytes);
     add("multipole", buckets, largest_brick * kMultipolePointBytes + (std::uint64_t{8} << 20), multipoles,
         buckets, points * kMultipoleTime, static_cast<double>(store + overlay));
@@ -139,7 +141,7 @@ Forecast forecast_job(const Plan& plan, const std::vector<PlanBrick>& bricks, co
     add("close", 1, around * kMultipolePointBytes + (std::uint64_t{12} << 20), 0, 1, 0.0, 0.0);
     closing = multipoles + rims;
   }
-  const bool fused = fuses_first_pass(job.options);
+  const bool fused = fuses_first_pass(options);
   const std::uint64_t patches = bytes_of(faces, fused ? kFirstPassBytes : kPatchBytes);
   add("surface", groups, tile_bytes, patches, groups, faces * (kSurfaceTime + (fused ? kFirstPassTime : 0.0)),
       static_cast<double>(store + overlay + patches));
@@ -163,8 +165,8 @@ Forecast forecast_job(const Plan& plan, const std::vector<PlanBrick>& bricks, co
 void require_resources(const Forecast& forecast, const JobState& job) {
   const MemoryBudget budget(job.run.memory_bytes, resident_bytes());
   budget.require(forecast.least_task_bytes, "the densest part of the scan");
-  if (job.options.max_hole > 0) {
-    budget.require(hole_task_bytes(job.options.max_hole), "filling holes of the largest size (--max-hole)");
+  if (const std::uint32_t edges = reconstruct_options(job).max_hole; edges > 0) {
+    budget.require(hole_task_bytes(edges), "filling holes of the largest size (--max-hole)");
   }
   std::error_code unknown;
   const auto space = std::filesystem::space(job.work, unknown);

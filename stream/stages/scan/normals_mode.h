@@ -5,7 +5,7 @@
 
 #include "octree/error.h"
 #include "stream/points/plan.h"
-#include "stream/runtime/options.h"
+#include "stream/points/reconstruct_options.h"
 
 namespace tessera {
 
@@ -19,13 +19,15 @@ struct NormalsMode {
   bool by_sensor = false;   ///< sensor origins are known
   bool own_sensor = false;  ///< and every point knows which one saw it
   bool by_up = false;
+  Double3 up{};
   bool clean = false;  ///< outliers are looked for
 
   /// \throws UsageError when normals are demanded that the input does not carry
   NormalsMode(const ReconstructOptions& options, std::size_t inputs, const Plan& plan)
       : by_sensor(!plan.sensors.empty()),
         own_sensor(options.viewpoints.size() <= 1 || options.viewpoints.size() == inputs),
-        by_up(options.has_up),
+        by_up(options.up.has_value()),
+        up(options.up.value_or(Double3{})),
         clean(options.outliers != "off") {
     if (options.normals == "given" && !plan.has_normals())
       throw UsageError("--normals given, but no input point carries a normal; use --normals auto");

@@ -11,6 +11,7 @@
 #include "stream/points/plan.h"
 #include "stream/points/point_overlay.h"
 #include "stream/points/point_store.h"
+#include "stream/points/reconstruct_options.h"
 #include "stream/stages/scan/normals_mode.h"
 
 namespace tessera {
@@ -41,9 +42,8 @@ class NormalsStage : public Stage {
  public:
   explicit NormalsStage(const JobState& state)
       : plan_(Plan::of_work(state.work)),
-        mode_(state.options, state.inputs.size(), plan_),
-        store_(list_task_files(state.work / "points", ".tsp")),
-        options_(state.options) {
+        mode_(reconstruct_options(state), state.inputs.size(), plan_),
+        store_(list_task_files(state.work / "points", ".tsp")) {
     shape_.radius_cells = plan_.radius_cells;
     shape_.estimate = mode_.estimate;
   }
@@ -193,7 +193,7 @@ class NormalsStage : public Stage {
 
   /// Cosine between the normal and the way to the sensor, or up; 0 where neither is known.
   float visibility(const Int3& origin, const PointBlock& block, std::size_t i, const Float3& n) const {
-    Double3 way = options_.up;
+    Double3 way = mode_.up;
     if (mode_.by_sensor && !mode_.own_sensor) return 0.0f;  // the orient stage asks who is in sight
     if (mode_.by_sensor) {
       const std::uint16_t sensor = block.sensor.empty() ? std::uint16_t{kNoSensor} : block.sensor[i];
@@ -228,7 +228,6 @@ class NormalsStage : public Stage {
   Plan plan_;
   NormalsMode mode_;
   PointStore store_;
-  ReconstructOptions options_;
   NormalOptions shape_;
 };
 

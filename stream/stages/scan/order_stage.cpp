@@ -9,6 +9,7 @@
 #include "stream/points/hot_brick.h"
 #include "stream/points/point_sort.h"
 #include "stream/points/point_store.h"
+#include "stream/points/reconstruct_options.h"
 #include "stream/stages/scan/distribute_stage.h"
 
 namespace tessera {
@@ -59,6 +60,7 @@ std::string point_file_name(std::size_t bucket) {
 
 OrderStage::OrderStage(const JobState& job)
     : job_(job),
+      most_brick_points_(reconstruct_options(job).max_brick_points),
       plan_(Plan::of_work(job.work)),
       bricks_(load_plan_bricks(job.work / Plan::kBrickFile)),
       first_extent_(plan_.buckets.size() + 1) {
@@ -69,7 +71,7 @@ OrderStage::OrderStage(const JobState& job)
 }
 
 bool OrderStage::is_hot(const PlanBucket& bucket) const {
-  return bucket.bricks == 1 && bucket.points > job_.options.max_brick_points;
+  return bucket.bricks == 1 && bucket.points > most_brick_points_;
 }
 
 std::uint64_t OrderStage::task_bytes(std::size_t task) const {
@@ -78,7 +80,7 @@ std::uint64_t OrderStage::task_bytes(std::size_t task) const {
                               bucket.bricks * 100 + (std::uint64_t{1} << 18);
   const std::uint64_t extents = (first_extent_[task + 1] - first_extent_[task]) * sizeof(Extent);
   const std::uint64_t blocks = extents + std::min(bucket.points, bucket.bricks * 512) * 16;
-  if (is_hot(bucket)) return fixed + blocks + HotBrick::bytes(job_.options.max_brick_points, kHotChunk);
+  if (is_hot(bucket)) return fixed + blocks + HotBrick::bytes(most_brick_points_, kHotChunk);
   std::uint64_t largest = 0;
   for (std::uint64_t b = 0; b < bucket.bricks; ++b)
     largest = std::max(largest, bricks_[bucket.first_brick + b].points);
@@ -131,7 +133,7 @@ OrderStage::Counts OrderStage::order_bucket(std::size_t task, TaskContext& conte
 }
 
 OrderStage::Counts OrderStage::order_hot_brick(std::size_t task, TaskContext& context) const {
-  HotBrick brick(job_.options.max_brick_points, kHotChunk);
+  HotBrick brick(most_brick_points_, kHotChunk);
   stream_bucket(task, context, [&](std::span<const PointRecord> chunk) { brick.count(chunk); });
   stream_bucket(task, context, [&](std::span<const PointRecord> chunk) {
     brick.add(chunk);

@@ -11,6 +11,7 @@
 #include "stream/files/read_file.h"
 #include "stream/files/task_files.h"
 #include "stream/points/point_overlay.h"
+#include "stream/points/reconstruct_options.h"
 #include "stream/stages/scan/normals_mode.h"
 #include "stream/stages/scan/normals_stage.h"
 #include "stream/stages/scan/orient_solution.h"
@@ -77,11 +78,10 @@ class OrientStage : public Stage {
   explicit OrientStage(const JobState& state)
       : work_(state.work),
         output_(state.output),
-        max_uncertain_(state.options.max_uncertain),
-        up_(state.options.up),
+        max_uncertain_(reconstruct_options(state).max_uncertain),
         memory_bytes_(state.run.memory_bytes),
         plan_(Plan::of_work(state.work)),
-        mode_(state.options, state.inputs.size(), plan_),
+        mode_(reconstruct_options(state), state.inputs.size(), plan_),
         overlay_(list_task_files(state.work / PointOverlay::kFolder, PointOverlay::kExtension)) {}
 
   std::string name() const override { return "orient"; }
@@ -181,9 +181,10 @@ class OrientStage : public Stage {
   Viewers viewers() const {
     Viewers v;
     v.own = mode_.by_sensor && mode_.own_sensor;
-    const double length = std::sqrt(up_[0] * up_[0] + up_[1] * up_[1] + up_[2] * up_[2]);
+    const Double3& up = mode_.up;
+    const double length = std::sqrt(up[0] * up[0] + up[1] * up[1] + up[2] * up[2]);
     if (mode_.by_up && length > 0.0)
-      for (std::size_t a = 0; a < 3; ++a) v.up[a] = static_cast<float>(up_[a] / length);
+      for (std::size_t a = 0; a < 3; ++a) v.up[a] = static_cast<float>(up[a] / length);
     if (!mode_.by_sensor || v.own) return v;
     const double cell = plan_.lattice.h;
     for (const Double3& sensor : plan_.sensors) {
@@ -255,7 +256,6 @@ class OrientStage : public Stage {
   std::filesystem::path work_;
   std::filesystem::path output_;
   double max_uncertain_;
-  Double3 up_;
   std::uint64_t memory_bytes_;
   Plan plan_;
   NormalsMode mode_;

@@ -12,6 +12,7 @@
 #include "stream/files/read_file.h"
 #include "stream/files/task_files.h"
 #include "stream/points/point_sample.h"
+#include "stream/points/reconstruct_options.h"
 #include "stream/runtime/numbers.h"
 
 namespace tessera {
@@ -58,14 +59,15 @@ json load_json(const std::filesystem::path& path) {
 class MeasuringStage : public Stage {
  public:
   MeasuringStage(const JobState& job, std::shared_ptr<const PointInputs> inputs)
-      : job_(job), inputs_(std::move(inputs)) {}
+      : job_(job), measures_(reconstruct_options(job).resolution == 0.0), inputs_(std::move(inputs)) {}
   std::size_t task_count() const override { return needed() ? inputs_->task_count() : 0; }
   std::uint64_t units() const override { return needed() ? inputs_->bytes() : 0; }
   std::string unit_name() const override { return "bytes"; }
 
  protected:
-  bool needed() const { return job_.options.resolution == 0.0; }
+  bool needed() const { return measures_; }
   JobState job_;
+  bool measures_;
   std::shared_ptr<const PointInputs> inputs_;
 };
 

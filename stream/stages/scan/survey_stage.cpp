@@ -122,12 +122,16 @@ std::uint64_t bucket_target(const RunOptions& run, std::uint64_t points) {
 
 SurveyStage::SurveyStage(const JobState& job, std::shared_ptr<const PointInputs> inputs, double h,
                          bool auto_resolution)
-    : job_(job), inputs_(std::move(inputs)), h_(h), auto_resolution_(auto_resolution) {
+    : job_(job),
+      options_(reconstruct_options(job)),
+      inputs_(std::move(inputs)),
+      h_(h),
+      auto_resolution_(auto_resolution) {
   if (!(h_ > 0.0) || !std::isfinite(h_))
     throw UsageError("--resolution must be a positive number in the scan's units");
-  if (job_.options.radius > 0.0 && !(job_.options.radius >= h_ && job_.options.radius <= 4.0 * h_))
+  if (options_.radius > 0.0 && !(options_.radius >= h_ && options_.radius <= 4.0 * h_))
     throw UsageError("--radius must lie between 1 and 4 times the resolution " + number_text(h_) + ", not " +
-                     number_text(job_.options.radius));
+                     number_text(options_.radius));
 }
 
 std::size_t SurveyStage::max_bricks() const {
@@ -206,7 +210,7 @@ void SurveyStage::measure(std::size_t tasks, Plan& plan) const {
   // Three cells, more where gaps or noise ask for it; in eighths, so that the last digit of a quantile is
   // nothing.
   const double wanted = std::ceil(std::max({3.0, 2.5 * s.gap, 4.0 * s.residual}) * 8.0) / 8.0;
-  plan.radius_cells = job_.options.radius > 0.0 ? job_.options.radius / h_ : std::min(4.0, wanted);
+  plan.radius_cells = options_.radius > 0.0 ? options_.radius / h_ : std::min(4.0, wanted);
   if (measured.distance[0].count() == 0 && plan.points() >= 1000)
     plan.warnings.push_back(
         "the resolution " + number_text(h_) +
@@ -255,10 +259,10 @@ nlohmann::json SurveyStage::finish(const std::vector<nlohmann::json>& summaries,
   plan.has_colour = inputs_->has_colour();
   plan.normal_fraction =
       static_cast<double>(tally.with_normal) / static_cast<double>(finite - tally.fates.absurd);
-  if (job_.options.normals == "estimate") plan.normal_fraction = 0.0;
+  if (options_.normals == "estimate") plan.normal_fraction = 0.0;
   plan.sensors = inputs_->sensors();
   plan.bricks = bricks.size();
-  plan.buckets = cut_buckets(bricks, bucket_target(job_.run, plan.points()), job_.options.max_brick_points);
+  plan.buckets = cut_buckets(bricks, bucket_target(job_.run, plan.points()), options_.max_brick_points);
   plan.warnings = tally.warnings;
   measure(summaries.size(), plan);
   if (plan.points() < 3)
@@ -278,8 +282,9 @@ nlohmann::json SurveyStage::finish(const std::vector<nlohmann::json>& summaries,
 }
 
 std::unique_ptr<Stage> make_survey_stage(const JobState& job) {
-  const bool auto_resolution = job.options.resolution == 0.0;
-  const double h = auto_resolution ? chosen_resolution(job.work) : job.options.resolution;
+  const double given = reconstruct_options(job).resolution;
+  const bool auto_resolution = given == 0.0;
+  const double h = auto_resolution ? chosen_resolution(job.work) : given;
   return std::make_unique<SurveyStage>(job, open_point_inputs(job), h, auto_resolution);
 }
 

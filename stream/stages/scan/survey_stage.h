@@ -6,6 +6,7 @@
 
 #include "stream/points/plan.h"
 #include "stream/points/point_inputs.h"
+#include "stream/points/reconstruct_options.h"
 #include "stream/runtime/stage.h"
 
 namespace tessera {
@@ -34,6 +35,7 @@ class SurveyStage : public Stage {
   void measure(std::size_t tasks, Plan& plan) const;
 
   JobState job_;
+  ReconstructOptions options_;
   std::shared_ptr<const PointInputs> inputs_;
   double h_;
   bool auto_resolution_;

@@ -15,15 +15,14 @@
 #include "kernels/smooth/smooth.h"
 #include "stream/meshes/mesh_store.h"
 #include "stream/runtime/job.h"
+#include "stream/runtime/option_table.h"
 #include "stream/runtime/stage.h"
 #include "stream/stages/smooth/coarse_files.h"
 #include "stream/stages/smooth/smooth_tiles.h"
 
 namespace tessera {
 
-/// Options by the names of the command line, and back. \throws UsageError from SmoothOptions::validate()
-std::string smooth_settings(const SmoothOptions& options);
-SmoothOptions smooth_options(const std::string& settings);
+OptionTable option_table(SmoothOptions& options);
 
 /// The whole job: import, rounds, output. One input. The report's `mesh` has {vertices, faces, largest_move, rms_move,
 /// ...}.

@@ -12,6 +12,7 @@
 #include "stream/points/multipole_store.h"
 #include "stream/points/point_overlay.h"
 #include "stream/points/point_store.h"
+#include "stream/points/reconstruct_options.h"
 #include "stream/runtime/memory_budget.h"
 #include "stream/runtime/parallel.h"
 #include "stream/stages/surface/closing_stages.h"
@@ -34,7 +35,7 @@ constexpr std::uint64_t kVisitBytes = 4u << 20;
 class CloseStage : public Stage {
  public:
   explicit CloseStage(const JobState& state)
-      : state_(state), mode_(state.options.holes), plan_(Plan::of_work(state.work)) {
+      : state_(state), mode_(reconstruct_options(state).holes), plan_(Plan::of_work(state.work)) {
     if (!mode_.close) return;
     points_ = std::make_unique<PointStore>(list_task_files(state.work / "points", ".tsp"),
                                            PointOverlay::open(state.work));
@@ -158,7 +159,7 @@ class CloseStage : public Stage {
     const double limit = given > 0.0 ? given : sheet ? kDefaultSheetLimit : 0.0;
     if (limit > double{kMostClosingLimit})
       throw UsageError(
-          "--holes " + state_.options.holes + ": at most " +
+          "--holes " + reconstruct_options(state_).holes + ": at most " +
           json(double{kMostClosingLimit} * plan_.lattice.h).dump() +
           " (56 lattice spacings) can be bridged; a closed object needs no limit: --holes close");
     options.limit = static_cast<float>(limit);

@@ -9,7 +9,6 @@
 
 #include "kernels/closing/closing.h"
 #include "stream/points/plan.h"
-#include "stream/runtime/options.h"
 #include "stream/runtime/stage.h"
 
 namespace tessera {

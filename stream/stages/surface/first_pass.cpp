@@ -11,6 +11,7 @@
 #include "kernels/mesh/patch_mesh.h"
 #include "stream/files/direct_file.h"
 #include "stream/files/task_files.h"
+#include "stream/points/reconstruct_options.h"
 #include "stream/stages/decimate/simplify_stage.h"
 #include "stream/stages/surface/output_frame.h"
 #include "stream/stages/surface/weld_stage.h"
@@ -68,6 +69,12 @@ MeshStore open(const JobState& state, const char* folder, const char* pruned) {
 
 }  // namespace
 
+SimplifyOptions reconstruct_simplify_options(const ReconstructOptions& options) {
+  SimplifyOptions simplify;
+  simplify.tolerance = options.tolerance;
+  return simplify;
+}
+
 bool fuses_first_pass(const ReconstructOptions& options) {
   return options.tolerance > 0.0 && options.max_hole == 0 && options.reference == "surface";
 }
@@ -114,7 +121,7 @@ struct FirstPass::Impl {
   const MeshFrame frame;
   const MeshStoreInfo info;
   DecimateOptions kernel;
-  std::uint64_t least_faces;  ///< islands with fewer go
+  std::uint64_t least_faces = 0;  ///< islands with fewer go
   MeshFileWriter full, first;
   std::uint64_t cube = 0, cube_faces = 0;  ///< at work, and what came of it so far
   std::vector<Piece> pieces;               ///< of it, not yet simplified
@@ -128,11 +135,11 @@ struct FirstPass::Impl {
         task(t),
         frame(frame_of(state)),
         info(info_of(frame)),
-        least_faces(state.options.min_component != 0 ? state.options.min_component
-                                                     : automatic_min_component(0)),
         full(c.create(kFullFolder + task_file_stem(t) + ".tmm"), info),
         first(c.create(kFirstPassFolder + task_file_stem(t) + ".tmm"), info) {
-    kernel = reconstruct_simplify_options(state.options).kernel(!info.double_positions);
+    const ReconstructOptions options = reconstruct_options(state);
+    least_faces = options.min_component != 0 ? options.min_component : automatic_min_component(0);
+    kernel = reconstruct_simplify_options(options).kernel(!info.double_positions);
   }
 
   /// Bricks of a cube that has too many faces go one by one as soon as that shows, so few wait in memory.

@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 
 #include "stream/points/plan.h"
+#include "stream/points/reconstruct_options.h"
 #include "stream/stages/surface/hole_files.h"
 
 namespace tessera {
@@ -16,14 +17,15 @@ constexpr std::uint64_t kFixedBytes = std::uint64_t{8} << 20;
 
 class HolesStage : public Stage {
  public:
-  explicit HolesStage(const JobState& state) : state_(state), files_(list_loop_files(state.work)) {}
+  explicit HolesStage(const JobState& state)
+      : most_edges_(reconstruct_options(state).max_hole), files_(list_loop_files(state.work)) {}
 
   std::string name() const override { return "holes"; }
   std::size_t task_count() const override { return files_.size(); }
   std::uint64_t units() const override { return files_.size(); }
   std::string unit_name() const override { return "batches"; }
 
-  std::uint64_t task_bytes(std::size_t) const override { return hole_task_bytes(state_.options.max_hole); }
+  std::uint64_t task_bytes(std::size_t) const override { return hole_task_bytes(most_edges_); }
 
   json run(std::size_t task, TaskContext& context) const override {
     const std::vector<NamedLoop> loops = load_loops(files_[task]);
@@ -78,11 +80,11 @@ class HolesStage : public Stage {
   }
 
   std::vector<std::string> obsolete() const override {
-    return state_.options.max_hole == 0 ? std::vector<std::string>{} : std::vector<std::string>{"loops/"};
+    return most_edges_ == 0 ? std::vector<std::string>{} : std::vector<std::string>{"loops/"};
   }
 
  private:
-  JobState state_;
+  std::uint32_t most_edges_;
   std::vector<std::filesystem::path> files_;
 };
 

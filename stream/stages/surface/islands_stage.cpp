@@ -13,6 +13,7 @@
 #include "stream/files/external_sort.h"
 #include "stream/files/read_file.h"
 #include "stream/files/task_files.h"
+#include "stream/points/reconstruct_options.h"
 #include "stream/stages/surface/first_pass.h"
 #include "stream/stages/surface/weld_stage.h"
 
@@ -101,9 +102,8 @@ class IslandsStage : public Stage {
 
   json decide(const std::vector<std::uint64_t>& root, const std::vector<std::uint64_t>& total,
               std::uint64_t all_faces, TaskContext& context) const {
-    const std::uint64_t limit = state_.options.min_component != 0
-                                    ? state_.options.min_component
-                                    : automatic_min_component(all_faces + dropped_faces_);
+    const std::uint64_t given = reconstruct_options(state_).min_component;
+    const std::uint64_t limit = given != 0 ? given : automatic_min_component(all_faces + dropped_faces_);
     std::uint64_t components = 0, dropped = dropped_, largest = 0, kept_faces = 0;
     for (std::uint64_t c = 0; c < parts_; ++c) {
       if (root[c] != c) continue;

@@ -10,6 +10,7 @@
 #include "stream/files/read_file.h"
 #include "stream/files/task_files.h"
 #include "stream/points/plan.h"
+#include "stream/points/reconstruct_options.h"
 #include "stream/stages/surface/hole_files.h"
 #include "stream/stages/surface/numbered_patches.h"
 
@@ -48,7 +49,7 @@ class LoopsStage : public Stage {
  public:
   explicit LoopsStage(const JobState& state)
       : state_(state),
-        most_edges_(state.options.max_hole),
+        most_edges_(reconstruct_options(state).max_hole),
         plan_(Plan::of_work(state.work)),
         store_(open_patches(state.work)),
         numbering_(Numbering::load(state.work / kNumberingFile)) {}

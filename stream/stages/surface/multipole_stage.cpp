@@ -6,6 +6,7 @@
 #include "stream/points/multipole_store.h"
 #include "stream/points/point_overlay.h"
 #include "stream/points/point_store.h"
+#include "stream/points/reconstruct_options.h"
 #include "stream/stages/surface/closing_stages.h"
 
 namespace tessera {
@@ -21,7 +22,7 @@ class MultipoleStage : public Stage {
  public:
   explicit MultipoleStage(const JobState& state)
       : store_(list_task_files(state.work / "points", ".tsp"), PointOverlay::open(state.work)),
-        needed_(HolesMode(state.options.holes).close) {}
+        needed_(HolesMode(reconstruct_options(state).holes).close) {}
 
   std::string name() const override { return "multipole"; }
   std::size_t task_count() const override { return needed_ ? store_.file_count() : 0; }

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "stream/points/reconstruct_options.h"
+
 namespace tessera {
 namespace {
 
@@ -25,7 +27,7 @@ MeshFrame output_frame(const JobState& state, const Plan& plan, double farthest)
   const std::string extension = state.output.extension().string();
   const bool has_double = extension == ".ply" || extension == ".obj";
   const bool enough = float_suffices(farthest, plan.lattice.h);
-  const bool local = state.options.local_output || (!has_double && !enough);
+  const bool local = reconstruct_options(state).local_output || (!has_double && !enough);
   MeshFrame frame;
   frame.lattice = plan.lattice;
   frame.double_positions = has_double && !local && !enough;

@@ -5,6 +5,7 @@
 #include "stream/files/task_files.h"
 #include "stream/points/closing_store.h"
 #include "stream/points/point_overlay.h"
+#include "stream/points/reconstruct_options.h"
 #include "stream/stages/surface/closing_stages.h"
 #include "stream/stages/surface/surface_stage.h"
 
@@ -20,8 +21,8 @@ class RimsStage : public Stage {
   explicit RimsStage(const JobState& state)
       : plan_(Plan::of_work(state.work)),
         store_(list_task_files(state.work / "points", ".tsp"), PointOverlay::open(state.work)),
-        field_(field_options(plan_, state.options.feature_angle_deg)) {
-    if (!HolesMode(state.options.holes).close) return;
+        field_(field_options(plan_, reconstruct_options(state).feature_angle_deg)) {
+    if (!HolesMode(reconstruct_options(state).holes).close) return;
     field_.firm_rim = true;
     groups_ = make_tile_groups(store_, surface_tiling(state, field_));
   }

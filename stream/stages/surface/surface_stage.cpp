@@ -11,6 +11,7 @@
 #include "stream/points/multipole_store.h"
 #include "stream/points/plan.h"
 #include "stream/points/point_overlay.h"
+#include "stream/points/reconstruct_options.h"
 #include "stream/stages/decimate/simplify_stage.h"
 #include "stream/stages/surface/closing_stages.h"
 #include "stream/stages/surface/first_pass.h"
@@ -27,12 +28,13 @@ class SurfaceStage : public Stage {
   explicit SurfaceStage(const JobState& state)
       : plan_(Plan::of_work(state.work)),
         store_(list_task_files(state.work / "points", ".tsp"), PointOverlay::open(state.work)) {
-    field_ = field_options(plan_, state.options.feature_angle_deg);
-    field_.firm_rim = HolesMode(state.options.holes).close;
+    const ReconstructOptions options = reconstruct_options(state);
+    field_ = field_options(plan_, options.feature_angle_deg);
+    field_.firm_rim = HolesMode(options.holes).close;
     extract_.method =
-        state.options.method == "mc" ? ExtractMethod::kMarchingCubes : ExtractMethod::kExtendedMarchingCubes;
-    extract_.feature_angle_deg = state.options.feature_angle_deg;
-    extract_.corner_angle_deg = state.options.corner_angle_deg;
+        options.method == "mc" ? ExtractMethod::kMarchingCubes : ExtractMethod::kExtendedMarchingCubes;
+    extract_.feature_angle_deg = options.feature_angle_deg;
+    extract_.corner_angle_deg = options.corner_angle_deg;
 
     const auto files = closing_files(state.work);
     if (!files.empty()) {
@@ -44,7 +46,7 @@ class SurfaceStage : public Stage {
     tiling.closing = closing_.get();
     groups_ = make_tile_groups(store_, tiling);
     state_ = state;
-    fused_ = fuses_first_pass(state.options);
+    fused_ = fuses_first_pass(options);
     extract_.names = fused_;
   }
 

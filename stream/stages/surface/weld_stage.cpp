@@ -9,6 +9,7 @@
 #include "octree/error.h"
 #include "octree/union_find.h"
 #include "stream/files/task_files.h"
+#include "stream/points/reconstruct_options.h"
 
 namespace tessera {
 namespace {
@@ -170,8 +171,8 @@ class WeldStage : public Stage {
       faces[root[c]] += sizes[c].faces;
       all_faces += sizes[c].faces;
     }
-    const std::uint64_t limit =
-        state_.options.min_component != 0 ? state_.options.min_component : automatic_min_component(all_faces);
+    const std::uint64_t given = reconstruct_options(state_).min_component;
+    const std::uint64_t limit = given != 0 ? given : automatic_min_component(all_faces);
     Numbering numbering;
     numbering.kept.resize(root.size());
     std::uint64_t components = 0;

@@ -218,7 +218,7 @@ TEST_CASE("job: options from a job file, flags win, unknown keys are errors", "[
   const nlohmann::json options = nlohmann::json::parse(file_bytes(toy.report())).at("options");
   CHECK(options.at("resolution") == 1.0);
   CHECK(options.at("viewpoint") == nlohmann::json({{1.0, 2.0, 3.0}, {4.0, 5.0, 6.0}}));
-  CHECK(options.at("has-up") == true);
+  CHECK(options.at("up") == nlohmann::json({0.0, 0.0, 1.0}));
   CHECK(fs::exists(toy.work()));
   job["resolutoin"] = 3;
   spill(scratch / "job.json", job.dump());

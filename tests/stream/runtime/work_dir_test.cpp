@@ -5,7 +5,6 @@
 
 #include "octree/error.h"
 #include "stream/files/durable_file.h"
-#include "stream/runtime/options_json.h"
 #include "tests/helpers/shell.h"
 
 using namespace tessera;
@@ -20,8 +19,7 @@ JobState state_in(const TempFolder& scratch) {
   state.inputs = {scratch / "in.txt"};
   state.output = scratch / "out.ply";
   state.work = work_path(state.output, {});
-  state.options.resolution = 0.1;
-  state.options.viewpoints = {{1, 2, 3}};
+  state.settings = R"({"resolution": 0.1, "viewpoint": [[1.0, 2.0, 3.0]]})";
   state.run.memory_bytes = 1 << 30;
   state.run.threads = 3;
   return state;
@@ -56,31 +54,7 @@ TEST_CASE("work directory: the same job goes on, and knows itself again", "[unit
   CHECK(read.inputs == state.inputs);
   CHECK(read.run.memory_bytes == state.run.memory_bytes);
   CHECK(read.run.threads == 3);
-  CHECK(to_json(read.options) == to_json(state.options));
-}
-
-TEST_CASE("work directory: every option of a job is part of its identity", "[unit]") {
-  const ReconstructOptions plain;
-  const auto differs = [&](auto change) {
-    ReconstructOptions other;
-    change(other);
-    const bool back = to_json(reconstruct_options_from_json(to_json(other))) == to_json(other);
-    return back && !first_difference(to_json(plain), to_json(other)).empty();
-  };
-  CHECK(differs([](auto& o) { o.resolution = 1; }));
-  CHECK(differs([](auto& o) { o.radius = 1; }));
-  CHECK(differs([](auto& o) { o.method = "mc"; }));
-  CHECK(differs([](auto& o) { o.feature_angle_deg = 1; }));
-  CHECK(differs([](auto& o) { o.corner_angle_deg = 1; }));
-  CHECK(differs([](auto& o) { o.min_component = 1; }));
-  CHECK(differs([](auto& o) { o.outliers = "off"; }));
-  CHECK(differs([](auto& o) { o.normals = "given"; }));
-  CHECK(differs([](auto& o) { o.viewpoints = {{0, 0, 1}}; }));
-  CHECK(differs([](auto& o) { o.has_up = true; }));
-  CHECK(differs([](auto& o) { o.up = {0, 1, 0}; }));
-  CHECK(differs([](auto& o) { o.max_brick_points = 1; }));
-  CHECK(differs([](auto& o) { o.columns = {"x"}; }));
-  CHECK(differs([](auto& o) { o.local_output = true; }));
+  CHECK(nlohmann::json::parse(read.settings) == nlohmann::json::parse(state.settings));
 }
 
 TEST_CASE("work directory: of another job is refused, and the sentence says what differs", "[fault]") {
@@ -88,7 +62,7 @@ TEST_CASE("work directory: of another job is refused, and the sentence says what
   JobState state = state_in(scratch);
   begin(state);
   SECTION("an option") {
-    state.options.resolution = 0.2;
+    state.settings = R"({"resolution": 0.2})";
     CHECK_THROWS_AS(WorkDir::open_job(state.work, identity_of(state), false), UsageError);
     CHECK_THROWS_WITH(WorkDir::open_job(state.work, identity_of(state), false),
                       Catch::Contains("resolution was 0.1 and is 0.2") && Catch::Contains("--force"));
@@ -104,7 +78,7 @@ TEST_CASE("work directory: of another job is refused, and the sentence says what
   }
   SECTION("--force discards it with all it holds") {
     spill(state.work / "points/old.pts", "old");
-    state.options.resolution = 0.2;
+    state.settings = R"({"resolution": 0.2})";
     const WorkDir work = WorkDir::open_job(state.work, identity_of(state), true);
     CHECK(work.created());
     CHECK_FALSE(std::filesystem::exists(state.work / "points/old.pts"));

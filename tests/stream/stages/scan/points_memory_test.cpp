@@ -85,7 +85,7 @@ TEST_CASE("memory: passes over points stay within what they announce", "[memory]
   const auto inputs = chain_inputs(points, setup);
   points = {};
   JobState automatic = job;
-  automatic.options.resolution = 0.0;
+  automatic.settings = to_settings(setup.options);
   check_stage(*make_probe_stage(automatic, inputs), job.work);
   check_stage(*make_spacing_stage(automatic, inputs), job.work);
   check_stage(SurveyStage(job, inputs, setup.h, false), job.work);

@@ -1,0 +1,111 @@
+/// \file reconstruct_options.h
+/// What a reconstruction computes: every option changes the result and is part of the job's identity. A new one is a
+/// field and a row here.
+#pragma once
+#include "kernels/holes/hole_filling.h"
+#include "stream/runtime/option_table.h"
+#include "stream/runtime/stage.h"
+
+namespace tessera {
+
+struct ReconstructOptions {
+  double resolution = 0.0;
+  double radius = 0.0;  ///< where measured, at least 3 h
+  std::string method = "emc";
+  double feature_angle_deg = 25.0;
+  double corner_angle_deg = 45.0;
+  std::uint64_t min_component = 0;
+  std::uint32_t max_hole = 0;
+  std::string holes = "keep";
+  std::string outliers = "auto";
+  std::string normals = "auto";
+  std::vector<Double3> viewpoints;
+  std::optional<Double3> up;
+  double max_uncertain = 0.5;
+  std::uint64_t max_brick_points = 1u << 22;
+  std::vector<std::string> columns;
+  double tolerance = 0.0;
+  std::string reference = "surface";
+  bool keep_raw = false;
+  bool local_output = false;
+
+  /// \throws UsageError for options that mean nothing together
+  void validate() const;
+};
+
+/// --columns, for everything that reads text scans.
+inline void add_columns(OptionTable& table, std::vector<std::string>& columns) {
+  table
+      .add("columns", &columns,
+           "names of the columns of text scans, e.g. x,y,z,nx,ny,nz,r,g,b; default: the header line, else "
+           "x,y,z")
+      .split();
+}
+
+inline OptionTable option_table(ReconstructOptions& o) {
+  OptionTable t("What it computes");
+  t.add("resolution,voxel", &o.resolution,
+        "lattice spacing h, scan units; about 1.5 times the point spacing keeps what the scan holds; 0 = "
+        "measured")
+      .at_least(0);
+  t.add("radius", &o.radius,
+        "support radius of a sample, scan units: gaps up to about R are bridged, up to 1.8 R among sparse "
+        "samples; anything wider stays a border; 0 = measured, 3 H")
+      .at_least(0);
+  t.add("method", &o.method,
+        "emc: extended marching cubes with sharp edges and corners; mc: plain marching cubes on the same "
+        "field")
+      .one_of({"emc", "mc"});
+  t.add("feature-angle", &o.feature_angle_deg, "degrees between normals from which a cell holds a sharp edge")
+      .within(0, 180);
+  t.add("corner-angle", &o.corner_angle_deg,
+        "degrees out of the plane of the crease from which an edge is a corner")
+      .within(0, 180);
+  t.add("min-component", &o.min_component, "faces; smaller islands are dropped; 0 = measured, 1 = keep all");
+  t.add("max-hole", &o.max_hole,
+        "edges; holes with a rim of at most so many are filled by smooth patches that meet the rim "
+        "tangentially, their faces marked (`synthetic` in PLY) and counted; 0 = none")
+      .within(0, kMostHoleEdges);
+  t.add("holes", &o.holes,
+        "keep: the surface ends where the data does; close: an object gets no border at all, open terrain "
+        "keeps its outer border and holes that stay within 20 h of the data are closed; fill-to:D: holes "
+        "that stay within D (at most 56 h), whole or not at all; faces are marked (`synthetic` in PLY, blue "
+        "in pictures) and counted")
+      .shown_as("keep|close|fill-to:D");
+  t.add("outliers", &o.outliers,
+        "auto: drop points that too few neighbours confirm, a share of the median, or fewer than three where "
+        "that would take more than one in twenty; off: keep all")
+      .one_of({"auto", "off"});
+  t.add("normals", &o.normals,
+        "auto: given normals where at least half of the points have one; given; estimate")
+      .one_of({"auto", "given", "estimate"});
+  t.add("max-uncertain", &o.max_uncertain,
+        "estimated normals: share of points whose side may stay in doubt; above it exit code 6, from 0.01 on "
+        "a warning; OUT.uncertain.png shows where; 1 = never stop")
+      .within(0, 1);
+  t.add("viewpoint", &o.viewpoints,
+        "estimated normals: position of a scanner, scan units; they point to it (repeatable)");
+  t.add("up", &o.up, "estimated normals point to this side, for airborne scans");
+  add_columns(t, o.columns);
+  t.add("max-brick-points", &o.max_brick_points, "points; a brick of 64^3 cells with more is thinned to this")
+      .at_least(1);
+  t.add("tolerance", &o.tolerance,
+        "scan units; the mesh is decimated within this proven distance of itself; 0 = every face of the "
+        "lattice")
+      .at_least(0);
+  t.add("reference", &o.reference,
+        "with a tolerance, surface: the mesh of full resolution, both ways; points: every point used must "
+        "lie within it of the result too: decimation gets what their distance to the surface, measured "
+        "first, leaves of it; where that is nothing, exit code 6 names the least tolerance that can do")
+      .one_of({"surface", "points"});
+  t.add("keep-raw", &o.keep_raw,
+        "with a tolerance: write the mesh of full resolution too, `site.raw.ply` for `site.ply`");
+  t.add("local-output", &o.local_output,
+        "write positions relative to the global shift, as floats; the report has the shift");
+  return t;
+}
+
+/// Of the job at hand. Not for loops: it reads text.
+ReconstructOptions reconstruct_options(const JobState& state);
+
+}  // namespace tessera

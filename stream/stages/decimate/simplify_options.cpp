@@ -1,0 +1,86 @@
+#include "stream/stages/decimate/simplify_options.h"
+
+#include <array>
+
+#include "kernels/certify/certificate.h"
+#include "octree/error.h"
+
+namespace tessera {
+namespace {
+
+struct Priority {
+  const char* name;
+  DecimatePriority value;
+};
+constexpr std::array<Priority, 6> kPriorities = {{{"quadric", DecimatePriority::kQuadric},
+                                                  {"probabilistic", DecimatePriority::kProbabilistic},
+                                                  {"samples", DecimatePriority::kSampleDistance},
+                                                  {"normal", DecimatePriority::kNormalDeviation},
+                                                  {"round", DecimatePriority::kRoundness},
+                                                  {"length", DecimatePriority::kEdgeLength}}};
+
+}  // namespace
+
+OptionTable option_table(SimplifyOptions& o) {
+  OptionTable t("What it computes");
+  t.add("tolerance", &o.tolerance,
+        "largest distance between result and reference, both ways, in the units of the mesh")
+      .at_least(0);
+  t.add("target-faces", &o.target_faces, "stop at about so many faces; the tolerance, if any, still holds");
+  t.add("reference", &o.reference,
+        "surface (the input itself), or a mesh file: then the passes still stay within the tolerance of the "
+        "input, only the final proof is against the file (exit code 6 where it fails)")
+      .shown_as("surface|FILE");
+  t.add("max-normal-deviation", &o.max_normal_deviation_deg,
+        "largest angle in degrees between a new face and the faces it stands for (but not where noise turns "
+        "a sliver: moving its corner by half the tolerance and a 32nd of the width of the faces around it); "
+        "0 = free")
+      .within(0, 180);
+  t.add("feature-angle", &o.feature_angle_deg,
+        "edges that turn by more degrees are kept as creases; 0 = none")
+      .within(0, 180);
+  std::vector<std::string> priorities;
+  for (const Priority& p : kPriorities) priorities.emplace_back(p.name);
+  t.add("priority", &o.priority,
+        "what goes first: quadric, probabilistic (quadrics of uncertain planes), samples (distance of the "
+        "original vertices), normal (deviation), round (worst triangle) or length (shortest edge)")
+      .one_of(priorities);
+  t.add("placement", &o.placement,
+        "endpoint: vertices stay where vertices were; optimal: they may move within the tolerance")
+      .one_of({"endpoint", "optimal"});
+  t.add("min-roundness", &o.min_roundness, "smallest roundness of a new face: 1 is equilateral, 0 flat")
+      .within(0, 1);
+  t.add("colour-weight", &o.colour_weight,
+        "length that the full range of a colour is worth, in the units of the mesh; 0 = colours follow")
+      .at_least(0);
+  t.add("passes", &o.passes, "passes over shifted blocks").within(1, 8);
+  t.add("block-faces", &o.block_faces, "most faces of a block").at_least(1024);
+  // For tests of the rounds: makes the passes bolder than the certificate allows.
+  t.add("loop-share", &o.loop_share, "share of the tolerance that the passes may use")
+      .within(1e-3, 4)
+      .hidden();
+  return t;
+}
+
+void SimplifyOptions::validate() const {
+  if (tolerance == 0.0 && target_faces == 0)
+    throw UsageError("give --tolerance above 0, or --target-faces, or both: nothing says how far to go");
+  kernel(true).validate();
+}
+
+DecimateOptions SimplifyOptions::kernel(bool float_positions) const {
+  DecimateOptions o;
+  o.tolerance = tolerance * loop_share / CertificateOptions{}.tightness;
+  for (const Priority& p : kPriorities)
+    if (priority == p.name) o.priority = p.value;
+  o.placement = placement == "optimal" ? DecimatePlacement::kOptimal : DecimatePlacement::kEndpoint;
+  o.float_positions = float_positions;
+  o.sweep = target_faces == 0;
+  o.feature_angle_deg = feature_angle_deg;
+  o.max_normal_turn_deg = max_normal_deviation_deg;
+  o.min_roundness = min_roundness;
+  o.colour_weight = colour_weight;
+  return o;
+}
+
+}  // namespace tessera

@@ -1,0 +1,34 @@
+/// \file simplify_options.h
+/// What of decimation users choose; part of a job's identity.
+#pragma once
+#include <cstdint>
+#include <string>
+
+#include "kernels/decimate/decimate.h"
+#include "stream/runtime/option_table.h"
+
+namespace tessera {
+
+struct SimplifyOptions {
+  double tolerance = 0.0;  ///< units of the mesh; 0 = only a face count is given
+  std::uint64_t target_faces = 0;
+  std::string reference = "surface";
+  double max_normal_deviation_deg = 0.0;
+  double feature_angle_deg = 25.0;
+  std::string priority = "quadric";
+  std::string placement = "endpoint";
+  double min_roundness = 0.02;
+  double colour_weight = 0.0;
+  double loop_share = 1.0;  ///< of the tolerance that passes may use; above 1 the certificate sends them back
+  int passes = 3;           ///< each with the whole tolerance: a ramp left three times the faces on terrain
+  std::uint64_t block_faces = 1u << 16;  ///< with at most eight times as many of the reference below it
+
+  /// \throws UsageError naming the option
+  void validate() const;
+  /// What blocks are decimated with: the proof at the end is tight to a few percent, that much is left to it.
+  DecimateOptions kernel(bool float_positions) const;
+};
+
+OptionTable option_table(SimplifyOptions& options);
+
+}  // namespace tessera

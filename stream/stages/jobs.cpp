@@ -1,0 +1,39 @@
+#include "stream/stages/jobs.h"
+
+#include "octree/error.h"
+#include "stream/points/reconstruct_options.h"
+#include "stream/stages/decimate/decimate_job.h"
+#include "stream/stages/reconstruct/reconstruct_job.h"
+#include "stream/stages/smooth/smooth_stage.h"
+
+namespace tessera {
+namespace {
+
+template <typename Options, JobDescription (*describe)(const Options&)>
+JobDescription from_text(const std::string& settings) {
+  return describe(from_settings<Options>(settings));
+}
+
+struct Entry {
+  const char* name;
+  JobDescription (*describe)(const std::string& settings);
+};
+constexpr Entry kJobs[] = {
+    // one line per job, alphabetical
+    {"decimate", from_text<SimplifyOptions, decimate_job>},
+    {"reconstruct", from_text<ReconstructOptions, reconstruct_job>},
+    {"smooth", from_text<SmoothOptions, smooth_job>},
+};
+
+}  // namespace
+
+JobDescription find_job(const std::string& command, const std::string& settings) {
+  std::string known;
+  for (const Entry& job : kJobs) {
+    if (command == job.name) return job.describe(settings);
+    known += std::string(known.empty() ? "" : ", ") + job.name;
+  }
+  throw InputError("job.json: no job is called '" + command + "', there are " + known);
+}
+
+}  // namespace tessera

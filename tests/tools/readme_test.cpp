@@ -1,0 +1,29 @@
+// What the README says of options is what the commands say of them: `tessera COMMAND --markdown` prints the rows.
+#include <catch2/catch.hpp>
+
+#include <fstream>
+#include <set>
+#include <sstream>
+
+#include "tests/helpers/shell.h"
+
+using namespace tessera::test;
+
+TEST_CASE("README: its options are those of the commands, word for word", "[pipeline]") {
+  std::set<std::string> known;
+  for (const char* command : {"reconstruct", "smooth", "decimate"}) {
+    const Outcome r = shell(std::string(TESSERA_BINARY " ") + command + " --markdown");
+    REQUIRE(r.code == 0);
+    std::istringstream rows(r.said);
+    for (std::string row; std::getline(rows, row);) known.insert(row);
+  }
+  std::ifstream readme(TESSERA_SOURCE_DIR "/README.md");
+  std::size_t rows = 0;
+  for (std::string line; std::getline(readme, line);) {
+    if (line.rfind("| `-", 0) != 0) continue;
+    CAPTURE(line);
+    CHECK(known.count(line) == 1);
+    ++rows;
+  }
+  CHECK(rows > 20);
+}
