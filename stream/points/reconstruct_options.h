@@ -49,8 +49,8 @@ inline OptionTable option_table(ReconstructOptions& o) {
         "measured")
       .at_least(0);
   t.add("radius", &o.radius,
-        "support radius of a sample, scan units: gaps up to about R are bridged, up to 1.8 R among sparse "
-        "samples; anything wider stays a border; 0 = measured, 3 H")
+        "support radius of a sample, scan units: gaps up to about as wide are bridged, up to 1.8 times as "
+        "wide among sparse samples; anything wider stays a border; 0 = measured, 3 h")
       .at_least(0);
   t.add("method", &o.method,
         "emc: extended marching cubes with sharp edges and corners; mc: plain marching cubes on the same "
