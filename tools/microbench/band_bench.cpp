@@ -20,16 +20,14 @@ using namespace tessera;
 
 /// What BandLeaf is, but for where values and their mask lie.
 struct PlainLeaf {
-  PlainLeaf(const Int3&, const Int3& at) : origin(at) {}
-  static constexpr std::size_t node(int i, int j, int k) { return BandLeaf::node(i, j, k); }
+  PlainLeaf(const Int3&, const Int3& at) : origin(at) { values.fill(kBandBackground); }
   float& value(std::size_t n) { return values[n]; }
   float value(std::size_t n) const { return values[n]; }
   const LeafWords& valid() const { return mask; }
   void set_valid(const LeafWords& words) { mask = words; }
-  bool is_valid(std::size_t n) const { return mask[n >> 6] >> (n & 63) & 1; }
 
   Int3 origin;
-  alignas(32) std::array<float, 512> values{};
+  alignas(32) std::array<float, 512> values;
   LeafWords mask{}, inside{}, closing{};
   std::array<LeafWords, 3> crossing{};
   std::array<std::array<std::uint32_t, 8>, 3> first_root{};
@@ -109,8 +107,7 @@ void measure(const DirectedField& field, const std::vector<Fit>& fits, Times& t)
           for (int c = 0; c < 8; ++c) {
             const int x = i + (c & 1), y = j + (c >> 1 & 1), w = k + (c >> 2);
             const Leaf* leaf = leaf_at(x, y, w);
-            const std::size_t n = Leaf::node(x, y, w);
-            s += leaf && leaf->is_valid(n) ? leaf->value(n) : kBandBackground;
+            s += leaf ? leaf->value(BandLeaf::node(x, y, w)) : kBandBackground;
           }
           t.sum += static_cast<double>(s);
         }
