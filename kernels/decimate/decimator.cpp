@@ -160,10 +160,10 @@ void Decimator::seed_queue() {
 /// All that is left has been tried. At locked corners another block may do more; what is a crease is asked anew
 /// in every pass, of the mesh as it is then.
 void Decimator::settle_faces() {
-  constexpr unsigned open = kVertexLocked | kVertexFixed | kVertexCrease;
+  constexpr unsigned kOpen = kVertexLocked | kVertexFixed | kVertexCrease;
   for (std::uint32_t f = 0; f < mesh_.faces().size(); ++f) {
     const std::uint32_t* v = mesh_.face(f).vertex;
-    if (((mesh_.state(v[0]) | mesh_.state(v[1]) | mesh_.state(v[2])) & open) == 0) mesh_.settle(f);
+    if (((mesh_.state(v[0]) | mesh_.state(v[1]) | mesh_.state(v[2])) & kOpen) == 0) mesh_.settle(f);
   }
 }
 

@@ -10,8 +10,8 @@ namespace tessera {
 
 /// Both ends are free inside the surface, and the reference is known there.
 bool Decimator::may_move(std::uint32_t u, std::uint32_t v) const {
-  constexpr unsigned held = kVertexKept | kVertexBorder | kVertexCrease | kVertexOpen | kVertexPinched;
-  return ((mesh_.state(u) | mesh_.state(v)) & held) == 0;
+  constexpr unsigned kHeld = kVertexKept | kVertexBorder | kVertexCrease | kVertexOpen | kVertexPinched;
+  return ((mesh_.state(u) | mesh_.state(v)) & kHeld) == 0;
 }
 
 /// The minimum of the quadric, or the middle of the edge where it is not well determined or far off.

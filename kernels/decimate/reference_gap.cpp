@@ -23,8 +23,8 @@ constexpr float kNoise = 1.0f / 32.0f;
 /// The bound of a face shares a word with the flags of its edges: rounded up to the bits that they leave.
 constexpr std::uint32_t kFlagBits = 8;
 std::uint32_t packed_above(float bound) {
-  constexpr std::uint32_t low = (1u << kFlagBits) - 1;
-  return (std::bit_cast<std::uint32_t>(bound) + low) & ~low;
+  constexpr std::uint32_t kLow = (1u << kFlagBits) - 1;
+  return (std::bit_cast<std::uint32_t>(bound) + kLow) & ~kLow;
 }
 float unpacked(std::uint32_t lines) {
   return std::bit_cast<float>(lines >> kFlagBits << kFlagBits);

@@ -59,12 +59,13 @@ void place_on_square(const Loop& loop, const std::vector<double>& share, std::ve
     corner[c] = best;
   }
   corner[4] = n;
-  constexpr std::array<Double2, 5> at = {{{0, 0}, {1, 0}, {1, 1}, {0, 1}, {0, 0}}};
+  constexpr std::array<Double2, 5> kCorners = {{{0, 0}, {1, 0}, {1, 1}, {0, 1}, {0, 0}}};
   for (std::size_t side = 0; side < 4; ++side) {
     const double low = share[corner[side]], high = side == 3 ? 1.0 : share[corner[side + 1]];
     for (std::size_t i = corner[side]; i < corner[side + 1]; ++i) {
       const double t = high > low ? (share[i] - low) / (high - low) : 0.0;
-      for (std::size_t k = 0; k < 2; ++k) uv[loop[i]][k] = at[side][k] + t * (at[side + 1][k] - at[side][k]);
+      for (std::size_t k = 0; k < 2; ++k)
+        uv[loop[i]][k] = kCorners[side][k] + t * (kCorners[side + 1][k] - kCorners[side][k]);
     }
   }
 }

@@ -123,8 +123,9 @@ TEST_CASE("certificate of a pair: what is missing from the fine surface is misse
         left = std::min(left, fine.position[v][0]), right = std::max(right, fine.position[v][0]);
         low = std::min(low, fine.position[v][1]), high = std::max(high, fine.position[v][1]);
       }
-      constexpr double wide = 2.0 / kFine, slack = 1e-9;
-      return left >= x - slack && right <= x + wide + slack && low >= y - slack && high <= y + wide + slack;
+      constexpr double kWide = 2.0 / kFine, kSlack = 1e-9;
+      return left >= x - kSlack && right <= x + kWide + kSlack && low >= y - kSlack &&
+             high <= y + kWide + kSlack;
     });
     REQUIRE(fine.faces.size() == whole.faces.size() - 8);
     const DeviationPair pair = measure(coarse, fine, tolerance);
