@@ -51,7 +51,8 @@ void write_bytes(const std::filesystem::path& path, const std::string& bytes) {
 TEST_CASE("packed file: sections, table and info come back, whole, in parts and as a stream", "[unit]") {
   const TempFolder folder;
   const auto path = folder / "a.tst";
-  CHECK(write_two(path) == std::filesystem::file_size(path));
+  const std::uint64_t written = write_two(path);
+  CHECK(written == std::filesystem::file_size(path));
   const PackedFile file(path, kKind, sizeof(Entry), 8);
   std::uint64_t info = 0;
   std::memcpy(&info, file.info().data(), sizeof info);
