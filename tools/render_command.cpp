@@ -6,6 +6,7 @@
 #include <fmt/format.h>
 
 #include "octree/error.h"
+#include "stream/points/reconstruct_options.h"
 #include "stream/render/render.h"
 #include "stream/runtime/memory_budget.h"
 #include "tools/cli.h"
