@@ -76,7 +76,8 @@ void apply_job_file(const CLI::App& line, const OptionTable& options, const std:
 void add_option(CLI::App& line, const OptionRow& row) {
   std::string names;
   for (const std::string& name : row.names) {
-    const char* dashes = row.is_positional ? "" : name.size() == 1 ? "-" : "--";
+    const bool is_short = name.size() == 1 && !names.empty();  // the first name is the key: long, even `--h`
+    const char* dashes = row.is_positional ? "" : is_short ? "-" : "--";
     names += (names.empty() ? "" : ",") + (dashes + name);
   }
   CLI::Option* option = nullptr;
