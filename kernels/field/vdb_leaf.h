@@ -3,6 +3,7 @@
 ///
 /// A leaf of a .vdb file can leave its values on disk until they are read. Those of the band never do, and the code that
 /// fetches them is all that ties a leaf to libopenvdb, which costs 28 MB and 60 ms at every start: so without it.
+/// Whoever reads a .vdb file beside this reads it whole: OpenVDB's readers take `delayLoad = false`.
 #pragma once
 #include <openvdb/tree/LeafBuffer.h>
 
@@ -16,7 +17,7 @@ namespace OPENVDB_VERSION_NAME::tree {
 /// Hidden: libopenvdb keeps its own for grids that it reads.
 template <>
 [[gnu::visibility("hidden")]] inline void LeafBuffer<float, tessera::kLeafBits>::doLoad() const {
-  throw std::logic_error("a band leaf without its values");
+  throw std::logic_error("a leaf whose values are on disk: read the grid with delayLoad = false");
 }
 }  // namespace OPENVDB_VERSION_NAME::tree
 }  // namespace openvdb

@@ -64,7 +64,7 @@ TEST_CASE("vdb: a grid read back holds the band of both blocks, in scan units", 
   REQUIRE(file.good());
 
   std::istream& in = file;
-  openvdb::io::Stream stream(in);
+  openvdb::io::Stream stream(in, false);  // values at once: see vdb_leaf.h
   const auto grids = stream.getGrids();
   REQUIRE(grids->size() == 1);
   const auto grid = openvdb::gridPtrCast<openvdb::FloatGrid>(grids->front());
