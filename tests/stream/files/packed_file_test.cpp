@@ -130,15 +130,13 @@ TEST_CASE("point overlay: checksums cover records, surfels, facts and votes", "[
   writer.brick(11, std::vector<PointOverlayRecord>(6), orientation);
   writer.finish();
   const std::string bytes = file_bytes(path);
-  const auto load = [&] {
+  const auto load = [&] {  // no assertions: they would keep what is thrown
     const PointOverlay overlay({path});
     overlay.load_records(0, 0, 6);
-    CHECK(overlay.load_boundary(0).size() == 3);
-    CHECK(overlay.load_facts(0).size() == 2);
-    CHECK(overlay.load_votes(0).size() == 4);
-    CHECK(overlay.load_coarse(0).size() == 5);
+    return overlay.load_boundary(0).size() == 3 && overlay.load_facts(0).size() == 2 &&
+           overlay.load_votes(0).size() == 4 && overlay.load_coarse(0).size() == 5;
   };
-  CHECK_NOTHROW(load());
+  CHECK(load());
   for (std::size_t at = 0; at < bytes.size(); at += 5) {
     std::string bad = bytes;
     bad[at] = static_cast<char>(bad[at] ^ 1);
