@@ -55,8 +55,8 @@ struct PictureView {
 struct PictureOptions {
   int width = 1600;
   int height = 1200;
-  int supersample = 3;            ///< 1..4: samples per pixel and axis
-  double occlusion = 1.0;         ///< strength of ambient occlusion; 0 = off
+  int supersample = 3;     ///< 1..4: samples per pixel and axis
+  double occlusion = 1.0;  ///< strength of ambient occlusion; 0 = off
 };
 
 /// Bytes of pixel memory that a picture of this size needs.

@@ -1,0 +1,3 @@
+#include "stream/runtime/json_once.h"
+
+template class nlohmann::basic_json<>;
