@@ -149,7 +149,7 @@ class FlowSystem {
     Columns first{}, energy{};
     SolveReport out;
     for (; out.iterations < kMostPlateSteps; ++out.iterations) {
-      const SolveReport inner = precondition(r, z);
+      SolveReport inner = precondition(r, z);
       if (inner.status != SolveStatus::kSolved) return inner;
       const Columns rz = dots(r, z), overlap = dots(ap, z);
       if (out.iterations == 0) first = rz;
