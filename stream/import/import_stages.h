@@ -30,6 +30,17 @@ namespace tessera {
 inline constexpr std::uint32_t kSyntheticCorner = 0x80000000u;
 
 inline constexpr int kVertexCopyBits = 16;  ///< low bits of a key of an imported vertex
+inline std::uint64_t vertex_copy_key(std::uint32_t number, std::uint16_t copy) {
+  return static_cast<std::uint64_t>(number) << kVertexCopyBits | copy;
+}
+
+/// A fix and the brick whose patch holds its face.
+struct PlacedFix {
+  std::uint64_t brick = 0;
+  RepairFix fix;
+  auto operator<=>(const PlacedFix&) const = default;
+};
+static_assert(sizeof(PlacedFix) == 24);
 
 /// The stages that import one mesh, in order. Their names begin with "<folder>-".
 std::vector<StageEntry> import_stages(const ImportSource& source);

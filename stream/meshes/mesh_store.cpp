@@ -451,8 +451,14 @@ MeshBlock MeshStore::load_box(const MeshBox& box) const {
 std::uint64_t MeshStore::block_bytes(std::span<const std::size_t> patches) const {
   std::uint64_t bytes = 0;
   for (const std::size_t p : patches)
-    bytes += kBlockBytesPerVertex * impl_->patches[p].vertices + kBlockBytesPerFace * impl_->patches[p].faces;
+    bytes += block_bytes(impl_->patches[p].vertices, impl_->patches[p].faces);
   return bytes;
+}
+
+std::uint64_t MeshStore::largest_patch_bytes() const {
+  std::uint64_t most = 0;
+  for (const MeshPatchEntry& e : impl_->patches) most = std::max(most, block_bytes(e.vertices, e.faces));
+  return most;
 }
 
 }  // namespace tessera

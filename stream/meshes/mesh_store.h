@@ -119,6 +119,10 @@ class MeshStore {
   MeshBlock load_box(const MeshBox& box) const;
   /// Upper bound of the bytes of a block of these patches while it is loaded.
   std::uint64_t block_bytes(std::span<const std::size_t> patches) const;
+  static constexpr std::uint64_t block_bytes(std::uint64_t vertices, std::uint64_t faces) {
+    return kBlockBytesPerVertex * vertices + kBlockBytesPerFace * faces;
+  }
+  std::uint64_t largest_patch_bytes() const;  ///< block_bytes of it
 
   static constexpr std::uint64_t kBlockBytesPerVertex = 104;
   static constexpr std::uint64_t kBlockBytesPerFace = 48;

@@ -7,6 +7,7 @@
 #include "stream/meshes/store_write_stage.h"
 #include "stream/runtime/report.h"
 #include "stream/stages/decimate/certify_stage.h"
+#include "stream/stages/decimate/idle_stage.h"
 
 namespace tessera {
 namespace {

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <map>
 #include <optional>
 
 #include <nlohmann/json.hpp>
@@ -13,6 +12,8 @@
 #include "stream/files/durable_file.h"
 #include "stream/files/task_files.h"
 #include "stream/meshes/failed_places.h"
+#include "stream/stages/decimate/idle_stage.h"
+#include "stream/stages/decimate/round_before.h"
 #include "stream/stages/decimate/unsettled_region.h"
 
 namespace tessera {
@@ -20,8 +21,6 @@ namespace {
 
 using json = nlohmann::json;
 
-/// A block's part of the reference, in blocks: the most that a pass works against at once.
-constexpr std::uint64_t kReferenceBlocks = 8;
 constexpr std::uint64_t kTaskFaces =
     1u << 20;  ///< of block and reference together: a task is worth a file from here
 constexpr std::uint64_t kMostTasks = 400;
@@ -72,11 +71,11 @@ class SimplifyStage : public Stage {
       if (kernel_.tolerance > 0.0 && pass_.pass > 0) near = reference_.select(reference_box(blocks_[b]));
       std::uint64_t faces = 0;
       for (const std::size_t p : near) faces += reference_.patches()[p].faces;
-      // What is loaded is merged from pieces, so it is there twice for a moment; then the kernel works on it.
-      most = std::max(most, in_.block_bytes(blocks_[b].patches) + reference_.block_bytes(near) +
-                                decimate_bytes(blocks_[b].faces, faces));
+      most = std::max(most,
+                      simplify_task_bytes(in_.block_bytes(blocks_[b].patches) + reference_.block_bytes(near),
+                                          blocks_[b].faces, faces, failed_.bytes()));
     }
-    return most + failed_.bytes() + DirectFile::kDefaultBuffer + (std::uint64_t{4} << 20);
+    return most;
   }
 
   json run(std::size_t task, TaskContext& context) const override {
@@ -144,47 +143,6 @@ class SimplifyStage : public Stage {
  private:
   static std::string costs_file(int pass) { return "costs-" + std::to_string(pass + 1) + ".json"; }
 
-  /// The same pass of the round before: a block whose input is the same and where nothing is to stay is the same.
-  struct RoundBefore {
-    MeshStore in, out;
-    std::vector<MeshBlockCut> blocks;
-    std::map<std::array<std::int32_t, 6>, std::size_t> by_cube;
-
-    static std::array<std::int32_t, 6> cube(const MeshBlockCut& b) {
-      return {b.first_brick[0], b.first_brick[1], b.first_brick[2],
-              b.last_brick[0],  b.last_brick[1],  b.last_brick[2]};
-    }
-    const MeshBlockCut* same(const MeshStore& now, const MeshBlockCut& cut,
-                             const FailedPlaces& failed) const {
-      const auto at = by_cube.find(cube(cut));
-      if (at == by_cube.end()) return nullptr;
-      const MeshBlockCut& old = blocks[at->second];
-      const auto equal = [&](std::size_t a, std::size_t b) {
-        const MeshPatchEntry &x = now.patches()[a], &y = in.patches()[b];
-        return x.key == y.key && x.vertex_hash == y.vertex_hash && x.face_hash == y.face_hash;
-      };
-      if (!std::equal(cut.patches.begin(), cut.patches.end(), old.patches.begin(), old.patches.end(),
-                      equal) ||
-          failed.meet(now.box_of(cut.patches)))
-        return nullptr;
-      return &old;
-    }
-    /// Returns the number of faces.
-    std::uint64_t copy(const MeshBlockCut& cut, MeshFileWriter& writer) const {
-      std::uint64_t faces = 0;
-      for (std::size_t p = 0; p < out.patches().size(); ++p) {
-        const Int3 brick = brick_of_key(out.patches()[p].key);
-        bool inside = true;
-        for (std::size_t a = 0; a < 3; ++a)
-          inside = inside && brick[a] >= cut.first_brick[a] && brick[a] <= cut.last_brick[a];
-        if (!inside) continue;
-        writer.add(out.patches()[p].key, out.load({&p, 1}));
-        faces += out.patches()[p].faces;
-      }
-      return faces;
-    }
-  };
-
   std::vector<MeshBlockCut> cut(const MeshStore& store) const {
     if (pass_.pass == 0 && stores_.first_blocks) return stores_.first_blocks(store);
     return simplify_blocks(store, reference_, options_, pass_.pass);
@@ -195,11 +153,9 @@ class SimplifyStage : public Stage {
     --before.round;
     SimplifyPass next = before;
     ++next.pass;
-    before_.emplace(
-        RoundBefore{open_pass_input(state, stores_, before), open_pass_input(state, stores_, next), {}, {}});
-    before_->blocks = cut(before_->in);
-    for (std::size_t b = 0; b < before_->blocks.size(); ++b)
-      before_->by_cube.emplace(RoundBefore::cube(before_->blocks[b]), b);
+    MeshStore in = open_pass_input(state, stores_, before);
+    std::vector<MeshBlockCut> blocks = cut(in);
+    before_.emplace(std::move(in), open_pass_input(state, stores_, next), std::move(blocks));
   }
 
   /// All that a collapse in the block may be measured against.
@@ -228,22 +184,6 @@ class SimplifyStage : public Stage {
   double careful_ = 1.0;  ///< share of the tolerance in blocks with failed places
   std::optional<RoundBefore> before_;
   std::vector<std::size_t> first_;  ///< block index per task, one more at the end
-};
-
-class IdleStage : public Stage {
- public:
-  explicit IdleStage(std::string name) : name_(std::move(name)) {}
-  std::string name() const override { return name_; }
-  std::size_t task_count() const override { return 0; }
-  std::uint64_t task_bytes(std::size_t) const override { return 0; }
-  std::uint64_t units() const override { return 0; }
-  std::string unit_name() const override { return "faces"; }
-  json run(std::size_t, TaskContext&) const override { return {}; }
-  json finish(const std::vector<json>&, TaskContext&) const override { return json::object(); }
-  std::uint64_t finish_bytes() const override { return 0; }
-
- private:
-  std::string name_;
 };
 
 }  // namespace
@@ -309,14 +249,17 @@ std::vector<MeshBlockCut> simplify_blocks(const MeshStore& in, const MeshStore& 
                      weight);
 }
 
+std::uint64_t simplify_task_bytes(std::uint64_t block_bytes, std::uint64_t faces,
+                                  std::uint64_t reference_faces, std::uint64_t failed_bytes) {
+  // What is loaded is merged from pieces, so it is there twice for a moment; then the kernel works on it.
+  return block_bytes + decimate_bytes(faces, reference_faces) + failed_bytes + DirectFile::kDefaultBuffer +
+         (std::uint64_t{4} << 20);
+}
+
 std::unique_ptr<Stage> make_simplify_stage(const JobState& state, const SimplifyOptions& options,
                                            const SimplifyStores& stores, const SimplifyPass& pass) {
   if (pass.round > last_round(state.work)) return make_idle_stage(pass.stage_name());
   return std::make_unique<SimplifyStage>(state, options, stores, pass);
-}
-
-std::unique_ptr<Stage> make_idle_stage(std::string name) {
-  return std::make_unique<IdleStage>(std::move(name));
 }
 
 }  // namespace tessera

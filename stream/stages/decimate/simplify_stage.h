@@ -20,6 +20,8 @@ namespace tessera {
 /// failed; blocks that nothing changes in are taken over from the round before. Each round keeps farther around, and
 /// from the second one on works at half the tolerance of the one before in the blocks concerned.
 inline constexpr int kMostRounds = 4;
+/// Of a block's part of the reference, in blocks: the most that a pass works against at once.
+inline constexpr std::uint64_t kReferenceBlocks = 8;
 
 struct SimplifyPass {
   int pass = 0;              ///< from 0
@@ -60,10 +62,12 @@ void add_counts(nlohmann::json& sum, const nlohmann::json& part);
 std::vector<MeshBlockCut> simplify_blocks(const MeshStore& in, const MeshStore& reference,
                                           const SimplifyOptions& options, int pass);
 
+/// What a task takes at most. \param block_bytes  MeshStore::block_bytes of its largest block and that block's reference
+std::uint64_t simplify_task_bytes(std::uint64_t block_bytes, std::uint64_t faces,
+                                  std::uint64_t reference_faces, std::uint64_t failed_bytes);
+
 /// A pass of a round that is not needed has no tasks.
 std::unique_ptr<Stage> make_simplify_stage(const JobState& state, const SimplifyOptions& options,
                                            const SimplifyStores& stores, const SimplifyPass& pass);
-/// What stands for a stage in a round that is not needed: no tasks, an empty entry in the report.
-std::unique_ptr<Stage> make_idle_stage(std::string name);
 
 }  // namespace tessera

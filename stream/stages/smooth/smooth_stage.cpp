@@ -19,92 +19,9 @@ namespace {
 
 using json = nlohmann::json;
 
-constexpr std::uint64_t kSlackBytes = std::uint64_t{16}
-                                      << 20;  ///< buffers of the file that is written, tables
-constexpr std::uint64_t kReachPatches = 64;   ///< patches of one task of "reach"
-
 // Key, position, class, colour, first patch, number in a patch, wanted; corners, flags, bound and core flag.
 constexpr std::uint64_t kLoadedVertexBytes = 8 + 24 + 1 + 4 + 4 + 5 + 1;
 constexpr std::uint64_t kLoadedFaceBytes = 12 + 1 + 4 + 1;
-
-std::string reach_file(std::size_t round) {
-  return smooth_folder(round) + "/reach.bin";
-}
-
-struct Edges {
-  double longest = 0.0, squares = 0.0;
-};
-
-Edges edges_of(const MeshBlock& block) {
-  double longest = 0.0, squares = 0.0;
-  for (const auto& face : block.faces)
-    for (std::size_t k = 0; k < 3; ++k) {
-      const Double3 &p = block.position[face[k]], &q = block.position[face[(k + 1) % 3]];
-      const double x = p[0] - q[0], y = p[1] - q[1], z = p[2] - q[2];
-      const double square = x * x + y * y + z * z;
-      longest = std::max(longest, square);
-      squares += square;
-    }
-  // A last bit more, so that the bound holds however it was rounded.
-  return {std::sqrt(longest) * (1.0 + 1e-12), squares};
-}
-
-std::uint64_t largest_patch_bytes(const MeshStore& store) {
-  std::uint64_t largest = 0;
-  for (std::size_t p = 0; p < store.patches().size(); ++p)
-    largest = std::max(largest, store.block_bytes({&p, 1}));
-  return largest;
-}
-
-/// From [patch, longest edge, sum of squares] of all tasks.
-void save_reach(const std::vector<json>& summaries, std::size_t patches, const std::filesystem::path& path) {
-  PatchReach reach;
-  reach.longest_edge.resize(patches);
-  reach.edge_squares.resize(patches);
-  for (const json& s : summaries)
-    for (const json& entry : s.at("edges")) {
-      const auto p = entry.at(0).get<std::size_t>();
-      reach.longest_edge.at(p) = entry.at(1).get<double>();
-      reach.edge_squares.at(p) = entry.at(2).get<double>();
-    }
-  reach.save(path);
-}
-
-class ReachStage : public Stage {
- public:
-  explicit ReachStage(const JobState& state) : store_(open_smoothed(state.work, 0)) {}
-
-  std::string name() const override { return "reach"; }
-  std::size_t task_count() const override {
-    return (store_.patches().size() + kReachPatches - 1) / kReachPatches;
-  }
-  std::uint64_t task_bytes(std::size_t) const override {
-    return 2 * largest_patch_bytes(store_) + kSlackBytes;
-  }
-  std::uint64_t units() const override { return store_.patches().size(); }
-  std::string unit_name() const override { return "patches"; }
-
-  json run(std::size_t task, TaskContext& context) const override {
-    json edges = json::array();
-    const std::size_t last = std::min(store_.patches().size(), (task + 1) * kReachPatches);
-    for (std::size_t p = task * kReachPatches; p < last; ++p) {
-      context.check_stop();
-      const Edges found = edges_of(store_.load({&p, 1}));
-      edges.push_back({p, found.longest, found.squares});
-      context.advance(1);
-    }
-    return {{"edges", std::move(edges)}};
-  }
-  json finish(const std::vector<json>& summaries, TaskContext& context) const override {
-    if (store_.face_count() == 0) throw EmptyError("the mesh has no face to smooth");
-    save_reach(summaries, store_.patches().size(), context.create(reach_file(0)));
-    return {{"patches", store_.patches().size()}, {"faces", store_.face_count()}};
-  }
-  std::uint64_t finish_bytes() const override { return kSlackBytes + 500 * store_.patches().size(); }
-
- private:
-  MeshStore store_;
-};
 
 bool ends_step(const SmoothPlan& plan, std::size_t round) {
   const int cycle = plan.rounds[round - 1].cycle;
@@ -146,14 +63,14 @@ class SmoothStage : public Stage {
     tiling.tile_bricks = state.run.tile_cells / kBrickCells;
     // The rest of the cap is for what the process itself holds.
     tiling.tile_bytes = state.run.memory_bytes * 13 / 16 / static_cast<std::uint64_t>(state.run.threads);
-    const std::uint64_t patch = largest_patch_bytes(store_);
+    const std::uint64_t patch = store_.largest_patch_bytes();
     const std::uint64_t shared = rule_.cycle >= 0 ? coarse_solution_bytes(solution_) : 0;
     tiling.bytes = [this, patch, shared](std::uint64_t vertices, std::uint64_t faces) {
       const std::uint64_t now = rule_.cycle >= 0 ? TileState::bytes(vertices) : 0;
       const std::uint64_t loaded = tile_loaded_bytes(vertices, faces) + now;
       return std::max(tile_loading_bytes(vertices, faces),
                       loaded + smooth_bytes(vertices, faces, rule_) + 4 * vertices) +
-             3 * patch + kSlackBytes + shared;
+             3 * patch + kTileSlackBytes + shared;
     };
     if (rule_.by_flow) {
       SmoothTile whole;
@@ -207,7 +124,7 @@ class SmoothStage : public Stage {
           bends->add(p, bend);
         }
         if (!last_) {
-          const Edges found = edges_of(with_positions(p, positions));
+          const PatchEdges found = edges_of(with_positions(p, positions));
           edges.push_back({p, found.longest, found.squares});
         }
         context.advance(store_.patches()[p].faces);
@@ -228,7 +145,7 @@ class SmoothStage : public Stage {
             {"edges", std::move(edges)}};
   }
 
-  std::uint64_t finish_bytes() const override { return kSlackBytes + 500 * store_.patches().size(); }
+  std::uint64_t finish_bytes() const override { return kTileSlackBytes + 500 * store_.patches().size(); }
 
   json finish(const std::vector<json>& summaries, TaskContext& context) const override {
     if (!last_) save_reach(summaries, store_.patches().size(), context.create(reach_file(round_)));
@@ -355,12 +272,8 @@ PatchBends open_bends(const std::filesystem::path& work, const SmoothPlan& plan,
   return PatchBends(list_task_files(work / bend_folder(round - 1), ".bin"));
 }
 
-PatchReach load_reach(const std::filesystem::path& work, std::size_t round) {
-  return PatchReach::load(work / reach_file(round));
-}
-
 std::uint64_t tile_loading_bytes(std::uint64_t vertices, std::uint64_t faces) {
-  return vertices * MeshStore::kBlockBytesPerVertex + faces * MeshStore::kBlockBytesPerFace;
+  return MeshStore::block_bytes(vertices, faces);
 }
 
 std::uint64_t tile_loaded_bytes(std::uint64_t vertices, std::uint64_t faces) {
@@ -369,10 +282,6 @@ std::uint64_t tile_loaded_bytes(std::uint64_t vertices, std::uint64_t faces) {
 
 std::string smooth_folder(std::size_t round) {
   return round == 0 ? kSmoothImport : "smooth-" + std::to_string(round);
-}
-
-std::unique_ptr<Stage> make_reach_stage(const JobState& state) {
-  return std::make_unique<ReachStage>(state);
 }
 
 std::unique_ptr<Stage> make_smooth_stage(const JobState& state, const SmoothPlan& plan, std::size_t round) {
