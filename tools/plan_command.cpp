@@ -8,6 +8,7 @@
 #include "stream/points/plan.h"
 #include "stream/runtime/memory_budget.h"
 #include "stream/runtime/work_dir.h"
+#include "stream/stages/reconstruct/forecast.h"
 #include "stream/stages/reconstruct/reconstruct_job.h"
 #include "stream/stages/surface/closing_stages.h"
 #include "tools/cli.h"
@@ -18,15 +19,14 @@ namespace {
 
 namespace fs = std::filesystem;
 
-void print_forecast(const Plan& plan) {
-  if (plan.forecast.empty()) return;
-  fmt::print("\n{:<12}{:>8}{:>14}{:>14}{:>8}{:>10}\n", "stage", "tasks", "memory/task", "disk", "files",
+void print_forecast(const Forecast& forecast) {
+  fmt::print("\n{:<12}{:>8}{:>14}{:>14}{:>8}{:>10}\n", "stage", "tasks", "memory", "disk", "files",
              "seconds");
   double seconds = 0.0;
   std::uint64_t disk = 0;
   std::uint64_t files = 0;
-  for (const StageForecast& f : plan.forecast) {
-    fmt::print("{:<12}{:>8}{:>14}{:>14}{:>8}{:>10.1f}\n", f.stage, f.tasks, format_bytes(f.task_bytes),
+  for (const StageForecast& f : forecast.stages) {
+    fmt::print("{:<12}{:>8}{:>14}{:>14}{:>8}{:>10.1f}\n", f.stage, f.tasks, format_bytes(f.memory_bytes()),
                format_bytes(f.disk_bytes), f.files, f.seconds);
     seconds += f.seconds;
     disk += f.disk_bytes;
@@ -35,7 +35,8 @@ void print_forecast(const Plan& plan) {
   fmt::print("{:<12}{:>8}{:>14}{:>14}{:>8}{:>10.1f}\n", "all", "", "", format_bytes(disk), files, seconds);
 }
 
-void print_plan(const Plan& plan, const ReconstructOptions& options, const JobState& state) {
+void print_plan(const Plan& plan, const Forecast& forecast, const ReconstructOptions& options,
+                const JobState& state) {
   const PointFates& p = plan.fates;
   fmt::print("points       {} read, {} kept", p.read, p.kept);
   if (p.non_finite > 0) fmt::print(", {} not finite", p.non_finite);
@@ -58,8 +59,8 @@ void print_plan(const Plan& plan, const ReconstructOptions& options, const JobSt
              static_cast<double>(plan.faces_estimate) * 1e-6);
   fmt::print("memory cap   {}, {} threads\n", format_bytes(state.run.memory_bytes), state.run.threads);
   fmt::print("disk         at most {} at one time in the work directory\n",
-             format_bytes(plan.peak_disk_bytes));
-  print_forecast(plan);
+             format_bytes(forecast.peak_disk_bytes));
+  print_forecast(forecast);
   if (HolesMode(options.holes).close)
     fmt::print(
         "note: closing takes 7 to 55 s of processor time per million faces that it adds; which holes there "
@@ -85,8 +86,13 @@ void run(const ReconstructOptions& options, JobState state) {
   const Plan plan = Plan::of_work(work);
   state.run.memory_bytes = report.at("run").at("memory_bytes").get<std::uint64_t>();
   state.run.threads = report.at("run").at("threads").get<int>();
-  print_plan(plan, options, state);
-  if (!state.run.report.empty()) write_durably(state.run.report, plan.to_json().dump(1) + "\n");
+  const Forecast forecast = Forecast::of_work(work);
+  print_plan(plan, forecast, options, state);
+  if (!state.run.report.empty()) {
+    nlohmann::json told = plan.to_json();
+    told.update(forecast.to_json());
+    write_durably(state.run.report, told.dump(1) + "\n");
+  }
   if (kept)
     fmt::print("\n{} holds the plan; reconstruct with the same inputs and options goes on from it\n",
                work.string());

@@ -100,8 +100,7 @@ class CellMaker {
     }
     if (expected <= static_cast<double>(cell_faces_) || level == kMostSplits ||
         size < kCellsPerReach * halo_) {
-      const std::uint64_t index = faces * (ClosestFaces::bytes_per_face() + 32);
-      cells_.push_back({box, mesh_.block_bytes(a) + reference_.block_bytes(b) + index});
+      cells_.push_back({box, compare_cell_bytes(mesh_.block_bytes(a) + reference_.block_bytes(b), faces)});
       return;
     }
     for (std::uint64_t child = 0; child < 8; ++child)
@@ -121,6 +120,10 @@ class CellMaker {
 };
 
 }  // namespace
+
+std::uint64_t compare_cell_bytes(std::uint64_t block_bytes, std::uint64_t faces) {
+  return block_bytes + faces * (ClosestFaces::bytes_per_face() + 32);
+}
 
 std::vector<CompareCell> make_compare_cells(const MeshStore& mesh, const MeshStore& reference, double reach,
                                             std::uint64_t cell_faces) {

@@ -17,6 +17,9 @@ struct CompareCell {
 /// What is loaded around a cell, in reaches.
 inline constexpr double kCompareHalo = kPairHalo;
 
+/// CompareCell::bytes. \param faces  of both meshes \param block_bytes  MeshStore::block_bytes of them
+std::uint64_t compare_cell_bytes(std::uint64_t block_bytes, std::uint64_t faces);
+
 /// Cells that tile all places where either mesh may be, in Morton order. Cells hold about `cell_faces` faces
 /// of both meshes, unless they would be smaller than a few reaches. A pure function of the tables of both
 /// stores. \param reach  >= 0, scan units

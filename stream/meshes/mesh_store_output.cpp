@@ -221,11 +221,9 @@ MeshStoreOutputReport write_mesh_store(const MeshStore& store, const MeshStoreOu
   return StoreWriter(store, output).run();
 }
 
-std::uint64_t write_mesh_store_bytes(const MeshStore& store, std::uint64_t sort_bytes) {
-  std::uint64_t largest = 0;
-  for (std::size_t p = 0; p < store.patches().size(); ++p)
-    largest = std::max(largest, store.block_bytes(std::vector<std::size_t>{p}));
-  return sort_bytes + 3 * largest + store.patches().size() * 12 + (std::uint64_t{24} << 20);
+std::uint64_t write_mesh_store_bytes(std::uint64_t patch_bytes, std::uint64_t patches,
+                                     std::uint64_t sort_bytes) {
+  return sort_bytes + 3 * patch_bytes + patches * 12 + (std::uint64_t{24} << 20);
 }
 
 }  // namespace tessera

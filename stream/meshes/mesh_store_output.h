@@ -33,7 +33,8 @@ struct MeshStoreOutputReport {
 /// faces. \throws EmptyError when there is no face; UsageError when the format cannot hold the mesh; ResourceError
 MeshStoreOutputReport write_mesh_store(const MeshStore& store, const MeshStoreOutput& output);
 
-/// Upper bound of what write_mesh_store allocates.
-std::uint64_t write_mesh_store_bytes(const MeshStore& store, std::uint64_t sort_bytes);
+/// Upper bound of what write_mesh_store allocates. \param patch_bytes  MeshStore::largest_patch_bytes()
+std::uint64_t write_mesh_store_bytes(std::uint64_t patch_bytes, std::uint64_t patches,
+                                     std::uint64_t sort_bytes);
 
 }  // namespace tessera

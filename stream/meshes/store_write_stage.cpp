@@ -29,7 +29,9 @@ class StoreWriteStage : public Stage {
   std::uint64_t units() const override { return store_.face_count(); }
   std::string unit_name() const override { return "faces"; }
   json run(std::size_t, TaskContext&) const override { return {}; }
-  std::uint64_t finish_bytes() const override { return write_mesh_store_bytes(store_, sort_bytes_); }
+  std::uint64_t finish_bytes() const override {
+    return write_mesh_store_bytes(store_.largest_patch_bytes(), store_.patches().size(), sort_bytes_);
+  }
 
   json finish(const std::vector<json>&, TaskContext& context) const override {
     MeshStoreOutput output;
@@ -64,8 +66,8 @@ std::unique_ptr<Stage> make_store_write_stage(const JobState& state, MeshStore s
                                            sort_bytes);
 }
 
-std::uint64_t sort_bytes(const JobState& state) {
-  return std::min<std::uint64_t>(std::uint64_t{64} << 20, state.run.memory_bytes / 8);
+std::uint64_t sort_bytes(const RunOptions& run) {
+  return std::min<std::uint64_t>(std::uint64_t{64} << 20, run.memory_bytes / 8);
 }
 
 std::unique_ptr<Stage> make_keep_raw_stage(const JobState& state, MeshStore store, std::string comment,

@@ -11,11 +11,12 @@
 namespace tessera {
 
 /// Stage "write" without tasks: its finish streams `store` to the job's output, with one comment.
-/// \param sort_bytes  memory of its sorts (MeshStoreOutput::memory_bytes): as a rule sort_bytes(state)
+/// \param sort_bytes  memory of its sorts (MeshStoreOutput::memory_bytes): as a rule sort_bytes()
 std::unique_ptr<Stage> make_store_write_stage(const JobState& state, MeshStore store, std::string comment,
                                               std::uint64_t sort_bytes);
 
-std::uint64_t sort_bytes(const JobState& state);
+/// What the sorts of a stage may take under the job's cap.
+std::uint64_t sort_bytes(const RunOptions& run);
 
 /// Stage "keep-raw", the same with the name of raw_output_path().
 std::unique_ptr<Stage> make_keep_raw_stage(const JobState& state, MeshStore store, std::string comment,

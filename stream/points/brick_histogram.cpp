@@ -28,10 +28,13 @@ void combine(std::vector<BrickCount>& counts) {
             [](const BrickCount& a, const BrickCount& b) { return a.brick < b.brick; });
   std::size_t out = 0;
   for (std::size_t i = 0; i < counts.size(); ++i) {
-    if (out > 0 && counts[out - 1].brick == counts[i].brick)
-      counts[out - 1].points += counts[i].points;
-    else
+    if (out == 0 || counts[out - 1].brick != counts[i].brick) {
       counts[out++] = counts[i];
+      continue;
+    }
+    counts[out - 1].points += counts[i].points;
+    for (std::size_t w = 0; w < counts[i].blocks.size(); ++w)
+      counts[out - 1].blocks[w] |= counts[i].blocks[w];
   }
   counts.resize(out);
 }
@@ -46,7 +49,7 @@ BrickCounter::BrickCounter(const std::filesystem::path& file, std::size_t capaci
   last_.fill(std::numeric_limits<std::int64_t>::min());
 }
 
-void BrickCounter::add_other(const BrickCoord& brick) {
+void BrickCounter::find(const BrickCoord& brick) {
   std::size_t at = hash_of(brick) & (slots_.size() - 1);
   while (slots_[at].points != 0 && slots_[at].brick != brick) at = (at + 1) & (slots_.size() - 1);
   if (slots_[at].points == 0) {
@@ -54,10 +57,9 @@ void BrickCounter::add_other(const BrickCoord& brick) {
       spill();
       at = hash_of(brick) & (slots_.size() - 1);
     }
-    slots_[at].brick = brick;
+    slots_[at] = {brick, 0, {}};
     ++used_;
   }
-  ++slots_[at].points;
   last_ = brick;
   last_slot_ = at;
 }

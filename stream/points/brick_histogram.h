@@ -1,7 +1,7 @@
 /// \file brick_histogram.h
-/// Sparse count of points per brick while nothing is known of the extent: bricks are named by signed
-/// coordinates in units of 64 h from the world's zero. Bounded memory: full tables are spilled as sorted runs, sections
-/// of a packed file.
+/// Sparse count of points per brick, and of its blocks that hold any, while nothing is known of the extent: bricks are
+/// named by signed coordinates in units of 64 h from the world's zero. Bounded memory: full tables are spilled as sorted
+/// runs, sections of a packed file.
 #pragma once
 #include <array>
 #include <cstdint>
@@ -18,25 +18,29 @@ using BrickCoord = std::array<std::int64_t, 3>;
 struct BrickCount {
   BrickCoord brick{};
   std::uint64_t points = 0;
+  std::array<std::uint64_t, 8> blocks{};  ///< one bit for each of the brick's 8^3 blocks of 8^3 cells
 };
 
 /// Counts one task's points and writes them to a run file.
 class BrickCounter {
  public:
-  /// \param capacity  bricks held before a spill; memory is 64 bytes each at most
+  /// \param capacity  bricks held before a spill; memory is 288 bytes each at most
   BrickCounter(const std::filesystem::path& file, std::size_t capacity = std::size_t{1} << 17);
-  void add(const BrickCoord& brick) {
-    if (brick == last_) {
-      ++slots_[last_slot_].points;
-      return;
-    }
-    add_other(brick);
+  /// A point in block `block` of the world, in units of 8 h.
+  void add(const BrickCoord& block) {
+    constexpr int kShift = kBrickBits - kLeafBits;
+    const BrickCoord brick = {block[0] >> kShift, block[1] >> kShift, block[2] >> kShift};
+    if (brick != last_) find(brick);
+    BrickCount& count = slots_[last_slot_];
+    ++count.points;
+    count.blocks[static_cast<std::size_t>(block[2] & 7)] |= std::uint64_t{1}
+                                                            << ((block[1] & 7) << 3 | (block[0] & 7));
   }
   /// Spills the rest, closes. Returns bytes written.
   std::uint64_t finish();
 
  private:
-  void add_other(const BrickCoord& brick);
+  void find(const BrickCoord& brick);
   void spill();
 
   PackedWriter file_;
@@ -48,7 +52,7 @@ class BrickCounter {
   std::size_t last_slot_ = 0;
 };
 
-/// Sum of all run files, ascending (x, y, z). Memory 64 bytes a brick.
+/// Sum of all run files, ascending (x, y, z). Memory 192 bytes a brick.
 /// \throws ResourceError when there are more than `max_bricks` bricks; InputError for a damaged file
 std::vector<BrickCount> merge_brick_counts(const std::vector<std::filesystem::path>& files,
                                            std::size_t max_bricks);

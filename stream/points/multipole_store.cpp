@@ -15,6 +15,21 @@ struct Place {
   std::uint64_t file = 0;
 };
 
+constexpr std::uint64_t kCopies = 2;  ///< of the leaves in near(): as read, and in the tree
+
+/// Calls use(brick) for the bricks that nodes [-1, cells] of a block may be adjacent to.
+template <typename Use>
+void for_each_brick_near(const Int3& origin, const Int3& cells, const Use& use) {
+  Int3 low, high;
+  for (std::size_t a = 0; a < 3; ++a) {
+    low[a] = ((origin[a] - 1) >> kBrickBits) - 1;
+    high[a] = ((origin[a] + cells[a]) >> kBrickBits) + 1;
+  }
+  for (int k = low[2]; k <= high[2]; ++k)
+    for (int j = low[1]; j <= high[1]; ++j)
+      for (int i = low[0]; i <= high[0]; ++i) use(Int3{i, j, k});
+}
+
 }  // namespace
 
 MultipoleFileWriter::MultipoleFileWriter(const std::filesystem::path& path) : file_(path, kKind) {}
@@ -40,20 +55,12 @@ struct MultipoleStore::Impl {
     return it == cells.end() || it->key != key ? -1 : it - cells.begin();
   }
 
-  /// Calls use(index) for the bricks that nodes [-1, cells] of a block may be adjacent to.
   template <typename Use>
   void for_each_near(const Int3& origin, const Int3& cells, const Use& use) const {
-    Int3 low, high;
-    for (std::size_t a = 0; a < 3; ++a) {
-      low[a] = ((origin[a] - 1) >> kBrickBits) - 1;
-      high[a] = ((origin[a] + cells[a]) >> kBrickBits) + 1;
-    }
-    for (int k = low[2]; k <= high[2]; ++k)
-      for (int j = low[1]; j <= high[1]; ++j)
-        for (int i = low[0]; i <= high[0]; ++i) {
-          const std::int64_t found = find({i, j, k});
-          if (found >= 0) use(static_cast<std::size_t>(found));
-        }
+    for_each_brick_near(origin, cells, [&](const Int3& brick) {
+      const std::int64_t found = find(brick);
+      if (found >= 0) use(static_cast<std::size_t>(found));
+    });
   }
 };
 
@@ -99,7 +106,17 @@ MultipoleTree MultipoleStore::near(const PointBlock& points) const {
 std::uint64_t MultipoleStore::near_bytes(const Int3& origin, const Int3& cells) const {
   std::uint64_t bytes = 0;
   impl_->for_each_near(origin, cells, [&](std::size_t b) { bytes += impl_->places[b].leaves.bytes; });
-  return 2 * bytes;
+  return kCopies * bytes;
+}
+
+std::uint64_t MultipoleStore::near_bytes(std::span<const BrickEntry> bricks, const Int3& origin,
+                                         const Int3& cells) {
+  std::uint64_t leaves = 0;  // one per occupied block at most
+  for_each_brick_near(origin, cells, [&](const Int3& at) {
+    if (at[0] < 0 || at[1] < 0 || at[2] < 0) return;
+    if (const BrickEntry* brick = find_brick(bricks, brick_key(at))) leaves += brick->blocks;
+  });
+  return kCopies * leaves * sizeof(Multipole);
 }
 
 }  // namespace tessera

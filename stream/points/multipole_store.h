@@ -11,6 +11,7 @@
 #include "octree/multipole.h"
 #include "octree/points.h"
 #include "stream/files/packed_file.h"
+#include "stream/points/point_store.h"
 
 namespace tessera {
 
@@ -51,6 +52,9 @@ class MultipoleStore {
   MultipoleTree near(const PointBlock& points) const;
   /// Upper bound of the memory of near(), without the dipoles.
   std::uint64_t near_bytes(const Int3& origin_cells, const Int3& cells) const;
+  /// The same before there is a store, from the points that it will sum up: ascending key.
+  static std::uint64_t near_bytes(std::span<const BrickEntry> bricks, const Int3& origin_cells,
+                                  const Int3& cells);
 
  private:
   struct Impl;

@@ -10,8 +10,8 @@
 namespace tessera {
 namespace {
 
-constexpr int kPlanVersion = 1;
-constexpr PackedKind kBricksKind = {"TSBRICK2", "a brick list"};
+constexpr int kPlanVersion = 2;
+constexpr PackedKind kBricksKind = {"TSBRICK3", "a brick list"};
 
 }  // namespace
 
@@ -37,15 +37,6 @@ nlohmann::json Plan::to_json() const {
   j["buckets"] = nlohmann::json::array();
   for (const PlanBucket& b : buckets)
     j["buckets"].push_back({b.first_key, b.first_brick, b.bricks, b.points});
-  j["forecast"] = nlohmann::json::array();
-  for (const StageForecast& f : forecast)
-    j["forecast"].push_back({{"stage", f.stage},
-                             {"tasks", f.tasks},
-                             {"task_bytes", f.task_bytes},
-                             {"disk_bytes", f.disk_bytes},
-                             {"files", f.files},
-                             {"seconds", f.seconds}});
-  j["peak_disk_bytes"] = peak_disk_bytes;
   j["warnings"] = warnings;
   return j;
 }
@@ -81,11 +72,6 @@ Plan Plan::load(const std::filesystem::path& file) {
     for (const auto& b : j.at("buckets"))
       p.buckets.push_back({b.at(0).get<std::uint64_t>(), b.at(1).get<std::uint64_t>(),
                            b.at(2).get<std::uint64_t>(), b.at(3).get<std::uint64_t>()});
-    for (const auto& f : j.at("forecast"))
-      p.forecast.push_back({f.at("stage").get<std::string>(), f.at("tasks").get<std::uint64_t>(),
-                            f.at("task_bytes").get<std::uint64_t>(), f.at("disk_bytes").get<std::uint64_t>(),
-                            f.at("files").get<std::uint64_t>(), f.at("seconds").get<double>()});
-    j.at("peak_disk_bytes").get_to(p.peak_disk_bytes);
     j.at("warnings").get_to(p.warnings);
   } catch (const nlohmann::json::exception& e) {
     throw InputError(file.string() + ": damaged plan (" + e.what() + "); run again with --force");

@@ -30,6 +30,7 @@ struct PointFates {
 struct PlanBrick {
   std::uint64_t key = 0;  ///< Morton code of the brick
   std::uint64_t points = 0;
+  std::uint64_t blocks = 0;  ///< of 8^3 cells that hold a point
   bool operator==(const PlanBrick&) const = default;
 };
 
@@ -39,16 +40,6 @@ struct PlanBucket {
   std::uint64_t first_brick = 0;  ///< index into the brick list
   std::uint64_t bricks = 0;
   std::uint64_t points = 0;
-};
-
-/// What a stage is expected to need.
-struct StageForecast {
-  std::string stage;
-  std::uint64_t tasks = 0;
-  std::uint64_t task_bytes = 0;  ///< memory of its largest task
-  std::uint64_t disk_bytes = 0;  ///< what it writes into the work directory
-  std::uint64_t files = 0;
-  double seconds = 0.0;  ///< on all threads of the job
 };
 
 struct Plan {
@@ -66,8 +57,6 @@ struct Plan {
   std::uint64_t faces_estimate = 0;  ///< of the raw mesh, from the cells that the sampled points occupy
   PointFates fates;
   std::vector<PlanBucket> buckets;
-  std::vector<StageForecast> forecast;
-  std::uint64_t peak_disk_bytes = 0;  ///< forecast: most that lies in the work directory at one time
   std::vector<std::string> warnings;  ///< one sentence each
 
   bool has_normals() const { return normal_fraction > 0.0; }
@@ -84,7 +73,7 @@ struct Plan {
   static constexpr const char* kBrickFile = "bricks.bin";
 };
 
-/// The occupied bricks, ascending key: 16 bytes each.
+/// The occupied bricks, ascending key: 24 bytes each.
 void save_plan_bricks(const std::filesystem::path& file, const std::vector<PlanBrick>& bricks);
 /// \throws InputError naming the file when it is missing or damaged
 std::vector<PlanBrick> load_plan_bricks(const std::filesystem::path& file);

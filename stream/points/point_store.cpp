@@ -53,6 +53,12 @@ void PointFileWriter::brick(std::uint64_t key, std::span<const PointRecord> poin
   table_.push_back({key, points.size(), records.offset, records.hash, table.hash, blocks.size()});
 }
 
+const BrickEntry* find_brick(std::span<const BrickEntry> bricks, std::uint64_t key) {
+  const auto at = std::lower_bound(bricks.begin(), bricks.end(), key,
+                                   [](const BrickEntry& b, std::uint64_t k) { return b.key < k; });
+  return at != bricks.end() && at->key == key ? &*at : nullptr;
+}
+
 struct PointStore::Impl {
   PackedTables<BrickEntry> bricks;
   std::shared_ptr<const PointOverlay> overlay;

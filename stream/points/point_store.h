@@ -30,6 +30,9 @@ struct BrickEntry {
   Section block_table() const { return {offset + points * sizeof(PointRecord), blocks * 8, blocks_hash}; }
 };
 
+/// The brick of this key, null if there is none. \param bricks  ascending key
+const BrickEntry* find_brick(std::span<const BrickEntry> bricks, std::uint64_t key);
+
 /// Writes one bucket file. Memory: the buffer, 48 bytes a brick.
 class PointFileWriter {
  public:

@@ -196,13 +196,14 @@ std::uint64_t MemoryBudget::smallest_cap(std::uint64_t need) const {
   return (cap + kMiB - 1) / kMiB * kMiB;
 }
 
-void MemoryBudget::require(std::uint64_t need, const std::string& who) const {
+void MemoryBudget::require(std::uint64_t need, const std::string& who, std::uint64_t would_do) const {
   if (need <= capacity_) return;
   throw ResourceError(fmt::format(
       "{} needs {} beside the {} of the process itself, which the memory cap of {} does not allow: the "
       "smallest cap "
       "that would do is --memory {}M",
-      who, format_bytes(need), format_bytes(base_), format_bytes(cap_), smallest_cap(need) / kMiB));
+      who, format_bytes(need), format_bytes(base_), format_bytes(cap_),
+      std::max(would_do, smallest_cap(need)) / kMiB));
 }
 
 MemoryBudget::Reservation::Reservation(Reservation&& other) noexcept

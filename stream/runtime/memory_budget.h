@@ -62,8 +62,9 @@ class MemoryBudget {
   std::uint64_t capacity() const { return capacity_; }
   /// The smallest cap under which a task of `need` bytes can run, rounded up to MiB.
   std::uint64_t smallest_cap(std::uint64_t need) const;
+  /// \param would_do  the smallest cap that would, where more is known than `need`; 0 = smallest_cap(need)
   /// \throws ResourceError when `need` exceeds the capacity, naming `who` and the smallest cap that would do
-  void require(std::uint64_t need, const std::string& who) const;
+  void require(std::uint64_t need, const std::string& who, std::uint64_t would_do = 0) const;
 
   /// Bytes of the capacity, given back when it goes.
   class Reservation {

@@ -58,8 +58,7 @@ TEST_CASE("house: rooms and floors include downwards, without a cycle", "[unit]"
 }
 
 TEST_CASE("house: no file is too long, every header says what it is", "[unit]") {
-  check_clean(but_for(check_sizes(house()),
-                      {"stream/import/import_tiles_stage.cpp", "stream/stages/smooth/smooth_stage.cpp"}));
+  check_clean(check_sizes(house()));
   check_clean(check_heavy_headers(house(), allowed_heavy_headers()));
 }
 

@@ -29,6 +29,7 @@ const std::map<std::string, std::string>& parts_of_headers() {
       {"stream/formats/meshes/stl_mesh_writer.cpp", "stream/formats/meshes/mesh_writer_base.h"},
       {"stream/formats/points/inputs.cpp", "stream/formats/points/point_source.h"},
       {"stream/import/import_corners_stage.cpp", "stream/import/import_stages.h"},
+      {"stream/import/import_repair_stage.cpp", "stream/import/import_stages.h"},
       {"stream/import/import_tiles_stage.cpp", "stream/import/import_stages.h"},
       {"stream/import/import_vertices_stage.cpp", "stream/import/import_stages.h"},
       {"stream/render/render_deviation.cpp", "stream/render/render_scene.h"},
@@ -36,6 +37,7 @@ const std::map<std::string, std::string>& parts_of_headers() {
       {"stream/render/render_points.cpp", "stream/render/render_scene.h"},
       {"stream/stages/scan/orient_stage.cpp", "stream/stages/scan/normals_stage.h"},
       {"stream/stages/smooth/coarse_stages.cpp", "stream/stages/smooth/smooth_stage.h"},
+      {"stream/stages/smooth/reach_stage.cpp", "stream/stages/smooth/smooth_stage.h"},
       {"stream/stages/smooth/smooth_job.cpp", "stream/stages/smooth/smooth_stage.h"},
       {"stream/stages/surface/close_stage.cpp", "stream/stages/surface/closing_stages.h"},
       {"stream/stages/surface/multipole_stage.cpp", "stream/stages/surface/closing_stages.h"},
@@ -111,20 +113,20 @@ const std::map<std::string, std::string>& covering_tests() {
     by("kernels/smooth/denoise", "kernels/smooth", {"star_sides", "surface_window", "window_fit"});
 
     by("stream/import/mesh_import", "stream/import",
-       {"import_corners_stage", "import_tiles_stage", "import_vertices_stage"});
+       {"import_corners_stage", "import_repair_stage", "import_tiles_stage", "import_vertices_stage"});
     by("tools/decimate", "stream/meshes", {"store_write_stage"});
     by("tools/decimate", "stream/stages/decimate",
-       {"certify_stage", "decimate_job", "simplify_stage", "unsettled_region"});
+       {"certify_stage", "decimate_job", "idle_stage", "round_before", "simplify_stage", "unsettled_region"});
     by("stream/runtime/option_table", "stream/stages/decimate", {"simplify_options"});
     by("stream/runtime/option_table", "stream/stages", {"jobs"});
-    by("tools/reconstruct", "stream/stages/reconstruct", {"reconstruct_job"});
+    by("tools/reconstruct", "stream/stages/reconstruct", {"forecast_stage", "reconstruct_job"});
     by("stream/stages/scan/distribute", "stream/stages/scan", {"distribute_stage"});
     by("stream/stages/scan/order", "stream/stages/scan", {"order_stage"});
     by("stream/stages/scan/survey", "stream/stages/scan", {"probe_stage", "survey_stage"});
     by("tools/orient", "stream/stages/scan",
        {"normals_mode", "normals_stage", "orient_solution", "orient_stage", "uncertain_picture"});
     by("tools/smooth_command", "stream/stages/smooth",
-       {"coarse_files", "coarse_stages", "smooth_job", "smooth_stage", "smooth_tiles"});
+       {"coarse_files", "coarse_stages", "reach_stage", "smooth_job", "smooth_stage", "smooth_tiles"});
     by("tools/reconstruct_tolerance", "stream/stages/surface",
        {"first_pass", "islands_stage", "samples_stage"});
     by("stream/stages/surface/surface", "stream/stages/surface",

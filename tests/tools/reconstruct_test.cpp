@@ -144,3 +144,27 @@ TEST_CASE("reconstruct: the cap holds for a million points", "[memory]") {
   REQUIRE(r.code == 0);
   CHECK(r.peak_bytes < (std::uint64_t{128} << 20));
 }
+
+TEST_CASE("reconstruct: the smallest cap that plan names does, less is refused by plan", "[memory]") {
+  const TempFolder folder;
+  const auto cloud = (folder.path() / "cloud.ply").string();
+  REQUIRE(
+      tessera_command({"synth", "--scene", "terrain", "--points", "20000", "--normals", "-o", cloud}).code ==
+      0);
+  const auto plan = [&](const std::string& cap) {
+    return tessera_command({"plan", cloud, "--progress", "none", "-q", "-t", "2", "--memory", cap});
+  };
+  const CommandResult refused = plan("60M");
+  INFO(refused.errors);
+  REQUIRE(refused.code == 4);
+  const auto at = refused.errors.find("--memory ");
+  REQUIRE(at != std::string::npos);
+  const std::uint64_t named = std::stoull(refused.errors.substr(at + 9)) << 20;
+  CHECK(plan(std::to_string(named - (2u << 20))).code ==
+        4);  // the process itself is not the same to the byte
+  const CommandResult done = tessera_command(
+      job({cloud}, folder.path() / "mesh.ply", {"-t", "2", "--memory", std::to_string(named)}));
+  INFO(done.errors);
+  CHECK(done.code == 0);
+  CHECK(done.peak_bytes <= named);
+}

@@ -46,7 +46,7 @@ class CertifyStage : public Stage {
   std::uint64_t task_bytes(std::size_t task) const override {
     std::uint64_t most = 0;
     for (std::size_t c = first(task); c < first(task + 1); ++c) most = std::max(most, cells_[c].bytes);
-    return most + (std::uint64_t{2} << 20) + 4 * kMostFailedFaces * sizeof(FailedFace);
+    return certify_task_bytes(most);
   }
 
   nlohmann::json run(std::size_t task, TaskContext& context) const override {
@@ -68,8 +68,7 @@ class CertifyStage : public Stage {
   std::uint64_t finish_bytes() const override {
     std::uint64_t most = 0;
     for (const CompareCell& cell : cells_) most = std::max(most, cell.bytes);
-    return most + (std::uint64_t{2} << 20) + 2 * kMostFailedFaces * sizeof(FailedFace) +
-           cells_.size() * sizeof(CellBounds);
+    return certify_finish_bytes(most, cells_.size());
   }
 
   nlohmann::json finish(const std::vector<nlohmann::json>& summaries, TaskContext& context) const override {
@@ -134,6 +133,15 @@ class CertifyStage : public Stage {
 };
 
 }  // namespace
+
+std::uint64_t certify_task_bytes(std::uint64_t cell_bytes) {
+  return cell_bytes + (std::uint64_t{2} << 20) + 4 * kMostFailedFaces * sizeof(FailedFace);
+}
+
+std::uint64_t certify_finish_bytes(std::uint64_t cell_bytes, std::uint64_t cells) {
+  return cell_bytes + (std::uint64_t{2} << 20) + 2 * kMostFailedFaces * sizeof(FailedFace) +
+         cells * sizeof(CellBounds);
+}
 
 std::unique_ptr<Stage> make_certify_stage(const JobState& state, const CertifyRequest& request) {
   return std::make_unique<CertifyStage>(state, request);

@@ -19,6 +19,10 @@ struct CertifyRequest {
   std::string failed_file;  ///< name of the file of faces that are not proven, if any; empty = no other round
 };
 
+// What a task and the end take at most. \param cell_bytes  CompareCell::bytes of the largest cell
+std::uint64_t certify_task_bytes(std::uint64_t cell_bytes);
+std::uint64_t certify_finish_bytes(std::uint64_t cell_bytes, std::uint64_t cells);
+
 /// finish() throws ValidationError (exit code 6) when the tolerance is not proven and there is no other round.
 std::unique_ptr<Stage> make_certify_stage(const JobState& state, const CertifyRequest& request);
 

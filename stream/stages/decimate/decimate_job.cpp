@@ -81,7 +81,7 @@ std::vector<StageEntry> simplify_stages(const SimplifyOptions& options, const Si
       {"write", [=](const JobState& state) {
          return make_store_write_stage(
              state, open_pass_input(state, stores, {options.passes, last_round(state.work), false}),
-             "made by " + made_by + ", tolerance " + json(options.tolerance).dump(), sort_bytes(state));
+             "made by " + made_by + ", tolerance " + json(options.tolerance).dump(), sort_bytes(state.run));
        }});
   return stages;
 }

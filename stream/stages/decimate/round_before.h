@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "stream/meshes/failed_places.h"
+#include "stream/meshes/mesh_blocking.h"
 #include "stream/meshes/mesh_store.h"
 
 namespace tessera {

@@ -6,6 +6,7 @@
 #include "stream/import/import_stages.h"
 #include "stream/meshes/store_write_stage.h"
 #include "stream/stages/decimate/decimate_job.h"
+#include "stream/stages/reconstruct/forecast_stage.h"
 #include "stream/stages/scan/distribute_stage.h"
 #include "stream/stages/scan/normals_stage.h"
 #include "stream/stages/scan/order_stage.h"
@@ -61,6 +62,7 @@ std::vector<StageEntry> reconstruct_stages(const ReconstructOptions& options) {
       {"probe", [](const JobState& state) { return make_probe_stage(state); }},
       {"spacing", [](const JobState& state) { return make_spacing_stage(state); }},
       {"survey", make_survey_stage},
+      {"forecast", make_forecast_stage},
       {"distribute", make_distribute_stage},
       {"order", make_order_stage},
       {"normals", make_normals_stage},
@@ -92,7 +94,7 @@ std::vector<StageEntry> reconstruct_stages(const ReconstructOptions& options) {
       stages.insert(stages.end() - 1, {"keep-raw", [=](const JobState& state) {
                                          return make_keep_raw_stage(state, stores.full(state),
                                                                     "made by tessera reconstruct",
-                                                                    sort_bytes(state));
+                                                                    sort_bytes(state.run));
                                        }});
   };
   if (fuses_first_pass(options)) {
@@ -124,7 +126,7 @@ JobDescription reconstruct_job(const ReconstructOptions& options) {
 
 JobDescription plan_job() {
   JobDescription job = reconstruct_job();
-  while (job.stages[job.only_stages++].name != "survey") {
+  while (job.stages[job.only_stages++].name != "forecast") {
   }
   return job;
 }

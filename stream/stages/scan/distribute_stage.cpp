@@ -34,7 +34,28 @@ class BucketFinder {
   std::uint32_t bucket_ = 0;
 };
 
+std::size_t run_points(const RunOptions& run) {
+  const std::uint64_t share = run.memory_bytes / static_cast<std::uint64_t>(std::max(1, run.threads));
+  return static_cast<std::size_t>(
+      std::clamp<std::uint64_t>(share / 6 / RunWriter::kBytesPerPoint, 1u << 13, 1u << 20));
+}
+
 }  // namespace
+
+std::uint64_t distribute_task_bytes(const RunOptions& run, const Plan& plan, std::uint64_t input_bytes) {
+  const std::uint64_t runs = input_bytes / 3 / run_points(run) + 1;
+  return run_points(run) * RunWriter::kBytesPerPoint + DirectFile::kDefaultBuffer +
+         (runs * 32 + 8) * plan.buckets.size() + std::uint64_t{65536} * 40 + PointInputs::kReadBytes;
+}
+
+std::uint64_t distribute_runs(const RunOptions& run, const Plan& plan, std::uint64_t tasks) {
+  return plan.points() / run_points(run) + tasks + 1;
+}
+
+std::uint64_t distribute_finish_bytes(const RunOptions& run, const Plan& plan, std::uint64_t tasks) {
+  return distribute_runs(run, plan, tasks) * plan.buckets.size() * sizeof(Extent) * 2 +
+         (std::uint64_t{1} << 20);
+}
 
 std::string run_file_name(std::size_t task) {
   return "distribute/" + task_file_stem(task) + ".run";
@@ -45,27 +66,17 @@ DistributeStage::DistributeStage(const JobState& job, std::shared_ptr<const Poin
   for (const PlanBucket& b : plan_.buckets) first_keys_.push_back(b.first_key);
 }
 
-std::size_t DistributeStage::run_points() const {
-  const std::uint64_t share =
-      job_.run.memory_bytes / static_cast<std::uint64_t>(std::max(1, job_.run.threads));
-  return static_cast<std::size_t>(
-      std::clamp<std::uint64_t>(share / 6 / RunWriter::kBytesPerPoint, 1u << 13, 1u << 20));
-}
-
 std::uint64_t DistributeStage::task_bytes(std::size_t task) const {
-  const std::uint64_t runs = inputs_->task_input_bytes(task) / 3 / run_points() + 1;
-  return run_points() * RunWriter::kBytesPerPoint + DirectFile::kDefaultBuffer +
-         (runs * 32 + 8) * plan_.buckets.size() + std::uint64_t{65536} * 40 + PointInputs::kReadBytes;
+  return distribute_task_bytes(job_.run, plan_, inputs_->task_input_bytes(task));
 }
 
 std::uint64_t DistributeStage::finish_bytes() const {
-  const std::uint64_t runs = plan_.points() / run_points() + inputs_->task_count() + 1;
-  return runs * plan_.buckets.size() * sizeof(Extent) * 2 + (std::uint64_t{1} << 20);
+  return distribute_finish_bytes(job_.run, plan_, inputs_->task_count());
 }
 
 nlohmann::json DistributeStage::run(std::size_t task, TaskContext& context) const {
   RunWriter out(context.create(run_file_name(task)), static_cast<std::uint32_t>(task), plan_.buckets.size(),
-                run_points());
+                run_points(job_.run));
   BucketFinder bucket_of(first_keys_);
   ChunkQuanta quanta;
   std::vector<std::uint16_t> sensors;

@@ -27,13 +27,17 @@ class DistributeStage : public Stage {
   static constexpr const char* kExtentFile = "distribute/extents.bin";
 
  private:
-  std::size_t run_points() const;
-
   JobState job_;
   std::shared_ptr<const PointInputs> inputs_;
   Plan plan_;
   std::vector<std::uint64_t> first_keys_;  ///< per bucket
 };
+
+// What it takes, known from the plan. \param input_bytes  of the task \param tasks  of the stage
+std::uint64_t distribute_task_bytes(const RunOptions& run, const Plan& plan, std::uint64_t input_bytes);
+std::uint64_t distribute_finish_bytes(const RunOptions& run, const Plan& plan, std::uint64_t tasks);
+/// Runs that its tasks write, at most; each holds one extent of a bucket at most.
+std::uint64_t distribute_runs(const RunOptions& run, const Plan& plan, std::uint64_t tasks);
 
 std::unique_ptr<Stage> make_distribute_stage(const JobState& job);
 

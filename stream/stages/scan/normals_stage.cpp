@@ -54,21 +54,8 @@ class NormalsStage : public Stage {
   std::string unit_name() const override { return "points"; }
 
   std::uint64_t task_bytes(std::size_t task) const override {
-    std::uint64_t most = 0;
     const auto [first, last] = store_.file_range(task);
-    for (std::size_t b = first; b < last; ++b) {
-      const Int3 at = brick_of_key(store_.bricks()[b].key);
-      std::uint64_t points = 0;
-      for (int d = 0; d < 27; ++d) {
-        const Int3 n = {at[0] + d % 3 - 1, at[1] + d / 3 % 3 - 1, at[2] + d / 9 - 1};
-        if (n[0] < 0 || n[1] < 0 || n[2] < 0) continue;
-        const BrickEntry* e = store_.find(brick_key(n));
-        // A neighbour lends at most the eighth of its blocks that touch the face.
-        if (e) points += d == 13 ? e->points : e->points / 4;
-      }
-      most = std::max(most, points);
-    }
-    return most * kBytesPerPoint + kFixedTaskBytes;
+    return normals_task_bytes(store_.bricks(), first, last);
   }
 
   json run(std::size_t task, TaskContext& context) const override {
@@ -232,6 +219,23 @@ class NormalsStage : public Stage {
 };
 
 }  // namespace
+
+std::uint64_t normals_task_bytes(std::span<const BrickEntry> bricks, std::size_t first, std::size_t last) {
+  std::uint64_t most = 0;
+  for (std::size_t b = first; b < last; ++b) {
+    const Int3 at = brick_of_key(bricks[b].key);
+    std::uint64_t points = 0;
+    for (int d = 0; d < 27; ++d) {
+      const Int3 n = {at[0] + d % 3 - 1, at[1] + d / 3 % 3 - 1, at[2] + d / 9 - 1};
+      if (n[0] < 0 || n[1] < 0 || n[2] < 0) continue;
+      const BrickEntry* e = find_brick(bricks, brick_key(n));
+      // A neighbour lends at most the eighth of its blocks that touch the face.
+      if (e) points += d == 13 ? e->points : e->points / 4;
+    }
+    most = std::max(most, points);
+  }
+  return most * kBytesPerPoint + kFixedTaskBytes;
+}
 
 std::unique_ptr<Stage> make_normals_stage(const JobState& state) {
   return std::make_unique<NormalsStage>(state);

@@ -70,21 +70,35 @@ OrderStage::OrderStage(const JobState& job)
   for (std::size_t b = 1; b < first_extent_.size(); ++b) first_extent_[b] += first_extent_[b - 1];
 }
 
-bool OrderStage::is_hot(const PlanBucket& bucket) const {
-  return bucket.bricks == 1 && bucket.points > most_brick_points_;
+bool is_hot(const PlanBucket& bucket, std::uint64_t max_brick_points) {
+  return bucket.bricks == 1 && bucket.points > max_brick_points;
+}
+
+std::uint64_t order_task_bytes(const PlanBucket& bucket, const std::vector<PlanBrick>& bricks,
+                               std::uint64_t extents, std::uint64_t max_brick_points) {
+  const std::uint64_t fixed = DirectFile::kDefaultBuffer + kExtentChunk * sizeof(PointRecord) +
+                              bucket.bricks * 100 + (std::uint64_t{1} << 18);
+  const std::uint64_t blocks = extents * sizeof(Extent) + std::min(bucket.points, bucket.bricks * 512) * 16;
+  if (is_hot(bucket, max_brick_points)) return fixed + blocks + HotBrick::bytes(max_brick_points, kHotChunk);
+  std::uint64_t largest = 0;
+  for (std::uint64_t b = 0; b < bucket.bricks; ++b)
+    largest = std::max(largest, bricks[bucket.first_brick + b].points);
+  return fixed + blocks + bucket.points * sizeof(PointRecord) + BrickSorter::bytes(largest);
+}
+
+std::vector<BrickEntry> planned_bricks(const std::vector<PlanBrick>& bricks, std::uint64_t max_brick_points) {
+  std::vector<BrickEntry> table(bricks.size());
+  for (std::size_t b = 0; b < bricks.size(); ++b) {
+    table[b].key = bricks[b].key;
+    table[b].points = std::min(bricks[b].points, max_brick_points);
+    table[b].blocks = std::min(bricks[b].blocks, table[b].points);
+  }
+  return table;
 }
 
 std::uint64_t OrderStage::task_bytes(std::size_t task) const {
-  const PlanBucket& bucket = plan_.buckets[task];
-  const std::uint64_t fixed = DirectFile::kDefaultBuffer + kExtentChunk * sizeof(PointRecord) +
-                              bucket.bricks * 100 + (std::uint64_t{1} << 18);
-  const std::uint64_t extents = (first_extent_[task + 1] - first_extent_[task]) * sizeof(Extent);
-  const std::uint64_t blocks = extents + std::min(bucket.points, bucket.bricks * 512) * 16;
-  if (is_hot(bucket)) return fixed + blocks + HotBrick::bytes(most_brick_points_, kHotChunk);
-  std::uint64_t largest = 0;
-  for (std::uint64_t b = 0; b < bucket.bricks; ++b)
-    largest = std::max(largest, bricks_[bucket.first_brick + b].points);
-  return fixed + blocks + bucket.points * sizeof(PointRecord) + BrickSorter::bytes(largest);
+  return order_task_bytes(plan_.buckets[task], bricks_, first_extent_[task + 1] - first_extent_[task],
+                          most_brick_points_);
 }
 
 template <typename Use>
@@ -146,7 +160,8 @@ OrderStage::Counts OrderStage::order_hot_brick(std::size_t task, TaskContext& co
 }
 
 nlohmann::json OrderStage::run(std::size_t task, TaskContext& context) const {
-  const Counts c = is_hot(plan_.buckets[task]) ? order_hot_brick(task, context) : order_bucket(task, context);
+  const Counts c = is_hot(plan_.buckets[task], most_brick_points_) ? order_hot_brick(task, context)
+                                                                   : order_bucket(task, context);
   context.count_written(c.bytes);
   return {{"points", c.kept}, {"duplicates", c.merged}, {"thinned", c.thinned}};
 }
@@ -159,7 +174,7 @@ nlohmann::json OrderStage::finish(const std::vector<nlohmann::json>& summaries, 
     sum.merged += s.at("duplicates").get<std::uint64_t>();
     sum.thinned += s.at("thinned").get<std::uint64_t>();
   }
-  for (const PlanBucket& b : plan_.buckets) hot += is_hot(b) ? 1 : 0;
+  for (const PlanBucket& b : plan_.buckets) hot += is_hot(b, most_brick_points_) ? 1 : 0;
   if (sum.kept < 3)
     throw EmptyError("the input holds " + std::to_string(sum.kept) +
                      " different points; a surface needs at least three");

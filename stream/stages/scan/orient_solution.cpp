@@ -181,11 +181,9 @@ std::vector<PatchVote> votes_of(const std::vector<PatchFacts>& facts) {
 
 }  // namespace
 
-std::uint64_t orient_solution_bytes(const PointOverlay& overlay, std::uint64_t boundary_votes) {
-  std::uint64_t inner = 0, coarse = 0;
-  for (const OverlayBrick& b : overlay.bricks()) inner += b.votes, coarse += b.coarse;
-  const std::uint64_t patches = overlay.first_patch().back() + 1;
-  const std::uint64_t votes = boundary_votes + inner + patches;
+std::uint64_t orient_solution_bytes(std::uint64_t patches, std::uint64_t votes, std::uint64_t coarse) {
+  ++patches;         // outside
+  votes += patches;  // of sensors or up
   // Votes as given and inside the contraction, their adjacency; surfels, their looks and pixels.
   return votes * (2 * sizeof(PatchVote) + 8) + patches * (sizeof(PatchFacts) + 120) +
          coarse * (sizeof(JobSurfel) + 40) + (16u << 20);

@@ -13,8 +13,9 @@
 
 namespace tessera {
 
-/// Bytes that solve_orientation holds at most. \param boundary_votes  as given to it
-std::uint64_t orient_solution_bytes(const PointOverlay& overlay, std::uint64_t boundary_votes);
+/// Bytes that solve_orientation holds at most. \param patches, coarse  patches and coarse surfels of all bricks
+/// \param votes  between patches, of one brick or of two
+std::uint64_t orient_solution_bytes(std::uint64_t patches, std::uint64_t votes, std::uint64_t coarse);
 
 /// Who says which side of a patch is outside; if neither, what surfels see of each other, and `up` in PatchFacts.
 struct Viewers {

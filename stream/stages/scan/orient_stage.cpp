@@ -23,8 +23,8 @@ namespace {
 using json = nlohmann::json;
 
 constexpr std::size_t kCachedBricks = 256;
-constexpr std::uint64_t kBoundaryBytes =
-    6 * 32 * 32 * 2 * sizeof(Surfel);  ///< a brick's shell, two sheets everywhere
+constexpr std::uint64_t kMostBoundary =
+    6 * 32 * 32 * 2;  ///< surfels of a brick's shell, two sheets everywhere
 // Outliers: fewer supporters than a share of the median point has, within limits that neither rim points of a thin
 // scan (above) nor pairs of stray points (below) fall foul of.
 constexpr std::uint64_t kMedianShare = 8;
@@ -94,11 +94,10 @@ class OrientStage : public Stage {
     std::uint64_t largest = 0;
     std::uint64_t patches = 0;
     for (std::size_t b = first; b < last; ++b) {
-      largest = std::max<std::uint64_t>(largest, overlay_.bricks()[b].boundary * sizeof(Surfel));
+      largest = std::max<std::uint64_t>(largest, overlay_.bricks()[b].boundary);
       patches += overlay_.bricks()[b].patches;
     }
-    return std::min(largest, kBoundaryBytes) * kCachedBricks + 2 * 13 * patches * sizeof(PatchVote) +
-           (8u << 20);
+    return orient_task_bytes(largest, patches);
   }
 
   json run(std::size_t task, TaskContext& context) const override {
@@ -129,7 +128,9 @@ class OrientStage : public Stage {
       const std::uint64_t bytes = std::filesystem::file_size(work_ / votes_file(t), missing);
       votes += missing ? 0 : bytes / sizeof(PatchVote);
     }
-    return orient_solution_bytes(overlay_, votes);
+    std::uint64_t coarse = 0;
+    for (const OverlayBrick& b : overlay_.bricks()) votes += b.votes, coarse += b.coarse;
+    return orient_solution_bytes(overlay_.first_patch().back(), votes, coarse);
   }
 
   json finish(const std::vector<json>& summaries, TaskContext& context) const override {
@@ -263,6 +264,11 @@ class OrientStage : public Stage {
 };
 
 }  // namespace
+
+std::uint64_t orient_task_bytes(std::uint64_t boundary, std::uint64_t patches) {
+  return std::min(boundary, kMostBoundary) * sizeof(Surfel) * kCachedBricks +
+         2 * 13 * patches * sizeof(PatchVote) + (8u << 20);
+}
 
 std::unique_ptr<Stage> make_orient_stage(const JobState& state) {
   return std::make_unique<OrientStage>(state);

@@ -1,6 +1,7 @@
 #include "stream/stages/scan/survey_stage.h"
 
 #include <algorithm>
+#include <bit>
 #include <bitset>
 #include <cmath>
 #include <nlohmann/json.hpp>
@@ -13,18 +14,18 @@
 #include "stream/points/brick_histogram.h"
 #include "stream/points/point_sample.h"
 #include "stream/runtime/numbers.h"
-#include "stream/stages/scan/forecast.h"
 #include "stream/stages/scan/probe_stage.h"
 
 namespace tessera {
 namespace {
 
-constexpr std::size_t kCounterBricks = std::size_t{1} << 16;
+constexpr std::size_t kCounterBricks = std::size_t{1} << 15;
 // Complete cells of 16 h are sampled to measure spacing and noise; in quanta, so that they are exact.
 constexpr double kSampleCell = 16.0 * kQuantaPerCell;
 constexpr std::size_t kSamplePoints = std::size_t{1} << 16;
+constexpr double kQuantaPerBlock = double{kQuantaPerCell} * kLeafCells;
 constexpr std::size_t kWarningsPerTask = 8;
-constexpr std::uint64_t kMergeBytesPerBrick = 128;  // merging, with slack for the tables made of it
+constexpr std::uint64_t kMergeBytesPerBrick = 384;  // merging, with slack for the tables made of it
 
 std::string counts_file(std::size_t task) {
   return "survey/" + task_file_stem(task) + ".bricks";
@@ -103,7 +104,9 @@ std::vector<PlanBrick> lattice_bricks(const std::vector<BrickCount>& counts, con
     if (!window.holds(c.brick)) continue;
     Int3 at{};
     for (std::size_t a = 0; a < 3; ++a) at[a] = static_cast<std::int32_t>(c.brick[a] - window.min[a] + 1);
-    bricks.push_back({brick_key(at), c.points});
+    std::uint64_t blocks = 0;
+    for (const std::uint64_t word : c.blocks) blocks += static_cast<std::uint64_t>(std::popcount(word));
+    bricks.push_back({brick_key(at), c.points, blocks});
   }
   std::sort(bricks.begin(), bricks.end(),
             [](const PlanBrick& a, const PlanBrick& b) { return a.key < b.key; });
@@ -140,8 +143,8 @@ std::size_t SurveyStage::max_bricks() const {
 }
 
 std::uint64_t SurveyStage::task_bytes(std::size_t) const {
-  // The counter's table (two slots of 32 bytes a brick) and its sorted copy, quanta of a chunk, the reader.
-  return kCounterBricks * 32 * 3 + (std::uint64_t{65536} * 25) + (std::uint64_t{1} << 20) +
+  // The counter's table (two slots a brick) and its sorted copy, quanta of a chunk, the reader.
+  return kCounterBricks * sizeof(BrickCount) * 3 + (std::uint64_t{65536} * 25) + (std::uint64_t{1} << 20) +
          PointInputs::kReadBytes;
 }
 
@@ -163,9 +166,9 @@ nlohmann::json SurveyStage::run(std::size_t task, TaskContext& context) const {
         ++(quanta.fate[i] == PointClass::kNonFinite ? tally.fates.non_finite : tally.fates.absurd);
         continue;
       }
-      counter.add({static_cast<std::int64_t>(std::floor(quanta.x[i] / kQuantaPerBrick)),
-                   static_cast<std::int64_t>(std::floor(quanta.y[i] / kQuantaPerBrick)),
-                   static_cast<std::int64_t>(std::floor(quanta.z[i] / kQuantaPerBrick))});
+      counter.add({static_cast<std::int64_t>(std::floor(quanta.x[i] / kQuantaPerBlock)),
+                   static_cast<std::int64_t>(std::floor(quanta.y[i] / kQuantaPerBlock)),
+                   static_cast<std::int64_t>(std::floor(quanta.z[i] / kQuantaPerBlock))});
       const Double3 p = {quanta.x[i], quanta.y[i], quanta.z[i]};
       sampler.add(p);
       for (std::size_t a = 0; a < 3; ++a) {
@@ -269,15 +272,10 @@ nlohmann::json SurveyStage::finish(const std::vector<nlohmann::json>& summaries,
     throw EmptyError("the input holds " + std::to_string(plan.points()) +
                      " usable points; a surface needs at least three");
 
-  const Forecast forecast = forecast_job(plan, bricks, job_, inputs_->task_count());
-  require_resources(forecast, job_);
-  plan.forecast = forecast.stages;
-  plan.peak_disk_bytes = forecast.peak_disk_bytes;
   plan.save(context.create(Plan::kFile));
   save_plan_bricks(context.create(Plan::kBrickFile), bricks);
   nlohmann::json report = plan.to_json();
   report.erase("buckets");
-  report.erase("forecast");
   return report;
 }
 

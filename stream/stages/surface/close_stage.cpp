@@ -32,6 +32,11 @@ constexpr float kClosedVote = 0.25f;
 constexpr std::uint64_t kBytesPerPoint = 40 + 28 + sizeof(Dipole) + 60;
 constexpr std::uint64_t kVisitBytes = 4u << 20;
 
+/// What the set of closing cells may take: a byte a cell, so half a billion cells under a cap of 2 GiB.
+std::uint64_t set_limit(const RunOptions& run) {
+  return run.memory_bytes / 4;
+}
+
 class CloseStage : public Stage {
  public:
   explicit CloseStage(const JobState& state)
@@ -53,18 +58,16 @@ class CloseStage : public Stage {
 
   std::uint64_t finish_bytes() const override {
     if (!mode_.close) return 1u << 20;
-    std::uint64_t most = 0;
-    std::uint64_t rims = 0;
+    CloseCounts most{0, 0, multipoles_->far().bytes(), 0};
+    for (const BrickSection& b : rims_->bricks()) most.rims += b.extra;
+    std::uint64_t bytes = 0;
     for (const BrickEntry& brick : points_->bricks()) {
-      const Int3 at = brick_of_key(brick.key);
-      const Int3 corner = corner_of(at);
-      most =
-          std::max(most, points_->count_bound(corner, kEdges, MultipoleStore::kHaloCells) * kBytesPerPoint +
-                             multipoles_->near_bytes(corner, kEdges));
+      const Int3 corner = corner_of(brick_of_key(brick.key));
+      most.visit_points = points_->count_bound(corner, kEdges, MultipoleStore::kHaloCells);
+      most.near_bytes = multipoles_->near_bytes(corner, kEdges);
+      bytes = std::max(bytes, close_bytes(state_.run, most));
     }
-    for (const BrickSection& b : rims_->bricks()) rims += b.extra;
-    return static_cast<std::uint64_t>(state_.run.threads) * (most + kVisitBytes) + rims * 3 * sizeof(Int3) +
-           multipoles_->far().bytes() + set_limit() + (8u << 20);
+    return bytes;
   }
 
   json finish(const std::vector<json>&, TaskContext& context) const override {
@@ -125,11 +128,9 @@ class CloseStage : public Stage {
   static std::uint64_t brick_of_cell(const Int3& c) {
     return brick_key({c[0] >> kBrickBits, c[1] >> kBrickBits, c[2] >> kBrickBits});
   }
-  /// What the set of closing cells may take: a byte a cell, so half a billion cells under a cap of 2 GiB.
-  std::uint64_t set_limit() const { return state_.run.memory_bytes / 4; }
   void require_room(std::uint64_t leaves) const {
     const std::uint64_t bytes = 3 * leaves * sizeof(ClosingLeaf);
-    if (bytes <= set_limit()) return;
+    if (bytes <= set_limit(state_.run)) return;
     throw ResourceError("stage close: the surface that closes the holes takes " + format_bytes(bytes) +
                         " to list and a quarter of --memory " + format_bytes(state_.run.memory_bytes) +
                         " is for it; raise --memory to " + format_bytes(8 * bytes) +
@@ -218,6 +219,12 @@ class CloseStage : public Stage {
 };
 
 }  // namespace
+
+std::uint64_t close_bytes(const RunOptions& run, const CloseCounts& counts) {
+  return static_cast<std::uint64_t>(run.threads) *
+             (counts.visit_points * kBytesPerPoint + counts.near_bytes + kVisitBytes) +
+         counts.rims * 3 * sizeof(Int3) + counts.far_bytes + set_limit(run) + (8u << 20);
+}
 
 HolesMode::HolesMode(const std::string& text) {
   if (text == "keep") return;

@@ -28,6 +28,19 @@ struct HolesMode {
 /// How a job closes: decided by the close stage, read by the surface stage.
 ClosingOptions load_closing_options(const std::filesystem::path& work);
 
+/// What a task takes at most. \param brick_points  of its largest brick
+std::uint64_t multipole_task_bytes(std::uint64_t brick_points);
+
+/// What growing the closing cells depends on.
+struct CloseCounts {
+  std::uint64_t visit_points = 0;  ///< of a brick and its halo
+  std::uint64_t near_bytes = 0;    ///< of the multipoles around it
+  std::uint64_t far_bytes = 0;     ///< of the summary of all bricks
+  std::uint64_t rims = 0;          ///< cells where the surface ends
+};
+/// What the close stage takes at most.
+std::uint64_t close_bytes(const RunOptions& run, const CloseCounts& counts);
+
 std::unique_ptr<Stage> make_multipole_stage(const JobState& state);
 std::unique_ptr<Stage> make_rims_stage(const JobState& state);
 std::unique_ptr<Stage> make_close_stage(const JobState& state);

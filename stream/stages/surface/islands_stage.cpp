@@ -13,6 +13,7 @@
 #include "stream/files/external_sort.h"
 #include "stream/files/read_file.h"
 #include "stream/files/task_files.h"
+#include "stream/meshes/store_write_stage.h"
 #include "stream/points/reconstruct_options.h"
 #include "stream/stages/surface/first_pass.h"
 #include "stream/stages/surface/weld_stage.h"
@@ -51,14 +52,12 @@ class IslandsStage : public Stage {
   std::uint64_t units() const override { return parts_; }
   std::string unit_name() const override { return "components"; }
   json run(std::size_t, TaskContext&) const override { return {}; }
-  std::uint64_t finish_bytes() const override {
-    return parts_ * 28 + sort_bytes() + (std::uint64_t{8} << 20);
-  }
+  std::uint64_t finish_bytes() const override { return islands_bytes(state_.run, parts_); }
 
   json finish(const std::vector<json>&, TaskContext& context) const override {
     DisjointSets<std::uint64_t> sets(parts_);
     std::vector<std::uint64_t> faces(parts_, 0);
-    ExternalSort<IslandSeam> sort(state_.work, sort_bytes());
+    ExternalSort<IslandSeam> sort(state_.work, sort_bytes(state_.run));
     std::uint64_t first = 0;
     for (std::size_t f = 0; f < files_.size(); ++f) {
       context.check_stop();
@@ -86,8 +85,6 @@ class IslandsStage : public Stage {
   }
 
  private:
-  std::uint64_t sort_bytes() const { return std::min<std::uint64_t>(state_.run.memory_bytes / 8, 64u << 20); }
-
   template <class Record, class Use>
   void read(std::size_t file, const Section& section, const Use& use) const {
     const PackedFile in(files_[file], kIslandKind, sizeof(IslandEntry));
@@ -169,9 +166,9 @@ class PruneStage : public Stage {
       std::vector<std::size_t> patches;
       for (std::uint64_t b = p.brick; b < p.brick + p.bricks; ++b)
         if (const std::int64_t at = full_.find(b); at >= 0) patches.push_back(static_cast<std::size_t>(at));
-      most = std::max(most, 2 * full_.block_bytes(patches));
+      most = std::max(most, full_.block_bytes(patches));
     }
-    return most + 2 * DirectFile::kDefaultBuffer + (std::uint64_t{2} << 20);
+    return prune_task_bytes(most);
   }
 
   json run(std::size_t task, TaskContext& context) const override {
@@ -222,6 +219,14 @@ class PruneStage : public Stage {
 };
 
 }  // namespace
+
+std::uint64_t islands_bytes(const RunOptions& run, std::uint64_t parts) {
+  return parts * 28 + sort_bytes(run) + (std::uint64_t{8} << 20);
+}
+
+std::uint64_t prune_task_bytes(std::uint64_t block_bytes) {
+  return 2 * block_bytes + 2 * DirectFile::kDefaultBuffer + (std::uint64_t{2} << 20);
+}
 
 std::unique_ptr<Stage> make_islands_stage(const JobState& state) {
   return std::make_unique<IslandsStage>(state);

@@ -9,6 +9,7 @@
 #include "stream/files/external_sort.h"
 #include "stream/files/read_file.h"
 #include "stream/files/task_files.h"
+#include "stream/meshes/store_write_stage.h"
 #include "stream/points/plan.h"
 #include "stream/points/reconstruct_options.h"
 #include "stream/stages/surface/hole_files.h"
@@ -45,6 +46,10 @@ std::string edge_file_name(std::size_t task) {
   return "loops/" + task_file_stem(task) + ".tse";
 }
 
+std::uint64_t table_bytes(const RunOptions& run) {
+  return run.memory_bytes / 4;
+}
+
 class LoopsStage : public Stage {
  public:
   explicit LoopsStage(const JobState& state)
@@ -60,13 +65,8 @@ class LoopsStage : public Stage {
   std::string unit_name() const override { return "bricks"; }
 
   std::uint64_t task_bytes(std::size_t task) const override {
-    std::uint64_t largest = 0;
     const auto [first, last] = store_.file_range(task);
-    for (std::size_t p = first; p < last; ++p) {
-      const PatchEntry& e = store_.patches()[p];
-      largest = std::max<std::uint64_t>(largest, 48ull * e.vertices + 28ull * e.faces + 24ull * e.foreign);
-    }
-    return 2 * largest + NumberedPatches::kCacheBytes + kFixedBytes;
+    return loops_task_bytes(store_.patches().subspan(first, last - first));
   }
 
   json run(std::size_t task, TaskContext& context) const override {
@@ -104,12 +104,7 @@ class LoopsStage : public Stage {
   }
 
   std::uint64_t finish_bytes() const override {
-    if (most_edges_ == 0) return kFixedBytes;
-    std::uint64_t largest = 0;
-    for (const PatchEntry& e : store_.patches())
-      largest = std::max<std::uint64_t>(largest, 40ull * e.vertices);
-    const std::uint64_t batch = kBatchEdges + kMostHoleEdges;
-    return sort_bytes() + table_bytes() + 2 * largest + batch * (2 * loop_bytes(1) + 100) + kFixedBytes;
+    return most_edges_ == 0 ? kFixedBytes : loops_finish_bytes(state_.run, store_.patches());
   }
 
   json finish(const std::vector<json>&, TaskContext& context) const override {
@@ -143,12 +138,9 @@ class LoopsStage : public Stage {
     std::map<std::size_t, std::vector<VertexClass>> cache_;
   };
 
-  std::uint64_t sort_bytes() const { return std::min<std::uint64_t>(state_.run.memory_bytes / 8, 64u << 20); }
-  std::uint64_t table_bytes() const { return state_.run.memory_bytes / 4; }
-
   /// Edges with one face are the border, those with two are chords.
   void match(std::vector<BorderEdge>& border, std::vector<Chord>& chords, TaskContext& context) const {
-    ExternalSort<EdgeRecord> sort(state_.work, sort_bytes());
+    ExternalSort<EdgeRecord> sort(state_.work, sort_bytes(state_.run));
     std::vector<EdgeRecord> buffer(4096);
     for (std::size_t k = 0; k < task_count(); ++k) {
       const ReadFile file(state_.work / edge_file_name(k));
@@ -170,7 +162,7 @@ class LoopsStage : public Stage {
       } else if (faces > 1) {
         chords.push_back({open.low, open.high});
       }
-      if (border.size() * sizeof(BorderEdge) + chords.size() * sizeof(Chord) > table_bytes() / 2)
+      if (border.size() * sizeof(BorderEdge) + chords.size() * sizeof(Chord) > table_bytes(state_.run) / 2)
         throw ResourceError(
             "the border of this mesh has more than " + std::to_string(border.size()) +
             " edges, too many to chain its loops in a quarter of --memory; raise --memory or drop "
@@ -324,6 +316,20 @@ class LoopsStage : public Stage {
 };
 
 }  // namespace
+
+std::uint64_t loops_task_bytes(std::span<const PatchEntry> patches) {
+  std::uint64_t largest = 0;
+  for (const PatchEntry& e : patches)
+    largest = std::max<std::uint64_t>(largest, 48ull * e.vertices + 28ull * e.faces + 24ull * e.foreign);
+  return 2 * largest + NumberedPatches::kCacheBytes + kFixedBytes;
+}
+
+std::uint64_t loops_finish_bytes(const RunOptions& run, std::span<const PatchEntry> patches) {
+  std::uint64_t largest = 0;
+  for (const PatchEntry& e : patches) largest = std::max<std::uint64_t>(largest, 40ull * e.vertices);
+  const std::uint64_t batch = kBatchEdges + kMostHoleEdges;
+  return sort_bytes(run) + table_bytes(run) + 2 * largest + batch * (2 * loop_bytes(1) + 100) + kFixedBytes;
+}
 
 std::unique_ptr<Stage> make_loops_stage(const JobState& state) {
   return std::make_unique<LoopsStage>(state);

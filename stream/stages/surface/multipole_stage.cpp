@@ -33,7 +33,7 @@ class MultipoleStage : public Stage {
     std::uint64_t most = 0;
     const auto [first, last] = store_.file_range(task);
     for (std::size_t b = first; b < last; ++b) most = std::max(most, store_.bricks()[b].points);
-    return most * kBytesPerPoint + kFixedTaskBytes;
+    return multipole_task_bytes(most);
   }
 
   json run(std::size_t task, TaskContext& context) const override {
@@ -81,6 +81,10 @@ class MultipoleStage : public Stage {
 };
 
 }  // namespace
+
+std::uint64_t multipole_task_bytes(std::uint64_t brick_points) {
+  return brick_points * kBytesPerPoint + kFixedTaskBytes;
+}
 
 std::unique_ptr<Stage> make_multipole_stage(const JobState& state) {
   return std::make_unique<MultipoleStage>(state);

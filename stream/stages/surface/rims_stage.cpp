@@ -24,7 +24,7 @@ class RimsStage : public Stage {
         field_(field_options(plan_, reconstruct_options(state).feature_angle_deg)) {
     if (!HolesMode(reconstruct_options(state).holes).close) return;
     field_.firm_rim = true;
-    groups_ = make_tile_groups(store_, surface_tiling(state, field_));
+    groups_ = make_tile_groups(store_.bricks(), surface_tiling(state, field_));
   }
 
   std::string name() const override { return "rims"; }
@@ -35,8 +35,8 @@ class RimsStage : public Stage {
   std::uint64_t task_bytes(std::size_t task) const override {
     std::uint64_t most = 0;
     for (const Tile& tile : groups_[task])
-      most = std::max(most, tile_bytes(store_, nullptr, tile, field_halo_cells(field_)));
-    return most + kFixedTaskBytes;
+      most = std::max(most, rims_tile_bytes(store_.bricks(), tile, field_halo_cells(field_)));
+    return most;
   }
 
   json run(std::size_t task, TaskContext& context) const override {
@@ -86,6 +86,10 @@ class RimsStage : public Stage {
 };
 
 }  // namespace
+
+std::uint64_t rims_tile_bytes(std::span<const BrickEntry> bricks, const Tile& tile, int halo_cells) {
+  return tile_bytes(bricks, nullptr, tile, halo_cells) + kFixedTaskBytes;
+}
 
 std::unique_ptr<Stage> make_rims_stage(const JobState& state) {
   return std::make_unique<RimsStage>(state);

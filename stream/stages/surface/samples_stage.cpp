@@ -69,10 +69,9 @@ class SamplesStage : public Stage {
       const std::vector<std::size_t> near = mesh_.select(near_box(brick));
       std::uint64_t faces = 0;
       for (const std::size_t p : near) faces += mesh_.patches()[p].faces;
-      most = std::max(most, kPointBytes * brick.points + mesh_.block_bytes(near) +
-                                faces * (ClosestFaces::bytes_per_face() + 32));
+      most = std::max(most, samples_task_bytes(brick.points, mesh_.block_bytes(near), faces));
     }
-    return most + (std::uint64_t{2} << 20);
+    return most;
   }
 
   json run(std::size_t task, TaskContext& context) const override {
@@ -190,6 +189,11 @@ class SamplesStage : public Stage {
 };
 
 }  // namespace
+
+std::uint64_t samples_task_bytes(std::uint64_t brick_points, std::uint64_t block_bytes, std::uint64_t faces) {
+  return kPointBytes * brick_points + block_bytes + faces * (ClosestFaces::bytes_per_face() + 32) +
+         (std::uint64_t{2} << 20);
+}
 
 std::unique_ptr<Stage> make_samples_stage(const JobState& state, const SamplesRequest& request) {
   return std::make_unique<SamplesStage>(state, request);

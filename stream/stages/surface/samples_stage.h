@@ -18,6 +18,9 @@ struct SamplesRequest {
   bool before = false;  ///< stage "points": what the points leave of the tolerance is kept for the passes
 };
 
+/// What a task takes at most. \param block_bytes, faces  MeshStore::block_bytes and faces near its largest brick
+std::uint64_t samples_task_bytes(std::uint64_t brick_points, std::uint64_t block_bytes, std::uint64_t faces);
+
 /// Its finish reports count, largest distance with its place (rounding on the safe side), RMS and histogram.
 /// \throws ValidationError from finish when a point is farther than the tolerance; `before`: when less than a 64th of
 ///         it is left, naming the least tolerance that can do

@@ -23,6 +23,20 @@ using json = nlohmann::json;
 
 constexpr std::uint64_t kFixedTaskBytes = 12u << 20;  ///< write buffers and the largest single patch
 
+/// Most faces in a cube of so many bricks of the tile.
+std::uint64_t most_faces(std::span<const BrickEntry> bricks, const BrickSectionStore* closing,
+                         const Tile& tile, int halo_cells, int cube_bricks) {
+  const int edge = std::min(cube_bricks, tile.bricks);
+  std::uint64_t most = 0;
+  for (int z = 0; z < tile.bricks; z += edge)
+    for (int y = 0; y < tile.bricks; y += edge)
+      for (int x = 0; x < tile.bricks; x += edge) {
+        const Tile cube{{tile.brick[0] + x, tile.brick[1] + y, tile.brick[2] + z}, edge};
+        most = std::max(most, tile_faces(bricks, closing, cube, halo_cells));
+      }
+  return most;
+}
+
 class SurfaceStage : public Stage {
  public:
   explicit SurfaceStage(const JobState& state)
@@ -44,7 +58,7 @@ class SurfaceStage : public Stage {
     }
     TilingOptions tiling = surface_tiling(state, field_);
     tiling.closing = closing_.get();
-    groups_ = make_tile_groups(store_, tiling);
+    groups_ = make_tile_groups(store_.bricks(), tiling);
     state_ = state;
     fused_ = fuses_first_pass(options);
     extract_.names = fused_;
@@ -59,11 +73,9 @@ class SurfaceStage : public Stage {
     std::uint64_t most = 0;
     for (const Tile& tile : groups_[task]) {
       const std::uint64_t near = multipoles_ ? multipoles_->near_bytes(tile.corner(), tile.edges()) : 0;
-      std::uint64_t pass = 0;
-      if (fused_) pass = FirstPass::bytes(most_faces(tile, 2), most_faces(tile, 1));
-      most = std::max(most, tile_bytes(store_, closing_.get(), tile, halo()) + near + pass);
+      most = std::max(most, surface_tile_bytes(store_.bricks(), closing_.get(), tile, halo(), fused_, near));
     }
-    return most + kFixedTaskBytes;
+    return most;
   }
 
   json run(std::size_t task, TaskContext& context) const override {
@@ -142,19 +154,6 @@ class SurfaceStage : public Stage {
  private:
   int halo() const { return field_halo_cells(field_); }
 
-  /// In a cube of so many bricks of the tile.
-  std::uint64_t most_faces(const Tile& tile, int bricks) const {
-    const int edge = std::min(bricks, tile.bricks);
-    std::uint64_t most = 0;
-    for (int z = 0; z < tile.bricks; z += edge)
-      for (int y = 0; y < tile.bricks; y += edge)
-        for (int x = 0; x < tile.bricks; x += edge) {
-          const Tile cube{{tile.brick[0] + x, tile.brick[1] + y, tile.brick[2] + z}, edge};
-          most = std::max(most, tile_faces(store_, closing_.get(), cube, halo()));
-        }
-    return most;
-  }
-
   /// Whole leaves, so that each has all its dipoles.
   int closing_halo() const {
     return std::max(MultipoleStore::kHaloCells, (halo() + kLeafCells - 1) / kLeafCells * kLeafCells);
@@ -173,6 +172,15 @@ class SurfaceStage : public Stage {
 };
 
 }  // namespace
+
+std::uint64_t surface_tile_bytes(std::span<const BrickEntry> bricks, const BrickSectionStore* closing,
+                                 const Tile& tile, int halo_cells, bool fused, std::uint64_t near_bytes) {
+  std::uint64_t pass = 0;
+  if (fused)
+    pass = FirstPass::bytes(most_faces(bricks, closing, tile, halo_cells, 2),
+                            most_faces(bricks, closing, tile, halo_cells, 1));
+  return tile_bytes(bricks, closing, tile, halo_cells) + near_bytes + pass + kFixedTaskBytes;
+}
 
 std::uint64_t core_points(const PointBlock& p) {
   std::uint64_t n = 0;
@@ -205,7 +213,7 @@ void for_each_band(const std::filesystem::path& work, double feature_angle_deg,
   const PointStore store(list_task_files(work / "points", ".tsp"), PointOverlay::open(work));
   const int halo = field_halo_cells(options);
   const TilingOptions tiling{halo, 2, nullptr, ~std::uint64_t{0}};
-  for (const TileGroup& group : make_tile_groups(store, tiling))
+  for (const TileGroup& group : make_tile_groups(store.bricks(), tiling))
     for (const Tile& tile : group) {
       const PointBlock points = store.load(tile.corner(), tile.edges(), halo);
       if (points.size() > 0) sink(evaluate_field(points, options));

@@ -33,22 +33,30 @@ struct TilingOptions {
 };
 
 /// Upper bound of the memory that computing a tile takes, from the brick tables alone.
-std::uint64_t tile_bytes(const PointStore& store, const BrickSectionStore* closing, const Tile& tile,
-                         int halo_cells);
+std::uint64_t tile_bytes(std::span<const BrickEntry> bricks, const BrickSectionStore* closing,
+                         const Tile& tile, int halo_cells);
 
 /// Most faces that a tile's patches are expected to have, from the brick tables alone.
-std::uint64_t tile_faces(const PointStore& store, const BrickSectionStore* closing, const Tile& tile,
-                         int halo_cells);
+std::uint64_t tile_faces(std::span<const BrickEntry> bricks, const BrickSectionStore* closing,
+                         const Tile& tile, int halo_cells);
 
 /// Cuts the lattice around the points into groups of tiles. The groups (and so the tasks) depend on the points
 /// only; the tiles inside depend on the options. Tiles that no point can reach are left out.
-std::vector<TileGroup> make_tile_groups(const PointStore& store, const TilingOptions& options);
+std::vector<TileGroup> make_tile_groups(std::span<const BrickEntry> bricks, const TilingOptions& options);
 
 /// Points of the block's core.
 std::uint64_t core_points(const PointBlock& points);
 
 /// How the job's options and cap cut tiles.
 TilingOptions surface_tiling(const JobState& state, const FieldOptions& field);
+
+/// What a task of the surface stage takes at most while it computes the tile. \param fused  with the first pass
+/// \param near_bytes  of the multipoles around, where holes are closed
+std::uint64_t surface_tile_bytes(std::span<const BrickEntry> bricks, const BrickSectionStore* closing,
+                                 const Tile& tile, int halo_cells, bool fused, std::uint64_t near_bytes);
+
+/// The same of the rims stage.
+std::uint64_t rims_tile_bytes(std::span<const BrickEntry> bricks, const Tile& tile, int halo_cells);
 
 /// The field of a job: radius and noise from the plan, angle from the options.
 FieldOptions field_options(const Plan& plan, double feature_angle_deg);

@@ -30,7 +30,8 @@ struct Reach {
 };
 
 /// Points and occupied blocks of all bricks that the tile's halo touches.
-Reach reach_of(const PointStore& store, const BrickSectionStore* closing, const Tile& tile, int halo_cells) {
+Reach reach_of(std::span<const BrickEntry> bricks, const BrickSectionStore* closing, const Tile& tile,
+               int halo_cells) {
   const int margin = (halo_cells + kBrickCells - 1) / kBrickCells;
   Reach reach;
   for (int z = tile.brick[2] - margin; z < tile.brick[2] + tile.bricks + margin; ++z)
@@ -39,7 +40,7 @@ Reach reach_of(const PointStore& store, const BrickSectionStore* closing, const 
         if (x < 0 || y < 0 || z < 0) continue;
         const BrickSection* closed = closing ? closing->find({x, y, z}) : nullptr;
         if (closed) reach.blocks += closed->count;
-        const BrickEntry* brick = store.find(brick_key({x, y, z}));
+        const BrickEntry* brick = find_brick(bricks, brick_key({x, y, z}));
         if (!brick) continue;
         // Only a shell of a neighbour is read, but its points may all be there.
         reach.points += brick->points;
@@ -48,10 +49,11 @@ Reach reach_of(const PointStore& store, const BrickSectionStore* closing, const 
   return reach;
 }
 
-void split(const PointStore& store, const TilingOptions& options, const Tile& tile, TileGroup& out) {
-  const Reach reach = reach_of(store, options.closing, tile, options.halo_cells);
+void split(std::span<const BrickEntry> bricks, const TilingOptions& options, const Tile& tile,
+           TileGroup& out) {
+  const Reach reach = reach_of(bricks, options.closing, tile, options.halo_cells);
   if (reach.blocks == 0) return;
-  const bool fits = tile_bytes(store, options.closing, tile, options.halo_cells) <= options.tile_bytes_limit;
+  const bool fits = tile_bytes(bricks, options.closing, tile, options.halo_cells) <= options.tile_bytes_limit;
   const bool small = options.tile_bricks == 0 || tile.bricks <= options.tile_bricks;
   if (tile.bricks == 1 || (fits && small)) {
     out.push_back(tile);
@@ -59,7 +61,7 @@ void split(const PointStore& store, const TilingOptions& options, const Tile& ti
   }
   const int half = tile.bricks / 2;
   for (int child = 0; child < 8; ++child)
-    split(store, options,
+    split(bricks, options,
           {{tile.brick[0] + (child & 1) * half, tile.brick[1] + (child >> 1 & 1) * half,
             tile.brick[2] + (child >> 2 & 1) * half},
            half},
@@ -68,24 +70,26 @@ void split(const PointStore& store, const TilingOptions& options, const Tile& ti
 
 }  // namespace
 
-std::uint64_t tile_bytes(const PointStore& store, const BrickSectionStore* closing, const Tile& tile,
-                         int halo_cells) {
-  const Reach reach = reach_of(store, closing, tile, halo_cells);
+std::uint64_t tile_bytes(std::span<const BrickEntry> bricks, const BrickSectionStore* closing,
+                         const Tile& tile, int halo_cells) {
+  const Reach reach = reach_of(bricks, closing, tile, halo_cells);
   const auto leaves = static_cast<std::uint64_t>(tile.bricks * kBrickCells / kLeafCells + 2);
   const std::uint64_t slots = leaves * leaves * leaves;
   return reach.points * (kBytesPerPoint + (closing ? kBytesPerDipole : 0)) +
          std::min(reach.blocks, slots) * kBytesPerBlock + slots * kBytesPerLeafSlot;
 }
 
-std::uint64_t tile_faces(const PointStore& store, const BrickSectionStore* closing, const Tile& tile,
-                         int halo_cells) {
+std::uint64_t tile_faces(std::span<const BrickEntry> bricks, const BrickSectionStore* closing,
+                         const Tile& tile, int halo_cells) {
   // Only the tile's own blocks emit faces.
   const auto own = static_cast<std::uint64_t>(tile.bricks * kBrickCells / kLeafCells);
-  return std::min(reach_of(store, closing, tile, halo_cells).blocks, own * own * own) * kFacesPerBlock;
+  return std::min(reach_of(bricks, closing, tile, halo_cells).blocks, own * own * own) * kFacesPerBlock;
 }
 
-std::vector<TileGroup> make_tile_groups(const PointStore& store, const TilingOptions& options) {
-  const int super = super_bricks(store.point_count());
+std::vector<TileGroup> make_tile_groups(std::span<const BrickEntry> bricks, const TilingOptions& options) {
+  std::uint64_t all = 0;
+  for (const BrickEntry& brick : bricks) all += brick.points;
+  const int super = super_bricks(all);
   const int shift = 3 * (std::bit_width(static_cast<unsigned>(super)) - 1);
   // Supercubes that a point can reach: those of every occupied brick and its 26 neighbours.
   std::vector<std::uint64_t> cubes;
@@ -106,20 +110,19 @@ std::vector<TileGroup> make_tile_groups(const PointStore& store, const TilingOpt
       compact_at = 2 * cubes.size() + (1 << 16);
     }
   };
-  for (const BrickEntry& brick : store.bricks()) add_around(brick.key);
+  for (const BrickEntry& brick : bricks) add_around(brick.key);
   if (options.closing)
     for (const BrickSection& brick : options.closing->bricks()) add_around(brick.key);
   unique();
 
-  const std::uint64_t target = std::max(kGroupPoints, store.point_count() / kMaxGroups);
+  const std::uint64_t target = std::max(kGroupPoints, all / kMaxGroups);
   std::vector<TileGroup> groups;
   TileGroup group;
   std::uint64_t points = 0;
   for (const std::uint64_t cube : cubes) {
-    split(store, options, {brick_of_key(cube << shift), super}, group);
+    split(bricks, options, {brick_of_key(cube << shift), super}, group);
     const std::uint64_t first = cube << shift;
     const std::uint64_t end = (cube + 1) << shift;
-    const auto bricks = store.bricks();
     auto it = std::lower_bound(bricks.begin(), bricks.end(), first,
                                [](const BrickEntry& e, std::uint64_t key) { return e.key < key; });
     for (; it != bricks.end() && it->key < end; ++it) points += it->points;

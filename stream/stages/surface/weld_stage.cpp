@@ -84,16 +84,7 @@ class WeldStage : public Stage {
 
   std::uint64_t task_bytes(std::size_t task) const override {
     const auto [first, last] = store_.file_range(task);
-    std::uint64_t bytes = kSeamCacheBytes + (8u << 20);
-    std::uint64_t largest = 0;
-    for (std::size_t p = first; p < last; ++p) {
-      const PatchEntry& e = store_.patches()[p];
-      bytes += sizeof(VertexPlace) * e.foreign + sizeof(ComponentSize) * e.components +
-               2 * sizeof(Link) * e.components;
-      largest = std::max<std::uint64_t>(largest,
-                                        4ull * e.vertices + 28ull * (e.foreign + std::uint64_t{e.exported}));
-    }
-    return bytes + 2 * largest;
+    return weld_task_bytes(store_.patches().subspan(first, last - first));
   }
 
   json run(std::size_t task, TaskContext& context) const override {
@@ -139,8 +130,7 @@ class WeldStage : public Stage {
   }
 
   std::uint64_t finish_bytes() const override {
-    // Union-find, sizes and the kept flags; places of the patches; one file's links.
-    return first_component_.back() * 29 + store_.patches().size() * sizeof(PatchPlace) + (64u << 20);
+    return weld_finish_bytes(store_.patches().size(), first_component_.back());
   }
 
   json finish(const std::vector<json>& summaries, TaskContext& context) const override {
@@ -230,6 +220,23 @@ class WeldStage : public Stage {
 };
 
 }  // namespace
+
+std::uint64_t weld_task_bytes(std::span<const PatchEntry> patches) {
+  std::uint64_t bytes = kSeamCacheBytes + (8u << 20);
+  std::uint64_t largest = 0;
+  for (const PatchEntry& e : patches) {
+    bytes += sizeof(VertexPlace) * e.foreign + sizeof(ComponentSize) * e.components +
+             2 * sizeof(Link) * e.components;
+    largest =
+        std::max<std::uint64_t>(largest, 4ull * e.vertices + 28ull * (e.foreign + std::uint64_t{e.exported}));
+  }
+  return bytes + 2 * largest;
+}
+
+std::uint64_t weld_finish_bytes(std::uint64_t patches, std::uint64_t components) {
+  // Union-find, sizes and the kept flags; places of the patches; one file's links.
+  return components * 29 + patches * sizeof(PatchPlace) + (64u << 20);
+}
 
 std::uint64_t automatic_min_component(std::uint64_t faces) {
   return std::clamp<std::uint64_t>(faces / 500, 50, 1000);

@@ -48,6 +48,11 @@ struct WeldFile {
 /// Islands below this many faces go when --min-component is auto: a five-hundredth of all faces, within [50, 1000].
 std::uint64_t automatic_min_component(std::uint64_t faces);
 
+/// What a task over these patches takes at most.
+std::uint64_t weld_task_bytes(std::span<const PatchEntry> patches);
+/// What the end takes at most. \param components  of all patches
+std::uint64_t weld_finish_bytes(std::uint64_t patches, std::uint64_t components);
+
 std::unique_ptr<Stage> make_weld_stage(const JobState& state);
 
 }  // namespace tessera

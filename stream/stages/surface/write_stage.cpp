@@ -32,12 +32,10 @@ class WriteStage : public Stage {
   json run(std::size_t, TaskContext&) const override { return {}; }
 
   std::uint64_t finish_bytes() const override {
-    std::uint64_t largest = 0;
-    for (const PatchEntry& e : store_.patches())
-      largest = std::max<std::uint64_t>(largest, 48ull * e.vertices + 40ull * e.faces + 16ull * e.foreign);
+    std::uint64_t filling = 0;
     for (const auto& file : fillings_)
-      largest = std::max<std::uint64_t>(largest, std::filesystem::file_size(file));
-    return 2 * largest + NumberedPatches::kCacheBytes + (48u << 20);
+      filling = std::max<std::uint64_t>(filling, std::filesystem::file_size(file));
+    return write_bytes(store_.patches(), filling);
   }
 
   json finish(const std::vector<json>&, TaskContext& context) const override {
@@ -186,6 +184,13 @@ class WriteStage : public Stage {
 };
 
 }  // namespace
+
+std::uint64_t write_bytes(std::span<const PatchEntry> patches, std::uint64_t filling_bytes) {
+  std::uint64_t largest = filling_bytes;
+  for (const PatchEntry& e : patches)
+    largest = std::max<std::uint64_t>(largest, 48ull * e.vertices + 40ull * e.faces + 16ull * e.foreign);
+  return 2 * largest + NumberedPatches::kCacheBytes + (48u << 20);
+}
 
 std::unique_ptr<Stage> make_write_stage(const JobState& state) {
   return std::make_unique<WriteStage>(state, false);

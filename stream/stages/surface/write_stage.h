@@ -1,9 +1,15 @@
 /// \file write_stage.h
 /// Pass "write": streams the kept patches into the output file with one global numbering.
 #pragma once
+#include <span>
+
+#include "stream/meshes/patch_store.h"
 #include "stream/runtime/stage.h"
 
 namespace tessera {
+
+/// What writing takes at most. \param filling_bytes  of the largest batch of fillings
+std::uint64_t write_bytes(std::span<const PatchEntry> patches, std::uint64_t filling_bytes);
 
 std::unique_ptr<Stage> make_write_stage(const JobState& state);
 

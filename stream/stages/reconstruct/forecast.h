@@ -1,0 +1,66 @@
+/// \file forecast.h
+/// What a reconstruction will need, told from its plan before the work starts: tasks, memory, disk, files, time.
+///
+/// Memory comes from the functions by which the stages reserve it. For the passes over points and for the surface of an
+/// open job the plan knows their arguments: what is told is what will be reserved, or a little more where equal points
+/// merge or hot bricks are thinned. What goes by patches, faces or orientation is the same function of estimated
+/// counts; closing cells, known to their own pass alone, are left out. Disk of the passes over points is exact or an
+/// upper bound; faces and seconds are estimates. What closing takes depends on its holes: 7 to 55 s of processor time
+/// per million faces that it adds, which are not told. With a tolerance the output is told as if nothing could be
+/// decimated. Imports of `--reference points` and of holes filled before decimation are not told.
+#pragma once
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <string>
+#include <vector>
+
+#include <nlohmann/json_fwd.hpp>
+
+#include "stream/points/plan.h"
+#include "stream/runtime/stage.h"
+
+namespace tessera {
+
+/// What a stage is expected to need.
+struct StageForecast {
+  std::string stage;
+  std::uint64_t tasks = 0;
+  std::uint64_t task_bytes = 0;    ///< memory of its largest task
+  std::uint64_t finish_bytes = 0;  ///< memory of its end
+  std::uint64_t sure_bytes = 0;    ///< of the larger of both, what it takes whatever the estimates
+  std::uint64_t disk_bytes = 0;    ///< what it writes into the work directory
+  std::uint64_t files = 0;
+  double seconds = 0.0;  ///< on all threads of the job
+
+  std::uint64_t memory_bytes() const { return task_bytes > finish_bytes ? task_bytes : finish_bytes; }
+};
+
+struct Forecast {
+  std::vector<StageForecast> stages;  ///< from distribute on
+  std::uint64_t peak_disk_bytes = 0;  ///< largest sum of what lies in the work directory at one time
+  std::uint64_t output_bytes = 0;     ///< of the mesh file, about
+
+  nlohmann::json to_json() const;
+  /// What the forecast stage has left. \throws InputError when it is missing or damaged
+  static Forecast of_work(const std::filesystem::path& work);
+  static constexpr const char* kFile = "forecast.json";
+};
+
+/// Tasks that read the input once.
+struct InputTasks {
+  std::uint64_t count = 0;
+  std::uint64_t largest_bytes = 0;  ///< of the input, in one of them
+};
+
+Forecast forecast_job(const Plan& plan, const std::vector<PlanBrick>& bricks, const InputTasks& inputs,
+                      const JobState& job);
+
+/// \param base   of the process, resident beside the tasks
+/// \param under  the forecast under another cap, buckets cut for it
+/// \throws ResourceError when the cap cannot hold what some stage takes for sure, naming the stage and the smallest cap
+///         under which all stages fit, estimates included; when the disk cannot hold the peak
+void require_resources(const Forecast& forecast, const JobState& job, std::uint64_t base,
+                       const std::function<Forecast(std::uint64_t cap)>& under);
+
+}  // namespace tessera

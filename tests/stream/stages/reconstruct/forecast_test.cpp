@@ -1,0 +1,299 @@
+#include "stream/stages/reconstruct/forecast.h"
+
+#include <algorithm>
+#include <catch2/catch.hpp>
+#include <map>
+#include <set>
+
+#include "octree/error.h"
+#include "stream/points/hot_brick.h"
+#include "stream/runtime/memory_budget.h"
+#include "stream/stages/reconstruct/reconstruct_job.h"
+#include "tests/helpers/point_chain.h"
+#include "tests/helpers/random_points.h"
+
+using namespace tessera;
+using namespace tessera::test;
+
+namespace {
+
+constexpr std::uint64_t kMiB = std::uint64_t{1} << 20;
+
+struct Told {
+  Plan plan;
+  std::vector<PlanBrick> bricks;
+  InputTasks inputs;
+  Forecast forecast;
+};
+
+/// What is told of a surveyed job.
+Told tell(const JobState& job, const PointInputs& inputs) {
+  Told told{Plan::of_work(job.work), load_plan_bricks(job.work / Plan::kBrickFile), {}, {}};
+  told.inputs.count = inputs.task_count();
+  for (std::size_t k = 0; k < told.inputs.count; ++k)
+    told.inputs.largest_bytes = std::max(told.inputs.largest_bytes, inputs.task_input_bytes(k));
+  told.forecast = forecast_job(told.plan, told.bricks, told.inputs, job);
+  return told;
+}
+
+struct Reserved {
+  std::uint64_t task = 0, finish = 0;
+};
+
+/// Runs the whole job, stage by stage; what each asks for. \param told  of it, before it runs
+std::map<std::string, Reserved> run_all(const std::vector<TestPoint>& points, const ChainSetup& setup,
+                                        const std::filesystem::path& work, Told& told) {
+  JobState job = chain_job(work, setup);
+  job.output = work / "mesh.ply";
+  const auto inputs = chain_inputs(points, setup);
+  run_stage(SurveyStage(job, inputs, setup.h, false), job.work);
+  told = tell(job, *inputs);
+  std::map<std::string, Reserved> reserved;
+  bool after = false;
+  for (const StageEntry& entry : reconstruct_stages(setup.options)) {
+    if (entry.name == "distribute") after = true;
+    if (!after) continue;
+    const std::unique_ptr<Stage> stage =
+        entry.name == "distribute" ? std::make_unique<DistributeStage>(job, inputs) : entry.make(job);
+    Reserved& r = reserved[entry.name];
+    for (std::size_t k = 0; k < stage->task_count(); ++k) r.task = std::max(r.task, stage->task_bytes(k));
+    run_stage(*stage, job.work);
+    r.finish = stage->finish_bytes();  // some look at what tasks have left
+  }
+  return reserved;
+}
+
+const StageForecast* find(const Forecast& forecast, const std::string& stage) {
+  for (const StageForecast& f : forecast.stages)
+    if (f.stage == stage) return &f;
+  return nullptr;
+}
+
+/// Every stage that is told asks for no more. \param same  stages whose tasks ask for just that
+void check_told(const Told& told, const std::map<std::string, Reserved>& reserved,
+                const std::set<std::string>& same) {
+  for (const StageForecast& f : told.forecast.stages) {
+    INFO(f.stage);
+    REQUIRE(reserved.count(f.stage) == 1);
+    const Reserved& r = reserved.at(f.stage);
+    CHECK(f.task_bytes >= r.task);
+    CHECK(f.memory_bytes() >= r.finish);
+    if (same.count(f.stage) > 0) CHECK(f.task_bytes == r.task);
+    CHECK(f.sure_bytes <= f.memory_bytes());
+  }
+}
+
+std::vector<TestPoint> scan_without_duplicates(std::size_t count, double radius) {
+  auto points = sphere_points(count, radius, {0, 0, 0});
+  std::sort(points.begin(), points.end(), [](const auto& a, const auto& b) { return a.p < b.p; });
+  points.erase(
+      std::unique(points.begin(), points.end(), [](const auto& a, const auto& b) { return a.p == b.p; }),
+      points.end());
+  return points;
+}
+
+std::uint64_t named_cap(const std::string& message) {
+  const auto at = message.find("--memory ");
+  REQUIRE(at != std::string::npos);
+  return std::stoull(message.substr(at + 9)) * kMiB;
+}
+
+/// The forecast of a survey under any cap, as the stage composes it.
+std::function<Forecast(std::uint64_t)> under(const Told& told, const JobState& job) {
+  return [&told, job](std::uint64_t cap) {
+    JobState other = job;
+    other.run.memory_bytes = cap;
+    Plan plan = told.plan;
+    plan.buckets = cut_buckets(told.bricks, bucket_target(other.run, plan.points()),
+                               reconstruct_options(job).max_brick_points);
+    return forecast_job(plan, told.bricks, told.inputs, other);
+  };
+}
+
+}  // namespace
+
+TEST_CASE("forecast: disk of the passes over points is what they write", "[unit]") {
+  const TempFolder work;
+  ChainSetup setup;
+  const auto points = sphere_points(50000, 60.0, {0, 0, 0});
+  const JobState job = chain_job(work.path(), setup);
+  const auto inputs = chain_inputs(points, setup);
+  run_stage(SurveyStage(job, inputs, setup.h, false), job.work);
+  const Told told = tell(job, *inputs);
+  run_stage(DistributeStage(job, inputs), job.work);
+  run_stage(OrderStage(job), job.work);
+  const auto written = [&](const char* folder) {
+    std::uint64_t bytes = 0;
+    for (const auto& f : std::filesystem::directory_iterator(job.work / folder)) bytes += f.file_size();
+    return static_cast<double>(bytes);
+  };
+  const auto& stages = told.forecast.stages;
+  REQUIRE(stages.size() >= 4);
+  CHECK(stages[0].stage == "distribute");
+  CHECK(static_cast<double>(stages[0].disk_bytes) == Approx(written("distribute")).epsilon(0.02));
+  CHECK(stages[1].stage == "order");
+  // Every 17th point is a duplicate, which the forecast cannot know.
+  CHECK(static_cast<double>(stages[1].disk_bytes) == Approx(written("points")).epsilon(0.08));
+  CHECK(told.forecast.peak_disk_bytes >= stages[0].disk_bytes + stages[1].disk_bytes);
+  // A sphere of radius 60 h has about 3 x 4 pi 60^2 triangles.
+  CHECK(static_cast<double>(told.plan.faces_estimate) == Approx(3 * 4 * 3.14159 * 3600).epsilon(0.25));
+}
+
+TEST_CASE("forecast: what it tells of memory is what the stages reserve", "[unit]") {
+  const TempFolder work;
+  ChainSetup setup;
+  const auto points = scan_without_duplicates(60000, 90.0);
+  setup.task_points = setup.slice_points = 20000;
+  std::set<std::string> same = {"distribute", "normals", "surface"};
+  std::vector<std::string> names = {"distribute", "order", "normals", "surface", "weld", "write"};
+  SECTION("given normals") {}
+  SECTION("tiles that the cap cuts") {
+    setup.memory = 160 * kMiB;
+  }
+  SECTION("estimated normals, holes filled") {
+    setup.options.normals = "estimate";
+    setup.options.max_hole = 100;
+    names = {"distribute", "order", "normals", "orient", "surface", "weld", "loops", "holes", "write"};
+  }
+  SECTION("decimated") {
+    setup.options.tolerance = 0.1;
+    names = {"distribute", "order",  "normals", "surface", "islands",
+             "prune",      "pass-2", "pass-3",  "certify", "write"};
+  }
+  Told told;
+  const auto reserved = run_all(points, setup, work.path(), told);
+  check_told(told, reserved, same);
+  std::vector<std::string> found;
+  for (const StageForecast& f : told.forecast.stages) found.push_back(f.stage);
+  CHECK(found == names);
+}
+
+TEST_CASE("forecast: points that merge, hot bricks and noise stay below what is told", "[unit]") {
+  const TempFolder work;
+  ChainSetup setup;
+  auto points = sphere_points(60000, 50.0, {0, 0, 0});
+  SECTION("a hot brick, thinned") {
+    const auto more = sphere_points(30000, 4.0, {20, 20, 20}, 2);
+    points.insert(points.end(), more.begin(), more.end());
+    setup.options.max_brick_points = 12000;
+  }
+  SECTION("noise and strays, signs by propagation") {
+    Random random(5);
+    for (TestPoint& p : points)
+      for (double& c : p.p) c += random.in(-1.0, 1.0);
+    for (int i = 0; i < 3000; ++i)
+      points.push_back({{random.in(-90, 90), random.in(-90, 90), random.in(-90, 90)}, {}, 0});
+    setup.options.normals = "estimate";
+  }
+  Told told;
+  check_told(told, run_all(points, setup, work.path(), told), {});
+}
+
+TEST_CASE("forecast: closing and decimation have their stages, with the disk that they take", "[unit]") {
+  const TempFolder work;
+  ChainSetup setup;
+  setup.options.holes = "close";
+  setup.options.tolerance = 0.1;
+  auto points = scan_without_duplicates(50000, 60.0);
+  std::erase_if(points, [](const TestPoint& p) { return p.p[2] > 50.0; });
+  setup.options.normals = "given";
+  Told told;
+  const auto reserved = run_all(points, setup, work.path(), told);
+  std::vector<std::string> names;
+  for (const StageForecast& f : told.forecast.stages) {
+    INFO(f.stage);
+    names.push_back(f.stage);
+    if (f.stage != "surface") CHECK(f.task_bytes >= reserved.at(f.stage).task);
+  }
+  CHECK(names == std::vector<std::string>{"distribute", "order", "normals", "multipole", "rims", "close",
+                                          "surface", "islands", "prune", "pass-2", "pass-3", "certify",
+                                          "write"});
+  for (const char* stage : {"normals", "multipole", "rims"})
+    CHECK(find(told.forecast, stage)->task_bytes == reserved.at(stage).task);
+  CHECK(find(told.forecast, "close")->memory_bytes() >= reserved.at("close").finish);
+  // The surface's own cells close the hole, which no plan can know.
+  CHECK(find(told.forecast, "surface")->sure_bytes <= reserved.at("surface").task);
+  const auto written = [&](const char* folder) {
+    std::uint64_t bytes = 0;
+    for (const auto& f : std::filesystem::directory_iterator(work.path() / folder)) bytes += f.file_size();
+    return static_cast<double>(bytes);
+  };
+  CHECK(static_cast<double>(find(told.forecast, "multipole")->disk_bytes) ==
+        Approx(written("multipole")).epsilon(0.3));
+}
+
+TEST_CASE("forecast: a hot brick of 4.19 million points is told with what normals take", "[unit]") {
+  const TempFolder work;
+  ChainSetup setup;
+  setup.options.normals = "estimate";
+  JobState job = chain_job(work.path(), setup);
+  Plan plan;
+  const std::vector<PlanBrick> bricks = {{brick_key({1, 1, 1}), (std::uint64_t{1} << 22) + 1, 512}};
+  plan.fates.kept = bricks[0].points;
+  plan.bricks = 1;
+  plan.buckets = cut_buckets(bricks, 1 << 20, reconstruct_options(job).max_brick_points);
+  const Forecast forecast = forecast_job(plan, bricks, {4, 32 * kMiB}, job);
+  CHECK(find(forecast, "normals")->task_bytes == (std::uint64_t{1} << 22) * 188 + 12 * kMiB);
+  CHECK(find(forecast, "order")->task_bytes >= HotBrick::bytes(std::uint64_t{1} << 22, 0));
+  job.run.memory_bytes = 700 * kMiB;
+  CHECK_THROWS_WITH(require_resources(forecast, job, 0, [&](std::uint64_t) { return forecast; }),
+                    Catch::Contains("stage normals"));
+}
+
+TEST_CASE("forecast: too small a cap is refused once, with the smallest that would do", "[unit]") {
+  const TempFolder work;
+  ChainSetup setup;
+  bool dense = false;
+  SECTION("ends of stages that do not depend on points") {}
+  SECTION("a dense brick") {
+    setup.h = 8.0;
+    dense = true;
+    setup.slice_points = setup.task_points = 100000;
+  }
+  SECTION("decimated") {
+    setup.options.tolerance = 0.1;
+  }
+  JobState job = chain_job(work.path(), setup);
+  const auto inputs = chain_inputs(sphere_points(dense ? 400000 : 60000, 100.0, {256, 256, 256}), setup);
+  run_stage(SurveyStage(job, inputs, setup.h, false), job.work);
+  const Told told = tell(job, *inputs);
+  const std::uint64_t base = 20 * kMiB;
+  const auto at_cap = under(told, job);
+  const auto refuse = [&](std::uint64_t cap) {
+    job.run.memory_bytes = cap;
+    try {
+      require_resources(at_cap(cap), job, base, at_cap);
+    } catch (const ResourceError& e) {
+      return std::string(e.what());
+    }
+    return std::string();
+  };
+  const std::uint64_t named = named_cap(refuse(30 * kMiB));
+  for (const std::uint64_t cap : {40, 50, 60}) CHECK(named_cap(refuse(cap * kMiB)) == named);
+  CHECK(refuse(named).empty());
+  // The stages themselves: they fit the named cap, and do not fit less.
+  std::uint64_t most = 0;
+  for (const StageForecast& f : at_cap(named).stages) most = std::max(most, f.memory_bytes());
+  CHECK_NOTHROW(MemoryBudget(named, base).require(most, "a stage"));
+  if (!dense) return;           // else what is estimated may ask for more than what is sure
+  std::uint64_t least = named;  // to the byte
+  while (MemoryBudget(least - 1, base).capacity() >= most) --least;
+  CHECK(least > named - kMiB);
+  CHECK(refuse(least).empty());
+  CHECK(named_cap(refuse(least - 1)) == named);
+}
+
+TEST_CASE("forecast: what cap or disk cannot carry is refused with the smallest that would", "[unit]") {
+  const TempFolder work;
+  const JobState job = chain_job(work.path(), {});
+  Forecast forecast;
+  const auto same = [&](std::uint64_t) { return forecast; };
+  CHECK_NOTHROW(require_resources(forecast, job, 0, same));
+  forecast.stages.push_back({"normals", 1, std::uint64_t{3} << 30, 0, std::uint64_t{3} << 30});
+  CHECK_THROWS_WITH(require_resources(forecast, job, 0, same),
+                    Catch::Contains("stage normals") && Catch::Contains("--memory 3"));
+  forecast.stages.clear();
+  forecast.peak_disk_bytes = std::uint64_t{1} << 60;
+  CHECK_THROWS_WITH(require_resources(forecast, job, 0, same), Catch::Contains("--temp"));
+  CHECK_THROWS_AS(require_resources(forecast, job, 0, same), ResourceError);
+}
