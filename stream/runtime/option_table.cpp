@@ -158,7 +158,7 @@ OptionRow& OptionRow::one_of(std::vector<std::string> allowed) {
 }
 
 std::string OptionRow::typed() const {
-  return is_positional ? names.front() : (names.front().size() == 1 ? "-" : "--") + names.front();
+  return (is_positional ? "" : "--") + names.front();
 }
 
 bool OptionRow::is_list() const {

@@ -68,7 +68,7 @@ class OptionTable {
  public:
   explicit OptionTable(std::string group = "") : group_(std::move(group)) {}
 
-  /// \param names  "threads,t": key and other names; those of one letter have one dash
+  /// \param names  "threads,t": the key, `--threads`, and other names; those of one letter have one dash
   OptionRow& add(const std::string& names, OptionField field, const std::string& help);
   OptionRow& add_flag(const std::string& names, std::function<void()> given, const std::string& help);
   void append(const OptionTable& more);

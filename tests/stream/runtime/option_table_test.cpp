@@ -141,11 +141,11 @@ TEST_CASE("option table: a row of the README", "[unit]") {
   std::string way = "emc";
   bool hidden = false;
   OptionTable t;
-  t.add("share,s", &share, "a share").shown_as("F");
+  t.add("h,s", &share, "a share").shown_as("F");
   t.add("way", &way, "emc: this; mc: that").one_of({"emc", "mc"});
   t.add("secret", &hidden, "for tests").hidden();
   CHECK(t.markdown() ==
-        "| option | default | meaning |\n|---|---|---|\n| `--share F` | 0.5 | a share |\n"
+        "| option | default | meaning |\n|---|---|---|\n| `--h F` | 0.5 | a share |\n"
         "| `--way emc\\|mc` | emc | emc: this; mc: that |\n");
 }
 
