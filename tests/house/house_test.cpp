@@ -19,14 +19,6 @@ void check_clean(const Findings& findings) {
   CHECK(findings.empty());
 }
 
-/// Without what is known and being mended.
-Findings but_for(Findings findings, const std::vector<std::string>& known) {
-  std::erase_if(findings, [&](const std::string& f) {
-    return std::any_of(known.begin(), known.end(), [&](const std::string& k) { return f.starts_with(k); });
-  });
-  return findings;
-}
-
 /// One finding that says `what`.
 void check_only(const Findings& findings, const std::string& what) {
   CAPTURE(findings);
