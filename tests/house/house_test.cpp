@@ -1,7 +1,6 @@
 // The house itself, and every gate against a tiny house that breaks its rule.
 #include <catch2/catch.hpp>
 
-#include <algorithm>
 #include <filesystem>
 
 #include "tests/house/house.h"

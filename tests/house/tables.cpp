@@ -35,6 +35,7 @@ const std::map<std::string, std::string>& parts_of_headers() {
       {"stream/render/render_deviation.cpp", "stream/render/render_scene.h"},
       {"stream/render/render_mesh.cpp", "stream/render/render_scene.h"},
       {"stream/render/render_points.cpp", "stream/render/render_scene.h"},
+      {"stream/stages/reconstruct/forecast_composer.cpp", "stream/stages/reconstruct/forecast.h"},
       {"stream/stages/scan/orient_stage.cpp", "stream/stages/scan/normals_stage.h"},
       {"stream/stages/smooth/coarse_stages.cpp", "stream/stages/smooth/smooth_stage.h"},
       {"stream/stages/smooth/reach_stage.cpp", "stream/stages/smooth/smooth_stage.h"},
@@ -119,6 +120,8 @@ const std::map<std::string, std::string>& covering_tests() {
        {"certify_stage", "decimate_job", "idle_stage", "round_before", "simplify_stage", "unsettled_region"});
     by("stream/runtime/option_table", "stream/stages/decimate", {"simplify_options"});
     by("stream/runtime/option_table", "stream/stages", {"jobs"});
+    by("stream/stages/reconstruct/forecast", "stream/stages/reconstruct",
+       {"forecast_composer", "planned_patches"});
     by("tools/reconstruct", "stream/stages/reconstruct", {"forecast_stage", "reconstruct_job"});
     by("stream/stages/scan/distribute", "stream/stages/scan", {"distribute_stage"});
     by("stream/stages/scan/order", "stream/stages/scan", {"order_stage"});

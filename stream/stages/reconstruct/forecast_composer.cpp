@@ -1,0 +1,337 @@
+#include "stream/stages/reconstruct/forecast.h"
+
+#include <algorithm>
+
+#include "kernels/field/field.h"
+#include "stream/check/compare_cells.h"
+#include "stream/check/mesh_compare.h"
+#include "stream/meshes/mesh_store_output.h"
+#include "stream/meshes/store_write_stage.h"
+#include "stream/points/closing_store.h"
+#include "stream/points/multipole_store.h"
+#include "stream/points/reconstruct_options.h"
+#include "stream/stages/decimate/certify_stage.h"
+#include "stream/stages/decimate/simplify_stage.h"
+#include "stream/stages/reconstruct/planned_patches.h"
+#include "stream/stages/scan/distribute_stage.h"
+#include "stream/stages/scan/normals_mode.h"
+#include "stream/stages/scan/normals_stage.h"
+#include "stream/stages/scan/order_stage.h"
+#include "stream/stages/scan/orient_solution.h"
+#include "stream/stages/surface/closing_stages.h"
+#include "stream/stages/surface/first_pass.h"
+#include "stream/stages/surface/hole_files.h"
+#include "stream/stages/surface/islands_stage.h"
+#include "stream/stages/surface/loops_stage.h"
+#include "stream/stages/surface/samples_stage.h"
+#include "stream/stages/surface/surface_stage.h"
+#include "stream/stages/surface/weld_stage.h"
+#include "stream/stages/surface/write_stage.h"
+
+namespace tessera {
+namespace {
+
+// Bytes on disk, as the files' headers give them.
+constexpr double kRunBytes = 24.0;
+constexpr double kStoreBytes = 24.3;   // records and tables, bricks of some thousand points
+constexpr double kOverlayBytes = 9.0;  // normals and boundary surfels
+constexpr double kPatchBytes = 21.0;   // per face
+constexpr double kOutputBytes = 19.0;  // per face: 13 bytes a face, half a vertex of 12
+
+// Processor time on one core of an EPYC at about 3 GHz, microseconds per point or face. `tools/bench` prints
+// them.
+constexpr double kDistributeTime = 0.05;
+constexpr double kOrderTime = 0.05;
+constexpr double kShapeTime = 0.25;     // supporters of points with normals
+constexpr double kEstimateTime = 0.95;  // normals too
+constexpr double kOrientTime = 0.25;
+constexpr double kSurfaceTime = 0.42;  // per face
+constexpr double kWeldTime = 0.03;     // per face
+constexpr double kSamplesTime = 0.5;   // per point, of either pass
+constexpr double kWriteTime = 0.02;    // per face
+// With --holes, per point and per face of the open surface; what closing itself takes only the holes know.
+constexpr double kMultipoleTime = 0.1;
+constexpr double kRimsTime = 0.4;
+constexpr double kMultipoleBytes = 0.96;
+constexpr double kRimsBytes = 1.5;
+// With --tolerance, per face of full resolution.
+constexpr double kFirstPassTime = 0.65;
+constexpr double kFirstPassBytes = 6.4;  // instead of kPatchBytes
+constexpr double kPass2Time = 0.27;
+constexpr double kPass3Time = 0.13;
+constexpr double kCertifyTime = 0.43;
+constexpr double kPassBytes = 0.3;
+constexpr double kDiskBytesPerSecond = 8e8;
+
+// Of orientation, per occupied block of 8^3 cells; all but the boundary grow with the noise, up to a tenth of a cell: what
+// the noisiest of six scans had, from simulated terrain to field scans of trees.
+constexpr double kBlockBoundary = 7.0;  // surfels at the faces of the brick
+constexpr double kBlockPatches = 6.0;
+constexpr double kBlockVotes = 25.0;
+constexpr double kBlockCoarse = 6.0;  // and one and a half without noise
+constexpr double kMostNoise = 0.1;
+constexpr double kFacesMargin = 1.2;  // within that the estimate of all faces was right
+/// A cell of the certificate is read with whole patches around it.
+constexpr std::uint64_t kCellReach = 3;
+
+std::uint64_t times(double count, double each) {
+  return static_cast<std::uint64_t>(count * each);
+}
+
+/// Memory of a stage.
+struct Memory {
+  std::uint64_t task = 0;
+  std::uint64_t finish = 0;
+  std::uint64_t sure = 0;  ///< of the larger
+};
+Memory known(std::uint64_t task, std::uint64_t finish) {
+  return {task, finish, std::max(task, finish)};
+}
+
+/// One forecast at work: its stages in order of the job.
+class Composer {
+ public:
+  Composer(const Plan& plan, const std::vector<PlanBrick>& bricks, const InputTasks& inputs,
+           const JobState& job)
+      : plan_(plan),
+        run_(job.run),
+        options_(reconstruct_options(job)),
+        mode_(options_, job.inputs.size(), plan),
+        inputs_(inputs),
+        plan_bricks_(bricks),
+        bricks_(planned_bricks(bricks, options_.max_brick_points)),
+        points_(static_cast<double>(plan.points())),
+        faces_(static_cast<double>(plan.faces_estimate)),
+        run_bytes_(times(points_, kRunBytes)),
+        store_bytes_(times(points_, kStoreBytes)),
+        overlay_bytes_(mode_.needed() ? times(points_, kOverlayBytes) : 0) {
+    FieldOptions field = field_options(plan, options_.feature_angle_deg);
+    closes_ = field.firm_rim = HolesMode(options_.holes).close;
+    halo_ = field_halo_cells(field);
+    groups_ = make_tile_groups(bricks_, surface_tiling(job, field));
+    patches_ = plan_patches(bricks_, groups_, plan.faces_estimate);
+    for (const BrickEntry& b : bricks_) {
+      largest_brick_ = std::max(largest_brick_, b.points);
+      most_blocks_ = std::max(most_blocks_, b.blocks);
+      blocks_ += b.blocks;
+    }
+    for (const PatchEntry& e : patches_.entries)
+      if (e.faces > largest_.faces) largest_ = e;
+  }
+
+  Forecast compose() {
+    scan();
+    const std::uint64_t closing = closes_ ? close() : 0;
+    const bool fused = fuses_first_pass(options_);
+    const std::uint64_t patches = times(faces_, fused ? kFirstPassBytes : kPatchBytes);
+    surface(fused, patches);
+    forecast_.output_bytes = times(faces_, kOutputBytes);
+    if (fused)
+      islands();
+    else
+      weld(patches);
+    if (options_.tolerance > 0.0) decimate(patches, fused ? 1 : 0);
+    if (options_.tolerance == 0.0)
+      add("write", 0, {0, write_bytes(patches_.entries, filling_bytes()), write_bytes({}, 0)},
+          forecast_.output_bytes, 1, faces_ * kWriteTime,
+          static_cast<double>(patches + forecast_.output_bytes));
+    forecast_.peak_disk_bytes =
+        std::max({run_bytes_ + store_bytes_, store_bytes_ + overlay_bytes_ + closing + patches,
+                  patches + forecast_.output_bytes + store_bytes_ + overlay_bytes_ + closing});
+    return std::move(forecast_);
+  }
+
+ private:
+  void add(std::string stage, std::uint64_t tasks, const Memory& memory, std::uint64_t disk,
+           std::uint64_t files, double processor_us, double moved_bytes) {
+    const double width = std::clamp(static_cast<double>(tasks), 1.0, std::max(1.0, 1.0 * run_.threads));
+    forecast_.stages.push_back({std::move(stage), tasks, memory.task, memory.finish, memory.sure, disk, files,
+                                processor_us * 1e-6 / width + moved_bytes / kDiskBytesPerSecond});
+  }
+
+  void scan() {
+    const std::uint64_t buckets = plan_.buckets.size();
+    add("distribute", inputs_.count,
+        known(distribute_task_bytes(run_, plan_, inputs_.largest_bytes),
+              distribute_finish_bytes(run_, plan_, inputs_.count)),
+        run_bytes_, inputs_.count + 1, points_ * kDistributeTime, 2.0 * static_cast<double>(run_bytes_));
+    std::uint64_t order = 0;
+    const std::uint64_t runs = distribute_runs(run_, plan_, inputs_.count);
+    for (const PlanBucket& b : plan_.buckets)
+      order = std::max(
+          order, order_task_bytes(b, plan_bricks_, std::min(runs, b.points), options_.max_brick_points));
+    add("order", buckets, known(order, OrderStage::kFinishBytes), store_bytes_, buckets, points_ * kOrderTime,
+        static_cast<double>(run_bytes_ + store_bytes_));
+    if (!mode_.needed()) return;
+    add("normals", buckets, known(normals_task_bytes(bricks_, 0, bricks_.size()), 0), overlay_bytes_, buckets,
+        points_ * (mode_.estimate ? kEstimateTime : kShapeTime),
+        static_cast<double>(store_bytes_ + overlay_bytes_));
+    if (!mode_.propagate()) return;
+    std::uint64_t most = 0;  // of the buckets
+    for (const PlanBucket& b : plan_.buckets) {
+      std::uint64_t blocks = 0;
+      for (std::uint64_t k = 0; k < b.bricks; ++k) blocks += bricks_[b.first_brick + k].blocks;
+      most = std::max(most, blocks);
+    }
+    const double noise = std::min(1.0, plan_.noise_cells / kMostNoise);
+    const auto blocks = static_cast<double>(blocks_);
+    add("orient", buckets,
+        {orient_task_bytes(times(static_cast<double>(most_blocks_), kBlockBoundary),
+                           times(static_cast<double>(most), noise * kBlockPatches)),
+         orient_solution_bytes(bricks_.size() + times(blocks, noise * kBlockPatches),
+                               times(blocks, noise * kBlockVotes), times(blocks, 1.5 + noise * kBlockCoarse)),
+         orient_solution_bytes(0, 0, 0)},
+        0, buckets, points_ * kOrientTime, static_cast<double>(overlay_bytes_));
+  }
+
+  /// \returns what it leaves on disk
+  std::uint64_t close() {
+    const std::uint64_t multipoles = times(faces_, kMultipoleBytes), rims = times(faces_, kRimsBytes);
+    const auto read = static_cast<double>(store_bytes_ + overlay_bytes_);
+    add("multipole", plan_.buckets.size(), known(multipole_task_bytes(largest_brick_), 0), multipoles,
+        plan_.buckets.size(), points_ * kMultipoleTime, read);
+    std::uint64_t most = 0;
+    for_each_tile([&](const Tile& t) { most = std::max(most, rims_tile_bytes(bricks_, t, halo_)); });
+    add("rims", groups_.size(), known(most, 0), rims, groups_.size(), faces_ * kRimsTime, read);
+    // What a brick's neighbours lend depends on where in them the points lie: about a quarter.
+    std::uint64_t bytes = 0;
+    for (const BrickEntry& b : bricks_) {
+      const Tile tile{brick_of_key(b.key), 1};
+      CloseCounts counts;
+      for (int d = 0; d < 27; ++d) {
+        const Int3 n = {tile.brick[0] + d % 3 - 1, tile.brick[1] + d / 3 % 3 - 1, tile.brick[2] + d / 9 - 1};
+        if (n[0] < 0 || n[1] < 0 || n[2] < 0) continue;
+        if (const BrickEntry* e = find_brick(bricks_, brick_key(n)))
+          counts.visit_points += d == 13 ? e->points : e->points / 4;
+      }
+      counts.near_bytes = MultipoleStore::near_bytes(bricks_, tile.corner(), tile.edges());
+      counts.far_bytes = 2 * sizeof(Multipole) * bricks_.size();
+      bytes = std::max(bytes, close_bytes(run_, counts));
+    }
+    add("close", 0, {0, bytes, close_bytes(run_, {})}, 0, 1, 0.0, 0.0);
+    return multipoles + rims;
+  }
+
+  void surface(bool fused, std::uint64_t patches) {
+    const BrickSectionStore no_cells({});
+    std::uint64_t most = 0, open = 0;
+    for_each_tile([&](const Tile& t) {
+      const std::uint64_t near = closes_ ? MultipoleStore::near_bytes(bricks_, t.corner(), t.edges()) : 0;
+      const BrickSectionStore* closing = closes_ ? &no_cells : nullptr;
+      most = std::max(most, surface_tile_bytes(bricks_, closing, t, halo_, fused, near));
+      if (closes_) open = std::max(open, surface_tile_bytes(bricks_, closing, t, halo_, fused, 0));
+    });
+    add("surface", groups_.size(), {most, 0, closes_ ? open : most}, patches, groups_.size(),
+        faces_ * (kSurfaceTime + (fused ? kFirstPassTime : 0.0)),
+        static_cast<double>(store_bytes_ + overlay_bytes_ + patches));
+  }
+
+  void islands() {
+    std::uint64_t parts = 0;
+    for (const PatchEntry& e : patches_.entries) parts += e.components;
+    add("islands", 0, {0, islands_bytes(run_, parts), islands_bytes(run_, 0)}, 0, 1, 0.0, 0.0);
+    add("prune", groups_.size(), {prune_task_bytes(8 * block_bytes(largest_.faces)), 0, 0}, 0, 0, 0.0, 0.0);
+  }
+
+  void weld(std::uint64_t patches) {
+    std::uint64_t task = 0, loops = 0, components = 0;
+    for (std::size_t g = 0; g + 1 < patches_.first.size(); ++g) {
+      const std::span<const PatchEntry> own(patches_.entries.data() + patches_.first[g],
+                                            patches_.first[g + 1] - patches_.first[g]);
+      task = std::max(task, weld_task_bytes(own));
+      loops = std::max(loops, loops_task_bytes(own));
+    }
+    for (const PatchEntry& e : patches_.entries) components += e.components;
+    const std::uint64_t groups = groups_.size();
+    add("weld", groups,
+        {task, weld_finish_bytes(patches_.entries.size(), components), weld_finish_bytes(0, 0)}, 0, groups,
+        faces_ * kWeldTime, 0.0);
+    if (options_.max_hole > 0) {
+      add("loops", groups, {loops, loops_finish_bytes(run_, patches_.entries), loops_finish_bytes(run_, {})},
+          0, groups, 0.0, static_cast<double>(patches));
+      add("holes", groups, known(hole_task_bytes(options_.max_hole), 0), 0, groups, 0.0, 0.0);
+    }
+    if (options_.tolerance > 0.0)
+      add("raw", 0, {0, write_bytes(patches_.entries, filling_bytes()), write_bytes({}, 0)},
+          forecast_.output_bytes, 1, faces_ * kWriteTime,
+          static_cast<double>(patches + forecast_.output_bytes));
+  }
+
+  void decimate(std::uint64_t patches, int first_pass) {
+    const SimplifyOptions simplify = reconstruct_simplify_options(options_);
+    const std::uint64_t faces = times(faces_, kFacesMargin), largest = largest_.faces;
+    const std::uint64_t disk = times(faces_, kPassBytes), blocks = groups_.size() / 2 + 1;
+    const std::uint64_t patch_bytes = block_bytes(largest);
+    if (options_.reference == "points") add_samples("points", faces);
+    for (int pass = first_pass; pass < simplify.passes; ++pass) {
+      // A block is filled up to its limit or is one brick; so is the part of the reference that it works against.
+      const std::uint64_t in = std::min(faces, std::max(simplify.block_faces, largest));
+      const std::uint64_t reference =
+          pass == 0 ? 0 : std::min(faces, std::max(kReferenceBlocks * simplify.block_faces, largest));
+      add(SimplifyPass{pass, 0, false}.stage_name(), blocks,
+          {simplify_task_bytes(block_bytes(in) + block_bytes(reference), in, reference, 0),
+           std::uint64_t{2} << 20, simplify_task_bytes(0, 0, 0, 0)},
+          disk, blocks, faces_ * (pass < 2 ? kPass2Time : kPass3Time),
+          (pass < 2 ? 0.5 : 0.2) * static_cast<double>(patches));
+    }
+    const std::uint64_t both = faces + faces / 4;  // with those of the result
+    const std::uint64_t in_cell = std::min(both, kCellReach * std::max(CompareOptions{}.cell_faces, largest));
+    const std::uint64_t cell = compare_cell_bytes(block_bytes(in_cell), in_cell);
+    add("certify", groups_.size(),
+        {certify_task_bytes(cell), certify_finish_bytes(cell, groups_.size()), certify_task_bytes(0)}, 0,
+        groups_.size(), faces_ * kCertifyTime, static_cast<double>(patches));
+    const Memory write = {0, write_mesh_store_bytes(patch_bytes, patches_.entries.size(), sort_bytes(run_)),
+                          write_mesh_store_bytes(0, 0, sort_bytes(run_))};
+    if (options_.reference == "points") add_samples("samples", faces / 10);
+    const auto add_write = [&](const char* stage) {
+      add(stage, 0, write, forecast_.output_bytes, 1, faces_ * kWriteTime,
+          static_cast<double>(patches + forecast_.output_bytes));
+    };
+    if (options_.keep_raw) add_write("keep-raw");
+    add_write("write");
+  }
+
+  void add_samples(const char* stage, std::uint64_t faces) {
+    const std::uint64_t near = std::min<std::uint64_t>(faces, 2 * largest_.faces);
+    add(stage, plan_.buckets.size(),
+        {samples_task_bytes(largest_brick_, block_bytes(near), near), 0,
+         samples_task_bytes(largest_brick_, 0, 0)},
+        0, 0, points_ * kSamplesTime, static_cast<double>(store_bytes_));
+  }
+
+  template <class Use>
+  void for_each_tile(const Use& use) const {
+    for (const TileGroup& group : groups_)
+      for (const Tile& tile : group) use(tile);
+  }
+  static std::uint64_t block_bytes(std::uint64_t faces) {
+    return MeshStore::block_bytes(times(static_cast<double>(faces), kVerticesPerFace), faces);
+  }
+  std::uint64_t filling_bytes() const { return options_.max_hole > 0 ? kBatchVertices * (24 + 48) : 0; }
+
+  const Plan& plan_;
+  const RunOptions& run_;
+  const ReconstructOptions options_;
+  const NormalsMode mode_;
+  const InputTasks inputs_;
+  const std::vector<PlanBrick>& plan_bricks_;
+  const std::vector<BrickEntry> bricks_;
+  const double points_, faces_;
+  const std::uint64_t run_bytes_, store_bytes_, overlay_bytes_;
+  bool closes_ = false;
+  int halo_ = 0;
+  std::vector<TileGroup> groups_;
+  PlannedPatches patches_;
+  std::uint64_t largest_brick_ = 0, most_blocks_ = 0, blocks_ = 0;
+  PatchEntry largest_;  ///< patch
+  Forecast forecast_;
+};
+
+}  // namespace
+
+Forecast forecast_job(const Plan& plan, const std::vector<PlanBrick>& bricks, const InputTasks& inputs,
+                      const JobState& job) {
+  return Composer(plan, bricks, inputs, job).compose();
+}
+
+}  // namespace tessera

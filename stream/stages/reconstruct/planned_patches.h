@@ -1,0 +1,26 @@
+/// \file planned_patches.h
+/// Patches as a plan can tell them before there are any: for the stages that read them.
+#pragma once
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "stream/meshes/patch_store.h"
+#include "stream/points/point_store.h"
+#include "stream/stages/surface/surface_stage.h"
+
+namespace tessera {
+
+inline constexpr double kVerticesPerFace = 0.6;  ///< those at seams are there in every patch
+
+/// Patches of all bricks that hold points, as far as a plan can tell; first of every group of tiles, and one past.
+struct PlannedPatches {
+  std::vector<PatchEntry> entries;
+  std::vector<std::size_t> first;
+};
+
+/// Faces go to bricks by their occupied blocks, half as many again as the mean: no patch should have more.
+PlannedPatches plan_patches(std::span<const BrickEntry> bricks, const std::vector<TileGroup>& groups,
+                            std::uint64_t faces);
+
+}  // namespace tessera
