@@ -1,0 +1,24 @@
+// The stage that the README adds: its code block is included as it stands there (tests/CMakeLists.txt).
+#include <catch2/catch.hpp>
+
+#include <algorithm>
+#include <array>
+#include <memory>
+#include <nlohmann/json.hpp>
+
+#include "octree/error.h"
+#include "octree/vector.h"
+#include "stream/files/durable_file.h"
+#include "stream/import/import_stages.h"
+#include "stream/runtime/numbers.h"
+#include "stream/runtime/option_table.h"
+#include "stream/runtime/stage_runner.h"
+#include "tests/helpers/shell.h"
+#include "tests/helpers/temp_folder.h"
+
+using namespace tessera;
+using namespace tessera::test;
+
+namespace {
+#include "readme_stage.inc"
+}  // namespace
