@@ -140,6 +140,11 @@ Findings check_listed(const Sources& sources) {
             if (f.path.ends_with("_fuzz.cpp")) listed.insert(f.path);
           continue;
         }
+        if (word == "*.cpp") {  // a glob names all that lies below its folder
+          for (const Source& f : sources)
+            if (f.is_cpp() && f.path.starts_with(folder_of(s.path) + "/")) listed.insert(f.path);
+          continue;
+        }
         listed.insert(folder_of(s.path) + "/" + word);
       }
     }

@@ -204,6 +204,9 @@ TEST_CASE("gate of builds: a source in no CMakeLists.txt is found", "[unit]") {
   check_only(
       check_listed({patch, source("kernels/CMakeLists.txt", {"add_library(k", "  mesh/other.cpp", ")"})}),
       "stands in no CMakeLists.txt");
+  check_clean(check_listed({patch, source("kernels/CMakeLists.txt", {"file(GLOB_RECURSE k *.cpp)"})}));
+  check_only(check_listed({patch, source("stream/CMakeLists.txt", {"file(GLOB_RECURSE s *.cpp)"})}),
+             "stands in no CMakeLists.txt");
 }
 
 TEST_CASE("gate of labels: none, two, unknown ones and those that ctest never asks for are found", "[unit]") {

@@ -20,5 +20,5 @@ using namespace tessera;
 using namespace tessera::test;
 
 namespace {
-#include "readme_stage.inc"
+#include TESSERA_README_STAGE
 }  // namespace
