@@ -16,6 +16,7 @@ OPENVDB_USE_VERSION_NAMESPACE
 namespace OPENVDB_VERSION_NAME::tree {
 /// Hidden: libopenvdb keeps its own for grids that it reads.
 template <>
+// NOLINTNEXTLINE(readability-identifier-naming): OpenVDB's name
 [[gnu::visibility("hidden")]] inline void LeafBuffer<float, tessera::kLeafBits>::doLoad() const {
   throw std::logic_error("a leaf whose values are on disk: read the grid with delayLoad = false");
 }
