@@ -44,6 +44,11 @@ void* operator new(std::size_t bytes, std::align_val_t alignment) {
   peak_allocated = std::max(peak_allocated, allocated);
   return p;
 }
+void* operator new(std::size_t bytes, const std::nothrow_t&) noexcept {
+  void* p = std::malloc(bytes > 0 ? bytes : 1);
+  if (p) allocated += ::malloc_usable_size(p);
+  return p;
+}
 void operator delete(void* p) noexcept {
   allocated -= ::malloc_usable_size(p);
   std::free(p);
