@@ -8,6 +8,7 @@
 #include <string>
 
 #include "kernels/points/sight.h"
+#include "stream/runtime/parallel.h"
 
 namespace tessera {
 namespace {
@@ -125,7 +126,13 @@ PatchSigns solve_unseen(const std::vector<std::uint64_t>& weight, const std::vec
     for (float& a : s.area) a *= static_cast<float>(sign[s.patch]);
     s.patch = group[s.patch];
   }
-  SightVotes sight = vote_by_sight(surfels, groups, up, kSightScale);
+  SightVotes sight = vote_by_sight(surfels, groups, up, kSightScale,
+                                   [&](std::size_t count, const std::function<void(std::size_t)>& body) {
+                                     parallel_for(count, [&](std::size_t i) {
+                                       context.check_stop();
+                                       body(i);
+                                     });
+                                   });
   entry["enclosed_fraction"] = sight.enclosed;
   entry["scene"] = name_of(sight.scene);
   context.check_stop();
