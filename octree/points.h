@@ -28,6 +28,8 @@ static_assert(sizeof(PointRecord) == 24);
 /// Bits of PointRecord::flags.
 enum PointFlag : std::uint16_t {
   kPointOutlier = 1,  ///< dropped by cleaning; later stages skip it
+  kPointNotLast = 2,  ///< an earlier return of its pulse: something solid lies beyond
+  kPointGround = 4,   ///< the scan's own classes say ground
 };
 
 /// Unit vector to 16+16 bit octahedral code and back; error below 1e-4 rad. Exact on every machine
@@ -48,6 +50,7 @@ struct PointBlock {
   std::vector<float> nx, ny, nz;      ///< unit normals; zero where unknown
   std::vector<std::uint32_t> rgba;    ///< empty if the scan has no colour
   std::vector<std::uint16_t> sensor;  ///< empty unless asked for
+  std::vector<std::uint16_t> flags;   ///< bits of PointFlag; empty unless asked for
   std::size_t size() const { return x.size(); }
 };
 

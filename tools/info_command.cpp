@@ -38,6 +38,7 @@ std::string attributes_text(const PointSummary& s) {
   add(a.colour, "colour" + lacking(s.without_colour));
   add(a.intensity, "intensity");
   add(a.sensor, "sensor positions");
+  add(a.echo, "classes and returns");
   return text.empty() ? "positions only" : text;
 }
 
@@ -75,8 +76,11 @@ nlohmann::ordered_json to_json(const PointSummary& s) {
                  {"empty", s.counts.empty},
                  {"missing", s.missing}};
   const PointAttributes& a = s.info.attributes;
-  j["attributes"] = {
-      {"normals", a.normals}, {"colour", a.colour}, {"intensity", a.intensity}, {"sensor", a.sensor}};
+  j["attributes"] = {{"normals", a.normals},
+                     {"colour", a.colour},
+                     {"intensity", a.intensity},
+                     {"sensor", a.sensor},
+                     {"classes_and_returns", a.echo}};
   j["without_normal"] = s.without_normal;
   j["without_colour"] = s.without_colour;
   if (s.min[0] <= s.max[0]) j["bounds"] = {{"min", s.min}, {"max", s.max}};

@@ -39,6 +39,8 @@ void print_plan(const Plan& plan, const Forecast& forecast, const ReconstructOpt
                 const JobState& state) {
   const PointFates& p = plan.fates;
   fmt::print("points       {} read, {} kept", p.read, p.kept);
+  if (p.other_class > 0) fmt::print(", {} of other classes", p.other_class);
+  if (p.other_return > 0) fmt::print(", {} of other returns", p.other_return);
   if (p.non_finite > 0) fmt::print(", {} not finite", p.non_finite);
   if (p.absurd > 0) fmt::print(", {} far outside", p.absurd);
   if (p.withheld > 0) fmt::print(", {} withheld", p.withheld);
@@ -46,6 +48,9 @@ void print_plan(const Plan& plan, const Forecast& forecast, const ReconstructOpt
   if (p.missing > 0) fmt::print(", {} missing", p.missing);
   fmt::print("\nattributes   normals for {:.1f} %, {}, {} sensor positions\n", 100.0 * plan.normal_fraction,
              plan.has_colour ? "colour" : "no colour", plan.sensors.size());
+  if (plan.multi_return_fraction > 0)
+    fmt::print("pulses       {:.1f} % of the points come from pulses of several returns\n",
+               100.0 * plan.multi_return_fraction);
   if (plan.spacing > 0) {
     fmt::print("spacing      {:.6g} scan units, noise {:.3g} of the resolution\n", plan.spacing,
                plan.noise_cells);

@@ -10,12 +10,13 @@
 namespace tessera {
 namespace {
 
-constexpr int kPlanVersion = 2;
+constexpr int kPlanVersion = 3;
 constexpr PackedKind kBricksKind = {"TSBRICK3", "a brick list"};
 
 }  // namespace
 
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(PointFates, read, withheld, empty, missing, non_finite, absurd, kept)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(PointFates, read, withheld, empty, missing, other_class, other_return,
+                                   non_finite, absurd, kept)
 
 nlohmann::json Plan::to_json() const {
   nlohmann::json j;
@@ -28,6 +29,7 @@ nlohmann::json Plan::to_json() const {
   j["auto_resolution"] = auto_resolution;
   j["has_colour"] = has_colour;
   j["normal_fraction"] = normal_fraction;
+  j["multi_return_fraction"] = multi_return_fraction;
   j["sensors"] = sensors;
   j["brick_min"] = brick_min;
   j["brick_max"] = brick_max;
@@ -63,6 +65,7 @@ Plan Plan::load(const std::filesystem::path& file) {
     j.at("auto_resolution").get_to(p.auto_resolution);
     j.at("has_colour").get_to(p.has_colour);
     j.at("normal_fraction").get_to(p.normal_fraction);
+    j.at("multi_return_fraction").get_to(p.multi_return_fraction);
     j.at("sensors").get_to(p.sensors);
     j.at("brick_min").get_to(p.brick_min);
     j.at("brick_max").get_to(p.brick_max);

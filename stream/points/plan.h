@@ -15,15 +15,18 @@
 
 namespace tessera {
 
-/// Where every point that was read went; read = kept + non_finite + absurd.
+/// Where every point that was read went; read = kept + other_class + other_return + non_finite +
+/// absurd.
 struct PointFates {
-  std::uint64_t read = 0;        ///< handed over by the readers
-  std::uint64_t withheld = 0;    ///< flagged withheld by the format, never handed over
-  std::uint64_t empty = 0;       ///< placeholders for "no return", never handed over
-  std::uint64_t missing = 0;     ///< declared by a header, not in the file
-  std::uint64_t non_finite = 0;  ///< NaN or infinite coordinates, dropped
-  std::uint64_t absurd = 0;      ///< far outside everything else, dropped
-  std::uint64_t kept = 0;        ///< what distribute writes (duplicates and hot bricks come off in order)
+  std::uint64_t read = 0;          ///< handed over by the readers
+  std::uint64_t withheld = 0;      ///< flagged withheld by the format, never handed over
+  std::uint64_t empty = 0;         ///< placeholders for "no return", never handed over
+  std::uint64_t missing = 0;       ///< declared by a header, not in the file
+  std::uint64_t other_class = 0;   ///< not of the --classes wanted, left out
+  std::uint64_t other_return = 0;  ///< else not of the --returns wanted, left out
+  std::uint64_t non_finite = 0;    ///< NaN or infinite coordinates, dropped
+  std::uint64_t absurd = 0;        ///< far outside everything else, dropped
+  std::uint64_t kept = 0;          ///< what distribute writes (duplicates and hot bricks come off in order)
 };
 
 /// An occupied brick of the lattice, as surveyed: before duplicates and thinning.
@@ -50,6 +53,8 @@ struct Plan {
   bool auto_resolution = false;  ///< h was chosen by measurement
   bool has_colour = false;       ///< some file carries colour
   double normal_fraction = 0.0;  ///< share of the kept points that carry a usable normal
+  double multi_return_fraction =
+      0.0;                       ///< share of them that come from pulses of several returns; 0 = unknown
   std::vector<Double3> sensors;  ///< PointRecord::sensor indexes it; ascending, no repeats; scan frame
   Int3 brick_min = {0, 0, 0};    ///< smallest and largest occupied brick coordinates per axis, lattice frame
   Int3 brick_max = {0, 0, 0};

@@ -17,8 +17,10 @@ constexpr std::uint64_t kMaxTasks = 400;
 
 PointInputs::PointInputs(std::vector<std::unique_ptr<PointFile>> files, const ReconstructOptions& options,
                          std::uint64_t task_bytes)
-    : files_(std::move(files)) {
+    : files_(std::move(files)), filter_(options.classes, options.returns) {
   if (files_.empty()) throw UsageError("no input: name at least one scan, folder, glob or @list");
+  if (std::none_of(files_.begin(), files_.end(), [](const auto& f) { return f->info().attributes.echo; }))
+    filter_.refuse();
   for (const auto& f : files_) {
     bytes_ += f->info().bytes;
     sensors_.insert(sensors_.end(), f->info().sensors.begin(), f->info().sensors.end());
@@ -101,6 +103,7 @@ void PointInputs::sensor_ids(std::uint32_t file, const PointChunk& chunk,
 ReadCounts PointInputs::read(std::size_t k, TaskContext& context, bool in_bytes,
                              const std::function<void(std::uint32_t, const PointChunk&)>& sink) const {
   ReadCounts sum;
+  PointChunk scratch;
   for (const InputSlice& slice : tasks_[k]) {
     // Within a slice progress is an estimate from the header's count; it ends exactly.
     const PointFileInfo& info = files_[slice.file]->info();
@@ -110,7 +113,8 @@ ReadCounts PointInputs::read(std::size_t k, TaskContext& context, bool in_bytes,
     std::uint64_t told = 0;
     const ReadCounts counts = files_[slice.file]->read(slice, [&](const PointChunk& chunk) {
       context.check_stop();
-      sink(slice.file, chunk);
+      const PointChunk& wanted = filter_.apply(chunk, scratch, sum);
+      if (wanted.size() > 0) sink(slice.file, wanted);
       const auto step = static_cast<std::uint64_t>(static_cast<double>(chunk.size()) * bytes_per_point);
       const std::uint64_t part = std::min(step, slice.bytes - told);
       told += part;

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "stream/formats/points/point_source.h"
+#include "stream/points/echo_filter.h"
 #include "stream/points/reconstruct_options.h"
 #include "stream/runtime/stage.h"
 
@@ -17,7 +18,7 @@ class PointInputs {
  public:
   /// \param task_bytes  input bytes that one task reads, about; grows for huge inputs so that tasks stay below
   ///                    about 400. Changes no result.
-  /// \throws UsageError  no file; InputError  more than 65534 different sensor origins
+  /// \throws UsageError  no file, or classes or returns wanted that no file tells; InputError  more than 65534 different sensor origins
   PointInputs(std::vector<std::unique_ptr<PointFile>> files, const ReconstructOptions& options,
               std::uint64_t task_bytes = std::uint64_t{32} << 20);
 
@@ -39,10 +40,15 @@ class PointInputs {
   /// given: the only one; the one of its file, if there are as many as files; else the nearest.
   void sensor_ids(std::uint32_t file, const PointChunk& chunk, std::vector<std::uint16_t>& ids) const;
 
-  /// Streams the slices of task k. Reports progress in input bytes when `in_bytes`, else in points; checks
+  /// Streams the slices of task k, without the points whose class or return is not wanted. Reports progress in input bytes when `in_bytes`, else in points; checks
   /// for a stop between chunks. Returns the summed fates.
   ReadCounts read(std::size_t k, TaskContext& context, bool in_bytes,
                   const std::function<void(std::uint32_t file, const PointChunk&)>& sink) const;
+
+  /// \throws EmptyError  where classes and returns leave none of the points read
+  void require_wanted(std::uint64_t read, std::uint64_t left_out) const {
+    filter_.require_wanted(read, left_out);
+  }
 
   /// Memory that reading one task takes, at most.
   static constexpr std::uint64_t kReadBytes = std::uint64_t{12} << 20;
@@ -51,6 +57,7 @@ class PointInputs {
   std::uint16_t id_of(const Double3& origin) const;
 
   std::vector<std::unique_ptr<PointFile>> files_;
+  EchoFilter filter_;
   std::vector<std::vector<InputSlice>> tasks_;
   std::vector<Double3> sensors_;
   std::vector<std::vector<std::uint16_t>> file_sensors_;  ///< per file: its sensor index -> id

@@ -74,12 +74,14 @@ void MergedPoint::add(const MergedPoint& other) {
     colour_[a] += other.colour_[a];
   }
   first_.sensor = std::min(first_.sensor, other.first_.sensor);
+  const unsigned a = first_.flags;
+  const unsigned b = other.first_.flags;
+  first_.flags = static_cast<std::uint16_t>((a & b & kPointNotLast) | ((a | b) & kPointGround));
 }
 
 PointRecord MergedPoint::result() const {
   if (count_ <= 1) return first_;
   PointRecord p = first_;
-  p.flags = 0;
   const double x = static_cast<double>(normal_[0]);
   const double y = static_cast<double>(normal_[1]);
   const double z = static_cast<double>(normal_[2]);

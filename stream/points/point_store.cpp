@@ -191,8 +191,8 @@ void for_bricks(const Bricks& store, const CellBox& box, const Use& use) {
 
 }  // namespace
 
-PointBlock PointStore::load(const Int3& origin_cells, const Int3& cells, int halo_cells,
-                            bool with_sensor) const {
+PointBlock PointStore::load(const Int3& origin_cells, const Int3& cells, int halo_cells, bool with_sensor,
+                            bool with_flags) const {
   const CellBox box = box_of(origin_cells, cells, halo_cells);
   std::vector<Segment> segments;
   for_bricks(impl_->bricks, box, [&](const BrickEntry& brick, const Int3& at, bool whole) {
@@ -210,6 +210,7 @@ PointBlock PointStore::load(const Int3& origin_cells, const Int3& cells, int hal
   for (auto* v : {&out.x, &out.y, &out.z, &out.nx, &out.ny, &out.nz}) v->resize(bound);
   out.rgba.resize(bound);
   if (with_sensor) out.sensor.resize(bound);
+  if (with_flags) out.flags.resize(bound);
   std::vector<PointRecord> buffer;
   std::vector<std::uint32_t> codes(std::min<std::size_t>(bound, kChunkPoints));
   std::size_t n = 0;
@@ -234,6 +235,7 @@ PointBlock PointStore::load(const Int3& origin_cells, const Int3& cells, int hal
         out.rgba[n] = p[i].rgba;
         codes[n - start] = p[i].normal;
         if (with_sensor) out.sensor[n] = p[i].sensor;
+        if (with_flags) out.flags[n] = p[i].flags;
         const bool in_box = s.inside || (q[0] >= low[0] && q[0] < high[0] && q[1] >= low[1] &&
                                          q[1] < high[1] && q[2] >= low[2] && q[2] < high[2]);
         const bool stays = in_box && !(p[i].flags & kPointOutlier);
@@ -247,6 +249,7 @@ PointBlock PointStore::load(const Int3& origin_cells, const Int3& cells, int hal
   for (auto* v : {&out.x, &out.y, &out.z, &out.nx, &out.ny, &out.nz}) v->resize(n);
   out.rgba.resize(any_colour ? n : 0);
   if (with_sensor) out.sensor.resize(n);
+  if (with_flags) out.flags.resize(n);
   return out;
 }
 

@@ -66,11 +66,11 @@ class PointStore {
   std::pair<std::size_t, std::size_t> file_range(std::size_t file) const;  ///< brick indices [first, last)
 
   /// Points of the box [origin - halo, origin + cells + halo), cells, canonical order, outliers skipped.
-  /// \param with_sensor  fill PointBlock::sensor
+  /// \param with_sensor, with_flags  fill PointBlock::sensor, flags
   /// \pre cells + 2 halo below 2^14 per axis, so that positions are exact floats
   /// \cost about 40 bytes a point of memory, the result included
-  PointBlock load(const Int3& origin_cells, const Int3& cells, int halo_cells,
-                  bool with_sensor = false) const;
+  PointBlock load(const Int3& origin_cells, const Int3& cells, int halo_cells, bool with_sensor = false,
+                  bool with_flags = false) const;
   /// Starts fetching what load() of this box will read, whole bricks at a time: halo shells are many small reads,
   /// and a disk serves them one by one.
   void prefetch(const Int3& origin_cells, const Int3& cells, int halo_cells) const;

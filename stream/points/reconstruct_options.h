@@ -24,6 +24,8 @@ struct ReconstructOptions {
   double max_uncertain = 0.5;
   std::uint64_t max_brick_points = 1u << 22;
   std::vector<std::string> columns;
+  std::vector<std::string> classes;  ///< numbers up to 255
+  std::string returns = "all";
   double tolerance = 0.0;
   std::string reference = "surface";
   bool keep_raw = false;
@@ -87,6 +89,12 @@ inline OptionTable option_table(ReconstructOptions& o) {
         "estimated normals: position of a scanner, scan units; they point to it (repeatable)");
   t.add("up", &o.up, "estimated normals point to this side, for airborne scans");
   add_columns(t, o.columns);
+  t.add("classes", &o.classes,
+        "LAS: classes of points to keep, e.g. 2,6 for ground and buildings; default: all but noise (7, 18)")
+      .split();
+  t.add("returns", &o.returns,
+        "LAS: which returns of a pulse to keep; last or first sees one surface where a pulse met several")
+      .one_of({"all", "first", "last"});
   t.add("max-brick-points", &o.max_brick_points, "points; a brick of 64^3 cells with more is thinned to this")
       .at_least(1);
   t.add("tolerance", &o.tolerance,

@@ -68,6 +68,7 @@ inline Reading read_all(OpenPoints open, const std::filesystem::path& path, cons
         require(c.nx.size() == (has.normals ? c.size() : 0), "normals");
         require(c.ny.size() == c.nx.size() && c.nz.size() == c.nx.size(), "normals");
         require(c.rgba.size() == (has.colour ? c.size() : 0), "colours");
+        require(c.echo.size() == (has.echo ? c.size() : 0), "echoes");
         require(c.sensor.size() == (has.sensor ? c.size() : 0), "sensors");
         for (std::size_t i = 0; i < c.size(); ++i) {
           r.mix(c.x, i), r.mix(c.y, i), r.mix(c.z, i);

@@ -14,6 +14,7 @@ struct TestPoint {
   Double3 p{};
   Float3 n{0, 0, 0};
   std::uint32_t rgba = 0;
+  Echo echo = {};
 };
 
 /// Serves points [begin, end) of a shared list, `slice_points` per slice, `chunk_points` per chunk.
@@ -26,6 +27,7 @@ class MemoryPoints : public PointFile {
     info_.bytes = points_.size() * 24;
     info_.declared_points = points_.size();
     info_.attributes.normals = info_.attributes.colour = true;
+    for (const TestPoint& t : points_) info_.attributes.echo |= t.echo != Echo{};
   }
   PointFileInfo& edit() { return info_; }
   const PointFileInfo& info() const override { return info_; }
@@ -46,6 +48,7 @@ class MemoryPoints : public PointFile {
       chunk.x.push_back(t.p[0]), chunk.y.push_back(t.p[1]), chunk.z.push_back(t.p[2]);
       chunk.nx.push_back(t.n[0]), chunk.ny.push_back(t.n[1]), chunk.nz.push_back(t.n[2]);
       chunk.rgba.push_back(t.rgba);
+      if (info_.attributes.echo) chunk.echo.push_back(t.echo);
       ++counts.points;
       if (chunk.size() == chunk_points_ || i + 1 == slice.end) {
         sink(chunk);

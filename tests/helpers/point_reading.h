@@ -22,7 +22,7 @@ inline void append(PointChunk& to, const PointChunk& from) {
   const auto add = [](auto& a, const auto& b) { a.insert(a.end(), b.begin(), b.end()); };
   add(to.x, from.x), add(to.y, from.y), add(to.z, from.z);
   add(to.nx, from.nx), add(to.ny, from.ny), add(to.nz, from.nz);
-  add(to.rgba, from.rgba), add(to.sensor, from.sensor);
+  add(to.rgba, from.rgba), add(to.sensor, from.sensor), add(to.echo, from.echo);
 }
 
 inline ReadResult read_points(const std::filesystem::path& path,
@@ -43,6 +43,7 @@ inline ReadResult read_points(const std::filesystem::path& path,
       }
       REQUIRE(chunk.rgba.size() == (result.info.attributes.colour ? chunk.size() : 0));
       REQUIRE(chunk.sensor.size() == (result.info.attributes.sensor ? chunk.size() : 0));
+      REQUIRE(chunk.echo.size() == (result.info.attributes.echo ? chunk.size() : 0));
       append(result.points, chunk);
       handed += chunk.size();
     });
@@ -64,7 +65,7 @@ bool same_bits(const std::vector<T>& a, const std::vector<T>& b) {
 inline bool same_points(const PointChunk& a, const PointChunk& b) {
   return same_bits(a.x, b.x) && same_bits(a.y, b.y) && same_bits(a.z, b.z) && same_bits(a.nx, b.nx) &&
          same_bits(a.ny, b.ny) && same_bits(a.nz, b.nz) && same_bits(a.rgba, b.rgba) &&
-         same_bits(a.sensor, b.sensor);
+         same_bits(a.sensor, b.sensor) && a.echo == b.echo;
 }
 
 /// All slice sizes give the points of one read, in the same order, whatever the chunk size.

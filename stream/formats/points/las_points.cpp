@@ -43,13 +43,16 @@ struct PointFormat {
   int colour;             ///< byte offset of red, -1 without
   std::uint8_t withheld;  ///< bit in byte 15
 };
+constexpr int kFirstWideFormat = 6;  ///< from here on four bits a return number and a byte for the class
 constexpr std::array kPointFormats = {
     PointFormat{20, -1, 0x80}, PointFormat{28, -1, 0x80}, PointFormat{26, 20, 0x80},
     PointFormat{34, 28, 0x80}, PointFormat{57, -1, 0x80}, PointFormat{63, 28, 0x80},
     PointFormat{30, -1, 0x04}, PointFormat{36, 30, 0x04}, PointFormat{38, 30, 0x04},
     PointFormat{59, -1, 0x04}, PointFormat{67, 30, 0x04},
 };
-constexpr std::size_t kFlagsByte = 15;
+constexpr std::size_t kReturnsByte = 14;
+constexpr std::size_t kFlagsByte = 15;  ///< formats 0 to 5: the class too
+constexpr std::size_t kWideClassByte = 16;
 
 class LasPoints final : public PointFile {
  public:
@@ -85,6 +88,7 @@ class LasPoints final : public PointFile {
         std::size_t kept = i;
         while (kept < n && !withheld(records + kept * layout_.stride)) ++kept;
         append_records(layout_, records + i * layout_.stride, kept - i, out.chunk());
+        append_echoes(records + i * layout_.stride, kept - i, out.chunk().echo);
         i = kept;
         while (i < n && withheld(records + i * layout_.stride)) ++i;
         counts.withheld += i - kept;
@@ -110,6 +114,20 @@ class LasPoints final : public PointFile {
   }
   bool withheld(const char* record) const {
     return (static_cast<std::uint8_t>(record[kFlagsByte]) & withheld_bit_) != 0;
+  }
+
+  void append_echoes(const char* records, std::size_t count, std::vector<Echo>& out) const {
+    const std::size_t first = out.size();
+    out.resize(first + count);
+    const unsigned bits = wide_ ? 4 : 3;
+    const unsigned mask = (1u << bits) - 1;
+    for (std::size_t i = 0; i < count; ++i, records += layout_.stride) {
+      const unsigned returns = static_cast<std::uint8_t>(records[kReturnsByte]);
+      const unsigned kind = static_cast<std::uint8_t>(records[wide_ ? kWideClassByte : kFlagsByte]);
+      out[first + i] = {static_cast<std::uint8_t>(wide_ ? kind : kind & 31u),
+                        static_cast<std::uint8_t>(returns & mask),
+                        static_cast<std::uint8_t>(returns >> bits & mask)};
+    }
   }
 
   void read_header(const ReadFile& file) {
@@ -142,6 +160,7 @@ class LasPoints final : public PointFile {
     }
     format_ = kPointFormats[static_cast<std::size_t>(format)];
     withheld_bit_ = format_.withheld;
+    wide_ = format >= kFirstWideFormat;
     begin_ = field<std::uint32_t>(kPointOffset);
     if (begin_ < kHeader12) {
       fail(kPointOffset, "points cannot start at byte " + std::to_string(begin_) + ", within the header");
@@ -150,6 +169,7 @@ class LasPoints final : public PointFile {
     info_.format = "LAS 1." + std::to_string(minor_) + " point format " + std::to_string(format);
     info_.bytes = input_.size();
     info_.attributes.intensity = true;
+    info_.attributes.echo = true;
   }
 
   void set_layout() {
@@ -230,6 +250,7 @@ class LasPoints final : public PointFile {
   int minor_ = 0;
   PointFormat format_{};
   std::uint8_t withheld_bit_ = 0;
+  bool wide_ = false;
   std::uint64_t begin_ = 0;
   PointRecordLayout layout_;
   RecordCount count_;

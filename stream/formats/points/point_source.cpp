@@ -49,6 +49,7 @@ void PointChunk::clear() {
   nx.clear(), ny.clear(), nz.clear();
   rgba.clear();
   sensor.clear();
+  echo.clear();
 }
 
 std::unique_ptr<PointFile> open_point_file(const std::filesystem::path& path, const ReadOptions& options) {

@@ -13,6 +13,16 @@
 
 namespace tessera {
 
+/// What a laser scanner says of one echo of a pulse.
+struct Echo {
+  std::uint8_t kind = 0;    ///< class: 2 ground, 6 building, 7 and 18 noise (ASPRS)
+  std::uint8_t number = 0;  ///< of this return, from 1; 0 = not filled in
+  std::uint8_t of = 0;      ///< returns of the pulse
+  bool first() const { return number <= 1; }
+  bool last() const { return number >= of; }
+  bool operator==(const Echo&) const = default;
+};
+
 /// A bounded batch of points in the scan's own frame, structure of arrays. Optional arrays are empty or as
 /// long as x. Non-finite coordinates are passed on as they are: the survey drops and counts them.
 struct PointChunk {
@@ -20,6 +30,7 @@ struct PointChunk {
   std::vector<float> nx, ny, nz;      ///< as given, not normalised; zero = unknown
   std::vector<std::uint32_t> rgba;    ///< r | g<<8 | b<<16 | a<<24, alpha 255 where colour is known
   std::vector<std::uint16_t> sensor;  ///< index into PointFileInfo::sensors
+  std::vector<Echo> echo;
   std::size_t size() const { return x.size(); }
   void clear();
 };
@@ -30,6 +41,7 @@ struct PointAttributes {
   bool colour = false;
   bool intensity = false;
   bool sensor = false;
+  bool echo = false;
 };
 
 struct PointFileInfo {
@@ -60,6 +72,8 @@ struct ReadCounts {
   /// Declared by the header, not in the file (truncated); text files read in slices cannot know and count a
   /// torn last line only: see missing_points.
   std::uint64_t missing = 0;
+  std::uint64_t other_class = 0;   ///< of `points`, left out by PointInputs: of a class that is not wanted
+  std::uint64_t other_return = 0;  ///< else of a return that is not wanted
   std::vector<std::string> warnings;
 };
 

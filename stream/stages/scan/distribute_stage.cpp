@@ -34,6 +34,11 @@ class BucketFinder {
   std::uint32_t bucket_ = 0;
 };
 
+std::uint16_t flags_of(const Echo& echo) {
+  return static_cast<std::uint16_t>((echo.last() ? 0 : kPointNotLast) |
+                                    (echo.kind == kGroundClass ? kPointGround : 0));
+}
+
 std::size_t run_points(const RunOptions& run) {
   const std::uint64_t share = run.memory_bytes / static_cast<std::uint64_t>(std::max(1, run.threads));
   return static_cast<std::size_t>(
@@ -112,6 +117,7 @@ nlohmann::json DistributeStage::run(std::size_t task, TaskContext& context) cons
       if (with_normals) p.normal = normals[i];
       if (!chunk.rgba.empty()) p.rgba = chunk.rgba[i];
       if (!plan_.sensors.empty()) p.sensor = sensors[i];
+      if (!chunk.echo.empty()) p.flags = flags_of(chunk.echo[i]);
       out.add(p, bucket_of(p.q));
       ++kept;
     }

@@ -81,7 +81,7 @@ class ProbeStage : public MeasuringStage {
   json run(std::size_t task, TaskContext& context) const override {
     PointSampler sampler(kProbePoints);
     std::uint64_t points = 0;
-    inputs_->read(task, context, true, [&](std::uint32_t, const PointChunk& chunk) {
+    const ReadCounts counts = inputs_->read(task, context, true, [&](std::uint32_t, const PointChunk& chunk) {
       for (std::size_t i = 0; i < chunk.size(); ++i) {
         if (!finite(chunk, i)) continue;
         sampler.add({chunk.x[i], chunk.y[i], chunk.z[i]});
@@ -92,21 +92,27 @@ class ProbeStage : public MeasuringStage {
     DirectFile out(context.create(probe_file(task)), std::size_t{256} << 10);
     out.write(sample.data(), sample.size() * sizeof(Double3));
     context.count_written(out.finish());
-    return {{"points", points}};
+    return {
+        {"points", points}, {"read", counts.points}, {"left_out", counts.other_class + counts.other_return}};
   }
 
   json finish(const std::vector<json>& summaries, TaskContext& context) const override {
     if (!needed()) return {{"skipped", "the resolution is given"}};
     PointSampler sampler(kProbePoints);
     std::uint64_t points = 0;
+    std::uint64_t read = 0;
+    std::uint64_t left_out = 0;
     for (std::size_t k = 0; k < summaries.size(); ++k) {
       points += summaries[k].at("points").get<std::uint64_t>();
+      read += summaries[k].at("read").get<std::uint64_t>();
+      left_out += summaries[k].at("left_out").get<std::uint64_t>();
       const ReadFile in(job_.work / probe_file(k));
       std::vector<Double3> part(in.size() / sizeof(Double3));
       in.read_at(0, part.data(), part.size() * sizeof(Double3));
       for (const Double3& p : part) sampler.add(p);
     }
     const std::vector<Double3> sample = sampler.take();
+    inputs_->require_wanted(read, left_out);
     if (points == 0) throw EmptyError("the input holds no point with finite coordinates");
     if (sample.size() < 3)
       throw InputError("the input holds only " + std::to_string(sample.size()) +

@@ -39,6 +39,7 @@ std::string sample_file(std::size_t task) {
 struct Tally {
   PointFates fates;
   std::uint64_t with_normal = 0;
+  std::uint64_t multi_return = 0;
   Double3 min = {kMaxQuanta, kMaxQuanta, kMaxQuanta};  ///< quanta of good points, whole numbers
   Double3 max = {-kMaxQuanta, -kMaxQuanta, -kMaxQuanta};
   std::vector<std::string> warnings;
@@ -49,9 +50,12 @@ nlohmann::json to_json(const Tally& t) {
           {"withheld", t.fates.withheld},
           {"empty", t.fates.empty},
           {"missing", t.fates.missing},
+          {"other_class", t.fates.other_class},
+          {"other_return", t.fates.other_return},
           {"non_finite", t.fates.non_finite},
           {"far", t.fates.absurd},
           {"with_normal", t.with_normal},
+          {"multi_return", t.multi_return},
           {"min", t.min},
           {"max", t.max},
           {"warnings", t.warnings}};
@@ -62,9 +66,12 @@ void add_json(const nlohmann::json& j, Tally& t) {
   t.fates.withheld += j.at("withheld").get<std::uint64_t>();
   t.fates.empty += j.at("empty").get<std::uint64_t>();
   t.fates.missing += j.at("missing").get<std::uint64_t>();
+  t.fates.other_class += j.at("other_class").get<std::uint64_t>();
+  t.fates.other_return += j.at("other_return").get<std::uint64_t>();
   t.fates.non_finite += j.at("non_finite").get<std::uint64_t>();
   t.fates.absurd += j.at("far").get<std::uint64_t>();
   t.with_normal += j.at("with_normal").get<std::uint64_t>();
+  t.multi_return += j.at("multi_return").get<std::uint64_t>();
   for (std::size_t a = 0; a < 3; ++a) {
     t.min[a] = std::min(t.min[a], j.at("min").at(a).get<double>());
     t.max[a] = std::max(t.max[a], j.at("max").at(a).get<double>());
@@ -78,6 +85,13 @@ std::uint64_t count_normals(const PointChunk& chunk, const std::vector<PointClas
     const float size = std::fabs(chunk.nx[i]) + std::fabs(chunk.ny[i]) + std::fabs(chunk.nz[i]);
     sum += fate[i] == PointClass::kGood && size > 0.0f && size - size == 0.0f ? 1 : 0;
   }
+  return sum;
+}
+
+std::uint64_t count_multi_returns(const PointChunk& chunk, const std::vector<PointClass>& fate) {
+  std::uint64_t sum = 0;
+  for (std::size_t i = 0; i < chunk.echo.size(); ++i)
+    sum += fate[i] == PointClass::kGood && chunk.echo[i].of > 1 ? 1 : 0;
   return sum;
 }
 
@@ -177,6 +191,7 @@ nlohmann::json SurveyStage::run(std::size_t task, TaskContext& context) const {
       }
     }
     tally.with_normal += count_normals(chunk, quanta.fate);
+    tally.multi_return += count_multi_returns(chunk, quanta.fate);
   });
   context.count_written(counter.finish());
   sampler.save(context.create(sample_file(task)));
@@ -184,6 +199,8 @@ nlohmann::json SurveyStage::run(std::size_t task, TaskContext& context) const {
   tally.fates.withheld = counts.withheld;
   tally.fates.empty = counts.empty;
   tally.fates.missing = counts.missing;
+  tally.fates.other_class = counts.other_class;
+  tally.fates.other_return = counts.other_return;
   tally.warnings = counts.warnings;
   if (tally.warnings.size() > kWarningsPerTask) tally.warnings.resize(kWarningsPerTask);
   return to_json(tally);
@@ -232,10 +249,13 @@ nlohmann::json SurveyStage::finish(const std::vector<nlohmann::json>& summaries,
     add_json(summaries[k], tally);
     files.push_back(job_.work / counts_file(k));
   }
-  const std::uint64_t finite = tally.fates.read - tally.fates.non_finite;
+  const std::uint64_t left_out = tally.fates.other_class + tally.fates.other_return;
+  const std::uint64_t finite = tally.fates.read - left_out - tally.fates.non_finite;
   if (tally.fates.read == 0) throw EmptyError("the input holds no point");
+  inputs_->require_wanted(tally.fates.read, left_out);
   if (finite == 0)
-    throw EmptyError("none of the " + std::to_string(tally.fates.read) + " points has finite coordinates");
+    throw EmptyError("none of the " + std::to_string(tally.fates.read - left_out) +
+                     " points has finite coordinates");
   if (finite == tally.fates.absurd)
     throw InputError(
         "every point lies more than 2^50 quanta (h / 1024) from zero; choose a coarser --resolution");
@@ -263,6 +283,8 @@ nlohmann::json SurveyStage::finish(const std::vector<nlohmann::json>& summaries,
   plan.normal_fraction =
       static_cast<double>(tally.with_normal) / static_cast<double>(finite - tally.fates.absurd);
   if (options_.normals == "estimate") plan.normal_fraction = 0.0;
+  plan.multi_return_fraction =
+      static_cast<double>(tally.multi_return) / static_cast<double>(finite - tally.fates.absurd);
   plan.sensors = inputs_->sensors();
   plan.bricks = bricks.size();
   plan.buckets = cut_buckets(bricks, bucket_target(job_.run, plan.points()), options_.max_brick_points);

@@ -28,6 +28,7 @@ std::vector<PointRecord> some_points(std::size_t count) {
     points[i].rgba = static_cast<std::uint32_t>(random.bits()) | 0xff000000u;
     points[i].sensor = static_cast<std::uint16_t>(i % 5);
     if (i % 97 == 0) points[i].normal = kNoNormal;
+    if (i % 3 == 0) points[i].flags = kPointGround;
     if (i % 89 == 0) points[i].flags = kPointOutlier;
   }
   std::sort(points.begin(), points.end(), [](const PointRecord& a, const PointRecord& b) {
@@ -81,7 +82,7 @@ TEST_CASE("point store: a box holds exactly its points, in canonical order", "[u
   const Int3 cells = GENERATE(Int3{64, 64, 64}, Int3{128, 128, 128});
   const int halo = GENERATE(0, 4, 7);
   CAPTURE(origin, cells, halo);
-  const PointBlock block = store.load(origin, cells, halo, true);
+  const PointBlock block = store.load(origin, cells, halo, true, true);
   std::size_t n = 0;
   bool same = true;
   std::uint64_t bound = 0;
@@ -101,13 +102,14 @@ TEST_CASE("point store: a box holds exactly its points, in canonical order", "[u
            block.y[n] == static_cast<float>(p.q[1] - origin[1] * 1024) / 1024.0f &&
            block.z[n] == static_cast<float>(p.q[2] - origin[2] * 1024) / 1024.0f &&
            block.nx[n] == normal[0] && block.ny[n] == normal[1] && block.nz[n] == normal[2] &&
-           block.rgba[n] == p.rgba && block.sensor[n] == p.sensor;
+           block.rgba[n] == p.rgba && block.sensor[n] == p.sensor && block.flags[n] == p.flags;
     ++n;
   }
   CHECK(same);
   CHECK(n == block.size());
   CHECK(store.count_bound(origin, cells, halo) >= bound);
   CHECK(block.nz.size() == n);
+  CHECK(store.load(origin, cells, halo).flags.empty());
 }
 
 TEST_CASE("point store: bricks come back whole", "[unit]") {

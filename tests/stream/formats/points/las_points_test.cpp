@@ -1,5 +1,6 @@
 #include "stream/formats/points/las_points.h"
 
+#include <algorithm>
 #include <array>
 #include <limits>
 
@@ -126,6 +127,26 @@ TEST_CASE("las points: withheld points are dropped and counted", "[unit]") {
   }
 }
 
+TEST_CASE("las points: class and return of formats with three and with four bits", "[unit]") {
+  const test::TempFolder folder;
+  const auto echo = [&](int format, std::uint8_t returns, std::uint8_t flags, std::uint8_t kind) {
+    std::string f = make({.minor = 4, .format = format, .count = 1, .declared = 1, .legacy = 1});
+    const std::size_t record = f.size() - kRecordBytes[static_cast<std::size_t>(format)];
+    set(f, record + 14, returns), set(f, record + 15, flags), set(f, record + 16, kind);
+    const auto r = test::read_points(folder.write("e.las", f));
+    REQUIRE(r.points.echo.size() == 1);
+    return r.points.echo[0];
+  };
+  // Scan direction and edge of line are set, they are not ours.
+  CHECK(echo(1, 0b11'101'010, 0b001'00010, 77) == Echo{2, 2, 5});
+  CHECK(echo(3, 0b00'001'001, 0b000'11111, 77) == Echo{31, 1, 1});
+  CHECK(echo(6, 0b1111'0011, 0b1100'0000, 18) == Echo{18, 3, 15});
+  CHECK(echo(7, 0b0010'0010, 0, 200) == Echo{200, 2, 2});
+  CHECK_FALSE(Echo{0, 3, 15}.last());
+  CHECK_FALSE(Echo{0, 2, 2}.first());
+  CHECK((Echo{0, 0, 0}.first() && Echo{0, 0, 0}.last()));
+}
+
 TEST_CASE("las points: counts that lie are survived and reported", "[fault]") {
   const test::TempFolder folder;
   const auto read = [&](const Las& las, const std::string& tail = "") {
@@ -244,6 +265,12 @@ TEST_CASE("las points: real files have the points that their catalogue says", "[
     for (const std::uint32_t c : r.points.rgba) lightest = std::max(lightest, c & 0xff);
     CHECK(lightest > 64);
   }
+  const auto trim = test::read_points(data / "lidar/autzen-trim.las").points.echo;
+  const auto count = [&](const auto& is) { return std::count_if(trim.begin(), trim.end(), is); };
+  CHECK(count([](const Echo& e) { return e.kind == 1; }) == 83893);
+  CHECK(count([](const Echo& e) { return e.kind == 2; }) == 26107);
+  CHECK(count([](const Echo& e) { return e.of > 1; }) == 19779);
+  CHECK(count([](const Echo& e) { return !e.last(); }) == 10764);
   for (const char* name : {"lidar/autzen-trim.laz", "dirty/churo-corrupt-tile.laz"}) {
     CHECK_THAT(test::reading_error(data / name), Catch::Contains("LAZ"));
   }

@@ -1,3 +1,4 @@
+#include <array>
 #include <catch2/catch.hpp>
 #include <limits>
 
@@ -73,6 +74,79 @@ TEST_CASE("survey: counts every fate", "[unit]") {
   CHECK(plan.brick_max[1] < 5);
   const ChainResult r = run_chain(points);
   CHECK(r.points.size() + r.order["duplicates"].get<std::uint64_t>() == 2000);
+}
+
+namespace {
+
+/// A sphere whose points take turns: ground, vegetation in two returns, noise.
+std::vector<TestPoint> classified_sphere() {
+  auto points = sphere_points(4000, 50.0, {0, 0, 0});
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    constexpr Echo kTurns[] = {{2, 1, 1}, {5, 1, 2}, {5, 2, 2}, {7, 1, 1}};
+    points[i].echo = kTurns[i % 4];
+  }
+  return points;
+}
+
+}  // namespace
+
+TEST_CASE("survey: classes and returns that are not wanted are left out and counted", "[unit]") {
+  const auto points = classified_sphere();
+  const auto fates = [&](std::vector<std::string> classes, const std::string& returns) {
+    ChainSetup setup;
+    setup.options.classes = std::move(classes);
+    setup.options.returns = returns;
+    const ChainResult r = run_chain(points, setup);
+    const PointFates& f = r.plan.fates;
+    CHECK(f.read == 4000);
+    CHECK(f.read == f.kept + f.other_class + f.other_return + f.non_finite + f.absurd);
+    CHECK(r.points.size() + r.order["duplicates"].get<std::uint64_t>() == f.kept);
+    return std::array{f.other_class, f.other_return, f.kept};
+  };
+  using Fates = std::array<std::uint64_t, 3>;
+  CHECK(fates({}, "all") == Fates{1000, 0, 3000});
+  CHECK(fates({}, "last") == Fates{1000, 1000, 2000});
+  CHECK(fates({"2"}, "all") == Fates{3000, 0, 1000});
+  CHECK(fates({"5", "7"}, "first") == Fates{1000, 1000, 2000});
+  CHECK(survey(points).multi_return_fraction == Approx(2000.0 / 3000.0));
+  CHECK(survey(sphere_points(2000, 50.0, {0, 0, 0})).multi_return_fraction == 0.0);
+}
+
+TEST_CASE("survey: classes and returns that no input tells, or that leave nothing, are refused", "[unit]") {
+  ChainSetup setup;
+  setup.options.classes = {"2", "6"};
+  CHECK_THROWS_WITH(survey(sphere_points(2000, 50.0, {0, 0, 0}), setup),
+                    Catch::Contains("--classes 2,6") && Catch::Contains("no input tells"));
+  CHECK_NOTHROW(survey(classified_sphere(), setup));
+  setup.options.classes = {"6"};
+  CHECK_THROWS_WITH(survey(classified_sphere(), setup), Catch::Contains("none of the 4000 points"));
+  CHECK_THROWS_WITH(measured_resolution(classified_sphere(), setup),
+                    Catch::Contains("none of the 4000 points"));
+  for (const char* word : {"256", "-1", "ground", "", "2 "}) {
+    setup.options.classes = {word};
+    CHECK_THROWS_AS(survey(classified_sphere(), setup), UsageError);
+  }
+  setup.options.classes = {};
+  setup.options.returns = "last";
+  CHECK_THROWS_WITH(survey(sphere_points(2000, 50.0, {0, 0, 0}), setup), Catch::Contains("--returns last"));
+}
+
+TEST_CASE("order: points keep what their echo says; at one place ground wins, and a last return", "[unit]") {
+  auto points = sphere_points(2000, 50.0, {0, 0, 0});
+  for (TestPoint& t : points) t.echo = {1, 1, 1};
+  points.push_back({{200, 0, 0}, {}, 0, {5, 1, 3}});
+  points.push_back({{210, 0, 0}, {}, 0, {2, 3, 3}});
+  for (const std::uint8_t number : {std::uint8_t{1}, std::uint8_t{3}})
+    points.push_back({{220, 0, 0}, {}, 0, {static_cast<std::uint8_t>(number == 1 ? 2 : 5), number, 3}});
+  const ChainResult r = run_chain(points);
+  const auto at = [&](double x) {
+    for (const PointRecord& p : r.points)
+      if (std::fabs(world_of(r.plan, p)[0] - x) < 0.5) return int{p.flags};
+    return -1;
+  };
+  CHECK(at(200) == kPointNotLast);
+  CHECK(at(210) == kPointGround);
+  CHECK(at(220) == kPointGround);
 }
 
 TEST_CASE("survey: the plan follows from the points alone", "[property]") {
