@@ -154,11 +154,35 @@ std::vector<SurfelLink> link_brick(const std::vector<Surfel>& surfels,
   return links;
 }
 
-/// Joins what smooth links join, strongest first; then what many links agree on. Returns group and sign per
-/// surfel.
-void join_surfels(const std::vector<Surfel>& surfels, std::vector<SurfelLink>& links,
-                  std::vector<std::uint32_t>& group, std::vector<std::int8_t>& sign,
-                  std::vector<PatchVote>& votes) {
+/// Per surfel the side that most of its points are sure of, against its normal; 0 where fewer than half are.
+std::vector<std::int8_t> sure_sides(const OrientationInput& in, const std::vector<Surfel>& surfels,
+                                    const std::vector<std::uint32_t>& surfel_of) {
+  std::vector<std::int8_t> side(surfels.size(), 0);
+  if (in.visible.empty() || in.sure >= kNeverSure) return side;
+  struct Count {
+    std::uint32_t points = 0, same = 0, opposite = 0;
+  };
+  std::vector<Count> counts(surfels.size());
+  for (std::size_t i = 0; i < surfel_of.size(); ++i) {
+    if (surfel_of[i] == kNone) continue;
+    Count& c = counts[surfel_of[i]];
+    ++c.points;
+    if (std::fabs(in.visible[i]) < in.sure) continue;
+    const bool same = (dot(in.normal[i], surfels[surfel_of[i]].normal) < 0.0f) == (in.visible[i] < 0.0f);
+    ++(same ? c.same : c.opposite);
+  }
+  for (std::size_t k = 0; k < counts.size(); ++k)
+    if (2 * (counts[k].same + counts[k].opposite) >= counts[k].points)
+      side[k] = counts[k].same >= counts[k].opposite ? 1 : -1;
+  return side;
+}
+
+/// Joins what is sure; then what smooth links join, strongest first; then what many links agree on. Where sides are
+/// sure, whatever links carry them to hangs on them. Returns group and sign per surfel.
+/// \param sure  of sure_sides
+void join_surfels(const std::vector<Surfel>& surfels, const std::vector<std::int8_t>& sure,
+                  std::vector<SurfelLink>& links, std::vector<std::uint32_t>& group,
+                  std::vector<std::int8_t>& sign, std::vector<PatchVote>& votes) {
   const auto n = static_cast<std::uint32_t>(surfels.size());
   std::sort(links.begin(), links.end(), [](const SurfelLink& l, const SurfelLink& r) {
     const std::int32_t lw = std::abs(l.vote), rw = std::abs(r.vote);
@@ -166,6 +190,10 @@ void join_surfels(const std::vector<Surfel>& surfels, std::vector<SurfelLink>& l
     return l.a != r.a ? l.a < r.a : l.b < r.b;
   });
   SignedUnionFind sets(n);
+  const auto first_sure = static_cast<std::uint32_t>(
+      std::find_if(sure.begin(), sure.end(), [](std::int8_t s) { return s != 0; }) - sure.begin());
+  for (std::uint32_t i = first_sure + 1; i < n; ++i)
+    if (sure[i] != 0) sets.hang(i, first_sure, sure[i] * sure[first_sure]);
   for (const SurfelLink& l : links) {
     if (std::abs(l.vote) < kSmooth) break;
     const SignedUnionFind::Place a = sets.find(l.a), b = sets.find(l.b);
@@ -196,7 +224,7 @@ void join_surfels(const std::vector<Surfel>& surfels, std::vector<SurfelLink>& l
     merge_votes(votes);
   };
   collect();
-  const Contraction tree = contract_signs(weight, votes, kPatchLimits);
+  const Contraction tree = contract_signs(weight, votes, first_sure < n ? ContractionLimits{} : kPatchLimits);
   std::vector<std::uint32_t> top(groups);
   std::vector<std::int8_t> relation(groups, 1);
   for (const std::uint32_t g : tree.joined_last) {
@@ -323,7 +351,7 @@ BrickOrientation orient_brick(const OrientationInput& in) {
   std::vector<std::int8_t> sign;
   std::vector<Surfel> surfels = make_surfels(in, surfel_of, first);
   std::vector<SurfelLink> links = link_brick(surfels, first);
-  join_surfels(surfels, links, group, sign, out.votes);
+  join_surfels(surfels, sure_sides(in, surfels, surfel_of), links, group, sign, out.votes);
   for (std::size_t i = 0; i < surfels.size(); ++i) {
     surfels[i].patch = static_cast<std::uint16_t>(group[i]);
     if (sign[i] < 0) surfels[i].normal = -surfels[i].normal;

@@ -85,6 +85,8 @@ struct BrickOrientation {
   std::vector<CoarseSurfel> coarse;  ///< by coarse voxel, patch, direction
 };
 
+inline constexpr float kNeverSure = 2.0f;
+
 /// The points of a brick, canonical order. Positions in cells relative to the brick, normals unit or zero.
 struct OrientationInput {
   std::span<const Float3> position;
@@ -93,6 +95,8 @@ struct OrientationInput {
   std::span<const Float3> given;     ///< normals that came with the points, only compared with; empty = none
   /// Cosine of the normal with the way to the sensor or up; empty = unknown, as 0.
   std::span<const float> visible;
+  /// Magnitude of it from which a point's side is beyond doubt: surfels of such points are one patch.
+  float sure = kNeverSure;
 };
 
 /// Patches of one brick and what they say of each other.

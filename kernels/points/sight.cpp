@@ -22,16 +22,11 @@ constexpr std::uint64_t kMost = 32;        ///< of a surfel that looks at all
 constexpr std::size_t kLookersPerPart = 128;
 constexpr std::size_t kAskedSensors = 8;  ///< the nearest
 constexpr double kBelow = 0.1;  ///< weight of open sight downwards: nobody scans the earth from below
-constexpr float kSky = 0.7f;    ///< cosine with up within which the sky is looked at: where scanners fly
 // Scenes. Figures on simulated and real scans: README, "Measured".
 constexpr double kShut = 0.1;  ///< share of looks into the open below which a side is shut in
 constexpr double kRoom =
-    0.01;  ///< share of enclosed surfels from which the job is a room; objects have 0.004
-constexpr double kClear = 0.25;  ///< share of looks at the sky from which a surfel is under the sky
-constexpr double kUnderSky =
-    0.78;  ///< share of such surfels from which it was scanned from above: balls have 0.7,
-constexpr double kOneSided = 0.5;  ///< if steep ones see less than this part of it with their darker side
-constexpr double kAmid = 3.0;   ///< spread of densities (1: even) from which the scanner stood amid its scene
+    0.01;                      ///< share of enclosed surfels from which the job is a room; objects have 0.004
+constexpr double kAmid = 3.0;  ///< spread of densities (1: even) from which the scanner stood amid its scene
 constexpr double kShell = 0.2;  ///< share of surfels with one side shut in from which it is an object
 // Length, in mean lengths of sight, that sight of the open counts as.
 constexpr double kOpenInRoom = 0.3;
@@ -39,9 +34,7 @@ constexpr double kOpenOnLand = 1.2;
 constexpr double kLeastOpen = 96.0;  ///< and at least so many cells on land: roofs see the ground below
 constexpr double kRoomSides = 0.25;  ///< weight of sides against `scale` in a room; there pairs do not vote,
 constexpr double kSides = 0.25;      ///< for the backs of furniture see each other's fronts; elsewhere
-constexpr double kSkySides =
-    0.25;                       ///< from above; nor do pairs, for backs of roofs see the fronts of streets
-constexpr double kPairs = 0.1;  ///< weight of pairs
+constexpr double kPairs = 0.1;       ///< weight of pairs
 
 /// Random numbers that hang on a seed alone.
 class Dice {
@@ -72,7 +65,6 @@ struct Views {
   std::array<double, 2> bright{};  ///< the same, those downwards count less
   std::array<double, 2> ended{};   ///< looks that end on something
   std::array<double, 2> deep{};    ///< and their length, cells
-  std::array<double, 2> sky{};     ///< open looks at the sky, by their squared cosines
 };
 
 /// Whole part of a rate, and one more by chance.
@@ -86,8 +78,7 @@ struct Answer {
   std::uint32_t group = 0;
   double weight = 0.0;  ///< of one look
   Views views;
-  bool enclosed = false, shell = false, under_sky = false;
-  double darker = 0.0, brighter = 0.0;  ///< open shares of the sky of a steep one's sides
+  bool enclosed = false, shell = false;
 };
 
 class Looker {
@@ -98,7 +89,7 @@ class Looker {
     choose_lookers();
   }
 
-  SightVotes run(const ForEach& for_each) {
+  SightVotes run(std::optional<SceneKind> told, const ForEach& for_each) {
     const std::size_t parts = (lookers_.size() + kLookersPerPart - 1) / kLookersPerPart;
     std::vector<Answer> answers(lookers_.size());
     std::vector<std::vector<PatchVote>> pairs(parts);
@@ -111,7 +102,7 @@ class Looker {
     std::vector<PatchVote> merged;
     for (const std::vector<PatchVote>& p : pairs) merged.insert(merged.end(), p.begin(), p.end());
     merge_votes(merged);
-    return result(answers, std::move(merged));
+    return result(told, answers, std::move(merged));
   }
 
  private:
@@ -183,32 +174,7 @@ class Looker {
     const bool shut = seen.open[0] <= kShut * all && seen.open[1] <= kShut * all;
     out.enclosed = shut && enclosed(i);
     out.shell = !shut && std::min(seen.open[0], seen.open[1]) <= kShut * all;
-    look_up(i, out);
     return out;
-  }
-
-  /// Looks at the sky.
-  void look_up(std::uint32_t i, Answer& out) const {
-    const JobSurfel& s = surfels_[i];
-    const float area = norm(s.area);
-    Dice dice(mixed_bits(seed_of(s)));
-    std::array<double, 2> all{}, open{};
-    for (std::uint64_t k = 0; k < kMost;) {
-      const Float3 way = dice.way();
-      if (dot(way, up_) < kSky) continue;
-      ++k;
-      const float cosine = dot(s.area, way) / area;
-      if (std::fabs(cosine) < kGrazing) continue;
-      const std::size_t side = cosine > 0.0f ? 0 : 1;
-      all[side] += 1.0;
-      if (scene_.look(s.position, way, kLeastDistance, kFar, scene_.disk_of(i)).met) continue;
-      open[side] += 1.0;
-      out.views.sky[side] += static_cast<double>(cosine * cosine);
-    }
-    out.under_sky = open[0] + open[1] > kClear * (all[0] + all[1]);
-    if (all[0] == 0.0 || all[1] == 0.0) return;  // not steep: the sky is on one side
-    const double front = open[0] / all[0], back = open[1] / all[1];
-    out.darker = std::min(front, back), out.brighter = std::max(front, back);
   }
 
   /// Layers of one surface, scanned several times, do not enclose each other: looks begin beyond them.
@@ -231,22 +197,20 @@ class Looker {
     return once > 0.0 ? twice * none / (once * once) : 0.0;
   }
 
-  SightVotes result(const std::vector<Answer>& answers, std::vector<PatchVote> pairs) const {
+  SightVotes result(std::optional<SceneKind> told, const std::vector<Answer>& answers,
+                    std::vector<PatchVote> pairs) const {
     SightVotes out;
     std::vector<Views> views(members_.size());
-    double looked = 0.0, enclosed = 0.0, shells = 0.0, under_sky = 0.0, darker = 0.0, brighter = 0.0;
+    double looked = 0.0, enclosed = 0.0, shells = 0.0;
     for (const Answer& a : answers) {
       looked += a.weight;
       enclosed += a.enclosed ? a.weight : 0.0, shells += a.shell ? a.weight : 0.0;
-      under_sky += a.under_sky ? a.weight : 0.0;
-      darker += a.weight * a.darker, brighter += a.weight * a.brighter;
       Views& sum = views[a.group];
       for (std::size_t side = 0; side < 2; ++side) {
         sum.open[side] += a.weight * a.views.open[side];
         sum.bright[side] += a.weight * a.views.bright[side];
         sum.ended[side] += a.weight * a.views.ended[side];
         sum.deep[side] += a.weight * a.views.deep[side];
-        sum.sky[side] += a.weight * a.views.sky[side];
       }
     }
     double ended = 0.0, deep = 0.0;
@@ -254,24 +218,21 @@ class Looker {
     const double mean = ended > 0.0 ? deep / ended : 0.0;
     out.enclosed = looked > 0.0 ? enclosed / looked : 0.0;
     const bool shell = shells > kShell * looked;
-    if (out.enclosed > kRoom || (shell && density_spread() > kAmid))
+    if (told)
+      out.scene = *told;
+    else if (out.enclosed > kRoom || (shell && density_spread() > kAmid))
       out.scene = SceneKind::kRoom;
-    else if (under_sky > kUnderSky * looked && darker <= kOneSided * brighter)
-      out.scene = SceneKind::kFromAbove;
     else
       out.scene = shell ? SceneKind::kObject : SceneKind::kLand;
     const bool room = out.scene == SceneKind::kRoom;
-    const bool above = out.scene == SceneKind::kFromAbove;
-    if (!room && !above) out.pairs = std::move(pairs);
-    const double sides = room ? kRoomSides : above ? kSkySides : kSides;
+    if (!room) out.pairs = std::move(pairs);
+    const double sides = room ? kRoomSides : kSides;
     const double as = room ? kOpenInRoom * mean : std::max(kLeastOpen, kOpenOnLand * mean);
     for (std::uint32_t g = 0; g < views.size(); ++g) {
       std::array<double, 2> worth{};
       for (std::size_t side = 0; side < 2; ++side) {
         const Views& v = views[g];
-        worth[side] = above                             ? v.sky[side]
-                      : out.scene == SceneKind::kObject ? v.bright[side]
-                                                        : v.deep[side] + as * v.bright[side];
+        worth[side] = out.scene == SceneKind::kObject ? v.bright[side] : v.deep[side] + as * v.bright[side];
       }
       const double sum = worth[0] + worth[1];
       const double lean = sum > 0.0 ? (worth[0] - worth[1]) / sum : 0.0;
@@ -298,8 +259,8 @@ class Looker {
 }  // namespace
 
 SightVotes vote_by_sight(std::span<const JobSurfel> surfels, std::size_t groups, const Float3& up,
-                         double scale, const ForEach& for_each) {
-  return Looker(surfels, groups, up, scale).run(for_each);
+                         double scale, std::optional<SceneKind> told, const ForEach& for_each) {
+  return Looker(surfels, groups, up, scale).run(told, for_each);
 }
 
 std::vector<PatchVote> vote_by_sensors(std::span<const JobSurfel> surfels, std::size_t groups,

@@ -7,6 +7,7 @@
 #pragma once
 #include <cstdint>
 #include <functional>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -18,11 +19,10 @@ namespace tessera {
 /// Runs a body for every index of [0, count), in any order, several at once if it likes.
 using ForEach = std::function<void(std::size_t count, const std::function<void(std::size_t)>& body)>;
 
-/// How a scene was scanned, told from what its surfels see. It decides which side of a surfel sees more.
+/// How a scene was scanned. What surfels see tells the three apart; scenes seen from above: top_surface.h.
 enum class SceneKind : std::uint8_t {
-  kObject,     ///< from around it: the side that sees more of the open
-  kLand,       ///< from amid it: how far a side sees, and how much of the open
-  kFromAbove,  ///< most surfels see the sky, steep ones with one side: the side that sees more of the sky
+  kObject,  ///< from around it: its front is the side that sees more of the open
+  kLand,    ///< from amid it: how far a side sees, and how much of the open
   kRoom,  ///< from inside it, some cannot be seen from outside the job, or far more points lie near than far
           ///< on what shuts the view out: how far a side sees
 };
@@ -38,10 +38,11 @@ struct SightVotes {
 /// \param surfels  with the signs that they have inside their group, which is their `patch`
 /// \param up  unit
 /// \param scale  weight of one fine surfel's votes while all its looks agree
+/// \param told  what the user says of the scene
 /// \param for_each  every look goes through it; the result does not hang on how
 /// \cost some millions of rays, whatever the job's size and whatever it shows
 SightVotes vote_by_sight(std::span<const JobSurfel> surfels, std::size_t groups, const Float3& up,
-                         double scale, const ForEach& for_each);
+                         double scale, std::optional<SceneKind> told, const ForEach& for_each);
 
 /// Votes of sensors that nothing hides, for points that do not say which one saw them: the nearest of these
 /// says most, and less the more it looks along the surface.

@@ -20,6 +20,7 @@ struct ReconstructOptions {
   std::string outliers = "auto";
   std::string normals = "auto";
   std::vector<Double3> viewpoints;
+  std::string from = "auto";
   std::optional<Double3> up;
   double max_uncertain = 0.5;
   std::uint64_t max_brick_points = 1u << 22;
@@ -87,7 +88,13 @@ inline OptionTable option_table(ReconstructOptions& o) {
       .within(0, 1);
   t.add("viewpoint", &o.viewpoints,
         "estimated normals: position of a scanner, scan units; they point to it (repeatable)");
-  t.add("up", &o.up, "estimated normals point to this side, for airborne scans");
+  t.add(
+       "from", &o.from,
+       "estimated normals: where the scanner was; above: aircraft, drones, what lies level shows up; around: "
+       "an object; inside: rooms; auto: above where LAS pulses have several returns or next to nothing level "
+       "lies below something else, else told by what points see of each other; the report says which")
+      .one_of({"auto", "above", "around", "inside"});
+  t.add("up", &o.up, "estimated normals: where the sky is, if not along z");
   add_columns(t, o.columns);
   t.add("classes", &o.classes,
         "LAS: classes of points to keep, e.g. 2,6 for ground and buildings; default: all but noise (7, 18)")

@@ -4,6 +4,7 @@
 #include <limits>
 
 #include "octree/error.h"
+#include "octree/vector.h"
 #include "stream/points/plan.h"
 #include "stream/points/reconstruct_options.h"
 
@@ -14,20 +15,26 @@ inline constexpr std::size_t kSupporterBins = 256;
 /// Histogram of supporters over all points, left by the normals stage for the orient stage.
 inline constexpr const char* kSupportersFile = "normals/supporters.bin";
 
+/// Share of points from pulses of several returns from which a scan is airborne: terrestrial ones tell of one.
+inline constexpr double kAirborneReturns = 0.01;
+
 struct NormalsMode {
   bool estimate = false;    ///< fit planes; false = the given normals are used
   bool by_sensor = false;   ///< sensor origins are known
   bool own_sensor = false;  ///< and every point knows which one saw it
-  bool by_up = false;
-  Double3 up{};
-  bool clean = false;  ///< outliers are looked for
+  bool airborne = false;    ///< every pulse came from above: what does not stand steep shows up
+  bool by_up = false;       ///< the user says where the sky is
+  Double3 up{};             ///< unit
+  bool clean = false;       ///< outliers are looked for
 
   /// \throws UsageError when normals are demanded that the input does not carry
   NormalsMode(const ReconstructOptions& options, std::size_t inputs, const Plan& plan)
       : by_sensor(!plan.sensors.empty()),
         own_sensor(options.viewpoints.size() <= 1 || options.viewpoints.size() == inputs),
+        airborne(!by_sensor && (options.from == "auto" || options.from == "above") &&
+                 plan.multi_return_fraction > kAirborneReturns),
         by_up(options.up.has_value()),
-        up(options.up.value_or(Double3{})),
+        up(unit(options.up.value_or(Double3{0, 0, 1}))),
         clean(options.outliers != "off") {
     if (options.normals == "given" && !plan.has_normals())
       throw UsageError("--normals given, but no input point carries a normal; use --normals auto");
@@ -36,6 +43,8 @@ struct NormalsMode {
 
   bool needed() const { return estimate || clean; }
   bool propagate() const { return estimate; }
+  /// Points know where they were seen from.
+  bool each_seen() const { return airborne || (by_sensor && own_sensor); }
 
   /// Direction from a point to its sensor; the nearest one when the point does not say which.
   /// \param origin  brick corner in cells   \param local  point relative to it, cells

@@ -22,7 +22,7 @@ using json = nlohmann::json;
 // Block of one brick: 40 bytes a point while loading, then shape, overlay record, candidates, orientation.
 constexpr std::uint64_t kBytesPerPoint = 40 + 28 + 8 + 48 + 64;
 /// Cosine of the view from which a point's own sensor decides its sign alone.
-constexpr double kSureView = 0.25;
+constexpr float kSureView = 0.25f;
 constexpr std::uint64_t kFixedTaskBytes = 12u << 20;
 
 /// Who decides the sign of a point.
@@ -150,7 +150,8 @@ class NormalsStage : public Stage {
     BrickOrientation orientation;
     if (mode_.propagate()) {
       compare(o, counts);
-      orientation = orient_brick({o.position, o.normal, o.variation, o.given, o.visible});
+      orientation = orient_brick({o.position, o.normal, o.variation, o.given, o.visible,
+                                  mode_.each_seen() ? kSureView : kNeverSure});
       for (std::size_t i = 0; i < records.size(); ++i) {
         Float3 n = orientation.normal[i];
         records[i].patch = orientation.patch[i];
@@ -174,9 +175,7 @@ class NormalsStage : public Stage {
     }
   };
 
-  bool sure(float visible) const {
-    return mode_.by_sensor && mode_.own_sensor && std::fabs(visible) >= kSureView;
-  }
+  bool sure(float visible) const { return mode_.each_seen() && std::fabs(visible) >= kSureView; }
 
   /// Cosine between the normal and the way to the sensor, or up; 0 where neither is known.
   float visibility(const Int3& origin, const PointBlock& block, std::size_t i, const Float3& n) const {
@@ -185,7 +184,7 @@ class NormalsStage : public Stage {
     if (mode_.by_sensor) {
       const std::uint16_t sensor = block.sensor.empty() ? std::uint16_t{kNoSensor} : block.sensor[i];
       way = mode_.view(plan_, origin, {block.x[i], block.y[i], block.z[i]}, sensor);
-    } else if (!mode_.by_up) {
+    } else if (!mode_.by_up && !mode_.airborne) {
       return 0.0f;
     }
     const double length = std::sqrt(way[0] * way[0] + way[1] * way[1] + way[2] * way[2]);

@@ -3,11 +3,14 @@
 #include <algorithm>
 #include <array>
 #include <cstdlib>
+#include <functional>
 #include <map>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <string>
 
 #include "kernels/points/sight.h"
+#include "kernels/points/top_surface.h"
 #include "stream/runtime/parallel.h"
 
 namespace tessera {
@@ -19,6 +22,11 @@ using json = nlohmann::json;
 constexpr ContractionLimits kGroupLimits = {24.0 * kVoteScale, 0.8};
 /// Votes of what surfels see, of one surfel, against those of its links.
 constexpr double kSightScale = kVoteScale;
+/// And of what the highest surface tells.
+constexpr double kSkyScale = 0.25 * kVoteScale;
+/// Share of the level area below other surfaces up to which a scene was seen from above: 0 to 0.13 of landscapes,
+/// towns and quarries, 0.45 to 0.7 of objects and rooms.
+constexpr double kMostCovered = 0.3;
 
 /// `up` is taken to that part of its word: ceilings and the undersides of trees show downwards.
 constexpr std::int64_t kAboveShare = 8;
@@ -58,8 +66,6 @@ std::string name_of(SceneKind scene) {
       return "object";
     case SceneKind::kLand:
       return "land";
-    case SceneKind::kFromAbove:
-      return "from above";
     case SceneKind::kRoom:
       return "room";
   }
@@ -99,11 +105,39 @@ PatchSigns solve_seen(const std::vector<std::uint64_t>& weight, std::vector<Patc
   return out;
 }
 
+/// Votes for sides and between groups of patches by how the scene was scanned, which the entry tells.
+std::vector<PatchVote> votes_of_scene(const std::vector<JobSurfel>& surfels, std::uint32_t groups,
+                                      const Viewers& viewers, const TaskContext& context, json& entry) {
+  {
+    const TopSurface tops(surfels, viewers.up);
+    entry["covered_fraction"] = tops.covered_share();
+    if (viewers.scene == "above" || (viewers.scene == "auto" && tops.covered_share() < kMostCovered)) {
+      entry["scene"] = "from above";
+      return tops.votes(groups, kSkyScale);
+    }
+  }
+  std::optional<SceneKind> told;
+  if (viewers.scene == "around") told = SceneKind::kObject;
+  if (viewers.scene == "inside") told = SceneKind::kRoom;
+  SightVotes sight = vote_by_sight(surfels, groups, viewers.up, kSightScale, told,
+                                   [&](std::size_t count, const std::function<void(std::size_t)>& body) {
+                                     parallel_for(count, [&](std::size_t i) {
+                                       context.check_stop();
+                                       body(i);
+                                     });
+                                   });
+  entry["enclosed_fraction"] = sight.enclosed;
+  entry["scene"] = name_of(sight.scene);
+  std::vector<PatchVote> votes = std::move(sight.pairs);
+  votes.insert(votes.end(), sight.sides.begin(), sight.sides.end());
+  return votes;
+}
+
 /// Nobody is known to have seen anything: links make groups, and what their surfels see of each other and of the
 /// open decides which side of them is outside. \param above  votes of `up`, of patches, `b` is their number
 PatchSigns solve_unseen(const std::vector<std::uint64_t>& weight, const std::vector<PatchVote>& links,
-                        const std::vector<PatchVote>& above, std::vector<JobSurfel> surfels, const Float3& up,
-                        const TaskContext& context, json& entry) {
+                        const std::vector<PatchVote>& above, std::vector<JobSurfel> surfels,
+                        const Viewers& viewers, const TaskContext& context, json& entry) {
   const auto patches = static_cast<std::uint32_t>(weight.size());
   const Contraction tree = contract_signs(weight, links, kGroupLimits);
   std::vector<std::uint32_t> group(patches);
@@ -126,24 +160,13 @@ PatchSigns solve_unseen(const std::vector<std::uint64_t>& weight, const std::vec
     for (float& a : s.area) a *= static_cast<float>(sign[s.patch]);
     s.patch = group[s.patch];
   }
-  SightVotes sight = vote_by_sight(surfels, groups, up, kSightScale,
-                                   [&](std::size_t count, const std::function<void(std::size_t)>& body) {
-                                     parallel_for(count, [&](std::size_t i) {
-                                       context.check_stop();
-                                       body(i);
-                                     });
-                                   });
-  entry["enclosed_fraction"] = sight.enclosed;
-  entry["scene"] = name_of(sight.scene);
-  context.check_stop();
-
-  std::vector<PatchVote> votes = std::move(sight.pairs);
-  votes.insert(votes.end(), sight.sides.begin(), sight.sides.end());
-  for (const PatchVote& v : above) {
-    if (sight.scene == SceneKind::kRoom) break;  // as much shows down as up; `up` said where the sky is
-    const std::int64_t same = v.same / kAboveShare, opposite = v.opposite / kAboveShare;
-    votes.push_back({group[v.a], groups, sign[v.a] > 0 ? same : opposite, sign[v.a] > 0 ? opposite : same});
-  }
+  std::vector<PatchVote> votes = votes_of_scene(surfels, groups, viewers, context, entry);
+  if (entry.at("scene") !=
+      name_of(SceneKind::kRoom))  // there as much shows down as up: `up` says where the sky is
+    for (const PatchVote& v : above) {
+      const std::int64_t same = v.same / kAboveShare, opposite = v.opposite / kAboveShare;
+      votes.push_back({group[v.a], groups, sign[v.a] > 0 ? same : opposite, sign[v.a] > 0 ? opposite : same});
+    }
   std::vector<std::int64_t> shown(groups, 0);
   for (const PatchVote& v : votes)
     if (v.b == groups) shown[v.a] += v.same - v.opposite;
@@ -217,6 +240,7 @@ void solve_orientation(const PointOverlay& overlay, std::vector<PatchVote> bound
   merge_votes(votes);
   context.check_stop();
   PatchSigns signs;
+  if (viewers.own) entry["scene"] = viewers.scene;
   if (viewers.own)
     signs = solve_seen(weight, votes_of(facts), std::move(votes));
   else if (!viewers.sensors.empty())
@@ -224,7 +248,7 @@ void solve_orientation(const PointOverlay& overlay, std::vector<PatchVote> bound
         weight, vote_by_sensors(job_surfels(overlay, facts, context), patches, viewers.sensors, kVoteScale),
         std::move(votes));
   else
-    signs = solve_unseen(weight, votes, votes_of(facts), job_surfels(overlay, facts, context), viewers.up,
+    signs = solve_unseen(weight, votes, votes_of(facts), job_surfels(overlay, facts, context), viewers,
                          context, entry);
 
   decisions.patch.assign(patches, 0);

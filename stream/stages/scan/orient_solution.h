@@ -2,6 +2,7 @@
 /// The global part of orientation: from the votes of all bricks to one sign per patch, and who decided it.
 #pragma once
 #include <cstdint>
+#include <string>
 #include <vector>
 
 #include <nlohmann/json_fwd.hpp>
@@ -19,7 +20,8 @@ std::uint64_t orient_solution_bytes(std::uint64_t patches, std::uint64_t votes, 
 
 /// Who says which side of a patch is outside; if neither, what surfels see of each other, and `up` in PatchFacts.
 struct Viewers {
-  bool own = false;             ///< points know their sensors, which have voted in PatchFacts
+  bool own = false;             ///< points know from where they were seen, which has voted in PatchFacts
+  std::string scene;            ///< what the report calls it then; else what the user says of it: --from
   std::vector<Float3> sensors;  ///< of points that do not know their own; cells from the lattice origin
   Float3 up = {0, 0, 1};        ///< unit; where the sky is
 };

@@ -79,6 +79,7 @@ class OrientStage : public Stage {
       : work_(state.work),
         output_(state.output),
         max_uncertain_(reconstruct_options(state).max_uncertain),
+        from_(reconstruct_options(state).from),
         memory_bytes_(state.run.memory_bytes),
         plan_(Plan::of_work(state.work)),
         mode_(reconstruct_options(state), state.inputs.size(), plan_),
@@ -181,11 +182,9 @@ class OrientStage : public Stage {
 
   Viewers viewers() const {
     Viewers v;
-    v.own = mode_.by_sensor && mode_.own_sensor;
-    const Double3& up = mode_.up;
-    const double length = std::sqrt(up[0] * up[0] + up[1] * up[1] + up[2] * up[2]);
-    if (mode_.by_up && length > 0.0)
-      for (std::size_t a = 0; a < 3; ++a) v.up[a] = static_cast<float>(up[a] / length);
+    v.own = mode_.each_seen();
+    v.scene = mode_.airborne ? "airborne" : v.own ? "sensors" : from_;
+    for (std::size_t a = 0; a < 3; ++a) v.up[a] = static_cast<float>(mode_.up[a]);
     if (!mode_.by_sensor || v.own) return v;
     const double cell = plan_.lattice.h;
     for (const Double3& sensor : plan_.sensors) {
@@ -257,6 +256,7 @@ class OrientStage : public Stage {
   std::filesystem::path work_;
   std::filesystem::path output_;
   double max_uncertain_;
+  std::string from_;
   std::uint64_t memory_bytes_;
   Plan plan_;
   NormalsMode mode_;

@@ -283,7 +283,7 @@ TEST_CASE("sight: an object shows outwards, whichever way it was turned", "[unit
   std::vector<JobSurfel> surfels;
   add_sphere(surfels, 200.0, 0, side);
   add_sphere(surfels, 40.0, 1, -side, 260.0f);
-  const SightVotes votes = vote_by_sight(surfels, 2, {0, 0, 1}, 1000.0, in_order);
+  const SightVotes votes = vote_by_sight(surfels, 2, {0, 0, 1}, 1000.0, std::nullopt, in_order);
   CHECK(votes.enclosed < 0.001);
   CHECK(shown(votes.sides, 0) * side == 1.0);
   CHECK(shown(votes.sides, 1) * side == -1.0);
@@ -297,7 +297,7 @@ TEST_CASE("sight: what stands inside tells a room from an object", "[unit]") {
   std::vector<JobSurfel> surfels;
   add_sphere(surfels, 200.0, 0, side);
   add_sphere(surfels, 40.0, 1, side, 60.0f);
-  const SightVotes votes = vote_by_sight(surfels, 2, {0, 0, 1}, 1000.0, in_order);
+  const SightVotes votes = vote_by_sight(surfels, 2, {0, 0, 1}, 1000.0, std::nullopt, in_order);
   CHECK(votes.enclosed > 0.03);
   CHECK(shown(votes.sides, 0) * side == -1.0);  // the room is free space, the furniture is not
   CHECK(shown(votes.sides, 1) * side == 1.0);
@@ -306,7 +306,7 @@ TEST_CASE("sight: what stands inside tells a room from an object", "[unit]") {
 TEST_CASE("sight: layers of one surface do not enclose each other", "[unit]") {
   std::vector<JobSurfel> surfels;
   for (const double radius : {198.0, 200.0, 203.0}) add_sphere(surfels, radius, 0, 1.0f);
-  const SightVotes votes = vote_by_sight(surfels, 1, {0, 0, 1}, 1000.0, in_order);
+  const SightVotes votes = vote_by_sight(surfels, 1, {0, 0, 1}, 1000.0, std::nullopt, in_order);
   CHECK(votes.enclosed < 0.001);
   CHECK(shown(votes.sides, 0) == 1.0);
 }
