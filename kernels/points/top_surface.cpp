@@ -14,9 +14,10 @@ constexpr float kLevel = 0.5f;     ///< cosine with up from which a surfel lies 
 constexpr float kCovered = 12.0f;  ///< cells below the top from which it is covered
 /// A step of the top between the two sides of a steep surfel says which is free, cells.
 constexpr float kStep = 4.0f;
-constexpr int kAcross = 3;  ///< columns looked at on each side
+constexpr int kAcross = 2;  ///< columns looked at on each side
 /// Weight of what is covered: a tree's ground shows upwards, the underside of an eave does not.
 constexpr double kBelowTop = 0.2;
+constexpr double kOneSeen = 0.5;  ///< weight of a side that is free where the other one holds no data
 constexpr float kNoTop = -std::numeric_limits<float>::infinity();
 constexpr std::int64_t kColumnBias = std::int64_t{1} << 31;
 
@@ -75,18 +76,19 @@ float TopSurface::top(std::int64_t u, std::int64_t v) const {
 /// 1 where the front of a steep surfel is free, -1 where its back is, 0 where the tops tell neither.
 double TopSurface::steep_side(const JobSurfel& s, const Place& at, float across) const {
   const Float3 way = (s.area - up_ * dot(s.area, up_)) * (1.0f / across);
-  float front = kNoTop, back = kNoTop;
   for (int k = 1; k <= kAcross; ++k) {
     const Float3 off = way * static_cast<float>(k * kCoarseCells);
     const Place ahead = place_of(s.position + off), behind = place_of(s.position - off);
-    front = std::max(front, top(ahead.u, ahead.v));
-    back = std::max(back, top(behind.u, behind.v));
+    const float front = top(ahead.u, ahead.v), back = top(behind.u, behind.v);
+    // Nobody looked to where there is no data: then the other side was seen, if one could see over what is there.
+    if (front == kNoTop && back == kNoTop) continue;
+    if (front == kNoTop || back == kNoTop) {
+      if (std::max(front, back) < at.height - kStep) return back == kNoTop ? kOneSeen : -kOneSeen;
+      continue;
+    }
+    if (std::fabs(front - back) > kStep) return front < back ? 1.0 : -1.0;
   }
-  // Where there is no data on a side, nobody stood there to be seen: roofs behind a facade are often missing.
-  if (front == kNoTop && back == kNoTop) return 0.0;
-  if (front == kNoTop) return back < at.height - kStep ? -1.0 : 0.0;
-  if (back == kNoTop) return front < at.height - kStep ? 1.0 : 0.0;
-  return front < back - kStep ? 1.0 : back < front - kStep ? -1.0 : 0.0;
+  return 0.0;
 }
 
 std::vector<PatchVote> TopSurface::votes(std::size_t groups, double scale) const {
