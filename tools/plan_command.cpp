@@ -19,13 +19,22 @@ namespace {
 
 namespace fs = std::filesystem;
 
-void print_forecast(const Forecast& forecast) {
+/// What planning itself took, then what will come; stages that have nothing to do are left out.
+void print_forecast(const Forecast& forecast, const nlohmann::json& report) {
   fmt::print("\n{:<12}{:>8}{:>14}{:>14}{:>8}{:>10}\n", "stage", "tasks", "memory", "disk", "files",
              "seconds");
   double seconds = 0.0;
   std::uint64_t disk = 0;
   std::uint64_t files = 0;
+  for (const nlohmann::json& done : report.at("stages")) {
+    const auto tasks = done.at("tasks").get<std::uint64_t>();
+    if (tasks > 0)
+      fmt::print("{:<12}{:>8}{:>14}{:>14}{:>8}{:>10.1f}  done\n", done.at("name").get<std::string>(), tasks,
+                 "", format_bytes(done.at("bytes_written").get<std::uint64_t>()), "",
+                 done.at("wall_s").get<double>());
+  }
   for (const StageForecast& f : forecast.stages) {
+    if (f.is_idle()) continue;
     fmt::print("{:<12}{:>8}{:>14}{:>14}{:>8}{:>10.1f}\n", f.stage, f.tasks, format_bytes(f.memory_bytes()),
                format_bytes(f.disk_bytes), f.files, f.seconds);
     seconds += f.seconds;
@@ -36,7 +45,7 @@ void print_forecast(const Forecast& forecast) {
 }
 
 void print_plan(const Plan& plan, const Forecast& forecast, const ReconstructOptions& options,
-                const JobState& state) {
+                const JobState& state, const nlohmann::json& report) {
   const PointFates& p = plan.fates;
   fmt::print("points       {} read, {} kept", p.read, p.kept);
   if (p.other_class > 0) fmt::print(", {} of other classes", p.other_class);
@@ -65,7 +74,7 @@ void print_plan(const Plan& plan, const Forecast& forecast, const ReconstructOpt
   fmt::print("memory cap   {}, {} threads\n", format_bytes(state.run.memory_bytes), state.run.threads);
   fmt::print("disk         at most {} at one time in the work directory\n",
              format_bytes(forecast.peak_disk_bytes));
-  print_forecast(forecast);
+  print_forecast(forecast, report);
   if (HolesMode(options.holes).close)
     fmt::print(
         "note: closing takes 7 to 55 s of processor time per million faces that it adds; which holes there "
@@ -92,7 +101,7 @@ void run(const ReconstructOptions& options, JobState state) {
   state.run.memory_bytes = report.at("run").at("memory_bytes").get<std::uint64_t>();
   state.run.threads = report.at("run").at("threads").get<int>();
   const Forecast forecast = Forecast::of_work(work);
-  print_plan(plan, forecast, options, state);
+  print_plan(plan, forecast, options, state, report);
   if (!state.run.report.empty()) {
     nlohmann::json told = plan.to_json();
     told.update(forecast.to_json());

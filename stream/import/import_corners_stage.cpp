@@ -7,6 +7,7 @@
 #include "stream/files/bucket_file.h"
 #include "stream/files/durable_file.h"
 #include "stream/files/spill_file.h"
+#include "stream/import/import_bytes.h"
 #include "stream/import/import_stages.h"
 
 namespace tessera {
@@ -14,8 +15,6 @@ namespace {
 
 using json = nlohmann::json;
 
-constexpr std::uint64_t kDealBytes = std::uint64_t{32} << 20;
-constexpr std::uint64_t kFixedBytes = std::uint64_t{24} << 20;  ///< reader, batches, output buffer
 constexpr std::uint32_t kNoVertex = 0xffffffffu;
 
 class ImportCornersStage : public Stage {
@@ -23,7 +22,7 @@ class ImportCornersStage : public Stage {
   ImportCornersStage(const JobState& state, ImportSource source)
       : work_(state.work),
         path_(source.path(state)),
-        memory_(state.run.memory_bytes),
+        run_(state.run),
         source_(std::move(source)),
         names_(source_.folder),
         vertices_(state.work, source_.folder) {}
@@ -35,7 +34,7 @@ class ImportCornersStage : public Stage {
   std::string unit_name() const override { return "faces"; }
   json run(std::size_t, TaskContext&) const override { return {}; }
   std::uint64_t finish_bytes() const override {
-    return range() * sizeof(std::uint32_t) + kDealBytes + kFixedBytes;
+    return import_corners_bytes(run_, vertices_.plan().file_vertices);
   }
 
   json finish(const std::vector<json>&, TaskContext& context) const override {
@@ -92,7 +91,7 @@ class ImportCornersStage : public Stage {
  private:
   struct Dealer {
     Dealer(const ImportedVertices& v, const std::filesystem::path& path)
-        : vertices(v), out(path, sizeof(RepairFace), v.plan().buckets(), kDealBytes) {}
+        : vertices(v), out(path, sizeof(RepairFace), v.plan().buckets(), kImportDealBytes) {}
 
     std::size_t bucket_of(std::uint32_t number) {
       if (number < low || number >= high) {
@@ -134,10 +133,7 @@ class ImportCornersStage : public Stage {
   };
 
   /// Vertices whose numbers are in memory at once.
-  std::uint64_t range() const {
-    const std::uint64_t share = std::max<std::uint64_t>(memory_ / 8 * 3, std::uint64_t{1} << 20);
-    return std::clamp<std::uint64_t>(vertices_.plan().file_vertices, 1, share / sizeof(std::uint32_t));
-  }
+  std::uint64_t range() const { return import_corner_range(run_, vertices_.plan().file_vertices); }
 
   void load_numbers(std::uint64_t begin, std::uint64_t end, std::vector<std::uint32_t>& number,
                     TaskContext& context) const {
@@ -160,7 +156,7 @@ class ImportCornersStage : public Stage {
 
   std::filesystem::path work_;
   std::filesystem::path path_;
-  std::uint64_t memory_;
+  RunOptions run_;
   ImportSource source_;
   ImportNames names_;
   ImportedVertices vertices_;

@@ -7,6 +7,7 @@
 
 #include "kernels/mesh/mesh_block_ops.h"
 #include "stream/files/read_file.h"
+#include "stream/import/import_bytes.h"
 #include "stream/import/import_stages.h"
 
 namespace tessera {
@@ -30,7 +31,7 @@ class ImportRepairStage : public Stage {
   std::uint64_t units() const override { return fixes_.size() / sizeof(PlacedFix); }
   std::string unit_name() const override { return "fixes"; }
   std::uint64_t task_bytes(std::size_t) const override {
-    return 2 * tiles_.largest_patch_bytes() + (std::uint64_t{8} << 20);
+    return import_repair_task_bytes(tiles_.largest_patch_bytes());
   }
   std::uint64_t finish_bytes() const override { return 1u << 20; }
   json finish(const std::vector<json>& summaries, TaskContext&) const override {

@@ -9,14 +9,13 @@
 #include "stream/files/bucket_file.h"
 #include "stream/files/durable_file.h"
 #include "stream/files/external_sort.h"
+#include "stream/import/import_bytes.h"
 #include "stream/import/import_stages.h"
 
 namespace tessera {
 namespace {
 
 using json = nlohmann::json;
-
-constexpr std::uint64_t kSortBytes = std::uint64_t{16} << 20;
 
 /// Vertices of a tile: its own and those of its faces that others own, ascending by number.
 struct TileVertices {
@@ -46,8 +45,7 @@ class ImportTilesStage : public Stage {
   std::uint64_t task_bytes(std::size_t task) const override {
     const std::uint64_t own = vertices_.first(task + 1) - vertices_.first(task);
     const std::uint64_t faces = dealt_.records(task);
-    return repair_bytes(faces) + faces * (12 + 12 + 12 + 6 + 1 + 16 + 24) + own * 120 +
-           DirectFile::kDefaultBuffer + (std::uint64_t{6} << 20);
+    return import_tiles_task_bytes(own, faces, repair_bytes(faces));
   }
 
   json run(std::size_t task, TaskContext& context) const override {
@@ -102,16 +100,14 @@ class ImportTilesStage : public Stage {
             {"fixes", result.fixes.size()}};
   }
 
-  std::uint64_t finish_bytes() const override {
-    return kSortBytes + DirectFile::kDefaultBuffer + (std::uint64_t{4} << 20);
-  }
+  std::uint64_t finish_bytes() const override { return kImportTilesFinishBytes; }
 
   json finish(const std::vector<json>& summaries, TaskContext& context) const override {
     json sum = json::object();
     for (const json& s : summaries)
       for (const auto& [key, value] : s.items())
         sum[key] = sum.value(key, std::uint64_t{0}) + value.get<std::uint64_t>();
-    ExternalSort<PlacedFix> sort(work_, kSortBytes);
+    ExternalSort<PlacedFix> sort(work_, kImportSortBytes);
     for (std::size_t b = 0; b < task_count(); ++b) {
       if (summaries[b].at("fixes") == 0) continue;
       std::vector<PlacedFix> page(1u << 14);

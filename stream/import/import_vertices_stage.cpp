@@ -12,16 +12,13 @@
 #include "octree/error.h"
 #include "stream/files/bucket_file.h"
 #include "stream/files/durable_file.h"
+#include "stream/import/import_bytes.h"
 #include "stream/import/import_stages.h"
 
 namespace tessera {
 namespace {
 
 using json = nlohmann::json;
-
-constexpr std::uint64_t kDealBytes = std::uint64_t{32} << 20;  ///< open chunks while dealing out
-
-constexpr std::uint64_t kLeastToKeep = std::uint64_t{256} << 20;  ///< caps from which vertices may be kept
 
 /// A vertex on its way to its bucket.
 template <class Real>
@@ -101,7 +98,8 @@ class ImportReadStage : public Stage {
  public:
   ImportReadStage(const JobState& state, ImportSource source)
       : path_(source.path(state)),
-        keep_bytes_(state.run.memory_bytes >= kLeastToKeep ? state.run.memory_bytes / 8 : 0),
+        keep_bytes_(import_keep_bytes(state.run)),
+        bytes_(import_read_bytes(state.run)),
         source_(std::move(source)),
         names_(source_.folder) {}
 
@@ -111,10 +109,7 @@ class ImportReadStage : public Stage {
   std::uint64_t units() const override { return 0; }
   std::string unit_name() const override { return "vertices"; }
   json run(std::size_t, TaskContext&) const override { return {}; }
-  std::uint64_t finish_bytes() const override {
-    return keep_bytes_ + kDealBytes + ImportPlan::kSurveyBytes + DirectFile::kDefaultBuffer +
-           (std::uint64_t{8} << 20);
-  }
+  std::uint64_t finish_bytes() const override { return bytes_; }
 
   json finish(const std::vector<json>&, TaskContext& context) const override {
     const auto mesh = open_mesh_file(path_);
@@ -139,7 +134,7 @@ class ImportReadStage : public Stage {
   template <class Real>
   std::uint64_t deal(const VertexSource& vertices, const ImportPlan& plan, TaskContext& context) const {
     BucketFileWriter out(context.create(names_.dealt_vertices()), sizeof(DealtVertex<Real>), plan.buckets(),
-                         kDealBytes);
+                         kImportDealBytes);
     std::uint32_t next = 0;
     std::uint64_t last_brick = ~std::uint64_t{0};
     std::size_t bucket = 0;
@@ -165,7 +160,7 @@ class ImportReadStage : public Stage {
   }
 
   std::filesystem::path path_;
-  std::uint64_t keep_bytes_;
+  std::uint64_t keep_bytes_, bytes_;
   ImportSource source_;
   ImportNames names_;
 };
@@ -183,15 +178,14 @@ class ImportVerticesStage : public Stage {
   std::uint64_t units() const override { return plan_.file_vertices - plan_.nonfinite_vertices; }
   std::string unit_name() const override { return "vertices"; }
   std::uint64_t task_bytes(std::size_t task) const override {
-    return dealt_.records(task) * (record_bytes() + 16 + 24 + 4 + 8 + record_bytes()) +
-           DirectFile::kDefaultBuffer + (std::uint64_t{2} << 20);
+    return import_vertices_task_bytes(dealt_.records(task), record_bytes());
   }
 
   json run(std::size_t task, TaskContext& context) const override {
     return plan_.info.double_positions ? weld<double>(task, context) : weld<float>(task, context);
   }
 
-  std::uint64_t finish_bytes() const override { return std::uint64_t{4} << 20; }
+  std::uint64_t finish_bytes() const override { return kImportVerticesFinishBytes; }
   json finish(const std::vector<json>& summaries, TaskContext& context) const override {
     std::vector<std::uint64_t> first = {0};
     std::uint64_t conflicts = 0;

@@ -168,3 +168,33 @@ TEST_CASE("reconstruct: the smallest cap that plan names does, less is refused b
   CHECK(done.code == 0);
   CHECK(done.peak_bytes <= named);
 }
+
+TEST_CASE("reconstruct: plan refuses just the caps that the run refuses, in the same words", "[pipeline]") {
+  const TempFolder folder;
+  const auto cloud = (folder.path() / "cloud.ply").string();
+  REQUIRE(tessera_command(
+              {"synth", "--scene", "city", "--points", "60000", "--noise", "0.5s", "-o", cloud, "-t", "1"})
+              .code == 0);
+  const std::vector<std::vector<std::string>> kinds = {{}, {"--tolerance", "0.05"}, {"--max-hole", "50"}};
+  for (const std::vector<std::string>& options : kinds) {
+    bool refused = false;
+    bool done = false;
+    for (unsigned cap = 44; cap <= 220; cap += 16) {
+      std::vector<std::string> more = {"-t", "2", "--memory", std::to_string(cap) + "M"};
+      more.insert(more.end(), options.begin(), options.end());
+      std::vector<std::string> words = {"plan", cloud, "--progress", "none", "-q"};
+      words.insert(words.end(), more.begin(), more.end());
+      const CommandResult plan = tessera_command(words);
+      const CommandResult run = tessera_command(job({cloud}, folder.path() / "mesh.ply", more));
+      std::filesystem::remove_all(folder.path() / "mesh.ply.tessera");
+      std::filesystem::remove(folder.path() / "mesh.ply");
+      CAPTURE(cap, options, run.errors);
+      CHECK(plan.code == run.code);
+      if (run.code == 4) CHECK(plan.errors == run.errors);
+      refused |= run.code == 4;
+      done |= run.code == 0;
+    }
+    CHECK(refused);
+    CHECK(done);
+  }
+}

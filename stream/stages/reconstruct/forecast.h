@@ -7,7 +7,7 @@
 /// counts; closing cells, known to their own pass alone, are left out. Disk of the passes over points is exact or an
 /// upper bound; faces and seconds are estimates. What closing takes depends on its holes: 7 to 55 s of processor time
 /// per million faces that it adds, which are not told. With a tolerance the output is told as if nothing could be
-/// decimated. Imports of `--reference points` and of holes filled before decimation are not told.
+/// decimated. Stages that have nothing to do are told with nothing but what their end reserves.
 #pragma once
 #include <cstdint>
 #include <filesystem>
@@ -33,11 +33,12 @@ struct StageForecast {
   std::uint64_t files = 0;
   double seconds = 0.0;  ///< on all threads of the job
 
+  bool is_idle() const { return tasks == 0 && files == 0; }
   std::uint64_t memory_bytes() const { return task_bytes > finish_bytes ? task_bytes : finish_bytes; }
 };
 
 struct Forecast {
-  std::vector<StageForecast> stages;  ///< from distribute on
+  std::vector<StageForecast> stages;  ///< all that follow the forecast, in the order of the run
   std::uint64_t peak_disk_bytes = 0;  ///< largest sum of what lies in the work directory at one time
   std::uint64_t output_bytes = 0;     ///< of the mesh file, about
 

@@ -3,8 +3,10 @@
 #include <algorithm>
 
 #include "kernels/field/field.h"
+#include "kernels/mesh/mesh_repair.h"
 #include "stream/check/compare_cells.h"
 #include "stream/check/mesh_compare.h"
+#include "stream/import/import_bytes.h"
 #include "stream/meshes/mesh_store_output.h"
 #include "stream/meshes/store_write_stage.h"
 #include "stream/points/closing_store.h"
@@ -12,7 +14,9 @@
 #include "stream/points/reconstruct_options.h"
 #include "stream/stages/decimate/certify_stage.h"
 #include "stream/stages/decimate/simplify_stage.h"
+#include "stream/stages/reconstruct/forecast_rates.h"
 #include "stream/stages/reconstruct/planned_patches.h"
+#include "stream/stages/reconstruct/reconstruct_job.h"
 #include "stream/stages/scan/distribute_stage.h"
 #include "stream/stages/scan/normals_mode.h"
 #include "stream/stages/scan/normals_stage.h"
@@ -31,48 +35,7 @@
 namespace tessera {
 namespace {
 
-// Bytes on disk, as the files' headers give them.
-constexpr double kRunBytes = 24.0;
-constexpr double kStoreBytes = 24.3;   // records and tables, bricks of some thousand points
-constexpr double kOverlayBytes = 9.0;  // normals and boundary surfels
-constexpr double kPatchBytes = 21.0;   // per face
-constexpr double kOutputBytes = 19.0;  // per face: 13 bytes a face, half a vertex of 12
-
-// Processor time on one core of an EPYC at about 3 GHz, microseconds per point or face. `tools/bench` prints
-// them.
-constexpr double kDistributeTime = 0.05;
-constexpr double kOrderTime = 0.05;
-constexpr double kShapeTime = 0.25;     // supporters of points with normals
-constexpr double kEstimateTime = 0.95;  // normals too
-constexpr double kOrientTime = 0.25;
-constexpr double kSurfaceTime = 0.42;  // per face
-constexpr double kWeldTime = 0.03;     // per face
-constexpr double kSamplesTime = 0.5;   // per point, of either pass
-constexpr double kWriteTime = 0.02;    // per face
-// With --holes, per point and per face of the open surface; what closing itself takes only the holes know.
-constexpr double kMultipoleTime = 0.1;
-constexpr double kRimsTime = 0.4;
-constexpr double kMultipoleBytes = 0.96;
-constexpr double kRimsBytes = 1.5;
-// With --tolerance, per face of full resolution.
-constexpr double kFirstPassTime = 0.65;
-constexpr double kFirstPassBytes = 6.4;  // instead of kPatchBytes
-constexpr double kPass2Time = 0.27;
-constexpr double kPass3Time = 0.13;
-constexpr double kCertifyTime = 0.43;
-constexpr double kPassBytes = 0.3;
-constexpr double kDiskBytesPerSecond = 8e8;
-
-// Of orientation, per occupied block of 8^3 cells; all but the boundary grow with the noise, up to a tenth of a cell: what
-// the noisiest of six scans had, from simulated terrain to field scans of trees.
-constexpr double kBlockBoundary = 7.0;  // surfels at the faces of the brick
-constexpr double kBlockPatches = 6.0;
-constexpr double kBlockVotes = 25.0;
-constexpr double kBlockCoarse = 6.0;  // and one and a half without noise
-constexpr double kMostNoise = 0.1;
-constexpr double kFacesMargin = 1.2;  // within that the estimate of all faces was right
-/// A cell of the certificate is read with whole patches around it.
-constexpr std::uint64_t kCellReach = 3;
+using namespace rates;
 
 std::uint64_t times(double count, double each) {
   return static_cast<std::uint64_t>(count * each);
@@ -138,6 +101,12 @@ class Composer {
     forecast_.peak_disk_bytes =
         std::max({run_bytes_ + store_bytes_, store_bytes_ + overlay_bytes_ + closing + patches,
                   patches + forecast_.output_bytes + store_bytes_ + overlay_bytes_ + closing});
+    if (options_.tolerance > 0.0 && !fused)  // the raw mesh, its vertices and faces dealt out, its store
+      forecast_.peak_disk_bytes =
+          std::max(forecast_.peak_disk_bytes,
+                   store_bytes_ + overlay_bytes_ +
+                       times(static_cast<double>(forecast_.output_bytes), 1 + 3 * kImportBytes));
+    in_order_of_the_run();
     return std::move(forecast_);
   }
 
@@ -147,6 +116,21 @@ class Composer {
     const double width = std::clamp(static_cast<double>(tasks), 1.0, std::max(1.0, 1.0 * run_.threads));
     forecast_.stages.push_back({std::move(stage), tasks, memory.task, memory.finish, memory.sure, disk, files,
                                 processor_us * 1e-6 / width + moved_bytes / kDiskBytesPerSecond});
+  }
+
+  /// What has nothing to do, as rounds of decimation that nobody needs, is told with what its end reserves.
+  void in_order_of_the_run() {
+    std::vector<StageForecast> told;
+    bool follows = false;
+    for (const StageEntry& entry : reconstruct_stages(options_)) {
+      if (follows) {
+        const auto at = std::find_if(forecast_.stages.begin(), forecast_.stages.end(),
+                                     [&](const StageForecast& f) { return f.stage == entry.name; });
+        told.push_back(at != forecast_.stages.end() ? *at : StageForecast{entry.name, 0, 0, kIdleBytes, 0});
+      }
+      follows |= entry.name == "forecast";
+    }
+    forecast_.stages = std::move(told);
   }
 
   void scan() {
@@ -257,12 +241,38 @@ class Composer {
           static_cast<double>(patches + forecast_.output_bytes));
   }
 
+  /// The raw mesh comes back as a store.
+  void import() {
+    const auto vertices = times(faces_ * kFacesMargin * kFacesMargin, kVerticesPerFace);
+    const auto in_bucket = std::min(vertices, times(double{ImportPlan::kBucketVertices}, kFacesMargin));
+    const auto faces = times(static_cast<double>(in_bucket), kFacesMargin / kVerticesPerFace);
+    const std::uint64_t buckets = vertices / ImportPlan::kBucketVertices + 1;
+    const auto bytes = static_cast<double>(forecast_.output_bytes);
+    add("mesh-read", 0, known(0, import_read_bytes(run_)), times(bytes, kImportBytes), 1,
+        faces_ * kImportReadTime, bytes);
+    add("mesh-vertices", buckets,
+        {import_vertices_task_bytes(in_bucket, kDealtVertexBytes), kImportVerticesFinishBytes, 0},
+        times(bytes, kImportBytes), 2 * buckets, faces_ * kImportVerticesTime, bytes);
+    add("mesh-corners", 0, {0, import_corners_bytes(run_, vertices), import_corners_bytes(run_, 0)},
+        times(bytes, kImportBytes), 1, faces_ * kImportCornersTime, bytes);
+    add("mesh-tiles", buckets,
+        {import_tiles_task_bytes(in_bucket, faces, repair_bytes(faces)), kImportTilesFinishBytes,
+         kImportTilesFinishBytes},
+        times(bytes, kImportBytes), 2 * buckets, faces_ * kImportTilesTime, bytes);
+    add("mesh-repair", 0,
+        {import_repair_task_bytes(block_bytes(ImportPlan::kBrickVertices * 4)), kIdleBytes, 0}, 0, 0, 0.0,
+        0.0);
+  }
+
   void decimate(std::uint64_t patches, int first_pass) {
     const SimplifyOptions simplify = reconstruct_simplify_options(options_);
     const std::uint64_t faces = times(faces_, kFacesMargin), largest = largest_.faces;
     const std::uint64_t disk = times(faces_, kPassBytes), blocks = groups_.size() / 2 + 1;
     const std::uint64_t patch_bytes = block_bytes(largest);
-    if (options_.reference == "points") add_samples("points", faces);
+    if (first_pass == 0) import();
+    if (options_.reference == "points")
+      add_samples("points",
+                  std::min(faces, kImportedNear * std::max(largest, 2 * ImportPlan::kBrickVertices)));
     for (int pass = first_pass; pass < simplify.passes; ++pass) {
       // A block is filled up to its limit or is one brick; so is the part of the reference that it works against.
       const std::uint64_t in = std::min(faces, std::max(simplify.block_faces, largest));
@@ -282,7 +292,8 @@ class Composer {
         groups_.size(), faces_ * kCertifyTime, static_cast<double>(patches));
     const Memory write = {0, write_mesh_store_bytes(patch_bytes, patches_.entries.size(), sort_bytes(run_)),
                           write_mesh_store_bytes(0, 0, sort_bytes(run_))};
-    if (options_.reference == "points") add_samples("samples", faces / 10);
+    if (options_.reference == "points")
+      add_samples("samples", std::min<std::uint64_t>(faces / 10, 2 * largest));
     const auto add_write = [&](const char* stage) {
       add(stage, 0, write, forecast_.output_bytes, 1, faces_ * kWriteTime,
           static_cast<double>(patches + forecast_.output_bytes));
@@ -291,8 +302,8 @@ class Composer {
     add_write("write");
   }
 
-  void add_samples(const char* stage, std::uint64_t faces) {
-    const std::uint64_t near = std::min<std::uint64_t>(faces, 2 * largest_.faces);
+  /// \param near  faces near one brick
+  void add_samples(const char* stage, std::uint64_t near) {
     add(stage, plan_.buckets.size(),
         {samples_task_bytes(largest_brick_, block_bytes(near), near), 0,
          samples_task_bytes(largest_brick_, 0, 0)},

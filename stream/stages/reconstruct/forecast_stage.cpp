@@ -17,6 +17,8 @@ namespace {
 
 /// What the process grows by after the survey: code that is paged in, and per brick tables of points, normals, patches.
 constexpr std::uint64_t kLaterBaseBytes = std::uint64_t{4} << 20;
+constexpr std::uint64_t kBaseStep = std::uint64_t{4}
+                                    << 20;  // a plan and its run differ by some pages, by chance
 constexpr std::uint64_t kLaterBrickBytes = 56 + 64 + 64;
 
 class ForecastStage : public Stage {
@@ -35,7 +37,8 @@ class ForecastStage : public Stage {
   }
 
   nlohmann::json finish(const std::vector<nlohmann::json>&, TaskContext& context) const override {
-    const std::uint64_t base = resident_bytes() + kLaterBaseBytes + plan_.bricks * kLaterBrickBytes;
+    const std::uint64_t held = resident_bytes() + kLaterBaseBytes + plan_.bricks * kLaterBrickBytes;
+    const std::uint64_t base = (held + kBaseStep - 1) / kBaseStep * kBaseStep;
     const std::vector<PlanBrick> bricks = load_plan_bricks(job_.work / Plan::kBrickFile);
     const auto opened = open_point_inputs(job_);
     InputTasks inputs{opened->task_count(), 0};

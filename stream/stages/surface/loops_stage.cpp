@@ -104,7 +104,7 @@ class LoopsStage : public Stage {
   }
 
   std::uint64_t finish_bytes() const override {
-    return most_edges_ == 0 ? kFixedBytes : loops_finish_bytes(state_.run, store_.patches());
+    return most_edges_ == 0 ? std::uint64_t{1} << 20 : loops_finish_bytes(state_.run, store_.patches());
   }
 
   json finish(const std::vector<json>&, TaskContext& context) const override {

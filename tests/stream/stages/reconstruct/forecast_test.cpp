@@ -69,9 +69,25 @@ const StageForecast* find(const Forecast& forecast, const std::string& stage) {
   return nullptr;
 }
 
-/// Every stage that is told asks for no more. \param same  stages whose tasks ask for just that
+std::vector<std::string> names_of(const Forecast& forecast, bool idle) {
+  std::vector<std::string> names;
+  for (const StageForecast& f : forecast.stages)
+    if (idle || !f.is_idle()) names.push_back(f.stage);
+  return names;
+}
+
+/// The stages that follow the forecast when the job runs.
+std::vector<std::string> stages_of_the_run(const ReconstructOptions& options) {
+  std::vector<std::string> names;
+  for (const StageEntry& entry : reconstruct_stages(options)) names.push_back(entry.name);
+  names.erase(names.begin(), std::find(names.begin(), names.end(), "forecast") + 1);
+  return names;
+}
+
+/// Every stage of the run is told, and asks for no more. \param same  stages whose tasks ask for just that
 void check_told(const Told& told, const std::map<std::string, Reserved>& reserved,
                 const std::set<std::string>& same) {
+  CHECK(told.forecast.stages.size() == reserved.size());
   for (const StageForecast& f : told.forecast.stages) {
     INFO(f.stage);
     REQUIRE(reserved.count(f.stage) == 1);
@@ -160,12 +176,19 @@ TEST_CASE("forecast: what it tells of memory is what the stages reserve", "[unit
     names = {"distribute", "order",  "normals", "surface", "islands",
              "prune",      "pass-2", "pass-3",  "certify", "write"};
   }
+  SECTION("decimated against the points, the surface kept: by way of a mesh") {
+    setup.options.tolerance = 0.5;
+    setup.options.reference = "points";
+    setup.options.keep_raw = true;
+    names = {"distribute", "order",         "normals",      "surface",    "weld",     "raw",
+             "mesh-read",  "mesh-vertices", "mesh-corners", "mesh-tiles", "points",   "pass-1",
+             "pass-2",     "pass-3",        "certify",      "samples",    "keep-raw", "write"};
+  }
   Told told;
   const auto reserved = run_all(points, setup, work.path(), told);
   check_told(told, reserved, same);
-  std::vector<std::string> found;
-  for (const StageForecast& f : told.forecast.stages) found.push_back(f.stage);
-  CHECK(found == names);
+  CHECK(names_of(told.forecast, false) == names);
+  CHECK(names_of(told.forecast, true) == stages_of_the_run(setup.options));
 }
 
 TEST_CASE("forecast: points that merge, hot bricks and noise stay below what is told", "[unit]") {
@@ -199,15 +222,14 @@ TEST_CASE("forecast: closing and decimation have their stages, with the disk tha
   setup.options.normals = "given";
   Told told;
   const auto reserved = run_all(points, setup, work.path(), told);
-  std::vector<std::string> names;
   for (const StageForecast& f : told.forecast.stages) {
     INFO(f.stage);
-    names.push_back(f.stage);
     if (f.stage != "surface") CHECK(f.task_bytes >= reserved.at(f.stage).task);
   }
-  CHECK(names == std::vector<std::string>{"distribute", "order", "normals", "multipole", "rims", "close",
-                                          "surface", "islands", "prune", "pass-2", "pass-3", "certify",
-                                          "write"});
+  CHECK(names_of(told.forecast, true) == stages_of_the_run(setup.options));
+  CHECK(names_of(told.forecast, false) ==
+        std::vector<std::string>{"distribute", "order", "normals", "multipole", "rims", "close", "surface",
+                                 "islands", "prune", "pass-2", "pass-3", "certify", "write"});
   for (const char* stage : {"normals", "multipole", "rims"})
     CHECK(find(told.forecast, stage)->task_bytes == reserved.at(stage).task);
   CHECK(find(told.forecast, "close")->memory_bytes() >= reserved.at("close").finish);

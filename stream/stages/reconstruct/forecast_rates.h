@@ -1,0 +1,62 @@
+/// \file forecast_rates.h
+/// Measured rates by which a forecast tells disk, time and what only the work itself knows.
+#pragma once
+#include <cstdint>
+
+namespace tessera::rates {
+
+// Bytes on disk, as the files' headers give them.
+inline constexpr double kRunBytes = 24.0;
+inline constexpr double kStoreBytes = 24.3;   // records and tables, bricks of some thousand points
+inline constexpr double kOverlayBytes = 9.0;  // normals and boundary surfels
+inline constexpr double kPatchBytes = 21.0;   // per face
+inline constexpr double kOutputBytes = 19.0;  // per face: 13 bytes a face, half a vertex of 12
+
+// Processor time on one core of an EPYC at about 3 GHz, microseconds per point or face. `tools/bench` prints
+// them.
+inline constexpr double kDistributeTime = 0.05;
+inline constexpr double kOrderTime = 0.05;
+inline constexpr double kShapeTime = 0.25;     // supporters of points with normals
+inline constexpr double kEstimateTime = 0.95;  // normals too
+inline constexpr double kOrientTime = 0.25;
+inline constexpr double kSurfaceTime = 0.42;  // per face
+inline constexpr double kWeldTime = 0.03;     // per face
+inline constexpr double kSamplesTime = 0.5;   // per point, of either pass
+inline constexpr double kWriteTime = 0.02;    // per face
+// With --holes, per point and per face of the open surface; what closing itself takes only the holes know.
+inline constexpr double kMultipoleTime = 0.1;
+inline constexpr double kRimsTime = 0.4;
+inline constexpr double kMultipoleBytes = 0.96;
+inline constexpr double kRimsBytes = 1.5;
+// With --tolerance, per face of full resolution.
+inline constexpr double kFirstPassTime = 0.65;
+inline constexpr double kFirstPassBytes = 6.4;  // instead of kPatchBytes
+inline constexpr double kPass2Time = 0.27;
+inline constexpr double kPass3Time = 0.13;
+inline constexpr double kCertifyTime = 0.43;
+inline constexpr double kPassBytes = 0.3;
+// Of the import of a raw mesh, per face; its files against the mesh.
+inline constexpr double kImportReadTime = 0.05;
+inline constexpr double kImportVerticesTime = 0.1;
+inline constexpr double kImportCornersTime = 0.1;
+inline constexpr double kImportTilesTime = 0.4;
+inline constexpr double kImportBytes = 1.0;
+inline constexpr std::uint64_t kDealtVertexBytes = 32;
+inline constexpr double kDiskBytesPerSecond = 8e8;
+
+// Of orientation, per occupied block of 8^3 cells; all but the boundary grow with the noise, up to a tenth of a cell: what
+// the noisiest of six scans had, from simulated terrain to field scans of trees.
+inline constexpr double kBlockBoundary = 7.0;  // surfels at the faces of the brick
+inline constexpr double kBlockPatches = 6.0;
+inline constexpr double kBlockVotes = 25.0;
+inline constexpr double kBlockCoarse = 6.0;  // and one and a half without noise
+inline constexpr double kMostNoise = 0.1;
+inline constexpr double kFacesMargin = 1.2;  // within that the estimate of all faces was right
+/// Patches of an imported mesh that lie near one brick of points: itself and all around it.
+inline constexpr std::uint64_t kImportedNear = 27;
+/// A cell of the certificate is read with whole patches around it.
+inline constexpr std::uint64_t kCellReach = 3;
+/// What the end of a stage that has nothing to do reserves, at most.
+inline constexpr std::uint64_t kIdleBytes = std::uint64_t{20} << 20;
+
+}  // namespace tessera::rates
