@@ -22,7 +22,7 @@ constexpr float kLargestRadius = 4.0f;
 constexpr int kCubeCells = 4;  ///< at least the largest radius, so that one cube of halo suffices
 constexpr std::uint16_t kMinNeighbours = 5;  ///< a plane through fewer is chance
 constexpr int kFewNeighbours = 12;           ///< from fewer the radius grows to the largest there is
-constexpr std::uint32_t kCellPoints = 16;    ///< a denser cell is represented by about as many of its points
+constexpr std::uint32_t kCellPoints = 6;     ///< a denser cell is represented by about as many of its points
 constexpr float kBent = 0.02f;               ///< surface variation from which the radius is halved
 /// Ratio of the two larger eigenvalues below which the neighbours lie on a line: any plane through it fits.
 constexpr double kLine = 0.0025;
@@ -140,14 +140,12 @@ struct Plane {
 };
 
 Plane fit_plane(const Moments& m) {
-  Double3 values;
-  std::array<Double3, 3> vectors;
-  symmetric_eigen3(m.covariance, values, vectors);
+  const auto [values, least] = least_eigen3(m.covariance);
   Plane plane;
   const double sum = std::max(values[0], 0.0) + values[1] + values[2];
   if (!(sum > 0.0) || values[1] < kLine * values[2]) return plane;
   // A sign that every block agrees on: the component of largest magnitude is positive.
-  Double3 n = vectors[0];
+  const Double3& n = least;
   int major = 0;
   for (int a = 1; a < 3; ++a)
     if (std::fabs(n[static_cast<std::size_t>(a)]) > std::fabs(n[static_cast<std::size_t>(major)])) major = a;

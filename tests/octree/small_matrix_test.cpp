@@ -59,4 +59,41 @@ TEST_CASE("small matrix: eigenvalues ascend, vectors are theirs", "[unit]") {
   CHECK(values == Double3{5, 5, 5});
 }
 
+TEST_CASE("small matrix: the least eigenvalue without rotations is that of the rotations", "[unit]") {
+  std::uint64_t state = 1;
+  const auto next = [&state] {
+    state = state * 6364136223846793005ULL + 1442695040888963407ULL;
+    return static_cast<double>(state >> 11) * 0x1p-52 - 1.0;
+  };
+  const double flat = GENERATE(1.0, 1e-3, 1e-8, 0.0);  // scale of one axis: planes, and exact ones
+  for (int k = 0; k < 500; ++k) {
+    std::array<double, 6> m{};
+    for (int p = 0; p < 6; ++p) {  // a cloud, leaning
+      const Double3 at = {next() + 0.3 * next(), next(), flat * next()};
+      const Double3 turned = {0.6 * at[0] - 0.8 * at[2], at[1], 0.8 * at[0] + 0.6 * at[2]};
+      m[0] += turned[0] * turned[0], m[1] += turned[0] * turned[1], m[2] += turned[0] * turned[2];
+      m[3] += turned[1] * turned[1], m[4] += turned[1] * turned[2], m[5] += turned[2] * turned[2];
+    }
+    Double3 values;
+    std::array<Double3, 3> vectors;
+    symmetric_eigen3(m, values, vectors);
+    const LeastEigen3 least = least_eigen3(m);
+    for (std::size_t i = 0; i < 3; ++i) CHECK(least.values[i] == Approx(values[i]).margin(1e-13 * values[2]));
+    CHECK(norm(least.vector) == Approx(1.0));
+    if (values[1] - values[0] > 1e-3 * values[2])
+      CHECK(std::abs(dot(least.vector, vectors[0])) == Approx(1.0).margin(1e-9));
+  }
+}
+
+TEST_CASE("small matrix: a line and a ball have a least eigenvector too", "[unit]") {
+  const LeastEigen3 line = least_eigen3({4, 0, 0, 0, 0, 0});
+  CHECK(std::abs(line.vector[0]) < 1e-12);
+  CHECK(norm(line.vector) == Approx(1.0));
+  CHECK(line.values[1] == Approx(0.0).margin(1e-12));
+  const LeastEigen3 ball = least_eigen3({5, 0, 0, 5, 0, 5});
+  CHECK(ball.values == Double3{5, 5, 5});
+  CHECK(norm(ball.vector) == Approx(1.0));
+  CHECK(least_eigen3({}).values == Double3{0, 0, 0});
+}
+
 }  // namespace tessera
