@@ -65,7 +65,7 @@ void print_plan(const Plan& plan, const Forecast& forecast, const ReconstructOpt
                plan.noise_cells);
   }
   fmt::print("resolution   {:.6g} scan units ({}), support radius {:.6g}\n", plan.lattice.h,
-             plan.auto_resolution ? "measured" : "given", plan.radius_cells * plan.lattice.h);
+             plan.resolution_reason, plan.radius_cells * plan.lattice.h);
   fmt::print("lattice      {} x {} x {} bricks of 64^3 cells, {} occupied, in {} buckets\n",
              plan.brick_max[0] - plan.brick_min[0] + 1, plan.brick_max[1] - plan.brick_min[1] + 1,
              plan.brick_max[2] - plan.brick_min[2] + 1, plan.bricks, plan.buckets.size());

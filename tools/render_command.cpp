@@ -104,6 +104,11 @@ cli::Command render_command() {
   t.add("signed", &o.with_sign, "with --deviation: red in front of the reference, blue behind it");
   t.add("borders", &o.borders,
         "border edges in red, non-manifold edges in magenta: on, off, or auto (off where memory is short)");
+  t.add("backs", &o.backs,
+        "faces seen from behind: show (orange), cut (left out), or auto: cut for rooms, so that the near "
+        "walls do "
+        "not hide what is inside");
+  t.add("synthetic", &o.synthetic, "faces that close holes in blue, over colours of the file too");
   t.add("smooth", &o.smooth, "interpolate normals; default is one normal per face");
   t.add("wire", &o.wire, "draw the edges of all faces");
   t.add("occlusion", &o.occlusion, "strength of ambient occlusion, 0 to 2");

@@ -14,6 +14,7 @@ namespace tessera {
 namespace {
 
 constexpr float kUnitNormal = 32767.0f;
+constexpr float kLeastLinePixels = 0.3f;
 constexpr double kOcclusionShare = 0.07;  // of a view's half width, where no radius is given
 
 /// Texture units of the screen passes.
@@ -54,6 +55,7 @@ struct Picture::State {
   PictureOptions options;
   std::vector<PictureView> views;
   Double3 offset{};
+  bool cut_backs = false;
   std::unique_ptr<GlContext> context;
   // GL objects live as long as the context.
   GLuint triangle_program = 0, point_program = 0, line_program = 0, occlusion_program = 0,
@@ -205,6 +207,10 @@ void Picture::set_offset(const Double3& offset) {
   state_->offset = offset;
 }
 
+void Picture::cut_backs(bool cut) {
+  state_->cut_backs = cut;
+}
+
 void Picture::triangles(std::span<const PictureVertex> corners, float wire_pixels) {
   const State& s = *state_;
   const GlFunctions& gl = s.gl();
@@ -214,6 +220,7 @@ void Picture::triangles(std::span<const PictureVertex> corners, float wire_pixel
   gl.BindVertexArray(s.vertex_array);
   gl.Uniform1f(gl_uniform(gl, program, "wire_pixels"),
                wire_pixels * static_cast<float>(s.options.supersample));
+  gl.Uniform1i(gl_uniform(gl, program, "cut_backs"), s.cut_backs ? 1 : 0);
   gl.Uniform4f(gl_uniform(gl, program, "back_colour"), channel(kBackFace, 0), channel(kBackFace, 1),
                channel(kBackFace, 2), 1.0f);
   for (const PictureView& view : s.views) {
@@ -223,7 +230,7 @@ void Picture::triangles(std::span<const PictureVertex> corners, float wire_pixel
   gl.Finish();  // else llvmpipe keeps every batch until the end
 }
 
-void Picture::lines(std::span<const PictureVertex> ends, float pixels) {
+void Picture::lines(std::span<const PictureVertex> ends, float pixels, float length) {
   const State& s = *state_;
   const GlFunctions& gl = s.gl();
   const GLuint program = s.line_program;
@@ -231,7 +238,9 @@ void Picture::lines(std::span<const PictureVertex> ends, float pixels) {
   s.upload(ends);
   gl.BindVertexArray(s.line_array);
   const auto samples = static_cast<float>(s.options.supersample);
-  gl.Uniform1f(gl_uniform(gl, program, "half_width"), 0.5f * pixels * samples);
+  gl.Uniform1f(gl_uniform(gl, program, "most_half_width"), 0.5f * pixels * samples);
+  gl.Uniform1f(gl_uniform(gl, program, "least_half_width"), 0.5f * kLeastLinePixels * samples);
+  gl.Uniform1f(gl_uniform(gl, program, "edge_length"), length);
   for (const PictureView& view : s.views) {
     s.use_view(program, view);
     gl.Uniform1f(gl_uniform(gl, program, "eye_pixel"),

@@ -70,11 +70,15 @@ class Picture {
 
   /// What is drawn from now on is given relative to `offset` from the scene origin. Zero at first.
   void set_offset(const Double3& offset);
+  /// From now on faces seen from behind are left out, so that one looks through the near walls of a room. Off at first.
+  void cut_backs(bool cut);
   /// Three corners per triangle, counter-clockwise seen from outside. `wire_pixels` > 0 draws the edges, that
   /// wide.
   void triangles(std::span<const PictureVertex> corners, float wire_pixels = 0.0f);
-  /// Two ends per line; drawn `pixels` wide in the ends' colour, a little in front of what they lie on.
-  void lines(std::span<const PictureVertex> ends, float pixels);
+  /// Two ends per line; drawn `pixels` wide in the ends' colour, a little in front of what they lie on. Where lines of
+  /// `length` (scene units; 0 = any) are short on screen they get thinner with it, below a sample by hitting fewer: a
+  /// thicket of them tints what it lies on instead of covering it.
+  void lines(std::span<const PictureVertex> ends, float pixels, float length = 0.0f);
   /// Discs of `diameter` (scene units), at least `least_pixels` wide. Normals that look away are drawn in
   /// kBackFace where `mark_back`.
   void points(std::span<const PictureVertex> centres, float diameter, float least_pixels, bool mark_back);

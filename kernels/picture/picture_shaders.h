@@ -46,11 +46,13 @@ in vec3 albedo;
 in vec3 corner;
 uniform int orthographic;
 uniform float wire_pixels;
+uniform int cut_backs;
 uniform vec4 back_colour;
 layout(location = 0) out vec4 colour;
 layout(location = 1) out vec4 facing;
 %LIGHT%
 void main() {
+  if (cut_backs != 0 && !gl_FrontFacing) discard;
   vec3 v = orthographic != 0 ? vec3(0.0, 0.0, 1.0) : normalize(-eye_position);
   float size = dot(eye_normal, eye_normal);
   vec3 n = size > 0.0 ? eye_normal * inversesqrt(size) : v;
@@ -124,10 +126,17 @@ layout(location = 2) in vec4 colour;
 uniform mat4 view, projection;
 uniform int orthographic;
 uniform vec2 pixels;       // size of the view, samples
-uniform float half_width;  // samples
+uniform float most_half_width, least_half_width;  // samples
+uniform float edge_length;                        // of lines like these, scene units; 0 = any
 uniform float near_plane;
 uniform float eye_pixel;   // size of a sample, orthographic: scene units; perspective: at distance 1
 out vec3 tint;
+/// Full width from edges of about three pixels on, less in proportion.
+float half_width_at(float eye_z) {
+  if (edge_length <= 0.0) return most_half_width;
+  float edge_samples = edge_length / (eye_pixel * (orthographic != 0 ? 1.0 : max(-eye_z, 1e-30)));
+  return clamp(0.43 * edge_samples, least_half_width, most_half_width);
+}
 void main() {
   vec4 a = view * vec4(start, 1.0);
   vec4 b = view * vec4(stop, 1.0);
@@ -139,8 +148,9 @@ void main() {
   }
   // Towards the viewer by a few times the line's width where it is, which is enough on steep faces and too little to
   // shine through a body. In perspective along the ray, so that it stays where it is on screen.
-  float width_a = 6.0 * half_width * eye_pixel * (orthographic != 0 ? 1.0 : -a.z);
-  float width_b = 6.0 * half_width * eye_pixel * (orthographic != 0 ? 1.0 : -b.z);
+  float half_a = half_width_at(a.z), half_b = half_width_at(b.z);
+  float width_a = 6.0 * half_a * eye_pixel * (orthographic != 0 ? 1.0 : -a.z);
+  float width_b = 6.0 * half_b * eye_pixel * (orthographic != 0 ? 1.0 : -b.z);
   if (orthographic != 0) {
     a.z += width_a;
     b.z += width_b;
@@ -157,7 +167,7 @@ void main() {
   bool last = gl_VertexID >= 2;
   vec4 at = last ? q : p;
   vec2 shift = across * ((gl_VertexID & 1) != 0 ? 1.0 : -1.0) + along * (last ? 1.0 : -1.0);
-  at.xy += shift * half_width * 2.0 / pixels * at.w;
+  at.xy += shift * (last ? half_b : half_a) * 2.0 / pixels * at.w;
   tint = colour.rgb;
   gl_Position = at;
 }

@@ -1,8 +1,12 @@
 #include "kernels/points/spacing.h"
 
 #include <algorithm>
+#include <array>
 #include <bit>
 #include <cmath>
+#include <iomanip>
+#include <sstream>
+#include <tuple>
 
 #include "kernels/points/normals.h"
 #include "octree/small_matrix.h"
@@ -16,8 +20,12 @@ constexpr std::size_t kLeastForDistances = 9;
 constexpr std::size_t kLeastForQuadric = 12;
 constexpr int kQuadricTerms = 6;
 
-/// Probes: points in the middle half of the cell, evenly thinned by rank.
-std::vector<std::size_t> probes_of(const SampleCell& cell) {
+/// Points in the middle half of a cell, evenly thinned by rank.
+struct Probes {
+  std::vector<std::size_t> at;
+  double each = 1.0;  ///< points that one stands for
+};
+Probes probes_of(const SampleCell& cell) {
   std::vector<std::size_t> inner;
   for (std::size_t i = 0; i < cell.points.size(); ++i) {
     bool inside = true;
@@ -27,9 +35,10 @@ std::vector<std::size_t> probes_of(const SampleCell& cell) {
     }
     if (inside) inner.push_back(i);
   }
-  if (inner.size() <= kProbesPerCell) return inner;
-  std::vector<std::size_t> probes;
-  for (std::size_t k = 0; k < kProbesPerCell; ++k) probes.push_back(inner[k * inner.size() / kProbesPerCell]);
+  if (inner.size() <= kProbesPerCell) return {inner, 1.0};
+  Probes probes{{}, static_cast<double>(inner.size()) / kProbesPerCell};
+  for (std::size_t k = 0; k < kProbesPerCell; ++k)
+    probes.at.push_back(inner[k * inner.size() / kProbesPerCell]);
   return probes;
 }
 
@@ -102,28 +111,32 @@ double ScaleHistogram::quantile(double share) const {
   return 0.0;
 }
 
-void measure_distances(const SampleCell& cell, SpacingHistograms& out) {
-  constexpr auto kMost = static_cast<std::size_t>(kSpacingRanks.back());
+void measure_spacing(const SampleCell& cell, double share, double least, double most,
+                     std::vector<SpacingProbe>& out) {
+  constexpr std::size_t kGapRank = 4;
+  constexpr std::size_t kSpacingRank = 8;
   if (cell.points.size() < kLeastForDistances) return;
   const double reach = cell.size / 4;
-  for (const std::size_t probe : probes_of(cell)) {
-    std::array<double, kMost> nearest;
+  const Probes probes = probes_of(cell);
+  for (const std::size_t probe : probes.at) {
+    std::array<double, kSpacingRank> nearest;
     nearest.fill(reach * reach);
     for (std::size_t i = 0; i < cell.points.size(); ++i) {
       const double d = squared_distance(cell.points[i], cell.points[probe]);
       if (i == probe || d >= nearest.back()) continue;
-      std::size_t at = kMost - 1;
+      std::size_t at = kSpacingRank - 1;
       for (; at > 0 && nearest[at - 1] > d; --at) nearest[at] = nearest[at - 1];
       nearest[at] = d;
     }
-    for (std::size_t r = 0; r < kSpacingRanks.size(); ++r)
-      out.distance[r].add(std::sqrt(nearest[static_cast<std::size_t>(kSpacingRanks[r] - 1)]));
+    const double spacing = std::max(std::sqrt(nearest.back()) / 2, std::sqrt(nearest.front()));
+    if (spacing > least && spacing <= most)
+      out.push_back({spacing, std::sqrt(nearest[kGapRank - 1]), spacing * spacing * probes.each / share});
   }
 }
 
-void measure_residuals(const SampleCell& cell, double radius, SpacingHistograms& out) {
+void measure_residuals(const SampleCell& cell, double radius, ScaleHistogram& out) {
   std::vector<Double3> near;
-  for (const std::size_t probe : probes_of(cell)) {
+  for (const std::size_t probe : probes_of(cell).at) {
     near.clear();
     const Double3& centre = cell.points[probe];
     for (const Double3& p : cell.points)
@@ -132,17 +145,63 @@ void measure_residuals(const SampleCell& cell, double radius, SpacingHistograms&
             {(p[0] - centre[0]) / radius, (p[1] - centre[1]) / radius, (p[2] - centre[2]) / radius});
     if (near.size() < kLeastForQuadric) continue;
     const double residual = quadric_residual(near);
-    if (residual >= 0.0) out.residual.add(residual * radius);
+    if (residual >= 0.0) out.add(residual * radius);
   }
 }
 
-SpacingSummary summarise(const SpacingHistograms& measured) {
+SpacingSummary summarise_spacing(std::vector<SpacingProbe> probes, const ScaleHistogram& residual) {
   SpacingSummary s;
-  s.spacing = std::max(measured.distance[2].quantile(0.95) / 2, measured.distance[0].quantile(0.5));
-  s.gap = measured.distance[1].quantile(0.95);
-  s.noise = measured.residual.quantile(0.25);
-  s.residual = measured.residual.quantile(0.5);
+  s.noise = residual.quantile(0.25);
+  s.residual = residual.quantile(0.5);
+  if (probes.empty()) return s;
+  const auto quantile = [&](double SpacingProbe::*field, double share) {
+    std::sort(probes.begin(), probes.end(), [&](const SpacingProbe& a, const SpacingProbe& b) {
+      return std::tie(a.*field, a.area) < std::tie(b.*field, b.area);
+    });
+    double all = 0.0;
+    for (const SpacingProbe& p : probes) all += p.area;
+    double seen = 0.0;
+    for (const SpacingProbe& p : probes)
+      if ((seen += p.area) >= share * all) return p.*field;
+    return probes.back().*field;
+  };
+  s.dense = quantile(&SpacingProbe::spacing, 0.25);
+  s.middle = quantile(&SpacingProbe::spacing, 0.5);
+  s.wide = quantile(&SpacingProbe::spacing, 0.7);
+  s.spacing = quantile(&SpacingProbe::spacing, 0.9);
+  s.gap = quantile(&SpacingProbe::gap, 0.9);
   return s;
+}
+
+ChosenSpacing choose_spacing(const SpacingSummary& measured) {
+  constexpr double kEven = 1.5;
+  constexpr double kDense = 2.5;
+  constexpr double kClosable = 2.0;
+  constexpr double kLittle = 1.15;
+  const double even = kEven * measured.spacing;
+  const double dense = kDense * measured.dense;
+  const double closing = measured.wide / kClosable;
+  const double averaging = kEven * measured.noise;
+  // Where that makes little difference, density is even.
+  const double finer = std::max(dense, closing);
+  const double wanted = even < kLittle * finer ? even : finer;
+  const auto text = [](double value) {
+    std::ostringstream out;
+    out << std::setprecision(3) << value;
+    return out.str();
+  };
+  if (averaging > wanted)
+    return {averaging, "1.5 times the noise of " + text(measured.noise) + ", which it averages"};
+  if (even <= wanted)
+    return {even, "1.5 times the spacing of " + text(measured.spacing) +
+                      ", at which 90 % of the surface is sampled or closer"};
+  if (closing > dense)
+    return {closing, "half the spacing of " + text(measured.wide) +
+                         ", so that 70 % of the surface closes; the densest quarter is sampled at " +
+                         text(measured.dense)};
+  return {dense, "2.5 times the spacing of " + text(measured.dense) +
+                     " of the densest quarter of the surface; 70 % of it is sampled at " +
+                     text(measured.wide) + " or closer and closes"};
 }
 
 }  // namespace tessera

@@ -1,13 +1,13 @@
 /// \file spacing.h
 /// How dense and how noisy a scan is, measured in small complete pieces of it.
 /// Sources: plane and quadric fits of local neighbourhoods (Hoppe et al. 1992; Cazals and Pouget 2005). The
-/// quantiles come from trials on range scans: with them 1.5 spacings are 0.78 mm for bunny-raw and 0.43 mm
-/// for happy-raw, where 0.7 mm and 0.4 mm are known to be good.
+/// quantiles come from trials: h is 0.76 mm for bunny-raw, 0.38 mm for happy-raw, 0.57 mm for drill-raw and 0.02 for
+/// lion-takanawa, where 0.7 mm, 0.4 mm, 0.58 mm and 0.02 are known to be good.
 #pragma once
-#include <array>
 #include <cstdint>
 #include <map>
 #include <span>
+#include <string>
 #include <vector>
 
 #include "octree/lattice.h"
@@ -35,35 +35,47 @@ struct SampleCell {
   std::span<const Double3> points;
 };
 
-/// Neighbour ranks at which distances are measured.
-inline constexpr std::array<int, 4> kSpacingRanks = {1, 4, 8, 16};
-
-struct SpacingHistograms {
-  std::array<ScaleHistogram, kSpacingRanks.size()> distance;  ///< to the k-th neighbour
-  ScaleHistogram residual;                                    ///< standard deviation from a local quadric
+/// How far the samples are apart at one place, and how much of the surface that stands for.
+struct SpacingProbe {
+  double spacing =
+      0.0;  ///< half the distance to the 8th neighbour, or to the nearest one where that is more: the
+            ///< spacing of random samples and of a grid; merged scans overlap, so the nearest says nothing
+  double gap = 0.0;  ///< distance to the 4th neighbour; a support must reach 2.5 times it
+  double area = 0.0;
 };
 
-/// Distances from points in the middle half of the cell to their k-th neighbours; at most a quarter of its
-/// size can be measured, what is farther counts as that. Cells with fewer than 9 points tell of outliers and
-/// are left out.
-void measure_distances(const SampleCell& cell, SpacingHistograms& out);
+/// Probes at points in the middle half of the cell whose spacing is above `least` and at most `most`. At most an eighth
+/// of the cell's size can be measured, what is wider counts as that. Cells with fewer than 9 points tell of outliers
+/// and are left out.
+/// \param share  of all cells of this size, how many are looked at
+void measure_spacing(const SampleCell& cell, double share, double least, double most,
+                     std::vector<SpacingProbe>& out);
 
 /// Residuals of quadrics fitted to the points within `radius` of points in the middle half of the cell, where
-/// there are at least 12.
+/// there are at least 12: standard deviations.
 /// \pre radius <= cell.size / 4
-void measure_residuals(const SampleCell& cell, double radius, SpacingHistograms& out);
+void measure_residuals(const SampleCell& cell, double radius, ScaleHistogram& out);
 
-/// What is concluded from the histograms, in their unit. Zero: not measured.
+/// What is concluded, in the unit of the probes; quantiles by area. Zero: not measured.
 struct SpacingSummary {
-  /// Distance to the next sample. Merged scans overlap many times, so the nearest neighbour says nothing
-  /// about coverage: half the 95 % quantile of the distance to the 8th one (equal to the spacing of a uniform
-  /// random sample), but at least the median nearest distance (equal to the spacing of a grid).
-  double spacing = 0.0;
-  /// 95 % quantile of the distance to the 4th neighbour; a support must reach 2.5 times it.
-  double gap = 0.0;
+  double dense = 0.0;     ///< spacing: a quarter of the surface is sampled as closely
+  double middle = 0.0;    ///< half of it
+  double wide = 0.0;      ///< 70 % of it
+  double spacing = 0.0;   ///< 90 % of it: what a scan of even density is sampled at
+  double gap = 0.0;       ///< 90 % of it
   double noise = 0.0;     ///< lower quartile of the residual: curvature and features only add to noise
   double residual = 0.0;  ///< median residual
 };
-SpacingSummary summarise(const SpacingHistograms& measured);
+SpacingSummary summarise_spacing(std::vector<SpacingProbe> probes, const ScaleHistogram& residual);
+
+/// A lattice spacing and the reason for it, one line.
+struct ChosenSpacing {
+  double h = 0.0;
+  std::string reason;
+};
+/// One lattice for all of a scan. Even density: one and a half spacings, which keep what the scan holds. Where density
+/// varies, finer: 2.5 times the spacing of the densest quarter of the surface, as long as 70 % of the surface is
+/// sampled at 2 h or closer, which the field still closes. Never below what averages the noise.
+ChosenSpacing choose_spacing(const SpacingSummary& measured);
 
 }  // namespace tessera

@@ -27,6 +27,7 @@ nlohmann::json Plan::to_json() const {
   j["noise_cells"] = noise_cells;
   j["spacing"] = spacing;
   j["auto_resolution"] = auto_resolution;
+  j["resolution_reason"] = resolution_reason;
   j["has_colour"] = has_colour;
   j["normal_fraction"] = normal_fraction;
   j["multi_return_fraction"] = multi_return_fraction;
@@ -63,6 +64,7 @@ Plan Plan::load(const std::filesystem::path& file) {
     j.at("noise_cells").get_to(p.noise_cells);
     j.at("spacing").get_to(p.spacing);
     j.at("auto_resolution").get_to(p.auto_resolution);
+    j.at("resolution_reason").get_to(p.resolution_reason);
     j.at("has_colour").get_to(p.has_colour);
     j.at("normal_fraction").get_to(p.normal_fraction);
     j.at("multi_return_fraction").get_to(p.multi_return_fraction);

@@ -51,6 +51,7 @@ struct Plan {
   double noise_cells = 0.0;   ///< standard deviation of the points along the normal, in cells
   double spacing = 0.0;  ///< measured distance to the next sample (high percentile), scan units; 0 = unknown
   bool auto_resolution = false;  ///< h was chosen by measurement
+  std::string resolution_reason = "given";
   bool has_colour = false;       ///< some file carries colour
   double normal_fraction = 0.0;  ///< share of the kept points that carry a usable normal
   double multi_return_fraction =

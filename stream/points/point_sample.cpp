@@ -3,12 +3,10 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
-#include <cstring>
 #include <string>
 #include <tuple>
 
 #include "octree/error.h"
-#include "stream/files/packed_file.h"
 
 namespace tessera {
 namespace {
@@ -28,7 +26,7 @@ bool before(const HashedPoint& a, const HashedPoint& b) {
   return std::tie(a.hash, a.p) < std::tie(b.hash, b.p);
 }
 
-constexpr PackedKind kKind = {"TSSAMPL2", "a sample"};
+constexpr PackedKind kKind = {"TSSAMPL3", "a sample"};
 
 }  // namespace
 
@@ -93,9 +91,8 @@ std::vector<CellSampler::Cell> CellSampler::take() {
   std::uint64_t hash = 0;
   for (const HashedPoint& h : held_) {
     if (cells.empty() || h.hash != hash) {
-      const CellIndex at = cell_of(h.p);
       cells.emplace_back();
-      for (std::size_t a = 0; a < 3; ++a) cells.back().min[a] = static_cast<double>(at[a]) * size_;
+      for (std::size_t a = 0; a < 3; ++a) cells.back().min[a] = std::floor(h.p[a] / size_) * size_;
       hash = h.hash;
     }
     auto& points = cells.back().points;
@@ -105,27 +102,41 @@ std::vector<CellSampler::Cell> CellSampler::take() {
   return cells;
 }
 
-void CellSampler::save(const std::filesystem::path& file) {
+CellSampler::Saved CellSampler::save(PackedWriter& out) {
   shrink();
   std::vector<std::uint64_t> crowded(crowded_.begin(), crowded_.end());
   std::sort(crowded.begin(), crowded.end());
-  PackedWriter out(file, kKind, std::size_t{1} << 20);
-  const std::vector<Section> sections = {out.append(bytes_of(crowded)), out.append(bytes_of(held_))};
-  out.finish(sections, std::as_bytes(std::span(&threshold_, 1)));
+  return {threshold_, out.append(bytes_of(crowded)), out.append(bytes_of(held_))};
 }
 
-void CellSampler::merge(const std::filesystem::path& file) {
-  const PackedFile in(file, kKind, sizeof(Section), sizeof threshold_);
-  const auto sections = in.table<Section>();
-  std::uint64_t threshold = 0;
-  std::memcpy(&threshold, in.info().data(), sizeof threshold);
-  threshold_ = std::min(threshold_, threshold);
-  const auto crowded = in.load<std::uint64_t>(sections.at(0));
+void CellSampler::merge(const PackedFile& in, const Saved& saved) {
+  threshold_ = std::min(threshold_, saved.threshold);
+  const auto crowded = in.load<std::uint64_t>(saved.crowded);
   crowded_.insert(crowded.begin(), crowded.end());
   const std::size_t old = held_.size();
-  held_.resize(old + sections.at(1).bytes / sizeof(HashedPoint));
-  in.read(sections[1], {std::as_writable_bytes(std::span(held_).subspan(old))});
+  held_.resize(old + saved.held.bytes / sizeof(HashedPoint));
+  in.read(saved.held, {std::as_writable_bytes(std::span(held_).subspan(old))});
   if (held_.size() >= 2 * limit_) shrink();
+}
+
+LayeredSampler::LayeredSampler(double coarsest, const Limits& limits) : finest_(coarsest) {
+  for (std::size_t k = 0; k < kLayers; ++k) {
+    finest_ = std::ldexp(coarsest, -kRatioBits * static_cast<int>(k));
+    layers_.emplace_back(finest_, limits[k]);
+  }
+}
+
+void LayeredSampler::save(const std::filesystem::path& file) {
+  PackedWriter out(file, kKind, std::size_t{1} << 20);
+  std::vector<CellSampler::Saved> table;
+  for (CellSampler& layer : layers_) table.push_back(layer.save(out));
+  out.finish(table);
+}
+
+void LayeredSampler::merge(const std::filesystem::path& file) {
+  const PackedFile in(file, kKind, sizeof(CellSampler::Saved));
+  const auto table = in.table<CellSampler::Saved>();
+  for (std::size_t k = 0; k < kLayers; ++k) layers_[k].merge(in, table.at(k));
 }
 
 }  // namespace tessera

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "octree/lattice.h"
+#include "stream/files/packed_file.h"
 
 namespace tessera {
 
@@ -38,47 +39,43 @@ class PointSampler {
 /// out.
 class CellSampler {
  public:
+  using CellIndex = std::array<std::int64_t, 3>;
   CellSampler(double size, std::size_t limit) : size_(size), limit_(limit) { held_.reserve(2 * limit); }
 
-  /// \pre coordinates below 2^50 cells
-  void add(const Double3& p) {
-    const Double3 turned = turn(p);
-    const CellIndex cell = cell_of(turned);
+  /// \param cell  where the point lies, in cells of this size
+  void add(const Double3& p, const CellIndex& cell) {
     if (cell != last_cell_) {
       last_cell_ = cell;
       last_hash_ = hash_of(cell);
     }
     if (last_hash_ > threshold_) return;
-    held_.push_back({last_hash_, turned});
+    held_.push_back({last_hash_, p});
     if (held_.size() >= 2 * limit_) shrink();
   }
 
   struct Cell {
-    Double3 min{};                ///< in the turned frame, as the points
+    Double3 min{};
     std::vector<Double3> points;  ///< ascending coordinates, no position twice
   };
   /// By hash. The sampler is spent.
   std::vector<Cell> take();
+  double size() const { return size_; }
+  /// Of all cells, the share that is sampled: every one as likely as every other.
+  double share() const { return (static_cast<double>(threshold_) + 1.0) / 18446744073709551616.0; }
+  bool any_crowded() const { return !crowded_.empty(); }
 
-  void save(const std::filesystem::path& file);
+  /// What save leaves of a sampler in a file.
+  struct Saved {
+    std::uint64_t threshold = 0;
+    Section crowded, held;
+  };
+  Saved save(PackedWriter& out);
   /// Adds what another sampler of the same size and limit saved.
-  void merge(const std::filesystem::path& file);
+  void merge(const PackedFile& in, const Saved& saved);
   /// Memory of a sampler; merging takes half as much again, taking the cells another third.
   static std::uint64_t bytes(std::size_t limit) { return 2 * limit * sizeof(HashedPoint); }
 
  private:
-  using CellIndex = std::array<std::int64_t, 3>;
-  /// The rotation of the quaternion (1, 2, 3, 5): every axis has a part of every other.
-  static Double3 turn(const Double3& p) {
-    return {(-29.0 * p[0] + 2.0 * p[1] + 26.0 * p[2]) / 39.0,
-            (22.0 * p[0] - 19.0 * p[1] + 26.0 * p[2]) / 39.0,
-            (14.0 * p[0] + 34.0 * p[1] + 13.0 * p[2]) / 39.0};
-  }
-  CellIndex cell_of(const Double3& turned) const {
-    return {static_cast<std::int64_t>(std::floor(turned[0] / size_)),
-            static_cast<std::int64_t>(std::floor(turned[1] / size_)),
-            static_cast<std::int64_t>(std::floor(turned[2] / size_))};
-  }
   static std::uint64_t hash_of(const CellIndex& cell);
   void shrink();
   double size_;
@@ -88,6 +85,47 @@ class CellSampler {
   std::uint64_t threshold_ = ~std::uint64_t{0};
   std::vector<HashedPoint> held_;
   std::unordered_set<std::uint64_t> crowded_;  ///< hashes of cells over the eighth; looked up, never walked
+};
+
+/// Samples of cells of several sizes, each a quarter of the one before, in a turned frame, so that no wall lies along
+/// the cells: where one size is too crowded or too empty to tell anything, another is not.
+class LayeredSampler {
+ public:
+  static constexpr std::size_t kLayers = 4;
+  static constexpr int kRatioBits = 2;
+  using Limits = std::array<std::size_t, kLayers>;
+
+  /// \param coarsest  size of the first layer   \param limits  points per layer
+  LayeredSampler(double coarsest, const Limits& limits);
+  /// \pre coordinates below 2^50 cells of the first layer
+  void add(const Double3& p) {
+    const Double3 turned = turn(p);
+    CellSampler::CellIndex cell{};
+    for (std::size_t a = 0; a < 3; ++a) cell[a] = static_cast<std::int64_t>(std::floor(turned[a] / finest_));
+    for (std::size_t k = kLayers; k-- > 0;) {
+      layers_[k].add(turned, cell);
+      for (std::int64_t& c : cell) c >>= kRatioBits;
+    }
+  }
+  void save(const std::filesystem::path& file);
+  /// Adds what another sampler of the same sizes and limits saved.
+  void merge(const std::filesystem::path& file);
+  std::vector<CellSampler>& layers() { return layers_; }
+  static std::uint64_t bytes(const Limits& limits) {
+    std::uint64_t sum = 0;
+    for (const std::size_t limit : limits) sum += CellSampler::bytes(limit);
+    return sum;
+  }
+
+ private:
+  /// The rotation of the quaternion (1, 2, 3, 5): every axis has a part of every other.
+  static Double3 turn(const Double3& p) {
+    return {(-29.0 * p[0] + 2.0 * p[1] + 26.0 * p[2]) / 39.0,
+            (22.0 * p[0] - 19.0 * p[1] + 26.0 * p[2]) / 39.0,
+            (14.0 * p[0] + 34.0 * p[1] + 13.0 * p[2]) / 39.0};
+  }
+  std::vector<CellSampler> layers_;  ///< coarsest first
+  double finest_;
 };
 
 }  // namespace tessera

@@ -262,6 +262,7 @@ void RenderOptions::validate() const {
         "--colour " + colour + ": use auto, vertex, clay or height");
   check(borders == "auto" || borders == "on" || borders == "off",
         "--borders " + borders + ": use auto, on or off");
+  check(backs == "auto" || backs == "show" || backs == "cut", "--backs " + backs + ": use auto, show or cut");
   check(focus.empty() || (focus.size() == 4 && focus[3] > 0.0),
         "--focus: expected x,y,z,radius with radius above 0");
   check(dot(up, up) > 0.0, "--up must not be zero");

@@ -40,6 +40,10 @@ struct RenderOptions {
   /// on, off or auto: border edges red, non-manifold edges magenta; auto leaves them out, and says so, where
   /// the edge table does not fit the cap in one pass.
   std::string borders = "auto";
+  bool synthetic = false;  ///< faces that close holes in blue over any colour, not over clay alone
+  /// Faces seen from behind: show (orange), cut (left out), or auto: cut where the mesh is a room, one that has openings
+  /// and looks inwards, so that its near walls do not hide it.
+  std::string backs = "auto";
   bool smooth = false;     ///< interpolate normals of vertices instead of one normal per face
   bool wire = false;       ///< draw the edges of all faces
   double occlusion = 1.0;  ///< strength of ambient occlusion, 0..2

@@ -48,6 +48,20 @@ class Chunked {
   std::uint64_t size_ = 0;
 };
 
+/// Of the edges whose ends these are.
+float median_length(const std::vector<Float3>& ends) {
+  std::vector<float> squares;
+  for (std::size_t i = 0; i + 1 < ends.size(); i += 2) {
+    const Float3 d = ends[i + 1] - ends[i];
+    const float square = dot(d, d);
+    if (std::isfinite(square)) squares.push_back(square);
+  }
+  if (squares.empty()) return 0.0f;
+  const auto middle = squares.begin() + static_cast<std::ptrdiff_t>(squares.size() / 2);
+  std::nth_element(squares.begin(), middle, squares.end());
+  return std::sqrt(*middle);
+}
+
 bool finite(const Double3& p) {
   return std::isfinite(p[0]) && std::isfinite(p[1]) && std::isfinite(p[2]);
 }
@@ -72,6 +86,9 @@ class MeshItem final : public SceneItem {
     if (face_count_ == 0) throw EmptyError(path.string() + ": the mesh has no faces, nothing to draw");
     if (options.smooth) add_normals(report);
     if (options.borders != "off") find_borders(options, report);
+    // What is closed and looks inwards is inside out; only what has openings can be a room.
+    cut_backs_ =
+        options.backs == "cut" || (options.backs == "auto" && borders_.border_count > 0 && looks_inwards());
     report.vertices += vertex_count_;
     report.faces += face_count_;
     report.border_edges += borders_.border_count;
@@ -81,12 +98,16 @@ class MeshItem final : public SceneItem {
   const SceneSample& sample() const override { return sample_; }
   bool is_points() const override { return false; }
   std::string caption() const override {
-    return path_.filename().string() + ", " + with_commas(face_count_) + " faces";
+    return path_.filename().string() + ", " + with_commas(face_count_) + " faces" +
+           (cut_backs_ ? ", seen from inside" : "");
   }
   void draw(Picture& picture, const DrawContext& context) override;
 
  private:
   void survey(const RenderOptions& options);
+  bool looks_inwards() const;
+  template <class Use>
+  void each_face(const Use& use) const;
   void add_normals(RenderReport& report);
   void find_borders(const RenderOptions& options, RenderReport& report);
   void with_shared_vertices(const RenderOptions& options, const std::function<void(MeshReader&)>& use) const;
@@ -107,6 +128,7 @@ class MeshItem final : public SceneItem {
   bool colour_ = false;
   bool resident_ = true;
   bool normals_empty_ = true;
+  bool cut_backs_ = false;
   std::uint64_t vertex_count_ = 0, face_count_ = 0;
   Double3 origin_{};  ///< of the floats kept here: the first finite vertex
   SceneSample sample_;
@@ -148,6 +170,60 @@ void MeshItem::survey(const RenderOptions& options) {
       rgba_.clear();
     }
   });
+}
+
+/// Calls use(corners of the face, the face or nullptr, synthetic) for all faces in order.
+template <class Use>
+void MeshItem::each_face(const Use& use) const {
+  if (!resident_) {
+    corners_->read([&](std::span<const Corner> corners) {
+      for (std::size_t i = 0; i < corners.size(); i += 3)
+        use(std::array<Corner, 3>{corners[i], corners[i + 1], corners[i + 2]}, nullptr, false);
+    });
+    return;
+  }
+  open_mesh_file(path_)->read_flagged_faces(
+      [&](std::span<const MeshFace> faces, std::span<const std::uint8_t> synthetic) {
+        throw_if_stopped();
+        for (std::size_t f = 0; f < faces.size(); ++f) {
+          const MeshFace& face = faces[f];
+          std::array<Corner, 3> corners;
+          for (std::size_t i = 0; i < 3; ++i) {
+            const Float3& p = positions_[face[i]];
+            corners[i] = {p[0], p[1], p[2], colour_ ? rgba_[face[i]] : 0};
+          }
+          use(corners, &face, !synthetic.empty() && synthetic[f] != 0);
+        }
+      });
+}
+
+/// Whether the surface shows more front than back to its middle, from all around: a room. Terrain in a basin looks
+/// inwards too, but one way more than the other: its normals do not cancel out.
+bool MeshItem::looks_inwards() const {
+  constexpr double kInwards = 0.05;  // mean cosine to the middle: 0.45 in a hall, 0.07 in furnished rooms
+  constexpr double kOneWay = 0.3;    // length of the mean normal: at most 0.2 in rooms, from 0.6 on outdoors
+  Float3 middle{};
+  for (std::size_t a = 0; a < 3; ++a)
+    middle[a] = static_cast<float>(0.5 * (sample_.low()[a] + sample_.high()[a]) - origin_[a]);
+  double facing = 0.0;
+  double weight = 0.0;
+  double area = 0.0;
+  Double3 normal{};
+  each_face([&](const std::array<Corner, 3>& corners, const MeshFace*, bool) {
+    const Float3 p = {corners[0].x, corners[0].y, corners[0].z};
+    const Float3 u = Float3{corners[1].x, corners[1].y, corners[1].z} - p;
+    const Float3 v = Float3{corners[2].x, corners[2].y, corners[2].z} - p;
+    const Float3 n = cross(u, v);
+    const Float3 r = p - middle;
+    const double size = std::sqrt(double{dot(n, n)});
+    const double reach = std::sqrt(double{dot(r, r)});
+    if (!std::isfinite(size * reach)) return;
+    facing += dot(n, r);
+    weight += size * reach;
+    area += size;
+    for (std::size_t a = 0; a < 3; ++a) normal[a] += n[a];
+  });
+  return facing < -kInwards * weight && std::sqrt(dot(normal, normal)) < kOneWay * area;
 }
 
 /// Area-weighted vertex normals.
@@ -245,6 +321,7 @@ std::vector<Float3> MeshItem::edge_ends(MeshReader& mesh,
 }
 
 void MeshItem::draw_edges(Picture& picture, const std::vector<Float3>& ends, std::uint32_t colour) const {
+  const float length = median_length(ends);
   std::vector<PictureVertex> batch;
   for (std::size_t begin = 0; begin < ends.size(); begin += 2 * kBatchFaces) {
     batch.clear();
@@ -254,7 +331,7 @@ void MeshItem::draw_edges(Picture& picture, const std::vector<Float3>& ends, std
       v.rgba = colour;
       batch.push_back(v);
     }
-    picture.lines(batch, kBorderPixels);
+    picture.lines(batch, kBorderPixels, length);
   }
 }
 
@@ -264,6 +341,7 @@ void MeshItem::draw(Picture& picture, const DrawContext& context) {
   const bool by_height = options.colour == "height";
   const float wire = options.wire ? kWirePixels : 0.0f;
   picture.set_offset(origin_ - context.origin);
+  picture.cut_backs(cut_backs_);
   std::vector<PictureVertex> batch;
   batch.reserve(3 * kBatchFaces);
   const bool by_origin = !by_vertex && !by_height;
@@ -281,7 +359,7 @@ void MeshItem::draw(Picture& picture, const DrawContext& context) {
       const Corner& corner = corners[i];
       out.x = corner.x, out.y = corner.y, out.z = corner.z;
       if (by_vertex) out.rgba = corner.rgba;
-      if (by_origin && synthetic) out.rgba = kSyntheticFace;
+      if ((by_origin || options.synthetic) && synthetic) out.rgba = kSyntheticFace;
       if (by_height) {
         const Double3 p = {static_cast<double>(corner.x) + origin_[0],
                            static_cast<double>(corner.y) + origin_[1],
@@ -301,25 +379,7 @@ void MeshItem::draw(Picture& picture, const DrawContext& context) {
       batch.clear();
     }
   };
-  if (resident_) {
-    open_mesh_file(path_)->read_flagged_faces(
-        [&](std::span<const MeshFace> faces, std::span<const std::uint8_t> synthetic) {
-          for (std::size_t f = 0; f < faces.size(); ++f) {
-            const MeshFace& face = faces[f];
-            std::array<Corner, 3> corners;
-            for (std::size_t i = 0; i < 3; ++i) {
-              const Float3& p = positions_[face[i]];
-              corners[i] = {p[0], p[1], p[2], colour_ ? rgba_[face[i]] : 0};
-            }
-            emit(corners, &face, !synthetic.empty() && synthetic[f] != 0);
-          }
-        });
-  } else {
-    corners_->read([&](std::span<const Corner> corners) {
-      for (std::size_t i = 0; i < corners.size(); i += 3)
-        emit({corners[i], corners[i + 1], corners[i + 2]}, nullptr, false);
-    });
-  }
+  each_face(emit);
   if (!batch.empty()) picture.triangles(batch, wire);
   draw_edges(picture, border_ends_, kBorderEdge);
   draw_edges(picture, non_manifold_ends_, kNonManifoldEdge);

@@ -121,7 +121,7 @@ const std::map<std::string, std::string>& covering_tests() {
     by("stream/runtime/option_table", "stream/stages/decimate", {"simplify_options"});
     by("stream/runtime/option_table", "stream/stages", {"jobs"});
     by("stream/stages/reconstruct/forecast", "stream/stages/reconstruct",
-       {"forecast_composer", "planned_patches"});
+       {"forecast_composer", "forecast_rates", "planned_patches"});
     by("tools/reconstruct", "stream/stages/reconstruct", {"forecast_stage", "reconstruct_job"});
     by("stream/stages/scan/distribute", "stream/stages/scan", {"distribute_stage"});
     by("stream/stages/scan/order", "stream/stages/scan", {"order_stage"});

@@ -194,6 +194,53 @@ TEST_CASE("render: borders are red, non-manifold edges magenta, and both are cou
   }
 }
 
+TEST_CASE("render: a room is seen from inside, its near wall cut away", "[pipeline]") {
+  const test::TempFolder temp;
+  const std::filesystem::path& folder = temp.path();
+  Mesh mesh = sphere(32, 64, 28);  // a small opening below
+  for (MeshFace& f : mesh.faces) std::swap(f[1], f[2]);
+  RenderOptions options = one_view(write(mesh, folder / "m.ply"), folder / "m.png");
+  options.borders = "on";
+  render(options);
+  const Image inside = read_png(folder / "m.png");
+  CHECK(count(inside, orange) == 0);
+  CHECK(count(inside, covered) > 40000);
+  options.backs = "show";
+  render(options);
+  const Image outside = read_png(folder / "m.png");
+  CHECK(count(outside, orange) > 0.9 * count(outside, covered));
+}
+
+TEST_CASE("render: borders of faces below a pixel tint instead of covering", "[pipeline]") {
+  const test::TempFolder temp;
+  const std::filesystem::path& folder = temp.path();
+  // Strips one cell wide with gaps as wide between them: every face has a border edge.
+  const auto strips = [&](int cells) {
+    Mesh mesh;
+    const double step = 2.0 / cells;
+    for (int i = 0; i < cells; i += 2)
+      for (int j = 0; j <= cells; ++j)
+        for (int side = 0; side < 2; ++side)
+          mesh.vertices.push_back({(i + side) * step, 0.2 * j * step, j * step});
+    const auto row = static_cast<std::uint64_t>(2 * (cells + 1));
+    for (std::uint64_t i = 0; i < static_cast<std::uint64_t>(cells / 2); ++i)
+      for (std::uint64_t j = 0; j < static_cast<std::uint64_t>(cells); ++j) {
+        const std::uint64_t v = i * row + 2 * j;
+        mesh.faces.push_back({v, v + 1, v + 3});
+        mesh.faces.push_back({v, v + 3, v + 2});
+      }
+    return mesh;
+  };
+  const auto share_of_red = [&](int cells) {
+    render(one_view(write(strips(cells), folder / "m.ply"), folder / "m.png"));
+    const Image image = read_png(folder / "m.png");
+    return count(image, red) / (300.0 / 1.1 * 300.0 / 1.1);
+  };
+  CHECK(share_of_red(20) > 0.1);  // cells of 14 pixels
+  CHECK(share_of_red(20) < 0.5);
+  CHECK(share_of_red(600) < 0.7);  // half a pixel: all red if lines kept their width
+}
+
 TEST_CASE("render: a border behind a body stays hidden in a close-up", "[pipeline]") {
   const test::TempFolder temp;
   const std::filesystem::path& folder = temp.path();

@@ -28,6 +28,8 @@ namespace {
 void summarise(nlohmann::json& report) {
   const nlohmann::json survey = result_of(report, "survey");
   if (survey.is_object() && survey.contains("points")) report["points"] = survey.at("points").at("read");
+  if (survey.is_object() && survey.contains("h"))
+    report["resolution"] = {{"h", survey.at("h")}, {"reason", survey.at("resolution_reason")}};
   nlohmann::json mesh = result_of(report, "weld");
   const nlohmann::json islands = result_of(report, "islands");
   if (const nlohmann::json samples = result_of(report, "samples"); samples.is_object())

@@ -11,8 +11,8 @@
 #include "stream/files/direct_file.h"
 #include "stream/files/read_file.h"
 #include "stream/files/task_files.h"
-#include "stream/points/point_sample.h"
 #include "stream/points/reconstruct_options.h"
+#include "stream/points/sampled_layers.h"
 #include "stream/runtime/numbers.h"
 
 namespace tessera {
@@ -22,7 +22,10 @@ using json = nlohmann::json;
 
 constexpr std::size_t kProbePoints = 16384;
 constexpr std::size_t kProbeQueries = 1024;
-constexpr std::size_t kSpacingPoints = std::size_t{1} << 17;
+constexpr std::size_t kLayerPoints = std::size_t{1} << 15;
+constexpr LayeredSampler::Limits kSpacingPoints = {kLayerPoints, kLayerPoints, kLayerPoints, kLayerPoints};
+// The first layer is so much coarser than the cell that the probe has told: that one follows the bulk of the points.
+constexpr double kCoarsest = 4.0;
 constexpr std::uint64_t kSmall = std::uint64_t{1} << 20;
 constexpr std::uint64_t kLeastMeasured = 100;
 constexpr const char* kProbeFile = "probe.json";
@@ -171,17 +174,17 @@ class SpacingStage : public MeasuringStage {
   }
   std::string name() const override { return "spacing"; }
   std::uint64_t task_bytes(std::size_t) const override {
-    return CellSampler::bytes(kSpacingPoints) + PointInputs::kReadBytes;
+    return LayeredSampler::bytes(kSpacingPoints) + PointInputs::kReadBytes;
   }
   std::uint64_t finish_bytes() const override {
-    return needed() ? 2 * CellSampler::bytes(kSpacingPoints) + kSmall : kSmall;
+    return needed() ? 2 * LayeredSampler::bytes(kSpacingPoints) + kSmall : kSmall;
   }
   std::vector<std::string> obsolete() const override {
     return needed() ? std::vector<std::string>{"probe/"} : std::vector<std::string>{};
   }
 
   json run(std::size_t task, TaskContext& context) const override {
-    CellSampler sampler(cell(), kSpacingPoints);
+    LayeredSampler sampler(kCoarsest * cell(), kSpacingPoints);
     const double far = 1e15 * cell();
     inputs_->read(task, context, true, [&](std::uint32_t, const PointChunk& chunk) {
       for (std::size_t i = 0; i < chunk.size(); ++i) {
@@ -199,28 +202,28 @@ class SpacingStage : public MeasuringStage {
 
   json finish(const std::vector<json>& summaries, TaskContext& context) const override {
     if (!needed()) return {{"skipped", "the resolution is given"}};
-    CellSampler sampler(cell(), kSpacingPoints);
+    LayeredSampler sampler(kCoarsest * cell(), kSpacingPoints);
     for (std::size_t k = 0; k < summaries.size(); ++k) sampler.merge(job_.work / cells_file(k));
-    const std::vector<CellSampler::Cell> cells = sampler.take();
-    SpacingHistograms measured;
-    for (const auto& c : cells) measure_distances({c.min, cell(), c.points}, measured);
-    SpacingSummary s = summarise(measured);
-    const bool guessed = measured.distance[0].count() < kLeastMeasured;
-    if (guessed) s.spacing = probe_.at("spacing_guess").get<double>();
-    double h = 1.5 * s.spacing;
-    const double reach = std::min(3.0 * h, cell() / 4);
-    for (const auto& c : cells) measure_residuals({c.min, cell(), c.points}, reach, measured);
-    s = summarise(measured);
-    if (guessed) s.spacing = probe_.at("spacing_guess").get<double>();
-    // A support of at most 4 h must reach over the gaps, and average the noise.
-    h = round_up_2_digits(std::max({h, 2.5 * s.gap / 4.0, 1.5 * s.noise}));
-    const json result = {{"resolution", h},
+    SampledLayers layers(sampler);
+    const std::vector<SpacingProbe> probes = layers.probes();
+    SpacingSummary s = summarise_spacing(probes, {});
+    const double guess = probe_.at("spacing_guess").get<double>();
+    const bool guessed = probes.size() < kLeastMeasured;
+    if (guessed) s.dense = s.middle = s.wide = s.spacing = guess;
+    s.noise = summarise_spacing({}, layers.residuals(3.0 * choose_spacing(s).h)).noise;
+    ChosenSpacing chosen = choose_spacing(s);
+    if (guessed)
+      chosen.reason = "1.5 times a spacing guessed from a few points, too few lie together to measure it";
+    const json result = {{"resolution", round_up_2_digits(chosen.h)},
+                         {"reason", chosen.reason},
                          {"spacing", s.spacing},
+                         {"spacing_dense", s.dense},
+                         {"spacing_middle", s.middle},
+                         {"spacing_wide", s.wide},
                          {"gap", s.gap},
                          {"noise", s.noise},
-                         {"cells", cells.size()},
                          {"cell", cell()},
-                         {"measured", measured.distance[0].count()}};
+                         {"measured", probes.size()}};
     save_json(context.create(kSpacingFile), result);
     return result;
   }
@@ -232,12 +235,13 @@ class SpacingStage : public MeasuringStage {
 
 }  // namespace
 
-double chosen_resolution(const std::filesystem::path& work) {
+ChosenSpacing chosen_resolution(const std::filesystem::path& work) {
   const json j = load_json(work / kSpacingFile);
-  const auto found = j.find("resolution");
-  if (found == j.end() || !found->is_number())
+  try {
+    return {j.at("resolution").get<double>(), j.at("reason").get<std::string>()};
+  } catch (const json::exception&) {
     throw InputError((work / kSpacingFile).string() + ": damaged; run again with --force");
-  return found->get<double>();
+  }
 }
 
 std::unique_ptr<Stage> make_probe_stage(const JobState& job, std::shared_ptr<const PointInputs> inputs) {

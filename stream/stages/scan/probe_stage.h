@@ -6,6 +6,7 @@
 #pragma once
 #include <memory>
 
+#include "kernels/points/spacing.h"
 #include "stream/points/point_inputs.h"
 #include "stream/runtime/stage.h"
 
@@ -17,7 +18,7 @@ std::unique_ptr<Stage> make_spacing_stage(const JobState& job);
 std::unique_ptr<Stage> make_probe_stage(const JobState& job, std::shared_ptr<const PointInputs> inputs);
 std::unique_ptr<Stage> make_spacing_stage(const JobState& job, std::shared_ptr<const PointInputs> inputs);
 
-/// h that the spacing stage chose. \throws InputError when it has not run
-double chosen_resolution(const std::filesystem::path& work);
+/// h that the spacing stage chose, and why. \throws InputError when it has not run
+ChosenSpacing chosen_resolution(const std::filesystem::path& work);
 
 }  // namespace tessera

@@ -7,12 +7,11 @@
 #include <nlohmann/json.hpp>
 #include <string>
 
-#include "kernels/points/spacing.h"
 #include "octree/error.h"
 #include "stream/files/task_files.h"
 #include "stream/formats/points/quantise.h"
 #include "stream/points/brick_histogram.h"
-#include "stream/points/point_sample.h"
+#include "stream/points/sampled_layers.h"
 #include "stream/runtime/numbers.h"
 #include "stream/stages/scan/probe_stage.h"
 
@@ -20,9 +19,11 @@ namespace tessera {
 namespace {
 
 constexpr std::size_t kCounterBricks = std::size_t{1} << 15;
-// Complete cells of 16 h are sampled to measure spacing and noise; in quanta, so that they are exact.
+// Complete cells of 16 h are sampled to measure spacing, noise and faces, fewer of 64, 4 and 1 h for scans that are
+// sparser or denser than h asks for; in quanta, so that they are exact.
 constexpr double kSampleCell = 16.0 * kQuantaPerCell;
-constexpr std::size_t kSamplePoints = std::size_t{1} << 16;
+constexpr double kLayerRatio = double{1 << LayeredSampler::kRatioBits};
+constexpr LayeredSampler::Limits kSamplePoints = {1u << 14, 1u << 16, 1u << 14, 1u << 14};
 constexpr double kQuantaPerBlock = double{kQuantaPerCell} * kLeafCells;
 constexpr std::size_t kWarningsPerTask = 8;
 constexpr std::uint64_t kMergeBytesPerBrick = 384;  // merging, with slack for the tables made of it
@@ -95,10 +96,10 @@ std::uint64_t count_multi_returns(const PointChunk& chunk, const std::vector<Poi
   return sum;
 }
 
-/// Cells of edge 2 h that the points of a sampled cell occupy: coarse enough to be hit wherever the surface
-/// is.
-std::uint64_t occupied_double_cells(const CellSampler::Cell& cell) {
-  constexpr int kPerAxis = 8;
+/// Of the cells that cut a sampled cell of 16 h so often per axis, how many hold a point: those of 2 h are coarse enough
+/// to be hit wherever the surface is, those of 8 h are blocks.
+template <int kPerAxis>
+std::uint64_t occupied_cells(const CellSampler::Cell& cell) {
   std::bitset<kPerAxis * kPerAxis * kPerAxis> hit;
   for (const Double3& p : cell.points) {
     std::size_t at = 0;
@@ -157,20 +158,20 @@ std::size_t SurveyStage::max_bricks() const {
 }
 
 std::uint64_t SurveyStage::task_bytes(std::size_t) const {
-  // The counter's table (two slots a brick) and its sorted copy, quanta of a chunk, the reader.
-  return kCounterBricks * sizeof(BrickCount) * 3 + (std::uint64_t{65536} * 25) + (std::uint64_t{1} << 20) +
-         PointInputs::kReadBytes;
+  // The counter's table (two slots a brick) and its sorted copy, quanta of a chunk, the sampled cells, the reader.
+  return LayeredSampler::bytes(kSamplePoints) + kCounterBricks * sizeof(BrickCount) * 3 +
+         (std::uint64_t{65536} * 25) + (std::uint64_t{1} << 20) + PointInputs::kReadBytes;
 }
 
 std::uint64_t SurveyStage::finish_bytes() const {
   return std::min<std::uint64_t>(job_.run.memory_bytes / 4,
                                  (inputs_->bytes() / 3 + 4096) * kMergeBytesPerBrick) +
-         2 * CellSampler::bytes(kSamplePoints);
+         2 * LayeredSampler::bytes(kSamplePoints);
 }
 
 nlohmann::json SurveyStage::run(std::size_t task, TaskContext& context) const {
   BrickCounter counter(context.create(counts_file(task)), kCounterBricks);
-  CellSampler sampler(kSampleCell, kSamplePoints);
+  LayeredSampler sampler(kSampleCell * kLayerRatio, kSamplePoints);
   ChunkQuanta quanta;
   Tally tally;
   const ReadCounts counts = inputs_->read(task, context, true, [&](std::uint32_t, const PointChunk& chunk) {
@@ -206,40 +207,44 @@ nlohmann::json SurveyStage::run(std::size_t task, TaskContext& context) const {
   return to_json(tally);
 }
 
-void SurveyStage::measure(std::size_t tasks, Plan& plan) const {
-  CellSampler sampler(kSampleCell, kSamplePoints);
+void SurveyStage::measure(std::size_t tasks, std::uint64_t blocks, Plan& plan) const {
+  LayeredSampler sampler(kSampleCell * kLayerRatio, kSamplePoints);
   for (std::size_t k = 0; k < tasks; ++k) sampler.merge(job_.work / sample_file(k));
-  SpacingHistograms measured;
-  std::uint64_t sampled = 0;
+  const SampledLayers layers(sampler);
+  // A surface of area A crosses about 1.5 A / e^2 cells of edge e and becomes about 3 A / h^2 triangles. How many cells
+  // of 2 h it crosses in a block only samples tell; a plane crosses 16.
+  std::uint64_t sampled_blocks = 0;
   std::uint64_t double_cells = 0;
-  for (const auto& c : sampler.take()) {
-    sampled += c.points.size();
-    double_cells += occupied_double_cells(c);
-    measure_distances({c.min, kSampleCell, c.points}, measured);
-    measure_residuals({c.min, kSampleCell, c.points}, 3.0 * kQuantaPerCell, measured);
+  for (const auto& c : layers.cells(1)) {
+    sampled_blocks += occupied_cells<2>(c);
+    double_cells += occupied_cells<8>(c);
   }
-  SpacingSummary s = summarise(measured);
-  for (double* v : {&s.spacing, &s.gap, &s.noise, &s.residual}) *v /= kQuantaPerCell;  // in cells
-  // A surface of area A crosses about 1.5 A / e^2 cells of edge e and becomes about 3 A / h^2 triangles.
-  if (sampled > 0)
-    plan.faces_estimate =
-        static_cast<std::uint64_t>(8.0 * static_cast<double>(plan.points()) *
-                                   static_cast<double>(double_cells) / static_cast<double>(sampled));
+  const double per_block =
+      sampled_blocks > 0 ? static_cast<double>(double_cells) / static_cast<double>(sampled_blocks) : 16.0;
+  plan.faces_estimate = static_cast<std::uint64_t>(8.0 * static_cast<double>(blocks) * per_block);
+
+  const std::vector<SpacingProbe> probes = layers.probes();
+  SpacingSummary s = summarise_spacing(probes, layers.residuals(3.0 * kQuantaPerCell));
+  for (double* v : {&s.middle, &s.spacing, &s.gap, &s.noise, &s.residual}) *v /= kQuantaPerCell;  // in cells
   plan.spacing = s.spacing * h_;
   plan.noise_cells = s.noise;
   // Three cells, more where gaps or noise ask for it; in eighths, so that the last digit of a quantile is
   // nothing.
   const double wanted = std::ceil(std::max({3.0, 2.5 * s.gap, 4.0 * s.residual}) * 8.0) / 8.0;
   plan.radius_cells = options_.radius > 0.0 ? options_.radius / h_ : std::min(4.0, wanted);
-  if (measured.distance[0].count() == 0 && plan.points() >= 1000)
+  if (auto_resolution_) {
+    plan.resolution_reason = chosen_resolution(job_.work).reason;
+    return;  // no warning against what we chose ourselves
+  }
+  if (probes.empty() && !layers.too_dense() && plan.points() >= 1000)
     plan.warnings.push_back(
         "the resolution " + number_text(h_) +
         " is far below the spacing of the scan: expect holes, and many cells for few points");
-  else if (s.spacing > 1.0)
+  else if (s.middle > 1.0)
     plan.warnings.push_back(
-        "the resolution " + number_text(h_) + " is below the spacing of the scan, about " +
-        number_text(plan.spacing) + ": expect pinholes, and " +
-        number_text(round_up_2_digits(s.spacing * s.spacing)) + " times the cells that the spacing carries");
+        "the resolution " + number_text(h_) + " is below the spacing of the scan, on half of its surface " +
+        number_text(s.middle * h_) + " or more: expect pinholes, and " +
+        number_text(round_up_2_digits(s.middle * s.middle)) + " times the cells that the spacing carries");
 }
 
 nlohmann::json SurveyStage::finish(const std::vector<nlohmann::json>& summaries, TaskContext& context) const {
@@ -289,7 +294,9 @@ nlohmann::json SurveyStage::finish(const std::vector<nlohmann::json>& summaries,
   plan.bricks = bricks.size();
   plan.buckets = cut_buckets(bricks, bucket_target(job_.run, plan.points()), options_.max_brick_points);
   plan.warnings = tally.warnings;
-  measure(summaries.size(), plan);
+  std::uint64_t blocks = 0;
+  for (const PlanBrick& b : bricks) blocks += b.blocks;
+  measure(summaries.size(), blocks, plan);
   if (plan.points() < 3)
     throw EmptyError("the input holds " + std::to_string(plan.points()) +
                      " usable points; a surface needs at least three");
@@ -304,7 +311,7 @@ nlohmann::json SurveyStage::finish(const std::vector<nlohmann::json>& summaries,
 std::unique_ptr<Stage> make_survey_stage(const JobState& job) {
   const double given = reconstruct_options(job).resolution;
   const bool auto_resolution = given == 0.0;
-  const double h = auto_resolution ? chosen_resolution(job.work) : given;
+  const double h = auto_resolution ? chosen_resolution(job.work).h : given;
   return std::make_unique<SurveyStage>(job, open_point_inputs(job), h, auto_resolution);
 }
 

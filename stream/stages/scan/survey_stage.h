@@ -32,7 +32,8 @@ class SurveyStage : public Stage {
  private:
   std::size_t max_bricks() const;
   /// Spacing, noise, radius and estimated faces of the plan, from the sampled cells.
-  void measure(std::size_t tasks, Plan& plan) const;
+  /// \param blocks  occupied ones of 8^3 cells
+  void measure(std::size_t tasks, std::uint64_t blocks, Plan& plan) const;
 
   JobState job_;
   ReconstructOptions options_;

@@ -35,7 +35,7 @@ double measured_resolution(const std::vector<TestPoint>& points, ChainSetup setu
   const auto inputs = chain_inputs(points, setup);
   run_stage(*make_probe_stage(job, inputs), job.work, setup.backwards);
   run_stage(*make_spacing_stage(job, inputs), job.work, setup.backwards);
-  return chosen_resolution(job.work);
+  return chosen_resolution(job.work).h;
 }
 
 ChainSetup at_resolution(double h) {
@@ -257,6 +257,51 @@ TEST_CASE("resolution: one and a half spacings, whatever the order", "[property]
   for (int i = 0; i < 300; ++i)
     for (int j = 0; j < 300; ++j) grid.push_back({{0.25 * i, 0.25 * j, 0.0}, {}, 0});
   CHECK(measured_resolution(grid) == Approx(0.375).epsilon(0.05));
+}
+
+TEST_CASE("resolution: the densest quarter decides where most of the rest closes, else the rest", "[unit]") {
+  // A plane of 40 x 40 in four quarters; spacing of each, and h against 2.5 times the least.
+  const auto quarters = [](const std::array<double, 4>& spacing) {
+    Random random(9);
+    std::vector<TestPoint> points;
+    for (std::size_t q = 0; q < 4; ++q)
+      for (double left = 400.0 / (spacing[q] * spacing[q]); left > 0; --left)
+        points.push_back(
+            {{random.in(0, 20) + (q % 2 == 0 ? 0.0 : 20.0), random.in(0, 20) + (q < 2 ? 0.0 : 20.0), 0.0},
+             {0, 0, 1},
+             0});
+    return points;
+  };
+  const auto reason = [](const std::vector<TestPoint>& points) {
+    const TempFolder work;
+    ChainSetup setup;
+    setup.h = 0.0;
+    const JobState job = chain_job(work.path(), setup);
+    const auto inputs = chain_inputs(points, setup);
+    run_stage(*make_probe_stage(job, inputs), job.work);
+    run_stage(*make_spacing_stage(job, inputs), job.work);
+    const ChosenSpacing chosen = chosen_resolution(job.work);
+    const SurveyStage survey(job, inputs, chosen.h, true);
+    run_stage(survey, job.work);
+    CHECK(Plan::of_work(job.work).warnings.empty());
+    CHECK(Plan::of_work(job.work).resolution_reason == chosen.reason);
+    return chosen;
+  };
+  const ChosenSpacing even = reason(quarters({0.2, 0.2, 0.2, 0.2}));
+  CHECK(even.h == Approx(0.33).epsilon(0.1));
+  CHECK_THAT(even.reason, Catch::StartsWith("1.5 times the spacing"));
+  const ChosenSpacing dense = reason(quarters({0.1, 0.2, 0.2, 0.3}));
+  CHECK(dense.h == Approx(0.27).epsilon(0.15));
+  CHECK_THAT(dense.reason, Catch::StartsWith("2.5 times the spacing"));
+  const ChosenSpacing sparse = reason(quarters({0.05, 0.6, 0.6, 0.6}));
+  CHECK(sparse.h == Approx(0.27).epsilon(0.2));
+  CHECK_THAT(sparse.reason, Catch::StartsWith("half the spacing"));
+}
+
+TEST_CASE("survey: a resolution far above the spacing is no cause for a warning", "[unit]") {
+  const Plan plan = survey(random_plane(60000, 20.0, 0.0), at_resolution(1.5));  // 340 points a cell
+  CHECK(plan.warnings.empty());
+  CHECK(plan.spacing < 0.15);
 }
 
 TEST_CASE("resolution: outliers and few points do not mislead it", "[unit]") {

@@ -1,0 +1,43 @@
+#include "stream/points/sampled_layers.h"
+
+#include <algorithm>
+#include <limits>
+
+namespace tessera {
+
+SampledLayers::SampledLayers(LayeredSampler& sampler) {
+  for (std::size_t k = 0; k < layers_.size(); ++k) {
+    CellSampler& from = sampler.layers()[k];
+    layers_[k].cells = from.take();  // settles which cells are sampled
+    layers_[k].size = from.size();
+    layers_[k].share = from.share();
+    layers_[k].crowded = from.any_crowded();
+  }
+}
+
+std::vector<SpacingProbe> SampledLayers::probes() const {
+  constexpr double kWidest = 8.0;  // spacings that a cell must hold, so that the 8th neighbour is in reach
+  constexpr double kFactor = double{1 << LayeredSampler::kRatioBits};
+  std::vector<SpacingProbe> out;
+  for (const Layer& layer : layers_) {
+    const double most =
+        &layer == &layers_.front() ? std::numeric_limits<double>::infinity() : layer.size / kWidest;
+    const double least = &layer == &layers_.back() ? 0.0 : layer.size / kWidest / kFactor;
+    for (const CellSampler::Cell& c : layer.cells)
+      measure_spacing({c.min, layer.size, c.points}, layer.share, least, most, out);
+  }
+  return out;
+}
+
+ScaleHistogram SampledLayers::residuals(double radius) const {
+  constexpr std::uint64_t kEnough = 100;
+  ScaleHistogram out;
+  std::size_t k = layers_.size() - 1;
+  while (k > 0 && layers_[k].size < 4.0 * radius) --k;
+  for (; k < layers_.size() && out.count() < kEnough; ++k)
+    for (const CellSampler::Cell& c : layers_[k].cells)
+      measure_residuals({c.min, layers_[k].size, c.points}, std::min(radius, layers_[k].size / 4), out);
+  return out;
+}
+
+}  // namespace tessera
