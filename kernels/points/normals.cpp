@@ -170,8 +170,10 @@ PointShape shape_at(const Candidates& c, float px, float py, float pz, const Flo
                          : shape.neighbours;
   if (!options.estimate) return shape;
   shape.normal = {0, 0, 0};
+  shape.roughness = kNoPlane;
   if (wide.count <= kMinNeighbours) return shape;
   Plane plane = fit_plane(wide);  // zero with the largest variation on a line
+  shape.roughness = plane.variation;
   if (plane.variation > kBent) {
     const Moments narrow = moments_at(c, px, py, pz, given, radius * 0.5f);
     if (narrow.count > 2 * kMinNeighbours) {
@@ -248,7 +250,7 @@ std::vector<PointShape> estimate_shapes(const PointBlock& points, const NormalOp
 
   std::vector<PointShape> shapes;
   shapes.reserve(core_points);
-  Candidates candidates, wide;
+  Candidates candidates, wide, ground, wide_ground;  // of all points, and of those known as ground
   std::vector<Run> near;
   for (const CubeRun& run : core) {
     const float low[3] = {static_cast<float>(run.cube[0] * kCubeCells),
@@ -260,7 +262,10 @@ std::vector<PointShape> estimate_shapes(const PointBlock& points, const NormalOp
       if (r.first != r.last) near.push_back(r);
     }
     std::sort(near.begin(), near.end(), [](const Run& a, const Run& b) { return a.first < b.first; });
-    const auto gather = [&](float radius, Candidates& into) {
+    const auto is_ground = [&](std::uint32_t i) {
+      return !points.flags.empty() && (points.flags[i] & kPointGround) != 0;
+    };
+    const auto gather = [&](float radius, bool only_ground, Candidates& into) {
       into.clear();
       for (const Run& r : near)
         for (std::uint32_t i = r.first; i < r.last;) {
@@ -270,6 +275,7 @@ std::vector<PointShape> estimate_shapes(const PointBlock& points, const NormalOp
           for (; i < end; i += step) {
             const float x = points.x[i] - low[0], y = points.y[i] - low[1], z = points.z[i] - low[2];
             const auto close = [&](float v) { return v > -radius && v < kCubeCells + radius; };
+            if (only_ground && !is_ground(i)) continue;
             if (close(x) && close(y) && close(z)) into.add(x, y, z, points.nx[i], points.ny[i], points.nz[i]);
           }
           i = end;
@@ -277,16 +283,21 @@ std::vector<PointShape> estimate_shapes(const PointBlock& points, const NormalOp
       into.pad();
     };
     const auto radius = static_cast<float>(options.radius_cells);
-    gather(radius, candidates);
-    wide.clear();
+    gather(radius, false, candidates);
+    wide.clear(), ground.clear(), wide_ground.clear();
     for (std::uint32_t i = run.first; i < run.last; ++i) {
       const float x = points.x[i] - low[0], y = points.y[i] - low[1], z = points.z[i] - low[2];
       const Float3 given = {points.nx[i], points.ny[i], points.nz[i]};
-      shapes.push_back(shape_at(candidates, x, y, z, given, radius, options));
+      // What grows on the ground does not tilt it.
+      const bool only_ground = options.estimate && is_ground(i);
+      Candidates& near_by = only_ground ? ground : candidates;
+      if (near_by.x.empty()) gather(radius, only_ground, near_by);
+      shapes.push_back(shape_at(near_by, x, y, z, given, radius, options));
       const bool planar = shapes.back().neighbours >= kFewNeighbours && shapes.back().variation < kNoPlane;
       if (!options.estimate || planar || radius >= kLargestRadius) continue;
-      if (wide.x.empty()) gather(kLargestRadius, wide);
-      PointShape wider = shape_at(wide, x, y, z, given, kLargestRadius, options);
+      Candidates& far_too = only_ground ? wide_ground : wide;
+      if (far_too.x.empty()) gather(kLargestRadius, only_ground, far_too);
+      PointShape wider = shape_at(far_too, x, y, z, given, kLargestRadius, options);
       wider.neighbours = shapes.back().neighbours, wider.supporters = shapes.back().supporters;
       shapes.back() = wider;
     }

@@ -44,13 +44,16 @@ void OverlayFileWriter::brick(std::uint64_t key, std::span<const PointOverlayRec
 void OverlayDecisions::save(const std::filesystem::path& path) const {
   PackedWriter file(path, kDecisionsKind);
   const std::vector<Section> table = {file.append(bytes_of(patch))};
-  file.finish(table, std::as_bytes(std::span(&min_supporters, 1)));
+  const std::array<std::uint32_t, 2> limits = {min_supporters, drop_scattered};
+  file.finish(table, std::as_bytes(std::span(limits)));
 }
 
 OverlayDecisions OverlayDecisions::load(const std::filesystem::path& path) {
   OverlayDecisions d;
-  const PackedFile file(path, kDecisionsKind, sizeof(Section), sizeof d.min_supporters);
-  std::memcpy(&d.min_supporters, file.info().data(), sizeof d.min_supporters);
+  std::array<std::uint32_t, 2> limits{};
+  const PackedFile file(path, kDecisionsKind, sizeof(Section), sizeof limits);
+  std::memcpy(limits.data(), file.info().data(), sizeof limits);
+  d.min_supporters = limits[0], d.drop_scattered = limits[1];
   d.patch = file.load<std::uint8_t>(file.table<Section>().at(0));
   return d;
 }
@@ -140,7 +143,9 @@ void PointOverlay::apply(std::uint64_t key, std::uint64_t first, std::span<Point
   for (std::size_t i = 0; i < records.size(); ++i) {
     const PointOverlayRecord& o = overlay[i];
     PointRecord& p = records[i];
-    if (o.supporters < impl_->decisions.min_supporters) p.flags |= kPointOutlier;
+    const OverlayDecisions& d = impl_->decisions;
+    const bool strewn = d.drop_scattered != 0 && (o.supporters & kScattered) != 0;
+    if (strewn || (o.supporters & ~kScattered) < d.min_supporters) p.flags |= kPointOutlier;
     if (o.patch == kGivenPatch) continue;
     p.normal = o.normal;
     if (o.patch == kNoPatch) continue;

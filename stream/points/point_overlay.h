@@ -15,9 +15,12 @@
 
 namespace tessera {
 
+/// Bit of PointOverlayRecord::supporters: the point is strewn, see find_scatter().
+inline constexpr std::uint16_t kScattered = 0x8000;
+
 struct PointOverlayRecord {
   std::uint32_t normal = kNoNormal;
-  std::uint16_t supporters = 0;    ///< neighbours that confirm the point
+  std::uint16_t supporters = 0;    ///< neighbours that confirm the point, and kScattered
   std::uint16_t patch = kNoPatch;  ///< orientation patch inside the brick, kNoPatch or kGivenPatch
 };
 static_assert(sizeof(PointOverlayRecord) == 8);
@@ -60,6 +63,7 @@ enum PatchDecision : std::uint8_t {
 /// Decisions of the orient stage, the job's global summary.
 struct OverlayDecisions {
   std::uint32_t min_supporters = 0;  ///< points with fewer are outliers
+  std::uint32_t drop_scattered = 0;  ///< and so are strewn ones
   std::vector<std::uint8_t> patch;   ///< PatchDecision bits of all patches over all bricks, in brick order
 
   void save(const std::filesystem::path& path) const;

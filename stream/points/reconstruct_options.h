@@ -18,6 +18,7 @@ struct ReconstructOptions {
   std::uint32_t max_hole = 0;
   std::string holes = "keep";
   std::string outliers = "auto";
+  std::string vegetation = "auto";
   std::string normals = "auto";
   std::vector<Double3> viewpoints;
   std::string from = "auto";
@@ -79,6 +80,12 @@ inline OptionTable option_table(ReconstructOptions& o) {
         "auto: drop points that too few neighbours confirm, a share of the median, or fewer than three where "
         "that would take more than one in twenty; off: keep all")
       .one_of({"auto", "off"});
+  t.add("vegetation", &o.vegetation,
+        "estimated normals: points that are strewn through space instead of lying on a surface, as leaves, "
+        "spray "
+        "and passers-by; drop: no surface for them; keep: as if they lay on one, which comes out torn; auto: "
+        "drop in scenes from above")
+      .one_of({"auto", "drop", "keep"});
   t.add("normals", &o.normals,
         "auto: given normals where at least half of the points have one; given; estimate")
       .one_of({"auto", "given", "estimate"});

@@ -12,7 +12,8 @@ namespace tessera {
 
 /// Supporter counts from here on share the last bin.
 inline constexpr std::size_t kSupporterBins = 256;
-/// Histogram of supporters over all points, left by the normals stage for the orient stage.
+/// Histogram of supporters over all points, and behind it the number of strewn ones, left by the normals stage for the
+/// orient stage.
 inline constexpr const char* kSupportersFile = "normals/supporters.bin";
 
 /// Share of points from pulses of several returns from which a scan is airborne: terrestrial ones tell of one.

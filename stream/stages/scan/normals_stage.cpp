@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 
 #include "kernels/points/normals.h"
+#include "kernels/points/scatter.h"
 #include "octree/error.h"
 #include "stream/files/direct_file.h"
 #include "stream/files/task_files.h"
@@ -34,8 +35,9 @@ struct SignCounts {
   // Of the points that a sensor decided, against given normals that were kept aside.
   std::uint64_t agree = 0;
   std::uint64_t disagree = 0;
-  std::uint64_t compared = 0;  ///< points with both an estimated and a given normal
-  std::uint64_t tilted = 0;    ///< of these, more than 30 degrees apart whatever the sign
+  std::uint64_t compared = 0;   ///< points with both an estimated and a given normal
+  std::uint64_t scattered = 0;  ///< points that are strewn
+  std::uint64_t tilted = 0;     ///< of these, more than 30 degrees apart whatever the sign
 };
 
 class NormalsStage : public Stage {
@@ -70,8 +72,9 @@ class NormalsStage : public Stage {
       const Int3 at = brick_of_key(brick.key);
       const Int3 origin = {at[0] * kBrickCells, at[1] * kBrickCells, at[2] * kBrickCells};
       prefetch(task, b);
-      const PointBlock block = store_.load(origin, {kBrickCells, kBrickCells, kBrickCells},
-                                           normal_halo_cells(shape_), mode_.estimate && mode_.by_sensor);
+      const PointBlock block =
+          store_.load(origin, {kBrickCells, kBrickCells, kBrickCells}, normal_halo_cells(shape_),
+                      mode_.estimate && mode_.by_sensor, mode_.airborne);
       const std::vector<PointShape> shapes = estimate_shapes(block, shape_);
       process_brick(brick, origin, block, shapes, writer, counts, histogram);
       context.count_read(block.size() * sizeof(PointRecord));
@@ -80,7 +83,8 @@ class NormalsStage : public Stage {
     context.count_written(writer.finish());
     return {{"given", counts.given},       {"sensor", counts.sensor}, {"patch", counts.patch},
             {"without", counts.none},      {"agree", counts.agree},   {"disagree", counts.disagree},
-            {"compared", counts.compared}, {"tilted", counts.tilted}, {"supporters", histogram}};
+            {"compared", counts.compared}, {"tilted", counts.tilted}, {"scattered", counts.scattered},
+            {"supporters", histogram}};
   }
 
   std::uint64_t finish_bytes() const override { return 1u << 20; }
@@ -98,6 +102,7 @@ class NormalsStage : public Stage {
       }
     if (mode_.needed()) {
       DirectFile file(context.create(kSupportersFile));
+      histogram.push_back(sum.value("scattered", std::uint64_t{0}));
       file.write(histogram.data(), histogram.size() * sizeof(histogram[0]));
       file.finish();
     }
@@ -135,6 +140,8 @@ class NormalsStage : public Stage {
       ++(!known ? counts.none : mode_.estimate ? counts.patch : counts.given);
       if (mode_.propagate()) {
         o.position.push_back({block.x[i], block.y[i], block.z[i]});
+        o.roughness.push_back(shape.roughness);
+        if (!block.flags.empty()) o.flags.push_back(block.flags[i]);
         o.normal.push_back(n);
         o.variation.push_back(shape.variation);
         o.given.push_back(known ? Float3{block.nx[i], block.ny[i], block.nz[i]} : Float3{0, 0, 0});
@@ -143,16 +150,18 @@ class NormalsStage : public Stage {
         records[s].normal = encode_normal(n[0], n[1], n[2]);
         records[s].patch = kGivenPatch;
       }
-      records[s].supporters = shape.supporters;
+      records[s].supporters = std::min<std::uint16_t>(shape.supporters, kScattered - 1);
       ++histogram[std::min<std::size_t>(records[s].supporters, kSupporterBins - 1)];
       ++s;
     }
     BrickOrientation orientation;
     if (mode_.propagate()) {
       compare(o, counts);
+      const std::vector<std::uint8_t> strewn = find_scatter({o.position, o.roughness, o.flags});
       orientation = orient_brick({o.position, o.normal, o.variation, o.given, o.visible,
                                   mode_.each_seen() ? kSureView : kNeverSure});
       for (std::size_t i = 0; i < records.size(); ++i) {
+        if (strewn[i] != 0) records[i].supporters |= kScattered, ++counts.scattered;
         Float3 n = orientation.normal[i];
         records[i].patch = orientation.patch[i];
         if (sure(o.visible[i])) {
@@ -169,7 +178,8 @@ class NormalsStage : public Stage {
   /// The core points of a brick.
   struct Oriented {
     std::vector<Float3> position, normal, given;
-    std::vector<float> variation, visible;
+    std::vector<float> variation, roughness, visible;
+    std::vector<std::uint16_t> flags;  ///< empty where no returns are known
     void reserve(std::size_t n) {
       position.reserve(n), normal.reserve(n), given.reserve(n), variation.reserve(n), visible.reserve(n);
     }

@@ -80,6 +80,7 @@ class OrientStage : public Stage {
         output_(state.output),
         max_uncertain_(reconstruct_options(state).max_uncertain),
         from_(reconstruct_options(state).from),
+        vegetation_(reconstruct_options(state).vegetation),
         memory_bytes_(state.run.memory_bytes),
         plan_(Plan::of_work(state.work)),
         mode_(reconstruct_options(state), state.inputs.size(), plan_),
@@ -153,6 +154,14 @@ class OrientStage : public Stage {
       decisions.patch.assign(overlay_.first_patch().back(), 0);
     }
     if (mode_.clean) clean(decisions, entry);
+    const std::string scene = entry.value("scene", "");
+    decisions.drop_scattered =
+        mode_.propagate() && (vegetation_ == "drop" ||
+                              (vegetation_ == "auto" && (scene == "airborne" || scene == "from above")))
+            ? 1
+            : 0;
+    if (mode_.propagate())
+      entry["vegetation"] = {{"points", scattered()}, {"dropped", decisions.drop_scattered != 0}};
     decisions.save(context.create(PointOverlay::kDecisionsFile));
     return entry;
   }
@@ -233,6 +242,12 @@ class OrientStage : public Stage {
     }
   }
 
+  std::uint64_t scattered() const {
+    std::uint64_t n = 0;
+    ReadFile(work_ / kSupportersFile).read_at(kSupporterBins * sizeof n, &n, sizeof n);
+    return n;
+  }
+
   /// Threshold from the histogram of supporters over all points; counts what it drops.
   void clean(OverlayDecisions& decisions, json& entry) const {
     std::vector<std::uint64_t> histogram(kSupporterBins, 0);
@@ -257,6 +272,7 @@ class OrientStage : public Stage {
   std::filesystem::path output_;
   double max_uncertain_;
   std::string from_;
+  std::string vegetation_;
   std::uint64_t memory_bytes_;
   Plan plan_;
   NormalsMode mode_;

@@ -1,0 +1,58 @@
+#include "kernels/points/scatter.h"
+
+#include <algorithm>
+
+#include "octree/points.h"
+
+namespace tessera {
+namespace {
+
+constexpr float kVoxelCells = 4.0f;
+constexpr float kRough =
+    0.085f;  ///< of roofs, roads and rock, their edges too, next to all have less; of leaves next to none
+constexpr float kRoughEcho = 0.03f;  ///< of points beyond which their pulse went on
+constexpr int kVoxels = kBrickCells / static_cast<int>(kVoxelCells);
+constexpr float kOwn = 4.0f;  ///< weight of the own voxel against one beside it
+
+std::size_t voxel_of(const Float3& p) {
+  std::size_t at = 0;
+  for (std::size_t a = 3; a-- > 0;)
+    at = at * kVoxels +
+         static_cast<std::size_t>(std::clamp(static_cast<int>(p[a] / kVoxelCells), 0, kVoxels - 1));
+  return at;
+}
+
+}  // namespace
+
+std::vector<std::uint8_t> find_scatter(const ScatterInput& in) {
+  struct Sum {
+    float rough = 0.0f, points = 0.0f;
+  };
+  std::vector<Sum> sums(static_cast<std::size_t>(kVoxels) * kVoxels * kVoxels);
+  for (std::size_t i = 0; i < in.position.size(); ++i) {
+    Sum& s = sums[voxel_of(in.position[i])];
+    s.rough += in.roughness[i], s.points += 1.0f;
+  }
+  std::vector<std::uint8_t> out(in.position.size(), 0);
+  constexpr std::ptrdiff_t kStep[3] = {1, kVoxels, std::ptrdiff_t{kVoxels} * kVoxels};
+  for (std::size_t i = 0; i < in.position.size(); ++i) {
+    const float own = in.roughness[i];
+    const std::uint16_t flags = in.flags.empty() ? std::uint16_t{0} : in.flags[i];
+    if ((flags & kPointGround) != 0) continue;
+    const bool echo = (flags & kPointNotLast) != 0;  // something solid lies beyond it
+    if (own < (echo ? kRoughEcho : kRough)) continue;
+    const std::size_t v = voxel_of(in.position[i]);
+    float rough = kOwn * sums[v].rough, points = kOwn * sums[v].points;
+    const std::size_t place[3] = {v % kVoxels, v / kVoxels % kVoxels, v / (std::size_t{kVoxels} * kVoxels)};
+    for (std::size_t a = 0; a < 3; ++a)
+      for (const int side : {-1, 1}) {
+        if (place[a] == (side < 0 ? 0u : kVoxels - 1u)) continue;
+        const Sum& s = sums[static_cast<std::size_t>(static_cast<std::ptrdiff_t>(v) + side * kStep[a])];
+        rough += s.rough, points += s.points;
+      }
+    out[i] = rough >= kRough * points || (echo && rough >= kRoughEcho * points) ? 1 : 0;
+  }
+  return out;
+}
+
+}  // namespace tessera
