@@ -61,14 +61,24 @@ std::uint64_t CellSampler::hash_of(const CellIndex& cell) {
 }
 
 void CellSampler::shrink() {
-  std::sort(held_.begin(), held_.end(),
-            [](const HashedPoint& a, const HashedPoint& b) { return a.hash < b.hash; });
+  // What stays is mostly among the first; the rest is looked at only where crowded cells leave too little.
+  const auto by_hash = [](const HashedPoint& a, const HashedPoint& b) { return a.hash < b.hash; };
+  std::size_t sorted = std::min(held_.size(), limit_ + limit_ / 4);
+  const auto first = held_.begin() + static_cast<std::ptrdiff_t>(sorted);
+  std::nth_element(held_.begin(), first, held_.end(), by_hash);
+  std::sort(held_.begin(), first, by_hash);
   const std::size_t most = std::max<std::size_t>(1, limit_ / 8);
   std::size_t sum = 0;
   std::size_t out = 0;
   for (std::size_t i = 0; i < held_.size();) {
     std::size_t end = i;
-    while (end < held_.size() && held_[end].hash == held_[i].hash) ++end;
+    for (; end < held_.size(); ++end) {
+      if (end == sorted) {
+        std::sort(first, held_.end(), by_hash);
+        sorted = held_.size();
+      }
+      if (held_[end].hash != held_[i].hash) break;
+    }
     const std::uint64_t hash = held_[i].hash;
     if (hash > threshold_) break;
     if (end - i > most) crowded_.insert(hash);
@@ -119,10 +129,12 @@ void CellSampler::merge(const PackedFile& in, const Saved& saved) {
   if (held_.size() >= 2 * limit_) shrink();
 }
 
-LayeredSampler::LayeredSampler(double coarsest, const Limits& limits) : finest_(coarsest) {
+LayeredSampler::LayeredSampler(double coarsest, const Limits& limits)
+    : per_coarsest_(1.0 / coarsest), per_finest_(per_coarsest_) {
   for (std::size_t k = 0; k < kLayers; ++k) {
-    finest_ = std::ldexp(coarsest, -kRatioBits * static_cast<int>(k));
-    layers_.emplace_back(finest_, limits[k]);
+    const double size = std::ldexp(coarsest, -kRatioBits * static_cast<int>(k));
+    layers_.emplace_back(size, limits[k]);
+    per_finest_ = 1.0 / size;
   }
 }
 

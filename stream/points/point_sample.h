@@ -2,10 +2,12 @@
 /// Samples of a stream of points that do not depend on its order: what has the smallest hashes is kept.
 /// Bounded memory in every task; the samples of tasks merge to the sample of the whole.
 #pragma once
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstdint>
 #include <filesystem>
+#include <limits>
 #include <unordered_set>
 #include <vector>
 
@@ -42,14 +44,25 @@ class CellSampler {
   using CellIndex = std::array<std::int64_t, 3>;
   CellSampler(double size, std::size_t limit) : size_(size), limit_(limit) { held_.reserve(2 * limit); }
 
-  /// \param cell  where the point lies, in cells of this size
-  void add(const Double3& p, const CellIndex& cell) {
+  /// Classes of cells, by the first bits of their hashes: one after another is sampled until the limit is reached.
+  static constexpr int kClassBits = 4;
+  static std::uint64_t hash_of(const CellIndex& cell);
+  static std::uint64_t class_of(std::uint64_t hash) { return hash >> (64 - kClassBits); }
+  /// The last class of which cells are sampled.
+  std::uint64_t last_class() const { return class_of(threshold_); }
+
+  /// \param cell  where the point lies, in cells of this size   \param of_class  of the cell
+  void add(const Double3& p, const CellIndex& cell, std::uint64_t of_class) {
+    if (of_class > last_class()) return;
     if (cell != last_cell_) {
       last_cell_ = cell;
-      last_hash_ = hash_of(cell);
+      last_hash_ = of_class << (64 - kClassBits) | hash_of(cell) >> kClassBits;
     }
-    if (last_hash_ > threshold_) return;
-    held_.push_back({last_hash_, p});
+    add(p, last_hash_);
+  }
+  void add(const Double3& p, std::uint64_t hash) {
+    if (hash > threshold_) return;
+    held_.push_back({hash, p});
     if (held_.size() >= 2 * limit_) shrink();
   }
 
@@ -76,11 +89,11 @@ class CellSampler {
   static std::uint64_t bytes(std::size_t limit) { return 2 * limit * sizeof(HashedPoint); }
 
  private:
-  static std::uint64_t hash_of(const CellIndex& cell);
+  static constexpr std::int64_t kNoCell = std::numeric_limits<std::int64_t>::min();
   void shrink();
   double size_;
-  CellIndex last_cell_ = {0, 0, 0};
-  std::uint64_t last_hash_ = hash_of({0, 0, 0});
+  CellIndex last_cell_ = {kNoCell, kNoCell, kNoCell};
+  std::uint64_t last_hash_ = 0;
   std::size_t limit_;
   std::uint64_t threshold_ = ~std::uint64_t{0};
   std::vector<HashedPoint> held_;
@@ -88,22 +101,33 @@ class CellSampler {
 };
 
 /// Samples of cells of several sizes, each a quarter of the one before, in a turned frame, so that no wall lies along
-/// the cells: where one size is too crowded or too empty to tell anything, another is not.
+/// the cells: where one size is too crowded or too empty to tell anything, another is not. Cells have the class of the
+/// coarsest cell around them, so most points of a large scan are passed over by a look at that one.
 class LayeredSampler {
  public:
   static constexpr std::size_t kLayers = 4;
   static constexpr int kRatioBits = 2;
   using Limits = std::array<std::size_t, kLayers>;
 
-  /// \param coarsest  size of the first layer   \param limits  points per layer
+  /// \param coarsest  size of the first layer, a power of two   \param limits  points per layer
   LayeredSampler(double coarsest, const Limits& limits);
   /// \pre coordinates below 2^50 cells of the first layer
   void add(const Double3& p) {
     const Double3 turned = turn(p);
-    CellSampler::CellIndex cell{};
-    for (std::size_t a = 0; a < 3; ++a) cell[a] = static_cast<std::int64_t>(std::floor(turned[a] / finest_));
-    for (std::size_t k = kLayers; k-- > 0;) {
-      layers_[k].add(turned, cell);
+    // Powers of two lie between the sizes: cells of one lie in those of the other to the last bit.
+    const CellSampler::CellIndex around = cell_of(turned, per_coarsest_);
+    if (around != around_) {
+      around_ = around;
+      around_hash_ = CellSampler::hash_of(around);
+      last_class_ = 0;
+      for (std::size_t k = 1; k < kLayers; ++k) last_class_ = std::max(last_class_, layers_[k].last_class());
+    }
+    layers_[0].add(turned, around_hash_);
+    const std::uint64_t of_class = CellSampler::class_of(around_hash_);
+    if (of_class > last_class_) return;
+    CellSampler::CellIndex cell = cell_of(turned, per_finest_);
+    for (std::size_t k = kLayers; k-- > 1;) {
+      layers_[k].add(turned, cell, of_class);
       for (std::int64_t& c : cell) c >>= kRatioBits;
     }
   }
@@ -120,12 +144,21 @@ class LayeredSampler {
  private:
   /// The rotation of the quaternion (1, 2, 3, 5): every axis has a part of every other.
   static Double3 turn(const Double3& p) {
-    return {(-29.0 * p[0] + 2.0 * p[1] + 26.0 * p[2]) / 39.0,
-            (22.0 * p[0] - 19.0 * p[1] + 26.0 * p[2]) / 39.0,
-            (14.0 * p[0] + 34.0 * p[1] + 13.0 * p[2]) / 39.0};
+    constexpr double kUnit = 1.0 / 39.0;
+    return {(-29.0 * p[0] + 2.0 * p[1] + 26.0 * p[2]) * kUnit,
+            (22.0 * p[0] - 19.0 * p[1] + 26.0 * p[2]) * kUnit,
+            (14.0 * p[0] + 34.0 * p[1] + 13.0 * p[2]) * kUnit};
   }
-  std::vector<CellSampler> layers_;  ///< coarsest first
-  double finest_;
+  static CellSampler::CellIndex cell_of(const Double3& turned, double per_unit) {
+    CellSampler::CellIndex cell{};
+    for (std::size_t a = 0; a < 3; ++a) cell[a] = static_cast<std::int64_t>(std::floor(turned[a] * per_unit));
+    return cell;
+  }
+  std::vector<CellSampler> layers_;   ///< coarsest first
+  double per_coarsest_, per_finest_;  ///< cells a unit
+  CellSampler::CellIndex around_ = {0, 0, 0};
+  std::uint64_t around_hash_ = CellSampler::hash_of({0, 0, 0});
+  std::uint64_t last_class_ = ~std::uint64_t{0};  ///< of which finer layers take cells, at most
 };
 
 }  // namespace tessera

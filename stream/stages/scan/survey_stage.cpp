@@ -23,7 +23,7 @@ constexpr std::size_t kCounterBricks = std::size_t{1} << 15;
 // sparser or denser than h asks for; in quanta, so that they are exact.
 constexpr double kSampleCell = 16.0 * kQuantaPerCell;
 constexpr double kLayerRatio = double{1 << LayeredSampler::kRatioBits};
-constexpr LayeredSampler::Limits kSamplePoints = {1u << 14, 1u << 16, 1u << 14, 1u << 14};
+constexpr LayeredSampler::Limits kSamplePoints = {1u << 13, 1u << 15, 1u << 13, 1u << 13};
 constexpr double kQuantaPerBlock = double{kQuantaPerCell} * kLeafCells;
 constexpr std::size_t kWarningsPerTask = 8;
 constexpr std::uint64_t kMergeBytesPerBrick = 384;  // merging, with slack for the tables made of it
