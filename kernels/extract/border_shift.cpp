@@ -38,9 +38,9 @@ Float3 BorderShift::gone(const Corner& c, float share) {
 float BorderShift::least_area(const std::array<Corner, 3>& corners, float share, const Float3& normal) {
   float least = 1e30f;
   for (unsigned moved = 0; moved < 8; ++moved) {
-    const Float3 n =
-        triangle_normal(gone(corners[0], moved & 1 ? share : 0.0f), gone(corners[1], moved & 2 ? share : 0.0f),
-                        gone(corners[2], moved & 4 ? share : 0.0f));
+    const Float3 n = triangle_normal(gone(corners[0], moved & 1 ? share : 0.0f),
+                                     gone(corners[1], moved & 2 ? share : 0.0f),
+                                     gone(corners[2], moved & 4 ? share : 0.0f));
     least = std::min(least, 0.5f * dot(n, normal));
   }
   return least;
@@ -71,7 +71,8 @@ bool BorderShift::triangulate(const std::uint8_t* edge, const std::uint32_t* roo
   for (std::size_t i = 0; i < size; ++i) {
     const int e = edge[i];
     Corner& corner = corners_[i];
-    for (int a = 0; a < 3; ++a) corner.point[static_cast<std::size_t>(a)] = static_cast<float>(edge_offset(e, a));
+    for (int a = 0; a < 3; ++a)
+      corner.point[static_cast<std::size_t>(a)] = static_cast<float>(edge_offset(e, a));
     corner.point[static_cast<std::size_t>(e >> 2)] = field_.roots[root[i]].t;
     corner.way = wanted(root[i]);
     moves = moves || corner.way != Float3{0, 0, 0};

@@ -69,7 +69,7 @@ class BrickExtractor {
   FeatureThresholds thresholds_;
   BrickBand band_;
   BorderShift border_;
-  bool at_border_ = false;  ///< vertices of the leaf at work may move
+  bool at_border_ = false;   ///< vertices of the leaf at work may move
   Int3 corner_ = {0, 0, 0};  ///< global cell coordinates of the brick
   Patch patch_;
   ExtractReport* report_ = nullptr;

@@ -12,7 +12,7 @@ namespace {
 /// Vertices less deep than this lie on the border: cells that hold only such ones would be slivers.
 constexpr float kSnap = 0.3f;
 /// Where the contour lies, in depth; and the longest way onto it, cells.
-constexpr float kContour = 0.0f;
+constexpr float kContour = 0.5f;
 constexpr float kLongestMove = 1.5f;
 
 RimNode rim_at(const LeafFit& fit, const std::vector<RimNode>& rims, std::size_t node) {
@@ -31,6 +31,11 @@ Float3 way(const EdgeRoot& root, float depth, const Float3& inward) {
   const float step = std::min(-depth, kLongestMove);
   for (float& c : d) c = length > 1e-3f ? c * (step / length) : 0.0f;
   return d;
+}
+
+/// Whether a root lies between two surfaces, not on one: both ends' fits fall where the values rise.
+bool is_false(float slope_a, float slope_b, bool rises) {
+  return rises ? slope_a <= 0.0f && slope_b <= 0.0f : slope_a >= 0.0f && slope_b >= 0.0f;
 }
 
 /// Marks the roots of a leaf that move, and their ways. \return whether there are any
@@ -52,11 +57,21 @@ bool mark_moves(const std::vector<LeafFit>& fits, const std::vector<RimNode>& ri
         const std::size_t a = bit + 64 * z;
         const std::size_t coordinate = axis == 0 ? bit & 7 : axis == 1 ? bit >> 3 : z;
         const RimNode from = rim_at(fits[l], rims, a);
-        const RimNode to = coordinate == 7 ? rim_at(*fit_after, rims, a - 7 * step) : rim_at(fits[l], rims, a + step);
+        const RimNode to =
+            coordinate == 7 ? rim_at(*fit_after, rims, a - 7 * step) : rim_at(fits[l], rims, a + step);
         if (from.depth >= kRimDepth && to.depth >= kRimDepth) continue;
-        const std::uint32_t index = leaf.first_root[axis][z] + static_cast<std::uint32_t>(std::popcount(
-                                                                   crossing & ((left & (~left + 1)) - 1)));
+        const std::uint32_t index =
+            leaf.first_root[axis][z] +
+            static_cast<std::uint32_t>(std::popcount(crossing & ((left & (~left + 1)) - 1)));
         const EdgeRoot& root = field.roots[index];
+        const LeafFit& fit_b = coordinate == 7 ? *fit_after : fits[l];
+        const std::size_t b = coordinate == 7 ? a - 7 * step : a + step;
+        if (is_false(fits[l].gradient[axis][a], fit_b.gradient[axis][b],
+                     leaf.inside[z] & (left & (~left + 1)))) {
+          any = true;
+          leaf.moving[axis][z] |= left & (~left + 1);
+          continue;
+        }
         const float depth = (1.0f - root.t) * from.depth + root.t * to.depth - kContour;
         if (depth >= kSnap) continue;
         any = true;

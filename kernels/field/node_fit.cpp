@@ -102,6 +102,8 @@ constexpr float kGapShare = 0.5f;
 constexpr float kMostGap = 0.9f;
 /// How far off the surface a sample may lie that counts as part of it, in radii.
 constexpr float kThickness = 0.3f;
+/// Nodes less deep than this may be in a gap; those that turn out to be surrounded are at least so deep.
+constexpr float kSurroundedDepth = 0.9f;
 /// How fast the distance of foot point and centroid grows towards a straight border, per distance.
 constexpr float kRimSlope = 0.6f;
 /// Both where closing takes over at the rim: it stays well among the samples, so that no flap reaches on.
@@ -199,8 +201,10 @@ void finish_row(const Sums& s, std::uint32_t active, const NodeFitOptions& optio
   const __m256 half_residual = _mm256_mul_ps(_mm256_max_ps(residual, zero), _mm256_set1_ps(0.5f));
   *spheres = {ux, uy, uz, twice, _mm256_sqrt_ps(half_residual), sound};
   if (options.firm_rim) return;
-  const __m256 depth = _mm256_div_ps(_mm256_sub_ps(_mm256_sqrt_ps(limit2), _mm256_sqrt_ps(off2)),
-                                     _mm256_set1_ps(kRimSlope));
+  const __m256 depth =
+      _mm256_div_ps(_mm256_sub_ps(_mm256_sqrt_ps(limit2), _mm256_sqrt_ps(off2)), _mm256_set1_ps(kRimSlope));
+  flags->beyond =
+      bits(_mm256_and_ps(fitted, _mm256_cmp_ps(depth, _mm256_set1_ps(kSurroundedDepth), _CMP_LT_OQ)));
   flags->near = bits(_mm256_and_ps(fitted, _mm256_cmp_ps(depth, _mm256_set1_ps(kRimDepth), _CMP_LT_OQ)));
   if (!flags->near) return;
   flags->near &= bits(_mm256_cmp_ps(depth, _mm256_set1_ps(-kRimReach), _CMP_GE_OQ));
@@ -255,7 +259,8 @@ constexpr float kCreaseRimSlack =
     0.6f;  ///< cells: far off a corner only its tip is in reach, with little spread
 
 /// Value, gradient and depth of a creased node; false where the surface does not reach.
-bool value_of_sheets(const Sheets& sheets, std::size_t at, bool firm, LeafFit& out, LeafRim& out_rim) {
+bool value_of_sheets(const Sheets& sheets, std::size_t at, const NodeFitOptions& options, LeafFit& out,
+                     LeafRim& out_rim) {
   const SurfaceValue here = sheets.at({0, 0, 0});
   out.value[at] = here.value;
   for (std::size_t c = 0; c < 3; ++c) out.gradient[c][at] = here.normal[c];
@@ -266,15 +271,21 @@ bool value_of_sheets(const Sheets& sheets, std::size_t at, bool firm, LeafFit& o
     for (std::size_t c = 0; c < 3; ++c) foot[c] -= s.value * s.normal[c];
     if (step < 2) s = sheets.at(foot);
   }
-  float off2 = 0.0f, foot2 = 0.0f;
+  Float3 off;
+  float foot2 = 0.0f;
   for (std::size_t c = 0; c < 3; ++c) {
-    out_rim.inward[c][at] = sheets.centroid[c] - foot[c];
-    off2 += out_rim.inward[c][at] * out_rim.inward[c][at];
+    off[c] = sheets.centroid[c] - foot[c];
     foot2 += foot[c] * foot[c];
   }
-  const float rim = kCreaseRimRatio * std::sqrt(std::max(0.0f, sheets.spread2)) + kCreaseRimSlack;
-  out_rim.depth[at] = (rim - std::sqrt(off2)) / kRimSlope;
-  return out_rim.depth[at] >= (firm ? 0.0f : -kRimReach) && foot2 <= kLargestFoot * kLargestFoot;
+  const float spread = std::sqrt(std::max(0.0f, sheets.spread2));
+  const bool reaches =
+      norm(off) <= kCreaseRimRatio * spread + kCreaseRimSlack && foot2 <= kLargestFoot * kLargestFoot;
+  if (options.firm_rim) return reaches;
+  // At a crease the centroid lies under the foot point: along the surface, a crease is no border.
+  const float under = tessera::dot(off, s.normal);
+  for (std::size_t c = 0; c < 3; ++c) out_rim.inward[c][at] = off[c] -= under * s.normal[c];
+  out_rim.depth[at] = (std::max(kRimRatio * spread, kRimFloor * options.radius) - norm(off)) / kRimSlope;
+  return reaches && out_rim.depth[at] >= -kRimReach;
 }
 
 }  // namespace
@@ -321,7 +332,7 @@ void fit_creases(std::uint32_t bent, const SampleList& coarse, std::size_t at, c
     *split |= bit;
     flags->valid &= ~bit;
     flags->near &= ~bit;
-    if (!value_of_sheets(found, at + x, options.firm_rim, out, scratch.rim)) continue;
+    if (!value_of_sheets(found, at + x, options, out, scratch.rim)) continue;
     flags->valid |= bit;
     if (!options.firm_rim && scratch.rim.depth[at + x] < kRimDepth) flags->near |= bit;
     if (found.count == 1) continue;  // a smooth sheet without its neighbours: value and gradient say all
@@ -413,8 +424,8 @@ void fit_nodes(const SampleList& samples, const SampleList& coarse, const std::a
               crease_hints(scratch.coarse_row, spheres, reach.r2,
                            (options.noisy ? kNoisyHintShare : kHintShare) * options.sheets.feature_angle);
         }
-        fit_creases(flags.bent & hints, coarse, at, options, scratch, reach, fills == 1, out, sheets,
-                    &flags, &split, &creased);
+        fit_creases(flags.bent & hints, coarse, at, options, scratch, reach, fills == 1, out, sheets, &flags,
+                    &split, &creased);
       }
       const std::uint32_t hints =
           layered_nodes(sums, kLayeredHint * r, 0.5f * kLayeredNormal) & active & ~split;
@@ -487,7 +498,13 @@ void bridge_gaps(const SampleList& samples, const NodeFitOptions& options, NodeF
           fit.value[i] = wide.value[i];
           for (std::size_t c = 0; c < 3; ++c) fit.gradient[c][i] = gradient[c];
           fit.valid[z] |= std::uint64_t{1} << (8 * y + x);
-          scratch.rim.nodes[z] &= ~(std::uint64_t{1} << (8 * y + x));
+          if (!(flags.near >> x & 1)) {
+            scratch.rim.nodes[z] &= ~(std::uint64_t{1} << (8 * y + x));
+            continue;
+          }
+          scratch.rim.nodes[z] |= std::uint64_t{1} << (8 * y + x);
+          scratch.rim.depth[i] = std::max(scratch.wide_rim.depth[i], kSurroundedDepth);
+          for (std::size_t c = 0; c < 3; ++c) scratch.rim.inward[c][i] = scratch.wide_rim.inward[c][i];
         }
       }
     }

@@ -35,7 +35,7 @@ struct LeafFit {
 
 /// Where the surface ends, as seen from a node.
 struct RimNode {
-  float depth = 0.0f;          ///< distance of the node's foot point from the border, cells, > 0 within the surface
+  float depth = 0.0f;  ///< distance of the node's foot point from the border, cells, > 0 within the surface
   Float3 inward = {0, 0, 0};  ///< from the foot point to the middle of its samples, cells
 };
 
@@ -66,7 +66,7 @@ inline constexpr float kLargestValue = 2.0f;
 /// Depth from which the end of the surface does not matter; and how far beyond it nodes are valid still, so that the
 /// surface can be cut there: cells.
 inline constexpr float kRimDepth = 1.0f;
-inline constexpr float kRimReach = 1.6f;
+inline constexpr float kRimReach = 0.8f;
 
 /// Scratch that a caller keeps between leaves.
 struct NodeFitScratch {
