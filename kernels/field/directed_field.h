@@ -37,7 +37,7 @@ struct DirectedField {
   std::vector<std::int32_t> leaf_index;
   std::vector<BandLeaf> leaves;   ///< in table order
   std::vector<EdgeRoot> roots;    ///< by leaf, axis, word, bit
-  std::vector<BorderMove> moves;  ///< of the roots that BandLeaf::moving marks, ascending
+  std::vector<BorderMove> moves;  ///< ascending; of what BandLeaf::moving marks, the rest stays
 
   Int3 leaf_dims() const { return {cells[0] / 8 + 2, cells[1] / 8 + 2, cells[2] / 8 + 2}; }
 

@@ -130,7 +130,7 @@ struct RowFlags {
   std::uint32_t valid = 0;
   std::uint32_t bent = 0;    ///< normals that a sphere does not explain
   std::uint32_t few = 0;     ///< too few samples, but some, and their plane is near
-  std::uint32_t beyond = 0;  ///< only the rim test rejects it
+  std::uint32_t beyond = 0;  ///< the samples end before it, unless they surround it
   std::uint32_t near = 0;    ///< valid, and near the end of the surface
 };
 
@@ -495,14 +495,15 @@ void bridge_gaps(const SampleList& samples, const NodeFitOptions& options, NodeF
           const Float3 gradient = {wide.gradient[0][i], wide.gradient[1][i], wide.gradient[2][i]};
           if (!is_surrounded(scratch.local, wide.value[i], gradient, kThickness * options.radius, within))
             continue;
-          fit.value[i] = wide.value[i];
-          for (std::size_t c = 0; c < 3; ++c) fit.gradient[c][i] = gradient[c];
-          fit.valid[z] |= std::uint64_t{1} << (8 * y + x);
-          if (!(flags.near >> x & 1)) {
-            scratch.rim.nodes[z] &= ~(std::uint64_t{1} << (8 * y + x));
-            continue;
+          const std::uint64_t bit = std::uint64_t{1} << (8 * y + x);
+          if (!(fit.valid[z] & bit) || scratch.rim.depth[i] < 0.0f) {
+            fit.value[i] = wide.value[i];
+            for (std::size_t c = 0; c < 3; ++c) fit.gradient[c][i] = gradient[c];
           }
-          scratch.rim.nodes[z] |= std::uint64_t{1} << (8 * y + x);
+          fit.valid[z] |= bit;
+          scratch.rim.nodes[z] &= ~bit;
+          if (!(flags.near >> x & 1)) continue;
+          scratch.rim.nodes[z] |= bit;
           scratch.rim.depth[i] = std::max(scratch.wide_rim.depth[i], kSurroundedDepth);
           for (std::size_t c = 0; c < 3; ++c) scratch.rim.inward[c][i] = scratch.wide_rim.inward[c][i];
         }

@@ -24,7 +24,7 @@ struct LeafFit {
   /// Subset of valid: the node has sheets, value and gradient are theirs.
   std::array<std::uint64_t, 8> creased{};
   std::array<std::uint32_t, 8> first_sheets{};  ///< index of the sheets of the first such node of each word
-  /// Nodes with too few samples in a plane nearby, and those that only the rim test rejects.
+  /// Nodes with too few samples in a plane nearby, and those at or beyond the end of the samples.
   std::array<std::uint64_t, 8> few{}, beyond{};
   /// Among them those that a radius of 1, 1.5 and 2 may make valid: see choose_gaps().
   std::array<std::array<std::uint64_t, 8>, 3> gap{};
@@ -95,7 +95,7 @@ inline constexpr float kMostRadius = 6.0f;
 bool choose_gaps(const SampleList& coarse, const NodeFitOptions& options, NodeFitScratch& scratch,
                  LeafFit& fit);
 
-/// Fits the chosen nodes with their radius. A node becomes valid if the samples surround its foot point, one of them
+/// Fits the chosen nodes with their radius. A node becomes valid and lies within the border if the samples surround its foot point, one of them
 /// nearby (rim_test.h): so gaps close that are not much wider than the samples around them lie apart, and no border
 /// moves.
 /// \param samples  within kMostRadius of the chosen nodes
