@@ -56,7 +56,7 @@ class SeamCache {
 };
 
 /// An island may be a shred if the largest is so many times larger.
-constexpr std::uint64_t kShredShare = 10;
+constexpr std::uint64_t kShredShare = 4;
 /// Least faces per border edge, which is the width of a strip and the radius of a disc in cells: leaves have 3 to 4,
 /// a strip as wide as the support of its samples 6.
 constexpr std::uint64_t kShredDepth = 5;
