@@ -113,7 +113,8 @@ void BrickBand::mark_cells(LeafMasks& m, bool with_halo) {
     any_inside[z] = s[0] | s[1] | s[2] | s[3];
   }
   for (std::size_t z = 0; z < 8; ++z) {
-    m.cells[z] = ((all_valid[z] & all_valid[z + 1]) | m.leaf->closing[z]) & cell_window(m.at, z);
+    m.cells[z] =
+        ((all_valid[z] & all_valid[z + 1] & ~m.leaf->ended[z]) | m.leaf->closing[z]) & cell_window(m.at, z);
     if (!wants_active) continue;
     m.active[z] = m.cells[z] & (any_inside[z] | any_inside[z + 1]) & ~(all_inside[z] & all_inside[z + 1]);
     m.any_active |= m.active[z] != 0;

@@ -48,7 +48,8 @@ BrickExtractor::BrickExtractor(const DirectedField& field, const ExtractOptions&
     : field_(field),
       method_(options.method),
       names_(options.names),
-      thresholds_(feature_thresholds(options.feature_angle_deg, options.corner_angle_deg)) {}
+      thresholds_(feature_thresholds(options.feature_angle_deg, options.corner_angle_deg)),
+      border_(field, band_) {}
 
 VertexKey BrickExtractor::key(const Int3& at, int type) const {
   Int3 global;
@@ -78,6 +79,7 @@ Patch BrickExtractor::extract(const Int3& brick, ExtractReport& report) {
   }
   const bool extended = method_ == ExtractMethod::kExtendedMarchingCubes;
   band_.collect(field_, in_block, extended);
+  border_.start(in_block);
   features_.clear();
   feature_edge_.clear();
   feature_vertex_.clear();
@@ -132,10 +134,15 @@ void BrickExtractor::emit_edge_vertices() {
             if (!names_) continue;
           }
           const std::uint64_t below = m.leaf->crossing[axis][z] & (bit - 1);
-          const EdgeRoot& root =
-              field_.roots[m.leaf->first_root[axis][z] + static_cast<std::uint32_t>(std::popcount(below))];
+          const std::uint32_t index =
+              m.leaf->first_root[axis][z] + static_cast<std::uint32_t>(std::popcount(below));
+          const EdgeRoot& root = field_.roots[index];
           Float3 p = in_owner(node);
           p[axis] += root.t;
+          if (m.leaf->moving[axis][z] & bit) {
+            const Float3 way = border_.of_vertex(node, axis, index);
+            for (std::size_t a = 0; a < 3; ++a) p[a] += way[a];
+          }
           const VertexClass kind = (m.border[axis][z] & bit) ? VertexClass::kBorder : VertexClass::kSmooth;
           if (!is_own) {
             for (const std::uint32_t each : {vertex, second}) {
@@ -168,10 +175,13 @@ void BrickExtractor::emit_edge_vertices() {
 /// load.
 void BrickExtractor::fill_local_edges(const LeafMasks& m) {
   split_pairs_.clear();
+  at_border_ = false;
   for (int d = 0; d < 8; ++d) {
     const Int3 p = {m.at[0] + (d & 1), m.at[1] + (d >> 1 & 1), m.at[2] + (d >> 2)};
     const LeafMasks* n = band_.at(p[0], p[1], p[2]);
     if (!n) continue;
+    for (const LeafWords& words : n->leaf->moving)
+      for (const std::uint64_t word : words) at_border_ = at_border_ || word != 0;
     std::uint64_t window = ~std::uint64_t{0};
     if (d & 1) window &= 0x0101010101010101ULL;
     if (d & 2) window &= 0xff;
@@ -266,11 +276,18 @@ void BrickExtractor::trace_cell(const LeafMasks& m, int x, int y, int z, unsigne
       samples_.point[i] = point_in_cell(static_cast<int>(e), root[i]);
     }
     if (own) ++report_->loops;
+    // Beside a border that cuts cells there are no features: their samples would lie beyond it.
+    const bool cut = at_border_ && border_.triangulate(edge, root.data(), size, triangles_);
+    if (cut) {
+      if (own) emit_plain_loop(cell, number, vertex.data(), root.data(), at_rim ? rim_segments(cell) : 0);
+      continue;
+    }
     if (method_ == ExtractMethod::kExtendedMarchingCubes && !closing &&
         keep_feature_loop(cell, number, vertex.data(), root.data())) {
       std::int32_t& first_of_cell = first_feature_[m.cell_rank(x, y, z)];
       if (first_of_cell < 0) first_of_cell = static_cast<std::int32_t>(features_.size() - 1);
     } else if (own) {
+      triangulate_loop(samples_, triangles_);
       emit_plain_loop(cell, number, vertex.data(), root.data(), at_rim ? rim_segments(cell) : 0);
     }
   }
@@ -281,7 +298,6 @@ void BrickExtractor::trace_cell(const LeafMasks& m, int x, int y, int z, unsigne
 
 void BrickExtractor::emit_plain_loop(const Int3& cell, int number, const std::uint32_t* vertex,
                                      const std::uint32_t* root, unsigned rim) {
-  triangulate_loop(samples_, triangles_);
   for (std::size_t i = 0; i < static_cast<std::size_t>(triangles_.count); ++i) {
     const auto& t = triangles_.triangle[i];
     unsigned border = 0;

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "kernels/extract/border_shift.h"
 #include "kernels/extract/brick_band.h"
 #include "kernels/extract/extended_marching_cubes.h"
 #include "kernels/extract/feature_sample.h"
@@ -67,6 +68,8 @@ class BrickExtractor {
   bool names_;
   FeatureThresholds thresholds_;
   BrickBand band_;
+  BorderShift border_;
+  bool at_border_ = false;   ///< vertices of the leaf at work may move
   Int3 corner_ = {0, 0, 0};  ///< global cell coordinates of the brick
   Patch patch_;
   ExtractReport* report_ = nullptr;

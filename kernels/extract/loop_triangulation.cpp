@@ -1,5 +1,6 @@
 #include "kernels/extract/loop_triangulation.h"
 
+#include <algorithm>
 #include <cmath>
 
 namespace tessera {
@@ -64,6 +65,31 @@ void triangulate_loop(const LoopSamples& loop, LoopTriangles& out) {
     }
   }
   if (cost[0][size - 1] < kForbidden) emit(split, 0, static_cast<std::uint8_t>(size - 1), out);
+}
+
+void triangulate_border_loop(const LoopSamples& loop, const Float3& normal, LoopTriangles& out) {
+  out.count = 0;
+  const auto size = static_cast<std::size_t>(loop.size);
+  std::array<std::array<float, kCellEdges>, kCellEdges> least;
+  Split split;
+  for (std::size_t i = 0; i + 1 < size; ++i) least[i][i + 1] = kForbidden;
+  for (std::size_t span = 2; span < size; ++span) {
+    for (std::size_t i = 0; i + span < size; ++i) {
+      const std::size_t j = i + span;
+      least[i][j] = -kForbidden;
+      split[i][j] = static_cast<std::uint8_t>(i + 1);
+      if (span + 1 < size && common_face(loop.edge[i], loop.edge[j]) != 255) continue;
+      for (std::size_t k = i + 1; k < j; ++k) {
+        const float here = dot(triangle_normal(loop.point[i], loop.point[k], loop.point[j]), normal);
+        const float worst = std::min(here, std::min(least[i][k], least[k][j]));
+        if (worst > least[i][j]) {
+          least[i][j] = worst;
+          split[i][j] = static_cast<std::uint8_t>(k);
+        }
+      }
+    }
+  }
+  if (least[0][size - 1] > -kForbidden) emit(split, 0, static_cast<std::uint8_t>(size - 1), out);
 }
 
 }  // namespace tessera

@@ -19,4 +19,8 @@ struct LoopTriangles {
 /// same chord, and four triangles would meet in it); ties go to the lower position.
 void triangulate_loop(const LoopSamples& loop, LoopTriangles& out);
 
+/// The same where vertices were moved onto a border, so that three may lie in a line: the triangulation whose least
+/// area, seen along `normal`, is the largest.
+void triangulate_border_loop(const LoopSamples& loop, const Float3& normal, LoopTriangles& out);
+
 }  // namespace tessera

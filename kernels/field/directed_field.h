@@ -23,14 +23,21 @@ struct EdgeRoot {
   std::uint32_t rgba = 0;     ///< colour near the root, alpha 0 = none
 };
 
+/// How far a vertex moves from its lattice edge, along the surface onto the border.
+struct BorderMove {
+  std::uint32_t root = 0;
+  Float3 by = {0, 0, 0};  ///< cells
+};
+
 /// The band of a block.
 struct DirectedField {
   Int3 origin = {0, 0, 0};  ///< global cell coordinates of the block's min corner
   Int3 cells = {0, 0, 0};   ///< core size; nodes run over [-1, cells + 1]
   /// Dense (cells/8 + 2)^3 table, x fastest, -1 = no leaf; leaf -1 first.
   std::vector<std::int32_t> leaf_index;
-  std::vector<BandLeaf> leaves;  ///< in table order
-  std::vector<EdgeRoot> roots;   ///< by leaf, axis, word, bit
+  std::vector<BandLeaf> leaves;   ///< in table order
+  std::vector<EdgeRoot> roots;    ///< by leaf, axis, word, bit
+  std::vector<BorderMove> moves;  ///< ascending; of what BandLeaf::moving marks, the rest stays
 
   Int3 leaf_dims() const { return {cells[0] / 8 + 2, cells[1] / 8 + 2, cells[2] / 8 + 2}; }
 

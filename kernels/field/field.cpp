@@ -1,9 +1,11 @@
 #include "kernels/field/field.h"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 
 #include "kernels/field/band.h"
+#include "kernels/field/border.h"
 #include "kernels/field/coarse_normals.h"
 #include "kernels/field/edge_roots.h"
 #include "kernels/field/node_fit.h"
@@ -66,6 +68,16 @@ void bridge_leaf(const PointBlock& points, const PointLeaves& leaves, const Poin
   bridge_gaps(samples, options, scratch, fit);
 }
 
+/// Appends the nodes of a leaf near the end of the surface.
+void keep_rims(const LeafRim& rim, LeafFit& fit, std::vector<RimNode>& rims) {
+  for (std::size_t z = 0; z < 8; ++z) {
+    fit.first_rim[z] = static_cast<std::uint32_t>(rims.size());
+    fit.rimmed[z] = rim.nodes[z] & fit.valid[z];
+    for (std::uint64_t left = fit.rimmed[z]; left; left &= left - 1)
+      rims.push_back(rim.at(64 * z + static_cast<std::size_t>(std::countr_zero(left))));
+  }
+}
+
 }  // namespace
 
 int field_halo_cells(const FieldOptions& options) {
@@ -97,6 +109,7 @@ DirectedField evaluate_field(const PointBlock& points, const FieldOptions& optio
   NodeFitScratch scratch;
   SampleList samples, coarse;
   std::vector<Sheets> sheets;
+  std::vector<RimNode> rims;
   for (const BandNodes& nodes : band) {
     const auto index = static_cast<int>(nodes.leaf);
     const int i = index % leaves.dims[0] - 1, j = index / leaves.dims[0] % leaves.dims[1] - 1,
@@ -109,6 +122,7 @@ DirectedField evaluate_field(const PointBlock& points, const FieldOptions& optio
     // Where the surface will be closed, gaps are the closing field's.
     if (!options.firm_rim)
       bridge_leaf(points, leaves, coarse_points, coarse_leaves, {i, j, k}, fit_options, scratch, fit);
+    keep_rims(scratch.rim, fit, rims);
     std::uint64_t any = 0;
     for (const std::uint64_t word : fit.valid) any |= word;
     if (!any) {
@@ -127,6 +141,7 @@ DirectedField evaluate_field(const PointBlock& points, const FieldOptions& optio
       }
   }
   find_roots(fits, sheets, field);
+  find_border(fits, rims, field);
   if (!points.rgba.empty()) colour_roots(points, leaves, fit_options.radius, field);
   return field;
 }

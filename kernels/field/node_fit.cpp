@@ -102,6 +102,10 @@ constexpr float kGapShare = 0.5f;
 constexpr float kMostGap = 0.9f;
 /// How far off the surface a sample may lie that counts as part of it, in radii.
 constexpr float kThickness = 0.3f;
+/// Nodes less deep than this may be in a gap; those that turn out to be surrounded are at least so deep.
+constexpr float kSurroundedDepth = 0.9f;
+/// How fast the distance of foot point and centroid grows towards a straight border, per distance.
+constexpr float kRimSlope = 0.6f;
 /// Both where closing takes over at the rim: it stays well among the samples, so that no flap reaches on.
 constexpr float kFirmRimRatio = 0.6f;
 constexpr float kFirmRimFloor = 0.18f;
@@ -126,12 +130,13 @@ struct RowFlags {
   std::uint32_t valid = 0;
   std::uint32_t bent = 0;    ///< normals that a sphere does not explain
   std::uint32_t few = 0;     ///< too few samples, but some, and their plane is near
-  std::uint32_t beyond = 0;  ///< only the rim test rejects it
+  std::uint32_t beyond = 0;  ///< the samples end before it, unless they surround it
+  std::uint32_t near = 0;    ///< valid, and near the end of the surface
 };
 
 /// Turns the sums into values, gradients and flags of one row.
 void finish_row(const Sums& s, std::uint32_t active, const NodeFitOptions& options, std::size_t at,
-                LeafFit& out, RowFlags* flags, Spheres* spheres) {
+                LeafFit& out, LeafRim& out_rim, RowFlags* flags, Spheres* spheres) {
   const __m256 one = _mm256_set1_ps(1.0f), zero = _mm256_setzero_ps(), two = _mm256_set1_ps(2.0f);
   const __m256 enough =
       _mm256_and_ps(_mm256_cmp_ps(s.w, _mm256_set1_ps(kLeastWeight), _CMP_GE_OQ),
@@ -168,11 +173,10 @@ void finish_row(const Sums& s, std::uint32_t active, const NodeFitOptions& optio
   const __m256 off2 = dot(fx, fy, fz, fx, fy, fz);
   const float rim = options.firm_rim ? kFirmRimRatio : kRimRatio;
   const float floor = options.firm_rim ? kFirmRimFloor : kRimFloor;
-  const __m256 among = _mm256_cmp_ps(
-      off2,
+  const __m256 limit2 =
       _mm256_max_ps(_mm256_mul_ps(_mm256_mul_ps(spread_w, inverse_w), _mm256_set1_ps(rim * rim)),
-                    _mm256_set1_ps(floor * floor * options.radius * options.radius)),
-      _CMP_LE_OQ);
+                    _mm256_set1_ps(floor * floor * options.radius * options.radius));
+  const __m256 among = _mm256_cmp_ps(off2, limit2, _CMP_LE_OQ);
   const __m256 magnitude = _mm256_andnot_ps(_mm256_set1_ps(-0.0f), value);
   const __m256 close = _mm256_cmp_ps(magnitude, _mm256_set1_ps(kLargestValue), _CMP_LE_OQ);
   const __m256 fitted = _mm256_and_ps(_mm256_and_ps(enough, sound), close);
@@ -196,6 +200,19 @@ void finish_row(const Sums& s, std::uint32_t active, const NodeFitOptions& optio
             .beyond = bits(_mm256_andnot_ps(among, fitted))};
   const __m256 half_residual = _mm256_mul_ps(_mm256_max_ps(residual, zero), _mm256_set1_ps(0.5f));
   *spheres = {ux, uy, uz, twice, _mm256_sqrt_ps(half_residual), sound};
+  if (options.firm_rim) return;
+  const __m256 depth =
+      _mm256_div_ps(_mm256_sub_ps(_mm256_sqrt_ps(limit2), _mm256_sqrt_ps(off2)), _mm256_set1_ps(kRimSlope));
+  flags->beyond =
+      bits(_mm256_and_ps(fitted, _mm256_cmp_ps(depth, _mm256_set1_ps(kSurroundedDepth), _CMP_LT_OQ)));
+  flags->near = bits(_mm256_and_ps(fitted, _mm256_cmp_ps(depth, _mm256_set1_ps(kRimDepth), _CMP_LT_OQ)));
+  if (!flags->near) return;
+  flags->near &= bits(_mm256_cmp_ps(depth, _mm256_set1_ps(-kRimReach), _CMP_GE_OQ));
+  flags->valid |= flags->near;
+  _mm256_store_ps(out_rim.depth.data() + at, depth);
+  _mm256_store_ps(out_rim.inward[0].data() + at, fx);
+  _mm256_store_ps(out_rim.inward[1].data() + at, fy);
+  _mm256_store_ps(out_rim.inward[2].data() + at, fz);
 }
 
 /// How far a mean normal may turn from the sphere before it hints at a crease, as a share of the feature
@@ -241,8 +258,9 @@ constexpr float kCreaseRimRatio = 1.6f;
 constexpr float kCreaseRimSlack =
     0.6f;  ///< cells: far off a corner only its tip is in reach, with little spread
 
-/// Value and gradient of a creased node; false where the surface does not reach.
-bool value_of_sheets(const Sheets& sheets, std::size_t at, LeafFit& out) {
+/// Value, gradient and depth of a creased node; false where the surface does not reach.
+bool value_of_sheets(const Sheets& sheets, std::size_t at, const NodeFitOptions& options, LeafFit& out,
+                     LeafRim& out_rim) {
   const SurfaceValue here = sheets.at({0, 0, 0});
   out.value[at] = here.value;
   for (std::size_t c = 0; c < 3; ++c) out.gradient[c][at] = here.normal[c];
@@ -253,13 +271,21 @@ bool value_of_sheets(const Sheets& sheets, std::size_t at, LeafFit& out) {
     for (std::size_t c = 0; c < 3; ++c) foot[c] -= s.value * s.normal[c];
     if (step < 2) s = sheets.at(foot);
   }
-  float off2 = 0.0f, foot2 = 0.0f;
+  Float3 off;
+  float foot2 = 0.0f;
   for (std::size_t c = 0; c < 3; ++c) {
-    off2 += (foot[c] - sheets.centroid[c]) * (foot[c] - sheets.centroid[c]);
+    off[c] = sheets.centroid[c] - foot[c];
     foot2 += foot[c] * foot[c];
   }
-  const float rim = kCreaseRimRatio * std::sqrt(std::max(0.0f, sheets.spread2)) + kCreaseRimSlack;
-  return off2 <= rim * rim && foot2 <= kLargestFoot * kLargestFoot;
+  const float spread = std::sqrt(std::max(0.0f, sheets.spread2));
+  const bool reaches =
+      norm(off) <= kCreaseRimRatio * spread + kCreaseRimSlack && foot2 <= kLargestFoot * kLargestFoot;
+  if (options.firm_rim) return reaches;
+  // At a crease the centroid lies under the foot point: along the surface, a crease is no border.
+  const float under = tessera::dot(off, s.normal);
+  for (std::size_t c = 0; c < 3; ++c) out_rim.inward[c][at] = off[c] -= under * s.normal[c];
+  out_rim.depth[at] = (std::max(kRimRatio * spread, kRimFloor * options.radius) - norm(off)) / kRimSlope;
+  return reaches && out_rim.depth[at] >= -kRimReach;
 }
 
 }  // namespace
@@ -279,11 +305,10 @@ void gather_local(std::uint32_t x, const RowReach& reach, bool row_is_whole, Nod
   }
 }
 
-/// Tries sheets at the bent nodes of a row; updates their values and bits. \param split  nodes that have sheets
+/// Tries sheets at the bent nodes of a row; updates their values and flags. \param split  nodes that have sheets
 void fit_creases(std::uint32_t bent, const SampleList& coarse, std::size_t at, const NodeFitOptions& options,
                  NodeFitScratch& scratch, const RowReach& reach, bool row_is_whole, LeafFit& out,
-                 std::vector<Sheets>& sheets, std::uint32_t* valid, std::uint32_t* split,
-                 std::uint32_t* creased) {
+                 std::vector<Sheets>& sheets, RowFlags* flags, std::uint32_t* split, std::uint32_t* creased) {
   for (std::uint32_t left = bent; left; left &= left - 1) {
     const auto x = static_cast<std::uint32_t>(std::countr_zero(left));
     NormalSeeds seeds;
@@ -305,9 +330,11 @@ void fit_creases(std::uint32_t bent, const SampleList& coarse, std::size_t at, c
     if (found.count == 0) continue;
     const std::uint32_t bit = 1u << x;
     *split |= bit;
-    *valid &= ~bit;
-    if (!value_of_sheets(found, at + x, out)) continue;
-    *valid |= bit;
+    flags->valid &= ~bit;
+    flags->near &= ~bit;
+    if (!value_of_sheets(found, at + x, options, out, scratch.rim)) continue;
+    flags->valid |= bit;
+    if (!options.firm_rim && scratch.rim.depth[at + x] < kRimDepth) flags->near |= bit;
     if (found.count == 1) continue;  // a smooth sheet without its neighbours: value and gradient say all
     *creased |= bit;
     sheets.push_back(found);
@@ -332,13 +359,16 @@ void join_layers(std::uint32_t hints, std::size_t at, const NodeFitOptions& opti
   LeafFit& wide = scratch.wide;
   RowFlags found;
   Spheres spheres;
-  finish_row(sums, layered, options, at, wide, &found, &spheres);
+  finish_row(sums, layered, options, at, wide, scratch.wide_rim, &found, &spheres);
   for (std::uint32_t left = layered; left; left &= left - 1) {
     const auto i = at + static_cast<std::size_t>(std::countr_zero(left));
     out.value[i] = wide.value[i];
     for (std::size_t c = 0; c < 3; ++c) out.gradient[c][i] = wide.gradient[c][i];
+    scratch.rim.depth[i] = scratch.wide_rim.depth[i];
+    for (std::size_t c = 0; c < 3; ++c) scratch.rim.inward[c][i] = scratch.wide_rim.inward[c][i];
   }
   flags->valid = (flags->valid & ~layered) | found.valid;
+  flags->near = (flags->near & ~layered) | found.near;
   flags->beyond = (flags->beyond & ~layered) | found.beyond;
 }
 
@@ -370,6 +400,7 @@ void fit_nodes(const SampleList& samples, const SampleList& coarse, const std::a
                const NodeFitOptions& options, NodeFitScratch& scratch, LeafFit& out,
                std::vector<Sheets>& sheets) {
   const float r = options.radius;
+  scratch.rim.nodes = {};
   for (std::size_t z = 0; z < 8; ++z) {
     out.first_sheets[z] = static_cast<std::uint32_t>(sheets.size());
     if (!nodes[z]) continue;
@@ -384,7 +415,7 @@ void fit_nodes(const SampleList& samples, const SampleList& coarse, const std::a
       RowFlags flags;
       Spheres spheres;
       const std::size_t at = 8 * y + 64 * z;
-      finish_row(sums, active, options, at, out, &flags, &spheres);
+      finish_row(sums, active, options, at, out, scratch.rim, &flags, &spheres);
       if (flags.bent) {
         std::uint32_t hints = 0;
         for (std::size_t next = 0; next < coarse.size;) {
@@ -393,13 +424,14 @@ void fit_nodes(const SampleList& samples, const SampleList& coarse, const std::a
               crease_hints(scratch.coarse_row, spheres, reach.r2,
                            (options.noisy ? kNoisyHintShare : kHintShare) * options.sheets.feature_angle);
         }
-        fit_creases(flags.bent & hints, coarse, at, options, scratch, reach, fills == 1, out, sheets,
-                    &flags.valid, &split, &creased);
+        fit_creases(flags.bent & hints, coarse, at, options, scratch, reach, fills == 1, out, sheets, &flags,
+                    &split, &creased);
       }
       const std::uint32_t hints =
           layered_nodes(sums, kLayeredHint * r, 0.5f * kLayeredNormal) & active & ~split;
       if (hints) join_layers(hints, at, options, scratch, reach, fills == 1, out, &flags);
       out.valid[z] |= static_cast<std::uint64_t>(flags.valid) << (8 * y);
+      scratch.rim.nodes[z] |= static_cast<std::uint64_t>(flags.near) << (8 * y);
       out.creased[z] |= static_cast<std::uint64_t>(creased) << (8 * y);
       out.few[z] |= static_cast<std::uint64_t>(flags.few & ~split) << (8 * y);
       out.beyond[z] |= static_cast<std::uint64_t>(flags.beyond & ~split) << (8 * y);
@@ -455,7 +487,7 @@ void bridge_gaps(const SampleList& samples, const NodeFitOptions& options, NodeF
         Spheres spheres;
         const std::size_t at = 8 * y + 64 * z;
         LeafFit& wide = scratch.wide;
-        finish_row(sums, nodes, grown, at, wide, &flags, &spheres);
+        finish_row(sums, nodes, grown, at, wide, scratch.wide_rim, &flags, &spheres);
         for (std::uint32_t left = flags.valid | flags.beyond; left; left &= left - 1) {
           const auto x = static_cast<std::uint32_t>(std::countr_zero(left));
           const std::size_t i = at + x;
@@ -463,9 +495,17 @@ void bridge_gaps(const SampleList& samples, const NodeFitOptions& options, NodeF
           const Float3 gradient = {wide.gradient[0][i], wide.gradient[1][i], wide.gradient[2][i]};
           if (!is_surrounded(scratch.local, wide.value[i], gradient, kThickness * options.radius, within))
             continue;
-          fit.value[i] = wide.value[i];
-          for (std::size_t c = 0; c < 3; ++c) fit.gradient[c][i] = gradient[c];
-          fit.valid[z] |= std::uint64_t{1} << (8 * y + x);
+          const std::uint64_t bit = std::uint64_t{1} << (8 * y + x);
+          if (!(fit.valid[z] & bit) || scratch.rim.depth[i] < 0.0f) {
+            fit.value[i] = wide.value[i];
+            for (std::size_t c = 0; c < 3; ++c) fit.gradient[c][i] = gradient[c];
+          }
+          fit.valid[z] |= bit;
+          scratch.rim.nodes[z] &= ~bit;
+          if (!(flags.near >> x & 1)) continue;
+          scratch.rim.nodes[z] |= bit;
+          scratch.rim.depth[i] = std::max(scratch.wide_rim.depth[i], kSurroundedDepth);
+          for (std::size_t c = 0; c < 3; ++c) scratch.rim.inward[c][i] = scratch.wide_rim.inward[c][i];
         }
       }
     }

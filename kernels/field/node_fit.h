@@ -24,10 +24,30 @@ struct LeafFit {
   /// Subset of valid: the node has sheets, value and gradient are theirs.
   std::array<std::uint64_t, 8> creased{};
   std::array<std::uint32_t, 8> first_sheets{};  ///< index of the sheets of the first such node of each word
-  /// Nodes with too few samples in a plane nearby, and those that only the rim test rejects.
+  /// Nodes with too few samples in a plane nearby, and those at or beyond the end of the samples.
   std::array<std::uint64_t, 8> few{}, beyond{};
   /// Among them those that a radius of 1, 1.5 and 2 may make valid: see choose_gaps().
   std::array<std::array<std::uint64_t, 8>, 3> gap{};
+  /// Subset of valid: where the surface ends nearby, as RimNodes say in node order.
+  std::array<std::uint64_t, 8> rimmed{};
+  std::array<std::uint32_t, 8> first_rim{};  ///< index of the first RimNode of each word
+};
+
+/// Where the surface ends, as seen from a node.
+struct RimNode {
+  float depth = 0.0f;  ///< distance of the node's foot point from the border, cells, > 0 within the surface
+  Float3 inward = {0, 0, 0};  ///< from the foot point to the middle of its samples, cells
+};
+
+/// Nodes of a leaf near the end of the surface; index as in LeafFit.
+struct LeafRim {
+  alignas(32) std::array<float, 512> depth{};
+  alignas(32) std::array<std::array<float, 512>, 3> inward{};
+  std::array<std::uint64_t, 8> nodes{};  ///< where the rest holds
+
+  RimNode at(std::size_t node) const {
+    return {depth[node], {inward[0][node], inward[1][node], inward[2][node]}};
+  }
 };
 
 struct NodeFitOptions {
@@ -43,6 +63,10 @@ struct NodeFitOptions {
 
 /// Farthest foot point from a node whose value is kept, cells: more than a cell's diagonal.
 inline constexpr float kLargestValue = 2.0f;
+/// Depth from which the end of the surface does not matter; and how far beyond it nodes are valid still, so that the
+/// surface can be cut there: cells.
+inline constexpr float kRimDepth = 1.0f;
+inline constexpr float kRimReach = 0.8f;
 
 /// Scratch that a caller keeps between leaves.
 struct NodeFitScratch {
@@ -50,11 +74,13 @@ struct NodeFitScratch {
   RowSamples row, coarse_row;
   LocalSamples local, coarse_local;
   LeafFit wide;  ///< of nodes in layers or gaps
+  LeafRim rim, wide_rim;
 };
 
 /// \param samples  all samples within the radius of the nodes, relative to the leaf
 /// \param coarse   mean normals (see average_normals) within the radius of the nodes
 /// \param sheets   sheets of creased nodes are appended in node order
+/// \post  scratch.rim tells which nodes are near the end of the surface
 void fit_nodes(const SampleList& samples, const SampleList& coarse, const std::array<std::uint64_t, 8>& nodes,
                const NodeFitOptions& options, NodeFitScratch& scratch, LeafFit& out,
                std::vector<Sheets>& sheets);
@@ -69,7 +95,7 @@ inline constexpr float kMostRadius = 6.0f;
 bool choose_gaps(const SampleList& coarse, const NodeFitOptions& options, NodeFitScratch& scratch,
                  LeafFit& fit);
 
-/// Fits the chosen nodes with their radius. A node becomes valid if the samples surround its foot point, one of them
+/// Fits the chosen nodes with their radius. A node becomes valid and lies within the border if the samples surround its foot point, one of them
 /// nearby (rim_test.h): so gaps close that are not much wider than the samples around them lie apart, and no border
 /// moves.
 /// \param samples  within kMostRadius of the chosen nodes

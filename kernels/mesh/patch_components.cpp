@@ -15,7 +15,11 @@ PatchComponents find_components(const Patch& patch) {
   out.of_vertex = std::move(found.of_vertex);
   out.faces = std::move(found.faces);
   out.vertices.assign(out.count, 0);
-  for (std::size_t v = 0; v < own; ++v) ++out.vertices[out.of_vertex[v]];
+  out.border.assign(out.count, 0);
+  for (std::size_t v = 0; v < own; ++v) {
+    ++out.vertices[out.of_vertex[v]];
+    out.border[out.of_vertex[v]] += patch.vertex_class[v] == VertexClass::kBorder ? 1 : 0;
+  }
   return out;
 }
 

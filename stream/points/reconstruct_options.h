@@ -65,7 +65,9 @@ inline OptionTable option_table(ReconstructOptions& o) {
   t.add("corner-angle", &o.corner_angle_deg,
         "degrees out of the plane of the crease from which an edge is a corner")
       .within(0, 180);
-  t.add("min-component", &o.min_component, "faces; smaller islands are dropped; 0 = measured, 1 = keep all");
+  t.add("min-component", &o.min_component,
+        "faces; smaller islands are dropped; 0 = measured, and islands that are mostly border go too, 1 = "
+        "keep all");
   t.add("max-hole", &o.max_hole,
         "edges; holes with a rim of at most so many are filled by smooth patches that meet the rim "
         "tangentially, their faces marked (`synthetic` in PLY) and counted; 0 = none")

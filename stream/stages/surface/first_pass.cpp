@@ -179,7 +179,8 @@ struct FirstPass::Impl {
     for (std::size_t v = 0; v < complete.size(); ++v)
       if (!complete[v]) seams.push_back({block.key[v], parts.size() + components.of_vertex[v]});
     for (std::uint32_t c = 0; c < components.faces.size(); ++c)
-      parts.push_back({first_brick, static_cast<std::uint32_t>(bricks), c, components.faces[c], 0});
+      parts.push_back(
+          {first_brick, static_cast<std::uint32_t>(bricks), c, components.faces[c], components.border[c]});
 
     add_counts(counts, to_json(decimate(block, block, kernel)));
     ++blocks;

@@ -50,7 +50,7 @@ struct IslandPart {
   std::uint32_t bricks = 0;     ///< 1 or 8: size of the block
   std::uint32_t component = 0;  ///< of the block
   std::uint32_t faces = 0;
-  std::uint32_t unused = 0;
+  std::uint32_t border = 0;  ///< edges at which the surface ends
 };
 /// A vertex that blocks share.
 struct IslandSeam {
@@ -64,7 +64,7 @@ struct IslandEntry {
   std::uint64_t dropped = 0;  ///< islands that went at once
   std::uint64_t dropped_faces = 0;
 };
-inline constexpr PackedKind kIslandKind = {"TSISLND2", "an island file"};
+inline constexpr PackedKind kIslandKind = {"TSISLND3", "an island file"};
 std::string island_file(std::size_t task);
 /// The block of these bricks, of a store: merged as the first pass had it. \param patches  out: its patches
 MeshBlock load_island_block(const MeshStore& store, std::uint64_t brick, std::uint32_t bricks,

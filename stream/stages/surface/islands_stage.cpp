@@ -33,6 +33,11 @@ struct DroppedPart {
   IslandPart part;
 };
 
+/// Parts that are one piece.
+struct Island {
+  std::uint64_t faces = 0, border = 0;
+};
+
 class IslandsStage : public Stage {
  public:
   explicit IslandsStage(const JobState& state)
@@ -56,13 +61,16 @@ class IslandsStage : public Stage {
 
   json finish(const std::vector<json>&, TaskContext& context) const override {
     DisjointSets<std::uint64_t> sets(parts_);
-    std::vector<std::uint64_t> faces(parts_, 0);
+    std::vector<std::uint64_t> faces(parts_, 0), border(parts_, 0);
     ExternalSort<IslandSeam> sort(state_.work, sort_bytes(state_.run));
     std::uint64_t first = 0;
     for (std::size_t f = 0; f < files_.size(); ++f) {
       context.check_stop();
       std::uint64_t part = first;
-      read<IslandPart>(f, entries_[f].parts, [&](const IslandPart& p) { faces[part++] = p.faces; });
+      read<IslandPart>(f, entries_[f].parts, [&](const IslandPart& p) {
+        faces[part] = p.faces;
+        border[part++] = p.border;
+      });
       read<IslandSeam>(f, entries_[f].seams, [&](const IslandSeam& s) { sort.add({s.key, s.part + first}); });
       first = part;
     }
@@ -76,12 +84,13 @@ class IslandsStage : public Stage {
     });
     const std::vector<std::uint64_t>& root = sets.roots();
     std::uint64_t all_faces = 0;
-    std::vector<std::uint64_t> total(parts_, 0);
+    std::vector<Island> island(parts_);
     for (std::uint64_t c = 0; c < parts_; ++c) {
-      total[root[c]] += faces[c];
+      island[root[c]].faces += faces[c];
+      island[root[c]].border += border[c];
       all_faces += faces[c];
     }
-    return decide(root, total, all_faces, context);
+    return decide(root, island, all_faces, context);
   }
 
  private:
@@ -97,16 +106,19 @@ class IslandsStage : public Stage {
     }
   }
 
-  json decide(const std::vector<std::uint64_t>& root, const std::vector<std::uint64_t>& total,
+  json decide(const std::vector<std::uint64_t>& root, const std::vector<Island>& island,
               std::uint64_t all_faces, TaskContext& context) const {
     const std::uint64_t given = reconstruct_options(state_).min_component;
     const std::uint64_t limit = given != 0 ? given : automatic_min_component(all_faces + dropped_faces_);
     std::uint64_t components = 0, dropped = dropped_, largest = 0, kept_faces = 0;
+    for (const Island& i : island) largest = std::max(largest, i.faces);
+    const auto stays = [&](const Island& i) {
+      return i.faces >= limit && (given != 0 || !is_shred(i.faces, i.border, largest));
+    };
     for (std::uint64_t c = 0; c < parts_; ++c) {
       if (root[c] != c) continue;
-      largest = std::max(largest, total[c]);
-      (total[c] >= limit ? components : dropped) += 1;
-      if (total[c] >= limit) kept_faces += total[c];
+      (stays(island[c]) ? components : dropped) += 1;
+      if (stays(island[c])) kept_faces += island[c].faces;
     }
     if (kept_faces == 0)
       throw EmptyError(
@@ -121,7 +133,7 @@ class IslandsStage : public Stage {
     for (std::size_t f = 0; f < files_.size(); ++f) {
       std::vector<IslandPart> gone;
       read<IslandPart>(f, entries_[f].parts, [&](const IslandPart& p) {
-        if (total[root[part++]] < limit) gone.push_back(p);
+        if (!stays(island[root[part++]])) gone.push_back(p);
       });
       sections.push_back(out.append(bytes_of(gone)));
     }
@@ -221,7 +233,7 @@ class PruneStage : public Stage {
 }  // namespace
 
 std::uint64_t islands_bytes(const RunOptions& run, std::uint64_t parts) {
-  return parts * 28 + sort_bytes(run) + (std::uint64_t{8} << 20);
+  return parts * 44 + sort_bytes(run) + (std::uint64_t{8} << 20);
 }
 
 std::uint64_t prune_task_bytes(std::uint64_t block_bytes) {

@@ -15,7 +15,7 @@ constexpr std::uint64_t kMaxGroups = 400;
 // values, sums and roots, and the patch they become. Held by tests/stream/surface_test.
 constexpr std::uint64_t kBytesPerPoint = 24 + 28 + 32;
 constexpr std::uint64_t kBytesPerDipole = 28;
-constexpr std::uint64_t kBytesPerBlock = 30'000;
+constexpr std::uint64_t kBytesPerBlock = 32'000;
 constexpr std::uint64_t kFacesPerBlock = 256;    ///< twice what a plane has
 constexpr std::uint64_t kBytesPerLeafSlot = 32;  ///< dense tables of point ranges, marks and leaves
 

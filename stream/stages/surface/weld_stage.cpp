@@ -55,7 +55,13 @@ class SeamCache {
   std::uint64_t clock_ = 0;
 };
 
-constexpr PackedKind kWeldKind = {"TSWELDS2", "a weld file"};
+/// An island may be a shred if the largest is so many times larger.
+constexpr std::uint64_t kShredShare = 4;
+/// Least faces per border edge, which is the width of a strip and the radius of a disc in cells: leaves have 3 to 4,
+/// a strip as wide as the support of its samples 6.
+constexpr std::uint64_t kShredDepth = 5;
+
+constexpr PackedKind kWeldKind = {"TSWELDS3", "a weld file"};
 constexpr PackedKind kNumberingKind = {"TSNUMBR2", "a numbering"};
 
 /// Two components of different patches that share a vertex; indices over all patches.
@@ -67,6 +73,7 @@ struct Link {
 struct ComponentSize {
   std::uint32_t vertices = 0;
   std::uint32_t faces = 0;
+  std::uint32_t border = 0;  ///< vertices at which the surface ends
 };
 
 class WeldStage : public Stage {
@@ -98,7 +105,7 @@ class WeldStage : public Stage {
       context.check_stop();
       const PatchSeam seam = cache.get(p);  // a copy: the cache may drop it while owners are looked up
       for (std::size_t c = 0; c < seam.components.count; ++c)
-        sizes.push_back({seam.components.vertices[c], seam.components.faces[c]});
+        sizes.push_back({seam.components.vertices[c], seam.components.faces[c], seam.components.border[c]});
       const std::size_t own = store_.patches()[p].vertices;
       for (std::size_t f = 0; f < seam.foreign.size(); ++f) {
         const VertexKey key = seam.foreign[f];
@@ -155,24 +162,25 @@ class WeldStage : public Stage {
 
   json number(const std::vector<std::uint64_t>& root, const std::vector<ComponentSize>& sizes,
               const std::vector<json>& summaries, TaskContext& context) const {
-    std::vector<std::uint64_t> faces(root.size(), 0);
-    std::uint64_t all_faces = 0;
+    std::vector<std::uint64_t> faces(root.size(), 0), border(root.size(), 0);
+    std::uint64_t all_faces = 0, largest = 0;
     for (std::uint64_t c = 0; c < root.size(); ++c) {
       faces[root[c]] += sizes[c].faces;
+      border[root[c]] += sizes[c].border;
       all_faces += sizes[c].faces;
     }
     const std::uint64_t given = reconstruct_options(state_).min_component;
     const std::uint64_t limit = given != 0 ? given : automatic_min_component(all_faces);
+    for (const std::uint64_t f : faces) largest = std::max(largest, f);
     Numbering numbering;
     numbering.kept.resize(root.size());
     std::uint64_t components = 0;
     std::uint64_t dropped = 0;
-    std::uint64_t largest = 0;
     for (std::uint64_t c = 0; c < root.size(); ++c) {
-      numbering.kept[c] = faces[root[c]] >= limit;
+      const std::uint64_t f = faces[root[c]];
+      numbering.kept[c] = f >= limit && (given != 0 || !is_shred(f, border[root[c]], largest));
       if (root[c] != c || faces[c] == 0) continue;
       (numbering.kept[c] ? components : dropped) += 1;
-      largest = std::max(largest, faces[c]);
     }
     numbering.patches.resize(store_.patches().size());
     std::uint64_t shared = 0;
@@ -235,11 +243,15 @@ std::uint64_t weld_task_bytes(std::span<const PatchEntry> patches) {
 
 std::uint64_t weld_finish_bytes(std::uint64_t patches, std::uint64_t components) {
   // Union-find, sizes and the kept flags; places of the patches; one file's links.
-  return components * 29 + patches * sizeof(PatchPlace) + (64u << 20);
+  return components * 41 + patches * sizeof(PatchPlace) + (64u << 20);
 }
 
 std::uint64_t automatic_min_component(std::uint64_t faces) {
   return std::clamp<std::uint64_t>(faces / 500, 50, 1000);
+}
+
+bool is_shred(std::uint64_t faces, std::uint64_t border, std::uint64_t largest) {
+  return faces < largest / kShredShare && faces < kShredDepth * border;
 }
 
 PatchStore open_patches(const std::filesystem::path& work) {

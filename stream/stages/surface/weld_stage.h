@@ -48,6 +48,10 @@ struct WeldFile {
 /// Islands below this many faces go when --min-component is auto: a five-hundredth of all faces, within [50, 1000].
 std::uint64_t automatic_min_component(std::uint64_t faces);
 
+/// With --min-component auto islands go as well that are mostly border: leaves, spray, rims of passing people.
+/// \param border  edges at which the surface ends  \param largest  faces of the largest island, which stays
+bool is_shred(std::uint64_t faces, std::uint64_t border, std::uint64_t largest);
+
 /// What a task over these patches takes at most.
 std::uint64_t weld_task_bytes(std::span<const PatchEntry> patches);
 /// What the end takes at most. \param components  of all patches
