@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "kernels/field/rim_test.h"
+#include "octree/vector.h"
 
 namespace tessera {
 namespace {
@@ -116,7 +117,8 @@ __m256 near_plane(const Sums& s) {
 
 /// The algebraic spheres of one row, as the crease test needs them.
 struct Spheres {
-  __m256 ux, uy, uz, twice_u4;
+  __m256 u0, ux, uy, uz, twice_u4;
+  __m256 residual;      ///< mean squared, of the normals
   __m256 normal_noise;  ///< deviation of the normals per direction, were all of the residual noise
   __m256 sound;
 };
@@ -195,7 +197,7 @@ void finish_row(const Sums& s, std::uint32_t active, const NodeFitOptions& optio
             .few = bits(_mm256_andnot_ps(enough, near_plane(s))),
             .beyond = bits(_mm256_andnot_ps(among, fitted))};
   const __m256 half_residual = _mm256_mul_ps(_mm256_max_ps(residual, zero), _mm256_set1_ps(0.5f));
-  *spheres = {ux, uy, uz, twice, _mm256_sqrt_ps(half_residual), sound};
+  *spheres = {u0, ux, uy, uz, twice, residual, _mm256_sqrt_ps(half_residual), sound};
 }
 
 /// How far a mean normal may turn from the sphere before it hints at a crease, as a share of the feature
@@ -279,11 +281,51 @@ void gather_local(std::uint32_t x, const RowReach& reach, bool row_is_whole, Nod
   }
 }
 
+/// Noisy samples: the mean squared height over the sheets, as a share of that over the smooth fit, that a crease may
+/// leave. Normals alone tell of silhouettes and of scans that disagree; a crease shows in positions too. Noise of half a
+/// spacing at the edge of a cube leaves 0.6.
+constexpr float kCreaseShare = 0.6f;
+/// The same where normals do not tell the sheets apart clearly (Sheets::separation2): estimated ones turn gradually at
+/// an edge, and those of a silhouette are no Gaussian cloud.
+constexpr float kClearShare = 0.2f;
+constexpr float kNoisySeparation2 = 64.0f;
+/// So many samples tell it: every n-th where there are more.
+constexpr std::size_t kShareSamples = 128;
+
+/// That share for node `x` of a row; between the two where there is no smooth fit.
+float share_left(const Sheets& sheets, const LocalSamples& samples, const Spheres& row, std::uint32_t x) {
+  if ((_mm256_movemask_ps(row.sound) >> x & 1) == 0) return 0.5f * (kCreaseShare + kClearShare);
+  const auto lane = [x](__m256 v) {
+    alignas(32) std::array<float, kLanes> lanes;
+    _mm256_store_ps(lanes.data(), v);
+    return lanes[x];
+  };
+  const Float3 u = {lane(row.ux), lane(row.uy), lane(row.uz)};
+  const float u0 = lane(row.u0), twice = lane(row.twice_u4);
+  const std::size_t step = samples.size / kShareSamples + 1;
+  float sum = 0.0f, sharp = 0.0f;
+  for (std::size_t i = 0; i < samples.size; i += step) {
+    const Float3 p = {samples.x[i], samples.y[i], samples.z[i]};
+    const Float3 g = u + p * twice;
+    const float f = u0 + tessera::dot(u, p) + 0.5f * twice * tessera::dot(p, p);
+    sum += samples.w[i] * f * f / std::max(tessera::dot(g, g), 1e-6f);
+    const float height = sheets.at(p).value;
+    sharp += samples.w[i] * height * height;
+  }
+  return sum > 0.0f ? sharp / sum : 1.0f;
+}
+
+/// Whether sheets of noisy samples are a crease that positions confirm.
+bool is_confirmed(const Sheets& sheets, const LocalSamples& samples, const Spheres& row, std::uint32_t x) {
+  const bool clear = sheets.separation2 >= kNoisySeparation2;
+  return share_left(sheets, samples, row, x) < (clear ? kCreaseShare : kClearShare);
+}
+
 /// Tries sheets at the bent nodes of a row; updates their values and bits. \param split  nodes that have sheets
-void fit_creases(std::uint32_t bent, const SampleList& coarse, std::size_t at, const NodeFitOptions& options,
-                 NodeFitScratch& scratch, const RowReach& reach, bool row_is_whole, LeafFit& out,
-                 std::vector<Sheets>& sheets, std::uint32_t* valid, std::uint32_t* split,
-                 std::uint32_t* creased) {
+void fit_creases(std::uint32_t bent, const Spheres& spheres, const SampleList& coarse, std::size_t at,
+                 const NodeFitOptions& options, NodeFitScratch& scratch, const RowReach& reach,
+                 bool row_is_whole, LeafFit& out, std::vector<Sheets>& sheets, std::uint32_t* valid,
+                 std::uint32_t* split, std::uint32_t* creased) {
   for (std::uint32_t left = bent; left; left &= left - 1) {
     const auto x = static_cast<std::uint32_t>(std::countr_zero(left));
     NormalSeeds seeds;
@@ -303,6 +345,7 @@ void fit_creases(std::uint32_t bent, const SampleList& coarse, std::size_t at, c
     if (!options.noisy) seeds = seed_normals(scratch.local, options.sheets.cos_feature);
     const Sheets found = fit_sheets(scratch.local, seeds, options.sheets);
     if (found.count == 0) continue;
+    if (options.noisy && !is_confirmed(found, scratch.local, spheres, x)) continue;
     const std::uint32_t bit = 1u << x;
     *split |= bit;
     *valid &= ~bit;
@@ -342,6 +385,17 @@ void join_layers(std::uint32_t hints, std::size_t at, const NodeFitOptions& opti
   flags->beyond = (flags->beyond & ~layered) | found.beyond;
 }
 
+/// Mean squared residual of the normals from which on a noisy node leans on a wider fit (18 degrees), and from which on
+/// it is that (37 degrees); and the radius of that fit, in radii.
+constexpr float kRough = 0.1f;
+constexpr float kRoughest = 0.4f;
+constexpr float kRoughGrowth = 1.5f;
+
+std::uint32_t rough_nodes(const Spheres& spheres) {
+  return static_cast<std::uint32_t>(
+      _mm256_movemask_ps(_mm256_cmp_ps(spheres.residual, _mm256_set1_ps(kRough), _CMP_GT_OQ)));
+}
+
 /// A row of nodes with the radius that they have at a level of growth: 1, 1.5, 2 radii.
 RowReach reach_of_row(std::uint32_t nodes, std::size_t y, std::size_t z, float r) {
   return {.y0 = static_cast<float>(y),
@@ -370,6 +424,7 @@ void fit_nodes(const SampleList& samples, const SampleList& coarse, const std::a
                const NodeFitOptions& options, NodeFitScratch& scratch, LeafFit& out,
                std::vector<Sheets>& sheets) {
   const float r = options.radius;
+  scratch.rough = {};
   for (std::size_t z = 0; z < 8; ++z) {
     out.first_sheets[z] = static_cast<std::uint32_t>(sheets.size());
     if (!nodes[z]) continue;
@@ -393,16 +448,55 @@ void fit_nodes(const SampleList& samples, const SampleList& coarse, const std::a
               crease_hints(scratch.coarse_row, spheres, reach.r2,
                            (options.noisy ? kNoisyHintShare : kHintShare) * options.sheets.feature_angle);
         }
-        fit_creases(flags.bent & hints, coarse, at, options, scratch, reach, fills == 1, out, sheets,
+        fit_creases(flags.bent & hints, spheres, coarse, at, options, scratch, reach, fills == 1, out, sheets,
                     &flags.valid, &split, &creased);
       }
       const std::uint32_t hints =
           layered_nodes(sums, kLayeredHint * r, 0.5f * kLayeredNormal) & active & ~split;
       if (hints) join_layers(hints, at, options, scratch, reach, fills == 1, out, &flags);
+      if (options.noisy) {
+        _mm256_store_ps(scratch.roughness.data() + at, spheres.residual);
+        const std::uint32_t rough = rough_nodes(spheres) & flags.valid & ~split;
+        scratch.rough[z] |= static_cast<std::uint64_t>(rough) << (8 * y);
+      }
       out.valid[z] |= static_cast<std::uint64_t>(flags.valid) << (8 * y);
       out.creased[z] |= static_cast<std::uint64_t>(creased) << (8 * y);
       out.few[z] |= static_cast<std::uint64_t>(flags.few & ~split) << (8 * y);
       out.beyond[z] |= static_cast<std::uint64_t>(flags.beyond & ~split) << (8 * y);
+    }
+  }
+}
+
+float rough_radius(const NodeFitOptions& options) {
+  return std::min(kRoughGrowth * options.radius, kMostRadius);
+}
+
+void smooth_rough(const SampleList& samples, const NodeFitOptions& options, NodeFitScratch& scratch,
+                  LeafFit& fit) {
+  NodeFitOptions grown = options;
+  const float r = grown.radius = rough_radius(options);
+  for (std::size_t z = 0; z < 8; ++z) {
+    if (!scratch.rough[z]) continue;
+    fill_slab(samples, static_cast<float>(z), r, scratch.slab);
+    for (std::size_t y = 0; y < 8; ++y) {
+      const auto nodes = static_cast<std::uint32_t>(scratch.rough[z] >> (8 * y) & 0xff);
+      if (!nodes) continue;
+      Sums sums;
+      sum_row(scratch.slab, reach_of_row(nodes, y, z, r), scratch.row, sums);
+      RowFlags flags;
+      Spheres spheres;
+      LeafFit& wide = scratch.wide;
+      finish_row(sums, nodes, grown, 8 * y + 64 * z, wide, &flags, &spheres);
+      for (std::uint32_t left = flags.valid | flags.beyond; left; left &= left - 1) {
+        const std::size_t i = 8 * y + 64 * z + static_cast<std::size_t>(std::countr_zero(left));
+        const float t = std::min((scratch.roughness[i] - kRough) / (kRoughest - kRough), 1.0f);
+        Float3 g;
+        for (std::size_t c = 0; c < 3; ++c) g[c] = (1.0f - t) * fit.gradient[c][i] + t * wide.gradient[c][i];
+        const float length = norm(g);
+        if (!(length > 0.0f)) continue;
+        fit.value[i] = (1.0f - t) * fit.value[i] + t * wide.value[i];
+        for (std::size_t c = 0; c < 3; ++c) fit.gradient[c][i] = g[c] / length;
+      }
     }
   }
 }
