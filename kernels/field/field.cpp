@@ -78,6 +78,17 @@ void keep_rims(const LeafRim& rim, LeafFit& fit, std::vector<RimNode>& rims) {
   }
 }
 
+/// Smooths a leaf where the normals of its noisy samples contradict each other.
+void smooth_leaf(const PointBlock& points, const PointLeaves& leaves, const Int3& leaf,
+                 const NodeFitOptions& options, NodeFitScratch& scratch, LeafFit& fit) {
+  std::uint64_t any = 0;
+  for (const std::uint64_t word : scratch.rough) any |= word;
+  if (!any) return;
+  gather_samples(points, leaves, leaf[0], leaf[1], leaf[2], reach_of(scratch.rough, rough_radius(options)),
+                 scratch.wide_samples);
+  smooth_rough(scratch.wide_samples, options, scratch, fit);
+}
+
 }  // namespace
 
 int field_halo_cells(const FieldOptions& options) {
@@ -119,6 +130,7 @@ DirectedField evaluate_field(const PointBlock& points, const FieldOptions& optio
     gather_samples(coarse_points, coarse_leaves, i, j, k, reach, coarse);
     LeafFit& fit = fits.emplace_back();
     fit_nodes(samples, coarse, nodes.nodes, fit_options, scratch, fit, sheets);
+    smooth_leaf(points, leaves, {i, j, k}, fit_options, scratch, fit);
     // Where the surface will be closed, gaps are the closing field's.
     if (!options.firm_rim)
       bridge_leaf(points, leaves, coarse_points, coarse_leaves, {i, j, k}, fit_options, scratch, fit);

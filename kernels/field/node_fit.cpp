@@ -4,57 +4,12 @@
 #include <bit>
 #include <cmath>
 
+#include "kernels/field/node_sums.h"
 #include "kernels/field/rim_test.h"
+#include "octree/vector.h"
 
 namespace tessera {
 namespace {
-
-/// Sums of eight nodes, relative to each node: w, w p, w n, w p.p, w p.n, w (p.n)^2, and the number of samples.
-struct Sums {
-  __m256 w, px, py, pz, nx, ny, nz, pp, pn, pn2;
-  __m256i hits;
-};
-
-void clear(Sums& s) {
-  const __m256 zero = _mm256_setzero_ps();
-  s = {zero, zero, zero, zero, zero, zero, zero, zero, zero, zero, _mm256_setzero_si256()};
-}
-
-/// Weight (1 - d^2/r^2)^4 inside the radius, 1 - d^2/r^2 for a wide one, 0 outside. A sample outside adds exactly
-/// nothing, so it does not matter which of those a caller's filter lets through.
-template <bool kWide>
-void accumulate(const RowSamples& row, float r2, float inverse_r2, Sums& sums) {
-  Sums s = sums;
-  const __m256 node_x = _mm256_setr_ps(0, 1, 2, 3, 4, 5, 6, 7);
-  const __m256 scale = _mm256_set1_ps(inverse_r2), reach2 = _mm256_set1_ps(r2), one = _mm256_set1_ps(1.0f);
-  for (std::size_t i = 0; i < row.size; ++i) {
-    const __m256 dx = _mm256_sub_ps(_mm256_broadcast_ss(&row.x[i]), node_x);
-    const __m256 d2 = _mm256_fmadd_ps(dx, dx, _mm256_broadcast_ss(&row.yz2[i]));
-    __m256 t = _mm256_fnmadd_ps(d2, scale, one);
-    const __m256 near = _mm256_cmp_ps(d2, reach2, _CMP_LT_OQ);
-    s.hits = _mm256_sub_epi32(s.hits, _mm256_castps_si256(near));
-    t = _mm256_and_ps(t, near);
-    __m256 w = t;
-    if constexpr (!kWide) {
-      t = _mm256_mul_ps(t, t);
-      w = _mm256_mul_ps(t, t);
-    }
-    const __m256 n_x = _mm256_broadcast_ss(&row.nx[i]);
-    s.w = _mm256_add_ps(s.w, w);
-    s.px = _mm256_fmadd_ps(w, dx, s.px);
-    s.py = _mm256_fmadd_ps(w, _mm256_broadcast_ss(&row.y[i]), s.py);
-    s.pz = _mm256_fmadd_ps(w, _mm256_broadcast_ss(&row.z[i]), s.pz);
-    s.nx = _mm256_fmadd_ps(w, n_x, s.nx);
-    s.ny = _mm256_fmadd_ps(w, _mm256_broadcast_ss(&row.ny[i]), s.ny);
-    s.nz = _mm256_fmadd_ps(w, _mm256_broadcast_ss(&row.nz[i]), s.nz);
-    s.pp = _mm256_fmadd_ps(w, d2, s.pp);
-    const __m256 along = _mm256_fmadd_ps(n_x, dx, _mm256_broadcast_ss(&row.n_yz[i]));
-
-    s.pn = _mm256_fmadd_ps(w, along, s.pn);
-    s.pn2 = _mm256_fmadd_ps(_mm256_mul_ps(w, along), along, s.pn2);
-  }
-  sums = s;
-}
 
 __m256 dot(__m256 ax, __m256 ay, __m256 az, __m256 bx, __m256 by, __m256 bz) {
   return _mm256_fmadd_ps(ax, bx, _mm256_fmadd_ps(ay, by, _mm256_mul_ps(az, bz)));
@@ -70,7 +25,7 @@ constexpr float kLayered = 0.2f;
 constexpr float kLayeredNormal = 0.85f;
 
 /// Nodes whose samples' tangent planes deviate by more than `least` cells, with normals that agree.
-std::uint32_t layered_nodes(const Sums& s, float least, float least_normal) {
+std::uint32_t layered_nodes(const NodeSums& s, float least, float least_normal) {
   const __m256 w2 = _mm256_mul_ps(s.w, s.w);
   const __m256 variance = _mm256_fmsub_ps(s.w, s.pn2, _mm256_mul_ps(s.pn, s.pn));  // times w^2
   const __m256 apart = _mm256_cmp_ps(variance, _mm256_mul_ps(w2, _mm256_set1_ps(least * least)), _CMP_GT_OQ);
@@ -111,7 +66,7 @@ constexpr float kFirmRimRatio = 0.6f;
 constexpr float kFirmRimFloor = 0.18f;
 
 /// Nodes whose samples' mean plane is near enough for a surface within their cells.
-__m256 near_plane(const Sums& s) {
+__m256 near_plane(const NodeSums& s) {
   const __m256 farthest = _mm256_set1_ps(kGapPlane * kGapPlane);
   const __m256 n2 = dot(s.nx, s.ny, s.nz, s.nx, s.ny, s.nz);
   return _mm256_and_ps(_mm256_cmp_ps(_mm256_mul_ps(s.pn, s.pn), _mm256_mul_ps(n2, farthest), _CMP_LE_OQ),
@@ -120,7 +75,8 @@ __m256 near_plane(const Sums& s) {
 
 /// The algebraic spheres of one row, as the crease test needs them.
 struct Spheres {
-  __m256 ux, uy, uz, twice_u4;
+  __m256 u0, ux, uy, uz, twice_u4;
+  __m256 residual;      ///< mean squared, of the normals
   __m256 normal_noise;  ///< deviation of the normals per direction, were all of the residual noise
   __m256 sound;
 };
@@ -135,7 +91,7 @@ struct RowFlags {
 };
 
 /// Turns the sums into values, gradients and flags of one row.
-void finish_row(const Sums& s, std::uint32_t active, const NodeFitOptions& options, std::size_t at,
+void finish_row(const NodeSums& s, std::uint32_t active, const NodeFitOptions& options, std::size_t at,
                 LeafFit& out, LeafRim& out_rim, RowFlags* flags, Spheres* spheres) {
   const __m256 one = _mm256_set1_ps(1.0f), zero = _mm256_setzero_ps(), two = _mm256_set1_ps(2.0f);
   const __m256 enough =
@@ -199,7 +155,7 @@ void finish_row(const Sums& s, std::uint32_t active, const NodeFitOptions& optio
             .few = bits(_mm256_andnot_ps(enough, near_plane(s))),
             .beyond = bits(_mm256_andnot_ps(among, fitted))};
   const __m256 half_residual = _mm256_mul_ps(_mm256_max_ps(residual, zero), _mm256_set1_ps(0.5f));
-  *spheres = {ux, uy, uz, twice, _mm256_sqrt_ps(half_residual), sound};
+  *spheres = {u0, ux, uy, uz, twice, residual, _mm256_sqrt_ps(half_residual), sound};
   if (options.firm_rim) return;
   const __m256 depth =
       _mm256_div_ps(_mm256_sub_ps(_mm256_sqrt_ps(limit2), _mm256_sqrt_ps(off2)), _mm256_set1_ps(kRimSlope));
@@ -305,10 +261,51 @@ void gather_local(std::uint32_t x, const RowReach& reach, bool row_is_whole, Nod
   }
 }
 
+/// Noisy samples: the mean squared height over the sheets, as a share of that over the smooth fit, that a crease may
+/// leave. Normals alone tell of silhouettes and of scans that disagree; a crease shows in positions too. Noise of half a
+/// spacing at the edge of a cube leaves 0.6.
+constexpr float kCreaseShare = 0.6f;
+/// The same where normals do not tell the sheets apart clearly (Sheets::separation2): estimated ones turn gradually at
+/// an edge, and those of a silhouette are no Gaussian cloud.
+constexpr float kClearShare = 0.2f;
+constexpr float kNoisySeparation2 = 64.0f;
+/// So many samples tell it: every n-th where there are more.
+constexpr std::size_t kShareSamples = 128;
+
+/// That share for node `x` of a row; between the two where there is no smooth fit.
+float share_left(const Sheets& sheets, const LocalSamples& samples, const Spheres& row, std::uint32_t x) {
+  if ((_mm256_movemask_ps(row.sound) >> x & 1) == 0) return 0.5f * (kCreaseShare + kClearShare);
+  const auto lane = [x](__m256 v) {
+    alignas(32) std::array<float, kLanes> lanes;
+    _mm256_store_ps(lanes.data(), v);
+    return lanes[x];
+  };
+  const Float3 u = {lane(row.ux), lane(row.uy), lane(row.uz)};
+  const float u0 = lane(row.u0), twice = lane(row.twice_u4);
+  const std::size_t step = samples.size / kShareSamples + 1;
+  float sum = 0.0f, sharp = 0.0f;
+  for (std::size_t i = 0; i < samples.size; i += step) {
+    const Float3 p = {samples.x[i], samples.y[i], samples.z[i]};
+    const Float3 g = u + p * twice;
+    const float f = u0 + tessera::dot(u, p) + 0.5f * twice * tessera::dot(p, p);
+    sum += samples.w[i] * f * f / std::max(tessera::dot(g, g), 1e-6f);
+    const float height = sheets.at(p).value;
+    sharp += samples.w[i] * height * height;
+  }
+  return sum > 0.0f ? sharp / sum : 1.0f;
+}
+
+/// Whether sheets of noisy samples are a crease that positions confirm.
+bool is_confirmed(const Sheets& sheets, const LocalSamples& samples, const Spheres& row, std::uint32_t x) {
+  const bool clear = sheets.separation2 >= kNoisySeparation2;
+  return share_left(sheets, samples, row, x) < (clear ? kCreaseShare : kClearShare);
+}
+
 /// Tries sheets at the bent nodes of a row; updates their values and flags. \param split  nodes that have sheets
-void fit_creases(std::uint32_t bent, const SampleList& coarse, std::size_t at, const NodeFitOptions& options,
-                 NodeFitScratch& scratch, const RowReach& reach, bool row_is_whole, LeafFit& out,
-                 std::vector<Sheets>& sheets, RowFlags* flags, std::uint32_t* split, std::uint32_t* creased) {
+void fit_creases(std::uint32_t bent, const Spheres& spheres, const SampleList& coarse, std::size_t at,
+                 const NodeFitOptions& options, NodeFitScratch& scratch, const RowReach& reach,
+                 bool row_is_whole, LeafFit& out, std::vector<Sheets>& sheets, RowFlags* flags,
+                 std::uint32_t* split, std::uint32_t* creased) {
   for (std::uint32_t left = bent; left; left &= left - 1) {
     const auto x = static_cast<std::uint32_t>(std::countr_zero(left));
     NormalSeeds seeds;
@@ -328,6 +325,7 @@ void fit_creases(std::uint32_t bent, const SampleList& coarse, std::size_t at, c
     if (!options.noisy) seeds = seed_normals(scratch.local, options.sheets.cos_feature);
     const Sheets found = fit_sheets(scratch.local, seeds, options.sheets);
     if (found.count == 0) continue;
+    if (options.noisy && !is_confirmed(found, scratch.local, spheres, x)) continue;
     const std::uint32_t bit = 1u << x;
     *split |= bit;
     flags->valid &= ~bit;
@@ -344,7 +342,7 @@ void fit_creases(std::uint32_t bent, const SampleList& coarse, std::size_t at, c
 /// Fits those of the nodes anew whose samples lie in layers; updates their values and valid bits.
 void join_layers(std::uint32_t hints, std::size_t at, const NodeFitOptions& options, NodeFitScratch& scratch,
                  const RowReach& reach, bool row_is_whole, LeafFit& out, RowFlags* flags) {
-  Sums sums;
+  NodeSums sums;
   clear(sums);
   if (row_is_whole) {
     accumulate<true>(scratch.row, reach.r2, 1.0f / reach.r2, sums);
@@ -372,6 +370,17 @@ void join_layers(std::uint32_t hints, std::size_t at, const NodeFitOptions& opti
   flags->beyond = (flags->beyond & ~layered) | found.beyond;
 }
 
+/// Mean squared residual of the normals from which on a noisy node leans on a wider fit (18 degrees), and from which on
+/// it is that (37 degrees); and the radius of that fit, in radii.
+constexpr float kRough = 0.1f;
+constexpr float kRoughest = 0.4f;
+constexpr float kRoughGrowth = 1.5f;
+
+std::uint32_t rough_nodes(const Spheres& spheres) {
+  return static_cast<std::uint32_t>(
+      _mm256_movemask_ps(_mm256_cmp_ps(spheres.residual, _mm256_set1_ps(kRough), _CMP_GT_OQ)));
+}
+
 /// A row of nodes with the radius that they have at a level of growth: 1, 1.5, 2 radii.
 RowReach reach_of_row(std::uint32_t nodes, std::size_t y, std::size_t z, float r) {
   return {.y0 = static_cast<float>(y),
@@ -380,8 +389,8 @@ RowReach reach_of_row(std::uint32_t nodes, std::size_t y, std::size_t z, float r
           .high_x = static_cast<float>(31 - std::countl_zero(nodes)) + r,
           .r2 = r * r};
 }
-/// Sums of the samples that a row of nodes reaches. \return how often `row` was filled: 1 if it holds them all
-int sum_row(const SampleList& samples, const RowReach& reach, RowSamples& row, Sums& sums) {
+/// NodeSums of the samples that a row of nodes reaches. \return how often `row` was filled: 1 if it holds them all
+int sum_row(const SampleList& samples, const RowReach& reach, RowSamples& row, NodeSums& sums) {
   clear(sums);
   int fills = 0;
   for (std::size_t next = 0; next < samples.size; ++fills) {
@@ -401,6 +410,7 @@ void fit_nodes(const SampleList& samples, const SampleList& coarse, const std::a
                std::vector<Sheets>& sheets) {
   const float r = options.radius;
   scratch.rim.nodes = {};
+  scratch.rough = {};
   for (std::size_t z = 0; z < 8; ++z) {
     out.first_sheets[z] = static_cast<std::uint32_t>(sheets.size());
     if (!nodes[z]) continue;
@@ -409,7 +419,7 @@ void fit_nodes(const SampleList& samples, const SampleList& coarse, const std::a
       const auto active = static_cast<std::uint32_t>(nodes[z] >> (8 * y) & 0xff);
       if (!active) continue;
       const RowReach reach = reach_of_row(active, y, z, r);
-      Sums sums;
+      NodeSums sums;
       const int fills = sum_row(scratch.slab, reach, scratch.row, sums);
       std::uint32_t split = 0, creased = 0;
       RowFlags flags;
@@ -424,17 +434,56 @@ void fit_nodes(const SampleList& samples, const SampleList& coarse, const std::a
               crease_hints(scratch.coarse_row, spheres, reach.r2,
                            (options.noisy ? kNoisyHintShare : kHintShare) * options.sheets.feature_angle);
         }
-        fit_creases(flags.bent & hints, coarse, at, options, scratch, reach, fills == 1, out, sheets, &flags,
-                    &split, &creased);
+        fit_creases(flags.bent & hints, spheres, coarse, at, options, scratch, reach, fills == 1, out, sheets,
+                    &flags, &split, &creased);
       }
       const std::uint32_t hints =
           layered_nodes(sums, kLayeredHint * r, 0.5f * kLayeredNormal) & active & ~split;
       if (hints) join_layers(hints, at, options, scratch, reach, fills == 1, out, &flags);
+      if (options.noisy) {
+        _mm256_store_ps(scratch.roughness.data() + at, spheres.residual);
+        const std::uint32_t rough = rough_nodes(spheres) & flags.valid & ~split;
+        scratch.rough[z] |= static_cast<std::uint64_t>(rough) << (8 * y);
+      }
       out.valid[z] |= static_cast<std::uint64_t>(flags.valid) << (8 * y);
       scratch.rim.nodes[z] |= static_cast<std::uint64_t>(flags.near) << (8 * y);
       out.creased[z] |= static_cast<std::uint64_t>(creased) << (8 * y);
       out.few[z] |= static_cast<std::uint64_t>(flags.few & ~split) << (8 * y);
       out.beyond[z] |= static_cast<std::uint64_t>(flags.beyond & ~split) << (8 * y);
+    }
+  }
+}
+
+float rough_radius(const NodeFitOptions& options) {
+  return std::min(kRoughGrowth * options.radius, kMostRadius);
+}
+
+void smooth_rough(const SampleList& samples, const NodeFitOptions& options, NodeFitScratch& scratch,
+                  LeafFit& fit) {
+  NodeFitOptions grown = options;
+  const float r = grown.radius = rough_radius(options);
+  for (std::size_t z = 0; z < 8; ++z) {
+    if (!scratch.rough[z]) continue;
+    fill_slab(samples, static_cast<float>(z), r, scratch.slab);
+    for (std::size_t y = 0; y < 8; ++y) {
+      const auto nodes = static_cast<std::uint32_t>(scratch.rough[z] >> (8 * y) & 0xff);
+      if (!nodes) continue;
+      NodeSums sums;
+      sum_row(scratch.slab, reach_of_row(nodes, y, z, r), scratch.row, sums);
+      RowFlags flags;
+      Spheres spheres;
+      LeafFit& wide = scratch.wide;
+      finish_row(sums, nodes, grown, 8 * y + 64 * z, wide, scratch.wide_rim, &flags, &spheres);
+      for (std::uint32_t left = flags.valid | flags.beyond; left; left &= left - 1) {
+        const std::size_t i = 8 * y + 64 * z + static_cast<std::size_t>(std::countr_zero(left));
+        const float t = std::min((scratch.roughness[i] - kRough) / (kRoughest - kRough), 1.0f);
+        Float3 g;
+        for (std::size_t c = 0; c < 3; ++c) g[c] = (1.0f - t) * fit.gradient[c][i] + t * wide.gradient[c][i];
+        const float length = norm(g);
+        if (!(length > 0.0f)) continue;
+        fit.value[i] = (1.0f - t) * fit.value[i] + t * wide.value[i];
+        for (std::size_t c = 0; c < 3; ++c) fit.gradient[c][i] = g[c] / length;
+      }
     }
   }
 }
@@ -452,7 +501,7 @@ bool choose_gaps(const SampleList& coarse, const NodeFitOptions& options, NodeFi
         if (!nodes) continue;
         if (r > kMostRadius) break;
         const RowReach reach = reach_of_row(nodes, y, z, r);
-        Sums s;
+        NodeSums s;
         sum_row(coarse, reach, scratch.coarse_row, s);
         const auto near = static_cast<std::uint32_t>(_mm256_movemask_ps(near_plane(s)));
         const bool last = level + 1 == fit.gap.size() || grown_radius(level + 1, options) > kMostRadius;
@@ -481,7 +530,7 @@ void bridge_gaps(const SampleList& samples, const NodeFitOptions& options, NodeF
         const auto nodes = static_cast<std::uint32_t>(fit.gap[level][z] >> (8 * y) & 0xff);
         if (!nodes) continue;
         const RowReach reach = reach_of_row(nodes, y, z, r);
-        Sums sums;
+        NodeSums sums;
         const int fills = sum_row(scratch.slab, reach, scratch.row, sums);
         RowFlags flags;
         Spheres spheres;

@@ -3,7 +3,8 @@
 /// register. Source: Guennebaud, Germann, Gross, "Dynamic Sampling and Rendering of Algebraic Point Set
 /// Surfaces", 2008.
 ///
-/// Where two scans of one side disagree by less than 0.8 radii the fit takes their mean: see kLayered.
+/// Where two scans of one side disagree by less than 0.8 radii the fit takes their mean: see kLayered. Where normals of
+/// noisy samples contradict each other and there is no crease, a wider fit takes over: see smooth_rough.
 ///
 /// Every sum of a node runs over its samples in canonical order; lanes are nodes, never terms, so a value is
 /// a pure function of the samples within the radius.
@@ -73,8 +74,12 @@ struct NodeFitScratch {
   SampleList slab, wide_samples;
   RowSamples row, coarse_row;
   LocalSamples local, coarse_local;
-  LeafFit wide;  ///< of nodes in layers or gaps
   LeafRim rim, wide_rim;
+  LeafFit wide;  ///< of nodes in layers, gaps or rough places
+  /// Of the leaf fitted last, noisy samples: smooth valid nodes whose normals contradict each other, and by how much:
+  /// the mean squared residual of the normals against the sphere.
+  std::array<std::uint64_t, 8> rough{};
+  alignas(32) std::array<float, 512> roughness{};
 };
 
 /// \param samples  all samples within the radius of the nodes, relative to the leaf
@@ -87,6 +92,15 @@ void fit_nodes(const SampleList& samples, const SampleList& coarse, const std::a
 
 /// Largest radius to which the support grows where samples are sparse, cells: what the halo holds.
 inline constexpr float kMostRadius = 6.0f;
+
+/// 1.5 radii, at most kMostRadius.
+float rough_radius(const NodeFitOptions& options);
+
+/// Fits the rough nodes (scratch.rough) anew with that radius and blends by roughness, so that silhouettes of single scans
+/// and scans that disagree come out smooth; no border moves.
+/// \param samples  within rough_radius of the rough nodes
+void smooth_rough(const SampleList& samples, const NodeFitOptions& options, NodeFitScratch& scratch,
+                  LeafFit& fit);
 
 /// Chooses the nodes at which the radius may grow with the spacing of the samples: of 1, 1.5 and 2 radii, at most
 /// kMostRadius, the least within which samples lie in `kGapBlocks` blocks of 2^3 cells, if their plane is near.

@@ -112,6 +112,7 @@ Float3 gradient_at(const Sheet& s, const Float3& p) {
 /// squared residual of the normals by this factor. Halving one Gaussian cloud of normals gives 2, an even
 /// bend without curvature fit 12.
 constexpr float kSeparation2 = 16.0f;
+constexpr float kMostSeparation2 = 1e6f;  ///< of a single sheet
 /// Least share of the weight and least samples of a sheet; less cannot carry one and is left out of the
 /// others.
 constexpr float kLeastShare = 0.03f;
@@ -131,14 +132,16 @@ constexpr float kOneSided = 0.5f;
 constexpr float kLargestLoss = 0.2f;
 
 /// Cosine of the angle between two sheets where they meet (half-way between their samples), or 1 if noise
-/// explains the difference.
-float joint_cosine(const Fit& a, const Fit& b) {
+/// explains the difference. \param separation2  becomes the least of itself and the pair's
+float joint_cosine(const Fit& a, const Fit& b, float* separation2 = nullptr) {
   const Float3 middle = (a.centroid + b.centroid) * 0.5f;
   const Float3 na = unit_or_zero(gradient_at(a.sheet, middle)),
                nb = unit_or_zero(gradient_at(b.sheet, middle));
   const float cosine = dot(na, nb);
   const float residual = 0.5f * (a.normal_residual + b.normal_residual);
-  return 2.0f - 2.0f * cosine < kSeparation2 * residual ? 1.0f : cosine;
+  const float chord2 = 2.0f - 2.0f * cosine;
+  if (separation2) *separation2 = std::min(*separation2, chord2 / std::max(residual, 1e-6f));
+  return chord2 < kSeparation2 * residual ? 1.0f : cosine;
 }
 
 /// Joins what one smooth sheet explains, closest pair first.
@@ -321,6 +324,10 @@ Sheets fit_sheets(LocalSamples& samples, const NormalSeeds& seeds, const SheetOp
   if (!drop_false_sheets(options, clusters)) return out;
   order_joints(clusters, out);
   out.count = static_cast<int>(clusters.count);
+  out.separation2 = kMostSeparation2;
+  for (std::size_t a = 0; a < clusters.count; ++a)
+    for (std::size_t b = a + 1; b < clusters.count; ++b)
+      joint_cosine(clusters.fit[a], clusters.fit[b], &out.separation2);
   Moments all = clusters.moments[0];
   for (std::size_t k = 0; k < clusters.count; ++k) {
     out.sheet[k] = clusters.fit[k].sheet;

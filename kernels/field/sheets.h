@@ -35,6 +35,7 @@ struct Sheets {
   std::array<std::uint8_t, kMostSheets - 1> first{}, second{}, convex{};
   Float3 centroid = {0, 0, 0};  ///< of the samples kept, relative to the node
   float spread2 = 0.0f;         ///< their mean squared distance from the centroid
+  float separation2 = 0.0f;     ///< least squared chord between two normals over their mean squared residual
 
   SurfaceValue at(const Float3& p) const;
 };
