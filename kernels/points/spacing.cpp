@@ -128,9 +128,10 @@ void measure_spacing(const SampleCell& cell, double share, double least, double 
       for (; at > 0 && nearest[at - 1] > d; --at) nearest[at] = nearest[at - 1];
       nearest[at] = d;
     }
-    const double spacing = std::max(std::sqrt(nearest.back()) / 2, std::sqrt(nearest.front()));
+    const double spacing = std::sqrt(nearest.back()) / 2;
     if (spacing > least && spacing <= most)
-      out.push_back({spacing, std::sqrt(nearest[kGapRank - 1]), spacing * spacing * probes.each / share});
+      out.push_back({spacing, std::sqrt(nearest.front()), std::sqrt(nearest[kGapRank - 1]),
+                     spacing * spacing * probes.each / share});
   }
 }
 
@@ -165,17 +166,19 @@ SpacingSummary summarise_spacing(std::vector<SpacingProbe> probes, const ScaleHi
       if ((seen += p.area) >= share * all) return p.*field;
     return probes.back().*field;
   };
-  s.dense = quantile(&SpacingProbe::spacing, 0.25);
   s.middle = quantile(&SpacingProbe::spacing, 0.5);
-  s.wide = quantile(&SpacingProbe::spacing, 0.7);
-  s.spacing = quantile(&SpacingProbe::spacing, 0.9);
+  const double grid = std::max(1.0, quantile(&SpacingProbe::nearest, 0.5) / s.middle);
+  s.middle *= grid;
+  s.dense = grid * quantile(&SpacingProbe::spacing, 0.25);
+  s.wide = grid * quantile(&SpacingProbe::spacing, 0.7);
+  s.spacing = grid * quantile(&SpacingProbe::spacing, 0.9);
   s.gap = quantile(&SpacingProbe::gap, 0.9);
   return s;
 }
 
 ChosenSpacing choose_spacing(const SpacingSummary& measured) {
   constexpr double kEven = 1.5;
-  constexpr double kDense = 2.5;
+  constexpr double kDense = 3.0;
   constexpr double kClosable = 2.0;
   constexpr double kLittle = 1.15;
   const double even = kEven * measured.spacing;
@@ -199,7 +202,7 @@ ChosenSpacing choose_spacing(const SpacingSummary& measured) {
     return {closing, "half the spacing of " + text(measured.wide) +
                          ", so that 70 % of the surface closes; the densest quarter is sampled at " +
                          text(measured.dense)};
-  return {dense, "2.5 times the spacing of " + text(measured.dense) +
+  return {dense, "3 times the spacing of " + text(measured.dense) +
                      " of the densest quarter of the surface; 70 % of it is sampled at " +
                      text(measured.wide) + " or closer and closes"};
 }

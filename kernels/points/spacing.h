@@ -1,7 +1,7 @@
 /// \file spacing.h
 /// How dense and how noisy a scan is, measured in small complete pieces of it.
 /// Sources: plane and quadric fits of local neighbourhoods (Hoppe et al. 1992; Cazals and Pouget 2005). The
-/// quantiles come from trials: h is 0.76 mm for bunny-raw, 0.38 mm for happy-raw, 0.57 mm for drill-raw and 0.02 for
+/// quantiles come from trials: h is 0.66 mm for bunny-raw, 0.38 mm for happy-raw, 0.53 mm for drill-raw and 0.018 for
 /// lion-takanawa, where 0.7 mm, 0.4 mm, 0.58 mm and 0.02 are known to be good.
 #pragma once
 #include <cstdint>
@@ -37,10 +37,11 @@ struct SampleCell {
 
 /// How far the samples are apart at one place, and how much of the surface that stands for.
 struct SpacingProbe {
-  double spacing =
-      0.0;  ///< half the distance to the 8th neighbour, or to the nearest one where that is more: the
-            ///< spacing of random samples and of a grid; merged scans overlap, so the nearest says nothing
-  double gap = 0.0;  ///< distance to the 4th neighbour; a support must reach 2.5 times it
+  /// Half the distance to the 8th neighbour: the spacing of random samples. Merged scans overlap, so the nearest one says
+  /// nothing.
+  double spacing = 0.0;
+  double nearest = 0.0;  ///< distance to that one
+  double gap = 0.0;      ///< distance to the 4th neighbour; a support must reach 2.5 times it
   double area = 0.0;
 };
 
@@ -57,6 +58,8 @@ void measure_spacing(const SampleCell& cell, double share, double least, double 
 void measure_residuals(const SampleCell& cell, double radius, ScaleHistogram& out);
 
 /// What is concluded, in the unit of the probes; quantiles by area. Zero: not measured.
+/// Spacings are those of the probes, or all of them larger in proportion where the median of the nearest neighbours says
+/// so: that is the spacing of a grid.
 struct SpacingSummary {
   double dense = 0.0;     ///< spacing: a quarter of the surface is sampled as closely
   double middle = 0.0;    ///< half of it
@@ -74,7 +77,7 @@ struct ChosenSpacing {
   std::string reason;
 };
 /// One lattice for all of a scan. Even density: one and a half spacings, which keep what the scan holds. Where density
-/// varies, finer: 2.5 times the spacing of the densest quarter of the surface, as long as 70 % of the surface is
+/// varies, finer: 3 times the spacing of the densest quarter of the surface, as long as 70 % of the surface is
 /// sampled at 2 h or closer, which the field still closes. Never below what averages the noise.
 ChosenSpacing choose_spacing(const SpacingSummary& measured);
 

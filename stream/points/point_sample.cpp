@@ -130,12 +130,21 @@ void CellSampler::merge(const PackedFile& in, const Saved& saved) {
 }
 
 LayeredSampler::LayeredSampler(double coarsest, const Limits& limits)
-    : per_coarsest_(1.0 / coarsest), per_finest_(per_coarsest_) {
+    : per_second_(double{1 << kRatioBits} / coarsest), per_finest_(per_second_) {
   for (std::size_t k = 0; k < kLayers; ++k) {
     const double size = std::ldexp(coarsest, -kRatioBits * static_cast<int>(k));
     layers_.emplace_back(size, limits[k]);
     per_finest_ = 1.0 / size;
   }
+  enter({0, 0, 0});
+}
+
+void LayeredSampler::enter(CellSampler::CellIndex around) {
+  around_ = around;
+  around_hash_ = CellSampler::hash_of(around);
+  for (std::int64_t& c : around) c >>= kRatioBits;
+  coarsest_hash_ = CellSampler::hash_of(around);
+  last_class_ = std::max(layers_[2].last_class(), layers_[3].last_class());
 }
 
 void LayeredSampler::save(const std::filesystem::path& file) {

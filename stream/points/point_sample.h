@@ -101,8 +101,8 @@ class CellSampler {
 };
 
 /// Samples of cells of several sizes, each a quarter of the one before, in a turned frame, so that no wall lies along
-/// the cells: where one size is too crowded or too empty to tell anything, another is not. Cells have the class of the
-/// coarsest cell around them, so most points of a large scan are passed over by a look at that one.
+/// the cells: where one size is too crowded or too empty to tell anything, another is not. Fine cells have the class of
+/// the second layer's cell around them, so most points of a large scan are passed over by a look at that one.
 class LayeredSampler {
  public:
   static constexpr std::size_t kLayers = 4;
@@ -115,18 +115,14 @@ class LayeredSampler {
   void add(const Double3& p) {
     const Double3 turned = turn(p);
     // Powers of two lie between the sizes: cells of one lie in those of the other to the last bit.
-    const CellSampler::CellIndex around = cell_of(turned, per_coarsest_);
-    if (around != around_) {
-      around_ = around;
-      around_hash_ = CellSampler::hash_of(around);
-      last_class_ = 0;
-      for (std::size_t k = 1; k < kLayers; ++k) last_class_ = std::max(last_class_, layers_[k].last_class());
-    }
-    layers_[0].add(turned, around_hash_);
+    const CellSampler::CellIndex around = cell_of(turned, per_second_);
+    if (around != around_) enter(around);
+    layers_[0].add(turned, coarsest_hash_);
+    layers_[1].add(turned, around_hash_);
     const std::uint64_t of_class = CellSampler::class_of(around_hash_);
     if (of_class > last_class_) return;
     CellSampler::CellIndex cell = cell_of(turned, per_finest_);
-    for (std::size_t k = kLayers; k-- > 1;) {
+    for (std::size_t k = kLayers; k-- > 2;) {
       layers_[k].add(turned, cell, of_class);
       for (std::int64_t& c : cell) c >>= kRatioBits;
     }
@@ -154,11 +150,13 @@ class LayeredSampler {
     for (std::size_t a = 0; a < 3; ++a) cell[a] = static_cast<std::int64_t>(std::floor(turned[a] * per_unit));
     return cell;
   }
-  std::vector<CellSampler> layers_;   ///< coarsest first
-  double per_coarsest_, per_finest_;  ///< cells a unit
-  CellSampler::CellIndex around_ = {0, 0, 0};
-  std::uint64_t around_hash_ = CellSampler::hash_of({0, 0, 0});
-  std::uint64_t last_class_ = ~std::uint64_t{0};  ///< of which finer layers take cells, at most
+  void enter(CellSampler::CellIndex around);
+  std::vector<CellSampler> layers_;  ///< coarsest first
+  double per_second_, per_finest_;   ///< cells a unit
+  // Of the cell of the second layer that the last point lay in.
+  CellSampler::CellIndex around_{};
+  std::uint64_t around_hash_ = 0, coarsest_hash_ = 0;
+  std::uint64_t last_class_ = 0;  ///< of which finer layers take cells, at most
 };
 
 }  // namespace tessera

@@ -22,7 +22,7 @@ using json = nlohmann::json;
 
 constexpr std::size_t kProbePoints = 16384;
 constexpr std::size_t kProbeQueries = 1024;
-constexpr std::size_t kLayerPoints = std::size_t{1} << 15;
+constexpr std::size_t kLayerPoints = std::size_t{1} << 16;
 constexpr LayeredSampler::Limits kSpacingPoints = {kLayerPoints, kLayerPoints, kLayerPoints, kLayerPoints};
 // The first layer is so much coarser than the cell that the probe has told: that one follows the bulk of the points.
 constexpr double kCoarsest = 4.0;
