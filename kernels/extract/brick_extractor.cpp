@@ -180,8 +180,7 @@ void BrickExtractor::fill_local_edges(const LeafMasks& m) {
     const Int3 p = {m.at[0] + (d & 1), m.at[1] + (d >> 1 & 1), m.at[2] + (d >> 2)};
     const LeafMasks* n = band_.at(p[0], p[1], p[2]);
     if (!n) continue;
-    for (const LeafWords& words : n->leaf->moving)
-      for (const std::uint64_t word : words) at_border_ = at_border_ || word != 0;
+    at_border_ = at_border_ || n->leaf->any_moving;
     std::uint64_t window = ~std::uint64_t{0};
     if (d & 1) window &= 0x0101010101010101ULL;
     if (d & 2) window &= 0xff;

@@ -81,7 +81,8 @@ class BandLeaf {
   LeafWords closing{};  ///< cells that take part though not all of their nodes are valid
   std::array<LeafWords, 3> crossing{};                       ///< per axis: the edge from this node has a root
   std::array<std::array<std::uint32_t, 8>, 3> first_root{};  ///< index of the first root of each word
-  LeafWords ended{};  ///< cells beyond the border: they take no part though all nodes are valid
+  LeafWords ended{};        ///< cells beyond the border: they take no part though all nodes are valid
+  bool any_moving = false;  ///< whether any of:
   std::array<LeafWords, 3> moving{};  ///< per axis: roots on or beyond the border
 
  private:

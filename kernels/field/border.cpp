@@ -22,6 +22,12 @@ RimNode rim_at(const LeafFit& fit, const std::vector<RimNode>& rims, std::size_t
   return rims[fit.first_rim[z] + static_cast<std::uint32_t>(std::popcount(fit.rimmed[z] & (bit - 1)))];
 }
 
+bool has_rims(const LeafFit& fit) {
+  std::uint64_t any = 0;
+  for (const std::uint64_t word : fit.rimmed) any |= word;
+  return any != 0;
+}
+
 /// Way from a root onto the border along its tangent plane.
 Float3 way(const EdgeRoot& root, float depth, const Float3& inward) {
   Float3 d;
@@ -50,6 +56,7 @@ bool mark_moves(const std::vector<LeafFit>& fits, const std::vector<RimNode>& ri
         after[axis] <= field.cells[axis] ? field.leaf_at(after[0], after[1], after[2]) : nullptr;
     const LeafFit* fit_after = other ? &fits[static_cast<std::size_t>(other - field.leaves.data())] : nullptr;
     const std::size_t step = axis == 0 ? 1 : axis == 1 ? 8 : 64;
+    if (!has_rims(fits[l]) && !(fit_after && has_rims(*fit_after))) continue;
     for (std::size_t z = 0; z < 8; ++z) {
       const std::uint64_t crossing = leaf.crossing[axis][z];
       for (std::uint64_t left = crossing; left; left &= left - 1) {
@@ -126,8 +133,8 @@ void mark_ended(const Around& around, BandLeaf& leaf) {
 
 void find_border(const std::vector<LeafFit>& fits, const std::vector<RimNode>& rims, DirectedField& field) {
   if (rims.empty()) return;
-  std::vector<std::uint8_t> moving(field.leaves.size(), 0);
-  for (std::size_t l = 0; l < field.leaves.size(); ++l) moving[l] = mark_moves(fits, rims, l, field);
+  for (std::size_t l = 0; l < field.leaves.size(); ++l)
+    field.leaves[l].any_moving = mark_moves(fits, rims, l, field);
   for (BandLeaf& leaf : field.leaves) {
     Around around;
     bool any = false;
@@ -136,7 +143,7 @@ void find_border(const std::vector<LeafFit>& fits, const std::vector<RimNode>& r
                        leaf.origin[2] + kLeafCells * (d >> 2)};
       if (at[0] > field.cells[0] || at[1] > field.cells[1] || at[2] > field.cells[2]) continue;
       const BandLeaf* l = around.leaf[static_cast<std::size_t>(d)] = field.leaf_at(at[0], at[1], at[2]);
-      any = any || (l && moving[static_cast<std::size_t>(l - field.leaves.data())]);
+      any = any || (l && l->any_moving);
     }
     if (any) mark_ended(around, leaf);
   }

@@ -157,6 +157,10 @@ void finish_row(const NodeSums& s, std::uint32_t active, const NodeFitOptions& o
   const __m256 half_residual = _mm256_mul_ps(_mm256_max_ps(residual, zero), _mm256_set1_ps(0.5f));
   *spheres = {u0, ux, uy, uz, twice, residual, _mm256_sqrt_ps(half_residual), sound};
   if (options.firm_rim) return;
+  // Most nodes are deep within the least limit: no root for them.
+  const float deep = std::max(0.0f, floor * options.radius - kRimSlope * kRimDepth);
+  flags->beyond = bits(_mm256_and_ps(fitted, _mm256_cmp_ps(off2, _mm256_set1_ps(deep * deep), _CMP_GT_OQ)));
+  if (!flags->beyond) return;
   const __m256 depth =
       _mm256_div_ps(_mm256_sub_ps(_mm256_sqrt_ps(limit2), _mm256_sqrt_ps(off2)), _mm256_set1_ps(kRimSlope));
   flags->beyond =
