@@ -1,13 +1,11 @@
 /// \file node_fit.h
-/// Algebraic point set surface at the nodes of one leaf: eight nodes at a time, one row of the leaf per
-/// register. Source: Guennebaud, Germann, Gross, "Dynamic Sampling and Rendering of Algebraic Point Set
-/// Surfaces", 2008.
+/// Algebraic point set surface at the nodes of one leaf, one row of the leaf per register. Source: Guennebaud, Germann,
+/// Gross, "Dynamic Sampling and Rendering of Algebraic Point Set Surfaces", 2008.
 ///
 /// Where two scans of one side disagree by less than 0.8 radii the fit takes their mean: see kLayered. Where normals of
 /// noisy samples contradict each other and there is no crease, a wider fit takes over: see smooth_rough.
 ///
-/// Every sum of a node runs over its samples in canonical order; lanes are nodes, never terms, so a value is
-/// a pure function of the samples within the radius.
+/// Sums run over samples in canonical order; lanes are nodes, never terms: values are pure functions of the samples.
 #pragma once
 #include <array>
 #include <cstdint>
@@ -25,8 +23,8 @@ struct LeafFit {
   /// Subset of valid: the node has sheets, value and gradient are theirs.
   std::array<std::uint64_t, 8> creased{};
   std::array<std::uint32_t, 8> first_sheets{};  ///< index of the sheets of the first such node of each word
-  /// Nodes with too few samples in a plane nearby, and those at or beyond the end of the samples.
-  std::array<std::uint64_t, 8> few{}, beyond{};
+  std::array<std::uint64_t, 8> few{};     ///< too few samples in a plane nearby
+  std::array<std::uint64_t, 8> beyond{};  ///< at or beyond the end of the samples
   /// Among them those that a radius of 1, 1.5 and 2 may make valid: see choose_gaps().
   std::array<std::array<std::uint64_t, 8>, 3> gap{};
   /// Subset of valid: where the surface ends nearby, as RimNodes say in node order.

@@ -311,28 +311,6 @@ TEST_CASE("sight: layers of one surface do not enclose each other", "[unit]") {
   CHECK(shown(votes.sides, 0) == 1.0);
 }
 
-TEST_CASE("sight: a ray meets the first disk, through empty bricks and regions", "[unit]") {
-  std::vector<JobSurfel> surfels;
-  const auto wall = [&](float x, float side) {
-    for (int i = 0; i < 3; ++i)
-      surfels.push_back({{x, 300.0f + 6.0f * static_cast<float>(i), 300.0f}, {side * 64.0f, 0, 0}, 0, 16});
-  };
-  wall(3000.0f, 1.0f);
-  wall(1500.0f, -1.0f);
-  const SurfelScene scene(surfels);
-  const Float3 from = {20.0f, 306.0f, 300.0f}, way = {1.0f, 1e-6f, 1e-6f};
-  const SurfelScene::Sight first = scene.look(from, way, 1.0f, 1e9f, 99);
-  CHECK(first.met);
-  CHECK(first.distance == Approx(1480.0f));
-  CHECK(first.cosine == Approx(1.0f));
-  const SurfelScene::Sight second = scene.look(from, way, 1481.0f, 1e9f, 99);
-  CHECK(second.distance == Approx(2980.0f));
-  CHECK(second.cosine == Approx(-1.0f));
-  CHECK_FALSE(scene.look(from, way, 1.0f, 1400.0f, 99).met);
-  CHECK_FALSE(scene.look(from, {-1.0f, 1e-6f, 1e-6f}, 1.0f, 1e9f, 99).met);
-  CHECK_FALSE(scene.look({20.0f, 330.0f, 300.0f}, way, 1.0f, 1e9f, 99).met);
-}
-
 TEST_CASE("sight: of several sensors those vote that nothing hides", "[unit]") {
   std::vector<JobSurfel> surfels;
   add_sphere(surfels, 200.0, 0, 1.0f);
