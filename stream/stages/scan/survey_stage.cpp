@@ -26,6 +26,8 @@ constexpr double kLayerRatio = double{1 << LayeredSampler::kRatioBits};
 constexpr LayeredSampler::Limits kSamplePoints = {1u << 13, 1u << 15, 1u << 13, 1u << 13};
 constexpr double kQuantaPerBlock = double{kQuantaPerCell} * kLeafCells;
 constexpr std::size_t kWarningsPerTask = 8;
+constexpr std::uint64_t kMostEchoes =
+    16;  ///< of a pulse (LAS counts to 15): every so many points one is a first return
 constexpr std::uint64_t kMergeBytesPerBrick = 384;  // merging, with slack for the tables made of it
 
 std::string counts_file(std::size_t task) {
@@ -40,7 +42,7 @@ std::string sample_file(std::size_t task) {
 struct Tally {
   PointFates fates;
   std::uint64_t with_normal = 0;
-  std::uint64_t multi_return = 0;
+  std::uint64_t multi_return = 0, first_return = 0;
   Double3 min = {kMaxQuanta, kMaxQuanta, kMaxQuanta};  ///< quanta of good points, whole numbers
   Double3 max = {-kMaxQuanta, -kMaxQuanta, -kMaxQuanta};
   std::vector<std::string> warnings;
@@ -57,6 +59,7 @@ nlohmann::json to_json(const Tally& t) {
           {"far", t.fates.absurd},
           {"with_normal", t.with_normal},
           {"multi_return", t.multi_return},
+          {"first_return", t.first_return},
           {"min", t.min},
           {"max", t.max},
           {"warnings", t.warnings}};
@@ -73,6 +76,7 @@ void add_json(const nlohmann::json& j, Tally& t) {
   t.fates.absurd += j.at("far").get<std::uint64_t>();
   t.with_normal += j.at("with_normal").get<std::uint64_t>();
   t.multi_return += j.at("multi_return").get<std::uint64_t>();
+  t.first_return += j.at("first_return").get<std::uint64_t>();
   for (std::size_t a = 0; a < 3; ++a) {
     t.min[a] = std::min(t.min[a], j.at("min").at(a).get<double>());
     t.max[a] = std::max(t.max[a], j.at("max").at(a).get<double>());
@@ -89,11 +93,12 @@ std::uint64_t count_normals(const PointChunk& chunk, const std::vector<PointClas
   return sum;
 }
 
-std::uint64_t count_multi_returns(const PointChunk& chunk, const std::vector<PointClass>& fate) {
-  std::uint64_t sum = 0;
-  for (std::size_t i = 0; i < chunk.echo.size(); ++i)
-    sum += fate[i] == PointClass::kGood && chunk.echo[i].of > 1 ? 1 : 0;
-  return sum;
+void count_returns(const PointChunk& chunk, const std::vector<PointClass>& fate, Tally& tally) {
+  for (std::size_t i = 0; i < chunk.echo.size(); ++i) {
+    if (fate[i] != PointClass::kGood) continue;
+    tally.multi_return += chunk.echo[i].of > 1 ? 1 : 0;
+    tally.first_return += chunk.echo[i].number == 1 ? 1 : 0;
+  }
 }
 
 /// Of the cells that cut a sampled cell of 16 h so often per axis, how many hold a point: those of 2 h are coarse enough
@@ -192,7 +197,7 @@ nlohmann::json SurveyStage::run(std::size_t task, TaskContext& context) const {
       }
     }
     tally.with_normal += count_normals(chunk, quanta.fate);
-    tally.multi_return += count_multi_returns(chunk, quanta.fate);
+    count_returns(chunk, quanta.fate, tally);
   });
   context.count_written(counter.finish());
   sampler.save(context.create(sample_file(task)));
@@ -288,8 +293,10 @@ nlohmann::json SurveyStage::finish(const std::vector<nlohmann::json>& summaries,
   plan.normal_fraction =
       static_cast<double>(tally.with_normal) / static_cast<double>(finite - tally.fates.absurd);
   if (options_.normals == "estimate") plan.normal_fraction = 0.0;
-  plan.multi_return_fraction =
-      static_cast<double>(tally.multi_return) / static_cast<double>(finite - tally.fates.absurd);
+  // Some files say the same return of the same pulse for every point: that is no measurement.
+  if (tally.first_return >= tally.multi_return / kMostEchoes)
+    plan.multi_return_fraction =
+        static_cast<double>(tally.multi_return) / static_cast<double>(finite - tally.fates.absurd);
   plan.sensors = inputs_->sensors();
   plan.bricks = bricks.size();
   plan.buckets = cut_buckets(bricks, bucket_target(job_.run, plan.points()), options_.max_brick_points);
