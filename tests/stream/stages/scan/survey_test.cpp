@@ -110,6 +110,9 @@ TEST_CASE("survey: classes and returns that are not wanted are left out and coun
   CHECK(fates({"5", "7"}, "first") == Fates{1000, 1000, 2000});
   CHECK(survey(points).multi_return_fraction == Approx(2000.0 / 3000.0));
   CHECK(survey(sphere_points(2000, 50.0, {0, 0, 0})).multi_return_fraction == 0.0);
+  auto meaningless = points;  // as some exporters write it
+  for (TestPoint& p : meaningless) p.echo = {1, 4, 5};
+  CHECK(survey(meaningless).multi_return_fraction == 0.0);
 }
 
 TEST_CASE("survey: classes and returns that no input tells, or that leave nothing, are refused", "[unit]") {
