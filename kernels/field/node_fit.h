@@ -23,8 +23,8 @@ struct LeafFit {
   /// Subset of valid: the node has sheets, value and gradient are theirs.
   std::array<std::uint64_t, 8> creased{};
   std::array<std::uint32_t, 8> first_sheets{};  ///< index of the sheets of the first such node of each word
-  std::array<std::uint64_t, 8> few{};     ///< too few samples in a plane nearby
-  std::array<std::uint64_t, 8> beyond{};  ///< at or beyond the end of the samples
+  std::array<std::uint64_t, 8> few{};           ///< too few samples in a plane nearby
+  std::array<std::uint64_t, 8> beyond{};        ///< at or beyond the end of the samples
   /// Among them those that a radius of 1, 1.5 and 2 may make valid: see choose_gaps().
   std::array<std::array<std::uint64_t, 8>, 3> gap{};
   /// Subset of valid: where the surface ends nearby, as RimNodes say in node order.
