@@ -122,6 +122,7 @@ DirectedField evaluate_field(const PointBlock& points, const FieldOptions& optio
   std::vector<Sheets> sheets;
   std::vector<RimNode> rims;
   for (const BandNodes& nodes : band) {
+    if (options.pause) options.pause();
     const auto index = static_cast<int>(nodes.leaf);
     const int i = index % leaves.dims[0] - 1, j = index / leaves.dims[0] % leaves.dims[1] - 1,
               k = index / (leaves.dims[0] * leaves.dims[1]) - 1;

@@ -9,6 +9,8 @@
 /// and join these by minima and maxima (sheets.h); roots and normals on crossed edges from the fits at both
 /// ends (edge_roots.h); colour (root_colour.h).
 #pragma once
+#include <functional>
+
 #include "kernels/field/directed_field.h"
 #include "octree/points.h"
 
@@ -20,6 +22,8 @@ struct FieldOptions {
   double feature_angle_deg = 25.0;
   double noise_cells = 0.0;  ///< standard deviation of the points along the normal, in cells; 0 = exact
   bool firm_rim = false;     ///< end the surface well among the samples: what is beyond will be closed
+  std::function<void()>
+      pause{};  ///< called for every leaf; what it throws ends the evaluation; empty = never
 };
 
 /// What `evaluate_field` reaches beyond the block's core: the points handed in must be complete within it: the

@@ -42,13 +42,15 @@ class RimsStage : public Stage {
   json run(std::size_t task, TaskContext& context) const override {
     BrickSectionWriter writer(context.create("rims/" + task_file_stem(task) + ".tsr"));
     const int halo = field_halo_cells(field_);
+    FieldOptions options = field_;
+    options.pause = [&context] { context.check_stop(); };
     std::uint64_t rims = 0;
     for (const Tile& tile : groups_[task]) {
       context.check_stop();
       const PointBlock points = store_.load(tile.corner(), tile.edges(), halo);
       if (points.size() == 0) continue;
       context.count_read(points.size() * sizeof(PointRecord));
-      const DirectedField field = evaluate_field(points, field_);
+      const DirectedField field = evaluate_field(points, options);
       std::vector<Int3> cells = rim_cells(field);
       rims += cells.size();
       const auto count = static_cast<std::uint64_t>(tile.bricks) * static_cast<std::uint64_t>(tile.bricks) *

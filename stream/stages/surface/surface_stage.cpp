@@ -90,6 +90,8 @@ class SurfaceStage : public Stage {
     std::uint64_t faces = 0;
     std::uint64_t synthetic = 0;
     ExtractReport total;
+    FieldOptions options = field_;
+    options.pause = [&context] { context.check_stop(); };
     for (const Tile& tile : groups_[task]) store_.prefetch(tile.corner(), tile.edges(), halo());
     for (const Tile& tile : groups_[task]) {
       context.check_stop();
@@ -102,7 +104,7 @@ class SurfaceStage : public Stage {
             store_.load(tile.corner(), tile.edges(), closing.empty() ? halo() : closing_halo());
         if (points.size() == 0 && closing.empty()) continue;
         own_points = core_points(points);
-        field = evaluate_field(points, field_);
+        field = evaluate_field(points, options);
         context.count_read(points.size() * sizeof(PointRecord));
         if (!closing.empty()) {
           const MultipoleTree near = multipoles_->near(points);
