@@ -4,34 +4,13 @@
 
 #include "kernels/points/sight.h"
 #include "tests/kernels/points/in_order.h"
+#include "tests/kernels/points/job_surfels.h"
 
 using namespace tessera;
 
 namespace {
 
 constexpr double kScale = 4096.0;
-
-JobSurfel surfel(const Float3& at, const Float3& normal, std::uint32_t group, float points) {
-  JobSurfel s;
-  s.position = at;
-  for (std::size_t a = 0; a < 3; ++a) s.area[a] = 64.0f * normal[a];
-  s.patch = group, s.surfels = 16, s.points = points;
-  return s;
-}
-
-/// A ball whose normals show outwards. \param dense  times as many points on its lowest part as elsewhere
-std::vector<JobSurfel> ball(float dense) {
-  std::vector<JobSurfel> surfels;
-  constexpr int kCount = 4000;
-  for (int i = 0; i < kCount; ++i) {
-    const double z = 1.0 - 2.0 * (i + 0.5) / kCount, r = std::sqrt(1.0 - z * z), a = 2.399963229728653 * i;
-    const Float3 n = {static_cast<float>(r * std::cos(a)), static_cast<float>(r * std::sin(a)),
-                      static_cast<float>(z)};
-    surfels.push_back(surfel({200.0f + 140.0f * n[0], 200.0f + 140.0f * n[1], 200.0f + 140.0f * n[2]}, n, 0,
-                             z < -0.9 ? 10.0f * dense : 10.0f));
-  }
-  return surfels;
-}
 
 std::int64_t shown(const SightVotes& v, std::uint32_t group) {
   for (const PatchVote& side : v.sides)

@@ -3,20 +3,13 @@
 #include <cmath>
 
 #include "kernels/points/top_surface.h"
+#include "tests/kernels/points/job_surfels.h"
 
 using namespace tessera;
 
 namespace {
 
 constexpr double kScale = 4096.0;
-
-JobSurfel surfel(const Float3& at, const Float3& normal, std::uint32_t group) {
-  JobSurfel s;
-  s.position = at;
-  for (std::size_t a = 0; a < 3; ++a) s.area[a] = 64.0f * normal[a];
-  s.patch = group, s.surfels = 16, s.points = 10.0f;
-  return s;
-}
 
 /// A level square of surfels that show downwards, 8 cells apart.
 void add_square(std::vector<JobSurfel>& surfels, float low, float high, float z, std::uint32_t group) {
@@ -63,14 +56,7 @@ TEST_CASE("top surface: a facade shows to the street, not into the house, whiche
 }
 
 TEST_CASE("top surface: of a ball, half of what is level is covered", "[unit]") {
-  std::vector<JobSurfel> surfels;
-  constexpr int kCount = 4000;
-  for (int i = 0; i < kCount; ++i) {
-    const double z = 1.0 - 2.0 * (i + 0.5) / kCount, r = std::sqrt(1.0 - z * z), a = 2.399963229728653 * i;
-    const Float3 n = {static_cast<float>(r * std::cos(a)), static_cast<float>(r * std::sin(a)),
-                      static_cast<float>(z)};
-    surfels.push_back(surfel({200.0f + 140.0f * n[0], 200.0f + 140.0f * n[1], 200.0f + 140.0f * n[2]}, n, 0));
-  }
+  const std::vector<JobSurfel> surfels = ball();
   for (const Float3& up : {Float3{0, 0, 1}, Float3{1, 0, 0}, Float3{0.6f, 0.0f, 0.8f}})
     CHECK(TopSurface(surfels, up).covered_share() == Approx(0.5).margin(0.05));
 }
