@@ -86,6 +86,7 @@ class RootMerger {
       for (std::size_t axis = 0; axis < 3; ++axis)
         for (std::size_t z = 0; z < 8; ++z) merge_word(l, axis, z);
     field_.roots = std::move(roots_);
+    field_.creased = std::move(creased_);
   }
 
  private:
@@ -103,9 +104,10 @@ class RootMerger {
     for (std::uint64_t left = now; left; left &= left - 1) {
       const auto b = static_cast<std::size_t>(std::countr_zero(left));
       const std::uint64_t below = (std::uint64_t{1} << b) - 1;
-      roots_.push_back(old >> b & 1
-                           ? field_.roots[first_old + static_cast<std::uint32_t>(std::popcount(old & below))]
-                           : fresh[b]);
+      const bool kept = (old >> b & 1) != 0;
+      const std::size_t from = first_old + static_cast<std::size_t>(std::popcount(old & below));
+      roots_.push_back(kept ? field_.roots[from] : fresh[b]);
+      if (!field_.creased.empty()) creased_.push_back(kept ? field_.creased[from] : std::uint8_t{0});
     }
     leaf.crossing[axis][z] = now;
   }
@@ -144,6 +146,7 @@ class RootMerger {
   DirectedField& field_;
   const std::vector<WantedNodes>& wanted_;
   std::vector<EdgeRoot> roots_;
+  std::vector<std::uint8_t> creased_;
 };
 
 }  // namespace

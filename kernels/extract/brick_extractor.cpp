@@ -336,6 +336,9 @@ bool BrickExtractor::keep_feature_loop(const Int3& cell, int number, const std::
   for (std::size_t i = 1; i < size; ++i)
     close &= dot(field_.roots[root[0]].normal, field_.roots[root[i]].normal) > thresholds_.quick_dot;
   if (close) return false;
+  if (!field_.creased.empty() &&
+      std::none_of(root, root + size, [this](std::uint32_t r) { return field_.creased[r] != 0; }))
+    return false;
   for (std::size_t i = 0; i < size; ++i) {
     const EdgeRoot& r = field_.roots[root[i]];
     samples_.normal[i] = r.normal;

@@ -35,8 +35,11 @@ struct DirectedField {
   Int3 cells = {0, 0, 0};   ///< core size; nodes run over [-1, cells + 1]
   /// Dense (cells/8 + 2)^3 table, x fastest, -1 = no leaf; leaf -1 first.
   std::vector<std::int32_t> leaf_index;
-  std::vector<BandLeaf> leaves;   ///< in table order
-  std::vector<EdgeRoot> roots;    ///< by leaf, axis, word, bit
+  std::vector<BandLeaf> leaves;  ///< in table order
+  std::vector<EdgeRoot> roots;   ///< by leaf, axis, word, bit
+  /// Noisy samples: per root of the fits, whether there is a crease at one of its nodes. Only such roots tell of features,
+  /// for normals alone bend where noise is too. Empty: all do.
+  std::vector<std::uint8_t> creased;
   std::vector<BorderMove> moves;  ///< ascending; of what BandLeaf::moving marks, the rest stays
 
   Int3 leaf_dims() const { return {cells[0] / 8 + 2, cells[1] / 8 + 2, cells[2] / 8 + 2}; }

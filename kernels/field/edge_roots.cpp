@@ -131,7 +131,8 @@ EdgeRoot crease_root(const EdgeEnd& a, const EdgeEnd& b, std::size_t axis) {
 
 }  // namespace
 
-void find_roots(const std::vector<LeafFit>& fits, const std::vector<Sheets>& sheets, DirectedField& field) {
+void find_roots(const std::vector<LeafFit>& fits, const std::vector<Sheets>& sheets, bool noisy,
+                DirectedField& field) {
   static constexpr std::array<std::uint64_t, 8> kNone{};
   for (std::size_t l = 0; l < field.leaves.size(); ++l) {
     BandLeaf& leaf = field.leaves[l];
@@ -161,8 +162,10 @@ void find_roots(const std::vector<LeafFit>& fits, const std::vector<Sheets>& she
           const LeafFit& fit_b = fits[beyond ? static_cast<std::size_t>(next) : l];
           const std::size_t b = beyond ? a - 7 * step : a + step;
           const EdgeEnd end_a(fits[l], sheets, a), end_b(fit_b, sheets, b);
-          field.roots.push_back(end_a.sheets || end_b.sheets ? crease_root(end_a, end_b, axis)
-                                                             : smooth_root(fits[l], a, fit_b, b, axis));
+          const bool creased = end_a.sheets || end_b.sheets;
+          if (noisy) field.creased.push_back(creased ? 1 : 0);
+          field.roots.push_back(creased ? crease_root(end_a, end_b, axis)
+                                        : smooth_root(fits[l], a, fit_b, b, axis));
         }
       }
     }

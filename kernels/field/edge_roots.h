@@ -17,6 +17,8 @@ inline constexpr float kRootMargin = 1.0f / 64.0f;
 /// nodes' sheets, so that it lies on one exact face and has that face's normal.
 /// \param fits    per leaf of the field, same order
 /// \param sheets  what LeafFit::first_sheets points into
-void find_roots(const std::vector<LeafFit>& fits, const std::vector<Sheets>& sheets, DirectedField& field);
+/// \param noisy  fill field.creased too
+void find_roots(const std::vector<LeafFit>& fits, const std::vector<Sheets>& sheets, bool noisy,
+                DirectedField& field);
 
 }  // namespace tessera

@@ -153,7 +153,7 @@ DirectedField evaluate_field(const PointBlock& points, const FieldOptions& optio
         if (fit.value[n] < 0.0f) leaf.inside[z] |= left & (~left + 1);
       }
   }
-  find_roots(fits, sheets, field);
+  find_roots(fits, sheets, fit_options.noisy, field);
   find_border(fits, rims, field);
   if (!points.rgba.empty()) colour_roots(points, leaves, fit_options.radius, field);
   return field;

@@ -315,6 +315,19 @@ TEST_CASE("extract: an axis-parallel cube has exactly eight corners and straight
   }
 }
 
+TEST_CASE("extract: of noisy samples only roots beside creases tell of features", "[unit]") {
+  DirectedField field = make_field(cube_solid(64).shape, kOrigin, {64, 64, 64});
+  const Extracted all = extract(field);
+  REQUIRE(all.report.crease_samples > 100);
+  field.creased.assign(field.roots.size(), 1);
+  CHECK(extract(field).mesh.position == all.mesh.position);
+  field.creased.assign(field.roots.size(), 0);
+  const Extracted none = extract(field);
+  require_sound(none);
+  CHECK(none.report.crease_samples + none.report.corner_samples == 0);
+  CHECK(none.mesh.position == extract(field, ExtractMethod::kMarchingCubes).mesh.position);
+}
+
 TEST_CASE("extract: colours are carried, and averaged at centres", "[unit]") {
   AnalyticFieldOptions options;
   SECTION("constant") {
