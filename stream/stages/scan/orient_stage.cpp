@@ -183,10 +183,11 @@ class OrientStage : public Stage {
     const std::string where =
         fmt::format("the sides of {:.3g} % of the points are in doubt, {}: ", 100.0 * uncertain, shown);
     if (uncertain > max_uncertain_)
-      throw ValidationError(where + fmt::format("give --viewpoint or --up, or allow more than {:.3g} % with "
-                                                "--max-uncertain",
-                                                100.0 * max_uncertain_));
-    entry["warnings"] = {where + "give --viewpoint or --up if they face the wrong way"};
+      throw ValidationError(where +
+                            fmt::format("give --viewpoint or --from, or allow more than {:.3g} % with "
+                                        "--max-uncertain",
+                                        100.0 * max_uncertain_));
+    entry["warnings"] = {where + "give --viewpoint or --from if they face the wrong way"};
   }
 
   Viewers viewers() const {
