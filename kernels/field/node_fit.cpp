@@ -5,7 +5,7 @@
 #include <cmath>
 
 #include "kernels/field/node_sums.h"
-#include "kernels/field/rim_test.h"
+#include "kernels/field/rim_rule.h"
 #include "octree/vector.h"
 
 namespace tessera {

@@ -1,4 +1,4 @@
-/// \file rim_test.h
+/// \file rim_rule.h
 /// Whether the samples go on around a foot point, however unevenly they lie.
 #pragma once
 #include "kernels/field/sample_clusters.h"

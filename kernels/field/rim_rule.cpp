@@ -1,4 +1,4 @@
-#include "kernels/field/rim_test.h"
+#include "kernels/field/rim_rule.h"
 
 #include <cmath>
 #include <cstdint>
