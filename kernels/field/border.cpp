@@ -60,29 +60,24 @@ bool mark_moves(const std::vector<LeafFit>& fits, const std::vector<RimNode>& ri
     for (std::size_t z = 0; z < 8; ++z) {
       const std::uint64_t crossing = leaf.crossing[axis][z];
       for (std::uint64_t left = crossing; left; left &= left - 1) {
+        const std::uint64_t mine = left & (~left + 1);
         const auto bit = static_cast<std::size_t>(std::countr_zero(left));
-        const std::size_t a = bit + 64 * z;
         const std::size_t coordinate = axis == 0 ? bit & 7 : axis == 1 ? bit >> 3 : z;
-        const RimNode from = rim_at(fits[l], rims, a);
-        const RimNode to =
-            coordinate == 7 ? rim_at(*fit_after, rims, a - 7 * step) : rim_at(fits[l], rims, a + step);
+        const bool crosses = coordinate == 7;
+        const LeafFit& fit_b = crosses ? *fit_after : fits[l];
+        const std::size_t a = bit + 64 * z, b = crosses ? a - 7 * step : a + step;
+        const RimNode from = rim_at(fits[l], rims, a), to = rim_at(fit_b, rims, b);
         if (from.depth >= kRimDepth && to.depth >= kRimDepth) continue;
         const std::uint32_t index =
-            leaf.first_root[axis][z] +
-            static_cast<std::uint32_t>(std::popcount(crossing & ((left & (~left + 1)) - 1)));
+            leaf.first_root[axis][z] + static_cast<std::uint32_t>(std::popcount(crossing & (mine - 1)));
         const EdgeRoot& root = field.roots[index];
-        const LeafFit& fit_b = coordinate == 7 ? *fit_after : fits[l];
-        const std::size_t b = coordinate == 7 ? a - 7 * step : a + step;
-        if (is_false(fits[l].gradient[axis][a], fit_b.gradient[axis][b],
-                     leaf.inside[z] & (left & (~left + 1)))) {
-          any = true;
-          leaf.moving[axis][z] |= left & (~left + 1);
-          continue;
-        }
         const float depth = (1.0f - root.t) * from.depth + root.t * to.depth - kContour;
-        if (depth >= kSnap) continue;
+        const bool between =
+            is_false(fits[l].gradient[axis][a], fit_b.gradient[axis][b], leaf.inside[z] & mine);
+        if (!between && depth >= kSnap) continue;
         any = true;
-        leaf.moving[axis][z] |= left & (~left + 1);
+        leaf.moving[axis][z] |= mine;
+        if (between) continue;
         Float3 inward;
         for (std::size_t c = 0; c < 3; ++c)
           inward[c] = (1.0f - root.t) * from.inward[c] + root.t * to.inward[c];

@@ -59,6 +59,7 @@ constexpr float kMostGap = 0.9f;
 constexpr float kThickness = 0.3f;
 /// Nodes less deep than this may be in a gap; those that turn out to be surrounded are at least so deep.
 constexpr float kSurroundedDepth = 0.9f;
+static_assert(kSurroundedDepth <= kRimDepth, "the depth of a node that may be in a gap is stored");
 /// How fast the distance of foot point and centroid grows towards a straight border, per distance.
 constexpr float kRimSlope = 0.6f;
 /// Both where closing takes over at the rim: it stays well among the samples, so that no flap reaches on.
@@ -393,7 +394,7 @@ RowReach reach_of_row(std::uint32_t nodes, std::size_t y, std::size_t z, float r
           .high_x = static_cast<float>(31 - std::countl_zero(nodes)) + r,
           .r2 = r * r};
 }
-/// NodeSums of the samples that a row of nodes reaches. \return how often `row` was filled: 1 if it holds them all
+/// Sums of the samples that a row of nodes reaches. \return how often `row` was filled: 1 if it holds them all
 int sum_row(const SampleList& samples, const RowReach& reach, RowSamples& row, NodeSums& sums) {
   clear(sums);
   int fills = 0;

@@ -140,12 +140,11 @@ struct Plane {
 };
 
 Plane fit_plane(const Moments& m) {
-  const auto [values, least] = least_eigen3(m.covariance);
+  const auto [values, n] = least_eigen3(m.covariance);
   Plane plane;
   const double sum = std::max(values[0], 0.0) + values[1] + values[2];
   if (!(sum > 0.0) || values[1] < kLine * values[2]) return plane;
   // A sign that every block agrees on: the component of largest magnitude is positive.
-  const Double3& n = least;
   int major = 0;
   for (int a = 1; a < 3; ++a)
     if (std::fabs(n[static_cast<std::size_t>(a)]) > std::fabs(n[static_cast<std::size_t>(major)])) major = a;
@@ -283,8 +282,8 @@ std::vector<PointShape> estimate_shapes(const PointBlock& points, const NormalOp
       into.pad();
     };
     const auto radius = static_cast<float>(options.radius_cells);
-    gather(radius, false, candidates);
-    wide.clear(), ground.clear(), wide_ground.clear();
+    for (Candidates* list : {&candidates, &wide, &ground, &wide_ground})
+      list->clear();  // gathered when asked for
     for (std::uint32_t i = run.first; i < run.last; ++i) {
       const float x = points.x[i] - low[0], y = points.y[i] - low[1], z = points.z[i] - low[2];
       const Float3 given = {points.nx[i], points.ny[i], points.nz[i]};

@@ -12,7 +12,7 @@ namespace {
 
 // Looks.
 constexpr float kLeastDistance = 0.5f;        ///< cells; what is nearer is the surface that is looked from
-constexpr float kGrazing = 0.1f;              ///< cosine; flatter looks at the sky or a sensor are left out
+constexpr float kGrazing = 0.1f;              ///< cosine; flatter looks at a sensor are left out
 constexpr float kFrank = 0.25f;               ///< cosine; flatter looks say nothing
 constexpr float kNear = 2.0f * kCoarseCells;  ///< disks reach beyond edges: what ends nearer does not vote
 constexpr std::uint64_t kLooks = 1u << 19;    ///< pairs, there and back, aimed at over the whole job
@@ -116,7 +116,7 @@ class Looker {
   /// Few surfels look often rather than many seldom: what shuts a surfel in shows in many looks only. Where groups are
   /// too many for their share of looks, as in a crown of leaves, all of them get less.
   void choose_lookers() {
-    for (per_group_ = static_cast<double>(kPerGroup); per_group_ >= 1.0; per_group_ /= 2.0) {
+    for (per_group_ = static_cast<double>(kPerGroup);; per_group_ /= 2.0) {  // without it they are kLooks
       double all = 0.0;
       for (const JobSurfel& s : surfels_) all += rate(s, per_group_);
       if (all <= static_cast<double>(kMostLooks)) break;

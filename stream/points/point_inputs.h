@@ -18,7 +18,8 @@ class PointInputs {
  public:
   /// \param task_bytes  input bytes that one task reads, about; grows for huge inputs so that tasks stay below
   ///                    about 400. Changes no result.
-  /// \throws UsageError  no file, or classes or returns wanted that no file tells; InputError  more than 65534 different sensor origins
+  /// \throws UsageError  no file, or classes or returns wanted that no file tells; InputError  more than 65534
+  /// different sensor origins
   PointInputs(std::vector<std::unique_ptr<PointFile>> files, const ReconstructOptions& options,
               std::uint64_t task_bytes = std::uint64_t{32} << 20);
 
@@ -40,8 +41,8 @@ class PointInputs {
   /// given: the only one; the one of its file, if there are as many as files; else the nearest.
   void sensor_ids(std::uint32_t file, const PointChunk& chunk, std::vector<std::uint16_t>& ids) const;
 
-  /// Streams the slices of task k, without the points whose class or return is not wanted. Reports progress in input bytes when `in_bytes`, else in points; checks
-  /// for a stop between chunks. Returns the summed fates.
+  /// Streams the slices of task k, without the points whose class or return is not wanted. Reports progress in input
+  /// bytes when `in_bytes`, else in points; checks for a stop between chunks. Returns the summed fates.
   ReadCounts read(std::size_t k, TaskContext& context, bool in_bytes,
                   const std::function<void(std::uint32_t file, const PointChunk&)>& sink) const;
 

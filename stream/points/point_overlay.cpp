@@ -11,7 +11,7 @@ namespace tessera {
 namespace {
 
 constexpr PackedKind kKind = {"TSNORML3", "a file of normals"};
-constexpr PackedKind kDecisionsKind = {"TSDECID1", "a file of orientation decisions"};
+constexpr PackedKind kDecisionsKind = {"TSDECID2", "a file of orientation decisions"};
 
 }  // namespace
 

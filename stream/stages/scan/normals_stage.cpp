@@ -20,8 +20,8 @@ namespace {
 
 using json = nlohmann::json;
 
-// Block of one brick: 40 bytes a point while loading, then shape, overlay record, candidates, orientation.
-constexpr std::uint64_t kBytesPerPoint = 40 + 28 + 8 + 48 + 64;
+// Block of one brick: 42 bytes a point while loading, then shape, overlay record, candidates, orientation.
+constexpr std::uint64_t kBytesPerPoint = 42 + 28 + 8 + 55 + 64;
 /// Cosine of the view from which a point's own sensor decides its sign alone.
 constexpr float kSureView = 0.25f;
 constexpr std::uint64_t kFixedTaskBytes = 12u << 20;
@@ -182,6 +182,7 @@ class NormalsStage : public Stage {
     std::vector<std::uint16_t> flags;  ///< empty where no returns are known
     void reserve(std::size_t n) {
       position.reserve(n), normal.reserve(n), given.reserve(n), variation.reserve(n), visible.reserve(n);
+      roughness.reserve(n);
     }
   };
 

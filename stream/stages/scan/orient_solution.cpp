@@ -24,7 +24,7 @@ constexpr ContractionLimits kGroupLimits = {24.0 * kVoteScale, 0.8};
 constexpr double kSightScale = kVoteScale;
 /// And of what the highest surface tells.
 constexpr double kSkyScale = 0.25 * kVoteScale;
-/// Share of the level area below other surfaces up to which a scene was seen from above: 0 to 0.13 of landscapes,
+/// Share of the level area below other surfaces up to which a scene was seen from above: 0 to 0.17 of landscapes,
 /// towns and quarries, 0.45 to 0.7 of objects and rooms.
 constexpr double kMostCovered = 0.3;
 
@@ -112,7 +112,7 @@ std::vector<PatchVote> votes_of_scene(const std::vector<JobSurfel>& surfels, std
     const TopSurface tops(surfels, viewers.up);
     entry["covered_fraction"] = tops.covered_share();
     if (viewers.scene == "above" || (viewers.scene == "auto" && tops.covered_share() < kMostCovered)) {
-      entry["scene"] = "from above";
+      entry["scene"] = kSeenFromAbove;
       return tops.votes(groups, kSkyScale);
     }
   }
@@ -161,8 +161,8 @@ PatchSigns solve_unseen(const std::vector<std::uint64_t>& weight, const std::vec
     s.patch = group[s.patch];
   }
   std::vector<PatchVote> votes = votes_of_scene(surfels, groups, viewers, context, entry);
-  if (entry.at("scene") !=
-      name_of(SceneKind::kRoom))  // there as much shows down as up: `up` says where the sky is
+  // In a room as much shows down as up: there `up` says where the sky is, no more.
+  if (entry.at("scene") != name_of(SceneKind::kRoom))
     for (const PatchVote& v : above) {
       const std::int64_t same = v.same / kAboveShare, opposite = v.opposite / kAboveShare;
       votes.push_back({group[v.a], groups, sign[v.a] > 0 ? same : opposite, sign[v.a] > 0 ? opposite : same});
@@ -214,9 +214,9 @@ std::vector<PatchVote> votes_of(const std::vector<PatchFacts>& facts) {
 std::uint64_t orient_solution_bytes(std::uint64_t patches, std::uint64_t votes, std::uint64_t coarse) {
   ++patches;         // outside
   votes += patches;  // of sensors or up
-  // Votes as given and inside the contraction, their adjacency; surfels, their looks and pixels.
+  // Votes as given and inside the contraction, their adjacency; surfels, their disks as they are sorted; looks.
   return votes * (2 * sizeof(PatchVote) + 8) + patches * (sizeof(PatchFacts) + 120) +
-         coarse * (sizeof(JobSurfel) + 40) + (16u << 20);
+         coarse * (sizeof(JobSurfel) + 56) + (24u << 20);
 }
 
 void solve_orientation(const PointOverlay& overlay, std::vector<PatchVote> boundary_votes,
@@ -240,16 +240,17 @@ void solve_orientation(const PointOverlay& overlay, std::vector<PatchVote> bound
   merge_votes(votes);
   context.check_stop();
   PatchSigns signs;
-  if (viewers.own) entry["scene"] = viewers.scene;
-  if (viewers.own)
+  if (viewers.own) {
+    entry["scene"] = viewers.scene;
     signs = solve_seen(weight, votes_of(facts), std::move(votes));
-  else if (!viewers.sensors.empty())
+  } else if (!viewers.sensors.empty()) {
     signs = solve_seen(
         weight, vote_by_sensors(job_surfels(overlay, facts, context), patches, viewers.sensors, kVoteScale),
         std::move(votes));
-  else
+  } else {
     signs = solve_unseen(weight, votes, votes_of(facts), job_surfels(overlay, facts, context), viewers,
                          context, entry);
+  }
 
   decisions.patch.assign(patches, 0);
   std::map<std::uint32_t, Agreement> by_component;

@@ -18,6 +18,10 @@ namespace tessera {
 /// \param votes  between patches, of one brick or of two
 std::uint64_t orient_solution_bytes(std::uint64_t patches, std::uint64_t votes, std::uint64_t coarse);
 
+/// What a report calls scenes of which level surfaces show up.
+inline constexpr const char* kAirborne = "airborne";
+inline constexpr const char* kSeenFromAbove = "from above";
+
 /// Who says which side of a patch is outside; if neither, what surfels see of each other, and `up` in PatchFacts.
 struct Viewers {
   bool own = false;             ///< points know from where they were seen, which has voted in PatchFacts

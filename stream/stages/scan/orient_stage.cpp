@@ -157,7 +157,7 @@ class OrientStage : public Stage {
     const std::string scene = entry.value("scene", "");
     decisions.drop_scattered =
         mode_.propagate() && (vegetation_ == "drop" ||
-                              (vegetation_ == "auto" && (scene == "airborne" || scene == "from above")))
+                              (vegetation_ == "auto" && (scene == kAirborne || scene == kSeenFromAbove)))
             ? 1
             : 0;
     if (mode_.propagate())
@@ -193,7 +193,7 @@ class OrientStage : public Stage {
   Viewers viewers() const {
     Viewers v;
     v.own = mode_.each_seen();
-    v.scene = mode_.airborne ? "airborne" : v.own ? "sensors" : from_;
+    v.scene = mode_.airborne ? kAirborne : v.own ? "sensors" : from_;
     for (std::size_t a = 0; a < 3; ++a) v.up[a] = static_cast<float>(mode_.up[a]);
     if (!mode_.by_sensor || v.own) return v;
     const double cell = plan_.lattice.h;
