@@ -124,6 +124,8 @@ class OrientStage : public Stage {
   }
 
   std::uint64_t finish_bytes() const override {
+    if (!mode_.propagate())
+      return overlay_.first_patch().back() + (1u << 20);  // a decision each, nothing to solve
     std::uint64_t votes = 0;
     for (std::size_t t = 0; t < task_count(); ++t) {
       std::error_code missing;  // planned before any task ran
