@@ -274,8 +274,8 @@ constexpr float kCreaseShare = 0.6f;
 /// an edge, and those of a silhouette are no Gaussian cloud.
 constexpr float kClearShare = 0.2f;
 constexpr float kNoisySeparation2 = 64.0f;
-/// So many samples tell it: every n-th where there are more.
-constexpr std::size_t kShareSamples = 128;
+/// Few of the places where noisy normals bend have a crease: so many samples are asked first, every n-th of all.
+constexpr std::size_t kAskedSamples = 64;
 
 /// That share for node `x` of a row; between the two where there is no smooth fit.
 float share_left(const Sheets& sheets, const LocalSamples& samples, const Spheres& row, std::uint32_t x) {
@@ -287,9 +287,8 @@ float share_left(const Sheets& sheets, const LocalSamples& samples, const Sphere
   };
   const Float3 u = {lane(row.ux), lane(row.uy), lane(row.uz)};
   const float u0 = lane(row.u0), twice = lane(row.twice_u4);
-  const std::size_t step = samples.size / kShareSamples + 1;
   float sum = 0.0f, sharp = 0.0f;
-  for (std::size_t i = 0; i < samples.size; i += step) {
+  for (std::size_t i = 0; i < samples.size; ++i) {
     const Float3 p = {samples.x[i], samples.y[i], samples.z[i]};
     const Float3 g = u + p * twice;
     const float f = u0 + tessera::dot(u, p) + 0.5f * twice * tessera::dot(p, p);
@@ -300,10 +299,24 @@ float share_left(const Sheets& sheets, const LocalSamples& samples, const Sphere
   return sum > 0.0f ? sharp / sum : 1.0f;
 }
 
-/// Whether sheets of noisy samples are a crease that positions confirm.
-bool is_confirmed(const Sheets& sheets, const LocalSamples& samples, const Spheres& row, std::uint32_t x) {
-  const bool clear = sheets.separation2 >= kNoisySeparation2;
-  return share_left(sheets, samples, row, x) < (clear ? kCreaseShare : kClearShare);
+/// The sheets of noisy samples around node `x` of a row, none unless positions confirm the crease.
+Sheets confirmed_sheets(const NormalSeeds& seeds, const SheetOptions& options, const Spheres& row,
+                        std::uint32_t x, LocalSamples& samples) {
+  const Sheets found = fit_sheets(samples, seeds, options);
+  if (found.count == 0) return found;
+  const bool clear = found.separation2 >= kNoisySeparation2;
+  return share_left(found, samples, row, x) < (clear ? kCreaseShare : kClearShare) ? found : Sheets();
+}
+
+/// The same of many samples: a part of them must confirm it too, which is asked first.
+Sheets confirmed_sheets(const NormalSeeds& seeds, const SheetOptions& options, const Spheres& row,
+                        std::uint32_t x, NodeFitScratch& scratch) {
+  const std::size_t step = scratch.local.size / kAskedSamples + 1;
+  if (step > 1) {
+    scratch.asked.take_every(step, scratch.local);
+    if (confirmed_sheets(seeds, options, row, x, scratch.asked).count == 0) return {};
+  }
+  return confirmed_sheets(seeds, options, row, x, scratch.local);
 }
 
 /// Tries sheets at the bent nodes of a row; updates their values and flags. \param split  nodes that have sheets
@@ -328,9 +341,9 @@ void fit_creases(std::uint32_t bent, const Spheres& spheres, const SampleList& c
     gather_local(x, reach, row_is_whole, scratch);
     scratch.local.pad();
     if (!options.noisy) seeds = seed_normals(scratch.local, options.sheets.cos_feature);
-    const Sheets found = fit_sheets(scratch.local, seeds, options.sheets);
+    const Sheets found = options.noisy ? confirmed_sheets(seeds, options.sheets, spheres, x, scratch)
+                                       : fit_sheets(scratch.local, seeds, options.sheets);
     if (found.count == 0) continue;
-    if (options.noisy && !is_confirmed(found, scratch.local, spheres, x)) continue;
     const std::uint32_t bit = 1u << x;
     *split |= bit;
     flags->valid &= ~bit;

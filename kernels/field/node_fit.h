@@ -71,7 +71,7 @@ inline constexpr float kRimReach = 0.8f;
 struct NodeFitScratch {
   SampleList slab, wide_samples;
   RowSamples row, coarse_row;
-  LocalSamples local, coarse_local;
+  LocalSamples local, coarse_local, asked;
   LeafRim rim, wide_rim;
   LeafFit wide;  ///< of nodes in layers, gaps or rough places
   /// Of the leaf fitted last, noisy samples: smooth valid nodes whose normals contradict each other, and by how much:

@@ -115,6 +115,17 @@ void LocalSamples::reserve(std::size_t n) {
   label.resize(need + need / 2, -1);
 }
 
+void LocalSamples::take_every(std::size_t n, const LocalSamples& from) {
+  size = 0;
+  reserve(from.size / n + 1);
+  for (std::size_t i = 0; i < from.size; i += n, ++size) {
+    x[size] = from.x[i], y[size] = from.y[i], z[size] = from.z[i];
+    nx[size] = from.nx[i], ny[size] = from.ny[i], nz[size] = from.nz[i];
+    w[size] = from.w[i];
+  }
+  pad();
+}
+
 void LocalSamples::pad() {
   reserve(size);
   for (std::size_t i = size; i < size + kLanes; ++i) x[i] = y[i] = z[i] = nx[i] = ny[i] = nz[i] = w[i] = 0.0f;

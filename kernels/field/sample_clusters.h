@@ -21,6 +21,8 @@ struct LocalSamples {
   std::size_t size = 0;             ///< samples
   void clear() { size = 0; }
   void reserve(std::size_t n);  ///< room for n samples and the padding, keeps the content
+  /// Becomes every n-th sample of another list, padded.
+  void take_every(std::size_t n, const LocalSamples& from);
   void pad();
 };
 
