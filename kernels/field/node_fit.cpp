@@ -563,7 +563,8 @@ void bridge_gaps(const SampleList& samples, const NodeFitOptions& options, NodeF
           if (!is_surrounded(scratch.local, wide.value[i], gradient, kThickness * options.radius, within))
             continue;
           const std::uint64_t bit = std::uint64_t{1} << (8 * y + x);
-          if (!(fit.valid[z] & bit) || scratch.rim.depth[i] < 0.0f) {
+          const bool beyond = (scratch.rim.nodes[z] & bit) != 0 && scratch.rim.depth[i] < 0.0f;
+          if (!(fit.valid[z] & bit) || beyond) {
             fit.value[i] = wide.value[i];
             for (std::size_t c = 0; c < 3; ++c) fit.gradient[c][i] = gradient[c];
           }
