@@ -53,7 +53,8 @@ void paste(const std::array<std::uint64_t, 8>& words, int di, int dj, int dk, Bo
   }
 }
 
-/// Local nodes of a leaf that lie within [-1, cells + 1] of the block.
+}  // namespace
+
 std::array<std::uint64_t, 8> nodes_in_block(const Int3& leaf, const Int3& cells) {
   const auto axis_bits = [&](std::size_t axis) {
     std::uint32_t bits = 0;
@@ -72,8 +73,6 @@ std::array<std::uint64_t, 8> nodes_in_block(const Int3& leaf, const Int3& cells)
     if (z >> v & 1) words[v] = plane;
   return words;
 }
-
-}  // namespace
 
 std::vector<BandNodes> choose_band(const PointLeaves& leaves) {
   // Only leaves beside a marked one can hold band nodes.

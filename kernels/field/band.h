@@ -24,6 +24,9 @@ struct BandNodes {
   std::array<std::uint64_t, 8> nodes{};  ///< bit x + 8 y of word z
 };
 
+/// Nodes of a leaf that lie within [-1, cells + 1] of the block.
+std::array<std::uint64_t, 8> nodes_in_block(const Int3& leaf, const Int3& cells);
+
 /// Nodes of the band within [-1, cells + 1] of the block, by leaf in table order; leaves without any are left
 /// out.
 std::vector<BandNodes> choose_band(const PointLeaves& leaves);

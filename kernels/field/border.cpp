@@ -11,8 +11,7 @@ namespace {
 
 /// Vertices less deep than this lie on the border: cells that hold only such ones would be slivers.
 constexpr float kSnap = 0.3f;
-/// Where the contour lies, in depth; and the longest way onto it, cells.
-constexpr float kContour = 0.5f;
+/// The longest way onto the contour, cells.
 constexpr float kLongestMove = 1.5f;
 
 RimNode rim_at(const LeafFit& fit, const std::vector<RimNode>& rims, std::size_t node) {
@@ -71,7 +70,7 @@ bool mark_moves(const std::vector<LeafFit>& fits, const std::vector<RimNode>& ri
         const std::uint32_t index =
             leaf.first_root[axis][z] + static_cast<std::uint32_t>(std::popcount(crossing & (mine - 1)));
         const EdgeRoot& root = field.roots[index];
-        const float depth = (1.0f - root.t) * from.depth + root.t * to.depth - kContour;
+        const float depth = (1.0f - root.t) * from.depth + root.t * to.depth - kBorderDepth;
         const bool between =
             is_false(fits[l].gradient[axis][a], fit_b.gradient[axis][b], leaf.inside[z] & mine);
         if (!between && depth >= kSnap) continue;

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "kernels/field/band.h"
+#include "kernels/field/bodies.h"
 #include "kernels/field/border.h"
 #include "kernels/field/coarse_normals.h"
 #include "kernels/field/edge_roots.h"
@@ -100,7 +101,14 @@ DirectedField evaluate_field(const PointBlock& points, const FieldOptions& optio
   const PointLeaves leaves = index_leaves(points, true);
   const PointBlock coarse_points = average_normals(points);
   const PointLeaves coarse_leaves = index_leaves(coarse_points, false);
-  const std::vector<BandNodes> band = choose_band(leaves);
+  std::vector<BandNodes> band = choose_band(leaves);
+  const PointBlock strewn = options.bodies ? strewn_points(points) : PointBlock();
+  PointLeaves strewn_leaves;
+  if (strewn.size() > 0) {
+    strewn_leaves = index_leaves(strewn, false);
+    add_body_leaves(strewn_leaves, band);
+  }
+  BodyScratch body_scratch;
   DirectedField field;
   field.origin = points.origin;
   field.cells = points.cells;
@@ -126,15 +134,20 @@ DirectedField evaluate_field(const PointBlock& points, const FieldOptions& optio
     const auto index = static_cast<int>(nodes.leaf);
     const int i = index % leaves.dims[0] - 1, j = index / leaves.dims[0] % leaves.dims[1] - 1,
               k = index / (leaves.dims[0] * leaves.dims[1]) - 1;
-    const SampleBox reach = reach_of(nodes.nodes, fit_options.radius);
-    gather_samples(points, leaves, i, j, k, reach, samples);
-    gather_samples(coarse_points, coarse_leaves, i, j, k, reach, coarse);
     LeafFit& fit = fits.emplace_back();
+    if (nodes.nodes != BandNodes().nodes) {
+      const SampleBox reach = reach_of(nodes.nodes, fit_options.radius);
+      gather_samples(points, leaves, i, j, k, reach, samples);
+      gather_samples(coarse_points, coarse_leaves, i, j, k, reach, coarse);
+    }
     fit_nodes(samples, coarse, nodes.nodes, fit_options, scratch, fit, sheets);
     smooth_leaf(points, leaves, {i, j, k}, fit_options, scratch, fit);
     // Where the surface will be closed, gaps are the closing field's.
     if (!options.firm_rim)
       bridge_leaf(points, leaves, coarse_points, coarse_leaves, {i, j, k}, fit_options, scratch, fit);
+    if (strewn.size() > 0)
+      join_bodies({strewn, strewn_leaves, coarse_points, coarse_leaves}, {i, j, k},
+                  nodes_in_block({i, j, k}, points.cells), body_scratch, fit, scratch.rim, sheets);
     keep_rims(scratch.rim, fit, rims);
     std::uint64_t any = 0;
     for (const std::uint64_t word : fit.valid) any |= word;
@@ -155,7 +168,7 @@ DirectedField evaluate_field(const PointBlock& points, const FieldOptions& optio
   }
   find_roots(fits, sheets, fit_options.noisy, field);
   find_border(fits, rims, field);
-  if (!points.rgba.empty()) colour_roots(points, leaves, fit_options.radius, field);
+  if (!points.rgba.empty()) colour_roots(points, leaves, fit_options.radius, options.bodies, field);
   return field;
 }
 

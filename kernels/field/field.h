@@ -22,6 +22,7 @@ struct FieldOptions {
   double feature_angle_deg = 25.0;
   double noise_cells = 0.0;  ///< standard deviation of the points along the normal, in cells; 0 = exact
   bool firm_rim = false;     ///< end the surface well among the samples: what is beyond will be closed
+  bool bodies = false;  ///< points without normal are strewn ones, with closed bodies around them: bodies.h
   std::function<void()>
       pause{};  ///< called for every leaf; what it throws ends the evaluation; empty = never
 };
@@ -31,7 +32,7 @@ struct FieldOptions {
 int field_halo_cells(const FieldOptions& options);
 
 /// Evaluates the band of a block.
-/// \param points  core and halo of the block, canonical order, oriented; points without normal are ignored
+/// \param points  core and halo of the block, canonical order, oriented; points without normal are ignored, or bodies
 /// \post every node value, sign and root is a pure function of the points within field_halo_cells - 1 of the
 ///       node: the same bits for any block that holds it
 DirectedField evaluate_field(const PointBlock& points, const FieldOptions& options);

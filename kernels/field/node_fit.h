@@ -65,6 +65,7 @@ inline constexpr float kLargestValue = 2.0f;
 /// Depth from which the end of the surface does not matter; and how far beyond it nodes are valid still, so that the
 /// surface can be cut there: cells.
 inline constexpr float kRimDepth = 1.0f;
+inline constexpr float kBorderDepth = 0.5f;  ///< where the border runs
 inline constexpr float kRimReach = 0.8f;
 
 /// Scratch that a caller keeps between leaves.

@@ -47,7 +47,8 @@ std::uint32_t mean_colour(const PointBlock& points, const SampleList& samples, c
 
 }  // namespace
 
-void colour_roots(const PointBlock& points, const PointLeaves& leaves, float radius, DirectedField& field) {
+void colour_roots(const PointBlock& points, const PointLeaves& leaves, float radius, bool with_strewn,
+                  DirectedField& field) {
   SampleList samples;
   for (const BandLeaf& leaf : field.leaves) {
     std::uint64_t any = 0;
@@ -56,8 +57,9 @@ void colour_roots(const PointBlock& points, const PointLeaves& leaves, float rad
     if (!any) continue;
     // Fixed box, whatever the block: roots lie in [0, 8).
     const float reach = std::max(radius, kColourRadius), low = -reach, high = 8.0f + reach;
-    gather_samples(points, leaves, leaf.origin[0] >> kLeafBits, leaf.origin[1] >> kLeafBits,
-                   leaf.origin[2] >> kLeafBits, {{low, low, low}, {high, high, high}}, samples);
+    const auto gather = with_strewn ? gather_all : gather_samples;
+    gather(points, leaves, leaf.origin[0] >> kLeafBits, leaf.origin[1] >> kLeafBits,
+           leaf.origin[2] >> kLeafBits, {{low, low, low}, {high, high, high}}, samples);
     for (std::size_t axis = 0; axis < 3; ++axis)
       for (std::size_t z = 0; z < 8; ++z) {
         std::uint32_t next = leaf.first_root[axis][z];

@@ -7,18 +7,9 @@ namespace {
 
 constexpr std::size_t kSlack = 2 * kLanes;
 
-}  // namespace
-
-void SampleList::reserve(std::size_t n) {
-  size = 0;
-  if (x.size() >= n + kSlack) return;
-  const std::size_t room = n + n / 2 + kSlack;
-  for (auto* array : {&x, &y, &z, &nx, &ny, &nz}) array->assign(room, 0.0f);
-  point.assign(room, 0);
-}
-
-void gather_samples(const PointBlock& points, const PointLeaves& leaves, int i, int j, int k,
-                    const SampleBox& box, SampleList& out) {
+template <bool kOriented>
+void gather(const PointBlock& points, const PointLeaves& leaves, int i, int j, int k, const SampleBox& box,
+            SampleList& out) {
   std::size_t bound = 0;
   for (int dk = -1; dk <= 1; ++dk)
     for (int dj = -1; dj <= 1; ++dj)
@@ -60,10 +51,11 @@ void gather_samples(const PointBlock& points, const PointLeaves& leaves, int i, 
           if (_mm256_testz_ps(keep, keep)) continue;
           const __m256 nx = load(points.nx), ny = load(points.ny), nz = load(points.nz);
           const __m256 zero = _mm256_setzero_ps();
-          const __m256 oriented = _mm256_or_ps(
-              _mm256_cmp_ps(nx, zero, _CMP_NEQ_OQ),
-              _mm256_or_ps(_mm256_cmp_ps(ny, zero, _CMP_NEQ_OQ), _mm256_cmp_ps(nz, zero, _CMP_NEQ_OQ)));
-          const auto mask = static_cast<unsigned>(_mm256_movemask_ps(_mm256_and_ps(keep, oriented)));
+          if constexpr (kOriented)
+            keep = _mm256_and_ps(keep, _mm256_or_ps(_mm256_cmp_ps(nx, zero, _CMP_NEQ_OQ),
+                                                    _mm256_or_ps(_mm256_cmp_ps(ny, zero, _CMP_NEQ_OQ),
+                                                                 _mm256_cmp_ps(nz, zero, _CMP_NEQ_OQ))));
+          const auto mask = static_cast<unsigned>(_mm256_movemask_ps(keep));
           if (!mask) continue;
           const __m256i front = compress_lanes(mask);
           const auto store = [&](std::vector<float>& v, __m256 value) {
@@ -82,6 +74,26 @@ void gather_samples(const PointBlock& points, const PointLeaves& leaves, int i, 
         }
       }
   out.size = size;
+}
+
+}  // namespace
+
+void SampleList::reserve(std::size_t n) {
+  size = 0;
+  if (x.size() >= n + kSlack) return;
+  const std::size_t room = n + n / 2 + kSlack;
+  for (auto* array : {&x, &y, &z, &nx, &ny, &nz}) array->assign(room, 0.0f);
+  point.assign(room, 0);
+}
+
+void gather_samples(const PointBlock& points, const PointLeaves& leaves, int i, int j, int k,
+                    const SampleBox& box, SampleList& out) {
+  gather<true>(points, leaves, i, j, k, box, out);
+}
+
+void gather_all(const PointBlock& points, const PointLeaves& leaves, int i, int j, int k,
+                const SampleBox& box, SampleList& out) {
+  gather<false>(points, leaves, i, j, k, box, out);
 }
 
 }  // namespace tessera

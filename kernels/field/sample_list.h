@@ -56,5 +56,8 @@ struct SampleBox {
 /// \pre the box reaches less than one leaf beyond the leaf
 void gather_samples(const PointBlock& points, const PointLeaves& leaves, int i, int j, int k,
                     const SampleBox& box, SampleList& out);
+/// The same of all points, whether they have a normal or not.
+void gather_all(const PointBlock& points, const PointLeaves& leaves, int i, int j, int k,
+                const SampleBox& box, SampleList& out);
 
 }  // namespace tessera

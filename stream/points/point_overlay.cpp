@@ -41,10 +41,14 @@ void OverlayFileWriter::brick(std::uint64_t key, std::span<const PointOverlayRec
   table_.push_back(e);
 }
 
+const char* name_of(Strewn strewn) {
+  return strewn == Strewn::kDrop ? "dropped" : strewn == Strewn::kBodies ? "bodies" : "surface";
+}
+
 void OverlayDecisions::save(const std::filesystem::path& path) const {
   PackedWriter file(path, kDecisionsKind);
   const std::vector<Section> table = {file.append(bytes_of(patch))};
-  const std::array<std::uint32_t, 2> limits = {min_supporters, drop_scattered};
+  const std::array<std::uint32_t, 2> limits = {min_supporters, static_cast<std::uint32_t>(strewn)};
   file.finish(table, std::as_bytes(std::span(limits)));
 }
 
@@ -53,7 +57,7 @@ OverlayDecisions OverlayDecisions::load(const std::filesystem::path& path) {
   std::array<std::uint32_t, 2> limits{};
   const PackedFile file(path, kDecisionsKind, sizeof(Section), sizeof limits);
   std::memcpy(limits.data(), file.info().data(), sizeof limits);
-  d.min_supporters = limits[0], d.drop_scattered = limits[1];
+  d.min_supporters = limits[0], d.strewn = static_cast<Strewn>(limits[1]);
   d.patch = file.load<std::uint8_t>(file.table<Section>().at(0));
   return d;
 }
@@ -127,6 +131,10 @@ std::vector<PointOverlayRecord> PointOverlay::load_records(std::size_t brick, st
   return records;
 }
 
+Strewn PointOverlay::strewn() const {
+  return impl_->decisions.strewn;
+}
+
 void PointOverlay::prefetch(std::uint64_t key) const {
   if (const OverlayBrick* e = impl_->bricks.find(key))
     impl_->bricks.file_of(*e).will_need(e->section(OverlayBrick::kRecords));
@@ -144,8 +152,12 @@ void PointOverlay::apply(std::uint64_t key, std::uint64_t first, std::span<Point
     const PointOverlayRecord& o = overlay[i];
     PointRecord& p = records[i];
     const OverlayDecisions& d = impl_->decisions;
-    const bool strewn = d.drop_scattered != 0 && (o.supporters & kScattered) != 0;
-    if (strewn || (o.supporters & ~kScattered) < d.min_supporters) p.flags |= kPointOutlier;
+    const Strewn strewn = (o.supporters & kScattered) != 0 ? d.strewn : Strewn::kSurface;
+    if (strewn == Strewn::kDrop || (o.supporters & ~kScattered) < d.min_supporters) p.flags |= kPointOutlier;
+    if (strewn == Strewn::kBodies) {
+      p.normal = kNoNormal;
+      continue;
+    }
     if (o.patch == kGivenPatch) continue;
     p.normal = o.normal;
     if (o.patch == kNoPatch) continue;

@@ -60,11 +60,20 @@ enum PatchDecision : std::uint8_t {
   kPatchUncertain = 2,  ///< the votes were split
 };
 
+/// What becomes of strewn points.
+enum class Strewn : std::uint32_t {
+  kSurface,  ///< as if they lay on a surface
+  kDrop,     ///< outliers
+  kBodies,   ///< without normal: closed bodies around them, see kernels/field/bodies.h
+};
+
+const char* name_of(Strewn strewn);  ///< "surface", "dropped", "bodies"
+
 /// Decisions of the orient stage, the job's global summary.
 struct OverlayDecisions {
   std::uint32_t min_supporters = 0;  ///< points with fewer are outliers
-  std::uint32_t drop_scattered = 0;  ///< and so are strewn ones
-  std::vector<std::uint8_t> patch;   ///< PatchDecision bits of all patches over all bricks, in brick order
+  Strewn strewn = Strewn::kSurface;
+  std::vector<std::uint8_t> patch;  ///< PatchDecision bits of all patches over all bricks, in brick order
 
   void save(const std::filesystem::path& path) const;
   static OverlayDecisions load(const std::filesystem::path& path);
@@ -98,6 +107,8 @@ class PointOverlay {
   /// Records [first, first + count) of the brick, checked against its hash when all are asked for.
   std::vector<PointOverlayRecord> load_records(std::size_t brick, std::uint64_t first,
                                                std::uint64_t count) const;
+
+  Strewn strewn() const;
 
   /// Starts fetching the records of a brick.
   void prefetch(std::uint64_t key) const;

@@ -253,6 +253,10 @@ PointBlock PointStore::load(const Int3& origin_cells, const Int3& cells, int hal
   return out;
 }
 
+bool PointStore::has_bodies() const {
+  return impl_->overlay && impl_->overlay->strewn() == Strewn::kBodies;
+}
+
 void PointStore::prefetch(const Int3& origin_cells, const Int3& cells, int halo_cells) const {
   for_bricks(impl_->bricks, box_of(origin_cells, cells, halo_cells),
              [&](const BrickEntry& brick, const Int3&, bool) {

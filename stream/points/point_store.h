@@ -62,6 +62,7 @@ class PointStore {
   std::span<const BrickEntry> bricks() const;  ///< ascending key
   const BrickEntry* find(std::uint64_t key) const;
   std::uint64_t point_count() const;
+  bool has_bodies() const;  ///< points without normal are strewn ones, to get bodies around them
   std::size_t file_count() const;
   std::pair<std::size_t, std::size_t> file_range(std::size_t file) const;  ///< brick indices [first, last)
 

@@ -92,7 +92,7 @@ const std::map<std::string, std::string>& covering_tests() {
         "loop_triangulation", "tangent_planes"});
     by("kernels/field/band_vdb", "kernels/field", {"band_leaf", "vdb_leaf"});
     by("kernels/field/field", "kernels/field",
-       {"band", "border", "coarse_normals", "directed_field", "edge_roots", "node_fit", "node_sums",
+       {"band", "bodies", "border", "coarse_normals", "directed_field", "edge_roots", "node_fit", "node_sums",
         "point_leaves", "rim_rule", "root_colour", "row_samples", "sample_clusters", "sample_list",
         "sheets"});
     by("kernels/holes/hole_filling", "kernels/holes", {"hole_mesh", "hole_triangulation"});

@@ -157,13 +157,12 @@ class OrientStage : public Stage {
     }
     if (mode_.clean) clean(decisions, entry);
     const std::string scene = entry.value("scene", "");
-    decisions.drop_scattered =
-        mode_.propagate() && (vegetation_ == "drop" ||
-                              (vegetation_ == "auto" && (scene == kAirborne || scene == kSeenFromAbove)))
-            ? 1
-            : 0;
-    if (mode_.propagate())
-      entry["vegetation"] = {{"points", scattered()}, {"dropped", decisions.drop_scattered != 0}};
+    const bool from_above = scene == kAirborne || scene == kSeenFromAbove;
+    if (mode_.propagate()) {
+      if (vegetation_ == "drop" || (vegetation_ == "auto" && from_above)) decisions.strewn = Strewn::kDrop;
+      if (vegetation_ == "keep") decisions.strewn = Strewn::kBodies;
+      entry["vegetation"] = {{"points", scattered()}, {"as", name_of(decisions.strewn)}};
+    }
     decisions.save(context.create(PointOverlay::kDecisionsFile));
     return entry;
   }

@@ -45,6 +45,7 @@ class SurfaceStage : public Stage {
     const ReconstructOptions options = reconstruct_options(state);
     field_ = field_options(plan_, options.feature_angle_deg);
     field_.firm_rim = HolesMode(options.holes).close;
+    field_.bodies = store_.has_bodies();
     extract_.method =
         options.method == "mc" ? ExtractMethod::kMarchingCubes : ExtractMethod::kExtendedMarchingCubes;
     extract_.feature_angle_deg = options.feature_angle_deg;
@@ -211,8 +212,9 @@ FieldOptions field_options(const Plan& plan, double feature_angle_deg) {
 
 void for_each_band(const std::filesystem::path& work, double feature_angle_deg,
                    const std::function<void(DirectedField&&)>& sink) {
-  const FieldOptions options = field_options(Plan::of_work(work), feature_angle_deg);
+  FieldOptions options = field_options(Plan::of_work(work), feature_angle_deg);
   const PointStore store(list_task_files(work / "points", ".tsp"), PointOverlay::open(work));
+  options.bodies = store.has_bodies();
   const int halo = field_halo_cells(options);
   const TilingOptions tiling{halo, 2, nullptr, ~std::uint64_t{0}};
   for (const TileGroup& group : make_tile_groups(store.bricks(), tiling))

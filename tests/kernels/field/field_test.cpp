@@ -7,6 +7,8 @@
 #include <cstring>
 #include <map>
 
+#include "kernels/extract/extended_marching_cubes.h"
+#include "tests/helpers/mesh_checks.h"
 #include "tests/helpers/oriented_samples.h"
 #include "tests/helpers/solids.h"
 
@@ -21,6 +23,17 @@ const Int3 kSize = {kCells, kCells, kCells};
 DirectedField field_of(const test::Samples& samples, const FieldOptions& options = {}, Int3 origin = kOrigin,
                        Int3 cells = kSize) {
   return evaluate_field(test::make_block(samples, origin, cells, field_halo_cells(options)), options);
+}
+
+/// Points without normal, evenly within a ball.
+void add_strewn(const Double3& centre, double radius, int count, test::Random& random, test::Samples& out) {
+  while (count > 0) {
+    Double3 d;
+    for (double& c : d) c = random.in(-radius, radius);
+    if (norm(d) > radius) continue;
+    out.push_back({centre + d, {0, 0, 0}, 0xff208040u});
+    --count;
+  }
 }
 
 struct Root {
@@ -171,9 +184,11 @@ TEST_CASE("field: the same bits from every block that holds a node", "[property]
   for (auto& s : samples)  // normals that contradict each other: rough nodes look farther
     for (double& n : s.n) n += (s.p[1] < 120 ? 0.5 : 0.0) * random.gaussian();
   for (auto& s : samples) s.rgba = 0xff000000u | static_cast<std::uint32_t>(random.unit() * 0xffffff);
+  add_strewn({120, 150, 128}, 14, 4000, random, samples);
   FieldOptions options;
   options.radius_cells = GENERATE(3.0, 2.337);
   const bool colour = GENERATE(false, true);
+  options.bodies = colour;
   const int halo = field_halo_cells(options);
   const DirectedField whole =
       evaluate_field(test::make_block(samples, {64, 64, 64}, {128, 128, 128}, halo, colour), options);
@@ -366,6 +381,51 @@ TEST_CASE("field: points without normal are ignored, colour is the mean around t
   for (const Root& r : roots_of(clean)) {
     if (r.p[0] < 94) REQUIRE(r.edge.rgba == 0xff2040ffu);
     if (r.p[0] > 98) REQUIRE(r.edge.rgba == 0xffff8000u);
+  }
+}
+
+TEST_CASE("field: strewn points get a closed body around them, which joins the ground", "[unit]") {
+  test::Random random(12);
+  FieldOptions options;
+  options.bodies = true;
+  const auto mesh_of = [&](const test::Samples& samples) {
+    std::vector<Patch> patches;
+    const PointBlock block = test::make_block(samples, kOrigin, kSize, field_halo_cells(options), true);
+    extract_surface(evaluate_field(block, options), {}, [&](Patch&& p) { patches.push_back(std::move(p)); });
+    return test::weld(patches);
+  };
+  const Double3 centre = {96.2, 95.7, 100.4};
+  constexpr double kRadius = 13.0;
+  test::Samples crown;
+  // From a point in every third cell to three in each.
+  add_strewn(centre, kRadius, GENERATE(3000, 27000), random, crown);
+  SECTION("in the air") {
+    const test::IndexedMesh mesh = mesh_of(crown);
+    const test::MeshChecks checks = test::check_mesh(mesh);
+    CHECK(checks.defects() == 0);
+    CHECK(checks.boundary_edges == 0);
+    CHECK(checks.components == 1);
+    CHECK(checks.genus == 0);
+    for (const Double3& p : mesh.position) {
+      const double distance = norm(p - centre);
+      REQUIRE(distance > kRadius - 1.5);
+      REQUIRE(distance < kRadius + 2.5);
+    }
+    for (const std::uint32_t c : mesh.rgba) REQUIRE(c == 0xff208040u);
+  }
+  SECTION("on the ground") {
+    constexpr double kGround = 94.3;
+    std::erase_if(crown, [&](const test::Sample& s) { return s.p[2] < kGround; });
+    test::add_face({40, 40, kGround}, {120, 0, 0}, {0, 120, 0}, {0, 0, 1}, 1 / 1.5, {}, random, crown);
+    const test::IndexedMesh mesh = mesh_of(crown);
+    CHECK(test::check_mesh(mesh).defects() == 0);
+    CHECK(test::check_mesh(mesh).boundary_loops == 1);  // where the block ends
+    for (const Double3& p : mesh.position)              // nothing of the ground is left within
+      REQUIRE(norm(p - centre) > kRadius - 2);
+  }
+  SECTION("unless they are to be ignored") {
+    options.bodies = false;
+    CHECK(mesh_of(crown).faces.empty());
   }
 }
 
