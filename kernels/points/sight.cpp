@@ -5,6 +5,7 @@
 #include <limits>
 
 #include "kernels/points/orientation.h"
+#include "octree/portable_math.h"
 #include "octree/vector.h"
 
 namespace tessera {
@@ -40,7 +41,7 @@ constexpr double kPairs = 0.1;       ///< weight of pairs
 class Dice {
  public:
   explicit Dice(std::uint64_t seed) : state_(seed) {}
-  std::uint64_t bits() { return state_ = mixed_bits(state_ + 0x9e3779b97f4a7c15ULL); }
+  std::uint64_t bits() { return state_ = mix(state_); }
   /// A direction, even over the sphere, no component 0.
   Float3 way() {
     for (;;) {
@@ -128,7 +129,7 @@ class Looker {
   }
 
   static std::uint64_t seed_of(const JobSurfel& s) {
-    return mixed_bits(voxel_key(coarse_voxel_of(s.position)) + (std::uint64_t{s.surfels} << 56));
+    return mix(voxel_key(coarse_voxel_of(s.position)) + (std::uint64_t{s.surfels} << 56));
   }
 
   /// Calls see(side, way) for kMost directions there and back.
@@ -279,8 +280,7 @@ std::vector<PatchVote> vote_by_sensors(std::span<const JobSurfel> surfels, std::
     const double rate = std::min(
         1.0, std::max(2.0 * static_cast<double>(kLooks) / static_cast<double>(surfels.size() * asked),
                       static_cast<double>(kPerGroup) / static_cast<double>(members[s.patch])));
-    const std::uint64_t seed =
-        mixed_bits(voxel_key(coarse_voxel_of(s.position)) + (std::uint64_t{s.surfels} << 56));
+    const std::uint64_t seed = mix(voxel_key(coarse_voxel_of(s.position)) + (std::uint64_t{s.surfels} << 56));
     if (rounded(rate, seed) == 0) continue;
     for (std::uint32_t k = 0; k < sensors.size(); ++k) {
       const Float3 to = sensors[k] - s.position;

@@ -6,6 +6,7 @@
 #include <limits>
 
 #include "kernels/points/orientation.h"
+#include "octree/portable_math.h"
 #include "octree/vector.h"
 
 namespace tessera {
@@ -36,12 +37,6 @@ std::uint32_t layer_of(const JobSurfel& s) {
 }
 
 }  // namespace
-
-std::uint64_t mixed_bits(std::uint64_t v) {
-  v = (v ^ (v >> 30)) * 0xbf58476d1ce4e5b9ULL;
-  v = (v ^ (v >> 27)) * 0x94d049bb133111ebULL;
-  return v ^ (v >> 31);
-}
 
 std::uint64_t voxel_key(const Int3& at) {
   return (static_cast<std::uint64_t>(at[2]) << 42) | (static_cast<std::uint64_t>(at[1]) << 21) |
@@ -137,14 +132,14 @@ void SurfelScene::make_disks(std::span<const JobSurfel> surfels) {
 }
 
 const SurfelScene::Slot* SurfelScene::find(std::uint64_t key) const {
-  for (std::size_t s = mixed_bits(key) & (slots_.size() - 1);; s = (s + 1) & (slots_.size() - 1)) {
+  for (std::size_t s = mix(key) & (slots_.size() - 1);; s = (s + 1) & (slots_.size() - 1)) {
     if (slots_[s].key == key) return &slots_[s];
     if (slots_[s].key == kEmpty) return nullptr;
   }
 }
 
 void SurfelScene::insert(std::uint64_t key, std::uint32_t brick) {
-  std::size_t s = mixed_bits(key) & (slots_.size() - 1);
+  std::size_t s = mix(key) & (slots_.size() - 1);
   while (slots_[s].key != kEmpty && slots_[s].key != key) s = (s + 1) & (slots_.size() - 1);
   slots_[s] = {key, brick};
 }

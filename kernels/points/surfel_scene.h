@@ -81,7 +81,5 @@ class SurfelScene {
 Int3 coarse_voxel_of(const Float3& position);
 /// Of a voxel, brick or region: 21 bits a coordinate.
 std::uint64_t voxel_key(const Int3& at);
-/// Well mixed bits of a number.
-std::uint64_t mixed_bits(std::uint64_t v);
 
 }  // namespace tessera

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <tuple>
 
+#include "octree/portable_math.h"
+
 namespace tessera {
 namespace {
 
@@ -16,10 +18,7 @@ std::uint32_t cell_in_brick(const Int3& q) {
 }
 
 std::uint64_t hash_of(const Int3& q) {
-  std::uint64_t v = key_in_brick(q) + 0x9e3779b97f4a7c15ULL;
-  v = (v ^ v >> 30) * 0xbf58476d1ce4e5b9ULL;
-  v = (v ^ v >> 27) * 0x94d049bb133111ebULL;
-  return v ^ v >> 31;
+  return mix(key_in_brick(q));
 }
 
 }  // namespace

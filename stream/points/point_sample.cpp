@@ -7,16 +7,10 @@
 #include <tuple>
 
 #include "octree/error.h"
+#include "octree/portable_math.h"
 
 namespace tessera {
 namespace {
-
-std::uint64_t mix(std::uint64_t v) {
-  v += 0x9e3779b97f4a7c15ULL;
-  v = (v ^ v >> 30) * 0xbf58476d1ce4e5b9ULL;
-  v = (v ^ v >> 27) * 0x94d049bb133111ebULL;
-  return v ^ v >> 31;
-}
 
 std::uint64_t bits(double v) {
   return std::bit_cast<std::uint64_t>(v + 0.0);
