@@ -21,11 +21,11 @@ constexpr double kCreaseResidual = 0.02;
 constexpr double kCornerSpread = 0.15;
 constexpr double kCornerMargin = 0.5;
 /// How far a sample may leave its cell.
-constexpr float kCellMargin = 0.25f;
+constexpr float kCellMargin = 1.0f;
 /// Part of the heights of roots over the other side's planes that may have the wrong sign.
 constexpr float kSideDoubt = 0.25f;
-/// Leaves a little room between a corner drawn back and the cell's boundary.
-constexpr double kPull = 0.9375;
+/// Least slope against a face of a crease that passes it.
+constexpr double kLeastSlope = 0.05;
 /// How far from the cell a crease may pass the plane of a face: wedges poke through faces without reaching
 /// edges.
 constexpr float kCrossingMargin = 1.0f;
@@ -127,28 +127,44 @@ bool is_hidden_corner(const TangentPlanes& planes, const Double3& on_crease, con
   return true;
 }
 
-/// Two solutions: with the tangent planes, then with planes bent towards the first and weighted by nearness.
-/// \param extreme  one root of each sheet: two of a crease, and the third of a corner
-/// \param crease   direction of the crease, unit
-/// \param corner   what the angles say; becomes true if the planes say so
-Double3 locate(const LoopSamples& loop, const FeatureThresholds& thresholds, const Double3& mass,
-               const std::array<std::size_t, 3>& extreme, const Double3& crease, bool& corner) {
-  TangentPlanes planes = tangent_planes(loop);
-  Double3 first;
-  if (corner) {
-    first = intersect_planes(planes, mass, 3).position;
-  } else {
-    first = intersect_crease(planes, mass, crease, extreme[0]);
-    Double3 better;
-    if (is_hidden_corner(planes, first, mass, better)) {
-      first = better;
-      corner = true;
-    } else {
-      centre_in_cell(first, crease);
-    }
+/// Middle of the crease's way between the faces through which it leaves the loop: a loop shares each of these points
+/// with the loop across, so samples follow each other along the crease, also where a wedge pokes out of its cells.
+/// \returns false where the loop is not passed once, or along a face
+bool centre_between_faces(const LoopSamples& loop, std::size_t first, std::size_t second,
+                          const Double3& direction, Double3& x) {
+  const auto size = static_cast<std::size_t>(loop.size);
+  const auto on_first = [&](std::size_t i) {
+    return dot(loop.normal[i], loop.normal[first]) >= dot(loop.normal[i], loop.normal[second]);
+  };
+  double along = 0.0;
+  int passed = 0;
+  for (std::size_t i = 0; i < size; ++i) {
+    const std::size_t j = i + 1 == size ? 0 : i + 1;
+    if (on_first(i) == on_first(j)) continue;
+    for (std::size_t k = 0; k < 3; ++k)
+      along += direction[k] *
+               (0.5 * (static_cast<double>(loop.point[i][k]) + static_cast<double>(loop.point[j][k])) - x[k]);
+    ++passed;
   }
-  const int sheets = corner ? 3 : 2;
-  const auto normal_of = [&](int s) { return loop.normal[extreme[static_cast<std::size_t>(s)]]; };
+  if (passed != 2) return false;
+  for (std::size_t k = 0; k < 3; ++k) x[k] += 0.5 * along * direction[k];
+  return true;
+}
+
+/// A feature of a loop as its normals tell it.
+struct Feature {
+  bool corner = false;
+  std::array<std::size_t, 3>
+      extreme{};        ///< one root of each sheet: two of a crease, and the third of a corner
+  Double3 direction{};  ///< of the crease, unit
+};
+
+/// Solves anew about a first guess, with planes bent towards it and weighted by nearness.
+Double3 refined(const LoopSamples& loop, const FeatureThresholds& thresholds, const Feature& feature,
+                const Double3& first) {
+  TangentPlanes planes = tangent_planes(loop);
+  const int sheets = feature.corner ? 3 : 2;
+  const auto normal_of = [&](int s) { return loop.normal[feature.extreme[static_cast<std::size_t>(s)]]; };
   std::array<int, kMaxPlanes> sheet;
   for (std::size_t i = 0; i < planes.size; ++i) {
     sheet[i] = 0;
@@ -188,20 +204,6 @@ bool sides_agree(const LoopSamples& loop, std::size_t first, std::size_t second)
     }
   }
   return std::min(above, below) <= kSideDoubt * std::max(above, below);
-}
-
-/// A corner outside the cell is the sample of the cell that holds it; two cells with the same sample would
-/// fold their fans upon each other. Draws it towards the mass point to the cell's boundary.
-bool pull_into_cell(Double3& x, const Double3& mass) {
-  double keep = 1.0;
-  for (std::size_t k = 0; k < 3; ++k) {
-    const double off = x[k] - mass[k];
-    if (x[k] < 0.0) keep = std::min(keep, -mass[k] / off);
-    if (x[k] > 1.0) keep = std::min(keep, (1.0 - mass[k]) / off);
-  }
-  if (keep == 1.0) return false;
-  for (std::size_t k = 0; k < 3; ++k) x[k] = mass[k] + kPull * keep * (x[k] - mass[k]);
-  return true;
 }
 
 }  // namespace
@@ -259,28 +261,55 @@ FeatureSample sample_feature(const LoopSamples& loop, const FeatureThresholds& t
       farthest = i;
     }
   }
-  bool corner = deviation > thresholds.corner_sin * length;
+  const bool corner = deviation > thresholds.corner_sin * length;
 
   if (!corner && !sides_agree(loop, first, second)) {
     sample.kind = FeatureKind::kRejected;
     return sample;
   }
-  const Double3 mass = mass_point(loop);
-  Double3 direction;
+  Feature feature{corner, {first, second, farthest}, {}};
   for (std::size_t k = 0; k < 3; ++k)
-    direction[k] = static_cast<double>(crease[k]) / static_cast<double>(length);
-  Double3 x = locate(loop, thresholds, mass, {first, second, farthest}, direction, corner);
-  const bool own = !corner || !pull_into_cell(x, mass);
-  sample.kind = FeatureKind::kRejected;
-  double stay = 1.0;
-  for (int halving = 0; halving <= kHalvings; ++halving, stay *= 0.5) {
-    for (std::size_t k = 0; k < 3; ++k)
-      sample.position[k] = static_cast<float>(mass[k] + stay * (x[k] - mass[k]));
-    if (!fan_is_sound(loop, sample.position, thresholds)) continue;
-    sample.kind = corner ? FeatureKind::kCorner : FeatureKind::kCrease;
-    sample.on_feature = own && halving == 0;
-    return sample;
+    feature.direction[k] = static_cast<double>(crease[k]) / static_cast<double>(length);
+  const Double3 mass = mass_point(loop);
+  const TangentPlanes planes = tangent_planes(loop);
+  Double3 nearest;
+  if (corner) {
+    nearest = intersect_planes(planes, mass, 3).position;
+  } else {
+    nearest = intersect_crease(planes, mass, feature.direction, first);
+    Double3 better;
+    if (is_hidden_corner(planes, nearest, mass, better)) {
+      nearest = better;
+      feature.corner = true;
+    }
   }
+  // Along a crease there is a choice: what is sound at once is best.
+  const auto sound = [&](const Double3& x) {
+    sample.position = narrow(x);
+    return fan_is_sound(loop, sample.position, thresholds);
+  };
+  Double3 guess = nearest;
+  const bool between = !feature.corner && centre_between_faces(loop, first, second, feature.direction, guess);
+  if (!feature.corner && !between) centre_in_cell(guess, feature.direction);
+  const Double3 best = refined(loop, thresholds, feature, guess);
+  bool found = sound(best);
+  if (!found && !feature.corner) {
+    found = sound(refined(loop, thresholds, feature, nearest));
+    if (!found && between) {
+      guess = nearest;
+      centre_in_cell(guess, feature.direction);
+      found = sound(refined(loop, thresholds, feature, guess));
+    }
+  }
+  sample.on_feature = found;
+  double stay = 1.0;
+  for (int halving = 0; !found && halving < kHalvings; ++halving) {
+    stay *= 0.5;
+    found = sound(mass + (best - mass) * stay);
+  }
+  sample.kind = !found           ? FeatureKind::kRejected
+                : feature.corner ? FeatureKind::kCorner
+                                 : FeatureKind::kCrease;
   return sample;
 }
 

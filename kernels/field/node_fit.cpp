@@ -182,12 +182,18 @@ constexpr float kHintShare = 0.1f;
 constexpr float kNoisyHintShare = 0.3f;
 constexpr float kHintDeviations = 2.0f;
 
+/// Most that is granted where samples are exact: the three faces of a corner turn no farther from a sphere through them
+/// than such noise would.
+constexpr float kMostGranted = 0.15f;
+
 /// Nodes of the row in whose reach a mean normal turns from the node's sphere by more than noise explains.
 /// Nodes whose sphere says nothing are among them.
-std::uint32_t crease_hints(const RowSamples& coarse, const Spheres& s, float r2, float least_angle) {
+std::uint32_t crease_hints(const RowSamples& coarse, const Spheres& s, float r2, float least_angle,
+                           bool noisy) {
   const __m256 node_x = _mm256_setr_ps(0, 1, 2, 3, 4, 5, 6, 7), reach2 = _mm256_set1_ps(r2);
   const __m256 least = _mm256_set1_ps(least_angle);
-  const __m256 granted = _mm256_mul_ps(s.normal_noise, _mm256_set1_ps(kHintDeviations));
+  const __m256 granted = _mm256_min_ps(_mm256_mul_ps(s.normal_noise, _mm256_set1_ps(kHintDeviations)),
+                                       _mm256_set1_ps(noisy ? 2.0f : kMostGranted));
   const __m256 two = _mm256_set1_ps(2.0f);
   __m256 hint = _mm256_andnot_ps(s.sound, _mm256_castsi256_ps(_mm256_set1_epi32(-1)));
   for (std::size_t i = 0; i < coarse.size; ++i) {
@@ -448,9 +454,9 @@ void fit_nodes(const SampleList& samples, const SampleList& coarse, const std::a
         std::uint32_t hints = 0;
         for (std::size_t next = 0; next < coarse.size;) {
           fill_row(coarse, reach, &next, scratch.coarse_row);
-          hints |=
-              crease_hints(scratch.coarse_row, spheres, reach.r2,
-                           (options.noisy ? kNoisyHintShare : kHintShare) * options.sheets.feature_angle);
+          hints |= crease_hints(scratch.coarse_row, spheres, reach.r2,
+                                (options.noisy ? kNoisyHintShare : kHintShare) * options.sheets.feature_angle,
+                                options.noisy);
         }
         fit_creases(flags.bent & hints, spheres, coarse, at, options, scratch, reach, fills == 1, out, sheets,
                     &flags, &split, &creased);
