@@ -225,6 +225,9 @@ constexpr float kCreaseRimRatio = 1.6f;
 constexpr float kCreaseRimSlack =
     0.6f;  ///< cells: far off a corner only its tip is in reach, with little spread
 
+/// Distance from a crease, cells, within which its sheets end at each other, not at a border.
+constexpr float kAtCrease = 0.5f;
+
 /// Value, gradient and depth of a creased node; false where the surface does not reach.
 bool value_of_sheets(const Sheets& sheets, std::size_t at, const NodeFitOptions& options, LeafFit& out,
                      LeafRim& out_rim) {
@@ -249,8 +252,8 @@ bool value_of_sheets(const Sheets& sheets, std::size_t at, const NodeFitOptions&
       norm(off) <= kCreaseRimRatio * spread + kCreaseRimSlack && foot2 <= kLargestFoot * kLargestFoot;
   if (options.firm_rim) return reaches;
   // At a crease the centroid lies under the foot point: along the surface, a crease is no border.
-  const float under = tessera::dot(off, s.normal);
-  for (std::size_t c = 0; c < 3; ++c) out_rim.inward[c][at] = off[c] -= under * s.normal[c];
+  off = sheets.along(off - s.normal * tessera::dot(off, s.normal), foot, kAtCrease);
+  for (std::size_t c = 0; c < 3; ++c) out_rim.inward[c][at] = off[c];
   out_rim.depth[at] = (std::max(kRimRatio * spread, kRimFloor * options.radius) - norm(off)) / kRimSlope;
   return reaches && out_rim.depth[at] >= -kRimReach;
 }

@@ -234,18 +234,37 @@ void order_joints(Clusters& clusters, Sheets& out) {
   }
 }
 
+SurfaceValue value_of_sheet(const Sheet& s, const Float3& p) {
+  const Float3 hp = times(s.h, p);
+  const float f = s.f0 + dot(s.g, p) + 0.5f * dot(p, hp);
+  const Float3 g = s.g + hp;
+  const float length = norm(g);
+  return length > 0.0f ? SurfaceValue{f / length, g * (1.0f / length)} : SurfaceValue{f, s.g};
+}
+
 }  // namespace
+
+Float3 Sheets::along(const Float3& way, const Float3& p, float near) const {
+  Float3 left = way;
+  std::array<Float3, 3> taken;  // orthonormal
+  std::size_t count_taken = 0;
+  for (std::size_t k = 0; k < static_cast<std::size_t>(count) && count_taken < 3; ++k) {
+    const SurfaceValue here = value_of_sheet(sheet[k], p);
+    if (std::abs(here.value) > near) continue;
+    Float3 n = here.normal;
+    for (std::size_t t = 0; t < count_taken; ++t) n = n - taken[t] * dot(n, taken[t]);
+    const float length = norm(n);
+    if (!(length > 0.1f)) continue;
+    n = n * (1.0f / length);
+    left = left - n * dot(left, n);
+    taken[count_taken++] = n;
+  }
+  return left;
+}
 
 SurfaceValue Sheets::at(const Float3& p) const {
   std::array<SurfaceValue, kMostSheets> value;
-  for (std::size_t k = 0; k < static_cast<std::size_t>(count); ++k) {
-    const Sheet& s = sheet[k];
-    const Float3 hp = times(s.h, p);
-    const float f = s.f0 + dot(s.g, p) + 0.5f * dot(p, hp);
-    const Float3 g = s.g + hp;
-    const float length = norm(g);
-    value[k] = length > 0.0f ? SurfaceValue{f / length, g * (1.0f / length)} : SurfaceValue{f, s.g};
-  }
+  for (std::size_t k = 0; k < static_cast<std::size_t>(count); ++k) value[k] = value_of_sheet(sheet[k], p);
   for (std::size_t j = 0; j + 1 < static_cast<std::size_t>(count); ++j) {
     SurfaceValue& a = value[first[j]];
     const SurfaceValue& b = value[second[j]];
