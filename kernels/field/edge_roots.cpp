@@ -88,6 +88,8 @@ struct EdgeEnd {
   }
 };
 
+constexpr int kRootSteps = 16;
+
 /// Root beside a crease: of the two ends' surfaces, blended along the edge so that each end keeps its sign.
 EdgeRoot crease_root(const EdgeEnd& a, const EdgeEnd& b, std::size_t axis) {
   // An end that knows more sheets speaks alone, if it gives the other end its sign: the other one may lie too
@@ -99,10 +101,13 @@ EdgeRoot crease_root(const EdgeEnd& a, const EdgeEnd& b, std::size_t axis) {
     if (b_alone) return b.at(t - 1.0f, axis).value;
     return (1.0f - t) * a.at(t, axis).value + t * b.at(t - 1.0f, axis).value;
   };
-  // Illinois: secant steps that never lose the bracket; exact once both ends lie on the active sheet.
-  float low = 0.0f, high = 1.0f, f_low = blend(0.0f), f_high = blend(1.0f), t = 0.5f;
-  for (int step = 0; step < 8; ++step) {
-    t = low + (high - low) * (f_low / (f_low - f_high));
+  // Illinois: secant steps that never lose the bracket; exact once both ends lie on the active sheet. Before that a kink
+  // may hold them at one end: halving gets over it.
+  float low = 0.0f, high = 1.0f, f_low = blend(0.0f), f_high = blend(1.0f), t = 0.5f, width = 1.0f;
+  for (int step = 0; step < kRootSteps; ++step) {
+    const bool slow = step % 2 == 0 && step > 0 && high - low > 0.5f * width;
+    if (step % 2 == 0) width = high - low;
+    t = slow ? 0.5f * (low + high) : low + (high - low) * (f_low / (f_low - f_high));
     const float f = blend(t);
     if (std::abs(f) < 1e-6f) break;
     if ((f < 0.0f) == (f_low < 0.0f)) {
