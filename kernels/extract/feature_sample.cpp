@@ -24,32 +24,23 @@ constexpr double kCornerMargin = 0.5;
 constexpr float kCellMargin = 1.0f;
 /// Part of the heights of roots over the other side's planes that may have the wrong sign.
 constexpr float kSideDoubt = 0.25f;
-/// Least slope against a face of a crease that passes it.
-constexpr double kLeastSlope = 0.05;
-/// How far from the cell a crease may pass the plane of a face: wedges poke through faces without reaching
-/// edges.
-constexpr float kCrossingMargin = 1.0f;
 constexpr int kHalvings = 4;
 /// Smallest height of a triangle: coordinates in a brick are floats below 64, exact to 2^-18.
 constexpr float kMinHeight = 1.0f / 2048;
 
-/// A segment from one side of a crease to the other will be flipped, so what counts are the triangles up to
-/// the point where the crease passes the segment's face: (centre, a, crossing) and (crossing, b, centre).
-bool crosses_soundly(const LoopSamples& loop, std::size_t i, std::size_t j, int face, const Float3& centre,
+/// A segment from one side of a crease to the other will be flipped, so what counts are the triangles up to the point
+/// of the crease beside the segment's middle, beyond which the next sample lies: (centre, a, it) and (it, b, centre).
+bool crosses_soundly(const LoopSamples& loop, std::size_t i, std::size_t j, const Float3& centre,
                      const FeatureThresholds& thresholds) {
   if (!(dot(loop.normal[i], loop.normal[j]) < thresholds.cone_cos)) return false;
   const Float3 zero = {0, 0, 0};
   const Float3 crease = triangle_normal(zero, loop.normal[i], loop.normal[j]);
-  const auto axis = static_cast<std::size_t>(face >> 1);
-  const float to_face = static_cast<float>(face & 1) - centre[axis];
-  if (!(std::fabs(crease[axis]) > 1e-3f)) return false;
-  const float s = to_face / crease[axis];
-  Float3 crossing;
-  for (std::size_t k = 0; k < 3; ++k) crossing[k] = centre[k] + s * crease[k];
-  for (float c : crossing)
-    if (!(c >= -kCrossingMargin && c <= 1.0f + kCrossingMargin)) return false;
-  return dot(triangle_normal(centre, loop.point[i], crossing), loop.normal[i]) > 0.0f &&
-         dot(triangle_normal(crossing, loop.point[j], centre), loop.normal[j]) > 0.0f;
+  const Float3 way = (loop.point[i] + loop.point[j]) * 0.5f - centre;
+  const float length2 = dot(crease, crease);
+  if (!(length2 > kLeastSine * kLeastSine)) return false;
+  const Float3 beside = centre + crease * (dot(way, crease) / length2);
+  return dot(triangle_normal(centre, loop.point[i], beside), loop.normal[i]) > 0.0f &&
+         dot(triangle_normal(beside, loop.point[j], centre), loop.normal[j]) > 0.0f;
 }
 
 bool fan_is_sound(const LoopSamples& loop, const Float3& centre, const FeatureThresholds& thresholds) {
@@ -61,8 +52,7 @@ bool fan_is_sound(const LoopSamples& loop, const Float3& centre, const FeatureTh
     const Float3 up = triangle_normal(loop.point[i], loop.point[j], centre);
     if (is_sliver(loop.point[i], loop.point[j], centre)) return false;
     if (dot(up, loop.normal[i]) + dot(up, loop.normal[j]) > 0.0f) continue;
-    const int face = common_face(loop.edge[i], loop.edge[j]);
-    if (!crosses_soundly(loop, i, j, face, centre, thresholds)) return false;
+    if (!crosses_soundly(loop, i, j, centre, thresholds)) return false;
   }
   return true;
 }
