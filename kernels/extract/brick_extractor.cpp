@@ -49,7 +49,9 @@ BrickExtractor::BrickExtractor(const DirectedField& field, const ExtractOptions&
       method_(options.method),
       names_(options.names),
       thresholds_(feature_thresholds(options.feature_angle_deg, options.corner_angle_deg)),
-      border_(field, band_) {}
+      border_(field, band_) {
+  thresholds_.exact = field.creased.empty();
+}
 
 VertexKey BrickExtractor::key(const Int3& at, int type) const {
   Int3 global;

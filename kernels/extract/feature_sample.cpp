@@ -20,10 +20,11 @@ constexpr double kNearness = 0.05;
 constexpr double kCreaseResidual = 0.02;
 constexpr double kCornerSpread = 0.15;
 constexpr double kCornerMargin = 0.5;
-/// How far a sample may leave its cell.
-constexpr float kCellMargin = 1.0f;
 /// Part of the heights of roots over the other side's planes that may have the wrong sign.
 constexpr float kSideDoubt = 0.25f;
+/// How far a sample may leave its cell: wedges poke out of theirs, noise throws samples out.
+constexpr float kExactReach = 1.0f;
+constexpr float kNoisyReach = 0.25f;
 constexpr int kHalvings = 4;
 /// Smallest height of a triangle: coordinates in a brick are floats below 64, exact to 2^-18.
 constexpr float kMinHeight = 1.0f / 2048;
@@ -44,15 +45,16 @@ bool crosses_soundly(const LoopSamples& loop, std::size_t i, std::size_t j, cons
 }
 
 bool fan_is_sound(const LoopSamples& loop, const Float3& centre, const FeatureThresholds& thresholds) {
+  const float reach = thresholds.exact ? kExactReach : kNoisyReach;
   for (float c : centre)
-    if (!(c >= -kCellMargin && c <= 1.0f + kCellMargin)) return false;
+    if (!(c >= -reach && c <= 1.0f + reach)) return false;
   const auto size = static_cast<std::size_t>(loop.size);
   for (std::size_t i = 0; i < size; ++i) {
     const std::size_t j = i + 1 == size ? 0 : i + 1;
     const Float3 up = triangle_normal(loop.point[i], loop.point[j], centre);
     if (is_sliver(loop.point[i], loop.point[j], centre)) return false;
     if (dot(up, loop.normal[i]) + dot(up, loop.normal[j]) > 0.0f) continue;
-    if (!crosses_soundly(loop, i, j, centre, thresholds)) return false;
+    if (!thresholds.exact || !crosses_soundly(loop, i, j, centre, thresholds)) return false;
   }
   return true;
 }
@@ -273,23 +275,21 @@ FeatureSample sample_feature(const LoopSamples& loop, const FeatureThresholds& t
       feature.corner = true;
     }
   }
-  // Along a crease there is a choice: what is sound at once is best.
   const auto sound = [&](const Double3& x) {
     sample.position = narrow(x);
     return fan_is_sound(loop, sample.position, thresholds);
   };
+  // Along a crease there is a choice. Of exact samples the first that is sound is true; noise makes others fit by chance.
+  const bool choice = thresholds.exact && !feature.corner;
   Double3 guess = nearest;
-  const bool between = !feature.corner && centre_between_faces(loop, first, second, feature.direction, guess);
+  const bool between = choice && centre_between_faces(loop, first, second, feature.direction, guess);
   if (!feature.corner && !between) centre_in_cell(guess, feature.direction);
   const Double3 best = refined(loop, thresholds, feature, guess);
-  bool found = sound(best);
-  if (!found && !feature.corner) {
-    found = sound(refined(loop, thresholds, feature, nearest));
-    if (!found && between) {
-      guess = nearest;
-      centre_in_cell(guess, feature.direction);
-      found = sound(refined(loop, thresholds, feature, guess));
-    }
+  bool found = sound(best) || (choice && sound(refined(loop, thresholds, feature, nearest)));
+  if (!found && between) {
+    guess = nearest;
+    centre_in_cell(guess, feature.direction);
+    found = sound(refined(loop, thresholds, feature, guess));
   }
   sample.on_feature = found;
   double stay = 1.0;

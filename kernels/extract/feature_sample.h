@@ -23,6 +23,9 @@ struct FeatureThresholds {
   float cone_cos = 0.0f;    ///< smallest dot of two normals without a feature
   float quick_dot = 0.0f;   ///< all normals this close to the first: surely no feature
   float corner_sin = 0.0f;  ///< largest |normal . crease direction| of a crease
+  /// Normals and roots are exact: a sample may leave its cell by a cell, not a quarter, and its fan may lean over at
+  /// segments that will be flipped.
+  bool exact = true;
 };
 
 /// Angles in degrees, within (0, 180) and (0, 90). Exact on every machine: no libm.
