@@ -65,8 +65,9 @@ VertexKey BrickExtractor::key(const Int3& at, int type) const {
 
 Float3 BrickExtractor::point_in_cell(int edge, std::uint32_t root) const {
   Float3 p = kEdgeBase[static_cast<std::size_t>(edge)];
-  p[static_cast<std::size_t>(edge >> 2)] = field_.roots[root].t;
-  return p;
+  const EdgeRoot& r = field_.roots[root];
+  p[static_cast<std::size_t>(edge >> 2)] = r.t;
+  return r.slides ? p + r.beside() : p;
 }
 
 Patch BrickExtractor::extract(const Int3& brick, ExtractReport& report) {
@@ -141,6 +142,7 @@ void BrickExtractor::emit_edge_vertices() {
           const EdgeRoot& root = field_.roots[index];
           Float3 p = in_owner(node);
           p[axis] += root.t;
+          if (root.slides) p = p + root.beside();
           if (m.leaf->moving[axis][z] & bit) {
             const Float3 way = border_.of_vertex(node, axis, index);
             for (std::size_t a = 0; a < 3; ++a) p[a] += way[a];
@@ -344,7 +346,7 @@ bool BrickExtractor::keep_feature_loop(const Int3& cell, int number, const std::
   for (std::size_t i = 0; i < size; ++i) {
     const EdgeRoot& r = field_.roots[root[i]];
     samples_.normal[i] = r.normal;
-    samples_.offset[i] = r.offset;
+    samples_.offset[i] = r.slides ? 0.0f : r.offset;
   }
   const FeatureSample sample = sample_feature(samples_, thresholds_);
   if (sample.kind == FeatureKind::kNone) return false;

@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "kernels/field/band_leaf.h"
+#include "octree/vector.h"
 
 namespace tessera {
 
@@ -21,6 +22,10 @@ struct EdgeRoot {
   Float3 normal = {0, 0, 0};  ///< unit, outward (from inside to outside)
   float offset = 0.0f;        ///< the tangent plane is n.(x - root) = offset, cells; 0 unless t was clamped
   std::uint32_t rgba = 0;     ///< colour near the root, alpha 0 = none
+  bool slides = false;        ///< clamped beside a smooth stretch: the vertex stands on the tangent plane
+
+  /// Where the vertex stands, from the root.
+  Float3 beside() const { return slides ? normal * offset : Float3{0, 0, 0}; }
 };
 
 /// How far a vertex moves from its lattice edge, along the surface onto the border.

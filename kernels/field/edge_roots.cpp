@@ -134,6 +134,17 @@ EdgeRoot crease_root(const EdgeEnd& a, const EdgeEnd& b, std::size_t axis) {
   return clamped_root(t, n, axis);
 }
 
+/// Roots are kept off nodes, and with them the vertices off the surface, which tilts thin faces. Where all roots around a
+/// node lie on one plane, their vertices slide onto it: they stay apart there. Beside a crease they would meet.
+/// Distance from the node within which a second sheet counts, cells; least cosine between the root's and its normal.
+constexpr float kSecondSheet = 0.25f;
+constexpr float kSlideCosine = 0.95f;
+
+bool may_slide(const EdgeEnd& near, const EdgeRoot& root) {
+  if (near.sheets && near.sheets->passing({0, 0, 0}, kSecondSheet) > 1) return false;
+  return dot(root.normal, near.gradient) > kSlideCosine;
+}
+
 }  // namespace
 
 void find_roots(const std::vector<LeafFit>& fits, const std::vector<Sheets>& sheets, bool noisy,
@@ -169,8 +180,9 @@ void find_roots(const std::vector<LeafFit>& fits, const std::vector<Sheets>& she
           const EdgeEnd end_a(fits[l], sheets, a), end_b(fit_b, sheets, b);
           const bool creased = end_a.sheets || end_b.sheets;
           if (noisy) field.creased.push_back(creased ? 1 : 0);
-          field.roots.push_back(creased ? crease_root(end_a, end_b, axis)
-                                        : smooth_root(fits[l], a, fit_b, b, axis));
+          EdgeRoot root = creased ? crease_root(end_a, end_b, axis) : smooth_root(fits[l], a, fit_b, b, axis);
+          root.slides = root.offset != 0.0f && may_slide(root.t < 0.5f ? end_a : end_b, root);
+          field.roots.push_back(root);
         }
       }
     }

@@ -262,6 +262,13 @@ Float3 Sheets::along(const Float3& way, const Float3& p, float near) const {
   return left;
 }
 
+int Sheets::passing(const Float3& p, float near) const {
+  int found = 0;
+  for (std::size_t k = 0; k < static_cast<std::size_t>(count); ++k)
+    found += std::abs(value_of_sheet(sheet[k], p).value) <= near;
+  return found;
+}
+
 SurfaceValue Sheets::at(const Float3& p) const {
   std::array<SurfaceValue, kMostSheets> value;
   for (std::size_t k = 0; k < static_cast<std::size_t>(count); ++k) value[k] = value_of_sheet(sheet[k], p);
