@@ -10,6 +10,9 @@ namespace tessera {
 namespace {
 
 constexpr int kFractionBytes[] = {2, 3, 4};
+/// One in so many vertices may stand elsewhere than on its lattice edge: 12 bytes for it cost less than one more for all,
+/// and in the last size less than 12 for all.
+constexpr std::size_t kElsewhereOfSmall = 16, kElsewhereOfLast = 2;
 constexpr char kPlain = 0;  ///< else the first byte of positions is the size of a fraction
 
 void put_number(std::vector<char>& out, std::uint64_t value) {
@@ -37,6 +40,7 @@ class Input {
  public:
   explicit Input(std::span<const char> bytes) : at_(bytes.data()), end_(at_ + bytes.size()) {}
   bool good() const { return good_; }
+  void fail() { good_ = false; }
   bool ended() const { return good_ && at_ == end_; }
 
   std::uint64_t number() {
@@ -78,28 +82,60 @@ double place(const MeshStoreInfo& info, int axis, int brick, double cells) {
   return info.double_positions ? world : double{static_cast<float>(world)};
 }
 
-/// Fractions of all vertices in so many bytes each; false where they do not give back the positions.
-bool put_fractions(const MeshBlock& block, const MeshStoreInfo& info, int bytes, std::vector<char>& out) {
-  const double scale = std::ldexp(1.0, 8 * bytes);
-  for (std::size_t v = 0; v < block.key.size(); ++v) {
-    const MeshName name = mesh_name(block.key[v]);
-    for (std::size_t a = 0; a < 3; ++a) {
-      const int axis = static_cast<int>(a);
-      const double node = name.in_brick[a];
-      if (name.axis != MeshName::kCentre && name.axis != axis) {
-        if (place(info, axis, name.brick[a], node) != block.position[v][a]) return false;
-        continue;
-      }
-      const double cells = block.position[v][a] / info.lattice.h -
-                           static_cast<double>(info.lattice.origin_brick[a] + name.brick[a]) * kBrickCells -
-                           node;
-      const double quanta = std::floor(cells * scale + 0.5);
-      if (!(quanta >= 0.0 && quanta < scale)) return false;
-      if (place(info, axis, name.brick[a], node + quanta / scale) != block.position[v][a]) return false;
-      const auto value = static_cast<std::uint64_t>(quanta);
-      for (int b = 0; b < bytes; ++b) out.push_back(static_cast<char>(value >> 8 * b));
-    }
+void put_plain(const Double3& p, const MeshStoreInfo& info, std::vector<char>& out) {
+  if (info.double_positions) {
+    put_bytes(out, &p, sizeof p);
+    return;
   }
+  const Float3 f = {static_cast<float>(p[0]), static_cast<float>(p[1]), static_cast<float>(p[2])};
+  put_bytes(out, &f, sizeof f);
+}
+
+/// What follows from a vertex's name and its fractions, in `bytes` bytes each; false where it is not its position.
+bool put_fractions_of(const MeshBlock& block, std::size_t v, const MeshStoreInfo& info, int bytes,
+                      std::vector<char>& out) {
+  const double scale = std::ldexp(1.0, 8 * bytes);
+  const MeshName name = mesh_name(block.key[v]);
+  for (std::size_t a = 0; a < 3; ++a) {
+    const int axis = static_cast<int>(a);
+    const double node = name.in_brick[a];
+    if (name.axis != MeshName::kCentre && name.axis != axis) {
+      if (place(info, axis, name.brick[a], node) != block.position[v][a]) return false;
+      continue;
+    }
+    const double cells = block.position[v][a] / info.lattice.h -
+                         static_cast<double>(info.lattice.origin_brick[a] + name.brick[a]) * kBrickCells -
+                         node;
+    const double quanta = std::floor(cells * scale + 0.5);
+    if (!(quanta >= 0.0 && quanta < scale)) return false;
+    if (place(info, axis, name.brick[a], node + quanta / scale) != block.position[v][a]) return false;
+    const auto value = static_cast<std::uint64_t>(quanta);
+    for (int b = 0; b < bytes; ++b) out.push_back(static_cast<char>(value >> 8 * b));
+  }
+  return true;
+}
+
+/// Fractions of the vertices in so many bytes each, after those that stand elsewhere: these are few, or it is false.
+bool put_fractions(const MeshBlock& block, const MeshStoreInfo& info, int bytes, std::vector<char>& out) {
+  const std::size_t one_in = bytes == kFractionBytes[2] ? kElsewhereOfLast : kElsewhereOfSmall;
+  const std::size_t most = block.key.size() / one_in;
+  std::vector<char> fractions;
+  std::vector<std::size_t> elsewhere;
+  for (std::size_t v = 0; v < block.key.size(); ++v) {
+    const std::size_t before = fractions.size();
+    if (put_fractions_of(block, v, info, bytes, fractions)) continue;
+    fractions.resize(before);
+    elsewhere.push_back(v);
+    if (elsewhere.size() > most) return false;
+  }
+  put_number(out, elsewhere.size());
+  std::size_t last = 0;
+  for (const std::size_t v : elsewhere) {
+    put_number(out, v - last);
+    last = v;
+    put_plain(block.position[v], info, out);
+  }
+  out.insert(out.end(), fractions.begin(), fractions.end());
   return true;
 }
 
@@ -112,33 +148,38 @@ void put_positions(const MeshBlock& block, const MeshStoreInfo& info, std::vecto
     out.resize(start);
   }
   out.push_back(kPlain);
-  for (const Double3& p : block.position) {
-    if (info.double_positions) {
-      put_bytes(out, &p, sizeof p);
-    } else {
-      const Float3 f = {static_cast<float>(p[0]), static_cast<float>(p[1]), static_cast<float>(p[2])};
-      put_bytes(out, &f, sizeof f);
-    }
+  for (const Double3& p : block.position) put_plain(p, info, out);
+}
+
+void take_plain(Input& in, const MeshStoreInfo& info, Double3& p) {
+  if (info.double_positions) {
+    in.bytes(&p, sizeof p);
+    return;
   }
+  Float3 f{};
+  in.bytes(&f, sizeof f);
+  p = {f[0], f[1], f[2]};
 }
 
 void take_positions(Input& in, const MeshStoreInfo& info, MeshBlock& block) {
   char kind = kPlain;
   in.bytes(&kind, 1);
   if (kind == kPlain) {
-    for (Double3& p : block.position) {
-      if (info.double_positions) {
-        in.bytes(&p, sizeof p);
-      } else {
-        Float3 f{};
-        in.bytes(&f, sizeof f);
-        p = {f[0], f[1], f[2]};
-      }
-    }
+    for (Double3& p : block.position) take_plain(in, info, p);
     return;
+  }
+  std::vector<std::uint8_t> elsewhere(block.position.size(), 0);
+  std::size_t at = 0;
+  for (std::uint64_t left = in.number(); left > 0 && in.good(); --left) {
+    const std::uint64_t step = in.number();
+    if (!in.good() || step >= block.position.size() - at) return in.fail();
+    at += step;
+    elsewhere[at] = 1;
+    take_plain(in, info, block.position[at]);
   }
   const double scale = std::ldexp(1.0, -8 * kind);
   for (std::size_t v = 0; v < block.position.size(); ++v) {
+    if (elsewhere[v]) continue;
     const MeshName name = mesh_name(block.key[v]);
     for (std::size_t a = 0; a < 3; ++a) {
       const int axis = static_cast<int>(a);

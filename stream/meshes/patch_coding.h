@@ -6,7 +6,8 @@
 ///
 /// Numbers are bytes of 7 bits, low first, the high bit set on all but the last. Positions are floats or doubles; where
 /// keys are names on the lattice (patch_mesh.h) and positions follow from them, only the fraction along the vertex's
-/// lattice edge (all three for a centre) is kept, in the fewest of 2, 3 or 4 bytes that give back the same bits.
+/// lattice edge (all three for a centre) is kept, in the fewest of 2, 3 or 4 bytes that give back the same bits. The few that
+/// stand elsewhere (borders, beside nodes, outside of their cells) come first, as they are.
 #pragma once
 #include <cstddef>
 #include <span>
