@@ -320,7 +320,10 @@ TEST_CASE("extract: of noisy samples only roots beside creases tell of features"
   const Extracted all = extract(field);
   REQUIRE(all.report.crease_samples > 100);
   field.creased.assign(field.roots.size(), 1);
-  CHECK(extract(field).mesh.position == all.mesh.position);
+  const Extracted marked = extract(field);  // less room than exact samples have
+  require_sound(marked);
+  CHECK(10 * marked.report.crease_samples > 9 * all.report.crease_samples);
+  CHECK(marked.report.crease_samples <= all.report.crease_samples);
   field.creased.assign(field.roots.size(), 0);
   const Extracted none = extract(field);
   require_sound(none);
