@@ -408,7 +408,7 @@ TEST_CASE("field: strewn points get a closed body around them, which joins the g
     CHECK(checks.genus == 0);
     for (const Double3& p : mesh.position) {
       const double distance = norm(p - centre);
-      REQUIRE(distance > kRadius - 1.5);
+      REQUIRE(distance > kRadius - 2);
       REQUIRE(distance < kRadius + 2.5);
     }
     for (const std::uint32_t c : mesh.rgba) REQUIRE(c == 0xff208040u);
