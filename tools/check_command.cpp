@@ -33,6 +33,7 @@ struct CheckCommand {
   int threads = 0;
   bool strict = false;
   bool closed = false;
+  bool force = false;
 };
 
 /// Beside the mesh where that is possible: the system's temporary folder is often small, or memory.
@@ -56,6 +57,8 @@ void run_check(const CheckCommand& command) {
   if (!command.reference.empty()) command.compare.validate();
   if (command.reference.empty() && (command.compare.tolerance != 0.0 || command.with_borders))
     throw UsageError("--tolerance and --borders need --reference FILE to compare with");
+  cli::check_line_writes({command.mesh, command.reference, command.truth},
+                         {{command.json, "--json", existing_by(command.force)}});
   MeshCheckOptions options = command.options;
   options.check_stop = throw_if_stopped;
   if (options.temp.empty()) options.temp = scratch_folder(command.mesh);
@@ -124,6 +127,7 @@ cli::Command check_command() {
         "with --reference: border curves must stay within the tolerance of each other too");
   cli::add_threads(t, c.threads, "threads for --reference");
   t.add("json,report", &c.json, "also write the result to this file");
+  cli::add_force(t, c.force);
   t.add("memory", &c.options.memory_bytes, "cap on memory; larger meshes go through --temp").bytes();
   t.add("temp", &c.options.temp, "folder for scratch files; default: beside the mesh");
   return {"check", "Say what is true of a mesh: topology, orientation, shape, defects.", t,

@@ -19,6 +19,9 @@ namespace {
 constexpr int kBugExit = 70;
 constexpr int kSignalExit = 128;
 
+/// --job of the line; one process has one line.
+std::filesystem::path given_job_file;
+
 std::vector<std::string> option_names(const CLI::App& command) {
   std::vector<std::string> names;
   for (const CLI::Option* option : command.get_options()) {
@@ -120,6 +123,7 @@ void add_command(CLI::App& app, const Command& command) {
           "print the options as a table for the README and stop")
       ->group("");
   line->callback([&command, line, job] {
+    given_job_file = *job;
     if (!job->empty()) apply_job_file(*line, command.options, *job);
     catch_stop_signals();
     command.run();
@@ -175,10 +179,26 @@ void require_output(const std::filesystem::path& output) {
   if (output.empty()) throw UsageError("no output given: name it with -o FILE");
 }
 
-void require_new_output(const std::filesystem::path& output, bool force) {
+void require_new_output(const std::filesystem::path& output, bool force,
+                        const std::vector<std::filesystem::path>& reads) {
   require_output(output);
-  if (std::filesystem::exists(output) && !force)
-    throw UsageError(output.string() + ": exists already; give --force to replace it");
+  check_line_writes(reads, {{output, "-o", existing_by(force)}});
+}
+
+void check_line_writes(std::vector<std::filesystem::path> reads, const std::vector<PlannedWrite>& writes) {
+  reads.push_back(given_job_file);
+  check_writes(reads, writes);
+}
+
+std::vector<std::filesystem::path> also_read(const std::vector<std::string>& inputs) {
+  std::vector<std::filesystem::path> files = {given_job_file};
+  for (const std::string& input : inputs)
+    if (input.size() > 1 && input.front() == '@') files.emplace_back(input.substr(1));
+  return files;
+}
+
+void add_force(OptionTable& table, bool& force) {
+  table.add("force", &force, "replace what is written if it exists");
 }
 
 std::filesystem::path one_input(const std::vector<std::filesystem::path>& inputs, const std::string& verb) {

@@ -21,6 +21,7 @@
 
 #include <nlohmann/json_fwd.hpp>
 
+#include "stream/files/planned_writes.h"
 #include "stream/formats/points/point_source.h"
 #include "stream/runtime/option_table.h"
 #include "stream/runtime/progress.h"
@@ -48,8 +49,15 @@ void add_threads(OptionTable& table, int& threads, const std::string& help);
 /// \throws UsageError when the user gave none
 void require_inputs(const std::vector<std::string>& inputs);
 void require_output(const std::filesystem::path& output);
-/// \throws UsageError also when it is there and `force` is off
-void require_new_output(const std::filesystem::path& output, bool force);
+/// -o, and that it may be written: check_writes() of one output. \param reads  files that the command reads
+void require_new_output(const std::filesystem::path& output, bool force,
+                        const std::vector<std::filesystem::path>& reads);
+/// check_writes() for a command that is no job; adds the job file of this line to `reads`.
+void check_line_writes(std::vector<std::filesystem::path> reads, const std::vector<PlannedWrite>& writes);
+/// The job file of this line and the lists among the inputs (@list).
+std::vector<std::filesystem::path> also_read(const std::vector<std::string>& inputs);
+/// --force for commands that are no jobs.
+void add_force(OptionTable& table, bool& force);
 /// The only input. \throws UsageError "meshes are <verb> one at a time" \pre there is one
 std::filesystem::path one_input(const std::vector<std::filesystem::path>& inputs, const std::string& verb);
 
@@ -74,6 +82,7 @@ Command job_command(const std::string& name, const std::string& description, con
             require_inputs(a->inputs);
             a->options.validate();
             a->state.inputs = expand_inputs(a->inputs);
+            a->state.also_read = also_read(a->inputs);
             a->state.settings = to_settings(a->options);
             run(a->options, a->state);
           }};

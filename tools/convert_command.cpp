@@ -31,8 +31,10 @@ void run_convert_mesh(const std::vector<std::filesystem::path>& inputs, const Co
 
 void run_convert(const ConvertCommand& command) {
   cli::require_inputs(command.inputs);
-  cli::require_new_output(command.output, command.force);
   const std::vector<std::filesystem::path> inputs = expand_inputs(command.inputs);
+  std::vector<std::filesystem::path> reads = cli::also_read(command.inputs);
+  reads.insert(reads.end(), inputs.begin(), inputs.end());
+  cli::require_new_output(command.output, command.force, reads);
   if (converts_as_mesh(inputs.front(), command.output)) {
     run_convert_mesh(inputs, command);
     return;
@@ -63,7 +65,7 @@ cli::Command convert_command() {
       .at_least(0);
   t.add("float", &c.floats, "meshes: positions as floats even where the source has doubles");
   cli::add_threads(t, c.options.threads, "threads; never changes the result");
-  t.add("force", &c.force, "replace the output if it exists");
+  cli::add_force(t, c.force);
   return {"convert", "Write scans, or one mesh, into one file of another format.", t,
           [shared] { run_convert(*shared); }};
 }

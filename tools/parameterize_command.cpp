@@ -22,8 +22,10 @@ struct Arguments {
 
 void run(Arguments arguments) {
   cli::require_inputs(arguments.inputs);
-  cli::require_new_output(arguments.output, arguments.force);
   const std::filesystem::path input = cli::one_input(expand_inputs(arguments.inputs), "parameterized");
+  std::vector<std::filesystem::path> reads = cli::also_read(arguments.inputs);
+  reads.push_back(input);
+  cli::require_new_output(arguments.output, arguments.force, reads);
   arguments.options.check_stop = throw_if_stopped;
   ParameterizeOptions& map = arguments.options.map;
   map.method =
@@ -63,7 +65,7 @@ cli::Command parameterize_command() {
   t.add("memory", &a.options.memory_bytes,
         "cap, e.g. 2G; where a factor would not fit multigrid serves, slower; default: 0.8 of what is there")
       .bytes();
-  t.add("force", &a.force, "replace the output if it exists");
+  cli::add_force(t, a.force);
   return {"parameterize", "Texture coordinates for a disk-like mesh, conformal: angles are kept. In core.", t,
           [arguments] { run(*arguments); }};
 }

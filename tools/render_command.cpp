@@ -19,6 +19,7 @@ struct RenderCommand {
   RenderOptions options;
   int threads = 0;
   bool quiet = false;
+  bool force = false;
   bool sheet = false;  ///< what no --view means anyway; scripts may say it
 };
 
@@ -52,6 +53,12 @@ void run_render(const RenderCommand& command) {
     throw UsageError("--sheet excludes --view: it is four views of its own");
   if (command.options.eye.has_value() != command.options.target.has_value())
     throw UsageError("--eye needs --target, and --target needs --eye");
+  const RenderOptions& asked = command.options;
+  std::vector<std::filesystem::path> reads = cli::also_read(asked.inputs);
+  for (const std::vector<std::string>& names : {asked.inputs, asked.compare})
+    for (const std::filesystem::path& file : expand_inputs(names)) reads.push_back(file);
+  reads.push_back(asked.deviation);
+  cli::require_new_output(asked.output, command.force, reads);
   // llvmpipe takes the number of its threads from the environment alone, when its library is loaded.
   if (command.threads > 0) ::setenv("LP_NUM_THREADS", std::to_string(command.threads).c_str(), 1);
   RenderOptions options = command.options;
@@ -123,6 +130,7 @@ cli::Command render_command() {
       .bytes();
   cli::add_threads(t, shared->threads, "threads of the rasterizer");
   t.add("temp", &o.temp, "folder for the temporary file of meshes over the cap; default: beside the output");
+  cli::add_force(t, shared->force);
   t.add("quiet,q", &shared->quiet, "print nothing but notes and errors");
   return {"render", "Draw shaded pictures of meshes and point clouds (PNG).", t,
           [shared] { run_render(*shared); }};

@@ -52,6 +52,7 @@ void run_synth(const SynthCommand& command) {
     return;
   }
   cli::require_output(command.output);
+  cli::check_line_writes({}, {{command.output, "-o", PlannedWrite::Existing::kReplace}});
   const SynthReport report = synthesize(command.options, command.output);
   for (const auto& file : report.files) fmt::print("{}\n", file.string());
   fmt::print(
@@ -97,6 +98,7 @@ cli::Command synth_command() {
   t.add("shift", &o.shift, "added to every coordinate, for UTM-like frames");
   t.add("seed", &o.seed, "another seed, another sampling");
   t.add("octaves", &o.octaves, "detail of the terrain; 0 = what the spacing resolves");
+  cli::add_force(t, o.force);
   cli::add_threads(t, o.threads, "threads; never changes the result");
   return {"synth", "Simulate a scan of a scene whose surface is known.", t, [shared] { run_synth(*shared); }};
 }

@@ -1,11 +1,12 @@
 #include "stream/commands/convert_mesh.h"
 
 #include <algorithm>
+#include <array>
 #include <memory>
 #include <string>
 
-#include "octree/error.h"
 #include "stream/files/file_extension.h"
+#include "stream/files/planned_writes.h"
 #include "stream/files/read_file.h"
 #include "stream/formats/meshes/mesh_io.h"
 #include "stream/formats/ply_header.h"
@@ -38,10 +39,7 @@ bool converts_as_mesh(const std::filesystem::path& input, const std::filesystem:
 
 ConvertMeshReport convert_mesh(const std::filesystem::path& input, const std::filesystem::path& output,
                                const ConvertMeshOptions& options) {
-  std::error_code ignored;
-  if (std::filesystem::equivalent(input, output, ignored)) {
-    throw UsageError(output.string() + ": is the input itself; choose another output");
-  }
+  check_writes(std::array{input}, std::array{PlannedWrite{output, "-o", PlannedWrite::Existing::kReplace}});
   const auto stop = [&] {
     if (options.check_stop) options.check_stop();
   };

@@ -1,12 +1,14 @@
 #include "stream/commands/convert_points.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <functional>
 #include <memory>
 
 #include "octree/error.h"
 #include "stream/files/file_extension.h"
+#include "stream/files/planned_writes.h"
 #include "stream/formats/points/point_writer.h"
 #include "stream/points/point_summary.h"
 #include "stream/runtime/parallel.h"
@@ -126,12 +128,7 @@ void write_file(const std::filesystem::path& path, const ReadOptions& read, cons
 
 ConvertReport convert_points(const std::vector<std::filesystem::path>& inputs,
                              const std::filesystem::path& output, const ConvertOptions& options) {
-  for (const auto& path : inputs) {
-    std::error_code none;
-    if (std::filesystem::equivalent(path, output, none)) {
-      throw UsageError(output.string() + ": the output is one of the inputs; choose another name");
-    }
-  }
+  check_writes(inputs, std::array{PlannedWrite{output, "-o", PlannedWrite::Existing::kReplace}});
   const std::string extension = lower_extension(output);
   if (extension != ".ply" && extension != ".las" && extension != ".xyz" && extension != ".txt") {
     throw UsageError(output.string() + ": unknown extension '" + extension +

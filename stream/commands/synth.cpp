@@ -11,6 +11,7 @@
 #include "octree/error.h"
 #include "octree/vector.h"
 #include "stream/files/output_file.h"
+#include "stream/files/planned_writes.h"
 #include "stream/formats/points/point_writer.h"
 #include "stream/runtime/parallel.h"
 
@@ -320,6 +321,12 @@ SynthReport synthesize(const SynthOptions& asked, const std::filesystem::path& o
   report.area = source->area();
   report.spacing = source->spacing();
   report.noise = o.noise_in_spacings ? o.noise * report.spacing : o.noise;
+  report.truth = o.per_scan ? output.parent_path() / output.stem() : output;
+  report.truth += ".truth.json";
+  std::vector<PlannedWrite> writes = {{report.truth, "the truth beside -o", existing_by(o.force)}};
+  for (std::size_t scan = 0; scan < (o.per_scan ? source->scans().size() : 1); ++scan)
+    writes.push_back({o.per_scan ? scan_path(output, scan) : output, "-o", existing_by(o.force)});
+  check_writes({}, writes);
   const PointFileHeader header = file_header(o, report);
   const auto encoder = make_point_encoder(output, header);
   ScanFiles files(o, output, header, source->scans(), report);
@@ -360,8 +367,6 @@ SynthReport synthesize(const SynthOptions& asked, const std::filesystem::path& o
   };
   pool.run_here([&] { parallel_in_order(source->unit_count(), ring.size(), make, write); });
   files.finish();
-  report.truth = o.per_scan ? output.parent_path() / output.stem() : output;
-  report.truth += ".truth.json";
   write_truth(o, report, source->scans(), report.truth);
   report.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   return report;

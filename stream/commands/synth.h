@@ -12,7 +12,7 @@
 
 namespace tessera {
 
-/// Everything that decides the bytes, except `threads`.
+/// Everything that decides the bytes, except `threads` and `force`.
 struct SynthOptions {
   std::string scene = "terrain";
   /// `surface`: direct, uniform in area; terrestrial, airborne, structured-light.
@@ -33,8 +33,9 @@ struct SynthOptions {
   bool double_positions = false;  ///< PLY only; implied by a shift
   Double3 shift = {0, 0, 0};      ///< added to every coordinate (UTM-like frames)
   std::uint64_t seed = 1;
-  int octaves = 0;  ///< of the terrain; 0 = what the spacing resolves
-  int threads = 0;  ///< 0 = all cores
+  int octaves = 0;     ///< of the terrain; 0 = what the spacing resolves
+  int threads = 0;     ///< 0 = all cores
+  bool force = false;  ///< replace files that are there
 };
 
 struct SynthReport {

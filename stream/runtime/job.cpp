@@ -15,6 +15,7 @@
 #include "octree/error.h"
 #include "octree/lattice.h"
 #include "stream/files/durable_file.h"
+#include "stream/files/planned_writes.h"
 #include "stream/runtime/child_process.h"
 #include "stream/runtime/commit.h"
 #include "stream/runtime/journal.h"
@@ -353,6 +354,38 @@ void check_until(const JobState& state, const JobDescription& job) {
   throw UsageError(fmt::format("--until {}: no such stage, there are {}", state.run.until, listed(names)));
 }
 
+std::vector<fs::path> beside_paths(const JobState& state, const JobDescription& job, bool results) {
+  std::vector<fs::path> paths;
+  for (const BesideOutput& b : job.beside)
+    if (b.is_result || !results) paths.push_back(b.path(state.output));
+  return paths;
+}
+
+/// Everything that the job will write, before it does anything.
+/// \param resumes  the work directory is of this very job: what lies beside the output may be of its first run
+void check_job_writes(const JobState& state, const JobDescription& job, bool resumes) {
+  std::vector<fs::path> reads = state.inputs;
+  reads.insert(reads.end(), state.also_read.begin(), state.also_read.end());
+  const auto own = [&](const fs::path& file) {
+    return existing_by(state.run.force || resumes || is_own_earlier_file(state, file));
+  };
+  using Existing = PlannedWrite::Existing;
+  std::vector<PlannedWrite> writes;
+  const bool plans = job.only_stages > 0;
+  // What is there is looked at by output_is_done().
+  writes.push_back({state.output, "-o", Existing::kReplace});
+  if (!plans || !state.run.report.empty())
+    writes.push_back({report_path(state), state.run.report.empty() ? "the report beside -o" : "--report",
+                      own(report_path(state))});
+  if (!state.run.log.empty()) writes.push_back({fs::absolute(state.run.log), "--log", Existing::kAppend});
+  if (!plans)
+    for (const BesideOutput& b : job.beside) {
+      const fs::path path = b.path(state.output);
+      writes.push_back({path, b.option, own(path)});
+    }
+  check_writes(reads, writes, state.work);
+}
+
 }  // namespace
 
 nlohmann::json run_job(JobState state, const JobDescription& job, const ProgressSink& sink) {
@@ -367,17 +400,16 @@ nlohmann::json run_job(JobState state, const JobDescription& job, const Progress
   }
   state.output = fs::absolute(state.output).lexically_normal();
   state.work = work_path(state.output, state.run.temp);
-  for (const fs::path& folder : {state.output.parent_path(), state.work.parent_path()}) {
-    if (!fs::is_directory(folder)) {
-      throw UsageError(fmt::format("{}: there is no such folder: make it first", folder.string()));
-    }
-    if (::access(folder.c_str(), W_OK) != 0) {
-      throw UsageError(
-          fmt::format("{}: this folder cannot be written to: {}", folder.string(), std::strerror(errno)));
-    }
-  }
+  const fs::path folder = state.work.parent_path();
+  if (!fs::is_directory(folder))
+    throw UsageError(fmt::format("{}: there is no such folder: make it first", folder.string()));
+  if (::access(folder.c_str(), W_OK) != 0)
+    throw UsageError(
+        fmt::format("{}: this folder cannot be written to: {}", folder.string(), std::strerror(errno)));
   const nlohmann::json identity = job_identity(job.command, state, fingerprints);
-  if (nlohmann::json report; job.only_stages == 0 && output_is_done(state, identity, report)) {
+  check_job_writes(state, job, WorkDir::holds(state.work, identity));
+  if (nlohmann::json report;
+      job.only_stages == 0 && output_is_done(state, identity, beside_paths(state, job, true), report)) {
     WorkDir::remove_discarded(state.work);
     return report;
   }
@@ -397,7 +429,7 @@ nlohmann::json run_job(JobState state, const JobDescription& job, const Progress
     driver.run();
     const double wall = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
     nlohmann::json report =
-        make_report(state, identity, driver.done(),
+        make_report(state, identity, driver.done(), beside_paths(state, job, false),
                     {cap_text, wall, cpu_seconds(), peak_resident_bytes() + driver.child_peak_bytes(),
                      driver.resumed_stages()});
     if (job.summarise) job.summarise(report);

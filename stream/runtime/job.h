@@ -7,6 +7,7 @@
 /// directory goes.
 #pragma once
 #include <cstdint>
+#include <filesystem>
 #include <functional>
 #include <string>
 #include <vector>
@@ -18,6 +19,13 @@
 
 namespace tessera {
 
+/// A file that a job writes beside its output.
+struct BesideOutput {
+  std::function<std::filesystem::path(const std::filesystem::path& output)> path;
+  std::string option;      ///< what asks for it: "--keep-raw"
+  bool is_result = false;  ///< the job is not done without it
+};
+
 /// What a job is beside its state.
 struct JobDescription {
   std::string command;             ///< "reconstruct": part of the job's identity
@@ -26,6 +34,7 @@ struct JobDescription {
   std::size_t only_stages = 0;
   /// Adds what the report says of the whole job, from its `stages`; may be empty
   std::function<void(nlohmann::json&)> summarise;
+  std::vector<BesideOutput> beside = {};  ///< files that stages write beside the output
 };
 
 /// Runs the job; returns the report (schema 1).

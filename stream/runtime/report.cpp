@@ -1,5 +1,7 @@
 #include "stream/runtime/report.h"
 
+#include <algorithm>
+
 #include <fmt/format.h>
 
 #include "octree/error.h"
@@ -15,18 +17,43 @@ std::string job_hash(const nlohmann::json& identity) {
   return hex64(hash_text(identity.dump()));
 }
 
+nlohmann::json describe_file(const fs::path& path, std::uint64_t bytes, std::uint64_t hash) {
+  return {{"path", path.string()}, {"bytes", bytes}, {"xxh3", hex64(hash)}};
+}
+nlohmann::json describe_file(const fs::path& path) {
+  return describe_file(path, fs::file_size(path), hash_file(path));
+}
+
 nlohmann::json describe_output(const JobState& state, const std::vector<StageRecords>& done) {
   if (state.output.empty() || !fs::exists(state.output)) return nullptr;
-  for (const StageRecords& records : done) {
-    for (const FileRecord& file : records.finish.files) {
-      if (file.name == kOutputName) {
-        return {{"path", state.output.string()}, {"bytes", file.bytes}, {"xxh3", hex64(file.xxh3)}};
-      }
-    }
-  }
-  return {{"path", state.output.string()},
-          {"bytes", fs::file_size(state.output)},
-          {"xxh3", hex64(hash_file(state.output))}};
+  for (const StageRecords& records : done)
+    for (const FileRecord& file : records.finish.files)
+      if (file.name == kOutputName) return describe_file(state.output, file.bytes, file.xxh3);
+  return describe_file(state.output);
+}
+
+/// Whether the file at `path` is the one that a report describes.
+bool stands(const fs::path& path, const nlohmann::json& described) {
+  std::error_code error;
+  return described.is_object() && fs::is_regular_file(path, error) &&
+         described.value("bytes", std::uint64_t{0}) == fs::file_size(path, error) && !error &&
+         described.value("xxh3", "") == hex64(hash_file(path));
+}
+
+/// What report_path() holds; null if that is no report.
+nlohmann::json earlier_report(const JobState& state) {
+  const fs::path path = report_path(state);
+  if (!fs::is_regular_file(path)) return nullptr;
+  nlohmann::json report = nlohmann::json::parse(read_text(path), nullptr, false);
+  return report.is_object() && report.value("tool", nlohmann::json()) == "tessera" ? report : nullptr;
+}
+
+/// What it says of a file beside the output.
+nlohmann::json described_beside(const nlohmann::json& report, const fs::path& file) {
+  if (report.is_object())
+    for (const nlohmann::json& entry : report.value("beside", nlohmann::json::array()))
+      if (entry.is_object() && entry.value("path", "") == file.string()) return entry;
+  return nullptr;
 }
 
 }  // namespace
@@ -42,7 +69,8 @@ nlohmann::json result_of(const nlohmann::json& report, const std::string& stage)
 }
 
 nlohmann::json make_report(const JobState& state, const nlohmann::json& identity,
-                           const std::vector<StageRecords>& done, const RunFigures& figures) {
+                           const std::vector<StageRecords>& done, const std::vector<fs::path>& beside,
+                           const RunFigures& figures) {
   nlohmann::json stages = nlohmann::json::array();
   nlohmann::json warnings = nlohmann::json::array();
   std::uint64_t peak = figures.peak_bytes;
@@ -53,6 +81,9 @@ nlohmann::json make_report(const JobState& state, const nlohmann::json& identity
     peak = std::max(peak, stage.value("peak_bytes", std::uint64_t{0}));
     stages.push_back(std::move(stage));
   }
+  nlohmann::json others = nlohmann::json::array();
+  for (const fs::path& path : beside)
+    if (fs::exists(path)) others.push_back(describe_file(path));
   return {{"schema", kReportSchema},
           {"tool", "tessera"},
           {"version", TESSERA_VERSION},
@@ -75,7 +106,8 @@ nlohmann::json make_report(const JobState& state, const nlohmann::json& identity
           {"memory_cap_bytes", state.run.memory_bytes},
           {"stages", std::move(stages)},
           {"warnings", std::move(warnings)},
-          {"output", describe_output(state, done)}};
+          {"output", describe_output(state, done)},
+          {"beside", std::move(others)}};
 }
 
 fs::path report_path(const JobState& state) {
@@ -91,18 +123,22 @@ void write_report(const JobState& state, const nlohmann::json& report) {
   write_durably(report_path(state), text);
 }
 
-bool output_is_done(const JobState& state, const nlohmann::json& identity, nlohmann::json& report) {
+bool is_own_earlier_file(const JobState& state, const fs::path& file) {
+  const nlohmann::json report = earlier_report(state);
+  if (!report.is_object()) return false;
+  const nlohmann::json output = report.value("output", nlohmann::json());
+  if (!output.is_object() || output.value("path", "") != state.output.string()) return false;
+  return file == report_path(state) || stands(file, described_beside(report, file));
+}
+
+bool output_is_done(const JobState& state, const nlohmann::json& identity,
+                    const std::vector<fs::path>& results, nlohmann::json& report) {
   if (state.run.force || !fs::exists(state.output) || fs::exists(state.work / "job.json")) return false;
-  const fs::path path = report_path(state);
-  if (fs::exists(path)) {
-    report = nlohmann::json::parse(read_text(path), nullptr, false);
-    const nlohmann::json output =
-        report.is_object() ? report.value("output", nlohmann::json()) : nlohmann::json();
-    if (output.is_object() && report.value("job", "") == job_hash(identity) &&
-        output.value("bytes", std::uint64_t{0}) == fs::file_size(state.output) &&
-        output.value("xxh3", "") == hex64(hash_file(state.output))) {
-      return true;
-    }
+  report = earlier_report(state);
+  if (report.is_object() && report.value("job", "") == job_hash(identity) &&
+      stands(state.output, report.value("output", nlohmann::json()))) {
+    return std::all_of(results.begin(), results.end(),
+                       [&](const fs::path& file) { return stands(file, described_beside(report, file)); });
   }
   throw UsageError(
       fmt::format("{}: is there already and not the result of this very command: give --force to "

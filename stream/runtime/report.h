@@ -27,10 +27,11 @@ struct RunFigures {
 nlohmann::json warnings_of(const nlohmann::json& entry);
 
 /// Keys: schema, tool, version, command, finished, machine, job (hash), options, inputs, run, wall_s, cpu_s,
-/// peak_bytes, memory_cap_bytes, output {path, bytes, xxh3}, stages: a list of {name, tasks, tasks_resumed,
+/// peak_bytes, memory_cap_bytes, output {path, bytes, xxh3}, beside [{path, bytes, xxh3}], stages: a list of {name, tasks, tasks_resumed,
 /// wall_s, cpu_s, peak_bytes, bytes_read, bytes_written, units, unit, result: what the stage reports}.
 nlohmann::json make_report(const JobState& state, const nlohmann::json& identity,
-                           const std::vector<StageRecords>& done, const RunFigures& figures);
+                           const std::vector<StageRecords>& done,
+                           const std::vector<std::filesystem::path>& beside, const RunFigures& figures);
 
 /// What a stage reported; null where it did not run.
 nlohmann::json result_of(const nlohmann::json& report, const std::string& stage);
@@ -38,11 +39,16 @@ nlohmann::json result_of(const nlohmann::json& report, const std::string& stage)
 /// run.report, or <output>.report.json.
 std::filesystem::path report_path(const JobState& state);
 
+/// True when a report of an earlier run of Tessera says that it made `file` beside this very output, and nobody has changed
+/// it since; the report itself is such a file.
+bool is_own_earlier_file(const JobState& state, const std::filesystem::path& file);
+
 /// Writes report.json into the work directory and copies it to report_path().
 void write_report(const JobState& state, const nlohmann::json& report);
 
 /// True when there is no work directory, but the output and a report that belongs to it and to this very job:
-/// nothing is left to do. \throws UsageError when the output is there, is not this job's and `force` is off
-bool output_is_done(const JobState& state, const nlohmann::json& identity, nlohmann::json& report);
+/// nothing is left to do. \param results  files that the job makes beside the output, which must stand as well \throws UsageError when the output is there, is not this job's and `force` is off
+bool output_is_done(const JobState& state, const nlohmann::json& identity,
+                    const std::vector<std::filesystem::path>& results, nlohmann::json& report);
 
 }  // namespace tessera

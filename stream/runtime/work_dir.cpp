@@ -17,6 +17,7 @@
 
 #include "octree/error.h"
 #include "stream/files/durable_file.h"
+#include "stream/files/planned_writes.h"
 #include "stream/files/read_file.h"
 #include "stream/runtime/option_table.h"
 
@@ -54,14 +55,14 @@ bool barely_begun(const fs::path& work) {
   return std::all_of(fs::directory_iterator(work), fs::directory_iterator(),
                      [](const fs::directory_entry& entry) {
                        const std::string name = entry.path().filename().string();
-                       return name == kLockFile || name == "job.json.part" || name == "journal";
+                       return name == kLockFile || name == output_aside(kJobFile) || name == "journal";
                      });
 }
 
 /// \returns a descriptor that holds the lock
 int lock_folder(const fs::path& work, int mode) {
   const fs::path path = work / kLockFile;
-  const int fd = ::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644);
+  const int fd = ::open(path.c_str(), O_RDWR | O_CREAT | O_NOFOLLOW | O_CLOEXEC, 0644);
   if (fd < 0) throw_write_error(path, errno);
   int error = ::flock(fd, mode | LOCK_NB) == 0 ? 0 : errno;
   // A process that was just killed lets go a moment later.
@@ -99,7 +100,8 @@ nlohmann::json read_job_file(const fs::path& work) {
 void remove_parts(const fs::path& work) {
   std::vector<fs::path> parts;
   for (const auto& entry : fs::recursive_directory_iterator(work)) {
-    if (entry.path().extension() == ".part") parts.push_back(entry.path());
+    const fs::path ending = entry.path().extension();
+    if (ending == ".part" || ending == output_aside("x").extension()) parts.push_back(entry.path());
   }
   for (const fs::path& part : parts) fs::remove(part);
 }
@@ -200,6 +202,14 @@ WorkDir WorkDir::open_job(const fs::path& path, const nlohmann::json& identity, 
   make_folders(dir.journal_folder());
   dir.created_ = true;
   return dir;
+}
+
+bool WorkDir::holds(const fs::path& path, const nlohmann::json& identity) {
+  try {
+    return fs::exists(job_file(path)) && read_job_file(path).at("identity") == identity;
+  } catch (const InputError&) {
+    return false;
+  }
 }
 
 WorkDir WorkDir::open_existing(const fs::path& path, bool locked) {

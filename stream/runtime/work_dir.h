@@ -44,6 +44,8 @@ class WorkDir {
   /// \throws UsageError when it belongs to another job (and `force` does not discard it), is in use by another
   ///         process, or is no work directory; ResourceError when the disk is full
   static WorkDir open_job(const std::filesystem::path& path, const nlohmann::json& identity, bool force);
+  /// Whether a work directory of this very job is there; changes nothing.
+  static bool holds(const std::filesystem::path& path, const nlohmann::json& identity);
   /// Opens what open_job made. \param locked false: the parent process holds the lock
   /// \throws InputError when it is no work directory or of another schema or version
   static WorkDir open_existing(const std::filesystem::path& path, bool locked);

@@ -12,6 +12,7 @@
 #include "stream/stages/scan/order_stage.h"
 #include "stream/stages/scan/probe_stage.h"
 #include "stream/stages/scan/survey_stage.h"
+#include "stream/stages/scan/uncertain_picture.h"
 #include "stream/stages/surface/closing_stages.h"
 #include "stream/stages/surface/first_pass.h"
 #include "stream/stages/surface/holes_stage.h"
@@ -123,7 +124,10 @@ std::vector<StageEntry> reconstruct_stages(const ReconstructOptions& options) {
 }
 
 JobDescription reconstruct_job(const ReconstructOptions& options) {
-  return {"reconstruct", reconstruct_stages(options), 0, summarise};
+  JobDescription job = {"reconstruct", reconstruct_stages(options), 0, summarise};
+  if (options.normals != "given") job.beside.push_back({uncertain_picture_path, "the picture of --normals"});
+  if (options.keep_raw) job.beside.push_back({raw_output_path, "--keep-raw", true});
+  return job;
 }
 
 JobDescription plan_job() {

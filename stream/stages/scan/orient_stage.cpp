@@ -173,8 +173,7 @@ class OrientStage : public Stage {
   /// Many signs in doubt: a picture of where, and a warning, or the end where they are too many.
   void tell(double uncertain, const OverlayDecisions& decisions, const TaskContext& context,
             json& entry) const {
-    std::filesystem::path picture = output_;
-    picture += ".uncertain.png";
+    const std::filesystem::path picture = uncertain_picture_path(output_);
     std::string shown = picture.string() + " shows where in red";
     try {
       draw_uncertain(overlay_, decisions, plan_.lattice, picture, memory_bytes_, context);

@@ -56,6 +56,11 @@ void write_surfels(const PointOverlay& overlay, const OverlayDecisions& decision
 
 }  // namespace
 
+std::filesystem::path uncertain_picture_path(const std::filesystem::path& output) {
+  std::filesystem::path path = output;
+  return path += ".uncertain.png";
+}
+
 void draw_uncertain(const PointOverlay& overlay, const OverlayDecisions& decisions, const Lattice& lattice,
                     const std::filesystem::path& picture, std::uint64_t memory_bytes,
                     const TaskContext& context) {

@@ -8,6 +8,9 @@
 
 namespace tessera {
 
+/// OUTPUT.uncertain.png
+std::filesystem::path uncertain_picture_path(const std::filesystem::path& output);
+
 /// Draws four views, through a small point file beside the picture that goes again.
 /// \throws ResourceError when the disk is full or no renderer is there
 void draw_uncertain(const PointOverlay& overlay, const OverlayDecisions& decisions, const Lattice& lattice,

@@ -113,7 +113,7 @@ TEST_CASE("work directory: a folder that is none is never touched", "[fault]") {
 TEST_CASE("work directory: what a killed start or removal leaves does not stop the next run", "[fault]") {
   const TempFolder scratch;
   const JobState state = state_in(scratch);
-  spill(state.work / "job.json.part", "{\"iden");
+  spill(state.work / "job.json.tessera-part", "{\"iden");
   spill(state.work / "lock", "");
   spill(state.work.string() + ".discarded/points/0", "x");
   const WorkDir work = WorkDir::open_job(state.work, identity_of(state), false);

@@ -1,0 +1,123 @@
+// What users and programs do to commands by mistake: a documented code in the first seconds, and nothing lost.
+#include <catch2/catch.hpp>
+
+#include <cstring>
+
+#include "tests/helpers/command.h"
+#include "tests/helpers/serial_job.h"
+
+using namespace tessera::test;
+namespace fs = std::filesystem;
+
+namespace {
+
+std::string text_of(const fs::path& path) {
+  std::ifstream file(path, std::ios::binary);
+  return {std::istreambuf_iterator<char>(file), {}};
+}
+
+/// A unit cube whose x begin at `low`.
+std::string cube(const std::string& low = "0", const std::string& high = "1") {
+  std::string text = "OFF\n8 12 0\n";
+  for (int v = 0; v < 8; ++v)
+    text += (v & 1 ? high : low) + " " + (v & 2 ? high : "0") + " " + (v & 4 ? high : "0") + "\n";
+  return text +
+         "3 0 2 3\n3 0 3 1\n3 4 5 7\n3 4 7 6\n3 0 1 5\n3 0 5 4\n3 2 6 7\n3 2 7 3\n3 0 4 6\n3 0 6 2\n3 1 3 "
+         "7\n3 1 7 5\n";
+}
+
+struct Files {
+  TempFolder folder;
+  std::string at(const std::string& name) const { return (folder.path() / name).string(); }
+  std::string put(const std::string& name, const std::string& content) const {
+    std::ofstream(folder.path() / name, std::ios::binary) << content;
+    return at(name);
+  }
+};
+
+CommandResult refused(int code, const std::vector<std::string>& words, unsigned most_ms = 0) {
+  const CommandResult r = tessera_command(words, most_ms);
+  INFO(words[0] << " " << words[1] << ": " << r.errors);
+  CHECK(r.code == code);
+  CHECK(r.errors.find("tessera: error: ") != std::string::npos);
+  return r;
+}
+
+}  // namespace
+
+TEST_CASE("hard to break: no command writes over what it reads, or over what is there", "[fault]") {
+  const Files f;
+  const std::string mesh = f.put("m.off", cube()), other = f.put("r.off", cube());
+  const std::string scan = f.put("s.xyz", "0 0 0\n1 0 0\n0 1 0\n1 1 0\n");
+  const std::string job = f.put("job.json", "{}");
+  const std::string list = f.put("list.txt", "s.xyz\n");
+  const std::string mine = f.put("mine", "somebody's"), png = f.put("mine.png", "somebody's"),
+                    ply = f.put("mine.ply", "somebody's");
+  fs::copy_file(mesh, f.at("in.ply"));
+  fs::create_hard_link(mesh, f.at("hard.ply"));
+  f.put("z.ply.truth.json", "somebody's");
+  const std::vector<std::vector<std::string>> lines = {
+      {"check", mesh, "--json", mesh, "--force"},
+      {"check", mesh, "--reference", other, "--tolerance", "1", "--json", other, "--force"},
+      {"check", mesh, "--json", mine},
+      {"reconstruct", scan, "-o", f.at("a.ply"), "--report", scan},
+      {"reconstruct", scan, "-o", f.at("a.ply"), "--log", scan},
+      {"reconstruct", scan, "-o", f.at("a.ply"), "--report", f.at("a.ply")},
+      {"reconstruct", scan, "-o", f.at("a.ply"), "--log", mine},
+      {"reconstruct", scan, "-o", f.at("a.ply"), "--report", mine},
+      {"reconstruct", "@" + list, "-o", f.at("a.ply"), "--report", list, "--force"},
+      {"plan", scan, "--report", scan, "--force"},
+      {"smooth", mesh, "-o", f.at("hard.ply"), "--force"},
+      {"decimate", mesh, "-o", f.at("hard.ply"), "--tolerance", "1", "--force"},
+      {"decimate", mesh, "--reference", f.at("in.ply"), "-o", f.at("in.ply"), "--tolerance", "1", "--force"},
+      {"parameterize", mesh, "-o", f.at("hard.ply"), "--force"},
+      {"convert", mesh, "-o", f.at("hard.ply"), "--force"},
+      {"smooth", mesh, "-o", f.at("b.ply"), "--job", job, "--report", job, "--force"},
+      {"render", mesh, "-o", png},
+      {"synth", "--points", "100", "-o", ply},
+      {"synth", "--points", "100", "-o", f.at("z.ply")}};
+  for (const auto& line : lines) refused(2, line);
+  CHECK(text_of(mesh) == cube());
+  CHECK(text_of(other) == cube());
+  CHECK(text_of(f.at("in.ply")) == cube());
+  CHECK(text_of(scan) == "0 0 0\n1 0 0\n0 1 0\n1 1 0\n");
+  CHECK(text_of(list) == "s.xyz\n");
+  for (const std::string& path : {mine, png, ply, f.at("z.ply.truth.json")})
+    CHECK(text_of(path) == "somebody's");
+  CHECK(lines.size() == 19);
+}
+
+TEST_CASE("hard to break: an output that is a folder is refused at the start", "[fault]") {
+  const Files f;
+  const std::string mesh = f.put("m.off", cube()), scan = f.put("s.xyz", "0 0 0\n1 0 0\n0 1 0\n1 1 0\n");
+  for (const char* name : {"d.ply", "d.png", "d.json"}) fs::create_directory(f.at(name));
+  refused(2, {"reconstruct", scan, "-o", f.at("d.ply"), "--force"});
+  refused(2, {"smooth", mesh, "-o", f.at("d.ply"), "--force"});
+  refused(2, {"convert", mesh, "-o", f.at("d.ply"), "--force"});
+  refused(2, {"render", mesh, "-o", f.at("d.png"), "--force"});
+  refused(2, {"check", mesh, "--json", f.at("d.json"), "--force"});
+  refused(2, {"smooth", mesh, "-o", f.at("a.ply"), "--report", f.at("d.json"), "--force"});
+  refused(2, {"smooth", mesh, "-o", f.at("a.ply"), "--log", f.at("d.json"), "--force"});
+  refused(2, {"synth", "--points", "100", "-o", f.at("d.ply"), "--force"});
+  CHECK_FALSE(fs::exists(f.at("a.ply")));
+}
+
+TEST_CASE("hard to break: what --keep-raw asked for is made again when it is gone", "[pipeline]") {
+  const Files f;
+  REQUIRE(
+      tessera_command({"synth", "--scene", "sphere", "--points", "4000", "--normals", "-o", f.at("s.ply")})
+          .code == 0);
+  const std::vector<std::string> line = {"reconstruct", f.at("s.ply"), "-o",        f.at("m.ply"),
+                                         "--tolerance", "0.01",        "--keep-raw"};
+  REQUIRE(tessera_command(line).code == 0);
+  const std::string mesh = text_of(f.at("m.ply")), raw = text_of(f.at("m.raw.ply"));
+  REQUIRE(!raw.empty());
+  fs::remove(f.at("m.raw.ply"));
+  CHECK(tessera_command(line).code == 0);
+  CHECK(text_of(f.at("m.raw.ply")) == raw);
+  CHECK(text_of(f.at("m.ply")) == mesh);
+  // what somebody else put there is not
+  f.put("m.raw.ply", "somebody's");
+  refused(2, line);
+  CHECK(text_of(f.at("m.raw.ply")) == "somebody's");
+}
