@@ -3,12 +3,15 @@
 // export MESH.tessera -o BAND.vdb
 #include <fmt/format.h>
 
+#include <unistd.h>
+
 #include <fstream>
 #include <memory>
 #include <utility>
 
 #include "kernels/field/band_vdb.h"
 #include "octree/error.h"
+#include "stream/files/durable_file.h"
 #include "stream/points/reconstruct_options.h"
 #include "stream/runtime/stop.h"
 #include "stream/stages/surface/surface_stage.h"
@@ -19,6 +22,7 @@ namespace {
 struct Arguments {
   std::filesystem::path work;
   std::filesystem::path out;
+  bool force = false;
   double feature_angle_deg = tessera::ReconstructOptions{}.feature_angle_deg;
   std::uint64_t memory_bytes = std::uint64_t{4} << 30;
 };
@@ -26,6 +30,7 @@ struct Arguments {
 void run(const Arguments& a) {
   if (a.work.empty()) throw tessera::UsageError("no work directory given");
   tessera::cli::require_output(a.out);
+  tessera::cli::require_new_output(a.out, a.force, {a.work / "job.json"});
   tessera::VdbExport grid(tessera::Plan::of_work(a.work).lattice);
   tessera::for_each_band(a.work, a.feature_angle_deg, [&](tessera::DirectedField&& field) {
     tessera::throw_if_stopped();
@@ -34,7 +39,8 @@ void run(const Arguments& a) {
       throw tessera::ResourceError("the band does not fit " + std::to_string(a.memory_bytes >> 20) +
                                    " MiB in one OpenVDB grid; give a larger --memory");
   });
-  const std::filesystem::path part = a.out.string() + ".part";
+  const int held = tessera::create_aside(a.out);
+  const std::filesystem::path part = tessera::output_aside(a.out);
   std::ofstream file(part, std::ios::binary);
   grid.write(file);
   file.close();
@@ -44,6 +50,7 @@ void run(const Arguments& a) {
                                  ": could not be written; is the disk full or the folder read-only?");
   }
   std::filesystem::rename(part, a.out);
+  ::close(held);
   fmt::print("{}: {} nodes, {} bytes in memory\n", a.out.string(), grid.node_count(), grid.bytes());
 }
 
@@ -54,6 +61,7 @@ int main(int argc, char** argv) {
   tessera::OptionTable t;
   t.add("work", &a->work, "work directory of a job whose points are ordered and oriented").positional();
   tessera::cli::add_output(t, a->out, "grid to write, .vdb");
+  tessera::cli::add_force(t, a->force);
   t.add("feature-angle", &a->feature_angle_deg, "degrees, as in the job").within(0, 180);
   t.add("memory", &a->memory_bytes, "cap on the grid, which is held in memory").bytes();
   return tessera::cli::run(

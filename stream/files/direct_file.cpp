@@ -34,7 +34,7 @@ DirectFile::DirectFile(const std::filesystem::path& path, std::size_t buffer_byt
     : path_(path), capacity_(std::max(kPage, (buffer_bytes + kPage - 1) / kPage * kPage)) {
   buffer_.reset(static_cast<std::byte*>(std::aligned_alloc(kPage, capacity_)));
   if (!buffer_) throw std::bad_alloc();
-  constexpr int kFlags = O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC;
+  constexpr int kFlags = O_WRONLY | O_CREAT | O_TRUNC | O_NOFOLLOW | O_CLOEXEC;
   fd_ = ::open(path.c_str(), kFlags | O_DIRECT, 0644);
   direct_ = fd_ >= 0;
   if (!direct_ && errno == EINVAL) fd_ = ::open(path.c_str(), kFlags, 0644);

@@ -8,20 +8,26 @@
 #include <vector>
 
 #include <fcntl.h>
+#include <sys/file.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <fmt/format.h>
 #include <xxhash.h>
 
 #include "octree/error.h"
+#include "stream/files/planned_writes.h"
 
 namespace tessera {
 namespace {
+
+constexpr int kAsideTries = 100;
 
 class Descriptor {
  public:
   Descriptor(const std::filesystem::path& path, int flags, mode_t mode = 0)
       : fd_(::open(path.c_str(), flags | O_CLOEXEC, mode)) {}
+  explicit Descriptor(int fd) : fd_(fd) {}
   ~Descriptor() {
     if (fd_ >= 0) ::close(fd_);
   }
@@ -52,7 +58,7 @@ void throw_write_error(const std::filesystem::path& path, int error) {
         path.string(), std::strerror(error)));
   }
   const std::string sentence = fmt::format("{}: cannot be written: {}", path.string(), std::strerror(error));
-  for (const int users : {EACCES, EPERM, EROFS, ENOENT, ENOTDIR, EISDIR}) {
+  for (const int users : {EACCES, EPERM, EROFS, ENOENT, ENOTDIR, EISDIR, ELOOP, ENAMETOOLONG}) {
     if (error == users) throw UsageError(sentence);
   }
   throw ResourceError(sentence);
@@ -101,12 +107,39 @@ void rename_durably(const std::filesystem::path& from, const std::filesystem::pa
   sync_folder(to.parent_path());
 }
 
+int create_aside(const std::filesystem::path& path) {
+  const std::filesystem::path aside = output_aside(path);
+  const auto is_there = [&](int fd) {
+    struct stat held = {}, there = {};
+    return ::fstat(fd, &held) == 0 && ::lstat(aside.c_str(), &there) == 0 && held.st_ino == there.st_ino &&
+           held.st_dev == there.st_dev;
+  };
+  for (int attempt = 0; attempt < kAsideTries; ++attempt) {
+    const int fd = ::open(aside.c_str(), O_RDWR | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0666);
+    if (fd >= 0) {
+      // Between creation and lock another process may have taken it for a leftover.
+      if (::flock(fd, LOCK_EX | LOCK_NB) == 0 && is_there(fd)) return fd;
+      ::close(fd);
+      continue;
+    }
+    if (errno != EEXIST) throw_write_error(aside, errno);
+    const Descriptor old(aside, O_RDONLY | O_NOFOLLOW | O_NONBLOCK);
+    if (old.get() < 0 && errno == ENOENT) continue;
+    if (old.get() < 0)
+      throw UsageError(fmt::format("{}: is in the way of what {} is to be written to first: remove it",
+                                   aside.string(), path.string()));
+    if (::flock(old.get(), LOCK_EX | LOCK_NB) != 0) break;
+    // Nobody holds it: a killed run left it. The name goes, not the content, which a hard link may share.
+    if (is_there(old.get()) && ::unlink(aside.c_str()) != 0) throw_write_error(aside, errno);
+  }
+  throw UsageError(fmt::format(
+      "{}: another process is writing this file: wait for it or choose another output", path.string()));
+}
+
 void write_durably(const std::filesystem::path& path, const std::string& text) {
-  std::filesystem::path aside = path;
-  aside += ".part";
+  const std::filesystem::path aside = output_aside(path);
   {
-    const Descriptor file(aside, O_WRONLY | O_CREAT | O_TRUNC, 0644);
-    if (file.get() < 0) throw_write_error(aside, errno);
+    const Descriptor file(create_aside(path));
     std::size_t done = 0;
     while (done < text.size()) {
       const ssize_t wrote = ::write(file.get(), text.data() + done, text.size() - done);

@@ -24,6 +24,11 @@ std::uint64_t hash_text(const std::string& text);
 void sync_file(const std::filesystem::path& path);
 void sync_folder(const std::filesystem::path& path);
 
+/// Creates output_aside(path) (planned_writes.h) anew for this process alone and locks it while it is open, so that of two
+/// processes with one output the second is told. No link is followed, nothing that is there is opened for writing.
+/// \returns a descriptor \throws UsageError when another process has it, or it cannot be created
+int create_aside(const std::filesystem::path& path);
+
 /// Makes `path` hold `text`: at no moment, killed or not, does it hold anything but its old or its new
 /// content.
 void write_durably(const std::filesystem::path& path, const std::string& text);

@@ -10,6 +10,8 @@
 #include <string>
 
 #include "octree/error.h"
+#include "stream/files/durable_file.h"
+#include "stream/files/planned_writes.h"
 
 namespace tessera {
 namespace {
@@ -22,20 +24,15 @@ namespace {
 
 }  // namespace
 
-OutputFile::OutputFile(const std::filesystem::path& path) : path_(path), part_(path) {
-  part_ += ".part";
-  fd_ = ::open(part_.c_str(), O_RDWR | O_CREAT | O_TRUNC | O_CLOEXEC, 0666);
-  if (fd_ < 0) {
-    throw UsageError(part_.string() + ": cannot be created: " + std::strerror(errno) +
-                     "; choose an output folder that exists and is writable");
-  }
+OutputFile::OutputFile(const std::filesystem::path& path)
+    : path_(path), part_(output_aside(path)), fd_(create_aside(path)) {
   buffer_ = std::make_unique_for_overwrite<char[]>(kBufferBytes);
 }
 
 OutputFile::~OutputFile() {
   if (fd_ < 0) return;
+  ::unlink(part_.c_str());  // before the lock goes with the descriptor
   ::close(fd_);
-  ::unlink(part_.c_str());
 }
 
 char* OutputFile::reserve(std::size_t bytes) {

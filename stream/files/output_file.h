@@ -1,6 +1,6 @@
 /// \file output_file.h
-/// One file written once, in order, through a fixed buffer. It is called `<path>.part` until finish() has
-/// synced it, so that no file bears its final name before it is complete. Written data leaves the page cache
+/// One file written once, in order, through a fixed buffer. It is called output_aside(path) until finish()
+/// has synced it, so that no file bears its final name before it is complete. Written data leaves the page cache
 /// as it goes.
 #pragma once
 #include <cstddef>
@@ -15,8 +15,8 @@ namespace tessera {
 
 class OutputFile {
  public:
-  /// Creates `<path>.part`, replacing a leftover. Allocates the buffer (kBufferBytes) and nothing else later.
-  /// \throws UsageError when it cannot be created (folder missing, not writable)
+  /// Creates the file aside, replacing a leftover. Allocates the buffer (kBufferBytes) and nothing else later.
+  /// \throws UsageError when it cannot be created (folder missing, not writable), or another process writes this output
   explicit OutputFile(const std::filesystem::path& path);
   /// Removes the part file unless finish() succeeded.
   ~OutputFile();

@@ -91,7 +91,7 @@ bool parse_journal_line(const std::string& line, TaskRecord& record) {
 }
 
 JournalWriter::JournalWriter(const std::filesystem::path& file) : path_(file) {
-  fd_ = ::open(file.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644);
+  fd_ = ::open(file.c_str(), O_RDWR | O_CREAT | O_NOFOLLOW | O_CLOEXEC, 0644);
   if (fd_ < 0) throw_write_error(file, errno);
   try {
     if (::flock(fd_, LOCK_EX | LOCK_NB) != 0) {

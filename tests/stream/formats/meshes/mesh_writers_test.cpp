@@ -54,7 +54,7 @@ TEST_CASE("PLY writer: the bytes of one coloured triangle", "[unit]") {
   for (const std::uint32_t index : {2u, 1u, 0u}) put(index);
   CHECK(contents(folder.path() / "a.ply") == want);
   CHECK(writer->bytes_written() == want.size());
-  CHECK_FALSE(std::filesystem::exists(folder.path() / "a.ply.part"));
+  CHECK_FALSE(std::filesystem::exists(folder.path() / "a.ply.tessera-part"));
 }
 
 TEST_CASE("PLY writer: faces that close a hole say so, other formats drop it", "[unit]") {
