@@ -11,6 +11,8 @@
 #include <array>
 #include <cmath>
 #include <cstdint>
+#include <stdexcept>
+#include <string>
 
 #include "octree/morton.h"
 #include "octree/vector.h"
@@ -42,6 +44,20 @@ struct Lattice {
   }
   bool operator==(const Lattice&) const = default;
 };
+
+/// Which of the cells of edge `edge` around zero holds `x`: floor(x / edge), exact also where the quotient is too small to
+/// be told from zero. Differences of such numbers are exact, the floor of a difference is not. \pre edge is a power of two
+inline double cell_at(double x, double edge) {
+  const double cell = std::floor(x / edge);
+  return cell == 0.0 && x < 0.0 ? -1.0 : cell;
+}
+/// A computed index, checked in every build: out of its range it would be a write past the heap.
+inline std::uint32_t checked_index(double index, double end) {
+  if (!(index >= 0.0 && index < end))
+    throw std::logic_error("an index was computed as " + std::to_string(index) + ", beyond its end at " +
+                           std::to_string(end));
+  return static_cast<std::uint32_t>(index);
+}
 
 /// Morton code of brick coordinates; the order of bricks in every file and output.
 inline std::uint64_t brick_key(const Int3& brick) {

@@ -278,7 +278,7 @@ std::uint64_t brick_of_face(const Lattice& lattice, const Double3& a, const Doub
     if (middle < low) std::swap(low, middle);
     const double centre = (low + middle + high) * (1.0 / 3.0);
     const double cells =
-        std::floor(centre / (lattice.h * kBrickCells)) - static_cast<double>(lattice.origin_brick[axis]);
+        cell_at(centre, lattice.h * kBrickCells) - static_cast<double>(lattice.origin_brick[axis]);
     constexpr double kLast = (1 << (kMaxCellBits - kBrickBits)) - 1;
     brick[axis] = static_cast<std::int32_t>(std::clamp(cells, 0.0, kLast));
   }

@@ -1,12 +1,14 @@
 #include "stream/import/import_plan.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 
 #include <nlohmann/json.hpp>
 
 #include "octree/error.h"
+#include "stream/runtime/numbers.h"
 
 namespace tessera {
 namespace {
@@ -42,12 +44,13 @@ std::uint64_t weighted_median(std::vector<std::uint64_t> counts, std::uint64_t v
 }  // namespace
 
 std::uint64_t ImportPlan::brick_of(const Double3& position) const {
-  const double per_edge = 1.0 / (info.lattice.h * kBrickCells);  // a power of two: exact
-  Int3 brick;
+  const double edge = info.lattice.h * kBrickCells;  // a power of two
+  const double end = std::ldexp(2.0, brick_level);
+  std::array<std::uint32_t, 3> brick;
   for (std::size_t a = 0; a < 3; ++a)
-    brick[a] = static_cast<std::int32_t>(std::floor(position[a] * per_edge) -
-                                         static_cast<double>(info.lattice.origin_brick[a]));
-  return brick_key(brick);
+    brick[a] =
+        checked_index(cell_at(position[a], edge) - static_cast<double>(info.lattice.origin_brick[a]), end);
+  return morton_encode(brick[0], brick[1], brick[2]);
 }
 
 std::size_t ImportPlan::bucket_of_brick(std::uint64_t brick) const {
@@ -90,11 +93,19 @@ ImportPlan ImportPlan::measure(const MeshHeader& header, const VertexSource& ver
     farthest = std::max({farthest, std::fabs(low[a]), std::fabs(high[a])});
   }
   // Below this, bricks could not be told from each other so far from zero.
-  const double root = power_of_two_above(std::max(extent, farthest * 0x1p-40));
-  if (!std::isfinite(root) || root < 0x1p-900)
-    throw InputError("the extent of the mesh is beyond what can be computed with: scale it first");
+  double root = power_of_two_above(std::max(extent, farthest * 0x1p-40));
+  // The extent was rounded; two root cubes an axis hold the mesh when their own numbers say so.
+  const auto holds = [&] {
+    for (std::size_t a = 0; a < 3; ++a)
+      if (cell_at(high[a], root) - cell_at(low[a], root) > 1.0) return false;
+    return true;
+  };
+  if (std::isfinite(root) && !holds()) root *= 2.0;
+  if (!std::isfinite(farthest * 8.0) || !std::isfinite(root) || root < 0x1p-900)
+    throw InputError("the mesh reaches " + number_text(farthest) + " from zero and is " +
+                     number_text(extent) + " wide, beyond what can be computed with: scale it first");
   Double3 origin;
-  for (std::size_t a = 0; a < 3; ++a) origin[a] = std::floor(low[a] / root);
+  for (std::size_t a = 0; a < 3; ++a) origin[a] = cell_at(low[a], root);
 
   const double cell = std::ldexp(root, -kGridLevel);
   std::vector<std::uint32_t> count(std::size_t{kGrid} * kGrid * kGrid, 0);
@@ -104,7 +115,7 @@ ImportPlan ImportPlan::measure(const MeshHeader& header, const VertexSource& ver
       if (!finite(p)) continue;
       std::array<std::uint32_t, 3> c;
       for (std::size_t a = 0; a < 3; ++a)
-        c[a] = static_cast<std::uint32_t>(std::floor(p[a] / cell) - std::ldexp(origin[a], kGridLevel));
+        c[a] = checked_index(cell_at(p[a], cell) - std::ldexp(origin[a], kGridLevel), kGrid);
       ++count[morton_encode(c[0], c[1], c[2])];
     }
   });
