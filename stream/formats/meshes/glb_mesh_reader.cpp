@@ -10,6 +10,7 @@
 #include <nlohmann/json.hpp>
 
 #include "stream/formats/byte_window.h"
+#include "stream/formats/meshes/glb_document.h"
 #include "stream/formats/meshes/mesh_reader_base.h"
 #include "stream/formats/scalar.h"
 
@@ -144,10 +145,9 @@ class GlbMeshReader : public MeshReader {
       fail("byte 12: the first chunk is no JSON chunk within the file");
     }
     if (json_bytes > kMostJsonBytes) fail("byte 12: a JSON chunk beyond 64 MiB is not read");
-    std::string text(json_bytes, '\0');
-    file_.read_at(sizeof start, text.data(), json_bytes);
-    document_ = json::parse(text, nullptr, false);
-    if (!document_.is_object()) fail("byte 20: the JSON chunk is not valid");
+    document_ = read_glb_document(
+        ByteWindow(file_, sizeof start, sizeof start + json_bytes, ByteWindow::kDefaultCapacity / 4),
+        file_.path().string());
     const std::uint64_t next = sizeof start + json_bytes;
     if (length - next < 8) return;
     char chunk[8];

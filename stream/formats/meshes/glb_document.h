@@ -1,0 +1,18 @@
+/// \file glb_document.h
+/// The JSON chunk of a GLB, read in a stream: only what a mesh needs of it is kept, whatever else it holds.
+#pragma once
+#include <string>
+
+#include <nlohmann/json_fwd.hpp>
+
+#include "stream/formats/byte_window.h"
+
+namespace tessera {
+
+/// \param bytes  the chunk
+/// \param name   of the file, for messages
+/// \returns the document with the keys that GlbMeshReader looks at; at most some 50 MiB, whatever the chunk holds
+/// \throws InputError when the chunk is no JSON object, nests deeper than 64, or holds more than fits that
+nlohmann::json read_glb_document(ByteWindow bytes, const std::string& name);
+
+}  // namespace tessera
