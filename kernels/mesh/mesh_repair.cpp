@@ -3,10 +3,13 @@
 #include <algorithm>
 #include <cassert>
 #include <cmath>
+#include <numeric>
 #include <string>
+#include <utility>
 
 #include "octree/error.h"
 #include "octree/lists.h"
+#include "octree/union_find.h"
 #include "octree/vector.h"
 
 namespace tessera {
@@ -46,6 +49,7 @@ class Repair {
     if (tile_.orient) orient();
     pair_edges();
     split_fans();
+    if (tile_.orient && result_.report.split_vertices > 0) split_named_fans();
     collect();
     return std::move(result_);
   }
@@ -354,6 +358,66 @@ class Repair {
     for (std::uint32_t across = partner_[corner]; across != kBorder; across = partner_[next_of(across)])
       ++count;
     return count;
+  }
+
+  /// Copies are named star by star, so that a cut at one end of an edge may leave the other end with several fans. Where
+  /// the whole mesh is here, the fans of what is named now are split once more. A fan keeps its copies on both sides of
+  /// every edge that joins two of its faces, so this never breaks another one up.
+  void split_named_fans() {
+    const auto halves = static_cast<std::uint32_t>(partner_.size());
+    struct Edge {
+      std::array<std::uint64_t, 2> ends;  // ascending
+      std::uint32_t half;
+      bool operator<(const Edge& o) const { return ends != o.ends ? ends < o.ends : half < o.half; }
+    };
+    const auto name = [&](std::uint32_t half) {
+      return std::uint64_t{from(half)} << 16 | copy_[half / 3][half % 3];
+    };
+    std::vector<Edge> edges;
+    for (std::uint32_t h = 0; h < halves; ++h) {
+      const std::uint64_t a = name(h), b = name(next_of(h));
+      edges.push_back({{std::min(a, b), std::max(a, b)}, h});
+    }
+    std::sort(edges.begin(), edges.end());
+    UnionFind fans(halves);
+    cut_.assign(halves, 1);
+    for (std::size_t i = 0; i < edges.size();) {
+      std::size_t end = i + 1;
+      while (end < edges.size() && edges[end].ends == edges[i].ends) ++end;
+      const std::uint32_t g = edges[i].half, h = edges[end - 1].half;
+      if (end == i + 2 && name(g) == name(next_of(h))) {
+        fans.unite(g, next_of(h));
+        fans.unite(next_of(g), h);
+        cut_[g] = cut_[h] = 0;
+        partner_[g] = h;
+        partner_[h] = g;
+      }
+      i = end;
+    }
+    std::vector<std::pair<std::uint64_t, std::uint32_t>> corners;  // by vertex and copy, then fan
+    for (std::uint32_t h = 0; h < halves; ++h) corners.emplace_back(name(h), fans.find(h));
+    std::vector<std::uint32_t> order(halves);
+    std::iota(order.begin(), order.end(), 0u);
+    std::sort(order.begin(), order.end(), [&](std::uint32_t a, std::uint32_t b) {
+      return corners[a] != corners[b] ? corners[a] < corners[b] : a < b;
+    });
+    std::vector<std::uint32_t> copies(tile_.number.size(), 0);  // of each vertex
+    for (std::uint32_t h = 0; h < halves; ++h)
+      copies[from(h)] = std::max<std::uint32_t>(copies[from(h)], copy_[h / 3][h % 3] + 1u);
+    for (std::size_t i = 1; i < order.size(); ++i) {
+      const auto &before = corners[order[i - 1]], &now = corners[order[i]];
+      if (before.first != now.first) continue;
+      const std::uint32_t h = order[i], last = order[i - 1];
+      if (before.second == now.second) {
+        copy_[h / 3][h % 3] = copy_[last / 3][last % 3];
+        continue;
+      }
+      if (copies[from(h)] > 0xffff)
+        throw InputError("vertex " + std::to_string(tile_.number[from(h)]) +
+                         " joins more than 65536 parts of the mesh: split them first");
+      copy_[h / 3][h % 3] = static_cast<std::uint16_t>(copies[from(h)]++);
+      ++result_.report.split_vertices;
+    }
   }
 
   void collect() {

@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
 #include "stream/check/mesh_compare.h"
@@ -63,8 +64,12 @@ std::string sentence(const DeviationReport& r, const std::string& from, const st
                      double tolerance, double reach) {
   const std::string where = from + " at " + place(r.witness);
   if (r.beyond) return where + " is farther than " + number_text(reach) + " from the " + to;
-  if (r.lower > tolerance) return where + " is " + number_text(r.lower) + " from the " + to;
-  return from + " is proven to stay within " + number_text(r.upper) + " of the " + to + " only";
+  // More digits where six would say that the tolerance is kept.
+  const auto beyond = [&](double value) {
+    return number_text(value) == number_text(tolerance) ? fmt::format("{:.17g}", value) : number_text(value);
+  };
+  if (r.lower > tolerance) return where + " is " + beyond(r.lower) + " from the " + to;
+  return from + " is proven to stay within " + beyond(r.upper) + " of the " + to + " only";
 }
 
 }  // namespace

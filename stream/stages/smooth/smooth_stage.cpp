@@ -11,6 +11,7 @@
 #include "stream/files/task_files.h"
 #include "stream/import/import_stages.h"
 #include "stream/meshes/mesh_store.h"
+#include "stream/runtime/numbers.h"
 #include "stream/stages/smooth/coarse_files.h"
 #include "stream/stages/smooth/smooth_tiles.h"
 
@@ -213,6 +214,11 @@ class SmoothStage : public Stage {
       const Double3& from = original.empty() ? near.block.position[i] : original[v];
       const Double3& wish = smoothed.position[i];
       const Double3 to = settle(from, wish, tolerance_, floats);
+      if (!std::isfinite(squared_distance(to, from)))
+        throw ValidationError("the vertex at (" + number_text(from[0]) + ", " + number_text(from[1]) + ", " +
+                              number_text(from[2]) +
+                              ") would move to where no number is: it or a neighbour lies too far away; "
+                              "remove or scale what does");
       out[v] = to;
       if (near.first_patch[i] != p) continue;
       const double x = to[0] - from[0], y = to[1] - from[1], z = to[2] - from[2];

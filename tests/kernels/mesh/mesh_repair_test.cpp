@@ -98,6 +98,49 @@ std::set<Kept> repair(const Soup& soup, std::size_t tiles) {
 
 }  // namespace
 
+TEST_CASE("mesh repair: where the whole mesh is here, every vertex has one fan of faces", "[property]") {
+  std::size_t split = 0;
+  for (unsigned seed = 1; seed <= 300; ++seed) {
+    Soup soup = random_soup(seed, 8 + seed % 20, 20 + seed % 60);
+    RepairTile tile;
+    tile.own_end = static_cast<std::uint32_t>(soup.number.size());
+    tile.faces = soup.faces;
+    tile.number = soup.number;
+    tile.position = soup.position;
+    tile.orient = true;
+    const RepairResult result = repair_tile(std::move(tile));
+    split += result.report.split_vertices;
+    // Faces around each named vertex, joined where exactly two share an edge.
+    std::map<std::pair<Corner, Corner>, std::vector<std::size_t>> edges;
+    std::map<Corner, std::vector<std::size_t>> around;
+    const auto corner = [&](std::size_t f, std::size_t c) {
+      return Corner{result.faces[f][c % 3], result.copy[f][c % 3]};
+    };
+    for (std::size_t f = 0; f < result.faces.size(); ++f)
+      for (std::size_t c = 0; c < 3; ++c) {
+        around[corner(f, c)].push_back(f);
+        edges[std::minmax(corner(f, c), corner(f, c + 1))].push_back(f);
+      }
+    for (const auto& [edge, faces] : edges) CHECK(faces.size() <= 2);
+    for (const auto& [vertex, faces] : around) {
+      std::set<std::size_t> reached = {faces.front()};
+      std::vector<std::size_t> open = {faces.front()};
+      while (!open.empty()) {
+        const std::size_t f = open.back();
+        open.pop_back();
+        for (std::size_t c = 0; c < 3; ++c) {
+          const Corner a = corner(f, c), b = corner(f, c + 1);
+          if (a != vertex && b != vertex) continue;
+          for (const std::size_t g : edges[std::minmax(a, b)])
+            if (reached.insert(g).second) open.push_back(g);
+        }
+      }
+      CHECK(reached.size() == faces.size());
+    }
+  }
+  CHECK(split > 1000);  // else nothing was tried
+}
+
 TEST_CASE("mesh repair: tiles agree with one tile", "[property]") {
   for (unsigned seed = 0; seed < 30; ++seed) {
     const Soup soup = random_soup(seed, 60, 40 + 4 * seed);
