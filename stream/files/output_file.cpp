@@ -12,6 +12,7 @@
 #include "octree/error.h"
 #include "stream/files/durable_file.h"
 #include "stream/files/planned_writes.h"
+#include "stream/files/system_reason.h"
 
 namespace tessera {
 namespace {
@@ -19,7 +20,7 @@ namespace {
 [[noreturn]] void fail(const std::filesystem::path& path, const char* what, int error) {
   std::string advice;
   if (error == ENOSPC || error == EDQUOT) advice = "; free space and run the same command again";
-  throw ResourceError(path.string() + ": cannot " + what + ": " + std::strerror(error) + advice);
+  throw ResourceError(path.string() + ": cannot " + what + ": " + system_reason(error) + advice);
 }
 
 }  // namespace

@@ -9,6 +9,7 @@
 #include <string>
 
 #include "octree/error.h"
+#include "stream/files/system_reason.h"
 
 namespace tessera {
 namespace {
@@ -17,7 +18,7 @@ namespace {
   std::string advice;
   if (error == ENOSPC || error == EDQUOT) advice = "; free space or name another folder with --temp";
   throw ResourceError("temporary file in " + folder.string() + ": cannot " + what + ": " +
-                      std::strerror(error) + advice);
+                      system_reason(error) + advice);
 }
 
 }  // namespace
