@@ -12,6 +12,7 @@
 #include "stream/check/mesh_compare.h"
 #include "stream/check/truth.h"
 #include "stream/files/output_file.h"
+#include "stream/files/path_text.h"
 #include "stream/formats/meshes/mesh_io.h"
 #include "stream/runtime/parallel.h"
 #include "stream/runtime/stop.h"
@@ -86,12 +87,11 @@ void run_check(const CheckCommand& command) {
     if (!truth_report.is_null()) report["truth"] = truth_report;
     if (!comparison_report.is_null()) {
       report["deviation"] = comparison_report;
-      report["deviation"]["reference"] = command.reference.string();
+      report["deviation"]["reference"] = json_text(command.reference);
     }
-    report["mesh"] = command.mesh.string();
+    report["mesh"] = json_text(command.mesh);
     OutputFile file(command.json);
-    // File names need not be valid text.
-    file.append(report.dump(2, ' ', false, nlohmann::json::error_handler_t::replace) + "\n");
+    file.append(report.dump(2) + "\n");
     file.finish();
   }
   if (!complaint.empty()) throw ValidationError(command.mesh.string() + ": " + complaint);

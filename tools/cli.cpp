@@ -1,5 +1,6 @@
 #include "tools/cli.h"
 
+#include <csignal>
 #include <fstream>
 #include <iostream>
 #include <new>
@@ -11,6 +12,7 @@
 #include <nlohmann/json.hpp>
 
 #include "octree/error.h"
+#include "stream/files/system_reason.h"
 #include "stream/runtime/stop.h"
 
 namespace tessera::cli {
@@ -59,7 +61,8 @@ std::string unknown_words(const CLI::App& app) {
 /// Fills options that the line did not give.
 void apply_job_file(const CLI::App& line, const OptionTable& options, const std::filesystem::path& path) {
   std::ifstream file(path);
-  if (!file) throw InputError(fmt::format("{}: cannot read the job file", path.string()));
+  if (!file || std::filesystem::is_directory(path))
+    throw InputError(fmt::format("{}: cannot read the job file; name a file of JSON", path.string()));
   nlohmann::json job;
   try {
     file >> job;
@@ -150,8 +153,10 @@ int guarded(const std::function<void()>& body) {
         static_cast<int>(ExitCode::kResources),
         "out of memory: give a smaller --memory, so that work is cut finer, or free memory on this machine");
   } catch (const std::filesystem::filesystem_error& e) {
-    const bool full = e.code() == std::errc::no_space_on_device;
-    return fail(static_cast<int>(full ? ExitCode::kResources : ExitCode::kInput), e.what());
+    const int error = e.code().value();
+    return fail(static_cast<int>(is_limit(error) ? ExitCode::kResources : ExitCode::kInput),
+                fmt::format("{}: {}", e.path1().empty() ? "the work directory" : e.path1().string(),
+                            system_reason(error)));
   } catch (const std::exception& e) {
     return fail(kBugExit, fmt::format("this is a bug of Tessera, please report it: {}", e.what()));
   }
@@ -236,6 +241,7 @@ int run(const std::string& name, const std::string& description, const std::vect
   CLI::App app(description, name);
   app.set_version_flag("--version", name + " " TESSERA_VERSION);
   app.require_subcommand(1);
+  std::signal(SIGXFSZ, SIG_IGN);  // a limit on file sizes is told like a full disk
   return guarded([&] {
     for (const Command& command : commands) add_command(app, command);
     try {

@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 
 #include "octree/error.h"
+#include "stream/files/path_text.h"
 #include "stream/points/point_summary.h"
 #include "stream/points/reconstruct_options.h"
 #include "stream/runtime/parallel.h"
@@ -65,7 +66,7 @@ void print_text(const PointSummary& s) {
 
 nlohmann::ordered_json to_json(const PointSummary& s) {
   nlohmann::ordered_json j;
-  j["path"] = s.info.path.string();
+  j["path"] = json_text(s.info.path);
   j["format"] = s.info.format;
   j["bytes"] = s.info.bytes;
   j["points"] = {{"declared", s.info.declared_points},
@@ -111,7 +112,7 @@ void run_info(const InfoCommand& command) {
     } catch (const InputError& e) {
       if (failed++ == 0) first_error = e.what();
       if (command.json) {
-        files.push_back({{"path", path.string()}, {"error", e.what()}});
+        files.push_back({{"path", json_text(path)}, {"error", e.what()}});
       } else if (paths.size() > 1) {
         fmt::print("{}\n  {:<11} {}\n", path.string(), "error", e.what());
       }

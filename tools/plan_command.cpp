@@ -4,6 +4,7 @@
 #include <nlohmann/json.hpp>
 
 #include "octree/error.h"
+#include "stream/files/durable_file.h"
 #include "stream/files/scratch_folder.h"
 #include "stream/points/plan.h"
 #include "stream/runtime/memory_budget.h"
@@ -87,6 +88,7 @@ void print_plan(const Plan& plan, const Forecast& forecast, const ReconstructOpt
 }
 
 void run(const ReconstructOptions& options, JobState state) {
+  HolesMode{options.holes};  // told before anything is measured
   std::unique_ptr<ScratchFolder> scratch;
   const bool kept = !state.output.empty();
   if (!kept) {
@@ -105,7 +107,8 @@ void run(const ReconstructOptions& options, JobState state) {
   if (!state.run.report.empty()) {
     nlohmann::json told = plan.to_json();
     told.update(forecast.to_json());
-    write_durably(state.run.report, told.dump(1) + "\n");
+    write_durably(state.run.report,
+                  told.dump(1, ' ', false, nlohmann::json::error_handler_t::replace) + "\n");
   }
   if (kept)
     fmt::print("\n{} holds the plan; reconstruct with the same inputs and options goes on from it\n",

@@ -17,6 +17,7 @@
 namespace tessera {
 namespace {
 
+constexpr std::uint64_t kQueriesPerCheck = 256;
 constexpr double kInfinite = std::numeric_limits<double>::infinity();
 constexpr std::uint32_t kNone = ClosestFaces::kNone;
 constexpr int kMostCorners = 16;
@@ -191,7 +192,7 @@ class Certifier {
 
   /// Closest triangle within reach; a point of the core that has none is beyond.
   ClosestFaces::Hit query(const Double3& p, std::uint32_t hint) {
-    ++report_.queries;
+    if (report_.queries++ % kQueriesPerCheck == 0 && options_.check_stop) options_.check_stop();
     return reference_.closest(p, reach_square_, hint);
   }
 

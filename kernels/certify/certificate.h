@@ -24,6 +24,7 @@
 #pragma once
 #include <array>
 #include <cstdint>
+#include <functional>
 #include <span>
 #include <vector>
 
@@ -50,6 +51,7 @@ struct CertificateOptions {
   double tightness = 1.03;  ///< > 1
   double enough = 0.0;      ///< >= 0: bounds up to here need not be tight
   double area_unit = 0.0;   ///< > 0: areas in the histogram are integers in it (lengths, of its root)
+  std::function<void()> check_stop = {};  ///< called every few thousand pieces, may throw; may be empty
 };
 
 struct DeviationReport {

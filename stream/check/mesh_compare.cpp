@@ -60,9 +60,25 @@ void CompareOptions::validate() const {
   if (reach != 0.0 && !(reach >= tolerance)) throw UsageError("reach: must be at least the tolerance");
 }
 
+void require_provable(const MeshStore& mesh, double tolerance) {
+  // A face that leaves its brick by so much has corners half as far from the middle of every cell that holds it.
+  const double brick = mesh.info().lattice.h * kBrickCells;
+  double farthest = 0.0;
+  for (const MeshPatchEntry& patch : mesh.patches())
+    for (std::size_t k = 0; k < 3; ++k)
+      farthest = std::max(farthest, (patch.box.high[k] - patch.box.low[k] - brick) * 0.25);
+  const double least = certificate_rounding(farthest);
+  if (tolerance >= least) return;
+  throw ValidationError("a tolerance of " + number_text(tolerance) + " cannot be proven: a face is " +
+                        number_text(2.0 * farthest) + " long or longer, on which distances are told to " +
+                        number_text(least) + " only: remove such faces, or give a larger --tolerance");
+}
+
 MeshComparison begin_comparison(const MeshStore& mesh, const MeshStore& reference,
                                 const CompareOptions& options) {
   options.validate();
+  require_provable(mesh, options.tolerance);
+  require_provable(reference, options.tolerance);
   MeshComparison out;
   out.tolerance = options.tolerance;
   out.reach = options.reach != 0.0 ? options.reach : 2.0 * options.tolerance;
@@ -73,8 +89,10 @@ MeshComparison begin_comparison(const MeshStore& mesh, const MeshStore& referenc
 }
 
 CellComparison compare_cell(const MeshStore& mesh, const MeshStore& reference, const MeshComparison& begun,
-                            const MeshBox& box, double enough, std::vector<FailedFace>* failed) {
+                            const MeshBox& box, double enough, std::vector<FailedFace>* failed,
+                            const std::function<void()>& check_stop) {
   CertificateOptions options = certificate_options(mesh, reference, begun);
+  options.check_stop = check_stop;
   options.enough = enough;
   const MeshBox near = grown(box, kCompareHalo * options.reach);
   const MeshBlock a = mesh.load_box(near), b = reference.load_box(near);
@@ -146,12 +164,13 @@ MeshComparison compare_meshes(const MeshStore& mesh, const MeshStore& reference,
       cells.size(), [&](std::size_t i) { return cells[i].bytes; }, budget,
       [&](std::size_t i) {
         if (options.check_stop) options.check_stop();
-        results[i] = compare_cell(mesh, reference, out, cells[i].box, out.tolerance);
+        results[i] =
+            compare_cell(mesh, reference, out, cells[i].box, out.tolerance, nullptr, options.check_stop);
       });
   std::vector<CellBounds> bounds(results.begin(), results.end());
   tighten_cells(bounds, out.tolerance, [&](std::size_t i) {
     if (options.check_stop) options.check_stop();
-    results[i] = compare_cell(mesh, reference, out, cells[i].box, 0.0);
+    results[i] = compare_cell(mesh, reference, out, cells[i].box, 0.0, nullptr, options.check_stop);
     return CellBounds(results[i]);
   });
   for (const CellComparison& result : results) add_cell(out, result);

@@ -56,6 +56,10 @@ struct MeshComparison {
   std::string complaint(bool with_borders) const;
 };
 
+/// \throws ValidationError when nobody can prove so small a tolerance, since a face is too large for it: told from the
+///   table of patches, before any work
+void require_provable(const MeshStore& mesh, double tolerance);
+
 /// One cell of space (compare_cells.h).
 struct CellComparison {
   DirectedDeviation there, back;
@@ -67,8 +71,10 @@ MeshComparison begin_comparison(const MeshStore& mesh, const MeshStore& referenc
 /// \param begun   of begin_comparison
 /// \param enough  bounds up to here need not be tight
 /// \param failed  gets every face of either mesh that is not proven; may be null
+/// \param check_stop  as in the options
 CellComparison compare_cell(const MeshStore& mesh, const MeshStore& reference, const MeshComparison& begun,
-                            const MeshBox& cell, double enough, std::vector<FailedFace>* failed = nullptr);
+                            const MeshBox& cell, double enough, std::vector<FailedFace>* failed = nullptr,
+                            const std::function<void()>& check_stop = {});
 void add_cell(MeshComparison& sum, const CellComparison& cell);
 
 /// Of a cell, mesh to reference and back.

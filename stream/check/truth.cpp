@@ -247,6 +247,8 @@ nlohmann::json to_json(const DeviationStats& stats, double h) {
 }  // namespace
 
 TruthFile read_truth(const std::filesystem::path& path) {
+  if (!std::filesystem::is_regular_file(path))
+    throw InputError(path.string() + ": is no file; name the .truth.json that `tessera synth` wrote");
   std::ifstream file(path);
   if (!file)
     throw InputError(path.string() + ": cannot be read; name the .truth.json that `tessera synth` wrote");

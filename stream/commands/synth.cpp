@@ -11,6 +11,7 @@
 #include "octree/error.h"
 #include "octree/vector.h"
 #include "stream/files/output_file.h"
+#include "stream/files/path_text.h"
 #include "stream/files/planned_writes.h"
 #include "stream/formats/points/point_writer.h"
 #include "stream/runtime/parallel.h"
@@ -217,7 +218,7 @@ void write_truth(const SynthOptions& o, const SynthReport& report, const std::ve
   truth["spacing"] = report.spacing;
   truth["noise"] = report.noise;
   truth["shift"] = o.shift;
-  for (const auto& file : report.files) truth["files"].push_back(file.filename().string());
+  for (const auto& file : report.files) truth["files"].push_back(json_text(file.filename()));
   for (const ScanInfo& scan : scans) {
     if (scan.columns == 0) continue;
     truth["scans"].push_back(

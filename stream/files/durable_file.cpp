@@ -17,6 +17,7 @@
 
 #include "octree/error.h"
 #include "stream/files/planned_writes.h"
+#include "stream/files/system_reason.h"
 
 namespace tessera {
 namespace {
@@ -39,8 +40,19 @@ class Descriptor {
   int fd_;
 };
 
+/// Opened without waiting for whoever writes to a pipe. \throws InputError when it cannot be read as a file
+int open_regular(const std::filesystem::path& path) {
+  const int fd = ::open(path.c_str(), O_RDONLY | O_NONBLOCK | O_CLOEXEC);
+  struct stat info = {};
+  if (fd < 0 || (::fstat(fd, &info) == 0 && S_ISREG(info.st_mode))) return fd;
+  ::close(fd);
+  throw InputError(path.string() + ": is no regular file; name a file here");
+}
+
 [[noreturn]] void throw_read_error(const std::filesystem::path& path, int error) {
-  throw InputError(fmt::format("{}: cannot be read: {}", path.string(), std::strerror(error)));
+  const std::string sentence = fmt::format("{}: cannot be read: {}", path.string(), system_reason(error));
+  if (is_limit(error)) throw ResourceError(sentence);
+  throw InputError(sentence);
 }
 
 void sync_path(const std::filesystem::path& path, int flags) {
@@ -57,7 +69,7 @@ void throw_write_error(const std::filesystem::path& path, int error) {
         "{}: {}: free some space or choose another disk with --temp; the same command then goes on",
         path.string(), std::strerror(error)));
   }
-  const std::string sentence = fmt::format("{}: cannot be written: {}", path.string(), std::strerror(error));
+  const std::string sentence = fmt::format("{}: cannot be written: {}", path.string(), system_reason(error));
   for (const int users : {EACCES, EPERM, EROFS, ENOENT, ENOTDIR, EISDIR, ELOOP, ENAMETOOLONG}) {
     if (error == users) throw UsageError(sentence);
   }
@@ -65,7 +77,7 @@ void throw_write_error(const std::filesystem::path& path, int error) {
 }
 
 std::uint64_t hash_file(const std::filesystem::path& path) {
-  const Descriptor file(path, O_RDONLY);
+  const Descriptor file(open_regular(path));
   if (file.get() < 0) throw_read_error(path, errno);
   const std::unique_ptr<XXH3_state_t, decltype(&XXH3_freeState)> state(XXH3_createState(), &XXH3_freeState);
   if (state == nullptr || XXH3_64bits_reset(state.get()) == XXH_ERROR) throw std::bad_alloc();
@@ -155,7 +167,7 @@ void write_durably(const std::filesystem::path& path, const std::string& text) {
 }
 
 std::string read_text(const std::filesystem::path& path) {
-  const Descriptor file(path, O_RDONLY);
+  const Descriptor file(open_regular(path));
   if (file.get() < 0) throw_read_error(path, errno);
   std::string text;
   std::vector<char> buffer(std::size_t{1} << 16);

@@ -10,18 +10,39 @@
 #include <utility>
 
 #include "octree/error.h"
+#include "stream/files/system_reason.h"
 
 namespace tessera {
 
+namespace {
+
+std::int64_t modification(const struct stat& info) {
+  return static_cast<std::int64_t>(info.st_mtim.tv_sec) * 1000000000 + info.st_mtim.tv_nsec;
+}
+
+}  // namespace
+
 ReadFile::ReadFile(const std::filesystem::path& path) : path_(path) {
-  fd_ = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
+  // Without O_NONBLOCK a pipe would wait for somebody who writes to it.
+  fd_ = ::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);
   struct stat info {};
+  if (fd_ >= 0 && ::fstat(fd_, &info) == 0 && !S_ISREG(info.st_mode)) {
+    ::close(fd_);
+    throw InputError(path.string() +
+                     (S_ISDIR(info.st_mode)
+                          ? ": is a folder; a file is needed here"
+                          : ": is a pipe or device; what is read here is read more than once: write it to a "
+                            "file first"));
+  }
   if (fd_ < 0 || ::fstat(fd_, &info) != 0) {
-    const std::string reason = std::strerror(errno);
+    const int error = errno;
     if (fd_ >= 0) ::close(fd_);
-    throw InputError(path.string() + ": cannot be opened: " + reason);
+    const std::string sentence = path.string() + ": cannot be opened: " + system_reason(error);
+    if (is_limit(error)) throw ResourceError(sentence);
+    throw InputError(sentence);
   }
   size_ = static_cast<std::uint64_t>(info.st_size);
+  modified_ = modification(info);
 }
 
 ReadFile::~ReadFile() {
@@ -29,12 +50,16 @@ ReadFile::~ReadFile() {
 }
 
 ReadFile::ReadFile(ReadFile&& other) noexcept
-    : path_(std::move(other.path_)), fd_(std::exchange(other.fd_, -1)), size_(other.size_) {}
+    : path_(std::move(other.path_)),
+      fd_(std::exchange(other.fd_, -1)),
+      size_(other.size_),
+      modified_(other.modified_) {}
 
 ReadFile& ReadFile::operator=(ReadFile&& other) noexcept {
   std::swap(path_, other.path_);
   std::swap(fd_, other.fd_);
   std::swap(size_, other.size_);
+  std::swap(modified_, other.modified_);
   return *this;
 }
 
@@ -51,6 +76,16 @@ void ReadFile::read_at(std::uint64_t offset, void* to, std::uint64_t bytes) cons
     }
     done += static_cast<std::uint64_t>(got);
   }
+}
+
+void ReadFile::require_unchanged() const {
+  struct stat info {};
+  if (::fstat(fd_, &info) == 0 && static_cast<std::uint64_t>(info.st_size) == size_ &&
+      modification(info) == modified_)
+    return;
+  throw InputError(path_.string() + ": has changed since it was opened, when it had " +
+                   std::to_string(size_) +
+                   " bytes; inputs must not change while they are read: run the command again");
 }
 
 void ReadFile::will_need(std::uint64_t offset, std::uint64_t bytes) const {

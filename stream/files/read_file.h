@@ -8,7 +8,7 @@ namespace tessera {
 
 class ReadFile {
  public:
-  /// \throws InputError naming the file and the system's reason
+  /// \throws InputError naming the file and the system's reason, or when it is no regular file
   explicit ReadFile(const std::filesystem::path& path);
   ~ReadFile();
   ReadFile(ReadFile&& other) noexcept;
@@ -18,6 +18,11 @@ class ReadFile {
   std::uint64_t size() const { return size_; }
   /// Reads exactly `bytes`. \throws InputError naming file and offset when the file is shorter or unreadable
   void read_at(std::uint64_t offset, void* to, std::uint64_t bytes) const;
+  /// \throws InputError when the file is not as long, or was written to, since it was opened: what was read may be of
+  ///   neither version. For the end of a pass
+  void require_unchanged() const;
+  /// Nanoseconds since 1970, when it was opened.
+  std::int64_t modified() const { return modified_; }
   /// Asks the system to fetch this range in large reads while other work goes on.
   void will_need(std::uint64_t offset, std::uint64_t bytes) const;
   /// Tells the system that this range is not needed again, so that the page cache does not grow.
@@ -27,6 +32,7 @@ class ReadFile {
   std::filesystem::path path_;
   int fd_ = -1;
   std::uint64_t size_ = 0;
+  std::int64_t modified_ = 0;
 };
 
 }  // namespace tessera

@@ -36,6 +36,7 @@ void ByteWindow::refill() {
   const std::uint64_t want = std::min<std::uint64_t>(capacity_ - kept, end_ - window_ - kept);
   file_->read_at(window_ + kept, buffer_.get() + kept, want);
   filled_ += static_cast<std::size_t>(want);
+  if (window_ + filled_ == end_) file_->require_unchanged();
 }
 
 void ByteWindow::skip(std::uint64_t bytes) {

@@ -27,7 +27,8 @@ class ByteWindow {
 
   /// At least min(wanted, remaining()) next bytes, contiguous, valid until the next call; often more.
   /// \pre    wanted <= capacity(), or the whole range is smaller
-  /// \throws InputError naming file and offset when the system refuses, or the file shrank meanwhile
+  /// \throws InputError naming file and offset when the system refuses, or the file shrank meanwhile; or, with its last
+  ///         bytes, when it was written to meanwhile
   std::string_view peek(std::size_t wanted) {
     if (filled_ - pos_ < wanted && window_ + filled_ < end_) refill();
     return {buffer_.get() + pos_, filled_ - pos_};

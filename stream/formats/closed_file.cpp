@@ -12,6 +12,9 @@ ReadFile ClosedFile::open() const {
     throw InputError(path_.string() + ": had " + std::to_string(size_) + " bytes and now has " +
                      std::to_string(file.size()) + "; inputs must not change while they are read");
   }
+  if (file.modified() != modified_)
+    throw InputError(path_.string() +
+                     ": was written to since it was read first; inputs must not change while they are read");
   return file;
 }
 

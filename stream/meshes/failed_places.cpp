@@ -12,6 +12,7 @@ namespace {
 static_assert(std::is_trivially_copyable_v<FailedFace> && sizeof(FailedFace) == 72,
               "kept as it lies in memory");
 
+constexpr std::size_t kVerticesPerCheck = 256;
 constexpr PackedKind kKind = {"TSFAILD2", "a list of faces"};
 
 MeshBox box_around(const FailedFace& face, double radius) {
@@ -45,7 +46,8 @@ bool FailedPlaces::meet(const MeshBox& box) const {
   return false;
 }
 
-std::vector<std::uint64_t> FailedPlaces::keys_near(const MeshBlock& block) const {
+std::vector<std::uint64_t> FailedPlaces::keys_near(const MeshBlock& block,
+                                                   const std::function<void()>& check_stop) const {
   std::vector<std::uint64_t> keys;
   if (block.position.empty()) return keys;
   MeshBox box{block.position[0], block.position[0]};
@@ -68,6 +70,7 @@ std::vector<std::uint64_t> FailedPlaces::keys_near(const MeshBlock& block) const
     // Corners of the failed faces themselves must not be lost to rounding.
     const double radius = round.radius + 2.0 * closest_face_error(near.largest_coordinate());
     for (std::size_t v = 0; v < block.position.size(); ++v) {
+      if (v % kVerticesPerCheck == 0) check_stop();
       Double3 p = block.position[v];
       for (std::size_t a = 0; a < 3; ++a) p[a] -= box.low[a];
       if (near.closest(p, radius * radius, ClosestFaces::kNone).slot != ClosestFaces::kNone)

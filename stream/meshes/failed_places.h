@@ -5,6 +5,7 @@
 #include <array>
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <span>
 #include <vector>
 
@@ -32,7 +33,7 @@ class FailedPlaces {
   /// Whether anything in the box is to stay.
   bool meet(const MeshBox& box) const;
   /// Keys of the vertices that are to stay, ascending. \param block  canonical
-  std::vector<std::uint64_t> keys_near(const MeshBlock& block) const;
+  std::vector<std::uint64_t> keys_near(const MeshBlock& block, const std::function<void()>& check_stop) const;
   /// What it holds and allocates for one block.
   std::uint64_t bytes() const;
 

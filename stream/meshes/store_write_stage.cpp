@@ -5,6 +5,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "stream/files/path_text.h"
 #include "stream/meshes/mesh_store_output.h"
 
 namespace tessera {
@@ -43,7 +44,7 @@ class StoreWriteStage : public Stage {
     output.advance = [&](std::uint64_t faces) { context.advance(faces); };
     const MeshStoreOutputReport report = write_mesh_store(store_, output);
     context.count_written(report.bytes);
-    return {{"path", path_.string()},      {"vertices", report.vertices},
+    return {{"path", json_text(path_)},    {"vertices", report.vertices},
             {"faces", report.faces},       {"synthetic_faces", report.synthetic_faces},
             {"bytes", report.bytes},       {"double_positions", store_.info().double_positions},
             {"shift", store_.info().shift}};

@@ -17,6 +17,7 @@
 #include "stream/render/png_file.h"
 #include "stream/render/render_scene.h"
 #include "stream/runtime/memory_budget.h"
+#include "stream/runtime/numbers.h"
 
 namespace tessera {
 namespace {
@@ -66,6 +67,16 @@ Panel open_panel(const std::vector<std::string>& inputs, const RenderOptions& op
   const bool only_points = meshes.empty();
   panel.box = scene_box(panel.sample, only_points);
   return panel;
+}
+
+/// Pictures are made in floats, whose squares must stay numbers.
+void require_drawable(const SceneBox& box) {
+  constexpr double kWidest = 1e15;
+  for (std::size_t k = 0; k < 3; ++k)
+    if (!(box.high[k] - box.low[k] <= kWidest))
+      throw InputError("the scene is " + number_text(box.high[k] - box.low[k]) +
+                       " wide, and pictures are made of at most " + number_text(kWidest) +
+                       ": scale it, or leave out what lies so far away");
 }
 
 std::vector<ViewSpec> chosen_views(const RenderOptions& options, const Double3& origin) {
@@ -308,6 +319,7 @@ RenderReport render(const RenderOptions& options) {
     if (i == 0) {
       for (std::size_t k = 0; k < 3; ++k) origin[k] = 0.5 * (panel.box.low[k] + panel.box.high[k]);
       shown = panel.box;
+      require_drawable(shown);
       fit_points = relative(panel.sample, panel.box, origin);
       specs = chosen_views(options, origin);
     }

@@ -23,7 +23,7 @@ constexpr int kGrid = 96;               // cells along the longest side for the 
 double estimated_spacing(const SceneSample& sample, const SceneBox& box) {
   double longest = 0.0;
   for (std::size_t i = 0; i < 3; ++i) longest = std::max(longest, box.high[i] - box.low[i]);
-  if (!(longest > 0.0)) return 0.0;
+  if (!(longest > 0.0) || !std::isfinite(longest)) return 0.0;
   const double cell = longest / kGrid;
   std::vector<std::uint32_t> cells;
   std::uint64_t inside = 0;

@@ -115,6 +115,8 @@ class Driver {
       s = std::max(s, next);
       if (s >= last) break;
       done_.push_back(run_stage(s, journal));
+      // What was just committed is bound to the inputs as they were: if they are not, nobody will take it.
+      require_same_inputs(work_.identity());
       basis_ = next_basis(basis_, done_.back());
       delete_obsolete(done_.back());
       stop_if_asked(done_.back().finish.stage);
@@ -287,7 +289,8 @@ StageRecords Driver::run_stage(std::size_t index, const Journal& journal) {
       1, [&](std::size_t) { return stage->finish_bytes() + own_base; }, budget,
       [&](std::size_t) { records.finish = run_one(*stage, kFinishTask, summaries, stats); });
   if (!idle) progress_.end_stage();
-  log_.info("stage {}: committed: {}", name, records.finish.stage_stats.dump());
+  log_.info("stage {}: committed: {}", name,
+            records.finish.stage_stats.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace));
   for (const nlohmann::json& w : warnings_of(records.finish.summary))
     log_.warn("stage {}: {}", name, w.get<std::string>());
   return records;

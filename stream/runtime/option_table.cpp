@@ -9,6 +9,7 @@
 #include <nlohmann/json.hpp>
 
 #include "octree/error.h"
+#include "stream/files/path_text.h"
 #include "stream/runtime/memory_budget.h"
 #include "stream/runtime/numbers.h"
 
@@ -121,7 +122,13 @@ struct ToJson {
   nlohmann::json operator()(const T* field) const {
     return *field;
   }
-  nlohmann::json operator()(const std::filesystem::path* field) const { return field->string(); }
+  nlohmann::json operator()(const std::filesystem::path* field) const { return json_text(*field); }
+  nlohmann::json operator()(const std::string* field) const { return json_text(*field); }
+  nlohmann::json operator()(const std::vector<std::string>* field) const {
+    nlohmann::json list = nlohmann::json::array();
+    for (const std::string& text : *field) list.push_back(json_text(text));
+    return list;
+  }
   nlohmann::json operator()(const std::optional<Double3>* field) const {
     return *field ? nlohmann::json(**field) : nlohmann::json();
   }
@@ -130,7 +137,7 @@ struct ToJson {
 
 /// The word that is typed for a JSON value.
 std::string word_of(const std::string& key, const nlohmann::json& value) {
-  if (value.is_string()) return value.get<std::string>();
+  if (value.is_string()) return bytes_of_json_text(value.get<std::string>());
   if (value.is_boolean() || value.is_number()) return value.dump();
   std::vector<std::string> numbers;
   for (const nlohmann::json& item : value.is_array() ? value : nlohmann::json::array())

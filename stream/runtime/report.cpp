@@ -6,6 +6,7 @@
 
 #include "octree/error.h"
 #include "stream/files/durable_file.h"
+#include "stream/files/path_text.h"
 #include "stream/runtime/log.h"
 
 namespace tessera {
@@ -18,7 +19,7 @@ std::string job_hash(const nlohmann::json& identity) {
 }
 
 nlohmann::json describe_file(const fs::path& path, std::uint64_t bytes, std::uint64_t hash) {
-  return {{"path", path.string()}, {"bytes", bytes}, {"xxh3", hex64(hash)}};
+  return {{"path", json_text(path)}, {"bytes", bytes}, {"xxh3", hex64(hash)}};
 }
 nlohmann::json describe_file(const fs::path& path) {
   return describe_file(path, fs::file_size(path), hash_file(path));
@@ -52,7 +53,7 @@ nlohmann::json earlier_report(const JobState& state) {
 nlohmann::json described_beside(const nlohmann::json& report, const fs::path& file) {
   if (report.is_object())
     for (const nlohmann::json& entry : report.value("beside", nlohmann::json::array()))
-      if (entry.is_object() && entry.value("path", "") == file.string()) return entry;
+      if (entry.is_object() && entry.value("path", "") == json_text(file)) return entry;
   return nullptr;
 }
 
@@ -87,7 +88,7 @@ nlohmann::json make_report(const JobState& state, const nlohmann::json& identity
   return {{"schema", kReportSchema},
           {"tool", "tessera"},
           {"version", TESSERA_VERSION},
-          {"command", command_line()},
+          {"command", json_text(command_line())},
           {"finished", utc_now()},
           {"machine", machine_description()},
           {"job", job_hash(identity)},
@@ -127,7 +128,7 @@ bool is_own_earlier_file(const JobState& state, const fs::path& file) {
   const nlohmann::json report = earlier_report(state);
   if (!report.is_object()) return false;
   const nlohmann::json output = report.value("output", nlohmann::json());
-  if (!output.is_object() || output.value("path", "") != state.output.string()) return false;
+  if (!output.is_object() || output.value("path", "") != json_text(state.output)) return false;
   return file == report_path(state) || stands(file, described_beside(report, file));
 }
 

@@ -35,10 +35,10 @@ struct JobState {
   std::filesystem::path work;    ///< work directory
   std::filesystem::path output;  ///< final output path
   std::vector<std::filesystem::path> inputs;
-  /// Read by the command line beside the inputs, as its job file: never written over
-  std::vector<std::filesystem::path> also_read = {};
   std::string settings;  ///< what it computes: the job's own options as one JSON object (option_table.h)
   RunOptions run;        ///< memory_bytes and threads are resolved, never 0
+  /// Read by the command line beside the inputs, as its job file: never written over.
+  std::vector<std::filesystem::path> also_read = {};
 };
 
 /// One stage. Constructed (by its factory) after all earlier stages are committed; run() and task_bytes() are

@@ -17,6 +17,7 @@
 
 #include "octree/error.h"
 #include "stream/files/durable_file.h"
+#include "stream/files/path_text.h"
 #include "stream/files/planned_writes.h"
 #include "stream/files/read_file.h"
 #include "stream/runtime/option_table.h"
@@ -32,6 +33,10 @@ constexpr std::uint64_t kSampleBytes = 65536;
 constexpr std::uint64_t kSamples = 16;
 constexpr int kLockTries = 20;
 constexpr auto kLockPause = std::chrono::milliseconds(50);
+
+std::int64_t modification_ns(const struct stat& status) {
+  return static_cast<std::int64_t>(status.st_mtim.tv_sec) * 1000000000 + status.st_mtim.tv_nsec;
+}
 
 fs::path job_file(const fs::path& work) {
   return work / kJobFile;
@@ -127,7 +132,7 @@ InputFingerprint fingerprint_input(const fs::path& path) {
   InputFingerprint f;
   f.path = fs::absolute(path).lexically_normal().string();
   f.bytes = file.size();
-  f.modified_ns = static_cast<std::int64_t>(status.st_mtim.tv_sec) * 1000000000 + status.st_mtim.tv_nsec;
+  f.modified_ns = modification_ns(status);
   std::vector<char> buffer;
   std::vector<std::uint64_t> hashes;
   const std::uint64_t last = f.bytes > kSampleBytes ? f.bytes - kSampleBytes : 0;
@@ -144,9 +149,25 @@ InputFingerprint fingerprint_input(const fs::path& path) {
   return f;
 }
 
+void require_same_inputs(const nlohmann::json& identity) {
+  for (const nlohmann::json& input : identity.at("inputs")) {
+    const std::string path = bytes_of_json_text(input.at("path").get<std::string>());
+    struct stat status = {};
+    if (::stat(path.c_str(), &status) == 0 &&
+        static_cast<std::uint64_t>(status.st_size) == input.at("bytes").get<std::uint64_t>() &&
+        modification_ns(status) == input.at("modified_ns").get<std::int64_t>())
+      continue;
+    throw InputError(path +
+                     ": has changed since the job began; inputs must not change while they are read: " +
+                     "run it again with --force");
+  }
+}
+
 nlohmann::json to_json(const InputFingerprint& f) {
-  return {
-      {"path", f.path}, {"bytes", f.bytes}, {"modified_ns", f.modified_ns}, {"xxh3_sampled", hex64(f.xxh3)}};
+  return {{"path", json_text(f.path)},
+          {"bytes", f.bytes},
+          {"modified_ns", f.modified_ns},
+          {"xxh3_sampled", hex64(f.xxh3)}};
 }
 
 nlohmann::json job_identity(const std::string& command, const JobState& state,
@@ -244,7 +265,7 @@ std::string WorkDir::job_hash() const {
 void WorkDir::write_run(const JobState& state) {
   const nlohmann::json job = {{"identity", identity_},
                               {"job", job_hash()},
-                              {"output", fs::absolute(state.output).lexically_normal().string()},
+                              {"output", json_text(fs::absolute(state.output).lexically_normal())},
                               {"run", plan_to_json(state.run)}};
   write_durably(job_file(path_), job.dump(1) + "\n");
 }
@@ -253,9 +274,9 @@ JobState WorkDir::read_state() const {
   const nlohmann::json job = read_job_file(path_);
   JobState state;
   state.work = path_;
-  state.output = job.at("output").get<std::string>();
+  state.output = bytes_of_json_text(job.at("output").get<std::string>());
   for (const nlohmann::json& input : identity_.at("inputs"))
-    state.inputs.emplace_back(input.at("path").get<std::string>());
+    state.inputs.emplace_back(bytes_of_json_text(input.at("path").get<std::string>()));
   state.settings = identity_.at("options").dump();
   option_table(state.run).from_json(job.at("run"));
   return state;

@@ -26,6 +26,9 @@ struct InputFingerprint {
 InputFingerprint fingerprint_input(const std::filesystem::path& path);
 nlohmann::json to_json(const InputFingerprint& fingerprint);
 
+/// \throws InputError when an input of this identity is not of the size and time that it was begun with
+void require_same_inputs(const nlohmann::json& identity);
+
 /// What makes a job this job: schema, tool version, command, effective options, inputs.
 nlohmann::json job_identity(const std::string& command, const JobState& state,
                             const std::vector<InputFingerprint>& inputs);

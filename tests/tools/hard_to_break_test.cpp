@@ -1,6 +1,8 @@
 // What users and programs do to commands by mistake: a documented code in the first seconds, and nothing lost.
 #include <catch2/catch.hpp>
 
+#include <sys/stat.h>
+
 #include <cstring>
 
 #include "tests/helpers/command.h"
@@ -100,6 +102,107 @@ TEST_CASE("hard to break: an output that is a folder is refused at the start", "
   refused(2, {"smooth", mesh, "-o", f.at("a.ply"), "--log", f.at("d.json"), "--force"});
   refused(2, {"synth", "--points", "100", "-o", f.at("d.ply"), "--force"});
   CHECK_FALSE(fs::exists(f.at("a.ply")));
+}
+
+TEST_CASE("hard to break: cubes that end at powers of two and begin a little below zero", "[pipeline]") {
+  const Files f;
+  for (const char* low : {"-6e-17", "-5e-324", "-1e-300", "-0"}) {
+    const std::string mesh = f.put("m.off", cube(low));
+    INFO(low);
+    CHECK(tessera_command({"decimate", mesh, "-o", f.at("d.ply"), "--tolerance", "0.01", "--force"}).code ==
+          0);
+    CHECK(tessera_command({"smooth", mesh, "-o", f.at("s.ply"), "--force"}).code == 0);
+    CHECK(tessera_command({"check", mesh, "--reference", mesh, "--tolerance", "0.01"}).code == 0);
+  }
+}
+
+TEST_CASE("hard to break: names that are no UTF-8 work like others", "[pipeline]") {
+  const Files f;
+  const std::string mesh = f.put("m\xff.off", cube()),
+                    scan = f.put("s\xfe.xyz", "0 0 0\n1 0 0\n0 1 0\n1 1 0\n");
+  CHECK(tessera_command({"smooth", mesh, "-o", f.at("o\xff.ply")}).code == 0);
+  CHECK(tessera_command({"smooth", mesh, "-o", f.at("o\xff.ply")}).code == 0);  // done already
+  CHECK(tessera_command({"info", "--json", scan}).code == 0);
+  CHECK(tessera_command({"check", mesh, "--json", f.at("c\xff.json")}).code == 0);
+  CHECK(tessera_command({"synth", "--points", "100", "-o", f.at("y\xff.ply")}).code == 0);
+  // stopped and gone on with
+  CHECK(tessera_command(
+            {"decimate", mesh, "-o", f.at("d\xff.ply"), "--tolerance", "0.1", "--until", "mesh-read"})
+            .code == 7);
+  CHECK(tessera_command({"decimate", mesh, "-o", f.at("d\xff.ply"), "--tolerance", "0.1"}).code == 0);
+  CHECK(fs::exists(f.at("d\xff.ply")));
+}
+
+TEST_CASE("hard to break: pipes, folders and wrong job files are refused, not waited for", "[fault]") {
+  const Files f;
+  const std::string mesh = f.put("m.off", cube());
+  for (const char* name : {"p.ply", "p.off", "p.xyz", "p.json"})
+    REQUIRE(::mkfifo(f.at(name).c_str(), 0600) == 0);
+  constexpr unsigned kMost = 10000;
+  refused(3, {"check", f.at("p.ply")}, kMost);
+  refused(3, {"smooth", f.at("p.off"), "-o", f.at("a.ply")}, kMost);
+  refused(3, {"reconstruct", f.at("p.xyz"), "-o", f.at("a.ply")}, kMost);
+  refused(3, {"convert", f.at("p.xyz"), "-o", f.at("a.ply")}, kMost);
+  refused(3, {"render", f.at("p.ply"), "-o", f.at("a.png")}, kMost);
+  refused(3, {"check", mesh, "--truth", f.at("p.json")}, kMost);
+  refused(3, {"smooth", mesh, "-o", f.at("a.ply"), "--job", f.folder.path().string()});
+  refused(2, {"reconstruct", f.put("s.xyz", "0 0 0\n1 0 0\n0 1 0\n"), "-o", f.at("a.ply"), "--holes",
+              "fill-to:nan"});
+  CHECK_FALSE(fs::exists(f.at("a.ply.tessera")));
+}
+
+TEST_CASE("hard to break: coordinates beyond what can be computed with end at once", "[fault]") {
+  const Files f;
+  constexpr unsigned kMost = 10000;
+  refused(3, {"render", f.put("far.xyz", "1e50 0 0\n0 1e50 0\n0 0 1e50\n1e50 1e50 0\n"), "-o", f.at("a.png")},
+          kMost);
+  std::string grid = "OFF\n2500 4802 0\n";
+  for (int i = 0; i < 2500; ++i)
+    grid += std::to_string(i % 50) + " " + std::to_string(i / 50) + (i % 400 == 7 ? " 1.5e28\n" : " 0.25\n");
+  for (int i = 0; i < 2450; ++i)
+    if (i % 50 < 49) {
+      const auto v = [&](int d) { return " " + std::to_string(i + d); };
+      grid += "3" + v(0) + v(1) + v(50) + "\n3" + v(1) + v(51) + v(50) + "\n";
+    }
+  const std::string mesh = f.put("far.off", grid);
+  refused(6, {"decimate", mesh, "-o", f.at("a.ply"), "--tolerance", "0.01"}, kMost);
+  refused(6, {"check", mesh, "--reference", mesh, "--tolerance", "0.01"}, kMost);
+  refused(3,
+          {"decimate", f.put("wide.off", cube("-1e308", "1e308")), "-o", f.at("a.ply"), "--tolerance", "1"});
+  CHECK(refused(3, {"reconstruct", f.put("wide.xyz", "-1e300 0 0\n1e300 1 1\n0 1e300 0\n0 0 1e300\n1 1 1\n"),
+                    "-o", f.at("a.ply")})
+            .errors.find("zero;") == std::string::npos);
+}
+
+TEST_CASE("hard to break: limits on files are told with code 4", "[fault]") {
+  const Files f;
+  const std::string mesh = f.put("m.off", cube());
+  rlimit old = {};
+  REQUIRE(::getrlimit(RLIMIT_FSIZE, &old) == 0);
+  rlimit small = old;
+  small.rlim_cur = 4096;
+  REQUIRE(::setrlimit(RLIMIT_FSIZE, &small) == 0);
+  const CommandResult full = refused(4, {"synth", "--points", "100000", "-o", f.at("a.ply")});
+  ::setrlimit(RLIMIT_FSIZE, &old);
+  CHECK(full.errors.find("ulimit -f") != std::string::npos);
+  CHECK_FALSE(fs::exists(f.at("a.ply")));
+  REQUIRE(::getrlimit(RLIMIT_NOFILE, &old) == 0);
+  small = old;
+  small.rlim_cur = 9;
+  REQUIRE(::setrlimit(RLIMIT_NOFILE, &small) == 0);
+  const CommandResult open = tessera_command({"decimate", mesh, "-o", f.at("b.ply"), "--tolerance", "0.1"});
+  ::setrlimit(RLIMIT_NOFILE, &old);
+  CHECK(open.code == 4);
+  CHECK(open.errors.find("ulimit -n") != std::string::npos);
+}
+
+TEST_CASE("hard to break: what a killed comparison left is removed by the next one", "[fault]") {
+  const Files f;
+  const std::string mesh = f.put("m.off", cube());
+  fs::create_directory(f.at("tessera-compare-abcdef"));
+  f.put("tessera-compare-abcdef/points", "left");
+  CHECK(tessera_command({"check", mesh, "--reference", mesh, "--tolerance", "0.1"}).code == 0);
+  CHECK_FALSE(fs::exists(f.at("tessera-compare-abcdef")));
 }
 
 TEST_CASE("hard to break: what --keep-raw asked for is made again when it is gone", "[pipeline]") {

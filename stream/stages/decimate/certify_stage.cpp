@@ -55,7 +55,7 @@ class CertifyStage : public Stage {
     for (std::size_t c = first(task); c < first(task + 1); ++c) {
       context.check_stop();
       const CellComparison result = compare_cell(mesh_, reference_, begun_, cells_[c].box, begun_.tolerance,
-                                                 retry() ? &failed : nullptr);
+                                                 retry() ? &failed : nullptr, [&] { context.check_stop(); });
       if (failed.size() > kMostFailedFaces) failed.resize(kMostFailedFaces);
       file.write(&result, sizeof result);
       context.advance(1);
@@ -77,7 +77,8 @@ class CertifyStage : public Stage {
     std::map<std::size_t, CellComparison> tight;
     tighten_cells(bounds, begun_.tolerance, [&](std::size_t c) {
       context.check_stop();
-      return CellBounds(tight[c] = compare_cell(mesh_, reference_, begun_, cells_[c].box, 0.0));
+      return CellBounds(tight[c] = compare_cell(mesh_, reference_, begun_, cells_[c].box, 0.0, nullptr,
+                                                [&] { context.check_stop(); }));
     });
     MeshComparison sum = begun_;
     for_each_result([&](std::size_t c, const CellComparison& cell) {

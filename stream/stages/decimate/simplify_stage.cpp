@@ -8,6 +8,7 @@
 
 #include "kernels/mesh/mesh_block_ops.h"
 #include "octree/error.h"
+#include "stream/check/mesh_compare.h"
 #include "stream/files/direct_file.h"
 #include "stream/files/durable_file.h"
 #include "stream/files/task_files.h"
@@ -36,6 +37,7 @@ class SimplifyStage : public Stage {
         in_(open_pass_input(state, stores, pass)),
         reference_(stores.full(state)) {
     kernel_ = options_.kernel(!in_.info().double_positions);
+    if (options_.tolerance > 0.0) require_provable(reference_, options_.tolerance);
     double radius = options_.tolerance;
     for (int round = pass_.round - 1; round >= 0; --round, radius *= 4.0)
       failed_.add(read_failed_faces(work_ / failed_faces_file(round)), radius);
@@ -95,7 +97,7 @@ class SimplifyStage : public Stage {
         continue;
       }
       MeshBlock block = in_.load(cut.patches);
-      std::vector<std::uint64_t> held = failed_.keys_near(block);
+      std::vector<std::uint64_t> held = failed_.keys_near(block, [&] { context.check_stop(); });
       DecimateOptions kernel = kernel_;
       if (!held.empty()) kernel.tolerance *= careful_;
       // In the first pass a block is the reference of its inside: its locked seams bound every collapse. Later

@@ -124,6 +124,7 @@ std::vector<StageEntry> reconstruct_stages(const ReconstructOptions& options) {
 }
 
 JobDescription reconstruct_job(const ReconstructOptions& options) {
+  HolesMode{options.holes};  // a word that makes no sense is told before any pass
   JobDescription job = {"reconstruct", reconstruct_stages(options), 0, summarise};
   if (options.normals != "given") job.beside.push_back({uncertain_picture_path, "the picture of --normals"});
   if (options.keep_raw) job.beside.push_back({raw_output_path, "--keep-raw", true});

@@ -153,6 +153,10 @@ class ProbeStage : public MeasuringStage {
     const double scale = std::sqrt(static_cast<double>(sample.size()) / static_cast<double>(points));
     const double eighth_95 = eighth.quantile(0.95) * std::min(1.0, scale);
     const double nearest_50 = nearest.quantile(0.5) * std::min(1.0, scale);
+    if (!std::isfinite(eighth_95))
+      throw InputError(
+          "the points lie too far apart for their distances to be numbers; scale the scan, or leave out what "
+          "lies so far away");
     if (!(eighth_95 > 0.0))
       throw InputError("the extent of the scan is zero; there is no surface to reconstruct");
     // Powers of two, so that the cell does not hang on the last digit of an estimate.

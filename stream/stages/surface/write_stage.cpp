@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <nlohmann/json.hpp>
 
+#include "stream/files/path_text.h"
 #include "stream/formats/meshes/mesh_io.h"
 #include "stream/points/plan.h"
 #include "stream/stages/surface/hole_files.h"
@@ -51,7 +52,7 @@ class WriteStage : public Stage {
     writer->finish();
     if (raw_) std::filesystem::rename(path, committed);
     context.count_written(writer->bytes_written());
-    return {{"path", state_.output.string()},
+    return {{"path", json_text(state_.output)},
             {"vertices", header.vertices},
             {"faces", header.faces},
             {"synthetic_faces", synthetic},
