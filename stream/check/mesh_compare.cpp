@@ -61,17 +61,23 @@ void CompareOptions::validate() const {
 }
 
 void require_provable(const MeshStore& mesh, double tolerance) {
-  // A face that leaves its brick by so much has corners half as far from the middle of every cell that holds it.
-  const double brick = mesh.info().lattice.h * kBrickCells;
-  double farthest = 0.0;
-  for (const MeshPatchEntry& patch : mesh.patches())
-    for (std::size_t k = 0; k < 3; ++k)
-      farthest = std::max(farthest, (patch.box.high[k] - patch.box.low[k] - brick) * 0.25);
-  const double least = certificate_rounding(farthest);
+  double widest = 0.0;
+  for (std::size_t k = 0; k < 3; ++k) widest = std::max(widest, mesh.box().high[k] - mesh.box().low[k]);
+  if (mesh.patches().empty() || tolerance >= certificate_rounding(widest)) return;  // as nearly always
+  // Of a long face some corner is half as far from the middle of any cell that it meets.
+  double longest = 0.0;
+  for (std::size_t p = 0; p < mesh.patches().size(); ++p) {
+    const MeshBlock block = mesh.load(std::array{p});
+    for (const auto& f : block.faces)
+      for (std::size_t c = 0; c < 3; ++c)
+        for (std::size_t k = 0; k < 3; ++k)
+          longest = std::max(longest, std::abs(block.position[f[c]][k] - block.position[f[(c + 1) % 3]][k]));
+  }
+  const double least = certificate_rounding(0.5 * longest);
   if (tolerance >= least) return;
   throw ValidationError("a tolerance of " + number_text(tolerance) + " cannot be proven: a face is " +
-                        number_text(2.0 * farthest) + " long or longer, on which distances are told to " +
-                        number_text(least) + " only: remove such faces, or give a larger --tolerance");
+                        number_text(longest) + " long, on which distances are told to " + number_text(least) +
+                        " only: remove such faces, or give a larger --tolerance");
 }
 
 MeshComparison begin_comparison(const MeshStore& mesh, const MeshStore& reference,

@@ -56,8 +56,8 @@ struct MeshComparison {
   std::string complaint(bool with_borders) const;
 };
 
-/// \throws ValidationError when nobody can prove so small a tolerance, since a face is too large for it: told from the
-///   table of patches, before any work
+/// \throws ValidationError when nobody can prove so small a tolerance, since a face is too large for it: told
+///   before any work; reads the mesh only where its box leaves doubt
 void require_provable(const MeshStore& mesh, double tolerance);
 
 /// One cell of space (compare_cells.h).

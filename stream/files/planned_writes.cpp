@@ -113,7 +113,7 @@ void check_writes(std::span<const fs::path> reads, std::span<const PlannedWrite>
                                      what, path.string()));
     }
     for (const auto& [other, there] : before)
-      if (target.same_as(there) || aside.same_as(there))
+      if (target.same_as(there) || aside.same_as(there) || target.same_as(Target(output_aside(other->path))))
         throw UsageError(
             fmt::format("{}: is what {} writes to as well: name another file", what, other->option));
     require_folder(write);
