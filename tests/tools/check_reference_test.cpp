@@ -104,8 +104,8 @@ TEST_CASE("check --reference: the same report for any threads and memory, nothin
   std::string first;
   for (const char* way : {"-t 1 --memory 1G", "-t 2 --memory 200M", "-t 5 --memory 100M"}) {
     const std::string report = (folder / "report.json").string();
-    REQUIRE(check(mesh, reference, std::string("--tolerance 0.003 --force --report ") + report + " " + way).code ==
-            0);
+    REQUIRE(check(mesh, reference, std::string("--tolerance 0.003 --force --report ") + report + " " + way)
+                .code == 0);
     nlohmann::json json = nlohmann::json::parse(test::file_bytes(report)).at("deviation");
     CHECK(json.at("proven") == true);
     CHECK(json.at("cells") > 1);

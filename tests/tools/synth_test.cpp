@@ -49,6 +49,7 @@ SynthOptions options_for(const std::string& scene, std::uint64_t points) {
   o.scene = scene;
   o.points = points;
   o.threads = 2;
+  o.force = true;
   return o;
 }
 
