@@ -11,6 +11,9 @@
 namespace tessera {
 namespace {
 
+/// Value of a node whose forced sign the closing field denies, cells.
+constexpr float kForcedValue = 0.5f;
+
 /// Index of a leaf in the dense table of the field; -1 outside.
 std::int64_t slot_of(const DirectedField& field, const Int3& leaf) {
   const Int3 d = field.leaf_dims();
@@ -42,12 +45,15 @@ LeafWords corners_in(const LeafWords& cells, int dx, int dy, int dz) {
 struct WantedNodes {
   LeafWords nodes{};
   LeafWords cells{};
+  LeafWords forced{}, inside{};  ///< as in ClosingLeaf
+  LeafWords loosened{};          ///< nodes that were the local field's and are forced
   bool any = false;
 };
 
 /// Values at the wanted nodes of a leaf where the local field has none.
-void evaluate_nodes(BandLeaf& leaf, const Int3& block, const LeafWords& wanted, const ClosingField& field,
+void evaluate_nodes(BandLeaf& leaf, const Int3& block, const WantedNodes& want, const ClosingField& field,
                     const ClosingOptions& options) {
+  const LeafWords& wanted = want.nodes;
   std::vector<Int3> queries;
   std::vector<std::size_t> nodes;
   const LeafWords valid = leaf.valid();
@@ -71,9 +77,34 @@ void evaluate_nodes(BandLeaf& leaf, const Int3& block, const LeafWords& wanted, 
   std::vector<float> value(queries.size());
   field.evaluate(queries, options.level, value);
   for (std::size_t i = 0; i < queries.size(); ++i) {
-    leaf.value(nodes[i]) = std::clamp(value[i], -kLargestValue, kLargestValue);
-    if (value[i] < 0.0f) leaf.inside[nodes[i] >> 6] |= std::uint64_t{1} << (nodes[i] & 63);
+    const std::size_t z = nodes[i] >> 6;
+    const std::uint64_t bit = std::uint64_t{1} << (nodes[i] & 63);
+    float v = std::clamp(value[i], -kLargestValue, kLargestValue);
+    if (want.forced[z] & bit) {
+      const bool inside = (want.inside[z] & bit) != 0;
+      if (inside != (v < 0.0f)) v = inside ? -kForcedValue : kForcedValue;
+    }
+    leaf.value(nodes[i]) = v;
+    if (v < 0.0f) leaf.inside[z] |= bit;
   }
+}
+
+/// Takes forced nodes from the local field.
+void force_signs(DirectedField& field, const ClosingLeaf& cells, WantedNodes& want) {
+  want.forced = cells.forced;
+  want.inside = cells.inside;
+  Int3 at;
+  for (std::size_t a = 0; a < 3; ++a) at[a] = (cells.origin[a] - field.origin[a]) >> kLeafBits;
+  const std::int32_t index = field.leaf_index[static_cast<std::size_t>(slot_of(field, at))];
+  if (index < 0) return;
+  BandLeaf& leaf = field.leaves[static_cast<std::size_t>(index)];
+  LeafWords valid = leaf.valid();
+  for (std::size_t z = 0; z < 8; ++z) {
+    want.loosened[z] = valid[z] & cells.forced[z];
+    valid[z] &= ~cells.forced[z];
+    leaf.inside[z] &= ~want.loosened[z];
+  }
+  leaf.set_valid(valid);
 }
 
 /// Roots of all edges of the band anew: the local ones as they were, and those of closing cells.
@@ -92,7 +123,8 @@ class RootMerger {
  private:
   void merge_word(std::size_t l, std::size_t axis, std::size_t z) {
     BandLeaf& leaf = field_.leaves[l];
-    const std::uint64_t old = leaf.crossing[axis][z];
+    const std::uint64_t all_old = leaf.crossing[axis][z];
+    const std::uint64_t old = all_old & ~loosened_edges(l, axis, z);
     const std::uint32_t first_old = leaf.first_root[axis][z];
     leaf.first_root[axis][z] = static_cast<std::uint32_t>(roots_.size());
     std::uint64_t now = old;
@@ -105,11 +137,32 @@ class RootMerger {
       const auto b = static_cast<std::size_t>(std::countr_zero(left));
       const std::uint64_t below = (std::uint64_t{1} << b) - 1;
       const bool kept = (old >> b & 1) != 0;
-      const std::size_t from = first_old + static_cast<std::size_t>(std::popcount(old & below));
+      const std::size_t from = first_old + static_cast<std::size_t>(std::popcount(all_old & below));
       roots_.push_back(kept ? field_.roots[from] : fresh[b]);
       if (!field_.creased.empty()) creased_.push_back(kept ? field_.creased[from] : std::uint8_t{0});
     }
     leaf.crossing[axis][z] = now;
+  }
+
+  /// The leaf after this one along the axis; none: size of the list.
+  std::size_t next_leaf(std::size_t l, std::size_t axis) const {
+    const BandLeaf& leaf = field_.leaves[l];
+    Int3 next = {leaf.origin[0] >> kLeafBits, leaf.origin[1] >> kLeafBits, leaf.origin[2] >> kLeafBits};
+    ++next[axis];
+    const std::int64_t slot = slot_of(field_, next);
+    if (slot < 0 || field_.leaf_index[static_cast<std::size_t>(slot)] < 0) return field_.leaves.size();
+    return static_cast<std::size_t>(field_.leaf_index[static_cast<std::size_t>(slot)]);
+  }
+
+  /// Edges with an end that is the local field's no more.
+  std::uint64_t loosened_edges(std::size_t l, std::size_t axis, std::size_t z) const {
+    const LeafWords& own = wanted_[l].loosened;
+    const std::size_t next = next_leaf(l, axis);
+    const LeafWords beyond = next < wanted_.size() ? wanted_[next].loosened : LeafWords{};
+    constexpr std::uint64_t kLast = 0x8080808080808080ULL;
+    if (axis == 0) return own[z] | (own[z] >> 1 & ~kLast) | (beyond[z] << 7 & kLast);
+    if (axis == 1) return own[z] | own[z] >> 8 | beyond[z] << 56;
+    return own[z] | (z < 7 ? own[z + 1] : beyond[0]);
   }
 
   /// The edge from a wanted node to the next along the axis, if that is wanted too and differs in sign.
@@ -119,12 +172,8 @@ class RootMerger {
     std::size_t other = l;
     if (to[axis] == kLeafCells) {
       to[axis] = 0;
-      const BandLeaf& leaf = field_.leaves[l];
-      Int3 next = {leaf.origin[0] >> kLeafBits, leaf.origin[1] >> kLeafBits, leaf.origin[2] >> kLeafBits};
-      ++next[axis];
-      const std::int64_t slot = slot_of(field_, next);
-      if (slot < 0 || field_.leaf_index[static_cast<std::size_t>(slot)] < 0) return false;
-      other = static_cast<std::size_t>(field_.leaf_index[static_cast<std::size_t>(slot)]);
+      other = next_leaf(l, axis);
+      if (other == field_.leaves.size()) return false;
     }
     const auto to_z = static_cast<std::size_t>(to[2]);
     const auto to_b = static_cast<std::size_t>(to[0] + 8 * to[1]);
@@ -160,6 +209,7 @@ void add_closing(DirectedField& field, std::span<const ClosingLeaf> cells, const
     LeafWords used = c.cells;  // of a leaf below the block, the last layer of cells
     const std::int64_t own = slot_of(field, leaf);
     if (own < 0) continue;
+    force_signs(field, c, wanted[static_cast<std::size_t>(own)]);
     bool core = true;
     for (std::size_t a = 0; a < 3; ++a) core &= leaf[a] * kLeafCells < field.cells[a];
     if (!core) {  // cells above the block: only that they take part is of interest
@@ -205,7 +255,7 @@ void add_closing(DirectedField& field, std::span<const ClosingLeaf> cells, const
   }
   field.leaves = std::move(leaves);
   for (std::size_t l = 0; l < of_leaf.size(); ++l)
-    if (of_leaf[l].any) evaluate_nodes(field.leaves[l], field.origin, of_leaf[l].nodes, closing, options);
+    if (of_leaf[l].any) evaluate_nodes(field.leaves[l], field.origin, of_leaf[l], closing, options);
   RootMerger(field, of_leaf).run();
 }
 

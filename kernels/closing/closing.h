@@ -9,6 +9,7 @@
 /// are grown.
 #pragma once
 #include <cstdint>
+#include <functional>
 #include <map>
 #include <span>
 #include <vector>
@@ -29,6 +30,16 @@ struct BandSigns {
 struct ClosingLeaf {
   Int3 origin = {0, 0, 0};  ///< global cell coordinates, multiples of 8
   LeafWords cells{};
+  LeafWords forced{};  ///< nodes whose sign the flow of signs has changed: neither field has its say there
+  LeafWords inside{};  ///< of these
+};
+
+/// Signs of the nodes of a leaf that need no evaluation.
+struct SettledSigns {
+  Int3 origin = {0, 0, 0};  ///< as in BandSigns
+  LeafWords known{};        ///< of the closing field, or forced
+  LeafWords forced{};
+  LeafWords inside{};
 };
 
 struct ClosingOptions {
@@ -54,10 +65,15 @@ std::vector<Int3> rim_cells(const DirectedField& field);
 /// Signs of the leaves of one brick of the block. \param brick  within the block
 std::vector<BandSigns> signs_of_brick(const DirectedField& field, const Int3& brick);
 
+/// Values of the closing field; asked only where a sign is wanted that is not known.
+using SignSource = std::function<void(std::span<const Int3> queries, std::span<float> value)>;
+
 struct GrownCells {
   std::vector<ClosingLeaf> cells;  ///< all closing cells of the brick, by leaf in Morton order
   std::vector<Int3> leaving;       ///< cells of other bricks to go on from; global, may repeat
   std::vector<Int3> stopped;       ///< cells that the limit kept out; global, may repeat
+  std::vector<BandSigns>
+      evaluated;  ///< signs of the closing field that were asked for; the leaves may be part of a brick's
   std::uint64_t added = 0;
 };
 
@@ -73,16 +89,17 @@ std::uint64_t take_back_unfinished(std::map<std::uint64_t, std::vector<ClosingLe
 /// \param signs   of the leaves that hold nodes [0, 64] of the brick
 /// \param known   its closing cells so far
 /// \param near_points  data around the brick, for the limit: quanta; complete within the limit or empty
+/// \param settled  signs that stand, of leaves that hold nodes [0, 64] of the brick
 /// \pre  `field` holds what nodes [0, 64] of the brick need
 GrownCells grow_closing(const Int3& corner, std::span<const BandSigns> signs,
                         std::span<const ClosingLeaf> known, std::span<const Int3> seeds,
-                        const ClosingField& field, std::span<const Int3> near_points,
-                        const ClosingOptions& options);
+                        const SignSource& field, std::span<const Int3> near_points,
+                        const ClosingOptions& options, std::span<const SettledSigns> settled = {});
 
 /// Adds closing cells to the band of a block: values of the closing field at their nodes and roots on their
 /// edges.
 /// \param cells  those of the block and of the leaves just below and above it
-/// \post  the local cells of `field` are what they were
+/// \post  the local cells of `field` are what they were, but for those with a forced node
 void add_closing(DirectedField& field, std::span<const ClosingLeaf> cells, const ClosingField& closing,
                  const ClosingOptions& options);
 

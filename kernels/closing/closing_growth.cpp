@@ -36,25 +36,38 @@ bool before(const Int3& a, const Int3& b) {
 /// What is known of the nodes of one brick, [0, 64] on each axis.
 class BrickNodes {
  public:
-  BrickNodes(const Int3& corner, std::span<const BandSigns> signs, const ClosingField& field,
-             std::span<const Int3> near_points, const ClosingOptions& options)
+  BrickNodes(const Int3& corner, std::span<const BandSigns> signs, std::span<const SettledSigns> settled,
+             const SignSource& field, std::span<const Int3> near_points, const ClosingOptions& options)
       : corner_(corner),
         field_(field),
         near_points_(near_points),
         options_(options),
         node_(std::size_t{kNodes} * kNodes * kNodes, 0),
         evaluated_(std::size_t{kLeaves} * kLeaves * kLeaves, false) {
-    for (const BandSigns& s : signs) {
-      const Int3 at = {s.origin[0] - corner[0], s.origin[1] - corner[1], s.origin[2] - corner[2]};
-      for (int z = 0; z < kLeafCells; ++z)
-        for (std::uint64_t left = s.valid[static_cast<std::size_t>(z)]; left; left &= left - 1) {
-          const int b = std::countr_zero(left);
-          const Int3 n = {at[0] + (b & 7), at[1] + (b >> 3), at[2] + z};
-          if (!holds(n)) continue;
-          const bool inside = s.inside[static_cast<std::size_t>(z)] >> b & 1;
-          node_[slot(n)] = static_cast<std::uint8_t>(kKnown | kLocal | (inside ? kInside : 0));
+    for (const SettledSigns& s : settled) enter(s.origin, s.known, s.inside, kKnown);
+    for (const BandSigns& s : signs) enter(s.origin, s.valid, s.inside, kKnown | kLocal);
+    for (const SettledSigns& s : settled) enter(s.origin, s.forced, s.inside, kKnown);
+  }
+
+  /// Signs of the closing field.
+  std::vector<BandSigns> evaluated() const {
+    std::vector<BandSigns> out;
+    for (std::size_t index = 0; index < evaluated_.size(); ++index) {
+      if (!evaluated_[index]) continue;
+      const auto i = static_cast<int>(index);
+      const Int3 at = {i % kLeaves * kLeafCells, i / kLeaves % kLeaves * kLeafCells,
+                       i / (kLeaves * kLeaves) * kLeafCells};
+      BandSigns& s = out.emplace_back();
+      for (std::size_t a = 0; a < 3; ++a) s.origin[a] = corner_[a] + at[a];
+      for (int k = 0; k < kLeafCells; ++k)
+        for (int b = 0; b < kLeafCells * kLeafCells; ++b) {
+          const Int3 n = {at[0] + (b & 7), at[1] + (b >> 3), at[2] + k};
+          if (!holds(n) || (node_[slot(n)] & (kKnown | kLocal)) != kKnown) continue;
+          s.valid[static_cast<std::size_t>(k)] |= std::uint64_t{1} << b;
+          if (node_[slot(n)] & kInside) s.inside[static_cast<std::size_t>(k)] |= std::uint64_t{1} << b;
         }
     }
+    return out;
   }
 
   struct Cell {
@@ -78,6 +91,18 @@ class BrickNodes {
 
  private:
   static constexpr std::uint8_t kKnown = 1, kInside = 2, kLocal = 4, kFar = 8;
+
+  void enter(const Int3& origin, const LeafWords& nodes, const LeafWords& inside, int bits) {
+    const Int3 at = {origin[0] - corner_[0], origin[1] - corner_[1], origin[2] - corner_[2]};
+    for (int z = 0; z < kLeafCells; ++z)
+      for (std::uint64_t left = nodes[static_cast<std::size_t>(z)]; left; left &= left - 1) {
+        const int b = std::countr_zero(left);
+        const Int3 n = {at[0] + (b & 7), at[1] + (b >> 3), at[2] + z};
+        if (!holds(n)) continue;
+        const bool in = inside[static_cast<std::size_t>(z)] >> b & 1;
+        node_[slot(n)] = static_cast<std::uint8_t>(bits | (in ? kInside : 0));
+      }
+  }
 
   static bool holds(const Int3& n) {
     for (const int c : n)
@@ -114,7 +139,7 @@ class BrickNodes {
           queries.push_back(q);
         }
     std::vector<float> value(queries.size());
-    field_.evaluate(queries, options_.level, value);
+    if (!queries.empty()) field_(queries, value);
     for (std::size_t i = 0; i < queries.size(); ++i)
       if (value[i] < 0.0f) node_[slots[i]] |= kInside;
     if (options_.limit > 0.0f) mark_far(leaf, slots, queries);
@@ -147,7 +172,7 @@ class BrickNodes {
   }
 
   Int3 corner_;
-  const ClosingField& field_;
+  const SignSource& field_;
   std::span<const Int3> near_points_;
   ClosingOptions options_;
   std::vector<std::uint8_t> node_;
@@ -268,9 +293,9 @@ std::vector<BandSigns> signs_of_brick(const DirectedField& field, const Int3& br
 
 GrownCells grow_closing(const Int3& corner, std::span<const BandSigns> signs,
                         std::span<const ClosingLeaf> known, std::span<const Int3> seeds,
-                        const ClosingField& field, std::span<const Int3> near_points,
-                        const ClosingOptions& options) {
-  BrickNodes nodes(corner, signs, field, near_points, options);
+                        const SignSource& field, std::span<const Int3> near_points,
+                        const ClosingOptions& options, std::span<const SettledSigns> settled) {
+  BrickNodes nodes(corner, signs, settled, field, near_points, options);
   CellBits cells;
   const auto relative = [&](const Int3& c) {
     return Int3{c[0] - corner[0], c[1] - corner[1], c[2] - corner[2]};
@@ -303,6 +328,7 @@ GrownCells grow_closing(const Int3& corner, std::span<const BandSigns> signs,
     }
   }
   out.cells = cells.collect(corner);
+  out.evaluated = nodes.evaluated();
   return out;
 }
 

@@ -5,7 +5,7 @@
 namespace tessera {
 namespace {
 
-constexpr PackedKind kKind = {"TSCLOSE2", "a file of rims or closing cells"};
+constexpr PackedKind kKind = {"TSCLOSE3", "a file of rims or closing cells"};
 
 /// The items of a brick, behind what `items` holds.
 template <typename Item>

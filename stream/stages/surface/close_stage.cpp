@@ -3,7 +3,9 @@
 #include <fstream>
 #include <map>
 #include <nlohmann/json.hpp>
+#include <optional>
 
+#include "kernels/closing/sign_flow.h"
 #include "octree/error.h"
 #include "stream/files/direct_file.h"
 #include "stream/files/read_file.h"
@@ -31,6 +33,9 @@ constexpr float kClosedVote = 0.25f;
 // A visit of one brick: points with halo, dipoles, node states, one leaf's lists.
 constexpr std::uint64_t kBytesPerPoint = 40 + 28 + sizeof(Dipole) + 60;
 constexpr std::uint64_t kVisitBytes = 4u << 20;
+
+/// Of a node of the map of signs.
+constexpr std::uint64_t kBytesPerSigns = sizeof(SignMap::value_type) + 48;
 
 /// What the set of closing cells may take: a byte a cell, so half a billion cells under a cap of 2 GiB.
 std::uint64_t set_limit(const RunOptions& run) {
@@ -74,10 +79,35 @@ class CloseStage : public Stage {
     if (!mode_.close) return {{"needed", false}};
     json entry = {{"needed", true}, {"summary_bytes", multipoles_->far().bytes()}};
     const ClosingOptions options = decide(entry, context);
-    std::map<std::uint64_t, std::vector<Int3>> pending;
+    Seeds rims;
     for (const BrickSection& brick : rims_->bricks())
-      for (const Int3& c : rims_->rims(brick)) pending[brick_of_cell(c)].push_back(c);
-    std::map<std::uint64_t, std::vector<ClosingLeaf>> cells;
+      for (const Int3& c : rims_->rims(brick)) rims[brick_of_cell(c)].push_back(c);
+    SignMap signs;
+    ClosingMap cells = grow(rims, options, signs, entry, context);
+    // With a limit, holes stay open, and around these inside and outside meet anywhere.
+    if (options.limit == 0.0f && !cells.empty()) {
+      signs = let_flow(cells, std::move(signs), context);
+      for (const Int3& c : forced_cells(signs)) rims[brick_of_cell(c)].push_back(c);
+      cells = grow(rims, options, signs, entry, context);
+      entry["forced_nodes"] = add_forced_nodes(signs, cells);
+    }
+    entry["bricks"] = cells.size();
+    BrickSectionWriter writer(context.create(kClosingFile));
+    for (const auto& [key, own] : cells) writer.cells(key, own);
+    context.count_written(writer.finish());
+    return entry;
+  }
+
+ private:
+  using Seeds = std::map<std::uint64_t, std::vector<Int3>>;  ///< by key of the brick
+
+  /// The closing cells that are reached from seeds.
+  /// \param signs  empty: what the closing field says around the cells comes here; else they stand
+  ClosingMap grow(const Seeds& seeds, const ClosingOptions& options, SignMap& signs, json& entry,
+                  TaskContext& context) const {
+    const bool settled = !signs.empty();
+    Seeds pending = seeds;
+    ClosingMap cells;
     std::uint64_t rounds = 0;
     std::uint64_t visits = 0;
     std::uint64_t added = 0;
@@ -90,36 +120,60 @@ class CloseStage : public Stage {
       parallel_for(round.size(), [&](std::size_t i) {
         context.check_stop();
         const auto known = cells.find(round[i].first);
-        grown[i] = visit(brick_of_key(round[i].first), round[i].second,
-                         known == cells.end() ? std::span<const ClosingLeaf>{} : known->second, options);
+        grown[i] =
+            visit(brick_of_key(round[i].first), round[i].second,
+                  known == cells.end() ? std::span<const ClosingLeaf>{} : known->second, signs, options);
       });
       for (std::size_t i = 0; i < round.size(); ++i) {
         added += grown[i].added;
         stopped.insert(stopped.end(), grown[i].stopped.begin(), grown[i].stopped.end());
+        if (!settled && options.limit == 0.0f) add_field_signs(grown[i].evaluated, signs);
         if (grown[i].added == 0) continue;
         std::vector<ClosingLeaf>& own = cells[round[i].first];
         leaves += grown[i].cells.size() - own.size();
         own = std::move(grown[i].cells);
         for (const Int3& c : grown[i].leaving) pending[brick_of_cell(c)].push_back(c);
       }
-      require_room(leaves);
+      require_room(3 * leaves * sizeof(ClosingLeaf) + signs.size() * kBytesPerSigns);
       visits += round.size();
       ++rounds;
     }
     const std::uint64_t taken = take_back_unfinished(cells, stopped);
     std::erase_if(cells, [](const auto& brick) { return brick.second.empty(); });
-    BrickSectionWriter writer(context.create(kClosingFile));
-    for (const auto& [key, own] : cells) writer.cells(key, own);
-    context.count_written(writer.finish());
     entry["rounds"] = rounds;
     entry["visits"] = visits;
-    entry["bricks"] = cells.size();
     entry["cells"] = added - taken;
     entry["unfinished_cells"] = taken;
-    return entry;
+    return cells;
   }
 
- private:
+  /// Signs after their flow, in the leaves around the closing cells.
+  SignMap let_flow(const ClosingMap& cells, SignMap field, TaskContext& context) const {
+    SignMap region = flow_region(cells);
+    require_room((2 * region.size() + field.size()) * kBytesPerSigns);
+    std::vector<Int3> bricks;
+    for (const auto& [key, leaf] : region) {
+      const std::uint64_t brick = key >> 3 * (kBrickBits - kLeafBits);
+      if (bricks.empty() || brick_key(bricks.back()) != brick) bricks.push_back(brick_of_key(brick));
+    }
+    for (const Int3& brick : bricks) enter_local_signs(rims_->signs_around(brick), region);
+    enter_field_signs(field, region);
+    field.clear();
+    const auto step = [&](const auto& change) {
+      std::vector<SignChange> changes(bricks.size());
+      parallel_for(bricks.size(), [&](std::size_t i) {
+        context.check_stop();
+        changes[i] = change(bricks[i]);
+      });
+      for (const SignChange& c : changes)
+        for (const auto& [key, leaf] : c) region[key] = leaf;
+    };
+    step([&](const Int3& brick) { return prepare_flow(region, cells, brick); });
+    for (int round = 0; round < kFlowRounds; ++round)
+      step([&](const Int3& brick) { return flow_signs(region, brick); });
+    return region;
+  }
+
   static constexpr Int3 kEdges = {kBrickCells, kBrickCells, kBrickCells};
 
   static Int3 corner_of(const Int3& brick) {
@@ -128,8 +182,7 @@ class CloseStage : public Stage {
   static std::uint64_t brick_of_cell(const Int3& c) {
     return brick_key({c[0] >> kBrickBits, c[1] >> kBrickBits, c[2] >> kBrickBits});
   }
-  void require_room(std::uint64_t leaves) const {
-    const std::uint64_t bytes = 3 * leaves * sizeof(ClosingLeaf);
+  void require_room(std::uint64_t bytes) const {
     if (bytes <= set_limit(state_.run)) return;
     throw ResourceError("stage close: the surface that closes the holes takes " + format_bytes(bytes) +
                         " to list and a quarter of --memory " + format_bytes(state_.run.memory_bytes) +
@@ -196,18 +249,27 @@ class CloseStage : public Stage {
   }
 
   GrownCells visit(const Int3& brick, std::span<const Int3> seeds, std::span<const ClosingLeaf> known,
-                   const ClosingOptions& options) const {
+                   const SignMap& signs, const ClosingOptions& options) const {
     const Int3 corner = corner_of(brick);
-    const PointBlock points = points_->load(corner, kEdges, MultipoleStore::kHaloCells);
-    const MultipoleTree near = multipoles_->near(points);
+    // Where all signs are settled no points are read.
+    std::optional<MultipoleTree> near;
+    std::optional<ClosingField> field;
+    const auto load = [&] {
+      near = multipoles_->near(points_->load(corner, kEdges, MultipoleStore::kHaloCells));
+      field.emplace(multipoles_->far(), *near, static_cast<float>(plan_.radius_cells));
+    };
     std::vector<Int3> data;
     if (options.limit > 0.0f) {
-      for (const Dipole& d : near.dipoles()) data.push_back(d.q);
-      for (const Multipole& m : near.level(kLeafBits).cells) data.push_back(m.centre);
+      load();
+      for (const Dipole& d : near->dipoles()) data.push_back(d.q);
+      for (const Multipole& m : near->level(kLeafBits).cells) data.push_back(m.centre);
     }
-    return grow_closing(corner, rims_->signs_around(brick), known, seeds,
-                        ClosingField(multipoles_->far(), near, static_cast<float>(plan_.radius_cells)), data,
-                        options);
+    const auto evaluate = [&](std::span<const Int3> queries, std::span<float> value) {
+      if (!field) load();
+      field->evaluate(queries, options.level, value);
+    };
+    return grow_closing(corner, rims_->signs_around(brick), known, seeds, evaluate, data, options,
+                        settled_around(signs, brick));
   }
 
   JobState state_;

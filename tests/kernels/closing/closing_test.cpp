@@ -41,6 +41,12 @@ ClosingOptions wide() {
   return options;
 }
 
+SignSource source(const ClosingField& field, const ClosingOptions& options) {
+  return [&field, level = options.level](std::span<const Int3> queries, std::span<float> value) {
+    field.evaluate(queries, level, value);
+  };
+}
+
 Closed close(const test::Samples& samples, const ClosingOptions& options) {
   const PointBlock points = test::make_block(samples, kOrigin, kCells, 16);
   const MultipoleTree tree(make_dipoles(points), kLeafBits);
@@ -53,7 +59,7 @@ Closed close(const test::Samples& samples, const ClosingOptions& options) {
         {{leaf.origin[0] + 64, leaf.origin[1] + 64, leaf.origin[2] + 64}, leaf.valid(), leaf.inside});
   std::vector<Int3> data;
   for (const Dipole& d : tree.dipoles()) data.push_back(d.q);
-  out.grown = grow_closing(kOrigin, signs, {}, rim_cells(out.field), closing, data, options);
+  out.grown = grow_closing(kOrigin, signs, {}, rim_cells(out.field), source(closing, options), data, options);
   add_closing(out.field, out.grown.cells, closing, options);
   return out;
 }
@@ -178,13 +184,13 @@ TEST_CASE("closing: the cells do not depend on the order of growth", "[property]
   const std::vector<BandSigns> signs = signs_of_brick(field, {0, 0, 0});
   std::vector<Int3> seeds = rim_cells(field);
   REQUIRE(seeds.size() > 50);
-  const GrownCells once = grow_closing(kOrigin, signs, {}, seeds, closing, {}, wide());
+  const GrownCells once = grow_closing(kOrigin, signs, {}, seeds, source(closing, wide()), {}, wide());
   GrownCells steps;  // one seed at a time, backwards
   std::reverse(seeds.begin(), seeds.end());
   std::uint64_t added = 0;
   for (std::size_t i = 0; i < seeds.size(); i += seeds.size() / 4) {
     const auto part = std::span(seeds).subspan(i, std::min(seeds.size() / 4, seeds.size() - i));
-    steps = grow_closing(kOrigin, signs, steps.cells, part, closing, {}, wide());
+    steps = grow_closing(kOrigin, signs, steps.cells, part, source(closing, wide()), {}, wide());
     added += steps.added;
   }
   CHECK(added == once.added);

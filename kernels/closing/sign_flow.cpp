@@ -1,0 +1,316 @@
+#include "kernels/closing/sign_flow.h"
+
+#include <algorithm>
+#include <bit>
+
+#include "octree/morton.h"
+
+namespace tessera {
+namespace {
+
+/// Passes of the kernel (1 2 1) / 4 a round: a blur of 1.4 cells.
+constexpr int kBlurs = 4;
+/// How far unknown nodes look for a sign, and how far from the closing cells signs may change: nodes.
+constexpr int kFillReach = 8, kFlowReach = 4, kLooseReach = 1;
+/// Blurred sign from which a node changes to it: more than the lattice makes of a plane, so that none moves.
+constexpr float kSure = 0.1f;
+
+/// A value per node of a brick and a halo around it.
+template <typename T>
+class Block {
+ public:
+  Block(const Int3& brick, int halo, T fill)
+      : halo_(halo),
+        edge_(kBrickCells + 2 * halo),
+        values_(std::size_t(edge_) * std::size_t(edge_) * std::size_t(edge_), fill) {
+    for (std::size_t a = 0; a < 3; ++a) low_[a] = brick[a] * kBrickCells - halo;
+  }
+  int edge() const { return edge_; }
+  int halo() const { return halo_; }
+  std::ptrdiff_t step(std::size_t axis) const {
+    const std::ptrdiff_t e = edge_;
+    return axis == 0 ? 1 : axis == 1 ? e : e * e;
+  }
+  std::size_t slot(int i, int j, int k) const {
+    return (static_cast<std::size_t>(k) * static_cast<std::size_t>(edge_) + static_cast<std::size_t>(j)) *
+               static_cast<std::size_t>(edge_) +
+           static_cast<std::size_t>(i);
+  }
+  /// Calls visit(slot, word, bit) for every node of a leaf that lies in the block.
+  template <class Visit>
+  void for_leaf(const Int3& origin, const Visit& visit) const {
+    Int3 at;
+    for (std::size_t a = 0; a < 3; ++a) at[a] = origin[a] - low_[a];
+    for (int z = 0; z < kLeafCells; ++z)
+      for (int y = 0; y < kLeafCells; ++y)
+        for (int x = 0; x < kLeafCells; ++x) {
+          const Int3 n = {at[0] + x, at[1] + y, at[2] + z};
+          if (std::min({n[0], n[1], n[2]}) < 0 || std::max({n[0], n[1], n[2]}) >= edge_) continue;
+          visit(slot(n[0], n[1], n[2]), static_cast<std::size_t>(z), std::uint64_t{1} << (x + 8 * y));
+        }
+  }
+  std::vector<T>& values() { return values_; }
+  T& operator[](std::size_t slot) { return values_[slot]; }
+
+ private:
+  int halo_, edge_;
+  Int3 low_;
+  std::vector<T> values_;
+};
+
+constexpr int kLeafCodeBits = 3 * (kBrickBits - kLeafBits);
+
+std::uint64_t leaf_key(const Int3& origin) {
+  return morton_encode(static_cast<std::uint32_t>(origin[0] >> kLeafBits),
+                       static_cast<std::uint32_t>(origin[1] >> kLeafBits),
+                       static_cast<std::uint32_t>(origin[2] >> kLeafBits));
+}
+Int3 leaf_origin(std::uint64_t key) {
+  const auto at = morton_decode(key);
+  return {static_cast<int>(at[0]) * kLeafCells, static_cast<int>(at[1]) * kLeafCells,
+          static_cast<int>(at[2]) * kLeafCells};
+}
+
+/// Calls visit(key of the brick) for a brick and those around it.
+template <class Visit>
+void for_bricks_around(const Int3& brick, const Visit& visit) {
+  for (int z = brick[2] - 1; z <= brick[2] + 1; ++z)
+    for (int y = brick[1] - 1; y <= brick[1] + 1; ++y)
+      for (int x = brick[0] - 1; x <= brick[0] + 1; ++x)
+        if (std::min({x, y, z}) >= 0) visit(brick_key({x, y, z}));
+}
+
+std::pair<SignMap::const_iterator, SignMap::const_iterator> leaves_of(const SignMap& region,
+                                                                      std::uint64_t brick) {
+  return {region.lower_bound(brick << kLeafCodeBits), region.lower_bound((brick + 1) << kLeafCodeBits)};
+}
+
+/// -1 inside, 1 outside, 0 unknown; of leaves that the region lacks, 0 too.
+template <typename T>
+Block<T> signs_around(const SignMap& region, const Int3& brick, int halo) {
+  Block<T> block(brick, halo, T{0});
+  for_bricks_around(brick, [&](std::uint64_t key) {
+    const auto [begin, end] = leaves_of(region, key);
+    for (auto l = begin; l != end; ++l)
+      block.for_leaf(leaf_origin(l->first), [&](std::size_t slot, std::size_t z, std::uint64_t bit) {
+        if (l->second.known[z] & bit) block[slot] = l->second.inside[z] & bit ? T{-1} : T{1};
+      });
+  });
+  return block;
+}
+
+/// Marks the nodes within `reach` of the corners of marked cells, in the box norm; right beyond the halo minus reach.
+void widen(Block<std::uint8_t>& marks, int reach) {
+  std::vector<std::uint8_t> out;
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    const std::vector<std::uint8_t>& in = marks.values();
+    const std::ptrdiff_t step = marks.step(axis), size = static_cast<std::ptrdiff_t>(in.size());
+    out.assign(in.size(), 0);
+    // Rows wrap around at the faces of the block: that reaches nodes of the halo alone.
+    for (std::ptrdiff_t d = -reach; d <= reach + 1; ++d) {
+      const std::ptrdiff_t shift = d * step;
+      for (std::ptrdiff_t i = std::max<std::ptrdiff_t>(0, -shift); i < std::min(size, size - shift); ++i)
+        out[static_cast<std::size_t>(i + shift)] |= in[static_cast<std::size_t>(i)];
+    }
+    marks.values().swap(out);
+  }
+}
+
+/// Signs of unknown nodes of the region from their six neighbours, outwards.
+void fill_unknown(const SignMap& region, const Int3& brick, Block<std::int8_t>& signs) {
+  std::vector<std::size_t> unknown;
+  for_bricks_around(brick, [&](std::uint64_t key) {
+    const auto [begin, end] = leaves_of(region, key);
+    for (auto l = begin; l != end; ++l)
+      signs.for_leaf(leaf_origin(l->first), [&](std::size_t slot, std::size_t, std::uint64_t) {
+        if (signs[slot] == 0) unknown.push_back(slot);
+      });
+  });
+  const auto size = static_cast<std::ptrdiff_t>(signs.values().size());
+  std::vector<std::int8_t> found(unknown.size());
+  for (int sweep = 0; sweep < kFillReach && !unknown.empty(); ++sweep) {
+    for (std::size_t u = 0; u < unknown.size(); ++u) {
+      int sum = 0;
+      for (std::size_t axis = 0; axis < 3; ++axis)
+        for (const std::ptrdiff_t d : {-signs.step(axis), signs.step(axis)}) {
+          const std::ptrdiff_t at = static_cast<std::ptrdiff_t>(unknown[u]) + d;
+          if (at >= 0 && at < size) sum += signs[static_cast<std::size_t>(at)];
+        }
+      found[u] = static_cast<std::int8_t>((sum > 0) - (sum < 0));
+    }
+    std::size_t left = 0;
+    for (std::size_t u = 0; u < unknown.size(); ++u) {
+      signs[unknown[u]] = found[u];
+      if (found[u] == 0) unknown[left++] = unknown[u];
+    }
+    unknown.resize(left);
+  }
+}
+
+/// Blurs with (1 2 1) / 4 along each axis, in place; the outermost layer stays.
+void blur(Block<float>& block, std::vector<float>& out) {
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    const std::vector<float>& in = block.values();
+    const auto step = static_cast<std::size_t>(block.step(axis));
+    out = in;
+    for (std::size_t i = step; i < in.size() - step; ++i)
+      out[i] = 0.25f * (in[i - step] + in[i + step]) + 0.5f * in[i];
+    block.values().swap(out);
+  }
+}
+
+}  // namespace
+
+SignMap flow_region(const ClosingMap& cells) {
+  SignMap region;
+  for (const auto& [key, leaves] : cells)
+    for (const ClosingLeaf& leaf : leaves)
+      for (int d = 0; d < 27; ++d) {
+        const Int3 at = {leaf.origin[0] + (d % 3 - 1) * kLeafCells,
+                         leaf.origin[1] + (d / 3 % 3 - 1) * kLeafCells,
+                         leaf.origin[2] + (d / 9 - 1) * kLeafCells};
+        if (std::min({at[0], at[1], at[2]}) >= 0) region.try_emplace(leaf_key(at));
+      }
+  return region;
+}
+
+void add_field_signs(std::span<const BandSigns> signs, SignMap& map) {
+  for (const BandSigns& s : signs) {
+    NodeSigns& leaf = map[leaf_key(s.origin)];
+    for (std::size_t z = 0; z < 8; ++z) {
+      leaf.field[z] |= s.valid[z];
+      leaf.known[z] |= s.valid[z];
+      leaf.inside[z] |= s.valid[z] & s.inside[z];
+      leaf.original[z] = leaf.inside[z];
+    }
+  }
+}
+
+void enter_local_signs(std::span<const BandSigns> signs, SignMap& region) {
+  for (const BandSigns& s : signs) {
+    const auto found = region.find(leaf_key(s.origin));
+    if (found == region.end()) continue;
+    found->second.local = found->second.known = s.valid;
+    for (std::size_t z = 0; z < 8; ++z) found->second.inside[z] = s.inside[z] & s.valid[z];
+  }
+}
+
+void enter_field_signs(const SignMap& signs, SignMap& region) {
+  for (const auto& [key, from] : signs) {
+    const auto found = region.find(key);
+    if (found == region.end()) continue;
+    NodeSigns& leaf = found->second;
+    for (std::size_t z = 0; z < 8; ++z) {
+      leaf.field[z] = from.field[z] & ~leaf.local[z];
+      leaf.known[z] |= leaf.field[z];
+      leaf.inside[z] |= leaf.field[z] & from.inside[z];
+    }
+  }
+}
+
+SignChange prepare_flow(const SignMap& region, const ClosingMap& cells, const Int3& brick) {
+  Block<std::int8_t> signs = signs_around<std::int8_t>(region, brick, kFillReach);
+  fill_unknown(region, brick, signs);
+  Block<std::uint8_t> reach(brick, kFillReach, 0);
+  for_bricks_around(brick, [&](std::uint64_t key) {
+    const auto found = cells.find(key);
+    if (found == cells.end()) return;
+    for (const ClosingLeaf& leaf : found->second)
+      reach.for_leaf(leaf.origin, [&](std::size_t slot, std::size_t z, std::uint64_t bit) {
+        if (leaf.cells[z] & bit) reach[slot] = 1;
+      });
+  });
+  Block<std::uint8_t> loose = reach;
+  widen(reach, kFlowReach);
+  widen(loose, kLooseReach);
+  const auto [begin, end] = leaves_of(region, brick_key(brick));
+  SignChange out(begin, end);
+  for (auto& [key, leaf] : out) {
+    signs.for_leaf(leaf_origin(key), [&](std::size_t slot, std::size_t z, std::uint64_t bit) {
+      if (!signs[slot]) return;
+      leaf.known[z] |= bit;
+      if (signs[slot] < 0) leaf.inside[z] |= bit;
+      if (leaf.local[z] & bit ? loose[slot] : reach[slot]) leaf.free[z] |= bit;
+    });
+    leaf.original = leaf.inside;
+  }
+  return out;
+}
+
+SignChange flow_signs(const SignMap& region, const Int3& brick) {
+  Block<float> block = signs_around<float>(region, brick, kBlurs);
+  std::vector<float> scratch;
+  for (int pass = 0; pass < kBlurs; ++pass) blur(block, scratch);
+  const auto [begin, end] = leaves_of(region, brick_key(brick));
+  SignChange out(begin, end);
+  for (auto& [key, leaf] : out)
+    block.for_leaf(leaf_origin(key), [&](std::size_t slot, std::size_t z, std::uint64_t bit) {
+      if (!(leaf.free[z] & bit)) return;
+      if (block[slot] > kSure) leaf.inside[z] &= ~bit;
+      if (block[slot] < -kSure) leaf.inside[z] |= bit;
+    });
+  return out;
+}
+
+std::vector<SettledSigns> settled_around(const SignMap& signs, const Int3& brick) {
+  std::vector<SettledSigns> out;
+  for (int d = 0; d < 8; ++d) {
+    const auto [begin, end] =
+        leaves_of(signs, brick_key({brick[0] + (d & 1), brick[1] + (d >> 1 & 1), brick[2] + (d >> 2)}));
+    for (auto l = begin; l != end; ++l) {
+      SettledSigns s;
+      s.origin = leaf_origin(l->first);
+      bool near = true;
+      for (std::size_t a = 0; a < 3; ++a) near &= s.origin[a] <= (brick[a] + 1) * kBrickCells;
+      if (!near) continue;
+      for (std::size_t z = 0; z < 8; ++z) {
+        s.forced[z] = l->second.forced(z);
+        s.known[z] = l->second.field[z];
+      }
+      s.inside = l->second.inside;
+      out.push_back(s);
+    }
+  }
+  return out;
+}
+
+std::vector<Int3> forced_cells(const SignMap& signs) {
+  std::vector<Int3> out;
+  for (const auto& [key, leaf] : signs) {
+    const Int3 origin = leaf_origin(key);
+    for (std::size_t z = 0; z < 8; ++z)
+      for (std::uint64_t left = leaf.forced(z); left; left &= left - 1) {
+        const int b = std::countr_zero(left);
+        for (int d = 0; d < 8; ++d) {
+          const Int3 c = {origin[0] + (b & 7) - (d & 1), origin[1] + (b >> 3) - (d >> 1 & 1),
+                          origin[2] + static_cast<int>(z) - (d >> 2)};
+          if (std::min({c[0], c[1], c[2]}) >= 0) out.push_back(c);
+        }
+      }
+  }
+  return out;
+}
+
+std::uint64_t add_forced_nodes(const SignMap& signs, ClosingMap& cells) {
+  std::uint64_t count = 0;
+  for (const auto& [key, leaf] : signs) {
+    std::uint64_t any = 0;
+    for (std::size_t z = 0; z < 8; ++z) {
+      any |= leaf.forced(z);
+      count += static_cast<std::uint64_t>(std::popcount(leaf.forced(z)));
+    }
+    if (!any) continue;
+    std::vector<ClosingLeaf>& own = cells[key >> kLeafCodeBits];
+    auto at = std::lower_bound(own.begin(), own.end(), key,
+                               [](const ClosingLeaf& l, std::uint64_t k) { return leaf_key(l.origin) < k; });
+    if (at == own.end() || leaf_key(at->origin) != key)
+      at = own.insert(at, ClosingLeaf{leaf_origin(key), {}, {}, {}});
+    for (std::size_t z = 0; z < 8; ++z) {
+      at->forced[z] = leaf.forced(z);
+      at->inside[z] = leaf.forced(z) & leaf.inside[z];
+    }
+  }
+  return count;
+}
+
+}  // namespace tessera
