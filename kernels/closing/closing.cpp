@@ -11,8 +11,8 @@
 namespace tessera {
 namespace {
 
-/// Value of a node whose forced sign the closing field denies, cells.
-constexpr float kForcedValue = 0.5f;
+/// So that it has a sign, cells.
+constexpr float kLeastFlowValue = 0.01f;
 
 /// Index of a leaf in the dense table of the field; -1 outside.
 std::int64_t slot_of(const DirectedField& field, const Int3& leaf) {
@@ -45,8 +45,8 @@ LeafWords corners_in(const LeafWords& cells, int dx, int dy, int dz) {
 struct WantedNodes {
   LeafWords nodes{};
   LeafWords cells{};
-  LeafWords forced{}, inside{};  ///< as in ClosingLeaf
-  LeafWords loosened{};          ///< nodes that were the local field's and are forced
+  const ClosingLeaf* flow = nullptr;  ///< with forced nodes
+  LeafWords loosened{};               ///< nodes that were the local field's and are forced
   bool any = false;
 };
 
@@ -79,11 +79,14 @@ void evaluate_nodes(BandLeaf& leaf, const Int3& block, const WantedNodes& want, 
   for (std::size_t i = 0; i < queries.size(); ++i) {
     const std::size_t z = nodes[i] >> 6;
     const std::uint64_t bit = std::uint64_t{1} << (nodes[i] & 63);
-    float v = std::clamp(value[i], -kLargestValue, kLargestValue);
-    if (want.forced[z] & bit) {
-      const bool inside = (want.inside[z] & bit) != 0;
-      if (inside != (v < 0.0f)) v = inside ? -kForcedValue : kForcedValue;
+    float v = value[i];
+    if (want.flow && (want.flow->near[z] & bit)) {
+      // A node beside forced ones keeps its sign, if not its value.
+      const bool inside = want.flow->forced[z] & bit ? (want.flow->inside[z] & bit) != 0 : v < 0.0f;
+      const float size = std::abs(static_cast<float>(want.flow->value[nodes[i]])) / kFlowSteps;
+      v = inside ? -std::max(size, kLeastFlowValue) : size;
     }
+    v = std::clamp(v, -kLargestValue, kLargestValue);
     leaf.value(nodes[i]) = v;
     if (v < 0.0f) leaf.inside[z] |= bit;
   }
@@ -91,8 +94,7 @@ void evaluate_nodes(BandLeaf& leaf, const Int3& block, const WantedNodes& want, 
 
 /// Takes forced nodes from the local field.
 void force_signs(DirectedField& field, const ClosingLeaf& cells, WantedNodes& want) {
-  want.forced = cells.forced;
-  want.inside = cells.inside;
+  want.flow = &cells;
   Int3 at;
   for (std::size_t a = 0; a < 3; ++a) at[a] = (cells.origin[a] - field.origin[a]) >> kLeafBits;
   const std::int32_t index = field.leaf_index[static_cast<std::size_t>(slot_of(field, at))];

@@ -8,6 +8,7 @@
 /// result has no border, whatever the field does. The set is unique: it does not matter in which order bricks
 /// are grown.
 #pragma once
+#include <array>
 #include <cstdint>
 #include <functional>
 #include <map>
@@ -32,7 +33,10 @@ struct ClosingLeaf {
   LeafWords cells{};
   LeafWords forced{};  ///< nodes whose sign the flow of signs has changed: neither field has its say there
   LeafWords inside{};  ///< of these
+  LeafWords near{};    ///< nodes whose value follows from the flow: forced ones, and those beside them
+  std::array<std::int8_t, 512> value{};  ///< of these, cells * kFlowSteps, > 0 outside
 };
+inline constexpr float kFlowSteps = 60.0f;
 
 /// Signs of the nodes of a leaf that need no evaluation.
 struct SettledSigns {

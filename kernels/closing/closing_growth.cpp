@@ -8,6 +8,8 @@ namespace tessera {
 namespace {
 
 constexpr int kNodes = kBrickCells + 1;
+/// Layers of a leaf evaluated at once; with a limit all, for its candidates are found by leaf.
+constexpr int kLayers = 2;
 constexpr int kLeaves = kBrickCells / kLeafCells + 1;  ///< the last one holds the max faces' nodes
 
 constexpr std::array<Int3, 8> kCorners = {Int3{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {1, 1, 0},
@@ -43,7 +45,8 @@ class BrickNodes {
         near_points_(near_points),
         options_(options),
         node_(std::size_t{kNodes} * kNodes * kNodes, 0),
-        evaluated_(std::size_t{kLeaves} * kLeaves * kLeaves, false) {
+        evaluated_(std::size_t{kLeaves} * kLeaves * kLeaves * kLeafCells, false),
+        layers_(options.limit > 0.0f ? kLeafCells : kLayers) {
     for (const SettledSigns& s : settled) enter(s.origin, s.known, s.inside, kKnown);
     for (const BandSigns& s : signs) enter(s.origin, s.valid, s.inside, kKnown | kLocal);
     for (const SettledSigns& s : settled) enter(s.origin, s.forced, s.inside, kKnown);
@@ -52,20 +55,24 @@ class BrickNodes {
   /// Signs of the closing field.
   std::vector<BandSigns> evaluated() const {
     std::vector<BandSigns> out;
-    for (std::size_t index = 0; index < evaluated_.size(); ++index) {
-      if (!evaluated_[index]) continue;
-      const auto i = static_cast<int>(index);
-      const Int3 at = {i % kLeaves * kLeafCells, i / kLeaves % kLeaves * kLeafCells,
-                       i / (kLeaves * kLeaves) * kLeafCells};
-      BandSigns& s = out.emplace_back();
-      for (std::size_t a = 0; a < 3; ++a) s.origin[a] = corner_[a] + at[a];
-      for (int k = 0; k < kLeafCells; ++k)
+    for (int index = 0; index < kLeaves * kLeaves * kLeaves; ++index) {
+      const Int3 at = {index % kLeaves * kLeafCells, index / kLeaves % kLeaves * kLeafCells,
+                       index / (kLeaves * kLeaves) * kLeafCells};
+      BandSigns s;
+      bool any = false;
+      for (int k = 0; k < kLeafCells; ++k) {
+        if (!evaluated_[static_cast<std::size_t>(index * kLeafCells + k)]) continue;
+        any = true;
         for (int b = 0; b < kLeafCells * kLeafCells; ++b) {
           const Int3 n = {at[0] + (b & 7), at[1] + (b >> 3), at[2] + k};
           if (!holds(n) || (node_[slot(n)] & (kKnown | kLocal)) != kKnown) continue;
           s.valid[static_cast<std::size_t>(k)] |= std::uint64_t{1} << b;
           if (node_[slot(n)] & kInside) s.inside[static_cast<std::size_t>(k)] |= std::uint64_t{1} << b;
         }
+      }
+      if (!any) continue;
+      for (std::size_t a = 0; a < 3; ++a) s.origin[a] = corner_[a] + at[a];
+      out.push_back(s);
     }
     return out;
   }
@@ -80,7 +87,8 @@ class BrickNodes {
     for (std::size_t k = 0; k < 8; ++k) {
       const Int3 n = {at[0] + kCorners[k][0], at[1] + kCorners[k][1], at[2] + kCorners[k][2]};
       if (!(node_[slot(n)] & kKnown))
-        evaluate_leaf({n[0] >> kLeafBits, n[1] >> kLeafBits, n[2] >> kLeafBits});
+        evaluate_layers({n[0] >> kLeafBits, n[1] >> kLeafBits, n[2] >> kLeafBits},
+                        (n[2] & (kLeafCells - 1)) / layers_ * layers_);
       const std::uint8_t bits = node_[slot(n)];
       c.inside |= bits & kInside ? 1u << k : 0u;
       c.local &= (bits & kLocal) != 0;
@@ -113,14 +121,15 @@ class BrickNodes {
     return static_cast<std::size_t>((n[2] * kNodes + n[1]) * kNodes + n[0]);
   }
 
-  /// All nodes of a leaf at once: they share their lists.
-  void evaluate_leaf(const Int3& leaf) {
-    const auto index = static_cast<std::size_t>((leaf[2] * kLeaves + leaf[1]) * kLeaves + leaf[0]);
+  /// Some layers of a leaf at once: their nodes share lists.
+  void evaluate_layers(const Int3& leaf, int first) {
+    const auto index =
+        static_cast<std::size_t>(((leaf[2] * kLeaves + leaf[1]) * kLeaves + leaf[0]) * kLeafCells + first);
     assert(!evaluated_[index]);
-    evaluated_[index] = true;
+    for (std::size_t k = 0; k < static_cast<std::size_t>(layers_); ++k) evaluated_[index + k] = true;
     std::vector<std::size_t> slots;
     std::vector<Int3> queries;
-    for (int k = 0; k < kLeafCells; ++k)
+    for (int k = first; k < first + layers_; ++k)
       for (int j = 0; j < kLeafCells; ++j)
         for (int i = 0; i < kLeafCells; ++i) {
           const Int3 n = {leaf[0] * kLeafCells + i, leaf[1] * kLeafCells + j, leaf[2] * kLeafCells + k};
@@ -176,7 +185,8 @@ class BrickNodes {
   std::span<const Int3> near_points_;
   ClosingOptions options_;
   std::vector<std::uint8_t> node_;
-  std::vector<bool> evaluated_;
+  std::vector<bool> evaluated_;  ///< by leaf and layer
+  int layers_;                   ///< evaluated together
 };
 
 /// One bit per cell of a brick.

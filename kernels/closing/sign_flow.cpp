@@ -8,8 +8,10 @@
 namespace tessera {
 namespace {
 
-/// Passes of the kernel (1 2 1) / 4 a round: a blur of 1.4 cells.
-constexpr int kBlurs = 4;
+/// Reach of the binomial kernel of eighth order, whose standard deviation is 1.4 cells.
+constexpr int kBlurReach = 4;
+/// Distance from a plane at which the blur of its signs has a value, per value, near the plane: sqrt(pi / 2) deviations.
+constexpr float kCellsPerBlur = 1.77f;
 /// How far unknown nodes look for a sign, and how far from the closing cells signs may change: nodes.
 constexpr int kFillReach = 8, kFlowReach = 4, kLooseReach = 1;
 /// Blurred sign from which a node changes to it: more than the lattice makes of a plane, so that none moves.
@@ -99,15 +101,16 @@ Block<T> signs_around(const SignMap& region, const Int3& brick, int halo) {
   return block;
 }
 
-/// Marks the nodes within `reach` of the corners of marked cells, in the box norm; right beyond the halo minus reach.
-void widen(Block<std::uint8_t>& marks, int reach) {
+/// Marks what lies first to last from marked places along each axis, both together a box; right beyond so much from the
+/// faces.
+void widen(Block<std::uint8_t>& marks, int first, int last) {
   std::vector<std::uint8_t> out;
   for (std::size_t axis = 0; axis < 3; ++axis) {
     const std::vector<std::uint8_t>& in = marks.values();
     const std::ptrdiff_t step = marks.step(axis), size = static_cast<std::ptrdiff_t>(in.size());
     out.assign(in.size(), 0);
     // Rows wrap around at the faces of the block: that reaches nodes of the halo alone.
-    for (std::ptrdiff_t d = -reach; d <= reach + 1; ++d) {
+    for (std::ptrdiff_t d = first; d <= last; ++d) {
       const std::ptrdiff_t shift = d * step;
       for (std::ptrdiff_t i = std::max<std::ptrdiff_t>(0, -shift); i < std::min(size, size - shift); ++i)
         out[static_cast<std::size_t>(i + shift)] |= in[static_cast<std::size_t>(i)];
@@ -147,14 +150,17 @@ void fill_unknown(const SignMap& region, const Int3& brick, Block<std::int8_t>& 
   }
 }
 
-/// Blurs with (1 2 1) / 4 along each axis, in place; the outermost layer stays.
-void blur(Block<float>& block, std::vector<float>& out) {
+/// Blurs with the binomial kernel along each axis; right beyond its reach from the faces. Signs are blurred exactly: all
+/// sums are multiples of 2^-24.
+void blur(Block<float>& block) {
+  std::vector<float> out(block.values().size());
   for (std::size_t axis = 0; axis < 3; ++axis) {
     const std::vector<float>& in = block.values();
     const auto step = static_cast<std::size_t>(block.step(axis));
-    out = in;
-    for (std::size_t i = step; i < in.size() - step; ++i)
-      out[i] = 0.25f * (in[i - step] + in[i + step]) + 0.5f * in[i];
+    const auto pair = [&](std::size_t i, std::size_t d) { return in[i - d * step] + in[i + d * step]; };
+    for (std::size_t i = 4 * step; i < in.size() - 4 * step; ++i)
+      out[i] = (70.0f * in[i] + 56.0f * pair(i, 1) + 28.0f * pair(i, 2) + 8.0f * pair(i, 3) + pair(i, 4)) *
+               (1.0f / 256.0f);
     block.values().swap(out);
   }
 }
@@ -221,8 +227,8 @@ SignChange prepare_flow(const SignMap& region, const ClosingMap& cells, const In
       });
   });
   Block<std::uint8_t> loose = reach;
-  widen(reach, kFlowReach);
-  widen(loose, kLooseReach);
+  widen(reach, -kFlowReach, kFlowReach + 1);
+  widen(loose, -kLooseReach, kLooseReach + 1);
   const auto [begin, end] = leaves_of(region, brick_key(brick));
   SignChange out(begin, end);
   for (auto& [key, leaf] : out) {
@@ -238,9 +244,8 @@ SignChange prepare_flow(const SignMap& region, const ClosingMap& cells, const In
 }
 
 SignChange flow_signs(const SignMap& region, const Int3& brick) {
-  Block<float> block = signs_around<float>(region, brick, kBlurs);
-  std::vector<float> scratch;
-  for (int pass = 0; pass < kBlurs; ++pass) blur(block, scratch);
+  Block<float> block = signs_around<float>(region, brick, kBlurReach);
+  blur(block);
   const auto [begin, end] = leaves_of(region, brick_key(brick));
   SignChange out(begin, end);
   for (auto& [key, leaf] : out)
@@ -291,23 +296,62 @@ std::vector<Int3> forced_cells(const SignMap& signs) {
   return out;
 }
 
-std::uint64_t add_forced_nodes(const SignMap& signs, ClosingMap& cells) {
-  std::uint64_t count = 0;
-  for (const auto& [key, leaf] : signs) {
-    std::uint64_t any = 0;
-    for (std::size_t z = 0; z < 8; ++z) {
-      any |= leaf.forced(z);
-      count += static_cast<std::uint64_t>(std::popcount(leaf.forced(z)));
+std::vector<ClosingLeaf> flow_values(const SignMap& signs, const Int3& brick) {
+  std::vector<ClosingLeaf> out;
+  const auto [begin, end] = leaves_of(signs, brick_key(brick));
+  if (begin == end) return out;
+  Block<std::uint8_t> near(brick, kBlurReach, 0);
+  bool any = false;
+  for_bricks_around(brick, [&](std::uint64_t key) {
+    const auto [first, last] = leaves_of(signs, key);
+    for (auto l = first; l != last; ++l) {
+      std::uint64_t some = 0;
+      for (std::size_t z = 0; z < 8; ++z) some |= l->second.forced(z);
+      if (!some) continue;
+      any = true;
+      near.for_leaf(leaf_origin(l->first), [&](std::size_t slot, std::size_t z, std::uint64_t bit) {
+        if (l->second.forced(z) & bit) near[slot] = 1;
+      });
     }
-    if (!any) continue;
-    std::vector<ClosingLeaf>& own = cells[key >> kLeafCodeBits];
-    auto at = std::lower_bound(own.begin(), own.end(), key,
-                               [](const ClosingLeaf& l, std::uint64_t k) { return leaf_key(l.origin) < k; });
-    if (at == own.end() || leaf_key(at->origin) != key)
-      at = own.insert(at, ClosingLeaf{leaf_origin(key), {}, {}, {}});
+  });
+  if (!any) return out;
+  widen(near, -1, 1);
+  Block<float> block = signs_around<float>(signs, brick, kBlurReach);
+  blur(block);
+  for (auto l = begin; l != end; ++l) {
+    ClosingLeaf leaf{leaf_origin(l->first), {}, {}, {}, {}, {}};
+    bool some = false;
+    near.for_leaf(leaf.origin, [&](std::size_t slot, std::size_t z, std::uint64_t bit) {
+      if (!near[slot]) return;
+      some = true;
+      leaf.near[z] |= bit;
+      const float cells = std::clamp(block[slot] * kCellsPerBlur, -2.0f, 2.0f);
+      leaf.value[64 * z + static_cast<std::size_t>(std::countr_zero(bit))] =
+          static_cast<std::int8_t>(cells * kFlowSteps);
+    });
+    if (!some) continue;
     for (std::size_t z = 0; z < 8; ++z) {
-      at->forced[z] = leaf.forced(z);
-      at->inside[z] = leaf.forced(z) & leaf.inside[z];
+      leaf.forced[z] = l->second.forced(z);
+      leaf.inside[z] = leaf.forced[z] & l->second.inside[z];
+    }
+    out.push_back(leaf);
+  }
+  return out;
+}
+
+std::uint64_t add_flow_values(std::vector<ClosingLeaf> values, std::vector<ClosingLeaf>& cells) {
+  std::uint64_t count = 0;
+  for (ClosingLeaf& leaf : values) {
+    for (const std::uint64_t w : leaf.forced) count += static_cast<std::uint64_t>(std::popcount(w));
+    const std::uint64_t key = leaf_key(leaf.origin);
+    const auto at =
+        std::lower_bound(cells.begin(), cells.end(), key,
+                         [](const ClosingLeaf& l, std::uint64_t k) { return leaf_key(l.origin) < k; });
+    if (at == cells.end() || leaf_key(at->origin) != key) {
+      cells.insert(at, leaf);
+    } else {
+      leaf.cells = at->cells;
+      *at = leaf;
     }
   }
   return count;

@@ -58,7 +58,9 @@ SignChange flow_signs(const SignMap& region, const Int3& brick);
 std::vector<SettledSigns> settled_around(const SignMap& signs, const Int3& brick);
 /// Cells with a forced node, for closing to start from.
 std::vector<Int3> forced_cells(const SignMap& signs);
-/// Enters forced nodes into the leaves of the closing cells. \returns how many they are
-std::uint64_t add_forced_nodes(const SignMap& signs, ClosingMap& cells);
+/// The leaves of one brick with forced nodes or beside them, with values and without cells, ascending.
+std::vector<ClosingLeaf> flow_values(const SignMap& signs, const Int3& brick);
+/// Enters what flow_values() found for a brick into its closing cells. \returns how many nodes are forced
+std::uint64_t add_flow_values(std::vector<ClosingLeaf> values, std::vector<ClosingLeaf>& cells);
 
 }  // namespace tessera

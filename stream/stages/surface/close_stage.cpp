@@ -89,7 +89,11 @@ class CloseStage : public Stage {
       signs = let_flow(cells, std::move(signs), context);
       for (const Int3& c : forced_cells(signs)) rims[brick_of_cell(c)].push_back(c);
       cells = grow(rims, options, signs, entry, context);
-      entry["forced_nodes"] = add_forced_nodes(signs, cells);
+      std::uint64_t forced = 0;
+      for (const Int3& brick : bricks_of(signs))
+        if (std::vector<ClosingLeaf> values = flow_values(signs, brick); !values.empty())
+          forced += add_flow_values(std::move(values), cells[brick_key(brick)]);
+      entry["forced_nodes"] = forced;
     }
     entry["bricks"] = cells.size();
     BrickSectionWriter writer(context.create(kClosingFile));
@@ -147,15 +151,20 @@ class CloseStage : public Stage {
     return cells;
   }
 
+  static std::vector<Int3> bricks_of(const SignMap& map) {
+    std::vector<Int3> bricks;
+    for (const auto& [key, leaf] : map) {
+      const std::uint64_t brick = key >> 3 * (kBrickBits - kLeafBits);
+      if (bricks.empty() || brick_key(bricks.back()) != brick) bricks.push_back(brick_of_key(brick));
+    }
+    return bricks;
+  }
+
   /// Signs after their flow, in the leaves around the closing cells.
   SignMap let_flow(const ClosingMap& cells, SignMap field, TaskContext& context) const {
     SignMap region = flow_region(cells);
     require_room((2 * region.size() + field.size()) * kBytesPerSigns);
-    std::vector<Int3> bricks;
-    for (const auto& [key, leaf] : region) {
-      const std::uint64_t brick = key >> 3 * (kBrickBits - kLeafBits);
-      if (bricks.empty() || brick_key(bricks.back()) != brick) bricks.push_back(brick_of_key(brick));
-    }
+    const std::vector<Int3> bricks = bricks_of(region);
     for (const Int3& brick : bricks) enter_local_signs(rims_->signs_around(brick), region);
     enter_field_signs(field, region);
     field.clear();
