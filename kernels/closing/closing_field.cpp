@@ -10,8 +10,10 @@
 namespace tessera {
 namespace {
 
-/// Misfit from which the quadric begins to lose weight, and at which it has none.
+/// Misfit from which the quadric begins to lose weight, and at which it has none: of exact samples, and of noisy ones,
+/// whose bent normals swing it into pockets.
 constexpr float kGoodMisfit = 0.35f, kBadMisfit = 0.7f;
+constexpr float kGoodNoisyMisfit = 0.01f, kBadNoisyMisfit = 0.04f;
 /// Distance of the winding number from its level from which it begins to overrule the quadric, and does.
 constexpr float kDoubtful = 0.36f, kCertain = 0.48f;
 
@@ -30,6 +32,8 @@ void ClosingField::evaluate(std::span<const Int3> queries, float level, std::spa
   winding_.evaluate(queries, winding, gradient);
   std::vector<QuadricValue> quadric(queries.size());
   quadric_.evaluate(queries, quadric);
+  const float good = kGoodMisfit + noisy_ * (kGoodNoisyMisfit - kGoodMisfit);
+  const float bad = kBadMisfit + noisy_ * (kBadNoisyMisfit - kBadMisfit);
   for (std::size_t i = 0; i < queries.size(); ++i) {
     const Float3& g = gradient[i];
     const float slope = norm(g);
@@ -38,7 +42,7 @@ void ClosingField::evaluate(std::span<const Int3> queries, float level, std::spa
     const float size = std::abs(off) < kFarthest * slope ? std::abs(off) / slope : kFarthest;
     const float by_winding = off < 0.0f ? -size : size;
     const float by_quadric = std::clamp(quadric[i].distance, -kFarthest, kFarthest);
-    float trust = fade(quadric[i].misfit, kGoodMisfit, kBadMisfit);
+    float trust = fade(quadric[i].misfit, good, bad);
     if ((by_quadric < 0.0f) != (by_winding < 0.0f)) trust *= fade(std::abs(off), kDoubtful, kCertain);
     value[i] = trust * by_quadric + (1.0f - trust) * by_winding;
   }

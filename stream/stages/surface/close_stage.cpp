@@ -84,8 +84,7 @@ class CloseStage : public Stage {
       for (const Int3& c : rims_->rims(brick)) rims[brick_of_cell(c)].push_back(c);
     SignMap signs;
     ClosingMap cells = grow(rims, options, signs, entry, context);
-    // With a limit, holes stay open, and around these inside and outside meet anywhere.
-    if (options.limit == 0.0f && !cells.empty()) {
+    if (flows(options) && !cells.empty()) {
       signs = let_flow(cells, std::move(signs), context);
       for (const Int3& c : forced_cells(signs)) rims[brick_of_cell(c)].push_back(c);
       cells = grow(rims, options, signs, entry, context);
@@ -131,7 +130,7 @@ class CloseStage : public Stage {
       for (std::size_t i = 0; i < round.size(); ++i) {
         added += grown[i].added;
         stopped.insert(stopped.end(), grown[i].stopped.begin(), grown[i].stopped.end());
-        if (!settled && options.limit == 0.0f) add_field_signs(grown[i].evaluated, signs);
+        if (!settled && flows(options)) add_field_signs(grown[i].evaluated, signs);
         if (grown[i].added == 0) continue;
         std::vector<ClosingLeaf>& own = cells[round[i].first];
         leaves += grown[i].cells.size() - own.size();
@@ -149,6 +148,12 @@ class CloseStage : public Stage {
     entry["cells"] = added - taken;
     entry["unfinished_cells"] = taken;
     return cells;
+  }
+
+  /// Exact scans do not contradict each other. With a limit, holes stay open, and around these inside and outside meet
+  /// anywhere.
+  bool flows(const ClosingOptions& options) const {
+    return options.limit == 0.0f && plan_.noise_cells > double{ClosingField::kExactNoise};
   }
 
   static std::vector<Int3> bricks_of(const SignMap& map) {
@@ -265,7 +270,8 @@ class CloseStage : public Stage {
     std::optional<ClosingField> field;
     const auto load = [&] {
       near = multipoles_->near(points_->load(corner, kEdges, MultipoleStore::kHaloCells));
-      field.emplace(multipoles_->far(), *near, static_cast<float>(plan_.radius_cells));
+      field.emplace(multipoles_->far(), *near, static_cast<float>(plan_.radius_cells),
+                    static_cast<float>(plan_.noise_cells));
     };
     std::vector<Int3> data;
     if (options.limit > 0.0f) {

@@ -110,7 +110,8 @@ class SurfaceStage : public Stage {
         if (!closing.empty()) {
           const MultipoleTree near = multipoles_->near(points);
           add_closing(field, closing,
-                      ClosingField(multipoles_->far(), near, static_cast<float>(plan_.radius_cells)),
+                      ClosingField(multipoles_->far(), near, static_cast<float>(plan_.radius_cells),
+                                   static_cast<float>(plan_.noise_cells)),
                       closing_options_);
         }
       }
