@@ -15,7 +15,7 @@ constexpr float kCellsPerBlur = 1.77f;
 /// How far unknown nodes look for a sign, and how far from the closing cells signs may change: nodes.
 constexpr int kFillReach = 8, kFlowReach = 4, kLooseReach = 1;
 /// Blurred sign from which a node changes to it: more than the lattice makes of a plane, so that none moves.
-constexpr float kSure = 0.1f;
+constexpr float kSure = 0.15f;
 
 /// A value per node of a brick and a halo around it.
 template <typename T>

@@ -7,6 +7,7 @@
 #include <map>
 
 #include "kernels/closing/area_weights.h"
+#include "kernels/closing/sign_flow.h"
 #include "kernels/field/field.h"
 #include "octree/morton.h"
 #include "tests/helpers/oriented_samples.h"
@@ -33,6 +34,7 @@ test::Samples capped_sphere(double height) {
 struct Closed {
   DirectedField field;
   GrownCells grown;
+  std::uint64_t forced = 0;
 };
 
 ClosingOptions wide() {
@@ -47,7 +49,8 @@ SignSource source(const ClosingField& field, const ClosingOptions& options) {
   };
 }
 
-Closed close(const test::Samples& samples, const ClosingOptions& options) {
+/// \param bump  a ball at the rim is forced inside, whatever the fields say
+Closed close(const test::Samples& samples, const ClosingOptions& options, bool bump = false) {
   const PointBlock points = test::make_block(samples, kOrigin, kCells, 16);
   const MultipoleTree tree(make_dipoles(points), kLeafBits);
   const ClosingField closing(tree, 3.0f);
@@ -59,7 +62,28 @@ Closed close(const test::Samples& samples, const ClosingOptions& options) {
         {{leaf.origin[0] + 64, leaf.origin[1] + 64, leaf.origin[2] + 64}, leaf.valid(), leaf.inside});
   std::vector<Int3> data;
   for (const Dipole& d : tree.dipoles()) data.push_back(d.q);
-  out.grown = grow_closing(kOrigin, signs, {}, rim_cells(out.field), source(closing, options), data, options);
+  std::vector<Int3> seeds = rim_cells(out.field);
+  out.grown = grow_closing(kOrigin, signs, {}, seeds, source(closing, options), data, options);
+  if (bump) {
+    const Int3 brick = {1, 1, 1};
+    SignMap map = flow_region({{brick_key(brick), out.grown.cells}});
+    enter_local_signs(signs, map);
+    for (auto& [key, leaf] : map) {
+      leaf.original = leaf.inside;
+      const auto at = morton_decode(key);
+      for (int b = 0; b < 512; ++b) {
+        const Double3 n = {at[0] * 8.0 + (b & 7), at[1] * 8.0 + (b >> 3 & 7), at[2] * 8.0 + (b >> 6)};
+        const Double3 rim = {kCentre[0] + kRadius * std::sqrt(0.75), kCentre[1], kCentre[2] + kRadius * 0.5};
+        if (std::hypot(n[0] - rim[0], n[1] - rim[1], n[2] - rim[2]) > 5.0) continue;
+        leaf.free[static_cast<std::size_t>(b >> 6)] |= std::uint64_t{1} << (b & 63);
+        leaf.inside[static_cast<std::size_t>(b >> 6)] |= std::uint64_t{1} << (b & 63);
+      }
+    }
+    for (const Int3& c : forced_cells(map)) seeds.push_back(c);
+    out.grown = grow_closing(kOrigin, signs, {}, seeds, source(closing, options), data, options,
+                             settled_around(map, brick));
+    out.forced = add_flow_values(flow_values(map, brick), out.grown.cells);
+  }
   add_closing(out.field, out.grown.cells, closing, options);
   return out;
 }
@@ -68,9 +92,11 @@ Closed close(const test::Samples& samples, const ClosingOptions& options) {
 
 TEST_CASE("closing: every crossed edge of a closing cell has a root, every crossed face a cell on both sides",
           "[unit]") {
-  const Closed closed = close(capped_sphere(0.5), wide());
+  const bool bump = GENERATE(false, true);
+  const Closed closed = close(capped_sphere(0.5), wide(), bump);
   const DirectedField& field = closed.field;
   REQUIRE(closed.grown.added > 500);
+  CHECK((closed.forced > 50) == bump);
   CHECK(closed.grown.leaving.empty());
   std::map<Int3, unsigned> cells;  // all that take part, with the corners inside
   for (const BandLeaf& leaf : field.leaves)
