@@ -244,6 +244,40 @@ TEST_CASE("main job: holes are closed, the same bytes for any tiling, also where
   CHECK(run_job(points, setup).bytes == want.bytes);
 }
 
+TEST_CASE("main job: scans that contradict each other close without handles, the same bytes for any tiling",
+          "[property]") {
+  // Two noisy scans, of which the second lies deeper and ends in rags; a cap is missing of both.
+  auto points = true_sphere(60'000, 60.0, {1000.0, -37.0, 12.0});
+  std::uint32_t state = 1;
+  const auto random = [&] {
+    return static_cast<double>((state = state * 1664525u + 1013904223u) >> 8) / (1 << 24);
+  };
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    Double3 out;
+    for (std::size_t a = 0; a < 3; ++a) out[a] = (points[i].p[a] - Double3{1000.0, -37.0, 12.0}[a]) / 60.0;
+    const double off = (random() + random() - 1.0) * 0.7 - (i % 2 == 0 ? 2.5 : 0.0);
+    for (std::size_t a = 0; a < 3; ++a) points[i].p[a] += off * out[a];
+  }
+  std::size_t index = 0;
+  std::erase_if(points, [&](const TestPoint& p) {
+    const double x = p.p[0] - 1000.0, z = p.p[2] - 12.0;
+    return z > 40.0 || (index++ % 2 == 0 && (x < 0.0 || std::fmod(z + 60.0, 14.0) < 6.0));
+  });
+  MeshSetup setup;
+  setup.options.holes = "close";
+  const MeshResult want = run_job(points, setup);
+  CHECK(want.check.boundary_edges == 0);
+  CHECK(want.check.components == 1);
+  CHECK(want.check.total_genus == 0);
+  CHECK(want.close.at("forced_nodes").get<int>() > 10);
+  setup.tile_cells = 64;
+  setup.backwards = true;
+  setup.threads = 3;
+  setup.memory = std::uint64_t{96} << 20;
+  shuffle(points, 5);
+  CHECK(run_job(points, setup).bytes == want.bytes);
+}
+
 TEST_CASE("main job: --holes fill-to closes the holes that are small enough, whole", "[unit]") {
   // One cap of radius 57 and one of radius 15.
   auto points = true_sphere(80'000, 70.0, {0.0, 0.0, 0.0});
