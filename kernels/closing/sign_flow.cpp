@@ -16,6 +16,8 @@ constexpr float kCellsPerBlur = 1.77f;
 constexpr int kFillReach = 8, kFlowReach = 4, kLooseReach = 1;
 /// Blurred sign from which a node changes to it: more than the lattice makes of a plane, so that none moves.
 constexpr float kSure = 0.15f;
+/// Distance of the winding number from its level from which it confirms a local sign.
+constexpr float kCertain = 0.25f;
 
 /// A value per node of a brick and a halo around it.
 template <typename T>
@@ -241,6 +243,30 @@ SignChange prepare_flow(const SignMap& region, const ClosingMap& cells, const In
     leaf.original = leaf.inside;
   }
   return out;
+}
+
+std::vector<Int3> loose_nodes(const SignChange& leaves) {
+  std::vector<Int3> out;
+  for (const auto& [key, leaf] : leaves)
+    for (std::size_t z = 0; z < 8; ++z)
+      for (std::uint64_t left = leaf.local[z] & leaf.free[z]; left; left &= left - 1) {
+        const int b = std::countr_zero(left);
+        const Int3 o = leaf_origin(key);
+        out.push_back({(o[0] + (b & 7)) * kQuantaPerCell, (o[1] + (b >> 3)) * kQuantaPerCell,
+                       (o[2] + static_cast<int>(z)) * kQuantaPerCell});
+      }
+  return out;
+}
+
+void settle_local(std::span<const float> winding, float level, SignChange& leaves) {
+  std::size_t next = 0;
+  for (auto& [key, leaf] : leaves)
+    for (std::size_t z = 0; z < 8; ++z)
+      for (std::uint64_t left = leaf.local[z] & leaf.free[z]; left; left &= left - 1) {
+        const std::uint64_t bit = left & (~left + 1);
+        const float above = winding[next++] - level;
+        if ((leaf.inside[z] & bit ? above : -above) > kCertain) leaf.free[z] &= ~bit;
+      }
 }
 
 SignChange flow_signs(const SignMap& region, const Int3& brick) {

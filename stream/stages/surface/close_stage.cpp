@@ -85,7 +85,7 @@ class CloseStage : public Stage {
     SignMap signs;
     ClosingMap cells = grow(rims, options, signs, entry, context);
     if (flows(options) && !cells.empty()) {
-      signs = let_flow(cells, std::move(signs), context);
+      signs = let_flow(cells, std::move(signs), options, context);
       for (const Int3& c : forced_cells(signs)) rims[brick_of_cell(c)].push_back(c);
       cells = grow(rims, options, signs, entry, context);
       std::uint64_t forced = 0;
@@ -166,7 +166,8 @@ class CloseStage : public Stage {
   }
 
   /// Signs after their flow, in the leaves around the closing cells.
-  SignMap let_flow(const ClosingMap& cells, SignMap field, TaskContext& context) const {
+  SignMap let_flow(const ClosingMap& cells, SignMap field, const ClosingOptions& options,
+                   TaskContext& context) const {
     SignMap region = flow_region(cells);
     require_room((2 * region.size() + field.size()) * kBytesPerSigns);
     const std::vector<Int3> bricks = bricks_of(region);
@@ -182,7 +183,17 @@ class CloseStage : public Stage {
       for (const SignChange& c : changes)
         for (const auto& [key, leaf] : c) region[key] = leaf;
     };
-    step([&](const Int3& brick) { return prepare_flow(region, cells, brick); });
+    step([&](const Int3& brick) {
+      SignChange leaves = prepare_flow(region, cells, brick);
+      const std::vector<Int3> loose = loose_nodes(leaves);
+      if (loose.empty()) return leaves;
+      const MultipoleTree near =
+          multipoles_->near(points_->load(corner_of(brick), kEdges, MultipoleStore::kHaloCells));
+      std::vector<float> winding(loose.size());
+      WindingField(multipoles_->far(), near).evaluate(loose, winding);
+      settle_local(winding, options.level, leaves);
+      return leaves;
+    });
     for (int round = 0; round < kFlowRounds; ++round)
       step([&](const Int3& brick) { return flow_signs(region, brick); });
     return region;
