@@ -233,8 +233,9 @@ SignChange prepare_flow(const SignMap& region, const ClosingMap& cells, const In
   widen(loose, -kLooseReach, kLooseReach + 1);
   const auto [begin, end] = leaves_of(region, brick_key(brick));
   SignChange out(begin, end);
-  for (auto& [key, leaf] : out) {
-    signs.for_leaf(leaf_origin(key), [&](std::size_t slot, std::size_t z, std::uint64_t bit) {
+  for (auto& entry : out) {
+    NodeSigns& leaf = entry.second;
+    signs.for_leaf(leaf_origin(entry.first), [&](std::size_t slot, std::size_t z, std::uint64_t bit) {
       if (!signs[slot]) return;
       leaf.known[z] |= bit;
       if (signs[slot] < 0) leaf.inside[z] |= bit;
@@ -274,12 +275,14 @@ SignChange flow_signs(const SignMap& region, const Int3& brick) {
   blur(block);
   const auto [begin, end] = leaves_of(region, brick_key(brick));
   SignChange out(begin, end);
-  for (auto& [key, leaf] : out)
-    block.for_leaf(leaf_origin(key), [&](std::size_t slot, std::size_t z, std::uint64_t bit) {
+  for (auto& entry : out) {
+    NodeSigns& leaf = entry.second;
+    block.for_leaf(leaf_origin(entry.first), [&](std::size_t slot, std::size_t z, std::uint64_t bit) {
       if (!(leaf.free[z] & bit)) return;
       if (block[slot] > kSure) leaf.inside[z] &= ~bit;
       if (block[slot] < -kSure) leaf.inside[z] |= bit;
     });
+  }
   return out;
 }
 
