@@ -24,7 +24,7 @@ struct EdgeRoot {
   std::uint32_t rgba = 0;     ///< colour near the root, alpha 0 = none
   bool slides = false;        ///< clamped beside a smooth stretch: the vertex stands on the tangent plane
 
-  /// Where the vertex stands, from the root.
+  /// Where the vertex stands, from the root: there, unless it slides.
   Float3 beside() const { return slides ? normal * offset : Float3{0, 0, 0}; }
 };
 

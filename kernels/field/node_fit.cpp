@@ -185,6 +185,7 @@ constexpr float kHintDeviations = 2.0f;
 /// Most that is granted where samples are exact: the three faces of a corner turn no farther from a sphere through them
 /// than such noise would.
 constexpr float kMostGranted = 0.15f;
+constexpr float kLargestChord = 2.0f;  ///< between unit normals: grants all
 
 /// Nodes of the row in whose reach a mean normal turns from the node's sphere by more than noise explains.
 /// Nodes whose sphere says nothing are among them.
@@ -193,7 +194,7 @@ std::uint32_t crease_hints(const RowSamples& coarse, const Spheres& s, float r2,
   const __m256 node_x = _mm256_setr_ps(0, 1, 2, 3, 4, 5, 6, 7), reach2 = _mm256_set1_ps(r2);
   const __m256 least = _mm256_set1_ps(least_angle);
   const __m256 granted = _mm256_min_ps(_mm256_mul_ps(s.normal_noise, _mm256_set1_ps(kHintDeviations)),
-                                       _mm256_set1_ps(noisy ? 2.0f : kMostGranted));
+                                       _mm256_set1_ps(noisy ? kLargestChord : kMostGranted));
   const __m256 two = _mm256_set1_ps(2.0f);
   __m256 hint = _mm256_andnot_ps(s.sound, _mm256_castsi256_ps(_mm256_set1_epi32(-1)));
   for (std::size_t i = 0; i < coarse.size; ++i) {

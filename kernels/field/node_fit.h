@@ -108,9 +108,9 @@ void smooth_rough(const SampleList& samples, const NodeFitOptions& options, Node
 bool choose_gaps(const SampleList& coarse, const NodeFitOptions& options, NodeFitScratch& scratch,
                  LeafFit& fit);
 
-/// Fits the chosen nodes with their radius. A node becomes valid and lies within the border if the samples surround its foot point, one of them
-/// nearby (rim_rule.h): so gaps close that are not much wider than the samples around them lie apart, and no border
-/// moves.
+/// Fits the chosen nodes with their radius. A node becomes valid and lies within the border if the samples surround its
+/// foot point, one of them nearby (rim_rule.h): so gaps close that are not much wider than the samples around them lie
+/// apart, and no border moves.
 /// \param samples  within kMostRadius of the chosen nodes
 void bridge_gaps(const SampleList& samples, const NodeFitOptions& options, NodeFitScratch& scratch,
                  LeafFit& fit);

@@ -10,7 +10,8 @@
 namespace tessera {
 
 /// Samples of one row, broadcast one at a time: x relative to the leaf, y and z to the row; yz2 = y^2 + z^2,
-/// n_yz = ny y + nz z. 512 keep the eight arrays (16 KB) in the first-level cache.
+/// n_yz = ny y + nz z. So many that rows of dense scans are rarely filled in parts, which are gathered anew for every
+/// node with a crease; few samples touch few cache lines all the same.
 constexpr std::size_t kRowSamples = 2048;
 struct RowSamples {
   alignas(32) std::array<float, kRowSamples + kLanes> x, y, z, yz2, nx, ny, nz, n_yz;

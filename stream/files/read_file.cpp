@@ -10,17 +10,10 @@
 #include <utility>
 
 #include "octree/error.h"
+#include "stream/files/file_time.h"
 #include "stream/files/system_reason.h"
 
 namespace tessera {
-
-namespace {
-
-std::int64_t modification(const struct stat& info) {
-  return static_cast<std::int64_t>(info.st_mtim.tv_sec) * 1000000000 + info.st_mtim.tv_nsec;
-}
-
-}  // namespace
 
 ReadFile::ReadFile(const std::filesystem::path& path) : path_(path) {
   // Without O_NONBLOCK a pipe would wait for somebody who writes to it.
@@ -42,7 +35,7 @@ ReadFile::ReadFile(const std::filesystem::path& path) : path_(path) {
     throw InputError(sentence);
   }
   size_ = static_cast<std::uint64_t>(info.st_size);
-  modified_ = modification(info);
+  modified_ = modification_ns(info);
 }
 
 ReadFile::~ReadFile() {
@@ -81,7 +74,7 @@ void ReadFile::read_at(std::uint64_t offset, void* to, std::uint64_t bytes) cons
 void ReadFile::require_unchanged() const {
   struct stat info {};
   if (::fstat(fd_, &info) == 0 && static_cast<std::uint64_t>(info.st_size) == size_ &&
-      modification(info) == modified_)
+      modification_ns(info) == modified_)
     return;
   throw InputError(path_.string() + ": has changed since it was opened, when it had " +
                    std::to_string(size_) +

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cerrno>
 #include <chrono>
-#include <cstring>
 #include <functional>
 #include <thread>  // sleep_for alone
 #include <utility>
@@ -17,6 +16,7 @@
 
 #include "octree/error.h"
 #include "stream/files/durable_file.h"
+#include "stream/files/file_time.h"
 #include "stream/files/path_text.h"
 #include "stream/files/planned_writes.h"
 #include "stream/files/read_file.h"
@@ -33,10 +33,6 @@ constexpr std::uint64_t kSampleBytes = 65536;
 constexpr std::uint64_t kSamples = 16;
 constexpr int kLockTries = 20;
 constexpr auto kLockPause = std::chrono::milliseconds(50);
-
-std::int64_t modification_ns(const struct stat& status) {
-  return static_cast<std::int64_t>(status.st_mtim.tv_sec) * 1000000000 + status.st_mtim.tv_nsec;
-}
 
 fs::path job_file(const fs::path& work) {
   return work / kJobFile;
@@ -125,14 +121,10 @@ std::string difference(const nlohmann::json& was, const nlohmann::json& is) {
 
 InputFingerprint fingerprint_input(const fs::path& path) {
   const ReadFile file(path);
-  struct stat status = {};
-  if (::stat(path.c_str(), &status) != 0) {
-    throw InputError(fmt::format("{}: cannot be read: {}", path.string(), std::strerror(errno)));
-  }
   InputFingerprint f;
   f.path = fs::absolute(path).lexically_normal().string();
   f.bytes = file.size();
-  f.modified_ns = modification_ns(status);
+  f.modified_ns = file.modified();
   std::vector<char> buffer;
   std::vector<std::uint64_t> hashes;
   const std::uint64_t last = f.bytes > kSampleBytes ? f.bytes - kSampleBytes : 0;
