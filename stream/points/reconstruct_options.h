@@ -17,6 +17,7 @@ struct ReconstructOptions {
   std::uint64_t min_component = 0;
   std::uint32_t max_hole = 0;
   std::string holes = "keep";
+  std::string border = "auto";
   std::string outliers = "auto";
   std::string vegetation = "auto";
   std::string normals = "auto";
@@ -33,6 +34,7 @@ struct ReconstructOptions {
   bool keep_raw = false;
   bool local_output = false;
 
+  bool smooths_border() const { return border == "smooth" || (border == "auto" && tolerance == 0.0); }
   /// \throws UsageError for options that mean nothing together
   void validate() const;
 };
@@ -78,6 +80,11 @@ inline OptionTable option_table(ReconstructOptions& o) {
         "that stay within D (at most 56 h), whole or not at all; faces are marked (`synthetic` in PLY, blue "
         "in pictures) and counted")
       .shown_as("keep|close|fill-to:D");
+  t.add("border", &o.border,
+        "the line in which a noisy scan ends; raw: where the field does, which wavers from cell to cell; "
+        "smooth: its vertices move by at most a cell towards the middle of their neighbours; auto: smooth, "
+        "but raw with a tolerance, where smooth costs a mesh of full resolution on disk")
+      .one_of({"auto", "smooth", "raw"});
   t.add("outliers", &o.outliers,
         "auto: drop points that too few neighbours confirm, a share of the median, or fewer than three where "
         "that would take more than one in twenty; off: keep all")

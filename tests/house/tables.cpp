@@ -92,9 +92,9 @@ const std::map<std::string, std::string>& covering_tests() {
         "loop_triangulation", "tangent_planes"});
     by("kernels/field/band_vdb", "kernels/field", {"band_leaf", "vdb_leaf"});
     by("kernels/field/field", "kernels/field",
-       {"band", "bodies", "border", "coarse_normals", "directed_field", "edge_roots", "node_fit", "node_sums",
-        "point_leaves", "rim_rule", "root_colour", "row_samples", "sample_clusters", "sample_list",
-        "sheets"});
+       {"band", "bodies", "border", "coarse_normals", "crease_evidence", "directed_field", "edge_roots",
+        "lane_sum", "node_fit", "node_sums", "point_leaves", "rim_rule", "root_colour", "row_samples",
+        "sample_clusters", "sample_list", "sheets"});
     by("kernels/holes/hole_filling", "kernels/holes", {"hole_mesh", "hole_triangulation"});
     by("kernels/maps/parameterize", "kernels/maps", {"disk_topology"});
     by("kernels/certify/certificate", "kernels/mesh", {"closest_face"});
@@ -134,9 +134,9 @@ const std::map<std::string, std::string>& covering_tests() {
     by("tools/reconstruct_tolerance", "stream/stages/surface",
        {"first_pass", "islands_stage", "samples_stage"});
     by("stream/stages/surface/surface", "stream/stages/surface",
-       {"close_stage", "closing_stages", "hole_files", "holes_stage", "loops_stage", "multipole_stage",
-        "numbered_patches", "output_frame", "rims_stage", "surface_stage", "tiling", "weld_stage",
-        "write_stage"});
+       {"border_moves", "border_stage", "close_stage", "closing_stages", "hole_files", "holes_stage",
+        "loops_stage", "multipole_stage", "numbered_patches", "output_frame", "rims_stage", "surface_stage",
+        "tiling", "weld_stage", "write_stage"});
     return all;
   }();
   return covered;

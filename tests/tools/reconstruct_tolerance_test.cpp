@@ -94,9 +94,10 @@ TEST_CASE("reconstruct --tolerance: the bound holds against the mesh that the jo
   const std::string scene = GENERATE("fandisk", "terrain");
   const std::string in = scan(folder.path(), scene, "60000", {"--outliers", "0.001"});
   const fs::path raw = folder.path() / "raw.ply", small = folder.path() / "small.ply";
-  const nlohmann::json full = run(in, raw, {});
+  const std::string border = GENERATE("raw", "smooth");
+  const nlohmann::json full = run(in, raw, {"--border", border});
   const std::string tolerance = nlohmann::json(0.2 * stage(full, "surface").at("h").get<double>()).dump();
-  const nlohmann::json report = run(in, small, {"--tolerance", tolerance, "--keep-raw"});
+  const nlohmann::json report = run(in, small, {"--tolerance", tolerance, "--keep-raw", "--border", border});
   CHECK(report.at("raw_mesh").at("faces") == full.at("mesh").at("faces"));
   for (const char* key : {"components", "largest_component_faces", "islands_dropped", "island_faces_dropped"})
     CHECK(report.at("mesh").at(key) == full.at("mesh").at(key));

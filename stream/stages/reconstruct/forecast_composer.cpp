@@ -22,6 +22,7 @@
 #include "stream/stages/scan/normals_stage.h"
 #include "stream/stages/scan/order_stage.h"
 #include "stream/stages/scan/orient_solution.h"
+#include "stream/stages/surface/border_stage.h"
 #include "stream/stages/surface/closing_stages.h"
 #include "stream/stages/surface/first_pass.h"
 #include "stream/stages/surface/hole_files.h"
@@ -218,20 +219,20 @@ class Composer {
   }
 
   void weld(std::uint64_t patches) {
-    std::uint64_t task = 0, loops = 0, components = 0;
-    for (std::size_t g = 0; g + 1 < patches_.first.size(); ++g) {
-      const std::span<const PatchEntry> own(patches_.entries.data() + patches_.first[g],
-                                            patches_.first[g + 1] - patches_.first[g]);
-      task = std::max(task, weld_task_bytes(own));
-      loops = std::max(loops, loops_task_bytes(own));
-    }
+    std::uint64_t components = 0;
     for (const PatchEntry& e : patches_.entries) components += e.components;
     const std::uint64_t groups = groups_.size();
     add("weld", groups,
-        {task, weld_finish_bytes(patches_.entries.size(), components), weld_finish_bytes(0, 0)}, 0, groups,
-        faces_ * kWeldTime, 0.0);
+        {patches_.most_of_tasks(weld_task_bytes), weld_finish_bytes(patches_.entries.size(), components),
+         weld_finish_bytes(0, 0)},
+        0, groups, faces_ * kWeldTime, 0.0);
+    if (options_.smooths_border() && plan_.noise_cells > 0.0)
+      add("border", groups, {patches_.most_of_tasks(border_task_bytes), 0, border_task_bytes({})}, 0, groups,
+          faces_ * kBorderTime, 0.0);
     if (options_.max_hole > 0) {
-      add("loops", groups, {loops, loops_finish_bytes(run_, patches_.entries), loops_finish_bytes(run_, {})},
+      add("loops", groups,
+          {patches_.most_of_tasks(loops_task_bytes), loops_finish_bytes(run_, patches_.entries),
+           loops_finish_bytes(run_, {})},
           0, groups, 0.0, static_cast<double>(patches));
       add("holes", groups, known(hole_task_bytes(options_.max_hole), 0), 0, groups, 0.0, 0.0);
     }

@@ -21,6 +21,7 @@ inline constexpr double kEstimateTime = 0.95;  // normals too
 inline constexpr double kOrientTime = 0.25;
 inline constexpr double kSurfaceTime = 0.42;  // per face
 inline constexpr double kWeldTime = 0.03;     // per face
+inline constexpr double kBorderTime = 0.1;    // per face, of scans that are mostly borders
 inline constexpr double kSamplesTime = 0.5;   // per point, of either pass
 inline constexpr double kWriteTime = 0.02;    // per face
 // With --holes, per point and per face of the open surface; what closing itself takes only the holes know.

@@ -1,6 +1,7 @@
 /// \file planned_patches.h
 /// Patches as a plan can tell them before there are any: for the stages that read them.
 #pragma once
+#include <algorithm>
 #include <cstdint>
 #include <span>
 #include <vector>
@@ -17,6 +18,13 @@ inline constexpr double kVerticesPerFace = 0.6;  ///< those at seams are there i
 struct PlannedPatches {
   std::vector<PatchEntry> entries;
   std::vector<std::size_t> first;
+  /// The most that a task over the patches of one file takes.
+  std::uint64_t most_of_tasks(std::uint64_t (*task_bytes)(std::span<const PatchEntry>)) const {
+    std::uint64_t most = 0;
+    for (std::size_t f = 0; f + 1 < first.size(); ++f)
+      most = std::max(most, task_bytes({entries.data() + first[f], first[f + 1] - first[f]}));
+    return most;
+  }
 };
 
 /// Faces go to bricks by their occupied blocks, half as many again as the mean: no patch should have more.

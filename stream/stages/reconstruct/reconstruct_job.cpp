@@ -13,6 +13,7 @@
 #include "stream/stages/scan/probe_stage.h"
 #include "stream/stages/scan/survey_stage.h"
 #include "stream/stages/scan/uncertain_picture.h"
+#include "stream/stages/surface/border_stage.h"
 #include "stream/stages/surface/closing_stages.h"
 #include "stream/stages/surface/first_pass.h"
 #include "stream/stages/surface/holes_stage.h"
@@ -105,7 +106,10 @@ std::vector<StageEntry> reconstruct_stages(const ReconstructOptions& options) {
     finish({open_full_surface, open_first_pass, first_pass_blocks});
     return stages;
   }
-  append({{"weld", make_weld_stage}, {"loops", make_loops_stage}, {"holes", make_holes_stage}});
+  append({{"weld", make_weld_stage},
+          {"border", make_border_stage},
+          {"loops", make_loops_stage},
+          {"holes", make_holes_stage}});
   if (options.tolerance == 0.0) {
     append({{"write", make_write_stage}});
     return stages;

@@ -76,7 +76,8 @@ SimplifyOptions reconstruct_simplify_options(const ReconstructOptions& options) 
 }
 
 bool fuses_first_pass(const ReconstructOptions& options) {
-  return options.tolerance > 0.0 && options.max_hole == 0 && options.reference == "surface";
+  return options.tolerance > 0.0 && options.max_hole == 0 && !options.smooths_border() &&
+         options.reference == "surface";
 }
 
 MeshStore open_full_surface(const JobState& state) {

@@ -27,7 +27,7 @@ struct SimplifyOptions;
 /// What `reconstruct --tolerance` decimates with.
 SimplifyOptions reconstruct_simplify_options(const ReconstructOptions& options);
 /// True if the job's first pass runs in its surface stage: it has a tolerance, no hole waits to be
-/// filled, and what the points leave of the tolerance need not be known before.
+/// filled and no border to be smoothed, and what the points leave of the tolerance need not be known before.
 bool fuses_first_pass(const ReconstructOptions& options);
 
 // What it leaves, in the work directory, one file a task of the surface stage.

@@ -280,7 +280,7 @@ class LoopsStage : public Stage {
                       std::vector<std::uint32_t>& colour, TaskContext& context) const {
     NumberedPatches numbered(state_.work, store_, numbering_);
     std::vector<Float3> local;
-    std::vector<std::uint32_t> rgba, map;
+    std::vector<std::uint32_t> rgba;
     const auto& patches = numbering_.patches;
     for (std::size_t i = 0; i < need.size();) {
       context.check_stop();
@@ -289,15 +289,7 @@ class LoopsStage : public Stage {
           std::upper_bound(patches.begin(), patches.end(), need[i],
                            [](std::uint64_t v, const PatchPlace& p) { return v < p.first_vertex; });
       const auto p = static_cast<std::size_t>(after - patches.begin()) - 1;
-      store_.load_vertices(p, local, rgba);
-      if (patches[p].kept_vertices != local.size()) {
-        map = numbered.make_remap(p);
-        for (std::size_t v = 0; v < map.size(); ++v) {
-          if (map[v] == NumberedPatches::kGone) continue;
-          local[map[v]] = local[v];
-          if (!rgba.empty()) rgba[map[v]] = rgba[v];
-        }
-      }
+      numbered.load_kept_vertices(p, local, rgba);
       const Int3 brick = brick_of_key(store_.patches()[p].key);
       for (; i < need.size() && need[i] < patches[p].first_vertex + patches[p].kept_vertices; ++i) {
         const std::size_t v = need[i] - patches[p].first_vertex;

@@ -48,4 +48,21 @@ void NumberedPatches::load_faces(std::size_t patch, PatchFaces& out) {
     out.index[entry.vertices + f] = output_index(out.foreign[f]);
 }
 
+void NumberedPatches::load_kept_vertices(std::size_t patch, std::vector<Float3>& position,
+                                         std::vector<std::uint32_t>& rgba) {
+  if (!moves_) moves_ = std::make_unique<BorderMoves>(work_);
+  store_->load_vertices(patch, position, rgba);
+  moves_->apply(store_->patches()[patch].key, position);
+  const std::uint32_t kept = numbering_->patches[patch].kept_vertices;
+  if (kept == position.size()) return;
+  const std::vector<std::uint32_t> map = make_remap(patch);
+  for (std::size_t v = 0; v < map.size(); ++v) {
+    if (map[v] == kGone) continue;
+    position[map[v]] = position[v];
+    if (!rgba.empty()) rgba[map[v]] = rgba[v];
+  }
+  position.resize(kept);
+  if (!rgba.empty()) rgba.resize(kept);
+}
+
 }  // namespace tessera

@@ -7,6 +7,7 @@
 #include <memory>
 #include <vector>
 
+#include "stream/stages/surface/border_moves.h"
 #include "stream/stages/surface/weld_stage.h"
 
 namespace tessera {
@@ -29,14 +30,18 @@ class NumberedPatches {
 
   /// \pre the patch has kept faces
   void load_faces(std::size_t patch, PatchFaces& out);
-  static constexpr std::uint32_t kGone = 0xffffffffu;
-  /// Own number before islands are dropped -> after, kGone where the vertex goes with its island.
-  std::vector<std::uint32_t> make_remap(std::size_t patch) const;
+  /// The patch's own vertices, in the order of their numbers in the output: what goes is gone, what the stage "border"
+  /// moved has moved. \pre that stage is done
+  /// \param position  cells, relative to the brick  \param rgba  empty if the patch has no colour
+  void load_kept_vertices(std::size_t patch, std::vector<Float3>& position, std::vector<std::uint32_t>& rgba);
 
   /// Most that the caches take, beyond one patch's faces.
   static constexpr std::uint64_t kCacheBytes = std::uint64_t{16} << 20;
 
  private:
+  static constexpr std::uint32_t kGone = 0xffffffffu;
+  /// Own number before islands are dropped -> after, kGone where the vertex goes with its island.
+  std::vector<std::uint32_t> make_remap(std::size_t patch) const;
   std::uint64_t output_index(const VertexPlace& place);
 
   std::filesystem::path work_;
@@ -45,6 +50,7 @@ class NumberedPatches {
   std::map<std::size_t, std::vector<std::uint32_t>> remaps_;  ///< of patches that lost an island
   std::int64_t open_file_ = -1;                               ///< whose places are open
   std::unique_ptr<WeldFile> places_;
+  std::unique_ptr<BorderMoves> moves_;
 };
 
 }  // namespace tessera

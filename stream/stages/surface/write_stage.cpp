@@ -85,15 +85,14 @@ class WriteStage : public Stage {
   }
 
   void write_vertices(MeshWriter& writer, const MeshHeader& header, TaskContext& context) const {
-    const NumberedPatches numbered(state_.work, store_, numbering_);
+    NumberedPatches numbered(state_.work, store_, numbering_);
     std::vector<Float3> local;
     std::vector<std::uint32_t> rgba;
     std::vector<Double3> world;
     for (std::size_t p = 0; p < store_.patches().size(); ++p) {
       context.check_stop();
-      const PatchPlace& place = numbering_.patches[p];
-      if (place.kept_vertices == 0) continue;
-      store_.load_vertices(p, local, rgba);
+      if (numbering_.patches[p].kept_vertices == 0) continue;
+      numbered.load_kept_vertices(p, local, rgba);
       if (header.colour) rgba.resize(local.size(), 0);
       const Int3 brick = brick_of_key(store_.patches()[p].key);
       world.resize(local.size());
@@ -102,16 +101,6 @@ class WriteStage : public Stage {
         for (std::size_t v = 0; v < local.size(); ++v)
           world[v][a] =
               plan_.lattice.world(static_cast<int>(a), corner + double{local[v][a]}) - header.shift[a];
-      }
-      if (place.kept_vertices != local.size()) {
-        const std::vector<std::uint32_t> map = numbered.make_remap(p);
-        for (std::size_t v = 0; v < map.size(); ++v) {
-          if (map[v] == NumberedPatches::kGone) continue;
-          world[map[v]] = world[v];
-          if (header.colour) rgba[map[v]] = rgba[v];
-        }
-        world.resize(place.kept_vertices);
-        if (header.colour) rgba.resize(place.kept_vertices);
       }
       writer.vertices(
           world, header.colour ? std::span<const std::uint32_t>(rgba) : std::span<const std::uint32_t>());

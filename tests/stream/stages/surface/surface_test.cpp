@@ -4,6 +4,7 @@
 #include "octree/error.h"
 #include "stream/check/mesh_check.h"
 #include "stream/stages/scan/normals_stage.h"
+#include "stream/stages/surface/border_stage.h"
 #include "stream/stages/surface/closing_stages.h"
 #include "stream/stages/surface/holes_stage.h"
 #include "stream/stages/surface/loops_stage.h"
@@ -27,7 +28,7 @@ struct MeshSetup : ChainSetup {
 struct MeshResult {
   std::string bytes;
   MeshCheck check;
-  nlohmann::json orient, close, surface, weld;
+  nlohmann::json orient, close, surface, weld, border;
   nlohmann::json holes;
 };
 
@@ -52,6 +53,7 @@ MeshResult run_job(const std::vector<TestPoint>& points, const MeshSetup& setup)
   }
   result.surface = run(*make_surface_stage(job));
   result.weld = run(*make_weld_stage(job));
+  result.border = run(*make_border_stage(job));
   run(*make_loops_stage(job));
   result.holes = run(*make_holes_stage(job));
   run(*make_write_stage(job));
@@ -316,6 +318,33 @@ TEST_CASE("main job: an open sheet keeps its outer border, its holes are closed"
   CHECK(mesh.close.at("kind") == "sheet");
   CHECK(mesh.check.boundary_loops == 1);
   CHECK(mesh.surface.at("synthetic_faces").get<double>() == Approx(2 * 3.14159 * 18.0 * 18.0).epsilon(0.2));
+}
+
+TEST_CASE("main job: a noisy scan ends in a smooth line, the same bytes for any tiling", "[property]") {
+  Random random(5);
+  std::vector<TestPoint> points(60'000);
+  for (TestPoint& p : points) {
+    p.p = {random.in(0, 150), random.in(0, 150), 30.0 + random.in(-0.4, 0.4)};
+    p.n = {0.0f, 0.0f, 1.0f};
+  }
+  std::erase_if(points, [](const TestPoint& p) { return std::hypot(p.p[0] - 70, p.p[1] - 64) < 12.0; });
+  MeshSetup setup;
+  setup.options.border = "raw";
+  const MeshResult raw = run_job(points, setup);
+  CHECK(raw.border.at("moved_vertices") == 0);
+  setup.options.border = "auto";
+  const MeshResult smooth = run_job(points, setup);
+  check_sound(smooth.check);
+  CHECK(smooth.check.faces == raw.check.faces);
+  CHECK(smooth.check.boundary_edges == raw.check.boundary_edges);
+  CHECK(smooth.border.at("torn_bricks") == 0);
+  CHECK(smooth.border.at("moved_vertices") > smooth.check.boundary_edges * 9 / 10);
+  CHECK(smooth.bytes != raw.bytes);
+  setup.tile_cells = GENERATE(64, 256);
+  setup.backwards = setup.tile_cells == 64;
+  setup.memory = setup.tile_cells == 256 ? std::uint64_t{128} << 20 : std::uint64_t{4} << 30;
+  shuffle(points, 3);
+  CHECK(run_job(points, setup).bytes == smooth.bytes);
 }
 
 TEST_CASE("main job: without closing no vertex is farther from the data than the support radius", "[unit]") {

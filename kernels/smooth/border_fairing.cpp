@@ -1,0 +1,127 @@
+#include "kernels/smooth/border_fairing.h"
+
+#include <algorithm>
+#include <limits>
+
+namespace tessera {
+namespace {
+
+using Face = std::array<std::uint32_t, 3>;
+
+constexpr int kSteps = 12;
+constexpr double kMostWay = 1.0;  ///< cells
+constexpr double kHeightShare =
+    0.3;  ///< of a face's least height: three corners that go so far do not turn it over
+/// Cosine of 38 degrees: two faces within it of one normal do not meet in an edge that looks sharp.
+constexpr double kLeastCosine = 0.788;
+constexpr std::uint32_t kNone = 0xffffffffu;
+
+/// A vertex that moves.
+struct Bead {
+  std::uint32_t vertex;
+  std::array<std::uint32_t, 2> along;  ///< its neighbours on the border
+};
+
+/// Vertices with two border edges, ascending.
+std::vector<Bead> find_beads(const BorderStrip& strip) {
+  std::vector<std::array<std::uint32_t, 2>> edges;
+  for (const Face& f : strip.faces)
+    for (std::size_t i = 0; i < 3; ++i) {
+      const std::uint32_t a = f[i], b = f[(i + 1) % 3];
+      if (strip.at_border[a] && strip.at_border[b]) edges.push_back({std::min(a, b), std::max(a, b)});
+    }
+  std::sort(edges.begin(), edges.end());
+  std::vector<std::array<std::uint32_t, 2>> along(strip.position.size(), {kNone, kNone});
+  std::vector<std::uint8_t> degree(strip.position.size(), 0);
+  const auto link = [&](std::uint32_t from, std::uint32_t to) {
+    if (degree[from] < 2) along[from][degree[from]] = to;
+    degree[from] = static_cast<std::uint8_t>(std::min(degree[from] + 1, 3));
+  };
+  for (std::size_t i = 0; i < edges.size();) {
+    std::size_t end = i + 1;
+    while (end < edges.size() && edges[end] == edges[i]) ++end;
+    if (end == i + 1) {
+      link(edges[i][0], edges[i][1]);
+      link(edges[i][1], edges[i][0]);
+    }
+    i = end;
+  }
+  std::vector<Bead> beads;
+  for (std::uint32_t v = 0; v < degree.size(); ++v)
+    if (degree[v] == 2) beads.push_back({v, along[v]});
+  return beads;
+}
+
+/// Of the faces' areas, per vertex.
+std::vector<Double3> vertex_normals(const BorderStrip& strip) {
+  std::vector<Double3> normal(strip.position.size(), Double3{});
+  for (const Face& f : strip.faces) {
+    const Double3 n = triangle_normal(strip.position[f[0]], strip.position[f[1]], strip.position[f[2]]);
+    for (const std::uint32_t v : f) normal[v] = normal[v] + n;
+  }
+  for (Double3& n : normal) n = unit_or_zero(n);
+  return normal;
+}
+
+/// A face beside the border.
+struct Scale {
+  Face face;
+  Double3 normal;  ///< mean of those at its corners
+  double cosine;   ///< between that and its own
+};
+
+double cosine_to(const Double3& normal, const Double3& area) {
+  const double length = norm(area);
+  return length > 0.0 ? dot(normal, area) / length : -1.0;
+}
+
+}  // namespace
+
+void fair_border(BorderStrip& strip, double lift) {
+  const std::vector<Bead> beads = find_beads(strip);
+  const std::vector<Double3> start = strip.position, normal = vertex_normals(strip);
+  std::vector<std::uint8_t> moves(start.size(), 0);
+  for (const Bead& b : beads) moves[b.vertex] = 1;
+  std::vector<Scale> scales;
+  for (const Face& f : strip.faces)
+    if (moves[f[0]] || moves[f[1]] || moves[f[2]])
+      scales.push_back({f, unit_or_zero(normal[f[0]] + normal[f[1]] + normal[f[2]]), 0.0});
+
+  std::vector<Double3>& at = strip.position;
+  std::vector<Double3> next = at;
+  std::vector<double> height(at.size());
+  std::vector<std::uint8_t> stays(at.size());
+  for (int step = 0; step < kSteps; ++step) {
+    std::fill(height.begin(), height.end(), std::numeric_limits<double>::max());
+    for (Scale& s : scales) {
+      const Double3 &a = at[s.face[0]], &b = at[s.face[1]], &c = at[s.face[2]];
+      const Double3 area = triangle_normal(a, b, c);
+      const double longest =
+          std::sqrt(std::max({squared_distance(a, b), squared_distance(b, c), squared_distance(c, a)}));
+      const double least = longest > 0.0 ? norm(area) / longest : 0.0;
+      for (const std::uint32_t v : s.face) height[v] = std::min(height[v], least);
+      s.cosine = cosine_to(s.normal, area);
+    }
+    for (const Bead& b : beads) {
+      const Double3& p = at[b.vertex];
+      Double3 way = (at[b.along[0]] + at[b.along[1]]) * 0.25 - p * 0.5;
+      const double length = norm(way), most = kHeightShare * height[b.vertex];
+      if (length > most) way = way * (most / length);
+      Double3 to = p + way;
+      const double off = dot(to - start[b.vertex], normal[b.vertex]);
+      to = to - normal[b.vertex] * (off - std::clamp(off, -lift, lift));
+      next[b.vertex] = squared_distance(to, start[b.vertex]) > kMostWay * kMostWay ? p : to;
+    }
+    std::fill(stays.begin(), stays.end(), 0);
+    for (const Scale& s : scales) {
+      const Double3 area = triangle_normal(next[s.face[0]], next[s.face[1]], next[s.face[2]]);
+      const double cosine = cosine_to(s.normal, area);
+      if (cosine >= kLeastCosine || cosine >= s.cosine) continue;
+      for (const std::uint32_t v : s.face) stays[v] = 1;
+    }
+    for (const Bead& b : beads)
+      if (!stays[b.vertex]) at[b.vertex] = next[b.vertex];
+  }
+}
+
+}  // namespace tessera

@@ -1,0 +1,31 @@
+/// \file border_fairing.h
+/// The border of a scanned surface as a smooth line. Where samples end, noise decides from cell to cell where the surface
+/// does, and the border wavers with it.
+#pragma once
+#include <array>
+#include <cstdint>
+#include <vector>
+
+#include "octree/vector.h"
+
+namespace tessera {
+
+/// The faces around a stretch of border.
+struct BorderStrip {
+  std::vector<Double3> position;  ///< cells
+  /// Every face of a vertex at the border, in an order that does not depend on where the strip was cut out.
+  std::vector<std::array<std::uint32_t, 3>> faces;
+  std::vector<std::uint8_t> at_border;  ///< per vertex: an edge of one face between two such is the border
+};
+
+/// Nothing farther away decides where a vertex goes, in cells.
+inline constexpr int kBorderReach = 20;
+
+/// Moves the vertices of the border towards the middle of their two neighbours along it, twelve times half the way, by a
+/// cell at most in all, and off the surface no farther than `lift`. A step goes no farther than a third of the height of
+/// the faces around allows, and where a face would turn away from the normals at its corners its vertices stay.
+/// Vertices without exactly two border edges stay as well.
+/// \param lift  cells: what noise leaves unknown of where the surface is
+void fair_border(BorderStrip& strip, double lift);
+
+}  // namespace tessera

@@ -1,0 +1,128 @@
+#include "kernels/smooth/border_fairing.h"
+
+#include <catch2/catch.hpp>
+#include <map>
+#include <set>
+
+#include "tests/helpers/random.h"
+
+using namespace tessera;
+
+namespace {
+
+const Double3 kSlope = {0.3, 0.0, -1.0};  ///< normal of the plane, not of unit length
+
+/// A strip of a tilted plane, `columns` x 4 vertices of this spacing, whose lower border wavers by up to `waver` and
+/// whose vertices lie up to `noise` off the plane.
+BorderStrip ragged_strip(int columns, double spacing, double waver, double noise) {
+  test::Random random(7);
+  BorderStrip strip;
+  for (int i = 0; i < columns; ++i)
+    for (int j = 0; j < 4; ++j) {
+      Double3 p = {spacing * i, spacing * j, 0.0};
+      if (j == 0) p[1] -= waver * random.unit();
+      p[2] = kSlope[0] * p[0] + noise * (2.0 * random.unit() - 1.0);
+      strip.position.push_back(p);
+      strip.at_border.push_back(j == 0);
+    }
+  const auto at = [](int i, int j) { return static_cast<std::uint32_t>(4 * i + j); };
+  for (int i = 0; i + 1 < columns; ++i)
+    for (int j = 0; j < 3; ++j) {
+      strip.faces.push_back({at(i, j), at(i + 1, j), at(i + 1, j + 1)});
+      strip.faces.push_back({at(i, j), at(i + 1, j + 1), at(i, j + 1)});
+    }
+  return strip;
+}
+
+double border_length(const BorderStrip& strip) {
+  double length = 0.0;
+  for (std::size_t v = 4; v < strip.position.size(); v += 4)
+    length += norm(strip.position[v] - strip.position[v - 4]);
+  return length;
+}
+
+double off_plane(const Double3& p) {
+  return dot(p, kSlope) / norm(kSlope);
+}
+
+}  // namespace
+
+TEST_CASE("border fairing: a ragged border becomes a smooth line, nothing else moves", "[unit]") {
+  const BorderStrip before = ragged_strip(60, 0.75, 0.6, 0.0);
+  BorderStrip after = before;
+  fair_border(after, 0.0);
+  const double straight = 59 * 0.75 * std::sqrt(1.0 + kSlope[0] * kSlope[0]);
+  CHECK(border_length(before) > 1.03 * straight);
+  CHECK(border_length(after) < 1.005 * straight);
+  for (std::size_t v = 0; v < after.position.size(); ++v) {
+    CAPTURE(v);
+    if (v % 4 != 0) CHECK(after.position[v] == before.position[v]);
+    CHECK(norm(after.position[v] - before.position[v]) <= 1.0);
+    CHECK(std::abs(off_plane(after.position[v])) < 1e-12);
+  }
+  // The two ends have one border edge each.
+  CHECK(after.position.front() == before.position.front());
+  CHECK(after.position[4 * 59] == before.position[4 * 59]);
+  for (const auto& f : after.faces)
+    CHECK(triangle_normal(after.position[f[0]], after.position[f[1]], after.position[f[2]])[2] > 0.0);
+}
+
+TEST_CASE("border fairing: off the surface no farther than the noise", "[unit]") {
+  const BorderStrip before = ragged_strip(60, 0.75, 0.3, 0.2);
+  const double lift = GENERATE(0.0, 0.05, 0.2);
+  BorderStrip after = before;
+  fair_border(after, lift);
+  double rough_before = 0.0, rough_after = 0.0, most = 0.0;
+  for (std::size_t v = 8; v + 8 < after.position.size(); v += 4) {
+    rough_before += std::abs(off_plane(before.position[v]));
+    rough_after += std::abs(off_plane(after.position[v]));
+    most = std::max(most, std::abs(off_plane(after.position[v]) - off_plane(before.position[v])));
+  }
+  // Normals at the vertices differ from that of the plane: way along the surface takes them some of it off the plane.
+  CHECK(most < lift + 0.25);
+  if (lift > 0.1) CHECK(rough_after < 0.7 * rough_before);
+}
+
+TEST_CASE("border fairing: what is far away along the border decides nothing", "[property]") {
+  const BorderStrip whole = ragged_strip(200, 0.75, 0.6, 0.1);
+  BorderStrip faired = whole;
+  fair_border(faired, 0.1);
+  BorderStrip cut;
+  std::map<std::uint32_t, std::uint32_t> slot;
+  const double least = 50.0, most = 60.0;
+  for (const auto& f : whole.faces) {
+    const auto near = [&](std::uint32_t v) {
+      return whole.position[v][0] >= least - kBorderReach && whole.position[v][0] <= most + kBorderReach;
+    };
+    if (!near(f[0]) && !near(f[1]) && !near(f[2])) continue;
+    auto& face = cut.faces.emplace_back();
+    for (std::size_t i = 0; i < 3; ++i) {
+      const auto [at, fresh] = slot.try_emplace(f[i], static_cast<std::uint32_t>(slot.size()));
+      if (fresh) {
+        cut.position.push_back(whole.position[f[i]]);
+        cut.at_border.push_back(whole.at_border[f[i]]);
+      }
+      face[i] = at->second;
+    }
+  }
+  REQUIRE(cut.position.size() < whole.position.size() / 2);
+  fair_border(cut, 0.1);
+  std::size_t compared = 0;
+  for (const auto& [v, s] : slot) {
+    if (whole.position[v][0] < least || whole.position[v][0] > most) continue;
+    CHECK(cut.position[s] == faired.position[v]);
+    ++compared;
+  }
+  CHECK(compared > 40);
+}
+
+TEST_CASE("border fairing: a vertex where two sheets touch stays", "[unit]") {
+  BorderStrip strip;
+  strip.position = {{0, 0, 0}, {1, -0.5, 0}, {1, 0.5, 0}, {-1, 0.4, 0}, {-1, -0.6, 0}};
+  strip.faces = {{0, 1, 2}, {0, 3, 4}};
+  strip.at_border = {1, 1, 1, 1, 1};
+  const Double3 tip = strip.position[0];
+  fair_border(strip, 0.1);
+  CHECK(strip.position[0] == tip);
+  CHECK(strip.position[1] != Double3{1, -0.5, 0});
+}
