@@ -3,7 +3,9 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
+#include <optional>
 
+#include "kernels/field/crease_evidence.h"
 #include "kernels/field/node_sums.h"
 #include "kernels/field/rim_rule.h"
 #include "octree/vector.h"
@@ -276,57 +278,15 @@ void gather_local(std::uint32_t x, const RowReach& reach, bool row_is_whole, Nod
   }
 }
 
-/// Noisy samples: the mean squared height over the sheets, as a share of that over the smooth fit, that a crease may
-/// leave. Normals alone tell of silhouettes and of scans that disagree; a crease shows in positions too. Noise of half a
-/// spacing at the edge of a cube leaves 0.6.
-constexpr float kCreaseShare = 0.6f;
-/// The same where normals do not tell the sheets apart clearly (Sheets::separation2): estimated ones turn gradually at
-/// an edge, and those of a silhouette are no Gaussian cloud.
-constexpr float kClearShare = 0.2f;
-constexpr float kNoisySeparation2 = 64.0f;
-/// Few of the places where noisy normals bend have a crease: so many samples are asked first, every n-th of all.
-constexpr std::size_t kAskedSamples = 64;
-
-/// That share for node `x` of a row; between the two where there is no smooth fit.
-float share_left(const Sheets& sheets, const LocalSamples& samples, const Spheres& row, std::uint32_t x) {
-  if ((_mm256_movemask_ps(row.sound) >> x & 1) == 0) return 0.5f * (kCreaseShare + kClearShare);
+/// The sphere of node `x` of a row, empty if it has none.
+std::optional<SmoothFit> smooth_fit(const Spheres& row, std::uint32_t x) {
+  if ((_mm256_movemask_ps(row.sound) >> x & 1) == 0) return std::nullopt;
   const auto lane = [x](__m256 v) {
     alignas(32) std::array<float, kLanes> lanes;
     _mm256_store_ps(lanes.data(), v);
     return lanes[x];
   };
-  const Float3 u = {lane(row.ux), lane(row.uy), lane(row.uz)};
-  const float u0 = lane(row.u0), twice = lane(row.twice_u4);
-  float sum = 0.0f, sharp = 0.0f;
-  for (std::size_t i = 0; i < samples.size; ++i) {
-    const Float3 p = {samples.x[i], samples.y[i], samples.z[i]};
-    const Float3 g = u + p * twice;
-    const float f = u0 + tessera::dot(u, p) + 0.5f * twice * tessera::dot(p, p);
-    sum += samples.w[i] * f * f / std::max(tessera::dot(g, g), 1e-6f);
-    const float height = sheets.at(p).value;
-    sharp += samples.w[i] * height * height;
-  }
-  return sum > 0.0f ? sharp / sum : 1.0f;
-}
-
-/// The sheets of noisy samples around node `x` of a row, none unless positions confirm the crease.
-Sheets confirmed_sheets(const NormalSeeds& seeds, const SheetOptions& options, const Spheres& row,
-                        std::uint32_t x, LocalSamples& samples) {
-  const Sheets found = fit_sheets(samples, seeds, options);
-  if (found.count == 0) return found;
-  const bool clear = found.separation2 >= kNoisySeparation2;
-  return share_left(found, samples, row, x) < (clear ? kCreaseShare : kClearShare) ? found : Sheets();
-}
-
-/// The same of many samples: a part of them must confirm it too, which is asked first.
-Sheets confirmed_sheets(const NormalSeeds& seeds, const SheetOptions& options, const Spheres& row,
-                        std::uint32_t x, NodeFitScratch& scratch) {
-  const std::size_t step = scratch.local.size / kAskedSamples + 1;
-  if (step > 1) {
-    scratch.asked.take_every(step, scratch.local);
-    if (confirmed_sheets(seeds, options, row, x, scratch.asked).count == 0) return {};
-  }
-  return confirmed_sheets(seeds, options, row, x, scratch.local);
+  return SmoothFit{lane(row.u0), {lane(row.ux), lane(row.uy), lane(row.uz)}, lane(row.twice_u4)};
 }
 
 /// Tries sheets at the bent nodes of a row; updates their values and flags. \param split  nodes that have sheets
@@ -351,7 +311,9 @@ void fit_creases(std::uint32_t bent, const Spheres& spheres, const SampleList& c
     gather_local(x, reach, row_is_whole, scratch);
     scratch.local.pad();
     if (!options.noisy) seeds = seed_normals(scratch.local, options.sheets.cos_feature);
-    const Sheets found = options.noisy ? confirmed_sheets(seeds, options.sheets, spheres, x, scratch)
+    const std::optional<SmoothFit> smooth = smooth_fit(spheres, x);
+    const Sheets found = options.noisy ? confirmed_sheets(seeds, options.sheets, smooth ? &*smooth : nullptr,
+                                                          scratch.local, scratch.asked)
                                        : fit_sheets(scratch.local, seeds, options.sheets);
     if (found.count == 0) continue;
     const std::uint32_t bit = 1u << x;

@@ -1,21 +1,14 @@
 #include "kernels/field/sample_clusters.h"
 
-#include <immintrin.h>
-
 #include <algorithm>
 #include <bit>
+
+#include "kernels/field/lane_sum.h"
 
 namespace tessera {
 namespace {
 
 constexpr std::size_t kLanes = 8;
-
-/// Sum of eight lanes by a fixed tree.
-float total(__m256 v) {
-  const __m128 four = _mm_add_ps(_mm256_castps256_ps128(v), _mm256_extractf128_ps(v, 1));
-  const __m128 two = _mm_add_ps(four, _mm_movehl_ps(four, four));
-  return _mm_cvtss_f32(_mm_add_ss(two, _mm_shuffle_ps(two, two, 1)));
-}
 
 /// Index of the sample that maximises w times the smallest of 1 - n.seed over the seeds; lowest index on
 /// ties.
@@ -85,7 +78,7 @@ void lloyd_round(const LocalSamples& s, std::array<Float3, kMostSheets>& means, 
   }
   for (int k = 0; k < count; ++k) {
     const auto at = static_cast<std::size_t>(3 * k);
-    const Float3 n = {total(sum[at]), total(sum[at + 1]), total(sum[at + 2])};
+    const Float3 n = {lane_sum(sum[at]), lane_sum(sum[at + 1]), lane_sum(sum[at + 2])};
     if (dot(n, n) > 0.0f) means[static_cast<std::size_t>(k)] = unit_or_zero(n);
   }
 }
@@ -161,7 +154,7 @@ NormalSeeds seed_normals(const LocalSamples& from, float cos_seed) {
     sy = _mm256_fmadd_ps(w, _mm256_loadu_ps(&from.ny[i]), sy);
     sz = _mm256_fmadd_ps(w, _mm256_loadu_ps(&from.nz[i]), sz);
   }
-  seeds.normal[0] = unit_or_zero(Float3{total(sx), total(sy), total(sz)});
+  seeds.normal[0] = unit_or_zero(Float3{lane_sum(sx), lane_sum(sy), lane_sum(sz)});
   const auto normal_of = [&](std::size_t i) { return Float3{from.nx[i], from.ny[i], from.nz[i]}; };
   const std::size_t first = farthest(from, seeds.normal, 1);
   if (first >= from.size) return seeds;  // all normals alike: padding won
@@ -226,7 +219,7 @@ Moments sum_moments(const LocalSamples& s, std::int32_t label) {
     sum[21] = _mm256_fmadd_ps(nz, wz, sum[21]);
   }
   Moments m;
-  for (std::size_t i = 0; i < 22; ++i) m.s[i] = total(sum[i]);
+  for (std::size_t i = 0; i < 22; ++i) m.s[i] = lane_sum(sum[i]);
   m.hits = hits;
   return m;
 }
@@ -268,11 +261,11 @@ bool split_layers(LocalSamples& s, std::int32_t label, std::int32_t new_label, c
       uh = _mm256_fmadd_ps(w_high, u, uh);
       uu = _mm256_fmadd_ps(_mm256_mul_ps(_mm256_add_ps(w_low, w_high), u), u, uu);
     }
-    const float weight_low = total(wl), weight_high = total(wh);
+    const float weight_low = lane_sum(wl), weight_high = lane_sum(wh);
     if (!(weight_low > 0.0f && weight_high > 0.0f)) return false;
-    const float low = total(ul) / weight_low, high = total(uh) / weight_high;
+    const float low = lane_sum(ul) / weight_low, high = lane_sum(uh) / weight_high;
     gap = high - low;
-    within = (total(uu) - weight_low * low * low - weight_high * high * high) / (weight_low + weight_high);
+    within = (lane_sum(uu) - weight_low * low * low - weight_high * high * high) / (weight_low + weight_high);
     cut = 0.5f * (low + high);
   }
   if (gap < least_gap || gap * gap < kLayerSeparation2 * within) return false;
