@@ -12,6 +12,7 @@
 #include <string_view>
 
 #include "octree/error.h"
+#include "octree/points.h"
 #include "stream/files/read_file.h"
 #include "stream/formats/points/point_source.h"
 
@@ -74,7 +75,8 @@ inline Reading read_all(OpenPoints open, const std::filesystem::path& path, cons
           r.mix(c.x, i), r.mix(c.y, i), r.mix(c.z, i);
           r.mix(c.nx, i), r.mix(c.ny, i), r.mix(c.nz, i);
           r.mix(c.rgba, i), r.mix(c.sensor, i);
-          if (has.sensor) require(c.sensor[i] < file->info().sensors.size(), "sensor index");
+          if (has.sensor && c.sensor[i] != kNoSensor)
+            require(c.sensor[i] < file->info().sensors.size(), "sensor index");
         }
         handed += c.size();
       });

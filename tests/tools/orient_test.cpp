@@ -4,6 +4,8 @@
 #include <nlohmann/json.hpp>
 
 #include "tests/helpers/command.h"
+#include "tests/helpers/e57_writer.h"
+#include "tests/helpers/mesh_files.h"
 #include "tests/helpers/serial_job.h"
 
 using namespace tessera::test;
@@ -134,4 +136,39 @@ TEST_CASE("orient: little doubt is no warning", "[pipeline]") {
   const nlohmann::json report = nlohmann::json::parse(file_bytes(out.string() + ".report.json"));
   CHECK(report.at("warnings").empty());
   CHECK_FALSE(std::filesystem::exists(out.string() + ".uncertain.png"));
+}
+
+TEST_CASE("orient: the pose of an E57 scan tells the side of a shell that nothing else tells", "[pipeline]") {
+  // The cap of a sphere about (10, 20, 30), seen from its middle or from above its top; the scanner lies on its side.
+  const TempFolder folder;
+  const bool inside = GENERATE(true, false);
+  const double height = inside ? 0.0 : 3.0;
+  std::vector<std::vector<double>> local(3);
+  for (int i = 0; i < 60000; ++i) {
+    const double z = 0.5 + (i + 0.5) / 120000.0, turn = 2.399963229728653 * i, r = std::sqrt(1.0 - z * z);
+    // What the quarter turn about x below undoes: y to z, z to -y.
+    local[0].push_back(r * std::cos(turn));
+    local[1].push_back(z - height);
+    local[2].push_back(-r * std::sin(turn));
+  }
+  E57TestScan scan;
+  scan.fields = e57_doubles(kE57Cartesian, local);
+  scan.xml =
+      e57_pose("0.70710678118654752", "0.70710678118654752", "0", "0", "10", "20", inside ? "30" : "33");
+  scan.packets = 40;
+  const auto out = folder.path() / "mesh.ply";
+  const CommandResult r = reconstruct(folder.write("shell.e57", e57_file({scan})), out, {});
+  INFO(r.errors);
+  REQUIRE(r.code == 0);
+  CHECK(orient_entry(out).at("scene") == "sensors");
+  const WholeMesh mesh = read_whole(out);
+  std::size_t outwards = 0;
+  for (const auto& f : mesh.faces) {
+    using namespace tessera;
+    const Double3& a = mesh.points[f[0]];
+    const Double3 normal = cross(mesh.points[f[1]] - a, mesh.points[f[2]] - a);
+    outwards += dot(normal, a - Double3{10, 20, 30}) > 0 ? 1 : 0;
+  }
+  REQUIRE(mesh.faces.size() > 10000);
+  CHECK(outwards == (inside ? 0 : mesh.faces.size()));
 }

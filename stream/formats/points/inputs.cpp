@@ -37,7 +37,7 @@ class Expansion {
     if (fs::is_directory(status)) {
       if (!folder(path)) {
         throw InputError(path.string() +
-                         ": the folder holds no file of points (ply, las, xyz, pts, ptx, csv, asc)");
+                         ": the folder holds no file of points (ply, las, e57, xyz, pts, ptx, csv, asc)");
       }
     } else if (fs::exists(status)) {
       add(path);

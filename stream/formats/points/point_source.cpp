@@ -8,6 +8,7 @@
 #include "stream/files/file_extension.h"
 #include "stream/files/read_file.h"
 #include "stream/formats/byte_window.h"
+#include "stream/formats/points/e57_points.h"
 #include "stream/formats/points/las_points.h"
 #include "stream/formats/points/ply_points.h"
 #include "stream/formats/points/ptx_points.h"
@@ -25,9 +26,6 @@ struct Refusal {
 constexpr std::string_view kMesh =
     "is a mesh, not a scan; to read its vertices as points, make it a PLY: tessera convert IN -o OUT.ply";
 constexpr Refusal kRefusals[] = {
-    {"ASTM-E57",
-     "is an E57 file, which is not read yet; convert it to LAS or PLY, for instance with CloudCompare or "
-     "'pdal translate IN.e57 OUT.las'"},
     {"# .PCD",
      "is a PCD file, which is not read yet; convert it to PLY, for instance with 'pcl_pcd2ply IN.pcd "
      "OUT.ply'"},
@@ -70,6 +68,7 @@ std::unique_ptr<PointFile> open_point_file(const std::filesystem::path& path, co
   file.read_at(0, bytes, there);
   const std::string_view head(bytes, static_cast<std::size_t>(there));
   if (head.substr(0, 4) == "LASF") return open_las_points(file, options);
+  if (head.substr(0, 8) == "ASTM-E57") return open_e57_points(file, options);
   if (head.substr(0, 3) == "ply" && head.find_first_of("\r\n ") == 3) {
     return open_ply_points(file, options);
   }
@@ -87,7 +86,7 @@ std::unique_ptr<PointFile> open_point_file(const std::filesystem::path& path, co
   }
   const bool text = extension == ".xyz" || extension == ".pts" || extension == ".csv" || extension == ".asc";
   if (text || looks_like_text_points(file)) return open_text_points(file, options);
-  throw InputError(name + ": is of no known format; PLY, LAS, XYZ, PTS, PTX and CSV are read");
+  throw InputError(name + ": is of no known format; PLY, LAS, E57, XYZ, PTS, PTX and CSV are read");
 }
 
 std::uint64_t missing_points(const PointFileInfo& info, const ReadCounts& total) {

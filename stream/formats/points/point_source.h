@@ -29,7 +29,7 @@ struct PointChunk {
   std::vector<double> x, y, z;
   std::vector<float> nx, ny, nz;      ///< as given, not normalised; zero = unknown
   std::vector<std::uint32_t> rgba;    ///< r | g<<8 | b<<16 | a<<24, alpha 255 where colour is known
-  std::vector<std::uint16_t> sensor;  ///< index into PointFileInfo::sensors
+  std::vector<std::uint16_t> sensor;  ///< index into PointFileInfo::sensors, or kNoSensor
   std::vector<Echo> echo;
   std::size_t size() const { return x.size(); }
   void clear();
@@ -52,7 +52,7 @@ struct PointFileInfo {
   bool has_bounds = false;
   Double3 declared_min{}, declared_max{};
   PointAttributes attributes;
-  std::vector<Double3> sensors;       ///< sensor origins, scan frame (PTX: one per scan in the file)
+  std::vector<Double3> sensors;       ///< sensor origins, scan frame (PTX, E57: one per scan)
   std::vector<std::string> warnings;  ///< what the header gets wrong, one sentence each
 };
 
@@ -97,7 +97,7 @@ class PointFile {
 };
 
 /// Opens a point file by content first, extension second.
-/// \throws InputError for an unreadable, empty, unknown or unsupported (LAZ, E57: names what to convert to) file
+/// \throws InputError for an unreadable, empty, unknown or unsupported (LAZ: names what to convert to) file
 std::unique_ptr<PointFile> open_point_file(const std::filesystem::path& path, const ReadOptions& options);
 
 /// Points that the header promises and the file does not hold. \param total  sums over all slices of the file

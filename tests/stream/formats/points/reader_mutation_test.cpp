@@ -7,11 +7,13 @@
 #include <string>
 #include <vector>
 
+#include "stream/formats/points/e57_points.h"
 #include "stream/formats/points/las_points.h"
 #include "stream/formats/points/ply_points.h"
 #include "stream/formats/points/ptx_points.h"
 #include "stream/formats/points/text_points.h"
 #include "tests/fuzz/point_reader_check.h"
+#include "tests/helpers/e57_writer.h"
 
 namespace tessera {
 namespace {
@@ -75,6 +77,22 @@ std::vector<std::string> ptx_files() {
           header};
 }
 
+std::vector<std::string> e57_files() {
+  const std::string pose = test::e57_pose("0.6", "0", "0.8", "0", "1", "2", "3");
+  std::vector<test::E57TestScan> scans(2);
+  scans[0].fields =
+      test::e57_doubles(test::kE57Cartesian, std::vector<std::vector<double>>(3, {1, 2, 3, 4, 5, 6, 7}));
+  scans[0].xml = pose;
+  scans[0].packets = 3;
+  scans[1].fields =
+      test::e57_doubles(test::kE57Spherical, std::vector<std::vector<double>>(3, {.1, .2, .3, .4}), "single");
+  scans[1].fields.push_back({"sphericalInvalidState", "Integer", {}, {0, 1, 2, 0}, 0, 2, 1.0, 0.0, {}});
+  scans[1].fields.push_back({"colorRed", "Integer", {}, {0, 10, 200, 255}, 0, 255, 1.0, 0.0, {}});
+  scans[1].fields.push_back({"colorGreen", "Integer", {}, {0, 10, 200, 255}, -7, 500, 1.0, 0.0, {}});
+  scans[1].fields.push_back({"colorBlue", "ScaledInteger", {}, {0, 10, 200, 255}, 0, 255, 0.5, 1.0, {}});
+  return {test::e57_file(scans), test::e57_file({scans[1]}), test::e57_file({scans[0]})};
+}
+
 /// One to three kinds of damage, more of it in the second half: a broken header ends the reading early.
 std::string damaged(std::string bytes, std::mt19937_64& random) {
   const auto below = [&](std::size_t n) { return static_cast<std::size_t>(random() % n); };
@@ -116,12 +134,18 @@ std::string damaged(std::string bytes, std::mt19937_64& random) {
   return bytes;
 }
 
-void check_damaged(fuzz::OpenPoints open, const std::vector<std::string>& files) {
+std::string as_it_is(std::string bytes) {
+  return bytes;
+}
+
+/// \param finish  what makes damage get past the outermost check
+void check_damaged(fuzz::OpenPoints open, const std::vector<std::string>& files,
+                   std::string (*finish)(std::string) = as_it_is) {
   std::mt19937_64 random(20240601);  // the standard fixes its numbers
   for (const std::string& file : files) REQUIRE_NOTHROW(fuzz::check_reader(open, file));
   int read = 0;
   for (int i = 0; i < kMutations; ++i) {
-    const std::string bytes = damaged(files[static_cast<std::size_t>(i) % files.size()], random);
+    const std::string bytes = finish(damaged(files[static_cast<std::size_t>(i) % files.size()], random));
     if (bytes.empty()) continue;
     CAPTURE(i, bytes);
     REQUIRE_NOTHROW(read += fuzz::check_reader(open, bytes) ? 1 : 0);
@@ -136,6 +160,9 @@ TEST_CASE("mutations: damaged PLY files give points or a sentence", "[fault]") {
 }
 TEST_CASE("mutations: damaged LAS files give points or a sentence", "[fault]") {
   check_damaged(open_las_points, las_files());
+}
+TEST_CASE("mutations: damaged E57 files with sound checksums give points or a sentence", "[fault]") {
+  check_damaged(open_e57_points, e57_files(), test::e57_sealed);
 }
 TEST_CASE("mutations: damaged text files give points or a sentence", "[fault]") {
   check_damaged(open_text_points, text_files());
