@@ -36,8 +36,9 @@ class Expansion {
     const fs::file_status status = fs::status(path, error);
     if (fs::is_directory(status)) {
       if (!folder(path)) {
-        throw InputError(path.string() +
-                         ": the folder holds no file of points (ply, las, e57, xyz, pts, ptx, csv, asc)");
+        throw InputError(
+            path.string() +
+            ": the folder holds no file of points (ply, las, e57, pcd, xyz, pts, ptx, csv, asc)");
       }
     } else if (fs::exists(status)) {
       add(path);

@@ -10,6 +10,7 @@
 #include "stream/formats/byte_window.h"
 #include "stream/formats/points/e57_points.h"
 #include "stream/formats/points/las_points.h"
+#include "stream/formats/points/pcd_points.h"
 #include "stream/formats/points/ply_points.h"
 #include "stream/formats/points/ptx_points.h"
 #include "stream/formats/points/text_points.h"
@@ -26,9 +27,6 @@ struct Refusal {
 constexpr std::string_view kMesh =
     "is a mesh, not a scan; to read its vertices as points, make it a PLY: tessera convert IN -o OUT.ply";
 constexpr Refusal kRefusals[] = {
-    {"# .PCD",
-     "is a PCD file, which is not read yet; convert it to PLY, for instance with 'pcl_pcd2ply IN.pcd "
-     "OUT.ply'"},
     {"\xfd"
      "7zXZ",
      "is compressed (xz); unpack it first"},
@@ -76,6 +74,7 @@ std::unique_ptr<PointFile> open_point_file(const std::filesystem::path& path, co
     if (head.substr(0, r.magic.size()) == r.magic) throw InputError(name + ": " + std::string(r.sentence));
   }
   const std::string extension = lower_extension(path);
+  if (extension == ".pcd" || head.substr(0, 6) == "# .PCD") return open_pcd_points(file, options);
   if (extension == ".ptx" || looks_like_ptx(file)) return open_ptx_points(file, options);
   if (extension == ".las" || extension == ".laz" || extension == ".ply" || extension == ".e57") {
     throw InputError(name + ": does not start as a " + extension.substr(1) +
@@ -86,7 +85,7 @@ std::unique_ptr<PointFile> open_point_file(const std::filesystem::path& path, co
   }
   const bool text = extension == ".xyz" || extension == ".pts" || extension == ".csv" || extension == ".asc";
   if (text || looks_like_text_points(file)) return open_text_points(file, options);
-  throw InputError(name + ": is of no known format; PLY, LAS, E57, XYZ, PTS, PTX and CSV are read");
+  throw InputError(name + ": is of no known format; PLY, LAS, E57, PCD, XYZ, PTS, PTX and CSV are read");
 }
 
 std::uint64_t missing_points(const PointFileInfo& info, const ReadCounts& total) {

@@ -9,11 +9,13 @@
 
 #include "stream/formats/points/e57_points.h"
 #include "stream/formats/points/las_points.h"
+#include "stream/formats/points/pcd_points.h"
 #include "stream/formats/points/ply_points.h"
 #include "stream/formats/points/ptx_points.h"
 #include "stream/formats/points/text_points.h"
 #include "tests/fuzz/point_reader_check.h"
 #include "tests/helpers/e57_writer.h"
+#include "tests/helpers/lzf_block.h"
 
 namespace tessera {
 namespace {
@@ -75,6 +77,19 @@ std::vector<std::string> ptx_files() {
   const std::string header = "2\n2\n1 2 3\n1 0 0\n0 1 0\n0 0 1\n1 0 0 0\n0 1 0 0\n0 0 1 0\n1 2 3 1\n";
   return {header + "1 2 3 .5\n0 0 0 .5\n4 5 6 .5 1 2 3\n7 8 9 1\n" + header + "1 2 3 4 5 6 7\n0 0 0 0\n",
           header};
+}
+
+std::vector<std::string> pcd_files() {
+  const std::string header =
+      "# .PCD v0.7\nFIELDS x y z rgb\nSIZE 4 4 4 4\nTYPE F F F U\nPOINTS 8\nVIEWPOINT 1 2 3 1 0 0 0\nDATA ";
+  const std::string data(128, '\x3f');
+  const std::string packed = test::lzf_block(data);
+  std::string lines;
+  for (int i = 0; i < 8; ++i) lines += "1 -2.5 nan 4286578943\n";
+  return {header + "binary\n" + data,
+          header + "binary_compressed\n" + static_cast<char>(packed.size()) +
+              std::string("\0\0\0\x80\0\0\0", 7) + packed,
+          header + "ascii\n" + lines};
 }
 
 std::vector<std::string> e57_files() {
@@ -163,6 +178,9 @@ TEST_CASE("mutations: damaged LAS files give points or a sentence", "[fault]") {
 }
 TEST_CASE("mutations: damaged E57 files with sound checksums give points or a sentence", "[fault]") {
   check_damaged(open_e57_points, e57_files(), test::e57_sealed);
+}
+TEST_CASE("mutations: damaged PCD files give points or a sentence", "[fault]") {
+  check_damaged(open_pcd_points, pcd_files());
 }
 TEST_CASE("mutations: damaged text files give points or a sentence", "[fault]") {
   check_damaged(open_text_points, text_files());
