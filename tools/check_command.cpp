@@ -66,6 +66,7 @@ void run_check(const CheckCommand& command) {
   const auto mesh = open_mesh_file(command.mesh, {.keep_bad_faces = true});
   const MeshCheck check = check_mesh(*mesh, options);
   std::cout << describe(check) << std::flush;
+  for (const std::string& warning : mesh->warnings()) std::cout << "warning: " << warning << std::endl;
   nlohmann::json truth_report, comparison_report;
   std::string complaint;
   if (!command.reference.empty()) {
@@ -90,6 +91,7 @@ void run_check(const CheckCommand& command) {
       report["deviation"]["reference"] = json_text(command.reference);
     }
     report["mesh"] = json_text(command.mesh);
+    if (const auto warnings = mesh->warnings(); !warnings.empty()) report["warnings"] = warnings;
     OutputFile file(command.json);
     file.append(report.dump(2) + "\n");
     file.finish();

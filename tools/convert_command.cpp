@@ -27,6 +27,7 @@ void run_convert_mesh(const std::vector<std::filesystem::path>& inputs, const Co
   const ConvertMeshReport report = convert_mesh(cli::one_input(inputs, "converted"), command.output, options);
   fmt::print("{}: {} vertices, {} faces, {} bytes{}\n", command.output.string(), report.vertices,
              report.faces, report.bytes, report.welded ? " (vertices merged by position)" : "");
+  for (const std::string& note : report.notes) fmt::print("note: {}\n", note);
 }
 
 void run_convert(const ConvertCommand& command) {

@@ -80,6 +80,7 @@ ConvertMeshReport convert_mesh(const std::filesystem::path& input, const std::fi
   });
   writer->finish();
   report.bytes = writer->bytes_written();
+  report.notes = source->warnings();
   return report;
 }
 

@@ -4,6 +4,8 @@
 #include <cstdint>
 #include <filesystem>
 #include <functional>
+#include <string>
+#include <vector>
 
 namespace tessera {
 
@@ -17,8 +19,9 @@ struct ConvertMeshOptions {
 struct ConvertMeshReport {
   std::uint64_t vertices = 0;
   std::uint64_t faces = 0;
-  std::uint64_t bytes = 0;  ///< of the output
-  bool welded = false;      ///< vertices were merged by exact position
+  std::uint64_t bytes = 0;         ///< of the output
+  bool welded = false;             ///< vertices were merged by exact position
+  std::vector<std::string> notes;  ///< what the input gets wrong and was read past
 };
 
 /// True when converting `input` to `output` means its faces: an output that only meshes have (.obj, .stl,

@@ -44,6 +44,45 @@ std::string trimmed(std::string_view text) {
   return std::string(text.substr(begin, text.find_last_not_of(" \t") - begin + 1));
 }
 
+constexpr std::array<std::string_view, 6> kKeywords = {"format",  "comment",  "obj_info",
+                                                       "element", "property", "end_header"};
+constexpr std::array<std::string_view, 7> kOtherWords = {
+    "ply", "list", "ascii", "binary_little_endian", "binary_big_endian", "vertex", "face"};
+
+/// Letters to insert, delete or exchange until one word is the other, case aside.
+std::size_t edits(std::string_view a, std::string_view b) {
+  const auto lower = [](char c) { return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c; };
+  std::vector<std::size_t> row(b.size() + 1);
+  for (std::size_t j = 0; j <= b.size(); ++j) row[j] = j;
+  for (std::size_t i = 0; i < a.size(); ++i) {
+    std::size_t corner = std::exchange(row[0], i + 1);
+    for (std::size_t j = 0; j < b.size(); ++j) {
+      const std::size_t same = corner + (lower(a[i]) == lower(b[j]) ? 0 : 1);
+      corner = std::exchange(row[j + 1], std::min({same, row[j] + 1, row[j + 1] + 1}));
+    }
+  }
+  return row.back();
+}
+
+/// A comment that lacks its keyword, and cannot be a line that means something and is misspelt.
+bool is_prose(std::string_view line) {
+  const auto is_control = [](char c) {
+    return c >= 0 && c < ' ' && c != '\t';
+  };  // below 0: any encoding of letters
+  if (line.size() > 1000 || std::any_of(line.begin(), line.end(), is_control)) return false;
+  std::size_t words = 0;
+  for (std::string_view word = take_word(line); !word.empty(); word = take_word(line)) {
+    const auto is_word = [&](std::string_view known) { return known == word; };
+    if (std::any_of(kKeywords.begin(), kKeywords.end(), is_word) ||
+        std::any_of(kOtherWords.begin(), kOtherWords.end(), is_word) ||
+        std::any_of(kTypeNames.begin(), kTypeNames.end(), [&](const TypeName& t) { return t.name == word; }))
+      return false;
+    const auto is_near = [&](std::string_view known) { return edits(word, known) <= 2; };
+    if (words++ == 0 && std::any_of(kKeywords.begin(), kKeywords.end(), is_near)) return false;
+  }
+  return words > 0;
+}
+
 /// Parses line by line; knows where it is for messages.
 class HeaderParser {
  public:
@@ -69,6 +108,10 @@ class HeaderParser {
     } else if (keyword == "end_header") {
       if (!has_format_) fail("there is no 'format' line before end_header");
       return true;
+    } else if (is_prose(whole)) {
+      header_.warnings.push_back("line " + std::to_string(header_.lines) + " of the PLY header, '" +
+                                 trimmed(whole.substr(0, 60)) + "', is taken for a comment");
+      header_.comments.push_back(trimmed(whole));
     } else if (!keyword.empty()) {
       fail("unknown keyword '" + trimmed(whole.substr(0, 40)) + "'");
     }
@@ -220,6 +263,11 @@ PlyHeader read_ply_header(const ReadFile& file) {
   }
   parser.fail(file.size() > kMaxHeaderBytes ? "there is no end_header within the first 4 MiB"
                                             : "the file ends before end_header; it is truncated");
+}
+
+std::string surplus_sentence(std::uint64_t lines) {
+  return std::to_string(lines) + (lines == 1 ? " line holds more values" : " lines hold more values") +
+         " than the header declares; what is beyond is left out";
 }
 
 std::uint64_t skip_ply_elements(const PlyElement& element, bool big_endian, std::uint64_t count,

@@ -42,6 +42,7 @@ struct PlyHeader {
   std::vector<PlyElement> elements;
   std::vector<std::string> comments;  ///< `comment` lines, without the keyword
   std::vector<std::string> obj_info;  ///< `obj_info` lines, without the keyword
+  std::vector<std::string> warnings;  ///< what was tolerated, one sentence each
   std::uint64_t data_begin = 0;       ///< byte offset of the first element
   std::uint64_t lines = 0;            ///< lines of the header, for messages about ascii data
   char line_end = '\n';  ///< last byte of a line: '\n', or '\r' in files of old Macintosh programs
@@ -53,10 +54,14 @@ struct PlyHeader {
   std::string encoding_name() const;
 };
 
-/// Reads the header. Lines may end in LF, CRLF or CR; blank lines are skipped.
+/// Reads the header. Lines may end in LF, CRLF or CR; blank lines are skipped. A line of prose, which only lacks its
+/// keyword `comment`, is taken for one, with a warning: no word of it means anything here, nor nearly does the first.
 /// \throws InputError naming file, line and what is wrong: no PLY, no end_header within 4 MiB, an unknown type,
 ///   encoding or keyword, a count that is no number, a property before any element, a repeated property
 PlyHeader read_ply_header(const ReadFile& file);
+
+/// What is said of ascii lines that hold more values than the header declares. \pre lines > 0
+std::string surplus_sentence(std::uint64_t lines);
 
 /// Moves past up to `count` binary elements. Returns how many were complete; fewer when the file ends early.
 /// Elements without lists are skipped without being read.

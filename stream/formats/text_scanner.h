@@ -22,6 +22,8 @@ class TextScanner {
   std::string_view word();
   /// The next word of this line, empty at its end.
   std::string_view word_in_line();
+  /// Nothing but blanks and comments is left on this line.
+  bool line_done() { return !at_word(); }
   /// Passes over the rest of this line. False at the end of the file.
   bool next_line();
   /// The next word must be a number. `in_line`: on this line. \throws InputError saying what was wanted

@@ -78,7 +78,8 @@ class ImportCornersStage : public Stage {
     return {{"faces", dealer.faces},
             {"bad_faces", dealer.bad},
             {"degenerate_faces", dealer.degenerate},
-            {"dealt", dealer.dealt}};
+            {"dealt", dealer.dealt},
+            {"warnings", mesh->warnings()}};
   }
 
   std::vector<std::string> obsolete() const override {

@@ -126,6 +126,7 @@ ReadCounts PointInputs::read(std::size_t k, TaskContext& context, bool in_bytes,
     sum.withheld += counts.withheld;
     sum.empty += counts.empty;
     sum.missing += counts.missing;
+    sum.surplus += counts.surplus;
     sum.warnings.insert(sum.warnings.end(), counts.warnings.begin(), counts.warnings.end());
   }
   return sum;

@@ -103,6 +103,7 @@ struct Part {
     counts.withheld += c.withheld;
     counts.empty += c.empty;
     counts.missing += c.missing;
+    counts.surplus += c.surplus;
     counts.warnings.insert(counts.warnings.end(), c.warnings.begin(), c.warnings.end());
   }
   void merge(const Part& other) {

@@ -52,6 +52,7 @@ inline ReadResult read_points(const std::filesystem::path& path,
     result.counts.withheld += counts.withheld;
     result.counts.empty += counts.empty;
     result.counts.missing += counts.missing;
+    result.counts.surplus += counts.surplus;
     for (const auto& w : counts.warnings) result.counts.warnings.push_back(w);
   }
   return result;
@@ -81,6 +82,7 @@ inline void require_slices_agree(const std::filesystem::path& path, const ReadOp
     REQUIRE(parts.counts.withheld == whole.counts.withheld);
     REQUIRE(parts.counts.empty == whole.counts.empty);
     REQUIRE(parts.counts.missing == whole.counts.missing);
+    REQUIRE(parts.counts.surplus == whole.counts.surplus);
     REQUIRE(parts.counts.warnings == whole.counts.warnings);
   }
 }

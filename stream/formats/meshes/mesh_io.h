@@ -66,6 +66,8 @@ class MeshReader {
   virtual void read_vertices(
       const std::function<void(std::span<const Double3>, std::span<const std::uint32_t>)>& sink) = 0;
   virtual void read_faces(const std::function<void(std::span<const MeshFace>)>& sink) = 0;
+  /// What the file gets wrong and was read past, one sentence each; complete when all was read.
+  virtual std::vector<std::string> warnings() const { return {}; }
   /// Whether faces say that they close holes (PLY: property `synthetic`).
   virtual bool has_synthetic() const { return false; }
   /// Faces with what they say, one value each; no values if has_synthetic() is false.

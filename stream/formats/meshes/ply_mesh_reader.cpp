@@ -1,4 +1,6 @@
-/// PLY meshes: any encoding, property order and types; faces as lists of any length or as triangle strips.
+/// PLY meshes: any encoding, property order and types; faces as lists of any length or as triangle strips. In ascii an
+/// element may be spread over lines, or share one with others; where every element has a line of its own, lines may hold
+/// more values than the header declares (wedge colours of MeshLab).
 #include <algorithm>
 #include <array>
 #include <optional>
@@ -28,6 +30,7 @@ class PlyMeshReader : public MeshReader {
     header_.comments = ply_.comments;
     std::erase_if(header_.comments, [&](const std::string& c) { return parse_shift(c, header_.shift); });
     format_ = "PLY " + ply_.encoding_name();
+    surplus_.assign(ply_.elements.size(), 0);
   }
 
   const MeshHeader& header() const override { return header_; }
@@ -38,10 +41,7 @@ class PlyMeshReader : public MeshReader {
     if (ply_.encoding == PlyEncoding::kAscii) {
       TextScanner text = ascii_at(vertex_);
       Values values(element().properties.size());
-      for (std::uint64_t i = 0; i < element().count; ++i) {
-        read_ascii_element(text, element(), values, nullptr);
-        add_vertex(batch, values);
-      }
+      read_ascii_elements(text, vertex_, values, nullptr, [&] { add_vertex(batch, values); });
     } else if (element().has_list()) {
       ByteWindow window = binary_at(vertex_);
       Values values(element().properties.size());
@@ -60,6 +60,14 @@ class PlyMeshReader : public MeshReader {
   }
 
   bool has_synthetic() const override { return synthetic_ >= 0; }
+
+  std::vector<std::string> warnings() const override {
+    std::vector<std::string> all = ply_.warnings;
+    for (const std::uint64_t lines : surplus_) {
+      if (lines > 0) all.push_back(surplus_sentence(lines));
+    }
+    return all;
+  }
 
   void read_flagged_faces(
       const std::function<void(std::span<const MeshFace>, std::span<const std::uint8_t>)>& sink) override {
@@ -102,11 +110,10 @@ class PlyMeshReader : public MeshReader {
       FaceBatch batch(sink, options_, header_.vertices, [&] { return text.where(); });
       Values values(faces.properties.size());
       Polygon polygon{batch, strips_};
-      for (std::uint64_t i = 0; i < faces.count; ++i) {
-        read_ascii_element(text, faces, values, &polygon);
+      read_ascii_elements(text, *faces_, values, &polygon, [&] {
         if (one_by_one) batch.flush();
         then(values);
-      }
+      });
       batch.flush();
       return;
     }
@@ -351,6 +358,43 @@ class PlyMeshReader : public MeshReader {
     polygon.end();
   }
 
+  /// Reads one kind of elements to its end, and counts the lines with more values than declared.
+  template <class F>
+  void read_ascii_elements(TextScanner& text, std::size_t index, Values& values, Polygon* polygon,
+                           F&& then) const {
+    const PlyElement& e = ply_.elements[index];
+    std::uint64_t surplus = 0;
+    for (std::uint64_t i = 0; i < e.count && !e.properties.empty(); ++i) {
+      while (text.line_done() && text.next_line()) {
+      }
+      const std::uint64_t line = text.line();
+      read_ascii_element(text, e, values, polygon);
+      if (text.line() == line && !text.line_done() && line_each()) {
+        ++surplus;
+        text.next_line();
+      }
+      then();
+    }
+    surplus_[index] = surplus;
+  }
+
+  /// Every element has a line of its own: there are as many lines. Asked only where one holds more than it should.
+  bool line_each() const {
+    if (!line_each_) {
+      std::uint64_t elements = 0;
+      for (const PlyElement& e : ply_.elements) {
+        if (!e.properties.empty()) elements += std::min(e.count, file_.size());
+      }
+      TextScanner lines(file_, ply_.data_begin, 1, ply_.line_end, '\0');
+      std::uint64_t found = 0;
+      do {
+        if (!lines.line_done()) ++found;
+      } while (lines.next_line());
+      line_each_ = found >= elements;
+    }
+    return *line_each_;
+  }
+
   void read_ascii_element(TextScanner& text, const PlyElement& e, Values& values, Polygon* polygon) const {
     for (std::size_t p = 0; p < e.properties.size(); ++p) {
       const PlyProperty& prop = e.properties[p];
@@ -389,10 +433,8 @@ class PlyMeshReader : public MeshReader {
   TextScanner ascii_at(std::size_t index) const {
     TextScanner text(file_, ply_.data_begin, ply_.lines + 1, ply_.line_end, '\0');
     for (std::size_t i = 0; i < index; ++i) {
-      const PlyElement& e = ply_.elements[i];
-      Values ignored(e.properties.size());
-      for (std::uint64_t k = 0; k < e.count && !e.properties.empty(); ++k)
-        read_ascii_element(text, e, ignored, nullptr);
+      Values ignored(ply_.elements[i].properties.size());
+      read_ascii_elements(text, i, ignored, nullptr, [] {});
     }
     return text;
   }
@@ -409,6 +451,8 @@ class PlyMeshReader : public MeshReader {
   int synthetic_ = -1;  ///< property of the faces
   MeshHeader header_;
   std::string format_;
+  mutable std::vector<std::uint64_t> surplus_;  ///< ascii: per element, lines with more values than declared
+  mutable std::optional<bool> line_each_;  ///< ascii: every element has a line of its own, once it was asked
 };
 
 }  // namespace

@@ -47,6 +47,7 @@ class PlyPoints final : public PointFile {
     info_.attributes.normals = has_[3];
     info_.attributes.colour = has_[6];
     info_.attributes.intensity = element().find("intensity") >= 0 || element().find("scalar_Intensity") >= 0;
+    info_.warnings = header_.warnings;
     if (header_.encoding == PlyEncoding::kAscii) {
       open_ascii(file);
     } else {
@@ -205,8 +206,8 @@ class PlyPoints final : public PointFile {
     }
   }
 
-  /// One ascii vertex. False if the line has too few values or something that is no number.
-  bool parse(std::string_view line, std::array<double, kSlots>& values) const {
+  /// Takes one ascii vertex from the line. False if that has too few values or something that is no number.
+  bool parse(std::string_view& line, std::array<double, kSlots>& values) const {
     for (std::size_t p = 0; p < slots_.size(); ++p) {
       const PlyProperty& property = element().properties[p];
       if (property.list) {
@@ -249,7 +250,8 @@ class PlyPoints final : public PointFile {
     }
     while (left > 0 && reader.next(line)) {
       if (is_blank(line)) continue;
-      const bool whole = parse(line, values);
+      std::string_view rest = line;
+      const bool whole = parse(rest, values);
       // A last line without its end may be cut within a number: it is, where the header says that more
       // follows.
       if (!whole || (in_order && (left > 1 || !closing_) && !reader.complete())) {
@@ -262,6 +264,7 @@ class PlyPoints final : public PointFile {
                          "' is not a vertex with " + std::to_string(element().properties.size()) +
                          " values as the header declares; correct or remove the line");
       }
+      if (!is_blank(rest)) ++counts.surplus;
       append(values, out.chunk());
       out.added();
       --left;

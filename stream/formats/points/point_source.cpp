@@ -8,6 +8,7 @@
 #include "stream/files/file_extension.h"
 #include "stream/files/read_file.h"
 #include "stream/formats/byte_window.h"
+#include "stream/formats/ply_header.h"
 #include "stream/formats/points/e57_points.h"
 #include "stream/formats/points/las_points.h"
 #include "stream/formats/points/pcd_points.h"
@@ -105,6 +106,7 @@ std::vector<std::string> refuted_claims(const PointFileInfo& info, const ReadCou
     sentences.push_back("the header declares " + std::to_string(info.declared_points) + " points, " +
                         std::to_string(found) + " were read");
   }
+  if (total.surplus > 0) sentences.push_back(surplus_sentence(total.surplus));
   bool outside = false;
   bool wide = false;
   for (std::size_t a = 0; a < 3 && info.has_bounds && read_min[a] <= read_max[a]; ++a) {

@@ -72,6 +72,7 @@ struct ReadCounts {
   /// Declared by the header, not in the file (truncated); text files read in slices cannot know and count a
   /// torn last line only: see missing_points.
   std::uint64_t missing = 0;
+  std::uint64_t surplus = 0;  ///< lines of `points` that hold more values than the header declares (PLY)
   std::uint64_t other_class = 0;   ///< of `points`, left out by PointInputs: of a class that is not wanted
   std::uint64_t other_return = 0;  ///< else of a return that is not wanted
   std::vector<std::string> warnings;

@@ -9,6 +9,7 @@
 
 #include "octree/error.h"
 #include "stream/files/task_files.h"
+#include "stream/formats/ply_header.h"
 #include "stream/formats/points/quantise.h"
 #include "stream/points/brick_histogram.h"
 #include "stream/points/sampled_layers.h"
@@ -41,6 +42,7 @@ std::string sample_file(std::size_t task) {
 /// What one task adds up.
 struct Tally {
   PointFates fates;
+  std::uint64_t surplus = 0;
   std::uint64_t with_normal = 0;
   std::uint64_t multi_return = 0, first_return = 0;
   Double3 min = {kMaxQuanta, kMaxQuanta, kMaxQuanta};  ///< quanta of good points, whole numbers
@@ -57,6 +59,7 @@ nlohmann::json to_json(const Tally& t) {
           {"other_return", t.fates.other_return},
           {"non_finite", t.fates.non_finite},
           {"far", t.fates.absurd},
+          {"surplus", t.surplus},
           {"with_normal", t.with_normal},
           {"multi_return", t.multi_return},
           {"first_return", t.first_return},
@@ -74,6 +77,7 @@ void add_json(const nlohmann::json& j, Tally& t) {
   t.fates.other_return += j.at("other_return").get<std::uint64_t>();
   t.fates.non_finite += j.at("non_finite").get<std::uint64_t>();
   t.fates.absurd += j.at("far").get<std::uint64_t>();
+  t.surplus += j.at("surplus").get<std::uint64_t>();
   t.with_normal += j.at("with_normal").get<std::uint64_t>();
   t.multi_return += j.at("multi_return").get<std::uint64_t>();
   t.first_return += j.at("first_return").get<std::uint64_t>();
@@ -206,6 +210,7 @@ nlohmann::json SurveyStage::run(std::size_t task, TaskContext& context) const {
   tally.fates.empty = counts.empty;
   tally.fates.missing = counts.missing;
   tally.fates.other_class = counts.other_class;
+  tally.surplus = counts.surplus;
   tally.fates.other_return = counts.other_return;
   tally.warnings = counts.warnings;
   if (tally.warnings.size() > kWarningsPerTask) tally.warnings.resize(kWarningsPerTask);
@@ -301,6 +306,7 @@ nlohmann::json SurveyStage::finish(const std::vector<nlohmann::json>& summaries,
   plan.bricks = bricks.size();
   plan.buckets = cut_buckets(bricks, bucket_target(job_.run, plan.points()), options_.max_brick_points);
   plan.warnings = tally.warnings;
+  if (tally.surplus > 0) plan.warnings.push_back(surplus_sentence(tally.surplus));
   std::uint64_t blocks = 0;
   for (const PlanBrick& b : bricks) blocks += b.blocks;
   measure(summaries.size(), blocks, plan);

@@ -167,6 +167,39 @@ TEST_CASE("PLY reader: big endian, odd properties, polygons, other elements betw
   CHECK(mesh.faces == std::vector<MeshFace>{{0, 1, 2}, {0, 2, 3}, {3, 1, 0}});
 }
 
+TEST_CASE("PLY reader: lines with more values than declared are counted, values without lines are not lost",
+          "[unit]") {
+  const TempFolder folder;
+  const std::string header =
+      "ply\nformat ascii 1.0\nMeshLab wrote this\nelement vertex 3\nproperty float x\nproperty float "
+      "y\nproperty float z\n"
+      "element face 2\nproperty list uchar int vertex_indices\nend_header\n";
+  const auto read = [&](const std::string& body) {
+    const auto path = folder.write("a.ply", header + body);
+    const WholeMesh mesh = read_whole(path);
+    CHECK(mesh.points == std::vector<Double3>{{0, 0, 0}, {1, 0, 0}, {0, 1, 0}});
+    CHECK(mesh.faces == std::vector<MeshFace>{{0, 1, 2}, {2, 1, 0}});
+    const auto reader = open_mesh_file(path);
+    reader->read_faces([](auto) {});
+    reader->read_vertices([](auto, auto) {});
+    std::vector<std::string> warnings = reader->warnings();
+    REQUIRE_FALSE(warnings.empty());
+    CHECK_THAT(warnings.front(), Contains("line 3") && Contains("comment"));
+    warnings.erase(warnings.begin());
+    return warnings;
+  };
+  // Wedge colours behind the indices, one line without; a surplus value at a vertex.
+  const std::string wedges = " 9 255 0 0 0 255 0 0 0 255";
+  std::vector<std::string> warnings =
+      read("0 0 0\n1 0 0\n\n0 1 0 7\n3 0 1 2" + wedges + "\n3 2 1 0" + wedges + "\n");
+  REQUIRE(warnings.size() == 2);
+  CHECK_THAT(warnings[0], Contains("1 line holds more values"));
+  CHECK_THAT(warnings[1], Contains("2 lines hold more values"));
+  CHECK(read("0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n3 2 1 0\n").empty());
+  CHECK(read("0 0 0 1 0 0 0 1 0 3 0 1 2 3 2 1 0\n").empty());
+  CHECK(read("0\n0 0 1\n0 0 0 1\n0\n3 0 1\n2 3 2\n1 0").empty());
+}
+
 TEST_CASE("PLY reader: strips turn every second triangle and restart at -1", "[unit]") {
   const TempFolder folder;
   const WholeMesh mesh = read_whole(folder.write(

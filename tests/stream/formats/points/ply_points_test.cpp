@@ -162,6 +162,25 @@ TEST_CASE("ply points: ascii slices at line boundaries, torn and bad lines", "[f
   CHECK_THAT(test::reading_error(path), Catch::Contains("line 308") && Catch::Contains("300 4 x"));
 }
 
+TEST_CASE("ply points: lines with more values than declared are counted", "[unit]") {
+  const test::TempFolder folder;
+  std::string text =
+      "ply\nformat ascii 1.0\nMade by hand\nelement vertex 40\nproperty float x\nproperty float y\nproperty "
+      "float z\nend_header\n";
+  for (int i = 0; i < 40; ++i) text += "1 2 " + std::to_string(i) + (i % 4 == 0 ? " 255 0 7\n" : " \n");
+  const auto path = folder.write("a.ply", text);
+  const auto r = test::read_points(path);
+  CHECK(r.points.size() == 40);
+  CHECK(r.points.z[39] == 39);
+  CHECK(r.counts.surplus == 10);
+  const auto sentences = refuted_claims(r.info, r.counts, {1, 2, 0}, {1, 2, 39});
+  REQUIRE(sentences.size() == 1);
+  CHECK_THAT(sentences[0], Catch::Contains("10 lines hold more values"));
+  REQUIRE(r.info.warnings.size() == 1);
+  CHECK_THAT(r.info.warnings[0], Catch::Contains("line 3"));
+  test::require_slices_agree(path);
+}
+
 TEST_CASE("ply points: not-a-number passes on, in every encoding", "[unit]") {
   const test::TempFolder folder;
   const float nan = std::numeric_limits<float>::quiet_NaN();
