@@ -12,6 +12,7 @@
 #include "octree/error.h"
 #include "stream/files/file_time.h"
 #include "stream/files/system_reason.h"
+#include "stream/files/unpacked_bytes.h"
 
 namespace tessera {
 
@@ -38,6 +39,20 @@ ReadFile::ReadFile(const std::filesystem::path& path) : path_(path) {
   modified_ = modification_ns(info);
 }
 
+ReadFile::ReadFile(std::unique_ptr<UnpackedBytes> bytes, std::uint64_t size)
+    : path_(bytes->file().path()),
+      size_(size == kUnknownSize ? bytes->size() : size),
+      modified_(bytes->file().modified()),
+      unpacked_(std::move(bytes)) {}
+
+ReadFile ReadFile::unpacked(const std::filesystem::path& path, std::uint64_t size) {
+  return ReadFile(std::make_unique<UnpackedBytes>(path), size);
+}
+
+std::string_view ReadFile::packed() const {
+  return unpacked_ ? unpacked_->format() : std::string_view();
+}
+
 ReadFile::~ReadFile() {
   if (fd_ >= 0) ::close(fd_);
 }
@@ -46,19 +61,26 @@ ReadFile::ReadFile(ReadFile&& other) noexcept
     : path_(std::move(other.path_)),
       fd_(std::exchange(other.fd_, -1)),
       size_(other.size_),
-      modified_(other.modified_) {}
+      modified_(other.modified_),
+      unpacked_(std::move(other.unpacked_)) {}
 
 ReadFile& ReadFile::operator=(ReadFile&& other) noexcept {
   std::swap(path_, other.path_);
   std::swap(fd_, other.fd_);
   std::swap(size_, other.size_);
   std::swap(modified_, other.modified_);
+  std::swap(unpacked_, other.unpacked_);
   return *this;
 }
 
 void ReadFile::read_at(std::uint64_t offset, void* to, std::uint64_t bytes) const {
   auto* out = static_cast<char*>(to);
-  std::uint64_t done = 0;
+  std::uint64_t done = unpacked_ ? unpacked_->read_at(offset, out, bytes) : 0;
+  if (unpacked_ && done < bytes) {
+    throw InputError(path_.string() + ": byte " + std::to_string(offset + done) +
+                     " of what it unpacks to: cannot read " + std::to_string(bytes - done) +
+                     " bytes: it ends here");
+  }
   while (done < bytes) {
     const ssize_t got = ::pread(fd_, out + done, bytes - done, static_cast<off_t>(offset + done));
     if (got < 0 && errno == EINTR) continue;
@@ -72,6 +94,7 @@ void ReadFile::read_at(std::uint64_t offset, void* to, std::uint64_t bytes) cons
 }
 
 void ReadFile::require_unchanged() const {
+  if (unpacked_) return unpacked_->file().require_unchanged();
   struct stat info {};
   if (::fstat(fd_, &info) == 0 && static_cast<std::uint64_t>(info.st_size) == size_ &&
       modification_ns(info) == modified_)
@@ -82,10 +105,12 @@ void ReadFile::require_unchanged() const {
 }
 
 void ReadFile::will_need(std::uint64_t offset, std::uint64_t bytes) const {
+  if (unpacked_) return;
   ::posix_fadvise(fd_, static_cast<off_t>(offset), static_cast<off_t>(bytes), POSIX_FADV_WILLNEED);
 }
 
 void ReadFile::release(std::uint64_t offset, std::uint64_t bytes) const {
+  if (unpacked_) return;
   ::posix_fadvise(fd_, static_cast<off_t>(offset), static_cast<off_t>(bytes), POSIX_FADV_DONTNEED);
 }
 

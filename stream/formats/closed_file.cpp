@@ -7,7 +7,7 @@
 namespace tessera {
 
 ReadFile ClosedFile::open() const {
-  ReadFile file(path_);
+  ReadFile file = packed_.empty() ? ReadFile(path_) : ReadFile::unpacked(path_, size_);
   if (file.size() != size_) {
     throw InputError(path_.string() + ": had " + std::to_string(size_) + " bytes and now has " +
                      std::to_string(file.size()) + "; inputs must not change while they are read");

@@ -6,6 +6,7 @@
 #include <string_view>
 
 #include "octree/error.h"
+#include "stream/files/file_extension.h"
 #include "stream/formats/line_reader.h"
 #include "stream/formats/points/point_source.h"
 
@@ -19,13 +20,17 @@ namespace fs = std::filesystem;
 /// in silence; .txt is not, because folders of scans hold readme files.
 constexpr std::array<std::string_view, 10> kExtensions = {".ply", ".las", ".laz", ".xyz", ".pts",
                                                           ".ptx", ".csv", ".asc", ".e57", ".pcd"};
+/// What may stand before .gz or .zst.
+constexpr std::array<std::string_view, 6> kPackedExtensions = {".ply", ".xyz", ".pts",
+                                                               ".ptx", ".csv", ".asc"};
 
 bool has_known_extension(const fs::path& path) {
-  std::string e = path.extension().string();
-  for (char& c : e) {
-    if (c >= 'A' && c <= 'Z') c = static_cast<char>(c - 'A' + 'a');
-  }
-  return std::find(kExtensions.begin(), kExtensions.end(), e) != kExtensions.end();
+  const auto among = [](const auto& known, const std::string& e) {
+    return std::find(known.begin(), known.end(), e) != known.end();
+  };
+  const std::string e = lower_extension(path);
+  return among(kExtensions, e) ||
+         ((e == ".gz" || e == ".zst") && among(kPackedExtensions, lower_extension(path.stem())));
 }
 
 class Expansion {

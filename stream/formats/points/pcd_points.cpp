@@ -321,9 +321,7 @@ class PcdPoints final : public PointFile {
     while (!slots_.empty() && slots_.back() == kSkip) slots_.pop_back();
   }
 
-  using Values = std::array<double, 9>;
-
-  bool parse(std::string_view line, Values& v) const {
+  bool parse(std::string_view line, PointValues& v) const {
     for (const int slot : slots_) {
       double value = 0;
       if (slot == kSkip) {
@@ -348,7 +346,7 @@ class PcdPoints final : public PointFile {
     const LineLayout layout{header_.data_begin, header_.lines + 1, '\n'};
     LineReader reader(file, layout, slice.begin, slice.end, options_.release_cache);
     std::string_view line;
-    Values v{};
+    PointValues v{};
     while (reader.next(line)) {
       if (is_blank(line)) continue;
       if (!parse(line, v)) {
@@ -361,18 +359,8 @@ class PcdPoints final : public PointFile {
             reader.where() + ": '" + std::string(line.substr(0, 60)) +
             "' is not a point with the fields that the PCD header declares; correct or remove the line");
       }
-      PointChunk& chunk = out.chunk();
-      chunk.x.push_back(v[0]), chunk.y.push_back(v[1]), chunk.z.push_back(v[2]);
-      if (info_.attributes.normals) {
-        chunk.nx.push_back(static_cast<float>(v[3]));
-        chunk.ny.push_back(static_cast<float>(v[4]));
-        chunk.nz.push_back(static_cast<float>(v[5]));
-      }
-      if (info_.attributes.colour)
-        chunk.rgba.push_back(pack_rgb(colour_byte(v[6], ColourScale::kByte),
-                                      colour_byte(v[7], ColourScale::kByte),
-                                      colour_byte(v[8], ColourScale::kByte)));
-      append_sensors(chunk);
+      append_values(v, info_.attributes, ColourScale::kByte, out.chunk());
+      append_sensors(out.chunk());
       out.added();
     }
   }

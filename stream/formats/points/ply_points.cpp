@@ -38,7 +38,7 @@ class PlyPoints final : public PointFile {
     }
     assign_slots();
     info_.path = input_.path();
-    info_.format = "PLY " + header_.encoding_name();
+    info_.format = "PLY " + header_.encoding_name() + input_.packed_words();
     const int face = header_.find("face");
     const std::uint64_t faces = face < 0 ? 0 : header_.elements[static_cast<std::size_t>(face)].count;
     if (faces > 0) info_.format += ", vertices of a mesh of " + std::to_string(faces) + " faces";
@@ -60,9 +60,9 @@ class PlyPoints final : public PointFile {
   std::vector<InputSlice> slices(std::uint32_t file, std::uint64_t target_bytes) const override {
     switch (mode_) {
       case Mode::kRecords:
-        return even_slices(file, 0, count_.usable, layout_.stride, target_bytes);
+        return even_slices(file, 0, count_.usable, layout_.stride, input_.slice_bytes(target_bytes));
       case Mode::kLines:
-        return even_slices(file, header_.data_begin, input_.size(), 1, target_bytes);
+        return even_slices(file, header_.data_begin, input_.size(), 1, input_.slice_bytes(target_bytes));
       case Mode::kInOrder:
         break;
     }
@@ -192,20 +192,6 @@ class PlyPoints final : public PointFile {
     if (slice.end >= count_.usable) counts.missing = count_.missing;
   }
 
-  void append(const std::array<double, kSlots>& values, PointChunk& chunk) const {
-    chunk.x.push_back(values[0]), chunk.y.push_back(values[1]), chunk.z.push_back(values[2]);
-    if (has_[3]) {
-      chunk.nx.push_back(static_cast<float>(values[3]));
-      chunk.ny.push_back(static_cast<float>(values[4]));
-      chunk.nz.push_back(static_cast<float>(values[5]));
-    }
-    if (has_[6]) {
-      const ColourScale scale = layout_.colour_scale;
-      chunk.rgba.push_back(pack_rgb(colour_byte(values[6], scale), colour_byte(values[7], scale),
-                                    colour_byte(values[8], scale)));
-    }
-  }
-
   /// Takes one ascii vertex from the line. False if that has too few values or something that is no number.
   bool parse(std::string_view& line, std::array<double, kSlots>& values) const {
     for (std::size_t p = 0; p < slots_.size(); ++p) {
@@ -265,7 +251,7 @@ class PlyPoints final : public PointFile {
                          " values as the header declares; correct or remove the line");
       }
       if (!is_blank(rest)) ++counts.surplus;
-      append(values, out.chunk());
+      append_values(values, info_.attributes, layout_.colour_scale, out.chunk());
       out.added();
       --left;
     }
@@ -304,7 +290,7 @@ class PlyPoints final : public PointFile {
           window.skip(head);
         }
       }
-      append(values, out.chunk());
+      append_values(values, info_.attributes, layout_.colour_scale, out.chunk());
       out.added();
     }
   }

@@ -75,6 +75,20 @@ void append_records(const PointRecordLayout& layout, const char* records, std::s
   }
 }
 
+void append_values(const PointValues& values, const PointAttributes& has, ColourScale scale,
+                   PointChunk& chunk) {
+  chunk.x.push_back(values[0]), chunk.y.push_back(values[1]), chunk.z.push_back(values[2]);
+  if (has.normals) {
+    chunk.nx.push_back(static_cast<float>(values[3]));
+    chunk.ny.push_back(static_cast<float>(values[4]));
+    chunk.nz.push_back(static_cast<float>(values[5]));
+  }
+  if (has.colour) {
+    chunk.rgba.push_back(pack_rgb(colour_byte(values[6], scale), colour_byte(values[7], scale),
+                                  colour_byte(values[8], scale)));
+  }
+}
+
 ColourScale colour_scale_for(ScalarType type, double largest) {
   if (scalar_is_float(type)) return largest > 1 ? ColourScale::kByte : ColourScale::kUnit;
   if (scalar_bytes(type) == 1) return ColourScale::kByte;

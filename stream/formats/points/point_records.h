@@ -48,6 +48,12 @@ inline std::uint32_t pack_rgb(std::uint32_t r, std::uint32_t g, std::uint32_t b)
 void append_records(const PointRecordLayout& layout, const char* records, std::size_t count,
                     PointChunk& chunk);
 
+/// Values of a line of text: position, normal, colour.
+using PointValues = std::array<double, 9>;
+/// Appends one point with what the file has of these.
+void append_values(const PointValues& values, const PointAttributes& has, ColourScale scale,
+                   PointChunk& chunk);
+
 /// The scale of the file's colours, from a fixed sample of it: 64 runs of 256 records at even distances (all
 /// records of a small file). 16-bit and wider integers are taken for 8-bit values if no sampled component
 /// exceeds 255; floats are taken for 0..255 if one exceeds 1. Depends on the file alone, never on slices or

@@ -7,6 +7,7 @@
 #include "octree/error.h"
 #include "stream/files/file_extension.h"
 #include "stream/files/read_file.h"
+#include "stream/files/unpacked_bytes.h"
 #include "stream/formats/byte_window.h"
 #include "stream/formats/ply_header.h"
 #include "stream/formats/points/e57_points.h"
@@ -31,13 +32,45 @@ constexpr Refusal kRefusals[] = {
     {"\xfd"
      "7zXZ",
      "is compressed (xz); unpack it first"},
-    {"\x1f\x8b", "is compressed (gzip); unpack it first"},
-    {"\x28\xb5\x2f\xfd", "is compressed (zstd); unpack it first"},
     {"PK\x03\x04", "is an archive (zip); unpack it first"},
     {"OFF", kMesh},
     {"solid ", kMesh},
     {"glTF", kMesh},
 };
+
+bool starts_ply(std::string_view head) {
+  return head.substr(0, 3) == "ply" && head.find_first_of("\r\n ") == 3;
+}
+
+bool is_text_extension(const std::string& extension) {
+  return extension == ".xyz" || extension == ".pts" || extension == ".csv" || extension == ".asc";
+}
+
+/// Text and PLY that gzip or zstd packed. Whether it is text is seen before it is unpacked to the end: what claims to be
+/// small and unpacks to one endless line is left alone.
+std::unique_ptr<PointFile> open_packed_points(const std::filesystem::path& path, const ReadOptions& options) {
+  const std::string name = path.string();
+  const std::string extension = lower_extension(path.stem());
+  std::vector<char> first(UnpackedBytes::kBlock);
+  first.resize(static_cast<std::size_t>(UnpackedBytes(path).read_at(0, first.data(), first.size())));
+  const std::string_view text(first.data(), first.size());
+  if (text.empty()) throw InputError(name + ": unpacks to nothing");
+  if (text.size() == UnpackedBytes::kBlock && text.find_first_of("\r\n") == std::string_view::npos) {
+    throw InputError(name + ": unpacks to a first line of more than " +
+                     std::to_string(UnpackedBytes::kBlock) + " bytes; this is not a text file of points");
+  }
+  const bool ply = starts_ply(text);
+  if (!ply && (extension == ".ply" || text.find('\0') != std::string_view::npos)) {
+    throw InputError(name + ": is compressed, and no text or PLY file of points; unpack it first");
+  }
+  const ReadFile file = ReadFile::unpacked(path);
+  ReadOptions smaller = options;  // chunks, that is: the decoder's window takes their place in memory
+  smaller.chunk_points = std::min<std::size_t>(options.chunk_points, 32768);
+  if (ply) return open_ply_points(file, smaller);
+  if (extension == ".ptx" || looks_like_ptx(file)) return open_ptx_points(file, smaller);
+  if (is_text_extension(extension) || looks_like_text_points(file)) return open_text_points(file, smaller);
+  throw InputError(name + ": is compressed, and no text or PLY file of points; unpack it first");
+}
 
 }  // namespace
 
@@ -68,9 +101,8 @@ std::unique_ptr<PointFile> open_point_file(const std::filesystem::path& path, co
   const std::string_view head(bytes, static_cast<std::size_t>(there));
   if (head.substr(0, 4) == "LASF") return open_las_points(file, options);
   if (head.substr(0, 8) == "ASTM-E57") return open_e57_points(file, options);
-  if (head.substr(0, 3) == "ply" && head.find_first_of("\r\n ") == 3) {
-    return open_ply_points(file, options);
-  }
+  if (starts_ply(head)) return open_ply_points(file, options);
+  if (!packed_format(head).empty()) return open_packed_points(path, options);
   for (const Refusal& r : kRefusals) {
     if (head.substr(0, r.magic.size()) == r.magic) throw InputError(name + ": " + std::string(r.sentence));
   }
@@ -84,8 +116,7 @@ std::unique_ptr<PointFile> open_point_file(const std::filesystem::path& path, co
   if (extension == ".obj" || extension == ".stl" || extension == ".off" || extension == ".glb") {
     throw InputError(name + ": " + std::string(kMesh));
   }
-  const bool text = extension == ".xyz" || extension == ".pts" || extension == ".csv" || extension == ".asc";
-  if (text || looks_like_text_points(file)) return open_text_points(file, options);
+  if (is_text_extension(extension) || looks_like_text_points(file)) return open_text_points(file, options);
   throw InputError(name + ": is of no known format; PLY, LAS, E57, PCD, XYZ, PTS, PTX and CSV are read");
 }
 

@@ -72,7 +72,7 @@ struct ReadCounts {
   /// Declared by the header, not in the file (truncated); text files read in slices cannot know and count a
   /// torn last line only: see missing_points.
   std::uint64_t missing = 0;
-  std::uint64_t surplus = 0;  ///< lines of `points` that hold more values than the header declares (PLY)
+  std::uint64_t surplus = 0;       ///< lines of `points` that hold more values than the header declares (PLY)
   std::uint64_t other_class = 0;   ///< of `points`, left out by PointInputs: of a class that is not wanted
   std::uint64_t other_return = 0;  ///< else of a return that is not wanted
   std::vector<std::string> warnings;
@@ -97,7 +97,8 @@ class PointFile {
                           const std::function<void(const PointChunk&)>& sink) const = 0;
 };
 
-/// Opens a point file by content first, extension second.
+/// Opens a point file by content first, extension second. What gzip or zstd packed (text, PTX, PLY) is unpacked on the
+/// way, in one slice, after it was unpacked once to be measured.
 /// \throws InputError for an unreadable, empty, unknown or unsupported (LAZ: names what to convert to) file
 std::unique_ptr<PointFile> open_point_file(const std::filesystem::path& path, const ReadOptions& options);
 
@@ -109,9 +110,9 @@ std::uint64_t missing_points(const PointFileInfo& info, const ReadCounts& total)
 std::vector<std::string> refuted_claims(const PointFileInfo& info, const ReadCounts& total,
                                         const Double3& read_min, const Double3& read_max);
 
-/// Expands files, folders (sorted, by extension ply las laz xyz pts ptx csv asc e57 pcd, not recursive),
-/// globs (sorted; folders count only where no file matches) and @list files (one file, folder or glob per
-/// line, relative to the list's folder, # starts a comment) to a list of paths without repeats, in the order
+/// Expands files, folders (sorted, by extension ply las laz e57 pcd xyz pts ptx csv asc, text and ply with .gz or .zst
+/// too, not recursive), globs (sorted; folders count only where no file matches) and @list files (one file, folder or
+/// glob per line, relative to the list's folder, # starts a comment) to a list of paths without repeats, in the order
 /// given; the order never changes a result. \throws InputError naming the argument that matches nothing
 std::vector<std::filesystem::path> expand_inputs(const std::vector<std::string>& arguments);
 

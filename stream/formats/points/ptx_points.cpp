@@ -66,7 +66,8 @@ class PtxPoints final : public PointFile {
     info_.bytes = input_.size();
     layout_.line_end = detect_line_end(file);
     find_scans(file);
-    info_.format = "PTX with " + std::to_string(scans_.size()) + (scans_.size() == 1 ? " scan" : " scans");
+    info_.format = "PTX with " + std::to_string(scans_.size()) + (scans_.size() == 1 ? " scan" : " scans") +
+                   input_.packed_words();
     info_.attributes.intensity = true;
     info_.attributes.sensor = true;
     for (std::size_t i = 0; i < scans_.size(); ++i) describe(scans_[i], i);
@@ -75,6 +76,10 @@ class PtxPoints final : public PointFile {
   const PointFileInfo& info() const override { return info_; }
 
   std::vector<InputSlice> slices(std::uint32_t file, std::uint64_t target_bytes) const override {
+    if (!input_.packed().empty()) {  // in one go: what comes first must be unpacked first
+      const std::uint64_t begin = scans_.front().data_begin;
+      return even_slices(file, begin, input_.size(), 1, input_.slice_bytes(target_bytes));
+    }
     std::vector<InputSlice> all;
     for (const Scan& scan : scans_) {
       for (const InputSlice& s : even_slices(file, scan.data_begin, scan.data_end, 1, target_bytes))
@@ -89,19 +94,21 @@ class PtxPoints final : public PointFile {
                                         [](std::uint64_t at, const Scan& s) { return at < s.data_begin; });
     if (after == scans_.begin())
       throw InputError(input_.path().string() + ": a slice that starts in a header");
-    // A scan without points starts where its successor's header does: the slice then is empty.
-    const Scan& scan = *(after - 1);
     ChunkSink out(options_.chunk_points, sink);
     ReadCounts counts;
-    LineLayout layout = layout_;
-    layout.data_begin = scan.data_begin;
     const ReadFile file = input_.open();
-    LineReader reader(file, layout, slice.begin, std::min(slice.end, scan.data_end), options_.release_cache);
-    read_lines(reader, scan, out, counts);
+    // A scan without points starts where its successor's header does: the slice then is empty.
+    auto scan = after - 1;
+    LineLayout layout = layout_;
+    layout.data_begin = scan->data_begin;
+    LineReader reader(file, layout, slice.begin, std::min(slice.end, input_.size()), options_.release_cache);
+    do {
+      read_lines(reader, *scan, out, counts);
+      if (slice.end >= scan->data_end && scan->declared > scan->lines)
+        counts.missing += scan->declared - scan->lines;
+    } while (++scan != scans_.end() && scan->data_begin < slice.end);
     out.flush();
     counts.points = out.points();
-    if (slice.end >= scan.data_end && scan.declared > scan.lines)
-      counts.missing += scan.declared - scan.lines;
     return counts;
   }
 
@@ -205,8 +212,8 @@ class PtxPoints final : public PointFile {
     const std::array<double, 12>& m = scan.matrix;
     const auto sensor = static_cast<std::uint16_t>(&scan - scans_.data());
     std::string_view line;
-    while (reader.next(line)) {
-      if (is_blank(line)) continue;
+    while (reader.next_offset() < scan.data_end && reader.next(line)) {
+      if (reader.line_offset() < scan.data_begin || is_blank(line)) continue;  // its header
       const std::string_view whole = line;
       double v[3];
       if (!next_number(line, v[0]) || !next_number(line, v[1]) || !next_number(line, v[2])) {

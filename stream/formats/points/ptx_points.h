@@ -5,7 +5,7 @@
 /// return and are counted as empty. The sensor is the scanner position of the header, or the matrix'
 /// translation where that position is zero. Opening reads the file once to find the scans: a line of one
 /// number starts a new one, whatever the counts of the header before say. Slices are byte ranges within one
-/// scan, cut at line boundaries.
+/// scan, cut at line boundaries; a file under gzip or zstd is one slice.
 #pragma once
 #include <memory>
 

@@ -155,13 +155,14 @@ class TextPoints final : public PointFile {
     info_.attributes.normals = columns_.normals();
     info_.attributes.colour = columns_.colours();
     info_.attributes.intensity = columns_.has(TextColumn::kIntensity);
-    info_.format = std::string(counted_ ? "PTS" : "text") + " with columns " + columns_.names();
+    info_.format =
+        std::string(counted_ ? "PTS" : "text") + " with columns " + columns_.names() + input_.packed_words();
   }
 
   const PointFileInfo& info() const override { return info_; }
 
   std::vector<InputSlice> slices(std::uint32_t file, std::uint64_t target_bytes) const override {
-    return even_slices(file, layout_.data_begin, input_.size(), 1, target_bytes);
+    return even_slices(file, layout_.data_begin, input_.size(), 1, input_.slice_bytes(target_bytes));
   }
 
   ReadCounts read(const InputSlice& slice,
@@ -175,7 +176,7 @@ class TextPoints final : public PointFile {
     while (reader.next(line)) {
       if (is_comment(line)) continue;
       if (columns_.parse(line, delimiter_, values)) {
-        append(values, out.chunk());
+        append_values(values, info_.attributes, colour_scale_, out.chunk());
         out.added();
       } else if (!passed_over(line)) {
         if (!reader.complete()) {
@@ -202,19 +203,6 @@ class TextPoints final : public PointFile {
   bool passed_over(std::string_view line) const {
     std::uint64_t count = 0;
     return is_blank(line) || is_comment(line) || (counted_ && is_count(line, count));
-  }
-
-  void append(const Values& v, PointChunk& chunk) const {
-    chunk.x.push_back(v[0]), chunk.y.push_back(v[1]), chunk.z.push_back(v[2]);
-    if (info_.attributes.normals) {
-      chunk.nx.push_back(static_cast<float>(v[3]));
-      chunk.ny.push_back(static_cast<float>(v[4]));
-      chunk.nz.push_back(static_cast<float>(v[5]));
-    }
-    if (info_.attributes.colour) {
-      chunk.rgba.push_back(pack_rgb(colour_byte(v[6], colour_scale_), colour_byte(v[7], colour_scale_),
-                                    colour_byte(v[8], colour_scale_)));
-    }
   }
 
   /// Calls f with lines at 64 places of the file, 64 at each, the same whatever slices are read.
