@@ -57,12 +57,13 @@ cli::Command convert_command() {
   ConvertCommand& c = *shared;
   OptionTable t;
   cli::add_inputs(t, c.inputs);
-  cli::add_output(t, c.output,
-                  "file to write: scans .ply (binary), .las (1.4), .xyz; meshes .ply, .obj, .stl, .glb");
+  cli::add_output(
+      t, c.output,
+      "file to write: scans .ply (binary), .las (1.4), .laz, .xyz; meshes .ply, .obj, .stl, .glb");
   add_columns(t, c.options.columns);
   t.add("double", &c.options.force_double, "PLY: double coordinates even where floats are exact");
   t.add("las-scale", &c.options.las_scale,
-        "step of LAS coordinates, units of the scan; 0 = the finest power of ten that fits")
+        "step of LAS and LAZ coordinates, units of the scan; 0 = the finest power of ten that fits")
       .at_least(0);
   t.add("float", &c.floats, "meshes: positions as floats even where the source has doubles");
   cli::add_threads(t, c.options.threads, "threads; never changes the result");

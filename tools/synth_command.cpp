@@ -69,7 +69,7 @@ cli::Command synth_command() {
   auto shared = std::make_shared<SynthCommand>();
   SynthOptions& o = shared->options;
   OptionTable t;
-  cli::add_output(t, shared->output, "scan to write: .ply, .las, .ptx or .xyz");
+  cli::add_output(t, shared->output, "scan to write: .ply, .las, .laz, .ptx or .xyz");
   std::string scenes;
   for (const auto& scene : synth::scene_names())
     scenes += (scenes.empty() ? "" : ", ") + std::string(scene.name);

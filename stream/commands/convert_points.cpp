@@ -20,6 +20,10 @@ namespace {
 
 constexpr std::uint64_t kSliceBytes = std::uint64_t{4} << 20;
 
+bool is_las(const std::string& extension) {
+  return extension == ".las" || extension == ".laz";
+}
+
 /// What all inputs together hold.
 struct Survey {
   PointAttributes attributes;
@@ -68,8 +72,7 @@ PointFileHeader header_for(const std::filesystem::path& output, const ConvertOpt
   PointFileHeader header;
   header.attributes = all.attributes;
   header.double_positions = options.force_double || !all.exact_in_float;
-  const bool las = lower_extension(output) == ".las";
-  if (las) {
+  if (is_las(lower_extension(output))) {
     header.las_scale = options.las_scale > 0 ? options.las_scale : las_scale(all);
     for (std::size_t a = 0; a < 3; ++a) header.las_offset[a] = std::floor(all.min[a]);
     if (header.attributes.normals) report.notes.push_back("normals are left out: LAS cannot hold them");
@@ -130,9 +133,9 @@ ConvertReport convert_points(const std::vector<std::filesystem::path>& inputs,
                              const std::filesystem::path& output, const ConvertOptions& options) {
   check_writes(inputs, std::array{PlannedWrite{output, "-o", PlannedWrite::Existing::kReplace}});
   const std::string extension = lower_extension(output);
-  if (extension != ".ply" && extension != ".las" && extension != ".xyz" && extension != ".txt") {
+  if (extension != ".ply" && !is_las(extension) && extension != ".xyz" && extension != ".txt") {
     throw UsageError(output.string() + ": unknown extension '" + extension +
-                     "' for points; use .ply, .las or .xyz");
+                     "' for points; use .ply, .las, .laz or .xyz");
   }
   const ReadOptions read{.columns = options.columns, .chunk_points = 16384};
   ConvertReport report;
@@ -145,7 +148,7 @@ ConvertReport convert_points(const std::vector<std::filesystem::path>& inputs,
     const auto encoder = make_point_encoder(output, header);
     const auto writer = create_point_file(output, header);
     PointAttributes kept = all.attributes;
-    if (extension == ".las") kept.normals = false;
+    if (is_las(extension)) kept.normals = false;
     const auto window = static_cast<std::size_t>(pool.threads()) + 1;
     for (const auto& path : inputs) write_file(path, read, kept, *encoder, window, *writer, report);
     if (report.points != all.finite)

@@ -313,7 +313,8 @@ SynthReport synthesize(const SynthOptions& asked, const std::filesystem::path& o
   const bool ptx = output.extension() == ".ptx";
   if (ptx && o.mode != "terrestrial" && o.mode != "structured-light") {
     throw UsageError(
-        "synth: .ptx holds grids seen from one place: use --mode terrestrial, or write .ply, .las or .xyz");
+        "synth: .ptx holds grids seen from one place: use --mode terrestrial, or write .ply, .las, .laz or "
+        ".xyz");
   }
   if (ptx && o.missing > 0.0)
     throw UsageError("synth: --missing leaves no whole grids, which .ptx needs; write .ply");

@@ -22,7 +22,7 @@ PointInputs::PointInputs(std::vector<std::unique_ptr<PointFile>> files, const Re
   if (std::none_of(files_.begin(), files_.end(), [](const auto& f) { return f->info().attributes.echo; }))
     filter_.refuse();
   for (const auto& f : files_) {
-    bytes_ += f->info().bytes;
+    bytes_ += f->info().planned_bytes();
     sensors_.insert(sensors_.end(), f->info().sensors.begin(), f->info().sensors.end());
   }
   sensors_.insert(sensors_.end(), options.viewpoints.begin(), options.viewpoints.end());
@@ -108,7 +108,7 @@ ReadCounts PointInputs::read(std::size_t k, TaskContext& context, bool in_bytes,
     // Within a slice progress is an estimate from the header's count; it ends exactly.
     const PointFileInfo& info = files_[slice.file]->info();
     const double bytes_per_point = info.declared_points == 0 ? 24.0
-                                                             : static_cast<double>(info.bytes) /
+                                                             : static_cast<double>(info.planned_bytes()) /
                                                                    static_cast<double>(info.declared_points);
     std::uint64_t told = 0;
     const ReadCounts counts = files_[slice.file]->read(slice, [&](const PointChunk& chunk) {
@@ -132,8 +132,9 @@ ReadCounts PointInputs::read(std::size_t k, TaskContext& context, bool in_bytes,
   return sum;
 }
 
-std::shared_ptr<const PointInputs> open_point_inputs(const JobState& job) {
+std::shared_ptr<const PointInputs> open_point_inputs(const JobState& job, bool colours) {
   ReadOptions read;
+  read.colours = colours;
   const ReconstructOptions options = reconstruct_options(job);
   read.columns = options.columns;
   std::vector<std::unique_ptr<PointFile>> files;

@@ -66,7 +66,7 @@ class PointInputs {
   std::uint64_t bytes_ = 0;
 };
 
-/// Opens the inputs of a job. \throws InputError as open_point_file
-std::shared_ptr<const PointInputs> open_point_inputs(const JobState& job);
+/// Opens the inputs of a job. \param colours  ReadOptions::colours  \throws InputError as open_point_file
+std::shared_ptr<const PointInputs> open_point_inputs(const JobState& job, bool colours);
 
 }  // namespace tessera

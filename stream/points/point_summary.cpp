@@ -124,7 +124,7 @@ struct Part {
 NearestOfSeeds choose_seeds(const PointFile& file) {
   NearestOfSeeds seeds;
   struct Enough {};
-  const std::uint64_t bytes = file.info().bytes;
+  const std::uint64_t bytes = file.info().planned_bytes();
   const std::vector<InputSlice> slices = file.slices(0, std::max<std::uint64_t>(bytes / kSeeds, 4096));
   for (std::size_t s = 0; s < kSeeds && s < slices.size(); ++s) {
     const InputSlice& slice = slices[slices.size() <= kSeeds ? s : s * slices.size() / kSeeds];

@@ -113,10 +113,12 @@ inline OptionTable option_table(ReconstructOptions& o) {
   t.add("up", &o.up, "estimated normals: where the sky is, if not along z");
   add_columns(t, o.columns);
   t.add("classes", &o.classes,
-        "LAS: classes of points to keep, e.g. 2,6 for ground and buildings; default: all but noise (7, 18)")
+        "LAS, LAZ: classes of points to keep, e.g. 2,6 for ground and buildings; default: all but noise (7, "
+        "18)")
       .split();
-  t.add("returns", &o.returns,
-        "LAS: which returns of a pulse to keep; last or first sees one surface where a pulse met several")
+  t.add(
+       "returns", &o.returns,
+       "LAS, LAZ: which returns of a pulse to keep; last or first sees one surface where a pulse met several")
       .one_of({"all", "first", "last"});
   t.add("max-brick-points", &o.max_brick_points, "points; a brick of 64^3 cells with more is thinned to this")
       .at_least(1);

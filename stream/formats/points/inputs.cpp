@@ -43,7 +43,7 @@ class Expansion {
       if (!folder(path)) {
         throw InputError(
             path.string() +
-            ": the folder holds no file of points (ply, las, e57, pcd, xyz, pts, ptx, csv, asc)");
+            ": the folder holds no file of points (ply, las, laz, e57, pcd, xyz, pts, ptx, csv, asc)");
       }
     } else if (fs::exists(status)) {
       add(path);

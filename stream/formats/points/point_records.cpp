@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 
 namespace tessera {
 
@@ -95,28 +96,39 @@ ColourScale colour_scale_for(ScalarType type, double largest) {
   return largest > 255 ? ColourScale::kHighByte : ColourScale::kByte;
 }
 
-ColourScale sample_colour_scale(const ReadFile& file, std::uint64_t begin, std::uint64_t count,
-                                const PointRecordLayout& layout) {
+ColourScale sample_colour_scale(
+    std::uint64_t count, const PointRecordLayout& layout,
+    const std::function<std::string_view(std::uint64_t first, std::size_t number)>& read) {
   constexpr std::uint64_t kRuns = 64;
   constexpr std::uint64_t kRun = 256;
   const ScalarType type = layout.colour[0].type;
   if (scalar_bytes(type) == 1 || count == 0) return colour_scale_for(type, 0);
   const std::uint64_t step = std::max<std::uint64_t>(count / kRuns, kRun);
-  const std::uint64_t end = begin + count * layout.stride;
+  const double enough = scalar_is_float(type) ? 1 : 255;  // nothing further changes the answer
   double largest = 0;
-  for (std::uint64_t at = 0; at < count; at += step) {
-    ByteWindow window(file, begin + at * layout.stride, end, kRun * layout.stride);
-    const auto n = static_cast<std::size_t>(std::min(kRun, count - at));
-    const char* records = window.peek(n * layout.stride).data();
+  for (std::uint64_t at = 0; at < count && largest <= enough; at += step) {
+    const std::string_view records = read(at, static_cast<std::size_t>(std::min(kRun, count - at)));
+    const std::size_t n = records.size() / layout.stride;
     double values[kRun];
     for (const PointColumn& column : layout.colour) {
-      decode_column(column, layout, records, n, values);
+      decode_column(column, layout, records.data(), n, values);
       for (std::size_t i = 0; i < n; ++i) {
         if (values[i] > largest) largest = values[i];
       }
     }
   }
   return colour_scale_for(type, largest);
+}
+
+ColourScale sample_colour_scale(const ReadFile& file, std::uint64_t begin, std::uint64_t count,
+                                const PointRecordLayout& layout) {
+  const std::uint64_t end = begin + count * layout.stride;
+  std::optional<ByteWindow> window;
+  return sample_colour_scale(count, layout, [&](std::uint64_t first, std::size_t number) {
+    const std::size_t bytes = number * layout.stride;
+    window.emplace(file, begin + first * layout.stride, end, bytes);
+    return window->peek(bytes).substr(0, bytes);
+  });
 }
 
 std::vector<InputSlice> even_slices(std::uint32_t file, std::uint64_t begin, std::uint64_t end,

@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <functional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "stream/formats/byte_window.h"
@@ -58,6 +59,11 @@ void append_values(const PointValues& values, const PointAttributes& has, Colour
 /// records of a small file). 16-bit and wider integers are taken for 8-bit values if no sampled component
 /// exceeds 255; floats are taken for 0..255 if one exceeds 1. Depends on the file alone, never on slices or
 /// threads.
+/// \param read  the bytes of `number` records from record `first` on, fewer where they end; called in ascending order
+ColourScale sample_colour_scale(
+    std::uint64_t count, const PointRecordLayout& layout,
+    const std::function<std::string_view(std::uint64_t first, std::size_t number)>& read);
+/// The same for records that lie in a file.
 ColourScale sample_colour_scale(const ReadFile& file, std::uint64_t begin, std::uint64_t count,
                                 const PointRecordLayout& layout);
 /// The same decision for values already read.

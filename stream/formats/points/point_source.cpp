@@ -117,7 +117,7 @@ std::unique_ptr<PointFile> open_point_file(const std::filesystem::path& path, co
     throw InputError(name + ": " + std::string(kMesh));
   }
   if (is_text_extension(extension) || looks_like_text_points(file)) return open_text_points(file, options);
-  throw InputError(name + ": is of no known format; PLY, LAS, E57, PCD, XYZ, PTS, PTX and CSV are read");
+  throw InputError(name + ": is of no known format; PLY, LAS, LAZ, E57, PCD, XYZ, PTS, PTX and CSV are read");
 }
 
 std::uint64_t missing_points(const PointFileInfo& info, const ReadCounts& total) {

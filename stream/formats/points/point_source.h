@@ -48,12 +48,15 @@ struct PointFileInfo {
   std::filesystem::path path;
   std::string format;  ///< "PLY binary little endian", "LAS 1.2 point format 3", ...
   std::uint64_t bytes = 0;
+  std::uint64_t unpacked_bytes = 0;   ///< of compressed points: of their records
   std::uint64_t declared_points = 0;  ///< what the header says; 0 if it does not say
   bool has_bounds = false;
   Double3 declared_min{}, declared_max{};
   PointAttributes attributes;
   std::vector<Double3> sensors;       ///< sensor origins, scan frame (PTX, E57: one per scan)
   std::vector<std::string> warnings;  ///< what the header gets wrong, one sentence each
+  /// What all slices add up to.
+  std::uint64_t planned_bytes() const { return unpacked_bytes > 0 ? unpacked_bytes : bytes; }
 };
 
 /// Part of a file that can be read on its own; begin and end are in the format's own unit (point index or byte).
@@ -61,7 +64,7 @@ struct InputSlice {
   std::uint32_t file = 0;  ///< index into the job's list of inputs
   std::uint64_t begin = 0;
   std::uint64_t end = 0;
-  std::uint64_t bytes = 0;  ///< input bytes it covers, for planning
+  std::uint64_t bytes = 0;  ///< input bytes it covers, unpacked, for planning
 };
 
 /// Fate of what a slice held.
@@ -82,6 +85,8 @@ struct ReadOptions {
   std::vector<std::string> columns;  ///< of text files, e.g. x y z nx ny nz r g b; empty = header or x y z
   std::size_t chunk_points = 65536;  ///< points per chunk handed to the sink
   bool release_cache = false;        ///< tell the system to drop what was read from its page cache
+  bool colours =
+      true;  ///< false: whoever reads needs none, and formats to which they are dear leave them out
 };
 
 /// One input file, looked at and closed again: a job may hold thousands. May be used from several threads at once.
@@ -99,7 +104,7 @@ class PointFile {
 
 /// Opens a point file by content first, extension second. What gzip or zstd packed (text, PTX, PLY) is unpacked on the
 /// way, in one slice, after it was unpacked once to be measured.
-/// \throws InputError for an unreadable, empty, unknown or unsupported (LAZ: names what to convert to) file
+/// \throws InputError for an unreadable, empty, unknown or unsupported file
 std::unique_ptr<PointFile> open_point_file(const std::filesystem::path& path, const ReadOptions& options);
 
 /// Points that the header promises and the file does not hold. \param total  sums over all slices of the file

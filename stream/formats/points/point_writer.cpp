@@ -6,9 +6,13 @@
 #include <cmath>
 #include <cstring>
 #include <limits>
+#include <string_view>
 
 #include "octree/error.h"
 #include "stream/files/output_file.h"
+#include "stream/formats/laz/chunk_encoder.h"
+#include "stream/formats/laz/chunk_table.h"
+#include "stream/runtime/parallel.h"
 
 namespace tessera {
 namespace {
@@ -45,7 +49,7 @@ class BaseWriter : public PointWriter {
   BaseWriter(const std::filesystem::path& path, const PointFileHeader& header)
       : file_(path), header_(header) {}
   void append(const EncodedPoints& points) override {
-    file_.append(points.bytes.data(), points.bytes.size());
+    write(points.bytes);
     if (points.points == 0) return;
     for (std::size_t a = 0; a < 3; ++a) {
       min_[a] = points_ == 0 ? points.min[a] : std::min(min_[a], points.min[a]);
@@ -61,6 +65,7 @@ class BaseWriter : public PointWriter {
   }
 
  protected:
+  virtual void write(const std::vector<char>& bytes) { file_.append(bytes.data(), bytes.size()); }
   virtual void complete_header() {}
   OutputFile file_;
   PointFileHeader header_;
@@ -169,7 +174,7 @@ class LasEncoder final : public PointEncoder {
 };
 
 /// LAS 1.4 R15, point format 6 (30 bytes) or 7 (with colour, 36 bytes): 64-bit counts, no legacy fields.
-class LasPointWriter final : public BaseWriter {
+class LasPointWriter : public BaseWriter {
  public:
   LasPointWriter(const std::filesystem::path& path, const PointFileHeader& header)
       : BaseWriter(path, header) {
@@ -177,9 +182,12 @@ class LasPointWriter final : public BaseWriter {
     file_.append(blank.data(), blank.size());
   }
 
- private:
+ protected:
   static constexpr std::size_t kHeaderBytes = 375;
-  void complete_header() override {
+  int point_format() const { return header_.attributes.colour ? 7 : 6; }
+  void complete_header() override { write_header(kHeaderBytes, 0, 0); }
+  /// \param begin  of the points  \param records  between header and points  \param format_bits  beside the format
+  void write_header(std::size_t begin, std::uint32_t records, int format_bits) {
     std::array<char, kHeaderBytes> h{};
     std::memcpy(h.data(), "LASF", 4);
     put(&h[6], std::uint16_t{1 << 4});  // global encoding: coordinate system as WKT, required by formats 6-10
@@ -190,8 +198,9 @@ class LasPointWriter final : public BaseWriter {
     put(&h[90], std::uint16_t{1});  // creation day and year: fixed, the same bytes every time
     put(&h[92], std::uint16_t{2026});
     put(&h[94], std::uint16_t{kHeaderBytes});
-    put(&h[96], std::uint32_t{kHeaderBytes});
-    h[104] = header_.attributes.colour ? 7 : 6;
+    put(&h[96], static_cast<std::uint32_t>(begin));
+    put(&h[100], records);
+    h[104] = static_cast<char>(point_format() | format_bits);
     put(&h[105], static_cast<std::uint16_t>(las_record_bytes(header_)));
     for (std::size_t a = 0; a < 3; ++a) {
       put(&h[131 + 8 * a], header_.las_scale);
@@ -203,11 +212,74 @@ class LasPointWriter final : public BaseWriter {
     put(&h[255], points_);  // by return: all are first
     file_.patch(0, h.data(), h.size());
   }
+
+ private:
   /// The coordinate as a reader will see it, so that the bounds hold exactly.
   double stored(double v, std::size_t axis) const {
     const double steps = std::floor((v - header_.las_offset[axis]) / header_.las_scale + 0.5);
     return steps * header_.las_scale + header_.las_offset[axis];
   }
+};
+
+// ------------------------------------------------------------------------------------------------ LAZ
+
+/// The same, compressed in layers: chunks of 50,000 points, whatever batches they come in, several at a time.
+class LazPointWriter final : public LasPointWriter {
+ public:
+  LazPointWriter(const std::filesystem::path& path, const PointFileHeader& header)
+      : LasPointWriter(path, header), schema_(laz::schema_for(point_format(), 0, kChunkPoints)) {
+    const std::vector<char> record = laz::schema_record(schema_);
+    std::array<char, 54> head{};
+    std::memcpy(&head[2], laz::Schema::kUserId.data(), laz::Schema::kUserId.size());
+    put(&head[18], laz::Schema::kRecordId);
+    put(&head[20], static_cast<std::uint16_t>(record.size()));
+    file_.append(head.data(), head.size());
+    file_.append(record.data(), record.size());
+    begin_ = file_.size();
+    file_.append(std::string_view("\0\0\0\0\0\0\0\0", 8));  // where the chunk table begins, known in the end
+  }
+
+ private:
+  static constexpr std::uint32_t kChunkPoints = 50000;
+  static constexpr std::size_t kGroup = 8;  ///< chunks compressed at a time
+  static constexpr int kCompressedBit = 0x80;
+
+  std::size_t chunk_bytes() const { return kChunkPoints * schema_.record_bytes(); }
+  void write(const std::vector<char>& bytes) override {
+    const std::size_t full = kGroup * chunk_bytes();
+    for (std::size_t at = 0; at < bytes.size();) {
+      const std::size_t part = std::min(full - pending_.size(), bytes.size() - at);
+      pending_.append(bytes.data() + at, part);
+      at += part;
+      if (pending_.size() == full) compress();
+    }
+  }
+  void compress() {
+    const std::size_t chunks = (pending_.size() + chunk_bytes() - 1) / chunk_bytes();
+    std::vector<std::vector<char>> coded(chunks);
+    parallel_for(chunks, [&](std::size_t i) {
+      coded[i] =
+          laz::encode_chunk(schema_, std::string_view(pending_).substr(i * chunk_bytes(), chunk_bytes()));
+    });
+    for (const std::vector<char>& chunk : coded) {
+      file_.append(chunk.data(), chunk.size());
+      table_.push_back({0, static_cast<std::uint32_t>(chunk.size())});
+    }
+    pending_.clear();
+  }
+  void complete_header() override {
+    compress();
+    const std::uint64_t table_begin = file_.size();
+    const std::vector<char> table = laz::chunk_table(table_, false);
+    file_.append(table.data(), table.size());
+    file_.patch(begin_, &table_begin, sizeof table_begin);
+    write_header(begin_, 1, kCompressedBit);
+  }
+
+  laz::Schema schema_;
+  std::uint64_t begin_ = 0;  ///< of the points
+  std::string pending_;      ///< records not yet compressed
+  std::vector<laz::ChunkSize> table_;
 };
 
 // ------------------------------------------------------------------------------------------------ text
@@ -299,7 +371,7 @@ class PtxPointWriter final : public BaseWriter {
   }
 };
 
-enum class Format { kPly, kLas, kPtx, kXyz };
+enum class Format { kPly, kLas, kLaz, kPtx, kXyz };
 
 Format format_for(const std::filesystem::path& path, const PointFileHeader& header) {
   std::string extension = path.extension().string();
@@ -313,9 +385,10 @@ Format format_for(const std::filesystem::path& path, const PointFileHeader& head
   if (extension == ".ply") return Format::kPly;
   if (extension == ".xyz" || extension == ".txt") return Format::kXyz;
   if (extension == ".las") return without_normals(Format::kLas, "LAS");
+  if (extension == ".laz") return without_normals(Format::kLaz, "LAZ");
   if (extension == ".ptx") return without_normals(Format::kPtx, "PTX");
   throw UsageError(path.string() + ": unknown extension '" + extension +
-                   "' for points; use .ply, .las, .ptx or .xyz");
+                   "' for points; use .ply, .las, .laz, .ptx or .xyz");
 }
 
 }  // namespace
@@ -326,6 +399,7 @@ std::unique_ptr<PointEncoder> make_point_encoder(const std::filesystem::path& pa
     case Format::kPly:
       return std::make_unique<PlyEncoder>(header);
     case Format::kLas:
+    case Format::kLaz:
       return std::make_unique<LasEncoder>(header);
     case Format::kPtx:
       return std::make_unique<PtxEncoder>(header);
@@ -341,6 +415,8 @@ std::unique_ptr<PointWriter> create_point_file(const std::filesystem::path& path
       return std::make_unique<PlyPointWriter>(path, header);
     case Format::kLas:
       return std::make_unique<LasPointWriter>(path, header);
+    case Format::kLaz:
+      return std::make_unique<LazPointWriter>(path, header);
     case Format::kPtx:
       return std::make_unique<PtxPointWriter>(path, header);
     default:

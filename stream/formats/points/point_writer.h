@@ -1,6 +1,6 @@
 /// \file point_writer.h
-/// Point files out: PLY (binary little endian), LAS 1.4, PTX, XYZ. Encoding is pure and may run on any
-/// thread; the encoded batches are then appended in order. Memory is one output buffer.
+/// Point files out: PLY (binary little endian), LAS 1.4, LAZ, PTX, XYZ. Encoding is pure and may run on any
+/// thread; the encoded batches are then appended in order. Memory is one output buffer, and for LAZ eight chunks.
 #pragma once
 #include <cstdint>
 #include <filesystem>
@@ -55,8 +55,8 @@ class PointWriter {
   virtual std::uint64_t finish() = 0;
 };
 
-/// By extension: .ply, .las, .ptx, .xyz (also .txt).
-/// \throws UsageError for another extension, or for attributes that the format cannot hold (normals in LAS
+/// By extension: .ply, .las, .laz, .ptx, .xyz (also .txt).
+/// \throws UsageError for another extension, or for attributes that the format cannot hold (normals in LAS, LAZ
 /// and PTX)
 std::unique_ptr<PointEncoder> make_point_encoder(const std::filesystem::path& path,
                                                  const PointFileHeader& header);

@@ -40,7 +40,7 @@ class ForecastStage : public Stage {
     const std::uint64_t held = resident_bytes() + kLaterBaseBytes + plan_.bricks * kLaterBrickBytes;
     const std::uint64_t base = (held + kBaseStep - 1) / kBaseStep * kBaseStep;
     const std::vector<PlanBrick> bricks = load_plan_bricks(job_.work / Plan::kBrickFile);
-    const auto opened = open_point_inputs(job_);
+    const auto opened = open_point_inputs(job_, false);
     InputTasks inputs{opened->task_count(), 0};
     for (std::size_t k = 0; k < inputs.count; ++k)
       inputs.largest_bytes = std::max(inputs.largest_bytes, opened->task_input_bytes(k));

@@ -147,7 +147,7 @@ nlohmann::json DistributeStage::finish(const std::vector<nlohmann::json>& summar
 }
 
 std::unique_ptr<Stage> make_distribute_stage(const JobState& job) {
-  return std::make_unique<DistributeStage>(job, open_point_inputs(job));
+  return std::make_unique<DistributeStage>(job, open_point_inputs(job, true));
 }
 
 }  // namespace tessera

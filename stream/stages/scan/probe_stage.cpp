@@ -255,10 +255,10 @@ std::unique_ptr<Stage> make_spacing_stage(const JobState& job, std::shared_ptr<c
   return std::make_unique<SpacingStage>(job, std::move(inputs));
 }
 std::unique_ptr<Stage> make_probe_stage(const JobState& job) {
-  return make_probe_stage(job, open_point_inputs(job));
+  return make_probe_stage(job, open_point_inputs(job, false));
 }
 std::unique_ptr<Stage> make_spacing_stage(const JobState& job) {
-  return make_spacing_stage(job, open_point_inputs(job));
+  return make_spacing_stage(job, open_point_inputs(job, false));
 }
 
 }  // namespace tessera

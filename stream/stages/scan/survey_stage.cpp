@@ -325,7 +325,7 @@ std::unique_ptr<Stage> make_survey_stage(const JobState& job) {
   const double given = reconstruct_options(job).resolution;
   const bool auto_resolution = given == 0.0;
   const double h = auto_resolution ? chosen_resolution(job.work).h : given;
-  return std::make_unique<SurveyStage>(job, open_point_inputs(job), h, auto_resolution);
+  return std::make_unique<SurveyStage>(job, open_point_inputs(job, false), h, auto_resolution);
 }
 
 }  // namespace tessera

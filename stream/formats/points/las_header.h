@@ -1,0 +1,48 @@
+/// \file las_header.h
+/// The header of a LAS or LAZ file, and its point records. Sources: LAS Specification 1.0 to 1.4 (ASPRS). Positions are
+/// integer * scale + offset in double. Points flagged as withheld are dropped and counted.
+#pragma once
+#include <array>
+#include <cstdint>
+#include <string>
+
+#include "stream/files/read_file.h"
+#include "stream/formats/points/point_records.h"
+#include "stream/formats/points/point_source.h"
+
+namespace tessera {
+
+struct LasHeader {
+  PointFileInfo info;  ///< declared_points: the 64-bit count in 1.4, else (or if that is 0) the 32-bit one
+  int point_format = 0;
+  bool compressed = false;
+  std::uint64_t begin = 0;         ///< of the points, at most the size of the file
+  std::uint64_t end = 0;           ///< of what may hold points: the file, or what is declared to follow them
+  std::uint64_t records_at = 0;    ///< of the variable length records, up to `begin`
+  std::uint32_t record_count = 0;  ///< of them
+  PointRecordLayout layout;        ///< of one point; its colour scale is still to be found
+
+  /// \throws InputError naming file, byte offset, field and value: header cut off, unknown version or point format,
+  ///   record shorter than its format, scale that is zero or no number
+  explicit LasHeader(const ReadFile& file);
+  /// Warns of bounds that are none. \param points  whether there are any
+  void check_bounds(bool points);
+  /// Appends records to the chunk that the sink fills; counts those withheld. \pre  count <= out.room()
+  void append(const char* records, std::size_t count, ChunkSink& out, ReadCounts& counts) const;
+  [[noreturn]] void fail(std::size_t offset, const std::string& what) const;
+
+ private:
+  template <class T>
+  T field(std::size_t offset) const;
+  void set_format();
+  void set_layout();
+  void set_count();
+  void set_end(std::uint64_t size);
+
+  std::array<char, 375> head_{};
+  int minor_ = 0;
+  std::uint8_t withheld_bit_ = 0;
+  bool wide_ = false;  ///< four bits a return number and a byte for the class
+};
+
+}  // namespace tessera

@@ -1,0 +1,217 @@
+#include "stream/formats/points/laz_points.h"
+
+#include <algorithm>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "octree/error.h"
+#include "stream/formats/closed_file.h"
+#include "stream/formats/laz/chunk_decoder.h"
+#include "stream/formats/points/laz_chunks.h"
+#include "stream/formats/points/point_records.h"
+
+namespace tessera {
+
+namespace {
+
+/// Decoded at a time.
+constexpr std::size_t kBatchBytes = std::size_t{1} << 16;
+/// With a chunk of more, the file is one slice: readers may keep what a slice gives.
+constexpr std::uint64_t kMostSlicePoints = std::uint64_t{1} << 20;
+
+/// Records of consecutive chunks, in order.
+class RecordStream {
+ public:
+  RecordStream(const ReadFile& file, const laz::Schema& schema, const LazChunks& chunks,
+               const ReadOptions& options)
+      : file_(file),
+        schema_(schema),
+        chunks_(chunks),
+        layers_(options.colours ? laz::Layers::kNeeded : laz::Layers::kNoColours),
+        release_(options.release_cache) {}
+
+  /// Goes on with the first record of a chunk.
+  void seek(std::size_t chunk) {
+    next_ = chunk;
+    left_ = 0;
+    ended_ = false;
+  }
+  /// Up to `count` records, fewer where a chunk ends; none only where a file that was cut off ends.
+  /// \pre  there are records left  \throws InputError naming the chunk when it is damaged
+  std::size_t read(char* records, std::size_t count) {
+    if (ended_) return 0;
+    std::uint64_t before = 0;
+    try {
+      while (left_ == 0) open_next();
+      if (unit_left_ == 0) begin_unit();
+      const auto n = static_cast<std::size_t>(std::min<std::uint64_t>({count, left_, unit_left_}));
+      before = decoder_->decoded();
+      decoder_->decode(records, n);
+      left_ -= n;
+      unit_left_ -= n;
+      if (left_ == 0 && !chunks_.in_order) decoder_->require_used_up();
+      return n;
+    } catch (const laz::EndOfBytes& e) {
+      if (!chunks_.cut_off || next_ != chunks_.size()) fail(e);
+      ended_ = true;
+      return decoder_ ? static_cast<std::size_t>(decoder_->decoded() - before) : 0;
+    } catch (const laz::Damage& e) {
+      fail(e);
+    }
+  }
+
+ private:
+  void open_next() {
+    const std::size_t chunk = next_++;
+    left_ = chunks_.points_of(chunk);
+    unit_left_ = 0;
+    decoder_.reset();
+    begin_ = chunks_.edges[chunk].begin;
+    end_ = chunks_.edges[chunk + 1].begin;
+    if (!schema_.layered()) feed_ = std::make_unique<FileFeed>(file_, begin_, end_, release_);
+  }
+  /// What one set of models codes: a chunk, or a run of chunks one after the other.
+  void begin_unit() {
+    decoder_.reset();
+    if (schema_.layered()) {
+      const laz::OpenBytes open = [&](std::uint64_t from, std::uint64_t to) {
+        const std::uint64_t most = end_ - begin_;
+        return std::make_unique<FileFeed>(file_, begin_ + std::min(from, most), begin_ + std::min(to, most),
+                                          release_);
+      };
+      if (laz::read_layered_head(schema_, open).points != left_)
+        throw laz::Damage("it counts other points than the chunk table gives it");
+      decoder_ = laz::decode_layered(schema_, open, layers_);
+    } else {
+      decoder_ = laz::decode_pointwise(schema_, *feed_);
+    }
+    unit_left_ = chunks_.in_order && schema_.chunked() ? schema_.chunk_points : left_;
+  }
+  [[noreturn]] void fail(const laz::Damage& e) const {
+    throw InputError(file_.path().string() + ": byte " + std::to_string(begin_) + ": chunk " +
+                     std::to_string(next_) + " of " + std::to_string(chunks_.size()) + " is damaged: " +
+                     e.what() + "; get the file anew, or compress it anew from the original");
+  }
+
+  const ReadFile& file_;
+  const laz::Schema& schema_;
+  const LazChunks& chunks_;
+  laz::Layers layers_;
+  bool release_;
+  std::size_t next_ = 0;  ///< chunk after the one being read
+  std::uint64_t left_ = 0, unit_left_ = 0;
+  bool ended_ = false;  ///< where the file was cut off
+  std::uint64_t begin_ = 0, end_ = 0;
+  std::unique_ptr<FileFeed> feed_;
+  std::unique_ptr<laz::ChunkDecoder> decoder_;
+};
+
+class LazPoints final : public PointFile {
+ public:
+  LazPoints(const ReadFile& file, LasHeader header, const ReadOptions& options)
+      : input_(file),
+        options_(options),
+        header_(std::move(header)),
+        schema_(find_laz_schema(file, header_)),
+        chunks_(find_laz_chunks(file, header_, schema_)) {
+    PointFileInfo& info = header_.info;
+    info.warnings.insert(info.warnings.end(), chunks_.warnings.begin(), chunks_.warnings.end());
+    info.unpacked_bytes = chunks_.points() * header_.layout.stride;
+    header_.check_bounds(chunks_.points() > 0);
+    if (!options.colours) header_.layout.colour = {};
+    if (header_.layout.colour[0].there()) sample_colours(file);
+    for (std::size_t i = 0; i < chunks_.size(); ++i)
+      one_slice_ = one_slice_ || chunks_.points_of(i) > kMostSlicePoints;
+  }
+
+  const PointFileInfo& info() const override { return header_.info; }
+
+  std::vector<InputSlice> slices(std::uint32_t file, std::uint64_t target_bytes) const override {
+    std::vector<InputSlice> slices(1, InputSlice{file, 0, 0, 0});
+    for (std::size_t i = 0; i < chunks_.size(); ++i) {
+      const std::uint64_t bytes = chunks_.points_of(i) * header_.layout.stride;
+      if (!one_slice_ && slices.back().bytes > 0 && slices.back().bytes + bytes > target_bytes)
+        slices.push_back({file, i, i, 0});
+      slices.back().end = i + 1;
+      slices.back().bytes += bytes;
+    }
+    return slices;
+  }
+
+  ReadCounts read(const InputSlice& slice,
+                  const std::function<void(const PointChunk&)>& sink) const override {
+    ChunkSink out(options_.chunk_points, sink);
+    ReadCounts counts;
+    const std::size_t end = std::min<std::size_t>(slice.end, chunks_.size());
+    const std::size_t begin = std::min<std::size_t>(slice.begin, end);
+    std::uint64_t left = chunks_.edges[end].first_point - chunks_.edges[begin].first_point;
+    const ReadFile file = input_.open();
+    RecordStream stream(file, schema_, chunks_, options_);
+    stream.seek(begin);
+    const std::size_t most = std::max<std::size_t>(1, kBatchBytes / header_.layout.stride);
+    std::vector<char> records(most * header_.layout.stride);
+    while (left > 0) {
+      const std::size_t n = stream.read(
+          records.data(), static_cast<std::size_t>(std::min<std::uint64_t>({most, left, out.room()})));
+      if (n == 0) break;
+      header_.append(records.data(), n, out, counts);
+      left -= n;
+    }
+    out.flush();
+    file.require_unchanged();
+    counts.points = out.points();
+    counts.missing = left;
+    if (end == chunks_.size()) counts.missing += chunks_.missing;
+    return counts;
+  }
+
+ private:
+  /// From the records that those of the uncompressed file would be told by.
+  void sample_colours(const ReadFile& file) {
+    const std::size_t stride = header_.layout.stride;
+    RecordStream stream(file, schema_, chunks_, options_);
+    std::vector<char> records;
+    std::uint64_t at = 0;  // of the next record
+    std::size_t chunk = 0;
+    stream.seek(0);
+    header_.layout.colour_scale =
+        sample_colour_scale(chunks_.points(), header_.layout, [&](std::uint64_t first, std::size_t count) {
+          const auto after = std::upper_bound(
+              chunks_.edges.begin(), chunks_.edges.end(), first,
+              [](std::uint64_t point, const LazChunk& edge) { return point < edge.first_point; });
+          const auto wanted = static_cast<std::size_t>(after - chunks_.edges.begin()) - 1;
+          if (wanted > chunk) {
+            stream.seek(chunk = wanted);
+            at = chunks_.edges[chunk].first_point;
+          }
+          records.resize(count * stride);
+          std::size_t kept = 0;
+          while (at < first + count) {
+            const std::uint64_t wish =
+                at < first ? std::min<std::uint64_t>(first - at, count) : first + count - at;
+            const std::size_t n = stream.read(records.data() + kept * stride, static_cast<std::size_t>(wish));
+            if (n == 0) break;
+            if (at >= first) kept += n;
+            at += n;
+          }
+          return std::string_view(records.data(), kept * stride);
+        });
+  }
+
+  ClosedFile input_;
+  ReadOptions options_;
+  LasHeader header_;
+  laz::Schema schema_;
+  LazChunks chunks_;
+  bool one_slice_ = false;
+};
+
+}  // namespace
+
+std::unique_ptr<PointFile> open_laz_points(const ReadFile& file, LasHeader header,
+                                           const ReadOptions& options) {
+  return std::make_unique<LazPoints>(file, std::move(header), options);
+}
+
+}  // namespace tessera
