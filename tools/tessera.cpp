@@ -15,6 +15,7 @@ int main(int argc, char** argv) {
                       task_command(),
                       check_command(),
                       render_command(),
+                      report_command(),
                       info_command(),
                       convert_command(),
                       parameterize_command(),

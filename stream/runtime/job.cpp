@@ -5,6 +5,7 @@
 #include <chrono>
 #include <cstring>
 #include <mutex>
+#include <optional>
 #include <set>
 
 #include <sys/resource.h>
@@ -15,6 +16,7 @@
 #include "octree/error.h"
 #include "octree/lattice.h"
 #include "stream/files/durable_file.h"
+#include "stream/files/path_text.h"
 #include "stream/files/planned_writes.h"
 #include "stream/runtime/child_process.h"
 #include "stream/runtime/commit.h"
@@ -380,6 +382,11 @@ void check_job_writes(const JobState& state, const JobDescription& job, bool res
   if (!plans || !state.run.report.empty())
     writes.push_back({report_path(state), state.run.report.empty() ? "the report beside -o" : "--report",
                       own(report_path(state))});
+  if (job.page.make && state.run.page && !plans) {
+    const fs::path page = job.page.path(report_path(state));
+    writes.push_back(
+        {page, "the page beside the report", existing_by(state.run.force || job.page.is_page(page))});
+  }
   if (!state.run.log.empty()) writes.push_back({fs::absolute(state.run.log), "--log", Existing::kAppend});
   if (!plans)
     for (const BesideOutput& b : job.beside) {
@@ -387,6 +394,59 @@ void check_job_writes(const JobState& state, const JobDescription& job, bool res
       writes.push_back({path, b.option, own(path)});
     }
   check_writes(reads, writes, state.work);
+}
+
+double seconds_since(std::chrono::steady_clock::time_point start) {
+  return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+}
+
+/// The report and its page, whose making the report counts.
+void write_reports(const JobState& state, const JobDescription& job, nlohmann::json& report,
+                   std::chrono::steady_clock::time_point start) {
+  if (!job.page.make || !state.run.page) return write_report(state, report);
+  const auto page_start = std::chrono::steady_clock::now();
+  const double cpu_start = cpu_seconds();
+  const auto write_page = job.page.make(state, report);
+  const double cpu = cpu_seconds();
+  report["page"] = {{"path", json_text(job.page.path(report_path(state)))},
+                    {"seconds", seconds_since(page_start)},
+                    {"cpu_s", cpu - cpu_start}};
+  report["wall_s"] = seconds_since(start);
+  report["cpu_s"] = cpu;
+  report["peak_bytes"] = std::max(report.at("peak_bytes").get<std::uint64_t>(), peak_resident_bytes());
+  write_report(state, report);
+  write_page(report);
+}
+
+const char* meaning(ExitCode code) {
+  switch (code) {
+    case ExitCode::kInput:
+      return "input unreadable or invalid";
+    case ExitCode::kResources:
+      return "memory cap or disk cannot suffice";
+    case ExitCode::kEmpty:
+      return "nothing to output";
+    case ExitCode::kValidation:
+      return "tolerance or validation failed";
+    default:
+      return "options that make no sense";
+  }
+}
+
+/// What was found until a job was refused is worth a report: what stood in the input, what it would have taken.
+void report_refusal(const JobState& state, const JobDescription& job, const Error& refusal,
+                    const std::function<nlohmann::json()>& report_now, spdlog::logger& log) {
+  try {
+    nlohmann::json report = report_now();
+    report["refused"] = {{"code", static_cast<int>(refusal.code())},
+                         {"meaning", meaning(refusal.code())},
+                         {"message", json_text(std::string(refusal.what()))}};
+    report["output"] = {{"path", json_text(state.output)}};
+    write_report(state, report);
+    if (job.page.make && state.run.page) job.page.make(state, report)(report);
+  } catch (const std::exception& e) {  // the refusal is what the user must hear of
+    log.warn("no report of it: {}", e.what());
+  }
 }
 
 }  // namespace
@@ -414,6 +474,8 @@ nlohmann::json run_job(JobState state, const JobDescription& job, const Progress
   if (nlohmann::json report;
       job.only_stages == 0 && output_is_done(state, identity, beside_paths(state, job, true), report)) {
     WorkDir::remove_discarded(state.work);
+    if (job.page.make && state.run.page && !fs::exists(job.page.path(report_path(state))))
+      job.page.make(state, report)(report);
     return report;
   }
 
@@ -427,18 +489,21 @@ nlohmann::json run_job(JobState state, const JobDescription& job, const Progress
             state.work.string(), cap_text, state.run.threads);
   Progress progress(progress_mode(state.run.progress, sink.terminal, state.run.verbosity), sink);
   if (!work.created()) progress.say(fmt::format("going on with {}", state.work.string()));
+  std::optional<Driver> driver;
+  const auto report_now = [&] {
+    return make_report(state, identity, driver->done(), beside_paths(state, job, false),
+                       {cap_text, seconds_since(start), cpu_seconds(),
+                        peak_resident_bytes() + driver->child_peak_bytes(), driver->resumed_stages()});
+  };
   try {
-    Driver driver(state, job, work, progress, *log);
-    driver.run();
-    const double wall = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-    nlohmann::json report =
-        make_report(state, identity, driver.done(), beside_paths(state, job, false),
-                    {cap_text, wall, cpu_seconds(), peak_resident_bytes() + driver.child_peak_bytes(),
-                     driver.resumed_stages()});
+    driver.emplace(state, job, work, progress, *log);
+    driver->run();
+    nlohmann::json report = report_now();
     if (job.summarise) job.summarise(report);
     if (job.only_stages > 0) return report;
-    write_report(state, report);
-    log->info("done in {:.1f} s, peak {}", wall, format_bytes(report.at("peak_bytes").get<std::uint64_t>()));
+    write_reports(state, job, report, start);
+    log->info("done in {:.1f} s, peak {}", report.at("wall_s").get<double>(),
+              format_bytes(report.at("peak_bytes").get<std::uint64_t>()));
     if (!state.run.keep) work.remove();
     return report;
   } catch (const StoppedError& e) {
@@ -450,7 +515,11 @@ nlohmann::json run_job(JobState state, const JobDescription& job, const Progress
   } catch (const std::exception& e) {
     log->error("{}", e.what());
     // An option or input refused at once leaves nothing behind.
-    if (work.created() && read_journal(work.journal_folder()).stages.empty()) work.remove();
+    const bool at_once = read_journal(work.journal_folder()).stages.empty();
+    if (work.created() && at_once) work.remove();
+    const auto* refusal = dynamic_cast<const Error*>(&e);
+    if (refusal != nullptr && driver && !at_once && job.only_stages == 0 && !fs::exists(state.output))
+      report_refusal(state, job, *refusal, report_now, *log);
     throw;
   }
 }

@@ -26,6 +26,16 @@ struct BesideOutput {
   bool is_result = false;  ///< the job is not done without it
 };
 
+/// The report for people. It draws and measures while the report can still say what that took, and writes when the report
+/// is final; refusals have one too.
+struct JobPage {
+  std::function<std::filesystem::path(const std::filesystem::path& report)> path;
+  std::function<std::function<void(const nlohmann::json& report)>(const JobState&,
+                                                                  const nlohmann::json& report)>
+      make;
+  std::function<bool(const std::filesystem::path&)> is_page;  ///< one of these, which may be replaced
+};
+
 /// What a job is beside its state.
 struct JobDescription {
   std::string command;             ///< "reconstruct": part of the job's identity
@@ -35,6 +45,7 @@ struct JobDescription {
   /// Adds what the report says of the whole job, from its `stages`; may be empty
   std::function<void(nlohmann::json&)> summarise;
   std::vector<BesideOutput> beside = {};  ///< files that stages write beside the output
+  JobPage page = {};                      ///< may be empty
 };
 
 /// Runs the job; returns the report (schema 1).

@@ -29,7 +29,10 @@ OptionTable option_table(RunOptions& o) {
   t.add_flag(
       "quiet,q", [&o] { o.verbosity = -1; }, "say nothing but errors");
   t.add("log", &o.log, "log file; default: log.txt in the work directory");
-  t.add("report", &o.report, "where the report goes; default: OUT.report.json");
+  t.add("report", &o.report,
+        "where the report goes; default: OUT.report.json; its page for people goes beside it, as .html");
+  t.add_flag(
+      "no-html", [&o] { o.page = false; }, "leave out the page: its pictures and figures take seconds");
   return t;
 }
 

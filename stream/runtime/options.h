@@ -22,6 +22,7 @@ struct RunOptions {
   std::string progress = "auto";   ///< bar, plain, json, none; auto = bar on a terminal, else plain
   std::filesystem::path log;       ///< log file; empty = <work>/log.txt
   std::filesystem::path report;    ///< copy of report.json; empty = <output>.report.json
+  bool page = true;                ///< write the report for people beside it
   int verbosity = 0;               ///< -1 quiet .. 2
 };
 

@@ -1,5 +1,7 @@
 /// \file command.h
 /// Runs the `tessera` binary as a user would and tells how it ended.
+/// Jobs get `--no-html`: their pages have a test of their own (tests/tools/report_test.cpp), and take longer than what most
+/// tests look at.
 #pragma once
 #include <fcntl.h>
 #include <signal.h>
@@ -25,11 +27,14 @@ struct CommandResult {
 /// \param kill_after_ms  SIGKILL after this time, if it still runs; 0 = let it end
 /// \param environment  NAME=VALUE, added
 inline CommandResult tessera_command(const std::vector<std::string>& arguments, unsigned kill_after_ms = 0,
-                                     const std::string& environment = {}) {
+                                     const std::string& environment = {}, bool with_page = false) {
   std::string pattern = (std::filesystem::temp_directory_path() / "tessera-stderr-XXXXXX").string();
   const int log = ::mkstemp(pattern.data());
   std::vector<std::string> words = {TESSERA_BINARY};
   words.insert(words.end(), arguments.begin(), arguments.end());
+  const std::string command = arguments.empty() ? "" : arguments.front();
+  if (!with_page && (command == "reconstruct" || command == "decimate" || command == "smooth"))
+    words.emplace_back("--no-html");
   std::vector<char*> argv;
   for (std::string& w : words) argv.push_back(w.data());
   argv.push_back(nullptr);

@@ -52,6 +52,7 @@ const std::map<std::string, std::string>& parts_of_headers() {
       {"tools/plan_command.cpp", "tools/commands.h"},
       {"tools/reconstruct_command.cpp", "tools/commands.h"},
       {"tools/render_command.cpp", "tools/commands.h"},
+      {"tools/report_command.cpp", "tools/commands.h"},
       {"tools/smooth_command.cpp", "tools/commands.h"},
       {"tools/synth_command.cpp", "tools/commands.h"},
       {"tools/task_command.cpp", "tools/commands.h"},

@@ -5,6 +5,7 @@
 
 #include "stream/import/import_stages.h"
 #include "stream/meshes/store_write_stage.h"
+#include "stream/page/report_page.h"
 #include "stream/stages/decimate/decimate_job.h"
 #include "stream/stages/reconstruct/forecast_stage.h"
 #include "stream/stages/scan/distribute_stage.h"
@@ -130,6 +131,7 @@ std::vector<StageEntry> reconstruct_stages(const ReconstructOptions& options) {
 JobDescription reconstruct_job(const ReconstructOptions& options) {
   HolesMode{options.holes};  // a word that makes no sense is told before any pass
   JobDescription job = {"reconstruct", reconstruct_stages(options), 0, summarise};
+  job.page = job_page();
   if (options.normals != "given") job.beside.push_back({uncertain_picture_path, "the picture of --normals"});
   if (options.keep_raw) job.beside.push_back({raw_output_path, "--keep-raw", true});
   return job;

@@ -4,6 +4,7 @@
 #include "stream/files/task_files.h"
 #include "stream/import/import_stages.h"
 #include "stream/meshes/store_write_stage.h"
+#include "stream/page/report_page.h"
 #include "stream/stages/smooth/coarse_files.h"
 #include "stream/stages/smooth/smooth_stage.h"
 
@@ -66,7 +67,7 @@ OptionTable option_table(SmoothOptions& o) {
 
 JobDescription smooth_job(const SmoothOptions& options) {
   const SmoothPlan plan{smooth_rounds(options), options.tolerance};
-  JobDescription job{"smooth", import_stages({0, kSmoothImport}), 0, summarise};
+  JobDescription job{"smooth", import_stages({0, kSmoothImport}), 0, summarise, {}, job_page()};
   job.stages.push_back({"reach", make_reach_stage});
   for (std::size_t round = 1; round <= plan.rounds.size(); ++round) {
     if (plan.rounds[round - 1].cycle >= 0) {

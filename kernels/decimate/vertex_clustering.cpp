@@ -1,0 +1,155 @@
+#include "kernels/decimate/vertex_clustering.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace tessera {
+namespace {
+
+constexpr int kBits = 21;  // of a coordinate in a key
+constexpr double kMeanWeight = 1e-4;
+constexpr std::int64_t kMiddle = std::int64_t{1} << (kBits - 1);
+
+bool finite(const Double3& p) {
+  return std::isfinite(p[0]) && std::isfinite(p[1]) && std::isfinite(p[2]);
+}
+
+/// The same cell on a grid twice as coarse.
+std::uint64_t parent(std::uint64_t key) {
+  std::uint64_t up = 0;
+  for (int a = 0; a < 3; ++a) {
+    const auto biased = static_cast<std::int64_t>((key >> (kBits * a)) & ((1u << kBits) - 1));
+    up |= static_cast<std::uint64_t>(((biased - kMiddle) >> 1) + kMiddle) << (kBits * a);
+  }
+  return up;
+}
+
+}  // namespace
+
+std::uint64_t cluster_key(const Double3& p, double cell) {
+  std::uint64_t key = 0;
+  for (std::size_t a = 0; a < 3; ++a) {
+    const double at =
+        std::clamp(std::floor(p[a] / cell), -static_cast<double>(kMiddle), static_cast<double>(kMiddle - 1));
+    key |= static_cast<std::uint64_t>(static_cast<std::int64_t>(at) + kMiddle) << (kBits * a);
+  }
+  return key;
+}
+
+void ClusterSize::insert(Grid& grid, const Double3& p) const {
+  const auto coarsen = [&] {
+    std::unordered_set<std::uint64_t> coarse;
+    for (const std::uint64_t key : grid.occupied) coarse.insert(parent(key));
+    grid.occupied = std::move(coarse);
+    grid.cell *= 2.0;
+    grid.last = ~std::uint64_t{0};
+  };
+  // A cell within the range of keys, so that no two cells of one key lie apart.
+  const double farthest = std::max({std::abs(p[0]), std::abs(p[1]), std::abs(p[2])});
+  while (farthest / grid.cell >= static_cast<double>(kMiddle - 1)) coarsen();
+  const std::uint64_t key = cluster_key(p, grid.cell);
+  if (key == grid.last) return;
+  grid.last = key;
+  grid.occupied.insert(key);
+  while (grid.occupied.size() > most_) coarsen();
+}
+
+void ClusterSize::add(const Double3& p) {
+  if (!finite(p)) return;
+  if (!has_first_) {
+    first_ = p;
+    has_first_ = true;
+  }
+  if (grids_[0].cell == 0.0) {
+    const double apart =
+        std::max({std::abs(p[0] - first_[0]), std::abs(p[1] - first_[1]), std::abs(p[2] - first_[2])});
+    if (!(apart > 1e-280) || !(apart < 1e280)) return;
+    constexpr double kFourthRoots[] = {1.0, 1.189207115002721, 1.4142135623730951, 1.681792830507429};
+    for (std::size_t g = 0; g < grids_.size(); ++g) {
+      grids_[g].cell = apart * kFourthRoots[g];
+      insert(grids_[g], first_);
+    }
+  }
+  for (Grid& grid : grids_) insert(grid, p);
+}
+
+double ClusterSize::cell() const {
+  double least = grids_[0].cell;
+  for (const Grid& grid : grids_) least = std::min(least, grid.cell);
+  return least;
+}
+
+VertexClustering::VertexClustering(double cell, std::size_t most_faces)
+    : cell_(cell), most_faces_(most_faces), most_cells_(most_faces * 5 / 8 + 3) {
+  clusters_.reserve(most_cells_);
+}
+
+bool VertexClustering::add(const std::array<Double3, 3>& corners, const std::array<std::uint32_t, 3>& rgba) {
+  if (!finite(corners[0]) || !finite(corners[1]) || !finite(corners[2])) return true;
+  // Weighted by the area squared, as Lindstrom does. Most faces of a fine mesh lie in one cell: looked up once.
+  const Double3 wide = cross(corners[1] - corners[0], corners[2] - corners[0]);
+  const double square = dot(wide, wide);
+  const Double3 normal = square > 0.0 ? wide * (1.0 / std::sqrt(square)) : Double3{};
+  std::array<std::uint64_t, 3> key{};
+  for (std::size_t k = 0; k < 3; ++k) key[k] = cluster_key(corners[k], cell_);
+  const bool one_cell = key[0] == key[1] && key[1] == key[2];
+  std::array<std::uint32_t, 3> face{};
+  for (std::size_t k = 0; k < 3; ++k) {
+    if (k == 0 || !one_cell) {
+      const auto [at, is_new] = number_.try_emplace(key[k], static_cast<std::uint32_t>(clusters_.size()));
+      face[k] = at->second;
+      if (is_new) {
+        clusters_.emplace_back();
+        clusters_.back().first = corners[k];
+      }
+      Cluster& cluster = clusters_[face[k]];
+      cluster.quadric += plane_quadric(normal, corners[0] - cluster.first, one_cell ? 3.0 * square : square);
+    } else {
+      face[k] = face[0];
+    }
+    Cluster& cluster = clusters_[face[k]];
+    cluster.sum = cluster.sum + (corners[k] - cluster.first);
+    ++cluster.corners;
+    for (std::size_t c = 0; c < 3; ++c) cluster.colour[c] += (rgba[k] >> (8 * c)) & 0xffu;
+  }
+  if (clusters_.size() + 3 > most_cells_) return false;
+  if (face[0] == face[1] || face[1] == face[2] || face[2] == face[0]) return true;
+  std::rotate(face.begin(), std::min_element(face.begin(), face.end()), face.end());
+  const std::uint64_t name =
+      face[0] | std::uint64_t{face[1]} << kBits | std::uint64_t{face[2]} << (2 * kBits);
+  if (!seen_.insert(name).second) return true;
+  if (faces_.size() == most_faces_) return false;
+  faces_.push_back(face);
+  return true;
+}
+
+ClusteredMesh VertexClustering::finish() const {
+  ClusteredMesh mesh;
+  std::vector<std::uint32_t> number(clusters_.size(), ~0u);
+  mesh.faces = faces_;
+  for (auto& face : mesh.faces)
+    for (std::uint32_t& corner : face) {
+      const Cluster& cluster = clusters_[corner];
+      if (number[corner] == ~0u) {
+        number[corner] = static_cast<std::uint32_t>(mesh.position.size());
+        const double share = 1.0 / static_cast<double>(cluster.corners);
+        const Double3 mean = cluster.sum * share;
+        Double3 best{};
+        // Along a plane or a crease the quadric says nothing: there a little of the mean decides.
+        Quadric q = cluster.quadric;
+        const double weight = kMeanWeight * (q.xx + q.yy + q.zz);
+        q.xx += weight, q.yy += weight, q.zz += weight;
+        q.bx += weight * mean[0], q.by += weight * mean[1], q.bz += weight * mean[2];
+        const bool sharp = quadric_minimum(q, best) && norm(best - mean) <= cell_;
+        mesh.position.push_back(cluster.first + (sharp ? best : mean));
+        std::uint32_t rgba = 0xff000000u;
+        for (std::size_t c = 0; c < 3; ++c)
+          rgba |= static_cast<std::uint32_t>(cluster.colour[c] / cluster.corners) << (8 * c);
+        mesh.rgba.push_back(rgba);
+      }
+      corner = number[corner];
+    }
+  return mesh;
+}
+
+}  // namespace tessera

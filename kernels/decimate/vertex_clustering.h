@@ -1,0 +1,78 @@
+/// \file vertex_clustering.h
+/// A coarse copy of a mesh that is only streamed past: the vertices of one cell of a grid become one.
+/// For looking at, not for work: nothing is proven about it, and thin parts may close up.
+/// Sources: Rossignac and Borrel, "Multi-resolution 3D Approximations for Rendering Complex Scenes", 1993; Lindstrom,
+/// "Out-of-Core Simplification of Large Polygonal Models", 2000 (the vertex of a cell by the quadrics of its faces).
+#pragma once
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <unordered_map>
+#include <unordered_set>
+#include <vector>
+
+#include "kernels/decimate/quadric.h"
+
+namespace tessera {
+
+/// Cell of an infinite grid with a corner at zero; up to 2^20 cells from there to each side, farther counts as there.
+/// \param p  finite \param cell  edge, > 0
+std::uint64_t cluster_key(const Double3& p, double cell);
+
+/// Finds the edge of cell at which a stream of vertices occupies about as many cells as allowed.
+class ClusterSize {
+ public:
+  explicit ClusterSize(std::size_t most_cells) : most_(most_cells) {}
+  void add(const Double3& p);  ///< what is not finite is skipped
+  /// The finest of the sizes tried (fourth roots of two apart) that keeps to the limit; 0 without two different points.
+  double cell() const;
+
+ private:
+  struct Grid {
+    double cell = 0.0;
+    std::uint64_t last = ~std::uint64_t{0};
+    std::unordered_set<std::uint64_t> occupied;
+  };
+  void insert(Grid& grid, const Double3& p) const;
+
+  std::size_t most_;
+  std::array<Grid, 4> grids_;
+  Double3 first_{};
+  bool has_first_ = false;
+};
+
+struct ClusteredMesh {
+  std::vector<Double3> position;
+  std::vector<std::uint32_t> rgba;  ///< mean of the corners, as points carry colours
+  std::vector<std::array<std::uint32_t, 3>> faces;
+};
+
+/// One grid of `cell`. Faces whose corners lie in three cells stay, once each; all others only shape the vertices.
+class VertexClustering {
+ public:
+  VertexClustering(double cell, std::size_t most_faces);
+  /// \param corners  counter-clockwise; a face with one that is not finite is skipped
+  /// \return false once more than most_faces would stay, or 5/8 as many cells are touched: take a larger cell and begin anew
+  bool add(const std::array<Double3, 3>& corners, const std::array<std::uint32_t, 3>& rgba);
+  /// \post a pure function of cell and faces in their order; cells are numbered as they come
+  ClusteredMesh finish() const;
+  /// Upper bound of what it holds.
+  static std::size_t bytes(std::size_t most_faces) { return 288 * most_faces; }
+
+ private:
+  struct Cluster {
+    Quadric quadric;  ///< relative to the first corner of the cell
+    Double3 first{}, sum{};
+    std::array<std::uint64_t, 3> colour{};
+    std::uint64_t corners = 0;
+  };
+
+  double cell_;
+  std::size_t most_faces_, most_cells_;
+  std::unordered_map<std::uint64_t, std::uint32_t> number_;
+  std::vector<Cluster> clusters_;
+  std::unordered_set<std::uint64_t> seen_;
+  std::vector<std::array<std::uint32_t, 3>> faces_;
+};
+
+}  // namespace tessera

@@ -1,0 +1,309 @@
+#include "stream/page/page_figures.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+
+#include <fmt/format.h>
+#include <nlohmann/json.hpp>
+
+#include "kernels/picture/caption.h"
+#include "stream/page/html.h"
+#include "stream/page/report_value.h"
+#include "stream/runtime/numbers.h"
+
+namespace tessera {
+namespace {
+
+using html::escape;
+using nlohmann::json;
+using Rows = std::vector<std::pair<std::string, std::string>>;
+
+/// Bars of counts that are there, as shares of `all`.
+std::string count_bars(const std::string& title, const std::vector<std::pair<std::string, json>>& counts,
+                       double all) {
+  std::vector<html::Bar> rows;
+  for (const auto& [name, count] : counts)
+    if (count.is_number() && (count != 0 || rows.empty()))
+      rows.push_back({name, count_text(count), all > 0.0 ? count.get<double>() / all : 0.0});
+  return rows.empty() ? "" : html::bars(title, rows);
+}
+
+std::string fates(const json& report) {
+  const json& fate = value_at(stage_result(report, "survey"), "/points");
+  if (!fate.is_object()) return "";
+  const auto of = [&](const char* key) { return value_at(fate, key); };
+  const json& order = stage_result(report, "order");
+  const json& orient = stage_result(report, "orient");
+  const json& dropped = value_at(orient, "/vegetation/as");
+  return count_bars("Fates of the points",
+                    {{"read", of("/read")},
+                     {"withheld by the scan", of("/withheld")},
+                     {"empty (no return)", of("/empty")},
+                     {"missing from the file", of("/missing")},
+                     {"of other classes", of("/other_class")},
+                     {"of other returns", of("/other_return")},
+                     {"not finite", of("/non_finite")},
+                     {"too far away", of("/absurd")},
+                     {"kept", of("/kept")},
+                     {"of these: twice the same", value_at(order, "/duplicates")},
+                     {"of these: thinned where too dense", value_at(order, "/thinned")},
+                     {"of these: outliers left out", value_at(orient, "/outliers_dropped")},
+                     {fmt::format("of these: strewn through space{}",
+                                  dropped.is_string() ? ", " + dropped.get<std::string>() : ""),
+                      value_at(orient, "/vegetation/points")}},
+                    number_at(fate, "/read") + number_at(fate, "/withheld") + number_at(fate, "/empty") +
+                        number_at(fate, "/missing"));
+}
+
+/// Area by distance: 32 bins up to the tolerance, then up to reach, then beyond (kernels/certify/certificate.h).
+std::string deviation_histogram(const std::string& title, const json& counts, double tolerance,
+                                double proven) {
+  if (!counts.is_array() || counts.size() < 3 || !(tolerance > 0.0)) return "";
+  html::Histogram h;
+  h.title = title;
+  for (const json& c : counts) h.counts.push_back(c.is_number() ? c.get<double>() : 0.0);
+  const std::size_t bins = h.counts.size() - 2;
+  // What lies over the tolerance is drawn only where something does.
+  while (h.counts.size() > bins && h.counts.back() == 0.0) h.counts.pop_back();
+  h.edges.assign(h.counts.size() + 1, "");
+  for (std::size_t q = 0; q <= 4; ++q)
+    h.edges[q * bins / 4] = number_text(tolerance * static_cast<double>(q) / 4.0);
+  if (proven > 0.0 && proven <= tolerance)
+    h.marks.push_back(
+        {static_cast<double>(bins) * proven / tolerance, "proven: at most " + number_text(proven)});
+  return html::histogram(h);
+}
+
+std::string direction(const json& certificate, const char* key, const std::string& title) {
+  const json& d = value_at(certificate, key);
+  return d.is_object()
+             ? deviation_histogram(title, value_at(d, "/histogram"), number_at(certificate, "/tolerance"),
+                                   number_at(d, "/certified_max"))
+             : "";
+}
+
+std::string shares(const std::string& title, const std::vector<std::uint64_t>& counts,
+                   const std::vector<std::string>& edges) {
+  html::Histogram h;
+  h.title = title;
+  for (const std::uint64_t c : counts) h.counts.push_back(static_cast<double>(c));
+  h.edges = edges;
+  return html::histogram(h);
+}
+
+std::string spacing(const json& report) {
+  const json& s = stage_result(report, "spacing");
+  if (!value_at(s, "/spacing").is_number()) return "";
+  const std::pair<const char*, const char*> kRows[] = {{"densest part", "/spacing_dense"},
+                                                       {"half of the surface", "/spacing_middle"},
+                                                       {"wide part", "/spacing_wide"},
+                                                       {"90 % of the surface", "/spacing"},
+                                                       {"gaps", "/gap"},
+                                                       {"noise", "/noise"}};
+  double most = 0.0;
+  for (const auto& [name, key] : kRows) most = std::max(most, number_at(s, key));
+  std::vector<html::Bar> rows;
+  for (const auto& [name, key] : kRows)
+    if (value_at(s, key).is_number())
+      rows.push_back({name, number_text(number_at(s, key)), most > 0.0 ? number_at(s, key) / most : 0.0});
+  return html::bars("Spacing of the points, units of the scan", rows);
+}
+
+void append_bytes(std::string& to, const void* data, std::size_t bytes) {
+  to.append(static_cast<const char*>(data), bytes);
+}
+
+}  // namespace
+
+std::string input_figures(const json& report) {
+  std::string text = fates(report);
+  Rows rows;
+  if (const json& h = value_at(report, "/resolution/h"); h.is_number())
+    rows.emplace_back("resolution h", fmt::format("{}: {}", number_text(h.get<double>()),
+                                                  escape(text_at(report, "/resolution/reason"))));
+  const json& input = value_at(report, "/input");
+  if (input.is_object()) {
+    rows.emplace_back("format", escape(text_at(input, "/format")));
+    rows.emplace_back("vertices", escape(count_text(value_at(input, "/vertices"))));
+    rows.emplace_back("faces", escape(count_text(value_at(input, "/faces"))));
+    const json& repair = value_at(input, "/repair");
+    if (repair.is_object())
+      for (const auto& [key, count] : repair.items())
+        if (key != "faces" && count.is_number() && count != 0) {
+          std::string name = key;
+          std::replace(name.begin(), name.end(), '_', ' ');
+          rows.emplace_back(name, escape(count_text(count)));
+        }
+  }
+  return text + html::table(rows) + spacing(report);
+}
+
+std::string topology_figures(const PageParts& parts) {
+  if (!parts.check) return parts.check_note.empty() ? "" : html::paragraph(parts.check_note, "note");
+  const MeshCheck& c = *parts.check;
+  Rows rows;
+  rows.emplace_back("components", fmt::format("{}, {} of them closed and sound", with_commas(c.components),
+                                              with_commas(c.solid_components)));
+  if (c.solid_components > 0)
+    rows.emplace_back("genus, all closed parts together", std::to_string(c.total_genus));
+  std::string borders = fmt::format("{} edges", with_commas(c.boundary_edges));
+  if (c.boundary_edges > 0) {
+    borders += fmt::format(" in {} loops", with_commas(c.boundary_loops));
+    if (c.open_loops > 0) borders += fmt::format(", {} of them not closed", with_commas(c.open_loops));
+    borders += "; longest:";
+    for (std::size_t i = 0; i < std::min<std::size_t>(c.largest_loops.size(), 8); ++i)
+      borders += " " + with_commas(c.largest_loops[i].edges);
+  }
+  rows.emplace_back("holes and outer borders", borders);
+  const std::vector<std::string> defects = c.defects();
+  std::string list;
+  for (const std::string& d : defects) list += (list.empty() ? "" : ", ") + d;
+  rows.emplace_back("defects", list.empty() ? "none" : escape(list));
+  const auto vector = [](const Double3& v) {
+    return fmt::format("{:.10g} {:.10g} {:.10g}", v[0], v[1], v[2]);
+  };
+  rows.emplace_back("bounds", vector(c.min) + " to " + vector(c.max));
+  if (c.has_shape) rows.emplace_back("area", number_text(c.area));
+  if (c.has_shape && c.solid()) rows.emplace_back("volume", number_text(c.volume));
+  return html::table(rows);
+}
+
+std::string deviation_figures(const json& report) {
+  std::string text;
+  Rows rows;
+  const json& certificate = value_at(report, "/certificate");
+  if (const json& most = value_at(certificate, "/certified_max"); most.is_number()) {
+    rows.emplace_back("largest distance, proven both ways", number_text(most.get<double>()));
+    rows.emplace_back("tolerance", number_text(number_at(certificate, "/tolerance")));
+    rows.emplace_back("root mean square, result to reference",
+                      number_text(number_at(certificate, "/mesh_to_reference/rms")));
+    rows.emplace_back("root mean square, reference to result",
+                      number_text(number_at(certificate, "/reference_to_mesh/rms")));
+    rows.emplace_back("borders within the tolerance too",
+                      value_at(certificate, "/borders_proven") == true ? "proven" : "not proven");
+  }
+  text += direction(certificate, "/mesh_to_reference", "Area of the result by distance to the reference");
+  text += direction(certificate, "/reference_to_mesh", "Area of the reference by distance to the result");
+  for (const auto& [key, name] :
+       {std::pair{"/samples", "result"}, {"/points_to_surface", "full resolution"}}) {
+    const json& samples = value_at(report, key);
+    if (!value_at(samples, "/certified_max").is_number()) continue;
+    rows.emplace_back(fmt::format("farthest point from the {}", name),
+                      number_text(number_at(samples, "/certified_max")));
+    text += deviation_histogram(fmt::format("Points by distance to the {}", name),
+                                value_at(samples, "/histogram"), number_at(report, "/options/tolerance"),
+                                number_at(samples, "/certified_max"));
+  }
+  const json& mesh = value_at(report, "/mesh");
+  for (const auto& [key, name] :
+       {std::pair{"/largest_move", "farthest move of a vertex"}, {"/rms_move", "moves, root mean square"}})
+    if (const json& moved = value_at(mesh, key); moved.is_number())
+      rows.emplace_back(name, number_text(moved.get<double>()));
+  return (rows.empty() ? "" : html::table(rows)) + text;
+}
+
+std::string shape_figures(const PageParts& parts) {
+  std::string text;
+  if (parts.preview) {
+    const PreviewMesh& p = *parts.preview;
+    std::vector<std::string> degrees;
+    for (int d = 0; d <= 60; d += 5) degrees.push_back(std::to_string(d) + "\u00b0");
+    text +=
+        shares("Faces by their smallest angle", {p.smallest_angle.begin(), p.smallest_angle.end()}, degrees);
+    std::vector<std::string> lengths(p.edge_length.size() + 1);
+    const std::size_t stride = p.edge_length.size() / 8 + 1;
+    for (std::size_t i = 0; i < lengths.size(); i += stride) {
+      const double octaves =
+          std::ldexp(1.0, static_cast<int>(i / 2)) * (i % 2 == 1 ? 1.4142135623730951 : 1.0);
+      lengths[i] = fmt::format("{:.3g}", p.shortest_edge_bin * octaves);
+    }
+    text += shares("Sides of faces by length, units of the mesh", p.edge_length, lengths);
+  }
+  if (parts.check && parts.check->has_shape) {
+    std::vector<std::string> bounds = {"1"};
+    for (const double b : kAspectBounds) bounds.push_back(number_text(b));
+    bounds.emplace_back("");
+    text += shares("Faces by aspect (longest side over height, 1 = equilateral)",
+                   {parts.check->aspect_histogram.begin(), parts.check->aspect_histogram.end()}, bounds);
+  }
+  return text;
+}
+
+std::string run_figures(const json& report) {
+  std::string text;
+  const json& stages = value_at(report, "/stages");
+  double longest = 0.0, written = 0.0, read = 0.0;
+  std::vector<html::Bar> rows;
+  std::string table =
+      "<table class=\"wide\">\n<tr><th scope=\"col\">stage</th><th scope=\"col\">tasks</th><th "
+      "scope=\"col\">time</th>"
+      "<th scope=\"col\">processor</th><th scope=\"col\">peak memory</th><th scope=\"col\">read</th><th "
+      "scope=\"col\">written</th></tr>\n";
+  if (stages.is_array()) {
+    for (const json& s : stages) longest = std::max(longest, number_at(s, "/wall_s"));
+    for (const json& s : stages) {
+      if (number_at(s, "/tasks") == 0.0 && number_at(s, "/units") == 0.0) continue;  // had nothing to do
+      const double wall = number_at(s, "/wall_s");
+      rows.push_back({text_at(s, "/name"), time_text(wall), longest > 0.0 ? wall / longest : 0.0});
+      written += number_at(s, "/bytes_written");
+      read += number_at(s, "/bytes_read");
+      table += fmt::format(
+          "<tr><th "
+          "scope=\"row\">{}</th><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td></tr>\n",
+          escape(text_at(s, "/name")), escape(count_text(value_at(s, "/tasks"))), time_text(wall),
+          time_text(number_at(s, "/cpu_s")), bytes_text(value_at(s, "/peak_bytes")),
+          bytes_text(value_at(s, "/bytes_read")), bytes_text(value_at(s, "/bytes_written")));
+    }
+  }
+  if (!rows.empty()) text += html::bars("Time by stage", rows);
+  const double cap = number_at(report, "/memory_cap_bytes"), peak = number_at(report, "/peak_bytes");
+  if (cap > 0.0)
+    text += html::bars("Memory", {{"peak", bytes_text(value_at(report, "/peak_bytes")), peak / cap},
+                                  {"cap", bytes_text(value_at(report, "/memory_cap_bytes")), 1.0}});
+  Rows more;
+  if (const std::string cap_text = text_at(report, "/run/memory_cap"); !cap_text.empty())
+    more.emplace_back("memory cap", escape(cap_text));
+  more.emplace_back("time", time_text(number_at(report, "/wall_s")) + ", of processors " +
+                                time_text(number_at(report, "/cpu_s")));
+  more.emplace_back("threads", escape(text_at(report, "/run/threads")));
+  const auto size = [](double bytes) { return bytes_text(static_cast<std::uint64_t>(bytes)); };
+  if (read >= 0.0 && written >= 0.0 && read + written < 1e18)
+    more.emplace_back("disk",
+                      fmt::format("{} read, {} written by all stages together", size(read), size(written)));
+  if (const json& disk = value_at(stage_result(report, "forecast"), "/peak_disk_bytes"); disk.is_number())
+    more.emplace_back("disk at one time, forecast", bytes_text(disk));
+  if (const json& seconds = value_at(report, "/page/seconds"); seconds.is_number())
+    more.emplace_back("this page", time_text(seconds.get<double>()) + " of the time, " +
+                                       time_text(number_at(report, "/page/cpu_s")) + " of processors");
+  text += html::table(more);
+  return text + "<details><summary>all stages</summary>\n" + table + "</table></details>\n";
+}
+
+std::string preview_data(const PreviewMesh& mesh) {
+  Float3 low = mesh.position.front(), high = low;
+  for (const Float3& p : mesh.position)
+    for (std::size_t a = 0; a < 3; ++a) low[a] = std::min(low[a], p[a]), high[a] = std::max(high[a], p[a]);
+  const double size =
+      std::max({double{high[0]} - low[0], double{high[1]} - low[1], double{high[2]} - low[2], 1e-300});
+  std::string position, faces, colour;
+  for (const Float3& p : mesh.position)
+    for (std::size_t a = 0; a < 3; ++a) {
+      const auto word = static_cast<std::uint16_t>(65535.0 * ((double{p[a]} - low[a]) / size));
+      append_bytes(position, &word, sizeof word);
+    }
+  for (const auto& f : mesh.faces) append_bytes(faces, f.data(), sizeof f);
+  for (const std::uint32_t c : mesh.rgba) append_bytes(colour, &c, 3);
+  const auto block = [](const char* id, const std::string& bytes) {
+    return fmt::format("<script type=\"application/octet-stream\" id=\"{}\">{}</script>\n", id,
+                       html::base64(bytes));
+  };
+  std::string text = fmt::format("<div id=\"view-box\" hidden data-size=\"{:.6g},{:.6g},{:.6g}\"></div>\n",
+                                 (double{high[0]} - low[0]) / size, (double{high[1]} - low[1]) / size,
+                                 (double{high[2]} - low[2]) / size);
+  text += block("view-positions", position) + block("view-faces", faces);
+  if (!colour.empty()) text += block("view-colours", colour);
+  return text;
+}
+
+}  // namespace tessera

@@ -1,0 +1,226 @@
+#include "stream/page/page_text.h"
+
+#include <algorithm>
+#include <fstream>
+
+#include <fmt/format.h>
+#include <nlohmann/json.hpp>
+
+#include "kernels/picture/caption.h"
+#include "stream/page/html.h"
+#include "stream/page/page_figures.h"
+#include "stream/page/page_script.h"
+#include "stream/page/page_style.h"
+#include "stream/page/report_value.h"
+#include "stream/runtime/memory_budget.h"
+#include "stream/runtime/numbers.h"
+
+namespace tessera {
+namespace {
+
+using html::escape;
+using nlohmann::json;
+using Rows = std::vector<std::pair<std::string, std::string>>;
+
+constexpr const char* kBegin =
+    "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n"
+    "<meta name=\"generator\" content=\"tessera report\">\n";
+// Nothing is fetched, whatever should ever slip into the text.
+constexpr const char* kPolicy =
+    "<meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; img-src data:; style-src "
+    "'unsafe-inline'; script-src 'unsafe-inline'\">\n"
+    "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n"
+    "<meta name=\"color-scheme\" content=\"light dark\">\n";
+
+std::string name_of(const std::string& path) {
+  return path.substr(path.find_last_of('/') + 1);
+}
+
+std::string tile(const std::string& value, const std::string& what) {
+  return fmt::format("<div class=\"tile\"><b>{}</b><span>{}</span></div>\n", escape(value), escape(what));
+}
+
+std::string summary(const json& report, const PageParts& parts) {
+  std::string tiles;
+  if (const json& points = value_at(report, "/points"); points.is_number())
+    tiles += tile(count_text(points), "points in");
+  if (const json& faces = value_at(report, "/input/faces"); faces.is_number())
+    tiles += tile(count_text(faces), "faces in");
+  if (const json& faces = value_at(report, "/mesh/faces"); faces.is_number())
+    tiles += tile(count_text(faces), "faces out");
+  if (parts.check)
+    tiles += tile(parts.check->boundary_edges == 0 ? "closed" : with_commas(parts.check->boundary_loops),
+                  parts.check->boundary_edges == 0 ? "no border edge" : "holes and outer borders");
+  if (const json& most = value_at(report, "/certificate/certified_max"); most.is_number())
+    tiles += tile(number_text(most.get<double>()), "largest distance, proven both ways");
+  if (const json& time = value_at(report, "/wall_s"); time.is_number())
+    tiles += tile(time_text(time.get<double>()), "from start to end");
+  if (const json& peak = value_at(report, "/peak_bytes"); peak.is_number_unsigned())
+    tiles += tile(format_bytes(peak.get<std::uint64_t>()),
+                  "peak memory of " + bytes_text(value_at(report, "/memory_cap_bytes")));
+  return "<div class=\"tiles\">\n" + tiles + "</div>\n";
+}
+
+std::string warnings(const json& report) {
+  std::string list;
+  if (const json& all = value_at(report, "/warnings"); all.is_array())
+    for (const json& w : all)
+      if (w.is_string()) list += "<li>" + escape(w.get<std::string>()) + "</li>\n";
+  return list.empty() ? ""
+                      : html::section("warnings", "Warnings", "<ul class=\"warn\">\n" + list + "</ul>\n");
+}
+
+std::string refusal(const json& report) {
+  const json& refused = value_at(report, "/refused");
+  if (!refused.is_object()) return "";
+  std::string body = html::paragraph(text_at(refused, "/message"), "refused");
+  body += html::paragraph(
+      fmt::format("Exit code {}: {}. There is no result; what was done so far is kept in the work directory.",
+                  text_at(refused, "/code"), text_at(refused, "/meaning")));
+  return html::section("refused", "Refused", body);
+}
+
+std::string went_in(const json& report) {
+  Rows rows;
+  if (const json& inputs = value_at(report, "/inputs"); inputs.is_array())
+    for (const json& input : inputs)
+      rows.emplace_back("input", fmt::format("<bdi>{}</bdi>, {}", escape(text_at(input, "/path")),
+                                             bytes_text(value_at(input, "/bytes"))));
+  return html::section("in", "What went in", html::table(rows) + input_figures(report));
+}
+
+std::string came_out(const json& report, const PageParts& parts) {
+  const json& mesh = value_at(report, "/mesh");
+  if (!mesh.is_object()) return "";
+  Rows rows;
+  rows.emplace_back("mesh", fmt::format("<bdi>{}</bdi>, {}", escape(text_at(report, "/output/path")),
+                                        bytes_text(value_at(report, "/output/bytes"))));
+  const auto count = [&](const char* name, const char* key) {
+    if (const json& value = value_at(mesh, key); value.is_number())
+      rows.emplace_back(name, escape(count_text(value)));
+  };
+  count("vertices", "/vertices");
+  count("faces", "/faces");
+  if (const json& filled = value_at(mesh, "/synthetic_faces"); filled.is_number() && filled != 0)
+    rows.emplace_back("faces that close holes", escape(count_text(filled)) + ", marked in the file (PLY)");
+  count("holes filled", "/holes/filled");
+  if (const json& dropped = value_at(mesh, "/islands_dropped"); dropped.is_number() && dropped != 0)
+    rows.emplace_back("small islands left out",
+                      fmt::format("{}, of {} faces together", escape(count_text(dropped)),
+                                  escape(count_text(value_at(mesh, "/island_faces_dropped")))));
+  if (!parts.check) count("components", "/components");
+  return html::section("out", "What came out", html::table(rows) + topology_figures(parts));
+}
+
+std::string pictures(const PageParts& parts) {
+  std::string body;
+  if (!parts.pictures.empty())
+    body += html::picture(
+        parts.pictures, "The result from four sides: twice from above a corner, from the front, from the top",
+        "Borders red, faces seen from behind orange, faces that close holes blue. " + parts.pictures_note);
+  else if (!parts.pictures_note.empty())
+    body += html::paragraph(parts.pictures_note, "note");
+  return body.empty() ? "" : html::section("pictures", "From four sides", body);
+}
+
+std::string deviation(const json& report, const PageParts& parts) {
+  std::string body = deviation_figures(report);
+  if (!parts.deviation.empty())
+    body += html::picture(parts.deviation, "The result in colours of its distance to what it was made from",
+                          "Distance to the reference. " + parts.deviation_note);
+  else if (!parts.deviation_note.empty())
+    body += html::paragraph(parts.deviation_note, "note");
+  return body.empty() ? "" : html::section("deviation", "Deviation", body);
+}
+
+std::string uncertainty(const json& report, const PageParts& parts) {
+  const json& orient = stage_result(report, "orient");
+  const json& share = value_at(orient, "/uncertain_fraction");
+  if (!share.is_number() && parts.uncertain.empty()) return "";
+  Rows rows;
+  if (share.is_number())
+    rows.emplace_back("points whose side is in doubt",
+                      fmt::format("{} %, {} points", number_text(100.0 * share.get<double>()),
+                                  escape(count_text(value_at(orient, "/uncertain_points")))));
+  if (const std::string scene = text_at(orient, "/scene"); !scene.empty())
+    rows.emplace_back("told as a scan", escape(scene));
+  std::string body = html::table(rows);
+  if (!parts.uncertain.empty())
+    body += html::picture(parts.uncertain, "Where the sides of points are in doubt, in red",
+                          "Red: the side on which the scanner stood is in doubt.");
+  return html::section("uncertainty", "Uncertainty", body);
+}
+
+std::string options(const json& report) {
+  Rows rows;
+  if (const json& all = value_at(report, "/options"); all.is_object())
+    for (const auto& [key, value] : all.items())
+      if (!value.is_null() && !(value.is_array() && value.empty()))
+        rows.emplace_back("--" + key, escape(value.is_string() ? value.get<std::string>() : value.dump()));
+  return html::section(
+      "options", "Options",
+      "<details><summary>all that decide the result</summary>\n" + html::table(rows) + "</details>\n");
+}
+
+std::string preview(const PageParts& parts) {
+  if (!parts.preview || parts.preview->faces.empty())
+    return parts.preview_note.empty()
+               ? ""
+               : html::section("preview", "Preview", html::paragraph(parts.preview_note, "note"));
+  const PreviewMesh& mesh = *parts.preview;
+  std::string said = with_commas(mesh.faces.size()) + " faces";
+  said += mesh.cell > 0.0
+              ? " instead of " + with_commas(mesh.mesh_faces) +
+                    ": a copy for looking at, by clustering of vertices in cells of " +
+                    number_text(round_up_2_digits(mesh.cell)) + "; it proves nothing about the mesh."
+              : ", the mesh itself.";
+  return html::section(
+      "preview", "Preview",
+      "<div class=\"stage\"><canvas id=\"view\" tabindex=\"0\" role=\"img\" aria-label=\"The result in three "
+      "dimensions; drag or use the arrow keys to turn it, plus and minus to come closer\"></canvas></div>\n"
+      "<p class=\"note\" id=\"view-note\">Turning it needs scripts and WebGL 2; the pictures above show the "
+      "same.</p>\n"
+      "<p><button type=\"button\" id=\"view-home\">Back to the start</button> <label><input "
+      "type=\"checkbox\" "
+      "id=\"view-wire\"> edges</label> Drag turns, Shift and drag moves, the wheel or + and - come closer, "
+      "arrow keys turn.</p>\n" +
+          html::paragraph(said) + preview_data(mesh));
+}
+
+}  // namespace
+
+std::string page_text(const json& report, const PageParts& parts) {
+  const bool refused = value_at(report, "/refused").is_object();
+  const std::string output = text_at(report, "/output/path");
+  std::string text = kBegin;
+  text += kPolicy;
+  text += fmt::format("<title>{}: report of Tessera</title>\n<style>{}</style>\n</head>\n<body>\n",
+                      escape(name_of(output)), kPageStyle);
+  text += fmt::format(
+      "<header>\n<h1><bdi>{}</bdi> <span class=\"state "
+      "{}\">{}</span></h1>\n<p><code><bdi>{}</bdi></code></p>\n"
+      "<p>{}, Tessera {}, {} ({}, {} cores)</p>\n</header>\n<main>\n",
+      escape(name_of(output)), refused ? "bad" : "good", refused ? "refused" : "done",
+      escape(text_at(report, "/command")), escape(text_at(report, "/finished")),
+      escape(text_at(report, "/version")), escape(text_at(report, "/machine/host")),
+      escape(text_at(report, "/machine/processor")), escape(text_at(report, "/machine/cores")));
+  text += refusal(report) + summary(report, parts) + warnings(report) + went_in(report) +
+          came_out(report, parts) + pictures(parts) + preview(parts) + deviation(report, parts) +
+          uncertainty(report, parts);
+  if (const std::string shape = shape_figures(parts); !shape.empty())
+    text += html::section("shape", "Shape", shape);
+  text += html::section("run", "How it ran", run_figures(report)) + options(report);
+  text += "</main>\n";
+  if (parts.preview && !parts.preview->faces.empty())
+    text += fmt::format("<script>{}</script>\n", kPreviewScript);
+  return text + "</body>\n</html>\n";
+}
+
+bool is_page(const std::filesystem::path& path) {
+  std::ifstream file(path, std::ios::binary);
+  std::string start(std::char_traits<char>::length(kBegin), '\0');
+  file.read(start.data(), static_cast<std::streamsize>(start.size()));
+  return file.gcount() == static_cast<std::streamsize>(start.size()) && start == kBegin;
+}
+
+}  // namespace tessera

@@ -1,0 +1,59 @@
+#include "stream/page/report_value.h"
+
+#include <cmath>
+
+#include <fmt/format.h>
+#include <nlohmann/json.hpp>
+
+#include "kernels/picture/caption.h"
+#include "stream/runtime/memory_budget.h"
+#include "stream/runtime/numbers.h"
+
+namespace tessera {
+
+using nlohmann::json;
+
+const json& value_at(const json& j, const std::string& pointer) {
+  static const json kNull;
+  const json::json_pointer at(pointer);
+  return j.contains(at) ? j.at(at) : kNull;
+}
+
+std::string text_at(const json& j, const std::string& pointer) {
+  const json& value = value_at(j, pointer);
+  if (value.is_string()) return value.get<std::string>();
+  return value.is_number() ? value.dump() : "";
+}
+
+double number_at(const json& j, const std::string& pointer) {
+  const json& value = value_at(j, pointer);
+  return value.is_number() ? value.get<double>() : 0.0;
+}
+
+const json& stage_result(const json& report, const std::string& stage) {
+  static const json kNull;
+  const json& stages = value_at(report, "/stages");
+  if (stages.is_array())
+    for (const json& entry : stages)
+      if (text_at(entry, "/name") == stage) return value_at(entry, "/result");
+  return kNull;
+}
+
+std::string count_text(const json& value) {
+  if (value.is_number_unsigned()) return with_commas(value.get<std::uint64_t>());
+  return value.is_number() ? number_text(value.get<double>()) : "";
+}
+
+std::string bytes_text(const json& value) {
+  return value.is_number_unsigned() ? format_bytes(value.get<std::uint64_t>()) : "";
+}
+
+std::string time_text(double seconds) {
+  if (!(seconds >= 60.0)) return fmt::format("{:.3g} s", seconds);
+  if (!(seconds < 1e9)) return number_text(seconds) + " s";
+  const auto whole = static_cast<std::uint64_t>(std::llround(seconds));
+  if (whole < 3600) return fmt::format("{} min {:02} s", whole / 60, whole % 60);
+  return fmt::format("{} h {:02} min", whole / 3600, whole / 60 % 60);
+}
+
+}  // namespace tessera

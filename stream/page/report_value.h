@@ -1,0 +1,23 @@
+/// \file report_value.h
+/// Values of a report by JSON pointer, and as people read them. A report may come from anywhere: what is not there, or is of
+/// another kind, is null or empty and never an error.
+#pragma once
+#include <string>
+
+#include <nlohmann/json_fwd.hpp>
+
+namespace tessera {
+
+/// \param pointer  "/mesh/faces" \return null where there is no such value
+const nlohmann::json& value_at(const nlohmann::json& json, const std::string& pointer);
+/// Text as it is, numbers as JSON has them; else empty.
+std::string text_at(const nlohmann::json& json, const std::string& pointer);
+double number_at(const nlohmann::json& json, const std::string& pointer);  ///< 0 if it is none
+/// What a stage reported; null where it did not run.
+const nlohmann::json& stage_result(const nlohmann::json& report, const std::string& stage);
+
+std::string count_text(const nlohmann::json& value);  ///< 1,234,567
+std::string bytes_text(const nlohmann::json& value);  ///< 1.50 GiB
+std::string time_text(double seconds);                ///< "2 h 05 min", "3 min 20 s", "4.5 s"
+
+}  // namespace tessera

@@ -1,0 +1,226 @@
+// The page of a job for people: what it says, that it is whole, that it costs and breaks nothing.
+#include <catch2/catch.hpp>
+
+#include <nlohmann/json.hpp>
+#include <regex>
+#include <set>
+#include <vector>
+
+#include "kernels/picture/caption.h"
+#include "stream/page/html.h"
+#include "stream/page/page_text.h"
+#include "tests/helpers/command.h"
+#include "tests/helpers/shell.h"
+#include "tests/helpers/temp_folder.h"
+
+using namespace tessera;
+using namespace tessera::test;
+namespace fs = std::filesystem;
+
+namespace {
+
+/// The first fault of its tags: not closed, closed in another order, an attribute without quotes; empty if there is none.
+std::string fault_of(const std::string& page) {
+  static const std::regex kTag(R"re(<(/?)([a-zA-Z0-9]+)((?:\s+[a-zA-Z0-9:-]+(?:="[^"<>]*")?)*)\s*(/?)>)re");
+  static const std::set<std::string> kVoid = {"meta", "img", "input", "br"};
+  std::vector<std::string> open;
+  std::size_t at = page.find('>') + 1;  // behind the doctype
+  while ((at = page.find('<', at)) != std::string::npos) {
+    // Pictures and data are long: the expression is given the tag alone.
+    const std::size_t end = page.find('>', at);
+    if (end == std::string::npos) return "no end of a tag";
+    std::string tag = page.substr(at, end + 1 - at);
+    if (const std::size_t data = tag.find("base64,"); data != std::string::npos)
+      tag.erase(data, tag.find('"', data) - data);
+    std::smatch match;
+    if (!std::regex_match(tag, match, kTag)) return "no tag: " + tag.substr(0, 80);
+    const std::string name = match[2];
+    at = end + 1;
+    if (match[1] == "/") {
+      if (open.empty() || open.back() != name) return "closes out of order: " + tag;
+      open.pop_back();
+    } else if (kVoid.count(name) == 0 && match[4] != "/") {
+      open.push_back(name);
+      if (name == "script" || name == "style") at = page.find("</" + name + ">", at);  // raw text
+    }
+  }
+  return open.empty() ? "" : "not closed: " + open.back();
+}
+
+CommandResult with_page(const std::vector<std::string>& words) {
+  return tessera_command(words, 0, {}, true);
+}
+
+fs::path scan(const TempFolder& folder, const std::string& name = "scan.ply") {
+  const fs::path path = folder / name;
+  REQUIRE(tessera_command({"synth", "--scene", "csg", "--points", "40000", "--normals", "-o", path.string()})
+              .code == 0);
+  return path;
+}
+
+nlohmann::json report_of(const fs::path& mesh) {
+  return nlohmann::json::parse(file_bytes(mesh.string() + ".report.json"));
+}
+
+bool holds(const std::string& page, const std::string& text) {
+  return page.find(text) != std::string::npos;
+}
+
+}  // namespace
+
+TEST_CASE("report: the page is well formed, holds the figures, and loads nothing", "[pipeline]") {
+  const TempFolder folder;
+  const fs::path mesh = folder / "mesh.ply";
+  const CommandResult r = with_page(
+      {"reconstruct", scan(folder).string(), "-o", mesh.string(), "--tolerance", "0.01", "--memory", "1G"});
+  INFO(r.errors);
+  REQUIRE(r.code == 0);
+  const std::string page = file_bytes(mesh.string() + ".report.html");
+  CHECK(fault_of(page) == "");
+  const nlohmann::json report = report_of(mesh);
+  const auto count = [&](const char* part, const char* key) {
+    return with_commas(report.at(part).at(key).get<std::uint64_t>());
+  };
+  CHECK(holds(page, "<td class=\"n\">40,000</td>"));
+  CHECK(holds(page, "<td>" + count("mesh", "faces") + "</td>"));
+  CHECK(holds(page, "<td>" + count("mesh", "vertices") + "</td>"));
+  CHECK(holds(page, "proven: at most"));
+  CHECK(holds(page, "<tr><th scope=\"row\">surface</th>"));
+  CHECK(holds(page, "src=\"data:image/png;base64,"));
+  CHECK(holds(page, "id=\"view-faces\""));
+  CHECK(holds(page, "Faces by their smallest angle"));
+  CHECK_FALSE(holds(page, "http:"));
+  CHECK_FALSE(holds(page, "https:"));
+  CHECK_FALSE(holds(page, "<link"));
+  CHECK_FALSE(holds(page, " left out: "));
+  CHECK(report.at("page").at("seconds") > 0.0);
+  CHECK(r.peak_bytes < std::uint64_t{1} << 30);
+
+  // The same page again, from the report alone; and another name, moved with its report.
+  const fs::path again = folder / "again.html";
+  REQUIRE(tessera_command({"report", mesh.string() + ".report.json", "-o", again.string()}).code == 0);
+  CHECK(file_bytes(again) == page);
+  CHECK(tessera_command({"report", mesh.string() + ".report.json", "-o", mesh.string()}).code == 2);
+  CHECK(tessera_command({"report", mesh.string() + ".report.json"}).code ==
+        0);  // its own page it may replace
+}
+
+TEST_CASE("report: same page whatever threads, tiles and cap, but for what the run itself took",
+          "[property]") {
+  const TempFolder folder;
+  const fs::path in = scan(folder), mesh = folder / "mesh.ply";
+  std::string first;
+  for (const std::vector<std::string>& run : {std::vector<std::string>{"-t", "1", "--memory", "2G"},
+                                              {"-t", "2", "--tile-size", "64", "--memory", "600M"}}) {
+    std::vector<std::string> words = {"reconstruct", in.string(), "-o", mesh.string(), "--force"};
+    words.insert(words.end(), run.begin(), run.end());
+    REQUIRE(with_page(words).code == 0);
+    std::string page = file_bytes(mesh.string() + ".report.html");
+    page.erase(page.find("<header>"), page.find("</header>") - page.find("<header>"));
+    page.erase(page.find("<div class=\"tiles\">"),
+               page.find("<section") - page.find("<div class=\"tiles\">"));
+    page.erase(page.find("<section id=\"run\""),
+               page.find("<section id=\"options\"") - page.find("<section id=\"run\""));
+    if (first.empty()) first = page;
+    CHECK(page == first);
+  }
+}
+
+TEST_CASE("report: a cap too small for pictures leaves them out and says so; the job goes on", "[memory]") {
+  const TempFolder folder;
+  const fs::path mesh = folder / "mesh.ply";
+  const CommandResult r =
+      with_page({"reconstruct", scan(folder).string(), "-o", mesh.string(), "--memory", "96M"});
+  INFO(r.errors);
+  REQUIRE(r.code == 0);
+  CHECK(r.peak_bytes < std::uint64_t{96} << 20);
+  const std::string page = file_bytes(mesh.string() + ".report.html");
+  CHECK(fault_of(page) == "");
+  CHECK(holds(page, "Pictures left out: "));
+  CHECK(holds(page, "--memory"));
+}
+
+TEST_CASE("report: refused jobs have a page with the refusal, and their report makes it again",
+          "[pipeline]") {
+  const TempFolder folder;
+  const fs::path in = scan(folder), mesh = folder / "mesh.ply";
+  const std::vector<std::string> words = {"reconstruct", in.string(), "-o",          mesh.string(),
+                                          "--tolerance", "0.000001",  "--reference", "points"};
+  const CommandResult r = with_page(words);
+  REQUIRE(r.code == 6);
+  CHECK_FALSE(fs::exists(mesh));
+  const nlohmann::json report = report_of(mesh);
+  CHECK(report.at("refused").at("code") == 6);
+  const std::string page = file_bytes(mesh.string() + ".report.html");
+  CHECK(fault_of(page) == "");
+  CHECK(holds(page, html::escape(report.at("refused").at("message").get<std::string>())));
+  CHECK(holds(page, "Exit code 6"));
+  CHECK(holds(page, "<td class=\"n\">40,000</td>"));
+  REQUIRE(tessera_command({"report", mesh.string() + ".report.json"}).code == 0);
+  CHECK(file_bytes(mesh.string() + ".report.html") == page);
+  // What the refusal left is in nobody's way.
+  CHECK(with_page({"reconstruct", in.string(), "-o", mesh.string(), "--force"}).code == 0);
+  CHECK_FALSE(report_of(mesh).contains("refused"));
+}
+
+TEST_CASE("report: --no-html leaves the page out; a file of the user's in its place is never lost",
+          "[fault]") {
+  const TempFolder folder;
+  const fs::path in = scan(folder), mesh = folder / "mesh.ply";
+  const fs::path page = mesh.string() + ".report.html";
+  spill(page, "mine");
+  CHECK(with_page({"reconstruct", in.string(), "-o", mesh.string()}).code == 2);
+  CHECK(file_bytes(page) == "mine");
+  CHECK_FALSE(fs::exists(mesh));
+  CHECK(with_page({"reconstruct", in.string(), "-o", mesh.string(), "--no-html"}).code == 0);
+  CHECK(file_bytes(page) == "mine");
+  CHECK(tessera_command({"report", mesh.string() + ".report.json"}).code == 2);
+  CHECK(tessera_command({"report", mesh.string() + ".report.json", "--force"}).code == 0);
+  CHECK(is_page(page));
+  for (const char* text :
+       {"", "{", "[]", "{\"tool\":\"tessera\"}", "{\"tool\":\"tessera\",\"stages\":[],\"schema\":99}"}) {
+    spill(folder / "bad.json", text);
+    CHECK(tessera_command({"report", (folder / "bad.json").string()}).code == 3);
+  }
+}
+
+TEST_CASE("report: names of files are text and nothing else", "[unit]") {
+  CHECK(html::escape("<script>\"'&\n\x01") == "&lt;script&gt;&quot;&#39;&amp;\n\xef\xbf\xbd");
+  CHECK(html::escape("a\xe2\x80\xae"
+                     "b\xe2\x81\xa7") ==
+        "a\xef\xbf\xbd"
+        "b\xef\xbf\xbd");
+  CHECK(html::base64("") == "");
+  CHECK(html::base64("f") == "Zg==");
+  CHECK(html::base64("fo") == "Zm8=");
+  CHECK(html::base64("foobar") == "Zm9vYmFy");
+  // Every text of a report, whatever its place, and values of the wrong kind.
+  const std::string evil = "\"><script>alert(1)</script><img src=x onerror=y>";
+  const nlohmann::json stage = {{"name", evil}, {"tasks", 1}, {"units", evil}, {"result", {{"scene", evil}}}};
+  nlohmann::json report = {{"tool", "tessera"},
+                           {"command", evil},
+                           {"version", evil},
+                           {"finished", evil},
+                           {"warnings", {evil, 7}},
+                           {"stages", {stage, 3, nullptr}},
+                           {"machine", {{"host", evil}, {"cores", evil}}},
+                           {"inputs", {{{"path", evil}, {"bytes", -5}}}},
+                           {"options", {{evil, evil}, {"x", {evil}}}},
+                           {"output", {{"path", evil}}},
+                           {"mesh", {{"faces", evil}, {"vertices", -1e300}}},
+                           {"input", {{"format", evil}, {"repair", {{evil, 5}}}}},
+                           {"resolution", {{"h", 1.0}, {"reason", evil}}},
+                           {"certificate", {{"certified_max", 1e-3}, {"tolerance", evil}}},
+                           {"run", {{"memory_cap", evil}}},
+                           {"refused", {{"message", evil}, {"code", evil}, {"meaning", evil}}}};
+  PageParts parts;
+  parts.pictures_note = parts.deviation_note = parts.preview_note = parts.check_note = evil;
+  const std::string page = page_text(report, parts);
+  CHECK(fault_of(page) == "");
+  CHECK_FALSE(holds(page, "<script>alert"));
+  CHECK_FALSE(holds(page, "<img src=x"));
+  CHECK(holds(page, "&lt;script&gt;alert(1)"));
+  CHECK(fault_of(page_text(nlohmann::json::object(), {})) == "");
+  CHECK(fault_of(page_text(nlohmann::json(), {})) == "");
+  CHECK(fault_of("<!DOCTYPE html>\n<p><b></p></b>") != "");  // the measure itself
+}
