@@ -14,6 +14,7 @@
 #include "octree/error.h"
 #include "stream/files/system_reason.h"
 #include "stream/runtime/stop.h"
+#include "tools/manual.h"
 
 namespace tessera::cli {
 namespace {
@@ -244,6 +245,20 @@ int run(const std::string& name, const std::string& description, const std::vect
   std::signal(SIGXFSZ, SIG_IGN);  // a limit on file sizes is told like a full disk
   return guarded([&] {
     for (const Command& command : commands) add_command(app, command);
+    const auto add_text = [&](const char* option, const char* help,
+                              const std::function<std::string()>& text) {
+      app.add_flag_callback(
+             option,
+             [text] {
+               std::cout << text();
+               throw CLI::Success();
+             },
+             help)
+          ->group("");
+    };
+    add_text("--man-page", "print the manual page", [&] { return man_page(name, description, commands); });
+    add_text("--bash-completion", "print the completion for bash",
+             [&] { return bash_completion(name, commands); });
     try {
       app.parse(argc, argv);
     } catch (const CLI::Success& e) {

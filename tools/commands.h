@@ -9,6 +9,7 @@ namespace tessera {
 cli::Command check_command();
 cli::Command convert_command();
 cli::Command decimate_command();
+cli::Command doctor_command();
 cli::Command info_command();
 cli::Command parameterize_command();
 cli::Command plan_command();

@@ -20,6 +20,7 @@ int main(int argc, char** argv) {
                       convert_command(),
                       parameterize_command(),
                       synth_command(),
+                      doctor_command(),
                   },
                   argc, argv);
 }

@@ -23,10 +23,11 @@ void limit(Findings& out, const Source& s, const std::string& what, std::size_t 
     out.push_back(s.path + ": " + std::to_string(count) + " " + what + ", at most " + std::to_string(most));
 }
 
-/// Declared elsewhere: main, a fuzz target, the global operators that a program replaces.
+/// Declared elsewhere: main, a fuzz target, the global operators that a program replaces, what runs before it.
 bool is_program(const Source& s) {
   return std::any_of(s.lines.begin(), s.lines.end(), [](const std::string& line) {
     return line.starts_with("int main(") || line.starts_with("void* operator new(") ||
+           line.find(".preinit_array") != std::string::npos ||
            line.find("int LLVMFuzzerTestOneInput(") != std::string::npos;
   });
 }

@@ -47,6 +47,7 @@ const std::map<std::string, std::string>& parts_of_headers() {
       {"tools/check_command.cpp", "tools/commands.h"},
       {"tools/convert_command.cpp", "tools/commands.h"},
       {"tools/decimate_command.cpp", "tools/commands.h"},
+      {"tools/doctor_command.cpp", "tools/commands.h"},
       {"tools/info_command.cpp", "tools/commands.h"},
       {"tools/parameterize_command.cpp", "tools/commands.h"},
       {"tools/plan_command.cpp", "tools/commands.h"},
