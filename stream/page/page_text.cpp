@@ -55,9 +55,8 @@ std::string summary(const json& report, const PageParts& parts) {
     tiles += tile(number_text(most.get<double>()), "largest distance, proven both ways");
   if (const json& time = value_at(report, "/wall_s"); time.is_number())
     tiles += tile(time_text(time.get<double>()), "from start to end");
-  if (const json& peak = value_at(report, "/peak_bytes"); peak.is_number_unsigned())
-    tiles += tile(format_bytes(peak.get<std::uint64_t>()),
-                  "peak memory of " + bytes_text(value_at(report, "/memory_cap_bytes")));
+  if (const json& peak = value_at(report, "/peak_bytes"); peak.is_number())
+    tiles += tile(bytes_text(peak), "peak memory of " + bytes_text(value_at(report, "/memory_cap_bytes")));
   return "<div class=\"tiles\">\n" + tiles + "</div>\n";
 }
 
@@ -117,7 +116,7 @@ std::string pictures(const PageParts& parts) {
   if (!parts.pictures.empty())
     body += html::picture(
         parts.pictures, "The result from four sides: twice from above a corner, from the front, from the top",
-        "Borders red, faces seen from behind orange, faces that close holes blue. " + parts.pictures_note);
+        parts.pictures_note);
   else if (!parts.pictures_note.empty())
     body += html::paragraph(parts.pictures_note, "note");
   return body.empty() ? "" : html::section("pictures", "From four sides", body);

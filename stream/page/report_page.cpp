@@ -81,6 +81,7 @@ void write_copy(const fs::path& path, const PreviewMesh& preview) {
 
 void draw_pictures(PageParts& parts, const PageRequest& request, const fs::path& scratch, bool whole) {
   RenderOptions options = sheet(request, request.mesh, scratch);
+  parts.pictures_note = "Borders red, faces seen from behind orange, faces that close holes blue. ";
   if (!whole) {
     if (!parts.preview)
       throw ResourceError("of a mesh this large they show the preview, which is left out too");
@@ -89,7 +90,7 @@ void draw_pictures(PageParts& parts, const PageRequest& request, const fs::path&
     options.borders = "off";
     write_copy(options.inputs.front(), *parts.preview);
     parts.pictures_note =
-        fmt::format("Drawn from a copy of {} of the {} faces, without borders.",
+        fmt::format("Drawn from a copy of {} of the {} faces; faces seen from behind orange. ",
                     with_commas(parts.preview->faces.size()), with_commas(parts.preview->mesh_faces));
   }
   const RenderReport drawn = render(options);

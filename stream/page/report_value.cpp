@@ -13,6 +13,15 @@ namespace tessera {
 
 using nlohmann::json;
 
+namespace {
+
+/// Numbers made here may be of a signed type, those read from a file are not: both are to look the same.
+bool is_count(const json& value) {
+  return value.is_number_unsigned() || (value.is_number_integer() && value >= 0);
+}
+
+}  // namespace
+
 const json& value_at(const json& j, const std::string& pointer) {
   static const json kNull;
   const json::json_pointer at(pointer);
@@ -40,12 +49,12 @@ const json& stage_result(const json& report, const std::string& stage) {
 }
 
 std::string count_text(const json& value) {
-  if (value.is_number_unsigned()) return with_commas(value.get<std::uint64_t>());
+  if (is_count(value)) return with_commas(value.get<std::uint64_t>());
   return value.is_number() ? number_text(value.get<double>()) : "";
 }
 
 std::string bytes_text(const json& value) {
-  return value.is_number_unsigned() ? format_bytes(value.get<std::uint64_t>()) : "";
+  return is_count(value) ? format_bytes(value.get<std::uint64_t>()) : "";
 }
 
 std::string time_text(double seconds) {
