@@ -8,7 +8,6 @@
 #include <optional>
 #include <set>
 
-#include <sys/resource.h>
 #include <unistd.h>
 
 #include <fmt/format.h>
@@ -16,10 +15,10 @@
 #include "octree/error.h"
 #include "octree/lattice.h"
 #include "stream/files/durable_file.h"
-#include "stream/files/path_text.h"
 #include "stream/files/planned_writes.h"
 #include "stream/runtime/child_process.h"
 #include "stream/runtime/commit.h"
+#include "stream/runtime/job_report.h"
 #include "stream/runtime/journal.h"
 #include "stream/runtime/log.h"
 #include "stream/runtime/memory_budget.h"
@@ -48,19 +47,6 @@ std::string listed(const std::vector<std::string>& words) {
 
 std::string plan_hash(const RunOptions& run) {
   return hex64(hash_text(plan_to_json(run).dump()));
-}
-
-/// Seconds of processor time of this process and of children waited for.
-double cpu_seconds() {
-  double total = 0.0;
-  for (const auto who : {RUSAGE_SELF, RUSAGE_CHILDREN}) {
-    rusage usage = {};
-    ::getrusage(who, &usage);
-    for (const timeval& t : {usage.ru_utime, usage.ru_stime}) {
-      total += static_cast<double>(t.tv_sec) + 1e-6 * static_cast<double>(t.tv_usec);
-    }
-  }
-  return total;
 }
 
 void remove_named(const JobState& state, const std::string& name) {
@@ -396,59 +382,6 @@ void check_job_writes(const JobState& state, const JobDescription& job, bool res
   check_writes(reads, writes, state.work);
 }
 
-double seconds_since(std::chrono::steady_clock::time_point start) {
-  return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-}
-
-/// The report and its page, whose making the report counts.
-void write_reports(const JobState& state, const JobDescription& job, nlohmann::json& report,
-                   std::chrono::steady_clock::time_point start) {
-  if (!job.page.make || !state.run.page) return write_report(state, report);
-  const auto page_start = std::chrono::steady_clock::now();
-  const double cpu_start = cpu_seconds();
-  const auto write_page = job.page.make(state, report);
-  const double cpu = cpu_seconds();
-  report["page"] = {{"path", json_text(job.page.path(report_path(state)))},
-                    {"seconds", seconds_since(page_start)},
-                    {"cpu_s", cpu - cpu_start}};
-  report["wall_s"] = seconds_since(start);
-  report["cpu_s"] = cpu;
-  report["peak_bytes"] = std::max(report.at("peak_bytes").get<std::uint64_t>(), peak_resident_bytes());
-  write_report(state, report);
-  write_page(report);
-}
-
-const char* meaning(ExitCode code) {
-  switch (code) {
-    case ExitCode::kInput:
-      return "input unreadable or invalid";
-    case ExitCode::kResources:
-      return "memory cap or disk cannot suffice";
-    case ExitCode::kEmpty:
-      return "nothing to output";
-    case ExitCode::kValidation:
-      return "tolerance or validation failed";
-    default:
-      return "options that make no sense";
-  }
-}
-
-/// What was found until a job was refused is worth a report: what stood in the input, what it would have taken.
-void report_refusal(const JobState& state, const JobDescription& job, const Error& refusal,
-                    const std::function<nlohmann::json()>& report_now, spdlog::logger& log) {
-  try {
-    nlohmann::json report = report_now();
-    report["refused"] = {{"code", static_cast<int>(refusal.code())},
-                         {"meaning", meaning(refusal.code())},
-                         {"message", json_text(std::string(refusal.what()))}};
-    report["output"] = {{"path", json_text(state.output)}};
-    write_report(state, report);
-    if (job.page.make && state.run.page) job.page.make(state, report)(report);
-  } catch (const std::exception& e) {  // the refusal is what the user must hear of
-    log.warn("no report of it: {}", e.what());
-  }
-}
-
 }  // namespace
 
 nlohmann::json run_job(JobState state, const JobDescription& job, const ProgressSink& sink) {
@@ -519,7 +452,7 @@ nlohmann::json run_job(JobState state, const JobDescription& job, const Progress
     if (work.created() && at_once) work.remove();
     const auto* refusal = dynamic_cast<const Error*>(&e);
     if (refusal != nullptr && driver && !at_once && job.only_stages == 0 && !fs::exists(state.output))
-      report_refusal(state, job, *refusal, report_now, *log);
+      report_refusal(state, job, *refusal, report_now);
     throw;
   }
 }

@@ -24,6 +24,8 @@ struct BesideOutput {
   std::function<std::filesystem::path(const std::filesystem::path& output)> path;
   std::string option;      ///< what asks for it: "--keep-raw"
   bool is_result = false;  ///< the job is not done without it
+  /// What it holds, from the report of a job that is done; nothing, no file. Where empty, a stage writes it.
+  std::function<std::string(const nlohmann::json& report)> text = {};
 };
 
 /// The report for people. It draws and measures while the report can still say what that took, and writes when the report

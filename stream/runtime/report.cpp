@@ -111,6 +111,14 @@ nlohmann::json make_report(const JobState& state, const nlohmann::json& identity
           {"beside", std::move(others)}};
 }
 
+void add_beside(nlohmann::json& report, const fs::path& file) {
+  nlohmann::json others = nlohmann::json::array();
+  for (const nlohmann::json& entry : report.at("beside"))
+    if (entry.at("path") != json_text(file)) others.push_back(entry);
+  others.push_back(describe_file(file));
+  report["beside"] = std::move(others);
+}
+
 fs::path report_path(const JobState& state) {
   if (!state.run.report.empty()) return fs::absolute(state.run.report);
   fs::path path = state.output;

@@ -34,6 +34,9 @@ nlohmann::json make_report(const JobState& state, const nlohmann::json& identity
                            const std::vector<StageRecords>& done,
                            const std::vector<std::filesystem::path>& beside, const RunFigures& figures);
 
+/// Adds a file to what stands beside the output; once, whatever is known of it.
+void add_beside(nlohmann::json& report, const std::filesystem::path& file);
+
 /// What a stage reported; null where it did not run.
 nlohmann::json result_of(const nlohmann::json& report, const std::string& stage);
 
