@@ -6,6 +6,7 @@
 
 #include "octree/error.h"
 #include "stream/files/path_text.h"
+#include "stream/points/point_inputs.h"
 #include "stream/points/point_summary.h"
 #include "stream/points/reconstruct_options.h"
 #include "stream/runtime/parallel.h"
@@ -43,6 +44,13 @@ std::string attributes_text(const PointSummary& s) {
   return text.empty() ? "positions only" : text;
 }
 
+std::string system_text(const CoordinateSystem& system) {
+  std::string text = system.name;
+  const std::string code = "EPSG:" + std::to_string(system.horizontal);
+  if (system.horizontal != 0 && text.find(code) == std::string::npos) text += ", " + code;
+  return text + (system.wkt.empty() ? " (GeoTIFF keys)" : " (WKT)");
+}
+
 void print_text(const PointSummary& s) {
   const auto line = [](const char* name, const std::string& value) {
     fmt::print("  {:<11} {}\n", name, value);
@@ -56,6 +64,7 @@ void print_text(const PointSummary& s) {
                             s.counts.points - s.not_finite, s.not_finite, s.counts.withheld, s.counts.empty,
                             s.missing));
   line("attributes", attributes_text(s));
+  if (s.info.system.known()) line("system", system_text(s.info.system));
   if (s.min[0] <= s.max[0]) line("bounds", vector_text(s.min) + "  to  " + vector_text(s.max));
   if (s.info.has_bounds)
     line("declared", vector_text(s.info.declared_min) + "  to  " + vector_text(s.info.declared_max));
@@ -84,6 +93,7 @@ nlohmann::ordered_json to_json(const PointSummary& s) {
                      {"classes_and_returns", a.echo}};
   j["without_normal"] = s.without_normal;
   j["without_colour"] = s.without_colour;
+  if (s.info.system.known()) j["coordinate_system"] = to_json(s.info.system);
   if (s.min[0] <= s.max[0]) j["bounds"] = {{"min", s.min}, {"max", s.max}};
   if (s.info.has_bounds) j["declared_bounds"] = {{"min", s.info.declared_min}, {"max", s.info.declared_max}};
   if (s.spacing > 0) j["spacing"] = s.spacing;

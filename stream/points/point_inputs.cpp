@@ -3,9 +3,13 @@
 #include <algorithm>
 #include <cassert>
 #include <string>
+#include <tuple>
+
+#include <nlohmann/json.hpp>
 
 #include "octree/error.h"
 #include "octree/points.h"
+#include "stream/files/path_text.h"
 
 namespace tessera {
 namespace {
@@ -19,6 +23,7 @@ PointInputs::PointInputs(std::vector<std::unique_ptr<PointFile>> files, const Re
                          std::uint64_t task_bytes)
     : files_(std::move(files)), filter_(options.classes, options.returns) {
   if (files_.empty()) throw UsageError("no input: name at least one scan, folder, glob or @list");
+  require_one_system();
   if (std::none_of(files_.begin(), files_.end(), [](const auto& f) { return f->info().attributes.echo; }))
     filter_.refuse();
   for (const auto& f : files_) {
@@ -49,6 +54,31 @@ PointInputs::PointInputs(std::vector<std::unique_ptr<PointFile>> files, const Re
       filled += slice.bytes;
     }
   }
+}
+
+void PointInputs::require_one_system() {
+  const PointFile* named = nullptr;
+  for (const auto& f : files_) {
+    const CoordinateSystem& system = f->info().system;
+    if (!system.known()) continue;
+    if (named == nullptr) named = f.get();
+    if (!may_be_same(named->info().system, system))
+      throw InputError(f->info().path.string() + ": is in the coordinate system " + system.name + ", but " +
+                       named->info().path.string() + " is in " + named->info().system.name +
+                       ": bring them into one, or reconstruct them apart");
+    // Of several texts for one system the least, so that the order of the files does not matter.
+    if (!system_.known() || std::tie(system.wkt, system.name) < std::tie(system_.wkt, system_.name))
+      system_ = system;
+  }
+}
+
+nlohmann::json to_json(const CoordinateSystem& system) {
+  if (!system.known()) return nullptr;
+  nlohmann::json j = {{"name", json_text(system.name)}};
+  if (!system.wkt.empty()) j["wkt"] = json_text(system.wkt);
+  if (system.horizontal != 0) j["epsg"] = system.horizontal;
+  if (system.vertical != 0) j["epsg_vertical"] = system.vertical;
+  return j;
 }
 
 std::uint16_t PointInputs::id_of(const Double3& origin) const {

@@ -28,6 +28,8 @@ class PointInputs {
   std::uint64_t bytes() const { return bytes_; }
   std::uint64_t declared_points() const;
   bool has_colour() const;
+  /// The one that the files name; unknown where none does.
+  const CoordinateSystem& system() const { return system_; }
 
   /// Tasks that read the whole input once: consecutive slices, about even in bytes.
   std::size_t task_count() const { return tasks_.size(); }
@@ -56,6 +58,8 @@ class PointInputs {
 
  private:
   std::uint16_t id_of(const Double3& origin) const;
+  /// \throws InputError naming two files of different systems
+  void require_one_system();
 
   std::vector<std::unique_ptr<PointFile>> files_;
   EchoFilter filter_;
@@ -64,7 +68,11 @@ class PointInputs {
   std::vector<std::vector<std::uint16_t>> file_sensors_;  ///< per file: its sensor index -> id
   std::vector<std::uint16_t> viewpoints_;                 ///< ids of the viewpoints, in the order given
   std::uint64_t bytes_ = 0;
+  CoordinateSystem system_;
 };
+
+/// {name, wkt, epsg, epsg_vertical}, without what is not known; null for an unknown system.
+nlohmann::json to_json(const CoordinateSystem& system);
 
 /// Opens the inputs of a job. \param colours  ReadOptions::colours  \throws InputError as open_point_file
 std::shared_ptr<const PointInputs> open_point_inputs(const JobState& job, bool colours);

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "octree/error.h"
+#include "stream/formats/points/coordinate_system.h"
 #include "stream/formats/scalar.h"
 
 namespace tessera {
@@ -87,6 +88,7 @@ LasHeader::LasHeader(const ReadFile& file) {
   set_layout();
   set_count();
   set_end(file.size());
+  info.system = las_coordinate_system(file, info.warnings);
 }
 
 void LasHeader::set_format() {

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "octree/lattice.h"
+#include "stream/formats/points/coordinate_system.h"
 
 namespace tessera {
 
@@ -53,6 +54,7 @@ struct PointFileInfo {
   bool has_bounds = false;
   Double3 declared_min{}, declared_max{};
   PointAttributes attributes;
+  CoordinateSystem system;
   std::vector<Double3> sensors;       ///< sensor origins, scan frame (PTX, E57: one per scan)
   std::vector<std::string> warnings;  ///< what the header gets wrong, one sentence each
   /// What all slices add up to.

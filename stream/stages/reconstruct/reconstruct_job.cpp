@@ -3,6 +3,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "stream/files/path_text.h"
 #include "stream/import/import_stages.h"
 #include "stream/meshes/store_write_stage.h"
 #include "stream/page/report_page.h"
@@ -33,6 +34,8 @@ void summarise(nlohmann::json& report) {
   if (survey.is_object() && survey.contains("points")) report["points"] = survey.at("points").at("read");
   if (survey.is_object() && survey.contains("h"))
     report["resolution"] = {{"h", survey.at("h")}, {"reason", survey.at("resolution_reason")}};
+  if (survey.is_object() && survey.contains("coordinate_system"))
+    report["coordinate_system"] = survey.at("coordinate_system");
   nlohmann::json mesh = result_of(report, "weld");
   const nlohmann::json islands = result_of(report, "islands");
   if (const nlohmann::json samples = result_of(report, "samples"); samples.is_object())
@@ -57,6 +60,16 @@ void summarise(nlohmann::json& report) {
     report["raw_mesh"] = {{"vertices", raw.at("vertices")}, {"faces", raw.at("faces")}};
     report["certificate"] = certificate_of(report);
   }
+}
+
+std::filesystem::path system_path(const std::filesystem::path& output) {
+  std::filesystem::path path = output;
+  return path += ".prj";
+}
+
+std::string system_text(const nlohmann::json& report) {
+  const nlohmann::json system = report.value("coordinate_system", nlohmann::json());
+  return system.is_object() ? bytes_of_json_text(system.value("wkt", "")) : "";
 }
 
 }  // namespace
@@ -133,6 +146,7 @@ JobDescription reconstruct_job(const ReconstructOptions& options) {
   JobDescription job = {"reconstruct", reconstruct_stages(options), 0, summarise};
   job.page = job_page();
   if (options.normals != "given") job.beside.push_back({uncertain_picture_path, "the picture of --normals"});
+  job.beside.push_back({system_path, "the coordinate system beside -o", false, system_text});
   if (options.keep_raw) job.beside.push_back({raw_output_path, "--keep-raw", true});
   return job;
 }

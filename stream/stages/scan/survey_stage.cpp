@@ -318,6 +318,7 @@ nlohmann::json SurveyStage::finish(const std::vector<nlohmann::json>& summaries,
   save_plan_bricks(context.create(Plan::kBrickFile), bricks);
   nlohmann::json report = plan.to_json();
   report.erase("buckets");
+  if (inputs_->system().known()) report["coordinate_system"] = to_json(inputs_->system());
   return report;
 }
 

@@ -1,0 +1,200 @@
+#include "stream/formats/points/coordinate_system.h"
+
+#include <algorithm>
+#include <array>
+#include <charconv>
+#include <cstdint>
+#include <cstring>
+#include <functional>
+
+#include "stream/formats/scalar.h"
+
+namespace tessera {
+namespace {
+
+// Of the public header: where its records lie.
+constexpr std::uint64_t kMinorVersion = 25, kHeaderSize = 94, kRecordCount = 100, kFirstExtended = 235,
+                        kExtendedCount = 243, kHeader14 = 375;
+constexpr std::uint64_t kRecordHeader = 54, kExtendedHeader = 60;
+constexpr std::uint64_t kMostRecords = 4096;                 // looked at; files have a handful
+constexpr std::uint64_t kMostText = std::uint64_t{1} << 20;  // of one record: WKT takes some hundred bytes
+
+constexpr int kWktRecord = 2112, kKeyRecord = 34735, kKeyTextRecord = 34737;
+constexpr int kModelKey = 1024, kCitationKey = 1026, kGeographicKey = 2048, kGeographicCitationKey = 2049,
+              kProjectedKey = 3072, kProjectedCitationKey = 3073, kVerticalKey = 4096;
+constexpr int kGeographicModel = 2, kUserDefined = 32767;
+
+struct LasRecord {
+  int id = 0;
+  std::string bytes;
+};
+
+template <class T>
+T number_at(const ReadFile& file, std::uint64_t offset) {
+  std::array<char, sizeof(T)> bytes{};
+  file.read_at(offset, bytes.data(), bytes.size());
+  return load_scalar<T>(bytes.data());
+}
+
+/// Reads the records of the projection from `at` on.
+void read_records(const ReadFile& file, std::uint64_t at, std::uint64_t count, bool extended,
+                  std::vector<LasRecord>& out, std::vector<std::string>& warnings) {
+  const std::uint64_t head = extended ? kExtendedHeader : kRecordHeader;
+  for (std::uint64_t i = 0; i < std::min(count, kMostRecords); ++i) {
+    if (at > file.size() || file.size() - at < head) {
+      warnings.push_back("record " + std::to_string(i + 1) + " of " + std::to_string(count) +
+                         " beside the points would start at byte " + std::to_string(at) +
+                         ", beyond the end of the file; records from there on are ignored");
+      return;
+    }
+    std::array<char, kExtendedHeader> bytes{};
+    file.read_at(at, bytes.data(), head);
+    const std::uint64_t length = extended ? load_scalar<std::uint64_t>(bytes.data() + 20)
+                                          : load_scalar<std::uint16_t>(bytes.data() + 20);
+    at += head;
+    if (length > file.size() - at) {
+      warnings.push_back("record " + std::to_string(i + 1) + " of " + std::to_string(count) +
+                         " beside the points claims " + std::to_string(length) +
+                         " bytes, more than the file has; it is ignored");
+      return;
+    }
+    const int id = load_scalar<std::uint16_t>(bytes.data() + 18);
+    const bool wanted = id == kWktRecord || id == kKeyRecord || id == kKeyTextRecord;
+    if (wanted && std::strncmp(bytes.data() + 2, "LASF_Projection", 16) == 0 && length <= kMostText) {
+      out.push_back({id, std::string(length, '\0')});
+      file.read_at(at, out.back().bytes.data(), length);
+    }
+    at += length;
+  }
+}
+
+/// Without white space outside of quotes: what remains is the system.
+std::string bare(const std::string& wkt) {
+  std::string text;
+  bool quoted = false;
+  for (const char c : wkt) {
+    if (c == '"') quoted = !quoted;
+    if (quoted || !(c == ' ' || (c >= '\t' && c <= '\r'))) text += c;
+  }
+  return text;
+}
+
+/// The code of AUTHORITY["EPSG","1234"] or ID["EPSG",1234] that ends this node, which begins at `begin` and whose last
+/// bracket is text[end]; 0 without one.
+int code_at_end(const std::string& text, std::size_t begin, std::size_t end) {
+  for (const std::string mark : {"AUTHORITY[\"EPSG\",", "ID[\"EPSG\","}) {
+    const std::size_t at = text.rfind(mark, end);
+    if (at == std::string::npos || at <= begin) continue;
+    const std::size_t digits = text.find_first_of("0123456789", at + mark.size());
+    const std::size_t close = text.find(']', at);
+    if (close == std::string::npos || close + 1 != end || digits > close) continue;
+    int code = 0;
+    std::from_chars(text.data() + digits, text.data() + close, code);
+    return code;
+  }
+  return 0;
+}
+
+/// The end of the node that begins at `begin`: its closing bracket; npos if there is none.
+std::size_t node_end(const std::string& text, std::size_t begin) {
+  int depth = 0;
+  bool quoted = false;
+  for (std::size_t i = begin; i < text.size(); ++i) {
+    if (text[i] == '"') quoted = !quoted;
+    if (quoted) continue;
+    if (text[i] == '[') ++depth;
+    if (text[i] == ']' && --depth <= 0) return i;
+  }
+  return std::string::npos;
+}
+
+/// Code of the first node of one of these kinds.
+int code_of_node(const std::string& text, std::initializer_list<const char*> kinds) {
+  for (const char* kind : kinds) {
+    const std::size_t at = text.find(std::string(kind) + "[");
+    if (at == std::string::npos) continue;
+    const std::size_t end = node_end(text, at);
+    if (end != std::string::npos) return code_at_end(text, at, end);
+  }
+  return 0;
+}
+
+CoordinateSystem system_of_keys(const std::string& directory, const std::string& texts) {
+  CoordinateSystem system;
+  const std::size_t words = directory.size() / 2;
+  const auto word = [&](std::size_t i) -> int {
+    return load_scalar<std::uint16_t>(directory.data() + 2 * i);
+  };
+  int model = 0, geographic = 0, projected = 0;
+  std::string citation;
+  // The first entry is the header: version, revision, minor revision, number of keys.
+  for (std::size_t i = 4; i + 4 <= words && i / 4 <= static_cast<std::size_t>(word(3)); i += 4) {
+    const int key = word(i), place = word(i + 1), value = word(i + 3);
+    const auto count = static_cast<std::size_t>(word(i + 2)), first = static_cast<std::size_t>(value);
+    if (place == 0) {
+      if (key == kModelKey) model = value;
+      if (key == kGeographicKey) geographic = value;
+      if (key == kProjectedKey) projected = value;
+      if (key == kVerticalKey && value != kUserDefined) system.vertical = value;
+    } else if (place == kKeyTextRecord && first < texts.size() &&
+               (key == kCitationKey || key == kProjectedCitationKey ||
+                (key == kGeographicCitationKey && citation.empty()))) {
+      citation = texts.substr(first, count);
+      citation.resize(std::min(citation.find('|'), citation.size()));
+    }
+  }
+  const int code = model == kGeographicModel ? geographic : projected;
+  if (code != 0 && code != kUserDefined) system.horizontal = code;
+  if (system.horizontal != 0) system.name = "EPSG:" + std::to_string(system.horizontal);
+  if (system.vertical != 0)
+    system.name += (system.name.empty() ? "" : " + ") + ("EPSG:" + std::to_string(system.vertical));
+  if (system.horizontal == 0 && !citation.empty())
+    system.name = citation + (system.name.empty() ? "" : " + " + system.name);
+  return system;
+}
+
+}  // namespace
+
+bool may_be_same(const CoordinateSystem& a, const CoordinateSystem& b) {
+  if (!a.known() || !b.known()) return true;
+  if (a.vertical != 0 && b.vertical != 0 && a.vertical != b.vertical) return false;
+  if (a.horizontal != 0 && b.horizontal != 0) return a.horizontal == b.horizontal;
+  return a.name == b.name || (!a.wkt.empty() && bare(a.wkt) == bare(b.wkt));
+}
+
+CoordinateSystem system_of_wkt(const std::string& wkt) {
+  CoordinateSystem system;
+  system.wkt = wkt.substr(0, wkt.find('\0'));
+  const std::string text = bare(system.wkt);
+  const std::size_t open = text.find('"');
+  const std::size_t close = open == std::string::npos ? open : text.find('"', open + 1);
+  if (close == std::string::npos) return {};  // no text of a system
+  system.name = text.substr(open + 1, close - open - 1);
+  // A compound holds both; what stands inside a projected system is only what it is based on.
+  system.horizontal = code_of_node(text, {"PROJCS", "PROJCRS", "GEOGCS", "GEOGCRS", "GEODCRS"});
+  system.vertical = code_of_node(text, {"VERT_CS", "VERTCRS"});
+  return system;
+}
+
+CoordinateSystem las_coordinate_system(const ReadFile& file, std::vector<std::string>& warnings) {
+  std::vector<LasRecord> records;
+  read_records(file, number_at<std::uint16_t>(file, kHeaderSize),
+               number_at<std::uint32_t>(file, kRecordCount), false, records, warnings);
+  if (number_at<std::uint8_t>(file, kMinorVersion) >= 4 && file.size() >= kHeader14)
+    if (const auto count = number_at<std::uint32_t>(file, kExtendedCount); count > 0)
+      read_records(file, number_at<std::uint64_t>(file, kFirstExtended), count, true, records, warnings);
+  std::string keys, texts;
+  CoordinateSystem of_text;
+  for (const LasRecord& record : records) {
+    if (record.id == kWktRecord && !of_text.known()) of_text = system_of_wkt(record.bytes);
+    if (record.id == kKeyRecord) keys = record.bytes;
+    if (record.id == kKeyTextRecord) texts = record.bytes;
+  }
+  CoordinateSystem of_keys = system_of_keys(keys, texts);
+  if (!of_text.known()) return of_keys;
+  if (of_text.horizontal == 0) of_text.horizontal = of_keys.horizontal;
+  if (of_text.vertical == 0) of_text.vertical = of_keys.vertical;
+  return of_text;
+}
+
+}  // namespace tessera

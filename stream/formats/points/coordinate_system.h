@@ -1,0 +1,33 @@
+/// \file coordinate_system.h
+/// The coordinate system that a scan says it is in: as WKT, or by codes of EPSG (GeoTIFF keys). It is carried, shown and
+/// compared, never computed with.
+#pragma once
+#include <string>
+#include <vector>
+
+#include "stream/files/read_file.h"
+
+namespace tessera {
+
+struct CoordinateSystem {
+  std::string name;    ///< "RGF93 v1 / Lambert-93", "EPSG:2229", or what the keys cite; empty = none is named
+  std::string wkt;     ///< as the file has it, without trailing zeros; empty where it has keys alone
+  int horizontal = 0;  ///< code of EPSG; 0 = unknown
+  int vertical = 0;
+
+  bool known() const { return !name.empty(); }
+};
+
+/// Whether both may be one system: where codes, texts or names are there on both sides, one of them is equal; what names
+/// none agrees with all.
+bool may_be_same(const CoordinateSystem& a, const CoordinateSystem& b);
+
+/// From the text alone: its name, and its codes where it ends with them.
+CoordinateSystem system_of_wkt(const std::string& wkt);
+
+/// From variable length records of LAS (and LAZ): WKT before GeoTIFF keys. Source: ASPRS, LAS Specification 1.4 R15,
+/// "Coordinate Reference System (CRS) Representation"; OGC GeoTIFF 1.1 (OGC 19-008r4), keys and key directory.
+/// \param warnings  gets a sentence where records are damaged: no reason not to read the points
+CoordinateSystem las_coordinate_system(const ReadFile& file, std::vector<std::string>& warnings);
+
+}  // namespace tessera
