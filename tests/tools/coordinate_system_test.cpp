@@ -10,7 +10,7 @@
 using namespace tessera::test;
 namespace fs = std::filesystem;
 
-TEST_CASE("coordinate system: info shows it, the report has it, the mesh gets a .prj; a mix is refused",
+TEST_CASE("coordinate system: info shows it, the report has it, the mesh gets a .prj, a mix is refused",
           "[pipeline]") {
   if (!has_shared_data()) return;
   const TempFolder folder;

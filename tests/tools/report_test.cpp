@@ -126,7 +126,8 @@ TEST_CASE("report: same page whatever threads, tiles and cap, but for what the r
   }
 }
 
-TEST_CASE("report: a cap too small for pictures leaves them out and says so; the job goes on", "[memory]") {
+TEST_CASE("report: a cap too small for pictures leaves them out and says so, and the job goes on",
+          "[memory]") {
   const TempFolder folder;
   const fs::path mesh = folder / "mesh.ply";
   const CommandResult r =
@@ -163,7 +164,7 @@ TEST_CASE("report: refused jobs have a page with the refusal, and their report m
   CHECK_FALSE(report_of(mesh).contains("refused"));
 }
 
-TEST_CASE("report: --no-html leaves the page out; a file of the user's in its place is never lost",
+TEST_CASE("report: --no-html leaves the page out, and a file of the user's in its place is never lost",
           "[fault]") {
   const TempFolder folder;
   const fs::path in = scan(folder), mesh = folder / "mesh.ply";
