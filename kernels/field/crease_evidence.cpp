@@ -1,11 +1,10 @@
 #include "kernels/field/crease_evidence.h"
 
-#include "kernels/field/lane_sum.h"
+#include "kernels/field/lanes.h"
+#include "kernels/field/sample_list.h"
 
 namespace tessera {
 namespace {
-
-constexpr std::size_t kLanes = 8;
 
 /// The mean squared height over the sheets, as a share of that over the smooth fit, that a crease may leave. Noise of
 /// half a spacing at the edge of a cube leaves 0.6.
@@ -16,10 +15,6 @@ constexpr float kClearShare = 0.2f;
 constexpr float kNoisySeparation2 = 64.0f;
 /// Few of the places where noisy normals bend have a crease: so many samples are asked first, every n-th of all.
 constexpr std::size_t kAskedSamples = 64;
-
-__m256 dot(__m256 ax, __m256 ay, __m256 az, __m256 bx, __m256 by, __m256 bz) {
-  return _mm256_fmadd_ps(ax, bx, _mm256_fmadd_ps(ay, by, _mm256_mul_ps(az, bz)));
-}
 
 /// Eight points.
 struct Points {

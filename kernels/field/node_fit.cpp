@@ -6,16 +6,13 @@
 #include <optional>
 
 #include "kernels/field/crease_evidence.h"
+#include "kernels/field/lanes.h"
 #include "kernels/field/node_sums.h"
 #include "kernels/field/rim_rule.h"
 #include "octree/vector.h"
 
 namespace tessera {
 namespace {
-
-__m256 dot(__m256 ax, __m256 ay, __m256 az, __m256 bx, __m256 by, __m256 bz) {
-  return _mm256_fmadd_ps(ax, bx, _mm256_fmadd_ps(ay, by, _mm256_mul_ps(az, bz)));
-}
 
 /// Where two scans of one side disagree, a narrow kernel sees either near it and, from two thirds of the radius on,
 /// three surfaces: both, and an inverted one between. A wide one sees their mean up to 0.8 radii.

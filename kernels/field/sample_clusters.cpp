@@ -3,12 +3,11 @@
 #include <algorithm>
 #include <bit>
 
-#include "kernels/field/lane_sum.h"
+#include "kernels/field/lanes.h"
+#include "kernels/field/sample_list.h"
 
 namespace tessera {
 namespace {
-
-constexpr std::size_t kLanes = 8;
 
 /// Index of the sample that maximises w times the smallest of 1 - n.seed over the seeds; lowest index on
 /// ties.

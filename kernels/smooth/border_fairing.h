@@ -18,12 +18,13 @@ struct BorderStrip {
   std::vector<std::uint8_t> at_border;  ///< per vertex: an edge of one face between two such is the border
 };
 
-/// Nothing farther away decides where a vertex goes, in cells.
+/// How far around a vertex a strip has to reach, in cells. Twelve steps see 24 edges along the border, which are shorter
+/// than a cell; what lies beyond the reach hardly weighs.
 inline constexpr int kBorderReach = 20;
 
 /// Moves the vertices of the border towards the middle of their two neighbours along it, twelve times half the way, by a
-/// cell at most in all, and off the surface no farther than `lift`. A step goes no farther than a third of the height of
-/// the faces around allows, and where a face would turn away from the normals at its corners its vertices stay.
+/// cell at most in all, and off the surface no farther than `lift`. A step goes no farther than 0.3 of the height of
+/// the faces around, and where a face would turn away from the normals at its corners its vertices stay.
 /// Vertices without exactly two border edges stay as well.
 /// \param lift  cells: what noise leaves unknown of where the surface is
 void fair_border(BorderStrip& strip, double lift);

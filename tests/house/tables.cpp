@@ -95,7 +95,7 @@ const std::map<std::string, std::string>& covering_tests() {
     by("kernels/field/band_vdb", "kernels/field", {"band_leaf", "vdb_leaf"});
     by("kernels/field/field", "kernels/field",
        {"band", "bodies", "border", "coarse_normals", "crease_evidence", "directed_field", "edge_roots",
-        "lane_sum", "node_fit", "node_sums", "point_leaves", "rim_rule", "root_colour", "row_samples",
+        "lanes", "node_fit", "node_sums", "point_leaves", "rim_rule", "root_colour", "row_samples",
         "sample_clusters", "sample_list", "sheets"});
     by("kernels/holes/hole_filling", "kernels/holes", {"hole_mesh", "hole_triangulation"});
     by("kernels/maps/parameterize", "kernels/maps", {"disk_topology"});

@@ -40,7 +40,7 @@ struct Strip {
 class StripReader {
  public:
   StripReader(const JobState& state, const PatchStore& store, const Numbering& numbering)
-      : store_(store), numbering_(numbering), numbered_(state.work, store, numbering) {}
+      : store_(store), numbered_(state.work, store, numbering) {}
 
   /// \pre the patch has kept faces
   const Strip& get(std::size_t patch) {
@@ -116,7 +116,6 @@ class StripReader {
   };
 
   const PatchStore& store_;
-  const Numbering& numbering_;
   NumberedPatches numbered_;
   std::map<std::size_t, Vertices> vertices_;
   std::map<std::size_t, Strip> strips_;
