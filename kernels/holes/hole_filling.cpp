@@ -37,6 +37,13 @@ double rim_edge(const HoleLoop& loop) {
   return std::sqrt(sum / static_cast<double>(n));
 }
 
+double rim_length(const HoleLoop& loop) {
+  double sum = 0.0;
+  const std::size_t n = loop.position.size();
+  for (std::size_t i = 0; i < n; ++i) sum += norm(loop.position[(i + 1) % n] - loop.position[i]);
+  return sum;
+}
+
 double area_of(const HoleLoop& loop, const std::vector<std::array<std::uint32_t, 3>>& faces) {
   double sum = 0.0;
   for (const auto& f : faces) {
@@ -97,6 +104,31 @@ std::vector<Hinge> make_hinges(const HoleMesh& mesh, const std::vector<Double3>&
   return hinges;
 }
 
+/// Smallest cosine between the normals of two faces that meet in the patch or at its rim.
+double sharpest(HoleMesh& mesh, const HoleLoop& loop) {
+  const auto& x = mesh.positions();
+  const auto& triangles = mesh.triangles();
+  const auto normal_of = [&](const HoleMesh::Triangle& t) {
+    const Double3& a = x[t.vertex[0]];
+    return unit_or_zero(cross(x[t.vertex[1]] - a, x[t.vertex[2]] - a));
+  };
+  double least = 1.0;
+  for (std::uint32_t t = 0; t < triangles.size(); ++t) {
+    const Double3 normal = normal_of(triangles[t]);
+    for (std::uint32_t e = 0; e < 3; ++e) {
+      const std::uint32_t u = triangles[t].neighbour[e];
+      if (u != HoleMesh::kRim) {
+        if (t < u) least = std::min(least, dot(normal, normal_of(triangles[u])));
+        continue;
+      }
+      const std::uint32_t a = triangles[t].vertex[e], b = triangles[t].vertex[(e + 1) % 3];
+      const Double3 beyond = unit_or_zero(cross(x[a] - x[b], loop.opposite[a] - x[b]));
+      least = std::min(least, dot(normal, beyond));
+    }
+  }
+  return least;
+}
+
 struct Term {
   std::uint32_t row, column, hinge;
   double value;
@@ -154,7 +186,7 @@ bool minimise(const std::vector<Hinge>& hinges, std::uint32_t first, std::uint32
 
 }  // namespace
 
-HoleFilling fill_hole(const HoleLoop& loop) {
+HoleFilling fill_hole(const HoleLoop& loop, double most_width, double least_cosine) {
   const auto n = static_cast<std::uint32_t>(loop.position.size());
   assert(n >= 3 && n <= kMostHoleEdges && loop.opposite.size() == n);
   const std::vector<Double3> rim_normal = rim_normals(loop);
@@ -168,11 +200,15 @@ HoleFilling fill_hole(const HoleLoop& loop) {
     out.outcome = HoleOutcome::kOuter;
     return out;
   }
+  const double area = area_of(loop, start.faces);
+  if (4.0 * area > most_width * rim_length(loop)) {
+    out.outcome = HoleOutcome::kWide;
+    return out;
+  }
   // Triangles with edges of length e cover sqrt(3)/4 e^2, and there are two of them to a vertex.
   const double rim = rim_edge(loop);
   const std::uint64_t most = most_hole_vertices(n);
-  const double edge =
-      std::max(rim, std::sqrt(area_of(loop, start.faces) / (0.866 * 0.75 * static_cast<double>(most + 1))));
+  const double edge = std::max(rim, std::sqrt(area / (0.866 * 0.75 * static_cast<double>(most + 1))));
   HoleMesh mesh(loop, start.faces);
   mesh.refine(edge, most);
   mesh.relax(kRelaxRounds);
@@ -184,6 +220,11 @@ HoleFilling fill_hole(const HoleLoop& loop) {
     if (!out.fair) break;
     x.resize(all);
     mesh.positions() = std::move(x);
+  }
+  if (least_cosine > -1.0 && sharpest(mesh, loop) < least_cosine) {
+    out = {};
+    out.outcome = HoleOutcome::kSharp;
+    return out;
   }
   out.position.assign(mesh.positions().begin() + n, mesh.positions().end());
   if (!mesh.colours().empty()) out.rgba.assign(mesh.colours().begin() + n, mesh.colours().end());

@@ -11,6 +11,7 @@
 #pragma once
 #include <array>
 #include <cstdint>
+#include <limits>
 #include <vector>
 
 #include "octree/lattice.h"
@@ -40,9 +41,13 @@ constexpr std::uint64_t hole_bytes(std::uint64_t n) {
 enum class HoleOutcome : std::uint8_t {
   kFilled,
   kTaken,  ///< every triangulation needs an edge that the mesh has already, or a face without area
+  kWide,   ///< wider than allowed
+  kSharp,  ///< two faces that meet in the patch or at its rim turn farther than allowed
   kOuter,  ///< the patch would fold back over the rim's faces: this is the outside of a piece, not a hole in
            ///< it
 };
+
+inline constexpr std::size_t kHoleOutcomes = 5;
 
 struct HoleFilling {
   HoleOutcome outcome = HoleOutcome::kFilled;
@@ -55,8 +60,11 @@ struct HoleFilling {
   std::vector<std::array<std::uint32_t, 3>> faces;
 };
 
+/// \param most_width  4 area / length of the rim, at most: the diameter of a disk, twice the width of a slit
+/// \param least_cosine  between the normals of faces that meet in the patch or at its rim
 /// \pre 3 <= n <= kMostHoleEdges, no two neighbours of the loop at one place
 /// \post filled: the faces together are a disk bounded by the loop; no inner edge is in `taken`
-HoleFilling fill_hole(const HoleLoop& loop);
+HoleFilling fill_hole(const HoleLoop& loop, double most_width = std::numeric_limits<double>::infinity(),
+                      double least_cosine = -1.0);
 
 }  // namespace tessera

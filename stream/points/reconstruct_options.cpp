@@ -1,10 +1,24 @@
 #include "stream/points/reconstruct_options.h"
 
+#include <charconv>
+
 #include "octree/error.h"
 
 namespace tessera {
 
+std::uint32_t ReconstructOptions::max_hole_edges() const {
+  if (max_hole == "auto") return 0;
+  std::uint32_t edges = 0;
+  const char* end = max_hole.data() + max_hole.size();
+  const auto [at, error] = std::from_chars(max_hole.data(), end, edges);
+  if (error != std::errc() || at != end || edges > kMostHoleEdges)
+    throw UsageError("--max-hole " + max_hole + ": not auto or a number of edges up to " +
+                     std::to_string(kMostHoleEdges));
+  return edges;
+}
+
 void ReconstructOptions::validate() const {
+  max_hole_edges();
   if (up == Double3{0, 0, 0}) throw UsageError("--up 0,0,0: has no direction");
   if (tolerance == 0.0 && (keep_raw || reference != "surface"))
     throw UsageError(

@@ -15,7 +15,7 @@ struct ReconstructOptions {
   double feature_angle_deg = 25.0;
   double corner_angle_deg = 45.0;
   std::uint64_t min_component = 0;
-  std::uint32_t max_hole = 0;
+  std::string max_hole = "auto";
   std::string holes = "keep";
   std::string border = "auto";
   std::string outliers = "auto";
@@ -35,6 +35,8 @@ struct ReconstructOptions {
   bool local_output = false;
 
   bool smooths_border() const { return border == "smooth" || (border == "auto" && tolerance == 0.0); }
+  /// The N of max_hole, 0 for auto. \throws UsageError for what is neither
+  std::uint32_t max_hole_edges() const;
   /// \throws UsageError for options that mean nothing together
   void validate() const;
 };
@@ -70,10 +72,12 @@ inline OptionTable option_table(ReconstructOptions& o) {
   t.add("min-component", &o.min_component,
         "faces; smaller islands are dropped; 0 = measured, and islands that are mostly border go too, 1 = "
         "keep all");
-  t.add("max-hole", &o.max_hole,
-        "edges; holes with a rim of at most so many are filled by smooth patches that meet the rim "
-        "tangentially, their faces marked (`synthetic` in PLY) and counted; 0 = none")
-      .within(0, kMostHoleEdges);
+  t.add(
+       "max-hole", &o.max_hole,
+       "holes with a rim of at most N edges are filled by smooth patches that meet the rim tangentially, "
+       "their faces marked (`synthetic` in PLY) and counted; 0 = none; auto: in noisy scans what is narrower "
+       "than the radius, slits too, none with a tolerance")
+      .shown_as("auto|N");
   t.add("holes", &o.holes,
         "keep: the surface ends where the data does; close: an object gets no border at all, open terrain "
         "keeps its outer border and holes that stay within 20 h of the data are closed; fill-to:D: holes "

@@ -136,9 +136,9 @@ const std::map<std::string, std::string>& covering_tests() {
     by("tools/reconstruct_tolerance", "stream/stages/surface",
        {"first_pass", "islands_stage", "samples_stage"});
     by("stream/stages/surface/surface", "stream/stages/surface",
-       {"border_moves", "border_stage", "close_stage", "closing_stages", "hole_files", "holes_stage",
-        "loops_stage", "multipole_stage", "numbered_patches", "output_frame", "rims_stage", "surface_stage",
-        "tiling", "weld_stage", "write_stage"});
+       {"border_moves", "border_stage", "border_strip", "close_stage", "closing_stages", "hole_files",
+        "hole_limit", "holes_stage", "loops_stage", "multipole_stage", "numbered_patches", "output_frame",
+        "rims_stage", "surface_stage", "tiling", "weld_stage", "write_stage"});
     return all;
   }();
   return covered;

@@ -25,7 +25,7 @@
 #include "stream/stages/surface/border_stage.h"
 #include "stream/stages/surface/closing_stages.h"
 #include "stream/stages/surface/first_pass.h"
-#include "stream/stages/surface/hole_files.h"
+#include "stream/stages/surface/hole_limit.h"
 #include "stream/stages/surface/islands_stage.h"
 #include "stream/stages/surface/loops_stage.h"
 #include "stream/stages/surface/samples_stage.h"
@@ -229,12 +229,12 @@ class Composer {
     if (options_.smooths_border() && plan_.noise_cells > 0.0)
       add("border", groups, {patches_.most_of_tasks(border_task_bytes), 0, border_task_bytes({})}, 0, groups,
           faces_ * kBorderTime, 0.0);
-    if (options_.max_hole > 0) {
-      add("loops", groups,
-          {patches_.most_of_tasks(loops_task_bytes), loops_finish_bytes(run_, patches_.entries),
-           loops_finish_bytes(run_, {})},
-          0, groups, 0.0, static_cast<double>(patches));
-      add("holes", groups, known(hole_task_bytes(options_.max_hole), 0), 0, groups, 0.0, 0.0);
+    if (const HoleLimit holes = hole_limit(options_, plan_); holes.edges > 0) {
+      const auto finish = [&](auto of) { return loops_finish_bytes(run_, holes.edges, of); };
+      const std::span<const PatchEntry> all = patches_.entries;
+      add("loops", groups, {patches_.most_of_tasks(loops_task_bytes), finish(all), finish(all.first(0))}, 0,
+          groups, 0.0, static_cast<double>(patches));
+      add("holes", groups, known(hole_task_bytes(holes.edges), 0), 0, groups, 0.0, 0.0);
     }
     if (options_.tolerance > 0.0)
       add("raw", 0, {0, write_bytes(patches_.entries, filling_bytes()), write_bytes({}, 0)},
@@ -319,7 +319,7 @@ class Composer {
   static std::uint64_t block_bytes(std::uint64_t faces) {
     return MeshStore::block_bytes(times(static_cast<double>(faces), kVerticesPerFace), faces);
   }
-  std::uint64_t filling_bytes() const { return options_.max_hole > 0 ? kBatchVertices * (24 + 48) : 0; }
+  std::uint64_t filling_bytes() const { return hole_limit(options_, plan_).filling_bytes(); }
 
   const Plan& plan_;
   const RunOptions& run_;

@@ -76,7 +76,7 @@ SimplifyOptions reconstruct_simplify_options(const ReconstructOptions& options) 
 }
 
 bool fuses_first_pass(const ReconstructOptions& options) {
-  return options.tolerance > 0.0 && options.max_hole == 0 && !options.smooths_border() &&
+  return options.tolerance > 0.0 && options.max_hole_edges() == 0 && !options.smooths_border() &&
          options.reference == "surface";
 }
 

@@ -75,8 +75,8 @@ std::vector<std::filesystem::path> list_loop_files(const std::filesystem::path& 
 std::vector<std::filesystem::path> list_filling_files(const std::filesystem::path& work) {
   return list_task_files(work / "holes", ".tsh");
 }
-std::string loop_file_name(std::size_t batch) {
-  return "loops/" + task_file_stem(batch) + ".tsl";
+std::string loop_file_name(std::size_t task, std::size_t batch) {
+  return "loops/" + task_file_stem(task) + "-" + task_file_stem(batch) + ".tsl";
 }
 std::string filling_file_name(std::size_t batch) {
   return "holes/" + task_file_stem(batch) + ".tsh";

@@ -1,6 +1,6 @@
 /// \file hole_files.h
-/// What the stages "loops" and "holes" leave in the work directory. Batches of loops are ordered by the
-/// smallest output number on them, over all files; so are their fillings.
+/// What the stages "loops" and "holes" leave in the work directory. Loops are ordered by the smallest
+/// output number on them, over all files; so are their fillings.
 #pragma once
 #include <cstdint>
 #include <filesystem>
@@ -22,11 +22,15 @@ constexpr std::uint64_t loop_bytes(std::uint64_t n) {
   return 64 + n * (8 + 24 + 24 + 4);
 }
 
+/// Loops of so many edges every brick finds alone: half of one reaches no farther than the faces that it sees.
+inline constexpr std::uint32_t kMostShortEdges = 40;
 /// A batch of loops ends when it may need so many new vertices.
-inline constexpr std::uint64_t kBatchVertices = 200'000;
+constexpr std::uint64_t batch_vertices(std::uint64_t max_hole) {
+  return max_hole <= kMostShortEdges ? 25'000 : 200'000;
+}
 /// Memory of a task that fills loops of at most `max_hole` edges: the kernel, and the batch with its fillings.
 constexpr std::uint64_t hole_task_bytes(std::uint64_t max_hole) {
-  return hole_bytes(max_hole) + (std::uint64_t{56} << 20);
+  return hole_bytes(max_hole) + 290 * batch_vertices(max_hole);
 }
 
 void save_loops(const std::filesystem::path& path, const std::vector<NamedLoop>& loops);
@@ -54,7 +58,7 @@ HoleFillingsHead load_fillings_head(const std::filesystem::path& path);
 /// Files in order; none when no holes were asked for.
 std::vector<std::filesystem::path> list_loop_files(const std::filesystem::path& work);
 std::vector<std::filesystem::path> list_filling_files(const std::filesystem::path& work);
-std::string loop_file_name(std::size_t batch);
+std::string loop_file_name(std::size_t task, std::size_t batch);
 std::string filling_file_name(std::size_t batch);
 
 }  // namespace tessera

@@ -1,12 +1,13 @@
 #include "stream/stages/surface/holes_stage.h"
 
-#include <algorithm>
+#include <array>
 #include <cmath>
 #include <nlohmann/json.hpp>
 
 #include "stream/points/plan.h"
 #include "stream/points/reconstruct_options.h"
 #include "stream/stages/surface/hole_files.h"
+#include "stream/stages/surface/hole_limit.h"
 
 namespace tessera {
 namespace {
@@ -18,19 +19,21 @@ constexpr std::uint64_t kFixedBytes = std::uint64_t{8} << 20;
 class HolesStage : public Stage {
  public:
   explicit HolesStage(const JobState& state)
-      : most_edges_(reconstruct_options(state).max_hole), files_(list_loop_files(state.work)) {}
+      : limit_(hole_limit(reconstruct_options(state), Plan::of_work(state.work))),
+        files_(list_loop_files(state.work)) {}
 
   std::string name() const override { return "holes"; }
   std::size_t task_count() const override { return files_.size(); }
   std::uint64_t units() const override { return files_.size(); }
   std::string unit_name() const override { return "batches"; }
 
-  std::uint64_t task_bytes(std::size_t) const override { return hole_task_bytes(most_edges_); }
+  std::uint64_t task_bytes(std::size_t) const override { return hole_task_bytes(limit_.edges); }
 
   json run(std::size_t task, TaskContext& context) const override {
     const std::vector<NamedLoop> loops = load_loops(files_[task]);
     HoleFillings out;
-    std::uint64_t filled = 0, taken = 0, outer = 0, stiff = 0;
+    std::array<std::uint64_t, kHoleOutcomes> outcomes{};
+    std::uint64_t stiff = 0;
     for (const NamedLoop& named : loops) {
       context.check_stop();
       // Near the origin the kernel's arithmetic is the same wherever the loop lies.
@@ -40,12 +43,9 @@ class HolesStage : public Stage {
       for (auto* list : {&loop.position, &loop.opposite})
         for (Double3& p : *list)
           for (std::size_t a = 0; a < 3; ++a) p[a] -= corner[a];
-      const HoleFilling filling = fill_hole(loop);
-      if (filling.outcome != HoleOutcome::kFilled) {
-        (filling.outcome == HoleOutcome::kTaken ? taken : outer) += 1;
-        continue;
-      }
-      ++filled;
+      const HoleFilling filling = fill_hole(loop, limit_.width, limit_.least_cosine);
+      ++outcomes[static_cast<std::size_t>(filling.outcome)];
+      if (filling.outcome != HoleOutcome::kFilled) continue;
       stiff += !filling.fair;
       const std::uint64_t base = out.position.size();
       for (Double3 p : filling.position) {
@@ -63,28 +63,37 @@ class HolesStage : public Stage {
     }
     out.save(context.create(filling_file_name(task)));
     context.advance(1);
-    return {{"loops", loops.size()},    {"filled", filled},  {"refused_taken", taken},
-            {"refused_outer", outer},   {"not_fair", stiff}, {"vertices", out.position.size()},
+    const auto count = [&](HoleOutcome o) { return outcomes[static_cast<std::size_t>(o)]; };
+    return {{"loops", loops.size()},
+            {"filled", count(HoleOutcome::kFilled)},
+            {"refused_taken", count(HoleOutcome::kTaken)},
+            {"refused_outer", count(HoleOutcome::kOuter)},
+            {"left_wide", count(HoleOutcome::kWide)},
+            {"left_sharp", count(HoleOutcome::kSharp)},
+            {"not_fair", stiff},
+            {"vertices", out.position.size()},
             {"faces", out.faces.size()}};
   }
 
   std::uint64_t finish_bytes() const override { return kFixedBytes; }
 
   json finish(const std::vector<json>& summaries, TaskContext&) const override {
-    json total = {{"loops", 0},    {"filled", 0},   {"refused_taken", 0}, {"refused_outer", 0},
-                  {"not_fair", 0}, {"vertices", 0}, {"faces", 0}};
-    for (const json& s : summaries)
-      for (auto& [key, value] : total.items())
-        value = value.get<std::uint64_t>() + s.at(key).get<std::uint64_t>();
+    json total = json::object();
+    for (const char* key : {"loops", "filled", "refused_taken", "refused_outer", "left_wide", "left_sharp",
+                            "not_fair", "vertices", "faces"}) {
+      std::uint64_t sum = 0;
+      for (const json& s : summaries) sum += s.at(key).get<std::uint64_t>();
+      total[key] = sum;
+    }
     return total;
   }
 
   std::vector<std::string> obsolete() const override {
-    return most_edges_ == 0 ? std::vector<std::string>{} : std::vector<std::string>{"loops/"};
+    return limit_.edges == 0 ? std::vector<std::string>{} : std::vector<std::string>{"loops/"};
   }
 
  private:
-  std::uint32_t most_edges_;
+  HoleLimit limit_;
   std::vector<std::filesystem::path> files_;
 };
 

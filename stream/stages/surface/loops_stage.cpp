@@ -4,6 +4,7 @@
 #include <map>
 #include <nlohmann/json.hpp>
 
+#include "kernels/holes/hole_rims.h"
 #include "octree/error.h"
 #include "stream/files/direct_file.h"
 #include "stream/files/external_sort.h"
@@ -12,34 +13,22 @@
 #include "stream/meshes/store_write_stage.h"
 #include "stream/points/plan.h"
 #include "stream/points/reconstruct_options.h"
+#include "stream/stages/surface/border_strip.h"
 #include "stream/stages/surface/hole_files.h"
-#include "stream/stages/surface/numbered_patches.h"
+#include "stream/stages/surface/hole_limit.h"
 
 namespace tessera {
 namespace {
 
 using json = nlohmann::json;
 
-/// An edge of a kept face whose ends both lie on the border of the band: an edge of the mesh's border, or a
-/// chord.
-struct EdgeRecord {
-  std::uint64_t low = 0;
-  std::uint64_t high = 0;
-  std::uint64_t third = 0;  ///< 2 * the face's other vertex + 1 if the face runs from high to low
-  auto operator<=>(const EdgeRecord&) const = default;
-};
-/// A border edge as the filling's face runs: against that of the mesh.
-struct BorderEdge {
-  std::uint64_t from = 0;
-  std::uint64_t to = 0;
-  std::uint64_t third = 0;
-};
-using Chord = std::array<std::uint64_t, 2>;
-
 constexpr std::uint64_t kBatchEdges = 20'000;
+constexpr std::uint64_t kShortBatchEdges = 4'000;  ///< while the strips around are held
 /// The triangulation of a loop costs the cube of its edges: a batch ends at about a second of work.
 constexpr std::uint64_t kBatchCost = 1'000'000'000;
 constexpr std::size_t kClassCache = 64;  ///< patches whose vertex classes are held at once
+/// How far from a brick loops of kMostShortEdges go, in cells.
+constexpr int kShortReach = 40;
 constexpr std::uint64_t kFixedBytes = std::uint64_t{20} << 20;
 
 std::string edge_file_name(std::size_t task) {
@@ -54,8 +43,8 @@ class LoopsStage : public Stage {
  public:
   explicit LoopsStage(const JobState& state)
       : state_(state),
-        most_edges_(reconstruct_options(state).max_hole),
         plan_(Plan::of_work(state.work)),
+        most_edges_(hole_limit(reconstruct_options(state), plan_).edges),
         store_(open_patches(state.work)),
         numbering_(Numbering::load(state.work / kNumberingFile)) {}
 
@@ -70,49 +59,22 @@ class LoopsStage : public Stage {
   }
 
   json run(std::size_t task, TaskContext& context) const override {
-    NumberedPatches numbered(state_.work, store_, numbering_);
-    ClassCache classes(store_);
-    PatchFaces patch;
-    std::vector<std::uint8_t> at_border;
-    std::uint64_t records = 0;
-    DirectFile file(context.create(edge_file_name(task)), std::size_t{1} << 20);
-    const auto [first, last] = store_.file_range(task);
-    for (std::size_t p = first; p < last; ++p) {
-      context.check_stop();
-      context.advance(1);
-      if (numbering_.patches[p].kept_faces == 0) continue;
-      numbered.load_faces(p, patch);
-      at_border.clear();
-      for (const VertexClass c : classes.get(p)) at_border.push_back(c == VertexClass::kBorder);
-      for (const VertexPlace& v : patch.foreign)
-        at_border.push_back(classes.get(v.patch)[v.vertex] == VertexClass::kBorder);
-      for (const PatchFace& f : patch.faces) {
-        if (!patch.kept(f)) continue;
-        for (std::size_t e = 0; e < 3; ++e) {
-          if (!at_border[f[e]] || !at_border[f[(e + 1) % 3]]) continue;
-          const std::uint64_t a = patch.index[f[e]], b = patch.index[f[(e + 1) % 3]],
-                              c = patch.index[f[(e + 2) % 3]];
-          const EdgeRecord record = {std::min(a, b), std::max(a, b), 2 * c + (a > b)};
-          file.write(&record, sizeof record);
-          ++records;
-        }
-      }
-    }
-    file.finish();
-    context.count_written(records * sizeof(EdgeRecord));
-    return {{"edges", records}};
+    return is_short() ? find_loops(task, context) : write_edges(task, context);
   }
 
   std::uint64_t finish_bytes() const override {
-    return most_edges_ == 0 ? std::uint64_t{1} << 20 : loops_finish_bytes(state_.run, store_.patches());
+    return loops_finish_bytes(state_.run, most_edges_, store_.patches());
   }
 
-  json finish(const std::vector<json>&, TaskContext& context) const override {
+  json finish(const std::vector<json>& tasks, TaskContext& context) const override {
     if (most_edges_ == 0) return {{"max_hole", 0}};
-    std::vector<BorderEdge> border;
-    std::vector<Chord> chords;
-    match(border, chords, context);
-    return chain(border, chords, context);
+    if (!is_short()) return chain(match(context), context);
+    std::uint64_t chosen = 0, torn = 0;
+    for (const json& t : tasks) {
+      chosen += t.at("to_fill").get<std::uint64_t>();
+      torn += t.at("torn").get<std::uint64_t>();
+    }
+    return {{"to_fill", chosen}, {"torn_bricks", torn}};
   }
 
   std::vector<std::string> obsolete() const override { return {}; }
@@ -138,108 +100,174 @@ class LoopsStage : public Stage {
     std::map<std::size_t, std::vector<VertexClass>> cache_;
   };
 
-  /// Edges with one face are the border, those with two are chords.
-  void match(std::vector<BorderEdge>& border, std::vector<Chord>& chords, TaskContext& context) const {
-    ExternalSort<EdgeRecord> sort(state_.work, sort_bytes(state_.run));
-    std::vector<EdgeRecord> buffer(4096);
+  bool is_short() const { return most_edges_ <= kMostShortEdges; }
+
+  json find_loops(std::size_t task, TaskContext& context) const {
+    StripReader reader(state_, store_, numbering_);
+    LoopBatches batches(*this, task, context);
+    std::vector<StripFace> faces;
+    std::vector<RimRecord> records;
+    std::uint64_t torn = 0;
+    const auto [first, last] = store_.file_range(task);
+    for (std::size_t p = first; p < last; ++p) {
+      context.check_stop();
+      context.advance(1);
+      if (!reader.has_border(p)) continue;
+      if (!reader.gather(p, kShortReach, faces)) {
+        ++torn;
+        continue;
+      }
+      records.clear();
+      for (const StripFace& f : faces) add_records(reader, reader.brick(p), f, records);
+      std::sort(records.begin(), records.end());
+      RimMatcher rims;
+      for (const RimRecord& r : records) rims.add(r);
+      rims.finish();
+      const PatchPlace& place = numbering_.patches[p];
+      for (HoleRim& rim :
+           short_rims(rims, place.first_vertex, place.first_vertex + place.kept_vertices, most_edges_))
+        batches.add(std::move(rim));
+    }
+    batches.flush();
+    return {{"to_fill", batches.loops()}, {"torn", torn}};
+  }
+
+  /// Of the edges whose faces are all there: an end lies within the reach.
+  static void add_records(const StripReader& reader, const Int3& brick, const StripFace& f,
+                          std::vector<RimRecord>& records) {
+    std::array<bool, 3> near{};
+    for (std::size_t i = 0; i < 3; ++i) {
+      const Double3 at = reader.corner(f, i, brick);
+      near[i] = std::all_of(at.begin(), at.end(),
+                            [](double x) { return x >= -kShortReach && x <= kBrickCells + kShortReach; });
+    }
+    for (std::size_t i = 0; i < 3; ++i) {
+      const std::size_t j = (i + 1) % 3, k = (i + 2) % 3;
+      if ((f.border >> i & 1u) == 0 || (f.border >> j & 1u) == 0 || (!near[i] && !near[j])) continue;
+      records.push_back(rim_record(f.number[i], f.number[j], f.number[k]));
+    }
+  }
+
+  json write_edges(std::size_t task, TaskContext& context) const {
+    NumberedPatches numbered(state_.work, store_, numbering_);
+    ClassCache classes(store_);
+    PatchFaces patch;
+    std::vector<std::uint8_t> at_border;
+    std::uint64_t records = 0;
+    DirectFile file(context.create(edge_file_name(task)), std::size_t{1} << 20);
+    const auto [first, last] = store_.file_range(task);
+    for (std::size_t p = first; p < last; ++p) {
+      context.check_stop();
+      context.advance(1);
+      if (numbering_.patches[p].kept_faces == 0) continue;
+      numbered.load_faces(p, patch);
+      at_border.clear();
+      for (const VertexClass c : classes.get(p)) at_border.push_back(c == VertexClass::kBorder);
+      for (const VertexPlace& v : patch.foreign)
+        at_border.push_back(classes.get(v.patch)[v.vertex] == VertexClass::kBorder);
+      for (const PatchFace& f : patch.faces) {
+        if (!patch.kept(f)) continue;
+        for (std::size_t e = 0; e < 3; ++e) {
+          if (!at_border[f[e]] || !at_border[f[(e + 1) % 3]]) continue;
+          const RimRecord record =
+              rim_record(patch.index[f[e]], patch.index[f[(e + 1) % 3]], patch.index[f[(e + 2) % 3]]);
+          file.write(&record, sizeof record);
+          ++records;
+        }
+      }
+    }
+    file.finish();
+    context.count_written(records * sizeof(RimRecord));
+    return {{"edges", records}};
+  }
+
+  RimMatcher match(TaskContext& context) const {
+    ExternalSort<RimRecord> sort(state_.work, sort_bytes(state_.run));
+    std::vector<RimRecord> buffer(4096);
     for (std::size_t k = 0; k < task_count(); ++k) {
       const ReadFile file(state_.work / edge_file_name(k));
       for (std::uint64_t at = 0; at < file.size();) {
         context.check_stop();
         const std::uint64_t bytes =
-            std::min<std::uint64_t>(file.size() - at, buffer.size() * sizeof(EdgeRecord));
+            std::min<std::uint64_t>(file.size() - at, buffer.size() * sizeof(RimRecord));
         file.read_at(at, buffer.data(), bytes);
-        for (std::size_t i = 0; i < bytes / sizeof(EdgeRecord); ++i) sort.add(buffer[i]);
+        for (std::size_t i = 0; i < bytes / sizeof(RimRecord); ++i) sort.add(buffer[i]);
         at += bytes;
       }
     }
-    EdgeRecord open;
-    std::uint64_t faces = 0;
-    const auto close = [&] {
-      if (faces == 1) {
-        const bool down = open.third & 1;
-        border.push_back({down ? open.low : open.high, down ? open.high : open.low, open.third >> 1});
-      } else if (faces > 1) {
-        chords.push_back({open.low, open.high});
-      }
-      if (border.size() * sizeof(BorderEdge) + chords.size() * sizeof(Chord) > table_bytes(state_.run) / 2)
+    RimMatcher rims;
+    sort.drain([&](std::span<const RimRecord> batch) {
+      context.check_stop();
+      for (const RimRecord& r : batch) rims.add(r);
+      if (rims.border.size() * sizeof(BorderEdge) + rims.chords.size() * sizeof(Chord) >
+          table_bytes(state_.run) / 2)
         throw ResourceError(
-            "the border of this mesh has more than " + std::to_string(border.size()) +
-            " edges, too many to chain its loops in a quarter of --memory; raise --memory or drop "
-            "--max-hole");
-    };
-    sort.drain([&](std::span<const EdgeRecord> batch) {
-      for (const EdgeRecord& r : batch) {
-        if (faces != 0 && r.low == open.low && r.high == open.high) {
-          ++faces;
-          continue;
-        }
-        close();
-        open = r;
-        faces = 1;
-      }
+            "the border of this mesh has more than " + std::to_string(rims.border.size()) +
+            " edges, too many to chain its loops in a quarter of --memory; raise --memory or ask for holes "
+            "of at most --max-hole " +
+            std::to_string(kMostShortEdges));
     });
-    close();
+    rims.finish();
+    return rims;
   }
 
-  json chain(std::vector<BorderEdge>& border, const std::vector<Chord>& chords, TaskContext& context) const {
-    std::sort(border.begin(), border.end(),
-              [](const BorderEdge& a, const BorderEdge& b) { return a.from < b.from; });
-    std::vector<std::uint8_t> seen(border.size(), 0);
-    std::uint64_t loops = 0, chosen = 0, longest = 0, broken = 0, batches = 0, batch_edges = 0,
-                  batch_cost = 0, batch_vertices = 0;
-    std::vector<std::vector<BorderEdge>> batch;
-    const auto flush = [&] {
-      if (batch.empty()) return;
-      save_loops(context.create(loop_file_name(batches++)), gather(batch, chords, context));
-      batch.clear();
-      batch_edges = batch_cost = batch_vertices = 0;
-    };
-    std::vector<BorderEdge> loop;
-    for (std::size_t first = 0; first < border.size(); ++first) {
-      if (seen[first]) continue;
-      loop.clear();
-      std::uint64_t length = 0;
-      std::size_t at = first;
-      bool closed = true;
-      do {  // a vertex of a manifold has one border edge out, so this comes back
-        seen[at] = 1;
-        ++length;
-        if (length <= most_edges_) loop.push_back(border[at]);
-        const std::uint64_t to = border[at].to;
-        const auto next = std::lower_bound(border.begin(), border.end(), to,
-                                           [](const BorderEdge& e, std::uint64_t v) { return e.from < v; });
-        closed = next != border.end() && next->from == to;
-        at = static_cast<std::size_t>(next - border.begin());
-      } while (closed && !seen[at]);
-      ++loops;
-      longest = std::max(longest, length);
-      if (!closed || at != first) ++broken;
-      if (!closed || at != first || length > most_edges_ || length < 3) continue;
-      ++chosen;
-      batch.push_back(loop);
-      batch_edges += length;
-      batch_vertices += most_hole_vertices(length);
-      batch_cost += length * length * length / 6;
-      if (batch_edges >= kBatchEdges || batch_cost >= kBatchCost || batch_vertices >= kBatchVertices) flush();
-    }
-    flush();
-    return {{"border_edges", border.size()},
-            {"loops", loops},
-            {"longest", longest},
-            {"broken", broken},
-            {"to_fill", chosen}};
+  json chain(const RimMatcher& rims, TaskContext& context) const {
+    LoopBatches batches(*this, 0, context);
+    const RimCounts counts = for_each_rim(rims, most_edges_, [&](HoleRim&& rim) {
+      context.check_stop();
+      batches.add(std::move(rim));
+    });
+    batches.flush();
+    return {{"border_edges", rims.border.size()},
+            {"loops", counts.loops},
+            {"longest", counts.longest},
+            {"broken", counts.broken},
+            {"to_fill", batches.loops()}};
   }
+
+  /// Collects loops, and writes them with their positions whenever a task of "holes" has enough of them.
+  class LoopBatches {
+   public:
+    LoopBatches(const LoopsStage& stage, std::size_t task, TaskContext& context)
+        : stage_(stage),
+          task_(task),
+          context_(context),
+          most_edges_(stage.is_short() ? kShortBatchEdges : kBatchEdges) {}
+    void add(HoleRim&& rim) {
+      const std::uint64_t n = rim.vertex.size();
+      batch_.push_back(std::move(rim));
+      ++loops_;
+      edges_ += n;
+      vertices_ += most_hole_vertices(n);
+      cost_ += n * n * n / 6;
+      if (edges_ >= most_edges_ || cost_ >= kBatchCost || vertices_ >= batch_vertices(stage_.most_edges_))
+        flush();
+    }
+    void flush() {
+      if (batch_.empty()) return;
+      save_loops(context_.create(loop_file_name(task_, batches_++)), stage_.gather(batch_, context_));
+      batch_.clear();
+      edges_ = cost_ = vertices_ = 0;
+    }
+    std::uint64_t loops() const { return loops_; }
+
+   private:
+    const LoopsStage& stage_;
+    std::size_t task_;
+    TaskContext& context_;
+    std::uint64_t most_edges_;
+    std::vector<HoleRim> batch_;
+    std::size_t batches_ = 0;
+    std::uint64_t loops_ = 0, edges_ = 0, vertices_ = 0, cost_ = 0;
+  };
 
   /// Positions of a batch's loops and of the faces beyond, patch by patch.
-  std::vector<NamedLoop> gather(const std::vector<std::vector<BorderEdge>>& batch,
-                                const std::vector<Chord>& chords, TaskContext& context) const {
+  std::vector<NamedLoop> gather(const std::vector<HoleRim>& batch, TaskContext& context) const {
     std::vector<std::uint64_t> need;
-    for (const auto& loop : batch)
-      for (const BorderEdge& e : loop) {
-        need.push_back(e.from);
-        need.push_back(e.third);
-      }
+    for (const HoleRim& rim : batch) {
+      need.insert(need.end(), rim.vertex.begin(), rim.vertex.end());
+      need.insert(need.end(), rim.third.begin(), rim.third.end());
+    }
     std::sort(need.begin(), need.end());
     need.erase(std::unique(need.begin(), need.end()), need.end());
     std::vector<Double3> position(need.size());
@@ -251,27 +279,13 @@ class LoopsStage : public Stage {
     std::vector<NamedLoop> out(batch.size());
     for (std::size_t l = 0; l < batch.size(); ++l) {
       NamedLoop& named = out[l];
-      std::vector<std::array<std::uint64_t, 2>> order;  // vertex, position in the loop
-      for (const BorderEdge& e : batch[l]) {
-        order.push_back({e.from, order.size()});
-        named.vertex.push_back(e.from);
-        named.loop.position.push_back(position[slot(e.from)]);
-        named.loop.opposite.push_back(position[slot(e.third)]);
-        if (!rgba.empty()) named.loop.rgba.push_back(rgba[slot(e.from)]);
+      named.vertex = batch[l].vertex;
+      named.loop.taken = batch[l].taken;
+      for (const std::uint64_t v : batch[l].vertex) {
+        named.loop.position.push_back(position[slot(v)]);
+        if (!rgba.empty()) named.loop.rgba.push_back(rgba[slot(v)]);
       }
-      std::sort(order.begin(), order.end());
-      const auto place = [&](std::uint64_t v) -> std::uint32_t {
-        const auto it = std::lower_bound(order.begin(), order.end(), std::array<std::uint64_t, 2>{v, 0});
-        return it == order.end() || (*it)[0] != v ? kMostHoleEdges : static_cast<std::uint32_t>((*it)[1]);
-      };
-      for (const auto& [v, i] : order) {
-        auto c = std::lower_bound(chords.begin(), chords.end(), Chord{v, 0});
-        for (; c != chords.end() && (*c)[0] == v; ++c) {
-          const std::uint32_t j = place((*c)[1]), k = static_cast<std::uint32_t>(i);
-          if (j != kMostHoleEdges) named.loop.taken.push_back({std::min(j, k), std::max(j, k)});
-        }
-      }
-      std::sort(named.loop.taken.begin(), named.loop.taken.end());
+      for (const std::uint64_t v : batch[l].third) named.loop.opposite.push_back(position[slot(v)]);
     }
     return out;
   }
@@ -301,8 +315,8 @@ class LoopsStage : public Stage {
   }
 
   JobState state_;
-  std::uint32_t most_edges_;
   Plan plan_;
+  std::uint32_t most_edges_;
   PatchStore store_;
   Numbering numbering_;
 };
@@ -313,10 +327,16 @@ std::uint64_t loops_task_bytes(std::span<const PatchEntry> patches) {
   std::uint64_t largest = 0;
   for (const PatchEntry& e : patches)
     largest = std::max<std::uint64_t>(largest, 48ull * e.vertices + 28ull * e.faces + 24ull * e.foreign);
-  return 2 * largest + NumberedPatches::kCacheBytes + kFixedBytes;
+  const std::uint64_t edges = 2 * largest + NumberedPatches::kCacheBytes + kFixedBytes;
+  // Short ones: three records of a face and what is made of them, a batch, tables of what the stage "border" moved.
+  const std::uint64_t loops = StripReader::bytes(patches) + kMostStripFaces * 6 * sizeof(RimRecord) +
+                              2 * largest + kShortBatchEdges * (2 * loop_bytes(1) + 100) + kFixedBytes / 4;
+  return std::max(edges, loops);
 }
 
-std::uint64_t loops_finish_bytes(const RunOptions& run, std::span<const PatchEntry> patches) {
+std::uint64_t loops_finish_bytes(const RunOptions& run, std::uint32_t most_edges,
+                                 std::span<const PatchEntry> patches) {
+  if (most_edges <= kMostShortEdges) return std::uint64_t{1} << 20;
   std::uint64_t largest = 0;
   for (const PatchEntry& e : patches) largest = std::max<std::uint64_t>(largest, 40ull * e.vertices);
   const std::uint64_t batch = kBatchEdges + kMostHoleEdges;

@@ -1,6 +1,7 @@
 /// \file loops_stage.h
-/// Pass "loops": the boundary loops of the welded mesh that are short enough to be filled. Border edges are found by
-/// name in every patch, matched over all of them by an external sort, and chained.
+/// Pass "loops": the boundary loops of the welded mesh that are short enough to be filled. Short ones every
+/// brick finds alone, those of which its own vertex has the smallest number; for longer ones border edges are matched over
+/// all patches by an external sort, and chained.
 #pragma once
 #include <cstdint>
 #include <memory>
@@ -13,9 +14,11 @@ namespace tessera {
 
 /// What a task over these patches takes at most, and the end over all of them.
 std::uint64_t loops_task_bytes(std::span<const PatchEntry> patches);
-std::uint64_t loops_finish_bytes(const RunOptions& run, std::span<const PatchEntry> patches);
+/// \param most_edges  of the loops to be filled
+std::uint64_t loops_finish_bytes(const RunOptions& run, std::uint32_t most_edges,
+                                 std::span<const PatchEntry> patches);
 
-/// Without --max-hole it has no tasks and leaves no files.
+/// Where no holes are filled it has no tasks and leaves no files.
 std::unique_ptr<Stage> make_loops_stage(const JobState& state);
 
 }  // namespace tessera

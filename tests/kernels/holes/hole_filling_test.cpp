@@ -123,6 +123,27 @@ TEST_CASE("hole filling: small loops, edges that are taken, the outside of a pie
   require_disk(tube, f);
 }
 
+TEST_CASE("hole filling: what is wider or folds farther than allowed stays open", "[unit]") {
+  const HoleLoop disk = ring(24, 2.0, 0.7, [](double) { return 0.0; });  // 4 area / length = 0.99 diameters
+  CHECK(fill_hole(disk, 4.1).outcome == HoleOutcome::kFilled);
+  CHECK(fill_hole(disk, 3.9).outcome == HoleOutcome::kWide);
+  HoleLoop slit = disk;
+  for (auto* list : {&slit.position, &slit.opposite})
+    for (Double3& p : *list) p[0] *= 5.0;
+  // Of nearly parallel sides: twice their distance of 4, less where it ends.
+  CHECK(fill_hole(slit, 6.5).outcome == HoleOutcome::kFilled);
+  CHECK(fill_hole(slit, 5.5).outcome == HoleOutcome::kWide);
+  // A flat cap on a tube turns by a right angle at its rim; two flaps that stand up at a hole by more.
+  HoleLoop tube = ring(8, 1.0, 0.0, [](double) { return 0.0; });
+  for (Double3& p : tube.opposite) p[2] = -0.6;
+  CHECK(fill_hole(tube, 10.0, -0.3).outcome == HoleOutcome::kFilled);
+  CHECK(fill_hole(tube, 10.0, 0.9).outcome == HoleOutcome::kSharp);
+  HoleLoop flaps = disk;
+  for (const std::size_t i : {3u, 4u}) flaps.opposite[i] = flaps.position[i] * 0.5 + Double3{0, 0, 0.4};
+  CHECK(fill_hole(flaps, 10.0, 0.0).outcome == HoleOutcome::kSharp);
+  CHECK(fill_hole(flaps, 10.0).outcome == HoleOutcome::kFilled);
+}
+
 TEST_CASE("hole filling: ragged loops give disks, colours lie between the rim's", "[property]") {
   test::Random random(5);
   for (int trial = 0; trial < 12; ++trial) {

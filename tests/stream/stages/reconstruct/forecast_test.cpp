@@ -161,14 +161,15 @@ TEST_CASE("forecast: what it tells of memory is what the stages reserve", "[unit
   const auto points = scan_without_duplicates(60000, 90.0);
   setup.task_points = setup.slice_points = 20000;
   std::set<std::string> same = {"distribute", "normals", "surface"};
-  std::vector<std::string> names = {"distribute", "order", "normals", "surface", "weld", "border", "write"};
+  std::vector<std::string> names = {"distribute", "order", "normals", "surface", "weld",
+                                    "border",     "loops", "holes",   "write"};
   SECTION("given normals") {}
   SECTION("tiles that the cap cuts") {
     setup.memory = 160 * kMiB;
   }
   SECTION("estimated normals, holes filled") {
     setup.options.normals = "estimate";
-    setup.options.max_hole = 100;
+    setup.options.max_hole = "100";
     names = {"distribute", "order",  "normals", "orient", "surface",
              "weld",       "border", "loops",   "holes",  "write"};
   }

@@ -184,7 +184,7 @@ TEST_CASE("main job: small holes are filled, the same bytes for any tiling, larg
   REQUIRE(open.check.boundary_loops == 4);
   CHECK(open.holes.at("filled") == 0);
   CHECK(open.bytes.find("synthetic") == std::string::npos);
-  setup.options.max_hole = 250;
+  setup.options.max_hole = "250";
   const MeshResult want = run_job(points, setup);
   check_sound(want.check);
   CHECK(want.check.boundary_loops == 1);
@@ -204,7 +204,8 @@ TEST_CASE("main job: filling the holes of pure noise leaves a manifold", "[prope
   MeshSetup setup;
   setup.options.min_component = 1;
   setup.options.outliers = "off";
-  setup.options.max_hole = 60;
+  // Short loops every brick finds alone, longer ones are matched over all.
+  setup.options.max_hole = GENERATE("60", "40");
   const MeshResult result = run_job(noise_points(20'000, 60.0), setup);
   CHECK(result.check.nonmanifold_edges == 0);
   CHECK(result.check.nonmanifold_vertices == 0);
@@ -345,6 +346,36 @@ TEST_CASE("main job: a noisy scan ends in a smooth line, the same bytes for any 
   setup.memory = setup.tile_cells == 256 ? std::uint64_t{128} << 20 : std::uint64_t{4} << 30;
   shuffle(points, 3);
   CHECK(run_job(points, setup).bytes == smooth.bytes);
+}
+
+TEST_CASE("main job: of a noisy scan slits narrower than the support are bridged, holes stay, for any tiling",
+          "[property]") {
+  Random random(5);
+  std::vector<TestPoint> points;
+  for (int i = 0; i < 300 * 300; ++i)
+    points.push_back({{0.5 * (i % 300), 0.5 * (i / 300), 30.0 + random.in(-0.1, 0.1)}, {0.0f, 0.0f, 1.0f}});
+  // Slits of ten cells, one across the corner of four bricks, and a round hole.
+  const auto slit = [](const TestPoint& p, double x, double y) {
+    return std::abs(p.p[0] - x) < 5.0 && std::abs(p.p[1] - y) < 2.3;
+  };
+  std::erase_if(points, [&](const TestPoint& p) {
+    return slit(p, 64, 64) || slit(p, 30, 100) || slit(p, 127, 20) ||
+           std::hypot(p.p[0] - 100, p.p[1] - 100) < 9.0;
+  });
+  MeshSetup setup;
+  setup.options.max_hole = "0";
+  const MeshResult open = run_job(points, setup);
+  REQUIRE(open.check.boundary_loops >= 5);
+  setup.options.max_hole = "auto";
+  const MeshResult want = run_job(points, setup);
+  check_sound(want.check);
+  CHECK(want.check.boundary_loops == 2);
+  CHECK(want.holes.at("filled") == open.check.boundary_loops - 2);
+  setup.tile_cells = GENERATE(64, 256);
+  setup.backwards = setup.tile_cells == 64;
+  setup.memory = setup.tile_cells == 256 ? std::uint64_t{192} << 20 : std::uint64_t{4} << 30;
+  shuffle(points, static_cast<std::uint64_t>(setup.tile_cells));
+  CHECK(run_job(points, setup).bytes == want.bytes);
 }
 
 TEST_CASE("main job: without closing no vertex is farther from the data than the support radius", "[unit]") {

@@ -1,0 +1,121 @@
+#include "stream/stages/surface/border_strip.h"
+
+#include <algorithm>
+
+namespace tessera {
+namespace {
+
+constexpr std::size_t kCachedPatches = 12;
+constexpr std::uint64_t kCachedStripBytes = std::uint64_t{12} << 20;
+
+}  // namespace
+
+bool StripReader::has_border(std::size_t patch) const {
+  if (numbering_.patches[patch].kept_faces == 0) return false;
+  const std::vector<std::uint32_t> border = store_.load_seam(patch).components.border;
+  return std::any_of(border.begin(), border.end(), [](std::uint32_t n) { return n > 0; });
+}
+
+const StripReader::Strip& StripReader::get(std::size_t patch) {
+  const auto bytes_of = [](const Strip& s) { return sizeof(Strip) + s.faces.size() * sizeof(StripFace); };
+  const auto found = strips_.find(patch);
+  if (found != strips_.end()) return found->second;
+  while (strip_bytes_ > kCachedStripBytes && !strips_.empty()) {  // of the smallest brick: it came first
+    strip_bytes_ -= bytes_of(strips_.begin()->second);
+    strips_.erase(strips_.begin());
+  }
+  Strip& strip = strips_[patch];
+  read(patch, strip);
+  strip_bytes_ += bytes_of(strip);
+  return strip;
+}
+
+const StripReader::Vertices& StripReader::vertices(std::size_t patch) {
+  const auto found = vertices_.find(patch);
+  if (found != vertices_.end()) return found->second;
+  if (vertices_.size() >= kCachedPatches) vertices_.erase(vertices_.begin());
+  Vertices& out = vertices_[patch];
+  std::vector<std::uint32_t> rgba;
+  store_.load_vertices(patch, out.position, rgba, &out.kind);
+  return out;
+}
+
+void StripReader::read(std::size_t patch, Strip& strip) {
+  numbered_.load_faces(patch, faces_);
+  const Vertices own = vertices(patch);  // a copy: the cache may drop it
+  corner_.clear();
+  for (std::uint32_t v = 0; v < own.position.size(); ++v)
+    corner_.push_back({{static_cast<std::uint32_t>(patch), v},
+                       faces_.index[v],
+                       own.position[v],
+                       own.kind[v] == VertexClass::kBorder});
+  for (const VertexPlace& place : faces_.foreign) {
+    const Vertices& there = vertices(place.patch);
+    corner_.push_back({place, faces_.index[corner_.size()], there.position[place.vertex],
+                       there.kind[place.vertex] == VertexClass::kBorder});
+  }
+  for (const PatchFace& f : faces_.faces) {
+    if (!faces_.kept(f)) continue;
+    StripFace face;
+    for (std::size_t i = 0; i < 3; ++i) {
+      const Corner& c = corner_[f[i]];
+      face.place[i] = c.place;
+      face.number[i] = c.number;
+      face.at[i] = c.at;
+      face.border |= static_cast<std::uint32_t>(c.border) << i;
+    }
+    if (face.border == 0) continue;
+    strip.torn = strip.faces.size() == kMostStripFaces;
+    if (strip.torn) return;
+    strip.faces.push_back(face);
+  }
+}
+
+Double3 StripReader::corner(const StripFace& face, std::size_t i, const Int3& brick) const {
+  const Int3 owner = this->brick(face.place[i].patch);
+  Double3 p = wide(face.at[i]);
+  for (std::size_t a = 0; a < 3; ++a) p[a] += double{kBrickCells} * (owner[a] - brick[a]);
+  return p;
+}
+
+bool StripReader::gather(std::size_t patch, int reach, std::vector<StripFace>& faces) {
+  faces.clear();
+  const Int3 here = brick(patch);
+  std::vector<std::size_t> around;
+  for (int d = 0; d < 27; ++d) {
+    const Int3 n = {here[0] + d % 3 - 1, here[1] + d / 3 % 3 - 1, here[2] + d / 9 - 1};
+    if (n[0] < 0 || n[1] < 0 || n[2] < 0) continue;
+    const std::int64_t at = store_.find(brick_key(n));
+    if (at >= 0 && numbering_.patches[static_cast<std::size_t>(at)].kept_faces > 0)
+      around.push_back(static_cast<std::size_t>(at));
+  }
+  std::sort(around.begin(), around.end());
+  for (const std::size_t p : around) {
+    const Strip& strip = get(p);
+    if (strip.torn) return false;
+    for (const StripFace& f : strip.faces) {
+      bool near = false;
+      for (std::size_t i = 0; i < 3; ++i) {
+        const Double3 at = corner(f, i, here);
+        near = near || std::all_of(at.begin(), at.end(),
+                                   [reach](double x) { return x >= -reach && x <= kBrickCells + reach; });
+      }
+      if (!near) continue;
+      if (faces.size() == kMostStripFaces) return false;
+      faces.push_back(f);
+    }
+  }
+  return true;
+}
+
+std::uint64_t StripReader::bytes(std::span<const PatchEntry> patches) {
+  std::uint64_t vertices = 0, faces = 0;
+  for (const PatchEntry& e : patches) {
+    vertices = std::max<std::uint64_t>(vertices, 56ull * e.vertices + 56ull * e.foreign);
+    faces = std::max<std::uint64_t>(faces, 13ull * e.faces);
+  }
+  return kCachedPatches * vertices / 3 + 2 * vertices + faces + 2 * kMostStripFaces * sizeof(StripFace) +
+         kCachedStripBytes + NumberedPatches::kCacheBytes;
+}
+
+}  // namespace tessera
