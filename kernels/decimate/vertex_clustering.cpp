@@ -38,8 +38,8 @@ std::uint64_t cluster_key(const Double3& p, double cell) {
 
 void ClusterSize::insert(Grid& grid, const Double3& p) const {
   const auto coarsen = [&] {
-    std::unordered_set<std::uint64_t> coarse;
-    for (const std::uint64_t key : grid.occupied) coarse.insert(parent(key));
+    KeyTable coarse;
+    for (const std::uint64_t key : grid.occupied.keys()) coarse.add(parent(key));
     grid.occupied = std::move(coarse);
     grid.cell *= 2.0;
     grid.last = ~std::uint64_t{0};
@@ -50,7 +50,7 @@ void ClusterSize::insert(Grid& grid, const Double3& p) const {
   const std::uint64_t key = cluster_key(p, grid.cell);
   if (key == grid.last) return;
   grid.last = key;
-  grid.occupied.insert(key);
+  grid.occupied.add(key);
   while (grid.occupied.size() > most_) coarsen();
 }
 
@@ -96,8 +96,8 @@ bool VertexClustering::add(const std::array<Double3, 3>& corners, const std::arr
   std::array<std::uint32_t, 3> face{};
   for (std::size_t k = 0; k < 3; ++k) {
     if (k == 0 || !one_cell) {
-      const auto [at, is_new] = number_.try_emplace(key[k], static_cast<std::uint32_t>(clusters_.size()));
-      face[k] = at->second;
+      const auto [number, is_new] = number_.add(key[k]);
+      face[k] = number;
       if (is_new) {
         clusters_.emplace_back();
         clusters_.back().first = corners[k];
@@ -117,7 +117,7 @@ bool VertexClustering::add(const std::array<Double3, 3>& corners, const std::arr
   std::rotate(face.begin(), std::min_element(face.begin(), face.end()), face.end());
   const std::uint64_t name =
       face[0] | std::uint64_t{face[1]} << kBits | std::uint64_t{face[2]} << (2 * kBits);
-  if (!seen_.insert(name).second) return true;
+  if (!seen_.add(name).second) return true;
   if (faces_.size() == most_faces_) return false;
   faces_.push_back(face);
   return true;

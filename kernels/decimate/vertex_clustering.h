@@ -7,11 +7,10 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
-#include <unordered_map>
-#include <unordered_set>
 #include <vector>
 
 #include "kernels/decimate/quadric.h"
+#include "octree/key_table.h"
 
 namespace tessera {
 
@@ -31,7 +30,7 @@ class ClusterSize {
   struct Grid {
     double cell = 0.0;
     std::uint64_t last = ~std::uint64_t{0};
-    std::unordered_set<std::uint64_t> occupied;
+    KeyTable occupied;
   };
   void insert(Grid& grid, const Double3& p) const;
 
@@ -69,9 +68,9 @@ class VertexClustering {
 
   double cell_;
   std::size_t most_faces_, most_cells_;
-  std::unordered_map<std::uint64_t, std::uint32_t> number_;
+  KeyTable number_;  ///< of cells
   std::vector<Cluster> clusters_;
-  std::unordered_set<std::uint64_t> seen_;
+  KeyTable seen_;  ///< faces
   std::vector<std::array<std::uint32_t, 3>> faces_;
 };
 

@@ -1,0 +1,51 @@
+/// \file key_table.h
+/// Numbers 64-bit keys in the order in which they come.
+#pragma once
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <utility>
+#include <vector>
+
+namespace tessera {
+
+/// Open addressing, linear probing; at most half full.
+class KeyTable {
+ public:
+  /// The key's number, and whether it came for the first time. \pre fewer than 2^31 keys
+  std::pair<std::uint32_t, bool> add(std::uint64_t key) {
+    if (2 * (keys_.size() + 1) > slots_.size()) grow();
+    std::size_t at = slot_of(key);
+    for (; slots_[at] != 0; at = (at + 1) & (slots_.size() - 1))
+      if (keys_[slots_[at] - 1] == key) return {slots_[at] - 1, false};
+    keys_.push_back(key);
+    slots_[at] = static_cast<std::uint32_t>(keys_.size());
+    return {slots_[at] - 1, true};
+  }
+  std::size_t size() const { return keys_.size(); }
+  std::span<const std::uint64_t> keys() const { return keys_; }  ///< by number
+  /// Upper bound of what a table of so many keys holds while it grows.
+  static constexpr std::size_t bytes(std::size_t keys) { return 40 * keys + 4096; }
+
+ private:
+  std::size_t slot_of(std::uint64_t key) const {
+    // Fibonacci hashing: neighbours in a grid differ in their low bits.
+    return static_cast<std::size_t>((key * 0x9e3779b97f4a7c15u) >> shift_);
+  }
+  void grow() {
+    const std::size_t slots = slots_.empty() ? 256 : 2 * slots_.size();
+    shift_ = slots_.empty() ? 64 - 8 : shift_ - 1;
+    slots_.assign(slots, 0);
+    for (std::size_t k = 0; k < keys_.size(); ++k) {
+      std::size_t at = slot_of(keys_[k]);
+      while (slots_[at] != 0) at = (at + 1) & (slots - 1);
+      slots_[at] = static_cast<std::uint32_t>(k + 1);
+    }
+  }
+
+  std::vector<std::uint64_t> keys_;
+  std::vector<std::uint32_t> slots_;  ///< number + 1, 0 = free; a power of two
+  int shift_ = 64;
+};
+
+}  // namespace tessera
