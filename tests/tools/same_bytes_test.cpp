@@ -1,0 +1,65 @@
+// The same bytes on other machines, as far as one machine can be others: other kernels of BLAS, and a processor of which
+// the C library believes that it can do less.
+#include <catch2/catch.hpp>
+
+#include "tests/helpers/command.h"
+#include "tests/helpers/temp_folder.h"
+
+namespace {
+
+using namespace tessera;
+namespace fs = std::filesystem;
+
+std::string bytes_of(const fs::path& path) {
+  std::ifstream file(path, std::ios::binary);
+  return {std::istreambuf_iterator<char>(file), {}};
+}
+
+}  // namespace
+
+TEST_CASE("same bytes: whatever BLAS and the C library take the processor for", "[pipeline]") {
+  const test::TempFolder folder;
+  const auto at = [&](const char* name) { return (folder.path() / name).string(); };
+  const auto run = [](const std::vector<std::string>& words, const std::string& environment = {}) {
+    const test::CommandResult result = test::tessera_command(words, 0, environment);
+    INFO(result.errors);
+    REQUIRE(result.code == 0);
+  };
+  run({"synth", "--scene", "terrain", "--points", "30k", "--noise", "0.2s", "-o", at("scan.ply")});
+  run({"reconstruct", at("scan.ply"), "-o", at("mesh.ply")});
+  // Something like a disk for a map: the terrain without its details.
+  run({"decimate", at("mesh.ply"), "-o", at("small.ply"), "--target-faces", "4000"});
+  const std::vector<std::vector<std::string>> commands = {
+      {"synth", "--scene", "terrain", "--points", "30k", "--noise", "0.2s"},
+      {"reconstruct", at("scan.ply")},
+      {"reconstruct", at("scan.ply"), "--tolerance", "0.01", "--holes", "close"},
+      {"decimate", at("mesh.ply"), "--tolerance", "0.01"},
+      {"smooth", at("mesh.ply"), "--method", "denoise"},
+      {"smooth", at("mesh.ply"), "--lambda", "1e5"},
+      {"smooth", at("small.ply"), "--method", "curvature-flow", "--lambda", "100"},
+      {"parameterize", at("small.ply")},
+  };
+  const std::vector<std::string> machines = {
+      "OPENBLAS_CORETYPE=Prescott",
+      "OPENBLAS_CORETYPE=Nehalem",
+      "OPENBLAS_CORETYPE=Sandybridge",
+      "OPENBLAS_CORETYPE=Haswell",
+      "OPENBLAS_CORETYPE=Zen",
+      "GLIBC_TUNABLES=glibc.cpu.hwcaps=-AVX2,-FMA,-AVX512F,-AVX512VL",
+      "GLIBC_TUNABLES=glibc.cpu.hwcaps=-AVX2,-FMA,-FMA4,-AVX,-SSE4_1,-AVX512F,-AVX512VL",
+      "GLIBC_TUNABLES=glibc.cpu.x86_rep_movsb_threshold=4096:glibc.cpu.hwcaps=-ERMS",
+  };
+  for (const auto& command : commands) {
+    std::vector<std::string> words = command;
+    words.insert(words.end(), {"-o", at("out.ply"), "--force"});
+    if (command[0] != "parameterize") words.insert(words.end(), {"--threads", "1"});
+    run(words);
+    const std::string want = bytes_of(at("out.ply"));
+    REQUIRE(want.size() > 1000);
+    for (const std::string& machine : machines) {
+      CAPTURE(command[0], machine);
+      run(words, machine);
+      CHECK(bytes_of(at("out.ply")) == want);
+    }
+  }
+}
