@@ -196,9 +196,10 @@ class Torture {
       last = run(programs_, words, place / "log", {});
       what_ += "\n    again: " + std::to_string(last.code);
       if (forced && last.code != 0) {
-        // Damage may be found and told instead of mended: then the job begins anew.
+        // Damage may be found and told instead of mended: then the job begins anew. Of a job.json whose bits
+        // flip within a word it looks like another job.
         ++tally_["damage"][last.code];
-        if (last.code != 3 && last.code != 4) return "damage ends in another exit code\n" + last.errors;
+        if (last.code < 2 || last.code > 4) return "damage ends in another exit code\n" + last.errors;
         words.push_back("--force");
         last = run(programs_, words, place / "log", {});
         what_ += "\n    with --force: " + std::to_string(last.code);
