@@ -29,6 +29,20 @@ TEST_CASE("coordinate system: info shows it, the report has it, the mesh gets a 
   CHECK(report.at("beside").back().at("path") == system.string());
   CHECK(tessera_command(words).code == 0);  // done already, the file is its own
 
+  // Meshes made of it carry it on.
+  const fs::path small = folder / "small.ply", fair = folder / "fair.ply";
+  r = tessera_command({"decimate", mesh.string(), "-o", small.string(), "--tolerance", "1", "--no-html"});
+  INFO(r.errors);
+  REQUIRE(r.code == 0);
+  CHECK(file_bytes(small.string() + ".prj") == file_bytes(system));
+  REQUIRE(tessera_command({"smooth", small.string(), "-o", fair.string(), "--no-html"}).code == 0);
+  CHECK(file_bytes(fair.string() + ".prj") == file_bytes(system));
+  fs::remove(small.string() + ".prj");
+  REQUIRE(
+      tessera_command({"smooth", small.string(), "-o", (folder / "bare.ply").string(), "--no-html"}).code ==
+      0);
+  CHECK_FALSE(fs::exists(folder / "bare.ply.prj"));
+
   r = tessera_command({"reconstruct", autzen, other, "-o", (folder / "mix.ply").string()});
   CHECK(r.code == 3);
   CHECK(r.errors.find("EPSG:2229") != std::string::npos);

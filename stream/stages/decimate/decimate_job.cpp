@@ -4,6 +4,7 @@
 
 #include "octree/error.h"
 #include "stream/import/import_stages.h"
+#include "stream/import/system_beside.h"
 #include "stream/meshes/store_write_stage.h"
 #include "stream/page/report_page.h"
 #include "stream/runtime/report.h"
@@ -95,7 +96,7 @@ JobDescription decimate_job(const SimplifyOptions& options) {
   std::vector<StageEntry> stages = import_stages({0, kDecimateImport});
   for (StageEntry& entry : simplify_stages(options, imported_stores(kDecimateImport), "tessera decimate"))
     stages.push_back(std::move(entry));
-  return {"decimate", std::move(stages), 0, summarise, {}, job_page()};
+  return {"decimate", std::move(stages), 0, summarise, {carried_system()}, job_page()};
 }
 
 }  // namespace tessera

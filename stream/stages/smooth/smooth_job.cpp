@@ -3,6 +3,7 @@
 #include "octree/error.h"
 #include "stream/files/task_files.h"
 #include "stream/import/import_stages.h"
+#include "stream/import/system_beside.h"
 #include "stream/meshes/store_write_stage.h"
 #include "stream/page/report_page.h"
 #include "stream/stages/smooth/coarse_files.h"
@@ -67,7 +68,8 @@ OptionTable option_table(SmoothOptions& o) {
 
 JobDescription smooth_job(const SmoothOptions& options) {
   const SmoothPlan plan{smooth_rounds(options), options.tolerance};
-  JobDescription job{"smooth", import_stages({0, kSmoothImport}), 0, summarise, {}, job_page()};
+  JobDescription job{"smooth",  import_stages({0, kSmoothImport}), 0, summarise, {carried_system()},
+                     job_page()};
   job.stages.push_back({"reach", make_reach_stage});
   for (std::size_t round = 1; round <= plan.rounds.size(); ++round) {
     if (plan.rounds[round - 1].cycle >= 0) {
