@@ -43,6 +43,7 @@ std::string fates(const json& report) {
                      {"missing from the file", of("/missing")},
                      {"of other classes", of("/other_class")},
                      {"of other returns", of("/other_return")},
+                     {"outside the region", of("/outside")},
                      {"not finite", of("/non_finite")},
                      {"too far away", of("/absurd")},
                      {"kept", of("/kept")},

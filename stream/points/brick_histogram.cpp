@@ -187,4 +187,20 @@ BrickWindow robust_window(const std::vector<BrickCount>& bricks, double h) {
                    number_text(round_up_2_digits(smallest)) + " or more, or reconstruct in parts");
 }
 
+std::array<std::int64_t, 2> occupied_heights(const std::vector<BrickCount>& bricks,
+                                             const BrickWindow& window) {
+  std::array<std::int64_t, 2> range = {std::numeric_limits<std::int64_t>::max(),
+                                       std::numeric_limits<std::int64_t>::min()};
+  for (const BrickCount& c : bricks) {
+    if (!window.holds(c.brick)) continue;
+    for (std::size_t layer = 0; layer < c.blocks.size(); ++layer) {
+      if (c.blocks[layer] == 0) continue;
+      const std::int64_t at =
+          c.brick[2] * static_cast<std::int64_t>(c.blocks.size()) + static_cast<std::int64_t>(layer);
+      range = {std::min(range[0], at), std::max(range[1], at + 1)};
+    }
+  }
+  return range;
+}
+
 }  // namespace tessera

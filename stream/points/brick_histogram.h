@@ -73,4 +73,8 @@ struct BrickWindow {
 /// 2^20 cells all the same, naming the smallest h that would do
 BrickWindow robust_window(const std::vector<BrickCount>& bricks, double h);
 
+/// The lowest occupied block within the window, and the one above the highest, in units of 8 h.
+std::array<std::int64_t, 2> occupied_heights(const std::vector<BrickCount>& bricks,
+                                             const BrickWindow& window);
+
 }  // namespace tessera

@@ -10,13 +10,13 @@
 namespace tessera {
 namespace {
 
-constexpr int kPlanVersion = 3;
+constexpr int kPlanVersion = 4;
 constexpr PackedKind kBricksKind = {"TSBRICK3", "a brick list"};
 
 }  // namespace
 
 NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(PointFates, read, withheld, empty, missing, other_class, other_return,
-                                   non_finite, absurd, kept)
+                                   outside, non_finite, absurd, kept)
 
 nlohmann::json Plan::to_json() const {
   nlohmann::json j;
@@ -29,6 +29,7 @@ nlohmann::json Plan::to_json() const {
   j["auto_resolution"] = auto_resolution;
   j["resolution_reason"] = resolution_reason;
   j["has_colour"] = has_colour;
+  j["colour_range"] = colour_range;
   j["normal_fraction"] = normal_fraction;
   j["multi_return_fraction"] = multi_return_fraction;
   j["sensors"] = sensors;
@@ -66,6 +67,7 @@ Plan Plan::load(const std::filesystem::path& file) {
     j.at("auto_resolution").get_to(p.auto_resolution);
     j.at("resolution_reason").get_to(p.resolution_reason);
     j.at("has_colour").get_to(p.has_colour);
+    j.at("colour_range").get_to(p.colour_range);
     j.at("normal_fraction").get_to(p.normal_fraction);
     j.at("multi_return_fraction").get_to(p.multi_return_fraction);
     j.at("sensors").get_to(p.sensors);

@@ -15,8 +15,8 @@
 
 namespace tessera {
 
-/// Where every point that was read went; read = kept + other_class + other_return + non_finite +
-/// absurd.
+/// Where every point that was read went; read = kept + other_class + other_return + outside +
+/// non_finite + absurd.
 struct PointFates {
   std::uint64_t read = 0;          ///< handed over by the readers
   std::uint64_t withheld = 0;      ///< flagged withheld by the format, never handed over
@@ -24,6 +24,7 @@ struct PointFates {
   std::uint64_t missing = 0;       ///< declared by a header, not in the file
   std::uint64_t other_class = 0;   ///< not of the --classes wanted, left out
   std::uint64_t other_return = 0;  ///< else not of the --returns wanted, left out
+  std::uint64_t outside = 0;       ///< else outside --bounds or --clip, left out
   std::uint64_t non_finite = 0;    ///< NaN or infinite coordinates, dropped
   std::uint64_t absurd = 0;        ///< far outside everything else, dropped
   std::uint64_t kept = 0;          ///< what distribute writes (duplicates and hot bricks come off in order)
@@ -52,8 +53,9 @@ struct Plan {
   double spacing = 0.0;  ///< measured distance to the next sample (high percentile), scan units; 0 = unknown
   bool auto_resolution = false;  ///< h was chosen by measurement
   std::string resolution_reason = "given";
-  bool has_colour = false;       ///< some file carries colour
-  double normal_fraction = 0.0;  ///< share of the kept points that carry a usable normal
+  bool has_colour = false;                      ///< points have colours: their own, or what --colour makes
+  std::array<double, 2> colour_range = {0, 1};  ///< of heights in quanta, or intensities (--colour)
+  double normal_fraction = 0.0;                 ///< share of the kept points that carry a usable normal
   double multi_return_fraction =
       0.0;                       ///< share of them that come from pulses of several returns; 0 = unknown
   std::vector<Double3> sensors;  ///< PointRecord::sensor indexes it; ascending, no repeats; scan frame

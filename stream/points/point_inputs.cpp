@@ -10,6 +10,9 @@
 #include "octree/error.h"
 #include "octree/points.h"
 #include "stream/files/path_text.h"
+#include "stream/files/task_files.h"
+#include "stream/points/unpacked_points.h"
+#include "stream/runtime/numbers.h"
 
 namespace tessera {
 namespace {
@@ -17,15 +20,33 @@ namespace {
 // Each task writes a file or two; the work directory stays below a thousand of them.
 constexpr std::uint64_t kMaxTasks = 400;
 
+std::shared_ptr<PointInputs> open_inputs(const JobState& job, bool colours, bool unpacked) {
+  ReadOptions read;
+  read.colours = colours;
+  read.unpacked = unpacked;
+  const ReconstructOptions options = reconstruct_options(job);
+  read.columns = options.columns;
+  read.intensities = options.colour == "intensity";
+  read.bounds = PointFilter(options).box();
+  read.resolution_limit = options.resolution_limit;
+  std::vector<std::unique_ptr<PointFile>> files;
+  for (const auto& path : job.inputs) files.push_back(open_point_file(path, read));
+  return std::make_shared<PointInputs>(std::move(files), options);
+}
+
 }  // namespace
 
 PointInputs::PointInputs(std::vector<std::unique_ptr<PointFile>> files, const ReconstructOptions& options,
                          std::uint64_t task_bytes)
-    : files_(std::move(files)), filter_(options.classes, options.returns) {
+    : files_(std::move(files)), filter_(options) {
   if (files_.empty()) throw UsageError("no input: name at least one scan, folder, glob or @list");
   require_one_system();
   if (std::none_of(files_.begin(), files_.end(), [](const auto& f) { return f->info().attributes.echo; }))
     filter_.refuse();
+  if (options.resolution_limit > 0.0 &&
+      std::none_of(files_.begin(), files_.end(), [](const auto& f) { return f->info().octree; }))
+    throw UsageError("--resolution-limit " + number_text(options.resolution_limit) +
+                     ": no input has an octree of resolutions, COPC files do");
   for (const auto& f : files_) {
     bytes_ += f->info().planned_bytes();
     sensors_.insert(sensors_.end(), f->info().sensors.begin(), f->info().sensors.end());
@@ -103,6 +124,24 @@ std::uint64_t PointInputs::task_input_bytes(std::size_t k) const {
   return sum;
 }
 
+bool PointInputs::has_packed() const {
+  return std::any_of(files_.begin(), files_.end(), [](const auto& f) { return f->info().packed; });
+}
+
+bool PointInputs::is_packed(std::size_t k) const {
+  return std::any_of(tasks_[k].begin(), tasks_[k].end(),
+                     [&](const InputSlice& s) { return files_[s.file]->info().packed; });
+}
+
+void PointInputs::read_unpacked_of(const std::filesystem::path& work, bool colours) {
+  unpacked_of_ = work;
+  unpacked_colours_ = colours;
+}
+
+std::string PointInputs::unpacked_file(std::size_t k) {
+  return "unpacked/" + task_file_stem(k) + ".points";
+}
+
 void PointInputs::sensor_ids(std::uint32_t file, const PointChunk& chunk,
                              std::vector<std::uint16_t>& ids) const {
   ids.assign(chunk.size(), static_cast<std::uint16_t>(kNoSensor));
@@ -132,6 +171,7 @@ void PointInputs::sensor_ids(std::uint32_t file, const PointChunk& chunk,
 
 ReadCounts PointInputs::read(std::size_t k, TaskContext& context, bool in_bytes,
                              const std::function<void(std::uint32_t, const PointChunk&)>& sink) const {
+  if (!unpacked_of_.empty() && is_packed(k)) return read_unpacked_task(k, context, in_bytes, sink);
   ReadCounts sum;
   PointChunk scratch;
   for (const InputSlice& slice : tasks_[k]) {
@@ -162,14 +202,37 @@ ReadCounts PointInputs::read(std::size_t k, TaskContext& context, bool in_bytes,
   return sum;
 }
 
+ReadCounts PointInputs::read_unpacked_task(
+    std::size_t k, TaskContext& context, bool in_bytes,
+    const std::function<void(std::uint32_t, const PointChunk&)>& sink) const {
+  const std::filesystem::path path = unpacked_of_ / unpacked_file(k);
+  const std::uint64_t bytes = task_input_bytes(k);
+  std::uint64_t handed = 0;
+  std::uint64_t told = 0;
+  const ReadCounts counts = read_unpacked(
+      path, unpacked_colours_, [&](std::uint32_t file) { return files_[file]->info().grid; },
+      [&](std::uint32_t file, const PointChunk& chunk) {
+        context.check_stop();
+        sink(file, chunk);
+        handed += chunk.size();
+        // Of a record of LAS, about; it ends exactly.
+        const std::uint64_t part = std::min<std::uint64_t>(chunk.size() * 28, bytes - told);
+        told += part;
+        context.advance(in_bytes ? part : chunk.size());
+      });
+  context.advance(in_bytes ? bytes - told : counts.points - handed);
+  context.count_read(std::filesystem::file_size(path));
+  return counts;
+}
+
 std::shared_ptr<const PointInputs> open_point_inputs(const JobState& job, bool colours) {
-  ReadOptions read;
-  read.colours = colours;
-  const ReconstructOptions options = reconstruct_options(job);
-  read.columns = options.columns;
-  std::vector<std::unique_ptr<PointFile>> files;
-  for (const auto& path : job.inputs) files.push_back(open_point_file(path, read));
-  return std::make_shared<PointInputs>(std::move(files), options);
+  auto inputs = open_inputs(job, colours, true);
+  inputs->read_unpacked_of(job.work, colours || reconstruct_options(job).colour == "intensity");
+  return inputs;
+}
+
+std::shared_ptr<const PointInputs> open_packed_inputs(const JobState& job) {
+  return open_inputs(job, true, false);
 }
 
 }  // namespace tessera

@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "stream/formats/points/point_source.h"
-#include "stream/points/echo_filter.h"
+#include "stream/points/point_filter.h"
 #include "stream/points/reconstruct_options.h"
 #include "stream/runtime/stage.h"
 
@@ -25,6 +25,7 @@ class PointInputs {
 
   std::size_t file_count() const { return files_.size(); }
   const PointFile& file(std::size_t i) const { return *files_[i]; }
+  bool has_packed() const;
   std::uint64_t bytes() const { return bytes_; }
   std::uint64_t declared_points() const;
   bool has_colour() const;
@@ -35,6 +36,13 @@ class PointInputs {
   std::size_t task_count() const { return tasks_.size(); }
   std::span<const InputSlice> task(std::size_t k) const { return tasks_[k]; }
   std::uint64_t task_input_bytes(std::size_t k) const;
+  /// Whether task k reads a packed input.
+  bool is_packed(std::size_t k) const;
+
+  /// From now on packed tasks read what the pass "unpack" has left in this work directory.
+  void read_unpacked_of(const std::filesystem::path& work, bool colours);
+  /// The file of task k, relative to the work directory.
+  static std::string unpacked_file(std::size_t k);
 
   /// Sensor origins of all files and of --viewpoint: ascending, no repeats, so that ids follow from the set
   /// alone.
@@ -43,12 +51,12 @@ class PointInputs {
   /// given: the only one; the one of its file, if there are as many as files; else the nearest.
   void sensor_ids(std::uint32_t file, const PointChunk& chunk, std::vector<std::uint16_t>& ids) const;
 
-  /// Streams the slices of task k, without the points whose class or return is not wanted. Reports progress in input
+  /// Streams the slices of task k, without the points that are not wanted. Reports progress in input
   /// bytes when `in_bytes`, else in points; checks for a stop between chunks. Returns the summed fates.
   ReadCounts read(std::size_t k, TaskContext& context, bool in_bytes,
                   const std::function<void(std::uint32_t file, const PointChunk&)>& sink) const;
 
-  /// \throws EmptyError  where classes and returns leave none of the points read
+  /// \throws EmptyError  where classes, returns, bounds and polygons leave none of the points read
   void require_wanted(std::uint64_t read, std::uint64_t left_out) const {
     filter_.require_wanted(read, left_out);
   }
@@ -57,12 +65,16 @@ class PointInputs {
   static constexpr std::uint64_t kReadBytes = std::uint64_t{12} << 20;
 
  private:
+  ReadCounts read_unpacked_task(std::size_t k, TaskContext& context, bool in_bytes,
+                                const std::function<void(std::uint32_t, const PointChunk&)>& sink) const;
   std::uint16_t id_of(const Double3& origin) const;
   /// \throws InputError naming two files of different systems
   void require_one_system();
 
   std::vector<std::unique_ptr<PointFile>> files_;
-  EchoFilter filter_;
+  std::filesystem::path unpacked_of_;  ///< work directory; empty = packed inputs are unpacked anew
+  bool unpacked_colours_ = true;
+  PointFilter filter_;
   std::vector<std::vector<InputSlice>> tasks_;
   std::vector<Double3> sensors_;
   std::vector<std::vector<std::uint16_t>> file_sensors_;  ///< per file: its sensor index -> id
@@ -74,7 +86,10 @@ class PointInputs {
 /// {name, wkt, epsg, epsg_vertical}, without what is not known; null for an unknown system.
 nlohmann::json to_json(const CoordinateSystem& system);
 
-/// Opens the inputs of a job. \param colours  ReadOptions::colours  \throws InputError as open_point_file
+/// Opens the inputs of a job, packed ones as unpacked by then. \param colours  ReadOptions::colours
+/// \throws InputError as open_point_file
 std::shared_ptr<const PointInputs> open_point_inputs(const JobState& job, bool colours);
+/// Opens them before anything is unpacked.
+std::shared_ptr<const PointInputs> open_packed_inputs(const JobState& job);
 
 }  // namespace tessera

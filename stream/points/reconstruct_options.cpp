@@ -3,6 +3,8 @@
 #include <charconv>
 
 #include "octree/error.h"
+#include "stream/points/clip_polygon.h"
+#include "stream/points/point_filter.h"
 
 namespace tessera {
 
@@ -17,8 +19,10 @@ std::uint32_t ReconstructOptions::max_hole_edges() const {
   return edges;
 }
 
-void ReconstructOptions::validate() const {
+void ReconstructOptions::validate() {
   max_hole_edges();
+  PointFilter{*this};
+  if (!clip.empty()) clip_rings = ClipPolygon::text_of_file(clip);
   if (up == Double3{0, 0, 0}) throw UsageError("--up 0,0,0: has no direction");
   if (tolerance == 0.0 && (keep_raw || reference != "surface"))
     throw UsageError(

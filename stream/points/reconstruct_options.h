@@ -29,6 +29,11 @@ struct ReconstructOptions {
   std::vector<std::string> columns;
   std::vector<std::string> classes;  ///< numbers up to 255
   std::string returns = "all";
+  std::vector<std::string> bounds;  ///< six numbers, or none
+  std::string clip;                 ///< a file
+  std::string clip_rings;           ///< what it holds, so that a job does not hang on the file
+  double resolution_limit = 0.0;
+  std::string colour = "rgb";
   double tolerance = 0.0;
   std::string reference = "surface";
   bool keep_raw = false;
@@ -37,8 +42,8 @@ struct ReconstructOptions {
   bool smooths_border() const { return border == "smooth" || (border == "auto" && tolerance == 0.0); }
   /// The N of max_hole, 0 for auto. \throws UsageError for what is neither
   std::uint32_t max_hole_edges() const;
-  /// \throws UsageError for options that mean nothing together
-  void validate() const;
+  /// Also reads the file of --clip. \throws UsageError for options that mean nothing together; InputError
+  void validate();
 };
 
 /// --columns, for everything that reads text scans.
@@ -124,6 +129,22 @@ inline OptionTable option_table(ReconstructOptions& o) {
        "returns", &o.returns,
        "LAS, LAZ: which returns of a pulse to keep; last or first sees one surface where a pulse met several")
       .one_of({"all", "first", "last"});
+  t.add("bounds", &o.bounds,
+        "box of points to keep, scan units: X0,Y0,Z0,X1,Y1,Z1; of COPC the rest is not read")
+      .split()
+      .shown_as("BOX");
+  t.add("clip", &o.clip,
+        "GeoJSON file of polygons in the coordinates of the scan: points outside them, as seen from above, "
+        "are left out")
+      .shown_as("FILE");
+  t.add("clip-rings", &o.clip_rings, "the rings of --clip, filled in from its file").hidden();
+  t.add("resolution-limit", &o.resolution_limit,
+        "COPC: read the levels of its octree up to the first whose points lie so close, scan units; 0 = all")
+      .at_least(0);
+  t.add("colour", &o.colour,
+        "colours of the mesh; rgb: those of the points; intensity: grey, darkest and brightest 2 % cut off; "
+        "class: of LAS, LAZ, each in its colour; height: blue to red; none")
+      .one_of({"rgb", "intensity", "class", "height", "none"});
   t.add("max-brick-points", &o.max_brick_points, "points; a brick of 64^3 cells with more is thinned to this")
       .at_least(1);
   t.add("tolerance", &o.tolerance,

@@ -48,6 +48,7 @@ constexpr std::array kPointFormats = {
     PointFormat{59, -1, 0x04}, PointFormat{67, 30, 0x04},
 };
 constexpr int kCompressedBit = 0x80;  ///< of the point format
+constexpr std::size_t kIntensityByte = 12;
 constexpr std::size_t kReturnsByte = 14;
 constexpr std::size_t kFlagsByte = 15;  ///< formats 0 to 5: the class too
 constexpr std::size_t kWideClassByte = 16;
@@ -195,6 +196,7 @@ void LasHeader::append(const char* records, std::size_t count, ChunkSink& out, R
     chunk.echo.reserve(chunk.size());
     for (; i < kept; ++i) {
       const char* record = records + i * layout.stride;
+      if (intensities) chunk.intensity.push_back(load_scalar<std::uint16_t>(record + kIntensityByte));
       const unsigned returns = static_cast<std::uint8_t>(record[kReturnsByte]);
       const unsigned kind = static_cast<std::uint8_t>(record[wide_ ? kWideClassByte : kFlagsByte]);
       chunk.echo.push_back({static_cast<std::uint8_t>(wide_ ? kind : kind & 31u),

@@ -21,6 +21,7 @@ struct LasHeader {
   std::uint64_t records_at = 0;    ///< of the variable length records, up to `begin`
   std::uint32_t record_count = 0;  ///< of them
   PointRecordLayout layout;        ///< of one point; its colour scale is still to be found
+  bool intensities = false;        ///< whether append() hands them on
 
   /// \throws InputError naming file, byte offset, field and value: header cut off, unknown version or point format,
   ///   record shorter than its format, scale that is zero or no number

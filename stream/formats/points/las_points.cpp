@@ -22,6 +22,7 @@ class LasPoints final : public PointFile {
     if (!count_.warning.empty()) header_.info.warnings.push_back(count_.warning);
     header_.check_bounds(count_.usable > 0);
     if (!options_.colours) layout.colour = {};
+    header_.intensities = options_.intensities;
     if (layout.colour[0].there()) {
       layout.colour_scale = sample_colour_scale(file, header_.begin, count_.usable, layout);
     }

@@ -189,6 +189,19 @@ class ChunkFinder {
 
 }  // namespace
 
+LazChunks LazChunks::picked(const std::vector<std::size_t>& chunks) const {
+  LazChunks few;
+  few.cut_off = cut_off && !chunks.empty() && chunks.back() + 1 == size();
+  std::uint64_t points = 0;
+  for (const std::size_t c : chunks) {
+    few.edges.push_back({edges[c].begin, points});
+    few.ends.push_back(end_of(c));
+    points += points_of(c);
+  }
+  few.edges.push_back({chunks.empty() ? edges.back().begin : few.ends.back(), points});
+  return few;
+}
+
 LazChunks find_laz_chunks(const ReadFile& file, const LasHeader& header, const laz::Schema& schema) {
   try {
     return ChunkFinder(file, header, schema).find();

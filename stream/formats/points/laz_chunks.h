@@ -42,12 +42,19 @@ struct LazChunk {
 struct LazChunks {
   /// One more than there are chunks: the last one is where they end.
   std::vector<LazChunk> edges;
+  /// Of chunks that were picked; empty = each ends where the next one begins.
+  std::vector<std::uint64_t> ends;
   bool in_order = false;  ///< one run of chunks whose borders only reading tells
   bool cut_off = false;   ///< the last chunk may end before its points do
   std::uint64_t missing = 0;
   std::vector<std::string> warnings;
 
   std::size_t size() const { return edges.size() - 1; }
+  std::uint64_t end_of(std::size_t chunk) const {
+    return ends.empty() ? edges[chunk + 1].begin : ends[chunk];
+  }
+  /// These chunks alone, ascending.
+  LazChunks picked(const std::vector<std::size_t>& chunks) const;
   std::uint64_t points() const { return edges.back().first_point; }
   std::uint64_t points_of(std::size_t chunk) const {
     return edges[chunk + 1].first_point - edges[chunk].first_point;

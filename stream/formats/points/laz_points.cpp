@@ -1,6 +1,8 @@
 #include "stream/formats/points/laz_points.h"
 
 #include <algorithm>
+#include <cmath>
+#include <optional>
 #include <string_view>
 #include <utility>
 #include <vector>
@@ -8,8 +10,10 @@
 #include "octree/error.h"
 #include "stream/formats/closed_file.h"
 #include "stream/formats/laz/chunk_decoder.h"
+#include "stream/formats/points/copc_index.h"
 #include "stream/formats/points/laz_chunks.h"
 #include "stream/formats/points/point_records.h"
+#include "stream/formats/scalar.h"
 
 namespace tessera {
 
@@ -28,7 +32,9 @@ class RecordStream {
       : file_(file),
         schema_(schema),
         chunks_(chunks),
-        layers_(options.colours ? laz::Layers::kNeeded : laz::Layers::kNoColours),
+        layers_(options.intensities ? laz::Layers::kAll
+                : options.colours   ? laz::Layers::kNeeded
+                                    : laz::Layers::kNoColours),
         release_(options.release_cache) {}
 
   /// Goes on with the first record of a chunk.
@@ -37,6 +43,8 @@ class RecordStream {
     left_ = 0;
     ended_ = false;
   }
+  /// That the last records came from.
+  std::size_t chunk() const { return next_ - 1; }
   /// Up to `count` records, fewer where a chunk ends; none only where a file that was cut off ends.
   /// \pre  there are records left  \throws InputError naming the chunk when it is damaged
   std::size_t read(char* records, std::size_t count) {
@@ -68,7 +76,7 @@ class RecordStream {
     unit_left_ = 0;
     decoder_.reset();
     begin_ = chunks_.edges[chunk].begin;
-    end_ = chunks_.edges[chunk + 1].begin;
+    end_ = chunks_.end_of(chunk);
     if (!schema_.layered()) feed_ = std::make_unique<FileFeed>(file_, begin_, end_, release_);
   }
   /// What one set of models codes: a chunk, or a run of chunks one after the other.
@@ -117,10 +125,13 @@ class LazPoints final : public PointFile {
         chunks_(find_laz_chunks(file, header_, schema_)) {
     PointFileInfo& info = header_.info;
     info.warnings.insert(info.warnings.end(), chunks_.warnings.begin(), chunks_.warnings.end());
-    info.unpacked_bytes = chunks_.points() * header_.layout.stride;
+    info.packed = true;
+    info.grid = {header_.layout.scale, header_.layout.shift};
     header_.check_bounds(chunks_.points() > 0);
     if (!options.colours) header_.layout.colour = {};
-    if (header_.layout.colour[0].there()) sample_colours(file);
+    header_.intensities = options.intensities;
+    if (header_.layout.colour[0].there() && !options.unpacked) sample_colours(file);
+    pick_nodes(file);
     for (std::size_t i = 0; i < chunks_.size(); ++i)
       one_slice_ = one_slice_ || chunks_.points_of(i) > kMostSlicePoints;
   }
@@ -155,6 +166,7 @@ class LazPoints final : public PointFile {
       const std::size_t n = stream.read(
           records.data(), static_cast<std::size_t>(std::min<std::uint64_t>({most, left, out.room()})));
       if (n == 0) break;
+      if (!cubes_.empty()) require_in_cube(file, records.data(), n, stream.chunk());
       header_.append(records.data(), n, out, counts);
       left -= n;
     }
@@ -167,6 +179,42 @@ class LazPoints final : public PointFile {
   }
 
  private:
+  /// Of a file with an octree, what is wanted alone.
+  void pick_nodes(const ReadFile& file) {
+    PointFileInfo& info = header_.info;
+    const std::optional<CopcInfo> copc = find_copc(file, header_);
+    info.octree = copc.has_value();
+    if (copc && (options_.bounds || options_.resolution_limit > 0.0)) {
+      const Double3& step = header_.layout.scale;
+      const double slack = std::max({std::fabs(step[0]), std::fabs(step[1]), std::fabs(step[2])});
+      std::vector<std::size_t> picked;
+      for (const CopcChunk& c :
+           copc_chunks(file, *copc, chunks_, options_.bounds, options_.resolution_limit, slack)) {
+        picked.push_back(c.chunk);
+        cubes_.push_back(c);
+      }
+      chunks_ = chunks_.picked(picked);
+      info.declared_points = chunks_.points();
+    }
+    info.unpacked_bytes = chunks_.points() * header_.layout.stride;
+  }
+  /// Else a hierarchy that lies would lose points without a word.
+  void require_in_cube(const ReadFile& file, const char* records, std::size_t count,
+                       std::size_t chunk) const {
+    const CopcChunk& cube = cubes_[chunk];
+    const PointRecordLayout& layout = header_.layout;
+    for (std::size_t i = 0; i < count; ++i) {
+      for (std::size_t a = 0; a < 3; ++a) {
+        const double p = load_scalar<std::int32_t>(records + i * layout.stride + 4 * a) * layout.scale[a] +
+                         layout.shift[a];
+        if (p < cube.min[a] || p > cube.max[a])
+          throw InputError(file.path().string() + ": byte " + std::to_string(chunks_.edges[chunk].begin) +
+                           ": a point of node " + cube.name +
+                           " lies outside its cube, the octree of COPC is wrong; get the file anew, or read "
+                           "it without its octree: tessera convert IN -o OUT.las");
+      }
+    }
+  }
   /// From the records that those of the uncompressed file would be told by.
   void sample_colours(const ReadFile& file) {
     const std::size_t stride = header_.layout.stride;
@@ -204,6 +252,7 @@ class LazPoints final : public PointFile {
   LasHeader header_;
   laz::Schema schema_;
   LazChunks chunks_;
+  std::vector<CopcChunk> cubes_;  ///< of the chunks, where only some are read
   bool one_slice_ = false;
 };
 

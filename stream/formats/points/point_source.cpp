@@ -80,6 +80,7 @@ void PointChunk::clear() {
   rgba.clear();
   sensor.clear();
   echo.clear();
+  intensity.clear();
 }
 
 std::unique_ptr<PointFile> open_point_file(const std::filesystem::path& path, const ReadOptions& options) {

@@ -5,7 +5,9 @@
 #include <cstdint>
 #include <filesystem>
 #include <functional>
+#include <limits>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -32,8 +34,23 @@ struct PointChunk {
   std::vector<std::uint32_t> rgba;    ///< r | g<<8 | b<<16 | a<<24, alpha 255 where colour is known
   std::vector<std::uint16_t> sensor;  ///< index into PointFileInfo::sensors, or kNoSensor
   std::vector<Echo> echo;
+  std::vector<std::uint16_t> intensity;  ///< as it is in LAS, where it is asked for
   std::size_t size() const { return x.size(); }
   void clear();
+};
+
+/// Positions that are whole numbers of 32 bits: number * step + shift, in double.
+struct PositionGrid {
+  Double3 step{};
+  Double3 shift{};
+  bool known() const { return step[0] != 0 && step[1] != 0 && step[2] != 0; }
+};
+
+/// All that lies between its corners, these included.
+struct PointBox {
+  static constexpr double kInfinite = std::numeric_limits<double>::infinity();
+  Double3 min = {-kInfinite, -kInfinite, -kInfinite};
+  Double3 max = {kInfinite, kInfinite, kInfinite};
 };
 
 /// Which optional arrays a file fills.
@@ -50,6 +67,9 @@ struct PointFileInfo {
   std::string format;  ///< "PLY binary little endian", "LAS 1.2 point format 3", ...
   std::uint64_t bytes = 0;
   std::uint64_t unpacked_bytes = 0;   ///< of compressed points: of their records
+  bool octree = false;                ///< of levels, coarse points first (COPC)
+  bool packed = false;                ///< dear to read: jobs unpack it once
+  PositionGrid grid;                  ///< of its positions, if they lie on one
   std::uint64_t declared_points = 0;  ///< what the header says; 0 if it does not say
   bool has_bounds = false;
   Double3 declared_min{}, declared_max{};
@@ -80,6 +100,7 @@ struct ReadCounts {
   std::uint64_t surplus = 0;       ///< lines of `points` that hold more values than the header declares (PLY)
   std::uint64_t other_class = 0;   ///< of `points`, left out by PointInputs: of a class that is not wanted
   std::uint64_t other_return = 0;  ///< else of a return that is not wanted
+  std::uint64_t outside = 0;       ///< else outside the box or the polygons wanted
   std::vector<std::string> warnings;
 };
 
@@ -89,6 +110,10 @@ struct ReadOptions {
   bool release_cache = false;        ///< tell the system to drop what was read from its page cache
   bool colours =
       true;  ///< false: whoever reads needs none, and formats to which they are dear leave them out
+  bool intensities = false;             ///< of LAS and LAZ
+  std::optional<PointBox> bounds = {};  ///< COPC: what lies outside may be left out
+  double resolution_limit = 0.0;        ///< COPC: levels up to the first one with such a spacing; 0 = all
+  bool unpacked = false;  ///< points of packed files are not read from them any more: opening looks at none
 };
 
 /// One input file, looked at and closed again: a job may hold thousands. May be used from several threads at once.

@@ -51,7 +51,8 @@ struct Forecast {
 /// Tasks that read the input once.
 struct InputTasks {
   std::uint64_t count = 0;
-  std::uint64_t largest_bytes = 0;  ///< of the input, in one of them
+  std::uint64_t largest_bytes = 0;   ///< of the input, in one of them
+  std::uint64_t unpacked_bytes = 0;  ///< on disk until distribute is done
 };
 
 Forecast forecast_job(const Plan& plan, const std::vector<PlanBrick>& bricks, const InputTasks& inputs,

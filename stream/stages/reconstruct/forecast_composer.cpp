@@ -100,7 +100,8 @@ class Composer {
           forecast_.output_bytes, 1, faces_ * kWriteTime,
           static_cast<double>(patches + forecast_.output_bytes));
     forecast_.peak_disk_bytes =
-        std::max({run_bytes_ + store_bytes_, store_bytes_ + overlay_bytes_ + closing + patches,
+        std::max({inputs_.unpacked_bytes + run_bytes_, run_bytes_ + store_bytes_,
+                  store_bytes_ + overlay_bytes_ + closing + patches,
                   patches + forecast_.output_bytes + store_bytes_ + overlay_bytes_ + closing});
     if (options_.tolerance > 0.0 && !fused)  // the raw mesh, its vertices and faces dealt out, its store
       forecast_.peak_disk_bytes =

@@ -41,9 +41,12 @@ class ForecastStage : public Stage {
     const std::uint64_t base = (held + kBaseStep - 1) / kBaseStep * kBaseStep;
     const std::vector<PlanBrick> bricks = load_plan_bricks(job_.work / Plan::kBrickFile);
     const auto opened = open_point_inputs(job_, false);
-    InputTasks inputs{opened->task_count(), 0};
-    for (std::size_t k = 0; k < inputs.count; ++k)
+    InputTasks inputs{opened->task_count(), 0, 0};
+    for (std::size_t k = 0; k < inputs.count; ++k) {
       inputs.largest_bytes = std::max(inputs.largest_bytes, opened->task_input_bytes(k));
+      if (opened->is_packed(k))
+        inputs.unpacked_bytes += std::filesystem::file_size(job_.work / PointInputs::unpacked_file(k));
+    }
     const Forecast forecast = forecast_job(plan_, bricks, inputs, job_);
     require_resources(forecast, job_, base, [&](std::uint64_t cap) {
       JobState job = job_;

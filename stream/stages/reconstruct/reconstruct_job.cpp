@@ -5,6 +5,7 @@
 
 #include "stream/files/path_text.h"
 #include "stream/import/import_stages.h"
+#include "stream/import/system_beside.h"
 #include "stream/meshes/store_write_stage.h"
 #include "stream/page/report_page.h"
 #include "stream/stages/decimate/decimate_job.h"
@@ -15,6 +16,7 @@
 #include "stream/stages/scan/probe_stage.h"
 #include "stream/stages/scan/survey_stage.h"
 #include "stream/stages/scan/uncertain_picture.h"
+#include "stream/stages/scan/unpack_stage.h"
 #include "stream/stages/surface/border_stage.h"
 #include "stream/stages/surface/closing_stages.h"
 #include "stream/stages/surface/first_pass.h"
@@ -62,11 +64,6 @@ void summarise(nlohmann::json& report) {
   }
 }
 
-std::filesystem::path system_path(const std::filesystem::path& output) {
-  std::filesystem::path path = output;
-  return path += ".prj";
-}
-
 std::string system_text(const nlohmann::json& report) {
   const nlohmann::json system = report.value("coordinate_system", nlohmann::json());
   return system.is_object() ? bytes_of_json_text(system.value("wkt", "")) : "";
@@ -77,6 +74,7 @@ std::string system_text(const nlohmann::json& report) {
 std::vector<StageEntry> reconstruct_stages(const ReconstructOptions& options) {
   std::vector<StageEntry> stages = {
       // in the order in which they run
+      {"unpack", [](const JobState& state) { return make_unpack_stage(state); }},
       {"probe", [](const JobState& state) { return make_probe_stage(state); }},
       {"spacing", [](const JobState& state) { return make_spacing_stage(state); }},
       {"survey", make_survey_stage},

@@ -9,6 +9,7 @@
 #include "stream/files/task_files.h"
 #include "stream/formats/points/quantise.h"
 #include "stream/points/run_file.h"
+#include "stream/stages/scan/point_colours.h"
 
 namespace tessera {
 namespace {
@@ -50,7 +51,7 @@ std::size_t run_points(const RunOptions& run) {
 std::uint64_t distribute_task_bytes(const RunOptions& run, const Plan& plan, std::uint64_t input_bytes) {
   const std::uint64_t runs = input_bytes / 3 / run_points(run) + 1;
   return run_points(run) * RunWriter::kBytesPerPoint + DirectFile::kDefaultBuffer +
-         (runs * 32 + 8) * plan.buckets.size() + std::uint64_t{65536} * 40 + PointInputs::kReadBytes;
+         (runs * 32 + 8) * plan.buckets.size() + std::uint64_t{65536} * 44 + PointInputs::kReadBytes;
 }
 
 std::uint64_t distribute_runs(const RunOptions& run, const Plan& plan, std::uint64_t tasks) {
@@ -86,6 +87,8 @@ nlohmann::json DistributeStage::run(std::size_t task, TaskContext& context) cons
   ChunkQuanta quanta;
   std::vector<std::uint16_t> sensors;
   std::vector<std::uint32_t> normals;
+  std::vector<std::uint32_t> rgba;
+  const ColourBy by = colour_by(reconstruct_options(job_).colour);
   Double3 low{};
   Double3 high{};
   Double3 base{};
@@ -104,6 +107,7 @@ nlohmann::json DistributeStage::run(std::size_t task, TaskContext& context) cons
       normals.resize(n);
       encode_normals(chunk.nx.data(), chunk.ny.data(), chunk.nz.data(), n, normals.data());
     }
+    if (plan_.has_colour) colour_points(by, plan_, chunk, quanta.z, rgba);
     for (std::size_t i = 0; i < n; ++i) {
       const double x = quanta.x[i];
       const double y = quanta.y[i];
@@ -115,7 +119,7 @@ nlohmann::json DistributeStage::run(std::size_t task, TaskContext& context) cons
       p.q = {static_cast<std::int32_t>(x - base[0]), static_cast<std::int32_t>(y - base[1]),
              static_cast<std::int32_t>(z - base[2])};
       if (with_normals) p.normal = normals[i];
-      if (!chunk.rgba.empty()) p.rgba = chunk.rgba[i];
+      if (plan_.has_colour) p.rgba = rgba[i];
       if (!plan_.sensors.empty()) p.sensor = sensors[i];
       if (!chunk.echo.empty()) p.flags = flags_of(chunk.echo[i]);
       out.add(p, bucket_of(p.q));
@@ -147,7 +151,8 @@ nlohmann::json DistributeStage::finish(const std::vector<nlohmann::json>& summar
 }
 
 std::unique_ptr<Stage> make_distribute_stage(const JobState& job) {
-  return std::make_unique<DistributeStage>(job, open_point_inputs(job, true));
+  return std::make_unique<DistributeStage>(
+      job, open_point_inputs(job, colour_by(reconstruct_options(job).colour) == ColourBy::kRgb));
 }
 
 }  // namespace tessera

@@ -95,8 +95,9 @@ class ProbeStage : public MeasuringStage {
     DirectFile out(context.create(probe_file(task)), std::size_t{256} << 10);
     out.write(sample.data(), sample.size() * sizeof(Double3));
     context.count_written(out.finish());
-    return {
-        {"points", points}, {"read", counts.points}, {"left_out", counts.other_class + counts.other_return}};
+    return {{"points", points},
+            {"read", counts.points},
+            {"left_out", counts.other_class + counts.other_return + counts.outside}};
   }
 
   json finish(const std::vector<json>& summaries, TaskContext& context) const override {

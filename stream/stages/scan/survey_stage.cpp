@@ -14,6 +14,7 @@
 #include "stream/points/brick_histogram.h"
 #include "stream/points/sampled_layers.h"
 #include "stream/runtime/numbers.h"
+#include "stream/stages/scan/point_colours.h"
 #include "stream/stages/scan/probe_stage.h"
 
 namespace tessera {
@@ -45,6 +46,7 @@ struct Tally {
   std::uint64_t surplus = 0;
   std::uint64_t with_normal = 0;
   std::uint64_t multi_return = 0, first_return = 0;
+  IntensityHistogram intensities;                      ///< where they are asked for
   Double3 min = {kMaxQuanta, kMaxQuanta, kMaxQuanta};  ///< quanta of good points, whole numbers
   Double3 max = {-kMaxQuanta, -kMaxQuanta, -kMaxQuanta};
   std::vector<std::string> warnings;
@@ -57,6 +59,7 @@ nlohmann::json to_json(const Tally& t) {
           {"missing", t.fates.missing},
           {"other_class", t.fates.other_class},
           {"other_return", t.fates.other_return},
+          {"outside", t.fates.outside},
           {"non_finite", t.fates.non_finite},
           {"far", t.fates.absurd},
           {"surplus", t.surplus},
@@ -65,6 +68,7 @@ nlohmann::json to_json(const Tally& t) {
           {"first_return", t.first_return},
           {"min", t.min},
           {"max", t.max},
+          {"intensities", t.intensities.counts()},
           {"warnings", t.warnings}};
 }
 
@@ -75,6 +79,7 @@ void add_json(const nlohmann::json& j, Tally& t) {
   t.fates.missing += j.at("missing").get<std::uint64_t>();
   t.fates.other_class += j.at("other_class").get<std::uint64_t>();
   t.fates.other_return += j.at("other_return").get<std::uint64_t>();
+  t.fates.outside += j.at("outside").get<std::uint64_t>();
   t.fates.non_finite += j.at("non_finite").get<std::uint64_t>();
   t.fates.absurd += j.at("far").get<std::uint64_t>();
   t.surplus += j.at("surplus").get<std::uint64_t>();
@@ -85,6 +90,7 @@ void add_json(const nlohmann::json& j, Tally& t) {
     t.min[a] = std::min(t.min[a], j.at("min").at(a).get<double>());
     t.max[a] = std::max(t.max[a], j.at("max").at(a).get<double>());
   }
+  t.intensities.merge(j.at("intensities").get<std::vector<std::uint64_t>>());
   for (const auto& w : j.at("warnings")) t.warnings.push_back(w.get<std::string>());
 }
 
@@ -202,6 +208,7 @@ nlohmann::json SurveyStage::run(std::size_t task, TaskContext& context) const {
     }
     tally.with_normal += count_normals(chunk, quanta.fate);
     count_returns(chunk, quanta.fate, tally);
+    tally.intensities.add(chunk);
   });
   context.count_written(counter.finish());
   sampler.save(context.create(sample_file(task)));
@@ -212,6 +219,7 @@ nlohmann::json SurveyStage::run(std::size_t task, TaskContext& context) const {
   tally.fates.other_class = counts.other_class;
   tally.surplus = counts.surplus;
   tally.fates.other_return = counts.other_return;
+  tally.fates.outside = counts.outside;
   tally.warnings = counts.warnings;
   if (tally.warnings.size() > kWarningsPerTask) tally.warnings.resize(kWarningsPerTask);
   return to_json(tally);
@@ -264,10 +272,10 @@ nlohmann::json SurveyStage::finish(const std::vector<nlohmann::json>& summaries,
     add_json(summaries[k], tally);
     files.push_back(job_.work / counts_file(k));
   }
-  const std::uint64_t left_out = tally.fates.other_class + tally.fates.other_return;
+  const std::uint64_t left_out = tally.fates.other_class + tally.fates.other_return + tally.fates.outside;
   const std::uint64_t finite = tally.fates.read - left_out - tally.fates.non_finite;
-  if (tally.fates.read == 0) throw EmptyError("the input holds no point");
   inputs_->require_wanted(tally.fates.read, left_out);
+  if (tally.fates.read == 0) throw EmptyError("the input holds no point");
   if (finite == 0)
     throw EmptyError("none of the " + std::to_string(tally.fates.read - left_out) +
                      " points has finite coordinates");
@@ -294,7 +302,12 @@ nlohmann::json SurveyStage::finish(const std::vector<nlohmann::json>& summaries,
   plan.fates.absurd += window.dropped_points;
   plan.fates.kept = finite - plan.fates.absurd;
   plan.auto_resolution = auto_resolution_;
-  plan.has_colour = inputs_->has_colour();
+  const ColourBy by = colour_by(options_.colour);
+  plan.has_colour = has_point_colours(by, *inputs_);
+  if (by == ColourBy::kIntensity) plan.colour_range = tally.intensities.range();
+  if (by == ColourBy::kHeight)
+    for (std::size_t end = 0; end < 2; ++end)
+      plan.colour_range[end] = static_cast<double>(occupied_heights(counts, window)[end]) * kQuantaPerBlock;
   plan.normal_fraction =
       static_cast<double>(tally.with_normal) / static_cast<double>(finite - tally.fates.absurd);
   if (options_.normals == "estimate") plan.normal_fraction = 0.0;

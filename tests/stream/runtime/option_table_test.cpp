@@ -152,7 +152,7 @@ TEST_CASE("option table: a row of the README", "[unit]") {
 TEST_CASE("jobs: found by name; a name that is none is an error and never another job", "[unit]") {
   const JobDescription job = find_job("reconstruct", to_settings(ReconstructOptions{}));
   CHECK(job.command == "reconstruct");
-  CHECK(job.stages.front().name == "probe");
+  CHECK(job.stages.front().name == "unpack");
   CHECK(find_job("smooth", to_settings(SmoothOptions{})).command == "smooth");
   SimplifyOptions simplify;
   simplify.tolerance = 1.0;

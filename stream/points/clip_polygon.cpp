@@ -1,0 +1,146 @@
+#include "stream/points/clip_polygon.h"
+
+#include <algorithm>
+#include <cmath>
+#include <fstream>
+#include <iterator>
+#include <limits>
+
+#include <nlohmann/json.hpp>
+
+#include "octree/error.h"
+#include "stream/files/read_file.h"
+
+namespace tessera {
+namespace {
+
+using json = nlohmann::json;
+
+constexpr std::uint64_t kMostBytes = std::uint64_t{64} << 20;
+constexpr std::size_t kMostCorners = 200000;
+constexpr std::size_t kMostBands = std::size_t{1} << 16;
+constexpr int kMostDepth = 32;  ///< of collections in collections
+
+/// Appends the rings of a geometry; what is no area has none.
+void add_rings(const json& object, json& rings, int depth) {
+  if (!object.is_object() || depth > kMostDepth) return;
+  const auto each = [&](const char* key, const auto& use) {
+    const auto list = object.find(key);
+    if (list != object.end() && list->is_array())
+      for (const json& item : *list) use(item);
+  };
+  const std::string type = object.value("type", std::string());
+  if (type == "Polygon") each("coordinates", [&](const json& ring) { rings.push_back(ring); });
+  if (type == "MultiPolygon")
+    each("coordinates", [&](const json& polygon) {
+      if (polygon.is_array())
+        for (const json& ring : polygon) rings.push_back(ring);
+    });
+  if (type == "Feature" && object.contains("geometry")) add_rings(object.at("geometry"), rings, depth + 1);
+  if (type == "FeatureCollection") each("features", [&](const json& f) { add_rings(f, rings, depth + 1); });
+  if (type == "GeometryCollection")
+    each("geometries", [&](const json& g) { add_rings(g, rings, depth + 1); });
+}
+
+std::array<double, 2> corner_of(const json& corner) {
+  if (!corner.is_array() || corner.size() < 2 || !corner[0].is_number() || !corner[1].is_number())
+    throw InputError("a corner is no pair of numbers");
+  const std::array<double, 2> c = {corner[0].get<double>(), corner[1].get<double>()};
+  if (!std::isfinite(c[0]) || !std::isfinite(c[1])) throw InputError("a corner is not finite");
+  return c;
+}
+
+}  // namespace
+
+std::string ClipPolygon::text_of_file(const std::filesystem::path& path) {
+  const std::string name = path.string();
+  const ReadFile file(path);
+  if (file.size() > kMostBytes) throw InputError(name + ": is too large for a polygon to clip by");
+  std::string text(static_cast<std::size_t>(file.size()), '\0');
+  file.read_at(0, text.data(), text.size());
+  json rings = json::array();
+  try {
+    const json root = json::parse(text, nullptr, false);
+    if (root.is_discarded()) throw InputError("is not JSON");
+    add_rings(root, rings, 0);
+    if (rings.empty()) throw InputError("holds no Polygon or MultiPolygon");
+    // Two numbers a corner are kept, whatever else a corner says.
+    for (json& ring : rings) {
+      if (!ring.is_array()) throw InputError("a ring is no list of corners");
+      json corners = json::array();
+      for (const json& c : ring) corners.push_back(corner_of(c));
+      ring = std::move(corners);
+    }
+    text = rings.dump();
+    from_text(text);
+  } catch (const InputError& e) {
+    throw InputError(name + ": " + e.what() + "; --clip wants GeoJSON in the coordinates of the scan");
+  } catch (const json::exception&) {
+    throw InputError(name + ": is no GeoJSON; --clip wants that, in the coordinates of the scan");
+  }
+  return text;
+}
+
+ClipPolygon ClipPolygon::from_text(const std::string& text) {
+  const json rings = json::parse(text, nullptr, false);
+  if (!rings.is_array()) throw InputError("the rings of a polygon are damaged");
+  constexpr double kInfinite = std::numeric_limits<double>::infinity();
+  ClipPolygon p;
+  p.min_ = {kInfinite, kInfinite};
+  p.max_ = {-kInfinite, -kInfinite};
+  std::size_t corners = 0;
+  for (const json& ring : rings) {
+    if (!ring.is_array() || ring.size() < 3) throw InputError("a ring has fewer than three corners");
+    corners += ring.size();
+    if (corners > kMostCorners)
+      throw InputError("has more than " + std::to_string(kMostCorners) + " corners; simplify it");
+    Corner before = corner_of(ring.back());
+    for (const json& c : ring) {
+      const Corner at = corner_of(c);
+      for (std::size_t a = 0; a < 2; ++a) {
+        p.min_[a] = std::min(p.min_[a], at[a]);
+        p.max_[a] = std::max(p.max_[a], at[a]);
+      }
+      if (before[1] < at[1]) p.edges_.push_back({before, at});
+      if (at[1] < before[1]) p.edges_.push_back({at, before});
+      before = at;
+    }
+  }
+  if (p.edges_.empty()) throw InputError("the polygon has no area");
+  const std::size_t bands = std::min(p.edges_.size(), kMostBands);
+  p.first_.assign(bands + 1, 0);
+  const auto for_bands = [&](const Edge& e, const auto& use) {
+    for (std::size_t b = p.band(e.low[1]); b <= p.band(e.high[1]); ++b) use(b);
+  };
+  for (const Edge& e : p.edges_) for_bands(e, [&](std::size_t b) { ++p.first_[b + 1]; });
+  for (std::size_t b = 0; b < bands; ++b) p.first_[b + 1] += p.first_[b];
+  if (p.first_[bands] > std::size_t{64} * kMostCorners)
+    throw InputError("has too many long edges; simplify it");
+  p.in_band_.resize(p.first_[bands]);
+  std::vector<std::size_t> next = p.first_;
+  for (std::uint32_t i = 0; i < p.edges_.size(); ++i)
+    for_bands(p.edges_[i], [&](std::size_t b) { p.in_band_[next[b]++] = i; });
+  return p;
+}
+
+std::size_t ClipPolygon::band(double y) const {
+  const std::size_t bands = first_.size() - 1;
+  const double t = (y - min_[1]) / (max_[1] - min_[1]) * static_cast<double>(bands);
+  return std::min(static_cast<std::size_t>(std::max(t, 0.0)), bands - 1);
+}
+
+bool ClipPolygon::holds(double x, double y) const {
+  if (!(x >= min_[0] && x <= max_[0] && y >= min_[1] && y <= max_[1])) return false;
+  bool inside = false;
+  const std::size_t b = band(y);
+  for (std::size_t k = first_[b]; k < first_[b + 1]; ++k) {
+    const Edge& e = edges_[in_band_[k]];
+    // Half open, so that a ray through a corner crosses one of the two edges there.
+    if (y < e.low[1] || y >= e.high[1]) continue;
+    const double at = e.low[0] + (y - e.low[1]) / (e.high[1] - e.low[1]) * (e.high[0] - e.low[0]);
+    inside ^= x < at;
+  }
+  return inside;
+}
+
+}  // namespace tessera

@@ -1,0 +1,152 @@
+#include "stream/points/unpacked_points.h"
+
+#include <array>
+#include <cmath>
+#include <cstring>
+#include <limits>
+#include <string>
+
+namespace tessera {
+namespace {
+
+constexpr PackedKind kUnpackedKind = {"TSUNPCK1", "a file of unpacked points"};
+
+enum Content : std::uint32_t {
+  kSteps = 1,  ///< positions as whole numbers of the grid, else as doubles
+  kNormals = 2,
+  kSensors = 4,
+  kEchoes = 8,
+  kColours = 16,
+  kIntensities = 32,
+  kWarnings = 64,  ///< no points: sentences, a line each
+};
+
+/// The last record of a file.
+struct Fates {
+  std::uint64_t points, withheld, empty, missing, surplus, other_class, other_return, outside;
+};
+
+/// Whole numbers n with n * step + shift = x, bit for bit; false where there are none.
+bool to_steps(const std::vector<double>& x, double step, double shift, std::vector<std::int32_t>& steps) {
+  steps.resize(x.size());
+  constexpr double kMost = std::numeric_limits<std::int32_t>::max();
+  const double per_step = 1.0 / step;
+  bool exact = true;
+  for (std::size_t i = 0; i < x.size(); ++i) {
+    const double near = (x[i] - shift) * per_step;
+    const bool fits = near > -kMost && near < kMost;
+    const auto n = static_cast<std::int32_t>(std::nearbyint(fits ? near : 0.0));
+    steps[i] = n;
+    exact = exact && fits && n * step + shift == x[i];
+  }
+  return exact;
+}
+
+void from_steps(const std::vector<std::int32_t>& steps, double step, double shift, std::vector<double>& x) {
+  x.resize(steps.size());
+  for (std::size_t i = 0; i < steps.size(); ++i) x[i] = steps[i] * step + shift;
+}
+
+std::string joined(const std::vector<std::string>& lines) {
+  std::string text;
+  for (const std::string& line : lines) text += line + '\n';
+  return text;
+}
+
+void split(const std::vector<char>& text, std::vector<std::string>& lines) {
+  for (auto at = text.begin(); at != text.end();) {
+    const auto end = std::find(at, text.end(), '\n');
+    lines.emplace_back(at, end);
+    at = end == text.end() ? end : end + 1;
+  }
+}
+
+}  // namespace
+
+UnpackedWriter::UnpackedWriter(const std::filesystem::path& path) : out_(path, kUnpackedKind) {}
+
+void UnpackedWriter::add(std::uint32_t file, const PositionGrid& grid, const PointChunk& chunk) {
+  UnpackedBlock block;
+  block.file = file;
+  block.points = static_cast<std::uint32_t>(chunk.size());
+  const bool steps = grid.known() && to_steps(chunk.x, grid.step[0], grid.shift[0], steps_[0]) &&
+                     to_steps(chunk.y, grid.step[1], grid.shift[1], steps_[1]) &&
+                     to_steps(chunk.z, grid.step[2], grid.shift[2], steps_[2]);
+  block.content = (steps ? kSteps : 0u) | (chunk.nx.empty() ? 0u : kNormals) |
+                  (chunk.sensor.empty() ? 0u : kSensors) | (chunk.echo.empty() ? 0u : kEchoes) |
+                  (chunk.rgba.empty() ? 0u : kColours) | (chunk.intensity.empty() ? 0u : kIntensities);
+  if (steps)
+    block.places =
+        out_.append({bytes_of(steps_[0]), bytes_of(steps_[1]), bytes_of(steps_[2]), bytes_of(chunk.nx),
+                     bytes_of(chunk.ny), bytes_of(chunk.nz), bytes_of(chunk.sensor), bytes_of(chunk.echo)});
+  else
+    block.places =
+        out_.append({bytes_of(chunk.x), bytes_of(chunk.y), bytes_of(chunk.z), bytes_of(chunk.nx),
+                     bytes_of(chunk.ny), bytes_of(chunk.nz), bytes_of(chunk.sensor), bytes_of(chunk.echo)});
+  block.colours = out_.append({bytes_of(chunk.rgba), bytes_of(chunk.intensity)});
+  blocks_.push_back(block);
+}
+
+std::uint64_t UnpackedWriter::finish(const ReadCounts& counts) {
+  UnpackedBlock warnings;
+  warnings.content = kWarnings;
+  warnings.places = out_.append(bytes_of(joined(counts.warnings)));
+  blocks_.push_back(warnings);
+  const Fates fates = {counts.points,  counts.withheld,    counts.empty,        counts.missing,
+                       counts.surplus, counts.other_class, counts.other_return, counts.outside};
+  return out_.finish(blocks_, std::as_bytes(std::span(&fates, 1)));
+}
+
+ReadCounts read_unpacked(const std::filesystem::path& path, bool colours,
+                         const std::function<PositionGrid(std::uint32_t file)>& grid_of,
+                         const std::function<void(std::uint32_t file, const PointChunk&)>& sink) {
+  const PackedFile file(path, kUnpackedKind, sizeof(UnpackedBlock), sizeof(Fates));
+  Fates fates;
+  std::memcpy(&fates, file.info().data(), sizeof fates);
+  ReadCounts counts;
+  counts.points = fates.points;
+  counts.withheld = fates.withheld;
+  counts.empty = fates.empty;
+  counts.missing = fates.missing;
+  counts.surplus = fates.surplus;
+  counts.other_class = fates.other_class;
+  counts.other_return = fates.other_return;
+  counts.outside = fates.outside;
+  PointChunk chunk;
+  std::array<std::vector<std::int32_t>, 3> steps;
+  for (const UnpackedBlock& block : file.table<UnpackedBlock>()) {
+    if (block.content == kWarnings) {
+      split(file.load<char>(block.places), counts.warnings);
+      continue;
+    }
+    const auto sized = [&](std::uint32_t what) {
+      return (block.content & what) != 0 ? std::size_t{block.points} : 0;
+    };
+    chunk.nx.resize(sized(kNormals)), chunk.ny.resize(sized(kNormals)), chunk.nz.resize(sized(kNormals));
+    chunk.sensor.resize(sized(kSensors));
+    chunk.echo.resize(sized(kEchoes));
+    chunk.rgba.resize(colours ? sized(kColours) : 0);
+    chunk.intensity.resize(colours ? sized(kIntensities) : 0);
+    if ((block.content & kSteps) != 0) {
+      for (auto& s : steps) s.resize(block.points);
+      file.read(block.places,
+                {room_of(steps[0]), room_of(steps[1]), room_of(steps[2]), room_of(chunk.nx),
+                 room_of(chunk.ny), room_of(chunk.nz), room_of(chunk.sensor), room_of(chunk.echo)});
+      const PositionGrid grid = grid_of(block.file);
+      from_steps(steps[0], grid.step[0], grid.shift[0], chunk.x);
+      from_steps(steps[1], grid.step[1], grid.shift[1], chunk.y);
+      from_steps(steps[2], grid.step[2], grid.shift[2], chunk.z);
+    } else {
+      chunk.x.resize(block.points), chunk.y.resize(block.points), chunk.z.resize(block.points);
+      file.read(block.places,
+                {room_of(chunk.x), room_of(chunk.y), room_of(chunk.z), room_of(chunk.nx), room_of(chunk.ny),
+                 room_of(chunk.nz), room_of(chunk.sensor), room_of(chunk.echo)});
+    }
+    if (colours) file.read(block.colours, {room_of(chunk.rgba), room_of(chunk.intensity)});
+    file.release(block.places);
+    sink(block.file, chunk);
+  }
+  return counts;
+}
+
+}  // namespace tessera

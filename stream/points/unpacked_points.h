@@ -1,0 +1,50 @@
+/// \file unpacked_points.h
+/// Points of packed inputs (LAZ, text under gzip), unpacked once for all passes: one packed file a task. Positions that
+/// are whole numbers of a step lie there as those, so a point of LAZ takes 19 bytes.
+#pragma once
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <vector>
+
+#include "stream/files/packed_file.h"
+#include "stream/formats/points/point_source.h"
+
+namespace tessera {
+
+/// A chunk of points as it was handed on.
+struct UnpackedBlock {
+  Section places;   ///< positions, normals, sensors, classes and returns
+  Section colours;  ///< colours, intensities
+  std::uint32_t file = 0;
+  std::uint32_t points = 0;
+  std::uint32_t content = 0;
+  std::uint32_t unused = 0;
+};
+static_assert(sizeof(UnpackedBlock) == 64);
+
+class UnpackedWriter {
+ public:
+  explicit UnpackedWriter(const std::filesystem::path& path);
+  /// \param file  index of the input  \param grid  of its positions; those that do not lie on it are kept as they are
+  void add(std::uint32_t file, const PositionGrid& grid, const PointChunk& chunk);
+  /// Fates of all points of the task, table. Returns bytes written.
+  std::uint64_t finish(const ReadCounts& counts);
+
+  /// Memory beside that of the chunks.
+  static constexpr std::uint64_t kBytes = DirectFile::kDefaultBuffer + (std::uint64_t{1} << 20);
+
+ private:
+  PackedWriter out_;
+  std::vector<UnpackedBlock> blocks_;
+  std::array<std::vector<std::int32_t>, 3> steps_;
+};
+
+/// Streams the chunks of a file in the order in which they were added; returns the fates.
+/// \param colours  whether colours and intensities are wanted  \param grid_of  of input `file`
+/// \throws InputError naming the file when it is missing or damaged
+ReadCounts read_unpacked(const std::filesystem::path& path, bool colours,
+                         const std::function<PositionGrid(std::uint32_t file)>& grid_of,
+                         const std::function<void(std::uint32_t file, const PointChunk&)>& sink);
+
+}  // namespace tessera

@@ -1,0 +1,66 @@
+#include "stream/stages/scan/unpack_stage.h"
+
+#include <nlohmann/json.hpp>
+
+#include "stream/points/unpacked_points.h"
+
+namespace tessera {
+namespace {
+
+using json = nlohmann::json;
+
+class UnpackStage : public Stage {
+ public:
+  UnpackStage(const JobState& job, std::shared_ptr<const PointInputs> inputs)
+      : job_(job), inputs_(std::move(inputs)) {}
+  std::string name() const override { return "unpack"; }
+  std::size_t task_count() const override { return inputs_->has_packed() ? inputs_->task_count() : 0; }
+  std::uint64_t units() const override { return task_count() > 0 ? inputs_->bytes() : 0; }
+  std::string unit_name() const override { return "bytes"; }
+  std::uint64_t task_bytes(std::size_t task) const override {
+    return inputs_->is_packed(task) ? PointInputs::kReadBytes + UnpackedWriter::kBytes : kLittle;
+  }
+  std::uint64_t finish_bytes() const override { return kLittle; }
+
+  json run(std::size_t task, TaskContext& context) const override {
+    if (!inputs_->is_packed(task)) {
+      context.advance(inputs_->task_input_bytes(task));
+      return {{"points", 0}, {"bytes", 0}};
+    }
+    UnpackedWriter out(context.create(PointInputs::unpacked_file(task)));
+    const ReadCounts counts =
+        inputs_->read(task, context, true, [&](std::uint32_t file, const PointChunk& chunk) {
+          out.add(file, inputs_->file(file).info().grid, chunk);
+        });
+    const std::uint64_t bytes = out.finish(counts);
+    context.count_written(bytes);
+    return {{"points", counts.points}, {"bytes", bytes}};
+  }
+
+  json finish(const std::vector<json>& summaries, TaskContext&) const override {
+    if (summaries.empty()) return {{"skipped", "no input is packed"}};
+    std::uint64_t points = 0;
+    std::uint64_t bytes = 0;
+    for (const json& s : summaries) {
+      points += s.at("points").get<std::uint64_t>();
+      bytes += s.at("bytes").get<std::uint64_t>();
+    }
+    return {{"points", points}, {"bytes", bytes}};
+  }
+
+ private:
+  static constexpr std::uint64_t kLittle = std::uint64_t{1} << 20;
+  JobState job_;
+  std::shared_ptr<const PointInputs> inputs_;
+};
+
+}  // namespace
+
+std::unique_ptr<Stage> make_unpack_stage(const JobState& job, std::shared_ptr<const PointInputs> inputs) {
+  return std::make_unique<UnpackStage>(job, std::move(inputs));
+}
+std::unique_ptr<Stage> make_unpack_stage(const JobState& job) {
+  return make_unpack_stage(job, open_packed_inputs(job));
+}
+
+}  // namespace tessera
