@@ -52,6 +52,7 @@ void print_plan(const Plan& plan, const Forecast& forecast, const ReconstructOpt
   if (p.other_class > 0) fmt::print(", {} of other classes", p.other_class);
   if (p.other_return > 0) fmt::print(", {} of other returns", p.other_return);
   if (p.outside > 0) fmt::print(", {} outside", p.outside);
+  if (p.thinned > 0) fmt::print(", {} thinned out", p.thinned);
   if (p.non_finite > 0) fmt::print(", {} not finite", p.non_finite);
   if (p.absurd > 0) fmt::print(", {} far outside", p.absurd);
   if (p.withheld > 0) fmt::print(", {} withheld", p.withheld);

@@ -46,6 +46,8 @@ Survey survey(const std::vector<std::filesystem::path>& inputs, const ReadOption
     all.attributes.normals = all.attributes.normals || s.info.attributes.normals;
     all.attributes.colour = all.attributes.colour || s.info.attributes.colour;
     all.attributes.intensity = all.attributes.intensity || s.info.attributes.intensity;
+    all.attributes.intensity_16 = all.attributes.intensity_16 || s.info.attributes.intensity_16;
+    all.attributes.echo = all.attributes.echo || s.info.attributes.echo;
     all.attributes.sensor = all.attributes.sensor || s.info.attributes.sensor;
     all.exact_in_float = all.exact_in_float && s.exact_in_float;
     report.not_finite += s.not_finite;
@@ -78,18 +80,25 @@ PointFileHeader header_for(const std::filesystem::path& output, const ConvertOpt
     if (header.attributes.normals) report.notes.push_back("normals are left out: LAS cannot hold them");
     header.attributes.normals = false;
   }
-  if (all.attributes.intensity) report.notes.push_back("intensity is left out");
+  const bool holds = lower_extension(output) == ".ply" || is_las(lower_extension(output));
+  if (all.attributes.intensity && !(holds && all.attributes.intensity_16))
+    report.notes.push_back("intensity is left out");
+  if (all.attributes.echo && !holds) report.notes.push_back("classes and returns are left out");
+  header.attributes.intensity_16 = holds && all.attributes.intensity_16;
+  header.attributes.echo = holds && all.attributes.echo;
   if (all.attributes.sensor) report.notes.push_back("sensor positions are left out");
   header.attributes.intensity = false;
   header.attributes.sensor = false;
   return header;
 }
 
-/// Gives the chunk the arrays that the output has and its file has not: unknown normals, no colour.
+/// Gives the chunk the arrays that the output has and its file has not: unknown normals, no colour, one return.
 void complete(PointChunk& chunk, const PointAttributes& attributes) {
   const std::size_t n = chunk.size();
   if (attributes.normals && chunk.nx.empty()) chunk.nx.resize(n), chunk.ny.resize(n), chunk.nz.resize(n);
   if (attributes.colour && chunk.rgba.empty()) chunk.rgba.resize(n);
+  if (attributes.intensity_16 && chunk.intensity.empty()) chunk.intensity.resize(n);
+  if (attributes.echo && chunk.echo.empty()) chunk.echo.resize(n, Echo{1, 1, 1});
 }
 
 void write_file(const std::filesystem::path& path, const ReadOptions& read, const PointAttributes& attributes,
@@ -137,7 +146,7 @@ ConvertReport convert_points(const std::vector<std::filesystem::path>& inputs,
     throw UsageError(output.string() + ": unknown extension '" + extension +
                      "' for points; use .ply, .las, .laz or .xyz");
   }
-  const ReadOptions read{.columns = options.columns, .chunk_points = 16384};
+  const ReadOptions read{.columns = options.columns, .chunk_points = 16384, .intensities = true};
   ConvertReport report;
   WorkerPool pool(options.threads);
   pool.run_here([&] {
@@ -147,8 +156,7 @@ ConvertReport convert_points(const std::vector<std::filesystem::path>& inputs,
     const PointFileHeader header = header_for(output, options, all, report);
     const auto encoder = make_point_encoder(output, header);
     const auto writer = create_point_file(output, header);
-    PointAttributes kept = all.attributes;
-    if (is_las(extension)) kept.normals = false;
+    const PointAttributes kept = header.attributes;
     const auto window = static_cast<std::size_t>(pool.threads()) + 1;
     for (const auto& path : inputs) write_file(path, read, kept, *encoder, window, *writer, report);
     if (report.points != all.finite)

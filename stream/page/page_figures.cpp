@@ -44,6 +44,7 @@ std::string fates(const json& report) {
                      {"of other classes", of("/other_class")},
                      {"of other returns", of("/other_return")},
                      {"outside the region", of("/outside")},
+                     {"thinned out", of("/thinned")},
                      {"not finite", of("/non_finite")},
                      {"too far away", of("/absurd")},
                      {"kept", of("/kept")},

@@ -16,7 +16,7 @@ constexpr PackedKind kBricksKind = {"TSBRICK3", "a brick list"};
 }  // namespace
 
 NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(PointFates, read, withheld, empty, missing, other_class, other_return,
-                                   outside, non_finite, absurd, kept)
+                                   outside, thinned, non_finite, absurd, kept)
 
 nlohmann::json Plan::to_json() const {
   nlohmann::json j;

@@ -16,7 +16,7 @@
 namespace tessera {
 
 /// Where every point that was read went; read = kept + other_class + other_return + outside +
-/// non_finite + absurd.
+/// thinned + non_finite + absurd.
 struct PointFates {
   std::uint64_t read = 0;          ///< handed over by the readers
   std::uint64_t withheld = 0;      ///< flagged withheld by the format, never handed over
@@ -25,6 +25,7 @@ struct PointFates {
   std::uint64_t other_class = 0;   ///< not of the --classes wanted, left out
   std::uint64_t other_return = 0;  ///< else not of the --returns wanted, left out
   std::uint64_t outside = 0;       ///< else outside --bounds or --clip, left out
+  std::uint64_t thinned = 0;       ///< else not the point of its cube that --thin keeps, left out
   std::uint64_t non_finite = 0;    ///< NaN or infinite coordinates, dropped
   std::uint64_t absurd = 0;        ///< far outside everything else, dropped
   std::uint64_t kept = 0;          ///< what distribute writes (duplicates and hot bricks come off in order)

@@ -39,17 +39,6 @@ PointBox box_of(const std::vector<std::string>& words) {
   return box;
 }
 
-/// Appends element i of every array that is there.
-void append_point(const PointChunk& from, std::size_t i, PointChunk& to) {
-  const auto add = [i](const auto& a, auto& b) {
-    if (!a.empty()) b.push_back(a[i]);
-  };
-  add(from.x, to.x), add(from.y, to.y), add(from.z, to.z);
-  add(from.nx, to.nx), add(from.ny, to.ny), add(from.nz, to.nz);
-  add(from.rgba, to.rgba), add(from.intensity, to.intensity), add(from.sensor, to.sensor),
-      add(from.echo, to.echo);
-}
-
 }  // namespace
 
 PointFilter::PointFilter(const ReconstructOptions& options)
@@ -87,11 +76,11 @@ const PointChunk& PointFilter::apply(const PointChunk& chunk, PointChunk& scratc
   const auto other_return = [&](const Echo& e) { return (first && !e.first()) || (last && !e.last()); };
   std::size_t kept = 0;  // of the points so far; they are copied once the first one is left out
   const auto keep = [&](std::size_t i) {
-    if (kept++ < i) append_point(chunk, i, scratch);
+    if (kept++ < i) scratch.append(chunk, i);
   };
   const auto leave_out = [&](std::size_t i, std::uint64_t& count) {
     if (kept == i && scratch.size() == 0)
-      for (std::size_t k = 0; k < i; ++k) append_point(chunk, k, scratch);
+      for (std::size_t k = 0; k < i; ++k) scratch.append(chunk, k);
     ++count;
   };
   scratch.clear();

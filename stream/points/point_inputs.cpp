@@ -19,6 +19,9 @@ namespace {
 
 // Each task writes a file or two; the work directory stays below a thousand of them.
 constexpr std::uint64_t kMaxTasks = 400;
+// Of points to be thinned, about: they lie in memory, one of a cube.
+constexpr std::uint64_t kBucketPoints = std::uint64_t{1} << 18;
+constexpr std::uint64_t kMostBuckets = 1024;
 
 std::shared_ptr<PointInputs> open_inputs(const JobState& job, bool colours, bool unpacked) {
   ReadOptions read;
@@ -63,6 +66,9 @@ PointInputs::PointInputs(std::vector<std::unique_ptr<PointFile>> files, const Re
   }
   for (const Double3& v : options.viewpoints) viewpoints_.push_back(id_of(v));
 
+  if (options.thin > 0.0)
+    thin_buckets_ =
+        static_cast<std::size_t>(std::clamp<std::uint64_t>(bytes_ / 24 / kBucketPoints, 1, kMostBuckets));
   const std::uint64_t target = std::max(task_bytes, bytes_ / kMaxTasks);
   std::uint64_t filled = 0;
   for (std::size_t i = 0; i < files_.size(); ++i) {
@@ -125,21 +131,40 @@ std::uint64_t PointInputs::task_input_bytes(std::size_t k) const {
 }
 
 bool PointInputs::has_packed() const {
-  return std::any_of(files_.begin(), files_.end(), [](const auto& f) { return f->info().packed; });
+  return thin_buckets_ > 0 ||
+         std::any_of(files_.begin(), files_.end(), [](const auto& f) { return f->info().packed; });
 }
 
 bool PointInputs::is_packed(std::size_t k) const {
-  return std::any_of(tasks_[k].begin(), tasks_[k].end(),
-                     [&](const InputSlice& s) { return files_[s.file]->info().packed; });
+  return thin_buckets_ > 0 || std::any_of(tasks_[k].begin(), tasks_[k].end(),
+                                          [&](const InputSlice& s) { return files_[s.file]->info().packed; });
 }
 
 void PointInputs::read_unpacked_of(const std::filesystem::path& work, bool colours) {
   unpacked_of_ = work;
   unpacked_colours_ = colours;
+  if (thin_buckets_ == 0) return;
+  tasks_.clear();
+  bytes_ = 0;
+  for (std::size_t b = 0; b < thin_buckets_; ++b) {
+    std::error_code gone;  // passes that read it are done
+    const std::uint64_t bytes = std::filesystem::file_size(work / thinned_file(b), gone);
+    tasks_.push_back({InputSlice{0, 0, 0, gone ? 0 : bytes}});
+    bytes_ += tasks_.back().front().bytes;
+  }
+}
+
+std::uint64_t PointInputs::unpacked_bytes(std::size_t k) const {
+  if (unpacked_of_.empty() || !is_packed(k)) return 0;
+  return std::filesystem::file_size(unpacked_of_ / (thin_buckets_ > 0 ? thinned_file(k) : unpacked_file(k)));
 }
 
 std::string PointInputs::unpacked_file(std::size_t k) {
   return "unpacked/" + task_file_stem(k) + ".points";
+}
+
+std::string PointInputs::thinned_file(std::size_t k) {
+  return "thinned/" + task_file_stem(k) + ".points";
 }
 
 void PointInputs::sensor_ids(std::uint32_t file, const PointChunk& chunk,
@@ -205,7 +230,7 @@ ReadCounts PointInputs::read(std::size_t k, TaskContext& context, bool in_bytes,
 ReadCounts PointInputs::read_unpacked_task(
     std::size_t k, TaskContext& context, bool in_bytes,
     const std::function<void(std::uint32_t, const PointChunk&)>& sink) const {
-  const std::filesystem::path path = unpacked_of_ / unpacked_file(k);
+  const std::filesystem::path path = unpacked_of_ / (thin_buckets_ > 0 ? thinned_file(k) : unpacked_file(k));
   const std::uint64_t bytes = task_input_bytes(k);
   std::uint64_t handed = 0;
   std::uint64_t told = 0;
@@ -231,8 +256,8 @@ std::shared_ptr<const PointInputs> open_point_inputs(const JobState& job, bool c
   return inputs;
 }
 
-std::shared_ptr<const PointInputs> open_packed_inputs(const JobState& job) {
-  return open_inputs(job, true, false);
+std::shared_ptr<const PointInputs> open_packed_inputs(const JobState& job, bool unpacked) {
+  return open_inputs(job, true, unpacked);
 }
 
 }  // namespace tessera

@@ -25,6 +25,7 @@ class PointInputs {
 
   std::size_t file_count() const { return files_.size(); }
   const PointFile& file(std::size_t i) const { return *files_[i]; }
+  /// Whether the pass "unpack" has anything to do: some input is packed, or all are to be thinned.
   bool has_packed() const;
   std::uint64_t bytes() const { return bytes_; }
   std::uint64_t declared_points() const;
@@ -36,13 +37,19 @@ class PointInputs {
   std::size_t task_count() const { return tasks_.size(); }
   std::span<const InputSlice> task(std::size_t k) const { return tasks_[k]; }
   std::uint64_t task_input_bytes(std::size_t k) const;
-  /// Whether task k reads a packed input.
+  /// Whether task k reads what was unpacked, or thinned.
   bool is_packed(std::size_t k) const;
 
-  /// From now on packed tasks read what the pass "unpack" has left in this work directory.
+  /// Buckets of cubes that points are dealt to, to be thinned; 0 = all stay.
+  std::size_t thin_buckets() const { return thin_buckets_; }
+  /// From now on packed tasks read what the pass "unpack" has left in this work directory; where points are thinned, the
+  /// tasks are the buckets that "thin" has left.
   void read_unpacked_of(const std::filesystem::path& work, bool colours);
-  /// The file of task k, relative to the work directory.
+  /// Bytes of the file in the work directory that task k reads, 0 = it reads inputs.
+  std::uint64_t unpacked_bytes(std::size_t k) const;
+  /// The file of task k, or of bucket k, relative to the work directory.
   static std::string unpacked_file(std::size_t k);
+  static std::string thinned_file(std::size_t k);
 
   /// Sensor origins of all files and of --viewpoint: ascending, no repeats, so that ids follow from the set
   /// alone.
@@ -74,6 +81,7 @@ class PointInputs {
   std::vector<std::unique_ptr<PointFile>> files_;
   std::filesystem::path unpacked_of_;  ///< work directory; empty = packed inputs are unpacked anew
   bool unpacked_colours_ = true;
+  std::size_t thin_buckets_ = 0;
   PointFilter filter_;
   std::vector<std::vector<InputSlice>> tasks_;
   std::vector<Double3> sensors_;
@@ -89,7 +97,7 @@ nlohmann::json to_json(const CoordinateSystem& system);
 /// Opens the inputs of a job, packed ones as unpacked by then. \param colours  ReadOptions::colours
 /// \throws InputError as open_point_file
 std::shared_ptr<const PointInputs> open_point_inputs(const JobState& job, bool colours);
-/// Opens them before anything is unpacked.
-std::shared_ptr<const PointInputs> open_packed_inputs(const JobState& job);
+/// Opens them as they are. \param unpacked  ReadOptions::unpacked: their points are not read
+std::shared_ptr<const PointInputs> open_packed_inputs(const JobState& job, bool unpacked);
 
 }  // namespace tessera

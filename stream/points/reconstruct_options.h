@@ -33,6 +33,7 @@ struct ReconstructOptions {
   std::string clip;                 ///< a file
   std::string clip_rings;           ///< what it holds, so that a job does not hang on the file
   double resolution_limit = 0.0;
+  double thin = 0.0;
   std::string colour = "rgb";
   double tolerance = 0.0;
   std::string reference = "surface";
@@ -140,6 +141,9 @@ inline OptionTable option_table(ReconstructOptions& o) {
   t.add("clip-rings", &o.clip_rings, "the rings of --clip, filled in from its file").hidden();
   t.add("resolution-limit", &o.resolution_limit,
         "COPC: read the levels of its octree up to the first whose points lie so close, scan units; 0 = all")
+      .at_least(0);
+  t.add("thin", &o.thin,
+        "scan units; one point is kept of every cube of this edge, the one nearest to its middle; 0 = all")
       .at_least(0);
   t.add("colour", &o.colour,
         "colours of the mesh; rgb: those of the points; intensity: grey, darkest and brightest 2 % cut off; "

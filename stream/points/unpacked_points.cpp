@@ -23,7 +23,7 @@ enum Content : std::uint32_t {
 
 /// The last record of a file.
 struct Fates {
-  std::uint64_t points, withheld, empty, missing, surplus, other_class, other_return, outside;
+  std::uint64_t points, withheld, empty, missing, surplus, other_class, other_return, outside, thinned;
 };
 
 /// Whole numbers n with n * step + shift = x, bit for bit; false where there are none.
@@ -65,9 +65,11 @@ void split(const std::vector<char>& text, std::vector<std::string>& lines) {
 
 UnpackedWriter::UnpackedWriter(const std::filesystem::path& path) : out_(path, kUnpackedKind) {}
 
-void UnpackedWriter::add(std::uint32_t file, const PositionGrid& grid, const PointChunk& chunk) {
+void UnpackedWriter::add(std::uint32_t file, const PositionGrid& grid, const PointChunk& chunk,
+                         std::uint32_t bucket) {
   UnpackedBlock block;
   block.file = file;
+  block.bucket = bucket;
   block.points = static_cast<std::uint32_t>(chunk.size());
   const bool steps = grid.known() && to_steps(chunk.x, grid.step[0], grid.shift[0], steps_[0]) &&
                      to_steps(chunk.y, grid.step[1], grid.shift[1], steps_[1]) &&
@@ -92,61 +94,70 @@ std::uint64_t UnpackedWriter::finish(const ReadCounts& counts) {
   warnings.content = kWarnings;
   warnings.places = out_.append(bytes_of(joined(counts.warnings)));
   blocks_.push_back(warnings);
-  const Fates fates = {counts.points,  counts.withheld,    counts.empty,        counts.missing,
-                       counts.surplus, counts.other_class, counts.other_return, counts.outside};
+  const Fates fates = {counts.points,       counts.withheld, counts.empty,
+                       counts.missing,      counts.surplus,  counts.other_class,
+                       counts.other_return, counts.outside,  counts.thinned};
   return out_.finish(blocks_, std::as_bytes(std::span(&fates, 1)));
+}
+
+UnpackedFile::UnpackedFile(const std::filesystem::path& path)
+    : file_(path, kUnpackedKind, sizeof(UnpackedBlock), sizeof(Fates)),
+      blocks_(file_.table<UnpackedBlock>()) {
+  Fates fates;
+  std::memcpy(&fates, file_.info().data(), sizeof fates);
+  counts_.points = fates.points;
+  counts_.withheld = fates.withheld;
+  counts_.empty = fates.empty;
+  counts_.missing = fates.missing;
+  counts_.surplus = fates.surplus;
+  counts_.other_class = fates.other_class;
+  counts_.other_return = fates.other_return;
+  counts_.outside = fates.outside;
+  counts_.thinned = fates.thinned;
+  if (blocks_.empty() || blocks_.back().content != kWarnings) file_.damaged(0, "it ends before its warnings");
+  split(file_.load<char>(blocks_.back().places), counts_.warnings);
+  blocks_.pop_back();
+}
+
+void UnpackedFile::read(const UnpackedBlock& block, bool colours, const PositionGrid& grid,
+                        PointChunk& chunk) const {
+  const auto sized = [&](std::uint32_t what) {
+    return (block.content & what) != 0 ? std::size_t{block.points} : 0;
+  };
+  chunk.nx.resize(sized(kNormals)), chunk.ny.resize(sized(kNormals)), chunk.nz.resize(sized(kNormals));
+  chunk.sensor.resize(sized(kSensors));
+  chunk.echo.resize(sized(kEchoes));
+  chunk.rgba.resize(colours ? sized(kColours) : 0);
+  chunk.intensity.resize(colours ? sized(kIntensities) : 0);
+  if ((block.content & kSteps) != 0) {
+    std::array<std::vector<std::int32_t>, 3> steps;
+    for (auto& s : steps) s.resize(block.points);
+    file_.read(block.places,
+               {room_of(steps[0]), room_of(steps[1]), room_of(steps[2]), room_of(chunk.nx), room_of(chunk.ny),
+                room_of(chunk.nz), room_of(chunk.sensor), room_of(chunk.echo)});
+    from_steps(steps[0], grid.step[0], grid.shift[0], chunk.x);
+    from_steps(steps[1], grid.step[1], grid.shift[1], chunk.y);
+    from_steps(steps[2], grid.step[2], grid.shift[2], chunk.z);
+  } else {
+    chunk.x.resize(block.points), chunk.y.resize(block.points), chunk.z.resize(block.points);
+    file_.read(block.places,
+               {room_of(chunk.x), room_of(chunk.y), room_of(chunk.z), room_of(chunk.nx), room_of(chunk.ny),
+                room_of(chunk.nz), room_of(chunk.sensor), room_of(chunk.echo)});
+  }
+  if (colours) file_.read(block.colours, {room_of(chunk.rgba), room_of(chunk.intensity)});
+  file_.release(block.places);
 }
 
 ReadCounts read_unpacked(const std::filesystem::path& path, bool colours,
                          const std::function<PositionGrid(std::uint32_t file)>& grid_of,
                          const std::function<void(std::uint32_t file, const PointChunk&)>& sink) {
-  const PackedFile file(path, kUnpackedKind, sizeof(UnpackedBlock), sizeof(Fates));
-  Fates fates;
-  std::memcpy(&fates, file.info().data(), sizeof fates);
-  ReadCounts counts;
-  counts.points = fates.points;
-  counts.withheld = fates.withheld;
-  counts.empty = fates.empty;
-  counts.missing = fates.missing;
-  counts.surplus = fates.surplus;
-  counts.other_class = fates.other_class;
-  counts.other_return = fates.other_return;
-  counts.outside = fates.outside;
+  const UnpackedFile file(path);
   PointChunk chunk;
-  std::array<std::vector<std::int32_t>, 3> steps;
-  for (const UnpackedBlock& block : file.table<UnpackedBlock>()) {
-    if (block.content == kWarnings) {
-      split(file.load<char>(block.places), counts.warnings);
-      continue;
-    }
-    const auto sized = [&](std::uint32_t what) {
-      return (block.content & what) != 0 ? std::size_t{block.points} : 0;
-    };
-    chunk.nx.resize(sized(kNormals)), chunk.ny.resize(sized(kNormals)), chunk.nz.resize(sized(kNormals));
-    chunk.sensor.resize(sized(kSensors));
-    chunk.echo.resize(sized(kEchoes));
-    chunk.rgba.resize(colours ? sized(kColours) : 0);
-    chunk.intensity.resize(colours ? sized(kIntensities) : 0);
-    if ((block.content & kSteps) != 0) {
-      for (auto& s : steps) s.resize(block.points);
-      file.read(block.places,
-                {room_of(steps[0]), room_of(steps[1]), room_of(steps[2]), room_of(chunk.nx),
-                 room_of(chunk.ny), room_of(chunk.nz), room_of(chunk.sensor), room_of(chunk.echo)});
-      const PositionGrid grid = grid_of(block.file);
-      from_steps(steps[0], grid.step[0], grid.shift[0], chunk.x);
-      from_steps(steps[1], grid.step[1], grid.shift[1], chunk.y);
-      from_steps(steps[2], grid.step[2], grid.shift[2], chunk.z);
-    } else {
-      chunk.x.resize(block.points), chunk.y.resize(block.points), chunk.z.resize(block.points);
-      file.read(block.places,
-                {room_of(chunk.x), room_of(chunk.y), room_of(chunk.z), room_of(chunk.nx), room_of(chunk.ny),
-                 room_of(chunk.nz), room_of(chunk.sensor), room_of(chunk.echo)});
-    }
-    if (colours) file.read(block.colours, {room_of(chunk.rgba), room_of(chunk.intensity)});
-    file.release(block.places);
+  for (const UnpackedBlock& block : file.blocks()) {
+    file.read(block, colours, grid_of(block.file), chunk);
     sink(block.file, chunk);
   }
-  return counts;
+  return file.counts();
 }
 
 }  // namespace tessera

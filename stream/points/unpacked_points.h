@@ -2,6 +2,7 @@
 /// Points of packed inputs (LAZ, text under gzip), unpacked once for all passes: one packed file a task. Positions that
 /// are whole numbers of a step lie there as those, so a point of LAZ takes 19 bytes.
 #pragma once
+#include <array>
 #include <cstdint>
 #include <filesystem>
 #include <functional>
@@ -19,7 +20,7 @@ struct UnpackedBlock {
   std::uint32_t file = 0;
   std::uint32_t points = 0;
   std::uint32_t content = 0;
-  std::uint32_t unused = 0;
+  std::uint32_t bucket = 0;  ///< of points dealt to several
 };
 static_assert(sizeof(UnpackedBlock) == 64);
 
@@ -27,7 +28,7 @@ class UnpackedWriter {
  public:
   explicit UnpackedWriter(const std::filesystem::path& path);
   /// \param file  index of the input  \param grid  of its positions; those that do not lie on it are kept as they are
-  void add(std::uint32_t file, const PositionGrid& grid, const PointChunk& chunk);
+  void add(std::uint32_t file, const PositionGrid& grid, const PointChunk& chunk, std::uint32_t bucket = 0);
   /// Fates of all points of the task, table. Returns bytes written.
   std::uint64_t finish(const ReadCounts& counts);
 
@@ -40,9 +41,22 @@ class UnpackedWriter {
   std::array<std::vector<std::int32_t>, 3> steps_;
 };
 
-/// Streams the chunks of a file in the order in which they were added; returns the fates.
-/// \param colours  whether colours and intensities are wanted  \param grid_of  of input `file`
-/// \throws InputError naming the file when it is missing or damaged
+/// One file, chunk by chunk. Thread-safe. \throws InputError naming the file when it is missing or damaged
+class UnpackedFile {
+ public:
+  explicit UnpackedFile(const std::filesystem::path& path);
+  const ReadCounts& counts() const { return counts_; }
+  const std::vector<UnpackedBlock>& blocks() const { return blocks_; }
+  /// \param colours  whether colours and intensities are wanted  \param grid  that the block was added with
+  void read(const UnpackedBlock& block, bool colours, const PositionGrid& grid, PointChunk& chunk) const;
+
+ private:
+  PackedFile file_;
+  ReadCounts counts_;
+  std::vector<UnpackedBlock> blocks_;
+};
+
+/// Streams all chunks in the order in which they were added; returns the fates. \param grid_of  of input `file`
 ReadCounts read_unpacked(const std::filesystem::path& path, bool colours,
                          const std::function<PositionGrid(std::uint32_t file)>& grid_of,
                          const std::function<void(std::uint32_t file, const PointChunk&)>& sink);

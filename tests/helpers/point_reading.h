@@ -23,6 +23,7 @@ inline void append(PointChunk& to, const PointChunk& from) {
   add(to.x, from.x), add(to.y, from.y), add(to.z, from.z);
   add(to.nx, from.nx), add(to.ny, from.ny), add(to.nz, from.nz);
   add(to.rgba, from.rgba), add(to.sensor, from.sensor), add(to.echo, from.echo);
+  add(to.intensity, from.intensity);
 }
 
 inline ReadResult read_points(const std::filesystem::path& path,

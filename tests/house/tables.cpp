@@ -129,6 +129,7 @@ const std::map<std::string, std::string>& covering_tests() {
     by("stream/stages/scan/distribute", "stream/stages/scan", {"distribute_stage"});
     by("stream/stages/scan/order", "stream/stages/scan", {"order_stage"});
     by("stream/stages/scan/survey", "stream/stages/scan", {"probe_stage", "survey_stage"});
+    by("stream/stages/scan/thin", "stream/stages/scan", {"thin_stage"});
     by("stream/stages/scan/unpack", "stream/stages/scan", {"unpack_stage"});
     by("tools/orient", "stream/stages/scan",
        {"normals_mode", "normals_stage", "orient_solution", "orient_stage", "uncertain_picture"});

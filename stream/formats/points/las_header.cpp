@@ -109,7 +109,7 @@ void LasHeader::set_format() {
   record_count = field<std::uint32_t>(kRecordCount);
   info.format = (compressed ? "LAZ 1." : "LAS 1.") + std::to_string(minor_) + " point format " +
                 std::to_string(point_format);
-  info.attributes.intensity = true;
+  info.attributes.intensity = info.attributes.intensity_16 = true;
   info.attributes.echo = true;
 }
 

@@ -83,6 +83,15 @@ void PointChunk::clear() {
   intensity.clear();
 }
 
+void PointChunk::append(const PointChunk& from, std::size_t i) {
+  const auto add = [i](const auto& a, auto& b) {
+    if (!a.empty()) b.push_back(a[i]);
+  };
+  add(from.x, x), add(from.y, y), add(from.z, z);
+  add(from.nx, nx), add(from.ny, ny), add(from.nz, nz);
+  add(from.rgba, rgba), add(from.sensor, sensor), add(from.echo, echo), add(from.intensity, intensity);
+}
+
 std::unique_ptr<PointFile> open_point_file(const std::filesystem::path& path, const ReadOptions& options) {
   const std::string name = path.string();
   std::error_code error;

@@ -37,6 +37,8 @@ struct PointChunk {
   std::vector<std::uint16_t> intensity;  ///< as it is in LAS, where it is asked for
   std::size_t size() const { return x.size(); }
   void clear();
+  /// Element i of every array that `from` has.
+  void append(const PointChunk& from, std::size_t i);
 };
 
 /// Positions that are whole numbers of 32 bits: number * step + shift, in double.
@@ -57,7 +59,8 @@ struct PointBox {
 struct PointAttributes {
   bool normals = false;
   bool colour = false;
-  bool intensity = false;
+  bool intensity = false;     ///< said to be there
+  bool intensity_16 = false;  ///< handed on as PointChunk::intensity where it is asked for (LAS)
   bool sensor = false;
   bool echo = false;
 };
@@ -101,6 +104,7 @@ struct ReadCounts {
   std::uint64_t other_class = 0;   ///< of `points`, left out by PointInputs: of a class that is not wanted
   std::uint64_t other_return = 0;  ///< else of a return that is not wanted
   std::uint64_t outside = 0;       ///< else outside the box or the polygons wanted
+  std::uint64_t thinned = 0;       ///< else not the one of its cube that is kept
   std::vector<std::string> warnings;
 };
 

@@ -56,6 +56,7 @@ class BaseWriter : public PointWriter {
       max_[a] = points_ == 0 ? points.max[a] : std::max(max_[a], points.max[a]);
     }
     points_ += points.points;
+    for (std::size_t r = 0; r < by_return_.size(); ++r) by_return_[r] += points.by_return[r];
   }
   std::uint64_t finish() override {
     complete_header();
@@ -71,6 +72,7 @@ class BaseWriter : public PointWriter {
   PointFileHeader header_;
   std::uint64_t points_ = 0;
   Double3 min_{}, max_{};
+  std::array<std::uint64_t, 15> by_return_{};
 };
 
 // ------------------------------------------------------------------------------------------------ PLY
@@ -81,7 +83,9 @@ class PlyEncoder final : public PointEncoder {
   void encode(const PointChunk& chunk, const PtxScan&, EncodedPoints& out) const override {
     count_points(chunk, out);
     const bool normals = header_.attributes.normals, colour = header_.attributes.colour;
-    const std::size_t record = (header_.double_positions ? 24 : 12) + (normals ? 12 : 0) + (colour ? 3 : 0);
+    const bool intensity = header_.attributes.intensity_16, echo = header_.attributes.echo;
+    const std::size_t record = (header_.double_positions ? 24u : 12u) + (normals ? 12u : 0u) +
+                               (colour ? 3u : 0u) + (intensity ? 2u : 0u) + (echo ? 3u : 0u);
     out.bytes.resize(out.points * record);
     char* at = out.bytes.data();
     for (std::size_t i = 0; i < chunk.size(); ++i) {
@@ -96,6 +100,10 @@ class PlyEncoder final : public PointEncoder {
         std::memcpy(at, &chunk.rgba[i], 3);  // little endian: r, g, b first
         at += 3;
       }
+      if (intensity) at = put(at, chunk.intensity[i]);
+      if (echo)
+        for (const std::uint8_t v : {chunk.echo[i].kind, chunk.echo[i].number, chunk.echo[i].of})
+          at = put(at, v);
     }
   }
 
@@ -123,6 +131,10 @@ class PlyPointWriter final : public BaseWriter {
     if (header_.attributes.colour) {
       text += "property uchar red\nproperty uchar green\nproperty uchar blue\n";
     }
+    if (header_.attributes.intensity_16) text += "property ushort intensity\n";
+    if (header_.attributes.echo)
+      text +=
+          "property uchar classification\nproperty uchar return_number\nproperty uchar number_of_returns\n";
     return text + "end_header\n";
   }
   void complete_header() override {
@@ -144,6 +156,7 @@ class LasEncoder final : public PointEncoder {
     count_points(chunk, out);
     const bool colour = header_.attributes.colour;
     out.bytes.assign(out.points * las_record_bytes(header_), 0);
+    out.by_return = {};
     char* record = out.bytes.data();
     for (std::size_t i = 0; i < chunk.size(); ++i) {
       if (!finite(chunk, i)) continue;
@@ -157,8 +170,13 @@ class LasEncoder final : public PointEncoder {
         }
         at = put(at, static_cast<std::int32_t>(steps));
       }
-      record[14] = 0x11;  // return 1 of 1
-      record[16] = 1;     // class: unclassified
+      // Return 1 of 1, unclassified, where nothing is known.
+      const Echo echo = header_.attributes.echo ? chunk.echo[i] : Echo{1, 1, 1};
+      const unsigned number = std::min<unsigned>(echo.number, 15);
+      if (header_.attributes.intensity_16) put(record + 12, chunk.intensity[i]);
+      record[14] = static_cast<char>(number | std::min<unsigned>(echo.of, 15) << 4);
+      record[16] = static_cast<char>(echo.kind);
+      if (number > 0) ++out.by_return[number - 1];
       if (colour) {
         for (int c = 0; c < 3; ++c) {
           const std::uint32_t v = chunk.rgba[i] >> (8 * c) & 0xffu;
@@ -209,7 +227,7 @@ class LasPointWriter : public BaseWriter {
       put(&h[187 + 16 * a], stored(min_[a], a));
     }
     put(&h[247], points_);
-    put(&h[255], points_);  // by return: all are first
+    for (std::size_t r = 0; r < by_return_.size(); ++r) put(&h[255 + 8 * r], by_return_[r]);
     file_.patch(0, h.data(), h.size());
   }
 

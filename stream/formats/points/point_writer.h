@@ -2,6 +2,7 @@
 /// Point files out: PLY (binary little endian), LAS 1.4, LAZ, PTX, XYZ. Encoding is pure and may run on any
 /// thread; the encoded batches are then appended in order. Memory is one output buffer, and for LAZ eight chunks.
 #pragma once
+#include <array>
 #include <cstdint>
 #include <filesystem>
 #include <memory>
@@ -14,7 +15,8 @@ namespace tessera {
 
 /// Known before the first point.
 struct PointFileHeader {
-  PointAttributes attributes;     ///< which arrays of the chunks are written; sensor indices never are
+  /// Which arrays of the chunks are written: sensor indices never are, echoes and intensity_16 in LAS, LAZ and PLY.
+  PointAttributes attributes;
   bool double_positions = false;  ///< PLY only; text always has all digits, LAS its scale
   Double3 las_offset = {0, 0, 0};
   double las_scale = 0.001;           ///< step of LAS coordinates, scan units
@@ -31,7 +33,8 @@ struct PtxScan {
 struct EncodedPoints {
   std::vector<char> bytes;
   std::uint64_t points = 0;
-  Double3 min{}, max{};  ///< of the finite points, if points > 0
+  Double3 min{}, max{};                       ///< of the finite points, if points > 0
+  std::array<std::uint64_t, 15> by_return{};  ///< LAS: points of return 1, 2, ...
 };
 
 /// Turns points into the bytes of a format: pure, so any thread may do it.

@@ -44,8 +44,7 @@ class ForecastStage : public Stage {
     InputTasks inputs{opened->task_count(), 0, 0};
     for (std::size_t k = 0; k < inputs.count; ++k) {
       inputs.largest_bytes = std::max(inputs.largest_bytes, opened->task_input_bytes(k));
-      if (opened->is_packed(k))
-        inputs.unpacked_bytes += std::filesystem::file_size(job_.work / PointInputs::unpacked_file(k));
+      inputs.unpacked_bytes += opened->unpacked_bytes(k);
     }
     const Forecast forecast = forecast_job(plan_, bricks, inputs, job_);
     require_resources(forecast, job_, base, [&](std::uint64_t cap) {

@@ -15,6 +15,7 @@
 #include "stream/stages/scan/order_stage.h"
 #include "stream/stages/scan/probe_stage.h"
 #include "stream/stages/scan/survey_stage.h"
+#include "stream/stages/scan/thin_stage.h"
 #include "stream/stages/scan/uncertain_picture.h"
 #include "stream/stages/scan/unpack_stage.h"
 #include "stream/stages/surface/border_stage.h"
@@ -75,6 +76,7 @@ std::vector<StageEntry> reconstruct_stages(const ReconstructOptions& options) {
   std::vector<StageEntry> stages = {
       // in the order in which they run
       {"unpack", [](const JobState& state) { return make_unpack_stage(state); }},
+      {"thin", [](const JobState& state) { return make_thin_stage(state); }},
       {"probe", [](const JobState& state) { return make_probe_stage(state); }},
       {"spacing", [](const JobState& state) { return make_spacing_stage(state); }},
       {"survey", make_survey_stage},

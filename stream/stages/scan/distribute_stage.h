@@ -22,7 +22,7 @@ class DistributeStage : public Stage {
   nlohmann::json run(std::size_t task, TaskContext& context) const override;
   nlohmann::json finish(const std::vector<nlohmann::json>& summaries, TaskContext& context) const override;
   std::uint64_t finish_bytes() const override;
-  std::vector<std::string> obsolete() const override { return {"survey/", "unpacked/"}; }
+  std::vector<std::string> obsolete() const override { return {"survey/", "unpacked/", "thinned/"}; }
 
   static constexpr const char* kExtentFile = "distribute/extents.bin";
 

@@ -56,8 +56,7 @@ bool has_point_colours(ColourBy by, const PointInputs& inputs) {
   bool tells = false;
   for (std::size_t i = 0; i < inputs.file_count(); ++i) {
     const PointAttributes& has = inputs.file(i).info().attributes;
-    // Other formats than LAS do not hand on their intensities.
-    tells = tells || (has.echo && (has.intensity || by == ColourBy::kClass));
+    tells = tells || (by == ColourBy::kClass ? has.echo : has.intensity_16);
   }
   if (!tells && (by == ColourBy::kIntensity || by == ColourBy::kClass))
     throw UsageError(std::string("--colour ") + (by == ColourBy::kClass ? "class" : "intensity") +

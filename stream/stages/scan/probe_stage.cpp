@@ -97,7 +97,7 @@ class ProbeStage : public MeasuringStage {
     context.count_written(out.finish());
     return {{"points", points},
             {"read", counts.points},
-            {"left_out", counts.other_class + counts.other_return + counts.outside}};
+            {"left_out", counts.other_class + counts.other_return + counts.outside + counts.thinned}};
   }
 
   json finish(const std::vector<json>& summaries, TaskContext& context) const override {

@@ -60,6 +60,7 @@ nlohmann::json to_json(const Tally& t) {
           {"other_class", t.fates.other_class},
           {"other_return", t.fates.other_return},
           {"outside", t.fates.outside},
+          {"thinned", t.fates.thinned},
           {"non_finite", t.fates.non_finite},
           {"far", t.fates.absurd},
           {"surplus", t.surplus},
@@ -80,6 +81,7 @@ void add_json(const nlohmann::json& j, Tally& t) {
   t.fates.other_class += j.at("other_class").get<std::uint64_t>();
   t.fates.other_return += j.at("other_return").get<std::uint64_t>();
   t.fates.outside += j.at("outside").get<std::uint64_t>();
+  t.fates.thinned += j.at("thinned").get<std::uint64_t>();
   t.fates.non_finite += j.at("non_finite").get<std::uint64_t>();
   t.fates.absurd += j.at("far").get<std::uint64_t>();
   t.surplus += j.at("surplus").get<std::uint64_t>();
@@ -220,6 +222,7 @@ nlohmann::json SurveyStage::run(std::size_t task, TaskContext& context) const {
   tally.surplus = counts.surplus;
   tally.fates.other_return = counts.other_return;
   tally.fates.outside = counts.outside;
+  tally.fates.thinned = counts.thinned;
   tally.warnings = counts.warnings;
   if (tally.warnings.size() > kWarningsPerTask) tally.warnings.resize(kWarningsPerTask);
   return to_json(tally);
@@ -272,7 +275,8 @@ nlohmann::json SurveyStage::finish(const std::vector<nlohmann::json>& summaries,
     add_json(summaries[k], tally);
     files.push_back(job_.work / counts_file(k));
   }
-  const std::uint64_t left_out = tally.fates.other_class + tally.fates.other_return + tally.fates.outside;
+  const std::uint64_t left_out =
+      tally.fates.other_class + tally.fates.other_return + tally.fates.outside + tally.fates.thinned;
   const std::uint64_t finite = tally.fates.read - left_out - tally.fates.non_finite;
   inputs_->require_wanted(tally.fates.read, left_out);
   if (tally.fates.read == 0) throw EmptyError("the input holds no point");

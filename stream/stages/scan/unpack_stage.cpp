@@ -2,6 +2,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "stream/points/cubes.h"
 #include "stream/points/unpacked_points.h"
 
 namespace tessera {
@@ -18,7 +19,9 @@ class UnpackStage : public Stage {
   std::uint64_t units() const override { return task_count() > 0 ? inputs_->bytes() : 0; }
   std::string unit_name() const override { return "bytes"; }
   std::uint64_t task_bytes(std::size_t task) const override {
-    return inputs_->is_packed(task) ? PointInputs::kReadBytes + UnpackedWriter::kBytes : kLittle;
+    return inputs_->is_packed(task)
+               ? PointInputs::kReadBytes + UnpackedWriter::kBytes + cube_dealer_bytes(inputs_->thin_buckets())
+               : kLittle;
   }
   std::uint64_t finish_bytes() const override { return kLittle; }
 
@@ -28,17 +31,25 @@ class UnpackStage : public Stage {
       return {{"points", 0}, {"bytes", 0}};
     }
     UnpackedWriter out(context.create(PointInputs::unpacked_file(task)));
+    CubeDealer dealer(reconstruct_options(job_).thin, inputs_->thin_buckets());
+    const auto add = [&](std::uint32_t file, std::uint32_t bucket, const PointChunk& chunk) {
+      out.add(file, inputs_->file(file).info().grid, chunk, bucket);
+    };
     const ReadCounts counts =
         inputs_->read(task, context, true, [&](std::uint32_t file, const PointChunk& chunk) {
-          out.add(file, inputs_->file(file).info().grid, chunk);
+          if (inputs_->thin_buckets() > 0)
+            dealer.deal(file, chunk, add);
+          else
+            add(file, 0, chunk);
         });
+    dealer.finish(add);
     const std::uint64_t bytes = out.finish(counts);
     context.count_written(bytes);
     return {{"points", counts.points}, {"bytes", bytes}};
   }
 
   json finish(const std::vector<json>& summaries, TaskContext&) const override {
-    if (summaries.empty()) return {{"skipped", "no input is packed"}};
+    if (summaries.empty()) return {{"skipped", "no input is packed, none is thinned"}};
     std::uint64_t points = 0;
     std::uint64_t bytes = 0;
     for (const json& s : summaries) {
@@ -60,7 +71,7 @@ std::unique_ptr<Stage> make_unpack_stage(const JobState& job, std::shared_ptr<co
   return std::make_unique<UnpackStage>(job, std::move(inputs));
 }
 std::unique_ptr<Stage> make_unpack_stage(const JobState& job) {
-  return make_unpack_stage(job, open_packed_inputs(job));
+  return make_unpack_stage(job, open_packed_inputs(job, false));
 }
 
 }  // namespace tessera

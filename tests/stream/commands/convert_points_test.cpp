@@ -2,13 +2,16 @@
 
 #include <sys/wait.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstdlib>
+#include <cstring>
 #include <fstream>
 #include <nlohmann/json.hpp>
 #include <sstream>
 
 #include "stream/points/point_summary.h"
+#include "tests/helpers/laz_file.h"
 #include "tests/helpers/point_reading.h"
 #include "tests/helpers/temp_folder.h"
 
@@ -55,6 +58,61 @@ TEST_CASE("convert: text to PLY, LAS and text again keeps positions, normals and
       if (!las) REQUIRE(r.points.nz[i] == whole.points.nz[from]);
       REQUIRE(r.points.rgba[i] == whole.points.rgba[from]);
     }
+  }
+}
+
+/// Of the notes those that are no warnings of an input.
+std::vector<std::string> left_out(const ConvertReport& report) {
+  std::vector<std::string> few;
+  for (const std::string& note : report.notes)
+    if (note.find("left out") != std::string::npos) few.push_back(note);
+  return few;
+}
+
+TEST_CASE("convert: intensities, classes and returns stay in LAS, LAZ and PLY, text says what it lacks",
+          "[unit]") {
+  const test::TempFolder folder;
+  for (const int format : {1, 3, 6, 7}) {
+    const test::LazSample s{.minor = 4, .format = format, .points = 3000};
+    const auto in = folder.write("in.las", test::las_twin(s, test::las_records(s)));
+    const auto other = folder.write("other.xyz", "1 2 3\n4 5 6\n");
+    ReadOptions all;
+    all.intensities = true;
+    const auto was = test::read_points(in, ~std::uint64_t{0}, all).points;
+    CHECK(was.intensity.size() == was.size());
+    for (const char* name : {"out.las", "out.laz"}) {
+      CAPTURE(format, name);
+      ConvertOptions options;
+      options.las_scale = 0.01;
+      CHECK(left_out(convert_points({in, other}, folder.path() / name, options)).empty());
+      const auto now = test::read_points(folder.path() / name, ~std::uint64_t{0}, all).points;
+      const std::size_t n = was.size();
+      REQUIRE(now.size() == n + 2);
+      CHECK(std::equal(was.echo.begin(), was.echo.end(), now.echo.begin()));
+      CHECK(std::equal(was.intensity.begin(), was.intensity.end(), now.intensity.begin()));
+      CHECK(now.echo[n] == Echo{1, 1, 1});
+      CHECK(now.intensity[n + 1] == 0);
+      // The header's numbers of points by return.
+      const std::string bytes = test::file_bytes(folder.path() / name);
+      for (std::size_t r = 1; r <= 15; ++r) {
+        std::uint64_t told = 0;
+        std::memcpy(&told, bytes.data() + 247 + 8 * r, 8);
+        CHECK(told == static_cast<std::uint64_t>(std::count_if(
+                          now.echo.begin(), now.echo.end(), [&](const Echo& e) { return e.number == r; })));
+      }
+    }
+    CHECK(left_out(convert_points({in}, folder.path() / "out.ply", {})).empty());
+    const std::string ply = test::file_bytes(folder.path() / "out.ply");
+    CHECK(ply.find("property ushort intensity\nproperty uchar classification\n") != std::string::npos);
+    Echo last;
+    std::uint16_t intensity = 0;
+    std::memcpy(&intensity, ply.data() + ply.size() - 5, 2);
+    std::memcpy(&last, ply.data() + ply.size() - 3, 3);
+    CHECK(intensity == was.intensity.back());
+    CHECK(last == was.echo.back());
+    CHECK(test::read_points(folder.path() / "out.ply").points.x == was.x);
+    const auto notes = left_out(convert_points({in}, folder.path() / "out.xyz", {}));
+    CHECK(notes == std::vector<std::string>{"intensity is left out", "classes and returns are left out"});
   }
 }
 
