@@ -234,7 +234,7 @@ ReadCounts PointInputs::read_unpacked_task(
   const std::uint64_t bytes = task_input_bytes(k);
   std::uint64_t handed = 0;
   std::uint64_t told = 0;
-  const ReadCounts counts = read_unpacked(
+  ReadCounts counts = read_unpacked(
       path, unpacked_colours_, [&](std::uint32_t file) { return files_[file]->info().grid; },
       [&](std::uint32_t file, const PointChunk& chunk) {
         context.check_stop();

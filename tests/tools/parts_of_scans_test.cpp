@@ -82,11 +82,11 @@ TEST_CASE("parts: LAZ, unpacked once, gives the mesh of its twin for any threads
 
 TEST_CASE("parts: killed while it unpacks and thins, the same command ends in the same bytes", "[fault]") {
   const std::string laz = (scans() / "scan.laz").string();
-  const std::string want = mesh_of({laz}, {"--thin", "2", "--resolution", "3"}).mesh;
+  const std::string want = mesh_of({laz}, {"--thin", "12", "--resolution", "15"}).mesh;
   const TempFolder folder;
   const auto out = folder / "mesh.ply";
   const std::vector<std::string> words = {"reconstruct", laz,    "-o",           out.string(),
-                                          "--thin",      "2",    "--resolution", "3",
+                                          "--thin",      "12",   "--resolution", "15",
                                           "--progress",  "none", "-q",           "--no-html"};
   int kills = 0;
   for (unsigned after = 5; after < 400; after = after * 6 / 5 + 3)
@@ -98,7 +98,7 @@ TEST_CASE("parts: killed while it unpacks and thins, the same command ends in th
 
 TEST_CASE("parts: one point of a cube, the same whatever format and order of the inputs", "[pipeline]") {
   const std::string laz = (scans() / "scan.laz").string(), las = (scans() / "scan.las").string();
-  const std::vector<std::string> options = {"--thin", "2", "--resolution", "3"};
+  const std::vector<std::string> options = {"--thin", "12", "--resolution", "15"};
   const Made want = mesh_of({laz}, options);
   const nlohmann::json f = fates(want);
   CHECK(f.at("read") == 60000);
@@ -106,20 +106,21 @@ TEST_CASE("parts: one point of a cube, the same whatever format and order of the
   CHECK(f.at("thinned").get<int>() + f.at("kept").get<int>() == 60000);
   CHECK(mesh_of({las}, options).mesh == want.mesh);
   CHECK(mesh_of({las, laz}, options).mesh == want.mesh);
-  CHECK(mesh_of({laz, las}, {"--thin", "2", "--resolution", "3", "-t", "1", "--memory", "192M"}).mesh ==
+  CHECK(mesh_of({laz, las}, {"--thin", "12", "--resolution", "15", "-t", "1", "--memory", "192M"}).mesh ==
         want.mesh);
 }
 
 TEST_CASE("parts: a box and a polygon leave out what lies outside, and are part of the job", "[pipeline]") {
   const std::string laz = (scans() / "scan.laz").string(), las = (scans() / "scan.las").string();
-  const Made all = mesh_of({las}, {"--resolution", "3"});
+  const Made all = mesh_of({las}, {"--resolution", "8"});
   const TempFolder folder;
   const auto clip = folder.write(
-      "clip.geojson", R"({"type":"Polygon","coordinates":[[[-1e6,-1e6],[1e6,-1e6],[1e6,0],[-1e6,0]]]})");
-  const Made half = mesh_of({las}, {"--resolution", "3", "--clip", clip.string()});
+      "clip.geojson",
+      R"({"type":"Polygon","coordinates":[[[-1e6,-1e6],[1e6,-1e6],[1e6,500.00005],[-1e6,500.00005]]]})");
+  const Made half = mesh_of({las}, {"--resolution", "8", "--clip", clip.string()});
   CHECK(fates(half).at("outside").get<int>() > 1000);
   CHECK(fates(half).at("outside").get<int>() + fates(half).at("kept").get<int>() == 60000);
-  CHECK(mesh_of({laz}, {"--resolution", "3", "--bounds=-1e6,-1e6,-1e6,1e6,-0.00005,1e6"}).mesh == half.mesh);
+  CHECK(mesh_of({laz}, {"--resolution", "8", "--bounds=-1e6,-1e6,-1e6,1e6,500.00005,1e6"}).mesh == half.mesh);
   CHECK(half.mesh.size() < all.mesh.size());
   CommandResult r = tessera_command(
       {"reconstruct", las, "-o", (folder / "m.ply").string(), "--bounds", "1e7,1e7,1e7,2e7,2e7,2e7"});
@@ -163,11 +164,11 @@ TEST_CASE("parts: colours by height, intensity and class reach the vertices", "[
   const std::string las = (scans() / "scan.las").string();
   std::vector<std::string> meshes;
   for (const char* colour : {"rgb", "intensity", "class", "height", "none"}) {
-    meshes.push_back(mesh_of({las}, {"--resolution", "3", "--colour", colour}).mesh);
+    meshes.push_back(mesh_of({las}, {"--resolution", "8", "--colour", colour}).mesh);
     CAPTURE(colour);
     CHECK((meshes.back().find("property uchar red") != std::string::npos) == (std::string(colour) != "none"));
     for (std::size_t k = 0; k + 1 < meshes.size(); ++k) CHECK(meshes[k] != meshes.back());
   }
-  CHECK(mesh_of({(scans() / "scan.laz").string()}, {"--resolution", "3", "--colour", "height"}).mesh ==
+  CHECK(mesh_of({(scans() / "scan.laz").string()}, {"--resolution", "8", "--colour", "height"}).mesh ==
         meshes[3]);
 }

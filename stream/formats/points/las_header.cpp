@@ -135,6 +135,7 @@ void LasHeader::set_layout() {
            std::string("the offset of ") + "xyz"[a] + " is no number, so there are no positions");
     }
   }
+  info.grid = {layout.scale, layout.shift};
   if (format.colour < 0) return;
   for (int c = 0; c < 3; ++c) {
     layout.colour[static_cast<std::size_t>(c)] = {ScalarType::kUint16, format.colour + 2 * c};

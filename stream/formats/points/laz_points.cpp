@@ -126,7 +126,6 @@ class LazPoints final : public PointFile {
     PointFileInfo& info = header_.info;
     info.warnings.insert(info.warnings.end(), chunks_.warnings.begin(), chunks_.warnings.end());
     info.packed = true;
-    info.grid = {header_.layout.scale, header_.layout.shift};
     header_.check_bounds(chunks_.points() > 0);
     if (!options.colours) header_.layout.colour = {};
     header_.intensities = options.intensities;

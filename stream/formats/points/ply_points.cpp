@@ -43,6 +43,7 @@ class PlyPoints final : public PointFile {
     const std::uint64_t faces = face < 0 ? 0 : header_.elements[static_cast<std::size_t>(face)].count;
     if (faces > 0) info_.format += ", vertices of a mesh of " + std::to_string(faces) + " faces";
     info_.bytes = input_.size();
+    info_.packed = !file.packed().empty();
     info_.declared_points = element().count;
     info_.attributes.normals = has_[3];
     info_.attributes.colour = has_[6];

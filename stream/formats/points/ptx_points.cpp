@@ -64,6 +64,7 @@ class PtxPoints final : public PointFile {
   PtxPoints(const ReadFile& file, const ReadOptions& options) : input_(file), options_(options) {
     info_.path = input_.path();
     info_.bytes = input_.size();
+    info_.packed = true;
     layout_.line_end = detect_line_end(file);
     find_scans(file);
     info_.format = "PTX with " + std::to_string(scans_.size()) + (scans_.size() == 1 ? " scan" : " scans") +

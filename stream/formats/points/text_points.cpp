@@ -151,6 +151,7 @@ class TextPoints final : public PointFile {
     if (columns_.colours()) colour_scale_ = colour_scale();
     info_.path = input_.path();
     info_.bytes = input_.size();
+    info_.packed = true;
     info_.declared_points = opening.has_count ? opening.count : 0;
     info_.attributes.normals = columns_.normals();
     info_.attributes.colour = columns_.colours();
