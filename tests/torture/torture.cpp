@@ -180,10 +180,11 @@ class Torture {
       ++tally_[fault.name()][ended.code];
       const bool killed = fault.kind == Fault::kKill && ended.code == 128 + SIGKILL;
       if (!killed && kDocumented.count(ended.code) == 0) return "undocumented exit\n" + ended.errors;
-      done = ended.code == 0;
-      // Killed at the very end, a run may be complete.
-      if (!done && fs::exists(output) && bytes_of(output) != golden.bytes)
+      // Killed at the very end, a job may be complete.
+      const bool complete = fs::exists(output) && bytes_of(output) == golden.bytes;
+      if (ended.code != 0 && fs::exists(output) && !complete)
         return "an output of a run that failed\n" + ended.errors;
+      done = ended.code == 0 || (killed && complete && !job.resumes);
       if (!done && !killed && ended.code != 143 && ended.errors.find("error: ") == std::string::npos)
         return "no error told\n" + ended.errors;
       if (killed && job.resumes && random.below(3) == 0) {
