@@ -14,6 +14,7 @@ cli::Command info_command();
 cli::Command parameterize_command();
 cli::Command plan_command();
 cli::Command reconstruct_command();
+cli::Command remesh_command();
 cli::Command render_command();
 cli::Command report_command();
 cli::Command smooth_command();

@@ -12,6 +12,7 @@ int main(int argc, char** argv) {
                       reconstruct_command(),
                       smooth_command(),
                       decimate_command(),
+                      remesh_command(),
                       task_command(),
                       check_command(),
                       render_command(),

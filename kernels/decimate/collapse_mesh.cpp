@@ -13,6 +13,7 @@ namespace {
 
 /// The flag of an edge in the numbering of MeshFaceFlag: opposite corner 2, 0, 1.
 constexpr unsigned kFlagOppositeCorner[3] = {kFaceBorder12, kFaceBorder20, kFaceBorder01};
+static_assert(kFaceCrease01 == kFaceBorder01 << 5 && kFaceCrease20 == kFaceBorder20 << 5);
 
 }  // namespace
 
@@ -82,6 +83,7 @@ void CollapseMesh::fill_faces(const MeshBlock& block, const std::vector<std::uin
       face.vertex[i] = place[t[from]];
       face.opposite[i] = kNoCorner;
       if (flags & kFlagOppositeCorner[from]) face.state |= kStateBorder << i;
+      if (flags & kFlagOppositeCorner[from] << 5) face.state |= kStateCrease << i;
     }
     face.bound = block.face_bound.empty() ? 0.0f : block.face_bound[f];
   }
@@ -263,6 +265,82 @@ void CollapseMesh::collapse(const Star& star, std::size_t at) {
   }
   if (seat_of_v != kNoCorner) seat(v, seat_of_v);
   state_[u] = kVertexDead;
+}
+
+/// The edge opposite c: its other side, and what of a line it is (bits as those of corner 0).
+void CollapseMesh::set_edge(std::uint32_t c, std::uint32_t across, unsigned lines) {
+  CollapseFace& f = faces_[c >> 2];
+  f.opposite[c & 3u] = across;
+  f.state = (f.state & ~(unsigned{kStateBorder | kStateCrease} << (c & 3u))) | lines << (c & 3u);
+  if (across != kNoCorner) faces_[across >> 2].opposite[across & 3u] = c;
+}
+
+/// The face of c = (u, a, b) becomes (u, a, m), and a new one, which is returned, (u, m, b). The edge a - b stays open.
+std::uint32_t CollapseMesh::cut_face(std::uint32_t c, std::uint32_t m) {
+  const auto g = static_cast<std::uint32_t>(faces_.size());
+  const CollapseFace old = faces_[c >> 2];
+  const std::uint32_t n = next_corner(c), p = prev_corner(c);
+  const auto lines = [&](std::uint32_t d) { return old.state >> (d & 3u) & (kStateBorder | kStateCrease); };
+  const std::uint32_t b = old.vertex[p & 3u];
+  faces_.push_back({{old.vertex[c & 3u], m, b},
+                    old.state & unsigned{kStateSynthetic},
+                    {kNoCorner, kNoCorner, kNoCorner},
+                    old.bound});
+  faces_[c >> 2].vertex[p & 3u] = m;
+  set_edge(4 * g + 1, old.opposite[n & 3u], lines(n));
+  set_edge(4 * g + 2, n, 0);
+  set_edge(n, 4 * g + 2, 0);
+  set_edge(4 * g, kNoCorner, lines(c));
+  if (corner_[b] == p) corner_[b] = 4 * g + 2;
+  return g;
+}
+
+std::uint32_t CollapseMesh::split(std::uint32_t c, const Double3& at) {
+  const auto m = static_cast<std::uint32_t>(vertices_.size());
+  vertices_.push_back({at, 0.0});
+  block_vertex_.push_back(kNoCorner);
+  const std::uint32_t d = opposite(c);
+  const auto lines = [&](std::uint32_t e) {
+    return faces_[e >> 2].state >> (e & 3u) & (kStateBorder | kStateCrease);
+  };
+  const std::uint32_t g = cut_face(c, m);
+  if (d == kNoCorner) {
+    corner_.push_back(4 * g + 1);
+    state_.push_back(kVertexOpen | kVertexBorder);
+    return m;
+  }
+  corner_.push_back(prev_corner(c));
+  state_.push_back(0);
+  const std::uint32_t h = cut_face(d, m);
+  set_edge(c, 4 * h, lines(c));
+  set_edge(d, 4 * g, lines(d));
+  return m;
+}
+
+void CollapseMesh::flip(std::uint32_t c) {
+  const std::uint32_t d = opposite(c), cn = next_corner(c), cp = prev_corner(c), dn = next_corner(d),
+                      dp = prev_corner(d);
+  const std::uint32_t u = vertex(c), w = vertex(d), a = vertex(cn), b = vertex(cp);
+  const auto lines = [&](std::uint32_t e) {
+    return faces_[e >> 2].state >> (e & 3u) & (kStateBorder | kStateCrease);
+  };
+  const std::uint32_t beside_a = opposite(dn), beside_b = opposite(cn);
+  const unsigned lines_a = lines(dn), lines_b = lines(cn);
+  faces_[c >> 2].vertex[cp & 3u] = w;
+  faces_[d >> 2].vertex[dp & 3u] = u;
+  set_edge(c, beside_a, lines_a);
+  set_edge(d, beside_b, lines_b);
+  set_edge(cn, dn, 0);
+  set_edge(dn, cn, 0);
+  if (corner_[a] == dp) corner_[a] = cn;
+  if (corner_[b] == cp) corner_[b] = dn;
+}
+
+void CollapseMesh::reserve(std::size_t faces) {
+  faces_.reserve(faces);
+  const std::size_t vertices = vertices_.size() + (faces > faces_.size() ? (faces - faces_.size() + 1) / 2 : 0);
+  vertices_.reserve(vertices), corner_.reserve(vertices);
+  block_vertex_.reserve(vertices), state_.reserve(vertices);
 }
 
 void CollapseMesh::compact(std::vector<std::uint32_t>& kept) {

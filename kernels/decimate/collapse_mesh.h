@@ -1,6 +1,6 @@
 /// \file collapse_mesh.h
-/// A corner table that halfedge collapses edit in place: one half of a cache line per face, no allocation
-/// after construction.
+/// A corner table that halfedge collapses edit in place: one half of a cache line per face. Only splits, which remeshing
+/// does, allocate after construction.
 ///
 ///            b                      corner c = 4 f + i is corner i of face f, at vertex(c) = u here;
 ///          /   \                    next_corner(c) is at a, prev_corner(c) at b: counter-clockwise from outside
@@ -122,6 +122,17 @@ class CollapseMesh {
   /// \pre the collapse is legal
   void collapse(const Star& star, std::size_t at);
 
+  /// Puts a new vertex on the edge opposite corner c; each face there becomes two. Both halves are the line that the
+  /// edge was. Its block_vertex() is kNoCorner. \pre the edge has two faces, or one and is a border
+  std::uint32_t split(std::uint32_t c, const Double3& at);
+
+  /// Turns the edge opposite corner c into the one between the corners across it.
+  /// \pre the edge has two faces and is no line; the new one does not exist yet
+  void flip(std::uint32_t c);
+
+  /// Room for so many faces, with as many vertices as they have.
+  void reserve(std::size_t faces);
+
   /// Closes the gaps that dead vertices and faces left; the order stays.
   /// \param[out] kept  the vertices that are left, as they were numbered before: ascending
   void compact(std::vector<std::uint32_t>& kept);
@@ -133,6 +144,8 @@ class CollapseMesh {
   void find_fans();
   void join(std::uint32_t a, std::uint32_t b, unsigned lost_flags);
   void seat(std::uint32_t v, std::uint32_t c);
+  std::uint32_t cut_face(std::uint32_t c, std::uint32_t m);
+  void set_edge(std::uint32_t c, std::uint32_t across, unsigned lines);
 
   std::vector<CollapseFace> faces_;
   std::vector<CollapseVertex> vertices_;

@@ -14,16 +14,17 @@ constexpr std::uint32_t kNone = 0xffffffffu;
 
 using FaceCorners = std::array<std::uint32_t, 3>;
 
-/// Turns the smallest index first; border bits belong to edges and turn along.
+/// Turns the smallest index first; bits of borders and creases belong to edges and turn along.
 void turn(FaceCorners& f, std::uint8_t& flags) {
-  const unsigned bits = flags & 7u;
-  const unsigned rest = flags & ~7u;
+  constexpr unsigned kFirst = kFaceBorder01 | kFaceCrease01, kSecond = kFaceBorder12 | kFaceCrease12,
+                     kThird = kFaceBorder20 | kFaceCrease20;
+  const unsigned rest = flags & ~(kFirst | kSecond | kThird);
   if (f[1] < f[0] && f[1] < f[2]) {
     f = {f[1], f[2], f[0]};
-    flags = static_cast<std::uint8_t>(rest | (bits >> 1) | (bits & 1) << 2);
+    flags = static_cast<std::uint8_t>(rest | (flags & (kSecond | kThird)) >> 1 | (flags & kFirst) << 2);
   } else if (f[2] < f[0] && f[2] < f[1]) {
     f = {f[2], f[0], f[1]};
-    flags = static_cast<std::uint8_t>(rest | (bits << 1 & 7u) | bits >> 2);
+    flags = static_cast<std::uint8_t>(rest | (flags & (kFirst | kSecond)) << 1 | (flags & kThird) >> 2);
   }
 }
 

@@ -4,6 +4,7 @@
 #include "stream/points/reconstruct_options.h"
 #include "stream/stages/decimate/decimate_job.h"
 #include "stream/stages/reconstruct/reconstruct_job.h"
+#include "stream/stages/remesh/remesh_job.h"
 #include "stream/stages/smooth/smooth_stage.h"
 
 namespace tessera {
@@ -22,6 +23,7 @@ constexpr Entry kJobs[] = {
     // one line per job, alphabetical
     {"decimate", from_text<SimplifyOptions, decimate_job>},
     {"reconstruct", from_text<ReconstructOptions, reconstruct_job>},
+    {"remesh", from_text<RemeshJobOptions, remesh_job>},
     {"smooth", from_text<SmoothOptions, smooth_job>},
 };
 

@@ -1,0 +1,284 @@
+#include "kernels/remesh/reference_surface.h"
+
+#include <algorithm>
+#include <limits>
+#include <numeric>
+
+#include "kernels/decimate/collapse_mesh.h"
+#include "kernels/decimate/feature_edges.h"
+
+namespace tessera {
+namespace {
+
+/// A line that bends by more is cut there. Borders of scans waver, so they get more.
+constexpr double kStraightCrease = 0.70710678118654752, kStraightBorder = 0.5;
+
+Double3 closest_on_segment(const Double3& p, const Double3& a, const Double3& b) {
+  const Double3 d = b - a;
+  const double square = dot(d, d);
+  if (!(square > 0.0)) return a;
+  const double t = dot(p - a, d) / square;
+  return t <= 0.0 ? a : t >= 1.0 ? b : a + d * t;
+}
+
+}  // namespace
+
+Double3 closest_in_triangle(const Double3& p, const Double3& a, const Double3& b, const Double3& c) {
+  const Double3 n = triangle_normal(a, b, c);
+  const double nn = dot(n, n);
+  if (nn > 0.0) {
+    const double wa = dot(cross(b - p, c - p), n), wb = dot(cross(c - p, a - p), n),
+                 wc = dot(cross(a - p, b - p), n);
+    if (wa >= 0.0 && wb >= 0.0 && wc >= 0.0) return p + n * (dot(a - p, n) / nn);
+  }
+  const Double3 feet[3] = {closest_on_segment(p, a, b), closest_on_segment(p, b, c),
+                           closest_on_segment(p, c, a)};
+  std::size_t best = 0;
+  for (std::size_t i = 1; i < 3; ++i)
+    if (squared_distance(p, feet[i]) < squared_distance(p, feet[best])) best = i;
+  return feet[best];
+}
+
+ReferenceSurface::ReferenceSurface(const MeshBlock& reference, const Double3& origin,
+                                   double feature_angle_deg, double least_line)
+    : reference_(&reference), origin_(origin), class_(reference.position.size(), VertexClass::kSmooth) {
+  find_lines(feature_angle_deg, least_line);
+  faces_ = ClosestFaces(reference.position, reference.faces, origin);
+}
+
+void ReferenceSurface::find_lines(double feature_angle_deg, double least_line) {
+  CollapseMesh mesh(*reference_, origin_);
+  std::vector<std::uint32_t> same(mesh.vertices());
+  std::iota(same.begin(), same.end(), 0u);
+  mark_features(mesh, *reference_, sharp_vertices(mesh, feature_angle_deg), same, feature_angle_deg);
+
+  // Faces of the mesh in the order of the reference: by their corners, which no two share.
+  const auto corners = [&](std::size_t f) {
+    std::array<std::uint32_t, 3> t;
+    for (std::size_t i = 0; i < 3; ++i) t[i] = mesh.block_vertex(mesh.face(f).vertex[i]);
+    std::rotate(t.begin(), std::min_element(t.begin(), t.end()), t.end());
+    return t;
+  };
+  normal_.resize(reference_->faces.size());
+  beside_.resize(reference_->faces.size());
+  std::vector<std::uint32_t> place(reference_->faces.size());
+  for (std::uint32_t f = 0; f < mesh.faces().size(); ++f)
+    place[f] = static_cast<std::uint32_t>(
+        std::lower_bound(reference_->faces.begin(), reference_->faces.end(), corners(f)) -
+        reference_->faces.begin());
+  std::vector<std::array<std::uint32_t, 2>> borders;
+  for (std::uint32_t f = 0; f < mesh.faces().size(); ++f) {
+    Double3 sum{};
+    const auto add = [&](std::uint32_t g) {
+      const std::uint32_t* v = mesh.face(g).vertex;
+      sum = sum + triangle_normal(mesh.at(v[0]), mesh.at(v[1]), mesh.at(v[2]));
+    };
+    add(f);
+    for (std::uint32_t i = 0; i < 3; ++i) {
+      const std::uint32_t c = 4 * f + i, o = mesh.opposite(c);
+      if (o != kNoCorner && !mesh.crease_edge(c)) add(o >> 2);
+      const bool border = o == kNoCorner && mesh.border_edge(c);
+      if (!border && !(mesh.crease_edge(c) && o != kNoCorner && o > c)) continue;
+      const std::uint32_t a = mesh.block_vertex(mesh.vertex(next_corner(c))),
+                          b = mesh.block_vertex(mesh.vertex(prev_corner(c)));
+      (border ? borders : creases_).push_back({std::min(a, b), std::max(a, b)});
+    }
+    normal_[place[f]] = narrow(unit_or_zero(sum));
+    const auto& corner = reference_->faces[place[f]];
+    for (std::uint32_t i = 0; i < 3; ++i) {
+      const std::uint32_t o = mesh.opposite(4 * f + i);
+      const auto at_corner = std::find(corner.begin(), corner.end(), mesh.block_vertex(mesh.vertex(4 * f + i)));
+      beside_[place[f]][static_cast<std::size_t>(at_corner - corner.begin())] =
+          o == kNoCorner || mesh.crease_edge(4 * f + i) ? kNone : place[o >> 2];
+    }
+  }
+  std::sort(creases_.begin(), creases_.end());
+  std::sort(borders.begin(), borders.end());
+  prune_creases(least_line);
+  for (const auto* lines : {&creases_, &borders})
+    for (const auto& line : *lines) segments_.push_back({line, {kNone, kNone}, lines == &creases_});
+  for (const auto& line : creases_)
+    for (const std::uint32_t v : line) class_[v] = VertexClass::kCrease;
+  join_segments();
+}
+
+/// Twigs: what leads from the end of a crease to the next corner. Noise leaves many, too short to shape a face.
+void ReferenceSurface::prune_creases(double least_line) {
+  constexpr int kRounds = 2;  // a twig may bear twigs
+  for (int round = 0; round < kRounds && !creases_.empty(); ++round) {
+    struct End {
+      std::uint32_t vertex, crease;
+    };
+    std::vector<End> ends;
+    for (std::uint32_t e = 0; e < creases_.size(); ++e)
+      for (const std::uint32_t v : creases_[e]) ends.push_back({v, e});
+    std::sort(ends.begin(), ends.end(), [](const End& a, const End& b) {
+      return a.vertex != b.vertex ? a.vertex < b.vertex : a.crease < b.crease;
+    });
+    const auto of = [&](std::uint32_t v) {
+      return std::equal_range(ends.begin(), ends.end(), End{v, 0},
+                              [](const End& a, const End& b) { return a.vertex < b.vertex; });
+    };
+    std::vector<std::uint8_t> gone(creases_.size(), 0);
+    for (const End& first : ends) {
+      const auto around = of(first.vertex);
+      if (around.second - around.first != 1) continue;
+      std::vector<std::uint32_t> twig;
+      double length = 0.0;
+      std::uint32_t v = first.vertex, crease = first.crease;
+      while (length < least_line) {
+        twig.push_back(crease);
+        const std::uint32_t w = creases_[crease][creases_[crease][0] == v ? 1 : 0];
+        length += norm(at(w) - at(v));
+        const auto next = of(w);
+        if (next.second - next.first != 2) break;
+        crease = next.first->crease == crease ? (next.first + 1)->crease : next.first->crease;
+        v = w;
+      }
+      if (length < least_line)
+        for (const std::uint32_t e : twig) gone[e] = 1;
+    }
+    std::size_t kept = 0;
+    for (std::size_t e = 0; e < gone.size(); ++e)
+      if (!gone[e]) creases_[kept++] = creases_[e];
+    if (kept == creases_.size()) return;
+    creases_.resize(kept);
+  }
+}
+
+void ReferenceSurface::join_segments() {
+  if (segments_.empty()) return;
+  struct End {
+    std::uint32_t vertex, segment, side;
+  };
+  std::vector<End> ends;
+  for (std::uint32_t s = 0; s < segments_.size(); ++s)
+    for (std::uint32_t side = 0; side < 2; ++side) ends.push_back({segments_[s].vertex[side], s, side});
+  std::sort(ends.begin(), ends.end(), [](const End& a, const End& b) {
+    return a.vertex != b.vertex ? a.vertex < b.vertex : a.segment < b.segment;
+  });
+  for (std::size_t i = 0; i < ends.size();) {
+    std::size_t end = i + 1;
+    while (end < ends.size() && ends[end].vertex == ends[i].vertex) ++end;
+    const std::uint32_t v = ends[i].vertex;
+    if (end - i == 2) {
+      const End &x = ends[i], &y = ends[i + 1];
+      const Double3 in = at(v) - at(segments_[x.segment].vertex[1 - x.side]),
+                    out = at(segments_[y.segment].vertex[1 - y.side]) - at(v);
+      const bool crease = segments_[x.segment].crease;
+      const double least = crease ? kStraightCrease : kStraightBorder, along = dot(in, out);
+      if (crease == segments_[y.segment].crease && along > 0.0 &&
+          along * along > least * least * dot(in, in) * dot(out, out)) {
+        segments_[x.segment].beyond[x.side] = y.segment;
+        segments_[y.segment].beyond[y.side] = x.segment;
+      } else {
+        class_[v] = VertexClass::kCorner;
+      }
+    } else {
+      class_[v] = VertexClass::kCorner;
+    }
+    i = end;
+  }
+  std::vector<std::array<std::uint32_t, 3>> flat;
+  flat.reserve(segments_.size());
+  for (const Segment& s : segments_) flat.push_back({s.vertex[0], s.vertex[1], s.vertex[1]});
+  lines_ = ClosestFaces(reference_->position, flat, origin_);
+}
+
+ReferenceSurface::Foot ReferenceSurface::closest(const Double3& p, double limit_square) const {
+  const ClosestFaces::Hit hit = faces_.closest(p, limit_square, ClosestFaces::kNone);
+  if (hit.slot == ClosestFaces::kNone) return {};
+  const auto corner = faces_.corners(hit.slot);
+  return {closest_in_triangle(p, corner[0], corner[1], corner[2]), hit.square, faces_.face(hit.slot)};
+}
+
+ReferenceSurface::Foot ReferenceSurface::near(const Double3& p, double limit_square, double trust_square,
+                                              std::uint32_t face) const {
+  const double most = std::min(limit_square, trust_square);
+  constexpr int kSteps = 12;
+  std::uint32_t before = kNone;
+  for (int step = 0; face != kNone && step < kSteps; ++step) {
+    const auto& f = reference_->faces[face];
+    const Double3 a = at(f[0]), b = at(f[1]), c = at(f[2]);
+    const Double3 n = triangle_normal(a, b, c);
+    const double square = dot(n, n);
+    if (!(square > 0.0)) break;
+    const double weight[3] = {dot(cross(b - p, c - p), n), dot(cross(c - p, a - p), n),
+                              dot(cross(a - p, b - p), n)};
+    const std::size_t worst = weight[0] < weight[1] ? (weight[0] < weight[2] ? 0 : 2) : (weight[1] < weight[2] ? 1 : 2);
+    if (weight[worst] >= 0.0) {
+      const double height = dot(a - p, n);
+      const double away = height * height / square;
+      if (!(away < most)) break;
+      return {p + n * (height / square), away, face};
+    }
+    const std::uint32_t next = beside_[face][worst];
+    if (next == before && next != kNone) {  // the edge between the two is nearest
+      const Double3 foot = closest_in_triangle(p, a, b, c);
+      const double away = squared_distance(p, foot);
+      if (!(away < most)) break;
+      return {foot, away, face};
+    }
+    before = face;
+    face = next;
+  }
+  return closest(p, limit_square);
+}
+
+ReferenceSurface::Foot ReferenceSurface::on_segment(const Double3& p, std::uint32_t segment) const {
+  const Segment& s = segments_[segment];
+  const Double3 foot = closest_on_segment(p, at(s.vertex[0]), at(s.vertex[1]));
+  return {foot, squared_distance(p, foot), segment};
+}
+
+ReferenceSurface::Foot ReferenceSurface::closest_on_lines(const Double3& p) const {
+  const ClosestFaces::Hit hit = lines_.closest(p, std::numeric_limits<double>::max(), ClosestFaces::kNone);
+  return hit.slot == ClosestFaces::kNone ? Foot{} : on_segment(p, lines_.face(hit.slot));
+}
+
+ReferenceSurface::Foot ReferenceSurface::slide(const Double3& p, std::uint32_t segment) const {
+  Foot best = on_segment(p, segment);
+  for (std::size_t side = 0; side < 2; ++side) {
+    std::uint32_t from = segment;
+    std::uint32_t next = segments_[segment].beyond[side];
+    // A few steps may lead away before the line comes back: what lies farther along it is no place for the vertex.
+    for (int worse = 0; next != kNone && next != segment && worse < 3;) {
+      const Foot foot = on_segment(p, next);
+      if (foot.square < best.square) {
+        best = foot;
+        worse = 0;
+      } else {
+        ++worse;
+      }
+      const Segment& s = segments_[next];
+      const std::uint32_t after = s.beyond[s.beyond[0] == from ? 1 : 0];
+      from = next;
+      next = after;
+    }
+  }
+  return best;
+}
+
+void ReferenceSurface::mark(MeshBlock& block) const {
+  std::vector<std::uint32_t> there(block.key.size(), kNone);
+  std::size_t r = 0;
+  for (std::size_t v = 0; v < block.key.size(); ++v) {
+    while (r < reference_->key.size() && reference_->key[r] < block.key[v]) ++r;
+    if (r == reference_->key.size() || reference_->key[r] != block.key[v]) continue;
+    there[v] = static_cast<std::uint32_t>(r);
+    block.vertex_class[v] = class_[r];
+  }
+  for (std::size_t f = 0; f < block.faces.size(); ++f) {
+    unsigned flags = block.face_flags[f] & ~unsigned{kFaceCrease01 | kFaceCrease12 | kFaceCrease20};
+    for (std::size_t e = 0; e < 3; ++e) {
+      const std::uint32_t a = there[block.faces[f][e]], b = there[block.faces[f][e == 2 ? 0 : e + 1]];
+      if (a != kNone && b != kNone &&
+          std::binary_search(creases_.begin(), creases_.end(),
+                             std::array<std::uint32_t, 2>{std::min(a, b), std::max(a, b)}))
+        flags |= unsigned{kFaceCrease01} << e;
+    }
+    block.face_flags[f] = static_cast<std::uint8_t>(flags);
+  }
+}
+
+}  // namespace tessera

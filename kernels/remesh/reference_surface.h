@@ -1,0 +1,75 @@
+/// \file reference_surface.h
+/// What a remeshed block is held against: the closest point of the reference, its normal there, and its lines: creases
+/// and borders as polylines between corners, along which vertices slide.
+#pragma once
+#include <array>
+#include <cstdint>
+#include <vector>
+
+#include "kernels/mesh/closest_face.h"
+#include "kernels/mesh/mesh_block.h"
+
+namespace tessera {
+
+/// The closest point of the triangle (a, b, c) to p; a triangle may be degenerate.
+Double3 closest_in_triangle(const Double3& p, const Double3& a, const Double3& b, const Double3& c);
+
+class ReferenceSurface {
+ public:
+  static constexpr std::uint32_t kNone = 0xffffffffu;
+
+  /// Creases are found as decimation finds them (feature_edges.h). A vertex where other than two lines meet, or one
+  /// that bends by more than 45 degrees (a border: 60), is a corner. A crease that ends somewhere and is shorter than
+  /// `least_line` is none.
+  /// \param reference  canonical, edge-manifold; must outlive this \param origin  subtracted from all positions
+  ReferenceSurface(const MeshBlock& reference, const Double3& origin, double feature_angle_deg,
+                   double least_line);
+
+  struct Foot {
+    Double3 at{};  ///< relative to the origin
+    double square = 0.0;
+    std::uint32_t slot = kNone;  ///< face of the reference, on lines a segment; kNone: nothing within the limit
+  };
+  Foot closest(const Double3& p, double limit_square) const;
+  /// The same from the foot of a point nearby: walks from its face towards p, over no line, to where no face beside is
+  /// nearer. That need not be the nearest of all: farther away than the root of `trust_square` it searches.
+  Foot near(const Double3& p, double limit_square, double trust_square, std::uint32_t face) const;
+  /// Unit normal of the face, averaged with those across its edges that are no creases; zero for none.
+  const Float3& normal(std::uint32_t face) const { return normal_[face]; }
+
+  bool has_lines() const { return !segments_.empty(); }
+  /// Foot on any line; slot is a segment.
+  Foot closest_on_lines(const Double3& p) const;
+  /// Foot on the polyline of this segment, walking from it while that comes closer; stops at corners.
+  Foot slide(const Double3& p, std::uint32_t segment) const;
+
+  /// Gives the vertices and edges of `block` that are in the reference too, by key, their vertex_class and bits of
+  /// creases. \pre keys ascend in both
+  void mark(MeshBlock& block) const;
+
+  /// Bytes that it holds or takes while it is made, per face of the reference.
+  static constexpr std::uint64_t bytes_per_face() { return ClosestFaces::bytes_per_face() + 150; }
+
+ private:
+  struct Segment {
+    std::array<std::uint32_t, 2> vertex{};               ///< of the reference
+    std::array<std::uint32_t, 2> beyond{kNone, kNone};  ///< the segment that goes on there
+    bool crease = false;                                ///< else a border
+  };
+  void find_lines(double feature_angle_deg, double least_line);
+  void prune_creases(double least_line);
+  void join_segments();
+  Double3 at(std::uint32_t v) const { return reference_->position[v] - origin_; }
+  Foot on_segment(const Double3& p, std::uint32_t segment) const;
+
+  const MeshBlock* reference_;
+  Double3 origin_;
+  ClosestFaces faces_, lines_;
+  std::vector<std::array<std::uint32_t, 3>> beside_;  ///< per face: across the edges opposite its corners, over no line
+  std::vector<Float3> normal_;
+  std::vector<VertexClass> class_;                                ///< per vertex: smooth, crease or corner
+  std::vector<std::array<std::uint32_t, 2>> creases_;             ///< lower vertex first, ascending
+  std::vector<Segment> segments_;
+};
+
+}  // namespace tessera

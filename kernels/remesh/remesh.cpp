@@ -1,0 +1,128 @@
+#include "kernels/remesh/remesh.h"
+
+#include <cmath>
+#include <limits>
+#include <string>
+
+#include "kernels/mesh/mesh_block_ops.h"
+#include "kernels/remesh/remesher.h"
+#include "octree/error.h"
+
+namespace tessera {
+namespace {
+
+constexpr double kLeastLine = 2.0;  ///< edges: shorter creases that end somewhere are noise at this size
+
+Double3 low_corner(const MeshBlock& block) {
+  Double3 origin = block.position[0];
+  for (const Double3& p : block.position)
+    for (std::size_t a = 0; a < 3; ++a) {
+      if (!std::isfinite(p[a])) throw InputError("remeshing: a vertex without finite coordinates");
+      origin[a] = std::fmin(origin[a], p[a]);
+    }
+  return origin;
+}
+
+Double3 as_stored(const Double3& p, bool floats) {
+  return floats ? wide(narrow(p)) : p;
+}
+
+/// The colour of the reference at a point of its face.
+std::uint32_t colour_at(const MeshBlock& reference, std::uint32_t face, const Double3& p) {
+  const auto& f = reference.faces[face];
+  const Double3 &a = reference.position[f[0]], &b = reference.position[f[1]], &c = reference.position[f[2]];
+  const Double3 n = triangle_normal(a, b, c);
+  const double square = dot(n, n);
+  if (!(square > 0.0)) return reference.rgba[f[0]];
+  const double weight[3] = {dot(cross(b - p, c - p), n) / square, dot(cross(c - p, a - p), n) / square,
+                            dot(cross(a - p, b - p), n) / square};
+  std::uint32_t out = 0;
+  for (unsigned shift = 0; shift < 32; shift += 8) {
+    double value = 0.5;
+    for (std::size_t i = 0; i < 3; ++i) value += weight[i] * (reference.rgba[f[i]] >> shift & 255u);
+    out |= static_cast<std::uint32_t>(std::fmin(std::fmax(value, 0.0), 255.0)) << shift;
+  }
+  return out;
+}
+
+/// What is left of the mesh as a block; positions come from the old one where they did not move.
+MeshBlock to_block(const CollapseMesh& mesh, const Remesher& remesher, const MeshBlock& old,
+                   const MeshBlock& reference, const ReferenceSurface& surface, const Double3& origin,
+                   bool floats) {
+  MeshBlock out;
+  for (std::uint32_t v = 0; v < mesh.vertices(); ++v) {
+    const std::uint32_t from = mesh.block_vertex(v);
+    const bool moved = remesher.moved(v);
+    out.key.push_back(remesher.key(v));
+    out.position.push_back(moved ? as_stored(origin + mesh.at(v), floats) : old.position[from]);
+    const std::uint8_t state = mesh.state(v);
+    out.vertex_class.push_back(state & kVertexLocked   ? old.vertex_class[from]
+                               : state & kVertexFixed  ? VertexClass::kCorner
+                               : state & kVertexCrease ? VertexClass::kCrease
+                                                       : VertexClass::kSmooth);
+    if (old.rgba.empty()) continue;
+    const ReferenceSurface::Foot foot =
+        moved && !reference.rgba.empty()
+            ? surface.closest(mesh.at(v), std::numeric_limits<double>::max())
+            : ReferenceSurface::Foot{};
+    out.rgba.push_back(foot.slot != ReferenceSurface::kNone
+                           ? colour_at(reference, foot.slot, origin + foot.at)
+                       : from != kNoCorner ? old.rgba[from]
+                                           : 0xffffffffu);
+  }
+  for (const CollapseFace& f : mesh.faces()) {
+    if (f.state & kStateDead) continue;
+    out.faces.push_back({f.vertex[0], f.vertex[1], f.vertex[2]});
+    unsigned flags = f.state & kStateSynthetic ? unsigned{kFaceSynthetic} : 0u;
+    constexpr unsigned kEdge[3] = {kFaceBorder12, kFaceBorder20, kFaceBorder01};
+    for (std::size_t i = 0; i < 3; ++i) {
+      if (f.state & unsigned{kStateBorder} << i) flags |= kEdge[i];
+      if (f.state & unsigned{kStateCrease} << i) flags |= kEdge[i] << 5;
+    }
+    out.face_flags.push_back(static_cast<std::uint8_t>(flags));
+  }
+  canonicalise(out);
+  return out;
+}
+
+}  // namespace
+
+void RemeshOptions::validate() const {
+  const auto need = [](bool good, const char* field, const char* range) {
+    if (!good) throw UsageError(std::string("remeshing: ") + field + " must be " + range);
+  };
+  need(edge > 0.0 && std::isfinite(edge), "edge", "a length above 0");
+  need(tolerance >= 0.0 && std::isfinite(tolerance), "tolerance", "a length of 0 or more");
+  need(feature_angle_deg >= 0.0 && feature_angle_deg <= 180.0, "feature_angle_deg", "in [0, 180]");
+  need(max_normal_turn_deg >= 0.0 && max_normal_turn_deg <= 180.0, "max_normal_turn_deg", "in [0, 180]");
+  need(iterations >= 0 && relaxations >= 0, "iterations", "0 or more");
+}
+
+RemeshReport remesh(MeshBlock& block, const MeshBlock& reference, const RemeshOptions& options,
+                    std::span<const std::uint64_t> held) {
+  options.validate();
+  RemeshReport report;
+  block.face_bound.clear();
+  for (std::uint8_t& flags : block.face_flags) flags = static_cast<std::uint8_t>(flags & ~unsigned{kFaceSettled});
+  canonicalise(block);
+  report.faces_in = report.faces_out = block.faces.size();
+  if (block.faces.empty()) return report;
+  const Double3 origin = low_corner(block);
+  const ReferenceSurface surface(reference, origin, options.feature_angle_deg, kLeastLine * options.edge);
+  if (options.find_creases) surface.mark(block);
+  CollapseMesh mesh(block, origin);
+  Remesher remesher(mesh, block, surface, options, held);
+  remesher.run(report);
+  block = to_block(mesh, remesher, block, reference, surface, origin, options.float_positions);
+  report.faces_out = block.faces.size();
+  return report;
+}
+
+std::uint64_t remesh_bytes(std::uint64_t most_faces, std::uint64_t reference_faces) {
+  // Of a face: 32 bytes, half a vertex with what is known of it (41 + 48 + 5), an edge and a half in the list of edges
+  // (32 each, and as much again while the list grows), and the block that comes out, sorted (16 + half of 60, twice).
+  return most_faces * (32 + 47 + 144 + 92) + reference_faces * ReferenceSurface::bytes_per_face() +
+         (std::uint64_t{1} << 20);
+}
+
+}  // namespace tessera

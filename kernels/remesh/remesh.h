@@ -1,0 +1,60 @@
+/// \file remesh.h
+/// Isotropic remeshing of one block of mesh: triangles near equilateral with edges of a given length, on the reference.
+///
+/// Rounds of splits above 4/3 of the length, collapses below 4/5, flips towards valence 6 (lines: 4 on each side),
+/// area-weighted tangential relaxation with projection to the reference. Source: Botsch and Kobbelt, "A Remeshing Approach
+/// to Multiresolution Modeling", 2004; Botsch's thesis, 3.2.3. Creases and borders are found as in decimation; their
+/// vertices slide along the reference's polylines, corners stay.
+///
+/// As in decimation, a vertex is free if its star is complete in the block; all others keep key and position, so blocks
+/// of one pass may run in any order or at once.
+#pragma once
+#include <cstddef>
+#include <cstdint>
+#include <span>
+
+#include "kernels/mesh/mesh_block.h"
+
+namespace tessera {
+
+struct RemeshOptions {
+  double edge = 0.0;  ///< target length of edges, scan units, > 0; the longest where lengths adapt
+  /// Above 0: an operation must leave new faces and removed vertices within it of the reference, as far as their
+  /// corners, centres and edges tell: a strong test, not the proof. Creases and borders get half of it.
+  double tolerance = 0.0;
+  double max_normal_turn_deg = 0.0;  ///< of a face against the reference at its centre; 0 = free
+  double feature_angle_deg = 25.0;   ///< edges that turn by more are creases; 0 = none
+  int iterations = 4;
+  int relaxations = 3;          ///< in each of them
+  bool float_positions = true;  ///< new positions are rounded to float, as the file will hold them
+  /// The block still is a part of the reference: creases are found. Later ones bear them (kFaceCrease01).
+  bool find_creases = false;
+  std::size_t max_faces = 0;    ///< edges are not split beyond; a later pass goes on. At least the block's
+  std::uint64_t first_key = 0;  ///< of new vertices: this, the next, ...; above all others
+
+  void validate() const;  ///< throws UsageError naming the field
+};
+
+struct RemeshReport {
+  std::size_t faces_in = 0, faces_out = 0;
+  std::size_t locked_vertices = 0;
+  std::size_t splits = 0, collapses = 0, flips = 0, moves = 0;
+  /// Why operations were refused.
+  std::size_t by_link = 0, by_fold = 0, by_tolerance = 0, by_room = 0;
+};
+
+/// Remeshes `block` in place.
+/// \param block      any order; comes back canonical, without face_bound
+/// \param reference  the original surface with all that comes within three edge lengths of the block; canonical
+/// \param held       keys, ascending, of vertices whose faces all stay as they are
+/// \pre    every edge of the block has at most two faces, oppositely directed; positions are finite
+/// \post   pure function of the set of faces and the options; locked vertices unchanged; edge-manifold
+/// \throws InputError  an edge with more than two faces or with two faces of the same direction
+/// \throws UsageError  from options.validate()
+RemeshReport remesh(MeshBlock& block, const MeshBlock& reference, const RemeshOptions& options,
+                    std::span<const std::uint64_t> held = {});
+
+/// Upper bound of what remesh() allocates above its arguments. \param most_faces  RemeshOptions::max_faces
+std::uint64_t remesh_bytes(std::uint64_t most_faces, std::uint64_t reference_faces);
+
+}  // namespace tessera

@@ -1,0 +1,256 @@
+#include "kernels/remesh/remesher.h"
+
+#include <algorithm>
+#include <bit>
+#include <limits>
+
+namespace tessera {
+namespace {
+
+constexpr double kAnywhere = std::numeric_limits<double>::max();
+/// Rounds of splits or of collapses: the first iteration brings edges of any length down to the target, the others tidy
+/// up. Fixed, and ended early only where nothing is left to do in the block.
+constexpr int kFirstRounds = 24, kLaterRounds = 1;
+constexpr int kFlipRounds = 3;
+
+}  // namespace
+
+Remesher::Remesher(CollapseMesh& mesh, const MeshBlock& block, const ReferenceSurface& surface,
+                   const RemeshOptions& options, std::span<const std::uint64_t> held)
+    : mesh_(mesh), surface_(surface), options_(options), next_key_(options.first_key) {
+  if (options.max_normal_turn_deg > 0.0) least_turn_ = cosine_of_degrees(options.max_normal_turn_deg);
+  mesh_.reserve(options.max_faces);
+  info_.resize(mesh_.vertices());
+  for (std::uint32_t v = 0; v < info_.size(); ++v) {
+    Info& info = info_[v];
+    info.key = block.key[mesh_.block_vertex(v)];
+    info.target = static_cast<float>(options.edge);
+    info.held = !held.empty() && std::binary_search(held.begin(), held.end(), info.key);
+    if (info.held) mesh_.add_state(v, kVertexLocked);
+    if (block.vertex_class[mesh_.block_vertex(v)] == VertexClass::kCorner) mesh_.add_state(v, kVertexFixed);
+  }
+  live_faces_ = mesh_.faces().size();
+  set_lines();
+  find_feet();
+}
+
+/// Creases are marked on both sides or on one, where another block saw less of them; both count.
+void Remesher::set_lines() {
+  std::vector<std::uint8_t> creases(info_.size(), 0), borders(info_.size(), 0);
+  for (std::uint32_t f = 0; f < mesh_.faces().size(); ++f)
+    for (std::uint32_t i = 0; i < 3; ++i) {
+      const std::uint32_t c = 4 * f + i, o = mesh_.opposite(c);
+      if (o != kNoCorner && mesh_.crease_edge(c)) mesh_.mark_crease(o);
+      if (o != kNoCorner && mesh_.crease_edge(o)) mesh_.mark_crease(c);
+      if (!is_line(c) || (o != kNoCorner && o < c)) continue;
+      for (const std::uint32_t v : {mesh_.vertex(next_corner(c)), mesh_.vertex(prev_corner(c))}) {
+        std::uint8_t& count = mesh_.crease_edge(c) ? creases[v] : borders[v];
+        count = static_cast<std::uint8_t>(std::min(count + 1, 3));
+      }
+    }
+  for (std::uint32_t v = 0; v < info_.size(); ++v) {
+    if (creases[v] == 0 && borders[v] == 0) continue;
+    info_[v].foot = 0;  // for find_feet(): on a line, which has no single normal
+    if (mesh_.state(v) & kVertexLocked) continue;
+    const bool bend = creases[v] + borders[v] != 2 || creases[v] == 1;
+    mesh_.add_state(v, bend ? unsigned{kVertexFixed} : creases[v] == 2 ? unsigned{kVertexCrease} : 0u);
+    info_[v].line = (mesh_.state(v) & kVertexFixed) == 0;
+  }
+}
+
+void Remesher::find_feet() {
+  for (std::uint32_t v = 0; v < info_.size(); ++v) {
+    Info& info = info_[v];
+    const bool on_line = info.foot == 0;
+    info.foot = ReferenceSurface::kNone;
+    if (info.line && surface_.has_lines()) info.foot = surface_.closest_on_lines(mesh_.at(v)).slot;
+    if (info.line && info.foot == ReferenceSurface::kNone) {
+      // Its line is not in this part of the reference.
+      info.line = false;
+      mesh_.add_state(v, kVertexFixed);
+    }
+    if (on_line || (mesh_.state(v) & kVertexFixed)) continue;
+    info.foot = surface_.closest(mesh_.at(v), kAnywhere).slot;
+    if (info.foot != ReferenceSurface::kNone) info.normal = surface_.normal(info.foot);
+  }
+}
+
+void Remesher::run(RemeshReport& report) {
+  for (std::uint32_t v = 0; v < info_.size(); ++v)
+    report.locked_vertices += (mesh_.state(v) & kVertexLocked) != 0;
+  for (int i = 0; i < options_.iterations; ++i) {
+    const int rounds = i == 0 ? kFirstRounds : kLaterRounds;
+    for (int r = 0; r < rounds && split_long(report) > 0; ++r) {
+    }
+    for (int r = 0; r < rounds && collapse_short(report) > 0; ++r) {
+    }
+    compact();
+    for (int r = 0; r < kFlipRounds && flip_all(report) > 0; ++r) {
+    }
+    for (int r = 0; r < options_.relaxations; ++r) relax_all(report);
+  }
+}
+
+/// All edges that are wanted, by the class of their length, then by the keys of their ends.
+template <class Wanted>
+void Remesher::list_edges(const Wanted& wanted, bool longest_first) {
+  edges_.clear();
+  for (std::uint32_t f = 0; f < mesh_.faces().size(); ++f) {
+    const CollapseFace& face = mesh_.face(f);
+    if (face.state & kStateDead) continue;
+    for (std::uint32_t i = 0; i < 3; ++i) {
+      const std::uint32_t c = 4 * f + i, o = face.opposite[i];
+      if (o == kNoCorner ? !mesh_.border_edge(c) : o < c) continue;
+      const std::uint32_t a = mesh_.vertex(next_corner(c)), b = mesh_.vertex(prev_corner(c));
+      const double square = square_of(a, b);
+      if (!wanted(square, a, b)) continue;
+      // Eight classes to a factor of two of the square.
+      const std::uint32_t bits = std::bit_cast<std::uint32_t>(static_cast<float>(square)) >> 20;
+      edges_.push_back({longest_first ? ~bits : bits, c, std::min(info_[a].key, info_[b].key),
+                        std::max(info_[a].key, info_[b].key), a, b});
+    }
+  }
+  std::sort(edges_.begin(), edges_.end(), [](const Edge& x, const Edge& y) {
+    if (x.length_class != y.length_class) return x.length_class < y.length_class;
+    return x.low != y.low ? x.low < y.low : x.high < y.high;
+  });
+}
+
+/// Whether the corner still lies across the edge; others turn up in the next round.
+bool Remesher::current(const Edge& e) const {
+  return (mesh_.face(e.corner >> 2).state & kStateDead) == 0 && mesh_.vertex(next_corner(e.corner)) == e.a &&
+         mesh_.vertex(prev_corner(e.corner)) == e.b;
+}
+
+std::size_t Remesher::split_long(RemeshReport& report) {
+  list_edges(
+      [&](double square, std::uint32_t a, std::uint32_t b) {
+        const double most = 4.0 / 3.0 * target(a, b);
+        return square > most * most && !info_[a].held && !info_[b].held;
+      },
+      true);
+  std::size_t done = 0;
+  for (const Edge& e : edges_) {
+    if (!current(e)) continue;
+    const std::uint32_t o = mesh_.opposite(e.corner);
+    if (info_[mesh_.vertex(e.corner)].held || (o != kNoCorner && info_[mesh_.vertex(o)].held)) continue;
+    if (live_faces_ + 2 > options_.max_faces) {
+      ++report.by_room;
+      continue;
+    }
+    split(e);
+    ++done;
+  }
+  report.splits += done;
+  return done;
+}
+
+void Remesher::split(const Edge& e) {
+  const std::uint32_t c = e.corner, o = mesh_.opposite(c);
+  const Double3 pa = mesh_.at(e.a), pb = mesh_.at(e.b), middle = (pa + pb) * 0.5;
+  const double square = squared_distance(pa, pb);
+  Info info;
+  info.key = next_key_++;
+  info.target = 0.5f * (info_[e.a].target + info_[e.b].target);
+  info.moved = true;
+  info.line = is_line(c);
+  Double3 at = middle;
+  if (info.line) {
+    const Info& from = info_[e.a].line ? info_[e.a] : info_[e.b];
+    ReferenceSurface::Foot foot = from.line ? surface_.slide(middle, from.foot) : surface_.closest_on_lines(middle);
+    if (foot.square > 0.0625 * square) foot = surface_.closest_on_lines(middle);
+    info.foot = foot.slot;
+    if (foot.slot != ReferenceSurface::kNone && foot.square <= 0.0625 * square) at = foot.at;
+  } else {
+    const std::uint32_t hint = !info_[e.a].line && info_[e.a].foot != ReferenceSurface::kNone ? info_[e.a].foot
+                               : info_[e.b].line ? ReferenceSurface::kNone
+                                                 : info_[e.b].foot;
+    const ReferenceSurface::Foot foot = surface_.near(middle, kAnywhere, 0.01 * square, hint);
+    info.foot = foot.slot;
+    if (foot.slot != ReferenceSurface::kNone) {
+      info.normal = surface_.normal(foot.slot);
+      if (foot.square <= 0.25 * square) at = foot.at;
+    }
+  }
+  // In the middle nothing can fold.
+  for (const std::uint32_t d : {c, o}) {
+    if (d == kNoCorner) continue;
+    const Double3 &p = mesh_.at(mesh_.vertex(d)), &q = mesh_.at(mesh_.vertex(next_corner(d))),
+                  &r = mesh_.at(mesh_.vertex(prev_corner(d)));
+    const Double3 old = triangle_normal(p, q, r);
+    if (!(dot(triangle_normal(p, q, at), old) > 0.0) || !(dot(triangle_normal(p, at, r), old) > 0.0)) at = middle;
+  }
+  const bool crease = mesh_.crease_edge(c);
+  const std::uint32_t m = mesh_.split(c, at);
+  if (crease) mesh_.add_state(m, kVertexCrease);
+  if (info.line && info.foot == ReferenceSurface::kNone) {
+    info.line = false;
+    mesh_.add_state(m, kVertexFixed);
+  }
+  info_.push_back(info);
+  live_faces_ += o == kNoCorner ? 1 : 2;
+}
+
+std::size_t Remesher::collapse_short(RemeshReport& report) {
+  list_edges(
+      [&](double square, std::uint32_t a, std::uint32_t b) {
+        const double least = 0.8 * target(a, b);
+        return square < least * least &&
+               !((mesh_.state(a) & kVertexKept) && (mesh_.state(b) & kVertexKept));
+      },
+      false);
+  mark_.resize(info_.size(), 0);
+  std::size_t done = 0;
+  for (const Edge& e : edges_) {
+    if (!current(e)) continue;
+    // The one that is bound less goes; of two alike the one with the higher key.
+    const auto rank = [&](std::uint32_t v) { return mesh_.state(v) & kVertexKept ? 2 : info_[v].line ? 1 : 0; };
+    const int ra = rank(e.a), rb = rank(e.b);
+    const bool a_first = ra != rb ? ra < rb : info_[e.a].key > info_[e.b].key;
+    Refusal refusal = Refusal::kNone;
+    for (const bool a_goes : {a_first, !a_first}) {
+      const std::uint32_t u = a_goes ? e.a : e.b, v = a_goes ? e.b : e.a;
+      std::size_t at = 0;
+      refusal = check_collapse(u, v, at);
+      if (refusal != Refusal::kNone) continue;
+      live_faces_ -= star_.closed || (at > 0 && at < star_.faces) ? 2 : 1;
+      mesh_.collapse(star_, at);
+      ++done;
+      break;
+    }
+    report.by_link += refusal == Refusal::kLink;
+    report.by_fold += refusal == Refusal::kFold;
+    report.by_tolerance += refusal == Refusal::kTolerance;
+  }
+  report.collapses += done;
+  return done;
+}
+
+/// The relation of rings as in decimation; no edge between two locked vertices is made, another block might make it too.
+bool Remesher::linked(std::size_t at) {
+  const std::uint32_t v = star_.ring[at];
+  const bool locked = (mesh_.state(v) & kVertexLocked) != 0;
+  const std::size_t size = star_.ring_size();
+  std::size_t shared = 0, around = 0;
+  ++stamp_;
+  for (std::size_t i = 0; i < size; ++i) mark_[star_.ring[i]] = stamp_;
+  mesh_.for_each_neighbour(v, [&](std::uint32_t w) {
+    ++around;
+    if (mark_[w] == stamp_) ++shared, mark_[w] = 0;
+  });
+  if (shared != (star_.closed ? 2u : 1u)) return false;
+  if (locked)
+    for (std::size_t i = 0; i < size; ++i)
+      if (i != at && mark_[star_.ring[i]] == stamp_ && (mesh_.state(star_.ring[i]) & kVertexLocked)) return false;
+  if (!star_.closed) return star_.faces > 1;
+  return star_.faces > 3 && around + star_.faces < kMaxRing / 4 + 4;
+}
+
+void Remesher::compact() {
+  std::vector<std::uint32_t> kept;
+  mesh_.compact(kept);
+  for (std::size_t i = 0; i < kept.size(); ++i) info_[i] = info_[kept[i]];
+  info_.resize(kept.size());
+}
+
+}  // namespace tessera

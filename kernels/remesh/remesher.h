@@ -1,0 +1,93 @@
+/// \file remesher.h
+/// The loop of remesh() over a corner table. See remesh.h.
+#pragma once
+#include <vector>
+
+#include "kernels/decimate/collapse_mesh.h"
+#include "kernels/remesh/reference_surface.h"
+#include "kernels/remesh/remesh.h"
+
+namespace tessera {
+
+class Remesher {
+ public:
+  /// \param mesh  of `block`, creases marked \param surface  with the same origin
+  Remesher(CollapseMesh& mesh, const MeshBlock& block, const ReferenceSurface& surface,
+           const RemeshOptions& options, std::span<const std::uint64_t> held);
+  void run(RemeshReport& report);
+
+  std::uint64_t key(std::uint32_t v) const { return info_[v].key; }
+  bool moved(std::uint32_t v) const { return info_[v].moved; }
+  std::uint32_t foot(std::uint32_t v) const { return info_[v].foot; }
+
+ private:
+  struct Info {
+    std::uint64_t key = 0;
+    Float3 normal{};  ///< of the reference at the foot; zero on lines and where unknown
+    std::uint32_t foot = ReferenceSurface::kNone;  ///< slot of a face; on lines a segment
+    float target = 0.0f;                           ///< length of edges here
+    bool held = false;                             ///< its faces stay
+    bool moved = false;                            ///< or new
+    bool line = false;                             ///< on a crease or border, not a corner
+  };
+  /// An edge by the corner opposite it, with the order in which edges are worked on.
+  struct Edge {
+    std::uint32_t length_class, corner;
+    std::uint64_t low, high;  ///< keys
+    std::uint32_t a, b;       ///< vertices
+  };
+  enum class Refusal : std::uint8_t { kNone, kLink, kFold, kTolerance };
+  /// A face as it would be.
+  struct NewFace {
+    std::uint32_t vertex[3];
+    Double3 at[3];
+  };
+
+  void set_lines();
+  void find_feet();
+  template <class Wanted>
+  void list_edges(const Wanted& wanted, bool longest_first);
+  bool current(const Edge& e) const;
+  double square_of(std::uint32_t a, std::uint32_t b) const {
+    return squared_distance(mesh_.at(a), mesh_.at(b));
+  }
+  double target(std::uint32_t a, std::uint32_t b) const {
+    return std::min(info_[a].target, info_[b].target);
+  }
+  bool is_line(std::uint32_t c) const { return mesh_.crease_edge(c) || mesh_.border_edge(c); }
+
+  std::size_t split_long(RemeshReport& report);
+  void split(const Edge& e);
+  std::size_t collapse_short(RemeshReport& report);
+  Refusal check_collapse(std::uint32_t u, std::uint32_t v, std::size_t& at);
+  bool linked(std::size_t at);
+  std::size_t flip_all(RemeshReport& report);
+  Refusal try_flip(std::uint32_t c);
+  int excess(std::uint32_t v, std::uint32_t corner) const;
+  std::size_t relax_all(RemeshReport& report);
+  bool relax(std::uint32_t v, RemeshReport& report);
+  bool place(std::uint32_t v, const Double3& to, RemeshReport& report);
+  Double3 wish(std::uint32_t v) const;
+  void count_valences();
+  void compact();
+
+  bool normal_fits(const NewFace& f, const Double3& n) const;
+  bool within(const NewFace& f);
+  bool near_enough(const Double3& p, double limit, std::uint32_t hint) const;
+  bool set_foot(std::uint32_t v, const Double3& p, Double3& at, Info& info) const;
+
+  CollapseMesh& mesh_;
+  const ReferenceSurface& surface_;
+  const RemeshOptions& options_;
+  double least_turn_ = -1.0;  ///< cosine of max_normal_turn_deg
+  std::vector<Info> info_;
+  std::vector<Edge> edges_;
+  std::vector<std::uint8_t> valence_;
+  std::vector<std::uint32_t> mark_;
+  std::uint32_t stamp_ = 0;
+  std::uint64_t next_key_ = 0;
+  std::size_t live_faces_ = 0;
+  Star star_;
+};
+
+}  // namespace tessera

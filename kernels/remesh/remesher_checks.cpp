@@ -1,0 +1,216 @@
+// What an operation must leave: faces that face with the reference, near it.
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "kernels/remesh/remesher.h"
+
+namespace tessera {
+namespace {
+
+constexpr double kAlongFoot = 0.4;    ///< least cosine of a face to the reference at a smooth corner
+constexpr double kAlongBefore = 0.5;  ///< of a face without such a corner, to what it was
+constexpr double kLeastRoundness = 0.1;
+
+double roundness(const Double3& a, const Double3& b, const Double3& c) {
+  const Double3 u = b - a, v = c - a, w = c - b;
+  const double squares = dot(u, u) + dot(v, v) + dot(w, w);
+  return squares > 0.0 ? 2.0 * 1.7320508075688772 * norm(cross(u, v)) / squares : 0.0;
+}
+
+}  // namespace
+
+/// \param n  normal of what the face takes the place of; zero: unknown
+bool Remesher::normal_fits(const NewFace& f, const Double3& n) const {
+  const Double3 own = triangle_normal(f.at[0], f.at[1], f.at[2]);
+  const double length = norm(own);
+  if (!(length > 0.0)) return false;
+  bool known = false;
+  for (const std::uint32_t v : f.vertex) {
+    const Double3 foot = wide(info_[v].normal);
+    if (foot == Double3{}) continue;
+    known = true;
+    if (dot(own, foot) < kAlongFoot * length) return false;
+  }
+  const double along = dot(own, n), before = norm(n);
+  return known ? along >= 0.0 : before == 0.0 || along >= kAlongBefore * length * before;
+}
+
+bool Remesher::near_enough(const Double3& p, double limit, std::uint32_t hint) const {
+  return surface_.near(p, limit * limit, limit * limit, hint).slot != ReferenceSurface::kNone;
+}
+
+/// How far a smooth surface with these normals at the corners bulges out of the face is a third of the largest height
+/// of a corner over the tangent plane of another one; where twice that is within the tolerance nothing is looked up.
+bool Remesher::within(const NewFace& f) {
+  if (!(options_.tolerance > 0.0) && least_turn_ < -0.5) return true;
+  std::uint32_t hint = ReferenceSurface::kNone;
+  bool smooth = true;
+  double height = 0.0;
+  for (std::size_t i = 0; i < 3; ++i) {
+    const Info& info = info_[f.vertex[i]];
+    const Double3 n = wide(info.normal);
+    if (n == Double3{}) {
+      smooth = false;
+      continue;
+    }
+    hint = info.foot;
+    for (std::size_t k = 1; k < 3; ++k)
+      height = std::max(height, std::fabs(dot(f.at[(i + k) % 3] - f.at[i], n)));
+  }
+  const double limit = options_.tolerance;
+  const Double3 centre = (f.at[0] + f.at[1] + f.at[2]) * (1.0 / 3.0);
+  if (limit > 0.0 && !(smooth && height * (2.0 / 3.0) < limit)) {
+    if (!near_enough(centre, limit, hint)) return false;
+    for (std::size_t i = 0; i < 3; ++i)
+      if (!near_enough((f.at[i] + f.at[(i + 1) % 3]) * 0.5, limit, hint)) return false;
+  }
+  if (least_turn_ < -0.5) return true;
+  const ReferenceSurface::Foot foot = surface_.near(centre, std::numeric_limits<double>::max(), 0.01 * dot(f.at[1] - f.at[0], f.at[1] - f.at[0]), hint);
+  if (foot.slot == ReferenceSurface::kNone) return true;
+  const Double3 own = triangle_normal(f.at[0], f.at[1], f.at[2]);
+  return dot(own, wide(surface_.normal(foot.slot))) >= least_turn_ * norm(own);
+}
+
+/// Of u into v; leaves the star of u and the place of v in it.
+Remesher::Refusal Remesher::check_collapse(std::uint32_t u, std::uint32_t v, std::size_t& at) {
+  const std::uint8_t state = mesh_.state(u);
+  if ((state & kVertexKept) || (mesh_.state(v) & kVertexPinched)) return Refusal::kLink;
+  if (!mesh_.gather(u, star_)) return Refusal::kLink;
+  const std::size_t k = star_.faces, size = star_.ring_size();
+  for (at = 0; at < size && star_.ring[at] != v;) ++at;
+  if (at == size) return Refusal::kLink;
+  if ((state & kVertexBorder) && at != 0 && at != k) return Refusal::kLink;
+  if ((state & kVertexCrease) && !(at < k ? mesh_.crease_edge(prev_corner(star_.corner[at]))
+                                          : mesh_.crease_edge(next_corner(star_.corner[k - 1]))))
+    return Refusal::kLink;
+  for (std::size_t i = 0; i < size; ++i) {
+    const std::uint32_t w = star_.ring[i];
+    if (info_[w].held) return Refusal::kLink;
+    const double most = 4.0 / 3.0 * target(v, w);
+    if (i != at && square_of(v, w) > most * most) return Refusal::kLink;
+  }
+  if (!linked(at)) return Refusal::kLink;
+  const std::size_t left = at, right = at > 0 ? at - 1 : star_.closed ? k - 1 : k;
+  const Double3 from = mesh_.at(u), to = mesh_.at(v);
+  double nearest = std::numeric_limits<double>::max();
+  for (std::size_t i = 0; i < k; ++i) {
+    if (i == left || i == right) continue;
+    const std::uint32_t a = star_.ring[i], b = star_.ring[i + 1 < size ? i + 1 : 0];
+    const NewFace face{{v, a, b}, {to, mesh_.at(a), mesh_.at(b)}};
+    if (!normal_fits(face, triangle_normal(from, face.at[1], face.at[2]))) return Refusal::kFold;
+    const double round = roundness(to, face.at[1], face.at[2]);
+    if (round < kLeastRoundness && round < roundness(from, face.at[1], face.at[2])) return Refusal::kFold;
+    if (!within(face)) return Refusal::kTolerance;
+    if (options_.tolerance > 0.0)
+      nearest = std::min(nearest,
+                         squared_distance(from, closest_in_triangle(from, to, face.at[1], face.at[2])));
+  }
+  const double limit = options_.tolerance;
+  if (!(limit > 0.0)) return Refusal::kNone;
+  if (nearest > limit * limit) return Refusal::kTolerance;
+  if (!info_[u].line) return Refusal::kNone;
+  // The line: what goes, and the middle of the edge that takes its place.
+  std::uint32_t other = v;
+  for (std::size_t i = 0; i < size; ++i) {
+    if (i == at) continue;
+    const bool line = star_.closed ? mesh_.crease_edge(prev_corner(star_.corner[i])) : i == 0 || i == k;
+    if (line) other = star_.ring[i];
+  }
+  const Double3 end = mesh_.at(other), middle = (to + end) * 0.5;
+  const double square = 0.25 * limit * limit;
+  if (squared_distance(from, closest_in_triangle(from, to, end, end)) > square ||
+      surface_.slide(middle, info_[u].foot).square > square)
+    return Refusal::kTolerance;
+  return Refusal::kNone;
+}
+
+void Remesher::count_valences() {
+  valence_.assign(info_.size(), 0);
+  for (const CollapseFace& f : mesh_.faces()) {
+    if (f.state & kStateDead) continue;
+    for (const std::uint32_t v : f.vertex) valence_[v] = static_cast<std::uint8_t>(std::min(valence_[v] + 1, 250));
+  }
+}
+
+namespace {
+constexpr int kNoSay = 1000;  ///< stars that are not whole, and corners, whose angles differ
+}
+
+/// How many more faces than a regular star the vertex of the corner has, on the side of that corner where lines part it.
+int Remesher::excess(std::uint32_t v, std::uint32_t corner) const {
+  if (mesh_.state(v) & (kVertexLocked | kVertexFixed)) return kNoSay;
+  if (!info_[v].line) return valence_[v] - 6;
+  int faces = 1;
+  for (std::uint32_t c = corner; !is_line(next_corner(c)) && faces < 40; ++faces) {
+    const std::uint32_t o = mesh_.opposite(next_corner(c));
+    if (o == kNoCorner) break;
+    c = next_corner(o);
+  }
+  for (std::uint32_t c = corner; !is_line(prev_corner(c)) && faces < 40; ++faces) {
+    const std::uint32_t o = mesh_.opposite(prev_corner(c));
+    if (o == kNoCorner) break;
+    c = prev_corner(o);
+  }
+  return faces - 3;
+}
+
+std::size_t Remesher::flip_all(RemeshReport& report) {
+  count_valences();
+  std::size_t done = 0;
+  for (std::uint32_t f = 0; f < mesh_.faces().size(); ++f)
+    for (std::uint32_t c = 4 * f; c < 4 * f + 3; ++c) {
+      const std::uint32_t o = mesh_.opposite(c);
+      if (o == kNoCorner || o < c || is_line(c)) continue;
+      const Refusal refusal = try_flip(c);
+      done += refusal == Refusal::kNone;
+      report.by_fold += refusal == Refusal::kFold;
+      report.by_tolerance += refusal == Refusal::kTolerance;
+    }
+  report.flips += done;
+  return done;
+}
+
+Remesher::Refusal Remesher::try_flip(std::uint32_t c) {
+  const std::uint32_t d = mesh_.opposite(c), u = mesh_.vertex(c), w = mesh_.vertex(d),
+                      a = mesh_.vertex(next_corner(c)), b = mesh_.vertex(prev_corner(c));
+  const std::pair<std::uint32_t, std::uint32_t> losing[2] = {{a, next_corner(c)}, {b, prev_corner(c)}},
+                                                gaining[2] = {{u, c}, {w, d}};
+  int change = 0;
+  for (const auto& [v, corner] : losing) {
+    const int e = excess(v, corner);
+    if (e != kNoSay) change += 1 - 2 * e;
+  }
+  for (const auto& [v, corner] : gaining) {
+    const int e = excess(v, corner);
+    if (e != kNoSay) change += 1 + 2 * e;
+  }
+  if (change > 0) return Refusal::kLink;
+  const Double3 &pu = mesh_.at(u), &pw = mesh_.at(w), &pa = mesh_.at(a), &pb = mesh_.at(b);
+  const double before = std::min(roundness(pu, pa, pb), roundness(pw, pb, pa)),
+               after = std::min(roundness(pu, pa, pw), roundness(pw, pb, pu));
+  // Valences that stay as good must pay in shape; better ones may cost some, which relaxation makes up for.
+  if (change == 0 ? after < 1.1 * before + 0.02 : after < 0.35 && after < before) return Refusal::kLink;
+  if (info_[u].held || info_[w].held || info_[a].held || info_[b].held) return Refusal::kLink;
+  for (const std::uint32_t v : {a, b})
+    if (!(mesh_.state(v) & kVertexLocked) && valence_[v] <= ((mesh_.state(v) & kVertexOpen) ? 1 : 3))
+      return Refusal::kLink;
+  // One of the new ends sees all its neighbours: the new edge must not exist.
+  const bool u_knows = (mesh_.state(u) & kVertexLocked) == 0;
+  if (!u_knows && (mesh_.state(w) & kVertexLocked)) return Refusal::kLink;
+  bool exists = u == w;
+  mesh_.for_each_neighbour(u_knows ? u : w, [&](std::uint32_t n) { exists |= n == (u_knows ? w : u); });
+  if (exists) return Refusal::kLink;
+  const Double3 n = triangle_normal(pu, pa, pb) + triangle_normal(pw, pb, pa);
+  const NewFace one{{u, a, w}, {pu, pa, pw}}, two{{w, b, u}, {pw, pb, pu}};
+  if (!normal_fits(one, n) || !normal_fits(two, n) ||
+      !(dot(triangle_normal(pu, pa, pw), triangle_normal(pw, pb, pu)) > 0.0))
+    return Refusal::kFold;
+  if (!within(one) || !within(two)) return Refusal::kTolerance;
+  mesh_.flip(c);
+  --valence_[a], --valence_[b];
+  ++valence_[u], ++valence_[w];
+  return Refusal::kNone;
+}
+
+}  // namespace tessera

@@ -1,0 +1,102 @@
+// Area-weighted relaxation along the surface: Botsch's thesis, 3.2.3.
+#include <algorithm>
+#include <cmath>
+
+#include "kernels/remesh/remesher.h"
+
+namespace tessera {
+namespace {
+
+constexpr double kStill = 1e-3;       ///< of the length: smaller moves are not worth a look-up
+constexpr double kFlat = 0.0625;      ///< a move leaves the surface by less than this share of it (squares)
+constexpr double kAlongBefore = 0.5;  ///< least cosine of a face to what it was before a move
+
+}  // namespace
+
+std::size_t Remesher::relax_all(RemeshReport& report) {
+  std::size_t moved = 0;
+  for (std::uint32_t v = 0; v < info_.size(); ++v) moved += relax(v, report);
+  report.moves += moved;
+  return moved;
+}
+
+/// Where the vertex would like to be; its star is gathered.
+Double3 Remesher::wish(std::uint32_t v) const {
+  const Double3 at = mesh_.at(v);
+  if (info_[v].line) {
+    Double3 sum{};
+    for (std::size_t i = 0; i < star_.ring_size(); ++i) {
+      const bool line = star_.closed ? mesh_.crease_edge(prev_corner(star_.corner[i])) : i == 0 || i == star_.faces;
+      if (line) sum = sum + (mesh_.at(star_.ring[i]) - at) * 0.5;
+    }
+    return at + sum;
+  }
+  Double3 centre{}, normal{};
+  double area = 0.0;
+  for (std::size_t i = 0; i < star_.faces; ++i) {
+    const Double3 p = mesh_.at(star_.ring[i]) - at,
+                  q = mesh_.at(star_.ring[i + 1 < star_.ring_size() ? i + 1 : 0]) - at;
+    const Double3 n = cross(p, q);
+    const double twice = norm(n);
+    normal = normal + n;
+    centre = centre + (p + q) * twice;
+    area += twice;
+  }
+  if (!(area > 0.0)) return at;
+  centre = centre * (1.0 / (3.0 * area));
+  const double square = dot(normal, normal);
+  return square > 0.0 ? at + centre - normal * (dot(normal, centre) / square) : at;
+}
+
+bool Remesher::relax(std::uint32_t v, RemeshReport& report) {
+  if ((mesh_.state(v) & kVertexKept) || !mesh_.gather(v, star_)) return false;
+  if (info_[v].foot == ReferenceSurface::kNone) return false;
+  const Double3 to = wish(v);
+  const double still = kStill * info_[v].target;
+  return squared_distance(to, mesh_.at(v)) > still * still && place(v, to, report);
+}
+
+/// Puts the vertex, whose star is gathered, at the foot of `to` on the reference where that leaves its faces sound.
+bool Remesher::place(std::uint32_t v, const Double3& to, RemeshReport& report) {
+  Info info = info_[v];
+  const Double3 old = mesh_.at(v);
+  const double far = info.target;
+  const ReferenceSurface::Foot foot =
+      info.line ? surface_.slide(to, info.foot) : surface_.near(to, far * far, kFlat * squared_distance(to, old), info.foot);
+  if (foot.slot == ReferenceSurface::kNone || foot.square > far * far) return false;
+  info.foot = foot.slot;
+  if (!info.line) {
+    const Double3 before = wide(info.normal);
+    info.normal = surface_.normal(foot.slot);
+    if (dot(before, wide(info.normal)) < 0.0) return false;  // the other side of a thin wall
+  }
+  for (std::size_t i = 0; i < star_.ring_size(); ++i)
+    if (info_[star_.ring[i]].held) return false;
+  const Info kept = info_[v];
+  info_[v].normal = info.normal;
+  info_[v].foot = info.foot;
+  const auto refuse = [&](std::size_t& count) {
+    info_[v] = kept;
+    ++count;
+    return false;
+  };
+  for (std::size_t i = 0; i < star_.faces; ++i) {
+    const std::uint32_t a = star_.ring[i], b = star_.ring[i + 1 < star_.ring_size() ? i + 1 : 0];
+    const NewFace face{{v, a, b}, {foot.at, mesh_.at(a), mesh_.at(b)}};
+    const Double3 before = triangle_normal(old, face.at[1], face.at[2]),
+                  after = triangle_normal(face.at[0], face.at[1], face.at[2]);
+    const double along = dot(before, after), squares = dot(before, before) * dot(after, after);
+    // A face that lies wrong already may turn, if the reference says so.
+    const bool turned = along <= 0.0 || along * along < kAlongBefore * kAlongBefore * squares;
+    if (turned && !(squares > 0.0 && normal_fits(face, {}) && !normal_fits({{v, a, b}, {old, face.at[1], face.at[2]}}, {})))
+      return refuse(report.by_fold);
+    // Nor may it all but vanish.
+    if (dot(after, after) < 0.04 * dot(before, before)) return refuse(report.by_fold);
+    if (!within(face)) return refuse(report.by_tolerance);
+  }
+  mesh_.node(v).at = foot.at;
+  info_[v].moved = true;
+  return true;
+}
+
+}  // namespace tessera

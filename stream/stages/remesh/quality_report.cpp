@@ -1,0 +1,47 @@
+#include "stream/stages/remesh/quality_report.h"
+
+#include <nlohmann/json.hpp>
+
+namespace tessera {
+
+using json = nlohmann::json;
+
+json quality_sums(const TriangleQuality& q) {
+  return {{"angles", q.angles},         {"least", q.least},           {"lengths", q.lengths},
+          {"valences", q.valences},     {"faces", q.faces},           {"angle_off", q.angle_off},
+          {"length_off", q.length_off}, {"area_off", q.area_off},     {"smallest", q.smallest}};
+}
+
+TriangleQuality quality_of(const json& j) {
+  TriangleQuality q;
+  j.at("angles").get_to(q.angles), j.at("least").get_to(q.least), j.at("lengths").get_to(q.lengths);
+  j.at("valences").get_to(q.valences), j.at("faces").get_to(q.faces), j.at("angle_off").get_to(q.angle_off);
+  j.at("length_off").get_to(q.length_off), j.at("area_off").get_to(q.area_off);
+  j.at("smallest").get_to(q.smallest);
+  return q;
+}
+
+json quality_report(const TriangleQuality& q, double target) {
+  if (q.faces == 0) return json::object();
+  const auto faces = static_cast<double>(q.faces);
+  std::uint64_t vertices = 0, narrow = 0;
+  for (const std::uint64_t n : q.valences) vertices += n;
+  constexpr std::size_t kNarrow = 25;  // degrees
+  for (std::size_t i = 0; i < kNarrow; ++i) narrow += q.least[i];
+  json out = {{"edge", target},
+              {"faces", q.faces},
+              {"mean_angle_deviation_deg", static_cast<double>(q.angle_off) * 1e-3 / (3.0 * faces)},
+              {"smallest_angle_deg", static_cast<double>(q.smallest) * 1e-3},
+              {"share_below_25_deg", static_cast<double>(narrow) / faces},
+              {"mean_edge_deviation", static_cast<double>(q.length_off) * 1e-6 / (3.0 * faces)},
+              {"mean_area_deviation", static_cast<double>(q.area_off) * 1e-6 / faces}};
+  if (vertices > 0)
+    out["valence_six_share"] = static_cast<double>(q.valences[6]) / static_cast<double>(vertices);
+  out["angles_by_degree"] = q.angles;
+  out["smallest_angles_by_degree"] = q.least;
+  out["edges_by_50th_of_length"] = q.lengths;
+  out["valences"] = q.valences;
+  return out;
+}
+
+}  // namespace tessera

@@ -1,0 +1,79 @@
+#include "stream/stages/remesh/remesh_job.h"
+
+#include <nlohmann/json.hpp>
+
+#include "stream/import/import_stages.h"
+#include "stream/meshes/store_write_stage.h"
+#include "stream/page/report_page.h"
+#include "stream/runtime/report.h"
+#include "stream/stages/decimate/certify_stage.h"
+#include "stream/stages/decimate/decimate_job.h"
+#include "stream/stages/decimate/idle_stage.h"
+#include "stream/stages/remesh/remesh_stage.h"
+#include "stream/stages/remesh/sizing_stage.h"
+
+namespace tessera {
+namespace {
+
+using json = nlohmann::json;
+
+const std::string kRemeshImport = "mesh";
+constexpr double kMeasuredShare = 0.25;  ///< of the edges: the scale of a distance that is only measured
+
+std::string certify_name(int round) {
+  return round == 0 ? "certify" : "again-" + std::to_string(round) + "-certify";
+}
+
+/// The shape of the last pass that ran, the input, what was written, the proof.
+void summarise(json& report) {
+  report["input"] = import_report(report, kRemeshImport);
+  report["mesh"] = result_of(report, "write");
+  report["certificate"] = certificate_of(report);
+  for (const json& stage : report.at("stages"))
+    if (stage.at("result").is_object() && stage.at("result").contains("quality"))
+      report["quality"] = stage.at("result").at("quality");
+}
+
+StageEntry certify_entry(const RemeshJobOptions& options, const SimplifyStores& stores, int round, bool last) {
+  CertifyRequest request;
+  request.name = certify_name(round);
+  request.tolerance = options.tolerance;
+  request.mesh = [=](const JobState& s) { return open_pass_input(s, stores, {options.passes, round, false}); };
+  request.reference = stores.full;
+  if (!last) request.failed_file = failed_faces_file(round);
+  return {request.name, [=](const JobState& state) {
+            if (round > last_round(state.work)) return make_idle_stage(request.name);
+            CertifyRequest now = request;
+            now.scale = kMeasuredShare * Sizing::of_work(state.work).edge;
+            return make_certify_stage(state, now);
+          }};
+}
+
+}  // namespace
+
+JobDescription remesh_job(const RemeshJobOptions& options) {
+  options.validate();
+  std::vector<StageEntry> stages = import_stages({0, kRemeshImport});
+  stages.push_back({"sizing", [=](const JobState& state) { return make_sizing_stage(state, options); }});
+  const SimplifyStores stores = imported_stores(kRemeshImport);
+  const int rounds = options.tolerance > 0.0 ? kMostRounds : 1;
+  for (int round = 0; round < rounds; ++round) {
+    for (int p = 0; p < options.passes; ++p) {
+      const SimplifyPass pass{p, round, false};
+      stages.push_back({pass.stage_name(), [=](const JobState& state) {
+                          return make_remesh_stage(state, options, stores, pass);
+                        }});
+    }
+    stages.push_back(certify_entry(options, stores, round, round + 1 == rounds));
+  }
+  stages.push_back(
+      {"write", [=](const JobState& state) {
+         return make_store_write_stage(
+             state, open_pass_input(state, stores, {options.passes, last_round(state.work), false}),
+             "made by tessera remesh, edges of " + json(Sizing::of_work(state.work).edge).dump(),
+             sort_bytes(state.run));
+       }});
+  return {"remesh", std::move(stages), 0, summarise, {}, job_page()};
+}
+
+}  // namespace tessera

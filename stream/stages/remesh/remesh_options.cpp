@@ -1,0 +1,51 @@
+#include "stream/stages/remesh/remesh_options.h"
+
+#include "octree/error.h"
+
+namespace tessera {
+namespace {
+
+/// Of the tolerance that operations may use: they look at points of a face, the proof at all of it.
+constexpr double kLoopShare = 0.75;
+
+}  // namespace
+
+OptionTable option_table(RemeshJobOptions& o) {
+  OptionTable t("What it computes");
+  t.add("edge", &o.edge, "length of the edges, units of the mesh; 0 = from --faces or --tolerance").at_least(0);
+  t.add("faces", &o.faces, "about so many faces: the length of the edges follows");
+  t.add("tolerance", &o.tolerance,
+        "largest distance between result and input, both ways, units of the mesh; alone: the length of the edges "
+        "follows from it and the curvature; 0 = the distance is measured and reported")
+      .at_least(0);
+  t.add("max-normal-deviation", &o.max_normal_deviation_deg,
+        "largest angle in degrees between a new face and the input at its centre; 0 = free")
+      .within(0, 180);
+  t.add("feature-angle", &o.feature_angle_deg,
+        "edges that turn by more degrees are kept as creases; 0 = none")
+      .within(0, 180);
+  t.add("iterations", &o.iterations, "of splits, collapses, flips and relaxation in each pass").within(1, 50);
+  t.add("passes", &o.passes, "passes over shifted blocks").within(1, 8);
+  t.add("block-faces", &o.block_faces, "most faces of a block").at_least(1024);
+  return t;
+}
+
+void RemeshJobOptions::validate() const {
+  if (edge == 0.0 && faces == 0 && tolerance == 0.0)
+    throw UsageError("give --edge, --faces or --tolerance above 0: nothing says how long edges are to be");
+  if (edge > 0.0 && faces > 0)
+    throw UsageError("--edge and --faces both say how long edges are to be: give one of them");
+}
+
+RemeshOptions RemeshJobOptions::kernel(double length, bool float_positions) const {
+  RemeshOptions k;
+  k.edge = length;
+  k.tolerance = kLoopShare * tolerance;
+  k.max_normal_turn_deg = max_normal_deviation_deg;
+  k.feature_angle_deg = feature_angle_deg;
+  k.iterations = iterations;
+  k.float_positions = float_positions;
+  return k;
+}
+
+}  // namespace tessera

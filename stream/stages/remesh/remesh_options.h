@@ -1,0 +1,29 @@
+/// \file remesh_options.h
+/// What of remeshing users choose; part of a job's identity.
+#pragma once
+#include <cstdint>
+
+#include "kernels/remesh/remesh.h"
+#include "stream/runtime/option_table.h"
+
+namespace tessera {
+
+struct RemeshJobOptions {
+  double edge = 0.0;        ///< units of the mesh; 0 = from faces or tolerance
+  std::uint64_t faces = 0;  ///< about so many
+  double tolerance = 0.0;   ///< units of the mesh; 0 = measured only
+  double max_normal_deviation_deg = 0.0;
+  double feature_angle_deg = 25.0;
+  int iterations = 3;  ///< in each pass
+  int passes = 3;
+  std::uint64_t block_faces = 1u << 16;
+
+  /// \throws UsageError naming the option
+  void validate() const;
+  /// What blocks are remeshed with. \param edge  length of edges
+  RemeshOptions kernel(double edge, bool float_positions) const;
+};
+
+OptionTable option_table(RemeshJobOptions& options);
+
+}  // namespace tessera

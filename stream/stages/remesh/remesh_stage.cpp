@@ -1,0 +1,285 @@
+#include "stream/stages/remesh/remesh_stage.h"
+
+#include <algorithm>
+#include <optional>
+
+#include <nlohmann/json.hpp>
+
+#include "kernels/mesh/mesh_block_ops.h"
+#include "kernels/remesh/triangle_quality.h"
+#include "octree/error.h"
+#include "stream/check/mesh_compare.h"
+#include "stream/files/direct_file.h"
+#include "stream/files/task_files.h"
+#include "stream/meshes/failed_places.h"
+#include "stream/stages/decimate/idle_stage.h"
+#include "stream/stages/decimate/round_before.h"
+#include "stream/stages/remesh/quality_report.h"
+#include "stream/stages/decimate/unsettled_region.h"
+#include "stream/stages/remesh/sizing_stage.h"
+
+namespace tessera {
+namespace {
+
+using json = nlohmann::json;
+
+constexpr std::uint64_t kTaskFaces = 1u << 19;  ///< of block and weight: a task is worth a file from here
+constexpr std::uint64_t kMostTasks = 400;
+/// Splits come before collapses, so a block has more faces for a while than it will have.
+constexpr std::uint64_t kRoom = 3, kLeastRoom = 4096;
+/// Edges: as far as vertices may have their feet around a block, and farther than a crease must go on to be one.
+constexpr double kReach = 3.0;
+
+/// Keys of new vertices: above those of imported ones, apart for every block of every pass of every round.
+std::uint64_t first_new_key(const SimplifyPass& pass, std::size_t block) {
+  constexpr int kBlockBits = 26;
+  if (block >> kBlockBits) throw ResourceError("remeshing: more blocks than vertices can be named after");
+  return std::uint64_t{1} << 63 | static_cast<std::uint64_t>(pass.round) << 61 |
+         static_cast<std::uint64_t>(pass.pass) << 58 | static_cast<std::uint64_t>(block) << 32;
+}
+
+json to_json(const RemeshReport& r) {
+  return {{"faces_done", r.faces_in},
+          {"faces_out", r.faces_out},
+          {"locked_vertices", r.locked_vertices},
+          {"splits", r.splits},
+          {"collapses", r.collapses},
+          {"flips", r.flips},
+          {"moves", r.moves},
+          {"refused_by_fold", r.by_fold},
+          {"refused_by_tolerance", r.by_tolerance},
+          {"refused_by_room", r.by_room}};
+}
+
+/// Per face whether it lies within some rings of a face that an earlier pass could not settle.
+std::vector<std::uint8_t> near_unsettled(const MeshBlock& block) {
+  constexpr int kRings = 6;
+  std::vector<std::uint8_t> reached(block.key.size(), 0), near(block.faces.size(), 0);
+  for (std::size_t f = 0; f < near.size(); ++f)
+    if ((block.face_flags[f] & kFaceSettled) == 0)
+      for (const std::uint32_t v : block.faces[f]) reached[v] = 1;
+  for (int ring = 0; ring < kRings; ++ring) {
+    for (std::size_t f = 0; f < near.size(); ++f)
+      for (const std::uint32_t v : block.faces[f]) near[f] |= reached[v];
+    for (std::size_t f = 0; f < near.size(); ++f)
+      if (near[f])
+        for (const std::uint32_t v : block.faces[f]) reached[v] = 1;
+  }
+  return near;
+}
+
+/// Keys of the vertices whose stars reach another block, ascending.
+std::vector<std::uint64_t> seam_keys(const MeshBlock& block) {
+  const std::vector<std::uint8_t> complete = complete_stars(block);
+  std::vector<std::uint64_t> keys;
+  for (std::size_t v = 0; v < complete.size(); ++v)
+    if (!complete[v]) keys.push_back(block.key[v]);
+  return keys;
+}
+
+/// Marks faces that the next pass need not look at: all but those at the seams of the block.
+void settle(MeshBlock& block, const std::vector<std::uint64_t>& seams, const RemeshReport& report) {
+  if (report.by_room > 0) return;  // not done at all
+  std::vector<std::uint8_t> seam(block.key.size());
+  for (std::size_t v = 0; v < seam.size(); ++v)
+    seam[v] = std::binary_search(seams.begin(), seams.end(), block.key[v]);
+  for (std::size_t f = 0; f < block.faces.size(); ++f) {
+    const auto& t = block.faces[f];
+    if (!seam[t[0]] && !seam[t[1]] && !seam[t[2]])
+      block.face_flags[f] = static_cast<std::uint8_t>(block.face_flags[f] | kFaceSettled);
+  }
+}
+
+class RemeshStage : public Stage {
+ public:
+  RemeshStage(const JobState& state, const RemeshJobOptions& options, const SimplifyStores& stores,
+              const SimplifyPass& pass)
+      : options_(options),
+        stores_(stores),
+        pass_(pass),
+        sizing_(Sizing::of_work(state.work)),
+        in_(open_pass_input(state, stores, pass)),
+        reference_(stores.full(state)) {
+    kernel_ = options_.kernel(sizing_.edge, !in_.info().double_positions);
+    kernel_.find_creases = pass_.pass == 0;
+    if (options_.tolerance > 0.0) require_provable(reference_, options_.tolerance);
+    double radius = std::max(options_.tolerance, 0.25 * sizing_.edge);
+    for (int round = pass_.round - 1; round >= 0; --round, radius *= 4.0)
+      failed_.add(read_failed_faces(state.work / failed_faces_file(round)), radius);
+    blocks_ = cut(in_);
+    if (pass_.round > 0) open_round_before(state);
+    std::uint64_t total = 0;
+    for (const MeshBlockCut& block : blocks_) total += block.faces + block.weight;
+    const std::uint64_t target = std::max(kTaskFaces, total / kMostTasks);
+    std::uint64_t faces = target;
+    for (std::size_t b = 0; b < blocks_.size(); ++b) {
+      if (faces >= target) first_.push_back(b), faces = 0;
+      faces += blocks_[b].faces + blocks_[b].weight;
+    }
+    first_.push_back(blocks_.size());
+  }
+
+  std::string name() const override { return pass_.stage_name(); }
+  std::size_t task_count() const override { return first_.size() - 1; }
+  std::uint64_t units() const override { return in_.face_count(); }
+  std::string unit_name() const override { return "faces"; }
+
+  std::uint64_t task_bytes(std::size_t task) const override {
+    std::uint64_t most = 0;
+    for (std::size_t b = first_[task]; b < first_[task + 1]; ++b) {
+      const std::vector<std::size_t> near = reference_.select(reference_box(blocks_[b]));
+      std::uint64_t faces = 0;
+      for (const std::size_t p : near) faces += reference_.patches()[p].faces;
+      most = std::max(most, remesh_task_bytes(in_.block_bytes(blocks_[b].patches) + reference_.block_bytes(near),
+                                              room(blocks_[b]), faces, failed_.bytes()));
+    }
+    return most;
+  }
+
+  json run(std::size_t task, TaskContext& context) const override {
+    json sum = json::object();
+    TriangleQuality quality;
+    MeshFileWriter writer(context.create(pass_.folder() + task_file_stem(task) + ".tmm"), in_.info());
+    for (std::size_t b = first_[task]; b < first_[task + 1]; ++b) {
+      context.check_stop();
+      const MeshBlockCut& cut = blocks_[b];
+      if (const MeshBlockCut* same = before_ ? before_->same(in_, cut, failed_) : nullptr) {
+        const std::uint64_t faces = before_->copy(*same, writer);
+        add_counts(sum, {{"faces_in", cut.faces}, {"faces_out", faces}, {"blocks_kept", std::uint64_t{1}}});
+        context.advance(cut.faces);
+        continue;
+      }
+      MeshBlock block = in_.load(cut.patches);
+      add_counts(sum, remesh_block(b, block, context));
+      quality.add(block, sizing_.edge);
+      write(cut, block, writer);
+      context.count_read(in_.block_bytes(cut.patches));
+      context.advance(cut.faces);
+    }
+    context.count_written(writer.finish());
+    sum["blocks"] = first_[task + 1] - first_[task];
+    sum["quality"] = quality_sums(quality);
+    return sum;
+  }
+
+  std::uint64_t finish_bytes() const override { return std::uint64_t{4} << 20; }
+
+  json finish(const std::vector<json>& summaries, TaskContext&) const override {
+    TriangleQuality quality;
+    json sum = json::object();
+    for (json s : summaries) {
+      quality.merge(quality_of(s.at("quality")));
+      s.erase("quality");
+      add_counts(sum, s);
+    }
+    sum["quality"] = quality_report(quality, sizing_.edge);
+    return sum;
+  }
+
+ private:
+  /// The first pass does all of a block, later ones what lies near the seams of the ones before.
+  json remesh_block(std::size_t b, MeshBlock& block, TaskContext& context) const {
+    const std::vector<std::uint8_t> near = near_unsettled(block);
+    const std::vector<std::uint64_t> seams = seam_keys(block);
+    MeshBlock rest;
+    const bool whole = std::find(near.begin(), near.end(), 0) == near.end();
+    const std::size_t faces = block.faces.size();
+    if (!whole) {
+      std::vector<std::uint8_t> far(near.size());
+      for (std::size_t f = 0; f < near.size(); ++f) far[f] = near[f] == 0;
+      rest = select_faces(block, far);
+      block = select_faces(block, near);
+    }
+    json counts = {{"faces_in", faces}, {"faces_out", rest.faces.size()}};
+    if (!block.faces.empty()) {
+      const std::vector<std::uint64_t> held = failed_.keys_near(block, [&] { context.check_stop(); });
+      const std::vector<std::uint8_t> all(block.faces.size(), 1);
+      const MeshBlock reference = load_near_faces(reference_, block, all, reach());
+      RemeshOptions kernel = kernel_;
+      kernel.max_faces = room(blocks_[b]);
+      kernel.first_key = first_new_key(pass_, b);
+      const RemeshReport report = remesh(block, reference, kernel, held);
+      add_counts(counts, to_json(report));
+      settle(block, seams, report);
+    }
+    if (!whole) {
+      const MeshBlock* const pieces[2] = {&rest, &block};
+      block = merge_blocks(pieces, {});
+    }
+    return counts;
+  }
+
+  std::uint64_t room(const MeshBlockCut& cut) const {
+    std::uint64_t expected = 0;
+    for (const std::size_t p : cut.patches) expected += this->expected(in_.patches()[p]);
+    return kRoom * std::max(expected, cut.faces) + kLeastRoom;
+  }
+
+  std::uint64_t expected(const MeshPatchEntry& patch) const {
+    const auto at = sizing_.faces.find(patch.key);
+    return at == sizing_.faces.end() ? patch.faces : at->second;
+  }
+
+  std::vector<MeshBlockCut> cut(const MeshStore& store) const {
+    std::vector<std::uint64_t> weight;
+    for (const MeshPatchEntry& e : store.patches()) {
+      const std::int64_t there = reference_.find(e.key);
+      const std::uint64_t full = there < 0 ? 0 : reference_.patches()[static_cast<std::size_t>(there)].faces;
+      weight.push_back(std::max(expected(e), full / kRemeshReferenceBlocks));
+    }
+    return make_blocks(store, {options_.block_faces, options_.block_faces, pass_shift(pass_.pass)}, weight);
+  }
+
+  void open_round_before(const JobState& state) {
+    SimplifyPass before = pass_;
+    --before.round;
+    SimplifyPass next = before;
+    ++next.pass;
+    MeshStore in = open_pass_input(state, stores_, before);
+    std::vector<MeshBlockCut> blocks = cut(in);
+    before_.emplace(std::move(in), open_pass_input(state, stores_, next), std::move(blocks));
+  }
+
+  MeshBox reference_box(const MeshBlockCut& cut) const {
+    return grown(in_.box_of(cut.patches), reach());
+  }
+  double reach() const { return kReach * sizing_.edge + options_.tolerance; }
+
+  void write(const MeshBlockCut& cut, const MeshBlock& block, MeshFileWriter& writer) const {
+    std::vector<std::uint64_t> brick;
+    brick.reserve(block.faces.size());
+    for (const auto& f : block.faces)
+      brick.push_back(
+          cut.brick_of(in_.info().lattice, block.position[f[0]], block.position[f[1]], block.position[f[2]]));
+    split_faces(block, brick, [&](std::uint64_t key, MeshBlock&& patch) { writer.add(key, patch); });
+  }
+
+  RemeshJobOptions options_;
+  SimplifyStores stores_;
+  SimplifyPass pass_;
+  Sizing sizing_;
+  RemeshOptions kernel_;
+  MeshStore in_;
+  MeshStore reference_;
+  std::vector<MeshBlockCut> blocks_;
+  FailedPlaces failed_;
+  std::optional<RoundBefore> before_;
+  std::vector<std::size_t> first_;  ///< block index per task, one more at the end
+};
+
+}  // namespace
+
+std::uint64_t remesh_task_bytes(std::uint64_t block_bytes, std::uint64_t most_faces,
+                                std::uint64_t reference_faces, std::uint64_t failed_bytes) {
+  // What is loaded is merged from pieces, so it is there twice for a moment; then the kernel works on it.
+  return block_bytes + remesh_bytes(most_faces, reference_faces) + failed_bytes + DirectFile::kDefaultBuffer +
+         (std::uint64_t{4} << 20);
+}
+
+std::unique_ptr<Stage> make_remesh_stage(const JobState& state, const RemeshJobOptions& options,
+                                         const SimplifyStores& stores, const SimplifyPass& pass) {
+  if (pass.round > last_round(state.work)) return make_idle_stage(pass.stage_name());
+  return std::make_unique<RemeshStage>(state, options, stores, pass);
+}
+
+}  // namespace tessera

@@ -1,0 +1,196 @@
+#include "stream/stages/remesh/sizing_stage.h"
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+
+#include <nlohmann/json.hpp>
+
+#include "kernels/decimate/collapse_mesh.h"
+#include "octree/error.h"
+#include "octree/portable_math.h"
+#include "stream/files/durable_file.h"
+#include "stream/files/read_file.h"
+#include "stream/import/import_stages.h"
+#include "stream/runtime/numbers.h"
+
+namespace tessera {
+namespace {
+
+using json = nlohmann::json;
+
+const std::string kSizingFile = "sizing.json";
+constexpr std::size_t kTaskFaces = 1u << 20, kMostTasks = 400;
+/// With a tolerance alone: edges are as long as this share of the surface allows; what bends more keeps shorter ones,
+/// since operations there are refused.
+constexpr double kCalmShare = 0.9;
+constexpr double kLongestShare = 0.1;  ///< of the diagonal: no edge gets longer by itself
+/// Between 4/5 and 4/3 of the length edges are a little shorter than it in the mean: so many more faces come out.
+constexpr double kMoreFaces = 1.2;
+constexpr double kAreaUnits = 0x1p40;  ///< the squared diagonal in units of weights
+
+struct PatchShape {
+  double area = 0.0;
+  std::map<std::uint32_t, std::uint64_t> bends;  ///< weight by class of curvature
+};
+
+std::uint32_t bend_class(double curvature) {
+  return std::bit_cast<std::uint32_t>(static_cast<float>(curvature)) >> 20;
+}
+double bend_of_class(std::uint32_t c) {
+  return static_cast<double>(std::bit_cast<float>((c + 1) << 20));
+}
+
+/// Curvature along edges: by how much the normals at their ends differ. Ends on creases and borders say nothing.
+void measure_bends(const MeshBlock& block, double feature_angle_deg, double area_unit, PatchShape& shape) {
+  const CollapseMesh mesh(block, block.position[0]);
+  const double least = cosine_of_degrees(feature_angle_deg > 0.0 ? feature_angle_deg : 90.0);
+  std::vector<Double3> normal(mesh.vertices(), Double3{});
+  std::vector<std::uint8_t> silent(mesh.vertices(), 0);
+  const auto face_normal = [&](std::size_t f) {
+    const std::uint32_t* v = mesh.face(f).vertex;
+    return triangle_normal(mesh.at(v[0]), mesh.at(v[1]), mesh.at(v[2]));
+  };
+  for (std::uint32_t f = 0; f < mesh.faces().size(); ++f) {
+    const Double3 n = face_normal(f);
+    for (std::uint32_t i = 0; i < 3; ++i) {
+      const std::uint32_t c = 4 * f + i, o = mesh.opposite(c);
+      normal[mesh.vertex(c)] = normal[mesh.vertex(c)] + n;
+      bool quiet = o == kNoCorner;
+      if (!quiet) {
+        const Double3 m = face_normal(o >> 2);
+        quiet = dot(n, m) < least * norm(n) * norm(m);
+      }
+      if (quiet) silent[mesh.vertex(next_corner(c))] = silent[mesh.vertex(prev_corner(c))] = 1;
+    }
+  }
+  for (Double3& n : normal) n = unit_or_zero(n);
+  for (std::uint32_t f = 0; f < mesh.faces().size(); ++f) {
+    const double area = norm(face_normal(f)) / 6.0;
+    for (std::uint32_t c = 4 * f; c < 4 * f + 3; ++c) {
+      const std::uint32_t a = mesh.vertex(next_corner(c)), b = mesh.vertex(prev_corner(c));
+      const double length = norm(mesh.at(b) - mesh.at(a));
+      if (silent[a] || silent[b] || !(length > 0.0)) continue;
+      shape.bends[bend_class(norm(normal[b] - normal[a]) / length)] +=
+          static_cast<std::uint64_t>(area / area_unit) + 1;
+    }
+  }
+}
+
+class SizingStage : public Stage {
+ public:
+  SizingStage(const JobState& state, const RemeshJobOptions& options)
+      : store_(open_imported_mesh(state.work, "mesh")), options_(options) {
+    if (options_.tolerance > 0.0 && !(options_.tolerance < store_.diagonal()))
+      throw UsageError("--tolerance " + number_text(options_.tolerance) + " is more than the whole mesh, which is " +
+                       number_text(store_.diagonal()) + " wide: give less");
+    const std::uint64_t target = std::max<std::uint64_t>(kTaskFaces, store_.face_count() / kMostTasks);
+    std::uint64_t faces = target;
+    for (std::size_t p = 0; p < store_.patches().size(); ++p) {
+      if (faces >= target) first_.push_back(p), faces = 0;
+      faces += store_.patches()[p].faces;
+    }
+    first_.push_back(store_.patches().size());
+  }
+  std::string name() const override { return "sizing"; }
+  std::size_t task_count() const override { return first_.size() - 1; }
+  std::uint64_t units() const override { return store_.face_count(); }
+  std::string unit_name() const override { return "faces"; }
+  std::uint64_t task_bytes(std::size_t) const override {
+    return 3 * store_.largest_patch_bytes() + (std::uint64_t{1} << 20);
+  }
+  std::uint64_t finish_bytes() const override {
+    return store_.patches().size() * 600 + (std::uint64_t{4} << 20);
+  }
+
+  json run(std::size_t task, TaskContext& context) const override {
+    json areas = json::array();
+    PatchShape shape;
+    const double unit = store_.diagonal() * store_.diagonal() / kAreaUnits;
+    for (std::size_t p = first_[task]; p < first_[task + 1]; ++p) {
+      context.check_stop();
+      const MeshBlock block = store_.load({&p, 1});
+      double area = 0.0;
+      for (const auto& f : block.faces)
+        area += 0.5 * norm(triangle_normal(block.position[f[0]], block.position[f[1]], block.position[f[2]]));
+      areas.push_back(area);
+      if (by_curvature()) measure_bends(block, options_.feature_angle_deg, unit, shape);
+      context.advance(block.faces.size());
+    }
+    json bends = json::array();
+    for (const auto& [c, weight] : shape.bends) bends.push_back({c, weight});
+    return {{"areas", areas}, {"bends", bends}};
+  }
+
+  json finish(const std::vector<json>& tasks, TaskContext& context) const override {
+    std::vector<double> areas;
+    std::map<std::uint32_t, std::uint64_t> bends;
+    for (const json& task : tasks) {
+      for (const json& area : task.at("areas")) areas.push_back(area.get<double>());
+      for (const json& bend : task.at("bends")) bends[bend[0].get<std::uint32_t>()] += bend[1].get<std::uint64_t>();
+    }
+    double area = 0.0;
+    for (const double a : areas) area += a;
+    if (!(area > 0.0)) throw EmptyError("the mesh has no area: there is nothing to remesh");
+    const double edge = edge_for(area, bends);
+    const double face = std::sqrt(3.0) / 4.0 * edge * edge;
+    json expected = json::array();
+    double sum = 0.0;
+    for (std::size_t p = 0; p < areas.size(); ++p) {
+      const double faces = std::ceil(areas[p] / face);
+      sum += faces;
+      if (!(sum < 0x1p40))
+        throw UsageError("edges of " + number_text(edge) + " would make more faces than can be counted: " +
+                         "give longer ones");
+      expected.push_back({store_.patches()[p].key, static_cast<std::uint64_t>(faces)});
+    }
+    write_durably(context.create(kSizingFile), json{{"edge", edge}, {"faces", expected}}.dump());
+    json result = {{"edge", edge}, {"area", area}, {"expected_faces", area / face}};
+    if (edge > 0.5 * store_.diagonal())
+      result["warnings"] = {"edges of " + number_text(edge) + " are longer than half of the mesh, which is " +
+                            number_text(store_.diagonal()) + " wide: hardly a face can be so large"};
+    return result;
+  }
+
+ private:
+  bool by_curvature() const { return !(options_.edge > 0.0) && options_.faces == 0; }
+
+  double edge_for(double area, const std::map<std::uint32_t, std::uint64_t>& bends) const {
+    if (options_.edge > 0.0) return options_.edge;
+    if (options_.faces > 0)
+      return std::sqrt(kMoreFaces * 4.0 * area / (std::sqrt(3.0) * static_cast<double>(options_.faces)));
+    std::uint64_t all = 0, calm = 0;
+    for (const auto& [c, weight] : bends) all += weight;
+    double edge = kLongestShare * store_.diagonal();
+    for (const auto& [c, weight] : bends) {
+      calm += weight;
+      if (static_cast<double>(calm) < kCalmShare * static_cast<double>(all)) continue;
+      // Dunyach et al. 2013: a chord of this length is within E of a circle of that curvature.
+      const double e = options_.tolerance, square = 6.0 * e / bend_of_class(c) - 3.0 * e * e;
+      edge = std::fmin(edge, std::sqrt(std::fmax(square, e * e)));
+      break;
+    }
+    return edge;
+  }
+
+  MeshStore store_;
+  RemeshJobOptions options_;
+  std::vector<std::size_t> first_;
+};
+
+}  // namespace
+
+Sizing Sizing::of_work(const std::filesystem::path& work) {
+  const json j = json::parse(read_text(work / kSizingFile));
+  Sizing sizing;
+  j.at("edge").get_to(sizing.edge);
+  for (const json& brick : j.at("faces"))
+    sizing.faces.emplace(brick[0].get<std::uint64_t>(), brick[1].get<std::uint64_t>());
+  return sizing;
+}
+
+std::unique_ptr<Stage> make_sizing_stage(const JobState& state, const RemeshJobOptions& options) {
+  return std::make_unique<SizingStage>(state, options);
+}
+
+}  // namespace tessera

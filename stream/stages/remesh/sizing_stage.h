@@ -1,0 +1,23 @@
+/// \file sizing_stage.h
+/// How long edges are to be, and how many faces that makes of every brick: known before the first pass.
+#pragma once
+#include <cstdint>
+#include <map>
+#include <memory>
+
+#include "stream/meshes/mesh_store.h"
+#include "stream/runtime/stage.h"
+#include "stream/stages/remesh/remesh_options.h"
+
+namespace tessera {
+
+struct Sizing {
+  double edge = 0.0;                              ///< scan units
+  std::map<std::uint64_t, std::uint64_t> faces;   ///< expected of each brick of the imported mesh
+  static Sizing of_work(const std::filesystem::path& work);
+};
+
+/// Sums areas, and with a tolerance alone curvatures, patch by patch.
+std::unique_ptr<Stage> make_sizing_stage(const JobState& state, const RemeshJobOptions& options);
+
+}  // namespace tessera

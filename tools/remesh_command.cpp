@@ -1,0 +1,54 @@
+#include <fmt/format.h>
+
+#include <memory>
+#include <nlohmann/json.hpp>
+
+#include "stream/formats/meshes/mesh_io.h"
+#include "stream/runtime/memory_budget.h"
+#include "stream/stages/remesh/remesh_job.h"
+#include "tools/cli.h"
+#include "tools/commands.h"
+
+namespace tessera {
+namespace {
+
+void run(const RemeshJobOptions& options, JobState state) {
+  const std::filesystem::path input = cli::one_input(state.inputs, "remeshed");
+  cli::require_output(state.output);
+  require_mesh_extension(state.output);
+  const nlohmann::json report = run_job(state, remesh_job(options), cli::stderr_sink());
+  if (state.run.verbosity < 0) return;
+  cli::print_repairs(input.string(), report);
+  const nlohmann::json quality = report.value("quality", nlohmann::json::object());
+  fmt::print("{}: {} faces of {}, edges of {:.4g}, {:.1f} s, peak {}\n", state.output.string(),
+             report.at("mesh").value("faces", std::uint64_t{0}),
+             report.at("input").value("faces", std::uint64_t{0}), quality.value("edge", 0.0),
+             report.at("wall_s").get<double>(),
+             format_bytes(report.at("peak_bytes").get<std::uint64_t>()));
+  fmt::print("angles: {:.2f} degrees from 60 in the mean, smallest {:.2f}, below 25 in {:.3g} % of the faces; edges {:.1f} "
+             "% off; valence 6 at {:.1f} % of the vertices\n",
+             quality.value("mean_angle_deviation_deg", 0.0), quality.value("smallest_angle_deg", 0.0),
+             100.0 * quality.value("share_below_25_deg", 0.0), 100.0 * quality.value("mean_edge_deviation", 0.0),
+             100.0 * quality.value("valence_six_share", 0.0));
+  const nlohmann::json& certificate = report.at("certificate");
+  if (certificate.at("certified_max").is_number())
+    fmt::print("distance: at most {:.4g} both ways, proven; rms {:.3g} to the input, {:.3g} back\n",
+               certificate.at("certified_max").get<double>(),
+               certificate.at("mesh_to_reference").at("rms").get<double>(),
+               certificate.at("reference_to_mesh").at("rms").get<double>());
+  else
+    fmt::print("distance: more than {:.4g} somewhere\n", certificate.value("reach", 0.0));
+  if (const int again = certificate.value("rounds_again", 0); again > 0)
+    fmt::print("the certificate sent parts back {} time{}: the input's faces are kept there\n", again,
+               again == 1 ? "" : "s");
+}
+
+}  // namespace
+
+cli::Command remesh_command() {
+  return cli::job_command<RemeshJobOptions>(
+      "remesh", "A mesh of any size gets triangles near equilateral with edges of one length, on the same surface.",
+      "the mesh to write: .ply, .obj, .stl or .glb", run);
+}
+
+}  // namespace tessera
