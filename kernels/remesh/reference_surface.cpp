@@ -6,6 +6,7 @@
 
 #include "kernels/decimate/collapse_mesh.h"
 #include "kernels/decimate/feature_edges.h"
+#include "octree/union_find.h"
 
 namespace tessera {
 namespace {
@@ -94,7 +95,8 @@ void ReferenceSurface::find_lines(double feature_angle_deg, double least_line) {
   }
   std::sort(creases_.begin(), creases_.end());
   std::sort(borders.begin(), borders.end());
-  prune_creases(least_line);
+  prune_twigs(least_line);
+  prune_islands(2.0 * least_line);
   for (const auto* lines : {&creases_, &borders})
     for (const auto& line : *lines) segments_.push_back({line, {kNone, kNone}, lines == &creases_});
   for (const auto& line : creases_)
@@ -103,7 +105,7 @@ void ReferenceSurface::find_lines(double feature_angle_deg, double least_line) {
 }
 
 /// Twigs: what leads from the end of a crease to the next corner. Noise leaves many, too short to shape a face.
-void ReferenceSurface::prune_creases(double least_line) {
+void ReferenceSurface::prune_twigs(double least_line) {
   constexpr int kRounds = 2;  // a twig may bear twigs
   for (int round = 0; round < kRounds && !creases_.empty(); ++round) {
     struct End {
@@ -144,6 +146,14 @@ void ReferenceSurface::prune_creases(double least_line) {
     if (kept == creases_.size()) return;
     creases_.resize(kept);
   }
+}
+
+void ReferenceSurface::prune_islands(double least_sum) {
+  DisjointSets<std::uint32_t> parts(reference_->position.size());
+  for (const auto& e : creases_) parts.unite(e[0], e[1]);
+  std::vector<double> length(reference_->position.size(), 0.0);
+  for (const auto& e : creases_) length[parts.find(e[0])] += norm(at(e[1]) - at(e[0]));
+  std::erase_if(creases_, [&](const auto& e) { return length[parts.find(e[0])] < least_sum; });
 }
 
 void ReferenceSurface::join_segments() {

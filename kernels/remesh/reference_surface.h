@@ -20,7 +20,7 @@ class ReferenceSurface {
 
   /// Creases are found as decimation finds them (feature_edges.h). A vertex where other than two lines meet, or one
   /// that bends by more than 45 degrees (a border: 60), is a corner. A crease that ends somewhere and is shorter than
-  /// `least_line` is none.
+  /// `least_line` is none, nor are creases that hang together and are shorter than twice that in all.
   /// \param reference  canonical, edge-manifold; must outlive this \param origin  subtracted from all positions
   ReferenceSurface(const MeshBlock& reference, const Double3& origin, double feature_angle_deg,
                    double least_line);
@@ -57,7 +57,8 @@ class ReferenceSurface {
     bool crease = false;                                ///< else a border
   };
   void find_lines(double feature_angle_deg, double least_line);
-  void prune_creases(double least_line);
+  void prune_twigs(double least_line);
+  void prune_islands(double least_sum);
   void join_segments();
   Double3 at(std::uint32_t v) const { return reference_->position[v] - origin_; }
   Foot on_segment(const Double3& p, std::uint32_t segment) const;

@@ -22,6 +22,7 @@ struct RemeshOptions {
   /// Above 0: an operation must leave new faces and removed vertices within it of the reference, as far as their
   /// corners, centres and edges tell: a strong test, not the proof. Creases and borders get half of it.
   double tolerance = 0.0;
+  bool refine_beyond = false;  ///< and in the end edges are split where faces are beyond it, however short they get
   double max_normal_turn_deg = 0.0;  ///< of a face against the reference at its centre; 0 = free
   double feature_angle_deg = 25.0;   ///< edges that turn by more are creases; 0 = none
   int iterations = 4;
@@ -45,7 +46,7 @@ struct RemeshReport {
 
 /// Remeshes `block` in place.
 /// \param block      any order; comes back canonical, without face_bound
-/// \param reference  the original surface with all that comes within three edge lengths of the block; canonical
+/// \param reference  the original surface with all that comes within four edge lengths of the block; canonical
 /// \param held       keys, ascending, of vertices whose faces all stay as they are
 /// \pre    every edge of the block has at most two faces, oppositely directed; positions are finite
 /// \post   pure function of the set of faces and the options; locked vertices unchanged; edge-manifold

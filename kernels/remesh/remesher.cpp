@@ -11,7 +11,7 @@ constexpr double kAnywhere = std::numeric_limits<double>::max();
 /// Rounds of splits or of collapses: the first iteration brings edges of any length down to the target, the others tidy
 /// up. Fixed, and ended early only where nothing is left to do in the block.
 constexpr int kFirstRounds = 24, kLaterRounds = 1;
-constexpr int kFlipRounds = 3;
+constexpr int kFlipRounds = 3, kRefineRounds = 6;
 
 }  // namespace
 
@@ -89,6 +89,9 @@ void Remesher::run(RemeshReport& report) {
     }
     for (int r = 0; r < options_.relaxations; ++r) relax_all(report);
   }
+  if (!options_.refine_beyond) return;
+  for (int r = 0; r < kRefineRounds && refine_beyond(report) > 0; ++r) {
+  }
 }
 
 /// All edges that are wanted, by the class of their length, then by the keys of their ends.
@@ -131,16 +134,55 @@ std::size_t Remesher::split_long(RemeshReport& report) {
       true);
   std::size_t done = 0;
   for (const Edge& e : edges_) {
-    if (!current(e)) continue;
-    const std::uint32_t o = mesh_.opposite(e.corner);
-    if (info_[mesh_.vertex(e.corner)].held || (o != kNoCorner && info_[mesh_.vertex(o)].held)) continue;
-    if (live_faces_ + 2 > options_.max_faces) {
-      ++report.by_room;
-      continue;
-    }
-    split(e);
-    ++done;
+    done += split_if_free(e, report);
   }
+  report.splits += done;
+  return done;
+}
+
+bool Remesher::split_if_free(const Edge& e, RemeshReport& report) {
+  const std::uint32_t o = mesh_.opposite(e.corner);
+  if (!current(e) || info_[e.a].held || info_[e.b].held || info_[mesh_.vertex(e.corner)].held ||
+      (o != kNoCorner && info_[mesh_.vertex(o)].held))
+    return false;
+  if (live_faces_ + 2 > options_.max_faces) {
+    ++report.by_room;
+    return false;
+  }
+  split(e);
+  return true;
+}
+
+/// Splits the longest edge of every face that points of it show to be beyond the tolerance: new vertices lie on the
+/// reference, so that the surface comes nearer.
+std::size_t Remesher::refine_beyond(RemeshReport& report) {
+  std::vector<std::uint8_t> beyond(mesh_.faces().size(), 0);
+  for (std::uint32_t f = 0; f < beyond.size(); ++f) {
+    if (mesh_.face(f).state & kStateDead) continue;
+    const NewFace face = face_of(f);
+    std::uint32_t hint = ReferenceSurface::kNone;
+    bool held = false;
+    for (const std::uint32_t v : face.vertex) {
+      held |= info_[v].held;
+      if (!info_[v].line && info_[v].foot != ReferenceSurface::kNone) hint = info_[v].foot;
+    }
+    if (held || near_at_points(face, options_.tolerance, hint)) continue;
+    std::size_t longest = 0;
+    double most = 0.0;
+    for (std::size_t i = 0; i < 3; ++i) {
+      const double square = squared_distance(face.at[(i + 1) % 3], face.at[(i + 2) % 3]);
+      if (square > most) most = square, longest = i;
+    }
+    beyond[f] = static_cast<std::uint8_t>(1u << longest);
+  }
+  const auto wanted = [&](std::uint32_t c) { return (beyond[c >> 2] >> (c & 3u) & 1u) != 0; };
+  list_edges([](double, std::uint32_t, std::uint32_t) { return true; }, true);
+  std::erase_if(edges_, [&](const Edge& e) {
+    const std::uint32_t o = mesh_.opposite(e.corner);
+    return !wanted(e.corner) && !(o != kNoCorner && wanted(o));
+  });
+  std::size_t done = 0;
+  for (const Edge& e : edges_) done += split_if_free(e, report);
   report.splits += done;
   return done;
 }
@@ -195,8 +237,8 @@ std::size_t Remesher::collapse_short(RemeshReport& report) {
   list_edges(
       [&](double square, std::uint32_t a, std::uint32_t b) {
         const double least = 0.8 * target(a, b);
-        return square < least * least &&
-               !((mesh_.state(a) & kVertexKept) && (mesh_.state(b) & kVertexKept));
+        const bool both_kept = (mesh_.state(a) & kVertexKept) && (mesh_.state(b) & kVertexKept);
+        return square < least * least && (!both_kept || corners_merge(a, b));
       },
       false);
   mark_.resize(info_.size(), 0);

@@ -57,10 +57,13 @@ class Remesher {
   bool is_line(std::uint32_t c) const { return mesh_.crease_edge(c) || mesh_.border_edge(c); }
 
   std::size_t split_long(RemeshReport& report);
+  bool split_if_free(const Edge& e, RemeshReport& report);
   void split(const Edge& e);
+  std::size_t refine_beyond(RemeshReport& report);
   std::size_t collapse_short(RemeshReport& report);
   Refusal check_collapse(std::uint32_t u, std::uint32_t v, std::size_t& at);
   bool linked(std::size_t at);
+  bool corners_merge(std::uint32_t a, std::uint32_t b) const;
   std::size_t flip_all(RemeshReport& report);
   Refusal try_flip(std::uint32_t c);
   int excess(std::uint32_t v, std::uint32_t corner) const;
@@ -72,7 +75,9 @@ class Remesher {
   void compact();
 
   bool normal_fits(const NewFace& f, const Double3& n) const;
-  bool within(const NewFace& f);
+  bool within(const NewFace& f) const;
+  bool near_at_points(const NewFace& f, double limit, std::uint32_t hint) const;
+  NewFace face_of(std::uint32_t f) const;
   bool near_enough(const Double3& p, double limit, std::uint32_t hint) const;
   bool set_foot(std::uint32_t v, const Double3& p, Double3& at, Info& info) const;
 

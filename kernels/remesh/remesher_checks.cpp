@@ -11,6 +11,9 @@ namespace {
 constexpr double kAlongFoot = 0.4;    ///< least cosine of a face to the reference at a smooth corner
 constexpr double kAlongBefore = 0.5;  ///< of a face without such a corner, to what it was
 constexpr double kLeastRoundness = 0.1;
+/// Of the length: shorter edges go even where that leaves others longer than would be split.
+constexpr double kSliver = 0.45;  ///< roundness below which shape counts more than valences
+constexpr double kNeedle = 0.4, kLongBesideNeedle = 1.8;
 
 double roundness(const Double3& a, const Double3& b, const Double3& c) {
   const Double3 u = b - a, v = c - a, w = c - b;
@@ -40,9 +43,21 @@ bool Remesher::near_enough(const Double3& p, double limit, std::uint32_t hint) c
   return surface_.near(p, limit * limit, limit * limit, hint).slot != ReferenceSurface::kNone;
 }
 
+bool Remesher::near_at_points(const NewFace& f, double limit, std::uint32_t hint) const {
+  if (!near_enough((f.at[0] + f.at[1] + f.at[2]) * (1.0 / 3.0), limit, hint)) return false;
+  for (std::size_t i = 0; i < 3; ++i)
+    if (!near_enough((f.at[i] + f.at[(i + 1) % 3]) * 0.5, limit, hint)) return false;
+  return true;
+}
+
+Remesher::NewFace Remesher::face_of(std::uint32_t f) const {
+  const std::uint32_t* v = mesh_.face(f).vertex;
+  return {{v[0], v[1], v[2]}, {mesh_.at(v[0]), mesh_.at(v[1]), mesh_.at(v[2])}};
+}
+
 /// How far a smooth surface with these normals at the corners bulges out of the face is a third of the largest height
 /// of a corner over the tangent plane of another one; where twice that is within the tolerance nothing is looked up.
-bool Remesher::within(const NewFace& f) {
+bool Remesher::within(const NewFace& f) const {
   if (!(options_.tolerance > 0.0) && least_turn_ < -0.5) return true;
   std::uint32_t hint = ReferenceSurface::kNone;
   bool smooth = true;
@@ -60,11 +75,7 @@ bool Remesher::within(const NewFace& f) {
   }
   const double limit = options_.tolerance;
   const Double3 centre = (f.at[0] + f.at[1] + f.at[2]) * (1.0 / 3.0);
-  if (limit > 0.0 && !(smooth && height * (2.0 / 3.0) < limit)) {
-    if (!near_enough(centre, limit, hint)) return false;
-    for (std::size_t i = 0; i < 3; ++i)
-      if (!near_enough((f.at[i] + f.at[(i + 1) % 3]) * 0.5, limit, hint)) return false;
-  }
+  if (limit > 0.0 && !(smooth && height * (2.0 / 3.0) < limit) && !near_at_points(f, limit, hint)) return false;
   if (least_turn_ < -0.5) return true;
   const ReferenceSurface::Foot foot = surface_.near(centre, std::numeric_limits<double>::max(), 0.01 * dot(f.at[1] - f.at[0], f.at[1] - f.at[0]), hint);
   if (foot.slot == ReferenceSurface::kNone) return true;
@@ -72,22 +83,32 @@ bool Remesher::within(const NewFace& f) {
   return dot(own, wide(surface_.normal(foot.slot))) >= least_turn_ * norm(own);
 }
 
+/// Two corners so near to each other that no sound face has room between them become one, as far as the tolerance allows.
+bool Remesher::corners_merge(std::uint32_t a, std::uint32_t b) const {
+  const unsigned both = mesh_.state(a) & mesh_.state(b), any = mesh_.state(a) | mesh_.state(b);
+  const double least = kNeedle * target(a, b);
+  return (both & kVertexFixed) && !(any & (kVertexLocked | kVertexDead)) && square_of(a, b) < least * least;
+}
+
 /// Of u into v; leaves the star of u and the place of v in it.
 Remesher::Refusal Remesher::check_collapse(std::uint32_t u, std::uint32_t v, std::size_t& at) {
   const std::uint8_t state = mesh_.state(u);
-  if ((state & kVertexKept) || (mesh_.state(v) & kVertexPinched)) return Refusal::kLink;
+  if ((mesh_.state(v) & kVertexPinched) || ((state & kVertexKept) && !corners_merge(u, v))) return Refusal::kLink;
   if (!mesh_.gather(u, star_)) return Refusal::kLink;
   const std::size_t k = star_.faces, size = star_.ring_size();
   for (at = 0; at < size && star_.ring[at] != v;) ++at;
   if (at == size) return Refusal::kLink;
   if ((state & kVertexBorder) && at != 0 && at != k) return Refusal::kLink;
-  if ((state & kVertexCrease) && !(at < k ? mesh_.crease_edge(prev_corner(star_.corner[at]))
-                                          : mesh_.crease_edge(next_corner(star_.corner[k - 1]))))
+  if ((state & (kVertexCrease | kVertexFixed)) && !(at < k ? mesh_.crease_edge(prev_corner(star_.corner[at]))
+                                          : mesh_.crease_edge(next_corner(star_.corner[k - 1]))) &&
+      !((state & kVertexBorder) && (at == 0 || at == k)))
     return Refusal::kLink;
+  const double needle = kNeedle * target(u, v);
+  const double longest = square_of(u, v) < needle * needle ? kLongBesideNeedle : 4.0 / 3.0;
   for (std::size_t i = 0; i < size; ++i) {
     const std::uint32_t w = star_.ring[i];
     if (info_[w].held) return Refusal::kLink;
-    const double most = 4.0 / 3.0 * target(v, w);
+    const double most = longest * target(v, w);
     if (i != at && square_of(v, w) > most * most) return Refusal::kLink;
   }
   if (!linked(at)) return Refusal::kLink;
@@ -185,12 +206,15 @@ Remesher::Refusal Remesher::try_flip(std::uint32_t c) {
     const int e = excess(v, corner);
     if (e != kNoSay) change += 1 + 2 * e;
   }
-  if (change > 0) return Refusal::kLink;
   const Double3 &pu = mesh_.at(u), &pw = mesh_.at(w), &pa = mesh_.at(a), &pb = mesh_.at(b);
   const double before = std::min(roundness(pu, pa, pb), roundness(pw, pb, pa)),
                after = std::min(roundness(pu, pa, pw), roundness(pw, pb, pu));
   // Valences that stay as good must pay in shape; better ones may cost some, which relaxation makes up for.
-  if (change == 0 ? after < 1.1 * before + 0.02 : after < 0.35 && after < before) return Refusal::kLink;
+  const bool sliver = before < kSliver && after > 1.5 * before;
+  if (!sliver && (change > 0                                                  ? true
+                  : change == 0 ? after < 1.1 * before + 0.02
+                                : after < 0.35 && after < before))
+    return Refusal::kLink;
   if (info_[u].held || info_[w].held || info_[a].held || info_[b].held) return Refusal::kLink;
   for (const std::uint32_t v : {a, b})
     if (!(mesh_.state(v) & kVertexLocked) && valence_[v] <= ((mesh_.state(v) & kVertexOpen) ? 1 : 3))

@@ -15,6 +15,8 @@ const std::map<std::string, std::string>& parts_of_headers() {
       {"kernels/decimate/decimator_sweep.cpp", "kernels/decimate/decimator.h"},
       {"kernels/extract/feature_segments.cpp", "kernels/extract/brick_extractor.h"},
       {"kernels/picture/rasterizer_egl.cpp", "kernels/picture/rasterizer.h"},
+      {"kernels/remesh/remesher_checks.cpp", "kernels/remesh/remesher.h"},
+      {"kernels/remesh/remesher_relax.cpp", "kernels/remesh/remesher.h"},
       {"kernels/scene/sensor_source.cpp", "kernels/scene/sample_source.h"},
       {"stream/check/mesh_check_report.cpp", "stream/check/mesh_check.h"},
       {"stream/check/mesh_compare_report.cpp", "stream/check/mesh_compare.h"},
@@ -52,6 +54,7 @@ const std::map<std::string, std::string>& parts_of_headers() {
       {"tools/parameterize_command.cpp", "tools/commands.h"},
       {"tools/plan_command.cpp", "tools/commands.h"},
       {"tools/reconstruct_command.cpp", "tools/commands.h"},
+      {"tools/remesh_command.cpp", "tools/commands.h"},
       {"tools/render_command.cpp", "tools/commands.h"},
       {"tools/report_command.cpp", "tools/commands.h"},
       {"tools/smooth_command.cpp", "tools/commands.h"},
@@ -109,6 +112,8 @@ const std::map<std::string, std::string>& covering_tests() {
        {"gl_functions", "rasterizer", "rasterizer_egl"});
     by("kernels/points/orientation", "kernels/points", {"sign_solver"});
     by("stream/stages/scan/survey", "kernels/points", {"spacing"});
+    by("kernels/remesh/remesh", "kernels/remesh",
+       {"reference_surface", "remesher", "remesher_checks", "remesher_relax"});
     by("kernels/scene/scene", "kernels/scene",
        {"fractal_noise", "implicit_scene", "sample_source", "scene_models", "scene_smooth", "scene_solid",
         "sensor_source", "solid", "surface_sampler"});
@@ -123,6 +128,8 @@ const std::map<std::string, std::string>& covering_tests() {
        {"certify_stage", "decimate_job", "idle_stage", "round_before", "simplify_stage", "unsettled_region"});
     by("stream/runtime/option_table", "stream/stages/decimate", {"simplify_options"});
     by("stream/runtime/option_table", "stream/stages", {"jobs"});
+    by("tools/remesh", "stream/stages/remesh",
+       {"quality_report", "remesh_job", "remesh_options", "remesh_stage", "sizing_stage"});
     by("stream/stages/reconstruct/forecast", "stream/stages/reconstruct",
        {"forecast_composer", "forecast_rates", "planned_patches"});
     by("tools/reconstruct", "stream/stages/reconstruct", {"forecast_stage", "reconstruct_job"});

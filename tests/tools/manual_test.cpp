@@ -18,7 +18,7 @@ TEST_CASE("manual: the page names commands, options with their defaults, and exi
   const Outcome page = shell(TESSERA_BINARY " --man-page");
   REQUIRE(page.code == 0);
   CHECK(page.said.rfind(".TH TESSERA 1", 0) == 0);
-  for (const char* command : {"reconstruct", "decimate", "smooth", "report", "doctor"})
+  for (const char* command : {"reconstruct", "decimate", "remesh", "smooth", "report", "doctor"})
     CHECK(holds(page.said, std::string(".SH \"tessera ") + command + "\"\n"));
   CHECK(holds(page.said, "\\fB\\-\\-feature\\-angle\\fR \\fIX\\fR\n"));
   CHECK(holds(page.said, "\\fB\\-\\-threads\\fR, \\fB\\-t\\fR"));

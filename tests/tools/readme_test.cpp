@@ -11,7 +11,7 @@ using namespace tessera::test;
 
 TEST_CASE("README: its options are those of the commands, word for word", "[pipeline]") {
   std::set<std::string> known;
-  for (const char* command : {"reconstruct", "smooth", "decimate"}) {
+  for (const char* command : {"reconstruct", "smooth", "decimate", "remesh"}) {
     const Outcome r = shell(std::string(TESSERA_BINARY " ") + command + " --markdown");
     REQUIRE(r.code == 0);
     std::istringstream rows(r.said);
@@ -29,7 +29,7 @@ TEST_CASE("README: its options are those of the commands, word for word", "[pipe
 }
 
 TEST_CASE("every command has help, and shows what its options are", "[pipeline]") {
-  for (const std::string command : {"plan", "reconstruct", "smooth", "decimate", "task", "check", "render",
+  for (const std::string command : {"plan", "reconstruct", "smooth", "decimate", "remesh", "task", "check", "render",
                                     "report", "info", "convert", "parameterize", "synth", "doctor"}) {
     CAPTURE(command);
     const Outcome r = shell(TESSERA_BINARY " " + command + " --help");

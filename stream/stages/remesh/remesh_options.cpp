@@ -7,6 +7,8 @@ namespace {
 
 /// Of the tolerance that operations may use: they look at points of a face, the proof at all of it.
 constexpr double kLoopShare = 0.75;
+/// Without a tolerance operations keep within this share of the length: enough for any circle that edges can follow.
+constexpr double kShapeShare = 0.2;
 
 }  // namespace
 
@@ -16,7 +18,7 @@ OptionTable option_table(RemeshJobOptions& o) {
   t.add("faces", &o.faces, "about so many faces: the length of the edges follows");
   t.add("tolerance", &o.tolerance,
         "largest distance between result and input, both ways, units of the mesh; alone: the length of the edges "
-        "follows from it and the curvature; 0 = the distance is measured and reported")
+        "follows from it and the curvature; 0 = the distance is measured and reported, single operations keep within a fifth of the edges")
       .at_least(0);
   t.add("max-normal-deviation", &o.max_normal_deviation_deg,
         "largest angle in degrees between a new face and the input at its centre; 0 = free")
@@ -40,7 +42,8 @@ void RemeshJobOptions::validate() const {
 RemeshOptions RemeshJobOptions::kernel(double length, bool float_positions) const {
   RemeshOptions k;
   k.edge = length;
-  k.tolerance = kLoopShare * tolerance;
+  k.tolerance = tolerance > 0.0 ? kLoopShare * tolerance : kShapeShare * length;
+  k.refine_beyond = tolerance > 0.0;
   k.max_normal_turn_deg = max_normal_deviation_deg;
   k.feature_angle_deg = feature_angle_deg;
   k.iterations = iterations;

@@ -28,7 +28,7 @@ constexpr std::uint64_t kMostTasks = 400;
 /// Splits come before collapses, so a block has more faces for a while than it will have.
 constexpr std::uint64_t kRoom = 3, kLeastRoom = 4096;
 /// Edges: as far as vertices may have their feet around a block, and farther than a crease must go on to be one.
-constexpr double kReach = 3.0;
+constexpr double kReach = 4.0;
 
 /// Keys of new vertices: above those of imported ones, apart for every block of every pass of every round.
 std::uint64_t first_new_key(const SimplifyPass& pass, std::size_t block) {
@@ -106,6 +106,7 @@ class RemeshStage : public Stage {
     double radius = std::max(options_.tolerance, 0.25 * sizing_.edge);
     for (int round = pass_.round - 1; round >= 0; --round, radius *= 4.0)
       failed_.add(read_failed_faces(state.work / failed_faces_file(round)), radius);
+    for (int round = 2; round <= pass_.round; ++round) careful_ *= 0.5;
     blocks_ = cut(in_);
     if (pass_.round > 0) open_round_before(state);
     std::uint64_t total = 0;
@@ -198,6 +199,7 @@ class RemeshStage : public Stage {
       RemeshOptions kernel = kernel_;
       kernel.max_faces = room(blocks_[b]);
       kernel.first_key = first_new_key(pass_, b);
+      if (!held.empty()) kernel.tolerance *= careful_;
       const RemeshReport report = remesh(block, reference, kernel, held);
       add_counts(counts, to_json(report));
       settle(block, seams, report);
@@ -263,6 +265,7 @@ class RemeshStage : public Stage {
   MeshStore reference_;
   std::vector<MeshBlockCut> blocks_;
   FailedPlaces failed_;
+  double careful_ = 1.0;  ///< share of the tolerance in blocks with failed places
   std::optional<RoundBefore> before_;
   std::vector<std::size_t> first_;  ///< block index per task, one more at the end
 };

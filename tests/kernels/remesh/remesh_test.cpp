@@ -1,0 +1,268 @@
+// The remeshing kernel: what triangles become, what must stay as it is, and what the result may not depend on.
+#include "kernels/remesh/remesh.h"
+
+#include <catch2/catch.hpp>
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <numeric>
+
+#include "kernels/certify/certificate.h"
+#include "kernels/mesh/closest_face.h"
+#include "kernels/mesh/mesh_block_ops.h"
+#include "kernels/remesh/triangle_quality.h"
+#include "octree/error.h"
+#include "octree/portable_math.h"
+#include "tests/helpers/block_meshes.h"
+#include "tests/helpers/mesh_checks.h"
+
+using namespace tessera;
+using namespace tessera::test;
+
+namespace {
+
+RemeshOptions options_for(double edge) {
+  RemeshOptions o;
+  o.edge = edge;
+  o.iterations = 5;
+  o.find_creases = true;
+  o.float_positions = false;
+  o.max_faces = 400000;
+  o.first_key = std::uint64_t{1} << 63;
+  return o;
+}
+
+MeshBlock remeshed(MeshBlock block, const RemeshOptions& options, RemeshReport* report = nullptr,
+                   const std::vector<std::uint64_t>& held = {}) {
+  canonicalise(block);
+  const MeshBlock reference = block;
+  const RemeshReport r = remesh(block, reference, options, held);
+  if (report) *report = r;
+  return block;
+}
+
+MeshChecks checks_of(const MeshBlock& b) {
+  IndexedMesh mesh;
+  mesh.position = b.position;
+  mesh.faces = b.faces;
+  return check_mesh(mesh);
+}
+
+double area_of(const MeshBlock& b) {
+  double area = 0.0;
+  for (const auto& f : b.faces)
+    area += 0.5 * norm(triangle_normal(b.position[f[0]], b.position[f[1]], b.position[f[2]]));
+  return area;
+}
+
+bool same(const MeshBlock& a, const MeshBlock& b) {
+  return a.key == b.key && a.position == b.position && a.faces == b.faces && a.face_flags == b.face_flags &&
+         a.vertex_class == b.vertex_class;
+}
+
+/// The same mesh with vertices and faces in another order, faces turned.
+MeshBlock shuffled(const MeshBlock& b, std::uint64_t seed) {
+  const auto order_of = [&](std::size_t n, std::uint64_t stream) {
+    std::vector<std::uint32_t> order(n);
+    std::iota(order.begin(), order.end(), 0u);
+    std::sort(order.begin(), order.end(), [&](std::uint32_t x, std::uint32_t y) {
+      return random_bits(seed, stream, x) < random_bits(seed, stream, y);
+    });
+    return order;
+  };
+  MeshBlock out;
+  std::vector<std::uint32_t> place(b.key.size());
+  for (const std::uint32_t v : order_of(b.key.size(), 1)) {
+    place[v] = static_cast<std::uint32_t>(out.key.size());
+    out.key.push_back(b.key[v]);
+    out.position.push_back(b.position[v]);
+    out.vertex_class.push_back(b.vertex_class[v]);
+  }
+  for (const std::uint32_t f : order_of(b.faces.size(), 2)) {
+    const auto& t = b.faces[f];
+    const unsigned bits = b.face_flags[f] & 7u;
+    out.faces.push_back({place[t[1]], place[t[2]], place[t[0]]});
+    out.face_flags.push_back(static_cast<std::uint8_t>(bits >> 1 | (bits & 1u) << 2));
+  }
+  return out;
+}
+
+double certified(const MeshBlock& a, const MeshBlock& b, double scale) {
+  const ClosestFaces there(b.position, b.faces, {}), back(a.position, a.faces, {});
+  const CertificateOptions options{.tolerance = scale, .reach = 4.0 * scale, .area_unit = 0x1p-40};
+  return std::max(certify_deviation({a.position, a.faces}, nullptr, there, options).upper,
+                  certify_deviation({b.position, b.faces}, nullptr, back, options).upper);
+}
+
+}  // namespace
+
+TEST_CASE("remesh: a noisy sphere gets triangles near equilateral, on the sphere it was", "[unit]") {
+  MeshBlock sphere = sphere_block(6);
+  add_noise(sphere, 0.002, 3);
+  for (const double edge : {0.02, 0.033, 0.06}) {
+    CAPTURE(edge);
+    const MeshBlock out = remeshed(sphere, options_for(edge));
+    const MeshChecks checks = checks_of(out);
+    CHECK(checks.defects() == 0);
+    CHECK(checks.boundary_edges == 0);
+    CHECK(checks.euler == 2);
+    TriangleQuality q;
+    q.add(out, edge);
+    const auto faces = static_cast<double>(q.faces);
+    CHECK(static_cast<double>(q.angle_off) * 1e-3 / (3.0 * faces) < 8.0);
+    CHECK(q.smallest > 20000);
+    CHECK(static_cast<double>(q.length_off) * 1e-6 / (3.0 * faces) < 0.15);
+    CHECK(static_cast<double>(q.valences[6]) > 0.75 * static_cast<double>(out.key.size()));
+    CHECK(certified(out, sphere, 0.01) < 0.2 * edge);
+    const ClosestFaces reference(sphere.position, sphere.faces, {});
+    for (const Double3& p : out.position)
+      REQUIRE(reference.closest(p, 1e-24, ClosestFaces::kNone).slot != ClosestFaces::kNone);
+  }
+}
+
+TEST_CASE("remesh: vertices on the creases of a cube stay exactly on them, its corners stay", "[unit]") {
+  for (const double edge : {0.031, 0.08, 0.21}) {
+    CAPTURE(edge);
+    const MeshBlock out = remeshed(cube_block(20), options_for(edge));
+    CHECK(checks_of(out).defects() == 0);
+    CHECK(checks_of(out).euler == 2);
+    CHECK(area_of(out) == Approx(6.0).epsilon(1e-12));
+    std::size_t corners = 0, creases = 0;
+    for (std::size_t v = 0; v < out.key.size(); ++v) {
+      int ends = 0;
+      for (const double x : out.position[v]) ends += x == 0.0 || x == 1.0;
+      REQUIRE(ends > 0);
+      corners += ends == 3;
+      creases += ends == 2;
+      CHECK((out.vertex_class[v] == VertexClass::kCorner) == (ends == 3));
+      CHECK((out.vertex_class[v] == VertexClass::kCrease) == (ends == 2));
+    }
+    CHECK(corners == 8);
+    // A crease of the length 1 is parted into equal edges near the length asked for.
+    CHECK(static_cast<double>(creases) >= 12.0 * (0.75 / edge - 1.0));
+    CHECK(static_cast<double>(creases) <= 12.0 * (1.25 / edge - 1.0));
+    TriangleQuality q;
+    q.add(out, edge);
+    CHECK(q.smallest > 20000);
+  }
+}
+
+TEST_CASE("remesh: borders keep their line, corners of borders their place", "[unit]") {
+  const MeshBlock plane = grid_block(30, 20, [](double, double) { return 0.0; });
+  const MeshBlock out = remeshed(plane, options_for(1.7));
+  CHECK(checks_of(out).defects() == 0);
+  CHECK(checks_of(out).boundary_loops == 1);
+  CHECK(area_of(out) == Approx(600.0).epsilon(1e-12));
+  std::size_t corners = 0;
+  for (const VertexClass c : out.vertex_class) corners += c == VertexClass::kCorner;
+  CHECK(corners == 4);
+  std::size_t flagged = 0;
+  for (const std::uint8_t flags : out.face_flags) flagged += static_cast<std::size_t>((flags & 1) + (flags >> 1 & 1) + (flags >> 2 & 1));
+  CHECK(flagged == checks_of(out).boundary_edges);
+}
+
+TEST_CASE("remesh: two pieces with a locked seam fit together, whichever is done first", "[unit]") {
+  MeshBlock whole = sphere_block(5);
+  add_noise(whole, 0.003, 5);
+  canonicalise(whole);
+  RemeshOptions o = options_for(0.04);
+  std::vector<std::uint8_t> left(whole.faces.size()), right(whole.faces.size());
+  for (std::size_t f = 0; f < left.size(); ++f) {
+    left[f] = whole.position[whole.faces[f][0]][0] < 0.1;
+    right[f] = !left[f];
+  }
+  MeshBlock a = select_faces(whole, left), b = select_faces(whole, right);
+  const MeshBlock seam = a;
+  RemeshReport report = remesh(a, whole, o);
+  CHECK(report.locked_vertices > 0);
+  o.first_key += std::uint64_t{1} << 32;
+  remesh(b, whole, o);
+  const MeshBlock* const pieces[2] = {&a, &b};
+  const MeshBlock joined = merge_blocks(pieces, {});
+  CHECK(checks_of(joined).defects() == 0);
+  CHECK(checks_of(joined).boundary_edges == 0);
+  CHECK(checks_of(joined).euler == 2);
+  const std::vector<std::uint8_t> complete = complete_stars(seam);
+  for (std::size_t v = 0; v < seam.key.size(); ++v) {
+    if (complete[v]) continue;
+    const auto at = std::lower_bound(a.key.begin(), a.key.end(), seam.key[v]);
+    REQUIRE((at != a.key.end() && *at == seam.key[v]));
+    CHECK(a.position[static_cast<std::size_t>(at - a.key.begin())] == seam.position[v]);
+  }
+}
+
+TEST_CASE("remesh: the order of the input leaves no trace", "[property]") {
+  MeshBlock sphere = sphere_block(5);
+  add_noise(sphere, 0.004, 7);
+  const MeshBlock cube = cube_block(12);
+  for (const auto& [mesh, edge] : {std::pair<const MeshBlock*, double>{&sphere, 0.045}, {&cube, 0.11}}) {
+    RemeshOptions o = options_for(edge);
+    o.tolerance = 0.1 * edge;
+    o.refine_beyond = true;
+    const MeshBlock out = remeshed(*mesh, o);
+    MeshBlock reference = *mesh;
+    canonicalise(reference);
+    for (const std::uint64_t seed : {1u, 2u, 3u}) {
+      MeshBlock other = shuffled(*mesh, seed);
+      CHECK(other.position != mesh->position);
+      remesh(other, reference, o);
+      CHECK(same(other, out));
+    }
+  }
+}
+
+TEST_CASE("remesh: faces at held vertices stay as they are", "[unit]") {
+  MeshBlock sphere = sphere_block(5);
+  add_noise(sphere, 0.003, 9);
+  canonicalise(sphere);
+  std::vector<std::uint64_t> held;
+  for (std::size_t v = 0; v < sphere.key.size(); ++v)
+    if (sphere.position[v][2] > 0.6) held.push_back(sphere.key[v]);
+  const MeshBlock out = remeshed(sphere, options_for(0.05), nullptr, held);
+  std::map<std::array<std::uint64_t, 3>, int> faces;
+  for (const auto& f : out.faces) ++faces[{out.key[f[0]], out.key[f[1]], out.key[f[2]]}];
+  std::size_t found = 0, expected = 0;
+  for (const auto& f : sphere.faces) {
+    bool any = false;
+    for (const std::uint32_t v : f) any |= std::binary_search(held.begin(), held.end(), sphere.key[v]);
+    if (!any) continue;
+    ++expected;
+    found += faces.count({sphere.key[f[0]], sphere.key[f[1]], sphere.key[f[2]]});
+  }
+  CHECK(expected > 100);
+  CHECK(found == expected);
+  CHECK(checks_of(out).defects() == 0);
+}
+
+TEST_CASE("remesh: with a tolerance faces get smaller where the surface asks for it", "[unit]") {
+  const MeshBlock hills = grid_block(80, 80, [](double x, double y) {
+    const double r = std::sqrt((x - 40) * (x - 40) + (y - 40) * (y - 40));
+    return r < 12.0 ? 6.0 * (1.0 - r * r / 144.0) * (1.0 - r * r / 144.0) : 0.0;
+  });
+  RemeshOptions o = options_for(5.0);
+  const double loose = certified(remeshed(hills, o), hills, 0.1);
+  o.tolerance = 0.05;
+  o.refine_beyond = true;
+  const MeshBlock out = remeshed(hills, o);
+  CHECK(checks_of(out).defects() == 0);
+  const double tight = certified(out, hills, 0.1);
+  CHECK(loose > 0.2);
+  CHECK(tight < 0.075);
+  CHECK(out.faces.size() < hills.faces.size() / 4);
+}
+
+TEST_CASE("remesh: no more faces than there is room for, and options that make no sense are refused", "[unit]") {
+  RemeshOptions o = options_for(0.01);
+  o.max_faces = 3000;
+  RemeshReport report;
+  const MeshBlock out = remeshed(sphere_block(4), o, &report);
+  CHECK(out.faces.size() <= 3000);
+  CHECK(report.by_room > 0);
+  CHECK(checks_of(out).defects() == 0);
+  o.edge = 0.0;
+  CHECK_THROWS_AS(remeshed(sphere_block(2), o), UsageError);
+  o.edge = 0.1;
+  o.tolerance = -1.0;
+  CHECK_THROWS_AS(remeshed(sphere_block(2), o), UsageError);
+}

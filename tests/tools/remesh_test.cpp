@@ -1,0 +1,192 @@
+// tessera remesh as a user runs it: the same bytes whatever must not matter, a proven distance, clear refusals.
+#include <catch2/catch.hpp>
+
+#include <algorithm>
+#include <cmath>
+#include <string>
+#include <vector>
+
+#include <nlohmann/json.hpp>
+
+#include "stream/check/mesh_check.h"
+#include "stream/formats/meshes/mesh_io.h"
+#include "tests/helpers/command.h"
+#include "tests/helpers/serial_job.h"
+#include "tests/helpers/shell.h"
+
+using namespace tessera;
+using namespace tessera::test;
+
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr int kSide = 250;  // two triangles a cell: several bricks, buckets and blocks of 8192 faces
+
+/// Waves with a ridge, whose crest is a crease; `backwards` writes vertices and faces from the last to the first.
+fs::path write_waves(const fs::path& path, bool backwards = false) {
+  std::vector<Double3> position;
+  std::vector<MeshFace> faces;
+  for (int j = 0; j <= kSide; ++j)
+    for (int i = 0; i <= kSide; ++i) {
+      const double x = i / 40.0 - 3, y = j / 40.0 - 3;
+      const double ridge = 20.0 - std::fabs(i - 130.0);
+      position.push_back({i + 0.0, j + 0.0, 2.0 * x * y - x * x + (ridge > 0.0 ? ridge : 0.0)});
+      for (double& c : position.back()) c = static_cast<double>(static_cast<float>(c));
+    }
+  const auto at = [&](int i, int j) {
+    const auto v = static_cast<std::uint64_t>(j * (kSide + 1) + i);
+    return backwards ? position.size() - 1 - v : v;
+  };
+  for (int j = 0; j < kSide; ++j)
+    for (int i = 0; i < kSide; ++i) {
+      faces.push_back({at(i, j), at(i + 1, j), at(i + 1, j + 1)});
+      faces.push_back({at(i, j), at(i + 1, j + 1), at(i, j + 1)});
+    }
+  if (backwards) {
+    std::reverse(position.begin(), position.end());
+    std::reverse(faces.begin(), faces.end());
+  }
+  MeshHeader header;
+  header.vertices = position.size();
+  header.faces = faces.size();
+  const auto file = create_mesh_file(path, header);
+  file->vertices(position, {});
+  file->faces(faces);
+  file->finish();
+  return path;
+}
+
+std::vector<std::string> words(const fs::path& in, const fs::path& out,
+                               const std::vector<std::string>& more) {
+  std::vector<std::string> w = {"remesh", in.string(), "-o", out.string(), "--progress", "none", "-q"};
+  w.insert(w.end(), more.begin(), more.end());
+  return w;
+}
+
+MeshCheck checked(const fs::path& mesh) {
+  MeshCheckOptions options;
+  options.temp = mesh.parent_path();
+  return check_mesh(*open_mesh_file(mesh), options);
+}
+
+nlohmann::json report_of(const fs::path& out) {
+  return nlohmann::json::parse(file_bytes(out.string() + ".report.json"));
+}
+
+}  // namespace
+
+TEST_CASE("remesh: same bytes over threads, memory, processes, order of the input and kills", "[property]") {
+  const TempFolder folder;
+  const fs::path in = write_waves(folder.path() / "in.ply");
+  const std::vector<std::string> base = {"--edge", "1.3", "--tolerance", "0.1", "--block-faces", "8192"};
+  const auto run = [&](const fs::path& from, std::vector<std::string> more) {
+    const fs::path out = folder.path() / "out.ply";
+    fs::remove(out);
+    more.insert(more.end(), base.begin(), base.end());
+    const CommandResult r = tessera_command(words(from, out, more));
+    INFO(r.errors);
+    REQUIRE(r.code == 0);
+    CHECK_FALSE(fs::exists(out.string() + ".tessera"));
+    return file_bytes(out);
+  };
+  const std::string bytes = run(in, {"-t", "1", "--memory", "1G"});
+  const nlohmann::json report = report_of(folder.path() / "out.ply");
+  CHECK(report.at("certificate").at("proven") == true);
+  CHECK(report.at("certificate").at("certified_max").get<double>() <= 0.1);
+  const nlohmann::json quality = report.at("quality");
+  CHECK(quality.at("mean_angle_deviation_deg").get<double>() < 9.0);
+  CHECK(quality.at("mean_edge_deviation").get<double>() < 0.15);
+  CHECK(quality.at("share_below_25_deg").get<double>() < 0.001);
+  CHECK(quality.at("angles_by_degree").size() == 180);
+  CHECK(run(in, {"-t", "2", "--memory", "300M"}) == bytes);
+  CHECK(run(in, {"-t", "5", "--memory", "2G", "--tile-size", "128"}) == bytes);
+  CHECK(run(in, {"-t", "2", "--memory", "1G", "--processes"}) == bytes);
+  CHECK(run(write_waves(folder.path() / "back.ply", true), {"-t", "2", "--memory", "1G"}) == bytes);
+
+  const fs::path out = folder.path() / "killed.ply";
+  std::vector<std::string> w = words(in, out, base);
+  w.insert(w.end(), {"-t", "2", "--memory", "1G"});
+  int kills = 0;
+  for (const unsigned ms : {100u, 200u, 350u, 500u}) kills += tessera_command(w, ms).code == 128 + 9;
+  CHECK(kills > 0);
+  REQUIRE(tessera_command(w).code == 0);
+  CHECK(file_bytes(out) == bytes);
+}
+
+TEST_CASE("remesh: blocks leave no trace in the number and the shape of faces", "[property]") {
+  const TempFolder folder;
+  const fs::path in = write_waves(folder.path() / "in.ply");
+  const auto quality = [&](const std::string& block) {
+    const fs::path out = folder.path() / "out.ply";
+    fs::remove(out);
+    const CommandResult r = tessera_command(words(in, out, {"--edge", "1.3", "--block-faces", block}));
+    INFO(r.errors);
+    REQUIRE(r.code == 0);
+    const MeshCheck check = checked(out);
+    CHECK(check.nonmanifold_edges == 0);
+    CHECK(check.components == 1);
+    return report_of(out).at("quality");
+  };
+  const nlohmann::json one = quality("1000000"), many = quality("4096");
+  CHECK(many.at("faces").get<double>() == Approx(one.at("faces").get<double>()).epsilon(0.02));
+  CHECK(many.at("mean_angle_deviation_deg").get<double>() ==
+        Approx(one.at("mean_angle_deviation_deg").get<double>()).epsilon(0.1));
+  CHECK(many.at("valence_six_share").get<double>() ==
+        Approx(one.at("valence_six_share").get<double>()).epsilon(0.05));
+}
+
+TEST_CASE("remesh: a number of faces, or a tolerance alone, says how long edges are", "[pipeline]") {
+  const TempFolder folder;
+  const fs::path in = write_waves(folder.path() / "in.ply");
+  const fs::path out = folder.path() / "out.ply";
+  REQUIRE(tessera_command(words(in, out, {"--faces", "40000"})).code == 0);
+  CHECK(report_of(out).at("mesh").at("faces").get<double>() == Approx(40000).epsilon(0.1));
+  fs::remove(out);
+  REQUIRE(tessera_command(words(in, out, {"--tolerance", "0.05"})).code == 0);
+  CHECK(report_of(out).at("certificate").at("proven") == true);
+  CHECK(report_of(out).at("quality").at("edge").get<double>() > 2.0);
+}
+
+TEST_CASE("remesh: options and inputs that make no sense are refused with one sentence", "[pipeline]") {
+  const TempFolder folder;
+  const fs::path in = write_waves(folder.path() / "in.ply");
+  const fs::path out = folder.path() / "out.ply";
+  const auto refused = [&](int code, const fs::path& from, const std::vector<std::string>& more) {
+    const CommandResult r = tessera_command(words(from, out, more));
+    CAPTURE(more, r.errors);
+    CHECK(r.code == code);
+    CHECK(r.errors.find("error") != std::string::npos);
+    CHECK_FALSE(fs::exists(out));
+    fs::remove_all(out.string() + ".tessera");
+  };
+  refused(2, in, {});
+  refused(2, in, {"--edge", "-1"});
+  refused(2, in, {"--edge", "1", "--faces", "1000"});
+  refused(2, in, {"--tolerance", "1e6"});
+  refused(2, in, {"--edge", "1e-9"});
+  refused(4, in, {"--edge", "0.02", "--memory", "300M"});
+  spill(folder.path() / "points.off", "OFF 3 1 0\n0 0 0\n0 0 0\n1 0 0\n3 0 1 2\n");
+  refused(5, folder.path() / "points.off", {"--edge", "1"});
+  spill(folder.path() / "cut.off", "OFF 3 1 0\n0 0 0\n");
+  refused(3, folder.path() / "cut.off", {"--edge", "1"});
+}
+
+TEST_CASE("remesh: defects, islands and edges longer than the mesh leave a sound mesh", "[pipeline]") {
+  const TempFolder folder;
+  const fs::path out = folder.path() / "out.off";
+  // Three faces on an edge, a face twice, one without area, and an island of one triangle.
+  spill(folder.path() / "in.off",
+        "OFF 9 7 0\n0 0 0\n1 0 0\n0 1 0\n0 -1 0\n0 0 1\n5 5 5\n6 5 5\n5 6 5\n0.5 0 0\n"
+        "3 0 1 2\n3 1 0 3\n3 0 1 4\n3 0 1 2\n3 0 8 1\n3 5 6 7\n3 2 0 4\n");
+  for (const std::string edge : {"0.1", "0.9", "100"}) {
+    CAPTURE(edge);
+    const fs::path ply = folder.path() / ("out" + edge + ".ply");
+    const CommandResult r = tessera_command(words(folder.path() / "in.off", ply, {"--edge", edge}));
+    CAPTURE(r.errors);
+    REQUIRE(r.code == 0);
+    const MeshCheck check = checked(ply);
+    CHECK(check.nonmanifold_edges == 0);
+    CHECK(check.faces >= 5);
+  }
+}
