@@ -156,26 +156,17 @@ bool Remesher::split_if_free(const Edge& e, RemeshReport& report) {
 /// Splits the longest edge of every face that points of it show to be beyond the tolerance: new vertices lie on the
 /// reference, so that the surface comes nearer.
 std::size_t Remesher::refine_beyond(RemeshReport& report) {
-  std::vector<std::uint8_t> beyond(mesh_.faces().size(), 0);
-  for (std::uint32_t f = 0; f < beyond.size(); ++f) {
-    if (mesh_.face(f).state & kStateDead) continue;
-    const NewFace face = face_of(f);
-    std::uint32_t hint = ReferenceSurface::kNone;
-    bool held = false;
-    for (const std::uint32_t v : face.vertex) {
-      held |= info_[v].held;
-      if (!info_[v].line && info_[v].foot != ReferenceSurface::kNone) hint = info_[v].foot;
-    }
-    if (held || near_at_points(face, options_.tolerance, hint)) continue;
-    std::size_t longest = 0;
+  std::vector<std::uint8_t> longest(mesh_.faces().size(), 0);  // per face: bit of the corner across from it
+  for (std::uint32_t f = 0; f < longest.size(); ++f) {
+    const CollapseFace& face = mesh_.face(f);
+    if ((face.state & kStateDead) || !beyond(f)) continue;
     double most = 0.0;
-    for (std::size_t i = 0; i < 3; ++i) {
-      const double square = squared_distance(face.at[(i + 1) % 3], face.at[(i + 2) % 3]);
-      if (square > most) most = square, longest = i;
+    for (std::uint32_t i = 0; i < 3; ++i) {
+      const double square = square_of(face.vertex[(i + 1) % 3], face.vertex[(i + 2) % 3]);
+      if (square > most) most = square, longest[f] = static_cast<std::uint8_t>(1u << i);
     }
-    beyond[f] = static_cast<std::uint8_t>(1u << longest);
   }
-  const auto wanted = [&](std::uint32_t c) { return (beyond[c >> 2] >> (c & 3u) & 1u) != 0; };
+  const auto wanted = [&](std::uint32_t c) { return (longest[c >> 2] >> (c & 3u) & 1u) != 0; };
   list_edges([](double, std::uint32_t, std::uint32_t) { return true; }, true);
   std::erase_if(edges_, [&](const Edge& e) {
     const std::uint32_t o = mesh_.opposite(e.corner);

@@ -77,7 +77,8 @@ class Remesher {
   bool normal_fits(const NewFace& f, const Double3& n) const;
   bool within(const NewFace& f) const;
   bool near_at_points(const NewFace& f, double limit, std::uint32_t hint) const;
-  NewFace face_of(std::uint32_t f) const;
+  double bulge(const NewFace& f, std::uint32_t& hint) const;
+  bool beyond(std::uint32_t f) const;
   bool near_enough(const Double3& p, double limit, std::uint32_t hint) const;
   bool set_foot(std::uint32_t v, const Double3& p, Double3& at, Info& info) const;
 

@@ -50,18 +50,10 @@ bool Remesher::near_at_points(const NewFace& f, double limit, std::uint32_t hint
   return true;
 }
 
-Remesher::NewFace Remesher::face_of(std::uint32_t f) const {
-  const std::uint32_t* v = mesh_.face(f).vertex;
-  return {{v[0], v[1], v[2]}, {mesh_.at(v[0]), mesh_.at(v[1]), mesh_.at(v[2])}};
-}
-
-/// How far a smooth surface with these normals at the corners bulges out of the face is a third of the largest height
-/// of a corner over the tangent plane of another one; where twice that is within the tolerance nothing is looked up.
-bool Remesher::within(const NewFace& f) const {
-  if (!(options_.tolerance > 0.0) && least_turn_ < -0.5) return true;
-  std::uint32_t hint = ReferenceSurface::kNone;
-  bool smooth = true;
+/// The largest height of a corner over the tangent plane of another one; infinite where a corner has none.
+double Remesher::bulge(const NewFace& f, std::uint32_t& hint) const {
   double height = 0.0;
+  bool smooth = true;
   for (std::size_t i = 0; i < 3; ++i) {
     const Info& info = info_[f.vertex[i]];
     const Double3 n = wide(info.normal);
@@ -73,14 +65,41 @@ bool Remesher::within(const NewFace& f) const {
     for (std::size_t k = 1; k < 3; ++k)
       height = std::max(height, std::fabs(dot(f.at[(i + k) % 3] - f.at[i], n)));
   }
-  const double limit = options_.tolerance;
-  const Double3 centre = (f.at[0] + f.at[1] + f.at[2]) * (1.0 / 3.0);
-  if (limit > 0.0 && !(smooth && height * (2.0 / 3.0) < limit) && !near_at_points(f, limit, hint)) return false;
+  return smooth ? height : std::numeric_limits<double>::max();
+}
+
+/// A smooth surface with these normals at the corners bulges out of the face by a third of that height: where twice as
+/// much is within the tolerance nothing is looked up.
+bool Remesher::within(const NewFace& f) const {
+  if (!(options_.tolerance > 0.0) && least_turn_ < -0.5) return true;
+  std::uint32_t hint = ReferenceSurface::kNone;
+  const double height = bulge(f, hint), limit = options_.tolerance;
+  if (limit > 0.0 && !(height * (2.0 / 3.0) < limit) && !near_at_points(f, limit, hint)) return false;
   if (least_turn_ < -0.5) return true;
-  const ReferenceSurface::Foot foot = surface_.near(centre, std::numeric_limits<double>::max(), 0.01 * dot(f.at[1] - f.at[0], f.at[1] - f.at[0]), hint);
+  const Double3 centre = (f.at[0] + f.at[1] + f.at[2]) * (1.0 / 3.0), side = f.at[1] - f.at[0];
+  const ReferenceSurface::Foot foot =
+      surface_.near(centre, std::numeric_limits<double>::max(), 0.01 * dot(side, side), hint);
   if (foot.slot == ReferenceSurface::kNone) return true;
   const Double3 own = triangle_normal(f.at[0], f.at[1], f.at[2]);
   return dot(own, wide(surface_.normal(foot.slot))) >= least_turn_ * norm(own);
+}
+
+/// The same with more points, for the end.
+bool Remesher::beyond(std::uint32_t f) const {
+  const std::uint32_t* v = mesh_.face(f).vertex;
+  const NewFace face{{v[0], v[1], v[2]}, {mesh_.at(v[0]), mesh_.at(v[1]), mesh_.at(v[2])}};
+  std::uint32_t hint = ReferenceSurface::kNone;
+  const double limit = options_.tolerance;
+  if (bulge(face, hint) < 0.5 * limit) return false;
+  constexpr int kParts = 5;
+  for (int i = 0; i <= kParts; ++i)
+    for (int j = 0; i + j <= kParts; ++j) {
+      const int k = kParts - i - j;
+      if (i == kParts || j == kParts || k == kParts) continue;
+      const Double3 p = (face.at[0] * i + face.at[1] * j + face.at[2] * k) * (1.0 / kParts);
+      if (!near_enough(p, limit, hint)) return true;
+    }
+  return false;
 }
 
 /// Two corners so near to each other that no sound face has room between them become one, as far as the tolerance allows.
