@@ -41,9 +41,10 @@ Double3 closest_in_triangle(const Double3& p, const Double3& a, const Double3& b
 }
 
 ReferenceSurface::ReferenceSurface(const MeshBlock& reference, const Double3& origin,
-                                   double feature_angle_deg, double least_line)
+                                   double feature_angle_deg, double least_line, const SizingOptions& sizing)
     : reference_(&reference), origin_(origin), class_(reference.position.size(), VertexClass::kSmooth) {
   find_lines(feature_angle_deg, least_line);
+  size(sizing);
   faces_ = ClosestFaces(reference.position, reference.faces, origin);
 }
 
@@ -193,6 +194,39 @@ void ReferenceSurface::join_segments() {
   flat.reserve(segments_.size());
   for (const Segment& s : segments_) flat.push_back({s.vertex[0], s.vertex[1], s.vertex[1]});
   lines_ = ClosestFaces(reference_->position, flat, origin_);
+}
+
+void ReferenceSurface::size(const SizingOptions& sizing) {
+  std::vector<std::uint8_t> on_line(reference_->position.size(), 0);
+  std::vector<std::array<std::uint32_t, 3>> lines;
+  for (std::uint32_t s = 0; s < segments_.size(); ++s)
+    for (std::size_t side = 0; side < 2; ++side) {
+      const Segment& here = segments_[s];
+      on_line[here.vertex[side]] = 1;
+      if (here.beyond[side] == kNone || here.beyond[side] < s) continue;
+      const Segment& next = segments_[here.beyond[side]];
+      const std::uint32_t v = here.vertex[side];
+      lines.push_back({here.vertex[1 - side], v, next.vertex[next.vertex[0] == v ? 1 : 0]});
+    }
+  length_ = sizing_field(*reference_, on_line, lines, sizing);
+}
+
+float ReferenceSurface::length_in_face(std::uint32_t face, const Double3& p) const {
+  const auto& f = reference_->faces[face];
+  const Double3 a = at(f[0]), b = at(f[1]), c = at(f[2]), n = triangle_normal(a, b, c);
+  const double square = dot(n, n);
+  if (!(square > 0.0)) return length_[f[0]];
+  const double wb = std::clamp(dot(cross(c - p, a - p), n) / square, 0.0, 1.0),
+               wc = std::clamp(dot(cross(a - p, b - p), n) / square, 0.0, 1.0 - wb);
+  return static_cast<float>((1.0 - wb - wc) * static_cast<double>(length_[f[0]]) +
+                            wb * static_cast<double>(length_[f[1]]) + wc * static_cast<double>(length_[f[2]]));
+}
+
+float ReferenceSurface::length_on_line(std::uint32_t segment, const Double3& p) const {
+  const auto& [v, w] = segments_[segment].vertex;
+  const Double3 d = at(w) - at(v);
+  const double square = dot(d, d), t = square > 0.0 ? std::clamp(dot(p - at(v), d) / square, 0.0, 1.0) : 0.0;
+  return static_cast<float>((1.0 - t) * static_cast<double>(length_[v]) + t * static_cast<double>(length_[w]));
 }
 
 ReferenceSurface::Foot ReferenceSurface::closest(const Double3& p, double limit_square) const {

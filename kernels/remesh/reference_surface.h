@@ -8,6 +8,7 @@
 
 #include "kernels/mesh/closest_face.h"
 #include "kernels/mesh/mesh_block.h"
+#include "kernels/remesh/sizing_field.h"
 
 namespace tessera {
 
@@ -23,7 +24,7 @@ class ReferenceSurface {
   /// `least_line` is none, nor are creases that hang together and are shorter than twice that in all.
   /// \param reference  canonical, edge-manifold; must outlive this \param origin  subtracted from all positions
   ReferenceSurface(const MeshBlock& reference, const Double3& origin, double feature_angle_deg,
-                   double least_line);
+                   double least_line, const SizingOptions& sizing);
 
   struct Foot {
     Double3 at{};  ///< relative to the origin
@@ -37,6 +38,10 @@ class ReferenceSurface {
   /// Unit normal of the face, averaged with those across its edges that are no creases; zero for none.
   const Float3& normal(std::uint32_t face) const { return normal_[face]; }
 
+  /// How long edges may be at a foot in a face, on a segment.
+  float length_in_face(std::uint32_t face, const Double3& p) const;
+  float length_on_line(std::uint32_t segment, const Double3& p) const;
+
   bool has_lines() const { return !segments_.empty(); }
   /// Foot on any line; slot is a segment.
   Foot closest_on_lines(const Double3& p) const;
@@ -48,7 +53,7 @@ class ReferenceSurface {
   void mark(MeshBlock& block) const;
 
   /// Bytes that it holds or takes while it is made, per face of the reference.
-  static constexpr std::uint64_t bytes_per_face() { return ClosestFaces::bytes_per_face() + 150; }
+  static constexpr std::uint64_t bytes_per_face() { return ClosestFaces::bytes_per_face() + 190; }
 
  private:
   struct Segment {
@@ -60,6 +65,7 @@ class ReferenceSurface {
   void prune_twigs(double least_line);
   void prune_islands(double least_sum);
   void join_segments();
+  void size(const SizingOptions& sizing);
   Double3 at(std::uint32_t v) const { return reference_->position[v] - origin_; }
   Foot on_segment(const Double3& p, std::uint32_t segment) const;
 
@@ -71,6 +77,7 @@ class ReferenceSurface {
   std::vector<VertexClass> class_;                                ///< per vertex: smooth, crease or corner
   std::vector<std::array<std::uint32_t, 2>> creases_;             ///< lower vertex first, ascending
   std::vector<Segment> segments_;
+  std::vector<float> length_;  ///< per vertex: sizing_field.h
 };
 
 }  // namespace tessera

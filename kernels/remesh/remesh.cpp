@@ -92,6 +92,8 @@ void RemeshOptions::validate() const {
     if (!good) throw UsageError(std::string("remeshing: ") + field + " must be " + range);
   };
   need(edge > 0.0 && std::isfinite(edge), "edge", "a length above 0");
+  need(sizing_tolerance >= 0.0 && std::isfinite(sizing_tolerance), "sizing_tolerance", "a length of 0 or more");
+  need(sizing_tolerance == 0.0 || (min_edge > 0.0 && min_edge <= edge), "min_edge", "above 0 and at most edge");
   need(tolerance >= 0.0 && std::isfinite(tolerance), "tolerance", "a length of 0 or more");
   need(feature_angle_deg >= 0.0 && feature_angle_deg <= 180.0, "feature_angle_deg", "in [0, 180]");
   need(max_normal_turn_deg >= 0.0 && max_normal_turn_deg <= 180.0, "max_normal_turn_deg", "in [0, 180]");
@@ -108,7 +110,10 @@ RemeshReport remesh(MeshBlock& block, const MeshBlock& reference, const RemeshOp
   report.faces_in = report.faces_out = block.faces.size();
   if (block.faces.empty()) return report;
   const Double3 origin = low_corner(block);
-  const ReferenceSurface surface(reference, origin, options.feature_angle_deg, kLeastLine * options.edge);
+  const bool adaptive = options.sizing_tolerance > 0.0;
+  const ReferenceSurface surface(reference, origin, options.feature_angle_deg,
+                                 kLeastLine * (adaptive ? options.min_edge : options.edge),
+                                 {options.sizing_tolerance, options.min_edge, options.edge});
   if (options.find_creases) surface.mark(block);
   CollapseMesh mesh(block, origin);
   Remesher remesher(mesh, block, surface, options, held);

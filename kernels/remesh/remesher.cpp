@@ -69,9 +69,22 @@ void Remesher::find_feet() {
       info.line = false;
       mesh_.add_state(v, kVertexFixed);
     }
-    if (on_line || (mesh_.state(v) & kVertexFixed)) continue;
-    info.foot = surface_.closest(mesh_.at(v), kAnywhere).slot;
-    if (info.foot != ReferenceSurface::kNone) info.normal = surface_.normal(info.foot);
+    if (!on_line && !(mesh_.state(v) & kVertexFixed)) {
+      info.foot = surface_.closest(mesh_.at(v), kAnywhere).slot;
+      if (info.foot != ReferenceSurface::kNone) info.normal = surface_.normal(info.foot);
+    }
+    set_target(info, mesh_.at(v));
+  }
+}
+
+/// From the foot of the vertex, where lengths adapt.
+void Remesher::set_target(Info& info, const Double3& at) const {
+  if (!(options_.sizing_tolerance > 0.0)) return;
+  if (info.foot != ReferenceSurface::kNone) {
+    info.target = info.line ? surface_.length_on_line(info.foot, at) : surface_.length_in_face(info.foot, at);
+  } else {  // corners, and what is locked on lines
+    const ReferenceSurface::Foot foot = surface_.closest(at, kAnywhere);
+    if (foot.slot != ReferenceSurface::kNone) info.target = surface_.length_in_face(foot.slot, at);
   }
 }
 
@@ -213,6 +226,7 @@ void Remesher::split(const Edge& e) {
     const Double3 old = triangle_normal(p, q, r);
     if (!(dot(triangle_normal(p, q, at), old) > 0.0) || !(dot(triangle_normal(p, at, r), old) > 0.0)) at = middle;
   }
+  set_target(info, at);
   const bool crease = mesh_.crease_edge(c);
   const std::uint32_t m = mesh_.split(c, at);
   if (crease) mesh_.add_state(m, kVertexCrease);

@@ -80,7 +80,7 @@ class Remesher {
   double bulge(const NewFace& f, std::uint32_t& hint) const;
   bool beyond(std::uint32_t f) const;
   bool near_enough(const Double3& p, double limit, std::uint32_t hint) const;
-  bool set_foot(std::uint32_t v, const Double3& p, Double3& at, Info& info) const;
+  void set_target(Info& info, const Double3& at) const;
 
   CollapseMesh& mesh_;
   const ReferenceSurface& surface_;

@@ -37,10 +37,13 @@ Double3 Remesher::wish(std::uint32_t v) const {
     const Double3 p = mesh_.at(star_.ring[i]) - at,
                   q = mesh_.at(star_.ring[i + 1 < star_.ring_size() ? i + 1 : 0]) - at;
     const Double3 n = cross(p, q);
-    const double twice = norm(n);
+    // Where lengths adapt, areas count in units of what they should be.
+    const std::uint32_t a = star_.ring[i], b = star_.ring[i + 1 < star_.ring_size() ? i + 1 : 0];
+    const double side = static_cast<double>(info_[v].target + info_[a].target + info_[b].target);
+    const double weight = norm(n) / (side * side);
     normal = normal + n;
-    centre = centre + (p + q) * twice;
-    area += twice;
+    centre = centre + (p + q) * weight;
+    area += weight;
   }
   if (!(area > 0.0)) return at;
   centre = centre * (1.0 / (3.0 * area));
@@ -96,6 +99,7 @@ bool Remesher::place(std::uint32_t v, const Double3& to, RemeshReport& report) {
   }
   mesh_.node(v).at = foot.at;
   info_[v].moved = true;
+  set_target(info_[v], foot.at);
   return true;
 }
 

@@ -79,7 +79,7 @@ nlohmann::json report_of(const fs::path& out) {
 TEST_CASE("remesh: same bytes over threads, memory, processes, order of the input and kills", "[property]") {
   const TempFolder folder;
   const fs::path in = write_waves(folder.path() / "in.ply");
-  const std::vector<std::string> base = {"--edge", "1.3", "--tolerance", "0.1", "--block-faces", "8192"};
+  const std::vector<std::string> base = {"--edge", "1.8", "--tolerance", "0.1", "--block-faces", "8192"};
   const auto run = [&](const fs::path& from, std::vector<std::string> more) {
     const fs::path out = folder.path() / "out.ply";
     fs::remove(out);
@@ -120,7 +120,7 @@ TEST_CASE("remesh: blocks leave no trace in the number and the shape of faces", 
   const auto quality = [&](const std::string& block) {
     const fs::path out = folder.path() / "out.ply";
     fs::remove(out);
-    const CommandResult r = tessera_command(words(in, out, {"--edge", "1.3", "--block-faces", block}));
+    const CommandResult r = tessera_command(words(in, out, {"--edge", "1.8", "--block-faces", block}));
     INFO(r.errors);
     REQUIRE(r.code == 0);
     const MeshCheck check = checked(out);

@@ -20,6 +20,9 @@ OptionTable option_table(RemeshJobOptions& o) {
         "largest distance between result and input, both ways, units of the mesh; alone: the length of the edges "
         "follows from it and the curvature; 0 = the distance is measured and reported, single operations keep within a fifth of the edges")
       .at_least(0);
+  t.add("adaptive", &o.adaptive, "edges are short where the surface bends and long where it does not, as the tolerance asks for");
+  t.add("min-edge", &o.min_edge, "adaptive: shortest length, units of the mesh; 0 = from the curvature").at_least(0);
+  t.add("max-edge", &o.max_edge, "adaptive: longest length, units of the mesh; 0 = from the curvature").at_least(0);
   t.add("max-normal-deviation", &o.max_normal_deviation_deg,
         "largest angle in degrees between a new face and the input at its centre; 0 = free")
       .within(0, 180);
@@ -35,13 +38,23 @@ OptionTable option_table(RemeshJobOptions& o) {
 void RemeshJobOptions::validate() const {
   if (edge == 0.0 && faces == 0 && tolerance == 0.0)
     throw UsageError("give --edge, --faces or --tolerance above 0: nothing says how long edges are to be");
+  if (adaptive && !(tolerance > 0.0))
+    throw UsageError("--adaptive wants --tolerance above 0: lengths follow from it and the curvature");
+  if (adaptive && (edge > 0.0 || faces > 0))
+    throw UsageError("--adaptive finds lengths by itself: give --min-edge and --max-edge instead of --edge or --faces");
+  if (!adaptive && (min_edge > 0.0 || max_edge > 0.0))
+    throw UsageError("--min-edge and --max-edge are for --adaptive: add it, or give --edge");
+  if (min_edge > 0.0 && max_edge > 0.0 && min_edge > max_edge)
+    throw UsageError("--min-edge is above --max-edge: swap them");
   if (edge > 0.0 && faces > 0)
     throw UsageError("--edge and --faces both say how long edges are to be: give one of them");
 }
 
-RemeshOptions RemeshJobOptions::kernel(double length, bool float_positions) const {
+RemeshOptions RemeshJobOptions::kernel(double length, double shortest, bool float_positions) const {
   RemeshOptions k;
   k.edge = length;
+  k.min_edge = shortest;
+  if (adaptive) k.sizing_tolerance = tolerance;
   k.tolerance = tolerance > 0.0 ? kLoopShare * tolerance : kShapeShare * length;
   k.refine_beyond = tolerance > 0.0;
   k.max_normal_turn_deg = max_normal_deviation_deg;

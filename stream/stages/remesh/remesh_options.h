@@ -12,6 +12,8 @@ struct RemeshJobOptions {
   double edge = 0.0;        ///< units of the mesh; 0 = from faces or tolerance
   std::uint64_t faces = 0;  ///< about so many
   double tolerance = 0.0;   ///< units of the mesh; 0 = measured only
+  bool adaptive = false;    ///< lengths follow the curvature
+  double min_edge = 0.0, max_edge = 0.0;  ///< units of the mesh; of lengths that adapt; 0 = from the mesh
   double max_normal_deviation_deg = 0.0;
   double feature_angle_deg = 25.0;
   int iterations = 3;  ///< in each pass
@@ -20,8 +22,8 @@ struct RemeshJobOptions {
 
   /// \throws UsageError naming the option
   void validate() const;
-  /// What blocks are remeshed with. \param edge  length of edges
-  RemeshOptions kernel(double edge, bool float_positions) const;
+  /// What blocks are remeshed with. \param edge  length of edges, the longest one where they adapt
+  RemeshOptions kernel(double edge, double shortest, bool float_positions) const;
 };
 
 OptionTable option_table(RemeshJobOptions& options);

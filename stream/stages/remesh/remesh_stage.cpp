@@ -6,6 +6,7 @@
 #include <nlohmann/json.hpp>
 
 #include "kernels/mesh/mesh_block_ops.h"
+#include "kernels/remesh/sizing_field.h"
 #include "kernels/remesh/triangle_quality.h"
 #include "octree/error.h"
 #include "stream/check/mesh_compare.h"
@@ -100,10 +101,10 @@ class RemeshStage : public Stage {
         sizing_(Sizing::of_work(state.work)),
         in_(open_pass_input(state, stores, pass)),
         reference_(stores.full(state)) {
-    kernel_ = options_.kernel(sizing_.edge, !in_.info().double_positions);
+    kernel_ = options_.kernel(sizing_.edge, sizing_.shortest, !in_.info().double_positions);
     kernel_.find_creases = pass_.pass == 0;
     if (options_.tolerance > 0.0) require_provable(reference_, options_.tolerance);
-    double radius = std::max(options_.tolerance, 0.25 * sizing_.edge);
+    double radius = std::max(options_.tolerance, 0.25 * (options_.adaptive ? sizing_.shortest : sizing_.edge));
     for (int round = pass_.round - 1; round >= 0; --round, radius *= 4.0)
       failed_.add(read_failed_faces(state.work / failed_faces_file(round)), radius);
     for (int round = 2; round <= pass_.round; ++round) careful_ *= 0.5;
@@ -245,7 +246,10 @@ class RemeshStage : public Stage {
   MeshBox reference_box(const MeshBlockCut& cut) const {
     return grown(in_.box_of(cut.patches), reach());
   }
-  double reach() const { return kReach * sizing_.edge + options_.tolerance; }
+  double reach() const {
+    const double graded = options_.adaptive ? (sizing_.edge - sizing_.shortest) / kSizingGrowth : 0.0;
+    return std::max(kReach * sizing_.edge, 2.0 * sizing_.edge + graded) + options_.tolerance;
+  }
 
   void write(const MeshBlockCut& cut, const MeshBlock& block, MeshFileWriter& writer) const {
     std::vector<std::uint64_t> brick;

@@ -29,10 +29,10 @@ constexpr double kLongestShare = 0.1;  ///< of the diagonal: no edge gets longer
 constexpr double kMoreFaces = 1.2;
 constexpr double kAreaUnits = 0x1p40;  ///< the squared diagonal in units of weights
 
-struct PatchShape {
-  double area = 0.0;
-  std::map<std::uint32_t, std::uint64_t> bends;  ///< weight by class of curvature
-};
+/// Adaptive lengths, if not given: around the one for the calm share.
+constexpr double kShortestOfCalm = 0.25, kLongestOfCalm = 6.0;
+
+using Bends = std::map<std::uint32_t, std::uint64_t>;  ///< weight by class of curvature
 
 std::uint32_t bend_class(double curvature) {
   return std::bit_cast<std::uint32_t>(static_cast<float>(curvature)) >> 20;
@@ -42,7 +42,7 @@ double bend_of_class(std::uint32_t c) {
 }
 
 /// Curvature along edges: by how much the normals at their ends differ. Ends on creases and borders say nothing.
-void measure_bends(const MeshBlock& block, double feature_angle_deg, double area_unit, PatchShape& shape) {
+void measure_bends(const MeshBlock& block, double feature_angle_deg, double area_unit, Bends& bends) {
   const CollapseMesh mesh(block, block.position[0]);
   const double least = cosine_of_degrees(feature_angle_deg > 0.0 ? feature_angle_deg : 90.0);
   std::vector<Double3> normal(mesh.vertices(), Double3{});
@@ -71,7 +71,7 @@ void measure_bends(const MeshBlock& block, double feature_angle_deg, double area
       const std::uint32_t a = mesh.vertex(next_corner(c)), b = mesh.vertex(prev_corner(c));
       const double length = norm(mesh.at(b) - mesh.at(a));
       if (silent[a] || silent[b] || !(length > 0.0)) continue;
-      shape.bends[bend_class(norm(normal[b] - normal[a]) / length)] +=
+      bends[bend_class(norm(normal[b] - normal[a]) / length)] +=
           static_cast<std::uint64_t>(area / area_unit) + 1;
     }
   }
@@ -105,7 +105,7 @@ class SizingStage : public Stage {
 
   json run(std::size_t task, TaskContext& context) const override {
     json areas = json::array();
-    PatchShape shape;
+    Bends all;
     const double unit = store_.diagonal() * store_.diagonal() / kAreaUnits;
     for (std::size_t p = first_[task]; p < first_[task + 1]; ++p) {
       context.check_stop();
@@ -114,17 +114,17 @@ class SizingStage : public Stage {
       for (const auto& f : block.faces)
         area += 0.5 * norm(triangle_normal(block.position[f[0]], block.position[f[1]], block.position[f[2]]));
       areas.push_back(area);
-      if (by_curvature()) measure_bends(block, options_.feature_angle_deg, unit, shape);
+      if (by_curvature()) measure_bends(block, options_.feature_angle_deg, unit, all);
       context.advance(block.faces.size());
     }
     json bends = json::array();
-    for (const auto& [c, weight] : shape.bends) bends.push_back({c, weight});
+    for (const auto& [c, weight] : all) bends.push_back({c, weight});
     return {{"areas", areas}, {"bends", bends}};
   }
 
   json finish(const std::vector<json>& tasks, TaskContext& context) const override {
     std::vector<double> areas;
-    std::map<std::uint32_t, std::uint64_t> bends;
+    Bends bends;
     for (const json& task : tasks) {
       for (const json& area : task.at("areas")) areas.push_back(area.get<double>());
       for (const json& bend : task.at("bends")) bends[bend[0].get<std::uint32_t>()] += bend[1].get<std::uint64_t>();
@@ -132,8 +132,18 @@ class SizingStage : public Stage {
     double area = 0.0;
     for (const double a : areas) area += a;
     if (!(area > 0.0)) throw EmptyError("the mesh has no area: there is nothing to remesh");
-    const double edge = edge_for(area, bends);
-    const double face = std::sqrt(3.0) / 4.0 * edge * edge;
+    const double calm = edge_for(area, bends);
+    double edge = calm, shortest = 0.0;
+    if (options_.adaptive) {
+      const double most = kLongestShare * store_.diagonal();
+      edge = options_.max_edge > 0.0 ? options_.max_edge : std::fmin(kLongestOfCalm * calm, most);
+      shortest = options_.min_edge > 0.0 ? options_.min_edge : std::fmin(kShortestOfCalm * calm, edge);
+      if (shortest > edge)
+        throw UsageError("--min-edge " + number_text(shortest) + " is more than edges would get by themselves, " +
+                         number_text(edge) + ": give --max-edge too");
+    }
+    // What adapts is guessed by the calm share's length; blocks have room for more.
+    const double face = std::sqrt(3.0) / 4.0 * calm * calm;
     json expected = json::array();
     double sum = 0.0;
     for (std::size_t p = 0; p < areas.size(); ++p) {
@@ -144,8 +154,8 @@ class SizingStage : public Stage {
                          "give longer ones");
       expected.push_back({store_.patches()[p].key, static_cast<std::uint64_t>(faces)});
     }
-    write_durably(context.create(kSizingFile), json{{"edge", edge}, {"faces", expected}}.dump());
-    json result = {{"edge", edge}, {"area", area}, {"expected_faces", area / face}};
+    write_durably(context.create(kSizingFile), json{{"edge", edge}, {"shortest", shortest}, {"faces", expected}}.dump());
+    json result = {{"edge", edge}, {"shortest_edge", shortest}, {"area", area}, {"expected_faces", area / face}};
     if (edge > 0.5 * store_.diagonal())
       result["warnings"] = {"edges of " + number_text(edge) + " are longer than half of the mesh, which is " +
                             number_text(store_.diagonal()) + " wide: hardly a face can be so large"};
@@ -155,7 +165,7 @@ class SizingStage : public Stage {
  private:
   bool by_curvature() const { return !(options_.edge > 0.0) && options_.faces == 0; }
 
-  double edge_for(double area, const std::map<std::uint32_t, std::uint64_t>& bends) const {
+  double edge_for(double area, const Bends& bends) const {
     if (options_.edge > 0.0) return options_.edge;
     if (options_.faces > 0)
       return std::sqrt(kMoreFaces * 4.0 * area / (std::sqrt(3.0) * static_cast<double>(options_.faces)));
@@ -184,6 +194,7 @@ Sizing Sizing::of_work(const std::filesystem::path& work) {
   const json j = json::parse(read_text(work / kSizingFile));
   Sizing sizing;
   j.at("edge").get_to(sizing.edge);
+  j.at("shortest").get_to(sizing.shortest);
   for (const json& brick : j.at("faces"))
     sizing.faces.emplace(brick[0].get<std::uint64_t>(), brick[1].get<std::uint64_t>());
   return sizing;
