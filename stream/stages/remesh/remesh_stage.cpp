@@ -54,7 +54,7 @@ json to_json(const RemeshReport& r) {
 
 /// Per face whether it lies within some rings of a face that an earlier pass could not settle.
 std::vector<std::uint8_t> near_unsettled(const MeshBlock& block) {
-  constexpr int kRings = 6;
+  constexpr int kRings = 8;
   std::vector<std::uint8_t> reached(block.key.size(), 0), near(block.faces.size(), 0);
   for (std::size_t f = 0; f < near.size(); ++f)
     if ((block.face_flags[f] & kFaceSettled) == 0)
@@ -195,8 +195,7 @@ class RemeshStage : public Stage {
     json counts = {{"faces_in", faces}, {"faces_out", rest.faces.size()}};
     if (!block.faces.empty()) {
       const std::vector<std::uint64_t> held = failed_.keys_near(block, [&] { context.check_stop(); });
-      const std::vector<std::uint8_t> all(block.faces.size(), 1);
-      const MeshBlock reference = load_near_faces(reference_, block, all, reach());
+      const MeshBlock reference = load_reference(blocks_[b], block, whole);
       RemeshOptions kernel = kernel_;
       kernel.max_faces = room(blocks_[b]);
       kernel.first_key = first_new_key(pass_, b);
@@ -210,6 +209,12 @@ class RemeshStage : public Stage {
       block = merge_blocks(pieces, {});
     }
     return counts;
+  }
+
+  /// Of what lies along seams only the surroundings, where these are much less than the whole.
+  MeshBlock load_reference(const MeshBlockCut& cut, const MeshBlock& block, bool whole) const {
+    if (whole || options_.adaptive) return reference_.load_box(reference_box(cut));
+    return load_near_faces(reference_, block, std::vector<std::uint8_t>(block.faces.size(), 1), reach());
   }
 
   std::uint64_t room(const MeshBlockCut& cut) const {
