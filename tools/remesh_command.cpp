@@ -23,13 +23,14 @@ void run(const RemeshJobOptions& options, JobState state) {
   fmt::print("{}: {} faces of {}, edges of {:.4g}, {:.1f} s, peak {}\n", state.output.string(),
              report.at("mesh").value("faces", std::uint64_t{0}),
              report.at("input").value("faces", std::uint64_t{0}), quality.value("edge", 0.0),
-             report.at("wall_s").get<double>(),
-             format_bytes(report.at("peak_bytes").get<std::uint64_t>()));
-  fmt::print("angles: {:.2f} degrees from 60 in the mean, smallest {:.2f}, below 25 in {:.3g} % of the faces; edges {:.1f} "
-             "% off; valence 6 at {:.1f} % of the vertices\n",
-             quality.value("mean_angle_deviation_deg", 0.0), quality.value("smallest_angle_deg", 0.0),
-             100.0 * quality.value("share_below_25_deg", 0.0), 100.0 * quality.value("mean_edge_deviation", 0.0),
-             100.0 * quality.value("valence_six_share", 0.0));
+             report.at("wall_s").get<double>(), format_bytes(report.at("peak_bytes").get<std::uint64_t>()));
+  fmt::print(
+      "angles: {:.2f} degrees from 60 in the mean, smallest {:.2f}, below 25 in {:.3g} % of the faces; edges "
+      "{:.1f} "
+      "% off; valence 6 at {:.1f} % of the vertices\n",
+      quality.value("mean_angle_deviation_deg", 0.0), quality.value("smallest_angle_deg", 0.0),
+      100.0 * quality.value("share_below_25_deg", 0.0), 100.0 * quality.value("mean_edge_deviation", 0.0),
+      100.0 * quality.value("valence_six_share", 0.0));
   const nlohmann::json& certificate = report.at("certificate");
   if (certificate.at("certified_max").is_number())
     fmt::print("distance: at most {:.4g} both ways, proven; rms {:.3g} to the input, {:.3g} back\n",
@@ -47,7 +48,8 @@ void run(const RemeshJobOptions& options, JobState state) {
 
 cli::Command remesh_command() {
   return cli::job_command<RemeshJobOptions>(
-      "remesh", "A mesh of any size gets triangles near equilateral with edges of one length, on the same surface.",
+      "remesh",
+      "A mesh of any size gets triangles near equilateral with edges of one length, on the same surface.",
       "the mesh to write: .ply, .obj, .stl or .glb", run);
 }
 

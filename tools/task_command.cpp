@@ -46,10 +46,11 @@ cli::Command task_command() {
   t.add("k", &a.task, "number of the task, or finish").positional();
   t.add("writer", &a.writer, "name of the journal file to write").hidden();
   t.add("driven", &a.driver, "process that waits for this one").hidden();
-  return {"task",
-          "One task of a job begun by plan, reconstruct, decimate, remesh or smooth; safe to repeat, and to run "
-          "beside other tasks.",
-          t, [arguments] { run(*arguments); }};
+  return {
+      "task",
+      "One task of a job begun by plan, reconstruct, decimate, remesh or smooth; safe to repeat, and to run "
+      "beside other tasks.",
+      t, [arguments] { run(*arguments); }};
 }
 
 }  // namespace tessera

@@ -338,7 +338,8 @@ void CollapseMesh::flip(std::uint32_t c) {
 
 void CollapseMesh::reserve(std::size_t faces) {
   faces_.reserve(faces);
-  const std::size_t vertices = vertices_.size() + (faces > faces_.size() ? (faces - faces_.size() + 1) / 2 : 0);
+  const std::size_t vertices =
+      vertices_.size() + (faces > faces_.size() ? (faces - faces_.size() + 1) / 2 : 0);
   vertices_.reserve(vertices), corner_.reserve(vertices);
   block_vertex_.reserve(vertices), state_.reserve(vertices);
 }

@@ -89,7 +89,8 @@ void ReferenceSurface::find_lines(double feature_angle_deg, double least_line) {
     const auto& corner = reference_->faces[place[f]];
     for (std::uint32_t i = 0; i < 3; ++i) {
       const std::uint32_t o = mesh.opposite(4 * f + i);
-      const auto at_corner = std::find(corner.begin(), corner.end(), mesh.block_vertex(mesh.vertex(4 * f + i)));
+      const auto at_corner =
+          std::find(corner.begin(), corner.end(), mesh.block_vertex(mesh.vertex(4 * f + i)));
       beside_[place[f]][static_cast<std::size_t>(at_corner - corner.begin())] =
           o == kNoCorner || mesh.crease_edge(4 * f + i) ? kNone : place[o >> 2];
     }
@@ -219,14 +220,16 @@ float ReferenceSurface::length_in_face(std::uint32_t face, const Double3& p) con
   const double wb = std::clamp(dot(cross(c - p, a - p), n) / square, 0.0, 1.0),
                wc = std::clamp(dot(cross(a - p, b - p), n) / square, 0.0, 1.0 - wb);
   return static_cast<float>((1.0 - wb - wc) * static_cast<double>(length_[f[0]]) +
-                            wb * static_cast<double>(length_[f[1]]) + wc * static_cast<double>(length_[f[2]]));
+                            wb * static_cast<double>(length_[f[1]]) +
+                            wc * static_cast<double>(length_[f[2]]));
 }
 
 float ReferenceSurface::length_on_line(std::uint32_t segment, const Double3& p) const {
   const auto& [v, w] = segments_[segment].vertex;
   const Double3 d = at(w) - at(v);
   const double square = dot(d, d), t = square > 0.0 ? std::clamp(dot(p - at(v), d) / square, 0.0, 1.0) : 0.0;
-  return static_cast<float>((1.0 - t) * static_cast<double>(length_[v]) + t * static_cast<double>(length_[w]));
+  return static_cast<float>((1.0 - t) * static_cast<double>(length_[v]) +
+                            t * static_cast<double>(length_[w]));
 }
 
 ReferenceSurface::Foot ReferenceSurface::closest(const Double3& p, double limit_square) const {
@@ -249,7 +252,8 @@ ReferenceSurface::Foot ReferenceSurface::near(const Double3& p, double limit_squ
     if (!(square > 0.0)) break;
     const double weight[3] = {dot(cross(b - p, c - p), n), dot(cross(c - p, a - p), n),
                               dot(cross(a - p, b - p), n)};
-    const std::size_t worst = weight[0] < weight[1] ? (weight[0] < weight[2] ? 0 : 2) : (weight[1] < weight[2] ? 1 : 2);
+    const std::size_t worst =
+        weight[0] < weight[1] ? (weight[0] < weight[2] ? 0 : 2) : (weight[1] < weight[2] ? 1 : 2);
     if (weight[worst] >= 0.0) {
       const double height = dot(a - p, n);
       const double away = height * height / square;

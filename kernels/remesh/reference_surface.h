@@ -29,7 +29,8 @@ class ReferenceSurface {
   struct Foot {
     Double3 at{};  ///< relative to the origin
     double square = 0.0;
-    std::uint32_t slot = kNone;  ///< face of the reference, on lines a segment; kNone: nothing within the limit
+    std::uint32_t slot =
+        kNone;  ///< face of the reference, on lines a segment; kNone: nothing within the limit
   };
   Foot closest(const Double3& p, double limit_square) const;
   /// The same from the foot of a point nearby: walks from its face towards p, over no line, to where no face beside is
@@ -57,7 +58,7 @@ class ReferenceSurface {
 
  private:
   struct Segment {
-    std::array<std::uint32_t, 2> vertex{};               ///< of the reference
+    std::array<std::uint32_t, 2> vertex{};              ///< of the reference
     std::array<std::uint32_t, 2> beyond{kNone, kNone};  ///< the segment that goes on there
     bool crease = false;                                ///< else a border
   };
@@ -72,10 +73,11 @@ class ReferenceSurface {
   const MeshBlock* reference_;
   Double3 origin_;
   ClosestFaces faces_, lines_;
-  std::vector<std::array<std::uint32_t, 3>> beside_;  ///< per face: across the edges opposite its corners, over no line
+  std::vector<std::array<std::uint32_t, 3>>
+      beside_;  ///< per face: across the edges opposite its corners, over no line
   std::vector<Float3> normal_;
-  std::vector<VertexClass> class_;                                ///< per vertex: smooth, crease or corner
-  std::vector<std::array<std::uint32_t, 2>> creases_;             ///< lower vertex first, ascending
+  std::vector<VertexClass> class_;                     ///< per vertex: smooth, crease or corner
+  std::vector<std::array<std::uint32_t, 2>> creases_;  ///< lower vertex first, ascending
   std::vector<Segment> segments_;
   std::vector<float> length_;  ///< per vertex: sizing_field.h
 };

@@ -61,10 +61,9 @@ MeshBlock to_block(const CollapseMesh& mesh, const Remesher& remesher, const Mes
                                : state & kVertexCrease ? VertexClass::kCrease
                                                        : VertexClass::kSmooth);
     if (old.rgba.empty()) continue;
-    const ReferenceSurface::Foot foot =
-        moved && !reference.rgba.empty()
-            ? surface.closest(mesh.at(v), std::numeric_limits<double>::max())
-            : ReferenceSurface::Foot{};
+    const ReferenceSurface::Foot foot = moved && !reference.rgba.empty()
+                                            ? surface.closest(mesh.at(v), std::numeric_limits<double>::max())
+                                            : ReferenceSurface::Foot{};
     out.rgba.push_back(foot.slot != ReferenceSurface::kNone
                            ? colour_at(reference, foot.slot, origin + foot.at)
                        : from != kNoCorner ? old.rgba[from]
@@ -92,8 +91,10 @@ void RemeshOptions::validate() const {
     if (!good) throw UsageError(std::string("remeshing: ") + field + " must be " + range);
   };
   need(edge > 0.0 && std::isfinite(edge), "edge", "a length above 0");
-  need(sizing_tolerance >= 0.0 && std::isfinite(sizing_tolerance), "sizing_tolerance", "a length of 0 or more");
-  need(sizing_tolerance == 0.0 || (min_edge > 0.0 && min_edge <= edge), "min_edge", "above 0 and at most edge");
+  need(sizing_tolerance >= 0.0 && std::isfinite(sizing_tolerance), "sizing_tolerance",
+       "a length of 0 or more");
+  need(sizing_tolerance == 0.0 || (min_edge > 0.0 && min_edge <= edge), "min_edge",
+       "above 0 and at most edge");
   need(tolerance >= 0.0 && std::isfinite(tolerance), "tolerance", "a length of 0 or more");
   need(feature_angle_deg >= 0.0 && feature_angle_deg <= 180.0, "feature_angle_deg", "in [0, 180]");
   need(max_normal_turn_deg >= 0.0 && max_normal_turn_deg <= 180.0, "max_normal_turn_deg", "in [0, 180]");
@@ -105,7 +106,8 @@ RemeshReport remesh(MeshBlock& block, const MeshBlock& reference, const RemeshOp
   options.validate();
   RemeshReport report;
   block.face_bound.clear();
-  for (std::uint8_t& flags : block.face_flags) flags = static_cast<std::uint8_t>(flags & ~unsigned{kFaceSettled});
+  for (std::uint8_t& flags : block.face_flags)
+    flags = static_cast<std::uint8_t>(flags & ~unsigned{kFaceSettled});
   canonicalise(block);
   report.faces_in = report.faces_out = block.faces.size();
   if (block.faces.empty()) return report;

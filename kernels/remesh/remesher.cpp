@@ -203,12 +203,14 @@ void Remesher::split(const Edge& e) {
   Double3 at = middle;
   if (info.line) {
     const Info& from = info_[e.a].line ? info_[e.a] : info_[e.b];
-    ReferenceSurface::Foot foot = from.line ? surface_.slide(middle, from.foot) : surface_.closest_on_lines(middle);
+    ReferenceSurface::Foot foot =
+        from.line ? surface_.slide(middle, from.foot) : surface_.closest_on_lines(middle);
     if (foot.square > 0.0625 * square) foot = surface_.closest_on_lines(middle);
     info.foot = foot.slot;
     if (foot.slot != ReferenceSurface::kNone && foot.square <= 0.0625 * square) at = foot.at;
   } else {
-    const std::uint32_t hint = !info_[e.a].line && info_[e.a].foot != ReferenceSurface::kNone ? info_[e.a].foot
+    const std::uint32_t hint = !info_[e.a].line && info_[e.a].foot != ReferenceSurface::kNone
+                                   ? info_[e.a].foot
                                : info_[e.b].line ? ReferenceSurface::kNone
                                                  : info_[e.b].foot;
     const ReferenceSurface::Foot foot = surface_.near(middle, kAnywhere, 0.01 * square, hint);
@@ -224,7 +226,8 @@ void Remesher::split(const Edge& e) {
     const Double3 &p = mesh_.at(mesh_.vertex(d)), &q = mesh_.at(mesh_.vertex(next_corner(d))),
                   &r = mesh_.at(mesh_.vertex(prev_corner(d)));
     const Double3 old = triangle_normal(p, q, r);
-    if (!(dot(triangle_normal(p, q, at), old) > 0.0) || !(dot(triangle_normal(p, at, r), old) > 0.0)) at = middle;
+    if (!(dot(triangle_normal(p, q, at), old) > 0.0) || !(dot(triangle_normal(p, at, r), old) > 0.0))
+      at = middle;
   }
   set_target(info, at);
   const bool crease = mesh_.crease_edge(c);
@@ -251,7 +254,9 @@ std::size_t Remesher::collapse_short(RemeshReport& report) {
   for (const Edge& e : edges_) {
     if (!current(e)) continue;
     // The one that is bound less goes; of two alike the one with the higher key.
-    const auto rank = [&](std::uint32_t v) { return mesh_.state(v) & kVertexKept ? 2 : info_[v].line ? 1 : 0; };
+    const auto rank = [&](std::uint32_t v) {
+      return mesh_.state(v) & kVertexKept ? 2 : info_[v].line ? 1 : 0;
+    };
     const int ra = rank(e.a), rb = rank(e.b);
     const bool a_first = ra != rb ? ra < rb : info_[e.a].key > info_[e.b].key;
     Refusal refusal = Refusal::kNone;
@@ -288,7 +293,8 @@ bool Remesher::linked(std::size_t at) {
   if (shared != (star_.closed ? 2u : 1u)) return false;
   if (locked)
     for (std::size_t i = 0; i < size; ++i)
-      if (i != at && mark_[star_.ring[i]] == stamp_ && (mesh_.state(star_.ring[i]) & kVertexLocked)) return false;
+      if (i != at && mark_[star_.ring[i]] == stamp_ && (mesh_.state(star_.ring[i]) & kVertexLocked))
+        return false;
   if (!star_.closed) return star_.faces > 1;
   return star_.faces > 3 && around + star_.faces < kMaxRing / 4 + 4;
 }

@@ -51,9 +51,7 @@ class Remesher {
   double square_of(std::uint32_t a, std::uint32_t b) const {
     return squared_distance(mesh_.at(a), mesh_.at(b));
   }
-  double target(std::uint32_t a, std::uint32_t b) const {
-    return std::min(info_[a].target, info_[b].target);
-  }
+  double target(std::uint32_t a, std::uint32_t b) const { return std::min(info_[a].target, info_[b].target); }
   bool is_line(std::uint32_t c) const { return mesh_.crease_edge(c) || mesh_.border_edge(c); }
 
   std::size_t split_long(RemeshReport& report);
@@ -74,6 +72,7 @@ class Remesher {
   void count_valences();
   void compact();
 
+  static double roundness(const Double3& a, const Double3& b, const Double3& c);
   bool normal_fits(const NewFace& f, const Double3& n) const;
   bool within(const NewFace& f) const;
   bool near_at_points(const NewFace& f, double limit, std::uint32_t hint) const;

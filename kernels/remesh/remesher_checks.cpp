@@ -15,13 +15,14 @@ constexpr double kLeastRoundness = 0.1;
 constexpr double kSliver = 0.45;  ///< roundness below which shape counts more than valences
 constexpr double kNeedle = 0.4, kLongBesideNeedle = 1.8;
 
-double roundness(const Double3& a, const Double3& b, const Double3& c) {
+}  // namespace
+
+/// 1 for the equilateral triangle, 0 for none.
+double Remesher::roundness(const Double3& a, const Double3& b, const Double3& c) {
   const Double3 u = b - a, v = c - a, w = c - b;
   const double squares = dot(u, u) + dot(v, v) + dot(w, w);
   return squares > 0.0 ? 2.0 * 1.7320508075688772 * norm(cross(u, v)) / squares : 0.0;
 }
-
-}  // namespace
 
 /// \param n  normal of what the face takes the place of; zero: unknown
 bool Remesher::normal_fits(const NewFace& f, const Double3& n) const {
@@ -112,14 +113,16 @@ bool Remesher::corners_merge(std::uint32_t a, std::uint32_t b) const {
 /// Of u into v; leaves the star of u and the place of v in it.
 Remesher::Refusal Remesher::check_collapse(std::uint32_t u, std::uint32_t v, std::size_t& at) {
   const std::uint8_t state = mesh_.state(u);
-  if ((mesh_.state(v) & kVertexPinched) || ((state & kVertexKept) && !corners_merge(u, v))) return Refusal::kLink;
+  if ((mesh_.state(v) & kVertexPinched) || ((state & kVertexKept) && !corners_merge(u, v)))
+    return Refusal::kLink;
   if (!mesh_.gather(u, star_)) return Refusal::kLink;
   const std::size_t k = star_.faces, size = star_.ring_size();
   for (at = 0; at < size && star_.ring[at] != v;) ++at;
   if (at == size) return Refusal::kLink;
   if ((state & kVertexBorder) && at != 0 && at != k) return Refusal::kLink;
-  if ((state & (kVertexCrease | kVertexFixed)) && !(at < k ? mesh_.crease_edge(prev_corner(star_.corner[at]))
-                                          : mesh_.crease_edge(next_corner(star_.corner[k - 1]))) &&
+  if ((state & (kVertexCrease | kVertexFixed)) &&
+      !(at < k ? mesh_.crease_edge(prev_corner(star_.corner[at]))
+               : mesh_.crease_edge(next_corner(star_.corner[k - 1]))) &&
       !((state & kVertexBorder) && (at == 0 || at == k)))
     return Refusal::kLink;
   const double needle = kNeedle * target(u, v);
@@ -138,13 +141,15 @@ Remesher::Refusal Remesher::check_collapse(std::uint32_t u, std::uint32_t v, std
     if (i == left || i == right) continue;
     const std::uint32_t a = star_.ring[i], b = star_.ring[i + 1 < size ? i + 1 : 0];
     const NewFace face{{v, a, b}, {to, mesh_.at(a), mesh_.at(b)}};
-    if (!normal_fits(face, triangle_normal(from, face.at[1], face.at[2]))) return Refusal::kFold;
-    const double round = roundness(to, face.at[1], face.at[2]);
-    if (round < kLeastRoundness && round < roundness(from, face.at[1], face.at[2])) return Refusal::kFold;
+    const double before = roundness(from, face.at[1], face.at[2]),
+                 after = roundness(to, face.at[1], face.at[2]);
+    // The normal of a flat face says nothing.
+    const Double3 n = before < kLeastRoundness ? Double3{} : triangle_normal(from, face.at[1], face.at[2]);
+    if (!normal_fits(face, n) || (after < kLeastRoundness && after < before)) return Refusal::kFold;
     if (!within(face)) return Refusal::kTolerance;
     if (options_.tolerance > 0.0)
-      nearest = std::min(nearest,
-                         squared_distance(from, closest_in_triangle(from, to, face.at[1], face.at[2])));
+      nearest =
+          std::min(nearest, squared_distance(from, closest_in_triangle(from, to, face.at[1], face.at[2])));
   }
   const double limit = options_.tolerance;
   if (!(limit > 0.0)) return Refusal::kNone;
@@ -169,7 +174,8 @@ void Remesher::count_valences() {
   valence_.assign(info_.size(), 0);
   for (const CollapseFace& f : mesh_.faces()) {
     if (f.state & kStateDead) continue;
-    for (const std::uint32_t v : f.vertex) valence_[v] = static_cast<std::uint8_t>(std::min(valence_[v] + 1, 250));
+    for (const std::uint32_t v : f.vertex)
+      valence_[v] = static_cast<std::uint8_t>(std::min(valence_[v] + 1, 250));
   }
 }
 
@@ -230,7 +236,7 @@ Remesher::Refusal Remesher::try_flip(std::uint32_t c) {
                after = std::min(roundness(pu, pa, pw), roundness(pw, pb, pu));
   // Valences that stay as good must pay in shape; better ones may cost some, which relaxation makes up for.
   const bool sliver = before < kSliver && after > 1.5 * before;
-  if (!sliver && (change > 0                                                  ? true
+  if (!sliver && (change > 0    ? true
                   : change == 0 ? after < 1.1 * before + 0.02
                                 : after < 0.35 && after < before))
     return Refusal::kLink;

@@ -7,7 +7,10 @@
 namespace tessera {
 namespace {
 
-constexpr double kStill = 1e-3;       ///< of the length: smaller moves are not worth a look-up
+constexpr double kStill = 1e-3;  ///< of the length: smaller moves are not worth a look-up
+constexpr double kLeastWeight =
+    0.03;  ///< a third of a regular face's: flat faces must not vanish beside long edges
+constexpr double kFlatFace = 0.1;     ///< roundness
 constexpr double kFlat = 0.0625;      ///< a move leaves the surface by less than this share of it (squares)
 constexpr double kAlongBefore = 0.5;  ///< least cosine of a face to what it was before a move
 
@@ -26,7 +29,8 @@ Double3 Remesher::wish(std::uint32_t v) const {
   if (info_[v].line) {
     Double3 sum{};
     for (std::size_t i = 0; i < star_.ring_size(); ++i) {
-      const bool line = star_.closed ? mesh_.crease_edge(prev_corner(star_.corner[i])) : i == 0 || i == star_.faces;
+      const bool line =
+          star_.closed ? mesh_.crease_edge(prev_corner(star_.corner[i])) : i == 0 || i == star_.faces;
       if (line) sum = sum + (mesh_.at(star_.ring[i]) - at) * 0.5;
     }
     return at + sum;
@@ -40,7 +44,7 @@ Double3 Remesher::wish(std::uint32_t v) const {
     // Where lengths adapt, areas count in units of what they should be.
     const std::uint32_t a = star_.ring[i], b = star_.ring[i + 1 < star_.ring_size() ? i + 1 : 0];
     const double side = static_cast<double>(info_[v].target + info_[a].target + info_[b].target);
-    const double weight = norm(n) / (side * side);
+    const double weight = norm(n) / (side * side) + kLeastWeight;
     normal = normal + n;
     centre = centre + (p + q) * weight;
     area += weight;
@@ -65,7 +69,8 @@ bool Remesher::place(std::uint32_t v, const Double3& to, RemeshReport& report) {
   const Double3 old = mesh_.at(v);
   const double far = info.target;
   const ReferenceSurface::Foot foot =
-      info.line ? surface_.slide(to, info.foot) : surface_.near(to, far * far, kFlat * squared_distance(to, old), info.foot);
+      info.line ? surface_.slide(to, info.foot)
+                : surface_.near(to, far * far, kFlat * squared_distance(to, old), info.foot);
   if (foot.slot == ReferenceSurface::kNone || foot.square > far * far) return false;
   info.foot = foot.slot;
   if (!info.line) {
@@ -89,12 +94,15 @@ bool Remesher::place(std::uint32_t v, const Double3& to, RemeshReport& report) {
     const Double3 before = triangle_normal(old, face.at[1], face.at[2]),
                   after = triangle_normal(face.at[0], face.at[1], face.at[2]);
     const double along = dot(before, after), squares = dot(before, before) * dot(after, after);
-    // A face that lies wrong already may turn, if the reference says so.
+    // A face that is flat or lies wrong already may turn, if the reference says so.
     const bool turned = along <= 0.0 || along * along < kAlongBefore * kAlongBefore * squares;
-    if (turned && !(squares > 0.0 && normal_fits(face, {}) && !normal_fits({{v, a, b}, {old, face.at[1], face.at[2]}}, {})))
-      return refuse(report.by_fold);
+    const NewFace was{{v, a, b}, {old, face.at[1], face.at[2]}};
+    const bool flat = roundness(old, was.at[1], was.at[2]) < kFlatFace;
+    if (turned && !(normal_fits(face, {}) && (flat || !normal_fits(was, {})))) return refuse(report.by_fold);
     // Nor may it all but vanish.
-    if (dot(after, after) < 0.04 * dot(before, before)) return refuse(report.by_fold);
+    if (dot(after, after) < 0.04 * dot(before, before) ||
+        (!flat && roundness(face.at[0], face.at[1], face.at[2]) < kFlatFace))
+      return refuse(report.by_fold);
     if (!within(face)) return refuse(report.by_tolerance);
   }
   mesh_.node(v).at = foot.at;

@@ -14,8 +14,8 @@ namespace {
 constexpr int kNormalRounds = 2;
 
 double length_for(double curvature, double tolerance, const SizingOptions& o) {
-  const double square = curvature > 0.0 ? 6.0 * tolerance / curvature - 3.0 * tolerance * tolerance
-                                        : o.longest * o.longest;
+  const double square =
+      curvature > 0.0 ? 6.0 * tolerance / curvature - 3.0 * tolerance * tolerance : o.longest * o.longest;
   return std::clamp(std::sqrt(std::max(square, 0.0)), o.shortest, o.longest);
 }
 
@@ -66,9 +66,9 @@ std::vector<float> sizing_field(const MeshBlock& reference, std::span<const std:
     const Double3 in = at[v] - at[a], out = at[b] - at[v];
     const double way = 0.5 * (norm(in) + norm(out));
     if (way > 0.0)
-      length[v] = std::min(length[v],
-                           static_cast<float>(length_for(norm(unit_or_zero(out) - unit_or_zero(in)) / way,
-                                                         0.5 * options.tolerance, options)));
+      length[v] =
+          std::min(length[v], static_cast<float>(length_for(norm(unit_or_zero(out) - unit_or_zero(in)) / way,
+                                                            0.5 * options.tolerance, options)));
   }
   using Entry = std::pair<float, std::uint32_t>;
   std::priority_queue<Entry, std::vector<Entry>, std::greater<>> queue;

@@ -25,6 +25,7 @@ inline constexpr double kSizingGrowth = 0.2;
 /// \param lines  pairs of segments that go on in each other, as their three vertices in order
 /// \param on_line  per vertex
 std::vector<float> sizing_field(const MeshBlock& reference, std::span<const std::uint8_t> on_line,
-                                std::span<const std::array<std::uint32_t, 3>> lines, const SizingOptions& options);
+                                std::span<const std::array<std::uint32_t, 3>> lines,
+                                const SizingOptions& options);
 
 }  // namespace tessera

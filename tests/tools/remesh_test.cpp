@@ -33,7 +33,8 @@ fs::path write_waves(const fs::path& path, bool backwards = false) {
       // Scattered along the surface, but for crease and border: a lattice of squares would stay one.
       const bool line = i == 0 || i == kSide || j == 0 || j == kSide || i == 110 || i == 130 || i == 150;
       const auto off = [&](std::uint64_t axis) {
-        return line ? 0.0 : 0.7 * (to_unit(random_bits(5, axis, static_cast<std::uint64_t>(j * 1000 + i))) - 0.5);
+        return line ? 0.0
+                    : 0.7 * (to_unit(random_bits(5, axis, static_cast<std::uint64_t>(j * 1000 + i))) - 0.5);
       };
       const double x = i + off(0), y = j + off(1), u = x / 40.0 - 3, v = y / 40.0 - 3;
       const double ridge = 20.0 - std::fabs(x - 130.0);

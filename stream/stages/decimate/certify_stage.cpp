@@ -32,10 +32,9 @@ class CertifyStage : public Stage {
         mesh_(request.mesh(state)),
         reference_(request.reference(state)) {
     CompareOptions options;
-    options.tolerance =
-        request_.tolerance > 0.0 ? request_.tolerance
-        : request_.scale > 0.0   ? request_.scale
-                                 : kMeasuredShare * reference_.diagonal();
+    options.tolerance = request_.tolerance > 0.0 ? request_.tolerance
+                        : request_.scale > 0.0   ? request_.scale
+                                                 : kMeasuredShare * reference_.diagonal();
     options.reach = kReach * options.tolerance;
     begun_ = begin_comparison(mesh_, reference_, options);
     cells_ = make_compare_cells(mesh_, reference_, options.reach, options.cell_faces);

@@ -7,9 +7,9 @@ namespace tessera {
 using json = nlohmann::json;
 
 json quality_sums(const TriangleQuality& q) {
-  return {{"angles", q.angles},         {"least", q.least},           {"lengths", q.lengths},
-          {"valences", q.valences},     {"faces", q.faces},           {"angle_off", q.angle_off},
-          {"length_off", q.length_off}, {"area_off", q.area_off},     {"smallest", q.smallest}};
+  return {{"angles", q.angles},         {"least", q.least},       {"lengths", q.lengths},
+          {"valences", q.valences},     {"faces", q.faces},       {"angle_off", q.angle_off},
+          {"length_off", q.length_off}, {"area_off", q.area_off}, {"smallest", q.smallest}};
 }
 
 TriangleQuality quality_of(const json& j) {

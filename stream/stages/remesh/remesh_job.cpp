@@ -34,11 +34,14 @@ void summarise(json& report) {
       report["quality"] = stage.at("result").at("quality");
 }
 
-StageEntry certify_entry(const RemeshJobOptions& options, const SimplifyStores& stores, int round, bool last) {
+StageEntry certify_entry(const RemeshJobOptions& options, const SimplifyStores& stores, int round,
+                         bool last) {
   CertifyRequest request;
   request.name = certify_name(round);
   request.tolerance = options.tolerance;
-  request.mesh = [=](const JobState& s) { return open_pass_input(s, stores, {options.passes, round, false}); };
+  request.mesh = [=](const JobState& s) {
+    return open_pass_input(s, stores, {options.passes, round, false});
+  };
   request.reference = stores.full;
   if (!last) request.failed_file = failed_faces_file(round);
   return {request.name, [=](const JobState& state) {
@@ -66,13 +69,13 @@ JobDescription remesh_job(const RemeshJobOptions& options) {
     }
     stages.push_back(certify_entry(options, stores, round, round + 1 == rounds));
   }
-  stages.push_back(
-      {"write", [=](const JobState& state) {
-         return make_store_write_stage(
-             state, open_pass_input(state, stores, {options.passes, last_round(state.work), false}),
-             "made by tessera remesh, edges of " + json(Sizing::of_work(state.work).edge).dump(),
-             sort_bytes(state.run));
-       }});
+  stages.push_back({"write", [=](const JobState& state) {
+                      return make_store_write_stage(
+                          state,
+                          open_pass_input(state, stores, {options.passes, last_round(state.work), false}),
+                          "made by tessera remesh, edges of " + json(Sizing::of_work(state.work).edge).dump(),
+                          sort_bytes(state.run));
+                    }});
   return {"remesh", std::move(stages), 0, summarise, {}, job_page()};
 }
 

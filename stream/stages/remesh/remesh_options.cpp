@@ -14,15 +14,21 @@ constexpr double kShapeShare = 0.2;
 
 OptionTable option_table(RemeshJobOptions& o) {
   OptionTable t("What it computes");
-  t.add("edge", &o.edge, "length of the edges, units of the mesh; 0 = from --faces or --tolerance").at_least(0);
+  t.add("edge", &o.edge, "length of the edges, units of the mesh; 0 = from --faces or --tolerance")
+      .at_least(0);
   t.add("faces", &o.faces, "about so many faces: the length of the edges follows");
   t.add("tolerance", &o.tolerance,
-        "largest distance between result and input, both ways, units of the mesh; alone: the length of the edges "
-        "follows from it and the curvature; 0 = the distance is measured and reported, single operations keep within a fifth of the edges")
+        "largest distance between result and input, both ways, units of the mesh; alone: the length of the "
+        "edges "
+        "follows from it and the curvature; 0 = the distance is measured and reported, single operations "
+        "keep within a fifth of the edges")
       .at_least(0);
-  t.add("adaptive", &o.adaptive, "edges are short where the surface bends and long where it does not, as the tolerance asks for");
-  t.add("min-edge", &o.min_edge, "adaptive: shortest length, units of the mesh; 0 = from the curvature").at_least(0);
-  t.add("max-edge", &o.max_edge, "adaptive: longest length, units of the mesh; 0 = from the curvature").at_least(0);
+  t.add("adaptive", &o.adaptive,
+        "edges are short where the surface bends and long where it does not, as the tolerance asks for");
+  t.add("min-edge", &o.min_edge, "adaptive: shortest length, units of the mesh; 0 = from the curvature")
+      .at_least(0);
+  t.add("max-edge", &o.max_edge, "adaptive: longest length, units of the mesh; 0 = from the curvature")
+      .at_least(0);
   t.add("max-normal-deviation", &o.max_normal_deviation_deg,
         "largest angle in degrees between a new face and the input at its centre; 0 = free")
       .within(0, 180);
@@ -41,7 +47,8 @@ void RemeshJobOptions::validate() const {
   if (adaptive && !(tolerance > 0.0))
     throw UsageError("--adaptive wants --tolerance above 0: lengths follow from it and the curvature");
   if (adaptive && (edge > 0.0 || faces > 0))
-    throw UsageError("--adaptive finds lengths by itself: give --min-edge and --max-edge instead of --edge or --faces");
+    throw UsageError(
+        "--adaptive finds lengths by itself: give --min-edge and --max-edge instead of --edge or --faces");
   if (!adaptive && (min_edge > 0.0 || max_edge > 0.0))
     throw UsageError("--min-edge and --max-edge are for --adaptive: add it, or give --edge");
   if (min_edge > 0.0 && max_edge > 0.0 && min_edge > max_edge)

@@ -9,10 +9,10 @@
 namespace tessera {
 
 struct RemeshJobOptions {
-  double edge = 0.0;        ///< units of the mesh; 0 = from faces or tolerance
-  std::uint64_t faces = 0;  ///< about so many
-  double tolerance = 0.0;   ///< units of the mesh; 0 = measured only
-  bool adaptive = false;    ///< lengths follow the curvature
+  double edge = 0.0;                      ///< units of the mesh; 0 = from faces or tolerance
+  std::uint64_t faces = 0;                ///< about so many
+  double tolerance = 0.0;                 ///< units of the mesh; 0 = measured only
+  bool adaptive = false;                  ///< lengths follow the curvature
   double min_edge = 0.0, max_edge = 0.0;  ///< units of the mesh; of lengths that adapt; 0 = from the mesh
   double max_normal_deviation_deg = 0.0;
   double feature_angle_deg = 25.0;

@@ -15,8 +15,8 @@
 #include "stream/meshes/failed_places.h"
 #include "stream/stages/decimate/idle_stage.h"
 #include "stream/stages/decimate/round_before.h"
-#include "stream/stages/remesh/quality_report.h"
 #include "stream/stages/decimate/unsettled_region.h"
+#include "stream/stages/remesh/quality_report.h"
 #include "stream/stages/remesh/sizing_stage.h"
 
 namespace tessera {
@@ -104,7 +104,8 @@ class RemeshStage : public Stage {
     kernel_ = options_.kernel(sizing_.edge, sizing_.shortest, !in_.info().double_positions);
     kernel_.find_creases = pass_.pass == 0;
     if (options_.tolerance > 0.0) require_provable(reference_, options_.tolerance);
-    double radius = std::max(options_.tolerance, 0.25 * (options_.adaptive ? sizing_.shortest : sizing_.edge));
+    double radius =
+        std::max(options_.tolerance, 0.25 * (options_.adaptive ? sizing_.shortest : sizing_.edge));
     for (int round = pass_.round - 1; round >= 0; --round, radius *= 4.0)
       failed_.add(read_failed_faces(state.work / failed_faces_file(round)), radius);
     for (int round = 2; round <= pass_.round; ++round) careful_ *= 0.5;
@@ -132,8 +133,9 @@ class RemeshStage : public Stage {
       const std::vector<std::size_t> near = reference_.select(reference_box(blocks_[b]));
       std::uint64_t faces = 0;
       for (const std::size_t p : near) faces += reference_.patches()[p].faces;
-      most = std::max(most, remesh_task_bytes(in_.block_bytes(blocks_[b].patches) + reference_.block_bytes(near),
-                                              room(blocks_[b]), faces, failed_.bytes()));
+      most =
+          std::max(most, remesh_task_bytes(in_.block_bytes(blocks_[b].patches) + reference_.block_bytes(near),
+                                           room(blocks_[b]), faces, failed_.bytes()));
     }
     return most;
   }
@@ -248,9 +250,7 @@ class RemeshStage : public Stage {
     before_.emplace(std::move(in), open_pass_input(state, stores_, next), std::move(blocks));
   }
 
-  MeshBox reference_box(const MeshBlockCut& cut) const {
-    return grown(in_.box_of(cut.patches), reach());
-  }
+  MeshBox reference_box(const MeshBlockCut& cut) const { return grown(in_.box_of(cut.patches), reach()); }
   double reach() const {
     const double graded = options_.adaptive ? (sizing_.edge - sizing_.shortest) / kSizingGrowth : 0.0;
     return std::max(kReach * sizing_.edge, 2.0 * sizing_.edge + graded) + options_.tolerance;

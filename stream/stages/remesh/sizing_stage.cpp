@@ -82,8 +82,9 @@ class SizingStage : public Stage {
   SizingStage(const JobState& state, const RemeshJobOptions& options)
       : store_(open_imported_mesh(state.work, "mesh")), options_(options) {
     if (options_.tolerance > 0.0 && !(options_.tolerance < store_.diagonal()))
-      throw UsageError("--tolerance " + number_text(options_.tolerance) + " is more than the whole mesh, which is " +
-                       number_text(store_.diagonal()) + " wide: give less");
+      throw UsageError("--tolerance " + number_text(options_.tolerance) +
+                       " is more than the whole mesh, which is " + number_text(store_.diagonal()) +
+                       " wide: give less");
     const std::uint64_t target = std::max<std::uint64_t>(kTaskFaces, store_.face_count() / kMostTasks);
     std::uint64_t faces = target;
     for (std::size_t p = 0; p < store_.patches().size(); ++p) {
@@ -127,7 +128,8 @@ class SizingStage : public Stage {
     Bends bends;
     for (const json& task : tasks) {
       for (const json& area : task.at("areas")) areas.push_back(area.get<double>());
-      for (const json& bend : task.at("bends")) bends[bend[0].get<std::uint32_t>()] += bend[1].get<std::uint64_t>();
+      for (const json& bend : task.at("bends"))
+        bends[bend[0].get<std::uint32_t>()] += bend[1].get<std::uint64_t>();
     }
     double area = 0.0;
     for (const double a : areas) area += a;
@@ -139,8 +141,9 @@ class SizingStage : public Stage {
       edge = options_.max_edge > 0.0 ? options_.max_edge : std::fmin(kLongestOfCalm * calm, most);
       shortest = options_.min_edge > 0.0 ? options_.min_edge : std::fmin(kShortestOfCalm * calm, edge);
       if (shortest > edge)
-        throw UsageError("--min-edge " + number_text(shortest) + " is more than edges would get by themselves, " +
-                         number_text(edge) + ": give --max-edge too");
+        throw UsageError("--min-edge " + number_text(shortest) +
+                         " is more than edges would get by themselves, " + number_text(edge) +
+                         ": give --max-edge too");
     }
     // What adapts is guessed by the calm share's length; blocks have room for more.
     const double face = std::sqrt(3.0) / 4.0 * calm * calm;
@@ -150,12 +153,14 @@ class SizingStage : public Stage {
       const double faces = std::ceil(areas[p] / face);
       sum += faces;
       if (!(sum < 0x1p40))
-        throw UsageError("edges of " + number_text(edge) + " would make more faces than can be counted: " +
-                         "give longer ones");
+        throw UsageError("edges of " + number_text(edge) +
+                         " would make more faces than can be counted: " + "give longer ones");
       expected.push_back({store_.patches()[p].key, static_cast<std::uint64_t>(faces)});
     }
-    write_durably(context.create(kSizingFile), json{{"edge", edge}, {"shortest", shortest}, {"faces", expected}}.dump());
-    json result = {{"edge", edge}, {"shortest_edge", shortest}, {"area", area}, {"expected_faces", area / face}};
+    write_durably(context.create(kSizingFile),
+                  json{{"edge", edge}, {"shortest", shortest}, {"faces", expected}}.dump());
+    json result = {
+        {"edge", edge}, {"shortest_edge", shortest}, {"area", area}, {"expected_faces", area / face}};
     if (edge > 0.5 * store_.diagonal())
       result["warnings"] = {"edges of " + number_text(edge) + " are longer than half of the mesh, which is " +
                             number_text(store_.diagonal()) + " wide: hardly a face can be so large"};

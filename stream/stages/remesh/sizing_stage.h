@@ -12,9 +12,9 @@
 namespace tessera {
 
 struct Sizing {
-  double edge = 0.0;      ///< scan units; the longest where they adapt
-  double shortest = 0.0;  ///< where they adapt
-  std::map<std::uint64_t, std::uint64_t> faces;   ///< expected of each brick of the imported mesh
+  double edge = 0.0;                             ///< scan units; the longest where they adapt
+  double shortest = 0.0;                         ///< where they adapt
+  std::map<std::uint64_t, std::uint64_t> faces;  ///< expected of each brick of the imported mesh
   static Sizing of_work(const std::filesystem::path& work);
 };
 

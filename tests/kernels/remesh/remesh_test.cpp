@@ -158,7 +158,8 @@ TEST_CASE("remesh: borders keep their line, corners of borders their place", "[u
   for (const VertexClass c : out.vertex_class) corners += c == VertexClass::kCorner;
   CHECK(corners == 4);
   std::size_t flagged = 0;
-  for (const std::uint8_t flags : out.face_flags) flagged += static_cast<std::size_t>((flags & 1) + (flags >> 1 & 1) + (flags >> 2 & 1));
+  for (const std::uint8_t flags : out.face_flags)
+    flagged += static_cast<std::size_t>((flags & 1) + (flags >> 1 & 1) + (flags >> 2 & 1));
   CHECK(flagged == checks_of(out).boundary_edges);
 }
 
@@ -252,7 +253,8 @@ TEST_CASE("remesh: with a tolerance faces get smaller where the surface asks for
   CHECK(out.faces.size() < hills.faces.size() / 4);
 }
 
-TEST_CASE("remesh: no more faces than there is room for, and options that make no sense are refused", "[unit]") {
+TEST_CASE("remesh: no more faces than there is room for, and options that make no sense are refused",
+          "[unit]") {
   RemeshOptions o = options_for(0.01);
   o.max_faces = 3000;
   RemeshReport report;

@@ -29,7 +29,8 @@ TEST_CASE("sizing field: on a sphere a chord of the length stays within the tole
   for (const float length : lengths(sphere, {0.01, 0.3, 10.0})) REQUIRE(length >= 0.3f);
 }
 
-TEST_CASE("sizing field: lengths grow slowly away from what bends, and are the longest far from it", "[unit]") {
+TEST_CASE("sizing field: lengths grow slowly away from what bends, and are the longest far from it",
+          "[unit]") {
   const MeshBlock fold =
       grid_block(120, 20, [](double x, double) { return x < 10.0 ? 0.05 * (10.0 - x) * (10.0 - x) : 0.0; });
   const SizingOptions options{0.02, 0.1, 15.0};
