@@ -17,7 +17,7 @@ namespace {
 
 using json = nlohmann::json;
 
-const std::string kRemeshImport = "mesh";
+constexpr const char* kRemeshImport = "mesh";
 constexpr double kMeasuredShare = 0.25;  ///< of the edges: the scale of a distance that is only measured
 
 std::string certify_name(int round) {

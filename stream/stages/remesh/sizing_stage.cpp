@@ -19,7 +19,7 @@ namespace {
 
 using json = nlohmann::json;
 
-const std::string kSizingFile = "sizing.json";
+constexpr const char* kSizingFile = "sizing.json";
 constexpr std::size_t kTaskFaces = 1u << 20, kMostTasks = 400;
 /// With a tolerance alone: edges are as long as this share of the surface allows; what bends more keeps shorter ones,
 /// since operations there are refused.
