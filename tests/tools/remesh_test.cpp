@@ -153,6 +153,16 @@ TEST_CASE("remesh: a number of faces, or a tolerance alone, says how long edges 
   REQUIRE(tessera_command(words(in, out, {"--tolerance", "0.05"})).code == 0);
   CHECK(report_of(out).at("certificate").at("proven") == true);
   CHECK(report_of(out).at("quality").at("edge").get<double>() > 2.0);
+  fs::remove(out);
+  const std::vector<std::string> adaptive = {"--tolerance", "0.05", "--adaptive", "--block-faces", "16384"};
+  REQUIRE(tessera_command(words(in, out, adaptive)).code == 0);
+  CHECK(report_of(out).at("certificate").at("proven") == true);
+  const std::string bytes = file_bytes(out);
+  fs::remove(out);
+  std::vector<std::string> other = adaptive;
+  other.insert(other.end(), {"-t", "2", "--memory", "400M", "--processes"});
+  REQUIRE(tessera_command(words(in, out, other)).code == 0);
+  CHECK(file_bytes(out) == bytes);
 }
 
 TEST_CASE("remesh: options and inputs that make no sense are refused with one sentence", "[pipeline]") {
@@ -171,6 +181,10 @@ TEST_CASE("remesh: options and inputs that make no sense are refused with one se
   refused(2, in, {"--edge", "-1"});
   refused(2, in, {"--edge", "1", "--faces", "1000"});
   refused(2, in, {"--tolerance", "1e6"});
+  refused(2, in, {"--adaptive"});
+  refused(2, in, {"--adaptive", "--tolerance", "0.1", "--edge", "1"});
+  refused(2, in, {"--edge", "1", "--max-edge", "2"});
+  refused(2, in, {"--adaptive", "--tolerance", "0.1", "--min-edge", "2", "--max-edge", "1"});
   refused(2, in, {"--edge", "1e-9"});
   refused(4, in, {"--edge", "0.02", "--memory", "300M"});
   spill(folder.path() / "points.off", "OFF 3 1 0\n0 0 0\n0 0 0\n1 0 0\n3 0 1 2\n");
