@@ -17,6 +17,7 @@ cli::Command reconstruct_command();
 cli::Command remesh_command();
 cli::Command render_command();
 cli::Command report_command();
+cli::Command resurface_command();
 cli::Command smooth_command();
 cli::Command synth_command();
 cli::Command task_command();

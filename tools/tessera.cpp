@@ -10,6 +10,7 @@ int main(int argc, char** argv) {
                       // one line per command, in the order of the help
                       plan_command(),
                       reconstruct_command(),
+                      resurface_command(),
                       smooth_command(),
                       decimate_command(),
                       remesh_command(),

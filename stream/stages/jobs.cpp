@@ -6,6 +6,7 @@
 #include "stream/stages/reconstruct/reconstruct_job.h"
 #include "stream/stages/remesh/remesh_job.h"
 #include "stream/stages/smooth/smooth_stage.h"
+#include "stream/stages/solid/resurface_job.h"
 
 namespace tessera {
 namespace {
@@ -24,6 +25,7 @@ constexpr Entry kJobs[] = {
     {"decimate", from_text<SimplifyOptions, decimate_job>},
     {"reconstruct", from_text<ReconstructOptions, reconstruct_job>},
     {"remesh", from_text<RemeshJobOptions, remesh_job>},
+    {"resurface", from_text<ResurfaceOptions, resurface_job>},
     {"smooth", from_text<SmoothOptions, smooth_job>},
 };
 

@@ -16,6 +16,7 @@ const std::map<std::string, std::set<std::string>> kKernelRooms = {
     {"picture", {}},
     {"field", {"mesh"}},
     {"closing", {"field"}},
+    {"solid", {"field"}},
     {"extract", {"field", "mesh"}},
     {"decimate", {"mesh"}},
     {"remesh", {"mesh", "decimate"}},

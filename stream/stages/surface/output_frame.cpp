@@ -24,10 +24,15 @@ double farthest_coordinate(const Lattice& lattice, const Int3& brick) {
 }
 
 MeshFrame output_frame(const JobState& state, const Plan& plan, double farthest) {
-  const std::string extension = state.output.extension().string();
+  return output_frame(state.output, plan, farthest, reconstruct_options(state).local_output);
+}
+
+MeshFrame output_frame(const std::filesystem::path& output, const Plan& plan, double farthest,
+                       bool local_output) {
+  const std::string extension = output.extension().string();
   const bool has_double = extension == ".ply" || extension == ".obj";
   const bool enough = float_suffices(farthest, plan.lattice.h);
-  const bool local = reconstruct_options(state).local_output || (!has_double && !enough);
+  const bool local = local_output || (!has_double && !enough);
   MeshFrame frame;
   frame.lattice = plan.lattice;
   frame.double_positions = has_double && !local && !enough;

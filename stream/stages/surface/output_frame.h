@@ -14,5 +14,7 @@ double farthest_coordinate(const Lattice& lattice, const Int3& brick);
 /// of the output has them, else in floats from the lattice's origin, as with `--local-output`.
 /// \param farthest  farthest_coordinate over all bricks of the mesh
 MeshFrame output_frame(const JobState& state, const Plan& plan, double farthest);
+/// The same for other jobs. \param local  as `--local-output` asks for
+MeshFrame output_frame(const std::filesystem::path& output, const Plan& plan, double farthest, bool local);
 
 }  // namespace tessera

@@ -78,8 +78,8 @@ struct ComponentSize {
 
 class WeldStage : public Stage {
  public:
-  explicit WeldStage(const JobState& state)
-      : state_(state), store_(open_patches(state.work)), first_component_(store_.patches().size() + 1, 0) {
+  WeldStage(const JobState& state, WeldRules rules)
+      : rules_(std::move(rules)), work_(state.work), store_(open_patches(state.work)), first_component_(store_.patches().size() + 1, 0) {
     for (std::size_t p = 0; p < store_.patches().size(); ++p)
       first_component_[p + 1] = first_component_[p] + store_.patches()[p].components;
   }
@@ -146,7 +146,7 @@ class WeldStage : public Stage {
     std::vector<ComponentSize> sizes;
     sizes.reserve(count);
     for (std::size_t file = 0; file < store_.file_count(); ++file) {
-      const WeldFile in(state_.work / weld_file_name(file));
+      const WeldFile in(work_ / weld_file_name(file));
       for (const Link& link : in.file.load<Link>(in.links)) sets.unite(link.a, link.b);
       const auto own = in.file.load<ComponentSize>(in.sizes);
       sizes.insert(sizes.end(), own.begin(), own.end());
@@ -169,7 +169,7 @@ class WeldStage : public Stage {
       border[root[c]] += sizes[c].border;
       all_faces += sizes[c].faces;
     }
-    const std::uint64_t given = reconstruct_options(state_).min_component;
+    const std::uint64_t given = rules_.min_component;
     const std::uint64_t limit = given != 0 ? given : automatic_min_component(all_faces);
     for (const std::uint64_t f : faces) largest = std::max(largest, f);
     Numbering numbering;
@@ -206,8 +206,7 @@ class WeldStage : public Stage {
     if (numbering.faces == 0) {
       throw EmptyError(
           all_faces == 0
-              ? std::string("no surface: no lattice cell has enough points around it; try a larger "
-                            "--resolution or --radius, or check the normals")
+              ? rules_.nothing
               : "every island has fewer than " + std::to_string(limit) +
                     " faces; lower --min-component (1 keeps all)");
     }
@@ -222,7 +221,8 @@ class WeldStage : public Stage {
             {"shared_seam_vertices", shared}};
   }
 
-  JobState state_;
+  WeldRules rules_;
+  std::filesystem::path work_;
   PatchStore store_;
   std::vector<std::uint64_t> first_component_;
 };
@@ -284,7 +284,12 @@ Numbering Numbering::load(const std::filesystem::path& path) {
 }
 
 std::unique_ptr<Stage> make_weld_stage(const JobState& state) {
-  return std::make_unique<WeldStage>(state);
+  return make_weld_stage_by(state, {reconstruct_options(state).min_component,
+                                 "no surface: no lattice cell has enough points around it; try a larger "
+                                 "--resolution or --radius, or check the normals"});
+}
+std::unique_ptr<Stage> make_weld_stage_by(const JobState& state, const WeldRules& rules) {
+  return std::make_unique<WeldStage>(state, rules);
 }
 
 }  // namespace tessera

@@ -57,6 +57,12 @@ std::uint64_t weld_task_bytes(std::span<const PatchEntry> patches);
 /// What the end takes at most. \param components  of all patches
 std::uint64_t weld_finish_bytes(std::uint64_t patches, std::uint64_t components);
 
+/// What a weld of patches that are not of points goes by.
+struct WeldRules {
+  std::uint64_t min_component = 0;  ///< faces; 0 = automatic, and shreds go
+  std::string nothing;              ///< what to say where there is no face at all
+};
 std::unique_ptr<Stage> make_weld_stage(const JobState& state);
+std::unique_ptr<Stage> make_weld_stage_by(const JobState& state, const WeldRules& rules);
 
 }  // namespace tessera

@@ -15,11 +15,14 @@ namespace {
 
 using json = nlohmann::json;
 
+constexpr const char* kReconstruct = "tessera reconstruct";
+
 class WriteStage : public Stage {
  public:
-  WriteStage(const JobState& state, bool raw)
+  WriteStage(const JobState& state, bool raw, std::string maker)
       : state_(state),
         raw_(raw),
+        maker_(std::move(maker)),
         plan_(Plan::of_work(state.work)),
         store_(open_patches(state.work)),
         numbering_(Numbering::load(state.work / kNumberingFile)),
@@ -76,11 +79,12 @@ class WriteStage : public Stage {
     double farthest = 0.0;
     for (const PatchEntry& e : store_.patches())
       farthest = std::max(farthest, farthest_coordinate(plan_.lattice, brick_of_key(e.key)));
-    const MeshFrame frame = output_frame(state_, plan_, farthest);
+    const MeshFrame frame = maker_ == kReconstruct ? output_frame(state_, plan_, farthest)
+                                                   : output_frame(state_.output, plan_, farthest, false);
     header.colour = frame.colour;
     header.double_positions = frame.double_positions;
     header.shift = frame.shift;
-    header.comments.push_back("made by tessera reconstruct, lattice spacing " + json(plan_.lattice.h).dump());
+    header.comments.push_back("made by " + maker_ + ", lattice spacing " + json(plan_.lattice.h).dump());
     return header;
   }
 
@@ -167,6 +171,7 @@ class WriteStage : public Stage {
 
   JobState state_;
   bool raw_;
+  std::string maker_;
   Plan plan_;
   PatchStore store_;
   Numbering numbering_;
@@ -183,10 +188,13 @@ std::uint64_t write_bytes(std::span<const PatchEntry> patches, std::uint64_t fil
 }
 
 std::unique_ptr<Stage> make_write_stage(const JobState& state) {
-  return std::make_unique<WriteStage>(state, false);
+  return std::make_unique<WriteStage>(state, false, kReconstruct);
+}
+std::unique_ptr<Stage> make_write_stage_of(const JobState& state, const std::string& maker) {
+  return std::make_unique<WriteStage>(state, false, maker);
 }
 std::unique_ptr<Stage> make_raw_write_stage(const JobState& state) {
-  return std::make_unique<WriteStage>(state, true);
+  return std::make_unique<WriteStage>(state, true, kReconstruct);
 }
 
 }  // namespace tessera

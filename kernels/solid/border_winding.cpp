@@ -1,0 +1,194 @@
+#include "kernels/solid/border_winding.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "octree/portable_math.h"
+
+namespace tessera {
+namespace {
+
+__extension__ using Wide = __int128;
+
+constexpr double kPerCell = 1.0 / static_cast<double>(kSolidQuanta);
+constexpr std::uint32_t kClusterEdges = 4;
+constexpr double kFar = 0.2;          ///< radius over distance from which moments stand for edges
+constexpr double kFarGradient = 0.1;  ///< the same where only the first moment does
+constexpr std::size_t kStack = 128;
+
+Double3 in_cells(const Long3& q) {
+  return {static_cast<double>(q[0]) * kPerCell, static_cast<double>(q[1]) * kPerCell,
+          static_cast<double>(q[2]) * kPerCell};
+}
+
+std::uint64_t place(const BorderEdge& e) {
+  std::array<std::uint32_t, 3> cell{};
+  for (std::size_t k = 0; k < 3; ++k)
+    cell[k] = static_cast<std::uint32_t>(std::max<std::int64_t>(0, (e.a[k] + e.b[k]) >> (kSolidQuantumBits + 1)));
+  return morton_encode(cell[0], cell[1], cell[2]);
+}
+
+/// Sign of the doubled area of (a, b, node) seen from +x, with the node moved.
+bool is_left(const BorderEdge& e, const Long3& x) {
+  const Wide ay = e.a[1] - x[1], az = e.a[2] - x[2], by = e.b[1] - x[1], bz = e.b[2] - x[2];
+  const Wide area = ay * bz - az * by;
+  if (area != 0) return area > 0;
+  if (az != bz) return az > bz;
+  return by > ay;
+}
+
+}  // namespace
+
+BorderWinding::BorderWinding(std::vector<BorderEdge> edges) : edges_(std::move(edges)) {
+  if (edges_.empty()) return;
+  std::sort(edges_.begin(), edges_.end(), [](const BorderEdge& l, const BorderEdge& r) {
+    const std::uint64_t p = place(l), q = place(r);
+    return p != q ? p < q : l.a != r.a ? l.a < r.a : l.b < r.b;
+  });
+  clusters_.reserve(edges_.size());
+  clusters_.emplace_back().end = static_cast<std::uint32_t>(edges_.size());
+  for (std::uint32_t c = 0; c < clusters_.size(); ++c) split(c);
+}
+
+void BorderWinding::split(std::uint32_t cluster) {
+  sum_up(clusters_[cluster]);
+  const std::uint32_t first = clusters_[cluster].first, end = clusters_[cluster].end;
+  if (end - first <= kClusterEdges) return;
+  const std::uint32_t middle = first + (end - first) / 2;
+  clusters_[cluster].left = static_cast<std::uint32_t>(clusters_.size());
+  Cluster& left = clusters_.emplace_back();
+  left.first = first, left.end = middle;
+  Cluster& right = clusters_.emplace_back();
+  right.first = middle, right.end = end;
+}
+
+void BorderWinding::sum_up(Cluster& c) const {
+  constexpr double kAny = std::numeric_limits<double>::max();
+  Double3 low = {kAny, kAny, kAny}, high = {-kAny, -kAny, -kAny};
+  for (std::uint32_t e = c.first; e < c.end; ++e)
+    for (const Long3* q : {&edges_[e].a, &edges_[e].b}) {
+      const Double3 p = in_cells(*q);
+      for (std::size_t k = 0; k < 3; ++k) low[k] = std::min(low[k], p[k]), high[k] = std::max(high[k], p[k]);
+    }
+  c.centre = (low + high) * 0.5;
+  c.radius = 0.5 * norm(high - low);
+  for (std::uint32_t e = c.first; e < c.end; ++e) {
+    const Double3 a = in_cells(edges_[e].a), b = in_cells(edges_[e].b);
+    const auto count = static_cast<double>(edges_[e].count);
+    const Double3 way = (b - a) * count, from = (a + b) * 0.5 - c.centre;
+    c.sum = c.sum + way;
+    for (std::size_t i = 0; i < 3; ++i)
+      for (std::size_t j = 0; j < 3; ++j) c.moment[3 * i + j] += way[i] * from[j];
+    c.length += norm(way);
+  }
+}
+
+double BorderWinding::ribbon(const BorderEdge& edge, const Int3& node) const {
+  Long3 x;
+  for (std::size_t k = 0; k < 3; ++k) x[k] = node[k] * kSolidQuanta;
+  Double3 a, b;
+  for (std::size_t k = 0; k < 3; ++k) {
+    a[k] = static_cast<double>(edge.a[k] - x[k]) * kPerCell;
+    b[k] = static_cast<double>(edge.b[k] - x[k]) * kPerCell;
+  }
+  const double p = a[1] * b[2], q = a[2] * b[1], la = norm(a), lb = norm(b);
+  double area = p - q;
+  const bool sure = std::fabs(area) > 1e-14 * (std::fabs(p) + std::fabs(q));
+  const bool left = sure ? area > 0.0 : is_left(edge, x);
+  area = std::fabs(area);
+  // Solid angle of the triangle (a, b, +x infinity): van Oosterom, Strackee 1983.
+  const double along = la * lb + dot(a, b) + a[0] * lb + b[0] * la;
+  const double size = std::sqrt(area * area + along * along);
+  if (!(size > 0.0)) return 0.0;
+  // The half angle lies in [0, pi] by its cosine and sine; unit vectors give it without an arc tangent of libm.
+  const double half = angle_between({1.0, 0.0, 0.0}, {along / size, area / size, 0.0});
+  return (left ? 2.0 * half : -2.0 * half) * static_cast<double>(edge.count);
+}
+
+double BorderWinding::at(const Int3& node) const {
+  if (clusters_.empty()) return 0.0;
+  const Double3 x = {static_cast<double>(node[0]), static_cast<double>(node[1]), static_cast<double>(node[2])};
+  double sum = 0.0;
+  std::array<std::uint32_t, kStack> stack;
+  std::size_t top = 0;
+  stack[top++] = 0;
+  while (top > 0) {
+    const Cluster& c = clusters_[stack[--top]];
+    const Double3 r = c.centre - x;
+    const double s = norm(r), q = r[0];
+    // Ribbons that pass near the node are seen from near, however far their edges are.
+    const double near = q < 0.0 ? std::sqrt(r[1] * r[1] + r[2] * r[2]) : s;
+    if (c.radius < kFar * near) {
+      // The form g (e_x x r) . dl with g = 1 / (s (s + q)), to first order about the centre.
+      const double d = s * (s + q), g = 1.0 / d;
+      const Double3 v = {0.0, -r[2], r[1]};
+      const Double3 slope = ((r / s) * (2.0 * s + q) + Double3{s, 0.0, 0.0}) * (-g * g);
+      double turn = g * dot(v, c.sum);
+      turn += g * (c.moment[3 * 2 + 1] - c.moment[3 * 1 + 2]);
+      for (std::size_t i = 0; i < 3; ++i)
+        for (std::size_t j = 0; j < 3; ++j) turn += v[i] * c.moment[3 * i + j] * slope[j];
+      sum += turn;
+    } else if (c.left != 0) {
+      stack[top++] = c.left + 1;
+      stack[top++] = c.left;
+    } else {
+      for (std::uint32_t e = c.first; e < c.end; ++e) sum += ribbon(edges_[e], node);
+    }
+  }
+  return sum / (4.0 * kPi);
+}
+
+Double3 BorderWinding::gradient(const Double3& x) const {
+  Double3 sum = {0, 0, 0};
+  if (clusters_.empty()) return sum;
+  std::array<std::uint32_t, kStack> stack;
+  std::size_t top = 0;
+  stack[top++] = 0;
+  while (top > 0) {
+    const Cluster& c = clusters_[stack[--top]];
+    const Double3 r = c.centre - x;
+    const double s = norm(r);
+    if (c.radius < kFarGradient * s) {
+      sum = sum + cross(r, c.sum) / (s * s * s);
+    } else if (c.left != 0) {
+      stack[top++] = c.left + 1;
+      stack[top++] = c.left;
+    } else {
+      for (std::uint32_t e = c.first; e < c.end; ++e) {  // Biot and Savart
+        const Double3 a = in_cells(edges_[e].a) - x, b = in_cells(edges_[e].b) - x;
+        const double la = norm(a), lb = norm(b), d = la * lb * (la * lb + dot(a, b));
+        if (!(d > 0.0)) continue;
+        sum = sum + cross(a, b) * ((la + lb) / d * static_cast<double>(edges_[e].count));
+      }
+    }
+  }
+  return sum / (-4.0 * kPi);
+}
+
+double BorderWinding::steepness(const Double3& x, double radius, double enough) const {
+  double sum = 0.0;
+  if (clusters_.empty()) return sum;
+  std::array<std::uint32_t, kStack> stack;
+  std::size_t top = 0;
+  stack[top++] = 0;
+  while (top > 0 && sum <= enough) {
+    const Cluster& c = clusters_[stack[--top]];
+    const double s = norm(c.centre - x), free = s - c.radius - radius;
+    const bool coarse = c.radius > kFar * s;
+    if (coarse && c.left != 0) {
+      stack[top++] = c.left + 1;
+      stack[top++] = c.left;
+    } else if (free > 0.0) {
+      sum += c.length / (4.0 * kPi * free * free);
+    } else if (c.left != 0) {
+      stack[top++] = c.left + 1;
+      stack[top++] = c.left;
+    } else {
+      return std::numeric_limits<double>::infinity();
+    }
+  }
+  return sum;
+}
+
+}  // namespace tessera

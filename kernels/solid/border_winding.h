@@ -1,0 +1,59 @@
+/// \file border_winding.h
+/// The part of a generalized winding number that the border of a mesh makes.
+///
+/// Source: Jacobson, Kavan, Sorkine-Hornung, "Robust Inside-Outside Segmentation using Generalized Winding Numbers", 2013,
+/// and Stokes: a ribbon from every border edge to infinity in direction +x closes the mesh, so at a node
+///   winding number = turns of the mesh on the way from -x infinity (an integer) + solid angle of the ribbons / (4 pi).
+/// The mesh itself is never summed, only its border, and a closed one has none. Where a node lies on the shadow of a border
+/// edge, the same moved node decides as in lattice_crossings.h, so the two jumps cancel exactly.
+#pragma once
+#include <vector>
+
+#include "kernels/solid/lattice_crossings.h"
+
+namespace tessera {
+
+/// An edge that has `count` more faces on its left than on its right (< 0: fewer), seen from outside.
+struct BorderEdge {
+  Long3 a{}, b{};
+  std::int64_t count = 0;
+};
+
+/// Sums over clusters of edges: a pure function of the node and the set of edges, whatever their order was.
+class BorderWinding {
+ public:
+  BorderWinding() = default;
+  /// \param edges  each pair of ends at most once, counts not zero
+  explicit BorderWinding(std::vector<BorderEdge> edges);
+
+  bool empty() const { return edges_.empty(); }
+  std::size_t size() const { return edges_.size(); }
+  /// Share of the winding number at a node that the border makes: error below about 1e-3.
+  double at(const Int3& node) const;
+  /// Derivative of the winding number there, per cell.
+  Double3 gradient(const Double3& cells) const;
+  /// Bound of that derivative within `radius` of a point, per cell; above `enough` any number above it.
+  double steepness(const Double3& cells, double radius, double enough) const;
+
+  /// Upper bound of what holding so many edges takes, and building.
+  static constexpr std::uint64_t bytes(std::uint64_t edges) { return edges * (56 + 200); }
+
+ private:
+  struct Cluster {
+    Double3 centre{};  ///< cells
+    double radius = 0.0;
+    Double3 sum{};                 ///< of the edges as vectors, cells
+    std::array<double, 9> moment{};  ///< of (edge, middle - centre)
+    double length = 0.0;
+    std::uint32_t first = 0, end = 0;
+    std::uint32_t left = 0;  ///< its children are left and left + 1; 0: none
+  };
+  void split(std::uint32_t cluster);
+  void sum_up(Cluster& c) const;
+  double ribbon(const BorderEdge& edge, const Int3& node) const;
+
+  std::vector<BorderEdge> edges_;
+  std::vector<Cluster> clusters_;
+};
+
+}  // namespace tessera

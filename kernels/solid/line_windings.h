@@ -1,0 +1,52 @@
+/// \file line_windings.h
+/// How often the lines of the lattice along x have turned into a mesh before they reach a leaf: the global summary from
+/// which every block knows the integer part of its winding numbers.
+#pragma once
+#include <array>
+#include <cstdint>
+#include <vector>
+
+#include "octree/lattice.h"
+
+namespace tessera {
+
+/// What the faces of a mesh do to the 64 lines along x through one leaf of 8^3 nodes (line y + 8 z).
+struct LeafTurns {
+  std::uint64_t key = 0;               ///< leaf_row_key
+  std::array<std::int16_t, 64> turn{};
+  std::uint32_t crossings = 0;  ///< on edges from its nodes, along all axes
+  std::uint32_t unused = 0;
+
+  /// Adds another part of the same leaf.
+  void add(const LeafTurns& other);
+  bool operator<(const LeafTurns& other) const { return key < other.key; }
+};
+static_assert(sizeof(LeafTurns) == 144);
+
+/// Leaves of a row along x follow each other. \pre coordinates in leaves, each within [0, 2^20)
+constexpr std::uint64_t leaf_row_key(const Int3& leaf) {
+  return static_cast<std::uint64_t>(leaf[2]) << 40 | static_cast<std::uint64_t>(leaf[1]) << 20 |
+         static_cast<std::uint64_t>(leaf[0]);
+}
+constexpr Int3 leaf_of_row_key(std::uint64_t key) {
+  return {static_cast<std::int32_t>(key & 0xfffff), static_cast<std::int32_t>(key >> 20 & 0xfffff),
+          static_cast<std::int32_t>(key >> 40)};
+}
+
+class LineWindings {
+ public:
+  LineWindings() = default;
+  /// \param leaves  ascending, no repeats
+  explicit LineWindings(std::vector<LeafTurns> leaves);
+  /// Turns of all faces with smaller x than the leaf's nodes x = 0, by line.
+  std::array<std::int16_t, 64> before(const Int3& leaf) const;
+  /// All zero once every line has left the mesh on its far side.
+  bool closes() const;
+  const std::vector<LeafTurns>& leaves() const { return leaves_; }  ///< `turn` summed up along each row
+  std::uint64_t bytes() const { return leaves_.capacity() * sizeof(LeafTurns); }
+
+ private:
+  std::vector<LeafTurns> leaves_;
+};
+
+}  // namespace tessera

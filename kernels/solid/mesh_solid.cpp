@@ -1,0 +1,105 @@
+#include "kernels/solid/mesh_solid.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace tessera {
+namespace {
+
+/// From the middle of a leaf's nodes to the farthest of them, and twice that.
+constexpr double kLeafRadius = 6.1;
+constexpr double kLeafWidth = 2.0 * kLeafRadius;
+/// What clusters of edges leave out of a winding number at most, several times over.
+constexpr double kClusterError = 0.02;
+
+}  // namespace
+
+void MeshSolid::windings(const Int3& leaf, std::span<const SolidCrossing> crossings, std::span<float> out) const {
+  // Turns on the edges from every node, per axis.
+  std::array<std::array<std::int16_t, 512>, 3> turn{};
+  for (const SolidCrossing& c : crossings) {
+    std::int16_t& t = turn[c.edge / 512 % 3][c.edge % 512];
+    t = static_cast<std::int16_t>(t + c.turn);
+  }
+  const std::array<std::int16_t, 64> before = lines_.before(leaf);
+  std::array<std::int32_t, 512> n;
+  for (std::size_t row = 0; row < 64; ++row) {
+    n[8 * row] = before[row];
+    for (std::size_t x = 0; x < 7; ++x) n[8 * row + x + 1] = n[8 * row + x] + turn[0][8 * row + x];
+  }
+  if (border_.empty()) {
+    for (std::size_t i = 0; i < 512; ++i) out[i] = sign_ * static_cast<float>(n[i]);
+    return;
+  }
+  const Int3 corner = {leaf[0] * kLeafCells, leaf[1] * kLeafCells, leaf[2] * kLeafCells};
+  const double at_corner = n[0] + border_.at(corner);
+  const double to_half = std::fabs(at_corner - (std::floor(at_corner) + 0.5));
+  const Double3 middle = {corner[0] + 3.5, corner[1] + 3.5, corner[2] + 3.5};
+  const double change = border_.steepness(middle, kLeafRadius, 1.0) * kLeafWidth + kClusterError;
+  if (change < to_half) {
+    // No node of the leaf is near 1/2: whole turns from its corner decide.
+    std::array<std::int32_t, 512> from{};
+    for (std::size_t i = 1; i < 512; ++i) {
+      const std::size_t axis = (i & 7) != 0 ? 0 : (i & 63) != 0 ? 1 : 2;
+      const std::size_t step = axis == 0 ? 1 : axis == 1 ? 8 : 64;
+      from[i] = from[i - step] + turn[axis][i - step];
+    }
+    for (std::size_t i = 0; i < 512; ++i) out[i] = sign_ * static_cast<float>(at_corner + from[i]);
+    return;
+  }
+  for (std::size_t i = 0; i < 512; ++i) {
+    const Int3 node = {corner[0] + static_cast<int>(i & 7), corner[1] + static_cast<int>(i >> 3 & 7),
+                       corner[2] + static_cast<int>(i >> 6)};
+    out[i] = sign_ * static_cast<float>(n[i] + border_.at(node));
+  }
+}
+
+bool MeshSolid::may_pass(const Int3& leaf, int edge) const {
+  const double half = 0.5 * (kLeafCells * edge + 1), radius = 1.7321 * half;
+  const Int3 corner = {leaf[0] * kLeafCells, leaf[1] * kLeafCells, leaf[2] * kLeafCells};
+  const double at = static_cast<double>(sign_) * (lines_.before(leaf)[0] + border_.at(corner));
+  const double free = std::fabs(at - 0.5) - kClusterError;
+  if (free <= 0.0) return true;
+  const Double3 middle = {corner[0] - 1 + half, corner[1] - 1 + half, corner[2] - 1 + half};
+  return border_.steepness(middle, radius, free / (2.0 * radius)) * 2.0 * radius >= free;
+}
+
+void MeshSolid::search(const SolidBlock& block, std::span<const std::uint8_t> occupied, const Int3& cube, int edge,
+                       std::vector<Int3>& out) const {
+  const Int3 last = {block.cells[0] / kLeafCells, block.cells[1] / kLeafCells, block.cells[2] / kLeafCells};
+  bool any = false, faces = false;
+  for (int z = std::max(cube[2], -1); z < cube[2] + edge && z <= last[2]; ++z)
+    for (int y = std::max(cube[1], -1); y < cube[1] + edge && y <= last[1]; ++y)
+      for (int x = std::max(cube[0], -1); x < cube[0] + edge && x <= last[0]; ++x) {
+        any = true;
+        faces = faces || occupied[block.slot({x, y, z})] != 0;
+      }
+  if (!any || (faces && edge == 1)) return;
+  const Int3 global = {cube[0] + (block.origin[0] >> kLeafBits), cube[1] + (block.origin[1] >> kLeafBits),
+                       cube[2] + (block.origin[2] >> kLeafBits)};
+  if (!faces && !may_pass(global, edge)) return;
+  if (edge == 1) {
+    out.push_back(cube);
+    return;
+  }
+  const int half = edge / 2;
+  for (int child = 0; child < 8; ++child)
+    search(block, occupied,
+           {cube[0] + (child & 1) * half, cube[1] + (child >> 1 & 1) * half, cube[2] + (child >> 2 & 1) * half}, half,
+           out);
+}
+
+void MeshSolid::membrane_leaves(const SolidBlock& block, std::span<const std::uint8_t> occupied,
+                                std::vector<Int3>& out) const {
+  if (border_.empty()) return;
+  constexpr int kCube = kBrickCells / kLeafCells;
+  for (int z = -kCube; z <= block.cells[2] / kLeafCells; z += kCube)
+    for (int y = -kCube; y <= block.cells[1] / kLeafCells; y += kCube)
+      for (int x = -kCube; x <= block.cells[0] / kLeafCells; x += kCube) search(block, occupied, {x, y, z}, kCube, out);
+}
+
+Double3 MeshSolid::membrane_normal(const Double3& cells) const {
+  return border_.gradient(cells) * -static_cast<double>(sign_);  // outward: where the winding number falls
+}
+
+}  // namespace tessera

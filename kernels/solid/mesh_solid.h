@@ -1,0 +1,39 @@
+/// \file mesh_solid.h
+/// A triangle mesh as a solid: winding numbers, exact where it is closed, generalized where it is not.
+#pragma once
+#include "kernels/solid/border_winding.h"
+#include "kernels/solid/line_windings.h"
+#include "kernels/solid/solid_field.h"
+
+namespace tessera {
+
+class MeshSolid : public SolidOperand {
+ public:
+  /// \param border  a leaf far from it needs its sum at one node only: from there crossings tell the rest
+  /// \param inside_out  faces show inwards: the solid is where they wind negatively
+  MeshSolid(LineWindings lines, BorderWinding border, bool inside_out)
+      : lines_(std::move(lines)), border_(std::move(border)), sign_(inside_out ? -1.0f : 1.0f) {}
+
+  void windings(const Int3& leaf, std::span<const SolidCrossing> crossings, std::span<float> out) const override;
+  Double3 membrane_normal(const Double3& cells) const override;
+  /// Appends the leaves of a block, relative to it, that the closing membrane may pass though no face does.
+  /// \param occupied  per slot of the block: a crossing of this mesh is on an edge from the leaf's nodes
+  void membrane_leaves(const SolidBlock& block, std::span<const std::uint8_t> occupied,
+                       std::vector<Int3>& out) const;
+
+  const LineWindings& lines() const { return lines_; }
+  const BorderWinding& border() const { return border_; }
+
+ private:
+  void search(const SolidBlock& block, std::span<const std::uint8_t> occupied, const Int3& cube, int edge,
+              std::vector<Int3>& out) const;
+  /// How far the winding number at the first node of a cube of leaves is from 1/2 (either sign), and how much it can
+  /// change within the cube and one node around it. \pre no face passes
+  bool may_pass(const Int3& leaf, int edge) const;
+
+  LineWindings lines_;
+  BorderWinding border_;
+  float sign_;
+};
+
+}  // namespace tessera

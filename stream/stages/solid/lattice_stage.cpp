@@ -1,0 +1,95 @@
+/// Stage "lattice" of solids: where the lattice lies.
+#include <algorithm>
+#include <cmath>
+#include <nlohmann/json.hpp>
+
+#include "octree/error.h"
+#include "stream/import/import_stages.h"
+#include "stream/runtime/numbers.h"
+#include "stream/stages/solid/solid_stages.h"
+
+namespace tessera {
+namespace {
+
+using json = nlohmann::json;
+
+constexpr double kCellsOfDiagonal = 300.0;
+constexpr double kOtherUnits = 1000.0;  ///< diagonals that differ so much: a warning
+
+class LatticeStage : public Stage {
+ public:
+  LatticeStage(const JobState& state, SolidModel model) : state_(state), model_(std::move(model)) {}
+  std::string name() const override { return "lattice"; }
+  std::size_t task_count() const override { return 0; }
+  std::uint64_t task_bytes(std::size_t) const override { return 0; }
+  std::uint64_t units() const override { return 0; }
+  std::string unit_name() const override { return "meshes"; }
+  json run(std::size_t, TaskContext&) const override { return {}; }
+  std::uint64_t finish_bytes() const override { return std::uint64_t{32} << 20; }
+
+  json finish(const std::vector<json>&, TaskContext& context) const override {
+    MeshBox box;
+    double least = 0.0, most = 0.0;
+    std::uint64_t faces = 0;
+    for (std::size_t i = 0; i < model_.inputs(); ++i) {
+      const MeshStore store = open_imported_mesh(state_.work, solid_import(i));
+      for (std::size_t a = 0; a < 3; ++a) {
+        box.low[a] = i == 0 ? store.box().low[a] : std::min(box.low[a], store.box().low[a]);
+        box.high[a] = i == 0 ? store.box().high[a] : std::max(box.high[a], store.box().high[a]);
+      }
+      faces += store.face_count();
+      least = i == 0 ? store.diagonal() : std::min(least, store.diagonal());
+      most = std::max(most, store.diagonal());
+    }
+    const double diagonal = norm(box.high - box.low);
+    Plan plan;
+    plan.lattice.h = model_.resolution > 0.0 ? model_.resolution : round_up_2_digits(diagonal / kCellsOfDiagonal);
+    plan.resolution_reason = model_.resolution > 0.0 ? "given" : "a 300th of the diagonal";
+    const double brick = plan.lattice.h * kBrickCells;
+    for (std::size_t a = 0; a < 3; ++a) {
+      const double first = std::floor(box.low[a] / brick) - 1.0, last = std::floor(box.high[a] / brick) + 1.0;
+      if (!(std::fabs(first) < 0x1p52) || !((last - first + 1.0) * kBrickCells < double{1 << kMaxCellBits}))
+        throw UsageError("--resolution " + number_text(plan.lattice.h) + ": the meshes are " + number_text(diagonal) +
+                         " wide, more than 2^20 cells; the least that can do is " +
+                         number_text(round_up_2_digits(diagonal / 1e6)));
+      plan.lattice.origin_brick[a] = static_cast<std::int64_t>(first);
+      plan.brick_min[a] = 1;
+      plan.brick_max[a] = static_cast<std::int32_t>(last - first) - 1;
+    }
+    plan.save(context.create(Plan::kFile));
+    json out = {{"h", plan.lattice.h}, {"resolution_reason", plan.resolution_reason}, {"faces", faces},
+                {"diagonal", diagonal}};
+    if (most > kOtherUnits * least)
+      out["warnings"] = {"the meshes are " + number_text(least) + " and " + number_text(most) +
+                         " wide: are they in the same units?"};
+    return out;
+  }
+
+ private:
+  JobState state_;
+  SolidModel model_;
+};
+
+}  // namespace
+
+std::size_t SolidModel::inputs() const {
+  std::size_t count = 0;
+  for (const auto& operand : meshes) count += operand.size();
+  return count;
+}
+
+std::string solid_import(std::size_t input) {
+  return "mesh-" + std::to_string(input);
+}
+
+std::vector<Long3> quantise_block(const Lattice& lattice, const MeshBlock& block) {
+  std::vector<Long3> out(block.position.size());
+  for (std::size_t v = 0; v < out.size(); ++v) out[v] = quantise_solid(lattice, block.position[v]);
+  return out;
+}
+
+std::unique_ptr<Stage> make_solid_lattice_stage(const JobState& state, const SolidModel& model) {
+  return std::make_unique<LatticeStage>(state, model);
+}
+
+}  // namespace tessera

@@ -1,0 +1,69 @@
+#include "stream/stages/solid/resurface_job.h"
+
+#include <nlohmann/json.hpp>
+#include <numeric>
+
+#include "stream/import/import_stages.h"
+#include "stream/page/report_page.h"
+#include "stream/runtime/report.h"
+#include "stream/stages/surface/weld_stage.h"
+#include "stream/stages/surface/write_stage.h"
+
+namespace tessera {
+
+OptionTable option_table(ResurfaceOptions& o) {
+  OptionTable t("What it computes");
+  t.add("resolution,voxel", &o.resolution,
+        "lattice spacing h, units of the meshes: what is thinner may go, sharp edges stay sharp whatever it is; 0 = a "
+        "300th of the diagonal")
+      .at_least(0);
+  t.add("method", &o.method, "emc: extended marching cubes with sharp edges and corners; mc: plain marching cubes")
+      .one_of({"emc", "mc"});
+  t.add("feature-angle", &o.feature_angle_deg, "degrees between normals from which a cell holds a sharp edge")
+      .within(0, 180);
+  t.add("min-component", &o.min_component, "faces; smaller islands are dropped; 1 = keep all").at_least(1);
+  t.add("meshes", &o.meshes, "how many meshes there are").hidden();
+  return t;
+}
+
+void summarise_solids(nlohmann::json& report) {
+  if (const nlohmann::json lattice = result_of(report, "lattice"); lattice.is_object())
+    report["resolution"] = {{"h", lattice.at("h")}, {"reason", lattice.at("resolution_reason")}};
+  if (const nlohmann::json lines = result_of(report, "lines"); lines.is_object()) report["solids"] = lines;
+  nlohmann::json mesh = result_of(report, "weld");
+  const nlohmann::json written = result_of(report, "write");
+  if (mesh.is_object() && written.is_object()) {
+    mesh.update(written);
+    report["mesh"] = mesh;
+  }
+}
+
+std::vector<StageEntry> solid_stages(const SolidModel& model, std::uint64_t min_component, const std::string& maker) {
+  std::vector<StageEntry> stages;
+  for (std::size_t i = 0; i < model.inputs(); ++i)
+    for (StageEntry& entry : import_stages({i, solid_import(i)})) stages.push_back(std::move(entry));
+  stages.push_back({"lattice", [model](const JobState& s) { return make_solid_lattice_stage(s, model); }});
+  stages.push_back({"lines", [model](const JobState& s) { return make_solid_lines_stage(s, model); }});
+  stages.push_back({"surface", [model](const JobState& s) { return make_solid_surface_stage(s, model); }});
+  stages.push_back({"weld", [min_component](const JobState& s) {
+                      return make_weld_stage_by(s, {min_component, "nothing is left: the solids have no common inside"});
+                    }});
+  stages.push_back({"write", [maker](const JobState& s) { return make_write_stage_of(s, maker); }});
+  return stages;
+}
+
+JobDescription resurface_job(const ResurfaceOptions& options) {
+  SolidModel model;
+  model.meshes.emplace_back(options.meshes);
+  std::iota(model.meshes[0].begin(), model.meshes[0].end(), std::size_t{0});
+  model.tree.push_operand(0);
+  model.resolution = options.resolution;
+  model.extract.method =
+      options.method == "mc" ? ExtractMethod::kMarchingCubes : ExtractMethod::kExtendedMarchingCubes;
+  model.extract.feature_angle_deg = options.feature_angle_deg;
+  JobDescription job{"resurface", solid_stages(model, options.min_component, "tessera resurface"), 0,
+                     summarise_solids, {}, job_page()};
+  return job;
+}
+
+}  // namespace tessera

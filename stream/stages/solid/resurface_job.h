@@ -1,0 +1,32 @@
+/// \file resurface_job.h
+/// Dirty meshes become one closed manifold with their sharp edges.
+#pragma once
+#include <cstdint>
+#include <string>
+
+#include "stream/runtime/job.h"
+#include "stream/runtime/option_table.h"
+#include "stream/stages/solid/solid_stages.h"
+
+namespace tessera {
+
+struct ResurfaceOptions {
+  double resolution = 0.0;
+  std::string method = "emc";
+  double feature_angle_deg = 25.0;
+  std::uint64_t min_component = 1;
+  std::uint64_t meshes = 1;  ///< how many inputs: part of the job, since its stages follow from it
+
+  void validate() const {}
+};
+OptionTable option_table(ResurfaceOptions& options);
+
+/// Import of every input, lattice, lines, surface, weld, write. The report's `mesh` has {vertices, faces, components, ...}.
+JobDescription resurface_job(const ResurfaceOptions& options);
+
+/// The stages of any model, from import to output. \param maker  "tessera resurface"
+std::vector<StageEntry> solid_stages(const SolidModel& model, std::uint64_t min_component, const std::string& maker);
+/// What the report says of such a job.
+void summarise_solids(nlohmann::json& report);
+
+}  // namespace tessera

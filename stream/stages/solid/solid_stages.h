@@ -1,0 +1,56 @@
+/// \file solid_stages.h
+/// Solids to surfaces, out of core: meshes and what is made of them become patches of the lattice.
+///
+///   lattice  boxes of all imported meshes -> plan.json: lattice and origin
+///   lines    faces -> how they turn the lines of the lattice (line_windings.h), border edges that do not cancel
+///   surface  faces near a tile -> exact crossings, signs, directed distances -> patches, one per brick
+///
+/// After them weld and write, as in a reconstruction (stages/surface).
+#pragma once
+#include <cstdint>
+#include <filesystem>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "kernels/extract/extended_marching_cubes.h"
+#include "kernels/solid/mesh_solid.h"
+#include "kernels/solid/solid_tree.h"
+#include "stream/meshes/mesh_store.h"
+#include "stream/points/plan.h"
+#include "stream/runtime/stage.h"
+
+namespace tessera {
+
+/// What a job makes its surface of.
+struct SolidModel {
+  std::vector<std::vector<std::size_t>> meshes;  ///< per operand: its inputs, together one soup
+  SolidTree tree;
+  double resolution = 0.0;  ///< h, units of the meshes; 0 = a 300th of the diagonal
+  ExtractOptions extract;
+
+  std::size_t inputs() const;
+};
+
+/// Folder of an imported input: "mesh-0".
+std::string solid_import(std::size_t input);
+
+/// What the stage "lines" found of one operand.
+struct SolidLines {
+  std::uint64_t leaves = 0;   ///< records of LineWindings
+  std::uint64_t borders = 0;  ///< edges of BorderWinding
+  bool inside_out = false;
+
+  std::uint64_t bytes() const { return leaves * sizeof(LeafTurns) + BorderWinding::bytes(borders); }
+};
+std::vector<SolidLines> load_solid_lines(const std::filesystem::path& work);
+MeshSolid load_mesh_solid(const std::filesystem::path& work, std::size_t operand, const SolidLines& lines);
+
+/// Corners of a block's vertices in quanta.
+std::vector<Long3> quantise_block(const Lattice& lattice, const MeshBlock& block);
+
+std::unique_ptr<Stage> make_solid_lattice_stage(const JobState& state, const SolidModel& model);
+std::unique_ptr<Stage> make_solid_lines_stage(const JobState& state, const SolidModel& model);
+std::unique_ptr<Stage> make_solid_surface_stage(const JobState& state, const SolidModel& model);
+
+}  // namespace tessera

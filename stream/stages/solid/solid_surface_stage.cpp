@@ -1,0 +1,207 @@
+/// Stage "surface" of solids.
+#include <algorithm>
+#include <nlohmann/json.hpp>
+
+#include "kernels/mesh/patch_components.h"
+#include "octree/error.h"
+#include "stream/files/task_files.h"
+#include "stream/import/import_stages.h"
+#include "stream/meshes/patch_store.h"
+#include "stream/stages/decimate/simplify_stage.h"
+#include "stream/stages/solid/solid_stages.h"
+#include "stream/stages/solid/solid_tiles.h"
+
+namespace tessera {
+namespace {
+
+using json = nlohmann::json;
+
+constexpr std::uint64_t kFixedTaskBytes = std::uint64_t{12} << 20;  ///< write buffers
+
+class SolidSurfaceStage : public Stage {
+ public:
+  SolidSurfaceStage(const JobState& state, SolidModel model)
+      : model_(std::move(model)),
+        plan_(Plan::of_work(state.work)),
+        solids_(load(state.work)),
+        tiling_(solids_, plan_.brick_min, plan_.brick_max) {
+    for (std::size_t o = 0; o < model_.meshes.size(); ++o)
+      for (const std::size_t input : model_.meshes[o]) {
+        stores_.push_back({open_imported_mesh(state.work, solid_import(input)), o});
+        patch_bytes_ = std::max(patch_bytes_, stores_.back().mesh.largest_patch_bytes() * 5 / 4);
+      }
+    for (const MeshSolid& s : solids_) operands_.push_back(&s);
+    const int edge = state.run.tile_cells > 0 ? std::max(1, state.run.tile_cells / kBrickCells) : 4;
+    groups_ = tiling_.groups(edge, state.run.memory_bytes / 2 / static_cast<std::uint64_t>(state.run.threads));
+  }
+
+  std::string name() const override { return "surface"; }
+  std::size_t task_count() const override { return groups_.size(); }
+  std::uint64_t units() const override {
+    std::uint64_t sum = 0;
+    for (const TileGroup& group : groups_) sum += group.size();
+    return sum;
+  }
+  std::string unit_name() const override { return "tiles"; }
+
+  std::uint64_t task_bytes(std::size_t task) const override {
+    std::uint64_t most = 0;
+    for (const Tile& tile : groups_[task]) most = std::max(most, tiling_.tile_bytes(tile));
+    return most + patch_bytes_ + shared_bytes_ + kFixedTaskBytes;
+  }
+
+  json run(std::size_t task, TaskContext& context) const override {
+    PatchFileWriter writer(context.create("mesh/" + task_file_stem(task) + ".tsm"));
+    std::uint64_t patches = 0, vertices = 0, faces = 0, synthetic = 0;
+    ExtractReport total;
+    SolidFieldReport roots;
+    for (const Tile& tile : groups_[task]) {
+      context.check_stop();
+      const SolidBlock block = solid_block(tile);
+      std::vector<SolidCrossing> crossings = find(block, context);
+      std::vector<Int3> closing;
+      close(block, crossings, closing);
+      if (!crossings.empty() || !closing.empty()) {
+        const DirectedField field = build_solid_field(block, std::move(crossings), operands_, model_.tree, closing,
+                                                      roots, [&context] { context.check_stop(); });
+        const ExtractReport report = extract_surface(field, model_.extract, [&](Patch&& patch) {
+          ++patches;
+          vertices += patch.position.size();
+          faces += patch.faces.size();
+          for (const std::uint8_t flag : patch.synthetic) synthetic += flag;
+          writer.add(patch, find_components(patch));
+        });
+        total.loops += report.loops;
+        total.crease_samples += report.crease_samples;
+        total.corner_samples += report.corner_samples;
+        total.flips += report.flips;
+        total.rejected_samples += report.rejected_samples;
+      }
+      context.advance(1);
+    }
+    context.count_written(writer.finish());
+    return {{"patches", patches},
+            {"vertices", vertices},
+            {"faces", faces},
+            {"synthetic_faces", synthetic},
+            {"loops", total.loops},
+            {"crease_samples", total.crease_samples},
+            {"corner_samples", total.corner_samples},
+            {"flips", total.flips},
+            {"rejected_samples", total.rejected_samples},
+            {"roots", roots.roots},
+            {"membrane_roots", roots.membrane_roots},
+            {"shallow_roots", roots.shallow_roots}};
+  }
+
+  std::uint64_t finish_bytes() const override { return std::uint64_t{1} << 20; }
+
+  json finish(const std::vector<json>& summaries, TaskContext&) const override {
+    // Roots in halos count more than once, and other tiles would count otherwise.
+    json sum = {{"tiles", units()}, {"h", plan_.lattice.h}};
+    for (const json& s : summaries) add_counts(sum, s);
+    const auto roots = sum.value("roots", std::uint64_t{0}), membrane = sum.value("membrane_roots", std::uint64_t{0});
+    const auto shallow = sum.value("shallow_roots", std::uint64_t{0});
+    if (roots == 0)
+      throw EmptyError(
+          "nothing is inside: no node of the lattice has a winding number above 1/2; try a smaller --resolution, or "
+          "close the mesh first");
+    if (shallow * 2 > roots - membrane && shallow > 0)
+      throw EmptyError(
+          "the mesh is an open sheet without an inside: at most of its faces the winding number passes from about "
+          "-1/2 to 1/2; close it first");
+    return sum;
+  }
+
+  std::vector<std::string> obsolete() const override {
+    std::vector<std::string> names = {"lines/"};
+    for (std::size_t i = 0; i < model_.inputs(); ++i) names.push_back(solid_import(i) + "/");
+    return names;
+  }
+
+ private:
+  struct Source {
+    MeshStore mesh;
+    std::size_t operand;
+  };
+
+  std::vector<MeshSolid> load(const std::filesystem::path& work) {
+    std::vector<MeshSolid> solids;
+    const std::vector<SolidLines> lines = load_solid_lines(work);
+    for (std::size_t o = 0; o < model_.meshes.size(); ++o) {
+      solids.push_back(load_mesh_solid(work, o, lines.at(o)));
+      shared_bytes_ += lines[o].bytes();
+    }
+    return solids;
+  }
+
+  /// Crossings of all faces with the lines of the block.
+  std::vector<SolidCrossing> find(const SolidBlock& block, TaskContext& context) const {
+    std::vector<SolidCrossing> crossings;
+    crossings.reserve(tiling_.load(block).crossings);
+    const NodeBox nodes = block.nodes();
+    MeshBox box;
+    for (std::size_t a = 0; a < 3; ++a) {
+      box.low[a] = plan_.lattice.world(static_cast<int>(a), nodes.low[a] - 1);
+      box.high[a] = plan_.lattice.world(static_cast<int>(a), nodes.high[a] + 1);
+    }
+    std::vector<LatticeCrossing> found;
+    for (const Source& source : stores_)
+      for (const std::size_t p : source.mesh.select(box)) {
+        context.check_stop();
+        const MeshBlock mesh = source.mesh.load({&p, 1});
+        const std::vector<Long3> corner = quantise_block(plan_.lattice, mesh);
+        for (const auto& f : mesh.faces) {
+          const QuantisedTriangle triangle = {corner[f[0]], corner[f[1]], corner[f[2]]};
+          found.clear();
+          find_crossings(triangle, nodes, 7, found);
+          if (found.empty()) continue;
+          const Float3 normal = face_normal(mesh, f, triangle);
+          for (const LatticeCrossing& c : found)
+            crossings.push_back(block.place(c, normal, static_cast<std::uint8_t>(source.operand)));
+        }
+      }
+    return crossings;
+  }
+
+  /// Of the face as the file has it; of its quantised one where that has none.
+  static Float3 face_normal(const MeshBlock& mesh, const std::array<std::uint32_t, 3>& f,
+                            const QuantisedTriangle& triangle) {
+    const Double3 exact =
+        unit_or_zero(triangle_normal(mesh.position[f[0]], mesh.position[f[1]], mesh.position[f[2]]));
+    if (exact != Double3{0, 0, 0}) return narrow(exact);
+    std::array<Double3, 3> p;
+    for (std::size_t c = 0; c < 3; ++c)
+      for (std::size_t a = 0; a < 3; ++a) p[c][a] = static_cast<double>(triangle[c][a] - triangle[0][a]);
+    return narrow(unit_or_zero(triangle_normal(p[0], p[1], p[2])));
+  }
+
+  /// Leaves that only closing membranes pass.
+  void close(const SolidBlock& block, const std::vector<SolidCrossing>& crossings, std::vector<Int3>& closing) const {
+    std::vector<std::uint8_t> occupied;
+    for (std::size_t o = 0; o < solids_.size(); ++o) {
+      if (solids_[o].border().empty()) continue;
+      occupied.assign(block.slots(), 0);
+      for (const SolidCrossing& c : crossings)
+        if (c.operand == o) occupied[c.edge / (3 * 512)] = 1;
+      solids_[o].membrane_leaves(block, occupied, closing);
+    }
+  }
+
+  SolidModel model_;
+  Plan plan_;
+  std::uint64_t shared_bytes_ = 0, patch_bytes_ = 0;
+  std::vector<MeshSolid> solids_;
+  SolidTiling tiling_;
+  std::vector<Source> stores_;
+  std::vector<const SolidOperand*> operands_;
+  std::vector<TileGroup> groups_;
+};
+
+}  // namespace
+
+std::unique_ptr<Stage> make_solid_surface_stage(const JobState& state, const SolidModel& model) {
+  return std::make_unique<SolidSurfaceStage>(state, model);
+}
+
+}  // namespace tessera

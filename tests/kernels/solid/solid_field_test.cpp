@@ -1,0 +1,392 @@
+#include "kernels/solid/solid_field.h"
+
+#include <catch2/catch.hpp>
+#include <cmath>
+#include <map>
+
+#include "kernels/extract/extended_marching_cubes.h"
+#include "kernels/solid/mesh_solid.h"
+#include "octree/portable_math.h"
+#include "tests/helpers/mesh_checks.h"
+
+using namespace tessera;
+using namespace tessera::test;
+
+namespace {
+
+using Faces = std::vector<std::array<std::uint32_t, 3>>;
+/// Positions in cells from the lattice origin.
+struct Mesh {
+  std::vector<Double3> position;
+  Faces faces;
+};
+
+Mesh box(const Double3& low, const Double3& high) {
+  Mesh m;
+  for (int c = 0; c < 8; ++c)
+    m.position.push_back({c & 1 ? high[0] : low[0], c & 2 ? high[1] : low[1], c & 4 ? high[2] : low[2]});
+  m.faces = {{0, 2, 1}, {1, 2, 3}, {4, 5, 6}, {5, 7, 6}, {0, 1, 4}, {1, 5, 4},
+             {2, 6, 3}, {3, 6, 7}, {0, 4, 2}, {2, 4, 6}, {1, 3, 5}, {3, 7, 5}};
+  return m;
+}
+
+/// A ball whose vertices lie anywhere.
+Mesh ball(const Double3& centre, double radius, int rings) {
+  Mesh m;
+  const int sectors = 2 * rings;
+  m.position.push_back(centre + Double3{0, 0, -radius});
+  for (int r = 1; r < rings; ++r)
+    for (int s = 0; s < sectors; ++s) {
+      const SinCos a = sin_cos(kPi * r / rings), b = sin_cos(2.0 * kPi * s / sectors);
+      m.position.push_back(centre + Double3{a.sin * b.cos, a.sin * b.sin, -a.cos} * radius);
+    }
+  m.position.push_back(centre + Double3{0, 0, radius});
+  const auto at = [&](int r, int s) { return static_cast<std::uint32_t>(1 + (r - 1) * sectors + s % sectors); };
+  const auto top = static_cast<std::uint32_t>(m.position.size() - 1);
+  for (int s = 0; s < sectors; ++s) {
+    m.faces.push_back({0, at(1, s + 1), at(1, s)});
+    m.faces.push_back({top, at(rings - 1, s), at(rings - 1, s + 1)});
+    for (int r = 1; r + 1 < rings; ++r) {
+      m.faces.push_back({at(r, s), at(r, s + 1), at(r + 1, s)});
+      m.faces.push_back({at(r, s + 1), at(r + 1, s + 1), at(r + 1, s)});
+    }
+  }
+  return m;
+}
+
+Mesh together(Mesh a, const Mesh& b) {
+  const auto base = static_cast<std::uint32_t>(a.position.size());
+  a.position.insert(a.position.end(), b.position.begin(), b.position.end());
+  for (const auto& f : b.faces) a.faces.push_back({f[0] + base, f[1] + base, f[2] + base});
+  return a;
+}
+
+Long3 quantise(const Double3& p) {
+  Long3 q;
+  for (std::size_t a = 0; a < 3; ++a) q[a] = static_cast<std::int64_t>(std::floor(p[a] * 4096.0 + 0.5));
+  return q;
+}
+
+QuantisedTriangle triangle(const Mesh& m, const std::array<std::uint32_t, 3>& f) {
+  return {quantise(m.position[f[0]]), quantise(m.position[f[1]]), quantise(m.position[f[2]])};
+}
+
+/// What the stage "lines" makes of a mesh in cells [0, 256).
+MeshSolid make_solid(const Mesh& m, bool inside_out = false) {
+  std::map<std::uint64_t, LeafTurns> leaves;
+  std::map<std::pair<Long3, Long3>, std::int64_t> edges;
+  std::vector<LatticeCrossing> found;
+  for (const auto& f : m.faces) {
+    const QuantisedTriangle t = triangle(m, f);
+    for (std::size_t k = 0; k < 3; ++k) {
+      const Long3 &a = t[k], &b = t[(k + 1) % 3];
+      if (a < b) ++edges[{a, b}];
+      if (b < a) --edges[{b, a}];
+    }
+    find_crossings(t, {{0, 0, 0}, {256, 256, 256}}, 7, found);
+  }
+  for (const LatticeCrossing& c : found) {
+    LeafTurns& leaf = leaves[leaf_row_key({c.node[0] >> 3, c.node[1] >> 3, c.node[2] >> 3})];
+    ++leaf.crossings;
+    auto& turn = leaf.turn[static_cast<std::size_t>((c.node[1] & 7) + 8 * (c.node[2] & 7))];
+    if (c.axis == 0) turn = static_cast<std::int16_t>(turn + c.turn);
+  }
+  std::vector<LeafTurns> table;
+  for (auto& [key, leaf] : leaves) table.push_back(leaf), table.back().key = key;
+  std::vector<BorderEdge> border;
+  for (const auto& [ends, count] : edges)
+    if (count != 0) border.push_back({ends.first, ends.second, count});
+  return MeshSolid(LineWindings(std::move(table)), BorderWinding(std::move(border)), inside_out);
+}
+
+std::vector<SolidCrossing> crossings_of(const Mesh& m, const SolidBlock& block, std::uint8_t operand) {
+  std::vector<SolidCrossing> out;
+  std::vector<LatticeCrossing> found;
+  for (const auto& f : m.faces) {
+    found.clear();
+    find_crossings(triangle(m, f), block.nodes(), 7, found);
+    const Float3 n = narrow(unit(triangle_normal(m.position[f[0]], m.position[f[1]], m.position[f[2]])));
+    for (const LatticeCrossing& c : found) out.push_back(block.place(c, n, operand));
+  }
+  return out;
+}
+
+struct Combination {
+  std::vector<Mesh> meshes;
+  SolidTree tree;
+};
+
+DirectedField make_field(const Combination& c, const SolidBlock& block, SolidFieldReport& report) {
+  std::vector<MeshSolid> solids;
+  for (const Mesh& m : c.meshes) solids.push_back(make_solid(m));
+  std::vector<const SolidOperand*> operands;
+  std::vector<SolidCrossing> crossings;
+  std::vector<Int3> closing;
+  for (std::size_t o = 0; o < solids.size(); ++o) {
+    operands.push_back(&solids[o]);
+    const auto own = crossings_of(c.meshes[o], block, static_cast<std::uint8_t>(o));
+    std::vector<std::uint8_t> occupied(block.slots(), 0);
+    for (const SolidCrossing& x : own) occupied[x.edge / 1536] = 1;
+    solids[o].membrane_leaves(block, occupied, closing);
+    crossings.insert(crossings.end(), own.begin(), own.end());
+  }
+  return build_solid_field(block, std::move(crossings), operands, c.tree, closing, report);
+}
+
+Combination alone(Mesh m) {
+  Combination c;
+  c.meshes.push_back(std::move(m));
+  c.tree.push_operand(0);
+  return c;
+}
+
+struct Surface {
+  IndexedMesh mesh;
+  MeshChecks checks;
+  SolidFieldReport roots;
+};
+
+const SolidBlock kWhole{{64, 64, 64}, {128, 128, 128}};
+
+Surface surface_of(const Combination& c) {
+  Surface out;
+  std::vector<Patch> patches;
+  extract_surface(make_field(c, kWhole, out.roots), {}, [&](Patch&& p) { patches.push_back(std::move(p)); });
+  out.mesh = weld(patches);
+  out.checks = check_mesh(out.mesh);
+  return out;
+}
+
+void require_closed(const Surface& s) {
+  CHECK(s.mesh.unresolved == 0);
+  CHECK(s.checks.defects() == 0);
+  CHECK(s.checks.boundary_edges == 0);
+}
+
+double volume(const IndexedMesh& m) {
+  double sum = 0.0;
+  for (const auto& f : m.faces)
+    sum += dot(m.position[f[0]] - Double3{128, 128, 128},
+               cross(m.position[f[1]] - Double3{128, 128, 128}, m.position[f[2]] - Double3{128, 128, 128}));
+  return sum / 6.0;
+}
+
+/// Solid angle of all faces over 4 pi: the definition.
+double winding_by_definition(const Mesh& m, const Double3& x) {
+  double sum = 0.0;
+  for (const auto& f : m.faces) {
+    const QuantisedTriangle q = triangle(m, f);
+    std::array<Double3, 3> p;
+    for (std::size_t c = 0; c < 3; ++c)
+      for (std::size_t a = 0; a < 3; ++a) p[c][a] = static_cast<double>(q[c][a]) / 4096.0 - x[a];
+    const double la = norm(p[0]), lb = norm(p[1]), lc = norm(p[2]);
+    sum += 2.0 * std::atan2(dot(p[0], cross(p[1], p[2])),
+                            la * lb * lc + dot(p[0], p[1]) * lc + dot(p[1], p[2]) * la + dot(p[0], p[2]) * lb);
+  }
+  return sum / (4.0 * kPi);
+}
+
+}  // namespace
+
+TEST_CASE("lattice crossings: a closed mesh on the nodes themselves turns every line to zero", "[unit]") {
+  // Corners, edges and whole faces of these boxes lie on nodes and lines of the lattice.
+  for (const Mesh& m : {box({70, 70, 70}, {75, 76, 77}), box({70.5, 70, 71}, {73, 73.25, 79}),
+                        together(box({70, 70, 70}, {74, 74, 74}), box({72, 70, 70}, {78, 74, 74}))}) {
+    const MeshSolid solid = make_solid(m);
+    CHECK(solid.lines().closes());
+    CHECK(solid.border().empty());
+    // Whatever the axis: turns add up to zero around every lattice face.
+    std::map<std::pair<Int3, int>, int> turn;
+    std::vector<LatticeCrossing> found;
+    for (const auto& f : m.faces) find_crossings(triangle(m, f), {{60, 60, 60}, {90, 90, 90}}, 7, found);
+    for (const LatticeCrossing& c : found) turn[{c.node, c.axis}] += c.turn;
+    std::size_t wrong = 0;
+    Int3 n;
+    for (n[2] = 65; n[2] < 85; ++n[2])
+      for (n[1] = 65; n[1] < 85; ++n[1])
+        for (n[0] = 65; n[0] < 85; ++n[0])
+          for (int a = 0; a < 3; ++a) {
+            const int b = (a + 1) % 3;
+            Int3 na = n, nb = n;
+            ++na[static_cast<std::size_t>(a)], ++nb[static_cast<std::size_t>(b)];
+            const auto of = [&](const Int3& at, int axis) {
+              const auto it = turn.find({at, axis});
+              return it == turn.end() ? 0 : it->second;
+            };
+            wrong += of(n, a) + of(na, b) != of(n, b) + of(nb, a);
+          }
+    CHECK(wrong == 0);
+  }
+}
+
+TEST_CASE("lattice crossings: large triangles and small ones agree", "[property]") {
+  // The same plane once as two triangles that are wider than 64 bits allow for, once cut into squares.
+  std::vector<LatticeCrossing> whole, parts;
+  const NodeBox nodes{{1000, 1000, 0}, {1040, 1040, 2000}};
+  const auto height = [](double x, double y) { return 0.25 * x + 0.125 * y; };
+  const auto corner = [&](double x, double y) { return quantise({x, y, height(x, y)}); };
+  find_crossings({corner(0, 0), corner(4096, 0), corner(4096, 4096)}, nodes, 7, whole);
+  find_crossings({corner(0, 0), corner(4096, 4096), corner(0, 4096)}, nodes, 7, whole);
+  for (int y = 992; y < 1056; y += 8)
+    for (int x = 992; x < 1056; x += 8) {
+      find_crossings({corner(x, y), corner(x + 8, y), corner(x + 8, y + 8)}, nodes, 7, parts);
+      find_crossings({corner(x, y), corner(x + 8, y + 8), corner(x, y + 8)}, nodes, 7, parts);
+    }
+  const auto order = [](const LatticeCrossing& l, const LatticeCrossing& r) {
+    return std::tie(l.axis, l.node) < std::tie(r.axis, r.node);
+  };
+  std::sort(whole.begin(), whole.end(), order);
+  std::sort(parts.begin(), parts.end(), order);
+  REQUIRE(whole.size() == parts.size());
+  REQUIRE(whole.size() > 1600);
+  for (std::size_t i = 0; i < whole.size(); ++i) {
+    CHECK(whole[i].node == parts[i].node);
+    CHECK(whole[i].t == parts[i].t);
+    CHECK(whole[i].turn == parts[i].turn);
+  }
+}
+
+TEST_CASE("winding numbers: lines and border against the sum of solid angles", "[property]") {
+  Mesh open = ball({128.3, 127.9, 128.1}, 21.7, 14);
+  open.faces.resize(open.faces.size() - 40);  // a gap
+  Mesh flipped = open;
+  for (auto& f : flipped.faces) std::swap(f[0], f[1]);
+  for (const auto& [mesh, inside_out] : {std::pair{open, false}, std::pair{flipped, true}}) {
+    const MeshSolid solid = make_solid(mesh, inside_out);
+    CHECK(solid.border().size() > 4);
+    const double sign = inside_out ? -1.0 : 1.0;
+    double worst = 0.0;
+    std::size_t wrong = 0, checked = 0;
+    for (int k = 10; k < 22; ++k)
+      for (int j = 10; j < 22; ++j)
+        for (int i = 10; i < 22; ++i) {
+          const SolidBlock block{{i * 8 & ~63, j * 8 & ~63, k * 8 & ~63}, {64, 64, 64}};
+          std::vector<SolidCrossing> own;
+          for (const SolidCrossing& c : crossings_of(mesh, block, 0))
+            if (c.edge / 1536 == block.slot({i & 7, j & 7, k & 7})) own.push_back(c);
+          std::vector<float> w(512);
+          if ((i + j + k) % 5 != 0) continue;
+          solid.windings({i, j, k}, own, w);
+          for (std::size_t n = 0; n < 512; n += 37) {
+            const Double3 x = {8.0 * i + static_cast<double>(n & 7), 8.0 * j + static_cast<double>(n >> 3 & 7),
+                               8.0 * k + static_cast<double>(n >> 6)};
+            const double truth = sign * winding_by_definition(mesh, x);
+            wrong += (truth > 0.5) != (w[n] > 0.5f) && std::fabs(truth - 0.5) > 1e-3;
+            // Far from 1/2 a leaf may take its corner's value.
+            if (std::fabs(truth - 0.5) < 0.1) worst = std::max(worst, std::fabs(truth - double{w[n]}));
+            ++checked;
+          }
+        }
+    CHECK(checked > 3000);
+    CHECK(wrong == 0);
+    CHECK(worst < 2e-3);
+  }
+}
+
+TEST_CASE("solid field: a box comes out as it is, edges and corners sharp", "[property]") {
+  for (const Double3& low : {Double3{90.3, 91.4, 92.45}, Double3{90, 91, 92}}) {
+    const Double3 high = {150.6, 140.7, 139.2};
+    const Surface s = surface_of(alone(box(low, high)));
+    require_closed(s);
+    CHECK(s.checks.components == 1);
+    CHECK(s.checks.genus == 0);
+    const double truth = (high[0] - low[0]) * (high[1] - low[1]) * (high[2] - low[2]);
+    CHECK(volume(s.mesh) == Approx(truth).epsilon(5e-4));
+    double worst = 0.0;
+    for (const Double3& p : s.mesh.position) {
+      double out = 0.0, in = 1e9;
+      for (std::size_t a = 0; a < 3; ++a) {
+        out = std::max({out, low[a] - p[a], p[a] - high[a]});
+        in = std::min({in, std::fabs(p[a] - low[a]), std::fabs(high[a] - p[a])});
+      }
+      worst = std::max(worst, std::max(out, in));
+    }
+    CHECK(worst < 0.02);
+  }
+}
+
+TEST_CASE("solid field: doubled walls, overlaps and turned parts have one outside", "[property]") {
+  Mesh doubled = together(box({90, 90, 90}, {140, 140, 140}), box({90.2, 90.2, 90.2}, {139.8, 139.8, 139.8}));
+  Mesh overlap = together(box({90, 90, 90}, {130, 130, 130}), box({110.5, 110.5, 110.5}, {150.2, 150.2, 150.2}));
+  const Surface one = surface_of(alone(doubled));
+  require_closed(one);
+  CHECK(one.checks.components == 1);
+  CHECK(volume(one.mesh) == Approx(125000.0).epsilon(1e-3));
+  const Surface two = surface_of(alone(overlap));
+  require_closed(two);
+  CHECK(volume(two.mesh) == Approx(64000.0 + 39.7 * 39.7 * 39.7 - 19.5 * 19.5 * 19.5).epsilon(1e-3));
+}
+
+TEST_CASE("solid field: gaps are closed by membranes, and said to be", "[property]") {
+  Mesh open = ball({128.3, 127.9, 128.1}, 31.7, 20);
+  open.faces.resize(open.faces.size() - 240);
+  const Surface s = surface_of(alone(open));
+  require_closed(s);
+  CHECK(s.checks.components == 1);
+  CHECK(s.checks.genus == 0);
+  CHECK(s.roots.membrane_roots > 100);
+  CHECK(s.roots.shallow_roots * 10 < s.roots.roots);
+  // A cap is missing: less than the ball, more than half of it.
+  const double all = 4.0 / 3.0 * kPi * 31.7 * 31.7 * 31.7;
+  CHECK(volume(s.mesh) < all);
+  CHECK(volume(s.mesh) > 0.7 * all);
+}
+
+TEST_CASE("solid field: booleans are exact along new edges", "[property]") {
+  using Join = SolidTree::Join;
+  const Double3 low = {90.3, 91.4, 92.45}, high = {150.6, 140.7, 139.2};
+  const Double3 low2 = {120.15, 110.2, 100.7}, high2 = {170.1, 160.3, 120.9};
+  const double v1 = (high[0] - low[0]) * (high[1] - low[1]) * (high[2] - low[2]);
+  const double v2 = (high2[0] - low2[0]) * (high2[1] - low2[1]) * (high2[2] - low2[2]);
+  const double common = (high[0] - low2[0]) * (high[1] - low2[1]) * (high2[2] - low2[2]);
+  for (const auto& [join, truth] : {std::pair{Join::kUnite, v1 + v2 - common}, std::pair{Join::kSubtract, v1 - common},
+                                    std::pair{Join::kIntersect, common}}) {
+    Combination c;
+    c.meshes = {box(low, high), box(low2, high2)};
+    c.tree.push_operand(0);
+    c.tree.push_operand(1);
+    c.tree.push_join(join);
+    REQUIRE(c.tree.is_complete(2));
+    const Surface s = surface_of(c);
+    require_closed(s);
+    CHECK(s.checks.components == 1);
+    CHECK(s.checks.genus == 0);
+    CHECK(volume(s.mesh) == Approx(truth).epsilon(1e-3));
+    // Every vertex on a face of a box, those at new edges on one of each.
+    double worst = 0.0;
+    for (const Double3& p : s.mesh.position) {
+      double near = 1e9;
+      for (std::size_t a = 0; a < 3; ++a)
+        for (const double plane : {low[a], high[a], low2[a], high2[a]}) near = std::min(near, std::fabs(p[a] - plane));
+      worst = std::max(worst, near);
+    }
+    CHECK(worst < 0.02);
+  }
+}
+
+TEST_CASE("solid field: the same patches from any block", "[property]") {
+  Mesh open = ball({128.3, 127.9, 128.1}, 31.7, 20);
+  open.faces.resize(open.faces.size() - 240);
+  const Combination c = alone(open);
+  std::map<std::uint64_t, std::uint64_t> whole, single;
+  SolidFieldReport report;
+  extract_surface(make_field(c, kWhole, report), {},
+                  [&](Patch&& p) { whole[brick_key(p.brick)] = patch_hash(p); });
+  for (int b = 0; b < 8; ++b) {
+    const SolidBlock block{{64 + 64 * (b & 1), 64 + 64 * (b >> 1 & 1), 64 + 64 * (b >> 2)}, {64, 64, 64}};
+    extract_surface(make_field(c, block, report), {},
+                    [&](Patch&& p) { single[brick_key(p.brick)] = patch_hash(p); });
+  }
+  CHECK(whole.size() == 8);
+  CHECK(whole == single);
+}
+
+TEST_CASE("solid tree: programs that are none are told", "[unit]") {
+  SolidTree tree;
+  CHECK_FALSE(tree.is_complete(1));
+  tree.push_operand(0);
+  CHECK(tree.is_complete(1));
+  CHECK_FALSE(tree.is_complete(0));
+  tree.push_join(SolidTree::Join::kUnite);
+  CHECK_FALSE(tree.is_complete(1));
+}
