@@ -8,6 +8,7 @@ namespace tessera {
 // one line per command, alphabetical
 cli::Command check_command();
 cli::Command convert_command();
+cli::Command csg_command();
 cli::Command decimate_command();
 cli::Command doctor_command();
 cli::Command info_command();

@@ -11,6 +11,7 @@ int main(int argc, char** argv) {
                       plan_command(),
                       reconstruct_command(),
                       resurface_command(),
+                      csg_command(),
                       smooth_command(),
                       decimate_command(),
                       remesh_command(),

@@ -6,11 +6,61 @@
 namespace tessera {
 namespace {
 
-/// From the middle of a leaf's nodes to the farthest of them, and twice that.
-constexpr double kLeafRadius = 6.1;
-constexpr double kLeafWidth = 2.0 * kLeafRadius;
 /// What clusters of edges leave out of a winding number at most, several times over.
 constexpr double kClusterError = 0.02;
+
+/// Winding numbers of a leaf, cube by cube: where the border cannot bring any node of a cube to 1/2, whole turns from its
+/// corner decide.
+struct LeafFill {
+  const BorderWinding& border;
+  Int3 corner;
+  const std::array<std::int32_t, 512>& n;                       ///< integer parts
+  const std::array<std::array<std::int16_t, 512>, 3>& turn;  ///< on the edges from every node
+  std::span<float> out;
+
+  Int3 node(std::size_t i) const {
+    return {corner[0] + static_cast<int>(i & 7), corner[1] + static_cast<int>(i >> 3 & 7),
+            corner[2] + static_cast<int>(i >> 6)};
+  }
+
+  /// \param first  node of the cube's corner  \param edge  nodes
+  void cube(std::size_t first, int edge) {
+    const Int3 at = node(first);
+    const double half = 0.5 * (edge - 1), radius = 1.7321 * half;
+    const double here = n[first] + border.at(at);
+    const double free = std::fabs(here - (std::floor(here) + 0.5)) - kClusterError;
+    out[first] = static_cast<float>(here);
+    if (edge == 1) return;
+    if (free > 0.0 &&
+        border.steepness({at[0] + half, at[1] + half, at[2] + half}, radius, free / (2.0 * radius)) * 2.0 * radius <
+            free) {
+      count_turns(first, edge, here);
+      return;
+    }
+    const auto step = static_cast<std::size_t>(edge / 2);
+    for (std::size_t child = 0; child < 8; ++child)
+      cube(first + step * ((child & 1) + 8 * (child >> 1 & 1) + 64 * (child >> 2)), edge / 2);
+  }
+
+  void count_turns(std::size_t first, int edge, double here) {
+    const auto size = static_cast<std::size_t>(edge);
+    std::array<std::int32_t, 512> from;
+    from[first] = 0;
+    for (std::size_t z = 0; z < size; ++z)
+      for (std::size_t y = 0; y < size; ++y)
+        for (std::size_t x = 0; x < size; ++x) {
+          const std::size_t i = first + x + 8 * y + 64 * z;
+          if (x > 0) {
+            from[i] = from[i - 1] + turn[0][i - 1];
+          } else if (y > 0) {
+            from[i] = from[i - 8] + turn[1][i - 8];
+          } else if (z > 0) {
+            from[i] = from[i - 64] + turn[2][i - 64];
+          }
+          out[i] = static_cast<float>(here + from[i]);
+        }
+  }
+};
 
 }  // namespace
 
@@ -28,36 +78,18 @@ void MeshSolid::windings(const Int3& leaf, std::span<const SolidCrossing> crossi
     for (std::size_t x = 0; x < 7; ++x) n[8 * row + x + 1] = n[8 * row + x] + turn[0][8 * row + x];
   }
   if (border_.empty()) {
-    for (std::size_t i = 0; i < 512; ++i) out[i] = sign_ * static_cast<float>(n[i]);
+    for (std::size_t i = 0; i < 512; ++i) out[i] = static_cast<float>(n[i]);
     return;
   }
   const Int3 corner = {leaf[0] * kLeafCells, leaf[1] * kLeafCells, leaf[2] * kLeafCells};
-  const double at_corner = n[0] + border_.at(corner);
-  const double to_half = std::fabs(at_corner - (std::floor(at_corner) + 0.5));
-  const Double3 middle = {corner[0] + 3.5, corner[1] + 3.5, corner[2] + 3.5};
-  const double change = border_.steepness(middle, kLeafRadius, 1.0) * kLeafWidth + kClusterError;
-  if (change < to_half) {
-    // No node of the leaf is near 1/2: whole turns from its corner decide.
-    std::array<std::int32_t, 512> from{};
-    for (std::size_t i = 1; i < 512; ++i) {
-      const std::size_t axis = (i & 7) != 0 ? 0 : (i & 63) != 0 ? 1 : 2;
-      const std::size_t step = axis == 0 ? 1 : axis == 1 ? 8 : 64;
-      from[i] = from[i - step] + turn[axis][i - step];
-    }
-    for (std::size_t i = 0; i < 512; ++i) out[i] = sign_ * static_cast<float>(at_corner + from[i]);
-    return;
-  }
-  for (std::size_t i = 0; i < 512; ++i) {
-    const Int3 node = {corner[0] + static_cast<int>(i & 7), corner[1] + static_cast<int>(i >> 3 & 7),
-                       corner[2] + static_cast<int>(i >> 6)};
-    out[i] = sign_ * static_cast<float>(n[i] + border_.at(node));
-  }
+  LeafFill fill{border_, corner, n, turn, out};
+  fill.cube(0, kLeafCells);
 }
 
 bool MeshSolid::may_pass(const Int3& leaf, int edge) const {
   const double half = 0.5 * (kLeafCells * edge + 1), radius = 1.7321 * half;
   const Int3 corner = {leaf[0] * kLeafCells, leaf[1] * kLeafCells, leaf[2] * kLeafCells};
-  const double at = static_cast<double>(sign_) * (lines_.before(leaf)[0] + border_.at(corner));
+  const double at = lines_.before(leaf)[0] + border_.at(corner);
   const double free = std::fabs(at - 0.5) - kClusterError;
   if (free <= 0.0) return true;
   const Double3 middle = {corner[0] - 1 + half, corner[1] - 1 + half, corner[2] - 1 + half};
@@ -99,7 +131,7 @@ void MeshSolid::membrane_leaves(const SolidBlock& block, std::span<const std::ui
 }
 
 Double3 MeshSolid::membrane_normal(const Double3& cells) const {
-  return border_.gradient(cells) * -static_cast<double>(sign_);  // outward: where the winding number falls
+  return -border_.gradient(cells);  // outward: where the winding number falls
 }
 
 }  // namespace tessera

@@ -9,10 +9,9 @@ namespace tessera {
 
 class MeshSolid : public SolidOperand {
  public:
+  /// The faces show outwards: tables and crossings of a mesh that is inside out are turned by who has them.
   /// \param border  a leaf far from it needs its sum at one node only: from there crossings tell the rest
-  /// \param inside_out  faces show inwards: the solid is where they wind negatively
-  MeshSolid(LineWindings lines, BorderWinding border, bool inside_out)
-      : lines_(std::move(lines)), border_(std::move(border)), sign_(inside_out ? -1.0f : 1.0f) {}
+  MeshSolid(LineWindings lines, BorderWinding border) : lines_(std::move(lines)), border_(std::move(border)) {}
 
   void windings(const Int3& leaf, std::span<const SolidCrossing> crossings, std::span<float> out) const override;
   Double3 membrane_normal(const Double3& cells) const override;
@@ -27,13 +26,12 @@ class MeshSolid : public SolidOperand {
  private:
   void search(const SolidBlock& block, std::span<const std::uint8_t> occupied, const Int3& cube, int edge,
               std::vector<Int3>& out) const;
-  /// How far the winding number at the first node of a cube of leaves is from 1/2 (either sign), and how much it can
+  /// How far the winding number at the first node of a cube of leaves is from 1/2, and how much it can
   /// change within the cube and one node around it. \pre no face passes
   bool may_pass(const Int3& leaf, int edge) const;
 
   LineWindings lines_;
   BorderWinding border_;
-  float sign_;
 };
 
 }  // namespace tessera

@@ -6,6 +6,7 @@
 #include "stream/stages/reconstruct/reconstruct_job.h"
 #include "stream/stages/remesh/remesh_job.h"
 #include "stream/stages/smooth/smooth_stage.h"
+#include "stream/stages/solid/csg_job.h"
 #include "stream/stages/solid/resurface_job.h"
 
 namespace tessera {
@@ -22,6 +23,7 @@ struct Entry {
 };
 constexpr Entry kJobs[] = {
     // one line per job, alphabetical
+    {"csg", from_text<CsgOptions, csg_job>},
     {"decimate", from_text<SimplifyOptions, decimate_job>},
     {"reconstruct", from_text<ReconstructOptions, reconstruct_job>},
     {"remesh", from_text<RemeshJobOptions, remesh_job>},

@@ -23,7 +23,7 @@ class LatticeStage : public Stage {
   std::size_t task_count() const override { return 0; }
   std::uint64_t task_bytes(std::size_t) const override { return 0; }
   std::uint64_t units() const override { return 0; }
-  std::string unit_name() const override { return "meshes"; }
+  std::string unit_name() const override { return "solids"; }
   json run(std::size_t, TaskContext&) const override { return {}; }
   std::uint64_t finish_bytes() const override { return std::uint64_t{32} << 20; }
 
@@ -31,15 +31,26 @@ class LatticeStage : public Stage {
     MeshBox box;
     double least = 0.0, most = 0.0;
     std::uint64_t faces = 0;
-    for (std::size_t i = 0; i < model_.inputs(); ++i) {
-      const MeshStore store = open_imported_mesh(state_.work, solid_import(i));
+    bool any = false;
+    const auto add = [&](const MeshBox& more) {
       for (std::size_t a = 0; a < 3; ++a) {
-        box.low[a] = i == 0 ? store.box().low[a] : std::min(box.low[a], store.box().low[a]);
-        box.high[a] = i == 0 ? store.box().high[a] : std::max(box.high[a], store.box().high[a]);
+        box.low[a] = any ? std::min(box.low[a], more.low[a]) : more.low[a];
+        box.high[a] = any ? std::max(box.high[a], more.high[a]) : more.high[a];
       }
-      faces += store.face_count();
-      least = i == 0 ? store.diagonal() : std::min(least, store.diagonal());
-      most = std::max(most, store.diagonal());
+      const double diagonal = norm(more.high - more.low);
+      least = any ? std::min(least, diagonal) : diagonal;
+      most = std::max(most, diagonal);
+      any = true;
+    };
+    for (const PlacedMesh& mesh : model_.meshes)
+      for (const std::size_t input : mesh.inputs) {
+        const MeshStore store = open_imported_mesh(state_.work, solid_import(input));
+        faces += store.face_count();
+        add(placed_box(mesh.placement, store.box()));
+      }
+    for (const PlacedShape& s : model_.shapes) {
+      MeshBox bounds;
+      if (make_shape(s.kind, s.numbers, s.placement)->bounds(bounds.low, bounds.high)) add(bounds);
     }
     const double diagonal = norm(box.high - box.low);
     Plan plan;
@@ -49,7 +60,7 @@ class LatticeStage : public Stage {
     for (std::size_t a = 0; a < 3; ++a) {
       const double first = std::floor(box.low[a] / brick) - 1.0, last = std::floor(box.high[a] / brick) + 1.0;
       if (!(std::fabs(first) < 0x1p52) || !((last - first + 1.0) * kBrickCells < double{1 << kMaxCellBits}))
-        throw UsageError("--resolution " + number_text(plan.lattice.h) + ": the meshes are " + number_text(diagonal) +
+        throw UsageError("--resolution " + number_text(plan.lattice.h) + ": the solids are " + number_text(diagonal) +
                          " wide, more than 2^20 cells; the least that can do is " +
                          number_text(round_up_2_digits(diagonal / 1e6)));
       plan.lattice.origin_brick[a] = static_cast<std::int64_t>(first);
@@ -60,7 +71,7 @@ class LatticeStage : public Stage {
     json out = {{"h", plan.lattice.h}, {"resolution_reason", plan.resolution_reason}, {"faces", faces},
                 {"diagonal", diagonal}};
     if (most > kOtherUnits * least)
-      out["warnings"] = {"the meshes are " + number_text(least) + " and " + number_text(most) +
+      out["warnings"] = {"the solids are " + number_text(least) + " and " + number_text(most) +
                          " wide: are they in the same units?"};
     return out;
   }
@@ -74,12 +85,30 @@ class LatticeStage : public Stage {
 
 std::size_t SolidModel::inputs() const {
   std::size_t count = 0;
-  for (const auto& operand : meshes) count += operand.size();
+  for (const PlacedMesh& mesh : meshes) count += mesh.inputs.size();
   return count;
 }
 
 std::string solid_import(std::size_t input) {
   return "mesh-" + std::to_string(input);
+}
+
+void place_block(const Placement& placement, MeshBlock& block) {
+  if (placement.is_identity()) return;
+  for (Double3& p : block.position) p = placement.apply(p);
+}
+
+MeshBox placed_box(const Placement& placement, const MeshBox& box) {
+  MeshBox out;
+  for (int corner = 0; corner < 8; ++corner) {
+    const Double3 p = placement.apply({corner & 1 ? box.high[0] : box.low[0], corner & 2 ? box.high[1] : box.low[1],
+                                       corner & 4 ? box.high[2] : box.low[2]});
+    for (std::size_t a = 0; a < 3; ++a) {
+      out.low[a] = corner == 0 ? p[a] : std::min(out.low[a], p[a]);
+      out.high[a] = corner == 0 ? p[a] : std::max(out.high[a], p[a]);
+    }
+  }
+  return out;
 }
 
 std::vector<Long3> quantise_block(const Lattice& lattice, const MeshBlock& block) {

@@ -77,8 +77,9 @@ class LinesStage : public Stage {
   LinesStage(const JobState& state, const SolidModel& model)
       : state_(state), operands_(model.meshes.size()), plan_(Plan::of_work(state.work)) {
     for (std::size_t o = 0; o < model.meshes.size(); ++o)
-      for (const std::size_t input : model.meshes[o]) {
+      for (const std::size_t input : model.meshes[o].inputs) {
         stores_.push_back(open_imported_mesh(state.work, solid_import(input)));
+        placements_.push_back(model.meshes[o].placement);
         const auto patches = stores_.back().patches();
         LinesTask task{o, stores_.size() - 1, 0, 0};
         std::uint64_t faces = 0;
@@ -124,7 +125,8 @@ class LinesStage : public Stage {
     std::vector<LatticeCrossing> found;
     for (std::size_t p = t.first; p < t.end; ++p) {
       context.check_stop();
-      const MeshBlock block = stores_[t.input].load({&p, 1});
+      MeshBlock block = stores_[t.input].load({&p, 1});
+      place_block(placements_[t.input], block);
       const std::vector<Long3> corner = quantise_block(plan_.lattice, block);
       for (const auto& f : block.faces) cross({corner[f[0]], corner[f[1]], corner[f[2]]}, leaves, found, volume);
       const std::vector<BorderEdge> open = open_edges(corner, block.faces);
@@ -287,6 +289,7 @@ class LinesStage : public Stage {
   std::size_t operands_;
   Plan plan_;
   std::vector<MeshStore> stores_;
+  std::vector<Placement> placements_;  ///< per store
   std::vector<LinesTask> tasks_;
 };
 
@@ -313,9 +316,14 @@ std::vector<SolidLines> load_solid_lines(const std::filesystem::path& work) {
 }
 
 MeshSolid load_mesh_solid(const std::filesystem::path& work, std::size_t operand, const SolidLines& lines) {
-  return MeshSolid(LineWindings(load_all<LeafTurns>(work / turns_file(operand), kTurnsKind, lines.leaves)),
-                   BorderWinding(load_all<BorderEdge>(work / border_file(operand), kBorderKind, lines.borders)),
-                   lines.inside_out);
+  auto turns = load_all<LeafTurns>(work / turns_file(operand), kTurnsKind, lines.leaves);
+  auto border = load_all<BorderEdge>(work / border_file(operand), kBorderKind, lines.borders);
+  if (lines.inside_out) {
+    for (LeafTurns& leaf : turns)
+      for (std::int16_t& t : leaf.turn) t = static_cast<std::int16_t>(-t);
+    for (BorderEdge& e : border) e.count = -e.count;
+  }
+  return MeshSolid(LineWindings(std::move(turns)), BorderWinding(std::move(border)));
 }
 
 std::unique_ptr<Stage> make_solid_lines_stage(const JobState& state, const SolidModel& model) {

@@ -54,8 +54,9 @@ std::vector<StageEntry> solid_stages(const SolidModel& model, std::uint64_t min_
 
 JobDescription resurface_job(const ResurfaceOptions& options) {
   SolidModel model;
-  model.meshes.emplace_back(options.meshes);
-  std::iota(model.meshes[0].begin(), model.meshes[0].end(), std::size_t{0});
+  std::vector<std::size_t> inputs(options.meshes);
+  std::iota(inputs.begin(), inputs.end(), std::size_t{0});
+  model.meshes.push_back({std::move(inputs)});
   model.tree.push_operand(0);
   model.resolution = options.resolution;
   model.extract.method =

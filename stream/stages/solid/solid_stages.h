@@ -1,7 +1,7 @@
 /// \file solid_stages.h
 /// Solids to surfaces, out of core: meshes and what is made of them become patches of the lattice.
 ///
-///   lattice  boxes of all imported meshes -> plan.json: lattice and origin
+///   lattice  boxes of all meshes and shapes -> plan.json: lattice and origin
 ///   lines    faces -> how they turn the lines of the lattice (line_windings.h), border edges that do not cancel
 ///   surface  faces near a tile -> exact crossings, signs, directed distances -> patches, one per brick
 ///
@@ -15,6 +15,7 @@
 
 #include "kernels/extract/extended_marching_cubes.h"
 #include "kernels/solid/mesh_solid.h"
+#include "kernels/solid/solid_shape.h"
 #include "kernels/solid/solid_tree.h"
 #include "stream/meshes/mesh_store.h"
 #include "stream/points/plan.h"
@@ -22,9 +23,21 @@
 
 namespace tessera {
 
-/// What a job makes its surface of.
+/// One mesh of a model: inputs that are together one soup, and where it is put.
+struct PlacedMesh {
+  std::vector<std::size_t> inputs;
+  Placement placement = {};
+};
+struct PlacedShape {
+  std::string kind;
+  std::vector<double> numbers;
+  Placement placement;
+};
+
+/// What a job makes its surface of. Operands of the tree are the meshes, then the shapes.
 struct SolidModel {
-  std::vector<std::vector<std::size_t>> meshes;  ///< per operand: its inputs, together one soup
+  std::vector<PlacedMesh> meshes;
+  std::vector<PlacedShape> shapes;
   SolidTree tree;
   double resolution = 0.0;  ///< h, units of the meshes; 0 = a 300th of the diagonal
   ExtractOptions extract;
@@ -44,9 +57,14 @@ struct SolidLines {
   std::uint64_t bytes() const { return leaves * sizeof(LeafTurns) + BorderWinding::bytes(borders); }
 };
 std::vector<SolidLines> load_solid_lines(const std::filesystem::path& work);
+/// With its faces outwards: crossings of an operand that is inside out are to be turned too.
 MeshSolid load_mesh_solid(const std::filesystem::path& work, std::size_t operand, const SolidLines& lines);
 
-/// Corners of a block's vertices in quanta.
+/// Moves a block to where it is put.
+void place_block(const Placement& placement, MeshBlock& block);
+/// The smallest box around a box that is put elsewhere.
+MeshBox placed_box(const Placement& placement, const MeshBox& box);
+/// A block's vertices in quanta.
 std::vector<Long3> quantise_block(const Lattice& lattice, const MeshBlock& block);
 
 std::unique_ptr<Stage> make_solid_lattice_stage(const JobState& state, const SolidModel& model);

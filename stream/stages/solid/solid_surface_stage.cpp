@@ -24,13 +24,15 @@ class SolidSurfaceStage : public Stage {
       : model_(std::move(model)),
         plan_(Plan::of_work(state.work)),
         solids_(load(state.work)),
-        tiling_(solids_, plan_.brick_min, plan_.brick_max) {
+        shapes_(make_shapes()),
+        tiling_(tables(), plan_.brick_min, plan_.brick_max, is_open()) {
     for (std::size_t o = 0; o < model_.meshes.size(); ++o)
-      for (const std::size_t input : model_.meshes[o]) {
+      for (const std::size_t input : model_.meshes[o].inputs) {
         stores_.push_back({open_imported_mesh(state.work, solid_import(input)), o});
         patch_bytes_ = std::max(patch_bytes_, stores_.back().mesh.largest_patch_bytes() * 5 / 4);
       }
     for (const MeshSolid& s : solids_) operands_.push_back(&s);
+    for (const Shape& s : shapes_) operands_.push_back(s.solid.get());
     const int edge = state.run.tile_cells > 0 ? std::max(1, state.run.tile_cells / kBrickCells) : 4;
     groups_ = tiling_.groups(edge, state.run.memory_bytes / 2 / static_cast<std::uint64_t>(state.run.threads));
   }
@@ -131,36 +133,74 @@ class SolidSurfaceStage : public Stage {
     for (std::size_t o = 0; o < model_.meshes.size(); ++o) {
       solids.push_back(load_mesh_solid(work, o, lines.at(o)));
       shared_bytes_ += lines[o].bytes();
+      inside_out_.push_back(lines[o].inside_out);
     }
     return solids;
   }
 
-  /// Crossings of all faces with the lines of the block.
+  struct Shape {
+    std::unique_ptr<SolidShape> form;
+    std::unique_ptr<ShapeSolid> solid;
+    LineWindings leaves;  ///< at its surface
+  };
+
+  std::vector<Shape> make_shapes() {
+    std::vector<Shape> shapes;
+    for (const PlacedShape& s : model_.shapes) {
+      Shape& made = shapes.emplace_back();
+      made.form = make_shape(s.kind, s.numbers, s.placement);
+      made.solid = std::make_unique<ShapeSolid>(*made.form, plan_.lattice);
+      made.leaves = LineWindings(shape_leaves(*made.form, plan_.lattice, plan_.brick_min, plan_.brick_max));
+      shared_bytes_ += made.leaves.bytes();
+    }
+    return shapes;
+  }
+  std::vector<const LineWindings*> tables() const {
+    std::vector<const LineWindings*> out;
+    for (const MeshSolid& s : solids_) out.push_back(&s.lines());
+    for (const Shape& s : shapes_) out.push_back(&s.leaves);
+    return out;
+  }
+  bool is_open() const {
+    return std::any_of(solids_.begin(), solids_.end(), [](const MeshSolid& s) { return !s.border().empty(); });
+  }
+
+  /// Crossings of all surfaces with the lines of the block.
   std::vector<SolidCrossing> find(const SolidBlock& block, TaskContext& context) const {
     std::vector<SolidCrossing> crossings;
     crossings.reserve(tiling_.load(block).crossings);
     const NodeBox nodes = block.nodes();
+    for (std::size_t s = 0; s < shapes_.size(); ++s)
+      tiling_.for_each_leaf(block, *tables()[solids_.size() + s], [&](const LeafTurns& leaf) {
+        shapes_[s].solid->find_crossings(block, leaf_of_row_key(leaf.key),
+                                         static_cast<std::uint8_t>(solids_.size() + s), crossings);
+      });
     MeshBox box;
     for (std::size_t a = 0; a < 3; ++a) {
       box.low[a] = plan_.lattice.world(static_cast<int>(a), nodes.low[a] - 1);
       box.high[a] = plan_.lattice.world(static_cast<int>(a), nodes.high[a] + 1);
     }
     std::vector<LatticeCrossing> found;
-    for (const Source& source : stores_)
-      for (const std::size_t p : source.mesh.select(box)) {
+    for (const Source& source : stores_) {
+      const Placement& placement = model_.meshes[source.operand].placement;
+      for (const std::size_t p : source.mesh.select(placed_box(placement.inverse(), box))) {
         context.check_stop();
-        const MeshBlock mesh = source.mesh.load({&p, 1});
+        MeshBlock mesh = source.mesh.load({&p, 1});
+        place_block(placement, mesh);
         const std::vector<Long3> corner = quantise_block(plan_.lattice, mesh);
         for (const auto& f : mesh.faces) {
           const QuantisedTriangle triangle = {corner[f[0]], corner[f[1]], corner[f[2]]};
           found.clear();
           find_crossings(triangle, nodes, 7, found);
           if (found.empty()) continue;
-          const Float3 normal = face_normal(mesh, f, triangle);
-          for (const LatticeCrossing& c : found)
+          const Float3 normal = face_normal(mesh, f, triangle);  // turned outward with its root
+          for (LatticeCrossing& c : found) {
+            if (inside_out_[source.operand] != 0) c.turn = static_cast<std::int8_t>(-c.turn);
             crossings.push_back(block.place(c, normal, static_cast<std::uint8_t>(source.operand)));
+          }
         }
       }
+    }
     return crossings;
   }
 
@@ -191,7 +231,9 @@ class SolidSurfaceStage : public Stage {
   SolidModel model_;
   Plan plan_;
   std::uint64_t shared_bytes_ = 0, patch_bytes_ = 0;
+  std::vector<std::uint8_t> inside_out_;  ///< per mesh operand
   std::vector<MeshSolid> solids_;
+  std::vector<Shape> shapes_;
   SolidTiling tiling_;
   std::vector<Source> stores_;
   std::vector<const SolidOperand*> operands_;

@@ -17,34 +17,19 @@ constexpr std::uint64_t kBrickLeafCount = 512;
 
 }  // namespace
 
-SolidTiling::SolidTiling(const std::vector<MeshSolid>& solids, const Int3& bricks_low, const Int3& bricks_high)
-    : solids_(&solids), low_(bricks_low), high_(bricks_high) {
-  for (const MeshSolid& s : solids) {
-    open_ = open_ || !s.border().empty();
-    leaves_ += s.lines().leaves().size();
-  }
+SolidTiling::SolidTiling(std::vector<const LineWindings*> tables, const Int3& bricks_low, const Int3& bricks_high,
+                         bool open)
+    : tables_(std::move(tables)), low_(bricks_low), high_(bricks_high), open_(open) {
+  for (const LineWindings* t : tables_) leaves_ += t->leaves().size();
 }
 
 SolidLoad SolidTiling::load(const SolidBlock& block) const {
   SolidLoad load;
-  Int3 low, high;
-  for (std::size_t a = 0; a < 3; ++a) {
-    low[a] = std::max(0, block.origin[a] / kLeafCells - 1);
-    high[a] = (block.origin[a] + block.cells[a]) / kLeafCells;
-  }
-  for (const MeshSolid& s : *solids_) {
-    const auto& leaves = s.lines().leaves();
-    for (int z = low[2]; z <= high[2]; ++z)
-      for (int y = low[1]; y <= high[1]; ++y) {
-        auto at = std::lower_bound(leaves.begin(), leaves.end(), leaf_row_key({low[0], y, z}),
-                                   [](const LeafTurns& l, std::uint64_t k) { return l.key < k; });
-        const std::uint64_t last = leaf_row_key({high[0], y, z});
-        for (; at != leaves.end() && at->key <= last; ++at) {
-          ++load.leaves;
-          load.crossings += at->crossings;
-        }
-      }
-  }
+  for (const LineWindings* table : tables_)
+    for_each_leaf(block, *table, [&](const LeafTurns& leaf) {
+      ++load.leaves;
+      load.crossings += leaf.crossings;
+    });
   return load;
 }
 
@@ -53,7 +38,7 @@ std::uint64_t SolidTiling::tile_bytes(const Tile& tile) const {
   const SolidLoad load = this->load(block);
   const std::uint64_t slots = block.slots();
   const std::uint64_t leaves = open_ ? slots : std::min(slots, kLeavesPerOccupied * load.leaves);
-  return solid_field_bytes(leaves, load.crossings + (open_ ? 128 * leaves : 0), slots, solids_->size()) +
+  return solid_field_bytes(leaves, load.crossings + (open_ ? 128 * leaves : 0), slots, tables_.size()) +
          std::min(kBrickLeafCount, leaves) * kPatchBytesPerLeaf;
 }
 
@@ -84,8 +69,8 @@ std::vector<TileGroup> SolidTiling::groups(int most_bricks, std::uint64_t most_b
       for (int y = low_[1] - 1; y <= high_[1] + 1; ++y)
         for (int x = low_[0] - 1; x <= high_[0] + 1; ++x) cubes.push_back(brick_key({x, y, z}) >> shift);
   }
-  for (const MeshSolid& s : *solids_)
-    for (const LeafTurns& l : s.lines().leaves()) {
+  for (const LineWindings* table : tables_)
+    for (const LeafTurns& l : table->leaves()) {
       const Int3 leaf = leaf_of_row_key(l.key);
       for (int d = 0; d < 8; ++d) {
         // A leaf away on either side: its brick may hold cells of the leaf's crossings.

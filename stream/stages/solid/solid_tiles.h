@@ -1,6 +1,7 @@
 /// \file solid_tiles.h
 /// How the surface of solids is cut into tiles. Tiles carry no meaning: any cut gives the same patches.
 #pragma once
+#include <algorithm>
 #include <cstdint>
 #include <span>
 #include <vector>
@@ -19,8 +20,27 @@ struct SolidLoad {
 /// The leaves of all operands, as their tables have them.
 class SolidTiling {
  public:
-  /// \param bricks_low, bricks_high  bricks that the solids may touch: looked through where a mesh is open
-  SolidTiling(const std::vector<MeshSolid>& solids, const Int3& bricks_low, const Int3& bricks_high);
+  /// \param tables  per operand: the leaves at its surface; they stay where they are
+  /// \param bricks_low, bricks_high  bricks that the solids may touch  \param open  membranes may pass any of them
+  SolidTiling(std::vector<const LineWindings*> tables, const Int3& bricks_low, const Int3& bricks_high, bool open);
+
+  /// Calls for the leaves of a table that a block holds, in the order of the table.
+  template <class Visit>
+  static void for_each_leaf(const SolidBlock& block, const LineWindings& table, const Visit& visit) {
+    Int3 low, high;
+    for (std::size_t a = 0; a < 3; ++a) {
+      low[a] = std::max(0, block.origin[a] / kLeafCells - 1);
+      high[a] = (block.origin[a] + block.cells[a]) / kLeafCells;
+    }
+    const auto& leaves = table.leaves();
+    for (int z = low[2]; z <= high[2]; ++z)
+      for (int y = low[1]; y <= high[1]; ++y) {
+        auto at = std::lower_bound(leaves.begin(), leaves.end(), leaf_row_key({low[0], y, z}),
+                                   [](const LeafTurns& l, std::uint64_t k) { return l.key < k; });
+        const std::uint64_t last = leaf_row_key({high[0], y, z});
+        for (; at != leaves.end() && at->key <= last; ++at) visit(*at);
+      }
+  }
 
   SolidLoad load(const SolidBlock& block) const;
   /// Upper bound of what the field of a tile and its patches take.
@@ -31,9 +51,9 @@ class SolidTiling {
 
  private:
   void split(const Tile& tile, int most_bricks, std::uint64_t most_bytes, TileGroup& out) const;
-  const std::vector<MeshSolid>* solids_;
+  std::vector<const LineWindings*> tables_;
   Int3 low_, high_;
-  bool open_ = false;
+  bool open_;
   std::uint64_t leaves_ = 0;
 };
 

@@ -1,0 +1,83 @@
+/// \file solid_shape.h
+/// Implicit solids as operands of a combination: spheres, boxes, cylinders, cones, tori, half-spaces, placed anywhere.
+/// Faces that meet in an edge are joined by maximum, so every root lies on one of them and has its normal (thesis 2.3.1).
+#pragma once
+#include <array>
+#include <memory>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "kernels/solid/line_windings.h"
+#include "kernels/solid/solid_field.h"
+
+namespace tessera {
+
+/// x -> M x + shift, rows of M first.
+struct Placement {
+  std::array<double, 9> matrix = {1, 0, 0, 0, 1, 0, 0, 0, 1};
+  Double3 shift = {0, 0, 0};
+
+  Double3 apply(const Double3& p) const { return turn(p) + shift; }
+  /// M p, without the shift.
+  Double3 turn(const Double3& p) const;
+  /// This after `first`.
+  Placement after(const Placement& first) const;
+  double determinant() const;
+  /// \pre determinant() is not zero
+  Placement inverse() const;
+  bool is_identity() const { return *this == Placement{}; }
+  bool operator==(const Placement&) const = default;
+};
+
+/// Kinds, with how many numbers each takes:
+///   sphere     centre, radius                     4
+///   box        lowest, highest corner             6
+///   cylinder   both ends of the axis, radius      7
+///   cone       both ends, radius at each          8   (one may be 0)
+///   torus      centre, axis, two radii            8
+///   halfspace  point, outward normal              6
+inline constexpr std::array<std::string_view, 6> kShapeKinds = {"sphere", "box",   "cylinder",
+                                                                "cone",   "torus", "halfspace"};
+
+/// A shape in world coordinates.
+class SolidShape {
+ public:
+  virtual ~SolidShape() = default;
+  /// < 0 inside, zero on the surface, never farther from zero than the distance to it.
+  virtual double value(const Double3& p) const = 0;
+  /// Outward direction of the face that the value is of, not unit.
+  virtual Double3 direction(const Double3& p) const = 0;
+  /// A box that holds all of it. \returns false where there is none
+  virtual bool bounds(Double3& low, Double3& high) const = 0;
+};
+
+/// How many numbers a kind takes; 0 for a kind that is none.
+std::size_t shape_numbers(std::string_view kind);
+/// What is wrong with these numbers ("radius must be above 0"); empty if nothing is. \pre as many as the kind takes
+std::string shape_fault(std::string_view kind, const std::vector<double>& numbers);
+/// \pre shape_fault() is empty, the placement's determinant is not zero
+std::unique_ptr<SolidShape> make_shape(std::string_view kind, const std::vector<double>& numbers,
+                                       const Placement& placement);
+
+/// Leaves that the surface of a shape may touch, of these bricks [low, high], with no turns and a bound of crossings: the
+/// table by which blocks are planned.
+std::vector<LeafTurns> shape_leaves(const SolidShape& shape, const Lattice& lattice, const Int3& low, const Int3& high);
+
+/// A shape on the lattice.
+class ShapeSolid : public SolidOperand {
+ public:
+  ShapeSolid(const SolidShape& shape, const Lattice& lattice) : shape_(&shape), lattice_(lattice) {}
+  void windings(const Int3& leaf, std::span<const SolidCrossing> crossings, std::span<float> out) const override;
+  Double3 membrane_normal(const Double3& cells) const override;
+  /// Crossings on edges from the nodes of a global leaf, one at most on each. \pre the leaf lies in the block
+  void find_crossings(const SolidBlock& block, const Int3& leaf, std::uint8_t operand,
+                      std::vector<SolidCrossing>& out) const;
+
+ private:
+  Double3 world(const Double3& cells) const;
+  const SolidShape* shape_;
+  Lattice lattice_;
+};
+
+}  // namespace tessera

@@ -1,0 +1,98 @@
+#include "stream/stages/solid/csg_job.h"
+
+#include <nlohmann/json.hpp>
+
+#include "octree/error.h"
+#include "stream/page/report_page.h"
+#include "stream/stages/solid/resurface_job.h"
+
+namespace tessera {
+namespace {
+
+using json = nlohmann::json;
+
+Placement placement_of(const json& numbers) {
+  Placement p;
+  for (std::size_t k = 0; k < 9; ++k) p.matrix[k] = numbers.at(k).get<double>();
+  for (std::size_t k = 0; k < 3; ++k) p.shift[k] = numbers.at(9 + k).get<double>();
+  return p;
+}
+
+/// Whether what a tree leaves has an end.
+class Bounds {
+ public:
+  void push(bool bounded) { stack_.push_back(bounded); }
+  void join(SolidTree::Join join) {
+    const bool b = stack_.back();
+    stack_.pop_back();
+    const bool a = stack_.back();
+    stack_.back() = join == SolidTree::Join::kUnite ? a && b : join == SolidTree::Join::kIntersect ? a || b : a;
+  }
+  bool all() const { return stack_.size() == 1 && stack_[0]; }
+
+ private:
+  std::vector<bool> stack_;
+};
+
+}  // namespace
+
+OptionTable option_table(CsgOptions& o) {
+  OptionTable t("What it computes");
+  t.add("resolution,voxel", &o.resolution,
+        "lattice spacing h, units of the solids: what is thinner may go, sharp edges stay sharp whatever it is; 0 = a "
+        "300th of the diagonal")
+      .at_least(0);
+  t.add("method", &o.method, "emc: extended marching cubes with sharp edges and corners; mc: plain marching cubes")
+      .one_of({"emc", "mc"});
+  t.add("feature-angle", &o.feature_angle_deg, "degrees between normals from which a cell holds a sharp edge")
+      .within(0, 180);
+  t.add("min-component", &o.min_component, "faces; smaller islands are dropped; 1 = keep all").at_least(1);
+  t.add("program", &o.program, "the tree as a postfix list").hidden();
+  return t;
+}
+
+SolidModel csg_model(const CsgOptions& options) {
+  SolidModel model;
+  // Operands are numbered meshes first.
+  const json program = json::parse(options.program);
+  std::size_t meshes = 0, shapes = 0;
+  for (const json& step : program) meshes += step.contains("mesh");
+  Bounds bounds;
+  for (const json& step : program) {
+    if (step.contains("mesh")) {
+      model.tree.push_operand(static_cast<std::uint8_t>(model.meshes.size()));
+      model.meshes.push_back({{step.at("mesh").get<std::size_t>()}, placement_of(step.at("placement"))});
+      bounds.push(true);
+    } else if (step.contains("shape")) {
+      model.tree.push_operand(static_cast<std::uint8_t>(meshes + shapes++));
+      model.shapes.push_back({step.at("shape").get<std::string>(), step.at("numbers").get<std::vector<double>>(),
+                              placement_of(step.at("placement"))});
+      bounds.push(model.shapes.back().kind != "halfspace");
+    } else {
+      const std::string word = step.at("join").get<std::string>();
+      const SolidTree::Join join = word == "union"          ? SolidTree::Join::kUnite
+                                   : word == "intersection" ? SolidTree::Join::kIntersect
+                                                            : SolidTree::Join::kSubtract;
+      model.tree.push_join(join);
+      bounds.join(join);
+    }
+  }
+  if (meshes + shapes > kMostOperands)
+    throw InputError("the scene has " + std::to_string(meshes + shapes) + " solids, more than " +
+                     std::to_string(kMostOperands) + ": unite some of them first");
+  if (!model.tree.is_complete(meshes + shapes)) throw InputError("the scene is no tree of solids");
+  if (!bounds.all())
+    throw InputError("the scene has no end, half-spaces reach out of it: intersect them with a solid");
+  model.resolution = options.resolution;
+  model.extract.method =
+      options.method == "mc" ? ExtractMethod::kMarchingCubes : ExtractMethod::kExtendedMarchingCubes;
+  model.extract.feature_angle_deg = options.feature_angle_deg;
+  return model;
+}
+
+JobDescription csg_job(const CsgOptions& options) {
+  const SolidModel model = csg_model(options);
+  return {"csg", solid_stages(model, options.min_component, "tessera csg"), 0, summarise_solids, {}, job_page()};
+}
+
+}  // namespace tessera

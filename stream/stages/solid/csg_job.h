@@ -1,0 +1,46 @@
+/// \file csg_job.h
+/// Constructive solid geometry over meshes and shapes: one closed mesh whose new edges are sharp.
+#pragma once
+#include <cstdint>
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "stream/runtime/job.h"
+#include "stream/runtime/option_table.h"
+#include "stream/stages/solid/solid_stages.h"
+
+namespace tessera {
+
+struct CsgOptions {
+  double resolution = 0.0;
+  std::string method = "emc";
+  double feature_angle_deg = 25.0;
+  std::uint64_t min_component = 1;
+  /// The tree as a postfix list, which csg_scene.h makes: what is part of the job, whatever file it came from.
+  std::string program;
+
+  void validate() const {}
+};
+OptionTable option_table(CsgOptions& options);
+
+JobDescription csg_job(const CsgOptions& options);
+
+/// A tree and the meshes that it names, in order.
+struct CsgScene {
+  std::vector<std::filesystem::path> meshes;
+  std::string program;
+};
+
+/// From words: files, `+` (union), `-` (difference), `*` or `&` (intersection), parentheses; from left to right.
+/// \throws UsageError naming the word that makes no sense
+CsgScene parse_csg_words(const std::vector<std::string>& words);
+/// From a file (README, "Scenes"). Meshes and other scenes are looked for beside it.
+/// \throws InputError naming file and place: no JSON, unknown keys or shapes, numbers missing, no solid at all, a scene
+///         that holds itself
+CsgScene read_csg_scene(const std::filesystem::path& file);
+
+/// The model of a program. \throws InputError when it has no bound, names too many solids, or is none
+SolidModel csg_model(const CsgOptions& options);
+
+}  // namespace tessera

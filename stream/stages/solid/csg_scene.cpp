@@ -1,0 +1,207 @@
+/// What people write of a scene becomes a postfix list.
+#include <algorithm>
+#include <fstream>
+#include <nlohmann/json.hpp>
+
+#include "octree/error.h"
+#include "octree/portable_math.h"
+#include "stream/files/durable_file.h"
+#include "stream/stages/solid/csg_job.h"
+
+namespace tessera {
+namespace {
+
+using json = nlohmann::json;
+
+json numbers_of_placement(const Placement& p) {
+  json out = json::array();
+  for (const double m : p.matrix) out.push_back(m);
+  for (const double s : p.shift) out.push_back(s);
+  return out;
+}
+
+void push_mesh(CsgScene& scene, json& program, const std::filesystem::path& file, const Placement& placement) {
+  program.push_back({{"mesh", scene.meshes.size()}, {"placement", numbers_of_placement(placement)}});
+  scene.meshes.push_back(file);
+}
+
+std::string join_of_word(const std::string& word) {
+  return word == "+" ? "union" : word == "-" ? "difference" : word == "*" || word == "&" ? "intersection" : "";
+}
+
+/// Words from left to right: solid { join solid }, a solid being a file or a group in parentheses.
+class Words {
+ public:
+  explicit Words(const std::vector<std::string>& words) : words_(words) {}
+  CsgScene parse() {
+    sum();
+    if (at_ < words_.size()) fail("is not expected here");
+    scene_.program = program_.dump();
+    return std::move(scene_);
+  }
+
+ private:
+  [[noreturn]] void fail(const std::string& what) const {
+    if (at_ >= words_.size()) throw UsageError("the expression ends too early: a file or ')' is missing");
+    throw UsageError("'" + words_[at_] + "' " + what + ": an expression is files with + - * or & between them, e.g. "
+                     "a.ply + b.stl - c.obj");
+  }
+  void sum() {
+    solid();
+    while (at_ < words_.size() && words_[at_] != ")") {
+      const std::string join = join_of_word(words_[at_]);
+      if (join.empty()) fail("follows a solid");
+      ++at_;
+      solid();
+      program_.push_back({{"join", join}});
+    }
+  }
+  void solid() {
+    if (at_ >= words_.size()) fail("");
+    if (words_[at_] == "(") {
+      ++at_;
+      sum();
+      if (at_ >= words_.size()) fail("");
+      ++at_;
+      return;
+    }
+    if (words_[at_] == ")" || !join_of_word(words_[at_]).empty()) fail("stands where a solid should");
+    push_mesh(scene_, program_, words_[at_++], {});
+  }
+
+  const std::vector<std::string>& words_;
+  std::size_t at_ = 0;
+  CsgScene scene_;
+  json program_ = json::array();
+};
+
+class SceneFile {
+ public:
+  CsgScene read(const std::filesystem::path& file) {
+    node_of_file(file, {});
+    if (program_.empty()) throw InputError(file.string() + ": the scene is empty");
+    scene_.program = program_.dump();
+    return std::move(scene_);
+  }
+
+ private:
+  /// What went wrong, in the file at hand.
+  [[noreturn]] void fail(const std::string& what) const { throw InputError(open_.back().string() + ": " + what); }
+
+  void node_of_file(const std::filesystem::path& file, const Placement& outer) {
+    std::error_code none;
+    const std::filesystem::path real = std::filesystem::weakly_canonical(file, none);
+    if (std::find(open_.begin(), open_.end(), real) != open_.end())
+      throw InputError(file.string() + ": the scene holds itself");
+    open_.push_back(real);
+    json root;
+    try {
+      root = json::parse(read_text(file));
+    } catch (const json::parse_error& e) {
+      throw InputError(file.string() + ": no JSON at byte " + std::to_string(e.byte));
+    }
+    node(root, outer);
+    open_.pop_back();
+  }
+
+  std::vector<double> numbers(const json& value, std::size_t count, const std::string& what) const {
+    if (!value.is_array() || value.size() != count) fail(what + " takes " + std::to_string(count) + " numbers");
+    std::vector<double> out;
+    for (const json& v : value) {
+      if (!v.is_number()) fail(what + " takes numbers");
+      out.push_back(v.get<double>());
+    }
+    return out;
+  }
+
+  /// "scale", "rotate" [axis, degrees], "translate", done in this order; or "matrix" (rows of 3 x 4).
+  Placement placement(const json& n) const {
+    Placement p;
+    if (n.contains("matrix")) {
+      const std::vector<double> m = numbers(n.at("matrix"), 12, "\"matrix\"");
+      for (std::size_t r = 0; r < 3; ++r) {
+        for (std::size_t c = 0; c < 3; ++c) p.matrix[3 * r + c] = m[4 * r + c];
+        p.shift[r] = m[4 * r + 3];
+      }
+    }
+    if (n.contains("scale")) {
+      const json& s = n.at("scale");
+      const std::vector<double> v = s.is_number() ? std::vector<double>(3, s.get<double>())
+                                                  : numbers(s, 3, "\"scale\"");
+      p = Placement{{v[0], 0, 0, 0, v[1], 0, 0, 0, v[2]}, {0, 0, 0}}.after(p);
+    }
+    if (n.contains("rotate")) {
+      const std::vector<double> r = numbers(n.at("rotate"), 4, "\"rotate\"");
+      const Double3 axis = unit_or_zero(Double3{r[0], r[1], r[2]});
+      if (axis == Double3{0, 0, 0}) fail("\"rotate\": the axis has no direction");
+      const SinCos t = sin_cos(r[3] * (kPi / 180.0));
+      Placement turn;
+      for (std::size_t i = 0; i < 3; ++i)
+        for (std::size_t j = 0; j < 3; ++j) {
+          const double mixed = i == j ? 0.0 : ((j + 3 - i) % 3 == 1 ? -axis[3 - i - j] : axis[3 - i - j]);
+          turn.matrix[3 * i + j] = (1.0 - t.cos) * axis[i] * axis[j] + (i == j ? t.cos : 0.0) + t.sin * mixed;
+        }
+      p = turn.after(p);
+    }
+    if (n.contains("translate")) {
+      const std::vector<double> t = numbers(n.at("translate"), 3, "\"translate\"");
+      p.shift = p.shift + Double3{t[0], t[1], t[2]};
+    }
+    if (!(std::fabs(p.determinant()) > 0.0)) fail("a placement is flat: it scales to nothing");
+    return p;
+  }
+
+  void node(const json& n, const Placement& outer) {
+    if (!n.is_object()) fail("a solid is an object, e.g. {\"mesh\": \"a.ply\"}");
+    std::string kind;
+    for (const auto& [key, value] : n.items()) {
+      if (key == "translate" || key == "rotate" || key == "scale" || key == "matrix") continue;
+      if (!kind.empty()) fail("\"" + kind + "\" and \"" + key + "\" stand in one object: a solid is one of them");
+      kind = key;
+    }
+    if (kind.empty()) fail("the scene is empty");
+    const Placement here = outer.after(placement(n));
+    const json& value = n.at(kind);
+    if (kind == "union" || kind == "intersection" || kind == "difference") {
+      if (!value.is_array() || value.empty()) fail("\"" + kind + "\" takes a list of at least one solid");
+      for (std::size_t i = 0; i < value.size(); ++i) {
+        node(value[i], here);
+        if (i > 0) program_.push_back({{"join", kind}});
+      }
+    } else if (kind == "mesh" || kind == "scene") {
+      if (!value.is_string()) fail("\"" + kind + "\" takes the name of a file");
+      const std::filesystem::path file = open_.back().parent_path() / value.get<std::string>();
+      if (kind == "mesh") {
+        push_mesh(scene_, program_, file, here);
+      } else {
+        node_of_file(file, here);
+      }
+    } else {
+      const std::size_t count = shape_numbers(kind);
+      if (count == 0) {
+        std::string known;
+        for (const std::string_view k : kShapeKinds) known += ", " + std::string(k);
+        fail("\"" + kind + "\" is no solid: there are mesh, scene, union, intersection, difference" + known);
+      }
+      const std::vector<double> v = numbers(value, count, "\"" + kind + "\"");
+      if (const std::string fault = shape_fault(kind, v); !fault.empty()) fail("\"" + kind + "\": " + fault);
+      program_.push_back({{"shape", kind}, {"numbers", v}, {"placement", numbers_of_placement(here)}});
+    }
+  }
+
+  CsgScene scene_;
+  json program_ = json::array();
+  std::vector<std::filesystem::path> open_;  ///< files at work, the innermost last
+};
+
+}  // namespace
+
+CsgScene parse_csg_words(const std::vector<std::string>& words) {
+  return Words(words).parse();
+}
+
+CsgScene read_csg_scene(const std::filesystem::path& file) {
+  return SceneFile().read(file);
+}
+
+}  // namespace tessera

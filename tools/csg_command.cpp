@@ -1,0 +1,59 @@
+#include <fmt/format.h>
+
+#include <memory>
+#include <nlohmann/json.hpp>
+
+#include "octree/error.h"
+#include "stream/formats/meshes/mesh_io.h"
+#include "stream/runtime/memory_budget.h"
+#include "stream/stages/solid/csg_job.h"
+#include "tools/cli.h"
+#include "tools/commands.h"
+
+namespace tessera {
+namespace {
+
+struct Arguments {
+  std::vector<std::string> words;
+  CsgOptions options;
+  JobState state;
+};
+
+void run(Arguments& a) {
+  cli::require_inputs(a.words);
+  cli::require_output(a.state.output);
+  require_mesh_extension(a.state.output);
+  const bool is_scene = a.words.size() == 1 && a.words[0].ends_with(".json");
+  const CsgScene scene = is_scene ? read_csg_scene(a.words[0]) : parse_csg_words(a.words);
+  a.state.inputs = scene.meshes;
+  for (const std::filesystem::path& mesh : scene.meshes)
+    if (!std::filesystem::exists(mesh)) throw InputError(mesh.string() + ": there is no such file");
+  a.state.also_read = cli::also_read({});
+  if (is_scene) a.state.also_read.emplace_back(a.words[0]);
+  a.options.program = scene.program;
+  a.state.settings = to_settings(a.options);
+  const nlohmann::json report = run_job(a.state, csg_job(a.options), cli::stderr_sink());
+  if (a.state.run.verbosity < 0) return;
+  const nlohmann::json mesh = report.value("mesh", nlohmann::json::object());
+  fmt::print("{}: {} vertices, {} faces, {} components, {:.1f} s, peak {}\n", a.state.output.string(),
+             mesh.value("vertices", std::uint64_t{0}), mesh.value("faces", std::uint64_t{0}),
+             mesh.value("components", std::uint64_t{0}), report.at("wall_s").get<double>(),
+             format_bytes(report.at("peak_bytes").get<std::uint64_t>()));
+}
+
+}  // namespace
+
+cli::Command csg_command() {
+  auto arguments = std::make_shared<Arguments>();
+  OptionTable table;
+  cli::add_inputs(table, arguments->words);
+  cli::add_output(table, arguments->state.output, "the mesh to write: .ply, .obj, .stl or .glb");
+  table.append(option_table(arguments->options));
+  table.append(option_table(arguments->state.run));
+  return {"csg",
+          "Union (+), difference (-) and intersection (*, &) of meshes, from left to right, or of a scene file "
+          "(SCENE.json); new edges are sharp. Resumable.",
+          table, [arguments] { run(*arguments); }};
+}
+
+}  // namespace tessera
