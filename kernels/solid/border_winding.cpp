@@ -38,6 +38,50 @@ bool is_left(const BorderEdge& e, const Long3& x) {
   return by > ay;
 }
 
+/// A sum of angles as a product of complex numbers, and how often it went round.
+class AngleSum {
+ public:
+  /// An angle in [-pi, pi]; -0.0 as imaginary part is -pi on the negative axis.
+  void add(double re, double im) {
+    const bool up = im_ >= 0.0, other_up = !std::signbit(im);
+    const double r = re_ * re - im_ * im, i = re_ * im + im_ * re;
+    const double scale = 1.0 / std::sqrt(r * r + i * i);
+    re_ = r * scale;
+    im_ = i * scale;
+    const bool now_up = im_ >= 0.0;
+    if (up && other_up && !now_up) ++turns_;
+    if (!up && !other_up && now_up) --turns_;
+    // On the axis a sum of 0 and -pi is told from one of 0 and pi.
+    if (im_ == 0.0 && re_ < 0.0 && up && !other_up) --turns_;
+  }
+  double value() const {
+    const double angle = angle_between({1.0, 0.0, 0.0}, {re_, im_, 0.0});
+    return (im_ < 0.0 ? -angle : angle) + 2.0 * kPi * turns_;
+  }
+
+ private:
+  double re_ = 1.0, im_ = 0.0;
+  int turns_ = 0;
+};
+
+/// Adds half the solid angle of the ribbon from an edge to +x infinity, seen from a node (van Oosterom, Strackee 1983).
+void add_ribbon(const BorderEdge& edge, const Long3& x, AngleSum& half) {
+  Double3 a, b;
+  for (std::size_t k = 0; k < 3; ++k) {
+    a[k] = static_cast<double>(edge.a[k] - x[k]) * kPerCell;
+    b[k] = static_cast<double>(edge.b[k] - x[k]) * kPerCell;
+  }
+  const double p = a[1] * b[2], q = a[2] * b[1], la = norm(a), lb = norm(b);
+  const double area = p - q;
+  const bool sure = std::fabs(area) > 1e-14 * (std::fabs(p) + std::fabs(q));
+  const bool left = sure ? area > 0.0 : is_left(edge, x);
+  const double along = la * lb + dot(a, b) + a[0] * lb + b[0] * la;
+  const bool turned = edge.count < 0;
+  const double across = left != turned ? std::fabs(area) : -std::fabs(area);
+  if (!(along * along + area * area > 0.0)) return;
+  for (std::int64_t n = std::abs(edge.count); n > 0; --n) half.add(along, across);
+}
+
 }  // namespace
 
 BorderWinding::BorderWinding(std::vector<BorderEdge> edges) : edges_(std::move(edges)) {
@@ -84,32 +128,13 @@ void BorderWinding::sum_up(Cluster& c) const {
   }
 }
 
-double BorderWinding::ribbon(const BorderEdge& edge, const Int3& node) const {
-  Long3 x;
-  for (std::size_t k = 0; k < 3; ++k) x[k] = node[k] * kSolidQuanta;
-  Double3 a, b;
-  for (std::size_t k = 0; k < 3; ++k) {
-    a[k] = static_cast<double>(edge.a[k] - x[k]) * kPerCell;
-    b[k] = static_cast<double>(edge.b[k] - x[k]) * kPerCell;
-  }
-  const double p = a[1] * b[2], q = a[2] * b[1], la = norm(a), lb = norm(b);
-  double area = p - q;
-  const bool sure = std::fabs(area) > 1e-14 * (std::fabs(p) + std::fabs(q));
-  const bool left = sure ? area > 0.0 : is_left(edge, x);
-  area = std::fabs(area);
-  // Solid angle of the triangle (a, b, +x infinity): van Oosterom, Strackee 1983.
-  const double along = la * lb + dot(a, b) + a[0] * lb + b[0] * la;
-  const double size = std::sqrt(area * area + along * along);
-  if (!(size > 0.0)) return 0.0;
-  // The half angle lies in [0, pi] by its cosine and sine; unit vectors give it without an arc tangent of libm.
-  const double half = angle_between({1.0, 0.0, 0.0}, {along / size, area / size, 0.0});
-  return (left ? 2.0 * half : -2.0 * half) * static_cast<double>(edge.count);
-}
-
 double BorderWinding::at(const Int3& node) const {
   if (clusters_.empty()) return 0.0;
   const Double3 x = {static_cast<double>(node[0]), static_cast<double>(node[1]), static_cast<double>(node[2])};
+  Long3 quanta;
+  for (std::size_t k = 0; k < 3; ++k) quanta[k] = node[k] * kSolidQuanta;
   double sum = 0.0;
+  AngleSum half;
   std::array<std::uint32_t, kStack> stack;
   std::size_t top = 0;
   stack[top++] = 0;
@@ -133,10 +158,10 @@ double BorderWinding::at(const Int3& node) const {
       stack[top++] = c.left + 1;
       stack[top++] = c.left;
     } else {
-      for (std::uint32_t e = c.first; e < c.end; ++e) sum += ribbon(edges_[e], node);
+      for (std::uint32_t e = c.first; e < c.end; ++e) add_ribbon(edges_[e], quanta, half);
     }
   }
-  return sum / (4.0 * kPi);
+  return (sum + 2.0 * half.value()) / (4.0 * kPi);
 }
 
 Double3 BorderWinding::gradient(const Double3& x) const {
@@ -166,29 +191,33 @@ Double3 BorderWinding::gradient(const Double3& x) const {
   return sum / (-4.0 * kPi);
 }
 
-double BorderWinding::steepness(const Double3& x, double radius, double enough) const {
-  double sum = 0.0;
-  if (clusters_.empty()) return sum;
+double BorderWinding::change(const Double3& x, double radius) const {
+  if (clusters_.empty()) return 0.0;
+  // An edge of length l at distance d: first derivatives up to l / d^2, second ones up to 2 l / d^3, over 4 pi.
+  double first = 0.0, second = 0.0, left_out = 0.0;
+  Double3 slope = {0, 0, 0};
   std::array<std::uint32_t, kStack> stack;
   std::size_t top = 0;
   stack[top++] = 0;
-  while (top > 0 && sum <= enough) {
+  while (top > 0) {
     const Cluster& c = clusters_[stack[--top]];
-    const double s = norm(c.centre - x), free = s - c.radius - radius;
-    const bool coarse = c.radius > kFar * s;
-    if (coarse && c.left != 0) {
+    const Double3 r = c.centre - x;
+    const double s = norm(r), free = s - c.radius - radius;
+    if (c.left != 0 && (free <= 0.0 || c.radius > kFar * s)) {
       stack[top++] = c.left + 1;
       stack[top++] = c.left;
-    } else if (free > 0.0) {
-      sum += c.length / (4.0 * kPi * free * free);
-    } else if (c.left != 0) {
-      stack[top++] = c.left + 1;
-      stack[top++] = c.left;
-    } else {
-      return std::numeric_limits<double>::infinity();
+      continue;
     }
+    if (free <= 0.0) return std::numeric_limits<double>::infinity();
+    const double bend = 2.0 * c.length / (free * free * free);
+    first += c.length / (free * free);
+    second += bend;
+    left_out += bend * c.radius;
+    slope = slope + cross(r, c.sum) / (s * s * s);
   }
-  return sum;
+  const double by_first = 2.0 * radius * first;
+  const double by_second = 2.0 * radius * (norm(slope) + left_out + 0.5 * radius * second);
+  return std::min(by_first, by_second) / (4.0 * kPi);
 }
 
 }  // namespace tessera

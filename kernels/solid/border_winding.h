@@ -32,8 +32,9 @@ class BorderWinding {
   double at(const Int3& node) const;
   /// Derivative of the winding number there, per cell.
   Double3 gradient(const Double3& cells) const;
-  /// Bound of that derivative within `radius` of a point, per cell; above `enough` any number above it.
-  double steepness(const Double3& cells, double radius, double enough) const;
+  /// Bound of how much the winding number differs between two points within `radius` of a point, but for whole turns:
+  /// by first derivatives alone, or by those in the middle and a bound of the second ones.
+  double change(const Double3& cells, double radius) const;
 
   /// Upper bound of what holding so many edges takes, and building.
   static constexpr std::uint64_t bytes(std::uint64_t edges) { return edges * (56 + 200); }
@@ -50,7 +51,6 @@ class BorderWinding {
   };
   void split(std::uint32_t cluster);
   void sum_up(Cluster& c) const;
-  double ribbon(const BorderEdge& edge, const Int3& node) const;
 
   std::vector<BorderEdge> edges_;
   std::vector<Cluster> clusters_;

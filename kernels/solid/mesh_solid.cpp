@@ -31,9 +31,7 @@ struct LeafFill {
     const double free = std::fabs(here - (std::floor(here) + 0.5)) - kClusterError;
     out[first] = static_cast<float>(here);
     if (edge == 1) return;
-    if (free > 0.0 &&
-        border.steepness({at[0] + half, at[1] + half, at[2] + half}, radius, free / (2.0 * radius)) * 2.0 * radius <
-            free) {
+    if (free > 0.0 && border.change({at[0] + half, at[1] + half, at[2] + half}, radius) < free) {
       count_turns(first, edge, here);
       return;
     }
@@ -93,7 +91,7 @@ bool MeshSolid::may_pass(const Int3& leaf, int edge) const {
   const double free = std::fabs(at - 0.5) - kClusterError;
   if (free <= 0.0) return true;
   const Double3 middle = {corner[0] - 1 + half, corner[1] - 1 + half, corner[2] - 1 + half};
-  return border_.steepness(middle, radius, free / (2.0 * radius)) * 2.0 * radius >= free;
+  return border_.change(middle, radius) >= free;
 }
 
 void MeshSolid::search(const SolidBlock& block, std::span<const std::uint8_t> occupied, const Int3& cube, int edge,
