@@ -50,10 +50,11 @@ cli::Command csg_command() {
   cli::add_output(table, arguments->state.output, "the mesh to write: .ply, .obj, .stl or .glb");
   table.append(option_table(arguments->options));
   table.append(option_table(arguments->state.run));
-  return {"csg",
-          "Union (+), difference (-) and intersection (*, &) of meshes, from left to right, or of a scene file "
-          "(SCENE.json); new edges are sharp. Resumable.",
-          table, [arguments] { run(*arguments); }};
+  return {
+      "csg",
+      "Union (+), difference (-) and intersection (*, &) of meshes, from left to right, or of a scene file "
+      "(SCENE.json); new edges are sharp. Resumable.",
+      table, [arguments] { run(*arguments); }};
 }
 
 }  // namespace tessera

@@ -21,19 +21,20 @@ void run(const ResurfaceOptions& given, JobState state) {
   if (state.run.verbosity < 0) return;
   const nlohmann::json mesh = report.value("mesh", nlohmann::json::object());
   fmt::print("{}: {} vertices, {} faces, {} components, {} faces close gaps, {:.1f} s, peak {}\n",
-             state.output.string(), mesh.value("vertices", std::uint64_t{0}), mesh.value("faces", std::uint64_t{0}),
-             mesh.value("components", std::uint64_t{0}), mesh.value("synthetic_faces", std::uint64_t{0}),
-             report.at("wall_s").get<double>(), format_bytes(report.at("peak_bytes").get<std::uint64_t>()));
+             state.output.string(), mesh.value("vertices", std::uint64_t{0}),
+             mesh.value("faces", std::uint64_t{0}), mesh.value("components", std::uint64_t{0}),
+             mesh.value("synthetic_faces", std::uint64_t{0}), report.at("wall_s").get<double>(),
+             format_bytes(report.at("peak_bytes").get<std::uint64_t>()));
 }
 
 }  // namespace
 
 cli::Command resurface_command() {
-  return cli::job_command<ResurfaceOptions>(
-      "resurface",
-      "Dirty meshes (soups, gaps, self-intersections, doubled walls) become one closed manifold with their sharp "
-      "edges. Resumable.",
-      "the mesh to write: .ply, .obj, .stl or .glb", run);
+  return cli::job_command<ResurfaceOptions>("resurface",
+                                            "Dirty meshes (soups, gaps, self-intersections, doubled walls) "
+                                            "become one closed manifold with their sharp "
+                                            "edges. Resumable.",
+                                            "the mesh to write: .ply, .obj, .stl or .glb", run);
 }
 
 }  // namespace tessera

@@ -25,7 +25,8 @@ Double3 in_cells(const Long3& q) {
 std::uint64_t place(const BorderEdge& e) {
   std::array<std::uint32_t, 3> cell{};
   for (std::size_t k = 0; k < 3; ++k)
-    cell[k] = static_cast<std::uint32_t>(std::max<std::int64_t>(0, (e.a[k] + e.b[k]) >> (kSolidQuantumBits + 1)));
+    cell[k] =
+        static_cast<std::uint32_t>(std::max<std::int64_t>(0, (e.a[k] + e.b[k]) >> (kSolidQuantumBits + 1)));
   return morton_encode(cell[0], cell[1], cell[2]);
 }
 
@@ -130,7 +131,8 @@ void BorderWinding::sum_up(Cluster& c) const {
 
 double BorderWinding::at(const Int3& node) const {
   if (clusters_.empty()) return 0.0;
-  const Double3 x = {static_cast<double>(node[0]), static_cast<double>(node[1]), static_cast<double>(node[2])};
+  const Double3 x = {static_cast<double>(node[0]), static_cast<double>(node[1]),
+                     static_cast<double>(node[2])};
   Long3 quanta;
   for (std::size_t k = 0; k < 3; ++k) quanta[k] = node[k] * kSolidQuanta;
   double sum = 0.0;

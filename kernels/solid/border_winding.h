@@ -43,7 +43,7 @@ class BorderWinding {
   struct Cluster {
     Double3 centre{};  ///< cells
     double radius = 0.0;
-    Double3 sum{};                 ///< of the edges as vectors, cells
+    Double3 sum{};                   ///< of the edges as vectors, cells
     std::array<double, 9> moment{};  ///< of (edge, middle - centre)
     double length = 0.0;
     std::uint32_t first = 0, end = 0;

@@ -155,7 +155,8 @@ void find_crossings(const QuantisedTriangle& triangle, const NodeBox& box, unsig
   for (std::size_t k = 0; k < 3; ++k) {
     const auto [low, high] = std::minmax({triangle[0][k], triangle[1][k], triangle[2][k]});
     extent = std::max(extent, high - low);
-    if (floor_div(high, kSolidQuanta) < box.low[k] - 1 || -floor_div(-low, kSolidQuanta) > box.high[k]) return;
+    if (floor_div(high, kSolidQuanta) < box.low[k] - 1 || -floor_div(-low, kSolidQuanta) > box.high[k])
+      return;
     thin += floor_div(high, kSolidQuanta) < -floor_div(-low, kSolidQuanta) ? 1 : 0;
   }
   if (thin >= 2) return;  // a line lies in two planes of nodes

@@ -12,7 +12,7 @@ namespace tessera {
 
 /// What the faces of a mesh do to the 64 lines along x through one leaf of 8^3 nodes (line y + 8 z).
 struct LeafTurns {
-  std::uint64_t key = 0;               ///< leaf_row_key
+  std::uint64_t key = 0;  ///< leaf_row_key
   std::array<std::int16_t, 64> turn{};
   std::uint32_t crossings = 0;  ///< on edges from its nodes, along all axes
   std::uint32_t unused = 0;

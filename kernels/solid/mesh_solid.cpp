@@ -14,7 +14,7 @@ constexpr double kClusterError = 0.02;
 struct LeafFill {
   const BorderWinding& border;
   Int3 corner;
-  const std::array<std::int32_t, 512>& n;                       ///< integer parts
+  const std::array<std::int32_t, 512>& n;                    ///< integer parts
   const std::array<std::array<std::int16_t, 512>, 3>& turn;  ///< on the edges from every node
   std::span<float> out;
 
@@ -62,7 +62,8 @@ struct LeafFill {
 
 }  // namespace
 
-void MeshSolid::windings(const Int3& leaf, std::span<const SolidCrossing> crossings, std::span<float> out) const {
+void MeshSolid::windings(const Int3& leaf, std::span<const SolidCrossing> crossings,
+                         std::span<float> out) const {
   // Turns on the edges from every node, per axis.
   std::array<std::array<std::int16_t, 512>, 3> turn{};
   for (const SolidCrossing& c : crossings) {
@@ -94,29 +95,34 @@ bool MeshSolid::may_pass(const Int3& leaf, int edge) const {
   return border_.change(middle, radius) >= free;
 }
 
-void MeshSolid::search(const SolidBlock& block, std::span<const std::uint8_t> occupied, const Int3& cube, int edge,
-                       std::vector<Int3>& out) const {
+void MeshSolid::search(const SolidBlock& block, std::span<const std::uint8_t> occupied, const Int3& cube,
+                       int edge, std::vector<Int3>& out) const {
   const Int3 last = {block.cells[0] / kLeafCells, block.cells[1] / kLeafCells, block.cells[2] / kLeafCells};
-  bool any = false, faces = false;
-  for (int z = std::max(cube[2], -1); z < cube[2] + edge && z <= last[2]; ++z)
-    for (int y = std::max(cube[1], -1); y < cube[1] + edge && y <= last[1]; ++y)
-      for (int x = std::max(cube[0], -1); x < cube[0] + edge && x <= last[0]; ++x) {
-        any = true;
-        faces = faces || occupied[block.slot({x, y, z})] != 0;
-      }
-  if (!any || (faces && edge == 1)) return;
+  // What the faces do is known within the block alone.
+  bool any = true, whole = true, faces = false;
+  for (std::size_t k = 0; k < 3; ++k) {
+    any = any && cube[k] + edge > -1 && cube[k] <= last[k];
+    whole = whole && cube[k] >= -1 && cube[k] + edge - 1 <= last[k];
+  }
+  if (!any) return;
+  if (whole)
+    for (int z = cube[2]; z < cube[2] + edge; ++z)
+      for (int y = cube[1]; y < cube[1] + edge; ++y)
+        for (int x = cube[0]; x < cube[0] + edge; ++x) faces = faces || occupied[block.slot({x, y, z})] != 0;
+  if (faces && edge == 1) return;
   const Int3 global = {cube[0] + (block.origin[0] >> kLeafBits), cube[1] + (block.origin[1] >> kLeafBits),
                        cube[2] + (block.origin[2] >> kLeafBits)};
-  if (!faces && !may_pass(global, edge)) return;
+  if (whole && !faces && !may_pass(global, edge)) return;
   if (edge == 1) {
     out.push_back(cube);
     return;
   }
   const int half = edge / 2;
   for (int child = 0; child < 8; ++child)
-    search(block, occupied,
-           {cube[0] + (child & 1) * half, cube[1] + (child >> 1 & 1) * half, cube[2] + (child >> 2 & 1) * half}, half,
-           out);
+    search(
+        block, occupied,
+        {cube[0] + (child & 1) * half, cube[1] + (child >> 1 & 1) * half, cube[2] + (child >> 2 & 1) * half},
+        half, out);
 }
 
 void MeshSolid::membrane_leaves(const SolidBlock& block, std::span<const std::uint8_t> occupied,
@@ -125,7 +131,8 @@ void MeshSolid::membrane_leaves(const SolidBlock& block, std::span<const std::ui
   constexpr int kCube = kBrickCells / kLeafCells;
   for (int z = -kCube; z <= block.cells[2] / kLeafCells; z += kCube)
     for (int y = -kCube; y <= block.cells[1] / kLeafCells; y += kCube)
-      for (int x = -kCube; x <= block.cells[0] / kLeafCells; x += kCube) search(block, occupied, {x, y, z}, kCube, out);
+      for (int x = -kCube; x <= block.cells[0] / kLeafCells; x += kCube)
+        search(block, occupied, {x, y, z}, kCube, out);
 }
 
 Double3 MeshSolid::membrane_normal(const Double3& cells) const {

@@ -11,9 +11,11 @@ class MeshSolid : public SolidOperand {
  public:
   /// The faces show outwards: tables and crossings of a mesh that is inside out are turned by who has them.
   /// \param border  a leaf far from it needs its sum at one node only: from there crossings tell the rest
-  MeshSolid(LineWindings lines, BorderWinding border) : lines_(std::move(lines)), border_(std::move(border)) {}
+  MeshSolid(LineWindings lines, BorderWinding border)
+      : lines_(std::move(lines)), border_(std::move(border)) {}
 
-  void windings(const Int3& leaf, std::span<const SolidCrossing> crossings, std::span<float> out) const override;
+  void windings(const Int3& leaf, std::span<const SolidCrossing> crossings,
+                std::span<float> out) const override;
   Double3 membrane_normal(const Double3& cells) const override;
   /// Appends the leaves of a block, relative to it, that the closing membrane may pass though no face does.
   /// \param occupied  per slot of the block: a crossing of this mesh is on an edge from the leaf's nodes

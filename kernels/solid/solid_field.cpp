@@ -13,7 +13,8 @@ namespace {
 
 constexpr std::size_t kLeafNodes = 512;
 constexpr float kInside = 0.5f;
-constexpr float kSlideCosine = 0.95f;  ///< least cosine between the normals around a node from which roots slide
+constexpr float kSlideCosine =
+    0.95f;  ///< least cosine between the normals around a node from which roots slide
 
 /// Leaves whose nodes belong to a cell at one of the crossings.
 void need_leaves(const SolidBlock& block, std::size_t slot, std::size_t axis, std::size_t node,
@@ -59,10 +60,7 @@ class Builder {
       if (pause && l % 16 == 0) pause();
       for (std::size_t axis = 0; axis < 3; ++axis) find_roots(l, axis, cursor);
     }
-    std::vector<float>().swap(windings_);
-    std::vector<SolidCrossing>().swap(crossings_);
     set_values();
-    slide();
     return std::move(field_);
   }
 
@@ -95,13 +93,14 @@ class Builder {
 
   void sign(std::size_t l) {
     BandLeaf& leaf = field_.leaves[l];
-    const Int3 at = {(block_.origin[0] + leaf.origin[0]) >> kLeafBits, (block_.origin[1] + leaf.origin[1]) >> kLeafBits,
+    const Int3 at = {(block_.origin[0] + leaf.origin[0]) >> kLeafBits,
+                     (block_.origin[1] + leaf.origin[1]) >> kLeafBits,
                      (block_.origin[2] + leaf.origin[2]) >> kLeafBits};
     const auto base = static_cast<std::uint32_t>(slot_[l] * 3 * kLeafNodes);
     const auto by_edge = [](const SolidCrossing& c, std::uint32_t edge) { return c.edge < edge; };
     const auto first = std::lower_bound(crossings_.begin(), crossings_.end(), base, by_edge);
-    const auto last = std::lower_bound(first, crossings_.end(),
-                                       base + static_cast<std::uint32_t>(3 * kLeafNodes), by_edge);
+    const auto last =
+        std::lower_bound(first, crossings_.end(), base + static_cast<std::uint32_t>(3 * kLeafNodes), by_edge);
     std::vector<std::array<std::uint64_t, 8>> words(operands_.size());
     for (std::size_t o = 0; o < operands_.size(); ++o) {
       own_.clear();
@@ -193,12 +192,19 @@ class Builder {
     root.normal = normal;
     root.t = std::clamp(t, kRootMargin, 1.0f - kRootMargin);
     root.offset = (t - root.t) * normal[axis];
+    if (found && root.offset != 0.0f) {
+      Int3 near = {field_.leaves[l].origin[0] + static_cast<int>(a & 7),
+                   field_.leaves[l].origin[1] + static_cast<int>(a >> 3 & 7),
+                   field_.leaves[l].origin[2] + static_cast<int>(a >> 6)};
+      if (root.t > 0.5f) ++near[axis];
+      root.slides = may_slide(near, normal);
+    }
     field_.roots.push_back(root);
   }
 
   /// Of the first operand whose nodes differ.
-  void membrane_root(std::size_t l, std::size_t a, std::size_t end_leaf, std::size_t e, std::size_t axis, float& t,
-                     Float3& normal) {
+  void membrane_root(std::size_t l, std::size_t a, std::size_t end_leaf, std::size_t e, std::size_t axis,
+                     float& t, Float3& normal) {
     for (std::size_t o = 0; o < operands_.size(); ++o) {
       const float from = windings(l, o)[a], to = windings(end_leaf, o)[e];
       if ((from > kInside) == (to > kInside)) continue;
@@ -206,11 +212,27 @@ class Builder {
       const BandLeaf& leaf = field_.leaves[l];
       Double3 p;
       for (std::size_t k = 0; k < 3; ++k)
-        p[k] = block_.origin[k] + leaf.origin[k] + static_cast<int>(a >> (3 * k) & 7) + (k == axis ? double{t} : 0.0);
+        p[k] = block_.origin[k] + leaf.origin[k] + static_cast<int>(a >> (3 * k) & 7) +
+               (k == axis ? double{t} : 0.0);
       normal = narrow(unit_or_zero(operands_[o]->membrane_normal(p)));
       break;
     }
     if (normal == Float3{0, 0, 0}) normal[axis] = 1.0f;
+  }
+
+  /// Whether all nodes of a cell are in the field; within the block, those around a root are.
+  bool takes_part(const Int3& cell) {
+    for (int c = 0; c < 8; ++c) {
+      const Int3 n = {cell[0] + (c & 1), cell[1] + (c >> 1 & 1), cell[2] + (c >> 2)};
+      for (std::size_t k = 0; k < 3; ++k)
+        if (n[k] < -1 || n[k] > block_.cells[k] + 1) return false;
+      const BandLeaf* leaf = field_.leaf_at(n[0], n[1], n[2]);
+      if (!leaf || !leaf->is_valid(BandLeaf::node(n[0], n[1], n[2]))) {
+        ++report_.missing_nodes;
+        return false;
+      }
+    }
+    return true;
   }
 
   /// The four cells around an edge.
@@ -223,52 +245,50 @@ class Builder {
       Int3 cell = node;
       cell[u] -= side & 1;
       cell[v] -= side >> 1;
-      bool there = true;
-      for (std::size_t k = 0; k < 3; ++k) there = there && cell[k] >= -1 && cell[k] <= block_.cells[k];
-      if (!there) continue;
+      if (!takes_part(cell)) continue;
       const std::int32_t at =
           field_.leaf_index[block_.slot({cell[0] >> kLeafBits, cell[1] >> kLeafBits, cell[2] >> kLeafBits})];
-      if (at < 0) continue;
       field_.leaves[static_cast<std::size_t>(at)].closing[static_cast<std::size_t>(cell[2] & 7)] |=
           std::uint64_t{1} << DirectedField::bit(cell[0], cell[1]);
     }
   }
 
-  /// Calls for every root with both of its nodes.
-  template <class Visit>
-  void for_each_root(const Visit& visit) {
-    for (std::size_t l = 0; l < field_.leaves.size(); ++l) {
-      for (std::size_t axis = 0; axis < 3; ++axis) {
-        Int3 after = field_.leaves[l].origin;
-        after[axis] += kLeafCells;
-        const BandLeaf* other =
-            after[axis] <= field_.cells[axis] ? field_.leaf_at(after[0], after[1], after[2]) : nullptr;
-        const std::size_t next = other ? static_cast<std::size_t>(other - field_.leaves.data()) : l;
-        const std::size_t step = axis == 0 ? 1 : axis == 1 ? 8 : 64;
-        for (std::size_t z = 0; z < 8; ++z) {
-          std::uint32_t r = field_.leaves[l].first_root[axis][z];
-          for (std::uint64_t left = field_.leaves[l].crossing[axis][z]; left; left &= left - 1) {
-            const auto b = static_cast<std::size_t>(std::countr_zero(left));
-            const std::size_t a = b + 64 * z, coordinate = axis == 0 ? b & 7 : axis == 1 ? b >> 3 : z;
-            const bool beyond = coordinate == 7;
-            visit(axis, r++, l, a, beyond ? next : l, beyond ? a - 7 * step : a + step);
-          }
-        }
-      }
+  /// The six edges of a node, relative to the block, as crossings name them: those from it, then those to it.
+  std::array<std::uint32_t, 6> edges_of(const Int3& node) const {
+    std::array<std::uint32_t, 6> edges;
+    for (std::size_t e = 0; e < 6; ++e) {
+      Int3 from = node;
+      if (e >= 3) --from[e - 3];
+      const std::size_t slot =
+          block_.slot({from[0] >> kLeafBits, from[1] >> kLeafBits, from[2] >> kLeafBits});
+      edges[e] = static_cast<std::uint32_t>((slot * 3 + e % 3) * kLeafNodes +
+                                            BandLeaf::node(from[0], from[1], from[2]));
     }
+    return edges;
   }
 
-  /// Of the tangent planes on a node's edges the nearest tells its distance: it decides ambiguous faces alone.
+  /// Values decide ambiguous faces alone: the distance of the nearest tangent plane on the node's edges, else how far its
+  /// winding numbers are from 1/2. Crossings beyond the block's nodes count too, so every block has the same.
   void set_values() {
-    for_each_root([&](std::size_t axis, std::uint32_t r, std::size_t l, std::size_t a, std::size_t l_end, std::size_t e) {
-      const EdgeRoot& root = field_.roots[r];
-      const float t = root.normal[axis] != 0.0f ? root.t + root.offset / root.normal[axis] : root.t;
-      const float slope = std::fabs(root.normal[axis]);
-      for (const auto& [leaf, node, way] : {std::tuple{l, a, t}, std::tuple{l_end, e, 1.0f - t}}) {
-        float& value = field_.leaves[leaf].value(node);
-        value = std::min(value, std::max(slope * way, 0.0f));
+    for (std::size_t l = 0; l < field_.leaves.size(); ++l)
+      for (std::size_t o = 0; o < operands_.size(); ++o) {
+        const std::span<const float> w = windings(l, o);
+        for (std::size_t i = 0; i < kLeafNodes; ++i) {
+          float& value = field_.leaves[l].value(i);
+          value = std::min(value, 2.0f * std::fabs(w[i] - kInside));
+        }
       }
-    });
+    for (const SolidCrossing& c : crossings_) {
+      const std::size_t slot = c.edge / (3 * kLeafNodes), axis = c.edge / kLeafNodes % 3,
+                        node = c.edge % kLeafNodes;
+      const Int3 leaf = block_.leaf(slot);
+      Int3 at = {8 * leaf[0] + static_cast<int>(node & 7), 8 * leaf[1] + static_cast<int>(node >> 3 & 7),
+                 8 * leaf[2] + static_cast<int>(node >> 6)};
+      const float slope = std::fabs(c.normal[axis]);
+      lower_value(at, slope * c.t);
+      ++at[axis];
+      lower_value(at, slope * (1.0f - c.t));
+    }
     for (BandLeaf& leaf : field_.leaves)
       for (std::size_t z = 0; z < 8; ++z)
         for (std::uint64_t left = leaf.inside[z]; left; left &= left - 1) {
@@ -276,29 +296,26 @@ class Builder {
           value = -std::max(value, 1e-6f);
         }
   }
+  void lower_value(const Int3& node, float value) {
+    for (std::size_t k = 0; k < 3; ++k)
+      if (node[k] > block_.cells[k] + 1) return;
+    const std::int32_t at =
+        field_.leaf_index[block_.slot({node[0] >> kLeafBits, node[1] >> kLeafBits, node[2] >> kLeafBits})];
+    if (at < 0) return;
+    float& there =
+        field_.leaves[static_cast<std::size_t>(at)].value(BandLeaf::node(node[0], node[1], node[2]));
+    there = std::min(there, value);
+  }
 
-  /// Roots are kept off nodes; where all around the node agree on the plane, their vertices stand on it all the same.
-  void slide() {
-    std::vector<std::uint32_t> clamped;
-    for_each_root([&](std::size_t axis, std::uint32_t r, std::size_t l, std::size_t a, std::size_t l_end, std::size_t e) {
-      EdgeRoot& root = field_.roots[r];
-      if (root.offset == 0.0f) return;
-      const bool at_a = root.t < 0.5f;
-      const BandLeaf& leaf = field_.leaves[at_a ? l : l_end];
-      const std::size_t node = at_a ? a : e;
-      const Int3 p = {leaf.origin[0] + static_cast<int>(node & 7), leaf.origin[1] + static_cast<int>(node >> 3 & 7),
-                      leaf.origin[2] + static_cast<int>(node >> 6)};
-      bool agree = std::fabs(root.normal[axis]) > 0.0f;
-      for (int other = 0; other < 3; ++other)
-        for (int side = 0; side < 2; ++side) {
-          Int3 q = p;
-          q[static_cast<std::size_t>(other)] -= side;
-          if (q[static_cast<std::size_t>(other)] < -1) continue;
-          const EdgeRoot* near = field_.root_at(q[0], q[1], q[2], other);
-          if (near && dot(near->normal, root.normal) < kSlideCosine) agree = false;
-        }
-      root.slides = agree;
-    });
+  /// Roots are kept off nodes; where all faces around the node agree on the plane, their vertices stand on it all the same.
+  bool may_slide(const Int3& node, const Float3& normal) const {
+    for (const std::uint32_t edge : edges_of(node)) {
+      auto c = std::lower_bound(crossings_.begin(), crossings_.end(), edge,
+                                [](const SolidCrossing& l, std::uint32_t e) { return l.edge < e; });
+      for (; c != crossings_.end() && c->edge == edge; ++c)
+        if (std::fabs(dot(c->normal, normal)) < kSlideCosine) return false;
+    }
+    return true;
   }
 
   SolidBlock block_;
@@ -327,11 +344,13 @@ Int3 SolidBlock::leaf(std::size_t slot) const {
           static_cast<int>(s / d[0] / d[1]) - 1};
 }
 
-SolidCrossing SolidBlock::place(const LatticeCrossing& crossing, const Float3& normal, std::uint8_t operand) const {
+SolidCrossing SolidBlock::place(const LatticeCrossing& crossing, const Float3& normal,
+                                std::uint8_t operand) const {
   const Int3 n = {crossing.node[0] - origin[0], crossing.node[1] - origin[1], crossing.node[2] - origin[2]};
   const std::size_t at = slot({n[0] >> kLeafBits, n[1] >> kLeafBits, n[2] >> kLeafBits});
   SolidCrossing c;
-  c.edge = static_cast<std::uint32_t>((at * 3 + crossing.axis) * kLeafNodes + BandLeaf::node(n[0], n[1], n[2]));
+  c.edge =
+      static_cast<std::uint32_t>((at * 3 + crossing.axis) * kLeafNodes + BandLeaf::node(n[0], n[1], n[2]));
   c.t = static_cast<float>(crossing.t);
   c.normal = normal;
   c.turn = crossing.turn;

@@ -50,8 +50,9 @@ struct SolidBlock {
   std::size_t slot(const Int3& leaf) const {
     const Int3 d = dims();
     return static_cast<std::size_t>(leaf[0] + 1) +
-           static_cast<std::size_t>(d[0]) * (static_cast<std::size_t>(leaf[1] + 1) +
-                                             static_cast<std::size_t>(d[1]) * static_cast<std::size_t>(leaf[2] + 1));
+           static_cast<std::size_t>(d[0]) *
+               (static_cast<std::size_t>(leaf[1] + 1) +
+                static_cast<std::size_t>(d[1]) * static_cast<std::size_t>(leaf[2] + 1));
   }
   Int3 leaf(std::size_t slot) const;
   /// \pre the crossing's node lies within nodes()
@@ -64,7 +65,8 @@ class SolidOperand {
   virtual ~SolidOperand() = default;
   /// Winding numbers at the 512 nodes of a leaf (x + 8 y + 64 z). \param leaf  global, in leaves
   /// \param crossings  its own, from the nodes of this leaf, ascending
-  virtual void windings(const Int3& leaf, std::span<const SolidCrossing> crossings, std::span<float> out) const = 0;
+  virtual void windings(const Int3& leaf, std::span<const SolidCrossing> crossings,
+                        std::span<float> out) const = 0;
   /// Outward direction of the closing membrane at a point, cells of the lattice; zero where unknown.
   virtual Double3 membrane_normal(const Double3& cells) const = 0;
 };
@@ -72,6 +74,8 @@ class SolidOperand {
 struct SolidFieldReport {
   std::uint64_t roots = 0;
   std::uint64_t membrane_roots = 0;
+  std::uint64_t missing_nodes =
+      0;  ///< of cells that a membrane passes: zero, or its leaves were not all found
   std::uint64_t shallow_roots = 0;  ///< of a single operand: inside less than 3/4 or outside more than 1/4
 };
 

@@ -103,7 +103,8 @@ class Placed : public SolidShape {
         {0, 0, 0}};
     const auto square = both.after(inverse_).matrix;
     double off = 0.0;
-    for (std::size_t k = 0; k < 9; ++k) off = std::max(off, std::fabs(square[k] - (k % 4 == 0 ? square[0] : 0.0)));
+    for (std::size_t k = 0; k < 9; ++k)
+      off = std::max(off, std::fabs(square[k] - (k % 4 == 0 ? square[0] : 0.0)));
     const bool similar = off < 1e-12 * square[0];
     per_length_ = 1.0 / std::sqrt(similar ? square[0] * (1.0 + 1e-12) : squares);
   }
@@ -135,7 +136,8 @@ class Placed : public SolidShape {
   double per_length_ = 1.0;
 };
 
-void search(const SolidShape& shape, const Lattice& lattice, const Int3& leaf, int edge, std::vector<LeafTurns>& out) {
+void search(const SolidShape& shape, const Lattice& lattice, const Int3& leaf, int edge,
+            std::vector<LeafTurns>& out) {
   // Nodes of the cube, and the next ones.
   const double half = 0.5 * kLeafCells * edge;
   Double3 middle;
@@ -150,9 +152,10 @@ void search(const SolidShape& shape, const Lattice& lattice, const Int3& leaf, i
   }
   const int next = edge / 2;
   for (int child = 0; child < 8; ++child)
-    search(shape, lattice,
-           {leaf[0] + (child & 1) * next, leaf[1] + (child >> 1 & 1) * next, leaf[2] + (child >> 2 & 1) * next}, next,
-           out);
+    search(
+        shape, lattice,
+        {leaf[0] + (child & 1) * next, leaf[1] + (child >> 1 & 1) * next, leaf[2] + (child >> 2 & 1) * next},
+        next, out);
 }
 
 }  // namespace
@@ -201,7 +204,8 @@ std::string shape_fault(std::string_view kind, const std::vector<double>& n) {
     if (!std::isfinite(v)) return "a number is not finite";
   const auto apart = [&](const Double3& a) { return norm(a) > 0.0; };
   if (kind == "sphere" && !(n[3] > 0.0)) return "the radius must be above 0";
-  if (kind == "box" && !(n[3] > n[0] && n[4] > n[1] && n[5] > n[2])) return "`high` must lie above `low` on every axis";
+  if (kind == "box" && !(n[3] > n[0] && n[4] > n[1] && n[5] > n[2]))
+    return "`high` must lie above `low` on every axis";
   if ((kind == "cylinder" || kind == "cone") && !apart(three(n, 3) - three(n, 0)))
     return "both ends of the axis are one point";
   if (kind == "cylinder" && !(n[6] > 0.0)) return "the radius must be above 0";
@@ -249,7 +253,8 @@ Double3 ShapeSolid::world(const Double3& cells) const {
 
 void ShapeSolid::windings(const Int3& leaf, std::span<const SolidCrossing>, std::span<float> out) const {
   for (std::size_t i = 0; i < out.size(); ++i) {
-    const Double3 node = {leaf[0] * 8.0 + static_cast<double>(i & 7), leaf[1] * 8.0 + static_cast<double>(i >> 3 & 7),
+    const Double3 node = {leaf[0] * 8.0 + static_cast<double>(i & 7),
+                          leaf[1] * 8.0 + static_cast<double>(i >> 3 & 7),
                           leaf[2] * 8.0 + static_cast<double>(i >> 6)};
     out[i] = shape_->value(world(node)) < 0.0 ? 1.0f : 0.0f;
   }

@@ -62,13 +62,15 @@ std::unique_ptr<SolidShape> make_shape(std::string_view kind, const std::vector<
 
 /// Leaves that the surface of a shape may touch, of these bricks [low, high], with no turns and a bound of crossings: the
 /// table by which blocks are planned.
-std::vector<LeafTurns> shape_leaves(const SolidShape& shape, const Lattice& lattice, const Int3& low, const Int3& high);
+std::vector<LeafTurns> shape_leaves(const SolidShape& shape, const Lattice& lattice, const Int3& low,
+                                    const Int3& high);
 
 /// A shape on the lattice.
 class ShapeSolid : public SolidOperand {
  public:
   ShapeSolid(const SolidShape& shape, const Lattice& lattice) : shape_(&shape), lattice_(lattice) {}
-  void windings(const Int3& leaf, std::span<const SolidCrossing> crossings, std::span<float> out) const override;
+  void windings(const Int3& leaf, std::span<const SolidCrossing> crossings,
+                std::span<float> out) const override;
   Double3 membrane_normal(const Double3& cells) const override;
   /// Crossings on edges from the nodes of a global leaf, one at most on each. \pre the leaf lies in the block
   void find_crossings(const SolidBlock& block, const Int3& leaf, std::uint8_t operand,

@@ -46,8 +46,13 @@ const std::map<std::string, std::string>& parts_of_headers() {
       {"stream/stages/surface/multipole_stage.cpp", "stream/stages/surface/closing_stages.h"},
       {"stream/stages/surface/rims_stage.cpp", "stream/stages/surface/closing_stages.h"},
       {"stream/stages/surface/tiling.cpp", "stream/stages/surface/surface_stage.h"},
+      {"stream/stages/solid/csg_scene.cpp", "stream/stages/solid/csg_job.h"},
+      {"stream/stages/solid/lattice_stage.cpp", "stream/stages/solid/solid_stages.h"},
+      {"stream/stages/solid/lines_stage.cpp", "stream/stages/solid/solid_stages.h"},
+      {"stream/stages/solid/solid_surface_stage.cpp", "stream/stages/solid/solid_stages.h"},
       {"tools/check_command.cpp", "tools/commands.h"},
       {"tools/convert_command.cpp", "tools/commands.h"},
+      {"tools/csg_command.cpp", "tools/commands.h"},
       {"tools/decimate_command.cpp", "tools/commands.h"},
       {"tools/doctor_command.cpp", "tools/commands.h"},
       {"tools/info_command.cpp", "tools/commands.h"},
@@ -57,6 +62,7 @@ const std::map<std::string, std::string>& parts_of_headers() {
       {"tools/remesh_command.cpp", "tools/commands.h"},
       {"tools/render_command.cpp", "tools/commands.h"},
       {"tools/report_command.cpp", "tools/commands.h"},
+      {"tools/resurface_command.cpp", "tools/commands.h"},
       {"tools/smooth_command.cpp", "tools/commands.h"},
       {"tools/synth_command.cpp", "tools/commands.h"},
       {"tools/task_command.cpp", "tools/commands.h"},
@@ -120,6 +126,13 @@ const std::map<std::string, std::string>& covering_tests() {
     by("kernels/smooth/coarse_level", "kernels/smooth", {"coarse_system"});
     by("kernels/smooth/smooth", "kernels/smooth", {"normal_filter", "polynomial_filter", "surface_rows"});
     by("kernels/smooth/denoise", "kernels/smooth", {"star_sides", "surface_window", "window_fit"});
+
+    by("kernels/solid/solid_field", "kernels/solid",
+       {"border_winding", "lattice_crossings", "line_windings", "mesh_solid", "solid_tree"});
+    by("tools/solids", "kernels/solid", {"solid_shape"});
+    by("tools/solids", "stream/stages/solid",
+       {"csg_job", "csg_scene", "lattice_stage", "lines_stage", "resurface_job", "solid_stages",
+        "solid_surface_stage", "solid_tiles"});
 
     by("stream/import/mesh_import", "stream/import",
        {"import_corners_stage", "import_repair_stage", "import_tiles_stage", "import_vertices_stage"});

@@ -26,7 +26,9 @@ class Bounds {
     const bool b = stack_.back();
     stack_.pop_back();
     const bool a = stack_.back();
-    stack_.back() = join == SolidTree::Join::kUnite ? a && b : join == SolidTree::Join::kIntersect ? a || b : a;
+    stack_.back() = join == SolidTree::Join::kUnite       ? a && b
+                    : join == SolidTree::Join::kIntersect ? a || b
+                                                          : a;
   }
   bool all() const { return stack_.size() == 1 && stack_[0]; }
 
@@ -39,10 +41,12 @@ class Bounds {
 OptionTable option_table(CsgOptions& o) {
   OptionTable t("What it computes");
   t.add("resolution,voxel", &o.resolution,
-        "lattice spacing h, units of the solids: what is thinner may go, sharp edges stay sharp whatever it is; 0 = a "
+        "lattice spacing h, units of the solids: what is thinner may go, sharp edges stay sharp whatever it "
+        "is; 0 = a "
         "300th of the diagonal")
       .at_least(0);
-  t.add("method", &o.method, "emc: extended marching cubes with sharp edges and corners; mc: plain marching cubes")
+  t.add("method", &o.method,
+        "emc: extended marching cubes with sharp edges and corners; mc: plain marching cubes")
       .one_of({"emc", "mc"});
   t.add("feature-angle", &o.feature_angle_deg, "degrees between normals from which a cell holds a sharp edge")
       .within(0, 180);
@@ -65,7 +69,8 @@ SolidModel csg_model(const CsgOptions& options) {
       bounds.push(true);
     } else if (step.contains("shape")) {
       model.tree.push_operand(static_cast<std::uint8_t>(meshes + shapes++));
-      model.shapes.push_back({step.at("shape").get<std::string>(), step.at("numbers").get<std::vector<double>>(),
+      model.shapes.push_back({step.at("shape").get<std::string>(),
+                              step.at("numbers").get<std::vector<double>>(),
                               placement_of(step.at("placement"))});
       bounds.push(model.shapes.back().kind != "halfspace");
     } else {
@@ -92,7 +97,8 @@ SolidModel csg_model(const CsgOptions& options) {
 
 JobDescription csg_job(const CsgOptions& options) {
   const SolidModel model = csg_model(options);
-  return {"csg", solid_stages(model, options.min_component, "tessera csg"), 0, summarise_solids, {}, job_page()};
+  return {"csg",     solid_stages(model, options.min_component, "tessera csg"), 0, summarise_solids, {},
+          job_page()};
 }
 
 }  // namespace tessera

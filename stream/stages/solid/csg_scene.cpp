@@ -20,13 +20,17 @@ json numbers_of_placement(const Placement& p) {
   return out;
 }
 
-void push_mesh(CsgScene& scene, json& program, const std::filesystem::path& file, const Placement& placement) {
+void push_mesh(CsgScene& scene, json& program, const std::filesystem::path& file,
+               const Placement& placement) {
   program.push_back({{"mesh", scene.meshes.size()}, {"placement", numbers_of_placement(placement)}});
   scene.meshes.push_back(file);
 }
 
 std::string join_of_word(const std::string& word) {
-  return word == "+" ? "union" : word == "-" ? "difference" : word == "*" || word == "&" ? "intersection" : "";
+  return word == "+"                  ? "union"
+         : word == "-"                ? "difference"
+         : word == "*" || word == "&" ? "intersection"
+                                      : "";
 }
 
 /// Words from left to right: solid { join solid }, a solid being a file or a group in parentheses.
@@ -43,7 +47,8 @@ class Words {
  private:
   [[noreturn]] void fail(const std::string& what) const {
     if (at_ >= words_.size()) throw UsageError("the expression ends too early: a file or ')' is missing");
-    throw UsageError("'" + words_[at_] + "' " + what + ": an expression is files with + - * or & between them, e.g. "
+    throw UsageError("'" + words_[at_] + "' " + what +
+                     ": an expression is files with + - * or & between them, e.g. "
                      "a.ply + b.stl - c.obj");
   }
   void sum() {
@@ -86,7 +91,9 @@ class SceneFile {
 
  private:
   /// What went wrong, in the file at hand.
-  [[noreturn]] void fail(const std::string& what) const { throw InputError(open_.back().string() + ": " + what); }
+  [[noreturn]] void fail(const std::string& what) const {
+    throw InputError(open_.back().string() + ": " + what);
+  }
 
   void node_of_file(const std::filesystem::path& file, const Placement& outer) {
     std::error_code none;
@@ -105,7 +112,8 @@ class SceneFile {
   }
 
   std::vector<double> numbers(const json& value, std::size_t count, const std::string& what) const {
-    if (!value.is_array() || value.size() != count) fail(what + " takes " + std::to_string(count) + " numbers");
+    if (!value.is_array() || value.size() != count)
+      fail(what + " takes " + std::to_string(count) + " numbers");
     std::vector<double> out;
     for (const json& v : value) {
       if (!v.is_number()) fail(what + " takes numbers");
@@ -126,8 +134,8 @@ class SceneFile {
     }
     if (n.contains("scale")) {
       const json& s = n.at("scale");
-      const std::vector<double> v = s.is_number() ? std::vector<double>(3, s.get<double>())
-                                                  : numbers(s, 3, "\"scale\"");
+      const std::vector<double> v =
+          s.is_number() ? std::vector<double>(3, s.get<double>()) : numbers(s, 3, "\"scale\"");
       p = Placement{{v[0], 0, 0, 0, v[1], 0, 0, 0, v[2]}, {0, 0, 0}}.after(p);
     }
     if (n.contains("rotate")) {
@@ -156,7 +164,8 @@ class SceneFile {
     std::string kind;
     for (const auto& [key, value] : n.items()) {
       if (key == "translate" || key == "rotate" || key == "scale" || key == "matrix") continue;
-      if (!kind.empty()) fail("\"" + kind + "\" and \"" + key + "\" stand in one object: a solid is one of them");
+      if (!kind.empty())
+        fail("\"" + kind + "\" and \"" + key + "\" stand in one object: a solid is one of them");
       kind = key;
     }
     if (kind.empty()) fail("the scene is empty");

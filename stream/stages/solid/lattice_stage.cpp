@@ -54,21 +54,24 @@ class LatticeStage : public Stage {
     }
     const double diagonal = norm(box.high - box.low);
     Plan plan;
-    plan.lattice.h = model_.resolution > 0.0 ? model_.resolution : round_up_2_digits(diagonal / kCellsOfDiagonal);
+    plan.lattice.h =
+        model_.resolution > 0.0 ? model_.resolution : round_up_2_digits(diagonal / kCellsOfDiagonal);
     plan.resolution_reason = model_.resolution > 0.0 ? "given" : "a 300th of the diagonal";
     const double brick = plan.lattice.h * kBrickCells;
     for (std::size_t a = 0; a < 3; ++a) {
       const double first = std::floor(box.low[a] / brick) - 1.0, last = std::floor(box.high[a] / brick) + 1.0;
       if (!(std::fabs(first) < 0x1p52) || !((last - first + 1.0) * kBrickCells < double{1 << kMaxCellBits}))
-        throw UsageError("--resolution " + number_text(plan.lattice.h) + ": the solids are " + number_text(diagonal) +
-                         " wide, more than 2^20 cells; the least that can do is " +
+        throw UsageError("--resolution " + number_text(plan.lattice.h) + ": the solids are " +
+                         number_text(diagonal) + " wide, more than 2^20 cells; the least that can do is " +
                          number_text(round_up_2_digits(diagonal / 1e6)));
       plan.lattice.origin_brick[a] = static_cast<std::int64_t>(first);
       plan.brick_min[a] = 1;
       plan.brick_max[a] = static_cast<std::int32_t>(last - first) - 1;
     }
     plan.save(context.create(Plan::kFile));
-    json out = {{"h", plan.lattice.h}, {"resolution_reason", plan.resolution_reason}, {"faces", faces},
+    json out = {{"h", plan.lattice.h},
+                {"resolution_reason", plan.resolution_reason},
+                {"faces", faces},
                 {"diagonal", diagonal}};
     if (most > kOtherUnits * least)
       out["warnings"] = {"the solids are " + number_text(least) + " and " + number_text(most) +
@@ -101,8 +104,9 @@ void place_block(const Placement& placement, MeshBlock& block) {
 MeshBox placed_box(const Placement& placement, const MeshBox& box) {
   MeshBox out;
   for (int corner = 0; corner < 8; ++corner) {
-    const Double3 p = placement.apply({corner & 1 ? box.high[0] : box.low[0], corner & 2 ? box.high[1] : box.low[1],
-                                       corner & 4 ? box.high[2] : box.low[2]});
+    const Double3 p =
+        placement.apply({corner & 1 ? box.high[0] : box.low[0], corner & 2 ? box.high[1] : box.low[1],
+                         corner & 4 ? box.high[2] : box.low[2]});
     for (std::size_t a = 0; a < 3; ++a) {
       out.low[a] = corner == 0 ? p[a] : std::min(out.low[a], p[a]);
       out.high[a] = corner == 0 ? p[a] : std::max(out.high[a], p[a]);

@@ -38,7 +38,9 @@ bool same_ends(const BorderEdge& l, const BorderEdge& r) {
   return l.a == r.a && l.b == r.b;
 }
 struct ByEnds {
-  bool operator()(const BorderEdge& l, const BorderEdge& r) const { return l.a != r.a ? l.a < r.a : l.b < r.b; }
+  bool operator()(const BorderEdge& l, const BorderEdge& r) const {
+    return l.a != r.a ? l.a < r.a : l.b < r.b;
+  }
 };
 
 std::string part(std::size_t task, const char* extension) {
@@ -109,11 +111,12 @@ class LinesStage : public Stage {
     for (std::size_t p = t.first; p < t.end; ++p) {
       const MeshPatchEntry& e = stores_[t.input].patches()[p];
       most = std::max<std::uint64_t>(most, MeshStore::block_bytes(e.vertices, e.faces) + 24ull * e.vertices +
-                                6 * sizeof(BorderEdge) * std::uint64_t{e.faces});
+                                               6 * sizeof(BorderEdge) * std::uint64_t{e.faces});
     }
     // Crossings of one triangle in one cube; leaves with their index; output buffers.
     return most + std::uint64_t{12} * kChunk * kChunk * sizeof(LatticeCrossing) / 4 +
-           kMostLeaves * (2 * sizeof(LeafTurns) + 64) + 2 * DirectFile::kDefaultBuffer + (std::uint64_t{4} << 20);
+           kMostLeaves * (2 * sizeof(LeafTurns) + 64) + 2 * DirectFile::kDefaultBuffer +
+           (std::uint64_t{4} << 20);
   }
 
   json run(std::size_t task, TaskContext& context) const override {
@@ -128,7 +131,8 @@ class LinesStage : public Stage {
       MeshBlock block = stores_[t.input].load({&p, 1});
       place_block(placements_[t.input], block);
       const std::vector<Long3> corner = quantise_block(plan_.lattice, block);
-      for (const auto& f : block.faces) cross({corner[f[0]], corner[f[1]], corner[f[2]]}, leaves, found, volume);
+      for (const auto& f : block.faces)
+        cross({corner[f[0]], corner[f[1]], corner[f[2]]}, leaves, found, volume);
       const std::vector<BorderEdge> open = open_edges(corner, block.faces);
       borders.write(open.data(), open.size() * sizeof(BorderEdge));
       context.advance(block.faces.size());
@@ -150,22 +154,22 @@ class LinesStage : public Stage {
         volume += s.at("volume").get<std::int64_t>();
         crossings += s.at("crossings").get<std::uint64_t>();
       }
-      const std::uint64_t leaves =
-          merge<LeafTurns>(o, ".tur", summaries, turns_file(o), kTurnsKind, std::less<LeafTurns>{},
-                           [](LeafTurns& sum, const LeafTurns& next) {
-                             if (sum.key != next.key) return false;
-                             sum.add(next);
-                             return true;
-                           },
-                           [](const LeafTurns&) { return true; }, context);
-      const std::uint64_t edges =
-          merge<BorderEdge>(o, ".edg", summaries, border_file(o), kBorderKind, ByEnds{},
-                            [](BorderEdge& sum, const BorderEdge& next) {
-                              if (!same_ends(sum, next)) return false;
-                              sum.count += next.count;
-                              return true;
-                            },
-                            [](const BorderEdge& e) { return e.count != 0; }, context);
+      const std::uint64_t leaves = merge<LeafTurns>(
+          o, ".tur", summaries, turns_file(o), kTurnsKind, std::less<LeafTurns>{},
+          [](LeafTurns& sum, const LeafTurns& next) {
+            if (sum.key != next.key) return false;
+            sum.add(next);
+            return true;
+          },
+          [](const LeafTurns&) { return true; }, context);
+      const std::uint64_t edges = merge<BorderEdge>(
+          o, ".edg", summaries, border_file(o), kBorderKind, ByEnds{},
+          [](BorderEdge& sum, const BorderEdge& next) {
+            if (!same_ends(sum, next)) return false;
+            sum.count += next.count;
+            return true;
+          },
+          [](const BorderEdge& e) { return e.count != 0; }, context);
       borders += edges;
       operands.push_back({{"leaves", leaves}, {"border_edges", edges}, {"inside_out", volume < 0}});
     }
@@ -175,7 +179,8 @@ class LinesStage : public Stage {
 
   std::vector<std::string> obsolete() const override {
     std::vector<std::string> names;
-    for (std::size_t t = 0; t < tasks_.size(); ++t) names.push_back(part(t, ".tur")), names.push_back(part(t, ".edg"));
+    for (std::size_t t = 0; t < tasks_.size(); ++t)
+      names.push_back(part(t, ".tur")), names.push_back(part(t, ".edg"));
     return names;
   }
 
@@ -185,7 +190,8 @@ class LinesStage : public Stage {
    public:
     explicit Leaves(DirectFile& file) : file_(file) {}
     LeafTurns& of_node(const Int3& node) {
-      const std::uint64_t key = leaf_row_key({node[0] >> kLeafBits, node[1] >> kLeafBits, node[2] >> kLeafBits});
+      const std::uint64_t key =
+          leaf_row_key({node[0] >> kLeafBits, node[1] >> kLeafBits, node[2] >> kLeafBits});
       if (last_ < leaves_.size() && leaves_[last_].key == key) return leaves_[last_];
       if (leaves_.size() == kMostLeaves) flush();
       const auto [it, fresh] = index_.try_emplace(key, static_cast<std::uint32_t>(leaves_.size()));
@@ -223,8 +229,11 @@ class LinesStage : public Stage {
       for (at[1] = low[1]; at[1] <= high[1]; at[1] += kChunk)
         for (at[0] = low[0]; at[0] <= high[0]; at[0] += kChunk) {
           found.clear();
-          find_crossings(triangle, {at, {std::min(at[0] + kChunk, kEndNode), std::min(at[1] + kChunk, kEndNode),
-                                         std::min(at[2] + kChunk, kEndNode)}}, 7, found);
+          find_crossings(triangle,
+                         {at,
+                          {std::min(at[0] + kChunk, kEndNode), std::min(at[1] + kChunk, kEndNode),
+                           std::min(at[2] + kChunk, kEndNode)}},
+                         7, found);
           for (const LatticeCrossing& c : found) {
             LeafTurns& leaf = leaves.of_node(c.node);
             ++leaf.crossings;
@@ -242,8 +251,8 @@ class LinesStage : public Stage {
   /// Sorts what the tasks left of an operand, sums up what has the same key. Returns how many records stay.
   template <class Record, class Less, class Join, class Keep>
   std::uint64_t merge(std::size_t operand, const char* extension, const std::vector<json>& summaries,
-                      const std::string& to, const PackedKind& kind, Less less, const Join& join, const Keep& keep,
-                      TaskContext& context) const {
+                      const std::string& to, const PackedKind& kind, Less less, const Join& join,
+                      const Keep& keep, TaskContext& context) const {
     ExternalSort<Record, Less> sort(state_.work, kSortBytes, less);
     std::vector<Record> page(kPage);
     for (std::size_t t = 0; t < tasks_.size(); ++t) {

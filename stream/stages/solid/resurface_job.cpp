@@ -14,10 +14,12 @@ namespace tessera {
 OptionTable option_table(ResurfaceOptions& o) {
   OptionTable t("What it computes");
   t.add("resolution,voxel", &o.resolution,
-        "lattice spacing h, units of the meshes: what is thinner may go, sharp edges stay sharp whatever it is; 0 = a "
+        "lattice spacing h, units of the meshes: what is thinner may go, sharp edges stay sharp whatever it "
+        "is; 0 = a "
         "300th of the diagonal")
       .at_least(0);
-  t.add("method", &o.method, "emc: extended marching cubes with sharp edges and corners; mc: plain marching cubes")
+  t.add("method", &o.method,
+        "emc: extended marching cubes with sharp edges and corners; mc: plain marching cubes")
       .one_of({"emc", "mc"});
   t.add("feature-angle", &o.feature_angle_deg, "degrees between normals from which a cell holds a sharp edge")
       .within(0, 180);
@@ -38,16 +40,18 @@ void summarise_solids(nlohmann::json& report) {
   }
 }
 
-std::vector<StageEntry> solid_stages(const SolidModel& model, std::uint64_t min_component, const std::string& maker) {
+std::vector<StageEntry> solid_stages(const SolidModel& model, std::uint64_t min_component,
+                                     const std::string& maker) {
   std::vector<StageEntry> stages;
   for (std::size_t i = 0; i < model.inputs(); ++i)
     for (StageEntry& entry : import_stages({i, solid_import(i)})) stages.push_back(std::move(entry));
   stages.push_back({"lattice", [model](const JobState& s) { return make_solid_lattice_stage(s, model); }});
   stages.push_back({"lines", [model](const JobState& s) { return make_solid_lines_stage(s, model); }});
   stages.push_back({"surface", [model](const JobState& s) { return make_solid_surface_stage(s, model); }});
-  stages.push_back({"weld", [min_component](const JobState& s) {
-                      return make_weld_stage_by(s, {min_component, "nothing is left: the solids have no common inside"});
-                    }});
+  stages.push_back(
+      {"weld", [min_component](const JobState& s) {
+         return make_weld_stage_by(s, {min_component, "nothing is left: the solids have no common inside"});
+       }});
   stages.push_back({"write", [maker](const JobState& s) { return make_write_stage_of(s, maker); }});
   return stages;
 }
@@ -62,8 +66,9 @@ JobDescription resurface_job(const ResurfaceOptions& options) {
   model.extract.method =
       options.method == "mc" ? ExtractMethod::kMarchingCubes : ExtractMethod::kExtendedMarchingCubes;
   model.extract.feature_angle_deg = options.feature_angle_deg;
-  JobDescription job{"resurface", solid_stages(model, options.min_component, "tessera resurface"), 0,
-                     summarise_solids, {}, job_page()};
+  JobDescription job{"resurface", solid_stages(model, options.min_component, "tessera resurface"),
+                     0,           summarise_solids,
+                     {},          job_page()};
   return job;
 }
 

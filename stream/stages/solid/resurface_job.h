@@ -25,7 +25,8 @@ OptionTable option_table(ResurfaceOptions& options);
 JobDescription resurface_job(const ResurfaceOptions& options);
 
 /// The stages of any model, from import to output. \param maker  "tessera resurface"
-std::vector<StageEntry> solid_stages(const SolidModel& model, std::uint64_t min_component, const std::string& maker);
+std::vector<StageEntry> solid_stages(const SolidModel& model, std::uint64_t min_component,
+                                     const std::string& maker);
 /// What the report says of such a job.
 void summarise_solids(nlohmann::json& report);
 

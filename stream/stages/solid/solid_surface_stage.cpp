@@ -34,7 +34,8 @@ class SolidSurfaceStage : public Stage {
     for (const MeshSolid& s : solids_) operands_.push_back(&s);
     for (const Shape& s : shapes_) operands_.push_back(s.solid.get());
     const int edge = state.run.tile_cells > 0 ? std::max(1, state.run.tile_cells / kBrickCells) : 4;
-    groups_ = tiling_.groups(edge, state.run.memory_bytes / 2 / static_cast<std::uint64_t>(state.run.threads));
+    groups_ =
+        tiling_.groups(edge, state.run.memory_bytes / 2 / static_cast<std::uint64_t>(state.run.threads));
   }
 
   std::string name() const override { return "surface"; }
@@ -64,8 +65,8 @@ class SolidSurfaceStage : public Stage {
       std::vector<Int3> closing;
       close(block, crossings, closing);
       if (!crossings.empty() || !closing.empty()) {
-        const DirectedField field = build_solid_field(block, std::move(crossings), operands_, model_.tree, closing,
-                                                      roots, [&context] { context.check_stop(); });
+        const DirectedField field = build_solid_field(block, std::move(crossings), operands_, model_.tree,
+                                                      closing, roots, [&context] { context.check_stop(); });
         const ExtractReport report = extract_surface(field, model_.extract, [&](Patch&& patch) {
           ++patches;
           vertices += patch.position.size();
@@ -93,6 +94,7 @@ class SolidSurfaceStage : public Stage {
             {"rejected_samples", total.rejected_samples},
             {"roots", roots.roots},
             {"membrane_roots", roots.membrane_roots},
+            {"missing_nodes", roots.missing_nodes},
             {"shallow_roots", roots.shallow_roots}};
   }
 
@@ -102,15 +104,18 @@ class SolidSurfaceStage : public Stage {
     // Roots in halos count more than once, and other tiles would count otherwise.
     json sum = {{"tiles", units()}, {"h", plan_.lattice.h}};
     for (const json& s : summaries) add_counts(sum, s);
-    const auto roots = sum.value("roots", std::uint64_t{0}), membrane = sum.value("membrane_roots", std::uint64_t{0});
+    const auto roots = sum.value("roots", std::uint64_t{0}),
+               membrane = sum.value("membrane_roots", std::uint64_t{0});
     const auto shallow = sum.value("shallow_roots", std::uint64_t{0});
     if (roots == 0)
       throw EmptyError(
-          "nothing is inside: no node of the lattice has a winding number above 1/2; try a smaller --resolution, or "
+          "nothing is inside: no node of the lattice has a winding number above 1/2; try a smaller "
+          "--resolution, or "
           "close the mesh first");
     if (shallow * 2 > roots - membrane && shallow > 0)
       throw EmptyError(
-          "the mesh is an open sheet without an inside: at most of its faces the winding number passes from about "
+          "the mesh is an open sheet without an inside: at most of its faces the winding number passes from "
+          "about "
           "-1/2 to 1/2; close it first");
     return sum;
   }
@@ -162,7 +167,8 @@ class SolidSurfaceStage : public Stage {
     return out;
   }
   bool is_open() const {
-    return std::any_of(solids_.begin(), solids_.end(), [](const MeshSolid& s) { return !s.border().empty(); });
+    return std::any_of(solids_.begin(), solids_.end(),
+                       [](const MeshSolid& s) { return !s.border().empty(); });
   }
 
   /// Crossings of all surfaces with the lines of the block.
@@ -217,7 +223,8 @@ class SolidSurfaceStage : public Stage {
   }
 
   /// Leaves that only closing membranes pass.
-  void close(const SolidBlock& block, const std::vector<SolidCrossing>& crossings, std::vector<Int3>& closing) const {
+  void close(const SolidBlock& block, const std::vector<SolidCrossing>& crossings,
+             std::vector<Int3>& closing) const {
     std::vector<std::uint8_t> occupied;
     for (std::size_t o = 0; o < solids_.size(); ++o) {
       if (solids_[o].border().empty()) continue;

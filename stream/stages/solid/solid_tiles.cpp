@@ -6,7 +6,7 @@
 namespace tessera {
 namespace {
 
-constexpr std::uint64_t kSmallJob = 4096;    ///< leaves up to which tasks are cubes of 2^3 bricks, else of 4^3
+constexpr std::uint64_t kSmallJob = 4096;  ///< leaves up to which tasks are cubes of 2^3 bricks, else of 4^3
 constexpr std::uint64_t kGroupLeaves = 1000;  ///< a task is worth a file from about this many leaves
 constexpr std::uint64_t kMostGroups = 400;
 /// Leaves with nodes of cells at a crossing, per leaf with one: a plane through corners of leaves has as many.
@@ -17,8 +17,8 @@ constexpr std::uint64_t kBrickLeafCount = 512;
 
 }  // namespace
 
-SolidTiling::SolidTiling(std::vector<const LineWindings*> tables, const Int3& bricks_low, const Int3& bricks_high,
-                         bool open)
+SolidTiling::SolidTiling(std::vector<const LineWindings*> tables, const Int3& bricks_low,
+                         const Int3& bricks_high, bool open)
     : tables_(std::move(tables)), low_(bricks_low), high_(bricks_high), open_(open) {
   for (const LineWindings* t : tables_) leaves_ += t->leaves().size();
 }
@@ -74,7 +74,8 @@ std::vector<TileGroup> SolidTiling::groups(int most_bricks, std::uint64_t most_b
       const Int3 leaf = leaf_of_row_key(l.key);
       for (int d = 0; d < 8; ++d) {
         // A leaf away on either side: its brick may hold cells of the leaf's crossings.
-        const Int3 near = {leaf[0] + 2 * (d & 1) - 1, leaf[1] + 2 * (d >> 1 & 1) - 1, leaf[2] + 2 * (d >> 2 & 1) - 1};
+        const Int3 near = {leaf[0] + 2 * (d & 1) - 1, leaf[1] + 2 * (d >> 1 & 1) - 1,
+                           leaf[2] + 2 * (d >> 2 & 1) - 1};
         const std::uint64_t cube = brick_key({near[0] >> 3, near[1] >> 3, near[2] >> 3}) >> shift;
         if (cubes.empty() || cubes.back() != cube) cubes.push_back(cube);
       }

@@ -22,7 +22,8 @@ class SolidTiling {
  public:
   /// \param tables  per operand: the leaves at its surface; they stay where they are
   /// \param bricks_low, bricks_high  bricks that the solids may touch  \param open  membranes may pass any of them
-  SolidTiling(std::vector<const LineWindings*> tables, const Int3& bricks_low, const Int3& bricks_high, bool open);
+  SolidTiling(std::vector<const LineWindings*> tables, const Int3& bricks_low, const Int3& bricks_high,
+              bool open);
 
   /// Calls for the leaves of a table that a block holds, in the order of the table.
   template <class Visit>

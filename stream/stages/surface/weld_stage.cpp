@@ -79,7 +79,10 @@ struct ComponentSize {
 class WeldStage : public Stage {
  public:
   WeldStage(const JobState& state, WeldRules rules)
-      : rules_(std::move(rules)), work_(state.work), store_(open_patches(state.work)), first_component_(store_.patches().size() + 1, 0) {
+      : rules_(std::move(rules)),
+        work_(state.work),
+        store_(open_patches(state.work)),
+        first_component_(store_.patches().size() + 1, 0) {
     for (std::size_t p = 0; p < store_.patches().size(); ++p)
       first_component_[p + 1] = first_component_[p] + store_.patches()[p].components;
   }
@@ -204,11 +207,9 @@ class WeldStage : public Stage {
       }
     }
     if (numbering.faces == 0) {
-      throw EmptyError(
-          all_faces == 0
-              ? rules_.nothing
-              : "every island has fewer than " + std::to_string(limit) +
-                    " faces; lower --min-component (1 keeps all)");
+      throw EmptyError(all_faces == 0 ? rules_.nothing
+                                      : "every island has fewer than " + std::to_string(limit) +
+                                            " faces; lower --min-component (1 keeps all)");
     }
     numbering.save(context.create(kNumberingFile));
     return {{"vertices", numbering.vertices},
@@ -285,8 +286,8 @@ Numbering Numbering::load(const std::filesystem::path& path) {
 
 std::unique_ptr<Stage> make_weld_stage(const JobState& state) {
   return make_weld_stage_by(state, {reconstruct_options(state).min_component,
-                                 "no surface: no lattice cell has enough points around it; try a larger "
-                                 "--resolution or --radius, or check the normals"});
+                                    "no surface: no lattice cell has enough points around it; try a larger "
+                                    "--resolution or --radius, or check the normals"});
 }
 std::unique_ptr<Stage> make_weld_stage_by(const JobState& state, const WeldRules& rules) {
   return std::make_unique<WeldStage>(state, rules);

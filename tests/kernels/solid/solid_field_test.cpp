@@ -41,7 +41,9 @@ Mesh ball(const Double3& centre, double radius, int rings) {
       m.position.push_back(centre + Double3{a.sin * b.cos, a.sin * b.sin, -a.cos} * radius);
     }
   m.position.push_back(centre + Double3{0, 0, radius});
-  const auto at = [&](int r, int s) { return static_cast<std::uint32_t>(1 + (r - 1) * sectors + s % sectors); };
+  const auto at = [&](int r, int s) {
+    return static_cast<std::uint32_t>(1 + (r - 1) * sectors + s % sectors);
+  };
   const auto top = static_cast<std::uint32_t>(m.position.size() - 1);
   for (int s = 0; s < sectors; ++s) {
     m.faces.push_back({0, at(1, s + 1), at(1, s)});
@@ -180,8 +182,8 @@ double winding_by_definition(const Mesh& m, const Double3& x) {
     for (std::size_t c = 0; c < 3; ++c)
       for (std::size_t a = 0; a < 3; ++a) p[c][a] = static_cast<double>(q[c][a]) / 4096.0 - x[a];
     const double la = norm(p[0]), lb = norm(p[1]), lc = norm(p[2]);
-    sum += 2.0 * std::atan2(dot(p[0], cross(p[1], p[2])),
-                            la * lb * lc + dot(p[0], p[1]) * lc + dot(p[1], p[2]) * la + dot(p[0], p[2]) * lb);
+    sum += 2.0 * std::atan2(dot(p[0], cross(p[1], p[2])), la * lb * lc + dot(p[0], p[1]) * lc +
+                                                              dot(p[1], p[2]) * la + dot(p[0], p[2]) * lb);
   }
   return sum / (4.0 * kPi);
 }
@@ -267,7 +269,8 @@ TEST_CASE("winding numbers: lines and border against the sum of solid angles", "
           if ((i + j + k) % 5 != 0) continue;
           solid.windings({i, j, k}, own, w);
           for (std::size_t n = 0; n < 512; n += 37) {
-            const Double3 x = {8.0 * i + static_cast<double>(n & 7), 8.0 * j + static_cast<double>(n >> 3 & 7),
+            const Double3 x = {8.0 * i + static_cast<double>(n & 7),
+                               8.0 * j + static_cast<double>(n >> 3 & 7),
                                8.0 * k + static_cast<double>(n >> 6)};
             const double truth = winding_by_definition(mesh, x);
             wrong += (truth > 0.5) != (w[n] > 0.5f) && std::fabs(truth - 0.5) > 1e-3;
@@ -306,7 +309,8 @@ TEST_CASE("solid field: a box comes out as it is, edges and corners sharp", "[pr
 
 TEST_CASE("solid field: doubled walls, overlaps and turned parts have one outside", "[property]") {
   Mesh doubled = together(box({90, 90, 90}, {140, 140, 140}), box({90.2, 90.2, 90.2}, {139.8, 139.8, 139.8}));
-  Mesh overlap = together(box({90, 90, 90}, {130, 130, 130}), box({110.5, 110.5, 110.5}, {150.2, 150.2, 150.2}));
+  Mesh overlap =
+      together(box({90, 90, 90}, {130, 130, 130}), box({110.5, 110.5, 110.5}, {150.2, 150.2, 150.2}));
   const Surface one = surface_of(alone(doubled));
   require_closed(one);
   CHECK(one.checks.components == 1);
@@ -338,8 +342,9 @@ TEST_CASE("solid field: booleans are exact along new edges", "[property]") {
   const double v1 = (high[0] - low[0]) * (high[1] - low[1]) * (high[2] - low[2]);
   const double v2 = (high2[0] - low2[0]) * (high2[1] - low2[1]) * (high2[2] - low2[2]);
   const double common = (high[0] - low2[0]) * (high[1] - low2[1]) * (high2[2] - low2[2]);
-  for (const auto& [join, truth] : {std::pair{Join::kUnite, v1 + v2 - common}, std::pair{Join::kSubtract, v1 - common},
-                                    std::pair{Join::kIntersect, common}}) {
+  for (const auto& [join, truth] :
+       {std::pair{Join::kUnite, v1 + v2 - common}, std::pair{Join::kSubtract, v1 - common},
+        std::pair{Join::kIntersect, common}}) {
     Combination c;
     c.meshes = {box(low, high), box(low2, high2)};
     c.tree.push_operand(0);
@@ -356,7 +361,8 @@ TEST_CASE("solid field: booleans are exact along new edges", "[property]") {
     for (const Double3& p : s.mesh.position) {
       double near = 1e9;
       for (std::size_t a = 0; a < 3; ++a)
-        for (const double plane : {low[a], high[a], low2[a], high2[a]}) near = std::min(near, std::fabs(p[a] - plane));
+        for (const double plane : {low[a], high[a], low2[a], high2[a]})
+          near = std::min(near, std::fabs(p[a] - plane));
       worst = std::max(worst, near);
     }
     CHECK(worst < 0.02);

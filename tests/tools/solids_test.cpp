@@ -1,0 +1,279 @@
+// tessera resurface and tessera csg as a user runs them.
+#include <catch2/catch.hpp>
+
+#include <cmath>
+#include <map>
+#include <nlohmann/json.hpp>
+
+#include "octree/portable_math.h"
+#include "stream/formats/meshes/mesh_io.h"
+#include "tests/helpers/command.h"
+#include "tests/helpers/skip.h"
+#include "tests/helpers/temp_folder.h"
+
+namespace {
+
+using namespace tessera;
+using namespace tessera::test;
+namespace fs = std::filesystem;
+
+struct Mesh {
+  std::vector<Double3> position;
+  std::vector<MeshFace> faces;
+};
+
+Mesh read(const fs::path& path) {
+  Mesh mesh;
+  const auto file = open_mesh_file(path);
+  file->read_vertices(
+      [&](auto batch, auto) { mesh.position.insert(mesh.position.end(), batch.begin(), batch.end()); });
+  file->read_faces([&](auto batch) { mesh.faces.insert(mesh.faces.end(), batch.begin(), batch.end()); });
+  return mesh;
+}
+
+double volume(const Mesh& m) {
+  double sum = 0.0;
+  for (const MeshFace& f : m.faces) sum += dot(m.position[f[0]], cross(m.position[f[1]], m.position[f[2]]));
+  return sum / 6.0;
+}
+
+/// Every edge has two faces that run along it in opposite directions.
+bool is_closed(const Mesh& m) {
+  std::map<std::pair<std::uint64_t, std::uint64_t>, int> runs;
+  for (const MeshFace& f : m.faces)
+    for (std::size_t k = 0; k < 3; ++k) {
+      const std::uint64_t a = f[k], b = f[(k + 1) % 3];
+      int& seen = runs[std::minmax(a, b)];
+      seen += a < b ? 1 : 1 << 8;
+    }
+  for (const auto& [edge, seen] : runs)
+    if (seen != 1 + (1 << 8)) return false;
+  return !m.faces.empty();
+}
+
+/// A ball without its cap, every triangle with corners of its own, and a box through it.
+std::string dirty_stl_like() {
+  std::string text = "OFF\n";
+  std::vector<Double3> v;
+  const int rings = 40, sectors = 80;
+  const auto at = [&](int r, int s) {
+    const SinCos a = sin_cos(kPi * r / rings), b = sin_cos(2.0 * kPi * s / sectors);
+    return Double3{a.sin * b.cos, a.sin * b.sin, -a.cos};
+  };
+  const auto add = [&](const Double3& a, const Double3& b, const Double3& c) {
+    v.insert(v.end(), {a, b, c});
+  };
+  for (int r = 0; r < rings - 6; ++r)
+    for (int s = 0; s < sectors; ++s) {
+      if (r > 0) add(at(r, s), at(r, s + 1), at(r + 1, s));
+      add(at(r, s + 1), at(r + 1, s + 1), at(r + 1, s));
+    }
+  const auto corner = [](int c) {
+    return Double3{c & 1 ? 1.5 : 0.2, c & 2 ? 0.4 : -0.4, c & 4 ? 0.3 : -0.3};
+  };
+  for (const auto& f : std::vector<std::array<int, 3>>{{0, 2, 1},
+                                                       {1, 2, 3},
+                                                       {4, 5, 6},
+                                                       {5, 7, 6},
+                                                       {0, 1, 4},
+                                                       {1, 5, 4},
+                                                       {2, 6, 3},
+                                                       {3, 6, 7},
+                                                       {0, 4, 2},
+                                                       {2, 4, 6},
+                                                       {1, 3, 5},
+                                                       {3, 7, 5}})
+    add(corner(f[0]), corner(f[1]), corner(f[2]));
+  text += std::to_string(v.size()) + " " + std::to_string(v.size() / 3) + " 0\n";
+  for (const Double3& p : v) {
+    char line[96];
+    std::snprintf(line, sizeof line, "%.9g %.9g %.9g\n", p[0], p[1], p[2]);
+    text += line;
+  }
+  for (std::size_t f = 0; f < v.size(); f += 3)
+    text += "3 " + std::to_string(f) + " " + std::to_string(f + 1) + " " + std::to_string(f + 2) + "\n";
+  return text;
+}
+
+CommandResult solid_command(std::vector<std::string> words, unsigned kill_after_ms = 0) {
+  words.insert(words.end(), {"--no-html", "--progress", "none"});
+  return tessera_command(words, kill_after_ms);
+}
+
+}  // namespace
+
+TEST_CASE("resurface: a dirty mesh becomes one closed one, the same bytes whatever runs", "[pipeline]") {
+  const TempFolder folder;
+  const std::string in = folder.write("dirty.off", dirty_stl_like()).string();
+  const std::string first = (folder / "a.ply").string();
+  REQUIRE(solid_command({"resurface", in, "-o", first, "--resolution", "0.01"}).code == 0);
+  const Mesh mesh = read(first);
+  CHECK(is_closed(mesh));
+  CHECK(mesh.faces.size() > 100'000);
+  // Ball and box overlap: their union, less the cap.
+  CHECK(volume(mesh) > 4.0);
+  CHECK(volume(mesh) < 4.0 / 3.0 * kPi + 0.5 * 0.8 * 0.6);
+  const std::string bytes = file_bytes(first);
+  const std::string again = (folder / "b.ply").string();
+  for (const std::vector<std::string>& how : {std::vector<std::string>{"-t", "1", "--tile-size", "64"},
+                                              {"-t", "2", "--tile-size", "128"},
+                                              {"--memory", "96M"}}) {
+    std::vector<std::string> words = {"resurface", in, "-o", again, "--resolution", "0.01", "--force"};
+    words.insert(words.end(), how.begin(), how.end());
+    const CommandResult r = solid_command(words);
+    CAPTURE(r.errors);
+    REQUIRE(r.code == 0);
+    CHECK(file_bytes(again) == bytes);
+    if (how[0] == "--memory") CHECK(r.peak_bytes < (std::uint64_t{96} << 20));
+  }
+}
+
+TEST_CASE("resurface: killed at any moment it goes on to the same bytes", "[fault]") {
+  const TempFolder folder;
+  const std::string in = folder.write("dirty.off", dirty_stl_like()).string();
+  const std::string whole = (folder / "a.ply").string(), part = (folder / "b.ply").string();
+  REQUIRE(solid_command({"resurface", in, "-o", whole, "--resolution", "0.015"}).code == 0);
+  unsigned killed = 0;
+  for (const unsigned ms : {20u, 60u, 120u, 250u, 500u})
+    killed += solid_command({"resurface", in, "-o", part, "--resolution", "0.015"}, ms).code == 128 + SIGKILL;
+  CHECK(killed > 0);
+  if (!fs::exists(part))
+    REQUIRE(solid_command({"resurface", in, "-o", part, "--resolution", "0.015"}).code == 0);
+  CHECK(file_bytes(part) == file_bytes(whole));
+}
+
+TEST_CASE("resurface: what cannot work is told", "[pipeline]") {
+  const TempFolder folder;
+  // A wavy sheet has no inside.
+  std::string sheet = "OFF\n441 800 0\n";
+  for (int j = 0; j <= 20; ++j)
+    for (int i = 0; i <= 20; ++i)
+      sheet += std::to_string(i) + " " + std::to_string(j) + " " +
+               std::to_string(sin_cos(0.4 * i + 0.3 * j).sin) + "\n";
+  for (int j = 0; j < 20; ++j)
+    for (int i = 0; i < 20; ++i) {
+      const int a = i + 21 * j;
+      sheet += "3 " + std::to_string(a) + " " + std::to_string(a + 1) + " " + std::to_string(a + 22) +
+               "\n3 " + std::to_string(a) + " " + std::to_string(a + 22) + " " + std::to_string(a + 21) +
+               "\n";
+    }
+  const std::string out = (folder / "o.ply").string();
+  const CommandResult open = solid_command(
+      {"resurface", folder.write("sheet.off", sheet).string(), "-o", out, "--resolution", "0.3"});
+  CHECK(open.code == 5);
+  CHECK(open.errors.find("without an inside") != std::string::npos);
+  CHECK_FALSE(fs::exists(out));
+  const std::string tetra = folder
+                                .write("t.off",
+                                       "OFF\n4 4 0\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n3 0 2 1\n3 0 1 3\n3 0 3 2\n"
+                                       "3 1 2 3\n")
+                                .string();
+  CHECK(solid_command({"resurface", tetra, "-o", out, "--resolution", "1e-7"}).code == 2);
+  CHECK(solid_command({"resurface", tetra, "-o", out, "--resolution", "-1"}).code == 2);
+  CHECK(solid_command({"resurface", (folder / "none.off").string(), "-o", out}).code == 3);
+}
+
+TEST_CASE("csg: shapes have their volumes, within a thousandth", "[pipeline]") {
+  const TempFolder folder;
+  const struct {
+    const char* scene;
+    double volume;
+  } cases[] = {
+      {R"({"difference": [{"box": [-1,-1,-1, 1,1,1]}, {"cylinder": [0,0,-2, 0,0,2, 0.5]}]})",
+       8.0 - 2.0 * kPi * 0.25},
+      {R"({"union": [{"sphere": [0,0,0, 1]}, {"sphere": [3,0,0, 0.7]}]})", 4.0 / 3.0 * kPi * (1.0 + 0.343)},
+      {R"({"intersection": [{"sphere": [0,0,0, 1]}, {"halfspace": [0,0,0.2, 0,0,1]}]})",
+       4.0 / 3.0 * kPi - kPi * 0.64 * (3.0 - 0.8) / 3.0},
+      {R"({"torus": [0,0,0, 0,0,1, 1, 0.3], "rotate": [1,2,3, 40], "translate": [5,6,7]})",
+       2.0 * kPi * kPi * 0.09},
+      {R"({"cone": [0,0,0, 1,1,1, 0.8, 0.2], "scale": 2})",
+       8.0 * kPi * std::sqrt(3.0) / 3.0 * (0.64 + 0.16 + 0.04)},
+      {R"({"sphere": [0,0,0, 1], "scale": [1, 2, 0.5], "rotate": [0,1,0, 30]})", 4.0 / 3.0 * kPi},
+      {R"({"difference": [{"box": [0,0,0, 2,2,2], "rotate": [1,1,0, 25]}, {"union": [{"box": [0.5,0.5,-1, 1.5,1.5,3],
+          "rotate": [1,1,0, 25]}, {"sphere": [9,9,9, 0.5]}]}]})",
+       6.0},
+  };
+  for (const auto& c : cases) {
+    CAPTURE(c.scene);
+    const std::string out = (folder / "o.ply").string();
+    const CommandResult r = solid_command(
+        {"csg", folder.write("s.json", c.scene).string(), "-o", out, "--resolution", "0.03", "--force"});
+    CAPTURE(r.errors);
+    REQUIRE(r.code == 0);
+    const Mesh mesh = read(out);
+    CHECK(is_closed(mesh));
+    CHECK(volume(mesh) == Approx(c.volume).epsilon(1e-3));
+  }
+}
+
+TEST_CASE("csg: words and scenes of meshes agree, new edges lie on both", "[pipeline]") {
+  const TempFolder folder;
+  // Meshes of shapes, then combined again.
+  const std::string box = (folder / "box.ply").string(), rod = (folder / "rod.ply").string();
+  REQUIRE(solid_command({"csg", folder.write("b.json", R"({"box": [-1,-1,-1, 1,1,1]})").string(), "-o", box,
+                         "--resolution", "0.031"})
+              .code == 0);
+  REQUIRE(solid_command({"csg", folder.write("r.json", R"({"cylinder": [0,0,-2, 0,0,2, 0.5]})").string(),
+                         "-o", rod, "--resolution", "0.011"})
+              .code == 0);
+  const std::string words = (folder / "w.ply").string(), scene = (folder / "s.ply").string();
+  REQUIRE(solid_command({"csg", box, "-", rod, "-o", words, "--resolution", "0.02"}).code == 0);
+  const Mesh mesh = read(words);
+  CHECK(is_closed(mesh));
+  CHECK(volume(mesh) == Approx(8.0 - 2.0 * kPi * 0.25).epsilon(1e-3));
+  // The rim of the bore: vertices within a cell of both surfaces lie on one of them, those on both on the circle.
+  double worst = 0.0;
+  std::size_t rim = 0;
+  for (const Double3& p : mesh.position) {
+    const double radius = std::sqrt(p[0] * p[0] + p[1] * p[1]);
+    if (std::fabs(radius - 0.5) > 0.01 || std::fabs(std::fabs(p[2]) - 1.0) > 0.01) continue;
+    worst = std::max(worst, std::min(std::fabs(radius - 0.5), std::fabs(std::fabs(p[2]) - 1.0)));
+    rim += std::fabs(radius - 0.5) < 0.02 * 0.02 && std::fabs(std::fabs(p[2]) - 1.0) < 0.02 * 0.02;
+  }
+  CHECK(worst < 0.02 * 0.02);
+  CHECK(rim > 200);
+  REQUIRE(
+      solid_command(
+          {"csg",
+           folder.write("m.json", R"({"difference": [{"mesh": "box.ply"}, {"mesh": "rod.ply"}]})").string(),
+           "-o", scene, "--resolution", "0.02", "-t", "1", "--tile-size", "64"})
+          .code == 0);
+  CHECK(read(scene).faces == mesh.faces);
+  CHECK(read(scene).position == mesh.position);
+}
+
+TEST_CASE("csg: scenes that make no sense are told", "[pipeline]") {
+  const TempFolder folder;
+  const std::string out = (folder / "o.ply").string();
+  const auto code_of = [&](const std::string& scene) {
+    const CommandResult r = solid_command({"csg", folder.write("s.json", scene).string(), "-o", out});
+    CHECK_FALSE(fs::exists(out));
+    CHECK(std::count(r.errors.begin(), r.errors.end(), '\n') == 1);
+    return r.code;
+  };
+  CHECK(code_of("{}") == 3);
+  CHECK(code_of("[") == 3);
+  CHECK(code_of(R"({"union": []})") == 3);
+  CHECK(code_of(R"({"teapot": [1]})") == 3);
+  CHECK(code_of(R"({"sphere": [0,0,0]})") == 3);
+  CHECK(code_of(R"({"sphere": [0,0,0,-1]})") == 3);
+  CHECK(code_of(R"({"sphere": [0,0,0,1], "scale": 0})") == 3);
+  CHECK(code_of(R"({"scene": "s.json"})") == 3);
+  CHECK(code_of(R"({"halfspace": [0,0,0, 0,0,1]})") == 3);
+  CHECK(code_of(R"({"mesh": "none.ply"})") == 3);
+  CHECK(code_of(R"({"intersection": [{"sphere": [0,0,0,1]}, {"sphere": [9,0,0,1]}]})") == 5);
+  CHECK(solid_command({"csg", "a.ply", "+", "-o", out}).code == 2);
+  CHECK(solid_command({"csg", "a.ply", "b.ply", "-o", out}).code == 2);
+}
+
+TEST_CASE("resurface: meshes of the catalogue come out closed", "[pipeline]") {
+  const fs::path data = fs::path(TESSERA_SHARED_DATA) / "meshes";
+  if (!fs::exists(data / "bunny.ply")) return skip("no ../shared/data");
+  const TempFolder folder;
+  for (const char* name : {"bunny.ply", "fandisk.obj", "casting-10k.off", "tray.stl"}) {
+    CAPTURE(name);
+    const std::string out = (folder / (std::string(name) + ".ply")).string();
+    REQUIRE(solid_command({"resurface", (data / name).string(), "-o", out}).code == 0);
+    CHECK(is_closed(read(out)));
+  }
+}
