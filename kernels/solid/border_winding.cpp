@@ -13,8 +13,9 @@ __extension__ using Wide = __int128;
 
 constexpr double kPerCell = 1.0 / static_cast<double>(kSolidQuanta);
 constexpr std::uint32_t kClusterEdges = 4;
-constexpr double kFar = 0.2;          ///< radius over distance from which moments stand for edges
-constexpr double kFarGradient = 0.1;  ///< the same where only the first moment does
+constexpr double kFar = 0.2;           ///< radius over distance from which moments stand for edges
+constexpr double kFarGradient = 0.1;   ///< the same where only the first moment does
+constexpr double kLeastAngle = 1e-30;  ///< stands for none at all, so that it has a sign
 constexpr std::size_t kStack = 128;
 
 Double3 in_cells(const Long3& q) {
@@ -42,7 +43,7 @@ bool is_left(const BorderEdge& e, const Long3& x) {
 /// A sum of angles as a product of complex numbers, and how often it went round.
 class AngleSum {
  public:
-  /// An angle in [-pi, pi]; -0.0 as imaginary part is -pi on the negative axis.
+  /// An angle within (-pi, pi), its imaginary part not zero: two of pi exactly would go round unseen.
   void add(double re, double im) {
     const bool up = im_ >= 0.0, other_up = !std::signbit(im);
     const double r = re_ * re - im_ * im, i = re_ * im + im_ * re;
@@ -52,8 +53,6 @@ class AngleSum {
     const bool now_up = im_ >= 0.0;
     if (up && other_up && !now_up) ++turns_;
     if (!up && !other_up && now_up) --turns_;
-    // On the axis a sum of 0 and -pi is told from one of 0 and pi.
-    if (im_ == 0.0 && re_ < 0.0 && up && !other_up) --turns_;
   }
   double value() const {
     const double angle = angle_between({1.0, 0.0, 0.0}, {re_, im_, 0.0});
@@ -73,12 +72,18 @@ void add_ribbon(const BorderEdge& edge, const Long3& x, AngleSum& half) {
     b[k] = static_cast<double>(edge.b[k] - x[k]) * kPerCell;
   }
   const double p = a[1] * b[2], q = a[2] * b[1], la = norm(a), lb = norm(b);
-  const double area = p - q;
+  double area = p - q;
   const bool sure = std::fabs(area) > 1e-14 * (std::fabs(p) + std::fabs(q));
   const bool left = sure ? area > 0.0 : is_left(edge, x);
-  const double along = la * lb + dot(a, b) + a[0] * lb + b[0] * la;
+  double along = la * lb + dot(a, b) + a[0] * lb + b[0] * la;
+  // An end straight behind the node, seen from where the node is moved to: what is left to first order.
+  const bool at_a = a[1] == 0.0 && a[2] == 0.0 && a[0] < 0.0, at_b = b[1] == 0.0 && b[2] == 0.0 && b[0] < 0.0;
+  if (at_a && at_b) return;
+  if (at_a) along = -b[1], area = b[2];
+  if (at_b) along = -a[1], area = a[2];
   const bool turned = edge.count < 0;
-  const double across = left != turned ? std::fabs(area) : -std::fabs(area);
+  const double width = std::max(std::fabs(area), kLeastAngle * std::fabs(along));
+  const double across = left != turned ? width : -width;
   if (!(along * along + area * area > 0.0)) return;
   for (std::int64_t n = std::abs(edge.count); n > 0; --n) half.add(along, across);
 }

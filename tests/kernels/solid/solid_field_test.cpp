@@ -285,6 +285,31 @@ TEST_CASE("winding numbers: lines and border against the sum of solid angles", "
   }
 }
 
+TEST_CASE("winding numbers: a node in the shadow of several border edges at once", "[unit]") {
+  // A fan whose border zigzags within the plane y = 100: along x every edge from it casts its shadow on the same nodes.
+  Mesh fan;
+  fan.position.push_back({110, 130.3, 104.2});
+  for (int i = 0; i <= 8; ++i) fan.position.push_back({100.0 + 3 * i, 100, i % 2 == 0 ? 100.0 : 108.0});
+  for (std::uint32_t i = 1; i <= 8; ++i) fan.faces.push_back({0, i, i + 1});
+  const MeshSolid solid = make_solid(fan);
+  const SolidBlock block{{64, 64, 64}, {128, 128, 64}};
+  const auto crossings = crossings_of(fan, block, 0);
+  std::vector<float> w(512);
+  for (int i = 16; i < 18; ++i) {  // beyond the fan
+    const Int3 leaf = {i, 12, 12};
+    std::vector<SolidCrossing> own;
+    for (const SolidCrossing& c : crossings)
+      if (c.edge / 1536 == block.slot({leaf[0] - 8, leaf[1] - 8, leaf[2] - 8})) own.push_back(c);
+    solid.windings(leaf, own, w);
+    for (std::size_t n = 0; n < 512; ++n) {
+      const Double3 x = {8.0 * leaf[0] + static_cast<double>(n & 7),
+                         8.0 * leaf[1] + static_cast<double>(n >> 3 & 7),
+                         8.0 * leaf[2] + static_cast<double>(n >> 6)};
+      CHECK(std::fabs(double{w[n]} - winding_by_definition(fan, x)) < 0.1);
+    }
+  }
+}
+
 TEST_CASE("solid field: a box comes out as it is, edges and corners sharp", "[property]") {
   for (const Double3& low : {Double3{90.3, 91.4, 92.45}, Double3{90, 91, 92}}) {
     const Double3 high = {150.6, 140.7, 139.2};
@@ -328,6 +353,7 @@ TEST_CASE("solid field: gaps are closed by membranes, and said to be", "[propert
   CHECK(s.checks.components == 1);
   CHECK(s.checks.genus == 0);
   CHECK(s.roots.membrane_roots > 100);
+  CHECK(s.roots.missing_nodes == 0);
   CHECK(s.roots.shallow_roots * 10 < s.roots.roots);
   // A cap is missing: less than the ball, more than half of it.
   const double all = 4.0 / 3.0 * kPi * 31.7 * 31.7 * 31.7;
