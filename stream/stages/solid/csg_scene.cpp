@@ -161,14 +161,13 @@ class SceneFile {
 
   void node(const json& n, const Placement& outer) {
     if (!n.is_object()) fail("a solid is an object, e.g. {\"mesh\": \"a.ply\"}");
-    std::string kind;
-    for (const auto& [key, value] : n.items()) {
-      if (key == "translate" || key == "rotate" || key == "scale" || key == "matrix") continue;
-      if (!kind.empty())
-        fail("\"" + kind + "\" and \"" + key + "\" stand in one object: a solid is one of them");
-      kind = key;
-    }
-    if (kind.empty()) fail("the scene is empty");
+    std::vector<std::string> kinds;
+    for (const auto& [key, value] : n.items())
+      if (key != "translate" && key != "rotate" && key != "scale" && key != "matrix") kinds.push_back(key);
+    if (kinds.size() > 1)
+      fail("\"" + kinds[0] + "\" and \"" + kinds[1] + "\" stand in one object: a solid is one of them");
+    if (kinds.empty()) fail("the scene is empty");
+    const std::string& kind = kinds[0];
     const Placement here = outer.after(placement(n));
     const json& value = n.at(kind);
     if (kind == "union" || kind == "intersection" || kind == "difference") {
@@ -189,7 +188,7 @@ class SceneFile {
       const std::size_t count = shape_numbers(kind);
       if (count == 0) {
         std::string known;
-        for (const std::string_view k : kShapeKinds) known += ", " + std::string(k);
+        for (const std::string_view k : kShapeKinds) known.append(", ").append(k);
         fail("\"" + kind + "\" is no solid: there are mesh, scene, union, intersection, difference" + known);
       }
       const std::vector<double> v = numbers(value, count, "\"" + kind + "\"");
