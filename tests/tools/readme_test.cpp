@@ -35,6 +35,8 @@ TEST_CASE("every command has help, and shows what its options are", "[pipeline]"
         "convert", "parameterize", "synth", "doctor"}) {
   for (const std::string command : {"plan", "reconstruct", "resurface", "csg", "smooth", "decimate", "task", "check", "render",
                                     "report", "info", "convert", "parameterize", "synth", "doctor"}) {
+       {"plan", "reconstruct", "resurface", "csg", "smooth", "decimate", "task", "check", "render", "report",
+        "info", "convert", "parameterize", "synth", "doctor"}) {
     CAPTURE(command);
     const Outcome r = shell(TESSERA_BINARY " " + command + " --help");
     CHECK(r.code == 0);
