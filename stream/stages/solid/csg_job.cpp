@@ -58,7 +58,8 @@ OptionTable option_table(CsgOptions& o) {
 SolidModel csg_model(const CsgOptions& options) {
   SolidModel model;
   // Operands are numbered meshes first.
-  const json program = json::parse(options.program);
+  const json program = json::parse(options.program, nullptr, false);
+  if (!program.is_array()) throw InputError("the scene is no tree of solids");
   std::size_t meshes = 0, shapes = 0;
   for (const json& step : program) meshes += step.contains("mesh");
   Bounds bounds;
