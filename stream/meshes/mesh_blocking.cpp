@@ -80,6 +80,15 @@ std::vector<MeshBlockCut> make_blocks(const MeshStore& store, const MeshBlocking
   return std::move(cutter.blocks);
 }
 
+void write_block(const MeshBlockCut& cut, const Lattice& lattice, const MeshBlock& block,
+                 MeshFileWriter& writer) {
+  std::vector<std::uint64_t> brick;
+  brick.reserve(block.faces.size());
+  for (const auto& f : block.faces)
+    brick.push_back(cut.brick_of(lattice, block.position[f[0]], block.position[f[1]], block.position[f[2]]));
+  split_faces(block, brick, [&](std::uint64_t key, MeshBlock&& patch) { writer.add(key, patch); });
+}
+
 Int3 pass_shift(int pass) {
   // A third and two thirds of a node, at every level of the octree at once: 0101... and 1010... in binary.
   constexpr std::int32_t kThird = 0x15555;

@@ -31,6 +31,10 @@ struct MeshBlockCut {
 std::vector<MeshBlockCut> make_blocks(const MeshStore& store, const MeshBlocking& blocking,
                                       std::span<const std::uint64_t> weight = {});
 
+/// The faces of a block as patches of their bricks.
+void write_block(const MeshBlockCut& cut, const Lattice& lattice, const MeshBlock& block,
+                 MeshFileWriter& writer);
+
 /// Shift of pass p = 0, 1, 2, ...: no two of three passes in a row have a seam in common but where a single brick is a
 /// block.
 Int3 pass_shift(int pass);

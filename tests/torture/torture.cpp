@@ -250,7 +250,7 @@ class Torture {
       words.insert(words.end(), more.begin(), more.end());
       return words;
     };
-    switch (random.below(10)) {
+    switch (random.below(13)) {
       case 0:
         return {with({"smooth", at("mesh.ply")}, pick({{"--method", "taubin", "--steps", "10"},
                                                        {"--lambda", "50"},
@@ -262,6 +262,15 @@ class Torture {
         return {with({"decimate", at("mesh.ply")},
                      pick({{"--tolerance", "0.002"}, {"--target-faces", "5000"}, {"--tolerance", "0.01"}})),
                 random.below(2) == 0 ? "small.ply" : "small.stl"};
+      case 10:
+        return {with({"remesh", at("mesh.ply")},
+                     pick({{"--faces", "30000"}, {"--faces", "20000", "--adaptive"}})),
+                "even.ply"};
+      case 11:
+        return {with({"resurface", at("body.stl"), "--resolution", "0.02"}, pick({{}, {"--method", "mc"}})),
+                "closed.ply"};
+      case 12:
+        return {{"csg", at("body.stl"), "*", at("body.stl"), "--resolution", "0.03"}, "solid.ply"};
       case 3:
         return {{"convert", at("mesh.ply")}, random.below(2) == 0 ? "copy.obj" : "copy.glb", false};
       case 4:

@@ -115,7 +115,7 @@ class SimplifyStage : public Stage {
       const DecimateReport report = decimate(block, pass_.pass == 0 ? block : reference, kernel, held);
       for (std::size_t c = 0; c < kCostClasses; ++c) costs[c] += report.cost_histogram[c];
       add_counts(sum, to_json(report));
-      if (writer) write(cut, block, *writer);
+      if (writer) write_block(cut, in_.info().lattice, block, *writer);
       context.count_read(in_.block_bytes(cut.patches));
       context.advance(cut.faces);
     }
@@ -163,15 +163,6 @@ class SimplifyStage : public Stage {
   /// All that a collapse in the block may be measured against.
   MeshBox reference_box(const MeshBlockCut& cut) const {
     return grown(in_.box_of(cut.patches), 2.0 * kernel_.tolerance);
-  }
-
-  void write(const MeshBlockCut& cut, const MeshBlock& block, MeshFileWriter& writer) const {
-    std::vector<std::uint64_t> brick;
-    brick.reserve(block.faces.size());
-    for (const auto& f : block.faces)
-      brick.push_back(
-          cut.brick_of(in_.info().lattice, block.position[f[0]], block.position[f[1]], block.position[f[2]]));
-    split_faces(block, brick, [&](std::uint64_t key, MeshBlock&& patch) { writer.add(key, patch); });
   }
 
   std::filesystem::path work_;

@@ -96,7 +96,7 @@ class Composer {
       weld(patches);
     if (options_.tolerance > 0.0) decimate(patches, fused ? 1 : 0);
     if (options_.tolerance == 0.0)
-      add("write", 0, {0, write_bytes(patches_.entries, filling_bytes()), write_bytes({}, 0)},
+      add("write", 0, {0, write_bytes(patches_.entries, filling_bytes()), write_bytes({}, filling_bytes())},
           forecast_.output_bytes, 1, faces_ * kWriteTime,
           static_cast<double>(patches + forecast_.output_bytes));
     forecast_.peak_disk_bytes =
@@ -238,7 +238,7 @@ class Composer {
       add("holes", groups, known(hole_task_bytes(holes.edges), 0), 0, groups, 0.0, 0.0);
     }
     if (options_.tolerance > 0.0)
-      add("raw", 0, {0, write_bytes(patches_.entries, filling_bytes()), write_bytes({}, 0)},
+      add("raw", 0, {0, write_bytes(patches_.entries, filling_bytes()), write_bytes({}, filling_bytes())},
           forecast_.output_bytes, 1, faces_ * kWriteTime,
           static_cast<double>(patches + forecast_.output_bytes));
   }

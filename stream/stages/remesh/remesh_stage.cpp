@@ -156,7 +156,7 @@ class RemeshStage : public Stage {
       MeshBlock block = in_.load(cut.patches);
       add_counts(sum, remesh_block(b, block, context));
       quality.add(block, sizing_.edge);
-      write(cut, block, writer);
+      write_block(cut, in_.info().lattice, block, writer);
       context.count_read(in_.block_bytes(cut.patches));
       context.advance(cut.faces);
     }
@@ -254,15 +254,6 @@ class RemeshStage : public Stage {
   double reach() const {
     const double graded = options_.adaptive ? (sizing_.edge - sizing_.shortest) / kSizingGrowth : 0.0;
     return std::max(kReach * sizing_.edge, 2.0 * sizing_.edge + graded) + options_.tolerance;
-  }
-
-  void write(const MeshBlockCut& cut, const MeshBlock& block, MeshFileWriter& writer) const {
-    std::vector<std::uint64_t> brick;
-    brick.reserve(block.faces.size());
-    for (const auto& f : block.faces)
-      brick.push_back(
-          cut.brick_of(in_.info().lattice, block.position[f[0]], block.position[f[1]], block.position[f[2]]));
-    split_faces(block, brick, [&](std::uint64_t key, MeshBlock&& patch) { writer.add(key, patch); });
   }
 
   RemeshJobOptions options_;

@@ -4,7 +4,6 @@
 
 #include "octree/error.h"
 #include "stream/page/report_page.h"
-#include "stream/stages/solid/resurface_job.h"
 
 namespace tessera {
 namespace {
@@ -40,17 +39,7 @@ class Bounds {
 
 OptionTable option_table(CsgOptions& o) {
   OptionTable t("What it computes");
-  t.add("resolution,voxel", &o.resolution,
-        "lattice spacing h, units of the solids: what is thinner may go, sharp edges stay sharp whatever it "
-        "is; 0 = a "
-        "300th of the diagonal")
-      .at_least(0);
-  t.add("method", &o.method,
-        "emc: extended marching cubes with sharp edges and corners; mc: plain marching cubes")
-      .one_of({"emc", "mc"});
-  t.add("feature-angle", &o.feature_angle_deg, "degrees between normals from which a cell holds a sharp edge")
-      .within(0, 180);
-  t.add("min-component", &o.min_component, "faces; smaller islands are dropped; 1 = keep all").at_least(1);
+  add_surface_options(t, o);
   t.add("program", &o.program, "the tree as a postfix list").hidden();
   return t;
 }
@@ -89,10 +78,7 @@ SolidModel csg_model(const CsgOptions& options) {
   if (!model.tree.is_complete(meshes + shapes)) throw InputError("the scene is no tree of solids");
   if (!bounds.all())
     throw InputError("the scene has no end, half-spaces reach out of it: intersect them with a solid");
-  model.resolution = options.resolution;
-  model.extract.method =
-      options.method == "mc" ? ExtractMethod::kMarchingCubes : ExtractMethod::kExtendedMarchingCubes;
-  model.extract.feature_angle_deg = options.feature_angle_deg;
+  apply(options, model);
   return model;
 }
 

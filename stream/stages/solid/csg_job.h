@@ -8,15 +8,12 @@
 
 #include "stream/runtime/job.h"
 #include "stream/runtime/option_table.h"
+#include "stream/stages/solid/resurface_job.h"
 #include "stream/stages/solid/solid_stages.h"
 
 namespace tessera {
 
-struct CsgOptions {
-  double resolution = 0.0;
-  std::string method = "emc";
-  double feature_angle_deg = 25.0;
-  std::uint64_t min_component = 1;
+struct CsgOptions : SolidSurfaceOptions {
   /// The tree as a postfix list, which csg_scene.h makes: what is part of the job, whatever file it came from.
   std::string program;
 

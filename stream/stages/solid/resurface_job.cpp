@@ -11,19 +11,35 @@
 
 namespace tessera {
 
+void add_surface_options(OptionTable& table, SolidSurfaceOptions& options) {
+  table
+      .add("resolution,voxel", &options.resolution,
+           "lattice spacing h, units of the solids: what is thinner may go, sharp edges stay sharp whatever "
+           "it "
+           "is; 0 = a 300th of the diagonal")
+      .at_least(0);
+  table
+      .add("method", &options.method,
+           "emc: extended marching cubes with sharp edges and corners; mc: plain marching cubes")
+      .one_of({"emc", "mc"});
+  table
+      .add("feature-angle", &options.feature_angle_deg,
+           "degrees between normals from which a cell holds a sharp edge")
+      .within(0, 180);
+  table.add("min-component", &options.min_component, "faces; smaller islands are dropped; 1 = keep all")
+      .at_least(1);
+}
+
+void apply(const SolidSurfaceOptions& options, SolidModel& model) {
+  model.resolution = options.resolution;
+  model.extract.method =
+      options.method == "mc" ? ExtractMethod::kMarchingCubes : ExtractMethod::kExtendedMarchingCubes;
+  model.extract.feature_angle_deg = options.feature_angle_deg;
+}
+
 OptionTable option_table(ResurfaceOptions& o) {
   OptionTable t("What it computes");
-  t.add("resolution,voxel", &o.resolution,
-        "lattice spacing h, units of the meshes: what is thinner may go, sharp edges stay sharp whatever it "
-        "is; 0 = a "
-        "300th of the diagonal")
-      .at_least(0);
-  t.add("method", &o.method,
-        "emc: extended marching cubes with sharp edges and corners; mc: plain marching cubes")
-      .one_of({"emc", "mc"});
-  t.add("feature-angle", &o.feature_angle_deg, "degrees between normals from which a cell holds a sharp edge")
-      .within(0, 180);
-  t.add("min-component", &o.min_component, "faces; smaller islands are dropped; 1 = keep all").at_least(1);
+  add_surface_options(t, o);
   t.add("meshes", &o.meshes, "how many meshes there are").hidden();
   return t;
 }
@@ -62,10 +78,7 @@ JobDescription resurface_job(const ResurfaceOptions& options) {
   std::iota(inputs.begin(), inputs.end(), std::size_t{0});
   model.meshes.push_back({std::move(inputs)});
   model.tree.push_operand(0);
-  model.resolution = options.resolution;
-  model.extract.method =
-      options.method == "mc" ? ExtractMethod::kMarchingCubes : ExtractMethod::kExtendedMarchingCubes;
-  model.extract.feature_angle_deg = options.feature_angle_deg;
+  apply(options, model);
   JobDescription job{"resurface", solid_stages(model, options.min_component, "tessera resurface"),
                      0,           summarise_solids,
                      {},          job_page()};

@@ -10,11 +10,17 @@
 
 namespace tessera {
 
-struct ResurfaceOptions {
+/// What every job that makes a surface of solids asks for.
+struct SolidSurfaceOptions {
   double resolution = 0.0;
   std::string method = "emc";
   double feature_angle_deg = 25.0;
   std::uint64_t min_component = 1;
+};
+void add_surface_options(OptionTable& table, SolidSurfaceOptions& options);
+void apply(const SolidSurfaceOptions& options, SolidModel& model);
+
+struct ResurfaceOptions : SolidSurfaceOptions {
   std::uint64_t meshes = 1;  ///< how many inputs: part of the job, since its stages follow from it
 
   void validate() const {}
