@@ -153,8 +153,9 @@ class Torture {
     scan("statue.las", {"--scene", "statue", "--points", "30k", "--shift", "500000,4000000,100"});
     scan("noisy.ply", {"--scene", "csg", "--points", "50k", "--normals", "--noise", "0.3s"});
     scan("city.laz", {"--scene", "city", "--mode", "airborne", "--points", "40k"});
-    must({"reconstruct", (folder_ / "terrain.ply").string(), "-o", (folder_ / "mesh.ply").string(),
-          "--no-html"});
+    const auto at = [&](const char* name) { return (folder_ / name).string(); };
+    must({"reconstruct", at("terrain.ply"), "-o", at("mesh.ply"), "--no-html"});
+    must({"reconstruct", at("statue.las"), "--holes", "close", "-o", at("body.stl"), "--no-html"});
   }
 
   /// \returns an empty string, or what went wrong
@@ -264,13 +265,12 @@ class Torture {
                 random.below(2) == 0 ? "small.ply" : "small.stl"};
       case 10:
         return {with({"remesh", at("mesh.ply")},
-                     pick({{"--faces", "30000"}, {"--faces", "20000", "--adaptive"}})),
+                     pick({{"--faces", "30000"}, {"--tolerance", "0.01", "--adaptive"}})),
                 "even.ply"};
       case 11:
-        return {with({"resurface", at("body.stl"), "--resolution", "0.02"}, pick({{}, {"--method", "mc"}})),
-                "closed.ply"};
+        return {with({"resurface", at("body.stl")}, pick({{}, {"--method", "mc"}})), "closed.ply"};
       case 12:
-        return {{"csg", at("body.stl"), "*", at("body.stl"), "--resolution", "0.03"}, "solid.ply"};
+        return {{"csg", at("body.stl"), "*", at("body.stl")}, "solid.ply"};
       case 3:
         return {{"convert", at("mesh.ply")}, random.below(2) == 0 ? "copy.obj" : "copy.glb", false};
       case 4:
