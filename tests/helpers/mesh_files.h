@@ -1,7 +1,9 @@
 /// \file mesh_files.h
 /// Meshes as tests see them: read whole, written from memory.
 #pragma once
+#include <algorithm>
 #include <filesystem>
+#include <stdexcept>
 #include <string>
 #include <vector>
 
@@ -51,6 +53,31 @@ inline void write_whole(const std::filesystem::path& path, const WholeMesh& mesh
     writer->faces({mesh.faces.data() + i, std::min(kBatch, mesh.faces.size() - i)});
   }
   writer->finish();
+}
+
+/// A sheet of side x side squares, two faces each, its vertices row by row at point(column, row).
+/// \param backwards  vertices and faces from the last to the first
+template <class Point>
+void write_sheet(const std::filesystem::path& path, int side, const Point& point, bool backwards = false) {
+  WholeMesh mesh;
+  for (int j = 0; j <= side; ++j)
+    for (int i = 0; i <= side; ++i) mesh.points.push_back(point(i, j));
+  const auto at = [&](int i, int j) {
+    const auto v = static_cast<std::uint64_t>(j * (side + 1) + i);
+    return backwards ? mesh.points.size() - 1 - v : v;
+  };
+  for (int j = 0; j < side; ++j)
+    for (int i = 0; i < side; ++i) {
+      mesh.faces.push_back({at(i, j), at(i + 1, j), at(i + 1, j + 1)});
+      mesh.faces.push_back({at(i, j), at(i + 1, j + 1), at(i, j + 1)});
+    }
+  if (backwards) {
+    std::reverse(mesh.points.begin(), mesh.points.end());
+    std::reverse(mesh.faces.begin(), mesh.faces.end());
+  }
+  mesh.header.vertices = mesh.points.size();
+  mesh.header.faces = mesh.faces.size();
+  write_whole(path, mesh);
 }
 
 }  // namespace tessera::test

@@ -10,6 +10,7 @@
 #include "stream/check/mesh_check.h"
 #include "stream/formats/meshes/mesh_io.h"
 #include "tests/helpers/command.h"
+#include "tests/helpers/mesh_files.h"
 #include "tests/helpers/serial_job.h"
 
 using namespace tessera;
@@ -23,35 +24,12 @@ constexpr int kSide = 330;  // two triangles a cell: several bricks, buckets and
 
 /// Hills with a step across them; `backwards` writes vertices and faces from the last to the first.
 fs::path write_hills(const fs::path& path, bool backwards = false, double far = 0.0) {
-  std::vector<Double3> position;
-  std::vector<MeshFace> faces;
-  for (int j = 0; j <= kSide; ++j)
-    for (int i = 0; i <= kSide; ++i) {
-      const double x = i / 32.0 - 5, y = j / 32.0 - 5;
-      const double bowl = x * x - y * y / 2;
-      position.push_back(
-          {i + far, j + 0.0, static_cast<double>(static_cast<float>(bowl + (i > 200 ? 8 : 0)))});
-    }
-  const auto at = [&](int i, int j) {
-    const auto v = static_cast<std::uint64_t>(j * (kSide + 1) + i);
-    return backwards ? position.size() - 1 - v : v;
+  const auto hill = [&](int i, int j) -> Double3 {
+    const double x = i / 32.0 - 5, y = j / 32.0 - 5;
+    const double bowl = x * x - y * y / 2;
+    return {i + far, j + 0.0, static_cast<double>(static_cast<float>(bowl + (i > 200 ? 8 : 0)))};
   };
-  for (int j = 0; j < kSide; ++j)
-    for (int i = 0; i < kSide; ++i) {
-      faces.push_back({at(i, j), at(i + 1, j), at(i + 1, j + 1)});
-      faces.push_back({at(i, j), at(i + 1, j + 1), at(i, j + 1)});
-    }
-  if (backwards) {
-    std::reverse(position.begin(), position.end());
-    std::reverse(faces.begin(), faces.end());
-  }
-  MeshHeader header;
-  header.vertices = position.size();
-  header.faces = faces.size();
-  const auto file = create_mesh_file(path, header);
-  file->vertices(position, {});
-  file->faces(faces);
-  file->finish();
+  tessera::test::write_sheet(path, kSide, hill, backwards);
   return path;
 }
 

@@ -12,6 +12,7 @@
 #include "stream/check/mesh_check.h"
 #include "stream/formats/meshes/mesh_io.h"
 #include "tests/helpers/command.h"
+#include "tests/helpers/mesh_files.h"
 #include "tests/helpers/serial_job.h"
 #include "tests/helpers/shell.h"
 
@@ -26,41 +27,20 @@ constexpr int kSide = 250;  // two triangles a cell: several bricks, buckets and
 
 /// Waves with a ridge, whose crest is a crease; `backwards` writes vertices and faces from the last to the first.
 fs::path write_waves(const fs::path& path, bool backwards = false) {
-  std::vector<Double3> position;
-  std::vector<MeshFace> faces;
-  for (int j = 0; j <= kSide; ++j)
-    for (int i = 0; i <= kSide; ++i) {
-      // Scattered along the surface, but for crease and border: a lattice of squares would stay one.
-      const bool line = i == 0 || i == kSide || j == 0 || j == kSide || i == 110 || i == 130 || i == 150;
-      const auto off = [&](std::uint64_t axis) {
-        return line ? 0.0
-                    : 0.7 * (to_unit(random_bits(5, axis, static_cast<std::uint64_t>(j * 1000 + i))) - 0.5);
-      };
-      const double x = i + off(0), y = j + off(1), u = x / 40.0 - 3, v = y / 40.0 - 3;
-      const double ridge = 20.0 - std::fabs(x - 130.0);
-      position.push_back({x, y, 2.0 * u * v - u * u + (ridge > 0.0 ? ridge : 0.0)});
-      for (double& c : position.back()) c = static_cast<double>(static_cast<float>(c));
-    }
-  const auto at = [&](int i, int j) {
-    const auto v = static_cast<std::uint64_t>(j * (kSide + 1) + i);
-    return backwards ? position.size() - 1 - v : v;
+  const auto wave = [](int i, int j) {
+    // Scattered along the surface, but for crease and border: a lattice of squares would stay one.
+    const bool line = i == 0 || i == kSide || j == 0 || j == kSide || i == 110 || i == 130 || i == 150;
+    const auto off = [&](std::uint64_t axis) {
+      return line ? 0.0
+                  : 0.7 * (to_unit(random_bits(5, axis, static_cast<std::uint64_t>(j * 1000 + i))) - 0.5);
+    };
+    const double x = i + off(0), y = j + off(1), u = x / 40.0 - 3, v = y / 40.0 - 3;
+    const double ridge = 20.0 - std::fabs(x - 130.0);
+    Double3 p = {x, y, 2.0 * u * v - u * u + (ridge > 0.0 ? ridge : 0.0)};
+    for (double& c : p) c = static_cast<double>(static_cast<float>(c));
+    return p;
   };
-  for (int j = 0; j < kSide; ++j)
-    for (int i = 0; i < kSide; ++i) {
-      faces.push_back({at(i, j), at(i + 1, j), at(i + 1, j + 1)});
-      faces.push_back({at(i, j), at(i + 1, j + 1), at(i, j + 1)});
-    }
-  if (backwards) {
-    std::reverse(position.begin(), position.end());
-    std::reverse(faces.begin(), faces.end());
-  }
-  MeshHeader header;
-  header.vertices = position.size();
-  header.faces = faces.size();
-  const auto file = create_mesh_file(path, header);
-  file->vertices(position, {});
-  file->faces(faces);
-  file->finish();
+  tessera::test::write_sheet(path, kSide, wave, backwards);
   return path;
 }
 

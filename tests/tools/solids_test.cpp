@@ -8,6 +8,7 @@
 #include "octree/portable_math.h"
 #include "stream/formats/meshes/mesh_io.h"
 #include "tests/helpers/command.h"
+#include "tests/helpers/mesh_files.h"
 #include "tests/helpers/skip.h"
 #include "tests/helpers/temp_folder.h"
 
@@ -17,28 +18,14 @@ using namespace tessera;
 using namespace tessera::test;
 namespace fs = std::filesystem;
 
-struct Mesh {
-  std::vector<Double3> position;
-  std::vector<MeshFace> faces;
-};
-
-Mesh read(const fs::path& path) {
-  Mesh mesh;
-  const auto file = open_mesh_file(path);
-  file->read_vertices(
-      [&](auto batch, auto) { mesh.position.insert(mesh.position.end(), batch.begin(), batch.end()); });
-  file->read_faces([&](auto batch) { mesh.faces.insert(mesh.faces.end(), batch.begin(), batch.end()); });
-  return mesh;
-}
-
-double volume(const Mesh& m) {
+double volume(const WholeMesh& m) {
   double sum = 0.0;
-  for (const MeshFace& f : m.faces) sum += dot(m.position[f[0]], cross(m.position[f[1]], m.position[f[2]]));
+  for (const MeshFace& f : m.faces) sum += dot(m.points[f[0]], cross(m.points[f[1]], m.points[f[2]]));
   return sum / 6.0;
 }
 
 /// Every edge has two faces that run along it in opposite directions.
-bool is_closed(const Mesh& m) {
+bool is_closed(const WholeMesh& m) {
   std::map<std::pair<std::uint64_t, std::uint64_t>, int> runs;
   for (const MeshFace& f : m.faces)
     for (std::size_t k = 0; k < 3; ++k) {
@@ -107,7 +94,7 @@ TEST_CASE("resurface: a dirty mesh becomes one closed one, the same bytes whatev
   const std::string in = folder.write("dirty.off", dirty_stl_like()).string();
   const std::string first = (folder / "a.ply").string();
   REQUIRE(solid_command({"resurface", in, "-o", first, "--resolution", "0.01"}).code == 0);
-  const Mesh mesh = read(first);
+  const WholeMesh mesh = read_whole(first);
   CHECK(is_closed(mesh));
   CHECK(mesh.faces.size() > 100'000);
   // Ball and box overlap: their union, less the cap.
@@ -200,7 +187,7 @@ TEST_CASE("csg: shapes have their volumes, within a thousandth", "[pipeline]") {
         {"csg", folder.write("s.json", c.scene).string(), "-o", out, "--resolution", "0.03", "--force"});
     CAPTURE(r.errors);
     REQUIRE(r.code == 0);
-    const Mesh mesh = read(out);
+    const WholeMesh mesh = read_whole(out);
     CHECK(is_closed(mesh));
     CHECK(volume(mesh) == Approx(c.volume).epsilon(1e-3));
   }
@@ -218,13 +205,13 @@ TEST_CASE("csg: words and scenes of meshes agree, new edges lie on both", "[pipe
               .code == 0);
   const std::string words = (folder / "w.ply").string(), scene = (folder / "s.ply").string();
   REQUIRE(solid_command({"csg", box, "-", rod, "-o", words, "--resolution", "0.02"}).code == 0);
-  const Mesh mesh = read(words);
+  const WholeMesh mesh = read_whole(words);
   CHECK(is_closed(mesh));
   CHECK(volume(mesh) == Approx(8.0 - 2.0 * kPi * 0.25).epsilon(1e-3));
   // The rim of the bore: vertices within a cell of both surfaces lie on one of them, those on both on the circle.
   double worst = 0.0;
   std::size_t rim = 0;
-  for (const Double3& p : mesh.position) {
+  for (const Double3& p : mesh.points) {
     const double radius = std::sqrt(p[0] * p[0] + p[1] * p[1]);
     if (std::fabs(radius - 0.5) > 0.01 || std::fabs(std::fabs(p[2]) - 1.0) > 0.01) continue;
     worst = std::max(worst, std::min(std::fabs(radius - 0.5), std::fabs(std::fabs(p[2]) - 1.0)));
@@ -238,8 +225,8 @@ TEST_CASE("csg: words and scenes of meshes agree, new edges lie on both", "[pipe
            folder.write("m.json", R"({"difference": [{"mesh": "box.ply"}, {"mesh": "rod.ply"}]})").string(),
            "-o", scene, "--resolution", "0.02", "-t", "1", "--tile-size", "64"})
           .code == 0);
-  CHECK(read(scene).faces == mesh.faces);
-  CHECK(read(scene).position == mesh.position);
+  CHECK(read_whole(scene).faces == mesh.faces);
+  CHECK(read_whole(scene).points == mesh.points);
 }
 
 TEST_CASE("csg: scenes that make no sense are told", "[pipeline]") {
@@ -274,6 +261,6 @@ TEST_CASE("resurface: meshes of the catalogue come out closed", "[pipeline]") {
     CAPTURE(name);
     const std::string out = (folder / (std::string(name) + ".ply")).string();
     REQUIRE(solid_command({"resurface", (data / name).string(), "-o", out}).code == 0);
-    CHECK(is_closed(read(out)));
+    CHECK(is_closed(read_whole(out)));
   }
 }
