@@ -265,7 +265,7 @@ class Torture {
                 random.below(2) == 0 ? "small.ply" : "small.stl"};
       case 10:
         return {with({"remesh", at("mesh.ply")},
-                     pick({{"--faces", "30000"}, {"--tolerance", "0.01", "--adaptive"}})),
+                     pick({{"--faces", "30000"}, {"--faces", "20000", "--feature-angle", "0"}})),
                 "even.ply"};
       case 11:
         return {with({"resurface", at("body.stl")}, pick({{}, {"--method", "mc"}})), "closed.ply"};
