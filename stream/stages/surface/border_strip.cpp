@@ -78,6 +78,12 @@ Double3 StripReader::corner(const StripFace& face, std::size_t i, const Int3& br
   return p;
 }
 
+bool StripReader::is_near(const StripFace& face, std::size_t i, const Int3& brick, int reach) const {
+  const Double3 at = corner(face, i, brick);
+  return std::all_of(at.begin(), at.end(),
+                     [reach](double x) { return x >= -reach && x <= kBrickCells + reach; });
+}
+
 bool StripReader::gather(std::size_t patch, int reach, std::vector<StripFace>& faces) {
   faces.clear();
   const Int3 here = brick(patch);
@@ -95,11 +101,7 @@ bool StripReader::gather(std::size_t patch, int reach, std::vector<StripFace>& f
     if (strip.torn) return false;
     for (const StripFace& f : strip.faces) {
       bool near = false;
-      for (std::size_t i = 0; i < 3; ++i) {
-        const Double3 at = corner(f, i, here);
-        near = near || std::all_of(at.begin(), at.end(),
-                                   [reach](double x) { return x >= -reach && x <= kBrickCells + reach; });
-      }
+      for (std::size_t i = 0; i < 3 && !near; ++i) near = is_near(f, i, here, reach);
       if (!near) continue;
       if (faces.size() == kMostStripFaces) return false;
       faces.push_back(f);

@@ -36,6 +36,8 @@ class StripReader {
   bool gather(std::size_t patch, int reach, std::vector<StripFace>& faces);
   /// Corner i of a face, in cells from the min corner of `brick`.
   Double3 corner(const StripFace& face, std::size_t i, const Int3& brick) const;
+  /// Whether it lies within `reach` cells of the brick.
+  bool is_near(const StripFace& face, std::size_t i, const Int3& brick, int reach) const;
   Int3 brick(std::size_t patch) const { return brick_of_key(store_.patches()[patch].key); }
 
   /// Most that it holds over these patches, with the faces that are gathered.

@@ -136,11 +136,7 @@ class LoopsStage : public Stage {
   static void add_records(const StripReader& reader, const Int3& brick, const StripFace& f,
                           std::vector<RimRecord>& records) {
     std::array<bool, 3> near{};
-    for (std::size_t i = 0; i < 3; ++i) {
-      const Double3 at = reader.corner(f, i, brick);
-      near[i] = std::all_of(at.begin(), at.end(),
-                            [](double x) { return x >= -kShortReach && x <= kBrickCells + kShortReach; });
-    }
+    for (std::size_t i = 0; i < 3; ++i) near[i] = reader.is_near(f, i, brick, kShortReach);
     for (std::size_t i = 0; i < 3; ++i) {
       const std::size_t j = (i + 1) % 3, k = (i + 2) % 3;
       if ((f.border >> i & 1u) == 0 || (f.border >> j & 1u) == 0 || (!near[i] && !near[j])) continue;
@@ -232,7 +228,8 @@ class LoopsStage : public Stage {
         : stage_(stage),
           task_(task),
           context_(context),
-          most_edges_(stage.is_short() ? kShortBatchEdges : kBatchEdges) {}
+          most_edges_(stage.is_short() ? kShortBatchEdges : kBatchEdges),
+          numbered_(stage.state_.work, stage.store_, stage.numbering_) {}
     void add(HoleRim&& rim) {
       const std::uint64_t n = rim.vertex.size();
       batch_.push_back(std::move(rim));
@@ -245,7 +242,8 @@ class LoopsStage : public Stage {
     }
     void flush() {
       if (batch_.empty()) return;
-      save_loops(context_.create(loop_file_name(task_, batches_++)), stage_.gather(batch_, context_));
+      save_loops(context_.create(loop_file_name(task_, batches_++)),
+                 stage_.gather(batch_, numbered_, context_));
       batch_.clear();
       edges_ = cost_ = vertices_ = 0;
     }
@@ -256,13 +254,15 @@ class LoopsStage : public Stage {
     std::size_t task_;
     TaskContext& context_;
     std::uint64_t most_edges_;
+    NumberedPatches numbered_;
     std::vector<HoleRim> batch_;
     std::size_t batches_ = 0;
     std::uint64_t loops_ = 0, edges_ = 0, vertices_ = 0, cost_ = 0;
   };
 
   /// Positions of a batch's loops and of the faces beyond, patch by patch.
-  std::vector<NamedLoop> gather(const std::vector<HoleRim>& batch, TaskContext& context) const {
+  std::vector<NamedLoop> gather(const std::vector<HoleRim>& batch, NumberedPatches& numbered,
+                                TaskContext& context) const {
     std::vector<std::uint64_t> need;
     for (const HoleRim& rim : batch) {
       need.insert(need.end(), rim.vertex.begin(), rim.vertex.end());
@@ -272,7 +272,7 @@ class LoopsStage : public Stage {
     need.erase(std::unique(need.begin(), need.end()), need.end());
     std::vector<Double3> position(need.size());
     std::vector<std::uint32_t> rgba(plan_.has_colour ? need.size() : 0);
-    load_positions(need, position, rgba, context);
+    load_positions(need, numbered, position, rgba, context);
     const auto slot = [&](std::uint64_t v) {
       return static_cast<std::size_t>(std::lower_bound(need.begin(), need.end(), v) - need.begin());
     };
@@ -290,9 +290,9 @@ class LoopsStage : public Stage {
     return out;
   }
 
-  void load_positions(const std::vector<std::uint64_t>& need, std::vector<Double3>& position,
-                      std::vector<std::uint32_t>& colour, TaskContext& context) const {
-    NumberedPatches numbered(state_.work, store_, numbering_);
+  void load_positions(const std::vector<std::uint64_t>& need, NumberedPatches& numbered,
+                      std::vector<Double3>& position, std::vector<std::uint32_t>& colour,
+                      TaskContext& context) const {
     std::vector<Float3> local;
     std::vector<std::uint32_t> rgba;
     const auto& patches = numbering_.patches;
