@@ -102,6 +102,7 @@ class Driver {
       }
       s = std::max(s, next);
       if (s >= last) break;
+      if (done_.size() == resumed_stages_) require_memory(s);
       done_.push_back(run_stage(s, journal));
       // What was just committed is bound to the inputs as they were: if they are not, nobody will take it.
       require_same_inputs(work_.identity());
@@ -157,6 +158,10 @@ class Driver {
   void delete_unknown(const Journal& journal, std::size_t stage,
                       const std::map<std::int64_t, TaskRecord>& done) const;
 
+  /// Also of a job that stops before they run. \throws ResourceError when the cap cannot hold what stages from `first` on
+  /// are known to need
+  void require_memory(std::size_t first) const;
+
   StageRecords run_stage(std::size_t index, const Journal& journal);
   TaskRecord run_one(const Stage& stage, std::int64_t task, const std::vector<nlohmann::json>& summaries,
                      const std::function<nlohmann::json()>& stats);
@@ -202,6 +207,36 @@ void Driver::delete_unknown(const Journal& journal, std::size_t stage,
     remove_named(state_, name);
   }
   work_.remove_empty_folders();
+}
+
+void Driver::require_memory(std::size_t first) const {
+  if (!job_.needs) return;
+  const std::uint64_t base = MemoryBudget::expected_base();
+  // A process of its own holds the base once more.
+  const std::uint64_t own_base = state_.run.processes ? base : 0;
+  const auto largest = [&](std::uint64_t cap) {
+    JobState state = state_;
+    state.run.memory_bytes = cap;
+    StageNeed most;
+    for (const StageNeed& need : job_.needs(state)) {
+      const auto at = std::find_if(job_.stages.begin(), job_.stages.end(),
+                                   [&](const StageEntry& entry) { return entry.name == need.stage; });
+      const auto index = static_cast<std::size_t>(at - job_.stages.begin());
+      if (index < first || index >= job_.stages.size()) continue;
+      most.likely = std::max({most.likely, need.likely, need.sure});
+      if (need.sure > most.sure) most.stage = need.stage, most.sure = need.sure;
+    }
+    most.sure += own_base;
+    most.likely += own_base;
+    return most;
+  };
+  const StageNeed most = largest(state_.run.memory_bytes);
+  // The cap that is named counts with more than the process holds now, so that it does in every later run too.
+  const MemoryBudget budget(state_.run.memory_bytes, resident_bytes());
+  if (most.sure <= budget.capacity()) return;
+  budget.require(most.sure, "stage " + most.stage,
+                 MemoryBudget::smallest_fitting_cap(state_.run.memory_bytes, base,
+                                                    [&](std::uint64_t cap) { return largest(cap).likely; }));
 }
 
 StageRecords Driver::run_stage(std::size_t index, const Journal& journal) {

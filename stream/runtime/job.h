@@ -48,6 +48,9 @@ struct JobDescription {
   std::function<void(nlohmann::json&)> summarise;
   std::vector<BesideOutput> beside = {};  ///< files that stages write beside the output
   JobPage page = {};                      ///< may be empty
+  /// By what is known before the first stage, under the cap of the state. A cap below what stages that are still to come
+  /// need for sure is refused at once; what they are likely to need decides which cap is named then.
+  std::function<std::vector<StageNeed>(const JobState&)> needs = {};
 };
 
 /// Runs the job; returns the report (schema 1).

@@ -9,6 +9,7 @@
 #include <fstream>
 #include <utility>
 
+#include <dlfcn.h>
 #include <malloc.h>
 #include <sys/resource.h>
 
@@ -58,6 +59,13 @@ std::string format_bytes(std::uint64_t bytes) {
 namespace {
 
 constexpr std::uint64_t kUnlimited = ~std::uint64_t{0};
+
+/// Tells a layer that a test has put below this process: it counts what is allocated beside reservations.
+void note_reserved(std::uint64_t bytes) {
+  using Note = void (*)(std::uint64_t);
+  static const auto note = reinterpret_cast<Note>(::dlsym(RTLD_DEFAULT, "tessera_note_reserved"));
+  if (note != nullptr) note(bytes);
+}
 constexpr double kShareOfLimit = 0.8;
 constexpr std::uint64_t kMiB = std::uint64_t{1} << 20;
 
@@ -190,6 +198,21 @@ MemoryBudget::MemoryBudget(std::uint64_t cap, std::uint64_t base)
   capacity_ = cap > base + margin_ ? cap - base - margin_ : 0;
 }
 
+std::uint64_t MemoryBudget::expected_base(std::uint64_t later) {
+  constexpr std::uint64_t kStep = 4 * kMiB;
+  return (resident_bytes() + later + kStep + kStep - 1) / kStep * kStep;
+}
+
+std::uint64_t MemoryBudget::smallest_fitting_cap(
+    std::uint64_t cap, std::uint64_t base, const std::function<std::uint64_t(std::uint64_t cap)>& need) {
+  for (;;) {
+    const MemoryBudget tried(cap, base);
+    const std::uint64_t bytes = need(cap);
+    if (bytes <= tried.capacity()) return cap;
+    cap = tried.smallest_cap(bytes);
+  }
+}
+
 std::uint64_t MemoryBudget::smallest_cap(std::uint64_t need) const {
   // need + base <= cap - cap / 32
   const std::uint64_t cap = (need + base_) / 31 * 32 + 32;
@@ -229,6 +252,7 @@ MemoryBudget::Reservation MemoryBudget::reserve(std::uint64_t bytes) {
   changed_.wait(lock, [&] { return serving_ == ticket && reserved_ + bytes <= capacity_; });
   ++serving_;
   reserved_ += bytes;
+  note_reserved(reserved_);
   changed_.notify_all();
   return Reservation(this, bytes);
 }
@@ -241,6 +265,7 @@ std::uint64_t MemoryBudget::reserved() const {
 void MemoryBudget::give_back(std::uint64_t bytes) {
   const std::lock_guard lock(mutex_);
   reserved_ -= bytes;
+  note_reserved(reserved_);
   changed_.notify_all();
 }
 

@@ -53,6 +53,14 @@ void trim_allocator();
 /// small ones.
 class MemoryBudget {
  public:
+  /// The base to count with before the work starts: code is still to be paged in, and two runs differ by some pages.
+  /// \param later  what the process is known to hold then beside its code
+  static std::uint64_t expected_base(std::uint64_t later = 0);
+  /// The smallest cap from `cap` on that holds what is needed under it.
+  /// \param need  bytes of the largest task; grows slower than the cap
+  static std::uint64_t smallest_fitting_cap(std::uint64_t cap, std::uint64_t base,
+                                            const std::function<std::uint64_t(std::uint64_t cap)>& need);
+
   /// \param cap   promise for the process
   /// \param base  what the process holds without any task (resident bytes now)
   MemoryBudget(std::uint64_t cap, std::uint64_t base);

@@ -66,6 +66,13 @@ class Stage {
   virtual std::vector<std::string> obsolete() const { return {}; }
 };
 
+/// Memory that a stage takes for its largest task or its end, told before it is made.
+struct StageNeed {
+  std::string stage;
+  std::uint64_t sure = 0;    ///< less does not do, unless the data lie very unevenly
+  std::uint64_t likely = 0;  ///< this does; 0 = the same
+};
+
 using StageFactory = std::function<std::unique_ptr<Stage>(const JobState&)>;
 struct StageEntry {
   std::string name;

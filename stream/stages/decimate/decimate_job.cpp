@@ -3,6 +3,7 @@
 #include <nlohmann/json.hpp>
 
 #include "octree/error.h"
+#include "stream/import/import_needs.h"
 #include "stream/import/import_stages.h"
 #include "stream/import/system_beside.h"
 #include "stream/meshes/store_write_stage.h"
@@ -10,6 +11,7 @@
 #include "stream/runtime/report.h"
 #include "stream/stages/decimate/certify_stage.h"
 #include "stream/stages/decimate/idle_stage.h"
+#include "stream/stages/decimate/simplify_needs.h"
 
 namespace tessera {
 namespace {
@@ -96,7 +98,19 @@ JobDescription decimate_job(const SimplifyOptions& options) {
   std::vector<StageEntry> stages = import_stages({0, kDecimateImport});
   for (StageEntry& entry : simplify_stages(options, imported_stores(kDecimateImport), "tessera decimate"))
     stages.push_back(std::move(entry));
-  return {"decimate", std::move(stages), 0, summarise, {carried_system()}, job_page()};
+  JobDescription job = {"decimate", std::move(stages), 0, summarise, {carried_system()}, job_page()};
+  job.needs = [options](const JobState& state) {
+    const MeshSize mesh = claimed_mesh_size(state.inputs.at(0));
+    std::vector<StageNeed> needs = import_needs(state.run, {0, kDecimateImport}, mesh);
+    const auto append = [&](const std::vector<StageNeed>& more) {
+      needs.insert(needs.end(), more.begin(), more.end());
+    };
+    append(simplify_needs(state.run, options, mesh.faces));
+    if (state.inputs.size() > 1)
+      append(import_needs(state.run, {1, "reference"}, claimed_mesh_size(state.inputs[1])));
+    return needs;
+  };
+  return job;
 }
 
 }  // namespace tessera

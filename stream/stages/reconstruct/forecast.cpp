@@ -49,15 +49,13 @@ void require_resources(const Forecast& forecast, const JobState& job, std::uint6
   const auto first = std::max_element(forecast.stages.begin(), forecast.stages.end(), larger);
   const MemoryBudget budget(job.run.memory_bytes, base);
   if (first != forecast.stages.end() && first->sure_bytes + own_base > budget.capacity()) {
-    std::uint64_t cap = job.run.memory_bytes;
-    for (;;) {
-      std::uint64_t need = 0;
-      for (const StageForecast& f : under(cap).stages)
-        need = std::max({need, f.memory_bytes(), f.sure_bytes});
-      const MemoryBudget tried(cap, base);
-      if (need + own_base <= tried.capacity()) break;
-      cap = tried.smallest_cap(need + own_base);
-    }
+    const std::uint64_t cap =
+        MemoryBudget::smallest_fitting_cap(job.run.memory_bytes, base, [&](std::uint64_t tried) {
+          std::uint64_t need = own_base;
+          for (const StageForecast& f : under(tried).stages)
+            need = std::max({need, f.memory_bytes() + own_base, f.sure_bytes + own_base});
+          return need;
+        });
     budget.require(first->sure_bytes + own_base, "stage " + first->stage, cap);
   }
   std::error_code unknown;

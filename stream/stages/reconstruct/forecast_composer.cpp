@@ -4,8 +4,6 @@
 
 #include "kernels/field/field.h"
 #include "kernels/mesh/mesh_repair.h"
-#include "stream/check/compare_cells.h"
-#include "stream/check/mesh_compare.h"
 #include "stream/import/import_bytes.h"
 #include "stream/meshes/mesh_store_output.h"
 #include "stream/meshes/store_write_stage.h"
@@ -13,6 +11,7 @@
 #include "stream/points/multipole_store.h"
 #include "stream/points/reconstruct_options.h"
 #include "stream/stages/decimate/certify_stage.h"
+#include "stream/stages/decimate/simplify_needs.h"
 #include "stream/stages/decimate/simplify_stage.h"
 #include "stream/stages/reconstruct/forecast_rates.h"
 #include "stream/stages/reconstruct/planned_patches.h"
@@ -216,7 +215,8 @@ class Composer {
     std::uint64_t parts = 0;
     for (const PatchEntry& e : patches_.entries) parts += e.components;
     add("islands", 0, {0, islands_bytes(run_, parts), islands_bytes(run_, 0)}, 0, 1, 0.0, 0.0);
-    add("prune", groups_.size(), {prune_task_bytes(8 * block_bytes(largest_.faces)), 0, 0}, 0, 0, 0.0, 0.0);
+    add("prune", groups_.size(), {prune_task_bytes(8 * surface_block_bytes(largest_.faces)), 0, 0}, 0, 0, 0.0,
+        0.0);
   }
 
   void weld(std::uint64_t patches) {
@@ -262,33 +262,28 @@ class Composer {
          kImportTilesFinishBytes},
         times(bytes, kImportBytes), 2 * buckets, faces_ * kImportTilesTime, bytes);
     add("mesh-repair", 0,
-        {import_repair_task_bytes(block_bytes(ImportPlan::kBrickVertices * 4)), kIdleBytes, 0}, 0, 0, 0.0,
-        0.0);
+        {import_repair_task_bytes(surface_block_bytes(ImportPlan::kBrickVertices * 4)), kIdleBytes, 0}, 0, 0,
+        0.0, 0.0);
   }
 
   void decimate(std::uint64_t patches, int first_pass) {
     const SimplifyOptions simplify = reconstruct_simplify_options(options_);
     const std::uint64_t faces = times(faces_, kFacesMargin), largest = largest_.faces;
     const std::uint64_t disk = times(faces_, kPassBytes), blocks = groups_.size() / 2 + 1;
-    const std::uint64_t patch_bytes = block_bytes(largest);
+    const std::uint64_t patch_bytes = surface_block_bytes(largest);
     if (first_pass == 0) import();
     if (options_.reference == "points")
       add_samples("points",
                   std::min(faces, kImportedNear * std::max(largest, 2 * ImportPlan::kBrickVertices)));
     for (int pass = first_pass; pass < simplify.passes; ++pass) {
-      // A block is filled up to its limit or is one brick; so is the part of the reference that it works against.
-      const std::uint64_t in = std::min(faces, std::max(simplify.block_faces, largest));
-      const std::uint64_t reference =
-          pass == 0 ? 0 : std::min(faces, std::max(kReferenceBlocks * simplify.block_faces, largest));
       add(SimplifyPass{pass, 0, false}.stage_name(), blocks,
-          {simplify_task_bytes(block_bytes(in) + block_bytes(reference), in, reference, 0),
-           std::uint64_t{2} << 20, simplify_task_bytes(0, 0, 0, 0)},
+          {simplify_pass_bytes(simplify, pass, faces, largest, 1), std::uint64_t{2} << 20,
+           simplify_task_bytes(0, 0, 0, 0)},
           disk, blocks, faces_ * (pass < 2 ? kPass2Time : kPass3Time),
           (pass < 2 ? 0.5 : 0.2) * static_cast<double>(patches));
     }
     const std::uint64_t both = faces + faces / 4;  // with those of the result
-    const std::uint64_t in_cell = std::min(both, kCellReach * std::max(CompareOptions{}.cell_faces, largest));
-    const std::uint64_t cell = compare_cell_bytes(block_bytes(in_cell), in_cell);
+    const std::uint64_t cell = certify_cell_bytes(both, largest, 1);
     add("certify", groups_.size(),
         {certify_task_bytes(cell), certify_finish_bytes(cell, groups_.size()), certify_task_bytes(0)}, 0,
         groups_.size(), faces_ * kCertifyTime, static_cast<double>(patches));
@@ -307,7 +302,7 @@ class Composer {
   /// \param near  faces near one brick
   void add_samples(const char* stage, std::uint64_t near) {
     add(stage, plan_.buckets.size(),
-        {samples_task_bytes(largest_brick_, block_bytes(near), near), 0,
+        {samples_task_bytes(largest_brick_, surface_block_bytes(near), near), 0,
          samples_task_bytes(largest_brick_, 0, 0)},
         0, 0, points_ * kSamplesTime, static_cast<double>(store_bytes_));
   }
@@ -316,9 +311,6 @@ class Composer {
   void for_each_tile(const Use& use) const {
     for (const TileGroup& group : groups_)
       for (const Tile& tile : group) use(tile);
-  }
-  static std::uint64_t block_bytes(std::uint64_t faces) {
-    return MeshStore::block_bytes(times(static_cast<double>(faces), kVerticesPerFace), faces);
   }
   std::uint64_t filling_bytes() const { return hole_limit(options_, plan_).filling_bytes(); }
 

@@ -55,8 +55,6 @@ inline constexpr double kMostNoise = 0.1;
 inline constexpr double kFacesMargin = 1.2;  // within that the estimate of all faces was right
 /// Patches of an imported mesh that lie near one brick of points: itself and all around it.
 inline constexpr std::uint64_t kImportedNear = 27;
-/// A cell of the certificate is read with whole patches around it.
-inline constexpr std::uint64_t kCellReach = 3;
 /// What the end of a stage that has nothing to do reserves, at most.
 inline constexpr std::uint64_t kIdleBytes = std::uint64_t{20} << 20;
 

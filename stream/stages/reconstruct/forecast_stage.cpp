@@ -15,10 +15,7 @@
 namespace tessera {
 namespace {
 
-/// What the process grows by after the survey: code that is paged in, and per brick tables of points, normals, patches.
-constexpr std::uint64_t kLaterBaseBytes = std::uint64_t{4} << 20;
-constexpr std::uint64_t kBaseStep = std::uint64_t{4}
-                                    << 20;  // a plan and its run differ by some pages, by chance
+/// Tables of points, normals, patches, of a brick.
 constexpr std::uint64_t kLaterBrickBytes = 56 + 64 + 64;
 
 class ForecastStage : public Stage {
@@ -37,8 +34,7 @@ class ForecastStage : public Stage {
   }
 
   nlohmann::json finish(const std::vector<nlohmann::json>&, TaskContext& context) const override {
-    const std::uint64_t held = resident_bytes() + kLaterBaseBytes + plan_.bricks * kLaterBrickBytes;
-    const std::uint64_t base = (held + kBaseStep - 1) / kBaseStep * kBaseStep;
+    const std::uint64_t base = MemoryBudget::expected_base(plan_.bricks * kLaterBrickBytes);
     const std::vector<PlanBrick> bricks = load_plan_bricks(job_.work / Plan::kBrickFile);
     const auto opened = open_point_inputs(job_, false);
     InputTasks inputs{opened->task_count(), 0, 0};

@@ -6,6 +6,7 @@
 #include "stream/files/path_text.h"
 #include "stream/import/import_stages.h"
 #include "stream/import/system_beside.h"
+#include "stream/meshes/mesh_store_output.h"
 #include "stream/meshes/store_write_stage.h"
 #include "stream/page/report_page.h"
 #include "stream/stages/decimate/decimate_job.h"
@@ -68,6 +69,20 @@ void summarise(nlohmann::json& report) {
 std::string system_text(const nlohmann::json& report) {
   const nlohmann::json system = report.value("coordinate_system", nlohmann::json());
   return system.is_object() ? bytes_of_json_text(system.value("wkt", "")) : "";
+}
+
+constexpr std::uint64_t kFewPatches = std::uint64_t{8} << 20;
+
+/// What the passes before the forecast take, and of later ones what no scan is too small for.
+std::vector<StageNeed> early_needs(const JobState& state, const ReconstructOptions& options) {
+  std::uint64_t bytes = 0;
+  for (const std::filesystem::path& input : state.inputs) bytes += std::filesystem::file_size(input);
+  std::vector<StageNeed> needs = {{"survey", survey_finish_bytes(state.run, bytes), 0}};
+  if (options.resolution == 0.0) needs.push_back({"spacing", spacing_bytes(), 0});
+  const std::uint64_t sorts =
+      options.tolerance > 0.0 ? write_mesh_store_bytes(0, 0, sort_bytes(state.run)) : write_bytes({}, 0);
+  needs.push_back({"write", sorts, sorts + kFewPatches});
+  return needs;
 }
 
 }  // namespace
@@ -145,6 +160,7 @@ JobDescription reconstruct_job(const ReconstructOptions& options) {
   HolesMode{options.holes};  // a word that makes no sense is told before any pass
   JobDescription job = {"reconstruct", reconstruct_stages(options), 0, summarise};
   job.page = job_page();
+  job.needs = [options](const JobState& state) { return early_needs(state, options); };
   if (options.normals != "given") job.beside.push_back({uncertain_picture_path, "the picture of --normals"});
   job.beside.push_back({system_path, "the coordinate system beside -o", false, system_text});
   if (options.keep_raw) job.beside.push_back({raw_output_path, "--keep-raw", true});

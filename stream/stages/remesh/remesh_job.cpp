@@ -2,6 +2,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "stream/import/import_needs.h"
 #include "stream/import/import_stages.h"
 #include "stream/meshes/store_write_stage.h"
 #include "stream/page/report_page.h"
@@ -9,6 +10,7 @@
 #include "stream/stages/decimate/certify_stage.h"
 #include "stream/stages/decimate/decimate_job.h"
 #include "stream/stages/decimate/idle_stage.h"
+#include "stream/stages/decimate/simplify_needs.h"
 #include "stream/stages/remesh/remesh_stage.h"
 #include "stream/stages/remesh/sizing_stage.h"
 
@@ -76,7 +78,19 @@ JobDescription remesh_job(const RemeshJobOptions& options) {
                           "made by tessera remesh, edges of " + json(Sizing::of_work(state.work).edge).dump(),
                           sort_bytes(state.run));
                     }});
-  return {"remesh", std::move(stages), 0, summarise, {}, job_page()};
+  JobDescription job = {"remesh", std::move(stages), 0, summarise, {}, job_page()};
+  job.needs = [options](const JobState& state) {
+    const MeshSize mesh = claimed_mesh_size(state.inputs.at(0));
+    std::vector<StageNeed> needs = import_needs(state.run, {0, kRemeshImport}, mesh);
+    for (int p = 0; p < options.passes; ++p)
+      needs.push_back({SimplifyPass{p, 0, false}.stage_name(), remesh_pass_bytes(options, mesh.faces, 1),
+                       remesh_pass_bytes(options, mesh.faces, 2 * kMostAround)});
+    // What comes out is decimated no further.
+    for (const StageNeed& need : proof_needs(state.run, mesh.faces, std::max(mesh.faces, options.faces)))
+      needs.push_back(need);
+    return needs;
+  };
+  return job;
 }
 
 }  // namespace tessera

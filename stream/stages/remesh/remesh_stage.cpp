@@ -15,6 +15,7 @@
 #include "stream/meshes/failed_places.h"
 #include "stream/stages/decimate/idle_stage.h"
 #include "stream/stages/decimate/round_before.h"
+#include "stream/stages/decimate/simplify_needs.h"
 #include "stream/stages/decimate/unsettled_region.h"
 #include "stream/stages/remesh/quality_report.h"
 #include "stream/stages/remesh/sizing_stage.h"
@@ -277,6 +278,15 @@ std::uint64_t remesh_task_bytes(std::uint64_t block_bytes, std::uint64_t most_fa
   // What is loaded is merged from pieces, so it is there twice for a moment; then the kernel works on it.
   return block_bytes + remesh_bytes(most_faces, reference_faces) + failed_bytes + DirectFile::kDefaultBuffer +
          (std::uint64_t{4} << 20);
+}
+
+std::uint64_t remesh_pass_bytes(const RemeshJobOptions& options, std::uint64_t faces, std::uint64_t around) {
+  // With a length alone the mesh may become finer: as a rule not much.
+  const std::uint64_t expected = std::max(faces, options.faces > 0 ? options.faces : 2 * faces);
+  const std::uint64_t block = std::min(expected, options.block_faces);
+  const std::uint64_t reference = std::min(faces, around * kRemeshReferenceBlocks * options.block_faces);
+  return remesh_task_bytes(surface_block_bytes(block) + surface_block_bytes(reference),
+                           kRoom * block + kLeastRoom, reference, 0);
 }
 
 std::unique_ptr<Stage> make_remesh_stage(const JobState& state, const RemeshJobOptions& options,

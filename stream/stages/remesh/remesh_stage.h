@@ -17,6 +17,10 @@ inline constexpr std::uint64_t kRemeshReferenceBlocks = 4;
 std::uint64_t remesh_task_bytes(std::uint64_t block_bytes, std::uint64_t most_faces,
                                 std::uint64_t reference_faces, std::uint64_t failed_bytes);
 
+/// Of the largest task of a pass, told before there is a mesh.
+/// \param faces  of the mesh   \param around  as in simplify_pass_bytes()
+std::uint64_t remesh_pass_bytes(const RemeshJobOptions& options, std::uint64_t faces, std::uint64_t around);
+
 /// Reads and leaves what the pass of decimation of the same name would. A pass of a round that is not needed has no
 /// tasks.
 std::unique_ptr<Stage> make_remesh_stage(const JobState& state, const RemeshJobOptions& options,

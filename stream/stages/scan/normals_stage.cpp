@@ -101,7 +101,7 @@ class NormalsStage : public Stage {
         for (std::size_t i = 0; i < kSupporterBins; ++i) histogram[i] += value[i].get<std::uint64_t>();
       }
     if (mode_.needed()) {
-      DirectFile file(context.create(kSupportersFile));
+      DirectFile file(context.create(kSupportersFile), std::size_t{1} << 16);
       histogram.push_back(sum.value("scattered", std::uint64_t{0}));
       file.write(histogram.data(), histogram.size() * sizeof(histogram[0]));
       file.finish();

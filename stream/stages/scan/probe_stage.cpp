@@ -181,9 +181,7 @@ class SpacingStage : public MeasuringStage {
   std::uint64_t task_bytes(std::size_t) const override {
     return LayeredSampler::bytes(kSpacingPoints) + PointInputs::kReadBytes;
   }
-  std::uint64_t finish_bytes() const override {
-    return needed() ? 2 * LayeredSampler::bytes(kSpacingPoints) + kSmall : kSmall;
-  }
+  std::uint64_t finish_bytes() const override { return needed() ? spacing_bytes() : kSmall; }
   std::vector<std::string> obsolete() const override {
     return needed() ? std::vector<std::string>{"probe/"} : std::vector<std::string>{};
   }
@@ -255,6 +253,10 @@ std::unique_ptr<Stage> make_probe_stage(const JobState& job, std::shared_ptr<con
 std::unique_ptr<Stage> make_spacing_stage(const JobState& job, std::shared_ptr<const PointInputs> inputs) {
   return std::make_unique<SpacingStage>(job, std::move(inputs));
 }
+std::uint64_t spacing_bytes() {
+  return 2 * LayeredSampler::bytes(kSpacingPoints) + kSmall;
+}
+
 std::unique_ptr<Stage> make_probe_stage(const JobState& job) {
   return make_probe_stage(job, open_point_inputs(job, false));
 }

@@ -18,6 +18,9 @@ std::unique_ptr<Stage> make_spacing_stage(const JobState& job);
 std::unique_ptr<Stage> make_probe_stage(const JobState& job, std::shared_ptr<const PointInputs> inputs);
 std::unique_ptr<Stage> make_spacing_stage(const JobState& job, std::shared_ptr<const PointInputs> inputs);
 
+/// Memory of both where they have something to do.
+std::uint64_t spacing_bytes();
+
 /// h that the spacing stage chose, and why. \throws InputError when it has not run
 ChosenSpacing chosen_resolution(const std::filesystem::path& work);
 

@@ -180,9 +180,8 @@ std::uint64_t SurveyStage::task_bytes(std::size_t) const {
          (std::uint64_t{65536} * 25) + (std::uint64_t{1} << 20) + PointInputs::kReadBytes;
 }
 
-std::uint64_t SurveyStage::finish_bytes() const {
-  return std::min<std::uint64_t>(job_.run.memory_bytes / 4,
-                                 (inputs_->bytes() / 3 + 4096) * kMergeBytesPerBrick) +
+std::uint64_t survey_finish_bytes(const RunOptions& run, std::uint64_t input_bytes) {
+  return std::min<std::uint64_t>(run.memory_bytes / 4, (input_bytes / 3 + 4096) * kMergeBytesPerBrick) +
          2 * LayeredSampler::bytes(kSamplePoints);
 }
 

@@ -11,6 +11,9 @@
 
 namespace tessera {
 
+/// Memory of the end of the survey. \param input_bytes  of all files
+std::uint64_t survey_finish_bytes(const RunOptions& run, std::uint64_t input_bytes);
+
 class SurveyStage : public Stage {
  public:
   /// \param h     lattice spacing: --resolution, or what the spacing stage measured
@@ -24,7 +27,7 @@ class SurveyStage : public Stage {
   std::string unit_name() const override { return "bytes"; }
   nlohmann::json run(std::size_t task, TaskContext& context) const override;
   nlohmann::json finish(const std::vector<nlohmann::json>& summaries, TaskContext& context) const override;
-  std::uint64_t finish_bytes() const override;
+  std::uint64_t finish_bytes() const override { return survey_finish_bytes(job_.run, inputs_->bytes()); }
   std::vector<std::string> obsolete() const override {
     return auto_resolution_ ? std::vector<std::string>{"spacing/"} : std::vector<std::string>{};
   }

@@ -1,7 +1,11 @@
+#include <algorithm>
+#include <cmath>
+
 #include <nlohmann/json.hpp>
 
 #include "octree/error.h"
 #include "stream/files/task_files.h"
+#include "stream/import/import_needs.h"
 #include "stream/import/import_stages.h"
 #include "stream/import/system_beside.h"
 #include "stream/meshes/store_write_stage.h"
@@ -26,6 +30,22 @@ void summarise(json& report) {
   }
   report["mesh"] = mesh;
   report["input"] = import_report(report, kSmoothImport);
+}
+
+/// Of a round over one patch and the rings around it, the least that a tile can be; of the whole mesh where there is one
+/// block. Rings are reached by whole patches, and by the longest edge.
+StageNeed round_need(const SmoothRound& rule, const std::string& stage, const MeshSize& mesh) {
+  const auto with = [&](std::uint64_t edge, std::uint64_t all) {
+    const std::uint64_t vertices = rule.by_flow ? all : std::min(all, edge * edge);
+    const std::uint64_t faces = std::min(mesh.faces, 2 * vertices);
+    const std::uint64_t patch = std::min(mesh.vertices, ImportPlan::kBrickVertices);
+    return smooth_tile_bytes(rule, vertices, faces, MeshStore::block_bytes(patch, 2 * patch));
+  };
+  const auto across = static_cast<std::uint64_t>(std::sqrt(static_cast<double>(ImportPlan::kBrickVertices)));
+  const auto rings = static_cast<std::uint64_t>(round_rings(rule));
+  // Vertices at seams are in every patch.
+  return {stage, with(across, mesh.vertices),
+          with(4 * (across + 2 * rings), mesh.vertices + mesh.vertices / 4)};
 }
 
 }  // namespace
@@ -70,6 +90,13 @@ JobDescription smooth_job(const SmoothOptions& options) {
   const SmoothPlan plan{smooth_rounds(options), options.tolerance};
   JobDescription job{"smooth",  import_stages({0, kSmoothImport}), 0, summarise, {carried_system()},
                      job_page()};
+  job.needs = [plan](const JobState& state) {
+    const MeshSize mesh = claimed_mesh_size(state.inputs.at(0));
+    std::vector<StageNeed> needs = import_needs(state.run, {0, kSmoothImport}, mesh);
+    for (std::size_t round = 1; round <= plan.rounds.size(); ++round)
+      needs.push_back(round_need(plan.rounds[round - 1], "smooth-" + std::to_string(round), mesh));
+    return needs;
+  };
   job.stages.push_back({"reach", make_reach_stage});
   for (std::size_t round = 1; round <= plan.rounds.size(); ++round) {
     if (plan.rounds[round - 1].cycle >= 0) {

@@ -67,11 +67,7 @@ class SmoothStage : public Stage {
     const std::uint64_t patch = store_.largest_patch_bytes();
     const std::uint64_t shared = rule_.cycle >= 0 ? coarse_solution_bytes(solution_) : 0;
     tiling.bytes = [this, patch, shared](std::uint64_t vertices, std::uint64_t faces) {
-      const std::uint64_t now = rule_.cycle >= 0 ? TileState::bytes(vertices) : 0;
-      const std::uint64_t loaded = tile_loaded_bytes(vertices, faces) + now;
-      return std::max(tile_loading_bytes(vertices, faces),
-                      loaded + smooth_bytes(vertices, faces, rule_) + 4 * vertices) +
-             3 * patch + kTileSlackBytes + shared;
+      return smooth_tile_bytes(rule_, vertices, faces, patch) + shared;
     };
     if (rule_.by_flow) {
       SmoothTile whole;
@@ -288,6 +284,15 @@ std::uint64_t tile_loaded_bytes(std::uint64_t vertices, std::uint64_t faces) {
 
 std::string smooth_folder(std::size_t round) {
   return round == 0 ? kSmoothImport : "smooth-" + std::to_string(round);
+}
+
+std::uint64_t smooth_tile_bytes(const SmoothRound& rule, std::uint64_t vertices, std::uint64_t faces,
+                                std::uint64_t patch_bytes) {
+  const std::uint64_t now = rule.cycle >= 0 ? TileState::bytes(vertices) : 0;
+  const std::uint64_t loaded = tile_loaded_bytes(vertices, faces) + now;
+  return std::max(tile_loading_bytes(vertices, faces),
+                  loaded + smooth_bytes(vertices, faces, rule) + 4 * vertices) +
+         3 * patch_bytes + kTileSlackBytes;
 }
 
 std::unique_ptr<Stage> make_smooth_stage(const JobState& state, const SmoothPlan& plan, std::size_t round) {

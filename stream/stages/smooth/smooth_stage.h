@@ -60,6 +60,9 @@ inline constexpr std::uint64_t kTileSlackBytes = std::uint64_t{16} << 20;
 /// Bytes of a tile while it is loaded, and what stays.
 std::uint64_t tile_loading_bytes(std::uint64_t vertices, std::uint64_t faces);
 std::uint64_t tile_loaded_bytes(std::uint64_t vertices, std::uint64_t faces);
+/// Of a tile in a round, without the solution of a coarse level. \param patch_bytes  of the largest patch
+std::uint64_t smooth_tile_bytes(const SmoothRound& rule, std::uint64_t vertices, std::uint64_t faces,
+                                std::uint64_t patch_bytes);
 
 std::unique_ptr<Stage> make_reach_stage(const JobState& state);
 std::unique_ptr<Stage> make_coarse_sums_stage(const JobState& state, const SmoothPlan& plan,

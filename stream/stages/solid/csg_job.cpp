@@ -84,8 +84,10 @@ SolidModel csg_model(const CsgOptions& options) {
 
 JobDescription csg_job(const CsgOptions& options) {
   const SolidModel model = csg_model(options);
-  return {"csg",     solid_stages(model, options.min_component, "tessera csg"), 0, summarise_solids, {},
-          job_page()};
+  JobDescription job{
+      "csg", solid_stages(model, options.min_component, "tessera csg"), 0, summarise_solids, {}, job_page()};
+  job.needs = [meshes = model.inputs()](const JobState& state) { return solid_needs(state, meshes); };
+  return job;
 }
 
 }  // namespace tessera

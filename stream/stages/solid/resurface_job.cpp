@@ -3,6 +3,7 @@
 #include <nlohmann/json.hpp>
 #include <numeric>
 
+#include "stream/import/import_needs.h"
 #include "stream/import/import_stages.h"
 #include "stream/page/report_page.h"
 #include "stream/runtime/report.h"
@@ -72,6 +73,16 @@ std::vector<StageEntry> solid_stages(const SolidModel& model, std::uint64_t min_
   return stages;
 }
 
+std::vector<StageNeed> solid_needs(const JobState& state, std::size_t meshes) {
+  constexpr std::uint64_t kFewPatches = std::uint64_t{8} << 20;
+  std::vector<StageNeed> needs = {{"write", write_bytes({}, 0), write_bytes({}, 0) + kFewPatches}};
+  for (std::size_t i = 0; i < meshes; ++i)
+    for (StageNeed& need :
+         import_needs(state.run, {i, solid_import(i)}, claimed_mesh_size(state.inputs.at(i))))
+      needs.push_back(std::move(need));
+  return needs;
+}
+
 JobDescription resurface_job(const ResurfaceOptions& options) {
   SolidModel model;
   std::vector<std::size_t> inputs(options.meshes);
@@ -82,6 +93,7 @@ JobDescription resurface_job(const ResurfaceOptions& options) {
   JobDescription job{"resurface", solid_stages(model, options.min_component, "tessera resurface"),
                      0,           summarise_solids,
                      {},          job_page()};
+  job.needs = [meshes = model.inputs()](const JobState& state) { return solid_needs(state, meshes); };
   return job;
 }
 

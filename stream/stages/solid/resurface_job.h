@@ -30,6 +30,9 @@ OptionTable option_table(ResurfaceOptions& options);
 /// Import of every input, lattice, lines, surface, weld, write. The report's `mesh` has {vertices, faces, components, ...}.
 JobDescription resurface_job(const ResurfaceOptions& options);
 
+/// Memory of the imports of a model's meshes and of the output.
+std::vector<StageNeed> solid_needs(const JobState& state, std::size_t meshes);
+
 /// The stages of any model, from import to output. \param maker  "tessera resurface"
 std::vector<StageEntry> solid_stages(const SolidModel& model, std::uint64_t min_component,
                                      const std::string& maker);

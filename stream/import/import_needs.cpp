@@ -1,0 +1,55 @@
+#include "stream/import/import_needs.h"
+
+#include <algorithm>
+
+#include "kernels/mesh/mesh_repair.h"
+#include "stream/formats/meshes/mesh_io.h"
+#include "stream/import/import_bytes.h"
+
+namespace tessera {
+namespace {
+
+// The shortest lines and records that there are: of an OBJ's vertex and face with digits enough to be told apart.
+constexpr std::uint64_t kTextVertexBytes = 24, kTextFaceBytes = 16;
+constexpr std::uint64_t kLeastBytes = 6;    ///< of any element
+constexpr std::uint64_t kDealtBytes = 32;   ///< of a vertex on its way to its bucket
+constexpr std::uint64_t kBucketMargin = 5;  ///< quarters, at most: cells are not cut
+
+}  // namespace
+
+MeshSize claimed_mesh_size(const std::filesystem::path& path) {
+  const auto mesh = open_mesh_file(path);
+  const std::uint64_t bytes = std::filesystem::file_size(path);
+  MeshSize size{std::min(mesh->header().vertices, bytes / kLeastBytes),
+                std::min(mesh->header().faces, bytes / kLeastBytes)};
+  if (size.faces == 0) {  // two faces a vertex
+    size.vertices = bytes / (kTextVertexBytes + 2 * kTextFaceBytes);
+    size.faces = 2 * size.vertices;
+  }
+  if (!mesh->shared_vertices()) size.vertices = 3 * size.faces;
+  return size;
+}
+
+std::vector<StageNeed> import_needs(const RunOptions& run, const ImportSource& source, const MeshSize& mesh) {
+  const std::uint64_t target =
+      std::max(ImportPlan::kBucketVertices, mesh.vertices / ImportPlan::kMostBuckets);
+  const auto vertices = [&](std::uint64_t bucket) {
+    return std::max(import_vertices_task_bytes(std::min(mesh.vertices, bucket), kDealtBytes),
+                    kImportVerticesFinishBytes);
+  };
+  const auto tiles = [&](std::uint64_t bucket) {
+    const std::uint64_t dealt = std::min(mesh.vertices, bucket);
+    const std::uint64_t faces = mesh.vertices == 0 ? 0 : mesh.faces * dealt / mesh.vertices;
+    // Where every face brings its own three corners, they fall together.
+    const std::uint64_t own = std::min(dealt, mesh.faces);
+    return std::max(import_tiles_task_bytes(own, faces, repair_bytes(faces)), kImportTilesFinishBytes);
+  };
+  const auto named = [&](const char* stage) { return source.folder + stage; };
+  const std::uint64_t most = target * kBucketMargin / 4;
+  return {{named("-read"), import_read_bytes(run), 0},
+          {named("-vertices"), vertices(target), vertices(most)},
+          {named("-corners"), import_corners_bytes(run, mesh.vertices), 0},
+          {named("-tiles"), tiles(target), tiles(most)}};
+}
+
+}  // namespace tessera

@@ -1,0 +1,36 @@
+/// \file simplify_needs.h
+/// What passes of decimation and their proof will take, told from the number of faces before there is a mesh.
+#pragma once
+#include <cstdint>
+#include <vector>
+
+#include "stream/runtime/stage.h"
+#include "stream/stages/decimate/simplify_options.h"
+
+namespace tessera {
+
+/// Bytes of a block of so many faces of a surface while it is loaded.
+std::uint64_t surface_block_bytes(std::uint64_t faces);
+
+/// Whole patches around a block, or a cell of the certificate, belong to what is read for it: all of it so many times, where
+/// bricks are large against the body.
+inline constexpr std::uint64_t kMostAround = 2;
+
+/// Memory of the largest task of a pass, in a round that keeps nothing.
+/// \param faces          of the whole mesh
+/// \param largest_patch  faces of it
+/// \param around         1 to kMostAround
+std::uint64_t simplify_pass_bytes(const SimplifyOptions& options, int pass, std::uint64_t faces,
+                                  std::uint64_t largest_patch, std::uint64_t around);
+
+/// Memory of the largest cell of the certificate. \param faces  of mesh and reference together
+std::uint64_t certify_cell_bytes(std::uint64_t faces, std::uint64_t largest_patch, std::uint64_t around);
+
+/// Of `certify` and `write`. \param reference, result  faces of both meshes
+std::vector<StageNeed> proof_needs(const RunOptions& run, std::uint64_t reference, std::uint64_t result);
+
+/// Of the stages of the first round over an imported mesh, and of `write`.
+std::vector<StageNeed> simplify_needs(const RunOptions& run, const SimplifyOptions& options,
+                                      std::uint64_t faces);
+
+}  // namespace tessera

@@ -1,0 +1,117 @@
+// What a cap allows: jobs that cannot work are refused at once, and name a cap that does; what tasks allocate is reserved.
+#include <catch2/catch.hpp>
+
+#include <sstream>
+
+#include "tests/helpers/command.h"
+#include "tests/helpers/temp_folder.h"
+
+namespace {
+
+using namespace tessera;
+using test::CommandResult;
+using test::tessera_command;
+using Words = std::vector<std::string>;
+
+constexpr std::uint64_t kMiB = std::uint64_t{1} << 20;
+
+/// A scan, a mesh of it and a smaller one, in a folder.
+class Files {
+ public:
+  Files() {
+    run({"synth", "--scene", "terrain", "--points", "150k", "-o", at("scan.las")});
+    run({"reconstruct", at("scan.las"), "-o", at("mesh.ply")});
+    run({"synth", "--scene", "csg", "--points", "60k", "--normals", "-o", at("solid.ply")});
+    run({"reconstruct", at("solid.ply"), "-o", at("body.ply")});
+  }
+  std::string at(const std::string& name) const { return (folder_.path() / name).string(); }
+  CommandResult with(Words words, const std::string& cap, const std::string& environment = {}) const {
+    words.insert(words.end(), {"-o", at("out.ply"), "--force", "-t", "2", "--memory", cap, "--no-html"});
+    if (words[0] == "reconstruct" || words[0] == "decimate" || words[0] == "smooth") words.pop_back();
+    return tessera_command(words, 0, environment);
+  }
+
+ private:
+  static void run(const Words& words) {
+    const CommandResult r = tessera_command(words);
+    INFO(r.errors);
+    REQUIRE(r.code == 0);
+  }
+  test::TempFolder folder_;
+};
+
+std::uint64_t named_cap(const CommandResult& refused) {
+  INFO(refused.errors);
+  REQUIRE(refused.code == 4);
+  const auto at = refused.errors.find("would do is --memory ");
+  REQUIRE(at != std::string::npos);
+  return std::stoull(refused.errors.substr(at + 21));
+}
+
+std::vector<Words> jobs(const Files& files) {
+  return {
+      {"reconstruct", files.at("scan.las"), "--tolerance", "0.1"},
+      {"decimate", files.at("mesh.ply"), "--tolerance", "0.1"},
+      {"decimate", files.at("body.ply"), "--target-faces", "5000"},
+      {"smooth", files.at("mesh.ply"), "--method", "denoise"},
+      {"remesh", files.at("body.ply"), "--faces", "20000"},
+      {"resurface", files.at("body.ply"), "--resolution", "0.02"},
+  };
+}
+
+}  // namespace
+
+TEST_CASE("caps: jobs on meshes refuse a small cap before their first stage and name one that does",
+          "[memory]") {
+  const Files files;
+  for (const Words& words : jobs(files)) {
+    if (words[0] == "reconstruct") continue;  // its survey decides: reconstruct_test.cpp
+    CAPTURE(words);
+    const std::uint64_t named = named_cap(files.with(words, "8M"));
+    CHECK_FALSE(std::filesystem::exists(files.at("out.ply.tessera")));
+    const CommandResult done = files.with(words, std::to_string(named) + "M");
+    INFO(done.errors);
+    CHECK(done.code == 0);
+    CHECK(done.peak_bytes <= named * kMiB);
+  }
+}
+
+TEST_CASE("caps: three caps, and no command goes over one", "[memory]") {
+  const Files files;
+  for (const Words& words : jobs(files)) {
+    CAPTURE(words);
+    std::uint64_t named = named_cap(files.with(words, "8M"));
+    if (words[0] == "reconstruct")  // its survey knows more
+      named = named_cap(files.with(words, std::to_string(named) + "M"));
+    for (const std::uint64_t cap : {named + named / 4, 2 * named, 8 * named}) {
+      CAPTURE(cap);
+      const CommandResult done = files.with(words, std::to_string(cap) + "M");
+      INFO(done.errors);
+      CHECK(done.code == 0);
+      CHECK(done.peak_bytes <= cap * kMiB);
+    }
+  }
+}
+
+TEST_CASE("caps: what tasks allocate is reserved", "[memory]") {
+  const Files files;
+  const std::string layer = TESSERA_ALLOCATION_LAYER;
+  for (const Words& words : jobs(files)) {
+    CAPTURE(words);
+    const std::string told = files.at("allocations.txt");
+    ::setenv("TESSERA_ALLOCATIONS", told.c_str(), 1);
+    std::filesystem::remove(told);
+    const CommandResult done = files.with(words, "1G", "LD_PRELOAD=" + layer);
+    ::unsetenv("TESSERA_ALLOCATIONS");
+    INFO(done.errors);
+    REQUIRE(done.code == 0);
+    std::ifstream file(told);
+    std::string word;
+    std::int64_t beyond = 0, beside = 0, bytes = 0;  // of the command and of what it started
+    while (file >> word >> bytes)
+      (word == "beyond" ? beyond : beside) = std::max(word == "beyond" ? beyond : beside, bytes);
+    REQUIRE(beside > 0);
+    CHECK(beyond <= static_cast<std::int64_t>(kMiB));
+    CHECK(beside <= static_cast<std::int64_t>(kMiB));
+  }
+}
