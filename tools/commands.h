@@ -22,5 +22,6 @@ cli::Command resurface_command();
 cli::Command smooth_command();
 cli::Command synth_command();
 cli::Command task_command();
+cli::Command view_command();
 
 }  // namespace tessera

@@ -19,6 +19,7 @@ int main(int argc, char** argv) {
                       check_command(),
                       render_command(),
                       report_command(),
+                      view_command(),
                       info_command(),
                       convert_command(),
                       parameterize_command(),

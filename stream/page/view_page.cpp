@@ -1,0 +1,242 @@
+#include "stream/page/view_page.h"
+
+#include <algorithm>
+#include <cmath>
+#include <fstream>
+#include <limits>
+
+#include <fmt/format.h>
+#include <nlohmann/json.hpp>
+
+#include "kernels/picture/caption.h"
+#include "octree/error.h"
+#include "octree/vector.h"
+#include "stream/check/vertex_deviation.h"
+#include "stream/files/durable_file.h"
+#include "stream/files/output_file.h"
+#include "stream/files/path_text.h"
+#include "stream/formats/meshes/mesh_io.h"
+#include "stream/page/data_block.h"
+#include "stream/runtime/memory_budget.h"
+#include "stream/runtime/stop.h"
+
+namespace tessera {
+namespace {
+
+namespace fs = std::filesystem;
+using nlohmann::json;
+
+constexpr std::uint64_t kMostVertices = 3 * kMostViewFaces;
+constexpr std::string_view kPlace = "<!--tessera:data-->";
+constexpr std::string_view kBegin =
+    "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n"
+    "<meta name=\"generator\" content=\"tessera view\">\n";
+
+/// The bundle around its place for data.
+struct Bundle {
+  std::string before, after;
+};
+
+Bundle read_bundle(const fs::path& path) {
+  const std::string page = read_text(path);
+  const std::size_t at = page.find(kPlace);
+  if (!page.starts_with(kBegin) || at == std::string::npos)
+    throw InputError(path.string() + ": is no viewer of Tessera: run tools/viewer/build again");
+  return {page.substr(0, at), page.substr(at + kPlace.size())};
+}
+
+/// JSON inside of a page: no name of a file ends its element.
+std::string settings(const json& values) {
+  std::string text = values.dump(-1, ' ', true, json::error_handler_t::replace);
+  for (std::size_t at = 0; (at = text.find('<', at)) != std::string::npos;) text.replace(at, 1, "\\u003c");
+  return "<script type=\"application/json\" id=\"tessera-view\">" + text + "</script>\n";
+}
+
+void require_counts(const fs::path& path, std::uint64_t vertices, std::uint64_t faces) {
+  if (faces > kMostViewFaces)
+    throw UsageError(fmt::format(
+        "{}: has {} faces, and one page shows up to {}: cut it into 3D Tiles for any size (tessera tiles {} -o "
+        "site/, then tessera view site/), or make it smaller (tessera decimate)",
+        path.string(), with_commas(faces), with_commas(kMostViewFaces), path.string()));
+  if (vertices > kMostVertices)
+    throw UsageError(fmt::format("{}: has {} vertices for {} faces, and one page holds up to {}: leave out those that no "
+                                 "face uses (tessera convert)",
+                                 path.string(), with_commas(vertices), with_commas(faces), with_commas(kMostVertices)));
+}
+
+/// What is known after one pass over the file.
+struct Survey {
+  std::uint64_t vertices = 0, faces = 0;
+  Double3 origin{};  ///< of the positions in the page
+  bool has_synthetic = false;
+  std::vector<Double3> position;  ///< kept only where it is asked for
+};
+
+/// The multiple of a power of two not below the extent that lies next to the middle: what floats of the file held near
+/// zero stays as it is.
+Double3 round_origin(const Double3& low, const Double3& high) {
+  double extent = 0.0;
+  for (std::size_t k = 0; k < 3; ++k) extent = std::max(extent, high[k] - low[k]);
+  const double step = extent > 0.0 ? std::exp2(std::ceil(std::log2(extent))) : 1.0;
+  Double3 origin;
+  for (std::size_t k = 0; k < 3; ++k) origin[k] = std::round(0.5 * (low[k] + high[k]) / step) * step;
+  return origin;
+}
+
+Survey survey(MeshReader& mesh, const fs::path& path, bool keep) {
+  Survey out;
+  if (keep) out.position.reserve(mesh.header().vertices);
+  constexpr double kFar = std::numeric_limits<double>::infinity();
+  Double3 low = {kFar, kFar, kFar}, high = {-kFar, -kFar, -kFar};
+  std::vector<std::uint64_t> bad;  // vertices that are not finite; faces may not use them
+  mesh.read_vertices([&](std::span<const Double3> batch, std::span<const std::uint32_t>) {
+    throw_if_stopped();
+    for (const Double3& p : batch) {
+      const bool finite = std::isfinite(p[0]) && std::isfinite(p[1]) && std::isfinite(p[2]);
+      if (!finite) bad.push_back(out.vertices);
+      for (std::size_t k = 0; k < 3 && finite; ++k) {
+        low[k] = std::min(low[k], p[k]);
+        high[k] = std::max(high[k], p[k]);
+      }
+      if (keep) out.position.push_back(p);
+      ++out.vertices;
+    }
+    require_counts(path, out.vertices, 0);
+  });
+  mesh.read_flagged_faces([&](std::span<const MeshFace> batch, std::span<const std::uint8_t> flags) {
+    throw_if_stopped();
+    out.faces += batch.size();
+    require_counts(path, 0, out.faces);
+    out.has_synthetic = out.has_synthetic || std::any_of(flags.begin(), flags.end(), [](auto f) { return f != 0; });
+    if (bad.empty()) return;
+    for (const MeshFace& face : batch)
+      for (const std::uint64_t v : face)
+        if (std::binary_search(bad.begin(), bad.end(), v))
+          throw InputError(fmt::format("{}: vertex {} is not finite, and a face uses it: repair the mesh first (tessera "
+                                       "decimate, smooth and remesh do)",
+                                       path.string(), v));
+  });
+  if (out.faces == 0) throw EmptyError(path.string() + ": has no face: nothing to view");
+  out.origin = round_origin(low, high);
+  return out;
+}
+
+void write_positions(OutputFile& page, MeshReader& mesh, const Double3& origin) {
+  DataBlock block(page, "mesh-positions");
+  std::vector<float> words;
+  mesh.read_vertices([&](std::span<const Double3> batch, std::span<const std::uint32_t>) {
+    throw_if_stopped();
+    words.clear();
+    for (const Double3& p : batch)
+      for (std::size_t k = 0; k < 3; ++k) {
+        const double c = p[k] - origin[k];
+        words.push_back(std::isfinite(c) ? static_cast<float>(c) : 0.0f);  // no face uses it
+      }
+    block.add(words.data(), words.size() * sizeof(float));
+  });
+  block.end();
+}
+
+void write_colours(OutputFile& page, MeshReader& mesh) {
+  DataBlock block(page, "mesh-colours");
+  std::vector<std::uint8_t> bytes;
+  mesh.read_vertices([&](std::span<const Double3>, std::span<const std::uint32_t> rgba) {
+    throw_if_stopped();
+    bytes.clear();
+    for (const std::uint32_t c : rgba)
+      for (const int shift : {0, 8, 16}) bytes.push_back(static_cast<std::uint8_t>(c >> shift));
+    block.add(bytes.data(), bytes.size());
+  });
+  block.end();
+}
+
+/// As differences, which neighbours make small, so that they pack well.
+void write_faces(OutputFile& page, MeshReader& mesh) {
+  DataBlock block(page, "mesh-faces");
+  std::vector<std::uint32_t> words;
+  std::uint32_t last = 0;
+  mesh.read_faces([&](std::span<const MeshFace> batch) {
+    throw_if_stopped();
+    words.clear();
+    for (const MeshFace& face : batch)
+      for (const std::uint64_t v : face) {
+        words.push_back(static_cast<std::uint32_t>(v) - last);
+        last = static_cast<std::uint32_t>(v);
+      }
+    block.add(words.data(), words.size() * sizeof(std::uint32_t));
+  });
+  block.end();
+}
+
+void write_marks(OutputFile& page, MeshReader& mesh) {
+  DataBlock block(page, "mesh-synthetic");
+  mesh.read_flagged_faces([&](std::span<const MeshFace>, std::span<const std::uint8_t> flags) {
+    throw_if_stopped();
+    block.add(flags.data(), flags.size());
+  });
+  block.end();
+}
+
+}  // namespace
+
+void require_viewable(const fs::path& path) {
+  const auto mesh = open_mesh_file(path);
+  require_counts(path, mesh->header().vertices, mesh->header().faces);
+}
+
+void write_mesh_view(const fs::path& page, const fs::path& bundle, const fs::path& path, const ViewOptions& options) {
+  const Bundle around = read_bundle(bundle);
+  const auto mesh = open_mesh_file(path);
+  require_counts(path, mesh->header().vertices, mesh->header().faces);
+  const bool compares = !options.deviation.empty();
+  const MemoryBudget budget(options.memory_bytes, resident_bytes());
+  const std::uint64_t vertices = mesh->header().vertices > 0 ? mesh->header().vertices : kMostVertices;
+  const std::uint64_t kept = compares ? vertices * (sizeof(Double3) + 2 * sizeof(float)) : 0;
+  budget.require(OutputFile::kBufferBytes + DataBlock::kMemoryBytes + kept, "view");
+  Survey seen = survey(*mesh, path, compares);
+
+  json values = {{"kind", "mesh"}, {"name", json_text(path.filename())}, {"up", options.up}};
+  values["origin"] = seen.origin + mesh->header().shift;
+  VertexDeviation deviation;
+  if (compares) {
+    deviation = vertex_deviation(path, seen.position, options.deviation, options.with_sign, options.temp, options.memory_bytes);
+    seen.position = {};
+    const double high = options.tolerance > 0.0 ? options.tolerance : deviation.percentile99;
+    values["deviation"] = {{"reference", json_text(options.deviation.filename())},
+                           {"high", high > 0.0 ? high : 1e-12},
+                           {"signed", options.with_sign}};
+  }
+  OutputFile file(page);
+  file.append(around.before);
+  file.append(settings(values));
+  write_positions(file, *mesh, seen.origin);
+  write_faces(file, *mesh);
+  if (mesh->header().colour) write_colours(file, *mesh);
+  if (seen.has_synthetic) write_marks(file, *mesh);
+  if (compares) {
+    DataBlock block(file, "mesh-deviation");
+    block.add(deviation.distance.data(), deviation.distance.size() * sizeof(float));
+    block.end();
+  }
+  file.append(around.after);
+  file.finish();
+}
+
+void write_tiles_view(const fs::path& page, const fs::path& bundle, const std::string& name, const std::string& url,
+                      const std::string& up) {
+  const Bundle around = read_bundle(bundle);
+  OutputFile file(page);
+  file.append(around.before);
+  file.append(settings({{"kind", "tiles"}, {"name", json_text(name)}, {"url", url}, {"up", up}}));
+  file.append(around.after);
+  file.finish();
+}
+
+bool is_view(const fs::path& path) {
+  std::ifstream file(path, std::ios::binary);
+  std::string start(kBegin.size(), '\0');
+  file.read(start.data(), static_cast<std::streamsize>(start.size()));
+  return file.gcount() == static_cast<std::streamsize>(start.size()) && start == kBegin;
+}
+
+}  // namespace tessera

@@ -1,0 +1,84 @@
+// Canvas, camera and the loop: a frame is drawn when something changed, and no other time.
+import { PerspectiveCamera, Raycaster, Scene, Sphere, Vector2, Vector3, WebGLRenderer } from "three";
+import { look } from "./material.js";
+import { clipRange } from "./scale.js";
+import { hides } from "./section.js";
+
+export class Stage {
+  constructor(canvas) {
+    this.canvas = canvas;
+    this.renderer = new WebGLRenderer({ canvas, antialias: true, alpha: true, preserveDrawingBuffer: true });
+    this.renderer.setPixelRatio(Math.min(window.devicePixelRatio, 2));
+    this.scene = new Scene();
+    this.camera = new PerspectiveCamera(50, 1, 0.1, 1000);
+    this.camera.position.set(1, -1, 1);
+    this.ball = new Sphere(new Vector3(), 1);  // of all that may be shown
+    this.size = new Vector2(1, 1);
+    this.plane = null;
+    this.raycaster = new Raycaster();
+    this.changed = this.changed.bind(this);
+    this.before = [];  // called with the seconds since the last frame, before it
+    this.after = [];
+    this.due = false;
+    new ResizeObserver(() => this.resize()).observe(canvas);
+    this.resize();
+  }
+
+  resize() {
+    const width = Math.max(1, this.canvas.clientWidth), height = Math.max(1, this.canvas.clientHeight);
+    this.renderer.setSize(width, height, false);
+    this.size.set(width, height);
+    this.camera.aspect = width / height;
+    this.camera.updateProjectionMatrix();
+    this.changed();
+  }
+
+  changed() {
+    if (this.due) return;
+    this.due = true;
+    requestAnimationFrame((time) => this.frame(time));
+  }
+
+  frame(time) {
+    this.due = false;
+    const seconds = Math.min(0.1, (time - (this.last ?? time)) / 1000 || 1 / 60);
+    this.last = time;
+    for (const call of this.before) call(seconds);
+    const away = this.camera.position.distanceTo(this.ball.center);
+    const { near, far } = clipRange(away, this.ball.radius, this.closest?.() ?? this.ball.radius * 1e-4);
+    Object.assign(this.camera, { near, far });
+    this.camera.updateProjectionMatrix();
+    this.camera.updateMatrixWorld();
+    look.upSeen.value.set(0, 0, 1).transformDirection(this.camera.matrixWorldInverse);
+    look.cutting.value = this.plane !== null;
+    if (this.plane) {
+      look.cutNormal.value.set(...this.plane.normal);
+      look.cutOffset.value = this.plane.offset;
+    }
+    for (const call of this.update ?? []) call();
+    this.renderer.render(this.scene, this.camera);
+    for (const call of this.after) call();
+  }
+
+  /** What is seen at a pixel of the canvas: the nearest hit that no section hides. */
+  pick(x, y) {
+    const at = new Vector2(2 * x / this.size.x - 1, 1 - 2 * y / this.size.y);
+    this.camera.updateMatrixWorld();
+    this.raycaster.setFromCamera(at, this.camera);
+    this.raycaster.near = this.camera.near;
+    this.raycaster.far = Infinity;
+    return this.firstHit();
+  }
+
+  /** Height of what lies below a point, or null. */
+  below(from) {
+    this.raycaster.set(from, new Vector3(0, 0, -1));
+    this.raycaster.near = 0;
+    return this.firstHit()?.point.z ?? null;
+  }
+
+  firstHit() {
+    return this.raycaster.intersectObjects(this.scene.children, true)
+      .find((hit) => !hides(this.plane, hit.point.toArray())) ?? null;
+  }
+}

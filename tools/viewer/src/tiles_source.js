@@ -1,0 +1,56 @@
+// A folder of 3D Tiles: levels come as the camera needs them, vertices quantised and packed by meshopt.
+import { Box3, Matrix4, Sphere } from "three";
+import { TilesRenderer } from "3d-tiles-renderer/three";
+import { GLTFLoader } from "three/addons/loaders/GLTFLoader.js";
+import { MeshoptDecoder } from "three/addons/libs/meshopt_decoder.module.js";
+import { coloursOf, materialFor } from "./material.js";
+
+// Attributes of an application begin with a line in glTF; the loader makes them lower case.
+const ATTRIBUTES = ["synthetic", "uncertain", "deviation"];
+
+function dress(scene, found) {
+  scene.traverse((object) => {
+    if (!object.isMesh) return;
+    const geometry = object.geometry;
+    for (const name of ATTRIBUTES) {
+      const values = geometry.getAttribute(`_${name}`);
+      if (values) geometry.setAttribute(name, values).deleteAttribute(`_${name}`);
+    }
+    for (const name of coloursOf(geometry)) found.add(name);
+    object.material.dispose();
+    object.material = materialFor(geometry);
+  });
+}
+
+/**
+ * \param url  of the tileset, beside the page
+ * \param on   {loaded(), failed(message)}: a tile came; it did not
+ * \returns a source like that of a mesh, with update(), and the matrix of its root
+ */
+export function openTiles(url, on) {
+  const tiles = new TilesRenderer(url);
+  tiles.manager.addHandler(/\.(gltf|glb)$/, new GLTFLoader(tiles.manager).setMeshoptDecoder(MeshoptDecoder));
+  tiles.errorTarget = 6;
+  tiles.lruCache.minBytesSize = 256 * 2 ** 20;
+  tiles.lruCache.maxBytesSize = 768 * 2 ** 20;
+  const colours = new Set();
+  tiles.addEventListener("load-model", ({ scene }) => {
+    dress(scene, colours);
+    on.loaded();
+  });
+  for (const event of ["needs-update", "tile-visibility-change", "tiles-load-end", "dispose-model"])
+    tiles.addEventListener(event, () => on.changed());
+  tiles.addEventListener("load-error", ({ url: at, error }) => on.failed(`${decodeURI(String(at ?? url))}: ${error?.message ?? error}`));
+  const opened = new Promise((done) => {
+    const ready = () => {
+      if (!tiles.root) return;
+      tiles.removeEventListener("load-tileset", ready);
+      const sphere = new Sphere(), box = new Box3(), placed = new Matrix4();
+      tiles.getBoundingSphere(sphere);
+      tiles.getOrientedBoundingBox(box, placed);
+      done({ sphere, box, placed, root: tiles.root, asset: tiles.rootTileset.asset });
+    };
+    tiles.addEventListener("load-tileset", ready);
+  });
+  return { tiles, object: tiles.group, colours, opened };
+}
