@@ -44,10 +44,11 @@ fs::path viewer_folder(const fs::path& given) {
   for (const fs::path& place : places)
     if (fs::is_regular_file(place / "viewer.html", error) && fs::is_regular_file(place / "serve.py", error))
       return place.lexically_normal();
-  throw UsageError(fmt::format(
-      "the viewer's bundle is missing{}: run tools/viewer/build once (it needs node 18 or later, npm and network: apt "
-      "install nodejs npm)",
-      given.empty() ? "" : " in " + given.string()));
+  throw UsageError(
+      fmt::format("the viewer's bundle is missing{}: run tools/viewer/build once (it needs node 18 or later, "
+                  "npm and network: apt "
+                  "install nodejs npm)",
+                  given.empty() ? "" : " in " + given.string()));
 }
 
 /// A tileset's JSON, as far as it tells that it is one.
@@ -74,40 +75,43 @@ std::string percent_encoded(const std::string& name) {
   std::string out;
   for (const char c : name) {
     const auto byte = static_cast<unsigned char>(c);
-    const bool plain = (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '-' || c == '.' || c == '_';
+    const bool plain = (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') ||
+                       c == '-' || c == '.' || c == '_';
     out += plain ? std::string(1, c) : fmt::format("%{:02X}", byte);
   }
   return out;
 }
 
 /// Becomes the server, which has the page open; what is in memory goes, and signals reach it alone.
-[[noreturn]] void serve(const fs::path& viewer, const fs::path& page, const fs::path& site, std::uint32_t port,
-                        std::optional<ScratchFolder>& scratch) {
+[[noreturn]] void serve(const fs::path& viewer, const fs::path& page, const fs::path& site,
+                        std::uint32_t port, std::optional<ScratchFolder>& scratch) {
   const int file = ::open(page.c_str(), O_RDONLY);
   if (file < 0) throw InputError(page.string() + ": " + system_reason(errno));
   scratch.reset();  // the descriptor keeps the page
-  const std::string script = (viewer / "serve.py").string(), descriptor = std::to_string(file), at = std::to_string(port);
+  const std::string script = (viewer / "serve.py").string(), descriptor = std::to_string(file),
+                    at = std::to_string(port);
   const std::string folder = site.string();
   std::vector<const char*> words = {"python3", "-I", "-S", script.c_str(), descriptor.c_str(), at.c_str()};
   if (!folder.empty()) words.push_back(folder.c_str());
   words.push_back(nullptr);
   std::fflush(nullptr);
   ::execvp(words[0], const_cast<char* const*>(words.data()));
-  throw UsageError(fmt::format("python3 does not start ({}), and serves the page: apt install python3{}", system_reason(errno),
-                               site.empty() ? ", or write it to a file with -o" : ""));
+  throw UsageError(fmt::format("python3 does not start ({}), and serves the page: apt install python3{}",
+                               system_reason(errno), site.empty() ? ", or write it to a file with -o" : ""));
 }
 
 void view_tiles(const Arguments& a, const fs::path& input, const fs::path& viewer) {
-  if (!a.output.empty())
-    throw UsageError("-o: a page holds a mesh, tiles are served: leave -o out");
-  if (!a.options.deviation.empty()) throw UsageError("--deviation: is for meshes; tiles show what they carry");
-  const fs::path tileset = fs::absolute(fs::is_directory(input) ? input / "tileset.json" : input).lexically_normal();
+  if (!a.output.empty()) throw UsageError("-o: a page holds a mesh, tiles are served: leave -o out");
+  if (!a.options.deviation.empty())
+    throw UsageError("--deviation: is for meshes; tiles show what they carry");
+  const fs::path tileset =
+      fs::absolute(fs::is_directory(input) ? input / "tileset.json" : input).lexically_normal();
   require_tileset(tileset);
   const fs::path site = tileset.parent_path();
   std::optional<ScratchFolder> scratch(std::in_place, a.options.temp, "view");
   const fs::path page = scratch->path() / "page.html";
-  write_tiles_view(page, viewer / "viewer.html", site.filename().string(), "site/" + percent_encoded(tileset.filename().string()),
-                   a.options.up);
+  write_tiles_view(page, viewer / "viewer.html", site.filename().string(),
+                   "site/" + percent_encoded(tileset.filename().string()), a.options.up);
   serve(viewer, page, site, a.port, scratch);
 }
 
@@ -126,18 +130,21 @@ void view_mesh(const Arguments& a, const fs::path& input, const fs::path& viewer
 }
 
 void run(Arguments a) {
-  if (a.inputs.empty()) throw UsageError("nothing to view: name a mesh, or the folder of a tileset: tessera view site/");
+  if (a.inputs.empty())
+    throw UsageError("nothing to view: name a mesh, or the folder of a tileset: tessera view site/");
   if (a.inputs.size() > 1) throw UsageError("one thing is viewed at a time");
   const fs::path input = a.inputs.front();
   std::error_code error;
   if (!fs::exists(input, error)) throw InputError(input.string() + ": is not there");
-  if (!a.options.deviation.empty() && a.options.tolerance < 0.0) throw UsageError("--tolerance must not be negative");
+  if (!a.options.deviation.empty() && a.options.tolerance < 0.0)
+    throw UsageError("--tolerance must not be negative");
   if (a.options.deviation.empty() && (a.options.tolerance != 0.0 || a.options.with_sign))
     throw UsageError("--tolerance and --signed are for the colours of --deviation");
   if (!a.output.empty() && a.output.extension() != ".html" && a.output.extension() != ".htm")
     throw UsageError("-o " + a.output.string() + ": a page is written: end its name in .html");
   if (!a.output.empty())
-    cli::check_line_writes({input, a.options.deviation}, {{a.output, "-o", existing_by(a.force || is_view(a.output))}});
+    cli::check_line_writes({input, a.options.deviation},
+                           {{a.output, "-o", existing_by(a.force || is_view(a.output))}});
   const fs::path viewer = viewer_folder(a.viewer);
   if (a.options.memory_bytes == 0) a.options.memory_bytes = detect_memory_cap().bytes;
   if (a.options.temp.empty())
@@ -152,13 +159,16 @@ cli::Command view_command() {
   auto arguments = std::make_shared<Arguments>();
   Arguments& a = *arguments;
   OptionTable t;
-  t.add("inputs", &a.inputs, "a mesh of up to 2 M faces, or the folder of a tileset (3D Tiles) or its tileset.json")
+  t.add("inputs", &a.inputs,
+        "a mesh of up to 2 M faces, or the folder of a tileset (3D Tiles) or its tileset.json")
       .positional();
   cli::add_output(t, a.output, "write one self-contained page of a mesh, .html; default: serve it");
   t.add("port", &a.port, "of the local server; 0 = a free one").within(0, 65535);
   t.add("up", &a.options.up, "which axis is up").one_of({"x", "y", "z"});
-  t.add("deviation", &a.options.deviation, "mesh that the vertices are compared with, for colours by distance");
-  t.add("tolerance", &a.options.tolerance, "with --deviation: end of the scale, scan units; 0 = 99th percentile");
+  t.add("deviation", &a.options.deviation,
+        "mesh that the vertices are compared with, for colours by distance");
+  t.add("tolerance", &a.options.tolerance,
+        "with --deviation: end of the scale, scan units; 0 = 99th percentile");
   t.add("signed", &a.options.with_sign, "with --deviation: red in front of the reference, blue behind it");
   t.add("memory", &a.options.memory_bytes,
         "cap on the peak resident memory; default: the smallest limit of this machine x 0.8")

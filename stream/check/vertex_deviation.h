@@ -11,8 +11,9 @@
 namespace tessera {
 
 struct VertexDeviation {
-  std::vector<float> distance;  ///< one a vertex, scan units; infinite farther away than a 16th of the diagonal
-  double percentile99 = 0.0;    ///< of the sizes of the finite ones, rounded up to two digits
+  std::vector<float>
+      distance;               ///< one a vertex, scan units; infinite farther away than a 16th of the diagonal
+  double percentile99 = 0.0;  ///< of the sizes of the finite ones, rounded up to two digits
 };
 
 /// \param mesh       the file \param position  of its vertices, finite where faces use them

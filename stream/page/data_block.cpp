@@ -14,7 +14,7 @@
 namespace tessera {
 namespace {
 
-constexpr int kLevel = 5;  // beyond, twice the time saves a hundredth
+constexpr int kLevel = 5;                                // beyond, twice the time saves a hundredth
 constexpr std::size_t kOutBytes = std::size_t{3} << 15;  // whole groups of base64
 
 }  // namespace

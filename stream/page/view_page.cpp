@@ -54,14 +54,16 @@ std::string settings(const json& values) {
 
 void require_counts(const fs::path& path, std::uint64_t vertices, std::uint64_t faces) {
   if (faces > kMostViewFaces)
-    throw UsageError(fmt::format(
-        "{}: has {} faces, and one page shows up to {}: cut it into 3D Tiles for any size (tessera tiles {} -o "
-        "site/, then tessera view site/), or make it smaller (tessera decimate)",
-        path.string(), with_commas(faces), with_commas(kMostViewFaces), path.string()));
+    throw UsageError(
+        fmt::format("{}: has {} faces, and one page shows up to {}: cut it into 3D Tiles for any size "
+                    "(tessera tiles {} -o "
+                    "site/, then tessera view site/), or make it smaller (tessera decimate)",
+                    path.string(), with_commas(faces), with_commas(kMostViewFaces), path.string()));
   if (vertices > kMostVertices)
-    throw UsageError(fmt::format("{}: has {} vertices for {} faces, and one page holds up to {}: leave out those that no "
-                                 "face uses (tessera convert)",
-                                 path.string(), with_commas(vertices), with_commas(faces), with_commas(kMostVertices)));
+    throw UsageError(
+        fmt::format("{}: has {} vertices for {} faces, and one page holds up to {}: leave out those that no "
+                    "face uses (tessera convert)",
+                    path.string(), with_commas(vertices), with_commas(faces), with_commas(kMostVertices)));
 }
 
 /// What is known after one pass over the file.
@@ -107,14 +109,16 @@ Survey survey(MeshReader& mesh, const fs::path& path, bool keep) {
     throw_if_stopped();
     out.faces += batch.size();
     require_counts(path, 0, out.faces);
-    out.has_synthetic = out.has_synthetic || std::any_of(flags.begin(), flags.end(), [](auto f) { return f != 0; });
+    out.has_synthetic =
+        out.has_synthetic || std::any_of(flags.begin(), flags.end(), [](auto f) { return f != 0; });
     if (bad.empty()) return;
     for (const MeshFace& face : batch)
       for (const std::uint64_t v : face)
         if (std::binary_search(bad.begin(), bad.end(), v))
-          throw InputError(fmt::format("{}: vertex {} is not finite, and a face uses it: repair the mesh first (tessera "
-                                       "decimate, smooth and remesh do)",
-                                       path.string(), v));
+          throw InputError(
+              fmt::format("{}: vertex {} is not finite, and a face uses it: repair the mesh first (tessera "
+                          "decimate, smooth and remesh do)",
+                          path.string(), v));
   });
   if (out.faces == 0) throw EmptyError(path.string() + ": has no face: nothing to view");
   out.origin = round_origin(low, high);
@@ -184,7 +188,8 @@ void require_viewable(const fs::path& path) {
   require_counts(path, mesh->header().vertices, mesh->header().faces);
 }
 
-void write_mesh_view(const fs::path& page, const fs::path& bundle, const fs::path& path, const ViewOptions& options) {
+void write_mesh_view(const fs::path& page, const fs::path& bundle, const fs::path& path,
+                     const ViewOptions& options) {
   const Bundle around = read_bundle(bundle);
   const auto mesh = open_mesh_file(path);
   require_counts(path, mesh->header().vertices, mesh->header().faces);
@@ -199,7 +204,8 @@ void write_mesh_view(const fs::path& page, const fs::path& bundle, const fs::pat
   values["origin"] = seen.origin + mesh->header().shift;
   VertexDeviation deviation;
   if (compares) {
-    deviation = vertex_deviation(path, seen.position, options.deviation, options.with_sign, options.temp, options.memory_bytes);
+    deviation = vertex_deviation(path, seen.position, options.deviation, options.with_sign, options.temp,
+                                 options.memory_bytes);
     seen.position = {};
     const double high = options.tolerance > 0.0 ? options.tolerance : deviation.percentile99;
     values["deviation"] = {{"reference", json_text(options.deviation.filename())},
@@ -222,8 +228,8 @@ void write_mesh_view(const fs::path& page, const fs::path& bundle, const fs::pat
   file.finish();
 }
 
-void write_tiles_view(const fs::path& page, const fs::path& bundle, const std::string& name, const std::string& url,
-                      const std::string& up) {
+void write_tiles_view(const fs::path& page, const fs::path& bundle, const std::string& name,
+                      const std::string& url, const std::string& up) {
   const Bundle around = read_bundle(bundle);
   OutputFile file(page);
   file.append(around.before);

@@ -12,7 +12,8 @@
 
 namespace tessera {
 
-inline constexpr std::uint64_t kMostViewFaces = kMostWholeFaces;  ///< above, browsers want levels of detail: 3D Tiles
+inline constexpr std::uint64_t kMostViewFaces =
+    kMostWholeFaces;  ///< above, browsers want levels of detail: 3D Tiles
 
 /// What the person chose.
 struct ViewOptions {

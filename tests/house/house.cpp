@@ -13,7 +13,8 @@ Sources read_house(const std::string& root) {
   for (const char* floor : {"octree", "solvers", "kernels", "stream", "tools", "tests"})
     for (fs::recursive_directory_iterator at(fs::path(root) / floor), end; at != end; ++at) {
       const fs::path& path = at->path();
-      if (path.filename() == "node_modules") at.disable_recursion_pending();  // what npm fetched is nobody's house
+      if (path.filename() == "node_modules")
+        at.disable_recursion_pending();  // what npm fetched is nobody's house
       if (path.extension() != ".h" && path.extension() != ".cpp" && path.filename() != "CMakeLists.txt")
         continue;
       Source s{fs::relative(path, root).generic_string(), {}};

@@ -25,7 +25,8 @@ namespace fs = std::filesystem;
 namespace {
 
 constexpr const char* kCoin =
-    "ply\nformat ascii 1.0\ncomment tessera_shift 500000 5400000 0\nelement vertex 4\nproperty float x\nproperty float y\n"
+    "ply\nformat ascii 1.0\ncomment tessera_shift 500000 5400000 0\nelement vertex 4\nproperty float "
+    "x\nproperty float y\n"
     "property float z\nproperty uchar red\nproperty uchar green\nproperty uchar blue\nelement face 2\n"
     "property list uchar int vertex_indices\nproperty uchar synthetic\nend_header\n"
     "0 0 0 255 0 0\n1 0 0 0 255 0\n0 1 0.125 0 0 255\n1 1 0.25 9 9 9\n3 0 1 2 0\n3 2 1 3 1\n";
@@ -33,14 +34,17 @@ constexpr const char* kCoin =
 /// A bundle whose page is its frame alone, so that no test needs Node.
 fs::path bundle(const TempFolder& folder) {
   spill(folder / "viewer/viewer.html",
-        "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n<meta name=\"generator\" content=\"tessera "
+        "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n<meta name=\"generator\" "
+        "content=\"tessera "
         "view\">\n</head><body>\n<!--tessera:data-->\n<script>0</script></body></html>\n");
-  fs::copy_file(TESSERA_SOURCE_DIR "/tools/viewer/serve.py", folder / "viewer/serve.py", fs::copy_options::overwrite_existing);
+  fs::copy_file(TESSERA_SOURCE_DIR "/tools/viewer/serve.py", folder / "viewer/serve.py",
+                fs::copy_options::overwrite_existing);
   return folder / "viewer";
 }
 
 fs::path site(const TempFolder& folder) {
-  spill(folder / "site/tileset.json", R"({"asset": {"version": "1.1"}, "geometricError": 1, "root": {"refine": "ADD"}})");
+  spill(folder / "site/tileset.json",
+        R"({"asset": {"version": "1.1"}, "geometricError": 1, "root": {"refine": "ADD"}})");
   spill(folder / "site/tiles/a b.glb", "glTF of a");
   spill(folder / "site/notes.txt", "mine");
   spill(folder / "secret.json", "secret");
@@ -79,8 +83,8 @@ std::vector<T> block(const std::string& page, const std::string& id) {
   }
   std::vector<T> out(1024);
   uLongf bytes = out.size() * sizeof(T);
-  REQUIRE(uncompress(reinterpret_cast<Bytef*>(out.data()), &bytes, reinterpret_cast<const Bytef*>(packed.data()),
-                     packed.size()) == Z_OK);
+  REQUIRE(uncompress(reinterpret_cast<Bytef*>(out.data()), &bytes,
+                     reinterpret_cast<const Bytef*>(packed.data()), packed.size()) == Z_OK);
   out.resize(bytes / sizeof(T));
   return out;
 }
@@ -130,11 +134,13 @@ class Served {
     at.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
     REQUIRE(::connect(s, reinterpret_cast<const sockaddr*>(&at), sizeof at) == 0);
     if (host.empty()) host = "127.0.0.1:" + std::to_string(port());
-    const std::string asked = method + " " + path + " HTTP/1.1\r\nHost: " + host + "\r\nConnection: close\r\n\r\n";
+    const std::string asked =
+        method + " " + path + " HTTP/1.1\r\nHost: " + host + "\r\nConnection: close\r\n\r\n";
     REQUIRE(::send(s, asked.data(), asked.size(), 0) == static_cast<ssize_t>(asked.size()));
     std::string answer;
     char part[4096];
-    for (ssize_t n = 0; (n = ::recv(s, part, sizeof part, 0)) > 0;) answer.append(part, static_cast<std::size_t>(n));
+    for (ssize_t n = 0; (n = ::recv(s, part, sizeof part, 0)) > 0;)
+      answer.append(part, static_cast<std::size_t>(n));
     ::close(s);
     return answer;
   }
@@ -161,14 +167,17 @@ class Served {
 TEST_CASE("view: what cannot be viewed is refused in a sentence", "[fault]") {
   const TempFolder folder;
   const std::string mesh = folder.write("coin.ply", kCoin).string(), page = (folder / "page.html").string();
-  const CommandResult missing = refused(2, {"view", mesh, "-o", page, "--viewer", (folder / "none").string()});
+  const CommandResult missing =
+      refused(2, {"view", mesh, "-o", page, "--viewer", (folder / "none").string()});
   CHECK(missing.errors.find("tools/viewer/build") != std::string::npos);
   refused(2, view(folder, {}));
   refused(2, view(folder, {mesh, mesh}));
   refused(3, view(folder, {(folder / "gone.ply").string()}));
   refused(3, view(folder, {folder.write("bad.ply", "ply\nnonsense\n").string(), "-o", page}));
-  refused(3, view(folder, {folder.write("far.off", "OFF 3 1 0\n0 0 0\n1 0 nan\n0 1 0\n3 0 1 2\n").string(), "-o", page}));
-  refused(5, view(folder, {folder.write("none.off", "OFF 3 0 0\n0 0 0\n1 0 0\n0 1 0\n").string(), "-o", page}));
+  refused(3, view(folder, {folder.write("far.off", "OFF 3 1 0\n0 0 0\n1 0 nan\n0 1 0\n3 0 1 2\n").string(),
+                           "-o", page}));
+  refused(5,
+          view(folder, {folder.write("none.off", "OFF 3 0 0\n0 0 0\n1 0 0\n0 1 0\n").string(), "-o", page}));
   refused(2, view(folder, {mesh, "-o", (folder / "page.png").string()}));
   refused(2, view(folder, {mesh, "-o", page, "--signed"}));
   refused(3, view(folder, {mesh, "-o", page, "--deviation", (folder / "gone.ply").string()}));
@@ -179,10 +188,12 @@ TEST_CASE("view: what cannot be viewed is refused in a sentence", "[fault]") {
   refused(3, view(folder, {(folder / "empty").string()}));
   CHECK_FALSE(fs::exists(page));
 
-  std::string large = "ply\nformat binary_little_endian 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty "
-                      "float z\nelement face 2000001\nproperty list uchar int vertex_indices\nend_header\n";
+  std::string large =
+      "ply\nformat binary_little_endian 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty "
+      "float z\nelement face 2000001\nproperty list uchar int vertex_indices\nend_header\n";
   large.resize(large.size() + 36 + std::size_t{2000001} * 13, '\0');
-  const CommandResult many = refused(2, view(folder, {folder.write("large.ply", large).string(), "-o", page}));
+  const CommandResult many =
+      refused(2, view(folder, {folder.write("large.ply", large).string(), "-o", page}));
   CHECK(many.errors.find("2,000,001 faces") != std::string::npos);
   CHECK(many.errors.find("tessera tiles") != std::string::npos);
 }
@@ -190,7 +201,9 @@ TEST_CASE("view: what cannot be viewed is refused in a sentence", "[fault]") {
 TEST_CASE("view: the page holds the mesh, its colours, its marks and where it lies", "[pipeline]") {
   const TempFolder folder;
   const fs::path page = folder / "page.html";
-  REQUIRE(tessera_command(view(folder, {folder.write("<coin>.ply", kCoin).string(), "-o", page.string(), "--up", "y"})).code == 0);
+  REQUIRE(tessera_command(
+              view(folder, {folder.write("<coin>.ply", kCoin).string(), "-o", page.string(), "--up", "y"}))
+              .code == 0);
   const std::string text = file_bytes(page);
   CHECK(text.ends_with("\n<script>0</script></body></html>\n"));
   const nlohmann::json values = settings_of(text);
@@ -205,7 +218,8 @@ TEST_CASE("view: the page holds the mesh, its colours, its marks and where it li
   CHECK(static_cast<double>(p[10]) + origin[1] == 5400001.0);
   CHECK(static_cast<double>(p[11]) + origin[2] == 0.25);
   CHECK(block<std::int32_t>(text, "mesh-faces") == std::vector<std::int32_t>{0, 1, 1, 0, -1, 2});
-  CHECK(block<std::uint8_t>(text, "mesh-colours") == std::vector<std::uint8_t>{255, 0, 0, 0, 255, 0, 0, 0, 255, 9, 9, 9});
+  CHECK(block<std::uint8_t>(text, "mesh-colours") ==
+        std::vector<std::uint8_t>{255, 0, 0, 0, 255, 0, 0, 0, 255, 9, 9, 9});
   CHECK(block<std::uint8_t>(text, "mesh-synthetic") == std::vector<std::uint8_t>{0, 1});
   CHECK(is_view(page));
 }
@@ -213,25 +227,34 @@ TEST_CASE("view: the page holds the mesh, its colours, its marks and where it li
 TEST_CASE("view: coordinates of maps keep what single precision around their own origin can", "[property]") {
   const TempFolder folder;
   const fs::path page = folder / "page.html";
-  REQUIRE(tessera_command(view(folder, {folder.write("far.off", "OFF 3 1 0\n4512345.678 5412345.671 312.25\n4512346.789 "
-                                                                "5412345.672 313.5\n4512345.111 5412399.673 311.125\n3 0 1 2\n")
-                                            .string(),
-                                        "-o", page.string()}))
+  REQUIRE(tessera_command(
+              view(folder, {folder
+                                .write("far.off",
+                                       "OFF 3 1 0\n4512345.678 5412345.671 312.25\n4512346.789 "
+                                       "5412345.672 313.5\n4512345.111 5412399.673 311.125\n3 0 1 2\n")
+                                .string(),
+                            "-o", page.string()}))
               .code == 0);
   const std::string text = file_bytes(page);
   const auto origin = settings_of(text).at("origin").get<std::array<double, 3>>();
   const std::vector<float> p = block<float>(text, "mesh-positions");
   REQUIRE(p.size() == 9);
-  const std::vector<double> truth = {4512345.678, 5412345.671, 312.25, 4512346.789, 5412345.672, 313.5, 4512345.111, 5412399.673, 311.125};
-  for (std::size_t i = 0; i < 9; ++i) CHECK(std::abs(static_cast<double>(p[i]) + origin[i % 3] - truth[i]) < 4e-6);
+  const std::vector<double> truth = {4512345.678, 5412345.671, 312.25,      4512346.789, 5412345.672,
+                                     313.5,       4512345.111, 5412399.673, 311.125};
+  for (std::size_t i = 0; i < 9; ++i)
+    CHECK(std::abs(static_cast<double>(p[i]) + origin[i % 3] - truth[i]) < 4e-6);
 }
 
 TEST_CASE("view: distances to a reference, with sign and scale", "[pipeline]") {
   const TempFolder folder;
   const fs::path page = folder / "page.html";
-  const std::string plane = folder.write("plane.off", "OFF 4 2 0\n0 0 0\n8 0 0\n0 8 0\n8 8 0\n3 0 1 2\n3 2 1 3\n").string();
-  const std::string bent = folder.write("bent.off", "OFF 4 2 0\n1 1 0.25\n7 1 -0.5\n1 7 0\n7 7 6\n3 0 1 2\n3 2 1 3\n").string();
-  REQUIRE(tessera_command(view(folder, {bent, "-o", page.string(), "--deviation", plane, "--signed", "--tolerance", "0.4"})).code == 0);
+  const std::string plane =
+      folder.write("plane.off", "OFF 4 2 0\n0 0 0\n8 0 0\n0 8 0\n8 8 0\n3 0 1 2\n3 2 1 3\n").string();
+  const std::string bent =
+      folder.write("bent.off", "OFF 4 2 0\n1 1 0.25\n7 1 -0.5\n1 7 0\n7 7 6\n3 0 1 2\n3 2 1 3\n").string();
+  REQUIRE(tessera_command(view(folder, {bent, "-o", page.string(), "--deviation", plane, "--signed",
+                                        "--tolerance", "0.4"}))
+              .code == 0);
   const std::string text = file_bytes(page);
   const std::vector<float> d = block<float>(text, "mesh-deviation");
   REQUIRE(d.size() == 4);
@@ -266,11 +289,14 @@ TEST_CASE("view: the server gives page and tiles to this machine, and nothing el
   CHECK(page.find("200 OK") != std::string::npos);
   CHECK(page.find("\"url\":\"site/tileset.json\"") != std::string::npos);
   CHECK(served.ask("/site/tiles/a%20b.glb?v=1").ends_with("\r\n\r\nglTF of a"));
-  CHECK(served.ask("/site/tileset.json", "localhost:" + std::to_string(served.port())).find("application/json") != std::string::npos);
+  CHECK(served.ask("/site/tileset.json", "localhost:" + std::to_string(served.port()))
+            .find("application/json") != std::string::npos);
   CHECK(served.ask("/", {}, "HEAD").ends_with("\r\n\r\n"));
-  for (const char* path : {"/site/../secret.json", "/site/%2e%2e/secret.json", "/site/..%2fsecret.json", "/site/%2e%2e%2fsecret.json",
-                           "/../secret.json", "/site//../secret.json", "/site/link.json", "/secret.json", "/site/notes.txt", "/site/",
-                           "/site/gone.glb", "/site/tiles", "/site/tiles/a%00b.glb", "//etc/passwd", "/site//etc/hostname.json"}) {
+  for (const char* path :
+       {"/site/../secret.json", "/site/%2e%2e/secret.json", "/site/..%2fsecret.json",
+        "/site/%2e%2e%2fsecret.json", "/../secret.json", "/site//../secret.json", "/site/link.json",
+        "/secret.json", "/site/notes.txt", "/site/", "/site/gone.glb", "/site/tiles", "/site/tiles/a%00b.glb",
+        "//etc/passwd", "/site//etc/hostname.json"}) {
     CAPTURE(path);
     CHECK(served.code(path) == 404);
     CHECK(served.ask(path).find("secret") == std::string::npos);

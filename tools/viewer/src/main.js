@@ -61,11 +61,12 @@ function place(source, up) {
   look.heights.value = { x: box.min.z, y: box.max.z };
   const scanUp = apply(scan.frame.toScan, [0, 0, 1]).map((c, i) => c - apply(scan.frame.toScan, [0, 0, 0])[i]);
   scan.up = scanUp.map((c) => c / Math.hypot(...scanUp));
-  scan.step = positionStep(2 * stage.ball.radius * scan.frame.unit, source.quantum?.() ?? 0);
+  setStep = () => (scan.step = positionStep(2 * stage.ball.radius * scan.frame.unit, (source.quantum?.() ?? 0) * scan.frame.unit));
+  setStep();
   axes = scanAxes(scan.frame.toScan);
   updateSection();
 }
-let axes = [];
+let axes = [], setStep = null;
 
 const VIEWS = { iso: [-0.62, -1, 0.72], top: [0, -1e-4, 1], front: [0, -1, 0], right: [1, 0, 0] };
 
@@ -222,7 +223,7 @@ async function meshSource() {
 
 async function tilesSource() {
   const source = openTiles(config.url, {
-    loaded: () => (offerColours(source.colours), stage.changed()),
+    loaded: () => (offerColours(source.colours), setStep?.(), stage.changed()),
     changed: stage.changed,
     failed: (text) => trouble(`A tile could not be shown: ${text}`),
   });
@@ -252,7 +253,7 @@ async function tilesSource() {
     frame: (up) => isGeocentric(centre) ? geocentricFrame(centre, identity ? null : root.transform, shift)
       : localFrame(centre, shift, up),
     sceneBox: (matrix) => box.clone().applyMatrix4(matrix.clone().multiply(placed)),
-    quantum: () => extras.quantum ?? 2 * sphere.radius / 2 ** 20,
+    quantum: () => (Number.isFinite(source.steps.finest) ? source.steps.finest : 0),
   };
 }
 

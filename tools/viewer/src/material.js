@@ -92,7 +92,8 @@ void main() {
   if (mode == 5) base = mix(base, ${glsl(MARKED.uncertain)}, clamp(doubtful, 0.0, 1.0));
 #endif
   bool behind = !gl_FrontFacing;
-  if (behind && backs) base = ${glsl(BACK)};
+  // Cut open, a solid shows its inside: there the colours asked for stay readable.
+  if (behind && backs) base = mix(base, ${glsl(BACK)}, cutting ? 0.6 : 1.0);
   // Sky and ground by the direction up, a lamp over the left shoulder, and a rim that lifts edges off each other.
   float sky = 0.5 + 0.5 * dot(n, upSeen);
   float lamp = max(0.0, dot(n, normalize(vec3(-0.45, 0.55, 0.75))));

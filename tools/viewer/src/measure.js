@@ -19,9 +19,12 @@ export function chainLength(points) {
   return sum;
 }
 
-/** What positions are worth: single precision of a mesh this large, or the step of its quantised coordinates. */
+/**
+ * The last digit shown: not below what positions are worth (single precision of content this large, or the step of
+ * quantised coordinates), and no finer than a scan is: a hundred-thousandth of its size, or a thousandth of its unit.
+ */
 export function positionStep(size, quantum = 0) {
-  const least = Math.max(quantum, size * 2 ** -23, Number.MIN_VALUE);
+  const least = Math.max(quantum, size * 2 ** -23, Math.min(size * 1e-5, 1e-3), 1e-300);
   return Number(`1e${Math.floor(Math.log10(least))}`);
 }
 

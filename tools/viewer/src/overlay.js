@@ -15,25 +15,34 @@ const css = (c) => `rgb(${c.join(" ")})`;
 
 /** \param measurements  [{kind, points (of the scan), scene: [Vector3], open}] */
 export function drawMeasurements(layer, measurements, camera, size, step) {
-  const seen = (p) => {
-    const at = p.clone().project(camera);
-    return at.z > 1 || at.z < -1 ? null : [(at.x + 1) / 2 * size.x, (1 - at.y) / 2 * size.y];
+  const toPixels = (v) => {
+    const at = v.clone().applyMatrix4(camera.projectionMatrix);
+    return [(at.x + 1) / 2 * size.x, (1 - at.y) / 2 * size.y];
   };
-  const parts = [], label = (at, text) => {
-    const [x, y] = at;
+  const before = (v) => v.z < -camera.near;
+  /** Both ends in pixels, of what lies before the eye; null where nothing does. */
+  const seen = (a, b) => {
+    if (!before(a) && !before(b)) return null;
+    const cut = (from, to) => before(from) ? from : from.clone().lerp(to, (from.z + 1.001 * camera.near) / (from.z - to.z));
+    return [toPixels(cut(a, b)), toPixels(cut(b, a))];
+  };
+  const parts = [], label = ([x, y], text) => {
     parts.push(svg("text", { x: x + 9, y: y - 9, class: "halo" }, text), svg("text", { x: x + 9, y: y - 9 }, text));
   };
   for (const m of measurements) {
-    const at = m.scene.map(seen);
+    const at = m.scene.map((p) => p.clone().applyMatrix4(camera.matrixWorldInverse));
     for (let i = 1; i < at.length; ++i) {
-      if (!at[i - 1] || !at[i]) continue;
-      const line = { x1: at[i - 1][0], y1: at[i - 1][1], x2: at[i][0], y2: at[i][1] };
+      const ends = seen(at[i - 1], at[i]);
+      if (!ends) continue;
+      const [[x1, y1], [x2, y2]] = ends, line = { x1, y1, x2, y2 };
       parts.push(svg("line", { ...line, class: "under" }), svg("line", line));
-      label([(line.x1 + line.x2) / 2, (line.y1 + line.y2) / 2],
-            numberText(length(subtract(m.points[i], m.points[i - 1])), step));
+      label([(x1 + x2) / 2, (y1 + y2) / 2], numberText(length(subtract(m.points[i], m.points[i - 1])), step));
     }
-    at.forEach((p) => p && parts.push(svg("circle", { cx: p[0], cy: p[1], r: 4.5, class: m.open ? "open" : "" })));
-    if (m.kind === "point" && at[0]) label(at[0], pointText(m.points[0], step));
+    for (const v of at.filter(before)) {
+      const [cx, cy] = toPixels(v);
+      parts.push(svg("circle", { cx, cy, r: 4.5, class: m.open ? "open" : "" }));
+    }
+    if (m.kind === "point" && before(at[0])) label(toPixels(at[0]), pointText(m.points[0], step));
   }
   layer.replaceChildren(...parts);
 }
@@ -69,9 +78,9 @@ export function drawAxes(layer, axes, camera) {
   axes.map(({ name, direction }) => ({ name, v: direction.clone().transformDirection(toView) }))
     .sort((a, b) => a.v.z - b.v.z)
     .forEach(({ name, v }) => {
-      const x = 36 + 25 * v.x, y = 36 - 25 * v.y;
+      const x = 36 + 22 * v.x, y = 36 - 22 * v.y;
       parts.push(svg("line", { x1: 36, y1: 36, x2: x, y2: y, class: name }),
-                 svg("text", { x: 36 + 32 * v.x, y: 40 - 32 * v.y, class: name, "text-anchor": "middle" }, name));
+                 svg("text", { x: 36 + 29 * v.x, y: 40 - 29 * v.y, class: name, "text-anchor": "middle" }, name));
     });
   layer.replaceChildren(...parts);
 }

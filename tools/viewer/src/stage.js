@@ -60,14 +60,16 @@ export class Stage {
     for (const call of this.after) call();
   }
 
-  /** What is seen at a pixel of the canvas: the nearest hit that no section hides. */
+  /** What is seen at a pixel of the canvas: the nearest hit that no section hides; beside it where a ray slips between tiles. */
   pick(x, y) {
-    const at = new Vector2(2 * x / this.size.x - 1, 1 - 2 * y / this.size.y);
     this.camera.updateMatrixWorld();
-    this.raycaster.setFromCamera(at, this.camera);
-    this.raycaster.near = this.camera.near;
-    this.raycaster.far = Infinity;
-    return this.firstHit();
+    for (const [i, j] of [[0, 0], [1, 0], [-1, 0], [0, 1], [0, -1]]) {
+      this.raycaster.setFromCamera(new Vector2(2 * (x + i) / this.size.x - 1, 1 - 2 * (y + j) / this.size.y), this.camera);
+      this.raycaster.near = this.camera.near;
+      const hit = this.firstHit();
+      if (hit) return hit;
+    }
+    return null;
   }
 
   /** Height of what lies below a point, or null. */

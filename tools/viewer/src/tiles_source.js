@@ -1,5 +1,5 @@
 // A folder of 3D Tiles: levels come as the camera needs them, vertices quantised and packed by meshopt.
-import { Box3, Matrix4, Sphere } from "three";
+import { Box3, Matrix4, Sphere, Vector3 } from "three";
 import { TilesRenderer } from "3d-tiles-renderer/three";
 import { GLTFLoader } from "three/addons/loaders/GLTFLoader.js";
 import { MeshoptDecoder } from "three/addons/libs/meshopt_decoder.module.js";
@@ -8,10 +8,20 @@ import { coloursOf, materialFor } from "./material.js";
 // Attributes of an application begin with a line in glTF; the loader makes them lower case.
 const ATTRIBUTES = ["synthetic", "uncertain", "deviation"];
 
-function dress(scene, found) {
+/** Step of quantised positions in the tileset's units, 0 for floats. */
+function stepOf(object) {
+  const { array, normalized } = object.geometry.getAttribute("position");
+  if (array instanceof Float32Array) return 0;
+  const most = 2 ** (8 * array.BYTES_PER_ELEMENT - (/^Int/.test(array.constructor.name) ? 1 : 0)) - 1;
+  return object.getWorldScale(new Vector3()).x * (normalized ? 1 / most : 1);
+}
+
+function dress(scene, found, steps) {
+  scene.updateMatrixWorld(true);
   scene.traverse((object) => {
     if (!object.isMesh) return;
     const geometry = object.geometry;
+    steps.finest = Math.min(steps.finest, stepOf(object));
     for (const name of ATTRIBUTES) {
       const values = geometry.getAttribute(`_${name}`);
       if (values) geometry.setAttribute(name, values).deleteAttribute(`_${name}`);
@@ -33,9 +43,9 @@ export function openTiles(url, on) {
   tiles.errorTarget = 6;
   tiles.lruCache.minBytesSize = 256 * 2 ** 20;
   tiles.lruCache.maxBytesSize = 768 * 2 ** 20;
-  const colours = new Set();
+  const colours = new Set(), steps = { finest: Infinity };
   tiles.addEventListener("load-model", ({ scene }) => {
-    dress(scene, colours);
+    dress(scene, colours, steps);
     on.loaded();
   });
   for (const event of ["needs-update", "tile-visibility-change", "tiles-load-end", "dispose-model"])
@@ -52,5 +62,5 @@ export function openTiles(url, on) {
     };
     tiles.addEventListener("load-tileset", ready);
   });
-  return { tiles, object: tiles.group, colours, opened };
+  return { tiles, object: tiles.group, colours, steps, opened };
 }

@@ -62,8 +62,11 @@ test("distances, heights and chains", () => {
 });
 
 test("steps follow the size, tables are plain", () => {
-  assert.equal(measure.positionStep(100), 0.00001);
-  assert.equal(measure.positionStep(100, 0.0015), 0.001);
+  assert.equal(measure.positionStep(0.15), 0.000001);
+  assert.equal(measure.positionStep(50), 0.0001);
+  assert.equal(measure.positionStep(5000), 0.001);
+  assert.equal(measure.positionStep(50, 0.0015), 0.001);
+  assert.equal(measure.positionStep(1e6), 0.1);
   const table = measure.csv([{ kind: "distance", points: [[1, 2, 3], [1, 2, 5.25]] }], 0.01);
   assert.equal(table, "kind,number,x,y,z,distance\ndistance,1,1.00,2.00,3.00,\ndistance,1,1.00,2.00,5.25,2.25\n");
 });
