@@ -66,6 +66,7 @@ const std::map<std::string, std::string>& parts_of_headers() {
       {"tools/smooth_command.cpp", "tools/commands.h"},
       {"tools/synth_command.cpp", "tools/commands.h"},
       {"tools/task_command.cpp", "tools/commands.h"},
+      {"tools/view_command.cpp", "tools/commands.h"},
   };
   return parts;
 }

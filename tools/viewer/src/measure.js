@@ -28,7 +28,7 @@ export function positionStep(size, quantum = 0) {
   return Number(`1e${Math.floor(Math.log10(least))}`);
 }
 
-export const pointText = (p, step) => p.map((c) => numberText(c, step)).join("  ");
+export const pointText = (p, step) => p.map((c) => numberText(c, step)).join("\u2003");
 
 /** Rows for a spreadsheet: plain numbers, dot as decimal sign. */
 export function csv(measurements, step) {

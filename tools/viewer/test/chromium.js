@@ -87,7 +87,7 @@ class Page {
     return result.value;
   }
 
-  async until(expression, seconds = 60) {
+  async until(expression, seconds = 40) {
     const end = Date.now() + 1000 * seconds;
     while (!(await this.evaluate(expression).catch(() => false))) {
       if (Date.now() > end) throw new Error(`never true: ${expression}\n${this.errors.join("\n")}`);
