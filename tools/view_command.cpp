@@ -166,7 +166,7 @@ cli::Command view_command() {
   t.add("port", &a.port, "of the local server; 0 = a free one").within(0, 65535);
   t.add("up", &a.options.up, "which axis is up").one_of({"x", "y", "z"});
   t.add("deviation", &a.options.deviation,
-        "mesh that the vertices are compared with, for colours by distance");
+        "colour by the distance to this mesh, instead of by what the mesh carries");
   t.add("tolerance", &a.options.tolerance,
         "with --deviation: end of the scale, scan units; 0 = 99th percentile");
   t.add("signed", &a.options.with_sign, "with --deviation: red in front of the reference, blue behind it");

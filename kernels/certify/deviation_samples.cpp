@@ -90,10 +90,4 @@ void sample_deviation(const SurfaceFaces& surface, const Box3& core, const Close
   }
 }
 
-void measure_deviation(std::span<const Double3> point, const ClosestFaces& reference,
-                       const DeviationSampling& options, std::span<float> deviation) {
-  Sampler sampler(reference, options);
-  for (std::size_t i = 0; i < point.size(); ++i) deviation[i] = sampler.measure(point[i]);
-}
-
 }  // namespace tessera

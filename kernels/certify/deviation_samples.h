@@ -4,7 +4,6 @@
 #pragma once
 #include <array>
 #include <functional>
-#include <span>
 
 #include "kernels/certify/certificate.h"
 #include "kernels/mesh/closest_face.h"
@@ -28,10 +27,5 @@ struct DeviationSampling {
 void sample_deviation(const SurfaceFaces& surface, const Box3& core, const ClosestFaces& reference,
                       const DeviationSampling& options,
                       const std::function<void(const DeviationTriangle&)>& sink);
-
-/// The distances of single points. \param[out] deviation  one a point, as DeviationTriangle has them
-/// \pre the reference is complete within options.limit of the points; options.edge is not looked at
-void measure_deviation(std::span<const Double3> point, const ClosestFaces& reference,
-                       const DeviationSampling& options, std::span<float> deviation);
 
 }  // namespace tessera

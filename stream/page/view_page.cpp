@@ -11,7 +11,7 @@
 #include "kernels/picture/caption.h"
 #include "octree/error.h"
 #include "octree/vector.h"
-#include "stream/check/vertex_deviation.h"
+#include "stream/check/mesh_deviation.h"
 #include "stream/files/durable_file.h"
 #include "stream/files/output_file.h"
 #include "stream/files/path_text.h"
@@ -71,7 +71,6 @@ struct Survey {
   std::uint64_t vertices = 0, faces = 0;
   Double3 origin{};  ///< of the positions in the page
   bool has_synthetic = false;
-  std::vector<Double3> position;  ///< kept only where it is asked for
 };
 
 /// The multiple of a power of two not below the extent that lies next to the middle: what floats of the file held near
@@ -85,9 +84,8 @@ Double3 round_origin(const Double3& low, const Double3& high) {
   return origin;
 }
 
-Survey survey(MeshReader& mesh, const fs::path& path, bool keep) {
+Survey survey(MeshReader& mesh, const fs::path& path) {
   Survey out;
-  if (keep) out.position.reserve(mesh.header().vertices);
   constexpr double kFar = std::numeric_limits<double>::infinity();
   Double3 low = {kFar, kFar, kFar}, high = {-kFar, -kFar, -kFar};
   std::vector<std::uint64_t> bad;  // vertices that are not finite; faces may not use them
@@ -100,7 +98,6 @@ Survey survey(MeshReader& mesh, const fs::path& path, bool keep) {
         low[k] = std::min(low[k], p[k]);
         high[k] = std::max(high[k], p[k]);
       }
-      if (keep) out.position.push_back(p);
       ++out.vertices;
     }
     require_counts(path, out.vertices, 0);
@@ -181,6 +178,35 @@ void write_marks(OutputFile& page, MeshReader& mesh) {
   block.end();
 }
 
+/// Faces cut small with the distance at every corner, as pictures show it: vertices of a decimated mesh lie on what it was
+/// made from, its faces do not.
+json write_deviation(OutputFile& page, const fs::path& mesh, const ViewOptions& options,
+                     const Double3& origin) {
+  const MeshDeviation deviation(mesh, options.deviation, options.with_sign, options.temp,
+                                options.memory_bytes, "view --deviation");
+  const double high = options.tolerance > 0.0 ? options.tolerance : deviation.scale();
+  const MemoryBudget budget(options.memory_bytes, resident_bytes());
+  std::vector<float> distance;
+  DataBlock block(page, "mesh-positions");
+  deviation.for_each(1.5 * high, [&](const DeviationTriangle& t) {
+    std::array<float, 9> words{};
+    for (std::size_t c = 0; c < 9; ++c) words[c] = static_cast<float>(t.corner[c / 3][c % 3] - origin[c % 3]);
+    block.add(words.data(), sizeof words);
+    if (distance.size() == distance.capacity()) {  // doubled: old and new together
+      const std::size_t next = std::max<std::size_t>(2 * distance.size(), std::size_t{1} << 16);
+      budget.require((distance.size() + next) * sizeof(float), "view --deviation");
+      distance.reserve(next);
+    }
+    distance.insert(distance.end(), t.deviation.begin(), t.deviation.end());
+  });
+  block.end();
+  DataBlock values(page, "mesh-deviation");
+  values.add(distance.data(), distance.size() * sizeof(float));
+  values.end();
+  return {
+      {"reference", json_text(options.deviation.filename())}, {"high", high}, {"signed", options.with_sign}};
+}
+
 }  // namespace
 
 void require_viewable(const fs::path& path) {
@@ -193,37 +219,23 @@ void write_mesh_view(const fs::path& page, const fs::path& bundle, const fs::pat
   const Bundle around = read_bundle(bundle);
   const auto mesh = open_mesh_file(path);
   require_counts(path, mesh->header().vertices, mesh->header().faces);
-  const bool compares = !options.deviation.empty();
   const MemoryBudget budget(options.memory_bytes, resident_bytes());
-  const std::uint64_t vertices = mesh->header().vertices > 0 ? mesh->header().vertices : kMostVertices;
-  const std::uint64_t kept = compares ? vertices * (sizeof(Double3) + 2 * sizeof(float)) : 0;
-  budget.require(OutputFile::kBufferBytes + DataBlock::kMemoryBytes + kept, "view");
-  Survey seen = survey(*mesh, path, compares);
-
-  json values = {{"kind", "mesh"}, {"name", json_text(path.filename())}, {"up", options.up}};
+  budget.require(OutputFile::kBufferBytes + DataBlock::kMemoryBytes, "view");
+  const Survey seen = survey(*mesh, path);
+  json values = {
+      {"kind", "mesh"}, {"name", json_text(path.filename())}, {"up", options.up}, {"faces", seen.faces}};
   values["origin"] = seen.origin + mesh->header().shift;
-  VertexDeviation deviation;
-  if (compares) {
-    deviation = vertex_deviation(path, seen.position, options.deviation, options.with_sign, options.temp,
-                                 options.memory_bytes);
-    seen.position = {};
-    const double high = options.tolerance > 0.0 ? options.tolerance : deviation.percentile99;
-    values["deviation"] = {{"reference", json_text(options.deviation.filename())},
-                           {"high", high > 0.0 ? high : 1e-12},
-                           {"signed", options.with_sign}};
-  }
   OutputFile file(page);
   file.append(around.before);
-  file.append(settings(values));
-  write_positions(file, *mesh, seen.origin);
-  write_faces(file, *mesh);
-  if (mesh->header().colour) write_colours(file, *mesh);
-  if (seen.has_synthetic) write_marks(file, *mesh);
-  if (compares) {
-    DataBlock block(file, "mesh-deviation");
-    block.add(deviation.distance.data(), deviation.distance.size() * sizeof(float));
-    block.end();
+  if (options.deviation.empty()) {
+    write_positions(file, *mesh, seen.origin);
+    write_faces(file, *mesh);
+    if (mesh->header().colour) write_colours(file, *mesh);
+    if (seen.has_synthetic) write_marks(file, *mesh);
+  } else {
+    values["deviation"] = write_deviation(file, path, options, seen.origin);
   }
+  file.append(settings(values));
   file.append(around.after);
   file.finish();
 }

@@ -17,12 +17,13 @@ inline constexpr std::uint64_t kMostViewFaces =
 
 /// What the person chose.
 struct ViewOptions {
-  std::string up = "z";             ///< x, y or z
-  std::filesystem::path deviation;  ///< mesh that vertices get their distance to; empty = none
-  double tolerance = 0.0;           ///< end of the scale, scan units; 0 = 99th percentile
-  bool with_sign = false;           ///< in front of or behind the reference, not only how far
-  std::uint64_t memory_bytes = 0;   ///< cap on the peak resident memory
-  std::filesystem::path temp;       ///< folder for what does not fit
+  std::string up = "z";  ///< x, y or z
+  std::filesystem::path
+      deviation;                   ///< mesh to colour the distance to, instead of other colours; empty = none
+  double tolerance = 0.0;          ///< end of the scale, scan units; 0 = 99th percentile
+  bool with_sign = false;          ///< in front of or behind the reference, not only how far
+  std::uint64_t memory_bytes = 0;  ///< cap on the peak resident memory
+  std::filesystem::path temp;      ///< folder for what does not fit
 };
 
 /// Looks at header and counts, so that what cannot work is refused at once.

@@ -1,54 +1,38 @@
 // A mesh as a scene item in colours of its distance to a reference, cell by cell.
-#include <algorithm>
-#include <cmath>
+#include <optional>
 
-#include "kernels/certify/deviation_samples.h"
 #include "kernels/picture/caption.h"
-#include "octree/error.h"
-#include "stream/check/compare_cells.h"
-#include "stream/files/scratch_folder.h"
-#include "stream/import/import_mesh.h"
+#include "stream/check/mesh_deviation.h"
 #include "stream/render/render_scene.h"
 #include "stream/runtime/memory_budget.h"
-#include "stream/runtime/numbers.h"
-#include "stream/runtime/parallel.h"
-#include "stream/runtime/stop.h"
 
 namespace tessera {
 namespace {
 
 constexpr std::size_t kBatchFaces = 32768;
-constexpr std::uint64_t kCellFaces = 1u << 16;
-constexpr double kEdgesPerDiagonal = 400.0;      // triangles of about two pixels
-constexpr double kSearchPerDiagonal = 1.0 / 16;  // without a scale: how far the reference is looked for
-constexpr int kBins = 4096;
 
 class DeviationItem final : public SceneItem {
  public:
   DeviationItem(const std::filesystem::path& path, const RenderOptions& options, std::uint64_t memory_bytes,
                 RenderReport& report)
-      : path_(path), options_(options), scratch_(render_temp(options), "deviation") {
-    RunOptions run;
-    run.memory_bytes = memory_bytes != 0 ? memory_bytes : detect_memory_cap().bytes;
-    run.threads = core_count();
-    mesh_.emplace(import_mesh(path, scratch_.path(), "mesh", run, throw_if_stopped));
-    reference_.emplace(import_mesh(options.deviation, scratch_.path(), "reference", run, throw_if_stopped));
-    memory_bytes_ = run.memory_bytes;
-    const double size = std::max(mesh_->diagonal(), 1e-300);
-    edge_ = size / kEdgesPerDiagonal;
-    high_ = options.tolerance > 0.0 ? options.tolerance : percentile(0.99, size * kSearchPerDiagonal);
-    for (const MeshPatchEntry& patch : mesh_->patches()) vertices_ += patch.vertices;
-    for (std::size_t i = 0; i < mesh_->patches().size(); ++i)
-      for (const Double3& p : mesh_->load(std::span(&i, 1)).position) sample_.add(p);
-    report.vertices += vertices_;
-    report.faces += mesh_->face_count();
+      : path_(path),
+        options_(options),
+        deviation_(path, options.deviation, options.with_sign, render_temp(options),
+                   memory_bytes != 0 ? memory_bytes : detect_memory_cap().bytes, "render --deviation") {
+    high_ = options.tolerance > 0.0 ? options.tolerance : deviation_.scale();
+    const MeshStore& mesh = deviation_.mesh();
+    for (std::size_t i = 0; i < mesh.patches().size(); ++i) {
+      report.vertices += mesh.patches()[i].vertices;
+      for (const Double3& p : mesh.load(std::span(&i, 1)).position) sample_.add(p);
+    }
+    report.faces += mesh.face_count();
   }
 
   const SceneSample& sample() const override { return sample_; }
   bool is_points() const override { return false; }
   std::string caption() const override {
-    return path_.filename().string() + ", " + with_commas(mesh_->face_count()) + " faces, distance to " +
-           options_.deviation.filename().string();
+    return path_.filename().string() + ", " + with_commas(deviation_.mesh().face_count()) +
+           " faces, distance to " + options_.deviation.filename().string();
   }
   std::optional<ColourLegend> legend() const override {
     return ColourLegend{options_.with_sign ? "deviation" : "distance", options_.with_sign ? -high_ : 0.0,
@@ -59,7 +43,7 @@ class DeviationItem final : public SceneItem {
     picture.set_offset({0, 0, 0});
     std::vector<PictureVertex> batch;
     batch.reserve(3 * kBatchFaces);
-    for_each(1.5 * high_, [&](const DeviationTriangle& t) {
+    deviation_.for_each(1.5 * high_, [&](const DeviationTriangle& t) {
       PictureVertex v;
       set_normal(v, t.normal[0], t.normal[1], t.normal[2]);
       for (std::size_t c = 0; c < 3; ++c) {
@@ -77,49 +61,10 @@ class DeviationItem final : public SceneItem {
   }
 
  private:
-  void for_each(double limit, const std::function<void(const DeviationTriangle&)>& sink) const {
-    const DeviationSampling sampling{edge_, limit, options_.with_sign};
-    const double reach = limit + 2.0 * edge_;
-    const MemoryBudget budget(memory_bytes_, 0);
-    for (const CompareCell& cell : make_compare_cells(*mesh_, *reference_, reach, kCellFaces)) {
-      throw_if_stopped();
-      budget.require(cell.bytes, "render --deviation");
-      const MeshBlock a = mesh_->load_box(cell.box);
-      if (a.faces.empty()) continue;
-      const MeshBlock b = reference_->load_box(grown(cell.box, kCompareHalo * reach));
-      const ClosestFaces index(b.position, b.faces, cell.box.low);
-      sample_deviation({a.position, a.faces}, {cell.box.low, cell.box.high}, index, sampling, sink);
-    }
-  }
-
-  /// Of the distances, by area; rounded up to two digits.
-  double percentile(double share, double limit) const {
-    std::vector<std::uint64_t> bins(kBins + 1, 0);
-    std::uint64_t all = 0;
-    for_each(limit, [&](const DeviationTriangle& t) {
-      for (const float d : t.deviation) {
-        const double at = std::abs(static_cast<double>(d)) / limit;
-        // The root spreads small distances.
-        ++bins[at < 1.0 ? static_cast<std::size_t>(std::sqrt(at) * kBins) : kBins];
-        ++all;
-      }
-    });
-    std::uint64_t sum = 0;
-    for (std::size_t i = 0; i < kBins; ++i) {
-      sum += bins[i];
-      if (static_cast<double>(sum) < share * static_cast<double>(all)) continue;
-      const double root = static_cast<double>(i + 1) / kBins;
-      return round_up_2_digits(limit * root * root);
-    }
-    return round_up_2_digits(limit);
-  }
-
   std::filesystem::path path_;
   RenderOptions options_;
-  ScratchFolder scratch_;
-  std::optional<MeshStore> mesh_, reference_;
-  std::uint64_t memory_bytes_ = 0, vertices_ = 0;
-  double edge_ = 0.0, high_ = 0.0;
+  MeshDeviation deviation_;
+  double high_ = 0.0;
   SceneSample sample_;
 };
 

@@ -81,7 +81,7 @@ std::vector<T> block(const std::string& page, const std::string& id) {
     bits -= 8;
     packed.push_back(static_cast<char>(value >> bits & 255));
   }
-  std::vector<T> out(1024);
+  std::vector<T> out(std::size_t{1} << 23);
   uLongf bytes = out.size() * sizeof(T);
   REQUIRE(uncompress(reinterpret_cast<Bytef*>(out.data()), &bytes,
                      reinterpret_cast<const Bytef*>(packed.data()), packed.size()) == Z_OK);
@@ -256,12 +256,23 @@ TEST_CASE("view: distances to a reference, with sign and scale", "[pipeline]") {
                                         "--tolerance", "0.4"}))
               .code == 0);
   const std::string text = file_bytes(page);
-  const std::vector<float> d = block<float>(text, "mesh-deviation");
-  REQUIRE(d.size() == 4);
-  CHECK(d[0] == Approx(0.25));
-  CHECK(d[1] == Approx(-0.5));
-  CHECK(d[2] == Approx(0.0).margin(1e-12));
-  CHECK(std::isinf(d[3]));  // farther than a 16th of the diagonal is beyond any scale
+  const std::vector<float> d = block<float>(text, "mesh-deviation"), p = block<float>(text, "mesh-positions");
+  REQUIRE(d.size() * 3 == p.size());
+  CHECK(d.size() > 6);  // faces are cut, so that what their corners hide shows
+  const auto origin = settings_of(text).at("origin").get<std::array<double, 3>>();
+  std::size_t behind = 0, beyond = 0;
+  for (std::size_t i = 0; i < d.size(); ++i) {
+    const double z = static_cast<double>(p[3 * i + 2]) + origin[2];
+    behind += d[i] < 0.0f;
+    beyond += std::isinf(d[i]);
+    if (std::isinf(d[i]))
+      CHECK(z > 0.6 - 1e-6);
+    else
+      CHECK(static_cast<double>(d[i]) == Approx(z).margin(1e-6));
+  }
+  CHECK(behind > 100);
+  CHECK(beyond > 100);
+  CHECK(settings_of(text).at("faces") == 2);
   CHECK(settings_of(text).at("deviation").at("high") == 0.4);
   CHECK(settings_of(text).at("deviation").at("signed") == true);
 }

@@ -43,6 +43,7 @@ export function ticks(low, high, most = 6) {
 
 /** A number with as many digits as `step` tells apart: no noise of floating point, thousands in groups. */
 export function numberText(value, step) {
+  if (step < 1e-9) return value.toExponential(2);
   const digits = Math.min(12, Math.max(0, -Math.floor(Math.log10(step) + 1e-9)));
   const text = Math.abs(value).toFixed(digits);
   const [whole, part] = text.split(".");

@@ -109,7 +109,7 @@ function legend() {
   }
   if (mode === "deviation") {
     const high = look.scaleEnd.value, signed = look.signedScale.value;
-    return { title: signed ? "deviation" : "distance", low: signed ? -high : 0, high, kind: signed ? "deviation" : "distance" };
+    return { title: `${signed ? "deviation, \u00b1" : "distance, up to "}${Number(high.toPrecision(3))}`, low: signed ? -high : 0, high, kind: signed ? "deviation" : "distance" };
   }
   if (mode === "synthetic") return { title: "origin", marked: mode, text: "closes a hole" };
   if (mode === "uncertain") return { title: "side", marked: mode, text: "in doubt" };
@@ -208,7 +208,7 @@ function everyFrame() {
 async function meshSource() {
   const mesh = await loadMesh();
   offerColours(mesh.colours);
-  element("counts").textContent = `${numberText(mesh.faces, 1)} faces`;
+  element("counts").textContent = `${numberText(config.faces, 1)} faces${config.deviation ? `, compared with ${config.deviation.reference}` : ""}`;
   if (config.deviation) {
     look.scaleEnd.value = config.deviation.high;
     look.signedScale.value = config.deviation.signed;

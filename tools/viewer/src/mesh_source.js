@@ -23,18 +23,18 @@ function widened(values, source, width) {
   return all;
 }
 
-/** \returns {object, box, colours, faces}: content in the mesh's coordinates less config.origin */
+/** \returns {object, box, colours}: content in the mesh's coordinates less config.origin */
 export async function loadMesh() {
   let [position, index, colour, marks, deviation] = await Promise.all([
     block("mesh-positions", Float32Array), block("mesh-faces", Int32Array), block("mesh-colours", Uint8Array),
     block("mesh-synthetic", Uint8Array), block("mesh-deviation", Float32Array)]);
-  index = new Uint32Array(undoDifferences(index).buffer);
+  // Without indices every three positions are a face.
+  index = index ? new Uint32Array(undoDifferences(index).buffer) : Uint32Array.from({ length: position.length / 3 }, (_, i) => i);
   let synthetic = null;
   if (marks) {
     const split = splitByMark(index, marks, position.length / 3);
     position = widened(position, split.source, 3);
     if (colour) colour = widened(colour, split.source, 3);
-    if (deviation) deviation = widened(deviation, split.source, 1);
     synthetic = split.mark;
   }
   const attributes = { position: new BufferAttribute(position, 3) };
@@ -56,7 +56,7 @@ export async function loadMesh() {
     object.add(new Mesh(geometry, materialFor(geometry)));
   }
   const colours = [...(colour ? ["rgb"] : []), ...(deviation ? ["deviation"] : []), ...(synthetic ? ["synthetic"] : [])];
-  return { object, box, colours, faces: index.length / 3 };
+  return { object, box, colours };
 }
 
 function boxOf(position, index, first, end) {

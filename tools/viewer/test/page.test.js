@@ -124,9 +124,9 @@ test("picking and measuring give the coordinates of the scan", options, async ()
 });
 
 test("a section hides what lies before it, from picks too; colours follow the attribute", options, async () => {
-  const page = await meshPage("cut", ["--deviation", join(folder, "picked.ply")]);
+  const page = await meshPage("cut");
   const all = await shown(page);
-  assert.ok((await page.evaluate("tessera.state().colours")).join() === "rgb,deviation,synthetic");
+  assert.equal((await page.evaluate("tessera.state().colours")).join(), "rgb,synthetic");
   await page.evaluate("tessera.setColour('rgb'); tessera.view('top')");
   const top = pixels(picture((await page.settled(), await page.screenshot())), surface);
   const mark = pixels(picture(await page.screenshot()), red);
@@ -149,6 +149,26 @@ test("a section hides what lies before it, from picks too; colours follow the at
   await page.settled();
   assert.ok(changed(all, picture(await page.screenshot())) > 20000);
   assert.ok(await page.evaluate("!document.getElementById('legend').hidden && document.querySelectorAll('#legend text').length >= 2"));
+  assert.deepEqual(page.errors, []);
+  await page.close();
+});
+
+test("distances to another mesh: coloured inside of faces, with a legend", options, async () => {
+  // Four corners on the ground, which bulges between them.
+  const flat = ground([-SIZE / 2, -SIZE / 2], [SIZE / 2, SIZE / 2], 1), mesh = join(folder, "flat.ply"), html = join(folder, "flat.html");
+  const truth = join(folder, "truth.ply");
+  writeFileSync(mesh, ply(flat, SHIFT));
+  writeFileSync(truth, ply(ground([-SIZE / 2, -SIZE / 2], [SIZE / 2, SIZE / 2], 96), SHIFT));
+  const made = spawnSync(binary, ["view", mesh, "-o", html, "--deviation", truth, "--signed"], { encoding: "utf8" });
+  assert.equal(made.status, 0, made.stderr);
+  const page = await browser.open(`file://${html}`);
+  await shown(page);
+  await page.evaluate("tessera.view('top')");
+  const image = await shown(page);
+  assert.equal((await page.evaluate("tessera.state().mode")), "deviation");
+  const above = pixels(image, ([r, , b]) => r > b + 40), below = pixels(image, ([r, , b]) => b > r + 40);
+  assert.ok(above.count > 5000 && below.count > 5000, `${above.count} above, ${below.count} below`);
+  assert.match(await page.evaluate("document.getElementById('legend').textContent"), /^deviation, ±[0-9.]+.*beyond$/);
   assert.deepEqual(page.errors, []);
   await page.close();
 });
@@ -213,7 +233,8 @@ test("a tile that is missing is told, the rest is shown", options, async () => {
   rmSync(join(site, "tiles/1-11.glb"));
   const server = await serve(site);
   const page = await browser.open(server.url);
-  await page.until("window.tessera && tessera.state().trouble !== ''");
+  await page.until("window.tessera && tessera.state().trouble !== '' && tessera.times.settled !== null");
+  await page.settled();
   assert.match(await page.evaluate("tessera.state().trouble"), /1-11\.glb/);
   assert.ok(pixels(picture(await page.screenshot()), surface).count > 20000);
   await page.close();
