@@ -173,7 +173,10 @@ std::string topology_figures(const PageParts& parts) {
   };
   rows.emplace_back("bounds", vector(c.min) + " to " + vector(c.max));
   if (c.has_shape) rows.emplace_back("area", number_text(c.area));
-  if (c.has_shape && c.solid()) rows.emplace_back("volume", number_text(c.volume));
+  if (c.has_shape && c.solid())
+    rows.emplace_back("volume",
+                      number_text(c.volume) +
+                          (c.volume < 0.0 ? ": inside out, the faces look inwards as the normals did" : ""));
   return html::table(rows);
 }
 

@@ -225,3 +225,18 @@ TEST_CASE("report: names of files are text and nothing else", "[unit]") {
   CHECK(fault_of(page_text(nlohmann::json(), {})) == "");
   CHECK(fault_of("<!DOCTYPE html>\n<p><b></p></b>") != "");  // the measure itself
 }
+
+TEST_CASE("report: a closed mesh that is inside out is told", "[pipeline]") {
+  const TempFolder folder;
+  const std::string corners = "OFF 4 4 0\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n";
+  const std::string outwards = "3 0 2 1\n3 0 1 3\n3 1 2 3\n3 0 3 2\n",
+                    inwards = "3 0 1 2\n3 0 3 1\n3 1 3 2\n3 0 2 3\n";
+  for (const bool right : {true, false}) {
+    const fs::path in = folder / "in.off", mesh = folder / "mesh.ply";
+    spill(in, corners + (right ? outwards : inwards));
+    REQUIRE(with_page({"smooth", in.string(), "-o", mesh.string(), "--steps", "1", "--tolerance", "0.001",
+                       "--force"})
+                .code == 0);
+    CHECK(holds(file_bytes(mesh.string() + ".report.html"), "inside out") != right);
+  }
+}
