@@ -58,6 +58,7 @@ void run_render(const RenderCommand& command) {
   for (const std::vector<std::string>& names : {asked.inputs, asked.compare})
     for (const std::filesystem::path& file : expand_inputs(names)) reads.push_back(file);
   reads.push_back(asked.deviation);
+  reads.push_back(asked.uncertain);
   cli::require_new_output(asked.output, command.force, reads);
   // llvmpipe takes the number of its threads from the environment alone, when its library is loaded.
   if (command.threads > 0) ::setenv("LP_NUM_THREADS", std::to_string(command.threads).c_str(), 1);
@@ -109,6 +110,8 @@ cli::Command render_command() {
       "tolerance", &o.tolerance,
       "with --deviation: end of the scale, in the unit of the mesh, beyond it magenta; 0 = 99th percentile");
   t.add("signed", &o.with_sign, "with --deviation: red in front of the reference, blue behind it");
+  t.add("uncertain", &o.uncertain,
+        "OUT.uncertain.ply of a reconstruction: meshes in red where the sides of its points were in doubt");
   t.add("borders", &o.borders,
         "border edges in red, non-manifold edges in magenta: on, off, or auto (off where memory is short)");
   t.add("backs", &o.backs,

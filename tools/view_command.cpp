@@ -102,8 +102,8 @@ std::string percent_encoded(const std::string& name) {
 
 void view_tiles(const Arguments& a, const fs::path& input, const fs::path& viewer) {
   if (!a.output.empty()) throw UsageError("-o: a page holds a mesh, tiles are served: leave -o out");
-  if (!a.options.deviation.empty())
-    throw UsageError("--deviation: is for meshes; tiles show what they carry");
+  if (!a.options.deviation.empty() || !a.options.uncertain.empty())
+    throw UsageError("--deviation and --uncertain are for meshes; tiles show what they carry");
   const fs::path tileset =
       fs::absolute(fs::is_directory(input) ? input / "tileset.json" : input).lexically_normal();
   require_tileset(tileset);
@@ -140,10 +140,12 @@ void run(Arguments a) {
     throw UsageError("--tolerance must not be negative");
   if (a.options.deviation.empty() && (a.options.tolerance != 0.0 || a.options.with_sign))
     throw UsageError("--tolerance and --signed are for the colours of --deviation");
+  if (!a.options.deviation.empty() && !a.options.uncertain.empty())
+    throw UsageError("--uncertain: leave it out with --deviation, or that with it");
   if (!a.output.empty() && a.output.extension() != ".html" && a.output.extension() != ".htm")
     throw UsageError("-o " + a.output.string() + ": a page is written: end its name in .html");
   if (!a.output.empty())
-    cli::check_line_writes({input, a.options.deviation},
+    cli::check_line_writes({input, a.options.deviation, a.options.uncertain},
                            {{a.output, "-o", existing_by(a.force || is_view(a.output))}});
   const fs::path viewer = viewer_folder(a.viewer);
   if (a.options.memory_bytes == 0) a.options.memory_bytes = detect_memory_cap().bytes;
@@ -167,6 +169,8 @@ cli::Command view_command() {
   t.add("up", &a.options.up, "which axis is up").one_of({"x", "y", "z"});
   t.add("deviation", &a.options.deviation,
         "colour by the distance to this mesh, instead of by what the mesh carries");
+  t.add("uncertain", &a.options.uncertain,
+        "OUT.uncertain.ply of a reconstruction: where the sides of its points were in doubt");
   t.add("tolerance", &a.options.tolerance,
         "with --deviation: end of the scale, scan units; 0 = 99th percentile");
   t.add("signed", &a.options.with_sign, "with --deviation: red in front of the reference, blue behind it");

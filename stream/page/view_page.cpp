@@ -17,6 +17,7 @@
 #include "stream/files/path_text.h"
 #include "stream/formats/meshes/mesh_io.h"
 #include "stream/page/data_block.h"
+#include "stream/render/doubt.h"
 #include "stream/runtime/memory_budget.h"
 #include "stream/runtime/stop.h"
 
@@ -178,6 +179,23 @@ void write_marks(OutputFile& page, MeshReader& mesh) {
   block.end();
 }
 
+void write_doubts(OutputFile& page, MeshReader& mesh, const ViewOptions& options) {
+  const std::uint64_t held = resident_bytes();
+  const Doubt doubt(options.uncertain, options.memory_bytes > held ? options.memory_bytes - held : 1);
+  DataBlock block(page, "mesh-uncertain");
+  std::vector<std::uint8_t> marks;
+  mesh.read_vertices([&](std::span<const Double3> batch, std::span<const std::uint32_t>) {
+    throw_if_stopped();
+    marks.clear();
+    for (const Double3& p : batch) {
+      const bool finite = std::isfinite(p[0]) && std::isfinite(p[1]) && std::isfinite(p[2]);
+      marks.push_back(finite && doubt.at(p + mesh.header().shift) ? 1 : 0);
+    }
+    block.add(marks.data(), marks.size());
+  });
+  block.end();
+}
+
 /// Faces cut small with the distance at every corner, as pictures show it: vertices of a decimated mesh lie on what it was
 /// made from, its faces do not.
 json write_deviation(OutputFile& page, const fs::path& mesh, const ViewOptions& options,
@@ -232,6 +250,7 @@ void write_mesh_view(const fs::path& page, const fs::path& bundle, const fs::pat
     write_faces(file, *mesh);
     if (mesh->header().colour) write_colours(file, *mesh);
     if (seen.has_synthetic) write_marks(file, *mesh);
+    if (!options.uncertain.empty()) write_doubts(file, *mesh, options);
   } else {
     values["deviation"] = write_deviation(file, path, options, seen.origin);
   }

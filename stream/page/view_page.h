@@ -18,8 +18,10 @@ inline constexpr std::uint64_t kMostViewFaces =
 /// What the person chose.
 struct ViewOptions {
   std::string up = "z";  ///< x, y or z
-  std::filesystem::path
-      deviation;                   ///< mesh to colour the distance to, instead of other colours; empty = none
+  /// Mesh to colour the distance to, instead of other colours; empty = none.
+  std::filesystem::path deviation;
+  /// OUT.uncertain.ply, for colours by doubt; empty = none; not with deviation.
+  std::filesystem::path uncertain;
   double tolerance = 0.0;          ///< end of the scale, scan units; 0 = 99th percentile
   bool with_sign = false;          ///< in front of or behind the reference, not only how far
   std::uint64_t memory_bytes = 0;  ///< cap on the peak resident memory

@@ -267,6 +267,8 @@ void RenderOptions::validate() const {
         "--tolerance must be above 0, or left out");
   check(!deviation.empty() || (tolerance == 0.0 && !with_sign),
         "--tolerance and --signed need --deviation REFERENCE");
+  check(deviation.empty() || uncertain.empty(),
+        "--uncertain: leave it out with --deviation, or that with it");
   check(std::isfinite(splat) && splat >= 0.0, "--splat must be 0 (automatic) or above");
   check(occlusion >= 0.0 && occlusion <= 2.0, "--occlusion must be from 0 to 2");
   check(colour == "auto" || colour == "vertex" || colour == "clay" || colour == "height",

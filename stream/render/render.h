@@ -40,6 +40,8 @@ struct RenderOptions {
   /// on, off or auto: border edges red, non-manifold edges magenta; auto leaves them out, and says so, where
   /// the edge table does not fit the cap in one pass.
   std::string borders = "auto";
+  /// OUT.uncertain.ply of a reconstruction: meshes are red where the sides of its points were in doubt.
+  std::filesystem::path uncertain;
   bool synthetic = false;  ///< faces that close holes in blue over any colour, not over clay alone
   /// Faces seen from behind: show (orange), cut (left out), or auto: cut where the mesh is a room, one that has openings
   /// and looks inwards, so that its near walls do not hide it.

@@ -12,6 +12,7 @@
 #include "stream/meshes/border_edges.h"
 #include "stream/meshes/corner_file.h"
 #include "stream/meshes/mesh_weld.h"
+#include "stream/render/doubt.h"
 #include "stream/render/render_scene.h"
 #include "stream/runtime/memory_budget.h"
 #include "stream/runtime/stop.h"
@@ -71,6 +72,10 @@ class MeshItem final : public SceneItem {
   MeshItem(const std::filesystem::path& path, const RenderOptions& options, std::uint64_t memory_bytes,
            RenderReport& report)
       : path_(path), memory_bytes_(memory_bytes) {
+    if (!options.uncertain.empty()) {
+      doubt_.emplace(options.uncertain, memory_bytes_ / 2);
+      if (memory_bytes_ != 0) memory_bytes_ -= doubt_->bytes();
+    }
     survey(options);
     if (sample_.empty())
       throw EmptyError(path.string() + ": no vertex with finite coordinates, nothing to draw");
@@ -99,6 +104,7 @@ class MeshItem final : public SceneItem {
   bool is_points() const override { return false; }
   std::string caption() const override {
     return path_.filename().string() + ", " + with_commas(face_count_) + " faces" +
+           (doubt_ ? ", red where sides of points were in doubt" : "") +
            (cut_backs_ ? ", seen from inside" : "");
   }
   void draw(Picture& picture, const DrawContext& context) override;
@@ -131,6 +137,8 @@ class MeshItem final : public SceneItem {
   bool cut_backs_ = false;
   std::uint64_t vertex_count_ = 0, face_count_ = 0;
   Double3 origin_{};  ///< of the floats kept here: the first finite vertex
+  Double3 shift_{};   ///< from the frame of the file to that of the scan
+  std::optional<Doubt> doubt_;
   SceneSample sample_;
   Chunked<Float3> positions_, normals_;
   Chunked<std::uint32_t> rgba_;
@@ -144,6 +152,7 @@ void MeshItem::survey(const RenderOptions& options) {
   const auto reader = open_mesh_file(path_);
   format_ = reader->format();
   colour_ = reader->header().colour;
+  shift_ = reader->header().shift;
   face_count_ = reader->header().faces;
   const std::uint64_t per_vertex = bytes_per_vertex(options.smooth);
   const auto fits = [&](std::uint64_t vertices) {
@@ -360,12 +369,11 @@ void MeshItem::draw(Picture& picture, const DrawContext& context) {
       out.x = corner.x, out.y = corner.y, out.z = corner.z;
       if (by_vertex) out.rgba = corner.rgba;
       if ((by_origin || options.synthetic) && synthetic) out.rgba = kSyntheticFace;
-      if (by_height) {
-        const Double3 p = {static_cast<double>(corner.x) + origin_[0],
-                           static_cast<double>(corner.y) + origin_[1],
-                           static_cast<double>(corner.z) + origin_[2]};
-        out.rgba = ramp_colour(height_share(p, context));
-      }
+      const Double3 p = {static_cast<double>(corner.x) + origin_[0],
+                         static_cast<double>(corner.y) + origin_[1],
+                         static_cast<double>(corner.z) + origin_[2]};
+      if (by_height) out.rgba = ramp_colour(height_share(p, context));
+      if (doubt_ && doubt_->at(p + shift_)) out.rgba = kDoubtfulPoint;
       if (face != nullptr && !normals_empty_) {
         const Float3& m = normals_[(*face)[i]];
         const float most = std::max({std::abs(m[0]), std::abs(m[1]), std::abs(m[2])});

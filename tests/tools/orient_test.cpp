@@ -3,6 +3,7 @@
 #include <catch2/catch.hpp>
 #include <nlohmann/json.hpp>
 
+#include "stream/render/doubt.h"
 #include "tests/helpers/command.h"
 #include "tests/helpers/e57_writer.h"
 #include "tests/helpers/mesh_files.h"
@@ -104,7 +105,7 @@ TEST_CASE("orient: too much doubt is exit code 6 and a picture, and no mesh", "[
   CHECK(r.errors.find("--max-uncertain") != std::string::npos);
   CHECK(std::filesystem::file_size(out.string() + ".uncertain.png") > 1000);
   CHECK_FALSE(std::filesystem::exists(out));
-  CHECK_FALSE(std::filesystem::exists(out.string() + ".uncertain.ply"));
+  CHECK(std::filesystem::file_size(out.string() + ".uncertain.ply") > 1000);
 }
 
 TEST_CASE("orient: notable doubt is a warning in summary and report, and a picture", "[pipeline]") {
@@ -124,7 +125,24 @@ TEST_CASE("orient: notable doubt is a warning in summary and report, and a pictu
   CHECK(report.at("warnings")[0] == entry.at("warnings")[0]);
   CHECK(r.errors.find("warning: " + entry.at("warnings")[0].get<std::string>()) != std::string::npos);
   CHECK(std::filesystem::file_size(out.string() + ".uncertain.png") > 1000);
-  CHECK_FALSE(std::filesystem::exists(out.string() + ".uncertain.ply"));
+
+  // Its points colour the mesh: about the share in doubt, and not all of it.
+  const std::string points = out.string() + ".uncertain.ply";
+  const tessera::Doubt doubt(points, 0);
+  std::size_t red = 0, all = 0;
+  for (const tessera::Double3& p : read_whole(out).points) red += doubt.at(p) ? 1 : 0, ++all;
+  CHECK(red > all / 500);
+  CHECK(red < all / 2);
+  const auto draw = [&](const std::string& png, std::vector<std::string> more) {
+    more.insert(more.begin(), {"render", out.string(), "-o", png, "--size", "400x300", "--no-captions"});
+    return tessera_command(more).code;
+  };
+  const std::string doubtful = (folder / "doubt.png").string(), plain = (folder / "plain.png").string();
+  REQUIRE(draw(doubtful, {"--uncertain", points}) == 0);
+  REQUIRE(draw(plain, {}) == 0);
+  CHECK(file_bytes(doubtful) != file_bytes(plain));
+  CHECK(draw((folder / "a.png").string(), {"--uncertain", in.string()}) == 3);
+  CHECK(draw((folder / "a.png").string(), {"--uncertain", points, "--deviation", out.string()}) == 2);
 }
 
 TEST_CASE("orient: little doubt is no warning", "[pipeline]") {
@@ -136,6 +154,7 @@ TEST_CASE("orient: little doubt is no warning", "[pipeline]") {
   const nlohmann::json report = nlohmann::json::parse(file_bytes(out.string() + ".report.json"));
   CHECK(report.at("warnings").empty());
   CHECK_FALSE(std::filesystem::exists(out.string() + ".uncertain.png"));
+  CHECK_FALSE(std::filesystem::exists(out.string() + ".uncertain.ply"));
 }
 
 TEST_CASE("orient: the pose of an E57 scan tells the side of a shell that nothing else tells", "[pipeline]") {

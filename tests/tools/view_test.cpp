@@ -277,6 +277,24 @@ TEST_CASE("view: distances to a reference, with sign and scale", "[pipeline]") {
   CHECK(settings_of(text).at("deviation").at("signed") == true);
 }
 
+TEST_CASE("view: doubts of a reconstruction go with the vertices next to them", "[pipeline]") {
+  const TempFolder folder;
+  const fs::path page = folder / "page.html";
+  const std::string mesh = folder.write("coin.ply", kCoin).string();
+  const std::string head =
+      "ply\nformat ascii 1.0\nelement vertex 2\nproperty double x\nproperty double y\nproperty double z\n"
+      "property uchar red\nproperty uchar green\nproperty uchar blue\nend_header\n";
+  const std::string doubts =
+      folder.write("d.ply", head + "500000.1 5400000 0 176 176 176\n500000.9 5400000.4 0 224 48 32\n")
+          .string();
+  REQUIRE(tessera_command(view(folder, {mesh, "-o", page.string(), "--uncertain", doubts})).code == 0);
+  CHECK(block<std::uint8_t>(file_bytes(page), "mesh-uncertain") == std::vector<std::uint8_t>{0, 1, 0, 1});
+  const std::string other = folder.write("o.ply", head + "0 0 0 1 2 3\n1 0 0 1 2 3\n").string();
+  refused(3, view(folder, {mesh, "-o", page.string(), "--uncertain", other}));
+  refused(2, view(folder, {mesh, "-o", page.string(), "--uncertain", doubts, "--deviation", mesh}));
+  refused(2, view(folder, {site(folder).string(), "--uncertain", doubts}));
+}
+
 TEST_CASE("view: writes over no input and no file of the user's, its own page it replaces", "[fault]") {
   const TempFolder folder;
   const std::string mesh = folder.write("coin.ply", kCoin).string();

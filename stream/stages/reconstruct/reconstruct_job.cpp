@@ -161,7 +161,10 @@ JobDescription reconstruct_job(const ReconstructOptions& options) {
   JobDescription job = {"reconstruct", reconstruct_stages(options), 0, summarise};
   job.page = job_page();
   job.needs = [options](const JobState& state) { return early_needs(state, options); };
-  if (options.normals != "given") job.beside.push_back({uncertain_picture_path, "the picture of --normals"});
+  if (options.normals != "given") {
+    job.beside.push_back({uncertain_picture_path, "the picture of --normals"});
+    job.beside.push_back({uncertain_points_path, "the doubts of --normals"});
+  }
   job.beside.push_back({system_path, "the coordinate system beside -o", false, system_text});
   if (options.keep_raw) job.beside.push_back({raw_output_path, "--keep-raw", true});
   return job;

@@ -176,7 +176,7 @@ class OrientStage : public Stage {
     const std::filesystem::path picture = uncertain_picture_path(output_);
     std::string shown = picture.string() + " shows where in red";
     try {
-      draw_uncertain(overlay_, decisions, plan_.lattice, picture, memory_bytes_, context);
+      draw_uncertain(overlay_, decisions, plan_.lattice, output_, memory_bytes_, context);
     } catch (const ResourceError& e) {  // a small cap must not end a job that needs no picture
       shown = fmt::format("without a picture of where ({})", e.what());
     }

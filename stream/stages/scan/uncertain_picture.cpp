@@ -4,22 +4,11 @@
 #include <cstdint>
 
 #include "stream/formats/points/point_writer.h"
+#include "stream/render/doubt.h"
 #include "stream/render/render.h"
 
 namespace tessera {
 namespace {
-
-constexpr std::uint32_t kDoubtful = 0xff2030e0u;  // r | g<<8 | b<<16 | a<<24: red
-constexpr std::uint32_t kDecided = 0xffb0b0b0u;
-
-/// Removes a file when it goes.
-struct Scratch {
-  std::filesystem::path path;
-  ~Scratch() {
-    std::error_code gone;
-    std::filesystem::remove(path, gone);
-  }
-};
 
 void write_surfels(const PointOverlay& overlay, const OverlayDecisions& decisions, const Lattice& lattice,
                    const std::filesystem::path& path, const TaskContext& context) {
@@ -46,7 +35,7 @@ void write_surfels(const PointOverlay& overlay, const OverlayDecisions& decision
       chunk.x.push_back(at(0)), chunk.y.push_back(at(1)), chunk.z.push_back(at(2));
       chunk.nx.push_back(side * c.area[0]), chunk.ny.push_back(side * c.area[1]),
           chunk.nz.push_back(side * c.area[2]);
-      chunk.rgba.push_back((decision & kPatchUncertain) != 0 ? kDoubtful : kDecided);
+      chunk.rgba.push_back((decision & kPatchUncertain) != 0 ? kDoubtfulPoint : kDecidedPoint);
     }
     encoder->encode(chunk, {}, encoded);
     writer->append(encoded);
@@ -61,15 +50,19 @@ std::filesystem::path uncertain_picture_path(const std::filesystem::path& output
   return path += ".uncertain.png";
 }
 
+std::filesystem::path uncertain_points_path(const std::filesystem::path& output) {
+  std::filesystem::path path = output;
+  return path += ".uncertain.ply";
+}
+
 void draw_uncertain(const PointOverlay& overlay, const OverlayDecisions& decisions, const Lattice& lattice,
-                    const std::filesystem::path& picture, std::uint64_t memory_bytes,
+                    const std::filesystem::path& output, std::uint64_t memory_bytes,
                     const TaskContext& context) {
-  Scratch scratch{picture};
-  scratch.path.replace_extension(".ply");
-  write_surfels(overlay, decisions, lattice, scratch.path, context);
+  const std::filesystem::path points = uncertain_points_path(output);
+  write_surfels(overlay, decisions, lattice, points, context);
   RenderOptions options;
-  options.inputs = {scratch.path.string()};
-  options.output = picture;
+  options.inputs = {points.string()};
+  options.output = uncertain_picture_path(output);
   options.colour = "vertex";
   options.samples = 1;  // a hint, not a portrait: a quarter of the time and of the memory
   options.memory_bytes = memory_bytes;

@@ -11,10 +11,13 @@ namespace tessera {
 /// OUTPUT.uncertain.png
 std::filesystem::path uncertain_picture_path(const std::filesystem::path& output);
 
-/// Draws four views, through a small point file beside the picture that goes again.
+/// OUTPUT.uncertain.ply: the surfels, coloured as stream/render/doubt.h reads them
+std::filesystem::path uncertain_points_path(const std::filesystem::path& output);
+
+/// Writes the points, and draws four views of them.
 /// \throws ResourceError when the disk is full or no renderer is there
 void draw_uncertain(const PointOverlay& overlay, const OverlayDecisions& decisions, const Lattice& lattice,
-                    const std::filesystem::path& picture, std::uint64_t memory_bytes,
+                    const std::filesystem::path& output, std::uint64_t memory_bytes,
                     const TaskContext& context);
 
 }  // namespace tessera

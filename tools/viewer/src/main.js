@@ -127,7 +127,7 @@ function offerColours(names) {
     button.addEventListener("click", () => (chosen = true, setColour(name)));
     return button;
   }));
-  const first = ["deviation", "rgb", "plain"].find((name) => name === "plain" || contentColours.has(name));
+  const first = ["deviation", "uncertain", "rgb", "plain"].find((name) => name === "plain" || contentColours.has(name));
   setColour(chosen && mode ? mode : first);
 }
 let chosen = false;

@@ -25,9 +25,10 @@ function widened(values, source, width) {
 
 /** \returns {object, box, colours}: content in the mesh's coordinates less config.origin */
 export async function loadMesh() {
-  let [position, index, colour, marks, deviation] = await Promise.all([
+  let [position, index, colour, marks, deviation, uncertain] = await Promise.all([
     block("mesh-positions", Float32Array), block("mesh-faces", Int32Array), block("mesh-colours", Uint8Array),
-    block("mesh-synthetic", Uint8Array), block("mesh-deviation", Float32Array)]);
+    block("mesh-synthetic", Uint8Array), block("mesh-deviation", Float32Array),
+    block("mesh-uncertain", Uint8Array)]);
   // Without indices every three positions are a face.
   index = index ? new Uint32Array(undoDifferences(index).buffer) : Uint32Array.from({ length: position.length / 3 }, (_, i) => i);
   let synthetic = null;
@@ -35,12 +36,14 @@ export async function loadMesh() {
     const split = splitByMark(index, marks, position.length / 3);
     position = widened(position, split.source, 3);
     if (colour) colour = widened(colour, split.source, 3);
+    if (uncertain) uncertain = widened(uncertain, split.source, 1);
     synthetic = split.mark;
   }
   const attributes = { position: new BufferAttribute(position, 3) };
   if (colour) attributes.color = new BufferAttribute(colour, 3, true);
   if (synthetic) attributes.synthetic = new BufferAttribute(synthetic, 1);
   if (deviation) attributes.deviation = new BufferAttribute(deviation, 1);
+  if (uncertain) attributes.uncertain = new BufferAttribute(uncertain, 1);
   const faces = new BufferAttribute(index, 1);
 
   const object = new Group(), box = new Box3();
@@ -55,7 +58,8 @@ export async function loadMesh() {
     box.union(geometry.boundingBox);
     object.add(new Mesh(geometry, materialFor(geometry)));
   }
-  const colours = [...(colour ? ["rgb"] : []), ...(deviation ? ["deviation"] : []), ...(synthetic ? ["synthetic"] : [])];
+  const colours = [...(colour ? ["rgb"] : []), ...(deviation ? ["deviation"] : []), ...(synthetic ? ["synthetic"] : []),
+                   ...(uncertain ? ["uncertain"] : [])];
   return { object, box, colours };
 }
 
