@@ -113,7 +113,9 @@ cli::Command render_command() {
   t.add("uncertain", &o.uncertain,
         "OUT.uncertain.ply of a reconstruction: meshes in red where the sides of its points were in doubt");
   t.add("borders", &o.borders,
-        "border edges in red, non-manifold edges in magenta: on, off, or auto (off where memory is short)");
+        "border edges in red, non-manifold edges in magenta: on, off, or auto (off where memory is short, "
+        "and red ones with "
+        "--uncertain)");
   t.add("backs", &o.backs,
         "faces seen from behind: show (orange), cut (left out), or auto: cut for rooms, so that the near "
         "walls do "

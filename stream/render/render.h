@@ -38,7 +38,7 @@ struct RenderOptions {
   /// colours nor normals by height.
   std::string colour = "auto";
   /// on, off or auto: border edges red, non-manifold edges magenta; auto leaves them out, and says so, where
-  /// the edge table does not fit the cap in one pass.
+  /// the edge table does not fit the cap in one pass, and the red ones where red means doubt.
   std::string borders = "auto";
   /// OUT.uncertain.ply of a reconstruction: meshes are red where the sides of its points were in doubt.
   std::filesystem::path uncertain;

@@ -389,7 +389,8 @@ void MeshItem::draw(Picture& picture, const DrawContext& context) {
   };
   each_face(emit);
   if (!batch.empty()) picture.triangles(batch, wire);
-  draw_edges(picture, border_ends_, kBorderEdge);
+  // Where red says doubt, it says nothing else unless asked.
+  if (!doubt_ || options.borders == "on") draw_edges(picture, border_ends_, kBorderEdge);
   draw_edges(picture, non_manifold_ends_, kNonManifoldEdge);
 }
 
