@@ -310,6 +310,37 @@ TEST_CASE("view: writes over no input and no file of the user's, its own page it
   CHECK(file_bytes(mesh) == kCoin);
 }
 
+TEST_CASE("view: a mesh goes through a small cap", "[memory]") {
+  const TempFolder folder;
+  constexpr std::uint32_t kSide = 500;
+  std::string mesh =
+      "ply\nformat binary_little_endian 1.0\nelement vertex 250000\nproperty float x\nproperty float "
+      "y\nproperty "
+      "float z\nelement face 498002\nproperty list uchar int vertex_indices\nend_header\n";
+  const auto put = [&](const void* data, std::size_t bytes) {
+    mesh.append(static_cast<const char*>(data), bytes);
+  };
+  for (std::uint32_t i = 0; i < kSide * kSide; ++i) {
+    const std::array<float, 3> p = {static_cast<float>(i % kSide), static_cast<float>(i / kSide), 0.5f};
+    put(p.data(), sizeof p);
+  }
+  for (std::uint32_t j = 0; j + 1 < kSide; ++j)
+    for (std::uint32_t i = 0; i + 1 < kSide; ++i) {
+      const std::uint32_t a = j * kSide + i;
+      for (const auto& f : {std::array{a, a + 1, a + kSide}, std::array{a + 1, a + kSide + 1, a + kSide}}) {
+        mesh += '\3';
+        put(f.data(), sizeof f);
+      }
+    }
+  const fs::path page = folder / "page.html";
+  const CommandResult r = tessera_command(
+      view(folder, {folder.write("plane.ply", mesh).string(), "-o", page.string(), "--memory", "40M"}));
+  INFO(r.errors);
+  REQUIRE(r.code == 0);
+  CHECK(r.peak_bytes < std::uint64_t{40} << 20);
+  CHECK(fs::file_size(page) < mesh.size() / 3);  // packed
+}
+
 TEST_CASE("view: the server gives page and tiles to this machine, and nothing else", "[pipeline]") {
   const TempFolder folder;
   Served served(view(folder, {site(folder).string(), "--temp", folder.path().string()}));
