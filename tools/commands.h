@@ -23,5 +23,6 @@ cli::Command smooth_command();
 cli::Command synth_command();
 cli::Command task_command();
 cli::Command view_command();
+cli::Command tiles_command();
 
 }  // namespace tessera

@@ -15,6 +15,7 @@ int main(int argc, char** argv) {
                       smooth_command(),
                       decimate_command(),
                       remesh_command(),
+                      tiles_command(),
                       task_command(),
                       check_command(),
                       render_command(),

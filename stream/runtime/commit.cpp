@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <atomic>
 #include <chrono>
+#include <cstring>
 #include <ctime>
 #include <mutex>
 #include <set>
@@ -104,7 +105,9 @@ fs::path aside_path(const fs::path& final_path) {
 }
 
 fs::path committed_path(const JobState& state, const std::string& name) {
-  return name == kOutputName ? state.output : state.work / name;
+  if (name == kOutputName) return state.output;
+  if (name.starts_with(kBesideName)) return state.output.parent_path() / name.substr(std::strlen(kBesideName));
+  return state.work / name;
 }
 
 bool files_match(const JobState& state, const TaskRecord& record, bool hash) {

@@ -8,6 +8,7 @@
 #include "stream/stages/smooth/smooth_stage.h"
 #include "stream/stages/solid/csg_job.h"
 #include "stream/stages/solid/resurface_job.h"
+#include "stream/stages/tiles/tiles_job.h"
 
 namespace tessera {
 namespace {
@@ -29,6 +30,7 @@ constexpr Entry kJobs[] = {
     {"remesh", from_text<RemeshJobOptions, remesh_job>},
     {"resurface", from_text<ResurfaceOptions, resurface_job>},
     {"smooth", from_text<SmoothOptions, smooth_job>},
+    {"tiles", from_text<TilesOptions, tiles_job>},
 };
 
 }  // namespace

@@ -1,0 +1,245 @@
+// Sources: Khronos, glTF 2.0 and KHR_mesh_quantization; EXT_meshopt_compression (its codecs are meshoptimizer's).
+#include "stream/stages/tiles/tile_mesh.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <limits>
+#include <stdexcept>
+
+#include <meshoptimizer.h>
+#include <nlohmann/json.hpp>
+
+namespace tessera {
+namespace {
+
+using json = nlohmann::json;
+
+constexpr std::uint32_t kNarrow = 65535;  ///< steps that 16 bits can tell
+
+enum Component {
+  kByte = 5120,
+  kUnsignedByte = 5121,
+  kUnsignedShort = 5123,
+  kUnsignedInt = 5125,
+  kFloat = 5126
+};
+enum Target { kArrayBuffer = 34962, kElementBuffer = 34963 };
+
+/// The binary part of the file and the views into it.
+class Binary {
+ public:
+  /// \param stride  bytes an element, a multiple of 4
+  std::size_t add_attribute(const void* elements, std::size_t count, std::size_t stride,
+                            const char* filter = nullptr) {
+    std::vector<unsigned char> packed(meshopt_encodeVertexBufferBound(count, stride));
+    packed.resize(meshopt_encodeVertexBuffer(packed.data(), packed.size(), elements, count, stride));
+    json extension = {{"mode", "ATTRIBUTES"}};
+    if (filter != nullptr) extension["filter"] = filter;
+    json view = {{"byteStride", stride}, {"target", kArrayBuffer}};
+    return add(packed, count, stride, std::move(view), std::move(extension));
+  }
+
+  std::size_t add_indices(const std::vector<std::uint32_t>& indices, std::size_t vertices,
+                          std::size_t stride) {
+    static const bool once = [] {  // the version that the extension asks for
+      meshopt_encodeIndexVersion(1);
+      meshopt_encodeVertexVersion(0);
+      return true;
+    }();
+    (void)once;
+    std::vector<unsigned char> packed(meshopt_encodeIndexBufferBound(indices.size(), vertices));
+    packed.resize(meshopt_encodeIndexBuffer(packed.data(), packed.size(), indices.data(), indices.size()));
+    return add(packed, indices.size(), stride, {{"target", kElementBuffer}}, {{"mode", "TRIANGLES"}});
+  }
+
+  json views = json::array();
+  std::vector<unsigned char> bytes;
+  std::size_t unpacked_bytes = 0;
+
+ private:
+  std::size_t add(const std::vector<unsigned char>& packed, std::size_t count, std::size_t stride, json view,
+                  json extension) {
+    if (packed.empty()) throw std::logic_error("a stream of a tile does not fit what was reckoned for it");
+    extension.update({{"buffer", 0},
+                      {"byteOffset", bytes.size()},
+                      {"byteLength", packed.size()},
+                      {"byteStride", stride},
+                      {"count", count}});
+    view.update({{"buffer", 1},
+                 {"byteOffset", unpacked_bytes},
+                 {"byteLength", count * stride},
+                 {"extensions", {{"EXT_meshopt_compression", std::move(extension)}}}});
+    views.push_back(std::move(view));
+    bytes.insert(bytes.end(), packed.begin(), packed.end());
+    bytes.resize((bytes.size() + 3) / 4 * 4, 0);
+    unpacked_bytes += (count * stride + 3) / 4 * 4;
+    return views.size() - 1;
+  }
+};
+
+void put_word(std::string& to, std::size_t value) {
+  const auto word = static_cast<std::uint32_t>(value);
+  to.append(reinterpret_cast<const char*>(&word), sizeof word);
+}
+
+/// The step along the axes of glTF: x, z, -y, counted from the corner of the tile.
+std::array<std::uint32_t, 3> y_up(const TileMesh& tile, std::size_t v) {
+  const auto& p = tile.position[v];
+  const auto depth = static_cast<std::uint32_t>(tile.high[1] - tile.low[1]);
+  return {p[0], p[2], depth - p[1]};
+}
+
+/// Colours of scans are meant for screens (sRGB); those of glTF are linear.
+std::array<std::uint16_t, 256> linear_table() {
+  std::array<std::uint16_t, 256> table{};
+  for (std::size_t i = 0; i < table.size(); ++i) {
+    const double c = static_cast<double>(i) / 255.0;
+    const double above = (c + 0.055) / 1.055;
+    double root = 1.0;  // the fifth one of above squared, by Newton: the same on every machine
+    for (int step = 0; step < 40; ++step) root -= (root - above * above / (root * root * root * root)) / 5.0;
+    const double linear = c <= 0.04045 ? c / 12.92 : above * above * root;
+    table[i] = static_cast<std::uint16_t>(std::lround(65535.0 * linear));
+  }
+  return table;
+}
+
+}  // namespace
+
+TileMesh quantise_tile(const MeshBlock& block, const TileGrid& grid, std::vector<Double3> normal) {
+  TileMesh tile;
+  tile.grid = grid;
+  tile.rgba = block.rgba;
+  tile.normal = std::move(normal);
+  tile.faces = block.faces;
+  std::vector<std::array<std::int64_t, 3>> at(block.position.size());
+  tile.low.fill(std::numeric_limits<std::int64_t>::max());
+  tile.high.fill(std::numeric_limits<std::int64_t>::min());
+  for (std::size_t v = 0; v < at.size(); ++v)
+    for (std::size_t k = 0; k < 3; ++k) {
+      at[v][k] =
+          static_cast<std::int64_t>(std::floor((block.position[v][k] - grid.origin[k]) / grid.step + 0.5));
+      tile.low[k] = std::min(tile.low[k], at[v][k]);
+      tile.high[k] = std::max(tile.high[k], at[v][k]);
+    }
+  tile.position.resize(at.size());
+  for (std::size_t v = 0; v < at.size(); ++v)
+    for (std::size_t k = 0; k < 3; ++k) {
+      const std::int64_t above = at[v][k] - tile.low[k];
+      if (above >= (std::int64_t{1} << 24)) throw std::logic_error("a tile is wider than its grid can tell");
+      tile.position[v][k] = static_cast<std::uint32_t>(above);
+    }
+  return tile;
+}
+
+std::string tile_glb(const TileMesh& tile) {
+  const std::size_t vertices = tile.position.size();
+  // The order that the codec of indices packs best; then vertices in the order of their first use.
+  std::vector<std::uint32_t> corners;
+  corners.reserve(3 * tile.faces.size());
+  for (const auto& f : tile.faces) corners.insert(corners.end(), f.begin(), f.end());
+  std::vector<std::uint32_t> indices(corners.size());
+  meshopt_optimizeVertexCacheStrip(indices.data(), corners.data(), corners.size(), vertices);
+  std::vector<std::uint32_t> place(vertices);
+  meshopt_optimizeVertexFetchRemap(place.data(), indices.data(), indices.size(), vertices);
+  for (std::uint32_t& v : indices) v = place[v];
+
+  std::array<std::uint32_t, 3> most = {0, 0, 0};
+  for (std::size_t v = 0; v < vertices; ++v)
+    for (std::size_t k = 0; k < 3; ++k) most[k] = std::max(most[k], y_up(tile, v)[k]);
+  const bool narrow = *std::max_element(most.begin(), most.end()) <= kNarrow;
+
+  Binary binary;
+  json attributes, accessors = json::array();
+  const auto add_accessor = [&](std::size_t view, Component type, std::size_t count,
+                                const char* shape) -> json& {
+    accessors.push_back({{"bufferView", view}, {"componentType", type}, {"count", count}, {"type", shape}});
+    return accessors.back();
+  };
+  if (narrow) {
+    std::vector<std::array<std::uint16_t, 4>> packed(vertices);
+    for (std::size_t v = 0; v < vertices; ++v) {
+      const auto p = y_up(tile, v);
+      packed[place[v]] = {static_cast<std::uint16_t>(p[0]), static_cast<std::uint16_t>(p[1]),
+                          static_cast<std::uint16_t>(p[2]), 0};
+    }
+    attributes["POSITION"] = accessors.size();
+    add_accessor(binary.add_attribute(packed.data(), vertices, sizeof packed[0]), kUnsignedShort, vertices,
+                 "VEC3");
+  } else {
+    std::vector<Float3> packed(vertices);
+    for (std::size_t v = 0; v < vertices; ++v) {
+      const auto p = y_up(tile, v);
+      packed[place[v]] = {static_cast<float>(p[0]), static_cast<float>(p[1]), static_cast<float>(p[2])};
+    }
+    attributes["POSITION"] = accessors.size();
+    add_accessor(binary.add_attribute(packed.data(), vertices, sizeof packed[0]), kFloat, vertices, "VEC3");
+  }
+  accessors.back().update({{"min", {0, 0, 0}}, {"max", most}});
+  if (!tile.normal.empty()) {
+    std::vector<std::array<float, 4>> wanted(vertices);
+    for (std::size_t v = 0; v < vertices; ++v) {
+      const Double3& n = tile.normal[v];
+      const bool none = n == Double3{0, 0, 0};  // of a vertex of faces without area: any direction will do
+      wanted[place[v]] = {static_cast<float>(n[0]), none ? 1.0f : static_cast<float>(n[2]),
+                          static_cast<float>(-n[1]), 0.0f};
+    }
+    std::vector<std::array<std::int8_t, 4>> packed(vertices);
+    meshopt_encodeFilterOct(packed.data(), vertices, sizeof packed[0], 8, wanted[0].data());
+    attributes["NORMAL"] = accessors.size();
+    add_accessor(binary.add_attribute(packed.data(), vertices, sizeof packed[0], "OCTAHEDRAL"), kByte,
+                 vertices, "VEC3")["normalized"] = true;
+  }
+  if (!tile.rgba.empty()) {
+    static const std::array<std::uint16_t, 256> linear = linear_table();
+    std::vector<std::array<std::uint16_t, 4>> packed(vertices);
+    for (std::size_t v = 0; v < vertices; ++v) {
+      const std::uint32_t c = tile.rgba[v];
+      packed[place[v]] = {linear[c & 255], linear[c >> 8 & 255], linear[c >> 16 & 255], 65535};
+    }
+    attributes["COLOR_0"] = accessors.size();
+    add_accessor(binary.add_attribute(packed.data(), vertices, sizeof packed[0]), kUnsignedShort, vertices,
+                 "VEC4")["normalized"] = true;
+  }
+  const bool small = vertices <= kNarrow;  // 65,535 itself is no index: it restarts strips
+  const std::size_t triangles = accessors.size();
+  add_accessor(binary.add_indices(indices, vertices, small ? 2 : 4), small ? kUnsignedShort : kUnsignedInt,
+               indices.size(), "SCALAR");
+
+  const auto along = [&](std::int64_t steps) { return static_cast<double>(steps) * tile.grid.step; };
+  const json node = {{"mesh", 0},
+                     {"translation", {along(tile.low[0]), along(tile.low[2]), -along(tile.high[1])}},
+                     {"scale", {tile.grid.step, tile.grid.step, tile.grid.step}}};
+  const json extensions = {"EXT_meshopt_compression", "KHR_mesh_quantization"};
+  const json all = {
+      {"asset", {{"version", "2.0"}, {"generator", "Tessera"}}},
+      {"extensionsUsed", extensions},
+      {"extensionsRequired", extensions},
+      {"scene", 0},
+      {"scenes", {{{"nodes", {0}}}}},
+      {"nodes", {node}},
+      {"meshes", {{{"primitives", {{{"attributes", attributes}, {"indices", triangles}, {"material", 0}}}}}}},
+      {"materials",
+       {{{"pbrMetallicRoughness", {{"metallicFactor", 0}, {"roughnessFactor", 1}}}, {"doubleSided", true}}}},
+      {"accessors", accessors},
+      {"bufferViews", binary.views},
+      {"buffers",
+       {{{"byteLength", binary.bytes.size()}},
+        {{"byteLength", binary.unpacked_bytes},
+         {"extensions", {{"EXT_meshopt_compression", {{"fallback", true}}}}}}}}};
+  std::string text = all.dump();
+  text.resize((text.size() + 3) / 4 * 4, ' ');
+  std::string file;
+  put_word(file, 0x46546c67);
+  put_word(file, 2);
+  put_word(file, 28 + text.size() + binary.bytes.size());
+  put_word(file, text.size());
+  put_word(file, 0x4e4f534a);
+  file += text;
+  put_word(file, binary.bytes.size());
+  put_word(file, 0x004e4942);
+  file.append(reinterpret_cast<const char*>(binary.bytes.data()), binary.bytes.size());
+  return file;
+}
+
+}  // namespace tessera

@@ -1,0 +1,87 @@
+#include "stream/stages/tiles/tiles_job.h"
+
+#include <nlohmann/json.hpp>
+
+#include "octree/error.h"
+#include "stream/import/import_stages.h"
+#include "stream/runtime/report.h"
+#include "stream/stages/decimate/certify_stage.h"
+#include "stream/stages/decimate/idle_stage.h"
+#include "stream/stages/decimate/simplify_stage.h"
+#include "stream/stages/tiles/folder_stage.h"
+#include "stream/stages/tiles/tile_levels.h"
+#include "stream/stages/tiles/tiles_stage.h"
+#include "stream/stages/tiles/tileset_stage.h"
+
+namespace tessera {
+namespace {
+
+using json = nlohmann::json;
+
+/// Distances up to five quarters of this times the tolerance are told: passes stay within the tolerance.
+constexpr double kToldScale = 1.6;
+
+/// \param state  with the level's folder as its work directory
+bool is_there(const JobState& state, int level) {
+  return level_tolerance(state.work.parent_path(), level) > 0.0;
+}
+
+void require_bound(const json& certificate) {
+  if (!certificate.at("certified_max").is_number())
+    throw ValidationError("a level is farther from the one below than it may be: please report this");
+}
+
+void add_level(std::vector<StageEntry>& stages, const TilesOptions& options, int level) {
+  const auto add = [&](const StageEntry& entry, const std::string& result = "",
+                       const std::function<void(const json&)>& check = {}) {
+    stages.push_back(stage_in_folder(level_folder(level), entry, result, check));
+  };
+  if (level > 0) {
+    add({"tolerance", [=](const JobState& s) {
+           return level == 1 || is_there(s, level - 1)
+                      ? make_level_tolerance_stage(s, level, options.tile_faces)
+                      : make_idle_stage("tolerance");
+         }});
+    SimplifyStores stores;
+    stores.full = [=](const JobState& s) { return open_level(s.work.parent_path(), level - 1); };
+    stores.tolerance_left = [=](const JobState& s) { return level_tolerance(s.work.parent_path(), level); };
+    for (int p = 0; p < kLevelPasses; ++p) {
+      const SimplifyPass pass{p, 0, false};
+      add({pass.stage_name(), [=](const JobState& s) {
+             return is_there(s, level) ? make_simplify_stage(s, stores.options(s, {}), stores, pass)
+                                       : make_idle_stage(pass.stage_name());
+           }});
+    }
+    add({"certify",
+         [=](const JobState& s) {
+           if (!is_there(s, level)) return make_idle_stage("certify");
+           CertifyRequest request;
+           request.name = "certify";
+           request.scale = kToldScale * stores.tolerance_left(s);
+           request.mesh = [=](const JobState& now) { return open_level(now.work.parent_path(), level); };
+           request.reference = stores.full;
+           return make_certify_stage(s, request);
+         }},
+        kLevelCertificate, require_bound);
+  }
+  add({"tiles", [=](const JobState& s) {
+         return level == 0 || is_there(s, level) ? make_tiles_stage(s, options, level)
+                                                 : make_idle_stage("tiles");
+       }});
+}
+
+void summarise(json& report) {
+  report["input"] = import_report(report, kTilesImport);
+  report["tiles"] = result_of(report, "tileset");
+}
+
+}  // namespace
+
+JobDescription tiles_job(const TilesOptions& options) {
+  std::vector<StageEntry> stages = import_stages({0, kTilesImport});
+  for (int level = 0; level <= kMostLevels; ++level) add_level(stages, options, level);
+  stages.push_back({"tileset", [](const JobState& state) { return make_tileset_stage(state); }});
+  return {"tiles", std::move(stages), 0, summarise, {}, {}};
+}
+
+}  // namespace tessera

@@ -1,0 +1,252 @@
+#include "stream/stages/tiles/tiles_stage.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <numeric>
+#include <type_traits>
+
+#include <nlohmann/json.hpp>
+
+#include "kernels/mesh/mesh_block_ops.h"
+#include "stream/files/direct_file.h"
+#include "stream/files/durable_file.h"
+#include "stream/files/read_file.h"
+#include "stream/files/task_files.h"
+#include "stream/meshes/mesh_store.h"
+#include "stream/runtime/journal.h"
+#include "stream/stages/tiles/tile_levels.h"
+
+namespace tessera {
+namespace {
+
+using json = nlohmann::json;
+namespace fs = std::filesystem;
+
+constexpr std::uint64_t kTaskFaces = 1u << 19;  ///< a task is worth a file from here
+constexpr std::uint64_t kMostTasks = 400;
+constexpr const char* kRecords = "records/";
+constexpr const char* kGrid = "grid.json";
+/// Of the tiles of a level, so many fit the 16 bits of their grid; wider ones have floats.
+constexpr double kNarrowShare = 0.9;
+constexpr double kSides = 1.125;  ///< for the rows of faces that a tile shares with its neighbours
+
+static_assert(std::is_trivially_copyable_v<TileRecord>, "records are kept as they lie in memory");
+
+double largest_extent(const MeshBox& box) {
+  double widest = 0.0;
+  for (std::size_t k = 0; k < 3; ++k) widest = std::max(widest, box.high[k] - box.low[k]);
+  return widest;
+}
+
+/// Smallest power of two above `value` > 0.
+double power_above(double value) {
+  int exponent = 0;
+  std::frexp(value, &exponent);
+  return std::ldexp(1.0, exponent);
+}
+
+std::vector<TileRecord> read_records(const fs::path& folder) {
+  std::vector<TileRecord> all;
+  for (const fs::path& path : list_task_files(folder / kRecords, ".bin")) {
+    const ReadFile file(path);
+    const std::size_t before = all.size();
+    all.resize(before + file.size() / sizeof(TileRecord));
+    file.read_at(0, all.data() + before, (all.size() - before) * sizeof(TileRecord));
+  }
+  return all;
+}
+
+Double3 origin_of(const MeshBox& box) {
+  double most = largest_extent(box);
+  for (std::size_t k = 0; k < 3; ++k) most = std::max(most, 0x1p-30 * std::abs(box.low[k]));
+  const double unit = power_above(most) * 0x1p-8;
+  Double3 origin;
+  for (std::size_t k = 0; k < 3; ++k)
+    origin[k] = std::floor(0.5 * (box.low[k] + box.high[k]) / unit + 0.5) * unit;
+  return origin;
+}
+
+class TilesStage : public Stage {
+ public:
+  TilesStage(const fs::path& work, const fs::path& output, const TilesOptions& options, int level)
+      : output_(output),
+        level_(level),
+        reach_(level_bound(work, level)),
+        level0_(open_level(work, 0)),
+        store_(level > 0 ? open_level(work, level) : open_level(work, 0)) {
+    std::vector<std::uint64_t> keys;
+    for (const MeshPatchEntry& p : level0_.patches()) keys.push_back(p.key);
+    BrickFaces bricks;
+    for (const MeshPatchEntry& p : store_.patches()) {
+      bricks.key.push_back(p.key);
+      bricks.faces.push_back(p.faces);
+    }
+    std::vector<TileCell> below;
+    if (level > 0)
+      for (const TileRecord& r : read_records(work / level_folder(level - 1))) below.push_back(r.cell);
+    cells_ = cut_level(keys, bricks, below, options.tile_faces);
+    choose_grid();
+    // Bricks that hold no face of level 0 count nowhere here; their faces are in tiles all the same.
+    const std::uint64_t each =
+        std::max<std::uint64_t>(1, store_.face_count() / std::max<std::size_t>(1, cells_.size()));
+    const std::uint64_t target = std::max(kTaskFaces, store_.face_count() / kMostTasks);
+    per_task_ = static_cast<std::size_t>(std::max<std::uint64_t>(1, target / each));
+  }
+
+  std::string name() const override { return "tiles"; }
+  std::size_t task_count() const override { return (cells_.size() + per_task_ - 1) / per_task_; }
+  std::uint64_t units() const override { return cells_.size(); }
+  std::string unit_name() const override { return "tiles"; }
+
+  std::uint64_t task_bytes(std::size_t task) const override {
+    std::uint64_t most = 0;
+    for (std::size_t c = first(task); c < first(task + 1); ++c)
+      most = std::max(most, store_.block_bytes(patches_of(cells_[c])));
+    return tile_task_bytes(most);
+  }
+
+  json run(std::size_t task, TaskContext& context) const override {
+    // An older site loses its name before its first tile goes.
+    if (std::error_code ignored; level_ == 0) fs::remove(output_, ignored);
+    DirectFile records(context.create(kRecords + task_file_stem(task) + ".bin"), std::size_t{1} << 16);
+    for (std::size_t c = first(task); c < first(task + 1); ++c) {
+      context.check_stop();
+      const MeshBlock block = load(cells_[c]);
+      TileRecord record;
+      record.cell = cells_[c];
+      const TileMesh tile = quantise_tile(block, grid_, {});
+      const std::string glb = tile_glb(tile);
+      DirectFile file(context.create(kBesideName + tile_file(level_, c)), std::size_t{1} << 18);
+      file.write(glb.data(), glb.size());
+      record.bytes = file.finish();
+      record.vertices = tile.position.size();
+      record.faces = tile.faces.size();
+      std::copy(tile.low.begin(), tile.low.end(), record.low);
+      std::copy(tile.high.begin(), tile.high.end(), record.high);
+      records.write(&record, sizeof record);
+      context.count_read(store_.block_bytes(patches_of(cells_[c])));
+      context.count_written(record.bytes);
+      context.advance(1);
+    }
+    context.count_written(records.finish());
+    return json::object();
+  }
+
+  std::uint64_t finish_bytes() const override {
+    return (cells_.size() + 1) * sizeof(TileRecord) + (1u << 20);
+  }
+
+  json finish(const std::vector<json>& summaries, TaskContext& context) const override {
+    (void)summaries;
+    write_durably(context.create(kGrid), json{{"step", grid_.step}, {"origin", grid_.origin}}.dump());
+    return {{"level", level_},
+            {"tiles", cells_.size()},
+            {"faces", store_.face_count()},
+            {"bound", reach_},
+            {"grid_step", grid_.step}};
+  }
+
+ private:
+  /// Proven: between this level and level 0, as both are without grids.
+  static double level_bound(const fs::path& work, int level) {
+    double sum = 0.0;
+    for (int l = 1; l <= level; ++l) sum += level_step_bound(work, l);
+    return sum;
+  }
+
+  void choose_grid() {
+    grid_.origin = origin_of(level0_.box());
+    std::vector<double> extents;
+    for (const TileCell& cell : cells_) extents.push_back(kSides * largest_extent(box_of(cell)));
+    std::sort(extents.begin(), extents.end());
+    const auto at = static_cast<std::size_t>(kNarrowShare * static_cast<double>(extents.size() - 1));
+    // At the least every tile fits the 24 bits of a float, and no grid is finer than doubles are there.
+    const double whole = largest_extent(level0_.box());
+    double least = std::max({extents[at] / 65535.0, whole * 0x1p-22, std::ldexp(1.0, -900)});
+    for (std::size_t k = 0; k < 3; ++k) least = std::max(least, 0x1p-46 * std::abs(level0_.box().low[k]));
+    grid_.step = power_above(least);
+  }
+
+  std::vector<std::size_t> bricks_of(const TileCell& cell) const {
+    std::vector<std::size_t> patches(cell.last - cell.first);
+    std::iota(patches.begin(), patches.end(), cell.first);
+    return patches;
+  }
+  /// Of what level 0 has in the cell.
+  MeshBox box_of(const TileCell& cell) const { return level0_.box_of(bricks_of(cell)); }
+  /// All that the tile may hold faces of.
+  std::vector<std::size_t> patches_of(const TileCell& cell) const {
+    return level_ == 0 ? bricks_of(cell) : store_.select(grown(box_of(cell), reach_));
+  }
+
+  MeshBlock load(const TileCell& cell) const {
+    if (level_ == 0) return store_.load(bricks_of(cell));
+    const MeshBlock near = store_.load_box(grown(box_of(cell), reach_));
+    std::vector<MeshBox> covered;
+    for (std::uint64_t p = cell.first; p < cell.last; ++p)
+      covered.push_back(grown(level0_.patches()[p].box, reach_));
+    std::vector<std::uint8_t> keep(near.faces.size(), 0);
+    std::size_t last = 0;  // neighbours in the order of faces meet the same box
+    for (std::size_t f = 0; f < keep.size(); ++f) {
+      MeshBox box{near.position[near.faces[f][0]], near.position[near.faces[f][0]]};
+      for (const std::uint32_t v : near.faces[f])
+        for (std::size_t k = 0; k < 3; ++k) {
+          box.low[k] = std::min(box.low[k], near.position[v][k]);
+          box.high[k] = std::max(box.high[k], near.position[v][k]);
+        }
+      if (overlap(box, covered[last])) {
+        keep[f] = 1;
+        continue;
+      }
+      for (std::size_t b = 0; b < covered.size() && keep[f] == 0; ++b)
+        if (overlap(box, covered[b])) {
+          keep[f] = 1;
+          last = b;
+        }
+    }
+    return select_faces(near, keep);
+  }
+
+  std::size_t first(std::size_t task) const { return std::min(cells_.size(), task * per_task_); }
+
+  fs::path output_;
+  int level_;
+  double reach_;
+  MeshStore level0_;
+  MeshStore store_;
+  std::vector<TileCell> cells_;
+  TileGrid grid_;
+  std::size_t per_task_ = 1;
+};
+
+}  // namespace
+
+Double3 tiles_origin(const fs::path& work) {
+  return origin_of(open_level(work, 0).box());
+}
+
+TileLevel read_tile_level(const fs::path& work, int level) {
+  TileLevel out;
+  const fs::path folder = work / level_folder(level);
+  const json grid = json::parse(read_text(folder / kGrid));
+  out.grid = {grid.at("origin").get<Double3>(), grid.at("step").get<double>()};
+  out.step_bound = level_step_bound(work, level);
+  out.tiles = read_records(folder);
+  return out;
+}
+
+std::string tile_file(int level, std::size_t tile) {
+  return "tiles/" + std::to_string(level) + "/" + task_file_stem(tile) + ".glb";
+}
+
+std::uint64_t tile_task_bytes(std::uint64_t block_bytes) {
+  // What is loaded, what of it is kept, and that once more as the tile with its streams.
+  return 3 * block_bytes + (std::uint64_t{1} << 20);
+}
+
+std::unique_ptr<Stage> make_tiles_stage(const JobState& state, const TilesOptions& options, int level) {
+  return std::make_unique<TilesStage>(state.work.parent_path(), state.output, options, level);
+}
+
+}  // namespace tessera

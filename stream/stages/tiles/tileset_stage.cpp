@@ -1,0 +1,123 @@
+#include "stream/stages/tiles/tileset_stage.h"
+
+#include <set>
+
+#include <nlohmann/json.hpp>
+
+#include "stream/files/durable_file.h"
+#include "stream/files/path_text.h"
+#include "stream/runtime/journal.h"
+#include "stream/stages/tiles/tile_levels.h"
+#include "stream/stages/tiles/tileset.h"
+
+namespace tessera {
+namespace {
+
+using json = nlohmann::json;
+namespace fs = std::filesystem;
+
+constexpr std::size_t kTilesPerFile = 1000;
+
+class TilesetStage : public Stage {
+ public:
+  explicit TilesetStage(const JobState& state) : state_(state), level0_(open_level(state.work, 0)) {
+    for (int level = 0; level <= levels_above(state.work); ++level) {
+      levels_.push_back(read_tile_level(state.work, level));
+      tiles_ += levels_.back().tiles.size();
+    }
+  }
+  std::string name() const override { return "tileset"; }
+  std::size_t task_count() const override { return 0; }
+  std::uint64_t task_bytes(std::size_t) const override { return 0; }
+  std::uint64_t units() const override { return tiles_; }
+  std::string unit_name() const override { return "tiles"; }
+  json run(std::size_t, TaskContext&) const override { return {}; }
+  std::uint64_t finish_bytes() const override {
+    // Nodes of all, and the JSON of one file with the ones that it is made of.
+    return tiles_ * sizeof(TileNode) + (std::uint64_t{16} << 20);
+  }
+
+  json finish(const std::vector<json>&, TaskContext& context) const override {
+    const TileTree tree = make_tile_tree(levels_, kTilesPerFile);
+    const Double3& origin = levels_[0].grid.origin;
+    const Double3& shift = level0_.info().shift;
+    std::vector<double> transform = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0};
+    for (std::size_t k = 0; k < 3; ++k) transform.push_back(origin[k] + shift[k]);
+    transform.push_back(1);
+
+    std::uint64_t json_bytes = 0, json_files = 0;
+    std::set<std::string> names;
+    for (std::size_t l = 0; l < levels_.size(); ++l)
+      for (std::size_t t = 0; t < levels_[l].tiles.size(); ++t)
+        names.insert(tile_file(static_cast<int>(l), t));
+    write_tilesets(tree, transform, level0_.diagonal(),
+                   [&](const std::string& name, const std::string& text) {
+                     context.check_stop();
+                     write_durably(context.create(name.empty() ? kOutputName : kBesideName + name), text);
+                     json_bytes += text.size();
+                     names.insert(name);
+                     names.insert(name + ".part");
+                     ++json_files;
+                   });
+    remove_others(names);
+    context.count_written(json_bytes);
+    context.advance(tiles_);
+    return report(tree, json_bytes, json_files);
+  }
+
+ private:
+  /// Tiles of an older site, and what killed tasks left.
+  void remove_others(const std::set<std::string>& names) const {
+    const fs::path site = state_.output.parent_path();
+    std::vector<fs::path> others;
+    for (const auto& entry : fs::recursive_directory_iterator(site / "tiles"))
+      if (entry.is_regular_file() && names.count(entry.path().lexically_relative(site).string()) == 0)
+        others.push_back(entry.path());
+    std::error_code ignored;  // what cannot be deleted only takes space
+    for (const fs::path& path : others) fs::remove(path, ignored);
+  }
+
+  json report(const TileTree& tree, std::uint64_t json_bytes, std::uint64_t json_files) const {
+    json levels = json::array();
+    std::uint64_t bytes = json_bytes, faces = 0, vertices = 0;
+    for (std::size_t l = 0; l < levels_.size(); ++l) {
+      json level = {{"tiles", levels_[l].tiles.size()},
+                    {"geometric_error", tree.error[l]},
+                    {"step_bound", levels_[l].step_bound},
+                    {"grid_step", levels_[l].grid.step}};
+      std::uint64_t level_bytes = 0, level_faces = 0;
+      for (const TileRecord& tile : levels_[l].tiles) {
+        level_bytes += tile.bytes;
+        level_faces += tile.faces;
+        vertices += tile.vertices;
+      }
+      level["faces"] = level_faces;
+      level["bytes"] = level_bytes;
+      bytes += level_bytes;
+      faces += level_faces;
+      levels.push_back(std::move(level));
+    }
+    return {{"path", json_text(state_.output)},
+            {"tiles", tiles_},
+            {"tilesets", json_files},
+            {"bytes", bytes},
+            {"faces", level0_.face_count()},
+            {"faces_of_all_levels", faces},
+            {"vertices_of_all_levels", vertices},
+            {"bytes_per_face", static_cast<double>(bytes) / static_cast<double>(level0_.face_count())},
+            {"levels", std::move(levels)}};
+  }
+
+  JobState state_;
+  MeshStore level0_;
+  std::vector<TileLevel> levels_;
+  std::uint64_t tiles_ = 0;
+};
+
+}  // namespace
+
+std::unique_ptr<Stage> make_tileset_stage(const JobState& state) {
+  return std::make_unique<TilesetStage>(state);
+}
+
+}  // namespace tessera
