@@ -1,0 +1,355 @@
+// tessera tiles as a user runs it: the rules of 3D Tiles, cracks against the errors told, the same bytes whatever must not
+// matter, clear refusals.
+#include <catch2/catch.hpp>
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <set>
+#include <string>
+#include <vector>
+
+#include <nlohmann/json.hpp>
+
+#include "kernels/mesh/closest_face.h"
+#include "octree/portable_math.h"
+#include "tests/helpers/command.h"
+#include "tests/helpers/mesh_files.h"
+#include "tests/helpers/random.h"
+#include "tests/helpers/shell.h"
+#include "tests/helpers/skip.h"
+#include "tests/helpers/tiles_site.h"
+
+using namespace tessera;
+using namespace tessera::test;
+
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr int kSide = 240;
+
+/// Waves that end in noise on one side, far from zero; `backwards` writes vertices and faces from the last to the first.
+fs::path write_waves(const fs::path& path, bool backwards = false) {
+  const auto wave = [](int i, int j) {
+    const double u = i / 25.0, v = j / 40.0;
+    const double noise = to_unit(random_bits(7, 1, static_cast<std::uint64_t>(j * 1000 + i))) - 0.5;
+    Double3 p = {5000.0 + i, 3000.0 + j, 6.0 * sin_cos(u).sin * sin_cos(v).cos + (i > 160 ? noise : 0.0)};
+    for (double& c : p) c = static_cast<double>(static_cast<float>(c));
+    return p;
+  };
+  write_sheet(path, kSide, wave, backwards);
+  return path;
+}
+
+std::vector<std::string> words(const fs::path& in, const fs::path& out,
+                               const std::vector<std::string>& more = {}) {
+  std::vector<std::string> w = {"tiles", in.string(), "-o", out.string(), "--progress", "none", "-q"};
+  w.insert(w.end(), more.begin(), more.end());
+  return w;
+}
+
+/// Every file of a site, by its name.
+std::map<std::string, std::string> site_bytes(const fs::path& site) {
+  std::map<std::string, std::string> all;
+  for (const auto& entry : fs::recursive_directory_iterator(site))
+    if (entry.is_regular_file())
+      all[entry.path().lexically_relative(site).string()] = file_bytes(entry.path());
+  return all;
+}
+
+/// Points and faces of a mesh in the frame of the site.
+struct LocalMesh {
+  std::vector<Double3> points;
+  std::vector<std::array<std::uint32_t, 3>> faces;
+  LocalMesh(const fs::path& path, const Site& site) {
+    const WholeMesh mesh = read_whole(path);
+    for (const Double3& p : mesh.points)
+      points.push_back({p[0] - site.transform[12], p[1] - site.transform[13], p[2] - site.transform[14]});
+    for (const MeshFace& f : mesh.faces)
+      faces.push_back({static_cast<std::uint32_t>(f[0]), static_cast<std::uint32_t>(f[1]),
+                       static_cast<std::uint32_t>(f[2])});
+  }
+};
+
+double distance(const ClosestFaces& to, const Double3& p) {
+  constexpr double kFar = 1e30;
+  return std::sqrt(to.closest(p, kFar, ClosestFaces::kNone).square);
+}
+
+/// What 3D Tiles asks of every site, and that leaves hold the input.
+void check_rules(const fs::path& folder, const fs::path& input) {
+  const Site site = read_site(folder / "tileset.json");
+  REQUIRE(site.transform.size() == 16);
+  std::set<fs::path> named(site.files.begin(), site.files.end());
+  CHECK(named.size() == site.files.size());
+  for (const auto& entry : fs::recursive_directory_iterator(folder)) {
+    INFO(entry.path());
+    if (entry.is_regular_file()) CHECK(named.count(entry.path().lexically_normal()) == 1);
+  }
+  std::size_t outside = 0, rising = 0, content_outside = 0, leaf_faces = 0;
+  for (const SiteTile& tile : site.tiles) {
+    if (&tile != &site.tiles[0]) {
+      const SiteTile& parent = site.tiles[tile.parent];
+      rising += tile.error >= parent.error;
+      for (std::size_t k = 0; k < 3; ++k)
+        outside += tile.low[k] < parent.low[k] || tile.high[k] > parent.high[k];
+    }
+    if (tile.content.empty()) continue;
+    const DecodedTile decoded = decode_tile(file_bytes(tile.content));
+    for (const Double3& p : decoded.points)
+      for (std::size_t k = 0; k < 3; ++k) content_outside += p[k] < tile.low[k] || p[k] > tile.high[k];
+    if (tile.children.empty()) leaf_faces += decoded.faces.size();
+  }
+  CHECK(outside == 0);
+  CHECK(rising == 0);
+  CHECK(content_outside == 0);
+  CHECK(leaf_faces == read_whole(input).faces.size());
+}
+
+struct Cracks {
+  double worst = 0.0;        ///< share of the error told that was found between tiles of different levels
+  double worst_cover = 0.0;  ///< share of it that the input is away from the tile shown for it
+  std::size_t mixed = 0;     ///< places where tiles of different levels meet
+};
+
+/// Shows tiles at random, as viewers do, and measures at the vertices of the input. \param seed of the choice
+Cracks measure_cracks(const Site& site, std::uint64_t seed) {
+  std::vector<std::size_t> shown(site.tiles.size());  // of every tile: itself or what is shown in its stead
+  for (std::size_t t = 0; t < shown.size(); ++t) {
+    const std::size_t parent = site.tiles[t].parent;
+    const bool refined = t == 0 || (shown[parent] == parent && (site.tiles[parent].content.empty() ||
+                                                                random_bits(seed, 3, parent) % 3 != 0));
+    shown[t] = refined ? t : shown[parent];
+  }
+  std::map<std::size_t, ClosestFaces> faces;
+  std::map<Double3, std::set<std::size_t>>
+      at;  // vertices of leaves, and what is shown of the leaves they are in
+  Cracks out;
+  for (std::size_t t = 0; t < shown.size(); ++t) {
+    if (!site.tiles[t].children.empty()) continue;
+    const std::size_t now = shown[t];
+    if (faces.count(now) == 0) {
+      const DecodedTile tile = decode_tile(file_bytes(site.tiles[now].content));
+      faces.emplace(now, ClosestFaces(tile.points, tile.faces, {0, 0, 0}));
+    }
+    for (const Double3& p : decode_tile(file_bytes(site.tiles[t].content)).points) {
+      at[p].insert(now);
+      out.worst_cover = std::max(out.worst_cover, distance(faces[now], p) / site.tiles[now].error);
+    }
+  }
+  for (const auto& [p, tiles] : at) {
+    if (tiles.size() < 2) continue;
+    double error = 0.0;
+    std::set<double> levels;
+    for (const std::size_t t : tiles) {
+      error = std::max(error, site.tiles[t].error);
+      levels.insert(site.tiles[t].error);
+    }
+    if (levels.size() < 2) continue;
+    ++out.mixed;
+    double gap = 0.0;
+    for (const std::size_t t : tiles) gap += distance(faces[t], p);
+    out.worst = std::max(out.worst, gap / error);
+  }
+  return out;
+}
+
+void check_cracks(const fs::path& folder, const fs::path& input) {
+  const Site site = read_site(folder / "tileset.json");
+  // A point that two tiles share: from it each of them is no farther than its bound, and both bounds are in the error.
+  std::size_t mixed = 0;
+  for (std::uint64_t seed = 1; seed <= 6; ++seed) {
+    const Cracks cracks = measure_cracks(site, seed);
+    INFO("worst crack " << cracks.worst << " of the error told, cover " << cracks.worst_cover << ", at "
+                        << cracks.mixed << " places");
+    CHECK(cracks.worst <= 1.0);
+    CHECK(cracks.worst_cover <= 1.0);
+    mixed += cracks.mixed;
+  }
+  CHECK(mixed > 0);
+  const LocalMesh mesh(input, site);
+  const ClosestFaces reference(mesh.points, mesh.faces, {0, 0, 0});
+  double worst = 0.0;
+  for (const SiteTile& tile : site.tiles)
+    if (!tile.content.empty())
+      for (const Double3& p : decode_tile(file_bytes(tile.content)).points)
+        worst = std::max(worst, distance(reference, p) / tile.error);
+  CHECK(worst <= 1.0);
+}
+
+/// Tiles of one level fit each other without a gap: together they have no border edge but that of the whole.
+void check_levels(const fs::path& folder) {
+  const Site site = read_site(folder / "tileset.json");
+  std::map<double, std::set<std::array<Double3, 3>>> levels;  // by error: faces, each once
+  for (const SiteTile& tile : site.tiles) {
+    if (tile.content.empty()) continue;
+    const DecodedTile decoded = decode_tile(file_bytes(tile.content));
+    for (const auto& f : decoded.faces) {
+      std::array<Double3, 3> corners = {decoded.points[f[0]], decoded.points[f[1]], decoded.points[f[2]]};
+      std::rotate(corners.begin(), std::min_element(corners.begin(), corners.end()), corners.end());
+      levels[tile.error].insert(corners);
+    }
+  }
+  CHECK(levels.size() > 2);
+  for (const auto& [error, faces] : levels) {
+    std::map<std::pair<Double3, Double3>, int> edges;
+    for (const auto& f : faces)
+      for (std::size_t k = 0; k < 3; ++k) {
+        ++edges[{f[k], f[(k + 1) % 3]}];
+        --edges[{f[(k + 1) % 3], f[k]}];
+      }
+    std::size_t inside = 0;
+    for (const auto& [edge, count] : edges) {
+      const auto on_side = [&](const Double3& p) {
+        const double x = p[0] + site.transform[12] - 5000.0, y = p[1] + site.transform[13] - 3000.0;
+        constexpr double kNear = 0.1;  // the grid
+        return x < kNear || x > kSide - kNear || y < kNear || y > kSide - kNear;
+      };
+      inside += count > 0 && !(on_side(edge.first) && on_side(edge.second));
+    }
+    INFO("level of error " << error << " with " << faces.size() << " faces");
+    CHECK(inside == 0);
+  }
+}
+
+}  // namespace
+
+TEST_CASE(
+    "tiles: the rules of the specification, no cracks inside a level, cracks below the errors between them",
+    "[pipeline]") {
+  const TempFolder folder;
+  const fs::path in = write_waves(folder.path() / "in.ply"), out = folder.path() / "site";
+  const CommandResult r = tessera_command(words(in, out, {"--tile-faces", "3000"}));
+  INFO(r.errors);
+  REQUIRE(r.code == 0);
+  CHECK_FALSE(fs::exists(out / "tileset.json.tessera"));
+  CHECK(read_site(out / "tileset.json").tiles.size() > 30);
+  check_rules(out, in);
+  check_levels(out);
+  check_cracks(out, in);
+}
+
+TEST_CASE("tiles: a real mesh of several levels: rules and cracks", "[pipeline]") {
+  if (!has_shared_data()) return;
+  const TempFolder folder;
+  const fs::path in = kSharedData / "meshes" / "bunny.ply", out = folder.path() / "site";
+  const CommandResult r = tessera_command(words(in, out, {"--tile-faces", "2000"}));
+  INFO(r.errors);
+  REQUIRE(r.code == 0);
+  check_rules(out, in);
+  check_cracks(out, in);
+}
+
+TEST_CASE("tiles: same bytes over threads, memory, processes, order of the input and kills", "[property]") {
+  const TempFolder folder;
+  const fs::path in = write_waves(folder.path() / "in.ply");
+  const auto run = [&](const fs::path& from, std::vector<std::string> more) {
+    const fs::path out = folder.path() / "site";
+    fs::remove_all(out);
+    more.insert(more.end(), {"--tile-faces", "6000"});
+    const CommandResult r = tessera_command(words(from, out, more));
+    INFO(r.errors);
+    REQUIRE(r.code == 0);
+    return site_bytes(out);
+  };
+  const auto bytes = run(in, {"-t", "1", "--memory", "1G"});
+  CHECK(bytes.size() > 20);
+  CHECK((run(in, {"-t", "4", "--memory", "96M"}) == bytes));
+  CHECK((run(in, {"-t", "2", "--processes"}) == bytes));
+  CHECK((run(write_waves(folder.path() / "in.ply", true), {"-t", "2"}) == bytes));
+
+  SECTION(
+      "killed at commits, the same command goes on, and nothing bears the name of the tileset before the "
+      "end") {
+    const fs::path out = folder.path() / "site";
+    fs::remove_all(out);
+    int kills = 0;
+    for (int round = 0; round < 100; ++round) {
+      const CommandResult r = tessera_command(words(in, out, {"-t", "2", "--tile-faces", "6000"}), 0,
+                                              "TESSERA_FAULT=commit:" + std::to_string(31 + 5 * (round % 3)));
+      if (r.code == 0) break;
+      REQUIRE(r.code == 128 + SIGKILL);
+      ++kills;
+      if (fs::exists(out / "tileset.json.tessera")) CHECK_FALSE(fs::exists(out / "tileset.json"));
+    }
+    CHECK(kills > 3);
+    CHECK((site_bytes(out) == bytes));
+  }
+  SECTION("an older site in the folder goes with --force, without it nothing changes") {
+    const fs::path out = folder.path() / "site", other = folder.path() / "other.ply";
+    fs::copy_file(kSharedData / "meshes" / "bunny.ply", other, fs::copy_options::none);
+    const auto before = site_bytes(out);
+    CHECK(tessera_command(words(other, out)).code == 2);
+    CHECK((site_bytes(out) == before));
+    REQUIRE(tessera_command(words(other, out, {"--force"})).code == 0);
+    check_rules(out, other);
+  }
+}
+
+TEST_CASE("tiles: peak memory stays below the cap", "[memory]") {
+  const TempFolder folder;
+  const fs::path in = write_waves(folder.path() / "in.ply");
+  const CommandResult r = tessera_command(words(in, folder.path() / "site", {"--memory", "96M"}));
+  INFO(r.errors);
+  REQUIRE(r.code == 0);
+  CHECK(r.peak_bytes <= std::uint64_t{96} << 20);
+}
+
+TEST_CASE("tiles: colours arrive as linear light, normals along the surface", "[pipeline]") {
+  const TempFolder folder;
+  WholeMesh mesh;
+  mesh.points = {{0, 0, 0}, {2, 0, 0}, {2, 2, 0}, {0, 2, 0}};
+  mesh.faces = {{0, 1, 2}, {0, 2, 3}};
+  mesh.rgba = {0xff0000ffu, 0xff00ff00u, 0xffff0000u, 0xff808080u};
+  mesh.header.vertices = 4, mesh.header.faces = 2, mesh.header.colour = true;
+  const fs::path in = folder.path() / "in.ply", out = folder.path() / "site";
+  write_whole(in, mesh);
+  const CommandResult r = tessera_command(words(in, out, {"--normals"}));
+  INFO(r.errors);
+  REQUIRE(r.code == 0);
+  const Site site = read_site(out / "tileset.json");
+  REQUIRE(site.tiles.size() == 1);
+  const DecodedTile tile = decode_tile(file_bytes(site.tiles[0].content));
+  REQUIRE(tile.points.size() == 4);
+  REQUIRE(tile.colours.size() == 4);
+  REQUIRE(tile.normals.size() == 4);
+  for (std::size_t v = 0; v < 4; ++v) {
+    const Double3 world = {tile.points[v][0] + site.transform[12], tile.points[v][1] + site.transform[13],
+                           tile.points[v][2] + site.transform[14]};
+    CHECK(norm(tile.normals[v] - Double3{0, 0, 1}) < 0.02);
+    for (std::size_t i = 0; i < 4; ++i) {
+      if (norm(world - mesh.points[i]) > 0.1) continue;
+      const auto linear = [](std::uint32_t byte) { return byte == 0x80 ? 14146 : byte == 0xff ? 65535 : 0; };
+      for (std::size_t k = 0; k < 3; ++k) CHECK(tile.colours[v][k] == linear(mesh.rgba[i] >> 8 * k & 255));
+    }
+  }
+}
+
+TEST_CASE("tiles: what cannot be is refused at once and changes nothing", "[unit]") {
+  const TempFolder folder;
+  const fs::path in = write_waves(folder.path() / "in.ply");
+  const auto refused = [&](const fs::path& from, const fs::path& to, int code, const std::string& word) {
+    const CommandResult r = tessera_command(words(from, to));
+    INFO(r.errors);
+    CHECK(r.code == code);
+    CHECK(r.errors.find(word) != std::string::npos);
+    CHECK(std::count(r.errors.begin(), r.errors.end(), '\n') == 1);
+  };
+  refused(in, in, 2, "a file");
+  const fs::path full = folder.path() / "full";
+  fs::create_directory(full);
+  spill(full / "notes.txt", "mine");
+  refused(in, full, 2, "not empty");
+  CHECK(site_bytes(full) == std::map<std::string, std::string>{{"notes.txt", "mine"}});
+  refused(in, folder.path() / "no" / "such", 2, "cannot be made");
+  refused(folder.write("in.txt", "no mesh"), folder.path() / "new", 3, "in.txt");
+  refused(folder.write("empty.off", "OFF 0 0 0\n"), folder.path() / "new", 5, "");
+  CHECK_FALSE(fs::exists(folder.path() / "new"));
+  const fs::path site = folder.path() / "site" / "tiles" / "0";
+  fs::create_directories(site);
+  fs::copy_file(in, site / "in.ply");
+  refused(site / "in.ply", folder.path() / "site", 2, "among the tiles");
+  const CommandResult r = tessera_command(words(in, folder.path() / "new", {"--tile-faces", "3"}));
+  CHECK(r.code == 2);
+}
