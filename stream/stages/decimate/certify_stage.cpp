@@ -76,11 +76,12 @@ class CertifyStage : public Stage {
     std::vector<CellBounds> bounds;
     for_each_result([&](std::size_t, const CellComparison& cell) { bounds.emplace_back(cell); });
     std::map<std::size_t, CellComparison> tight;
-    tighten_cells(bounds, begun_.tolerance, [&](std::size_t c) {
+    const auto again = [&](std::size_t c) {
       context.check_stop();
       return CellBounds(tight[c] = compare_cell(mesh_, reference_, begun_, cells_[c].box, 0.0, nullptr,
                                                 [&] { context.check_stop(); }));
-    });
+    };
+    if (request_.tight) tighten_cells(bounds, begun_.tolerance, again);
     MeshComparison sum = begun_;
     for_each_result([&](std::size_t c, const CellComparison& cell) {
       const auto found = tight.find(c);

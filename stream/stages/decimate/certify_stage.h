@@ -15,6 +15,7 @@ struct CertifyRequest {
   std::string name;        ///< of the stage
   double tolerance = 0.0;  ///< scan units; 0 = measure and report only
   double scale = 0.0;  ///< of what is only measured: five quarters of it is told; 0 = a share of the diagonal
+  bool tight = true;   ///< false: a bound up to the tolerance, or the scale, is as good as a tight one
   std::function<MeshStore(const JobState&)> mesh;
   std::function<MeshStore(const JobState&)> reference;
   std::string failed_file;  ///< name of the file of faces that are not proven, if any; empty = no other round

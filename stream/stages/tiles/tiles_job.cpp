@@ -18,8 +18,8 @@ namespace {
 
 using json = nlohmann::json;
 
-/// Distances up to five quarters of this times the tolerance are told: passes stay within the tolerance.
-constexpr double kToldScale = 1.6;
+/// Passes stay within the tolerance: a bound up to this times it is good enough, up to five quarters of that are told.
+constexpr double kToldScale = 1.04;
 
 /// \param state  with the level's folder as its work directory
 bool is_there(const JobState& state, int level) {
@@ -58,6 +58,7 @@ void add_level(std::vector<StageEntry>& stages, const TilesOptions& options, int
            CertifyRequest request;
            request.name = "certify";
            request.scale = kToldScale * stores.tolerance_left(s);
+           request.tight = false;
            request.mesh = [=](const JobState& now) { return open_level(now.work.parent_path(), level); };
            request.reference = stores.full;
            return make_certify_stage(s, request);
