@@ -67,6 +67,7 @@ const std::map<std::string, std::string>& parts_of_headers() {
       {"tools/synth_command.cpp", "tools/commands.h"},
       {"tools/task_command.cpp", "tools/commands.h"},
       {"tools/view_command.cpp", "tools/commands.h"},
+      {"tools/tiles_command.cpp", "tools/commands.h"},
   };
   return parts;
 }
@@ -163,6 +164,8 @@ const std::map<std::string, std::string>& covering_tests() {
        {"border_moves", "border_stage", "border_strip", "close_stage", "closing_stages", "hole_files",
         "hole_limit", "holes_stage", "loops_stage", "multipole_stage", "numbered_patches", "output_frame",
         "rims_stage", "surface_stage", "tiling", "weld_stage", "write_stage"});
+    by("tools/tiles", "stream/stages/tiles",
+       {"folder_stage", "tile_levels", "tiles_job", "tiles_options", "tiles_stage", "tileset_stage"});
     return all;
   }();
   return covered;

@@ -132,6 +132,24 @@ TileMesh quantise_tile(const MeshBlock& block, const TileGrid& grid, std::vector
   return tile;
 }
 
+std::vector<Double3> tile_normals(const MeshBlock& block, const MeshBlock& around) {
+  std::vector<Double3> sum(around.position.size(), Double3{0, 0, 0});
+  for (const auto& f : around.faces) {
+    const Double3& a = around.position[f[0]];
+    const Double3 n = cross(around.position[f[1]] - a, around.position[f[2]] - a);
+    for (const std::uint32_t v : f) sum[v] = sum[v] + n;
+  }
+  std::vector<Double3> normals;
+  normals.reserve(block.key.size());
+  for (const std::uint64_t key : block.key) {
+    const auto at = std::lower_bound(around.key.begin(), around.key.end(), key);
+    const Double3& n = sum.at(static_cast<std::size_t>(at - around.key.begin()));
+    const double length = norm(n);
+    normals.push_back(length > 0.0 ? Double3{n[0] / length, n[1] / length, n[2] / length} : Double3{0, 0, 0});
+  }
+  return normals;
+}
+
 std::string tile_glb(const TileMesh& tile) {
   const std::size_t vertices = tile.position.size();
   // The order that the codec of indices packs best; then vertices in the order of their first use.

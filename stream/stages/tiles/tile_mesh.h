@@ -34,6 +34,10 @@ struct TileMesh {
 /// \pre the block is not empty, and no wider than 2^24 steps
 TileMesh quantise_tile(const MeshBlock& block, const TileGrid& grid, std::vector<Double3> normal);
 
+/// Per vertex of the block: the mean of the normals of the faces at it, by their area; zero where they cancel out.
+/// \param around  has, by key, all vertices of the block and all faces at them; keys ascend
+std::vector<Double3> tile_normals(const MeshBlock& block, const MeshBlock& around);
+
 /// One mesh, y up as glTF has it, under a node that puts it where it is relative to the grid's origin. Tiles wider than
 /// 65,535 steps get floats for positions, which are whole numbers then too. A pure function of the tile.
 /// \throws std::logic_error when an encoder fails

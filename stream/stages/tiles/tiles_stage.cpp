@@ -46,6 +46,16 @@ double power_above(double value) {
   return std::ldexp(1.0, exponent);
 }
 
+MeshBox box_around(const MeshBlock& block) {
+  MeshBox box{block.position.at(0), block.position.at(0)};
+  for (const Double3& p : block.position)
+    for (std::size_t k = 0; k < 3; ++k) {
+      box.low[k] = std::min(box.low[k], p[k]);
+      box.high[k] = std::max(box.high[k], p[k]);
+    }
+  return box;
+}
+
 std::vector<TileRecord> read_records(const fs::path& folder) {
   std::vector<TileRecord> all;
   for (const fs::path& path : list_task_files(folder / kRecords, ".bin")) {
@@ -71,6 +81,7 @@ class TilesStage : public Stage {
  public:
   TilesStage(const fs::path& work, const fs::path& output, const TilesOptions& options, int level)
       : output_(output),
+        normals_(options.normals),
         level_(level),
         reach_(level_bound(work, level)),
         level0_(open_level(work, 0)),
@@ -102,7 +113,7 @@ class TilesStage : public Stage {
   std::uint64_t task_bytes(std::size_t task) const override {
     std::uint64_t most = 0;
     for (std::size_t c = first(task); c < first(task + 1); ++c)
-      most = std::max(most, store_.block_bytes(patches_of(cells_[c])));
+      most = std::max(most, loaded_bytes(cells_[c]));
     return tile_task_bytes(most);
   }
 
@@ -115,7 +126,9 @@ class TilesStage : public Stage {
       const MeshBlock block = load(cells_[c]);
       TileRecord record;
       record.cell = cells_[c];
-      const TileMesh tile = quantise_tile(block, grid_, {});
+      std::vector<Double3> normals;
+      if (normals_) normals = tile_normals(block, store_.load_box(box_around(block)));
+      const TileMesh tile = quantise_tile(block, grid_, std::move(normals));
       const std::string glb = tile_glb(tile);
       DirectFile file(context.create(kBesideName + tile_file(level_, c)), std::size_t{1} << 18);
       file.write(glb.data(), glb.size());
@@ -180,6 +193,13 @@ class TilesStage : public Stage {
     return level_ == 0 ? bricks_of(cell) : store_.select(grown(box_of(cell), reach_));
   }
 
+  std::uint64_t loaded_bytes(const TileCell& cell) const {
+    const std::vector<std::size_t> patches = patches_of(cell);
+    std::uint64_t bytes = store_.block_bytes(patches);
+    if (normals_) bytes += store_.block_bytes(store_.select(store_.box_of(patches)));
+    return bytes;
+  }
+
   MeshBlock load(const TileCell& cell) const {
     if (level_ == 0) return store_.load(bricks_of(cell));
     const MeshBlock near = store_.load_box(grown(box_of(cell), reach_));
@@ -211,6 +231,7 @@ class TilesStage : public Stage {
   std::size_t first(std::size_t task) const { return std::min(cells_.size(), task * per_task_); }
 
   fs::path output_;
+  bool normals_;
   int level_;
   double reach_;
   MeshStore level0_;
