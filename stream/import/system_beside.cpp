@@ -13,16 +13,8 @@ constexpr std::uint64_t kMostBytes = std::uint64_t{1} << 20;
 
 std::string system_of_input(const nlohmann::json& report) {
   const nlohmann::json inputs = report.value("inputs", nlohmann::json::array());
-  if (inputs.empty()) return "";
-  const std::filesystem::path path =
-      system_path(bytes_of_json_text(inputs.front().at("path").get<std::string>()));
-  std::error_code error;
-  if (!std::filesystem::is_regular_file(path, error)) return "";
-  const ReadFile file(path);
-  if (file.size() > kMostBytes) return "";
-  std::string text(static_cast<std::size_t>(file.size()), '\0');
-  file.read_at(0, text.data(), text.size());
-  return text;
+  return inputs.empty() ? ""
+                        : system_beside(bytes_of_json_text(inputs.front().at("path").get<std::string>()));
 }
 
 }  // namespace
@@ -30,6 +22,17 @@ std::string system_of_input(const nlohmann::json& report) {
 std::filesystem::path system_path(const std::filesystem::path& mesh) {
   std::filesystem::path path = mesh;
   return path += ".prj";
+}
+
+std::string system_beside(const std::filesystem::path& mesh) {
+  const std::filesystem::path path = system_path(mesh);
+  std::error_code error;
+  if (!std::filesystem::is_regular_file(path, error)) return "";
+  const ReadFile file(path);
+  if (file.size() > kMostBytes) return "";
+  std::string text(static_cast<std::size_t>(file.size()), '\0');
+  file.read_at(0, text.data(), text.size());
+  return text;
 }
 
 BesideOutput carried_system() {

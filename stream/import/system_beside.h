@@ -3,6 +3,7 @@
 /// make one mesh of another carry it on.
 #pragma once
 #include <filesystem>
+#include <string>
 
 #include "stream/runtime/job.h"
 
@@ -10,6 +11,9 @@ namespace tessera {
 
 /// "site.ply.prj" for "site.ply".
 std::filesystem::path system_path(const std::filesystem::path& mesh);
+
+/// What that file holds; empty where there is none.
+std::string system_beside(const std::filesystem::path& mesh);
 
 /// What lies beside the job's first input, beside its output; nothing where nothing does.
 BesideOutput carried_system();

@@ -6,7 +6,9 @@
 
 #include "stream/files/durable_file.h"
 #include "stream/files/path_text.h"
+#include "stream/import/system_beside.h"
 #include "stream/runtime/journal.h"
+#include "stream/stages/tiles/site_frame.h"
 #include "stream/stages/tiles/tile_levels.h"
 #include "stream/stages/tiles/tileset.h"
 
@@ -33,17 +35,18 @@ class TilesetStage : public Stage {
   std::string unit_name() const override { return "tiles"; }
   json run(std::size_t, TaskContext&) const override { return {}; }
   std::uint64_t finish_bytes() const override {
-    // Nodes of all, and the JSON of one file with the ones that it is made of.
-    return tiles_ * sizeof(TileNode) + (std::uint64_t{16} << 20);
+    // Nodes of all, the JSON of one file with the ones that it is made of, PROJ.
+    return tiles_ * sizeof(TileNode) + (std::uint64_t{32} << 20);
   }
 
   json finish(const std::vector<json>&, TaskContext& context) const override {
     const TileTree tree = make_tile_tree(levels_, kTilesPerFile);
     const Double3& origin = levels_[0].grid.origin;
     const Double3& shift = level0_.info().shift;
-    std::vector<double> transform = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0};
-    for (std::size_t k = 0; k < 3; ++k) transform.push_back(origin[k] + shift[k]);
-    transform.push_back(1);
+    Double3 half;
+    for (std::size_t k = 0; k < 3; ++k) half[k] = 0.5 * (level0_.box().high[k] - level0_.box().low[k]);
+    const SiteFrame frame = site_frame(system_beside(state_.inputs.at(0)), origin + shift, half);
+    const std::vector<double> transform(frame.transform.begin(), frame.transform.end());
 
     std::uint64_t json_bytes = 0, json_files = 0;
     std::set<std::string> names;
@@ -62,7 +65,7 @@ class TilesetStage : public Stage {
     remove_others(names);
     context.count_written(json_bytes);
     context.advance(tiles_);
-    return report(tree, json_bytes, json_files);
+    return report(tree, frame, json_bytes, json_files);
   }
 
  private:
@@ -77,7 +80,8 @@ class TilesetStage : public Stage {
     for (const fs::path& path : others) fs::remove(path, ignored);
   }
 
-  json report(const TileTree& tree, std::uint64_t json_bytes, std::uint64_t json_files) const {
+  json report(const TileTree& tree, const SiteFrame& frame, std::uint64_t json_bytes,
+              std::uint64_t json_files) const {
     json levels = json::array();
     std::uint64_t bytes = json_bytes, faces = 0, vertices = 0;
     for (std::size_t l = 0; l < levels_.size(); ++l) {
@@ -97,7 +101,14 @@ class TilesetStage : public Stage {
       faces += level_faces;
       levels.push_back(std::move(level));
     }
+    json frame_report = {{"geocentric", frame.geocentric}, {"transform", frame.transform}};
+    if (!frame.system.empty()) frame_report["system"] = json_text(frame.system);
+    if (frame.geocentric) frame_report["misfit_m"] = frame.misfit_m;
+    json warnings = json::array();
+    if (!frame.warning.empty()) warnings.push_back(frame.warning);
     return {{"path", json_text(state_.output)},
+            {"frame", std::move(frame_report)},
+            {"warnings", std::move(warnings)},
             {"tiles", tiles_},
             {"tilesets", json_files},
             {"bytes", bytes},
