@@ -31,7 +31,7 @@ TEST_CASE("README: its options are those of the commands, word for word", "[pipe
 TEST_CASE("every command has help, and shows what its options are", "[pipeline]") {
   for (const std::string command :
        {"plan", "reconstruct", "resurface", "csg", "smooth", "decimate", "remesh", "task", "check", "render",
-        "report", "view", "info", "convert", "parameterize", "synth", "doctor"}) {
+        "report", "tiles", "view", "info", "convert", "parameterize", "synth", "doctor"}) {
     CAPTURE(command);
     const Outcome r = shell(TESSERA_BINARY " " + command + " --help");
     CHECK(r.code == 0);
