@@ -97,18 +97,25 @@ SparseMatrix laplacian_power(const Laplacian& operators, int order) {
   return p;
 }
 
-ConstrainedSystem laplacian_system(const Laplacian& operators, int order,
-                                   std::span<const std::uint8_t> fixed) {
-  check_order(order);
-  const std::size_t n = operators.mass.size();
+ConstrainedSystem damped_laplacian_system(const SparseMatrix& stiffness,
+                                          std::span<const std::vector<double>> scale,
+                                          std::span<const std::uint8_t> fixed) {
+  check_order(static_cast<int>(scale.size()) + 1);
+  const auto n = static_cast<std::size_t>(stiffness.rows);
   Split s = split(n, fixed);
   std::vector<std::int32_t> identity(n);
   std::iota(identity.begin(), identity.end(), 0);
-  SparseMatrix rows = select(operators.stiffness, s.free_vertices, identity, static_cast<std::int32_t>(n));
-  const std::vector<double> d = inverse(operators.mass);
-  for (int j = order - 1; j >= 1; --j) rows = product(rows, operators.stiffness, d);
-  if (order % 2 == 1) negate(rows);
+  SparseMatrix rows = select(stiffness, s.free_vertices, identity, static_cast<std::int32_t>(n));
+  for (std::size_t j = scale.size(); j-- > 0;) rows = product(rows, stiffness, scale[j]);
+  if (scale.size() % 2 == 0) negate(rows);
   return split_columns(rows, std::move(s));
+}
+
+ConstrainedSystem laplacian_system(const Laplacian& operators, int order,
+                                   std::span<const std::uint8_t> fixed) {
+  check_order(order);
+  const std::vector<std::vector<double>> scale(static_cast<std::size_t>(order) - 1, inverse(operators.mass));
+  return damped_laplacian_system(operators.stiffness, scale, fixed);
 }
 
 SparseMatrix implicit_step_matrix(const Laplacian& operators, double step, int order) {

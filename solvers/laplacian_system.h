@@ -43,6 +43,13 @@ SparseMatrix laplacian_power(const Laplacian& operators, int order);
 ConstrainedSystem laplacian_system(const Laplacian& operators, int order,
                                    std::span<const std::uint8_t> fixed);
 
+/// The same from a stiffness and the diagonals between its powers: (-1)^k L D_(k-1) ... D_1 L, k - 1 = scale.size().
+/// Diagonals 1 / M give laplacian_system(); less at fixed vertices makes the boundary less smooth (thesis 6.2.3).
+/// Symmetric when all diagonals agree within reach of the free vertices.
+ConstrainedSystem damped_laplacian_system(const SparseMatrix& stiffness,
+                                          std::span<const std::vector<double>> scale,
+                                          std::span<const std::uint8_t> fixed);
+
 /// M + step (-1)^k L (M^-1 L)^(k-1): one implicit fairing step solves it against M f. Same pattern for every
 /// step.
 /// \pre step >= 0, squared length (k = 1), its k-th power for order k

@@ -5,6 +5,7 @@
 #include "octree/error.h"
 #include "solvers/cholesky_solver.h"
 #include "solvers/krylov_solver.h"
+#include "solvers/lu_solver.h"
 #include "solvers/multigrid_solver.h"
 
 namespace tessera {
@@ -51,6 +52,8 @@ std::unique_ptr<LinearSolver> make_solver(SolverKind kind, const SolverOptions& 
       return std::make_unique<AutomaticSolver>(options);
     case SolverKind::kMultigrid:
       return make_multigrid_solver(options);
+    case SolverKind::kLu:
+      return make_lu_solver(options);
   }
   throw UsageError("this solver is not known");
 }
@@ -65,6 +68,8 @@ const char* name(SolverKind kind) {
       return "automatic";
     case SolverKind::kMultigrid:
       return "multigrid";
+    case SolverKind::kLu:
+      return "LU";
   }
   return "unknown";
 }

@@ -23,6 +23,7 @@ enum class SolverKind {
   kConjugateGradients,  ///< preconditioned by incomplete Cholesky; symmetric positive definite
   kAutomatic,           ///< Cholesky where the factor fits, else multigrid
   kMultigrid,           ///< conjugate gradients preconditioned by our multigrid; symmetric positive definite
+  kLu,                  ///< UMFPACK; any regular matrix
 };
 
 enum class Ordering {

@@ -10,6 +10,7 @@ cli::Command check_command();
 cli::Command convert_command();
 cli::Command csg_command();
 cli::Command decimate_command();
+cli::Command deform_command();
 cli::Command doctor_command();
 cli::Command info_command();
 cli::Command parameterize_command();

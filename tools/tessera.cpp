@@ -16,6 +16,7 @@ int main(int argc, char** argv) {
                       decimate_command(),
                       remesh_command(),
                       tiles_command(),
+                      deform_command(),
                       task_command(),
                       check_command(),
                       render_command(),

@@ -160,38 +160,6 @@ void search(const SolidShape& shape, const Lattice& lattice, const Int3& leaf, i
 
 }  // namespace
 
-Double3 Placement::turn(const Double3& p) const {
-  const auto& m = matrix;
-  return {m[0] * p[0] + m[1] * p[1] + m[2] * p[2], m[3] * p[0] + m[4] * p[1] + m[5] * p[2],
-          m[6] * p[0] + m[7] * p[1] + m[8] * p[2]};
-}
-
-Placement Placement::after(const Placement& first) const {
-  Placement out;
-  for (std::size_t i = 0; i < 3; ++i)
-    for (std::size_t j = 0; j < 3; ++j)
-      out.matrix[3 * i + j] = matrix[3 * i] * first.matrix[j] + matrix[3 * i + 1] * first.matrix[3 + j] +
-                              matrix[3 * i + 2] * first.matrix[6 + j];
-  out.shift = apply(first.shift);
-  return out;
-}
-
-double Placement::determinant() const {
-  const auto& m = matrix;
-  return dot(Double3{m[0], m[1], m[2]}, cross(Double3{m[3], m[4], m[5]}, Double3{m[6], m[7], m[8]}));
-}
-
-Placement Placement::inverse() const {
-  const auto& m = matrix;
-  const Double3 a = {m[0], m[1], m[2]}, b = {m[3], m[4], m[5]}, c = {m[6], m[7], m[8]};
-  const double d = determinant();
-  const Double3 x = cross(b, c) / d, y = cross(c, a) / d, z = cross(a, b) / d;
-  Placement out;
-  out.matrix = {x[0], y[0], z[0], x[1], y[1], z[1], x[2], y[2], z[2]};
-  out.shift = -out.turn(shift);
-  return out;
-}
-
 std::size_t shape_numbers(std::string_view kind) {
   constexpr std::array<std::size_t, kShapeKinds.size()> kNumbers = {4, 6, 7, 8, 8, 6};
   for (std::size_t k = 0; k < kShapeKinds.size(); ++k)

@@ -10,26 +10,9 @@
 
 #include "kernels/solid/line_windings.h"
 #include "kernels/solid/solid_field.h"
+#include "octree/placement.h"
 
 namespace tessera {
-
-/// x -> M x + shift, rows of M first.
-struct Placement {
-  std::array<double, 9> matrix = {1, 0, 0, 0, 1, 0, 0, 0, 1};
-  Double3 shift = {0, 0, 0};
-
-  Double3 apply(const Double3& p) const { return turn(p) + shift; }
-  /// M p, without the shift.
-  Double3 turn(const Double3& p) const;
-  /// This after `first`.
-  Placement after(const Placement& first) const;
-  double determinant() const;
-  /// \pre determinant() is not zero
-  Placement inverse() const;
-  bool is_identity() const { return *this == Placement{}; }
-  bool operator==(const Placement&) const = default;
-};
-
 /// Kinds, with how many numbers each takes:
 ///   sphere     centre, radius                     4
 ///   box        lowest, highest corner             6

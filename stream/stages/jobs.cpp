@@ -3,6 +3,7 @@
 #include "octree/error.h"
 #include "stream/points/reconstruct_options.h"
 #include "stream/stages/decimate/decimate_job.h"
+#include "stream/stages/deform/deform_job.h"
 #include "stream/stages/reconstruct/reconstruct_job.h"
 #include "stream/stages/remesh/remesh_job.h"
 #include "stream/stages/smooth/smooth_stage.h"
@@ -26,6 +27,7 @@ constexpr Entry kJobs[] = {
     // one line per job, alphabetical
     {"csg", from_text<CsgOptions, csg_job>},
     {"decimate", from_text<SimplifyOptions, decimate_job>},
+    {"deform", from_text<DeformOptions, deform_job>},
     {"reconstruct", from_text<ReconstructOptions, reconstruct_job>},
     {"remesh", from_text<RemeshJobOptions, remesh_job>},
     {"resurface", from_text<ResurfaceOptions, resurface_job>},

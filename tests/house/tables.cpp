@@ -38,6 +38,9 @@ const std::map<std::string, std::string>& parts_of_headers() {
       {"stream/render/render_mesh.cpp", "stream/render/render_scene.h"},
       {"stream/render/render_points.cpp", "stream/render/render_scene.h"},
       {"stream/stages/reconstruct/forecast_composer.cpp", "stream/stages/reconstruct/forecast.h"},
+      {"stream/stages/deform/base_stage.cpp", "stream/stages/deform/deform_stages.h"},
+      {"stream/stages/deform/basis_stage.cpp", "stream/stages/deform/deform_stages.h"},
+      {"stream/stages/deform/deform_write_stage.cpp", "stream/stages/deform/deform_stages.h"},
       {"stream/stages/scan/orient_stage.cpp", "stream/stages/scan/normals_stage.h"},
       {"stream/stages/smooth/coarse_stages.cpp", "stream/stages/smooth/smooth_stage.h"},
       {"stream/stages/smooth/reach_stage.cpp", "stream/stages/smooth/smooth_stage.h"},
@@ -54,6 +57,7 @@ const std::map<std::string, std::string>& parts_of_headers() {
       {"tools/convert_command.cpp", "tools/commands.h"},
       {"tools/csg_command.cpp", "tools/commands.h"},
       {"tools/decimate_command.cpp", "tools/commands.h"},
+      {"tools/deform_command.cpp", "tools/commands.h"},
       {"tools/doctor_command.cpp", "tools/commands.h"},
       {"tools/info_command.cpp", "tools/commands.h"},
       {"tools/parameterize_command.cpp", "tools/commands.h"},
@@ -83,6 +87,7 @@ const std::map<std::string, std::string>& covering_tests() {
     by("tools/bad_input", "octree", {"error"});  // every kind of error is an exit code there
     by("octree/points", "octree", {"lattice", "morton"});
     by("octree/winding_number", "octree", {"leaf_queries", "multipole"});
+    by("kernels/edit/edit_basis", "octree", {"placement"});
     by("kernels/scene/scene", "octree", {"portable_math"});
 
     by("solvers/linear_solver", "solvers",
@@ -90,6 +95,7 @@ const std::map<std::string, std::string>& covering_tests() {
         "multigrid_interpolation", "multigrid_levels", "multigrid_solver", "rcm_ordering", "single_thread",
         "sparse_matrix"});
     by("kernels/holes/hole_filling", "solvers", {"envelope_cholesky"});
+    by("kernels/edit/boundary_model", "solvers", {"lu_solver"});
     by("solvers/laplacian", "solvers", {"intrinsic_delaunay"});
 
     by("kernels/certify/certificate_pair", "kernels/certify", {"overlay_outline", "overlay_proof"});
@@ -142,6 +148,9 @@ const std::map<std::string, std::string>& covering_tests() {
     by("tools/decimate", "stream/stages/decimate",
        {"certify_stage", "decimate_job", "idle_stage", "round_before", "simplify_stage", "unsettled_region"});
     by("stream/runtime/option_table", "stream/stages/decimate", {"simplify_options"});
+    by("tools/deform", "stream/stages/deform",
+       {"base_stage", "basis_stage", "deform_files", "deform_job", "deform_options", "deform_stages",
+        "deform_write_stage", "edit_script"});
     by("stream/runtime/option_table", "stream/stages", {"jobs"});
     by("tools/remesh", "stream/stages/remesh",
        {"quality_report", "remesh_job", "remesh_options", "remesh_stage", "sizing_stage"});

@@ -4,7 +4,6 @@
 #include <nlohmann/json.hpp>
 
 #include "octree/error.h"
-#include "octree/portable_math.h"
 #include "stream/files/durable_file.h"
 #include "stream/stages/solid/csg_job.h"
 
@@ -142,14 +141,7 @@ class SceneFile {
       const std::vector<double> r = numbers(n.at("rotate"), 4, "\"rotate\"");
       const Double3 axis = unit_or_zero(Double3{r[0], r[1], r[2]});
       if (axis == Double3{0, 0, 0}) fail("\"rotate\": the axis has no direction");
-      const SinCos t = sin_cos(r[3] * (kPi / 180.0));
-      Placement turn;
-      for (std::size_t i = 0; i < 3; ++i)
-        for (std::size_t j = 0; j < 3; ++j) {
-          const double mixed = i == j ? 0.0 : ((j + 3 - i) % 3 == 1 ? -axis[3 - i - j] : axis[3 - i - j]);
-          turn.matrix[3 * i + j] = (1.0 - t.cos) * axis[i] * axis[j] + (i == j ? t.cos : 0.0) + t.sin * mixed;
-        }
-      p = turn.after(p);
+      p = rotation(axis, r[3]).after(p);
     }
     if (n.contains("translate")) {
       const std::vector<double> t = numbers(n.at("translate"), 3, "\"translate\"");

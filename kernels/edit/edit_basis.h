@@ -1,0 +1,76 @@
+/// \file edit_basis.h
+/// Poses of a base surface as a linear function of where its handles go: basis functions, computed once.
+/// Source: Botsch, thesis 6.2.5. Every handle has an affine frame of four points; the vertices of its region are affine
+/// combinations of them, and so is the whole solution: 3 columns for what is fixed, 4 for each handle.
+///
+/// The smooth base M is the surface of least energy between the regions as they are. Where M goes, the rest of the base
+/// follows as a detail of M, turned as M turns (thesis 5.3, local frames; the turn is that of the ring of faces around a vertex,
+/// so that no tangent has to be chosen).
+#pragma once
+#include <array>
+#include <cstdint>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "kernels/edit/boundary_model.h"
+#include "octree/placement.h"
+
+namespace tessera {
+
+/// Roles of vertices; the others are numbers of handles.
+inline constexpr std::int32_t kTargetVertex = -3, kSupportVertex = -2, kFixedVertex = -1;
+
+/// A base surface and what is to happen to its vertices.
+struct EditRegions {
+  std::vector<std::int32_t> role;  ///< n: kSupportVertex, kFixedVertex or a handle
+  std::vector<double> smoothness;  ///< n, read where not support: C^0 to C^(order-1)
+  std::vector<std::string> handles;
+  std::vector<Double3> target;  ///< n, read where the role is kTargetVertex: where they go; or empty
+};
+
+struct EditBasis {
+  std::vector<std::int32_t> role;    ///< n
+  std::vector<std::int32_t> active;  ///< vertices of the support, ascending
+  std::vector<Double3> centre;       ///< per handle: origin of its frame
+  std::vector<double> reach;         ///< per handle: length of its axes
+  std::vector<double>
+      columns;  ///< active x width(), interleaved: 3 of what is fixed, 3 of targets, 4 of each handle
+  std::vector<Double3> target;  ///< as EditRegions has it
+  std::size_t first_handle() const { return target.empty() ? 3 : 6; }
+  std::size_t width() const { return first_handle() + 4 * centre.size(); }
+};
+
+struct EditBasisReport {
+  BoundaryModelReport model;
+  double energy = 0.0;  ///< of the smooth base at rest
+};
+
+/// Solves for all columns at once.
+/// \param metric  the surface, n vertices, that operators are of: the base itself, or a plane map of its support
+/// \param position  n
+/// \throws InputError naming the support's piece that touches neither what is fixed nor a handle; as BoundaryModel
+EditBasis edit_basis(std::span<const Double3> position, const Laplacian& metric, const EditRegions& regions,
+                     const BoundaryModelOptions& options, EditBasisReport& report);
+
+/// The smooth base at rest.
+std::vector<Double3> rest_base(const EditBasis& basis, std::span<const Double3> position);
+
+/// The smooth base when handle h moves by pose[h]: support from the columns, handles by their maps, targets where they shall
+/// be, what is fixed where it is.
+std::vector<Double3> smooth_base(const EditBasis& basis, std::span<const Double3> position,
+                                 std::span<const Placement> pose);
+
+/// Per vertex, how the ring of faces around it turns from one state to the other: the rotation that aligns edges best
+/// (Horn 1987), of rings that are weighted by their areas and spread over neighbours, so that what has shrunk to
+/// nothing turns as what it stands on. \return n x 9, rows first
+std::vector<std::array<double, 9>> turns(std::span<const Double3> from, std::span<const Double3> to,
+                                         std::span<const std::array<std::uint32_t, 3>> faces);
+
+/// Where the base goes: smooth base and turned details. Vertices that are fixed keep their bits; at the identity all do.
+/// \param rest, posed  rest_base() and smooth_base()
+std::vector<Double3> posed_base(const EditBasis& basis, std::span<const Double3> position,
+                                std::span<const std::array<std::uint32_t, 3>> faces,
+                                std::span<const Double3> rest, std::span<const Double3> posed);
+
+}  // namespace tessera

@@ -1,0 +1,41 @@
+/// \file edit_regions.h
+/// Which vertices of a base surface a region of an edit takes.
+#pragma once
+#include <cstdint>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "kernels/edit/edit_basis.h"
+
+namespace tessera {
+
+enum class RegionRole : std::uint8_t { kFixed, kSupport, kHandle };
+enum class RegionShape : std::uint8_t { kAll, kBox, kSphere, kHalfSpace, kGeodesic, kPoints };
+
+struct EditRegion {
+  RegionRole role = RegionRole::kFixed;
+  std::string name;  ///< of a handle; regions of one name are one handle
+  RegionShape shape = RegionShape::kAll;
+  Double3 low = {0, 0, 0}, high = {0, 0, 0};  ///< box, closed
+  Double3 point = {0, 0, 0};                  ///< sphere: centre; half-space: a point of its plane
+  Double3 normal = {0, 0, 1};                 ///< half-space: out of what is taken, any length
+  double reach = 0.0;            ///< sphere: radius; geodesic: largest distance along the surface
+  std::vector<Double3> points;   ///< geodesic: sources; points: the nearest vertex of each
+  std::vector<Double3> targets;  ///< points of a handle without a map: where each goes; or empty
+  double smoothness = -1.0;      ///< of its boundary, C^0 to C^(order-1); below 0: the highest
+};
+
+/// Regions in order, later ones take from earlier ones; what no region takes is fixed.
+/// \param order  of the energy: the highest smoothness is order - 1
+/// \throws InputError naming a region that takes no vertex
+EditRegions resolve_regions(std::span<const EditRegion> regions, std::span<const Double3> position,
+                            std::span<const std::array<std::uint32_t, 3>> faces, int order);
+
+/// Distance along the surface from the vertices nearest to some points: shortest paths over edges and over the unfolded
+/// diagonals of neighbouring faces, at most a tenth too long on even meshes. Infinite where nothing leads.
+std::vector<double> surface_distance(std::span<const Double3> position,
+                                     std::span<const std::array<std::uint32_t, 3>> faces,
+                                     std::span<const Double3> sources);
+
+}  // namespace tessera

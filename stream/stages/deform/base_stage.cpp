@@ -1,0 +1,99 @@
+#include <cmath>
+#include <nlohmann/json.hpp>
+#include <numeric>
+
+#include "kernels/mesh/mesh_block_ops.h"
+#include "kernels/remesh/remesh.h"
+#include "octree/error.h"
+#include "stream/import/import_stages.h"
+#include "stream/stages/deform/deform_files.h"
+#include "stream/stages/deform/deform_stages.h"
+
+namespace tessera {
+namespace {
+
+using json = nlohmann::json;
+
+/// Edges between 4/5 and 4/3 of the length make so many more faces than equilateral ones would.
+constexpr double kMoreFaces = 1.2;
+/// Of the edges: how far operations may leave the surface. The details make up for it.
+constexpr double kBaseShare = 0.2;
+constexpr std::uint64_t kRoom = 3;
+constexpr std::uint64_t kSlackBytes = std::uint64_t{8} << 20;
+
+class BaseStage : public Stage {
+ public:
+  BaseStage(const DeformOptions& options, bool own, MeshStore store)
+      : options_(options), own_(own), store_(std::move(store)) {}
+  std::string name() const override { return "base"; }
+  std::size_t task_count() const override { return 0; }
+  std::uint64_t task_bytes(std::size_t) const override { return 0; }
+  std::uint64_t units() const override { return store_.face_count(); }
+  std::string unit_name() const override { return "faces"; }
+  json run(std::size_t, TaskContext&) const override { return {}; }
+  std::uint64_t finish_bytes() const override {
+    const std::uint64_t block = store_.block_bytes(all());
+    return own_ ? 2 * block + kSlackBytes
+                : 3 * block + remesh_bytes(kRoom * store_.face_count(), store_.face_count()) + kSlackBytes;
+  }
+
+  json finish(const std::vector<json>&, TaskContext& context) const override {
+    context.check_stop();
+    MeshBlock block = store_.load(all());
+    if (block.faces.empty()) throw EmptyError("the mesh has no faces: there is nothing to deform");
+    json out = {{"own", own_}};
+    if (!own_) {
+      double area = 0.0;
+      for (const auto& f : block.faces)
+        area += 0.5 * norm(triangle_normal(block.position[f[0]], block.position[f[1]], block.position[f[2]]));
+      // Two faces a vertex.
+      const double faces = 2.0 * static_cast<double>(options_.base_vertices);
+      RemeshOptions remeshing;
+      remeshing.edge = std::sqrt(kMoreFaces * 4.0 * area / (std::sqrt(3.0) * faces));
+      remeshing.tolerance = kBaseShare * remeshing.edge;
+      remeshing.float_positions = false;
+      remeshing.find_creases = true;
+      remeshing.max_faces = kRoom * block.faces.size();
+      remeshing.first_key = std::uint64_t{1} << 63;
+      const MeshBlock reference = block;
+      const RemeshReport report = remesh(block, reference, remeshing);
+      out["edge"] = remeshing.edge;
+      out["decimated_faces"] = report.faces_in;
+    }
+    context.check_stop();
+    const BaseSurface base{std::move(block.position), std::move(block.faces)};
+    save_base(context.create(kBaseFile), base);
+    out["vertices"] = base.position.size();
+    out["faces"] = base.faces.size();
+    context.advance(store_.face_count());
+    return out;
+  }
+
+ private:
+  std::vector<std::size_t> all() const {
+    std::vector<std::size_t> patches(store_.patches().size());
+    std::iota(patches.begin(), patches.end(), std::size_t{0});
+    return patches;
+  }
+  DeformOptions options_;
+  bool own_;
+  MeshStore store_;
+};
+
+}  // namespace
+
+bool is_own_base(const JobState& state, const DeformOptions& options) {
+  const MeshStore store = open_imported_mesh(state.work, kDeformImport);
+  std::uint64_t vertices = 0;
+  for (const MeshPatchEntry& e : store.patches()) vertices += e.vertices;
+  return vertices <= options.base_vertices;
+}
+
+std::unique_ptr<Stage> make_base_stage(const JobState& state, const DeformOptions& options,
+                                       const std::function<MeshStore(const JobState&)>& reduced) {
+  const bool own = is_own_base(state, options);
+  return std::make_unique<BaseStage>(options, own,
+                                     own ? open_imported_mesh(state.work, kDeformImport) : reduced(state));
+}
+
+}  // namespace tessera

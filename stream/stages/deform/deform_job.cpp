@@ -1,0 +1,90 @@
+#include "stream/stages/deform/deform_job.h"
+
+#include <nlohmann/json.hpp>
+
+#include "octree/error.h"
+#include "stream/files/durable_file.h"
+#include "stream/files/path_text.h"
+#include "stream/import/import_stages.h"
+#include "stream/import/system_beside.h"
+#include "stream/page/report_page.h"
+#include "stream/runtime/report.h"
+#include "stream/runtime/work_dir.h"
+#include "stream/stages/decimate/decimate_job.h"
+#include "stream/stages/decimate/idle_stage.h"
+#include "stream/stages/deform/deform_files.h"
+#include "stream/stages/deform/deform_stages.h"
+
+namespace tessera {
+namespace {
+
+using json = nlohmann::json;
+
+/// Decimation leaves so many faces for each of the base: remeshing wants something to choose from.
+constexpr std::uint64_t kDecimatedFaces = 2;
+
+void summarise(json& report) {
+  report["mesh"] = result_of(report, "write");
+  const json basis = result_of(report, "basis");
+  if (!basis.is_object()) return;
+  report["input"] = import_report(report, kDeformImport);
+  report["edit"] = basis;
+  report["base"] = result_of(report, "base");
+}
+
+StageEntry unless_own(StageEntry entry, const DeformOptions& options) {
+  return {entry.name, [=](const JobState& state) {
+            return is_own_base(state, options) ? make_idle_stage(entry.name) : entry.make(state);
+          }};
+}
+
+}  // namespace
+
+JobDescription deform_job(const DeformOptions& options) {
+  options.validate();
+  JobDescription job{"deform", {}, 0, summarise, {}, {}};
+  if (options.mode != "prepare") {
+    job.beside = {carried_system()};
+    job.page = job_page();
+  }
+  if (options.mode != "apply") {
+    job.stages = import_stages({0, kDeformImport});
+    SimplifyOptions reduce;
+    reduce.target_faces = 2 * kDecimatedFaces * options.base_vertices;
+    const SimplifyStores stores = imported_stores(kDeformImport);
+    // Of the stages of decimation the passes alone: how far the base is from the mesh is in the details.
+    for (StageEntry& entry : simplify_stages(reduce, stores, ""))
+      if (entry.name != "certify" && entry.name != "write")
+        job.stages.push_back(unless_own(std::move(entry), options));
+    const int passes = reduce.passes;
+    job.stages.push_back({"base", [=](const JobState& state) {
+                            return make_base_stage(state, options, [=](const JobState& s) {
+                              return open_pass_input(s, stores, {passes, 0, false});
+                            });
+                          }});
+    job.stages.push_back({"basis", [=](const JobState& s) { return make_basis_stage(s, options); }});
+  }
+  job.stages.push_back({"write", [=](const JobState& s) { return make_deform_write_stage(s, options); }});
+  return job;
+}
+
+std::filesystem::path mesh_of_basis(const std::filesystem::path& basis, const std::filesystem::path& mesh) {
+  const json about = BasisReader(basis).about();
+  if (!about.contains("mesh"))
+    throw InputError(basis.string() +
+                     ": it is no file of `tessera deform prepare`, which ends with the mesh's details");
+  const json& was = about.at("mesh");
+  const std::filesystem::path path =
+      mesh.empty() ? std::filesystem::path(bytes_of_json_text(was.at("path").get<std::string>())) : mesh;
+  if (!std::filesystem::exists(path))
+    throw InputError(path.string() + ": the mesh that " + basis.string() +
+                     " was prepared for is gone: name it behind the basis");
+  const InputFingerprint now = fingerprint_input(path);
+  if (now.bytes != was.at("bytes").get<std::uint64_t>() ||
+      hex64(now.xxh3) != was.at("xxh3").get<std::string>())
+    throw InputError(path.string() + ": it is not the mesh that " + basis.string() +
+                     " was prepared for: prepare again");
+  return path;
+}
+
+}  // namespace tessera

@@ -1,0 +1,25 @@
+#include "stream/stages/deform/deform_options.h"
+
+#include "octree/error.h"
+
+namespace tessera {
+
+OptionTable option_table(DeformOptions& o) {
+  OptionTable t("What it computes");
+  t.add("mode", &o.mode, "deform, prepare or apply").one_of({"deform", "prepare", "apply"}).hidden();
+  t.add("edit", &o.edit, "the edit as JSON").hidden();
+  t.add("base-vertices", &o.base_vertices,
+        "most vertices of the base surface, which is solved for in memory: a mesh with no more is its own "
+        "base, a larger one is decimated and remeshed to about as many and follows as details")
+      .within(100, 2'000'000);
+  t.add("dry-run", &o.dry_run,
+        "move nothing, colour the mesh by its regions: support blue, handles green, fixed grey");
+  return t;
+}
+
+void DeformOptions::validate() const {
+  if (dry_run && mode != "deform")
+    throw UsageError("--dry-run colours the mesh: it goes with a mesh and an edit, not with " + mode);
+}
+
+}  // namespace tessera

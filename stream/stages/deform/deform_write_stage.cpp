@@ -1,0 +1,334 @@
+#include <algorithm>
+#include <cmath>
+#include <nlohmann/json.hpp>
+
+#include "octree/error.h"
+#include "stream/files/durable_file.h"
+#include "stream/files/file_extension.h"
+#include "stream/files/path_text.h"
+#include "stream/files/planned_writes.h"
+#include "stream/formats/meshes/mesh_io.h"
+#include "stream/meshes/mesh_weld.h"
+#include "stream/meshes/store_write_stage.h"
+#include "stream/runtime/parallel.h"
+#include "stream/runtime/work_dir.h"
+#include "stream/stages/deform/deform_files.h"
+#include "stream/stages/deform/deform_stages.h"
+#include "stream/stages/deform/edit_script.h"
+
+namespace tessera {
+namespace {
+
+using json = nlohmann::json;
+
+constexpr std::uint64_t kSlackBytes = std::uint64_t{32} << 20;
+/// Position, what it becomes, colour, displacement with its rest.
+constexpr std::uint64_t kMovedBytes = 24 + 24 + 4 + 12 + 12;
+
+/// As PointRecord::rgba.
+std::uint32_t colour_of(std::int32_t role) {
+  constexpr std::uint32_t kBlue = 0xffd07030u, kGreen = 0xff40b040u, kGrey = 0xffb0b0b0u;
+  return role == kSupportVertex ? kBlue : role == kFixedVertex ? kGrey : kGreen;
+}
+
+bool finite(const Double3& p) {
+  return std::isfinite(p[0]) && std::isfinite(p[1]) && std::isfinite(p[2]);
+}
+
+/// One batch of vertices on its way.
+struct Batch {
+  std::vector<Double3> position;
+  std::vector<std::uint32_t> rgba;
+  Displacements displaced;
+  double largest = 0.0;  ///< squared distance that a vertex goes
+};
+
+/// The base at rest and in its pose.
+struct PosedBase {
+  std::vector<Double3> position;
+  double volume = 0.0, volume_before = 0.0;
+  std::size_t flipped = 0;
+};
+
+double volume_of(std::span<const Double3> p, BaseState::Faces faces) {
+  double sum = 0.0;
+  for (const auto& f : faces) sum += dot(p[f[0]] - p[0], cross(p[f[1]] - p[0], p[f[2]] - p[0]));
+  return sum / 6.0;
+}
+
+PosedBase pose_base(const DeformBasis& basis, std::span<const Placement> pose) {
+  const std::vector<Double3>& at = basis.base.position;
+  const std::vector<Double3> rest = rest_base(basis.edit, at), posed = smooth_base(basis.edit, at, pose);
+  PosedBase out;
+  out.position = posed_base(basis.edit, at, basis.base.faces, rest, posed);
+  out.volume_before = volume_of(at, basis.base.faces);
+  out.volume = volume_of(out.position, basis.base.faces);
+  const auto turn = turns(at, out.position, basis.base.faces);
+  for (const auto& f : basis.base.faces) {
+    const Double3 before = triangle_normal(at[f[0]], at[f[1]], at[f[2]]);
+    const Double3 after = triangle_normal(out.position[f[0]], out.position[f[1]], out.position[f[2]]);
+    const auto& r = turn[f[0]];
+    const Double3 turned = {r[0] * before[0] + r[1] * before[1] + r[2] * before[2],
+                            r[3] * before[0] + r[4] * before[1] + r[5] * before[2],
+                            r[6] * before[0] + r[7] * before[1] + r[8] * before[2]};
+    out.flipped += dot(turned, after) < 0.0;
+  }
+  return out;
+}
+
+class DeformWriteStage : public Stage {
+ public:
+  DeformWriteStage(const JobState& state, const DeformOptions& options)
+      : options_(options),
+        applies_(options.mode == "apply"),
+        prepares_(options.mode == "prepare"),
+        mesh_(state.inputs.at(applies_ ? 1 : 0)),
+        output_(state.output),
+        temp_(state.work),
+        weld_bytes_(sort_bytes(state.run)),
+        window_(2 * static_cast<std::size_t>(state.run.threads)),
+        file_(applies_ ? state.inputs.at(0) : state.work / kBasisFile),
+        script_(parse_edit(options.edit, applies_ ? "the pose" : "the edit")) {}
+
+  std::string name() const override { return "write"; }
+  std::size_t task_count() const override { return 0; }
+  std::uint64_t task_bytes(std::size_t) const override { return 0; }
+  std::uint64_t units() const override { return open_mesh_file(mesh_)->header().vertices; }
+  std::string unit_name() const override { return "vertices"; }
+  json run(std::size_t, TaskContext&) const override { return {}; }
+  std::uint64_t finish_bytes() const override {
+    const std::uint64_t base = file_.bytes();
+    return base + 6 * (base / 2) + DisplacementEncoder::bytes(base / 36) + weld_bytes_ +
+           window_ * kDisplacedVertices * kMovedBytes + kSlackBytes;
+  }
+
+  json finish(const std::vector<json>&, TaskContext& context) const override {
+    DeformBasis basis = file_.load();
+    const BaseState rest(basis.base.position, basis.base.faces);
+    const auto source = open_mesh_file(mesh_);
+    std::unique_ptr<WeldedMesh> welded;
+    if (!source->shared_vertices() && (prepares_ || lower_extension(output_) != ".stl"))
+      welded = std::make_unique<WeldedMesh>(*source,
+                                            WeldOptions{weld_bytes_, temp_, [&] { context.check_stop(); }});
+    MeshReader& mesh = welded ? *welded : *source;
+    return prepares_ ? prepare(basis, rest, mesh, context) : deform(basis, rest, mesh, context);
+  }
+
+ private:
+  struct Counts {
+    std::uint64_t vertices = 0, faces = 0;
+  };
+  /// True counts: headers count polygons, or nothing.
+  static Counts count(MeshReader& mesh, TaskContext& context) {
+    Counts n;
+    mesh.read_vertices([&](std::span<const Double3> batch, std::span<const std::uint32_t>) {
+      context.check_stop();
+      n.vertices += batch.size();
+    });
+    mesh.read_faces([&](std::span<const MeshFace> batch) {
+      context.check_stop();
+      n.faces += batch.size();
+    });
+    return n;
+  }
+
+  /// Hands out all vertices in batches, worked on in parallel, used in order.
+  void stream(MeshReader& mesh, TaskContext& context,
+              const std::function<void(std::uint64_t number, Batch&)>& work,
+              const std::function<void(Batch&)>& use) const {
+    std::vector<Batch> window(window_);
+    std::size_t filled = 0;
+    std::uint64_t first = 0;
+    const auto flush = [&] {
+      const std::size_t count = filled + (filled < window.size() && !window[filled].position.empty());
+      parallel_for(count, [&](std::size_t k) { work(first + k, window[k]); });
+      for (std::size_t k = 0; k < count; ++k) {
+        context.check_stop();
+        use(window[k]);
+        context.advance(window[k].position.size());
+        window[k].position.clear();
+        window[k].rgba.clear();
+      }
+      first += count;
+      filled = 0;
+    };
+    mesh.read_vertices([&](std::span<const Double3> points, std::span<const std::uint32_t> rgba) {
+      context.check_stop();
+      for (std::size_t i = 0; i < points.size();) {
+        Batch& b = window[filled];
+        const std::size_t n = std::min(points.size() - i, kDisplacedVertices - b.position.size());
+        b.position.insert(b.position.end(), points.begin() + static_cast<std::ptrdiff_t>(i),
+                          points.begin() + static_cast<std::ptrdiff_t>(i + n));
+        if (!rgba.empty())
+          b.rgba.insert(b.rgba.end(), rgba.begin() + static_cast<std::ptrdiff_t>(i),
+                        rgba.begin() + static_cast<std::ptrdiff_t>(i + n));
+        i += n;
+        if (b.position.size() < kDisplacedVertices) continue;
+        if (++filled == window.size()) flush();
+      }
+    });
+    flush();
+  }
+
+  static void encode(const DisplacementEncoder& encoder, double diagonal, Batch& b) {
+    b.displaced.of.assign(b.position.size(), {});
+    b.displaced.rest.clear();
+    for (std::uint32_t i = 0; i < b.position.size(); ++i) {
+      if (!finite(b.position[i])) continue;
+      TangentRest rest;
+      b.displaced.of[i] = encoder.encode(b.position[i], diagonal, rest);
+      if ((b.displaced.of[i].face & kHasTangent) == 0) continue;
+      rest.point = i;
+      b.displaced.rest.push_back(rest);
+    }
+  }
+
+  /// Moves by what the base does: what rounding left beside the normal stays as it is.
+  static void move(const BaseState& rest, const BaseState& posed, Batch& b) {
+    auto tangent = b.displaced.rest.begin();
+    b.largest = 0.0;
+    for (std::uint32_t i = 0; i < b.position.size(); ++i) {
+      const Displacement& d = b.displaced.of[i];
+      const TangentRest* beside = nullptr;
+      if ((d.face & kHasTangent) != 0) beside = &*tangent++;
+      if (!finite(b.position[i])) continue;
+      const Double3 by = posed.decode(d, beside) - rest.decode(d, beside);
+      b.largest = std::max(b.largest, dot(by, by));
+      b.position[i] = b.position[i] + by;
+    }
+  }
+
+  json deform(const DeformBasis& basis, const BaseState& rest, MeshReader& mesh, TaskContext& context) const {
+    const double diagonal = basis.about.at("diagonal").get<double>();
+    const bool colours = options_.dry_run;
+    const PosedBase pose = pose_base(basis, pose_of(script_, basis.handles()));
+    const BaseState posed(pose.position, basis.base.faces);
+    std::unique_ptr<DisplacementEncoder> encoder;
+    if (!applies_) encoder = std::make_unique<DisplacementEncoder>(rest);
+    context.check_stop();
+    MeshHeader header = mesh.header();
+    if (applies_) {
+      header.vertices = basis.about.at("mesh").at("vertices").get<std::uint64_t>();
+      header.faces = basis.about.at("mesh").at("faces").get<std::uint64_t>();
+    } else {
+      const Counts n = count(mesh, context);
+      header.vertices = n.vertices;
+      header.faces = n.faces;
+    }
+    header.synthetic = mesh.has_synthetic();
+    if (colours) header.colour = true;
+    const auto writer = create_mesh_file(output_, header);
+    double largest = 0.0;
+    std::uint64_t tangents = 0;
+    stream(
+        mesh, context,
+        [&](std::uint64_t number, Batch& b) {
+          if (applies_) {
+            b.displaced = file_.batch(number);
+            if (b.displaced.of.size() != b.position.size())
+              throw InputError(mesh_.string() + ": it is not the mesh that the basis was prepared for");
+          } else {
+            encode(*encoder, diagonal, b);
+          }
+          if (colours) {
+            b.rgba.assign(b.position.size(), colour_of(kFixedVertex));
+            for (std::size_t i = 0; i < b.rgba.size(); ++i)
+              b.rgba[i] = colour_of(role_at(basis, b.displaced.of[i]));
+          } else {
+            move(rest, posed, b);
+          }
+        },
+        [&](Batch& b) {
+          largest = std::max(largest, b.largest);
+          tangents += b.displaced.rest.size();
+          writer->vertices(b.position, b.rgba);
+        });
+    mesh.read_flagged_faces([&](std::span<const MeshFace> faces, std::span<const std::uint8_t> synthetic) {
+      context.check_stop();
+      writer->faces(faces, synthetic);
+    });
+    writer->finish();
+    context.count_written(writer->bytes_written());
+    json out = {{"path", json_text(output_)},
+                {"vertices", header.vertices},
+                {"faces", header.faces},
+                {"bytes", writer->bytes_written()},
+                {"double_positions", header.double_positions},
+                {"shift", header.shift},
+                {"tangent_vertices", tangents}};
+    if (!colours) {
+      out["largest_move"] = std::sqrt(largest);
+      out["base_flipped_faces"] = pose.flipped;
+      out["base_volume"] = pose.volume;
+      out["base_volume_before"] = pose.volume_before;
+    }
+    return out;
+  }
+
+  static std::int32_t role_at(const DeformBasis& basis, const Displacement& d) {
+    const auto& f = basis.base.faces[d.face & ~kHasTangent];
+    const int w[3] = {65535 - d.u - d.v, d.u, d.v};
+    return basis.edit.role[f[static_cast<std::size_t>(std::max_element(w, w + 3) - w)]];
+  }
+
+  json prepare(DeformBasis& basis, const BaseState& rest, MeshReader& mesh, TaskContext& context) const {
+    const double diagonal = basis.about.at("diagonal").get<double>();
+    const DisplacementEncoder encoder(rest);
+    const Counts n = count(mesh, context);
+    const InputFingerprint print = fingerprint_input(mesh_);
+    const std::filesystem::path aside = output_aside(output_);
+    BasisWriter writer(aside, basis);
+    std::uint64_t tangents = 0;
+    double worst = 0.0;
+    stream(
+        mesh, context,
+        [&](std::uint64_t, Batch& b) {
+          encode(encoder, diagonal, b);
+          b.largest = 0.0;
+          auto tangent = b.displaced.rest.begin();
+          for (std::size_t i = 0; i < b.position.size(); ++i) {
+            const Displacement& d = b.displaced.of[i];
+            const TangentRest* beside = (d.face & kHasTangent) != 0 ? &*tangent++ : nullptr;
+            if (finite(b.position[i]))
+              b.largest = std::max(b.largest, squared_distance(rest.decode(d, beside), b.position[i]));
+          }
+        },
+        [&](Batch& b) {
+          worst = std::max(worst, b.largest);
+          tangents += b.displaced.rest.size();
+          writer.add(b.displaced);
+        });
+    basis.about["mesh"] = {{"path", json_text(std::filesystem::absolute(mesh_))},
+                           {"bytes", print.bytes},
+                           {"xxh3", hex64(print.xxh3)},
+                           {"vertices", n.vertices},
+                           {"faces", n.faces}};
+    const std::uint64_t bytes = writer.finish(basis.about);
+    sync_file(aside);
+    rename_durably(aside, output_);
+    context.count_written(bytes);
+    return {{"path", json_text(output_)},
+            {"vertices", n.vertices},
+            {"faces", n.faces},
+            {"bytes", bytes},
+            {"tangent_vertices", tangents},
+            {"reconstruction_error", std::sqrt(worst)},
+            {"diagonal", diagonal}};
+  }
+
+  DeformOptions options_;
+  bool applies_, prepares_;
+  std::filesystem::path mesh_, output_, temp_;
+  std::uint64_t weld_bytes_;
+  std::size_t window_;
+  BasisReader file_;
+  EditScript script_;
+};
+
+}  // namespace
+
+std::unique_ptr<Stage> make_deform_write_stage(const JobState& state, const DeformOptions& options) {
+  return std::make_unique<DeformWriteStage>(state, options);
+}
+
+}  // namespace tessera

@@ -1,0 +1,283 @@
+#include "stream/stages/deform/edit_script.h"
+
+#include <algorithm>
+#include <cmath>
+#include <nlohmann/json.hpp>
+#include <optional>
+
+#include "octree/error.h"
+#include "stream/files/durable_file.h"
+#include "stream/files/read_file.h"
+#include "stream/runtime/option_table.h"
+
+namespace tessera {
+namespace {
+
+using json = nlohmann::json;
+
+class Reader {
+ public:
+  explicit Reader(std::string name) : name_(std::move(name)) {}
+
+  [[noreturn]] void fail(const std::string& what) const { throw InputError(name_ + ": " + what); }
+
+  json parsed(const std::string& text) const {
+    try {
+      return json::parse(text);
+    } catch (const json::parse_error& e) {
+      fail("no JSON at byte " + std::to_string(e.byte));
+    }
+  }
+
+  void known(const json& object, const std::string& what, const std::vector<std::string>& keys) const {
+    if (!object.is_object()) fail(what + " is an object");
+    for (const auto& [key, value] : object.items())
+      if (std::find(keys.begin(), keys.end(), key) == keys.end())
+        fail("\"" + key + "\" is not known in " + what + did_you_mean(key, keys));
+  }
+
+  double number(const json& value, const std::string& what) const {
+    if (!value.is_number() || !std::isfinite(value.get<double>())) fail(what + " takes a number");
+    return value.get<double>();
+  }
+  std::vector<double> numbers(const json& value, std::size_t count, const std::string& what) const {
+    if (!value.is_array() || value.size() != count)
+      fail(what + " takes " + std::to_string(count) + " numbers");
+    std::vector<double> out;
+    for (const json& v : value) out.push_back(number(v, what));
+    return out;
+  }
+  Double3 point(const json& value, const std::string& what) const {
+    const std::vector<double> n = numbers(value, 3, what);
+    return {n[0], n[1], n[2]};
+  }
+  std::vector<Double3> points(const json& value, const std::string& what) const {
+    if (!value.is_array() || value.empty()) fail(what + " takes a list of at least one point");
+    std::vector<Double3> out;
+    for (const json& v : value) out.push_back(point(v, what));
+    return out;
+  }
+  const json& member(const json& object, const char* key, const std::string& what) const {
+    if (!object.contains(key)) fail(what + " wants \"" + key + "\"");
+    return object.at(key);
+  }
+
+  EditRegion region(const json& r, const std::string& what, std::vector<std::uint64_t>& vertices) const {
+    known(r, what,
+          {"role", "name", "smoothness", "all", "box", "sphere", "half_space", "geodesic", "points",
+           "vertices"});
+    EditRegion out;
+    const json& role = member(r, "role", what);
+    if (role == "support") {
+      out.role = RegionRole::kSupport;
+    } else if (role == "handle") {
+      out.role = RegionRole::kHandle;
+    } else if (role != "fixed") {
+      fail(what + ": \"role\" is fixed, support or handle");
+    }
+    if (r.contains("name")) {
+      if (!r.at("name").is_string()) fail(what + ": \"name\" takes a text");
+      out.name = r.at("name").get<std::string>();
+    } else if (out.role == RegionRole::kHandle) {
+      fail(what + ": a handle wants a \"name\", which its motion is given for");
+    }
+    if (r.contains("smoothness")) {
+      out.smoothness = number(r.at("smoothness"), what + ": \"smoothness\"");
+      if (!(out.smoothness >= 0.0 && out.smoothness <= 2.0)) fail(what + ": \"smoothness\" is from 0 to 2");
+    }
+    std::string shape;
+    for (const char* key : {"all", "box", "sphere", "half_space", "geodesic", "points", "vertices"})
+      if (r.contains(key)) {
+        if (!shape.empty()) fail(what + ": \"" + shape + "\" and \"" + key + "\": a region has one shape");
+        shape = key;
+      }
+    if (shape.empty())
+      fail(what + " wants a shape: all, box, sphere, half_space, geodesic, points or vertices");
+    const json& value = r.at(shape);
+    const std::string where = what + ": \"" + shape + "\"";
+    if (shape == "all") {
+      if (value != true) fail(where + " takes true");
+    } else if (shape == "box") {
+      if (!value.is_array() || value.size() != 2) fail(where + " takes two corners");
+      out.shape = RegionShape::kBox;
+      const Double3 a = point(value[0], where), b = point(value[1], where);
+      for (std::size_t c = 0; c < 3; ++c)
+        out.low[c] = std::min(a[c], b[c]), out.high[c] = std::max(a[c], b[c]);
+    } else if (shape == "sphere") {
+      known(value, where, {"centre", "radius"});
+      out.shape = RegionShape::kSphere;
+      out.point = point(member(value, "centre", where), where);
+      out.reach = number(member(value, "radius", where), where);
+    } else if (shape == "half_space") {
+      known(value, where, {"point", "normal"});
+      out.shape = RegionShape::kHalfSpace;
+      out.point = point(member(value, "point", where), where);
+      out.normal = point(member(value, "normal", where), where);
+      if (!(norm(out.normal) > 0.0)) fail(where + ": the normal has no direction");
+    } else if (shape == "geodesic") {
+      known(value, where, {"points", "distance"});
+      out.shape = RegionShape::kGeodesic;
+      out.points = points(member(value, "points", where), where);
+      out.reach = number(member(value, "distance", where), where);
+    } else if (shape == "points") {
+      out.shape = RegionShape::kPoints;
+      out.points = points(value, where);
+    } else {
+      out.shape = RegionShape::kPoints;
+      if (!value.is_array() || value.empty()) fail(where + " takes a list of numbers of vertices");
+      for (const json& v : value) {
+        if (!v.is_number_unsigned()) fail(where + " takes numbers of vertices, from 0 on");
+        vertices.push_back(v.get<std::uint64_t>());
+      }
+    }
+    return out;
+  }
+
+  Placement step(const json& s, const std::string& what) const {
+    known(s, what, {"move", "rotate", "scale", "matrix"});
+    if (s.size() != 1) fail(what + ": one of move, rotate, scale and matrix a step; a list has several");
+    Placement p;
+    if (s.contains("move")) {
+      p.shift = point(s.at("move"), what + ": \"move\"");
+    } else if (s.contains("rotate")) {
+      const json& r = s.at("rotate");
+      const std::string where = what + ": \"rotate\"";
+      known(r, where, {"axis", "angle", "centre"});
+      const Double3 axis = unit_or_zero(point(member(r, "axis", where), where));
+      if (axis == Double3{0, 0, 0}) fail(where + ": the axis has no direction");
+      const Double3 centre = r.contains("centre") ? point(r.at("centre"), where) : Double3{};
+      p = rotation(axis, number(member(r, "angle", where), where)).about(centre);
+    } else if (s.contains("scale")) {
+      const json& r = s.at("scale");
+      const std::string where = what + ": \"scale\"";
+      known(r, where, {"factor", "centre"});
+      const json& f = member(r, "factor", where);
+      const std::vector<double> v =
+          f.is_number() ? std::vector<double>(3, number(f, where)) : numbers(f, 3, where);
+      p.matrix = {v[0], 0, 0, 0, v[1], 0, 0, 0, v[2]};
+      p = p.about(r.contains("centre") ? point(r.at("centre"), where) : Double3{});
+    } else {
+      const std::vector<double> m = numbers(s.at("matrix"), 12, what + ": \"matrix\"");
+      for (std::size_t r = 0; r < 3; ++r) {
+        for (std::size_t c = 0; c < 3; ++c) p.matrix[3 * r + c] = m[4 * r + c];
+        p.shift[r] = m[4 * r + 3];
+      }
+    }
+    return p;
+  }
+
+  void motions(const json& handles, EditScript& out) const {
+    if (!handles.is_object()) fail("\"handles\" has one motion by the name of each handle");
+    for (const auto& [name, motion] : handles.items()) {
+      const std::string what = "the motion of '" + name + "'";
+      if (motion.is_object() && motion.contains("targets")) {
+        known(motion, what, {"targets"});
+        targets(name, points(motion.at("targets"), what + ": \"targets\""), out);
+        continue;
+      }
+      Placement all;
+      for (const json& s : motion.is_array() ? motion : json::array({motion})) all = step(s, what).after(all);
+      out.handles.push_back(name);
+      out.motions.push_back(all);
+    }
+  }
+
+ private:
+  void targets(const std::string& name, std::vector<Double3> to, EditScript& out) const {
+    std::optional<std::size_t> found;
+    for (std::size_t i = 0; i < out.regions.size(); ++i)
+      if (out.regions[i].role == RegionRole::kHandle && out.regions[i].name == name) {
+        if (found) fail("'" + name + "' has targets: it is one region of points or vertices");
+        found = i;
+      }
+    if (!found)
+      fail("'" + name + "' has targets: they are given with its region, in the edit itself, not with a pose");
+    EditRegion& region = out.regions[*found];
+    if (region.shape != RegionShape::kPoints)
+      fail("'" + name + "' has targets: its region is a list of points or vertices");
+    const std::size_t count = region.points.size() + out.vertices[*found].size();
+    if (count != to.size())
+      fail("'" + name + "' has " + std::to_string(count) + " points and " + std::to_string(to.size()) +
+           " targets: give one for each");
+    region.targets = std::move(to);
+  }
+
+  std::string name_;
+};
+
+}  // namespace
+
+std::string read_edit_text(const std::filesystem::path& file) {
+  const std::string text = Reader(file.string()).parsed(read_text(file)).dump();
+  parse_edit(text, file.string());
+  return text;
+}
+
+EditScript parse_edit(const std::string& text, const std::string& name) {
+  const Reader reader(name);
+  const json root = reader.parsed(text);
+  reader.known(root, "the edit", {"order", "anisotropic", "regions", "handles"});
+  EditScript out;
+  if (root.contains("order")) {
+    const json& order = root.at("order");
+    if (order != 1 && order != 2 && order != 3) reader.fail("\"order\" is 1, 2 or 3");
+    out.order = order.get<int>();
+  }
+  if (root.contains("anisotropic")) {
+    if (!root.at("anisotropic").is_boolean()) reader.fail("\"anisotropic\" is true or false");
+    out.anisotropic = root.at("anisotropic").get<bool>();
+  }
+  if (root.contains("regions")) {
+    if (!root.at("regions").is_array()) reader.fail("\"regions\" takes a list of regions");
+    for (const json& r : root.at("regions")) {
+      out.vertices.emplace_back();
+      out.regions.push_back(
+          reader.region(r, "region " + std::to_string(out.vertices.size()), out.vertices.back()));
+    }
+  }
+  if (root.contains("handles")) reader.motions(root.at("handles"), out);
+  return out;
+}
+
+std::vector<EditPose> read_poses(const std::filesystem::path& file) {
+  const Reader reader(file.string());
+  const json root = reader.parsed(read_text(file));
+  std::vector<EditPose> out;
+  const auto add = [&](const std::string& name, const json& pose) {
+    EditPose p{name, json{{"handles", reader.member(pose, "handles", "a pose")}}.dump()};
+    parse_edit(p.text, file.string());
+    out.push_back(std::move(p));
+  };
+  if (!root.is_object() || !root.contains("poses")) {
+    add("", root);
+    return out;
+  }
+  reader.known(root, "the file", {"poses"});
+  if (!root.at("poses").is_array() || root.at("poses").empty())
+    reader.fail("\"poses\" takes a list of at least one pose");
+  for (const json& pose : root.at("poses")) {
+    reader.known(pose, "a pose", {"name", "handles"});
+    const std::string number = std::to_string(out.size() + 1);
+    const json name = pose.value("name", json(number));
+    if (!name.is_string() || name.get<std::string>().find('/') != std::string::npos)
+      reader.fail("the \"name\" of pose " + number + " becomes part of a file's name: a text without '/'");
+    for (const EditPose& p : out)
+      if (p.name == name) reader.fail("two poses have the name '" + p.name + "'");
+    add(name.get<std::string>(), pose);
+  }
+  return out;
+}
+
+std::vector<Placement> pose_of(const EditScript& script, std::span<const std::string> handles) {
+  std::vector<Placement> out(handles.size());
+  for (std::size_t i = 0; i < script.handles.size(); ++i) {
+    const auto at = std::find(handles.begin(), handles.end(), script.handles[i]);
+    if (at == handles.end())
+      throw InputError("there is a motion for '" + script.handles[i] + "', but no handle of this name" +
+                       did_you_mean(script.handles[i], {handles.begin(), handles.end()}));
+    out[static_cast<std::size_t>(at - handles.begin())] = script.motions[i];
+  }
+  return out;
+}
+
+}  // namespace tessera

@@ -1,0 +1,135 @@
+// Boundary constraint modelling against dense systems, and what its orders and smoothness promise.
+#include "kernels/edit/boundary_model.h"
+
+#include <Eigen/LU>
+#include <catch2/catch.hpp>
+#include <cmath>
+
+#include "octree/error.h"
+#include "solvers/laplacian_system.h"
+#include "tests/helpers/random.h"
+#include "tests/helpers/surfaces.h"
+#include "tests/solvers/dense.h"
+
+namespace {
+
+using namespace tessera;
+using namespace tessera::test;
+
+Surface bumpy_sphere() {
+  Surface s = sphere(3, 1.0);
+  Random random(7);
+  for (Double3& p : s.position) p = p * random.in(0.97, 1.03);
+  return s;
+}
+
+/// Free between two caps.
+std::vector<std::uint8_t> belt(const Surface& s) {
+  std::vector<std::uint8_t> free;
+  for (const Double3& p : s.position) free.push_back(std::fabs(p[2]) < 0.55);
+  return free;
+}
+
+std::vector<double> coordinates(const Surface& s) {
+  std::vector<double> out;
+  for (const Double3& p : s.position) out.insert(out.end(), p.begin(), p.end());
+  return out;
+}
+
+double largest_difference(const std::vector<double>& a, const std::vector<double>& b) {
+  double worst = 0.0;
+  for (std::size_t i = 0; i < a.size(); ++i) worst = std::max(worst, std::fabs(a[i] - b[i]));
+  return worst;
+}
+
+}  // namespace
+
+TEST_CASE("boundary model: solutions are those of the dense system", "[unit]") {
+  const Surface s = bumpy_sphere();
+  const Laplacian lap = laplacian({s.position, s.faces});
+  const std::vector<std::uint8_t> free = belt(s);
+  const int order = GENERATE(1, 2, 3);
+  const bool mixed = GENERATE(false, true);
+  CAPTURE(order, mixed);
+  std::vector<double> smoothness(s.position.size(), order - 1.0);
+  if (mixed)
+    for (std::size_t v = 0; v < smoothness.size(); ++v)
+      smoothness[v] = s.position[v][2] > 0.0 ? 0.0 : 0.7 * (order - 1.0);
+  BoundaryModel model(lap, free, smoothness, {.order = order});
+  CHECK(model.report().symmetric == (order < 3 || !mixed));
+  std::vector<double> values = coordinates(s);
+  model.solve(values, 3);
+
+  // Row by row as the thesis defines it, in long double.
+  using Matrix = Eigen::Matrix<long double, Eigen::Dynamic, Eigen::Dynamic>;
+  const auto n = static_cast<Eigen::Index>(free.size());
+  const Matrix stiffness = dense(lap.stiffness).cast<long double>();
+  Matrix power = stiffness;
+  for (int level = 1; level < order; ++level) {
+    for (Eigen::Index v = 0; v < n; ++v) {
+      const auto i = static_cast<std::size_t>(v);
+      const double damping = free[i] ? 1.0 : std::min(1.0, std::max(0.0, smoothness[i] - (level - 1)));
+      power.row(v) *= static_cast<long double>(damping / lap.mass[i]);
+    }
+    power = stiffness * power;
+  }
+  const std::vector<std::int32_t>& unknown = model.free_vertices();
+  const auto m = static_cast<Eigen::Index>(unknown.size());
+  Matrix a(m, m), b = Matrix::Zero(m, 3);
+  const std::vector<double> given = coordinates(s);
+  for (Eigen::Index r = 0; r < m; ++r) {
+    for (Eigen::Index c = 0; c < m; ++c) a(r, c) = power(unknown[r], unknown[c]);
+    for (Eigen::Index v = 0; v < n; ++v)
+      if (!free[static_cast<std::size_t>(v)])
+        for (Eigen::Index k = 0; k < 3; ++k) b(r, k) -= power(unknown[r], v) * given[3 * v + k];
+  }
+  const Matrix x = a.partialPivLu().solve(b);
+  double worst = 0.0;
+  for (Eigen::Index r = 0; r < m; ++r)
+    for (Eigen::Index k = 0; k < 3; ++k)
+      worst = std::max(worst, static_cast<double>(std::fabs(x(r, k) - values[3 * unknown[r] + k])));
+  CHECK(worst < 1e-9);
+}
+
+TEST_CASE("boundary model: less smoothness everywhere is a lower order", "[unit]") {
+  // Delta^2 f = 0 beyond the boundary leaves a thin plate, Delta f = 0 beyond it a membrane.
+  const Surface s = bumpy_sphere();
+  const Laplacian lap = laplacian({s.position, s.faces});
+  const std::vector<std::uint8_t> free = belt(s);
+  for (const int lower : {1, 2}) {
+    const std::vector<double> smoothness(s.position.size(), lower - 1.0);
+    std::vector<double> damped = coordinates(s), low = damped, high = damped;
+    BoundaryModel(lap, free, smoothness, {.order = 3}).solve(damped, 3);
+    BoundaryModel(lap, free, {}, {.order = lower}).solve(low, 3);
+    BoundaryModel(lap, free, {}, {.order = 3}).solve(high, 3);
+    CAPTURE(lower);
+    CHECK(largest_difference(damped, low) < 1e-8);
+    CHECK(largest_difference(damped, high) > 1e-3);
+  }
+}
+
+TEST_CASE("boundary model: the solution has the least energy", "[unit]") {
+  const Surface s = bumpy_sphere();
+  const Laplacian lap = laplacian({s.position, s.faces});
+  const std::vector<std::uint8_t> free = belt(s);
+  for (const int order : {1, 2, 3}) {
+    BoundaryModel model(lap, free, {}, {.order = order});
+    std::vector<double> values = coordinates(s);
+    const double before = model.energy(values, 3);
+    model.solve(values, 3);
+    const double least = model.energy(values, 3);
+    CAPTURE(order);
+    CHECK(least > 0.0);
+    CHECK(least < before);
+  }
+}
+
+TEST_CASE("boundary model: nothing that holds a piece is refused", "[unit]") {
+  const Surface s = sphere(2, 1.0);
+  const Laplacian lap = laplacian({s.position, s.faces});
+  const std::vector<std::uint8_t> all(s.position.size(), 1);
+  CHECK_THROWS_AS(BoundaryModel(lap, all, {}, {.order = 1}), InputError);
+  const std::vector<std::uint8_t> none(s.position.size(), 0);
+  CHECK_THROWS_AS(BoundaryModel(lap, none, {}, {.order = 1}), UsageError);
+  CHECK_THROWS_AS(BoundaryModel(lap, belt(s), {}, {.order = 2, .memory_bytes = 1000}), ResourceError);
+}

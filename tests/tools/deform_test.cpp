@@ -1,0 +1,247 @@
+// tessera deform as a user runs it: what is fixed stays, handles go as told, the same bytes whatever must not matter.
+#include <catch2/catch.hpp>
+
+#include <cmath>
+#include <fstream>
+#include <string>
+#include <vector>
+
+#include <nlohmann/json.hpp>
+
+#include "octree/placement.h"
+#include "stream/check/mesh_check.h"
+#include "stream/formats/meshes/mesh_io.h"
+#include "tests/helpers/command.h"
+#include "tests/helpers/mesh_files.h"
+#include "tests/helpers/serial_job.h"
+#include "tests/helpers/shell.h"
+
+using namespace tessera;
+using namespace tessera::test;
+
+namespace {
+
+namespace fs = std::filesystem;
+using json = nlohmann::json;
+
+constexpr double kLength = 10.0;
+
+/// A closed bar along x with fine waves on it; `side` squares around, 4 `side` along.
+fs::path write_bar(const fs::path& path, int side) {
+  WholeMesh mesh;
+  const int around = side, along = 4 * side;
+  for (int i = 0; i <= along; ++i)
+    for (int j = 0; j < around; ++j) {
+      const double x = kLength * i / along, turn = 2.0 * 3.14159265358979 * j / around;
+      const double r = 1.0 + 0.01 * std::sin(20.0 * x) * std::cos(9.0 * turn);
+      mesh.points.push_back(wide(narrow(Double3{x, r * std::cos(turn), r * std::sin(turn)})));
+    }
+  const auto at = [&](int i, int j) { return static_cast<std::uint64_t>(i * around + j % around); };
+  for (int i = 0; i < along; ++i)
+    for (int j = 0; j < around; ++j) {
+      mesh.faces.push_back({at(i, j), at(i + 1, j), at(i + 1, j + 1)});
+      mesh.faces.push_back({at(i, j), at(i + 1, j + 1), at(i, j + 1)});
+    }
+  for (const int end : {0, along}) {
+    const std::uint64_t centre = mesh.points.size();
+    mesh.points.push_back({kLength * end / along, 0, 0});
+    for (int j = 0; j < around; ++j) {
+      if (end == 0)
+        mesh.faces.push_back({centre, at(0, j), at(0, j + 1)});
+      else
+        mesh.faces.push_back({centre, at(end, j + 1), at(end, j)});
+    }
+  }
+  mesh.header.vertices = mesh.points.size();
+  mesh.header.faces = mesh.faces.size();
+  write_whole(path, mesh);
+  return path;
+}
+
+fs::path write_json(const fs::path& path, const json& value) {
+  std::ofstream(path) << value.dump();
+  return path;
+}
+
+const json kBend = {
+    {"handles", {{"end", {{"rotate", {{"axis", {0, 0, 1}}, {"angle", 60}, {"centre", {5, 0, 0}}}}}}}}};
+
+/// The bar between x = 2 and x = 8 follows, what is beyond 8 is the handle.
+json edit() {
+  json e = kBend;
+  e["order"] = 2;
+  e["regions"] = json::array();
+  e["regions"].push_back({{"role", "support"}, {"box", {{2, -2, -2}, {8, 2, 2}}}});
+  e["regions"].push_back(
+      {{"role", "handle"}, {"name", "end"}, {"half_space", {{"point", {8, 0, 0}}, {"normal", {-1, 0, 0}}}}});
+  return e;
+}
+
+CommandResult deform(const std::vector<std::string>& more) {
+  std::vector<std::string> w = {"deform"};
+  w.insert(w.end(), more.begin(), more.end());
+  for (const char* quiet : {"--progress", "none", "-q", "--no-html"}) w.emplace_back(quiet);
+  return tessera_command(w);
+}
+
+json report_of(const fs::path& out) {
+  return json::parse(file_bytes(out.string() + ".report.json"));
+}
+
+const Placement kTurn = rotation({0, 0, 1}, 60.0).about({5, 0, 0});
+
+/// Fixed vertices keep their bits, those of the handle turn; the rest goes on smoothly. \return faces that turned inside out
+void require_bent(const fs::path& in, const fs::path& out, double tolerance) {
+  const WholeMesh before = read_whole(in), after = read_whole(out);
+  REQUIRE(after.points.size() == before.points.size());
+  CHECK(after.faces == before.faces);
+  for (std::size_t v = 0; v < before.points.size(); ++v) {
+    const Double3 p = before.points[v], q = after.points[v];
+    if (p[0] < 1.8) CHECK(p == q);
+    if (p[0] > 8.2) CHECK(norm(q - kTurn.apply(p)) < tolerance);
+  }
+}
+
+}  // namespace
+
+TEST_CASE("deform: a mesh that is its own base", "[pipeline]") {
+  const TempFolder folder;
+  const fs::path in = write_bar(folder.path() / "in.ply", 40), out = folder.path() / "out.ply";
+  const fs::path script = write_json(folder.path() / "edit.json", edit());
+  const CommandResult r = deform({in.string(), script.string(), "-o", out.string()});
+  INFO(r.errors);
+  REQUIRE(r.code == 0);
+  require_bent(in, out, 1e-5);
+  const json report = report_of(out);
+  CHECK(report.at("base").at("own") == true);
+  CHECK(report.at("edit").at("residual").get<double>() < 1e-8);
+  CHECK(report.at("mesh").at("base_flipped_faces") == 0);
+  CHECK(report.at("mesh").at("largest_move").get<double>() > 2.0);
+
+  SECTION("a dry run colours the regions and moves nothing") {
+    const fs::path drawn = folder.path() / "drawn.ply";
+    REQUIRE(deform({in.string(), script.string(), "-o", drawn.string(), "--dry-run"}).code == 0);
+    const WholeMesh before = read_whole(in), coloured = read_whole(drawn);
+    CHECK(coloured.points == before.points);
+    REQUIRE(coloured.rgba.size() == coloured.points.size());
+    const auto colour = [&](double x) {
+      for (std::size_t v = 0; v < coloured.points.size(); ++v)
+        if (std::fabs(coloured.points[v][0] - x) < 0.2) return coloured.rgba[v] & 0xffffffu;
+      return 0u;
+    };
+    CHECK((colour(5) >> 16) > (colour(5) & 0xff));              // blue
+    CHECK((colour(9) >> 8 & 0xff) > (colour(9) >> 16 & 0xff));  // green
+    CHECK((colour(1) >> 16) == (colour(1) & 0xff));             // grey
+  }
+}
+
+TEST_CASE("deform: a mesh larger than its base follows with its details", "[property]") {
+  const TempFolder folder;
+  const fs::path in = write_bar(folder.path() / "in.ply", 120);
+  const fs::path script = write_json(folder.path() / "edit.json", edit());
+  const std::vector<std::string> base = {"--base-vertices", "6000"};
+  const auto run = [&](std::vector<std::string> more) {
+    const fs::path out = folder.path() / "out.ply";
+    fs::remove(out);
+    more.insert(more.end(), base.begin(), base.end());
+    more.insert(more.begin(), {in.string(), script.string(), "-o", out.string()});
+    const CommandResult r = deform(more);
+    INFO(r.errors);
+    REQUIRE(r.code == 0);
+    return file_bytes(out);
+  };
+  const std::string bytes = run({"-t", "1", "--memory", "1G"});
+  require_bent(in, folder.path() / "out.ply", 1e-4);
+  const json report = report_of(folder.path() / "out.ply");
+  CHECK(report.at("base").at("own") == false);
+  CHECK(report.at("edit").at("base_vertices").get<std::uint64_t>() < 9000);
+  CHECK(report.at("mesh").at("base_flipped_faces") == 0);
+  CHECK(run({"-t", "3", "--memory", "400M"}) == bytes);
+  CHECK(run({"-t", "2", "--memory", "2G", "--tile-size", "128"}) == bytes);
+
+  SECTION("prepared once, the same pose has the same bytes; at rest the mesh comes back") {
+    const fs::path basis = folder.path() / "basis.tsb", out = folder.path() / "posed.ply";
+    REQUIRE(deform({"prepare", in.string(), script.string(), "-o", basis.string(), "--base-vertices", "6000"})
+                .code == 0);
+    const json prepared = report_of(basis).at("mesh");
+    CHECK(prepared.at("reconstruction_error").get<double>() <= 1e-6 * prepared.at("diagonal").get<double>());
+    REQUIRE(deform({"apply", basis.string(), "--pose", script.string(), "-o", out.string()}).code == 0);
+    CHECK(file_bytes(out) == bytes);
+    const json series = {{"poses",
+                          {{{"name", "still"}, {"handles", json::object()}},
+                           {{"name", "bent"}, {"handles", kBend.at("handles")}}}}};
+    const fs::path poses = write_json(folder.path() / "poses.json", series);
+    REQUIRE(
+        deform({"apply", basis.string(), "--poses", poses.string(), "-o", out.string(), "--force"}).code ==
+        0);
+    CHECK(file_bytes(folder.path() / "posed.bent.ply") == bytes);
+    CHECK(read_whole(folder.path() / "posed.still.ply").points == read_whole(in).points);
+
+    write_bar(in, 100);
+    const CommandResult r = deform(
+        {"apply", basis.string(), "--pose", script.string(), "-o", (folder.path() / "no.ply").string()});
+    CHECK(r.code == 3);
+    CHECK_THAT(r.errors, Catch::Contains("it is not the mesh that"));
+  }
+}
+
+TEST_CASE("deform: goes on after a stop", "[fault]") {
+  const TempFolder folder;
+  const fs::path in = write_bar(folder.path() / "in.ply", 100);
+  const fs::path script = write_json(folder.path() / "edit.json", edit());
+  const auto run = [&](const std::string& out, std::vector<std::string> more) {
+    more.insert(more.begin(), {in.string(), script.string(), "-o", (folder.path() / out).string(),
+                               "--base-vertices", "5000"});
+    return deform(more).code;
+  };
+  REQUIRE(run("want.ply", {}) == 0);
+  for (const char* stage : {"pass-1", "base", "basis"}) {
+    CHECK(run("out.ply", {"--until", stage}) == 7);
+    CHECK_FALSE(fs::exists(folder.path() / "out.ply"));
+  }
+  REQUIRE(run("out.ply", {}) == 0);
+  CHECK(file_bytes(folder.path() / "out.ply") == file_bytes(folder.path() / "want.ply"));
+}
+
+TEST_CASE("deform: what makes no sense is said", "[pipeline]") {
+  const TempFolder folder;
+  const fs::path in = write_bar(folder.path() / "in.ply", 20);
+  const auto run = [&](const json& script) {
+    const CommandResult r = deform({in.string(), write_json(folder.path() / "edit.json", script).string(),
+                                    "-o", (folder.path() / "out.ply").string()});
+    CHECK_FALSE(fs::exists(folder.path() / "out.ply"));
+    fs::remove_all(folder.path() / "out.ply.tessera");
+    return r;
+  };
+  const auto refused = [&](const json& script, const std::string& with) {
+    const CommandResult r = run(script);
+    CHECK(r.code == 3);
+    CHECK_THAT(r.errors, Catch::Contains(with));
+  };
+  json e = edit();
+  e["regions"][0]["boxx"] = 1;
+  refused(e, "\"boxx\" is not known in region 1, did you mean box?");
+  e = edit();
+  e["regions"][1].erase("name");
+  refused(e, "a handle wants a \"name\"");
+  e = edit();
+  e["handles"]["knob"] = {{"move", {1, 2, 3}}};
+  refused(e, "no handle of this name");
+  e = edit();
+  e["regions"] = json::array({{{"role", "support"}, {"all", true}}});
+  e["handles"] = json::object();
+  refused(e, "lacks constraints");
+  e = edit();
+  e["regions"][1]["half_space"]["point"] = {80, 0, 0};
+  refused(e, "region 2 ('end') takes no vertex");
+  e = edit();
+  e["order"] = 4;
+  refused(e, "\"order\" is 1, 2 or 3");
+  CHECK(deform({in.string(), "-o", (folder.path() / "out.ply").string()}).code == 2);
+  CHECK(deform({"apply", in.string(), "--pose", in.string(), "-o", (folder.path() / "out.ply").string()})
+            .code == 3);
+  std::ofstream(folder.path() / "no.json") << "{ no";
+  CHECK(
+      deform({in.string(), (folder.path() / "no.json").string(), "-o", (folder.path() / "out.ply").string()})
+          .code == 3);
+}

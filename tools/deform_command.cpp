@@ -1,0 +1,145 @@
+#include <fmt/format.h>
+
+#include <memory>
+#include <nlohmann/json.hpp>
+
+#include "octree/error.h"
+#include "stream/formats/meshes/mesh_io.h"
+#include "stream/runtime/memory_budget.h"
+#include "stream/stages/deform/deform_job.h"
+#include "stream/stages/deform/edit_script.h"
+#include "tools/cli.h"
+#include "tools/commands.h"
+
+namespace tessera {
+namespace {
+
+using json = nlohmann::json;
+
+struct Arguments {
+  std::vector<std::string> words;
+  std::filesystem::path pose, poses;
+  DeformOptions options;
+  JobState state;
+};
+
+std::filesystem::path existing(const std::string& word) {
+  if (!std::filesystem::exists(word)) throw InputError(word + ": there is no such file");
+  return word;
+}
+
+json run_one(const Arguments& a, JobState state) {
+  state.settings = to_settings(a.options);
+  return run_job(state, deform_job(a.options), cli::stderr_sink());
+}
+
+void print_solved(const json& report) {
+  const json& edit = report.at("edit");
+  fmt::print("base: {} vertices{}; {}, {} solutions in {:.2f} s, residual {:.1e}, energy {:.4g}\n",
+             edit.at("base_vertices").get<std::uint64_t>(),
+             report.at("base").value("own", false) ? ", the mesh itself" : "",
+             edit.at("solver").get<std::string>(), edit.at("solutions").get<std::uint64_t>(),
+             edit.at("prepare_s").get<double>(), edit.at("residual").get<double>(),
+             edit.at("energy").get<double>());
+}
+
+void print_mesh(const JobState& state, const json& report) {
+  const json& mesh = report.at("mesh");
+  fmt::print("{}: {} vertices, {} faces, {:.1f} s, peak {}\n", state.output.string(),
+             mesh.at("vertices").get<std::uint64_t>(), mesh.at("faces").get<std::uint64_t>(),
+             report.at("wall_s").get<double>(), format_bytes(report.at("peak_bytes").get<std::uint64_t>()));
+  if (!mesh.contains("largest_move")) return;
+  const double before = mesh.at("base_volume_before").get<double>();
+  fmt::print(
+      "largest move {:.4g}; faces of the base that turn over {}; its volume {:+.3g} %; {} vertices {}\n",
+      mesh.at("largest_move").get<double>(), mesh.at("base_flipped_faces").get<std::uint64_t>(),
+      before != 0.0 ? 100.0 * (mesh.at("base_volume").get<double>() / before - 1.0) : 0.0,
+      mesh.at("tangent_vertices").get<std::uint64_t>(), "that no normal reaches");
+}
+
+void apply_basis(Arguments& a) {
+  if (a.words.size() < 2 || a.words.size() > 3)
+    throw UsageError(
+        "apply takes the basis and, if it has moved, its mesh: deform apply basis.tsb --pose pose.json -o "
+        "out.ply");
+  if (a.pose.empty() == a.poses.empty())
+    throw UsageError("give --pose FILE with one pose, or --poses FILE with a series");
+  require_mesh_extension(a.state.output);
+  const std::filesystem::path basis = existing(a.words[1]);
+  a.state.inputs = {basis, mesh_of_basis(basis, a.words.size() == 3 ? existing(a.words[2]) : "")};
+  const std::filesystem::path file = existing((a.pose.empty() ? a.poses : a.pose).string());
+  a.state.also_read.push_back(file);
+  const std::vector<EditPose> poses = read_poses(file);
+  if (!a.pose.empty() && poses.size() != 1)
+    throw UsageError(file.string() + ": it holds " + std::to_string(poses.size()) +
+                     " poses: give it with --poses");
+  for (const EditPose& pose : poses) {
+    a.options.edit = pose.text;
+    JobState state = a.state;
+    if (!a.poses.empty() && !pose.name.empty())
+      state.output.replace_extension("." + pose.name + a.state.output.extension().string());
+    const json report = run_one(a, state);
+    if (state.run.verbosity >= 0) print_mesh(state, report);
+  }
+}
+
+void run(Arguments& a) {
+  cli::require_inputs(a.words);
+  cli::require_output(a.state.output);
+  a.state.also_read = cli::also_read({});
+  const std::string& first = a.words.front();
+  a.options.mode = first == "prepare" || first == "apply" ? first : "deform";
+  a.options.validate();
+  if (a.options.mode == "apply") return apply_basis(a);
+  if (!a.pose.empty() || !a.poses.empty())
+    throw UsageError("--pose and --poses go with apply; the motions of deform stand in the edit");
+  const std::size_t skip = a.options.mode == "prepare" ? 1 : 0;
+  if (a.words.size() != skip + 2)
+    throw UsageError("deform takes a mesh and an edit: deform mesh.ply edit.json -o out.ply");
+  if (a.options.mode == "deform") {
+    require_mesh_extension(a.state.output);
+  } else if (a.state.output.extension() != ".tsb") {
+    throw UsageError(a.state.output.string() + ": prepare leaves a basis: name it with .tsb");
+  }
+  a.state.inputs = {existing(a.words[skip])};
+  const std::filesystem::path edit = existing(a.words[skip + 1]);
+  a.state.also_read.push_back(edit);
+  a.options.edit = read_edit_text(edit);
+  const json report = run_one(a, a.state);
+  if (a.state.run.verbosity < 0) return;
+  cli::print_repairs(a.words[skip], report);
+  print_solved(report);
+  if (a.options.mode == "deform") return print_mesh(a.state, report);
+  const json& mesh = report.at("mesh");
+  fmt::print(
+      "{}: {} vertices, {} of them that no normal reaches; the mesh comes back within {:.2g} of its "
+      "diagonal; {}, {:.1f} s, peak {}\n",
+      a.state.output.string(), mesh.at("vertices").get<std::uint64_t>(),
+      mesh.at("tangent_vertices").get<std::uint64_t>(),
+      mesh.at("reconstruction_error").get<double>() / mesh.at("diagonal").get<double>(),
+      format_bytes(mesh.at("bytes").get<std::uint64_t>()), report.at("wall_s").get<double>(),
+      format_bytes(report.at("peak_bytes").get<std::uint64_t>()));
+}
+
+}  // namespace
+
+cli::Command deform_command() {
+  auto arguments = std::make_shared<Arguments>();
+  Arguments& a = *arguments;
+  OptionTable table;
+  cli::add_inputs(table, a.words);
+  cli::add_output(table, a.state.output,
+                  "the mesh to write: .ply, .obj, .stl or .glb; with prepare the basis: .tsb");
+  table.add("pose", &a.pose, "apply: JSON file with the motions of the handles");
+  table.add("poses", &a.poses, "apply: JSON file with many poses; OUT.NAME.ply for each");
+  table.append(option_table(a.options));
+  table.append(option_table(a.state.run));
+  return {
+      "deform",
+      "Bends a mesh of any size: MESH EDIT.json; or prepare MESH EDIT.json, then apply BASIS.tsb for every "
+      "pose. What is fixed stays, what is a handle moves as told, what lies between follows smoothly with "
+      "all its details. Resumable.",
+      table, [arguments] { run(*arguments); }};
+}
+
+}  // namespace tessera
