@@ -2,6 +2,7 @@
 #include <chrono>
 #include <nlohmann/json.hpp>
 
+#include "kernels/edit/anisotropic_metric.h"
 #include "kernels/edit/edit_regions.h"
 #include "octree/error.h"
 #include "stream/formats/meshes/mesh_io.h"
@@ -51,9 +52,12 @@ class BasisStage : public Stage {
     EditRegions regions = resolve_regions(listed, base_.position, base_.faces, script_.order);
     pose_of(script_, regions.handles);  // a motion of an unknown handle is told before anything is solved
     Laplacian metric = laplacian({base_.position, base_.faces});
-    const bool healed = metric.report.degenerate_faces > 0;
+    const bool healed = metric.report.degenerate_faces > 0 && !script_.anisotropic;
     if (healed)
       metric = laplacian({base_.position, base_.faces}, {.weights = LaplacianWeights::kIntrinsicDelaunay});
+    AnisotropicReport anisotropic;
+    if (script_.anisotropic)
+      metric = anisotropic_metric({base_.position, base_.faces}, regions.role, script_.order, anisotropic);
     context.check_stop();
     EditBasisReport report;
     out.edit =
@@ -82,6 +86,10 @@ class BasisStage : public Stage {
         {"negative_weights", metric.report.negative_weights},
         {"base_vertices", base_.position.size()},
         {"base_faces", base_.faces.size()}};
+    if (script_.anisotropic)
+      result["anisotropic"] = {{"ratio", anisotropic.ratio},
+                               {"flipped_faces", anisotropic.flipped},
+                               {"mean_quasi_conformal", anisotropic.mean_quasi_conformal}};
     out.about = {{"handles", regions.handles}, {"diagonal", norm(high - low)}, {"basis", result}};
     BasisWriter writer(context.create(kBasisFile), out);
     context.count_written(writer.finish(out.about));
