@@ -18,7 +18,7 @@ using json = nlohmann::json;
 
 struct Arguments {
   std::vector<std::string> words;
-  std::filesystem::path pose, poses;
+  std::filesystem::path pose, poses, fit;
   DeformOptions options;
   JobState state;
 };
@@ -48,6 +48,13 @@ void print_mesh(const JobState& state, const json& report) {
   fmt::print("{}: {} vertices, {} faces, {:.1f} s, peak {}\n", state.output.string(),
              mesh.at("vertices").get<std::uint64_t>(), mesh.at("faces").get<std::uint64_t>(),
              report.at("wall_s").get<double>(), format_bytes(report.at("peak_bytes").get<std::uint64_t>()));
+  if (mesh.contains("targets")) {
+    const json& t = mesh.at("targets");
+    fmt::print("{} control points: off by {:.4g} rms, {:.4g} at most; now {:.4g} rms, {:.4g} at most\n",
+               t.at("count").get<std::uint64_t>(), t.at("rms_before").get<double>(),
+               t.at("largest_before").get<double>(), t.at("rms_after").get<double>(),
+               t.at("largest_after").get<double>());
+  }
   if (!mesh.contains("largest_move")) return;
   const double before = mesh.at("base_volume_before").get<double>();
   fmt::print(
@@ -94,7 +101,10 @@ void run(Arguments& a) {
   if (!a.pose.empty() || !a.poses.empty())
     throw UsageError("--pose and --poses go with apply; the motions of deform stand in the edit");
   const std::size_t skip = a.options.mode == "prepare" ? 1 : 0;
-  if (a.words.size() != skip + 2)
+  if (!a.fit.empty() && a.options.mode != "deform")
+    throw UsageError("--fit goes with a mesh, and an edit that says what may follow; not with " +
+                     a.options.mode);
+  if (a.words.size() != skip + 2 && (a.fit.empty() || a.words.size() != skip + 1))
     throw UsageError("deform takes a mesh and an edit: deform mesh.ply edit.json -o out.ply");
   if (a.options.mode == "deform") {
     require_mesh_extension(a.state.output);
@@ -102,9 +112,14 @@ void run(Arguments& a) {
     throw UsageError(a.state.output.string() + ": prepare leaves a basis: name it with .tsb");
   }
   a.state.inputs = {existing(a.words[skip])};
-  const std::filesystem::path edit = existing(a.words[skip + 1]);
-  a.state.also_read.push_back(edit);
-  a.options.edit = read_edit_text(edit);
+  if (a.words.size() > skip + 1) {
+    a.state.also_read.push_back(existing(a.words[skip + 1]));
+    a.options.edit = read_edit_text(a.words[skip + 1]);
+  }
+  if (!a.fit.empty()) {
+    a.state.also_read.push_back(existing(a.fit.string()));
+    a.options.edit = with_controls(a.options.edit, a.fit);
+  }
   const json report = run_one(a, a.state);
   if (a.state.run.verbosity < 0) return;
   cli::print_repairs(a.words[skip], report);
@@ -132,6 +147,8 @@ cli::Command deform_command() {
                   "the mesh to write: .ply, .obj, .stl or .glb; with prepare the basis: .tsb");
   table.add("pose", &a.pose, "apply: JSON file with the motions of the handles");
   table.add("poses", &a.poses, "apply: JSON file with many poses; OUT.NAME.ply for each");
+  table.add("fit", &a.fit,
+            "control points, a line of x,y,z,X,Y,Z each: where they are and where they belong");
   table.append(option_table(a.options));
   table.append(option_table(a.state.run));
   return {

@@ -10,11 +10,11 @@
 #include "stream/formats/meshes/mesh_io.h"
 #include "stream/meshes/mesh_weld.h"
 #include "stream/meshes/store_write_stage.h"
-#include "stream/runtime/parallel.h"
 #include "stream/runtime/work_dir.h"
 #include "stream/stages/deform/deform_files.h"
 #include "stream/stages/deform/deform_stages.h"
 #include "stream/stages/deform/edit_script.h"
+#include "stream/stages/deform/vertex_batches.h"
 
 namespace tessera {
 namespace {
@@ -22,9 +22,6 @@ namespace {
 using json = nlohmann::json;
 
 constexpr std::uint64_t kSlackBytes = std::uint64_t{32} << 20;
-/// Position, what it becomes, colour, displacement with its rest.
-constexpr std::uint64_t kMovedBytes = 24 + 24 + 4 + 12 + 12;
-
 /// As PointRecord::rgba.
 std::uint32_t colour_of(std::int32_t role) {
   constexpr std::uint32_t kBlue = 0xffd07030u, kGreen = 0xff40b040u, kGrey = 0xffb0b0b0u;
@@ -34,14 +31,6 @@ std::uint32_t colour_of(std::int32_t role) {
 bool finite(const Double3& p) {
   return std::isfinite(p[0]) && std::isfinite(p[1]) && std::isfinite(p[2]);
 }
-
-/// One batch of vertices on its way.
-struct Batch {
-  std::vector<Double3> position;
-  std::vector<std::uint32_t> rgba;
-  Displacements displaced;
-  double largest = 0.0;  ///< squared distance that a vertex goes
-};
 
 /// The base at rest and in its pose.
 struct PosedBase {
@@ -99,7 +88,7 @@ class DeformWriteStage : public Stage {
   std::uint64_t finish_bytes() const override {
     const std::uint64_t base = file_.bytes();
     return base + 6 * (base / 2) + DisplacementEncoder::bytes(base / 36) + weld_bytes_ +
-           window_ * kDisplacedVertices * kMovedBytes + kSlackBytes;
+           window_ * kDisplacedVertices * VertexBatch::kVertexBytes + kSlackBytes;
   }
 
   json finish(const std::vector<json>&, TaskContext& context) const override {
@@ -132,45 +121,7 @@ class DeformWriteStage : public Stage {
     return n;
   }
 
-  /// Hands out all vertices in batches, worked on in parallel, used in order.
-  void stream(MeshReader& mesh, TaskContext& context,
-              const std::function<void(std::uint64_t number, Batch&)>& work,
-              const std::function<void(Batch&)>& use) const {
-    std::vector<Batch> window(window_);
-    std::size_t filled = 0;
-    std::uint64_t first = 0;
-    const auto flush = [&] {
-      const std::size_t count = filled + (filled < window.size() && !window[filled].position.empty());
-      parallel_for(count, [&](std::size_t k) { work(first + k, window[k]); });
-      for (std::size_t k = 0; k < count; ++k) {
-        context.check_stop();
-        use(window[k]);
-        context.advance(window[k].position.size());
-        window[k].position.clear();
-        window[k].rgba.clear();
-      }
-      first += count;
-      filled = 0;
-    };
-    mesh.read_vertices([&](std::span<const Double3> points, std::span<const std::uint32_t> rgba) {
-      context.check_stop();
-      for (std::size_t i = 0; i < points.size();) {
-        Batch& b = window[filled];
-        const std::size_t n = std::min(points.size() - i, kDisplacedVertices - b.position.size());
-        b.position.insert(b.position.end(), points.begin() + static_cast<std::ptrdiff_t>(i),
-                          points.begin() + static_cast<std::ptrdiff_t>(i + n));
-        if (!rgba.empty())
-          b.rgba.insert(b.rgba.end(), rgba.begin() + static_cast<std::ptrdiff_t>(i),
-                        rgba.begin() + static_cast<std::ptrdiff_t>(i + n));
-        i += n;
-        if (b.position.size() < kDisplacedVertices) continue;
-        if (++filled == window.size()) flush();
-      }
-    });
-    flush();
-  }
-
-  static void encode(const DisplacementEncoder& encoder, double diagonal, Batch& b) {
+  static void encode(const DisplacementEncoder& encoder, double diagonal, VertexBatch& b) {
     b.displaced.of.assign(b.position.size(), {});
     b.displaced.rest.clear();
     for (std::uint32_t i = 0; i < b.position.size(); ++i) {
@@ -184,7 +135,7 @@ class DeformWriteStage : public Stage {
   }
 
   /// Moves by what the base does: what rounding left beside the normal stays as it is.
-  static void move(const BaseState& rest, const BaseState& posed, Batch& b) {
+  static void move(const BaseState& rest, const BaseState& posed, VertexBatch& b) {
     auto tangent = b.displaced.rest.begin();
     b.largest = 0.0;
     for (std::uint32_t i = 0; i < b.position.size(); ++i) {
@@ -220,9 +171,9 @@ class DeformWriteStage : public Stage {
     const auto writer = create_mesh_file(output_, header);
     double largest = 0.0;
     std::uint64_t tangents = 0;
-    stream(
-        mesh, context,
-        [&](std::uint64_t number, Batch& b) {
+    stream_vertices(
+        mesh, window_, context,
+        [&](std::uint64_t number, VertexBatch& b) {
           if (applies_) {
             b.displaced = file_.batch(number);
             if (b.displaced.of.size() != b.position.size())
@@ -238,7 +189,7 @@ class DeformWriteStage : public Stage {
             move(rest, posed, b);
           }
         },
-        [&](Batch& b) {
+        [&](VertexBatch& b) {
           largest = std::max(largest, b.largest);
           tangents += b.displaced.rest.size();
           writer->vertices(b.position, b.rgba);
@@ -256,6 +207,8 @@ class DeformWriteStage : public Stage {
                 {"double_positions", header.double_positions},
                 {"shift", header.shift},
                 {"tangent_vertices", tangents}};
+    if (const json targets = residuals(rest, posed, encoder.get(), diagonal); !colours && !targets.is_null())
+      out["targets"] = targets;
     if (!colours) {
       out["largest_move"] = std::sqrt(largest);
       out["base_flipped_faces"] = pose.flipped;
@@ -263,6 +216,32 @@ class DeformWriteStage : public Stage {
       out["base_volume_before"] = pose.volume_before;
     }
     return out;
+  }
+
+  /// How far points with targets were from them, and are.
+  json residuals(const BaseState& rest, const BaseState& posed, const DisplacementEncoder* encoder,
+                 double diagonal) const {
+    std::uint64_t count = 0;
+    double before = 0.0, after = 0.0, most_before = 0.0, most_after = 0.0;
+    for (const EditRegion& r : script_.regions)
+      for (std::size_t k = 0; k < r.targets.size() && k < r.points.size() && encoder != nullptr; ++k) {
+        TangentRest tangent;
+        const Displacement d = encoder->encode(r.points[k], diagonal, tangent);
+        const TangentRest* beside = (d.face & kHasTangent) != 0 ? &tangent : nullptr;
+        const Double3 now = r.points[k] + (posed.decode(d, beside) - rest.decode(d, beside));
+        const double was = squared_distance(r.points[k], r.targets[k]),
+                     is = squared_distance(now, r.targets[k]);
+        ++count;
+        before += was, after += is;
+        most_before = std::max(most_before, was), most_after = std::max(most_after, is);
+      }
+    if (count == 0) return {};
+    const auto n = static_cast<double>(count);
+    return {{"count", count},
+            {"rms_before", std::sqrt(before / n)},
+            {"largest_before", std::sqrt(most_before)},
+            {"rms_after", std::sqrt(after / n)},
+            {"largest_after", std::sqrt(most_after)}};
   }
 
   static std::int32_t role_at(const DeformBasis& basis, const Displacement& d) {
@@ -280,9 +259,9 @@ class DeformWriteStage : public Stage {
     BasisWriter writer(aside, basis);
     std::uint64_t tangents = 0;
     double worst = 0.0;
-    stream(
-        mesh, context,
-        [&](std::uint64_t, Batch& b) {
+    stream_vertices(
+        mesh, window_, context,
+        [&](std::uint64_t, VertexBatch& b) {
           encode(encoder, diagonal, b);
           b.largest = 0.0;
           auto tangent = b.displaced.rest.begin();
@@ -293,7 +272,7 @@ class DeformWriteStage : public Stage {
               b.largest = std::max(b.largest, squared_distance(rest.decode(d, beside), b.position[i]));
           }
         },
-        [&](Batch& b) {
+        [&](VertexBatch& b) {
           worst = std::max(worst, b.largest);
           tangents += b.displaced.rest.size();
           writer.add(b.displaced);

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 #include <optional>
+#include <sstream>
 
 #include "octree/error.h"
 #include "stream/files/durable_file.h"
@@ -237,6 +238,30 @@ EditScript parse_edit(const std::string& text, const std::string& name) {
   }
   if (root.contains("handles")) reader.motions(root.at("handles"), out);
   return out;
+}
+
+std::string with_controls(const std::string& edit, const std::filesystem::path& file) {
+  static const char* const kName = "control points";
+  json root = edit.empty() ? json{{"regions", {{{"role", "support"}, {"all", true}}}}} : json::parse(edit);
+  json points = json::array(), targets = json::array();
+  std::istringstream lines(read_text(file));
+  std::string line;
+  for (std::size_t number = 1; std::getline(lines, line); ++number) {
+    if (!line.empty() && line.back() == '\r') line.pop_back();
+    if (line.find_first_not_of(" \t") == std::string::npos || line[0] == '#') continue;
+    const std::vector<double> n = numbers_of(line, 6);
+    if (n.empty())
+      throw InputError(file.string() + ":" + std::to_string(number) +
+                       ": a control point is six numbers, x,y,z,X,Y,Z: where it is and where it belongs");
+    points.push_back({n[0], n[1], n[2]});
+    targets.push_back({n[3], n[4], n[5]});
+  }
+  if (points.empty()) throw InputError(file.string() + ": it holds no control point");
+  root["regions"].push_back({{"role", "handle"}, {"name", kName}, {"points", points}});
+  root["handles"][kName] = {{"targets", targets}};
+  const std::string text = root.dump();
+  parse_edit(text, file.string());
+  return text;
 }
 
 std::vector<EditPose> read_poses(const std::filesystem::path& file) {

@@ -25,6 +25,11 @@ std::string read_edit_text(const std::filesystem::path& file);
 /// \param name  for messages \throws InputError as read_edit_text()
 EditScript parse_edit(const std::string& text, const std::string& name);
 
+/// An edit with control points as one more handle. Without an edit the whole surface may follow.
+/// \param file  a line of x,y,z,X,Y,Z for each; lines that are empty or begin with '#' are left out
+/// \throws InputError naming file and line
+std::string with_controls(const std::string& edit, const std::filesystem::path& file);
+
 /// Only the motions of a file: {"handles": {...}}, or {"poses": [{"name": ..., "handles": {...}}, ...]}.
 struct EditPose {
   std::string name;  ///< empty for a single one
