@@ -39,17 +39,17 @@ fs::path write_bar(const fs::path& path, int side) {
   const auto at = [&](int i, int j) { return static_cast<std::uint64_t>(i * around + j % around); };
   for (int i = 0; i < along; ++i)
     for (int j = 0; j < around; ++j) {
-      mesh.faces.push_back({at(i, j), at(i + 1, j), at(i + 1, j + 1)});
-      mesh.faces.push_back({at(i, j), at(i + 1, j + 1), at(i, j + 1)});
+      mesh.faces.push_back({at(i, j), at(i + 1, j + 1), at(i + 1, j)});
+      mesh.faces.push_back({at(i, j), at(i, j + 1), at(i + 1, j + 1)});
     }
   for (const int end : {0, along}) {
     const std::uint64_t centre = mesh.points.size();
     mesh.points.push_back({kLength * end / along, 0, 0});
     for (int j = 0; j < around; ++j) {
       if (end == 0)
-        mesh.faces.push_back({centre, at(0, j), at(0, j + 1)});
+        mesh.faces.push_back({centre, at(0, j + 1), at(0, j)});
       else
-        mesh.faces.push_back({centre, at(end, j + 1), at(end, j)});
+        mesh.faces.push_back({centre, at(end, j), at(end, j + 1)});
     }
   }
   mesh.header.vertices = mesh.points.size();

@@ -18,7 +18,6 @@ using json = nlohmann::json;
 constexpr double kMoreFaces = 1.2;
 /// Of the edges: how far operations may leave the surface. The details make up for it.
 constexpr double kBaseShare = 0.2;
-constexpr std::uint64_t kRoom = 3;
 constexpr std::uint64_t kSlackBytes = std::uint64_t{8} << 20;
 
 class BaseStage : public Stage {
@@ -34,7 +33,7 @@ class BaseStage : public Stage {
   std::uint64_t finish_bytes() const override {
     const std::uint64_t block = store_.block_bytes(all());
     return own_ ? 2 * block + kSlackBytes
-                : 3 * block + remesh_bytes(kRoom * store_.face_count(), store_.face_count()) + kSlackBytes;
+                : 3 * block + remesh_bytes(room(), store_.face_count()) + kSlackBytes;
   }
 
   json finish(const std::vector<json>&, TaskContext& context) const override {
@@ -53,7 +52,7 @@ class BaseStage : public Stage {
       remeshing.tolerance = kBaseShare * remeshing.edge;
       remeshing.float_positions = false;
       remeshing.find_creases = true;
-      remeshing.max_faces = kRoom * block.faces.size();
+      remeshing.max_faces = room();
       remeshing.first_key = std::uint64_t{1} << 63;
       const MeshBlock reference = block;
       const RemeshReport report = remesh(block, reference, remeshing);
@@ -70,6 +69,8 @@ class BaseStage : public Stage {
   }
 
  private:
+  /// Splits come before collapses.
+  std::uint64_t room() const { return store_.face_count() + store_.face_count() / 2; }
   std::vector<std::size_t> all() const {
     std::vector<std::size_t> patches(store_.patches().size());
     std::iota(patches.begin(), patches.end(), std::size_t{0});

@@ -18,7 +18,7 @@ using json = nlohmann::json;
 
 /// Bytes a vertex of the base, at the most: operators, system and factor of order 1, 2, 3 (measured on sheets and closed
 /// surfaces of 10^4 to 5 10^5 vertices), and what a column of the solution takes.
-constexpr std::uint64_t kSystemBytes[] = {1600, 3600, 7500};
+constexpr std::uint64_t kSystemBytes[] = {1600, 3000, 6000}, kUnevenBytes = 20000;
 constexpr std::uint64_t kColumnBytes = 88, kVertexBytes = 400;
 constexpr std::uint64_t kSlackBytes = std::uint64_t{8} << 20;
 
@@ -90,7 +90,7 @@ class BasisStage : public Stage {
       result["anisotropic"] = {{"ratio", anisotropic.ratio},
                                {"flipped_faces", anisotropic.flipped},
                                {"mean_quasi_conformal", anisotropic.mean_quasi_conformal}};
-    out.about = {{"handles", regions.handles}, {"diagonal", norm(high - low)}, {"basis", result}};
+    out.about = json{{"handles", regions.handles}, {"diagonal", norm(high - low)}, {"basis", result}}.dump();
     BasisWriter writer(context.create(kBasisFile), out);
     context.count_written(writer.finish(out.about));
     context.advance(base_.position.size());
@@ -99,7 +99,13 @@ class BasisStage : public Stage {
   }
 
  private:
-  std::uint64_t system_bytes() const { return kSystemBytes[script_.order - 1]; }
+  /// Smoothness that differs may leave a system that is not symmetric, whose factors are larger.
+  std::uint64_t system_bytes() const {
+    const bool uneven =
+        script_.order == 3 && std::any_of(script_.regions.begin(), script_.regions.end(),
+                                          [](const EditRegion& r) { return r.smoothness >= 0.0; });
+    return uneven ? kUnevenBytes : kSystemBytes[script_.order - 1];
+  }
 
   /// Regions with the positions of the vertices that they name.
   std::vector<EditRegion> with_vertices(TaskContext& context) const {

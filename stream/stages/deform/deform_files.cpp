@@ -3,8 +3,6 @@
 namespace tessera {
 namespace {
 
-using json = nlohmann::json;
-
 constexpr PackedKind kBaseKind = {"TSEBASE1", "a base surface"};
 constexpr PackedKind kBasisKind = {"TSEBASI1", "a basis of an edit"};
 
@@ -58,9 +56,8 @@ void BasisWriter::add(const Displacements& batch) {
   ++batches_;
 }
 
-std::uint64_t BasisWriter::finish(const json& about) {
-  const std::string text = about.dump();
-  put(kAbout, std::as_bytes(std::span(text.data(), text.size())));
+std::uint64_t BasisWriter::finish(const std::string& about) {
+  put(kAbout, std::as_bytes(std::span(about.data(), about.size())));
   return file_.finish(table_);
 }
 
@@ -77,9 +74,9 @@ std::vector<T> BasisReader::part(std::uint64_t key) const {
   return file_.load<T>(at->second);
 }
 
-json BasisReader::about() const {
+std::string BasisReader::about() const {
   const std::vector<char> text = part<char>(kAbout);
-  return json::parse(text.begin(), text.end());
+  return {text.begin(), text.end()};
 }
 
 DeformBasis BasisReader::load() const {

@@ -9,8 +9,6 @@
 #include <string>
 #include <vector>
 
-#include <nlohmann/json.hpp>
-
 #include "kernels/edit/edit_basis.h"
 #include "kernels/edit/normal_displacement.h"
 #include "stream/files/packed_file.h"
@@ -31,18 +29,16 @@ BaseSurface load_base(const std::filesystem::path& path);
 struct DeformBasis {
   BaseSurface base;
   EditBasis edit;
-  nlohmann::json
-      about;  ///< handles, diagonal, report; with `prepare` mesh {path, bytes, xxh3, vertices, faces}
-  std::vector<std::string> handles() const { return about.at("handles").get<std::vector<std::string>>(); }
+  std::string
+      about;  ///< JSON: handles, diagonal, report; with `prepare` mesh {path, bytes, xxh3, vertices, faces}
 };
 
-/// \param displacements  calls the writer's add() for every batch, in order; null: none
 class BasisWriter {
  public:
   BasisWriter(const std::filesystem::path& path, const DeformBasis& basis);
   void add(const Displacements& batch);
   /// Returns bytes written.
-  std::uint64_t finish(const nlohmann::json& about);
+  std::uint64_t finish(const std::string& about);
 
   struct Entry {
     std::uint64_t key;
@@ -60,7 +56,7 @@ class BasisReader {
  public:
   /// \throws InputError for a file that is damaged or none of these
   explicit BasisReader(const std::filesystem::path& path);
-  nlohmann::json about() const;
+  std::string about() const;
   DeformBasis load() const;
   std::uint64_t batches() const;
   /// Bytes of load() in memory.

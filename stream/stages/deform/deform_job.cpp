@@ -20,8 +20,8 @@ namespace {
 
 using json = nlohmann::json;
 
-/// Decimation leaves so many faces for each of the base: remeshing wants something to choose from.
-constexpr std::uint64_t kDecimatedFaces = 2;
+/// Decimation leaves so many faces for each vertex of the base, which has two: remeshing wants something to choose from.
+constexpr std::uint64_t kDecimatedFaces = 3;
 
 void summarise(json& report) {
   report["mesh"] = result_of(report, "write");
@@ -50,7 +50,7 @@ JobDescription deform_job(const DeformOptions& options) {
   if (options.mode != "apply") {
     job.stages = import_stages({0, kDeformImport});
     SimplifyOptions reduce;
-    reduce.target_faces = 2 * kDecimatedFaces * options.base_vertices;
+    reduce.target_faces = kDecimatedFaces * options.base_vertices;
     const SimplifyStores stores = imported_stores(kDeformImport);
     // Of the stages of decimation the passes alone: how far the base is from the mesh is in the details.
     for (StageEntry& entry : simplify_stages(reduce, stores, ""))
@@ -69,7 +69,7 @@ JobDescription deform_job(const DeformOptions& options) {
 }
 
 std::filesystem::path mesh_of_basis(const std::filesystem::path& basis, const std::filesystem::path& mesh) {
-  const json about = BasisReader(basis).about();
+  const json about = json::parse(BasisReader(basis).about());
   if (!about.contains("mesh"))
     throw InputError(basis.string() +
                      ": it is no file of `tessera deform prepare`, which ends with the mesh's details");

@@ -11,7 +11,7 @@ namespace tessera {
 struct DeformOptions {
   std::string mode = "deform";  ///< or "prepare", "apply"
   std::string edit;             ///< the edit, JSON; with apply the pose
-  std::uint64_t base_vertices = 200000;
+  std::uint64_t base_vertices = 100000;
   bool dry_run = false;
 
   /// \throws UsageError naming the option

@@ -92,7 +92,7 @@ class DeformWriteStage : public Stage {
   }
 
   json finish(const std::vector<json>&, TaskContext& context) const override {
-    DeformBasis basis = file_.load();
+    const DeformBasis basis = file_.load();
     const BaseState rest(basis.base.position, basis.base.faces);
     const auto source = open_mesh_file(mesh_);
     std::unique_ptr<WeldedMesh> welded;
@@ -150,17 +150,19 @@ class DeformWriteStage : public Stage {
   }
 
   json deform(const DeformBasis& basis, const BaseState& rest, MeshReader& mesh, TaskContext& context) const {
-    const double diagonal = basis.about.at("diagonal").get<double>();
+    const json about = json::parse(basis.about);
+    const double diagonal = about.at("diagonal").get<double>();
     const bool colours = options_.dry_run;
-    const PosedBase pose = pose_base(basis, pose_of(script_, basis.handles()));
+    const PosedBase pose =
+        pose_base(basis, pose_of(script_, about.at("handles").get<std::vector<std::string>>()));
     const BaseState posed(pose.position, basis.base.faces);
     std::unique_ptr<DisplacementEncoder> encoder;
     if (!applies_) encoder = std::make_unique<DisplacementEncoder>(rest);
     context.check_stop();
     MeshHeader header = mesh.header();
     if (applies_) {
-      header.vertices = basis.about.at("mesh").at("vertices").get<std::uint64_t>();
-      header.faces = basis.about.at("mesh").at("faces").get<std::uint64_t>();
+      header.vertices = about.at("mesh").at("vertices").get<std::uint64_t>();
+      header.faces = about.at("mesh").at("faces").get<std::uint64_t>();
     } else {
       const Counts n = count(mesh, context);
       header.vertices = n.vertices;
@@ -250,8 +252,10 @@ class DeformWriteStage : public Stage {
     return basis.edit.role[f[static_cast<std::size_t>(std::max_element(w, w + 3) - w)]];
   }
 
-  json prepare(DeformBasis& basis, const BaseState& rest, MeshReader& mesh, TaskContext& context) const {
-    const double diagonal = basis.about.at("diagonal").get<double>();
+  json prepare(const DeformBasis& basis, const BaseState& rest, MeshReader& mesh,
+               TaskContext& context) const {
+    json about = json::parse(basis.about);
+    const double diagonal = about.at("diagonal").get<double>();
     const DisplacementEncoder encoder(rest);
     const Counts n = count(mesh, context);
     const InputFingerprint print = fingerprint_input(mesh_);
@@ -277,12 +281,12 @@ class DeformWriteStage : public Stage {
           tangents += b.displaced.rest.size();
           writer.add(b.displaced);
         });
-    basis.about["mesh"] = {{"path", json_text(std::filesystem::absolute(mesh_))},
-                           {"bytes", print.bytes},
-                           {"xxh3", hex64(print.xxh3)},
-                           {"vertices", n.vertices},
-                           {"faces", n.faces}};
-    const std::uint64_t bytes = writer.finish(basis.about);
+    about["mesh"] = {{"path", json_text(std::filesystem::absolute(mesh_))},
+                     {"bytes", print.bytes},
+                     {"xxh3", hex64(print.xxh3)},
+                     {"vertices", n.vertices},
+                     {"faces", n.faces}};
+    const std::uint64_t bytes = writer.finish(about.dump());
     sync_file(aside);
     rename_durably(aside, output_);
     context.count_written(bytes);
