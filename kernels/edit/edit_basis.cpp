@@ -15,7 +15,7 @@ using Faces = std::span<const std::array<std::uint32_t, 3>>;
 using Matrix4 = SmallMatrix<4>;
 using Turn = std::array<double, 9>;
 
-constexpr int kSpreadRounds = 3;  ///< rings that a turn is measured over, beyond its own
+constexpr int kSpreadRounds = 6;  ///< rings that a turn is measured over, beyond its own
 constexpr Turn kNoTurn = {1, 0, 0, 0, 1, 0, 0, 0, 1};
 
 std::string place(const Double3& p) {
@@ -168,7 +168,7 @@ std::vector<Double3> smooth_base(const EditBasis& basis, std::span<const Double3
 
 namespace {
 
-/// The rotation of largest trace(R' s), s = sum of to from': quaternion of the largest eigenvalue (Horn 1987).
+/// The rotation nearest to s, of largest trace(R' s): quaternion of the largest eigenvalue (Horn 1987).
 Turn best_turn(const std::array<double, 9>& s) {
   double size = 0.0;
   for (const double x : s) size = std::max(size, std::fabs(x));
@@ -220,26 +220,52 @@ Double3 turned(const Turn& r, const Double3& p) {
 }  // namespace
 
 std::vector<Turn> turns(std::span<const Double3> from, std::span<const Double3> to, Faces faces) {
+  // Per face A (F - I): the gradient of the displacement d, sum of d_k (n x e_k) / 2 with e_k opposite to corner k, and
+  // the turn of the normal. Nothing is divided by, so that slivers weigh what they are.
   std::vector<Turn> sum(from.size(), Turn{}), next;
+  std::vector<double> area(from.size(), 0.0), wider;
   for (const auto& f : faces) {
+    const Double3 n = triangle_normal(from[f[0]], from[f[1]], from[f[2]]);
+    const double a = 0.5 * norm(n);
+    const Double3 before = unit_or_zero(n),
+                  after = unit_or_zero(triangle_normal(to[f[0]], to[f[1]], to[f[2]]));
     Turn s{};
-    for (std::size_t k = 0; k < 3; ++k) {
-      const Double3 a = from[f[(k + 1) % 3]] - from[f[k]], b = to[f[(k + 1) % 3]] - to[f[k]];
+    const auto add = [&](const Double3& left, const Double3& right) {
       for (std::size_t r = 0; r < 3; ++r)
-        for (std::size_t c = 0; c < 3; ++c) s[3 * r + c] += b[r] * a[c];
+        for (std::size_t c = 0; c < 3; ++c) s[3 * r + c] += left[r] * right[c];
+    };
+    const Double3 d0 = to[f[0]] - from[f[0]];
+    for (std::size_t k = 1; k < 3; ++k) {
+      const Double3 opposite = from[f[(k + 2) % 3]] - from[f[(k + 1) % 3]];
+      add((to[f[k]] - from[f[k]] - d0) * 0.5, cross(before, opposite));
     }
-    for (const std::uint32_t v : f)
+    add((after - before) * a, before);
+    for (const std::uint32_t v : f) {
       for (std::size_t k = 0; k < 9; ++k) sum[v][k] += s[k];
+      area[v] += a;
+    }
   }
   for (int round = 0; round < kSpreadRounds; ++round) {
     next.assign(sum.size(), Turn{});
+    wider.assign(sum.size(), 0.0);
     for (const auto& f : faces)
       for (const std::uint32_t v : f)
-        for (const std::uint32_t w : f)
+        for (const std::uint32_t w : f) {
           for (std::size_t k = 0; k < 9; ++k) next[v][k] += sum[w][k];
+          wider[v] += area[w];
+        }
     sum.swap(next);
+    area.swap(wider);
   }
-  for (Turn& s : sum) s = best_turn(s);
+  for (std::size_t v = 0; v < sum.size(); ++v) {
+    Turn& s = sum[v];
+    if (s == Turn{} || !(area[v] > 0.0)) {
+      s = kNoTurn;
+      continue;
+    }
+    for (std::size_t k = 0; k < 9; ++k) s[k] = s[k] / area[v] + kNoTurn[k];
+    s = best_turn(s);
+  }
   return sum;
 }
 

@@ -61,9 +61,9 @@ std::vector<Double3> rest_base(const EditBasis& basis, std::span<const Double3> 
 std::vector<Double3> smooth_base(const EditBasis& basis, std::span<const Double3> position,
                                  std::span<const Placement> pose);
 
-/// Per vertex, how the ring of faces around it turns from one state to the other: the rotation that aligns edges best
-/// (Horn 1987), of rings that are weighted by their areas and spread over neighbours, so that what has shrunk to
-/// nothing turns as what it stands on. \return n x 9, rows first
+/// Per vertex, how the faces around it turn from one state to the other: the rotation nearest to the gradient of the map
+/// (Horn 1987), a mean by area over six more rings, so that what has shrunk to nothing turns as what it stands on.
+/// Exactly the identity where nothing moves. \return n x 9, rows first
 std::vector<std::array<double, 9>> turns(std::span<const Double3> from, std::span<const Double3> to,
                                          std::span<const std::array<std::uint32_t, 3>> faces);
 

@@ -81,7 +81,7 @@ Double3 BaseState::at(std::uint32_t face, double u, double v, Double3& normal) c
   return position_[f[0]] * w + position_[f[1]] * u + position_[f[2]] * v;
 }
 
-Double3 BaseState::decode(const Displacement& d, const TangentRest* rest) const {
+Double3 BaseState::decode(const NormalDisplacement& d, const TangentRest* rest) const {
   const std::uint32_t face = d.face & ~kHasTangent;
   Double3 n;
   Double3 p = at(face, d.u / kUnits, d.v / kUnits, n);
@@ -159,7 +159,7 @@ bool DisplacementEncoder::walk(const Double3& p, std::uint32_t& face, double& u,
   return false;
 }
 
-Displacement DisplacementEncoder::encode(const Double3& p, double diagonal, TangentRest& rest) const {
+NormalDisplacement DisplacementEncoder::encode(const Double3& p, double diagonal, TangentRest& rest) const {
   const ClosestFaces::Hit hit =
       closest_.closest(p - closest_.origin(), std::numeric_limits<double>::infinity(), ClosestFaces::kNone);
   const std::uint32_t nearest = closest_.face(hit.slot);
@@ -170,7 +170,7 @@ Displacement DisplacementEncoder::encode(const Double3& p, double diagonal, Tang
   std::uint32_t face = nearest;
   double u = 0.0, v = 0.0;
   start(u, v);
-  const auto settle = [&](Displacement& d, Double3& left) {
+  const auto settle = [&](NormalDisplacement& d, Double3& left) {
     d.u = units(u);
     d.v = std::min(units(v), static_cast<std::uint16_t>(65535 - d.u));
     Double3 n;
@@ -181,7 +181,7 @@ Displacement DisplacementEncoder::encode(const Double3& p, double diagonal, Tang
     left = offset - n * static_cast<double>(d.height);
     return n;
   };
-  Displacement d;
+  NormalDisplacement d;
   Double3 left;
   rest = {};
   if (walk(p, face, u, v)) {

@@ -15,12 +15,12 @@
 namespace tessera {
 
 /// 12 bytes: where on the base, and how high.
-struct Displacement {
+struct NormalDisplacement {
   std::uint32_t face = 0;      ///< its highest bit says that there is a tangential rest, too
   std::uint16_t u = 0, v = 0;  ///< weights of the face's corners 1 and 2, in units of 1 / 65535
   float height = 0.0f;         ///< along the unit normal
 };
-static_assert(sizeof(Displacement) == 12);
+static_assert(sizeof(NormalDisplacement) == 12);
 inline constexpr std::uint32_t kHasTangent = 0x80000000u;
 
 /// What no normal reaches, beyond borders and where the base folds: a vector in the frame of the base face.
@@ -31,8 +31,8 @@ struct TangentRest {
 };
 
 /// Of points encoded together.
-struct Displacements {
-  std::vector<Displacement> of;
+struct NormalDisplacements {
+  std::vector<NormalDisplacement> of;
   std::vector<TangentRest> rest;  ///< by point
 };
 
@@ -47,7 +47,7 @@ class BaseState {
   std::span<const Double3> normal() const { return normal_; }
   /// The point on the surface and the unit normal there; the face's where corners' cancel, zero without any.
   Double3 at(std::uint32_t face, double u, double v, Double3& normal) const;
-  Double3 decode(const Displacement& d, const TangentRest* rest) const;
+  Double3 decode(const NormalDisplacement& d, const TangentRest* rest) const;
 
  private:
   std::span<const Double3> position_;
@@ -61,7 +61,7 @@ class DisplacementEncoder {
   explicit DisplacementEncoder(const BaseState& base);
   /// Thread-safe. \return p encoded; without a normal that leads there the closest point with a tangential rest
   /// \param diagonal  of the fine surface: decode() gives p back within 1e-6 of it
-  Displacement encode(const Double3& p, double diagonal, TangentRest& rest) const;
+  NormalDisplacement encode(const Double3& p, double diagonal, TangentRest& rest) const;
   /// Upper bound of what it holds.
   static constexpr std::uint64_t bytes(std::uint64_t faces) {
     return faces * (2 * ClosestFaces::bytes_per_face() + 12 + 48);

@@ -1,9 +1,11 @@
+#include <algorithm>
 #include <cmath>
 #include <nlohmann/json.hpp>
 #include <numeric>
 
 #include "kernels/mesh/mesh_block_ops.h"
 #include "kernels/remesh/remesh.h"
+#include "kernels/smooth/smooth.h"
 #include "octree/error.h"
 #include "stream/import/import_stages.h"
 #include "stream/stages/deform/deform_files.h"
@@ -17,7 +19,21 @@ using json = nlohmann::json;
 /// Edges between 4/5 and 4/3 of the length make so many more faces than equilateral ones would.
 constexpr double kMoreFaces = 1.2;
 /// Of the edges: how far operations may leave the surface. The details make up for it.
-constexpr double kBaseShare = 0.2;
+constexpr double kBaseShare = 0.5;
+/// Degrees: less is roughness, and lines along it would leave slivers.
+constexpr double kCreaseAngle = 60.0;
+/// Waves below some six edges are left to the details: what so few vertices hold of them is jagged, and folds where a pose
+/// presses it together (thesis 5.2).
+const std::vector<SmoothRound>& low_pass() {
+  static const std::vector<SmoothRound> rounds = [] {
+    SmoothOptions o;
+    o.lambda = 16.0;
+    o.order = 2;
+    o.feature_angle_deg = 0.0;
+    return smooth_rounds(o);
+  }();
+  return rounds;
+}
 constexpr std::uint64_t kSlackBytes = std::uint64_t{8} << 20;
 
 class BaseStage : public Stage {
@@ -33,7 +49,10 @@ class BaseStage : public Stage {
   std::uint64_t finish_bytes() const override {
     const std::uint64_t block = store_.block_bytes(all());
     return own_ ? 2 * block + kSlackBytes
-                : 3 * block + remesh_bytes(room(), store_.face_count()) + kSlackBytes;
+                : 3 * block +
+                      std::max(remesh_bytes(room(), store_.face_count()),
+                               smooth_bytes(room() / 2, room(), low_pass().front())) +
+                      kSlackBytes;
   }
 
   json finish(const std::vector<json>&, TaskContext& context) const override {
@@ -51,11 +70,14 @@ class BaseStage : public Stage {
       remeshing.edge = std::sqrt(kMoreFaces * 4.0 * area / (std::sqrt(3.0) * faces));
       remeshing.tolerance = kBaseShare * remeshing.edge;
       remeshing.float_positions = false;
+      remeshing.feature_angle_deg = kCreaseAngle;
       remeshing.find_creases = true;
       remeshing.max_faces = room();
       remeshing.first_key = std::uint64_t{1} << 63;
       const MeshBlock reference = block;
       const RemeshReport report = remesh(block, reference, remeshing);
+      context.check_stop();
+      for (const SmoothRound& round : low_pass()) block.position = smooth_block(block, round).position;
       out["edge"] = remeshing.edge;
       out["decimated_faces"] = report.faces_in;
     }
@@ -84,6 +106,7 @@ class BaseStage : public Stage {
 }  // namespace
 
 bool is_own_base(const JobState& state, const DeformOptions& options) {
+  if (options.base == "even") return false;
   const MeshStore store = open_imported_mesh(state.work, kDeformImport);
   std::uint64_t vertices = 0;
   for (const MeshPatchEntry& e : store.patches()) vertices += e.vertices;

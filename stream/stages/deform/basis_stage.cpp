@@ -18,7 +18,7 @@ using json = nlohmann::json;
 
 /// Bytes a vertex of the base, at the most: operators, system and factor of order 1, 2, 3 (measured on sheets and closed
 /// surfaces of 10^4 to 5 10^5 vertices), and what a column of the solution takes.
-constexpr std::uint64_t kSystemBytes[] = {1600, 3000, 6000}, kUnevenBytes = 20000;
+constexpr std::uint64_t kSystemBytes[] = {1600, 3500, 6500}, kUnevenBytes = 50000;
 constexpr std::uint64_t kColumnBytes = 88, kVertexBytes = 400;
 constexpr std::uint64_t kSlackBytes = std::uint64_t{8} << 20;
 

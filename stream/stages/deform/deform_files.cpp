@@ -50,7 +50,7 @@ void BasisWriter::put(std::uint64_t key, std::span<const std::byte> bytes) {
   table_.push_back({key, file_.append(bytes)});
 }
 
-void BasisWriter::add(const Displacements& batch) {
+void BasisWriter::add(const NormalDisplacements& batch) {
   put(kBatches + 2 * batches_, bytes_of(batch.of));
   put(kBatches + 2 * batches_ + 1, bytes_of(batch.rest));
   ++batches_;
@@ -103,8 +103,8 @@ std::uint64_t BasisReader::bytes() const {
   return sum;
 }
 
-Displacements BasisReader::batch(std::uint64_t batch) const {
-  return {part<Displacement>(kBatches + 2 * batch), part<TangentRest>(kBatches + 2 * batch + 1)};
+NormalDisplacements BasisReader::batch(std::uint64_t batch) const {
+  return {part<NormalDisplacement>(kBatches + 2 * batch), part<TangentRest>(kBatches + 2 * batch + 1)};
 }
 
 }  // namespace tessera

@@ -36,7 +36,7 @@ struct DeformBasis {
 class BasisWriter {
  public:
   BasisWriter(const std::filesystem::path& path, const DeformBasis& basis);
-  void add(const Displacements& batch);
+  void add(const NormalDisplacements& batch);
   /// Returns bytes written.
   std::uint64_t finish(const std::string& about);
 
@@ -62,7 +62,7 @@ class BasisReader {
   /// Bytes of load() in memory.
   std::uint64_t bytes() const;
   /// Thread-safe. \pre batch < batches()
-  Displacements batch(std::uint64_t batch) const;
+  NormalDisplacements batch(std::uint64_t batch) const;
 
  private:
   template <class T>

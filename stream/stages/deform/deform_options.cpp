@@ -8,6 +8,10 @@ OptionTable option_table(DeformOptions& o) {
   OptionTable t("What it computes");
   t.add("mode", &o.mode, "deform, prepare or apply").one_of({"deform", "prepare", "apply"}).hidden();
   t.add("edit", &o.edit, "the edit as JSON").hidden();
+  t.add("base", &o.base,
+        "auto: a mesh that is small enough is its own base; even: always remeshed, for meshes of long thin "
+        "triangles")
+      .one_of({"auto", "even"});
   t.add("base-vertices", &o.base_vertices,
         "most vertices of the base surface, which is solved for in memory: a mesh with no more is its own "
         "base, a larger one is decimated and remeshed to about as many and follows as details")

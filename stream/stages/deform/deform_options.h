@@ -11,6 +11,7 @@ namespace tessera {
 struct DeformOptions {
   std::string mode = "deform";  ///< or "prepare", "apply"
   std::string edit;             ///< the edit, JSON; with apply the pose
+  std::string base = "auto";
   std::uint64_t base_vertices = 100000;
   bool dry_run = false;
 

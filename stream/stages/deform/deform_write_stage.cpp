@@ -88,7 +88,7 @@ class DeformWriteStage : public Stage {
   std::uint64_t finish_bytes() const override {
     const std::uint64_t base = file_.bytes();
     return base + 6 * (base / 2) + DisplacementEncoder::bytes(base / 36) + weld_bytes_ +
-           window_ * kDisplacedVertices * VertexBatch::kVertexBytes + kSlackBytes;
+           window_ * kDisplacedVertices * DisplacedBatch::kVertexBytes + kSlackBytes;
   }
 
   json finish(const std::vector<json>&, TaskContext& context) const override {
@@ -121,7 +121,7 @@ class DeformWriteStage : public Stage {
     return n;
   }
 
-  static void encode(const DisplacementEncoder& encoder, double diagonal, VertexBatch& b) {
+  static void encode(const DisplacementEncoder& encoder, double diagonal, DisplacedBatch& b) {
     b.displaced.of.assign(b.position.size(), {});
     b.displaced.rest.clear();
     for (std::uint32_t i = 0; i < b.position.size(); ++i) {
@@ -135,11 +135,11 @@ class DeformWriteStage : public Stage {
   }
 
   /// Moves by what the base does: what rounding left beside the normal stays as it is.
-  static void move(const BaseState& rest, const BaseState& posed, VertexBatch& b) {
+  static void move(const BaseState& rest, const BaseState& posed, DisplacedBatch& b) {
     auto tangent = b.displaced.rest.begin();
     b.largest = 0.0;
     for (std::uint32_t i = 0; i < b.position.size(); ++i) {
-      const Displacement& d = b.displaced.of[i];
+      const NormalDisplacement& d = b.displaced.of[i];
       const TangentRest* beside = nullptr;
       if ((d.face & kHasTangent) != 0) beside = &*tangent++;
       if (!finite(b.position[i])) continue;
@@ -175,7 +175,7 @@ class DeformWriteStage : public Stage {
     std::uint64_t tangents = 0;
     stream_vertices(
         mesh, window_, context,
-        [&](std::uint64_t number, VertexBatch& b) {
+        [&](std::uint64_t number, DisplacedBatch& b) {
           if (applies_) {
             b.displaced = file_.batch(number);
             if (b.displaced.of.size() != b.position.size())
@@ -191,7 +191,7 @@ class DeformWriteStage : public Stage {
             move(rest, posed, b);
           }
         },
-        [&](VertexBatch& b) {
+        [&](DisplacedBatch& b) {
           largest = std::max(largest, b.largest);
           tangents += b.displaced.rest.size();
           writer->vertices(b.position, b.rgba);
@@ -228,7 +228,7 @@ class DeformWriteStage : public Stage {
     for (const EditRegion& r : script_.regions)
       for (std::size_t k = 0; k < r.targets.size() && k < r.points.size() && encoder != nullptr; ++k) {
         TangentRest tangent;
-        const Displacement d = encoder->encode(r.points[k], diagonal, tangent);
+        const NormalDisplacement d = encoder->encode(r.points[k], diagonal, tangent);
         const TangentRest* beside = (d.face & kHasTangent) != 0 ? &tangent : nullptr;
         const Double3 now = r.points[k] + (posed.decode(d, beside) - rest.decode(d, beside));
         const double was = squared_distance(r.points[k], r.targets[k]),
@@ -246,7 +246,7 @@ class DeformWriteStage : public Stage {
             {"largest_after", std::sqrt(most_after)}};
   }
 
-  static std::int32_t role_at(const DeformBasis& basis, const Displacement& d) {
+  static std::int32_t role_at(const DeformBasis& basis, const NormalDisplacement& d) {
     const auto& f = basis.base.faces[d.face & ~kHasTangent];
     const int w[3] = {65535 - d.u - d.v, d.u, d.v};
     return basis.edit.role[f[static_cast<std::size_t>(std::max_element(w, w + 3) - w)]];
@@ -265,18 +265,18 @@ class DeformWriteStage : public Stage {
     double worst = 0.0;
     stream_vertices(
         mesh, window_, context,
-        [&](std::uint64_t, VertexBatch& b) {
+        [&](std::uint64_t, DisplacedBatch& b) {
           encode(encoder, diagonal, b);
           b.largest = 0.0;
           auto tangent = b.displaced.rest.begin();
           for (std::size_t i = 0; i < b.position.size(); ++i) {
-            const Displacement& d = b.displaced.of[i];
+            const NormalDisplacement& d = b.displaced.of[i];
             const TangentRest* beside = (d.face & kHasTangent) != 0 ? &*tangent++ : nullptr;
             if (finite(b.position[i]))
               b.largest = std::max(b.largest, squared_distance(rest.decode(d, beside), b.position[i]));
           }
         },
-        [&](VertexBatch& b) {
+        [&](DisplacedBatch& b) {
           worst = std::max(worst, b.largest);
           tangents += b.displaced.rest.size();
           writer.add(b.displaced);

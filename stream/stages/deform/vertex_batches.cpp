@@ -7,9 +7,9 @@
 namespace tessera {
 
 void stream_vertices(MeshReader& mesh, std::size_t window, TaskContext& context,
-                     const std::function<void(std::uint64_t number, VertexBatch&)>& work,
-                     const std::function<void(VertexBatch&)>& use) {
-  std::vector<VertexBatch> batches(window);
+                     const std::function<void(std::uint64_t number, DisplacedBatch&)>& work,
+                     const std::function<void(DisplacedBatch&)>& use) {
+  std::vector<DisplacedBatch> batches(window);
   std::size_t full = 0;
   std::uint64_t first = 0;
   const auto flush = [&](std::size_t count) {
@@ -27,7 +27,7 @@ void stream_vertices(MeshReader& mesh, std::size_t window, TaskContext& context,
   mesh.read_vertices([&](std::span<const Double3> points, std::span<const std::uint32_t> rgba) {
     context.check_stop();
     for (std::size_t i = 0; i < points.size();) {
-      VertexBatch& b = batches[full];
+      DisplacedBatch& b = batches[full];
       const std::size_t n = std::min(points.size() - i, kDisplacedVertices - b.position.size());
       const auto part = points.subspan(i, n);
       b.position.insert(b.position.end(), part.begin(), part.end());

@@ -12,20 +12,20 @@
 
 namespace tessera {
 
-struct VertexBatch {
+struct DisplacedBatch {
   std::vector<Double3> position;
   std::vector<std::uint32_t> rgba;  ///< empty without colour
-  Displacements displaced;          ///< for who works on it
+  NormalDisplacements displaced;    ///< for who works on it
   double largest = 0.0;             ///< the same
 
-  static constexpr std::uint64_t kVertexBytes = 24 + 4 + sizeof(Displacement) + sizeof(TangentRest);
+  static constexpr std::uint64_t kVertexBytes = 24 + 4 + sizeof(NormalDisplacement) + sizeof(TangentRest);
 };
 
 /// \param window  batches that are in memory
 /// \param work    on any thread of the pool, with the number of the batch
 /// \param use     in the order of the file, one at a time
 void stream_vertices(MeshReader& mesh, std::size_t window, TaskContext& context,
-                     const std::function<void(std::uint64_t number, VertexBatch&)>& work,
-                     const std::function<void(VertexBatch&)>& use);
+                     const std::function<void(std::uint64_t number, DisplacedBatch&)>& work,
+                     const std::function<void(DisplacedBatch&)>& use);
 
 }  // namespace tessera

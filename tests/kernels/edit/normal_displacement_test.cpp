@@ -38,7 +38,7 @@ TEST_CASE("normal displacement: the fine surface comes back and turns with the b
   std::size_t tangents = 0;
   for (const Double3& p : fine) {
     TangentRest beside;
-    const Displacement d = encoder.encode(p, diagonal, beside);
+    const NormalDisplacement d = encoder.encode(p, diagonal, beside);
     const TangentRest* with = (d.face & kHasTangent) != 0 ? &beside : nullptr;
     tangents += with != nullptr;
     CHECK(norm(rest.decode(d, with) - p) < 1e-6 * diagonal);
@@ -57,13 +57,13 @@ TEST_CASE("normal displacement: on a fine base no rest is left, and a vertex is 
   const double diagonal = 2.0 * std::sqrt(3.0);
   for (const Double3& p : rough_points(2000, 0.01, random)) {
     TangentRest beside;
-    const Displacement d = encoder.encode(p, diagonal, beside);
+    const NormalDisplacement d = encoder.encode(p, diagonal, beside);
     CHECK((d.face & kHasTangent) == 0);
     CHECK(norm(rest.decode(d, nullptr) - p) < 1e-6 * diagonal);
   }
   for (const Double3& p : base.position) {
     TangentRest beside;
-    const Displacement d = encoder.encode(p, diagonal, beside);
+    const NormalDisplacement d = encoder.encode(p, diagonal, beside);
     CHECK(norm(rest.decode(d, nullptr) - p) < 1e-12);
     CHECK(std::fabs(d.height) < 1e-12);
   }
@@ -75,7 +75,7 @@ TEST_CASE("normal displacement: beyond a border the rest is kept beside the norm
   const DisplacementEncoder encoder(rest);
   const Double3 p = {-0.7, 2.2, 0.4};
   TangentRest beside;
-  const Displacement d = encoder.encode(p, 5.0, beside);
+  const NormalDisplacement d = encoder.encode(p, 5.0, beside);
   CHECK((d.face & kHasTangent) != 0);
   CHECK(d.height == Approx(0.4));
   CHECK(norm(rest.decode(d, &beside) - p) < 1e-6);
@@ -98,7 +98,7 @@ TEST_CASE("normal displacement: faces without area and folds do no harm", "[unit
   for (int k = 0; k < 200; ++k) {
     const Double3 p = {random.in(-1, 4), random.in(-1, 4), random.in(-1, 1)};
     TangentRest beside;
-    const Displacement d = encoder.encode(p, 4.0, beside);
+    const NormalDisplacement d = encoder.encode(p, 4.0, beside);
     const Double3 back = rest.decode(d, (d.face & kHasTangent) != 0 ? &beside : nullptr);
     CHECK(std::isfinite(norm(back)));
   }
