@@ -3,7 +3,7 @@
 #include <nlohmann/json.hpp>
 #include <numeric>
 
-#include "kernels/mesh/mesh_block_ops.h"
+#include "kernels/edit/short_edges.h"
 #include "kernels/remesh/remesh.h"
 #include "kernels/smooth/smooth.h"
 #include "octree/error.h"
@@ -22,6 +22,7 @@ constexpr double kMoreFaces = 1.2;
 constexpr double kBaseShare = 0.5;
 /// Degrees: less is roughness, and lines along it would leave slivers.
 constexpr double kCreaseAngle = 60.0;
+constexpr double kShortest = 0.25;  ///< of the edges: shorter ones that are left are merged
 /// Waves below some six edges are left to the details: what so few vertices hold of them is jagged, and folds where a pose
 /// presses it together (thesis 5.2).
 const std::vector<SmoothRound>& low_pass() {
@@ -82,7 +83,8 @@ class BaseStage : public Stage {
       out["decimated_faces"] = report.faces_in;
     }
     context.check_stop();
-    const BaseSurface base{std::move(block.position), std::move(block.faces)};
+    BaseSurface base{std::move(block.position), std::move(block.faces)};
+    if (!own_) merge_short_edges(base.position, base.faces, kShortest * out.at("edge").get<double>());
     save_base(context.create(kBaseFile), base);
     out["vertices"] = base.position.size();
     out["faces"] = base.faces.size();
