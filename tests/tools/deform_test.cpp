@@ -118,6 +118,22 @@ TEST_CASE("deform: a mesh that is its own base", "[pipeline]") {
   CHECK(report.at("mesh").at("base_flipped_faces") == 0);
   CHECK(report.at("mesh").at("largest_move").get<double>() > 2.0);
 
+  SECTION("details keep their volumes") {
+    json e = edit();
+    e["details"] = "volumes";
+    const fs::path kept = folder.path() / "kept.ply";
+    const fs::path with = write_json(folder.path() / "volumes.json", e);
+    REQUIRE(deform({in.string(), with.string(), "-o", kept.string()}).code == 0);
+    require_bent(in, kept, 1e-5);
+    const json mesh = report_of(kept).at("mesh");
+    CHECK(mesh.at("details").at("volumes_off").get<double>() < 0.05);
+    CHECK(mesh.at("details").at("volumes_off_before").get<double>() > 0.05);
+    const auto change = [](const json& m) {
+      return std::fabs(m.at("base_volume").get<double>() / m.at("base_volume_before").get<double>() - 1.0);
+    };
+    CHECK(change(mesh) < 0.6 * change(report.at("mesh")));
+  }
+
   SECTION("a dry run colours the regions and moves nothing") {
     const fs::path drawn = folder.path() / "drawn.ply";
     REQUIRE(deform({in.string(), script.string(), "-o", drawn.string(), "--dry-run"}).code == 0);

@@ -90,7 +90,12 @@ class BasisStage : public Stage {
       result["anisotropic"] = {{"ratio", anisotropic.ratio},
                                {"flipped_faces", anisotropic.flipped},
                                {"mean_quasi_conformal", anisotropic.mean_quasi_conformal}};
-    out.about = json{{"handles", regions.handles}, {"diagonal", norm(high - low)}, {"basis", result}}.dump();
+    out.about = json{
+        {"handles", regions.handles},
+        {"volumes", script_.volumes},
+        {"diagonal", norm(high - low)},
+        {"basis",
+         result}}.dump();
     BasisWriter writer(context.create(kBasisFile), out);
     context.count_written(writer.finish(out.about));
     context.advance(base_.position.size());

@@ -2,6 +2,7 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
+#include "kernels/edit/displacement_volumes.h"
 #include "octree/error.h"
 #include "stream/files/durable_file.h"
 #include "stream/files/file_extension.h"
@@ -37,6 +38,7 @@ struct PosedBase {
   std::vector<Double3> position;
   double volume = 0.0, volume_before = 0.0;
   std::size_t flipped = 0;
+  json details = nullptr;  ///< of displacement volumes
 };
 
 double volume_of(std::span<const Double3> p, BaseState::Faces faces) {
@@ -45,11 +47,21 @@ double volume_of(std::span<const Double3> p, BaseState::Faces faces) {
   return sum / 6.0;
 }
 
-PosedBase pose_base(const DeformBasis& basis, std::span<const Placement> pose) {
+PosedBase pose_base(const DeformBasis& basis, bool volumes, std::span<const Placement> pose) {
   const std::vector<Double3>& at = basis.base.position;
   const std::vector<Double3> rest = rest_base(basis.edit, at), posed = smooth_base(basis.edit, at, pose);
   PosedBase out;
   out.position = posed_base(basis.edit, at, basis.base.faces, rest, posed);
+  if (volumes) {
+    std::vector<std::uint8_t> free;
+    for (const std::int32_t role : basis.edit.role) free.push_back(role == kSupportVertex);
+    DisplacementVolumeReport report;
+    const std::vector<Double3> turned = std::move(out.position);
+    out.position = displacement_volumes({rest, at}, {posed, turned}, basis.base.faces, free, {}, report);
+    out.details = {{"prisms", report.prisms},
+                   {"volumes_off_before", report.off_before},
+                   {"volumes_off", report.off_after}};
+  }
   out.volume_before = volume_of(at, basis.base.faces);
   out.volume = volume_of(out.position, basis.base.faces);
   const auto turn = turns(at, out.position, basis.base.faces);
@@ -153,8 +165,8 @@ class DeformWriteStage : public Stage {
     const json about = json::parse(basis.about);
     const double diagonal = about.at("diagonal").get<double>();
     const bool colours = options_.dry_run;
-    const PosedBase pose =
-        pose_base(basis, pose_of(script_, about.at("handles").get<std::vector<std::string>>()));
+    const PosedBase pose = pose_base(basis, about.at("volumes").get<bool>(),
+                                     pose_of(script_, about.at("handles").get<std::vector<std::string>>()));
     const BaseState posed(pose.position, basis.base.faces);
     std::unique_ptr<DisplacementEncoder> encoder;
     if (!applies_) encoder = std::make_unique<DisplacementEncoder>(rest);
@@ -212,6 +224,7 @@ class DeformWriteStage : public Stage {
     if (const json targets = residuals(rest, posed, encoder.get(), diagonal); !colours && !targets.is_null())
       out["targets"] = targets;
     if (!colours) {
+      if (!pose.details.is_null()) out["details"] = pose.details;
       out["largest_move"] = std::sqrt(largest);
       out["base_flipped_faces"] = pose.flipped;
       out["base_volume"] = pose.volume;

@@ -217,7 +217,7 @@ std::string read_edit_text(const std::filesystem::path& file) {
 EditScript parse_edit(const std::string& text, const std::string& name) {
   const Reader reader(name);
   const json root = reader.parsed(text);
-  reader.known(root, "the edit", {"order", "anisotropic", "regions", "handles"});
+  reader.known(root, "the edit", {"order", "anisotropic", "details", "regions", "handles"});
   EditScript out;
   if (root.contains("order")) {
     const json& order = root.at("order");
@@ -227,6 +227,11 @@ EditScript parse_edit(const std::string& text, const std::string& name) {
   if (root.contains("anisotropic")) {
     if (!root.at("anisotropic").is_boolean()) reader.fail("\"anisotropic\" is true or false");
     out.anisotropic = root.at("anisotropic").get<bool>();
+  }
+  if (root.contains("details")) {
+    const json& details = root.at("details");
+    if (details != "turned" && details != "volumes") reader.fail("\"details\" is turned or volumes");
+    out.volumes = details == "volumes";
   }
   if (root.contains("regions")) {
     if (!root.at("regions").is_array()) reader.fail("\"regions\" takes a list of regions");

@@ -13,6 +13,7 @@ namespace tessera {
 struct EditScript {
   int order = 2;
   bool anisotropic = false;
+  bool volumes = false;  ///< details keep the volumes of their prisms
   std::vector<EditRegion> regions;
   /// Per region: vertices of the file that it names besides; they become points.
   std::vector<std::vector<std::uint64_t>> vertices;
