@@ -201,6 +201,25 @@ TEST_CASE("deform: a mesh larger than its base follows with its details", "[prop
   }
 }
 
+TEST_CASE("deform: a mesh is fitted to control points", "[pipeline]") {
+  const TempFolder folder;
+  const fs::path in = write_bar(folder.path() / "in.ply", 40), out = folder.path() / "out.ply";
+  const fs::path points = folder.path() / "points.csv";
+  std::ofstream(points) << "# x,y,z,X,Y,Z\n0,1,0,0,1,0\n5, 1, 0, 5.1, 1.2, 0.1\n\n10,0,1,10.1,0.3,1.05\r\n";
+  const CommandResult r = deform({in.string(), "--fit", points.string(), "-o", out.string()});
+  INFO(r.errors);
+  REQUIRE(r.code == 0);
+  const json targets = report_of(out).at("mesh").at("targets");
+  CHECK(targets.at("count") == 3);
+  CHECK(targets.at("largest_before").get<double>() > 0.3);
+  CHECK(targets.at("largest_after").get<double>() < 0.01);
+  std::ofstream(points) << "0,1,0,0,1\n";
+  const CommandResult bad =
+      deform({in.string(), "--fit", points.string(), "-o", (folder.path() / "no.ply").string()});
+  CHECK(bad.code == 3);
+  CHECK_THAT(bad.errors, Catch::Contains("points.csv:1: a control point is six numbers"));
+}
+
 TEST_CASE("deform: goes on after a stop", "[fault]") {
   const TempFolder folder;
   const fs::path in = write_bar(folder.path() / "in.ply", 100);

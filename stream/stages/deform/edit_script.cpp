@@ -252,8 +252,8 @@ std::string with_controls(const std::string& edit, const std::filesystem::path& 
   std::istringstream lines(read_text(file));
   std::string line;
   for (std::size_t number = 1; std::getline(lines, line); ++number) {
-    if (!line.empty() && line.back() == '\r') line.pop_back();
-    if (line.find_first_not_of(" \t") == std::string::npos || line[0] == '#') continue;
+    std::erase_if(line, [](char c) { return c == ' ' || c == '\t' || c == '\r'; });
+    if (line.empty() || line[0] == '#') continue;
     const std::vector<double> n = numbers_of(line, 6);
     if (n.empty())
       throw InputError(file.string() + ":" + std::to_string(number) +
