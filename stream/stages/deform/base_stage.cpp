@@ -93,8 +93,10 @@ class BaseStage : public Stage {
   }
 
  private:
-  /// Splits come before collapses.
-  std::uint64_t room() const { return store_.face_count() + store_.face_count() / 2; }
+  /// Splits come before collapses; a mesh of few faces gets more.
+  std::uint64_t room() const {
+    return std::max(store_.face_count() + store_.face_count() / 2, 3 * options_.base_vertices);
+  }
   std::vector<std::size_t> all() const {
     std::vector<std::size_t> patches(store_.patches().size());
     std::iota(patches.begin(), patches.end(), std::size_t{0});

@@ -23,6 +23,8 @@ namespace {
 using json = nlohmann::json;
 
 constexpr std::uint64_t kSlackBytes = std::uint64_t{32} << 20;
+constexpr std::size_t kManyFlips = 100;  ///< one in so many faces of the base is worth a warning
+
 /// As PointRecord::rgba.
 std::uint32_t colour_of(std::int32_t role) {
   constexpr std::uint32_t kBlue = 0xffd07030u, kGreen = 0xff40b040u, kGrey = 0xffb0b0b0u;
@@ -227,6 +229,11 @@ class DeformWriteStage : public Stage {
       if (!pose.details.is_null()) out["details"] = pose.details;
       out["largest_move"] = std::sqrt(largest);
       out["base_flipped_faces"] = pose.flipped;
+      if (pose.flipped * kManyFlips > basis.base.faces.size())
+        out["warnings"] = {std::to_string(pose.flipped) + " of the " +
+                           std::to_string(basis.base.faces.size()) +
+                           " faces of the base turn over: prepare with --base even, give the support more "
+                           "room, or move less"};
       out["base_volume"] = pose.volume;
       out["base_volume_before"] = pose.volume_before;
     }
