@@ -13,6 +13,7 @@ cli::Command decimate_command();
 cli::Command deform_command();
 cli::Command doctor_command();
 cli::Command info_command();
+cli::Command merge_command();
 cli::Command parameterize_command();
 cli::Command plan_command();
 cli::Command reconstruct_command();

@@ -12,6 +12,7 @@ int main(int argc, char** argv) {
                       reconstruct_command(),
                       resurface_command(),
                       csg_command(),
+                      merge_command(),
                       smooth_command(),
                       decimate_command(),
                       remesh_command(),

@@ -6,6 +6,7 @@
 
 #include "kernels/decimate/collapse_mesh.h"
 #include "kernels/decimate/feature_edges.h"
+#include "kernels/mesh/triangle_foot.h"
 #include "octree/union_find.h"
 
 namespace tessera {
@@ -23,22 +24,6 @@ Double3 closest_on_segment(const Double3& p, const Double3& a, const Double3& b)
 }
 
 }  // namespace
-
-Double3 closest_in_triangle(const Double3& p, const Double3& a, const Double3& b, const Double3& c) {
-  const Double3 n = triangle_normal(a, b, c);
-  const double nn = dot(n, n);
-  if (nn > 0.0) {
-    const double wa = dot(cross(b - p, c - p), n), wb = dot(cross(c - p, a - p), n),
-                 wc = dot(cross(a - p, b - p), n);
-    if (wa >= 0.0 && wb >= 0.0 && wc >= 0.0) return p + n * (dot(a - p, n) / nn);
-  }
-  const Double3 feet[3] = {closest_on_segment(p, a, b), closest_on_segment(p, b, c),
-                           closest_on_segment(p, c, a)};
-  std::size_t best = 0;
-  for (std::size_t i = 1; i < 3; ++i)
-    if (squared_distance(p, feet[i]) < squared_distance(p, feet[best])) best = i;
-  return feet[best];
-}
 
 ReferenceSurface::ReferenceSurface(const MeshBlock& reference, const Double3& origin,
                                    double feature_angle_deg, double least_line, const SizingOptions& sizing)
@@ -236,7 +221,7 @@ ReferenceSurface::Foot ReferenceSurface::closest(const Double3& p, double limit_
   const ClosestFaces::Hit hit = faces_.closest(p, limit_square, ClosestFaces::kNone);
   if (hit.slot == ClosestFaces::kNone) return {};
   const auto corner = faces_.corners(hit.slot);
-  return {closest_in_triangle(p, corner[0], corner[1], corner[2]), hit.square, faces_.face(hit.slot)};
+  return {foot_in_triangle(p, corner[0], corner[1], corner[2]).at, hit.square, faces_.face(hit.slot)};
 }
 
 ReferenceSurface::Foot ReferenceSurface::near(const Double3& p, double limit_square, double trust_square,
@@ -262,7 +247,7 @@ ReferenceSurface::Foot ReferenceSurface::near(const Double3& p, double limit_squ
     }
     const std::uint32_t next = beside_[face][worst];
     if (next == before && next != kNone) {  // the edge between the two is nearest
-      const Double3 foot = closest_in_triangle(p, a, b, c);
+      const Double3 foot = foot_in_triangle(p, a, b, c).at;
       const double away = squared_distance(p, foot);
       if (!(away < most)) break;
       return {foot, away, face};

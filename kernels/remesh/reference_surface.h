@@ -12,9 +12,6 @@
 
 namespace tessera {
 
-/// The closest point of the triangle (a, b, c) to p; a triangle may be degenerate.
-Double3 closest_in_triangle(const Double3& p, const Double3& a, const Double3& b, const Double3& c);
-
 class ReferenceSurface {
  public:
   static constexpr std::uint32_t kNone = 0xffffffffu;

@@ -3,6 +3,7 @@
 #include <cmath>
 #include <limits>
 
+#include "kernels/mesh/triangle_foot.h"
 #include "kernels/remesh/remesher.h"
 
 namespace tessera {
@@ -149,7 +150,7 @@ Remesher::Refusal Remesher::check_collapse(std::uint32_t u, std::uint32_t v, std
     if (!within(face)) return Refusal::kTolerance;
     if (options_.tolerance > 0.0)
       nearest =
-          std::min(nearest, squared_distance(from, closest_in_triangle(from, to, face.at[1], face.at[2])));
+          std::min(nearest, squared_distance(from, foot_in_triangle(from, to, face.at[1], face.at[2]).at));
   }
   const double limit = options_.tolerance;
   if (!(limit > 0.0)) return Refusal::kNone;
@@ -164,7 +165,7 @@ Remesher::Refusal Remesher::check_collapse(std::uint32_t u, std::uint32_t v, std
   }
   const Double3 end = mesh_.at(other), middle = (to + end) * 0.5;
   const double square = 0.25 * limit * limit;
-  if (squared_distance(from, closest_in_triangle(from, to, end, end)) > square ||
+  if (squared_distance(from, foot_in_triangle(from, to, end, end).at) > square ||
       surface_.slide(middle, info_[u].foot).square > square)
     return Refusal::kTolerance;
   return Refusal::kNone;

@@ -4,6 +4,7 @@
 #include "stream/points/reconstruct_options.h"
 #include "stream/stages/decimate/decimate_job.h"
 #include "stream/stages/deform/deform_job.h"
+#include "stream/stages/merge/merge_job.h"
 #include "stream/stages/reconstruct/reconstruct_job.h"
 #include "stream/stages/remesh/remesh_job.h"
 #include "stream/stages/smooth/smooth_stage.h"
@@ -28,6 +29,7 @@ constexpr Entry kJobs[] = {
     {"csg", from_text<CsgOptions, csg_job>},
     {"decimate", from_text<SimplifyOptions, decimate_job>},
     {"deform", from_text<DeformOptions, deform_job>},
+    {"merge", from_text<MergeOptions, merge_job>},
     {"reconstruct", from_text<ReconstructOptions, reconstruct_job>},
     {"remesh", from_text<RemeshJobOptions, remesh_job>},
     {"resurface", from_text<ResurfaceOptions, resurface_job>},

@@ -19,6 +19,7 @@ const std::map<std::string, std::set<std::string>> kKernelRooms = {
     {"solid", {"field"}},
     {"extract", {"field", "mesh"}},
     {"decimate", {"mesh"}},
+    {"merge", {"field", "mesh"}},
     {"remesh", {"mesh", "decimate"}},
     {"certify", {"mesh", "picture"}},
     {"smooth", {"mesh"}},

@@ -1,0 +1,90 @@
+#include "kernels/merge/merge_sheet.h"
+
+#include <algorithm>
+
+namespace tessera {
+namespace {
+
+/// Between normals of two surfaces that can be the same one: noise turns them, the other side of a wall turns them back.
+constexpr double kSameSide = 0.25;
+/// Of MergeReach::beyond: a border that reaches less far beyond another is not passed.
+constexpr double kPassed = 0.25;
+
+double beside_foot(const Double3& p, const SignedDistance::Foot& foot, const Double3& side) {
+  const Double3 away = p - foot.at;
+  return norm(away - side * dot(away, side));
+}
+
+}  // namespace
+
+MergeSheet::Place MergeSheet::at(const Double3& p, double most, double beyond, const Double3* normal) const {
+  Place place;
+  place.foot = surface_.closest(p, most * most);
+  if (place.foot.face == SignedDistance::kNone) return place;
+  const Double3 side = unit_or_zero(place.foot.side);
+  if (normal && dot(side, *normal) < kSameSide) return place;
+  if (place.foot.border) {
+    place.beside = beside_foot(p, place.foot, side);
+    if (place.beside > beyond) return place;
+  }
+  place.cover = own_cover(place.foot.at);
+  return place;
+}
+
+double MergeSheet::own_cover(const Double3& p) const {
+  if (joints_.empty()) return 1.0;
+  const ClosestFaces::Hit hit = joints_.closest(p, fade_ * fade_, ClosestFaces::kNone);
+  return hit.slot == ClosestFaces::kNone ? 1.0 : std::min(1.0, std::sqrt(hit.square) / fade_);
+}
+
+bool MergeSheet::passes(const Double3& p, const MergeReach& reach, const Double3& normal) const {
+  const SignedDistance::Foot foot = surface_.closest(p, reach.apart * reach.apart);
+  if (foot.face == SignedDistance::kNone) return false;
+  const Double3 side = unit_or_zero(foot.side);
+  return dot(side, normal) >= kSameSide &&
+         (!foot.border || beside_foot(p, foot, side) <= kPassed * reach.beyond);
+}
+
+MergeBlend::Value MergeBlend::at(const Double3& p, double more) const {
+  Value value;
+  double left = 1.0;
+  bool any = false;
+  for (const MergeSheet* sheet : sheets_) {
+    if (!sheet || !(left > 0.0)) continue;
+    const MergeSheet::Place place = sheet->at(p, reach_.apart + more, reach_.beyond);
+    const double share = left * place.cover;
+    left -= share;
+    if (!(share > 0.0)) continue;
+    const Double3 side = unit_or_zero(place.foot.side);
+    // Beyond a border the mesh goes on as it ends.
+    const double distance =
+        place.foot.border ? dot(p - place.foot.at, side) : SignedDistance::signed_distance(p, place.foot);
+    value.share += share;
+    value.distance += share * distance;
+    value.normal = value.normal + side * share;
+    value.beside = any ? std::min(value.beside, place.beside) : place.beside;
+    any = true;
+  }
+  if (value.share > 0.0) value.distance /= value.share;
+  value.normal = unit_or_zero(value.normal);
+  return value;
+}
+
+int MergeBlend::owner(const Double3& p, int own, const Double3& normal) const {
+  double left = 1.0;
+  int owner = own, owners = 0;
+  for (std::size_t s = 0; s < sheets_.size(); ++s) {
+    if (!sheets_[s] || !(left > 0.0)) continue;
+    const double cover = static_cast<int>(s) == own
+                             ? sheets_[s]->own_cover(p)
+                             : sheets_[s]->at(p, reach_.apart, reach_.beyond, &normal).cover;
+    const double share = left * cover;
+    left -= share;
+    if (!(share > 0.0)) continue;
+    owner = static_cast<int>(s);
+    ++owners;
+  }
+  return owners > 1 ? kMixed : owner;
+}
+
+}  // namespace tessera

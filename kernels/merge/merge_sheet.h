@@ -1,0 +1,75 @@
+/// \file merge_sheet.h
+/// Overlapping meshes as one surface: which of them counts where, and the signed distance of what they are together.
+/// Sources: thesis 3.1.1 (zippering: where patches overlap one of them goes), 2.2 and 4.2.3 (fields of meshes, combined).
+///
+/// Meshes come in order of rank, the best first. A mesh covers a place as far as it goes on there: 1, falling to 0 over
+/// its fade towards the borders that another mesh passes (its joints). The best takes what it covers, the next takes
+/// that share of the rest, and so on; the distance is the mean by these shares. So the surface is the best mesh's where
+/// it has any, passes into the next one before it ends, and is nowhere cut.
+#pragma once
+#include <span>
+#include <vector>
+
+#include "kernels/mesh/signed_distance.h"
+
+namespace tessera {
+
+struct MergeReach {
+  double apart = 0.0;   ///< how far from each other surfaces may be that are the same one, world units
+  double beyond = 0.0;  ///< how far beyond a border that is no joint a mesh still counts
+};
+
+/// One mesh around some block.
+class MergeSheet {
+ public:
+  /// \param joints  border edges as triangles (a, b, b), of the same origin; may be empty  \param fade  > 0
+  MergeSheet(SignedDistance surface, ClosestFaces joints, double fade)
+      : surface_(std::move(surface)), joints_(std::move(joints)), fade_(fade) {}
+
+  struct Place {
+    SignedDistance::Foot foot;
+    double cover = 0.0;   ///< within [0, 1]
+    double beside = 0.0;  ///< how far beyond the border, at right angles to the normal
+  };
+  /// \param p  relative to the origin  \param most  farther from the mesh nothing is covered
+  /// \param normal  if not null: a surface there with this normal (unit) is covered by faces that look the same way
+  Place at(const Double3& p, double most, double beyond, const Double3* normal = nullptr) const;
+  /// Cover of a place on the mesh itself.
+  double own_cover(const Double3& p) const;
+  /// Whether the mesh goes on at a point beyond another one's border.
+  bool passes(const Double3& p, const MergeReach& reach, const Double3& normal) const;
+
+  const SignedDistance& surface() const { return surface_; }
+
+ private:
+  SignedDistance surface_;
+  ClosestFaces joints_;
+  double fade_;
+};
+
+/// All meshes around some block, in order of rank.
+class MergeBlend {
+ public:
+  static constexpr int kMixed = -1;
+
+  /// \param sheets  of one origin; null where a mesh is not near; must outlive this
+  MergeBlend(std::span<const MergeSheet* const> sheets, const MergeReach& reach)
+      : sheets_(sheets.begin(), sheets.end()), reach_(reach) {}
+
+  struct Value {
+    double share = 0.0;     ///< of all meshes together; 0: no surface near, the rest says nothing
+    double distance = 0.0;  ///< < 0 inside
+    Double3 normal{};       ///< unit or zero
+    double beside = 0.0;    ///< least of those that have a share: how far beyond a border
+  };
+  /// \param more  beyond MergeReach::apart, how far from the meshes
+  Value at(const Double3& p, double more) const;
+  /// Whose a place on mesh `own` is: a rank, or kMixed. \param normal  unit, of the mesh there
+  int owner(const Double3& p, int own, const Double3& normal) const;
+
+ private:
+  std::vector<const MergeSheet*> sheets_;
+  MergeReach reach_;
+};
+
+}  // namespace tessera

@@ -1,0 +1,401 @@
+// Faces around a border edge (u, v), which runs with its face on the left; the gap lies on the right:
+//
+//        u ---------> v          the new face is (v, u, w); of the angles at which vertices across the gap see the edge,
+//         \    gap   /           that at w is the largest, so no other vertex that it sees lies in the circle through
+//          \        /            u, v and w: a Delaunay triangle.
+//           `- w --'
+#include "kernels/merge/zipper.h"
+
+#include <algorithm>
+#include <cmath>
+#include <queue>
+#include <unordered_map>
+
+namespace tessera {
+namespace {
+
+using Face = std::array<std::uint32_t, 3>;
+
+constexpr std::uint32_t kNone = 0xffffffffu;
+constexpr double kLeastTurn = 0.17;    ///< cosine between a new face and those across its edges: 80 degrees
+constexpr double kLeastHeight = 0.02;  ///< of a new face over its edge, edge lengths: lower is a line
+constexpr double kOtherSheet = 1.0;    ///< of its length: edges so far above a new one do not cross it
+constexpr std::size_t kCrumb = 6;      ///< pieces of fewer faces are no surface
+constexpr int kMostRounds = 40;        ///< of removal; each leaves fewer faces
+
+std::uint64_t way(std::uint32_t from, std::uint32_t to) {
+  return std::uint64_t{from} << 32 | to;
+}
+
+class Zipper {
+ public:
+  Zipper(const ZipPieces& pieces, double gap)
+      : position_(pieces.position),
+        faces_(pieces.faces),
+        edges_(pieces.edges),
+        given_(pieces.faces.size()),
+        gap_(gap),
+        gone_(pieces.faces.size(), 0),
+        star_(pieces.position.size()),
+        fixed_(pieces.position.size(), 0) {
+    for (std::uint32_t f = 0; f < given_; ++f) {
+      link(f);
+      normal_.push_back(unit_or_zero(face_normal(faces_[f])));
+      for (std::size_t k = 0; k < 3; ++k)
+        if (edges_[f] & (ZipPieces::kGoesOn << k)) fixed_[faces_[f][k]] = fixed_[faces_[f][(k + 1) % 3]] = 1;
+    }
+  }
+
+  Zipped run() {
+    clean();
+    drop_crumbs();
+    clean();
+    lay_out();
+    stitch();
+    unstitch();
+    Zipped out;
+    out.removed.assign(gone_.begin(), gone_.begin() + static_cast<std::ptrdiff_t>(given_));
+    for (std::size_t f = 0; f < given_; ++f) out.report.removed += gone_[f];
+    for (std::size_t f = given_; f < faces_.size(); ++f)
+      if (!gone_[f]) out.added.push_back(faces_[f]);
+    out.report.added = out.added.size();
+    out.report.open_edges = open_edges();
+    return out;
+  }
+
+ private:
+  Double3 face_normal(const Face& f) const {
+    return triangle_normal(position_[f[0]], position_[f[1]], position_[f[2]]);
+  }
+  void link(std::uint32_t f) {
+    for (std::size_t k = 0; k < 3; ++k) {
+      half_[way(faces_[f][k], faces_[f][(k + 1) % 3])] = f;
+      star_[faces_[f][k]].push_back(f);
+    }
+  }
+  void remove(std::uint32_t f) {
+    gone_[f] = 1;
+    for (std::size_t k = 0; k < 3; ++k) {
+      half_.erase(way(faces_[f][k], faces_[f][(k + 1) % 3]));
+      std::erase(star_[faces_[f][k]], f);
+    }
+  }
+  bool has(std::uint32_t from, std::uint32_t to) const { return half_.count(way(from, to)) != 0; }
+
+  /// The edge k of a face has nothing behind it, here or elsewhere, and is to have.
+  bool is_open(std::uint32_t f, std::size_t k) const {
+    const unsigned closed = f < given_ ? unsigned{edges_[f]} : 0u;
+    return !(closed & (unsigned{ZipPieces::kEnds | ZipPieces::kGoesOn} << k)) &&
+           !has(faces_[f][(k + 1) % 3], faces_[f][k]);
+  }
+  /// Fans of faces at a vertex that end on both sides.
+  int fans(std::uint32_t v) const {
+    int ends = 0;
+    for (const std::uint32_t f : star_[v]) {
+      const std::size_t k = corner(f, v);
+      ends += !has(faces_[f][(k + 1) % 3], v);
+    }
+    return ends;
+  }
+  std::size_t corner(std::uint32_t f, std::uint32_t v) const {
+    return faces_[f][0] == v ? 0 : faces_[f][1] == v ? 1 : 2;
+  }
+  bool is_removable(std::uint32_t f) const {
+    return !fixed_[faces_[f][0]] && !fixed_[faces_[f][1]] && !fixed_[faces_[f][2]];
+  }
+
+  /// Until no vertex has two fans.
+  void clean() {
+    for (int round = 0; round < kMostRounds; ++round) {
+      std::vector<std::uint32_t> out;
+      for (std::uint32_t v = 0; v < star_.size(); ++v) {
+        if (fixed_[v] || fans(v) < 2) continue;
+        for (const std::uint32_t f : star_[v])
+          if (is_removable(f)) out.push_back(f);
+      }
+      if (out.empty()) return;
+      std::sort(out.begin(), out.end());
+      out.erase(std::unique(out.begin(), out.end()), out.end());
+      for (const std::uint32_t f : out) remove(f);
+    }
+  }
+
+  void drop_crumbs() {
+    std::vector<std::uint8_t> seen(given_, 0);
+    std::vector<std::uint32_t> piece;
+    for (std::uint32_t start = 0; start < given_; ++start) {
+      if (seen[start] || gone_[start]) continue;
+      piece.assign(1, start);
+      seen[start] = 1;
+      bool whole = true;
+      for (std::size_t i = 0; i < piece.size(); ++i) {
+        const Face& f = faces_[piece[i]];
+        for (std::size_t k = 0; k < 3; ++k) {
+          whole = whole && !fixed_[f[k]];
+          const auto next = half_.find(way(f[(k + 1) % 3], f[k]));
+          if (next == half_.end() || seen[next->second]) continue;
+          seen[next->second] = 1;
+          piece.push_back(next->second);
+        }
+      }
+      if (whole && piece.size() < kCrumb)
+        for (const std::uint32_t f : piece) remove(f);
+    }
+  }
+
+  // Front edges in cells of a grid.
+
+  struct Edge {
+    std::uint32_t from, to, face;
+  };
+  std::uint64_t cell_key(const std::array<std::int64_t, 3>& c) const {
+    std::uint64_t key = 0;
+    for (const std::int64_t x : c) key = key * 0x9e3779b97f4a7c15ULL + static_cast<std::uint64_t>(x);
+    return key;
+  }
+  template <class Use>
+  void for_cells(const Double3& low, const Double3& high, const Use& use) const {
+    std::array<std::int64_t, 3> a, b, c;
+    for (std::size_t k = 0; k < 3; ++k) {
+      a[k] = static_cast<std::int64_t>(std::floor(low[k] / cell_));
+      b[k] = static_cast<std::int64_t>(std::floor(high[k] / cell_));
+    }
+    for (c[2] = a[2]; c[2] <= b[2]; ++c[2])
+      for (c[1] = a[1]; c[1] <= b[1]; ++c[1])
+        for (c[0] = a[0]; c[0] <= b[0]; ++c[0]) use(cell_key(c));
+  }
+  void add_front(std::uint32_t f, std::size_t k) {
+    const Edge e = {faces_[f][k], faces_[f][(k + 1) % 3], f};
+    const auto number = static_cast<std::uint32_t>(front_.size());
+    front_.push_back(e);
+    const Double3 &p = position_[e.from], &q = position_[e.to];
+    Double3 low, high;
+    for (std::size_t i = 0; i < 3; ++i) low[i] = std::min(p[i], q[i]), high[i] = std::max(p[i], q[i]);
+    for_cells(low, high, [&](std::uint64_t key) { grid_[key].push_back(number); });
+    longest_ = std::max(longest_, norm(q - p));
+  }
+  bool is_front(const Edge& e) const { return !gone_[e.face] && !has(e.to, e.from); }
+
+  void lay_out() {
+    std::vector<double> lengths;
+    for (std::uint32_t f = 0; f < given_; ++f)
+      for (std::size_t k = 0; k < 3; ++k)
+        if (!gone_[f] && is_open(f, k))
+          lengths.push_back(norm(position_[faces_[f][(k + 1) % 3]] - position_[faces_[f][k]]));
+    cell_ = gap_;
+    if (!lengths.empty()) {
+      const auto middle = lengths.begin() + static_cast<std::ptrdiff_t>(lengths.size() / 2);
+      std::nth_element(lengths.begin(), middle, lengths.end());
+      cell_ = std::max(gap_, *middle);
+    }
+    for (std::uint32_t f = 0; f < given_; ++f)
+      for (std::size_t k = 0; k < 3; ++k)
+        if (!gone_[f] && is_open(f, k)) add_front(f, k);
+  }
+
+  struct Choice {
+    double size = 0.0;  ///< diameter of the circle, of the worst for the last to be chosen
+    std::uint32_t edge = 0, apex = kNone;
+    bool operator>(const Choice& o) const { return size != o.size ? size > o.size : edge > o.edge; }
+  };
+
+  void stitch() {
+    std::priority_queue<Choice, std::vector<Choice>, std::greater<>> queue;
+    const auto consider = [&](std::uint32_t e) {
+      const Choice c = best(e);
+      if (c.apex != kNone) queue.push(c);
+    };
+    for (std::uint32_t e = 0; e < front_.size(); ++e) consider(e);
+    while (!queue.empty()) {
+      const Choice top = queue.top();
+      queue.pop();
+      if (!is_front(front_[top.edge])) continue;
+      const Choice now = best(top.edge);
+      if (now.apex == kNone) continue;
+      if (now.size > top.size) {
+        queue.push(now);
+        continue;
+      }
+      const Edge e = front_[top.edge];
+      const auto f = static_cast<std::uint32_t>(faces_.size());
+      faces_.push_back({e.to, e.from, now.apex});
+      gone_.push_back(0);
+      normal_.push_back(unit_or_zero(face_normal(faces_[f])));
+      link(f);
+      for (std::size_t k = 1; k < 3; ++k) {
+        if (!is_open(f, k)) continue;
+        add_front(f, k);
+        consider(static_cast<std::uint32_t>(front_.size() - 1));
+      }
+      // What was refused may do now.
+      for (const std::uint32_t v : {e.from, e.to, now.apex})
+        for (const std::uint32_t at : fronts_at(v)) consider(at);
+    }
+  }
+
+  std::vector<std::uint32_t> fronts_at(std::uint32_t v) const {
+    std::vector<std::uint32_t> out;
+    for_cells(position_[v], position_[v], [&](std::uint64_t key) {
+      const auto cell = grid_.find(key);
+      if (cell == grid_.end()) return;
+      for (const std::uint32_t e : cell->second)
+        if ((front_[e].from == v || front_[e].to == v) && is_front(front_[e])) out.push_back(e);
+    });
+    return out;
+  }
+
+  Choice best(std::uint32_t number) const {
+    const Edge& e = front_[number];
+    Choice choice;
+    choice.edge = number;
+    if (!is_front(e)) return choice;
+    const Double3 &u = position_[e.from], &v = position_[e.to];
+    const Double3 along = v - u, n = normal_[e.face];
+    const double length = norm(along);
+    const Double3 out = unit_or_zero(cross(along, n));
+    const double reach = gap_ + 0.75 * longest_;
+    Double3 low, high;
+    for (std::size_t i = 0; i < 3; ++i) {
+      low[i] = std::min(u[i], v[i]) - reach;
+      high[i] = std::max(u[i], v[i]) + reach;
+    }
+    near_.clear();
+    for_cells(low, high, [&](std::uint64_t key) {
+      const auto cell = grid_.find(key);
+      if (cell == grid_.end()) return;
+      for (const std::uint32_t at : cell->second)
+        if (is_front(front_[at])) near_.push_back(at);
+    });
+    std::sort(near_.begin(), near_.end());
+    near_.erase(std::unique(near_.begin(), near_.end()), near_.end());
+    struct Apex {
+      double cosine;
+      std::uint32_t vertex;
+    };
+    std::vector<Apex> apices;
+    for (const std::uint32_t at : near_) {
+      const Edge& other = front_[at];
+      const double wide = norm(position_[other.to] - position_[other.from]);
+      for (const std::uint32_t w : {other.from, other.to}) {
+        if (w == e.from || w == e.to) continue;
+        const Double3& p = position_[w];
+        const double height = dot(p - u, out);
+        if (height < kLeastHeight * length || height > gap_ + 0.75 * wide) continue;
+        const Double3 a = unit_or_zero(u - p), b = unit_or_zero(v - p);
+        apices.push_back({dot(a, b), w});
+      }
+    }
+    std::sort(apices.begin(), apices.end(), [](const Apex& l, const Apex& r) {
+      return l.cosine != r.cosine ? l.cosine < r.cosine : l.vertex < r.vertex;
+    });
+    std::uint32_t last = kNone;
+    for (const Apex& a : apices) {
+      if (a.vertex == last) continue;
+      last = a.vertex;
+      if (!fits(e, a.vertex)) continue;
+      choice.apex = a.vertex;
+      const double sine = std::sqrt(std::max(1e-12, 1.0 - a.cosine * a.cosine));
+      choice.size = a.cosine < 0.0 ? length : length / sine;
+      break;
+    }
+    return choice;
+  }
+
+  bool fits(const Edge& e, std::uint32_t w) const {
+    const Face f = {e.to, e.from, w};
+    if (has(f[1], f[2]) || has(f[2], f[0]) || has(f[0], f[1])) return false;
+    const Double3 n = unit_or_zero(face_normal(f));
+    if (dot(n, normal_[e.face]) < kLeastTurn) return false;
+    for (std::size_t k = 1; k < 3; ++k) {
+      const std::uint32_t from = f[k], to = f[(k + 1) % 3];
+      if (const auto there = half_.find(way(to, from)); there != half_.end()) {
+        if (there->second < given_ && !is_open(there->second, edge_of(there->second, to))) return false;
+        if (dot(n, normal_[there->second]) < kLeastTurn) return false;
+        continue;
+      }
+      if (!is_free(from, to, n) || !is_free(to, from, n) || crosses(from, to, n)) return false;
+    }
+    return true;
+  }
+  std::size_t edge_of(std::uint32_t f, std::uint32_t from) const { return corner(f, from); }
+
+  /// No face at `at` lies where the way to `to` begins, as seen along n.
+  bool is_free(std::uint32_t at, std::uint32_t to, const Double3& n) const {
+    const Double3 d = position_[to] - position_[at];
+    for (const std::uint32_t f : star_[at]) {
+      if (dot(normal_[f], n) < 0.0) continue;
+      const std::size_t k = corner(f, at);
+      const Double3 a = position_[faces_[f][(k + 1) % 3]] - position_[at],
+                    b = position_[faces_[f][(k + 2) % 3]] - position_[at];
+      if (dot(cross(a, d), n) >= 0.0 && dot(cross(d, b), n) >= 0.0 && dot(a + b, d) > 0.0) return false;
+    }
+    return true;
+  }
+
+  /// Whether the edge from p to q would cross a front edge, as seen along n.
+  bool crosses(std::uint32_t p, std::uint32_t q, const Double3& n) const {
+    const Double3 &a = position_[p], &b = position_[q];
+    const double length = norm(b - a);
+    const auto side = [&](const Double3& x, const Double3& y, const Double3& z) {
+      return dot(cross(y - x, z - x), n);
+    };
+    for (const std::uint32_t at : near_) {
+      const Edge& e = front_[at];
+      if (e.from == p || e.from == q || e.to == p || e.to == q) continue;
+      const Double3 &c = position_[e.from], &d = position_[e.to];
+      if (side(a, b, c) * side(a, b, d) > 0.0 || side(c, d, a) * side(c, d, b) > 0.0) continue;
+      if (std::fabs(dot((c + d) * 0.5 - (a + b) * 0.5, n)) > kOtherSheet * (length + norm(d - c))) continue;
+      return true;
+    }
+    return false;
+  }
+
+  /// Vertices at which new faces leave two fans lose them.
+  void unstitch() {
+    for (int round = 0; round < kMostRounds; ++round) {
+      std::vector<std::uint32_t> out;
+      for (std::uint32_t v = 0; v < star_.size(); ++v) {
+        bool fresh = false;
+        for (const std::uint32_t f : star_[v]) fresh = fresh || f >= given_;
+        if (!fresh || fans(v) < 2) continue;
+        for (const std::uint32_t f : star_[v])
+          if (f >= given_) out.push_back(f);
+      }
+      if (out.empty()) return;
+      std::sort(out.begin(), out.end());
+      out.erase(std::unique(out.begin(), out.end()), out.end());
+      for (const std::uint32_t f : out) remove(f);
+    }
+  }
+
+  std::uint64_t open_edges() const {
+    std::uint64_t count = 0;
+    for (std::uint32_t f = 0; f < given_; ++f)
+      for (std::size_t k = 0; k < 3; ++k)
+        count += !gone_[f] && (edges_[f] & ZipPieces::kOriginal) != 0 && is_open(f, k);
+    return count;
+  }
+
+  const std::vector<Double3>& position_;
+  std::vector<Face> faces_;
+  std::vector<std::uint8_t> edges_;
+  std::size_t given_;
+  double gap_;
+  std::vector<std::uint8_t> gone_;
+  std::vector<Double3> normal_;
+  std::unordered_map<std::uint64_t, std::uint32_t> half_;  ///< directed edge -> face on its left
+  std::vector<std::vector<std::uint32_t>> star_;           ///< per vertex: its faces
+  std::vector<std::uint8_t> fixed_;                        ///< per vertex: faces that are not here have it
+  double cell_ = 1.0, longest_ = 0.0;
+  std::vector<Edge> front_;
+  std::unordered_map<std::uint64_t, std::vector<std::uint32_t>> grid_;
+  mutable std::vector<std::uint32_t> near_;  ///< front edges around the one at work
+};
+
+}  // namespace
+
+Zipped zip(const ZipPieces& pieces, double gap) {
+  return Zipper(pieces, gap).run();
+}
+
+}  // namespace tessera

@@ -1,0 +1,271 @@
+/// Stage "cover" of a merge: whose every face is.
+#include <algorithm>
+#include <cmath>
+#include <nlohmann/json.hpp>
+
+#include "kernels/mesh/mesh_block_ops.h"
+#include "stream/files/direct_file.h"
+#include "stream/files/external_sort.h"
+#include "stream/files/read_file.h"
+#include "stream/files/task_files.h"
+#include "stream/meshes/store_write_stage.h"
+#include "stream/stages/merge/merge_stages.h"
+
+namespace tessera {
+namespace {
+
+using json = nlohmann::json;
+
+constexpr std::size_t kPage = 1u << 15;
+constexpr double kMarginEdges = 8.0;  ///< of the mesh: what a face must see to know its cut
+constexpr int kRimRings = 4;          ///< faces around a cut that "zip" may take away
+
+enum class Fate : std::uint8_t { kStays, kBand, kCovered };
+
+std::string leaves_part(std::size_t task) {
+  return "leaves/" + task_file_stem(task) + ".key";
+}
+
+class CoverStage : public Stage {
+ public:
+  explicit CoverStage(const JobState& state)
+      : state_(state), meshes_(state.work, true), tasks_(meshes_.tasks()) {}
+
+  std::string name() const override { return "cover"; }
+  std::size_t task_count() const override { return tasks_.size(); }
+  std::uint64_t units() const override {
+    std::uint64_t sum = 0;
+    for (std::size_t r = 0; r < meshes_.count(); ++r) sum += meshes_.store(r).face_count();
+    return sum;
+  }
+  std::string unit_name() const override { return "faces"; }
+
+  std::uint64_t task_bytes(std::size_t task) const override {
+    const MergeTask& t = tasks_[task];
+    const MeshStore& store = meshes_.store(t.rank);
+    std::uint64_t most = 0;
+    for (std::size_t p = t.first; p < t.end; ++p) {
+      const MeshPatchEntry& e = store.patches()[p];
+      std::uint64_t bytes = 2 * MeshStore::block_bytes(e.vertices, e.faces);
+      // The meshes around, the halo of its own twice, leaves of the band.
+      if (!meshes_.is_alone(t.rank, e.box))
+        bytes += 2 * meshes_.near_bytes(e.box, halo(t.rank) + meshes_.plan().reach.apart) + 64ull * e.faces +
+                 (std::uint64_t{8} << 20);
+      most = std::max(most, bytes);
+    }
+    return most + meshes_.shared_bytes() + 3 * DirectFile::kDefaultBuffer + (std::uint64_t{2} << 20);
+  }
+
+  json run(std::size_t task, TaskContext& context) const override {
+    const MergeTask& t = tasks_[task];
+    const MeshStore& store = meshes_.store(t.rank);
+    const std::string file = task_file_stem(task) + ".tmm";
+    MeshFileWriter kept(context.create("kept/" + file), meshes_.plan().info);
+    MeshFileWriter rims(context.create("rims/" + file), meshes_.plan().info);
+    DirectFile leaves(context.create(leaves_part(task)));
+    std::uint64_t stay = 0, band = 0, covered = 0;
+    for (std::size_t p = t.first; p < t.end; ++p) {
+      context.check_stop();
+      const MeshPatchEntry& e = store.patches()[p];
+      context.advance(e.faces);
+      const std::uint64_t brick = merged_brick(t.rank, e.key);
+      if (meshes_.is_alone(t.rank, grown(e.box, halo(t.rank)))) {
+        MeshBlock block = store.load({&p, 1});
+        dress(t.rank, block);
+        kept.add(brick, block);
+        stay += e.faces;
+        continue;
+      }
+      const MeshHaloBlock near = store.load_near({&p, 1}, halo(t.rank));
+      const std::vector<Fate> fate = judge(t.rank, near.block, context);
+      std::vector<std::uint8_t> stays(fate.size(), 0);
+      std::vector<std::uint64_t> keys;
+      for (std::size_t f = 0; f < fate.size(); ++f) {
+        if (!near.core[f]) continue;
+        stays[f] = fate[f] == Fate::kStays;
+        (fate[f] == Fate::kStays ? stay : fate[f] == Fate::kBand ? band : covered) += 1;
+        if (fate[f] == Fate::kBand) add_leaves(near.block, near.block.faces[f], keys);
+      }
+      std::sort(keys.begin(), keys.end());
+      keys.erase(std::unique(keys.begin(), keys.end()), keys.end());
+      leaves.write(keys.data(), keys.size() * sizeof(std::uint64_t));
+      MeshBlock rest = select_faces(near.block, stays);
+      dress(t.rank, rest);
+      kept.add(brick, rest);
+      MeshBlock rim = select_rim(near, fate);
+      dress(t.rank, rim);
+      rims.add(brick, rim);
+    }
+    context.count_written(kept.finish() + rims.finish() + leaves.finish());
+    return {{"rank", t.rank}, {"stay", stay}, {"band", band}, {"covered", covered}};
+  }
+
+  std::uint64_t finish_bytes() const override {
+    return sort_bytes(state_.run) + 2 * kPage * sizeof(std::uint64_t) + DirectFile::kDefaultBuffer +
+           (std::uint64_t{4} << 20);
+  }
+
+  json finish(const std::vector<json>& summaries, TaskContext& context) const override {
+    ExternalSort<std::uint64_t> sort(state_.work, sort_bytes(state_.run));
+    std::vector<std::uint64_t> page(kPage);
+    std::uint64_t stay = 0, band = 0, covered = 0;
+    std::vector<std::uint8_t> touched(meshes_.count(), 0);
+    for (std::size_t t = 0; t < tasks_.size(); ++t) {
+      const auto count = [&](const char* key) { return summaries[t].at(key).get<std::uint64_t>(); };
+      stay += count("stay");
+      band += count("band");
+      covered += count("covered");
+      if (count("band") + count("covered") > 0) touched[tasks_[t].rank] = 1;
+      const ReadFile file(state_.work / leaves_part(t));
+      for (std::uint64_t at = 0; at < file.size();) {
+        const std::uint64_t bytes = std::min<std::uint64_t>(kPage * sizeof(std::uint64_t), file.size() - at);
+        file.read_at(at, page.data(), bytes);
+        at += bytes;
+        for (std::size_t i = 0; i < bytes / sizeof(std::uint64_t); ++i) sort.add(page[i]);
+      }
+    }
+    PackedWriter out(context.create(kLeavesFile), kLeavesKind);
+    std::vector<Section> sections;
+    std::vector<std::uint64_t> unique;
+    std::uint64_t leaves = 0, last = ~std::uint64_t{0};
+    sort.drain([&](std::span<const std::uint64_t> batch) {
+      unique.clear();
+      for (const std::uint64_t key : batch)
+        if (key != last) unique.push_back(last = key);
+      leaves += unique.size();
+      if (!unique.empty()) sections.push_back(out.append(bytes_of(unique)));
+    });
+    context.count_written(out.finish(sections));
+    json result = {{"stay", stay}, {"band", band}, {"covered", covered}, {"leaves", leaves}};
+    json warnings = json::array();
+    for (std::size_t r = 0; r < touched.size(); ++r)
+      if (!touched[r])
+        warnings.push_back(
+            state_.inputs[meshes_.plan().order[r]].string() +
+            ": no other mesh overlaps it, it stays a piece of its own; if one should, try a larger "
+            "--distance");
+    if (!warnings.empty()) result["warnings"] = warnings;
+    return result;
+  }
+
+  std::vector<std::string> obsolete() const override { return {"leaves/"}; }
+
+ private:
+  double halo(std::size_t rank) const { return kMarginEdges * meshes_.plan().edge[rank]; }
+
+  /// Gives a block the keys and the colours of the merged mesh.
+  void dress(std::size_t rank, MeshBlock& block) const {
+    for (std::uint64_t& key : block.key) key = merged_vertex(rank, key);
+    if (meshes_.plan().info.colour && block.rgba.empty()) block.rgba.assign(block.key.size(), 0);
+  }
+
+  std::vector<Fate> judge(std::size_t rank, const MeshBlock& block, TaskContext& context) const {
+    MeshBox box{block.position[0], block.position[0]};
+    for (const Double3& p : block.position)
+      for (std::size_t a = 0; a < 3; ++a)
+        box.low[a] = std::min(box.low[a], p[a]), box.high[a] = std::max(box.high[a], p[a]);
+    const MergePlan& plan = meshes_.plan();
+    const MergeMeshes::Near near = meshes_.load(box, plan.reach.apart, rank, &block);
+    const MergeBlend blend(near.pointers(), plan.reach);
+    const SignedDistance& own = near.sheets[rank]->surface();
+    std::vector<int> owner(block.position.size());
+    for (std::size_t v = 0; v < owner.size(); ++v) {
+      if (v % 1024 == 0) context.check_stop();
+      owner[v] = blend.owner(block.position[v] - plan.origin, static_cast<int>(rank),
+                             unit_or_zero(own.vertex_normal(static_cast<std::uint32_t>(v))));
+    }
+    std::vector<Fate> fate;
+    fate.reserve(block.faces.size());
+    for (const auto& f : block.faces) {
+      const int o = owner[f[0]];
+      const bool one = o != MergeBlend::kMixed && owner[f[1]] == o && owner[f[2]] == o;
+      fate.push_back(!one ? Fate::kBand : o == static_cast<int>(rank) ? Fate::kStays : Fate::kCovered);
+    }
+    return fate;
+  }
+
+  void add_leaves(const MeshBlock& block, const std::array<std::uint32_t, 3>& f,
+                  std::vector<std::uint64_t>& keys) const {
+    const MergePlan& plan = meshes_.plan();
+    const double around = kStripCells + 0.5 * plan.reach.apart / plan.lattice.h;
+    Int3 low, high;
+    for (std::size_t a = 0; a < 3; ++a) {
+      const auto [least, most] =
+          std::minmax({block.position[f[0]][a], block.position[f[1]][a], block.position[f[2]][a]});
+      const auto leaf = [&](double world, double by) {
+        return static_cast<std::int32_t>(std::floor((world - plan.origin[a]) / plan.lattice.h + by)) >>
+               kLeafBits;
+      };
+      low[a] = leaf(least, -around);
+      high[a] = leaf(most, around);
+    }
+    for (int z = low[2]; z <= high[2]; ++z)
+      for (int y = low[1]; y <= high[1]; ++y)
+        for (int x = low[0]; x <= high[0]; ++x) {
+          const std::uint64_t key = merge_leaf_key({x, y, z});
+          if (keys.empty() || keys.back() != key) keys.push_back(key);
+        }
+    if (keys.size() > (1u << 19)) {
+      std::sort(keys.begin(), keys.end());
+      keys.erase(std::unique(keys.begin(), keys.end()), keys.end());
+    }
+  }
+
+  /// Faces of the core that stay, within some rings of a cut; edges at a cut are marked as creases.
+  static MeshBlock select_rim(const MeshHaloBlock& near, const std::vector<Fate>& fate) {
+    MeshBlock block = near.block;
+    struct Side {
+      std::uint32_t low, high, face, edge;
+    };
+    std::vector<Side> sides;
+    sides.reserve(3 * fate.size());
+    for (std::uint32_t f = 0; f < fate.size(); ++f)
+      for (std::uint32_t k = 0; k < 3; ++k) {
+        const auto [low, high] = std::minmax(block.faces[f][k], block.faces[f][(k + 1) % 3]);
+        sides.push_back({low, high, f, k});
+      }
+    std::sort(sides.begin(), sides.end(), [](const Side& l, const Side& r) {
+      return l.low != r.low ? l.low < r.low : l.high != r.high ? l.high < r.high : l.face < r.face;
+    });
+    constexpr int kFar = kRimRings + 1;
+    std::vector<int> ring(block.position.size(), kFar);
+    for (std::uint8_t& flags : block.face_flags)
+      flags =
+          static_cast<std::uint8_t>(flags & (kFaceBorder01 | kFaceBorder12 | kFaceBorder20 | kFaceSynthetic));
+    for (std::size_t i = 0; i + 1 < sides.size(); ++i) {
+      const Side &a = sides[i], &b = sides[i + 1];
+      if (a.low != b.low || a.high != b.high) continue;
+      if ((fate[a.face] == Fate::kStays) == (fate[b.face] == Fate::kStays)) continue;
+      const Side& stays = fate[a.face] == Fate::kStays ? a : b;
+      std::uint8_t& flags = block.face_flags[stays.face];
+      flags = static_cast<std::uint8_t>(flags | kFaceCrease01 << stays.edge);
+      ring[a.low] = ring[a.high] = 0;
+    }
+    for (int r = 1; r <= kRimRings; ++r)
+      for (std::size_t f = 0; f < fate.size(); ++f) {
+        if (fate[f] != Fate::kStays) continue;
+        bool next = false;
+        for (const std::uint32_t v : block.faces[f]) next = next || ring[v] == r - 1;
+        for (const std::uint32_t v : block.faces[f])
+          if (next && ring[v] == kFar) ring[v] = r;
+      }
+    std::vector<std::uint8_t> keep(fate.size(), 0);
+    for (std::size_t f = 0; f < fate.size(); ++f) {
+      if (!near.core[f] || fate[f] != Fate::kStays) continue;
+      for (const std::uint32_t v : block.faces[f]) keep[f] = keep[f] || ring[v] < kRimRings;
+    }
+    return select_faces(block, keep);
+  }
+
+  JobState state_;
+  MergeMeshes meshes_;
+  std::vector<MergeTask> tasks_;
+};
+
+}  // namespace
+
+std::unique_ptr<Stage> make_merge_cover_stage(const JobState& state) {
+  return std::make_unique<CoverStage>(state);
+}
+
+}  // namespace tessera

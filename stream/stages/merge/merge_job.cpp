@@ -1,0 +1,97 @@
+#include "stream/stages/merge/merge_job.h"
+
+#include <algorithm>
+#include <charconv>
+#include <nlohmann/json.hpp>
+
+#include "octree/error.h"
+#include "stream/import/import_stages.h"
+#include "stream/import/system_beside.h"
+#include "stream/meshes/store_write_stage.h"
+#include "stream/page/report_page.h"
+#include "stream/runtime/report.h"
+#include "stream/stages/merge/merge_stages.h"
+
+namespace tessera {
+namespace {
+
+using json = nlohmann::json;
+
+void summarise(json& report) {
+  const json scale = result_of(report, "scale");
+  if (scale.is_object())
+    report["resolution"] = {{"h", scale.at("h")}, {"reason", scale.at("resolution_reason")}};
+  json merge = json::object();
+  for (const char* stage : {"scale", "joints", "cover", "strip", "zip"})
+    if (const json result = result_of(report, stage); result.is_object()) merge[stage] = result;
+  report["merge"] = merge;
+  if (const json written = result_of(report, "write"); written.is_object()) report["mesh"] = written;
+}
+
+}  // namespace
+
+OptionTable option_table(MergeOptions& o) {
+  OptionTable t("What it computes");
+  t.add("priority", &o.priority,
+        "names or numbers of meshes, best first, with commas: where meshes overlap the best one stays; "
+        "others follow, "
+        "the finer one first");
+  t.add("blend", &o.blend,
+        "units of the meshes: how far from its border, where another mesh passes it, a mesh passes over into "
+        "that one; "
+        "0 = 4 of its edges")
+      .at_least(0);
+  t.add("distance", &o.distance,
+        "units of the meshes: surfaces so near that look the same way are one; 0 = 3 edges of the coarsest "
+        "mesh")
+      .at_least(0);
+  t.add("resolution,voxel", &o.resolution,
+        "lattice spacing h along the joints, units of the meshes; 0 = the mean edge of the finest mesh")
+      .at_least(0);
+  t.add("meshes", &o.meshes, "how many meshes there are").hidden();
+  return t;
+}
+
+std::vector<std::size_t> read_priority(const std::string& priority,
+                                       const std::vector<std::filesystem::path>& inputs) {
+  std::vector<std::size_t> out;
+  for (std::size_t at = 0; at < priority.size();) {
+    const std::size_t comma = std::min(priority.find(',', at), priority.size());
+    const std::string word = priority.substr(at, comma - at);
+    at = comma + 1;
+    std::vector<std::size_t> found;
+    for (std::size_t i = 0; i < inputs.size(); ++i)
+      if (inputs[i] == word || inputs[i].filename() == word || inputs[i].stem() == word) found.push_back(i);
+    std::size_t number = 0;
+    const auto [end, error] = std::from_chars(word.data(), word.data() + word.size(), number);
+    if (found.empty() && error == std::errc() && end == word.data() + word.size() && number >= 1 &&
+        number <= inputs.size())
+      found.push_back(number - 1);
+    if (found.size() != 1)
+      throw UsageError("--priority: '" + word + "' is " +
+                       (found.empty() ? "none of the meshes" : "more than one of the meshes") +
+                       ": write their names, or their numbers from 1 to " + std::to_string(inputs.size()));
+    if (std::find(out.begin(), out.end(), found[0]) != out.end())
+      throw UsageError("--priority: '" + word + "' comes twice");
+    out.push_back(found[0]);
+  }
+  return out;
+}
+
+JobDescription merge_job(const MergeOptions& options) {
+  std::vector<StageEntry> stages;
+  for (std::size_t i = 0; i < options.meshes; ++i)
+    for (StageEntry& entry : import_stages({i, merge_import(i)})) stages.push_back(std::move(entry));
+  stages.push_back({"scale", [options](const JobState& s) { return make_merge_scale_stage(s, options); }});
+  stages.push_back({"joints", make_merge_joints_stage});
+  stages.push_back({"cover", make_merge_cover_stage});
+  stages.push_back({"strip", make_merge_strip_stage});
+  stages.push_back({"zip", make_merge_zip_stage});
+  stages.push_back({"write", [](const JobState& s) {
+                      return make_store_write_stage(s, open_merged_mesh(s.work), "made by tessera merge",
+                                                    sort_bytes(s.run));
+                    }});
+  return {"merge", std::move(stages), 0, summarise, {carried_system()}, job_page()};
+}
+
+}  // namespace tessera

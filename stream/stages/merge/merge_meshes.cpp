@@ -1,0 +1,154 @@
+/// What the stages of a merge share.
+#include <algorithm>
+#include <nlohmann/json.hpp>
+
+#include "stream/files/durable_file.h"
+#include "stream/files/task_files.h"
+#include "stream/import/import_stages.h"
+#include "stream/stages/merge/merge_stages.h"
+
+namespace tessera {
+namespace {
+
+using json = nlohmann::json;
+
+constexpr std::uint64_t kTaskFaces = 100'000;
+
+MeshBox box_of_segment(const JointEdge& e) {
+  MeshBox box;
+  for (std::size_t a = 0; a < 3; ++a)
+    box.low[a] = std::min(e.a[a], e.b[a]), box.high[a] = std::max(e.a[a], e.b[a]);
+  return box;
+}
+
+}  // namespace
+
+void MergePlan::save(const std::filesystem::path& path) const {
+  write_durably(path, json{{"h", lattice.h},
+                           {"origin_brick", lattice.origin_brick},
+                           {"origin", origin},
+                           {"apart", reach.apart},
+                           {"beyond", reach.beyond},
+                           {"double_positions", info.double_positions},
+                           {"colour", info.colour},
+                           {"shift", info.shift},
+                           {"order", order},
+                           {"edge", edge},
+                           {"fade", fade}}
+                          .dump());
+}
+
+MergePlan MergePlan::of_work(const std::filesystem::path& work) {
+  const json j = json::parse(read_text(work / kFile));
+  MergePlan plan;
+  j.at("h").get_to(plan.lattice.h);
+  j.at("origin_brick").get_to(plan.lattice.origin_brick);
+  j.at("origin").get_to(plan.origin);
+  j.at("apart").get_to(plan.reach.apart);
+  j.at("beyond").get_to(plan.reach.beyond);
+  j.at("double_positions").get_to(plan.info.double_positions);
+  j.at("colour").get_to(plan.info.colour);
+  j.at("shift").get_to(plan.info.shift);
+  j.at("order").get_to(plan.order);
+  j.at("edge").get_to(plan.edge);
+  j.at("fade").get_to(plan.fade);
+  plan.info.lattice = plan.lattice;
+  return plan;
+}
+
+std::string merge_import(std::size_t input) {
+  return "mesh-" + std::to_string(input);
+}
+
+MergeMeshes::MergeMeshes(const std::filesystem::path& work, bool joints) : plan_(MergePlan::of_work(work)) {
+  for (const std::size_t input : plan_.order)
+    stores_.push_back(open_imported_mesh(work, merge_import(input)));
+  if (joints) joints_ = load_merge_list<JointEdge>(work / kJointsFile, kJointsKind);
+}
+
+std::vector<MergeTask> MergeMeshes::tasks() const {
+  std::vector<MergeTask> out;
+  for (std::size_t r = 0; r < stores_.size(); ++r) {
+    const auto patches = stores_[r].patches();
+    MergeTask task{r, 0, 0};
+    std::uint64_t faces = 0;
+    for (std::size_t p = 0; p < patches.size(); ++p) {
+      faces += patches[p].faces;
+      if (faces < kTaskFaces && p + 1 < patches.size()) continue;
+      task.end = p + 1;
+      out.push_back(task);
+      task.first = p + 1;
+      faces = 0;
+    }
+  }
+  return out;
+}
+
+bool MergeMeshes::is_alone(std::size_t rank, const MeshBox& box) const {
+  const MeshBox near = grown(box, plan_.reach.apart + plan_.reach.beyond);
+  for (std::size_t r = 0; r < stores_.size(); ++r)
+    if (r != rank && overlap(stores_[r].box(), near) && !stores_[r].select(near).empty()) return false;
+  return true;
+}
+
+std::vector<const MergeSheet*> MergeMeshes::Near::pointers() const {
+  std::vector<const MergeSheet*> out;
+  for (const auto& s : sheets) out.push_back(s.get());
+  return out;
+}
+
+MergeMeshes::Near MergeMeshes::load(const MeshBox& box, double margin, std::size_t own,
+                                    const MeshBlock* block) const {
+  Near near;
+  near.sheets.resize(stores_.size());
+  const MeshBox wide = grown(box, margin);
+  for (std::size_t r = 0; r < stores_.size(); ++r) {
+    MeshBlock loaded;
+    const bool given = r == own && block;
+    if (!given) {
+      if (!overlap(stores_[r].box(), wide)) continue;
+      loaded = stores_[r].load_box(wide);
+      if (loaded.faces.empty()) continue;
+    }
+    const MeshBlock& mesh = given ? *block : loaded;
+    std::vector<Double3> position;
+    std::vector<std::array<std::uint32_t, 3>> segments;
+    const MeshBox reach = grown(wide, plan_.fade[r]);
+    for (const JointEdge& e : joints_) {
+      if (e.rank != r || !overlap(box_of_segment(e), reach)) continue;
+      const auto a = static_cast<std::uint32_t>(position.size());
+      position.push_back(e.a);
+      position.push_back(e.b);
+      segments.push_back({a, a + 1, a + 1});
+    }
+    ClosestFaces joints;
+    if (!segments.empty()) joints = ClosestFaces(position, segments, plan_.origin);
+    near.sheets[r] =
+        std::make_unique<MergeSheet>(SignedDistance(mesh, plan_.origin), std::move(joints), plan_.fade[r]);
+  }
+  return near;
+}
+
+std::uint64_t MergeMeshes::near_bytes(const MeshBox& box, double margin) const {
+  std::uint64_t bytes = 0;
+  for (const MeshStore& store : stores_) {
+    const std::vector<std::size_t> patches = store.select(grown(box, margin));
+    std::uint64_t vertices = 0, faces = 0;
+    for (const std::size_t p : patches)
+      vertices += store.patches()[p].vertices, faces += store.patches()[p].faces;
+    bytes += store.block_bytes(patches) + SignedDistance::bytes(vertices, faces);
+  }
+  return bytes;
+}
+
+MeshStore open_merge_store(const std::filesystem::path& work, const std::string& folder) {
+  return MeshStore(list_task_files(work / folder, ".tmm"));
+}
+
+MeshStore open_merged_mesh(const std::filesystem::path& work) {
+  std::vector<std::filesystem::path> files = list_task_files(work / "kept", ".tmm");
+  for (const auto& file : list_task_files(work / "zipped", ".tmm")) files.push_back(file);
+  return MeshStore(files, list_task_files(work / "cut", ".tmm"));
+}
+
+}  // namespace tessera

@@ -1,0 +1,271 @@
+/// Stage "zip" of a merge: the strip and the cut borders of the meshes become one surface.
+#include <algorithm>
+#include <nlohmann/json.hpp>
+
+#include "kernels/merge/zipper.h"
+#include "kernels/mesh/mesh_block_ops.h"
+#include "octree/error.h"
+#include "stream/files/direct_file.h"
+#include "stream/stages/merge/merge_stages.h"
+
+namespace tessera {
+namespace {
+
+using json = nlohmann::json;
+
+constexpr double kGapCells = 2.5;  ///< the strip stays 0.6 clear, its faces are up to 1.7 wide
+constexpr const char* kZippedFile = "zipped/000000.tmm";
+constexpr const char* kCutFile = "cut/000000.tmm";
+
+/// A vertex of the strip: patches that use it and do not own it have it too.
+struct StripVertex {
+  std::uint64_t key = 0;
+  std::uint32_t foreign = 0;
+  std::uint32_t place = 0;
+  auto operator<=>(const StripVertex&) const = default;
+};
+
+class ZipStage : public Stage {
+ public:
+  explicit ZipStage(const JobState& state)
+      : plan_(MergePlan::of_work(state.work)),
+        kept_(open_merge_store(state.work, "kept")),
+        rims_(open_merge_store(state.work, "rims")),
+        strip_(open_merge_store(state.work, "strip")) {}
+
+  std::string name() const override { return "zip"; }
+  std::size_t task_count() const override { return 0; }
+  std::uint64_t task_bytes(std::size_t) const override { return 0; }
+  std::uint64_t units() const override { return rims_.face_count() + strip_.face_count(); }
+  std::string unit_name() const override { return "faces"; }
+  json run(std::size_t, TaskContext&) const override { return {}; }
+
+  std::uint64_t finish_bytes() const override {
+    std::uint64_t vertices = 0, faces = 0;
+    for (const MeshStore* store : {&rims_, &strip_}) {
+      for (const MeshPatchEntry& e : store->patches()) vertices += e.vertices;
+      faces += store->face_count();
+    }
+    const std::uint64_t pieces = vertices * (24 + 8 + 24 + 16) + faces * 40;
+    return pieces + zip_bytes(vertices, faces) + MeshStore::block_bytes(vertices, 2 * faces) +
+           2 * std::max(
+                   {kept_.largest_patch_bytes(), rims_.largest_patch_bytes(), strip_.largest_patch_bytes()}) +
+           2 * DirectFile::kDefaultBuffer + (std::uint64_t{4} << 20);
+  }
+
+  json finish(const std::vector<json>&, TaskContext& context) const override {
+    Pieces all = load(context);
+    const Zipped zipped = zip(all.pieces, kGapCells * plan_.lattice.h);
+    context.check_stop();
+    std::uint64_t written = write_new(all, zipped, context);
+    written += write_cut(all, zipped, context);
+    context.count_written(written);
+    json result = {{"rim_faces", all.rim_faces},
+                   {"strip_faces", strip_.face_count()},
+                   {"removed", zipped.report.removed},
+                   {"stitches", zipped.report.added},
+                   {"open_edges", zipped.report.open_edges}};
+    if (zipped.report.open_edges > 0)
+      result["warnings"] = {
+          std::to_string(zipped.report.open_edges) +
+          " edges along the joints found nothing to be stitched to and are borders now; a larger "
+          "--blend or a smaller --resolution may do"};
+    return result;
+  }
+
+  std::vector<std::string> obsolete() const override { return {"rims/", "strip/"}; }
+
+ private:
+  struct Pieces {
+    ZipPieces pieces;
+    std::vector<std::uint64_t> key;      ///< per vertex: in the merged mesh
+    std::vector<std::size_t> rim_patch;  ///< per patch of the rims: its first face here, and one more
+    std::size_t rim_faces = 0;
+  };
+
+  Pieces load(TaskContext& context) const {
+    Pieces all;
+    ZipPieces& z = all.pieces;
+    // Rims: their vertices by key.
+    for (std::size_t p = 0; p < rims_.patches().size(); ++p) {
+      context.check_stop();
+      const MeshBlock block = rims_.load({&p, 1});
+      all.key.insert(all.key.end(), block.key.begin(), block.key.end());
+    }
+    std::sort(all.key.begin(), all.key.end());
+    all.key.erase(std::unique(all.key.begin(), all.key.end()), all.key.end());
+    z.position.resize(all.key.size());
+    std::vector<std::uint8_t> cut;
+    for (std::size_t p = 0; p < rims_.patches().size(); ++p) {
+      context.check_stop();
+      const MeshBlock block = rims_.load({&p, 1});
+      std::vector<std::uint32_t> place(block.key.size());
+      for (std::size_t v = 0; v < place.size(); ++v) {
+        place[v] = static_cast<std::uint32_t>(std::lower_bound(all.key.begin(), all.key.end(), block.key[v]) -
+                                              all.key.begin());
+        z.position[place[v]] = block.position[v] - plan_.origin;
+      }
+      all.rim_patch.push_back(z.faces.size());
+      for (std::size_t f = 0; f < block.faces.size(); ++f) {
+        z.faces.push_back({place[block.faces[f][0]], place[block.faces[f][1]], place[block.faces[f][2]]});
+        z.edges.push_back(static_cast<std::uint8_t>(ZipPieces::kOriginal | (block.face_flags[f] & 7)));
+        cut.push_back(static_cast<std::uint8_t>(block.face_flags[f] / kFaceCrease01 & 7));
+      }
+    }
+    all.rim_patch.push_back(z.faces.size());
+    all.rim_faces = z.faces.size();
+    mark_ends_of_rims(z, cut);
+    load_strip(all, context);
+    return all;
+  }
+
+  /// Edges of the rims with no face behind them here that are neither a border nor cut.
+  static void mark_ends_of_rims(ZipPieces& z, const std::vector<std::uint8_t>& cut) {
+    struct Side {
+      std::uint32_t low, high, face, edge;
+    };
+    std::vector<Side> sides;
+    sides.reserve(3 * z.faces.size());
+    for (std::uint32_t f = 0; f < z.faces.size(); ++f)
+      for (std::uint32_t k = 0; k < 3; ++k) {
+        const auto [low, high] = std::minmax(z.faces[f][k], z.faces[f][(k + 1) % 3]);
+        sides.push_back({low, high, f, k});
+      }
+    std::sort(sides.begin(), sides.end(), [](const Side& l, const Side& r) {
+      return l.low != r.low ? l.low < r.low : l.high != r.high ? l.high < r.high : l.face < r.face;
+    });
+    for (std::size_t i = 0; i < sides.size();) {
+      std::size_t end = i + 1;
+      while (end < sides.size() && sides[end].low == sides[i].low && sides[end].high == sides[i].high) ++end;
+      const Side& s = sides[i];
+      if (end == i + 1 && !(z.edges[s.face] >> s.edge & 1) && !(cut[s.face] >> s.edge & 1))
+        z.edges[s.face] = static_cast<std::uint8_t>(z.edges[s.face] | ZipPieces::kGoesOn << s.edge);
+      i = end;
+    }
+  }
+
+  void load_strip(Pieces& all, TaskContext& context) const {
+    ZipPieces& z = all.pieces;
+    std::vector<StripVertex> vertices;
+    std::vector<Double3> position;
+    for (std::size_t p = 0; p < strip_.patches().size(); ++p) {
+      context.check_stop();
+      const MeshBlock block = strip_.load({&p, 1});
+      for (std::size_t v = 0; v < block.key.size(); ++v) {
+        const bool own = block.key[v] >> kPlaceBits == strip_.patches()[p].key;
+        vertices.push_back({block.key[v], own ? 0u : 1u, static_cast<std::uint32_t>(position.size())});
+        position.push_back(block.position[v]);
+      }
+    }
+    std::sort(vertices.begin(), vertices.end());
+    std::vector<std::uint64_t> names;
+    const std::size_t first = z.position.size();
+    for (const StripVertex& v : vertices) {
+      if (!names.empty() && names.back() == v.key) continue;
+      names.push_back(v.key);
+      z.position.push_back(position[v.place] - plan_.origin);
+      all.key.push_back(merged_vertex(kStripRank, names.size() - 1));
+    }
+    for (std::size_t p = 0; p < strip_.patches().size(); ++p) {
+      context.check_stop();
+      const MeshBlock block = strip_.load({&p, 1});
+      for (const auto& f : block.faces) {
+        std::array<std::uint32_t, 3> corner;
+        for (std::size_t k = 0; k < 3; ++k)
+          corner[k] = static_cast<std::uint32_t>(
+              first + static_cast<std::size_t>(std::lower_bound(names.begin(), names.end(), block.key[f[k]]) -
+                                               names.begin()));
+        z.faces.push_back(corner);
+        z.edges.push_back(0);
+      }
+    }
+  }
+
+  /// What stays of the strip, and the stitches, as patches of the lattice's bricks.
+  std::uint64_t write_new(const Pieces& all, const Zipped& zipped, TaskContext& context) const {
+    MeshBlock block;
+    block.key = all.key;
+    for (const Double3& p : all.pieces.position) block.position.push_back(p + plan_.origin);
+    for (std::size_t f = all.rim_faces; f < all.pieces.faces.size(); ++f)
+      if (!zipped.removed[f]) block.faces.push_back(all.pieces.faces[f]);
+    block.faces.insert(block.faces.end(), zipped.added.begin(), zipped.added.end());
+    block.vertex_class.assign(block.key.size(), VertexClass::kSmooth);
+    block.face_flags.assign(block.faces.size(), 0);
+    if (plan_.info.colour) block.rgba.assign(block.key.size(), 0);
+    restore_rims(all, block);
+    canonicalise(block);
+    MeshFileWriter writer(context.create(kZippedFile), plan_.info);
+    if (!block.faces.empty()) {
+      std::vector<std::uint64_t> brick;
+      brick.reserve(block.faces.size());
+      for (const auto& f : block.faces)
+        brick.push_back(
+            brick_of_face(plan_.lattice, block.position[f[0]], block.position[f[1]], block.position[f[2]]));
+      split_faces(block, brick, [&](std::uint64_t key, MeshBlock&& patch) {
+        writer.add(merged_brick(kStripRank, key), patch);
+      });
+    }
+    return writer.finish();
+  }
+
+  /// Vertices of originals exactly as they are: sums with the origin may round.
+  void restore_rims(const Pieces& all, MeshBlock& block) const {
+    const auto end = std::lower_bound(all.key.begin(), all.key.end(), merged_vertex(kStripRank, 0));
+    for (std::size_t p = 0; p < rims_.patches().size(); ++p) {
+      const MeshBlock rim = rims_.load({&p, 1});
+      for (std::size_t v = 0; v < rim.key.size(); ++v) {
+        const auto at =
+            static_cast<std::size_t>(std::lower_bound(all.key.begin(), end, rim.key[v]) - all.key.begin());
+        block.position[at] = rim.position[v];
+        block.vertex_class[at] = rim.vertex_class[v];
+        if (!rim.rgba.empty()) block.rgba[at] = rim.rgba[v];
+      }
+    }
+  }
+
+  /// Patches of originals without the faces that were taken away.
+  std::uint64_t write_cut(const Pieces& all, const Zipped& zipped, TaskContext& context) const {
+    MeshFileWriter writer(context.create(kCutFile), plan_.info);
+    for (std::size_t p = 0; p < rims_.patches().size(); ++p) {
+      context.check_stop();
+      const std::size_t first = all.rim_patch[p], end = all.rim_patch[p + 1];
+      std::vector<std::array<std::uint64_t, 3>> gone;
+      for (std::size_t f = first; f < end; ++f)
+        if (zipped.removed[f]) gone.push_back(corners(all.pieces.faces[f], all.key));
+      if (gone.empty()) continue;
+      std::sort(gone.begin(), gone.end());
+      const std::uint64_t brick = rims_.patches()[p].key;
+      const std::int64_t found = kept_.find(brick);
+      if (found < 0) throw std::logic_error("merge: a rim has no patch");
+      const auto patch = static_cast<std::size_t>(found);
+      const MeshBlock block = kept_.load({&patch, 1});
+      std::vector<std::uint8_t> keep(block.faces.size());
+      for (std::size_t f = 0; f < keep.size(); ++f)
+        keep[f] = !std::binary_search(gone.begin(), gone.end(), corners(block.faces[f], block.key));
+      const MeshBlock rest = select_faces(block, keep);
+      if (rest.faces.empty())
+        writer.remove(brick);
+      else
+        writer.add(brick, rest);
+    }
+    return writer.finish();
+  }
+  static std::array<std::uint64_t, 3> corners(const std::array<std::uint32_t, 3>& f,
+                                              const std::vector<std::uint64_t>& key) {
+    std::array<std::uint64_t, 3> c = {key[f[0]], key[f[1]], key[f[2]]};
+    std::sort(c.begin(), c.end());
+    return c;
+  }
+  static constexpr int kPlaceBits = 22;  ///< of mesh_key(): bricks lie above them
+
+  MergePlan plan_;
+  MeshStore kept_, rims_, strip_;
+};
+
+}  // namespace
+
+std::unique_ptr<Stage> make_merge_zip_stage(const JobState& state) {
+  return std::make_unique<ZipStage>(state);
+}
+
+}  // namespace tessera

@@ -1,0 +1,51 @@
+#include <fmt/format.h>
+
+#include <nlohmann/json.hpp>
+
+#include "octree/error.h"
+#include "stream/formats/meshes/mesh_io.h"
+#include "stream/runtime/memory_budget.h"
+#include "stream/stages/merge/merge_job.h"
+#include "stream/stages/merge/merge_stages.h"
+#include "tools/cli.h"
+#include "tools/commands.h"
+
+namespace tessera {
+namespace {
+
+void run(const MergeOptions& given, JobState state) {
+  cli::require_output(state.output);
+  require_mesh_extension(state.output);
+  if (state.inputs.size() < 2) throw UsageError("merge takes two meshes or more, and got one");
+  if (state.inputs.size() > kMostMerged)
+    throw UsageError("merge takes " + std::to_string(kMostMerged) +
+                     " meshes at most: merge some of them first");
+  read_priority(given.priority, state.inputs);
+  MergeOptions options = given;
+  options.meshes = state.inputs.size();
+  state.settings = to_settings(options);
+  const nlohmann::json report = run_job(state, merge_job(options), cli::stderr_sink());
+  if (state.run.verbosity < 0) return;
+  const nlohmann::json mesh = report.value("mesh", nlohmann::json::object());
+  const nlohmann::json merge = report.value("merge", nlohmann::json::object());
+  const auto count = [&](const char* stage, const char* key) {
+    return merge.value(stage, nlohmann::json::object()).value(key, std::uint64_t{0});
+  };
+  fmt::print("{}: {} vertices, {} faces, {} of them new along joints of {} edges, {:.1f} s, peak {}\n",
+             state.output.string(), mesh.value("vertices", std::uint64_t{0}),
+             mesh.value("faces", std::uint64_t{0}), count("strip", "faces") + count("zip", "stitches"),
+             count("joints", "joint_edges"), report.at("wall_s").get<double>(),
+             format_bytes(report.at("peak_bytes").get<std::uint64_t>()));
+}
+
+}  // namespace
+
+cli::Command merge_command() {
+  return cli::job_command<MergeOptions>("merge",
+                                        "Overlapping meshes, not quite matching, of any resolution become "
+                                        "one: the better one stays, a band along the "
+                                        "joints is made anew. Resumable.",
+                                        "the mesh to write: .ply, .obj, .stl or .glb", run);
+}
+
+}  // namespace tessera
