@@ -11,6 +11,8 @@
 #include <queue>
 #include <unordered_map>
 
+#include "kernels/holes/hole_triangulation.h"
+
 namespace tessera {
 namespace {
 
@@ -20,8 +22,14 @@ constexpr std::uint32_t kNone = 0xffffffffu;
 constexpr double kLeastTurn = 0.17;    ///< cosine between a new face and those across its edges: 80 degrees
 constexpr double kLeastHeight = 0.02;  ///< of a new face over its edge, edge lengths: lower is a line
 constexpr double kOtherSheet = 1.0;    ///< of its length: edges so far above a new one do not cross it
-constexpr std::size_t kCrumb = 6;      ///< pieces of fewer faces are no surface
-constexpr int kMostRounds = 40;        ///< of removal; each leaves fewer faces
+/// Circles of this many times the gap, or the longest edge beside, pass through vertices of one side: of a dent in its border.
+constexpr double kMostRound = 2.0;
+constexpr std::size_t kMostLoop =
+    12;                             ///< edges of a loop that is filled: of the size of the strip's own faces
+constexpr double kLeastRim = -0.5;  ///< cosine between what fills a loop and what is around it
+constexpr std::size_t kCrumb = 6;   ///< pieces of fewer faces are no surface
+constexpr int kFillRounds = 3;
+constexpr int kMostRounds = 40;  ///< of removal; each leaves fewer faces
 
 std::uint64_t way(std::uint32_t from, std::uint32_t to) {
   return std::uint64_t{from} << 32 | to;
@@ -52,7 +60,11 @@ class Zipper {
     clean();
     lay_out();
     stitch();
-    unstitch();
+    // What is taken away again leaves loops too.
+    for (int round = 0; round < kFillRounds; ++round) {
+      fill_loops();
+      if (!unstitch()) break;
+    }
     Zipped out;
     out.removed.assign(gone_.begin(), gone_.begin() + static_cast<std::ptrdiff_t>(given_));
     for (std::size_t f = 0; f < given_; ++f) out.report.removed += gone_[f];
@@ -88,14 +100,24 @@ class Zipper {
     return !(closed & (unsigned{ZipPieces::kEnds | ZipPieces::kGoesOn} << k)) &&
            !has(faces_[f][(k + 1) % 3], faces_[f][k]);
   }
-  /// Fans of faces at a vertex that end on both sides.
+  /// Faces at a vertex that hang together across its edges, counted; 2 stands for more.
   int fans(std::uint32_t v) const {
-    int ends = 0;
-    for (const std::uint32_t f : star_[v]) {
-      const std::size_t k = corner(f, v);
-      ends += !has(faces_[f][(k + 1) % 3], v);
-    }
-    return ends;
+    const std::vector<std::uint32_t>& star = star_[v];
+    if (star.empty()) return 0;
+    const auto after = [&](std::uint32_t f) {
+      const auto it = half_.find(way(v, faces_[f][(corner(f, v) + 2) % 3]));
+      return it == half_.end() ? kNone : it->second;
+    };
+    const auto before = [&](std::uint32_t f) {
+      const auto it = half_.find(way(faces_[f][(corner(f, v) + 1) % 3], v));
+      return it == half_.end() ? kNone : it->second;
+    };
+    std::size_t count = 1;
+    std::uint32_t at = after(star[0]);
+    for (; at != kNone && at != star[0]; at = after(at)) ++count;
+    if (at == kNone)
+      for (at = before(star[0]); at != kNone; at = before(at)) ++count;
+    return count < star.size() ? 2 : 1;
   }
   std::size_t corner(std::uint32_t f, std::uint32_t v) const {
     return faces_[f][0] == v ? 0 : faces_[f][1] == v ? 1 : 2;
@@ -269,7 +291,7 @@ class Zipper {
     std::sort(near_.begin(), near_.end());
     near_.erase(std::unique(near_.begin(), near_.end()), near_.end());
     struct Apex {
-      double cosine;
+      double cosine, wide;
       std::uint32_t vertex;
     };
     std::vector<Apex> apices;
@@ -282,20 +304,24 @@ class Zipper {
         const double height = dot(p - u, out);
         if (height < kLeastHeight * length || height > gap_ + 0.75 * wide) continue;
         const Double3 a = unit_or_zero(u - p), b = unit_or_zero(v - p);
-        apices.push_back({dot(a, b), w});
+        apices.push_back({dot(a, b), wide, w});
       }
     }
     std::sort(apices.begin(), apices.end(), [](const Apex& l, const Apex& r) {
-      return l.cosine != r.cosine ? l.cosine < r.cosine : l.vertex < r.vertex;
+      return l.cosine != r.cosine   ? l.cosine < r.cosine
+             : l.vertex != r.vertex ? l.vertex < r.vertex
+                                    : l.wide > r.wide;
     });
     std::uint32_t last = kNone;
     for (const Apex& a : apices) {
       if (a.vertex == last) continue;
       last = a.vertex;
       if (!fits(e, a.vertex)) continue;
-      choice.apex = a.vertex;
       const double sine = std::sqrt(std::max(1e-12, 1.0 - a.cosine * a.cosine));
-      choice.size = a.cosine < 0.0 ? length : length / sine;
+      const double size = a.cosine < 0.0 ? length : length / sine;
+      if (size > kMostRound * std::max({gap_, length, a.wide})) break;
+      choice.apex = a.vertex;
+      choice.size = size;
       break;
     }
     return choice;
@@ -350,8 +376,60 @@ class Zipper {
     return false;
   }
 
+  /// Loops of a few edges that are left, with an edge that is no border of an original.
+  void fill_loops() {
+    std::unordered_map<std::uint32_t, Edge> next;  // by the end: fillings run against the faces
+    const auto add = [&](const Edge& e) {
+      if (!is_front(e)) return;
+      const bool fresh = next.emplace(e.to, e).second;
+      if (!fresh) next[e.to].face = kNone;  // borders touch there
+    };
+    for (const Edge& e : front_) add(e);
+    for (std::uint32_t f = 0; f < given_; ++f)
+      for (std::size_t k = 0; k < 3; ++k)
+        if (edges_[f] & (ZipPieces::kEnds << k)) add({faces_[f][k], faces_[f][(k + 1) % 3], f});
+    for (const Edge& start : front_) {
+      if (!is_front(start)) continue;
+      std::vector<Edge> loop;
+      Edge at = start;
+      bool closed = false;
+      while (loop.size() < kMostLoop) {
+        loop.push_back(at);
+        const auto it = next.find(at.from);
+        if (it == next.end() || it->second.face == kNone) break;
+        at = it->second;
+        if ((closed = at.from == start.from)) break;
+      }
+      if (closed && loop.size() >= 3) fill(loop);
+    }
+  }
+
+  void fill(const std::vector<Edge>& loop) {
+    HoleLoop hole;
+    for (const Edge& e : loop) {
+      hole.position.push_back(position_[e.to]);
+      const Face& f = faces_[e.face];
+      for (const std::uint32_t v : f)
+        if (v != e.from && v != e.to) hole.opposite.push_back(position_[v]);
+    }
+    for (std::uint32_t i = 0; i < loop.size(); ++i)
+      for (std::uint32_t j = i + 2; j < loop.size(); ++j)
+        if ((i > 0 || j + 1 < loop.size()) && (has(loop[i].to, loop[j].to) || has(loop[j].to, loop[i].to)))
+          hole.taken.push_back({i, j});
+    const HoleTriangulation made = triangulate_hole(hole, rim_normals(hole));
+    if (made.rim_cosine < kLeastRim) return;  // the outside of a piece
+    for (const auto& t : made.faces) {
+      const auto f = static_cast<std::uint32_t>(faces_.size());
+      faces_.push_back({loop[t[0]].to, loop[t[1]].to, loop[t[2]].to});
+      gone_.push_back(0);
+      normal_.push_back(unit_or_zero(face_normal(faces_[f])));
+      link(f);
+    }
+  }
+
   /// Vertices at which new faces leave two fans lose them.
-  void unstitch() {
+  bool unstitch() {
+    bool any = false;
     for (int round = 0; round < kMostRounds; ++round) {
       std::vector<std::uint32_t> out;
       for (std::uint32_t v = 0; v < star_.size(); ++v) {
@@ -361,11 +439,13 @@ class Zipper {
         for (const std::uint32_t f : star_[v])
           if (f >= given_) out.push_back(f);
       }
-      if (out.empty()) return;
+      if (out.empty()) break;
+      any = true;
       std::sort(out.begin(), out.end());
       out.erase(std::unique(out.begin(), out.end()), out.end());
       for (const std::uint32_t f : out) remove(f);
     }
+    return any;
   }
 
   std::uint64_t open_edges() const {

@@ -19,7 +19,7 @@ const std::map<std::string, std::set<std::string>> kKernelRooms = {
     {"solid", {"field"}},
     {"extract", {"field", "mesh"}},
     {"decimate", {"mesh"}},
-    {"merge", {"field", "mesh"}},
+    {"merge", {"field", "mesh", "holes"}},
     {"remesh", {"mesh", "decimate"}},
     {"certify", {"mesh", "picture"}},
     {"smooth", {"mesh"}},
