@@ -37,6 +37,12 @@ const std::map<std::string, std::string>& parts_of_headers() {
       {"stream/render/render_deviation.cpp", "stream/render/render_scene.h"},
       {"stream/render/render_mesh.cpp", "stream/render/render_scene.h"},
       {"stream/render/render_points.cpp", "stream/render/render_scene.h"},
+      {"stream/stages/merge/merge_cover_stage.cpp", "stream/stages/merge/merge_stages.h"},
+      {"stream/stages/merge/merge_joints_stage.cpp", "stream/stages/merge/merge_stages.h"},
+      {"stream/stages/merge/merge_meshes.cpp", "stream/stages/merge/merge_stages.h"},
+      {"stream/stages/merge/merge_scale_stage.cpp", "stream/stages/merge/merge_stages.h"},
+      {"stream/stages/merge/merge_strip_stage.cpp", "stream/stages/merge/merge_stages.h"},
+      {"stream/stages/merge/merge_zip_stage.cpp", "stream/stages/merge/merge_stages.h"},
       {"stream/stages/reconstruct/forecast_composer.cpp", "stream/stages/reconstruct/forecast.h"},
       {"stream/stages/deform/base_stage.cpp", "stream/stages/deform/deform_stages.h"},
       {"stream/stages/deform/basis_stage.cpp", "stream/stages/deform/deform_stages.h"},
@@ -60,6 +66,7 @@ const std::map<std::string, std::string>& parts_of_headers() {
       {"tools/deform_command.cpp", "tools/commands.h"},
       {"tools/doctor_command.cpp", "tools/commands.h"},
       {"tools/info_command.cpp", "tools/commands.h"},
+      {"tools/merge_command.cpp", "tools/commands.h"},
       {"tools/parameterize_command.cpp", "tools/commands.h"},
       {"tools/plan_command.cpp", "tools/commands.h"},
       {"tools/reconstruct_command.cpp", "tools/commands.h"},
@@ -137,6 +144,11 @@ const std::map<std::string, std::string>& covering_tests() {
 
     by("kernels/solid/solid_field", "kernels/solid",
        {"border_winding", "lattice_crossings", "line_windings", "mesh_solid", "solid_tree"});
+    by("kernels/mesh/signed_distance", "kernels/mesh", {"triangle_foot"});
+    by("tools/merge", "kernels/merge", {"blend_field", "merge_sheet"});
+    by("tools/merge", "stream/stages/merge",
+       {"merge_cover_stage", "merge_job", "merge_joints_stage", "merge_meshes", "merge_scale_stage",
+        "merge_stages", "merge_strip_stage", "merge_zip_stage"});
     by("tools/solids", "kernels/solid", {"solid_shape"});
     by("tools/solids", "stream/stages/solid",
        {"csg_job", "csg_scene", "lattice_stage", "lines_stage", "resurface_job", "solid_stages",

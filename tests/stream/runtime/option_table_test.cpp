@@ -159,7 +159,8 @@ TEST_CASE("jobs: found by name; a name that is none is an error and never anothe
   CHECK(find_job("decimate", to_settings(simplify)).stages.back().name == "write");
   for (const char* name : {"polish", "", "plan", "Reconstruct"}) {
     CHECK_THROWS_AS(find_job(name, "{}"), InputError);
-    CHECK_THROWS_WITH(find_job(name, "{}"), Catch::Contains("csg, decimate, reconstruct, resurface, smooth"));
+    CHECK_THROWS_WITH(find_job(name, "{}"),
+                      Catch::Contains("csg, decimate, merge, reconstruct, remesh, resurface, smooth"));
   }
   CHECK_THROWS_AS(find_job("smooth", to_settings(ReconstructOptions{})), UsageError);
 }

@@ -1,0 +1,170 @@
+// tessera merge as a user runs it.
+#include <catch2/catch.hpp>
+
+#include <csignal>
+#include <map>
+#include <nlohmann/json.hpp>
+#include <set>
+
+#include "octree/portable_math.h"
+#include "stream/formats/meshes/mesh_io.h"
+#include "tests/helpers/command.h"
+#include "tests/helpers/mesh_files.h"
+#include "tests/helpers/temp_folder.h"
+
+namespace {
+
+using namespace tessera;
+using namespace tessera::test;
+namespace fs = std::filesystem;
+
+double height(double x, double y) {
+  return 0.6 * sin_cos(0.4 * x).sin + 0.5 * sin_cos(0.3 * y + 0.2 * x).cos;
+}
+
+/// Squares of `edge` over [x0, x1] x [0, 20], lifted by `up`.
+std::string sheet(double x0, double x1, double edge, double up) {
+  const int nx = static_cast<int>((x1 - x0) / edge), ny = static_cast<int>(20.0 / edge);
+  std::string text =
+      "OFF\n" + std::to_string((nx + 1) * (ny + 1)) + " " + std::to_string(2 * nx * ny) + " 0\n";
+  for (int j = 0; j <= ny; ++j)
+    for (int i = 0; i <= nx; ++i) {
+      const double x = x0 + (x1 - x0) * i / nx, y = 20.0 * j / ny;
+      char line[96];
+      std::snprintf(line, sizeof line, "%.7g %.7g %.7g\n", x, y, height(x, y) + up);
+      text += line;
+    }
+  for (int j = 0; j < ny; ++j)
+    for (int i = 0; i < nx; ++i) {
+      const int a = i + (nx + 1) * j, b = a + nx + 1;
+      text += "3 " + std::to_string(a) + " " + std::to_string(a + 1) + " " + std::to_string(b + 1) + "\n";
+      text += "3 " + std::to_string(a) + " " + std::to_string(b + 1) + " " + std::to_string(b) + "\n";
+    }
+  return text;
+}
+
+struct Borders {
+  std::size_t inner = 0, outer = 0, bad = 0;
+};
+
+/// Border edges with a vertex within [1, 29] x [1, 19], and all others.
+Borders borders_of(const WholeMesh& m) {
+  std::map<std::pair<std::uint64_t, std::uint64_t>, int> way;
+  for (const MeshFace& f : m.faces)
+    for (std::size_t k = 0; k < 3; ++k) ++way[{f[k], f[(k + 1) % 3]}];
+  Borders b;
+  for (const auto& [edge, n] : way) {
+    b.bad += n > 1;
+    if (way.count({edge.second, edge.first})) continue;
+    bool inner = false;
+    for (const std::uint64_t v : {edge.first, edge.second}) {
+      const Double3& p = m.points[v];
+      inner = inner || (p[0] > 1 && p[0] < 29 && p[1] > 1 && p[1] < 19);
+    }
+    (inner ? b.inner : b.outer) += 1;
+  }
+  return b;
+}
+
+CommandResult merge(std::vector<std::string> words, unsigned kill_after_ms = 0) {
+  words.insert(words.begin(), "merge");
+  words.insert(words.end(), {"--no-html", "--progress", "none"});
+  return tessera_command(words, kill_after_ms);
+}
+
+}  // namespace
+
+TEST_CASE("merge: sheets that do not match become one, what is far from the joint stays as it is",
+          "[pipeline]") {
+  const TempFolder folder;
+  const std::string a = folder.write("a.off", sheet(0, 16, 0.2, 0.0)).string();
+  for (const auto& [edge, up] : {std::pair{0.2, 0.06}, {0.4, 0.0}, {0.1, -0.03}}) {
+    CAPTURE(edge, up);
+    const std::string b = folder.write("b.off", sheet(12.05, 30, edge, up)).string();
+    const std::string out = (folder / "o.ply").string();
+    const CommandResult r = merge({a, b, "-o", out, "--force"});
+    CAPTURE(r.errors);
+    REQUIRE(r.code == 0);
+    const WholeMesh mesh = read_whole(out);
+    const Borders borders = borders_of(mesh);
+    CHECK(borders.inner == 0);
+    CHECK(borders.bad == 0);
+    CHECK(borders.outer > 100);
+    const std::set<Double3> have(mesh.points.begin(), mesh.points.end());
+    std::size_t far = 0, lost = 0;
+    const auto look = [&](const WholeMesh& original, double low, double high) {
+      for (const Double3& p : original.points) {
+        if (p[0] < low || p[0] > high) continue;
+        ++far;
+        lost += have.count(p) == 0;
+      }
+    };
+    look(read_whole(a), -1.0, 10.0);
+    look(read_whole(b), 18.0, 31.0);
+    CHECK(lost == 0);
+    CHECK(far > 5000);
+    for (const Double3& p : mesh.points) CHECK(std::fabs(p[2] - height(p[0], p[1])) < 0.1);
+  }
+}
+
+TEST_CASE("merge: three at one place, the best by word", "[pipeline]") {
+  const TempFolder folder;
+  const std::string a = folder.write("a.off", sheet(0, 14, 0.25, 0.0)).string(),
+                    b = folder.write("b.off", sheet(8, 22, 0.2, 0.05)).string(),
+                    c = folder.write("c.off", sheet(12, 30, 0.3, -0.05)).string();
+  for (const std::string order : {"a,b", "c", "2,1,3"}) {
+    CAPTURE(order);
+    const std::string out = (folder / "o.ply").string();
+    const CommandResult r = merge({a, b, c, "-o", out, "--force", "--priority", order});
+    CAPTURE(r.errors);
+    REQUIRE(r.code == 0);
+    const Borders borders = borders_of(read_whole(out));
+    CHECK(borders.inner == 0);
+    CHECK(borders.bad == 0);
+  }
+}
+
+TEST_CASE("merge: the same bytes whatever runs, in any order of inputs, after any kill", "[fault]") {
+  const TempFolder folder;
+  const std::string a = folder.write("a.off", sheet(0, 16, 0.1, 0.0)).string(),
+                    b = folder.write("b.off", sheet(12.05, 30, 0.2, 0.06)).string();
+  const std::string first = (folder / "1.ply").string(), again = (folder / "2.ply").string();
+  REQUIRE(merge({a, b, "-o", first}).code == 0);
+  const std::string bytes = file_bytes(first);
+  for (const std::vector<std::string>& how : {std::vector<std::string>{a, b, "-t", "1", "--tile-size", "64"},
+                                              {b, a, "-t", "2"},
+                                              {a, b, "--memory", "160M"}}) {
+    std::vector<std::string> words = how;
+    words.insert(words.end(), {"-o", again, "--force"});
+    const CommandResult r = merge(words);
+    CAPTURE(r.errors);
+    REQUIRE(r.code == 0);
+    CHECK(file_bytes(again) == bytes);
+    if (how[2] == "--memory") CHECK(r.peak_bytes < (std::uint64_t{160} << 20));
+  }
+  const std::string part = (folder / "3.ply").string();
+  unsigned killed = 0;
+  for (const unsigned ms : {30u, 80u, 150u, 250u, 400u, 700u})
+    killed += merge({a, b, "-o", part}, ms).code == 128 + SIGKILL;
+  CHECK(killed > 0);
+  if (!fs::exists(part)) REQUIRE(merge({a, b, "-o", part}).code == 0);
+  CHECK(file_bytes(part) == bytes);
+}
+
+TEST_CASE("merge: what cannot work is told", "[pipeline]") {
+  const TempFolder folder;
+  const std::string a = folder.write("a.off", sheet(0, 5, 0.5, 0.0)).string(),
+                    b = folder.write("b.off", sheet(25, 30, 0.5, 0.0)).string(),
+                    out = (folder / "o.ply").string();
+  CHECK(merge({a, "-o", out}).code == 2);
+  const CommandResult unknown = merge({a, b, "-o", out, "--priority", "c"});
+  CHECK(unknown.code == 2);
+  CHECK(unknown.errors.find("none of the meshes") != std::string::npos);
+  CHECK(merge({a, b, "-o", out, "--priority", "a,1"}).code == 2);
+  CHECK(merge({a, (folder / "none.off").string(), "-o", out}).code == 3);
+  // Nothing overlaps: both stay, and it is said.
+  const CommandResult apart = merge({a, b, "-o", out});
+  CHECK(apart.code == 0);
+  CHECK(file_bytes(out + ".report.json").find("no other mesh overlaps it") != std::string::npos);
+  CHECK(read_whole(out).faces.size() == 1600);
+}
