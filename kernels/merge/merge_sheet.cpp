@@ -70,6 +70,21 @@ MergeBlend::Value MergeBlend::at(const Double3& p, double more) const {
   return value;
 }
 
+std::pair<std::size_t, std::uint32_t> MergeBlend::main_vertex(const Double3& p, double more) const {
+  std::pair<std::size_t, std::uint32_t> best = {0, SignedDistance::kNone};
+  double left = 1.0, most = 0.0;
+  for (std::size_t s = 0; s < sheets_.size(); ++s) {
+    if (!sheets_[s] || !(left > 0.0)) continue;
+    const MergeSheet::Place place = sheets_[s]->at(p, reach_.apart + more, reach_.beyond);
+    const double share = left * place.cover;
+    left -= share;
+    if (!(share > most)) continue;
+    most = share;
+    best = {s, sheets_[s]->surface().nearest_corner(place.foot)};
+  }
+  return best;
+}
+
 int MergeBlend::owner(const Double3& p, int own, const Double3& normal) const {
   double left = 1.0;
   int owner = own, owners = 0;

@@ -8,6 +8,7 @@
 /// it has any, passes into the next one before it ends, and is nowhere cut.
 #pragma once
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "kernels/mesh/signed_distance.h"
@@ -64,6 +65,8 @@ class MergeBlend {
   };
   /// \param more  beyond MergeReach::apart, how far from the meshes
   Value at(const Double3& p, double more) const;
+  /// The mesh with the largest share, and its vertex there. \pre at() has a share
+  std::pair<std::size_t, std::uint32_t> main_vertex(const Double3& p, double more) const;
   /// Whose a place on mesh `own` is: a rank, or kMixed. \param normal  unit, of the mesh there
   int owner(const Double3& p, int own, const Double3& normal) const;
 

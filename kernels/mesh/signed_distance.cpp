@@ -91,6 +91,14 @@ SignedDistance::Foot SignedDistance::closest(const Double3& p, double limit_squa
   return foot;
 }
 
+std::uint32_t SignedDistance::nearest_corner(const Foot& foot) const {
+  const std::array<std::uint32_t, 3>& c = corner_[foot.face];
+  std::uint32_t best = c[0];
+  for (const std::uint32_t v : c)
+    if (squared_distance(position_[v], foot.at) < squared_distance(position_[best], foot.at)) best = v;
+  return best;
+}
+
 double SignedDistance::signed_distance(const Double3& p, const Foot& foot) {
   const double away = std::sqrt(foot.square);
   return dot(p - foot.at, foot.side) < 0.0 ? -away : away;

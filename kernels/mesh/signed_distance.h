@@ -35,6 +35,9 @@ class SignedDistance {
   /// Distance, < 0 inside. \pre the foot is one of p
   static double signed_distance(const Double3& p, const Foot& foot);
 
+  /// Vertex of the block nearest to a foot, among those of its face.
+  std::uint32_t nearest_corner(const Foot& foot) const;
+
   bool empty() const { return faces_.empty(); }
   const Double3& origin() const { return faces_.origin(); }
   const Double3& face_normal(std::uint32_t face) const { return normal_[face]; }  ///< unit, or zero

@@ -151,6 +151,33 @@ TEST_CASE("merge: the same bytes whatever runs, in any order of inputs, after an
   CHECK(file_bytes(part) == bytes);
 }
 
+TEST_CASE("merge: colours go on along the joint", "[pipeline]") {
+  const TempFolder folder;
+  const auto painted = [&](const char* name, const std::string& text, std::uint32_t rgba) {
+    WholeMesh mesh = read_whole(folder.write("plain.off", text));
+    mesh.header.vertices = mesh.points.size();
+    mesh.header.faces = mesh.faces.size();
+    mesh.header.colour = true;
+    mesh.rgba.assign(mesh.points.size(), rgba);
+    write_whole(folder / name, mesh);
+    return (folder / name).string();
+  };
+  const std::string a = painted("a.ply", sheet(0, 16, 0.2, 0.0), 0xff2040c0u),
+                    b = painted("b.ply", sheet(12.05, 30, 0.3, 0.03), 0xff60e010u);
+  const std::string out = (folder / "o.ply").string();
+  REQUIRE(merge({a, b, "-o", out}).code == 0);
+  const WholeMesh mesh = read_whole(out);
+  REQUIRE(mesh.rgba.size() == mesh.points.size());
+  const std::uint32_t left = read_whole(a).rgba[0], right = read_whole(b).rgba[0];
+  std::size_t other = 0;
+  for (std::size_t v = 0; v < mesh.rgba.size(); ++v)
+    other += mesh.rgba[v] != (mesh.points[v][0] < 14   ? left
+                              : mesh.points[v][0] > 18 ? right
+                                                       : mesh.rgba[v]) ||
+             (mesh.rgba[v] != left && mesh.rgba[v] != right);
+  CHECK(other == 0);
+}
+
 TEST_CASE("merge: what cannot work is told", "[pipeline]") {
   const TempFolder folder;
   const std::string a = folder.write("a.off", sheet(0, 5, 0.5, 0.0)).string(),

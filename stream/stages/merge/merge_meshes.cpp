@@ -101,6 +101,7 @@ MergeMeshes::Near MergeMeshes::load(const MeshBox& box, double margin, std::size
                                     const MeshBlock* block) const {
   Near near;
   near.sheets.resize(stores_.size());
+  near.rgba.resize(stores_.size());
   const MeshBox wide = grown(box, margin);
   for (std::size_t r = 0; r < stores_.size(); ++r) {
     MeshBlock loaded;
@@ -111,6 +112,7 @@ MergeMeshes::Near MergeMeshes::load(const MeshBox& box, double margin, std::size
       if (loaded.faces.empty()) continue;
     }
     const MeshBlock& mesh = given ? *block : loaded;
+    near.rgba[r] = mesh.rgba;
     std::vector<Double3> position;
     std::vector<std::array<std::uint32_t, 3>> segments;
     const MeshBox reach = grown(wide, plan_.fade[r]);

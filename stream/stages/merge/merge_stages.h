@@ -87,6 +87,7 @@ class MergeMeshes {
   /// What meshes are near a box.
   struct Near {
     std::vector<std::unique_ptr<MergeSheet>> sheets;  ///< per rank, null where nothing is
+    std::vector<std::vector<std::uint32_t>> rgba;     ///< per rank and vertex, empty without colours
     std::vector<const MergeSheet*> pointers() const;
   };
   /// \param margin  around the box  \param block  if not null: of rank `own`, taken as it is

@@ -115,7 +115,7 @@ class StripStage : public Stage {
         MeshBlock mesh = make_mesh_block(patch, {plan.lattice, {0, 0, 0}, plan.info.double_positions, false});
         made += mesh.faces.size();
         mesh = trim(mesh, blend, stay, context);
-        if (plan.info.colour) mesh.rgba.assign(mesh.key.size(), 0);
+        if (plan.info.colour) paint(mesh, blend, near);
         faces += mesh.faces.size();
         writer.add(brick_key(patch.brick), mesh);
       });
@@ -174,6 +174,17 @@ class StripStage : public Stage {
     for (std::size_t f = 0; f < keep.size(); ++f)
       keep[f] = good[mesh.faces[f][0]] && good[mesh.faces[f][1]] && good[mesh.faces[f][2]];
     return select_faces(mesh, keep);
+  }
+
+  /// Every vertex has the colour of the nearest one of the mesh that counts most there.
+  void paint(MeshBlock& mesh, const MergeBlend& blend, const MergeMeshes::Near& near) const {
+    mesh.rgba.clear();
+    for (const Double3& p : mesh.position) {
+      const auto [rank, vertex] =
+          blend.main_vertex(p - meshes_.plan().origin, kFieldCells * meshes_.plan().lattice.h);
+      const bool known = vertex != SignedDistance::kNone && !near.rgba[rank].empty();
+      mesh.rgba.push_back(known ? near.rgba[rank][vertex] : 0);
+    }
   }
 
   MergeMeshes meshes_;

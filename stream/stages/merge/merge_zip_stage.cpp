@@ -79,6 +79,7 @@ class ZipStage : public Stage {
   struct Pieces {
     ZipPieces pieces;
     std::vector<std::uint64_t> key;      ///< per vertex: in the merged mesh
+    std::vector<std::uint32_t> rgba;     ///< per vertex of the strip, empty without colours
     std::vector<std::size_t> rim_patch;  ///< per patch of the rims: its first face here, and one more
     std::size_t rim_faces = 0;
   };
@@ -148,6 +149,7 @@ class ZipStage : public Stage {
     ZipPieces& z = all.pieces;
     std::vector<StripVertex> vertices;
     std::vector<Double3> position;
+    std::vector<std::uint32_t> rgba;
     for (std::size_t p = 0; p < strip_.patches().size(); ++p) {
       context.check_stop();
       const MeshBlock block = strip_.load({&p, 1});
@@ -155,6 +157,7 @@ class ZipStage : public Stage {
         const bool own = block.key[v] >> kPlaceBits == strip_.patches()[p].key;
         vertices.push_back({block.key[v], own ? 0u : 1u, static_cast<std::uint32_t>(position.size())});
         position.push_back(block.position[v]);
+        if (plan_.info.colour) rgba.push_back(block.rgba[v]);
       }
     }
     std::sort(vertices.begin(), vertices.end());
@@ -164,6 +167,7 @@ class ZipStage : public Stage {
       if (!names.empty() && names.back() == v.key) continue;
       names.push_back(v.key);
       z.position.push_back(position[v.place] - plan_.origin);
+      if (plan_.info.colour) all.rgba.push_back(rgba[v.place]);
       all.key.push_back(merged_vertex(kStripRank, names.size() - 1));
     }
     for (std::size_t p = 0; p < strip_.patches().size(); ++p) {
@@ -191,7 +195,10 @@ class ZipStage : public Stage {
     block.faces.insert(block.faces.end(), zipped.added.begin(), zipped.added.end());
     block.vertex_class.assign(block.key.size(), VertexClass::kSmooth);
     block.face_flags.assign(block.faces.size(), 0);
-    if (plan_.info.colour) block.rgba.assign(block.key.size(), 0);
+    if (plan_.info.colour) {
+      block.rgba.assign(block.key.size() - all.rgba.size(), 0);
+      block.rgba.insert(block.rgba.end(), all.rgba.begin(), all.rgba.end());
+    }
     restore_rims(all, block);
     canonicalise(block);
     MeshFileWriter writer(context.create(kZippedFile), plan_.info);
