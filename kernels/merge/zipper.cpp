@@ -416,7 +416,11 @@ class Zipper {
       for (std::uint32_t j = i + 2; j < loop.size(); ++j)
         if ((i > 0 || j + 1 < loop.size()) && (has(loop[i].to, loop[j].to) || has(loop[j].to, loop[i].to)))
           hole.taken.push_back({i, j});
-    const HoleTriangulation made = triangulate_hole(hole, rim_normals(hole));
+    HoleTriangulation made = triangulate_hole(hole, rim_normals(hole));
+    // Three vertices nearly in line, where a border of the strip bends by nothing: thin, but closed.
+    if (made.faces.empty() && loop.size() == 3 &&
+        norm(triangle_normal(hole.position[0], hole.position[1], hole.position[2])) > 0.0)
+      made.faces.push_back({0, 1, 2});
     if (made.rim_cosine < kLeastRim) return;  // the outside of a piece
     for (const auto& t : made.faces) {
       const auto f = static_cast<std::uint32_t>(faces_.size());

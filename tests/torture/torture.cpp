@@ -155,6 +155,7 @@ class Torture {
     scan("city.laz", {"--scene", "city", "--mode", "airborne", "--points", "40k"});
     const auto at = [&](const char* name) { return (folder_ / name).string(); };
     must({"reconstruct", at("terrain.ply"), "-o", at("mesh.ply"), "--no-html"});
+    must({"decimate", at("mesh.ply"), "-o", at("coarse.ply"), "--target-faces", "5000", "--no-html"});
     must({"reconstruct", at("statue.las"), "--holes", "close", "-o", at("body.stl"), "--no-html"});
   }
 
@@ -251,7 +252,7 @@ class Torture {
       words.insert(words.end(), more.begin(), more.end());
       return words;
     };
-    switch (random.below(13)) {
+    switch (random.below(14)) {
       case 0:
         return {with({"smooth", at("mesh.ply")}, pick({{"--method", "taubin", "--steps", "10"},
                                                        {"--lambda", "50"},
@@ -271,6 +272,8 @@ class Torture {
         return {with({"resurface", at("body.stl")}, pick({{}, {"--method", "mc"}})), "closed.ply"};
       case 12:
         return {{"csg", at("body.stl"), "*", at("body.stl")}, "solid.ply"};
+      case 13:
+        return {{"merge", at("mesh.ply"), at("coarse.ply")}, "merged.ply"};
       case 3:
         return {{"convert", at("mesh.ply")}, random.below(2) == 0 ? "copy.obj" : "copy.glb", false};
       case 4:
