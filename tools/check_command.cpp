@@ -16,8 +16,8 @@
 #include "stream/formats/meshes/mesh_io.h"
 #include "stream/runtime/parallel.h"
 #include "stream/runtime/stop.h"
-#include "tools/cli.h"
 #include "tools/commands.h"
+#include "tools/frame/cli.h"
 
 namespace tessera {
 namespace {

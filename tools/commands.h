@@ -1,7 +1,7 @@
 /// \file commands.h
 /// Every command of `tessera`, one function per file tools/<command>_command.cpp.
 #pragma once
-#include "tools/cli.h"
+#include "tools/frame/cli.h"
 
 namespace tessera {
 
@@ -24,7 +24,7 @@ cli::Command resurface_command();
 cli::Command smooth_command();
 cli::Command synth_command();
 cli::Command task_command();
-cli::Command view_command();
 cli::Command tiles_command();
+cli::Command view_command();
 
 }  // namespace tessera

@@ -6,8 +6,8 @@
 #include "stream/commands/convert_points.h"
 #include "stream/points/reconstruct_options.h"
 #include "stream/runtime/stop.h"
-#include "tools/cli.h"
 #include "tools/commands.h"
+#include "tools/frame/cli.h"
 
 namespace tessera {
 namespace {

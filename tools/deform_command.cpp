@@ -8,8 +8,8 @@
 #include "stream/runtime/memory_budget.h"
 #include "stream/stages/deform/deform_job.h"
 #include "stream/stages/deform/edit_script.h"
-#include "tools/cli.h"
 #include "tools/commands.h"
+#include "tools/frame/cli.h"
 
 namespace tessera {
 namespace {

@@ -19,8 +19,8 @@
 #include "stream/runtime/memory_budget.h"
 #include "stream/runtime/parallel.h"
 #include "stream/runtime/stop.h"
-#include "tools/cli.h"
 #include "tools/commands.h"
+#include "tools/frame/cli.h"
 
 namespace tessera {
 namespace {

@@ -10,8 +10,8 @@
 #include "stream/points/point_summary.h"
 #include "stream/points/reconstruct_options.h"
 #include "stream/runtime/parallel.h"
-#include "tools/cli.h"
 #include "tools/commands.h"
+#include "tools/frame/cli.h"
 
 namespace tessera {
 namespace {

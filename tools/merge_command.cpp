@@ -7,8 +7,8 @@
 #include "stream/runtime/memory_budget.h"
 #include "stream/stages/merge/merge_job.h"
 #include "stream/stages/merge/merge_stages.h"
-#include "tools/cli.h"
 #include "tools/commands.h"
+#include "tools/frame/cli.h"
 
 namespace tessera {
 namespace {

@@ -5,8 +5,8 @@
 #include "stream/commands/parameterize_mesh.h"
 #include "stream/runtime/memory_budget.h"
 #include "stream/runtime/stop.h"
-#include "tools/cli.h"
 #include "tools/commands.h"
+#include "tools/frame/cli.h"
 
 namespace tessera {
 namespace {

@@ -12,8 +12,8 @@
 #include "stream/stages/reconstruct/forecast.h"
 #include "stream/stages/reconstruct/reconstruct_job.h"
 #include "stream/stages/surface/closing_stages.h"
-#include "tools/cli.h"
 #include "tools/commands.h"
+#include "tools/frame/cli.h"
 
 namespace tessera {
 namespace {

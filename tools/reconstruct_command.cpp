@@ -6,8 +6,8 @@
 #include "stream/formats/meshes/mesh_io.h"
 #include "stream/runtime/memory_budget.h"
 #include "stream/stages/reconstruct/reconstruct_job.h"
-#include "tools/cli.h"
 #include "tools/commands.h"
+#include "tools/frame/cli.h"
 
 namespace tessera {
 namespace {

@@ -9,8 +9,8 @@
 #include "stream/points/reconstruct_options.h"
 #include "stream/render/render.h"
 #include "stream/runtime/memory_budget.h"
-#include "tools/cli.h"
 #include "tools/commands.h"
+#include "tools/frame/cli.h"
 
 namespace tessera {
 namespace {

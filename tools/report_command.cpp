@@ -10,8 +10,8 @@
 #include "stream/page/report_value.h"
 #include "stream/runtime/memory_budget.h"
 #include "stream/runtime/report.h"
-#include "tools/cli.h"
 #include "tools/commands.h"
+#include "tools/frame/cli.h"
 
 namespace tessera {
 namespace {

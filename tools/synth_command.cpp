@@ -8,8 +8,8 @@
 #include "kernels/scene/scene.h"
 #include "octree/error.h"
 #include "stream/commands/synth.h"
-#include "tools/cli.h"
 #include "tools/commands.h"
+#include "tools/frame/cli.h"
 
 namespace tessera {
 namespace {

@@ -6,8 +6,8 @@
 #include "stream/runtime/child_process.h"
 #include "stream/runtime/journal.h"
 #include "stream/stages/jobs.h"
-#include "tools/cli.h"
 #include "tools/commands.h"
+#include "tools/frame/cli.h"
 
 namespace tessera {
 namespace {

@@ -7,8 +7,8 @@
 #include "stream/runtime/memory_budget.h"
 #include "stream/runtime/work_dir.h"
 #include "stream/stages/tiles/tiles_job.h"
-#include "tools/cli.h"
 #include "tools/commands.h"
+#include "tools/frame/cli.h"
 
 namespace tessera {
 namespace {

@@ -15,7 +15,7 @@
 #include "stream/points/reconstruct_options.h"
 #include "stream/runtime/stop.h"
 #include "stream/stages/surface/surface_stage.h"
-#include "tools/cli.h"
+#include "tools/frame/cli.h"
 
 namespace {
 

@@ -16,8 +16,8 @@
 #include "stream/formats/meshes/mesh_io.h"
 #include "stream/page/view_page.h"
 #include "stream/runtime/memory_budget.h"
-#include "tools/cli.h"
 #include "tools/commands.h"
+#include "tools/frame/cli.h"
 
 namespace tessera {
 namespace {

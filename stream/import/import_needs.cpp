@@ -52,4 +52,13 @@ std::vector<StageNeed> import_needs(const RunOptions& run, const ImportSource& s
           {named("-tiles"), tiles(target), tiles(most)}};
 }
 
+std::vector<StageNeed> import_needs(const JobState& state, std::size_t inputs,
+                                    const std::function<std::string(std::size_t)>& folder) {
+  std::vector<StageNeed> needs;
+  for (std::size_t i = 0; i < inputs; ++i)
+    for (StageNeed& need : import_needs(state.run, {i, folder(i)}, claimed_mesh_size(state.inputs.at(i))))
+      needs.push_back(std::move(need));
+  return needs;
+}
+
 }  // namespace tessera

@@ -3,6 +3,8 @@
 #pragma once
 #include <cstdint>
 #include <filesystem>
+#include <functional>
+#include <string>
 #include <vector>
 
 #include "stream/import/import_plan.h"
@@ -20,5 +22,9 @@ MeshSize claimed_mesh_size(const std::filesystem::path& path);
 
 /// Memory of the stages of an import whose vertices lie as evenly as those of scans.
 std::vector<StageNeed> import_needs(const RunOptions& run, const ImportSource& source, const MeshSize& mesh);
+
+/// Of the imports of the first `inputs` of a job. \param folder  of each
+std::vector<StageNeed> import_needs(const JobState& state, std::size_t inputs,
+                                    const std::function<std::string(std::size_t)>& folder);
 
 }  // namespace tessera

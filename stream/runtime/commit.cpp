@@ -106,7 +106,8 @@ fs::path aside_path(const fs::path& final_path) {
 
 fs::path committed_path(const JobState& state, const std::string& name) {
   if (name == kOutputName) return state.output;
-  if (name.starts_with(kBesideName)) return state.output.parent_path() / name.substr(std::strlen(kBesideName));
+  if (name.starts_with(kBesideName))
+    return state.output.parent_path() / name.substr(std::strlen(kBesideName));
   return state.work / name;
 }
 

@@ -25,7 +25,7 @@ struct FileRecord {
 inline constexpr const char* kOutputName = "@output";  ///< name of the job's output in TaskContext::create()
 /// Begins the names of files of an output that is more than one: "@beside/tiles/0.glb" lies in the output's folder.
 inline constexpr const char* kBesideName = "@beside/";
-inline constexpr std::int64_t kFinishTask = -1;        ///< TaskRecord::task of a stage's finish()
+inline constexpr std::int64_t kFinishTask = -1;  ///< TaskRecord::task of a stage's finish()
 
 /// One committed task.
 struct TaskRecord {

@@ -24,7 +24,7 @@
 #include "stream/runtime/job.h"
 #include "stream/runtime/journal.h"
 #include "stream/runtime/stop.h"
-#include "tools/cli.h"
+#include "tools/frame/cli.h"
 
 using namespace tessera;
 namespace fs = std::filesystem;

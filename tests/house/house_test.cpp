@@ -157,7 +157,7 @@ TEST_CASE("gate of tests: kernels and stages without one, and stale lines of the
   const std::string other = "tests/stream/meshes/patch_store_test.cpp";
   check_clean(check_tests({patch, test}, {}));
   check_clean(check_tests({patch, source(other)}, {{"kernels/mesh/patch", other}}));
-  check_clean(check_tests({header("stream/files/output_file.h"), header("tools/cli.h")}, {}));
+  check_clean(check_tests({header("stream/files/output_file.h"), header("tools/frame/cli.h")}, {}));
   check_only(check_tests({patch}, {}), "no tests/kernels/mesh/patch_test.cpp");
   check_only(check_tests({header("stream/import/import_tiles_stage.h")}, {}), "no tests/stream/import");
   check_only(check_tests({patch}, {{"kernels/mesh/patch", other}}), "is gone");

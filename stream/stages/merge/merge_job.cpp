@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 
 #include "octree/error.h"
+#include "stream/import/import_needs.h"
 #include "stream/import/import_stages.h"
 #include "stream/import/system_beside.h"
 #include "stream/meshes/store_write_stage.h"
@@ -91,7 +92,11 @@ JobDescription merge_job(const MergeOptions& options) {
                       return make_store_write_stage(s, open_merged_mesh(s.work), "made by tessera merge",
                                                     sort_bytes(s.run));
                     }});
-  return {"merge", std::move(stages), 0, summarise, {carried_system()}, job_page()};
+  JobDescription job{"merge", std::move(stages), 0, summarise, {carried_system()}, job_page()};
+  job.needs = [meshes = options.meshes](const JobState& state) {
+    return import_needs(state, meshes, merge_import);
+  };
+  return job;
 }
 
 }  // namespace tessera

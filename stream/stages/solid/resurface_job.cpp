@@ -75,11 +75,8 @@ std::vector<StageEntry> solid_stages(const SolidModel& model, std::uint64_t min_
 
 std::vector<StageNeed> solid_needs(const JobState& state, std::size_t meshes) {
   constexpr std::uint64_t kFewPatches = std::uint64_t{8} << 20;
-  std::vector<StageNeed> needs = {{"write", write_bytes({}, 0), write_bytes({}, 0) + kFewPatches}};
-  for (std::size_t i = 0; i < meshes; ++i)
-    for (StageNeed& need :
-         import_needs(state.run, {i, solid_import(i)}, claimed_mesh_size(state.inputs.at(i))))
-      needs.push_back(std::move(need));
+  std::vector<StageNeed> needs = import_needs(state, meshes, solid_import);
+  needs.push_back({"write", write_bytes({}, 0), write_bytes({}, 0) + kFewPatches});
   return needs;
 }
 

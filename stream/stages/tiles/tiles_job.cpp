@@ -3,6 +3,7 @@
 #include <nlohmann/json.hpp>
 
 #include "octree/error.h"
+#include "stream/import/import_needs.h"
 #include "stream/import/import_stages.h"
 #include "stream/runtime/report.h"
 #include "stream/stages/decimate/certify_stage.h"
@@ -82,7 +83,11 @@ JobDescription tiles_job(const TilesOptions& options) {
   std::vector<StageEntry> stages = import_stages({0, kTilesImport});
   for (int level = 0; level <= kMostLevels; ++level) add_level(stages, options, level);
   stages.push_back({"tileset", [](const JobState& state) { return make_tileset_stage(state); }});
-  return {"tiles", std::move(stages), 0, summarise, {}, {}};
+  JobDescription job{"tiles", std::move(stages), 0, summarise, {}, {}};
+  job.needs = [](const JobState& state) {
+    return import_needs(state, 1, [](std::size_t) { return kTilesImport; });
+  };
+  return job;
 }
 
 }  // namespace tessera

@@ -22,8 +22,7 @@ MeshBlock block_of(const test::Surface& s, std::uint8_t flags = 0) {
 
 }  // namespace
 
-TEST_CASE("signed distance: brute force has the same, signs are those of the solid",
-          "[property]") {
+TEST_CASE("signed distance: brute force has the same, signs are those of the solid", "[property]") {
   // A box: most feet far away are on edges and corners, where face normals alone tell wrong sides.
   test::Surface box;
   for (int c = 0; c < 8; ++c)

@@ -1,4 +1,4 @@
-#include "tools/manual.h"
+#include "tools/frame/manual.h"
 
 #include <utility>
 

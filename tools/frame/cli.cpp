@@ -1,4 +1,4 @@
-#include "tools/cli.h"
+#include "tools/frame/cli.h"
 
 #include <csignal>
 #include <fstream>
@@ -14,7 +14,7 @@
 #include "octree/error.h"
 #include "stream/files/system_reason.h"
 #include "stream/runtime/stop.h"
-#include "tools/manual.h"
+#include "tools/frame/manual.h"
 
 namespace tessera::cli {
 namespace {

@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "tools/cli.h"
+#include "tools/frame/cli.h"
 
 namespace tessera::cli {
 
