@@ -1,3 +1,5 @@
+#include <vector>
+
 #include "stream/runtime/memory_budget.h"
 #include "stream/runtime/parallel.h"
 #include "tools/commands.h"
@@ -5,14 +7,30 @@
 int main(int argc, char** argv) {
   using namespace tessera;
   configure_allocator(core_count());
-  return cli::run(
-      "tessera", "Tessera turns huge 3D scans into meshes, out of core.",
-      {
-          // one line per command, in the order of the help
-          plan_command(),   reconstruct_command(), resurface_command(),    csg_command(),    merge_command(),
-          smooth_command(), decimate_command(),    remesh_command(),       tiles_command(),  deform_command(),
-          task_command(),   check_command(),       render_command(),       report_command(), view_command(),
-          info_command(),   convert_command(),     parameterize_command(), synth_command(),  doctor_command(),
-      },
-      argc, argv);
+  // clang-format off
+  const std::vector<cli::Command> commands = {
+      // one line per command, in the order of the help
+      plan_command(),
+      reconstruct_command(),
+      resurface_command(),
+      csg_command(),
+      merge_command(),
+      smooth_command(),
+      decimate_command(),
+      remesh_command(),
+      deform_command(),
+      tiles_command(),
+      view_command(),
+      task_command(),
+      check_command(),
+      render_command(),
+      report_command(),
+      info_command(),
+      convert_command(),
+      parameterize_command(),
+      synth_command(),
+      doctor_command(),
+  };
+  // clang-format on
+  return cli::run("tessera", "Tessera turns huge 3D scans into meshes, out of core.", commands, argc, argv);
 }
