@@ -232,7 +232,7 @@ void Driver::require_memory(std::size_t first) const {
   };
   const StageNeed most = largest(state_.run.memory_bytes);
   // The cap that is named counts with more than the process holds now, so that it does in every later run too.
-  const MemoryBudget budget(state_.run.memory_bytes, resident_bytes());
+  const MemoryBudget budget(state_.run.memory_bytes, base - MemoryBudget::kBaseStep);
   if (most.sure <= budget.capacity()) return;
   budget.require(most.sure, "stage " + most.stage,
                  MemoryBudget::smallest_fitting_cap(state_.run.memory_bytes, base,

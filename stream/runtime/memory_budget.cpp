@@ -199,8 +199,7 @@ MemoryBudget::MemoryBudget(std::uint64_t cap, std::uint64_t base)
 }
 
 std::uint64_t MemoryBudget::expected_base(std::uint64_t later) {
-  constexpr std::uint64_t kStep = 4 * kMiB;
-  return (resident_bytes() + later + kStep + kStep - 1) / kStep * kStep;
+  return (resident_bytes() + later + 2 * kBaseStep - 1) / kBaseStep * kBaseStep;
 }
 
 std::uint64_t MemoryBudget::smallest_fitting_cap(

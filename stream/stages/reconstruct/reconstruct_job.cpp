@@ -71,17 +71,16 @@ std::string system_text(const nlohmann::json& report) {
   return system.is_object() ? bytes_of_json_text(system.value("wkt", "")) : "";
 }
 
-constexpr std::uint64_t kFewPatches = std::uint64_t{8} << 20;
-
 /// What the passes before the forecast take, and of later ones what no scan is too small for.
-std::vector<StageNeed> early_needs(const JobState& state, const ReconstructOptions& options) {
+std::vector<StageNeed> early_needs(const JobState& state) {
+  const ReconstructOptions options = reconstruct_options(state);
   std::uint64_t bytes = 0;
   for (const std::filesystem::path& input : state.inputs) bytes += std::filesystem::file_size(input);
   std::vector<StageNeed> needs = {{"survey", survey_finish_bytes(state.run, bytes), 0}};
   if (options.resolution == 0.0) needs.push_back({"spacing", spacing_bytes(), 0});
   const std::uint64_t sorts =
       options.tolerance > 0.0 ? write_mesh_store_bytes(0, 0, sort_bytes(state.run)) : write_bytes({}, 0);
-  needs.push_back({"write", sorts, sorts + kFewPatches});
+  needs.push_back({"write", sorts, 0});
   return needs;
 }
 
@@ -160,7 +159,7 @@ JobDescription reconstruct_job(const ReconstructOptions& options) {
   HolesMode{options.holes};  // a word that makes no sense is told before any pass
   JobDescription job = {"reconstruct", reconstruct_stages(options), 0, summarise};
   job.page = job_page();
-  job.needs = [options](const JobState& state) { return early_needs(state, options); };
+  job.needs = early_needs;
   if (options.normals != "given") {
     job.beside.push_back({uncertain_picture_path, "the picture of --normals"});
     job.beside.push_back({uncertain_points_path, "the doubts of --normals"});

@@ -6,6 +6,7 @@
 #include <memory>
 #include <optional>
 
+#include <dlfcn.h>
 #include <proj.h>
 
 #include "stream/runtime/numbers.h"
@@ -15,50 +16,93 @@ namespace {
 
 constexpr double kTold_m = 0.1;  ///< a misfit from here on is worth a warning
 
+/// PROJ, loaded where a mesh has a coordinate system: with all that it brings it would cost every command 8 MiB.
+struct Proj {
+  void* library = ::dlopen("libproj.so.25", RTLD_NOW | RTLD_LOCAL);
+
+  decltype(&::proj_clone) clone = find<decltype(&::proj_clone)>("proj_clone");
+  decltype(&::proj_context_create) context_create =
+      find<decltype(&::proj_context_create)>("proj_context_create");
+  decltype(&::proj_context_destroy) context_destroy =
+      find<decltype(&::proj_context_destroy)>("proj_context_destroy");
+  decltype(&::proj_context_set_enable_network) context_set_enable_network =
+      find<decltype(&::proj_context_set_enable_network)>("proj_context_set_enable_network");
+  decltype(&::proj_coord) coord = find<decltype(&::proj_coord)>("proj_coord");
+  decltype(&::proj_create) create = find<decltype(&::proj_create)>("proj_create");
+  decltype(&::proj_create_crs_to_crs_from_pj) create_crs_to_crs_from_pj =
+      find<decltype(&::proj_create_crs_to_crs_from_pj)>("proj_create_crs_to_crs_from_pj");
+  decltype(&::proj_crs_get_coordinate_system) crs_get_coordinate_system =
+      find<decltype(&::proj_crs_get_coordinate_system)>("proj_crs_get_coordinate_system");
+  decltype(&::proj_crs_get_sub_crs) crs_get_sub_crs =
+      find<decltype(&::proj_crs_get_sub_crs)>("proj_crs_get_sub_crs");
+  decltype(&::proj_cs_get_axis_info) cs_get_axis_info =
+      find<decltype(&::proj_cs_get_axis_info)>("proj_cs_get_axis_info");
+  decltype(&::proj_destroy) destroy = find<decltype(&::proj_destroy)>("proj_destroy");
+  decltype(&::proj_get_name) get_name = find<decltype(&::proj_get_name)>("proj_get_name");
+  decltype(&::proj_get_source_crs) get_source_crs =
+      find<decltype(&::proj_get_source_crs)>("proj_get_source_crs");
+  decltype(&::proj_get_type) get_type = find<decltype(&::proj_get_type)>("proj_get_type");
+  decltype(&::proj_log_level) log_level = find<decltype(&::proj_log_level)>("proj_log_level");
+  decltype(&::proj_normalize_for_visualization) normalize_for_visualization =
+      find<decltype(&::proj_normalize_for_visualization)>("proj_normalize_for_visualization");
+  decltype(&::proj_trans) trans = find<decltype(&::proj_trans)>("proj_trans");
+
+ private:
+  template <typename Function>
+  Function find(const char* name) const {
+    return library == nullptr ? nullptr : reinterpret_cast<Function>(::dlsym(library, name));
+  }
+};
+const Proj& proj() {
+  static const Proj loaded;
+  return loaded;
+}
+
 struct Free {
-  void operator()(PJ* p) const { proj_destroy(p); }
-  void operator()(PJ_CONTEXT* c) const { proj_context_destroy(c); }
+  void operator()(PJ* p) const { proj().destroy(p); }
+  void operator()(PJ_CONTEXT* c) const { proj().context_destroy(c); }
 };
 using Handle = std::unique_ptr<PJ, Free>;
 using Context = std::unique_ptr<PJ_CONTEXT, Free>;
 
 /// What of a system is in the plane.
 Handle horizontal_of(PJ_CONTEXT* context, const PJ* system) {
-  if (proj_get_type(system) == PJ_TYPE_COMPOUND_CRS) return Handle(proj_crs_get_sub_crs(context, system, 0));
-  if (proj_get_type(system) == PJ_TYPE_BOUND_CRS) return Handle(proj_get_source_crs(context, system));
-  return Handle(proj_clone(context, system));
+  if (proj().get_type(system) == PJ_TYPE_COMPOUND_CRS)
+    return Handle(proj().crs_get_sub_crs(context, system, 0));
+  if (proj().get_type(system) == PJ_TYPE_BOUND_CRS) return Handle(proj().get_source_crs(context, system));
+  return Handle(proj().clone(context, system));
 }
 
 /// Metres of the horizontal unit; nothing where the system is not projected.
 std::optional<double> projected_unit(PJ_CONTEXT* context, const PJ* system) {
   const Handle horizontal = horizontal_of(context, system);
-  if (!horizontal || proj_get_type(horizontal.get()) != PJ_TYPE_PROJECTED_CRS) return std::nullopt;
-  const Handle axes(proj_crs_get_coordinate_system(context, horizontal.get()));
+  if (!horizontal || proj().get_type(horizontal.get()) != PJ_TYPE_PROJECTED_CRS) return std::nullopt;
+  const Handle axes(proj().crs_get_coordinate_system(context, horizontal.get()));
   double metres = 0.0;
-  if (!axes || proj_cs_get_axis_info(context, axes.get(), 0, nullptr, nullptr, nullptr, &metres, nullptr,
-                                     nullptr, nullptr) == 0)
+  if (!axes || proj().cs_get_axis_info(context, axes.get(), 0, nullptr, nullptr, nullptr, &metres, nullptr,
+                                       nullptr, nullptr) == 0)
     return std::nullopt;
   return metres > 0.0 ? std::optional(metres) : std::nullopt;
 }
 
 class ToEarth {
  public:
-  explicit ToEarth(const std::string& wkt) : context_(proj_context_create()) {
-    proj_context_set_enable_network(context_.get(), 0);
-    proj_log_level(context_.get(), PJ_LOG_NONE);
-    const Handle system(proj_create(context_.get(), wkt.c_str())),
-        earth(proj_create(context_.get(), "EPSG:4978"));
+  explicit ToEarth(const std::string& wkt) : context_(proj().context_create()) {
+    proj().context_set_enable_network(context_.get(), 0);
+    proj().log_level(context_.get(), PJ_LOG_NONE);
+    const Handle system(proj().create(context_.get(), wkt.c_str())),
+        earth(proj().create(context_.get(), "EPSG:4978"));
     if (!system || !earth) return;
-    if (const char* name = proj_get_name(system.get()); name != nullptr) name_ = name;
+    if (const char* name = proj().get_name(system.get()); name != nullptr) name_ = name;
     const std::optional<double> unit = projected_unit(context_.get(), system.get());
     if (!unit) return;
     // Where a system has no heights of its own, PROJ takes what comes for metres above the ellipsoid.
-    const bool compound = proj_get_type(system.get()) == PJ_TYPE_COMPOUND_CRS;
+    const bool compound = proj().get_type(system.get()) == PJ_TYPE_COMPOUND_CRS;
     height_unit_ = compound ? 1.0 : *unit;
     const Handle raw(
-        proj_create_crs_to_crs_from_pj(context_.get(), system.get(), earth.get(), nullptr, nullptr));
+        proj().create_crs_to_crs_from_pj(context_.get(), system.get(), earth.get(), nullptr, nullptr));
     // Easting before northing, whatever order the system's axes have.
-    if (raw) transformation_.reset(proj_normalize_for_visualization(context_.get(), raw.get()));
+    if (raw) transformation_.reset(proj().normalize_for_visualization(context_.get(), raw.get()));
   }
   const std::string& name() const { return name_; }
   bool works() const { return transformation_ != nullptr; }
@@ -66,7 +110,7 @@ class ToEarth {
   /// Earth-centred, metres; not finite where the place has none.
   Double3 operator()(const Double3& p) const {
     const PJ_COORD at =
-        proj_trans(transformation_.get(), PJ_FWD, proj_coord(p[0], p[1], height_unit_ * p[2], 0.0));
+        proj().trans(transformation_.get(), PJ_FWD, proj().coord(p[0], p[1], height_unit_ * p[2], 0.0));
     return {at.xyz.x, at.xyz.y, at.xyz.z};
   }
 
@@ -93,6 +137,12 @@ SiteFrame site_frame(const std::string& wkt, const Double3& origin, const Double
   frame.transform[15] = 1.0;
   set_column(frame, 3, origin);
   if (wkt.empty()) return frame;
+  if (proj().library == nullptr) {
+    frame.warning =
+        "there is no libproj.so.25 to place the site on Earth with, install libproj25: the tileset has the "
+        "coordinates of the mesh";
+    return frame;
+  }
   const ToEarth earth(wkt);
   frame.system = earth.name();
   const Double3 middle = earth.works() ? earth(origin) : Double3{HUGE_VAL, 0, 0};
