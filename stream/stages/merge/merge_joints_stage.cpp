@@ -27,11 +27,7 @@ class JointsStage : public Stage {
 
   std::string name() const override { return "joints"; }
   std::size_t task_count() const override { return tasks_.size(); }
-  std::uint64_t units() const override {
-    std::uint64_t sum = 0;
-    for (std::size_t r = 0; r < meshes_.count(); ++r) sum += meshes_.store(r).face_count();
-    return sum;
-  }
+  std::uint64_t units() const override { return meshes_.face_count(); }
   std::string unit_name() const override { return "faces"; }
 
   std::uint64_t task_bytes(std::size_t task) const override {

@@ -5,6 +5,7 @@
 #include "stream/files/durable_file.h"
 #include "stream/files/task_files.h"
 #include "stream/import/import_stages.h"
+#include "stream/meshes/patch_runs.h"
 #include "stream/stages/merge/merge_stages.h"
 
 namespace tessera {
@@ -68,20 +69,15 @@ MergeMeshes::MergeMeshes(const std::filesystem::path& work, bool joints) : plan_
 
 std::vector<MergeTask> MergeMeshes::tasks() const {
   std::vector<MergeTask> out;
-  for (std::size_t r = 0; r < stores_.size(); ++r) {
-    const auto patches = stores_[r].patches();
-    MergeTask task{r, 0, 0};
-    std::uint64_t faces = 0;
-    for (std::size_t p = 0; p < patches.size(); ++p) {
-      faces += patches[p].faces;
-      if (faces < kTaskFaces && p + 1 < patches.size()) continue;
-      task.end = p + 1;
-      out.push_back(task);
-      task.first = p + 1;
-      faces = 0;
-    }
-  }
+  for (std::size_t r = 0; r < stores_.size(); ++r)
+    for (const PatchRun& run : patch_runs(stores_[r], kTaskFaces)) out.push_back({r, run.first, run.end});
   return out;
+}
+
+std::uint64_t MergeMeshes::face_count() const {
+  std::uint64_t sum = 0;
+  for (const MeshStore& store : stores_) sum += store.face_count();
+  return sum;
 }
 
 bool MergeMeshes::is_alone(std::size_t rank, const MeshBox& box) const {

@@ -6,6 +6,7 @@
 
 #include "octree/error.h"
 #include "stream/import/import_stages.h"
+#include "stream/meshes/patch_runs.h"
 #include "stream/runtime/numbers.h"
 #include "stream/stages/merge/merge_stages.h"
 
@@ -25,17 +26,8 @@ class ScaleStage : public Stage {
   ScaleStage(const JobState& state, const MergeOptions& options) : state_(state), options_(options) {
     for (std::size_t i = 0; i < options.meshes; ++i) {
       stores_.push_back(open_imported_mesh(state.work, merge_import(i)));
-      const auto patches = stores_.back().patches();
-      MergeTask task{i, 0, 0};
-      std::uint64_t faces = 0;
-      for (std::size_t p = 0; p < patches.size(); ++p) {
-        faces += patches[p].faces;
-        if (faces < kTaskFaces && p + 1 < patches.size()) continue;
-        task.end = p + 1;
-        tasks_.push_back(task);
-        task.first = p + 1;
-        faces = 0;
-      }
+      for (const PatchRun& run : patch_runs(stores_.back(), kTaskFaces))
+        tasks_.push_back({i, run.first, run.end});
     }
   }
 

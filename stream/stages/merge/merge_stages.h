@@ -81,6 +81,7 @@ class MergeMeshes {
   std::size_t count() const { return stores_.size(); }
   const MeshStore& store(std::size_t rank) const { return stores_[rank]; }
   std::vector<MergeTask> tasks() const;
+  std::uint64_t face_count() const;  ///< of all of them
 
   /// Whether a mesh other than `rank` comes near a box.
   bool is_alone(std::size_t rank, const MeshBox& box) const;

@@ -10,6 +10,7 @@
 #include "stream/files/packed_file.h"
 #include "stream/files/task_files.h"
 #include "stream/import/import_stages.h"
+#include "stream/meshes/patch_runs.h"
 #include "stream/stages/solid/solid_stages.h"
 
 namespace tessera {
@@ -82,17 +83,8 @@ class LinesStage : public Stage {
       for (const std::size_t input : model.meshes[o].inputs) {
         stores_.push_back(open_imported_mesh(state.work, solid_import(input)));
         placements_.push_back(model.meshes[o].placement);
-        const auto patches = stores_.back().patches();
-        LinesTask task{o, stores_.size() - 1, 0, 0};
-        std::uint64_t faces = 0;
-        for (std::size_t p = 0; p < patches.size(); ++p) {
-          faces += patches[p].faces;
-          if (faces < kTaskFaces && p + 1 < patches.size()) continue;
-          task.end = p + 1;
-          tasks_.push_back(task);
-          task.first = p + 1;
-          faces = 0;
-        }
+        for (const PatchRun& run : patch_runs(stores_.back(), kTaskFaces))
+          tasks_.push_back({o, stores_.size() - 1, run.first, run.end});
       }
   }
 
