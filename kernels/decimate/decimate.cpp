@@ -11,6 +11,7 @@
 
 #include "kernels/decimate/decimator.h"
 #include "kernels/decimate/feature_edges.h"
+#include "kernels/mesh/flat_faces.h"
 #include "octree/error.h"
 
 namespace tessera {
@@ -143,6 +144,8 @@ DecimateReport decimate(MeshBlock& block, const MeshBlock& reference, const Deci
       if (!std::isfinite(p[a])) throw InputError("decimation: a vertex without finite coordinates");
       origin[a] = std::fmin(origin[a], p[a]);
     }
+  report.flat_faces = mend_flat_faces(block);
+  if (block.faces.empty()) return report;
   CollapseMesh mesh(block, origin);
   {
     std::optional<CollapseMesh> apart;

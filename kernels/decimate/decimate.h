@@ -62,6 +62,7 @@ struct DecimateReport {
   std::size_t faces_in = 0, faces_out = 0;
   std::size_t vertices_in = 0, vertices_out = 0;
   std::size_t locked_vertices = 0;
+  std::size_t flat_faces = 0;  ///< without area, turned or dropped where the surface is (flat_faces.h)
   std::size_t collapses = 0;
   std::size_t candidates = 0;  ///< popped and tried
   /// Why candidates were refused.

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "kernels/certify/certificate_pair.h"
+#include "kernels/mesh/flat_faces.h"
 #include "octree/error.h"
 #include "stream/check/compare_cells.h"
 #include "stream/files/scratch_folder.h"
@@ -101,7 +102,8 @@ CellComparison compare_cell(const MeshStore& mesh, const MeshStore& reference, c
   options.check_stop = check_stop;
   options.enough = enough;
   const MeshBox near = grown(box, kCompareHalo * options.reach);
-  const MeshBlock a = mesh.load_box(near), b = reference.load_box(near);
+  MeshBlock a = mesh.load_box(near), b = reference.load_box(near);
+  drop_flat_islands(a), drop_flat_islands(b);  // lines, which decimation takes out
   Double3 middle;
   for (std::size_t k = 0; k < 3; ++k) middle[k] = 0.5 * (box.low[k] + box.high[k]);
   const Box3 core{box.low, box.high};

@@ -3,14 +3,13 @@
 #include <algorithm>
 #include <cmath>
 
+#include "kernels/mesh/flat_faces.h"
 #include "octree/vector.h"
 
 namespace tessera {
 namespace {
 
 constexpr double kLargestExtent = 1e100;  // its cube, the scale of volumes, stays finite
-constexpr double kZeroArea =
-    1e-12;  // altitude over longest edge; input text rounds at 1e-16 of the coordinates
 
 }  // namespace
 
@@ -40,7 +39,7 @@ void MeshShape::add(const Double3& a, const Double3& b, const Double3& c, bool f
   const double six_volumes = dot(a - centre_, cross(b - centre_, c - centre_));
   volume_.add(flip ? six_volumes / -6.0 : six_volumes / 6.0);
   ++faces_;
-  if (twice_area <= kZeroArea * longest) {
+  if (FaceExtent{twice_area, longest}.is_flat()) {
     ++zero_area_;
     return;
   }

@@ -12,6 +12,7 @@
 #include "tests/helpers/command.h"
 #include "tests/helpers/mesh_files.h"
 #include "tests/helpers/serial_job.h"
+#include "tests/helpers/shell.h"
 
 using namespace tessera;
 using namespace tessera::test;
@@ -207,6 +208,40 @@ TEST_CASE("decimate: a tolerance larger than the model leaves a sound mesh", "[p
   CHECK(check.faces >= 1);
   CHECK(check.faces < 200);
   CHECK(check.nonmanifold_edges == 0);
+}
+
+TEST_CASE("decimate: faces without area are taken out, whatever the blocks", "[pipeline]") {
+  const TempFolder folder;
+  // A box whose edges bear vertices that one side alone uses, as CAD programs write them; and a line far from it.
+  std::string text = "v 0 0 0\nv 8 0 0\nv 8 8 0\nv 0 8 0\nv 0 0 8\nv 8 0 8\nv 8 8 8\nv 0 8 8\n";
+  text += "f 1 4 3\nf 1 3 2\nf 5 6 7\nf 5 7 8\nf 2 3 7\nf 2 7 6\nf 3 4 8\nf 3 8 7\nf 4 1 5\nf 4 5 8\n";
+  constexpr int kCuts = 7;  // of the edge from vertex 1 to 2: flat faces close it against the bottom
+  for (int i = 1; i <= kCuts; ++i) text += "v " + std::to_string(i) + " 0 0\n";
+  for (int i = 0; i < kCuts; ++i) {
+    const std::string v = std::to_string(9 + i), next = i + 1 < kCuts ? std::to_string(10 + i) : "2";
+    text += "f 1 " + next + " " + v + "\n" + "f 5 " + v + " " + next + "\n";
+  }
+  text += "f 5 1 9\nf 5 2 6\n";
+  text += "v 20 0 0\nv 21 0 0\nv 23 0 0\nf 16 17 18\n";
+  const fs::path in = folder.path() / "box.obj";
+  spill(in, text);
+  for (const std::vector<std::string>& more : {std::vector<std::string>{"--tolerance", "0.001"},
+                                               {"--tolerance", "0.001", "--passes", "1"},
+                                               {"--target-faces", "100"}}) {
+    const fs::path out = folder.path() / "out.ply";
+    std::vector<std::string> line = words(in, out, more);
+    line.push_back("--force");
+    const CommandResult r = tessera_command(line);
+    INFO(r.errors);
+    REQUIRE(r.code == 0);
+    MeshCheckOptions options;
+    options.temp = folder.path();
+    const MeshCheck check = check_mesh(*open_mesh_file(out), options);
+    CHECK(check.zero_area_faces == 0);
+    CHECK(check.boundary_edges == 0);
+    CHECK(check.nonmanifold_edges == 0);
+    CHECK(check.area == Approx(6 * 64.0));
+  }
 }
 
 TEST_CASE("reconstruct --tolerance: the mesh shrinks within a proven distance, same bytes for any threads",

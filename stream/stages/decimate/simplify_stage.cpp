@@ -185,6 +185,7 @@ json to_json(const DecimateReport& r) {
   return {{"faces_in", r.faces_in},
           {"faces_out", r.faces_out},
           {"locked_vertices", r.locked_vertices},
+          {"flat_faces_mended", r.flat_faces},
           {"collapses", r.collapses},
           {"candidates", r.candidates},
           {"refused_by_link", r.by_link},
