@@ -1,0 +1,17 @@
+#include <nlohmann/json.hpp>
+
+#include "stream/points/plan.h"
+#include "tests/fuzz/text_check.h"
+
+// A plan of a work directory loads, and what it says loads as the same, or is told to be damaged.
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+  using namespace tessera;
+  const fuzz::MemoryFile file(fuzz::text_of(data, size));
+  fuzz::told([&] {
+    const Plan plan = Plan::load(file.path());
+    const fuzz::MemoryFile copy(
+        plan.to_json().dump(-1, ' ', false, nlohmann::json::error_handler_t::replace));
+    fuzz::require(Plan::load(copy.path()).to_json() == plan.to_json(), "a plan reads back as itself");
+  });
+  return 0;
+}
