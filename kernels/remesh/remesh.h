@@ -2,7 +2,7 @@
 /// Isotropic remeshing of one block of mesh: triangles near equilateral with edges of a given length, on the reference.
 ///
 /// Rounds of splits above 4/3 of the length, collapses below 4/5, flips towards valence 6 (lines: 4 on each side),
-/// area-weighted tangential relaxation with projection to the reference. Source: Botsch and Kobbelt, "A Remeshing Approach
+/// tangential relaxation with projection to the reference. Source: Botsch and Kobbelt, "A Remeshing Approach
 /// to Multiresolution Modeling", 2004; Botsch's thesis, 3.2.3. Creases and borders are found as in decimation; their
 /// vertices slide along the reference's polylines, corners stay.
 ///

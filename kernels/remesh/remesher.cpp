@@ -12,6 +12,11 @@ constexpr double kAnywhere = std::numeric_limits<double>::max();
 /// up. Fixed, and ended early only where nothing is left to do in the block.
 constexpr int kFirstRounds = 24, kLaterRounds = 1;
 constexpr int kFlipRounds = 3, kRefineRounds = 6;
+constexpr double kSplitAbove = 4.0 / 3.0, kCollapseBelow = 0.8;  ///< of the target
+/// Scanners and extraction leave lattices of sheared squares, all valences six, all lengths within the limits: nothing in
+/// the loop would ever change them. So the first iteration begins with far fewer vertices than there will be.
+constexpr double kCoarseBelow = 1.8, kCoarseLongest = 2.4;
+constexpr int kCoarseRounds = 4;
 
 }  // namespace
 
@@ -95,7 +100,8 @@ void Remesher::run(RemeshReport& report) {
     const int rounds = i == 0 ? kFirstRounds : kLaterRounds;
     for (int r = 0; r < rounds && split_long(report) > 0; ++r) {
     }
-    for (int r = 0; r < rounds && collapse_short(report) > 0; ++r) {
+    if (i == 0) coarsen(report);
+    for (int r = 0; r < rounds && collapse_short({kCollapseBelow, kSplitAbove}, report) > 0; ++r) {
     }
     compact();
     for (int r = 0; r < kFlipRounds && flip_all(report) > 0; ++r) {
@@ -104,6 +110,15 @@ void Remesher::run(RemeshReport& report) {
   }
   if (!options_.refine_beyond) return;
   for (int r = 0; r < kRefineRounds && refine_beyond(report) > 0; ++r) {
+  }
+}
+
+/// Down to a mesh too coarse, and by splits back to one that remembers nothing of the lattice it came from.
+void Remesher::coarsen(RemeshReport& report) {
+  for (int r = 0; r < kCoarseRounds && collapse_short({kCoarseBelow, kCoarseLongest}, report) > 0; ++r) {
+  }
+  compact();
+  for (int r = 0; r < kFirstRounds && split_long(report) > 0; ++r) {
   }
 }
 
@@ -141,7 +156,7 @@ bool Remesher::current(const Edge& e) const {
 std::size_t Remesher::split_long(RemeshReport& report) {
   list_edges(
       [&](double square, std::uint32_t a, std::uint32_t b) {
-        const double most = 4.0 / 3.0 * target(a, b);
+        const double most = kSplitAbove * target(a, b);
         return square > most * most && !info_[a].held && !info_[b].held;
       },
       true);
@@ -241,10 +256,10 @@ void Remesher::split(const Edge& e) {
   live_faces_ += o == kNoCorner ? 1 : 2;
 }
 
-std::size_t Remesher::collapse_short(RemeshReport& report) {
+std::size_t Remesher::collapse_short(const CollapseLengths& lengths, RemeshReport& report) {
   list_edges(
       [&](double square, std::uint32_t a, std::uint32_t b) {
-        const double least = 0.8 * target(a, b);
+        const double least = lengths.shortest * target(a, b);
         const bool both_kept = (mesh_.state(a) & kVertexKept) && (mesh_.state(b) & kVertexKept);
         return square < least * least && (!both_kept || corners_merge(a, b));
       },
@@ -263,7 +278,7 @@ std::size_t Remesher::collapse_short(RemeshReport& report) {
     for (const bool a_goes : {a_first, !a_first}) {
       const std::uint32_t u = a_goes ? e.a : e.b, v = a_goes ? e.b : e.a;
       std::size_t at = 0;
-      refusal = check_collapse(u, v, at);
+      refusal = check_collapse(u, v, lengths.longest, at);
       if (refusal != Refusal::kNone) continue;
       live_faces_ -= star_.closed || (at > 0 && at < star_.faces) ? 2 : 1;
       mesh_.collapse(star_, at);

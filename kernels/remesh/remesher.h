@@ -37,6 +37,10 @@ class Remesher {
     std::uint32_t a, b;       ///< vertices
   };
   enum class Refusal : std::uint8_t { kNone, kLink, kFold, kTolerance };
+  /// In units of the target: edges below `shortest` collapse where none gets longer than `longest`.
+  struct CollapseLengths {
+    double shortest, longest;
+  };
   /// A face as it would be.
   struct NewFace {
     std::uint32_t vertex[3];
@@ -58,8 +62,9 @@ class Remesher {
   bool split_if_free(const Edge& e, RemeshReport& report);
   void split(const Edge& e);
   std::size_t refine_beyond(RemeshReport& report);
-  std::size_t collapse_short(RemeshReport& report);
-  Refusal check_collapse(std::uint32_t u, std::uint32_t v, std::size_t& at);
+  void coarsen(RemeshReport& report);
+  std::size_t collapse_short(const CollapseLengths& lengths, RemeshReport& report);
+  Refusal check_collapse(std::uint32_t u, std::uint32_t v, double longest, std::size_t& at);
   bool linked(std::size_t at);
   bool corners_merge(std::uint32_t a, std::uint32_t b) const;
   std::size_t flip_all(RemeshReport& report);

@@ -111,8 +111,9 @@ bool Remesher::corners_merge(std::uint32_t a, std::uint32_t b) const {
   return (both & kVertexFixed) && !(any & (kVertexLocked | kVertexDead)) && square_of(a, b) < least * least;
 }
 
-/// Of u into v; leaves the star of u and the place of v in it.
-Remesher::Refusal Remesher::check_collapse(std::uint32_t u, std::uint32_t v, std::size_t& at) {
+/// Of u into v, no edge longer than `longest` targets; leaves the star of u and the place of v in it.
+Remesher::Refusal Remesher::check_collapse(std::uint32_t u, std::uint32_t v, double longest,
+                                           std::size_t& at) {
   const std::uint8_t state = mesh_.state(u);
   if ((mesh_.state(v) & kVertexPinched) || ((state & kVertexKept) && !corners_merge(u, v)))
     return Refusal::kLink;
@@ -127,7 +128,7 @@ Remesher::Refusal Remesher::check_collapse(std::uint32_t u, std::uint32_t v, std
       !((state & kVertexBorder) && (at == 0 || at == k)))
     return Refusal::kLink;
   const double needle = kNeedle * target(u, v);
-  const double longest = square_of(u, v) < needle * needle ? kLongBesideNeedle : 4.0 / 3.0;
+  if (square_of(u, v) < needle * needle) longest = std::max(longest, kLongBesideNeedle);
   for (std::size_t i = 0; i < size; ++i) {
     const std::uint32_t w = star_.ring[i];
     if (info_[w].held) return Refusal::kLink;

@@ -1,4 +1,4 @@
-// Area-weighted relaxation along the surface: Botsch's thesis, 3.2.3.
+// Relaxation along the surface: Botsch's thesis, 3.2.3, there with areas as weights.
 #include <algorithm>
 #include <cmath>
 
@@ -7,9 +7,7 @@
 namespace tessera {
 namespace {
 
-constexpr double kStill = 1e-3;  ///< of the length: smaller moves are not worth a look-up
-constexpr double kLeastWeight =
-    0.03;  ///< a third of a regular face's: flat faces must not vanish beside long edges
+constexpr double kStill = 1e-3;       ///< of the length: smaller moves are not worth a look-up
 constexpr double kFlatFace = 0.1;     ///< roundness
 constexpr double kFlat = 0.0625;      ///< a move leaves the surface by less than this share of it (squares)
 constexpr double kAlongBefore = 0.5;  ///< least cosine of a face to what it was before a move
@@ -35,22 +33,14 @@ Double3 Remesher::wish(std::uint32_t v) const {
     }
     return at + sum;
   }
+  // The middle of the neighbours: areas as weights make faces more alike, but their angles by a degree worse.
   Double3 centre{}, normal{};
-  double area = 0.0;
-  for (std::size_t i = 0; i < star_.faces; ++i) {
-    const Double3 p = mesh_.at(star_.ring[i]) - at,
-                  q = mesh_.at(star_.ring[i + 1 < star_.ring_size() ? i + 1 : 0]) - at;
-    const Double3 n = cross(p, q);
-    // Where lengths adapt, areas count in units of what they should be.
-    const std::uint32_t a = star_.ring[i], b = star_.ring[i + 1 < star_.ring_size() ? i + 1 : 0];
-    const double side = static_cast<double>(info_[v].target + info_[a].target + info_[b].target);
-    const double weight = norm(n) / (side * side) + kLeastWeight;
-    normal = normal + n;
-    centre = centre + (p + q) * weight;
-    area += weight;
-  }
-  if (!(area > 0.0)) return at;
-  centre = centre * (1.0 / (3.0 * area));
+  const std::size_t size = star_.ring_size();
+  for (std::size_t i = 0; i < size; ++i) centre = centre + (mesh_.at(star_.ring[i]) - at);
+  for (std::size_t i = 0; i < star_.faces; ++i)
+    normal =
+        normal + cross(mesh_.at(star_.ring[i]) - at, mesh_.at(star_.ring[i + 1 < size ? i + 1 : 0]) - at);
+  centre = centre * (1.0 / static_cast<double>(size));
   const double square = dot(normal, normal);
   return square > 0.0 ? at + centre - normal * (dot(normal, centre) / square) : at;
 }

@@ -26,7 +26,7 @@ constexpr std::size_t kTaskFaces = 1u << 20, kMostTasks = 400;
 constexpr double kCalmShare = 0.9;
 constexpr double kLongestShare = 0.1;  ///< of the diagonal: no edge gets longer by itself
 /// Between 4/5 and 4/3 of the length edges are a little shorter than it in the mean: so many more faces come out.
-constexpr double kMoreFaces = 1.2;
+constexpr double kMoreFaces = 1.125;
 constexpr double kAreaUnits = 0x1p40;  ///< the squared diagonal in units of weights
 
 /// Adaptive lengths, if not given: around the one for the calm share.
