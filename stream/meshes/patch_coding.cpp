@@ -1,7 +1,9 @@
 #include "stream/meshes/patch_coding.h"
 
+#include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <iterator>
 
 #include "kernels/mesh/patch_mesh.h"
 #include "stream/meshes/mesh_store.h"
@@ -168,6 +170,8 @@ void take_positions(Input& in, const MeshStoreInfo& info, MeshBlock& block) {
     for (Double3& p : block.position) take_plain(in, info, p);
     return;
   }
+  if (std::find(std::begin(kFractionBytes), std::end(kFractionBytes), kind) == std::end(kFractionBytes))
+    return in.fail();
   std::vector<std::uint8_t> elsewhere(block.position.size(), 0);
   std::size_t at = 0;
   for (std::uint64_t left = in.number(); left > 0 && in.good(); --left) {

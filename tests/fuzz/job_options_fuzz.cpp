@@ -30,7 +30,9 @@ void try_table(const std::string& text) {
   const OptionTable table = option_table(options);
   const bool took = fuzz::told([&] {
     if (text.starts_with('{')) {
-      read_table_text(table, text);
+      const nlohmann::json values = nlohmann::json::parse(text, nullptr, false);
+      if (values.is_discarded()) throw UsageError("no JSON");
+      table.from_json(values);
     } else {
       const std::size_t end = std::min(text.find('='), text.size());
       const OptionRow* row = table.find(text.substr(0, end));

@@ -246,6 +246,7 @@ TEST_CASE("csg: scenes that make no sense are told", "[pipeline]") {
   CHECK(code_of(R"({"sphere": [0,0,0,-1]})") == 3);
   CHECK(code_of(R"({"sphere": [0,0,0,1], "scale": 0})") == 3);
   CHECK(code_of(R"({"scene": "s.json"})") == 3);
+  CHECK(code_of(R"({"sphere": {"radius": 444E4444}})") == 3);  // read, and told, as no number
   CHECK(code_of(R"({"halfspace": [0,0,0, 0,0,1]})") == 3);
   CHECK(code_of(R"({"mesh": "none.ply"})") == 3);
   CHECK(code_of(R"({"intersection": [{"sphere": [0,0,0,1]}, {"sphere": [9,0,0,1]}]})") == 5);

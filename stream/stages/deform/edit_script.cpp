@@ -27,6 +27,8 @@ class Reader {
       return json::parse(text);
     } catch (const json::parse_error& e) {
       fail("no JSON at byte " + std::to_string(e.byte));
+    } catch (const json::out_of_range&) {
+      fail("a number in it is larger than any that can be computed with");
     }
   }
 

@@ -105,6 +105,8 @@ class SceneFile {
       root = json::parse(read_text(file));
     } catch (const json::parse_error& e) {
       throw InputError(file.string() + ": no JSON at byte " + std::to_string(e.byte));
+    } catch (const json::out_of_range&) {
+      throw InputError(file.string() + ": a number in it is larger than any that can be computed with");
     }
     node(root, outer);
     open_.pop_back();

@@ -48,3 +48,20 @@ TEST_CASE("patch coding: vertices on lattice edges take few bytes, those beside 
   bytes.resize(bytes.size() / 2);
   CHECK_FALSE(decode_vertices(bytes, block.key.size(), info, back));
 }
+
+TEST_CASE("patch coding: a fraction of a size that there is none of is told, not read", "[fault]") {
+  MeshStoreInfo info;
+  info.lattice.h = 0.25;
+  for (int size = 1; size < 256; ++size) {
+    bool read = false;
+    // One vertex: its key, the size of fractions, none elsewhere, then as many bytes as it may take.
+    for (std::size_t more = 0; more < 32; ++more) {
+      std::vector<char> bytes = {5, static_cast<char>(size), 0};
+      bytes.resize(bytes.size() + more, 1);
+      MeshBlock block;
+      read = read || decode_vertices(bytes, 1, info, block);
+    }
+    CAPTURE(size);
+    CHECK(read == (size >= 2 && size <= 4));
+  }
+}

@@ -86,6 +86,29 @@ TEST_CASE("journal: a flipped bit anywhere counts as never written", "[property]
   }
 }
 
+TEST_CASE("journal: a record of wrong shape counts as never written, whatever its checksum says", "[fault]") {
+  const auto line = [](const nlohmann::json& text) {
+    return R"({"xxh3":")" + hex64(hash_text(text.dump())) + R"(","record":)" + text.dump() + "}";
+  };
+  const nlohmann::json whole = nlohmann::json::parse(journal_line(record(3))).at("record");
+  TaskRecord out;
+  REQUIRE(parse_journal_line(line(whole), out));
+  for (const auto& [key, value] : whole.items()) {
+    CAPTURE(key);
+    nlohmann::json bad = whole;
+    bad.erase(key);
+    CHECK_FALSE(parse_journal_line(line(bad), out));
+    if (key == "summary") continue;  // holds what the stage likes
+    bad = whole;
+    bad[key] = nlohmann::json::array({nlohmann::json::object()});
+    CHECK_FALSE(parse_journal_line(line(bad), out));
+  }
+  nlohmann::json bad = whole;
+  bad["files"] = {{{"name", "a"}, {"bytes", 1}, {"xxh3", "no digits"}}};
+  CHECK_FALSE(parse_journal_line(line(bad), out));
+  CHECK_FALSE(parse_journal_line(line("text"), out));
+}
+
 TEST_CASE("journal: a writer goes on after a torn line", "[fault]") {
   const TempFolder scratch;
   const auto file = scratch / "main.jsonl";
