@@ -10,7 +10,7 @@
 namespace tessera {
 namespace {
 
-constexpr int kPlanVersion = 4;
+constexpr int kPlanVersion = 5;
 constexpr PackedKind kBricksKind = {"TSBRICK3", "a brick list"};
 
 }  // namespace
@@ -31,6 +31,7 @@ nlohmann::json Plan::to_json() const {
   j["has_colour"] = has_colour;
   j["colour_range"] = colour_range;
   j["normal_fraction"] = normal_fraction;
+  j["grid_normals"] = grid_normals;
   j["multi_return_fraction"] = multi_return_fraction;
   j["sensors"] = sensors;
   j["brick_min"] = brick_min;
@@ -69,6 +70,7 @@ Plan Plan::load(const std::filesystem::path& file) {
     j.at("has_colour").get_to(p.has_colour);
     j.at("colour_range").get_to(p.colour_range);
     j.at("normal_fraction").get_to(p.normal_fraction);
+    j.at("grid_normals").get_to(p.grid_normals);
     j.at("multi_return_fraction").get_to(p.multi_return_fraction);
     j.at("sensors").get_to(p.sensors);
     j.at("brick_min").get_to(p.brick_min);

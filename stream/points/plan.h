@@ -57,6 +57,7 @@ struct Plan {
   bool has_colour = false;                      ///< points have colours: their own, or what --colour makes
   std::array<double, 2> colour_range = {0, 1};  ///< of heights in quanta, or intensities (--colour)
   double normal_fraction = 0.0;                 ///< share of the kept points that carry a usable normal
+  bool grid_normals = false;  ///< these, or some of them, are made from the rows and columns of scans
   double multi_return_fraction =
       0.0;                       ///< share of them that come from pulses of several returns; 0 = unknown
   std::vector<Double3> sensors;  ///< PointRecord::sensor indexes it; ascending, no repeats; scan frame

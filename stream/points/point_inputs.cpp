@@ -30,6 +30,7 @@ std::shared_ptr<PointInputs> open_inputs(const JobState& job, bool colours, bool
   const ReconstructOptions options = reconstruct_options(job);
   read.columns = options.columns;
   read.intensities = options.colour == "intensity";
+  read.grid_normals = options.normals != "estimate";
   read.bounds = PointFilter(options).box();
   read.resolution_limit = options.resolution_limit;
   std::vector<std::unique_ptr<PointFile>> files;
@@ -122,6 +123,11 @@ std::uint64_t PointInputs::declared_points() const {
 
 bool PointInputs::has_colour() const {
   return std::any_of(files_.begin(), files_.end(), [](const auto& f) { return f->info().attributes.colour; });
+}
+
+bool PointInputs::has_grid_normals() const {
+  return std::any_of(files_.begin(), files_.end(),
+                     [](const auto& f) { return f->info().attributes.grid_normals; });
 }
 
 std::uint64_t PointInputs::task_input_bytes(std::size_t k) const {

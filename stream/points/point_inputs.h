@@ -30,6 +30,7 @@ class PointInputs {
   std::uint64_t bytes() const { return bytes_; }
   std::uint64_t declared_points() const;
   bool has_colour() const;
+  bool has_grid_normals() const;
   /// The one that the files name; unknown where none does.
   const CoordinateSystem& system() const { return system_; }
 

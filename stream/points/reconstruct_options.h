@@ -105,8 +105,10 @@ inline OptionTable option_table(ReconstructOptions& o) {
         "they "
         "lay on one, which comes out torn; auto: drop in scenes from above, else surface")
       .one_of({"auto", "drop", "keep", "surface"});
-  t.add("normals", &o.normals,
-        "auto: given normals where at least half of the points have one; given; estimate")
+  t.add(
+       "normals", &o.normals,
+       "auto: given normals where at least half of the points have one, those of rows and columns (E57, PTX) "
+       "where nine in ten have one; given: either kind; estimate")
       .one_of({"auto", "given", "estimate"});
   t.add("max-uncertain", &o.max_uncertain,
         "estimated normals: share of points whose side may stay in doubt; above it exit code 6, from 0.01 on "

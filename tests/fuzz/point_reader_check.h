@@ -70,11 +70,12 @@ inline Reading read_all(OpenPoints open, const std::filesystem::path& path, cons
         require(c.ny.size() == c.nx.size() && c.nz.size() == c.nx.size(), "normals");
         require(c.rgba.size() == (has.colour ? c.size() : 0), "colours");
         require(c.echo.size() == (has.echo ? c.size() : 0), "echoes");
+        require(c.intensity.size() == (has.intensity_16 ? c.size() : 0), "intensities");
         require(c.sensor.size() == (has.sensor ? c.size() : 0), "sensors");
         for (std::size_t i = 0; i < c.size(); ++i) {
           r.mix(c.x, i), r.mix(c.y, i), r.mix(c.z, i);
           r.mix(c.nx, i), r.mix(c.ny, i), r.mix(c.nz, i);
-          r.mix(c.rgba, i), r.mix(c.sensor, i);
+          r.mix(c.rgba, i), r.mix(c.sensor, i), r.mix(c.intensity, i);
           if (has.sensor && c.sensor[i] != kNoSensor)
             require(c.sensor[i] < file->info().sensors.size(), "sensor index");
         }
@@ -97,7 +98,7 @@ inline Reading read_all(OpenPoints open, const std::filesystem::path& path, cons
 /// Returns true if it was points. \throws std::logic_error naming what does not hold
 inline bool check_reader(OpenPoints open, std::string_view bytes) {
   const MemoryFile file(bytes);
-  const ReadOptions options{.columns = {}, .chunk_points = 100};
+  const ReadOptions options{.columns = {}, .chunk_points = 100, .intensities = true, .grid_normals = true};
   const Reading whole = read_all(open, file.path(), options, ~std::uint64_t{0});
   const Reading parts = read_all(open, file.path(), options, bytes.size() / 5 + 1);
   require(whole.failed == parts.failed, "slices fail as one read does");

@@ -189,6 +189,8 @@ class ScanParser {
       if (at({"cartesianBounds", kBoundNames[i]})) number(scan_.bounds[i]);
       if (at({"colorLimits", kColourNames[i]})) number(scan_.colour_limits[i]);
     }
+    if (at({"intensityLimits", "intensityMinimum"})) number(scan_.intensity_limits[0]);
+    if (at({"intensityLimits", "intensityMaximum"})) number(scan_.intensity_limits[1]);
     if (in_data_ && names_.size() == 3 && scan_.declared > 0) found_.scans.push_back(std::move(scan_));
     names_.pop_back();
     text_.clear();
@@ -287,6 +289,7 @@ class ScanParser {
 E57Scan::E57Scan() {
   bounds.fill(std::numeric_limits<double>::quiet_NaN());
   colour_limits.fill(std::numeric_limits<double>::quiet_NaN());
+  intensity_limits.fill(std::numeric_limits<double>::quiet_NaN());
 }
 
 const E57Field* E57Scan::find(E57Use use) const {

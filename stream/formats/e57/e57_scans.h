@@ -31,9 +31,10 @@ enum class E57Use : std::uint8_t {
   kColourState,  ///< 0 = valid
   kReturn,       ///< from 0
   kReturns,      ///< how many
-  kIntensity,    ///< this and what follows is known to be there, and never read
+  kIntensity,
   kRow,
   kColumn,
+  kUses,  ///< how many there are
 };
 
 enum class E57Code : std::uint8_t { kInteger, kScaled, kSingle, kDouble };
@@ -62,8 +63,9 @@ struct E57Scan {
   std::array<double, 4> rotation = {1, 0, 0, 0};  ///< quaternion w x y z, as given
   Double3 translation{};
   std::array<double, 6> bounds;  ///< cartesian, scan's frame: min x, max x, min y, ...; NaN = not given
-  std::array<double, 6> colour_limits;  ///< min red, max red, min green, ...; NaN = not given
-  bool has_range_bounds = false;        ///< spherical bounds are given: the scan is in its scanner's frame
+  std::array<double, 6> colour_limits;     ///< min red, max red, min green, ...; NaN = not given
+  std::array<double, 2> intensity_limits;  ///< least and most; NaN = not given
+  bool has_range_bounds = false;           ///< spherical bounds are given: the scan is in its scanner's frame
 
   E57Scan();
   /// The field of this use, null without one.

@@ -16,6 +16,7 @@
 #include "stream/formats/e57/e57_pages.h"
 #include "stream/formats/e57/e57_scans.h"
 #include "stream/formats/e57/e57_values.h"
+#include "stream/formats/points/grid_stream.h"
 #include "stream/formats/points/point_records.h"
 
 namespace tessera {
@@ -24,7 +25,8 @@ namespace {
 
 constexpr std::size_t kReadAhead = 512;  ///< pages
 constexpr std::size_t kBlock = 1024;     ///< records decoded at a time, so that they stay in the cache
-constexpr std::size_t kRead = static_cast<std::size_t>(E57Use::kIntensity);  ///< uses before it are read
+constexpr std::size_t kRead = static_cast<std::size_t>(E57Use::kUses);
+constexpr std::uint64_t kLooked = 4096;  ///< records that tell whether rows or columns are lines
 
 /// Bytes between marks: a megabyte, for huge files so many that there are about 16384 marks.
 std::uint64_t mark_spacing(std::uint64_t file_bytes) {
@@ -68,6 +70,25 @@ ColourRange colour_range(double low, double high, const E57Field& field) {
   return {low, 1.0 / (high - low), ColourScale::kUnit};
 }
 
+/// Whole numbers of 16 bits stay; all else is stretched from the limits of the scan, or of the field, to them.
+struct IntensityRange {
+  double low = 0.0, factor = 65535.0;
+  std::uint16_t word(double value) const {
+    const double v = (value - low) * factor;
+    return v > 0.0 ? static_cast<std::uint16_t>(std::min(v, 65535.0) + 0.5) : std::uint16_t{0};
+  }
+};
+IntensityRange intensity_range(double low, double high, const E57Field& field) {
+  const bool whole = field.code == E57Code::kInteger;
+  if (whole && field.least >= 0.0 && field.most <= 65535.0) return {0.0, 1.0};
+  if (!std::isfinite(low) || !std::isfinite(high) || !(high > low)) {
+    low = field.least;
+    high = field.most;
+  }
+  if (!(high > low) || !std::isfinite(high - low)) return {};  // 0..1
+  return {low, 65535.0 / (high - low)};
+}
+
 /// A scan, ready to be read.
 struct Part {
   E57Section section;
@@ -77,12 +98,18 @@ struct Part {
   bool moved = false;  ///< the motion is not the identity
   std::uint16_t sensor = kNoSensor;
   std::array<ColourRange, 3> colours;
+  IntensityRange intensities;
+  /// Its records lie line by line: normals come from them. The field of lines, of cells, and how many a line has.
+  bool grid = false;
+  E57Use line = E57Use::kColumn, cell = E57Use::kRow;
+  std::uint64_t cells = 0;
   std::array<bool, kRead> has{};
 
   bool with(E57Use use) const { return has[static_cast<std::size_t>(use)]; }
   bool normals() const { return with(E57Use::kNormalX); }
   bool coloured() const { return with(E57Use::kRed); }
   bool echoes() const { return with(E57Use::kReturn); }
+  bool intense() const { return with(E57Use::kIntensity); }
 };
 
 /// Decoded values of a block of records, by use.
@@ -147,7 +174,10 @@ class E57Points final : public PointFile {
     for (std::uint64_t at = begin; at < end; ++part) {
       const Part& here = *(part - 1);
       const std::uint64_t stop = std::min(end - here.first, here.section.records());
-      read_records(here, at - here.first, stop, pages, block, out, counts.empty);
+      if (here.grid)
+        read_grid(here, at - here.first, stop, pages, block, out, counts.empty);
+      else
+        read_records(here, at - here.first, stop, pages, block, out, counts.empty);
       at = here.first + stop;
     }
     out.flush();
@@ -190,6 +220,8 @@ class E57Points final : public PointFile {
       take(E57Use::kColourState, 1);
     }
     if (scan.find(E57Use::kReturn) && scan.find(E57Use::kReturns)) take(E57Use::kReturn, 2);
+    if (options_.intensities) take(E57Use::kIntensity, 1);
+    if (options_.grid_normals && !all(E57Use::kNormalX)) take(E57Use::kRow, 2);
     std::vector<E57Column> columns;
     for (const E57Field& f : fields) {
       if (f.bits > 0) columns.push_back({f.stream, f.bits});
@@ -202,20 +234,59 @@ class E57Points final : public PointFile {
               false,
               kNoSensor,
               {},
+              {},
+              false,
+              E57Use::kColumn,
+              E57Use::kRow,
+              0,
               {}};
     for (const E57Field& f : part.fields) part.has[static_cast<std::size_t>(f.use)] = true;
     for (std::size_t c = 0; c < 3 && part.coloured(); ++c) {
       part.colours[c] = colour_range(scan.colour_limits[2 * c], scan.colour_limits[2 * c + 1],
                                      *scan.find(after(E57Use::kRed, c)));
     }
+    if (part.intense())
+      part.intensities =
+          intensity_range(scan.intensity_limits[0], scan.intensity_limits[1], *scan.find(E57Use::kIntensity));
     if (scan.has_pose) set_motion(scan, part);
     if (part.moved || !cartesian || scan.has_range_bounds ||
         (scan.find(E57Use::kRow) && scan.find(E57Use::kColumn))) {
       part.sensor = static_cast<std::uint16_t>(info_.sensors.size());
       info_.sensors.push_back(part.motion.translation);
     }
+    if (part.with(E57Use::kRow) && part.with(E57Use::kColumn)) find_lines(scan, part, pages);
     count(scan, part);
     parts_.push_back(std::move(part));
+  }
+
+  /// Indices beyond 2^52 are all one: doubles do not tell them apart.
+  static std::int64_t index_of(double value) {
+    return static_cast<std::int64_t>(std::clamp(value, -0x1p52, 0x1p52));
+  }
+
+  /// Whether the records lie row by row or column by column: what most of the first ones share with the one before.
+  void find_lines(const E57Scan& scan, Part& part, E57Pages& pages) const {
+    for (const E57Use use : {E57Use::kRow, E57Use::kColumn})
+      if (scan.find(use)->code != E57Code::kInteger) return;
+    const std::uint64_t end = std::min(part.section.records(), kLooked);
+    std::array<std::uint64_t, 2> same{};  // rows, columns
+    std::array<double, 2> last{};
+    Block block;
+    for_each_block(part, 0, end, pages, block, [&](std::uint64_t first, std::size_t n) {
+      for (std::size_t i = 0; i < n; ++i)
+        for (std::size_t k = 0; k < 2; ++k) {
+          const double now = block[after(E57Use::kRow, k)][i];
+          same[k] += first + i > 0 && now == last[k] ? 1 : 0;
+          last[k] = now;
+        }
+    });
+    const std::size_t by = same[1] >= same[0] ? 1 : 0;
+    part.line = after(E57Use::kRow, by);
+    part.cell = after(E57Use::kRow, 1 - by);
+    const E57Field& cells = *scan.find(part.cell);
+    part.cells = static_cast<std::uint64_t>(
+        std::min(cells.most - cells.least + 1.0, static_cast<double>(kMostGridCells)));
+    part.grid = 2 * same[by] > end && same[0] != same[1];
   }
 
   void set_motion(const E57Scan& scan, Part& part) {
@@ -253,7 +324,10 @@ class E57Points final : public PointFile {
     add_to(info_.declared_points, scan.declared);
     add_to(missing_, scan.declared - there);
     PointAttributes& has = info_.attributes;
-    has.normals = has.normals || part.normals();
+    has.normals = has.normals || part.normals() || part.grid;
+    has.grid_normals = has.grid_normals || part.grid;
+    info_.packed = info_.packed || part.grid;  // made once
+    has.intensity_16 = has.intensity_16 || scan.find(E57Use::kIntensity);
     has.colour = has.colour || part.coloured();
     has.echo = has.echo || part.echoes();
     has.sensor = has.sensor || part.sensor != kNoSensor;
@@ -278,21 +352,61 @@ class E57Points final : public PointFile {
 
   void read_records(const Part& part, std::uint64_t begin, std::uint64_t end, E57Pages& pages, Block& block,
                     ChunkSink& out, std::uint64_t& empty) const {
+    for_each_block(part, begin, end, pages, block, [&](std::uint64_t, std::size_t n) {
+      for (std::size_t i = 0; i < n;) {
+        const std::size_t m = std::min(out.room(), n - i);
+        empty += m - append(part, block, i, m, out.chunk(), nullptr);
+        out.added();
+        i += m;
+      }
+    });
+  }
+
+  /// Decodes records [begin, end), a block at a time. \param use  gets the first record and how many there are
+  template <class Use>
+  void for_each_block(const Part& part, std::uint64_t begin, std::uint64_t end, E57Pages& pages, Block& block,
+                      const Use& use) const {
     E57Packets packets(pages, part.section.streams());
     std::vector<E57Cursor> cursors;
     for (std::size_t c = 0; c < part.section.columns().size(); ++c)
       cursors.emplace_back(part.section, c, begin * part.section.columns()[c].bits / 8);
     while (begin < end) {
-      const auto n = static_cast<std::size_t>(std::min<std::uint64_t>({kBlock, out.room(), end - begin}));
+      const auto n = static_cast<std::size_t>(std::min<std::uint64_t>(kBlock, end - begin));
       block.decode(part, packets, cursors, begin, n);
-      empty += n - append(part, block, n, out.chunk());
-      out.added();
+      use(begin, n);
       begin += n;
     }
   }
 
-  /// Appends the valid ones of `count` records. Returns how many they are.
-  std::size_t append(const Part& part, Block& block, std::size_t count, PointChunk& chunk) const {
+  /// The same with normals from the grid: reads the lines around too.
+  void read_grid(const Part& part, std::uint64_t begin, std::uint64_t end, E57Pages& pages, Block& block,
+                 ChunkSink& out, std::uint64_t& empty) const {
+    const std::uint64_t around = GridStream::kLinesAround * part.cells;
+    const std::uint64_t low = begin - std::min(begin, around);
+    const std::uint64_t high = end + std::min(part.section.records() - end, around);
+    GridStream stream(part.motion.translation, part.cells, low == 0, out);
+    PointChunk valid;
+    std::vector<std::uint32_t> places;
+    for_each_block(part, low, high, pages, block, [&](std::uint64_t first, std::size_t n) {
+      valid.clear();
+      places.clear();
+      append(part, block, 0, n, valid, &places);
+      for (std::size_t i = 0, v = 0; i < n; ++i) {
+        const bool wanted = first + i >= begin && first + i < end;
+        stream.next(index_of(block[part.line][i]));
+        if (v < places.size() && places[v] == i)
+          stream.add(index_of(block[part.cell][i]), valid, v++, wanted);
+        else
+          empty += wanted ? 1 : 0;
+      }
+    });
+    stream.finish(high == part.section.records());
+  }
+
+  /// Appends the valid ones of `count` records of the block. Returns how many they are.
+  /// \param places  gets where in the block they are; where it is given they get no normals
+  std::size_t append(const Part& part, Block& block, std::size_t first, std::size_t count, PointChunk& chunk,
+                     std::vector<std::uint32_t>* places) const {
     const bool cartesian = part.with(E57Use::kX);
     const E57Use state = cartesian ? E57Use::kCartesianState : E57Use::kSphericalState;
     const double* invalid = part.with(state) ? block[state] : nullptr;
@@ -300,14 +414,18 @@ class E57Points final : public PointFile {
     const double* b = block[cartesian ? E57Use::kY : E57Use::kAzimuth];
     const double* c = block[cartesian ? E57Use::kZ : E57Use::kElevation];
     std::size_t added = 0;
-    for (std::size_t i = 0; i < count; ++i) {
+    for (std::size_t i = first; i < first + count; ++i) {
       if (invalid && invalid[i] != 0) continue;
       Double3 p = cartesian ? Double3{a[i], b[i], c[i]} : from_spherical(a[i], b[i], c[i]);
       if (part.moved) p = part.motion.turned(p) + part.motion.translation;
       chunk.x.push_back(p[0]), chunk.y.push_back(p[1]), chunk.z.push_back(p[2]);
-      if (info_.attributes.normals) append_normal(part, block, i, chunk);
+      if (places) places->push_back(static_cast<std::uint32_t>(i));
+      if (info_.attributes.normals && !places) append_normal(part, block, i, chunk);
       if (info_.attributes.colour) chunk.rgba.push_back(colour(part, block, i));
       if (info_.attributes.echo) chunk.echo.push_back(echo(part, block, i));
+      if (options_.intensities && info_.attributes.intensity_16)
+        chunk.intensity.push_back(part.intense() ? part.intensities.word(block[E57Use::kIntensity][i])
+                                                 : std::uint16_t{0});
       ++added;
     }
     if (info_.attributes.sensor) chunk.sensor.resize(chunk.size(), part.sensor);

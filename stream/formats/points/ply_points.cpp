@@ -22,9 +22,14 @@ constexpr std::array kNormalNames = {Names{"nx", "ny", "nz"}, Names{"normal_x", 
 constexpr std::array kColourNames = {Names{"red", "green", "blue"}, Names{"r", "g", "b"},
                                      Names{"diffuse_red", "diffuse_green", "diffuse_blue"}};
 
-/// What a property of the vertex is to us: 0..2 position, 3..5 normal, 6..8 colour, kSkip.
+constexpr std::array<std::string_view, 4> kIntensityNames = {"intensity", "scalar_Intensity",
+                                                             "scalar_intensity", "Intensity"};
+
+/// What a property of the vertex is to us: 0..2 position, 3..5 normal, 6..8 colour, 9 intensity, kSkip.
 constexpr int kSkip = -1;
-constexpr int kSlots = 9;
+constexpr int kSlots = 10;
+constexpr std::size_t kIntensity = 9;
+using Values = std::array<double, kSlots>;
 
 class PlyPoints final : public PointFile {
  public:
@@ -47,7 +52,7 @@ class PlyPoints final : public PointFile {
     info_.declared_points = element().count;
     info_.attributes.normals = has_[3];
     info_.attributes.colour = has_[6];
-    info_.attributes.intensity = element().find("intensity") >= 0 || element().find("scalar_Intensity") >= 0;
+    info_.attributes.intensity = info_.attributes.intensity_16 = has_[kIntensity];
     info_.warnings = header_.warnings;
     if (header_.encoding == PlyEncoding::kAscii) {
       open_ascii(file);
@@ -122,6 +127,14 @@ class PlyPoints final : public PointFile {
     for (const Names& names : kColourNames) {
       if (assign(names, 6)) break;
     }
+    for (const std::string_view name : kIntensityNames) {
+      const int at = element().find(name);
+      if (at < 0 || element().properties[static_cast<std::size_t>(at)].list) continue;
+      slots_[static_cast<std::size_t>(at)] = kIntensity;
+      types_[kIntensity] = element().properties[static_cast<std::size_t>(at)].type;
+      has_[kIntensity] = true;
+      break;
+    }
   }
 
   bool vertices_only() const {
@@ -134,19 +147,21 @@ class PlyPoints final : public PointFile {
   void open_ascii(const ReadFile& file) {
     lines_ = {header_.data_begin, header_.lines + 1, header_.line_end};
     mode_ = vertices_only() ? Mode::kLines : Mode::kInOrder;
-    if (!has_[6]) return;
-    // The first 4096 vertices tell how colours are scaled: see sample_colour_scale.
-    double largest = 0;
+    if (!has_[6] && !has_[kIntensity]) return;
+    // The first 4096 vertices tell how colours and intensities are scaled: see sample_colour_scale.
+    double largest = 0, brightest = 0;
     LineReader reader(file, lines_, header_.data_begin, input_.size(), false);
     if (skip_elements_before(reader)) {
       std::string_view line;
-      std::array<double, kSlots> values{};
+      Values values{};
       for (int i = 0; i < 4096 && reader.next(line); ++i) {
         if (is_blank(line) || !parse(line, values)) continue;
         largest = std::max({largest, values[6], values[7], values[8]});
+        brightest = std::max(brightest, values[kIntensity]);
       }
     }
     layout_.colour_scale = colour_scale_for(types_[6], largest);
+    unit_intensities_ = colour_scale_for(types_[kIntensity], brightest) == ColourScale::kUnit;
   }
 
   void open_binary(const ReadFile& file) {
@@ -168,12 +183,21 @@ class PlyPoints final : public PointFile {
     for (std::size_t p = 0; p < slots_.size(); ++p) {
       if (slots_[p] == kSkip) continue;
       const auto slot = static_cast<std::size_t>(slots_[p]);
+      if (slot == kIntensity) {
+        intensity_ = {element().properties[p].type, static_cast<int>(element().offset(p))};
+        continue;
+      }
       auto& group = slot < 3 ? layout_.position : slot < 6 ? layout_.normal : layout_.colour;
       group[slot % 3] = {element().properties[p].type, static_cast<int>(element().offset(p))};
     }
     count_ = verified_count(element().count, input_.size() - begin_, layout_.stride, closing_);
     if (!count_.warning.empty()) info_.warnings.push_back(count_.warning);
     if (has_[6]) layout_.colour_scale = sample_colour_scale(file, begin_, count_.usable, layout_);
+    if (has_[kIntensity]) {
+      PointRecordLayout grey = layout_;
+      grey.colour.fill(intensity_);
+      unit_intensities_ = sample_colour_scale(file, begin_, count_.usable, grey) == ColourScale::kUnit;
+    }
   }
 
   void read_records(const InputSlice& slice, ChunkSink& out, ReadCounts& counts) const {
@@ -186,6 +210,11 @@ class PlyPoints final : public PointFile {
       const std::string_view bytes = window.peek(layout_.stride);
       const std::size_t n = std::min(bytes.size() / layout_.stride, out.room());
       append_records(layout_, bytes.data(), n, out.chunk());
+      if (has_[kIntensity] && options_.intensities)
+        for (std::size_t i = 0; i < n; ++i)
+          out.chunk().intensity.push_back(intensity(
+              load_double(intensity_.type, layout_.big_endian,
+                          bytes.data() + i * layout_.stride + static_cast<std::size_t>(intensity_.offset))));
       window.skip(n * layout_.stride);
       out.added();
       left -= n;
@@ -193,8 +222,20 @@ class PlyPoints final : public PointFile {
     if (slice.end >= count_.usable) counts.missing = count_.missing;
   }
 
+  /// Whole numbers as they are, floats that never pass 1 stretched to 16 bits.
+  std::uint16_t intensity(double value) const {
+    const double v = unit_intensities_ ? value * 65535.0 : value;
+    return v > 0.0 ? static_cast<std::uint16_t>(std::min(v, 65535.0) + 0.5) : std::uint16_t{0};
+  }
+  void append(const Values& values, PointChunk& chunk) const {
+    PointValues places;
+    std::copy_n(values.begin(), places.size(), places.begin());
+    append_values(places, info_.attributes, layout_.colour_scale, chunk);
+    if (has_[kIntensity] && options_.intensities) chunk.intensity.push_back(intensity(values[kIntensity]));
+  }
+
   /// Takes one ascii vertex from the line. False if that has too few values or something that is no number.
-  bool parse(std::string_view& line, std::array<double, kSlots>& values) const {
+  bool parse(std::string_view& line, Values& values) const {
     for (std::size_t p = 0; p < slots_.size(); ++p) {
       const PlyProperty& property = element().properties[p];
       if (property.list) {
@@ -230,7 +271,7 @@ class PlyPoints final : public PointFile {
     LineReader reader(file, lines_, slice.begin, slice.end, options_.release_cache);
     std::uint64_t left = in_order ? element().count : ~std::uint64_t{0};
     std::string_view line;
-    std::array<double, kSlots> values{};
+    Values values{};
     if (in_order && !skip_elements_before(reader)) {
       counts.missing = left;
       return;
@@ -252,7 +293,7 @@ class PlyPoints final : public PointFile {
                          " values as the header declares; correct or remove the line");
       }
       if (!is_blank(rest)) ++counts.surplus;
-      append_values(values, info_.attributes, layout_.colour_scale, out.chunk());
+      append(values, out.chunk());
       out.added();
       --left;
     }
@@ -263,7 +304,7 @@ class PlyPoints final : public PointFile {
   void read_in_order(ChunkSink& out, ReadCounts& counts) const {
     const ReadFile file = input_.open();
     ByteWindow window(file, begin_, input_.size(), ByteWindow::kDefaultCapacity, options_.release_cache);
-    std::array<double, kSlots> values{};
+    Values values{};
     std::uint64_t left = element().count;
     for (; left > 0; --left) {
       for (std::size_t p = 0; p < slots_.size(); ++p) {
@@ -291,7 +332,7 @@ class PlyPoints final : public PointFile {
           window.skip(head);
         }
       }
-      append_values(values, info_.attributes, layout_.colour_scale, out.chunk());
+      append(values, out.chunk());
       out.added();
     }
   }
@@ -304,7 +345,9 @@ class PlyPoints final : public PointFile {
   bool closing_ = true;                     ///< nothing is declared after the vertices
   std::vector<int> slots_;                  ///< per property of the vertex
   std::array<ScalarType, kSlots> types_{};  ///< per slot
-  std::array<bool, kSlots> has_{};          ///< slots 0, 3, 6: the group is there
+  std::array<bool, kSlots> has_{};          ///< slots 0, 3, 6, 9: the group is there
+  PointColumn intensity_;                   ///< binary: where it stands in a record
+  bool unit_intensities_ = false;           ///< they are 0..1
   Mode mode_ = Mode::kInOrder;
   LineLayout lines_;
   std::uint64_t begin_ = 0;  ///< binary: byte offset of the first vertex

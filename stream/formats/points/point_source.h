@@ -34,7 +34,8 @@ struct PointChunk {
   std::vector<std::uint32_t> rgba;    ///< r | g<<8 | b<<16 | a<<24, alpha 255 where colour is known
   std::vector<std::uint16_t> sensor;  ///< index into PointFileInfo::sensors, or kNoSensor
   std::vector<Echo> echo;
-  std::vector<std::uint16_t> intensity;  ///< as it is in LAS, where it is asked for
+  /// Where it is asked for; whole numbers up to 65,535 as they are, all else stretched from its limits to 0..65,535.
+  std::vector<std::uint16_t> intensity;
   std::size_t size() const { return x.size(); }
   void clear();
   /// Element i of every array that `from` has.
@@ -58,9 +59,10 @@ struct PointBox {
 /// Which optional arrays a file fills.
 struct PointAttributes {
   bool normals = false;
+  bool grid_normals = false;  ///< these, or some, are made from rows and columns (ReadOptions::grid_normals)
   bool colour = false;
   bool intensity = false;     ///< said to be there
-  bool intensity_16 = false;  ///< handed on as PointChunk::intensity where it is asked for (LAS)
+  bool intensity_16 = false;  ///< handed on as PointChunk::intensity where it is asked for
   bool sensor = false;
   bool echo = false;
 };
@@ -114,7 +116,8 @@ struct ReadOptions {
   bool release_cache = false;        ///< tell the system to drop what was read from its page cache
   bool colours =
       true;  ///< false: whoever reads needs none, and formats to which they are dear leave them out
-  bool intensities = false;             ///< of LAS and LAZ
+  bool intensities = false;   ///< fill PointChunk::intensity
+  bool grid_normals = false;  ///< scans without normals get them from their rows and columns (E57, PTX)
   std::optional<PointBox> bounds = {};  ///< COPC: what lies outside may be left out
   double resolution_limit = 0.0;        ///< COPC: levels up to the first one with such a spacing; 0 = all
   bool unpacked = false;  ///< points of packed files are not read from them any more: opening looks at none

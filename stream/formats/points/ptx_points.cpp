@@ -12,6 +12,7 @@
 #include "octree/points.h"
 #include "stream/formats/closed_file.h"
 #include "stream/formats/line_reader.h"
+#include "stream/formats/points/grid_stream.h"
 #include "stream/formats/points/point_records.h"
 #include "stream/formats/scalar.h"
 
@@ -28,8 +29,10 @@ struct Scan {
   std::uint64_t data_end = 0;    ///< header of the next scan, or end of the file
   std::uint64_t lines = 0;       ///< point lines found
   bool colour = false;
-  Double3 position{};               ///< of the scanner, as the header gives it
-  std::array<double, 12> matrix{};  ///< rows: images of the axes, then the translation
+  std::uint64_t rows = 0;              ///< lines of a column, 0 where there is no grid to make normals of
+  std::vector<std::uint64_t> columns;  ///< where each begins, in bytes
+  Double3 position{};                  ///< of the scanner, as the header gives it
+  std::array<double, 12> matrix{};     ///< rows: images of the axes, then the translation
 };
 
 /// A line of one whole number, which no point line is.
@@ -70,8 +73,13 @@ class PtxPoints final : public PointFile {
     info_.format = "PTX with " + std::to_string(scans_.size()) + (scans_.size() == 1 ? " scan" : " scans") +
                    input_.packed_words();
     info_.attributes.intensity = true;
+    info_.attributes.intensity_16 = true;
     info_.attributes.sensor = true;
-    for (std::size_t i = 0; i < scans_.size(); ++i) describe(scans_[i], i);
+    for (std::size_t i = 0; i < scans_.size(); ++i) {
+      // Where lines are missing nobody knows which cells the others are.
+      if (scans_[i].lines != scans_[i].declared) scans_[i].rows = 0;
+      describe(scans_[i], i);
+    }
   }
 
   const PointFileInfo& info() const override { return info_; }
@@ -100,11 +108,22 @@ class PtxPoints final : public PointFile {
     const ReadFile file = input_.open();
     // A scan without points starts where its successor's header does: the slice then is empty.
     auto scan = after - 1;
+    const bool alone = input_.packed().empty();  // the slice lies within the scan
     LineLayout layout = layout_;
     layout.data_begin = scan->data_begin;
-    LineReader reader(file, layout, slice.begin, std::min(slice.end, input_.size()), options_.release_cache);
+    std::uint64_t begin = slice.begin;
+    std::uint64_t end = std::min(slice.end, input_.size());
+    if (scan->rows > 0 && alone) {
+      begin = scan->columns[first_column(*scan, slice.begin)];
+      end = end_of_columns(*scan, slice.end);
+    }
+    LineReader reader(file, layout, begin, end, options_.release_cache);
     do {
-      read_lines(reader, *scan, out, counts);
+      if (scan->rows > 0)
+        read_grid(reader, *scan, slice, alone ? first_column(*scan, slice.begin) : 0,
+                  alone ? end : scan->data_end, out, counts);
+      else
+        read_lines(reader, *scan, out, counts);
       if (slice.end >= scan->data_end && scan->declared > scan->lines)
         counts.missing += scan->declared - scan->lines;
     } while (++scan != scans_.end() && scan->data_begin < slice.end);
@@ -133,6 +152,7 @@ class PtxPoints final : public PointFile {
         if (!is_blank(line)) fail(number, "a PTX file starts with the number of columns");
       } else if (!is_blank(line)) {
         Scan& scan = scans_.back();
+        if (scan.rows > 0 && scan.lines % scan.rows == 0) scan.columns.push_back(reader.line_offset());
         if (++scan.lines == 1) scan.colour = count_fields(line) >= 7;
         if (!reader.complete() && !is_point(line)) --scan.lines;  // torn
       }
@@ -167,6 +187,7 @@ class PtxPoints final : public PointFile {
       fail(number, "the matrix of this scan is no motion, so its points have no positions");
     }
     scan.data_begin = reader.next_offset();
+    if (options_.grid_normals && rows <= kMostGridCells && columns > 1) scan.rows = rows;
     scans_.push_back(scan);
   }
 
@@ -188,6 +209,8 @@ class PtxPoints final : public PointFile {
     const bool given = finite && !is_zero(scan.position.data());
     info_.sensors.push_back(given ? scan.position : Double3{origin[0], origin[1], origin[2]});
     info_.attributes.colour = info_.attributes.colour || scan.colour;
+    info_.attributes.normals = info_.attributes.normals || scan.rows > 0;
+    info_.attributes.grid_normals = info_.attributes.normals;
     const std::uint64_t room = ~std::uint64_t{0} - info_.declared_points;
     info_.declared_points += std::min(room, scan.declared);
     const std::string name = "scan " + std::to_string(index + 1);
@@ -209,34 +232,91 @@ class PtxPoints final : public PointFile {
     }
   }
 
-  void read_lines(LineReader& reader, const Scan& scan, ChunkSink& out, ReadCounts& counts) const {
+  enum class Line { kPoint, kEmpty, kTorn };
+
+  /// Takes the point of a line, without a normal. \throws InputError for a line that is none
+  Line take(const LineReader& reader, std::string_view line, const Scan& scan, PointChunk& chunk,
+            ReadCounts& counts) const {
+    const std::string_view whole = line;
     const std::array<double, 12>& m = scan.matrix;
-    const auto sensor = static_cast<std::uint16_t>(&scan - scans_.data());
+    double v[3];
+    if (!next_number(line, v[0]) || !next_number(line, v[1]) || !next_number(line, v[2])) {
+      if (!reader.complete()) {
+        counts.warnings.push_back(reader.torn_line());
+        return Line::kTorn;  // missing: the index did not count it
+      }
+      throw InputError(reader.where() + ": '" + std::string(whole.substr(0, 60)) +
+                       "' is not a point 'x y z intensity [r g b]'; correct or remove the line");
+    }
+    if (is_zero(v)) return Line::kEmpty;
+    chunk.x.push_back(v[0] * m[0] + v[1] * m[3] + v[2] * m[6] + m[9]);
+    chunk.y.push_back(v[0] * m[1] + v[1] * m[4] + v[2] * m[7] + m[10]);
+    chunk.z.push_back(v[0] * m[2] + v[1] * m[5] + v[2] * m[8] + m[11]);
+    chunk.sensor.push_back(static_cast<std::uint16_t>(&scan - scans_.data()));
+    if (info_.attributes.colour) chunk.rgba.push_back(colour(line));
+    if (options_.intensities) chunk.intensity.push_back(intensity(line));
+    return Line::kPoint;
+  }
+
+  void read_lines(LineReader& reader, const Scan& scan, ChunkSink& out, ReadCounts& counts) const {
     std::string_view line;
     while (reader.next_offset() < scan.data_end && reader.next(line)) {
       if (reader.line_offset() < scan.data_begin || is_blank(line)) continue;  // its header
-      const std::string_view whole = line;
-      double v[3];
-      if (!next_number(line, v[0]) || !next_number(line, v[1]) || !next_number(line, v[2])) {
-        if (!reader.complete()) {
-          counts.warnings.push_back(reader.torn_line());
-          break;  // missing: the index did not count it
-        }
-        throw InputError(reader.where() + ": '" + std::string(whole.substr(0, 60)) +
-                         "' is not a point 'x y z intensity [r g b]'; correct or remove the line");
-      }
-      if (is_zero(v)) {
+      const Line found = take(reader, line, scan, out.chunk(), counts);
+      if (found == Line::kTorn) break;
+      if (found == Line::kEmpty) {
         ++counts.empty;
         continue;
       }
-      PointChunk& chunk = out.chunk();
-      chunk.x.push_back(v[0] * m[0] + v[1] * m[3] + v[2] * m[6] + m[9]);
-      chunk.y.push_back(v[0] * m[1] + v[1] * m[4] + v[2] * m[7] + m[10]);
-      chunk.z.push_back(v[0] * m[2] + v[1] * m[5] + v[2] * m[8] + m[11]);
-      chunk.sensor.push_back(sensor);
-      if (info_.attributes.colour) chunk.rgba.push_back(colour(line));
+      if (info_.attributes.normals) {  // of other scans
+        PointChunk& chunk = out.chunk();
+        chunk.nx.push_back(0), chunk.ny.push_back(0), chunk.nz.push_back(0);
+      }
       out.added();
     }
+  }
+
+  /// Of the columns that a slice from this byte on needs.
+  static std::size_t first_column(const Scan& scan, std::uint64_t byte) {
+    const auto after = std::upper_bound(scan.columns.begin(), scan.columns.end(), byte);
+    const auto in = static_cast<std::size_t>(after - scan.columns.begin());
+    return in - std::min<std::size_t>(in, GridStream::kLinesAround + 1);
+  }
+  /// The byte behind the columns that a slice up to this byte needs.
+  static std::uint64_t end_of_columns(const Scan& scan, std::uint64_t byte) {
+    const auto at = std::lower_bound(scan.columns.begin(), scan.columns.end(), byte);
+    const auto next = static_cast<std::uint64_t>(at - scan.columns.begin()) + GridStream::kLinesAround;
+    return next < scan.columns.size() ? scan.columns[next] : scan.data_end;
+  }
+
+  /// The points of a slice with normals, which need columns around it.
+  /// \param column  that the reader stands before  \param end  a byte at which a column ends
+  void read_grid(LineReader& reader, const Scan& scan, const InputSlice& slice, std::size_t column,
+                 std::uint64_t end, ChunkSink& out, ReadCounts& counts) const {
+    GridStream stream(info_.sensors[static_cast<std::size_t>(&scan - scans_.data())], scan.rows, true, out);
+    PointChunk one;
+    std::string_view line;
+    for (std::uint64_t n = column * scan.rows; reader.next_offset() < end && reader.next(line);) {
+      if (reader.line_offset() < scan.data_begin || is_blank(line)) continue;  // its header
+      const bool wanted = reader.line_offset() >= slice.begin && reader.line_offset() < slice.end;
+      one.clear();
+      const Line found = take(reader, line, scan, one, counts);
+      if (found == Line::kTorn) break;
+      stream.next(static_cast<std::int64_t>(n / scan.rows));
+      if (found == Line::kPoint)
+        stream.add(static_cast<std::int64_t>(n % scan.rows), one, 0, wanted);
+      else
+        counts.empty += wanted ? 1 : 0;
+      ++n;
+    }
+    stream.finish(true);
+  }
+
+  /// Of the rest of a point line after x y z, 0..1; 0 if it has none.
+  static std::uint16_t intensity(std::string_view rest) {
+    double value = 0;
+    if (!next_number(rest, value) || !(value > 0)) return 0;
+    return static_cast<std::uint16_t>(std::min(value, 1.0) * 65535.0 + 0.5);
   }
 
   /// Of the rest of a point line after x y z; 0 if it has none.

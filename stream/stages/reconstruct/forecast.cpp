@@ -3,9 +3,11 @@
 #include <algorithm>
 #include <filesystem>
 #include <nlohmann/json.hpp>
+#include <span>
 
 #include "octree/error.h"
 #include "stream/files/durable_file.h"
+#include "stream/runtime/disk_space.h"
 #include "stream/runtime/memory_budget.h"
 
 namespace tessera {
@@ -58,12 +60,10 @@ void require_resources(const Forecast& forecast, const JobState& job, std::uint6
         });
     budget.require(first->sure_bytes + own_base, "stage " + first->stage, cap);
   }
-  std::error_code unknown;
-  const auto space = std::filesystem::space(job.work, unknown);
-  if (unknown || forecast.peak_disk_bytes <= space.available) return;
-  throw ResourceError("the work directory " + job.work.string() + " needs about " +
-                      format_bytes(forecast.peak_disk_bytes) + ", " + format_bytes(space.available) +
-                      " are free; free space, or choose a larger disk by --temp");
+  const std::uint64_t there = bytes_below(job.work);  // the probe, what was unpacked
+  const DiskNeed need = {job.work, forecast.peak_disk_bytes - std::min(there, forecast.peak_disk_bytes),
+                         "the work directory " + job.work.string()};
+  require_disk(std::span(&need, 1), kLargerDisk);
 }
 
 }  // namespace tessera

@@ -19,6 +19,10 @@ inline constexpr const char* kSupportersFile = "normals/supporters.bin";
 /// Share of points from pulses of several returns from which a scan is airborne: terrestrial ones tell of one.
 inline constexpr double kAirborneReturns = 0.01;
 
+/// Share of points with normals from which these are used instead of estimated ones. Samples at outlines and on rough ground
+/// have none from rows and columns, and surface without normals is lost.
+inline constexpr double kGivenShare = 0.5, kGridShare = 0.9;
+
 struct NormalsMode {
   bool estimate = false;    ///< fit planes; false = the given normals are used
   bool by_sensor = false;   ///< sensor origins are known
@@ -39,7 +43,8 @@ struct NormalsMode {
         clean(options.outliers != "off") {
     if (options.normals == "given" && !plan.has_normals())
       throw UsageError("--normals given, but no input point carries a normal; use --normals auto");
-    estimate = options.normals == "estimate" || (options.normals == "auto" && plan.normal_fraction < 0.5);
+    const double least = plan.grid_normals ? kGridShare : kGivenShare;
+    estimate = options.normals == "estimate" || (options.normals == "auto" && plan.normal_fraction < least);
   }
 
   bool needed() const { return estimate || clean; }

@@ -60,7 +60,8 @@ bool has_point_colours(ColourBy by, const PointInputs& inputs) {
   }
   if (!tells && (by == ColourBy::kIntensity || by == ColourBy::kClass))
     throw UsageError(std::string("--colour ") + (by == ColourBy::kClass ? "class" : "intensity") +
-                     ": no input tells that of its points, LAS files do");
+                     ": no input tells that of its points, LAS files do" +
+                     (by == ColourBy::kIntensity ? ", and E57, PTX and PLY files may" : ""));
   return by != ColourBy::kNone;
 }
 

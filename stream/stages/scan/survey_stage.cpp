@@ -314,6 +314,7 @@ nlohmann::json SurveyStage::finish(const std::vector<nlohmann::json>& summaries,
   plan.normal_fraction =
       static_cast<double>(tally.with_normal) / static_cast<double>(finite - tally.fates.absurd);
   if (options_.normals == "estimate") plan.normal_fraction = 0.0;
+  plan.grid_normals = plan.has_normals() && inputs_->has_grid_normals();
   // Some files say the same return of the same pulse for every point: that is no measurement.
   if (tally.first_return >= tally.multi_return / kMostEchoes)
     plan.multi_return_fraction =

@@ -1,27 +1,54 @@
 #include "stream/stages/scan/unpack_stage.h"
 
+#include <algorithm>
+#include <span>
+
 #include <nlohmann/json.hpp>
 
+#include "stream/formats/points/grid_stream.h"
 #include "stream/points/cubes.h"
 #include "stream/points/unpacked_points.h"
+#include "stream/runtime/disk_space.h"
 
 namespace tessera {
 namespace {
 
 using json = nlohmann::json;
 
+/// Bytes of what the pass leaves, by the headers; a header that claims more points than its file can pack is not believed.
+std::uint64_t unpacked_bytes(const PointInputs& inputs) {
+  constexpr std::uint64_t kMostPointsPerByte = 4;
+  std::uint64_t sum = 0;
+  for (std::size_t i = 0; i < inputs.file_count(); ++i) {
+    const PointFileInfo& info = inputs.file(i).info();
+    if (!info.packed && inputs.thin_buckets() == 0) continue;
+    const std::uint64_t points = std::min(info.declared_points, info.bytes * kMostPointsPerByte);
+    const PointAttributes& has = info.attributes;
+    sum += points * ((info.grid.known() ? 12 : 24) + (has.normals ? 12 : 0) + (has.sensor ? 2 : 0) +
+                     (has.echo ? sizeof(Echo) : 0) + (has.colour ? 4 : 0) + (has.intensity_16 ? 2 : 0));
+  }
+  return sum;
+}
+
 class UnpackStage : public Stage {
  public:
   UnpackStage(const JobState& job, std::shared_ptr<const PointInputs> inputs)
-      : job_(job), inputs_(std::move(inputs)) {}
+      : job_(job), inputs_(std::move(inputs)) {
+    const std::filesystem::path folder = job_.work / "unpacked";
+    const std::uint64_t all = unpacked_bytes(*inputs_);
+    const DiskNeed need = {job_.work, all - std::min(all, bytes_below(folder)),
+                           "unpacking in " + job_.work.string()};
+    require_disk(std::span(&need, 1), kLargerDisk);
+  }
   std::string name() const override { return "unpack"; }
   std::size_t task_count() const override { return inputs_->has_packed() ? inputs_->task_count() : 0; }
   std::uint64_t units() const override { return task_count() > 0 ? inputs_->bytes() : 0; }
   std::string unit_name() const override { return "bytes"; }
   std::uint64_t task_bytes(std::size_t task) const override {
-    return inputs_->is_packed(task)
-               ? PointInputs::kReadBytes + UnpackedWriter::kBytes + cube_dealer_bytes(inputs_->thin_buckets())
-               : kLittle;
+    return inputs_->is_packed(task) ? PointInputs::kReadBytes + UnpackedWriter::kBytes +
+                                          cube_dealer_bytes(inputs_->thin_buckets()) +
+                                          (inputs_->has_grid_normals() ? GridStream::kBytes : 0)
+                                    : kLittle;
   }
   std::uint64_t finish_bytes() const override { return kLittle; }
 
