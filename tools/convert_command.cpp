@@ -1,11 +1,19 @@
 #include <memory>
+#include <optional>
 
 #include <fmt/format.h>
 
+#include "octree/error.h"
 #include "stream/commands/convert_mesh.h"
 #include "stream/commands/convert_points.h"
+#include "stream/files/scratch_folder.h"
 #include "stream/points/reconstruct_options.h"
+#include "stream/runtime/memory_budget.h"
+#include "stream/runtime/parallel.h"
+#include "stream/runtime/stage_runner.h"
 #include "stream/runtime/stop.h"
+#include "stream/stages/scan/thin_stage.h"
+#include "stream/stages/scan/unpack_stage.h"
 #include "tools/commands.h"
 #include "tools/frame/cli.h"
 
@@ -30,18 +38,52 @@ void run_convert_mesh(const std::vector<std::filesystem::path>& inputs, const Co
   for (const std::string& note : report.notes) fmt::print("note: {}\n", note);
 }
 
-void run_convert(const ConvertCommand& command) {
+/// Runs the passes that deal points to cubes and keep one of each.
+void thin(const std::vector<std::filesystem::path>& inputs, const ConvertOptions& options,
+          const std::filesystem::path& work) {
+  ReconstructOptions wanted = wanted_points(options.wanted);
+  wanted.columns = options.columns;
+  wanted.colour = "intensity";  // with colours, all that the points say
+  wanted.normals = "estimate";  // none are made of rows and columns
+  JobState state;
+  state.work = work;
+  state.inputs = inputs;
+  state.settings = to_settings(wanted);
+  state.run.memory_bytes = detect_memory_cap().bytes;
+  state.run.threads = options.threads > 0 ? options.threads : core_count();
+  run_stages(state,
+             {{"unpack", [](const JobState& s) { return make_unpack_stage(s); }},
+              {"thin", [](const JobState& s) { return make_thin_stage(s); }}},
+             throw_if_stopped);
+}
+
+void run_convert(ConvertCommand& command) {
   cli::require_inputs(command.inputs);
   const std::vector<std::filesystem::path> inputs = expand_inputs(command.inputs);
   std::vector<std::filesystem::path> reads = cli::also_read(command.inputs);
   reads.insert(reads.end(), inputs.begin(), inputs.end());
   cli::require_new_output(command.output, command.force, reads);
   if (converts_as_mesh(inputs.front(), command.output)) {
+    const ReconstructOptions& w = command.options.wanted;
+    if (!w.classes.empty() || w.returns != "all" || !w.bounds.empty() || !w.clip.empty() || w.thin > 0.0 ||
+        w.resolution_limit > 0.0)
+      throw UsageError(
+          "--classes, --returns, --bounds, --clip, --thin and --resolution-limit choose points of scans, and "
+          "this is a mesh");
     run_convert_mesh(inputs, command);
     return;
   }
-  const ConvertReport report = convert_points(inputs, command.output, command.options);
+  ConvertOptions& options = command.options;
+  options.wanted.validate();
+  std::optional<ScratchFolder> scratch;
+  if (options.wanted.thin > 0.0) {
+    scratch.emplace(std::filesystem::absolute(command.output).parent_path(), "thin");
+    options.thinned = scratch->path();
+    thin(inputs, options, options.thinned);
+  }
+  const ConvertReport report = convert_points(inputs, command.output, options);
   fmt::print("{}: {} points, {} bytes\n", command.output.string(), report.points, report.bytes);
+  if (report.unwanted > 0) fmt::print("not wanted: {} points\n", report.unwanted);
   const std::uint64_t dropped = report.not_finite + report.withheld + report.empty + report.missing;
   if (dropped > 0) {
     fmt::print("left out: {} not finite, {} withheld, {} empty, {} missing\n", report.not_finite,
@@ -61,6 +103,25 @@ cli::Command convert_command() {
       t, c.output,
       "file to write: scans .ply (binary), .las (1.4), .laz, .xyz; meshes .ply, .obj, .stl, .glb");
   add_columns(t, c.options.columns);
+  ReconstructOptions& w = c.options.wanted;
+  t.add("classes", &w.classes, "scans: classes of points to keep, e.g. 2,6 (LAS, LAZ); default: all").split();
+  t.add("returns", &w.returns, "scans: which returns of a pulse to keep (LAS, LAZ)")
+      .one_of({"all", "first", "last"});
+  t.add("bounds", &w.bounds, "scans: box of points to keep, X0,Y0,Z0,X1,Y1,Z1; of COPC the rest is not read")
+      .split()
+      .shown_as("BOX");
+  t.add("clip", &w.clip,
+        "scans: GeoJSON file of polygons in the coordinates of the scan: points outside them, as seen from "
+        "above, are left out")
+      .shown_as("FILE");
+  t.add("resolution-limit", &w.resolution_limit,
+        "COPC: read the levels of its octree up to the first whose points lie so close, scan units; 0 = all")
+      .at_least(0);
+  t.add("thin", &w.thin,
+        "scans: one point is kept of every cube of this edge, the one nearest to its middle, scan units; in "
+        "the "
+        "order of cubes; 0 = all")
+      .at_least(0);
   t.add("double", &c.options.force_double, "PLY: double coordinates even where floats are exact");
   t.add("las-scale", &c.options.las_scale,
         "step of LAS and LAZ coordinates, units of the scan; 0 = the finest power of ten that fits")

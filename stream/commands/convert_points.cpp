@@ -9,8 +9,12 @@
 #include "octree/error.h"
 #include "stream/files/file_extension.h"
 #include "stream/files/planned_writes.h"
+#include "stream/files/task_files.h"
 #include "stream/formats/points/point_writer.h"
+#include "stream/points/point_filter.h"
+#include "stream/points/point_inputs.h"
 #include "stream/points/point_summary.h"
+#include "stream/points/unpacked_points.h"
 #include "stream/runtime/parallel.h"
 #include "stream/runtime/stop.h"
 
@@ -30,6 +34,8 @@ struct Survey {
   Double3 min{}, max{};
   bool exact_in_float = true;
   std::uint64_t finite = 0;
+  std::uint64_t read = 0;
+  std::vector<PositionGrid> grids;  ///< of every input
 };
 
 Survey survey(const std::vector<std::filesystem::path>& inputs, const ReadOptions& read,
@@ -43,6 +49,8 @@ Survey survey(const std::vector<std::filesystem::path>& inputs, const ReadOption
       all.max[a] = all.finite == 0 ? s.max[a] : std::max(all.max[a], s.max[a]);
     }
     all.finite += finite;
+    all.read += s.counts.points;
+    all.grids.push_back(s.info.grid);
     all.attributes.normals = all.attributes.normals || s.info.attributes.normals;
     all.attributes.colour = all.attributes.colour || s.info.attributes.colour;
     all.attributes.intensity = all.attributes.intensity || s.info.attributes.intensity;
@@ -101,42 +109,116 @@ void complete(PointChunk& chunk, const PointAttributes& attributes) {
   if (attributes.echo && chunk.echo.empty()) chunk.echo.resize(n, Echo{1, 1, 1});
 }
 
-void write_file(const std::filesystem::path& path, const ReadOptions& read, const PointAttributes& attributes,
-                const PointEncoder& encoder, std::size_t window, PointWriter& writer, ConvertReport& report) {
-  const auto file = open_point_file(path, read);
-  const std::vector<InputSlice> slices = file->slices(0, kSliceBytes);
-  const auto append = [&](const EncodedPoints& encoded) {
-    writer.append(encoded);
-    report.points += encoded.points;
-  };
-  const auto read_slice = [&](std::size_t slice, const std::function<void(EncodedPoints&)>& sink) {
-    EncodedPoints encoded;
-    file->read(slices[slice], [&](const PointChunk& chunk) {
-      throw_if_stopped();
-      PointChunk full = chunk;
-      complete(full, attributes);
-      encoder.encode(full, {}, encoded);
-      sink(encoded);
-    });
-  };
-  if (slices.size() == 1) {  // may be of any size: nothing of it waits in memory
-    read_slice(0, append);
-    return;
-  }
-  std::vector<std::vector<EncodedPoints>> ring(window);
-  parallel_in_order(
-      slices.size(), window,
-      [&](std::size_t slice) {
-        auto& pieces = ring[slice % window];
-        pieces.clear();
-        read_slice(slice, [&](EncodedPoints& encoded) { pieces.push_back(std::move(encoded)); });
-      },
-      [&](std::size_t slice) {
-        for (const EncodedPoints& piece : ring[slice % window]) append(piece);
+std::uint64_t left_out(const ReadCounts& counts) {
+  return counts.other_class + counts.other_return + counts.outside + counts.thinned;
+}
+
+/// Writes points of all inputs, in their order, one after the other.
+class Output {
+ public:
+  Output(const std::filesystem::path& path, const PointFileHeader& header, std::size_t window)
+      : kept_(header.attributes),
+        encoder_(make_point_encoder(path, header)),
+        writer_(create_point_file(path, header)),
+        window_(window) {}
+
+  /// \param filter  null: all points stay
+  void add_file(const std::filesystem::path& path, const ReadOptions& read, const PointFilter* filter) {
+    const auto file = open_point_file(path, read);
+    const std::vector<InputSlice> slices = file->slices(0, kSliceBytes);
+    const auto read_slice = [&](std::size_t slice, Read& done,
+                                const std::function<void(EncodedPoints&)>& sink) {
+      EncodedPoints encoded;
+      PointChunk scratch;
+      file->read(slices[slice], [&](const PointChunk& chunk) {
+        throw_if_stopped();
+        done.points += chunk.size();
+        encode(filter ? filter->apply(chunk, scratch, done.counts) : chunk, encoded);
+        sink(encoded);
       });
+    };
+    if (slices.size() == 1) {  // may be of any size: nothing of it waits in memory
+      Read done;
+      read_slice(0, done, [&](const EncodedPoints& encoded) { append(encoded); });
+      take(done);
+      return;
+    }
+    std::vector<std::vector<EncodedPoints>> ring(window_);
+    std::vector<Read> done(slices.size());
+    parallel_in_order(
+        slices.size(), window_,
+        [&](std::size_t slice) {
+          auto& pieces = ring[slice % window_];
+          pieces.clear();
+          read_slice(slice, done[slice],
+                     [&](EncodedPoints& encoded) { pieces.push_back(std::move(encoded)); });
+        },
+        [&](std::size_t slice) {
+          for (const EncodedPoints& piece : ring[slice % window_]) append(piece);
+          take(done[slice]);
+        });
+  }
+
+  /// What stage "thin" has left, bucket by bucket.
+  void add_thinned(const std::filesystem::path& work, const std::vector<PositionGrid>& grids) {
+    const std::filesystem::path folder = (work / PointInputs::thinned_file(0)).parent_path();
+    for (const std::filesystem::path& path : list_task_files(folder, ".points")) {
+      EncodedPoints encoded;
+      Read done;
+      done.counts = read_unpacked(
+          path, true, [&](std::uint32_t file) { return grids.at(file); },
+          [&](std::uint32_t, const PointChunk& chunk) {
+            throw_if_stopped();
+            encode(chunk, encoded);
+            append(encoded);
+          });
+      done.points = done.counts.points;
+      take(done);
+    }
+  }
+
+  std::uint64_t written() const { return written_; }
+  std::uint64_t read() const { return read_; }
+  std::uint64_t unwanted() const { return unwanted_; }
+  std::uint64_t finish() { return writer_->finish(); }
+
+ private:
+  struct Read {
+    std::uint64_t points = 0;
+    ReadCounts counts;
+  };
+  void encode(const PointChunk& chunk, EncodedPoints& encoded) const {
+    PointChunk full = chunk;
+    complete(full, kept_);
+    encoder_->encode(full, {}, encoded);
+  }
+  void append(const EncodedPoints& encoded) {
+    writer_->append(encoded);
+    written_ += encoded.points;
+  }
+  void take(const Read& done) {
+    read_ += done.points;
+    unwanted_ += left_out(done.counts);
+  }
+
+  PointAttributes kept_;
+  std::unique_ptr<PointEncoder> encoder_;
+  std::unique_ptr<PointWriter> writer_;
+  std::size_t window_;
+  std::uint64_t written_ = 0, read_ = 0, unwanted_ = 0;
+};
+
+bool filters(const ReconstructOptions& o) {
+  return !o.classes.empty() || o.returns != "all" || !o.bounds.empty() || !o.clip_rings.empty();
 }
 
 }  // namespace
+
+ReconstructOptions wanted_points(ReconstructOptions options) {
+  if (options.classes.empty())
+    for (int kind = 0; kind < 256; ++kind) options.classes.push_back(std::to_string(kind));
+  return options;
+}
 
 ConvertReport convert_points(const std::vector<std::filesystem::path>& inputs,
                              const std::filesystem::path& output, const ConvertOptions& options) {
@@ -146,22 +228,34 @@ ConvertReport convert_points(const std::vector<std::filesystem::path>& inputs,
     throw UsageError(output.string() + ": unknown extension '" + extension +
                      "' for points; use .ply, .las, .laz or .xyz");
   }
-  const ReadOptions read{.columns = options.columns, .chunk_points = 16384, .intensities = true};
+  const bool filtered = filters(options.wanted);
+  const PointFilter filter(wanted_points(options.wanted));
+  const ReadOptions read{.columns = options.columns,
+                         .chunk_points = 16384,
+                         .intensities = true,
+                         .bounds = filter.box(),
+                         .resolution_limit = options.wanted.resolution_limit};
   ConvertReport report;
   WorkerPool pool(options.threads);
   pool.run_here([&] {
     const Survey all = survey(inputs, read, report);
+    if (filtered && !all.attributes.echo) PointFilter(options.wanted).refuse();
     if (all.finite == 0)
       throw EmptyError("the inputs hold no point with finite coordinates; nothing is written");
     const PointFileHeader header = header_for(output, options, all, report);
-    const auto encoder = make_point_encoder(output, header);
-    const auto writer = create_point_file(output, header);
-    const PointAttributes kept = header.attributes;
-    const auto window = static_cast<std::size_t>(pool.threads()) + 1;
-    for (const auto& path : inputs) write_file(path, read, kept, *encoder, window, *writer, report);
-    if (report.points != all.finite)
+    Output out(output, header, static_cast<std::size_t>(pool.threads()) + 1);
+    if (options.thinned.empty())
+      for (const auto& path : inputs) out.add_file(path, read, filtered ? &filter : nullptr);
+    else
+      out.add_thinned(options.thinned, all.grids);
+    report.points = out.written();
+    report.unwanted = out.unwanted();
+    if (out.read() != all.read || (!filtered && options.thinned.empty() && report.points != all.finite))
       throw InputError("an input changed while it was read; run the command again");
-    report.bytes = writer->finish();
+    PointFilter(options.wanted).require_wanted(out.read(), out.unwanted());
+    if (report.points == 0)
+      throw EmptyError("none of the points that are wanted has finite coordinates; nothing is written");
+    report.bytes = out.finish();
   });
   return report;
 }

@@ -1,10 +1,14 @@
 // Packed scans and parts of scans as a user takes them: unpacked once, boxes, polygons, cubes, colours.
 #include <catch2/catch.hpp>
 
+#include <algorithm>
+#include <cmath>
+
 #include <nlohmann/json.hpp>
 
 #include "tests/helpers/command.h"
 #include "tests/helpers/copc_file.h"
+#include "tests/helpers/point_reading.h"
 #include "tests/helpers/temp_folder.h"
 
 using namespace tessera::test;
@@ -171,4 +175,73 @@ TEST_CASE("parts: colours by height, intensity and class reach the vertices", "[
   }
   CHECK(mesh_of({(scans() / "scan.laz").string()}, {"--resolution", "8", "--colour", "height"}).mesh ==
         meshes[3]);
+}
+
+TEST_CASE("parts: convert keeps of scans what reconstruct would, the same on any number of threads",
+          "[pipeline]") {
+  const TempFolder folder;
+  // Classes and returns by number: 0, 1, 2, ... and 1 of 1, 1 of 2, 2 of 2, ...
+  std::string las = file_bytes(scans() / "scan.las");
+  std::uint32_t at = 0;
+  std::memcpy(&at, las.data() + 96, sizeof at);
+  const std::size_t record =
+      static_cast<unsigned char>(las[105]) + 256u * static_cast<unsigned char>(las[106]);
+  REQUIRE(las[104] >= 6);
+  for (std::size_t i = 0; i < 60000; ++i) {
+    las[at + i * record + 14] = i % 3 == 0 ? 0x11 : i % 3 == 1 ? 0x21 : 0x22;
+    las[at + i * record + 16] = static_cast<char>(i % 4);
+  }
+  const std::string in = folder.write("in.las", las).string();
+  const auto kept = [&](const std::string& name, std::vector<std::string> more) {
+    std::vector<std::string> words = {"convert", in, "-o", (folder / name).string(), "--force"};
+    words.insert(words.end(), more.begin(), more.end());
+    const CommandResult r = tessera_command(words);
+    INFO(r.errors);
+    REQUIRE(r.code == 0);
+    more.insert(more.begin(), {"convert", in, "-o", (folder / "one.las").string(), "--force", "-t", "1"});
+    if (name == "out.las") {
+      REQUIRE(tessera_command(more).code == 0);
+      CHECK(file_bytes(folder / "one.las") == file_bytes(folder / name));
+    }
+    return read_points(folder / name);
+  };
+  const ReadResult whole = read_points(in);
+  REQUIRE(whole.points.size() == 60000);
+  const ReadResult classes = kept("out.las", {"--classes", "1,2", "--returns", "last"});
+  CHECK(classes.points.size() == 20000);  // 30,000 of these classes, one in three of them no last return
+  for (const tessera::Echo& e : classes.points.echo) REQUIRE(((e.kind == 1 || e.kind == 2) && e.last()));
+  const ReadResult box = kept("out.las", {"--bounds=-1e6,-1e6,-1e6,1e6,500.00005,1e6"});
+  CHECK(box.points.size() > 1000);
+  CHECK(box.points.size() ==
+        static_cast<std::size_t>(std::count_if(whole.points.y.begin(), whole.points.y.end(),
+                                               [](double y) { return y < 500.00005; })));
+  const auto clip = folder.write(
+      "clip.geojson",
+      R"({"type":"Polygon","coordinates":[[[-1e6,-1e6],[1e6,-1e6],[1e6,500.00005],[-1e6,500.00005]]]})");
+  CHECK(same_points(kept("clip.las", {"--clip", clip.string()}).points, box.points));
+
+  const ReadResult thin = kept("out.las", {"--thin", "12"});
+  const Made mesh = mesh_of({in}, {"--thin", "12", "--resolution", "15", "--classes", "0,1,2,3"});
+  CHECK(static_cast<int>(thin.points.size()) == fates(mesh).at("kept").get<int>());
+  CHECK(thin.points.echo.size() == thin.points.size());
+  CHECK(thin.points.rgba.size() == thin.points.size());
+  std::vector<tessera::Double3> cubes;
+  for (std::size_t i = 0; i < thin.points.size(); ++i)
+    cubes.push_back({std::floor(thin.points.x[i] / 12), std::floor(thin.points.y[i] / 12),
+                     std::floor(thin.points.z[i] / 12)});
+  std::sort(cubes.begin(), cubes.end());
+  CHECK(std::adjacent_find(cubes.begin(), cubes.end()) == cubes.end());
+
+  const auto code = [&](const std::string& from, const std::string& to,
+                        const std::vector<std::string>& more) {
+    std::vector<std::string> words = {"convert", from, "-o", (folder / to).string(), "--force"};
+    words.insert(words.end(), more.begin(), more.end());
+    return tessera_command(words).code;
+  };
+  CHECK(code(in, "none.las", {"--bounds", "1e7,1e7,1e7,2e7,2e7,2e7"}) == 5);
+  CHECK_FALSE(fs::exists(folder / "none.las"));
+  CHECK(code(in, "none.las", {"--bounds", "1,2,3"}) == 2);
+  CHECK(code(folder.write("plain.xyz", "0 0 0\n1 1 1\n").string(), "none.las", {"--returns", "last"}) == 2);
+  const auto mesh_in = folder.write("m.off", "OFF 3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n");
+  CHECK(code(mesh_in.string(), "m.stl", {"--thin", "1"}) == 2);
 }
