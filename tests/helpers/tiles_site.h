@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <cstring>
 #include <filesystem>
+#include <map>
 #include <stdexcept>
 #include <string>
 #include <vector>
@@ -16,6 +17,15 @@
 #include "tests/helpers/temp_folder.h"
 
 namespace tessera::test {
+
+/// Every file of a site, by its name.
+inline std::map<std::string, std::string> site_bytes(const std::filesystem::path& site) {
+  std::map<std::string, std::string> all;
+  for (const auto& entry : std::filesystem::recursive_directory_iterator(site))
+    if (entry.is_regular_file())
+      all[entry.path().lexically_relative(site).string()] = file_bytes(entry.path());
+  return all;
+}
 
 struct SiteTile {
   std::filesystem::path content;  ///< its GLB; empty = none
@@ -36,6 +46,7 @@ struct DecodedTile {
   std::vector<std::array<std::uint32_t, 3>> faces;
   std::vector<std::array<std::uint16_t, 4>> colours;  ///< or empty
   std::vector<Double3> normals;                       ///< z up, or empty
+  std::vector<std::uint8_t> synthetic;                ///< or empty
   std::string position_type;                          ///< "short" or "float"
 };
 
@@ -166,6 +177,11 @@ inline DecodedTile decode_tile(const std::string& glb) {
     const auto colours = bytes_of(attributes.at("COLOR_0").get<std::size_t>(), count, stride);
     tile.colours.resize(count);
     std::memcpy(tile.colours.data(), colours.data(), colours.size());
+  }
+  if (attributes.contains("_SYNTHETIC")) {
+    const auto marks = bytes_of(attributes.at("_SYNTHETIC").get<std::size_t>(), count, stride);
+    for (std::size_t v = 0; v < count; ++v)
+      tile.synthetic.push_back(static_cast<std::uint8_t>(marks[v * stride]));
   }
   if (attributes.contains("NORMAL")) {
     const auto normals = bytes_of(attributes.at("NORMAL").get<std::size_t>(), count, stride);

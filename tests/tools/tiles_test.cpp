@@ -49,15 +49,6 @@ std::vector<std::string> words(const fs::path& in, const fs::path& out,
   return w;
 }
 
-/// Every file of a site, by its name.
-std::map<std::string, std::string> site_bytes(const fs::path& site) {
-  std::map<std::string, std::string> all;
-  for (const auto& entry : fs::recursive_directory_iterator(site))
-    if (entry.is_regular_file())
-      all[entry.path().lexically_relative(site).string()] = file_bytes(entry.path());
-  return all;
-}
-
 /// Points and faces of a mesh in the frame of the site.
 struct LocalMesh {
   std::vector<Double3> points;

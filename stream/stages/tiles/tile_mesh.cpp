@@ -104,6 +104,38 @@ std::array<std::uint16_t, 256> linear_table() {
   return table;
 }
 
+/// Gives faces that close holes vertices of their own, so that a mark of vertices tells faces.
+void split_synthetic(const MeshBlock& block, TileMesh& tile) {
+  if (std::none_of(block.face_flags.begin(), block.face_flags.end(),
+                   [](std::uint8_t flags) { return (flags & kFaceSynthetic) != 0; }))
+    return;
+  constexpr std::uint32_t kNone = ~0u;
+  const std::size_t n = tile.position.size();
+  std::vector<std::uint8_t> of_data(n, 0);
+  for (std::size_t f = 0; f < tile.faces.size(); ++f)
+    if ((block.face_flags[f] & kFaceSynthetic) == 0)
+      for (const std::uint32_t v : tile.faces[f]) of_data[v] = 1;
+  tile.synthetic.assign(n, 0);
+  std::vector<std::uint32_t> twin(n, kNone);
+  for (std::size_t f = 0; f < tile.faces.size(); ++f) {
+    if ((block.face_flags[f] & kFaceSynthetic) == 0) continue;
+    for (std::uint32_t& v : tile.faces[f]) {
+      if (of_data[v] == 0) {
+        tile.synthetic[v] = 1;
+        continue;
+      }
+      if (twin[v] == kNone) {
+        twin[v] = static_cast<std::uint32_t>(tile.position.size());
+        tile.position.push_back(tile.position[v]);
+        if (!tile.rgba.empty()) tile.rgba.push_back(tile.rgba[v]);
+        if (!tile.normal.empty()) tile.normal.push_back(tile.normal[v]);
+        tile.synthetic.push_back(1);
+      }
+      v = twin[v];
+    }
+  }
+}
+
 }  // namespace
 
 TileMesh quantise_tile(const MeshBlock& block, const TileGrid& grid, std::vector<Double3> normal) {
@@ -129,6 +161,7 @@ TileMesh quantise_tile(const MeshBlock& block, const TileGrid& grid, std::vector
       if (above >= (std::int64_t{1} << 24)) throw std::logic_error("a tile is wider than its grid can tell");
       tile.position[v][k] = static_cast<std::uint32_t>(above);
     }
+  split_synthetic(block, tile);
   return tile;
 }
 
@@ -218,6 +251,14 @@ std::string tile_glb(const TileMesh& tile) {
     attributes["COLOR_0"] = accessors.size();
     add_accessor(binary.add_attribute(packed.data(), vertices, sizeof packed[0]), kUnsignedShort, vertices,
                  "VEC4")["normalized"] = true;
+  }
+  if (!tile.synthetic
+           .empty()) {  // as viewers of Tessera show it; others pass attributes over that begin with a line
+    std::vector<std::array<std::uint8_t, 4>> packed(vertices);
+    for (std::size_t v = 0; v < vertices; ++v) packed[place[v]] = {tile.synthetic[v], 0, 0, 0};
+    attributes["_SYNTHETIC"] = accessors.size();
+    add_accessor(binary.add_attribute(packed.data(), vertices, sizeof packed[0]), kUnsignedByte, vertices,
+                 "SCALAR");
   }
   const bool small = vertices <= kNarrow;  // 65,535 itself is no index: it restarts strips
   const std::size_t triangles = accessors.size();

@@ -27,6 +27,8 @@ struct TileMesh {
   std::vector<std::array<std::uint32_t, 3>> position;             ///< n, steps above low; < 2^24
   std::vector<std::uint32_t> rgba;                                ///< n, or empty; as MeshBlock::rgba
   std::vector<Double3> normal;                                    ///< n, unit length or zero, or empty
+  /// n, or empty where no face closes a hole: 1 at the corners of faces that do. Vertices at the rim are there twice.
+  std::vector<std::uint8_t> synthetic;
   std::vector<std::array<std::uint32_t, 3>> faces;
 };
 

@@ -110,3 +110,36 @@ TEST_CASE("tile mesh: normals come from all faces at a vertex, also from those o
       if (norm(decoded.points[v] - block.position[i]) < 0.01)
         CHECK(norm(decoded.normals[v] - normals[i]) < 0.02);
 }
+
+TEST_CASE("tile mesh: faces that close holes are marked by vertices of their own, on the same places",
+          "[unit]") {
+  const TileGrid grid{{0, 0, 0}, 0x1p-8};
+  MeshBlock block = sheet(6, {0, 0, 0});
+  const std::size_t vertices = block.position.size();
+  block.face_flags.assign(block.faces.size(), 0);
+  CHECK(decode_tile(tile_glb(quantise_tile(block, grid, {}))).synthetic.empty());
+  std::vector<std::array<std::uint32_t, 3>> marked;
+  for (std::size_t f = 0; f < block.faces.size(); f += 7) {
+    block.face_flags[f] = kFaceSynthetic | kFaceBorder01;
+    marked.push_back(block.faces[f]);
+  }
+  const TileMesh tile = quantise_tile(block, grid, {});
+  CHECK(tile.position.size() > vertices);
+  CHECK(tile.position.size() == tile.synthetic.size());
+  CHECK(tile.position.size() == tile.rgba.size());
+  const DecodedTile decoded = decode_tile(tile_glb(tile));
+  REQUIRE(decoded.synthetic.size() == decoded.points.size());
+  std::vector<std::array<std::uint32_t, 3>> found;
+  for (const auto& f : decoded.faces) {
+    const int marks = decoded.synthetic[f[0]] + decoded.synthetic[f[1]] + decoded.synthetic[f[2]];
+    CHECK((marks == 0 || marks == 3));
+    if (marks == 3) found.push_back(f);
+  }
+  std::vector<Double3> places;
+  for (std::size_t v = 0; v < vertices; ++v)
+    places.push_back({static_cast<double>(tile.low[0] + tile.position[v][0]) * grid.step,
+                      static_cast<double>(tile.low[1] + tile.position[v][1]) * grid.step,
+                      static_cast<double>(tile.low[2] + tile.position[v][2]) * grid.step});
+  CHECK((corners_of(decoded.points, found) == corners_of(places, marked)));
+  CHECK((corners_of(decoded.points, decoded.faces) == corners_of(places, block.faces)));
+}
