@@ -11,9 +11,11 @@
 #include "stream/runtime/work_dir.h"
 #include "stream/stages/reconstruct/forecast.h"
 #include "stream/stages/reconstruct/reconstruct_job.h"
+#include "stream/stages/reconstruct/site_after.h"
 #include "stream/stages/surface/closing_stages.h"
 #include "tools/commands.h"
 #include "tools/frame/cli.h"
+#include "tools/frame/site.h"
 
 namespace tessera {
 namespace {
@@ -58,8 +60,9 @@ void print_plan(const Plan& plan, const Forecast& forecast, const ReconstructOpt
   if (p.withheld > 0) fmt::print(", {} withheld", p.withheld);
   if (p.empty > 0) fmt::print(", {} empty", p.empty);
   if (p.missing > 0) fmt::print(", {} missing", p.missing);
-  fmt::print("\nattributes   normals for {:.1f} %, {}, {} sensor positions\n", 100.0 * plan.normal_fraction,
-             plan.has_colour ? "colour" : "no colour", plan.sensors.size());
+  fmt::print("\nattributes   normals for {:.1f} %{}, {}, {} sensor positions\n", 100.0 * plan.normal_fraction,
+             plan.grid_normals ? " from rows and columns" : "", plan.has_colour ? "colour" : "no colour",
+             plan.sensors.size());
   if (plan.multi_return_fraction > 0)
     fmt::print("pulses       {:.1f} % of the points come from pulses of several returns\n",
                100.0 * plan.multi_return_fraction);
@@ -89,8 +92,21 @@ void print_plan(const Plan& plan, const Forecast& forecast, const ReconstructOpt
   for (const std::string& warning : plan.warnings) fmt::print("warning: {}\n", warning);
 }
 
-void run(const ReconstructOptions& options, JobState state) {
+/// \param state  with the work directory  \param folder  of the site
+void print_site_plan(const Plan& plan, const Forecast& forecast, const JobState& state,
+                     const fs::path& folder) {
+  const SiteForecast site = forecast_site(plan, state, {});
+  if (site.disk.site > 0)
+    fmt::print("3D Tiles     about {}, beside it at most {} at one time in its work directory\n",
+               format_bytes(site.disk.site), format_bytes(site.disk.work));
+  else
+    fmt::print("3D Tiles     what they take is known when the mesh is decimated\n");
+  require_site(site, forecast, state, cli::Site(folder, "--tiles").tileset());
+}
+
+void run(const ReconstructOptions& options, JobState state, const fs::path& tiles) {
   HolesMode{options.holes};  // told before anything is measured
+  if (!tiles.empty()) cli::Site(tiles, "--tiles").check(state);
   std::unique_ptr<ScratchFolder> scratch;
   const bool kept = !state.output.empty();
   if (!kept) {
@@ -106,6 +122,8 @@ void run(const ReconstructOptions& options, JobState state) {
   state.run.threads = report.at("run").at("threads").get<int>();
   const Forecast forecast = Forecast::of_work(work);
   print_plan(plan, forecast, options, state, report);
+  state.work = work;
+  if (!tiles.empty()) print_site_plan(plan, forecast, state, tiles);
   if (!state.run.report.empty()) {
     nlohmann::json told = plan.to_json();
     told.update(forecast.to_json());
@@ -120,10 +138,13 @@ void run(const ReconstructOptions& options, JobState state) {
 }  // namespace
 
 cli::Command plan_command() {
-  return cli::job_command<ReconstructOptions>(
+  const auto tiles = std::make_shared<fs::path>();
+  cli::Command command = cli::job_command<ReconstructOptions>(
       "plan", "What reconstruct will do: points, resolution, tasks, memory, disk, time.",
       "the mesh that reconstruct will write: the plan is kept in its work directory, for it and for task",
-      run);
+      [tiles](const ReconstructOptions& options, const JobState& state) { run(options, state, *tiles); });
+  cli::add_tiles(command.options, *tiles);
+  return command;
 }
 
 }  // namespace tessera

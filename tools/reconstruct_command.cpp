@@ -2,35 +2,72 @@
 
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <optional>
 
+#include "stream/files/durable_file.h"
+#include "stream/files/path_text.h"
 #include "stream/formats/meshes/mesh_io.h"
 #include "stream/runtime/memory_budget.h"
+#include "stream/runtime/report.h"
 #include "stream/stages/reconstruct/reconstruct_job.h"
+#include "stream/stages/reconstruct/site_after.h"
 #include "tools/commands.h"
 #include "tools/frame/cli.h"
+#include "tools/frame/site.h"
 
 namespace tessera {
 namespace {
 
-void run(const ReconstructOptions& options, JobState state) {
+/// The report of the mesh says what became of its site.
+void note_site(const JobState& mesh, const cli::Site& site, const nlohmann::json& of_site) {
+  const std::filesystem::path path = report_path(mesh);
+  nlohmann::json report = nlohmann::json::parse(read_text(path));
+  nlohmann::json tiles = of_site.at("tiles");
+  tiles["report"] = json_text(site.report());
+  if (report.value("tiles", nlohmann::json()) == tiles) return;
+  report["tiles"] = std::move(tiles);
+  write_durably(path, report.dump(1, ' ', false, nlohmann::json::error_handler_t::replace) + "\n");
+}
+
+void run(const ReconstructOptions& options, JobState state, const std::filesystem::path& tiles) {
   cli::require_output(state.output);
   require_mesh_extension(state.output);
-  const nlohmann::json report = run_job(state, reconstruct_job(options), cli::stderr_sink());
-  if (state.run.verbosity < 0) return;
-  for (const nlohmann::json& w : report.value("warnings", nlohmann::json::array()))
-    fmt::print(stderr, "tessera: warning: {}\n", w.get<std::string>());
-  const nlohmann::json mesh = report.value("mesh", nlohmann::json::object());
-  fmt::print("{}: {} vertices, {} faces, {:.1f} s, peak {}\n", state.output.string(),
-             mesh.value("vertices", std::uint64_t{0}), mesh.value("faces", std::uint64_t{0}),
-             report.at("wall_s").get<double>(), format_bytes(report.at("peak_bytes").get<std::uint64_t>()));
+  JobDescription job = reconstruct_job(options);
+  std::optional<cli::Site> site;
+  if (!tiles.empty()) {
+    site.emplace(tiles, "--tiles");
+    site->check_before_mesh(state);
+    expect_site(job, {}, site->tileset(), site->report());
+  }
+  const nlohmann::json report = run_job(state, job, cli::stderr_sink());
+  const auto say_mesh = [&] {
+    for (const nlohmann::json& w : report.value("warnings", nlohmann::json::array()))
+      fmt::print(stderr, "tessera: warning: {}\n", w.get<std::string>());
+    const nlohmann::json mesh = report.value("mesh", nlohmann::json::object());
+    fmt::print("{}: {} vertices, {} faces, {:.1f} s, peak {}\n", state.output.string(),
+               mesh.value("vertices", std::uint64_t{0}), mesh.value("faces", std::uint64_t{0}),
+               report.at("wall_s").get<double>(), format_bytes(report.at("peak_bytes").get<std::uint64_t>()));
+  };
+  if (state.run.verbosity >= 0) say_mesh();
+  if (!site) return;
+  JobState of_site = state;
+  of_site.inputs = {std::filesystem::absolute(state.output).lexically_normal()};
+  of_site.run.until.clear();
+  const nlohmann::json made = site->make({}, of_site, true);
+  note_site(state, *site, made);
+  if (state.run.verbosity >= 0) cli::print_site(*site, made);
 }
 
 }  // namespace
 
 cli::Command reconstruct_command() {
-  return cli::job_command<ReconstructOptions>("reconstruct",
-                                              "A scan becomes a mesh. Run it again to go on after a stop.",
-                                              "the mesh to write: .ply, .obj, .stl or .glb", run);
+  const auto tiles = std::make_shared<std::filesystem::path>();
+  cli::Command command = cli::job_command<ReconstructOptions>(
+      "reconstruct", "A scan becomes a mesh. Run it again to go on after a stop.",
+      "the mesh to write: .ply, .obj, .stl or .glb",
+      [tiles](const ReconstructOptions& options, const JobState& state) { run(options, state, *tiles); });
+  cli::add_tiles(command.options, *tiles);
+  return command;
 }
 
 }  // namespace tessera

@@ -108,6 +108,8 @@ std::string came_out(const json& report, const PageParts& parts) {
                       fmt::format("{}, of {} faces together", escape(count_text(dropped)),
                                   escape(count_text(value_at(mesh, "/island_faces_dropped")))));
   if (!parts.check) count("components", "/components");
+  if (const std::string site = text_at(report, "/tiles/path"); !site.empty())
+    rows.emplace_back("3D Tiles of it", fmt::format("<bdi>{}</bdi>", escape(site)));
   return html::section("out", "What came out", html::table(rows) + topology_figures(parts));
 }
 

@@ -169,6 +169,8 @@ const std::map<std::string, std::string>& covering_tests() {
     by("stream/stages/reconstruct/forecast", "stream/stages/reconstruct",
        {"forecast_composer", "forecast_rates", "planned_patches"});
     by("tools/reconstruct", "stream/stages/reconstruct", {"forecast_stage", "reconstruct_job"});
+    by("tools/site", "stream/stages/reconstruct", {"site_after"});
+    by("tools/site", "stream/stages/tiles", {"tiles_needs"});
     by("stream/stages/scan/distribute", "stream/stages/scan", {"distribute_stage"});
     by("stream/stages/scan/order", "stream/stages/scan", {"order_stage"});
     by("tools/caps", "stream/stages/decimate", {"simplify_needs"});

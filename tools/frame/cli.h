@@ -66,7 +66,7 @@ std::filesystem::path one_input(const std::vector<std::filesystem::path>& inputs
 /// \param run  gets the options, checked, and a state with inputs and settings
 template <typename Options>
 Command job_command(const std::string& name, const std::string& description, const std::string& output,
-                    void (*run)(const Options& options, JobState state)) {
+                    std::function<void(const Options& options, JobState state)> run) {
   struct Arguments {
     std::vector<std::string> inputs;
     Options options;

@@ -13,6 +13,7 @@
 #include "stream/import/import_stages.h"
 #include "stream/meshes/mesh_blocking.h"
 #include "stream/runtime/parallel.h"
+#include "stream/stages/decimate/simplify_needs.h"
 #include "stream/stages/decimate/simplify_options.h"
 #include "stream/stages/decimate/simplify_stage.h"
 
@@ -29,6 +30,13 @@ constexpr double kShare = 0.29;
 /// A level that keeps more than this is not worth its bytes: the one below is the last.
 constexpr double kStalledShare = 0.75;
 constexpr double kLargestTolerance = 1.0 / 16.0;  ///< of the diagonal
+
+constexpr std::uint64_t kChoiceBytes = std::uint64_t{1} << 20;
+
+/// The sample, the copy that is decimated, what that takes.
+std::uint64_t sample_bytes(std::uint64_t block_bytes, std::uint64_t faces) {
+  return 2 * block_bytes + decimate_bytes(faces, 0);
+}
 
 /// 2^(half_steps / 2), the same on every machine.
 double tolerance_of(int half_steps) {
@@ -76,9 +84,9 @@ class LevelToleranceStage : public Stage {
   json run(std::size_t, TaskContext&) const override { return {}; }
 
   std::uint64_t finish_bytes() const override {
-    std::uint64_t bytes = std::uint64_t{1} << 20;
-    for (const MeshBlockCut& cut : samples_)  // the sample, the copy that is decimated, what that takes
-      bytes += 2 * below_.block_bytes(cut.patches) + decimate_bytes(cut.faces, 0);
+    std::uint64_t bytes = kChoiceBytes;
+    for (const MeshBlockCut& cut : samples_)
+      bytes += sample_bytes(below_.block_bytes(cut.patches), cut.faces);
     return bytes;
   }
 
@@ -171,6 +179,12 @@ double level_step_bound(const std::filesystem::path& work, int level) {
   return json::parse(read_text(work / level_folder(level) / kLevelCertificate))
       .at("certified_max")
       .get<double>();
+}
+
+std::uint64_t level_tolerance_bytes(std::uint64_t faces) {
+  const std::uint64_t each = std::min(faces, kSampleFaces);
+  const std::uint64_t samples = std::clamp<std::uint64_t>(faces / kSampleFaces, 1, kSamples);
+  return kChoiceBytes + samples * sample_bytes(surface_block_bytes(each), each);
 }
 
 std::unique_ptr<Stage> make_level_tolerance_stage(const JobState& state, int level,

@@ -27,6 +27,9 @@ double level_tolerance(const std::filesystem::path& work, int level);
 /// Proven: no point of this level is farther from the one below, nor the other way round. 0 for level 0.
 double level_step_bound(const std::filesystem::path& work, int level);
 
+/// Memory of the stage that chooses a tolerance. \param faces  of the level below
+std::uint64_t level_tolerance_bytes(std::uint64_t faces);
+
 inline constexpr const char* kLevelCertificate = "certificate.json";  ///< below a level's folder
 
 /// Stage "tolerance" in the folder of a level: the least tolerance, in steps of a square root of two, within which sample

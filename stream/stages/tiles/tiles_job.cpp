@@ -3,7 +3,6 @@
 #include <nlohmann/json.hpp>
 
 #include "octree/error.h"
-#include "stream/import/import_needs.h"
 #include "stream/import/import_stages.h"
 #include "stream/runtime/report.h"
 #include "stream/stages/decimate/certify_stage.h"
@@ -11,6 +10,7 @@
 #include "stream/stages/decimate/simplify_stage.h"
 #include "stream/stages/tiles/folder_stage.h"
 #include "stream/stages/tiles/tile_levels.h"
+#include "stream/stages/tiles/tiles_needs.h"
 #include "stream/stages/tiles/tiles_stage.h"
 #include "stream/stages/tiles/tileset_stage.h"
 
@@ -81,11 +81,16 @@ void summarise(json& report) {
 
 JobDescription tiles_job(const TilesOptions& options) {
   std::vector<StageEntry> stages = import_stages({0, kTilesImport});
+  stages.front().make = [=, read = stages.front().make](const JobState& state) {
+    const TilesDisk disk = tiles_disk(options, claimed_mesh_size(state.inputs.at(0)));
+    require_disk(tiles_disk_needs(disk, state.output.parent_path(), state.work), kLargerDisk);
+    return read(state);
+  };
   for (int level = 0; level <= kMostLevels; ++level) add_level(stages, options, level);
   stages.push_back({"tileset", [](const JobState& state) { return make_tileset_stage(state); }});
   JobDescription job{"tiles", std::move(stages), 0, summarise, {}, {}};
-  job.needs = [](const JobState& state) {
-    return import_needs(state, 1, [](std::size_t) { return kTilesImport; });
+  job.needs = [options](const JobState& state) {
+    return tiles_needs(state.run, options, claimed_mesh_size(state.inputs.at(0)));
   };
   return job;
 }

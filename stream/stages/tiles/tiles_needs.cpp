@@ -1,0 +1,61 @@
+#include "stream/stages/tiles/tiles_needs.h"
+
+#include <algorithm>
+#include <string>
+
+#include "stream/stages/decimate/simplify_needs.h"
+#include "stream/stages/decimate/simplify_stage.h"
+#include "stream/stages/tiles/tile_levels.h"
+#include "stream/stages/tiles/tiles_stage.h"
+
+namespace tessera {
+namespace {
+
+// Bytes a face, of meshes with colours.
+constexpr double kWorkBytes =
+    44.0;  ///< while the import has its faces dealt to buckets and the store half made
+constexpr double kSiteBytes = 8.0;
+constexpr double kNormalBytes = 1.0;
+
+std::uint64_t bytes_of(std::uint64_t faces, double each) {
+  return static_cast<std::uint64_t>(static_cast<double>(faces) * each);
+}
+
+}  // namespace
+
+std::vector<StageNeed> tiles_needs(const RunOptions& run, const TilesOptions& options, const MeshSize& mesh) {
+  std::vector<StageNeed> needs = import_needs(run, {0, kTilesImport}, mesh);
+  const auto named = [](int level, const std::string& stage) { return level_folder(level) + "-" + stage; };
+  const std::uint64_t tile = std::min(mesh.faces, options.tile_faces);
+  // The parent of a cell has more faces than a tile may: of a surface, the cell a quarter of them.
+  needs.push_back({named(0, "tiles"), tile_task_bytes(surface_block_bytes(tile / 4)),
+                   tile_task_bytes(2 * surface_block_bytes(tile))});
+  if (mesh.faces <= options.tile_faces) return needs;
+  needs.push_back({named(1, "tolerance"), level_tolerance_bytes(mesh.faces), 0});
+  const SimplifyOptions simplify;
+  for (StageNeed need : simplify_needs(run, simplify, mesh.faces)) {
+    const bool proof = need.stage == "certify";
+    bool pass = false;
+    for (int p = 0; p < kLevelPasses; ++p) pass |= need.stage == SimplifyPass{p, 0, false}.stage_name();
+    if (!proof && !pass) continue;
+    need.stage = named(1, need.stage);
+    needs.push_back(need);
+  }
+  return needs;
+}
+
+TilesDisk tiles_disk(const TilesOptions& options, const MeshSize& mesh) {
+  return {bytes_of(mesh.faces, kWorkBytes),
+          bytes_of(mesh.faces, kSiteBytes + (options.normals ? kNormalBytes : 0.0))};
+}
+
+std::vector<DiskNeed> tiles_disk_needs(const TilesDisk& disk, const std::filesystem::path& site,
+                                       const std::filesystem::path& work) {
+  const auto left = [](std::uint64_t bytes, const std::filesystem::path& folder) {
+    return bytes - std::min(bytes, bytes_below(folder));
+  };
+  return {{site, left(disk.site, site / "tiles"), "the site " + site.string()},
+          {work, left(disk.work, work), "its work directory " + work.string()}};
+}
+
+}  // namespace tessera
