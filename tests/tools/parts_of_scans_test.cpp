@@ -245,3 +245,32 @@ TEST_CASE("parts: convert keeps of scans what reconstruct would, the same on any
   const auto mesh_in = folder.write("m.off", "OFF 3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n");
   CHECK(code(mesh_in.string(), "m.stl", {"--thin", "1"}) == 2);
 }
+
+TEST_CASE(
+    "parts: rows and columns of a scanner give normals where nearly all points get one, the same any way",
+    "[pipeline]") {
+  const TempFolder folder;
+  const std::string ptx = (folder / "room.ptx").string();
+  REQUIRE(tessera_command({"synth", "--scene", "indoor", "--mode", "terrestrial", "--points", "150k",
+                           "--noise", "0.002", "-o", ptx})
+              .code == 0);
+  const Made grid = mesh_of({ptx}, {"-t", "1", "--memory", "192M"});
+  CHECK(grid.report.at("normals").at("from") == "rows and columns of the scans");
+  CHECK(mesh_of({ptx}, {"-t", "2", "--memory", "1G"}).mesh == grid.mesh);
+  CHECK(mesh_of({ptx}, {"-t", "2", "--processes"}).mesh == grid.mesh);
+  CHECK(mesh_of({ptx}, {"--normals", "given"}).mesh == grid.mesh);
+  const Made fitted = mesh_of({ptx}, {"--normals", "estimate"});
+  CHECK(fitted.report.at("normals").at("from") == "estimated");
+  CHECK(fitted.mesh != grid.mesh);
+  // The scanner's noise is told the better of both by the truth.
+  const auto off = [&](const Made& made) {
+    const auto mesh = folder.write("mesh.ply", made.mesh);
+    const auto told = folder / "check.json";
+    REQUIRE(tessera_command({"check", mesh.string(), "--truth", ptx + ".truth.json", "--report",
+                             told.string(), "--force"})
+                .code == 0);
+    return nlohmann::json::parse(file_bytes(told));
+  };
+  CHECK(off(grid).at("truth").at("vertices").at("mean_h").get<double>() <
+        off(fitted).at("truth").at("vertices").at("mean_h").get<double>());
+}
