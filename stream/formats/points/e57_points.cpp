@@ -366,6 +366,7 @@ class E57Points final : public PointFile {
   template <class Use>
   void for_each_block(const Part& part, std::uint64_t begin, std::uint64_t end, E57Pages& pages, Block& block,
                       const Use& use) const {
+    if (begin == end) return;  // a section without packets has no place to begin at
     E57Packets packets(pages, part.section.streams());
     std::vector<E57Cursor> cursors;
     for (std::size_t c = 0; c < part.section.columns().size(); ++c)

@@ -156,3 +156,21 @@ TEST_CASE("grid stream: who does not ask gets none, and records without order ha
   const ReadResult cut = read_points(folder.write("b.ptx", torn), ~std::uint64_t{0}, asking());
   CHECK_FALSE(cut.info.attributes.normals);
 }
+
+TEST_CASE("grid stream: a scan of E57 that declares records and holds none", "[unit]") {
+  const TempFolder folder;
+  E57TestScan scan;
+  scan.fields = e57_doubles(kE57Cartesian, {{}, {}, {}});
+  for (const char* name : {"rowIndex", "columnIndex"}) {
+    scan.fields.emplace_back();
+    scan.fields.back().name = name;
+    scan.fields.back().type = "Integer";
+    scan.fields.back().maximum = 7;
+  }
+  scan.declared = 48;
+  scan.packets = 0;
+  const ReadResult got = read_points(folder.write("a.e57", e57_file({scan})), ~std::uint64_t{0}, asking());
+  CHECK(got.points.size() == 0);
+  CHECK(got.counts.missing == 48);
+  CHECK_FALSE(got.info.attributes.grid_normals);
+}
