@@ -58,8 +58,12 @@ void print_mesh(const JobState& state, const json& report) {
   if (!mesh.contains("largest_move")) return;
   const double before = mesh.at("base_volume_before").get<double>();
   fmt::print(
-      "largest move {:.4g}; faces of the base that turn over {}; its volume {:+.3g} %; {} vertices {}\n",
+      "largest move {:.4g}; faces of the base that turn over {}, that cross others {} (before {}); its "
+      "volume "
+      "{:+.3g} %; {} vertices {}\n",
       mesh.at("largest_move").get<double>(), mesh.at("base_flipped_faces").get<std::uint64_t>(),
+      mesh.at("base_crossing_faces").get<std::uint64_t>(),
+      mesh.at("base_crossing_faces_before").get<std::uint64_t>(),
       before != 0.0 ? 100.0 * (mesh.at("base_volume").get<double>() / before - 1.0) : 0.0,
       mesh.at("tangent_vertices").get<std::uint64_t>(), "that no normal reaches");
 }

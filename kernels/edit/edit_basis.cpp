@@ -168,11 +168,39 @@ std::vector<Double3> smooth_base(const EditBasis& basis, std::span<const Double3
 
 namespace {
 
+constexpr int kPolarSteps = 10;
+constexpr double kTurned = 1e-14;  ///< of a rotation: a step less than that was the last
+constexpr double kWellTurned =
+    1e-3;  ///< of the cube of its size: determinants from which Newton's steps are safe
+
+/// The same where s is far from turning over: its polar factor by Newton's steps R <- (R + R^-T) / 2 (Higham 1986), a tenth of
+/// the work. \return false: it is not, or does not settle
+bool polar_turn(const std::array<double, 9>& s, double size, Turn& out) {
+  for (std::size_t k = 0; k < 9; ++k) out[k] = s[k] / size;
+  for (int step = 0; step < kPolarSteps; ++step) {
+    const Turn& r = out;
+    const Turn cofactor = {r[4] * r[8] - r[5] * r[7], r[5] * r[6] - r[3] * r[8], r[3] * r[7] - r[4] * r[6],
+                           r[2] * r[7] - r[1] * r[8], r[0] * r[8] - r[2] * r[6], r[1] * r[6] - r[0] * r[7],
+                           r[1] * r[5] - r[2] * r[4], r[2] * r[3] - r[0] * r[5], r[0] * r[4] - r[1] * r[3]};
+    const double determinant = r[0] * cofactor[0] + r[1] * cofactor[1] + r[2] * cofactor[2];
+    if (!(determinant > kWellTurned)) return false;
+    double change = 0.0;
+    for (std::size_t k = 0; k < 9; ++k) {
+      const double next = 0.5 * (out[k] + cofactor[k] / determinant);
+      change = std::max(change, std::fabs(next - out[k]));
+      out[k] = next;
+    }
+    if (change < kTurned) return true;
+  }
+  return false;
+}
+
 /// The rotation nearest to s, of largest trace(R' s): quaternion of the largest eigenvalue (Horn 1987).
 Turn best_turn(const std::array<double, 9>& s) {
   double size = 0.0;
   for (const double x : s) size = std::max(size, std::fabs(x));
   if (!(size > 0.0)) return kNoTurn;
+  if (Turn polar{}; polar_turn(s, size, polar)) return polar;
   const auto at = [&](int to, int from) { return s[static_cast<std::size_t>(3 * to + from)] / size; };
   Matrix4 a;
   a << at(0, 0) + at(1, 1) + at(2, 2), at(2, 1) - at(1, 2), at(0, 2) - at(2, 0), at(1, 0) - at(0, 1),
@@ -248,12 +276,16 @@ std::vector<Turn> turns(std::span<const Double3> from, std::span<const Double3> 
   for (int round = 0; round < kSpreadRounds; ++round) {
     next.assign(sum.size(), Turn{});
     wider.assign(sum.size(), 0.0);
-    for (const auto& f : faces)
-      for (const std::uint32_t v : f)
-        for (const std::uint32_t w : f) {
-          for (std::size_t k = 0; k < 9; ++k) next[v][k] += sum[w][k];
-          wider[v] += area[w];
-        }
+    for (const auto& f : faces) {
+      const double all = area[f[0]] + area[f[1]] + area[f[2]];
+      if (!(all > 0.0)) continue;
+      Turn s;
+      for (std::size_t k = 0; k < 9; ++k) s[k] = sum[f[0]][k] + sum[f[1]][k] + sum[f[2]][k];
+      for (const std::uint32_t v : f) {
+        for (std::size_t k = 0; k < 9; ++k) next[v][k] += s[k];
+        wider[v] += all;
+      }
+    }
     sum.swap(next);
     area.swap(wider);
   }
@@ -269,10 +301,10 @@ std::vector<Turn> turns(std::span<const Double3> from, std::span<const Double3> 
   return sum;
 }
 
-std::vector<Double3> posed_base(const EditBasis& basis, std::span<const Double3> position, Faces faces,
-                                std::span<const Double3> rest, std::span<const Double3> posed) {
+std::vector<Double3> posed_base(const EditBasis& basis, std::span<const Double3> position,
+                                std::span<const Turn> turn, std::span<const Double3> rest,
+                                std::span<const Double3> posed) {
   std::vector<Double3> out(posed.begin(), posed.end());
-  const std::vector<Turn> turn = turns(rest, posed, faces);
   for (const std::int32_t k : basis.active) {
     const auto v = static_cast<std::size_t>(k);
     if (posed[v] == rest[v] && turn[v] == kNoTurn) {

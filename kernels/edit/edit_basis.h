@@ -68,9 +68,10 @@ std::vector<std::array<double, 9>> turns(std::span<const Double3> from, std::spa
                                          std::span<const std::array<std::uint32_t, 3>> faces);
 
 /// Where the base goes: smooth base and turned details. Vertices that are fixed keep their bits; at the identity all do.
+/// \param turn  n: turns() from rest to posed
 /// \param rest, posed  rest_base() and smooth_base()
 std::vector<Double3> posed_base(const EditBasis& basis, std::span<const Double3> position,
-                                std::span<const std::array<std::uint32_t, 3>> faces,
-                                std::span<const Double3> rest, std::span<const Double3> posed);
+                                std::span<const std::array<double, 9>> turn, std::span<const Double3> rest,
+                                std::span<const Double3> posed);
 
 }  // namespace tessera

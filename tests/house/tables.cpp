@@ -95,6 +95,7 @@ const std::map<std::string, std::string>& covering_tests() {
     by("octree/points", "octree", {"lattice", "morton"});
     by("octree/winding_number", "octree", {"leaf_queries", "multipole"});
     by("kernels/edit/edit_basis", "octree", {"placement"});
+    by("kernels/edit/displacement_volumes", "kernels/edit", {"base_volume", "coarse_layer"});
     by("kernels/scene/scene", "octree", {"portable_math"});
 
     by("solvers/linear_solver", "solvers",
@@ -162,7 +163,7 @@ const std::map<std::string, std::string>& covering_tests() {
     by("stream/runtime/option_table", "stream/stages/decimate", {"simplify_options"});
     by("tools/deform", "stream/stages/deform",
        {"base_stage", "basis_stage", "deform_files", "deform_job", "deform_options", "deform_stages",
-        "deform_write_stage", "edit_script", "vertex_batches"});
+        "deform_write_stage", "edit_script", "pose_base", "vertex_batches"});
     by("stream/runtime/option_table", "stream/stages", {"jobs"});
     by("tools/remesh", "stream/stages/remesh",
        {"quality_report", "remesh_job", "remesh_options", "remesh_stage", "sizing_stage"});

@@ -132,6 +132,18 @@ TEST_CASE("deform: a mesh that is its own base", "[pipeline]") {
       return std::fabs(m.at("base_volume").get<double>() / m.at("base_volume_before").get<double>() - 1.0);
     };
     CHECK(change(mesh) < 0.6 * change(report.at("mesh")));
+    CHECK(mesh.at("base_crossing_faces") == 0);
+
+    e["keep_volume"] = true;
+    const fs::path whole = folder.path() / "whole.ply";
+    REQUIRE(deform({in.string(), write_json(with, e).string(), "-o", whole.string()}).code == 0);
+    CHECK(change(report_of(whole).at("mesh")) < 0.01);
+    CHECK(report_of(whole).at("mesh").at("base_crossing_faces") == 0);
+    e["handles"]["end"] = {{"scale", {{"factor", 1.5}}}};
+    const CommandResult no =
+        deform({in.string(), write_json(with, e).string(), "-o", whole.string(), "--force"});
+    CHECK(no.code == 3);
+    CHECK_THAT(no.errors, Catch::Contains("one of them changes volumes by a factor of 3.375"));
   }
 
   SECTION("a dry run colours the regions and moves nothing") {

@@ -93,6 +93,7 @@ class BasisStage : public Stage {
     out.about = json{
         {"handles", regions.handles},
         {"volumes", script_.volumes},
+        {"keep_volume", script_.keep_volume},
         {"diagonal", norm(high - low)},
         {"basis",
          result}}.dump();

@@ -2,7 +2,6 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
-#include "kernels/edit/displacement_volumes.h"
 #include "octree/error.h"
 #include "stream/files/durable_file.h"
 #include "stream/files/file_extension.h"
@@ -15,6 +14,7 @@
 #include "stream/stages/deform/deform_files.h"
 #include "stream/stages/deform/deform_stages.h"
 #include "stream/stages/deform/edit_script.h"
+#include "stream/stages/deform/pose_base.h"
 #include "stream/stages/deform/vertex_batches.h"
 
 namespace tessera {
@@ -33,50 +33,6 @@ std::uint32_t colour_of(std::int32_t role) {
 
 bool finite(const Double3& p) {
   return std::isfinite(p[0]) && std::isfinite(p[1]) && std::isfinite(p[2]);
-}
-
-/// The base at rest and in its pose.
-struct PosedBase {
-  std::vector<Double3> position;
-  double volume = 0.0, volume_before = 0.0;
-  std::size_t flipped = 0;
-  json details = nullptr;  ///< of displacement volumes
-};
-
-double volume_of(std::span<const Double3> p, BaseState::Faces faces) {
-  double sum = 0.0;
-  for (const auto& f : faces) sum += dot(p[f[0]] - p[0], cross(p[f[1]] - p[0], p[f[2]] - p[0]));
-  return sum / 6.0;
-}
-
-PosedBase pose_base(const DeformBasis& basis, bool volumes, std::span<const Placement> pose) {
-  const std::vector<Double3>& at = basis.base.position;
-  const std::vector<Double3> rest = rest_base(basis.edit, at), posed = smooth_base(basis.edit, at, pose);
-  PosedBase out;
-  out.position = posed_base(basis.edit, at, basis.base.faces, rest, posed);
-  if (volumes) {
-    std::vector<std::uint8_t> free;
-    for (const std::int32_t role : basis.edit.role) free.push_back(role == kSupportVertex);
-    DisplacementVolumeReport report;
-    const std::vector<Double3> turned = std::move(out.position);
-    out.position = displacement_volumes({rest, at}, {posed, turned}, basis.base.faces, free, {}, report);
-    out.details = {{"prisms", report.prisms},
-                   {"volumes_off_before", report.off_before},
-                   {"volumes_off", report.off_after}};
-  }
-  out.volume_before = volume_of(at, basis.base.faces);
-  out.volume = volume_of(out.position, basis.base.faces);
-  const auto turn = turns(at, out.position, basis.base.faces);
-  for (const auto& f : basis.base.faces) {
-    const Double3 before = triangle_normal(at[f[0]], at[f[1]], at[f[2]]);
-    const Double3 after = triangle_normal(out.position[f[0]], out.position[f[1]], out.position[f[2]]);
-    const auto& r = turn[f[0]];
-    const Double3 turned = {r[0] * before[0] + r[1] * before[1] + r[2] * before[2],
-                            r[3] * before[0] + r[4] * before[1] + r[5] * before[2],
-                            r[6] * before[0] + r[7] * before[1] + r[8] * before[2]};
-    out.flipped += dot(turned, after) < 0.0;
-  }
-  return out;
 }
 
 class DeformWriteStage : public Stage {
@@ -101,7 +57,13 @@ class DeformWriteStage : public Stage {
   json run(std::size_t, TaskContext&) const override { return {}; }
   std::uint64_t finish_bytes() const override {
     const std::uint64_t base = file_.bytes();
-    return base + 6 * (base / 2) + DisplacementEncoder::bytes(base / 36) + weld_bytes_ +
+    const json about = json::parse(file_.about());
+    const auto& solved = about.at("basis");
+    const std::uint64_t pose = prepares_ ? 0
+                                         : pose_base_bytes(solved.at("base_vertices").get<std::uint64_t>(),
+                                                           solved.at("base_faces").get<std::uint64_t>(),
+                                                           about.at("volumes").get<bool>());
+    return base + 6 * (base / 2) + pose + DisplacementEncoder::bytes(base / 36) + weld_bytes_ +
            window_ * kDisplacedVertices * DisplacedBatch::kVertexBytes + kSlackBytes;
   }
 
@@ -167,8 +129,9 @@ class DeformWriteStage : public Stage {
     const json about = json::parse(basis.about);
     const double diagonal = about.at("diagonal").get<double>();
     const bool colours = options_.dry_run;
-    const PosedBase pose = pose_base(basis, about.at("volumes").get<bool>(),
-                                     pose_of(script_, about.at("handles").get<std::vector<std::string>>()));
+    const PosedBase pose =
+        pose_base(basis, pose_of(script_, about.at("handles").get<std::vector<std::string>>()),
+                  [&] { context.check_stop(); });
     const BaseState posed(pose.position, basis.base.faces);
     std::unique_ptr<DisplacementEncoder> encoder;
     if (!applies_) encoder = std::make_unique<DisplacementEncoder>(rest);
@@ -226,16 +189,13 @@ class DeformWriteStage : public Stage {
     if (const json targets = residuals(rest, posed, encoder.get(), diagonal); !colours && !targets.is_null())
       out["targets"] = targets;
     if (!colours) {
-      if (!pose.details.is_null()) out["details"] = pose.details;
       out["largest_move"] = std::sqrt(largest);
-      out["base_flipped_faces"] = pose.flipped;
+      out.update(json::parse(pose.told));
       if (pose.flipped * kManyFlips > basis.base.faces.size())
         out["warnings"] = {std::to_string(pose.flipped) + " of the " +
                            std::to_string(basis.base.faces.size()) +
                            " faces of the base turn over: prepare with --base even, give the support more "
                            "room, or move less"};
-      out["base_volume"] = pose.volume;
-      out["base_volume_before"] = pose.volume_before;
     }
     return out;
   }

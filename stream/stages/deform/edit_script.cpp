@@ -219,7 +219,7 @@ std::string read_edit_text(const std::filesystem::path& file) {
 EditScript parse_edit(const std::string& text, const std::string& name) {
   const Reader reader(name);
   const json root = reader.parsed(text);
-  reader.known(root, "the edit", {"order", "anisotropic", "details", "regions", "handles"});
+  reader.known(root, "the edit", {"order", "anisotropic", "details", "keep_volume", "regions", "handles"});
   EditScript out;
   if (root.contains("order")) {
     const json& order = root.at("order");
@@ -234,6 +234,11 @@ EditScript parse_edit(const std::string& text, const std::string& name) {
     const json& details = root.at("details");
     if (details != "turned" && details != "volumes") reader.fail("\"details\" is turned or volumes");
     out.volumes = details == "volumes";
+  }
+  if (root.contains("keep_volume")) {
+    if (!root.at("keep_volume").is_boolean()) reader.fail("\"keep_volume\" is true or false");
+    out.keep_volume = root.at("keep_volume").get<bool>();
+    if (out.keep_volume && !out.volumes) reader.fail("\"keep_volume\" goes with \"details\": \"volumes\"");
   }
   if (root.contains("regions")) {
     if (!root.at("regions").is_array()) reader.fail("\"regions\" takes a list of regions");

@@ -13,7 +13,8 @@ namespace tessera {
 struct EditScript {
   int order = 2;
   bool anisotropic = false;
-  bool volumes = false;  ///< details keep the volumes of their prisms
+  bool volumes = false;      ///< details keep the volumes of their prisms
+  bool keep_volume = false;  ///< and make up for what the smooth base loses
   std::vector<EditRegion> regions;
   /// Per region: vertices of the file that it names besides; they become points.
   std::vector<std::vector<std::uint64_t>> vertices;

@@ -1,0 +1,29 @@
+/// \file pose_base.h
+/// The base surface in a pose, and what is told of it: the part of an edit that does not stream.
+#pragma once
+#include <cstdint>
+#include <functional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "octree/placement.h"
+#include "stream/stages/deform/deform_files.h"
+
+namespace tessera {
+
+struct PosedBase {
+  std::vector<Double3> position;
+  std::size_t flipped = 0;  ///< faces that turn over against how the smooth base turns
+  std::string told;         ///< JSON: volumes, faces that turn over and that cross others, for the report
+};
+
+/// \param check_stop  called between its steps
+/// \throws InputError  the volume shall be kept, but the base is open or a handle changes its own
+PosedBase pose_base(const DeformBasis& basis, std::span<const Placement> pose,
+                    const std::function<void()>& check_stop);
+
+/// Upper bound of what it allocates, beside the basis.
+std::uint64_t pose_base_bytes(std::uint64_t vertices, std::uint64_t faces, bool volumes);
+
+}  // namespace tessera
