@@ -33,7 +33,7 @@ json run_one(const Arguments& a, JobState state) {
   return run_job(state, deform_job(a.options), cli::stderr_sink());
 }
 
-void print_solved(const json& report) {
+void print_solved(const json& report, const std::string& islands) {
   const json& edit = report.at("edit");
   fmt::print("base: {} vertices{}; {}, {} solutions in {:.2f} s, residual {:.1e}, energy {:.4g}\n",
              edit.at("base_vertices").get<std::uint64_t>(),
@@ -41,6 +41,9 @@ void print_solved(const json& report) {
              edit.at("solver").get<std::string>(), edit.at("solutions").get<std::uint64_t>(),
              edit.at("prepare_s").get<double>(), edit.at("residual").get<double>(),
              edit.at("energy").get<double>());
+  if (const auto pieces = edit.at("loose_pieces").get<std::uint64_t>(); pieces > 0)
+    fmt::print("{} loose pieces of the support, {} vertices, touch nothing that holds them: --islands {}\n",
+               pieces, edit.at("loose_vertices").get<std::uint64_t>(), islands);
 }
 
 void print_mesh(const JobState& state, const json& report) {
@@ -127,7 +130,7 @@ void run(Arguments& a) {
   const json report = run_one(a, a.state);
   if (a.state.run.verbosity < 0) return;
   cli::print_repairs(a.words[skip], report);
-  print_solved(report);
+  print_solved(report, a.options.islands);
   if (a.options.mode == "deform") return print_mesh(a.state, report);
   const json& mesh = report.at("mesh");
   fmt::print(

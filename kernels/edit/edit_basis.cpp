@@ -3,7 +3,9 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <limits>
 
+#include "kernels/mesh/closest_face.h"
 #include "octree/error.h"
 #include "octree/small_matrix.h"
 #include "octree/union_find.h"
@@ -24,9 +26,14 @@ std::string place(const Double3& p) {
   return text;
 }
 
-/// Every piece of the support must touch a vertex that is given, or nothing holds it.
-void require_held(std::span<const Double3> position, const Laplacian& metric, const EditRegions& regions) {
-  const std::size_t n = position.size();
+/// Pieces of the support that touch no vertex that is given: nothing holds them.
+struct Loose {
+  std::vector<std::vector<std::uint32_t>> pieces;  ///< by their lowest vertex; ascending
+  std::size_t vertices = 0;
+};
+
+Loose find_loose(const Laplacian& metric, const EditRegions& regions) {
+  const std::size_t n = regions.role.size();
   UnionFind pieces(n);
   std::vector<std::uint8_t> held(n, 0);
   const SparseMatrix& l = metric.stiffness;
@@ -45,19 +52,74 @@ void require_held(std::span<const Double3> position, const Laplacian& metric, co
     if (regions.role[static_cast<std::size_t>(w)] != kSupportVertex)
       held[pieces.find(static_cast<std::uint32_t>(v))] = 1;
   });
-  std::size_t loose = 0, vertices = 0;
-  std::uint32_t first = 0;
+  Loose out;
+  std::vector<std::size_t> number(n, 0);  // from 1
   for (std::uint32_t v = 0; v < n; ++v) {
     if (regions.role[v] != kSupportVertex || held[pieces.find(v)]) continue;
-    if (vertices++ == 0) first = v;
-    loose += pieces.find(v) == v;
+    std::size_t& at = number[pieces.find(v)];
+    if (at == 0) {
+      out.pieces.emplace_back();
+      at = out.pieces.size();
+    }
+    out.pieces[at - 1].push_back(v);
+    ++out.vertices;
   }
-  if (loose > 0)
-    throw InputError("the support lacks constraints: " + std::to_string(loose) +
-                     (loose == 1 ? " piece" : " pieces") + " of it, " + std::to_string(vertices) +
-                     (vertices == 1 ? " vertex" : " vertices") + ", the first near " +
-                     place(position[first]) + ", " + (loose == 1 ? "touches" : "touch") +
-                     " neither a fixed vertex nor a handle; fix a part of it or leave it out of the support");
+  return out;
+}
+
+[[noreturn]] void refuse(const Loose& loose, std::span<const Double3> position) {
+  const std::size_t count = loose.pieces.size();
+  throw InputError("the support lacks constraints: " + std::to_string(count) +
+                   (count == 1 ? " piece" : " pieces") + " of it, " + std::to_string(loose.vertices) +
+                   (loose.vertices == 1 ? " vertex" : " vertices") + ", the first near " +
+                   place(position[loose.pieces[0][0]]) + ", " + (count == 1 ? "touches" : "touch") +
+                   " neither a fixed vertex nor a handle; fix a part of it or leave it out of the support");
+}
+
+/// The held vertex nearest to each piece, of several the one met first.
+std::vector<std::uint32_t> nearest_held(const Loose& loose, std::span<const Double3> position,
+                                        std::span<const std::uint8_t> held) {
+  std::vector<std::array<std::uint32_t, 3>> points;
+  for (std::uint32_t v = 0; v < held.size(); ++v)
+    if (held[v]) points.push_back({v, v, v});
+  const ClosestFaces closest(position, points, position[points[0][0]]);
+  std::vector<std::uint32_t> out;
+  for (const auto& piece : loose.pieces) {
+    ClosestFaces::Hit best{std::numeric_limits<double>::infinity(), ClosestFaces::kNone};
+    for (const std::uint32_t v : piece)
+      if (const auto hit = closest.closest(position[v] - closest.origin(), best.square, ClosestFaces::kNone);
+          hit.slot != ClosestFaces::kNone)
+        best = hit;
+    out.push_back(points[closest.face(best.slot)][0]);
+  }
+  return out;
+}
+
+/// Rows of the columns for a piece that moves with the vertex `near`: the mean of the handles' maps by its weights, moved to
+/// where it goes.
+void follow(const EditBasis& basis, std::span<const Double3> position, std::span<const std::uint32_t> piece,
+            std::uint32_t near, std::span<double> values) {
+  const std::size_t w = basis.width(), first = basis.first_handle();
+  const std::vector<double> at(values.begin() + static_cast<std::ptrdiff_t>(near * w),
+                               values.begin() + static_cast<std::ptrdiff_t>((near + 1) * w));
+  double fixed = 1.0;
+  for (std::size_t h = 0; h < basis.centre.size(); ++h) fixed -= at[first + 4 * h + 3];
+  const auto mean = [&](const Double3& p, std::span<double> row) {
+    for (std::size_t k = 0; k < first; ++k) row[k] = fixed * p[k % 3];
+    for (std::size_t h = 0; h < basis.centre.size(); ++h) {
+      const double share = at[first + 4 * h + 3];
+      for (std::size_t c = 0; c < 3; ++c)
+        row[first + 4 * h + c] = share * (p[c] - basis.centre[h][c]) / basis.reach[h];
+      row[first + 4 * h + 3] = share;
+    }
+  };
+  std::vector<double> there(w);
+  mean(position[near], there);
+  for (const std::uint32_t v : piece) {
+    const std::span<double> row = values.subspan(v * w, w);
+    mean(position[v], row);
+    for (std::size_t k = 0; k < w; ++k) row[k] += at[k] - there[k];
+  }
 }
 
 }  // namespace
@@ -93,13 +155,22 @@ EditBasis edit_basis(std::span<const Double3> position, const Laplacian& metric,
   }
   if (std::count(free.begin(), free.end(), 1) == 0)
     throw InputError("the support has no vertex: no vertex lies in it, or later regions took them all");
-  require_held(position, metric, regions);
+  const Loose loose = find_loose(metric, regions);
+  report.loose_pieces = loose.pieces.size();
+  report.loose_vertices = loose.vertices;
+  if (!loose.pieces.empty() && regions.loose == LoosePieces::kRefuse) refuse(loose, position);
+  for (const auto& piece : loose.pieces)
+    for (const std::uint32_t v : piece) {
+      free[v] = 0;
+      if (regions.loose == LoosePieces::kFix) basis.role[v] = kFixedVertex;
+    }
+  if (std::count(free.begin(), free.end(), 1) == 0) refuse(loose, position);
 
   BoundaryModel model(metric, free, regions.smoothness, options);
   const std::size_t w = basis.width(), first = basis.first_handle();
   std::vector<double> values(n * w, 0.0);
   for (std::size_t v = 0; v < n; ++v) {
-    const std::int32_t role = regions.role[v];
+    const std::int32_t role = basis.role[v];
     if (role == kFixedVertex || role == kTargetVertex) {
       const Double3& goes = role == kTargetVertex ? basis.target[v] : position[v];
       for (std::size_t c = 0; c < 3; ++c) {
@@ -115,6 +186,17 @@ EditBasis edit_basis(std::span<const Double3> position, const Laplacian& metric,
   }
   model.solve(values, static_cast<int>(w));
   basis.active = model.free_vertices();
+  if (!loose.pieces.empty() && regions.loose == LoosePieces::kFollow) {
+    std::vector<std::uint8_t> held(n, 1);
+    for (const auto& piece : loose.pieces)
+      for (const std::uint32_t v : piece) held[v] = 0;
+    const std::vector<std::uint32_t> near = nearest_held(loose, position, held);
+    for (std::size_t k = 0; k < near.size(); ++k) {
+      follow(basis, position, loose.pieces[k], near[k], values);
+      basis.active.insert(basis.active.end(), loose.pieces[k].begin(), loose.pieces[k].end());
+    }
+    std::sort(basis.active.begin(), basis.active.end());
+  }
   basis.columns.reserve(basis.active.size() * w);
   for (const std::int32_t v : basis.active) {
     const auto row = values.begin() + static_cast<std::ptrdiff_t>(static_cast<std::size_t>(v) * w);

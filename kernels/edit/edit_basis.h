@@ -21,12 +21,20 @@ namespace tessera {
 /// Roles of vertices; the others are numbers of handles.
 inline constexpr std::int32_t kTargetVertex = -3, kSupportVertex = -2, kFixedVertex = -1;
 
+/// What becomes of pieces of the support that touch neither what is fixed nor a handle.
+enum class LoosePieces : std::uint8_t {
+  kFollow,  ///< each moves, as an affine map, with the vertex nearest to it of all that is held
+  kFix,     ///< they stay
+  kRefuse,  ///< an error
+};
+
 /// A base surface and what is to happen to its vertices.
 struct EditRegions {
   std::vector<std::int32_t> role;  ///< n: kSupportVertex, kFixedVertex or a handle
   std::vector<double> smoothness;  ///< n, read where not support: C^0 to C^(order-1)
   std::vector<std::string> handles;
   std::vector<Double3> target;  ///< n, read where the role is kTargetVertex: where they go; or empty
+  LoosePieces loose = LoosePieces::kFollow;
 };
 
 struct EditBasis {
@@ -44,12 +52,13 @@ struct EditBasis {
 struct EditBasisReport {
   BoundaryModelReport model;
   double energy = 0.0;  ///< of the smooth base at rest
+  std::size_t loose_pieces = 0, loose_vertices = 0;
 };
 
 /// Solves for all columns at once.
 /// \param metric  the surface, n vertices, that operators are of: the base itself, or a plane map of its support
 /// \param position  n
-/// \throws InputError naming the support's piece that touches neither what is fixed nor a handle; as BoundaryModel
+/// \throws InputError naming the loose piece of the support where all is loose, or by LoosePieces; as BoundaryModel
 EditBasis edit_basis(std::span<const Double3> position, const Laplacian& metric, const EditRegions& regions,
                      const BoundaryModelOptions& options, EditBasisReport& report);
 

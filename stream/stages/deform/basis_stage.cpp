@@ -26,6 +26,9 @@ class BasisStage : public Stage {
  public:
   BasisStage(const JobState& state, const DeformOptions& options)
       : input_(state.inputs.at(0)),
+        loose_(options.islands == "follow"  ? LoosePieces::kFollow
+               : options.islands == "fixed" ? LoosePieces::kFix
+                                            : LoosePieces::kRefuse),
         script_(parse_edit(options.edit, "the edit")),
         base_(load_base(state.work / kBaseFile)) {}
   std::string name() const override { return "basis"; }
@@ -50,6 +53,7 @@ class BasisStage : public Stage {
     out.base = base_;
     const std::vector<EditRegion> listed = with_vertices(context);
     EditRegions regions = resolve_regions(listed, base_.position, base_.faces, script_.order);
+    regions.loose = loose_;
     pose_of(script_, regions.handles);  // a motion of an unknown handle is told before anything is solved
     Laplacian metric = laplacian({base_.position, base_.faces});
     const bool healed = metric.report.degenerate_faces > 0 && !script_.anisotropic;
@@ -81,6 +85,8 @@ class BasisStage : public Stage {
         {"residual", model.residual},
         {"refinements", model.refinements},
         {"energy", report.energy},
+        {"loose_pieces", report.loose_pieces},
+        {"loose_vertices", report.loose_vertices},
         {"intrinsic_weights", healed},
         {"degenerate_faces", metric.report.degenerate_faces},
         {"negative_weights", metric.report.negative_weights},
@@ -146,6 +152,7 @@ class BasisStage : public Stage {
   }
 
   std::filesystem::path input_;
+  LoosePieces loose_;
   EditScript script_;
   BaseSurface base_;
 };

@@ -16,6 +16,11 @@ OptionTable option_table(DeformOptions& o) {
         "most vertices of the base surface, which is solved for in memory: a mesh with no more is its own "
         "base, a larger one is decimated and remeshed to about as many and follows as details")
       .within(100, 2'000'000);
+  t.add(
+       "islands", &o.islands,
+       "pieces of the support that touch neither what is fixed nor a handle: follow what is nearest to them, "
+       "stay fixed, or refuse them")
+      .one_of({"follow", "fixed", "refuse"});
   t.add("dry-run", &o.dry_run,
         "move nothing, colour the mesh by its regions: support blue, handles green, fixed grey");
   return t;

@@ -13,6 +13,7 @@ struct DeformOptions {
   std::string edit;             ///< the edit, JSON; with apply the pose
   std::string base = "auto";
   std::uint64_t base_vertices = 100000;
+  std::string islands = "follow";
   bool dry_run = false;
 
   /// \throws UsageError naming the option

@@ -134,7 +134,7 @@ TEST_CASE("edit basis: targets of single vertices", "[unit]") {
   CHECK(largest > 0.1);
 }
 
-TEST_CASE("edit basis: a piece of the support that nothing holds is named", "[unit]") {
+TEST_CASE("edit basis: a piece of the support that nothing holds follows, stays or is named", "[unit]") {
   Edit e(true);
   // A second sphere, all of it support.
   const std::size_t n = e.s.position.size();
@@ -148,6 +148,34 @@ TEST_CASE("edit basis: a piece of the support that nothing holds is named", "[un
     e.s.faces.push_back(f);
   }
   e.lap = laplacian({e.s.position, e.s.faces});
+  const std::vector<Placement> pose = {kRigid, kRigid};
+  const auto moved = [&](std::span<const Placement> handles) {
+    const EditBasis basis = e.basis(2);
+    const std::vector<Double3> rest = rest_base(basis, e.s.position),
+                               posed = smooth_base(basis, e.s.position, handles);
+    return posed_base(basis, e.s.position, turns(rest, posed, e.s.faces), rest, posed);
+  };
+  // Above the first one, over the handle at its top: it goes where that goes.
+  for (std::size_t v = n; v < e.s.position.size(); ++v)
+    e.s.position[v] = e.s.position[v] - Double3{10, 20, 27};
+  const std::vector<Double3> followed = moved(pose);
+  for (std::size_t v = n; v < followed.size(); ++v)
+    CHECK(norm(followed[v] - kRigid.apply(e.s.position[v])) < 1e-9);
+  CHECK(moved(std::vector<Placement>(2)) == e.s.position);
+  // Beside the support: within a mean of the motions, and undistorted where the handles move alike.
+  for (std::size_t v = n; v < e.s.position.size(); ++v) e.s.position[v] = e.s.position[v] + Double3{3, 0, -3};
+  std::vector<Placement> shifts(2);
+  shifts[0].shift = shifts[1].shift = {0, 0, 1};
+  const std::vector<Double3> beside = moved(shifts);
+  const Double3 by = beside[n] - e.s.position[n];
+  CHECK(by[2] > 0.5);
+  for (std::size_t v = n; v < beside.size(); ++v) CHECK(norm(beside[v] - e.s.position[v] - by) < 1e-9);
+  e.regions.loose = LoosePieces::kFix;
+  const std::vector<Double3> stayed = moved(pose);
+  for (std::size_t v = n; v < stayed.size(); ++v) CHECK(stayed[v] == e.s.position[v]);
+  e.regions.loose = LoosePieces::kRefuse;
+  for (std::size_t v = n; v < e.s.position.size(); ++v)
+    e.s.position[v] = e.s.position[v] + Double3{7, 20, 30};
   CHECK_THROWS_WITH(e.basis(2), Catch::Contains("1 piece of it, 66 vertices, the first near (11, 20, 30)"));
   CHECK_THROWS_AS(e.basis(2), InputError);
 }
