@@ -162,8 +162,8 @@ const std::map<std::string, std::string>& covering_tests() {
        {"certify_stage", "decimate_job", "idle_stage", "round_before", "simplify_stage", "unsettled_region"});
     by("stream/runtime/option_table", "stream/stages/decimate", {"simplify_options"});
     by("tools/deform", "stream/stages/deform",
-       {"base_stage", "basis_stage", "deform_files", "deform_job", "deform_options", "deform_stages",
-        "deform_write_stage", "edit_script", "pose_base", "vertex_batches"});
+       {"base_stage", "basis_stage", "deform_files", "deform_job", "deform_needs", "deform_options",
+        "deform_stages", "deform_write_stage", "edit_script", "pose_base", "vertex_batches"});
     by("stream/runtime/option_table", "stream/stages", {"jobs"});
     by("tools/remesh", "stream/stages/remesh",
        {"quality_report", "remesh_job", "remesh_options", "remesh_stage", "sizing_stage"});

@@ -1,6 +1,7 @@
 // What a cap allows: jobs that cannot work are refused at once, and name a cap that does; what tasks allocate is reserved.
 #include <catch2/catch.hpp>
 
+#include <fstream>
 #include <sstream>
 
 #include "tests/helpers/command.h"
@@ -23,6 +24,9 @@ class Files {
     run({"reconstruct", at("scan.las"), "-o", at("mesh.ply")});
     run({"synth", "--scene", "csg", "--points", "60k", "--normals", "-o", at("solid.ply")});
     run({"reconstruct", at("solid.ply"), "-o", at("body.ply")});
+    std::ofstream(at("edit.json")) << R"({"regions": [{"role": "support", "all": true},
+      {"role": "fixed", "vertices": [0]}, {"role": "handle", "name": "a", "vertices": [200]}],
+      "handles": {"a": {"move": [0.1, 0, 0]}}})";
   }
   std::string at(const std::string& name) const { return (folder_.path() / name).string(); }
   CommandResult with(Words words, const std::string& cap, const std::string& environment = {}) const {
@@ -56,6 +60,7 @@ std::vector<Words> jobs(const Files& files) {
       {"smooth", files.at("mesh.ply"), "--method", "denoise"},
       {"remesh", files.at("body.ply"), "--faces", "20000"},
       {"resurface", files.at("body.ply"), "--resolution", "0.02"},
+      {"deform", files.at("body.ply"), files.at("edit.json"), "--base-vertices", "4000"},
   };
 }
 

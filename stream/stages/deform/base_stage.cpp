@@ -9,6 +9,7 @@
 #include "octree/error.h"
 #include "stream/import/import_stages.h"
 #include "stream/stages/deform/deform_files.h"
+#include "stream/stages/deform/deform_needs.h"
 #include "stream/stages/deform/deform_stages.h"
 
 namespace tessera {
@@ -23,19 +24,6 @@ constexpr double kBaseShare = 0.5;
 /// Degrees: less is roughness, and lines along it would leave slivers.
 constexpr double kCreaseAngle = 60.0;
 constexpr double kShortest = 0.25;  ///< of the edges: shorter ones that are left are merged
-/// Waves below some six edges are left to the details: what so few vertices hold of them is jagged, and folds where a pose
-/// presses it together (thesis 5.2).
-const std::vector<SmoothRound>& low_pass() {
-  static const std::vector<SmoothRound> rounds = [] {
-    SmoothOptions o;
-    o.lambda = 16.0;
-    o.order = 2;
-    o.feature_angle_deg = 0.0;
-    return smooth_rounds(o);
-  }();
-  return rounds;
-}
-constexpr std::uint64_t kSlackBytes = std::uint64_t{8} << 20;
 
 class BaseStage : public Stage {
  public:
@@ -48,12 +36,7 @@ class BaseStage : public Stage {
   std::string unit_name() const override { return "faces"; }
   json run(std::size_t, TaskContext&) const override { return {}; }
   std::uint64_t finish_bytes() const override {
-    const std::uint64_t block = store_.block_bytes(all());
-    return own_ ? 2 * block + kSlackBytes
-                : 3 * block +
-                      std::max(remesh_bytes(room(), store_.face_count()),
-                               smooth_bytes(room() / 2, room(), low_pass().front())) +
-                      kSlackBytes;
+    return base_stage_bytes(own_, store_.face_count(), store_.block_bytes(all()), options_.base_vertices);
   }
 
   json finish(const std::vector<json>&, TaskContext& context) const override {
@@ -73,12 +56,12 @@ class BaseStage : public Stage {
       remeshing.float_positions = false;
       remeshing.feature_angle_deg = kCreaseAngle;
       remeshing.find_creases = true;
-      remeshing.max_faces = room();
+      remeshing.max_faces = base_room(store_.face_count(), options_.base_vertices);
       remeshing.first_key = std::uint64_t{1} << 63;
       const MeshBlock reference = block;
       const RemeshReport report = remesh(block, reference, remeshing);
       context.check_stop();
-      for (const SmoothRound& round : low_pass()) block.position = smooth_block(block, round).position;
+      for (const SmoothRound& round : base_low_pass()) block.position = smooth_block(block, round).position;
       out["edge"] = remeshing.edge;
       out["decimated_faces"] = report.faces_in;
     }
@@ -93,10 +76,6 @@ class BaseStage : public Stage {
   }
 
  private:
-  /// Splits come before collapses; a mesh of few faces gets more.
-  std::uint64_t room() const {
-    return std::max(store_.face_count() + store_.face_count() / 2, 3 * options_.base_vertices);
-  }
   std::vector<std::size_t> all() const {
     std::vector<std::size_t> patches(store_.patches().size());
     std::iota(patches.begin(), patches.end(), std::size_t{0});
@@ -108,6 +87,18 @@ class BaseStage : public Stage {
 };
 
 }  // namespace
+
+// What so few vertices hold of short waves is jagged, and folds where a pose presses it together.
+const std::vector<SmoothRound>& base_low_pass() {
+  static const std::vector<SmoothRound> rounds = [] {
+    SmoothOptions o;
+    o.lambda = 16.0;
+    o.order = 2;
+    o.feature_angle_deg = 0.0;
+    return smooth_rounds(o);
+  }();
+  return rounds;
+}
 
 bool is_own_base(const JobState& state, const DeformOptions& options) {
   if (options.base == "even") return false;

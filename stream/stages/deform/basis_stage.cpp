@@ -8,6 +8,7 @@
 #include "stream/formats/meshes/mesh_io.h"
 #include "stream/runtime/numbers.h"
 #include "stream/stages/deform/deform_files.h"
+#include "stream/stages/deform/deform_needs.h"
 #include "stream/stages/deform/deform_stages.h"
 #include "stream/stages/deform/edit_script.h"
 
@@ -15,12 +16,6 @@ namespace tessera {
 namespace {
 
 using json = nlohmann::json;
-
-/// Bytes a vertex of the base, at the most: operators, system and factor of order 1, 2, 3 (measured on sheets and closed
-/// surfaces of 10^4 to 5 10^5 vertices), and what a column of the solution takes.
-constexpr std::uint64_t kSystemBytes[] = {1600, 3500, 6500}, kUnevenBytes = 50000;
-constexpr std::uint64_t kColumnBytes = 88, kVertexBytes = 400;
-constexpr std::uint64_t kSlackBytes = std::uint64_t{8} << 20;
 
 class BasisStage : public Stage {
  public:
@@ -37,10 +32,7 @@ class BasisStage : public Stage {
   std::uint64_t units() const override { return base_.position.size(); }
   std::string unit_name() const override { return "vertices"; }
   json run(std::size_t, TaskContext&) const override { return {}; }
-  std::uint64_t finish_bytes() const override {
-    const std::uint64_t columns = 6 + 4 * script_.regions.size();
-    return base_.position.size() * (kVertexBytes + system_bytes() + columns * kColumnBytes) + kSlackBytes;
-  }
+  std::uint64_t finish_bytes() const override { return basis_stage_bytes(base_.position.size(), script_); }
 
   json finish(const std::vector<json>&, TaskContext& context) const override {
     using Clock = std::chrono::steady_clock;
@@ -64,9 +56,9 @@ class BasisStage : public Stage {
       metric = anisotropic_metric({base_.position, base_.faces}, regions.role, script_.order, anisotropic);
     context.check_stop();
     EditBasisReport report;
-    out.edit =
-        edit_basis(base_.position, metric, regions,
-                   {.order = script_.order, .memory_bytes = base_.position.size() * system_bytes()}, report);
+    out.edit = edit_basis(
+        base_.position, metric, regions,
+        {.order = script_.order, .memory_bytes = system_bytes(base_.position.size(), script_)}, report);
     context.check_stop();
     Double3 low = base_.position.front(), high = low;
     for (const Double3& p : base_.position)
@@ -111,14 +103,6 @@ class BasisStage : public Stage {
   }
 
  private:
-  /// Smoothness that differs may leave a system that is not symmetric, whose factors are larger.
-  std::uint64_t system_bytes() const {
-    const bool uneven =
-        script_.order == 3 && std::any_of(script_.regions.begin(), script_.regions.end(),
-                                          [](const EditRegion& r) { return r.smoothness >= 0.0; });
-    return uneven ? kUnevenBytes : kSystemBytes[script_.order - 1];
-  }
-
   /// Regions with the positions of the vertices that they name.
   std::vector<EditRegion> with_vertices(TaskContext& context) const {
     std::vector<EditRegion> regions = script_.regions;

@@ -13,15 +13,13 @@
 #include "stream/stages/decimate/decimate_job.h"
 #include "stream/stages/decimate/idle_stage.h"
 #include "stream/stages/deform/deform_files.h"
+#include "stream/stages/deform/deform_needs.h"
 #include "stream/stages/deform/deform_stages.h"
 
 namespace tessera {
 namespace {
 
 using json = nlohmann::json;
-
-/// Decimation leaves so many faces for each vertex of the base, which has two: remeshing wants something to choose from.
-constexpr std::uint64_t kDecimatedFaces = 3;
 
 void summarise(json& report) {
   report["mesh"] = result_of(report, "write");
@@ -65,6 +63,7 @@ JobDescription deform_job(const DeformOptions& options) {
     job.stages.push_back({"basis", [=](const JobState& s) { return make_basis_stage(s, options); }});
   }
   job.stages.push_back({"write", [=](const JobState& s) { return make_deform_write_stage(s, options); }});
+  job.needs = [options](const JobState& state) { return deform_needs(state, options); };
   return job;
 }
 

@@ -7,7 +7,9 @@
 ///          (prepare) where every vertex stands over the base
 #pragma once
 #include <memory>
+#include <vector>
 
+#include "kernels/smooth/smooth.h"
 #include "stream/meshes/mesh_store.h"
 #include "stream/runtime/stage.h"
 #include "stream/stages/deform/deform_options.h"
@@ -16,6 +18,9 @@ namespace tessera {
 
 inline const std::string kDeformImport = "mesh";
 inline const std::string kBaseFile = "base/base.tsb", kBasisFile = "basis/basis.tsb";
+
+/// Waves below some six edges of a base are left to the details (thesis 5.2).
+const std::vector<SmoothRound>& base_low_pass();
 
 /// Whether the imported mesh is small enough to be its own base.
 bool is_own_base(const JobState& state, const DeformOptions& options);

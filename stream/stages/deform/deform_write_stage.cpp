@@ -12,6 +12,7 @@
 #include "stream/meshes/store_write_stage.h"
 #include "stream/runtime/work_dir.h"
 #include "stream/stages/deform/deform_files.h"
+#include "stream/stages/deform/deform_needs.h"
 #include "stream/stages/deform/deform_stages.h"
 #include "stream/stages/deform/edit_script.h"
 #include "stream/stages/deform/pose_base.h"
@@ -22,7 +23,6 @@ namespace {
 
 using json = nlohmann::json;
 
-constexpr std::uint64_t kSlackBytes = std::uint64_t{32} << 20;
 constexpr std::size_t kManyFlips = 100;  ///< one in so many faces of the base is worth a warning
 
 /// As PointRecord::rgba.
@@ -44,6 +44,7 @@ class DeformWriteStage : public Stage {
         mesh_(state.inputs.at(applies_ ? 1 : 0)),
         output_(state.output),
         temp_(state.work),
+        run_(state.run),
         weld_bytes_(sort_bytes(state.run)),
         window_(2 * static_cast<std::size_t>(state.run.threads)),
         file_(applies_ ? state.inputs.at(0) : state.work / kBasisFile),
@@ -56,15 +57,7 @@ class DeformWriteStage : public Stage {
   std::string unit_name() const override { return "vertices"; }
   json run(std::size_t, TaskContext&) const override { return {}; }
   std::uint64_t finish_bytes() const override {
-    const std::uint64_t base = file_.bytes();
-    const json about = json::parse(file_.about());
-    const auto& solved = about.at("basis");
-    const std::uint64_t pose = prepares_ ? 0
-                                         : pose_base_bytes(solved.at("base_vertices").get<std::uint64_t>(),
-                                                           solved.at("base_faces").get<std::uint64_t>(),
-                                                           about.at("volumes").get<bool>());
-    return base + 6 * (base / 2) + pose + DisplacementEncoder::bytes(base / 36) + weld_bytes_ +
-           window_ * kDisplacedVertices * DisplacedBatch::kVertexBytes + kSlackBytes;
+    return write_stage_bytes(basis_size(file_, !prepares_), run_);
   }
 
   json finish(const std::vector<json>&, TaskContext& context) const override {
@@ -282,6 +275,7 @@ class DeformWriteStage : public Stage {
   DeformOptions options_;
   bool applies_, prepares_;
   std::filesystem::path mesh_, output_, temp_;
+  RunOptions run_;
   std::uint64_t weld_bytes_;
   std::size_t window_;
   BasisReader file_;

@@ -1,0 +1,126 @@
+#include "stream/stages/deform/deform_needs.h"
+
+#include <algorithm>
+#include <nlohmann/json.hpp>
+
+#include "kernels/remesh/remesh.h"
+#include "kernels/smooth/smooth.h"
+#include "stream/import/import_needs.h"
+#include "stream/meshes/store_write_stage.h"
+#include "stream/stages/decimate/simplify_needs.h"
+#include "stream/stages/deform/deform_files.h"
+#include "stream/stages/deform/deform_stages.h"
+#include "stream/stages/deform/pose_base.h"
+#include "stream/stages/deform/vertex_batches.h"
+
+namespace tessera {
+namespace {
+
+constexpr std::uint64_t kSlackBytes = std::uint64_t{8} << 20, kWriteSlackBytes = std::uint64_t{32} << 20;
+/// Bytes a vertex of the base, at the most: operators, system and factor of order 1, 2, 3 (measured on sheets and closed
+/// surfaces of 10^4 to 5 10^5 vertices), and what a column of the solution takes.
+constexpr std::uint64_t kSystemBytes[] = {1600, 3500, 6500}, kUnevenBytes = 50000;
+constexpr std::uint64_t kColumnBytes = 88, kVertexBytes = 400;
+/// Of the vertices asked for: how many a base has at the least and at the most.
+constexpr double kFewest = 0.8, kMost = 1.3;
+
+std::uint64_t columns(const EditScript& script) {
+  return 6 + 4 * script.regions.size();
+}
+
+}  // namespace
+
+std::uint64_t base_room(std::uint64_t faces, std::uint64_t base_vertices) {
+  return std::max(faces + faces / 2, 3 * base_vertices);
+}
+
+std::uint64_t base_stage_bytes(bool own, std::uint64_t faces, std::uint64_t block,
+                               std::uint64_t base_vertices) {
+  if (own) return 2 * block + kSlackBytes;
+  const std::uint64_t room = base_room(faces, base_vertices);
+  return 3 * block +
+         std::max(remesh_bytes(room, faces), smooth_bytes(room / 2, room, base_low_pass().front())) +
+         kSlackBytes;
+}
+
+std::uint64_t system_bytes(std::uint64_t vertices, const EditScript& script) {
+  // Smoothness that differs may leave a system that is not symmetric, whose factors are larger.
+  const bool uneven =
+      script.order == 3 && std::any_of(script.regions.begin(), script.regions.end(),
+                                       [](const EditRegion& r) { return r.smoothness >= 0.0; });
+  return vertices * (uneven ? kUnevenBytes : kSystemBytes[script.order - 1]);
+}
+
+std::uint64_t basis_stage_bytes(std::uint64_t vertices, const EditScript& script) {
+  return system_bytes(vertices, script) + vertices * (kVertexBytes + columns(script) * kColumnBytes) +
+         kSlackBytes;
+}
+
+WriteStageSize basis_size(const BasisReader& basis, bool poses) {
+  const nlohmann::json about = nlohmann::json::parse(basis.about());
+  const auto& solved = about.at("basis");
+  return {basis.bytes(), solved.at("base_vertices").get<std::uint64_t>(),
+          solved.at("base_faces").get<std::uint64_t>(), poses, about.at("volumes").get<bool>()};
+}
+
+std::uint64_t write_stage_bytes(const WriteStageSize& size, const RunOptions& run) {
+  const std::uint64_t window = 2 * static_cast<std::uint64_t>(run.threads);
+  return 4 * size.basis_bytes + DisplacementEncoder::bytes(size.faces) +
+         (size.poses ? pose_base_bytes(size.vertices, size.faces, size.volumes) : 0) + sort_bytes(run) +
+         window * kDisplacedVertices * DisplacedBatch::kVertexBytes + kWriteSlackBytes;
+}
+
+std::vector<StageNeed> deform_needs(const JobState& state, const DeformOptions& options) {
+  if (options.mode == "apply") {
+    const BasisReader basis(state.inputs.at(0));
+    return {{"write", write_stage_bytes(basis_size(basis, true), state.run), 0}};
+  }
+  const EditScript script = parse_edit(options.edit, "the edit");
+  const MeshSize mesh = claimed_mesh_size(state.inputs.at(0));
+  std::vector<StageNeed> needs = import_needs(state.run, {0, kDeformImport}, mesh);
+  // A surface has about half as many vertices as faces; files without shared vertices claim more.
+  const std::uint64_t least = std::min(mesh.vertices, mesh.faces / 4);
+  const bool may_be_own = options.base != "even" && least <= options.base_vertices,
+             may_be_made = options.base == "even" || mesh.vertices > options.base_vertices;
+  struct Case {
+    bool own;
+    std::uint64_t faces, fewest, most;
+  };
+  std::vector<Case> cases;
+  if (may_be_own)
+    cases.push_back({true, std::min(mesh.faces, 4 * options.base_vertices), least,
+                     std::min(mesh.vertices, options.base_vertices)});
+  if (may_be_made) {
+    const auto wanted = static_cast<double>(options.base_vertices);
+    SimplifyOptions reduce;
+    reduce.target_faces = kDecimatedFaces * options.base_vertices;
+    if (!may_be_own)
+      for (const StageNeed& need : simplify_needs(state.run, reduce, mesh.faces))
+        if (need.stage != "certify" && need.stage != "write") needs.push_back(need);
+    cases.push_back({false, std::min(mesh.faces, reduce.target_faces),
+                     static_cast<std::uint64_t>(kFewest * wanted),
+                     static_cast<std::uint64_t>(kMost * wanted)});
+  }
+  StageNeed base{"base"}, basis{"basis"}, write{"write"};
+  const auto widen = [](StageNeed& need, bool first, std::uint64_t sure, std::uint64_t likely) {
+    need.sure = first ? sure : std::min(need.sure, sure);
+    need.likely = std::max(need.likely, likely);
+  };
+  for (const Case& c : cases) {
+    const bool first = &c == cases.data();
+    const std::uint64_t most =
+        base_stage_bytes(c.own, c.faces, surface_block_bytes(c.faces), options.base_vertices);
+    widen(base, first, c.own ? 0 : most / 2, most);
+    widen(basis, first, basis_stage_bytes(c.fewest, script), basis_stage_bytes(c.most, script));
+    const auto size = [&](std::uint64_t vertices) {
+      return WriteStageSize{vertices * (60 + 8 * columns(script)), vertices, 2 * vertices,
+                            options.mode != "prepare", script.volumes};
+    };
+    widen(write, first, write_stage_bytes(size(c.fewest), state.run),
+          write_stage_bytes(size(c.most), state.run));
+  }
+  needs.insert(needs.end(), {base, basis, write});
+  return needs;
+}
+
+}  // namespace tessera

@@ -1,0 +1,38 @@
+/// \file deform_needs.h
+/// What the stages of an edit take: told before there is a mesh, and reserved by the same functions.
+#pragma once
+#include <cstdint>
+#include <vector>
+
+#include "stream/runtime/stage.h"
+#include "stream/stages/deform/deform_files.h"
+#include "stream/stages/deform/deform_options.h"
+#include "stream/stages/deform/edit_script.h"
+
+namespace tessera {
+
+/// Faces that splits may leave on the way to the base. \param faces  that decimation leaves
+std::uint64_t base_room(std::uint64_t faces, std::uint64_t base_vertices);
+/// \param block  bytes of all faces loaded
+std::uint64_t base_stage_bytes(bool own, std::uint64_t faces, std::uint64_t block,
+                               std::uint64_t base_vertices);
+
+/// Memory for the factors alone, and of the stage.
+std::uint64_t system_bytes(std::uint64_t vertices, const EditScript& script);
+std::uint64_t basis_stage_bytes(std::uint64_t vertices, const EditScript& script);
+
+struct WriteStageSize {
+  std::uint64_t basis_bytes = 0;  ///< of the file, without details
+  std::uint64_t vertices = 0, faces = 0;
+  bool poses = true, volumes = false;
+};
+WriteStageSize basis_size(const BasisReader& basis, bool poses);
+std::uint64_t write_stage_bytes(const WriteStageSize& size, const RunOptions& run);
+
+/// Faces that decimation leaves for a base of so many vertices: remeshing wants something to choose from.
+inline constexpr std::uint64_t kDecimatedFaces = 3;
+
+/// Of all stages, by what the file says of itself; of `apply` by its basis.
+std::vector<StageNeed> deform_needs(const JobState& state, const DeformOptions& options);
+
+}  // namespace tessera
