@@ -184,11 +184,18 @@ class DeformWriteStage : public Stage {
     if (!colours) {
       out["largest_move"] = std::sqrt(largest);
       out.update(json::parse(pose.told));
+      json warnings = json::array();
       if (pose.flipped * kManyFlips > basis.base.faces.size())
-        out["warnings"] = {std::to_string(pose.flipped) + " of the " +
+        warnings.push_back(std::to_string(pose.flipped) + " of the " +
                            std::to_string(basis.base.faces.size()) +
                            " faces of the base turn over: prepare with --base even, give the support more "
-                           "room, or move less"};
+                           "room, or move less");
+      if (out.contains("details") && out.at("details").at("kept") == "vectors")
+        warnings.push_back(
+            "details are turned, their volumes not kept: with them more faces would cross others (" +
+            out.at("details").at("crossing_faces_of_volumes").dump() + " instead of " +
+            out.at("details").at("crossing_faces_of_vectors").dump() + "): try --base even");
+      if (!warnings.empty()) out["warnings"] = warnings;
     }
     return out;
   }

@@ -84,6 +84,8 @@ PosedBase pose_base(const DeformBasis& basis, std::span<const Placement> pose,
   check_stop();
   std::vector<std::uint8_t> free;
   for (const std::int32_t role : basis.edit.role) free.push_back(role == kSupportVertex);
+  std::vector<std::uint8_t> watched;
+  for (const Face& f : faces) watched.push_back(free[f[0]] || free[f[1]] || free[f[2]]);
   if (about.at("volumes").get<bool>()) {
     const auto begun = Clock::now();
     std::vector<Double3> widening;
@@ -100,10 +102,16 @@ PosedBase pose_base(const DeformBasis& basis, std::span<const Placement> pose,
                        {"volumes_off", report.off_after},
                        {"seconds", since(begun)}};
     check_stop();
+    // Thin layers over jagged bases may come out worse than vectors leave them.
+    const std::size_t by_vectors = crossing_faces(vectors, faces, watched).faces.size(),
+                      by_volumes = crossing_faces(out.position, faces, watched).faces.size();
+    told["details"]["crossing_faces_of_vectors"] = by_vectors;
+    told["details"]["crossing_faces_of_volumes"] = by_volumes;
+    told["details"]["kept"] = by_volumes > by_vectors ? "vectors" : "volumes";
+    if (by_volumes > by_vectors) out.position = vectors;
+    check_stop();
   }
   out.flipped = turned_over(at, out.position, turn, faces);
-  std::vector<std::uint8_t> watched;
-  for (const Face& f : faces) watched.push_back(free[f[0]] || free[f[1]] || free[f[2]]);
   const CrossingFaces before = crossing_faces(at, faces, watched);
   check_stop();
   const CrossingFaces after = crossing_faces(out.position, faces, watched);
