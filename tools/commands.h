@@ -1,11 +1,14 @@
 /// \file commands.h
 /// Every command of `tessera`, one function per file tools/<command>_command.cpp.
 #pragma once
+#include <vector>
+
 #include "tools/frame/cli.h"
 
 namespace tessera {
 
 // one line per command, alphabetical
+cli::Command cancel_command();
 cli::Command check_command();
 cli::Command convert_command();
 cli::Command csg_command();
@@ -22,6 +25,9 @@ cli::Command render_command();
 cli::Command report_command();
 cli::Command resurface_command();
 cli::Command smooth_command();
+cli::Command status_command();
+/// \param jobs  commands whose lines it may be given
+cli::Command submit_command(const std::vector<cli::Command>& jobs);
 cli::Command synth_command();
 cli::Command task_command();
 cli::Command tiles_command();

@@ -4,7 +4,7 @@
 
 #include "octree/error.h"
 #include "stream/runtime/child_process.h"
-#include "stream/runtime/journal.h"
+#include "stream/runtime/task_run.h"
 #include "stream/stages/jobs.h"
 #include "tools/commands.h"
 #include "tools/frame/cli.h"
@@ -18,21 +18,15 @@ struct Arguments {
   std::string task;
   std::string writer;
   int driver = 0;
+  double wait_s = 0.0;
+  std::filesystem::path scratch;
 };
-
-std::int64_t parse_task(const std::string& text) {
-  if (text == "finish") return kFinishTask;
-  if (!text.empty() && text.size() < 10 && text.find_first_not_of("0123456789") == std::string::npos) {
-    return std::stoll(text);
-  }
-  throw UsageError(fmt::format("'{}' is no task: give its number, or finish", text));
-}
 
 void run(const Arguments& arguments) {
   if (arguments.work.empty() || arguments.stage.empty()) throw UsageError("give WORKDIR, STAGE and K");
   if (arguments.driver != 0) follow_parent(arguments.driver);
-  run_single_task(arguments.work, find_job, arguments.stage, parse_task(arguments.task), arguments.writer,
-                  arguments.driver != 0);
+  run_tasks(arguments.work, find_job, arguments.stage, parse_task_choice(arguments.task),
+            {arguments.writer, arguments.driver != 0, arguments.wait_s, arguments.scratch});
 }
 
 }  // namespace
@@ -43,14 +37,20 @@ cli::Command task_command() {
   OptionTable t;
   t.add("workdir", &a.work, "work directory, on a disk that all machines share").positional();
   t.add("stage", &a.stage, "name of the stage").positional();
-  t.add("k", &a.task, "number of the task, or finish").positional();
+  t.add("k", &a.task,
+        "number of the task; I/N: the I-th share of N, counted from 0; finish: the end of the stage; all: "
+        "the whole stage")
+      .positional();
+  t.add("wait", &a.wait_s, "seconds to wait for what other machines have committed to show up on this one")
+      .at_least(0);
+  t.add("scratch", &a.scratch, "folder on a disk of this machine in which files are made first");
   t.add("writer", &a.writer, "name of the journal file to write").hidden();
   t.add("driven", &a.driver, "process that waits for this one").hidden();
-  return {
-      "task",
-      "One task of a job begun by plan, reconstruct, decimate, remesh or smooth; safe to repeat, and to run "
-      "beside other tasks.",
-      t, [arguments] { run(*arguments); }};
+  return {"task",
+          "One task, a share of a stage or a whole stage of a job that was begun by submit, plan or its own "
+          "command; safe to "
+          "repeat, and to run beside other tasks.",
+          t, [arguments] { run(*arguments); }};
 }
 
 }  // namespace tessera

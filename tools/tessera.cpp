@@ -7,6 +7,10 @@
 int main(int argc, char** argv) {
   using namespace tessera;
   configure_allocator(core_count());
+  const std::vector<cli::Command> jobs = {
+      reconstruct_command(), resurface_command(), csg_command(),    merge_command(), smooth_command(),
+      decimate_command(),    remesh_command(),    deform_command(), tiles_command(),
+  };
   // clang-format off
   const std::vector<cli::Command> commands = {
       // one line per command, in the order of the help
@@ -21,6 +25,9 @@ int main(int argc, char** argv) {
       deform_command(),
       tiles_command(),
       view_command(),
+      submit_command(jobs),
+      status_command(),
+      cancel_command(),
       task_command(),
       check_command(),
       render_command(),

@@ -8,7 +8,6 @@
 #include <vector>
 
 #include <fcntl.h>
-#include <sys/file.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -16,6 +15,7 @@
 #include <xxhash.h>
 
 #include "octree/error.h"
+#include "stream/files/file_lock.h"
 #include "stream/files/planned_writes.h"
 #include "stream/files/system_reason.h"
 
@@ -119,18 +119,19 @@ void rename_durably(const std::filesystem::path& from, const std::filesystem::pa
   sync_folder(to.parent_path());
 }
 
+bool names_file(const std::filesystem::path& path, int fd) {
+  struct stat held = {}, there = {};
+  return ::fstat(fd, &held) == 0 && ::lstat(path.c_str(), &there) == 0 && held.st_ino == there.st_ino &&
+         held.st_dev == there.st_dev;
+}
+
 int create_aside(const std::filesystem::path& path) {
   const std::filesystem::path aside = output_aside(path);
-  const auto is_there = [&](int fd) {
-    struct stat held = {}, there = {};
-    return ::fstat(fd, &held) == 0 && ::lstat(aside.c_str(), &there) == 0 && held.st_ino == there.st_ino &&
-           held.st_dev == there.st_dev;
-  };
   for (int attempt = 0; attempt < kAsideTries; ++attempt) {
     const int fd = ::open(aside.c_str(), O_RDWR | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0666);
     if (fd >= 0) {
       // Between creation and lock another process may have taken it for a leftover.
-      if (::flock(fd, LOCK_EX | LOCK_NB) == 0 && is_there(fd)) return fd;
+      if (try_file_lock(fd, LOCK_EX) == 0 && names_file(aside, fd)) return fd;
       ::close(fd);
       continue;
     }
@@ -140,9 +141,9 @@ int create_aside(const std::filesystem::path& path) {
     if (old.get() < 0)
       throw UsageError(fmt::format("{}: is in the way of what {} is to be written to first: remove it",
                                    aside.string(), path.string()));
-    if (::flock(old.get(), LOCK_EX | LOCK_NB) != 0) break;
+    if (try_file_lock(old.get(), LOCK_EX) != 0) break;
     // Nobody holds it: a killed run left it. The name goes, not the content, which a hard link may share.
-    if (is_there(old.get()) && ::unlink(aside.c_str()) != 0) throw_write_error(aside, errno);
+    if (names_file(aside, old.get()) && ::unlink(aside.c_str()) != 0) throw_write_error(aside, errno);
   }
   throw UsageError(fmt::format(
       "{}: another process is writing this file: wait for it or choose another output", path.string()));

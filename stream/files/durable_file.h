@@ -29,6 +29,10 @@ void sync_folder(const std::filesystem::path& path);
 /// \returns a descriptor \throws UsageError when another process has it, or it cannot be created
 int create_aside(const std::filesystem::path& path);
 
+/// Whether `path` is the very file that `fd` has open: another machine, which does not see the lock of an aside, may have
+/// taken it for a leftover and begun its own.
+bool names_file(const std::filesystem::path& path, int fd);
+
 /// Makes `path` hold `text`: at no moment, killed or not, does it hold anything but its old or its new
 /// content.
 void write_durably(const std::filesystem::path& path, const std::string& text);

@@ -32,7 +32,7 @@ OutputFile::OutputFile(const std::filesystem::path& path)
 
 OutputFile::~OutputFile() {
   if (fd_ < 0) return;
-  ::unlink(part_.c_str());  // before the lock goes with the descriptor
+  if (names_file(part_, fd_)) ::unlink(part_.c_str());  // before the lock goes with the descriptor
   ::close(fd_);
 }
 
@@ -82,6 +82,8 @@ void OutputFile::finish() {
   flush();
   if (::fsync(fd_) != 0) fail(part_, "be synced", errno);
   ::posix_fadvise(fd_, 0, 0, POSIX_FADV_DONTNEED);
+  if (!names_file(part_, fd_))
+    throw ResourceError(part_.string() + ": another process has begun this output anew, which goes on there");
   if (::rename(part_.c_str(), path_.c_str()) != 0) fail(path_, "take its final name", errno);
   ::close(fd_);
   fd_ = -1;

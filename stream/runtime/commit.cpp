@@ -21,9 +21,34 @@ namespace {
 
 namespace fs = std::filesystem;
 
-fs::path part_path(const JobState& state, const std::string& name) {
-  return aside_path(committed_path(state, name));
-}
+/// Where a file is before it has its name.
+struct Asides {
+  const JobState& state;
+  std::string writer;
+  fs::path scratch;
+
+  /// Beside its final place.
+  fs::path shared(const std::string& name) const {
+    return aside_path(committed_path(state, name), name == kOutputName ? "" : writer);
+  }
+  bool is_local(const std::string& name) const {
+    return !scratch.empty() && name != kOutputName && !name.starts_with(kBesideName);
+  }
+  /// Where the task writes it.
+  fs::path made(const std::string& name) const {
+    return is_local(name) ? aside_path(scratch / writer / name) : shared(name);
+  }
+  /// Moves what lies on the disk of this machine.
+  void bring(const std::string& name) const {
+    if (!is_local(name)) return;
+    const fs::path to = shared(name);
+    std::error_code error;
+    fs::create_directories(to.parent_path(), error);
+    if (!error) fs::copy_file(made(name), to, fs::copy_options::overwrite_existing, error);
+    if (error) throw_write_error(to, error.value());
+    fs::remove(made(name));
+  }
+};
 
 double thread_cpu_seconds() {
   timespec now = {};
@@ -33,7 +58,13 @@ double thread_cpu_seconds() {
 
 class RunningTask : public TaskContext {
  public:
-  RunningTask(const JobState& state, Progress* progress) : state_(state), progress_(progress) {}
+  RunningTask(const Asides& asides, const TaskAids& aids) : asides_(asides), aids_(aids) {}
+  ~RunningTask() override {
+    std::error_code ignored;  // what a failed task leaves on the machine's own disk
+    if (!aids_.scratch.empty())
+      for (const std::string& name : names_)
+        if (asides_.is_local(name)) fs::remove(asides_.made(name), ignored);
+  }
 
   fs::path create(const std::string& name) override {
     const fs::path relative(name);
@@ -41,7 +72,10 @@ class RunningTask : public TaskContext {
         name.front() == '.' || name.back() == '/') {
       throw std::logic_error("create('" + name + "'): not a name relative to the work directory");
     }
-    const fs::path path = part_path(state_, name);
+    // A process that its queue had given up may outlive its job: it does not begin the work directory anew.
+    if (!fs::exists(asides_.state.work))
+      throw InputError(asides_.state.work.string() + ": has gone while this task was at work");
+    const fs::path path = asides_.made(name);
     std::error_code error;
     fs::create_directories(path.parent_path(), error);
     if (error) throw_write_error(path.parent_path(), error.value());
@@ -49,10 +83,13 @@ class RunningTask : public TaskContext {
     if (std::find(names_.begin(), names_.end(), name) == names_.end()) names_.push_back(name);
     return path;
   }
-  void check_stop() const override { throw_if_stopped(); }
+  void check_stop() const override {
+    if (aids_.notes != nullptr) aids_.notes->alive();
+    throw_if_stopped();
+  }
   void advance(std::uint64_t units) override {
     units_ += units;
-    if (progress_ != nullptr) progress_->advance(units);
+    if (aids_.progress != nullptr) aids_.progress->advance(units);
   }
   void count_read(std::uint64_t bytes) override { read_ += bytes; }
   void count_written(std::uint64_t bytes) override { written_ += bytes; }
@@ -68,29 +105,43 @@ class RunningTask : public TaskContext {
   std::uint64_t written() const { return written_; }
 
  private:
-  const JobState& state_;
-  Progress* progress_;
+  const Asides& asides_;
+  const TaskAids& aids_;
   std::mutex mutex_;
   std::vector<std::string> names_;
   std::atomic<std::uint64_t> units_{0}, read_{0}, written_{0};
 };
 
+/// Whether the file of this record has its name already: another machine was done with the same task first.
+bool is_placed(const fs::path& path, const FileRecord& file) {
+  std::error_code error;
+  const std::uintmax_t bytes = fs::file_size(path, error);
+  return !error && bytes == file.bytes && hash_file(path) == file.xxh3;
+}
+
 /// Syncs the files and gives them their names.
-void place_files(const JobState& state, const std::vector<std::string>& names, TaskRecord& record) {
+void place_files(const Asides& asides, const std::vector<std::string>& names, TaskRecord& record) {
+  const JobState& state = asides.state;
   fault_point();
   for (const std::string& name : names) {
-    const fs::path part = part_path(state, name);
+    const fs::path part = asides.shared(name);
+    asides.bring(name);
     sync_file(part);
     record.files.push_back({name, fs::file_size(part), hash_file(part)});
   }
   fault_point();
   std::set<fs::path> folders;
-  for (const std::string& name : names) {
-    const fs::path path = committed_path(state, name);
-    std::error_code error;
-    fs::rename(part_path(state, name), path, error);
-    if (error) throw_write_error(path, error.value());
+  for (std::size_t i = 0; i < names.size(); ++i) {
+    const fs::path path = committed_path(state, names[i]);
     folders.insert(path.parent_path());
+    const fs::path part = asides.shared(names[i]);
+    std::error_code error;
+    if (is_placed(path, record.files[i])) {
+      fs::remove(part, error);
+    } else {
+      fs::rename(part, path, error);
+    }
+    if (error) throw_write_error(path, error.value());
   }
   for (const fs::path& folder : folders) sync_folder(folder);
   fault_point();
@@ -98,8 +149,9 @@ void place_files(const JobState& state, const std::vector<std::string>& names, T
 
 }  // namespace
 
-fs::path aside_path(const fs::path& final_path) {
+fs::path aside_path(const fs::path& final_path, const std::string& writer) {
   fs::path path = final_path;
+  if (!writer.empty()) path += "." + writer;
   path += ".part";
   return path;
 }
@@ -123,10 +175,12 @@ bool files_match(const JobState& state, const TaskRecord& record, bool hash) {
 TaskRecord run_and_commit(const Stage& stage, std::int64_t task, const std::vector<nlohmann::json>& summaries,
                           const JobState& state, const std::string& basis, const std::string& plan,
                           JournalWriter& journal, const std::function<nlohmann::json()>& stage_stats,
-                          Progress* progress) {
+                          const TaskAids& aids) {
   const auto start = std::chrono::steady_clock::now();
   const double cpu_start = thread_cpu_seconds();
-  RunningTask context(state, progress);
+  const Asides asides{state, journal.name(), aids.scratch};
+  RunningTask context(asides, aids);
+  if (aids.notes != nullptr) aids.notes->started(stage.name(), task);
   TaskRecord record;
   record.stage = stage.name();
   record.task = task;
@@ -152,7 +206,14 @@ TaskRecord run_and_commit(const Stage& stage, std::int64_t task, const std::vect
     throw std::runtime_error(fmt::format("stage {}, task {}: {}", record.stage,
                                          task == kFinishTask ? "finish" : std::to_string(task), e.what()));
   }
-  place_files(state, context.names(), record);
+  if (TaskRecord theirs; aids.elsewhere && aids.elsewhere(theirs)) {
+    for (const std::string& name : context.names()) {
+      std::error_code ignored;  // a leftover only takes space
+      if (name != kOutputName) fs::remove(asides.made(name), ignored);
+    }
+    return theirs;
+  }
+  place_files(asides, context.names(), record);
   record.units = context.units();
   record.bytes_read = context.read();
   record.bytes_written = context.written();

@@ -2,33 +2,48 @@
 /// One task from its start to its journal line.
 #pragma once
 #include <cstdint>
+#include <functional>
 #include <string>
 #include <vector>
 
 #include "stream/runtime/journal.h"
 #include "stream/runtime/progress.h"
 #include "stream/runtime/stage.h"
+#include "stream/runtime/task_notes.h"
 
 namespace tessera {
 
 /// Where a name of TaskContext::create() lies in the end.
 std::filesystem::path committed_path(const JobState& state, const std::string& name);
 
-/// What a file is called until it is committed.
-std::filesystem::path aside_path(const std::filesystem::path& final_path);
+/// What a file is called until it is committed: every writer has names of its own, so that two machines that do one task
+/// do not write into one file. The job's output alone is called the same by all, since tasks may fill it
+/// together: of such a stage nothing may be done twice at once.
+std::filesystem::path aside_path(const std::filesystem::path& final_path, const std::string& writer = "");
 
 /// True if every file of the record is there with its size and (if `hash`) its content.
 bool files_match(const JobState& state, const TaskRecord& record, bool hash);
 
+/// What a task may have beside its stage.
+struct TaskAids {
+  Progress* progress = nullptr;
+  TaskNotes* notes = nullptr;
+  /// Folder of this machine alone in which files are made first; empty = where they stay
+  std::filesystem::path scratch = {};
+  /// Whether another process has committed the task, and its record then. Asked when the work is done: what a task reads
+  /// goes only after all tasks are committed, so work on files that were just going is never taken for a result.
+  std::function<bool(TaskRecord&)> elsewhere = {};
+};
+
 /// Runs a task, or finish() for kFinishTask, and commits it: its files are synced, get their names, and one
-/// journal line says so. Killed anywhere, the task is either committed or as if it had never run.
+/// journal line says so. Killed anywhere, the task is either committed or as if it had never run. A file of the same
+/// content that another writer has committed meanwhile stays, so that whoever has it open can read on.
 /// \param summaries    of all tasks in order; finish only
 /// \param stage_stats  called for finish only, just before its line is written: TaskRecord::stage_stats
-/// \param progress     may be null
 /// \throws what the stage throws; std::runtime_error naming stage and task for what is no tessera::Error
 TaskRecord run_and_commit(const Stage& stage, std::int64_t task, const std::vector<nlohmann::json>& summaries,
                           const JobState& state, const std::string& basis, const std::string& plan,
                           JournalWriter& journal, const std::function<nlohmann::json()>& stage_stats,
-                          Progress* progress);
+                          const TaskAids& aids);
 
 }  // namespace tessera

@@ -7,6 +7,7 @@
 #include <mutex>
 #include <optional>
 #include <set>
+#include <utility>
 
 #include <unistd.h>
 
@@ -45,13 +46,41 @@ std::string listed(const std::vector<std::string>& words) {
   return text;
 }
 
-std::string plan_hash(const RunOptions& run) {
-  return hex64(hash_text(plan_to_json(run).dump()));
-}
-
 void remove_named(const JobState& state, const std::string& name) {
   std::error_code ignored;  // what cannot be deleted only takes space
   fs::remove_all(state.work / name, ignored);
+}
+
+/// Also of a job that stops before they run. \throws ResourceError when the cap cannot hold what stages from `first` on
+/// are known to need
+void require_memory(const JobState& job_state, const JobDescription& job, std::size_t first) {
+  if (!job.needs) return;
+  const std::uint64_t base = MemoryBudget::expected_base();
+  // A process of its own holds the base once more.
+  const std::uint64_t own_base = job_state.run.processes ? base : 0;
+  const auto largest = [&](std::uint64_t cap) {
+    JobState state = job_state;
+    state.run.memory_bytes = cap;
+    StageNeed most;
+    for (const StageNeed& need : job.needs(state)) {
+      const auto at = std::find_if(job.stages.begin(), job.stages.end(),
+                                   [&](const StageEntry& entry) { return entry.name == need.stage; });
+      const auto index = static_cast<std::size_t>(at - job.stages.begin());
+      if (index < first || index >= job.stages.size()) continue;
+      most.likely = std::max({most.likely, need.likely, need.sure});
+      if (need.sure > most.sure) most.stage = need.stage, most.sure = need.sure;
+    }
+    most.sure += own_base;
+    most.likely += own_base;
+    return most;
+  };
+  const StageNeed most = largest(job_state.run.memory_bytes);
+  // The cap that is named counts with more than the process holds now, so that it does in every later run too.
+  const MemoryBudget budget(job_state.run.memory_bytes, base - MemoryBudget::kBaseStep);
+  if (most.sure <= budget.capacity()) return;
+  budget.require(most.sure, "stage " + most.stage,
+                 MemoryBudget::smallest_fitting_cap(job_state.run.memory_bytes, base,
+                                                    [&](std::uint64_t cap) { return largest(cap).likely; }));
 }
 
 /// A running job.
@@ -66,6 +95,7 @@ class Driver {
         log_(log),
         pool_(state.run.threads),
         journal_(work.journal_folder() / "main.jsonl"),
+        notes_(work.journal_folder(), "main"),
         journal_folder_(work.journal_folder()),
         resume_(state, stage_names(job.stages), work.job_hash(), true),
         basis_(resume_.first_basis()),
@@ -102,7 +132,7 @@ class Driver {
       }
       s = std::max(s, next);
       if (s >= last) break;
-      if (done_.size() == resumed_stages_) require_memory(s);
+      if (done_.size() == resumed_stages_) require_memory(state_, job_, s);
       done_.push_back(run_stage(s, journal));
       // What was just committed is bound to the inputs as they were: if they are not, nobody will take it.
       require_same_inputs(work_.identity());
@@ -158,10 +188,6 @@ class Driver {
   void delete_unknown(const Journal& journal, std::size_t stage,
                       const std::map<std::int64_t, TaskRecord>& done) const;
 
-  /// Also of a job that stops before they run. \throws ResourceError when the cap cannot hold what stages from `first` on
-  /// are known to need
-  void require_memory(std::size_t first) const;
-
   StageRecords run_stage(std::size_t index, const Journal& journal);
   TaskRecord run_one(const Stage& stage, std::int64_t task, const std::vector<nlohmann::json>& summaries,
                      const std::function<nlohmann::json()>& stats);
@@ -174,6 +200,7 @@ class Driver {
   spdlog::logger& log_;
   WorkerPool pool_;
   JournalWriter journal_;
+  TaskNotes notes_;
   fs::path journal_folder_;
   Resume resume_;
   std::string basis_;
@@ -209,36 +236,6 @@ void Driver::delete_unknown(const Journal& journal, std::size_t stage,
   work_.remove_empty_folders();
 }
 
-void Driver::require_memory(std::size_t first) const {
-  if (!job_.needs) return;
-  const std::uint64_t base = MemoryBudget::expected_base();
-  // A process of its own holds the base once more.
-  const std::uint64_t own_base = state_.run.processes ? base : 0;
-  const auto largest = [&](std::uint64_t cap) {
-    JobState state = state_;
-    state.run.memory_bytes = cap;
-    StageNeed most;
-    for (const StageNeed& need : job_.needs(state)) {
-      const auto at = std::find_if(job_.stages.begin(), job_.stages.end(),
-                                   [&](const StageEntry& entry) { return entry.name == need.stage; });
-      const auto index = static_cast<std::size_t>(at - job_.stages.begin());
-      if (index < first || index >= job_.stages.size()) continue;
-      most.likely = std::max({most.likely, need.likely, need.sure});
-      if (need.sure > most.sure) most.stage = need.stage, most.sure = need.sure;
-    }
-    most.sure += own_base;
-    most.likely += own_base;
-    return most;
-  };
-  const StageNeed most = largest(state_.run.memory_bytes);
-  // The cap that is named counts with more than the process holds now, so that it does in every later run too.
-  const MemoryBudget budget(state_.run.memory_bytes, base - MemoryBudget::kBaseStep);
-  if (most.sure <= budget.capacity()) return;
-  budget.require(most.sure, "stage " + most.stage,
-                 MemoryBudget::smallest_fitting_cap(state_.run.memory_bytes, base,
-                                                    [&](std::uint64_t cap) { return largest(cap).likely; }));
-}
-
 StageRecords Driver::run_stage(std::size_t index, const Journal& journal) {
   const std::string name = job_.stages[index].name;
   const auto start = std::chrono::steady_clock::now();
@@ -270,6 +267,7 @@ StageRecords Driver::run_stage(std::size_t index, const Journal& journal) {
             count, resumed, stage->units(), stage->unit_name(), format_bytes(base),
             format_bytes(budget.capacity()));
   const bool idle = count == 0 && stage->units() == 0;
+  notes_.stage(name, count, stage->units(), stage->unit_name());
   if (!idle)
     progress_.begin_stage(name, index, job_.stages.size(), stage->unit_name(), stage->units(), units_done);
 
@@ -322,13 +320,19 @@ StageRecords Driver::run_stage(std::size_t index, const Journal& journal) {
 TaskRecord Driver::run_one(const Stage& stage, std::int64_t task,
                            const std::vector<nlohmann::json>& summaries,
                            const std::function<nlohmann::json()>& stats) {
-  // finish() of a process job stays here: it is one task, and its statistics are the driver's.
-  if (!state_.run.processes || task == kFinishTask) {
-    return run_and_commit(stage, task, summaries, state_, basis_, plan_, journal_, stats, &progress_);
+  try {
+    // finish() of a process job stays here: it is one task, and its statistics are the driver's.
+    if (!state_.run.processes || task == kFinishTask)
+      return run_and_commit(stage, task, summaries, state_, basis_, plan_, journal_, stats,
+                            {&progress_, &notes_});
+    notes_.started(stage.name(), task);
+    TaskRecord record = run_child(stage.name(), task);
+    progress_.advance(record.units);
+    return record;
+  } catch (const std::exception& e) {
+    notes_.failed(stage.name(), task, e.what());
+    throw;
   }
-  TaskRecord record = run_child(stage.name(), task);
-  progress_.advance(record.units);
-  return record;
 }
 
 TaskRecord Driver::run_child(const std::string& stage, std::int64_t task) {
@@ -419,9 +423,21 @@ void check_job_writes(const JobState& state, const JobDescription& job, bool res
 
 }  // namespace
 
-nlohmann::json run_job(JobState state, const JobDescription& job, const ProgressSink& sink) {
-  const auto start = std::chrono::steady_clock::now();
-  const std::string cap_text = resolve_run(state.run);
+namespace {
+
+JobTaker job_taker;
+
+/// What is settled before the work directory is opened.
+struct Settled {
+  nlohmann::json identity;
+  std::string cap_text;
+  nlohmann::json done;  ///< the report of an earlier run that left nothing to do, else null
+};
+
+/// Resolves what the state leaves open and refuses what cannot be written.
+Settled settle(JobState& state, const JobDescription& job) {
+  Settled s;
+  s.cap_text = resolve_run(state.run);
   keep_freed_memory(state.run.memory_bytes, state.run.threads);
   check_until(state, job);
   std::vector<InputFingerprint> fingerprints;
@@ -437,20 +453,52 @@ nlohmann::json run_job(JobState state, const JobDescription& job, const Progress
   if (::access(folder.c_str(), W_OK) != 0)
     throw UsageError(
         fmt::format("{}: this folder cannot be written to: {}", folder.string(), std::strerror(errno)));
-  const nlohmann::json identity = job_identity(job.command, state, fingerprints);
-  check_job_writes(state, job, WorkDir::holds(state.work, identity));
+  s.identity = job_identity(job.command, state, fingerprints);
+  check_job_writes(state, job, WorkDir::holds(state.work, s.identity));
+  require_not_queued(state.work);
   if (nlohmann::json report;
-      job.only_stages == 0 && output_is_done(state, identity, beside_paths(state, job, true), report)) {
+      job.only_stages == 0 && output_is_done(state, s.identity, beside_paths(state, job, true), report)) {
     WorkDir::remove_discarded(state.work);
+    s.done = std::move(report);
+  }
+  return s;
+}
+
+}  // namespace
+
+void take_jobs(JobTaker taker) {
+  job_taker = std::move(taker);
+}
+
+bool begin_job(JobState& state, const JobDescription& job, bool make) {
+  const Settled settled = settle(state, job);
+  if (!settled.done.is_null()) return false;
+  if (!WorkDir::holds(state.work, settled.identity)) require_memory(state, job, 0);
+  if (!make) return true;
+  WorkDir work = WorkDir::open_job(state.work, settled.identity, state.run.force);
+  work.write_run(state);
+  return true;
+}
+
+nlohmann::json run_job(JobState state, const JobDescription& job, const ProgressSink& sink) {
+  if (job_taker) {
+    const JobTaker taker = std::exchange(job_taker, nullptr);  // who takes a job may run jobs
+    taker(state, job);
+    throw JobTaken{};
+  }
+  const auto start = std::chrono::steady_clock::now();
+  const Settled settled = settle(state, job);
+  const nlohmann::json& identity = settled.identity;
+  const std::string& cap_text = settled.cap_text;
+  if (!settled.done.is_null()) {
     if (job.page.make && state.run.page && !fs::exists(job.page.path(report_path(state))))
-      job.page.make(state, report)(report);
-    return report;
+      job.page.make(state, settled.done)(settled.done);
+    return settled.done;
   }
 
   WorkDir work = WorkDir::open_job(state.work, identity, state.run.force);
   work.write_run(state);
-  const auto log =
-      open_log(state.run.log.empty() ? state.work / "log.txt" : state.run.log, state.run.verbosity);
+  auto log = open_log(state.run.log.empty() ? state.work / "log.txt" : state.run.log, state.run.verbosity);
   log->info("tessera {} on {}", TESSERA_VERSION, machine_description().dump());
   log->info("command: {}", command_line());
   log->info("{} {}; memory cap {}; {} threads", work.created() ? "new work directory" : "resuming",
@@ -463,17 +511,16 @@ nlohmann::json run_job(JobState state, const JobDescription& job, const Progress
                        {cap_text, seconds_since(start), cpu_seconds(),
                         peak_resident_bytes() + driver->child_peak_bytes(), driver->resumed_stages()});
   };
+  nlohmann::json report;
   try {
     driver.emplace(state, job, work, progress, *log);
     driver->run();
-    nlohmann::json report = report_now();
+    report = report_now();
     if (job.summarise) job.summarise(report);
     if (job.only_stages > 0) return report;
     write_reports(state, job, report, start);
     log->info("done in {:.1f} s, peak {}", report.at("wall_s").get<double>(),
               format_bytes(report.at("peak_bytes").get<std::uint64_t>()));
-    if (!state.run.keep) work.remove();
-    return report;
   } catch (const StoppedError& e) {
     log->warn("{}", e.what());
     if (stop_signal() == 0) throw;
@@ -490,69 +537,10 @@ nlohmann::json run_job(JobState state, const JobDescription& job, const Progress
       report_refusal(state, job, *refusal, report_now);
     throw;
   }
-}
-
-void run_single_task(const fs::path& path, const JobFinder& find_job, const std::string& stage_name,
-                     std::int64_t task, const std::string& writer, bool driven) {
-  const WorkDir work = WorkDir::open_existing(path, !driven);
-  const JobState state = work.read_state();
-  const JobDescription job = find_job(work.identity().at("command").get<std::string>(), state.settings);
-  const std::vector<std::string> names = stage_names(job.stages);
-  const auto at = std::find(names.begin(), names.end(), stage_name);
-  if (at == names.end()) {
-    throw UsageError(fmt::format("no stage '{}': there are {}", stage_name, listed(names)));
-  }
-  const auto index = static_cast<std::size_t>(at - names.begin());
-  const std::string plan = plan_hash(state.run);
-  Resume resume(state, {names.begin(), at}, work.job_hash(), false);
-  std::string basis = resume.first_basis();
-  const Journal journal = read_journal(work.journal_folder());
-  std::vector<StageRecords> before;
-  const std::size_t complete = resume.complete_until(journal, 0, basis, before);
-  if (complete < index) {
-    throw UsageError(
-        fmt::format("stage {} needs stage {}, which is not complete yet", stage_name, names[complete]));
-  }
-  const auto done = resume.done_tasks(journal, stage_name, basis, plan);
-  // Whoever drives has looked closer: at contents, not only at sizes.
-  if (!driven && done.count(task) > 0) return;
-
-  // Driven processes share the machine with each other.
-  WorkerPool pool(driven ? 1 : state.run.threads);
-  const std::unique_ptr<Stage> stage = job.stages[index].make(state);
-  const auto count = static_cast<std::int64_t>(stage->task_count());
-  std::vector<nlohmann::json> summaries;
-  if (task == kFinishTask) {
-    for (std::int64_t k = 0; k < count; ++k) {
-      if (done.count(k) == 0)
-        throw UsageError(fmt::format("stage {}: task {} is not committed yet", stage_name, k));
-      summaries.push_back(done.at(k).summary);
-    }
-    StageRecords records;
-    if (find_complete(journal, stage_name, basis, records) && files_match(state, records.finish, false))
-      return;
-  } else if (task < 0 || task >= count) {
-    throw UsageError(fmt::format("stage {} has {} tasks: no task {}", stage_name, count, task));
-  }
-  JournalWriter own(work.journal_folder() /
-                    ((writer.empty() ? fmt::format("task-{}-{}", stage_name,
-                                                   task == kFinishTask ? "finish" : std::to_string(task))
-                                     : writer) +
-                     ".jsonl"));
-  const std::uint64_t need =
-      task == kFinishTask ? stage->finish_bytes() : stage->task_bytes(static_cast<std::size_t>(task));
-  keep_freed_memory(state.run.memory_bytes, state.run.threads);
-  MemoryBudget budget(state.run.memory_bytes, resident_bytes());
-  const auto stats = [&] {
-    return nlohmann::json{{"name", stage_name},
-                          {"tasks", count},
-                          {"tasks_resumed", 0},
-                          {"unit", stage->unit_name()},
-                          {"units", stage->units()}};
-  };
-  pool.run_tasks(
-      1, [&](std::size_t) { return need; }, budget,
-      [&](std::size_t) { run_and_commit(*stage, task, summaries, state, basis, plan, own, stats, nullptr); });
+  driver.reset();  // a network file system keeps files that are open, and their folder with them
+  log.reset();
+  if (!state.run.keep) work.remove();
+  return report;
 }
 
 }  // namespace tessera

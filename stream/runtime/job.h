@@ -61,15 +61,17 @@ struct JobDescription {
 /// \throws what stages throw
 nlohmann::json run_job(JobState state, const JobDescription& job, const ProgressSink& sink);
 
+/// Makes the work directory of a job that others will run, task by task (task_run.h), and refuses what run_job() refuses
+/// before its first stage. \param[in,out] state  resolved as run_job() resolves it \param make  false: only refuse
+/// \returns false: the output stands already
+bool begin_job(JobState& state, const JobDescription& job, bool make = true);
+
+/// For `submit`, which lets a job's own command read its line: the next run_job() hands its job over and throws JobTaken.
+using JobTaker = std::function<void(const JobState&, const JobDescription&)>;
+void take_jobs(JobTaker taker);
+struct JobTaken {};
+
 /// The job of this name with these options, as a work directory names them. \throws InputError if there is none
 using JobFinder = std::function<JobDescription(const std::string& command, const std::string& settings)>;
-
-/// One idempotent task (or finish, kFinishTask) of a job that run_job() has begun; nothing to do if it is
-/// committed. Tasks of one stage may run at once, in any number of processes on machines that share the folder.
-/// \param writer  name of the journal file to write; empty = after stage and task
-/// \param driven  a run_job() of this machine holds the job and waits for this process
-/// \throws UsageError for an unknown stage or task, or when what it builds on is not committed yet
-void run_single_task(const std::filesystem::path& work, const JobFinder& find_job, const std::string& stage,
-                     std::int64_t task, const std::string& writer, bool driven);
 
 }  // namespace tessera

@@ -2,11 +2,11 @@
 
 #include <algorithm>
 #include <cerrno>
+#include <ctime>
 #include <fstream>
 #include <stdexcept>
 
 #include <fcntl.h>
-#include <sys/file.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -14,6 +14,7 @@
 
 #include "octree/error.h"
 #include "stream/files/durable_file.h"
+#include "stream/files/file_lock.h"
 
 namespace tessera {
 namespace {
@@ -21,6 +22,7 @@ namespace {
 constexpr std::string_view kHead = "{\"xxh3\":\"";
 constexpr std::string_view kMiddle = "\",\"record\":";
 constexpr std::size_t kHexDigits = 16;
+constexpr int kNameTries = 100;
 
 nlohmann::json to_json(const TaskRecord& r) {
   nlohmann::json files = nlohmann::json::array();
@@ -101,7 +103,7 @@ JournalWriter::JournalWriter(const std::filesystem::path& file) : path_(file) {
   fd_ = ::open(file.c_str(), O_RDWR | O_CREAT | O_NOFOLLOW | O_CLOEXEC, 0644);
   if (fd_ < 0) throw_write_error(file, errno);
   try {
-    if (::flock(fd_, LOCK_EX | LOCK_NB) != 0) {
+    if (try_file_lock(fd_, LOCK_EX) != 0) {
       throw UsageError(
           fmt::format("{}: another process is doing this task; wait for it or stop it", file.string()));
     }
@@ -119,6 +121,26 @@ JournalWriter::JournalWriter(const std::filesystem::path& file) : path_(file) {
     if (end != size && ::ftruncate(fd_, static_cast<off_t>(end)) != 0) throw_write_error(file, errno);
     bytes_ = end;
     sync_folder(file.parent_path());
+  } catch (...) {
+    ::close(fd_);
+    throw;
+  }
+}
+
+JournalWriter::JournalWriter(const std::filesystem::path& folder, const std::string& prefix) {
+  char host[256] = {};
+  if (::gethostname(host, sizeof host - 1) != 0) host[0] = '\0';
+  for (int attempt = 0;; ++attempt) {
+    timespec now = {};
+    ::clock_gettime(CLOCK_REALTIME, &now);
+    path_ =
+        folder / fmt::format("{}-{}-{}-{:x}{:08x}.jsonl", prefix, host, ::getpid(), now.tv_sec, now.tv_nsec);
+    fd_ = ::open(path_.c_str(), O_RDWR | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0644);
+    if (fd_ >= 0) break;
+    if (errno != EEXIST || attempt == kNameTries) throw_write_error(path_, errno);
+  }
+  try {
+    sync_folder(folder);
   } catch (...) {
     ::close(fd_);
     throw;
@@ -173,15 +195,26 @@ void read_lines(const std::filesystem::path& file, Journal& journal) {
 
 }  // namespace
 
-Journal read_journal(const std::filesystem::path& folder) {
+Journal read_journal(const std::filesystem::path& folder, const std::string& prefix) {
   Journal journal;
   std::vector<std::filesystem::path> files;
   for (const auto& entry : std::filesystem::directory_iterator(folder)) {
-    if (entry.path().extension() == ".jsonl") files.push_back(entry.path());
+    if (entry.path().extension() == ".jsonl" && entry.path().filename().string().starts_with(prefix))
+      files.push_back(entry.path());
   }
   std::sort(files.begin(), files.end());
   for (const std::filesystem::path& file : files) read_lines(file, journal);
   return journal;
+}
+
+void refresh_names(const std::filesystem::path& folder) {
+  timespec now = {};
+  ::clock_gettime(CLOCK_REALTIME, &now);
+  const auto probe = folder / fmt::format("look-{}-{:x}.part", ::getpid(), now.tv_nsec);
+  const int fd = ::open(probe.c_str(), O_WRONLY | O_CREAT | O_NOFOLLOW | O_CLOEXEC, 0644);
+  if (fd < 0) return;  // then what is seen may be some seconds old
+  ::close(fd);
+  ::unlink(probe.c_str());
 }
 
 Journal read_journal_file(const std::filesystem::path& file) {

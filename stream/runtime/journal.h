@@ -51,16 +51,22 @@ struct TaskRecord {
 std::string journal_line(const TaskRecord& record);
 bool parse_journal_line(const std::string& line, TaskRecord& record);
 
-/// Appends to one file; thread-safe. Locked: a second writer of the same file is refused.
+/// Appends to one file; thread-safe.
 class JournalWriter {
  public:
-  /// Cuts a torn last line off. \throws UsageError when another process writes this file
+  /// The file of whoever drives the job on one machine. Cuts a torn last line off.
+  /// \throws UsageError when another process of this machine writes it
   explicit JournalWriter(const std::filesystem::path& file);
+  /// A new file that nobody else ever writes, on whatever machine: host, process and time are in its name, and it is
+  /// created or refused by the file server. \param prefix  of its name
+  JournalWriter(const std::filesystem::path& folder, const std::string& prefix);
   ~JournalWriter();
   JournalWriter(const JournalWriter&) = delete;
   JournalWriter& operator=(const JournalWriter&) = delete;
   /// Durable when it returns. \throws ResourceError when the disk is full; the line then does not exist
   void append(const TaskRecord& record);
+  /// Stem of the file: tells this writer from every other of the job.
+  std::string name() const { return path_.stem().string(); }
 
  private:
   std::filesystem::path path_;
@@ -70,7 +76,8 @@ class JournalWriter {
 };
 
 /// All lines of all writers of a folder, by stage and task. Of two lines for one task that agree in basis and
-/// plan the later read wins: they describe the same bytes.
+/// plan the later read wins: they describe the same bytes. Files are opened anew by every look, so that on a network file
+/// system what other machines had closed by then is seen.
 struct Journal {
   std::map<std::string, std::vector<TaskRecord>> stages;
   std::uint64_t damaged_lines = 0;
@@ -79,7 +86,10 @@ struct Journal {
   std::map<std::int64_t, const TaskRecord*> find(const std::string& stage, const std::string& basis,
                                                  const std::string& plan) const;
 };
-Journal read_journal(const std::filesystem::path& folder);
+/// \param prefix  of the names of the files to read
+Journal read_journal(const std::filesystem::path& folder, const std::string& prefix = "");
+/// Makes a network file system forget what it remembers of the names in a folder: a client does when it makes one itself.
+void refresh_names(const std::filesystem::path& folder);
 /// One writer's file alone. \throws InputError when it cannot be read
 Journal read_journal_file(const std::filesystem::path& file);
 

@@ -29,16 +29,6 @@ std::string field(const char* path, const std::string& name) {
   return "";
 }
 
-std::string shell_word(const std::string& word) {
-  const bool plain = !word.empty() && word.find_first_not_of(
-                                          "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ"
-                                          "0123456789_-./=,:@+") == std::string::npos;
-  if (plain) return word;
-  std::string text = "'";
-  for (const char c : word) text += c == '\'' ? std::string("'\\''") : std::string(1, c);
-  return text + "'";
-}
-
 }  // namespace
 
 std::shared_ptr<spdlog::logger> open_log(const std::filesystem::path& file, int verbosity) {
@@ -65,6 +55,16 @@ nlohmann::json machine_description() {
           {"processor", field("/proc/cpuinfo", "model name")},
           {"cores", core_count()},
           {"memory_bytes", std::strtoull(memory.c_str(), nullptr, 10) * 1024}};
+}
+
+std::string shell_word(const std::string& word) {
+  const bool plain = !word.empty() && word.find_first_not_of(
+                                          "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ"
+                                          "0123456789_-./=,:@+") == std::string::npos;
+  if (plain) return word;
+  std::string text = "'";
+  for (const char c : word) text += c == '\'' ? std::string("'\\''") : std::string(1, c);
+  return text + "'";
 }
 
 std::string command_line() {

@@ -17,6 +17,8 @@ std::shared_ptr<spdlog::logger> open_log(const std::filesystem::path& file, int 
 
 /// Host, system, processor, cores, memory.
 nlohmann::json machine_description();
+/// A word as one types it for a shell, quoted where it must be.
+std::string shell_word(const std::string& word);
 /// The command line of this process, as one would type it.
 std::string command_line();
 /// "2026-11-20T12:00:00Z"

@@ -30,6 +30,10 @@ std::vector<nlohmann::json> StageRecords::summaries() const {
   return list;
 }
 
+std::string plan_hash(const RunOptions& run) {
+  return hex64(hash_text(plan_to_json(run).dump()));
+}
+
 std::string next_basis(const std::string& basis, const StageRecords& records) {
   std::string text = basis + "\n" + records.finish.stage + " " + records.finish.plan + "\n";
   for (const TaskRecord& record : records.tasks) text += content(record);

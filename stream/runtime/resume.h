@@ -23,6 +23,9 @@ struct StageRecords {
   std::vector<nlohmann::json> summaries() const;
 };
 
+/// TaskRecord::plan of a job that runs like this.
+std::string plan_hash(const RunOptions& run);
+
 /// Basis of the stage after one with these records.
 std::string next_basis(const std::string& basis, const StageRecords& records);
 

@@ -3,12 +3,12 @@
 #include <algorithm>
 #include <cerrno>
 #include <chrono>
+#include <cstdlib>
 #include <functional>
 #include <thread>  // sleep_for alone
 #include <utility>
 
 #include <fcntl.h>
-#include <sys/file.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -16,6 +16,7 @@
 
 #include "octree/error.h"
 #include "stream/files/durable_file.h"
+#include "stream/files/file_lock.h"
 #include "stream/files/file_time.h"
 #include "stream/files/path_text.h"
 #include "stream/files/planned_writes.h"
@@ -65,11 +66,11 @@ int lock_folder(const fs::path& work, int mode) {
   const fs::path path = work / kLockFile;
   const int fd = ::open(path.c_str(), O_RDWR | O_CREAT | O_NOFOLLOW | O_CLOEXEC, 0644);
   if (fd < 0) throw_write_error(path, errno);
-  int error = ::flock(fd, mode | LOCK_NB) == 0 ? 0 : errno;
+  int error = try_file_lock(fd, mode);
   // A process that was just killed lets go a moment later.
   for (int wait = 0; error == EWOULDBLOCK && wait < kLockTries; ++wait) {
     std::this_thread::sleep_for(kLockPause);
-    error = ::flock(fd, mode | LOCK_NB) == 0 ? 0 : errno;
+    error = try_file_lock(fd, mode);
   }
   if (error == 0) {
     // Between open and lock its owner may have removed the directory, and this file with it.
@@ -179,6 +180,17 @@ fs::path work_path(const fs::path& output, const fs::path& temp) {
   return (folder / name).lexically_normal();
 }
 
+void require_not_queued(const fs::path& work) {
+  if (!fs::exists(work / kQueueMark)) return;
+  const nlohmann::json mark = nlohmann::json::parse(read_text(work / kQueueMark), nullptr, false);
+  const char* token = std::getenv(kQueueToken);
+  if (token != nullptr && mark.is_object() && mark.value("token", "") == token) return;
+  throw UsageError(
+      fmt::format("{}: a batch queue has this job: tessera status tells how far it is, tessera cancel takes "
+                  "it out of the queue",
+                  work.string()));
+}
+
 WorkDir WorkDir::open_job(const fs::path& path, const nlohmann::json& identity, bool force) {
   remove_discarded(path);
   WorkDir dir;
@@ -255,10 +267,12 @@ std::string WorkDir::job_hash() const {
 }
 
 void WorkDir::write_run(const JobState& state) {
+  nlohmann::json run = plan_to_json(state.run);
+  run["keep"] = state.run.keep;
   const nlohmann::json job = {{"identity", identity_},
                               {"job", job_hash()},
                               {"output", json_text(fs::absolute(state.output).lexically_normal())},
-                              {"run", plan_to_json(state.run)}};
+                              {"run", std::move(run)}};
   write_durably(job_file(path_), job.dump(1) + "\n");
 }
 
@@ -281,7 +295,7 @@ std::vector<std::string> WorkDir::unknown_files(const std::set<std::string>& kno
     const fs::path name = fs::relative(entry.path(), path_);
     const std::string root = name.begin()->string();
     const bool own = root == "journal" || root == kJobFile || root == kLockFile || root == "log.txt" ||
-                     root == "report.json";
+                     root == "report.json" || root == kQueueFolder;
     if (!own && known.count(name.string()) == 0) unknown.push_back(name.string());
   }
   std::sort(unknown.begin(), unknown.end());
@@ -291,7 +305,8 @@ std::vector<std::string> WorkDir::unknown_files(const std::set<std::string>& kno
 void WorkDir::remove_empty_folders() const {
   std::vector<fs::path> folders;
   for (const auto& entry : fs::recursive_directory_iterator(path_)) {
-    if (entry.is_directory() && entry.path() != journal_folder()) folders.push_back(entry.path());
+    if (entry.is_directory() && entry.path() != journal_folder() && entry.path() != path_ / kQueueFolder)
+      folders.push_back(entry.path());
   }
   // Longer paths first: a folder comes after those in it.
   std::sort(folders.begin(), folders.end(), std::greater<>());

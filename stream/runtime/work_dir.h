@@ -36,7 +36,16 @@ nlohmann::json job_identity(const std::string& command, const JobState& state,
 /// <output>.tessera beside the output, or of that name in `temp`.
 std::filesystem::path work_path(const std::filesystem::path& output, const std::filesystem::path& temp);
 
-/// An open work directory. While it is open no other process drives the same job.
+/// Where a work directory keeps what concerns its batch queue; kQueueMark is there while the queue has the job.
+inline constexpr const char* kQueueFolder = "queue";
+inline constexpr const char* kQueueMark = "queue/active.json";
+/// Variable of the environment by which the queue's own processes are known: the `token` of kQueueMark.
+inline constexpr const char* kQueueToken = "TESSERA_QUEUE";
+
+/// \throws UsageError when a batch queue has the job of this work directory and this process is not of the queue
+void require_not_queued(const std::filesystem::path& work);
+
+/// An open work directory. While it is open no other process of this machine drives the same job.
 class WorkDir {
  public:
   enum class Use {

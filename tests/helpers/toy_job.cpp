@@ -24,6 +24,7 @@
 #include "stream/runtime/job.h"
 #include "stream/runtime/journal.h"
 #include "stream/runtime/stop.h"
+#include "stream/runtime/task_run.h"
 #include "tools/frame/cli.h"
 
 using namespace tessera;
@@ -205,6 +206,8 @@ struct TaskArguments {
   fs::path work;
   std::string stage, task, writer;
   int driver = 0;
+  double wait_s = 0.0;
+  fs::path scratch;
 };
 
 JobDescription find_toy(const std::string&, const std::string&) {
@@ -226,11 +229,12 @@ int main(int argc, char** argv) {
   task.add("k", &a.task, "").positional();
   task.add("writer", &a.writer, "");
   task.add("driven", &a.driver, "");
+  task.add("wait", &a.wait_s, "");
+  task.add("scratch", &a.scratch, "");
   const cli::Command one = {"task", "One task.", task, [&a] {
                               if (a.driver != 0) follow_parent(a.driver);
-                              run_single_task(a.work, find_toy, a.stage,
-                                              a.task == "finish" ? kFinishTask : std::stoll(a.task), a.writer,
-                                              a.driver != 0);
+                              run_tasks(a.work, find_toy, a.stage, parse_task_choice(a.task),
+                                        {a.writer, a.driver != 0, a.wait_s, a.scratch});
                             }};
   return cli::run("toy_job", "Toy job.", {run, one}, argc, argv);
 }

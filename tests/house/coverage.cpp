@@ -9,7 +9,7 @@ namespace tessera::house {
 
 namespace {
 
-const std::set<std::string> kLabels = {"unit", "property", "pipeline", "memory", "fault"};
+const std::set<std::string> kLabels = {"unit", "property", "pipeline", "memory", "fault", "slurm"};
 
 bool wants_test(const Source& s) {
   if (!s.is_header() && !s.is_cpp()) return false;

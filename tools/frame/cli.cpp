@@ -115,9 +115,6 @@ void add_option(CLI::App& line, const OptionRow& row) {
 void add_command(CLI::App& app, const Command& command) {
   CLI::App* line = app.add_subcommand(command.name, command.description);
   for (const OptionRow& row : command.options.rows()) add_option(*line, row);
-  auto job = std::make_shared<std::string>();
-  line->add_option("--job", *job, "JSON file with every option by the same key; options given here win")
-      ->type_name("FILE");
   line->add_flag_callback(
           "--markdown",
           [&command] {
@@ -126,12 +123,40 @@ void add_command(CLI::App& app, const Command& command) {
           },
           "print the options as a table for the README and stop")
       ->group("");
+  if (command.rest != nullptr) {
+    line->allow_extras();
+    line->callback([&command, line] {
+      *command.rest = line->remaining();
+      catch_stop_signals();
+      command.run();
+    });
+    return;
+  }
+  auto job = std::make_shared<std::string>();
+  line->add_option("--job", *job, "JSON file with every option by the same key; options given here win")
+      ->type_name("FILE");
   line->callback([&command, line, job] {
     given_job_file = *job;
     if (!job->empty()) apply_job_file(*line, command.options, *job);
     catch_stop_signals();
     command.run();
   });
+}
+
+/// Failures to read the line become sentences.
+void parse_line(CLI::App& app, const std::function<void()>& parse) {
+  try {
+    parse();
+  } catch (const CLI::Success& e) {
+    app.exit(e);
+  } catch (const CLI::ExtrasError&) {
+    throw UsageError(unknown_words(app));
+  } catch (const CLI::ParseError& e) {
+    if (!app.remaining(true).empty()) throw UsageError(unknown_words(app));
+    const CLI::App& command = chosen_command(app);
+    const std::string where = &command == &app ? "" : command.get_name() + ": ";
+    throw UsageError(where + e.what());
+  }
 }
 
 int fail(int code, const std::string& message) {
@@ -237,6 +262,15 @@ void print_repairs(const std::string& input, const nlohmann::json& report) {
   if (!text.empty()) fmt::print("{}: repaired: {}\n", input, text);
 }
 
+void run_words(const std::string& name, const std::vector<Command>& commands,
+               const std::vector<std::string>& words) {
+  CLI::App app("", name);
+  app.require_subcommand(1);
+  for (const Command& command : commands) add_command(app, command);
+  std::vector<std::string> backwards(words.rbegin(), words.rend());  // as the parser wants them
+  parse_line(app, [&] { app.parse(backwards); });
+}
+
 int run(const std::string& name, const std::string& description, const std::vector<Command>& commands,
         int argc, char** argv) {
   CLI::App app(description, name);
@@ -259,18 +293,7 @@ int run(const std::string& name, const std::string& description, const std::vect
     add_text("--man-page", "print the manual page", [&] { return man_page(name, description, commands); });
     add_text("--bash-completion", "print the completion for bash",
              [&] { return bash_completion(name, commands); });
-    try {
-      app.parse(argc, argv);
-    } catch (const CLI::Success& e) {
-      app.exit(e);
-    } catch (const CLI::ExtrasError&) {
-      throw UsageError(unknown_words(app));
-    } catch (const CLI::ParseError& e) {
-      if (!app.remaining(true).empty()) throw UsageError(unknown_words(app));
-      const CLI::App& command = chosen_command(app);
-      const std::string where = &command == &app ? "" : command.get_name() + ": ";
-      throw UsageError(where + e.what());
-    }
+    parse_line(app, [&] { app.parse(argc, argv); });
   });
 }
 

@@ -36,6 +36,8 @@ struct Command {
   std::string description;
   OptionTable options;
   std::function<void()> run;
+  /// Where words go that are none of its options; then it takes no `--job`, which may be among them. Null: they are errors.
+  std::vector<std::string>* rest = nullptr;
 };
 
 /// Positional inputs: files, folders, globs, @list. Checked by require_inputs, since a job file may give
@@ -93,6 +95,11 @@ ProgressSink stderr_sink();
 
 /// One line for what a job's import repaired, from `input` of its report; none for a sound mesh.
 void print_repairs(const std::string& input, const nlohmann::json& report);
+
+/// Parses the words of a line, the command's name first, and runs the command; throws whatever it throws.
+/// \throws UsageError for a line that none of the commands takes
+void run_words(const std::string& name, const std::vector<Command>& commands,
+               const std::vector<std::string>& words);
 
 /// Parses the line and runs the command chosen. Every failure is one line on stderr and a documented exit
 /// code: 0 done, 2 usage, 3 input, 4 resources, 5 nothing to output, 6 validation, 7 stopped and resumable,

@@ -56,10 +56,11 @@ class TilesetStage : public Stage {
     write_tilesets(tree, transform, level0_.diagonal(),
                    [&](const std::string& name, const std::string& text) {
                      context.check_stop();
-                     write_durably(context.create(name.empty() ? kOutputName : kBesideName + name), text);
+                     const fs::path aside = context.create(name.empty() ? kOutputName : kBesideName + name);
+                     write_durably(aside, text);
                      json_bytes += text.size();
                      names.insert(name);
-                     names.insert(name + ".part");
+                     names.insert(aside.lexically_relative(state_.output.parent_path()).string());
                      ++json_files;
                    });
     remove_others(names);
