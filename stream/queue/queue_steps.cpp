@@ -6,7 +6,7 @@
 namespace tessera {
 namespace {
 
-constexpr double kLeastSeconds = 4.0;  ///< of an element: starting one takes about one
+constexpr double kLeastSeconds = 2.0;  ///< of an element: starting one takes about one
 constexpr std::uint64_t kBaseBytes = std::uint64_t{128}
                                      << 20;  ///< program, shell, what the queue counts beside
 constexpr double kStartSeconds = 180.0;      ///< to start, and to stop ahead of the limit

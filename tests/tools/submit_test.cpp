@@ -89,11 +89,12 @@ TEST_CASE("submit: a dry run prints scripts that bash reads, for every job, and 
   const TempFolder folder;
   scan_into(folder, "--points 20k --normals");
   REQUIRE(tessera_in(folder, "reconstruct scan.ply -o mesh.ply --no-html -q").code == 0);
+  fs::copy_file(folder / "mesh.ply", folder / "other.ply");
   for (const std::string job :
        {"reconstruct scan.ply -o out.ply --tolerance 0.1", "decimate mesh.ply -o out.ply --tolerance 0.1",
         "smooth mesh.ply -o out.ply", "remesh mesh.ply -o out.ply --faces 1000",
         "resurface mesh.ply -o out.ply", "csg mesh.ply - mesh.ply -o out.ply",
-        "merge mesh.ply mesh.ply -o out.ply", "tiles mesh.ply -o site"}) {
+        "merge mesh.ply other.ply -o out.ply", "tiles mesh.ply -o site"}) {
     CAPTURE(job);
     for (const std::string& call :
          {"submit " + job + kArrays + " --dry-run", "submit --dry-run --nodes 3 " + job}) {
@@ -217,8 +218,8 @@ TEST_CASE("submit: thirty faults of nodes, daemons and elements, none lost", "[s
   const SlurmCluster cluster;
   REQUIRE(cluster.runs());
   const TempFolder folder;
-  scan_into(folder, "--points 400k --noise 0.2s");
-  const std::string job = "reconstruct scan.ply --tolerance 0.3 --no-html";
+  scan_into(folder, "--points 2M --noise 0.2s");
+  const std::string job = "reconstruct scan.ply --tolerance 0.1 --no-html --memory 512M";
   REQUIRE(tessera_in(folder, job + " -o here.ply -q").code == 0);
   std::mt19937 random(5);
   int faults = 0, rounds = 0, submissions = 0;

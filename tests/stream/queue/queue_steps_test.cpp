@@ -45,7 +45,7 @@ TEST_CASE("queue steps: nodes share a stage that lasts, tasks and limit bound th
   QueueOptions options;
   options.nodes = 8;
   CHECK(queue_steps(stages_of({100}), kCap, 1, options)[0].elements == 8);
-  CHECK(queue_steps(stages_of({9}), kCap, 1, options)[0].elements == 2);
+  CHECK(queue_steps(stages_of({5}), kCap, 1, options)[0].elements == 2);
   std::vector<StageEstimate> stages = stages_of({100});
   stages[0].tasks = 3;
   CHECK(queue_steps(stages, kCap, 1, options)[0].elements == 3);
