@@ -3,6 +3,7 @@
 
 #include <unistd.h>
 
+#include <algorithm>
 #include <catch2/catch.hpp>
 #include <set>
 
@@ -183,6 +184,33 @@ TEST_CASE("task run: files made on a disk of the machine first", "[property]") {
   for (const std::string& stage : kStages)
     CHECK(shell(call(toy.work(), stage, "all", "--scratch " + local.path().string())).said.empty());
   CHECK(fs::is_empty(local.path()));
+  ends_as_ever(toy);
+}
+
+TEST_CASE("task run: a full disk of the machine is one sentence, and with space the same task goes on",
+          "[fault]") {
+  if (::geteuid() != 0) {
+    test::skip("mounting a small tmpfs needs root");
+    return;
+  }
+  const TempFolder scratch;
+  const TempFolder local;
+  const std::string disk = local.path().string();
+  if (shell("mount -t tmpfs -o size=4k tessera-test " + disk).code != 0) {
+    test::skip("this machine does not let root mount a tmpfs");
+    return;
+  }
+  const Toy toy(scratch.path());
+  begin(toy);
+  const Outcome full = shell(call(toy.work(), "make", "all", "--scratch " + disk));
+  CAPTURE(full.said);
+  CHECK(full.code == 4);
+  CHECK(std::count(full.said.begin(), full.said.end(), '\n') == 1);
+  CHECK_THAT(full.said, Catch::Contains("No space left"));
+  shell("mount -o remount,size=4m " + disk);
+  for (const std::string& stage : kStages)
+    CHECK(shell(call(toy.work(), stage, "all", "--scratch " + disk)).said.empty());
+  REQUIRE(shell("umount " + disk).code == 0);
   ends_as_ever(toy);
 }
 
