@@ -22,7 +22,7 @@ namespace fs = std::filesystem;
 
 constexpr int kPatience = 300;  // seconds: of a machine that is busy with other tests
 /// So short that every stage is an array.
-constexpr const char* kArrays = " --nodes 3 --element-seconds 0.01";
+constexpr const char* kArrays = " --nodes 3 --element-seconds 0.01 --array-limit 3";
 
 Outcome tessera_in(const TempFolder& folder, const std::string& words) {
   return shell("cd " + folder.path().string() + " && " TESSERA_BINARY " " + words);
@@ -150,7 +150,10 @@ TEST_CASE("submit: jobs of every kind through the queue, the same bytes as here"
     for (const char* name : {"here.ply", "there.ply"}) fs::remove(folder / name);
     REQUIRE(tessera_in(folder, "synth --scene sphere --points 30k --normals -o ball.ply").code == 0);
     REQUIRE(tessera_in(folder, "reconstruct ball.ply -o ball-mesh.ply --no-html -q").code == 0);
-    same_bytes(folder, cluster, "csg ball-mesh.ply - ball-mesh.ply \\* ball-mesh.ply + ball-mesh.ply");
+    folder.write(
+        "scene.json",
+        R"({"difference": [{"mesh": "ball-mesh.ply"}, {"box": [0,0,0, 9,9,9]}, {"sphere": [0,0,0, 0.5]}]})");
+    same_bytes(folder, cluster, "csg scene.json");
   }
 }
 
