@@ -15,6 +15,7 @@ cli::Command csg_command();
 cli::Command decimate_command();
 cli::Command deform_command();
 cli::Command doctor_command();
+cli::Command field_command();
 cli::Command info_command();
 cli::Command merge_command();
 cli::Command parameterize_command();

@@ -18,6 +18,7 @@ int main(int argc, char** argv) {
       reconstruct_command(),
       resurface_command(),
       csg_command(),
+      field_command(),
       merge_command(),
       smooth_command(),
       decimate_command(),

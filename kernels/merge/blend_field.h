@@ -5,7 +5,7 @@
 #include <functional>
 #include <span>
 
-#include "kernels/field/directed_field.h"
+#include "kernels/field/sampled_field.h"
 #include "kernels/merge/merge_sheet.h"
 
 namespace tessera {
@@ -25,10 +25,5 @@ struct BlendBlock {
 /// \post values, signs and roots are pure functions of the node, the same for every block
 DirectedField build_blend_field(const BlendBlock& block, std::span<const Int3> leaves,
                                 const MergeBlend& blend, const std::function<void()>& pause = {});
-
-/// What the field of so many leaves takes at most.
-constexpr std::uint64_t blend_field_bytes(std::uint64_t leaves) {
-  return leaves * (4096 + 512 * 4 + 3 * 64 * sizeof(EdgeRoot));
-}
 
 }  // namespace tessera

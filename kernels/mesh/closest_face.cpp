@@ -275,8 +275,10 @@ ClosestFaces::Hit ClosestFaces::closest(const Double3& p, double limit_square, s
       alignas(32) double square[kLanes];
       _mm256_store_pd(square, square_distance(f, q));
       for (std::size_t lane = 0; lane < kLanes; ++lane) {
-        if (square[lane] < best.square) {
-          best = {square[lane], static_cast<std::uint32_t>(entry.index * kLanes + lane)};
+        const auto slot = static_cast<std::uint32_t>(entry.index * kLanes + lane);
+        if (square[lane] < best.square ||
+            (square[lane] == best.square && best.slot != kNone && face_[slot] < face_[best.slot])) {
+          best = {square[lane], slot};
           limit = bound(best.square);
         }
       }

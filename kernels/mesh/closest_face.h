@@ -48,7 +48,7 @@ class ClosestFaces {
   static constexpr std::uint64_t bytes_per_face() { return 15 * 8 + 4 + 12 + 16; }
 
   /// The closest triangle to `p` (relative to origin) nearer than sqrt(limit_square). `hint` is a slot to
-  /// start with, or kNone. Of several at the same distance the one found first.
+  /// start with, or kNone. Of several at the same distance the one of the lowest face.
   Hit closest(const Double3& p, double limit_square, std::uint32_t hint) const;
 
   /// Squared distance of one point to one triangle.

@@ -9,6 +9,7 @@
 #include "stream/stages/remesh/remesh_job.h"
 #include "stream/stages/smooth/smooth_stage.h"
 #include "stream/stages/solid/csg_job.h"
+#include "stream/stages/solid/field_job.h"
 #include "stream/stages/solid/resurface_job.h"
 #include "stream/stages/tiles/tiles_job.h"
 
@@ -29,6 +30,7 @@ constexpr Entry kJobs[] = {
     {"csg", from_text<CsgOptions, csg_job>},
     {"decimate", from_text<SimplifyOptions, decimate_job>},
     {"deform", from_text<DeformOptions, deform_job>},
+    {"field", from_text<FieldJobOptions, field_job>},
     {"merge", from_text<MergeOptions, merge_job>},
     {"reconstruct", from_text<ReconstructOptions, reconstruct_job>},
     {"remesh", from_text<RemeshJobOptions, remesh_job>},

@@ -58,6 +58,9 @@ const std::map<std::string, std::string>& parts_of_headers() {
       {"stream/stages/solid/csg_scene.cpp", "stream/stages/solid/csg_job.h"},
       {"stream/stages/solid/lattice_stage.cpp", "stream/stages/solid/solid_stages.h"},
       {"stream/stages/solid/lines_stage.cpp", "stream/stages/solid/solid_stages.h"},
+      {"stream/stages/solid/field_stages.cpp", "stream/stages/solid/solid_stages.h"},
+      {"stream/stages/solid/offset_stage.cpp", "stream/stages/solid/solid_stages.h"},
+      {"stream/stages/solid/solid_mesh.cpp", "stream/stages/solid/solid_stages.h"},
       {"stream/stages/solid/solid_surface_stage.cpp", "stream/stages/solid/solid_stages.h"},
       {"tools/queue/cancel_command.cpp", "tools/commands.h"},
       {"tools/check_command.cpp", "tools/commands.h"},
@@ -66,6 +69,7 @@ const std::map<std::string, std::string>& parts_of_headers() {
       {"tools/decimate_command.cpp", "tools/commands.h"},
       {"tools/deform_command.cpp", "tools/commands.h"},
       {"tools/doctor_command.cpp", "tools/commands.h"},
+      {"tools/field_command.cpp", "tools/commands.h"},
       {"tools/info_command.cpp", "tools/commands.h"},
       {"tools/merge_command.cpp", "tools/commands.h"},
       {"tools/parameterize_command.cpp", "tools/commands.h"},
@@ -125,6 +129,7 @@ const std::map<std::string, std::string>& covering_tests() {
        {"band", "bodies", "border", "coarse_normals", "crease_evidence", "directed_field", "edge_roots",
         "lanes", "node_fit", "node_sums", "point_leaves", "rim_rule", "root_colour", "row_samples",
         "sample_clusters", "sample_list", "sheets"});
+    by("kernels/solid/offset_field", "kernels/field", {"sampled_field"});
     by("kernels/holes/hole_filling", "kernels/holes", {"hole_mesh", "hole_triangulation"});
     by("kernels/maps/parameterize", "kernels/maps", {"disk_topology"});
     by("kernels/certify/certificate", "kernels/mesh", {"closest_face"});
@@ -146,6 +151,7 @@ const std::map<std::string, std::string>& covering_tests() {
     by("kernels/smooth/smooth", "kernels/smooth", {"normal_filter", "polynomial_filter", "surface_rows"});
     by("kernels/smooth/denoise", "kernels/smooth", {"star_sides", "surface_window", "window_fit"});
 
+    by("kernels/solid/offset_field", "kernels/solid", {"row_signs"});
     by("kernels/solid/solid_field", "kernels/solid",
        {"border_winding", "lattice_crossings", "line_windings", "mesh_solid", "solid_tree"});
     by("kernels/mesh/signed_distance", "kernels/mesh", {"triangle_foot"});
@@ -155,9 +161,10 @@ const std::map<std::string, std::string>& covering_tests() {
         "merge_stages", "merge_strip_stage", "merge_zip_stage"});
     by("tools/solids", "kernels/solid", {"solid_shape"});
     by("tools/solids", "stream/stages/solid",
-       {"csg_job", "csg_scene", "lattice_stage", "lines_stage", "resurface_job", "solid_stages",
-        "solid_surface_stage", "solid_tiles"});
+       {"csg_job", "csg_scene", "distance_tiles", "lattice_stage", "lines_stage", "offset_stage",
+        "resurface_job", "solid_mesh", "solid_stages", "solid_surface_stage", "solid_tiles"});
 
+    by("tools/field", "stream/stages/solid", {"field_job", "field_stages"});
     by("stream/import/mesh_import", "stream/import",
        {"import_corners_stage", "import_repair_stage", "import_tiles_stage", "import_vertices_stage"});
     by("tools/decimate", "stream/meshes", {"store_write_stage"});

@@ -11,8 +11,8 @@ using namespace tessera::test;
 
 TEST_CASE("README: its options are those of the commands, word for word", "[pipeline]") {
   std::set<std::string> known;
-  for (const char* command : {"reconstruct", "smooth", "decimate", "remesh", "resurface", "csg", "deform",
-                              "merge", "tiles", "submit"}) {
+  for (const char* command : {"reconstruct", "smooth", "decimate", "remesh", "resurface", "csg", "field",
+                              "deform", "merge", "tiles", "submit"}) {
     const Outcome r = shell(std::string(TESSERA_BINARY " ") + command + " --markdown");
     REQUIRE(r.code == 0);
     std::istringstream rows(r.said);
@@ -31,9 +31,9 @@ TEST_CASE("README: its options are those of the commands, word for word", "[pipe
 
 TEST_CASE("every command has help, and shows what its options are", "[pipeline]") {
   for (const std::string command :
-       {"plan",   "reconstruct", "resurface", "csg",          "smooth", "decimate", "remesh", "task",
-        "status", "cancel",      "check",     "render",       "report", "tiles",    "view",   "deform",
-        "merge",  "info",        "convert",   "parameterize", "synth",  "doctor"}) {
+       {"plan",   "reconstruct", "resurface", "csg",     "field",        "smooth", "decimate", "remesh",
+        "task",   "status",      "cancel",    "check",   "render",       "report", "tiles",    "view",
+        "deform", "merge",       "info",      "convert", "parameterize", "synth",  "doctor"}) {
     CAPTURE(command);
     const Outcome r = shell(TESSERA_BINARY " " + command + " --help");
     CHECK(r.code == 0);

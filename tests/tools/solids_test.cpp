@@ -160,6 +160,52 @@ TEST_CASE("resurface: what cannot work is told", "[pipeline]") {
   CHECK(solid_command({"resurface", (folder / "none.off").string(), "-o", out}).code == 3);
 }
 
+TEST_CASE("resurface: offsets and shells have their volumes, the same bytes whatever runs", "[pipeline]") {
+  const TempFolder folder;
+  const std::string box = (folder / "box.ply").string(), out = (folder / "o.ply").string();
+  REQUIRE(solid_command(
+              {"csg", folder.write("b.json", R"({"box": [-1,-1,-1, 1,1,1], "rotate": [1,2,3, 33]})").string(),
+               "-o", box, "--resolution", "0.05"})
+              .code == 0);
+  const struct {
+    std::vector<std::string> how;
+    double volume;
+  } cases[] = {
+      // Steiner: what grows by d has V + A d + (edges' lengths / 4) pi d^2 + 4/3 pi d^3.
+      {{"--offset", "0.3"}, 8.0 + 24.0 * 0.3 + 6.0 * kPi * 0.09 + 4.0 / 3.0 * kPi * 0.027},
+      {{"--offset", "-0.3"}, 1.4 * 1.4 * 1.4},
+      {{"--shell", "0.2"}, 8.0 - 1.6 * 1.6 * 1.6},
+      {{"--offset", "0.2", "--shell", "0.3"},
+       8.0 + 24.0 * 0.2 + 6.0 * kPi * 0.04 + 4.0 / 3.0 * kPi * 0.008 - 1.8 * 1.8 * 1.8},
+  };
+  for (const auto& c : cases) {
+    std::vector<std::string> words = {"resurface", box, "-o", out, "--resolution", "0.031", "--force"};
+    words.insert(words.end(), c.how.begin(), c.how.end());
+    CAPTURE(c.how);
+    const CommandResult r = solid_command(words);
+    CAPTURE(r.errors);
+    REQUIRE(r.code == 0);
+    const WholeMesh mesh = read_whole(out);
+    CHECK(is_closed(mesh));
+    CHECK(volume(mesh) == Approx(c.volume).epsilon(2e-3));
+  }
+  const std::string bytes = file_bytes(out);
+  for (const std::vector<std::string>& how :
+       {std::vector<std::string>{"-t", "1", "--tile-size", "64"}, {"--memory", "200M"}}) {
+    std::vector<std::string> words = {"resurface", box,   "-o",      out,   "--resolution", "0.031",
+                                      "--offset",  "0.2", "--shell", "0.3", "--force"};
+    words.insert(words.end(), how.begin(), how.end());
+    REQUIRE(solid_command(words).code == 0);
+    CHECK(file_bytes(out) == bytes);
+  }
+  const CommandResult gone =
+      solid_command({"resurface", box, "-o", out, "--resolution", "0.05", "--offset", "-1.2", "--force"});
+  CHECK(gone.code == 5);
+  CHECK(gone.errors.find("nothing is left") != std::string::npos);
+  CHECK(solid_command({"resurface", box, "-o", out, "--resolution", "0.05", "--shell", "0.06", "--force"})
+            .code == 2);
+}
+
 TEST_CASE("csg: shapes have their volumes, within a thousandth", "[pipeline]") {
   const TempFolder folder;
   const struct {

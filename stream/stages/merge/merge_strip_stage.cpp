@@ -79,7 +79,7 @@ class StripStage : public Stage {
     for (const StripBrick& b : tasks_[task]) {
       const MeshBox box = box_of(b);
       std::uint64_t bytes = meshes_.near_bytes(box, margin()) + b.leaves.size() * kPatchBytes +
-                            blend_field_bytes(b.leaves.size());
+                            sampled_field_bytes(b.leaves.size());
       std::uint64_t vertices = 0, faces = 0;
       const std::vector<std::size_t> patches = kept_.select(box);
       for (const std::size_t p : patches)

@@ -14,6 +14,7 @@ namespace {
 using json = nlohmann::json;
 
 constexpr double kCellsOfDiagonal = 300.0;
+constexpr double kLeastWall = 2.0;      ///< of a shell, cells
 constexpr double kOtherUnits = 1000.0;  ///< diagonals that differ so much: a warning
 
 class LatticeStage : public Stage {
@@ -58,6 +59,13 @@ class LatticeStage : public Stage {
         model_.resolution > 0.0 ? model_.resolution : round_up_2_digits(diagonal / kCellsOfDiagonal);
     plan.resolution_reason = model_.resolution > 0.0 ? "given" : "a 300th of the diagonal";
     const double brick = plan.lattice.h * kBrickCells;
+    if (model_.shell > 0.0 && model_.shell < kLeastWall * plan.lattice.h)
+      throw UsageError("--shell " + number_text(model_.shell) + ": a wall is at least " +
+                       number_text(kLeastWall) + " cells thick, and a cell is " +
+                       number_text(plan.lattice.h) + " wide: give a --resolution of at most " +
+                       number_text(model_.shell / kLeastWall));
+    if (model_.offset > 0.0)
+      for (std::size_t a = 0; a < 3; ++a) box.low[a] -= model_.offset, box.high[a] += model_.offset;
     for (std::size_t a = 0; a < 3; ++a) {
       const double first = std::floor(box.low[a] / brick) - 1.0, last = std::floor(box.high[a] / brick) + 1.0;
       if (!(std::fabs(first) < 0x1p52) || !((last - first + 1.0) * kBrickCells < double{1 << kMaxCellBits}))

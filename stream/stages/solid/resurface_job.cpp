@@ -29,6 +29,14 @@ void add_surface_options(OptionTable& table, SolidSurfaceOptions& options) {
       .within(0, 180);
   table.add("min-component", &options.min_component, "faces; smaller islands are dropped; 1 = keep all")
       .at_least(1);
+  table.add("offset", &options.offset,
+            "units of the solids: the surface moves so far outwards, below 0 inwards; edges turned outwards "
+            "come out round, grooves sharp, and the other way round inwards");
+  table
+      .add("shell", &options.shell,
+           "units of the solids, at least 2 h: thickness of a wall below the surface, what lies deeper is "
+           "hollow; 0 = solid")
+      .at_least(0);
 }
 
 void apply(const SolidSurfaceOptions& options, SolidModel& model) {
@@ -36,6 +44,8 @@ void apply(const SolidSurfaceOptions& options, SolidModel& model) {
   model.extract.method =
       options.method == "mc" ? ExtractMethod::kMarchingCubes : ExtractMethod::kExtendedMarchingCubes;
   model.extract.feature_angle_deg = options.feature_angle_deg;
+  model.offset = options.offset;
+  model.shell = options.shell;
 }
 
 OptionTable option_table(ResurfaceOptions& o) {
@@ -57,14 +67,21 @@ void summarise_solids(nlohmann::json& report) {
   }
 }
 
-std::vector<StageEntry> solid_stages(const SolidModel& model, std::uint64_t min_component,
-                                     const std::string& maker) {
+std::vector<StageEntry> solid_surface_stages(const SolidModel& model) {
   std::vector<StageEntry> stages;
   for (std::size_t i = 0; i < model.inputs(); ++i)
     for (StageEntry& entry : import_stages({i, solid_import(i)})) stages.push_back(std::move(entry));
   stages.push_back({"lattice", [model](const JobState& s) { return make_solid_lattice_stage(s, model); }});
   stages.push_back({"lines", [model](const JobState& s) { return make_solid_lines_stage(s, model); }});
   stages.push_back({"surface", [model](const JobState& s) { return make_solid_surface_stage(s, model); }});
+  return stages;
+}
+
+std::vector<StageEntry> solid_stages(const SolidModel& model, std::uint64_t min_component,
+                                     const std::string& maker) {
+  std::vector<StageEntry> stages = solid_surface_stages(model);
+  if (model.is_offset())
+    stages.push_back({"offset", [model](const JobState& s) { return make_solid_offset_stage(s, model); }});
   stages.push_back(
       {"weld", [min_component](const JobState& s) {
          return make_weld_stage_by(s, {min_component, "nothing is left: the solids have no common inside"});

@@ -16,6 +16,8 @@ struct SolidSurfaceOptions {
   std::string method = "emc";
   double feature_angle_deg = 25.0;
   std::uint64_t min_component = 1;
+  double offset = 0.0;
+  double shell = 0.0;
 };
 void add_surface_options(OptionTable& table, SolidSurfaceOptions& options);
 void apply(const SolidSurfaceOptions& options, SolidModel& model);
@@ -33,6 +35,8 @@ JobDescription resurface_job(const ResurfaceOptions& options);
 /// Memory of the imports of a model's meshes and of the output.
 std::vector<StageNeed> solid_needs(const JobState& state, std::size_t meshes);
 
+/// The stages of any model, from import to its surface.
+std::vector<StageEntry> solid_surface_stages(const SolidModel& model);
 /// The stages of any model, from import to output. \param maker  "tessera resurface"
 std::vector<StageEntry> solid_stages(const SolidModel& model, std::uint64_t min_component,
                                      const std::string& maker);

@@ -4,6 +4,8 @@
 ///   lattice  boxes of all meshes and shapes -> plan.json: lattice and origin
 ///   lines    faces -> how they turn the lines of the lattice (line_windings.h), border edges that do not cancel
 ///   surface  faces near a tile -> exact crossings, signs, directed distances -> patches, one per brick
+///   offset   where a model asks for it: the surface as a mesh -> distances to it -> patches of what lies between two of them
+///   distances, grid  instead: distances of the nodes near the surface -> leaves -> an OpenVDB file
 ///
 /// After them weld and write, as in a reconstruction (stages/surface).
 #pragma once
@@ -14,7 +16,9 @@
 #include <vector>
 
 #include "kernels/extract/extended_marching_cubes.h"
+#include "kernels/mesh/patch_mesh.h"
 #include "kernels/solid/mesh_solid.h"
+#include "kernels/solid/offset_field.h"
 #include "kernels/solid/solid_shape.h"
 #include "kernels/solid/solid_tree.h"
 #include "stream/meshes/mesh_store.h"
@@ -41,8 +45,16 @@ struct SolidModel {
   SolidTree tree;
   double resolution = 0.0;  ///< h, units of the meshes; 0 = a 300th of the diagonal
   ExtractOptions extract;
+  double offset = 0.0;  ///< units of the meshes: the surface moves so far outwards
+  double shell = 0.0;   ///< what lies deeper than this below it is hollow; 0 = nothing
+  double band =
+      0.0;  ///< cells: nodes so near to the surface get a distance, and there is no other result; 0 = none
 
   std::size_t inputs() const;
+  bool is_offset() const { return offset != 0.0 || shell > 0.0; }
+  bool is_measured() const { return is_offset() || band > 0.0; }
+  /// Between which distances of the surface the result lies, cells.
+  OffsetLayer layer(double h) const;
 };
 
 /// Folder of an imported input: "mesh-0".
@@ -60,6 +72,25 @@ std::vector<SolidLines> load_solid_lines(const std::filesystem::path& work);
 /// With its faces outwards: crossings of an operand that is inside out are to be turned too.
 MeshSolid load_mesh_solid(const std::filesystem::path& work, std::size_t operand, const SolidLines& lines);
 
+/// The surface of the solids as a mesh, where it is no result but what distances are measured to.
+MeshStore open_solid_mesh(const std::filesystem::path& work);
+/// Writes one task's part of it.
+class SolidMeshWriter {
+ public:
+  SolidMeshWriter(const Lattice& lattice, std::size_t task, TaskContext& context);
+  void add(const DirectedField& field);
+  void add(const Patch& patch);  ///< \pre extracted with ExtractOptions::names
+  std::uint64_t finish();        ///< returns bytes written
+  std::uint64_t leaves() const { return signs_.size(); }
+
+ private:
+  MeshFrame frame_;
+  MeshFileWriter mesh_;
+  std::filesystem::path signs_path_;
+  std::vector<LeafSigns> signs_;
+};
+std::vector<LeafSigns> load_solid_signs(const std::filesystem::path& work);
+
 /// Moves a block to where it is put.
 void place_block(const Placement& placement, MeshBlock& block);
 /// The smallest box around a box that is put elsewhere.
@@ -70,5 +101,8 @@ std::vector<Long3> quantise_block(const Lattice& lattice, const MeshBlock& block
 std::unique_ptr<Stage> make_solid_lattice_stage(const JobState& state, const SolidModel& model);
 std::unique_ptr<Stage> make_solid_lines_stage(const JobState& state, const SolidModel& model);
 std::unique_ptr<Stage> make_solid_surface_stage(const JobState& state, const SolidModel& model);
+std::unique_ptr<Stage> make_solid_offset_stage(const JobState& state, const SolidModel& model);
+std::unique_ptr<Stage> make_distances_stage(const JobState& state, const SolidModel& model);
+std::unique_ptr<Stage> make_grid_stage(const JobState& state, const SolidModel& model);
 
 }  // namespace tessera

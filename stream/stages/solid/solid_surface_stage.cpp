@@ -1,6 +1,7 @@
 /// Stage "surface" of solids.
 #include <algorithm>
 #include <nlohmann/json.hpp>
+#include <optional>
 
 #include "kernels/mesh/patch_components.h"
 #include "octree/error.h"
@@ -54,7 +55,16 @@ class SolidSurfaceStage : public Stage {
   }
 
   json run(std::size_t task, TaskContext& context) const override {
-    PatchFileWriter writer(context.create("mesh/" + task_file_stem(task) + ".tsm"));
+    // Either the result, or what distances are measured to.
+    std::optional<PatchFileWriter> result;
+    std::optional<SolidMeshWriter> between;
+    if (model_.is_measured()) {
+      between.emplace(plan_.lattice, task, context);
+    } else {
+      result.emplace(context.create("mesh/" + task_file_stem(task) + ".tsm"));
+    }
+    ExtractOptions options = model_.extract;
+    options.names = model_.is_measured();
     std::uint64_t patches = 0, vertices = 0, faces = 0, synthetic = 0;
     ExtractReport total;
     SolidFieldReport roots;
@@ -67,12 +77,14 @@ class SolidSurfaceStage : public Stage {
       if (!crossings.empty() || !closing.empty()) {
         const DirectedField field = build_solid_field(block, std::move(crossings), operands_, model_.tree,
                                                       closing, roots, [&context] { context.check_stop(); });
-        const ExtractReport report = extract_surface(field, model_.extract, [&](Patch&& patch) {
+        if (between) between->add(field);
+        const ExtractReport report = extract_surface(field, options, [&](Patch&& patch) {
           ++patches;
           vertices += patch.position.size();
           faces += patch.faces.size();
           for (const std::uint8_t flag : patch.synthetic) synthetic += flag;
-          writer.add(patch, find_components(patch));
+          if (between) between->add(patch);
+          if (result) result->add(patch, find_components(patch));
         });
         total.loops += report.loops;
         total.crease_samples += report.crease_samples;
@@ -82,7 +94,7 @@ class SolidSurfaceStage : public Stage {
       }
       context.advance(1);
     }
-    context.count_written(writer.finish());
+    context.count_written(between ? between->finish() : result->finish());
     return {{"patches", patches},
             {"vertices", vertices},
             {"faces", faces},
@@ -95,7 +107,8 @@ class SolidSurfaceStage : public Stage {
             {"roots", roots.roots},
             {"membrane_roots", roots.membrane_roots},
             {"missing_nodes", roots.missing_nodes},
-            {"shallow_roots", roots.shallow_roots}};
+            {"shallow_roots", roots.shallow_roots},
+            {"sign_leaves", between ? between->leaves() : 0}};
   }
 
   std::uint64_t finish_bytes() const override { return std::uint64_t{1} << 20; }

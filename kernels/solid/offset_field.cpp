@@ -1,0 +1,140 @@
+#include "kernels/solid/offset_field.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "kernels/mesh/triangle_foot.h"
+
+namespace tessera {
+namespace {
+
+constexpr double kQuantum = 0x1p-20;  ///< cells
+constexpr double kOnSurface =
+    0x1p-6;  ///< cells from the mesh within which its faces' normals stand for directions
+constexpr double kCubeDiagonal = 1.7321;
+
+MeshBlock without_names(MeshBlock&& block) {
+  block.key.clear(), block.key.shrink_to_fit();
+  block.vertex_class.clear(), block.vertex_class.shrink_to_fit();
+  return std::move(block);
+}
+
+}  // namespace
+
+double OffsetLayer::reach() const {
+  return std::isinf(low) ? std::fabs(high) : std::max(std::fabs(low), std::fabs(high));
+}
+
+void quantise_cells(const Lattice& lattice, const Int3& corner, MeshBlock& block) {
+  for (Double3& p : block.position)
+    for (std::size_t a = 0; a < 3; ++a) {
+      const double cells = p[a] / lattice.h - static_cast<double>(lattice.origin_brick[a] * kBrickCells);
+      p[a] = std::floor(cells / kQuantum + 0.5) * kQuantum - corner[a];
+    }
+}
+
+OffsetSampler::OffsetSampler(MeshBlock&& faces, const Int3& corner, const RowSigns& signs,
+                             const OffsetLayer& layer, double near)
+    : faces_(without_names(std::move(faces))),
+      surface_(faces_, {0, 0, 0}),
+      corner_(corner),
+      signs_(signs),
+      layer_(layer),
+      near_(near),
+      limit_square_((layer.reach() + near + 1.0) * (layer.reach() + near + 1.0)) {}
+
+bool OffsetSampler::inside(const Int3& node) const {
+  const Int3 leaf = {node[0] >> kLeafBits, node[1] >> kLeafBits, node[2] >> kLeafBits};
+  if (leaf != sign_leaf_) {
+    sign_words_ = signs_.at(leaf);
+    sign_leaf_ = leaf;
+  }
+  const std::size_t i = BandLeaf::node(node[0], node[1], node[2]);
+  return (sign_words_[i >> 6] >> (i & 63) & 1) != 0;
+}
+
+double OffsetSampler::between(double distance) const {
+  return std::isinf(layer_.low) ? distance - layer_.high
+                                : std::max(distance - layer_.high, layer_.low - distance);
+}
+
+FieldSampler::Sample OffsetSampler::at(const Int3& node, std::size_t axis, double t) const {
+  Double3 p;
+  for (std::size_t k = 0; k < 3; ++k) p[k] = node[k] - corner_[k] + (k == axis ? t : 0.0);
+  Sample sample;
+  const SignedDistance::Foot foot = surface_.closest(p, limit_square_, hint_);
+  if (foot.face == SignedDistance::kNone) return sample;
+  hint_ = foot.slot;
+  bool within = inside(node);
+  if (t > 0.0) {
+    // Faces cross an edge with ends on two sides: there the nearest one tells the side.
+    Int3 end = node;
+    ++end[axis];
+    if (inside(end) != within) within = SignedDistance::signed_distance(p, foot) < 0.0;
+  }
+  const double away = std::sqrt(foot.square), distance = within ? -away : away;
+  sample.there = true;
+  sample.value = between(distance);
+  // From the point, so that the numbers are the same in every block.
+  const auto& f = faces_.faces[foot.face];
+  if (away > kOnSurface) {
+    const Double3 to = foot_in_triangle({0, 0, 0}, faces_.position[f[0]] - p, faces_.position[f[1]] - p,
+                                        faces_.position[f[2]] - p)
+                           .at;
+    sample.normal = within ? to : -to;
+  } else {
+    sample.normal = surface_.face_normal(foot.face);
+  }
+  const bool lower = !std::isinf(layer_.low) && layer_.low - distance > distance - layer_.high;
+  if (lower) sample.normal = -sample.normal;
+  return sample;
+}
+
+std::vector<Int3> OffsetSampler::leaves(const Int3& cells) const {
+  std::vector<Int3> out;
+  constexpr int kCube = kBrickCells / kLeafCells;
+  for (int z = -kCube; z <= cells[2] / kLeafCells; z += kCube)
+    for (int y = -kCube; y <= cells[1] / kLeafCells; y += kCube)
+      for (int x = -kCube; x <= cells[0] / kLeafCells; x += kCube) search(cells, {x, y, z}, kCube, out);
+  return out;
+}
+
+bool OffsetSampler::may_pass(const Int3& middle, int edge) const {
+  // Nodes of the cube and the next ones are no farther from its middle. Distances change no faster than places.
+  const double radius = kCubeDiagonal * (0.5 * kLeafCells * edge + 1.0);
+  Double3 p;
+  for (std::size_t k = 0; k < 3; ++k) p[k] = middle[k] - corner_[k];
+  const double seen = layer_.reach() + radius + near_;
+  const SignedDistance::Foot foot = surface_.closest(p, seen * seen, hint_);
+  if (foot.face == SignedDistance::kNone) return false;
+  hint_ = foot.slot;
+  const double away = std::sqrt(foot.square), distance = inside(middle) ? -away : away;
+  return std::fabs(distance - layer_.high) <= radius + near_ ||
+         (!std::isinf(layer_.low) && std::fabs(distance - layer_.low) <= radius + near_);
+}
+
+/// \param leaf  of the cube's corner, relative to the block  \param edge  of the cube, leaves
+void OffsetSampler::search(const Int3& cells, const Int3& leaf, int edge, std::vector<Int3>& out) const {
+  Int3 middle;
+  for (std::size_t k = 0; k < 3; ++k) {
+    if (leaf[k] + edge <= -1 || leaf[k] > cells[k] / kLeafCells) return;
+    middle[k] = corner_[k] + kLeafCells * leaf[k] + kLeafCells * edge / 2;
+  }
+  // Of a large cube that reaches out of the block not all faces around are known.
+  bool whole = true;
+  for (std::size_t k = 0; k < 3; ++k)
+    whole = whole && leaf[k] >= 0 && leaf[k] + edge <= cells[k] / kLeafCells;
+  if ((whole || edge == 1) && !may_pass(middle, edge)) return;
+  if (edge == 1) {
+    out.push_back(leaf);
+    return;
+  }
+  const int half = edge / 2;
+  for (int child = 0; child < 8; ++child)
+    search(
+        cells,
+        {leaf[0] + (child & 1) * half, leaf[1] + (child >> 1 & 1) * half, leaf[2] + (child >> 2 & 1) * half},
+        half, out);
+}
+
+}  // namespace tessera

@@ -1,0 +1,68 @@
+/// \file offset_field.h
+/// Parallel surfaces of a closed mesh: what lies between two signed distances of it, as directed distances.
+/// Source: thesis 2.2, 4.2.1. Outward offsets of convex edges are round, those of concave ones are creases of the field, which
+/// the extractor finds by the normals of its roots; inward it is the other way round.
+#pragma once
+#include <limits>
+
+#include "kernels/field/sampled_field.h"
+#include "kernels/mesh/signed_distance.h"
+#include "kernels/solid/row_signs.h"
+
+namespace tessera {
+
+/// Inside is where low < signed distance < high, cells.
+struct OffsetLayer {
+  double low = -std::numeric_limits<double>::infinity();
+  double high = 0.0;
+
+  /// Nodes that matter are no farther from the surface.
+  double reach() const;
+};
+
+/// The mesh around a block.
+class OffsetSampler : public FieldSampler {
+ public:
+  /// How far beyond OffsetLayer::reach() faces must be in the block, cells: what nodes at a layer's sides ask for, and
+  /// whole stars of the vertices.
+  static constexpr double kMargin = 8.0;
+  static constexpr double kNear = 2.0;  ///< beyond the diagonal of a cell
+
+  /// \param faces  positions in cells from the block's corner, quantise_cells()  \param corner  of the block, global
+  /// \param signs  of the whole mesh
+  /// \param near  nodes farther from the layer's sides take no part, cells
+  OffsetSampler(MeshBlock&& faces, const Int3& corner, const RowSigns& signs, const OffsetLayer& layer,
+                double near = kNear);
+  Sample at(const Int3& node, std::size_t axis, double t) const override;
+  bool inside(const Int3& node) const;  ///< of the mesh
+  /// Leaves of the block in which a side of the layer may pass, as build_sampled_field() takes them.
+  std::vector<Int3> leaves(const Int3& cells) const;
+
+  /// Upper bound of what it holds, the block included.
+  static constexpr std::uint64_t bytes(std::uint64_t vertices, std::uint64_t faces) {
+    return SignedDistance::bytes(vertices, faces) + vertices * 48 + faces * 16;
+  }
+
+ private:
+  double between(double distance) const;  ///< value of the layer at this signed distance
+  /// Whether a side may pass a cube of leaves around a node, or the nodes beside it.
+  bool may_pass(const Int3& middle, int edge) const;
+  void search(const Int3& cells, const Int3& leaf, int edge, std::vector<Int3>& out) const;
+
+  MeshBlock faces_;
+  SignedDistance surface_;
+  Int3 corner_;
+  const RowSigns& signs_;
+  OffsetLayer layer_;
+  double near_, limit_square_;
+  // What was asked last: points come one beside the other. It changes no result.
+  mutable Int3 sign_leaf_ = {-1, -1, -1};
+  mutable LeafWords sign_words_{};
+  mutable std::uint32_t hint_ = SignedDistance::kNone;
+};
+
+/// Positions of a block in cells from a node, to 2^-20 cells: then what is between a point and a face is the same number
+/// from every node.
+void quantise_cells(const Lattice& lattice, const Int3& corner, MeshBlock& block);
+
+}  // namespace tessera

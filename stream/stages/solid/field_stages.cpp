@@ -1,0 +1,195 @@
+/// Stages "distances" and "grid" of a field: nodes near the surface of the solids get their distance, leaf by leaf, and the
+/// leaves become one level set.
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <cstddef>
+#include <nlohmann/json.hpp>
+
+#include "octree/error.h"
+#include "stream/files/task_files.h"
+#include "stream/formats/vdb_file.h"
+#include "stream/stages/decimate/simplify_stage.h"
+#include "stream/stages/solid/distance_tiles.h"
+#include "stream/stages/solid/solid_stages.h"
+
+namespace tessera {
+namespace {
+
+using json = nlohmann::json;
+
+constexpr double kBeside = 6.0;  ///< cells beyond the band from which faces matter: a leaf's halo
+constexpr const char* kLeaves = ".lvl";
+constexpr std::size_t kPage = 256;  ///< leaves read at once
+
+class DistancesStage : public Stage {
+ public:
+  DistancesStage(const JobState& state, const SolidModel& model)
+      : band_(model.band), tiles_(state, model.band + kBeside, sizeof(Int3)) {}
+
+  std::string name() const override { return "distances"; }
+  std::size_t task_count() const override { return tiles_.groups().size(); }
+  std::uint64_t units() const override { return tiles_.cubes(); }
+  std::string unit_name() const override { return "cubes"; }
+  std::uint64_t task_bytes(std::size_t task) const override { return tiles_.task_bytes(task); }
+
+  json run(std::size_t task, TaskContext& context) const override {
+    DirectFile out(context.create("distances/" + task_file_stem(task) + kLeaves));
+    std::uint64_t leaves = 0, nodes = 0;
+    for (const std::uint64_t cube : tiles_.groups()[task]) {
+      for (const Tile& tile : tiles_.tiles_of(cube)) {
+        context.check_stop();
+        MeshBlock block = tiles_.load(tile);
+        if (block.faces.empty()) continue;
+        const OffsetSampler sampler(std::move(block), tile.corner(), tiles_.signs(), {}, band_);
+        for (const Int3& leaf : sampler.leaves(tile.edges())) {
+          bool core = true;
+          for (std::size_t a = 0; a < 3; ++a)
+            core = core && leaf[a] >= 0 && leaf[a] < tile.edges()[a] / kLeafCells;
+          if (!core) continue;
+          context.check_stop();
+          LevelSetLeaf made;
+          for (std::size_t a = 0; a < 3; ++a) made.origin[a] = tile.corner()[a] + kLeafCells * leaf[a];
+          const std::uint64_t found = fill(sampler, made);
+          if (found == 0) continue;
+          out.write(&made, sizeof made);
+          ++leaves;
+          nodes += found;
+        }
+      }
+      context.advance(1);
+    }
+    context.count_written(out.finish());
+    return {{"leaves", leaves}, {"nodes", nodes}};
+  }
+
+  std::uint64_t finish_bytes() const override { return std::uint64_t{1} << 20; }
+  json finish(const std::vector<json>& summaries, TaskContext&) const override {
+    json sum = {{"band", band_}};
+    for (const json& s : summaries) add_counts(sum, s);
+    return sum;
+  }
+  std::vector<std::string> obsolete() const override {
+    // The signs stay: what lies beyond all leaves is known from them.
+    std::vector<std::string> names;
+    for (std::size_t f = 0; f < tiles_.mesh_files(); ++f)
+      names.push_back("solid/" + task_file_stem(f) + ".tmm");
+    return names;
+  }
+
+ private:
+  /// \returns how many nodes are in the band
+  std::uint64_t fill(const OffsetSampler& sampler, LevelSetLeaf& leaf) const {
+    const auto h = static_cast<float>(tiles_.plan().lattice.h);
+    std::uint64_t found = 0;
+    for (int x = 0; x < 8; ++x)
+      for (int y = 0; y < 8; ++y)
+        for (int z = 0; z < 8; ++z) {
+          const Int3 node = {leaf.origin[0] + x, leaf.origin[1] + y, leaf.origin[2] + z};
+          const auto word = static_cast<std::size_t>(x), bit = static_cast<std::size_t>(8 * y + z);
+          if (!sampler.inside(node)) leaf.outside[word] |= std::uint64_t{1} << bit;
+          const FieldSampler::Sample s = sampler.at(node, 0, 0.0);
+          if (!s.there || std::fabs(s.value) > band_) continue;
+          leaf.active[word] |= std::uint64_t{1} << bit;
+          leaf.value[64 * word + bit] = static_cast<float>(s.value) * h;
+          ++found;
+        }
+    return found;
+  }
+
+  double band_;
+  DistanceTiles tiles_;
+};
+
+class GridStage : public Stage {
+ public:
+  GridStage(const JobState& state, const SolidModel& model)
+      : state_(state),
+        band_(model.band),
+        plan_(Plan::of_work(state.work)),
+        files_(list_task_files(state.work / "distances", kLeaves)) {
+    for (const auto& path : files_) leaves_ += std::filesystem::file_size(path) / sizeof(LevelSetLeaf);
+    for (const auto& path : list_task_files(state.work / "solid", ".sgn"))
+      sign_bytes_ += std::filesystem::file_size(path);
+  }
+
+  std::string name() const override { return "grid"; }
+  std::size_t task_count() const override { return 0; }
+  std::uint64_t task_bytes(std::size_t) const override { return 0; }
+  std::uint64_t units() const override { return leaves_; }
+  std::string unit_name() const override { return "leaves"; }
+  json run(std::size_t, TaskContext&) const override { return {}; }
+  std::uint64_t finish_bytes() const override {
+    return write_level_set_bytes(leaves_) + leaves_ * sizeof(Place) + 2 * sign_bytes_ +
+           kPage * sizeof(LevelSetLeaf);
+  }
+
+  json finish(const std::vector<json>&, TaskContext& context) const override {
+    std::vector<ReadFile> open;
+    open.reserve(files_.size());
+    std::vector<Int3> origins;
+    std::vector<Place> places;
+    origins.reserve(leaves_), places.reserve(leaves_);
+    std::uint64_t nodes = 0;
+    std::vector<LevelSetLeaf> page(kPage);
+    for (const auto& path : files_) {
+      const ReadFile& file = open.emplace_back(path);
+      for (std::uint64_t at = 0; at < file.size();) {
+        context.check_stop();
+        const std::uint64_t bytes = std::min<std::uint64_t>(kPage * sizeof(LevelSetLeaf), file.size() - at);
+        file.read_at(at, page.data(), bytes);
+        for (std::size_t i = 0; i < bytes / sizeof(LevelSetLeaf); ++i) {
+          origins.push_back(page[i].origin);
+          places.push_back({static_cast<std::uint32_t>(open.size() - 1), at + i * sizeof(LevelSetLeaf)});
+          for (const std::uint64_t word : page[i].active)
+            nodes += static_cast<std::uint64_t>(std::popcount(word));
+        }
+        at += bytes;
+      }
+    }
+    if (origins.empty())
+      throw EmptyError("no node of the lattice lies near a surface; try a smaller --resolution");
+    const RowSigns signs(load_solid_signs(state_.work));
+    LevelSetFile file;
+    file.lattice = plan_.lattice;
+    file.background = static_cast<float>(band_) * static_cast<float>(plan_.lattice.h);
+    file.origins = origins;
+    file.load = [&](std::size_t leaf, LevelSetLeaf& to) {
+      open[places[leaf].file].read_at(places[leaf].offset, &to, sizeof to);
+    };
+    file.inside = [&](const Int3& node) {
+      const LeafWords words = signs.at({node[0] >> kLeafBits, node[1] >> kLeafBits, node[2] >> kLeafBits});
+      return (words[static_cast<std::size_t>(node[2] & 7)] >> DirectedField::bit(node[0], node[1]) & 1) != 0;
+    };
+    file.pause = [&context] { context.check_stop(); };
+    const std::uint64_t bytes = write_level_set(state_.output, file);
+    context.count_written(bytes);
+    context.advance(leaves_);
+    return {{"leaves", leaves_}, {"nodes", nodes},       {"band", band_},
+            {"bytes", bytes},    {"h", plan_.lattice.h}, {"background", file.background}};
+  }
+
+  std::vector<std::string> obsolete() const override { return {"solid/", "distances/"}; }
+
+ private:
+  struct Place {
+    std::uint32_t file;
+    std::uint64_t offset;
+  };
+  JobState state_;
+  double band_;
+  Plan plan_;
+  std::vector<std::filesystem::path> files_;
+  std::uint64_t leaves_ = 0, sign_bytes_ = 0;
+};
+
+}  // namespace
+
+std::unique_ptr<Stage> make_distances_stage(const JobState& state, const SolidModel& model) {
+  return std::make_unique<DistancesStage>(state, model);
+}
+std::unique_ptr<Stage> make_grid_stage(const JobState& state, const SolidModel& model) {
+  return std::make_unique<GridStage>(state, model);
+}
+
+}  // namespace tessera
