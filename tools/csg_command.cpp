@@ -26,8 +26,9 @@ void run(Arguments& a) {
   const bool is_scene = a.words.size() == 1 && a.words[0].ends_with(".json");
   const CsgScene scene = is_scene ? read_csg_scene(a.words[0]) : parse_csg_words(a.words);
   a.state.inputs = scene.meshes;
-  for (const std::filesystem::path& mesh : scene.meshes)
-    if (!std::filesystem::exists(mesh)) throw InputError(mesh.string() + ": there is no such file");
+  a.state.inputs.insert(a.state.inputs.end(), scene.paths.begin(), scene.paths.end());
+  for (const std::filesystem::path& file : a.state.inputs)
+    if (!std::filesystem::exists(file)) throw InputError(file.string() + ": there is no such file");
   a.state.also_read = cli::also_read({});
   if (is_scene) a.state.also_read.emplace_back(a.words[0]);
   a.options.program = scene.program;

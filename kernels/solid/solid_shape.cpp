@@ -6,7 +6,9 @@
 namespace tessera {
 namespace {
 
-constexpr int kHalvings = 48;
+constexpr int kMostSteps = 60;       ///< of the root finder
+constexpr double kRootCells = 1e-9;  ///< how exact it is
+constexpr double kSurely = 1.0 + 1e-6;
 constexpr std::uint32_t kCrossingsPerLeaf = 256;
 
 /// Value and direction of the part of a shape that decides.
@@ -158,6 +160,33 @@ void search(const SolidShape& shape, const Lattice& lattice, const Int3& leaf, i
         next, out);
 }
 
+/// Where along [0, 1] a value changes its sign, at its far side: regula falsi that halves the value of an end which stays,
+/// and halves the interval where that is slow.
+template <class Value>
+double find_end(bool starts_inside, const Value& value) {
+  double low = 0.0, high = 1.0, at_low = value(0.0), at_high = value(1.0);
+  int side = 0;
+  for (int step = 0; step < kMostSteps && high - low > kRootCells; ++step) {
+    const double difference = at_high - at_low;
+    double t =
+        step % 4 == 3 || difference == 0.0 ? 0.5 * (low + high) : low - at_low * (high - low) / difference;
+    // Never on an end: then the interval shrinks from both.
+    t = std::clamp(t, low + 0.5 * kRootCells, high - 0.5 * kRootCells);
+    const double v = value(t);
+    if ((v < 0.0) == starts_inside) {
+      low = t, at_low = v;
+      if (side == -1) at_high *= 0.5;
+      side = -1;
+    } else {
+      high = t, at_high = v;
+      if (side == 1) at_low *= 0.5;
+      side = 1;
+    }
+    if (std::fabs(v) < kRootCells) return t;
+  }
+  return high;
+}
+
 }  // namespace
 
 std::size_t shape_numbers(std::string_view kind) {
@@ -220,11 +249,17 @@ Double3 ShapeSolid::world(const Double3& cells) const {
 }
 
 void ShapeSolid::windings(const Int3& leaf, std::span<const SolidCrossing>, std::span<float> out) const {
-  for (std::size_t i = 0; i < out.size(); ++i) {
-    const Double3 node = {leaf[0] * 8.0 + static_cast<double>(i & 7),
-                          leaf[1] * 8.0 + static_cast<double>(i >> 3 & 7),
-                          leaf[2] * 8.0 + static_cast<double>(i >> 6)};
-    out[i] = shape_->value(world(node)) < 0.0 ? 1.0f : 0.0f;
+  double last = 0.0;
+  int since = 0;
+  for (std::size_t i = 0; i < out.size(); ++i, ++since) {
+    if (i % 8 == 0 || !(std::fabs(last) > since * kSurely)) {
+      const Double3 node = {leaf[0] * 8.0 + static_cast<double>(i & 7),
+                            leaf[1] * 8.0 + static_cast<double>(i >> 3 & 7),
+                            leaf[2] * 8.0 + static_cast<double>(i >> 6)};
+      last = shape_->value(world(node)) / lattice_.h;
+      since = 0;
+    }
+    out[i] = last < 0.0 ? 1.0f : 0.0f;
   }
 }
 
@@ -240,22 +275,30 @@ void ShapeSolid::find_crossings(const SolidBlock& block, const Int3& leaf, std::
     return Double3{leaf[0] * 8.0 + x, leaf[1] * 8.0 + y, leaf[2] * 8.0 + z};
   };
   for (int z = 0; z < 9; ++z)
-    for (int y = 0; y < 9; ++y)
-      for (int x = 0; x < 9; ++x) inside[at(x, y, z)] = shape_->value(world(node(x, y, z))) < 0.0;
+    for (int y = 0; y < 9; ++y) {
+      double last = 0.0;
+      int since = 9;  // cells since a value was asked for: nodes nearer than the surface have its sign
+      for (int x = 0; x < 9; ++x) {
+        if (!(std::fabs(last) > (since + 1) * kSurely)) {
+          last = shape_->value(world(node(x, y, z))) / lattice_.h;
+          since = -1;
+        }
+        ++since;
+        inside[at(x, y, z)] = last < 0.0;
+      }
+    }
   for (std::size_t axis = 0; axis < 3; ++axis)
     for (int z = 0; z < 8; ++z)
       for (int y = 0; y < 8; ++y)
         for (int x = 0; x < 8; ++x) {
           const bool first = inside[at(x, y, z)];
           if (first == inside[at(x + (axis == 0), y + (axis == 1), z + (axis == 2))]) continue;
-          double low = 0.0, high = 1.0;
           Double3 p = node(x, y, z);
           const double from = p[axis];
-          for (int step = 0; step < kHalvings; ++step) {
-            const double middle = 0.5 * (low + high);
-            p[axis] = from + middle;
-            ((shape_->value(world(p)) < 0.0) == first ? low : high) = middle;
-          }
+          const double high = find_end(first, [&](double t) {
+            p[axis] = from + t;
+            return shape_->value(world(p)) / lattice_.h;
+          });
           p[axis] = from + high;
           LatticeCrossing c;
           c.node = {leaf[0] * 8 + x, leaf[1] * 8 + y, leaf[2] * 8 + z};

@@ -60,6 +60,7 @@ const std::map<std::string, std::string>& parts_of_headers() {
       {"stream/stages/solid/lines_stage.cpp", "stream/stages/solid/solid_stages.h"},
       {"stream/stages/solid/field_stages.cpp", "stream/stages/solid/solid_stages.h"},
       {"stream/stages/solid/offset_stage.cpp", "stream/stages/solid/solid_stages.h"},
+      {"stream/stages/solid/placed_shape.cpp", "stream/stages/solid/solid_stages.h"},
       {"stream/stages/solid/solid_mesh.cpp", "stream/stages/solid/solid_stages.h"},
       {"stream/stages/solid/solid_surface_stage.cpp", "stream/stages/solid/solid_stages.h"},
       {"tools/queue/cancel_command.cpp", "tools/commands.h"},
@@ -159,10 +160,10 @@ const std::map<std::string, std::string>& covering_tests() {
     by("tools/merge", "stream/stages/merge",
        {"merge_cover_stage", "merge_job", "merge_joints_stage", "merge_meshes", "merge_scale_stage",
         "merge_stages", "merge_strip_stage", "merge_zip_stage"});
-    by("tools/solids", "kernels/solid", {"solid_shape"});
+    by("tools/solids", "kernels/solid", {"solid_shape", "swept_tool"});
     by("tools/solids", "stream/stages/solid",
        {"csg_job", "csg_scene", "distance_tiles", "lattice_stage", "lines_stage", "offset_stage",
-        "resurface_job", "solid_mesh", "solid_stages", "solid_surface_stage", "solid_tiles"});
+        "placed_shape", "resurface_job", "solid_mesh", "solid_stages", "solid_surface_stage", "solid_tiles"});
 
     by("tools/field", "stream/stages/solid", {"field_job", "field_stages"});
     by("stream/import/mesh_import", "stream/import",

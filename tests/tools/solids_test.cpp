@@ -275,6 +275,53 @@ TEST_CASE("csg: words and scenes of meshes agree, new edges lie on both", "[pipe
   CHECK(read_whole(scene).points == mesh.points);
 }
 
+TEST_CASE("csg: a milling tool takes away what it sweeps", "[pipeline]") {
+  const TempFolder folder;
+  folder.write("slot.txt", "# through the middle\n-5, 5, 6\n\n25 5 6\n");
+  folder.write("hole.txt", "10 5 12\n10 5 4\n");
+  const std::string out = (folder / "o.ply").string();
+  const auto scene = [&](const std::string& tool) {
+    return folder.write("s.json", R"({"difference": [{"box": [0,0,0, 20,10,10]}, {"mill": {)" + tool + "}}]}")
+        .string();
+  };
+  const struct {
+    const char* tool;
+    double gone;
+  } cases[] = {
+      {R"("ball": 2, "length": 30, "path": "slot.txt")", 20.0 * (4.0 * 2.0 + 2.0 * kPi)},
+      {R"("flat": 2, "length": 30, "path": "slot.txt")", 20.0 * 16.0},
+      {R"("bull": [2, 1], "length": 30, "path": "slot.txt")", 20.0 * (4.0 * 3.0 + 2.0 + 0.5 * kPi)},
+      {R"("flat": 2, "length": 3, "path": "hole.txt")", 6.0 * 4.0 * kPi},  // it plunged
+      {R"("ball": 2, "length": 9, "path": "hole.txt")", 4.0 * 4.0 * kPi + 16.0 / 3.0 * kPi},
+  };
+  for (const auto& c : cases) {
+    CAPTURE(c.tool);
+    const CommandResult r =
+        solid_command({"csg", scene(c.tool), "-o", out, "--resolution", "0.25", "--force"});
+    CAPTURE(r.errors);
+    REQUIRE(r.code == 0);
+    const WholeMesh mesh = read_whole(out);
+    CHECK(is_closed(mesh));
+    CHECK(volume(mesh) == Approx(2000.0 - c.gone).epsilon(1e-3));
+  }
+  const std::string bytes = file_bytes(out);
+  REQUIRE(solid_command({"csg", scene(cases[4].tool), "-o", out, "--resolution", "0.25", "--force", "-t", "1",
+                         "--tile-size", "64"})
+              .code == 0);
+  CHECK(file_bytes(out) == bytes);
+  const auto code_of = [&](const std::string& tool) {
+    return solid_command({"csg", scene(tool), "-o", (folder / "x.ply").string()}).code;
+  };
+  CHECK(code_of(R"("ball": 2, "length": 30)") == 3);
+  CHECK(code_of(R"("ball": 2, "flat": 2, "length": 30, "path": "slot.txt")") == 3);
+  CHECK(code_of(R"("bull": [2, 3], "length": 30, "path": "slot.txt")") == 3);
+  CHECK(code_of(R"("ball": 2, "length": 30, "path": "none.txt")") == 3);
+  folder.write("torn.txt", "1 2 3\n4 5\n");
+  CHECK(code_of(R"("ball": 2, "length": 30, "path": "torn.txt")") == 3);
+  folder.write("empty.txt", "# nothing\n");
+  CHECK(code_of(R"("ball": 2, "length": 30, "path": "empty.txt")") == 3);
+}
+
 TEST_CASE("csg: scenes that make no sense are told", "[pipeline]") {
   const TempFolder folder;
   const std::string out = (folder / "o.ply").string();

@@ -57,11 +57,17 @@ SolidModel csg_model(const CsgOptions& options) {
       model.tree.push_operand(static_cast<std::uint8_t>(model.meshes.size()));
       model.meshes.push_back({{step.at("mesh").get<std::size_t>()}, placement_of(step.at("placement"))});
       bounds.push(true);
+    } else if (step.contains("mill")) {
+      model.tree.push_operand(static_cast<std::uint8_t>(meshes + shapes++));
+      model.shapes.push_back({kMill, step.at("numbers").get<std::vector<double>>(),
+                              placement_of(step.at("placement")),
+                              meshes + step.at("mill").get<std::size_t>()});
+      bounds.push(true);
     } else if (step.contains("shape")) {
       model.tree.push_operand(static_cast<std::uint8_t>(meshes + shapes++));
       model.shapes.push_back({step.at("shape").get<std::string>(),
                               step.at("numbers").get<std::vector<double>>(),
-                              placement_of(step.at("placement"))});
+                              placement_of(step.at("placement")), 0});
       bounds.push(model.shapes.back().kind != "halfspace");
     } else {
       const std::string word = step.at("join").get<std::string>();

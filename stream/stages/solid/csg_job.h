@@ -23,9 +23,9 @@ OptionTable option_table(CsgOptions& options);
 
 JobDescription csg_job(const CsgOptions& options);
 
-/// A tree and the meshes that it names, in order.
+/// A tree and the files that it names, in order: meshes, then tool paths.
 struct CsgScene {
-  std::vector<std::filesystem::path> meshes;
+  std::vector<std::filesystem::path> meshes, paths;
   std::string program;
 };
 

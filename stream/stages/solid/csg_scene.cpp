@@ -1,8 +1,10 @@
 /// What people write of a scene becomes a postfix list.
 #include <algorithm>
+#include <cmath>
 #include <fstream>
 #include <nlohmann/json.hpp>
 
+#include "kernels/solid/swept_tool.h"
 #include "octree/error.h"
 #include "stream/files/durable_file.h"
 #include "stream/stages/solid/csg_job.h"
@@ -178,17 +180,52 @@ class SceneFile {
       } else {
         node_of_file(file, here);
       }
+    } else if (kind == kMill) {
+      mill(value, here);
     } else {
       const std::size_t count = shape_numbers(kind);
       if (count == 0) {
         std::string known;
         for (const std::string_view k : kShapeKinds) known.append(", ").append(k);
-        fail("\"" + kind + "\" is no solid: there are mesh, scene, union, intersection, difference" + known);
+        fail("\"" + kind + "\" is no solid: there are mesh, scene, union, intersection, difference, mill" +
+             known);
       }
       const std::vector<double> v = numbers(value, count, "\"" + kind + "\"");
       if (const std::string fault = shape_fault(kind, v); !fault.empty()) fail("\"" + kind + "\": " + fault);
       program_.push_back({{"shape", kind}, {"numbers", v}, {"placement", numbers_of_placement(here)}});
     }
+  }
+
+  /// {"ball": r}, {"flat": r} or {"bull": [r, rim]}, "length", "path".
+  void mill(const json& value, const Placement& here) {
+    const std::string what =
+        "\"mill\" takes an object with \"ball\": radius, \"flat\": radius or \"bull\": [radius, "
+        "rim], with \"length\" and \"path\"";
+    if (!value.is_object()) fail(what);
+    std::vector<double> tool;
+    for (const auto& [key, v] : value.items()) {
+      if (key == "length" || key == "path") continue;
+      if (!tool.empty() || (key != "ball" && key != "flat" && key != "bull")) fail(what);
+      if (key == "bull") {
+        tool = numbers(v, 2, "\"bull\"");
+      } else {
+        if (!v.is_number()) fail(what);
+        tool = {v.get<double>(), key == "ball" ? v.get<double>() : 0.0};
+      }
+    }
+    if (tool.empty() || !value.contains("length") || !value.at("length").is_number() ||
+        !value.contains("path") || !value.at("path").is_string())
+      fail(what);
+    tool.push_back(value.at("length").get<double>());
+    if (!(tool[0] > 0.0) || !(tool[1] >= 0.0) || !(tool[1] <= tool[0]) || !(tool[2] > tool[1]) ||
+        !std::isfinite(tool[0] + tool[2]))
+      fail(
+          "\"mill\": the radius must be above 0, the rim no larger, and the tool longer than its rim is "
+          "high");
+    if (!is_similarity(here)) fail("\"mill\": a tool may be turned, moved and scaled alike, not stretched");
+    program_.push_back(
+        {{kMill, scene_.paths.size()}, {"numbers", tool}, {"placement", numbers_of_placement(here)}});
+    scene_.paths.push_back(open_.back().parent_path() / value.at("path").get<std::string>());
   }
 
   CsgScene scene_;

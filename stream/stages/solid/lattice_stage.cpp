@@ -26,7 +26,11 @@ class LatticeStage : public Stage {
   std::uint64_t units() const override { return 0; }
   std::string unit_name() const override { return "solids"; }
   json run(std::size_t, TaskContext&) const override { return {}; }
-  std::uint64_t finish_bytes() const override { return std::uint64_t{32} << 20; }
+  std::uint64_t finish_bytes() const override {
+    std::uint64_t bytes = std::uint64_t{32} << 20;
+    for (const PlacedShape& s : model_.shapes) bytes += placed_shape_bytes(state_, s);
+    return bytes;
+  }
 
   json finish(const std::vector<json>&, TaskContext& context) const override {
     MeshBox box;
@@ -51,7 +55,7 @@ class LatticeStage : public Stage {
       }
     for (const PlacedShape& s : model_.shapes) {
       MeshBox bounds;
-      if (make_shape(s.kind, s.numbers, s.placement)->bounds(bounds.low, bounds.high)) add(bounds);
+      if (make_placed_shape(state_, s)->bounds(bounds.low, bounds.high)) add(bounds);
     }
     const double diagonal = norm(box.high - box.low);
     Plan plan;

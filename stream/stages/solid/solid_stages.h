@@ -33,10 +33,16 @@ struct PlacedMesh {
   Placement placement = {};
 };
 struct PlacedShape {
-  std::string kind;
+  std::string kind;  ///< of kShapeKinds, or kMill
   std::vector<double> numbers;
   Placement placement;
+  std::size_t path = 0;  ///< of a mill: input of its tool path
 };
+inline constexpr const char* kMill = "mill";  ///< numbers: radius, rim and length of the tool (swept_tool.h)
+/// \throws InputError naming file and line: no numbers, no point
+std::unique_ptr<SolidShape> make_placed_shape(const JobState& state, const PlacedShape& shape);
+/// What it takes.
+std::uint64_t placed_shape_bytes(const JobState& state, const PlacedShape& shape);
 
 /// What a job makes its surface of. Operands of the tree are the meshes, then the shapes.
 struct SolidModel {

@@ -25,7 +25,7 @@ class SolidSurfaceStage : public Stage {
       : model_(std::move(model)),
         plan_(Plan::of_work(state.work)),
         solids_(load(state.work)),
-        shapes_(make_shapes()),
+        shapes_(make_shapes(state)),
         tiling_(tables(), plan_.brick_min, plan_.brick_max, is_open()) {
     for (std::size_t o = 0; o < model_.meshes.size(); ++o)
       for (const std::size_t input : model_.meshes[o].inputs) {
@@ -162,11 +162,12 @@ class SolidSurfaceStage : public Stage {
     LineWindings leaves;  ///< at its surface
   };
 
-  std::vector<Shape> make_shapes() {
+  std::vector<Shape> make_shapes(const JobState& state) {
     std::vector<Shape> shapes;
     for (const PlacedShape& s : model_.shapes) {
       Shape& made = shapes.emplace_back();
-      made.form = make_shape(s.kind, s.numbers, s.placement);
+      made.form = make_placed_shape(state, s);
+      shared_bytes_ += placed_shape_bytes(state, s);
       made.solid = std::make_unique<ShapeSolid>(*made.form, plan_.lattice);
       made.leaves = LineWindings(shape_leaves(*made.form, plan_.lattice, plan_.brick_min, plan_.brick_max));
       shared_bytes_ += made.leaves.bytes();
