@@ -9,7 +9,7 @@ int main(int argc, char** argv) {
   configure_allocator(core_count());
   const std::vector<cli::Command> jobs = {
       reconstruct_command(), resurface_command(), csg_command(),    merge_command(), smooth_command(),
-      decimate_command(),    remesh_command(),    deform_command(), tiles_command(),
+      decimate_command(),    remesh_command(),    deform_command(), tiles_command(), field_command(),
   };
   // clang-format off
   const std::vector<cli::Command> commands = {

@@ -91,7 +91,8 @@ bool parse_journal_line(const std::string& line, TaskRecord& record) {
   if (hex64(hash_text(text)) != line.substr(kHead.size(), kHexDigits)) return false;
   try {
     record = from_json(nlohmann::json::parse(text));
-  } catch (const nlohmann::json::exception&) {  // a checksum is easily made: who can write here may say anything
+    // A checksum is easily made: who can write here may say anything.
+  } catch (const nlohmann::json::exception&) {
     return false;
   } catch (const std::logic_error&) {  // not a number in hexadecimal digits
     return false;
