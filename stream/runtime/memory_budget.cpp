@@ -199,7 +199,8 @@ MemoryBudget::MemoryBudget(std::uint64_t cap, std::uint64_t base)
 }
 
 std::uint64_t MemoryBudget::expected_base(std::uint64_t later) {
-  return (resident_bytes() + later + 2 * kBaseStep - 1) / kBaseStep * kBaseStep;
+  const std::uint64_t told = (resident_bytes() + later + 2 * kBaseStep - 1) / kBaseStep * kBaseStep;
+  return std::max(told, kLeastBase);
 }
 
 std::uint64_t MemoryBudget::smallest_fitting_cap(

@@ -32,10 +32,13 @@ TEST_CASE("field: OpenVDB finds the distances of a box, signs to the depth of it
   const TempFolder folder;
   const std::string box =
       folder
-          .write("box.obj",
-                 "v -1 -1 -1\nv 1 -1 -1\nv 1 1 -1\nv -1 1 -1\nv -1 -1 1\nv 1 -1 1\nv 1 1 1\nv -1 1 1\n"
-                 "f 4 3 2 1\nf 5 6 7 8\nf 1 2 6 5\nf 2 3 7 6\nf 3 4 8 7\nf 4 1 5 8\n")
+          .write(
+              "box.obj",  // off the lattice, and no side as another
+              "v -0.997 -1.003 -1.007\nv 0.997 -1.003 -1.007\nv 0.997 1.003 -1.007\nv -0.997 1.003 -1.007\n"
+              "v -0.997 -1.003 1.007\nv 0.997 -1.003 1.007\nv 0.997 1.003 1.007\nv -0.997 1.003 1.007\n"
+              "f 4 3 2 1\nf 5 6 7 8\nf 1 2 6 5\nf 2 3 7 6\nf 3 4 8 7\nf 4 1 5 8\n")
           .string();
+  const Double3 kHalf = {0.997, 1.003, 1.007};
   const std::string out = (folder / "o.vdb").string();
   const CommandResult made = run({"field", box, "-o", out, "--resolution", "0.02", "--band", "4"});
   CAPTURE(made.errors);
@@ -51,7 +54,7 @@ TEST_CASE("field: OpenVDB finds the distances of a box, signs to the depth of it
     Double3 beyond{};
     double deepest = -10.0;
     for (std::size_t k = 0; k < 3; ++k) {
-      const double over = std::fabs(p[static_cast<int>(k)]) - 1.0;
+      const double over = std::fabs(p[static_cast<int>(k)]) - kHalf[k];
       beyond[k] = std::max(0.0, over);
       deepest = std::max(deepest, over);
     }

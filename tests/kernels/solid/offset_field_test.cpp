@@ -110,7 +110,7 @@ TEST_CASE("offset: values and roots are those of a ball's parallel surfaces", "[
           const bool lower = c.radii.size() > 1 && best == 0;
           tilt = std::min(tilt, dot(wide(root->normal), unit(out)) * (lower ? -1.0 : 1.0));
         }
-    CHECK(worst < 0.02);  // a chord of a cell is 0.01 off
+    CHECK(worst < 0.03);  // a chord of a cell is 0.01 off, and roots keep a 64th off nodes
     CHECK(tilt > 0.99);
     for (const std::size_t h : hits) CHECK(h > 100);
   }

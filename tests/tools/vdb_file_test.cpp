@@ -50,7 +50,8 @@ TEST_CASE("vdb: what is written leaf by leaf is what OpenVDB reads", "[unit]") {
   file.inside = [&](const Int3& n) { return distance(n) < 0.0; };
   const test::TempFolder folder;
   const auto path = folder / "ball.vdb";
-  CHECK(write_level_set(path, file) == std::filesystem::file_size(path));
+  const std::uint64_t bytes = write_level_set(path, file);
+  CHECK(bytes == std::filesystem::file_size(path));
 
   openvdb::initialize();
   openvdb::io::File in(path.string());
