@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
-#include <fstream>
 
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
@@ -12,6 +11,7 @@
 #include "octree/error.h"
 #include "octree/vector.h"
 #include "stream/check/truth_features.h"
+#include "stream/files/durable_file.h"
 #include "stream/files/vertex_store.h"
 #include "stream/runtime/parallel.h"
 
@@ -249,12 +249,10 @@ nlohmann::json to_json(const DeviationStats& stats, double h) {
 TruthFile read_truth(const std::filesystem::path& path) {
   if (!std::filesystem::is_regular_file(path))
     throw InputError(path.string() + ": is no file; name the .truth.json that `tessera synth` wrote");
-  std::ifstream file(path);
-  if (!file)
-    throw InputError(path.string() + ": cannot be read; name the .truth.json that `tessera synth` wrote");
+  const std::string text = read_text(path);
   TruthFile truth;
   try {
-    const nlohmann::json j = nlohmann::json::parse(file);
+    const nlohmann::json j = nlohmann::json::parse(text);
     if (j.at("schema").get<int>() != 1) {
       throw InputError(path.string() + ": schema " + j.at("schema").dump() + " is not known to this version");
     }

@@ -1,13 +1,13 @@
 #include "stream/page/report_page.h"
 
 #include <algorithm>
-#include <fstream>
 
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
 #include "kernels/picture/caption.h"
 #include "octree/error.h"
+#include "stream/files/durable_file.h"
 #include "stream/files/output_file.h"
 #include "stream/files/path_text.h"
 #include "stream/files/scratch_folder.h"
@@ -29,8 +29,7 @@ constexpr std::uint64_t kMostPicture = std::uint64_t{64} << 20;  // bytes of a f
 std::string file_bytes(const fs::path& path) {
   std::error_code error;
   if (!fs::is_regular_file(path, error) || fs::file_size(path, error) > kMostPicture || error) return "";
-  std::ifstream file(path, std::ios::binary);
-  return {std::istreambuf_iterator<char>(file), {}};
+  return read_text(path);
 }
 
 /// What of the cap is left to one part.

@@ -1,6 +1,5 @@
 #include "stream/points/plan.h"
 
-#include <fstream>
 #include <nlohmann/json.hpp>
 
 #include "octree/error.h"
@@ -51,11 +50,12 @@ void Plan::save(const std::filesystem::path& file) const {
 }
 
 Plan Plan::load(const std::filesystem::path& file) {
-  std::ifstream in(file, std::ios::binary);
-  if (!in) throw InputError(file.string() + ": cannot be opened: the survey has not written it");
+  if (!std::filesystem::exists(file))
+    throw InputError(file.string() + ": cannot be opened: the survey has not written it");
+  const std::string text = read_text(file);
   Plan p;
   try {
-    const nlohmann::json j = nlohmann::json::parse(in);
+    const nlohmann::json j = nlohmann::json::parse(text);
     const int version = j.at("version").get<int>();
     if (version != kPlanVersion)
       throw InputError(file.string() + ": plan version " + std::to_string(version) + ", this tool reads " +

@@ -1,7 +1,6 @@
 #include "tools/frame/cli.h"
 
 #include <csignal>
-#include <fstream>
 #include <iostream>
 #include <new>
 
@@ -12,6 +11,7 @@
 #include <nlohmann/json.hpp>
 
 #include "octree/error.h"
+#include "stream/files/durable_file.h"
 #include "stream/files/system_reason.h"
 #include "stream/runtime/stop.h"
 #include "tools/frame/manual.h"
@@ -61,12 +61,12 @@ std::string unknown_words(const CLI::App& app) {
 
 /// Fills options that the line did not give.
 void apply_job_file(const CLI::App& line, const OptionTable& options, const std::filesystem::path& path) {
-  std::ifstream file(path);
-  if (!file || std::filesystem::is_directory(path))
+  if (!std::filesystem::is_regular_file(path))
     throw InputError(fmt::format("{}: cannot read the job file; name a file of JSON", path.string()));
+  const std::string text = read_text(path);
   nlohmann::json job;
   try {
-    file >> job;
+    job = nlohmann::json::parse(text);
   } catch (const nlohmann::json::exception& e) {
     throw InputError(fmt::format("{}: not valid JSON: {}", path.string(), e.what()));
   }

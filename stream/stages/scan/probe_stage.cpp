@@ -9,6 +9,7 @@
 #include "kernels/points/spacing.h"
 #include "octree/error.h"
 #include "stream/files/direct_file.h"
+#include "stream/files/durable_file.h"
 #include "stream/files/read_file.h"
 #include "stream/files/task_files.h"
 #include "stream/points/reconstruct_options.h"
@@ -51,9 +52,8 @@ void save_json(const std::filesystem::path& path, const json& j) {
 }
 
 json load_json(const std::filesystem::path& path) {
-  std::ifstream in(path);
-  if (!in) throw InputError(path.string() + ": missing; run again with --force");
-  const json j = json::parse(in, nullptr, false);
+  if (!std::filesystem::exists(path)) throw InputError(path.string() + ": missing; run again with --force");
+  const json j = json::parse(read_text(path), nullptr, false);
   if (j.is_discarded()) throw InputError(path.string() + ": damaged; run again with --force");
   return j;
 }

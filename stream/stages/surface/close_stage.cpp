@@ -8,6 +8,7 @@
 #include "kernels/closing/sign_flow.h"
 #include "octree/error.h"
 #include "stream/files/direct_file.h"
+#include "stream/files/durable_file.h"
 #include "stream/files/read_file.h"
 #include "stream/files/task_files.h"
 #include "stream/points/closing_store.h"
@@ -330,8 +331,7 @@ HolesMode::HolesMode(const std::string& text) {
 
 ClosingOptions load_closing_options(const std::filesystem::path& work) {
   const std::filesystem::path path = work / kDecisionFile;
-  std::ifstream file(path);
-  const json decision = json::parse(file, nullptr, false);
+  const json decision = json::parse(read_text(path), nullptr, false);
   if (decision.is_discarded() || !decision.contains("high"))
     throw InputError(path.string() + ": not what the close stage wrote; run again with --force");
   ClosingOptions options;
