@@ -211,9 +211,14 @@ std::uint64_t mend_flat_faces(MeshBlock& block) {
 }
 
 std::uint64_t drop_flat_islands(MeshBlock& block) {
-  std::vector<std::uint8_t> gone(block.faces.size());
+  std::vector<std::uint8_t> gone;  // as a rule there is none
   std::uint64_t dropped = 0;
-  for (std::size_t f = 0; f < gone.size(); ++f) dropped += gone[f] = is_island(block, f);
+  for (std::size_t f = 0; f < block.faces.size(); ++f) {
+    if (!is_island(block, f)) continue;
+    gone.resize(block.faces.size());
+    gone[f] = 1;
+    ++dropped;
+  }
   if (dropped > 0) keep_rest(block, gone);
   return dropped;
 }

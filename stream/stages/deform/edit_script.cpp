@@ -8,6 +8,7 @@
 
 #include "octree/error.h"
 #include "stream/files/durable_file.h"
+#include "stream/files/json_text.h"
 #include "stream/files/read_file.h"
 #include "stream/runtime/option_table.h"
 
@@ -22,15 +23,7 @@ class Reader {
 
   [[noreturn]] void fail(const std::string& what) const { throw InputError(name_ + ": " + what); }
 
-  json parsed(const std::string& text) const {
-    try {
-      return json::parse(text);
-    } catch (const json::parse_error& e) {
-      fail("no JSON at byte " + std::to_string(e.byte));
-    } catch (const json::out_of_range&) {
-      fail("a number in it is larger than any that can be computed with");
-    }
-  }
+  json parsed(const std::string& text) const { return parse_json(text, name_); }
 
   void known(const json& object, const std::string& what, const std::vector<std::string>& keys) const {
     if (!object.is_object()) fail(what + " is an object");

@@ -7,6 +7,7 @@
 #include "kernels/solid/swept_tool.h"
 #include "octree/error.h"
 #include "stream/files/durable_file.h"
+#include "stream/files/json_text.h"
 #include "stream/stages/solid/csg_job.h"
 
 namespace tessera {
@@ -102,15 +103,7 @@ class SceneFile {
     if (std::find(open_.begin(), open_.end(), real) != open_.end())
       throw InputError(file.string() + ": the scene holds itself");
     open_.push_back(real);
-    json root;
-    try {
-      root = json::parse(read_text(file));
-    } catch (const json::parse_error& e) {
-      throw InputError(file.string() + ": no JSON at byte " + std::to_string(e.byte));
-    } catch (const json::out_of_range&) {
-      throw InputError(file.string() + ": a number in it is larger than any that can be computed with");
-    }
-    node(root, outer);
+    node(parse_json(read_text(file), file.string()), outer);
     open_.pop_back();
   }
 

@@ -1,7 +1,6 @@
 #include "stream/stages/solid/field_job.h"
 
 #include <nlohmann/json.hpp>
-#include <numeric>
 
 #include "stream/page/report_page.h"
 #include "stream/runtime/report.h"
@@ -28,11 +27,7 @@ OptionTable option_table(FieldJobOptions& o) {
 }
 
 JobDescription field_job(const FieldJobOptions& options) {
-  SolidModel model;
-  std::vector<std::size_t> inputs(options.meshes);
-  std::iota(inputs.begin(), inputs.end(), std::size_t{0});
-  model.meshes.push_back({std::move(inputs)});
-  model.tree.push_operand(0);
+  SolidModel model = model_of_soup(options.meshes);
   model.resolution = options.resolution;
   model.band = options.band;
   std::vector<StageEntry> stages = solid_surface_stages(model);

@@ -97,12 +97,17 @@ std::vector<StageNeed> solid_needs(const JobState& state, std::size_t meshes) {
   return needs;
 }
 
-JobDescription resurface_job(const ResurfaceOptions& options) {
+SolidModel model_of_soup(std::size_t meshes) {
   SolidModel model;
-  std::vector<std::size_t> inputs(options.meshes);
+  std::vector<std::size_t> inputs(meshes);
   std::iota(inputs.begin(), inputs.end(), std::size_t{0});
   model.meshes.push_back({std::move(inputs)});
   model.tree.push_operand(0);
+  return model;
+}
+
+JobDescription resurface_job(const ResurfaceOptions& options) {
+  SolidModel model = model_of_soup(options.meshes);
   apply(options, model);
   JobDescription job{"resurface", solid_stages(model, options.min_component, "tessera resurface"),
                      0,           summarise_solids,

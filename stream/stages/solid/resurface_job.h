@@ -21,6 +21,8 @@ struct SolidSurfaceOptions {
 };
 void add_surface_options(OptionTable& table, SolidSurfaceOptions& options);
 void apply(const SolidSurfaceOptions& options, SolidModel& model);
+/// All inputs, together one soup.
+SolidModel model_of_soup(std::size_t meshes);
 
 struct ResurfaceOptions : SolidSurfaceOptions {
   std::uint64_t meshes = 1;  ///< how many inputs: part of the job, since its stages follow from it
