@@ -49,10 +49,7 @@ bool mark_moves(const std::vector<LeafFit>& fits, const std::vector<RimNode>& ri
   BandLeaf& leaf = field.leaves[l];
   bool any = false;
   for (std::size_t axis = 0; axis < 3; ++axis) {
-    Int3 after = leaf.origin;
-    after[axis] += kLeafCells;
-    const BandLeaf* other =
-        after[axis] <= field.cells[axis] ? field.leaf_at(after[0], after[1], after[2]) : nullptr;
+    const BandLeaf* other = field.leaf_after(leaf, axis);
     const LeafFit* fit_after = other ? &fits[static_cast<std::size_t>(other - field.leaves.data())] : nullptr;
     const std::size_t step = axis == 0 ? 1 : axis == 1 ? 8 : 64;
     if (!has_rims(fits[l]) && !(fit_after && has_rims(*fit_after))) continue;

@@ -60,6 +60,13 @@ struct DirectedField {
     return leaf < 0 ? nullptr : &leaves[static_cast<std::size_t>(leaf)];
   }
 
+  /// The next leaf along an axis; null where the field ends or the band is not.
+  const BandLeaf* leaf_after(const BandLeaf& leaf, std::size_t axis) const {
+    Int3 after = leaf.origin;
+    after[axis] += kLeafCells;
+    return after[axis] <= cells[axis] ? leaf_at(after[0], after[1], after[2]) : nullptr;
+  }
+
   static constexpr int word(int k) { return k & 7; }
   static constexpr int bit(int i, int j) { return (i & 7) + 8 * (j & 7); }
 

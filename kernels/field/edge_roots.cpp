@@ -153,15 +153,9 @@ void find_roots(const std::vector<LeafFit>& fits, const std::vector<Sheets>& she
   for (std::size_t l = 0; l < field.leaves.size(); ++l) {
     BandLeaf& leaf = field.leaves[l];
     for (std::size_t axis = 0; axis < 3; ++axis) {
-      Int3 after = leaf.origin;
-      after[axis] += kLeafCells;
-      std::int32_t next = -1;
-      if (after[axis] <= field.cells[axis]) {
-        const BandLeaf* found = field.leaf_at(after[0], after[1], after[2]);
-        if (found) next = static_cast<std::int32_t>(found - field.leaves.data());
-      }
-      const BandLeaf* other = next < 0 ? nullptr : &field.leaves[static_cast<std::size_t>(next)];
-      const LeafFit* fit_after = next < 0 ? nullptr : &fits[static_cast<std::size_t>(next)];
+      const BandLeaf* other = field.leaf_after(leaf, axis);
+      const std::int32_t next = other ? static_cast<std::int32_t>(other - field.leaves.data()) : -1;
+      const LeafFit* fit_after = other ? &fits[static_cast<std::size_t>(next)] : nullptr;
       for (std::size_t z = 0; z < 8; ++z) {
         const std::uint64_t both =
             fits[l].valid[z] & shifted(fits[l].valid, fit_after ? fit_after->valid : kNone, axis, z);

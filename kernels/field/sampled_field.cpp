@@ -82,10 +82,7 @@ class Builder {
   void find_roots(std::size_t l, std::size_t axis) {
     BandLeaf& leaf = field_.leaves[l];
     const std::size_t step = axis == 0 ? 1 : axis == 1 ? 8 : 64;
-    Int3 after = leaf.origin;
-    after[axis] += kLeafCells;
-    const BandLeaf* beyond =
-        after[axis] <= field_.cells[axis] ? field_.leaf_at(after[0], after[1], after[2]) : nullptr;
+    const BandLeaf* beyond = field_.leaf_after(leaf, axis);
     const LeafWords valid = leaf.valid();
     for (std::size_t z = 0; z < 8; ++z) {
       leaf.first_root[axis][z] = static_cast<std::uint32_t>(field_.roots.size());

@@ -125,10 +125,7 @@ class Builder {
   void find_roots(std::size_t l, std::size_t axis, std::size_t& cursor) {
     BandLeaf& leaf = field_.leaves[l];
     const std::size_t step = axis == 0 ? 1 : axis == 1 ? 8 : 64;
-    Int3 after = leaf.origin;
-    after[axis] += kLeafCells;
-    const BandLeaf* other =
-        after[axis] <= field_.cells[axis] ? field_.leaf_at(after[0], after[1], after[2]) : nullptr;
+    const BandLeaf* other = field_.leaf_after(leaf, axis);
     const std::size_t next = other ? static_cast<std::size_t>(other - field_.leaves.data()) : l;
     const LeafWords valid = leaf.valid();
     const auto base = static_cast<std::uint32_t>((slot_[l] * 3 + axis) * kLeafNodes);
