@@ -1,13 +1,18 @@
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <cmath>
 #include <memory>
 #include <nlohmann/json.hpp>
 
 #include "octree/error.h"
 #include "stream/files/durable_file.h"
+#include "stream/files/json_text.h"
 #include "stream/files/scratch_folder.h"
 #include "stream/points/plan.h"
+#include "stream/queue/makespan.h"
 #include "stream/runtime/memory_budget.h"
+#include "stream/runtime/report.h"
 #include "stream/runtime/work_dir.h"
 #include "stream/stages/reconstruct/forecast.h"
 #include "stream/stages/reconstruct/reconstruct_job.h"
@@ -104,7 +109,98 @@ void print_site_plan(const Plan& plan, const Forecast& forecast, const JobState&
   require_site(site, forecast, state, cli::Site(folder, "--tiles").tileset());
 }
 
-void run(const ReconstructOptions& options, JobState state, const fs::path& tiles) {
+struct Simulation {
+  std::vector<std::string> nodes;
+  fs::path measured;
+  std::uint64_t io_rate = 0;
+  double points = 0.0;
+
+  /// \throws UsageError  one that lacks another, or no number of nodes
+  void check() const {
+    if (nodes.empty() != measured.empty())
+      throw UsageError(
+          "--nodes and --measured go together: the times of stages come from the report of a job that ran");
+    if (nodes.empty() && (io_rate > 0 || points > 0.0))
+      throw UsageError("--io-rate and --points are for --nodes 1,8,64 --measured REPORT");
+    counts();
+  }
+  std::vector<int> counts() const {
+    std::vector<int> numbers;
+    for (const std::string& word : nodes) {
+      const std::vector<double> n = numbers_of(word, 1);
+      if (n.empty() || n[0] < 1 || n[0] > kMostNodes || n[0] != std::floor(n[0]))
+        throw UsageError(
+            fmt::format("--nodes {}: whole numbers from 1 to {}, with commas", word, kMostNodes));
+      numbers.push_back(static_cast<int>(n[0]));
+    }
+    return numbers;
+  }
+
+  static constexpr int kMostNodes = 100000;
+  static constexpr double kMostScaling = 1000.0;
+};
+
+OptionTable option_table(Simulation& s) {
+  OptionTable t("The same job on many machines");
+  t.add("nodes", &s.nodes, "tells how long it would take on so many machines, as 1,8,64; wants --measured")
+      .split()
+      .shown_as("LIST");
+  t.add("measured", &s.measured,
+        "report of a reconstruction with the same options that ran, of a part of the scan or of one like it")
+      .shown_as("REPORT");
+  t.add("io-rate", &s.io_rate, "bytes a second that the shared file system moves in all; default: no bound")
+      .bytes();
+  t.add("points", &s.points, "as if the scan had so many points, 1e10; 0 = those that it has").at_least(0);
+  return t;
+}
+
+/// What the report says of a stage that the plan has run, or that it is no report of a reconstruction.
+double measured_points(const nlohmann::json& report) {
+  const nlohmann::json survey = result_of(report, "survey");
+  if (!survey.is_object()) throw InputError("is no report of a reconstruction");
+  return survey.at("points").at("kept").get<double>();
+}
+
+void print_makespans(const Simulation& simulation, const Plan& plan, int threads) {
+  const std::string name = simulation.measured.string();
+  try {
+    const nlohmann::json report = parse_json(read_text(simulation.measured), name);
+    const double points = simulation.points > 0.0 ? simulation.points : static_cast<double>(plan.points());
+    const double measured = measured_points(report);
+    const std::vector<StageCost> stages = scaled(stage_costs(report), points / measured);
+    fmt::print(
+        "\n{:.3g} points on machines of {} threads, by the times of {} with {:.3g}; efficiency against one "
+        "core "
+        "that does it all\n",
+        points, threads, name, measured);
+    if (points > Simulation::kMostScaling * measured)
+      fmt::print(
+          "warning: what a job takes whatever its size was scaled {:.0f} times with the rest; measure a "
+          "larger "
+          "part\n",
+          points / measured);
+    fmt::print("{:>8}{:>12}{:>12}{:>12}{:>14}  {}\n", "nodes", "seconds", "efficiency", "serial", "busiest",
+               "longest steps");
+    for (const int nodes : simulation.counts()) {
+      const Cluster cluster{nodes, threads, static_cast<double>(simulation.io_rate)};
+      Makespan told = makespan(stages, plan_job().only_stages, cluster, {});
+      fmt::print("{:>8}{:>12.1f}{:>12.2f}{:>12.1f}{:>12}/s ", nodes, told.seconds, told.efficiency,
+                 told.serial_seconds, format_bytes(static_cast<std::uint64_t>(told.busiest_io)));
+      std::stable_sort(told.steps.begin(), told.steps.end(),
+                       [](const StepSpan& a, const StepSpan& b) { return a.seconds > b.seconds; });
+      told.steps.resize(std::min<std::size_t>(3, told.steps.size()));
+      for (const StepSpan& span : told.steps)
+        fmt::print(" {} {:.0f} s ({})", span.step.name, span.seconds, span.bound);
+      fmt::print("\n");
+    }
+  } catch (const nlohmann::json::exception& e) {
+    throw InputError(fmt::format("{}: is no report of a reconstruction ({})", name, e.what()));
+  }
+}
+
+void run(const ReconstructOptions& options, JobState state, const fs::path& tiles,
+         const Simulation& simulation) {
+  simulation.check();
   HolesMode{options.holes};  // told before anything is measured
   if (!tiles.empty()) cli::Site(tiles, "--tiles").check(state);
   std::unique_ptr<ScratchFolder> scratch;
@@ -124,6 +220,7 @@ void run(const ReconstructOptions& options, JobState state, const fs::path& tile
   print_plan(plan, forecast, options, state, report);
   state.work = work;
   if (!tiles.empty()) print_site_plan(plan, forecast, state, tiles);
+  if (!simulation.nodes.empty()) print_makespans(simulation, plan, state.run.threads);
   if (!state.run.report.empty()) {
     nlohmann::json told = plan.to_json();
     told.update(forecast.to_json());
@@ -139,11 +236,15 @@ void run(const ReconstructOptions& options, JobState state, const fs::path& tile
 
 cli::Command plan_command() {
   const auto tiles = std::make_shared<fs::path>();
+  const auto simulation = std::make_shared<Simulation>();
   cli::Command command = cli::job_command<ReconstructOptions>(
       "plan", "What reconstruct will do: points, resolution, tasks, memory, disk, time.",
       "the mesh that reconstruct will write: the plan is kept in its work directory, for it and for task",
-      [tiles](const ReconstructOptions& options, const JobState& state) { run(options, state, *tiles); });
+      [tiles, simulation](const ReconstructOptions& options, const JobState& state) {
+        run(options, state, *tiles, *simulation);
+      });
   cli::add_tiles(command.options, *tiles);
+  command.options.append(option_table(*simulation));
   return command;
 }
 

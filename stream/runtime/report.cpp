@@ -77,6 +77,14 @@ nlohmann::json make_report(const JobState& state, const nlohmann::json& identity
   std::uint64_t peak = figures.peak_bytes;
   for (const StageRecords& records : done) {
     nlohmann::json stage = records.finish.stage_stats;
+    double sum = 0.0, longest = 0.0;
+    for (const TaskRecord& task : records.tasks) {
+      sum += task.seconds;
+      longest = std::max(longest, task.seconds);
+    }
+    stage["tasks_s"] = sum;
+    stage["longest_task_s"] = longest;
+    stage["end_s"] = records.finish.seconds;
     stage["result"] = records.finish.summary;
     for (const nlohmann::json& w : warnings_of(records.finish.summary)) warnings.push_back(w);
     peak = std::max(peak, stage.value("peak_bytes", std::uint64_t{0}));

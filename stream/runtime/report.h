@@ -28,7 +28,7 @@ nlohmann::json warnings_of(const nlohmann::json& entry);
 
 /// Keys: schema, tool, version, command, finished, machine, job (hash), options, inputs, run, wall_s, cpu_s,
 /// peak_bytes, memory_cap_bytes, output {path, bytes, xxh3}, beside [{path, bytes, xxh3}], stages: a list of {name, tasks, tasks_resumed,
-/// wall_s, cpu_s, peak_bytes, bytes_read, bytes_written, units, unit, result: what the stage reports}. A job with a page adds page {path, seconds, cpu_s}; one that was refused after
+/// wall_s, cpu_s, tasks_s, longest_task_s, end_s (wall seconds of all tasks one after the other, of the longest, of the end), peak_bytes, bytes_read, bytes_written, units, unit, result: what the stage reports}. A job with a page adds page {path, seconds, cpu_s}; one that was refused after
 /// stages were committed has refused {code, meaning, message}, and of the output the path alone.
 nlohmann::json make_report(const JobState& state, const nlohmann::json& identity,
                            const std::vector<StageRecords>& done,

@@ -12,7 +12,7 @@ using namespace tessera::test;
 TEST_CASE("README: its options are those of the commands, word for word", "[pipeline]") {
   std::set<std::string> known;
   for (const char* command : {"reconstruct", "smooth", "decimate", "remesh", "resurface", "csg", "field",
-                              "deform", "merge", "tiles", "submit"}) {
+                              "deform", "merge", "plan", "tiles", "submit"}) {
     const Outcome r = shell(std::string(TESSERA_BINARY " ") + command + " --markdown");
     REQUIRE(r.code == 0);
     std::istringstream rows(r.said);

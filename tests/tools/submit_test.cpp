@@ -126,6 +126,34 @@ TEST_CASE("status: of a job on one machine, by its journal alone", "[pipeline]")
   CHECK_THAT(tessera_in(folder, "status out.ply.tessera").said, Catch::Contains("out.ply.report.json"));
 }
 
+TEST_CASE("plan: how long many machines would take, by the report of a job that ran", "[pipeline]") {
+  const TempFolder folder;
+  scan_into(folder, "--points 20k --normals");
+  REQUIRE(tessera_in(folder, "reconstruct scan.ply -o out.ply --no-html -q").code == 0);
+  const auto plan = [&](const std::string& words) {
+    return tessera_in(folder, "plan scan.ply -q --threads 1 " + words);
+  };
+  const Outcome told = plan("--measured out.ply.report.json --nodes 1,64 --points 1e9 --io-rate 1G");
+  INFO(told.said);
+  REQUIRE(told.code == 0);
+  double one = 0.0, many = 0.0;
+  const std::size_t table = told.said.find("1e+09 points");
+  REQUIRE(table != std::string::npos);
+  REQUIRE(std::sscanf(told.said.c_str() + told.said.find("\n       1 ", table), " 1 %lf", &one) == 1);
+  REQUIRE(std::sscanf(told.said.c_str() + told.said.find("\n      64 ", table), " 64 %lf", &many) == 1);
+  CHECK(many > 0.0);
+  CHECK(one > many);
+  CHECK_THAT(told.said, Catch::Contains("measure a larger part"));
+  CHECK(plan("--nodes 8").code == 2);
+  CHECK(plan("--measured out.ply.report.json").code == 2);
+  CHECK(plan("--points 1e9").code == 2);
+  CHECK(plan("--measured out.ply.report.json --nodes 0").code == 2);
+  CHECK(plan("--measured out.ply.report.json --nodes 1,x").code == 2);
+  CHECK(plan("--measured out.ply --nodes 2").code == 3);
+  REQUIRE(tessera_in(folder, "decimate out.ply -o less.ply --tolerance 0.1 --no-html -q").code == 0);
+  CHECK(plan("--measured less.ply.report.json --nodes 2").code == 3);
+}
+
 TEST_CASE("submit: jobs of every kind through the queue, the same bytes as here", "[slurm]") {
   NEEDS_SLURM();
   const SlurmCluster cluster;
