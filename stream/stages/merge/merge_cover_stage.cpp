@@ -6,7 +6,7 @@
 #include "kernels/mesh/mesh_block_ops.h"
 #include "stream/files/direct_file.h"
 #include "stream/files/external_sort.h"
-#include "stream/files/read_file.h"
+#include "stream/files/record_file.h"
 #include "stream/files/task_files.h"
 #include "stream/meshes/store_write_stage.h"
 #include "stream/stages/merge/merge_stages.h"
@@ -103,7 +103,6 @@ class CoverStage : public Stage {
 
   json finish(const std::vector<json>& summaries, TaskContext& context) const override {
     ExternalSort<std::uint64_t> sort(state_.work, sort_bytes(state_.run));
-    std::vector<std::uint64_t> page(kPage);
     std::uint64_t stay = 0, band = 0, covered = 0;
     std::vector<std::uint8_t> touched(meshes_.count(), 0);
     for (std::size_t t = 0; t < tasks_.size(); ++t) {
@@ -112,13 +111,9 @@ class CoverStage : public Stage {
       band += count("band");
       covered += count("covered");
       if (count("band") + count("covered") > 0) touched[tasks_[t].rank] = 1;
-      const ReadFile file(state_.work / leaves_part(t));
-      for (std::uint64_t at = 0; at < file.size();) {
-        const std::uint64_t bytes = std::min<std::uint64_t>(kPage * sizeof(std::uint64_t), file.size() - at);
-        file.read_at(at, page.data(), bytes);
-        at += bytes;
-        for (std::size_t i = 0; i < bytes / sizeof(std::uint64_t); ++i) sort.add(page[i]);
-      }
+      for_each_page<std::uint64_t>(state_.work / leaves_part(t), kPage, [&](auto page) {
+        for (const std::uint64_t key : page) sort.add(key);
+      });
     }
     PackedWriter out(context.create(kLeavesFile), kLeavesKind);
     std::vector<Section> sections;

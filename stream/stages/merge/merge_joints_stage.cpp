@@ -4,7 +4,7 @@
 
 #include "stream/files/direct_file.h"
 #include "stream/files/external_sort.h"
-#include "stream/files/read_file.h"
+#include "stream/files/record_file.h"
 #include "stream/files/task_files.h"
 #include "stream/meshes/store_write_stage.h"
 #include "stream/stages/merge/merge_stages.h"
@@ -89,18 +89,13 @@ class JointsStage : public Stage {
 
   json finish(const std::vector<json>& summaries, TaskContext& context) const override {
     ExternalSort<JointEdge> sort(state_.work, sort_bytes(state_.run));
-    std::vector<JointEdge> page(kPage);
     std::uint64_t borders = 0, joints = 0;
     for (std::size_t t = 0; t < tasks_.size(); ++t) {
       borders += summaries[t].at("borders").get<std::uint64_t>();
       joints += summaries[t].at("joints").get<std::uint64_t>();
-      const ReadFile file(state_.work / part(t));
-      for (std::uint64_t at = 0; at < file.size();) {
-        const std::uint64_t bytes = std::min<std::uint64_t>(kPage * sizeof(JointEdge), file.size() - at);
-        file.read_at(at, page.data(), bytes);
-        at += bytes;
-        for (std::size_t i = 0; i < bytes / sizeof(JointEdge); ++i) sort.add(page[i]);
-      }
+      for_each_page<JointEdge>(state_.work / part(t), kPage, [&](auto page) {
+        for (const JointEdge& edge : page) sort.add(edge);
+      });
     }
     PackedWriter out(context.create(kJointsFile), kJointsKind);
     std::vector<Section> sections;

@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 
 #include "octree/error.h"
+#include "stream/files/record_file.h"
 #include "stream/files/task_files.h"
 #include "stream/formats/vdb_file.h"
 #include "stream/stages/decimate/simplify_stage.h"
@@ -131,21 +132,19 @@ class GridStage : public Stage {
     std::vector<Place> places;
     origins.reserve(leaves_), places.reserve(leaves_);
     std::uint64_t nodes = 0;
-    std::vector<LevelSetLeaf> page(kPage);
     for (const auto& path : files_) {
-      const ReadFile& file = open.emplace_back(path);
-      for (std::uint64_t at = 0; at < file.size();) {
+      open.emplace_back(path);
+      std::uint64_t at = 0;
+      for_each_page<LevelSetLeaf>(path, kPage, [&](auto page) {
         context.check_stop();
-        const std::uint64_t bytes = std::min<std::uint64_t>(kPage * sizeof(LevelSetLeaf), file.size() - at);
-        file.read_at(at, page.data(), bytes);
-        for (std::size_t i = 0; i < bytes / sizeof(LevelSetLeaf); ++i) {
-          origins.push_back(page[i].origin);
-          places.push_back({static_cast<std::uint32_t>(open.size() - 1), at + i * sizeof(LevelSetLeaf)});
-          for (const std::uint64_t word : page[i].active)
+        for (const LevelSetLeaf& leaf : page) {
+          origins.push_back(leaf.origin);
+          places.push_back({static_cast<std::uint32_t>(open.size() - 1), at});
+          at += sizeof(LevelSetLeaf);
+          for (const std::uint64_t word : leaf.active)
             nodes += static_cast<std::uint64_t>(std::popcount(word));
         }
-        at += bytes;
-      }
+      });
     }
     if (origins.empty())
       throw EmptyError("no node of the lattice lies near a surface; try a smaller --resolution");

@@ -8,6 +8,7 @@
 #include "stream/files/durable_file.h"
 #include "stream/files/external_sort.h"
 #include "stream/files/packed_file.h"
+#include "stream/files/record_file.h"
 #include "stream/files/task_files.h"
 #include "stream/import/import_stages.h"
 #include "stream/meshes/patch_runs.h"
@@ -246,17 +247,12 @@ class LinesStage : public Stage {
                       const std::string& to, const PackedKind& kind, Less less, const Join& join,
                       const Keep& keep, TaskContext& context) const {
     ExternalSort<Record, Less> sort(state_.work, kSortBytes, less);
-    std::vector<Record> page(kPage);
     for (std::size_t t = 0; t < tasks_.size(); ++t) {
       if (summaries[t].at("operand") != operand) continue;
-      const ReadFile file(state_.work / part(t, extension));
-      for (std::uint64_t at = 0; at < file.size();) {
+      for_each_page<Record>(state_.work / part(t, extension), kPage, [&](auto page) {
         context.check_stop();
-        const std::uint64_t bytes = std::min<std::uint64_t>(page.size() * sizeof(Record), file.size() - at);
-        file.read_at(at, page.data(), bytes);
-        at += bytes;
-        for (std::size_t i = 0; i < bytes / sizeof(Record); ++i) sort.add(page[i]);
-      }
+        for (const Record& record : page) sort.add(record);
+      });
     }
     PackedWriter out(context.create(to), kind);
     std::vector<Section> sections;
