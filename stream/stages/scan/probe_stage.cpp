@@ -1,8 +1,10 @@
 #include "stream/stages/scan/probe_stage.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <fstream>
+#include <limits>
 #include <nlohmann/json.hpp>
 #include <string>
 
@@ -74,6 +76,43 @@ class MeasuringStage : public Stage {
   std::shared_ptr<const PointInputs> inputs_;
 };
 
+/// Squared distances to the nearest of some points, the least first.
+class NearestSquares {
+ public:
+  /// \param rank  of the farthest that is wanted, from 0; below the number of points
+  NearestSquares(const std::vector<Double3>& points, std::size_t rank) : rank_(rank) {
+    for (std::size_t a = 0; a < 3; ++a) {
+      axis_[a].resize((points.size() + kBatch - 1) / kBatch * kBatch,
+                      std::numeric_limits<double>::infinity());
+      for (std::size_t i = 0; i < points.size(); ++i) axis_[a][i] = points[i][a];
+    }
+  }
+
+  std::vector<double> of(const Double3& p) const {
+    std::vector<double> least(rank_ + 1, std::numeric_limits<double>::infinity());
+    for (std::size_t begin = 0; begin < axis_[0].size(); begin += kBatch) {
+      std::array<double, kBatch> squared{};
+      for (std::size_t a = 0; a < 3; ++a)
+        for (std::size_t i = 0; i < kBatch; ++i) {
+          const double d = p[a] - axis_[a][begin + i];
+          squared[i] += d * d;
+        }
+      for (const double d : squared)
+        if (d < least.back()) {
+          auto at = std::upper_bound(least.begin(), least.end(), d);
+          std::copy_backward(at, least.end() - 1, least.end());
+          *at = d;
+        }
+    }
+    return least;
+  }
+
+ private:
+  static constexpr std::size_t kBatch = 16;
+  std::size_t rank_;
+  std::array<std::vector<double>, 3> axis_;
+};
+
 class ProbeStage : public MeasuringStage {
  public:
   using MeasuringStage::MeasuringStage;
@@ -135,21 +174,12 @@ class ProbeStage : public MeasuringStage {
     ScaleHistogram nearest;
     ScaleHistogram eighth;
     const std::size_t queries = std::min(sample.size(), kProbeQueries);
-    const std::size_t rank = std::min(kRank, sample.size() - 1);
-    std::vector<double> squared(sample.size());
+    const NearestSquares squares(sample, std::min(kRank, sample.size() - 1));
     for (std::size_t i = 0; i < queries; ++i) {
-      for (std::size_t j = 0; j < sample.size(); ++j) {
-        double d = 0.0;
-        for (std::size_t a = 0; a < 3; ++a)
-          d += (sample[i][a] - sample[j][a]) * (sample[i][a] - sample[j][a]);
-        squared[j] = d;
-      }
       // Element 0 of the order is the point itself.
-      std::nth_element(squared.begin(), squared.begin() + static_cast<std::ptrdiff_t>(rank), squared.end());
-      eighth.add(std::sqrt(squared[rank]));
-      std::nth_element(squared.begin(), squared.begin() + 1,
-                       squared.begin() + static_cast<std::ptrdiff_t>(rank) + 1);
-      nearest.add(std::sqrt(squared[1]));
+      const std::vector<double> nearby = squares.of(sample[i]);
+      eighth.add(std::sqrt(nearby.back()));
+      nearest.add(std::sqrt(nearby[1]));
     }
     const double scale = std::sqrt(static_cast<double>(sample.size()) / static_cast<double>(points));
     const double eighth_95 = eighth.quantile(0.95) * std::min(1.0, scale);
