@@ -136,6 +136,157 @@ void split_synthetic(const MeshBlock& block, TileMesh& tile) {
   }
 }
 
+/// A tile on its way into a file: its vertices in the order in which the faces first use them.
+class GlbTile {
+ public:
+  explicit GlbTile(const TileMesh& tile) : tile_(tile), vertices_(tile.position.size()) {
+    order();
+    add_positions();
+    if (!tile.normal.empty()) add_normals();
+    if (!tile.rgba.empty()) add_colours();
+    if (!tile.synthetic.empty()) add_synthetic();
+    add_triangles();
+  }
+
+  std::string file() const {
+    std::string text = document().dump();
+    text.resize((text.size() + 3) / 4 * 4, ' ');
+    std::string file;
+    put_word(file, 0x46546c67);
+    put_word(file, 2);
+    put_word(file, 28 + text.size() + binary_.bytes.size());
+    put_word(file, text.size());
+    put_word(file, 0x4e4f534a);
+    file += text;
+    put_word(file, binary_.bytes.size());
+    put_word(file, 0x004e4942);
+    file.append(reinterpret_cast<const char*>(binary_.bytes.data()), binary_.bytes.size());
+    return file;
+  }
+
+ private:
+  /// Triangles as the codec of indices packs them best.
+  void order() {
+    std::vector<std::uint32_t> corners;
+    corners.reserve(3 * tile_.faces.size());
+    for (const auto& f : tile_.faces) corners.insert(corners.end(), f.begin(), f.end());
+    indices_.resize(corners.size());
+    meshopt_optimizeVertexCacheStrip(indices_.data(), corners.data(), corners.size(), vertices_);
+    place_.resize(vertices_);
+    meshopt_optimizeVertexFetchRemap(place_.data(), indices_.data(), indices_.size(), vertices_);
+    for (std::uint32_t& v : indices_) v = place_[v];
+  }
+
+  /// \param of  a vertex of the tile -> its element, a multiple of 4 bytes
+  template <class Of>
+  auto in_order(const Of& of) const {
+    std::vector<decltype(of(std::size_t{0}))> packed(vertices_);
+    for (std::size_t v = 0; v < vertices_; ++v) packed[place_[v]] = of(v);
+    return packed;
+  }
+
+  template <class Element>
+  json& add_attribute(const char* name, const std::vector<Element>& elements, Component type,
+                      const char* shape, const char* filter = nullptr) {
+    attributes_[name] = accessors_.size();
+    return add_accessor(binary_.add_attribute(elements.data(), vertices_, sizeof(Element), filter), type,
+                        vertices_, shape);
+  }
+  json& add_accessor(std::size_t view, Component type, std::size_t count, const char* shape) {
+    accessors_.push_back({{"bufferView", view}, {"componentType", type}, {"count", count}, {"type", shape}});
+    return accessors_.back();
+  }
+
+  void add_positions() {
+    std::array<std::uint32_t, 3> most = {0, 0, 0};
+    for (std::size_t v = 0; v < vertices_; ++v)
+      for (std::size_t k = 0; k < 3; ++k) most[k] = std::max(most[k], y_up(tile_, v)[k]);
+    const bool narrow = *std::max_element(most.begin(), most.end()) <= kNarrow;
+    const auto steps = [&](std::size_t v) {
+      const auto p = y_up(tile_, v);
+      return std::array<std::uint16_t, 4>{static_cast<std::uint16_t>(p[0]), static_cast<std::uint16_t>(p[1]),
+                                          static_cast<std::uint16_t>(p[2]), 0};
+    };
+    const auto floats = [&](std::size_t v) {
+      const auto p = y_up(tile_, v);
+      return Float3{static_cast<float>(p[0]), static_cast<float>(p[1]), static_cast<float>(p[2])};
+    };
+    json& accessor = narrow ? add_attribute("POSITION", in_order(steps), kUnsignedShort, "VEC3")
+                            : add_attribute("POSITION", in_order(floats), kFloat, "VEC3");
+    accessor.update({{"min", {0, 0, 0}}, {"max", most}});
+  }
+
+  void add_normals() {
+    const auto wanted = in_order([&](std::size_t v) {
+      const Double3& n = tile_.normal[v];
+      const bool none = n == Double3{0, 0, 0};  // of a vertex of faces without area: any direction will do
+      return std::array<float, 4>{static_cast<float>(n[0]), none ? 1.0f : static_cast<float>(n[2]),
+                                  static_cast<float>(-n[1]), 0.0f};
+    });
+    std::vector<std::array<std::int8_t, 4>> packed(vertices_);
+    meshopt_encodeFilterOct(packed.data(), vertices_, sizeof packed[0], 8, wanted[0].data());
+    add_attribute("NORMAL", packed, kByte, "VEC3", "OCTAHEDRAL")["normalized"] = true;
+  }
+
+  void add_colours() {
+    static const std::array<std::uint16_t, 256> linear = linear_table();
+    const auto colours = in_order([&](std::size_t v) {
+      const std::uint32_t c = tile_.rgba[v];
+      return std::array<std::uint16_t, 4>{linear[c & 255], linear[c >> 8 & 255], linear[c >> 16 & 255],
+                                          65535};
+    });
+    add_attribute("COLOR_0", colours, kUnsignedShort, "VEC4")["normalized"] = true;
+  }
+
+  /// As viewers of Tessera show it; others pass attributes over that begin with a line.
+  void add_synthetic() {
+    const auto marks = in_order([&](std::size_t v) {
+      return std::array<std::uint8_t, 4>{tile_.synthetic[v], 0, 0, 0};
+    });
+    add_attribute("_SYNTHETIC", marks, kUnsignedByte, "SCALAR");
+  }
+
+  void add_triangles() {
+    const bool small = vertices_ <= kNarrow;  // 65,535 itself is no index: it restarts strips
+    triangles_ = accessors_.size();
+    add_accessor(binary_.add_indices(indices_, vertices_, small ? 2 : 4),
+                 small ? kUnsignedShort : kUnsignedInt, indices_.size(), "SCALAR");
+  }
+
+  json document() const {
+    const auto along = [&](std::int64_t steps) { return static_cast<double>(steps) * tile_.grid.step; };
+    const json node = {{"mesh", 0},
+                       {"translation", {along(tile_.low[0]), along(tile_.low[2]), -along(tile_.high[1])}},
+                       {"scale", {tile_.grid.step, tile_.grid.step, tile_.grid.step}}};
+    const json extensions = {"EXT_meshopt_compression", "KHR_mesh_quantization"};
+    return {{"asset", {{"version", "2.0"}, {"generator", "Tessera"}}},
+            {"extensionsUsed", extensions},
+            {"extensionsRequired", extensions},
+            {"scene", 0},
+            {"scenes", {{{"nodes", {0}}}}},
+            {"nodes", {node}},
+            {"meshes",
+             {{{"primitives", {{{"attributes", attributes_}, {"indices", triangles_}, {"material", 0}}}}}}},
+            {"materials",
+             {{{"pbrMetallicRoughness", {{"metallicFactor", 0}, {"roughnessFactor", 1}}},
+               {"doubleSided", true}}}},
+            {"accessors", accessors_},
+            {"bufferViews", binary_.views},
+            {"buffers",
+             {{{"byteLength", binary_.bytes.size()}},
+              {{"byteLength", binary_.unpacked_bytes},
+               {"extensions", {{"EXT_meshopt_compression", {{"fallback", true}}}}}}}}};
+  }
+
+  const TileMesh& tile_;
+  std::size_t vertices_;
+  std::vector<std::uint32_t> indices_;  ///< of vertices in their new order
+  std::vector<std::uint32_t> place_;    ///< of each vertex in it
+  Binary binary_;
+  json attributes_, accessors_ = json::array();
+  std::size_t triangles_ = 0;  ///< accessor
+};
+
 }  // namespace
 
 TileMesh quantise_tile(const MeshBlock& block, const TileGrid& grid, std::vector<Double3> normal) {
@@ -184,121 +335,7 @@ std::vector<Double3> tile_normals(const MeshBlock& block, const MeshBlock& aroun
 }
 
 std::string tile_glb(const TileMesh& tile) {
-  const std::size_t vertices = tile.position.size();
-  // The order that the codec of indices packs best; then vertices in the order of their first use.
-  std::vector<std::uint32_t> corners;
-  corners.reserve(3 * tile.faces.size());
-  for (const auto& f : tile.faces) corners.insert(corners.end(), f.begin(), f.end());
-  std::vector<std::uint32_t> indices(corners.size());
-  meshopt_optimizeVertexCacheStrip(indices.data(), corners.data(), corners.size(), vertices);
-  std::vector<std::uint32_t> place(vertices);
-  meshopt_optimizeVertexFetchRemap(place.data(), indices.data(), indices.size(), vertices);
-  for (std::uint32_t& v : indices) v = place[v];
-
-  std::array<std::uint32_t, 3> most = {0, 0, 0};
-  for (std::size_t v = 0; v < vertices; ++v)
-    for (std::size_t k = 0; k < 3; ++k) most[k] = std::max(most[k], y_up(tile, v)[k]);
-  const bool narrow = *std::max_element(most.begin(), most.end()) <= kNarrow;
-
-  Binary binary;
-  json attributes, accessors = json::array();
-  const auto add_accessor = [&](std::size_t view, Component type, std::size_t count,
-                                const char* shape) -> json& {
-    accessors.push_back({{"bufferView", view}, {"componentType", type}, {"count", count}, {"type", shape}});
-    return accessors.back();
-  };
-  if (narrow) {
-    std::vector<std::array<std::uint16_t, 4>> packed(vertices);
-    for (std::size_t v = 0; v < vertices; ++v) {
-      const auto p = y_up(tile, v);
-      packed[place[v]] = {static_cast<std::uint16_t>(p[0]), static_cast<std::uint16_t>(p[1]),
-                          static_cast<std::uint16_t>(p[2]), 0};
-    }
-    attributes["POSITION"] = accessors.size();
-    add_accessor(binary.add_attribute(packed.data(), vertices, sizeof packed[0]), kUnsignedShort, vertices,
-                 "VEC3");
-  } else {
-    std::vector<Float3> packed(vertices);
-    for (std::size_t v = 0; v < vertices; ++v) {
-      const auto p = y_up(tile, v);
-      packed[place[v]] = {static_cast<float>(p[0]), static_cast<float>(p[1]), static_cast<float>(p[2])};
-    }
-    attributes["POSITION"] = accessors.size();
-    add_accessor(binary.add_attribute(packed.data(), vertices, sizeof packed[0]), kFloat, vertices, "VEC3");
-  }
-  accessors.back().update({{"min", {0, 0, 0}}, {"max", most}});
-  if (!tile.normal.empty()) {
-    std::vector<std::array<float, 4>> wanted(vertices);
-    for (std::size_t v = 0; v < vertices; ++v) {
-      const Double3& n = tile.normal[v];
-      const bool none = n == Double3{0, 0, 0};  // of a vertex of faces without area: any direction will do
-      wanted[place[v]] = {static_cast<float>(n[0]), none ? 1.0f : static_cast<float>(n[2]),
-                          static_cast<float>(-n[1]), 0.0f};
-    }
-    std::vector<std::array<std::int8_t, 4>> packed(vertices);
-    meshopt_encodeFilterOct(packed.data(), vertices, sizeof packed[0], 8, wanted[0].data());
-    attributes["NORMAL"] = accessors.size();
-    add_accessor(binary.add_attribute(packed.data(), vertices, sizeof packed[0], "OCTAHEDRAL"), kByte,
-                 vertices, "VEC3")["normalized"] = true;
-  }
-  if (!tile.rgba.empty()) {
-    static const std::array<std::uint16_t, 256> linear = linear_table();
-    std::vector<std::array<std::uint16_t, 4>> packed(vertices);
-    for (std::size_t v = 0; v < vertices; ++v) {
-      const std::uint32_t c = tile.rgba[v];
-      packed[place[v]] = {linear[c & 255], linear[c >> 8 & 255], linear[c >> 16 & 255], 65535};
-    }
-    attributes["COLOR_0"] = accessors.size();
-    add_accessor(binary.add_attribute(packed.data(), vertices, sizeof packed[0]), kUnsignedShort, vertices,
-                 "VEC4")["normalized"] = true;
-  }
-  if (!tile.synthetic
-           .empty()) {  // as viewers of Tessera show it; others pass attributes over that begin with a line
-    std::vector<std::array<std::uint8_t, 4>> packed(vertices);
-    for (std::size_t v = 0; v < vertices; ++v) packed[place[v]] = {tile.synthetic[v], 0, 0, 0};
-    attributes["_SYNTHETIC"] = accessors.size();
-    add_accessor(binary.add_attribute(packed.data(), vertices, sizeof packed[0]), kUnsignedByte, vertices,
-                 "SCALAR");
-  }
-  const bool small = vertices <= kNarrow;  // 65,535 itself is no index: it restarts strips
-  const std::size_t triangles = accessors.size();
-  add_accessor(binary.add_indices(indices, vertices, small ? 2 : 4), small ? kUnsignedShort : kUnsignedInt,
-               indices.size(), "SCALAR");
-
-  const auto along = [&](std::int64_t steps) { return static_cast<double>(steps) * tile.grid.step; };
-  const json node = {{"mesh", 0},
-                     {"translation", {along(tile.low[0]), along(tile.low[2]), -along(tile.high[1])}},
-                     {"scale", {tile.grid.step, tile.grid.step, tile.grid.step}}};
-  const json extensions = {"EXT_meshopt_compression", "KHR_mesh_quantization"};
-  const json all = {
-      {"asset", {{"version", "2.0"}, {"generator", "Tessera"}}},
-      {"extensionsUsed", extensions},
-      {"extensionsRequired", extensions},
-      {"scene", 0},
-      {"scenes", {{{"nodes", {0}}}}},
-      {"nodes", {node}},
-      {"meshes", {{{"primitives", {{{"attributes", attributes}, {"indices", triangles}, {"material", 0}}}}}}},
-      {"materials",
-       {{{"pbrMetallicRoughness", {{"metallicFactor", 0}, {"roughnessFactor", 1}}}, {"doubleSided", true}}}},
-      {"accessors", accessors},
-      {"bufferViews", binary.views},
-      {"buffers",
-       {{{"byteLength", binary.bytes.size()}},
-        {{"byteLength", binary.unpacked_bytes},
-         {"extensions", {{"EXT_meshopt_compression", {{"fallback", true}}}}}}}}};
-  std::string text = all.dump();
-  text.resize((text.size() + 3) / 4 * 4, ' ');
-  std::string file;
-  put_word(file, 0x46546c67);
-  put_word(file, 2);
-  put_word(file, 28 + text.size() + binary.bytes.size());
-  put_word(file, text.size());
-  put_word(file, 0x4e4f534a);
-  file += text;
-  put_word(file, binary.bytes.size());
-  put_word(file, 0x004e4942);
-  file.append(reinterpret_cast<const char*>(binary.bytes.data()), binary.bytes.size());
-  return file;
+  return GlbTile(tile).file();
 }
 
 }  // namespace tessera
