@@ -29,16 +29,50 @@ constexpr double kLine = 0.0025;
 constexpr float kNoPlane = 1.0f / 3.0f;  ///< the largest surface variation there is
 constexpr float kSupportCosine = 0.5f;   ///< supporters' normals lie within 60 degrees
 
-/// Candidates of one cube, positions relative to its corner so that sums stay small; padded to whole vectors.
+/// Candidates of one cube, positions relative to its corner so that sums stay small; padded to whole vectors. Groups of
+/// them have boxes: in Morton order they lie together, and most of them far from any one point.
 struct Candidates {
+  static constexpr std::size_t kGroup = 4 * kLanes;
+  struct Box {
+    alignas(16) std::array<float, 4> low, high;
+  };
   std::vector<float> x, y, z, nx, ny, nz;
-  void clear() { x.clear(), y.clear(), z.clear(), nx.clear(), ny.clear(), nz.clear(); }
+  std::vector<Box> boxes;
+
+  void clear() { x.clear(), y.clear(), z.clear(), nx.clear(), ny.clear(), nz.clear(), boxes.clear(); }
   void add(float px, float py, float pz, float ax, float ay, float az) {
     x.push_back(px), y.push_back(py), z.push_back(pz);
     nx.push_back(ax), ny.push_back(ay), nz.push_back(az);
   }
-  void pad() {
+  void finish() {
+    for (std::size_t begin = 0; begin < x.size(); begin += kGroup) {
+      Box box = {{x[begin], y[begin], z[begin], 0.0f}, {x[begin], y[begin], z[begin], 0.0f}};
+      for (std::size_t i = begin; i < std::min(begin + kGroup, x.size()); ++i) {
+        const float at[3] = {x[i], y[i], z[i]};
+        for (std::size_t a = 0; a < 3; ++a) {
+          box.low[a] = std::min(box.low[a], at[a]);
+          box.high[a] = std::max(box.high[a], at[a]);
+        }
+      }
+      boxes.push_back(box);
+    }
     while (x.size() % kLanes != 0) add(1e6f, 1e6f, 1e6f, 0, 0, 0);
+  }
+
+  /// Calls `use(first)` for the vectors of all groups of which something may lie within `radius` of p, in order.
+  template <class Use>
+  void for_each_vector(float px, float py, float pz, float radius, const Use& use) const {
+    constexpr float kRounding = 1.00001f;  // squares summed in another order stay within
+    const __m128 p = _mm_set_ps(0.0f, pz, py, px);
+    const __m128 limit = _mm_set_ss(radius * radius * kRounding);
+    for (std::size_t g = 0; g < boxes.size(); ++g) {
+      const __m128 below = _mm_sub_ps(_mm_load_ps(boxes[g].low.data()), p);
+      const __m128 above = _mm_sub_ps(p, _mm_load_ps(boxes[g].high.data()));
+      const __m128 away = _mm_max_ps(_mm_max_ps(below, above), _mm_setzero_ps());
+      if (_mm_comigt_ss(_mm_dp_ps(away, away, 0x71), limit)) continue;
+      const std::size_t end = std::min((g + 1) * kGroup, x.size());
+      for (std::size_t i = g * kGroup; i < end; i += kLanes) use(i);
+    }
   }
 };
 
@@ -66,47 +100,40 @@ Moments count_at(const Candidates& c, float px, float py, float pz, const Float3
   const __m256 vx = _mm256_set1_ps(px), vy = _mm256_set1_ps(py), vz = _mm256_set1_ps(pz);
   const __m256 ux = _mm256_set1_ps(n[0]), uy = _mm256_set1_ps(n[1]), uz = _mm256_set1_ps(n[2]);
   Moments m;
-  for (std::size_t i = 0; i < c.x.size(); i += kLanes) {
+  c.for_each_vector(px, py, pz, radius, [&](std::size_t i) {
     const __m256 dx = _mm256_sub_ps(_mm256_loadu_ps(&c.x[i]), vx);
     const __m256 dy = _mm256_sub_ps(_mm256_loadu_ps(&c.y[i]), vy);
     const __m256 dz = _mm256_sub_ps(_mm256_loadu_ps(&c.z[i]), vz);
     const __m256 d2 = _mm256_fmadd_ps(dx, dx, _mm256_fmadd_ps(dy, dy, _mm256_mul_ps(dz, dz)));
     const int in = _mm256_movemask_ps(_mm256_cmp_ps(d2, r2, _CMP_LT_OQ));
-    if (in == 0) continue;
+    if (in == 0) return;
     const __m256 dot = _mm256_fmadd_ps(
         ux, _mm256_loadu_ps(&c.nx[i]),
         _mm256_fmadd_ps(uy, _mm256_loadu_ps(&c.ny[i]), _mm256_mul_ps(uz, _mm256_loadu_ps(&c.nz[i]))));
     const int agree = in & _mm256_movemask_ps(_mm256_cmp_ps(dot, support, _CMP_GE_OQ));
     m.count += __builtin_popcount(static_cast<unsigned>(in));
     m.supporters += __builtin_popcount(static_cast<unsigned>(agree));
-  }
+  });
   return m;
 }
 
-/// Weighted moments of the candidates within `radius` of p, weight (1 - d^2/r^2)^2.
-Moments moments_at(const Candidates& c, float px, float py, float pz, const Float3& n, float radius) {
+/// Weighted moments of the candidates within `radius` of p, weight (1 - d^2/r^2)^2; nobody asks for supporters.
+Moments moments_at(const Candidates& c, float px, float py, float pz, float radius) {
   const __m256 r2 = _mm256_set1_ps(radius * radius);
   const __m256 inv_r2 = _mm256_set1_ps(1.0f / (radius * radius));
   const __m256 one = _mm256_set1_ps(1.0f);
-  const __m256 support = _mm256_set1_ps(kSupportCosine);
   const __m256 vx = _mm256_set1_ps(px), vy = _mm256_set1_ps(py), vz = _mm256_set1_ps(pz);
-  const __m256 ux = _mm256_set1_ps(n[0]), uy = _mm256_set1_ps(n[1]), uz = _mm256_set1_ps(n[2]);
   __m256 w = _mm256_setzero_ps(), sx = w, sy = w, sz = w, xx = w, xy = w, xz = w, yy = w, yz = w, zz = w;
   Moments m;
-  for (std::size_t i = 0; i < c.x.size(); i += kLanes) {
+  c.for_each_vector(px, py, pz, radius, [&](std::size_t i) {
     const __m256 dx = _mm256_sub_ps(_mm256_loadu_ps(&c.x[i]), vx);
     const __m256 dy = _mm256_sub_ps(_mm256_loadu_ps(&c.y[i]), vy);
     const __m256 dz = _mm256_sub_ps(_mm256_loadu_ps(&c.z[i]), vz);
     const __m256 d2 = _mm256_fmadd_ps(dx, dx, _mm256_fmadd_ps(dy, dy, _mm256_mul_ps(dz, dz)));
     const __m256 in = _mm256_cmp_ps(d2, r2, _CMP_LT_OQ);
     const int mask = _mm256_movemask_ps(in);
-    if (mask == 0) continue;
+    if (mask == 0) return;
     m.count += __builtin_popcount(static_cast<unsigned>(mask));
-    const __m256 dot = _mm256_fmadd_ps(
-        ux, _mm256_loadu_ps(&c.nx[i]),
-        _mm256_fmadd_ps(uy, _mm256_loadu_ps(&c.ny[i]), _mm256_mul_ps(uz, _mm256_loadu_ps(&c.nz[i]))));
-    const int agree = mask & _mm256_movemask_ps(_mm256_cmp_ps(dot, support, _CMP_GE_OQ));
-    m.supporters += __builtin_popcount(static_cast<unsigned>(agree));
     const __m256 q = _mm256_fnmadd_ps(d2, inv_r2, one);
     const __m256 weight = _mm256_and_ps(in, _mm256_mul_ps(q, q));
     w = _mm256_add_ps(w, weight);
@@ -122,7 +149,7 @@ Moments moments_at(const Candidates& c, float px, float py, float pz, const Floa
     yy = _mm256_fmadd_ps(wy, dy, yy);
     yz = _mm256_fmadd_ps(wy, dz, yz);
     zz = _mm256_fmadd_ps(wz, dz, zz);
-  }
+  });
   m.w = lane_sum(w);
   if (!(m.w > 0.0)) return m;
   m.mean = {lane_sum(sx) / m.w, lane_sum(sy) / m.w, lane_sum(sz) / m.w};
@@ -160,7 +187,7 @@ PointShape shape_at(const Candidates& c, float px, float py, float pz, const Flo
                     const NormalOptions& options) {
   const bool has_normal = !options.estimate && (given[0] != 0.0f || given[1] != 0.0f || given[2] != 0.0f);
   const Moments wide =
-      options.estimate ? moments_at(c, px, py, pz, given, radius) : count_at(c, px, py, pz, given, radius);
+      options.estimate ? moments_at(c, px, py, pz, radius) : count_at(c, px, py, pz, given, radius);
   PointShape shape;
   shape.normal = given;
   shape.neighbours = static_cast<std::uint16_t>(std::clamp(wide.count - 1, 0, 0xffff));
@@ -174,7 +201,7 @@ PointShape shape_at(const Candidates& c, float px, float py, float pz, const Flo
   Plane plane = fit_plane(wide);  // zero with the largest variation on a line
   shape.roughness = plane.variation;
   if (plane.variation > kBent) {
-    const Moments narrow = moments_at(c, px, py, pz, given, radius * 0.5f);
+    const Moments narrow = moments_at(c, px, py, pz, radius * 0.5f);
     if (narrow.count > 2 * kMinNeighbours) {
       const Plane closer = fit_plane(narrow);
       if (closer.variation < plane.variation) plane = closer;
@@ -279,7 +306,7 @@ std::vector<PointShape> estimate_shapes(const PointBlock& points, const NormalOp
           }
           i = end;
         }
-      into.pad();
+      into.finish();
     };
     const auto radius = static_cast<float>(options.radius_cells);
     for (Candidates* list : {&candidates, &wide, &ground, &wide_ground})
