@@ -20,8 +20,9 @@ namespace {
 
 using json = nlohmann::json;
 
-// Block of one brick: 42 bytes a point while loading, then shape, overlay record, candidates, orientation.
-constexpr std::uint64_t kBytesPerPoint = 42 + 28 + 8 + 55 + 64;
+// Block of one brick: 42 bytes a point while loading, then shape, whether it is a candidate, overlay record, candidates,
+// orientation.
+constexpr std::uint64_t kBytesPerPoint = 42 + 28 + 4 + 8 + 55 + 64;
 /// Cosine of the view from which a point's own sensor decides its sign alone.
 constexpr float kSureView = 0.25f;
 constexpr std::uint64_t kFixedTaskBytes = 12u << 20;
