@@ -1,6 +1,7 @@
 #include "kernels/solid/solid_shape.h"
 
 #include <algorithm>
+#include <bitset>
 #include <cmath>
 
 namespace tessera {
@@ -8,8 +9,8 @@ namespace {
 
 constexpr int kMostSteps = 60;       ///< of the root finder
 constexpr double kRootCells = 1e-9;  ///< how exact it is
-constexpr double kSurely = 1.0 + 1e-6;
 constexpr std::uint32_t kCrossingsPerLeaf = 256;
+constexpr double kBesideSurface = 2.0;  ///< cells: the ends of edges that cross it are nearer
 
 /// Value and direction of the part of a shape that decides.
 struct Part {
@@ -138,24 +139,34 @@ class Placed : public SolidShape {
   double per_length_ = 1.0;
 };
 
+/// A ball around a cube of leaves, the next nodes too; world units.
+struct Around {
+  Double3 middle;
+  double radius;
+  Around(const Lattice& lattice, const Int3& leaf, int edge) {
+    const double half = 0.5 * kLeafCells * edge;
+    for (std::size_t a = 0; a < 3; ++a)
+      middle[a] = lattice.world(static_cast<int>(a), leaf[a] * double{kLeafCells} + half);
+    radius = 1.7321 * half * lattice.h * (1.0 + 1e-6);
+  }
+};
+
 void search(const SolidShape& shape, const Lattice& lattice, const Int3& leaf, int edge,
             std::vector<LeafTurns>& out) {
   // Nodes of the cube, and the next ones.
-  const double half = 0.5 * kLeafCells * edge;
-  Double3 middle;
-  for (std::size_t a = 0; a < 3; ++a)
-    middle[a] = lattice.world(static_cast<int>(a), leaf[a] * double{kLeafCells} + half);
-  if (std::fabs(shape.value(middle)) > 1.7321 * half * lattice.h * (1.0 + 1e-6)) return;
+  const Around cube(lattice, leaf, edge);
+  if (std::fabs(shape.value(cube.middle)) > cube.radius) return;
   if (edge == 1) {
     LeafTurns& found = out.emplace_back();
     found.key = leaf_row_key(leaf);
     found.crossings = kCrossingsPerLeaf;
     return;
   }
+  const std::unique_ptr<SolidShape> here = shape.near(cube.middle, cube.radius, cube.radius);
   const int next = edge / 2;
   for (int child = 0; child < 8; ++child)
     search(
-        shape, lattice,
+        here ? *here : shape, lattice,
         {leaf[0] + (child & 1) * next, leaf[1] + (child >> 1 & 1) * next, leaf[2] + (child >> 2 & 1) * next},
         next, out);
 }
@@ -188,6 +199,12 @@ double find_end(bool starts_inside, const Value& value) {
 }
 
 }  // namespace
+
+double SolidShape::surface_between(const Double3& from, const Double3& to, bool starts_inside) const {
+  const Double3 way = to - from;
+  const double length = norm(way);
+  return find_end(starts_inside, [&](double t) { return value(from + way * t) / length; });
+}
 
 std::size_t shape_numbers(std::string_view kind) {
   constexpr std::array<std::size_t, kShapeKinds.size()> kNumbers = {4, 6, 7, 8, 8, 6};
@@ -248,18 +265,18 @@ Double3 ShapeSolid::world(const Double3& cells) const {
   return {lattice_.world(0, cells[0]), lattice_.world(1, cells[1]), lattice_.world(2, cells[2])};
 }
 
-void ShapeSolid::windings(const Int3& leaf, std::span<const SolidCrossing>, std::span<float> out) const {
-  double last = 0.0;
-  int since = 0;
-  for (std::size_t i = 0; i < out.size(); ++i, ++since) {
-    if (i % 8 == 0 || !(std::fabs(last) > since * kSurely)) {
-      const Double3 node = {leaf[0] * 8.0 + static_cast<double>(i & 7),
-                            leaf[1] * 8.0 + static_cast<double>(i >> 3 & 7),
-                            leaf[2] * 8.0 + static_cast<double>(i >> 6)};
-      last = shape_->value(world(node)) / lattice_.h;
-      since = 0;
-    }
-    out[i] = last < 0.0 ? 1.0f : 0.0f;
+/// Every edge whose ends differ has a crossing, so one node tells of all.
+void ShapeSolid::windings(const Int3& leaf, std::span<const SolidCrossing> crossings,
+                          std::span<float> out) const {
+  const bool first = shape_->holds(world({leaf[0] * 8.0, leaf[1] * 8.0, leaf[2] * 8.0}));
+  std::fill(out.begin(), out.end(), first ? 1.0f : 0.0f);
+  if (crossings.empty()) return;
+  std::array<std::bitset<512>, 3> differs;
+  for (const SolidCrossing& c : crossings) differs[c.edge / 512 % 3].flip(c.edge % 512);
+  for (std::size_t i = 1; i < out.size(); ++i) {
+    const std::size_t axis = (i & 7) != 0 ? 0 : (i >> 3 & 7) != 0 ? 1 : 2;
+    const std::size_t before = i - (std::size_t{1} << (3 * axis));
+    out[i] = differs[axis][before] ? 1.0f - out[before] : out[before];
   }
 }
 
@@ -269,24 +286,18 @@ Double3 ShapeSolid::membrane_normal(const Double3& cells) const {
 
 void ShapeSolid::find_crossings(const SolidBlock& block, const Int3& leaf, std::uint8_t operand,
                                 std::vector<SolidCrossing>& out) const {
+  const Around cube(lattice_, leaf, 1);
+  const std::unique_ptr<SolidShape> here =
+      shape_->near(cube.middle, cube.radius, kBesideSurface * lattice_.h);
+  const SolidShape& shape = here ? *here : *shape_;
   std::array<bool, 9 * 9 * 9> inside;
   const auto at = [](int x, int y, int z) { return static_cast<std::size_t>(x + 9 * (y + 9 * z)); };
   const auto node = [&](int x, int y, int z) {
     return Double3{leaf[0] * 8.0 + x, leaf[1] * 8.0 + y, leaf[2] * 8.0 + z};
   };
   for (int z = 0; z < 9; ++z)
-    for (int y = 0; y < 9; ++y) {
-      double last = 0.0;
-      int since = 9;  // cells since a value was asked for: nodes nearer than the surface have its sign
-      for (int x = 0; x < 9; ++x) {
-        if (!(std::fabs(last) > (since + 1) * kSurely)) {
-          last = shape_->value(world(node(x, y, z))) / lattice_.h;
-          since = -1;
-        }
-        ++since;
-        inside[at(x, y, z)] = last < 0.0;
-      }
-    }
+    for (int y = 0; y < 9; ++y)
+      for (int x = 0; x < 9; ++x) inside[at(x, y, z)] = shape.holds(world(node(x, y, z)));
   for (std::size_t axis = 0; axis < 3; ++axis)
     for (int z = 0; z < 8; ++z)
       for (int y = 0; y < 8; ++y)
@@ -294,18 +305,16 @@ void ShapeSolid::find_crossings(const SolidBlock& block, const Int3& leaf, std::
           const bool first = inside[at(x, y, z)];
           if (first == inside[at(x + (axis == 0), y + (axis == 1), z + (axis == 2))]) continue;
           Double3 p = node(x, y, z);
-          const double from = p[axis];
-          const double high = find_end(first, [&](double t) {
-            p[axis] = from + t;
-            return shape_->value(world(p)) / lattice_.h;
-          });
-          p[axis] = from + high;
+          Double3 next = p;
+          ++next[axis];
+          const double high = shape.surface_between(world(p), world(next), first);
+          p[axis] += high;
           LatticeCrossing c;
           c.node = {leaf[0] * 8 + x, leaf[1] * 8 + y, leaf[2] * 8 + z};
           c.axis = static_cast<std::uint8_t>(axis);
           c.turn = first ? std::int8_t{-1} : std::int8_t{1};
           c.t = high;
-          out.push_back(block.place(c, narrow(unit_or_zero(shape_->direction(world(p)))), operand));
+          out.push_back(block.place(c, narrow(unit_or_zero(shape.direction(world(p)))), operand));
         }
 }
 

@@ -29,10 +29,17 @@ class SolidShape {
   virtual ~SolidShape() = default;
   /// < 0 inside, zero on the surface, never farther from zero than the distance to it.
   virtual double value(const Double3& p) const = 0;
+  /// Whether the value is below 0.
+  virtual bool holds(const Double3& p) const { return value(p) < 0.0; }
   /// Outward direction of the face that the value is of, not unit.
   virtual Double3 direction(const Double3& p) const = 0;
   /// A box that holds all of it. \returns false where there is none
   virtual bool bounds(Double3& low, Double3& high) const = 0;
+  /// Where the surface passes between two points on its two sides, as a share of the way.
+  virtual double surface_between(const Double3& from, const Double3& to, bool starts_inside) const;
+  /// The shape for one thread, within `radius` of a point: values up to `margin` are the same there, larger ones may be
+  /// larger still. Null where there is nothing to gain.
+  virtual std::unique_ptr<SolidShape> near(const Double3&, double, double) const { return nullptr; }
 };
 
 /// How many numbers a kind takes; 0 for a kind that is none.

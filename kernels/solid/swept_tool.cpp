@@ -10,8 +10,41 @@ namespace {
 constexpr std::size_t kLeafSegments = 4;
 constexpr std::size_t kChildren = 4;
 constexpr int kMostHalvings = 40;
-constexpr double kExact = 1e-5;  ///< of the tool's radius: how exactly its place on a segment is found
+constexpr double kExact = 1e-9;   ///< of the tool's radius: how exactly its place on a segment is found
+constexpr double kLevel = 1e-10;  ///< slope along a segment, per length, that counts as none
 constexpr std::size_t kStack = 128;
+constexpr int kMostPasses = 1000, kMostSteps = 60;
+constexpr double kExactRoot = 1e-9;  ///< of the way between two nodes
+constexpr double kArrived = 1e-3;    ///< of that: steps are over
+constexpr auto kNone = static_cast<std::size_t>(-1);
+
+/// Distance from a tool without a top; it grows with the distance from the axis and falls with height.
+inline double of_nose(const MillingTool& tool, double across, double above_tip) {
+  const double wide = across - (tool.radius - tool.rim), low = tool.rim - above_tip;
+  return (wide <= 0.0 || low <= 0.0 ? std::max(wide, low) : std::sqrt(wide * wide + low * low)) - tool.rim;
+}
+
+/// Value and outward direction of a tool, from its tip.
+inline void of_tool(const MillingTool& tool, const Double3& q, double& value, Double3& direction) {
+  const double across = std::sqrt(q[0] * q[0] + q[1] * q[1]);
+  const Double3 out = across > 0.0 ? Double3{q[0] / across, q[1] / across, 0.0} : Double3{1, 0, 0};
+  const double wide = across - (tool.radius - tool.rim), low = tool.rim - q[2];
+  if (wide <= 0.0 || low <= 0.0) {
+    value = std::max(wide, low) - tool.rim;
+    direction = wide > low ? out : Double3{0, 0, -1};
+  } else {
+    const double away = std::sqrt(wide * wide + low * low);
+    value = away - tool.rim;
+    direction = out * (wide / away) + Double3{0, 0, -low / away};
+  }
+  if (const double above = q[2] - tool.length; above > value) value = above, direction = {0, 0, 1};
+}
+
+/// The t in [0, 1] at which a + t way is nearest to p.
+inline double foot_on(const Double3& from_a, const Double3& way) {
+  const double square = dot(way, way);
+  return square > 0.0 ? std::clamp(dot(from_a, way) / square, 0.0, 1.0) : 0.0;
+}
 
 }  // namespace
 
@@ -24,25 +57,73 @@ bool is_similarity(const Placement& placement) {
   return size > 0.0 && off < 1e-9 * size;
 }
 
-SweptTool::SweptTool(const MillingTool& tool, std::vector<Double3> path, const Placement& placement)
+SweptTool::SweptTool(const MillingTool& tool, const std::vector<Double3>& path, const Placement& placement)
     : tool_(tool),
-      path_(std::move(path)),
-      segments_(std::max<std::size_t>(1, path_.size() - 1)),
       placement_(placement),
       inverse_(placement.inverse()),
       scale_(norm(Double3{placement.matrix[0], placement.matrix[3], placement.matrix[6]})) {
-  std::vector<Box> boxes((segments_ + kLeafSegments - 1) / kLeafSegments);
-  for (std::size_t b = 0; b < boxes.size(); ++b) {
-    Box& box = boxes[b];
-    box.low = box.high = path_[b * kLeafSegments];
-    const std::size_t last = std::min(path_.size() - 1, (b + 1) * kLeafSegments);
-    for (std::size_t i = b * kLeafSegments; i <= last; ++i)
+  segments_.reserve(std::max<std::size_t>(1, path.size() - 1));
+  if (path.size() == 1) segments_.push_back({path[0], path[0]});
+  for (std::size_t i = 1; i < path.size(); ++i) segments_.push_back({path[i - 1], path[i]});
+  double farthest = tool_.length + tool_.radius;
+  for (const Double3& p : path)
+    for (const double c : p) farthest = std::max(farthest, std::fabs(c));
+  rounding_ = 1e-13 * farthest;
+  order(0, segments_.size());
+  build();
+}
+
+SweptTool::SweptTool(const SweptTool& whole, std::vector<Segment>&& segments)
+    : tool_(whole.tool_),
+      segments_(std::move(segments)),
+      placement_(whole.placement_),
+      inverse_(whole.inverse_),
+      scale_(whole.scale_),
+      rounding_(whole.rounding_),
+      remembers_(true) {
+  if (!segments_.empty()) build();
+}
+
+/// Halves by the middles of the segments, along the longest side, at whole leaves of the tree.
+void SweptTool::order(std::size_t first, std::size_t end) {
+  const std::size_t leaves = (end - first + kLeafSegments - 1) / kLeafSegments;
+  if (leaves < 2) return;
+  Double3 low = segments_[first].a + segments_[first].b, high = low;
+  for (std::size_t s = first; s < end; ++s) {
+    const Double3 middle = segments_[s].a + segments_[s].b;
+    for (std::size_t k = 0; k < 3; ++k) {
+      low[k] = std::min(low[k], middle[k]);
+      high[k] = std::max(high[k], middle[k]);
+    }
+  }
+  std::size_t axis = 0;
+  for (std::size_t k = 1; k < 3; ++k)
+    if (high[k] - low[k] > high[axis] - low[axis]) axis = k;
+  // Left of the middle is a full tree, so that what shares a box is what was halved last.
+  std::size_t left = 1;
+  while (2 * left < leaves) left *= 2;
+  const std::size_t middle = first + left * kLeafSegments;
+  std::nth_element(segments_.begin() + static_cast<std::ptrdiff_t>(first),
+                   segments_.begin() + static_cast<std::ptrdiff_t>(middle),
+                   segments_.begin() + static_cast<std::ptrdiff_t>(end),
+                   [axis](const Segment& l, const Segment& r) {
+                     const double x = l.a[axis] + l.b[axis], y = r.a[axis] + r.b[axis];
+                     return x != y ? x < y : l.a != r.a ? l.a < r.a : l.b < r.b;
+                   });
+  order(first, middle);
+  order(middle, end);
+}
+
+void SweptTool::build() {
+  std::vector<Box> boxes((segments_.size() + kLeafSegments - 1) / kLeafSegments);
+  for (std::size_t s = 0; s < segments_.size(); ++s) {
+    Box& box = boxes[s / kLeafSegments];
+    if (s % kLeafSegments == 0) box = {segments_[s].a, segments_[s].a};
+    for (const Double3& p : {segments_[s].a, segments_[s].b})
       for (std::size_t a = 0; a < 3; ++a) {
-        box.low[a] = std::min(box.low[a], path_[i][a]);
-        box.high[a] = std::max(box.high[a], path_[i][a]);
+        box.low[a] = std::min(box.low[a], p[a]);
+        box.high[a] = std::max(box.high[a], p[a]);
       }
-    for (std::size_t a = 0; a < 2; ++a) box.low[a] -= tool_.radius, box.high[a] += tool_.radius;
-    box.high[2] += tool_.length;
   }
   levels_.push_back(std::move(boxes));
   while (levels_.back().size() > 1) {
@@ -60,50 +141,52 @@ SweptTool::SweptTool(const MillingTool& tool, std::vector<Double3> path, const P
   }
 }
 
-/// No value of a tool within the box is lower: outside it is the distance, inside how deep the box is.
+/// No value of a tool with its tip in the box is lower.
 double SweptTool::bound(const Double3& p, const Box& box) const {
-  Double3 beyond{};
-  double deepest = -std::numeric_limits<double>::infinity();
-  for (std::size_t a = 0; a < 3; ++a) {
-    const double over = std::max(box.low[a] - p[a], p[a] - box.high[a]);
-    beyond[a] = std::max(0.0, over);
-    deepest = std::max(deepest, over);
-  }
-  return deepest > 0.0 ? norm(beyond) : deepest;
+  const double dx = std::max({0.0, box.low[0] - p[0], p[0] - box.high[0]}),
+               dy = std::max({0.0, box.low[1] - p[1], p[1] - box.high[1]});
+  return std::max(of_nose(tool_, std::sqrt(dx * dx + dy * dy), p[2] - box.low[2]),
+                  p[2] - box.high[2] - tool_.length) -
+         rounding_;
 }
 
-SweptTool::Nearest SweptTool::of_tool(const Double3& q) const {
-  const double across = std::sqrt(q[0] * q[0] + q[1] * q[1]);
-  const Double3 out = across > 0.0 ? Double3{q[0] / across, q[1] / across, 0.0} : Double3{1, 0, 0};
-  const double wide = across - (tool_.radius - tool_.rim), low = tool_.rim - q[2];
-  Nearest n;
-  if (wide <= 0.0 || low <= 0.0) {
-    n.value = std::max(wide, low) - tool_.rim;
-    n.direction = wide > low ? out : Double3{0, 0, -1};
-  } else {
-    const double away = std::sqrt(wide * wide + low * low);
-    n.value = away - tool_.rim;
-    n.direction = out * (wide / away) + Double3{0, 0, -low / away};
-  }
-  if (const double above = q[2] - tool_.length; above > n.value) n = {above, {0, 0, 1}};
-  return n;
-}
-
+/// The value is convex along a segment, so where it does not fall to either side is the least.
 SweptTool::Nearest SweptTool::of_segment(const Double3& p, std::size_t segment, double below) const {
-  const Double3 &a = path_[segment], &b = path_[std::min(segment + 1, path_.size() - 1)];
-  const Double3 way = b - a;
+  const Double3 &a = segments_[segment].a, &b = segments_[segment].b;
+  const Double3 way = b - a, from_a = p - a;
+  // Most lie too far aside.
+  const double beside = foot_on({from_a[0], from_a[1], 0.0}, {way[0], way[1], 0.0});
+  const double dx = from_a[0] - way[0] * beside, dy = from_a[1] - way[1] * beside;
+  if (const double least =
+          of_nose(tool_, std::sqrt(dx * dx + dy * dy), std::max(from_a[2], p[2] - b[2])) - rounding_;
+      least >= below)
+    return {least, {}, segment};
   const double length = norm(way);
-  const Nearest first = of_tool(p - a);
-  if (first.value - length >= below) return first;  // values change no faster than the tool moves
-  if (!(length > 0.0) || dot(first.direction, way) <= 0.0) return first;  // it only goes away
-  const Nearest last = of_tool(p - b);
-  if (0.5 * (first.value + last.value - length) >= below) return last;
-  if (dot(last.direction, way) >= 0.0) return last;
+  const auto at = [&](double t) {
+    Nearest n;
+    of_tool(tool_, t == 1.0 ? p - b : from_a - way * t, n.value, n.direction);
+    n.segment = segment;
+    return n;
+  };
+  // Most often it is where the middle of a ball passes, or the axis.
+  const double around = foot_on({from_a[0], from_a[1], from_a[2] - tool_.rim}, way);
   double low = 0.0, high = 1.0;
-  Nearest best = first.value < last.value ? first : last;
+  Nearest best;
+  best.value = std::numeric_limits<double>::infinity();
+  for (const double t : {around, beside, 0.0, 1.0}) {
+    const Nearest n = at(t);
+    const double fall = dot(n.direction, way), level = kLevel * length;
+    const bool falls_on = fall > level && t < 1.0, falls_back = fall < -level && t > 0.0;
+    if (!falls_back && !falls_on) return n;
+    // Values change no faster than the tool moves.
+    if (n.value - length * std::max(t, 1.0 - t) - rounding_ >= below) return n;
+    if (n.value < best.value) best = n;
+    if (falls_back) high = std::min(high, t);
+    if (falls_on) low = std::max(low, t);
+  }
   for (int i = 0; i < kMostHalvings && (high - low) * length > kExact * tool_.radius; ++i) {
     const double t = 0.5 * (low + high);
-    const Nearest n = of_tool(p - (a + way * t));
+    const Nearest n = at(t);
     if (n.value < best.value) best = n;
     (dot(n.direction, way) > 0.0 ? low : high) = t;
   }
@@ -115,18 +198,23 @@ SweptTool::Nearest SweptTool::nearest(const Double3& p) const {
     double bound;
     std::size_t level, index;
   };
+  Nearest best;
+  best.value = std::numeric_limits<double>::infinity();
+  if (segments_.empty()) return best;
+  if (remembers_) best = of_segment(p, last_, best.value);
   std::array<Entry, kStack> stack;
   std::size_t top = 0;
   stack[top++] = {bound(p, levels_.back()[0]), levels_.size() - 1, 0};
-  Nearest best;
-  best.value = std::numeric_limits<double>::infinity();
   while (top > 0) {
     const Entry e = stack[--top];
     if (e.bound >= best.value) continue;
     if (e.level == 0) {
-      const std::size_t end = std::min(segments_, (e.index + 1) * kLeafSegments);
-      for (std::size_t s = e.index * kLeafSegments; s < end; ++s)
-        if (const Nearest n = of_segment(p, s, best.value); n.value < best.value) best = n;
+      const std::size_t end = std::min(segments_.size(), (e.index + 1) * kLeafSegments);
+      for (std::size_t s = e.index * kLeafSegments; s < end; ++s) {
+        const Nearest n = of_segment(p, s, best.value);
+        // Of two that are as near, one is chosen by what it is, not by when it came.
+        if (n.value < best.value || (n.value == best.value && n.direction < best.direction)) best = n;
+      }
       continue;
     }
     const std::vector<Box>& below = levels_[e.level - 1];
@@ -139,7 +227,83 @@ SweptTool::Nearest SweptTool::nearest(const Double3& p) const {
       stack[at] = child;
     }
   }
+  if (remembers_) last_ = best.segment;
   return best;
+}
+
+std::size_t SweptTool::cutting(const Double3& p, double below) const {
+  if (segments_.empty()) return kNone;
+  if (remembers_ && of_segment(p, last_, below).value < below) return last_;
+  std::array<std::pair<std::size_t, std::size_t>, kStack> stack;  // level, index
+  std::size_t top = 0;
+  stack[top++] = {levels_.size() - 1, 0};
+  while (top > 0) {
+    const auto [level, index] = stack[--top];
+    if (bound(p, levels_[level][index]) >= below) continue;
+    if (level > 0) {
+      const std::size_t end = std::min(levels_[level - 1].size(), (index + 1) * kChildren);
+      for (std::size_t c = index * kChildren; c < end; ++c) stack[top++] = {level - 1, c};
+      continue;
+    }
+    const std::size_t end = std::min(segments_.size(), (index + 1) * kLeafSegments);
+    for (std::size_t s = index * kLeafSegments; s < end; ++s) {
+      if (!(of_segment(p, s, below).value < below)) continue;
+      if (remembers_) last_ = s;
+      return s;
+    }
+  }
+  return kNone;
+}
+
+bool SweptTool::holds(const Double3& p) const {
+  return cutting(inverse_.apply(p), 0.0) != kNone;
+}
+
+double SweptTool::surface_between(const Double3& from, const Double3& to, bool starts_inside) const {
+  const Double3 p = inverse_.apply(starts_inside ? from : to),
+                way = inverse_.apply(starts_inside ? to : from) - p;
+  const double exact = kExactRoot * norm(way) + rounding_;
+  double t = 0.0;
+  std::size_t segment = cutting(p, 0.0);
+  for (int pass = 0; pass < kMostPasses && segment != kNone; ++pass) {
+    // Out of the tool on this segment: a convex body, so Newton's method from beyond comes down to its surface.
+    double out = 1.0;
+    for (int step = 0; step < kMostSteps; ++step) {
+      const Nearest n = of_segment(p + way * out, segment, std::numeric_limits<double>::infinity());
+      const double slope = dot(n.direction, way);
+      if (!(n.value > 0.0) || !(slope > 0.0)) break;
+      const double next = out - n.value / slope;
+      if (!(next > t)) break;
+      out = next;
+      if (n.value <= kArrived * exact) break;
+    }
+    t = out;
+    segment = cutting(p + way * t, -exact);
+  }
+  return starts_inside ? t : 1.0 - t;
+}
+
+std::unique_ptr<SolidShape> SweptTool::near(const Double3& middle, double radius, double margin) const {
+  const Double3 p = inverse_.apply(middle);
+  const double limit = (radius + margin) / scale_ * (1.0 + 1e-9) + rounding_;
+  std::vector<Segment> found;
+  std::vector<std::pair<std::size_t, std::size_t>> stack;  // level, index
+  if (!segments_.empty()) stack.emplace_back(levels_.size() - 1, 0);
+  while (!stack.empty()) {
+    const auto [level, index] = stack.back();
+    stack.pop_back();
+    if (bound(p, levels_[level][index]) > limit) continue;
+    if (level > 0) {
+      const std::size_t end = std::min(levels_[level - 1].size(), (index + 1) * kChildren);
+      for (std::size_t c = end; c-- > index * kChildren;) stack.emplace_back(level - 1, c);
+      continue;
+    }
+    const std::size_t end = std::min(segments_.size(), (index + 1) * kLeafSegments);
+    for (std::size_t s = index * kLeafSegments; s < end; ++s)
+      if (!(of_segment(p, s, limit).value > limit)) found.push_back(segments_[s]);
+    if (found.size() > kMostNear) return nullptr;
+  }
+  return std::unique_ptr<SolidShape>(new SweptTool(*this, std::move(found)));
 }
 
 double SweptTool::value(const Double3& p) const {
@@ -151,7 +315,9 @@ Double3 SweptTool::direction(const Double3& p) const {
 }
 
 bool SweptTool::bounds(Double3& low, Double3& high) const {
-  const Box& box = levels_.back()[0];
+  Box box = levels_.back()[0];
+  for (std::size_t a = 0; a < 2; ++a) box.low[a] -= tool_.radius, box.high[a] += tool_.radius;
+  box.high[2] += tool_.length;
   for (int corner = 0; corner < 8; ++corner) {
     const Double3 p =
         placement_.apply({corner & 1 ? box.high[0] : box.low[0], corner & 2 ? box.high[1] : box.low[1],
