@@ -31,6 +31,7 @@ constexpr float kMinHeight = 1.0f / 2048;
 
 /// A segment from one side of a crease to the other will be flipped, so what counts are the triangles up to the point
 /// of the crease beside the segment's middle, beyond which the next sample lies: (centre, a, it) and (it, b, centre).
+/// A sample in the very face of the segment has that point behind it, so what counts is the way on through the face.
 bool crosses_soundly(const LoopSamples& loop, std::size_t i, std::size_t j, const Float3& centre,
                      const FeatureThresholds& thresholds) {
   if (!(dot(loop.normal[i], loop.normal[j]) < thresholds.cone_cos)) return false;
@@ -39,9 +40,19 @@ bool crosses_soundly(const LoopSamples& loop, std::size_t i, std::size_t j, cons
   const Float3 way = (loop.point[i] + loop.point[j]) * 0.5f - centre;
   const float length2 = dot(crease, crease);
   if (!(length2 > kLeastSine * kLeastSine)) return false;
-  const Float3 beside = centre + crease * (dot(way, crease) / length2);
-  return dot(triangle_normal(centre, loop.point[i], beside), loop.normal[i]) > 0.0f &&
-         dot(triangle_normal(beside, loop.point[j], centre), loop.normal[j]) > 0.0f;
+  const float along = dot(way, crease) / length2;
+  if (along * along * length2 > kMinHeight * kMinHeight) {
+    const Float3 beside = centre + crease * along;
+    return dot(triangle_normal(centre, loop.point[i], beside), loop.normal[i]) > 0.0f &&
+           dot(triangle_normal(beside, loop.point[j], centre), loop.normal[j]) > 0.0f;
+  }
+  // Roots kept off a node may stand beyond each other's planes, so there each triangle faces one of the two.
+  const int face = common_face(loop.edge[i], loop.edge[j]);
+  const float out = crease[static_cast<std::size_t>(face >> 1)] * (face & 1 ? 1.0f : -1.0f);
+  const Float3 beyond = out > 0.0f ? centre + crease : centre - crease,
+               both = loop.normal[i] + loop.normal[j];
+  return out != 0.0f && dot(triangle_normal(centre, loop.point[i], beyond), both) > 0.0f &&
+         dot(triangle_normal(beyond, loop.point[j], centre), both) > 0.0f;
 }
 
 bool fan_is_sound(const LoopSamples& loop, const Float3& centre, const FeatureThresholds& thresholds) {

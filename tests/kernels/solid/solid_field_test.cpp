@@ -332,6 +332,29 @@ TEST_CASE("solid field: a box comes out as it is, edges and corners sharp", "[pr
   }
 }
 
+TEST_CASE("solid field: a box on the lattice keeps its corners", "[property]") {
+  // Faces through nodes, and within what roots are kept off them.
+  for (const double beside : {0.0, 0x1p-10, -0x1p-10, 0x1p-7, -0x1p-7, 0.3})
+    for (const double other : {0.0, 0.4, -0x1p-8}) {
+      CAPTURE(beside, other);
+      const Double3 low = {90 + beside, 91 + beside, 92 + other},
+                    high = {110 + beside, 120 + other, 115 - beside};
+      const Surface s = surface_of(alone(box(low, high)));
+      require_closed(s);
+      for (int c = 0; c < 8; ++c) {
+        const Double3 corner = {c & 1 ? high[0] : low[0], c & 2 ? high[1] : low[1], c & 4 ? high[2] : low[2]};
+        double nearest = 1e9;
+        for (const Double3& p : s.mesh.position) nearest = std::min(nearest, norm(p - corner));
+        CHECK(nearest < 0.01);
+      }
+      for (const Double3& p : s.mesh.position) {
+        double out = 0.0;
+        for (std::size_t a = 0; a < 3; ++a) out = std::max({out, low[a] - p[a], p[a] - high[a]});
+        CHECK(out < 0.02);
+      }
+    }
+}
+
 TEST_CASE("solid field: doubled walls, overlaps and turned parts have one outside", "[property]") {
   Mesh doubled = together(box({90, 90, 90}, {140, 140, 140}), box({90.2, 90.2, 90.2}, {139.8, 139.8, 139.8}));
   Mesh overlap =
