@@ -13,14 +13,29 @@ namespace {
 
 void run(const FieldJobOptions& given, JobState state) {
   cli::require_output(state.output);
-  if (state.output.extension() != ".vdb")
-    throw UsageError(state.output.string() + ": a field is written as .vdb");
+  const std::string extension = given.tolerance > 0.0 ? ".octree" : ".vdb";
+  if (state.output.extension() != extension)
+    throw UsageError(state.output.string() + ": a field " + (given.tolerance > 0.0 ? "with" : "without") +
+                     " --tolerance is written as " + extension);
+  if (given.tolerance > 0.0 && given.full)
+    throw UsageError("--full and --tolerance: an octree fills the whole box already; leave one of them out");
   FieldJobOptions options = given;
   options.meshes = state.inputs.size();
   state.settings = to_settings(options);
   const nlohmann::json report = run_job(state, field_job(options), cli::stderr_sink());
   if (state.run.verbosity < 0) return;
   const nlohmann::json field = report.value("field", nlohmann::json::object());
+  if (given.tolerance > 0.0) {
+    fmt::print(
+        "{}: {} cells, {} of the {} of a full grid, off by at most {:.2g} at {} samples, h {}, {:.1f} s, "
+        "peak {}\n",
+        state.output.string(), field.value("cells", std::uint64_t{0}),
+        format_bytes(field.value("bytes", std::uint64_t{0})),
+        format_bytes(field.value("full_grid_bytes", std::uint64_t{0})), field.value("worst_error", 0.0),
+        field.value("samples", std::uint64_t{0}), field.value("h", 0.0), report.at("wall_s").get<double>(),
+        format_bytes(report.at("peak_bytes").get<std::uint64_t>()));
+    return;
+  }
   fmt::print("{}: {} nodes in {} leaves, h {}, {:.1f} s, peak {}\n", state.output.string(),
              field.value("nodes", std::uint64_t{0}), field.value("leaves", std::uint64_t{0}),
              field.value("h", 0.0), report.at("wall_s").get<double>(),
@@ -33,8 +48,8 @@ cli::Command field_command() {
   return cli::job_command<FieldJobOptions>(
       "field",
       "Meshes, dirty ones too, become a level set: signed distances near their "
-      "surface on a lattice, as OpenVDB. Resumable.",
-      "the grid to write: .vdb", run);
+      "surface on a lattice, as OpenVDB, or everywhere; or an adaptive octree of them. Resumable.",
+      "the grid to write: .vdb; with --tolerance the octree: .octree", run);
 }
 
 }  // namespace tessera

@@ -38,19 +38,13 @@ OffsetSampler::OffsetSampler(MeshBlock&& faces, const Int3& corner, const RowSig
     : faces_(without_names(std::move(faces))),
       surface_(faces_, {0, 0, 0}),
       corner_(corner),
-      signs_(signs),
       layer_(layer),
       near_(near),
-      limit_square_((layer.reach() + near + 1.0) * (layer.reach() + near + 1.0)) {}
+      limit_square_((layer.reach() + near + 1.0) * (layer.reach() + near + 1.0)),
+      signs_(signs) {}
 
 bool OffsetSampler::inside(const Int3& node) const {
-  const Int3 leaf = {node[0] >> kLeafBits, node[1] >> kLeafBits, node[2] >> kLeafBits};
-  if (leaf != sign_leaf_) {
-    sign_words_ = signs_.at(leaf);
-    sign_leaf_ = leaf;
-  }
-  const std::size_t i = BandLeaf::node(node[0], node[1], node[2]);
-  return (sign_words_[i >> 6] >> (i & 63) & 1) != 0;
+  return signs_.inside(node);
 }
 
 double OffsetSampler::between(double distance) const {

@@ -52,12 +52,10 @@ class OffsetSampler : public FieldSampler {
   MeshBlock faces_;
   SignedDistance surface_;
   Int3 corner_;
-  const RowSigns& signs_;
   OffsetLayer layer_;
   double near_, limit_square_;
   // What was asked last: points come one beside the other. It changes no result.
-  mutable Int3 sign_leaf_ = {-1, -1, -1};
-  mutable LeafWords sign_words_{};
+  mutable NodeSigns signs_;
   mutable std::uint32_t hint_ = SignedDistance::kNone;
 };
 

@@ -35,4 +35,25 @@ class RowSigns {
   std::vector<LeafSigns> leaves_;
 };
 
+/// Node by node, for one thread: it holds the leaf that was asked last.
+class NodeSigns {
+ public:
+  explicit NodeSigns(const RowSigns& signs) : signs_(signs) {}
+  bool inside(const Int3& node) {
+    const Int3 leaf = {node[0] >> kLeafBits, node[1] >> kLeafBits, node[2] >> kLeafBits};
+    if (leaf != leaf_) {
+      words_ = signs_.at(leaf);
+      leaf_ = leaf;
+    }
+    return (words_[static_cast<std::size_t>(DirectedField::word(node[2]))] >>
+                DirectedField::bit(node[0], node[1]) &
+            1) != 0;
+  }
+
+ private:
+  const RowSigns& signs_;
+  Int3 leaf_ = {-1, -1, -1};
+  LeafWords words_{};
+};
+
 }  // namespace tessera

@@ -231,9 +231,22 @@ SweptTool::Nearest SweptTool::nearest(const Double3& p) const {
   return best;
 }
 
+/// Some place of the tool is enough.
+bool SweptTool::cuts(const Double3& p, std::size_t segment, double below) const {
+  const Double3& a = segments_[segment].a;
+  const Double3 way = segments_[segment].b - a, from_a = p - a;
+  const double beside = foot_on({from_a[0], from_a[1], 0.0}, {way[0], way[1], 0.0});
+  const double dx = from_a[0] - way[0] * beside, dy = from_a[1] - way[1] * beside;
+  const double across = std::sqrt(dx * dx + dy * dy);
+  if (of_nose(tool_, across, from_a[2] - std::min(0.0, way[2])) - rounding_ >= below) return false;
+  const double above = from_a[2] - way[2] * beside;
+  if (std::max(of_nose(tool_, across, above), above - tool_.length) < below) return true;
+  return way[2] != 0.0 && of_segment(p, segment, below).value < below;
+}
+
 std::size_t SweptTool::cutting(const Double3& p, double below) const {
   if (segments_.empty()) return kNone;
-  if (remembers_ && of_segment(p, last_, below).value < below) return last_;
+  if (remembers_ && cuts(p, last_, below)) return last_;
   std::array<std::pair<std::size_t, std::size_t>, kStack> stack;  // level, index
   std::size_t top = 0;
   stack[top++] = {levels_.size() - 1, 0};
@@ -247,7 +260,7 @@ std::size_t SweptTool::cutting(const Double3& p, double below) const {
     }
     const std::size_t end = std::min(segments_.size(), (index + 1) * kLeafSegments);
     for (std::size_t s = index * kLeafSegments; s < end; ++s) {
-      if (!(of_segment(p, s, below).value < below)) continue;
+      if (!cuts(p, s, below)) continue;
       if (remembers_) last_ = s;
       return s;
     }

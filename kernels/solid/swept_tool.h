@@ -60,6 +60,7 @@ class SweptTool : public SolidShape {
   std::size_t cutting(const Double3& local, double below) const;
   /// Its own, where that is below a value; else some value that is not.
   Nearest of_segment(const Double3& p, std::size_t segment, double below) const;
+  bool cuts(const Double3& p, std::size_t segment, double below) const;
   double bound(const Double3& p, const Box& box) const;
 
   MillingTool tool_;

@@ -106,7 +106,7 @@ class GridStage : public Stage {
  public:
   GridStage(const JobState& state, const SolidModel& model)
       : state_(state),
-        band_(model.band),
+        band_(model.full ? 0.0 : model.band),
         plan_(Plan::of_work(state.work)),
         files_(list_task_files(state.work / "distances", kLeaves)) {
     for (const auto& path : files_) leaves_ += std::filesystem::file_size(path) / sizeof(LevelSetLeaf);
@@ -132,6 +132,7 @@ class GridStage : public Stage {
     std::vector<Place> places;
     origins.reserve(leaves_), places.reserve(leaves_);
     std::uint64_t nodes = 0;
+    float farthest = 0.0f;
     for (const auto& path : files_) {
       open.emplace_back(path);
       std::uint64_t at = 0;
@@ -143,6 +144,8 @@ class GridStage : public Stage {
           at += sizeof(LevelSetLeaf);
           for (const std::uint64_t word : leaf.active)
             nodes += static_cast<std::uint64_t>(std::popcount(word));
+          if (band_ == 0.0)
+            for (const float v : leaf.value) farthest = std::max(farthest, std::fabs(v));
         }
       });
     }
@@ -151,7 +154,9 @@ class GridStage : public Stage {
     const RowSigns signs(load_solid_signs(state_.work));
     LevelSetFile file;
     file.lattice = plan_.lattice;
-    file.background = static_cast<float>(band_) * static_cast<float>(plan_.lattice.h);
+    // What lies beyond a full field is no nearer than the farthest of it.
+    file.background =
+        band_ > 0.0 ? static_cast<float>(band_) * static_cast<float>(plan_.lattice.h) : farthest;
     file.origins = origins;
     file.load = [&](std::size_t leaf, LevelSetLeaf& to) {
       open[places[leaf].file].read_at(places[leaf].offset, &to, sizeof to);
@@ -176,7 +181,7 @@ class GridStage : public Stage {
     std::uint64_t offset;
   };
   JobState state_;
-  double band_;
+  double band_;  ///< cells; 0: all nodes
   Plan plan_;
   std::vector<std::filesystem::path> files_;
   std::uint64_t leaves_ = 0, sign_bytes_ = 0;

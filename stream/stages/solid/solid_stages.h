@@ -5,7 +5,8 @@
 ///   lines    faces -> how they turn the lines of the lattice (line_windings.h), border edges that do not cancel
 ///   surface  faces near a tile -> exact crossings, signs, directed distances -> patches, one per brick
 ///   offset   where a model asks for it: the surface as a mesh -> distances to it -> patches of what lies between two of them
-///   distances, grid  instead: distances of the nodes near the surface -> leaves -> an OpenVDB file
+///   distances, grid  instead: distances of the nodes near the surface, or of all -> leaves -> an OpenVDB file
+///   cells, octree  instead: cells that are as large as a tolerance lets them be -> a file of octrees
 ///
 /// After them weld and write, as in a reconstruction (stages/surface).
 #pragma once
@@ -56,9 +57,13 @@ struct SolidModel {
   double band =
       0.0;  ///< cells: nodes so near to the surface get a distance, and there is no other result; 0 = none
 
+  bool full = false;  ///< all nodes of the box get one
+  double tolerance =
+      0.0;  ///< units of the meshes: the result is an octree instead, whose field is off by no more
+
   std::size_t inputs() const;
   bool is_offset() const { return offset != 0.0 || shell > 0.0; }
-  bool is_measured() const { return is_offset() || band > 0.0; }
+  bool is_measured() const { return is_offset() || band > 0.0 || full || tolerance > 0.0; }
   /// Between which distances of the surface the result lies, cells.
   OffsetLayer layer(double h) const;
 };
@@ -109,6 +114,9 @@ std::unique_ptr<Stage> make_solid_lines_stage(const JobState& state, const Solid
 std::unique_ptr<Stage> make_solid_surface_stage(const JobState& state, const SolidModel& model);
 std::unique_ptr<Stage> make_solid_offset_stage(const JobState& state, const SolidModel& model);
 std::unique_ptr<Stage> make_distances_stage(const JobState& state, const SolidModel& model);
+std::unique_ptr<Stage> make_far_distances_stage(const JobState& state, const SolidModel& model);
+std::unique_ptr<Stage> make_cells_stage(const JobState& state, const SolidModel& model);
+std::unique_ptr<Stage> make_octree_stage(const JobState& state, const SolidModel& model);
 std::unique_ptr<Stage> make_grid_stage(const JobState& state, const SolidModel& model);
 
 }  // namespace tessera
