@@ -73,7 +73,7 @@ cli::Command synth_command() {
   std::string scenes;
   for (const auto& scene : synth::scene_names())
     scenes += (scenes.empty() ? "" : ", ") + std::string(scene.name);
-  t.add("scene", &o.scene, "what is scanned: " + scenes);
+  t.add("scene", &o.scene, "what is scanned: " + scenes + "; or FILE.ply, .obj, .stl, .off, .glb: any mesh");
   t.add("mode", &o.mode,
         "surface: direct, uniform in area; or the sensor: terrestrial, airborne, structured-light");
   t.add("list-scenes", &shared->list, "print the scenes and stop");
@@ -98,6 +98,10 @@ cli::Command synth_command() {
   t.add("shift", &o.shift, "added to every coordinate, for UTM-like frames");
   t.add("seed", &o.seed, "another seed, another sampling");
   t.add("octaves", &o.octaves, "detail of the terrain; 0 = what the spacing resolves");
+  t.add("memory", &o.memory_bytes,
+        "cap for the mesh of a scene, which is held in memory, e.g. 512M; default: the smallest limit of "
+        "this machine x 0.8")
+      .bytes();
   cli::add_force(t, o.force);
   cli::add_threads(t, o.threads, "threads; never changes the result");
   return {"synth", "Simulate a scan of a scene whose surface is known.", t, [shared] { run_synth(*shared); }};

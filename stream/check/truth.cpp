@@ -13,6 +13,7 @@
 #include "stream/check/truth_features.h"
 #include "stream/files/durable_file.h"
 #include "stream/files/vertex_store.h"
+#include "stream/meshes/scene_file.h"
 #include "stream/runtime/parallel.h"
 
 namespace tessera {
@@ -54,7 +55,7 @@ class Comparison {
  public:
   Comparison(MeshReader& mesh, const TruthFile& truth, const TruthOptions& options)
       : mesh_(mesh),
-        scene_(synth::make_scene(truth.scene)),
+        scene_(open_scene(truth.scene, options.memory_bytes)),
         h_(options.h > 0.0 ? options.h : truth.spacing),
         o_(options),
         report_(h_),

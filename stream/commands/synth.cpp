@@ -14,6 +14,8 @@
 #include "stream/files/path_text.h"
 #include "stream/files/planned_writes.h"
 #include "stream/formats/points/point_writer.h"
+#include "stream/meshes/scene_file.h"
+#include "stream/runtime/memory_budget.h"
 #include "stream/runtime/parallel.h"
 
 namespace tessera {
@@ -308,7 +310,10 @@ SynthReport synthesize(const SynthOptions& asked, const std::filesystem::path& o
     // The terrain's detail follows the spacing; its area hardly depends on detail.
     scene_options.spacing = std::sqrt(1.05e6 / static_cast<double>(o.points));
   }
-  const auto scene = synth::make_scene(scene_options);
+  if (is_mesh_scene(o.scene))
+    scene_options.name = o.scene = std::filesystem::absolute(o.scene).lexically_normal().string();
+  const auto scene =
+      open_scene(scene_options, o.memory_bytes > 0 ? o.memory_bytes : detect_memory_cap().bytes);
   o.octaves = scene->octaves();
   const bool ptx = output.extension() == ".ptx";
   if (ptx && o.mode != "terrestrial" && o.mode != "structured-light") {
@@ -328,7 +333,9 @@ SynthReport synthesize(const SynthOptions& asked, const std::filesystem::path& o
   std::vector<PlannedWrite> writes = {{report.truth, "the truth beside -o", existing_by(o.force)}};
   for (std::size_t scan = 0; scan < (o.per_scan ? source->scans().size() : 1); ++scan)
     writes.push_back({o.per_scan ? scan_path(output, scan) : output, "-o", existing_by(o.force)});
-  check_writes({}, writes);
+  std::vector<std::filesystem::path> read;
+  if (is_mesh_scene(o.scene)) read.emplace_back(o.scene);
+  check_writes(read, writes);
   const PointFileHeader header = file_header(o, report);
   const auto encoder = make_point_encoder(output, header);
   ScanFiles files(o, output, header, source->scans(), report);

@@ -12,9 +12,9 @@
 
 namespace tessera {
 
-/// Everything that decides the bytes, except `threads` and `force`.
+/// Everything that decides the bytes, except `threads`, `memory_bytes` and `force`.
 struct SynthOptions {
-  std::string scene = "terrain";
+  std::string scene = "terrain";  ///< a name, or the file of a mesh
   /// `surface`: direct, uniform in area; terrestrial, airborne, structured-light.
   std::string mode = "surface";
   std::uint64_t points = 1000000;  ///< exact in mode surface of scenes with a parametrisation, else aimed at
@@ -33,9 +33,10 @@ struct SynthOptions {
   bool double_positions = false;  ///< PLY only; implied by a shift
   Double3 shift = {0, 0, 0};      ///< added to every coordinate (UTM-like frames)
   std::uint64_t seed = 1;
-  int octaves = 0;     ///< of the terrain; 0 = what the spacing resolves
-  int threads = 0;     ///< 0 = all cores
-  bool force = false;  ///< replace files that are there
+  int octaves = 0;                 ///< of the terrain; 0 = what the spacing resolves
+  int threads = 0;                 ///< 0 = all cores
+  std::uint64_t memory_bytes = 0;  ///< a mesh must fit in it; 0 = what the machine lets the process have
+  bool force = false;              ///< replace files that are there
 };
 
 struct SynthReport {
@@ -51,7 +52,8 @@ struct SynthReport {
   std::filesystem::path truth;
 };
 
-/// \throws UsageError for options that make no sense, naming the option; ResourceError when the disk is full
+/// \throws UsageError for options that make no sense, naming the option; InputError when a scene's file is no mesh;
+///         ResourceError when it does not fit, or the disk is full
 SynthReport synthesize(const SynthOptions& options, const std::filesystem::path& output);
 
 }  // namespace tessera

@@ -26,7 +26,7 @@ const std::map<std::string, std::set<std::string>> kKernelRooms = {
     {"holes", {"mesh", "smooth"}},
     {"maps", {"mesh"}},
     {"edit", {"mesh", "maps", "remesh"}},
-    {"scene", {"field"}},
+    {"scene", {"field", "mesh"}},
 };
 
 /// Rooms of stream/ by height: an include goes down or stays level, and the rooms of one height form no cycle.

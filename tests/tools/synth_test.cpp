@@ -13,9 +13,11 @@
 
 #include "kernels/scene/scene.h"
 #include "octree/error.h"
+#include "octree/vector.h"
 #include "stream/check/truth.h"
 #include "stream/commands/synth.h"
 #include "stream/formats/points/point_source.h"
+#include "stream/meshes/scene_file.h"
 #include "tests/helpers/temp_folder.h"
 
 using namespace tessera;
@@ -235,4 +237,65 @@ TEST_CASE("synth: 10 million points stream through less than 128 MB", "[memory]"
   CHECK(run("synth --points 10M --normals -t 2 -o " + (folder / "a.ply").string(), &peak_kb) == 0);
   CHECK(std::filesystem::file_size(folder / "a.ply") > 240000000);
   CHECK(peak_kb < 128 * 1024);
+}
+
+TEST_CASE("synth: a mesh is a scene, scanned from several stations and a truth for checks", "[pipeline]") {
+  const TempFolder folder;
+  // A pyramid with a roof of its own: every number below follows from it.
+  const std::string mesh =
+      folder
+          .write(
+              "tent.obj",
+              "v 0 0 0\nv 4 0 0\nv 4 4 0\nv 0 4 0\nv 2 2 3\nf 4 3 2 1\nf 1 2 5\nf 2 3 5\nf 3 4 5\nf 4 1 5\n")
+          .string();
+  SynthOptions o = options_for(mesh, 20000);
+  o.normals = true;
+  o.flying = 0.0;
+  const auto scene = open_scene({mesh, 0, 0}, std::uint64_t{1} << 30);
+  for (const std::string mode : {"surface", "terrestrial", "structured-light"}) {
+    CAPTURE(mode);
+    o.mode = mode;
+    o.views = 5;
+    const auto out = folder / (mode + ".ply");
+    const SynthReport report = synthesize(o, out);
+    const PointChunk points = read_all(out);
+    CHECK(points.x.size() == Approx(20000.0).epsilon(0.3));
+    double worst = 0.0;
+    for (std::size_t i = 0; i < points.x.size(); ++i) {
+      const Double3 p = {points.x[i], points.y[i], points.z[i]};
+      worst = std::max(worst, norm(scene->closest(p).position - p));
+    }
+    CHECK(worst < 1e-5);  // floats
+    if (mode == "surface") CHECK(report.area == Approx(16.0 + 4.0 * 2.0 * std::sqrt(13.0)).epsilon(0.05));
+    CHECK(read_truth(report.truth).scene.name == std::filesystem::absolute(mesh).string());
+    const std::string bytes = file_bytes(out);
+    o.threads = 1;
+    synthesize(o, folder / "one.ply");
+    CHECK(file_bytes(folder / "one.ply") == bytes);
+    o.threads = 2;
+  }
+  // Noise lies along rays, as for other scenes; the mesh that was scanned is where its truth says.
+  o.mode = "terrestrial";
+  o.noise = 0.01;
+  synthesize(o, folder / "noisy.ply");
+  const PointChunk noisy = read_all(folder / "noisy.ply");
+  double squares = 0.0;
+  for (std::size_t i = 0; i < noisy.x.size(); ++i) {
+    const Double3 p = {noisy.x[i], noisy.y[i], noisy.z[i]};
+    const Double3 off = p - scene->closest(p).position;
+    squares += dot(off, off);
+  }
+  const double rms = std::sqrt(squares / static_cast<double>(noisy.x.size()));
+  CHECK(rms > 0.002);
+  CHECK(rms < 0.011);
+  CHECK(run("check " + mesh + " --truth " + (folder / "noisy.ply.truth.json").string()) == 0);
+
+  const std::string scan = " -o " + (folder / "x.ply").string();
+  CHECK(run("synth --scene " + (folder / "none.ply").string() + scan) == 3);
+  CHECK(run("synth --scene " + folder.write("bad.obj", "v 0 0\n").string() + scan) == 3);
+  CHECK(run("synth --scene " + folder.write("flat.obj", "v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\n").string() +
+            scan) == 3);
+  CHECK(run("synth --scene " + mesh + " --memory 100" + scan) == 4);
+  CHECK(run("synth --scene nonsense" + scan) == 2);
+  CHECK_FALSE(std::filesystem::exists(folder / "x.ply"));
 }
