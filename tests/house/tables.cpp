@@ -58,6 +58,7 @@ const std::map<std::string, std::string>& parts_of_headers() {
       {"stream/stages/solid/csg_scene.cpp", "stream/stages/solid/csg_job.h"},
       {"stream/stages/solid/lattice_stage.cpp", "stream/stages/solid/solid_stages.h"},
       {"stream/stages/solid/lines_stage.cpp", "stream/stages/solid/solid_stages.h"},
+      {"stream/stages/solid/far_stages.cpp", "stream/stages/solid/solid_stages.h"},
       {"stream/stages/solid/field_stages.cpp", "stream/stages/solid/solid_stages.h"},
       {"stream/stages/solid/offset_stage.cpp", "stream/stages/solid/solid_stages.h"},
       {"stream/stages/solid/placed_shape.cpp", "stream/stages/solid/solid_stages.h"},
@@ -160,12 +161,12 @@ const std::map<std::string, std::string>& covering_tests() {
     by("tools/merge", "stream/stages/merge",
        {"merge_cover_stage", "merge_job", "merge_joints_stage", "merge_meshes", "merge_scale_stage",
         "merge_stages", "merge_strip_stage", "merge_zip_stage"});
-    by("tools/solids", "kernels/solid", {"solid_shape", "swept_tool"});
+    by("tools/solids", "kernels/solid", {"solid_shape"});
     by("tools/solids", "stream/stages/solid",
        {"csg_job", "csg_scene", "distance_tiles", "lattice_stage", "lines_stage", "offset_stage",
         "placed_shape", "resurface_job", "solid_mesh", "solid_stages", "solid_surface_stage", "solid_tiles"});
 
-    by("tools/field", "stream/stages/solid", {"field_job", "field_stages"});
+    by("tools/field", "stream/stages/solid", {"far_stages", "field_job", "field_stages", "surface_distance"});
     by("stream/import/mesh_import", "stream/import",
        {"import_corners_stage", "import_repair_stage", "import_tiles_stage", "import_vertices_stage"});
     by("tools/decimate", "stream/meshes", {"store_write_stage"});
