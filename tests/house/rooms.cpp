@@ -25,6 +25,7 @@ const std::map<std::string, std::set<std::string>> kKernelRooms = {
     {"smooth", {"mesh"}},
     {"holes", {"mesh", "smooth"}},
     {"maps", {"mesh"}},
+    {"blends", {"mesh", "merge", "certify"}},
     {"edit", {"mesh", "maps", "remesh"}},
     {"scene", {"field", "mesh"}},
 };

@@ -115,6 +115,7 @@ const std::map<std::string, std::string>& covering_tests() {
     by("kernels/edit/boundary_model", "solvers", {"lu_solver"});
     by("solvers/laplacian", "solvers", {"intrinsic_delaunay"});
 
+    by("kernels/blends/resample_blend", "kernels/blends", {"blend_grid", "fishbone_fit", "normal_jumps"});
     by("kernels/certify/certificate_pair", "kernels/certify", {"overlay_outline", "overlay_proof"});
     by("kernels/certify/tolerance_volume", "kernels/certify",
        {"tolerance_filter", "tolerance_raster", "tolerance_raster_cpu", "tolerance_raster_gl"});

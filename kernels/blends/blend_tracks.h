@@ -1,0 +1,61 @@
+/// \file blend_tracks.h
+/// Bands of vertices that bend one way become tracks: the centre line of a blend, or the line of a crease.
+///
+/// Vertices that bend hang together along edges where they bend the same way about the same line (so two blends that
+/// meet in a corner are two bands), and a band counts where some of it bends enough (hysteresis). Its middle is followed
+/// both ways from its sharpest vertex, step by step: slices across the line of least curvature, each centred by what of
+/// the band lies in it.
+#pragma once
+#include <cstdint>
+#include <span>
+#include <utility>
+#include <vector>
+
+#include "octree/vector.h"
+
+namespace tessera {
+
+/// When a vertex belongs to a blend. Turns are of the surface within the ball that its bend was measured over.
+struct BandOptions {
+  double radius = 0.0;         ///< of that ball, > 0, scan units
+  double least_turn = 0.2;     ///< radians: curvature across times radius
+  double sure_turn = 0.4;      ///< a band has some that turn by so much
+  double least_ratio = 0.35;   ///< curvature along over that across: above it a vertex bends both ways
+  std::size_t least_sure = 8;  ///< vertices that turn so much
+};
+
+struct BandVertex {
+  std::uint64_t key = 0;
+  Double3 position{}, normal{}, along{};
+  double across = 0.0;  ///< as VertexBend
+};
+/// Whether a vertex with these curvatures belongs to a band.
+bool is_in_band(double across, double least, const BandOptions& options);
+
+struct BlendTrack {
+  std::vector<Double3>
+      centre;  ///< in even steps, not quite on the surface; a closed one does not repeat the first
+  std::vector<Double3> normal;  ///< unit, of the surface there
+  bool closed = false;
+  bool convex = false;
+  double half_width = 0.0;  ///< of the band, in the mean
+  std::uint64_t key = 0;    ///< of its sharpest vertex: its name
+};
+
+/// \param band   ascending keys
+/// \param links  edges of the mesh between two of them, as indices, any order
+/// \param step   of the tracks, > 0
+/// \post  ascending keys; a pure function of the arguments, links as a set
+std::vector<BlendTrack> trace_bands(std::span<const BandVertex> band,
+                                    std::span<const std::pair<std::uint32_t, std::uint32_t>> links,
+                                    const BandOptions& options, double step);
+
+/// A track by hand: a smooth curve through picked points in even steps. The surface is found later.
+/// \param points  two at least, all different \throws InputError
+BlendTrack track_through(std::span<const Double3> points, bool closed, double step);
+
+constexpr std::uint64_t trace_bands_bytes(std::uint64_t vertices, std::uint64_t links) {
+  return vertices * 200 + links * 16;
+}
+
+}  // namespace tessera

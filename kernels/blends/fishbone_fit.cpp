@@ -1,0 +1,368 @@
+#include "kernels/blends/fishbone_fit.h"
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+
+namespace tessera {
+namespace {
+
+constexpr int kMostRounds = 40;  ///< of planes and fits; each leaves about a third of what the spine is off
+constexpr double kSettled = 1e-12;      ///< of the half width: moves of the spine that end it
+constexpr int kPatientRounds = 3;       ///< in which ribs that fit badly may get better planes
+constexpr double kWindow = 1.5;         ///< ribs to each side whose vertices a rib sees
+constexpr std::size_t kLeastFlank = 3;  ///< vertices of a rib on each flank
+constexpr std::size_t kLeastRibs = 4;
+constexpr int kProfileSmooths = 12, kSpineSmooths = 16;
+constexpr double kFlankEdges = 3.0,
+                 kFlankShare = 0.8;  ///< how much of the flanks is looked at: edges, half widths
+constexpr double kOffEdges = 1.5, kOffShare = 0.35;  ///< vertices farther off are of something else
+constexpr double kFacing = 0.2;                      ///< cosine between a vertex's normal and the profile's
+constexpr double kBadRib = 3.0;                      ///< of the median rms: the blend has ended
+constexpr double kFine = 0.02;                       ///< of an edge: a rib that fits so well is never bad
+constexpr double kRough = 0.3;        ///< of the flank: what lies so far off a line on average is no flank
+constexpr double kLeastApart = 0.15;  ///< of the spacing: ends of ribs
+
+/// Ribs by cells of their origins.
+class NearRibs {
+ public:
+  NearRibs(const RibPlanes& planes, double reach) : planes_(planes), cell_(reach) {
+    for (std::uint32_t i = 0; i < planes.size(); ++i) cells_[cell(planes[i].origin)].push_back(i);
+  }
+  /// The nearest one within reach, -1: none.
+  std::int64_t nearest(const Double3& p) const {
+    const auto c = cell(p);
+    std::int64_t best = -1;
+    double square = cell_ * cell_;
+    for (std::int64_t z = c[2] - 1; z <= c[2] + 1; ++z)
+      for (std::int64_t y = c[1] - 1; y <= c[1] + 1; ++y)
+        for (std::int64_t x = c[0] - 1; x <= c[0] + 1; ++x) {
+          const auto at = cells_.find({x, y, z});
+          if (at == cells_.end()) continue;
+          for (const std::uint32_t i : at->second) {
+            const double d = squared_distance(planes_[i].origin, p);
+            if (d < square || (d == square && i < best)) square = d, best = i;
+          }
+        }
+    return best;
+  }
+
+ private:
+  std::array<std::int64_t, 3> cell(const Double3& p) const {
+    std::array<std::int64_t, 3> c;
+    for (std::size_t k = 0; k < 3; ++k) c[k] = static_cast<std::int64_t>(std::floor(p[k] / cell_));
+    return c;
+  }
+  const RibPlanes& planes_;
+  double cell_;
+  std::map<std::array<std::int64_t, 3>, std::vector<std::uint32_t>> cells_;
+};
+
+bool in_order(const RibVertex& a, const RibVertex& b) {
+  return a.place.rib != b.place.rib ? a.place.rib < b.place.rib : a.vertex < b.vertex;
+}
+
+class Fit {
+ public:
+  Fit(std::span<const Double3> position, std::span<const Double3> normal, const BlendTrack& track,
+      const FishboneOptions& options, Fishbone& out)
+      : position_(position), normal_(normal), track_(track), options_(options), out_(out) {}
+
+  FishboneOutcome run() {
+    out_ = {};
+    out_.convex = track_.convex;
+    out_.edge = options_.edge;
+    out_.flank =
+        std::max({kFlankEdges * options_.edge, kFlankShare * track_.half_width, options_.least_flank});
+    std::vector<Double3> up = track_.normal;
+    double length = 0.0;
+    const std::size_t n = track_.centre.size(), pieces = track_.closed ? n : n - 1;
+    for (std::size_t i = 0; i < pieces; ++i) length += norm(track_.centre[(i + 1) % n] - track_.centre[i]);
+    auto ribs = static_cast<std::size_t>(std::round(length / options_.spacing)) + (track_.closed ? 0 : 1);
+    if (n < 3 || ribs < kLeastRibs) return FishboneOutcome::kTooShort;
+    out_.planes = planes_across(track_.centre, std::move(up), track_.closed, ribs, kSpineSmooths);
+    for (int round = 0;; ++round) {
+      fit_ribs(round == 0);
+      const std::size_t before = this->ribs();
+      if (!(round < kPatientRounds ? fill_unfound() : cut_to_sound())) return FishboneOutcome::kNoFlanks;
+      smooth_profiles();
+      const bool settled = round > kPatientRounds && before == this->ribs() &&
+                           spine_is_off() <= kSettled * (track_.half_width + out_.edge);
+      if (settled || round + 1 == kMostRounds) break;
+      follow();
+    }
+    RibEnds ends = rib_ends();
+    const double least = kLeastApart * out_.planes.spacing();
+    if (ribs_cross(out_.planes, ends, least)) {
+      if (!straighten_ribs(out_.planes, ends, least)) return FishboneOutcome::kRibsCross;
+      out_.straightened = true;
+      fit_ribs(false);
+      if (!cut_to_sound()) return FishboneOutcome::kNoFlanks;
+      smooth_profiles();
+      if (ribs_cross(out_.planes, rib_ends(), 0.0)) return FishboneOutcome::kRibsCross;
+    }
+    return has_flanks() ? FishboneOutcome::kFound : FishboneOutcome::kNoFlanks;
+  }
+
+ private:
+  std::size_t ribs() const { return out_.planes.size(); }
+
+  /// Points of the vertices near rib i, in its plane.
+  template <class Use>
+  void for_near(const std::vector<RibVertex>& all, std::size_t i, const Use& use) const {
+    const double n = static_cast<double>(ribs());
+    const auto range = [&](double low, double high) {
+      RibVertex key;
+      key.place.rib = low;
+      for (auto at = std::lower_bound(all.begin(), all.end(), key, in_order);
+           at != all.end() && at->place.rib <= high; ++at)
+        use(*at);
+    };
+    const double r = static_cast<double>(i);
+    range(r - kWindow, r + kWindow);
+    if (!out_.planes.closed()) return;
+    if (r - kWindow < 0.0) range(r - kWindow + n, n);
+    if (r + kWindow > n) range(0.0, r + kWindow - n);
+  }
+
+  void fit_ribs(bool first) {
+    if (first) {
+      RibProfile flat;  // until there is one: everything near counts, by x alone
+      flat.angle = {-0.5, 0.5};
+      out_.profiles.assign(ribs(), flat);
+    }
+    const double wide = track_.half_width + out_.flank;
+    std::vector<RibVertex> all;
+    if (first) {
+      const NearRibs near(out_.planes, 2.0 * wide + out_.planes.spacing());
+      for (std::uint32_t v = 0; v < position_.size(); ++v) {
+        const std::int64_t i = near.nearest(position_[v]);
+        if (i < 0) continue;
+        const auto at = out_.planes.locate(position_[v], static_cast<std::size_t>(i));
+        if (!at || std::fabs(at->x) > wide || std::fabs(at->y) > wide) continue;
+        if (dot(normal_[v], out_.planes[static_cast<std::size_t>(i)].up) < 0.0) continue;
+        all.push_back({v, *at, {}});
+      }
+      std::sort(all.begin(), all.end(), in_order);
+    } else {
+      all = place_vertices(out_, position_, normal_, out_.flank,
+                           kOffEdges * out_.edge + kOffShare * (track_.half_width + out_.mean_arc()));
+    }
+    fits_.assign(ribs(), {});
+    std::vector<Double2> points;
+    for (std::size_t i = 0; i < ribs(); ++i) {
+      points.clear();
+      for_near(all, i, [&](const RibVertex& v) { points.push_back({v.place.x, v.place.y}); });
+      RibProfile start = out_.profiles[i];
+      if (first) {
+        const ProfileFit guess = guess_profile(points, track_.half_width, out_.convex);
+        if (!guess.found) continue;
+        start = guess.profile;
+      }
+      fits_[i] = fit_profile(points, start, out_.convex);
+      if (fits_[i].count[0] < kLeastFlank || fits_[i].count[2] < kLeastFlank) fits_[i].found = false;
+    }
+  }
+
+  /// Ribs that were not found take after the nearest one that was.
+  bool fill_unfound() {
+    const std::size_t n = ribs();
+    bool any = false;
+    for (std::size_t i = 0; i < n; ++i) {
+      for (std::size_t off = 0; off < n; ++off) {
+        const std::size_t a = std::min(i + off, n - 1), b = i >= off ? i - off : 0;
+        if (!fits_[a].found && !fits_[b].found) continue;
+        out_.profiles[i] = fits_[fits_[b].found ? b : a].profile;
+        any = true;
+        break;
+      }
+    }
+    return any;
+  }
+
+  /// Of ribs that were not found, or fit badly, the longest run between them stays.
+  bool cut_to_sound() {
+    std::vector<double> rms;
+    for (const ProfileFit& f : fits_)
+      if (f.found) rms.push_back(f.rms);
+    if (rms.size() < kLeastRibs) return false;
+    std::nth_element(rms.begin(), rms.begin() + static_cast<std::ptrdiff_t>(rms.size() / 2), rms.end());
+    const double most = std::max(kBadRib * rms[rms.size() / 2], kFine * out_.edge);
+    const std::size_t n = ribs();
+    std::vector<std::uint8_t> sound(n);
+    std::size_t bad = 0;
+    for (std::size_t i = 0; i < n; ++i) bad += !(sound[i] = fits_[i].found && fits_[i].rms <= most);
+    if (bad == 0) {
+      for (std::size_t i = 0; i < n; ++i) out_.profiles[i] = fits_[i].profile;
+      return true;
+    }
+    std::size_t best = 0, begin = 0, run = 0;
+    const bool closed = out_.planes.closed();
+    for (std::size_t i = 0; i < (closed ? 2 * n : n); ++i) {
+      run = sound[i % n] ? run + 1 : 0;
+      if (run > best && run <= n) best = run, begin = i + 1 - run;
+    }
+    if (best < kLeastRibs) return false;
+    std::vector<RibPlane> planes;
+    std::vector<ProfileFit> fits;
+    out_.profiles.clear();
+    for (std::size_t i = begin; i < begin + best; ++i) {
+      planes.push_back(out_.planes[i % n]);
+      fits.push_back(fits_[i % n]);
+      out_.profiles.push_back(fits_[i % n].profile);
+    }
+    fits_ = std::move(fits);
+    out_.planes = RibPlanes(std::move(planes), false);
+    return true;
+  }
+
+  void smooth_profiles() {
+    const bool closed = out_.planes.closed();
+    std::vector<double> value(ribs());
+    const auto smooth = [&](auto&& of) {
+      for (std::size_t i = 0; i < ribs(); ++i) value[i] = of(out_.profiles[i]);
+      smooth_line(value, closed, kProfileSmooths);
+      for (std::size_t i = 0; i < ribs(); ++i) of(out_.profiles[i]) = value[i];
+    };
+    for (std::size_t k = 0; k < 2; ++k) {
+      smooth([k](RibProfile& p) -> double& { return p.angle[k]; });
+      smooth([k](RibProfile& p) -> double& { return p.offset[k]; });
+    }
+    smooth([](RibProfile& p) -> double& { return p.radius; });
+  }
+
+  /// Planes across the middle of what was found.
+  void follow() {
+    std::vector<Double3> spine(ribs()), up(ribs());
+    std::vector<RibProfile> old = out_.profiles;
+    for (std::size_t i = 0; i < ribs(); ++i) {
+      const Double2 m = out_.profiles[i].middle(), n = out_.profiles[i].arc_normal(0.5);
+      spine[i] = out_.planes.at(i, m[0], m[1]);
+      up[i] = out_.planes[i].across * n[0] + out_.planes[i].up * n[1];
+    }
+    out_.planes = planes_across(std::move(spine), std::move(up), out_.planes.closed(), ribs(), kSpineSmooths);
+    // The same profiles seen from the new origins: the middle of the arc is (0, 0), its normal is up.
+    for (RibProfile& p : out_.profiles) {
+      const double turn = p.middle_angle();
+      const Double2 m = p.middle();
+      for (std::size_t k = 0; k < 2; ++k) {
+        const Double2 n = p.flank_normal(k);
+        p.offset[k] -= n[0] * m[0] + n[1] * m[1];
+      }
+      p.angle[0] -= turn, p.angle[1] -= turn;
+    }
+  }
+
+  /// How far the middles of arcs are from the origins of their planes.
+  double spine_is_off() const {
+    double most = 0.0;
+    for (const RibProfile& p : out_.profiles) {
+      const Double2 m = p.middle();
+      most = std::max({most, std::fabs(m[0]), std::fabs(m[1])});
+    }
+    return most;
+  }
+
+  RibEnds rib_ends() const {
+    RibEnds ends;
+    for (std::size_t i = 0; i < ribs(); ++i) {
+      const RibProfile& p = out_.profiles[i];
+      const double far = p.tangent_length() + std::max(out_.edge, options_.least_flank);
+      const Double2 l = p.on_flank(0, far), r = p.on_flank(1, far);
+      ends.left.push_back(out_.planes.at(i, l[0], l[1]));
+      ends.right.push_back(out_.planes.at(i, r[0], r[1]));
+    }
+    return ends;
+  }
+
+  bool has_flanks() {
+    double sum = 0.0, n = 0.0;
+    for (const ProfileFit& f : fits_) sum += f.rms * f.rms, n += 1.0;
+    out_.rms = std::sqrt(sum / n);
+    return out_.rms < kRough * std::min(out_.flank, track_.half_width + out_.edge);
+  }
+
+  std::span<const Double3> position_, normal_;
+  const BlendTrack& track_;
+  FishboneOptions options_;
+  Fishbone& out_;
+  std::vector<ProfileFit> fits_;
+};
+
+}  // namespace
+
+RibProfile Fishbone::profile_at(double rib) const {
+  const std::size_t n = profiles.size();
+  if (!planes.closed()) rib = std::clamp(rib, 0.0, static_cast<double>(n - 1));
+  const double whole = std::floor(rib), t = rib - whole;
+  const RibProfile& a = profiles[static_cast<std::size_t>(whole) % n];
+  if (t == 0.0) return a;
+  const RibProfile& b = profiles[(static_cast<std::size_t>(whole) + 1) % n];
+  RibProfile out;
+  for (std::size_t k = 0; k < 2; ++k) {
+    out.angle[k] = a.angle[k] * (1.0 - t) + b.angle[k] * t;
+    out.offset[k] = a.offset[k] * (1.0 - t) + b.offset[k] * t;
+  }
+  out.radius = a.radius * (1.0 - t) + b.radius * t;
+  return out;
+}
+
+bool Fishbone::cut_ends() {
+  const std::size_t n = planes.size();
+  if (planes.closed() || n < kLeastRibs + 2) return false;
+  std::vector<RibPlane> rest;
+  for (std::size_t i = 1; i + 1 < n; ++i) rest.push_back(planes[i]);
+  planes = RibPlanes(std::move(rest), false);
+  profiles.erase(profiles.begin());
+  profiles.pop_back();
+  return true;
+}
+
+double Fishbone::mean_radius() const {
+  double sum = 0.0;
+  for (const RibProfile& p : profiles) sum += std::fabs(p.radius);
+  return sum / static_cast<double>(profiles.size());
+}
+double Fishbone::mean_turn() const {
+  double sum = 0.0;
+  for (const RibProfile& p : profiles) sum += p.turn();
+  return sum / static_cast<double>(profiles.size());
+}
+double Fishbone::mean_arc() const {
+  double sum = 0.0;
+  for (const RibProfile& p : profiles) sum += p.arc_length();
+  return sum / static_cast<double>(profiles.size());
+}
+
+std::vector<RibVertex> place_vertices(const Fishbone& bone, std::span<const Double3> position,
+                                      std::span<const Double3> normal, double reach, double off) {
+  const double wide = 0.5 * bone.mean_arc() + reach + bone.planes.spacing();
+  const NearRibs near(bone.planes, 1.5 * wide + off);
+  std::vector<RibVertex> out;
+  for (std::uint32_t v = 0; v < position.size(); ++v) {
+    const std::int64_t i = near.nearest(position[v]);
+    if (i < 0) continue;
+    const auto at = bone.planes.locate(position[v], static_cast<std::size_t>(i));
+    if (!at) continue;
+    const RibProfile p = bone.profile_at(at->rib);
+    const ProfilePlace beside = place_beside(p, {at->x, at->y});
+    if (std::fabs(beside.distance) > off || std::fabs(beside.run) > 0.5 * p.arc_length() + reach) continue;
+    const double half = 0.5 * p.arc_length();
+    const double share = half > 0.0 ? std::clamp(0.5 + 0.5 * beside.run / half, 0.0, 1.0) : 0.5;
+    const Double2 n = beside.zone == RibZone::kLeft    ? p.flank_normal(0)
+                      : beside.zone == RibZone::kRight ? p.flank_normal(1)
+                                                       : p.arc_normal(share);
+    const RibPlane& plane = bone.planes[static_cast<std::size_t>(i)];
+    if (dot(normal[v], plane.across * n[0] + plane.up * n[1]) < kFacing) continue;
+    out.push_back({v, *at, beside});
+  }
+  std::sort(out.begin(), out.end(), in_order);
+  return out;
+}
+
+FishboneOutcome fit_fishbone(std::span<const Double3> position, std::span<const Double3> normal,
+                             const BlendTrack& track, const FishboneOptions& options, Fishbone& out) {
+  return Fit(position, normal, track, options, out).run();
+}
+
+}  // namespace tessera

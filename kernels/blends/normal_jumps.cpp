@@ -1,0 +1,74 @@
+#include "kernels/blends/normal_jumps.h"
+
+#include <algorithm>
+#include <cmath>
+#include <vector>
+
+#include "octree/portable_math.h"
+
+namespace tessera {
+namespace {
+
+constexpr double kInner = 10.0 / 12.0;  ///< of the arc
+constexpr double kEnd = 0.25;           ///< ribs: what is stitched there is not of the blend
+constexpr double kAligned = 0.8660254037844386;
+
+JumpSum sum_of(const std::vector<double>& jumps) {
+  JumpSum s;
+  s.edges = jumps.size();
+  if (jumps.empty()) return s;
+  for (const double j : jumps) s.mean += j / static_cast<double>(jumps.size());
+  for (const double j : jumps) s.variance += (j - s.mean) * (j - s.mean) / static_cast<double>(jumps.size());
+  return s;
+}
+
+struct Side {
+  std::uint32_t low, high, face;
+};
+
+}  // namespace
+
+NormalJumps normal_jumps(const Fishbone& bone, std::span<const Double3> position,
+                         std::span<const std::array<std::uint32_t, 3>> faces) {
+  std::vector<Side> sides;
+  for (std::uint32_t f = 0; f < faces.size(); ++f)
+    for (std::size_t k = 0; k < 3; ++k) {
+      const auto [low, high] = std::minmax(faces[f][k], faces[f][(k + 1) % 3]);
+      sides.push_back({low, high, f});
+    }
+  std::sort(sides.begin(), sides.end(), [](const Side& a, const Side& b) {
+    return a.low != b.low ? a.low < b.low : a.high != b.high ? a.high < b.high : a.face < b.face;
+  });
+  std::vector<Double3> middle, normal;
+  std::vector<std::size_t> at;
+  const auto face_normal = [&](std::uint32_t f) {
+    const auto& t = faces[f];
+    return unit_or_zero(triangle_normal(position[t[0]], position[t[1]], position[t[2]]));
+  };
+  for (std::size_t i = 0; i + 1 < sides.size(); ++i) {
+    const Side &a = sides[i], &b = sides[i + 1];
+    if (a.low != b.low || a.high != b.high) continue;
+    const Double3 m = face_normal(a.face), n = face_normal(b.face);
+    if (dot(m, m) == 0.0 || dot(n, n) == 0.0) continue;
+    middle.push_back((position[a.low] + position[a.high]) * 0.5);
+    normal.push_back(unit_or_zero(m + n));
+    at.push_back(i);
+  }
+  std::vector<double> along, across;
+  const double ends = static_cast<double>(bone.planes.size() - 1);
+  for (const RibVertex& v : place_vertices(bone, middle, normal, 0.0, bone.edge + 0.5 * bone.mean_arc())) {
+    if (!bone.planes.closed() && (v.place.rib < kEnd || v.place.rib > ends - kEnd)) continue;
+    const RibProfile p = bone.profile_at(v.place.rib);
+    if (v.beside.zone != RibZone::kArc || std::fabs(v.beside.run) > 0.5 * kInner * p.arc_length()) continue;
+    const Side &a = sides[at[v.vertex]], &b = sides[at[v.vertex] + 1];
+    const Double3 way = unit_or_zero(position[a.high] - position[a.low]);
+    const auto rib = static_cast<std::size_t>(v.place.rib) % bone.planes.size();
+    const double cosine = std::fabs(dot(way, bone.planes[rib].along));
+    const double jump = angle_between(face_normal(a.face), face_normal(b.face));
+    if (cosine > kAligned) across.push_back(jump);
+    if (cosine < 0.5) along.push_back(jump);
+  }
+  return {sum_of(along), sum_of(across)};
+}
+
+}  // namespace tessera

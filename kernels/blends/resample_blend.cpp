@@ -1,0 +1,500 @@
+// Passes: the fishbone is fitted; its grid is made; faces under the grid go; the zipper joins grid and rest; what came out is
+// held to be a manifold, not to fold, and to be within the tolerance. Whatever fails leaves the blend as it was.
+#include "kernels/blends/resample_blend.h"
+
+#include <algorithm>
+#include <cmath>
+#include <unordered_map>
+
+#include "kernels/blends/blend_grid.h"
+#include "kernels/certify/certificate_pair.h"
+#include "kernels/merge/zipper.h"
+#include "kernels/mesh/closest_face.h"
+#include "kernels/mesh/face_corners.h"
+#include "kernels/mesh/mesh_block_ops.h"
+
+namespace tessera {
+namespace {
+
+using Face = std::array<std::uint32_t, 3>;
+
+constexpr std::uint32_t kNone = 0xffffffffu;
+constexpr double kClear = 0.5;         ///< of a row: between the grid and what stays
+constexpr double kOffEdges = 1.5;      ///< vertices under the grid, edges off it at the most, and half an arc
+constexpr double kGapRows = 2.5;       ///< of the zipper: what was cleared, and the width of faces beside it
+constexpr double kLeastFacing = 0.2;   ///< cosine between a new face and the surface at its corners
+constexpr double kLeastStitch = -0.5;  ///< cosine between a stitch and the faces beside it: creases end there
+constexpr int kMostCuts = 4;         ///< ribs that are left out at the ends, where a blend runs into a border
+constexpr double kRoomy = 1.25;      ///< of the tolerance: how far off is still told
+constexpr double kEdgesApart = 1.3;  ///< local edges that differ by more from what was thought: fit again
+
+std::uint64_t way(std::uint32_t from, std::uint32_t to) {
+  return std::uint64_t{from} << 32 | to;
+}
+
+/// Whether a triangle meets the rectangle [0, width] x [-height, height]: no axis separates them.
+bool meets(const std::array<Double2, 3>& t, double left, double width, double height) {
+  const Double2 low = {left, -height}, high = {width, height};
+  for (std::size_t c = 0; c < 2; ++c) {
+    const auto [a, b] = std::minmax({t[0][c], t[1][c], t[2][c]});
+    if (b < low[c] || a > high[c]) return false;
+  }
+  for (std::size_t k = 0; k < 3; ++k) {
+    const Double2 &p = t[k], &q = t[(k + 1) % 3], &r = t[(k + 2) % 3];
+    const Double2 n = {q[1] - p[1], p[0] - q[0]};
+    const double at = n[0] * p[0] + n[1] * p[1], third = n[0] * r[0] + n[1] * r[1] - at;
+    double least = 0.0, most = 0.0;
+    for (int c = 0; c < 4; ++c) {
+      const double d = n[0] * (c & 1 ? high[0] : low[0]) + n[1] * (c & 2 ? high[1] : low[1]) - at;
+      least = c == 0 ? d : std::min(least, d), most = c == 0 ? d : std::max(most, d);
+    }
+    if (most < std::min(0.0, third) || least > std::max(0.0, third)) return false;
+  }
+  return true;
+}
+
+class Resampler {
+ public:
+  Resampler(const MeshBlock& block, const BlendTrack& track, const BlendOptions& options, double edge)
+      : block_(block), track_(track), options_(options), edge_(edge), corners_(block) {}
+
+  ResampledBlend run() {
+    out_.report.outcome = work();
+    if (out_.report.outcome != BlendOutcome::kChanged) {
+      out_.removed.clear();
+      out_.added = {};
+      out_.report.faces_removed = out_.report.faces_added = 0;
+    }
+    return std::move(out_);
+  }
+
+ private:
+  BlendOutcome work() {
+    find_normals();
+    if (const BlendOutcome o = fit(); o != BlendOutcome::kChanged) return o;
+    for (int cut = 0;; ++cut) {
+      const double reach = flank_beyond(bone_, options_, spacing_) + (1.0 + kClear) * spacing_;
+      near_ = place(reach + 2.0 * edge_);
+      grid_ = make_blend_grid(bone_, near_, options_, spacing_);
+      describe();
+      // Again, as far as faces that begin under the grid can reach.
+      near_ = place(reach + longest_edge_near());
+      const BlendOutcome o = clear();
+      if (o == BlendOutcome::kChanged) break;
+      if (o != BlendOutcome::kAtBorder || cut == kMostCuts || !bone_.cut_ends()) return o;
+    }
+    if (const BlendOutcome o = stitch(); o != BlendOutcome::kChanged) return o;
+    if (folds()) return BlendOutcome::kFolds;
+    if (!certify()) return BlendOutcome::kBeyondTolerance;
+    hand_out();
+    return BlendOutcome::kChanged;
+  }
+
+  void find_normals() {
+    normal_.assign(block_.key.size(), Double3{});
+    for (const Face& f : block_.faces) {
+      const Double3 n = face_normal(block_.position, f);
+      for (const std::uint32_t v : f) normal_[v] = normal_[v] + n;
+    }
+    for (Double3& n : normal_) n = unit_or_zero(n);
+  }
+  static Double3 face_normal(std::span<const Double3> at, const Face& f) {
+    return triangle_normal(at[f[0]], at[f[1]], at[f[2]]);
+  }
+
+  BlendOutcome fit() {
+    for (int again = 0; again < 2; ++again) {
+      spacing_ = options_.spacing > 0.0 ? options_.spacing : edge_;
+      FishboneOptions o{spacing_, edge_, 0.0};
+      FishboneOutcome found = fit_fishbone(block_.position, normal_, track_, o, bone_);
+      if (found == FishboneOutcome::kFound && options_.edit != BlendEdit::kNone) {
+        o.least_flank = flank_beyond(bone_, options_, spacing_) + spacing_;
+        found = fit_fishbone(block_.position, normal_, track_, o, bone_);
+      }
+      if (found == FishboneOutcome::kTooShort) return BlendOutcome::kTooShort;
+      if (found == FishboneOutcome::kNoFlanks) return BlendOutcome::kNoFlanks;
+      if (found == FishboneOutcome::kRibsCross) return BlendOutcome::kRibsCross;
+      const double local = local_edge();
+      const bool apart = local > kEdgesApart * edge_ || edge_ > kEdgesApart * local;
+      if (!(local > 0.0) || !apart) break;
+      edge_ = local;
+    }
+    return BlendOutcome::kChanged;
+  }
+
+  double off() const { return kOffEdges * edge_ + 0.5 * bone_.mean_arc(); }
+  std::vector<RibVertex> place(double reach) const {
+    return place_vertices(bone_, block_.position, normal_, reach, off());
+  }
+
+  double local_edge() const {
+    std::vector<std::uint8_t> in(block_.key.size(), 0);
+    for (const RibVertex& v : place(edge_))
+      if (in_length(v.place.rib)) in[v.vertex] = 1;
+    double sum = 0.0, count = 0.0;
+    for (const Face& f : block_.faces)
+      for (std::size_t k = 0; k < 3; ++k) {
+        const std::uint32_t a = f[k], b = f[(k + 1) % 3];
+        if (!in[a] || !in[b]) continue;
+        sum += norm(block_.position[b] - block_.position[a]), count += 1.0;
+      }
+    return count > 0.0 ? sum / count : 0.0;
+  }
+  bool in_length(double rib) const {
+    return bone_.planes.closed() || (rib >= 0.0 && rib <= static_cast<double>(bone_.planes.size() - 1));
+  }
+
+  double longest_edge_near() const {
+    std::vector<std::uint8_t> in(block_.key.size(), 0);
+    for (const RibVertex& v : near_)
+      if (in_length(v.place.rib)) in[v.vertex] = 1;
+    double square = edge_ * edge_;
+    for (const Face& f : block_.faces)
+      for (std::size_t k = 0; k < 3; ++k)
+        if (in[f[k]] || in[f[(k + 1) % 3]])
+          square = std::max(square, squared_distance(block_.position[f[k]], block_.position[f[(k + 1) % 3]]));
+    return std::sqrt(square);
+  }
+
+  void describe() {
+    BlendReport& r = out_.report;
+    r.closed = grid_.closed, r.convex = bone_.convex, r.sharp = grid_.sharp;
+    r.straightened = bone_.straightened;
+    r.ribs = grid_.ribs, r.rows = grid_.rows;
+    r.length = bone_.planes.length();
+    r.radius = bone_.mean_radius();
+    r.new_radius = grid_.radius_of_arcs();
+    r.turn = bone_.mean_turn();
+    r.rms = bone_.rms;
+  }
+
+  /// Faces under the grid, and a little around it, that hang together.
+  BlendOutcome clear() {
+    constexpr double kFar = 1e300;
+    std::vector<Double2> place(block_.key.size(), {kFar, kFar});
+    double mean = 0.0;
+    for (const double e : grid_.extent) mean += e / static_cast<double>(grid_.ribs);
+    const double step = bone_.planes.spacing();
+    for (const RibVertex& v : near_) {
+      const double last = static_cast<double>(grid_.ribs - 1);
+      const auto rib = static_cast<std::size_t>(std::clamp(std::round(v.place.rib), 0.0, last));
+      place[v.vertex] = {v.place.rib * step, v.beside.run * mean / grid_.extent[rib]};
+    }
+    const double clear = kClear * std::min(spacing_, edge_);
+    const double length = step * static_cast<double>(grid_.closed ? grid_.ribs : grid_.ribs - 1);
+    removed_.assign(block_.faces.size(), 0);
+    for (std::size_t f = 0; f < removed_.size(); ++f) {
+      std::array<Double2, 3> t;
+      bool known = true, within = false;
+      for (std::size_t k = 0; k < 3; ++k) {
+        t[k] = place[block_.faces[f][k]];
+        known = known && t[k][0] != kFar;
+        within = within || (t[k][0] != kFar && std::fabs(t[k][1]) <= mean + clear &&
+                            (grid_.closed || (t[k][0] >= -clear && t[k][0] <= length + clear)));
+      }
+      if (known && grid_.closed)
+        for (std::size_t k = 1; k < 3; ++k) t[k][0] -= length * std::round((t[k][0] - t[0][0]) / length);
+      removed_[f] = within || (known && meets(t, grid_.closed ? -kFar : -clear,
+                                              grid_.closed ? kFar : length + clear, mean + clear));
+    }
+    keep_largest_piece();
+    std::size_t count = 0;
+    for (std::size_t f = 0; f < removed_.size(); ++f) {
+      if (!removed_[f]) continue;
+      ++count;
+      if (block_.face_flags[f] & (kFaceBorder01 | kFaceBorder12 | kFaceBorder20))
+        return BlendOutcome::kAtBorder;
+      for (std::size_t k = 0; k < 3; ++k)
+        if (beside(f, k) == kNone) return BlendOutcome::kAtBorder;
+    }
+    return count > 0 ? BlendOutcome::kChanged : BlendOutcome::kNotStitched;
+  }
+
+  std::uint32_t beside(std::size_t f, std::size_t k) const {
+    const std::uint32_t a = block_.faces[f][k], b = block_.faces[f][(k + 1) % 3];
+    for (const std::uint32_t c : corners_.at(b))
+      if (block_.faces[c >> 2][((c & 3) + 1) % 3] == a) return c >> 2;
+    return kNone;
+  }
+
+  /// Of the removed faces; and faces that it surrounds go with it.
+  void keep_largest_piece() {
+    const std::size_t n = removed_.size();
+    std::vector<std::uint32_t> piece(n, kNone), stack, size;
+    for (std::uint32_t start = 0; start < n; ++start) {
+      if (!removed_[start] || piece[start] != kNone) continue;
+      const auto number = static_cast<std::uint32_t>(size.size());
+      size.push_back(0);
+      stack.assign(1, start);
+      piece[start] = number;
+      while (!stack.empty()) {
+        const std::uint32_t f = stack.back();
+        stack.pop_back();
+        ++size[number];
+        for (std::size_t k = 0; k < 3; ++k) {
+          const std::uint32_t g = beside(f, k);
+          if (g == kNone || !removed_[g] || piece[g] != kNone) continue;
+          piece[g] = number;
+          stack.push_back(g);
+        }
+      }
+    }
+    if (size.empty()) return;
+    const auto largest =
+        static_cast<std::uint32_t>(std::max_element(size.begin(), size.end()) - size.begin());
+    for (std::size_t f = 0; f < n; ++f) removed_[f] = piece[f] == largest;
+    for (std::size_t f = 0; f < n; ++f) {
+      if (removed_[f]) continue;
+      bool inside = true;
+      for (std::size_t k = 0; k < 3; ++k) {
+        const std::uint32_t g = beside(f, k);
+        inside = inside && g != kNone && piece[g] == largest;
+      }
+      if (inside) removed_[f] = 1;
+    }
+  }
+
+  /// The ring of faces around the hole, and the grid, become pieces for the zipper.
+  BlendOutcome stitch() {
+    std::vector<std::uint8_t> near(block_.key.size(), 0), ring(block_.faces.size(), 0);
+    for (int round = 0; round < 2; ++round) {
+      for (std::size_t f = 0; f < ring.size(); ++f)
+        if (removed_[f] || ring[f])
+          for (const std::uint32_t v : block_.faces[f]) near[v] = 1;
+      for (std::size_t f = 0; f < ring.size(); ++f)
+        for (const std::uint32_t v : block_.faces[f]) ring[f] |= near[v];
+    }
+    const Double3 origin = track_.centre[0];
+    std::vector<std::uint32_t> place(block_.key.size(), kNone);
+    for (std::uint32_t f = 0; f < ring.size(); ++f) {
+      if (!ring[f] || removed_[f]) continue;
+      Face face;
+      for (std::size_t k = 0; k < 3; ++k) {
+        std::uint32_t& at = place[block_.faces[f][k]];
+        if (at == kNone) {
+          at = static_cast<std::uint32_t>(old_.size());
+          old_.push_back(block_.faces[f][k]);
+        }
+        face[k] = at;
+      }
+      std::uint8_t edges = ZipPieces::kOriginal | (block_.face_flags[f] & 7);
+      for (std::size_t k = 0; k < 3; ++k) {
+        const std::uint32_t g = beside(f, k);
+        const bool ends = block_.face_flags[f] >> k & 1;
+        if (!ends && (g == kNone || (!ring[g] && !removed_[g])))
+          edges = static_cast<std::uint8_t>(edges | ZipPieces::kGoesOn << k);
+      }
+      pieces_.faces.push_back(face);
+      pieces_.edges.push_back(edges);
+      ring_.push_back(f);
+    }
+    for (const std::uint32_t v : old_) pieces_.position.push_back(block_.position[v] - origin);
+    for (const Double3& p : grid_.node) pieces_.position.push_back(p - origin);
+    const auto first = static_cast<std::uint32_t>(old_.size());
+    for (const Face& f : grid_.faces()) {
+      pieces_.faces.push_back({f[0] + first, f[1] + first, f[2] + first});
+      pieces_.edges.push_back(0);
+    }
+    zipped_ = zip(pieces_, kGapRows * std::max({spacing_, edge_, bone_.planes.spacing()}), kLeastStitch);
+    for (std::size_t f = 0; f < ring_.size(); ++f)
+      if (zipped_.removed[f]) removed_[ring_[f]] = 1;
+    for (std::size_t f = 0; f < pieces_.faces.size(); ++f) {
+      if (zipped_.removed[f]) continue;
+      if (f < ring_.size()) continue;
+      added_.push_back(pieces_.faces[f]);
+    }
+    added_.insert(added_.end(), zipped_.added.begin(), zipped_.added.end());
+    return is_closed() ? BlendOutcome::kChanged : BlendOutcome::kNotStitched;
+  }
+
+  /// Every edge of what comes out has its other side, but where the pieces go on or the surface ends; and the faces at
+  /// every vertex hang together.
+  bool is_closed() const {
+    std::unordered_map<std::uint64_t, std::uint32_t> half;
+    std::vector<Face> faces;
+    std::vector<std::uint8_t> edges;
+    for (std::size_t f = 0; f < ring_.size(); ++f)
+      if (!zipped_.removed[f]) faces.push_back(pieces_.faces[f]), edges.push_back(pieces_.edges[f]);
+    faces.insert(faces.end(), added_.begin(), added_.end());
+    edges.resize(faces.size(), 0);
+    std::vector<std::uint32_t> star(pieces_.position.size(), 0), any(pieces_.position.size(), kNone);
+    std::vector<std::uint8_t> loose(pieces_.position.size(), 0);
+    for (std::uint32_t f = 0; f < faces.size(); ++f)
+      for (std::size_t k = 0; k < 3; ++k) {
+        if (!half.emplace(way(faces[f][k], faces[f][(k + 1) % 3]), f).second) return false;
+        ++star[faces[f][k]];
+        any[faces[f][k]] = f;
+        if (edges[f] & ((ZipPieces::kEnds | ZipPieces::kGoesOn) << k))
+          loose[faces[f][k]] = loose[faces[f][(k + 1) % 3]] = 1;
+      }
+    for (std::uint32_t f = 0; f < faces.size(); ++f)
+      for (std::size_t k = 0; k < 3; ++k)
+        if (!(edges[f] & ((ZipPieces::kEnds | ZipPieces::kGoesOn) << k)) &&
+            half.count(way(faces[f][(k + 1) % 3], faces[f][k])) == 0)
+          return false;
+    for (std::uint32_t v = 0; v < star.size(); ++v) {
+      if (star[v] == 0 || loose[v]) continue;
+      std::uint32_t f = any[v], count = 0;
+      do {
+        const Face& t = faces[f];
+        const std::size_t k = t[0] == v ? 0 : t[1] == v ? 1 : 2;
+        f = half.at(way(v, t[(k + 2) % 3]));
+      } while (++count <= star[v] && f != any[v]);
+      if (count != star[v]) return false;
+    }
+    return true;
+  }
+
+  /// All that was there, near what goes.
+  std::vector<Face> old_faces() const {
+    std::vector<Face> out;
+    for (std::size_t f = 0; f < removed_.size(); ++f)
+      if (removed_[f]) out.push_back(block_.faces[f]);
+    for (std::size_t f = 0; f < ring_.size(); ++f)
+      if (!zipped_.removed[f]) out.push_back(block_.faces[ring_[f]]);
+    return out;
+  }
+
+  /// A new face turns away from what its corners say: of old ones the surface as it was, of nodes the grid.
+  bool folds() const {
+    std::vector<Double3> normal;
+    for (const std::uint32_t v : old_) normal.push_back(normal_[v]);
+    normal.resize(pieces_.position.size(), Double3{});
+    for (std::size_t f = ring_.size(); f < pieces_.faces.size(); ++f)
+      for (const std::uint32_t v : pieces_.faces[f])
+        normal[v] = normal[v] + unit_or_zero(face_normal(pieces_.position, pieces_.faces[f]));
+    for (const Face& f : added_) {
+      const Double3 n = unit_or_zero(face_normal(pieces_.position, f));
+      Double3 sum{};
+      for (const std::uint32_t v : f) sum = sum + unit_or_zero(normal[v]);
+      if (dot(n, unit_or_zero(sum)) < kLeastFacing) return true;
+    }
+    return false;
+  }
+
+  bool certify() {
+    const bool edited = options_.edit != BlendEdit::kNone;
+    const std::vector<Face> old = old_faces();
+    std::vector<Double3> position;
+    for (const std::uint32_t v : old_) position.push_back(block_.position[v]);
+    position.insert(position.end(), grid_.node.begin(), grid_.node.end());
+    std::vector<Face> now = added_;
+    for (std::size_t f = 0; f < ring_.size(); ++f)
+      if (!zipped_.removed[f]) now.push_back(pieces_.faces[f]);
+    CertificateOptions o;
+    o.tolerance = options_.tolerance;
+    if (edited) o.tolerance = std::max(o.tolerance, 2.0 * (bone_.mean_arc() + spacing_ + options_.radius));
+    o.reach = kRoomy * o.tolerance;
+    o.area_unit = std::max(1e-300, edge_ * edge_ * 1e-6);
+    const DeviationPair pair =
+        certify_pair({position, now}, {block_.position, old}, nullptr, track_.centre[0], o);
+    out_.report.distance = std::max(pair.there.upper, pair.back.upper);
+    return edited || out_.report.distance <= options_.tolerance;
+  }
+
+  void hand_out() {
+    BlendReport& r = out_.report;
+    std::vector<Face> was;
+    for (std::size_t f = 0; f < removed_.size(); ++f) {
+      if (!removed_[f]) continue;
+      const Face& t = block_.faces[f];
+      was.push_back(t);
+      std::array<std::uint64_t, 3> c = {block_.key[t[0]], block_.key[t[1]], block_.key[t[2]]};
+      std::sort(c.begin(), c.end());
+      out_.removed.push_back(c);
+    }
+    std::sort(out_.removed.begin(), out_.removed.end());
+    MeshBlock& b = out_.added;
+    for (const std::uint32_t v : old_) {
+      b.key.push_back(block_.key[v]);
+      b.position.push_back(block_.position[v]);
+      b.vertex_class.push_back(block_.vertex_class[v]);
+      if (!block_.rgba.empty()) b.rgba.push_back(block_.rgba[v]);
+    }
+    for (std::size_t i = 0; i < grid_.node.size(); ++i) {
+      b.key.push_back(options_.first_key + i);
+      b.position.push_back(grid_.node[i]);
+      b.vertex_class.push_back(grid_.sharp && i % grid_.rows == grid_.first_arc ? VertexClass::kCrease
+                                                                                : VertexClass::kSmooth);
+    }
+    if (!block_.rgba.empty()) colour(was);
+    b.faces = added_;
+    b.face_flags.assign(added_.size(), 0);
+    r.faces_removed = was.size();
+    r.faces_added = added_.size();
+    r.before = normal_jumps(bone_, block_.position, was);
+    r.after = normal_jumps(bone_, b.position, b.faces);
+    canonicalise(b);
+  }
+
+  /// New vertices take the colour of the nearest corner of the face under them.
+  void colour(const std::vector<Face>& was) {
+    const ClosestFaces there(block_.position, was, track_.centre[0]);
+    for (const Double3& p : grid_.node) {
+      const auto hit = there.closest(p - track_.centre[0], 1e300, ClosestFaces::kNone);
+      const Face& f = was[there.face(hit.slot)];
+      std::uint32_t nearest = f[0];
+      for (const std::uint32_t v : f)
+        if (squared_distance(block_.position[v], p) < squared_distance(block_.position[nearest], p))
+          nearest = v;
+      out_.added.rgba.push_back(block_.rgba[nearest]);
+    }
+  }
+
+  const MeshBlock& block_;
+  const BlendTrack& track_;
+  const BlendOptions& options_;
+  double edge_, spacing_ = 0.0;
+  FaceCorners corners_;
+  std::vector<Double3> normal_;
+  Fishbone bone_;
+  std::vector<RibVertex> near_;
+  BlendGrid grid_;
+  std::vector<std::uint8_t> removed_;  ///< per face of the block
+  std::vector<std::uint32_t> ring_;    ///< faces of the block among the pieces
+  std::vector<std::uint32_t> old_;     ///< vertices of the block among the pieces: before the nodes
+  ZipPieces pieces_;
+  Zipped zipped_;
+  std::vector<Face> added_;  ///< in vertices of the pieces
+  ResampledBlend out_;
+};
+
+}  // namespace
+
+std::string_view sentence_of(BlendOutcome outcome) {
+  switch (outcome) {
+    case BlendOutcome::kChanged:
+      return "changed";
+    case BlendOutcome::kTooShort:
+      return "it is shorter than four ribs";
+    case BlendOutcome::kNoFlanks:
+      return "the surface beside it is no flank of a rolling ball";
+    case BlendOutcome::kRibsCross:
+      return "it turns too sharply for its width, ribs would cross";
+    case BlendOutcome::kAtBorder:
+      return "it reaches a border of the surface";
+    case BlendOutcome::kNotStitched:
+      return "its grid could not be stitched to the mesh all around";
+    case BlendOutcome::kFolds:
+      return "a new face would turn away from the surface";
+    case BlendOutcome::kBeyondTolerance:
+      return "it would be farther from the input than the tolerance";
+  }
+  return "";
+}
+
+double blend_reach(const BlendTrack& track, const BlendOptions& options, double edge) {
+  return 4.0 * track.half_width + 4.0 * options.radius + 16.0 * edge;
+}
+
+ResampledBlend resample_blend(const MeshBlock& block, const BlendTrack& track, const BlendOptions& options,
+                              double edge) {
+  return Resampler(block, track, options, edge).run();
+}
+
+std::uint64_t resample_blend_bytes(std::uint64_t vertices, std::uint64_t faces) {
+  return vertices * (24 + 4 + 96 + 16 + 8) + faces * (12 + 4 + 12 + 48) + zip_bytes(vertices, 2 * faces) +
+         faces * (2 * ClosestFaces::bytes_per_face() + 200);
+}
+
+}  // namespace tessera

@@ -1,0 +1,230 @@
+#include "kernels/blends/rib_profile.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "octree/portable_math.h"
+#include "octree/small_matrix.h"
+
+namespace tessera {
+namespace {
+
+constexpr double kLeastTurn = 0.08;  ///< radians: flatter ones have no corner to speak of
+constexpr double kMostTurn = 2.9;
+constexpr int kMostFitSteps = 60;
+constexpr double kEnough = 1e-15;  ///< of the extent: a step that changes nothing
+
+double dot2(const Double2& a, const Double2& b) {
+  return a[0] * b[0] + a[1] * b[1];
+}
+Double2 normal_at(double angle) {
+  const SinCos s = sin_cos(angle);
+  return {s.sin, s.cos};
+}
+/// In the direction of growing x.
+Double2 tangent_at(double angle) {
+  const SinCos s = sin_cos(angle);
+  return {s.cos, -s.sin};
+}
+double tan_half(double angle) {
+  const SinCos s = sin_cos(0.5 * angle);
+  return s.sin / s.cos;
+}
+/// Of a direction, from y towards x, in (-pi, pi].
+double angle_of(const Double2& d) {
+  const double length = std::sqrt(dot2(d, d));
+  if (!(length > 0.0)) return 0.0;
+  const double a = angle_between({d[0] / length, d[1] / length, 0.0}, {0.0, 1.0, 0.0});
+  return d[0] < 0.0 ? -a : a;
+}
+
+/// Angle of the normal and offset of the line through points, least squares; y up.
+bool fit_line(std::span<const Double2> points, double& angle, double& offset) {
+  if (points.size() < 3) return false;
+  double n = 0.0, x = 0.0, y = 0.0;
+  for (const Double2& p : points) n += 1.0, x += p[0], y += p[1];
+  x /= n, y /= n;
+  double xx = 0.0, xy = 0.0, yy = 0.0;
+  for (const Double2& p : points) {
+    xx += (p[0] - x) * (p[0] - x), xy += (p[0] - x) * (p[1] - y), yy += (p[1] - y) * (p[1] - y);
+  }
+  // Direction of the larger eigenvalue.
+  const double half = 0.5 * (xx - yy), root = std::sqrt(half * half + xy * xy);
+  Double2 d = half >= 0.0 ? Double2{half + root, xy} : Double2{xy, root - half};
+  if (!(dot2(d, d) > 0.0)) return false;
+  if (d[0] < 0.0) d = {-d[0], -d[1]};
+  angle = angle_of({-d[1], d[0]});
+  offset = dot2(normal_at(angle), {x, y});
+  return true;
+}
+
+using Row = std::array<double, 5>;  ///< angle 0, offset 0, angle 1, offset 1, radius
+
+/// Distance and its derivatives.
+double residual(const RibProfile& q, const Double2& p, RibZone& zone, Row& row) {
+  const ProfilePlace at = place_beside(q, p);
+  zone = at.zone;
+  row.fill(0.0);
+  if (at.zone != RibZone::kArc) {
+    const std::size_t k = at.zone == RibZone::kLeft ? 0 : 1;
+    row[2 * k] = dot2(tangent_at(q.angle[k]), p);
+    row[2 * k + 1] = -1.0;
+    return at.distance;
+  }
+  const Double2 c = q.centre(), t0 = tangent_at(q.angle[0]), t1 = tangent_at(q.angle[1]);
+  const double sign = q.angle[1] > q.angle[0] ? 1.0 : -1.0;
+  const Double2 off = {p[0] - c[0], p[1] - c[1]};
+  const double length = std::sqrt(dot2(off, off));
+  if (!(length > 0.0)) return at.distance;
+  const Double2 e = {sign * off[0] / length, sign * off[1] / length};
+  const double determinant = sin_cos(q.angle[0] - q.angle[1]).sin;
+  const double e0 = dot2(e, t1) / determinant, e1 = -dot2(e, t0) / determinant;
+  row = {e0 * dot2(t0, c), -e0, e1 * dot2(t1, c), -e1, e0 + e1 - 1.0};
+  return at.distance;
+}
+
+double cost_of(const RibProfile& q, std::span<const Double2> points) {
+  double sum = 0.0;
+  for (const Double2& p : points) {
+    const double d = place_beside(q, p).distance;
+    sum += d * d;
+  }
+  return sum;
+}
+
+bool is_sound(const RibProfile& q, bool convex) {
+  const double turn = convex ? q.angle[1] - q.angle[0] : q.angle[0] - q.angle[1];
+  return turn > kLeastTurn && turn < kMostTurn && std::fabs(q.angle[0]) < 0.5 * kPi &&
+         std::fabs(q.angle[1]) < 0.5 * kPi;
+}
+
+}  // namespace
+
+double RibProfile::turn() const {
+  return std::fabs(angle[1] - angle[0]);
+}
+double RibProfile::arc_length() const {
+  return std::fabs(radius) * turn();
+}
+double RibProfile::tangent_length() const {
+  return std::fabs(radius) * tan_half(turn());
+}
+Double2 RibProfile::centre() const {
+  const double determinant = sin_cos(angle[0] - angle[1]).sin;
+  const Double2 t0 = tangent_at(angle[0]), t1 = tangent_at(angle[1]);
+  const double a = (offset[0] - radius) / determinant, b = (offset[1] - radius) / determinant;
+  return {a * t1[0] - b * t0[0], a * t1[1] - b * t0[1]};
+}
+Double2 RibProfile::corner() const {
+  RibProfile sharp = *this;
+  sharp.radius = 0.0;
+  return sharp.centre();
+}
+Double2 RibProfile::middle() const {
+  return on_arc(0.5);
+}
+Double2 RibProfile::arc_normal(double share) const {
+  return normal_at(angle[0] + share * (angle[1] - angle[0]));
+}
+Double2 RibProfile::flank_normal(std::size_t side) const {
+  return normal_at(angle[side]);
+}
+Double2 RibProfile::on_arc(double share) const {
+  const Double2 c = centre(), n = arc_normal(share);
+  return {c[0] + radius * n[0], c[1] + radius * n[1]};
+}
+Double2 RibProfile::on_flank(std::size_t side, double from_corner) const {
+  const Double2 c = corner(), t = tangent_at(angle[side]);
+  const double way = side == 0 ? -from_corner : from_corner;
+  return {c[0] + way * t[0], c[1] + way * t[1]};
+}
+
+ProfilePlace place_beside(const RibProfile& q, const Double2& p) {
+  const double half = 0.5 * q.arc_length();
+  const Double2 begin = q.on_arc(0.0), end = q.on_arc(1.0);
+  const double before = dot2(tangent_at(q.angle[0]), {p[0] - begin[0], p[1] - begin[1]});
+  const double beyond = dot2(tangent_at(q.angle[1]), {p[0] - end[0], p[1] - end[1]});
+  const double left = dot2(q.flank_normal(0), p) - q.offset[0],
+               right = dot2(q.flank_normal(1), p) - q.offset[1];
+  // Deep inside a convex corner, or far outside a concave one, a point is beside both flanks.
+  const bool is_left = before < 0.0 && (beyond <= 0.0 || std::fabs(left) <= std::fabs(right));
+  if (is_left) return {RibZone::kLeft, before - half, left};
+  if (beyond > 0.0) return {RibZone::kRight, beyond + half, right};
+  const Double2 c = q.centre();
+  const double sign = q.angle[1] > q.angle[0] ? 1.0 : -1.0;
+  const Double2 off = {p[0] - c[0], p[1] - c[1]};
+  const double turned = angle_of({sign * off[0], sign * off[1]}) - q.middle_angle();
+  return {RibZone::kArc, q.radius * turned, sign * std::sqrt(dot2(off, off)) - q.radius};
+}
+
+ProfileFit guess_profile(std::span<const Double2> points, double half_width, bool convex) {
+  ProfileFit out;
+  std::vector<Double2> side[2];
+  for (const Double2& p : points)
+    if (std::fabs(p[0]) > half_width) side[p[0] > 0.0].push_back(p);
+  RibProfile& q = out.profile;
+  for (std::size_t k = 0; k < 2; ++k)
+    if (!fit_line(side[k], q.angle[k], q.offset[k])) return out;
+  if (!is_sound(q, convex)) return out;
+  const double r = half_width / std::max(0.05, sin_cos(0.5 * q.turn()).sin);
+  q.radius = convex ? r : -r;
+  out.found = true;
+  return out;
+}
+
+ProfileFit fit_profile(std::span<const Double2> points, const RibProfile& start, bool convex) {
+  ProfileFit out;
+  out.profile = start;
+  if (points.size() < 7 || !is_sound(start, convex)) return out;
+  RibProfile q = start;
+  double extent = 0.0;
+  for (const Double2& p : points) extent = std::max(extent, std::sqrt(dot2(p, p)));
+  double cost = cost_of(q, points), damp = 1e-4;
+  for (int step = 0; step < kMostFitSteps; ++step) {
+    SmallMatrix<5> normal = SmallMatrix<5>::Zero();
+    Row gradient{};
+    for (const Double2& p : points) {
+      RibZone zone;
+      Row row;
+      const double d = residual(q, p, zone, row);
+      for (Eigen::Index i = 0; i < 5; ++i) {
+        const double a = row[static_cast<std::size_t>(i)];
+        if (a == 0.0) continue;
+        for (Eigen::Index j = 0; j <= i; ++j) normal.coeffRef(i, j) += a * row[static_cast<std::size_t>(j)];
+        gradient[static_cast<std::size_t>(i)] -= a * d;
+      }
+    }
+    double largest = 0.0;
+    for (Eigen::Index i = 0; i < 5; ++i) largest = std::max(largest, normal.coeff(i, i));
+    bool better = false;
+    double moved = 0.0;
+    for (; damp < 1e8 && !better; damp *= 8.0) {
+      SmallMatrix<5> a = normal;
+      for (Eigen::Index i = 0; i < 5; ++i) a.coeffRef(i, i) += damp * normal.coeff(i, i) + 1e-14 * largest;
+      Row x = gradient;
+      if (!cholesky_factor(a)) continue;
+      cholesky_solve(a, x);
+      RibProfile next = q;
+      next.angle[0] += x[0], next.offset[0] += x[1], next.angle[1] += x[2], next.offset[1] += x[3];
+      next.radius += x[4];
+      next.radius = convex ? std::max(0.0, next.radius) : std::min(0.0, next.radius);
+      if (!is_sound(next, convex)) continue;
+      const double now = cost_of(next, points);
+      if (!(now <= cost)) continue;
+      moved =
+          std::fabs(x[1]) + std::fabs(x[3]) + std::fabs(x[4]) + extent * (std::fabs(x[0]) + std::fabs(x[2]));
+      q = next;
+      cost = now;
+      better = true;
+    }
+    damp = std::max(1e-12, damp * 1e-3);
+    if (!better || moved <= kEnough * extent) break;
+  }
+  out.profile = q;
+  out.found = true;
+  out.rms = std::sqrt(cost / static_cast<double>(points.size()));
+  for (const Double2& p : points) ++out.count[static_cast<std::size_t>(place_beside(q, p).zone)];
+  return out;
+}
+
+}  // namespace tessera

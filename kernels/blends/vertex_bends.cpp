@@ -1,0 +1,126 @@
+#include "kernels/blends/vertex_bends.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "kernels/mesh/face_corners.h"
+#include "octree/portable_math.h"
+#include "octree/small_matrix.h"
+
+namespace tessera {
+namespace {
+
+constexpr std::uint32_t kNone = 0xffffffffu;
+
+class Bends {
+ public:
+  Bends(const MeshBlock& block, double radius) : block_(block), square_(radius * radius), at_(block) {
+    const std::size_t faces = block.faces.size();
+    doubled_.resize(faces);
+    for (std::size_t f = 0; f < faces; ++f) {
+      const auto& t = block.faces[f];
+      doubled_[f] = triangle_normal(block.position[t[0]], block.position[t[1]], block.position[t[2]]);
+    }
+    seen_.assign(block.key.size(), kNone);
+    face_seen_.assign(faces, kNone);
+  }
+
+  VertexBend at(std::uint32_t v) {
+    gather(v);
+    const Double3& centre = block_.position[v];
+    std::array<double, 6> sum{};
+    double area = 0.0;
+    for (const std::uint32_t f : faces_) {
+      const auto& t = block_.faces[f];
+      const Double3 middle =
+          (block_.position[t[0]] + block_.position[t[1]] + block_.position[t[2]]) * (1.0 / 3.0) - centre;
+      area += 0.5 * weight(middle) * norm(doubled_[f]);
+      for (std::size_t k = 0; k < 3; ++k) add_edge(f, t[k], t[(k + 1) % 3], centre, sum);
+    }
+    VertexBend out;
+    for (const std::uint32_t c : at_.at(v)) out.normal = out.normal + doubled_[c >> 2];
+    out.normal = unit_or_zero(out.normal);
+    if (!(area > 0.0)) return out;
+    Double3 value;
+    std::array<Double3, 3> vector;
+    symmetric_eigen3(sum, value, vector);
+    std::size_t most = 0, second = kNone;
+    for (std::size_t i = 1; i < 3; ++i)
+      if (std::fabs(value[i]) > std::fabs(value[most])) most = i;
+    for (std::size_t i = 0; i < 3; ++i)
+      if (i != most && (second == kNone || std::fabs(value[i]) > std::fabs(value[second]))) second = i;
+    out.along = vector[most];
+    out.across = value[most] / area;
+    out.least = value[second] / area;
+    return out;
+  }
+
+ private:
+  double weight(const Double3& off) const {
+    const double t = 1.0 - dot(off, off) / square_;
+    return t > 0.0 ? t * t : 0.0;
+  }
+
+  /// Faces with a corner in the ball, reached within it; ascending, so that sums are a function of the ball.
+  void gather(std::uint32_t v) {
+    vertices_.assign(1, v);
+    seen_[v] = v;
+    faces_.clear();
+    for (std::size_t i = 0; i < vertices_.size(); ++i)
+      for (const std::uint32_t c : at_.at(vertices_[i])) {
+        const std::uint32_t f = c >> 2;
+        if (face_seen_[f] == v) continue;
+        face_seen_[f] = v;
+        faces_.push_back(f);
+        for (const std::uint32_t w : block_.faces[f]) {
+          if (seen_[w] == v || squared_distance(block_.position[w], block_.position[v]) > square_) continue;
+          seen_[w] = v;
+          vertices_.push_back(w);
+        }
+      }
+    std::sort(faces_.begin(), faces_.end());
+  }
+
+  /// Once an edge: from the face that runs along it from its lower corner.
+  void add_edge(std::uint32_t f, std::uint32_t a, std::uint32_t b, const Double3& centre,
+                std::array<double, 6>& sum) const {
+    if (a > b) return;
+    const Double3 &p = block_.position[a], &q = block_.position[b];
+    const double w = weight((p + q) * 0.5 - centre);
+    if (!(w > 0.0)) return;
+    std::uint32_t other = kNone;
+    for (const std::uint32_t c : at_.at(b)) {
+      const auto& t = block_.faces[c >> 2];
+      if (t[((c & 3) + 1) % 3] == a) other = c >> 2;
+    }
+    if (other == kNone) return;
+    const Double3 m = unit_or_zero(doubled_[f]), n = unit_or_zero(doubled_[other]);
+    const Double3 d = q - p;
+    const double length = norm(d);
+    if (!(length > 0.0) || dot(m, m) == 0.0 || dot(n, n) == 0.0) return;
+    // f lies on the left of the way from a to b, so at a convex edge its normal turns about that way to the other one.
+    const double turn = angle_between(m, n) * (dot(cross(m, n), d) > 0.0 ? 1.0 : -1.0);
+    const double share = w * turn / length;
+    sum[0] += share * d[0] * d[0], sum[1] += share * d[0] * d[1], sum[2] += share * d[0] * d[2];
+    sum[3] += share * d[1] * d[1], sum[4] += share * d[1] * d[2], sum[5] += share * d[2] * d[2];
+  }
+
+  const MeshBlock& block_;
+  double square_;
+  FaceCorners at_;
+  std::vector<Double3> doubled_;  ///< normals of faces, twice their areas
+  std::vector<std::uint32_t> seen_, face_seen_, vertices_, faces_;
+};
+
+}  // namespace
+
+std::vector<VertexBend> vertex_bends(const MeshBlock& block, const std::vector<std::uint8_t>& wanted,
+                                     double radius) {
+  Bends bends(block, radius);
+  std::vector<VertexBend> out(block.key.size());
+  for (std::uint32_t v = 0; v < out.size(); ++v)
+    if (wanted[v]) out[v] = bends.at(v);
+  return out;
+}
+
+}  // namespace tessera

@@ -1,0 +1,33 @@
+/// \file blend_search.h
+/// The search for blends over one block, as the job does it over many.
+#pragma once
+#include <vector>
+
+#include "kernels/blends/blend_tracks.h"
+#include "kernels/blends/vertex_bends.h"
+
+namespace tessera::test {
+
+inline std::vector<BlendTrack> search_blends(const MeshBlock& block, double radius, double step) {
+  BandOptions options;
+  options.radius = radius;
+  const std::vector<VertexBend> bends =
+      vertex_bends(block, std::vector<std::uint8_t>(block.key.size(), 1), radius);
+  constexpr std::uint32_t kNone = 0xffffffffu;
+  std::vector<BandVertex> band;
+  std::vector<std::uint32_t> place(bends.size(), kNone);
+  for (std::size_t v = 0; v < bends.size(); ++v) {
+    if (!is_in_band(bends[v].across, bends[v].least, options)) continue;
+    place[v] = static_cast<std::uint32_t>(band.size());
+    band.push_back({block.key[v], block.position[v], bends[v].normal, bends[v].along, bends[v].across});
+  }
+  std::vector<std::pair<std::uint32_t, std::uint32_t>> links;
+  for (const auto& f : block.faces)
+    for (std::size_t k = 0; k < 3; ++k) {
+      const std::uint32_t a = place[f[k]], b = place[f[(k + 1) % 3]];
+      if (a != kNone && b != kNone) links.push_back({a, b});
+    }
+  return trace_bands(band, links, options, step);
+}
+
+}  // namespace tessera::test
