@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "kernels/smooth/star_sides.h"
+#include "kernels/smooth/surface_noise.h"
 #include "kernels/smooth/surface_window.h"
 #include "octree/portable_math.h"
 #include "octree/small_matrix.h"
@@ -18,12 +19,8 @@ constexpr double kUntangleStep = 0.7;
 /// Rings over which the length of edges is averaged.
 constexpr int kEdgeRings = 3;
 
-/// The noise is measured at one vertex in four, between the first and the fourth window.
+/// The noise is measured at one vertex in four.
 constexpr std::uint64_t kNoiseShare = 4;
-constexpr double kNoiseWindow = kSmallestWindow * kWindowGrowth * kWindowGrowth * kWindowGrowth;
-/// Window of what a quadric leaves: the noise from one vertex to the next.
-constexpr double kResidualWindow = 1.2 * kSmallestWindow;
-constexpr double kMedianOfChiSquare = 0.4549;
 constexpr int kPoolRings = 6;  ///< of the median
 constexpr int kFillRings = 4;  ///< from the vertices in between to those measured
 
@@ -190,13 +187,9 @@ class Denoiser {
       if (near[v] == 0 || !measured(v) || corners_.at(v).empty()) continue;
       sides_.find(block_, corners_.at(v), normals_, position_);
       if (sides_.count() != 1) continue;
-      const double edge = static_cast<double>(edge_[v]);
-      window.begin(v, sides_.normal(0), sides_.faces(0));
-      window.grow(kNoiseWindow * edge);
-      if (const auto fit = fit_window(window.samples(), kResidualWindow * edge, 6))
-        residual[v] = static_cast<float>(fit->residual_square);
-      between[v] = static_cast<float>(
-          noise_square_between(window.samples(), kSmallestWindow * edge, kNoiseWindow * edge));
+      const NoiseSquares squares = noise_squares(window, v, sides_, static_cast<double>(edge_[v]));
+      residual[v] = static_cast<float>(squares.residual);
+      between[v] = static_cast<float>(squares.between);
     }
     pool(residual, between);
     fill_between();
@@ -223,14 +216,13 @@ class Denoiser {
                 near.push_back(u);
               }
       }
-      double square = 0.0;
-      for (const bool second : {false, true}) {
+      const auto median_of = [&](const std::vector<float>& squares) {
         values.clear();
         for (const std::uint32_t u : near)
-          if (const float x = second ? between[u] : residual[u]; x >= 0.0F) values.push_back(x);
-        if (!values.empty()) square = std::max(square, median(values) / (second ? kMedianOfChiSquare : 1.0));
-      }
-      noise_[v] = static_cast<float>(std::sqrt(square));
+          if (squares[u] >= 0.0F) values.push_back(squares[u]);
+        return values.empty() ? -1.0 : median(values);
+      };
+      noise_[v] = static_cast<float>(std::sqrt(noise_variance(median_of(residual), median_of(between))));
     }
   }
 
