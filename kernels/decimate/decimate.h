@@ -83,7 +83,8 @@ struct DecimateReport {
 /// \param reference  the original surface with a halo of 2 x tolerance around the block, same frame. Its vertices
 ///                   that are vertices of the block still have the same key. May be `block` itself in a
 ///                   first pass, which takes less time and memory than a copy; else keys ascend. Not looked
-///                   at when tolerance is 0.
+///                   at when tolerance is 0. Where it was moved before, its face_bound says how far each face may
+///                   be from what it was, both ways: that counts, and bounds are to what it was.
 /// \param held       keys, ascending, of vertices that are neither moved nor removed
 /// Faces with kFaceSettled are where an earlier pass had complete stars and could do no more:
 /// this one begins elsewhere, and comes there when something near changes.

@@ -196,12 +196,16 @@ bool ReferenceGap::beyond_line(Point& p) {
     nearest = beyond ? smaller(nearest, distance) : distance;
     beyond = true;
   }
-  if (beyond) gap_ = larger(gap_, nearest);
+  if (beyond) {
+    p.gap = nearest;
+    gap_ = larger(gap_, nearest);
+  }
   return beyond;
 }
 
 /// A vertex of a line of the reference: its distance to the nearest line of the rim counts.
-bool ReferenceGap::near_line(const Point& p) {
+/// \param own  bound of the triangle at the line
+bool ReferenceGap::near_line(const Point& p, float own) {
   float nearest2 = limit_ * limit_ * 4.0f + 1.0f;
   for (std::uint64_t bits = lines_; bits != 0; bits &= bits - 1) {
     const auto j = static_cast<std::size_t>(std::countr_zero(bits));
@@ -216,7 +220,7 @@ bool ReferenceGap::near_line(const Point& p) {
     const float ux = p.x - x_[j], uy = p.y - y_[j], uz = p.z - z_[j];
     nearest2 = smaller(nearest2, ux * ux + uy * uy + uz * uz);
   }
-  gap_ = larger(gap_, std::sqrt(nearest2));
+  gap_ = larger(gap_, std::sqrt(nearest2) + own);
   return gap_ <= limit_;
 }
 
@@ -502,8 +506,8 @@ ReferenceGap::Answer ReferenceGap::measure(const RimLoop& loop, const Query& que
         const Point &a = *from, &b = *to;
         // Where the line leaves the polygon, its crossing of the rim has been measured.
         const bool through = !a.inside && !b.inside;
-        if ((a.inside || through) && !near_line(a)) return Answer::kBeyond;
-        if ((b.inside || through) && !near_line(b)) return Answer::kBeyond;
+        if ((a.inside || through) && !near_line(a, own)) return Answer::kBeyond;
+        if ((b.inside || through) && !near_line(b, own)) return Answer::kBeyond;
         continue;
       }
       if (o == kNoCorner) return Answer::kBeyond;

@@ -9,7 +9,7 @@
 /// The vertices of the star lie on the reference.
 ///
 /// Faces of the reference may know how far they are from what they stand for themselves (CollapseFace::bound): the
-/// bound of a triangle is added to the distances at its corners and edges.
+/// bound of a triangle is added to the distances at its corners and edges, also to those of lines.
 ///
 /// Lines. Creases and borders end a side of the surface, in the reference as in the block. The walk does not
 /// cross them; what is left between a line of the rim and the line of the reference is as far as the vertices
@@ -74,7 +74,7 @@ class ReferenceGap {
   };
   struct Point {
     float x, y, z;
-    float gap;                   ///< to the polygon's graph, 0 outside
+    float gap;                   ///< to the polygon's graph or, beyond a line of the rim, to that; 0 outside
     bool inside;                 ///< of the polygon, or between a line of the rim and that of the reference
     std::uint8_t sector;         ///< of the polygon, 0 outside
     std::uint64_t spokes, rims;  ///< bit j: left of spoke j, of rim edge j
@@ -97,7 +97,7 @@ class ReferenceGap {
   bool meets_polygon(const Point& a, const Point& b) const;
   bool cross_edges(const Point& a, const Point& b, float own);
   bool beyond_line(Point& p);
-  bool near_line(const Point& p);
+  bool near_line(const Point& p, float own);
   bool is_line(std::uint32_t c) const {
     return (faces_[c >> 2].lines >> (c & 3u) & (kStateBorder | kStateCrease)) != 0;
   }
