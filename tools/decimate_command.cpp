@@ -24,6 +24,7 @@ void run(const SimplifyOptions& options, JobState state) {
              report.at("mesh").value("faces", std::uint64_t{0}),
              report.at("input").value("faces", std::uint64_t{0}), report.at("wall_s").get<double>(),
              format_bytes(report.at("peak_bytes").get<std::uint64_t>()));
+  cli::print_smoothing(report);
   const nlohmann::json& certificate = report.at("certificate");
   if (certificate.at("certified_max").is_number())
     fmt::print("distance: at most {:.4g} both ways, proven; rms {:.3g} to the reference, {:.3g} back\n",

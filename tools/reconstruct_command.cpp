@@ -47,6 +47,7 @@ void run(const ReconstructOptions& options, JobState state, const std::filesyste
     fmt::print("{}: {} vertices, {} faces, {:.1f} s, peak {}\n", state.output.string(),
                mesh.value("vertices", std::uint64_t{0}), mesh.value("faces", std::uint64_t{0}),
                report.at("wall_s").get<double>(), format_bytes(report.at("peak_bytes").get<std::uint64_t>()));
+    cli::print_smoothing(report);
   };
   if (state.run.verbosity >= 0) say_mesh();
   if (!site) return;

@@ -206,11 +206,15 @@ std::string deviation_figures(const json& report) {
                                 value_at(samples, "/histogram"), number_at(report, "/options/tolerance"),
                                 number_at(samples, "/certified_max"));
   }
-  const json& mesh = value_at(report, "/mesh");
-  for (const auto& [key, name] :
-       {std::pair{"/largest_move", "farthest move of a vertex"}, {"/rms_move", "moves, root mean square"}})
-    if (const json& moved = value_at(mesh, key); moved.is_number())
-      rows.emplace_back(name, number_text(moved.get<double>()));
+  // Of smoothing: a job of its own, or before decimation.
+  for (const auto& [key, name] : {std::pair{"/mesh/largest_move", "farthest move of a vertex"},
+                                  {"/mesh/rms_move", "moves, root mean square"},
+                                  {"/smoothing/noise/before", "noise along the normal, before smoothing"},
+                                  {"/smoothing/noise/after", "noise left by smoothing"},
+                                  {"/smoothing/largest_move", "farthest move of a vertex by smoothing"},
+                                  {"/smoothing/rms_move", "moves by smoothing, root mean square"}})
+    if (const json& figure = value_at(report, key); figure.is_number())
+      rows.emplace_back(name, number_text(figure.get<double>()));
   return (rows.empty() ? "" : html::table(rows)) + text;
 }
 

@@ -28,6 +28,10 @@ void ReconstructOptions::validate() {
     throw UsageError(
         std::string(keep_raw ? "--keep-raw" : "--reference") +
         ": means something with --tolerance only, without it the mesh of full resolution is the result");
+  if (tolerance == 0.0 && smooths())
+    throw UsageError(
+        "--smooth: means something with --tolerance only, which bounds how far vertices move; tessera smooth "
+        "smooths a mesh without a bound");
 }
 
 ReconstructOptions reconstruct_options(const JobState& state) {

@@ -37,10 +37,12 @@ struct ReconstructOptions {
   std::string colour = "rgb";
   double tolerance = 0.0;
   std::string reference = "surface";
+  std::string smooth = "off";
   bool keep_raw = false;
   bool local_output = false;
 
   bool smooths_border() const { return border == "smooth" || (border == "auto" && tolerance == 0.0); }
+  bool smooths() const { return smooth != "off"; }
   /// The N of max_hole, 0 for auto. \throws UsageError for what is neither
   std::uint32_t max_hole_edges() const;
   /// Also reads the file of --clip. \throws UsageError for options that mean nothing together; InputError
@@ -162,6 +164,12 @@ inline OptionTable option_table(ReconstructOptions& o) {
         "lie within it of the result too: decimation gets what their distance to the surface, measured "
         "first, leaves of it; where that is nothing, exit code 6 names the least tolerance that can do")
       .one_of({"surface", "points"});
+  t.add("smooth", &o.smooth,
+        "with a tolerance: smooth the mesh of full resolution before it is decimated, by at most half of the "
+        "tolerance and the result is proven; implicit: a thin plate, as strong as the noise measured in the "
+        "mesh asks for; denoise: fits, 15 times as long, sharp creases (both as of tessera smooth); auto: "
+        "denoise from a noise of 0.02 edges on, else implicit")
+      .one_of({"off", "implicit", "denoise", "auto"});
   t.add("keep-raw", &o.keep_raw,
         "with a tolerance: write the mesh of full resolution too, `site.raw.ply` for `site.ply`");
   t.add("local-output", &o.local_output,

@@ -49,6 +49,7 @@ const std::map<std::string, std::string>& parts_of_headers() {
       {"stream/stages/deform/deform_write_stage.cpp", "stream/stages/deform/deform_stages.h"},
       {"stream/stages/scan/orient_stage.cpp", "stream/stages/scan/normals_stage.h"},
       {"stream/stages/smooth/coarse_stages.cpp", "stream/stages/smooth/smooth_stage.h"},
+      {"stream/stages/smooth/noise_stage.cpp", "stream/stages/smooth/smooth_before.h"},
       {"stream/stages/smooth/reach_stage.cpp", "stream/stages/smooth/smooth_stage.h"},
       {"stream/stages/smooth/smooth_job.cpp", "stream/stages/smooth/smooth_stage.h"},
       {"stream/stages/surface/close_stage.cpp", "stream/stages/surface/closing_stages.h"},
@@ -172,7 +173,8 @@ const std::map<std::string, std::string>& covering_tests() {
        {"import_corners_stage", "import_repair_stage", "import_tiles_stage", "import_vertices_stage"});
     by("tools/decimate", "stream/meshes", {"store_write_stage"});
     by("tools/decimate", "stream/stages/decimate",
-       {"certify_stage", "decimate_job", "idle_stage", "round_before", "simplify_stage", "unsettled_region"});
+       {"certify_stage", "decimate_job", "round_before", "simplify_stage", "unsettled_region"});
+    by("tools/decimate", "stream/runtime", {"idle_stage"});
     by("stream/runtime/option_table", "stream/stages/decimate", {"simplify_options"});
     by("tools/deform", "stream/stages/deform",
        {"base_stage", "basis_stage", "deform_files", "deform_job", "deform_needs", "deform_options",
@@ -181,7 +183,7 @@ const std::map<std::string, std::string>& covering_tests() {
     by("tools/remesh", "stream/stages/remesh",
        {"quality_report", "remesh_job", "remesh_options", "remesh_stage", "sizing_stage"});
     by("stream/stages/reconstruct/forecast", "stream/stages/reconstruct",
-       {"forecast_composer", "forecast_rates", "planned_patches"});
+       {"forecast_composer", "forecast_list", "forecast_rates", "planned_patches"});
     by("tools/reconstruct", "stream/stages/reconstruct", {"forecast_stage", "reconstruct_job"});
     by("tools/site", "stream/stages/reconstruct", {"site_after"});
     by("tools/site", "stream/stages/tiles", {"tiles_needs"});
@@ -193,6 +195,7 @@ const std::map<std::string, std::string>& covering_tests() {
     by("stream/stages/scan/unpack", "stream/stages/scan", {"unpack_stage"});
     by("tools/orient", "stream/stages/scan",
        {"normals_mode", "normals_stage", "orient_solution", "orient_stage", "uncertain_picture"});
+    by("tools/smooth_before", "stream/stages/smooth", {"noise_stage", "smooth_before", "smooth_needs"});
     by("tools/smooth_command", "stream/stages/smooth",
        {"coarse_files", "coarse_stages", "reach_stage", "smooth_job", "smooth_stage", "smooth_tiles"});
     by("tools/reconstruct_tolerance", "stream/stages/surface",

@@ -262,6 +262,15 @@ void print_repairs(const std::string& input, const nlohmann::json& report) {
   if (!text.empty()) fmt::print("{}: repaired: {}\n", input, text);
 }
 
+void print_smoothing(const nlohmann::json& report) {
+  if (!report.contains("smoothing")) return;
+  const nlohmann::json& smoothing = report.at("smoothing");
+  fmt::print("smoothed by {}: noise {:.3g} before, {:.3g} left; moved by {:.3g} at most, {:.3g} rms\n",
+             smoothing.at("method").get<std::string>(), smoothing.at("noise").at("before").get<double>(),
+             smoothing.at("noise").at("after").get<double>(), smoothing.at("largest_move").get<double>(),
+             smoothing.at("rms_move").get<double>());
+}
+
 void run_words(const std::string& name, const std::vector<Command>& commands,
                const std::vector<std::string>& words) {
   CLI::App app("", name);

@@ -8,10 +8,12 @@
 #include "stream/import/system_beside.h"
 #include "stream/meshes/store_write_stage.h"
 #include "stream/page/report_page.h"
+#include "stream/runtime/idle_stage.h"
 #include "stream/runtime/report.h"
 #include "stream/stages/decimate/certify_stage.h"
-#include "stream/stages/decimate/idle_stage.h"
 #include "stream/stages/decimate/simplify_needs.h"
+#include "stream/stages/smooth/smooth_before.h"
+#include "stream/stages/smooth/smooth_needs.h"
 
 namespace tessera {
 namespace {
@@ -31,10 +33,18 @@ StageEntry simplify_entry(const SimplifyOptions& options, const SimplifyStores& 
           }};
 }
 
+/// The stores of the passes once the mesh is smoothed.
+SimplifyStores after(const SmoothBefore& smoothing, SimplifyStores stores) {
+  stores.given = stores.full;
+  stores.full = [=](const JobState& state) { return open_smoothed_before(state, smoothing); };
+  return stores;
+}
+
 void summarise(json& report) {
   report["input"] = import_report(report, kDecimateImport);
   report["mesh"] = result_of(report, "write");
   report["certificate"] = certificate_of(report);
+  if (const json smoothing = smoothing_of(report); smoothing.is_object()) report["smoothing"] = smoothing;
 }
 
 }  // namespace
@@ -50,9 +60,16 @@ json certificate_of(const json& report) {
   return last;
 }
 
-std::vector<StageEntry> simplify_stages(const SimplifyOptions& options, const SimplifyStores& stores,
+std::vector<StageEntry> simplify_stages(const SimplifyOptions& options, SimplifyStores stores,
                                         const std::string& made_by) {
   std::vector<StageEntry> stages;
+  if (options.smooths()) {
+    const SmoothBefore smoothing = {options.smooth, stores.full, [=](const JobState& state) {
+                                      return stores.options(state, options).tolerance;
+                                    }};
+    stages = smooth_before_stages(smoothing);
+    stores = after(smoothing, stores);
+  }
   const bool own = options.reference == "surface";
   // Against a reference of its own a mesh may fail for good; another round helps where the passes were too bold.
   const int rounds = own && options.tolerance > 0.0 ? kMostRounds : 1;
@@ -71,7 +88,7 @@ std::vector<StageEntry> simplify_stages(const SimplifyOptions& options, const Si
       return open_pass_input(s, stores, {options.passes, round, false});
     };
     request.reference = [=](const JobState& s) {
-      return own ? stores.full(s) : open_imported_mesh(s.work, "reference");
+      return own ? stores.reference(s) : open_imported_mesh(s.work, "reference");
     };
     if (round + 1 < rounds) request.failed_file = failed_faces_file(round);
     stages.push_back({request.name, [=](const JobState& state) {
@@ -105,6 +122,7 @@ JobDescription decimate_job(const SimplifyOptions& options) {
     const auto append = [&](const std::vector<StageNeed>& more) {
       needs.insert(needs.end(), more.begin(), more.end());
     };
+    if (options.smooths()) append(smooth_before_needs(options.smooth, mesh));
     append(simplify_needs(state.run, options, mesh.faces));
     if (state.inputs.size() > 1)
       append(import_needs(state.run, {1, "reference"}, claimed_mesh_size(state.inputs[1])));

@@ -12,8 +12,9 @@ namespace tessera {
 /// repeated, if any.
 nlohmann::json certificate_of(const nlohmann::json& report);
 
-/// Passes, proof, more rounds of both where it fails, output. \param made_by  for the comment in the output
-std::vector<StageEntry> simplify_stages(const SimplifyOptions& options, const SimplifyStores& stores,
+/// Smoothing if it is asked for, passes, proof, more rounds of both where it fails, output.
+/// \param made_by  for the comment in the output
+std::vector<StageEntry> simplify_stages(const SimplifyOptions& options, SimplifyStores stores,
                                         const std::string& made_by);
 
 /// All passes over an imported mesh, against that mesh.

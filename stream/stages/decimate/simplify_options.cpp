@@ -53,6 +53,12 @@ OptionTable option_table(SimplifyOptions& o) {
   t.add("colour-weight", &o.colour_weight,
         "length that the full range of a colour is worth, in the units of the mesh; 0 = colours follow")
       .at_least(0);
+  t.add("smooth", &o.smooth,
+        "smooth the mesh before it is decimated, by at most half of the tolerance and the result is proven; "
+        "implicit: a thin plate, as strong as the noise measured in the mesh asks for; denoise: fits, 15 "
+        "times as long, sharp creases (both as of tessera smooth); auto: denoise from a noise of 0.02 edges "
+        "on, else implicit")
+      .one_of({"off", "implicit", "denoise", "auto"});
   t.add("passes", &o.passes, "passes over shifted blocks").within(1, 8);
   t.add("block-faces", &o.block_faces, "most faces of a block").at_least(1024);
   // For tests of the rounds: makes the passes bolder than the certificate allows.

@@ -20,9 +20,11 @@ struct SimplifyOptions {
   double min_roundness = 0.02;
   double colour_weight = 0.0;
   double loop_share = 1.0;  ///< of the tolerance that passes may use; above 1 the certificate sends them back
-  int passes = 3;           ///< each with the whole tolerance: a ramp left three times the faces on terrain
+  std::string smooth = "off";  ///< smooth_before.h
+  int passes = 3;  ///< each with the whole tolerance: a ramp left three times the faces on terrain
   std::uint64_t block_faces = 1u << 16;  ///< with at most eight times as many of the reference below it
 
+  bool smooths() const { return smooth != "off"; }
   /// \throws UsageError naming the option
   void validate() const;
   /// What blocks are decimated with: the proof at the end is tight to a few percent, that much is left to it.

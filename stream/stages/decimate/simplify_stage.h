@@ -37,18 +37,21 @@ std::string failed_faces_file(int round);
 int last_round(const std::filesystem::path& work);
 /// Where the passes of a job find what they work on.
 struct SimplifyStores {
-  /// The mesh of full resolution: what the first pass of a round reads, and what every bound is against.
+  /// The mesh of full resolution: what the first pass of a round reads, and what the bounds of the passes are against.
   std::function<MeshStore(const JobState&)> full;
   /// What the first pass of the first round left, and its blocks, where that ran in another stage; else empty.
   std::function<MeshStore(const JobState&)> after_first;
   std::function<std::vector<MeshBlockCut>(const MeshStore& full)> first_blocks;
   /// What passes and certificate may use of the tolerance, where that is known only during the job; else empty: all.
   std::function<double(const JobState&)> tolerance_left = {};
+  /// What the certificate is against where `full` was smoothed, with bounds of its faces to it; else empty.
+  std::function<MeshStore(const JobState&)> given = {};
 
   SimplifyOptions options(const JobState& state, SimplifyOptions chosen) const {
     if (tolerance_left) chosen.tolerance = tolerance_left(state);
     return chosen;
   }
+  MeshStore reference(const JobState& state) const { return given ? given(state) : full(state); }
 };
 /// Where a pass reads: the mesh of full resolution for the first, else what the pass before left.
 MeshStore open_pass_input(const JobState& state, const SimplifyStores& stores, const SimplifyPass& pass);

@@ -13,14 +13,16 @@
 #include "stream/stages/decimate/certify_stage.h"
 #include "stream/stages/decimate/simplify_needs.h"
 #include "stream/stages/decimate/simplify_stage.h"
+#include "stream/stages/reconstruct/forecast_list.h"
 #include "stream/stages/reconstruct/forecast_rates.h"
 #include "stream/stages/reconstruct/planned_patches.h"
-#include "stream/stages/reconstruct/reconstruct_job.h"
 #include "stream/stages/scan/distribute_stage.h"
 #include "stream/stages/scan/normals_mode.h"
 #include "stream/stages/scan/normals_stage.h"
 #include "stream/stages/scan/order_stage.h"
 #include "stream/stages/scan/orient_solution.h"
+#include "stream/stages/smooth/smooth_needs.h"
+#include "stream/stages/smooth/smooth_stage.h"
 #include "stream/stages/surface/border_stage.h"
 #include "stream/stages/surface/closing_stages.h"
 #include "stream/stages/surface/first_pass.h"
@@ -41,12 +43,7 @@ std::uint64_t times(double count, double each) {
   return static_cast<std::uint64_t>(count * each);
 }
 
-/// Memory of a stage.
-struct Memory {
-  std::uint64_t task = 0;
-  std::uint64_t finish = 0;
-  std::uint64_t sure = 0;  ///< of the larger
-};
+using Memory = ForecastMemory;
 Memory known(std::uint64_t task, std::uint64_t finish) {
   return {task, finish, std::max(task, finish)};
 }
@@ -85,15 +82,20 @@ class Composer {
   Forecast compose() {
     scan();
     const std::uint64_t closing = closes_ ? close() : 0;
-    const bool fused = fuses_first_pass(options_);
+    const bool fused = fuses_stores(options_);
     const std::uint64_t patches = times(faces_, fused ? kFirstPassBytes : kPatchBytes);
+    const std::uint64_t smoothed = options_.smooths() ? times(faces_, 2 * kPatchBytes) : 0;
     surface(fused, patches);
     forecast_.output_bytes = times(faces_, kOutputBytes);
     if (fused)
       islands();
     else
       weld(patches);
-    if (options_.tolerance > 0.0) decimate(patches, fused ? 1 : 0);
+    if (options_.tolerance > 0.0) {
+      if (!fused) import();
+      if (options_.smooths()) smooth();
+      decimate(patches + smoothed / 2);
+    }
     if (options_.tolerance == 0.0)
       add("write", 0, {0, write_bytes(patches_.entries, filling_bytes()), write_bytes({}, filling_bytes())},
           forecast_.output_bytes, 1, faces_ * kWriteTime,
@@ -101,37 +103,20 @@ class Composer {
     forecast_.peak_disk_bytes =
         std::max({inputs_.unpacked_bytes + run_bytes_, run_bytes_ + store_bytes_,
                   store_bytes_ + overlay_bytes_ + closing + patches,
-                  patches + forecast_.output_bytes + store_bytes_ + overlay_bytes_ + closing});
+                  patches + smoothed + forecast_.output_bytes + store_bytes_ + overlay_bytes_ + closing});
     if (options_.tolerance > 0.0 && !fused)  // the raw mesh, its vertices and faces dealt out, its store
       forecast_.peak_disk_bytes =
           std::max(forecast_.peak_disk_bytes,
                    store_bytes_ + overlay_bytes_ +
-                       times(static_cast<double>(forecast_.output_bytes), 1 + 3 * kImportBytes));
-    in_order_of_the_run();
+                       times(static_cast<double>(forecast_.output_bytes), 1 + 3 * kImportBytes) + smoothed);
+    forecast_.stages = list_.in_order_of_the_run(options_);
     return std::move(forecast_);
   }
 
  private:
-  void add(std::string stage, std::uint64_t tasks, const Memory& memory, std::uint64_t disk,
+  void add(const std::string& stage, std::uint64_t tasks, const Memory& memory, std::uint64_t disk,
            std::uint64_t files, double processor_us, double moved_bytes) {
-    const double width = std::clamp(static_cast<double>(tasks), 1.0, std::max(1.0, 1.0 * run_.threads));
-    forecast_.stages.push_back({std::move(stage), tasks, memory.task, memory.finish, memory.sure, disk, files,
-                                processor_us * 1e-6 / width + moved_bytes / kDiskBytesPerSecond});
-  }
-
-  /// What has nothing to do, as rounds of decimation that nobody needs, is told with what its end reserves.
-  void in_order_of_the_run() {
-    std::vector<StageForecast> told;
-    bool follows = false;
-    for (const StageEntry& entry : reconstruct_stages(options_)) {
-      if (follows) {
-        const auto at = std::find_if(forecast_.stages.begin(), forecast_.stages.end(),
-                                     [&](const StageForecast& f) { return f.stage == entry.name; });
-        told.push_back(at != forecast_.stages.end() ? *at : StageForecast{entry.name, 0, 0, kIdleBytes, 0});
-      }
-      follows |= entry.name == "forecast";
-    }
-    forecast_.stages = std::move(told);
+    list_.add(stage, tasks, memory, disk, files, processor_us, moved_bytes);
   }
 
   void scan() {
@@ -266,20 +251,38 @@ class Composer {
         0.0, 0.0);
   }
 
-  void decimate(std::uint64_t patches, int first_pass) {
+  void smooth() {
+    const std::uint64_t disk = times(faces_, kPatchBytes);
+    const std::uint64_t faces = times(faces_, kFacesMargin);
+    const MeshSize mesh = {times(static_cast<double>(faces), kVerticesPerFace), faces};
+    for (const StageNeed& need :
+         smooth_before_needs(options_.smooth, mesh, times(largest_.faces, kVerticesPerFace))) {
+      const bool moves = need.stage.starts_with("smooth-"), fits = need.stage == "smooth-1";
+      add(need.stage, groups_.size(), Memory{need.likely, 0, kTileSlackBytes}, moves ? disk : 0,
+          groups_.size(),
+          faces_ * (fits    ? kFitTime
+                    : moves ? kFilterTime
+                            : kReachTime),
+          (moves ? 2.0 : 1.0) * static_cast<double>(disk));
+    }
+  }
+
+  void decimate(std::uint64_t patches) {
     const SimplifyOptions simplify = reconstruct_simplify_options(options_);
     const std::uint64_t faces = times(faces_, kFacesMargin), largest = largest_.faces;
     const std::uint64_t disk = times(faces_, kPassBytes), blocks = groups_.size() / 2 + 1;
     const std::uint64_t patch_bytes = surface_block_bytes(largest);
-    if (first_pass == 0) import();
     if (options_.reference == "points")
       add_samples("points",
                   std::min(faces, kImportedNear * std::max(largest, 2 * ImportPlan::kBrickVertices)));
-    for (int pass = first_pass; pass < simplify.passes; ++pass) {
+    for (int pass = fuses_first_pass(options_) ? 1 : 0; pass < simplify.passes; ++pass) {
       add(SimplifyPass{pass, 0, false}.stage_name(), blocks,
           {simplify_pass_bytes(simplify, pass, faces, largest, 1), std::uint64_t{2} << 20,
            simplify_task_bytes(0, 0, 0, 0)},
-          disk, blocks, faces_ * (pass < 2 ? kPass2Time : kPass3Time),
+          disk, blocks,
+          faces_ * (pass == 0   ? kFirstPassTime
+                    : pass == 1 ? kPass2Time
+                                : kPass3Time),
           (pass < 2 ? 0.5 : 0.2) * static_cast<double>(patches));
     }
     const std::uint64_t both = faces + faces / 4;  // with those of the result
@@ -329,6 +332,7 @@ class Composer {
   PlannedPatches patches_;
   std::uint64_t largest_brick_ = 0, most_blocks_ = 0, blocks_ = 0;
   PatchEntry largest_;  ///< patch
+  ForecastList list_{run_.threads};
   Forecast forecast_;
 };
 

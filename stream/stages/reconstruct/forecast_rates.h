@@ -36,6 +36,10 @@ inline constexpr double kPass2Time = 0.27;
 inline constexpr double kPass3Time = 0.13;
 inline constexpr double kCertifyTime = 0.43;
 inline constexpr double kPassBytes = 0.3;
+// With --smooth, per face of full resolution: fits of denoise, filters; edges, and noise at a sample.
+inline constexpr double kFitTime = 18.0;
+inline constexpr double kFilterTime = 1.0;
+inline constexpr double kReachTime = 0.1;
 // Of the import of a raw mesh, per face; its files against the mesh.
 inline constexpr double kImportReadTime = 0.05;
 inline constexpr double kImportVerticesTime = 0.1;

@@ -19,6 +19,7 @@
 #include "stream/stages/scan/thin_stage.h"
 #include "stream/stages/scan/uncertain_picture.h"
 #include "stream/stages/scan/unpack_stage.h"
+#include "stream/stages/smooth/smooth_before.h"
 #include "stream/stages/surface/border_stage.h"
 #include "stream/stages/surface/closing_stages.h"
 #include "stream/stages/surface/first_pass.h"
@@ -56,6 +57,8 @@ void summarise(nlohmann::json& report) {
     report["raw_mesh"] = {{"faces", islands.at("full_faces")}};
     report["certificate"] = certificate_of(report);
   }
+  if (const nlohmann::json smoothing = smoothing_of(report); smoothing.is_object())
+    report["smoothing"] = smoothing;
   const nlohmann::json written = result_of(report, "write");
   if (mesh.is_object() && written.is_object()) {
     mesh.update(written);
@@ -133,9 +136,12 @@ std::vector<StageEntry> reconstruct_stages(const ReconstructOptions& options) {
                                                                     sort_bytes(state.run));
                                        }});
   };
-  if (fuses_first_pass(options)) {
+  if (fuses_stores(options)) {
     append({{"islands", make_islands_stage}, {"prune", make_prune_stage}});
-    finish({open_full_surface, open_first_pass, first_pass_blocks});
+    if (fuses_first_pass(options))
+      finish({open_full_surface, open_first_pass, first_pass_blocks});
+    else
+      finish({open_full_surface, nullptr, nullptr});
     return stages;
   }
   append({{"weld", make_weld_stage},

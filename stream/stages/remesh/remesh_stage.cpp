@@ -13,7 +13,7 @@
 #include "stream/files/direct_file.h"
 #include "stream/files/task_files.h"
 #include "stream/meshes/failed_places.h"
-#include "stream/stages/decimate/idle_stage.h"
+#include "stream/runtime/idle_stage.h"
 #include "stream/stages/decimate/round_before.h"
 #include "stream/stages/decimate/simplify_needs.h"
 #include "stream/stages/decimate/unsettled_region.h"

@@ -36,8 +36,8 @@ class CoarseSumsStage : public Stage {
       : round_(round),
         rule_(plan.rounds[round - 1]),
         options_(coarse_options(state, plan, round)),
-        store_(open_smoothed(state.work, base_round(plan, round))),
-        before_(open_smoothed(state.work, round - 1)),
+        store_(open_smoothed(state, plan, base_round(plan, round))),
+        before_(open_smoothed(state, plan, round - 1)),
         bends_(open_bends(state.work, plan, round)) {
     SmoothTiling tiling;
     tiling.rings = kSumsRings;

@@ -15,7 +15,7 @@ constexpr std::uint64_t kReachPatches = 64;  ///< patches of one task
 
 class ReachStage : public Stage {
  public:
-  explicit ReachStage(const JobState& state) : store_(open_smoothed(state.work, 0)) {}
+  ReachStage(const JobState& state, const SmoothPlan& plan) : store_(open_smoothed(state, plan, 0)) {}
 
   std::string name() const override { return "reach"; }
   std::size_t task_count() const override {
@@ -52,7 +52,7 @@ class ReachStage : public Stage {
 }  // namespace
 
 std::string reach_file(std::size_t round) {
-  return smooth_folder(round) + "/reach.bin";
+  return (round == 0 ? "reach" : smooth_folder(round)) + "/reach.bin";
 }
 
 PatchReach load_reach(const std::filesystem::path& work, std::size_t round) {
@@ -86,8 +86,8 @@ void save_reach(const std::vector<json>& summaries, std::size_t patches, const s
   reach.save(path);
 }
 
-std::unique_ptr<Stage> make_reach_stage(const JobState& state) {
-  return std::make_unique<ReachStage>(state);
+std::unique_ptr<Stage> make_reach_stage(const JobState& state, const SmoothPlan& plan) {
+  return std::make_unique<ReachStage>(state, plan);
 }
 
 }  // namespace tessera

@@ -1,16 +1,13 @@
-#include <algorithm>
-#include <cmath>
-
 #include <nlohmann/json.hpp>
 
-#include "octree/error.h"
-#include "stream/files/task_files.h"
 #include "stream/import/import_needs.h"
 #include "stream/import/import_stages.h"
 #include "stream/import/system_beside.h"
 #include "stream/meshes/store_write_stage.h"
 #include "stream/page/report_page.h"
+#include "stream/runtime/idle_stage.h"
 #include "stream/stages/smooth/coarse_files.h"
+#include "stream/stages/smooth/smooth_needs.h"
 #include "stream/stages/smooth/smooth_stage.h"
 
 namespace tessera {
@@ -18,6 +15,7 @@ namespace {
 
 using json = nlohmann::json;
 
+const std::string kImport = "mesh";
 constexpr std::uint64_t kSortBytes = std::uint64_t{32} << 20;
 
 /// The report's `input`, and its `mesh`: what was written, and how far vertices moved in the last round (with a tolerance: in
@@ -29,23 +27,7 @@ void summarise(json& report) {
     if (name == "write" || name.rfind("smooth-", 0) == 0) mesh.update(stage.at("result"));
   }
   report["mesh"] = mesh;
-  report["input"] = import_report(report, kSmoothImport);
-}
-
-/// Of a round over one patch and the rings around it, the least that a tile can be; of the whole mesh where there is one
-/// block. Rings are reached by whole patches, and by the longest edge.
-StageNeed round_need(const SmoothRound& rule, const std::string& stage, const MeshSize& mesh) {
-  const auto with = [&](std::uint64_t edge, std::uint64_t all) {
-    const std::uint64_t vertices = rule.by_flow ? all : std::min(all, edge * edge);
-    const std::uint64_t faces = std::min(mesh.faces, 2 * vertices);
-    const std::uint64_t patch = std::min(mesh.vertices, ImportPlan::kBrickVertices);
-    return smooth_tile_bytes(rule, vertices, faces, MeshStore::block_bytes(patch, 2 * patch));
-  };
-  const auto across = static_cast<std::uint64_t>(std::sqrt(static_cast<double>(ImportPlan::kBrickVertices)));
-  const auto rings = static_cast<std::uint64_t>(round_rings(rule));
-  // Vertices at seams are in every patch.
-  return {stage, with(across, mesh.vertices),
-          with(4 * (across + 2 * rings), mesh.vertices + mesh.vertices / 4)};
+  report["input"] = import_report(report, kImport);
 }
 
 }  // namespace
@@ -86,36 +68,44 @@ OptionTable option_table(SmoothOptions& o) {
   return t;
 }
 
+std::vector<StageEntry> smooth_stages(const std::vector<SmoothRound>& rounds, const SmoothPlanner& plan) {
+  std::vector<StageEntry> stages;
+  stages.push_back({"reach", [=](const JobState& state) { return make_reach_stage(state, plan(state)); }});
+  const auto append = [&](const std::string& name, std::size_t round, auto make) {
+    stages.push_back({name, [=](const JobState& state) {
+                        const SmoothPlan now = plan(state);
+                        return round > now.rounds.size() ? make_idle_stage(name) : make(state, now, round);
+                      }});
+  };
+  for (std::size_t round = 1; round <= rounds.size(); ++round) {
+    if (rounds[round - 1].cycle >= 0) {
+      append(coarse_sums_folder(round), round, make_coarse_sums_stage);
+      append(coarse_folder(round), round, make_coarse_stage);
+    }
+    append(smooth_folder(round), round, make_smooth_stage);
+  }
+  return stages;
+}
+
 JobDescription smooth_job(const SmoothOptions& options) {
-  const SmoothPlan plan{smooth_rounds(options), options.tolerance};
-  JobDescription job{"smooth",  import_stages({0, kSmoothImport}), 0, summarise, {carried_system()},
-                     job_page()};
-  job.needs = [plan](const JobState& state) {
+  SmoothPlan plan;
+  plan.rounds = smooth_rounds(options);
+  plan.tolerance = options.tolerance;
+  plan.mesh = [](const JobState& state) { return open_imported_mesh(state.work, kImport); };
+  plan.mesh_folder = kImport + "/";
+  JobDescription job{"smooth", import_stages({0, kImport}), 0, summarise, {carried_system()}, job_page()};
+  job.needs = [rounds = plan.rounds](const JobState& state) {
     const MeshSize mesh = claimed_mesh_size(state.inputs.at(0));
-    std::vector<StageNeed> needs = import_needs(state.run, {0, kSmoothImport}, mesh);
-    for (std::size_t round = 1; round <= plan.rounds.size(); ++round)
-      needs.push_back(round_need(plan.rounds[round - 1], "smooth-" + std::to_string(round), mesh));
+    std::vector<StageNeed> needs = import_needs(state.run, {0, kImport}, mesh);
+    for (const StageNeed& need : smooth_needs(rounds, mesh)) needs.push_back(need);
     return needs;
   };
-  job.stages.push_back({"reach", make_reach_stage});
-  for (std::size_t round = 1; round <= plan.rounds.size(); ++round) {
-    if (plan.rounds[round - 1].cycle >= 0) {
-      job.stages.push_back({coarse_sums_folder(round), [plan, round](const JobState& state) {
-                              return make_coarse_sums_stage(state, plan, round);
-                            }});
-      job.stages.push_back({coarse_folder(round), [plan, round](const JobState& state) {
-                              return make_coarse_stage(state, plan, round);
-                            }});
-    }
-    job.stages.push_back({"smooth-" + std::to_string(round), [plan, round](const JobState& state) {
-                            return make_smooth_stage(state, plan, round);
-                          }});
-  }
-  const std::size_t rounds = plan.rounds.size();
-  job.stages.push_back({"write", [rounds](const JobState& state) {
-                          return make_store_write_stage(
-                              state, MeshStore(list_task_files(state.work / smooth_folder(rounds), ".tmm")),
-                              "made by tessera smooth " + state.settings, kSortBytes);
+  for (StageEntry& entry : smooth_stages(plan.rounds, [plan](const JobState&) { return plan; }))
+    job.stages.push_back(std::move(entry));
+  job.stages.push_back({"write", [plan](const JobState& state) {
+                          return make_store_write_stage(state, open_smoothed(state, plan, plan.rounds.size()),
+                                                        "made by tessera smooth " + state.settings,
+                                                        kSortBytes);
                         }});
   return job;
 }

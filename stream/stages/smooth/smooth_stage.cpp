@@ -8,8 +8,9 @@
 #include <stdexcept>
 
 #include "octree/error.h"
+#include "octree/rounding.h"
+#include "octree/vector.h"
 #include "stream/files/task_files.h"
-#include "stream/import/import_stages.h"
 #include "stream/meshes/mesh_store.h"
 #include "stream/runtime/numbers.h"
 #include "stream/stages/smooth/coarse_files.h"
@@ -23,6 +24,8 @@ using json = nlohmann::json;
 // Key, position, class, colour, first patch, number in a patch, wanted; corners, flags, bound and core flag.
 constexpr std::uint64_t kLoadedVertexBytes = 8 + 24 + 1 + 4 + 4 + 5 + 1;
 constexpr std::uint64_t kLoadedFaceBytes = 12 + 1 + 4 + 1;
+/// Of a length that was computed: a bound of the true one.
+constexpr double kRounding = 1.0 + 1e-12;
 
 bool ends_step(const SmoothPlan& plan, std::size_t round) {
   const int cycle = plan.rounds[round - 1].cycle;
@@ -44,10 +47,12 @@ class SmoothStage : public Stage {
         base_round_(base_round(plan, round)),
         tolerance_(ends_step(plan, round) ? plan.tolerance : 0.0),
         clamped_(plan.tolerance > 0.0),
-        store_(open_smoothed(state.work, base_round_)),
-        before_(open_smoothed(state.work, round - 1)),
+        store_(open_smoothed(state, plan, base_round_)),
+        before_(open_smoothed(state, plan, round - 1)),
         bends_(open_bends(state.work, plan, round)),
-        original_(open_smoothed(state.work, tolerance_ > 0.0 ? 0 : base_round_)),
+        original_(open_smoothed(state, plan, tolerance_ > 0.0 ? 0 : base_round_)),
+        mesh_folder_(plan.mesh_folder),
+        bounds_(plan.bounds && tolerance_ > 0.0 && round == plan.rounds.size()),
         last_(round == plan.rounds.size()),
         ends_step_(ends_step(plan, round)) {
     if (rule_.cycle >= 0) {
@@ -114,7 +119,7 @@ class SmoothStage : public Stage {
         context.check_stop();
         const std::size_t p = tile.patches[k];
         const std::vector<Double3> positions = settled(p, near, near.core_vertices[k], smoothed, moved);
-        writer.add_moved(store_, p, positions);
+        write(p, positions, writer);
         if (bends) {
           std::vector<Float3> bend;
           for (const std::uint32_t v : near.core_vertices[k]) bend.push_back(smoothed.bend[v]);
@@ -172,7 +177,10 @@ class SmoothStage : public Stage {
     };
     std::vector<std::string> names;
     for (const std::size_t round : {round_ - 1, base_round_, std::size_t{0}})
-      if (!stays(round)) names.push_back(smooth_folder(round) + "/");
+      if (!stays(round)) {
+        if (round > 0) names.push_back(smooth_folder(round) + "/");
+        if (round == 0 && !mesh_folder_.empty()) names.push_back(mesh_folder_);
+      }
     if (rule_.cycle >= 0) names.push_back(coarse_folder(round_) + "/");
     if (!bends_.empty()) names.push_back(bend_folder(round_ - 1) + "/");
     return names;
@@ -183,6 +191,23 @@ class SmoothStage : public Stage {
     MeshBlock patch = store_.load({&p, 1});
     patch.position = positions;
     return patch;
+  }
+
+  void write(std::size_t p, const std::vector<Double3>& positions, MeshFileWriter& writer) const {
+    const MeshPatchEntry& entry = store_.patches()[p];
+    // A compact patch holds places on the lattice, which its vertices leave.
+    if (!bounds_ && (entry.content & kPatchCompact) == 0) return writer.add_moved(store_, p, positions);
+    MeshBlock patch = with_positions(p, positions);
+    if (bounds_) {
+      const MeshBlock given = original_.load({&p, 1});
+      patch.face_bound.clear();
+      for (const auto& face : patch.faces) {
+        double most = 0.0;
+        for (const std::uint32_t v : face) most = std::max(most, norm(patch.position[v] - given.position[v]));
+        patch.face_bound.push_back(rounded_up(most * kRounding));
+      }
+    }
+    writer.add(entry.key, patch);
   }
 
   SmoothedBlock smooth(const MeshHaloBlock& near, const SmoothTile& tile,
@@ -240,6 +265,8 @@ class SmoothStage : public Stage {
   MeshStore before_;    ///< where the round begins
   PatchBends bends_;    ///< there
   MeshStore original_;  ///< of the patches that the tolerance is measured from
+  std::string mesh_folder_;
+  bool bounds_;  ///< SmoothPlan::bounds, in the last round
   bool last_, ends_step_;
   CoarseOptions coarse_;
   std::filesystem::path solution_;
@@ -255,7 +282,7 @@ std::size_t base_round(const SmoothPlan& plan, std::size_t round) {
 
 CoarseOptions coarse_options(const JobState& state, const SmoothPlan& plan, std::size_t round) {
   const std::size_t base = base_round(plan, round);
-  const std::uint64_t faces = open_smoothed(state.work, base).face_count();
+  const std::uint64_t faces = open_smoothed(state, plan, base).face_count();
   const FilterOptions& filter = plan.rounds[round - 1].filter;
   const CoarseOptions options =
       coarse_options(filter.lambda, filter.order, load_reach(state.work, base).edge(faces), faces);
@@ -263,9 +290,9 @@ CoarseOptions coarse_options(const JobState& state, const SmoothPlan& plan, std:
   return options;
 }
 
-MeshStore open_smoothed(const std::filesystem::path& work, std::size_t round) {
-  if (round == 0) return open_imported_mesh(work, kSmoothImport);
-  return MeshStore(list_task_files(work / smooth_folder(round), ".tmm"));
+MeshStore open_smoothed(const JobState& state, const SmoothPlan& plan, std::size_t round) {
+  if (round == 0) return plan.mesh(state);
+  return MeshStore(list_task_files(state.work / smooth_folder(round), ".tmm"));
 }
 
 PatchBends open_bends(const std::filesystem::path& work, const SmoothPlan& plan, std::size_t round) {
@@ -283,7 +310,7 @@ std::uint64_t tile_loaded_bytes(std::uint64_t vertices, std::uint64_t faces) {
 }
 
 std::string smooth_folder(std::size_t round) {
-  return round == 0 ? kSmoothImport : "smooth-" + std::to_string(round);
+  return "smooth-" + std::to_string(round);
 }
 
 std::uint64_t smooth_tile_bytes(const SmoothRound& rule, std::uint64_t vertices, std::uint64_t faces,

@@ -5,10 +5,13 @@
 ///   reach     longest edge of every patch: how far rings can reach
 ///   sums-K    of rounds with a coarse level: what every patch adds to its system
 ///   coarse-K  of these rounds: the system, solved in core
-///   smooth-K  round K: store K - 1 -> store K; store 0 is the imported mesh. A plate's cycle leaves in bend-K how its
-///             vertices bend
-///   write     the last store -> the output
+///   smooth-K  round K: store K - 1 -> store K; store 0 is the mesh as it is given. A plate's cycle leaves in bend-K
+///             how its vertices bend
+///
+/// They stand in the job of `smooth` and, between the mesh of full resolution and its decimation, in others
+/// (smooth_before.h).
 #pragma once
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -28,21 +31,33 @@ OptionTable option_table(SmoothOptions& options);
 /// ...}.
 JobDescription smooth_job(const SmoothOptions& options);
 
-// What the stages share.
-
+/// What the stages of one job agree on.
 struct SmoothPlan {
   std::vector<SmoothRound> rounds;
-  double tolerance = 0.0;  ///< 0 = no limit
+  double tolerance = 0.0;                          ///< 0 = no limit
+  std::function<MeshStore(const JobState&)> mesh;  ///< round 0
+  std::string mesh_folder;  ///< goes as soon as no round needs it, "mesh/"; empty: others do, it stays
+  /// Faces of the last store bear as MeshBlock::face_bound the largest move of their corners: a face moves with its
+  /// corners, so it lies within that of what it was, both ways. With a tolerance only.
+  bool bounds = false;
 };
-/// Store after `round` rounds. The folder of round 0 is the import's.
+/// Called when a stage is made, all before it being done.
+using SmoothPlanner = std::function<SmoothPlan(const JobState&)>;
+
+/// reach, and all stages of these rounds. \param rounds  the most that the plan may have; those it has not are idle
+std::vector<StageEntry> smooth_stages(const std::vector<SmoothRound>& rounds, const SmoothPlanner& plan);
+/// Store after `round` rounds. \pre they are done
+MeshStore open_smoothed(const JobState& state, const SmoothPlan& plan, std::size_t round);
+
+// What the stages share.
+
+/// Folder of the store of a round from 1 on.
 std::string smooth_folder(std::size_t round);
-inline const std::string kSmoothImport = "mesh";
 
 /// Cell edges and filter of a round with a coarse level, from the mesh that its step began with.
 CoarseOptions coarse_options(const JobState& state, const SmoothPlan& plan, std::size_t round);
 /// The round whose store the step of this round began with: it makes the rows.
 std::size_t base_round(const SmoothPlan& plan, std::size_t round);
-MeshStore open_smoothed(const std::filesystem::path& work, std::size_t round);
 /// How the mesh bends where the round begins: empty before the first cycle of a step, and with order 1.
 PatchBends open_bends(const std::filesystem::path& work, const SmoothPlan& plan, std::size_t round);
 /// Edges of a patch, as PatchReach keeps them.
@@ -64,7 +79,7 @@ std::uint64_t tile_loaded_bytes(std::uint64_t vertices, std::uint64_t faces);
 std::uint64_t smooth_tile_bytes(const SmoothRound& rule, std::uint64_t vertices, std::uint64_t faces,
                                 std::uint64_t patch_bytes);
 
-std::unique_ptr<Stage> make_reach_stage(const JobState& state);
+std::unique_ptr<Stage> make_reach_stage(const JobState& state, const SmoothPlan& plan);
 std::unique_ptr<Stage> make_coarse_sums_stage(const JobState& state, const SmoothPlan& plan,
                                               std::size_t round);
 std::unique_ptr<Stage> make_coarse_stage(const JobState& state, const SmoothPlan& plan, std::size_t round);

@@ -1,6 +1,7 @@
 #include "stream/stages/surface/first_pass.h"
 
 #include <algorithm>
+#include <optional>
 #include <utility>
 #include <vector>
 
@@ -72,12 +73,17 @@ MeshStore open(const JobState& state, const char* folder, const char* pruned) {
 SimplifyOptions reconstruct_simplify_options(const ReconstructOptions& options) {
   SimplifyOptions simplify;
   simplify.tolerance = options.tolerance;
+  simplify.smooth = options.smooth;
   return simplify;
 }
 
-bool fuses_first_pass(const ReconstructOptions& options) {
+bool fuses_stores(const ReconstructOptions& options) {
   return options.tolerance > 0.0 && options.max_hole_edges() == 0 && !options.smooths_border() &&
          options.reference == "surface";
+}
+
+bool fuses_first_pass(const ReconstructOptions& options) {
+  return fuses_stores(options) && !options.smooths();
 }
 
 MeshStore open_full_surface(const JobState& state) {
@@ -123,9 +129,10 @@ struct FirstPass::Impl {
   const MeshStoreInfo info;
   DecimateOptions kernel;
   std::uint64_t least_faces = 0;  ///< islands with fewer go
-  MeshFileWriter full, first;
+  MeshFileWriter full;
+  std::optional<MeshFileWriter> first;     ///< where the first pass runs here
   std::uint64_t cube = 0, cube_faces = 0;  ///< at work, and what came of it so far
-  std::vector<Piece> pieces;               ///< of it, not yet simplified
+  std::vector<Piece> pieces;               ///< of it, not yet finished
   std::vector<IslandPart> parts;
   std::vector<IslandSeam> seams;
   json counts = json::object();
@@ -136,10 +143,11 @@ struct FirstPass::Impl {
         task(t),
         frame(frame_of(state)),
         info(info_of(frame)),
-        full(c.create(kFullFolder + task_file_stem(t) + ".tmm"), info),
-        first(c.create(kFirstPassFolder + task_file_stem(t) + ".tmm"), info) {
+        full(c.create(kFullFolder + task_file_stem(t) + ".tmm"), info) {
     const ReconstructOptions options = reconstruct_options(state);
     least_faces = options.min_component != 0 ? options.min_component : automatic_min_component(0);
+    if (fuses_first_pass(options))
+      first.emplace(c.create(kFirstPassFolder + task_file_stem(t) + ".tmm"), info);
     kernel = reconstruct_simplify_options(options).kernel(!info.double_positions);
   }
 
@@ -154,15 +162,15 @@ struct FirstPass::Impl {
     cube_faces += mesh.faces.size();
     pieces.push_back({brick, std::move(mesh)});
     if (cube_faces <= kMostFaces) return;
-    for (Piece& piece : pieces) simplify({&piece, 1}, 1);
+    for (Piece& piece : pieces) finish_block({&piece, 1}, 1);
     pieces.clear();
   }
   void flush() {
-    if (!pieces.empty()) simplify(pieces, kCube);
+    if (!pieces.empty()) finish_block(pieces, kCube);
     pieces.clear();
   }
 
-  void simplify(std::span<Piece> of, std::uint64_t bricks) {
+  void finish_block(std::span<Piece> of, std::uint64_t bricks) {
     context.check_stop();
     const std::uint64_t first_brick = of.front().brick / bricks * bricks;
     MeshBlock block = merged(of);
@@ -183,15 +191,16 @@ struct FirstPass::Impl {
       parts.push_back(
           {first_brick, static_cast<std::uint32_t>(bricks), c, components.faces[c], components.border[c]});
 
-    add_counts(counts, to_json(decimate(block, block, kernel)));
     ++blocks;
+    if (!first) return;
+    add_counts(counts, to_json(decimate(block, block, kernel)));
     const MeshBlockCut cut = block_of(first_brick, bricks);
     std::vector<std::uint64_t> brick;
     brick.reserve(block.faces.size());
     for (const auto& f : block.faces)
       brick.push_back(
           cut.brick_of(info.lattice, block.position[f[0]], block.position[f[1]], block.position[f[2]]));
-    split_faces(block, brick, [&](std::uint64_t key, MeshBlock&& patch) { first.add(key, patch); });
+    split_faces(block, brick, [&](std::uint64_t key, MeshBlock&& patch) { first->add(key, patch); });
   }
 
   static MeshBlock merged(std::span<const Piece> of) {
@@ -231,7 +240,7 @@ json FirstPass::finish() {
   Impl& self = *impl_;
   self.flush();
   self.context.count_written(self.full.finish());
-  self.context.count_written(self.first.finish());
+  if (self.first) self.context.count_written(self.first->finish());
   PackedWriter file(self.context.create(island_file(self.task)), kIslandKind, kBuffer);
   const std::vector<IslandEntry> table = {{file.append(bytes_of(self.parts)),
                                            file.append(bytes_of(self.seams)), self.dropped,

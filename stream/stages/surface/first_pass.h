@@ -1,7 +1,7 @@
 /// \file first_pass.h
 /// The first pass of decimation inside the surface stage (`reconstruct --tolerance`): patches become blocks in memory,
 /// the full-resolution surface goes to a compact store that later passes and the proof measure against, and what the
-/// pass leaves goes to the store that the next pass reads.
+/// pass leaves goes to the store that the next pass reads. With --smooth the pass waits: the compact store is all.
 ///
 /// A block is a fixed cube of 2^3 bricks of the lattice; where that holds too many faces, each brick is one. Vertices
 /// at its faces have no complete star, so they stay; later passes have their seams elsewhere. Islands that end inside
@@ -26,8 +26,10 @@ struct SimplifyOptions;
 
 /// What `reconstruct --tolerance` decimates with.
 SimplifyOptions reconstruct_simplify_options(const ReconstructOptions& options);
-/// True if the job's first pass runs in its surface stage: it has a tolerance, no hole waits to be
+/// True if the surface stage leaves stores that passes read: the job has a tolerance, no hole waits to be
 /// filled and no border to be smoothed, and what the points leave of the tolerance need not be known before.
+bool fuses_stores(const ReconstructOptions& options);
+/// True if the job's first pass runs there, too: the mesh need not be smoothed before.
 bool fuses_first_pass(const ReconstructOptions& options);
 
 // What it leaves, in the work directory, one file a task of the surface stage.

@@ -1,6 +1,7 @@
 #include "stream/stages/surface/islands_stage.h"
 
 #include <algorithm>
+#include <optional>
 #include <vector>
 
 #include <nlohmann/json.hpp>
@@ -185,7 +186,9 @@ class PruneStage : public Stage {
 
   json run(std::size_t task, TaskContext& context) const override {
     MeshFileWriter full(context.create(kPrunedFullFolder + task_file_stem(task) + ".tmm"), full_.info());
-    MeshFileWriter pass(context.create(kPrunedPassFolder + task_file_stem(task) + ".tmm"), pass_.info());
+    std::optional<MeshFileWriter> pass;
+    if (!pass_.patches().empty())
+      pass.emplace(context.create(kPrunedPassFolder + task_file_stem(task) + ".tmm"), pass_.info());
     for (std::size_t i = first_[task]; i < first_[task + 1];) {
       context.check_stop();
       const IslandPart& block = dropped_[i].part;
@@ -203,9 +206,9 @@ class PruneStage : public Stage {
       for (const std::size_t p : patches) rewrite(full_, p, gone, full);
       for (std::uint64_t b = block.brick; b < block.brick + block.bricks; ++b)
         if (const std::int64_t p = pass_.find(b); p >= 0)
-          rewrite(pass_, static_cast<std::size_t>(p), gone, pass);
+          rewrite(pass_, static_cast<std::size_t>(p), gone, *pass);
     }
-    context.count_written(full.finish() + pass.finish());
+    context.count_written(full.finish() + (pass ? pass->finish() : 0));
     return json::object();
   }
 

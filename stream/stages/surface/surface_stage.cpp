@@ -61,7 +61,7 @@ class SurfaceStage : public Stage {
     tiling.closing = closing_.get();
     groups_ = make_tile_groups(store_.bricks(), tiling);
     state_ = state;
-    fused_ = fuses_first_pass(options);
+    fused_ = fuses_stores(options);
     extract_.names = fused_;
   }
 

@@ -4,9 +4,9 @@
 
 #include "octree/error.h"
 #include "stream/import/import_stages.h"
+#include "stream/runtime/idle_stage.h"
 #include "stream/runtime/report.h"
 #include "stream/stages/decimate/certify_stage.h"
-#include "stream/stages/decimate/idle_stage.h"
 #include "stream/stages/decimate/simplify_stage.h"
 #include "stream/stages/tiles/folder_stage.h"
 #include "stream/stages/tiles/tile_levels.h"

@@ -1,4 +1,4 @@
-#include "stream/stages/decimate/idle_stage.h"
+#include "stream/runtime/idle_stage.h"
 
 #include <utility>
 
