@@ -1,12 +1,14 @@
-// Decimation where the surface ends: the bound of the loop against the certificate, which shares no code with it.
+// Decimation where the surface ends, and where it was moved before: the bound of the loop against the certificate, which shares no code with it.
 #include <catch2/catch.hpp>
 
 #include <algorithm>
+#include <cmath>
 
 #include "kernels/certify/certificate.h"
 #include "kernels/decimate/decimate.h"
 #include "kernels/mesh/mesh_block_ops.h"
 #include "octree/portable_math.h"
+#include "octree/vector.h"
 #include "tests/helpers/block_meshes.h"
 
 namespace {
@@ -98,4 +100,36 @@ TEST_CASE("decimate: held vertices keep their faces", "[unit]") {
     kept += inside;
   }
   CHECK(kept == 3 * 20 * 2);
+}
+
+TEST_CASE("decimate: what was moved before stays within the tolerance of where it was, lines too",
+          "[property]") {
+  const double tolerance = 0.3, moved = 0.08;
+  // A sheet with a crease that ends in its border, a body without any line, and its edges.
+  const auto ridge = [](double x, double) { return -std::fabs(x - 15.0); };
+  for (const MeshBlock& given : {grid_block(30, 30, ridge), sphere_block(4), cube_block(16)}) {
+    const double scale = given.faces.size() == 1800 ? 1.0 : 1.0 / 16.0;
+    MeshBlock smooth = given;
+    add_noise(smooth, moved * scale, 3);
+    smooth.face_bound.clear();
+    for (const auto& f : smooth.faces) {
+      double most = 0.0;
+      for (const std::uint32_t v : f) most = std::max(most, norm(smooth.position[v] - given.position[v]));
+      smooth.face_bound.push_back(static_cast<float>(most * (1.0 + 1e-6)));
+    }
+    for (const double angle : {0.0, 40.0}) {
+      DecimateOptions options;
+      options.tolerance = tolerance * scale;
+      options.feature_angle_deg = angle;
+      MeshBlock b = smooth;
+      const DecimateReport first = decimate(b, b, options);
+      const std::size_t left = b.faces.size();
+      const DecimateReport second = decimate(b, smooth, options);  // as after a pass with other seams
+      CAPTURE(given.faces.size(), angle, left, b.faces.size());
+      CHECK(left < given.faces.size() / 3);
+      CHECK(std::max(first.bound, second.bound) <= options.tolerance);
+      CHECK(certified(b, given, options.tolerance) <= options.tolerance);
+      CHECK(certified(given, b, options.tolerance) <= options.tolerance);
+    }
+  }
 }

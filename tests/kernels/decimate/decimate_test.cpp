@@ -309,38 +309,6 @@ TEST_CASE("decimate: the bound holds both ways and the mesh stays closed, in pas
   }
 }
 
-TEST_CASE("decimate: what was moved before stays within the tolerance of where it was, lines too",
-          "[property]") {
-  const double tolerance = 0.3, moved = 0.08;
-  // A sheet with a crease that ends in its border, a body without any line, and its edges.
-  const auto ridge = [](double x, double) { return -std::fabs(x - 15.0); };
-  for (const MeshBlock& given : {grid_block(30, 30, ridge), sphere_block(4), cube_block(16)}) {
-    const double scale = given.faces.size() == 1800 ? 1.0 : 1.0 / 16.0;
-    MeshBlock smooth = given;
-    add_noise(smooth, moved * scale, 3);
-    smooth.face_bound.clear();
-    for (const auto& f : smooth.faces) {
-      double most = 0.0;
-      for (const std::uint32_t v : f) most = std::max(most, norm(smooth.position[v] - given.position[v]));
-      smooth.face_bound.push_back(static_cast<float>(most * (1.0 + 1e-6)));
-    }
-    for (const double angle : {0.0, 40.0}) {
-      DecimateOptions options = within(tolerance * scale);
-      options.feature_angle_deg = angle;
-      MeshBlock b = smooth;
-      const DecimateReport first = decimate(b, b, options);
-      const std::size_t left = b.faces.size();
-      const DecimateReport second = decimate(b, smooth, options);  // as after a pass with other seams
-      CAPTURE(given.faces.size(), angle, left, b.faces.size());
-      CHECK(left < given.faces.size() / 3);
-      CHECK(std::max(first.bound, second.bound) <= options.tolerance);
-      CHECK(sampled_distance(b, given) <= second.bound);
-      CHECK(sampled_distance(given, b) <= second.bound);
-      CHECK(checks(b).defects() == 0);
-    }
-  }
-}
-
 TEST_CASE("decimate: a cost class stands for a face count", "[property]") {
   const MeshBlock original = bumpy_sphere(5, 0.1);
   MeshBlock b = original;
