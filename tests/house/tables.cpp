@@ -173,7 +173,8 @@ const std::map<std::string, std::string>& covering_tests() {
        {"import_corners_stage", "import_repair_stage", "import_tiles_stage", "import_vertices_stage"});
     by("tools/decimate", "stream/meshes", {"store_write_stage"});
     by("tools/decimate", "stream/stages/decimate",
-       {"certify_stage", "decimate_job", "round_before", "simplify_stage", "unsettled_region"});
+       {"certify_stage", "decimate_job", "pass_blocks", "round_before", "simplify_stage",
+        "unsettled_region"});
     by("tools/decimate", "stream/runtime", {"idle_stage"});
     by("stream/runtime/option_table", "stream/stages/decimate", {"simplify_options"});
     by("tools/deform", "stream/stages/deform",

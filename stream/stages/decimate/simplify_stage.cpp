@@ -1,20 +1,16 @@
 #include "stream/stages/decimate/simplify_stage.h"
 
 #include <algorithm>
-#include <cmath>
-#include <optional>
 
 #include <nlohmann/json.hpp>
 
 #include "kernels/mesh/mesh_block_ops.h"
 #include "octree/error.h"
-#include "stream/check/mesh_compare.h"
 #include "stream/files/direct_file.h"
 #include "stream/files/durable_file.h"
 #include "stream/files/task_files.h"
-#include "stream/meshes/failed_places.h"
 #include "stream/runtime/idle_stage.h"
-#include "stream/stages/decimate/round_before.h"
+#include "stream/stages/decimate/pass_blocks.h"
 #include "stream/stages/decimate/unsettled_region.h"
 
 namespace tessera {
@@ -24,58 +20,42 @@ using json = nlohmann::json;
 
 constexpr std::uint64_t kTaskFaces =
     1u << 20;  ///< of block and reference together: a task is worth a file from here
-constexpr std::uint64_t kMostTasks = 400;
 
 class SimplifyStage : public Stage {
  public:
   SimplifyStage(const JobState& state, const SimplifyOptions& options, const SimplifyStores& stores,
                 const SimplifyPass& pass)
-      : work_(state.work),
-        options_(options),
-        stores_(stores),
+      : options_(options),
         pass_(pass),
-        in_(open_pass_input(state, stores, pass)),
-        reference_(stores.full(state)) {
+        blocks_(state, stores, pass,
+                {options.tolerance, options.tolerance, kTaskFaces,
+                 [&](const MeshStore& in, const MeshStore& reference) {
+                   if (pass.pass == 0 && stores.first_blocks) return stores.first_blocks(in);
+                   return simplify_blocks(in, reference, options, pass.pass);
+                 }}),
+        in_(blocks_.in()),
+        reference_(blocks_.reference()) {
     kernel_ = options_.kernel(!in_.info().double_positions);
-    if (options_.tolerance > 0.0) require_provable(reference_, options_.tolerance);
-    double radius = options_.tolerance;
-    for (int round = pass_.round - 1; round >= 0; --round, radius *= 4.0)
-      failed_.add(read_failed_faces(work_ / failed_faces_file(round)), radius);
-    for (int round = 2; round <= pass_.round; ++round) careful_ *= 0.5;
     if (!pass_.count_costs && options_.target_faces > 0)
       kernel_.max_cost_class =
-          json::parse(read_text(work_ / costs_file(pass.pass))).at("cost_class").get<std::uint32_t>();
-    blocks_ = cut(in_);
-    if (pass_.round > 0) open_round_before(state);
-    std::uint64_t total = 0;
-    for (const MeshBlockCut& block : blocks_) total += block.faces + block.weight;
-    const std::uint64_t target = std::max(kTaskFaces, total / kMostTasks);
-    std::uint64_t faces = target;
-    for (std::size_t b = 0; b < blocks_.size(); ++b) {
-      if (faces >= target) {
-        first_.push_back(b);
-        faces = 0;
-      }
-      faces += blocks_[b].faces + blocks_[b].weight;
-    }
-    first_.push_back(blocks_.size());
+          json::parse(read_text(state.work / costs_file(pass.pass))).at("cost_class").get<std::uint32_t>();
   }
 
   std::string name() const override { return pass_.stage_name(); }
-  std::size_t task_count() const override { return first_.size() - 1; }
+  std::size_t task_count() const override { return blocks_.task_count(); }
   std::uint64_t units() const override { return in_.face_count(); }
   std::string unit_name() const override { return "faces"; }
 
   std::uint64_t task_bytes(std::size_t task) const override {
     std::uint64_t most = 0;
-    for (std::size_t b = first_[task]; b < first_[task + 1]; ++b) {
+    for (std::size_t b = blocks_.first(task); b < blocks_.end(task); ++b) {
       std::vector<std::size_t> near;
       if (kernel_.tolerance > 0.0 && pass_.pass > 0) near = reference_.select(reference_box(blocks_[b]));
       std::uint64_t faces = 0;
       for (const std::size_t p : near) faces += reference_.patches()[p].faces;
       most = std::max(most,
                       simplify_task_bytes(in_.block_bytes(blocks_[b].patches) + reference_.block_bytes(near),
-                                          blocks_[b].faces, faces, failed_.bytes()));
+                                          blocks_[b].faces, faces, blocks_.failed_bytes()));
     }
     return most;
   }
@@ -87,19 +67,14 @@ class SimplifyStage : public Stage {
     if (!pass_.count_costs)
       writer = std::make_unique<MeshFileWriter>(
           context.create(pass_.folder() + task_file_stem(task) + ".tmm"), in_.info());
-    for (std::size_t b = first_[task]; b < first_[task + 1]; ++b) {
+    for (std::size_t b = blocks_.first(task); b < blocks_.end(task); ++b) {
       context.check_stop();
       const MeshBlockCut& cut = blocks_[b];
-      if (const MeshBlockCut* same = before_ ? before_->same(in_, cut, failed_) : nullptr) {
-        const std::uint64_t faces = before_->copy(*same, *writer);
-        add_counts(sum, {{"faces_in", cut.faces}, {"faces_out", faces}, {"blocks_kept", std::uint64_t{1}}});
-        context.advance(cut.faces);
-        continue;
-      }
+      if (blocks_.copy_unchanged(cut, writer.get(), sum, context)) continue;
       MeshBlock block = in_.load(cut.patches);
-      std::vector<std::uint64_t> held = failed_.keys_near(block, [&] { context.check_stop(); });
+      std::vector<std::uint64_t> held = blocks_.held_keys(block, context);
       DecimateOptions kernel = kernel_;
-      if (!held.empty()) kernel.tolerance *= careful_;
+      if (!held.empty()) kernel.tolerance *= blocks_.careful();
       // In the first pass a block is the reference of its inside: its locked seams bound every collapse. Later
       // passes look where the one before had none.
       MeshBlock reference;
@@ -120,7 +95,7 @@ class SimplifyStage : public Stage {
       context.advance(cut.faces);
     }
     if (writer) context.count_written(writer->finish());
-    sum["blocks"] = first_[task + 1] - first_[task];
+    sum["blocks"] = blocks_.end(task) - blocks_.first(task);
     if (pass_.count_costs) sum["costs"] = costs;
     return sum;
   }
@@ -145,38 +120,17 @@ class SimplifyStage : public Stage {
  private:
   static std::string costs_file(int pass) { return "costs-" + std::to_string(pass + 1) + ".json"; }
 
-  std::vector<MeshBlockCut> cut(const MeshStore& store) const {
-    if (pass_.pass == 0 && stores_.first_blocks) return stores_.first_blocks(store);
-    return simplify_blocks(store, reference_, options_, pass_.pass);
-  }
-
-  void open_round_before(const JobState& state) {
-    SimplifyPass before = pass_;
-    --before.round;
-    SimplifyPass next = before;
-    ++next.pass;
-    MeshStore in = open_pass_input(state, stores_, before);
-    std::vector<MeshBlockCut> blocks = cut(in);
-    before_.emplace(std::move(in), open_pass_input(state, stores_, next), std::move(blocks));
-  }
-
   /// All that a collapse in the block may be measured against.
   MeshBox reference_box(const MeshBlockCut& cut) const {
     return grown(in_.box_of(cut.patches), 2.0 * kernel_.tolerance);
   }
 
-  std::filesystem::path work_;
   SimplifyOptions options_;
-  SimplifyStores stores_;
   SimplifyPass pass_;
   DecimateOptions kernel_;
-  MeshStore in_;
-  MeshStore reference_;
-  std::vector<MeshBlockCut> blocks_;
-  FailedPlaces failed_;
-  double careful_ = 1.0;  ///< share of the tolerance in blocks with failed places
-  std::optional<RoundBefore> before_;
-  std::vector<std::size_t> first_;  ///< block index per task, one more at the end
+  PassBlocks blocks_;
+  const MeshStore& in_;
+  const MeshStore& reference_;
 };
 
 }  // namespace

@@ -1,7 +1,6 @@
 #include "stream/stages/remesh/remesh_stage.h"
 
 #include <algorithm>
-#include <optional>
 
 #include <nlohmann/json.hpp>
 
@@ -9,12 +8,10 @@
 #include "kernels/remesh/sizing_field.h"
 #include "kernels/remesh/triangle_quality.h"
 #include "octree/error.h"
-#include "stream/check/mesh_compare.h"
 #include "stream/files/direct_file.h"
 #include "stream/files/task_files.h"
-#include "stream/meshes/failed_places.h"
 #include "stream/runtime/idle_stage.h"
-#include "stream/stages/decimate/round_before.h"
+#include "stream/stages/decimate/pass_blocks.h"
 #include "stream/stages/decimate/simplify_needs.h"
 #include "stream/stages/decimate/unsettled_region.h"
 #include "stream/stages/remesh/quality_report.h"
@@ -26,7 +23,6 @@ namespace {
 using json = nlohmann::json;
 
 constexpr std::uint64_t kTaskFaces = 1u << 19;  ///< of block and weight: a task is worth a file from here
-constexpr std::uint64_t kMostTasks = 400;
 /// Splits come before collapses, so a block has more faces for a while than it will have.
 constexpr std::uint64_t kRoom = 3, kLeastRoom = 4096;
 /// Edges: as far as vertices may have their feet around a block, and farther than a crease must go on to be one.
@@ -97,46 +93,33 @@ class RemeshStage : public Stage {
   RemeshStage(const JobState& state, const RemeshJobOptions& options, const SimplifyStores& stores,
               const SimplifyPass& pass)
       : options_(options),
-        stores_(stores),
         pass_(pass),
         sizing_(Sizing::of_work(state.work)),
-        in_(open_pass_input(state, stores, pass)),
-        reference_(stores.full(state)) {
+        blocks_(state, stores, pass,
+                {options.tolerance,
+                 std::max(options.tolerance, 0.25 * (options.adaptive ? sizing_.shortest : sizing_.edge)),
+                 kTaskFaces,
+                 [&](const MeshStore& in, const MeshStore& reference) { return cut(in, reference); }}),
+        in_(blocks_.in()),
+        reference_(blocks_.reference()) {
     kernel_ = options_.kernel(sizing_.edge, sizing_.shortest, !in_.info().double_positions);
     kernel_.find_creases = pass_.pass == 0;
-    if (options_.tolerance > 0.0) require_provable(reference_, options_.tolerance);
-    double radius =
-        std::max(options_.tolerance, 0.25 * (options_.adaptive ? sizing_.shortest : sizing_.edge));
-    for (int round = pass_.round - 1; round >= 0; --round, radius *= 4.0)
-      failed_.add(read_failed_faces(state.work / failed_faces_file(round)), radius);
-    for (int round = 2; round <= pass_.round; ++round) careful_ *= 0.5;
-    blocks_ = cut(in_);
-    if (pass_.round > 0) open_round_before(state);
-    std::uint64_t total = 0;
-    for (const MeshBlockCut& block : blocks_) total += block.faces + block.weight;
-    const std::uint64_t target = std::max(kTaskFaces, total / kMostTasks);
-    std::uint64_t faces = target;
-    for (std::size_t b = 0; b < blocks_.size(); ++b) {
-      if (faces >= target) first_.push_back(b), faces = 0;
-      faces += blocks_[b].faces + blocks_[b].weight;
-    }
-    first_.push_back(blocks_.size());
   }
 
   std::string name() const override { return pass_.stage_name(); }
-  std::size_t task_count() const override { return first_.size() - 1; }
+  std::size_t task_count() const override { return blocks_.task_count(); }
   std::uint64_t units() const override { return in_.face_count(); }
   std::string unit_name() const override { return "faces"; }
 
   std::uint64_t task_bytes(std::size_t task) const override {
     std::uint64_t most = 0;
-    for (std::size_t b = first_[task]; b < first_[task + 1]; ++b) {
+    for (std::size_t b = blocks_.first(task); b < blocks_.end(task); ++b) {
       const std::vector<std::size_t> near = reference_.select(reference_box(blocks_[b]));
       std::uint64_t faces = 0;
       for (const std::size_t p : near) faces += reference_.patches()[p].faces;
       most =
           std::max(most, remesh_task_bytes(in_.block_bytes(blocks_[b].patches) + reference_.block_bytes(near),
-                                           room(blocks_[b]), faces, failed_.bytes()));
+                                           room(blocks_[b]), faces, blocks_.failed_bytes()));
     }
     return most;
   }
@@ -145,15 +128,10 @@ class RemeshStage : public Stage {
     json sum = json::object();
     TriangleQuality quality;
     MeshFileWriter writer(context.create(pass_.folder() + task_file_stem(task) + ".tmm"), in_.info());
-    for (std::size_t b = first_[task]; b < first_[task + 1]; ++b) {
+    for (std::size_t b = blocks_.first(task); b < blocks_.end(task); ++b) {
       context.check_stop();
       const MeshBlockCut& cut = blocks_[b];
-      if (const MeshBlockCut* same = before_ ? before_->same(in_, cut, failed_) : nullptr) {
-        const std::uint64_t faces = before_->copy(*same, writer);
-        add_counts(sum, {{"faces_in", cut.faces}, {"faces_out", faces}, {"blocks_kept", std::uint64_t{1}}});
-        context.advance(cut.faces);
-        continue;
-      }
+      if (blocks_.copy_unchanged(cut, &writer, sum, context)) continue;
       MeshBlock block = in_.load(cut.patches);
       add_counts(sum, remesh_block(b, block, context));
       quality.add(block, sizing_.edge);
@@ -162,7 +140,7 @@ class RemeshStage : public Stage {
       context.advance(cut.faces);
     }
     context.count_written(writer.finish());
-    sum["blocks"] = first_[task + 1] - first_[task];
+    sum["blocks"] = blocks_.end(task) - blocks_.first(task);
     sum["quality"] = quality_sums(quality);
     return sum;
   }
@@ -197,12 +175,12 @@ class RemeshStage : public Stage {
     }
     json counts = {{"faces_in", faces}, {"faces_out", rest.faces.size()}};
     if (!block.faces.empty()) {
-      const std::vector<std::uint64_t> held = failed_.keys_near(block, [&] { context.check_stop(); });
+      const std::vector<std::uint64_t> held = blocks_.held_keys(block, context);
       const MeshBlock reference = load_reference(blocks_[b], block, whole);
       RemeshOptions kernel = kernel_;
       kernel.max_faces = room(blocks_[b]);
       kernel.first_key = first_new_key(pass_, b);
-      if (!held.empty()) kernel.tolerance *= careful_;
+      if (!held.empty()) kernel.tolerance *= blocks_.careful();
       const RemeshReport report = remesh(block, reference, kernel, held);
       add_counts(counts, to_json(report));
       settle(block, seams, report);
@@ -231,24 +209,14 @@ class RemeshStage : public Stage {
     return at == sizing_.faces.end() ? patch.faces : at->second;
   }
 
-  std::vector<MeshBlockCut> cut(const MeshStore& store) const {
+  std::vector<MeshBlockCut> cut(const MeshStore& store, const MeshStore& reference) const {
     std::vector<std::uint64_t> weight;
     for (const MeshPatchEntry& e : store.patches()) {
-      const std::int64_t there = reference_.find(e.key);
-      const std::uint64_t full = there < 0 ? 0 : reference_.patches()[static_cast<std::size_t>(there)].faces;
+      const std::int64_t there = reference.find(e.key);
+      const std::uint64_t full = there < 0 ? 0 : reference.patches()[static_cast<std::size_t>(there)].faces;
       weight.push_back(std::max(expected(e), full / kRemeshReferenceBlocks));
     }
     return make_blocks(store, {options_.block_faces, options_.block_faces, pass_shift(pass_.pass)}, weight);
-  }
-
-  void open_round_before(const JobState& state) {
-    SimplifyPass before = pass_;
-    --before.round;
-    SimplifyPass next = before;
-    ++next.pass;
-    MeshStore in = open_pass_input(state, stores_, before);
-    std::vector<MeshBlockCut> blocks = cut(in);
-    before_.emplace(std::move(in), open_pass_input(state, stores_, next), std::move(blocks));
   }
 
   MeshBox reference_box(const MeshBlockCut& cut) const { return grown(in_.box_of(cut.patches), reach()); }
@@ -258,17 +226,12 @@ class RemeshStage : public Stage {
   }
 
   RemeshJobOptions options_;
-  SimplifyStores stores_;
   SimplifyPass pass_;
   Sizing sizing_;
   RemeshOptions kernel_;
-  MeshStore in_;
-  MeshStore reference_;
-  std::vector<MeshBlockCut> blocks_;
-  FailedPlaces failed_;
-  double careful_ = 1.0;  ///< share of the tolerance in blocks with failed places
-  std::optional<RoundBefore> before_;
-  std::vector<std::size_t> first_;  ///< block index per task, one more at the end
+  PassBlocks blocks_;
+  const MeshStore& in_;
+  const MeshStore& reference_;
 };
 
 }  // namespace

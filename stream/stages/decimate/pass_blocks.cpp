@@ -1,0 +1,66 @@
+#include "stream/stages/decimate/pass_blocks.h"
+
+#include <algorithm>
+#include <nlohmann/json.hpp>
+#include <utility>
+
+#include "stream/check/mesh_compare.h"
+
+namespace tessera {
+namespace {
+
+constexpr std::uint64_t kMostTasks = 400;
+
+}  // namespace
+
+PassBlocks::PassBlocks(const JobState& state, const SimplifyStores& stores, const SimplifyPass& pass,
+                       const Rules& rules)
+    : in_(open_pass_input(state, stores, pass)), reference_(stores.full(state)) {
+  if (rules.tolerance > 0.0) require_provable(reference_, rules.tolerance);
+  double radius = rules.failed_radius;
+  for (int round = pass.round - 1; round >= 0; --round, radius *= 4.0)
+    failed_.add(read_failed_faces(state.work / failed_faces_file(round)), radius);
+  for (int round = 2; round <= pass.round; ++round) careful_ *= 0.5;
+  blocks_ = rules.cut(in_, reference_);
+  if (pass.round > 0) {
+    SimplifyPass before = pass;
+    --before.round;
+    SimplifyPass next = before;
+    ++next.pass;
+    MeshStore in = open_pass_input(state, stores, before);
+    std::vector<MeshBlockCut> blocks = rules.cut(in, reference_);
+    before_.emplace(std::move(in), open_pass_input(state, stores, next), std::move(blocks));
+  }
+  deal(rules.task_faces);
+}
+
+void PassBlocks::deal(std::uint64_t task_faces) {
+  std::uint64_t total = 0;
+  for (const MeshBlockCut& block : blocks_) total += block.faces + block.weight;
+  const std::uint64_t target = std::max(task_faces, total / kMostTasks);
+  std::uint64_t faces = target;
+  for (std::size_t b = 0; b < blocks_.size(); ++b) {
+    if (faces >= target) {
+      first_.push_back(b);
+      faces = 0;
+    }
+    faces += blocks_[b].faces + blocks_[b].weight;
+  }
+  first_.push_back(blocks_.size());
+}
+
+bool PassBlocks::copy_unchanged(const MeshBlockCut& cut, MeshFileWriter* writer, nlohmann::json& sum,
+                                TaskContext& context) const {
+  const MeshBlockCut* same = before_ ? before_->same(in_, cut, failed_) : nullptr;
+  if (same == nullptr) return false;
+  const std::uint64_t faces = before_->copy(*same, *writer);
+  add_counts(sum, {{"faces_in", cut.faces}, {"faces_out", faces}, {"blocks_kept", std::uint64_t{1}}});
+  context.advance(cut.faces);
+  return true;
+}
+
+std::vector<std::uint64_t> PassBlocks::held_keys(const MeshBlock& block, TaskContext& context) const {
+  return failed_.keys_near(block, [&] { context.check_stop(); });
+}
+
+}  // namespace tessera
