@@ -51,6 +51,7 @@ BrickExtractor::BrickExtractor(const DirectedField& field, const ExtractOptions&
       thresholds_(feature_thresholds(options.feature_angle_deg, options.corner_angle_deg)),
       border_(field, band_) {
   thresholds_.exact = field.creased.empty();
+  thresholds_.in_faces = options.in_faces;
 }
 
 VertexKey BrickExtractor::key(const Int3& at, int type) const {

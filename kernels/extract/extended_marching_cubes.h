@@ -16,7 +16,9 @@ struct ExtractOptions {
   ExtractMethod method = ExtractMethod::kExtendedMarchingCubes;
   double feature_angle_deg = 25.0;  ///< opening angle of the loop's normal cone from which it holds a feature
   double corner_angle_deg = 45.0;   ///< deviation of a normal from the crease's plane that makes a corner
-  bool names = false;               ///< fill Patch::name and what follows it
+  bool in_faces =
+      false;  ///< samples may lie in the very faces of their cells: solids whose faces pass through nodes
+  bool names = false;  ///< fill Patch::name and what follows it
 };
 
 struct ExtractReport {

@@ -41,7 +41,7 @@ bool crosses_soundly(const LoopSamples& loop, std::size_t i, std::size_t j, cons
   const float length2 = dot(crease, crease);
   if (!(length2 > kLeastSine * kLeastSine)) return false;
   const float along = dot(way, crease) / length2;
-  if (along * along * length2 > kMinHeight * kMinHeight) {
+  if (!thresholds.in_faces || along * along * length2 > kMinHeight * kMinHeight) {
     const Float3 beside = centre + crease * along;
     return dot(triangle_normal(centre, loop.point[i], beside), loop.normal[i]) > 0.0f &&
            dot(triangle_normal(beside, loop.point[j], centre), loop.normal[j]) > 0.0f;

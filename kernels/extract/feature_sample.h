@@ -26,6 +26,7 @@ struct FeatureThresholds {
   /// Normals and roots are exact: a sample may leave its cell by a cell, not a quarter, and its fan may lean over at
   /// segments that will be flipped.
   bool exact = true;
+  bool in_faces = false;  ///< as ExtractOptions::in_faces
 };
 
 /// Angles in degrees, within (0, 180) and (0, 90). Exact on every machine: no libm.

@@ -65,6 +65,7 @@ class SolidSurfaceStage : public Stage {
     }
     ExtractOptions options = model_.extract;
     options.names = model_.is_measured();
+    options.in_faces = true;
     std::uint64_t patches = 0, vertices = 0, faces = 0, synthetic = 0;
     ExtractReport total;
     SolidFieldReport roots;

@@ -154,7 +154,10 @@ const SolidBlock kWhole{{64, 64, 64}, {128, 128, 128}};
 Surface surface_of(const Combination& c) {
   Surface out;
   std::vector<Patch> patches;
-  extract_surface(make_field(c, kWhole, out.roots), {}, [&](Patch&& p) { patches.push_back(std::move(p)); });
+  ExtractOptions options;
+  options.in_faces = true;
+  extract_surface(make_field(c, kWhole, out.roots), options,
+                  [&](Patch&& p) { patches.push_back(std::move(p)); });
   out.mesh = weld(patches);
   out.checks = check_mesh(out.mesh);
   return out;
