@@ -5,10 +5,13 @@
 #include <map>
 #include <nlohmann/json.hpp>
 
+#include "octree/error.h"
 #include "octree/portable_math.h"
 #include "stream/formats/meshes/mesh_io.h"
+#include "stream/stages/solid/csg_job.h"
 #include "tests/helpers/command.h"
 #include "tests/helpers/mesh_files.h"
+#include "tests/helpers/random.h"
 #include "tests/helpers/skip.h"
 #include "tests/helpers/temp_folder.h"
 
@@ -278,6 +281,7 @@ TEST_CASE("csg: words and scenes of meshes agree, new edges lie on both", "[pipe
 TEST_CASE("csg: a milling tool takes away what it sweeps", "[pipeline]") {
   const TempFolder folder;
   folder.write("slot.txt", "# through the middle\n-5, 5, 6\n\n25 5 6\n");
+  folder.write("cross.txt", "-5 5 6\n25 5 6\n25 5 6\n10 5 6\n10 -5 6\n10 15 6\n");
   folder.write("hole.txt", "10 5 12\n10 5 4\n");
   const std::string out = (folder / "o.ply").string();
   const auto scene = [&](const std::string& tool) {
@@ -292,6 +296,8 @@ TEST_CASE("csg: a milling tool takes away what it sweeps", "[pipeline]") {
       {R"("flat": 2, "length": 30, "path": "slot.txt")", 20.0 * 16.0},
       {R"("bull": [2, 1], "length": 30, "path": "slot.txt")", 20.0 * (4.0 * 3.0 + 2.0 + 0.5 * kPi)},
       {R"("flat": 2, "length": 3, "path": "hole.txt")", 6.0 * 4.0 * kPi},  // it plunged
+      // It stood still, came back and crossed itself.
+      {R"("flat": 2, "length": 30, "path": "cross.txt")", 20.0 * 16.0 + 10.0 * 16.0 - 64.0},
       {R"("ball": 2, "length": 9, "path": "hole.txt")", 4.0 * 4.0 * kPi + 16.0 / 3.0 * kPi},
   };
   for (const auto& c : cases) {
@@ -305,7 +311,7 @@ TEST_CASE("csg: a milling tool takes away what it sweeps", "[pipeline]") {
     CHECK(volume(mesh) == Approx(2000.0 - c.gone).epsilon(1e-3));
   }
   const std::string bytes = file_bytes(out);
-  REQUIRE(solid_command({"csg", scene(cases[4].tool), "-o", out, "--resolution", "0.25", "--force", "-t", "1",
+  REQUIRE(solid_command({"csg", scene(cases[5].tool), "-o", out, "--resolution", "0.25", "--force", "-t", "1",
                          "--tile-size", "64"})
               .code == 0);
   CHECK(file_bytes(out) == bytes);
@@ -320,6 +326,38 @@ TEST_CASE("csg: a milling tool takes away what it sweeps", "[pipeline]") {
   CHECK(code_of(R"("ball": 2, "length": 30, "path": "torn.txt")") == 3);
   folder.write("empty.txt", "# nothing\n");
   CHECK(code_of(R"("ball": 2, "length": 30, "path": "empty.txt")") == 3);
+}
+
+TEST_CASE("csg: scenes with any bytes changed are read or told", "[property]") {
+  const TempFolder folder;
+  const std::string scene =
+      R"({"difference": [{"mesh": "box.ply", "scale": [1, 2, 3]}, {"union": [{"cylinder": [0,0,0, 0,0,9, 1.5],)"
+      R"( "rotate": [0, 1, 0, 30]}, {"mill": {"bull": [2, 0.5], "length": 9, "path": "p.txt"}, "translate": [1, 2, 3]}]},)"
+      R"( {"halfspace": [0,0,0, 0,0,1], "matrix": [1,0,0,0, 0,1,0,0, 0,0,1,0]}]})";
+  Random random(11);
+  std::size_t read = 0, told = 0;
+  for (int round = 0; round < 4000; ++round) {
+    std::string text = scene;
+    for (std::uint64_t changes = random.below(3) + 1; changes > 0; --changes) {
+      const std::size_t at = random.below(text.size());
+      const std::uint64_t kind = random.below(4);
+      if (kind == 0) text[at] = static_cast<char>(random.below(256));
+      if (kind == 1) text[at] = "0123456789-.e{}[],:\""[random.below(20)];
+      if (kind == 2) text.erase(at, random.below(20) + 1);
+      if (kind == 3) text.insert(at, text.substr(random.below(text.size()), random.below(40)));
+      if (text.empty()) text = "0";
+    }
+    try {
+      CsgOptions options;
+      options.program = read_csg_scene(folder.write("s.json", text)).program;
+      csg_model(options);
+      ++read;
+    } catch (const InputError&) {
+      ++told;
+    }
+  }
+  CHECK(read > 30);
+  CHECK(told > 1000);
 }
 
 TEST_CASE("csg: scenes that make no sense are told", "[pipeline]") {
@@ -343,6 +381,12 @@ TEST_CASE("csg: scenes that make no sense are told", "[pipeline]") {
   CHECK(code_of(R"({"halfspace": [0,0,0, 0,0,1]})") == 3);
   CHECK(code_of(R"({"mesh": "none.ply"})") == 3);
   CHECK(code_of(R"({"intersection": [{"sphere": [0,0,0,1]}, {"sphere": [9,0,0,1]}]})") == 5);
+  std::string deep;
+  for (int i = 0; i < 100'000; ++i) deep += R"({"union": [)";
+  CHECK(code_of(deep) == 3);
+  deep += R"({"sphere": [0,0,0,1]})";
+  for (int i = 0; i < 100'000; ++i) deep += "]}";
+  CHECK(code_of(deep) == 3);
   CHECK(solid_command({"csg", "a.ply", "+", "-o", out}).code == 2);
   CHECK(solid_command({"csg", "a.ply", "b.ply", "-o", out}).code == 2);
 }

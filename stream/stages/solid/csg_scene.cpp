@@ -15,6 +15,8 @@ namespace {
 
 using json = nlohmann::json;
 
+constexpr int kMostDeep = 1000;  ///< what a scene nests: it is read by functions that call themselves
+
 json numbers_of_placement(const Placement& p) {
   json out = json::array();
   for (const double m : p.matrix) out.push_back(m);
@@ -149,6 +151,9 @@ class SceneFile {
   }
 
   void node(const json& n, const Placement& outer) {
+    const Deeper level(depth_);
+    if (depth_ > kMostDeep)
+      fail("solids stand in each other more than " + std::to_string(kMostDeep) + " deep");
     if (!n.is_object()) fail("a solid is an object, e.g. {\"mesh\": \"a.ply\"}");
     std::vector<std::string> kinds;
     for (const auto& [key, value] : n.items())
@@ -221,9 +226,16 @@ class SceneFile {
     scene_.paths.push_back(open_.back().parent_path() / value.at("path").get<std::string>());
   }
 
+  struct Deeper {
+    explicit Deeper(int& depth) : depth_(depth) { ++depth_; }
+    ~Deeper() { --depth_; }
+    int& depth_;
+  };
+
   CsgScene scene_;
   json program_ = json::array();
   std::vector<std::filesystem::path> open_;  ///< files at work, the innermost last
+  int depth_ = 0;
 };
 
 }  // namespace
