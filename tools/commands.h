@@ -24,6 +24,7 @@ cli::Command reconstruct_command();
 cli::Command remesh_command();
 cli::Command render_command();
 cli::Command report_command();
+cli::Command resample_command();
 cli::Command resurface_command();
 cli::Command smooth_command();
 cli::Command status_command();

@@ -8,8 +8,9 @@ int main(int argc, char** argv) {
   using namespace tessera;
   configure_allocator(core_count());
   const std::vector<cli::Command> jobs = {
-      reconstruct_command(), resurface_command(), csg_command(),    merge_command(), smooth_command(),
-      decimate_command(),    remesh_command(),    deform_command(), tiles_command(), field_command(),
+      reconstruct_command(), resurface_command(), csg_command(),    merge_command(),
+      smooth_command(),      decimate_command(),  remesh_command(), resample_command(),
+      deform_command(),      tiles_command(),     field_command(),
   };
   // clang-format off
   const std::vector<cli::Command> commands = {
@@ -23,6 +24,7 @@ int main(int argc, char** argv) {
       smooth_command(),
       decimate_command(),
       remesh_command(),
+      resample_command(),
       deform_command(),
       tiles_command(),
       view_command(),

@@ -60,8 +60,8 @@ std::vector<Double2> hermite_curve(const std::vector<ProfileKnot>& knots, std::s
 class GridMaker {
  public:
   GridMaker(const Fishbone& bone, const std::vector<RibVertex>& near, const BlendOptions& options,
-            double spacing)
-      : bone_(bone), near_(near), options_(options), spacing_(spacing) {}
+            double spacing, bool follows)
+      : bone_(bone), near_(near), options_(options), spacing_(spacing), follows_(follows) {}
 
   BlendGrid run() {
     grid_.ribs = bone_.planes.size();
@@ -246,7 +246,8 @@ class GridMaker {
     }
     for (const RibVertex& v : near_) noise += v.beside.distance * v.beside.distance;
     noise = near_.empty() ? 0.0 : std::sqrt(noise / static_cast<double>(near_.size()));
-    const bool is_true = std::sqrt(sum / count) > kTrueShare * noise && noise > kNoOff * grid_.extent[0];
+    const bool is_true =
+        follows_ && std::sqrt(sum / count) > kTrueShare * noise && noise > kNoOff * grid_.extent[0];
     for (std::size_t i = 0; i < grid_.ribs; ++i)
       for (std::size_t row = 0; row < grid_.rows; ++row) {
         const Foot& f = feet[i][row];
@@ -262,6 +263,7 @@ class GridMaker {
   const std::vector<RibVertex>& near_;
   const BlendOptions& options_;
   double spacing_;
+  bool follows_;
   BlendGrid grid_;
   std::vector<RibProfile> profiles_;  ///< as they shall be
   std::vector<double> full_;          ///< per rib: share of the edit
@@ -300,8 +302,8 @@ double BlendGrid::radius_of_arcs() const {
 }
 
 BlendGrid make_blend_grid(const Fishbone& bone, const std::vector<RibVertex>& near,
-                          const BlendOptions& options, double spacing) {
-  return GridMaker(bone, near, options, spacing).run();
+                          const BlendOptions& options, double spacing, bool follows) {
+  return GridMaker(bone, near, options, spacing, follows).run();
 }
 
 double flank_beyond(const Fishbone& bone, const BlendOptions& options, double spacing) {

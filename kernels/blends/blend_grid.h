@@ -1,6 +1,6 @@
 /// \file blend_grid.h
 /// The grid of samples that a fishbone leaves: ribs times rows, rows at equal arc lengths between trajectories. What the
-/// surface has beside arcs and straight flanks comes along, averaged and smoothed along the trajectories, unless it is
+/// surface has beside arcs and straight flanks may come along, averaged and smoothed along the trajectories, unless it is
 /// no more than noise.
 #pragma once
 #include <array>
@@ -26,9 +26,10 @@ struct BlendGrid {
   double radius_of_arcs() const;  ///< measured on the nodes where the edit is full; 0 without an arc
 };
 
-/// \param near  vertices beside the fishbone, by rib
+/// \param near     vertices beside the fishbone, by rib
+/// \param follows  the surface where it is not quite arc and flanks
 BlendGrid make_blend_grid(const Fishbone& bone, const std::vector<RibVertex>& near,
-                          const BlendOptions& options, double spacing);
+                          const BlendOptions& options, double spacing, bool follows);
 
 /// How far from the corner of the flanks an edit needs them: beyond the arc that is there.
 double flank_beyond(const Fishbone& bone, const BlendOptions& options, double spacing);

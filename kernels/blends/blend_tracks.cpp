@@ -19,7 +19,9 @@ constexpr int kCentrings = 4;
 constexpr double kEndShare = 0.5;  ///< of the ball: so near its end a band bends as what follows does
 constexpr std::size_t kLeastSteps = 4;
 constexpr double kLeastLength = 2.0;  ///< of its width
-constexpr int kMostTracks = 256;      ///< of one band
+/// Of the half width, and steps: what a grid takes to each side.
+constexpr double kSideShare = 1.15, kSideSteps = 2.0;
+constexpr int kMostTracks = 256;  ///< of one band
 constexpr double kAgain =
     0.5;  ///< share of a slice that was seen before: the track runs into itself or another
 
@@ -211,6 +213,63 @@ class Band {
   std::map<std::uint32_t, std::uint32_t> seen_;  ///< the track that passed a member first, 0: none
 };
 
+/// How far to the side a grid reaches, its flank rows and what is cleared around it included.
+double side_reach(const BlendTrack& t, double step) {
+  return kSideShare * t.half_width + kSideSteps * step;
+}
+
+/// Tracks that meet in a corner end short of each other, so that their grids do not reach the same faces.
+void keep_apart(std::vector<BlendTrack>& tracks, double step) {
+  double widest = 0.0;
+  for (const BlendTrack& t : tracks) widest = std::max(widest, side_reach(t, step));
+  const double cell = 2.0 * widest;
+  const auto cell_of = [&](const Double3& p) {
+    Cell c;
+    for (std::size_t k = 0; k < 3; ++k) c[k] = static_cast<std::int64_t>(std::floor(p[k] / cell));
+    return c;
+  };
+  struct Sample {
+    std::size_t track;
+    Double3 at;
+  };
+  std::map<Cell, std::vector<Sample>> cells;
+  for (std::size_t t = 0; t < tracks.size(); ++t)
+    for (const Double3& p : tracks[t].centre) cells[cell_of(p)].push_back({t, p});
+  const auto is_near_another = [&](std::size_t t, const Double3& p) {
+    const Cell c = cell_of(p);
+    for (std::int64_t z = c[2] - 1; z <= c[2] + 1; ++z)
+      for (std::int64_t y = c[1] - 1; y <= c[1] + 1; ++y)
+        for (std::int64_t x = c[0] - 1; x <= c[0] + 1; ++x) {
+          const auto found = cells.find({x, y, z});
+          if (found == cells.end()) continue;
+          for (const Sample& s : found->second) {
+            if (s.track == t) continue;
+            const double reach =
+                std::max(side_reach(tracks[t], step), side_reach(tracks[s.track], step)) + step;
+            if (squared_distance(s.at, p) < reach * reach) return true;
+          }
+        }
+    return false;
+  };
+  std::vector<std::pair<std::size_t, std::size_t>> kept(tracks.size());
+  for (std::size_t t = 0; t < tracks.size(); ++t) {
+    std::size_t begin = 0, end = tracks[t].centre.size();
+    while (!tracks[t].closed && begin < end && is_near_another(t, tracks[t].centre[begin])) ++begin;
+    while (!tracks[t].closed && begin < end && is_near_another(t, tracks[t].centre[end - 1])) --end;
+    // Beside another one all along: then who comes first has the faces.
+    if (end - begin < kLeastSteps) begin = 0, end = tracks[t].centre.size();
+    kept[t] = {begin, end};
+  }
+  for (std::size_t t = 0; t < tracks.size(); ++t) {
+    const auto cut = [&](std::vector<Double3>& line) {
+      line = std::vector<Double3>(line.begin() + static_cast<std::ptrdiff_t>(kept[t].first),
+                                  line.begin() + static_cast<std::ptrdiff_t>(kept[t].second));
+    };
+    cut(tracks[t].centre);
+    cut(tracks[t].normal);
+  }
+}
+
 }  // namespace
 
 bool is_in_band(double across, double least, const BandOptions& o) {
@@ -231,6 +290,7 @@ std::vector<BlendTrack> trace_bands(std::span<const BandVertex> band,
   std::vector<BlendTrack> out;
   for (auto& [root, members] : bands)
     if (members.size() >= options.least_sure) Band(band, std::move(members), options, step).trace(out);
+  keep_apart(out, step);
   std::sort(out.begin(), out.end(), [](const BlendTrack& a, const BlendTrack& b) { return a.key < b.key; });
   return out;
 }

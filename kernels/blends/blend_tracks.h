@@ -35,7 +35,7 @@ bool is_in_band(double across, double least, const BandOptions& options);
 struct BlendTrack {
   std::vector<Double3>
       centre;  ///< in even steps, not quite on the surface; a closed one does not repeat the first
-  std::vector<Double3> normal;  ///< unit, of the surface there
+  std::vector<Double3> normal;  ///< unit, of the surface there; zero where it is to be found
   bool closed = false;
   bool convex = false;
   double half_width = 0.0;  ///< of the band, in the mean
@@ -45,7 +45,7 @@ struct BlendTrack {
 /// \param band   ascending keys
 /// \param links  edges of the mesh between two of them, as indices, any order
 /// \param step   of the tracks, > 0
-/// \post  ascending keys; a pure function of the arguments, links as a set
+/// \post  open ends stay clear of other tracks; ascending keys; a pure function of the arguments, links as a set
 std::vector<BlendTrack> trace_bands(std::span<const BandVertex> band,
                                     std::span<const std::pair<std::uint32_t, std::uint32_t>> links,
                                     const BandOptions& options, double step);

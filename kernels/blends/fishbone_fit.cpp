@@ -7,10 +7,10 @@
 namespace tessera {
 namespace {
 
-constexpr int kMostRounds = 40;  ///< of planes and fits; each leaves about a third of what the spine is off
-constexpr double kSettled = 1e-12;      ///< of the half width: moves of the spine that end it
-constexpr int kPatientRounds = 3;       ///< in which ribs that fit badly may get better planes
-constexpr double kWindow = 1.5;         ///< ribs to each side whose vertices a rib sees
+constexpr int kMostRounds = 40;    ///< of planes and fits; each leaves about a third of what the spine is off
+constexpr double kSettled = 1e-8;  ///< of the half width: moves of the spine that end it
+constexpr int kPatientRounds = 3;  ///< in which ribs that fit badly may get better planes
+constexpr double kWindow = 1.5;    ///< ribs to each side whose vertices a rib sees
 constexpr std::size_t kLeastFlank = 3;  ///< vertices of a rib on each flank
 constexpr std::size_t kLeastRibs = 4;
 constexpr int kProfileSmooths = 12, kSpineSmooths = 16;
@@ -18,6 +18,7 @@ constexpr double kFlankEdges = 3.0,
                  kFlankShare = 0.8;  ///< how much of the flanks is looked at: edges, half widths
 constexpr double kOffEdges = 1.5, kOffShare = 0.35;  ///< vertices farther off are of something else
 constexpr double kFacing = 0.2;                      ///< cosine between a vertex's normal and the profile's
+constexpr double kNearTrack = 3.0;                   ///< of half the band and a flank
 constexpr double kBadRib = 3.0;                      ///< of the median rms: the blend has ended
 constexpr double kFine = 0.02;                       ///< of an edge: a rib that fits so well is never bad
 constexpr double kRough = 0.3;        ///< of the flank: what lies so far off a line on average is no flank
@@ -66,10 +67,11 @@ class Fit {
  public:
   Fit(std::span<const Double3> position, std::span<const Double3> normal, const BlendTrack& track,
       const FishboneOptions& options, Fishbone& out)
-      : position_(position), normal_(normal), track_(track), options_(options), out_(out) {}
+      : all_position_(position), all_normal_(normal), track_(track), options_(options), out_(out) {}
 
   FishboneOutcome run() {
     out_ = {};
+
     out_.convex = track_.convex;
     out_.edge = options_.edge;
     out_.flank =
@@ -81,6 +83,7 @@ class Fit {
     auto ribs = static_cast<std::size_t>(std::round(length / options_.spacing)) + (track_.closed ? 0 : 1);
     if (n < 3 || ribs < kLeastRibs) return FishboneOutcome::kTooShort;
     out_.planes = planes_across(track_.centre, std::move(up), track_.closed, ribs, kSpineSmooths);
+    keep_near();
     for (int round = 0;; ++round) {
       fit_ribs(round == 0);
       const std::size_t before = this->ribs();
@@ -106,6 +109,16 @@ class Fit {
 
  private:
   std::size_t ribs() const { return out_.planes.size(); }
+
+  /// What all rounds look at: vertices as near as any rib may see.
+  void keep_near() {
+    const NearRibs near(out_.planes, kNearTrack * (track_.half_width + out_.flank) + out_.planes.spacing());
+    for (std::size_t v = 0; v < all_position_.size(); ++v) {
+      if (near.nearest(all_position_[v]) < 0) continue;
+      position_.push_back(all_position_[v]);
+      normal_.push_back(all_normal_[v]);
+    }
+  }
 
   /// Points of the vertices near rib i, in its plane.
   template <class Use>
@@ -282,7 +295,8 @@ class Fit {
     return out_.rms < kRough * std::min(out_.flank, track_.half_width + out_.edge);
   }
 
-  std::span<const Double3> position_, normal_;
+  std::span<const Double3> all_position_, all_normal_;
+  std::vector<Double3> position_, normal_;  ///< of those near the track
   const BlendTrack& track_;
   FishboneOptions options_;
   Fishbone& out_;

@@ -19,11 +19,13 @@ namespace {
 using Face = std::array<std::uint32_t, 3>;
 
 constexpr std::uint32_t kNone = 0xffffffffu;
-constexpr double kClear = 0.5;         ///< of a row: between the grid and what stays
-constexpr double kOffEdges = 1.5;      ///< vertices under the grid, edges off it at the most, and half an arc
-constexpr double kGapRows = 2.5;       ///< of the zipper: what was cleared, and the width of faces beside it
-constexpr double kLeastFacing = 0.2;   ///< cosine between a new face and the surface at its corners
-constexpr double kLeastStitch = -0.5;  ///< cosine between a stitch and the faces beside it: creases end there
+constexpr double kClear = 0.5;        ///< of a row: between the grid and what stays
+constexpr double kOffEdges = 1.5;     ///< vertices under the grid, edges off it at the most, and half an arc
+constexpr double kGapRows = 2.5;      ///< of the zipper: what was cleared, and the width of faces beside it
+constexpr double kLeastFacing = 0.2;  ///< cosine between a new face and the surface at its corners
+constexpr double kCreaseArc = 0.6;    ///< of a row: shorter arcs were creases
+constexpr double kOnCrease = 0.35;    ///< of a row: vertices so near to it are on it
+constexpr double kBridgeRibs = 3.0;
 constexpr int kMostCuts = 4;         ///< ribs that are left out at the ends, where a blend runs into a border
 constexpr double kRoomy = 1.25;      ///< of the tolerance: how far off is still told
 constexpr double kEdgesApart = 1.3;  ///< local edges that differ by more from what was thought: fit again
@@ -55,8 +57,13 @@ bool meets(const std::array<Double2, 3>& t, double left, double width, double he
 
 class Resampler {
  public:
-  Resampler(const MeshBlock& block, const BlendTrack& track, const BlendOptions& options, double edge)
-      : block_(block), track_(track), options_(options), edge_(edge), corners_(block) {}
+  Resampler(const MeshBlock& block, BlendTrack track, const BlendOptions& options, double edge, bool follows)
+      : block_(block),
+        track_(std::move(track)),
+        options_(options),
+        edge_(edge),
+        follows_(follows),
+        corners_(block) {}
 
   ResampledBlend run() {
     out_.report.outcome = work();
@@ -75,8 +82,9 @@ class Resampler {
     for (int cut = 0;; ++cut) {
       const double reach = flank_beyond(bone_, options_, spacing_) + (1.0 + kClear) * spacing_;
       near_ = place(reach + 2.0 * edge_);
-      grid_ = make_blend_grid(bone_, near_, options_, spacing_);
+      grid_ = make_blend_grid(bone_, near_, options_, spacing_, follows_);
       describe();
+      if (grid_.sharp && options_.edit == BlendEdit::kNone) return BlendOutcome::kSharp;
       // Again, as far as faces that begin under the grid can reach.
       near_ = place(reach + longest_edge_near());
       const BlendOutcome o = clear();
@@ -87,7 +95,9 @@ class Resampler {
     if (folds()) return BlendOutcome::kFolds;
     if (!certify()) return BlendOutcome::kBeyondTolerance;
     hand_out();
-    return BlendOutcome::kChanged;
+    const NormalJumps &was = out_.report.before, &is = out_.report.after;
+    const bool better = is.along.variance <= was.along.variance && is.across.variance <= was.across.variance;
+    return better || options_.edit != BlendEdit::kNone ? BlendOutcome::kChanged : BlendOutcome::kNoBetter;
   }
 
   void find_normals() {
@@ -97,6 +107,18 @@ class Resampler {
       for (const std::uint32_t v : f) normal_[v] = normal_[v] + n;
     }
     for (Double3& n : normal_) n = unit_or_zero(n);
+    dress_track();
+  }
+  /// Where a track by hand has no normals it takes those of the vertices around.
+  void dress_track() {
+    const double reach = track_.half_width + edge_;
+    for (std::size_t i = 0; i < track_.normal.size(); ++i) {
+      Double3& n = track_.normal[i];
+      if (dot(n, n) > 0.0) continue;
+      for (std::size_t v = 0; v < normal_.size(); ++v)
+        if (squared_distance(block_.position[v], track_.centre[i]) < reach * reach) n = n + normal_[v];
+      n = unit_or_zero(n);
+    }
   }
   static Double3 face_normal(std::span<const Double3> at, const Face& f) {
     return triangle_normal(at[f[0]], at[f[1]], at[f[2]]);
@@ -198,14 +220,18 @@ class Resampler {
                                               grid_.closed ? kFar : length + clear, mean + clear));
     }
     keep_largest_piece();
+    // A border's vertex at the hole would have two fans while it is open.
+    std::vector<std::uint8_t> at_border(block_.key.size(), 0);
+    for (std::size_t f = 0; f < removed_.size(); ++f)
+      for (std::size_t k = 0; k < 3; ++k)
+        if (beside(f, k) == kNone)
+          at_border[block_.faces[f][k]] = at_border[block_.faces[f][(k + 1) % 3]] = 1;
     std::size_t count = 0;
     for (std::size_t f = 0; f < removed_.size(); ++f) {
       if (!removed_[f]) continue;
       ++count;
-      if (block_.face_flags[f] & (kFaceBorder01 | kFaceBorder12 | kFaceBorder20))
-        return BlendOutcome::kAtBorder;
-      for (std::size_t k = 0; k < 3; ++k)
-        if (beside(f, k) == kNone) return BlendOutcome::kAtBorder;
+      for (const std::uint32_t v : block_.faces[f])
+        if (at_border[v]) return BlendOutcome::kAtBorder;
     }
     return count > 0 ? BlendOutcome::kChanged : BlendOutcome::kNotStitched;
   }
@@ -295,7 +321,8 @@ class Resampler {
       pieces_.faces.push_back({f[0] + first, f[1] + first, f[2] + first});
       pieces_.edges.push_back(0);
     }
-    zipped_ = zip(pieces_, kGapRows * std::max({spacing_, edge_, bone_.planes.spacing()}), kLeastStitch);
+    bridge_creases(place);
+    zipped_ = zip(pieces_, kGapRows * std::max({spacing_, edge_, bone_.planes.spacing()}));
     for (std::size_t f = 0; f < ring_.size(); ++f)
       if (zipped_.removed[f]) removed_[ring_[f]] = 1;
     for (std::size_t f = 0; f < pieces_.faces.size(); ++f) {
@@ -305,6 +332,55 @@ class Resampler {
     }
     added_.insert(added_.end(), zipped_.added.begin(), zipped_.added.end());
     return is_closed() ? BlendOutcome::kChanged : BlendOutcome::kNotStitched;
+  }
+
+  /// Where a crease was edited and goes on beyond an end, a fan leads from the end's arc, or its middle, to the next vertex of
+  /// the crease: the gaps on both flanks are flat then, and nothing is stitched across the edge.
+  /// \param place  of vertices among the pieces
+  void bridge_creases(const std::vector<std::uint32_t>& place) {
+    if (grid_.closed || bone_.mean_arc() > kCreaseArc * spacing_) return;
+    std::vector<std::uint8_t> at_hole(block_.key.size(), 0);
+    for (std::size_t f = 0; f < removed_.size(); ++f)
+      if (removed_[f])
+        for (const std::uint32_t v : block_.faces[f]) at_hole[v] = 1;
+    const double last = static_cast<double>(grid_.ribs - 1);
+    for (const bool begins : {true, false}) {
+      std::uint32_t best = kNone;
+      double least = kOnCrease * spacing_;
+      for (const RibVertex& v : near_) {
+        const double beyond = begins ? -v.place.rib : v.place.rib - last;
+        if (!at_hole[v.vertex] || place[v.vertex] == kNone || !(beyond > 0.0) || beyond > kBridgeRibs)
+          continue;
+        const double off = std::max(std::fabs(v.beside.run), std::fabs(v.beside.distance));
+        if (off < least) least = off, best = v.vertex;
+      }
+      if (best == kNone) continue;
+      const std::size_t rib = begins ? 0 : grid_.ribs - 1;
+      const std::size_t first = grid_.arcs > 0 ? grid_.first_arc : grid_.first_arc - 1;
+      const std::size_t end = grid_.first_arc + std::max<std::size_t>(1, grid_.arcs);
+      // Along the hole's border from the crease's vertex, and to it: the fan is to hang together with what is there.
+      std::uint32_t onwards = kNone, before = kNone;
+      for (const std::uint32_t c : corners_.at(best)) {
+        const std::uint32_t f = c >> 2, k = c & 3;
+        if (removed_[f]) continue;
+        const std::uint32_t next = beside(f, k), last_one = beside(f, (k + 2) % 3);
+        if (next != kNone && removed_[next]) onwards = block_.faces[f][(k + 1) % 3];
+        if (last_one != kNone && removed_[last_one]) before = block_.faces[f][(k + 2) % 3];
+      }
+      if (onwards == kNone || before == kNone) continue;
+      const std::uint32_t c = place[best];
+      const auto node = [&](std::size_t row) {
+        return static_cast<std::uint32_t>(old_.size() + grid_.at(rib, row));
+      };
+      const auto add = [&](const Face& f) {
+        pieces_.faces.push_back(f);
+        pieces_.edges.push_back(0);
+      };
+      for (std::size_t row = first; row < end; ++row)
+        add(begins ? Face{node(row), node(row + 1), c} : Face{node(row + 1), node(row), c});
+      add({c, place[before], node(begins ? first : end)});
+      add({place[onwards], c, node(begins ? end : first)});
+    }
   }
 
   /// Every edge of what comes out has its other side, but where the pieces go on or the surface ends; and the faces at
@@ -442,9 +518,10 @@ class Resampler {
   }
 
   const MeshBlock& block_;
-  const BlendTrack& track_;
+  BlendTrack track_;
   const BlendOptions& options_;
   double edge_, spacing_ = 0.0;
+  bool follows_;  ///< the surface beside arcs and straight flanks
   FaceCorners corners_;
   std::vector<Double3> normal_;
   Fishbone bone_;
@@ -469,6 +546,8 @@ std::string_view sentence_of(BlendOutcome outcome) {
       return "it is shorter than four ribs";
     case BlendOutcome::kNoFlanks:
       return "the surface beside it is no flank of a rolling ball";
+    case BlendOutcome::kSharp:
+      return "it is a sharp edge, there is no noise to take away";
     case BlendOutcome::kRibsCross:
       return "it turns too sharply for its width, ribs would cross";
     case BlendOutcome::kAtBorder:
@@ -479,6 +558,8 @@ std::string_view sentence_of(BlendOutcome outcome) {
       return "a new face would turn away from the surface";
     case BlendOutcome::kBeyondTolerance:
       return "it would be farther from the input than the tolerance";
+    case BlendOutcome::kNoBetter:
+      return "its normals vary no more than they would then";
   }
   return "";
 }
@@ -489,7 +570,11 @@ double blend_reach(const BlendTrack& track, const BlendOptions& options, double 
 
 ResampledBlend resample_blend(const MeshBlock& block, const BlendTrack& track, const BlendOptions& options,
                               double edge) {
-  return Resampler(block, track, options, edge).run();
+  // Arcs and straight flanks have the least noise; where they do not do, the surface beside them comes along.
+  const bool edited = options.edit != BlendEdit::kNone;
+  ResampledBlend out = Resampler(block, track, options, edge, edited).run();
+  if (edited || out.report.outcome != BlendOutcome::kBeyondTolerance) return out;
+  return Resampler(block, track, options, edge, true).run();
 }
 
 std::uint64_t resample_blend_bytes(std::uint64_t vertices, std::uint64_t faces) {

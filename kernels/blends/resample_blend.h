@@ -44,11 +44,13 @@ enum class BlendOutcome : std::uint8_t {
   kChanged,
   kTooShort,         ///< fewer than four ribs
   kNoFlanks,         ///< beside the band the surface goes on bending: no rolling ball blend
+  kSharp,            ///< a crease: its vertices lie on it already; only edits change it
   kRibsCross,        ///< the spine turns too sharply for ribs so wide
   kAtBorder,         ///< it reaches a border of the surface
   kNotStitched,      ///< some edge around it found nothing to be stitched to
   kFolds,            ///< a new face would turn away from the surface
   kBeyondTolerance,  ///< somewhere it would be farther from what it was
+  kNoBetter,         ///< its normals vary no more than those of the grid would
 };
 std::string_view sentence_of(BlendOutcome outcome);
 

@@ -11,8 +11,8 @@ namespace {
 
 constexpr double kLeastTurn = 0.08;  ///< radians: flatter ones have no corner to speak of
 constexpr double kMostTurn = 2.9;
-constexpr int kMostFitSteps = 60;
-constexpr double kEnough = 1e-15;  ///< of the extent: a step that changes nothing
+constexpr int kMostFitSteps = 40;
+constexpr double kEnough = 1e-12;  ///< of the extent: a step that changes nothing
 
 double dot2(const Double2& a, const Double2& b) {
   return a[0] * b[0] + a[1] * b[1];
@@ -60,34 +60,74 @@ bool fit_line(std::span<const Double2> points, double& angle, double& offset) {
 
 using Row = std::array<double, 5>;  ///< angle 0, offset 0, angle 1, offset 1, radius
 
-/// Distance and its derivatives.
-double residual(const RibProfile& q, const Double2& p, RibZone& zone, Row& row) {
-  const ProfilePlace at = place_beside(q, p);
-  zone = at.zone;
-  row.fill(0.0);
-  if (at.zone != RibZone::kArc) {
-    const std::size_t k = at.zone == RibZone::kLeft ? 0 : 1;
-    row[2 * k] = dot2(tangent_at(q.angle[k]), p);
-    row[2 * k + 1] = -1.0;
-    return at.distance;
+/// What every point is held against.
+struct Laid {
+  explicit Laid(const RibProfile& p)
+      : radius(p.radius),
+        sign(p.angle[1] > p.angle[0] ? 1.0 : -1.0),
+        middle(p.middle_angle()),
+        half(0.5 * p.arc_length()),
+        determinant(sin_cos(p.angle[0] - p.angle[1]).sin),
+        centre(p.centre()),
+        offset(p.offset) {
+    for (std::size_t k = 0; k < 2; ++k) {
+      normal[k] = normal_at(p.angle[k]);
+      tangent[k] = tangent_at(p.angle[k]);
+      end[k] = {centre[0] + radius * normal[k][0], centre[1] + radius * normal[k][1]};
+    }
   }
-  const Double2 c = q.centre(), t0 = tangent_at(q.angle[0]), t1 = tangent_at(q.angle[1]);
-  const double sign = q.angle[1] > q.angle[0] ? 1.0 : -1.0;
-  const Double2 off = {p[0] - c[0], p[1] - c[1]};
+  /// \param along  out: on flanks the way from the arc's end, else 0
+  RibZone zone(const Double2& p, double& along, double& distance) const {
+    const double before = dot2(tangent[0], {p[0] - end[0][0], p[1] - end[0][1]});
+    const double beyond = dot2(tangent[1], {p[0] - end[1][0], p[1] - end[1][1]});
+    const double left = dot2(normal[0], p) - offset[0], right = dot2(normal[1], p) - offset[1];
+    // Deep inside a convex corner, or far outside a concave one, a point is beside both flanks.
+    if (before < 0.0 && (beyond <= 0.0 || std::fabs(left) <= std::fabs(right))) {
+      along = before, distance = left;
+      return RibZone::kLeft;
+    }
+    if (beyond > 0.0) {
+      along = beyond, distance = right;
+      return RibZone::kRight;
+    }
+    const Double2 off = {p[0] - centre[0], p[1] - centre[1]};
+    along = 0.0, distance = sign * std::sqrt(dot2(off, off)) - radius;
+    return RibZone::kArc;
+  }
+
+  double radius, sign, middle, half, determinant;
+  Double2 centre;
+  std::array<double, 2> offset;
+  std::array<Double2, 2> normal, tangent, end;
+};
+
+/// Distance and its derivatives.
+double residual(const Laid& q, const Double2& p, Row& row) {
+  double along = 0.0, distance = 0.0;
+  const RibZone zone = q.zone(p, along, distance);
+  row.fill(0.0);
+  if (zone != RibZone::kArc) {
+    const std::size_t k = zone == RibZone::kLeft ? 0 : 1;
+    row[2 * k] = dot2(q.tangent[k], p);
+    row[2 * k + 1] = -1.0;
+    return distance;
+  }
+  const Double2 off = {p[0] - q.centre[0], p[1] - q.centre[1]};
   const double length = std::sqrt(dot2(off, off));
-  if (!(length > 0.0)) return at.distance;
-  const Double2 e = {sign * off[0] / length, sign * off[1] / length};
-  const double determinant = sin_cos(q.angle[0] - q.angle[1]).sin;
-  const double e0 = dot2(e, t1) / determinant, e1 = -dot2(e, t0) / determinant;
-  row = {e0 * dot2(t0, c), -e0, e1 * dot2(t1, c), -e1, e0 + e1 - 1.0};
-  return at.distance;
+  if (!(length > 0.0)) return distance;
+  const Double2 e = {q.sign * off[0] / length, q.sign * off[1] / length};
+  const double e0 = dot2(e, q.tangent[1]) / q.determinant, e1 = -dot2(e, q.tangent[0]) / q.determinant;
+  row = {e0 * dot2(q.tangent[0], q.centre), -e0, e1 * dot2(q.tangent[1], q.centre), -e1, e0 + e1 - 1.0};
+  return distance;
 }
 
 double cost_of(const RibProfile& q, std::span<const Double2> points) {
+  const Laid laid(q);
   double sum = 0.0;
   for (const Double2& p : points) {
-    const double d = place_beside(q, p).distance;
-    sum += d * d;
+    double along = 0.0, distance = 0.0;
+    laid.zone(p, along, distance);
+    sum += distance * distance;
   }
   return sum;
 }
@@ -140,21 +180,19 @@ Double2 RibProfile::on_flank(std::size_t side, double from_corner) const {
 }
 
 ProfilePlace place_beside(const RibProfile& q, const Double2& p) {
-  const double half = 0.5 * q.arc_length();
-  const Double2 begin = q.on_arc(0.0), end = q.on_arc(1.0);
-  const double before = dot2(tangent_at(q.angle[0]), {p[0] - begin[0], p[1] - begin[1]});
-  const double beyond = dot2(tangent_at(q.angle[1]), {p[0] - end[0], p[1] - end[1]});
-  const double left = dot2(q.flank_normal(0), p) - q.offset[0],
-               right = dot2(q.flank_normal(1), p) - q.offset[1];
-  // Deep inside a convex corner, or far outside a concave one, a point is beside both flanks.
-  const bool is_left = before < 0.0 && (beyond <= 0.0 || std::fabs(left) <= std::fabs(right));
-  if (is_left) return {RibZone::kLeft, before - half, left};
-  if (beyond > 0.0) return {RibZone::kRight, beyond + half, right};
-  const Double2 c = q.centre();
-  const double sign = q.angle[1] > q.angle[0] ? 1.0 : -1.0;
-  const Double2 off = {p[0] - c[0], p[1] - c[1]};
-  const double turned = angle_of({sign * off[0], sign * off[1]}) - q.middle_angle();
-  return {RibZone::kArc, q.radius * turned, sign * std::sqrt(dot2(off, off)) - q.radius};
+  const Laid laid(q);
+  ProfilePlace out;
+  double along = 0.0;
+  out.zone = laid.zone(p, along, out.distance);
+  if (out.zone == RibZone::kLeft) {
+    out.run = along - laid.half;
+  } else if (out.zone == RibZone::kRight) {
+    out.run = along + laid.half;
+  } else {
+    const Double2 off = {laid.sign * (p[0] - laid.centre[0]), laid.sign * (p[1] - laid.centre[1])};
+    out.run = q.radius * (angle_of(off) - laid.middle);
+  }
+  return out;
 }
 
 ProfileFit guess_profile(std::span<const Double2> points, double half_width, bool convex) {
@@ -183,10 +221,10 @@ ProfileFit fit_profile(std::span<const Double2> points, const RibProfile& start,
   for (int step = 0; step < kMostFitSteps; ++step) {
     SmallMatrix<5> normal = SmallMatrix<5>::Zero();
     Row gradient{};
+    const Laid laid(q);
     for (const Double2& p : points) {
-      RibZone zone;
       Row row;
-      const double d = residual(q, p, zone, row);
+      const double d = residual(laid, p, row);
       for (Eigen::Index i = 0; i < 5; ++i) {
         const double a = row[static_cast<std::size_t>(i)];
         if (a == 0.0) continue;

@@ -19,6 +19,7 @@ namespace {
 using Face = std::array<std::uint32_t, 3>;
 
 constexpr std::uint32_t kNone = 0xffffffffu;
+constexpr double kLeastTurn = 0.17;    ///< cosine between a new face and those across its edges: 80 degrees
 constexpr double kLeastHeight = 0.02;  ///< of a new face over its edge, edge lengths: lower is a line
 constexpr double kOtherSheet = 1.0;    ///< of its length: edges so far above a new one do not cross it
 /// Circles of this many times the gap, or the longest edge beside, pass through vertices of one side: of a dent in its border.
@@ -36,13 +37,12 @@ std::uint64_t way(std::uint32_t from, std::uint32_t to) {
 
 class Zipper {
  public:
-  Zipper(const ZipPieces& pieces, double gap, double least_cosine)
+  Zipper(const ZipPieces& pieces, double gap)
       : position_(pieces.position),
         faces_(pieces.faces),
         edges_(pieces.edges),
         given_(pieces.faces.size()),
         gap_(gap),
-        least_cosine_(least_cosine),
         gone_(pieces.faces.size(), 0),
         star_(pieces.position.size()),
         fixed_(pieces.position.size(), 0) {
@@ -331,12 +331,12 @@ class Zipper {
     const Face f = {e.to, e.from, w};
     if (has(f[1], f[2]) || has(f[2], f[0]) || has(f[0], f[1])) return false;
     const Double3 n = unit_or_zero(face_normal(f));
-    if (dot(n, normal_[e.face]) < least_cosine_) return false;
+    if (dot(n, normal_[e.face]) < kLeastTurn) return false;
     for (std::size_t k = 1; k < 3; ++k) {
       const std::uint32_t from = f[k], to = f[(k + 1) % 3];
       if (const auto there = half_.find(way(to, from)); there != half_.end()) {
         if (there->second < given_ && !is_open(there->second, edge_of(there->second, to))) return false;
-        if (dot(n, normal_[there->second]) < least_cosine_) return false;
+        if (dot(n, normal_[there->second]) < kLeastTurn) return false;
         continue;
       }
       if (!is_free(from, to, n) || !is_free(to, from, n) || crosses(from, to, n)) return false;
@@ -464,7 +464,7 @@ class Zipper {
   std::vector<Face> faces_;
   std::vector<std::uint8_t> edges_;
   std::size_t given_;
-  double gap_, least_cosine_;
+  double gap_;
   std::vector<std::uint8_t> gone_;
   std::vector<Double3> normal_;
   std::unordered_map<std::uint64_t, std::uint32_t> half_;  ///< directed edge -> face on its left
@@ -478,8 +478,8 @@ class Zipper {
 
 }  // namespace
 
-Zipped zip(const ZipPieces& pieces, double gap, double least_cosine) {
-  return Zipper(pieces, gap, least_cosine).run();
+Zipped zip(const ZipPieces& pieces, double gap) {
+  return Zipper(pieces, gap).run();
 }
 
 }  // namespace tessera

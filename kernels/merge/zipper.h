@@ -41,11 +41,9 @@ struct Zipped {
 };
 
 /// \param gap  how far from an edge the vertex that it takes may be, beside what edges there are long
-/// \param least_cosine  between the normals of a new face and of those across its edges: 80 degrees, less where the
-///                      surface has sharp edges
 /// \post with what stays of the faces, what is added is edge-manifold and has no vertex with two fans more than there
 ///       were; a pure function of the pieces
-Zipped zip(const ZipPieces& pieces, double gap, double least_cosine = 0.17);
+Zipped zip(const ZipPieces& pieces, double gap);
 
 /// What it takes at most.
 constexpr std::uint64_t zip_bytes(std::uint64_t vertices, std::uint64_t faces) {

@@ -7,6 +7,7 @@
 #include "stream/stages/merge/merge_job.h"
 #include "stream/stages/reconstruct/reconstruct_job.h"
 #include "stream/stages/remesh/remesh_job.h"
+#include "stream/stages/resample/resample_job.h"
 #include "stream/stages/smooth/smooth_stage.h"
 #include "stream/stages/solid/csg_job.h"
 #include "stream/stages/solid/field_job.h"
@@ -34,6 +35,7 @@ constexpr Entry kJobs[] = {
     {"merge", from_text<MergeOptions, merge_job>},
     {"reconstruct", from_text<ReconstructOptions, reconstruct_job>},
     {"remesh", from_text<RemeshJobOptions, remesh_job>},
+    {"resample", from_text<ResampleOptions, resample_job>},
     {"resurface", from_text<ResurfaceOptions, resurface_job>},
     {"smooth", from_text<SmoothOptions, smooth_job>},
     {"tiles", from_text<TilesOptions, tiles_job>},

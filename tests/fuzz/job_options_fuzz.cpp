@@ -7,6 +7,7 @@
 #include "stream/stages/decimate/simplify_options.h"
 #include "stream/stages/deform/deform_options.h"
 #include "stream/stages/remesh/remesh_options.h"
+#include "stream/stages/resample/resample_options.h"
 #include "stream/stages/tiles/tiles_options.h"
 #include "tests/fuzz/text_check.h"
 
@@ -55,7 +56,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   using namespace tessera;
   if (size < 2) return 0;
   const std::string text(fuzz::text_of(data + 1, size - 1));
-  switch (data[0] % 6) {
+  switch (data[0] % 7) {
     case 0:
       try_table<ReconstructOptions>(text);
       break;
@@ -70,6 +71,9 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
       break;
     case 4:
       try_table<TilesOptions>(text);
+      break;
+    case 5:
+      try_table<ResampleOptions>(text);
       break;
     default:
       try_table<DeformOptions>(text);

@@ -44,6 +44,10 @@ const std::map<std::string, std::string>& parts_of_headers() {
       {"stream/stages/merge/merge_strip_stage.cpp", "stream/stages/merge/merge_stages.h"},
       {"stream/stages/merge/merge_zip_stage.cpp", "stream/stages/merge/merge_stages.h"},
       {"stream/stages/reconstruct/forecast_composer.cpp", "stream/stages/reconstruct/forecast.h"},
+      {"stream/stages/resample/bends_stage.cpp", "stream/stages/resample/resample_stages.h"},
+      {"stream/stages/resample/blends_stage.cpp", "stream/stages/resample/resample_stages.h"},
+      {"stream/stages/resample/resample_apply_stage.cpp", "stream/stages/resample/resample_stages.h"},
+      {"stream/stages/resample/resample_scale_stage.cpp", "stream/stages/resample/resample_stages.h"},
       {"stream/stages/deform/base_stage.cpp", "stream/stages/deform/deform_stages.h"},
       {"stream/stages/deform/basis_stage.cpp", "stream/stages/deform/deform_stages.h"},
       {"stream/stages/deform/deform_write_stage.cpp", "stream/stages/deform/deform_stages.h"},
@@ -81,6 +85,7 @@ const std::map<std::string, std::string>& parts_of_headers() {
       {"tools/remesh_command.cpp", "tools/commands.h"},
       {"tools/render_command.cpp", "tools/commands.h"},
       {"tools/report_command.cpp", "tools/commands.h"},
+      {"tools/resample_command.cpp", "tools/commands.h"},
       {"tools/resurface_command.cpp", "tools/commands.h"},
       {"tools/smooth_command.cpp", "tools/commands.h"},
       {"tools/queue/status_command.cpp", "tools/commands.h"},
@@ -183,6 +188,9 @@ const std::map<std::string, std::string>& covering_tests() {
     by("stream/runtime/option_table", "stream/stages", {"jobs"});
     by("tools/remesh", "stream/stages/remesh",
        {"quality_report", "remesh_job", "remesh_options", "remesh_stage", "sizing_stage"});
+    by("tools/resample", "stream/stages/resample",
+       {"bends_stage", "blend_file", "blends_stage", "resample_apply_stage", "resample_files", "resample_job",
+        "resample_options", "resample_scale_stage", "resample_stages"});
     by("stream/stages/reconstruct/forecast", "stream/stages/reconstruct",
        {"forecast_composer", "forecast_list", "forecast_rates", "planned_patches"});
     by("tools/reconstruct", "stream/stages/reconstruct", {"forecast_stage", "reconstruct_job"});

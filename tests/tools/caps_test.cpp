@@ -59,6 +59,7 @@ std::vector<Words> jobs(const Files& files) {
       {"decimate", files.at("body.ply"), "--target-faces", "5000"},
       {"smooth", files.at("mesh.ply"), "--method", "denoise"},
       {"remesh", files.at("body.ply"), "--faces", "20000"},
+      {"resample", files.at("body.ply")},
       {"resurface", files.at("body.ply"), "--resolution", "0.02"},
       {"deform", files.at("body.ply"), files.at("edit.json"), "--base-vertices", "4000"},
   };

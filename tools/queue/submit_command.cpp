@@ -29,8 +29,8 @@ constexpr double kGigabyte = 1e9;
 /// Seconds of one core for a gigabyte of input, as the README's tables have them; a job without a plan is divided by them.
 const std::map<std::string, double>& job_rates() {
   static const std::map<std::string, double> rates = {
-      {"csg", 60.0},     {"decimate", 110.0}, {"deform", 130.0}, {"merge", 60.0}, {"reconstruct", 60.0},
-      {"remesh", 900.0}, {"resurface", 60.0}, {"smooth", 130.0}, {"tiles", 200.0}};
+      {"csg", 60.0},     {"decimate", 110.0}, {"deform", 130.0},   {"merge", 60.0},   {"reconstruct", 60.0},
+      {"remesh", 900.0}, {"resample", 300.0}, {"resurface", 60.0}, {"smooth", 130.0}, {"tiles", 200.0}};
   return rates;
 }
 

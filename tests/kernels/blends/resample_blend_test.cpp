@@ -177,7 +177,7 @@ TEST_CASE("resample blend: rounding and sharpening reach the radius that is aske
   Swept s;
   s.noise = GENERATE(0.0, 0.03);
   s.convex = GENERATE(true, false);
-  s.radius = 3.0;
+  s.radius = GENERATE(0.0, 3.0);
   const double radius = GENERATE(2.0, 4.5);
   CAPTURE(s.noise, s.convex, s.radius, radius);
   const MeshBlock block = swept_block(s);
@@ -262,6 +262,10 @@ TEST_CASE("resample blend: what cannot be resampled stays, with its reason", "[u
     const BlendOutcome o = resample_blend(block, t, exact_options(), kEdge).report.outcome;
     CHECK((o == BlendOutcome::kNoFlanks || o == BlendOutcome::kAtBorder));
   }
+  SECTION("a sharp edge, unless it is to be another") {
+    s.radius = 0.0;
+    CHECK(resample_only(swept_block(s), exact_options()).report.outcome == BlendOutcome::kSharp);
+  }
   SECTION("too short") {
     const MeshBlock block = swept_block(s);
     BlendTrack t = track_through(std::vector<Double3>{{0, 20, 0}, {0, 22, 0}}, false, kEdge);
@@ -272,9 +276,9 @@ TEST_CASE("resample blend: what cannot be resampled stays, with its reason", "[u
   }
   SECTION("every reason has a sentence") {
     std::set<std::string_view> all;
-    for (int o = 0; o <= static_cast<int>(BlendOutcome::kBeyondTolerance); ++o)
+    for (int o = 0; o <= static_cast<int>(BlendOutcome::kNoBetter); ++o)
       all.insert(sentence_of(static_cast<BlendOutcome>(o)));
-    CHECK(all.size() == 8);
+    CHECK(all.size() == 10);
     CHECK(all.count("") == 0);
   }
 }

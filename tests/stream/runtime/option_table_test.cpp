@@ -160,7 +160,7 @@ TEST_CASE("jobs: found by name; a name that is none is an error and never anothe
   for (const char* name : {"polish", "", "plan", "Reconstruct"}) {
     CHECK_THROWS_AS(find_job(name, "{}"), InputError);
     CHECK_THROWS_WITH(find_job(name, "{}"),
-                      Catch::Contains("csg, decimate, merge, reconstruct, remesh, resurface, smooth"));
+                      Catch::Contains("reconstruct, remesh, resample, resurface, smooth, tiles"));
   }
   CHECK_THROWS_AS(find_job("smooth", to_settings(ReconstructOptions{})), UsageError);
 }
