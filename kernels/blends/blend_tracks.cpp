@@ -21,6 +21,8 @@ constexpr std::size_t kLeastSteps = 4;
 constexpr double kLeastLength = 2.0;  ///< of its width
 /// Of the half width, and steps: what a grid takes to each side.
 constexpr double kSideShare = 1.15, kSideSteps = 2.0;
+constexpr double kApartSteps =
+    3.0;  ///< between an end and another grid's side: faces of both holes, and one between
 constexpr int kMostTracks = 256;  ///< of one band
 constexpr double kAgain =
     0.5;  ///< share of a slice that was seen before: the track runs into itself or another
@@ -222,7 +224,7 @@ double side_reach(const BlendTrack& t, double step) {
 void keep_apart(std::vector<BlendTrack>& tracks, double step) {
   double widest = 0.0;
   for (const BlendTrack& t : tracks) widest = std::max(widest, side_reach(t, step));
-  const double cell = 2.0 * widest;
+  const double cell = widest + kApartSteps * step;
   const auto cell_of = [&](const Double3& p) {
     Cell c;
     for (std::size_t k = 0; k < 3; ++k) c[k] = static_cast<std::int64_t>(std::floor(p[k] / cell));
@@ -245,7 +247,7 @@ void keep_apart(std::vector<BlendTrack>& tracks, double step) {
           for (const Sample& s : found->second) {
             if (s.track == t) continue;
             const double reach =
-                std::max(side_reach(tracks[t], step), side_reach(tracks[s.track], step)) + step;
+                std::max(side_reach(tracks[t], step), side_reach(tracks[s.track], step)) + kApartSteps * step;
             if (squared_distance(s.at, p) < reach * reach) return true;
           }
         }
