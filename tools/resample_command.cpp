@@ -40,7 +40,8 @@ void print(const Arguments& a, const json& report) {
     before += static_cast<double>(n) * blend.at("jumps_before").at("along").at("variance").get<double>();
     after += static_cast<double>(n) * blend.at("jumps_after").at("along").at("variance").get<double>();
   }
-  if (edges > 0)
+  // An edit that ends within the blend turns along it on purpose.
+  if (edges > 0 && !a.options.edits())
     fmt::print("normal jumps along blends: variance {:.3g} before, {:.3g} now (radians squared)\n",
                before / static_cast<double>(edges), after / static_cast<double>(edges));
   const json& certificate = report.at("certificate");
