@@ -253,10 +253,10 @@ class Composer {
 
   void smooth() {
     const std::uint64_t disk = times(faces_, kPatchBytes);
-    const std::uint64_t faces = times(faces_, kFacesMargin);
-    const MeshSize mesh = {times(static_cast<double>(faces), kVerticesPerFace), faces};
+    const double faces = faces_ * kFacesMargin * kFacesMargin;
+    const MeshSize mesh = {times(faces, kVerticesPerFace), times(faces, 1.0)};
     for (const StageNeed& need :
-         smooth_before_needs(options_.smooth, mesh, times(largest_.faces, kVerticesPerFace))) {
+         smooth_before_needs(options_.smooth, mesh, times(largest_.faces, kFacesMargin * kVerticesPerFace))) {
       const bool moves = need.stage.starts_with("smooth-"), fits = need.stage == "smooth-1";
       add(need.stage, groups_.size(), Memory{need.likely, 0, kTileSlackBytes}, moves ? disk : 0,
           groups_.size(),

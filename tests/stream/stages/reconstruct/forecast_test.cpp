@@ -178,6 +178,12 @@ TEST_CASE("forecast: what it tells of memory is what the stages reserve", "[unit
     names = {"distribute", "order",  "normals", "surface", "islands",
              "prune",      "pass-2", "pass-3",  "certify", "write"};
   }
+  SECTION("smoothed and decimated") {
+    setup.options.tolerance = 0.1;
+    setup.options.smooth = "auto";
+    names = {"distribute", "order",    "normals",    "surface", "islands", "prune",  "reach",   "noise",
+             "smooth-1",   "smooth-2", "noise-left", "pass-1",  "pass-2",  "pass-3", "certify", "write"};
+  }
   SECTION("decimated against the points, the surface kept: by way of a mesh") {
     setup.options.tolerance = 0.5;
     setup.options.reference = "points";
