@@ -11,7 +11,7 @@
 namespace tessera {
 namespace {
 
-constexpr std::size_t kFewer = 4;        // from here on an overlay pays
+constexpr std::size_t kFewer = 4;        // from here on one overlay proves both ways
 constexpr std::size_t kFirstSearch = 4;  // faces that are searched for the largest distance; then ever more
 constexpr std::size_t kGrid = 32;        // cells an axis of the box in which faces are picked
 
@@ -146,21 +146,25 @@ DeviationPair certify_pair(const SurfaceFaces& a, const SurfaceFaces& b, const B
   const bool swapped = a.faces.size() > b.faces.size();
   const SurfaceFaces &coarse = swapped ? b : a, &fine = swapped ? a : b;
   DeviationPair out;
-  if (coarse.faces.empty() || coarse.faces.size() * kFewer > fine.faces.size()) {
-    out.there =
-        certify_deviation(a, core, ClosestFaces(b.position, b.faces, origin), options, &out.there_bound);
-    out.back =
-        certify_deviation(b, core, ClosestFaces(a.position, a.faces, origin), options, &out.back_bound);
-    return out;
-  }
-  OverlayProof proof = prove_by_overlay(coarse, fine, core, kPairMargin * options.reach, origin, options);
-  const auto finish = [&](const SurfaceFaces& from, const SurfaceFaces& to, OverlaySide& side,
+  const auto finish = [&](const SurfaceFaces& from, const SurfaceFaces& to, OverlaySide&& side,
                           std::vector<float>& bound) {
     bound = std::move(side.bound);
     return Finisher(from, to, core, origin, options, side.report, bound).run();
   };
-  out.there = finish(a, b, swapped ? proof.fine : proof.coarse, out.there_bound);
-  out.back = finish(b, a, swapped ? proof.coarse : proof.fine, out.back_bound);
+  if (coarse.faces.empty() || coarse.faces.size() * kFewer > fine.faces.size()) {
+    // A face lies over several of the other surface: each surface is the coarse one once.
+    const auto one_way = [&](const SurfaceFaces& from, const SurfaceFaces& to, std::vector<float>& bound) {
+      OverlaySide side =
+          prove_by_overlay(from, to, core, kPairMargin * options.reach, origin, options).coarse;
+      return finish(from, to, std::move(side), bound);
+    };
+    out.there = one_way(a, b, out.there_bound);
+    out.back = one_way(b, a, out.back_bound);
+    return out;
+  }
+  OverlayProof proof = prove_by_overlay(coarse, fine, core, kPairMargin * options.reach, origin, options);
+  out.there = finish(a, b, std::move(swapped ? proof.fine : proof.coarse), out.there_bound);
+  out.back = finish(b, a, std::move(swapped ? proof.coarse : proof.fine), out.back_bound);
   return out;
 }
 

@@ -1,5 +1,5 @@
 /// \file certificate_pair.h
-/// The certificate of two surfaces, both ways: an overlay (overlay_proof.h) where one has far fewer faces, the
+/// The certificate of two surfaces, both ways: an overlay (overlay_proof.h), two where neither has far fewer faces, the
 /// search of certificate.h for what it leaves open and for the largest distances, until bound and finding
 /// meet.
 #pragma once

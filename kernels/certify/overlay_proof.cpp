@@ -326,11 +326,23 @@ class Overlay {
     const std::uint32_t seed = find_seed(t);
     if (seed == kNone) return;
     samples_.clear();
+    const double at_centre = distance_at_centre(seed);
     double height = 0.0;
     if (!cover(t, seed, height)) return;
     if (!(height <= limit_)) return;
     out_.coarse.bound[t] = rounded_up(height + rounding_);
-    count_coarse(height);
+    count_coarse(height, at_centre);
+  }
+
+  /// From the point where the covering is counted to the fine face over it.
+  double distance_at_centre(std::uint32_t seed) {
+    const auto& v = fine_.faces[seed];
+    const Point* const p[3] = {&place(v[0]), &place(v[1]), &place(v[2])};
+    const double area = turn(p[0]->at, p[1]->at, p[2]->at);
+    double z = 0.0;
+    for (std::size_t i = 0; i < 3; ++i)
+      z += turn(p[(i + 1) % 3]->at, p[(i + 2) % 3]->at, centre_) / area * p[i]->z;
+    return std::abs(z) * steepness(p, area);
   }
 
   /// Looks at all fine faces over the outline. \return whether they cover it
@@ -397,9 +409,18 @@ class Overlay {
     if (outside != 0)
       for (int i = 0; i < outline_.corners; ++i)
         if ((outside >> i & 1u) != 0 && beyond(i, c) < 0.0) return;
-    const double distance = std::abs(p[0]->z + p[1]->z + p[2]->z) / 3.0;
+    const double distance = std::abs(p[0]->z + p[1]->z + p[2]->z) / 3.0 * steepness(p, area);
     state.centre = std::min(state.centre, static_cast<float>(distance));
     if (whole_ || foot_in_core(c)) samples_.push_back({std::max(0.0, area), distance});
+  }
+
+  /// Of a fine face over the coarse one, the share of a height that is distance: the cosine between them, for which the
+  /// statistics ask alone. \param area  twice that of the face as it lies over the plane
+  static double steepness(const Point* const* p, double area) {
+    const double ux = p[1]->at.x - p[0]->at.x, uy = p[1]->at.y - p[0]->at.y, uz = p[1]->z - p[0]->z,
+                 vx = p[2]->at.x - p[0]->at.x, vy = p[2]->at.y - p[0]->at.y, vz = p[2]->z - p[0]->z;
+    const double x = uy * vz - uz * vy, y = uz * vx - ux * vz, square = x * x + y * y + area * area;
+    return square > 0.0 ? std::abs(area) / std::sqrt(square) : 1.0;
   }
 
   bool foot_in_core(const Flat& c) const {
@@ -446,12 +467,13 @@ class Overlay {
     }
   }
 
-  void count_coarse(double height) {
+  /// By the fine faces whose centroid lies over it; where there are none, by one point.
+  void count_coarse(double height, double at_centre) {
     DeviationReport& report = out_.coarse.report;
     ++report.faces;
     double sum = 0.0;
     for (const auto& [weight, distance] : samples_) sum += weight;
-    if (!(sum > 0.0)) return count_piece(report, options_, area_, height);
+    if (!(sum > 0.0)) return count_piece(report, options_, area_, std::min(at_centre, height));
     for (const auto& [weight, distance] : samples_)
       count_piece(report, options_, area_ * (weight / sum), std::min(distance, height));
   }
