@@ -15,6 +15,30 @@ namespace {
 constexpr unsigned kFlagOppositeCorner[3] = {kFaceBorder12, kFaceBorder20, kFaceBorder01};
 static_assert(kFaceCrease01 == kFaceBorder01 << 5 && kFaceCrease20 == kFaceBorder20 << 5);
 
+/// Numbers 0 to n - 1 in the Morton order of cells, a 1024th of the extent wide: in the low half of each entry.
+/// \param place  position of a number, no coordinate far below 0
+template <class Place>
+std::vector<std::uint64_t> in_morton_order(std::size_t n, const Place& place) {
+  double extent = 0.0;
+  for (std::size_t v = 0; v < n; ++v)
+    for (const double x : place(v)) extent = std::max(extent, x);
+  const double scale = extent > 0.0 ? 1023.0 / extent : 0.0;
+  std::vector<std::uint64_t> order(n), other(n);
+  for (std::size_t v = 0; v < n; ++v) {
+    const Double3 p = place(v);
+    std::uint32_t cell[3];
+    for (std::size_t a = 0; a < 3; ++a) cell[a] = static_cast<std::uint32_t>(std::max(0.0, p[a] * scale));
+    order[v] = morton_encode(cell[0], cell[1], cell[2]) << 32 | v;
+  }
+  // Stable radix sort of 30 bits: ties stay in the order of the numbers.
+  std::vector<std::uint32_t> count(1025);
+  for (int shift = 32; shift < 62; shift += 10) {
+    counting_sort<std::uint64_t>(order, other, count, [shift](std::uint64_t o) { return o >> shift & 1023; });
+    order.swap(other);
+  }
+  return order;
+}
+
 }  // namespace
 
 CollapseMesh::CollapseMesh(const MeshBlock& block, const Double3& origin) {
@@ -28,23 +52,8 @@ CollapseMesh::CollapseMesh(const MeshBlock& block, const Double3& origin) {
 void CollapseMesh::number_vertices(const MeshBlock& block, const Double3& origin,
                                    std::vector<std::uint32_t>& place) {
   const std::size_t n = block.position.size();
-  double extent = 0.0;
-  for (const Double3& p : block.position)
-    for (std::size_t a = 0; a < 3; ++a) extent = std::max(extent, p[a] - origin[a]);
-  const double scale = extent > 0.0 ? 1023.0 / extent : 0.0;
-  std::vector<std::uint64_t> order(n), other(n);
-  for (std::size_t v = 0; v < n; ++v) {
-    std::uint32_t cell[3];
-    for (std::size_t a = 0; a < 3; ++a)
-      cell[a] = static_cast<std::uint32_t>(std::max(0.0, (block.position[v][a] - origin[a]) * scale));
-    order[v] = morton_encode(cell[0], cell[1], cell[2]) << 32 | v;
-  }
-  // Stable radix sort of 30 bits: ties stay in the order of the block.
-  std::vector<std::uint32_t> count(1025);
-  for (int shift = 32; shift < 62; shift += 10) {
-    counting_sort<std::uint64_t>(order, other, count, [shift](std::uint64_t o) { return o >> shift & 1023; });
-    order.swap(other);
-  }
+  const std::vector<std::uint64_t> order =
+      in_morton_order(n, [&](std::size_t v) { return block.position[v] - origin; });
   place.resize(n);
   block_vertex_.resize(n);
   vertices_.resize(n);
@@ -376,6 +385,45 @@ void CollapseMesh::compact(std::vector<std::uint32_t>& kept) {
   }
   vertices_.resize(kept.size()), corner_.resize(kept.size());
   block_vertex_.resize(kept.size()), state_.resize(kept.size());
+}
+
+void CollapseMesh::sort_by_place(std::vector<std::uint32_t>& kept) {
+  compact(kept);
+  const std::size_t n = vertices_.size();
+  const std::vector<std::uint64_t> order = in_morton_order(n, [&](std::size_t v) { return vertices_[v].at; });
+  std::vector<std::uint32_t> vertex_now(n), number(n);
+  for (std::size_t i = 0; i < n; ++i) {
+    number[i] = static_cast<std::uint32_t>(order[i]);
+    vertex_now[number[i]] = static_cast<std::uint32_t>(i);
+  }
+  const auto arranged = [&](auto& list) {
+    auto sorted = list;
+    for (std::size_t i = 0; i < n; ++i) sorted[i] = list[number[i]];
+    std::copy(sorted.begin(), sorted.end(), list.begin());  // the room that is reserved stays
+  };
+  arranged(vertices_), arranged(corner_), arranged(block_vertex_), arranged(state_), arranged(kept);
+  // Faces by their lowest vertex, of one vertex as they were.
+  const Lists<std::uint32_t> faces = make_lists<std::uint32_t>(n, [&](const auto& put) {
+    for (std::uint32_t f = 0; f < faces_.size(); ++f) {
+      const std::uint32_t* v = faces_[f].vertex;
+      put(std::min({vertex_now[v[0]], vertex_now[v[1]], vertex_now[v[2]]}), f);
+    }
+  });
+  std::vector<std::uint32_t> face_now(faces_.size());
+  for (std::uint32_t i = 0; i < faces.item.size(); ++i) face_now[faces.item[i]] = i;
+  const std::vector<CollapseFace> before(faces_.begin(), faces_.end());
+  const auto corner_now = [&](std::uint32_t c) {
+    return c == kNoCorner ? c : 4 * face_now[c >> 2] + (c & 3u);
+  };
+  for (std::size_t f = 0; f < before.size(); ++f) {
+    CollapseFace& face = faces_[face_now[f]];
+    face = before[f];
+    for (std::size_t i = 0; i < 3; ++i) {
+      face.vertex[i] = vertex_now[face.vertex[i]];
+      face.opposite[i] = corner_now(face.opposite[i]);
+    }
+  }
+  for (std::uint32_t& c : corner_) c = corner_now(c);
 }
 
 }  // namespace tessera

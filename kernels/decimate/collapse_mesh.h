@@ -137,6 +137,10 @@ class CollapseMesh {
   /// \param[out] kept  the vertices that are left, as they were numbered before: ascending
   void compact(std::vector<std::uint32_t>& kept);
 
+  /// The same, and vertices and faces get the Morton order of their places again: splits append theirs at the end, far from
+  /// their neighbours. Allocates about 60 bytes a face for a while. \param[out] kept  per vertex, its number before
+  void sort_by_place(std::vector<std::uint32_t>& kept);
+
  private:
   void number_vertices(const MeshBlock& block, const Double3& origin, std::vector<std::uint32_t>& place);
   void fill_faces(const MeshBlock& block, const std::vector<std::uint32_t>& place);

@@ -29,7 +29,7 @@ struct DisplacementVolumeOptions {
   int scales = 8;                   ///< of volumes, from 1 / scales to 1
   int coarse_rounds = 16;           ///< on each of them: all prisms, then the filters
   int rounds = 4;                   ///< of the surface itself
-  int last_sweeps = 16;             ///< over prisms alone, in the end
+  int last_sweeps = 40;             ///< over prisms alone, in the end
 };
 
 struct DisplacementVolumeReport {

@@ -1,6 +1,7 @@
 #include "kernels/remesh/reference_surface.h"
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
 #include <numeric>
 
@@ -13,6 +14,8 @@ namespace tessera {
 namespace {
 
 /// A line that bends by more is cut there. Borders of scans waver, so they get more.
+constexpr std::size_t kLeastSegments =
+    3;  ///< edges of the reference: a shorter crease that ends somewhere is noise
 constexpr double kStraightCrease = 0.70710678118654752, kStraightBorder = 0.5;
 
 Double3 closest_on_segment(const Double3& p, const Double3& a, const Double3& b) {
@@ -27,32 +30,37 @@ Double3 closest_on_segment(const Double3& p, const Double3& a, const Double3& b)
 
 ReferenceSurface::ReferenceSurface(const MeshBlock& reference, const Double3& origin,
                                    double feature_angle_deg, double least_line, const SizingOptions& sizing)
-    : reference_(&reference), origin_(origin), class_(reference.position.size(), VertexClass::kSmooth) {
-  find_lines(feature_angle_deg, least_line);
+    : reference_(&reference), class_(reference.position.size(), VertexClass::kSmooth) {
+  {
+    CollapseMesh mesh(reference, origin);
+    take_over(mesh);
+    find_lines(mesh, feature_angle_deg, least_line);
+  }
+  join_segments();
   size(sizing);
-  faces_ = ClosestFaces(reference.position, reference.faces, origin);
+  faces_ = ClosestFaces(at_, face_, Double3{});
+  slot_.resize(face_.size());
+  for (std::uint32_t slot = 0; slot < faces_.size(); ++slot) slot_[faces_.face(slot)] = slot;
 }
 
-void ReferenceSurface::find_lines(double feature_angle_deg, double least_line) {
-  CollapseMesh mesh(*reference_, origin_);
+void ReferenceSurface::take_over(const CollapseMesh& mesh) {
+  at_.reserve(mesh.vertices()), number_.reserve(mesh.vertices());
+  for (std::uint32_t v = 0; v < mesh.vertices(); ++v) {
+    at_.push_back(mesh.at(v));
+    number_.push_back(mesh.block_vertex(v));
+  }
+  face_.reserve(mesh.faces().size());
+  for (const CollapseFace& f : mesh.faces()) face_.push_back({f.vertex[0], f.vertex[1], f.vertex[2]});
+}
+
+/// Normals, neighbours, creases and borders.
+void ReferenceSurface::find_lines(CollapseMesh& mesh, double feature_angle_deg, double least_line) {
   std::vector<std::uint32_t> same(mesh.vertices());
   std::iota(same.begin(), same.end(), 0u);
   mark_features(mesh, *reference_, sharp_vertices(mesh, feature_angle_deg), same, feature_angle_deg);
 
-  // Faces of the mesh in the order of the reference: by their corners, which no two share.
-  const auto corners = [&](std::size_t f) {
-    std::array<std::uint32_t, 3> t;
-    for (std::size_t i = 0; i < 3; ++i) t[i] = mesh.block_vertex(mesh.face(f).vertex[i]);
-    std::rotate(t.begin(), std::min_element(t.begin(), t.end()), t.end());
-    return t;
-  };
-  normal_.resize(reference_->faces.size());
-  beside_.resize(reference_->faces.size());
-  std::vector<std::uint32_t> place(reference_->faces.size());
-  for (std::uint32_t f = 0; f < mesh.faces().size(); ++f)
-    place[f] = static_cast<std::uint32_t>(
-        std::lower_bound(reference_->faces.begin(), reference_->faces.end(), corners(f)) -
-        reference_->faces.begin());
+  normal_.resize(face_.size());
+  beside_.resize(face_.size());
   std::vector<std::array<std::uint32_t, 2>> borders;
   for (std::uint32_t f = 0; f < mesh.faces().size(); ++f) {
     Double3 sum{};
@@ -66,33 +74,30 @@ void ReferenceSurface::find_lines(double feature_angle_deg, double least_line) {
       if (o != kNoCorner && !mesh.crease_edge(c)) add(o >> 2);
       const bool border = o == kNoCorner && mesh.border_edge(c);
       if (!border && !(mesh.crease_edge(c) && o != kNoCorner && o > c)) continue;
-      const std::uint32_t a = mesh.block_vertex(mesh.vertex(next_corner(c))),
-                          b = mesh.block_vertex(mesh.vertex(prev_corner(c)));
+      const std::uint32_t a = mesh.vertex(next_corner(c)), b = mesh.vertex(prev_corner(c));
       (border ? borders : creases_).push_back({std::min(a, b), std::max(a, b)});
     }
-    normal_[place[f]] = narrow(unit_or_zero(sum));
-    const auto& corner = reference_->faces[place[f]];
+    normal_[f] = narrow(unit_or_zero(sum));
     for (std::uint32_t i = 0; i < 3; ++i) {
       const std::uint32_t o = mesh.opposite(4 * f + i);
-      const auto at_corner =
-          std::find(corner.begin(), corner.end(), mesh.block_vertex(mesh.vertex(4 * f + i)));
-      beside_[place[f]][static_cast<std::size_t>(at_corner - corner.begin())] =
-          o == kNoCorner || mesh.crease_edge(4 * f + i) ? kNone : place[o >> 2];
+      beside_[f][i] = o == kNoCorner || mesh.crease_edge(4 * f + i) ? kNone : o >> 2;
     }
   }
   std::sort(creases_.begin(), creases_.end());
   std::sort(borders.begin(), borders.end());
-  prune_twigs(least_line);
-  prune_islands(2.0 * least_line);
+  // Where this part of the reference ends, lines go on.
+  std::vector<std::uint8_t> goes_on(at_.size());
+  for (std::uint32_t v = 0; v < at_.size(); ++v) goes_on[v] = (mesh.state(v) & kVertexLocked) != 0;
+  prune_twigs(least_line, goes_on);
+  prune_islands(2.0 * least_line, goes_on);
   for (const auto* lines : {&creases_, &borders})
     for (const auto& line : *lines) segments_.push_back({line, {kNone, kNone}, lines == &creases_});
   for (const auto& line : creases_)
     for (const std::uint32_t v : line) class_[v] = VertexClass::kCrease;
-  join_segments();
 }
 
 /// Twigs: what leads from the end of a crease to the next corner. Noise leaves many, too short to shape a face.
-void ReferenceSurface::prune_twigs(double least_line) {
+void ReferenceSurface::prune_twigs(double least_line, const std::vector<std::uint8_t>& goes_on) {
   constexpr int kRounds = 2;  // a twig may bear twigs
   for (int round = 0; round < kRounds && !creases_.empty(); ++round) {
     struct End {
@@ -111,20 +116,22 @@ void ReferenceSurface::prune_twigs(double least_line) {
     std::vector<std::uint8_t> gone(creases_.size(), 0);
     for (const End& first : ends) {
       const auto around = of(first.vertex);
-      if (around.second - around.first != 1) continue;
+      if (around.second - around.first != 1 || goes_on[first.vertex]) continue;
       std::vector<std::uint32_t> twig;
       double length = 0.0;
       std::uint32_t v = first.vertex, crease = first.crease;
-      while (length < least_line) {
+      bool ended = true;
+      while (length < least_line || twig.size() < kLeastSegments) {
         twig.push_back(crease);
         const std::uint32_t w = creases_[crease][creases_[crease][0] == v ? 1 : 0];
         length += norm(at(w) - at(v));
         const auto next = of(w);
+        ended = !goes_on[w];
         if (next.second - next.first != 2) break;
         crease = next.first->crease == crease ? (next.first + 1)->crease : next.first->crease;
         v = w;
       }
-      if (length < least_line)
+      if (ended && (length < least_line || twig.size() < kLeastSegments))
         for (const std::uint32_t e : twig) gone[e] = 1;
     }
     std::size_t kept = 0;
@@ -135,11 +142,14 @@ void ReferenceSurface::prune_twigs(double least_line) {
   }
 }
 
-void ReferenceSurface::prune_islands(double least_sum) {
-  DisjointSets<std::uint32_t> parts(reference_->position.size());
+void ReferenceSurface::prune_islands(double least_sum, const std::vector<std::uint8_t>& goes_on) {
+  DisjointSets<std::uint32_t> parts(at_.size());
   for (const auto& e : creases_) parts.unite(e[0], e[1]);
-  std::vector<double> length(reference_->position.size(), 0.0);
+  std::vector<double> length(at_.size(), 0.0);
   for (const auto& e : creases_) length[parts.find(e[0])] += norm(at(e[1]) - at(e[0]));
+  for (const auto& e : creases_)
+    for (const std::uint32_t v : e)
+      if (goes_on[v]) length[parts.find(v)] = least_sum;
   std::erase_if(creases_, [&](const auto& e) { return length[parts.find(e[0])] < least_sum; });
 }
 
@@ -179,26 +189,28 @@ void ReferenceSurface::join_segments() {
   std::vector<std::array<std::uint32_t, 3>> flat;
   flat.reserve(segments_.size());
   for (const Segment& s : segments_) flat.push_back({s.vertex[0], s.vertex[1], s.vertex[1]});
-  lines_ = ClosestFaces(reference_->position, flat, origin_);
+  lines_ = ClosestFaces(at_, flat, Double3{});
 }
 
 void ReferenceSurface::size(const SizingOptions& sizing) {
-  std::vector<std::uint8_t> on_line(reference_->position.size(), 0);
+  std::vector<std::uint8_t> on_line(at_.size(), 0);
   std::vector<std::array<std::uint32_t, 3>> lines;
   for (std::uint32_t s = 0; s < segments_.size(); ++s)
     for (std::size_t side = 0; side < 2; ++side) {
       const Segment& here = segments_[s];
-      on_line[here.vertex[side]] = 1;
+      on_line[number_[here.vertex[side]]] = 1;
       if (here.beyond[side] == kNone || here.beyond[side] < s) continue;
       const Segment& next = segments_[here.beyond[side]];
       const std::uint32_t v = here.vertex[side];
-      lines.push_back({here.vertex[1 - side], v, next.vertex[next.vertex[0] == v ? 1 : 0]});
+      lines.push_back(
+          {number_[here.vertex[1 - side]], number_[v], number_[next.vertex[next.vertex[0] == v ? 1 : 0]]});
     }
-  length_ = sizing_field(*reference_, on_line, lines, sizing);
+  const std::vector<float> length = sizing_field(*reference_, on_line, lines, sizing);
+  for (const std::uint32_t v : number_) length_.push_back(length[v]);
 }
 
 float ReferenceSurface::length_in_face(std::uint32_t face, const Double3& p) const {
-  const auto& f = reference_->faces[face];
+  const auto& f = face_[face];
   const Double3 a = at(f[0]), b = at(f[1]), c = at(f[2]), n = triangle_normal(a, b, c);
   const double square = dot(n, n);
   if (!(square > 0.0)) return length_[f[0]];
@@ -217,8 +229,10 @@ float ReferenceSurface::length_on_line(std::uint32_t segment, const Double3& p) 
                             t * static_cast<double>(length_[w]));
 }
 
-ReferenceSurface::Foot ReferenceSurface::closest(const Double3& p, double limit_square) const {
-  const ClosestFaces::Hit hit = faces_.closest(p, limit_square, ClosestFaces::kNone);
+ReferenceSurface::Foot ReferenceSurface::closest(const Double3& p, double limit_square,
+                                                 std::uint32_t hint) const {
+  const ClosestFaces::Hit hit =
+      faces_.closest(p, limit_square, hint == kNone ? ClosestFaces::kNone : slot_[hint]);
   if (hit.slot == ClosestFaces::kNone) return {};
   const auto corner = faces_.corners(hit.slot);
   return {foot_in_triangle(p, corner[0], corner[1], corner[2]).at, hit.square, faces_.face(hit.slot)};
@@ -230,17 +244,19 @@ ReferenceSurface::Foot ReferenceSurface::near(const Double3& p, double limit_squ
   constexpr int kSteps = 12;
   std::uint32_t before = kNone;
   for (int step = 0; face != kNone && step < kSteps; ++step) {
-    const auto& f = reference_->faces[face];
-    const Double3 a = at(f[0]), b = at(f[1]), c = at(f[2]);
-    const Double3 n = triangle_normal(a, b, c);
+    const auto& f = face_[face];
+    const Double3 &a = at(f[0]), &b = at(f[1]), &c = at(f[2]);
+    const Double3 u = b - a, v = c - a, q = p - a, n = cross(u, v);
     const double square = dot(n, n);
     if (!(square > 0.0)) break;
-    const double weight[3] = {dot(cross(b - p, c - p), n), dot(cross(c - p, a - p), n),
-                              dot(cross(a - p, b - p), n)};
+    double weight[3];
+    weight[1] = dot(cross(q, v), n);
+    weight[2] = dot(cross(u, q), n);
+    weight[0] = square - weight[1] - weight[2];
     const std::size_t worst =
         weight[0] < weight[1] ? (weight[0] < weight[2] ? 0 : 2) : (weight[1] < weight[2] ? 1 : 2);
     if (weight[worst] >= 0.0) {
-      const double height = dot(a - p, n);
+      const double height = -dot(q, n);
       const double away = height * height / square;
       if (!(away < most)) break;
       return {p + n * (height / square), away, face};
@@ -255,7 +271,7 @@ ReferenceSurface::Foot ReferenceSurface::near(const Double3& p, double limit_squ
     before = face;
     face = next;
   }
-  return closest(p, limit_square);
+  return closest(p, limit_square, face != kNone ? face : before);
 }
 
 ReferenceSurface::Foot ReferenceSurface::on_segment(const Double3& p, std::uint32_t segment) const {
@@ -292,15 +308,52 @@ ReferenceSurface::Foot ReferenceSurface::slide(const Double3& p, std::uint32_t s
   return best;
 }
 
-void ReferenceSurface::mark(MeshBlock& block) const {
-  std::vector<std::uint32_t> there(block.key.size(), kNone);
+std::uint32_t ReferenceSurface::colour(std::uint32_t face, const Double3& p) const {
+  const auto& f = face_[face];
+  const Double3 &a = at(f[0]), &b = at(f[1]), &c = at(f[2]);
+  const Double3 n = triangle_normal(a, b, c);
+  const double square = dot(n, n);
+  const auto of = [&](std::size_t i) { return reference_->rgba[number_[f[i]]]; };
+  if (!(square > 0.0)) return of(0);
+  const double weight[3] = {dot(cross(b - p, c - p), n) / square, dot(cross(c - p, a - p), n) / square,
+                            dot(cross(a - p, b - p), n) / square};
+  std::uint32_t out = 0;
+  for (unsigned shift = 0; shift < 32; shift += 8) {
+    double value = 0.5;
+    for (std::size_t i = 0; i < 3; ++i) value += weight[i] * (of(i) >> shift & 255u);
+    out |= static_cast<std::uint32_t>(std::fmin(std::fmax(value, 0.0), 255.0)) << shift;
+  }
+  return out;
+}
+
+/// Of the vertices of the block, by key; kNone for others.
+std::vector<std::uint32_t> ReferenceSurface::numbers_in(const MeshBlock& block) const {
+  std::vector<std::uint32_t> here(number_.size()), there(block.key.size(), kNone);
+  for (std::uint32_t v = 0; v < number_.size(); ++v) here[number_[v]] = v;
   std::size_t r = 0;
   for (std::size_t v = 0; v < block.key.size(); ++v) {
     while (r < reference_->key.size() && reference_->key[r] < block.key[v]) ++r;
-    if (r == reference_->key.size() || reference_->key[r] != block.key[v]) continue;
-    there[v] = static_cast<std::uint32_t>(r);
-    block.vertex_class[v] = class_[r];
+    if (r < reference_->key.size() && reference_->key[r] == block.key[v]) there[v] = here[r];
   }
+  return there;
+}
+
+std::vector<std::uint32_t> ReferenceSurface::faces_at(const MeshBlock& block) const {
+  std::vector<std::uint32_t> first(at_.size(), kNone), out = numbers_in(block);
+  for (std::uint32_t f = 0; f < face_.size(); ++f)
+    for (const std::uint32_t v : face_[f]) first[v] = std::min(first[v], f);
+  for (std::size_t v = 0; v < out.size(); ++v) {
+    const std::uint32_t number = out[v];
+    if (number == kNone) continue;
+    out[v] = block.position[v] == reference_->position[number_[number]] ? first[number] : kNone;
+  }
+  return out;
+}
+
+void ReferenceSurface::mark(MeshBlock& block) const {
+  const std::vector<std::uint32_t> there = numbers_in(block);
+  for (std::size_t v = 0; v < there.size(); ++v)
+    if (there[v] != kNone) block.vertex_class[v] = class_[there[v]];
   for (std::size_t f = 0; f < block.faces.size(); ++f) {
     unsigned flags = block.face_flags[f] & ~unsigned{kFaceCrease01 | kFaceCrease12 | kFaceCrease20};
     for (std::size_t e = 0; e < 3; ++e) {

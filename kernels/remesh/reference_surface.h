@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "kernels/decimate/collapse_mesh.h"
 #include "kernels/mesh/closest_face.h"
 #include "kernels/mesh/mesh_block.h"
 #include "kernels/remesh/sizing_field.h"
@@ -18,7 +19,7 @@ class ReferenceSurface {
 
   /// Creases are found as decimation finds them (feature_edges.h). A vertex where other than two lines meet, or one
   /// that bends by more than 45 degrees (a border: 60), is a corner. A crease that ends somewhere and is shorter than
-  /// `least_line` is none, nor are creases that hang together and are shorter than twice that in all.
+  /// `least_line` or three edges is none, nor are creases that hang together and are shorter than twice that in all.
   /// \param reference  canonical, edge-manifold; must outlive this \param origin  subtracted from all positions
   ReferenceSurface(const MeshBlock& reference, const Double3& origin, double feature_angle_deg,
                    double least_line, const SizingOptions& sizing);
@@ -29,7 +30,8 @@ class ReferenceSurface {
     std::uint32_t slot =
         kNone;  ///< face of the reference, on lines a segment; kNone: nothing within the limit
   };
-  Foot closest(const Double3& p, double limit_square) const;
+  /// \param hint  a face that is near, to be faster, or kNone
+  Foot closest(const Double3& p, double limit_square, std::uint32_t hint = kNone) const;
   /// The same from the foot of a point nearby: walks from its face towards p, over no line, to where no face beside is
   /// nearer. That need not be the nearest of all: farther away than the root of `trust_square` it searches.
   Foot near(const Double3& p, double limit_square, double trust_square, std::uint32_t face) const;
@@ -46,30 +48,43 @@ class ReferenceSurface {
   /// Foot on the polyline of this segment, walking from it while that comes closer; stops at corners.
   Foot slide(const Double3& p, std::uint32_t segment) const;
 
+  /// Per vertex of the block a face that has it as a corner, by key and place; kNone where it is not in the reference.
+  std::vector<std::uint32_t> faces_at(const MeshBlock& block) const;
+
+  /// The colour at a foot in a face; the reference has colours.
+  std::uint32_t colour(std::uint32_t face, const Double3& p) const;
+
   /// Gives the vertices and edges of `block` that are in the reference too, by key, their vertex_class and bits of
   /// creases. \pre keys ascend in both
   void mark(MeshBlock& block) const;
 
   /// Bytes that it holds or takes while it is made, per face of the reference.
-  static constexpr std::uint64_t bytes_per_face() { return ClosestFaces::bytes_per_face() + 190; }
+  static constexpr std::uint64_t bytes_per_face() { return ClosestFaces::bytes_per_face() + 220; }
 
  private:
   struct Segment {
-    std::array<std::uint32_t, 2> vertex{};              ///< of the reference
+    std::array<std::uint32_t, 2> vertex{};
     std::array<std::uint32_t, 2> beyond{kNone, kNone};  ///< the segment that goes on there
     bool crease = false;                                ///< else a border
   };
-  void find_lines(double feature_angle_deg, double least_line);
-  void prune_twigs(double least_line);
-  void prune_islands(double least_sum);
+  std::vector<std::uint32_t> numbers_in(const MeshBlock& block) const;
+  void take_over(const CollapseMesh& mesh);
+  void find_lines(CollapseMesh& mesh, double feature_angle_deg, double least_line);
+  void prune_twigs(double least_line, const std::vector<std::uint8_t>& goes_on);
+  void prune_islands(double least_sum, const std::vector<std::uint8_t>& goes_on);
   void join_segments();
   void size(const SizingOptions& sizing);
-  Double3 at(std::uint32_t v) const { return reference_->position[v] - origin_; }
+  const Double3& at(std::uint32_t v) const { return at_[v]; }
   Foot on_segment(const Double3& p, std::uint32_t segment) const;
 
   const MeshBlock* reference_;
   Double3 origin_;
   ClosestFaces faces_, lines_;
+  std::vector<std::uint32_t> slot_;  ///< per face, in faces_
+  // Vertices and faces in Morton order: what is walked through lies together.
+  std::vector<Double3> at_;            ///< relative to the origin
+  std::vector<std::uint32_t> number_;  ///< per vertex, in the reference
+  std::vector<std::array<std::uint32_t, 3>> face_;
   std::vector<std::array<std::uint32_t, 3>>
       beside_;  ///< per face: across the edges opposite its corners, over no line
   std::vector<Float3> normal_;

@@ -27,24 +27,6 @@ Double3 as_stored(const Double3& p, bool floats) {
   return floats ? wide(narrow(p)) : p;
 }
 
-/// The colour of the reference at a point of its face.
-std::uint32_t colour_at(const MeshBlock& reference, std::uint32_t face, const Double3& p) {
-  const auto& f = reference.faces[face];
-  const Double3 &a = reference.position[f[0]], &b = reference.position[f[1]], &c = reference.position[f[2]];
-  const Double3 n = triangle_normal(a, b, c);
-  const double square = dot(n, n);
-  if (!(square > 0.0)) return reference.rgba[f[0]];
-  const double weight[3] = {dot(cross(b - p, c - p), n) / square, dot(cross(c - p, a - p), n) / square,
-                            dot(cross(a - p, b - p), n) / square};
-  std::uint32_t out = 0;
-  for (unsigned shift = 0; shift < 32; shift += 8) {
-    double value = 0.5;
-    for (std::size_t i = 0; i < 3; ++i) value += weight[i] * (reference.rgba[f[i]] >> shift & 255u);
-    out |= static_cast<std::uint32_t>(std::fmin(std::fmax(value, 0.0), 255.0)) << shift;
-  }
-  return out;
-}
-
 /// What is left of the mesh as a block; positions come from the old one where they did not move.
 MeshBlock to_block(const CollapseMesh& mesh, const Remesher& remesher, const MeshBlock& old,
                    const MeshBlock& reference, const ReferenceSurface& surface, const Double3& origin,
@@ -64,10 +46,9 @@ MeshBlock to_block(const CollapseMesh& mesh, const Remesher& remesher, const Mes
     const ReferenceSurface::Foot foot = moved && !reference.rgba.empty()
                                             ? surface.closest(mesh.at(v), std::numeric_limits<double>::max())
                                             : ReferenceSurface::Foot{};
-    out.rgba.push_back(foot.slot != ReferenceSurface::kNone
-                           ? colour_at(reference, foot.slot, origin + foot.at)
-                       : from != kNoCorner ? old.rgba[from]
-                                           : 0xffffffffu);
+    out.rgba.push_back(foot.slot != ReferenceSurface::kNone ? surface.colour(foot.slot, foot.at)
+                       : from != kNoCorner                  ? old.rgba[from]
+                                                            : 0xffffffffu);
   }
   for (const CollapseFace& f : mesh.faces()) {
     if (f.state & kStateDead) continue;
@@ -126,8 +107,8 @@ RemeshReport remesh(MeshBlock& block, const MeshBlock& reference, const RemeshOp
 }
 
 std::uint64_t remesh_bytes(std::uint64_t most_faces, std::uint64_t reference_faces) {
-  // Of a face: 32 bytes, half a vertex with what is known of it (41 + 48 + 5), an edge and a half in the list of edges
-  // (32 each, and as much again while the list grows), and the block that comes out, sorted (16 + half of 60, twice).
+  // Of a face: 32 bytes, half a vertex with what is known of it (41 + 48 + 5), an edge and a half in the lists of edges
+  // (16 each, twice, and as much again while they grow; freed for the sort by place), and the block that comes out, sorted (16 + half of 60, twice).
   return most_faces * (32 + 47 + 144 + 92) + reference_faces * ReferenceSurface::bytes_per_face() +
          (std::uint64_t{1} << 20);
 }

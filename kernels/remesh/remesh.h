@@ -32,7 +32,8 @@ struct RemeshOptions {
   int iterations = 4;
   int relaxations = 3;          ///< in each of them
   bool float_positions = true;  ///< new positions are rounded to float, as the file will hold them
-  /// The block still is a part of the reference: creases are found. Later ones bear them (kFaceCrease01).
+  /// The block still is a part of the reference: creases are found, and lattices coarsened away. Later ones bear creases
+  /// (kFaceCrease01).
   bool find_creases = false;
   std::size_t max_faces = 0;    ///< edges are not split beyond; a later pass goes on. At least the block's
   std::uint64_t first_key = 0;  ///< of new vertices: this, the next, ...; above all others

@@ -4,6 +4,8 @@
 #include <bit>
 #include <limits>
 
+#include "octree/lists.h"
+
 namespace tessera {
 namespace {
 
@@ -11,12 +13,13 @@ constexpr double kAnywhere = std::numeric_limits<double>::max();
 /// Rounds of splits or of collapses: the first iteration brings edges of any length down to the target, the others tidy
 /// up. Fixed, and ended early only where nothing is left to do in the block.
 constexpr int kFirstRounds = 24, kLaterRounds = 1;
-constexpr int kFlipRounds = 3, kRefineRounds = 6;
+constexpr int kRefineRounds = 6;
 constexpr double kSplitAbove = 4.0 / 3.0, kCollapseBelow = 0.8;  ///< of the target
 /// Scanners and extraction leave lattices of sheared squares, all valences six, all lengths within the limits: nothing in
 /// the loop would ever change them. So the first iteration begins with far fewer vertices than there will be.
 constexpr double kCoarseBelow = 1.8, kCoarseLongest = 2.4;
 constexpr int kCoarseRounds = 4;
+constexpr std::uint32_t kLengthClasses = 1u << 11;  ///< the upper bits of a float without a sign
 
 }  // namespace
 
@@ -36,7 +39,7 @@ Remesher::Remesher(CollapseMesh& mesh, const MeshBlock& block, const ReferenceSu
   }
   live_faces_ = mesh_.faces().size();
   set_lines();
-  find_feet();
+  find_feet(surface.faces_at(block));
 }
 
 /// Creases are marked on both sides or on one, where another block saw less of them; both count.
@@ -63,7 +66,8 @@ void Remesher::set_lines() {
   }
 }
 
-void Remesher::find_feet() {
+/// \param own  per vertex of the block, a face of the reference that it is a corner of
+void Remesher::find_feet(const std::vector<std::uint32_t>& own) {
   for (std::uint32_t v = 0; v < info_.size(); ++v) {
     Info& info = info_[v];
     const bool on_line = info.foot == 0;
@@ -75,7 +79,8 @@ void Remesher::find_feet() {
       mesh_.add_state(v, kVertexFixed);
     }
     if (!on_line && !(mesh_.state(v) & kVertexFixed)) {
-      info.foot = surface_.closest(mesh_.at(v), kAnywhere).slot;
+      info.foot = own[mesh_.block_vertex(v)];
+      if (info.foot == ReferenceSurface::kNone) info.foot = surface_.closest(mesh_.at(v), kAnywhere).slot;
       if (info.foot != ReferenceSurface::kNone) info.normal = surface_.normal(info.foot);
     }
     set_target(info, mesh_.at(v));
@@ -98,34 +103,36 @@ void Remesher::run(RemeshReport& report) {
     report.locked_vertices += (mesh_.state(v) & kVertexLocked) != 0;
   for (int i = 0; i < options_.iterations; ++i) {
     const int rounds = i == 0 ? kFirstRounds : kLaterRounds;
-    for (int r = 0; r < rounds && split_long(report) > 0; ++r) {
+    split_long(rounds, report);
+    // Later passes find a mesh without a lattice but for what lies along seams.
+    if (i == 0 && options_.find_creases) coarsen(report);
+    collapse_short({kCollapseBelow, kSplitAbove}, rounds, report);
+    if (i == 0) {
+      sort_by_place();
+    } else {
+      compact();
     }
-    if (i == 0) coarsen(report);
-    for (int r = 0; r < rounds && collapse_short({kCollapseBelow, kSplitAbove}, report) > 0; ++r) {
-    }
-    compact();
-    for (int r = 0; r < kFlipRounds && flip_all(report) > 0; ++r) {
-    }
+    flip_all(report);
     for (int r = 0; r < options_.relaxations; ++r) relax_all(report);
   }
   if (!options_.refine_beyond) return;
+  changed_.assign(info_.size(), 0);
   for (int r = 0; r < kRefineRounds && refine_beyond(report) > 0; ++r) {
   }
 }
 
 /// Down to a mesh too coarse, and by splits back to one that remembers nothing of the lattice it came from.
 void Remesher::coarsen(RemeshReport& report) {
-  for (int r = 0; r < kCoarseRounds && collapse_short({kCoarseBelow, kCoarseLongest}, report) > 0; ++r) {
-  }
+  collapse_short({kCoarseBelow, kCoarseLongest}, kCoarseRounds, report);
   compact();
-  for (int r = 0; r < kFirstRounds && split_long(report) > 0; ++r) {
-  }
+  split_long(kFirstRounds, report);
 }
 
-/// All edges that are wanted, by the class of their length, then by the keys of their ends.
+/// All edges that are wanted, by the class of their length, then in the order of faces: neighbours after each other.
 template <class Wanted>
 void Remesher::list_edges(const Wanted& wanted, bool longest_first) {
-  edges_.clear();
+  listed_.clear();
+  std::vector<std::uint32_t> begin(kLengthClasses + 1);
   for (std::uint32_t f = 0; f < mesh_.faces().size(); ++f) {
     const CollapseFace& face = mesh_.face(f);
     if (face.state & kStateDead) continue;
@@ -133,18 +140,14 @@ void Remesher::list_edges(const Wanted& wanted, bool longest_first) {
       const std::uint32_t c = 4 * f + i, o = face.opposite[i];
       if (o == kNoCorner ? !mesh_.border_edge(c) : o < c) continue;
       const std::uint32_t a = mesh_.vertex(next_corner(c)), b = mesh_.vertex(prev_corner(c));
-      const double square = square_of(a, b);
-      if (!wanted(square, a, b)) continue;
+      if (!wanted(a, b)) continue;
       // Eight classes to a factor of two of the square.
-      const std::uint32_t bits = std::bit_cast<std::uint32_t>(static_cast<float>(square)) >> 20;
-      edges_.push_back({longest_first ? ~bits : bits, c, std::min(info_[a].key, info_[b].key),
-                        std::max(info_[a].key, info_[b].key), a, b});
+      const std::uint32_t bits = std::bit_cast<std::uint32_t>(static_cast<float>(square_of(a, b))) >> 20;
+      listed_.push_back({longest_first ? kLengthClasses - 1 - bits : bits, c, a, b});
     }
   }
-  std::sort(edges_.begin(), edges_.end(), [](const Edge& x, const Edge& y) {
-    if (x.length_class != y.length_class) return x.length_class < y.length_class;
-    return x.low != y.low ? x.low < y.low : x.high < y.high;
-  });
+  edges_.resize(listed_.size());
+  counting_sort<Edge>(listed_, edges_, begin, [](const Edge& e) { return e.length_class; });
 }
 
 /// Whether the corner still lies across the edge; others turn up in the next round.
@@ -153,19 +156,22 @@ bool Remesher::current(const Edge& e) const {
          mesh_.vertex(prev_corner(e.corner)) == e.b;
 }
 
-std::size_t Remesher::split_long(RemeshReport& report) {
-  list_edges(
-      [&](double square, std::uint32_t a, std::uint32_t b) {
-        const double most = kSplitAbove * target(a, b);
-        return square > most * most && !info_[a].held && !info_[b].held;
-      },
-      true);
-  std::size_t done = 0;
-  for (const Edge& e : edges_) {
-    done += split_if_free(e, report);
+/// All edges in the first round; then those with faces that the round before cut, the others being short or refused for good.
+void Remesher::split_long(int rounds, RemeshReport& report) {
+  changed_.assign(info_.size(), 0);
+  for (round_ = 0; round_ < rounds; ++round_) {
+    list_edges(
+        [&](std::uint32_t a, std::uint32_t b) {
+          if (changed_[a] < round_ || changed_[b] < round_) return false;
+          const double most = kSplitAbove * target(a, b);
+          return square_of(a, b) > most * most && !info_[a].held && !info_[b].held;
+        },
+        true);
+    std::size_t done = 0;
+    for (const Edge& e : edges_) done += split_if_free(e, report);
+    report.splits += done;
+    if (done == 0) return;
   }
-  report.splits += done;
-  return done;
 }
 
 bool Remesher::split_if_free(const Edge& e, RemeshReport& report) {
@@ -177,7 +183,10 @@ bool Remesher::split_if_free(const Edge& e, RemeshReport& report) {
     ++report.by_room;
     return false;
   }
+  for (const std::uint32_t v : {e.a, e.b, mesh_.vertex(e.corner)}) mark_changed(v);
+  if (o != kNoCorner) mark_changed(mesh_.vertex(o));
   split(e);
+  mark_changed(static_cast<std::uint32_t>(info_.size() - 1));
   return true;
 }
 
@@ -195,7 +204,7 @@ std::size_t Remesher::refine_beyond(RemeshReport& report) {
     }
   }
   const auto wanted = [&](std::uint32_t c) { return (longest[c >> 2] >> (c & 3u) & 1u) != 0; };
-  list_edges([](double, std::uint32_t, std::uint32_t) { return true; }, true);
+  list_edges([](std::uint32_t, std::uint32_t) { return true; }, true);
   std::erase_if(edges_, [&](const Edge& e) {
     const std::uint32_t o = mesh_.opposite(e.corner);
     return !wanted(e.corner) && !(o != kNoCorner && wanted(o));
@@ -253,18 +262,28 @@ void Remesher::split(const Edge& e) {
     mesh_.add_state(m, kVertexFixed);
   }
   info_.push_back(info);
+  changed_.push_back(0);
   live_faces_ += o == kNoCorner ? 1 : 2;
 }
 
-std::size_t Remesher::collapse_short(const CollapseLengths& lengths, RemeshReport& report) {
+/// All edges in the first round; then those at vertices whose stars the round before changed: the others would be refused
+/// again.
+void Remesher::collapse_short(const CollapseLengths& lengths, int rounds, RemeshReport& report) {
+  changed_.assign(info_.size(), 0);
+  mark_.resize(info_.size(), 0);
+  for (round_ = 0; round_ < rounds && collapse_listed(lengths, report) > 0; ++round_) {
+  }
+}
+
+std::size_t Remesher::collapse_listed(const CollapseLengths& lengths, RemeshReport& report) {
   list_edges(
-      [&](double square, std::uint32_t a, std::uint32_t b) {
+      [&](std::uint32_t a, std::uint32_t b) {
+        if (changed_[a] < round_ && changed_[b] < round_) return false;
         const double least = lengths.shortest * target(a, b);
         const bool both_kept = (mesh_.state(a) & kVertexKept) && (mesh_.state(b) & kVertexKept);
-        return square < least * least && (!both_kept || corners_merge(a, b));
+        return square_of(a, b) < least * least && (!both_kept || corners_merge(a, b));
       },
       false);
-  mark_.resize(info_.size(), 0);
   std::size_t done = 0;
   for (const Edge& e : edges_) {
     if (!current(e)) continue;
@@ -280,6 +299,7 @@ std::size_t Remesher::collapse_short(const CollapseLengths& lengths, RemeshRepor
       std::size_t at = 0;
       refusal = check_collapse(u, v, lengths.longest, at);
       if (refusal != Refusal::kNone) continue;
+      for (std::size_t i = 0; i < star_.ring_size(); ++i) mark_changed(star_.ring[i]);
       live_faces_ -= star_.closed || (at > 0 && at < star_.faces) ? 2 : 1;
       mesh_.collapse(star_, at);
       ++done;
@@ -319,6 +339,17 @@ void Remesher::compact() {
   mesh_.compact(kept);
   for (std::size_t i = 0; i < kept.size(); ++i) info_[i] = info_[kept[i]];
   info_.resize(kept.size());
+}
+
+/// Most vertices are new by now: what is near in space lies near in memory again.
+void Remesher::sort_by_place() {
+  std::vector<Edge>().swap(edges_);  // their memory is needed here
+  std::vector<Edge>().swap(listed_);
+  std::vector<std::uint32_t> from;
+  mesh_.sort_by_place(from);
+  std::vector<Info> sorted(from.size());
+  for (std::size_t i = 0; i < from.size(); ++i) sorted[i] = info_[from[i]];
+  info_.swap(sorted);
 }
 
 }  // namespace tessera

@@ -30,11 +30,10 @@ class Remesher {
     bool moved = false;                            ///< or new
     bool line = false;                             ///< on a crease or border, not a corner
   };
-  /// An edge by the corner opposite it, with the order in which edges are worked on.
+  /// An edge by the corner opposite it, and how long it is.
   struct Edge {
     std::uint32_t length_class, corner;
-    std::uint64_t low, high;  ///< keys
-    std::uint32_t a, b;       ///< vertices
+    std::uint32_t a, b;  ///< vertices
   };
   enum class Refusal : std::uint8_t { kNone, kLink, kFold, kTolerance };
   /// In units of the target: edges below `shortest` collapse where none gets longer than `longest`.
@@ -48,7 +47,7 @@ class Remesher {
   };
 
   void set_lines();
-  void find_feet();
+  void find_feet(const std::vector<std::uint32_t>& own);
   template <class Wanted>
   void list_edges(const Wanted& wanted, bool longest_first);
   bool current(const Edge& e) const;
@@ -56,18 +55,20 @@ class Remesher {
     return squared_distance(mesh_.at(a), mesh_.at(b));
   }
   double target(std::uint32_t a, std::uint32_t b) const { return std::min(info_[a].target, info_[b].target); }
+  void mark_changed(std::uint32_t v) { changed_[v] = static_cast<std::uint8_t>(round_ + 1); }
   bool is_line(std::uint32_t c) const { return mesh_.crease_edge(c) || mesh_.border_edge(c); }
 
-  std::size_t split_long(RemeshReport& report);
+  void split_long(int rounds, RemeshReport& report);
   bool split_if_free(const Edge& e, RemeshReport& report);
   void split(const Edge& e);
   std::size_t refine_beyond(RemeshReport& report);
   void coarsen(RemeshReport& report);
-  std::size_t collapse_short(const CollapseLengths& lengths, RemeshReport& report);
+  void collapse_short(const CollapseLengths& lengths, int rounds, RemeshReport& report);
+  std::size_t collapse_listed(const CollapseLengths& lengths, RemeshReport& report);
   Refusal check_collapse(std::uint32_t u, std::uint32_t v, double longest, std::size_t& at);
   bool linked(std::size_t at);
   bool corners_merge(std::uint32_t a, std::uint32_t b) const;
-  std::size_t flip_all(RemeshReport& report);
+  void flip_all(RemeshReport& report);
   Refusal try_flip(std::uint32_t c);
   int excess(std::uint32_t v, std::uint32_t corner) const;
   std::size_t relax_all(RemeshReport& report);
@@ -76,8 +77,10 @@ class Remesher {
   Double3 wish(std::uint32_t v) const;
   void count_valences();
   void compact();
+  void sort_by_place();
 
   static double roundness(const Double3& a, const Double3& b, const Double3& c);
+  static double square_roundness(const Double3& a, const Double3& b, const Double3& c);
   bool normal_fits(const NewFace& f, const Double3& n) const;
   bool within(const NewFace& f) const;
   bool near_at_points(const NewFace& f, double limit, std::uint32_t hint) const;
@@ -91,8 +94,10 @@ class Remesher {
   const RemeshOptions& options_;
   double least_turn_ = -1.0;  ///< cosine of max_normal_turn_deg
   std::vector<Info> info_;
-  std::vector<Edge> edges_;
+  std::vector<Edge> edges_, listed_;  ///< in the order of work, as found
   std::vector<std::uint8_t> valence_;
+  int round_ = 0;
+  std::vector<std::uint8_t> changed_;  ///< per vertex: the round behind the last one that changed its star
   std::vector<std::uint32_t> mark_;
   std::uint32_t stamp_ = 0;
   std::uint64_t next_key_ = 0;

@@ -14,6 +14,9 @@ constexpr double kAlongBefore = 0.5;  ///< of a face without such a corner, to w
 constexpr double kLeastRoundness = 0.1;
 /// Of the length: shorter edges go even where that leaves others longer than would be split.
 constexpr double kSliver = 0.45;  ///< roundness below which shape counts more than valences
+constexpr double kBetter = 1.1,
+                 kBetterBy = 0.02;  ///< by how much roundness must grow for a flip that leaves valences
+constexpr double kRoundEnough = (1.0 - kBetterBy) / kBetter;  ///< from here on it cannot
 constexpr double kNeedle = 0.4, kLongBesideNeedle = 1.8;
 
 }  // namespace
@@ -23,6 +26,13 @@ double Remesher::roundness(const Double3& a, const Double3& b, const Double3& c)
   const Double3 u = b - a, v = c - a, w = c - b;
   const double squares = dot(u, u) + dot(v, v) + dot(w, w);
   return squares > 0.0 ? 2.0 * 1.7320508075688772 * norm(cross(u, v)) / squares : 0.0;
+}
+
+/// Its square, without a root.
+double Remesher::square_roundness(const Double3& a, const Double3& b, const Double3& c) {
+  const Double3 u = b - a, v = c - a, w = c - b, n = cross(u, v);
+  const double squares = dot(u, u) + dot(v, v) + dot(w, w);
+  return squares > 0.0 ? 12.0 * dot(n, n) / (squares * squares) : 0.0;
 }
 
 /// \param n  normal of what the face takes the place of; zero: unknown
@@ -182,8 +192,9 @@ void Remesher::count_valences() {
 }
 
 namespace {
+constexpr int kFlipRounds = 3;
 constexpr int kNoSay = 1000;  ///< stars that are not whole, and corners, whose angles differ
-}
+}  // namespace
 
 /// How many more faces than a regular star the vertex of the corner has, on the side of that corner where lines part it.
 int Remesher::excess(std::uint32_t v, std::uint32_t corner) const {
@@ -203,20 +214,30 @@ int Remesher::excess(std::uint32_t v, std::uint32_t corner) const {
   return faces - 3;
 }
 
-std::size_t Remesher::flip_all(RemeshReport& report) {
+/// All edges once, then those with something new around them. What an edge decides depends on the stars of the four
+/// vertices around it, so the others would decide as before.
+void Remesher::flip_all(RemeshReport& report) {
   count_valences();
-  std::size_t done = 0;
-  for (std::uint32_t f = 0; f < mesh_.faces().size(); ++f)
-    for (std::uint32_t c = 4 * f; c < 4 * f + 3; ++c) {
-      const std::uint32_t o = mesh_.opposite(c);
-      if (o == kNoCorner || o < c || is_line(c)) continue;
-      const Refusal refusal = try_flip(c);
-      done += refusal == Refusal::kNone;
-      report.by_fold += refusal == Refusal::kFold;
-      report.by_tolerance += refusal == Refusal::kTolerance;
-    }
-  report.flips += done;
-  return done;
+  changed_.assign(info_.size(), 0);
+  for (round_ = 0; round_ < kFlipRounds; ++round_) {
+    std::size_t done = 0;
+    for (std::uint32_t f = 0; f < mesh_.faces().size(); ++f)
+      for (std::uint32_t c = 4 * f; c < 4 * f + 3; ++c) {
+        const std::uint32_t o = mesh_.opposite(c);
+        if (o == kNoCorner || o < c || is_line(c)) continue;
+        const std::uint32_t around[4] = {mesh_.vertex(c), mesh_.vertex(next_corner(c)),
+                                         mesh_.vertex(prev_corner(c)), mesh_.vertex(o)};
+        if (std::all_of(around, around + 4, [&](std::uint32_t v) { return changed_[v] < round_; })) continue;
+        const Refusal refusal = try_flip(c);
+        report.by_fold += refusal == Refusal::kFold;
+        report.by_tolerance += refusal == Refusal::kTolerance;
+        if (refusal != Refusal::kNone) continue;
+        ++done;
+        for (const std::uint32_t v : around) mark_changed(v);
+      }
+    report.flips += done;
+    if (done == 0) return;
+  }
 }
 
 Remesher::Refusal Remesher::try_flip(std::uint32_t c) {
@@ -234,12 +255,17 @@ Remesher::Refusal Remesher::try_flip(std::uint32_t c) {
     if (e != kNoSay) change += 1 + 2 * e;
   }
   const Double3 &pu = mesh_.at(u), &pw = mesh_.at(w), &pa = mesh_.at(a), &pb = mesh_.at(b);
-  const double before = std::min(roundness(pu, pa, pb), roundness(pw, pb, pa)),
+  const double square_before = std::min(square_roundness(pu, pa, pb), square_roundness(pw, pb, pa));
+  // Most edges: nothing to gain.
+  if (square_before >= kSliver * kSliver &&
+      (change > 0 || (change == 0 && square_before >= kRoundEnough * kRoundEnough)))
+    return Refusal::kLink;
+  const double before = std::sqrt(square_before),
                after = std::min(roundness(pu, pa, pw), roundness(pw, pb, pu));
   // Valences that stay as good must pay in shape; better ones may cost some, which relaxation makes up for.
   const bool sliver = before < kSliver && after > 1.5 * before;
   if (!sliver && (change > 0    ? true
-                  : change == 0 ? after < 1.1 * before + 0.02
+                  : change == 0 ? after < kBetter * before + kBetterBy
                                 : after < 0.35 && after < before))
     return Refusal::kLink;
   if (info_[u].held || info_[w].held || info_[a].held || info_[b].held) return Refusal::kLink;

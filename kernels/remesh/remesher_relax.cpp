@@ -81,17 +81,22 @@ bool Remesher::place(std::uint32_t v, const Double3& to, RemeshReport& report) {
   for (std::size_t i = 0; i < star_.faces; ++i) {
     const std::uint32_t a = star_.ring[i], b = star_.ring[i + 1 < star_.ring_size() ? i + 1 : 0];
     const NewFace face{{v, a, b}, {foot.at, mesh_.at(a), mesh_.at(b)}};
-    const Double3 before = triangle_normal(old, face.at[1], face.at[2]),
-                  after = triangle_normal(face.at[0], face.at[1], face.at[2]);
-    const double along = dot(before, after), squares = dot(before, before) * dot(after, after);
+    const Double3 p = face.at[1] - foot.at, q = face.at[2] - foot.at, side = face.at[2] - face.at[1],
+                  before = cross(face.at[1] - old, face.at[2] - old), after = cross(p, q);
+    const double along = dot(before, after), square_before = dot(before, before),
+                 square_after = dot(after, after), sides = dot(p, p) + dot(q, q) + dot(side, side);
     // A face that is flat or lies wrong already may turn, if the reference says so.
-    const bool turned = along <= 0.0 || along * along < kAlongBefore * kAlongBefore * squares;
-    const NewFace was{{v, a, b}, {old, face.at[1], face.at[2]}};
-    const bool flat = roundness(old, was.at[1], was.at[2]) < kFlatFace;
-    if (turned && !(normal_fits(face, {}) && (flat || !normal_fits(was, {})))) return refuse(report.by_fold);
+    const bool turned =
+        along <= 0.0 || along * along < kAlongBefore * kAlongBefore * square_before * square_after;
+    const auto was_flat = [&] {
+      return square_roundness(old, face.at[1], face.at[2]) < kFlatFace * kFlatFace;
+    };
+    if (turned && !(normal_fits(face, {}) &&
+                    (was_flat() || !normal_fits({{v, a, b}, {old, face.at[1], face.at[2]}}, {}))))
+      return refuse(report.by_fold);
     // Nor may it all but vanish.
-    if (dot(after, after) < 0.04 * dot(before, before) ||
-        (!flat && roundness(face.at[0], face.at[1], face.at[2]) < kFlatFace))
+    if (square_after < 0.04 * square_before ||
+        (12.0 * square_after < kFlatFace * kFlatFace * sides * sides && !was_flat()))
       return refuse(report.by_fold);
     if (!within(face)) return refuse(report.by_tolerance);
   }

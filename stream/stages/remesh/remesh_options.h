@@ -16,7 +16,7 @@ struct RemeshJobOptions {
   double min_edge = 0.0, max_edge = 0.0;  ///< units of the mesh; of lengths that adapt; 0 = from the mesh
   double max_normal_deviation_deg = 0.0;
   double feature_angle_deg = 25.0;
-  int iterations = 5;  ///< in each pass
+  int iterations = 4;  ///< in each pass
   int passes = 3;
   std::uint64_t block_faces = 1u << 16;
 

@@ -51,7 +51,7 @@ json to_json(const RemeshReport& r) {
 
 /// Per face whether it lies within some rings of a face that an earlier pass could not settle.
 std::vector<std::uint8_t> near_unsettled(const MeshBlock& block) {
-  constexpr int kRings = 8;
+  constexpr int kRings = 5;
   std::vector<std::uint8_t> reached(block.key.size(), 0), near(block.faces.size(), 0);
   for (std::size_t f = 0; f < near.size(); ++f)
     if ((block.face_flags[f] & kFaceSettled) == 0)
@@ -134,14 +134,14 @@ class RemeshStage : public Stage {
       if (blocks_.copy_unchanged(cut, &writer, sum, context)) continue;
       MeshBlock block = in_.load(cut.patches);
       add_counts(sum, remesh_block(b, block, context));
-      quality.add(block, sizing_.edge);
+      if (is_last()) quality.add(block, sizing_.edge);
       write_block(cut, in_.info().lattice, block, writer);
       context.count_read(in_.block_bytes(cut.patches));
       context.advance(cut.faces);
     }
     context.count_written(writer.finish());
     sum["blocks"] = blocks_.end(task) - blocks_.first(task);
-    sum["quality"] = quality_sums(quality);
+    if (is_last()) sum["quality"] = quality_sums(quality);
     return sum;
   }
 
@@ -151,15 +151,18 @@ class RemeshStage : public Stage {
     TriangleQuality quality;
     json sum = json::object();
     for (json s : summaries) {
-      quality.merge(quality_of(s.at("quality")));
+      if (is_last()) quality.merge(quality_of(s.at("quality")));
       s.erase("quality");
       add_counts(sum, s);
     }
-    sum["quality"] = quality_report(quality, sizing_.edge);
+    if (is_last()) sum["quality"] = quality_report(quality, sizing_.edge);
     return sum;
   }
 
  private:
+  /// Of the round: the shape of what it leaves is told.
+  bool is_last() const { return pass_.pass + 1 == options_.passes; }
+
   /// The first pass does all of a block, later ones what lies near the seams of the ones before.
   json remesh_block(std::size_t b, MeshBlock& block, TaskContext& context) const {
     const std::vector<std::uint8_t> near = near_unsettled(block);
