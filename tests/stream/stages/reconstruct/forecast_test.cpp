@@ -263,7 +263,7 @@ TEST_CASE("forecast: a hot brick of 4.19 million points is told with what normal
   plan.bricks = 1;
   plan.buckets = cut_buckets(bricks, 1 << 20, reconstruct_options(job).max_brick_points);
   const Forecast forecast = forecast_job(plan, bricks, {4, 32 * kMiB}, job);
-  CHECK(find(forecast, "normals")->task_bytes == (std::uint64_t{1} << 22) * 197 + 12 * kMiB);
+  CHECK(find(forecast, "normals")->task_bytes == (std::uint64_t{1} << 22) * 201 + 12 * kMiB);
   CHECK(find(forecast, "order")->task_bytes >= HotBrick::bytes(std::uint64_t{1} << 22, 0));
   job.run.memory_bytes = 700 * kMiB;
   CHECK_THROWS_WITH(require_resources(forecast, job, 0, [&](std::uint64_t) { return forecast; }),
