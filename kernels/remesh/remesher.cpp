@@ -104,8 +104,8 @@ void Remesher::run(RemeshReport& report) {
   for (int i = 0; i < options_.iterations; ++i) {
     const int rounds = i == 0 ? kFirstRounds : kLaterRounds;
     split_long(rounds, report);
-    // Later passes find a mesh without a lattice but for what lies along seams.
-    if (i == 0 && options_.find_creases) coarsen(report);
+    // Later passes find no lattice but along seams; where lengths adapt they undo what the tolerance had split.
+    if (i == 0 && (options_.find_creases || options_.sizing_tolerance > 0.0)) coarsen(report);
     collapse_short({kCollapseBelow, kSplitAbove}, rounds, report);
     if (i == 0) {
       sort_by_place();
