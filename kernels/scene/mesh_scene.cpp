@@ -5,6 +5,7 @@
 #include <limits>
 
 #include "kernels/mesh/triangle_foot.h"
+#include "octree/box_levels.h"
 #include "octree/error.h"
 #include "octree/morton.h"
 #include "octree/vector.h"
@@ -207,20 +208,7 @@ class MeshScene final : public Scene {
           box.high[a] = first ? high : std::max(box.high[a], high);
         }
     }
-    levels_.push_back(std::move(boxes));
-    while (levels_.back().size() > 1) {
-      const std::vector<BoxF>& below = levels_.back();
-      std::vector<BoxF> next((below.size() + kChildren - 1) / kChildren);
-      for (std::size_t b = 0; b < below.size(); ++b) {
-        BoxF& box = next[b / kChildren];
-        if (b % kChildren == 0) box = below[b];
-        for (std::size_t a = 0; a < 3; ++a) {
-          box.low[a] = std::min(box.low[a], below[b].low[a]);
-          box.high[a] = std::max(box.high[a], below[b].high[a]);
-        }
-      }
-      levels_.push_back(std::move(next));
-    }
+    levels_ = box_levels(std::move(boxes), kChildren);
   }
 
   static double square_to(const BoxF& box, const Double3& p) {

@@ -1,4 +1,5 @@
 #include "kernels/solid/swept_tool.h"
+#include "octree/box_levels.h"
 
 #include <algorithm>
 #include <cmath>
@@ -125,20 +126,7 @@ void SweptTool::build() {
         box.high[a] = std::max(box.high[a], p[a]);
       }
   }
-  levels_.push_back(std::move(boxes));
-  while (levels_.back().size() > 1) {
-    const std::vector<Box>& below = levels_.back();
-    std::vector<Box> next((below.size() + kChildren - 1) / kChildren);
-    for (std::size_t b = 0; b < below.size(); ++b) {
-      Box& box = next[b / kChildren];
-      if (b % kChildren == 0) box = below[b];
-      for (std::size_t a = 0; a < 3; ++a) {
-        box.low[a] = std::min(box.low[a], below[b].low[a]);
-        box.high[a] = std::max(box.high[a], below[b].high[a]);
-      }
-    }
-    levels_.push_back(std::move(next));
-  }
+  levels_ = box_levels(std::move(boxes), kChildren);
 }
 
 /// No value of a tool with its tip in the box is lower.

@@ -8,8 +8,8 @@
 
 #include "octree/error.h"
 #include "stream/files/durable_file.h"
-#include "stream/files/json_text.h"
 #include "stream/files/read_file.h"
+#include "stream/runtime/json_reader.h"
 #include "stream/runtime/option_table.h"
 
 namespace tessera {
@@ -17,46 +17,9 @@ namespace {
 
 using json = nlohmann::json;
 
-class Reader {
+class Reader : public JsonReader {
  public:
-  explicit Reader(std::string name) : name_(std::move(name)) {}
-
-  [[noreturn]] void fail(const std::string& what) const { throw InputError(name_ + ": " + what); }
-
-  json parsed(const std::string& text) const { return parse_json(text, name_); }
-
-  void known(const json& object, const std::string& what, const std::vector<std::string>& keys) const {
-    if (!object.is_object()) fail(what + " is an object");
-    for (const auto& [key, value] : object.items())
-      if (std::find(keys.begin(), keys.end(), key) == keys.end())
-        fail("\"" + key + "\" is not known in " + what + did_you_mean(key, keys));
-  }
-
-  double number(const json& value, const std::string& what) const {
-    if (!value.is_number() || !std::isfinite(value.get<double>())) fail(what + " takes a number");
-    return value.get<double>();
-  }
-  std::vector<double> numbers(const json& value, std::size_t count, const std::string& what) const {
-    if (!value.is_array() || value.size() != count)
-      fail(what + " takes " + std::to_string(count) + " numbers");
-    std::vector<double> out;
-    for (const json& v : value) out.push_back(number(v, what));
-    return out;
-  }
-  Double3 point(const json& value, const std::string& what) const {
-    const std::vector<double> n = numbers(value, 3, what);
-    return {n[0], n[1], n[2]};
-  }
-  std::vector<Double3> points(const json& value, const std::string& what) const {
-    if (!value.is_array() || value.empty()) fail(what + " takes a list of at least one point");
-    std::vector<Double3> out;
-    for (const json& v : value) out.push_back(point(v, what));
-    return out;
-  }
-  const json& member(const json& object, const char* key, const std::string& what) const {
-    if (!object.contains(key)) fail(what + " wants \"" + key + "\"");
-    return object.at(key);
-  }
+  using JsonReader::JsonReader;
 
   EditRegion region(const json& r, const std::string& what, std::vector<std::uint64_t>& vertices) const {
     known(r, what,
@@ -72,8 +35,7 @@ class Reader {
       fail(what + ": \"role\" is fixed, support or handle");
     }
     if (r.contains("name")) {
-      if (!r.at("name").is_string()) fail(what + ": \"name\" takes a text");
-      out.name = r.at("name").get<std::string>();
+      out.name = text(r.at("name"), what + ": \"name\"");
     } else if (out.role == RegionRole::kHandle) {
       fail(what + ": a handle wants a \"name\", which its motion is given for");
     }
@@ -197,8 +159,6 @@ class Reader {
            " targets: give one for each");
     region.targets = std::move(to);
   }
-
-  std::string name_;
 };
 
 }  // namespace

@@ -9,7 +9,7 @@
 #include "octree/error.h"
 #include "stream/files/direct_file.h"
 #include "stream/files/output_file.h"
-#include "stream/files/read_file.h"
+#include "stream/files/record_file.h"
 #include "stream/files/task_files.h"
 #include "stream/formats/octree_file.h"
 #include "stream/formats/vdb_file.h"
@@ -286,18 +286,12 @@ class OctreeStage : public Stage {
     header.tolerance = tolerance_;
     for (int a = 0; a < 3; ++a) header.origin[static_cast<std::size_t>(a)] = plan_.lattice.world(a, 0.0);
     out.append(&header, sizeof header);
-    std::vector<char> page(kPage);
-    for (const auto& path : files_) {
-      const ReadFile file(path);
-      for (std::uint64_t at = 0; at < file.size();) {
+    for (const auto& path : files_)
+      for_each_page<char>(path, kPage, [&](auto page) {
         context.check_stop();
-        const std::uint64_t bytes = std::min<std::uint64_t>(kPage, file.size() - at);
-        file.read_at(at, page.data(), bytes);
-        out.append(page.data(), bytes);
-        at += bytes;
-        context.advance(bytes);
-      }
-    }
+        out.append(page.data(), page.size());
+        context.advance(page.size());
+      });
     const std::uint64_t bytes = out.size();
     out.finish();
     context.count_written(bytes);

@@ -6,6 +6,7 @@
 #include <limits>
 
 #include "kernels/solid/offset_field.h"
+#include "octree/box_levels.h"
 
 namespace tessera {
 namespace {
@@ -37,20 +38,7 @@ PatchTree::PatchTree(const MeshStore& mesh, const Lattice& lattice) : mesh_(mesh
     largest_ = std::max(largest_, patch_bytes(p));
     all_ += patch_bytes(p);
   }
-  levels_.push_back(std::move(boxes));
-  while (levels_.back().size() > 1) {
-    const std::vector<Box>& below = levels_.back();
-    std::vector<Box> next((below.size() + kChildren - 1) / kChildren);
-    for (std::size_t b = 0; b < below.size(); ++b) {
-      Box& box = next[b / kChildren];
-      if (b % kChildren == 0) box = below[b];
-      for (std::size_t a = 0; a < 3; ++a) {
-        box.low[a] = std::min(box.low[a], below[b].low[a]);
-        box.high[a] = std::max(box.high[a], below[b].high[a]);
-      }
-    }
-    levels_.push_back(std::move(next));
-  }
+  levels_ = box_levels(std::move(boxes), kChildren);
 }
 
 std::uint64_t PatchTree::patch_bytes(std::size_t patch) const {
