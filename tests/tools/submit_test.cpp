@@ -93,8 +93,7 @@ TEST_CASE("submit: a dry run prints scripts that bash reads, for every job, and 
   for (const std::string job :
        {"reconstruct scan.ply -o out.ply --tolerance 0.1", "decimate mesh.ply -o out.ply --tolerance 0.1",
         "smooth mesh.ply -o out.ply", "remesh mesh.ply -o out.ply --faces 1000",
-        "resample mesh.ply -o out.ply",
-        "resurface mesh.ply -o out.ply", "csg mesh.ply - mesh.ply -o out.ply",
+        "resample mesh.ply -o out.ply", "resurface mesh.ply -o out.ply", "csg mesh.ply - mesh.ply -o out.ply",
         "merge mesh.ply other.ply -o out.ply", "tiles mesh.ply -o site"}) {
     CAPTURE(job);
     for (const std::string& call :
