@@ -151,7 +151,15 @@ DeviationPair certify_pair(const SurfaceFaces& a, const SurfaceFaces& b, const B
     bound = std::move(side.bound);
     return Finisher(from, to, core, origin, options, side.report, bound).run();
   };
-  if (coarse.faces.empty() || coarse.faces.size() * kFewer > fine.faces.size()) {
+  if (coarse.faces.empty()) {  // nothing to lay over anything
+    const auto search = [&](const SurfaceFaces& from, const SurfaceFaces& to, std::vector<float>& bound) {
+      return certify_deviation(from, core, ClosestFaces(to.position, to.faces, origin), options, &bound);
+    };
+    out.there = search(a, b, out.there_bound);
+    out.back = search(b, a, out.back_bound);
+    return out;
+  }
+  if (coarse.faces.size() * kFewer > fine.faces.size()) {
     // A face lies over several of the other surface: each surface is the coarse one once.
     const auto one_way = [&](const SurfaceFaces& from, const SurfaceFaces& to, std::vector<float>& bound) {
       OverlaySide side =

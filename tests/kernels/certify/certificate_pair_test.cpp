@@ -53,6 +53,7 @@ double hills(double x, double y) {
 
 /// A coarse grid whose corners lie on the fine one.
 constexpr int kCoarse = 8, kFine = 48;
+constexpr int kAlike = 40;  ///< not so much coarser that one overlay would do
 
 }  // namespace
 
@@ -106,8 +107,23 @@ TEST_CASE("certificate of a pair: says what the search of both directions says",
   }
 }
 
+TEST_CASE("certificate of a pair: where one surface has no face, all of the other is beyond", "[unit]") {
+  const Surface hill = test::height_grid(kCoarse, 1.0, hills), none;
+  for (const DeviationPair& pair : {measure(hill, none, 0.1), measure(none, hill, 0.1)}) {
+    const bool first = pair.there.faces > 0;
+    const DeviationReport &some = first ? pair.there : pair.back, &nothing = first ? pair.back : pair.there;
+    CHECK(some.faces == hill.faces.size());
+    CHECK(some.beyond);
+    CHECK(std::isinf(some.upper));
+    CHECK(nothing.faces == 0);
+    CHECK_FALSE(nothing.beyond);
+  }
+}
+
 TEST_CASE("certificate of a pair: what is missing from the fine surface is missed", "[property]") {
-  const Surface coarse = test::height_grid(kCoarse, 1.0, hills);
+  const int cells = GENERATE(kCoarse, kAlike);
+  CAPTURE(cells);
+  const Surface coarse = test::height_grid(cells, 1.0, hills);
   const Surface whole = test::height_grid(kFine, 1.0, hills);
   const double tolerance = 0.01;  // a cell of the fine grid is 0.02 wide
   REQUIRE(measure(coarse, whole, tolerance).there.upper <= tolerance);
