@@ -78,7 +78,6 @@ class ReferenceSurface {
   Foot on_segment(const Double3& p, std::uint32_t segment) const;
 
   const MeshBlock* reference_;
-  Double3 origin_;
   ClosestFaces faces_, lines_;
   std::vector<std::uint32_t> slot_;  ///< per face, in faces_
   // Vertices and faces in Morton order: what is walked through lies together.

@@ -10,7 +10,6 @@
 namespace tessera {
 namespace {
 
-constexpr int kBrickQuantumBits = kBrickBits + kQuantumBits;
 constexpr int kBlockQuantumBits = kLeafBits + kQuantumBits;
 constexpr int kBlocksPerAxis = kBrickCells / kLeafCells;
 // A chunk of records fits the second-level cache together with what is made of it.

@@ -14,7 +14,9 @@ constexpr int kResourcesExit = 4;
 
 void require_instructions(int, char**, char**) {
   __builtin_cpu_init();
-  if (__builtin_cpu_supports("x86-64-v3")) return;
+  // Of what x86-64-v3 asks for the three that nothing with all of them lacks the rest of; Clang 14 has no name for the level.
+  if (__builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma") && __builtin_cpu_supports("bmi2"))
+    return;
   const auto written = ::write(2, kMessage, sizeof kMessage - 1);
   static_cast<void>(written);
   ::_exit(kResourcesExit);
