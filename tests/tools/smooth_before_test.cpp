@@ -202,8 +202,9 @@ TEST_CASE("decimate --smooth: a noisy cube keeps its edges and corners", "[pipel
   CHECK(straight > 0.9 * area);
 }
 
-TEST_CASE("--smooth: auto takes a plate where there is next to no noise, and hardly moves anything",
-          "[pipeline]") {
+TEST_CASE(
+    "reconstruct --smooth: auto takes a plate where there is next to no noise, and hardly moves anything",
+    "[pipeline]") {
   const TempFolder folder;
   const nlohmann::json report =
       run("reconstruct", scan(folder, "0"), folder / "out.ply", {"--tolerance", "1.5", "--smooth", "auto"});
@@ -214,7 +215,7 @@ TEST_CASE("--smooth: auto takes a plate where there is next to no noise, and har
   CHECK(smoothing.at("rms_move").get<double>() < 0.005 * smoothing.at("noise").at("edge").get<double>());
 }
 
-TEST_CASE("--smooth: without a bound of distance a number of faces says how far decimation goes",
+TEST_CASE("decimate --smooth: without a bound of distance a number of faces says how far decimation goes",
           "[pipeline]") {
   const TempFolder folder;
   const fs::path in = write_noisy_cube(folder / "in.ply", 0.0025);
@@ -225,7 +226,8 @@ TEST_CASE("--smooth: without a bound of distance a number of faces says how far 
   CHECK(report.at("smoothing").at("rms_move").get<double>() > 0.001);
 }
 
-TEST_CASE("--smooth: what makes no sense is refused in one sentence, before anything is read", "[pipeline]") {
+TEST_CASE("reconstruct --smooth: what makes no sense is refused in one sentence, before anything is read",
+          "[pipeline]") {
   const TempFolder folder;
   const std::string nothing = (folder / "nothing.ply").string(), out = (folder / "out.ply").string();
   const auto refused = [&](const std::vector<std::string>& line, const std::string& sentence) {
