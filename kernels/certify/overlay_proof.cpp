@@ -326,23 +326,24 @@ class Overlay {
     const std::uint32_t seed = find_seed(t);
     if (seed == kNone) return;
     samples_.clear();
-    const double at_centre = distance_at_centre(seed);
     double height = 0.0;
     if (!cover(t, seed, height)) return;
     if (!(height <= limit_)) return;
     out_.coarse.bound[t] = rounded_up(height + rounding_);
-    count_coarse(height, at_centre);
+    count_coarse(seed, height);
   }
 
-  /// From the point where the covering is counted to the fine face over it.
-  double distance_at_centre(std::uint32_t seed) {
+  /// From the point where the covering is counted to the fine face over it; `height`, the most it can be, where that face
+  /// stands upright.
+  double distance_at_centre(std::uint32_t seed, double height) {
     const auto& v = fine_.faces[seed];
     const Point* const p[3] = {&place(v[0]), &place(v[1]), &place(v[2])};
     const double area = turn(p[0]->at, p[1]->at, p[2]->at);
+    if (area == 0.0) return height;
     double z = 0.0;
     for (std::size_t i = 0; i < 3; ++i)
       z += turn(p[(i + 1) % 3]->at, p[(i + 2) % 3]->at, centre_) / area * p[i]->z;
-    return std::abs(z) * steepness(p, area);
+    return std::min(std::abs(z) * steepness(p, area), height);
   }
 
   /// Looks at all fine faces over the outline. \return whether they cover it
@@ -468,12 +469,12 @@ class Overlay {
   }
 
   /// By the fine faces whose centroid lies over it; where there are none, by one point.
-  void count_coarse(double height, double at_centre) {
+  void count_coarse(std::uint32_t seed, double height) {
     DeviationReport& report = out_.coarse.report;
     ++report.faces;
     double sum = 0.0;
     for (const auto& [weight, distance] : samples_) sum += weight;
-    if (!(sum > 0.0)) return count_piece(report, options_, area_, std::min(at_centre, height));
+    if (!(sum > 0.0)) return count_piece(report, options_, area_, distance_at_centre(seed, height));
     for (const auto& [weight, distance] : samples_)
       count_piece(report, options_, area_ * (weight / sum), std::min(distance, height));
   }
