@@ -4,6 +4,7 @@
 #include <cmath>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <optional>
 
 #include "octree/error.h"
 #include "stream/files/durable_file.h"
@@ -154,53 +155,62 @@ OptionTable option_table(Simulation& s) {
   return t;
 }
 
-/// What the report says of a stage that the plan has run, or that it is no report of a reconstruction.
-double measured_points(const nlohmann::json& report) {
-  const nlohmann::json survey = result_of(report, "survey");
-  if (!survey.is_object()) throw InputError("is no report of a reconstruction");
-  return survey.at("points").at("kept").get<double>();
+/// A reconstruction that ran.
+struct MeasuredJob {
+  std::string name;  ///< of its report
+  double points = 0.0;
+  std::vector<StageCost> stages;
+};
+
+/// \throws InputError  it is no report of a reconstruction of this version
+MeasuredJob read_measured(const fs::path& file) {
+  MeasuredJob job;
+  job.name = file.string();
+  try {
+    const nlohmann::json report = parse_json(read_text(file), job.name);
+    job.stages = stage_costs(report, job.name);
+    job.points = result_of(report, "survey").at("points").at("kept").get<double>();
+  } catch (const nlohmann::json::exception& e) {
+    throw InputError(fmt::format("{}: is no report of a reconstruction ({})", job.name, e.what()));
+  }
+  return job;
 }
 
-void print_makespans(const Simulation& simulation, const Plan& plan, int threads) {
-  const std::string name = simulation.measured.string();
-  try {
-    const nlohmann::json report = parse_json(read_text(simulation.measured), name);
-    const double points = simulation.points > 0.0 ? simulation.points : static_cast<double>(plan.points());
-    const double measured = measured_points(report);
-    const std::vector<StageCost> stages = scaled(stage_costs(report), points / measured);
+void print_makespans(const Simulation& simulation, const MeasuredJob& measured, const Plan& plan,
+                     int threads) {
+  const double points = simulation.points > 0.0 ? simulation.points : static_cast<double>(plan.points());
+  const std::vector<StageCost> stages = scaled(measured.stages, points / measured.points);
+  fmt::print(
+      "\n{:.3g} points on machines of {} threads, by the times of {} with {:.3g}; efficiency against one "
+      "core "
+      "that does it all\n",
+      points, threads, measured.name, measured.points);
+  if (points > Simulation::kMostScaling * measured.points)
     fmt::print(
-        "\n{:.3g} points on machines of {} threads, by the times of {} with {:.3g}; efficiency against one "
-        "core "
-        "that does it all\n",
-        points, threads, name, measured);
-    if (points > Simulation::kMostScaling * measured)
-      fmt::print(
-          "warning: what a job takes whatever its size was scaled {:.0f} times with the rest; measure a "
-          "larger "
-          "part\n",
-          points / measured);
-    fmt::print("{:>8}{:>12}{:>12}{:>12}{:>14}  {}\n", "nodes", "seconds", "efficiency", "serial", "busiest",
-               "longest steps");
-    for (const int nodes : simulation.counts()) {
-      const Cluster cluster{nodes, threads, static_cast<double>(simulation.io_rate)};
-      Makespan told = makespan(stages, plan_job().only_stages, cluster, {});
-      fmt::print("{:>8}{:>12.1f}{:>12.2f}{:>12.1f}{:>12}/s ", nodes, told.seconds, told.efficiency,
-                 told.serial_seconds, format_bytes(static_cast<std::uint64_t>(told.busiest_io)));
-      std::stable_sort(told.steps.begin(), told.steps.end(),
-                       [](const StepSpan& a, const StepSpan& b) { return a.seconds > b.seconds; });
-      told.steps.resize(std::min<std::size_t>(3, told.steps.size()));
-      for (const StepSpan& span : told.steps)
-        fmt::print(" {} {:.0f} s ({})", span.step.name, span.seconds, span.bound);
-      fmt::print("\n");
-    }
-  } catch (const nlohmann::json::exception& e) {
-    throw InputError(fmt::format("{}: is no report of a reconstruction ({})", name, e.what()));
+        "warning: what a job takes whatever its size was scaled {:.0f} times with the rest; measure a larger "
+        "part\n",
+        points / measured.points);
+  fmt::print("{:>8}{:>12}{:>12}{:>12}{:>14}  {}\n", "nodes", "seconds", "efficiency", "serial", "busiest",
+             "longest steps");
+  for (const int nodes : simulation.counts()) {
+    const Cluster cluster{nodes, threads, static_cast<double>(simulation.io_rate)};
+    Makespan told = makespan(stages, plan_job().only_stages, cluster, {});
+    fmt::print("{:>8}{:>12.1f}{:>12.2f}{:>12.1f}{:>12}/s ", nodes, told.seconds, told.efficiency,
+               told.serial_seconds, format_bytes(static_cast<std::uint64_t>(told.busiest_io)));
+    std::stable_sort(told.steps.begin(), told.steps.end(),
+                     [](const StepSpan& a, const StepSpan& b) { return a.seconds > b.seconds; });
+    told.steps.resize(std::min<std::size_t>(3, told.steps.size()));
+    for (const StepSpan& span : told.steps)
+      fmt::print(" {} {:.0f} s ({})", span.step.name, span.seconds, span.bound);
+    fmt::print("\n");
   }
 }
 
 void run(const ReconstructOptions& options, JobState state, const fs::path& tiles,
          const Simulation& simulation) {
   simulation.check();
+  std::optional<MeasuredJob> measured;  // read before anything is planned: what it lacks is told at once
+  if (!simulation.nodes.empty()) measured = read_measured(simulation.measured);
   HolesMode{options.holes};  // told before anything is measured
   if (!tiles.empty()) cli::Site(tiles, "--tiles").check(state);
   std::unique_ptr<ScratchFolder> scratch;
@@ -220,7 +230,7 @@ void run(const ReconstructOptions& options, JobState state, const fs::path& tile
   print_plan(plan, forecast, options, state, report);
   state.work = work;
   if (!tiles.empty()) print_site_plan(plan, forecast, state, tiles);
-  if (!simulation.nodes.empty()) print_makespans(simulation, plan, state.run.threads);
+  if (measured) print_makespans(simulation, *measured, plan, state.run.threads);
   if (!state.run.report.empty()) {
     nlohmann::json told = plan.to_json();
     told.update(forecast.to_json());

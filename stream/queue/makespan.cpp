@@ -70,19 +70,17 @@ class Player {
 
   StepSpan serial(const QueueStep& step) const {
     StepSpan span{step, cluster_.start_seconds, 0.0, kSerial};
-    double moved_alone = 0.0;  // ends of arrays have moved theirs with their tasks
     for (const QueueLine& line : step.lines) {
       const StageCost& stage = *stages_.at(line.stage);
       span.seconds += stage.end_seconds;
-      if (line.choice == "finish") continue;
-      moved_alone += stage.moved_bytes;
+      if (line.choice == "finish") continue;  // what it moves is counted with its array
+      span.moved_bytes += stage.moved_bytes;
       if (stage.tasks > 0)
         span.seconds += std::max(
             stage.longest_task,
             stage.task_seconds / std::min<double>(cluster_.threads, static_cast<double>(stage.tasks)));
     }
-    span.moved_bytes = moved_alone;
-    bound(span, io_seconds(moved_alone), kFileSystem);
+    bound(span, io_seconds(span.moved_bytes), kFileSystem);
     return span;
   }
 
@@ -97,14 +95,14 @@ class Player {
 
 }  // namespace
 
-std::vector<StageCost> stage_costs(const nlohmann::json& report) {
+std::vector<StageCost> stage_costs(const nlohmann::json& report, const std::string& name) {
   std::vector<StageCost> stages;
   try {
     for (const nlohmann::json& s : report.at("stages"))
       stages.push_back({s.at("name"), s.at("tasks"), s.at("tasks_s"), s.at("longest_task_s"), s.at("end_s"),
                         s.at("bytes_read").get<double>() + s.at("bytes_written").get<double>()});
   } catch (const nlohmann::json::exception& e) {
-    throw InputError(std::string("is no report of a job of this version (") + e.what() + ")");
+    throw InputError(name + ": is no report of a job of this version (" + e.what() + ")");
   }
   return stages;
 }

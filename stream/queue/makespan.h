@@ -25,8 +25,9 @@ struct StageCost {
   double moved_bytes = 0.0;   ///< read and written by tasks and end
 };
 
-/// The stages that a job reported, in the order of the run. \throws InputError when it is no report of a job
-std::vector<StageCost> stage_costs(const nlohmann::json& report);
+/// The stages that a job reported, in the order of the run. \param name  of the report, for messages
+/// \throws InputError when it is no report of a job
+std::vector<StageCost> stage_costs(const nlohmann::json& report, const std::string& name);
 
 /// The same job on `factor` times as much of the same kind: tasks grow in number, not in size; ends grow with the data.
 std::vector<StageCost> scaled(std::vector<StageCost> stages, double factor);
