@@ -5,7 +5,7 @@
 
 #include "octree/error.h"
 #include "stream/formats/meshes/mesh_io.h"
-#include "stream/runtime/memory_budget.h"
+#include "stream/runtime/job_report.h"
 #include "stream/stages/solid/csg_job.h"
 #include "tools/commands.h"
 #include "tools/frame/cli.h"
@@ -36,10 +36,9 @@ void run(Arguments& a) {
   const nlohmann::json report = run_job(a.state, csg_job(a.options), cli::stderr_sink());
   if (a.state.run.verbosity < 0) return;
   const nlohmann::json mesh = report.value("mesh", nlohmann::json::object());
-  fmt::print("{}: {} vertices, {} faces, {} components, {:.1f} s, peak {}\n", a.state.output.string(),
+  fmt::print("{}: {} vertices, {} faces, {} components, {}\n", a.state.output.string(),
              mesh.value("vertices", std::uint64_t{0}), mesh.value("faces", std::uint64_t{0}),
-             mesh.value("components", std::uint64_t{0}), report.at("wall_s").get<double>(),
-             format_bytes(report.at("peak_bytes").get<std::uint64_t>()));
+             mesh.value("components", std::uint64_t{0}), cost_text(report));
 }
 
 }  // namespace

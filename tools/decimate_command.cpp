@@ -4,7 +4,7 @@
 #include <nlohmann/json.hpp>
 
 #include "stream/formats/meshes/mesh_io.h"
-#include "stream/runtime/memory_budget.h"
+#include "stream/runtime/job_report.h"
 #include "stream/stages/decimate/decimate_job.h"
 #include "tools/commands.h"
 #include "tools/frame/cli.h"
@@ -20,10 +20,9 @@ void run(const SimplifyOptions& options, JobState state) {
   const nlohmann::json report = run_job(state, decimate_job(options), cli::stderr_sink());
   if (state.run.verbosity < 0) return;
   cli::print_repairs(input.string(), report);
-  fmt::print("{}: {} of {} faces, {:.1f} s, peak {}\n", state.output.string(),
+  fmt::print("{}: {} of {} faces, {}\n", state.output.string(),
              report.at("mesh").value("faces", std::uint64_t{0}),
-             report.at("input").value("faces", std::uint64_t{0}), report.at("wall_s").get<double>(),
-             format_bytes(report.at("peak_bytes").get<std::uint64_t>()));
+             report.at("input").value("faces", std::uint64_t{0}), cost_text(report));
   cli::print_smoothing(report);
   const nlohmann::json& certificate = report.at("certificate");
   if (certificate.at("certified_max").is_number())

@@ -5,6 +5,7 @@
 
 #include "octree/error.h"
 #include "stream/formats/meshes/mesh_io.h"
+#include "stream/runtime/job_report.h"
 #include "stream/runtime/memory_budget.h"
 #include "stream/stages/deform/deform_job.h"
 #include "stream/stages/deform/edit_script.h"
@@ -48,9 +49,9 @@ void print_solved(const json& report, const std::string& islands) {
 
 void print_mesh(const JobState& state, const json& report) {
   const json& mesh = report.at("mesh");
-  fmt::print("{}: {} vertices, {} faces, {:.1f} s, peak {}\n", state.output.string(),
+  fmt::print("{}: {} vertices, {} faces, {}\n", state.output.string(),
              mesh.at("vertices").get<std::uint64_t>(), mesh.at("faces").get<std::uint64_t>(),
-             report.at("wall_s").get<double>(), format_bytes(report.at("peak_bytes").get<std::uint64_t>()));
+             cost_text(report));
   if (mesh.contains("targets")) {
     const json& t = mesh.at("targets");
     fmt::print("{} control points: off by {:.4g} rms, {:.4g} at most; now {:.4g} rms, {:.4g} at most\n",
@@ -135,12 +136,11 @@ void run(Arguments& a) {
   const json& mesh = report.at("mesh");
   fmt::print(
       "{}: {} vertices, {} of them that no normal reaches; the mesh comes back within {:.2g} of its "
-      "diagonal; {}, {:.1f} s, peak {}\n",
+      "diagonal; {}, {}\n",
       a.state.output.string(), mesh.at("vertices").get<std::uint64_t>(),
       mesh.at("tangent_vertices").get<std::uint64_t>(),
       mesh.at("reconstruction_error").get<double>() / mesh.at("diagonal").get<double>(),
-      format_bytes(mesh.at("bytes").get<std::uint64_t>()), report.at("wall_s").get<double>(),
-      format_bytes(report.at("peak_bytes").get<std::uint64_t>()));
+      format_bytes(mesh.at("bytes").get<std::uint64_t>()), cost_text(report));
 }
 
 }  // namespace

@@ -3,6 +3,7 @@
 #include <nlohmann/json.hpp>
 
 #include "octree/error.h"
+#include "stream/runtime/job_report.h"
 #include "stream/runtime/memory_budget.h"
 #include "stream/stages/solid/field_job.h"
 #include "tools/commands.h"
@@ -26,20 +27,17 @@ void run(const FieldJobOptions& given, JobState state) {
   if (state.run.verbosity < 0) return;
   const nlohmann::json field = report.value("field", nlohmann::json::object());
   if (given.tolerance > 0.0) {
-    fmt::print(
-        "{}: {} cells, {} of the {} of a full grid, off by at most {:.2g} at {} samples, h {}, {:.1f} s, "
-        "peak {}\n",
-        state.output.string(), field.value("cells", std::uint64_t{0}),
-        format_bytes(field.value("bytes", std::uint64_t{0})),
-        format_bytes(field.value("full_grid_bytes", std::uint64_t{0})), field.value("worst_error", 0.0),
-        field.value("samples", std::uint64_t{0}), field.value("h", 0.0), report.at("wall_s").get<double>(),
-        format_bytes(report.at("peak_bytes").get<std::uint64_t>()));
+    fmt::print("{}: {} cells, {} of the {} of a full grid, off by at most {:.2g} at {} samples, h {}, {}\n",
+               state.output.string(), field.value("cells", std::uint64_t{0}),
+               format_bytes(field.value("bytes", std::uint64_t{0})),
+               format_bytes(field.value("full_grid_bytes", std::uint64_t{0})),
+               field.value("worst_error", 0.0), field.value("samples", std::uint64_t{0}),
+               field.value("h", 0.0), cost_text(report));
     return;
   }
-  fmt::print("{}: {} nodes in {} leaves, h {}, {:.1f} s, peak {}\n", state.output.string(),
+  fmt::print("{}: {} nodes in {} leaves, h {}, {}\n", state.output.string(),
              field.value("nodes", std::uint64_t{0}), field.value("leaves", std::uint64_t{0}),
-             field.value("h", 0.0), report.at("wall_s").get<double>(),
-             format_bytes(report.at("peak_bytes").get<std::uint64_t>()));
+             field.value("h", 0.0), cost_text(report));
 }
 
 }  // namespace

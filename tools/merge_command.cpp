@@ -4,7 +4,7 @@
 
 #include "octree/error.h"
 #include "stream/formats/meshes/mesh_io.h"
-#include "stream/runtime/memory_budget.h"
+#include "stream/runtime/job_report.h"
 #include "stream/stages/merge/merge_job.h"
 #include "stream/stages/merge/merge_stages.h"
 #include "tools/commands.h"
@@ -31,11 +31,10 @@ void run(const MergeOptions& given, JobState state) {
   const auto count = [&](const char* stage, const char* key) {
     return merge.value(stage, nlohmann::json::object()).value(key, std::uint64_t{0});
   };
-  fmt::print("{}: {} vertices, {} faces, {} of them new along joints of {} edges, {:.1f} s, peak {}\n",
+  fmt::print("{}: {} vertices, {} faces, {} of them new along joints of {} edges, {}\n",
              state.output.string(), mesh.value("vertices", std::uint64_t{0}),
              mesh.value("faces", std::uint64_t{0}), count("strip", "faces") + count("zip", "stitches"),
-             count("joints", "joint_edges"), report.at("wall_s").get<double>(),
-             format_bytes(report.at("peak_bytes").get<std::uint64_t>()));
+             count("joints", "joint_edges"), cost_text(report));
 }
 
 }  // namespace

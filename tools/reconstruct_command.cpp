@@ -7,7 +7,7 @@
 #include "stream/files/durable_file.h"
 #include "stream/files/path_text.h"
 #include "stream/formats/meshes/mesh_io.h"
-#include "stream/runtime/memory_budget.h"
+#include "stream/runtime/job_report.h"
 #include "stream/runtime/report.h"
 #include "stream/stages/reconstruct/reconstruct_job.h"
 #include "stream/stages/reconstruct/site_after.h"
@@ -44,9 +44,9 @@ void run(const ReconstructOptions& options, JobState state, const std::filesyste
     for (const nlohmann::json& w : report.value("warnings", nlohmann::json::array()))
       fmt::print(stderr, "tessera: warning: {}\n", w.get<std::string>());
     const nlohmann::json mesh = report.value("mesh", nlohmann::json::object());
-    fmt::print("{}: {} vertices, {} faces, {:.1f} s, peak {}\n", state.output.string(),
+    fmt::print("{}: {} vertices, {} faces, {}\n", state.output.string(),
                mesh.value("vertices", std::uint64_t{0}), mesh.value("faces", std::uint64_t{0}),
-               report.at("wall_s").get<double>(), format_bytes(report.at("peak_bytes").get<std::uint64_t>()));
+               cost_text(report));
     cli::print_smoothing(report);
   };
   if (state.run.verbosity >= 0) say_mesh();

@@ -4,7 +4,7 @@
 #include <nlohmann/json.hpp>
 
 #include "stream/formats/meshes/mesh_io.h"
-#include "stream/runtime/memory_budget.h"
+#include "stream/runtime/job_report.h"
 #include "stream/stages/remesh/remesh_job.h"
 #include "tools/commands.h"
 #include "tools/frame/cli.h"
@@ -20,10 +20,10 @@ void run(const RemeshJobOptions& options, JobState state) {
   if (state.run.verbosity < 0) return;
   cli::print_repairs(input.string(), report);
   const nlohmann::json quality = report.value("quality", nlohmann::json::object());
-  fmt::print("{}: {} faces of {}, edges of {:.4g}, {:.1f} s, peak {}\n", state.output.string(),
+  fmt::print("{}: {} faces of {}, edges of {:.4g}, {}\n", state.output.string(),
              report.at("mesh").value("faces", std::uint64_t{0}),
              report.at("input").value("faces", std::uint64_t{0}), quality.value("edge", 0.0),
-             report.at("wall_s").get<double>(), format_bytes(report.at("peak_bytes").get<std::uint64_t>()));
+             cost_text(report));
   fmt::print(
       "angles: {:.2f} degrees from 60 in the mean, smallest {:.2f}, below 25 in {:.3g} % of the faces; edges "
       "{:.1f} "

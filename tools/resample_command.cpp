@@ -5,7 +5,7 @@
 
 #include "octree/error.h"
 #include "stream/formats/meshes/mesh_io.h"
-#include "stream/runtime/memory_budget.h"
+#include "stream/runtime/job_report.h"
 #include "stream/stages/resample/blend_file.h"
 #include "stream/stages/resample/resample_job.h"
 #include "tools/commands.h"
@@ -26,11 +26,11 @@ struct Arguments {
 
 void print(const Arguments& a, const json& report) {
   const json& done = report.at("resampled");
-  fmt::print("{}: {} of {} blends resampled, {} faces for {}, {:.1f} s, peak {}\n", a.state.output.string(),
+  fmt::print("{}: {} of {} blends resampled, {} faces for {}, {}\n", a.state.output.string(),
              done.at("changed").get<std::uint64_t>(),
              done.at("changed").get<std::uint64_t>() + done.at("left").get<std::uint64_t>(),
              done.at("faces_added").get<std::uint64_t>(), done.at("faces_removed").get<std::uint64_t>(),
-             report.at("wall_s").get<double>(), format_bytes(report.at("peak_bytes").get<std::uint64_t>()));
+             cost_text(report));
   double before = 0.0, after = 0.0;
   std::uint64_t edges = 0;
   for (const json& blend : done.at("blends")) {

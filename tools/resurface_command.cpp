@@ -3,7 +3,7 @@
 #include <nlohmann/json.hpp>
 
 #include "stream/formats/meshes/mesh_io.h"
-#include "stream/runtime/memory_budget.h"
+#include "stream/runtime/job_report.h"
 #include "stream/stages/solid/resurface_job.h"
 #include "tools/commands.h"
 #include "tools/frame/cli.h"
@@ -20,11 +20,10 @@ void run(const ResurfaceOptions& given, JobState state) {
   const nlohmann::json report = run_job(state, resurface_job(options), cli::stderr_sink());
   if (state.run.verbosity < 0) return;
   const nlohmann::json mesh = report.value("mesh", nlohmann::json::object());
-  fmt::print("{}: {} vertices, {} faces, {} components, {} faces close gaps, {:.1f} s, peak {}\n",
-             state.output.string(), mesh.value("vertices", std::uint64_t{0}),
-             mesh.value("faces", std::uint64_t{0}), mesh.value("components", std::uint64_t{0}),
-             mesh.value("synthetic_faces", std::uint64_t{0}), report.at("wall_s").get<double>(),
-             format_bytes(report.at("peak_bytes").get<std::uint64_t>()));
+  fmt::print("{}: {} vertices, {} faces, {} components, {} faces close gaps, {}\n", state.output.string(),
+             mesh.value("vertices", std::uint64_t{0}), mesh.value("faces", std::uint64_t{0}),
+             mesh.value("components", std::uint64_t{0}), mesh.value("synthetic_faces", std::uint64_t{0}),
+             cost_text(report));
 }
 
 }  // namespace

@@ -4,7 +4,7 @@
 #include <nlohmann/json.hpp>
 
 #include "stream/formats/meshes/mesh_io.h"
-#include "stream/runtime/memory_budget.h"
+#include "stream/runtime/job_report.h"
 #include "stream/stages/smooth/smooth_stage.h"
 #include "tools/commands.h"
 #include "tools/frame/cli.h"
@@ -20,11 +20,9 @@ void run(const SmoothOptions& options, JobState state) {
   if (state.run.verbosity < 0) return;
   cli::print_repairs(input.string(), report);
   const nlohmann::json mesh = report.value("mesh", nlohmann::json::object());
-  fmt::print("{}: {} vertices, {} faces, moved {:.6g} at most, {:.6g} rms, {:.1f} s, peak {}\n",
-             state.output.string(), mesh.value("vertices", std::uint64_t{0}),
-             mesh.value("faces", std::uint64_t{0}), mesh.value("largest_move", 0.0),
-             mesh.value("rms_move", 0.0), report.at("wall_s").get<double>(),
-             format_bytes(report.at("peak_bytes").get<std::uint64_t>()));
+  fmt::print("{}: {} vertices, {} faces, moved {:.6g} at most, {:.6g} rms, {}\n", state.output.string(),
+             mesh.value("vertices", std::uint64_t{0}), mesh.value("faces", std::uint64_t{0}),
+             mesh.value("largest_move", 0.0), mesh.value("rms_move", 0.0), cost_text(report));
 }
 
 }  // namespace

@@ -519,8 +519,7 @@ nlohmann::json run_job(JobState state, const JobDescription& job, const Progress
     if (job.summarise) job.summarise(report);
     if (job.only_stages > 0) return report;
     write_reports(state, job, report, start);
-    log->info("done in {:.1f} s, peak {}", report.at("wall_s").get<double>(),
-              format_bytes(report.at("peak_bytes").get<std::uint64_t>()));
+    log->info("done in {}", cost_text(report));
   } catch (const StoppedError& e) {
     log->warn("{}", e.what());
     if (stop_signal() == 0) throw;

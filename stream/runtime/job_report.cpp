@@ -45,6 +45,11 @@ double seconds_since(std::chrono::steady_clock::time_point start) {
   return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
 }
 
+std::string cost_text(const nlohmann::json& report) {
+  return fmt::format("{:.1f} s, peak {}", report.at("wall_s").get<double>(),
+                     format_bytes(report.at("peak_bytes").get<std::uint64_t>()));
+}
+
 void write_reports(const JobState& state, const JobDescription& job, nlohmann::json& report,
                    std::chrono::steady_clock::time_point start) {
   for (const BesideOutput& b : job.beside)

@@ -3,6 +3,7 @@
 #pragma once
 #include <chrono>
 #include <functional>
+#include <string>
 
 #include "octree/error.h"
 #include "stream/runtime/job.h"
@@ -12,6 +13,9 @@ namespace tessera {
 /// Of processors, by this process and children waited for.
 double cpu_seconds();
 double seconds_since(std::chrono::steady_clock::time_point start);
+
+/// What a job took, from its report: "12.3 s, peak 141 MiB".
+std::string cost_text(const nlohmann::json& report);
 
 /// Of a job that is done. The page is made first, so that the report counts what it took.
 /// \param report  gets the files beside the output, and what the page took

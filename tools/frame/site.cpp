@@ -9,6 +9,7 @@
 #include <nlohmann/json.hpp>
 
 #include "octree/error.h"
+#include "stream/runtime/job_report.h"
 #include "stream/runtime/memory_budget.h"
 #include "stream/runtime/work_dir.h"
 #include "stream/stages/tiles/tiles_job.h"
@@ -158,10 +159,7 @@ void print_site(const Site& site, const nlohmann::json& report) {
   fmt::print("{}: {} tiles in {} levels of {} faces, {}, {:.2f} bytes a face, {}\n", site.tileset().string(),
              tiles.value("tiles", std::uint64_t{0}), levels.size(), tiles.value("faces", std::uint64_t{0}),
              format_bytes(tiles.value("bytes", std::uint64_t{0})), tiles.value("bytes_per_face", 0.0),
-             report.at("resumed_done").get<bool>()
-                 ? std::string("done before")
-                 : fmt::format("{:.1f} s, peak {}", report.at("wall_s").get<double>(),
-                               format_bytes(report.at("peak_bytes").get<std::uint64_t>())));
+             report.at("resumed_done").get<bool>() ? std::string("done before") : cost_text(report));
   fmt::print("distance and cracks, proven: at most {:.3g} with the finest tiles, {:.3g} with the root\n",
              levels.front().value("geometric_error", 0.0), levels.back().value("geometric_error", 0.0));
 }
