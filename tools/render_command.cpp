@@ -121,6 +121,11 @@ cli::Command render_command() {
         "walls do "
         "not hide what is inside");
   t.add("synthetic", &o.synthetic, "faces that close holes in blue, over colours of the file too");
+  t.add("shade", &o.shade,
+        "plain; gloss: as lacquer, to see what is uneven; lines: reflections of light tubes, which break at "
+        "creases and "
+        "waver where the surface does; best with --smooth")
+      .shown_as("plain|gloss|lines");
   t.add("smooth", &o.smooth, "interpolate normals; default is one normal per face");
   t.add("wire", &o.wire, "draw the edges of all faces");
   t.add("occlusion", &o.occlusion, "strength of ambient occlusion, 0 to 2");

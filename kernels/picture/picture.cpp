@@ -221,6 +221,7 @@ void Picture::triangles(std::span<const PictureVertex> corners, float wire_pixel
   gl.Uniform1f(gl_uniform(gl, program, "wire_pixels"),
                wire_pixels * static_cast<float>(s.options.supersample));
   gl.Uniform1i(gl_uniform(gl, program, "cut_backs"), s.cut_backs ? 1 : 0);
+  gl.Uniform1i(gl_uniform(gl, program, "shade"), static_cast<int>(s.options.shade));
   gl.Uniform4f(gl_uniform(gl, program, "back_colour"), channel(kBackFace, 0), channel(kBackFace, 1),
                channel(kBackFace, 2), 1.0f);
   for (const PictureView& view : s.views) {

@@ -46,6 +46,11 @@ static_assert(sizeof(PictureVertex) == 24);
 /// Sets the normal; a zero or non-finite vector means unknown.
 void set_normal(PictureVertex& vertex, float x, float y, float z);
 
+/// How faces answer to light: `kPlain` almost matt; `kGloss` as lacquer, whose highlights show what is uneven; `kLines`
+/// the reflection of evenly spaced light tubes from pole to pole of a sphere around the scene, which break at a crease,
+/// kink where curvature jumps and waver where it is noisy.
+enum class Shade { kPlain = 0, kGloss = 1, kLines = 2 };
+
 /// A camera and the part of the image that it fills, in pixels of the result from the top left.
 struct PictureView {
   Camera camera;
@@ -57,6 +62,7 @@ struct PictureOptions {
   int height = 1200;
   int supersample = 3;     ///< 1..4: samples per pixel and axis
   double occlusion = 1.0;  ///< strength of ambient occlusion; 0 = off
+  Shade shade = Shade::kPlain;
 };
 
 /// Bytes of pixel memory that a picture of this size needs.

@@ -17,6 +17,28 @@ vec3 lit(vec3 albedo, vec3 n, vec3 v) {
   float light = 0.86 * wrap + 0.20 * max(dot(n, fill), 0.0) + 0.12 * max(dot(n, v), 0.0) + 0.09 + 0.06 * n.y;
   return albedo * light + vec3(0.035 * spec);
 }
+// As lacquer: the key light small and bright, the fill light as a soft box, more light at grazing angles (Schlick).
+vec3 glossy(vec3 albedo, vec3 n, vec3 v) {
+  float key = max(dot(n, normalize(vec3(-0.4537, 0.5672, 0.6874) + v)), 0.0);
+  float fill = max(dot(n, normalize(vec3(0.7303, -0.0913, 0.6771) + v)), 0.0);
+  fill *= fill; fill *= fill; fill *= fill; fill *= fill; fill *= fill;
+  key *= key; key *= key; key *= key; key *= key; key *= key; key *= key; key *= key;
+  float away = 1.0 - max(dot(n, v), 0.0);
+  float grazing = away * away * away * away * away;
+  return 0.6 * lit(albedo, n, v) + vec3(0.7 * key + 0.12 * fill + 0.3 * grazing);
+}
+// Where the reflected ray meets the sphere of light tubes: for a half vector m the tangent of half its angle to the
+// view's vertical plane, which grows evenly enough.
+vec3 light_tubes(vec3 albedo, vec3 n, vec3 v) {
+  const float tubes = 24.0;
+  vec3 m = normalize(reflect(-v, n) + vec3(0.0, 0.0, 1.0));
+  float at = tubes * m.x / (1.0 + max(m.z, 0.0));
+  float half_pixel = max(fwidth(at), 1e-6);
+  float from_tube = abs(fract(at) - 0.5);  // 0.5 in the middle of a dark gap
+  float lamp = 1.0 - smoothstep(0.25 - half_pixel, 0.25 + half_pixel, from_tube);
+  lamp = mix(lamp, 0.5, smoothstep(0.3, 0.8, half_pixel));  // narrower than pixels: their mean, not a moire
+  return lit(albedo, n, v) * mix(0.12, 1.0, lamp);
+}
 )";
 
 inline constexpr const char* kTriangleVertex = R"(#version 450 core
@@ -47,6 +69,7 @@ in vec3 corner;
 uniform int orthographic;
 uniform float wire_pixels;
 uniform int cut_backs;
+uniform int shade;
 uniform vec4 back_colour;
 layout(location = 0) out vec4 colour;
 layout(location = 1) out vec4 facing;
@@ -63,7 +86,8 @@ void main() {
     float near_edge = min(min(d.x, d.y), d.z);
     surface *= mix(0.12, 1.0, smoothstep(0.5 * wire_pixels - 0.5, 0.5 * wire_pixels + 0.5, near_edge));
   }
-  colour = vec4(sqrt(lit(surface, n, v)), 1.0);
+  vec3 light = shade == 1 ? glossy(surface, n, v) : shade == 2 ? light_tubes(surface, n, v) : lit(surface, n, v);
+  colour = vec4(sqrt(light), 1.0);
   facing = vec4(0.5 * n + 0.5, 1.0);
 }
 )";

@@ -205,6 +205,14 @@ std::vector<Float3> relative(const SceneSample& sample, const SceneBox& box, con
   return points;
 }
 
+/// \throws UsageError
+Shade shade_of(const std::string& word) {
+  if (word == "plain") return Shade::kPlain;
+  if (word == "gloss") return Shade::kGloss;
+  if (word == "lines") return Shade::kLines;
+  throw UsageError("--shade " + word + ": use plain, gloss or lines");
+}
+
 Image draw_panel(Panel& panel, const std::vector<ViewSpec>& specs, const std::vector<Float3>& fit_points,
                  const Double3& origin, const RenderOptions& options, int width, RenderReport& report) {
   PictureOptions picture_options;
@@ -212,6 +220,7 @@ Image draw_panel(Panel& panel, const std::vector<ViewSpec>& specs, const std::ve
   picture_options.height = options.height;
   picture_options.supersample = options.samples;
   picture_options.occlusion = options.occlusion;
+  picture_options.shade = shade_of(options.shade);
   std::vector<PictureView> views = grid(specs.size(), width, options.height);
   Double3 low{}, high{};
   for (std::size_t i = 0; i < 3; ++i) {
@@ -276,6 +285,7 @@ void RenderOptions::validate() const {
   check(borders == "auto" || borders == "on" || borders == "off",
         "--borders " + borders + ": use auto, on or off");
   check(backs == "auto" || backs == "show" || backs == "cut", "--backs " + backs + ": use auto, show or cut");
+  shade_of(shade);
   check(focus.empty() || (focus.size() == 4 && focus[3] > 0.0),
         "--focus: expected x,y,z,radius with radius above 0");
   check(dot(up, up) > 0.0, "--up must not be zero");

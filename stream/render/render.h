@@ -46,6 +46,8 @@ struct RenderOptions {
   /// Faces seen from behind: show (orange), cut (left out), or auto: cut where the mesh is a room, one that has openings
   /// and looks inwards, so that its near walls do not hide it.
   std::string backs = "auto";
+  /// plain, gloss or lines: Shade. What it shows is as smooth as the normals are, see `smooth`.
+  std::string shade = "plain";
   bool smooth = false;     ///< interpolate normals of vertices instead of one normal per face
   bool wire = false;       ///< draw the edges of all faces
   double occlusion = 1.0;  ///< strength of ambient occlusion, 0..2

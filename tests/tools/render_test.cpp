@@ -211,6 +211,39 @@ TEST_CASE("render: a room is seen from inside, its near wall cut away", "[pipeli
   CHECK(count(outside, orange) > 0.9 * count(outside, covered));
 }
 
+TEST_CASE("render: light tubes make stripes on what is round, highlights are brighter on lacquer",
+          "[pipeline]") {
+  const test::TempFolder temp;
+  const std::filesystem::path& folder = temp.path();
+  // Jumps of brightness along the middle row, and the brightest pixel.
+  const auto drawn = [&](const Mesh& mesh, const std::string& shade) {
+    RenderOptions options = one_view(write(mesh, folder / "m.ply"), folder / "m.png");
+    options.smooth = true;
+    options.occlusion = 0.0;
+    options.shade = shade;
+    render(options);
+    const Image image = read_png(folder / "m.png");
+    // The sphere's middle: nothing of the background.
+    const int left = image.width / 2 - 60, right = image.width / 2 + 60, middle = image.height / 2;
+    int jumps = 0, brightest = 0;
+    for (int x = left + 3; x < right; ++x)
+      if (std::abs(image.pixel(x, middle)[1] - image.pixel(x - 3, middle)[1]) > 60) ++jumps;
+    for (int y = middle - 60; y < middle + 60; ++y)
+      for (int x = left; x < right; ++x) brightest = std::max(brightest, int{image.pixel(x, y)[1]});
+    return std::pair(jumps, brightest);
+  };
+  const Mesh round = sphere(128, 256, 128);
+  const auto [plain_jumps, plain_bright] = drawn(round, "plain");
+  const auto [line_jumps, line_bright] = drawn(round, "lines");
+  const auto [gloss_jumps, gloss_bright] = drawn(round, "gloss");
+  CHECK(plain_jumps < 10);
+  CHECK(line_jumps > plain_jumps + 20);
+  CHECK(gloss_bright > plain_bright + 10);
+  RenderOptions options = one_view(folder / "m.ply", folder / "m.png");
+  options.shade = "matt";
+  CHECK_THROWS_AS(render(options), UsageError);
+}
+
 TEST_CASE("render: borders of faces below a pixel tint instead of covering", "[pipeline]") {
   const test::TempFolder temp;
   const std::filesystem::path& folder = temp.path();
