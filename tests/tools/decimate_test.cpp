@@ -100,6 +100,7 @@ TEST_CASE("decimate: what the certificate sends back is made again until it is p
     const nlohmann::json certificate = report_of(out).at("certificate");
     CHECK(certificate.at("proven") == true);
     CHECK(certificate.at("rounds_again").get<int>() >= 1);
+    CHECK(certificate.at("cells_kept").get<int>() < certificate.at("cells").get<int>());
     fs::remove(out);
     return bytes;
   };

@@ -2,12 +2,14 @@
 
 #include <algorithm>
 #include <map>
+#include <optional>
 #include <type_traits>
 
 #include <nlohmann/json.hpp>
 
 #include "octree/error.h"
 #include "stream/check/compare_cells.h"
+#include "stream/check/compared_before.h"
 #include "stream/check/mesh_compare.h"
 #include "stream/files/direct_file.h"
 #include "stream/files/read_file.h"
@@ -38,7 +40,9 @@ class CertifyStage : public Stage {
     options.reach = kReach * options.tolerance;
     begun_ = begin_comparison(mesh_, reference_, options);
     cells_ = make_compare_cells(mesh_, reference_, options.reach, options.cell_faces);
-    per_task_ = std::max(kLeastCells, (cells_.size() + kMostTasks - 1) / kMostTasks);
+    per_task_ = cells_per_task(cells_.size());
+    if (!request_.name_before.empty())
+      before_.emplace(request.mesh_before(state), reference_, options.reach, options.cell_faces);
   }
   std::string name() const override { return request_.name; }
   std::size_t task_count() const override { return (cells_.size() + per_task_ - 1) / per_task_; }
@@ -51,19 +55,24 @@ class CertifyStage : public Stage {
   }
 
   nlohmann::json run(std::size_t task, TaskContext& context) const override {
-    DirectFile file(context.create(file_name(task)), std::size_t{1} << 16);
+    DirectFile file(context.create(file_name(request_.name, task)), std::size_t{1} << 16);
     std::vector<FailedFace> failed;
+    std::size_t kept = 0;
     for (std::size_t c = first(task); c < first(task + 1); ++c) {
       context.check_stop();
-      const CellComparison result = compare_cell(mesh_, reference_, begun_, cells_[c].box, begun_.tolerance,
-                                                 retry() ? &failed : nullptr, [&] { context.check_stop(); });
+      CellComparison result;
+      if (proven_before(cells_[c].box, result))
+        ++kept;
+      else
+        result = compare_cell(mesh_, reference_, begun_, cells_[c].box, begun_.tolerance,
+                              retry() ? &failed : nullptr, [&] { context.check_stop(); });
       if (failed.size() > kMostFailedFaces) failed.resize(kMostFailedFaces);
       file.write(&result, sizeof result);
       context.advance(1);
     }
     context.count_written(file.finish());
     if (!failed.empty()) context.count_written(write_failed_faces(context.create(failed_name(task)), failed));
-    return {{"failed_faces", failed.size()}};
+    return {{"failed_faces", failed.size()}, {"cells_kept", kept}};
   }
 
   std::uint64_t finish_bytes() const override {
@@ -100,15 +109,39 @@ class CertifyStage : public Stage {
       report["failed_faces"] = failed.size();
     }
     report.erase("seconds");  // the stage has its own
+    if (before_) {
+      std::size_t kept = 0;
+      for (const nlohmann::json& s : summaries) kept += s.at("cells_kept").get<std::size_t>();
+      report["cells_kept"] = kept;
+    }
     return report;
   }
 
-  std::vector<std::string> obsolete() const override { return {request_.name + "/"}; }
+  /// What is left to a round behind this one goes with the work directory.
+  std::vector<std::string> obsolete() const override {
+    return retry() ? std::vector<std::string>{} : std::vector<std::string>{request_.name + "/"};
+  }
 
  private:
+  static std::size_t cells_per_task(std::size_t cells) {
+    return std::max(kLeastCells, (cells + kMostTasks - 1) / kMostTasks);
+  }
+
+  /// What the round before found in a cell that it proved and that is the same now.
+  bool proven_before(const MeshBox& cell, CellComparison& result) const {
+    if (!before_) return false;
+    const std::int64_t then = before_->same(mesh_, cell);
+    if (then < 0) return false;
+    const std::size_t c = static_cast<std::size_t>(then), per_task = cells_per_task(before_->cells());
+    const ReadFile file(work_ / file_name(request_.name_before, c / per_task));
+    file.read_at(c % per_task * sizeof result, &result, sizeof result);
+    const CellBounds bounds(result);
+    return std::max(bounds.upper[0], bounds.upper[1]) <= begun_.tolerance;
+  }
+
   void for_each_result(const std::function<void(std::size_t, const CellComparison&)>& use) const {
     for (std::size_t task = 0; task < task_count(); ++task) {
-      const ReadFile file(work_ / file_name(task));
+      const ReadFile file(work_ / file_name(request_.name, task));
       for (std::size_t c = first(task); c < first(task + 1); ++c) {
         CellComparison cell;
         file.read_at((c - first(task)) * sizeof cell, &cell, sizeof cell);
@@ -117,8 +150,8 @@ class CertifyStage : public Stage {
     }
   }
   std::size_t first(std::size_t task) const { return std::min(cells_.size(), task * per_task_); }
-  std::string file_name(std::size_t task) const {
-    return request_.name + "/" + task_file_stem(task) + ".bin";
+  static std::string file_name(const std::string& stage, std::size_t task) {
+    return stage + "/" + task_file_stem(task) + ".bin";
   }
 
   std::string failed_name(std::size_t task) const {
@@ -133,6 +166,7 @@ class CertifyStage : public Stage {
   MeshComparison begun_;
   std::vector<CompareCell> cells_;
   std::size_t per_task_ = 1;
+  std::optional<ComparedBefore> before_;
 };
 
 }  // namespace

@@ -19,6 +19,9 @@ struct CertifyRequest {
   std::function<MeshStore(const JobState&)> mesh;
   std::function<MeshStore(const JobState&)> reference;
   std::string failed_file;  ///< name of the file of faces that are not proven, if any; empty = no other round
+  /// The stage and mesh of the round before, same reference: what has not changed since is taken from it. Empty = none.
+  std::string name_before;
+  std::function<MeshStore(const JobState&)> mesh_before;
 };
 
 // What a task and the end take at most. \param cell_bytes  CompareCell::bytes of the largest cell

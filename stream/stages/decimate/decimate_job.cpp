@@ -91,6 +91,12 @@ std::vector<StageEntry> simplify_stages(const SimplifyOptions& options, Simplify
       return own ? stores.reference(s) : open_imported_mesh(s.work, "reference");
     };
     if (round + 1 < rounds) request.failed_file = failed_faces_file(round);
+    if (round > 0) {
+      request.name_before = certify_name(round - 1);
+      request.mesh_before = [=](const JobState& s) {
+        return open_pass_input(s, stores, {options.passes, round - 1, false});
+      };
+    }
     stages.push_back({request.name, [=](const JobState& state) {
                         if (round > last_round(state.work)) return make_idle_stage(request.name);
                         CertifyRequest now = request;

@@ -46,6 +46,12 @@ StageEntry certify_entry(const RemeshJobOptions& options, const SimplifyStores& 
   };
   request.reference = stores.full;
   if (!last) request.failed_file = failed_faces_file(round);
+  if (round > 0) {
+    request.name_before = certify_name(round - 1);
+    request.mesh_before = [=](const JobState& s) {
+      return open_pass_input(s, stores, {options.passes, round - 1, false});
+    };
+  }
   return {request.name, [=](const JobState& state) {
             if (round > last_round(state.work)) return make_idle_stage(request.name);
             CertifyRequest now = request;
