@@ -1,14 +1,18 @@
 #include "kernels/edit/crossing_faces.h"
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
-#include <numeric>
+#include <utility>
+
+#include "octree/box_levels.h"
+#include "octree/morton.h"
 
 namespace tessera {
 namespace {
 
 using Face = std::array<std::uint32_t, 3>;
-constexpr std::size_t kLeaf = 4;  ///< faces of a leaf
+constexpr std::size_t kLeaf = 4;  ///< faces of a leaf, and boxes of the one above
 
 struct Box {
   Double3 low, high;
@@ -33,69 +37,74 @@ double six_volumes(const Double3& a, const Double3& b, const Double3& c, const D
   return dot(cross(b - a, c - a), d - a);
 }
 
+/// Faces in the order of their middles along a curve, by fours, and boxes over these.
 class Crossings {
  public:
   Crossings(std::span<const Double3> position, std::span<const Face> faces) : p_(position), faces_(faces) {
-    order_.resize(faces.size());
-    std::iota(order_.begin(), order_.end(), 0u);
-    if (!faces.empty()) build(0, faces.size());
+    Box middles;
+    for (const Face& f : faces) middles.add(middle(f));
+    Double3 scale{};
+    for (std::size_t c = 0; c < 3; ++c) {
+      const double size = middles.high[c] - middles.low[c];
+      scale[c] = size > 0.0 && std::isfinite(size) ? 2097151.0 / size : 0.0;
+    }
+    std::vector<std::pair<std::uint64_t, std::uint32_t>> keys(faces.size());
+    for (std::uint32_t f = 0; f < faces.size(); ++f) {
+      std::array<std::uint32_t, 3> cell{};
+      const Double3 at = middle(faces[f]) - middles.low;
+      for (std::size_t c = 0; c < 3; ++c)
+        if (const double x = at[c] * scale[c]; x > 0.0) cell[c] = static_cast<std::uint32_t>(x);
+      keys[f] = {morton_encode(cell[0], cell[1], cell[2]), f};
+    }
+    std::sort(keys.begin(), keys.end());
+    order_.reserve(faces.size());
+    box_.reserve(faces.size());
+    std::vector<Box> leaves((faces.size() + kLeaf - 1) / kLeaf);
+    for (std::size_t i = 0; i < keys.size(); ++i) {
+      order_.push_back(keys[i].second);
+      box_.emplace_back();
+      for (const std::uint32_t v : faces[order_[i]]) {
+        box_[i].add(p_[v]);
+        leaves[i / kLeaf].add(p_[v]);
+      }
+    }
+    if (!leaves.empty()) levels_ = box_levels(std::move(leaves), kLeaf);
   }
 
+  /// Calls use(face, other) once for each pair that crosses, one of the two watched.
   template <class Use>
-  void each(std::uint32_t face, const Use& use) const {
-    Box box;
-    for (const std::uint32_t v : faces_[face]) box.add(p_[v]);
-    std::vector<std::uint32_t> open = {0};
-    while (!open.empty()) {
-      const Node& node = nodes_[open.back()];
-      const std::uint32_t at = open.back();
-      open.pop_back();
-      if (!node.box.meets(box)) continue;
-      if (node.right == 0) {
-        for (std::size_t i = node.first; i < node.last; ++i)
-          if (order_[i] != face && cross_each_other(face, order_[i])) use(order_[i]);
-      } else {
-        open.push_back(node.right);
-        open.push_back(at + 1);
+  void each(std::span<const std::uint8_t> watched, const Use& use) const {
+    if (levels_.empty()) return;
+    const auto is_watched = [&](std::size_t i) { return watched.empty() || watched[order_[i]]; };
+    std::vector<std::uint8_t> asks(levels_[0].size(), 0);
+    for (std::size_t i = 0; i < order_.size(); ++i)
+      if (is_watched(i)) asks[i / kLeaf] = 1;
+    std::vector<std::pair<std::size_t, std::size_t>> open;  // level, number
+    for (std::size_t leaf = 0; leaf < asks.size(); ++leaf) {
+      if (!asks[leaf]) continue;
+      open.assign(1, {levels_.size() - 1, 0});
+      while (!open.empty()) {
+        const auto [level, number] = open.back();
+        open.pop_back();
+        if (!levels_[level][number].meets(levels_[0][leaf])) continue;
+        if (level > 0) {
+          const std::size_t end = std::min((number + 1) * kLeaf, levels_[level - 1].size());
+          for (std::size_t below = number * kLeaf; below < end; ++below) open.emplace_back(level - 1, below);
+          continue;
+        }
+        if (asks[number] && number < leaf) continue;  // that one has met this one
+        for (std::size_t i = leaf * kLeaf; i < std::min((leaf + 1) * kLeaf, order_.size()); ++i)
+          for (std::size_t j = number == leaf ? i + 1 : number * kLeaf;
+               j < std::min((number + 1) * kLeaf, order_.size()); ++j)
+            if ((is_watched(i) || is_watched(j)) && box_[i].meets(box_[j]) &&
+                cross_each_other(order_[i], order_[j]))
+              use(order_[i], order_[j]);
       }
     }
   }
 
  private:
-  struct Node {
-    Box box;
-    std::uint32_t right = 0;  ///< the left child is the next node; 0: a leaf
-    std::uint32_t first = 0, last = 0;
-  };
-
-  Double3 middle(std::uint32_t f) const { return p_[faces_[f][0]] + p_[faces_[f][1]] + p_[faces_[f][2]]; }
-
-  std::uint32_t build(std::size_t first, std::size_t last) {
-    const auto at = static_cast<std::uint32_t>(nodes_.size());
-    nodes_.emplace_back();
-    Box box, middles;
-    for (std::size_t i = first; i < last; ++i) {
-      for (const std::uint32_t v : faces_[order_[i]]) box.add(p_[v]);
-      middles.add(middle(order_[i]));
-    }
-    nodes_[at].box = box;
-    nodes_[at].first = static_cast<std::uint32_t>(first);
-    nodes_[at].last = static_cast<std::uint32_t>(last);
-    if (last - first <= kLeaf) return at;
-    std::size_t axis = 0;
-    for (std::size_t c = 1; c < 3; ++c)
-      if (middles.high[c] - middles.low[c] > middles.high[axis] - middles.low[axis]) axis = c;
-    const std::size_t half = first + (last - first) / 2;
-    const auto place = [&](std::size_t i) { return order_.begin() + static_cast<std::ptrdiff_t>(i); };
-    std::nth_element(place(first), place(half), place(last), [&](std::uint32_t a, std::uint32_t b) {
-      const double x = middle(a)[axis], y = middle(b)[axis];
-      return x != y ? x < y : a < b;
-    });
-    build(first, half);
-    const std::uint32_t right = build(half, last);
-    nodes_[at].right = right;
-    return at;
-  }
+  Double3 middle(const Face& f) const { return (p_[f[0]] + p_[f[1]] + p_[f[2]]) * (1.0 / 3.0); }
 
   bool pierces(std::uint32_t v, std::uint32_t w, const Face& f) const {
     const Double3 &a = p_[f[0]], &b = p_[f[1]], &c = p_[f[2]], &p = p_[v], &q = p_[w];
@@ -119,7 +128,8 @@ class Crossings {
   std::span<const Double3> p_;
   std::span<const Face> faces_;
   std::vector<std::uint32_t> order_;
-  std::vector<Node> nodes_;
+  std::vector<Box> box_;  ///< of the faces in that order
+  std::vector<std::vector<Box>> levels_;
 };
 
 }  // namespace
@@ -129,14 +139,10 @@ CrossingFaces crossing_faces(std::span<const Double3> position, std::span<const 
   const Crossings all(position, faces);
   CrossingFaces out;
   std::vector<std::uint8_t> crosses(faces.size(), 0);
-  for (std::uint32_t f = 0; f < faces.size(); ++f) {
-    if (!watched.empty() && !watched[f]) continue;
-    all.each(f, [&](std::uint32_t other) {
-      crosses[f] = crosses[other] = 1;
-      const bool both = watched.empty() || watched[other];
-      out.pairs += !both || f < other;
-    });
-  }
+  all.each(watched, [&](std::uint32_t f, std::uint32_t other) {
+    crosses[f] = crosses[other] = 1;
+    ++out.pairs;
+  });
   for (std::uint32_t f = 0; f < faces.size(); ++f)
     if (crosses[f]) out.faces.push_back(f);
   return out;
