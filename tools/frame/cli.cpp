@@ -1,6 +1,7 @@
 #include "tools/frame/cli.h"
 
 #include <csignal>
+#include <cstdlib>
 #include <iostream>
 #include <new>
 
@@ -13,6 +14,7 @@
 #include "octree/error.h"
 #include "stream/files/durable_file.h"
 #include "stream/files/system_reason.h"
+#include "stream/runtime/long_call.h"
 #include "stream/runtime/stop.h"
 #include "tools/frame/manual.h"
 
@@ -286,7 +288,7 @@ int run(const std::string& name, const std::string& description, const std::vect
   app.set_version_flag("--version", name + " " TESSERA_VERSION);
   app.require_subcommand(1);
   std::signal(SIGXFSZ, SIG_IGN);  // a limit on file sizes is told like a full disk
-  return guarded([&] {
+  const int code = guarded([&] {
     for (const Command& command : commands) add_command(app, command);
     const auto add_text = [&](const char* option, const char* help,
                               const std::function<std::string()>& text) {
@@ -304,6 +306,11 @@ int run(const std::string& name, const std::string& description, const std::vect
              [&] { return bash_completion(name, commands); });
     parse_line(app, [&] { app.parse(argc, argv); });
   });
+  if (work_left_behind()) {
+    std::cout.flush();
+    std::_Exit(code);
+  }
+  return code;
 }
 
 }  // namespace tessera::cli
