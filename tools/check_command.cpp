@@ -30,6 +30,7 @@ struct CheckCommand {
   TruthOptions truth_options;
   std::filesystem::path reference;
   CompareOptions compare;
+  std::string method = "exact";
   bool with_borders = false;
   int threads = 0;
   bool strict = false;
@@ -50,14 +51,18 @@ MeshComparison compare_with_reference(const CheckCommand& command, const MeshChe
   run.threads = command.threads > 0 ? command.threads : core_count();
   CompareOptions compare = command.compare;
   compare.check_stop = throw_if_stopped;
+  compare.method = command.method == "raster" ? CompareMethod::kRaster
+                   : command.method == "auto" ? CompareMethod::kAuto
+                                              : CompareMethod::kExact;
   return compare_mesh_files(command.mesh, command.reference, compare, run);
 }
 
 void run_check(const CheckCommand& command) {
   if (command.mesh.empty()) throw UsageError("no mesh given; name one: tessera check mesh.ply");
   if (!command.reference.empty()) command.compare.validate();
-  if (command.reference.empty() && (command.compare.tolerance != 0.0 || command.with_borders))
-    throw UsageError("--tolerance and --borders need --reference FILE to compare with");
+  if (command.reference.empty() &&
+      (command.compare.tolerance != 0.0 || command.with_borders || command.method != CheckCommand().method))
+    throw UsageError("--tolerance, --borders and --method need --reference FILE to compare with");
   cli::check_line_writes({command.mesh, command.reference, command.truth},
                          {{command.json, "--json", existing_by(command.force)}});
   MeshCheckOptions options = command.options;
@@ -125,6 +130,13 @@ cli::Command check_command() {
         "6 if not");
   t.add("tolerance", &c.compare.tolerance,
         "largest distance allowed, in the unit of the mesh; with --reference");
+  t.add("method", &c.method,
+        "with --reference; exact: the certificate, with all distances; raster: yes or no alone, a raster "
+        "settles "
+        "what it can and the rest is searched; auto: yes or no, on the way that takes less time on the "
+        "fullest "
+        "cell; where the answer is no, each tells the same place and distance")
+      .one_of({"exact", "raster", "auto"});
   t.add("borders", &c.with_borders,
         "with --reference: border curves must stay within the tolerance of each other too");
   cli::add_threads(t, c.threads, "threads for --reference");

@@ -6,14 +6,16 @@
 #include <numeric>
 
 #include "kernels/certify/overlay_proof.h"
+#include "kernels/certify/raster_filter.h"
 #include "kernels/mesh/box_mask.h"
 
 namespace tessera {
 namespace {
 
-constexpr std::size_t kFewer = 4;        // from here on one overlay proves both ways
-constexpr std::size_t kFirstSearch = 4;  // faces that are searched for the largest distance; then ever more
-constexpr std::size_t kGrid = 32;        // cells an axis of the box in which faces are picked
+constexpr std::size_t kFewer = 4;         // from here on one overlay proves both ways
+constexpr std::size_t kFirstSearch = 4;   // faces that are searched for the largest distance; then ever more
+constexpr std::size_t kGrid = 32;         // cells an axis of the box in which faces are picked
+constexpr double kProofMargin = 0x1p-11;  // of the tolerance: what is proven by more is so on any way
 
 using Face = std::array<std::uint32_t, 3>;
 
@@ -34,6 +36,34 @@ Box3 box_of(const SurfaceFaces& s, const Face& f) {
       box.high[k] = std::max(box.high[k], s.position[v][k]);
     }
   return box;
+}
+
+/// Certifies some faces of a surface, against what of the other one is near them.
+DeviationReport certify_some(const SurfaceFaces& surface, const std::vector<std::uint32_t>& list,
+                             const SurfaceFaces& other, const Box3* core, const Double3& origin,
+                             const CertificateOptions& options, std::vector<float>& bound) {
+  std::vector<Face> faces;
+  for (const std::uint32_t i : list) faces.push_back(surface.faces[i]);
+  BoxMask mask = mask_over(other);
+  for (const Face& f : faces) {
+    Box3 box = box_of(surface, f);
+    for (std::size_t k = 0; k < 3; ++k) {
+      if (core != nullptr) {
+        box.low[k] = std::max(box.low[k], core->low[k]);
+        box.high[k] = std::min(box.high[k], core->high[k]);
+      }
+      box.low[k] -= options.reach * (1.0 + 0x1p-20);
+      box.high[k] += options.reach * (1.0 + 0x1p-20);
+    }
+    mask.mark(box.low, box.high);
+  }
+  std::vector<Face> near;
+  for (const Face& f : other.faces) {
+    const Box3 box = box_of(other, f);
+    if (mask.meets(box.low, box.high)) near.push_back(f);
+  }
+  return certify_deviation({surface.position, faces}, core, ClosestFaces(other.position, near, origin),
+                           options, &bound);
 }
 
 /// One direction: what the overlay left open, then the largest distances.
@@ -99,29 +129,8 @@ class Finisher {
 
   /// Searches some faces for themselves; their bounds can only fall.
   DeviationReport search(const std::vector<std::uint32_t>& list) {
-    std::vector<Face> faces;
-    for (const std::uint32_t i : list) faces.push_back(surface_.faces[i]);
-    BoxMask mask = mask_over(other_);
-    for (const Face& f : faces) {
-      Box3 box = box_of(surface_, f);
-      for (std::size_t k = 0; k < 3; ++k) {
-        if (core_ != nullptr) {
-          box.low[k] = std::max(box.low[k], core_->low[k]);
-          box.high[k] = std::min(box.high[k], core_->high[k]);
-        }
-        box.low[k] -= options_.reach * (1.0 + 0x1p-20);
-        box.high[k] += options_.reach * (1.0 + 0x1p-20);
-      }
-      mask.mark(box.low, box.high);
-    }
-    std::vector<Face> near;
-    for (const Face& f : other_.faces) {
-      const Box3 box = box_of(other_, f);
-      if (mask.meets(box.low, box.high)) near.push_back(f);
-    }
     std::vector<float> bound;
-    const DeviationReport report = certify_deviation(
-        {surface_.position, faces}, core_, ClosestFaces(other_.position, near, origin_), options_, &bound);
+    const DeviationReport report = certify_some(surface_, list, other_, core_, origin_, options_, bound);
     for (std::size_t i = 0; i < list.size(); ++i) {
       bound_[list[i]] = std::min(bound_[list[i]], bound[i]);
       searched_[list[i]] = true;
@@ -174,6 +183,40 @@ DeviationPair certify_pair(const SurfaceFaces& a, const SurfaceFaces& b, const B
   out.there = finish(a, b, std::move(swapped ? proof.fine : proof.coarse), out.there_bound);
   out.back = finish(b, a, std::move(swapped ? proof.coarse : proof.fine), out.back_bound);
   return out;
+}
+
+RasterProof prove_by_raster(const SurfaceFaces& a, const SurfaceFaces& b, const Box3& core,
+                            const Double3& origin, const CertificateOptions& options) {
+  RasterProof proof;
+  const double pixel = raster_pixel(a, b, options.tolerance);
+  CertificateOptions yes_or_no = options;
+  yes_or_no.enough = yes_or_no.tolerance = options.tolerance * (1.0 - kProofMargin);
+  const auto one_way = [&](const SurfaceFaces& from, const SurfaceFaces& to) {
+    RasterFilterReport report;
+    std::vector<std::uint32_t> doubts =
+        raster_doubts(from, core, to, origin, options.tolerance, pixel, &report);
+    proof.faces += report.faces;
+    proof.searched += doubts.size();
+    if (doubts.empty()) return true;
+    // Many of them, or large ones: laid over as certify_pair() does, the rest of the rest is searched.
+    if (doubts.size() * kFewer > report.faces || from.faces.size() * kFewer <= to.faces.size()) {
+      std::vector<Face> faces;
+      for (const std::uint32_t f : doubts) faces.push_back(from.faces[f]);
+      const OverlaySide side =
+          prove_by_overlay({from.position, faces}, to, &core, kPairMargin * options.reach, origin, yes_or_no)
+              .coarse;
+      std::size_t left = 0;
+      for (std::size_t i = 0; i < doubts.size(); ++i)
+        if (!std::isfinite(side.bound[i])) doubts[left++] = doubts[i];
+      doubts.resize(left);
+      if (doubts.empty()) return true;
+    }
+    std::vector<float> bound;
+    return certify_some(from, doubts, to, &core, origin, yes_or_no, bound).faces_over == 0;
+  };
+  const bool there = one_way(a, b);
+  proof.proven = there && one_way(b, a);
+  return proof;
 }
 
 }  // namespace tessera

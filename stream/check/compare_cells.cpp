@@ -100,7 +100,8 @@ class CellMaker {
     }
     if (expected <= static_cast<double>(cell_faces_) || level == kMostSplits ||
         size < kCellsPerReach * halo_) {
-      cells_.push_back({box, compare_cell_bytes(mesh_.block_bytes(a) + reference_.block_bytes(b), faces)});
+      cells_.push_back(
+          {box, compare_cell_bytes(mesh_.block_bytes(a) + reference_.block_bytes(b), faces), faces});
       return;
     }
     for (std::uint64_t child = 0; child < 8; ++child)

@@ -12,6 +12,7 @@ namespace tessera {
 struct CompareCell {
   MeshBox box;              ///< neighbours share their planes bit by bit
   std::uint64_t bytes = 0;  ///< to load both meshes within reach of it, with an index each
+  std::uint64_t faces = 0;  ///< of both meshes in the patches within reach: at least as many as are loaded
 };
 
 /// What is loaded around a cell, in reaches.

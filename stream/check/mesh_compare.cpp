@@ -1,5 +1,7 @@
 #include "stream/check/mesh_compare.h"
 
+#include <time.h>
+
 #include <algorithm>
 #include <array>
 #include <chrono>
@@ -8,6 +10,7 @@
 #include <vector>
 
 #include "kernels/certify/certificate_pair.h"
+#include "kernels/certify/raster_filter.h"
 #include "kernels/mesh/flat_faces.h"
 #include "octree/error.h"
 #include "stream/check/compare_cells.h"
@@ -50,6 +53,48 @@ CertificateOptions certificate_options(const MeshStore& mesh, const MeshStore& r
   const double scale = std::max(mesh.diagonal(), reference.diagonal());
   certificate.area_unit = scale > 0.0 ? scale * scale * 0x1p-47 : 1.0;
   return certificate;
+}
+
+/// Both meshes around a cell.
+struct LoadedCell {
+  LoadedCell(const MeshStore& mesh, const MeshStore& reference, const MeshBox& box, double reach)
+      : a(mesh.load_box(grown(box, kCompareHalo * reach))),
+        b(reference.load_box(grown(box, kCompareHalo * reach))),
+        core{box.low, box.high} {
+    drop_flat_islands(a), drop_flat_islands(b);  // lines, which decimation takes out
+    for (std::size_t k = 0; k < 3; ++k) middle[k] = 0.5 * (box.low[k] + box.high[k]);
+  }
+  DeviationPair surfaces(const CertificateOptions& options) const {
+    return certify_pair({a.position, a.faces}, {b.position, b.faces}, &core, middle, options);
+  }
+  DeviationReport border(const MeshBlock& of, const MeshBlock& to, CertificateOptions options) const {
+    options.enough = 0.0;
+    return certify_deviation({of.position, border_segments(of)}, &core,
+                             ClosestFaces(to.position, border_segments(to), middle), options);
+  }
+
+  MeshBlock a, b;
+  Box3 core;
+  Double3 middle;
+};
+
+double thread_us() {
+  timespec t;
+  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
+  return 1e6 * static_cast<double>(t.tv_sec) + 1e-3 * static_cast<double>(t.tv_nsec);
+}
+
+/// Faces whose box meets the core.
+std::uint64_t faces_in(const MeshBlock& block, const Box3& core) {
+  std::uint64_t count = 0;
+  for (const auto& f : block.faces) {
+    const Double3 &a = block.position[f[0]], &b = block.position[f[1]], &c = block.position[f[2]];
+    bool in = true;
+    for (std::size_t k = 0; k < 3; ++k)
+      in = in && std::min({a[k], b[k], c[k]}) <= core.high[k] && std::max({a[k], b[k], c[k]}) >= core.low[k];
+    count += in;
+  }
+  return count;
 }
 
 }  // namespace
@@ -101,14 +146,8 @@ CellComparison compare_cell(const MeshStore& mesh, const MeshStore& reference, c
   CertificateOptions options = certificate_options(mesh, reference, begun);
   options.check_stop = check_stop;
   options.enough = enough;
-  const MeshBox near = grown(box, kCompareHalo * options.reach);
-  MeshBlock a = mesh.load_box(near), b = reference.load_box(near);
-  drop_flat_islands(a), drop_flat_islands(b);  // lines, which decimation takes out
-  Double3 middle;
-  for (std::size_t k = 0; k < 3; ++k) middle[k] = 0.5 * (box.low[k] + box.high[k]);
-  const Box3 core{box.low, box.high};
-  const DeviationPair surface =
-      certify_pair({a.position, a.faces}, {b.position, b.faces}, &core, middle, options);
+  const LoadedCell cell(mesh, reference, box, options.reach);
+  const DeviationPair surface = cell.surfaces(options);
   const auto name_failed = [&](const MeshBlock& of, const DeviationReport& report,
                                const std::vector<float>& bound) {
     if (failed == nullptr || report.faces_over == 0) return;
@@ -117,17 +156,41 @@ CellComparison compare_cell(const MeshStore& mesh, const MeshStore& reference, c
         failed->push_back(
             {of.position[of.faces[f][0]], of.position[of.faces[f][1]], of.position[of.faces[f][2]]});
   };
-  name_failed(a, surface.there, surface.there_bound);
-  name_failed(b, surface.back, surface.back_bound);
-  options.enough = 0.0;
-  const auto border_one_way = [&](const MeshBlock& of, const MeshBlock& to) {
-    return certify_deviation({of.position, border_segments(of)}, &core,
-                             ClosestFaces(to.position, border_segments(to), middle), options);
-  };
+  name_failed(cell.a, surface.there, surface.there_bound);
+  name_failed(cell.b, surface.back, surface.back_bound);
   CellComparison result;
-  result.there = {surface.there, border_one_way(a, b)};
-  result.back = {surface.back, border_one_way(b, a)};
+  result.there = {surface.there, cell.border(cell.a, cell.b, options)};
+  result.back = {surface.back, cell.border(cell.b, cell.a, options)};
   return result;
+}
+
+CellAnswer answer_cell(const MeshStore& mesh, const MeshStore& reference, const MeshComparison& begun,
+                       const MeshBox& box, bool by_raster, const std::function<void()>& check_stop) {
+  CertificateOptions options = certificate_options(mesh, reference, begun);
+  options.check_stop = check_stop;
+  options.enough = options.tolerance;
+  const LoadedCell cell(mesh, reference, box, options.reach);
+  CellAnswer answer;
+  answer.faces = faces_in(cell.a, cell.core) + faces_in(cell.b, cell.core);
+  answer.measured.there.border = cell.border(cell.a, cell.b, options);
+  answer.measured.back.border = cell.border(cell.b, cell.a, options);
+  const double start = thread_us();
+  if (by_raster) {
+    const RasterProof proof = prove_by_raster(
+        {cell.a.position, cell.a.faces}, {cell.b.position, cell.b.faces}, cell.core, cell.middle, options);
+    answer.proven = proof.proven;
+    answer.searched = proof.searched;
+  }
+  if (!answer.proven) {
+    const DeviationPair surface = cell.surfaces(options);
+    answer.proven = surface.there.upper <= options.tolerance && surface.back.upper <= options.tolerance;
+    if (!answer.proven) {
+      answer.measured.there.surface = surface.there;
+      answer.measured.back.surface = surface.back;
+    }
+  }
+  answer.us = thread_us() - start;
+  return answer;
 }
 
 void add_cell(MeshComparison& sum, const CellComparison& cell) {
@@ -162,11 +225,64 @@ void tighten_cells(std::vector<CellBounds>& cells, double tolerance,
   }
 }
 
+namespace {
+
+/// Answers every cell yes or no; what the fullest one tells of both ways decides where kAuto is asked.
+void answer_cells(const MeshStore& mesh, const MeshStore& reference, const CompareOptions& options,
+                  const std::vector<CompareCell>& cells, WorkerPool& pool, MemoryBudget& budget,
+                  MeshComparison& out) {
+  const auto bytes = [&](std::size_t i) { return cells[i].bytes + raster_filter_bytes(cells[i].faces); };
+  std::vector<CellAnswer> answers(cells.size());
+  const auto answer = [&](std::size_t i, bool by_raster) {
+    if (options.check_stop) options.check_stop();
+    return answer_cell(mesh, reference, out, cells[i].box, by_raster, options.check_stop);
+  };
+  out.speed.by_raster = options.method == CompareMethod::kRaster;
+  std::size_t fullest = cells.size();
+  if (options.method == CompareMethod::kAuto && !cells.empty()) {
+    fullest = 0;
+    for (std::size_t i = 1; i < cells.size(); ++i)
+      if (cells[i].faces > cells[fullest].faces) fullest = i;
+    pool.run_tasks(
+        1, [&](std::size_t) { return bytes(fullest); }, budget,
+        [&](std::size_t) {
+          const CellAnswer exact = answer(fullest, false);
+          answers[fullest] = answer(fullest, true);
+          const double faces = static_cast<double>(std::max<std::uint64_t>(1, exact.faces));
+          out.speed.exact_us = exact.us / faces;
+          out.speed.raster_us = answers[fullest].us / faces;
+          out.speed.by_raster = out.speed.raster_us <= out.speed.exact_us;
+        });
+  }
+  pool.run_tasks(cells.size(), bytes, budget, [&](std::size_t i) {
+    if (i != fullest) answers[i] = answer(i, out.speed.by_raster);
+  });
+  out.yes_or_no = true;
+  double faces = 0.0, searched = 0.0;
+  for (const CellAnswer& a : answers) {
+    add_cell(out, a.measured);
+    out.cells_proven += a.proven && a.faces > 0;
+    faces += static_cast<double>(a.faces);
+    searched += static_cast<double>(a.searched);
+  }
+  if (faces > 0.0) out.speed.searched = searched / faces;
+}
+
+}  // namespace
+
 MeshComparison compare_meshes(const MeshStore& mesh, const MeshStore& reference,
                               const CompareOptions& options, WorkerPool& pool, MemoryBudget& budget) {
   const auto start = std::chrono::steady_clock::now();
   MeshComparison out = begin_comparison(mesh, reference, options);
   const std::vector<CompareCell> cells = make_compare_cells(mesh, reference, out.reach, options.cell_faces);
+  const auto seconds = [&] {
+    return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  };
+  if (options.method != CompareMethod::kExact) {
+    answer_cells(mesh, reference, options, cells, pool, budget, out);
+    out.seconds = seconds();
+    return out;
+  }
   std::vector<CellComparison> results(cells.size());
   pool.run_tasks(
       cells.size(), [&](std::size_t i) { return cells[i].bytes; }, budget,
@@ -182,7 +298,7 @@ MeshComparison compare_meshes(const MeshStore& mesh, const MeshStore& reference,
     return CellBounds(results[i]);
   });
   for (const CellComparison& result : results) add_cell(out, result);
-  out.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  out.seconds = seconds();
   return out;
 }
 

@@ -23,9 +23,17 @@ namespace tessera {
 class MemoryBudget;
 class WorkerPool;
 
+/// How the tolerance is proven.
+enum class CompareMethod {
+  kExact,   ///< the certificate, with all distances
+  kRaster,  ///< yes or no: what a raster settles is settled, the rest is searched
+  kAuto,    ///< yes or no, on the way that takes less time on the fullest cell
+};
+
 struct CompareOptions {
-  double tolerance = 0.0;               ///< scan units, > 0
-  double reach = 0.0;                   ///< distances up to here are told; 0 = twice the tolerance
+  double tolerance = 0.0;  ///< scan units, > 0
+  double reach = 0.0;      ///< distances up to here are told; 0 = twice the tolerance
+  CompareMethod method = CompareMethod::kExact;
   std::uint64_t cell_faces = 1u << 16;  ///< of both meshes together; part of the result, like `tolerance`
   std::function<void()> check_stop;     ///< may throw StoppedError; any thread; may be empty
 
@@ -39,6 +47,13 @@ struct DirectedDeviation {
   DeviationReport border;  ///< border curve to border curve; area and histogram count lengths
 };
 
+/// What yes-or-no ways took on the fullest cell, CPU microseconds a face; 0: not measured. Not part of any report.
+struct CompareSpeed {
+  double raster_us = 0.0, exact_us = 0.0;
+  bool by_raster = false;  ///< the way taken
+  double searched = 0.0;   ///< share of the faces that the raster left in doubt
+};
+
 struct MeshComparison {
   double tolerance = 0.0, reach = 0.0;
   double diagonal = 0.0;            ///< of the reference
@@ -46,10 +61,14 @@ struct MeshComparison {
   DirectedDeviation there;          ///< mesh to reference
   DirectedDeviation back;           ///< reference to mesh
   std::uint64_t cells = 0;
+  /// Yes or no was asked: surfaces were measured in those cells alone that are not proven, borders in all.
+  bool yes_or_no = false;
+  std::uint64_t cells_proven = 0;  ///< with yes_or_no, of those with a face
+  CompareSpeed speed;
   double seconds = 0.0;         ///< of the comparison
   double import_seconds = 0.0;  ///< of reading both files into stores
 
-  double upper() const;         ///< both ways; infinite when something is beyond reach
+  double upper() const;         ///< both ways; infinite when something is beyond reach. \pre  !yes_or_no
   bool proven() const;          ///< surfaces stay within the tolerance both ways
   bool borders_proven() const;  ///< so do the border curves
   /// Why it is not proven, one sentence with a place; empty when it is.
@@ -77,6 +96,19 @@ CellComparison compare_cell(const MeshStore& mesh, const MeshStore& reference, c
                             const std::function<void()>& check_stop = {});
 void add_cell(MeshComparison& sum, const CellComparison& cell);
 
+/// A cell when yes or no is asked: borders are measured, surfaces where they are not proven.
+struct CellAnswer {
+  bool proven = false;
+  std::uint64_t faces = 0;     ///< in the cell, of both meshes; the same on either way
+  std::uint64_t searched = 0;  ///< that the raster left in doubt
+  double us = 0.0;             ///< CPU, for the proof alone
+  CellComparison measured;     ///< where it is proven: of borders alone
+};
+/// \param by_raster  by the raster first, and by the certificate where that does not prove the cell; else by the
+///   certificate at once. The answer is the same.
+CellAnswer answer_cell(const MeshStore& mesh, const MeshStore& reference, const MeshComparison& begun,
+                       const MeshBox& cell, bool by_raster, const std::function<void()>& check_stop = {});
+
 /// Of a cell, mesh to reference and back.
 struct CellBounds {
   std::array<double, 2> upper = {0, 0}, lower = {0, 0};
@@ -89,7 +121,8 @@ struct CellBounds {
 void tighten_cells(std::vector<CellBounds>& cells, double tolerance,
                    const std::function<CellBounds(std::size_t)>& again);
 
-/// \post  depends on the two meshes and the options alone, not on threads and budget
+/// \post  depends on the two meshes and the options alone, not on threads and budget; where yes or no was asked, not on
+///   the way either, but for `speed`. What it says then it says with kExact too
 /// \throws ResourceError when the budget cannot hold the fullest cell, naming the cap that would do
 MeshComparison compare_meshes(const MeshStore& mesh, const MeshStore& reference,
                               const CompareOptions& options, WorkerPool& pool, MemoryBudget& budget);

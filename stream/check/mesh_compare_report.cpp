@@ -46,6 +46,52 @@ nlohmann::json directed_json(const DeviationReport& r) {
           {"queries", r.queries}};
 }
 
+/// What yes or no leaves to say: where a direction fails its distances, which are those of the cells that fail.
+nlohmann::json answer_json(const MeshComparison& c) {
+  nlohmann::json json = {{"tolerance", c.tolerance},
+                         {"reach", c.reach},
+                         {"diagonal", c.diagonal},
+                         {"faces", c.faces[0]},
+                         {"reference_faces", c.faces[1]},
+                         {"proven", c.proven()},
+                         {"borders_proven", c.borders_proven()},
+                         {"histogram_bins", kDeviationBins},
+                         {"border_to_reference", directed_json(c.there.border)},
+                         {"reference_to_border", directed_json(c.back.border)},
+                         {"cells", c.cells},
+                         {"import_seconds", c.import_seconds},
+                         {"seconds", c.seconds}};
+  const auto add_failed = [&](const char* name, const DeviationReport& r) {
+    if (r.upper <= c.tolerance) return;
+    nlohmann::json all = directed_json(r);
+    for (const char* key : {"certified_max", "found_max", "witness", "beyond_reach"})
+      json[name][key] = std::move(all[key]);
+  };
+  add_failed("mesh_to_reference", c.there.surface);
+  add_failed("reference_to_mesh", c.back.surface);
+  return json;
+}
+
+std::string microseconds(double us) {
+  return fmt::format("{:.2f} us a face", us);
+}
+
+/// Which way yes or no went, and why.
+std::string way_text(const CompareSpeed& s) {
+  std::string text = s.by_raster ? "raster" : "exact";
+  if (s.exact_us > 0.0)
+    text += ": on the fullest cell the raster took " + microseconds(s.raster_us) + ", the certificate " +
+            microseconds(s.exact_us);
+  if (s.by_raster) text += "; " + percent(s.searched) + " of the faces were left to the search";
+  return text;
+}
+
+std::string time_text(const MeshComparison& c) {
+  return fmt::format("{:.1f} s to read both, {:.1f} s to compare {:.3g} M faces in {} cells",
+                     c.import_seconds, c.seconds, 1e-6 * static_cast<double>(c.faces[0] + c.faces[1]),
+                     c.cells);
+}
+
 std::string direction(const DeviationReport& r, double tolerance, double reach) {
   if (r.area == 0.0 && !r.beyond) return "nothing there";
   std::string text;
@@ -58,6 +104,23 @@ std::string direction(const DeviationReport& r, double tolerance, double reach) 
   const double over = share_over(r);
   if (over > 0.0) text += ", " + percent(over) + " of it beyond " + number_text(tolerance);
   return text;
+}
+
+/// Both histograms, in eighths of the tolerance.
+std::string bars_text(const MeshComparison& c) {
+  std::string bars;
+  for (const DeviationReport* r : {&c.there.surface, &c.back.surface}) {
+    double all = 0.0;
+    for (const std::uint64_t n : r->histogram) all += static_cast<double>(n);
+    bars += bars.empty() ? "" : " |";
+    for (std::size_t eighth = 0; eighth < 8 && all > 0.0; ++eighth) {
+      double sum = 0.0;
+      for (std::size_t i = 0; i < kDeviationBins / 8; ++i)
+        sum += static_cast<double>(r->histogram[eighth * kDeviationBins / 8 + i]);
+      bars += fmt::format(" {:.1f}%", 100.0 * sum / all);
+    }
+  }
+  return bars.empty() ? bars : bars.substr(1);
 }
 
 std::string sentence(const DeviationReport& r, const std::string& from, const std::string& to,
@@ -88,8 +151,8 @@ bool MeshComparison::borders_proven() const {
 
 std::string MeshComparison::complaint(bool with_borders) const {
   const std::string start = "not proven within " + number_text(tolerance) + ": ";
-  const bool none = there.surface.beyond && back.surface.beyond && share_over(there.surface) == 1.0 &&
-                    share_over(back.surface) == 1.0;
+  const bool none = cells_proven == 0 && there.surface.beyond && back.surface.beyond &&
+                    share_over(there.surface) == 1.0 && share_over(back.surface) == 1.0;
   if (none)
     return start + "no part of the mesh is near the reference, is it of another place or in another unit?";
   if (!(there.surface.upper <= tolerance))
@@ -106,6 +169,7 @@ std::string MeshComparison::complaint(bool with_borders) const {
 }
 
 nlohmann::json to_json(const MeshComparison& c) {
+  if (c.yes_or_no) return answer_json(c);
   return {{"tolerance", c.tolerance},
           {"reach", c.reach},
           {"diagonal", c.diagonal},
@@ -129,37 +193,27 @@ std::string describe(const MeshComparison& c) {
   const auto line = [&](const std::string& name, const std::string& value) {
     text += name + std::string(name.size() < 14 ? 14 - name.size() : 1, ' ') + value + "\n";
   };
-  line("deviation", "mesh to reference: " + direction(c.there.surface, c.tolerance, c.reach));
-  line("", "reference to mesh: " + direction(c.back.surface, c.tolerance, c.reach));
+  if (c.yes_or_no) {
+    line("method", way_text(c.speed));
+  } else {
+    line("deviation", "mesh to reference: " + direction(c.there.surface, c.tolerance, c.reach));
+    line("", "reference to mesh: " + direction(c.back.surface, c.tolerance, c.reach));
+  }
   if (c.there.border.area > 0.0 || c.back.border.area > 0.0) {
     line("borders", "mesh to reference: " + direction(c.there.border, c.tolerance, c.reach));
     line("", "reference to mesh: " + direction(c.back.border, c.tolerance, c.reach));
   }
-  line("histogram", "share of area by distance in eighths of the tolerance, mesh to reference | back");
-  std::string bars;
-  for (const DeviationReport* r : {&c.there.surface, &c.back.surface}) {
-    double all = 0.0;
-    for (const std::uint64_t n : r->histogram) all += static_cast<double>(n);
-    bars += bars.empty() ? "" : " |";
-    for (std::size_t eighth = 0; eighth < 8 && all > 0.0; ++eighth) {
-      double sum = 0.0;
-      for (std::size_t i = 0; i < kDeviationBins / 8; ++i)
-        sum += static_cast<double>(r->histogram[eighth * kDeviationBins / 8 + i]);
-      char share[24];
-      std::snprintf(share, sizeof share, " %.1f%%", 100.0 * sum / all);
-      bars += share;
-    }
+  if (!c.yes_or_no) {
+    line("histogram", "share of area by distance in eighths of the tolerance, mesh to reference | back");
+    line("", bars_text(c));
   }
-  line("", bars.empty() ? bars : bars.substr(1));
-  char time[160];
-  std::snprintf(time, sizeof time, "%.1f s to read both, %.1f s to compare %.3g M faces in %llu cells",
-                c.import_seconds, c.seconds, 1e-6 * static_cast<double>(c.faces[0] + c.faces[1]),
-                static_cast<unsigned long long>(c.cells));
-  line("time", time);
+  line("time", time_text(c));
   const std::string why = c.complaint(false);
-  line("certificate", why.empty() ? "proven: two-sided distance at most " + number_text(c.upper()) +
-                                        ", tolerance " + number_text(c.tolerance)
-                                  : why);
+  line("certificate", !why.empty() ? why
+                      : c.yes_or_no
+                          ? "proven: two-sided distance at most the tolerance, " + number_text(c.tolerance)
+                          : "proven: two-sided distance at most " + number_text(c.upper()) + ", tolerance " +
+                                number_text(c.tolerance));
   if (why.empty() && !c.borders_proven()) line("", c.complaint(true));
   return text;
 }

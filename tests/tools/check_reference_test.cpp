@@ -1,6 +1,9 @@
 // `tessera check --reference` as a user runs it.
 #include <catch2/catch.hpp>
 
+#include <algorithm>
+#include <cmath>
+
 #include <nlohmann/json.hpp>
 
 #include "stream/check/mesh_compare.h"
@@ -120,6 +123,99 @@ TEST_CASE("check --reference: the same report for any threads and memory, nothin
     CHECK(json.dump() == first);
   }
   for (const auto& entry : std::filesystem::directory_iterator(folder.path())) CHECK(entry.is_regular_file());
+}
+
+namespace {
+
+/// Whether everything in `part` stands in `all` as well.
+bool is_part(const nlohmann::json& part, const nlohmann::json& all) {
+  if (!part.is_object()) return part == all;
+  for (const auto& [key, value] : part.items())
+    if (!all.contains(key) || !is_part(value, all.at(key))) return false;
+  return true;
+}
+
+std::string line_of(const std::string& said, const std::string& start) {
+  const std::size_t at = said.find(start);
+  return at == std::string::npos ? "" : said.substr(at, said.find('\n', at) - at);
+}
+
+/// A block with a step in it, n x n squares a unit side; corners welded.
+Surface step_block(int n) {
+  return test::height_grid(4 * n, 1.0, [](double x, double y) {
+    return std::min(0.2, std::max(0.0, 4.0 * (x - 0.5))) + (y > 0.74 ? 0.25 * (y - 0.75) : 0.0);
+  });
+}
+
+}  // namespace
+
+TEST_CASE("check --method: exact, raster and auto give one answer", "[property]") {
+  const test::TempFolder folder;
+  test::Random random(6);
+  const auto scanned = [&](int cells) {
+    Surface s = test::height_grid(cells, 1.0, [&](double x, double y) {
+      return 0.1 * std::sin(9.0 * x + 4.0 * y) + random.in(-0.002, 0.002);
+    });
+    for (std::size_t f = 50; f + 4 < s.faces.size(); f += 997)  // dropouts
+      s.faces.erase(s.faces.begin() + static_cast<long>(f), s.faces.begin() + static_cast<long>(f) + 4);
+    return s;
+  };
+  struct Pair {
+    std::string what;
+    Surface mesh, reference;
+    std::string tolerance;
+    int code;
+  };
+  const std::vector<Pair> pairs = {
+      {"clean", test::sphere(4, 1.0), test::sphere(5, 1.0), "0.01", 0},
+      {"CAD", step_block(4), step_block(12), "0.02", 0},
+      {"raw scans", scanned(150), scanned(170), "0.02", 0},
+      {"exceeds", test::sphere(4, 1.0), test::sphere(5, 1.0), "0.001", 6},
+      {"raw scans exceed", scanned(150), scanned(170), "0.003", 6},
+      {"elsewhere", moved(test::sphere(3, 1.0), {50, 0, 0}), test::sphere(3, 1.0), "0.01", 6}};
+  for (const Pair& pair : pairs) {
+    INFO(pair.what);
+    const std::string mesh = file(folder, "mesh.ply", pair.mesh);
+    const std::string reference = file(folder, "reference.ply", pair.reference);
+    nlohmann::json exact, first;
+    std::string complaint;
+    for (const std::string way : {"exact", "raster", "raster -t 3 --memory 100M", "auto"}) {
+      INFO(way);
+      const std::string report = (folder / "report.json").string();
+      const test::Outcome outcome =
+          check(mesh, reference,
+                "--tolerance " + pair.tolerance + " --force --report " + report + " --method " + way);
+      CHECK(outcome.code == pair.code);
+      nlohmann::json json = nlohmann::json::parse(test::file_bytes(report)).at("deviation");
+      json.erase("seconds");
+      json.erase("import_seconds");
+      CHECK((outcome.said.find("certificate   proven") != std::string::npos) == (pair.code == 0));
+      const std::string why = line_of(outcome.said, "not proven within");  // of borders where surfaces are
+      if (way == "exact") {
+        exact = json;
+        complaint = why;
+        continue;
+      }
+      CHECK(why == complaint);
+      CHECK(is_part(json, exact));
+      if (first.is_null()) first = json;
+      CHECK(json == first);
+      CHECK(outcome.said.find("method        ") != std::string::npos);
+      const bool both = outcome.said.find("the raster took ") != std::string::npos &&
+                        outcome.said.find("the certificate ") != std::string::npos;
+      CHECK(both == (way == "auto"));
+    }
+    std::filesystem::remove(mesh);
+    std::filesystem::remove(reference);
+  }
+}
+
+TEST_CASE("check --method: only with a reference, and of three words", "[pipeline]") {
+  const test::TempFolder folder;
+  const std::string mesh = file(folder, "mesh.ply", test::height_grid(3, 1.0, waves));
+  CHECK(test::shell(kTessera + " check " + mesh + " --method raster").code == 2);
+  CHECK(check(mesh, mesh, "--tolerance 1 --method quick").code == 2);
+  CHECK(check(mesh, mesh, "--method raster").code == 2);
 }
 
 TEST_CASE("compare: cells are compared again until the bound of the whole is tight, and no others",
