@@ -146,9 +146,4 @@ CoarseLayer coarse_layer(std::span<const Double3> surface, std::span<const Face>
   return out;
 }
 
-std::uint64_t displacement_volume_bytes(std::uint64_t faces) {
-  const std::uint64_t most = faces + 20000;  // what the coarse copy may have besides
-  return remesh_bytes(most, most) + 2 * DisplacementEncoder::bytes(most) + 700 * most;
-}
-
 }  // namespace tessera

@@ -31,7 +31,4 @@ CoarseLayer coarse_layer(std::span<const Double3> surface,
                          std::span<const std::array<std::uint32_t, 3>> faces,
                          std::span<const std::uint8_t> free, std::size_t wanted_faces);
 
-/// Upper bound of what coarse_layer() and displacement_volumes() allocate for a surface of so many faces.
-std::uint64_t displacement_volume_bytes(std::uint64_t faces);
-
 }  // namespace tessera

@@ -4,32 +4,25 @@
 /// 5.4. As there the layer grows from a thin one, which cannot fold, by volume scales; in between the surface relaxes towards
 /// the edges that it had at rest, and ratios of heights are evened out. Three changes: a prism takes the shortest way to its
 /// volume (a projection, Gauss-Seidel) instead of a gradient descent; volumes of a scale are those of the layer at rest with
-/// its heights scaled, so that every scale has an exact answer at rest; and growth is on an even coarse copy (coarse_layer.h),
-/// whose displacements the finer levels take over before a few rounds of their own. Fixed numbers of rounds, in the order of faces.
+/// its heights scaled, so that every scale has an exact answer at rest; and growth is on an even coarse copy (layer_levels.h),
+/// whose displacements the finer levels take over before a few rounds of their own. Fixed numbers of rounds, in an order that
+/// hangs on the faces alone.
 #pragma once
 #include <array>
 #include <cstdint>
 #include <span>
 #include <vector>
 
-#include "octree/vector.h"
+#include "kernels/edit/layer_levels.h"
+#include "kernels/edit/layer_relaxation.h"
 
 namespace tessera {
 
-using PrismFaces = std::span<const std::array<std::uint32_t, 3>>;
-
-/// A surface over its base, one point of the base for each vertex.
-struct Layer {
-  std::span<const Double3> base;
-  std::span<const Double3> surface;
-};
-
 struct DisplacementVolumeOptions {
-  std::size_t coarse_faces = 3000;  ///< of the copy that grows; 0 = the surface itself grows
-  int scales = 8;                   ///< of volumes, from 1 / scales to 1
-  int coarse_rounds = 16;           ///< on each of them: all prisms, then the filters
-  int rounds = 4;                   ///< of the surface itself
-  int last_sweeps = 40;             ///< over prisms alone, in the end
+  int scales = 8;          ///< of volumes, from 1 / scales to 1
+  int coarse_rounds = 16;  ///< on each of them: all prisms, then the filters
+  int rounds = 4;          ///< of the surface itself
+  int last_sweeps = 40;    ///< over prisms alone, in the end
 };
 
 struct DisplacementVolumeReport {
@@ -44,15 +37,24 @@ struct DisplacementVolumeReport {
 /// centroids); below zero under the base.
 double prism_volume(const std::array<Double3, 3>& base, const std::array<Double3, 3>& top);
 
-/// \param rest   n
-/// \param posed  its surface is where displacement vectors lead: what is not `free` stays there
-/// \param free   n flags
-/// \param widening  n, by which posed.base falls short of its volume (base_volume.h): the layer gains those prisms; or empty
+/// A pose of a layer.
+struct PosedLayer {
+  Layer rest;
+  Layer posed;  ///< its surface is where displacement vectors lead: what is not free stays there
+  PrismFaces faces;
+  std::span<const std::uint8_t> free;  ///< n flags
+  std::span<const Turn> turn;          ///< n, read where free: how the base turns
+  /// n, by which posed.base falls short of its volume (base_volume.h): the layer gains those prisms; or empty.
+  std::span<const Double3> widening{};
+};
+
+/// \param levels  layer_levels() of rest.surface; empty: the surface itself grows
 /// \return n: the surface over posed.base whose prisms have nearly the volumes of `rest`; at rest the surface itself
-std::vector<Double3> displacement_volumes(const Layer& rest, const Layer& posed, PrismFaces faces,
-                                          std::span<const std::uint8_t> free,
-                                          std::span<const Double3> widening,
+std::vector<Double3> displacement_volumes(const PosedLayer& layer, std::span<const LayerLevel> levels,
                                           const DisplacementVolumeOptions& options,
                                           DisplacementVolumeReport& report);
+
+/// Upper bound of what displacement_volumes() allocates for a surface of so many faces, beside its levels.
+std::uint64_t displacement_volume_bytes(std::uint64_t faces);
 
 }  // namespace tessera

@@ -7,18 +7,10 @@
 
 #include "kernels/mesh/closest_face.h"
 #include "octree/error.h"
-#include "octree/small_matrix.h"
 #include "octree/union_find.h"
 
 namespace tessera {
 namespace {
-
-using Faces = std::span<const std::array<std::uint32_t, 3>>;
-using Matrix4 = SmallMatrix<4>;
-using Turn = std::array<double, 9>;
-
-constexpr int kSpreadRounds = 6;  ///< rings that a turn is measured over, beyond its own
-constexpr Turn kNoTurn = {1, 0, 0, 0, 1, 0, 0, 0, 1};
 
 std::string place(const Double3& p) {
   char text[100];
@@ -124,8 +116,9 @@ void follow(const EditBasis& basis, std::span<const Double3> position, std::span
 
 }  // namespace
 
-EditBasis edit_basis(std::span<const Double3> position, const Laplacian& metric, const EditRegions& regions,
+EditBasis edit_basis(const TriangleSpan& base, const Laplacian& metric, const EditRegions& regions,
                      const BoundaryModelOptions& options, EditBasisReport& report) {
+  const std::span<const Double3> position = base.positions;
   const std::size_t n = position.size(), handles = regions.handles.size();
   EditBasis basis;
   basis.role = regions.role;
@@ -205,6 +198,8 @@ EditBasis edit_basis(std::span<const Double3> position, const Laplacian& metric,
   report.model = model.report();
   const std::vector<Double3> rest = rest_base(basis, position);
   report.energy = model.energy({rest.front().data(), 3 * n}, 3);
+  basis.turn_columns =
+      turn_columns(rest, base.faces, basis.active, {values, w, first, !basis.target.empty()});
   return basis;
 }
 
@@ -248,152 +243,35 @@ std::vector<Double3> smooth_base(const EditBasis& basis, std::span<const Double3
   return solution(basis, position, pose, false);
 }
 
-namespace {
-
-constexpr int kPolarSteps = 10;
-constexpr double kTurned = 1e-14;  ///< of a rotation: a step less than that was the last
-constexpr double kWellTurned =
-    1e-3;  ///< of the cube of its size: determinants from which Newton's steps are safe
-
-/// The same where s is far from turning over: its polar factor by Newton's steps R <- (R + R^-T) / 2 (Higham 1986), a tenth of
-/// the work. \return false: it is not, or does not settle
-bool polar_turn(const std::array<double, 9>& s, double size, Turn& out) {
-  for (std::size_t k = 0; k < 9; ++k) out[k] = s[k] / size;
-  for (int step = 0; step < kPolarSteps; ++step) {
-    const Turn& r = out;
-    const Turn cofactor = {r[4] * r[8] - r[5] * r[7], r[5] * r[6] - r[3] * r[8], r[3] * r[7] - r[4] * r[6],
-                           r[2] * r[7] - r[1] * r[8], r[0] * r[8] - r[2] * r[6], r[1] * r[6] - r[0] * r[7],
-                           r[1] * r[5] - r[2] * r[4], r[2] * r[3] - r[0] * r[5], r[0] * r[4] - r[1] * r[3]};
-    const double determinant = r[0] * cofactor[0] + r[1] * cofactor[1] + r[2] * cofactor[2];
-    if (!(determinant > kWellTurned)) return false;
-    double change = 0.0;
-    for (std::size_t k = 0; k < 9; ++k) {
-      const double next = 0.5 * (out[k] + cofactor[k] / determinant);
-      change = std::max(change, std::fabs(next - out[k]));
-      out[k] = next;
-    }
-    if (change < kTurned) return true;
+std::vector<Turn> pose_turns(const EditBasis& basis, std::span<const Placement> pose) {
+  // All of it may go far: where nothing is held only differences between handles turn anything.
+  bool held = false;
+  for (const std::int32_t role : basis.role) held = held || role == kFixedVertex || role == kTargetVertex;
+  std::vector<FrameMotion> motion(pose.size());
+  for (std::size_t h = 0; h < pose.size(); ++h) {
+    for (std::size_t a = 0; a < 3; ++a)
+      for (std::size_t c = 0; c < 3; ++c)
+        motion[h][a][c] = basis.reach[h] * (pose[h].matrix[3 * c + a] - (a == c ? 1.0 : 0.0));
+    motion[h][3] = pose[h].apply(basis.centre[h]) - basis.centre[h];
   }
-  return false;
-}
-
-/// The rotation nearest to s, of largest trace(R' s): quaternion of the largest eigenvalue (Horn 1987).
-Turn best_turn(const std::array<double, 9>& s) {
-  double size = 0.0;
-  for (const double x : s) size = std::max(size, std::fabs(x));
-  if (!(size > 0.0)) return kNoTurn;
-  if (Turn polar{}; polar_turn(s, size, polar)) return polar;
-  const auto at = [&](int to, int from) { return s[static_cast<std::size_t>(3 * to + from)] / size; };
-  Matrix4 a;
-  a << at(0, 0) + at(1, 1) + at(2, 2), at(2, 1) - at(1, 2), at(0, 2) - at(2, 0), at(1, 0) - at(0, 1),
-      at(2, 1) - at(1, 2), at(0, 0) - at(1, 1) - at(2, 2), at(0, 1) + at(1, 0), at(0, 2) + at(2, 0),
-      at(0, 2) - at(2, 0), at(0, 1) + at(1, 0), at(1, 1) - at(0, 0) - at(2, 2), at(1, 2) + at(2, 1),
-      at(1, 0) - at(0, 1), at(0, 2) + at(2, 0), at(1, 2) + at(2, 1), at(2, 2) - at(0, 0) - at(1, 1);
-  Matrix4 vector = Matrix4::Identity();
-  for (int sweep = 0; sweep < 12; ++sweep) {
-    double off = 0.0;
-    for (Eigen::Index p = 0; p < 4; ++p)
-      for (Eigen::Index q = p + 1; q < 4; ++q) off += a.coeff(p, q) * a.coeff(p, q);
-    if (!(off > 1e-30)) break;
-    for (Eigen::Index p = 0; p < 3; ++p)
-      for (Eigen::Index q = p + 1; q < 4; ++q) {
-        if (a.coeff(p, q) == 0.0) continue;
-        const double theta = (a.coeff(q, q) - a.coeff(p, p)) / (2.0 * a.coeff(p, q));
-        const double t = (theta < 0.0 ? -1.0 : 1.0) / (std::fabs(theta) + std::sqrt(theta * theta + 1.0));
-        const double c = 1.0 / std::sqrt(t * t + 1.0), sn = t * c;
-        const auto turn = [c, sn](double& x, double& y) {
-          const double u = x, v = y;
-          x = c * u - sn * v;
-          y = sn * u + c * v;
-        };
-        for (Eigen::Index k = 0; k < 4; ++k) turn(a.coeffRef(k, p), a.coeffRef(k, q));
-        for (Eigen::Index k = 0; k < 4; ++k) turn(a.coeffRef(p, k), a.coeffRef(q, k));
-        for (Eigen::Index k = 0; k < 4; ++k) turn(vector.coeffRef(k, p), vector.coeffRef(k, q));
-      }
+  if (!held && !pose.empty()) {
+    const Double3 far = motion[0][3];
+    for (FrameMotion& m : motion) m[3] = m[3] - far;
   }
-  Eigen::Index best = 0;
-  for (Eigen::Index k = 1; k < 4; ++k)
-    if (a.coeff(k, k) > a.coeff(best, best)) best = k;
-  const double w = vector.coeff(0, best), x = vector.coeff(1, best), y = vector.coeff(2, best),
-               z = vector.coeff(3, best);
-  const double u = 2.0 / (w * w + x * x + y * y + z * z);
-  return {1 - u * (y * y + z * z), u * (x * y - w * z),     u * (x * z + w * y),
-          u * (x * y + w * z),     1 - u * (x * x + z * z), u * (y * z - w * x),
-          u * (x * z - w * y),     u * (y * z + w * x),     1 - u * (x * x + y * y)};
-}
-
-Double3 turned(const Turn& r, const Double3& p) {
-  return {r[0] * p[0] + r[1] * p[1] + r[2] * p[2], r[3] * p[0] + r[4] * p[1] + r[5] * p[2],
-          r[6] * p[0] + r[7] * p[1] + r[8] * p[2]};
-}
-
-}  // namespace
-
-std::vector<Turn> turns(std::span<const Double3> from, std::span<const Double3> to, Faces faces) {
-  // Per face A (F - I): the gradient of the displacement d, sum of d_k (n x e_k) / 2 with e_k opposite to corner k, and
-  // the turn of the normal. Nothing is divided by, so that slivers weigh what they are.
-  std::vector<Turn> sum(from.size(), Turn{}), next;
-  std::vector<double> area(from.size(), 0.0), wider;
-  for (const auto& f : faces) {
-    const Double3 n = triangle_normal(from[f[0]], from[f[1]], from[f[2]]);
-    const double a = 0.5 * norm(n);
-    const Double3 before = unit_or_zero(n),
-                  after = unit_or_zero(triangle_normal(to[f[0]], to[f[1]], to[f[2]]));
-    Turn s{};
-    const auto add = [&](const Double3& left, const Double3& right) {
-      for (std::size_t r = 0; r < 3; ++r)
-        for (std::size_t c = 0; c < 3; ++c) s[3 * r + c] += left[r] * right[c];
-    };
-    const Double3 d0 = to[f[0]] - from[f[0]];
-    for (std::size_t k = 1; k < 3; ++k) {
-      const Double3 opposite = from[f[(k + 2) % 3]] - from[f[(k + 1) % 3]];
-      add((to[f[k]] - from[f[k]] - d0) * 0.5, cross(before, opposite));
-    }
-    add((after - before) * a, before);
-    for (const std::uint32_t v : f) {
-      for (std::size_t k = 0; k < 9; ++k) sum[v][k] += s[k];
-      area[v] += a;
-    }
-  }
-  for (int round = 0; round < kSpreadRounds; ++round) {
-    next.assign(sum.size(), Turn{});
-    wider.assign(sum.size(), 0.0);
-    for (const auto& f : faces) {
-      const double all = area[f[0]] + area[f[1]] + area[f[2]];
-      if (!(all > 0.0)) continue;
-      Turn s;
-      for (std::size_t k = 0; k < 9; ++k) s[k] = sum[f[0]][k] + sum[f[1]][k] + sum[f[2]][k];
-      for (const std::uint32_t v : f) {
-        for (std::size_t k = 0; k < 9; ++k) next[v][k] += s[k];
-        wider[v] += all;
-      }
-    }
-    sum.swap(next);
-    area.swap(wider);
-  }
-  for (std::size_t v = 0; v < sum.size(); ++v) {
-    Turn& s = sum[v];
-    if (s == Turn{} || !(area[v] > 0.0)) {
-      s = kNoTurn;
-      continue;
-    }
-    for (std::size_t k = 0; k < 9; ++k) s[k] = s[k] / area[v] + kNoTurn[k];
-    s = best_turn(s);
-  }
-  return sum;
+  return turns(basis.turn_columns, basis.active.size(), !basis.target.empty(), motion);
 }
 
 std::vector<Double3> posed_base(const EditBasis& basis, std::span<const Double3> position,
                                 std::span<const Turn> turn, std::span<const Double3> rest,
                                 std::span<const Double3> posed) {
   std::vector<Double3> out(posed.begin(), posed.end());
-  for (const std::int32_t k : basis.active) {
-    const auto v = static_cast<std::size_t>(k);
-    if (posed[v] == rest[v] && turn[v] == kNoTurn) {
+  for (std::size_t k = 0; k < basis.active.size(); ++k) {
+    const auto v = static_cast<std::size_t>(basis.active[k]);
+    if (posed[v] == rest[v] && turn[k] == kNoTurn) {
       out[v] = position[v];
       continue;
     }
-    out[v] = posed[v] + turned(turn[v], position[v] - rest[v]);
+    out[v] = posed[v] + turned(turn[k], position[v] - rest[v]);
   }
   return out;
 }

@@ -4,8 +4,7 @@
 /// combinations of them, and so is the whole solution: 3 columns for what is fixed, 4 for each handle.
 ///
 /// The smooth base M is the surface of least energy between the regions as they are. Where M goes, the rest of the base
-/// follows as a detail of M, turned as M turns (thesis 5.3, local frames; the turn is that of the ring of faces around a vertex,
-/// so that no tangent has to be chosen).
+/// follows as a detail of M, turned as M turns (base_turns.h).
 #pragma once
 #include <array>
 #include <cstdint>
@@ -13,6 +12,7 @@
 #include <string>
 #include <vector>
 
+#include "kernels/edit/base_turns.h"
 #include "kernels/edit/boundary_model.h"
 #include "octree/placement.h"
 
@@ -44,7 +44,8 @@ struct EditBasis {
   std::vector<double> reach;         ///< per handle: length of its axes
   std::vector<double>
       columns;  ///< active x width(), interleaved: 3 of what is fixed, 3 of targets, 4 of each handle
-  std::vector<Double3> target;  ///< as EditRegions has it
+  std::vector<float> turn_columns;  ///< of the active vertices (base_turns.h)
+  std::vector<Double3> target;      ///< as EditRegions has it
   std::size_t first_handle() const { return target.empty() ? 3 : 6; }
   std::size_t width() const { return first_handle() + 4 * centre.size(); }
 };
@@ -57,9 +58,9 @@ struct EditBasisReport {
 
 /// Solves for all columns at once.
 /// \param metric  the surface, n vertices, that operators are of: the base itself, or a plane map of its support
-/// \param position  n
+/// \param base    n vertices
 /// \throws InputError naming the loose piece of the support where all is loose, or by LoosePieces; as BoundaryModel
-EditBasis edit_basis(std::span<const Double3> position, const Laplacian& metric, const EditRegions& regions,
+EditBasis edit_basis(const TriangleSpan& base, const Laplacian& metric, const EditRegions& regions,
                      const BoundaryModelOptions& options, EditBasisReport& report);
 
 /// The smooth base at rest.
@@ -70,17 +71,14 @@ std::vector<Double3> rest_base(const EditBasis& basis, std::span<const Double3> 
 std::vector<Double3> smooth_base(const EditBasis& basis, std::span<const Double3> position,
                                  std::span<const Placement> pose);
 
-/// Per vertex, how the faces around it turn from one state to the other: the rotation nearest to the gradient of the map
-/// (Horn 1987), a mean by area over six more rings, so that what has shrunk to nothing turns as what it stands on.
-/// Exactly the identity where nothing moves. \return n x 9, rows first
-std::vector<std::array<double, 9>> turns(std::span<const Double3> from, std::span<const Double3> to,
-                                         std::span<const std::array<std::uint32_t, 3>> faces);
+/// Per active vertex, how the base around it turns (base_turns.h).
+std::vector<Turn> pose_turns(const EditBasis& basis, std::span<const Placement> pose);
 
 /// Where the base goes: smooth base and turned details. Vertices that are fixed keep their bits; at the identity all do.
-/// \param turn  n: turns() from rest to posed
+/// \param turn  per active vertex: pose_turns()
 /// \param rest, posed  rest_base() and smooth_base()
 std::vector<Double3> posed_base(const EditBasis& basis, std::span<const Double3> position,
-                                std::span<const std::array<double, 9>> turn, std::span<const Double3> rest,
+                                std::span<const Turn> turn, std::span<const Double3> rest,
                                 std::span<const Double3> posed);
 
 }  // namespace tessera

@@ -2,11 +2,15 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdlib>
 #include <limits>
 #include <queue>
 
+#include "kernels/mesh/closest_face.h"
 #include "octree/error.h"
 #include "octree/lists.h"
+#include "octree/portable_math.h"
+#include "octree/union_find.h"
 
 namespace tessera {
 namespace {
@@ -27,22 +31,33 @@ struct Way {
   double length;
 };
 
-/// Edges, and across each edge of two faces the way from corner to corner when both are unfolded into a plane.
-Lists<Way> ways(std::span<const Double3> position, Faces faces) {
-  struct Side {
-    std::uint32_t low, high, corner;
-    bool operator<(const Side& o) const {
-      return low != o.low ? low < o.low : high != o.high ? high < o.high : corner < o.corner;
-    }
-  };
+/// A side of a face by its vertices, low and high, and the corner across.
+struct Side {
+  std::uint32_t low, high, corner, face;
+  bool operator<(const Side& o) const {
+    return low != o.low     ? low < o.low
+           : high != o.high ? high < o.high
+           : face != o.face ? face < o.face
+                            : corner < o.corner;
+  }
+  bool same_edge(const Side& o) const { return low == o.low && high == o.high; }
+};
+
+std::vector<Side> sorted_sides(Faces faces) {
   std::vector<Side> sides;
   sides.reserve(3 * faces.size());
-  for (const auto& f : faces)
+  for (std::uint32_t j = 0; j < faces.size(); ++j)
     for (std::size_t k = 0; k < 3; ++k) {
-      const std::uint32_t a = f[(k + 1) % 3], b = f[(k + 2) % 3];
-      sides.push_back({std::min(a, b), std::max(a, b), f[k]});
+      const std::uint32_t a = faces[j][(k + 1) % 3], b = faces[j][(k + 2) % 3];
+      sides.push_back({std::min(a, b), std::max(a, b), faces[j][k], j});
     }
   std::sort(sides.begin(), sides.end());
+  return sides;
+}
+
+/// Edges, and across each edge of two faces the way from corner to corner when both are unfolded into a plane.
+Lists<Way> ways(std::span<const Double3> position, Faces faces) {
+  const std::vector<Side> sides = sorted_sides(faces);
   return make_lists<Way>(position.size(), [&](const auto& put) {
     const auto both = [&](std::uint32_t a, std::uint32_t b, double length) {
       put(a, Way{b, length});
@@ -50,7 +65,7 @@ Lists<Way> ways(std::span<const Double3> position, Faces faces) {
     };
     for (std::size_t i = 0; i < sides.size(); ++i) {
       const Side& s = sides[i];
-      const bool again = i > 0 && sides[i - 1].low == s.low && sides[i - 1].high == s.high;
+      const bool again = i > 0 && sides[i - 1].same_edge(s);
       const Double3 &a = position[s.low], &b = position[s.high];
       const double base = norm(b - a);
       if (!again) both(s.low, s.high, base);
@@ -87,6 +102,12 @@ bool inside(const EditRegion& r, const Double3& p) {
   }
 }
 
+bool has_colour(const EditRegion& r, std::uint32_t rgb) {
+  for (unsigned c = 0; c < 3; ++c)
+    if (std::abs(static_cast<int>(rgb >> 8 * c & 0xffu) - r.colour[c]) > r.within) return false;
+  return true;
+}
+
 std::string described(const EditRegion& r, std::size_t number) {
   std::string text = "region " + std::to_string(number + 1);
   if (!r.name.empty()) text += " ('" + r.name + "')";
@@ -119,8 +140,38 @@ std::vector<double> surface_distance(std::span<const Double3> position, Faces fa
   return distance;
 }
 
-EditRegions resolve_regions(std::span<const EditRegion> regions, std::span<const Double3> position,
-                            Faces faces, int order) {
+std::vector<std::uint8_t> crease_patch(std::span<const Double3> position, Faces faces,
+                                       std::span<const Double3> sources, double crease_deg) {
+  const double least = sin_cos(crease_deg * (kPi / 180.0)).cos;
+  std::vector<Double3> normal;
+  for (const auto& f : faces)
+    normal.push_back(unit_or_zero(triangle_normal(position[f[0]], position[f[1]], position[f[2]])));
+  // Faces without area have no normal that an edge could turn by.
+  const auto bends = [&](const Double3& a, const Double3& b) {
+    return norm(a) > 0.0 && norm(b) > 0.0 && dot(a, b) < least;
+  };
+  const std::vector<Side> sides = sorted_sides(faces);
+  UnionFind patches(faces.size());
+  for (std::size_t i = 0; i < sides.size();) {
+    std::size_t end = i + 1;
+    while (end < sides.size() && sides[end].same_edge(sides[i])) ++end;
+    if (end == i + 2 && !bends(normal[sides[i].face], normal[sides[i + 1].face]))
+      patches.unite(sides[i].face, sides[i + 1].face);
+    i = end;
+  }
+  const ClosestFaces closest(position, faces, position.front());
+  std::vector<std::uint8_t> chosen(faces.size(), 0), out(position.size(), 0);
+  for (const Double3& p : sources) {
+    const auto hit = closest.closest(p - closest.origin(), kInfinite, ClosestFaces::kNone);
+    chosen[patches.find(closest.face(hit.slot))] = 1;
+  }
+  for (std::uint32_t j = 0; j < faces.size(); ++j)
+    if (chosen[patches.find(j)]) out[faces[j][0]] = out[faces[j][1]] = out[faces[j][2]] = 1;
+  return out;
+}
+
+EditRegions resolve_regions(std::span<const EditRegion> regions, const EditSurface& surface, int order) {
+  const std::span<const Double3> position = surface.position;
   EditRegions out;
   const double highest = order - 1;
   out.role.assign(position.size(), kFixedVertex);
@@ -150,9 +201,19 @@ EditRegions resolve_regions(std::span<const EditRegion> regions, std::span<const
         if (role == kTargetVertex) out.target[v] = position[v] + (r.targets[k] - r.points[k]);
       }
     } else if (r.shape == RegionShape::kGeodesic) {
-      const std::vector<double> distance = surface_distance(position, faces, r.points);
+      const std::vector<double> distance = surface_distance(position, surface.faces, r.points);
       for (std::size_t v = 0; v < position.size(); ++v)
         if (distance[v] <= r.reach) take(v);
+    } else if (r.shape == RegionShape::kPatch) {
+      const std::vector<std::uint8_t> in = crease_patch(surface.sharp.empty() ? position : surface.sharp,
+                                                        surface.faces, r.points, r.crease_deg);
+      for (std::size_t v = 0; v < position.size(); ++v)
+        if (in[v]) take(v);
+    } else if (r.shape == RegionShape::kPainted) {
+      if (surface.colour.empty())
+        throw InputError(described(r, i) + " is painted, but the mesh has no vertex colours");
+      for (std::size_t v = 0; v < position.size(); ++v)
+        if (has_colour(r, surface.colour[v])) take(v);
     } else {
       for (std::size_t v = 0; v < position.size(); ++v)
         if (inside(r, position[v])) take(v);

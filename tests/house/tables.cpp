@@ -51,6 +51,7 @@ const std::map<std::string, std::string>& parts_of_headers() {
       {"stream/stages/deform/base_stage.cpp", "stream/stages/deform/deform_stages.h"},
       {"stream/stages/deform/basis_stage.cpp", "stream/stages/deform/deform_stages.h"},
       {"stream/stages/deform/deform_write_stage.cpp", "stream/stages/deform/deform_stages.h"},
+      {"stream/stages/deform/shape_stage.cpp", "stream/stages/deform/deform_stages.h"},
       {"stream/stages/scan/orient_stage.cpp", "stream/stages/scan/normals_stage.h"},
       {"stream/stages/smooth/coarse_stages.cpp", "stream/stages/smooth/smooth_stage.h"},
       {"stream/stages/smooth/noise_stage.cpp", "stream/stages/smooth/smooth_before.h"},
@@ -110,7 +111,9 @@ const std::map<std::string, std::string>& covering_tests() {
     by("octree/points", "octree", {"lattice", "morton"});
     by("octree/winding_number", "octree", {"leaf_queries", "multipole"});
     by("kernels/edit/edit_basis", "octree", {"placement"});
-    by("kernels/edit/displacement_volumes", "kernels/edit", {"base_volume", "coarse_layer"});
+    by("kernels/edit/edit_basis", "kernels/edit", {"base_turns"});
+    by("kernels/edit/displacement_volumes", "kernels/edit",
+       {"base_volume", "coarse_layer", "layer_levels", "layer_relaxation"});
     by("kernels/scene/scene", "octree", {"portable_math"});
 
     by("solvers/linear_solver", "solvers",
@@ -184,7 +187,7 @@ const std::map<std::string, std::string>& covering_tests() {
     by("stream/runtime/option_table", "stream/stages/decimate", {"simplify_options"});
     by("tools/deform", "stream/stages/deform",
        {"base_stage", "basis_stage", "deform_files", "deform_job", "deform_needs", "deform_options",
-        "deform_stages", "deform_write_stage", "edit_script", "pose_base", "vertex_batches"});
+        "deform_stages", "deform_write_stage", "edit_script", "pose_base", "shape_stage", "vertex_batches"});
     by("stream/runtime/option_table", "stream/stages", {"jobs"});
     by("tools/remesh", "stream/stages/remesh",
        {"quality_report", "remesh_job", "remesh_options", "remesh_stage", "sizing_stage"});

@@ -232,6 +232,51 @@ TEST_CASE("deform: a mesh is fitted to control points", "[pipeline]") {
   CHECK_THAT(bad.errors, Catch::Contains("points.csv:1: a control point is six numbers"));
 }
 
+TEST_CASE("deform: regions by paint and by creases", "[pipeline]") {
+  const TempFolder folder;
+  const fs::path in = write_bar(folder.path() / "plain.ply", 40), painted = folder.path() / "in.ply",
+                 out = folder.path() / "out.ply";
+  WholeMesh mesh = read_whole(in);
+  mesh.header.colour = true;
+  for (const Double3& p : mesh.points)
+    mesh.rgba.push_back(p[0] > 8 ? 0xff0000ffu : p[0] > 2 ? 0xffff2020u : 0xffffffffu);
+  write_whole(painted, mesh);
+  json e = kBend;
+  e["regions"] = json::array();
+  e["regions"].push_back({{"role", "support"}, {"painted", {{"colour", {0, 0, 255}}}}});
+  e["regions"].push_back(
+      {{"role", "handle"}, {"name", "end"}, {"painted", {{"colour", {255, 0, 0}}, {"within", 10}}}});
+  const fs::path script = write_json(folder.path() / "edit.json", e);
+  // On its own base, and on one that has other vertices.
+  for (const char* base : {"auto", "even"}) {
+    const CommandResult r = deform({painted.string(), script.string(), "-o", out.string(), "--force",
+                                    "--base", base, "--base-vertices", "5000"});
+    INFO(r.errors);
+    REQUIRE(r.code == 0);
+    require_bent(painted, out, 1e-4);
+  }
+  const CommandResult plain = deform({in.string(), script.string(), "-o", out.string(), "--force"});
+  CHECK(plain.code == 3);
+  CHECK_THAT(plain.errors, Catch::Contains("region 1 is painted, but the mesh has no vertex colours"));
+
+  // The ends of the bar are flat: creases bound them.
+  e["regions"][0] = {{"role", "support"}, {"all", true}};
+  e["regions"][1] = {{"role", "fixed"}, {"patch", {{"points", {{0, 0.2, 0.1}}}}}};
+  e["regions"][2] = {
+      {"role", "handle"}, {"name", "end"}, {"patch", {{"points", {{10, 0.2, 0.1}}}, {"crease", 45}}}};
+  write_json(script, e);
+  for (const char* base : {"auto", "even"}) {
+    REQUIRE(deform({in.string(), script.string(), "-o", out.string(), "--force", "--base", base,
+                    "--base-vertices", "5000"})
+                .code == 0);
+    const WholeMesh before = read_whole(in), after = read_whole(out);
+    for (std::size_t v = 0; v < before.points.size(); ++v) {
+      if (before.points[v][0] == 0.0) CHECK(norm(after.points[v] - before.points[v]) < 0.02);
+      if (before.points[v][0] == kLength) CHECK(norm(after.points[v] - kTurn.apply(before.points[v])) < 0.02);
+    }
+  }
+}
+
 TEST_CASE("deform: goes on after a stop", "[fault]") {
   const TempFolder folder;
   const fs::path in = write_bar(folder.path() / "in.ply", 100);
@@ -286,6 +331,13 @@ TEST_CASE("deform: what makes no sense is said", "[pipeline]") {
   e = edit();
   e["regions"][1]["half_space"]["point"] = {80, 0, 0};
   refused(e, "region 2 ('end') takes no vertex");
+  e = edit();
+  e["regions"][0] = {{"role", "support"}, {"painted", {{"colour", {0, 0, 300}}}}};
+  refused(e, "\"colour\" takes numbers from 0 to 255");
+  e["regions"][0] = {{"role", "support"}, {"patch", {{"points", {{0, 0, 0}}}, {"crease", 0}}}};
+  refused(e, "\"crease\" is an angle between 0 and 180 degrees");
+  e["regions"][0] = {{"role", "support"}, {"patch", {{"points", json::array()}}}};
+  refused(e, "region 1: \"patch\"");
   e = edit();
   e["order"] = 4;
   refused(e, "\"order\" is 1, 2 or 3");

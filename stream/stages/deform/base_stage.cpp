@@ -44,6 +44,7 @@ class BaseStage : public Stage {
     MeshBlock block = store_.load(all());
     if (block.faces.empty()) throw EmptyError("the mesh has no faces: there is nothing to deform");
     json out = {{"own", own_}};
+    std::vector<Double3> sharp;
     if (!own_) {
       double area = 0.0;
       for (const auto& f : block.faces)
@@ -61,13 +62,15 @@ class BaseStage : public Stage {
       const MeshBlock reference = block;
       const RemeshReport report = remesh(block, reference, remeshing);
       context.check_stop();
+      sharp = block.position;
       for (const SmoothRound& round : base_low_pass()) block.position = smooth_block(block, round).position;
       out["edge"] = remeshing.edge;
       out["decimated_faces"] = report.faces_in;
     }
     context.check_stop();
-    BaseSurface base{std::move(block.position), std::move(block.faces)};
-    if (!own_) merge_short_edges(base.position, base.faces, kShortest * out.at("edge").get<double>());
+    BaseSurface base{std::move(block.position), std::move(block.faces), std::move(sharp)};
+    if (!own_)
+      merge_short_edges(base.position, base.faces, kShortest * out.at("edge").get<double>(), base.sharp);
     save_base(context.create(kBaseFile), base);
     out["vertices"] = base.position.size();
     out["faces"] = base.faces.size();
@@ -100,17 +103,9 @@ const std::vector<SmoothRound>& base_low_pass() {
   return rounds;
 }
 
-bool is_own_base(const JobState& state, const DeformOptions& options) {
-  if (options.base == "even") return false;
-  const MeshStore store = open_imported_mesh(state.work, kDeformImport);
-  std::uint64_t vertices = 0;
-  for (const MeshPatchEntry& e : store.patches()) vertices += e.vertices;
-  return vertices <= options.base_vertices;
-}
-
 std::unique_ptr<Stage> make_base_stage(const JobState& state, const DeformOptions& options,
                                        const std::function<MeshStore(const JobState&)>& reduced) {
-  const bool own = is_own_base(state, options);
+  const bool own = is_own_base(state);
   return std::make_unique<BaseStage>(options, own,
                                      own ? open_imported_mesh(state.work, kDeformImport) : reduced(state));
 }

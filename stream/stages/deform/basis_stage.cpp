@@ -1,16 +1,25 @@
 #include <algorithm>
 #include <chrono>
+#include <cmath>
+#include <limits>
+#include <memory>
 #include <nlohmann/json.hpp>
 
 #include "kernels/edit/anisotropic_metric.h"
+#include "kernels/edit/base_volume.h"
+#include "kernels/edit/crossing_faces.h"
 #include "kernels/edit/edit_regions.h"
+#include "kernels/mesh/closest_face.h"
 #include "octree/error.h"
 #include "stream/formats/meshes/mesh_io.h"
+#include "stream/runtime/long_call.h"
 #include "stream/runtime/numbers.h"
 #include "stream/stages/deform/deform_files.h"
 #include "stream/stages/deform/deform_needs.h"
 #include "stream/stages/deform/deform_stages.h"
 #include "stream/stages/deform/edit_script.h"
+#include "stream/stages/deform/pose_base.h"
+#include "stream/stages/deform/vertex_batches.h"
 
 namespace tessera {
 namespace {
@@ -21,6 +30,7 @@ class BasisStage : public Stage {
  public:
   BasisStage(const JobState& state, const DeformOptions& options)
       : input_(state.inputs.at(0)),
+        run_(state.run),
         loose_(options.islands == "follow"  ? LoosePieces::kFollow
                : options.islands == "fixed" ? LoosePieces::kFix
                                             : LoosePieces::kRefuse),
@@ -32,7 +42,9 @@ class BasisStage : public Stage {
   std::uint64_t units() const override { return base_.position.size(); }
   std::string unit_name() const override { return "vertices"; }
   json run(std::size_t, TaskContext&) const override { return {}; }
-  std::uint64_t finish_bytes() const override { return basis_stage_bytes(base_.position.size(), script_); }
+  std::uint64_t finish_bytes() const override {
+    return basis_stage_bytes(base_.position.size(), script_, run_);
+  }
 
   json finish(const std::vector<json>&, TaskContext& context) const override {
     using Clock = std::chrono::steady_clock;
@@ -40,11 +52,17 @@ class BasisStage : public Stage {
       return std::chrono::duration<double>(Clock::now() - from).count();
     };
     context.check_stop();
+    if (script_.keep_volume && !encloses_volume(base_.faces))
+      throw InputError(
+          "\"keep_volume\" wants a closed surface, but the base has borders: leave it out, or close the "
+          "mesh");
     const auto start = Clock::now();
     DeformBasis out;
     out.base = base_;
     const std::vector<EditRegion> listed = with_vertices(context);
-    EditRegions regions = resolve_regions(listed, base_.position, base_.faces, script_.order);
+    const std::vector<std::uint32_t> colour = painted(context);
+    EditRegions regions =
+        resolve_regions(listed, {base_.position, base_.faces, base_.sharp, colour}, script_.order);
     regions.loose = loose_;
     pose_of(script_, regions.handles);  // a motion of an unknown handle is told before anything is solved
     Laplacian metric = laplacian({base_.position, base_.faces});
@@ -55,10 +73,35 @@ class BasisStage : public Stage {
     if (script_.anisotropic)
       metric = anisotropic_metric({base_.position, base_.faces}, regions.role, script_.order, anisotropic);
     context.check_stop();
-    EditBasisReport report;
-    out.edit = edit_basis(
-        base_.position, metric, regions,
-        {.order = script_.order, .memory_bytes = system_bytes(base_.position.size(), script_)}, report);
+    // All that is solved for is its own: a signal may leave it behind.
+    struct Solving {
+      BaseSurface base;
+      Laplacian metric;
+      EditRegions regions;
+      BoundaryModelOptions options;
+      EditBasisReport report;
+      EditBasis edit;
+      std::vector<LayerLevel> levels;
+      double solved_s = 0.0;
+    };
+    const auto s = std::make_shared<Solving>();
+    s->base = base_;
+    s->metric = std::move(metric);
+    s->regions = std::move(regions);
+    s->options = {.order = script_.order, .memory_bytes = system_bytes(base_.position.size(), script_)};
+    long_call([s, start, seconds, copies = script_.volumes] {
+      const std::span<const Double3> at = s->base.position;
+      s->edit = edit_basis({at, s->base.faces}, s->metric, s->regions, s->options, s->report);
+      s->solved_s = seconds(start);
+      if (!copies) return;
+      std::vector<std::uint8_t> free;
+      for (const std::int32_t role : s->edit.role) free.push_back(role == kSupportVertex);
+      s->levels = layer_levels(at, s->base.faces, free);
+    });
+    out.edit = std::move(s->edit);
+    out.levels = std::move(s->levels);
+    const EditBasisReport& report = s->report;
+    const double levels_s = seconds(start) - s->solved_s;
     context.check_stop();
     Double3 low = base_.position.front(), high = low;
     for (const Double3& p : base_.position)
@@ -67,7 +110,7 @@ class BasisStage : public Stage {
     json result = {
         {"order", script_.order},
         {"unknowns", model.unknowns},
-        {"handles", regions.handles.size()},
+        {"handles", s->regions.handles.size()},
         {"solutions", out.edit.width()},
         {"solver", std::to_string(model.unknowns) + " unknowns of order " + std::to_string(script_.order) +
                        (model.symmetric ? ": Cholesky, the system is symmetric"
@@ -80,8 +123,8 @@ class BasisStage : public Stage {
         {"loose_pieces", report.loose_pieces},
         {"loose_vertices", report.loose_vertices},
         {"intrinsic_weights", healed},
-        {"degenerate_faces", metric.report.degenerate_faces},
-        {"negative_weights", metric.report.negative_weights},
+        {"degenerate_faces", s->metric.report.degenerate_faces},
+        {"negative_weights", s->metric.report.negative_weights},
         {"base_vertices", base_.position.size()},
         {"base_faces", base_.faces.size()}};
     if (script_.anisotropic)
@@ -89,16 +132,18 @@ class BasisStage : public Stage {
                                {"flipped_faces", anisotropic.flipped},
                                {"mean_quasi_conformal", anisotropic.mean_quasi_conformal}};
     out.about = json{
-        {"handles", regions.handles},
+        {"handles", s->regions.handles},
         {"volumes", script_.volumes},
         {"keep_volume", script_.keep_volume},
+        {"crossing_faces", crossing_faces(base_.position, base_.faces, watched_faces(out)).faces.size()},
         {"diagonal", norm(high - low)},
         {"basis",
          result}}.dump();
     BasisWriter writer(context.create(kBasisFile), out);
     context.count_written(writer.finish(out.about));
     context.advance(base_.position.size());
-    result["prepare_s"] = seconds(start);
+    result["prepare_s"] = s->solved_s;
+    result["levels_s"] = levels_s;
     return result;
   }
 
@@ -135,7 +180,68 @@ class BasisStage : public Stage {
     return regions;
   }
 
+  /// Per vertex of the base the colour of the mesh's vertex nearest to it; where none is nearer than to another vertex of the
+  /// base, that of the next one along the surface. Empty where no region asks for it, or the mesh has none.
+  std::vector<std::uint32_t> painted(TaskContext& context) const {
+    if (std::none_of(script_.regions.begin(), script_.regions.end(),
+                     [](const EditRegion& r) { return r.shape == RegionShape::kPainted; }))
+      return {};
+    const std::vector<Double3>& at = base_.position;
+    std::vector<std::array<std::uint32_t, 3>> points;
+    for (std::uint32_t v = 0; v < at.size(); ++v) points.push_back({v, v, v});
+    const ClosestFaces closest(at, points, at.front());
+    std::vector<std::uint32_t> colour(at.size(), 0);
+    std::vector<double> best(at.size(), std::numeric_limits<double>::infinity());
+    bool coloured = false;
+    const auto mesh = open_mesh_file(input_);
+    stream_vertices(
+        *mesh, vertex_window(run_), context,
+        [&](std::uint64_t, DisplacedBatch& b) {
+          // The nearest vertex of the base, and how far it is.
+          b.displaced.of.assign(b.position.size(), {});
+          b.distance.assign(b.position.size(), std::numeric_limits<double>::infinity());
+          for (std::size_t i = 0; i < b.position.size(); ++i) {
+            const auto hit = closest.closest(b.position[i] - closest.origin(),
+                                             std::numeric_limits<double>::infinity(), ClosestFaces::kNone);
+            if (hit.slot == ClosestFaces::kNone) continue;
+            b.displaced.of[i].face = closest.face(hit.slot);
+            b.distance[i] = hit.square;
+          }
+        },
+        [&](DisplacedBatch& b) {
+          coloured = coloured || !b.rgba.empty();
+          for (std::size_t i = 0; i < b.rgba.size(); ++i)
+            if (const std::uint32_t v = b.displaced.of[i].face; b.distance[i] < best[v]) {
+              best[v] = b.distance[i];
+              colour[v] = b.rgba[i];
+            }
+        });
+    if (!coloured) return {};
+    spread_along(colour, best);
+    return colour;
+  }
+
+  /// Ring by ring, from the lowest neighbour that has one.
+  void spread_along(std::vector<std::uint32_t>& colour, std::vector<double>& known) const {
+    for (bool more = true; more;) {
+      more = false;
+      std::vector<std::uint32_t> from(colour.size(), kNobody);
+      for (const auto& f : base_.faces)
+        for (const std::uint32_t v : f)
+          for (const std::uint32_t u : f)
+            if (!std::isfinite(known[v]) && std::isfinite(known[u])) from[v] = std::min(from[v], u);
+      for (std::size_t v = 0; v < from.size(); ++v)
+        if (from[v] != kNobody) {
+          colour[v] = colour[from[v]];
+          known[v] = 0.0;
+          more = true;
+        }
+    }
+  }
+
+  static constexpr std::uint32_t kNobody = 0xffffffffu;
   std::filesystem::path input_;
+  RunOptions run_;
   LoosePieces loose_;
   EditScript script_;
   BaseSurface base_;

@@ -3,8 +3,8 @@
 namespace tessera {
 namespace {
 
-constexpr PackedKind kBaseKind = {"TSEBASE1", "a base surface"};
-constexpr PackedKind kBasisKind = {"TSEBASI1", "a basis of an edit"};
+constexpr PackedKind kBaseKind = {"TSEBASE2", "a base surface"};
+constexpr PackedKind kBasisKind = {"TSEBASI2", "a basis of an edit"};
 
 enum Key : std::uint64_t {
   kPositions,
@@ -16,7 +16,19 @@ enum Key : std::uint64_t {
   kColumns,
   kTargets,
   kAbout,
+  kTurns,
+  kLevels = 100,   ///< kLevelParts of each level
   kBatches = 1000  ///< two of each batch
+};
+enum LevelPart : std::uint64_t {
+  kSurface,
+  kCoarseFaces,
+  kFree,
+  kOn,
+  kWeights,
+  kFiner,
+  kFinerRest,
+  kLevelParts
 };
 
 }  // namespace
@@ -24,14 +36,16 @@ enum Key : std::uint64_t {
 void save_base(const std::filesystem::path& path, const BaseSurface& base) {
   PackedWriter file(path, kBaseKind);
   const std::vector<Section> sections = {file.append(bytes_of(base.position)),
-                                         file.append(bytes_of(base.faces))};
+                                         file.append(bytes_of(base.faces)),
+                                         file.append(bytes_of(base.sharp))};
   file.finish(sections);
 }
 
 BaseSurface load_base(const std::filesystem::path& path) {
   const PackedFile file(path, kBaseKind, sizeof(Section));
   const auto sections = file.table<Section>();
-  return {file.load<Double3>(sections.at(0)), file.load<std::array<std::uint32_t, 3>>(sections.at(1))};
+  return {file.load<Double3>(sections.at(0)), file.load<std::array<std::uint32_t, 3>>(sections.at(1)),
+          file.load<Double3>(sections.at(2))};
 }
 
 BasisWriter::BasisWriter(const std::filesystem::path& path, const DeformBasis& basis)
@@ -44,6 +58,18 @@ BasisWriter::BasisWriter(const std::filesystem::path& path, const DeformBasis& b
   put(kReaches, bytes_of(basis.edit.reach));
   put(kColumns, bytes_of(basis.edit.columns));
   put(kTargets, bytes_of(basis.edit.target));
+  put(kTurns, bytes_of(basis.edit.turn_columns));
+  for (std::uint64_t k = 0; k < basis.levels.size(); ++k) {
+    const LayerLevel& l = basis.levels[k];
+    const std::uint64_t from = kLevels + k * kLevelParts;
+    put(from + kSurface, bytes_of(l.coarse.surface));
+    put(from + kCoarseFaces, bytes_of(l.coarse.faces));
+    put(from + kFree, bytes_of(l.coarse.free));
+    put(from + kOn, bytes_of(l.coarse.on));
+    put(from + kWeights, bytes_of(l.coarse.weight));
+    put(from + kFiner, bytes_of(l.finer.of));
+    put(from + kFinerRest, bytes_of(l.finer.rest));
+  }
 }
 
 void BasisWriter::put(std::uint64_t key, std::span<const std::byte> bytes) {
@@ -81,13 +107,20 @@ std::string BasisReader::about() const {
 
 DeformBasis BasisReader::load() const {
   DeformBasis out;
-  out.base = {part<Double3>(kPositions), part<std::array<std::uint32_t, 3>>(kFaces)};
+  out.base = {part<Double3>(kPositions), part<std::array<std::uint32_t, 3>>(kFaces), {}};
   out.edit.role = part<std::int32_t>(kRoles);
   out.edit.active = part<std::int32_t>(kActive);
   out.edit.centre = part<Double3>(kCentres);
   out.edit.reach = part<double>(kReaches);
   out.edit.columns = part<double>(kColumns);
   out.edit.target = part<Double3>(kTargets);
+  out.edit.turn_columns = part<float>(kTurns);
+  for (std::uint64_t from = kLevels; sections_.count(from) != 0; from += kLevelParts)
+    out.levels.push_back(
+        {{part<Double3>(from + kSurface), part<std::array<std::uint32_t, 3>>(from + kCoarseFaces),
+          part<std::uint8_t>(from + kFree), part<std::array<std::uint32_t, 3>>(from + kOn),
+          part<std::array<double, 3>>(from + kWeights)},
+         {part<NormalDisplacement>(from + kFiner), part<TangentRest>(from + kFinerRest)}});
   out.about = about();
   return out;
 }

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "kernels/edit/edit_basis.h"
+#include "kernels/edit/layer_levels.h"
 #include "kernels/edit/normal_displacement.h"
 #include "stream/files/packed_file.h"
 
@@ -21,6 +22,7 @@ inline constexpr std::size_t kDisplacedVertices = std::size_t{1} << 16;
 struct BaseSurface {
   std::vector<Double3> position;
   std::vector<std::array<std::uint32_t, 3>> faces;
+  std::vector<Double3> sharp{};  ///< positions before it was smoothed; empty: the same. A basis has none
 };
 void save_base(const std::filesystem::path& path, const BaseSurface& base);
 BaseSurface load_base(const std::filesystem::path& path);
@@ -29,6 +31,7 @@ BaseSurface load_base(const std::filesystem::path& path);
 struct DeformBasis {
   BaseSurface base;
   EditBasis edit;
+  std::vector<LayerLevel> levels;  ///< for details that keep their volumes
   std::string
       about;  ///< JSON: handles, diagonal, report; with `prepare` mesh {path, bytes, xxh3, vertices, faces}
 };

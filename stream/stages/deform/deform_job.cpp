@@ -28,11 +28,12 @@ void summarise(json& report) {
   report["input"] = import_report(report, kDeformImport);
   report["edit"] = basis;
   report["base"] = result_of(report, "base");
+  report["base"]["thin_area"] = result_of(report, "shape").at("thin_area");
 }
 
-StageEntry unless_own(StageEntry entry, const DeformOptions& options) {
+StageEntry unless_own(StageEntry entry) {
   return {entry.name, [=](const JobState& state) {
-            return is_own_base(state, options) ? make_idle_stage(entry.name) : entry.make(state);
+            return is_own_base(state) ? make_idle_stage(entry.name) : entry.make(state);
           }};
 }
 
@@ -47,13 +48,14 @@ JobDescription deform_job(const DeformOptions& options) {
   }
   if (options.mode != "apply") {
     job.stages = import_stages({0, kDeformImport});
+    job.stages.push_back({"shape", [=](const JobState& s) { return make_shape_stage(s, options); }});
     SimplifyOptions reduce;
     reduce.target_faces = kDecimatedFaces * options.base_vertices;
     const SimplifyStores stores = imported_stores(kDeformImport);
     // Of the stages of decimation the passes alone: how far the base is from the mesh is in the details.
     for (StageEntry& entry : simplify_stages(reduce, stores, ""))
       if (entry.name != "certify" && entry.name != "write")
-        job.stages.push_back(unless_own(std::move(entry), options));
+        job.stages.push_back(unless_own(std::move(entry)));
     const int passes = reduce.passes;
     job.stages.push_back({"base", [=](const JobState& state) {
                             return make_base_stage(state, options, [=](const JobState& s) {

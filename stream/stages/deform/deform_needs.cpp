@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <nlohmann/json.hpp>
 
+#include "kernels/edit/crossing_faces.h"
+#include "kernels/mesh/closest_face.h"
 #include "kernels/remesh/remesh.h"
 #include "kernels/smooth/smooth.h"
 #include "stream/import/import_needs.h"
@@ -20,7 +22,9 @@ constexpr std::uint64_t kSlackBytes = std::uint64_t{8} << 20, kWriteSlackBytes =
 /// Bytes a vertex of the base, at the most: operators, system and factor of order 1, 2, 3 (measured on sheets and closed
 /// surfaces of 10^4 to 5 10^5 vertices), and what a column of the solution takes.
 constexpr std::uint64_t kSystemBytes[] = {1600, 3500, 6500}, kUnevenBytes = 50000;
-constexpr std::uint64_t kColumnBytes = 88, kVertexBytes = 400;
+constexpr std::uint64_t kColumnBytes = 100, kVertexBytes = 850;
+/// Of what is kept: a vertex of the base without its columns, and with copies of it; a column with its gradients.
+constexpr std::uint64_t kKeptBytes = 80, kLevelBytes = 80, kKeptColumnBytes = 20;
 /// Of the vertices asked for: how many a base has at the least and at the most.
 constexpr double kFewest = 0.8, kMost = 1.3;
 
@@ -51,9 +55,23 @@ std::uint64_t system_bytes(std::uint64_t vertices, const EditScript& script) {
   return vertices * (uneven ? kUnevenBytes : kSystemBytes[script.order - 1]);
 }
 
-std::uint64_t basis_stage_bytes(std::uint64_t vertices, const EditScript& script) {
-  return system_bytes(vertices, script) + vertices * (kVertexBytes + columns(script) * kColumnBytes) +
-         kSlackBytes;
+std::uint64_t basis_stage_bytes(std::uint64_t vertices, const EditScript& script, const RunOptions& run) {
+  const std::uint64_t solved =
+      system_bytes(vertices, script) + vertices * (kVertexBytes + columns(script) * kColumnBytes);
+  const bool paints = std::any_of(script.regions.begin(), script.regions.end(),
+                                  [](const EditRegion& r) { return r.shape == RegionShape::kPainted; });
+  const std::uint64_t painted =
+      paints ? vertices * (kVertexBytes + 2 * ClosestFaces::bytes_per_face()) +
+                   vertex_window(run) * kDisplacedVertices * DisplacedBatch::kVertexBytes
+             : 0;
+  // Copies for volumes are made when the factor is gone.
+  const std::uint64_t copied =
+      script.volumes
+          ? vertices * (kVertexBytes + columns(script) * kKeptColumnBytes) + layer_levels_bytes(2 * vertices)
+          : 0;
+  const std::uint64_t crossed =
+      vertices * (kVertexBytes + columns(script) * kKeptColumnBytes) + crossing_faces_bytes(2 * vertices);
+  return std::max({solved, copied, painted, crossed}) + kSlackBytes;
 }
 
 WriteStageSize basis_size(const BasisReader& basis, bool poses) {
@@ -64,10 +82,9 @@ WriteStageSize basis_size(const BasisReader& basis, bool poses) {
 }
 
 std::uint64_t write_stage_bytes(const WriteStageSize& size, const RunOptions& run) {
-  const std::uint64_t window = 2 * static_cast<std::uint64_t>(run.threads);
-  return 4 * size.basis_bytes + DisplacementEncoder::bytes(size.faces) +
+  return 2 * size.basis_bytes + 200 * size.vertices + DisplacementEncoder::bytes(size.faces) +
          (size.poses ? pose_base_bytes(size.vertices, size.faces, size.volumes) : 0) + sort_bytes(run) +
-         window * kDisplacedVertices * DisplacedBatch::kVertexBytes + kWriteSlackBytes;
+         vertex_window(run) * kDisplacedVertices * DisplacedBatch::kVertexBytes + kWriteSlackBytes;
 }
 
 std::vector<StageNeed> deform_needs(const JobState& state, const DeformOptions& options) {
@@ -80,8 +97,8 @@ std::vector<StageNeed> deform_needs(const JobState& state, const DeformOptions& 
   std::vector<StageNeed> needs = import_needs(state.run, {0, kDeformImport}, mesh);
   // A surface has about half as many vertices as faces; files without shared vertices claim more.
   const std::uint64_t least = std::min(mesh.vertices, mesh.faces / 4);
-  const bool may_be_own = options.base != "even" && least <= options.base_vertices,
-             may_be_made = options.base == "even" || mesh.vertices > options.base_vertices;
+  // Where it may be its own base, its faces may still be too thin.
+  const bool may_be_own = options.base != "even" && least <= options.base_vertices;
   struct Case {
     bool own;
     std::uint64_t faces, fewest, most;
@@ -90,7 +107,7 @@ std::vector<StageNeed> deform_needs(const JobState& state, const DeformOptions& 
   if (may_be_own)
     cases.push_back({true, std::min(mesh.faces, 4 * options.base_vertices), least,
                      std::min(mesh.vertices, options.base_vertices)});
-  if (may_be_made) {
+  {
     const auto wanted = static_cast<double>(options.base_vertices);
     SimplifyOptions reduce;
     reduce.target_faces = kDecimatedFaces * options.base_vertices;
@@ -101,6 +118,8 @@ std::vector<StageNeed> deform_needs(const JobState& state, const DeformOptions& 
                      static_cast<std::uint64_t>(kFewest * wanted),
                      static_cast<std::uint64_t>(kMost * wanted)});
   }
+  const StageNeed shape{
+      "shape", 0, may_be_own ? surface_block_bytes(std::min(mesh.faces, 4 * options.base_vertices)) : 0};
   StageNeed base{"base"}, basis{"basis"}, write{"write"};
   const auto widen = [](StageNeed& need, bool first, std::uint64_t sure, std::uint64_t likely) {
     need.sure = first ? sure : std::min(need.sure, sure);
@@ -111,15 +130,17 @@ std::vector<StageNeed> deform_needs(const JobState& state, const DeformOptions& 
     const std::uint64_t most =
         base_stage_bytes(c.own, c.faces, surface_block_bytes(c.faces), options.base_vertices);
     widen(base, first, c.own ? 0 : most / 2, most);
-    widen(basis, first, basis_stage_bytes(c.fewest, script), basis_stage_bytes(c.most, script));
+    widen(basis, first, basis_stage_bytes(c.fewest, script, state.run),
+          basis_stage_bytes(c.most, script, state.run));
     const auto size = [&](std::uint64_t vertices) {
-      return WriteStageSize{vertices * (60 + 8 * columns(script)), vertices, 2 * vertices,
-                            options.mode != "prepare", script.volumes};
+      return WriteStageSize{
+          vertices * (kKeptBytes + (script.volumes ? kLevelBytes : 0) + kKeptColumnBytes * columns(script)),
+          vertices, 2 * vertices, options.mode != "prepare", script.volumes};
     };
     widen(write, first, write_stage_bytes(size(c.fewest), state.run),
           write_stage_bytes(size(c.most), state.run));
   }
-  needs.insert(needs.end(), {base, basis, write});
+  needs.insert(needs.end(), {shape, base, basis, write});
   return needs;
 }
 

@@ -19,7 +19,7 @@ std::uint64_t base_stage_bytes(bool own, std::uint64_t faces, std::uint64_t bloc
 
 /// Memory for the factors alone, and of the stage.
 std::uint64_t system_bytes(std::uint64_t vertices, const EditScript& script);
-std::uint64_t basis_stage_bytes(std::uint64_t vertices, const EditScript& script);
+std::uint64_t basis_stage_bytes(std::uint64_t vertices, const EditScript& script, const RunOptions& run);
 
 struct WriteStageSize {
   std::uint64_t basis_bytes = 0;  ///< of the file, without details

@@ -9,8 +9,8 @@ OptionTable option_table(DeformOptions& o) {
   t.add("mode", &o.mode, "deform, prepare or apply").one_of({"deform", "prepare", "apply"}).hidden();
   t.add("edit", &o.edit, "the edit as JSON").hidden();
   t.add("base", &o.base,
-        "auto: a mesh that is small enough is its own base; even: always remeshed, for meshes of long thin "
-        "triangles")
+        "auto: a mesh that is small enough is its own base, unless a tenth of its area lies in long thin "
+        "triangles; even: always remeshed")
       .one_of({"auto", "even"});
   t.add("base-vertices", &o.base_vertices,
         "most vertices of the base surface, which is solved for in memory: a mesh with no more is its own "

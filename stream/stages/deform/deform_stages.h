@@ -1,6 +1,7 @@
 /// \file deform_stages.h
 /// Stages of an edit, after those of import and decimation.
 ///
+///   shape  how large the imported mesh is and how even its faces: whether it may be its own base
 ///   base   the imported mesh, or what decimation left of it, remeshed: the base surface, in core
 ///   basis  regions, the system, its basis functions
 ///   write  the pose of the base; then the mesh's file once more from front to back: every vertex follows the base. Or
@@ -17,13 +18,20 @@
 namespace tessera {
 
 inline const std::string kDeformImport = "mesh";
-inline const std::string kBaseFile = "base/base.tsb", kBasisFile = "basis/basis.tsb";
+inline const std::string kShapeFile = "shape/shape.json", kBaseFile = "base/base.tsb",
+                         kBasisFile = "basis/basis.tsb";
 
 /// Waves below some six edges of a base are left to the details (thesis 5.2).
 const std::vector<SmoothRound>& base_low_pass();
 
-/// Whether the imported mesh is small enough to be its own base.
-bool is_own_base(const JobState& state, const DeformOptions& options);
+/// Faces are thin whose height is less than this share of their longest side; a mesh with more of its area in such faces is no
+/// base: its cotangents are nearly singular, and slivers turn over at the least bend (thesis 7.1).
+inline constexpr double kThinFace = 0.1, kMostThin = 0.1;
+
+/// Whether the imported mesh is small and even enough to be its own base. \pre the shape stage is done
+bool is_own_base(const JobState& state);
+
+std::unique_ptr<Stage> make_shape_stage(const JobState& state, const DeformOptions& options);
 
 /// \param reduced  what decimation left; called where the mesh is not its own base
 std::unique_ptr<Stage> make_base_stage(const JobState& state, const DeformOptions& options,

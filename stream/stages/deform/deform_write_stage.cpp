@@ -46,7 +46,7 @@ class DeformWriteStage : public Stage {
         temp_(state.work),
         run_(state.run),
         weld_bytes_(sort_bytes(state.run)),
-        window_(2 * static_cast<std::size_t>(state.run.threads)),
+        window_(vertex_window(state.run)),
         file_(applies_ ? state.inputs.at(0) : state.work / kBasisFile),
         script_(parse_edit(options.edit, applies_ ? "the pose" : "the edit")) {}
 

@@ -17,6 +17,9 @@ namespace {
 
 using json = nlohmann::json;
 
+constexpr int kColourWithin = 48;        ///< of 255: paint blends at its rim
+constexpr double kCreaseDegrees = 30.0;  ///< which bound a patch
+
 class Reader : public JsonReader {
  public:
   using JsonReader::JsonReader;
@@ -24,7 +27,7 @@ class Reader : public JsonReader {
   EditRegion region(const json& r, const std::string& what, std::vector<std::uint64_t>& vertices) const {
     known(r, what,
           {"role", "name", "smoothness", "all", "box", "sphere", "half_space", "geodesic", "points",
-           "vertices"});
+           "vertices", "painted", "patch"});
     EditRegion out;
     const json& role = member(r, "role", what);
     if (role == "support") {
@@ -44,13 +47,15 @@ class Reader : public JsonReader {
       if (!(out.smoothness >= 0.0 && out.smoothness <= 2.0)) fail(what + ": \"smoothness\" is from 0 to 2");
     }
     std::string shape;
-    for (const char* key : {"all", "box", "sphere", "half_space", "geodesic", "points", "vertices"})
+    for (const char* key :
+         {"all", "box", "sphere", "half_space", "geodesic", "points", "vertices", "painted", "patch"})
       if (r.contains(key)) {
         if (!shape.empty()) fail(what + ": \"" + shape + "\" and \"" + key + "\": a region has one shape");
         shape = key;
       }
     if (shape.empty())
-      fail(what + " wants a shape: all, box, sphere, half_space, geodesic, points or vertices");
+      fail(what +
+           " wants a shape: all, box, sphere, half_space, geodesic, points, vertices, painted or patch");
     const json& value = r.at(shape);
     const std::string where = what + ": \"" + shape + "\"";
     if (shape == "all") {
@@ -80,6 +85,22 @@ class Reader : public JsonReader {
     } else if (shape == "points") {
       out.shape = RegionShape::kPoints;
       out.points = points(value, where);
+    } else if (shape == "painted") {
+      known(value, where, {"colour", "within"});
+      out.shape = RegionShape::kPainted;
+      const std::vector<double> rgb = numbers(member(value, "colour", where), 3, where + ": \"colour\"");
+      for (std::size_t c = 0; c < 3; ++c) out.colour[c] = channel(rgb[c], where + ": \"colour\"");
+      out.within = value.contains("within")
+                       ? channel(number(value.at("within"), where + ": \"within\""), where + ": \"within\"")
+                       : kColourWithin;
+    } else if (shape == "patch") {
+      known(value, where, {"points", "crease"});
+      out.shape = RegionShape::kPatch;
+      out.points = points(member(value, "points", where), where);
+      out.crease_deg =
+          value.contains("crease") ? number(value.at("crease"), where + ": \"crease\"") : kCreaseDegrees;
+      if (!(out.crease_deg > 0.0 && out.crease_deg < 180.0))
+        fail(where + ": \"crease\" is an angle between 0 and 180 degrees");
     } else {
       out.shape = RegionShape::kPoints;
       if (!value.is_array() || value.empty()) fail(where + " takes a list of numbers of vertices");
@@ -89,6 +110,11 @@ class Reader : public JsonReader {
       }
     }
     return out;
+  }
+
+  int channel(double value, const std::string& what) const {
+    if (!(value >= 0.0 && value <= 255.0)) fail(what + " takes numbers from 0 to 255");
+    return static_cast<int>(value);
   }
 
   Placement step(const json& s, const std::string& what) const {

@@ -4,9 +4,9 @@
 #include <chrono>
 #include <cmath>
 #include <nlohmann/json.hpp>
+#include <optional>
 
 #include "kernels/edit/base_volume.h"
-#include "kernels/edit/coarse_layer.h"
 #include "kernels/edit/crossing_faces.h"
 #include "kernels/edit/displacement_volumes.h"
 #include "octree/error.h"
@@ -24,23 +24,7 @@ double since(Clock::time_point start) {
   return std::chrono::duration<double>(Clock::now() - start).count();
 }
 
-bool closed(std::span<const Face> faces) {
-  std::vector<std::uint64_t> sides, opposite;
-  for (const Face& f : faces)
-    for (std::size_t k = 0; k < 3; ++k) {
-      const std::uint64_t a = f[k], b = f[(k + 1) % 3];
-      sides.push_back(a << 32 | b);
-      opposite.push_back(b << 32 | a);
-    }
-  std::sort(sides.begin(), sides.end());
-  std::sort(opposite.begin(), opposite.end());
-  return sides == opposite;
-}
-
-void require_volume_kept(const DeformBasis& basis, std::span<const Placement> pose) {
-  if (!closed(basis.base.faces))
-    throw InputError(
-        "\"keep_volume\" wants a closed surface, but the base has borders: leave it out, or close the mesh");
+void require_volume_kept(std::span<const Placement> pose) {
   for (const Placement& p : pose)
     if (std::fabs(p.determinant() - 1.0) > kSameVolume)
       throw InputError(
@@ -49,24 +33,34 @@ void require_volume_kept(const DeformBasis& basis, std::span<const Placement> po
           json(p.determinant()).dump() + ": leave it out");
 }
 
+/// \param turn  n, zero where not active
 std::size_t turned_over(std::span<const Double3> before, std::span<const Double3> after,
-                        std::span<const std::array<double, 9>> turn, std::span<const Face> faces) {
+                        std::span<const Turn> turn, std::span<const Face> faces,
+                        std::span<const std::uint8_t> watched) {
   std::size_t count = 0;
-  for (const Face& f : faces) {
+  for (std::size_t j = 0; j < faces.size(); ++j) {
+    if (!watched[j]) continue;
+    const Face& f = faces[j];
     const Double3 was = triangle_normal(before[f[0]], before[f[1]], before[f[2]]);
     const Double3 is = triangle_normal(after[f[0]], after[f[1]], after[f[2]]);
-    std::array<double, 9> r{};
+    Turn sum{};
     for (const std::uint32_t v : f)
-      for (std::size_t k = 0; k < 9; ++k) r[k] += turn[v][k];
-    const Double3 wish = {r[0] * was[0] + r[1] * was[1] + r[2] * was[2],
-                          r[3] * was[0] + r[4] * was[1] + r[5] * was[2],
-                          r[6] * was[0] + r[7] * was[1] + r[8] * was[2]};
-    count += dot(wish, is) < 0.0;
+      for (std::size_t k = 0; k < 9; ++k) sum[k] += turn[v][k];
+    count += dot(turned(sum, was), is) < 0.0;
   }
   return count;
 }
 
 }  // namespace
+
+std::vector<std::uint8_t> watched_faces(const DeformBasis& basis) {
+  std::vector<std::uint8_t> watched;
+  watched.reserve(basis.base.faces.size());
+  for (const Face& f : basis.base.faces)
+    watched.push_back(std::any_of(f.begin(), f.end(),
+                                  [&](std::uint32_t v) { return basis.edit.role[v] == kSupportVertex; }));
+  return watched;
+}
 
 PosedBase pose_base(const DeformBasis& basis, std::span<const Placement> pose,
                     const std::function<void()>& check_stop) {
@@ -77,25 +71,30 @@ PosedBase pose_base(const DeformBasis& basis, std::span<const Placement> pose,
   const auto start = Clock::now();
   const std::vector<Double3> rest = rest_base(basis.edit, at), posed = smooth_base(basis.edit, at, pose);
   const double basis_s = since(start);
-  const auto turn = turns(rest, posed, faces);
+  const std::vector<Turn> turns = pose_turns(basis.edit, pose);
+  const double turns_s = since(start) - basis_s;
   PosedBase out;
-  out.position = posed_base(basis.edit, at, turn, rest, posed);
+  out.position = posed_base(basis.edit, at, turns, rest, posed);
   const double pose_s = since(start);
   check_stop();
+  std::vector<Turn> turn(at.size(), Turn{});
+  for (std::size_t k = 0; k < turns.size(); ++k)
+    turn[static_cast<std::size_t>(basis.edit.active[k])] = turns[k];
   std::vector<std::uint8_t> free;
   for (const std::int32_t role : basis.edit.role) free.push_back(role == kSupportVertex);
-  std::vector<std::uint8_t> watched;
-  for (const Face& f : faces) watched.push_back(free[f[0]] || free[f[1]] || free[f[2]]);
+  const std::vector<std::uint8_t> watched = watched_faces(basis);
+  std::optional<std::size_t> crossing;
   if (about.at("volumes").get<bool>()) {
     const auto begun = Clock::now();
     std::vector<Double3> widening;
     if (about.value("keep_volume", false)) {
-      require_volume_kept(basis, pose);
+      require_volume_kept(pose);
       widening = volume_widening(basis.edit, rest, posed, faces);
     }
     DisplacementVolumeReport report;
     const std::vector<Double3> vectors = std::move(out.position);
-    out.position = displacement_volumes({rest, at}, {posed, vectors}, faces, free, widening, {}, report);
+    out.position = displacement_volumes({{rest, at}, {posed, vectors}, faces, free, turn, widening},
+                                        basis.levels, {}, report);
     told["details"] = {{"prisms", report.prisms},
                        {"levels", report.levels},
                        {"volumes_off_before", report.off_before},
@@ -109,19 +108,19 @@ PosedBase pose_base(const DeformBasis& basis, std::span<const Placement> pose,
     told["details"]["crossing_faces_of_volumes"] = by_volumes;
     told["details"]["kept"] = by_volumes > by_vectors ? "vectors" : "volumes";
     if (by_volumes > by_vectors) out.position = vectors;
+    crossing = std::min(by_vectors, by_volumes);
     check_stop();
   }
-  out.flipped = turned_over(at, out.position, turn, faces);
-  const CrossingFaces before = crossing_faces(at, faces, watched);
-  check_stop();
-  const CrossingFaces after = crossing_faces(out.position, faces, watched);
+  out.flipped = turned_over(at, out.position, turn, faces, watched);
+  if (!crossing) crossing = crossing_faces(out.position, faces, watched).faces.size();
   check_stop();
   told.update(json{{"base_flipped_faces", out.flipped},
-                   {"base_crossing_faces_before", before.faces.size()},
-                   {"base_crossing_faces", after.faces.size()},
+                   {"base_crossing_faces_before", about.at("crossing_faces").get<std::uint64_t>()},
+                   {"base_crossing_faces", *crossing},
                    {"base_volume", enclosed_volume(out.position, faces)},
                    {"base_volume_before", enclosed_volume(at, faces)},
                    {"pose_basis_s", basis_s},
+                   {"pose_turns_s", turns_s},
                    {"pose_base_s", pose_s}});
   out.told = told.dump();
   return out;

@@ -18,8 +18,11 @@ struct PosedBase {
   std::string told;         ///< JSON: volumes, faces that turn over and that cross others, for the report
 };
 
+/// 1 for faces of the base with a vertex of the support: those that a pose may turn over or push through others.
+std::vector<std::uint8_t> watched_faces(const DeformBasis& basis);
+
 /// \param check_stop  called between its steps
-/// \throws InputError  the volume shall be kept, but the base is open or a handle changes its own
+/// \throws InputError  the volume shall be kept, but a handle changes its own
 PosedBase pose_base(const DeformBasis& basis, std::span<const Placement> pose,
                     const std::function<void()>& check_stop);
 

@@ -34,7 +34,7 @@ std::array<double, 2> heights(const Surface& s, const std::vector<std::int32_t>&
   regions.role = role;
   regions.handles = {"middle"};
   EditBasisReport report;
-  const EditBasis basis = edit_basis(s.position, metric, regions, {.order = 2}, report);
+  const EditBasis basis = edit_basis({s.position, s.faces}, metric, regions, {.order = 2}, report);
   Placement lift;
   lift.shift = {0, 0, 1};
   const std::vector<Double3> posed = smooth_base(basis, s.position, std::vector<Placement>{lift});

@@ -66,6 +66,8 @@ struct Bend {
   EditBasis basis;
   std::vector<std::uint8_t> free;
   std::vector<Double3> rest, posed, vectors;
+  std::vector<Turn> turn;
+  std::vector<LayerLevel> levels;
 
   Bend(Bar b, double from, double degrees) : bar(std::move(b)) {
     const double to = kLength - from;
@@ -80,20 +82,24 @@ struct Bend {
     regions[1].point = {to, 0, 0};
     regions[1].normal = {-1, 0, 0};
     EditBasisReport report;
-    basis = edit_basis(bar.position, laplacian({bar.position, bar.faces}),
-                       resolve_regions(regions, bar.position, bar.faces, 2), {.order = 2}, report);
+    basis = edit_basis({bar.position, bar.faces}, laplacian({bar.position, bar.faces}),
+                       resolve_regions(regions, {bar.position, bar.faces}, 2), {.order = 2}, report);
     for (const std::int32_t role : basis.role) free.push_back(role == kSupportVertex);
     const std::vector<Placement> pose = {rotation({0, 0, 1}, degrees).about({0.5 * kLength, 0, 0})};
     rest = rest_base(basis, bar.position);
     posed = smooth_base(basis, bar.position, pose);
-    vectors = posed_base(basis, bar.position, turns(rest, posed, bar.faces), rest, posed);
+    const std::vector<Turn> turns = pose_turns(basis, pose);
+    vectors = posed_base(basis, bar.position, turns, rest, posed);
+    turn.assign(bar.position.size(), Turn{});
+    for (std::size_t k = 0; k < turns.size(); ++k) turn[static_cast<std::size_t>(basis.active[k])] = turns[k];
+    levels = layer_levels(bar.position, bar.faces, free);
   }
 
   std::vector<Double3> kept(bool whole, DisplacementVolumeReport& report) const {
     std::vector<Double3> widening;
     if (whole) widening = volume_widening(basis, rest, posed, bar.faces);
-    return displacement_volumes({rest, bar.position}, {posed, vectors}, bar.faces, free, widening, {},
-                                report);
+    return displacement_volumes({{rest, bar.position}, {posed, vectors}, bar.faces, free, turn, widening},
+                                levels, {}, report);
   }
   double change(std::span<const Double3> p) const {
     return enclosed_volume(p, bar.faces) / enclosed_volume(bar.position, bar.faces) - 1.0;

@@ -33,7 +33,7 @@ TEST_CASE("edit regions: later ones take from earlier ones, the rest is fixed", 
   EditRegion dot = region(RegionRole::kHandle, RegionShape::kPoints, "knob");
   dot.points = {{5.2, 5.1, 0.3}};
   const EditRegions out =
-      resolve_regions(std::vector<EditRegion>{support, knob, side, dot}, s.position, s.faces, 3);
+      resolve_regions(std::vector<EditRegion>{support, knob, side, dot}, EditSurface{s.position, s.faces}, 3);
   CHECK(out.handles == std::vector<std::string>{"knob", "side"});
   for (std::size_t v = 0; v < s.position.size(); ++v) {
     const Double3& p = s.position[v];
@@ -47,8 +47,9 @@ TEST_CASE("edit regions: later ones take from earlier ones, the rest is fixed", 
   }
   EditRegion far = region(RegionRole::kHandle, RegionShape::kSphere, "far");
   far.point = {100, 0, 0}, far.reach = 1.0;
-  CHECK_THROWS_WITH(resolve_regions(std::vector<EditRegion>{support, far}, s.position, s.faces, 2),
-                    Catch::Contains("region 2 ('far') takes no vertex"));
+  CHECK_THROWS_WITH(
+      resolve_regions(std::vector<EditRegion>{support, far}, EditSurface{s.position, s.faces}, 2),
+      Catch::Contains("region 2 ('far') takes no vertex"));
 }
 
 TEST_CASE("edit regions: distance along the surface", "[unit]") {
@@ -67,4 +68,48 @@ TEST_CASE("edit regions: distance along the surface", "[unit]") {
       surface_distance(ball.position, ball.faces, std::vector<Double3>{{0, 0, 1}});
   for (std::size_t v = 0; v < arc.size(); ++v)
     if (ball.position[v] == Double3{0, 0, -1}) CHECK(arc[v] == Approx(3.14159).epsilon(0.02));
+}
+
+TEST_CASE("edit regions: a patch ends at creases, or where they are made to matter", "[unit]") {
+  // A roof: two slopes that meet at x = 10, and a gentle bend at x = 5.
+  const Surface s = height_grid(20, 20.0, [](double x, double) {
+    return x <= 5 ? 0.2 * x : x <= 10 ? 1 + 0.5 * (x - 5) : 3.5 - 1.5 * (x - 10);
+  });
+  EditRegion side = region(RegionRole::kSupport, RegionShape::kPatch);
+  side.points = {{7.5, 4.2, 9.0}};
+  side.crease_deg = 30.0;
+  EditRegions out = resolve_regions(std::vector<EditRegion>{side}, EditSurface{s.position, s.faces}, 2);
+  for (std::size_t v = 0; v < s.position.size(); ++v)
+    CHECK((out.role[v] == kSupportVertex) == (s.position[v][0] <= 10.0));
+  side.crease_deg = 5.0;
+  out = resolve_regions(std::vector<EditRegion>{side}, EditSurface{s.position, s.faces}, 2);
+  for (std::size_t v = 0; v < s.position.size(); ++v)
+    CHECK((out.role[v] == kSupportVertex) == (s.position[v][0] <= 10.0 && s.position[v][0] >= 5.0));
+  // Creases are asked of the surface before it was smoothed.
+  const Surface flat = height_grid(20, 20.0, [](double, double) { return 0.0; });
+  out = resolve_regions(std::vector<EditRegion>{side}, {flat.position, s.faces, s.position}, 2);
+  for (std::size_t v = 0; v < s.position.size(); ++v)
+    CHECK((out.role[v] == kSupportVertex) == (s.position[v][0] <= 10.0 && s.position[v][0] >= 5.0));
+}
+
+TEST_CASE("edit regions: what is painted", "[unit]") {
+  const Surface s = height_grid(10, 10.0, [](double, double) { return 0.0; });
+  std::vector<std::uint32_t> colour;
+  for (const Double3& p : s.position) colour.push_back(p[0] < 4 ? 0xff2010f0u : p[0] < 6 ? 0x102040a0u : 0u);
+  EditRegion red = region(RegionRole::kHandle, RegionShape::kPainted, "red");
+  red.colour = {255, 0, 0};
+  red.within = 40;
+  EditRegions out = resolve_regions(std::vector<EditRegion>{red}, {s.position, s.faces, {}, colour}, 2);
+  for (std::size_t v = 0; v < s.position.size(); ++v)
+    CHECK(out.role[v] == (s.position[v][0] < 4 ? 0 : kFixedVertex));
+  red.within = 95;
+  out = resolve_regions(std::vector<EditRegion>{red}, {s.position, s.faces, {}, colour}, 2);
+  for (std::size_t v = 0; v < s.position.size(); ++v)
+    CHECK(out.role[v] == (s.position[v][0] < 6 ? 0 : kFixedVertex));
+  red.colour = {0, 255, 0};
+  red.within = 0;
+  CHECK_THROWS_WITH(resolve_regions(std::vector<EditRegion>{red}, {s.position, s.faces, {}, colour}, 2),
+                    Catch::Contains("region 1 ('red') takes no vertex"));
+  CHECK_THROWS_WITH(resolve_regions(std::vector<EditRegion>{red}, EditSurface{s.position, s.faces}, 2),
+                    Catch::Contains("the mesh has no vertex colours"));
 }

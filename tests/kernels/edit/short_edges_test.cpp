@@ -31,8 +31,10 @@ TEST_CASE("short edges: a split edge is whole again", "[unit]") {
   }
   REQUIRE(faces.size() == whole.faces.size() + 2);
   s.faces = faces;
-  CHECK(merge_short_edges(s.position, s.faces, 0.05) == 1);
+  std::vector<Double3> beside = s.position, none;
+  CHECK(merge_short_edges(s.position, s.faces, 0.05, beside) == 1);
   CHECK(s.position == whole.position);
+  CHECK(beside == whole.position);
   CHECK(s.faces.size() == whole.faces.size());
   std::map<std::pair<std::uint32_t, std::uint32_t>, int> sides;
   for (const auto& f : s.faces)
@@ -41,16 +43,17 @@ TEST_CASE("short edges: a split edge is whole again", "[unit]") {
     CHECK(count == 1);
     CHECK(sides.count({side.second, side.first}) == 1);
   }
-  CHECK(merge_short_edges(s.position, s.faces, 0.05) == 0);
+  CHECK(merge_short_edges(s.position, s.faces, 0.05, none) == 0);
 }
 
 TEST_CASE("short edges: what a merge lays back to back goes", "[unit]") {
   // A fin of two faces on a square: three common neighbours at its short edge.
   std::vector<Double3> position = {{0, 0, 0}, {1, 0, 0}, {1, 1, 0}, {0, 1, 0}, {0.5, 0.5, 1}, {0.01, 0, 0}};
   std::vector<std::array<std::uint32_t, 3>> faces = {{0, 1, 2}, {0, 2, 3}, {0, 2, 4}, {5, 4, 2}};
-  CHECK(merge_short_edges(position, faces, 0.001) == 0);
+  std::vector<Double3> none;
+  CHECK(merge_short_edges(position, faces, 0.001, none) == 0);
   faces.push_back({0, 5, 4});
-  CHECK(merge_short_edges(position, faces, 0.05) == 1);
+  CHECK(merge_short_edges(position, faces, 0.05, none) == 1);
   CHECK(faces == std::vector<std::array<std::uint32_t, 3>>{{0, 1, 2}, {0, 2, 3}});
   CHECK(position.size() == 4);
 }

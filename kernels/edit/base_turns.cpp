@@ -1,0 +1,311 @@
+#include "kernels/edit/base_turns.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+
+#include "octree/small_matrix.h"
+
+namespace tessera {
+namespace {
+
+using Face = std::array<std::uint32_t, 3>;
+using Matrix4 = SmallMatrix<4>;
+
+constexpr int kSpreadRounds = 6;  ///< rings that a turn is measured over, beyond its own
+constexpr int kPolarSteps = 10;
+constexpr double kTurned = 1e-14;  ///< of a rotation: a step less than that was the last
+/// Determinants, of a matrix as large as a rotation, from which Newton's steps are safe.
+constexpr double kWellTurned = 1e-3;
+
+constexpr std::size_t kLanes = 4;
+using Lanes [[gnu::vector_size(kLanes * sizeof(double))]] = double;
+using FloatLanes [[gnu::vector_size(kLanes * sizeof(float))]] = float;
+
+/// What is spread at a time: four columns' gradients, or fewer numbers and zeros.
+constexpr std::size_t kGroup = 12;
+using Group = std::array<double, kGroup>;
+
+/// The faces that means at active vertices are over, with numbers of their own for their corners.
+struct Around {
+  std::vector<std::uint32_t> vertex;  ///< of the surface
+  std::vector<Face> faces;
+  std::vector<std::array<Double3, 3>> slope;  ///< per corner: gradient of its hat function times the area
+  std::vector<Double3> normal;                ///< unit
+  std::vector<double> area;
+  std::vector<std::uint32_t> active;  ///< numbers of the active vertices
+};
+
+Around faces_around(std::span<const Double3> rest, std::span<const Face> faces,
+                    std::span<const std::int32_t> active) {
+  constexpr std::uint32_t kNone = 0xffffffffu;
+  std::vector<std::uint8_t> near(rest.size(), 0), next;
+  for (const std::int32_t v : active) near[static_cast<std::size_t>(v)] = 1;
+  for (int ring = 0; ring < kSpreadRounds; ++ring) {
+    next = near;
+    for (const Face& f : faces)
+      if ((near[f[0]] | near[f[1]] | near[f[2]]) != 0) next[f[0]] = next[f[1]] = next[f[2]] = 1;
+    near.swap(next);
+  }
+  Around out;
+  std::vector<std::uint32_t> number(rest.size(), kNone);
+  for (Face f : faces) {
+    if ((near[f[0]] | near[f[1]] | near[f[2]]) == 0) continue;
+    const Double3 n = triangle_normal(rest[f[0]], rest[f[1]], rest[f[2]]), u = unit_or_zero(n);
+    std::array<Double3, 3> slope;
+    for (std::size_t k = 0; k < 3; ++k)
+      slope[k] = cross(u, rest[f[(k + 2) % 3]] - rest[f[(k + 1) % 3]]) * 0.5;
+    out.slope.push_back(slope);
+    out.normal.push_back(u);
+    out.area.push_back(0.5 * norm(n));
+    for (std::uint32_t& v : f) {
+      if (number[v] == kNone) {
+        number[v] = static_cast<std::uint32_t>(out.vertex.size());
+        out.vertex.push_back(v);
+      }
+      v = number[v];
+    }
+    out.faces.push_back(f);
+  }
+  for (const std::int32_t v : active) out.active.push_back(number[static_cast<std::size_t>(v)]);
+  return out;
+}
+
+/// Numbers of faces, summed up at their corners and then ring by ring. Nothing is divided by, so that slivers weigh what they are.
+class Spread {
+ public:
+  explicit Spread(const Around& around) : around_(around) {}
+
+  template <class Of>
+  const std::vector<Group>& operator()(const Of& of) {
+    sum_.assign(around_.vertex.size(), Group{});
+    for (std::size_t j = 0; j < around_.faces.size(); ++j) {
+      const Group g = of(j);
+      for (const std::uint32_t v : around_.faces[j])
+        for (std::size_t c = 0; c < kGroup; ++c) sum_[v][c] += g[c];
+    }
+    for (int round = 0; round < kSpreadRounds; ++round) {
+      next_.assign(sum_.size(), Group{});
+      for (const Face& f : around_.faces) {
+        const Group &x = sum_[f[0]], &y = sum_[f[1]], &z = sum_[f[2]];
+        Group g;
+        for (std::size_t c = 0; c < kGroup; ++c) g[c] = x[c] + y[c] + z[c];
+        for (const std::uint32_t v : f)
+          for (std::size_t c = 0; c < kGroup; ++c) next_[v][c] += g[c];
+      }
+      sum_.swap(next_);
+    }
+    return sum_;
+  }
+
+ private:
+  const Around& around_;
+  std::vector<Group> sum_, next_;
+};
+
+/// A matrix in each lane.
+using Matrices = std::array<Lanes, 9>;
+
+Matrices cofactors(const Matrices& r) {
+  return {r[4] * r[8] - r[5] * r[7], r[5] * r[6] - r[3] * r[8], r[3] * r[7] - r[4] * r[6],
+          r[2] * r[7] - r[1] * r[8], r[0] * r[8] - r[2] * r[6], r[1] * r[6] - r[0] * r[7],
+          r[1] * r[5] - r[2] * r[4], r[2] * r[3] - r[0] * r[5], r[0] * r[4] - r[1] * r[3]};
+}
+
+Lanes square_root(Lanes x) {
+  for (std::size_t l = 0; l < kLanes; ++l) x[l] = std::sqrt(x[l]);
+  return x;
+}
+
+Lanes size_of(const Matrices& r) {
+  Lanes sum = r[0] * r[0];
+  for (std::size_t k = 1; k < 9; ++k) sum += r[k] * r[k];
+  return square_root(sum);
+}
+
+/// Polar factors by Newton's steps R <- (R + R^-T) / 2 (Higham 1986).
+/// \return per lane: it was too near to turning over, or did not settle
+std::array<bool, kLanes> polar_turns(Matrices& r) {
+  std::array<bool, kLanes> left{};
+  const Lanes scale = std::sqrt(3.0) / size_of(r);
+  for (Lanes& x : r) x *= scale;
+  for (int step = 0; step < kPolarSteps; ++step) {
+    const Matrices cofactor = cofactors(r);
+    const Lanes determinant = r[0] * cofactor[0] + r[1] * cofactor[1] + r[2] * cofactor[2];
+    const Lanes inverse = 0.5 / determinant;
+    Lanes change{};
+    for (std::size_t k = 0; k < 9; ++k) {
+      const Lanes next = 0.5 * r[k] + cofactor[k] * inverse;
+      const Lanes by = next - r[k];
+      change += by * by;
+      r[k] = next;
+    }
+    bool done = true;
+    for (std::size_t l = 0; l < kLanes; ++l) {
+      left[l] = left[l] || !(determinant[l] > kWellTurned);
+      done = done && (left[l] || change[l] < kTurned * kTurned);
+    }
+    if (done) return left;
+    if (step + 1 == kPolarSteps)
+      for (std::size_t l = 0; l < kLanes; ++l) left[l] = left[l] || !(change[l] < kTurned * kTurned);
+  }
+  return left;
+}
+
+/// The rotation nearest to s, of largest trace(R' s): quaternion of the largest eigenvalue (Horn 1987).
+Turn nearest_turn(const Turn& s) {
+  double size = 0.0;
+  for (const double x : s) size = std::max(size, std::fabs(x));
+  if (!(size > 0.0) || !std::isfinite(size)) return kNoTurn;
+  const auto at = [&](int to, int from) { return s[static_cast<std::size_t>(3 * to + from)] / size; };
+  Matrix4 a;
+  a << at(0, 0) + at(1, 1) + at(2, 2), at(2, 1) - at(1, 2), at(0, 2) - at(2, 0), at(1, 0) - at(0, 1),
+      at(2, 1) - at(1, 2), at(0, 0) - at(1, 1) - at(2, 2), at(0, 1) + at(1, 0), at(0, 2) + at(2, 0),
+      at(0, 2) - at(2, 0), at(0, 1) + at(1, 0), at(1, 1) - at(0, 0) - at(2, 2), at(1, 2) + at(2, 1),
+      at(1, 0) - at(0, 1), at(0, 2) + at(2, 0), at(1, 2) + at(2, 1), at(2, 2) - at(0, 0) - at(1, 1);
+  Matrix4 vector = Matrix4::Identity();
+  for (int sweep = 0; sweep < 12; ++sweep) {
+    double off = 0.0;
+    for (Eigen::Index p = 0; p < 4; ++p)
+      for (Eigen::Index q = p + 1; q < 4; ++q) off += a.coeff(p, q) * a.coeff(p, q);
+    if (!(off > 1e-30)) break;
+    for (Eigen::Index p = 0; p < 3; ++p)
+      for (Eigen::Index q = p + 1; q < 4; ++q) {
+        if (a.coeff(p, q) == 0.0) continue;
+        const double theta = (a.coeff(q, q) - a.coeff(p, p)) / (2.0 * a.coeff(p, q));
+        const double t = (theta < 0.0 ? -1.0 : 1.0) / (std::fabs(theta) + std::sqrt(theta * theta + 1.0));
+        const double c = 1.0 / std::sqrt(t * t + 1.0), sn = t * c;
+        const auto turn = [c, sn](double& x, double& y) {
+          const double u = x, v = y;
+          x = c * u - sn * v;
+          y = sn * u + c * v;
+        };
+        for (Eigen::Index k = 0; k < 4; ++k) turn(a.coeffRef(k, p), a.coeffRef(k, q));
+        for (Eigen::Index k = 0; k < 4; ++k) turn(a.coeffRef(p, k), a.coeffRef(q, k));
+        for (Eigen::Index k = 0; k < 4; ++k) turn(vector.coeffRef(k, p), vector.coeffRef(k, q));
+      }
+  }
+  Eigen::Index best = 0;
+  for (Eigen::Index k = 1; k < 4; ++k)
+    if (a.coeff(k, k) > a.coeff(best, best)) best = k;
+  const double w = vector.coeff(0, best), x = vector.coeff(1, best), y = vector.coeff(2, best),
+               z = vector.coeff(3, best);
+  const double u = 2.0 / (w * w + x * x + y * y + z * z);
+  return {1 - u * (y * y + z * z), u * (x * y - w * z),     u * (x * z + w * y),
+          u * (x * y + w * z),     1 - u * (x * x + z * z), u * (y * z - w * x),
+          u * (x * z - w * y),     u * (y * z + w * x),     1 - u * (x * x + y * y)};
+}
+
+}  // namespace
+
+std::vector<float> turn_columns(std::span<const Double3> rest, std::span<const Face> faces,
+                                std::span<const std::int32_t> active, const SolutionColumns& columns) {
+  const std::size_t handles = (columns.width - columns.first) / 4,
+                    width = turn_width(columns.targets, handles);
+  const Around around = faces_around(rest, faces, active);
+  std::vector<float> out((active.size() + kLanes - 1) / kLanes * kLanes * width, 0.0f);
+  std::vector<double> area(around.vertex.size(), 0.0);
+  const auto keep = [&](const std::vector<Group>& sum, std::size_t from, std::size_t count) {
+    for (std::size_t k = 0; k < active.size(); ++k) {
+      const std::uint32_t v = around.active[k];
+      const double share = area[v] > 0.0 ? 1.0 / area[v] : 0.0;
+      float* const to = out.data() + (k / kLanes * width + from) * kLanes + k % kLanes;
+      for (std::size_t c = 0; c < count; ++c) to[c * kLanes] = static_cast<float>(sum[v][c] * share);
+    }
+  };
+  Spread spread(around);
+  const std::vector<Group>& plane = spread([&](std::size_t j) {
+    const Double3& n = around.normal[j];
+    const double a = around.area[j];
+    return Group{a * (1 - n[0] * n[0]),
+                 -a * n[0] * n[1],
+                 -a * n[0] * n[2],
+                 a * (1 - n[1] * n[1]),
+                 -a * n[1] * n[2],
+                 a * (1 - n[2] * n[2]),
+                 a};
+  });
+  for (std::size_t v = 0; v < area.size(); ++v) area[v] = plane[v][6];
+  keep(plane, 0, 6);
+  const auto value = [&](std::uint32_t v, std::size_t column) {
+    return columns.values[around.vertex[v] * columns.width + column];
+  };
+  std::size_t from = 6;
+  if (columns.targets) {
+    keep(spread([&](std::size_t j) {
+           Group g{};
+           for (std::size_t k = 0; k < 3; ++k)
+             for (std::size_t r = 0; r < 3; ++r) {
+               const std::uint32_t v = around.faces[j][k];
+               const double by = value(v, 3 + r) - value(v, r);
+               for (std::size_t c = 0; c < 3; ++c) g[3 * r + c] += by * around.slope[j][k][c];
+             }
+           return g;
+         }),
+         from, 9);
+    from += 9;
+  }
+  for (std::size_t h = 0; h < handles; ++h, from += 12)
+    keep(spread([&](std::size_t j) {
+           Group g{};
+           for (std::size_t k = 0; k < 3; ++k)
+             for (std::size_t a = 0; a < 4; ++a) {
+               const double by = value(around.faces[j][k], columns.first + 4 * h + a);
+               for (std::size_t c = 0; c < 3; ++c) g[3 * a + c] += by * around.slope[j][k][c];
+             }
+           return g;
+         }),
+         from, 12);
+  return out;
+}
+
+std::vector<Turn> turns(std::span<const float> columns, std::size_t count, bool targets,
+                        std::span<const FrameMotion> motion) {
+  const std::size_t width = turn_width(targets, motion.size());
+  std::vector<Turn> out(count);
+  for (std::size_t first = 0; first < count; first += kLanes) {
+    const float* const from = columns.data() + first * width;
+    const auto column = [&](std::size_t c) {
+      FloatLanes few;
+      std::memcpy(&few, from + c * kLanes, sizeof few);
+      return __builtin_convertvector(few, Lanes);
+    };
+    Matrices by{};
+    std::size_t c = 6;
+    if (targets)
+      for (std::size_t k = 0; k < 9; ++k, ++c) by[k] = column(c);
+    for (const FrameMotion& frame : motion)
+      for (const Double3& axis : frame) {
+        const Lanes x = column(c), y = column(c + 1), z = column(c + 2);
+        c += 3;
+        for (std::size_t r = 0; r < 3; ++r) {
+          by[3 * r] += axis[r] * x;
+          by[3 * r + 1] += axis[r] * y;
+          by[3 * r + 2] += axis[r] * z;
+        }
+      }
+    // Gradients within the surface leave open what becomes of normals: cofactors have the same singular vectors, and of the
+    // normal the product of the other two values.
+    const Lanes xx = column(0), xy = column(1), xz = column(2), yy = column(3), yz = column(4),
+                zz = column(5);
+    Matrices s = {xx + by[0], xy + by[1], xz + by[2], xy + by[3], yy + by[4],
+                  yz + by[5], xz + by[6], yz + by[7], zz + by[8]};
+    const Lanes scale = std::sqrt(2.0) / size_of(s);
+    const Matrices cofactor = cofactors(s);
+    for (std::size_t k = 0; k < 9; ++k) s[k] += cofactor[k] * scale;
+    Matrices r = s;
+    const std::array<bool, kLanes> left = polar_turns(r);
+    for (std::size_t l = 0; l < kLanes && first + l < count; ++l) {
+      bool moves = false;
+      for (std::size_t k = 0; k < 9; ++k) moves = moves || by[k][l] != 0.0;
+      Turn& turn = out[first + l];
+      turn = kNoTurn;
+      if (!moves) continue;
+      for (std::size_t k = 0; k < 9; ++k) turn[k] = left[l] ? s[k][l] : r[k][l];
+      if (left[l]) turn = nearest_turn(turn);
+    }
+  }
+  return out;
+}
+
+}  // namespace tessera

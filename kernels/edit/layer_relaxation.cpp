@@ -1,0 +1,429 @@
+#include "kernels/edit/layer_relaxation.h"
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <cstring>
+
+#include "octree/lists.h"
+
+namespace tessera {
+namespace {
+
+using Face = std::array<std::uint32_t, 3>;
+
+constexpr double kRelax = 0.8;      ///< of the way to the edges at rest that a round goes
+constexpr double kFilter = 0.3;     ///< of the way to its neighbours that a ratio of heights goes
+constexpr double kMostStep = 0.25;  ///< of two sides of the base: what one projection may move
+constexpr double kMostWeight = 20;  ///< of an edge: slivers would hold everything else
+constexpr double kLeast = 0.02;     ///< of the longest displacement: ratios of shorter ones say nothing
+
+constexpr std::size_t kLanes = 4;
+constexpr std::size_t kOpen = 16;  ///< groups of prisms that are being filled
+constexpr std::uint32_t kNone = 0xffffffffu;
+using Lanes [[gnu::vector_size(kLanes * sizeof(double))]] = double;
+
+/// A vector of a vertex, and a fourth number.
+struct alignas(32) Row {
+  double at[4] = {0, 0, 0, 0};
+};
+
+Lanes load(const double* from) {
+  Lanes out;
+  std::memcpy(&out, from, sizeof out);
+  return out;
+}
+void store(double* to, Lanes value) {
+  std::memcpy(to, &value, sizeof value);
+}
+
+struct Lanes3 {
+  Lanes x, y, z;
+};
+Lanes3 operator+(const Lanes3& a, const Lanes3& b) {
+  return {a.x + b.x, a.y + b.y, a.z + b.z};
+}
+Lanes3 operator-(const Lanes3& a, const Lanes3& b) {
+  return {a.x - b.x, a.y - b.y, a.z - b.z};
+}
+Lanes3 operator*(const Lanes3& a, Lanes s) {
+  return {a.x * s, a.y * s, a.z * s};
+}
+Lanes3 operator*(const Lanes3& a, double s) {
+  return {a.x * s, a.y * s, a.z * s};
+}
+Lanes dot(const Lanes3& a, const Lanes3& b) {
+  return a.x * b.x + a.y * b.y + a.z * b.z;
+}
+Lanes3 cross(const Lanes3& a, const Lanes3& b) {
+  return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
+}
+Lanes square_root(Lanes v) {
+  for (std::size_t l = 0; l < kLanes; ++l) v[l] = std::sqrt(v[l]);
+  return v;
+}
+
+/// Four rows to four lanes of each number, and back.
+void transpose(Lanes& a, Lanes& b, Lanes& c, Lanes& d) {
+  const Lanes ab = __builtin_shufflevector(a, b, 0, 4, 2, 6), ba = __builtin_shufflevector(a, b, 1, 5, 3, 7),
+              cd = __builtin_shufflevector(c, d, 0, 4, 2, 6), dc = __builtin_shufflevector(c, d, 1, 5, 3, 7);
+  a = __builtin_shufflevector(ab, cd, 0, 1, 4, 5);
+  b = __builtin_shufflevector(ba, dc, 0, 1, 4, 5);
+  c = __builtin_shufflevector(ab, cd, 2, 3, 6, 7);
+  d = __builtin_shufflevector(ba, dc, 2, 3, 6, 7);
+}
+
+/// The same corner of four prisms; `fourth` is the fourth number of its row.
+struct Corner {
+  Lanes3 at;
+  Lanes fourth;
+};
+Corner gather(const Row* rows, const std::uint32_t* vertex) {
+  Corner c{{load(rows[vertex[0]].at), load(rows[vertex[1]].at), load(rows[vertex[2]].at)},
+           load(rows[vertex[3]].at)};
+  transpose(c.at.x, c.at.y, c.at.z, c.fourth);
+  return c;
+}
+void scatter(Corner c, Row* rows, const std::uint32_t* vertex) {
+  transpose(c.at.x, c.at.y, c.at.z, c.fourth);
+  store(rows[vertex[0]].at, c.at.x);
+  store(rows[vertex[1]].at, c.at.y);
+  store(rows[vertex[2]].at, c.at.z);
+  store(rows[vertex[3]].at, c.fourth);
+}
+
+/// Prisms by their base triangles (sides e, f from corner 0) and the displacements of their corners. Over the share s of the way
+/// from base to top the triangle is linear, so the volume is the mean displacement times the mean of its area vector.
+struct PrismLanes {
+  Lanes3 e, f, g, k, mean, area;
+  PrismLanes(const Lanes3& e_, const Lanes3& f_, const Lanes3& d0, const Lanes3& d1, const Lanes3& d2)
+      : e(e_), f(f_), g(d1 - d0), k(d2 - d0), mean((d0 + d1 + d2) * (1.0 / 3.0)) {
+    area = cross(e, f) * 0.5 + (cross(e, k) + cross(g, f)) * 0.25 + cross(g, k) * (1.0 / 6.0);
+  }
+  Lanes volume() const { return dot(mean, area); }
+  /// By the displacements of the corners.
+  std::array<Lanes3, 3> gradient() const {
+    const Lanes3 by_g = cross(f * 0.25 + k * (1.0 / 6.0), mean),
+                 by_k = cross(mean, e * 0.25 + g * (1.0 / 6.0)), third = area * (1.0 / 3.0);
+    return {third - by_g - by_k, third + by_g, third + by_k};
+  }
+};
+
+/// Four of them; lanes without a prism have the vertex behind the last one at all corners.
+struct alignas(32) Prisms {
+  double e[3][kLanes] = {}, f[3][kLanes] = {};
+  double volume[kLanes] = {}, gained[kLanes] = {};
+  double most[kLanes] = {};  ///< that a projection may move
+  std::uint32_t corner[3][kLanes] = {};
+  std::uint32_t face[kLanes] = {kNone, kNone, kNone, kNone};
+
+  Lanes3 side_e() const { return {load(e[0]), load(e[1]), load(e[2])}; }
+  Lanes3 side_f() const { return {load(f[0]), load(f[1]), load(f[2])}; }
+};
+
+std::vector<Row> rows_of(std::span<const Double3> of) {
+  std::vector<Row> out(of.size() + 1);
+  for (std::size_t v = 0; v < of.size(); ++v) std::copy(of[v].begin(), of[v].end(), out[v].at);
+  return out;
+}
+
+Double3 vector_of(const Row& r) {
+  return {r.at[0], r.at[1], r.at[2]};
+}
+
+}  // namespace
+
+struct LayerRelaxation::Impl {
+  std::size_t n = 0, count = 0;
+  std::vector<std::uint32_t> free;            ///< vertices
+  std::vector<Row> base, rest_base, at_rest;  ///< of the pose; at rest; displacements at rest
+  std::vector<Row> given, by;  ///< displacements: to begin with, and now; fourth number: 1 where free
+  std::vector<Turn> turn;      ///< per free vertex
+  std::vector<double> height, ratio;
+  double longest = 0.0;
+  std::vector<Prisms> prisms;
+  // Neighbours of free vertices, and the two places, or kNone, of the edge opposite to each corner of a face.
+  std::vector<std::uint32_t> first, neighbour;
+  std::vector<double> weight;
+  std::vector<std::array<std::uint32_t, 2>> place;
+  std::vector<Row> pull;  ///< per free vertex: what edges ask for beside displacements; fourth number: step
+
+  void pack(PrismFaces faces, std::span<const std::uint8_t> is_free) {
+    std::vector<std::uint16_t> in(n, 0);  // per vertex: open groups that move it
+    std::array<Prisms, kOpen> open{};
+    std::array<std::size_t, kOpen> filled{};
+    const auto start = [&](std::size_t o) {
+      open[o] = {};
+      filled[o] = 0;
+      for (auto& corners : open[o].corner)
+        std::fill(std::begin(corners), std::end(corners), static_cast<std::uint32_t>(n));
+    };
+    const auto close = [&](std::size_t o) {
+      if (filled[o] == 0) return;
+      for (const auto& corners : open[o].corner)
+        for (std::size_t l = 0; l < filled[o]; ++l)
+          in[corners[l]] = static_cast<std::uint16_t>(in[corners[l]] & ~(1u << o));
+      prisms.push_back(open[o]);
+      start(o);
+    };
+    for (std::size_t o = 0; o < kOpen; ++o) start(o);
+    std::size_t oldest = 0;
+    for (std::uint32_t j = 0; j < faces.size(); ++j) {
+      const Face& f = faces[j];
+      if (!is_free[f[0]] && !is_free[f[1]] && !is_free[f[2]]) continue;
+      ++count;
+      const unsigned taken = in[f[0]] | in[f[1]] | in[f[2]];
+      auto o = static_cast<std::size_t>(std::countr_one(taken));
+      if (o >= kOpen) {
+        o = oldest;
+        oldest = (oldest + 1) % kOpen;
+        close(o);
+      }
+      const std::size_t l = filled[o]++;
+      open[o].face[l] = j;
+      for (std::size_t k = 0; k < 3; ++k) {
+        open[o].corner[k][l] = f[k];
+        if (is_free[f[k]]) in[f[k]] = static_cast<std::uint16_t>(in[f[k]] | 1u << o);
+      }
+      if (filled[o] == kLanes) close(o);
+    }
+    for (std::size_t o = 0; o < kOpen; ++o) close(o);
+  }
+
+  void join(PrismFaces faces, std::span<const std::uint8_t> is_free) {
+    struct Item {
+      std::uint32_t to, side;  ///< side: 2 (3 face + corner), or one more
+    };
+    std::vector<std::uint32_t> number(n, kNone);
+    for (std::uint32_t i = 0; i < free.size(); ++i) number[free[i]] = i;
+    const Lists<Item> lists = make_lists<Item>(free.size(), [&](const auto& put) {
+      for (std::uint32_t j = 0; j < faces.size(); ++j)
+        for (std::uint32_t k = 0; k < 3; ++k) {
+          const std::uint32_t a = faces[j][(k + 1) % 3], b = faces[j][(k + 2) % 3];
+          if (is_free[a]) put(number[a], Item{b, 2 * (3 * j + k)});
+          if (is_free[b]) put(number[b], Item{a, 2 * (3 * j + k) + 1});
+        }
+    });
+    place.assign(3 * faces.size(), {kNone, kNone});
+    std::vector<std::uint32_t> seen(n, kNone);  // place of a vertex in the list at hand
+    first.assign(1, 0);
+    for (std::size_t i = 0; i < lists.size(); ++i) {
+      for (const Item& item : lists[i]) {
+        std::uint32_t& at = seen[item.to];
+        if (at == kNone || at < first.back()) {
+          at = static_cast<std::uint32_t>(neighbour.size());
+          neighbour.push_back(item.to);
+        }
+        place[item.side / 2][item.side % 2] = at;
+      }
+      first.push_back(static_cast<std::uint32_t>(neighbour.size()));
+    }
+    weight.resize(neighbour.size());
+    pull.resize(free.size());
+  }
+
+  void take_sides() {
+    for (Prisms& p : prisms) {
+      const Corner a = gather(base.data(), p.corner[0]), b = gather(base.data(), p.corner[1]),
+                   c = gather(base.data(), p.corner[2]);
+      const Lanes3 e = b.at - a.at, f = c.at - a.at;
+      store(p.e[0], e.x), store(p.e[1], e.y), store(p.e[2], e.z);
+      store(p.f[0], f.x), store(p.f[1], f.y), store(p.f[2], f.z);
+      store(p.most, kMostStep * (square_root(dot(e, e)) + square_root(dot(f, f))));
+    }
+  }
+
+  Lanes volume(const Prisms& p, const std::vector<Row>& displacements) const {
+    const Row* const d = displacements.data();
+    return PrismLanes(p.side_e(), p.side_f(), gather(d, p.corner[0]).at, gather(d, p.corner[1]).at,
+                      gather(d, p.corner[2]).at)
+        .volume();
+  }
+};
+
+LayerRelaxation::LayerRelaxation(const Layer& rest, const Layer& posed, PrismFaces faces,
+                                 std::span<const std::uint8_t> free, std::span<const Turn> turn,
+                                 std::span<const Double3> widening)
+    : impl_(std::make_unique<Impl>()) {
+  Impl& m = *impl_;
+  m.n = rest.base.size();
+  m.base = rows_of(posed.base);
+  m.rest_base = rows_of(rest.base);
+  m.at_rest.resize(m.n + 1);
+  m.given.resize(m.n + 1);
+  m.height.resize(m.n);
+  m.ratio.resize(m.n);
+  for (std::uint32_t v = 0; v < m.n; ++v) {
+    const Double3 d = rest.surface[v] - rest.base[v];
+    Double3 to = posed.surface[v] - posed.base[v];
+    m.height[v] = norm(d);
+    if (!widening.empty()) {
+      to = to + widening[v];
+      m.height[v] += norm(widening[v]);
+    }
+    m.longest = std::max(m.longest, m.height[v]);
+    std::copy(d.begin(), d.end(), m.at_rest[v].at);
+    std::copy(to.begin(), to.end(), m.given[v].at);
+    m.given[v].at[3] = free[v] ? 1.0 : 0.0;
+    if (!free[v]) continue;
+    m.free.push_back(v);
+    m.turn.push_back(turn[v]);
+  }
+  m.by = m.given;
+  m.pack(faces, free);
+  m.join(faces, free);
+  m.take_sides();
+  if (widening.empty()) return;
+  const std::vector<Row> wide = rows_of(widening);
+  for (Prisms& p : m.prisms) store(p.gained, m.volume(p, wide));
+}
+
+LayerRelaxation::~LayerRelaxation() = default;
+
+std::size_t LayerRelaxation::prisms() const {
+  return impl_->count;
+}
+
+void LayerRelaxation::set(std::span<const Double3> surface) {
+  Impl& m = *impl_;
+  for (const std::uint32_t v : m.free)
+    for (std::size_t c = 0; c < 3; ++c) m.by[v].at[c] = surface[v][c] - m.base[v].at[c];
+}
+
+void LayerRelaxation::scale(double free_by, double others_to) {
+  Impl& m = *impl_;
+  for (std::size_t v = 0; v < m.n; ++v)
+    for (std::size_t c = 0; c < 3; ++c)
+      m.by[v].at[c] = m.by[v].at[3] > 0.0 ? m.by[v].at[c] * free_by : m.given[v].at[c] * others_to;
+}
+
+void LayerRelaxation::aim(double share) {
+  Impl& m = *impl_;
+  std::fill(m.weight.begin(), m.weight.end(), 0.0);
+  for (Prisms& p : m.prisms) {
+    std::array<Lanes3, 3> at, d;
+    for (std::size_t k = 0; k < 3; ++k) {
+      d[k] = gather(m.at_rest.data(), p.corner[k]).at * share;
+      at[k] = gather(m.rest_base.data(), p.corner[k]).at;
+    }
+    store(p.volume,
+          PrismLanes(at[1] - at[0], at[2] - at[0], d[0], d[1], d[2]).volume() + load(p.gained) * share);
+    for (std::size_t k = 0; k < 3; ++k) at[k] = at[k] + d[k];
+    const Lanes3 normal = cross(at[1] - at[0], at[2] - at[0]);
+    const Lanes area = square_root(dot(normal, normal));
+    for (std::size_t k = 0; k < 3; ++k) {
+      // Cotangents at rest; an obtuse corner pulls nothing.
+      const Lanes along = dot(at[(k + 1) % 3] - at[k], at[(k + 2) % 3] - at[k]);
+      for (std::size_t l = 0; l < kLanes; ++l) {
+        if (p.face[l] == kNone || !(area[l] > 0.0)) continue;
+        const double w = std::clamp(along[l] / area[l], 0.0, kMostWeight);
+        for (const std::uint32_t at_place : m.place[3 * p.face[l] + k])
+          if (at_place != kNone) m.weight[at_place] += w;
+      }
+    }
+  }
+  for (std::size_t i = 0; i < m.free.size(); ++i) {
+    const std::uint32_t v = m.free[i];
+    Double3 now{}, was{};
+    double sum = 0.0;
+    for (std::uint32_t e = m.first[i]; e < m.first[i + 1]; ++e) {
+      const std::uint32_t u = m.neighbour[e];
+      const double w = m.weight[e];
+      sum += w;
+      for (std::size_t c = 0; c < 3; ++c) {
+        now[c] += w * (m.base[u].at[c] - m.base[v].at[c]);
+        was[c] += w * (m.rest_base[u].at[c] - m.rest_base[v].at[c] +
+                       (m.at_rest[u].at[c] - m.at_rest[v].at[c]) * share);
+      }
+    }
+    const Double3 missing = now - turned(m.turn[i], was);
+    std::copy(missing.begin(), missing.end(), m.pull[i].at);
+    m.pull[i].at[3] = sum > 0.0 ? kRelax / sum : 0.0;
+  }
+}
+
+void LayerRelaxation::project(double relaxation) {
+  Impl& m = *impl_;
+  Row* const rows = m.by.data();
+  for (const Prisms& p : m.prisms) {
+    std::array<Corner, 3> d = {gather(rows, p.corner[0]), gather(rows, p.corner[1]),
+                               gather(rows, p.corner[2])};
+    const PrismLanes prism(p.side_e(), p.side_f(), d[0].at, d[1].at, d[2].at);
+    const std::array<Lanes3, 3> g = prism.gradient();
+    Lanes square{};
+    for (std::size_t k = 0; k < 3; ++k) square += dot(g[k], g[k]) * d[k].fourth;
+    const Lanes missing = (load(p.volume) - prism.volume()) * relaxation, most = load(p.most);
+    const auto some = square > 0.0;
+    Lanes step = some ? missing / square : Lanes{};
+    // Way = step * sqrt(square): only a few are too long.
+    const auto far = step * step * square > most * most;
+    if ((far[0] | far[1] | far[2] | far[3]) != 0) {
+      const Lanes shorter = most / square_root(square);
+      step = far ? (step > 0.0 ? shorter : -shorter) : step;
+    }
+    for (std::size_t k = 0; k < 3; ++k) {
+      d[k].at = d[k].at + g[k] * (step * d[k].fourth);
+      scatter(d[k], rows, p.corner[k]);
+    }
+  }
+}
+
+void LayerRelaxation::relax_edges() {
+  Impl& m = *impl_;
+  for (std::size_t i = 0; i < m.free.size(); ++i) {
+    const std::uint32_t v = m.free[i];
+    const Lanes here = load(m.by[v].at), pull = load(m.pull[i].at);
+    Lanes sum = pull;
+    for (std::uint32_t e = m.first[i]; e < m.first[i + 1]; ++e)
+      sum += m.weight[e] * (load(m.by[m.neighbour[e]].at) - here);
+    const double step = m.pull[i].at[3];
+    const Lanes by = {step, step, step, 0.0};
+    store(m.by[v].at, here + sum * by);
+  }
+}
+
+void LayerRelaxation::relax_heights() {
+  Impl& m = *impl_;
+  const double least = kLeast * m.longest;
+  for (std::size_t v = 0; v < m.n; ++v)
+    m.ratio[v] = m.height[v] > least ? norm(vector_of(m.by[v])) / m.height[v] : 0.0;
+  for (std::size_t i = 0; i < m.free.size(); ++i) {
+    const std::uint32_t v = m.free[i];
+    if (!(m.ratio[v] > 0.0)) continue;
+    double sum = 0.0, weight = 0.0;
+    for (std::uint32_t e = m.first[i]; e < m.first[i + 1]; ++e) {
+      const double r = m.ratio[m.neighbour[e]], w = r > 0.0 ? m.weight[e] : 0.0;
+      sum += w * r;
+      weight += w;
+    }
+    if (!(weight > 0.0)) continue;
+    const double by =
+        std::clamp(1.0 + kFilter * (sum / (weight * m.ratio[v]) - 1.0), 1.0 - kFilter, 1.0 + kFilter);
+    for (std::size_t c = 0; c < 3; ++c) m.by[v].at[c] *= by;
+  }
+}
+
+void LayerRelaxation::measure(double& off, double& whole) const {
+  const Impl& m = *impl_;
+  double sum = 0.0, wrong = 0.0, now = 0.0;
+  for (const Prisms& p : m.prisms) {
+    const Lanes volume = m.volume(p, m.by);
+    for (std::size_t l = 0; l < kLanes; ++l) {
+      const double missing = volume[l] - p.volume[l];
+      sum += std::fabs(p.volume[l]);
+      wrong += std::fabs(missing);
+      now += missing;
+    }
+  }
+  off = sum > 0.0 ? wrong / sum : 0.0;
+  whole = sum > 0.0 ? 1.0 + now / sum : 1.0;
+}
+
+std::vector<Double3> LayerRelaxation::surface() const {
+  const Impl& m = *impl_;
+  std::vector<Double3> out(m.n);
+  for (std::size_t v = 0; v < m.n; ++v) out[v] = vector_of(m.base[v]) + vector_of(m.by[v]);
+  return out;
+}
+
+}  // namespace tessera
