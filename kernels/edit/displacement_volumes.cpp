@@ -5,6 +5,8 @@
 namespace tessera {
 namespace {
 
+constexpr int kRings = 6;  ///< over which heights make up for volumes
+
 std::vector<Double3> listed(std::span<const Double3> p) {
   return {p.begin(), p.end()};
 }
@@ -95,13 +97,18 @@ std::vector<Double3> displacement_volumes(const PosedLayer& layer, std::span<con
         const double share = static_cast<double>(scale) / options.scales;
         relaxation.scale(scale == 1 ? share : static_cast<double>(scale) / (scale - 1), share);
         relaxation.aim(share);
+        relaxation.scale_heights(kRings);
         relax(options.coarse_rounds);
       }
     } else {
       relaxation.set(carried(levels[k], all[k + 1], found, l));
     }
-    if (!grows || k == 0) relax(options.rounds);
+    if (!grows || k == 0) {
+      relaxation.scale_heights(kRings);
+      relax(options.rounds);
+    }
     if (k == 0) {
+      relaxation.scale_heights(kRings);
       for (int sweep = 0; sweep < options.last_sweeps; ++sweep) relaxation.project(1.0);
       relaxation.measure(report.off_after, report.volume_after);
     }

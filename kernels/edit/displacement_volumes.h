@@ -5,7 +5,8 @@
 /// the edges that it had at rest, and ratios of heights are evened out. Three changes: a prism takes the shortest way to its
 /// volume (a projection, Gauss-Seidel) instead of a gradient descent; volumes of a scale are those of the layer at rest with
 /// its heights scaled, so that every scale has an exact answer at rest; and growth is on an even coarse copy (layer_levels.h),
-/// whose displacements the finer levels take over before a few rounds of their own. Fixed numbers of rounds, in an order that
+/// whose displacements the finer levels take over before a few rounds of their own. What volumes lack over some rings of faces,
+/// and single prisms would pass on only sweep by sweep, is made up for by heights at once. Fixed numbers of rounds, in an order that
 /// hangs on the faces alone.
 #pragma once
 #include <array>
@@ -19,10 +20,10 @@
 namespace tessera {
 
 struct DisplacementVolumeOptions {
-  int scales = 8;          ///< of volumes, from 1 / scales to 1
-  int coarse_rounds = 16;  ///< on each of them: all prisms, then the filters
-  int rounds = 4;          ///< of the surface itself
-  int last_sweeps = 40;    ///< over prisms alone, in the end
+  int scales = 8;         ///< of volumes, from 1 / scales to 1
+  int coarse_rounds = 8;  ///< on each of them: all prisms, then the filters
+  int rounds = 4;         ///< of the surface itself
+  int last_sweeps = 8;    ///< over prisms alone, in the end
 };
 
 struct DisplacementVolumeReport {

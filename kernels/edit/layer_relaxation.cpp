@@ -16,6 +16,8 @@ constexpr double kRelax = 0.8;      ///< of the way to the edges at rest that a 
 constexpr double kFilter = 0.3;     ///< of the way to its neighbours that a ratio of heights goes
 constexpr double kMostStep = 0.25;  ///< of two sides of the base: what one projection may move
 constexpr double kMostWeight = 20;  ///< of an edge: slivers would hold everything else
+constexpr double kOneSided = 0.5;   ///< of volumes: what must be left of them where signs cancel
+constexpr double kMostScale = 0.2;  ///< of heights, at once
 constexpr double kLeast = 0.02;     ///< of the longest displacement: ratios of shorter ones say nothing
 
 constexpr std::size_t kLanes = 4;
@@ -399,6 +401,36 @@ void LayerRelaxation::relax_heights() {
     if (!(weight > 0.0)) continue;
     const double by =
         std::clamp(1.0 + kFilter * (sum / (weight * m.ratio[v]) - 1.0), 1.0 - kFilter, 1.0 + kFilter);
+    for (std::size_t c = 0; c < 3; ++c) m.by[v].at[c] *= by;
+  }
+}
+
+void LayerRelaxation::scale_heights(int rings) {
+  Impl& m = *impl_;
+  // Wanted and present volume, and both without signs.
+  std::vector<Row> sum(m.n + 1), next;
+  for (const Prisms& p : m.prisms) {
+    const Lanes volume = m.volume(p, m.by);
+    for (std::size_t l = 0; l < kLanes; ++l) {
+      const Lanes share = {p.volume[l], volume[l], std::fabs(p.volume[l]), std::fabs(volume[l])};
+      for (const auto& corners : p.corner) store(sum[corners[l]].at, load(sum[corners[l]].at) + share);
+    }
+  }
+  for (int ring = 0; ring < rings; ++ring) {
+    next = sum;
+    for (std::size_t i = 0; i < m.free.size(); ++i) {
+      Lanes all = load(sum[m.free[i]].at);
+      for (std::uint32_t e = m.first[i]; e < m.first[i + 1]; ++e) all += load(sum[m.neighbour[e]].at);
+      store(next[m.free[i]].at, all * (1.0 / (1.0 + m.first[i + 1] - m.first[i])));
+    }
+    sum.swap(next);
+  }
+  for (const std::uint32_t v : m.free) {
+    const auto& [wanted, present, all_wanted, all_present] = sum[v].at;
+    if (!(wanted * present > 0.0) || std::fabs(wanted) < kOneSided * all_wanted ||
+        std::fabs(present) < kOneSided * all_present)
+      continue;
+    const double by = std::clamp(wanted / present, 1.0 - kMostScale, 1.0 + kMostScale);
     for (std::size_t c = 0; c < 3; ++c) m.by[v].at[c] *= by;
   }
 }

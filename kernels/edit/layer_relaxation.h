@@ -48,6 +48,9 @@ class LayerRelaxation {
   void relax_edges();
   /// Heights as shares of those at rest become smooth (thesis 5.4.2): what volumes leave open.
   void relax_heights();
+  /// Heights by what volumes lack around them, a mean over `rings`: what single prisms would need many sweeps for. Where a layer
+  /// goes through its base, and volumes cancel, nothing changes.
+  void scale_heights(int rings);
   /// Sum of what volumes are off by, and sum of all, as shares of what is aimed at.
   void measure(double& off, double& whole) const;
   std::vector<Double3> surface() const;
