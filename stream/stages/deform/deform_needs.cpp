@@ -97,8 +97,9 @@ std::vector<StageNeed> deform_needs(const JobState& state, const DeformOptions& 
   std::vector<StageNeed> needs = import_needs(state.run, {0, kDeformImport}, mesh);
   // A surface has about half as many vertices as faces; files without shared vertices claim more.
   const std::uint64_t least = std::min(mesh.vertices, mesh.faces / 4);
-  // Where it may be its own base, its faces may still be too thin.
-  const bool may_be_own = options.base != "even" && least <= options.base_vertices;
+  // A small mesh of thin triangles gets an even base, too; nobody knows before its faces are read, and few are like that.
+  const bool may_be_own = options.base != "even" && least <= options.base_vertices,
+             may_be_made = options.base == "even" || mesh.vertices > options.base_vertices;
   struct Case {
     bool own;
     std::uint64_t faces, fewest, most;
@@ -107,7 +108,7 @@ std::vector<StageNeed> deform_needs(const JobState& state, const DeformOptions& 
   if (may_be_own)
     cases.push_back({true, std::min(mesh.faces, 4 * options.base_vertices), least,
                      std::min(mesh.vertices, options.base_vertices)});
-  {
+  if (may_be_made) {
     const auto wanted = static_cast<double>(options.base_vertices);
     SimplifyOptions reduce;
     reduce.target_faces = kDecimatedFaces * options.base_vertices;
