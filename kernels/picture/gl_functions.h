@@ -9,7 +9,6 @@ namespace tessera {
 #define TESSERA_GL_FUNCTIONS(X)                                \
   X(PFNGLACTIVETEXTUREPROC, ActiveTexture)                     \
   X(PFNGLATTACHSHADERPROC, AttachShader)                       \
-  X(PFNGLBEGINQUERYPROC, BeginQuery)                           \
   X(PFNGLBINDBUFFERPROC, BindBuffer)                           \
   X(PFNGLBINDFRAMEBUFFERPROC, BindFramebuffer)                 \
   X(PFNGLBINDTEXTUREPROC, BindTexture)                         \
@@ -21,34 +20,24 @@ namespace tessera {
   X(PFNGLCOMPILESHADERPROC, CompileShader)                     \
   X(PFNGLCREATEPROGRAMPROC, CreateProgram)                     \
   X(PFNGLCREATESHADERPROC, CreateShader)                       \
-  X(PFNGLDELETEBUFFERSPROC, DeleteBuffers)                     \
-  X(PFNGLDELETEFRAMEBUFFERSPROC, DeleteFramebuffers)           \
-  X(PFNGLDELETEPROGRAMPROC, DeleteProgram)                     \
-  X(PFNGLDELETEQUERIESPROC, DeleteQueries)                     \
   X(PFNGLDELETESHADERPROC, DeleteShader)                       \
-  X(PFNGLDELETETEXTURESPROC, DeleteTextures)                   \
-  X(PFNGLDELETEVERTEXARRAYSPROC, DeleteVertexArrays)           \
   X(PFNGLDEPTHFUNCPROC, DepthFunc)                             \
-  X(PFNGLDEPTHMASKPROC, DepthMask)                             \
   X(PFNGLDISABLEPROC, Disable)                                 \
   X(PFNGLDRAWARRAYSPROC, DrawArrays)                           \
   X(PFNGLDRAWARRAYSINSTANCEDPROC, DrawArraysInstanced)         \
   X(PFNGLDRAWBUFFERSPROC, DrawBuffers)                         \
   X(PFNGLENABLEPROC, Enable)                                   \
   X(PFNGLENABLEVERTEXATTRIBARRAYPROC, EnableVertexAttribArray) \
-  X(PFNGLENDQUERYPROC, EndQuery)                               \
   X(PFNGLFINISHPROC, Finish)                                   \
   X(PFNGLFRAMEBUFFERTEXTURE2DPROC, FramebufferTexture2D)       \
   X(PFNGLGENBUFFERSPROC, GenBuffers)                           \
   X(PFNGLGENFRAMEBUFFERSPROC, GenFramebuffers)                 \
-  X(PFNGLGENQUERIESPROC, GenQueries)                           \
   X(PFNGLGENTEXTURESPROC, GenTextures)                         \
   X(PFNGLGENVERTEXARRAYSPROC, GenVertexArrays)                 \
   X(PFNGLGETERRORPROC, GetError)                               \
   X(PFNGLGETINTEGERVPROC, GetIntegerv)                         \
   X(PFNGLGETPROGRAMINFOLOGPROC, GetProgramInfoLog)             \
   X(PFNGLGETPROGRAMIVPROC, GetProgramiv)                       \
-  X(PFNGLGETQUERYOBJECTUIVPROC, GetQueryObjectuiv)             \
   X(PFNGLGETSHADERINFOLOGPROC, GetShaderInfoLog)               \
   X(PFNGLGETSHADERIVPROC, GetShaderiv)                         \
   X(PFNGLGETSTRINGPROC, GetString)                             \
@@ -59,15 +48,11 @@ namespace tessera {
   X(PFNGLREADPIXELSPROC, ReadPixels)                           \
   X(PFNGLSCISSORPROC, Scissor)                                 \
   X(PFNGLSHADERSOURCEPROC, ShaderSource)                       \
-  X(PFNGLTEXBUFFERPROC, TexBuffer)                             \
   X(PFNGLTEXIMAGE2DPROC, TexImage2D)                           \
-  X(PFNGLTEXIMAGE3DPROC, TexImage3D)                           \
   X(PFNGLTEXPARAMETERIPROC, TexParameteri)                     \
   X(PFNGLUNIFORM1FPROC, Uniform1f)                             \
   X(PFNGLUNIFORM1IPROC, Uniform1i)                             \
   X(PFNGLUNIFORM2FPROC, Uniform2f)                             \
-  X(PFNGLUNIFORM2IPROC, Uniform2i)                             \
-  X(PFNGLUNIFORM3FPROC, Uniform3f)                             \
   X(PFNGLUNIFORM4FPROC, Uniform4f)                             \
   X(PFNGLUNIFORM4IPROC, Uniform4i)                             \
   X(PFNGLUNIFORMMATRIX4FVPROC, UniformMatrix4fv)               \

@@ -1,9 +1,8 @@
 /// \file rasterizer.h
 /// An offscreen OpenGL 4.5 core context behind one interface, and the few helpers every user of it needs.
-/// Backends: OSMesa (software, always there) and EGL (a GPU, where one answers). A library is loaded when the
-/// first context of its kind is wanted, so a process that never rasterizes does not map LLVM. Pictures always
-/// use OSMesa, so that they are the same everywhere; tolerance volumes take what is fastest. A context
-/// belongs to the thread that made it; make one per thread.
+/// It is OSMesa's (software, always there), so that pictures are the same everywhere. The library is loaded when the
+/// first context is wanted, so a process that never rasterizes does not map LLVM. A context belongs to the thread that made
+/// it; make one per thread.
 #pragma once
 #include <cstdint>
 #include <memory>
@@ -21,16 +20,11 @@ class GlContext {
   virtual const GlFunctions& gl() const = 0;
   virtual const std::string& description() const = 0;  ///< "OSMesa 4.5 ... llvmpipe (LLVM 15.0.6, 256 bits)"
   virtual int max_texture_size() const = 0;
-  virtual bool software() const { return true; }
 };
 
 /// A new context, current on this thread. Costs about 60 MB of RSS the first time in a process.
 /// \throws ResourceError when the library or a 4.5 core context is missing, naming the package to install
 std::unique_ptr<GlContext> create_gl_context();
-
-/// A context of the first EGL device that gives one, current on this thread; nullptr when there is no EGL or
-/// only software answers and `software_too` is false. Never throws: nobody depends on a GPU.
-std::unique_ptr<GlContext> find_egl_context(bool software_too = false);
 
 /// Loads every function. \throws ResourceError naming `library` and the first that is missing
 void load_gl_functions(GlFunctions& gl, void (*(*get_proc)(const char*))(), const std::string& library);

@@ -21,7 +21,7 @@ const std::map<std::string, std::set<std::string>> kKernelRooms = {
     {"decimate", {"mesh"}},
     {"merge", {"field", "mesh", "holes"}},
     {"remesh", {"mesh", "decimate"}},
-    {"certify", {"mesh", "picture"}},
+    {"certify", {"mesh"}},
     {"smooth", {"mesh"}},
     {"holes", {"mesh", "smooth"}},
     {"maps", {"mesh"}},

@@ -6,15 +6,12 @@ namespace tessera::house {
 /// file -> the header that declares what it defines
 const std::map<std::string, std::string>& parts_of_headers() {
   static const std::map<std::string, std::string> parts = {
-      {"kernels/certify/tolerance_raster_cpu.cpp", "kernels/certify/tolerance_raster.h"},
-      {"kernels/certify/tolerance_raster_gl.cpp", "kernels/certify/tolerance_raster.h"},
       {"kernels/closing/closing_growth.cpp", "kernels/closing/closing.h"},
       {"kernels/decimate/decimator_bound.cpp", "kernels/decimate/decimator.h"},
       {"kernels/decimate/decimator_cost.cpp", "kernels/decimate/decimator.h"},
       {"kernels/decimate/decimator_optimal.cpp", "kernels/decimate/decimator.h"},
       {"kernels/decimate/decimator_sweep.cpp", "kernels/decimate/decimator.h"},
       {"kernels/extract/feature_segments.cpp", "kernels/extract/brick_extractor.h"},
-      {"kernels/picture/rasterizer_egl.cpp", "kernels/picture/rasterizer.h"},
       {"kernels/remesh/remesher_checks.cpp", "kernels/remesh/remesher.h"},
       {"kernels/remesh/remesher_relax.cpp", "kernels/remesh/remesher.h"},
       {"kernels/scene/sensor_source.cpp", "kernels/scene/sample_source.h"},
@@ -126,8 +123,6 @@ const std::map<std::string, std::string>& covering_tests() {
 
     by("kernels/blends/resample_blend", "kernels/blends", {"blend_grid", "fishbone_fit", "normal_jumps"});
     by("kernels/certify/certificate_pair", "kernels/certify", {"overlay_outline", "overlay_proof"});
-    by("kernels/certify/tolerance_volume", "kernels/certify",
-       {"tolerance_filter", "tolerance_raster", "tolerance_raster_cpu", "tolerance_raster_gl"});
     by("tools/render", "kernels/certify", {"deviation_samples"});
     by("kernels/closing/closing", "kernels/closing", {"closing_field", "closing_growth"});
     by("kernels/decimate/decimate", "kernels/decimate",
@@ -149,9 +144,8 @@ const std::map<std::string, std::string>& covering_tests() {
     by("kernels/mesh/block_components", "kernels/mesh", {"face_components"});
     by("stream/meshes/patch_store", "kernels/mesh", {"patch", "patch_components"});
     by("stream/meshes/mesh_store", "kernels/mesh", {"mesh_block", "mesh_block_ops"});
-    by("tools/render", "kernels/picture", {"caption", "picture", "picture_shaders"});
-    by("kernels/certify/tolerance_volume", "kernels/picture",
-       {"gl_functions", "rasterizer", "rasterizer_egl"});
+    by("tools/render", "kernels/picture",
+       {"caption", "gl_functions", "picture", "picture_shaders", "rasterizer"});
     by("kernels/points/orientation", "kernels/points", {"sign_solver"});
     by("stream/stages/scan/survey", "kernels/points", {"spacing"});
     by("kernels/remesh/remesh", "kernels/remesh",
@@ -231,8 +225,6 @@ const std::map<std::string, std::string>& allowed_words() {
   static const std::map<std::string, std::string> allowed = {
       {"kernels/picture/rasterizer.cpp <dlfcn.h>", loader},
       {"kernels/picture/rasterizer.cpp dlopen(", loader},
-      {"kernels/picture/rasterizer_egl.cpp <dlfcn.h>", loader},
-      {"kernels/picture/rasterizer_egl.cpp dlopen(", loader},
       {"kernels/edit/edit_basis.cpp <cstdio>", "snprintf"},
       {"solvers/multigrid_solver.cpp <cstdio>", "snprintf"},
       {"solvers/single_thread.cpp <omp.h>", "keeps CHOLMOD from starting threads"},

@@ -36,21 +36,6 @@ TEST_CASE("rounding: up is the smallest float that is not below", "[unit]") {
   }
 }
 
-TEST_CASE("rounding: half floats up, exact ones as they are, the largest at most", "[unit]") {
-  CHECK(half_rounded_up(0.0f) == 0);
-  CHECK(half_rounded_up(1.0f) == 0x3c00);
-  CHECK(half_value(0x3c00) == 1.0f);
-  CHECK(half_rounded_up(1.0f + 0x1p-23f) == 0x3c01);
-  CHECK(half_rounded_up(0x1p-24f) == 1);  // the smallest denormal
-  CHECK(half_rounded_up(0x1p-26f) == 1);
-  CHECK(half_rounded_up(65504.0f) == 0x7bff);
-  CHECK(half_rounded_up(1e9f) == 0x7bff);
-  for (std::uint32_t bits = 1; bits < 0x7c00; ++bits) {
-    const auto half = static_cast<std::uint16_t>(bits);
-    if (half_rounded_up(half_value(half)) != half) FAIL("half " << bits);
-  }
-}
-
 TEST_CASE("compiler: a value that went through float is rounded", "[unit]") {
   std::vector<Double3> points;
   for (int i = 1; i < 100; ++i) points.push_back({1.0 / (3 * i), 2.0 / (7 * i), 1.0 / (9 * i)});
