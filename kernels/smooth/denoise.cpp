@@ -5,6 +5,7 @@
 
 #include "kernels/smooth/star_sides.h"
 #include "kernels/smooth/surface_noise.h"
+#include "kernels/smooth/surface_rows.h"
 #include "kernels/smooth/surface_window.h"
 #include "octree/portable_math.h"
 #include "octree/small_matrix.h"
@@ -13,16 +14,33 @@
 namespace tessera {
 namespace {
 
-/// Rounds in which faces that lie reversed are spread out.
-constexpr int kUntangleRounds = 8;
+/// Rounds in which faces that lie reversed are spread out, before the fits and after them.
+constexpr int kUntangleRounds = 6;
+constexpr int kGuardRounds = 3;
 constexpr double kUntangleStep = 0.7;
 /// Rings over which the length of edges is averaged.
 constexpr int kEdgeRings = 3;
 
-/// The noise is measured at one vertex in four.
-constexpr std::uint64_t kNoiseShare = 4;
-constexpr int kPoolRings = 6;  ///< of the median
-constexpr int kFillRings = 4;  ///< from the vertices in between to those measured
+/// Centres: vertices more than kApart edges from each other whose fits serve those around them. Chosen in rounds, the
+/// lowest random number of a neighbourhood first.
+constexpr int kApart = 2;
+constexpr int kChoiceRounds = 2;
+/// Rings that tell whether a vertex is a centre.
+constexpr int kChoiceRings = 2 * kApart * kChoiceRounds;
+
+/// Rings of the median of the noise, and from the vertices in between to the centres.
+constexpr int kPoolRings = 8;
+constexpr int kFillRings = 6;
+
+/// A fit serves vertices within this share of its window's radius, where the window is one of the wider ones: narrow fits
+/// are cheap, and detail is why they are narrow.
+constexpr double kServedShare = 0.6;
+constexpr double kLeastServed = 3.9;  ///< radius, edges
+constexpr int kServedRings = 5;
+/// Least sum of weights of the fits that place a vertex.
+constexpr float kEnough = 0.5F;
+/// Fits that put a vertex so far apart, in standard deviations of the noise, do not belong to one surface.
+constexpr double kAgreement = 0.7;
 
 /// From this window on its quadric tells the normals to expect.
 constexpr int kTrustedWindow = 2;
@@ -78,25 +96,44 @@ double median(std::vector<float>& values) {
   return static_cast<double>(*middle);
 }
 
+/// What fits say of a vertex that they serve, weighted.
+struct Served {
+  float weight = 0.0F;
+  Float3 move = {0, 0, 0};
+  float distance = 0.0F, square = 0.0F;
+};
+
 class Denoiser {
  public:
   Denoiser(const MeshBlock& block, const FaceCorners& corners, const DenoiseOptions& options,
-           std::span<const std::uint8_t> wanted)
+           std::span<const std::uint8_t> whole, std::span<const std::uint8_t> wanted)
       : block_(block),
         corners_(corners),
         options_(options),
+        known_(whole.begin(), whole.end()),
         wanted_(wanted),
         normals_(filter_normals(block, corners, options.normals)),
-        position_(block.position) {}
+        position_(block.position) {
+    erode(block, corners, std::max(normal_rings(options.normals) + kUntangleRounds - 1, kChoiceRings),
+          known_);
+  }
 
-  std::vector<Double3> run() {
-    untangle();
+  DenoisedBlock run() {
+    untangle(position_, kUntangleRounds);
     measure_edges();
-    SurfaceWindow window(block_, corners_, normals_, block_.position, position_);
+    choose_centres();
+    SurfaceWindow window(block_, corners_, normals_, block_.position, position_, known_);
     measure_noise(window);
-    std::vector<Double3> out = block_.position;
-    for (std::uint32_t v = 0; v < out.size(); ++v)
-      if (wanted_[v] != 0 && !corners_.at(v).empty()) out[v] = moved(window, v);
+    fit_centres(window);
+    DenoisedBlock out{block_.position, fits_known_};
+    const std::vector<std::uint8_t> near = around_wanted(kGuardRounds);
+    for (std::uint32_t v = 0; v < size(); ++v) {
+      if (near[v] == 0 || corners_.at(v).empty()) continue;
+      out.position[v] = moved(window, v);
+      if (!window_right_) out.right[v] = 0;
+    }
+    untangle(out.position, kGuardRounds);
+    erode(block_, corners_, kGuardRounds, out.right);
     return out;
   }
 
@@ -119,29 +156,36 @@ class Denoiser {
 
   /// Vertices of faces whose projection along their filtered normal is reversed go towards the mean of their
   /// neighbours, along their sides: a crease vertex stays on its crease, a corner stays.
-  void untangle() {
-    std::vector<Double3> next = position_;
-    std::vector<std::uint8_t> reversed(size());
-    for (int round = 0; round < kUntangleRounds; ++round) {
-      std::fill(reversed.begin(), reversed.end(), std::uint8_t{0});
+  void untangle(std::vector<Double3>& position, int rounds) {
+    std::vector<std::uint8_t> marked(size(), 0);
+    std::vector<std::uint32_t> reversed;
+    std::vector<Double3> next;
+    for (int round = 0; round < rounds; ++round) {
+      reversed.clear();
       for (std::size_t f = 0; f < block_.faces.size(); ++f) {
         const auto& face = block_.faces[f];
-        const Double3 area =
-            cross(position_[face[1]] - position_[face[0]], position_[face[2]] - position_[face[0]]);
+        const Double3 area = triangle_normal(position[face[0]], position[face[1]], position[face[2]]);
         if (dot(area, wide(normals_[f])) > 0.0) continue;
-        for (const std::uint32_t v : face) reversed[v] = 1;
+        for (const std::uint32_t v : face)
+          if (marked[v] == 0) {
+            marked[v] = 1;
+            reversed.push_back(v);
+          }
       }
-      for (std::uint32_t v = 0; v < size(); ++v)
-        if (reversed[v] != 0) next[v] = position_[v] + step_along(v);
-      for (std::uint32_t v = 0; v < size(); ++v)
-        if (reversed[v] != 0) position_[v] = next[v];
+      if (reversed.empty()) return;
+      next.clear();
+      for (const std::uint32_t v : reversed) next.push_back(position[v] + step_along(v, position));
+      for (std::size_t i = 0; i < reversed.size(); ++i) {
+        position[reversed[i]] = next[i];
+        marked[reversed[i]] = 0;
+      }
     }
   }
 
-  Double3 step_along(std::uint32_t v) {
-    sides_.find(block_, corners_.at(v), normals_, position_);
+  Double3 step_along(std::uint32_t v, const std::vector<Double3>& position) {
+    sides_.find(block_, corners_.at(v), normals_, position);
     const auto [sum, count] =
-        sum_around<Double3>(v, [&](std::uint32_t u) { return position_[u] - position_[v]; });
+        sum_around<Double3>(v, [&](std::uint32_t u) { return position[u] - position[v]; });
     if (count == 0 || sides_.count() == StarSides::kMost) return {};
     const Double3 step = sum * (kUntangleStep / static_cast<double>(count));
     const Double3& n = sides_.normal(0);
@@ -166,44 +210,73 @@ class Denoiser {
 
   /// Flags the vertices within so many rings of the wanted ones.
   std::vector<std::uint8_t> around_wanted(int rings) const {
-    std::vector<std::uint8_t> near(wanted_.begin(), wanted_.end()), next;
-    for (int ring = 0; ring < rings; ++ring) {
-      next = near;
-      for (const auto& face : block_.faces)
-        if ((near[face[0]] | near[face[1]] | near[face[2]]) != 0)
-          for (const std::uint32_t v : face) next[v] = 1;
-      near.swap(next);
+    std::vector<std::uint8_t> far(size());
+    for (std::size_t v = 0; v < far.size(); ++v) far[v] = wanted_[v] == 0;
+    erode(block_, corners_, rings, far);
+    for (std::uint8_t& flag : far) flag = flag == 0;
+    return far;
+  }
+
+  /// A set of which no two are within kApart rings of each other: in every round those that come before all others
+  /// around them that are still free.
+  void choose_centres() {
+    constexpr std::uint64_t kNever = ~std::uint64_t{0};
+    const auto spread = [&](std::vector<std::uint64_t>& least) {
+      std::vector<std::uint64_t> next = least;
+      for (const auto& face : block_.faces) {
+        const std::uint64_t m = std::min({least[face[0]], least[face[1]], least[face[2]]});
+        for (const std::uint32_t v : face) next[v] = std::min(next[v], m);
+      }
+      least.swap(next);
+    };
+    std::vector<std::uint64_t> own(size()), least;
+    for (std::uint32_t v = 0; v < size(); ++v)
+      own[v] = corners_.at(v).empty() ? kNever : mix(block_.key[v]) >> 1;
+    centre_.assign(size(), 0);
+    for (int round = 0; round < kChoiceRounds; ++round) {
+      least = own;
+      for (int ring = 0; ring < kApart; ++ring) spread(least);
+      for (std::uint32_t v = 0; v < size(); ++v)
+        if (own[v] != kNever && own[v] == least[v]) centre_[v] = 1;
+      if (round + 1 == kChoiceRounds) return;
+      for (std::uint32_t v = 0; v < size(); ++v) least[v] = centre_[v] != 0 ? 0 : kNever;
+      for (int ring = 0; ring < kApart; ++ring) spread(least);
+      for (std::uint32_t v = 0; v < size(); ++v)
+        if (least[v] == 0) own[v] = kNever;
     }
-    return near;
   }
 
   void measure_noise(SurfaceWindow& window) {
     noise_.assign(size(), static_cast<float>(options_.noise));
+    noise_known_ = known_;
     if (options_.noise > 0.0) return;
-    const std::vector<std::uint8_t> near = around_wanted(kPoolRings + kFillRings);
+    constexpr int kReach = kGuardRounds + kServedRings + kFillRings;
+    std::vector<std::uint8_t> near = around_wanted(kReach + kPoolRings);
     // Squares: what a quadric leaves, and what explains how two windows differ; negative where not measured.
     std::vector<float> residual(size(), -1.0F), between(size(), -1.0F);
     for (std::uint32_t v = 0; v < size(); ++v) {
-      if (near[v] == 0 || !measured(v) || corners_.at(v).empty()) continue;
+      if (near[v] == 0 || centre_[v] == 0) continue;
       sides_.find(block_, corners_.at(v), normals_, position_);
       if (sides_.count() != 1) continue;
       const NoiseSquares squares = noise_squares(window, v, sides_, static_cast<double>(edge_[v]));
+      if (!window.right()) noise_known_[v] = 0;
       residual[v] = static_cast<float>(squares.residual);
       between[v] = static_cast<float>(squares.between);
     }
-    pool(residual, between);
+    near = around_wanted(kReach);
+    pool(near, residual, between);
     fill_between();
   }
 
-  bool measured(std::uint32_t v) const { return mix(block_.key[v]) % kNoiseShare == 0; }
-
-  /// At the measured vertices the larger of both medians over the rings around; elsewhere -1.
-  void pool(const std::vector<float>& residual, const std::vector<float>& between) {
+  /// At the measured centres the larger of both medians over the rings around; elsewhere -1.
+  void pool(std::span<const std::uint8_t> near_wanted, const std::vector<float>& residual,
+            const std::vector<float>& between) {
     std::vector<std::uint32_t> stamp(size(), 0), near;
+    std::vector<std::uint8_t> right = noise_known_;
     std::vector<float> values;
     for (std::uint32_t v = 0; v < size(); ++v) {
       noise_[v] = -1.0F;
-      if (residual[v] < 0.0F && between[v] < 0.0F) continue;
+      if (near_wanted[v] == 0 || (residual[v] < 0.0F && between[v] < 0.0F)) continue;
       near.assign(1, v);
       stamp[v] = v + 1;
       for (std::size_t ring = 0, begin = 0; ring < static_cast<std::size_t>(kPoolRings); ++ring) {
@@ -216,6 +289,7 @@ class Denoiser {
                 near.push_back(u);
               }
       }
+      for (const std::uint32_t u : near) right[v] &= noise_known_[u];
       const auto median_of = [&](const std::vector<float>& squares) {
         values.clear();
         for (const std::uint32_t u : near)
@@ -224,6 +298,7 @@ class Denoiser {
       };
       noise_[v] = static_cast<float>(std::sqrt(noise_variance(median_of(residual), median_of(between))));
     }
+    noise_known_.swap(right);
   }
 
   /// Vertices in between take the mean of their neighbours that have a value.
@@ -245,15 +320,61 @@ class Denoiser {
       }
       noise_.swap(next);
     }
+    erode(block_, corners_, kFillRings, noise_known_);
+  }
+
+  /// Centres with one side tell the vertices around them where to go.
+  void fit_centres(SurfaceWindow& window) {
+    served_.assign(size(), {});
+    fits_known_ = noise_known_;
+    const std::vector<std::uint8_t> near = around_wanted(kGuardRounds + kServedRings);
+    for (std::uint32_t c = 0; c < size(); ++c) {
+      if (near[c] == 0 || centre_[c] == 0) continue;
+      sides_.find(block_, corners_.at(c), normals_, position_);
+      if (sides_.count() != 1) continue;
+      fitted_.clear();
+      const double radius = fit_side(window, c, sides_.normal(0), sides_.faces(0));
+      if (!window.right()) fits_known_[c] = 0;
+      if (!fitted_.empty() && radius >= kLeastServed * static_cast<double>(edge_[c])) serve(window, radius);
+    }
+    erode(block_, corners_, kServedRings, fits_known_);
+  }
+
+  void serve(const SurfaceWindow& window, double radius) {
+    const double per_square = 1.0 / (kServedShare * kServedShare * radius * radius);
+    for (const SurfaceWindow::Taken& taken : window.taken()) {
+      if (taken.ring > kServedRings) continue;
+      const Double3& p = position_[taken.vertex];
+      const double inside = 1.0 - squared_distance(p, fitted_[0].frame.origin) * per_square;
+      if (!(inside > 0.0)) continue;
+      Double3 gradient;
+      const double distance = fitted_[0].distance(p, gradient);
+      const float w = taken.likeness * static_cast<float>(inside * inside), d = static_cast<float>(distance);
+      Served& there = served_[taken.vertex];
+      there.weight += w;
+      there.move = there.move + narrow(gradient) * (-w * d);
+      there.distance += w * d;
+      there.square += w * d * d;
+    }
   }
 
   Double3 moved(SurfaceWindow& window, std::uint32_t v) {
+    window_right_ = true;
     sides_.find(block_, corners_.at(v), normals_, position_);
     fitted_.clear();
-    for (std::size_t k = 0; k < sides_.count(); ++k) fit_side(window, v, sides_.normal(k), sides_.faces(k));
     const Double3& here = position_[v];
     const double edge = static_cast<double>(edge_[v]),
                  noise = std::max(static_cast<double>(noise_[v]), kLeastNoise * edge);
+    if (sides_.count() == 1) {
+      const Served& s = served_[v];
+      if (s.weight >= kEnough) {
+        const double mean = static_cast<double>(s.distance / s.weight),
+                     variance = static_cast<double>(s.square / s.weight) - mean * mean;
+        if (variance <= kAgreement * kAgreement * noise * noise)
+          return here + wide(s.move * (1.0F / s.weight));
+      }
+    }
+    for (std::size_t k = 0; k < sides_.count(); ++k) fit_side(window, v, sides_.normal(k), sides_.faces(k));
     if (sides_.count() > 1) {
       const Double3 there = meet(fitted_, here, edge);
       if (norm(there - here) <= kFarthest * noise) return there;
@@ -270,8 +391,9 @@ class Denoiser {
     return fitted_.empty() ? block_.position[v] : meet(fitted_, here, edge);
   }
 
-  void fit_side(SurfaceWindow& window, std::uint32_t v, const Double3& normal,
-                std::span<const std::uint32_t> faces) {
+  /// \return radius of the window; 0 where no quadric fits
+  double fit_side(SurfaceWindow& window, std::uint32_t v, const Double3& normal,
+                  std::span<const std::uint32_t> faces) {
     window.begin(v, normal, faces);
     WindowChoice choice(noise_[v] > 0.0F ? static_cast<double>(noise_[v]) : 0.0);
     double radius = kSmallestWindow * static_cast<double>(edge_[v]);
@@ -281,17 +403,24 @@ class Denoiser {
       if (!choice.offer(window.samples(), radius)) break;
       if (i >= kTrustedWindow && choice.best()) window.expect(choice.best()->c);
     }
+    window_right_ &= window.right();
     if (const auto fit = choice.result(window.samples())) fitted_.push_back({window.frame(), fit->c});
+    return choice.radius();
   }
 
   const MeshBlock& block_;
   const FaceCorners& corners_;
   const DenoiseOptions& options_;
+  std::vector<std::uint8_t> known_;  ///< n, of normals around, untangled position and centres
   std::span<const std::uint8_t> wanted_;
   std::vector<Float3> normals_;    ///< m
   std::vector<Double3> position_;  ///< n, untangled
   std::vector<float> edge_;        ///< n, mean length around
-  std::vector<float> noise_;       ///< n, standard deviation; -1 where unknown
+  std::vector<std::uint8_t> centre_;
+  std::vector<float> noise_;  ///< n, standard deviation; -1 where unknown
+  std::vector<std::uint8_t> noise_known_, fits_known_;
+  std::vector<Served> served_;
+  bool window_right_ = true;  ///< of all windows at the vertex at hand
   StarSides sides_;
   std::vector<FittedSide> fitted_;
   std::vector<std::uint32_t> all_;
@@ -301,22 +430,31 @@ class Denoiser {
 
 int denoise_rings(const DenoiseOptions& options) {
   const int noise = SurfaceWindow::kRings + kPoolRings + kFillRings;
-  return normal_rings(options.normals) + kUntangleRounds + kEdgeRings +
-         (options.noise > 0.0 ? SurfaceWindow::kRings : noise) + 1;
+  return std::max(normal_rings(options.normals) + kUntangleRounds, kChoiceRings + 1) +
+         (options.noise > 0.0 ? SurfaceWindow::kRings : noise) + kServedRings + kGuardRounds + 1;
 }
 
-std::vector<Double3> denoise(const MeshBlock& block, const FaceCorners& corners,
-                             const DenoiseOptions& options, std::span<const std::uint8_t> wanted) {
-  return Denoiser(block, corners, options, wanted).run();
+double denoise_edges(const DenoiseOptions& options) {
+  const double widest = window_radius(kWindows - 1), noise = kNoiseWindow + kPoolRings + kFillRings;
+  const int before = std::max(normal_rings(options.normals) + kUntangleRounds, kChoiceRings + 1);
+  return before + (options.noise > 0.0 ? widest : std::max(widest, noise)) + kServedRings + kGuardRounds;
+}
+
+DenoisedBlock denoise(const MeshBlock& block, const FaceCorners& corners, const DenoiseOptions& options,
+                      std::span<const std::uint8_t> whole, std::span<const std::uint8_t> wanted) {
+  return Denoiser(block, corners, options, whole, wanted).run();
 }
 
 std::uint64_t denoise_bytes(std::uint64_t vertices, std::uint64_t faces) {
-  // Normals remain; while they are filtered, frames and a second set are there.
-  const std::uint64_t filter = 72 * faces;
-  const std::uint64_t stay = 12 * faces + 24 * vertices + 8 * vertices;
-  // To untangle, a second set of positions; to measure, the window, two squares, stamps and a second set of noise.
+  const std::uint64_t filter = normal_bytes(faces) + vertices;
+  // Normals, untangled positions, edges, noise; flags; what fits say.
+  const std::uint64_t stay = 12 * faces + (24 + 8 + 4 + 24) * vertices;
+  // To untangle, marks and the reversed; to choose, three numbers; to measure, the window, two squares, stamps and a second
+  // set of noise; at last a second set of positions.
   const std::uint64_t measure = SurfaceWindow::bytes(vertices, faces) + 24 * vertices;
-  return std::max({filter, stay + 25 * vertices, stay + measure}) + (1U << 20);
+  return std::max({filter, stay + 34 * vertices, stay + measure,
+                   stay + SurfaceWindow::bytes(vertices, faces) + 54 * vertices}) +
+         (1U << 20);
 }
 
 }  // namespace tessera

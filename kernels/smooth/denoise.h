@@ -5,7 +5,8 @@
 ///   untangle  faces that noise turned over against their filtered normal are spread out along the surface
 ///   noise     its standard deviation around every vertex, from how much fits in two windows differ
 ///   fit       per side a quadric to the given positions, in a window that spreads over faces of like normals
-///             and grows as far as the noise asks for (window_fit.h)
+///             and grows as far as the noise asks for (window_fit.h); wide ones at centres, one vertex in twelve, serve
+///             the vertices around them too
 ///   move      the vertex goes to the nearest point on its side, on the intersection of its sides at creases
 ///             and corners
 ///
@@ -29,15 +30,24 @@ struct DenoiseOptions {
 
 /// Rings that it reads around a vertex.
 int denoise_rings(const DenoiseOptions& options);
+/// Mean edges that mostly hold all that decides where a vertex goes: windows end by distance, and mostly early.
+double denoise_edges(const DenoiseOptions& options);
 
-/// New positions of the wanted vertices, the others stay. Right where denoise_rings() whole rings are in the
-/// block (complete_rings()). A vertex whose sides have too few samples for a fit stays.
+struct DenoisedBlock {
+  std::vector<Double3> position;  ///< n; of the wanted vertices, the others stay
+  /// n; 1: nothing that it hangs on is beyond the block. Of the wanted vertices; always where denoise_rings() whole rings
+  /// are in the block, mostly with half as many.
+  std::vector<std::uint8_t> right;
+};
+
+/// A vertex whose sides have too few samples for a fit stays.
 /// \param corners  the block's own
+/// \param whole   n flags, 1: all faces at the vertex are in the block
 /// \param wanted  n flags, 1 or 0
 /// \pre the block is canonical, fewer than 2^30 faces, positions finite
 /// \cost denoise_bytes()
-std::vector<Double3> denoise(const MeshBlock& block, const FaceCorners& corners,
-                             const DenoiseOptions& options, std::span<const std::uint8_t> wanted);
+DenoisedBlock denoise(const MeshBlock& block, const FaceCorners& corners, const DenoiseOptions& options,
+                      std::span<const std::uint8_t> whole, std::span<const std::uint8_t> wanted);
 
 /// Bytes that denoise() allocates, the result included, the corners not.
 std::uint64_t denoise_bytes(std::uint64_t vertices, std::uint64_t faces);

@@ -17,47 +17,12 @@ Double3 point(const Double3& p) {
 /// Share of the area around a face whose normals must be like its own.
 constexpr float kLeastSupport = 0.2F;
 
-/// What stays the same over all rounds on normals.
-struct FaceFrame {
-  Double3 centre{};
-  float area = 0.0F;
-  float inverse_width = 0.0F;  ///< 1 / (2 x squared mean distance to the neighbours' centres)
-};
-
-void make_frames(const MeshBlock& block, std::vector<FaceFrame>& frames, std::vector<Float3>& normals) {
-  for (std::size_t f = 0; f < block.faces.size(); ++f) {
-    const auto& face = block.faces[f];
-    const Double3 p = point(block.position[face[0]]), q = point(block.position[face[1]]),
-                  r = point(block.position[face[2]]);
-    frames[f].centre = (p + q + r) * (1.0 / 3.0);
-    const Double3 area = cross(q - p, r - p);
-    const double doubled = norm(area);
-    if (!(doubled > 0.0)) continue;
-    frames[f].area = static_cast<float>(0.5 * doubled);
-    normals[f] = {static_cast<float>(area[0] / doubled), static_cast<float>(area[1] / doubled),
-                  static_cast<float>(area[2] / doubled)};
-  }
-}
-
 /// Calls sink(g) for every face that shares a vertex with f, once for each vertex shared, f itself left out.
 template <typename Sink>
 void for_each_neighbour(const MeshBlock& block, const FaceCorners& corners, std::uint32_t f, Sink&& sink) {
   for (const std::uint32_t v : block.faces[f])
     for (const std::uint32_t corner : corners.at(v))
       if (corner >> 2 != f) sink(corner >> 2);
-}
-
-void set_widths(const MeshBlock& block, const FaceCorners& corners, std::vector<FaceFrame>& frames) {
-  for (std::uint32_t f = 0; f < frames.size(); ++f) {
-    double sum = 0.0;
-    int count = 0;
-    for_each_neighbour(block, corners, f, [&](std::uint32_t g) {
-      sum += norm(frames[g].centre - frames[f].centre);
-      ++count;
-    });
-    if (count > 0 && sum > 0.0)
-      frames[f].inverse_width = static_cast<float>(0.5 * count * count / (sum * sum));
-  }
 }
 
 /// 1 / (2 sigma^2) for the squared difference of unit normals.
@@ -77,24 +42,32 @@ class NormalRounds {
   NormalRounds(const MeshBlock& block, const FaceCorners& corners)
       : block_(block),
         corners_(corners),
-        frames_(block.faces.size()),
+        area_(block.faces.size(), 0.0F),
         normals_(block.faces.size(), Float3{0, 0, 0}),
-        next_(block.faces.size(), Float3{0, 0, 0}) {
-    make_frames(block, frames_, normals_);
-    set_widths(block, corners, frames_);
+        next_(block.faces.size(), Float3{0, 0, 0}),
+        stamp_(block.faces.size(), 0) {
+    std::vector<Double3> centre(block.faces.size());
+    for (std::size_t f = 0; f < block.faces.size(); ++f) {
+      const auto& face = block.faces[f];
+      const Double3 &p = block.position[face[0]], &q = block.position[face[1]], &r = block.position[face[2]];
+      centre[f] = (p + q + r) * (1.0 / 3.0);
+      const Double3 area = triangle_normal(p, q, r);
+      const double doubled = norm(area);
+      if (!(doubled > 0.0)) continue;
+      area_[f] = static_cast<float>(0.5 * doubled);
+      normals_[f] = narrow(area * (1.0 / doubled));
+    }
+    weigh(centre);
   }
 
   void average(float inverse) {
+    const float* weight = weight_.data();
     for (std::uint32_t f = 0; f < normals_.size(); ++f) {
-      const FaceFrame& here = frames_[f];
       const Float3 n = normals_[f];
-      float x = here.area * n[0], y = here.area * n[1], z = here.area * n[2];
+      float x = area_[f] * n[0], y = area_[f] * n[1], z = area_[f] * n[2];
       for_each_neighbour(block_, corners_, f, [&](std::uint32_t g) {
-        const FaceFrame& there = frames_[g];
-        const Double3 apart = there.centre - here.centre;
         const Float3& k = normals_[g];
-        const float w = there.area * bell(static_cast<float>(dot(apart, apart)) * here.inverse_width) *
-                        alike(k, n, inverse);
+        const float w = *weight++ * alike(k, n, inverse);
         x += w * k[0];
         y += w * k[1];
         z += w * k[2];
@@ -108,14 +81,17 @@ class NormalRounds {
   /// A normal like hardly any around, a face that noise turned over, mixes with none and would stay for ever: it
   /// becomes that of the neighbour whose normal most others are like.
   void replace_isolated(float inverse) {
+    std::fill(stamp_.begin(), stamp_.end(), 0u);
     for (std::uint32_t f = 0; f < normals_.size(); ++f) {
       next_[f] = normals_[f];
       near_.clear();
-      for_each_neighbour(block_, corners_, f, [&](std::uint32_t g) { near_.push_back(g); });
-      std::sort(near_.begin(), near_.end());
-      near_.erase(std::unique(near_.begin(), near_.end()), near_.end());
+      for_each_neighbour(block_, corners_, f, [&](std::uint32_t g) {
+        if (stamp_[g] == f + 1) return;
+        stamp_[g] = f + 1;
+        near_.push_back(g);
+      });
       float all = 0.0F;
-      for (const std::uint32_t g : near_) all += frames_[g].area;
+      for (const std::uint32_t g : near_) all += area_[g];
       if (support(normals_[f], inverse) >= kLeastSupport * all) continue;
       float most = -1.0F;
       for (const std::uint32_t g : near_)
@@ -130,18 +106,44 @@ class NormalRounds {
   std::vector<Float3> result() && { return std::move(normals_); }
 
  private:
+  /// Area and nearness of every neighbour of every face, in the order of for_each_neighbour().
+  void weigh(const std::vector<Double3>& centre) {
+    std::size_t count = 0;
+    for (std::uint32_t v = 0; v < block_.position.size(); ++v) {
+      const std::size_t m = corners_.at(v).size();
+      count += m * m - m;
+    }
+    weight_.resize(count);
+    std::size_t at = 0;
+    std::vector<double> square;
+    for (std::uint32_t f = 0; f < normals_.size(); ++f) {
+      square.clear();
+      double sum = 0.0;
+      for_each_neighbour(block_, corners_, f, [&](std::uint32_t g) {
+        square.push_back(squared_distance(centre[g], centre[f]));
+        sum += std::sqrt(square.back());
+      });
+      const double mean = square.empty() ? 0.0 : sum / static_cast<double>(square.size());
+      const float per_width = mean > 0.0 ? static_cast<float>(0.5 / (mean * mean)) : 0.0F;
+      std::size_t k = 0;
+      for_each_neighbour(block_, corners_, f, [&](std::uint32_t g) {
+        weight_[at++] = area_[g] * bell(static_cast<float>(square[k++]) * per_width);
+      });
+    }
+  }
+
   /// Area of the neighbours whose normals are like this one.
   float support(const Float3& n, float inverse) const {
     float sum = 0.0F;
-    for (const std::uint32_t g : near_) sum += frames_[g].area * alike(normals_[g], n, inverse);
+    for (const std::uint32_t g : near_) sum += area_[g] * alike(normals_[g], n, inverse);
     return sum;
   }
 
   const MeshBlock& block_;
   const FaceCorners& corners_;
-  std::vector<FaceFrame> frames_;
+  std::vector<float> area_, weight_;
   std::vector<Float3> normals_, next_;
-  std::vector<std::uint32_t> near_;
+  std::vector<std::uint32_t> stamp_, near_;
 };
 
 }  // namespace
@@ -166,6 +168,12 @@ std::vector<Float3> filter_normals(const MeshBlock& block, const FaceCorners& co
       rounds.replace_isolated(inverse_range(wider * options.range_angle_deg));
   }
   return std::move(rounds).result();
+}
+
+std::uint64_t normal_bytes(std::uint64_t faces) {
+  // Centres, areas, two sets of normals, stamps; fifteen weights a face, as many as corners of other faces at its three
+  // vertices on a regular mesh, half as many again where degrees differ.
+  return (24 + 4 + 24 + 4 + 4 * 23) * faces;
 }
 
 std::vector<Double3> filter_by_normals(const MeshBlock& block, const FaceCorners& corners,

@@ -33,9 +33,12 @@ int filter_rings(const NormalFilterOptions& options);
 std::vector<Float3> filter_normals(const MeshBlock& block, const FaceCorners& corners,
                                    const NormalFilterOptions& options);
 
+/// Bytes that filter_normals() allocates, the result included.
+std::uint64_t normal_bytes(std::uint64_t faces);
+
 /// New positions of all vertices. Right where filter_rings() whole rings are in the block (complete_rings()).
 /// \pre the block is canonical, fewer than 2^30 faces, positions finite
-/// \cost 60 bytes a vertex and 84 bytes a face
+/// \cost normal_bytes() for its normals, then 48 bytes a vertex and 12 bytes a face
 std::vector<Double3> filter_by_normals(const MeshBlock& block, const FaceCorners& corners,
                                        const NormalFilterOptions& options);
 

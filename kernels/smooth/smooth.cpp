@@ -159,6 +159,10 @@ int round_rings(const SmoothRound& round) {
   return round.by_normals ? filter_rings(round.normals) : filter_rings(round.filter);
 }
 
+double round_edges(const SmoothRound& round) {
+  return round.by_fits ? denoise_edges(denoise_options(round)) : 0.0;
+}
+
 namespace {
 
 /// The step of a flow that smooths as much as the implicit filter of this strength: on a regular mesh of edge h
@@ -226,12 +230,16 @@ SmoothedBlock smooth_block(const MeshBlock& block, const SmoothRound& round,
   SmoothedBlock out;
   const FaceCorners corners(block);
   SurfaceRows rows = make_surface_rows(block, corners, round.rows);
-  out.complete = complete_rings(block, corners, rows, round_rings(round));
+  // Fits tell by themselves what they hang on.
+  out.complete = complete_rings(block, corners, rows, round.by_fits ? 1 : round_rings(round));
+  const std::vector<std::uint8_t> whole = round.by_fits ? out.complete : std::vector<std::uint8_t>();
   for (std::size_t v = 0; v < wanted.size(); ++v) out.complete[v] &= wanted[v];
   if (round.by_normals) {
     out.position = filter_by_normals(block, corners, round.normals);
   } else if (round.by_fits) {
-    out.position = denoise(block, corners, denoise_options(round), out.complete);
+    DenoisedBlock found = denoise(block, corners, denoise_options(round), whole, out.complete);
+    out.position = std::move(found.position);
+    for (std::size_t v = 0; v < whole.size(); ++v) out.complete[v] &= found.right[v];
   } else if (round.by_flow) {
     out.position = flow(block, rows, round, out.counts);
   } else {
@@ -341,7 +349,7 @@ std::uint64_t smooth_bytes(std::uint64_t vertices, std::uint64_t faces, const Sm
   const std::uint64_t corners = 4 * vertices + 12 * faces;
   const std::uint64_t making = 4 * vertices + 24 * faces + corners;
   const std::uint64_t filter =
-      corners + (round.by_normals ? 48 * vertices + 72 * faces
+      corners + (round.by_normals ? 48 * vertices + normal_bytes(faces)
                  : round.by_fits  ? denoise_bytes(vertices, faces)
                  : round.by_flow  ? kFlowBytesPerVertex[round.filter.order - 1] * vertices
                                   : 20 * vertices + filter_window_bytes(vertices, round_rings(round)));

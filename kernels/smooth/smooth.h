@@ -58,6 +58,9 @@ constexpr int kCoarseCycles = 3;
 std::vector<SmoothRound> smooth_rounds(const SmoothOptions& options);
 
 int round_rings(const SmoothRound& round);
+/// Mean edges around a vertex that mostly hold all that a round reads there, where that is much less than the rings; else
+/// 0.
+double round_edges(const SmoothRound& round);
 
 struct SmoothCounts {
   std::uint64_t vertices = 0;  ///< whose result is right

@@ -5,14 +5,11 @@
 #include <limits>
 
 #include "kernels/smooth/normal_filter.h"
-#include "kernels/smooth/window_fit.h"
 #include "octree/vector.h"
 
 namespace tessera {
 namespace {
 
-/// Between the first and the fourth window of denoise.h.
-constexpr double kWideWindow = kSmallestWindow * kWindowGrowth * kWindowGrowth * kWindowGrowth;
 /// Window of what a quadric leaves: the noise from one vertex to the next.
 constexpr double kResidualWindow = 1.2 * kSmallestWindow;
 constexpr double kMedianOfChiSquare = 0.4549;
@@ -66,10 +63,10 @@ double edge_at(const MeshBlock& block, std::span<const std::uint32_t> star, std:
 NoiseSquares noise_squares(SurfaceWindow& window, std::uint32_t vertex, const StarSides& sides, double edge) {
   NoiseSquares out;
   window.begin(vertex, sides.normal(0), sides.faces(0));
-  window.grow(kWideWindow * edge);
+  window.grow(kNoiseWindow * edge);
   if (const auto fit = fit_window(window.samples(), kResidualWindow * edge, 6))
     out.residual = fit->residual_square;
-  out.between = noise_square_between(window.samples(), kSmallestWindow * edge, kWideWindow * edge);
+  out.between = noise_square_between(window.samples(), kSmallestWindow * edge, kNoiseWindow * edge);
   return out;
 }
 

@@ -11,6 +11,7 @@
 #include "kernels/mesh/mesh_block.h"
 #include "kernels/smooth/star_sides.h"
 #include "kernels/smooth/surface_window.h"
+#include "kernels/smooth/window_fit.h"
 
 namespace tessera {
 
@@ -19,6 +20,9 @@ struct NoiseSquares {
   double residual = -1.0;  ///< mean square of what a quadric leaves
   double between = -1.0;   ///< noise_square_between() of two windows
 };
+
+/// Of the wider one, in edges: the fourth of denoise.h; the narrower one is the first.
+inline constexpr double kNoiseWindow = window_radius(3);
 
 /// At a vertex with one smooth side. \param edge  mean length around it
 NoiseSquares noise_squares(SurfaceWindow& window, std::uint32_t vertex, const StarSides& sides, double edge);

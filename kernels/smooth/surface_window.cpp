@@ -15,12 +15,13 @@ constexpr float kLeastLikeness = 0.1F;
 
 SurfaceWindow::SurfaceWindow(const MeshBlock& block, const FaceCorners& corners,
                              std::span<const Float3> normals, std::span<const Double3> data,
-                             std::span<const Double3> position)
+                             std::span<const Double3> position, std::span<const std::uint8_t> known)
     : block_(block),
       corners_(corners),
       normals_(normals),
       data_(data),
       position_(position),
+      known_(known),
       vertex_stamp_(block.position.size(), 0),
       face_mark_(block.faces.size()) {
   const double width = 2.0 * sin_cos(kLikeAngle * (kPi / 360.0)).sin;
@@ -34,6 +35,8 @@ void SurfaceWindow::begin(std::uint32_t vertex, const Double3& normal, std::span
   frame_.a = {a[0], a[1], a[2]};
   frame_.b = cross(normal, frame_.a);
   samples_.clear();
+  taken_.clear();
+  right_ = known_.empty() || known_[vertex] != 0;
   square_ = 0.0;
   stamp_ += 2;
   faces_.clear();
@@ -74,6 +77,7 @@ float SurfaceWindow::likeness(std::uint32_t face, const Float3& expected) {
 void SurfaceWindow::reach(std::uint32_t vertex, int ring) {
   if (vertex_stamp_[vertex] == stamp_) return;
   vertex_stamp_[vertex] = stamp_;
+  if (!known_.empty() && known_[vertex] == 0) right_ = false;
   const Double3 apart = position_[vertex] - frame_.origin;
   if (dot(apart, apart) < square_) {
     take(vertex, ring);
@@ -95,8 +99,9 @@ void SurfaceWindow::take(std::uint32_t vertex, int ring) {
     faces_.push_back({f, ring});
   }
   const Double3 d = data_[vertex] - frame_.origin;
-  samples_.add(dot(d, frame_.a), dot(d, frame_.b), dot(d, frame_.n),
-               static_cast<double>(sum) / static_cast<double>(star.size()));
+  const float mean = sum / static_cast<float>(star.size());
+  samples_.add(dot(d, frame_.a), dot(d, frame_.b), dot(d, frame_.n), static_cast<double>(mean));
+  taken_.push_back({vertex, ring, mean});
 }
 
 void SurfaceWindow::grow(double radius) {

@@ -28,8 +28,11 @@ class SurfaceWindow {
   /// \param normals   m, filtered
   /// \param data      n, the positions that are fitted
   /// \param position  n, where the surface is taken to be
+  /// \param known     n flags, 0 where star, normals or position may be others than in the whole mesh; empty: all are
+  ///                  right
   SurfaceWindow(const MeshBlock& block, const FaceCorners& corners, std::span<const Float3> normals,
-                std::span<const Double3> data, std::span<const Double3> position);
+                std::span<const Double3> data, std::span<const Double3> position,
+                std::span<const std::uint8_t> known = {});
 
   /// Begins at a vertex, with faces of its star. \param normal  unit, of the side
   void begin(std::uint32_t vertex, const Double3& normal, std::span<const std::uint32_t> faces);
@@ -42,6 +45,16 @@ class SurfaceWindow {
 
   const WindowFrame& frame() const { return frame_; }
   const WindowSamples& samples() const { return samples_; }
+
+  struct Taken {
+    std::uint32_t vertex;
+    int ring;
+    float likeness;  ///< of its star's normals to the expected one, 0 to 1: the sample's weight
+  };
+  /// The vertex of every sample, in their order.
+  const std::vector<Taken>& taken() const { return taken_; }
+  /// Whether nothing that was met since begin() may be other than in the whole mesh.
+  bool right() const { return right_; }
 
   static std::uint64_t bytes(std::uint64_t vertices, std::uint64_t faces) { return 4 * vertices + 8 * faces; }
 
@@ -63,6 +76,7 @@ class SurfaceWindow {
   const FaceCorners& corners_;
   std::span<const Float3> normals_;
   std::span<const Double3> data_, position_;
+  std::span<const std::uint8_t> known_;
   WindowFrame frame_;
   WindowSamples samples_;
   float inverse_width_;  ///< of the likeness
@@ -73,6 +87,8 @@ class SurfaceWindow {
   std::vector<std::uint32_t> vertex_stamp_;  ///< n
   std::vector<FaceMark> face_mark_;          ///< m
   std::vector<Reached> faces_, waiting_;
+  std::vector<Taken> taken_;
+  bool right_ = true;
   std::size_t next_face_ = 0;
 };
 

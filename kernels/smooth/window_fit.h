@@ -57,6 +57,11 @@ double noise_square_between(const WindowSamples& samples, double narrow, double 
 /// Radii of the windows, smallest first: kSmallestWindow * kWindowGrowth^i, in mean edges.
 constexpr double kSmallestWindow = 2.2;
 constexpr double kWindowGrowth = 1.35;
+constexpr double window_radius(int number) {
+  double radius = kSmallestWindow;
+  for (int i = 0; i < number; ++i) radius *= kWindowGrowth;
+  return radius;
+}
 constexpr int kWindows = 6;        ///< to 9.9 edges
 constexpr int kCreaseWindows = 8;  ///< to 18 edges: half a window tells less, and a crease runs on
 
@@ -69,6 +74,8 @@ class WindowChoice {
   bool offer(const WindowSamples& samples, double radius);
   /// The best so far, if any.
   const std::optional<WindowFit>& best() const { return best_; }
+  /// Its window; 0 when there is none.
+  double radius() const { return radius_; }
   /// A plane in the chosen window replaces the quadric where it agrees as well: it has less variance still. Where
   /// no quadric could be fitted, a plane in the last window offered, if there is one.
   std::optional<WindowFit> result(const WindowSamples& samples) const;

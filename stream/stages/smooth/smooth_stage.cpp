@@ -60,18 +60,18 @@ class SmoothStage : public Stage {
       rule_.filter.degree = coarse_.degree;
       solution_ = state.work / coarse_solution_file(round);
     }
-    SmoothTiling tiling;
-    tiling.rings = round_rings(rule_);
+    tiling_.rings = round_rings(rule_);
+    tiling_.mostly_edges = round_edges(rule_);
     if (rule_.cycle >= 0) {
-      ++tiling.rings;
-      tiling.reach = coarse_reach(coarse_);
+      ++tiling_.rings;
+      tiling_.reach = coarse_reach(coarse_);
     }
-    tiling.tile_bricks = state.run.tile_cells / kBrickCells;
+    tiling_.tile_bricks = state.run.tile_cells / kBrickCells;
     // The rest of the cap is for what the process itself holds.
-    tiling.tile_bytes = state.run.memory_bytes * 13 / 16 / static_cast<std::uint64_t>(state.run.threads);
+    tiling_.tile_bytes = state.run.memory_bytes * 13 / 16 / static_cast<std::uint64_t>(state.run.threads);
     const std::uint64_t patch = store_.largest_patch_bytes();
     const std::uint64_t shared = rule_.cycle >= 0 ? coarse_solution_bytes(solution_) : 0;
-    tiling.bytes = [this, patch, shared](std::uint64_t vertices, std::uint64_t faces) {
+    tiling_.bytes = [this, patch, shared](std::uint64_t vertices, std::uint64_t faces) {
       return smooth_tile_bytes(rule_, vertices, faces, patch) + shared;
     };
     if (rule_.by_flow) {
@@ -80,11 +80,12 @@ class SmoothStage : public Stage {
       std::iota(whole.patches.begin(), whole.patches.end(), std::size_t{0});
       std::uint64_t vertices = 0;
       for (const MeshPatchEntry& e : store_.patches()) vertices += e.vertices;
-      whole.bytes = tiling.bytes(vertices, store_.face_count());
+      whole.bytes = tiling_.bytes(vertices, store_.face_count());
       tasks_ = {{std::move(whole)}};
       return;
     }
-    tasks_ = make_smooth_tasks(store_, load_reach(state.work, base_round_), tiling);
+    reach_ = load_reach(state.work, base_round_);
+    tasks_ = make_smooth_tasks(store_, reach_, tiling_);
   }
 
   std::string name() const override { return "smooth-" + std::to_string(round_); }
@@ -102,7 +103,10 @@ class SmoothStage : public Stage {
     Movement moved;
     json edges = json::array();
     std::uint64_t halo = 0, core = 0, degenerate = 0, systems = 0, as_one = 0;
-    for (const SmoothTile& tile : tasks_[task]) {
+    std::vector<SmoothTile> tiles(tasks_[task].rbegin(), tasks_[task].rend());
+    while (!tiles.empty()) {
+      const SmoothTile tile = std::move(tiles.back());
+      tiles.pop_back();
       context.check_stop();
       const MeshHaloBlock near = store_.load_near(tile.patches, tile.margin);
       context.check_stop();
@@ -110,7 +114,6 @@ class SmoothStage : public Stage {
       for (const auto& patch : near.core_vertices)
         for (const std::uint32_t v : patch) wanted[v] = 1;
       const SmoothedBlock smoothed = smooth(near, tile, wanted);
-      core += static_cast<std::uint64_t>(std::count(near.core.begin(), near.core.end(), 1));
       halo += near.core.size();
       degenerate += smoothed.counts.degenerate_faces;
       systems += smoothed.counts.flow_systems;
@@ -118,6 +121,11 @@ class SmoothStage : public Stage {
       for (std::size_t k = 0; k < tile.patches.size(); ++k) {
         context.check_stop();
         const std::size_t p = tile.patches[k];
+        if (!tile.sure && misses(near.core_vertices[k], smoothed)) {
+          tiles.push_back(sure_tile(store_, reach_, tiling_, p));
+          continue;
+        }
+        core += store_.patches()[p].faces;
         const std::vector<Double3> positions = settled(p, near, near.core_vertices[k], smoothed, moved);
         write(p, positions, writer);
         if (bends) {
@@ -187,6 +195,11 @@ class SmoothStage : public Stage {
   }
 
  private:
+  static bool misses(const std::vector<std::uint32_t>& vertices, const SmoothedBlock& smoothed) {
+    return std::any_of(vertices.begin(), vertices.end(),
+                       [&](std::uint32_t v) { return smoothed.complete[v] == 0; });
+  }
+
   MeshBlock with_positions(std::size_t p, const std::vector<Double3>& positions) const {
     MeshBlock patch = store_.load({&p, 1});
     patch.position = positions;
@@ -270,6 +283,8 @@ class SmoothStage : public Stage {
   bool last_, ends_step_;
   CoarseOptions coarse_;
   std::filesystem::path solution_;
+  SmoothTiling tiling_;
+  PatchReach reach_;  ///< of store_
   std::vector<SmoothTask> tasks_;
 };
 

@@ -15,6 +15,45 @@ namespace {
 
 constexpr std::uint64_t kTaskFaces = 500'000;  ///< a task is worth a file from about this many
 constexpr std::uint64_t kMostTasks = 400;
+/// How far edges in line reach beyond the mean one: the diagonals of a regular grid 1.22 times, and some more.
+constexpr double kInLine = 1.25;
+
+/// \param patches  indices
+SmoothTile look_around(const MeshStore& store, const PatchReach& reach, const SmoothTiling& tiling,
+                       std::span<const std::size_t> patches, bool sure) {
+  SmoothTile tile;
+  tile.patches.assign(patches.begin(), patches.end());
+  std::sort(tile.patches.begin(), tile.patches.end());
+  tile.sure = sure;
+  const MeshBox core = store.box_of(tile.patches);
+  const auto load = [&](double margin) {
+    tile.margin = margin;
+    std::uint64_t vertices = 0, faces = 0;
+    double seen = 0.0;
+    for (const std::size_t p : store.select(grown(core, margin))) {
+      vertices += store.patches()[p].vertices;
+      faces += store.patches()[p].faces;
+      seen = std::max(seen, reach.longest_edge[p]);
+    }
+    tile.bytes = tiling.bytes(vertices, faces);
+    return seen;
+  };
+  double longest = 0.0, edge = 0.0;
+  for (const std::size_t p : patches) {
+    longest = std::max(longest, reach.longest_edge[p]);
+    const auto edges = 3.0 * static_cast<double>(store.patches()[p].faces);
+    edge = std::max(edge, edges > 0.0 ? reach.edge_squares[p] / edges : 0.0);
+  }
+  if (!sure) {
+    load(kInLine * tiling.mostly_edges * std::sqrt(edge) + tiling.reach);
+    return tile;
+  }
+  // A longer edge within the margin widens it; it ends at the latest when all patches are in.
+  for (double seen = 0.0;; longest = seen) {
+    seen = std::max(longest, load(tiling.rings * longest + tiling.reach));
+    if (seen == longest) return tile;
+  }
+}
 
 class Cutter {
  public:
@@ -43,7 +82,9 @@ class Cutter {
     const bool small = tiling_.tile_bricks == 0 || high[axis] - low[axis] < tiling_.tile_bricks;
     // What is too large by itself is not worth looking around.
     if (patches.size() == 1 || (small && tiling_.bytes(vertices, faces) <= tiling_.tile_bytes)) {
-      SmoothTile tile = look_around(patches);
+      SmoothTile tile = look_around(store_, reach_, tiling_, patches, !(tiling_.mostly_edges > 0.0));
+      if (!tile.sure)
+        for (const std::size_t p : patches) tile.bytes = std::max(tile.bytes, surely(p));
       if (patches.size() == 1 || tile.bytes <= tiling_.tile_bytes) {
         tiles.push_back(std::move(tile));
         return;
@@ -64,32 +105,17 @@ class Cutter {
   std::vector<SmoothTile> tiles;
 
  private:
-  SmoothTile look_around(std::span<const std::size_t> patches) const {
-    SmoothTile tile;
-    double longest = 0.0;
-    for (const std::size_t p : patches) longest = std::max(longest, reach_.longest_edge[p]);
-    tile.patches.assign(patches.begin(), patches.end());
-    std::sort(tile.patches.begin(), tile.patches.end());
-    const MeshBox core = store_.box_of(tile.patches);
-    // A longer edge within the margin widens it; it ends at the latest when all patches are in.
-    for (;;) {
-      tile.margin = tiling_.rings * longest + tiling_.reach;
-      std::uint64_t vertices = 0, faces = 0;
-      double seen = longest;
-      for (const std::size_t p : store_.select(grown(core, tile.margin))) {
-        vertices += store_.patches()[p].vertices;
-        faces += store_.patches()[p].faces;
-        seen = std::max(seen, reach_.longest_edge[p]);
-      }
-      tile.bytes = tiling_.bytes(vertices, faces);
-      if (seen == longest) return tile;
-      longest = seen;
-    }
+  /// Bytes of the sure tile of a patch.
+  std::uint64_t surely(std::size_t p) {
+    if (sure_bytes_.empty()) sure_bytes_.resize(store_.patches().size(), 0);
+    if (sure_bytes_[p] == 0) sure_bytes_[p] = sure_tile(store_, reach_, tiling_, p).bytes;
+    return sure_bytes_[p];
   }
 
   const MeshStore& store_;
   const PatchReach& reach_;
   const SmoothTiling& tiling_;
+  std::vector<std::uint64_t> sure_bytes_;  ///< of each patch, 0: not known yet
 };
 
 }  // namespace
@@ -124,6 +150,11 @@ std::uint64_t task_bytes(const SmoothTask& task) {
   std::uint64_t bytes = 0;
   for (const SmoothTile& tile : task) bytes = std::max(bytes, tile.bytes);
   return bytes;
+}
+
+SmoothTile sure_tile(const MeshStore& store, const PatchReach& reach, const SmoothTiling& tiling,
+                     std::size_t patch) {
+  return look_around(store, reach, tiling, {&patch, 1}, true);
 }
 
 std::vector<SmoothTask> make_smooth_tasks(const MeshStore& store, const PatchReach& reach,

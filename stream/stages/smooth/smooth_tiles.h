@@ -13,8 +13,9 @@ namespace tessera {
 
 struct SmoothTile {
   std::vector<std::size_t> patches;  ///< ascending
-  double margin = 0.0;               ///< all faces within it hold the rings that were asked for
-  std::uint64_t bytes = 0;           ///< upper bound of what the tile takes
+  double margin = 0.0;               ///< what the tile is loaded with
+  bool sure = true;         ///< all faces within it hold the rings that were asked for; false: mostly
+  std::uint64_t bytes = 0;  ///< upper bound of what the tile takes
 };
 
 /// Tiles that one task does one after the other, into one file.
@@ -37,6 +38,9 @@ struct PatchReach {
 
 struct SmoothTiling {
   int rings = 1;
+  /// Mean edges that are mostly enough: rings are reached by the longest edge only where many such edges lie in line.
+  /// Tiles are loaded with these first, and sure_tile() does for patches that miss something. 0 = rings at once.
+  double mostly_edges = 0.0;
   double reach = 0.0;            ///< scan units, beyond the rings
   int tile_bricks = 0;           ///< largest edge of a tile in bricks; 0 = as large as the bytes allow
   std::uint64_t tile_bytes = 0;  ///< a tile above it is split down to single patches
@@ -44,8 +48,12 @@ struct SmoothTiling {
   std::function<std::uint64_t(std::uint64_t vertices, std::uint64_t faces)> bytes;
 };
 
-/// Every patch is in exactly one tile.
+/// Every patch is in exactly one tile, whose bytes also do for the sure tile of each of its patches.
 std::vector<SmoothTask> make_smooth_tasks(const MeshStore& store, const PatchReach& reach,
                                           const SmoothTiling& tiling);
+
+/// One patch, and all that its rings can reach.
+SmoothTile sure_tile(const MeshStore& store, const PatchReach& reach, const SmoothTiling& tiling,
+                     std::size_t patch);
 
 }  // namespace tessera

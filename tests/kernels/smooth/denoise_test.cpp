@@ -34,7 +34,10 @@ Errors errors(std::vector<double> values) {
 }
 
 std::vector<Double3> denoised(const MeshBlock& block, const DenoiseOptions& options = {}) {
-  return denoise(block, FaceCorners(block), options, std::vector<std::uint8_t>(block.position.size(), 1));
+  const std::vector<std::uint8_t> all(block.position.size(), 1);
+  const DenoisedBlock found = denoise(block, FaceCorners(block), options, all, all);
+  CHECK(found.right == all);
+  return found.position;
 }
 
 /// Of a unit cube: how far from the planes that each vertex of the clean cube lies on, by their number.
