@@ -23,6 +23,7 @@ void run(const SimplifyOptions& options, JobState state) {
   fmt::print("{}: {} of {} faces, {}\n", state.output.string(),
              report.at("mesh").value("faces", std::uint64_t{0}),
              report.at("input").value("faces", std::uint64_t{0}), cost_text(report));
+  cli::print_tolerance(report);
   cli::print_smoothing(report);
   const nlohmann::json& certificate = report.at("certificate");
   if (certificate.at("certified_max").is_number())

@@ -92,7 +92,7 @@ void print_plan(const Plan& plan, const Forecast& forecast, const ReconstructOpt
         "note: closing takes 7 to 55 s of processor time per million faces that it adds; which holes there "
         "are is "
         "not known yet\n");
-  if (options.tolerance > 0.0)
+  if (options.decimates())
     fmt::print(
         "note: write is told for the faces before decimation; usually a few per cent of them are left\n");
   for (const std::string& warning : plan.warnings) fmt::print("warning: {}\n", warning);

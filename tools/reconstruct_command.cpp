@@ -47,6 +47,7 @@ void run(const ReconstructOptions& options, JobState state, const std::filesyste
     fmt::print("{}: {} vertices, {} faces, {}\n", state.output.string(),
                mesh.value("vertices", std::uint64_t{0}), mesh.value("faces", std::uint64_t{0}),
                cost_text(report));
+    cli::print_tolerance(report);
     cli::print_smoothing(report);
   };
   if (state.run.verbosity >= 0) say_mesh();

@@ -203,7 +203,7 @@ std::string deviation_figures(const json& report) {
     rows.emplace_back(fmt::format("farthest point from the {}", name),
                       number_text(number_at(samples, "/certified_max")));
     text += deviation_histogram(fmt::format("Points by distance to the {}", name),
-                                value_at(samples, "/histogram"), number_at(report, "/options/tolerance"),
+                                value_at(samples, "/histogram"), tolerance_of_job(report),
                                 number_at(samples, "/certified_max"));
   }
   // Of smoothing: a job of its own, or before decimation.

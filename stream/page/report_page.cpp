@@ -135,7 +135,7 @@ void draw_deviation(PageParts& parts, const json& report, const PageRequest& req
   }
   RenderOptions options = sheet(request, request.mesh, scratch);
   options.deviation = reference;
-  options.tolerance = number_at(report, "/options/tolerance");
+  options.tolerance = tolerance_of_job(report);
   const RenderReport drawn = render(options);
   for (const std::string& notice : drawn.notices) parts.deviation_note += notice + ". ";
   parts.deviation = file_bytes(options.output);

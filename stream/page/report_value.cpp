@@ -39,6 +39,11 @@ double number_at(const json& j, const std::string& pointer) {
   return value.is_number() ? value.get<double>() : 0.0;
 }
 
+double tolerance_of_job(const json& report) {
+  const json& taken = value_at(report, "/tolerance/taken");
+  return taken.is_number() ? taken.get<double>() : number_at(report, "/options/tolerance");
+}
+
 const json& stage_result(const json& report, const std::string& stage) {
   static const json kNull;
   const json& stages = value_at(report, "/stages");

@@ -13,6 +13,8 @@ const nlohmann::json& value_at(const nlohmann::json& json, const std::string& po
 /// Text as it is, numbers as JSON has them; else empty.
 std::string text_at(const nlohmann::json& json, const std::string& pointer);
 double number_at(const nlohmann::json& json, const std::string& pointer);  ///< 0 if it is none
+/// What --tolerance of the job was, also where it was `auto`; 0 = none.
+double tolerance_of_job(const nlohmann::json& report);
 /// What a stage reported; null where it did not run.
 const nlohmann::json& stage_result(const nlohmann::json& report, const std::string& stage);
 

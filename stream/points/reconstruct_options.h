@@ -3,6 +3,7 @@
 /// field and a row here.
 #pragma once
 #include "kernels/holes/hole_filling.h"
+#include "stream/runtime/auto_tolerance.h"
 #include "stream/runtime/option_table.h"
 #include "stream/runtime/stage.h"
 
@@ -42,6 +43,8 @@ struct ReconstructOptions {
   bool local_output = false;
 
   bool smooths_border() const { return border == "smooth" || (border == "auto" && tolerance == 0.0); }
+  /// Whether the result is not the mesh of full resolution.
+  bool decimates() const { return tolerance != 0.0; }
   bool smooths() const { return smooth != "off"; }
   /// The N of max_hole, 0 for auto. \throws UsageError for what is neither
   std::uint32_t max_hole_edges() const;
@@ -156,9 +159,10 @@ inline OptionTable option_table(ReconstructOptions& o) {
   t.add("max-brick-points", &o.max_brick_points, "points; a brick of 64^3 cells with more is thinned to this")
       .at_least(1);
   t.add("tolerance", &o.tolerance,
-        "scan units; the mesh is decimated within this proven distance of itself; 0 = every face of the "
-        "lattice")
-      .at_least(0);
+        "scan units; the mesh is decimated within this proven distance of itself; auto: a fifth of h, and no "
+        "less than the noise of the points, the report says which; 0 = every face of the lattice")
+      .at_least(0)
+      .or_word("auto", kAutoTolerance);
   t.add("reference", &o.reference,
         "with a tolerance, surface: the mesh of full resolution, both ways; points: every point used must "
         "lie within it of the result too: decimation gets what their distance to the surface, measured "

@@ -69,9 +69,10 @@ struct Reader {
   void operator()(T* field) const {
     const std::optional<T> value = number<T>(text);
     if (!value)
-      refuse(std::is_floating_point_v<T> ? "is not a finite number"
-             : std::is_unsigned_v<T>     ? "is not a whole number from 0 on"
-                                         : "is not a whole number");
+      refuse(!row.word.empty()             ? "is not " + row.word + " or a finite number"
+             : std::is_floating_point_v<T> ? "is not a finite number"
+             : std::is_unsigned_v<T>       ? "is not a whole number from 0 on"
+                                           : "is not a whole number");
     const auto size = static_cast<double>(*value);
     if (size >= row.least && size <= row.most) {
       *field = *value;
@@ -79,6 +80,13 @@ struct Reader {
       refuse(fmt::format("must be {} to {}", number_text(row.least), number_text(row.most)));
     } else {
       refuse("must be at least " + number_text(row.least));
+    }
+  }
+  void operator()(double* field) const {
+    if (!row.word.empty() && text == row.word) {
+      *field = row.word_value;
+    } else {
+      operator()<double>(field);
     }
   }
   void operator()(std::uint64_t* field) const {
@@ -164,6 +172,12 @@ OptionRow& OptionRow::one_of(std::vector<std::string> allowed) {
   return shown_as(joined(words, "|"));
 }
 
+OptionRow& OptionRow::or_word(std::string text, double value) {
+  word = std::move(text);
+  word_value = value;
+  return shown_as(word + "|X");
+}
+
 std::string OptionRow::typed() const {
   return (is_positional ? "" : "--") + names.front();
 }
@@ -175,18 +189,24 @@ bool OptionRow::is_list() const {
 
 std::string OptionRow::value_text() const {
   if (is_flag || is_list()) return "";
-  const nlohmann::json value = std::visit(ToJson{}, field);
+  const nlohmann::json value = value_json();
   if (value.is_string()) return value.get<std::string>();
   if (value.is_null() || value.is_array()) return "";
   if (is_bytes) return value == 0 ? "" : format_bytes(value.get<std::uint64_t>());
   return value.is_number_float() ? number_text(value.get<double>()) : value.dump();
 }
 
+nlohmann::json OptionRow::value_json() const {
+  const auto* number = std::get_if<double*>(&field);
+  if (number != nullptr && !word.empty() && **number == word_value) return word;
+  return std::visit(ToJson{}, field);
+}
+
 void OptionRow::set(const std::vector<std::string>& typed_words) const {
   if (const auto* list = std::get_if<std::vector<std::string>*>(&field)) (*list)->clear();
   if (const auto* list = std::get_if<std::vector<Double3>*>(&field)) (*list)->clear();
   if (const auto* maybe = std::get_if<std::optional<Double3>*>(&field)) (*maybe)->reset();
-  for (const std::string& word : typed_words) std::visit(Reader{*this, word}, field);
+  for (const std::string& text : typed_words) std::visit(Reader{*this, text}, field);
 }
 
 OptionRow& OptionTable::add(const std::string& names, OptionField field, const std::string& help) {
@@ -224,8 +244,7 @@ const OptionRow* OptionTable::find(const std::string& name) const {
 nlohmann::json OptionTable::to_json() const {
   nlohmann::json values = nlohmann::json::object();
   for (const OptionRow& row : rows_)
-    if (!std::holds_alternative<OptionSetter>(row.field))
-      values[row.names.front()] = std::visit(ToJson{}, row.field);
+    if (!std::holds_alternative<OptionSetter>(row.field)) values[row.names.front()] = row.value_json();
   return values;
 }
 

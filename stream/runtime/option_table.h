@@ -38,6 +38,8 @@ struct OptionRow {
   std::string group;
   std::string placeholder;  ///< what stands for a value in the help; empty for flags
   std::vector<std::string> words;
+  std::string word;         ///< of a number; empty: none
+  double word_value = 0.0;  ///< what it stands for
   double least = -std::numeric_limits<double>::infinity();
   double most = std::numeric_limits<double>::infinity();
   bool is_flag = false;
@@ -49,6 +51,8 @@ struct OptionRow {
   OptionRow& at_least(double value) { return least = value, *this; }
   OptionRow& within(double low, double high) { return least = low, most = high, *this; }
   OptionRow& one_of(std::vector<std::string> allowed);
+  /// A number for which a word is typed and shown, whatever its bounds.
+  OptionRow& or_word(std::string text, double value);
   OptionRow& shown_as(std::string text) { return placeholder = std::move(text), *this; }
   OptionRow& positional() { return is_positional = true, *this; }
   OptionRow& hidden() { return is_hidden = true, *this; }
@@ -60,6 +64,7 @@ struct OptionRow {
   bool is_list() const;
   /// What the field holds; empty where that says nothing: false, no text, no cap.
   std::string value_text() const;
+  nlohmann::json value_json() const;
   /// Reads what was typed. \throws UsageError naming the option, the value and what is possible
   void set(const std::vector<std::string>& typed_words) const;
 };

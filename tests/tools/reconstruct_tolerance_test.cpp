@@ -55,6 +55,26 @@ MeshCheck checked(const fs::path& file, const fs::path& temp) {
 
 }  // namespace
 
+TEST_CASE("reconstruct --tolerance auto: a fifth of h or the noise, and the same bytes as that number",
+          "[pipeline]") {
+  const TempFolder folder;
+  const std::string noise = GENERATE("0.1s", "0.5s");
+  const std::string in = scan(folder.path(), "terrain", "60000", {"--noise", noise});
+  const fs::path out = folder.path() / "out.ply", given = folder.path() / "given.ply";
+  const std::string border = noise == "0.1s" ? "auto" : "smooth";  // both ways to the mesh of full resolution
+  const nlohmann::json report =
+      run(in, out, {"--tolerance", "auto", "--border", border, "--resolution", "4"});
+  const nlohmann::json& tolerance = report.at("tolerance");
+  const auto taken = tolerance.at("taken").get<double>();
+  CHECK(tolerance.at("h") == 4.0);
+  CHECK(taken == std::max(0.8, tolerance.at("noise").get<double>()));
+  CHECK((taken > 0.8) == (noise == "0.5s"));
+  CHECK(report.at("certificate").at("proven") == true);
+  CHECK(report.at("certificate").at("tolerance").get<double>() == taken);
+  run(in, given, {"--tolerance", nlohmann::json(taken).dump(), "--border", border, "--resolution", "4"});
+  CHECK(file_bytes(given) == file_bytes(out));
+}
+
 TEST_CASE("reconstruct --tolerance: same bytes over tiles, threads, caps, processes and kills",
           "[property]") {
   const TempFolder folder;

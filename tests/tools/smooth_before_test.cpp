@@ -215,6 +215,34 @@ TEST_CASE(
   CHECK(smoothing.at("rms_move").get<double>() < 0.005 * smoothing.at("noise").at("edge").get<double>());
 }
 
+TEST_CASE("decimate --tolerance auto: a fifth of the edges or the noise, and the same bytes as that number",
+          "[pipeline]") {
+  const TempFolder folder;
+  const double edge = 0.0125, share = GENERATE(0.1, 0.4);
+  const fs::path in = write_noisy_cube(folder / "in.ply", share * edge);
+  const fs::path out = folder / "out.ply", given = folder / "given.ply";
+  const std::vector<std::string> smooth =
+      share > 0.2 ? std::vector<std::string>{"--smooth", "auto"} : std::vector<std::string>{};
+  const auto with = [&](const std::string& tolerance) {
+    std::vector<std::string> more = {"--tolerance", tolerance};
+    more.insert(more.end(), smooth.begin(), smooth.end());
+    return more;
+  };
+  const nlohmann::json report = run("decimate", in.string(), out, with("auto"));
+  const nlohmann::json& tolerance = report.at("tolerance");
+  const auto taken = tolerance.at("taken").get<double>();
+  CHECK(report.at("options").at("tolerance") == "auto");
+  CHECK(tolerance.at("noise").get<double>() == Approx(share * edge).epsilon(0.3));
+  CHECK(tolerance.at("edge").get<double>() > edge);
+  CHECK(taken == std::max(0.2 * tolerance.at("edge").get<double>(), tolerance.at("noise").get<double>()));
+  CHECK((taken == tolerance.at("noise").get<double>()) == (share > 0.2));
+  CHECK(report.at("certificate").at("proven") == true);
+  CHECK(report.at("certificate").at("tolerance").get<double>() == taken);
+  CHECK(report.contains("smoothing") == !smooth.empty());
+  run("decimate", in.string(), given, with(nlohmann::json(taken).dump()));
+  CHECK(file_bytes(given) == file_bytes(out));
+}
+
 TEST_CASE("decimate --smooth: without a bound of distance a number of faces says how far decimation goes",
           "[pipeline]") {
   const TempFolder folder;

@@ -264,6 +264,14 @@ void print_repairs(const std::string& input, const nlohmann::json& report) {
   if (!text.empty()) fmt::print("{}: repaired: {}\n", input, text);
 }
 
+void print_tolerance(const nlohmann::json& report) {
+  if (!report.contains("tolerance")) return;
+  const nlohmann::json& t = report.at("tolerance");
+  const bool scan = t.contains("h");
+  fmt::print("tolerance {:.4g}: {} is {:.4g}, the noise {:.3g}\n", t.at("taken").get<double>(),
+             scan ? "h" : "an edge", t.at(scan ? "h" : "edge").get<double>(), t.at("noise").get<double>());
+}
+
 void print_smoothing(const nlohmann::json& report) {
   if (!report.contains("smoothing")) return;
   const nlohmann::json& smoothing = report.at("smoothing");

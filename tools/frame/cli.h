@@ -95,6 +95,8 @@ ProgressSink stderr_sink();
 
 /// One line for what a job's import repaired, from `input` of its report; none for a sound mesh.
 void print_repairs(const std::string& input, const nlohmann::json& report);
+/// One line for what `--tolerance auto` was, from `tolerance` of a report; none where a number was given.
+void print_tolerance(const nlohmann::json& report);
 /// One line for what --smooth did, from `smoothing` of a report; none where there is none.
 void print_smoothing(const nlohmann::json& report);
 

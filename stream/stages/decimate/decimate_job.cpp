@@ -8,6 +8,7 @@
 #include "stream/import/system_beside.h"
 #include "stream/meshes/store_write_stage.h"
 #include "stream/page/report_page.h"
+#include "stream/runtime/auto_tolerance.h"
 #include "stream/runtime/idle_stage.h"
 #include "stream/runtime/report.h"
 #include "stream/stages/decimate/certify_stage.h"
@@ -43,6 +44,11 @@ SimplifyStores after(const SmoothBefore& smoothing, SimplifyStores stores) {
 void summarise(json& report) {
   report["input"] = import_report(report, kDecimateImport);
   report["mesh"] = result_of(report, "write");
+  if (const json noise = result_of(report, "noise");
+      report.at("options").at("tolerance") == "auto" && noise.is_object()) {
+    const double edge = noise.at("edge").get<double>(), deviation = noise.at("noise").get<double>();
+    report["tolerance"] = {{"taken", auto_tolerance(edge, deviation)}, {"edge", edge}, {"noise", deviation}};
+  }
   report["certificate"] = certificate_of(report);
   if (const json smoothing = smoothing_of(report); smoothing.is_object()) report["smoothing"] = smoothing;
 }
@@ -63,6 +69,13 @@ json certificate_of(const json& report) {
 std::vector<StageEntry> simplify_stages(const SimplifyOptions& options, SimplifyStores stores,
                                         const std::string& made_by) {
   std::vector<StageEntry> stages;
+  if (options.tolerance == kAutoTolerance && !stores.tolerance_left) {
+    if (!options.smooths()) stages = noise_stages(stores.full);
+    stores.tolerance_left = [](const JobState& state) {
+      const auto found = measured_noise(state.work);  // nothing before who asks needs it
+      return found ? auto_tolerance(found->edge, found->noise) : 0.0;
+    };
+  }
   if (options.smooths()) {
     const SmoothBefore smoothing = {options.smooth, stores.full, [=](const JobState& state) {
                                       return stores.options(state, options).tolerance;
@@ -72,7 +85,7 @@ std::vector<StageEntry> simplify_stages(const SimplifyOptions& options, Simplify
   }
   const bool own = options.reference == "surface";
   // Against a reference of its own a mesh may fail for good; another round helps where the passes were too bold.
-  const int rounds = own && options.tolerance > 0.0 ? kMostRounds : 1;
+  const int rounds = own && options.tolerance != 0.0 ? kMostRounds : 1;
   for (int round = 0; round < rounds; ++round) {
     for (int p = round == 0 && stores.after_first ? 1 : 0; p < options.passes; ++p) {
       if (options.target_faces > 0 && round == 0)
@@ -108,7 +121,8 @@ std::vector<StageEntry> simplify_stages(const SimplifyOptions& options, Simplify
       {"write", [=](const JobState& state) {
          return make_store_write_stage(
              state, open_pass_input(state, stores, {options.passes, last_round(state.work), false}),
-             "made by " + made_by + ", tolerance " + json(options.tolerance).dump(), sort_bytes(state.run));
+             "made by " + made_by + ", tolerance " + json(stores.options(state, options).tolerance).dump(),
+             sort_bytes(state.run));
        }});
   return stages;
 }
@@ -128,7 +142,11 @@ JobDescription decimate_job(const SimplifyOptions& options) {
     const auto append = [&](const std::vector<StageNeed>& more) {
       needs.insert(needs.end(), more.begin(), more.end());
     };
-    if (options.smooths()) append(smooth_before_needs(options.smooth, mesh));
+    if (options.smooths()) {
+      append(smooth_before_needs(options.smooth, mesh));
+    } else if (options.tolerance == kAutoTolerance) {
+      append(noise_needs(mesh));
+    }
     append(simplify_needs(state.run, options, mesh.faces));
     if (state.inputs.size() > 1)
       append(import_needs(state.run, {1, "reference"}, claimed_mesh_size(state.inputs[1])));

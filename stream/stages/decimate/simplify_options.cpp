@@ -4,6 +4,7 @@
 
 #include "kernels/certify/certificate.h"
 #include "octree/error.h"
+#include "stream/runtime/auto_tolerance.h"
 
 namespace tessera {
 namespace {
@@ -23,9 +24,12 @@ constexpr std::array<Priority, 6> kPriorities = {{{"quadric", DecimatePriority::
 
 OptionTable option_table(SimplifyOptions& o) {
   OptionTable t("What it computes");
-  t.add("tolerance", &o.tolerance,
-        "largest distance between result and reference, both ways, in the units of the mesh")
-      .at_least(0);
+  t.add(
+       "tolerance", &o.tolerance,
+       "largest distance between result and reference, both ways, in the units of the mesh; auto: a fifth of "
+       "its edges (root mean square), and no less than the noise measured in it, the report says which")
+      .at_least(0)
+      .or_word("auto", kAutoTolerance);
   t.add("target-faces", &o.target_faces, "stop at about so many faces; the tolerance, if any, still holds");
   t.add("reference", &o.reference,
         "surface (the input itself), or a mesh file: then the passes still stay within the tolerance of the "
@@ -71,7 +75,9 @@ OptionTable option_table(SimplifyOptions& o) {
 void SimplifyOptions::validate() const {
   if (tolerance == 0.0 && target_faces == 0)
     throw UsageError("give --tolerance above 0, or --target-faces, or both: nothing says how far to go");
-  kernel(true).validate();
+  SimplifyOptions known = *this;
+  if (tolerance == kAutoTolerance) known.tolerance = 1.0;
+  known.kernel(true).validate();
 }
 
 DecimateOptions SimplifyOptions::kernel(bool float_positions) const {

@@ -10,7 +10,8 @@
 namespace tessera {
 
 struct SimplifyOptions {
-  double tolerance = 0.0;  ///< units of the mesh; 0 = only a face count is given
+  double tolerance =
+      0.0;  ///< units of the mesh; 0 = only a face count is given; kAutoTolerance = measured in the job
   std::uint64_t target_faces = 0;
   std::string reference = "surface";
   double max_normal_deviation_deg = 0.0;
@@ -27,7 +28,7 @@ struct SimplifyOptions {
   bool smooths() const { return smooth != "off"; }
   /// \throws UsageError naming the option
   void validate() const;
-  /// What blocks are decimated with: the proof at the end is tight to a few percent, that much is left to it.
+  /// \pre the tolerance is known. What blocks are decimated with: the proof at the end is tight to a few percent, that much is left to it.
   DecimateOptions kernel(bool float_positions) const;
 };
 

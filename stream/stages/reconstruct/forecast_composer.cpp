@@ -91,12 +91,12 @@ class Composer {
       islands();
     else
       weld(patches);
-    if (options_.tolerance > 0.0) {
+    if (options_.decimates()) {
       if (!fused) import();
       if (options_.smooths()) smooth();
       decimate(patches + smoothed / 2);
     }
-    if (options_.tolerance == 0.0)
+    if (!options_.decimates())
       add("write", 0, {0, write_bytes(patches_.entries, filling_bytes()), write_bytes({}, filling_bytes())},
           forecast_.output_bytes, 1, faces_ * kWriteTime,
           static_cast<double>(patches + forecast_.output_bytes));
@@ -104,7 +104,7 @@ class Composer {
         std::max({inputs_.unpacked_bytes + run_bytes_, run_bytes_ + store_bytes_,
                   store_bytes_ + overlay_bytes_ + closing + patches,
                   patches + smoothed + forecast_.output_bytes + store_bytes_ + overlay_bytes_ + closing});
-    if (options_.tolerance > 0.0 && !fused)  // the raw mesh, its vertices and faces dealt out, its store
+    if (options_.decimates() && !fused)  // the raw mesh, its vertices and faces dealt out, its store
       forecast_.peak_disk_bytes =
           std::max(forecast_.peak_disk_bytes,
                    store_bytes_ + overlay_bytes_ +
@@ -222,7 +222,7 @@ class Composer {
           groups, 0.0, static_cast<double>(patches));
       add("holes", groups, known(hole_task_bytes(holes.edges), 0), 0, groups, 0.0, 0.0);
     }
-    if (options_.tolerance > 0.0)
+    if (options_.decimates())
       add("raw", 0, {0, write_bytes(patches_.entries, filling_bytes()), write_bytes({}, filling_bytes())},
           forecast_.output_bytes, 1, faces_ * kWriteTime,
           static_cast<double>(patches + forecast_.output_bytes));

@@ -66,6 +66,10 @@ void summarise(nlohmann::json& report) {
     if (holes.is_object() && holes.value("loops", 0) > 0) mesh["holes"] = holes;
     report["mesh"] = mesh;
   }
+  if (report.at("options").at("tolerance") == "auto" && survey.is_object() && survey.contains("h")) {
+    const double h = survey.at("h").get<double>(), noise = survey.at("noise_cells").get<double>() * h;
+    report["tolerance"] = {{"taken", auto_tolerance(h, noise)}, {"h", h}, {"noise", noise}};
+  }
   const nlohmann::json raw = result_of(report, "raw");
   if (raw.is_object()) {
     report["raw_mesh"] = {{"vertices", raw.at("vertices")}, {"faces", raw.at("faces")}};
@@ -86,7 +90,7 @@ std::vector<StageNeed> early_needs(const JobState& state) {
   std::vector<StageNeed> needs = {{"survey", survey_finish_bytes(state.run, bytes), 0}};
   if (options.resolution == 0.0) needs.push_back({"spacing", spacing_bytes(), 0});
   const std::uint64_t sorts =
-      options.tolerance > 0.0 ? write_mesh_store_bytes(0, 0, sort_bytes(state.run)) : write_bytes({}, 0);
+      options.decimates() ? write_mesh_store_bytes(0, 0, sort_bytes(state.run)) : write_bytes({}, 0);
   needs.push_back({"write", sorts, 0});
   return needs;
 }
@@ -123,7 +127,7 @@ std::vector<StageEntry> reconstruct_stages(const ReconstructOptions& options) {
                     {"samples", [=](const JobState& state) {
                        return make_samples_stage(
                            state,
-                           {simplify.tolerance,
+                           {reconstruct_tolerance(state),
                             [=](const JobState& s) {
                               return open_pass_input(s, stores, {simplify.passes, last_round(s.work), false});
                             },
@@ -139,25 +143,26 @@ std::vector<StageEntry> reconstruct_stages(const ReconstructOptions& options) {
   if (fuses_stores(options)) {
     append({{"islands", make_islands_stage}, {"prune", make_prune_stage}});
     if (fuses_first_pass(options))
-      finish({open_full_surface, open_first_pass, first_pass_blocks});
+      finish({open_full_surface, open_first_pass, first_pass_blocks, reconstruct_tolerance});
     else
-      finish({open_full_surface, nullptr, nullptr});
+      finish({open_full_surface, nullptr, nullptr, reconstruct_tolerance});
     return stages;
   }
   append({{"weld", make_weld_stage},
           {"border", make_border_stage},
           {"loops", make_loops_stage},
           {"holes", make_holes_stage}});
-  if (options.tolerance == 0.0) {
+  if (!options.decimates()) {
     append({{"write", make_write_stage}});
     return stages;
   }
   append({{"raw", make_raw_write_stage}});
   append(import_stages({0, "mesh", kRawMeshFile}));
   SimplifyStores stores = imported_stores("mesh");
+  stores.tolerance_left = reconstruct_tolerance;
   if (options.reference == "points") {
     append({{"points", [=](const JobState& state) {
-               return make_samples_stage(state, {options.tolerance, stores.full, true});
+               return make_samples_stage(state, {reconstruct_tolerance(state), stores.full, true});
              }}});
     stores.tolerance_left = [](const JobState& state) { return tolerance_left(state.work); };
   }

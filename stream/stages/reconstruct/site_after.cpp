@@ -14,7 +14,7 @@ namespace tessera {
 
 SiteForecast forecast_site(const Plan& plan, const JobState& reconstruction, const TilesOptions& tiles) {
   MeshSize mesh{plan.faces_estimate / 2, plan.faces_estimate};
-  if (reconstruct_options(reconstruction).tolerance > 0.0) mesh = {};
+  if (reconstruct_options(reconstruction).decimates()) mesh = {};
   return {tiles_needs(reconstruction.run, tiles, mesh), tiles_disk(tiles, mesh)};
 }
 

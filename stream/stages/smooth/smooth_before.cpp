@@ -38,15 +38,22 @@ SmoothOptions options_of(const std::string& method, double noise) {
   return options;
 }
 
-SmoothOptions options_of(const std::string& method, const json& found) {
-  const double edge = found.at("edge").get<double>();
-  return options_of(method, edge > 0.0 ? found.at("noise").get<double>() / edge : 0.0);
+SmoothOptions options_of(const std::string& method, const MeshNoise& found) {
+  return options_of(method, found.edge > 0.0 ? found.noise / found.edge : 0.0);
+}
+
+MeshNoise noise_of(const json& found) {
+  return {found.at("noise").get<double>(), found.at("edge").get<double>()};
+}
+
+StageEntry noise_entry(const std::function<MeshStore(const JobState&)>& mesh) {
+  return {kBefore, [=](const JobState& state) { return make_noise_stage(state, kBefore, mesh(state)); }};
 }
 
 SmoothPlan plan_of(const JobState& state, const SmoothBefore& before) {
   SmoothPlan plan;
-  if (std::filesystem::exists(state.work / kNoiseFile))  // else no round is due yet
-    plan.rounds = smooth_rounds(options_of(before.method, json::parse(read_text(state.work / kNoiseFile))));
+  if (const auto found = measured_noise(state.work))  // else no round is due yet
+    plan.rounds = smooth_rounds(options_of(before.method, *found));
   plan.tolerance = kMoveShare * before.tolerance(state);
   plan.mesh = before.mesh;
   plan.bounds = true;
@@ -60,12 +67,23 @@ std::vector<SmoothRound> smooth_before_rounds(const std::string& method) {
   return smooth_rounds(options_of(method, 1.0));
 }
 
+std::optional<MeshNoise> measured_noise(const std::filesystem::path& work) {
+  if (!std::filesystem::exists(work / kNoiseFile)) return std::nullopt;
+  return noise_of(json::parse(read_text(work / kNoiseFile)));
+}
+
+std::vector<StageEntry> noise_stages(const std::function<MeshStore(const JobState&)>& mesh) {
+  SmoothPlan plan;
+  plan.mesh = mesh;
+  std::vector<StageEntry> stages = smooth_stages({}, [plan](const JobState&) { return plan; });
+  stages.push_back(noise_entry(mesh));
+  return stages;
+}
+
 std::vector<StageEntry> smooth_before_stages(const SmoothBefore& before) {
   std::vector<StageEntry> stages = smooth_stages(
       smooth_before_rounds(before.method), [=](const JobState& state) { return plan_of(state, before); });
-  stages.insert(stages.begin() + 1, {kBefore, [=](const JobState& state) {
-                                       return make_noise_stage(state, kBefore, before.mesh(state));
-                                     }});
+  stages.insert(stages.begin() + 1, noise_entry(before.mesh));
   stages.push_back({kLeft, [=](const JobState& state) {
                       return make_noise_stage(state, kLeft, open_smoothed_before(state, before));
                     }});
@@ -79,8 +97,9 @@ MeshStore open_smoothed_before(const JobState& state, const SmoothBefore& before
 
 json smoothing_of(const json& report) {
   const json before = result_of(report, kBefore), left = result_of(report, kLeft);
-  if (!before.is_object()) return nullptr;
-  const SmoothOptions used = options_of(report.at("options").at("smooth").get<std::string>(), before);
+  const std::string method = report.at("options").value("smooth", std::string("off"));
+  if (!before.is_object() || method == "off") return nullptr;
+  const SmoothOptions used = options_of(method, noise_of(before));
   json moved = json::object();
   for (const json& stage : report.at("stages"))
     if (const json& result = stage.at("result");

@@ -10,7 +10,9 @@
 ///   noise            how noisy the given mesh is: decides `auto`, and how strong the plate of `implicit` is
 ///   noise-left       the same of the smoothed mesh, at the same vertices
 #pragma once
+#include <filesystem>
 #include <functional>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -29,6 +31,15 @@ struct SmoothBefore {
 };
 
 std::vector<StageEntry> smooth_before_stages(const SmoothBefore& before);
+/// reach and noise alone, for who wants to know how noisy a mesh is.
+std::vector<StageEntry> noise_stages(const std::function<MeshStore(const JobState&)>& mesh);
+/// What `noise` found, scan units.
+struct MeshNoise {
+  double noise = 0.0;  ///< standard deviation along the normal
+  double edge = 0.0;   ///< root mean square
+};
+/// Nothing before the stage is done.
+std::optional<MeshNoise> measured_noise(const std::filesystem::path& work);
 /// The smoothed mesh. \pre its stages are done
 MeshStore open_smoothed_before(const JobState& state, const SmoothBefore& before);
 /// The largest rounds that the job may run.

@@ -23,14 +23,20 @@ StageNeed smooth_round_need(const SmoothRound& rule, std::size_t round, const Me
           with(4 * (across + 2 * rings), mesh.vertices + mesh.vertices / 4)};
 }
 
-std::vector<StageNeed> smooth_before_needs(const std::string& method, const MeshSize& mesh,
-                                           std::uint64_t patch_vertices) {
+std::vector<StageNeed> noise_needs(const MeshSize& mesh, std::uint64_t patch_vertices) {
   const std::uint64_t patch = std::min(mesh.vertices, patch_vertices);
   std::vector<StageNeed> needs = {
       {"reach", 2 * MeshStore::block_bytes(patch, 2 * patch) + kTileSlackBytes, 0}};
   const std::uint64_t around = std::min(27 * patch, mesh.vertices + mesh.vertices / 4);
-  for (const char* noise : {"noise", "noise-left"})  // a patch, and all that may lie around it
-    needs.push_back({noise, noise_task_bytes(patch, 2 * patch), noise_task_bytes(around, 2 * around)});
+  // A patch, and all that may lie around it.
+  needs.push_back({"noise", noise_task_bytes(patch, 2 * patch), noise_task_bytes(around, 2 * around)});
+  return needs;
+}
+
+std::vector<StageNeed> smooth_before_needs(const std::string& method, const MeshSize& mesh,
+                                           std::uint64_t patch_vertices) {
+  std::vector<StageNeed> needs = noise_needs(mesh, patch_vertices);
+  needs.push_back({"noise-left", needs.back().sure, needs.back().likely});
   const std::vector<SmoothRound> rounds = smooth_before_rounds(method);
   for (std::size_t round = 1; round <= rounds.size(); ++round)
     needs.push_back(smooth_round_need(rounds[round - 1], round, mesh, patch_vertices));

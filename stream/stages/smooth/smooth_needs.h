@@ -17,6 +17,10 @@ namespace tessera {
 StageNeed smooth_round_need(const SmoothRound& rule, std::size_t round, const MeshSize& mesh,
                             std::uint64_t patch_vertices);
 
+/// Of reach and noise alone. \param patch_vertices  of the largest patch
+std::vector<StageNeed> noise_needs(const MeshSize& mesh,
+                                   std::uint64_t patch_vertices = ImportPlan::kBrickVertices);
+
 /// Of all stages of smoothing before decimation (smooth_before.h). \param patch_vertices  of the largest patch
 std::vector<StageNeed> smooth_before_needs(const std::string& method, const MeshSize& mesh,
                                            std::uint64_t patch_vertices = ImportPlan::kBrickVertices);

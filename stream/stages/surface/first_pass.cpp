@@ -70,6 +70,13 @@ MeshStore open(const JobState& state, const char* folder, const char* pruned) {
 
 }  // namespace
 
+double reconstruct_tolerance(const JobState& state) {
+  const double asked = reconstruct_options(state).tolerance;
+  if (asked != kAutoTolerance) return asked;
+  const Plan plan = Plan::of_work(state.work);
+  return auto_tolerance(plan.lattice.h, plan.noise_cells * plan.lattice.h);
+}
+
 SimplifyOptions reconstruct_simplify_options(const ReconstructOptions& options) {
   SimplifyOptions simplify;
   simplify.tolerance = options.tolerance;
@@ -78,7 +85,7 @@ SimplifyOptions reconstruct_simplify_options(const ReconstructOptions& options) 
 }
 
 bool fuses_stores(const ReconstructOptions& options) {
-  return options.tolerance > 0.0 && options.max_hole_edges() == 0 && !options.smooths_border() &&
+  return options.decimates() && options.max_hole_edges() == 0 && !options.smooths_border() &&
          options.reference == "surface";
 }
 
@@ -148,7 +155,9 @@ struct FirstPass::Impl {
     least_faces = options.min_component != 0 ? options.min_component : automatic_min_component(0);
     if (fuses_first_pass(options))
       first.emplace(c.create(kFirstPassFolder + task_file_stem(t) + ".tmm"), info);
-    kernel = reconstruct_simplify_options(options).kernel(!info.double_positions);
+    SimplifyOptions simplify = reconstruct_simplify_options(options);
+    simplify.tolerance = reconstruct_tolerance(state);
+    kernel = simplify.kernel(!info.double_positions);
   }
 
   /// Bricks of a cube that has too many faces go one by one as soon as that shows, so few wait in memory.

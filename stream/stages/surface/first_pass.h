@@ -24,7 +24,9 @@ struct Patch;
 struct ReconstructOptions;
 struct SimplifyOptions;
 
-/// What `reconstruct --tolerance` decimates with.
+/// What `--tolerance` of a reconstruction means, scan units. \pre the survey is done where it is `auto`
+double reconstruct_tolerance(const JobState& state);
+/// What `reconstruct --tolerance` decimates with, its tolerance as it was typed.
 SimplifyOptions reconstruct_simplify_options(const ReconstructOptions& options);
 /// True if the surface stage leaves stores that passes read: the job has a tolerance, no hole waits to be
 /// filled and no border to be smoothed, and what the points leave of the tolerance need not be known before.

@@ -122,6 +122,26 @@ TEST_CASE("option table: what is typed is read, or refused by name", "[unit]") {
   CHECK(way == "emc");
 }
 
+TEST_CASE("option table: a word that stands for a number is typed, kept and shown as the word", "[unit]") {
+  double share = 0.0;
+  OptionTable t;
+  t.add("share", &share, "a share").at_least(0).or_word("auto", -1.0);
+  const OptionRow* row = t.find("share");
+  CHECK(row->value_text() == "0");
+  row->set({"auto"});
+  CHECK(share == -1.0);
+  CHECK(row->value_text() == "auto");
+  CHECK(t.to_json() == json({{"share", "auto"}}));
+  share = 0.5;
+  t.from_json({{"share", "auto"}});
+  CHECK(share == -1.0);
+  t.from_json({{"share", 2}});
+  CHECK(share == 2.0);
+  CHECK_THROWS_WITH(row->set({"-1"}), Catch::Contains("at least 0"));
+  CHECK_THROWS_WITH(row->set({"automatic"}), Catch::Contains("is not auto or a finite number"));
+  CHECK(t.markdown().find("| `--share auto\\|X` | 2 | a share |") != std::string::npos);
+}
+
 TEST_CASE("option table: keys that are none are refused with the nearest one", "[unit]") {
   ReconstructOptions options;
   const OptionTable table = option_table(options);

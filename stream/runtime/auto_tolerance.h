@@ -1,0 +1,18 @@
+/// \file auto_tolerance.h
+/// `--tolerance auto` of jobs that decimate: what nobody would miss, and no less than what the scan cannot tell anyway.
+#pragma once
+#include <algorithm>
+
+namespace tessera {
+
+/// Stands for `auto` among the options.
+inline constexpr double kAutoTolerance = -1.0;
+
+/// Scan units. \param cell  the lattice's, or the edge of a mesh (root mean square)
+/// \param noise  standard deviation along the normal
+inline double auto_tolerance(double cell, double noise) {
+  constexpr double kShare = 0.2;
+  return std::max(kShare * cell, noise);
+}
+
+}  // namespace tessera
