@@ -116,7 +116,8 @@ void BrickBand::mark_cells(LeafMasks& m, bool with_halo) {
     m.cells[z] =
         ((all_valid[z] & all_valid[z + 1] & ~m.leaf->ended[z]) | m.leaf->closing[z]) & cell_window(m.at, z);
     if (!wants_active) continue;
-    m.active[z] = m.cells[z] & (any_inside[z] | any_inside[z + 1]) & ~(all_inside[z] & all_inside[z + 1]);
+    m.active[z] = m.cells[z] & (any_inside[z] | any_inside[z + 1]) & ~(all_inside[z] & all_inside[z + 1]) &
+                  ~m.leaf->quiet[z];
     m.any_active |= m.active[z] != 0;
   }
 }

@@ -44,10 +44,13 @@ bool inside_brick(const Int3& cell) {
 
 }  // namespace
 
-BrickExtractor::BrickExtractor(const DirectedField& field, const ExtractOptions& options)
+BrickExtractor::BrickExtractor(const DirectedField& field, const ExtractOptions& options, int level,
+                               const LevelCells* cells)
     : field_(field),
       method_(options.method),
       names_(options.names),
+      level_(level),
+      levels_(cells),
       thresholds_(feature_thresholds(options.feature_angle_deg, options.corner_angle_deg)),
       border_(field, band_) {
   thresholds_.exact = field.creased.empty();
@@ -57,7 +60,7 @@ BrickExtractor::BrickExtractor(const DirectedField& field, const ExtractOptions&
 VertexKey BrickExtractor::key(const Int3& at, int type) const {
   Int3 global;
   for (std::size_t a = 0; a < 3; ++a) {
-    global[a] = corner_[a] + at[a];
+    global[a] = (corner_[a] + at[a]) * (1 << level_);
     assert(global[a] >= 0 && global[a] < 1 << kMaxCellBits);
   }
   return make_vertex_key(static_cast<std::uint32_t>(global[0]), static_cast<std::uint32_t>(global[1]),
@@ -74,6 +77,7 @@ Float3 BrickExtractor::point_in_cell(int edge, std::uint32_t root) const {
 Patch BrickExtractor::extract(const Int3& brick, ExtractReport& report) {
   report_ = &report;
   patch_ = Patch{};
+  patch_.level = level_;
   any_alpha_ = 0;
   Int3 in_block;
   for (std::size_t a = 0; a < 3; ++a) {
@@ -89,11 +93,13 @@ Patch BrickExtractor::extract(const Int3& brick, ExtractReport& report) {
   feature_vertex_.clear();
   feature_root_.clear();
   first_feature_.assign(extended ? band_.active_cells() : 0, -1);
+  foreign_finer_.clear();
+  finer_slot_.clear();
 
   emit_edge_vertices();
   patch_.faces.reserve(2 * std::size_t{band_.own_edge_vertices()});
   for (const LeafMasks& m : band_.leaves())
-    if (m.any_active) trace_leaf(m);
+    if (m.any_active || (levels_ && m.own())) trace_leaf(m);
   if (extended) emit_feature_segments();
   if (!patch_.synthetic.empty()) patch_.synthetic.resize(patch_.faces.size(), 0);
   if (!patch_.border.empty()) patch_.border.resize(patch_.faces.size(), 0);
@@ -240,6 +246,7 @@ void BrickExtractor::trace_leaf(const LeafMasks& m) {
       trace_cell(m, b & 7, b >> 3, static_cast<int>(z), pattern, (rim[z] >> b & 1) != 0);
     }
   }
+  if (levels_ && m.own()) trace_level_cells(m);
 }
 
 void BrickExtractor::trace_cell(const LeafMasks& m, int x, int y, int z, unsigned pattern, bool at_rim) {
@@ -432,6 +439,10 @@ void BrickExtractor::settle_foreign() {
   const auto own = static_cast<std::uint32_t>(patch_.position.size());
   for (std::size_t i = 0; i < named.size(); ++i) {
     patch_.foreign.push_back(named[i].first);
+    if (levels_) {
+      const std::uint32_t slot = named[i].second;
+      patch_.foreign_finer.push_back(slot < foreign_finer_.size() ? foreign_finer_[slot] : std::uint8_t{0});
+    }
     if (names_) {
       patch_.foreign_position.push_back(foreign_position_[named[i].second]);
       patch_.foreign_rgba.push_back(foreign_rgba_[named[i].second]);

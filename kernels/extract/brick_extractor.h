@@ -3,12 +3,14 @@
 #pragma once
 #include <array>
 #include <cstdint>
+#include <unordered_map>
 #include <vector>
 
 #include "kernels/extract/border_shift.h"
 #include "kernels/extract/brick_band.h"
 #include "kernels/extract/extended_marching_cubes.h"
 #include "kernels/extract/feature_sample.h"
+#include "kernels/extract/level_cells.h"
 #include "kernels/extract/loop_triangulation.h"
 
 namespace tessera {
@@ -16,7 +18,9 @@ namespace tessera {
 /// Extracts brick after brick of one field; its buffers are reused.
 class BrickExtractor {
  public:
-  BrickExtractor(const DirectedField& field, const ExtractOptions& options);
+  /// \param level, cells  of the bricks, and of those whose edges finer bricks split; the field is mixed then
+  BrickExtractor(const DirectedField& field, const ExtractOptions& options, int level = 0,
+                 const LevelCells* cells = nullptr);
 
   /// \param brick  within the block, each coordinate in [0, cells / 64)
   Patch extract(const Int3& brick, ExtractReport& report);
@@ -45,6 +49,11 @@ class BrickExtractor {
   unsigned ends_before(const Int3& cell) const { return names_ && !band_.takes_part(cell) ? 1u : 0u; }
   bool keep_feature_loop(const Int3& cell, int number, const std::uint32_t* vertex,
                          const std::uint32_t* root);
+  void trace_level_cells(const LeafMasks& m);
+  void emit_level_loop(const Int3& cell, int number, const LevelLoop& loop);
+  std::uint32_t finer_vertex(const LevelPoint& point, const LevelCells::Name& name);
+  /// A cell across the face of the brick that belongs to a brick of another level: each side emits its own faces.
+  bool other_level(const Int3& cell) const;
   void emit_feature_segments();
   void emit_segment(FeatureLoop& loop, std::size_t s);
   bool should_flip(const FeatureLoop& above, const FeatureLoop& below, int axis, std::size_t s) const;
@@ -66,6 +75,8 @@ class BrickExtractor {
   const DirectedField& field_;
   ExtractMethod method_;
   bool names_;
+  int level_;
+  const LevelCells* levels_;
   FeatureThresholds thresholds_;
   BrickBand band_;
   BorderShift border_;
@@ -93,6 +104,8 @@ class BrickExtractor {
   std::vector<Float3> foreign_position_;
   std::vector<std::uint32_t> foreign_rgba_;
   std::vector<VertexClass> foreign_class_;
+  std::vector<std::uint8_t> foreign_finer_;  ///< where levels meet, of the first slots at least
+  std::unordered_map<VertexKey, std::uint32_t> finer_slot_;
 };
 
 }  // namespace tessera

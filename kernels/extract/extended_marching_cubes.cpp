@@ -36,4 +36,11 @@ ExtractReport extract_surface(const DirectedField& field, const ExtractOptions& 
   return report;
 }
 
+Patch extract_level_brick(const LevelFields& fields, const LevelSurroundings& around, int level,
+                          const ExtractOptions& options, ExtractReport& report) {
+  const DirectedField mixed = mix_levels(fields, around);
+  const LevelCells cells(fields, around, mixed);
+  return BrickExtractor(mixed, options, level, &cells).extract({0, 0, 0}, report);
+}
+
 }  // namespace tessera

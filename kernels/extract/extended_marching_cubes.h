@@ -40,4 +40,13 @@ struct ExtractReport {
 ExtractReport extract_surface(const DirectedField& field, const ExtractOptions& options,
                               const std::function<void(Patch&&)>& sink);
 
+struct LevelFields;
+struct LevelSurroundings;
+
+/// Extracts one brick of a lattice whose bricks have several sizes (brick_levels.h).
+/// \param level  its cells are 2^level cells of the finest lattice
+/// \post  as above, over the bricks of all levels; the patch is named on the finest lattice (Patch::level)
+Patch extract_level_brick(const LevelFields& fields, const LevelSurroundings& around, int level,
+                          const ExtractOptions& options, ExtractReport& report);
+
 }  // namespace tessera

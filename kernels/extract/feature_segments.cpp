@@ -40,8 +40,8 @@ void BrickExtractor::emit_segment(FeatureLoop& loop, std::size_t s) {
   across[static_cast<std::size_t>(axis)] += face & 1 ? 1 : -1;
   const int mirrored = mirrored_edge(feature_edge_[i], axis);
   if (face & 1) {  // the cell above owns the segment; if its loop is a feature it emits both sides
-    if (inside_brick(across) && !feature_loop_at(across, mirrored))
-      add_face(a, b, loop.centre, ends_before(across));
+    const bool emits = inside_brick(across) || (inside_brick(loop.cell) && other_level(across));
+    if (emits && !feature_loop_at(across, mirrored)) add_face(a, b, loop.centre, ends_before(across));
     return;
   }
   if (!inside_brick(loop.cell)) return;

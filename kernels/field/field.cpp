@@ -23,9 +23,6 @@ float support_radius(const FieldOptions& options) {
   return static_cast<float>(quanta / kQuantaPerCell);
 }
 
-/// Noise up to which samples count as exact, cells.
-constexpr double kExactNoise = 0.03;
-
 float cosine_to_90(double degrees) {
   return static_cast<float>(cosine_of_degrees(std::clamp(degrees, 0.0, 90.0)));
 }
@@ -97,7 +94,8 @@ int field_halo_cells(const FieldOptions& options) {
                   static_cast<int>(std::ceil(std::max(support_radius(options), kMostRadius))) + 2);
 }
 
-DirectedField evaluate_field(const PointBlock& points, const FieldOptions& options) {
+DirectedField evaluate_field(const PointBlock& points, const FieldOptions& options,
+                             const NodeFilter& wanted) {
   const PointLeaves leaves = index_leaves(points, true);
   const PointBlock coarse_points = average_normals(points);
   const PointLeaves coarse_leaves = index_leaves(coarse_points, false);
@@ -129,11 +127,17 @@ DirectedField evaluate_field(const PointBlock& points, const FieldOptions& optio
   SampleList samples, coarse;
   std::vector<Sheets> sheets;
   std::vector<RimNode> rims;
-  for (const BandNodes& nodes : band) {
+  for (BandNodes& nodes : band) {
     if (options.pause) options.pause();
     const auto index = static_cast<int>(nodes.leaf);
     const int i = index % leaves.dims[0] - 1, j = index / leaves.dims[0] % leaves.dims[1] - 1,
               k = index / (leaves.dims[0] * leaves.dims[1]) - 1;
+    LeafWords inside = nodes_in_block({i, j, k}, points.cells);
+    if (wanted) {
+      const LeafWords chosen = wanted({i, j, k});
+      for (std::size_t z = 0; z < 8; ++z) nodes.nodes[z] &= inside[z] &= chosen[z];
+      if (inside == LeafWords{}) continue;
+    }
     LeafFit& fit = fits.emplace_back();
     if (nodes.nodes != BandNodes().nodes) {
       const SampleBox reach = reach_of(nodes.nodes, fit_options.radius);
@@ -146,8 +150,8 @@ DirectedField evaluate_field(const PointBlock& points, const FieldOptions& optio
     if (!options.firm_rim)
       bridge_leaf(points, leaves, coarse_points, coarse_leaves, {i, j, k}, fit_options, scratch, fit);
     if (strewn.size() > 0)
-      join_bodies({strewn, strewn_leaves, coarse_points, coarse_leaves}, {i, j, k},
-                  nodes_in_block({i, j, k}, points.cells), body_scratch, fit, scratch.rim, sheets);
+      join_bodies({strewn, strewn_leaves, coarse_points, coarse_leaves}, {i, j, k}, inside, body_scratch, fit,
+                  scratch.rim, sheets);
     keep_rims(scratch.rim, fit, rims);
     std::uint64_t any = 0;
     for (const std::uint64_t word : fit.valid) any |= word;

@@ -27,14 +27,23 @@ struct FieldOptions {
       pause{};  ///< called for every leaf; what it throws ends the evaluation; empty = never
 };
 
+/// Noise up to which samples count as exact, cells: of others DirectedField::creased is told.
+inline constexpr double kExactNoise = 0.03;
+
 /// What `evaluate_field` reaches beyond the block's core: the points handed in must be complete within it: the
 /// radius and the halo nodes, at least the 8 cells over which the closing of the band reaches a halo node.
 int field_halo_cells(const FieldOptions& options);
+
+/// Nodes of a leaf (relative to the block, in leaves) that are to be evaluated.
+using NodeFilter = std::function<LeafWords(const Int3& leaf)>;
 
 /// Evaluates the band of a block.
 /// \param points  core and halo of the block, canonical order, oriented; points without normal are ignored, or bodies
 /// \post every node value, sign and root is a pure function of the points within field_halo_cells - 1 of the
 ///       node: the same bits for any block that holds it
-DirectedField evaluate_field(const PointBlock& points, const FieldOptions& options);
+/// \param wanted  no others get values: the same bits for those; roots and borders for edges and cells of such
+///                nodes alone; empty = all
+DirectedField evaluate_field(const PointBlock& points, const FieldOptions& options,
+                             const NodeFilter& wanted = {});
 
 }  // namespace tessera

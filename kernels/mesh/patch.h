@@ -60,6 +60,11 @@ struct Patch {
   std::vector<VertexClass> foreign_class;
   std::vector<std::uint8_t> border;  ///< per face: bit i, the surface ends at its edge i; empty if nowhere
 
+  // Of a brick of 64^3 cells of 2^level: `brick` and positions are those of its lattice, names of the finest one.
+  int level = 0;
+  /// Per foreign vertex: 1 if its position is relative to a brick of the next finer level; empty if none is.
+  std::vector<std::uint8_t> foreign_finer;
+
   bool empty() const { return faces.empty() && position.empty(); }
 };
 

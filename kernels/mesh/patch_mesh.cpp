@@ -62,7 +62,11 @@ MeshBlock make_mesh_block(const Patch& patch, const MeshFrame& frame) {
     const std::size_t f = v - own;
     const VertexKey name = is_own ? patch.name[v] : patch.foreign[f];
     const Float3& local = is_own ? patch.position[v] : patch.foreign_position[f];
-    const Int3 brick = is_own ? patch.brick : vertex_brick(name);
+    const bool finer = !is_own && !patch.foreign_finer.empty() && patch.foreign_finer[f] != 0;
+    const int level = patch.level - (finer ? 1 : 0);
+    Int3 brick = is_own ? patch.brick : vertex_brick(name);
+    for (std::size_t a = 0; !is_own && a < 3; ++a) brick[a] >>= level;
+    const double cell = static_cast<double>(1 << level);
     block.key[v] = mesh_key(name);
     block.vertex_class[v] = is_own ? patch.vertex_class[v] : patch.foreign_class[f];
     if (frame.colour) {
@@ -70,7 +74,7 @@ MeshBlock make_mesh_block(const Patch& patch, const MeshFrame& frame) {
       if (!is_own) block.rgba[v] = patch.foreign_rgba[f];
     }
     for (std::size_t a = 0; a < 3; ++a) {
-      const double cells = brick[a] * double{kBrickCells} + double{local[a]};
+      const double cells = (brick[a] * double{kBrickCells} + double{local[a]}) * cell;
       const double world = frame.lattice.world(static_cast<int>(a), cells) - frame.shift[a];
       block.position[v][a] = frame.double_positions ? world : double{static_cast<float>(world)};
     }

@@ -12,6 +12,8 @@ const std::map<std::string, std::string>& parts_of_headers() {
       {"kernels/decimate/decimator_optimal.cpp", "kernels/decimate/decimator.h"},
       {"kernels/decimate/decimator_sweep.cpp", "kernels/decimate/decimator.h"},
       {"kernels/extract/feature_segments.cpp", "kernels/extract/brick_extractor.h"},
+      {"kernels/extract/level_faces.cpp", "kernels/extract/brick_extractor.h"},
+      {"kernels/picture/rasterizer_egl.cpp", "kernels/picture/rasterizer.h"},
       {"kernels/remesh/remesher_checks.cpp", "kernels/remesh/remesher.h"},
       {"kernels/remesh/remesher_relax.cpp", "kernels/remesh/remesher.h"},
       {"kernels/scene/sensor_source.cpp", "kernels/scene/sample_source.h"},
@@ -131,6 +133,7 @@ const std::map<std::string, std::string>& covering_tests() {
     by("kernels/extract/extended_marching_cubes", "kernels/extract",
        {"brick_band", "brick_extractor", "cell_loops", "feature_sample", "feature_segments",
         "loop_triangulation", "tangent_planes"});
+    by("kernels/extract/level_cells", "kernels/extract", {"brick_levels", "level_faces"});
     by("kernels/field/band_vdb", "kernels/field", {"band_leaf", "vdb_leaf"});
     by("kernels/field/field", "kernels/field",
        {"band", "bodies", "border", "coarse_normals", "crease_evidence", "directed_field", "edge_roots",
