@@ -19,8 +19,31 @@ std::uint32_t ReconstructOptions::max_hole_edges() const {
   return edges;
 }
 
+namespace {
+
+/// \throws UsageError for what levels cannot do
+void validate_levels(const ReconstructOptions& o) {
+  const auto refuse = [&](const std::string& option, const std::string& why) {
+    throw UsageError("--levels " + std::to_string(o.levels) + " with " + option + ": " + why +
+                     "; leave one of them out");
+  };
+  if (o.holes != "keep") refuse("--holes " + o.holes, "holes are closed in lattices of one cell size only");
+  if (o.max_hole_edges() > 0)
+    refuse("--max-hole " + o.max_hole, "holes are filled in lattices of one cell size only");
+  if (o.border == "smooth")
+    refuse("--border smooth", "borders are smoothed in lattices of one cell size only");
+  if (o.vegetation == "keep")
+    refuse("--vegetation keep", "strewn points get bodies in lattices of one cell size only");
+  if (o.reference == "points")
+    refuse("--reference points", "points are measured in lattices of one cell size only");
+  if (o.smooths()) refuse("--smooth " + o.smooth, "noise is measured in meshes of one cell size only");
+}
+
+}  // namespace
+
 void ReconstructOptions::validate() {
   max_hole_edges();
+  if (has_levels()) validate_levels(*this);
   PointFilter{*this};
   if (!clip.empty()) clip_rings = ClipPolygon::text_of_file(clip);
   if (up == Double3{0, 0, 0}) throw UsageError("--up 0,0,0: has no direction");

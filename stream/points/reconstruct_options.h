@@ -11,6 +11,7 @@ namespace tessera {
 
 struct ReconstructOptions {
   double resolution = 0.0;
+  std::uint64_t levels = 1;
   double radius = 0.0;  ///< where measured, at least 3 h
   std::string method = "emc";
   double feature_angle_deg = 25.0;
@@ -42,7 +43,10 @@ struct ReconstructOptions {
   bool keep_raw = false;
   bool local_output = false;
 
-  bool smooths_border() const { return border == "smooth" || (border == "auto" && tolerance == 0.0); }
+  bool has_levels() const { return levels > 1; }
+  bool smooths_border() const {
+    return border == "smooth" || (border == "auto" && tolerance == 0.0 && !has_levels());
+  }
   /// Whether the result is not the mesh of full resolution.
   bool decimates() const { return tolerance != 0.0; }
   bool smooths() const { return smooth != "off"; }
@@ -67,6 +71,10 @@ inline OptionTable option_table(ReconstructOptions& o) {
         "lattice spacing h, scan units; about 1.5 times the point spacing keeps what the scan holds; 0 = "
         "measured")
       .at_least(0);
+  t.add("levels", &o.levels,
+        "sizes of cells: where points lie densely enough they are h/2, h/4, ..., h/2^(N-1), h where they are "
+        "sparsest; the mesh stays one, without seams; 1 = h everywhere")
+      .within(1, 6);
   t.add("radius", &o.radius,
         "support radius of a sample, scan units: gaps up to about as wide are bridged, up to 1.8 times as "
         "wide among sparse samples; anything wider stays a border; 0 = measured, 3 h")

@@ -28,6 +28,7 @@
 #include "stream/stages/surface/first_pass.h"
 #include "stream/stages/surface/hole_limit.h"
 #include "stream/stages/surface/islands_stage.h"
+#include "stream/stages/surface/level_surface_stage.h"
 #include "stream/stages/surface/loops_stage.h"
 #include "stream/stages/surface/samples_stage.h"
 #include "stream/stages/surface/surface_stage.h"
@@ -61,7 +62,7 @@ class Composer {
         plan_bricks_(bricks),
         bricks_(planned_bricks(bricks, options_.max_brick_points)),
         points_(static_cast<double>(plan.points())),
-        faces_(static_cast<double>(plan.faces_estimate)),
+        faces_(expected_level_faces(plan, options_)),
         run_bytes_(times(points_, kRunBytes)),
         store_bytes_(times(points_, kStoreBytes)),
         overlay_bytes_(mode_.needed() ? times(points_, kOverlayBytes) : 0) {
@@ -85,7 +86,7 @@ class Composer {
     const bool fused = fuses_stores(options_);
     const std::uint64_t patches = times(faces_, fused ? kFirstPassBytes : kPatchBytes);
     const std::uint64_t smoothed = options_.smooths() ? times(faces_, 2 * kPatchBytes) : 0;
-    surface(fused, patches);
+    options_.has_levels() ? level_surface(patches) : surface(fused, patches);
     forecast_.output_bytes = times(faces_, kOutputBytes);
     if (fused)
       islands();
@@ -182,6 +183,10 @@ class Composer {
     return multipoles + rims;
   }
 
+  void level_surface(std::uint64_t patches) {
+    add("surface", groups_.size(), known(level_surface_task_bytes(most_points_near(bricks_)), 0), patches,
+        groups_.size(), faces_ * kSurfaceTime, static_cast<double>(store_bytes_ + overlay_bytes_ + patches));
+  }
   void surface(bool fused, std::uint64_t patches) {
     const BrickSectionStore no_cells({});
     std::uint64_t most = 0, open = 0;
@@ -309,7 +314,6 @@ class Composer {
          samples_task_bytes(largest_brick_, 0, 0)},
         0, 0, points_ * kSamplesTime, static_cast<double>(store_bytes_));
   }
-
   template <class Use>
   void for_each_tile(const Use& use) const {
     for (const TileGroup& group : groups_)

@@ -25,6 +25,8 @@
 #include "stream/stages/surface/first_pass.h"
 #include "stream/stages/surface/holes_stage.h"
 #include "stream/stages/surface/islands_stage.h"
+#include "stream/stages/surface/level_surface_stage.h"
+#include "stream/stages/surface/levels_stage.h"
 #include "stream/stages/surface/loops_stage.h"
 #include "stream/stages/surface/samples_stage.h"
 #include "stream/stages/surface/surface_stage.h"
@@ -54,8 +56,10 @@ void summarise(nlohmann::json& report) {
   if (islands.is_object()) {
     mesh = islands;
     mesh.erase("full_faces");
-    report["raw_mesh"] = {{"faces", islands.at("full_faces")}};
-    report["certificate"] = certificate_of(report);
+    if (const nlohmann::json certificate = certificate_of(report); certificate.is_object()) {
+      report["raw_mesh"] = {{"faces", islands.at("full_faces")}};
+      report["certificate"] = certificate;
+    }
   }
   if (const nlohmann::json smoothing = smoothing_of(report); smoothing.is_object())
     report["smoothing"] = smoothing;
@@ -89,8 +93,9 @@ std::vector<StageNeed> early_needs(const JobState& state) {
   for (const std::filesystem::path& input : state.inputs) bytes += std::filesystem::file_size(input);
   std::vector<StageNeed> needs = {{"survey", survey_finish_bytes(state.run, bytes), 0}};
   if (options.resolution == 0.0) needs.push_back({"spacing", spacing_bytes(), 0});
-  const std::uint64_t sorts =
-      options.decimates() ? write_mesh_store_bytes(0, 0, sort_bytes(state.run)) : write_bytes({}, 0);
+  const std::uint64_t sorts = options.decimates() || options.has_levels()
+                                  ? write_mesh_store_bytes(0, 0, sort_bytes(state.run))
+                                  : write_bytes({}, 0);
   needs.push_back({"write", sorts, 0});
   return needs;
 }
@@ -113,8 +118,13 @@ std::vector<StageEntry> reconstruct_stages(const ReconstructOptions& options) {
       {"multipole", make_multipole_stage},
       {"rims", make_rims_stage},
       {"close", make_close_stage},
-      {"surface", make_surface_stage},
   };
+  if (options.has_levels()) {
+    stages.push_back({"levels", make_levels_stage});
+    stages.push_back({"surface", make_level_surface_stage});
+  } else {
+    stages.push_back({"surface", make_surface_stage});
+  }
   const auto append = [&](std::vector<StageEntry> more) {
     for (StageEntry& entry : more) stages.push_back(std::move(entry));
   };
@@ -142,7 +152,12 @@ std::vector<StageEntry> reconstruct_stages(const ReconstructOptions& options) {
   };
   if (fuses_stores(options)) {
     append({{"islands", make_islands_stage}, {"prune", make_prune_stage}});
-    if (fuses_first_pass(options))
+    if (!options.decimates())
+      append({{"write", [](const JobState& state) {
+                 return make_store_write_stage(state, open_full_surface(state), "made by tessera reconstruct",
+                                               sort_bytes(state.run));
+               }}});
+    else if (fuses_first_pass(options))
       finish({open_full_surface, open_first_pass, first_pass_blocks, reconstruct_tolerance});
     else
       finish({open_full_surface, nullptr, nullptr, reconstruct_tolerance});

@@ -14,6 +14,7 @@
 #include "stream/files/task_files.h"
 #include "stream/points/reconstruct_options.h"
 #include "stream/stages/decimate/simplify_stage.h"
+#include "stream/stages/surface/level_files.h"
 #include "stream/stages/surface/output_frame.h"
 #include "stream/stages/surface/weld_stage.h"
 
@@ -34,7 +35,7 @@ struct Piece {
 };
 
 MeshFrame frame_of(const JobState& state) {
-  const Plan plan = Plan::of_work(state.work);
+  Plan plan = Plan::of_work(state.work);
   // The surface may reach one brick beyond the points.
   double farthest = 0.0;
   for (int corner = 0; corner < 8; ++corner) {
@@ -43,6 +44,7 @@ MeshFrame frame_of(const JobState& state) {
       brick[a] = corner >> a & 1 ? plan.brick_max[a] + 1 : std::max(0, plan.brick_min[a] - 1);
     farthest = std::max(farthest, farthest_coordinate(plan.lattice, brick));
   }
+  plan.lattice = finest_lattice(plan.lattice, reconstruct_options(state));
   return output_frame(state, plan, farthest);
 }
 
@@ -85,12 +87,12 @@ SimplifyOptions reconstruct_simplify_options(const ReconstructOptions& options) 
 }
 
 bool fuses_stores(const ReconstructOptions& options) {
-  return options.decimates() && options.max_hole_edges() == 0 && !options.smooths_border() &&
-         options.reference == "surface";
+  return (options.decimates() || options.has_levels()) && options.max_hole_edges() == 0 &&
+         !options.smooths_border() && options.reference == "surface";
 }
 
 bool fuses_first_pass(const ReconstructOptions& options) {
-  return fuses_stores(options) && !options.smooths();
+  return fuses_stores(options) && !options.smooths() && !options.has_levels();
 }
 
 MeshStore open_full_surface(const JobState& state) {
@@ -242,7 +244,9 @@ FirstPass::FirstPass(const JobState& state, TaskContext& context, std::size_t ta
 FirstPass::~FirstPass() = default;
 
 void FirstPass::add(const Patch& patch) {
-  impl_->take(brick_key(patch.brick), make_mesh_block(patch, impl_->frame));
+  Int3 brick = patch.brick;
+  for (int& b : brick) b <<= patch.level;
+  impl_->take(brick_key(brick), make_mesh_block(patch, impl_->frame));
 }
 
 json FirstPass::finish() {

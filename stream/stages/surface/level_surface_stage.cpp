@@ -1,0 +1,323 @@
+#include "stream/stages/surface/level_surface_stage.h"
+
+#include <algorithm>
+#include <array>
+#include <vector>
+
+#include <nlohmann/json.hpp>
+
+#include "kernels/extract/brick_levels.h"
+#include "kernels/extract/extended_marching_cubes.h"
+#include "kernels/field/field.h"
+#include "kernels/points/normals.h"
+#include "stream/files/task_files.h"
+#include "stream/points/plan.h"
+#include "stream/points/point_overlay.h"
+#include "stream/points/point_store.h"
+#include "stream/points/reconstruct_options.h"
+#include "stream/stages/scan/normals_mode.h"
+#include "stream/stages/surface/first_pass.h"
+#include "stream/stages/surface/level_files.h"
+#include "stream/stages/surface/surface_stage.h"
+
+namespace tessera {
+namespace {
+
+using json = nlohmann::json;
+
+constexpr int kLoadedEdge =
+    8;  ///< cells of the points' lattice: no part of a brick is loaded that is smaller
+// Per point: record and its arrays; the points of a brick and one below it as they are handed down; on a level, with
+// normals of that level and neighbourhoods. Held by tests/tools/levels_test.
+constexpr std::uint64_t kBytesPerPoint = 40 + 28 + 28 + 28 + 120;
+/// Leaves of 8^3 nodes of one brick, those shared with other levels too, and what becomes of them.
+constexpr std::uint64_t kBytesPerLeaf = 32'000;
+constexpr std::uint64_t kMostLeaves = 2000;
+constexpr std::uint64_t kMostFaces = std::uint64_t{1} << 16;  ///< of one brick
+constexpr std::uint64_t kFixedBytes = std::uint64_t{16} << 20;
+
+class LevelSurfaceStage : public Stage {
+ public:
+  explicit LevelSurfaceStage(const JobState& state)
+      : state_(state),
+        options_(reconstruct_options(state)),
+        levels_(static_cast<int>(options_.levels)),
+        plan_(Plan::of_work(state.work)),
+        store_(list_task_files(state.work / "points", ".tsp"), PointOverlay::open(state.work)),
+        tree_(level_tree_of_work(state.work, levels_)) {
+    field_ = field_options(plan_, options_.feature_angle_deg);
+    extract_.method =
+        options_.method == "mc" ? ExtractMethod::kMarchingCubes : ExtractMethod::kExtendedMarchingCubes;
+    extract_.feature_angle_deg = options_.feature_angle_deg;
+    extract_.corner_angle_deg = options_.corner_angle_deg;
+    extract_.names = true;
+    refines_normals_ = NormalsMode(options_, state.inputs.size(), plan_).estimate;
+    normals_.radius_cells = plan_.radius_cells;
+    TilingOptions tiling;
+    tiling.halo_cells = halo(levels_ - 1);
+    tiling.tile_bricks = 1;
+    groups_ = make_tile_groups(store_.bricks(), tiling);
+    load_bytes_ = state.run.memory_bytes / 4 / static_cast<std::uint64_t>(state.run.threads);
+  }
+
+  std::string name() const override { return "surface"; }
+  std::size_t task_count() const override { return groups_.size(); }
+  std::uint64_t units() const override { return store_.point_count(); }
+  std::string unit_name() const override { return "points"; }
+
+  std::uint64_t task_bytes(std::size_t task) const override {
+    std::uint64_t most = 0;
+    for (const Tile& tile : groups_[task]) most = std::max(most, loaded_points(tile.brick, levels_ - 1));
+    return level_surface_task_bytes(most);
+  }
+
+  json run(std::size_t task, TaskContext& context) const override {
+    Work work{context, {state_, context, task}, {}};
+    for (const Tile& tile : groups_[task]) {
+      context.check_stop();
+      visit(tile.brick, levels_ - 1, nullptr, work);
+      const BrickEntry* brick = store_.find(brick_key(tile.brick));
+      if (brick) context.advance(brick->points);
+    }
+    json summary = {{"bricks", work.bricks},
+                    {"faces_of_level", work.faces},
+                    {"loops", work.report.loops},
+                    {"crease_samples", work.report.crease_samples},
+                    {"corner_samples", work.report.corner_samples},
+                    {"flips", work.report.flips},
+                    {"rejected_samples", work.report.rejected_samples}};
+    summary["first_pass"] = work.pass.finish();
+    return summary;
+  }
+
+  std::uint64_t finish_bytes() const override { return 1u << 20; }
+
+  /// Bricks and faces by level, the finest first.
+  json finish(const std::vector<json>& summaries, TaskContext&) const override {
+    json sum = {{"h", plan_.lattice.h},
+                {"finest_h", finest_lattice(plan_.lattice, options_).h},
+                {"radius_cells", plan_.radius_cells}};
+    std::array<std::uint64_t, kMaxLevels> bricks{}, faces{};
+    for (const json& s : summaries) {
+      for (std::size_t l = 0; l < kMaxLevels; ++l) {
+        bricks[l] += s.at("bricks").at(l).get<std::uint64_t>();
+        faces[l] += s.at("faces_of_level").at(l).get<std::uint64_t>();
+      }
+      for (const char* count : {"loops", "crease_samples", "corner_samples", "flips", "rejected_samples"})
+        sum[count] = sum.value(count, std::uint64_t{0}) + s.at(count).get<std::uint64_t>();
+    }
+    const auto used = static_cast<std::ptrdiff_t>(levels_);
+    sum["bricks"] = std::vector<std::uint64_t>(bricks.begin(), bricks.begin() + used);
+    sum["faces_of_level"] = std::vector<std::uint64_t>(faces.begin(), faces.begin() + used);
+    return sum;
+  }
+
+ private:
+  struct Work {
+    TaskContext& context;
+    FirstPass pass;
+    ExtractReport report;
+    std::array<std::uint64_t, kMaxLevels> bricks{}, faces{};
+  };
+
+  int scale(int level) const {
+    return 1 << (levels_ - 1 - level);
+  }  ///< cells of the level along one of the points'
+  int edge(int level) const { return kBrickCells / scale(level); }  ///< of a brick, in cells of the points
+  /// How far around a brick points decide of it, in cells of the points: two cells, on the next coarser level one, and
+  /// what nodes and normals there see.
+  int halo(int level) const {
+    const int reach = field_halo_cells(field_) + (refines_normals_ ? normal_halo_cells(normals_) : 0);
+    const int cells = level + 1 < levels_ ? 2 * (1 + reach) : 2 + reach;
+    return (cells + scale(level) - 1) / scale(level);
+  }
+  static Int3 times(const Int3& at, int by) { return {at[0] * by, at[1] * by, at[2] * by}; }
+  std::uint64_t point_bound(const Int3& node, int level) const {
+    const int e = edge(level);
+    return store_.count_bound(times(node, e), {e, e, e}, halo(level));
+  }
+  bool is_leaf(const Int3& node, int level) const { return level == 0 || !tree_.is_split(node, level); }
+  bool loads(const Int3& node, int level, std::uint64_t points) const {
+    return points * kBytesPerPoint <= load_bytes_ || edge(level) <= kLoadedEdge || is_leaf(node, level);
+  }
+  static Int3 child(const Int3& node, int c) {
+    return {2 * node[0] + (c & 1), 2 * node[1] + (c >> 1 & 1), 2 * node[2] + (c >> 2)};
+  }
+
+  /// Most points that visit() loads at once.
+  std::uint64_t loaded_points(const Int3& node, int level) const {
+    const std::uint64_t points = point_bound(node, level);
+    if (points == 0 || loads(node, level, points)) return points;
+    std::uint64_t most = 0;
+    for (int c = 0; c < 8; ++c) most = std::max(most, loaded_points(child(node, c), level - 1));
+    return most;
+  }
+
+  /// \param around  what holds the node's points; null: not loaded yet
+  void visit(const Int3& node, int level, const PointBlock* around, Work& work) const {
+    const int e = edge(level);
+    PointBlock own;
+    if (around) {
+      own = part_of(*around, times(node, e), {e, e, e}, halo(level));
+      if (own.size() == 0) return;
+      around = &own;
+    } else {
+      const std::uint64_t bound = point_bound(node, level);
+      if (bound == 0) return;
+      if (loads(node, level, bound)) {
+        own = store_.load(times(node, e), {e, e, e}, halo(level));
+        if (own.size() == 0) return;
+        work.context.count_read(own.size() * sizeof(PointRecord));
+        around = &own;
+      }
+    }
+    if (is_leaf(node, level)) {
+      extract(node, level, *around, work);
+      return;
+    }
+    for (int c = 0; c < 8; ++c) visit(child(node, c), level - 1, around, work);
+  }
+
+  /// Points in [low - halo, low + cells + halo) in the same order, relative to `low`.
+  static PointBlock part_of(const PointBlock& points, const Int3& low, const Int3& cells, int halo) {
+    return scaled_part(points, 1, low, cells, halo);
+  }
+
+  /// The same on a finer lattice. \param by  cells of it along one of the points
+  static PointBlock scaled_part(const PointBlock& points, float by, const Int3& low, const Int3& cells,
+                                int halo) {
+    PointBlock out;
+    out.origin = low;
+    out.cells = cells;
+    Float3 offset;  // exact: a few thousand cells
+    for (std::size_t a = 0; a < 3; ++a)
+      offset[a] = static_cast<float>(points.origin[a]) * by - static_cast<float>(low[a]);
+    const auto take = [&](float x, std::size_t axis, float& to) {
+      to = x * by + offset[axis];
+      return to >= static_cast<float>(-halo) && to < static_cast<float>(cells[axis] + halo);
+    };
+    for (std::size_t i = 0; i < points.size(); ++i) {
+      Float3 p;
+      if (!take(points.x[i], 0, p[0]) || !take(points.y[i], 1, p[1]) || !take(points.z[i], 2, p[2])) continue;
+      out.x.push_back(p[0]), out.y.push_back(p[1]), out.z.push_back(p[2]);
+      out.nx.push_back(points.nx[i]), out.ny.push_back(points.ny[i]), out.nz.push_back(points.nz[i]);
+      if (!points.rgba.empty()) out.rgba.push_back(points.rgba[i]);
+    }
+    return out;
+  }
+
+  /// Planes of the neighbourhoods of this level in place of those that estimation saw on the coarsest one, which decided the sides.
+  PointBlock with_own_normals(const PointBlock& points, float by, const Int3& low, const Int3& cells) const {
+    Int3 first = low, size = cells;
+    for (std::size_t a = 0; a < 3; ++a) first[a] -= kLeafCells, size[a] += 2 * kLeafCells;
+    const PointBlock wide = scaled_part(points, by, first, size, normal_halo_cells(normals_));
+    const std::vector<PointShape> shapes = estimate_shapes(wide, normals_);
+    PointBlock out = scaled_part(points, by, low, cells, kLeafCells);
+    for (std::size_t i = 0; i < out.size(); ++i) {
+      const Float3& n = shapes.at(i).normal;
+      const float along = n[0] * out.nx[i] + n[1] * out.ny[i] + n[2] * out.nz[i];
+      if (along == 0.0f) continue;  // none of them, or none there
+      const float sign = along < 0.0f ? -1.0f : 1.0f;
+      out.nx[i] = sign * n[0], out.ny[i] = sign * n[1], out.nz[i] = sign * n[2];
+    }
+    return out;
+  }
+
+  /// The field of a block on a level. \param low  min corner, cells of that level
+  DirectedField evaluate(const PointBlock& around, int level, const Int3& low, int cells, Work& work,
+                         const std::function<bool(const Int3&)>& wanted) const {
+    const auto by = static_cast<float>(scale(level));
+    const Int3 size = {cells, cells, cells};
+    const PointBlock points = refines_normals_ && level + 1 < levels_
+                                  ? with_own_normals(around, by, low, size)
+                                  : scaled_part(around, by, low, size, kLeafCells);
+    FieldOptions options = field_;
+    options.noise_cells *= scale(level);
+    options.pause = [&work] { work.context.check_stop(); };
+    return evaluate_field(points, options, [&](const Int3& leaf) {
+      LeafWords words{};
+      for (int z = 0; z < 8; ++z)
+        for (int b = 0; b < 64; ++b)
+          if (wanted({8 * leaf[0] + (b & 7) - kLevelMargin, 8 * leaf[1] + (b >> 3) - kLevelMargin,
+                      8 * leaf[2] + z - kLevelMargin}))
+            words[static_cast<std::size_t>(z)] |= std::uint64_t{1} << b;
+      return words;
+    });
+  }
+
+  void extract(const Int3& leaf, int level, const PointBlock& around_points, Work& work) const {
+    work.context.check_stop();
+    LevelSurroundings around;
+    around.step = tree_.steps_around(leaf, level);
+    const auto before = [&](int cells) {  // a leaf of nodes before the brick, so many cells along it
+      Int3 at = times(leaf, cells);
+      for (int& c : at) c -= kLevelMargin;
+      return at;
+    };
+    LevelFields fields;
+    fields.noisy = field_.noise_cells * scale(level) > kExactNoise;
+    fields.own = evaluate(around_points, level, before(kBrickCells), kOwnLevelCells, work,
+                          [&](const Int3& n) { return wanted_own(around, n); });
+    if (around.has(-1))
+      fields.finer = evaluate(around_points, level - 1, before(2 * kBrickCells), kFinerLevelCells, work,
+                              [&](const Int3& n) { return wanted_finer(around, n); });
+    if (around.has(1))
+      fields.coarser = evaluate(around_points, level + 1, before(kBrickCells / 2), kCoarserLevelCells, work,
+                                [&](const Int3& n) { return wanted_coarser(around, n); });
+    Patch patch = extract_level_brick(fields, around, level, extract_, work.report);
+    if (patch.empty()) return;
+    ++work.bricks[static_cast<std::size_t>(level)];
+    work.faces[static_cast<std::size_t>(level)] += patch.faces.size();
+    work.pass.add(patch);
+  }
+
+  JobState state_;
+  ReconstructOptions options_;
+  int levels_;
+  Plan plan_;
+  PointStore store_;
+  LevelTree tree_;
+  FieldOptions field_;
+  ExtractOptions extract_;
+  NormalOptions normals_;
+  bool refines_normals_ = false;
+  std::vector<TileGroup> groups_;
+  std::uint64_t load_bytes_ = 0;
+};
+
+}  // namespace
+
+double expected_level_faces(const Plan& plan, const ReconstructOptions& options) {
+  const auto one = static_cast<double>(plan.faces_estimate);
+  if (!options.has_levels()) return one;
+  return std::max(one, std::min(one * static_cast<double>(std::uint64_t{1} << 2 * (options.levels - 1)),
+                                2.0 * static_cast<double>(plan.points())));
+}
+
+std::uint64_t most_points_near(std::span<const BrickEntry> bricks) {
+  std::uint64_t most = 0;
+  for (const BrickEntry& brick : bricks) {
+    const Int3 at = brick_of_key(brick.key);
+    std::uint64_t points = 0;
+    for (int d = 0; d < 27; ++d) {
+      const Int3 n = {at[0] + d % 3 - 1, at[1] + d / 3 % 3 - 1, at[2] + d / 9 - 1};
+      if (n[0] < 0 || n[1] < 0 || n[2] < 0) continue;
+      if (const BrickEntry* e = find_brick(bricks, brick_key(n)))
+        points += d == 13 ? e->points : e->points / 4;
+    }
+    most = std::max(most, points);
+  }
+  return most;
+}
+
+std::uint64_t level_surface_task_bytes(std::uint64_t points) {
+  const std::uint64_t leaves = std::min(kMostLeaves, 27 * points);
+  const std::uint64_t faces = std::min(kMostFaces, 64 * leaves);
+  return points * kBytesPerPoint + leaves * kBytesPerLeaf + FirstPass::bytes(2 * faces, faces) + kFixedBytes;
+}
+
+std::unique_ptr<Stage> make_level_surface_stage(const JobState& state) {
+  return std::make_unique<LevelSurfaceStage>(state);
+}
+
+}  // namespace tessera

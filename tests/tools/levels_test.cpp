@@ -1,0 +1,145 @@
+// reconstruct --levels: small cells where points are dense, large ones where they are sparse, one mesh without seams.
+#include <catch2/catch.hpp>
+
+#include <string>
+#include <vector>
+
+#include <nlohmann/json.hpp>
+
+#include "stream/check/mesh_check.h"
+#include "stream/formats/meshes/mesh_io.h"
+#include "tests/helpers/command.h"
+#include "tests/helpers/serial_job.h"
+
+using namespace tessera;
+using namespace tessera::test;
+
+namespace {
+
+namespace fs = std::filesystem;
+
+/// A town from one set-up: dense at the scanner's foot, sparse at the end of the streets.
+std::string town(const fs::path& folder, const std::string& points, std::vector<std::string> more = {}) {
+  const std::string path = (folder / "town.ply").string();
+  std::vector<std::string> words = {"synth", "--scene",  "city", "--mode", "terrestrial", "--views",
+                                    "1",     "--points", points, "-o",     path};
+  words.insert(words.end(), more.begin(), more.end());
+  REQUIRE(tessera_command(words).code == 0);
+  return path;
+}
+
+std::vector<std::string> job(const std::string& in, const fs::path& out,
+                             const std::vector<std::string>& more) {
+  std::vector<std::string> words = {"reconstruct", in, "-o", out.string(), "--progress", "none", "-q"};
+  words.insert(words.end(), more.begin(), more.end());
+  return words;
+}
+
+nlohmann::json run(const std::string& in, const fs::path& out, const std::vector<std::string>& more) {
+  const CommandResult r = tessera_command(job(in, out, more));
+  INFO(r.errors);
+  REQUIRE(r.code == 0);
+  return nlohmann::json::parse(file_bytes(out.string() + ".report.json"));
+}
+
+nlohmann::json stage(const nlohmann::json& report, const std::string& name) {
+  for (const auto& entry : report.at("stages"))
+    if (entry.at("name") == name) return entry.at("result");
+  return {};
+}
+
+MeshCheck checked(const fs::path& file, const fs::path& temp) {
+  MeshCheckOptions options;
+  options.temp = temp;
+  return check_mesh(*open_mesh_file(file), options);
+}
+
+}  // namespace
+
+TEST_CASE("reconstruct --levels: same bytes over tiles, threads, caps, processes and kills", "[property]") {
+  const TempFolder folder;
+  const std::string in = town(folder.path(), "120000", {"--normals"});
+  const std::vector<std::string> base = {"--levels", "4"};
+  const auto bytes = [&](std::vector<std::string> more) {
+    const fs::path out = folder.path() / "out.ply";
+    fs::remove(out);
+    more.insert(more.end(), base.begin(), base.end());
+    const nlohmann::json report = run(in, out, more);
+    CHECK_FALSE(fs::exists(out.string() + ".tessera"));
+    // All levels take part.
+    for (const auto& faces : stage(report, "surface").at("faces_of_level")) CHECK(faces.get<int>() > 500);
+    return file_bytes(out);
+  };
+  const std::string want = bytes({"-t", "1", "--tile-size", "64", "--memory", "2G"});
+  CHECK(bytes({"-t", "2", "--tile-size", "256", "--memory", "2G"}) == want);
+  CHECK(bytes({"-t", "5", "--memory", "3G"}) == want);
+  CHECK(bytes({"-t", "1", "--memory", "512M"}) == want);
+  CHECK(bytes({"-t", "2", "--processes"}) == want);
+
+  const fs::path out = folder.path() / "killed.ply";
+  const std::vector<std::string> words = job(in, out, {"--levels", "4", "-t", "2"});
+  int kills = 0;
+  for (const unsigned ms : {150u, 400u, 700u, 1000u})
+    kills += tessera_command(words, ms).code == 128 + SIGKILL;
+  CHECK(kills > 0);
+  REQUIRE(tessera_command(words).code == 0);
+  CHECK(file_bytes(out) == want);
+}
+
+TEST_CASE("reconstruct --levels: one manifold, finer where the scan is dense, as large as with one level",
+          "[pipeline]") {
+  const TempFolder folder;
+  const bool estimate = GENERATE(false, true);
+  CAPTURE(estimate);
+  const std::string in = town(folder.path(), "200000",
+                              estimate ? std::vector<std::string>{} : std::vector<std::string>{"--normals"});
+  std::vector<std::string> more = {"--border", "raw", "--max-hole", "0"};
+  if (estimate) more.insert(more.end(), {"--normals", "estimate", "--max-uncertain", "1"});
+  const fs::path one = folder.path() / "one.ply", many = folder.path() / "many.ply",
+                 small = folder.path() / "small.ply";
+  const nlohmann::json flat = run(in, one, more);
+  const double h = stage(flat, "surface").at("h").get<double>();
+  more.insert(more.end(), {"--levels", "3"});
+  const nlohmann::json levels = run(in, many, more);
+  CHECK(stage(levels, "surface").at("h").get<double>() == h);
+  CHECK(stage(levels, "surface").at("finest_h").get<double>() == h / 4);
+  const MeshCheck a = checked(one, folder.path()), b = checked(many, folder.path());
+  CHECK(b.defects().empty());
+  CHECK(b.faces > 2 * a.faces);
+  CHECK(b.area > 0.95 * a.area);
+  CHECK(b.area < 1.1 * a.area);
+
+  more.insert(more.end(), {"--tolerance", nlohmann::json(0.1 * h).dump()});
+  const nlohmann::json decimated = run(in, small, more);
+  CHECK(decimated.at("certificate").at("proven") == true);
+  CHECK(checked(small, folder.path()).defects().empty());
+  CHECK(decimated.at("mesh").at("faces").get<std::uint64_t>() * 2 < b.faces);
+}
+
+TEST_CASE("reconstruct --levels: what it cannot do is told before any pass", "[pipeline]") {
+  const TempFolder folder;
+  const std::string in = town(folder.path(), "20000", {"--normals"});
+  const auto refused = [&](const std::vector<std::string>& more, const std::string& word) {
+    std::vector<std::string> words = job(in, folder.path() / "out.ply", {"--levels", "2"});
+    words.insert(words.end(), more.begin(), more.end());
+    const CommandResult r = tessera_command(words);
+    INFO(r.errors);
+    CHECK(r.code == 2);
+    CHECK(r.errors.find(word) != std::string::npos);
+    CHECK_FALSE(fs::exists(folder.path() / "out.ply.tessera"));
+  };
+  refused({"--holes", "close"}, "--holes close");
+  refused({"--max-hole", "20"}, "--max-hole 20");
+  refused({"--border", "smooth"}, "--border smooth");
+  refused({"--vegetation", "keep"}, "--vegetation keep");
+  refused({"--tolerance", "0.1", "--reference", "points"}, "--reference points");
+  refused({"--tolerance", "0.1", "--smooth", "auto"}, "--smooth auto");
+  CHECK(tessera_command(job(in, folder.path() / "out.ply", {"--levels", "7"})).code == 2);
+  CHECK(tessera_command(job(in, folder.path() / "out.ply", {"--levels", "0"})).code == 2);
+  // A lattice of 2^20 cells at most: what is too fine shows when the scan is known.
+  const CommandResult r =
+      tessera_command(job(in, folder.path() / "out.ply", {"--levels", "6", "--resolution", "0.001"}));
+  INFO(r.errors);
+  CHECK(r.code == 2);
+  CHECK(r.errors.find("2^20") != std::string::npos);
+}
