@@ -36,7 +36,7 @@ struct RasterProof {
 /// \pre   as certify_pair(), and the core has a volume
 /// \post  where it is proven, certify_pair() finds both within the tolerance too: all that is taken for settled is so by
 ///   2^-11 of it, and search that narrow ends
-/// \cost  about 0.3 us per face, and that of the search; raster_filter_bytes() of both
+/// \cost  about 0.5 us per face, and that of the search; raster_filter_bytes() of both
 RasterProof prove_by_raster(const SurfaceFaces& a, const SurfaceFaces& b, const Box3& core,
                             const Double3& origin, const CertificateOptions& options);
 

@@ -46,7 +46,7 @@ double raster_pixel(const SurfaceFaces& a, const SurfaceFaces& b, double toleran
 /// \param tolerance  > 0
 /// \param pixel      > 0; any is right
 /// \post  a pure function of the arguments
-/// \cost  about 0.3 us per face of either surface; raster_filter_bytes() of the reference
+/// \cost  about 0.5 us per face of either surface; raster_filter_bytes() of the reference
 std::vector<std::uint32_t> raster_doubts(const SurfaceFaces& surface, const Box3& core,
                                          const SurfaceFaces& reference, const Double3& origin,
                                          double tolerance, double pixel,
