@@ -51,13 +51,6 @@ struct LevelCells::Links {
   }
 };
 
-bool LevelCells::is_transition(const Int3& cell) const {
-  bool outer = false;
-  for (const int c : cell) outer = outer || c == 0 || c == kBrickCells - 1;
-  return outer &&
-         LevelPair(fields_.own, fields_.finer, around_, 2 * kBrickCells, -1).is_transition(doubled(cell));
-}
-
 LevelPair::Node LevelCells::node(const Int3& at, bool quarter) const {
   if (quarter || ((at[0] | at[1] | at[2]) & 1)) return node_of(fields_.finer, at);
   const Int3 n = {at[0] >> 1, at[1] >> 1, at[2] >> 1};

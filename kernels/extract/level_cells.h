@@ -29,9 +29,8 @@ class LevelCells {
   LevelCells(const LevelFields& fields, const LevelSurroundings& around, const DirectedField& mixed)
       : fields_(fields), around_(around), mixed_(mixed) {}
 
-  /// Whether the cell has a split edge. \param cell  of the brick
-  bool is_transition(const Int3& cell) const;
-  /// \pre is_transition(cell), and it takes part. Loops of two points join what lies beyond both: no faces
+  /// Loops of two points join what lies beyond both: they have no faces.
+  /// \param cell  of the brick; it has a split edge (LevelPair::is_transition) and takes part
   std::vector<LevelLoop> trace(const Int3& cell, const BrickBand& band) const;
   int step_of(const Int3& cell) const { return around_.touching(cell, {1, 1, 1}, kBrickCells).least; }
 
