@@ -3,7 +3,7 @@
 /// field and a row here.
 #pragma once
 #include "kernels/holes/hole_filling.h"
-#include "stream/runtime/auto_tolerance.h"
+#include "kernels/decimate/auto_tolerance.h"
 #include "stream/runtime/option_table.h"
 #include "stream/runtime/stage.h"
 

@@ -13,7 +13,6 @@ const std::map<std::string, std::string>& parts_of_headers() {
       {"kernels/decimate/decimator_sweep.cpp", "kernels/decimate/decimator.h"},
       {"kernels/extract/feature_segments.cpp", "kernels/extract/brick_extractor.h"},
       {"kernels/extract/level_faces.cpp", "kernels/extract/brick_extractor.h"},
-      {"kernels/picture/rasterizer_egl.cpp", "kernels/picture/rasterizer.h"},
       {"kernels/remesh/remesher_checks.cpp", "kernels/remesh/remesher.h"},
       {"kernels/remesh/remesher_relax.cpp", "kernels/remesh/remesher.h"},
       {"kernels/scene/sensor_source.cpp", "kernels/scene/sample_source.h"},

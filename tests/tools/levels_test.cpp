@@ -8,7 +8,7 @@
 
 #include "stream/check/mesh_check.h"
 #include "stream/formats/meshes/mesh_io.h"
-#include "tests/helpers/command.h"
+#include "tests/helpers/reconstruct_command.h"
 #include "tests/helpers/serial_job.h"
 
 using namespace tessera;
@@ -28,32 +28,6 @@ std::string town(const fs::path& folder, const std::string& points, std::vector<
   return path;
 }
 
-std::vector<std::string> job(const std::string& in, const fs::path& out,
-                             const std::vector<std::string>& more) {
-  std::vector<std::string> words = {"reconstruct", in, "-o", out.string(), "--progress", "none", "-q"};
-  words.insert(words.end(), more.begin(), more.end());
-  return words;
-}
-
-nlohmann::json run(const std::string& in, const fs::path& out, const std::vector<std::string>& more) {
-  const CommandResult r = tessera_command(job(in, out, more));
-  INFO(r.errors);
-  REQUIRE(r.code == 0);
-  return nlohmann::json::parse(file_bytes(out.string() + ".report.json"));
-}
-
-nlohmann::json stage(const nlohmann::json& report, const std::string& name) {
-  for (const auto& entry : report.at("stages"))
-    if (entry.at("name") == name) return entry.at("result");
-  return {};
-}
-
-MeshCheck checked(const fs::path& file, const fs::path& temp) {
-  MeshCheckOptions options;
-  options.temp = temp;
-  return check_mesh(*open_mesh_file(file), options);
-}
-
 }  // namespace
 
 TEST_CASE("reconstruct --levels: same bytes over tiles, threads, caps, processes and kills", "[property]") {
@@ -64,10 +38,11 @@ TEST_CASE("reconstruct --levels: same bytes over tiles, threads, caps, processes
     const fs::path out = folder.path() / "out.ply";
     fs::remove(out);
     more.insert(more.end(), base.begin(), base.end());
-    const nlohmann::json report = run(in, out, more);
+    const nlohmann::json report = reconstructed(in, out, more);
     CHECK_FALSE(fs::exists(out.string() + ".tessera"));
     // All levels take part.
-    for (const auto& faces : stage(report, "surface").at("faces_of_level")) CHECK(faces.get<int>() > 500);
+    for (const auto& faces : stage_result(report, "surface").at("faces_of_level"))
+      CHECK(faces.get<int>() > 500);
     return file_bytes(out);
   };
   const std::string want = bytes({"-t", "1", "--tile-size", "64", "--memory", "2G"});
@@ -77,7 +52,7 @@ TEST_CASE("reconstruct --levels: same bytes over tiles, threads, caps, processes
   CHECK(bytes({"-t", "2", "--processes"}) == want);
 
   const fs::path out = folder.path() / "killed.ply";
-  const std::vector<std::string> words = job(in, out, {"--levels", "4", "-t", "2"});
+  const std::vector<std::string> words = reconstruct_words(in, out, {"--levels", "4", "-t", "2"});
   int kills = 0;
   for (const unsigned ms : {150u, 400u, 700u, 1000u})
     kills += tessera_command(words, ms).code == 128 + SIGKILL;
@@ -97,12 +72,12 @@ TEST_CASE("reconstruct --levels: one manifold, finer where the scan is dense, as
   if (estimate) more.insert(more.end(), {"--normals", "estimate", "--max-uncertain", "1"});
   const fs::path one = folder.path() / "one.ply", many = folder.path() / "many.ply",
                  small = folder.path() / "small.ply";
-  const nlohmann::json flat = run(in, one, more);
-  const double h = stage(flat, "surface").at("h").get<double>();
+  const nlohmann::json flat = reconstructed(in, one, more);
+  const double h = stage_result(flat, "surface").at("h").get<double>();
   more.insert(more.end(), {"--levels", "3"});
-  const nlohmann::json levels = run(in, many, more);
-  CHECK(stage(levels, "surface").at("h").get<double>() == h);
-  CHECK(stage(levels, "surface").at("finest_h").get<double>() == h / 4);
+  const nlohmann::json levels = reconstructed(in, many, more);
+  CHECK(stage_result(levels, "surface").at("h").get<double>() == h);
+  CHECK(stage_result(levels, "surface").at("finest_h").get<double>() == h / 4);
   const MeshCheck a = checked(one, folder.path()), b = checked(many, folder.path());
   CHECK(b.defects().empty());
   CHECK(b.faces > 2 * a.faces);
@@ -110,7 +85,7 @@ TEST_CASE("reconstruct --levels: one manifold, finer where the scan is dense, as
   CHECK(b.area < 1.1 * a.area);
 
   more.insert(more.end(), {"--tolerance", nlohmann::json(0.1 * h).dump()});
-  const nlohmann::json decimated = run(in, small, more);
+  const nlohmann::json decimated = reconstructed(in, small, more);
   CHECK(decimated.at("certificate").at("proven") == true);
   CHECK(checked(small, folder.path()).defects().empty());
   CHECK(decimated.at("mesh").at("faces").get<std::uint64_t>() * 2 < b.faces);
@@ -120,7 +95,7 @@ TEST_CASE("reconstruct --levels: what it cannot do is told before any pass", "[p
   const TempFolder folder;
   const std::string in = town(folder.path(), "20000", {"--normals"});
   const auto refused = [&](const std::vector<std::string>& more, const std::string& word) {
-    std::vector<std::string> words = job(in, folder.path() / "out.ply", {"--levels", "2"});
+    std::vector<std::string> words = reconstruct_words(in, folder.path() / "out.ply", {"--levels", "2"});
     words.insert(words.end(), more.begin(), more.end());
     const CommandResult r = tessera_command(words);
     INFO(r.errors);
@@ -134,11 +109,11 @@ TEST_CASE("reconstruct --levels: what it cannot do is told before any pass", "[p
   refused({"--vegetation", "keep"}, "--vegetation keep");
   refused({"--tolerance", "0.1", "--reference", "points"}, "--reference points");
   refused({"--tolerance", "0.1", "--smooth", "auto"}, "--smooth auto");
-  CHECK(tessera_command(job(in, folder.path() / "out.ply", {"--levels", "7"})).code == 2);
-  CHECK(tessera_command(job(in, folder.path() / "out.ply", {"--levels", "0"})).code == 2);
+  CHECK(tessera_command(reconstruct_words(in, folder.path() / "out.ply", {"--levels", "7"})).code == 2);
+  CHECK(tessera_command(reconstruct_words(in, folder.path() / "out.ply", {"--levels", "0"})).code == 2);
   // A lattice of 2^20 cells at most: what is too fine shows when the scan is known.
-  const CommandResult r =
-      tessera_command(job(in, folder.path() / "out.ply", {"--levels", "6", "--resolution", "0.001"}));
+  const CommandResult r = tessera_command(
+      reconstruct_words(in, folder.path() / "out.ply", {"--levels", "6", "--resolution", "0.001"}));
   INFO(r.errors);
   CHECK(r.code == 2);
   CHECK(r.errors.find("2^20") != std::string::npos);

@@ -8,7 +8,7 @@
 
 #include "stream/check/mesh_check.h"
 #include "stream/formats/meshes/mesh_io.h"
-#include "tests/helpers/command.h"
+#include "tests/helpers/reconstruct_command.h"
 #include "tests/helpers/serial_job.h"
 
 using namespace tessera;
@@ -27,32 +27,6 @@ std::string scan(const fs::path& folder, const std::string& scene, const std::st
   return path;
 }
 
-std::vector<std::string> job(const std::string& in, const fs::path& out,
-                             const std::vector<std::string>& more) {
-  std::vector<std::string> words = {"reconstruct", in, "-o", out.string(), "--progress", "none", "-q"};
-  words.insert(words.end(), more.begin(), more.end());
-  return words;
-}
-
-nlohmann::json run(const std::string& in, const fs::path& out, const std::vector<std::string>& more) {
-  const CommandResult r = tessera_command(job(in, out, more));
-  INFO(r.errors);
-  REQUIRE(r.code == 0);
-  return nlohmann::json::parse(file_bytes(out.string() + ".report.json"));
-}
-
-nlohmann::json stage(const nlohmann::json& report, const std::string& name) {
-  for (const auto& entry : report.at("stages"))
-    if (entry.at("name") == name) return entry.at("result");
-  return {};
-}
-
-MeshCheck checked(const fs::path& file, const fs::path& temp) {
-  MeshCheckOptions options;
-  options.temp = temp;
-  return check_mesh(*open_mesh_file(file), options);
-}
-
 }  // namespace
 
 TEST_CASE("reconstruct --tolerance auto: a fifth of h or the noise, and the same bytes as that number",
@@ -63,7 +37,7 @@ TEST_CASE("reconstruct --tolerance auto: a fifth of h or the noise, and the same
   const fs::path out = folder.path() / "out.ply", given = folder.path() / "given.ply";
   const std::string border = noise == "0.1s" ? "auto" : "smooth";  // both ways to the mesh of full resolution
   const nlohmann::json report =
-      run(in, out, {"--tolerance", "auto", "--border", border, "--resolution", "4"});
+      reconstructed(in, out, {"--tolerance", "auto", "--border", border, "--resolution", "4"});
   const nlohmann::json& tolerance = report.at("tolerance");
   const auto taken = tolerance.at("taken").get<double>();
   CHECK(tolerance.at("h") == 4.0);
@@ -71,7 +45,8 @@ TEST_CASE("reconstruct --tolerance auto: a fifth of h or the noise, and the same
   CHECK((taken > 0.8) == (noise == "0.5s"));
   CHECK(report.at("certificate").at("proven") == true);
   CHECK(report.at("certificate").at("tolerance").get<double>() == taken);
-  run(in, given, {"--tolerance", nlohmann::json(taken).dump(), "--border", border, "--resolution", "4"});
+  reconstructed(in, given,
+                {"--tolerance", nlohmann::json(taken).dump(), "--border", border, "--resolution", "4"});
   CHECK(file_bytes(given) == file_bytes(out));
 }
 
@@ -84,7 +59,7 @@ TEST_CASE("reconstruct --tolerance: same bytes over tiles, threads, caps, proces
     const fs::path out = folder.path() / "out.ply";
     fs::remove(out);
     more.insert(more.end(), base.begin(), base.end());
-    const nlohmann::json report = run(in, out, more);
+    const nlohmann::json report = reconstructed(in, out, more);
     CHECK_FALSE(fs::exists(out.string() + ".tessera"));
     CHECK(report.at("certificate").at("proven") == true);
     CHECK(report.at("certificate").at("certified_max").get<double>() <= 0.4);
@@ -99,7 +74,7 @@ TEST_CASE("reconstruct --tolerance: same bytes over tiles, threads, caps, proces
 
   const fs::path out = folder.path() / "killed.ply";
   const std::vector<std::string> words =
-      job(in, out, {"--resolution", "3.9", "--tolerance", "0.4", "-t", "2"});
+      reconstruct_words(in, out, {"--resolution", "3.9", "--tolerance", "0.4", "-t", "2"});
   int kills = 0;
   for (const unsigned ms : {150u, 300u, 500u, 800u})
     kills += tessera_command(words, ms).code == 128 + SIGKILL;
@@ -115,9 +90,11 @@ TEST_CASE("reconstruct --tolerance: the bound holds against the mesh that the jo
   const std::string in = scan(folder.path(), scene, "60000", {"--outliers", "0.001"});
   const fs::path raw = folder.path() / "raw.ply", small = folder.path() / "small.ply";
   const std::string border = GENERATE("raw", "smooth");
-  const nlohmann::json full = run(in, raw, {"--border", border});
-  const std::string tolerance = nlohmann::json(0.2 * stage(full, "surface").at("h").get<double>()).dump();
-  const nlohmann::json report = run(in, small, {"--tolerance", tolerance, "--keep-raw", "--border", border});
+  const nlohmann::json full = reconstructed(in, raw, {"--border", border});
+  const std::string tolerance =
+      nlohmann::json(0.2 * stage_result(full, "surface").at("h").get<double>()).dump();
+  const nlohmann::json report =
+      reconstructed(in, small, {"--tolerance", tolerance, "--keep-raw", "--border", border});
   CHECK(report.at("raw_mesh").at("faces") == full.at("mesh").at("faces"));
   for (const char* key : {"components", "largest_component_faces", "islands_dropped", "island_faces_dropped"})
     CHECK(report.at("mesh").at(key) == full.at("mesh").at(key));
@@ -141,9 +118,10 @@ TEST_CASE("reconstruct --tolerance: marks of closing faces survive", "[property]
   const TempFolder folder;
   const std::string in = scan(folder.path(), "sphere", "40000", {"--missing", "0.2"});
   const fs::path raw = folder.path() / "raw.ply", small = folder.path() / "small.ply";
-  const nlohmann::json full = run(in, raw, {"--holes", "close"});
-  const std::string tolerance = nlohmann::json(0.3 * stage(full, "surface").at("h").get<double>()).dump();
-  const nlohmann::json report = run(in, small, {"--holes", "close", "--tolerance", tolerance});
+  const nlohmann::json full = reconstructed(in, raw, {"--holes", "close"});
+  const std::string tolerance =
+      nlohmann::json(0.3 * stage_result(full, "surface").at("h").get<double>()).dump();
+  const nlohmann::json report = reconstructed(in, small, {"--holes", "close", "--tolerance", tolerance});
   const auto area = [](const fs::path& file, std::uint8_t mark) {
     const auto mesh = open_mesh_file(file);
     std::vector<Double3> position;
@@ -186,7 +164,7 @@ TEST_CASE(
                                     "--outliers",   "off"};
   };
   // 0.3 spacings of noise: the farthest of 40,000 points lies at about four standard deviations.
-  const CommandResult refused = tessera_command(job(in, out, words(0.4 * spacing)));
+  const CommandResult refused = tessera_command(reconstruct_words(in, out, words(0.4 * spacing)));
   CHECK(refused.code == 6);
   const std::string promise = "the least --tolerance that can do is ";
   const std::size_t at = refused.errors.find(promise);
@@ -204,7 +182,7 @@ TEST_CASE(
   std::size_t faces[2];
   for (const int more : {0, 1}) {
     const double tolerance = least * (1 + more);
-    const nlohmann::json report = run(in, out, words(tolerance));
+    const nlohmann::json report = reconstructed(in, out, words(tolerance));
     const double noise = report.at("points_to_surface").at("certified_max").get<double>();
     CHECK(noise <= least);
     CHECK(report.at("samples").at("certified_max").get<double>() <= tolerance);
@@ -216,7 +194,7 @@ TEST_CASE(
 
   // Exact points are as near as the surface is.
   const std::string exact = scan(folder.path(), "torus", "40000");
-  const nlohmann::json report = run(exact, out, words(0.4 * spacing));
+  const nlohmann::json report = reconstructed(exact, out, words(0.4 * spacing));
   const nlohmann::json& samples = report.at("samples");
   CHECK(samples.at("samples") == 40000);
   CHECK(samples.at("certified_max").get<double>() <= 0.4 * spacing);

@@ -8,7 +8,7 @@
 #include "stream/import/system_beside.h"
 #include "stream/meshes/store_write_stage.h"
 #include "stream/page/report_page.h"
-#include "stream/runtime/auto_tolerance.h"
+#include "kernels/decimate/auto_tolerance.h"
 #include "stream/runtime/idle_stage.h"
 #include "stream/runtime/report.h"
 #include "stream/stages/decimate/certify_stage.h"

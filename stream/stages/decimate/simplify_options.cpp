@@ -4,7 +4,7 @@
 
 #include "kernels/certify/certificate.h"
 #include "octree/error.h"
-#include "stream/runtime/auto_tolerance.h"
+#include "kernels/decimate/auto_tolerance.h"
 
 namespace tessera {
 namespace {
