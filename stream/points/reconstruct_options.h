@@ -2,8 +2,8 @@
 /// What a reconstruction computes: every option changes the result and is part of the job's identity. A new one is a
 /// field and a row here.
 #pragma once
-#include "kernels/holes/hole_filling.h"
 #include "kernels/decimate/auto_tolerance.h"
+#include "kernels/holes/hole_filling.h"
 #include "stream/runtime/option_table.h"
 #include "stream/runtime/stage.h"
 

@@ -2,13 +2,13 @@
 
 #include <nlohmann/json.hpp>
 
+#include "kernels/decimate/auto_tolerance.h"
 #include "octree/error.h"
 #include "stream/import/import_needs.h"
 #include "stream/import/import_stages.h"
 #include "stream/import/system_beside.h"
 #include "stream/meshes/store_write_stage.h"
 #include "stream/page/report_page.h"
-#include "kernels/decimate/auto_tolerance.h"
 #include "stream/runtime/idle_stage.h"
 #include "stream/runtime/report.h"
 #include "stream/stages/decimate/certify_stage.h"

@@ -3,8 +3,8 @@
 #include <array>
 
 #include "kernels/certify/certificate.h"
-#include "octree/error.h"
 #include "kernels/decimate/auto_tolerance.h"
+#include "octree/error.h"
 
 namespace tessera {
 namespace {
