@@ -60,8 +60,8 @@ int LevelTree::level_of(const Int3& brick) const {
   return 0;
 }
 
-std::array<std::int8_t, 27> LevelTree::steps_around(const Int3& leaf, int level) const {
-  std::array<std::int8_t, 27> steps{};
+std::array<int, 27> LevelTree::steps_around(const Int3& leaf, int level) const {
+  std::array<int, 27> steps{};
   for (int d = 0; d < 27; ++d) {
     const Int3 n = neighbour(leaf, d);
     if (d == 13 || !on_lattice(n, level)) continue;

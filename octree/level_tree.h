@@ -29,7 +29,7 @@ class LevelTree {
   /// Levels of the 26 bricks around a leaf relative to its own, as LevelSurroundings has them: -1, 0 or 1. What lies beyond the lattice is
   /// of its level.
   /// \param leaf  coordinates on its level
-  std::array<std::int8_t, 27> steps_around(const Int3& leaf, int level) const;
+  std::array<int, 27> steps_around(const Int3& leaf, int level) const;
   /// Whether a node of a level from 1 on is no leaf, given that it is part of the tree.
   bool is_split(const Int3& node, int level) const;
 

@@ -233,7 +233,7 @@ LevelSurroundings::Range LevelSurroundings::among(
   for (std::size_t k = bricks[2][0]; k <= bricks[2][1]; ++k)
     for (std::size_t j = bricks[1][0]; j <= bricks[1][1]; ++j)
       for (std::size_t i = bricks[0][0]; i <= bricks[0][1]; ++i) {
-        const auto s = static_cast<int>(step[i + 3 * j + 9 * k]);
+        const int s = step[i + 3 * j + 9 * k];
         out = {std::min(out.least, s), std::max(out.most, s)};
       }
   return out;

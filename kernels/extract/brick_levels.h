@@ -21,10 +21,10 @@ namespace tessera {
 
 /// Levels of the 26 bricks around one, relative to its own: -1 finer, 0 the same, 1 coarser.
 struct LevelSurroundings {
-  std::array<std::int8_t, 27> step{};  ///< by (dx + 1) + 3 (dy + 1) + 9 (dz + 1); its own is 0
+  std::array<int, 27> step{};  ///< by (dx + 1) + 3 (dy + 1) + 9 (dz + 1); its own is 0
 
   bool has(int wanted) const {
-    for (const std::int8_t s : step)
+    for (const int s : step)
       if (s == wanted) return true;
     return false;
   }

@@ -19,7 +19,7 @@ TEST_CASE("level tree: without splits all bricks are of the coarsest level", "[u
   const LevelTree tree(4, {});
   CHECK(tree.level_of({0, 0, 0}) == 3);
   CHECK(tree.level_of({511, 3, 77}) == 3);
-  for (const std::int8_t step : tree.steps_around({2, 2, 2}, 3)) CHECK(step == 0);
+  for (const int step : tree.steps_around({2, 2, 2}, 3)) CHECK(step == 0);
 }
 
 TEST_CASE("level tree: one fine node makes a ramp of levels around it", "[unit]") {
