@@ -20,10 +20,10 @@
 namespace tessera {
 
 struct DisplacementVolumeOptions {
-  int scales = 8;         ///< of volumes, from 1 / scales to 1
-  int coarse_rounds = 8;  ///< on each of them: all prisms, then the filters
-  int rounds = 4;         ///< of the surface itself
-  int last_sweeps = 8;    ///< over prisms alone, in the end
+  int scales = 8;          ///< of volumes, from 1 / scales to 1
+  int coarse_rounds = 12;  ///< on each of them: all prisms, then the filters
+  int rounds = 4;          ///< of the surface itself
+  int last_sweeps = 8;     ///< over prisms alone, in the end
 };
 
 struct DisplacementVolumeReport {
