@@ -9,6 +9,7 @@
 #include "stream/files/spill_file.h"
 #include "stream/import/import_bytes.h"
 #include "stream/import/import_stages.h"
+#include "stream/runtime/serial_stage.h"
 
 namespace tessera {
 namespace {
@@ -17,7 +18,7 @@ using json = nlohmann::json;
 
 constexpr std::uint32_t kNoVertex = 0xffffffffu;
 
-class ImportCornersStage : public Stage {
+class ImportCornersStage : public SerialStage {
  public:
   ImportCornersStage(const JobState& state, ImportSource source)
       : work_(state.work),
@@ -28,11 +29,8 @@ class ImportCornersStage : public Stage {
         vertices_(state.work, source_.folder) {}
 
   std::string name() const override { return source_.folder + "-corners"; }
-  std::size_t task_count() const override { return 0; }
-  std::uint64_t task_bytes(std::size_t) const override { return 0; }
   std::uint64_t units() const override { return 0; }
   std::string unit_name() const override { return "faces"; }
-  json run(std::size_t, TaskContext&) const override { return {}; }
   std::uint64_t finish_bytes() const override {
     return import_corners_bytes(run_, vertices_.plan().file_vertices);
   }

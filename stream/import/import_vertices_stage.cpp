@@ -14,6 +14,7 @@
 #include "stream/files/durable_file.h"
 #include "stream/import/import_bytes.h"
 #include "stream/import/import_stages.h"
+#include "stream/runtime/serial_stage.h"
 
 namespace tessera {
 namespace {
@@ -94,7 +95,7 @@ class KeptVertices {
   std::vector<Float3> position_;
 };
 
-class ImportReadStage : public Stage {
+class ImportReadStage : public SerialStage {
  public:
   ImportReadStage(const JobState& state, ImportSource source)
       : path_(source.path(state)),
@@ -104,11 +105,8 @@ class ImportReadStage : public Stage {
         names_(source_.folder) {}
 
   std::string name() const override { return source_.folder + "-read"; }
-  std::size_t task_count() const override { return 0; }
-  std::uint64_t task_bytes(std::size_t) const override { return 0; }
   std::uint64_t units() const override { return 0; }
   std::string unit_name() const override { return "vertices"; }
-  json run(std::size_t, TaskContext&) const override { return {}; }
   std::uint64_t finish_bytes() const override { return bytes_; }
 
   json finish(const std::vector<json>&, TaskContext& context) const override {

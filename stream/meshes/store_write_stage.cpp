@@ -7,13 +7,14 @@
 
 #include "stream/files/path_text.h"
 #include "stream/meshes/mesh_store_output.h"
+#include "stream/runtime/serial_stage.h"
 
 namespace tessera {
 namespace {
 
 using json = nlohmann::json;
 
-class StoreWriteStage : public Stage {
+class StoreWriteStage : public SerialStage {
  public:
   StoreWriteStage(std::string name, const JobState& state, std::filesystem::path path, MeshStore store,
                   std::string comment, std::uint64_t sort_bytes)
@@ -25,11 +26,8 @@ class StoreWriteStage : public Stage {
         sort_bytes_(sort_bytes) {}
 
   std::string name() const override { return name_; }
-  std::size_t task_count() const override { return 0; }
-  std::uint64_t task_bytes(std::size_t) const override { return 0; }
   std::uint64_t units() const override { return store_.face_count(); }
   std::string unit_name() const override { return "faces"; }
-  json run(std::size_t, TaskContext&) const override { return {}; }
   std::uint64_t finish_bytes() const override {
     return write_mesh_store_bytes(store_.largest_patch_bytes(), store_.patches().size(), sort_bytes_);
   }

@@ -60,6 +60,7 @@ const std::map<std::string, std::string>& parts_of_headers() {
       {"stream/stages/surface/rims_stage.cpp", "stream/stages/surface/closing_stages.h"},
       {"stream/stages/surface/tiling.cpp", "stream/stages/surface/surface_stage.h"},
       {"stream/stages/solid/csg_scene.cpp", "stream/stages/solid/csg_job.h"},
+      {"stream/stages/solid/inside_stage.cpp", "stream/stages/solid/solid_stages.h"},
       {"stream/stages/solid/lattice_stage.cpp", "stream/stages/solid/solid_stages.h"},
       {"stream/stages/solid/lines_stage.cpp", "stream/stages/solid/solid_stages.h"},
       {"stream/stages/solid/far_stages.cpp", "stream/stages/solid/solid_stages.h"},
@@ -169,8 +170,9 @@ const std::map<std::string, std::string>& covering_tests() {
         "merge_stages", "merge_strip_stage", "merge_zip_stage"});
     by("tools/solids", "kernels/solid", {"solid_shape"});
     by("tools/solids", "stream/stages/solid",
-       {"csg_job", "csg_scene", "distance_tiles", "lattice_stage", "lines_stage", "offset_stage",
-        "placed_shape", "resurface_job", "solid_mesh", "solid_stages", "solid_surface_stage", "solid_tiles"});
+       {"csg_job", "csg_scene", "distance_tiles", "inside_stage", "lattice_stage", "lines_stage",
+        "offset_stage", "placed_shape", "resurface_job", "solid_mesh", "solid_stages", "solid_surface_stage",
+        "solid_tiles"});
 
     by("tools/field", "stream/stages/solid", {"far_stages", "field_job", "field_stages", "surface_distance"});
     by("stream/import/mesh_import", "stream/import",
@@ -179,7 +181,7 @@ const std::map<std::string, std::string>& covering_tests() {
     by("tools/decimate", "stream/stages/decimate",
        {"certify_stage", "decimate_job", "pass_blocks", "round_before", "simplify_stage",
         "unsettled_region"});
-    by("tools/decimate", "stream/runtime", {"idle_stage"});
+    by("tools/decimate", "stream/runtime", {"serial_stage"});
     by("stream/runtime/option_table", "stream/stages/decimate", {"simplify_options"});
     by("tools/deform", "stream/stages/deform",
        {"base_stage", "basis_stage", "deform_files", "deform_job", "deform_needs", "deform_options",

@@ -9,7 +9,7 @@
 #include "stream/files/direct_file.h"
 #include "stream/files/durable_file.h"
 #include "stream/files/task_files.h"
-#include "stream/runtime/idle_stage.h"
+#include "stream/runtime/serial_stage.h"
 #include "stream/stages/decimate/pass_blocks.h"
 #include "stream/stages/decimate/unsettled_region.h"
 

@@ -8,6 +8,7 @@
 #include "kernels/smooth/smooth.h"
 #include "octree/error.h"
 #include "stream/import/import_stages.h"
+#include "stream/runtime/serial_stage.h"
 #include "stream/stages/deform/deform_files.h"
 #include "stream/stages/deform/deform_needs.h"
 #include "stream/stages/deform/deform_stages.h"
@@ -25,16 +26,13 @@ constexpr double kBaseShare = 0.5;
 constexpr double kCreaseAngle = 60.0;
 constexpr double kShortest = 0.25;  ///< of the edges: shorter ones that are left are merged
 
-class BaseStage : public Stage {
+class BaseStage : public SerialStage {
  public:
   BaseStage(const DeformOptions& options, bool own, MeshStore store)
       : options_(options), own_(own), store_(std::move(store)) {}
   std::string name() const override { return "base"; }
-  std::size_t task_count() const override { return 0; }
-  std::uint64_t task_bytes(std::size_t) const override { return 0; }
   std::uint64_t units() const override { return store_.face_count(); }
   std::string unit_name() const override { return "faces"; }
-  json run(std::size_t, TaskContext&) const override { return {}; }
   std::uint64_t finish_bytes() const override {
     return base_stage_bytes(own_, store_.face_count(), store_.block_bytes(all()), options_.base_vertices);
   }

@@ -14,6 +14,7 @@
 #include "stream/formats/meshes/mesh_io.h"
 #include "stream/runtime/long_call.h"
 #include "stream/runtime/numbers.h"
+#include "stream/runtime/serial_stage.h"
 #include "stream/stages/deform/deform_files.h"
 #include "stream/stages/deform/deform_needs.h"
 #include "stream/stages/deform/deform_stages.h"
@@ -26,7 +27,7 @@ namespace {
 
 using json = nlohmann::json;
 
-class BasisStage : public Stage {
+class BasisStage : public SerialStage {
  public:
   BasisStage(const JobState& state, const DeformOptions& options)
       : input_(state.inputs.at(0)),
@@ -37,11 +38,8 @@ class BasisStage : public Stage {
         script_(parse_edit(options.edit, "the edit")),
         base_(load_base(state.work / kBaseFile)) {}
   std::string name() const override { return "basis"; }
-  std::size_t task_count() const override { return 0; }
-  std::uint64_t task_bytes(std::size_t) const override { return 0; }
   std::uint64_t units() const override { return base_.position.size(); }
   std::string unit_name() const override { return "vertices"; }
-  json run(std::size_t, TaskContext&) const override { return {}; }
   std::uint64_t finish_bytes() const override {
     return basis_stage_bytes(base_.position.size(), script_, run_);
   }

@@ -10,6 +10,7 @@
 #include "stream/formats/meshes/mesh_io.h"
 #include "stream/meshes/mesh_weld.h"
 #include "stream/meshes/store_write_stage.h"
+#include "stream/runtime/serial_stage.h"
 #include "stream/runtime/work_dir.h"
 #include "stream/stages/deform/deform_files.h"
 #include "stream/stages/deform/deform_needs.h"
@@ -35,7 +36,7 @@ bool finite(const Double3& p) {
   return std::isfinite(p[0]) && std::isfinite(p[1]) && std::isfinite(p[2]);
 }
 
-class DeformWriteStage : public Stage {
+class DeformWriteStage : public SerialStage {
  public:
   DeformWriteStage(const JobState& state, const DeformOptions& options)
       : options_(options),
@@ -51,11 +52,8 @@ class DeformWriteStage : public Stage {
         script_(parse_edit(options.edit, applies_ ? "the pose" : "the edit")) {}
 
   std::string name() const override { return "write"; }
-  std::size_t task_count() const override { return 0; }
-  std::uint64_t task_bytes(std::size_t) const override { return 0; }
   std::uint64_t units() const override { return open_mesh_file(mesh_)->header().vertices; }
   std::string unit_name() const override { return "vertices"; }
-  json run(std::size_t, TaskContext&) const override { return {}; }
   std::uint64_t finish_bytes() const override {
     return write_stage_bytes(basis_size(file_, !prepares_), run_);
   }

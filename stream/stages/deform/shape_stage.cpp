@@ -3,6 +3,7 @@
 
 #include "stream/files/durable_file.h"
 #include "stream/import/import_stages.h"
+#include "stream/runtime/serial_stage.h"
 #include "stream/stages/deform/deform_stages.h"
 
 namespace tessera {
@@ -12,16 +13,13 @@ using json = nlohmann::json;
 
 constexpr std::uint64_t kSlackBytes = std::uint64_t{1} << 20;
 
-class ShapeStage : public Stage {
+class ShapeStage : public SerialStage {
  public:
   ShapeStage(const JobState& state, DeformOptions options)
       : options_(std::move(options)), store_(open_imported_mesh(state.work, kDeformImport)) {}
   std::string name() const override { return "shape"; }
-  std::size_t task_count() const override { return 0; }
-  std::uint64_t task_bytes(std::size_t) const override { return 0; }
   std::uint64_t units() const override { return store_.face_count(); }
   std::string unit_name() const override { return "faces"; }
-  json run(std::size_t, TaskContext&) const override { return {}; }
   std::uint64_t finish_bytes() const override { return store_.largest_patch_bytes() + kSlackBytes; }
 
   json finish(const std::vector<json>&, TaskContext& context) const override {

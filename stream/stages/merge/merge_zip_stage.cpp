@@ -6,6 +6,7 @@
 #include "kernels/mesh/mesh_block_ops.h"
 #include "octree/error.h"
 #include "stream/files/direct_file.h"
+#include "stream/runtime/serial_stage.h"
 #include "stream/stages/merge/merge_stages.h"
 
 namespace tessera {
@@ -25,7 +26,7 @@ struct StripVertex {
   auto operator<=>(const StripVertex&) const = default;
 };
 
-class ZipStage : public Stage {
+class ZipStage : public SerialStage {
  public:
   explicit ZipStage(const JobState& state)
       : plan_(MergePlan::of_work(state.work)),
@@ -34,11 +35,8 @@ class ZipStage : public Stage {
         strip_(open_merge_store(state.work, "strip")) {}
 
   std::string name() const override { return "zip"; }
-  std::size_t task_count() const override { return 0; }
-  std::uint64_t task_bytes(std::size_t) const override { return 0; }
   std::uint64_t units() const override { return rims_.face_count() + strip_.face_count(); }
   std::string unit_name() const override { return "faces"; }
-  json run(std::size_t, TaskContext&) const override { return {}; }
 
   std::uint64_t finish_bytes() const override {
     std::uint64_t vertices = 0, faces = 0;

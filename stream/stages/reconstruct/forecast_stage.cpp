@@ -9,6 +9,7 @@
 #include "stream/points/point_store.h"
 #include "stream/points/reconstruct_options.h"
 #include "stream/runtime/memory_budget.h"
+#include "stream/runtime/serial_stage.h"
 #include "stream/stages/reconstruct/forecast.h"
 #include "stream/stages/scan/survey_stage.h"
 
@@ -18,16 +19,13 @@ namespace {
 /// Tables of points, normals, patches, of a brick.
 constexpr std::uint64_t kLaterBrickBytes = 56 + 64 + 64;
 
-class ForecastStage : public Stage {
+class ForecastStage : public SerialStage {
  public:
   explicit ForecastStage(const JobState& job) : job_(job), plan_(Plan::of_work(job.work)) {}
 
   std::string name() const override { return "forecast"; }
-  std::size_t task_count() const override { return 0; }
-  std::uint64_t task_bytes(std::size_t) const override { return 0; }
   std::uint64_t units() const override { return 0; }
   std::string unit_name() const override { return "stages"; }
-  nlohmann::json run(std::size_t, TaskContext&) const override { return {}; }
   std::uint64_t finish_bytes() const override {
     return plan_.bricks * (2 * sizeof(PlanBrick) + sizeof(BrickEntry) + 2 * sizeof(PatchEntry) + 128) +
            (std::uint64_t{2} << 20);

@@ -10,7 +10,7 @@
 #include "octree/error.h"
 #include "stream/files/direct_file.h"
 #include "stream/files/task_files.h"
-#include "stream/runtime/idle_stage.h"
+#include "stream/runtime/serial_stage.h"
 #include "stream/stages/decimate/pass_blocks.h"
 #include "stream/stages/decimate/simplify_needs.h"
 #include "stream/stages/decimate/unsettled_region.h"

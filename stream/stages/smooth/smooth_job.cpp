@@ -5,7 +5,7 @@
 #include "stream/import/system_beside.h"
 #include "stream/meshes/store_write_stage.h"
 #include "stream/page/report_page.h"
-#include "stream/runtime/idle_stage.h"
+#include "stream/runtime/serial_stage.h"
 #include "stream/stages/smooth/coarse_files.h"
 #include "stream/stages/smooth/smooth_needs.h"
 #include "stream/stages/smooth/smooth_stage.h"

@@ -15,6 +15,7 @@
 #include "stream/formats/vdb_file.h"
 #include "stream/points/plan.h"
 #include "stream/runtime/numbers.h"
+#include "stream/runtime/serial_stage.h"
 #include "stream/stages/decimate/simplify_stage.h"
 #include "stream/stages/solid/solid_stages.h"
 #include "stream/stages/solid/surface_distance.h"
@@ -262,7 +263,7 @@ class CellsStage : public FarStage {
   double tolerance_;
 };
 
-class OctreeStage : public Stage {
+class OctreeStage : public SerialStage {
  public:
   OctreeStage(const JobState& state, const SolidModel& model)
       : state_(state),
@@ -272,11 +273,8 @@ class OctreeStage : public Stage {
     for (const auto& path : files_) bytes_ += std::filesystem::file_size(path);
   }
   std::string name() const override { return "octree"; }
-  std::size_t task_count() const override { return 0; }
-  std::uint64_t task_bytes(std::size_t) const override { return 0; }
   std::uint64_t units() const override { return bytes_; }
   std::string unit_name() const override { return "bytes"; }
-  json run(std::size_t, TaskContext&) const override { return {}; }
   std::uint64_t finish_bytes() const override { return OutputFile::kBufferBytes + 2 * kPage; }
 
   json finish(const std::vector<json>&, TaskContext& context) const override {

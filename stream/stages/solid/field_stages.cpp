@@ -10,6 +10,7 @@
 #include "stream/files/record_file.h"
 #include "stream/files/task_files.h"
 #include "stream/formats/vdb_file.h"
+#include "stream/runtime/serial_stage.h"
 #include "stream/stages/decimate/simplify_stage.h"
 #include "stream/stages/solid/distance_tiles.h"
 #include "stream/stages/solid/solid_stages.h"
@@ -102,7 +103,7 @@ class DistancesStage : public Stage {
   DistanceTiles tiles_;
 };
 
-class GridStage : public Stage {
+class GridStage : public SerialStage {
  public:
   GridStage(const JobState& state, const SolidModel& model)
       : state_(state),
@@ -115,11 +116,8 @@ class GridStage : public Stage {
   }
 
   std::string name() const override { return "grid"; }
-  std::size_t task_count() const override { return 0; }
-  std::uint64_t task_bytes(std::size_t) const override { return 0; }
   std::uint64_t units() const override { return leaves_; }
   std::string unit_name() const override { return "leaves"; }
-  json run(std::size_t, TaskContext&) const override { return {}; }
   std::uint64_t finish_bytes() const override {
     return write_level_set_bytes(leaves_) + leaves_ * sizeof(Place) + 2 * sign_bytes_ +
            kPage * sizeof(LevelSetLeaf);

@@ -6,6 +6,7 @@
 #include "octree/error.h"
 #include "stream/import/import_stages.h"
 #include "stream/runtime/numbers.h"
+#include "stream/runtime/serial_stage.h"
 #include "stream/stages/solid/solid_stages.h"
 
 namespace tessera {
@@ -17,15 +18,12 @@ constexpr double kCellsOfDiagonal = 300.0;
 constexpr double kLeastWall = 2.0;      ///< of a shell, cells
 constexpr double kOtherUnits = 1000.0;  ///< diagonals that differ so much: a warning
 
-class LatticeStage : public Stage {
+class LatticeStage : public SerialStage {
  public:
   LatticeStage(const JobState& state, SolidModel model) : state_(state), model_(std::move(model)) {}
   std::string name() const override { return "lattice"; }
-  std::size_t task_count() const override { return 0; }
-  std::uint64_t task_bytes(std::size_t) const override { return 0; }
   std::uint64_t units() const override { return 0; }
   std::string unit_name() const override { return "solids"; }
-  json run(std::size_t, TaskContext&) const override { return {}; }
   std::uint64_t finish_bytes() const override {
     std::uint64_t bytes = std::uint64_t{32} << 20;
     for (const PlacedShape& s : model_.shapes) bytes += placed_shape_bytes(state_, s);

@@ -18,6 +18,7 @@
 #include "stream/points/reconstruct_options.h"
 #include "stream/runtime/memory_budget.h"
 #include "stream/runtime/parallel.h"
+#include "stream/runtime/serial_stage.h"
 #include "stream/stages/surface/closing_stages.h"
 
 namespace tessera {
@@ -43,7 +44,7 @@ std::uint64_t set_limit(const RunOptions& run) {
   return run.memory_bytes / 4;
 }
 
-class CloseStage : public Stage {
+class CloseStage : public SerialStage {
  public:
   explicit CloseStage(const JobState& state)
       : state_(state), mode_(reconstruct_options(state).holes), plan_(Plan::of_work(state.work)) {
@@ -55,11 +56,8 @@ class CloseStage : public Stage {
   }
 
   std::string name() const override { return "close"; }
-  std::size_t task_count() const override { return 0; }
-  std::uint64_t task_bytes(std::size_t) const override { return 0; }
   std::uint64_t units() const override { return 0; }
   std::string unit_name() const override { return "bricks"; }
-  json run(std::size_t, TaskContext&) const override { return {}; }
   std::vector<std::string> obsolete() const override { return {"rims/"}; }
 
   std::uint64_t finish_bytes() const override {

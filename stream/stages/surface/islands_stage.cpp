@@ -16,6 +16,7 @@
 #include "stream/files/task_files.h"
 #include "stream/meshes/store_write_stage.h"
 #include "stream/points/reconstruct_options.h"
+#include "stream/runtime/serial_stage.h"
 #include "stream/stages/surface/first_pass.h"
 #include "stream/stages/surface/weld_stage.h"
 
@@ -39,7 +40,7 @@ struct Island {
   std::uint64_t faces = 0, border = 0;
 };
 
-class IslandsStage : public Stage {
+class IslandsStage : public SerialStage {
  public:
   explicit IslandsStage(const JobState& state)
       : state_(state), files_(list_task_files(state.work / kIslandFolder, ".tsi")) {
@@ -53,11 +54,8 @@ class IslandsStage : public Stage {
   }
 
   std::string name() const override { return "islands"; }
-  std::size_t task_count() const override { return 0; }
-  std::uint64_t task_bytes(std::size_t) const override { return 0; }
   std::uint64_t units() const override { return parts_; }
   std::string unit_name() const override { return "components"; }
-  json run(std::size_t, TaskContext&) const override { return {}; }
   std::uint64_t finish_bytes() const override { return islands_bytes(state_.run, parts_); }
 
   json finish(const std::vector<json>&, TaskContext& context) const override {

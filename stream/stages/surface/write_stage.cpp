@@ -6,6 +6,7 @@
 #include "stream/files/path_text.h"
 #include "stream/formats/meshes/mesh_io.h"
 #include "stream/points/plan.h"
+#include "stream/runtime/serial_stage.h"
 #include "stream/stages/surface/hole_files.h"
 #include "stream/stages/surface/numbered_patches.h"
 #include "stream/stages/surface/output_frame.h"
@@ -17,7 +18,7 @@ using json = nlohmann::json;
 
 constexpr const char* kReconstruct = "tessera reconstruct";
 
-class WriteStage : public Stage {
+class WriteStage : public SerialStage {
  public:
   WriteStage(const JobState& state, bool raw, std::string maker)
       : state_(state),
@@ -29,11 +30,8 @@ class WriteStage : public Stage {
         fillings_(list_filling_files(state.work)) {}
 
   std::string name() const override { return raw_ ? "raw" : "write"; }
-  std::size_t task_count() const override { return 0; }
-  std::uint64_t task_bytes(std::size_t) const override { return 0; }
   std::uint64_t units() const override { return numbering_.faces; }
   std::string unit_name() const override { return "faces"; }
-  json run(std::size_t, TaskContext&) const override { return {}; }
 
   std::uint64_t finish_bytes() const override {
     std::uint64_t filling = 0;

@@ -13,6 +13,7 @@
 #include "stream/import/import_stages.h"
 #include "stream/meshes/mesh_blocking.h"
 #include "stream/runtime/parallel.h"
+#include "stream/runtime/serial_stage.h"
 #include "stream/stages/decimate/simplify_needs.h"
 #include "stream/stages/decimate/simplify_options.h"
 #include "stream/stages/decimate/simplify_stage.h"
@@ -60,7 +61,7 @@ double mean_edge(const std::vector<MeshBlock>& samples) {
   return count > 0 ? sum / static_cast<double>(count) : 0.0;
 }
 
-class LevelToleranceStage : public Stage {
+class LevelToleranceStage : public SerialStage {
  public:
   LevelToleranceStage(const std::filesystem::path& work, int level, std::uint64_t tile_faces)
       : level_(level), below_(open_level(work, level - 1)) {
@@ -77,11 +78,8 @@ class LevelToleranceStage : public Stage {
   }
 
   std::string name() const override { return "tolerance"; }
-  std::size_t task_count() const override { return 0; }
-  std::uint64_t task_bytes(std::size_t) const override { return 0; }
   std::uint64_t units() const override { return 0; }
   std::string unit_name() const override { return "faces"; }
-  json run(std::size_t, TaskContext&) const override { return {}; }
 
   std::uint64_t finish_bytes() const override {
     std::uint64_t bytes = kChoiceBytes;

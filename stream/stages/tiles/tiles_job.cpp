@@ -4,8 +4,8 @@
 
 #include "octree/error.h"
 #include "stream/import/import_stages.h"
-#include "stream/runtime/idle_stage.h"
 #include "stream/runtime/report.h"
+#include "stream/runtime/serial_stage.h"
 #include "stream/stages/decimate/certify_stage.h"
 #include "stream/stages/decimate/simplify_stage.h"
 #include "stream/stages/tiles/folder_stage.h"

@@ -8,6 +8,7 @@
 #include "stream/files/path_text.h"
 #include "stream/import/system_beside.h"
 #include "stream/runtime/journal.h"
+#include "stream/runtime/serial_stage.h"
 #include "stream/stages/tiles/site_frame.h"
 #include "stream/stages/tiles/tile_levels.h"
 #include "stream/stages/tiles/tileset.h"
@@ -20,7 +21,7 @@ namespace fs = std::filesystem;
 
 constexpr std::size_t kTilesPerFile = 1000;
 
-class TilesetStage : public Stage {
+class TilesetStage : public SerialStage {
  public:
   explicit TilesetStage(const JobState& state) : state_(state), level0_(open_level(state.work, 0)) {
     for (int level = 0; level <= levels_above(state.work); ++level) {
@@ -29,11 +30,8 @@ class TilesetStage : public Stage {
     }
   }
   std::string name() const override { return "tileset"; }
-  std::size_t task_count() const override { return 0; }
-  std::uint64_t task_bytes(std::size_t) const override { return 0; }
   std::uint64_t units() const override { return tiles_; }
   std::string unit_name() const override { return "tiles"; }
-  json run(std::size_t, TaskContext&) const override { return {}; }
   std::uint64_t finish_bytes() const override {
     // Nodes of all, the JSON of one file with the ones that it is made of, PROJ.
     return tiles_ * sizeof(TileNode) + (std::uint64_t{32} << 20);
