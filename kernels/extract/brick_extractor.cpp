@@ -30,12 +30,6 @@ constexpr std::array<Float3, kCellEdges> make_edge_bases() {
 }
 constexpr std::array<Float3, kCellEdges> kEdgeBase = make_edge_bases();
 
-/// Coordinates of a node or cell relative to the brick that owns it: there sums round as they do for the owner.
-Float3 in_owner(const Int3& at) {
-  return {static_cast<float>(at[0] & (kBrickCells - 1)), static_cast<float>(at[1] & (kBrickCells - 1)),
-          static_cast<float>(at[2] & (kBrickCells - 1))};
-}
-
 bool inside_brick(const Int3& cell) {
   for (int c : cell)
     if (c < 0 || c >= kBrickCells) return false;
@@ -393,26 +387,17 @@ std::uint32_t BrickExtractor::add_centre(const Int3& cell, int number, const Flo
   }
   Float3 p = in_owner(cell);
   for (std::size_t a = 0; a < 3; ++a) p[a] += position[a];
-  std::array<std::uint32_t, 4> sum{};
-  std::uint32_t count = 0;
-  for (int i = 0; i < size; ++i) {
-    const std::uint32_t rgba = field_.roots[root[i]].rgba;
-    if ((rgba >> 24) == 0) continue;
-    ++count;
-    for (std::size_t channel = 0; channel < 4; ++channel) sum[channel] += rgba >> 8 * channel & 0xff;
-  }
-  std::uint32_t mean = 0;
-  for (std::size_t channel = 0; count && channel < 4; ++channel)
-    mean |= (sum[channel] + count / 2) / count << 8 * channel;
+  ColourMean colour;
+  for (int i = 0; i < size; ++i) colour.add(field_.roots[root[i]].rgba);
   if (!own) {
     foreign_position_.push_back(p);
-    foreign_rgba_.push_back(mean);
+    foreign_rgba_.push_back(colour.value());
     foreign_class_.push_back(kind);
     return static_cast<std::uint32_t>(foreign_key_.size() - 1) | kForeignVertex;
   }
   if (names_) patch_.name.push_back(key(cell, 6 + number));
   patch_.position.push_back(p);
-  patch_.rgba.push_back(mean);
+  patch_.rgba.push_back(colour.value());
   patch_.vertex_class.push_back(kind);
   return static_cast<std::uint32_t>(patch_.position.size() - 1);
 }

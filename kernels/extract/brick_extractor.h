@@ -15,6 +15,32 @@
 
 namespace tessera {
 
+/// Coordinates of a node or cell relative to the brick that owns it: there sums round as they do for the owner.
+inline Float3 in_owner(const Int3& at) {
+  return {static_cast<float>(at[0] & (kBrickCells - 1)), static_cast<float>(at[1] & (kBrickCells - 1)),
+          static_cast<float>(at[2] & (kBrickCells - 1))};
+}
+
+/// The colour of a vertex amid others; those without a colour (alpha 0) do not count.
+class ColourMean {
+ public:
+  void add(std::uint32_t rgba) {
+    if ((rgba >> 24) == 0) return;
+    ++count_;
+    for (std::size_t channel = 0; channel < 4; ++channel) sum_[channel] += rgba >> 8 * channel & 0xff;
+  }
+  std::uint32_t value() const {
+    std::uint32_t mean = 0;
+    for (std::size_t channel = 0; count_ && channel < 4; ++channel)
+      mean |= (sum_[channel] + count_ / 2) / count_ << 8 * channel;
+    return mean;
+  }
+
+ private:
+  std::array<std::uint32_t, 4> sum_{};
+  std::uint32_t count_ = 0;
+};
+
 /// Extracts brick after brick of one field; its buffers are reused.
 class BrickExtractor {
  public:

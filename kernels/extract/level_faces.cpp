@@ -7,25 +7,6 @@ namespace {
 
 constexpr std::uint32_t kNoVertex = 0xffffffffu;
 
-Float3 in_owner(const Int3& at) {
-  return {static_cast<float>(at[0] & (kBrickCells - 1)), static_cast<float>(at[1] & (kBrickCells - 1)),
-          static_cast<float>(at[2] & (kBrickCells - 1))};
-}
-
-std::uint32_t mean_colour(const std::vector<std::uint32_t>& colours) {
-  std::array<std::uint32_t, 4> sum{};
-  std::uint32_t count = 0;
-  for (const std::uint32_t rgba : colours) {
-    if ((rgba >> 24) == 0) continue;
-    ++count;
-    for (std::size_t channel = 0; channel < 4; ++channel) sum[channel] += rgba >> 8 * channel & 0xff;
-  }
-  std::uint32_t mean = 0;
-  for (std::size_t channel = 0; count && channel < 4; ++channel)
-    mean |= (sum[channel] + count / 2) / count << 8 * channel;
-  return mean;
-}
-
 }  // namespace
 
 bool BrickExtractor::other_level(const Int3& cell) const {
@@ -69,7 +50,8 @@ std::uint32_t BrickExtractor::finer_vertex(const LevelPoint& point, const LevelC
 void BrickExtractor::emit_level_loop(const Int3& cell, int number, const LevelLoop& loop) {
   if (loop.size() < 3) return;
   ++report_->loops;
-  std::vector<std::uint32_t> vertex, rgba;
+  std::vector<std::uint32_t> vertex;
+  ColourMean colour;
   std::vector<Float3> point;
   for (const LevelPoint& p : loop) {
     if (p.finer) {
@@ -80,7 +62,7 @@ void BrickExtractor::emit_level_loop(const Int3& cell, int number, const LevelLo
         at[a] = 0.5f * (at[a] + static_cast<float>(p.node[a] - 2 * cell[a]));
       vertex.push_back(finer_vertex(p, levels_->finer_name(p.node, p.axis, cell, band_)));
       point.push_back(at);
-      rgba.push_back(root.rgba);
+      colour.add(root.rgba);
       continue;
     }
     const std::size_t slot = static_cast<std::size_t>(
@@ -91,7 +73,7 @@ void BrickExtractor::emit_level_loop(const Int3& cell, int number, const LevelLo
       v = split_pairs_[v & ~kSplitVertex][p.edge >> 1 & 1 ? 0 : 1];
     vertex.push_back(v);
     point.push_back(point_in_cell(p.edge, local_root_[slot]));
-    rgba.push_back(field_.roots[local_root_[slot]].rgba);
+    colour.add(field_.roots[local_root_[slot]].rgba);
   }
   const std::size_t size = loop.size();
   const auto triangles = triangulate_level_loop(loop, point);
@@ -112,7 +94,7 @@ void BrickExtractor::emit_level_loop(const Int3& cell, int number, const LevelLo
   Float3 p = in_owner(cell);
   for (std::size_t k = 0; k < 3; ++k) p[k] += mean[k];
   patch_.position.push_back(p);
-  patch_.rgba.push_back(mean_colour(rgba));
+  patch_.rgba.push_back(colour.value());
   patch_.vertex_class.push_back(VertexClass::kSmooth);
   if (names_) {
     const int octant = number >> 2;
