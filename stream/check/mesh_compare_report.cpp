@@ -46,30 +46,29 @@ nlohmann::json directed_json(const DeviationReport& r) {
           {"queries", r.queries}};
 }
 
+/// What both kinds of answer tell.
+nlohmann::json common_json(const MeshComparison& c) {
+  return {{"tolerance", c.tolerance},
+          {"reach", c.reach},
+          {"diagonal", c.diagonal},
+          {"faces", c.faces[0]},
+          {"reference_faces", c.faces[1]},
+          {"proven", c.proven()},
+          {"borders_proven", c.borders_proven()},
+          {"histogram_bins", kDeviationBins},
+          {"border_to_reference", directed_json(c.there.border)},
+          {"reference_to_border", directed_json(c.back.border)},
+          {"cells", c.cells},
+          {"import_seconds", c.import_seconds},
+          {"seconds", c.seconds}};
+}
+
 /// What yes or no leaves to say: where a direction fails its distances, which are those of the cells that fail.
-nlohmann::json answer_json(const MeshComparison& c) {
-  nlohmann::json json = {{"tolerance", c.tolerance},
-                         {"reach", c.reach},
-                         {"diagonal", c.diagonal},
-                         {"faces", c.faces[0]},
-                         {"reference_faces", c.faces[1]},
-                         {"proven", c.proven()},
-                         {"borders_proven", c.borders_proven()},
-                         {"histogram_bins", kDeviationBins},
-                         {"border_to_reference", directed_json(c.there.border)},
-                         {"reference_to_border", directed_json(c.back.border)},
-                         {"cells", c.cells},
-                         {"import_seconds", c.import_seconds},
-                         {"seconds", c.seconds}};
-  const auto add_failed = [&](const char* name, const DeviationReport& r) {
-    if (r.upper <= c.tolerance) return;
-    nlohmann::json all = directed_json(r);
-    for (const char* key : {"certified_max", "found_max", "witness", "beyond_reach"})
-      json[name][key] = std::move(all[key]);
-  };
-  add_failed("mesh_to_reference", c.there.surface);
-  add_failed("reference_to_mesh", c.back.surface);
-  return json;
+void add_failed(nlohmann::json& json, const char* name, const DeviationReport& r, double tolerance) {
+  if (r.upper <= tolerance) return;
+  nlohmann::json all = directed_json(r);
+  for (const char* key : {"certified_max", "found_max", "witness", "beyond_reach"})
+    json[name][key] = std::move(all[key]);
 }
 
 std::string microseconds(double us) {
@@ -169,23 +168,16 @@ std::string MeshComparison::complaint(bool with_borders) const {
 }
 
 nlohmann::json to_json(const MeshComparison& c) {
-  if (c.yes_or_no) return answer_json(c);
-  return {{"tolerance", c.tolerance},
-          {"reach", c.reach},
-          {"diagonal", c.diagonal},
-          {"faces", c.faces[0]},
-          {"reference_faces", c.faces[1]},
-          {"proven", c.proven()},
-          {"borders_proven", c.borders_proven()},
-          {"certified_max", std::isfinite(c.upper()) ? nlohmann::json(c.upper()) : nlohmann::json()},
-          {"histogram_bins", kDeviationBins},
-          {"mesh_to_reference", directed_json(c.there.surface)},
-          {"reference_to_mesh", directed_json(c.back.surface)},
-          {"border_to_reference", directed_json(c.there.border)},
-          {"reference_to_border", directed_json(c.back.border)},
-          {"cells", c.cells},
-          {"import_seconds", c.import_seconds},
-          {"seconds", c.seconds}};
+  nlohmann::json json = common_json(c);
+  if (c.yes_or_no) {
+    add_failed(json, "mesh_to_reference", c.there.surface, c.tolerance);
+    add_failed(json, "reference_to_mesh", c.back.surface, c.tolerance);
+    return json;
+  }
+  json["certified_max"] = std::isfinite(c.upper()) ? nlohmann::json(c.upper()) : nlohmann::json();
+  json["mesh_to_reference"] = directed_json(c.there.surface);
+  json["reference_to_mesh"] = directed_json(c.back.surface);
+  return json;
 }
 
 std::string describe(const MeshComparison& c) {
