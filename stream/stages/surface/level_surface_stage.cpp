@@ -28,7 +28,7 @@ using json = nlohmann::json;
 constexpr int kLoadedEdge =
     8;  ///< cells of the points' lattice: no part of a brick is loaded that is smaller
 // Per point: record and its arrays; the points of a brick and one below it as they are handed down; on a level, with
-// normals of that level and neighbourhoods. Held by tests/tools/levels_test.
+// normals of that level and neighbourhoods.
 constexpr std::uint64_t kBytesPerPoint = 40 + 28 + 28 + 28 + 120;
 /// Leaves of 8^3 nodes of one brick, those shared with other levels too, and what becomes of them.
 constexpr std::uint64_t kBytesPerLeaf = 32'000;
@@ -46,11 +46,7 @@ class LevelSurfaceStage : public Stage {
         store_(list_task_files(state.work / "points", ".tsp"), PointOverlay::open(state.work)),
         tree_(level_tree_of_work(state.work, levels_)) {
     field_ = field_options(plan_, options_.feature_angle_deg);
-    extract_.method =
-        options_.method == "mc" ? ExtractMethod::kMarchingCubes : ExtractMethod::kExtendedMarchingCubes;
-    extract_.feature_angle_deg = options_.feature_angle_deg;
-    extract_.corner_angle_deg = options_.corner_angle_deg;
-    extract_.names = true;
+    extract_ = extract_options(options_, true);
     refines_normals_ = NormalsMode(options_, state.inputs.size(), plan_).estimate;
     normals_.radius_cells = plan_.radius_cells;
     TilingOptions tiling;

@@ -46,11 +46,6 @@ class SurfaceStage : public Stage {
     field_ = field_options(plan_, options.feature_angle_deg);
     field_.firm_rim = HolesMode(options.holes).close;
     field_.bodies = store_.has_bodies();
-    extract_.method =
-        options.method == "mc" ? ExtractMethod::kMarchingCubes : ExtractMethod::kExtendedMarchingCubes;
-    extract_.feature_angle_deg = options.feature_angle_deg;
-    extract_.corner_angle_deg = options.corner_angle_deg;
-
     const auto files = closing_files(state.work);
     if (!files.empty()) {
       closing_ = std::make_unique<BrickSectionStore>(files);
@@ -62,7 +57,7 @@ class SurfaceStage : public Stage {
     groups_ = make_tile_groups(store_.bricks(), tiling);
     state_ = state;
     fused_ = fuses_stores(options);
-    extract_.names = fused_;
+    extract_ = extract_options(options, fused_);
   }
 
   std::string name() const override { return "surface"; }
@@ -209,6 +204,16 @@ FieldOptions field_options(const Plan& plan, double feature_angle_deg) {
   options.noise_cells = plan.noise_cells;
   options.feature_angle_deg = feature_angle_deg;
   return options;
+}
+
+ExtractOptions extract_options(const ReconstructOptions& options, bool names) {
+  ExtractOptions extract;
+  extract.method =
+      options.method == "mc" ? ExtractMethod::kMarchingCubes : ExtractMethod::kExtendedMarchingCubes;
+  extract.feature_angle_deg = options.feature_angle_deg;
+  extract.corner_angle_deg = options.corner_angle_deg;
+  extract.names = names;
+  return extract;
 }
 
 void for_each_band(const std::filesystem::path& work, double feature_angle_deg,

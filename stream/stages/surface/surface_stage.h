@@ -4,10 +4,12 @@
 #pragma once
 #include <functional>
 
+#include "kernels/extract/extended_marching_cubes.h"
 #include "kernels/field/field.h"
 #include "stream/points/closing_store.h"
 #include "stream/points/plan.h"
 #include "stream/points/point_store.h"
+#include "stream/points/reconstruct_options.h"
 #include "stream/runtime/stage.h"
 
 namespace tessera {
@@ -60,6 +62,9 @@ std::uint64_t rims_tile_bytes(std::span<const BrickEntry> bricks, const Tile& ti
 
 /// The field of a job: radius and noise from the plan, angle from the options.
 FieldOptions field_options(const Plan& plan, double feature_angle_deg);
+
+/// What the extractor is asked for. \param names  vertices carry the keys by which patches weld
+ExtractOptions extract_options(const ReconstructOptions& options, bool names);
 
 /// Computes the band of every tile of a work directory that is ordered and oriented, one after the other, in tile
 /// order, with tiles of two bricks.
