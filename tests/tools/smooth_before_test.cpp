@@ -16,6 +16,7 @@
 #include "stream/formats/meshes/mesh_io.h"
 #include "tests/helpers/block_meshes.h"
 #include "tests/helpers/command.h"
+#include "tests/helpers/killed_command.h"
 #include "tests/helpers/mesh_files.h"
 #include "tests/helpers/temp_folder.h"
 
@@ -120,11 +121,7 @@ TEST_CASE("reconstruct --smooth: same bytes over tiles, threads, caps, processes
   const fs::path out = folder / "killed.ply";
   std::vector<std::string> line = words("reconstruct", in, out, base);
   line.insert(line.end(), {"-t", "2"});
-  int kills = 0;
-  for (const unsigned ms : {300u, 450u, 600u, 800u, 1000u})
-    kills += tessera_command(line, ms).code == 128 + SIGKILL;
-  CHECK(kills > 0);
-  REQUIRE(tessera_command(line).code == 0);
+  REQUIRE(resumed_after_kills(line, {300u, 450u, 600u, 800u, 1000u}).code == 0);
   CHECK(file_bytes(out) == want);
 }
 
