@@ -1,6 +1,8 @@
 // Jobs in a batch queue: the scripts anywhere, the queue itself where Slurm is installed (label slurm).
 #include <catch2/catch.hpp>
 
+#include <fmt/format.h>
+
 #include <map>
 #include <nlohmann/json.hpp>
 #include <random>
@@ -182,6 +184,31 @@ TEST_CASE("submit: jobs of every kind through the queue, the same bytes as here"
         "scene.json",
         R"({"difference": [{"mesh": "ball-mesh.ply"}, {"box": [0,0,0, 9,9,9]}, {"sphere": [0,0,0, 0.5]}]})");
     same_bytes(folder, cluster, "csg scene.json");
+  }
+  SECTION("resurface, resample, deform, merge") {
+    scan_into(folder, "--points 100k --normals");
+    REQUIRE(tessera_in(folder, "reconstruct scan.ply -o mesh.ply --no-html -q").code == 0);
+    const auto clipped = [&](const std::string& name, double from, double to) {
+      folder.write(
+          name + ".geojson",
+          fmt::format(R"({{"type":"Polygon","coordinates":[[[{0},-1e6],[{1},-1e6],[{1},1e6],[{0},1e6]]]}})",
+                      from, to));
+      REQUIRE(tessera_in(folder,
+                         "reconstruct scan.ply --clip " + name + ".geojson -o " + name + ".ply --no-html -q")
+                  .code == 0);
+    };
+    clipped("west", -1e6, 540.0);
+    clipped("east", 500.0, 1e6);
+    folder.write("edit.json", R"({"order": 2,
+      "regions": [{"role": "support", "box": [[200,-1e6,-1e6], [800,1e6,1e6]]},
+                  {"role": "handle", "name": "hill", "half_space": {"point": [800,0,0], "normal": [-1,0,0]}}],
+      "handles": {"hill": {"move": [0,0,50]}}})");
+    for (const char* job :
+         {"resurface mesh.ply --offset 3 --resolution 6", "resample mesh.ply --tolerance 0.5",
+          "deform mesh.ply edit.json", "merge west.ply east.ply"}) {
+      same_bytes(folder, cluster, job);
+      for (const char* name : {"here.ply", "there.ply"}) fs::remove(folder / name);
+    }
   }
 }
 
