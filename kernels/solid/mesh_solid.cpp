@@ -135,6 +135,19 @@ void MeshSolid::membrane_leaves(const SolidBlock& block, std::span<const std::ui
         search(block, occupied, {x, y, z}, kCube, out);
 }
 
+double MeshSolid::half_share(std::size_t most) const {
+  const std::vector<LeafTurns>& leaves = lines_.leaves();
+  const std::size_t count = std::min(most, leaves.size());
+  std::size_t half = 0;
+  for (std::size_t i = 0; i < count; ++i) {
+    const Int3 leaf = leaf_of_row_key(leaves[i * leaves.size() / count].key);
+    // Faces add whole turns.
+    const double winding = border_.at({leaf[0] * kLeafCells, leaf[1] * kLeafCells, leaf[2] * kLeafCells});
+    half += std::fabs(winding - std::round(winding)) > 0.25;
+  }
+  return count > 0 ? static_cast<double>(half) / static_cast<double>(count) : 0.0;
+}
+
 Double3 MeshSolid::membrane_normal(const Double3& cells) const {
   return -border_.gradient(cells);  // outward: where the winding number falls
 }

@@ -152,6 +152,9 @@ TEST_CASE("resurface: what cannot work is told", "[pipeline]") {
       {"resurface", folder.write("sheet.off", sheet).string(), "-o", out, "--resolution", "0.3"});
   CHECK(open.code == 5);
   CHECK(open.errors.find("without an inside") != std::string::npos);
+  // Told before its surface is computed.
+  const auto told = nlohmann::json::parse(file_bytes(out + ".report.json"));
+  CHECK(told.at("stages").back().at("name") == "lines");
   CHECK_FALSE(fs::exists(out));
   const std::string tetra = folder
                                 .write("t.off",

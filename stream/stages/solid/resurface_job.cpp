@@ -73,6 +73,7 @@ std::vector<StageEntry> solid_surface_stages(const SolidModel& model) {
     for (StageEntry& entry : import_stages({i, solid_import(i)})) stages.push_back(std::move(entry));
   stages.push_back({"lattice", [model](const JobState& s) { return make_solid_lattice_stage(s, model); }});
   stages.push_back({"lines", [model](const JobState& s) { return make_solid_lines_stage(s, model); }});
+  stages.push_back({"inside", [model](const JobState& s) { return make_solid_inside_stage(s, model); }});
   stages.push_back({"surface", [model](const JobState& s) { return make_solid_surface_stage(s, model); }});
   return stages;
 }

@@ -83,6 +83,9 @@ std::vector<SolidLines> load_solid_lines(const std::filesystem::path& work);
 /// With its faces outwards: crossings of an operand that is inside out are to be turned too.
 MeshSolid load_mesh_solid(const std::filesystem::path& work, std::size_t operand, const SolidLines& lines);
 
+/// Of a mesh that has no inside. \throws EmptyError  always
+[[noreturn]] void refuse_open_sheet();
+
 /// The surface of the solids as a mesh, where it is no result but what distances are measured to.
 MeshStore open_solid_mesh(const std::filesystem::path& work);
 /// Writes one task's part of it.
@@ -111,6 +114,7 @@ std::vector<Long3> quantise_block(const Lattice& lattice, const MeshBlock& block
 
 std::unique_ptr<Stage> make_solid_lattice_stage(const JobState& state, const SolidModel& model);
 std::unique_ptr<Stage> make_solid_lines_stage(const JobState& state, const SolidModel& model);
+std::unique_ptr<Stage> make_solid_inside_stage(const JobState& state, const SolidModel& model);
 std::unique_ptr<Stage> make_solid_surface_stage(const JobState& state, const SolidModel& model);
 std::unique_ptr<Stage> make_solid_offset_stage(const JobState& state, const SolidModel& model);
 std::unique_ptr<Stage> make_distances_stage(const JobState& state, const SolidModel& model);

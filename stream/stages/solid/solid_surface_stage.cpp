@@ -126,11 +126,7 @@ class SolidSurfaceStage : public Stage {
           "nothing is inside: no node of the lattice has a winding number above 1/2; try a smaller "
           "--resolution, or "
           "close the mesh first");
-    if (shallow * 2 > roots - membrane && shallow > 0)
-      throw EmptyError(
-          "the mesh is an open sheet without an inside: at most of its faces the winding number passes from "
-          "about "
-          "-1/2 to 1/2; close it first");
+    if (shallow * 2 > roots - membrane && shallow > 0) refuse_open_sheet();
     return sum;
   }
 

@@ -357,6 +357,27 @@ TEST_CASE("winding numbers: a million nodes are on the side that exact ray parit
   }
 }
 
+TEST_CASE("winding numbers: a sheet is told from a solid with holes by a sample of the leaves", "[unit]") {
+  Mesh sheet;
+  constexpr std::uint32_t kSide = 40;
+  for (std::uint32_t j = 0; j <= kSide; ++j)
+    for (std::uint32_t i = 0; i <= kSide; ++i)
+      sheet.position.push_back(
+          {48.3 + 4.0 * i, 48.1 + 4.0 * j, 128.0 + 15.0 * sin_cos(0.2 * i + 0.15 * j).sin});
+  for (std::uint32_t j = 0; j < kSide; ++j)
+    for (std::uint32_t i = 0; i < kSide; ++i) {
+      const std::uint32_t a = i + (kSide + 1) * j, b = a + kSide + 1;
+      sheet.faces.push_back({a, a + 1, b + 1});
+      sheet.faces.push_back({a, b + 1, b});
+    }
+  CHECK(make_solid(sheet).half_share(500) > 0.8);
+  Mesh solid = ball({128.3, 127.9, 128.1}, 57.7, 30);
+  CHECK(make_solid(solid).half_share(500) == 0.0);
+  solid.faces.resize(solid.faces.size() - 40);
+  CHECK(make_solid(solid).half_share(500) < 0.1);
+  CHECK(make_solid(solid).half_share(0) == 0.0);
+}
+
 TEST_CASE("winding numbers: a node in the shadow of several border edges at once", "[unit]") {
   // A fan whose border zigzags within the plane y = 100: along x every edge from it casts its shadow on the same nodes.
   Mesh fan;

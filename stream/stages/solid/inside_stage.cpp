@@ -1,0 +1,57 @@
+/// Stage "inside" of solids: an open sheet is told from a solid with holes before anything is computed of either.
+#include <nlohmann/json.hpp>
+
+#include "octree/error.h"
+#include "stream/runtime/serial_stage.h"
+#include "stream/stages/solid/solid_stages.h"
+
+namespace tessera {
+namespace {
+
+using json = nlohmann::json;
+
+constexpr std::size_t kSamples = 1000;
+/// Where fewer of the samples tell of a sheet, the surface stage counts every root.
+constexpr double kSurelySheet = 0.75;
+
+class InsideStage : public SerialStage {
+ public:
+  InsideStage(const JobState& state, const SolidModel& model)
+      : work_(state.work), lines_(load_solid_lines(state.work)) {
+    // Of several operands one may well be a sheet that cuts another.
+    is_asked_ = model.meshes.size() == 1 && model.shapes.empty() && lines_.at(0).borders > 0;
+  }
+
+  std::string name() const override { return "inside"; }
+  std::uint64_t units() const override { return is_asked_ ? lines_[0].borders : 0; }
+  std::string unit_name() const override { return "border edges"; }
+  std::uint64_t finish_bytes() const override { return is_asked_ ? lines_[0].bytes() : 0; }
+
+  json finish(const std::vector<json>&, TaskContext& context) const override {
+    if (!is_asked_) return json::object();
+    const double half = load_mesh_solid(work_, 0, lines_[0]).half_share(kSamples);
+    context.advance(lines_[0].borders);
+    if (half > kSurelySheet) refuse_open_sheet();
+    return {{"half_share", half}};
+  }
+
+ private:
+  std::filesystem::path work_;
+  std::vector<SolidLines> lines_;
+  bool is_asked_ = false;
+};
+
+}  // namespace
+
+void refuse_open_sheet() {
+  throw EmptyError(
+      "the mesh is an open sheet without an inside: at most of its faces the winding number passes from "
+      "about "
+      "-1/2 to 1/2; close it first");
+}
+
+std::unique_ptr<Stage> make_solid_inside_stage(const JobState& state, const SolidModel& model) {
+  return std::make_unique<InsideStage>(state, model);
+}
+
+}  // namespace tessera
