@@ -179,7 +179,7 @@ inline OptionTable option_table(ReconstructOptions& o) {
   t.add("smooth", &o.smooth,
         "with a tolerance: smooth the mesh of full resolution before it is decimated, by at most half of the "
         "tolerance and the result is proven; implicit: a thin plate, as strong as the noise measured in the "
-        "mesh asks for; denoise: fits, 15 times as long, sharp creases (both as of tessera smooth); auto: "
+        "mesh asks for; denoise: fits, 7 times as long, sharp creases (both as of tessera smooth); auto: "
         "denoise from a noise of 0.02 edges on, else implicit")
       .one_of({"off", "implicit", "denoise", "auto"});
   t.add("keep-raw", &o.keep_raw,

@@ -59,7 +59,7 @@ OptionTable option_table(SimplifyOptions& o) {
       .at_least(0);
   t.add("smooth", &o.smooth,
         "smooth the mesh before it is decimated, by at most half of the tolerance and the result is proven; "
-        "implicit: a thin plate, as strong as the noise measured in the mesh asks for; denoise: fits, 15 "
+        "implicit: a thin plate, as strong as the noise measured in the mesh asks for; denoise: fits, 7 "
         "times as long, sharp creases (both as of tessera smooth); auto: denoise from a noise of 0.02 edges "
         "on, else implicit")
       .one_of({"off", "implicit", "denoise", "auto"});
