@@ -197,6 +197,8 @@ TEST_CASE("submit: jobs of every kind through the queue, the same bytes as here"
                          "reconstruct scan.ply --clip " + name + ".geojson -o " + name + ".ply --no-html -q")
                   .code == 0);
     };
+    REQUIRE(tessera_in(folder, "synth --scene sphere --points 30k --normals -o ball.ply").code == 0);
+    REQUIRE(tessera_in(folder, "reconstruct ball.ply -o ball-mesh.ply --no-html -q").code == 0);
     clipped("west", -1e6, 540.0);
     clipped("east", 500.0, 1e6);
     folder.write("edit.json", R"({"order": 2,
@@ -204,7 +206,7 @@ TEST_CASE("submit: jobs of every kind through the queue, the same bytes as here"
                   {"role": "handle", "name": "hill", "half_space": {"point": [800,0,0], "normal": [-1,0,0]}}],
       "handles": {"hill": {"move": [0,0,50]}}})");
     for (const char* job :
-         {"resurface mesh.ply --offset 3 --resolution 6", "resample mesh.ply --tolerance 0.5",
+         {"resurface ball-mesh.ply --offset 0.2 --resolution 0.1", "resample mesh.ply --tolerance 0.5",
           "deform mesh.ply edit.json", "merge west.ply east.ply"}) {
       same_bytes(folder, cluster, job);
       for (const char* name : {"here.ply", "there.ply"}) fs::remove(folder / name);
