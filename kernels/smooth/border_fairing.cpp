@@ -14,6 +14,8 @@ constexpr double kHeightShare =
     0.3;  ///< of a face's least height: three corners that go so far do not turn it over
 /// Cosine of 38 degrees: two faces within it of one normal do not meet in an edge that looks sharp.
 constexpr double kLeastCosine = 0.788;
+/// Edges of a hole that twelve steps would shrink to a point: of the 8 corners of a circle they leave a seventh.
+constexpr int kSmallHole = 8;
 constexpr std::uint32_t kNone = 0xffffffffu;
 
 /// A vertex that moves.
@@ -22,7 +24,21 @@ struct Bead {
   std::array<std::uint32_t, 2> along;  ///< its neighbours on the border
 };
 
-/// Vertices with two border edges, ascending.
+using Neighbours =
+    std::vector<std::array<std::uint32_t, 2>>;  ///< along the border, kNone where there is none
+
+bool is_at_small_hole(const Neighbours& along, std::uint32_t vertex) {
+  std::uint32_t before = vertex, at = along[vertex][0];
+  for (int edge = 1; edge < kSmallHole && at != kNone; ++edge) {
+    const std::uint32_t next = along[at][along[at][0] == before ? 1 : 0];
+    if (next == vertex) return true;
+    before = at;
+    at = next;
+  }
+  return false;
+}
+
+/// Vertices with two border edges, ascending, but for those of small holes.
 std::vector<Bead> find_beads(const BorderStrip& strip) {
   std::vector<std::array<std::uint32_t, 2>> edges;
   for (const Face& f : strip.faces)
@@ -31,7 +47,7 @@ std::vector<Bead> find_beads(const BorderStrip& strip) {
       if (strip.at_border[a] && strip.at_border[b]) edges.push_back({std::min(a, b), std::max(a, b)});
     }
   std::sort(edges.begin(), edges.end());
-  std::vector<std::array<std::uint32_t, 2>> along(strip.position.size(), {kNone, kNone});
+  Neighbours along(strip.position.size(), {kNone, kNone});
   std::vector<std::uint8_t> degree(strip.position.size(), 0);
   const auto link = [&](std::uint32_t from, std::uint32_t to) {
     if (degree[from] < 2) along[from][degree[from]] = to;
@@ -46,9 +62,11 @@ std::vector<Bead> find_beads(const BorderStrip& strip) {
     }
     i = end;
   }
+  for (std::uint32_t v = 0; v < degree.size(); ++v)
+    if (degree[v] != 2) along[v] = {kNone, kNone};
   std::vector<Bead> beads;
   for (std::uint32_t v = 0; v < degree.size(); ++v)
-    if (degree[v] == 2) beads.push_back({v, along[v]});
+    if (degree[v] == 2 && !is_at_small_hole(along, v)) beads.push_back({v, along[v]});
   return beads;
 }
 

@@ -25,7 +25,7 @@ inline constexpr int kBorderReach = 20;
 /// Moves the vertices of the border towards the middle of their two neighbours along it, twelve times half the way, by a
 /// cell at most in all, and off the surface no farther than `lift`. A step goes no farther than 0.3 of the height of
 /// the faces around, and where a face would turn away from the normals at its corners its vertices stay.
-/// Vertices without exactly two border edges stay as well.
+/// Vertices without exactly two border edges stay as well, and holes of at most eight edges, which would shrink to nothing.
 /// \param lift  cells: what noise leaves unknown of where the surface is
 void fair_border(BorderStrip& strip, double lift);
 

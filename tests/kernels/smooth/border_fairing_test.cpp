@@ -4,6 +4,7 @@
 #include <map>
 #include <set>
 
+#include "octree/portable_math.h"
 #include "tests/helpers/random.h"
 
 using namespace tessera;
@@ -125,4 +126,27 @@ TEST_CASE("border fairing: a vertex where two sheets touch stays", "[unit]") {
   fair_border(strip, 0.1);
   CHECK(strip.position[0] == tip);
   CHECK(strip.position[1] != Double3{1, -0.5, 0});
+}
+
+TEST_CASE("border fairing: a small hole does not shrink to a point, a large one becomes round", "[unit]") {
+  const std::uint32_t corners = GENERATE(3u, 8u, 30u);
+  CAPTURE(corners);
+  BorderStrip strip;
+  const double radius = 0.15 * corners;
+  for (std::uint32_t i = 0; i < corners; ++i)
+    for (const double r : {i % 2 ? 0.8 * radius : radius, radius + 1.0}) {
+      const SinCos turn = sin_cos(2.0 * kPi * i / corners);
+      strip.position.push_back({r * turn.cos, r * turn.sin, 0.0});
+      strip.at_border.push_back(r <= radius);
+    }
+  for (std::uint32_t i = 0; i < corners; ++i) {
+    const std::uint32_t a = 2 * i, b = 2 * ((i + 1) % corners);
+    strip.faces.push_back({a, a + 1, b + 1});
+    strip.faces.push_back({a, b + 1, b});
+  }
+  const BorderStrip before = strip;
+  fair_border(strip, 0.1);
+  std::uint32_t moved = 0;
+  for (std::uint32_t i = 0; i < corners; ++i) moved += strip.position[2 * i] != before.position[2 * i];
+  CHECK(moved == (corners > 8 ? corners : 0));
 }
