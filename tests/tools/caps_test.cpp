@@ -55,6 +55,7 @@ std::uint64_t named_cap(const CommandResult& refused) {
 std::vector<Words> jobs(const Files& files) {
   return {
       {"reconstruct", files.at("scan.las"), "--tolerance", "0.1"},
+      {"reconstruct", files.at("scan.las"), "--levels", "3", "--resolution", "15"},
       {"decimate", files.at("mesh.ply"), "--tolerance", "0.1"},
       {"decimate", files.at("body.ply"), "--target-faces", "5000"},
       {"smooth", files.at("mesh.ply"), "--method", "denoise"},

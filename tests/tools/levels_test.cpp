@@ -86,6 +86,17 @@ TEST_CASE("reconstruct --levels: one manifold, finer where the scan is dense, as
   CHECK(decimated.at("mesh").at("faces").get<std::uint64_t>() * 2 < b.faces);
 }
 
+TEST_CASE("reconstruct --levels: levels that noise forbids are named", "[pipeline]") {
+  const TempFolder folder;
+  const std::string in = town(folder.path(), "60000", {"--normals", "--noise", "1"});
+  const nlohmann::json report = reconstructed(in, folder.path() / "out.ply", {"--levels", "4"});
+  const auto used = stage_result(report, "levels").at("noise_levels").get<int>();
+  REQUIRE(used < 4);
+  REQUIRE(report.at("warnings").size() == 1);
+  CHECK_THAT(report.at("warnings")[0].get<std::string>(),
+             Catch::Contains("--levels 4: " + std::to_string(used) + " used"));
+}
+
 TEST_CASE("reconstruct --levels: what it cannot do is told before any pass", "[pipeline]") {
   const TempFolder folder;
   const std::string in = town(folder.path(), "20000", {"--normals"});

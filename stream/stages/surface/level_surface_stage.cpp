@@ -28,7 +28,7 @@ using json = nlohmann::json;
 constexpr int kLoadedEdge =
     8;  ///< cells of the points' lattice: no part of a brick is loaded that is smaller
 // Per point: record and its arrays; the points of a brick and one below it as they are handed down; on a level, with
-// normals of that level and neighbourhoods.
+// normals of that level and neighbourhoods. Held by tests/tools/caps_test.
 constexpr std::uint64_t kBytesPerPoint = 40 + 28 + 28 + 28 + 120;
 /// Leaves of 8^3 nodes of one brick, those shared with other levels too, and what becomes of them.
 constexpr std::uint64_t kBytesPerLeaf = 32'000;

@@ -4,6 +4,8 @@
 #include <string>
 #include <vector>
 
+#include <fmt/format.h>
+
 #include <nlohmann/json.hpp>
 
 #include "kernels/points/density_levels.h"
@@ -93,7 +95,13 @@ class LevelsStage : public Stage {
       split.push_back(tree.split()[static_cast<std::size_t>(level)].size());
     }
     context.count_written(save_split_nodes(context.create(kLevelTreeFile), nodes));
-    return {{"levels", levels_}, {"noise_levels", levels_ - least_}, {"split", split}};
+    json told = {{"levels", levels_}, {"noise_levels", levels_ - least_}, {"split", split}};
+    if (least_ > 0)
+      told["warnings"].push_back(fmt::format(
+          "--levels {}: {} used; cells below {:.3g} times the noise ({:.3g} of h) would show it as "
+          "relief",
+          levels_, levels_ - least_, kLeastNoise, plan_.noise_cells));
+    return told;
   }
 
  private:
