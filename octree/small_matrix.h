@@ -90,20 +90,21 @@ struct Cramer3 {
   }
 };
 
-/// Eigenvalues, in no order, of a symmetric matrix by cyclic Jacobi rotations.
+/// Turns a symmetric matrix into its eigenvalues, in no order, on the diagonal, by cyclic Jacobi rotations.
 /// Source: Golub, Van Loan, "Matrix Computations", 8.5 (convergence is quadratic).
 /// \param vector  out: eigenvectors as columns
 /// \param sweeps  at most so many
-/// \param enough  stop when the squares of the off-diagonal entries sum to at most this share of the squared trace
-inline Double3 jacobi_eigen3(Matrix3 a, Matrix3& vector, int sweeps, double enough) {
+/// \param enough  stop when the squares of the entries above the diagonal sum to no more
+template <int kSize>
+void jacobi_eigen(SmallMatrix<kSize>& a, SmallMatrix<kSize>& vector, int sweeps, double enough) {
   vector.setIdentity();
-  const double scale = a.coeff(0, 0) + a.coeff(1, 1) + a.coeff(2, 2);
   for (int sweep = 0; sweep < sweeps; ++sweep) {
-    const double off =
-        a.coeff(0, 1) * a.coeff(0, 1) + a.coeff(0, 2) * a.coeff(0, 2) + a.coeff(1, 2) * a.coeff(1, 2);
-    if (off <= enough * scale * scale) break;
-    for (Eigen::Index p = 0; p < 2; ++p) {
-      for (Eigen::Index q = p + 1; q < 3; ++q) {
+    double off = 0.0;
+    for (Eigen::Index p = 0; p + 1 < kSize; ++p)
+      for (Eigen::Index q = p + 1; q < kSize; ++q) off += a.coeff(p, q) * a.coeff(p, q);
+    if (off <= enough) break;
+    for (Eigen::Index p = 0; p + 1 < kSize; ++p) {
+      for (Eigen::Index q = p + 1; q < kSize; ++q) {
         if (a.coeff(p, q) == 0.0) continue;
         const double theta = (a.coeff(q, q) - a.coeff(p, p)) / (2.0 * a.coeff(p, q));
         const double t = (theta < 0.0 ? -1.0 : 1.0) / (std::fabs(theta) + std::sqrt(theta * theta + 1.0));
@@ -114,24 +115,24 @@ inline Double3 jacobi_eigen3(Matrix3 a, Matrix3& vector, int sweeps, double enou
           first = c * u - s * v;
           second = s * u + c * v;
         };
-        for (Eigen::Index k = 0; k < 3; ++k) turn(a.coeffRef(k, p), a.coeffRef(k, q));
-        for (Eigen::Index k = 0; k < 3; ++k) turn(a.coeffRef(p, k), a.coeffRef(q, k));
+        for (Eigen::Index k = 0; k < kSize; ++k) turn(a.coeffRef(k, p), a.coeffRef(k, q));
+        for (Eigen::Index k = 0; k < kSize; ++k) turn(a.coeffRef(p, k), a.coeffRef(q, k));
         a.coeffRef(p, q) = a.coeffRef(q, p) = 0.0;
-        for (Eigen::Index k = 0; k < 3; ++k) turn(vector.coeffRef(k, p), vector.coeffRef(k, q));
+        for (Eigen::Index k = 0; k < kSize; ++k) turn(vector.coeffRef(k, p), vector.coeffRef(k, q));
       }
     }
   }
-  return {a.coeff(0, 0), a.coeff(1, 1), a.coeff(2, 2)};
 }
 
-/// The same to the last bit that rotations reach, eigenvalues ascending, eigenvectors as rows.
+/// Eigenvalues to the last bit that rotations reach, ascending, eigenvectors as rows.
 /// \param m  xx, xy, xz, yy, yz, zz
 inline void symmetric_eigen3(const std::array<double, 6>& m, Double3& values,
                              std::array<Double3, 3>& vectors) {
   constexpr int kSweeps = 12;  // six suffice for double, twice that costs nothing
   Matrix3 a, column;
   a << m[0], m[1], m[2], m[1], m[3], m[4], m[2], m[4], m[5];
-  const Double3 value = jacobi_eigen3(a, column, kSweeps, 0.0);
+  jacobi_eigen(a, column, kSweeps, 0.0);
+  const Double3 value = {a.coeff(0, 0), a.coeff(1, 1), a.coeff(2, 2)};
   std::array<std::size_t, 3> order = {0, 1, 2};
   std::sort(order.begin(), order.end(),
             [&](std::size_t i, std::size_t j) { return value[i] != value[j] ? value[i] < value[j] : i < j; });

@@ -18,6 +18,9 @@ constexpr double kTurned = 1e-14;  ///< of a rotation: a step less than that was
 /// Determinants, of a matrix as large as a rotation, from which Newton's steps are safe.
 constexpr double kWellTurned = 1e-3;
 
+constexpr int kSweeps = 12;
+constexpr double kEnough = 1e-30;  ///< squares beside the diagonal of a matrix as large as a rotation
+
 constexpr std::size_t kLanes = 4;
 using Lanes [[gnu::vector_size(kLanes * sizeof(double))]] = double;
 using FloatLanes [[gnu::vector_size(kLanes * sizeof(float))]] = float;
@@ -163,28 +166,8 @@ Turn nearest_turn(const Turn& s) {
       at(2, 1) - at(1, 2), at(0, 0) - at(1, 1) - at(2, 2), at(0, 1) + at(1, 0), at(0, 2) + at(2, 0),
       at(0, 2) - at(2, 0), at(0, 1) + at(1, 0), at(1, 1) - at(0, 0) - at(2, 2), at(1, 2) + at(2, 1),
       at(1, 0) - at(0, 1), at(0, 2) + at(2, 0), at(1, 2) + at(2, 1), at(2, 2) - at(0, 0) - at(1, 1);
-  Matrix4 vector = Matrix4::Identity();
-  for (int sweep = 0; sweep < 12; ++sweep) {
-    double off = 0.0;
-    for (Eigen::Index p = 0; p < 4; ++p)
-      for (Eigen::Index q = p + 1; q < 4; ++q) off += a.coeff(p, q) * a.coeff(p, q);
-    if (!(off > 1e-30)) break;
-    for (Eigen::Index p = 0; p < 3; ++p)
-      for (Eigen::Index q = p + 1; q < 4; ++q) {
-        if (a.coeff(p, q) == 0.0) continue;
-        const double theta = (a.coeff(q, q) - a.coeff(p, p)) / (2.0 * a.coeff(p, q));
-        const double t = (theta < 0.0 ? -1.0 : 1.0) / (std::fabs(theta) + std::sqrt(theta * theta + 1.0));
-        const double c = 1.0 / std::sqrt(t * t + 1.0), sn = t * c;
-        const auto turn = [c, sn](double& x, double& y) {
-          const double u = x, v = y;
-          x = c * u - sn * v;
-          y = sn * u + c * v;
-        };
-        for (Eigen::Index k = 0; k < 4; ++k) turn(a.coeffRef(k, p), a.coeffRef(k, q));
-        for (Eigen::Index k = 0; k < 4; ++k) turn(a.coeffRef(p, k), a.coeffRef(q, k));
-        for (Eigen::Index k = 0; k < 4; ++k) turn(vector.coeffRef(k, p), vector.coeffRef(k, q));
-      }
-  }
+  Matrix4 vector;
+  jacobi_eigen(a, vector, kSweeps, kEnough);
   Eigen::Index best = 0;
   for (Eigen::Index k = 1; k < 4; ++k)
     if (a.coeff(k, k) > a.coeff(best, best)) best = k;

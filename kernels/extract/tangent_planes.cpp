@@ -34,7 +34,9 @@ PlaneIntersection intersect_planes(const TangentPlanes& planes, const Double3& a
     }
   }
   Matrix3 vector;
-  const Double3 value = jacobi_eigen3(a, vector, kSweeps, kEnough);
+  const double trace = a.coeff(0, 0) + a.coeff(1, 1) + a.coeff(2, 2);
+  jacobi_eigen(a, vector, kSweeps, kEnough * trace * trace);
+  const Double3 value = {a.coeff(0, 0), a.coeff(1, 1), a.coeff(2, 2)};
   std::array<std::size_t, 3> order = {0, 1, 2};
   if (value[order[0]] < value[order[1]]) std::swap(order[0], order[1]);
   if (value[order[1]] < value[order[2]]) std::swap(order[1], order[2]);
