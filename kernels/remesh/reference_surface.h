@@ -4,6 +4,7 @@
 #pragma once
 #include <array>
 #include <cstdint>
+#include <span>
 #include <vector>
 
 #include "kernels/decimate/collapse_mesh.h"
@@ -41,6 +42,8 @@ class ReferenceSurface {
   /// How long edges may be at a foot in a face, on a segment.
   float length_in_face(std::uint32_t face, const Double3& p) const;
   float length_on_line(std::uint32_t segment, const Double3& p) const;
+
+  std::span<const Double3> vertices() const { return at_; }  ///< relative to the origin
 
   bool has_lines() const { return !segments_.empty(); }
   /// Foot on any line; slot is a segment.

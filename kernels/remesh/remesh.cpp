@@ -1,5 +1,6 @@
 #include "kernels/remesh/remesh.h"
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <string>
@@ -107,10 +108,13 @@ RemeshReport remesh(MeshBlock& block, const MeshBlock& reference, const RemeshOp
 }
 
 std::uint64_t remesh_bytes(std::uint64_t most_faces, std::uint64_t reference_faces) {
-  // Of a face: 32 bytes, half a vertex with what is known of it (41 + 48 + 5), an edge and a half in the lists of edges
-  // (16 each, twice, and as much again while they grow; freed for the sort by place), and the block that comes out, sorted (16 + half of 60, twice).
-  return most_faces * (32 + 47 + 144 + 92) + reference_faces * ReferenceSurface::bytes_per_face() +
-         (std::uint64_t{1} << 20);
+  // Of a face: 32 bytes, half a vertex with what is known of it (41 + 48 + 5); an edge and a half in the lists of edges
+  // (16 each, twice, and as much again while they grow; freed for the sort by place), or in the end a hierarchy over the
+  // faces and where they lie (28 + 13); and the block that comes out, sorted (16 + half of 60, twice). Half a point of
+  // the reference for the hierarchy to find.
+  const std::uint64_t lists = 144, search = ClosestFaces::bytes_per_face() + 41;
+  return most_faces * (32 + 47 + std::max(lists, search) + 92) +
+         reference_faces * (ReferenceSurface::bytes_per_face() + 12) + (std::uint64_t{1} << 20);
 }
 
 }  // namespace tessera

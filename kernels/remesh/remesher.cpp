@@ -13,7 +13,6 @@ constexpr double kAnywhere = std::numeric_limits<double>::max();
 /// Rounds of splits or of collapses: the first iteration brings edges of any length down to the target, the others tidy
 /// up. Fixed, and ended early only where nothing is left to do in the block.
 constexpr int kFirstRounds = 24, kLaterRounds = 1;
-constexpr int kRefineRounds = 6;
 constexpr double kSplitAbove = 4.0 / 3.0, kCollapseBelow = 0.8;  ///< of the target
 /// Scanners and extraction leave lattices of sheared squares, all valences six, all lengths within the limits: nothing in
 /// the loop would ever change them. So the first iteration begins with far fewer vertices than there will be.
@@ -115,10 +114,7 @@ void Remesher::run(RemeshReport& report) {
     flip_all(report);
     for (int r = 0; r < options_.relaxations; ++r) relax_all(report);
   }
-  if (!options_.refine_beyond) return;
-  changed_.assign(info_.size(), 0);
-  for (int r = 0; r < kRefineRounds && refine_beyond(report) > 0; ++r) {
-  }
+  if (options_.refine_beyond) refine(report);
 }
 
 /// Down to a mesh too coarse, and by splits back to one that remembers nothing of the lattice it came from.
@@ -128,26 +124,36 @@ void Remesher::coarsen(RemeshReport& report) {
   split_long(kFirstRounds, report);
 }
 
-/// All edges that are wanted, by the class of their length, then in the order of faces: neighbours after each other.
+/// The edge across from the corner.
+Remesher::Edge Remesher::edge_at(std::uint32_t c) const {
+  const std::uint32_t a = mesh_.vertex(next_corner(c)), b = mesh_.vertex(prev_corner(c));
+  // Eight classes to a factor of two of the square.
+  return {std::bit_cast<std::uint32_t>(static_cast<float>(square_of(a, b))) >> 20, c, a, b};
+}
+
+/// What is listed, by the class of its length, then in the order of faces: neighbours after each other.
+void Remesher::sort_listed(bool longest_first) {
+  std::vector<std::uint32_t> begin(kLengthClasses + 1);
+  edges_.resize(listed_.size());
+  counting_sort<Edge>(listed_, edges_, begin, [&](const Edge& e) {
+    return longest_first ? kLengthClasses - 1 - e.length_class : e.length_class;
+  });
+}
+
+/// All edges that are wanted.
 template <class Wanted>
 void Remesher::list_edges(const Wanted& wanted, bool longest_first) {
   listed_.clear();
-  std::vector<std::uint32_t> begin(kLengthClasses + 1);
   for (std::uint32_t f = 0; f < mesh_.faces().size(); ++f) {
     const CollapseFace& face = mesh_.face(f);
     if (face.state & kStateDead) continue;
     for (std::uint32_t i = 0; i < 3; ++i) {
       const std::uint32_t c = 4 * f + i, o = face.opposite[i];
       if (o == kNoCorner ? !mesh_.border_edge(c) : o < c) continue;
-      const std::uint32_t a = mesh_.vertex(next_corner(c)), b = mesh_.vertex(prev_corner(c));
-      if (!wanted(a, b)) continue;
-      // Eight classes to a factor of two of the square.
-      const std::uint32_t bits = std::bit_cast<std::uint32_t>(static_cast<float>(square_of(a, b))) >> 20;
-      listed_.push_back({longest_first ? kLengthClasses - 1 - bits : bits, c, a, b});
+      if (wanted(mesh_.vertex(next_corner(c)), mesh_.vertex(prev_corner(c)))) listed_.push_back(edge_at(c));
     }
   }
-  edges_.resize(listed_.size());
-  counting_sort<Edge>(listed_, edges_, begin, [](const Edge& e) { return e.length_class; });
+  sort_listed(longest_first);
 }
 
 /// Whether the corner still lies across the edge; others turn up in the next round.
@@ -163,8 +169,7 @@ void Remesher::split_long(int rounds, RemeshReport& report) {
     list_edges(
         [&](std::uint32_t a, std::uint32_t b) {
           if (changed_[a] < round_ || changed_[b] < round_) return false;
-          const double most = kSplitAbove * target(a, b);
-          return square_of(a, b) > most * most && !info_[a].held && !info_[b].held;
+          return too_long(a, b) && !info_[a].held && !info_[b].held;
         },
         true);
     std::size_t done = 0;
@@ -172,6 +177,11 @@ void Remesher::split_long(int rounds, RemeshReport& report) {
     report.splits += done;
     if (done == 0) return;
   }
+}
+
+bool Remesher::too_long(std::uint32_t a, std::uint32_t b) const {
+  const double most = kSplitAbove * target(a, b);
+  return square_of(a, b) > most * most;
 }
 
 bool Remesher::split_if_free(const Edge& e, RemeshReport& report) {
@@ -188,31 +198,6 @@ bool Remesher::split_if_free(const Edge& e, RemeshReport& report) {
   split(e);
   mark_changed(static_cast<std::uint32_t>(info_.size() - 1));
   return true;
-}
-
-/// Splits the longest edge of every face that points of it show to be beyond the tolerance: new vertices lie on the
-/// reference, so that the surface comes nearer.
-std::size_t Remesher::refine_beyond(RemeshReport& report) {
-  std::vector<std::uint8_t> longest(mesh_.faces().size(), 0);  // per face: bit of the corner across from it
-  for (std::uint32_t f = 0; f < longest.size(); ++f) {
-    const CollapseFace& face = mesh_.face(f);
-    if ((face.state & kStateDead) || !beyond(f)) continue;
-    double most = 0.0;
-    for (std::uint32_t i = 0; i < 3; ++i) {
-      const double square = square_of(face.vertex[(i + 1) % 3], face.vertex[(i + 2) % 3]);
-      if (square > most) most = square, longest[f] = static_cast<std::uint8_t>(1u << i);
-    }
-  }
-  const auto wanted = [&](std::uint32_t c) { return (longest[c >> 2] >> (c & 3u) & 1u) != 0; };
-  list_edges([](std::uint32_t, std::uint32_t) { return true; }, true);
-  std::erase_if(edges_, [&](const Edge& e) {
-    const std::uint32_t o = mesh_.opposite(e.corner);
-    return !wanted(e.corner) && !(o != kNoCorner && wanted(o));
-  });
-  std::size_t done = 0;
-  for (const Edge& e : edges_) done += split_if_free(e, report);
-  report.splits += done;
-  return done;
 }
 
 void Remesher::split(const Edge& e) {

@@ -48,6 +48,8 @@ class Remesher {
 
   void set_lines();
   void find_feet(const std::vector<std::uint32_t>& own);
+  Edge edge_at(std::uint32_t c) const;
+  void sort_listed(bool longest_first);
   template <class Wanted>
   void list_edges(const Wanted& wanted, bool longest_first);
   bool current(const Edge& e) const;
@@ -59,9 +61,14 @@ class Remesher {
   bool is_line(std::uint32_t c) const { return mesh_.crease_edge(c) || mesh_.border_edge(c); }
 
   void split_long(int rounds, RemeshReport& report);
+  bool too_long(std::uint32_t a, std::uint32_t b) const;
   bool split_if_free(const Edge& e, RemeshReport& report);
   void split(const Edge& e);
-  std::size_t refine_beyond(RemeshReport& report);
+  void refine(RemeshReport& report);
+  void want_beyond(std::vector<std::uint8_t>& wanted) const;
+  void want_missed(std::vector<Double3>& points, std::vector<std::uint8_t>& wanted) const;
+  std::size_t split_wanted(const std::vector<std::uint8_t>& wanted, RemeshReport& report);
+  std::uint32_t longest_corner(std::uint32_t f) const;
   void coarsen(RemeshReport& report);
   void collapse_short(const CollapseLengths& lengths, int rounds, RemeshReport& report);
   std::size_t collapse_listed(const CollapseLengths& lengths, RemeshReport& report);

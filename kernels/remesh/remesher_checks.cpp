@@ -96,24 +96,6 @@ bool Remesher::within(const NewFace& f) const {
   return dot(own, wide(surface_.normal(foot.slot))) >= least_turn_ * norm(own);
 }
 
-/// The same with more points, for the end.
-bool Remesher::beyond(std::uint32_t f) const {
-  const std::uint32_t* v = mesh_.face(f).vertex;
-  const NewFace face{{v[0], v[1], v[2]}, {mesh_.at(v[0]), mesh_.at(v[1]), mesh_.at(v[2])}};
-  std::uint32_t hint = ReferenceSurface::kNone;
-  const double limit = options_.tolerance;
-  if (bulge(face, hint) < 0.5 * limit) return false;
-  constexpr int kParts = 5;
-  for (int i = 0; i <= kParts; ++i)
-    for (int j = 0; i + j <= kParts; ++j) {
-      const int k = kParts - i - j;
-      if (i == kParts || j == kParts || k == kParts) continue;
-      const Double3 p = (face.at[0] * i + face.at[1] * j + face.at[2] * k) * (1.0 / kParts);
-      if (!near_enough(p, limit, hint)) return true;
-    }
-  return false;
-}
-
 /// Two corners so near to each other that no sound face has room between them become one, as far as the tolerance allows.
 bool Remesher::corners_merge(std::uint32_t a, std::uint32_t b) const {
   const unsigned both = mesh_.state(a) & mesh_.state(b), any = mesh_.state(a) | mesh_.state(b);

@@ -18,7 +18,7 @@ namespace tessera {
 
 /// Rounds. Where the certificate fails, all passes run once more and leave the reference as it is near the faces that
 /// failed; blocks that nothing changes in are taken over from the round before. Each round keeps farther around, and
-/// from the second one on works at half the tolerance of the one before in the blocks concerned.
+/// decimation works at half the tolerance of the one before from the second one on in the blocks concerned.
 inline constexpr int kMostRounds = 4;
 /// Of a block's part of the reference, in blocks: the most that a pass works against at once.
 inline constexpr std::uint64_t kReferenceBlocks = 8;

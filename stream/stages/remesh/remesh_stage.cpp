@@ -183,7 +183,6 @@ class RemeshStage : public Stage {
       RemeshOptions kernel = kernel_;
       kernel.max_faces = room(blocks_[b]);
       kernel.first_key = first_new_key(pass_, b);
-      if (!held.empty()) kernel.tolerance *= blocks_.careful();
       const RemeshReport report = remesh(block, reference, kernel, held);
       add_counts(counts, to_json(report));
       settle(block, seams, report);

@@ -253,6 +253,21 @@ TEST_CASE("remesh: with a tolerance faces get smaller where the surface asks for
   CHECK(out.faces.size() < hills.faces.size() / 4);
 }
 
+TEST_CASE("remesh: with a tolerance no tip of the reference is missed, however narrow", "[unit]") {
+  const MeshBlock tips = grid_block(60, 60, [](double x, double y) {
+    const bool tip = static_cast<int>(x) % 15 == 7 && static_cast<int>(y) % 15 == 7;
+    return tip ? 0.2 : 0.0;
+  });
+  RemeshOptions o = options_for(6.0);
+  CHECK(certified(remeshed(tips, o), tips, 0.1) > 0.15);
+  o.tolerance = 0.1;
+  CHECK(certified(remeshed(tips, o), tips, 0.1) > 0.12);
+  o.refine_beyond = true;
+  const MeshBlock out = remeshed(tips, o);
+  CHECK(certified(out, tips, 0.1) < 0.12);
+  CHECK(out.faces.size() < tips.faces.size() / 4);
+}
+
 TEST_CASE("remesh: no more faces than there is room for, and options that make no sense are refused",
           "[unit]") {
   RemeshOptions o = options_for(0.01);
