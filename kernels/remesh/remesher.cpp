@@ -173,7 +173,8 @@ void Remesher::split_long(int rounds, RemeshReport& report) {
         },
         true);
     std::size_t done = 0;
-    for (const Edge& e : edges_) done += split_if_free(e, report);
+    for (const Edge& e : edges_)
+      if (!beside_longer(e)) done += split_if_free(e, report);
     report.splits += done;
     if (done == 0) return;
   }
@@ -182,6 +183,19 @@ void Remesher::split_long(int rounds, RemeshReport& report) {
 bool Remesher::too_long(std::uint32_t a, std::uint32_t b) const {
   const double most = kSplitAbove * target(a, b);
   return square_of(a, b) > most * most;
+}
+
+/// Whether a face at the edge has a longer one that had to stay: at a seam, or beside such an edge. Splits of the others
+/// would go on until nothing but slivers is left along it; a later pass, which has the seam inside, does all of them.
+bool Remesher::beside_longer(const Edge& e) const {
+  for (const std::uint32_t corner : {e.corner, mesh_.opposite(e.corner)}) {
+    if (corner == kNoCorner) continue;
+    for (const std::uint32_t c : {next_corner(corner), prev_corner(corner)}) {
+      const Edge other = edge_at(c);
+      if (other.length_class > e.length_class && too_long(other.a, other.b)) return true;
+    }
+  }
+  return false;
 }
 
 bool Remesher::split_if_free(const Edge& e, RemeshReport& report) {

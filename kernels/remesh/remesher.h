@@ -62,6 +62,7 @@ class Remesher {
 
   void split_long(int rounds, RemeshReport& report);
   bool too_long(std::uint32_t a, std::uint32_t b) const;
+  bool beside_longer(const Edge& e) const;
   bool split_if_free(const Edge& e, RemeshReport& report);
   void split(const Edge& e);
   void refine(RemeshReport& report);

@@ -268,6 +268,20 @@ TEST_CASE("remesh: with a tolerance no tip of the reference is missed, however n
   CHECK(out.faces.size() < tips.faces.size() / 4);
 }
 
+TEST_CASE("remesh: seams of long edges get no slivers along them", "[unit]") {
+  MeshBlock whole = sphere_block(2);
+  canonicalise(whole);
+  std::vector<std::uint8_t> left(whole.faces.size());
+  for (std::size_t f = 0; f < left.size(); ++f) left[f] = whole.position[whole.faces[f][0]][0] < 0.1;
+  MeshBlock half = select_faces(whole, left);
+  RemeshReport report = remesh(half, whole, options_for(0.05));  // a sixth of the edges
+  CHECK(report.locked_vertices > 0);
+  CHECK(half.faces.size() > 2000);
+  TriangleQuality quality;
+  quality.add(half, 0.05);
+  CHECK(quality.smallest > 5000);
+}
+
 TEST_CASE("remesh: no more faces than there is room for, and options that make no sense are refused",
           "[unit]") {
   RemeshOptions o = options_for(0.01);
