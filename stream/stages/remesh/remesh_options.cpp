@@ -7,6 +7,10 @@ namespace {
 
 /// Of the tolerance that operations may use: they look at points of a face, the proof at all of it.
 constexpr double kLoopShare = 0.75;
+/// Of the tolerance that a chord of an adapted length may use. Edges get 4/3 of their length before they are split, and
+/// the error grows with the square: so even the longest one leaves faces within what operations may use. With more of it
+/// operations would be refused all over, lengths end up shorter by splits at the end, and angles stay poor.
+constexpr double kSizingShare = kLoopShare * (3.0 / 4.0) * (3.0 / 4.0);
 /// Without a tolerance operations keep within this share of the length: enough for any circle that edges can follow.
 constexpr double kShapeShare = 0.2;
 
@@ -61,7 +65,7 @@ RemeshOptions RemeshJobOptions::kernel(double length, double shortest, bool floa
   RemeshOptions k;
   k.edge = length;
   k.min_edge = shortest;
-  if (adaptive) k.sizing_tolerance = tolerance;
+  if (adaptive) k.sizing_tolerance = kSizingShare * tolerance;
   k.tolerance = tolerance > 0.0 ? kLoopShare * tolerance : kShapeShare * length;
   k.refine_beyond = tolerance > 0.0;
   k.max_normal_turn_deg = max_normal_deviation_deg;
