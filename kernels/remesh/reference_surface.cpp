@@ -262,7 +262,8 @@ ReferenceSurface::Foot ReferenceSurface::near(const Double3& p, double limit_squ
       return {p + n * (height / square), away, face};
     }
     const std::uint32_t next = beside_[face][worst];
-    if (next == before && next != kNone) {  // the edge between the two is nearest
+    if (next == before ||
+        next == kNone) {  // the edge between the two is nearest, or the line where the walk ends
       const Double3 foot = foot_in_triangle(p, a, b, c).at;
       const double away = squared_distance(p, foot);
       if (!(away < most)) break;

@@ -94,7 +94,7 @@ class Remesher {
   bool near_at_points(const NewFace& f, double limit, std::uint32_t hint) const;
   double bulge(const NewFace& f, std::uint32_t& hint) const;
   bool beyond(std::uint32_t f) const;
-  bool near_enough(const Double3& p, double limit, std::uint32_t hint) const;
+  bool near_enough(const Double3& p, double limit, std::uint32_t& hint) const;
   void set_target(Info& info, const Double3& at) const;
 
   CollapseMesh& mesh_;

@@ -51,8 +51,12 @@ bool Remesher::normal_fits(const NewFace& f, const Double3& n) const {
   return known ? along >= 0.0 : before == 0.0 || along >= kAlongBefore * length * before;
 }
 
-bool Remesher::near_enough(const Double3& p, double limit, std::uint32_t hint) const {
-  return surface_.near(p, limit * limit, limit * limit, hint).slot != ReferenceSurface::kNone;
+/// \param hint  a face of the reference nearby; comes back as the one that is near
+bool Remesher::near_enough(const Double3& p, double limit, std::uint32_t& hint) const {
+  const ReferenceSurface::Foot foot = surface_.near(p, limit * limit, limit * limit, hint);
+  if (foot.slot == ReferenceSurface::kNone) return false;
+  hint = foot.slot;
+  return true;
 }
 
 bool Remesher::near_at_points(const NewFace& f, double limit, std::uint32_t hint) const {
