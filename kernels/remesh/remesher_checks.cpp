@@ -66,22 +66,22 @@ bool Remesher::near_at_points(const NewFace& f, double limit, std::uint32_t hint
   return true;
 }
 
-/// The largest height of a corner over the tangent plane of another one; infinite where a corner has none.
+/// The largest height of a corner over the tangent plane of another one; infinite where two corners have none.
 double Remesher::bulge(const NewFace& f, std::uint32_t& hint) const {
   double height = 0.0;
-  bool smooth = true;
+  int without = 0;
   for (std::size_t i = 0; i < 3; ++i) {
     const Info& info = info_[f.vertex[i]];
     const Double3 n = wide(info.normal);
     if (n == Double3{}) {
-      smooth = false;
+      ++without;
       continue;
     }
     hint = info.foot;
     for (std::size_t k = 1; k < 3; ++k)
       height = std::max(height, std::fabs(dot(f.at[(i + k) % 3] - f.at[i], n)));
   }
-  return smooth ? height : std::numeric_limits<double>::max();
+  return without < 2 ? height : std::numeric_limits<double>::max();
 }
 
 /// A smooth surface with these normals at the corners bulges out of the face by a third of that height: where twice as
