@@ -25,8 +25,8 @@ struct RemeshOptions {
   /// Above 0: an operation must leave new faces and removed vertices within it of the reference, as far as their
   /// corners, centres and edges tell: a strong test, not the proof. Creases and borders get half of it.
   double tolerance = 0.0;
-  bool refine_beyond =
-      false;  ///< and in the end edges are split where faces are beyond it, however short they get
+  /// And in the end edges are split where faces are beyond it, or vertices of the reference, until they are as short.
+  bool refine_beyond = false;
   double max_normal_turn_deg = 0.0;  ///< of a face against the reference at its centre; 0 = free
   double feature_angle_deg = 25.0;   ///< edges that turn by more are creases; 0 = none
   int iterations = 4;
