@@ -5,6 +5,7 @@
 #include <string>
 
 #include "octree/error.h"
+#include "solvers/multifrontal_solver.h"
 
 namespace tessera {
 
@@ -17,10 +18,27 @@ constexpr double kPlateTolerance = 0.02;
 constexpr double kPlateInnerTolerance = 1e-4;
 constexpr int kMostPlateSteps = 20;
 
-/// Matrix, unknowns, right-hand side and solution; multigrid with its levels and vectors for three columns; a plate's
-/// vectors. Measured on 10^4 to 10^6 unknowns.
-constexpr std::uint64_t kBytesPerUnknown = 600, kPlateBytesPerUnknown = 900;
-constexpr std::uint64_t kBytesPerEntry = 16, kPlateBytesPerEntry = 28;
+/// Matrix and unknowns.
+constexpr std::uint64_t kHeldPerUnknown = 100, kHeldPerEntry = 16, kPlateHeldPerEntry = 28;
+/// Right-hand sides, solutions and a plate's vectors, three columns each.
+constexpr std::uint64_t kVectorsPerUnknown = 150, kPlateVectorsPerUnknown = 350;
+/// Fronts of a factor; measured 610 on a terrain. Multigrid takes less: 400 for levels and vectors.
+constexpr std::uint64_t kFrontsPerUnknown = 900, kFrontsBytes = std::uint64_t{8} << 20;
+
+/// Systems of three columns that a step asks for in its cycles, of order 1 and 2.
+constexpr double kSystems = 3, kPlateSystems = 32;
+/// CPU seconds: of factors by operation and, in every system, by entry; of multigrid, which takes about a hundred cycles
+/// here, by entry of the matrix.
+constexpr double kPerFlop = 5e-11, kPerFactorEntry = 3.2e-9, kPerMultigridEntry = 2.1e-7;
+
+/// Whether a factor takes less time than multigrid, and no more memory than is reserved.
+bool factor_pays(const FactorReport& factor, const SparseMatrix& a, bool plate) {
+  const double systems = plate ? kPlateSystems : kSystems;
+  const double direct =
+      kPerFlop * factor.flops + systems * kPerFactorEntry * static_cast<double>(factor.factor_entries);
+  return direct <= systems * kPerMultigridEntry * static_cast<double>(a.entries()) &&
+         factor.peak_bytes <= kFrontsPerUnknown * static_cast<std::uint64_t>(a.rows) + kFrontsBytes;
+}
 
 }  // namespace
 
@@ -75,6 +93,7 @@ void CoarseSystem::solve_plate(const Part& part, LinearSolver& solver, const Fie
   std::vector<double> right(n), both(n), first(n), mass(n), sum(n);
   const auto solve = [&](std::vector<double>& to) {
     report = solver.solve(right, to, 3);
+    ++systems_;
     cycles_ += report.iterations;
     return report.status == SolveStatus::kSolved;
   };
@@ -124,19 +143,25 @@ void CoarseSystem::solve_plate(const Part& part, LinearSolver& solver, const Fie
   report.message = "the plate's last step still changes it by " + std::to_string(report.residual);
 }
 
-CoarseSystem::Fields CoarseSystem::solve_part(Part& part, const Fields& load, std::uint64_t memory_bytes) {
+std::unique_ptr<LinearSolver> CoarseSystem::make_part_solver(const Part& part, FactorStore& factor) const {
+  SolverOptions options;
+  options.tolerance = plate_ ? kPlateInnerTolerance : kCoarseTolerance;
+  options.positions = part.position;
+  auto direct = make_multifrontal_solver(options, factor);
+  const FactorReport analysed = direct->analyse(part.own);
+  if (analysed.status == SolveStatus::kSolved && factor_pays(analysed, part.own, plate_)) return direct;
+  auto multigrid = make_solver(SolverKind::kMultigrid, options);
+  multigrid->analyse(part.own);
+  return multigrid;
+}
+
+CoarseSystem::Fields CoarseSystem::solve_part(Part& part, const Fields& load, FactorStore& store) {
   Fields x;
   x.moved.assign(load.moved.size(), 0.0);
   x.bend.assign(load.bend.size(), 0.0);
   if (load.moved.empty()) return x;
-  SolverOptions options;
-  options.tolerance = plate_ ? kPlateInnerTolerance : kCoarseTolerance;
-  options.positions = part.position;
-  options.memory_bytes = memory_bytes;
-  const auto solver = make_solver(SolverKind::kMultigrid, options);
-  FactorReport factor = solver->analyse(part.own);
-  if (factor.status == SolveStatus::kTooLarge) throw ResourceError("the coarse level: " + factor.message);
-  if (factor.status == SolveStatus::kSolved) factor = solver->factor(part.own);
+  const auto solver = make_part_solver(part, store);
+  const FactorReport factor = solver->factor(part.own);
   SolveReport report{factor.status, 0.0, 0, factor.message};
   if (factor.status == SolveStatus::kSolved) {
     if (plate_) {
@@ -147,6 +172,7 @@ CoarseSystem::Fields CoarseSystem::solve_part(Part& part, const Fields& load, st
       solve_plate(part, *solver, load, x, report);
     } else {
       report = solver->solve(load.moved, x.moved, 3);
+      ++systems_;
       cycles_ += report.iterations;
     }
   }
@@ -155,7 +181,13 @@ CoarseSystem::Fields CoarseSystem::solve_part(Part& part, const Fields& load, st
   return x;
 }
 
-std::vector<CoarseValue> CoarseSystem::solve(std::span<const CoarseLoad> loads, std::uint64_t memory_bytes) {
+std::vector<CoarseValue> CoarseSystem::solve(std::span<const CoarseLoad> loads) {
+  MemoryFactorStore line, free;
+  return solve(loads, {line, free});
+}
+
+std::vector<CoarseValue> CoarseSystem::solve(std::span<const CoarseLoad> loads,
+                                             const CoarseFactors& factors) {
   for (; row_ < unknowns_.size(); ++row_) end_row(unknowns_[row_].on_line != 0 ? line_ : free_);
   const auto zeros = [&](const Part& part) {
     const std::vector<double> none(3 * part.position.size(), 0.0);
@@ -171,15 +203,15 @@ std::vector<CoarseValue> CoarseSystem::solve(std::span<const CoarseLoad> loads, 
       if (plate_) to.bend[at] += l.bend[a];
     }
   }
-  cycles_ = 0;
-  const Fields on_lines = solve_part(line_, line_load, memory_bytes);
+  systems_ = cycles_ = 0;
+  const Fields on_lines = solve_part(line_, line_load, factors.line);
   if (!on_lines.moved.empty()) {
     std::vector<double>& to = plate_ ? free_load.bend : free_load.moved;
     std::vector<double> seen(to.size());
     multiply(free_.seen, on_lines.moved, seen, 3);
     for (std::size_t i = 0; i < seen.size(); ++i) to[i] -= seen[i];
   }
-  const Fields free = solve_part(free_, free_load, memory_bytes);
+  const Fields free = solve_part(free_, free_load, factors.free);
   std::vector<CoarseValue> out(unknowns_.size());
   for (std::size_t i = 0; i < out.size(); ++i) {
     const Fields& x = unknowns_[i].on_line != 0 ? on_lines : free;
@@ -193,8 +225,12 @@ std::vector<CoarseValue> CoarseSystem::solve(std::span<const CoarseLoad> loads, 
 }
 
 std::uint64_t CoarseSystem::bytes(std::uint64_t unknowns, std::uint64_t entries, int order) {
-  return order == 2 ? unknowns * kPlateBytesPerUnknown + entries * kPlateBytesPerEntry
-                    : unknowns * kBytesPerUnknown + entries * kBytesPerEntry;
+  return unknowns * kHeldPerUnknown + entries * (order == 2 ? kPlateHeldPerEntry : kHeldPerEntry);
+}
+
+std::uint64_t CoarseSystem::solve_bytes(std::uint64_t unknowns, int order) {
+  return unknowns * (kFrontsPerUnknown + (order == 2 ? kPlateVectorsPerUnknown : kVectorsPerUnknown)) +
+         kFrontsBytes;
 }
 
 }  // namespace tessera

@@ -3,11 +3,13 @@
 /// core.
 #pragma once
 #include <cstdint>
+#include <memory>
 #include <span>
 #include <vector>
 
 #include "kernels/smooth/coarse_level.h"
 
+#include "solvers/factor_store.h"
 #include "solvers/linear_solver.h"
 
 namespace tessera {
@@ -24,6 +26,13 @@ struct CoarseValue {
   Double3 bend = {0, 0, 0};  ///< order 2
 };
 
+/// Where the factors lie, of the unknowns on lines and of the others: empty, or as an earlier solve() with the same entries
+/// left them. Then they serve again.
+struct CoarseFactors {
+  FactorStore& line;
+  FactorStore& free;
+};
+
 class CoarseSystem {
  public:
   /// \param unknowns  ascending names
@@ -33,19 +42,24 @@ class CoarseSystem {
   void add(const CoarseEntry& entry);
 
   /// The values, in the order of the unknowns: those on lines are solved first, then the others, which see them.
-  /// Order 1: by multigrid to a residual of 1e-5. Order 2: by Chebyshev steps, each with two systems of order 1 (block
-  /// matrices of Axelsson, Neytcheva, Ahmad 2014). On one thread: the same bits on every machine.
+  /// Order 1: by a factor, or by multigrid to a residual of 1e-5 where the factor would take longer or more than
+  /// solve_bytes(), which the matrix alone decides. Order 2: by Chebyshev steps, each with two systems of order 1
+  /// (block matrices of Axelsson, Neytcheva, Ahmad 2014). On one thread: the same bits on every machine.
   /// \pre all entries are added; every load names an unknown
-  /// \param memory_bytes  for the solver beside the matrix; 0 = no limit
   /// \throws InputError when there is no solution, with the reason
-  std::vector<CoarseValue> solve(std::span<const CoarseLoad> loads, std::uint64_t memory_bytes = 0);
+  std::vector<CoarseValue> solve(std::span<const CoarseLoad> loads, const CoarseFactors& factors);
+  /// The same with factors in memory.
+  std::vector<CoarseValue> solve(std::span<const CoarseLoad> loads);
 
   std::uint64_t entries() const { return free_.own.entries() + free_.seen.entries() + line_.own.entries(); }
-  /// Cycles of multigrid in the last solve().
+  /// In the last solve(): systems of order 1, three columns each, and cycles of multigrid, 0 with factors.
+  int systems() const { return systems_; }
   int cycles() const { return cycles_; }
 
-  /// Upper bound of what adding and solving takes for so many unknowns and entries.
+  /// Upper bounds for so many unknowns and entries: of what is held once all is added, and of what solve() takes beside
+  /// that and its factors.
   static std::uint64_t bytes(std::uint64_t unknowns, std::uint64_t entries, int order);
+  static std::uint64_t solve_bytes(std::uint64_t unknowns, int order);
 
  private:
   struct Part {
@@ -60,7 +74,8 @@ class CoarseSystem {
   };
   std::size_t number(std::uint64_t name) const;
   void end_row(Part& part) const;
-  Fields solve_part(Part& part, const Fields& load, std::uint64_t memory_bytes);
+  std::unique_ptr<LinearSolver> make_part_solver(const Part& part, FactorStore& factor) const;
+  Fields solve_part(Part& part, const Fields& load, FactorStore& factor);
   void solve_plate(const Part& part, LinearSolver& solver, const Fields& load, Fields& x,
                    SolveReport& report);
 
@@ -70,7 +85,7 @@ class CoarseSystem {
   std::vector<std::int32_t> place_;  ///< of each unknown in its part
   Part free_, line_;
   std::size_t row_ = 0;  ///< that is being filled
-  int cycles_ = 0;
+  int systems_ = 0, cycles_ = 0;
 };
 
 }  // namespace tessera

@@ -120,6 +120,7 @@ const std::map<std::string, std::string>& covering_tests() {
        {"cholesky_solver", "cholmod_view", "conjugate_gradients", "krylov_solver", "multigrid_cycle",
         "multigrid_interpolation", "multigrid_levels", "multigrid_solver", "rcm_ordering", "single_thread",
         "sparse_matrix"});
+    by("solvers/multifrontal_cholesky", "solvers", {"dense_front", "factor_store", "multifrontal_solver"});
     by("kernels/holes/hole_filling", "solvers", {"envelope_cholesky"});
     by("kernels/edit/boundary_model", "solvers", {"lu_solver"});
     by("solvers/laplacian", "solvers", {"intrinsic_delaunay"});

@@ -36,6 +36,7 @@ TEST_CASE("same bytes: whatever BLAS and the C library take the processor for", 
       {"decimate", at("mesh.ply"), "--tolerance", "0.01"},
       {"smooth", at("mesh.ply"), "--method", "denoise"},
       {"smooth", at("mesh.ply"), "--lambda", "1e5"},
+      {"smooth", at("mesh.ply"), "--lambda", "1e6", "--order", "2"},
       {"smooth", at("small.ply"), "--method", "curvature-flow", "--lambda", "100"},
       {"parameterize", at("small.ply")},
   };

@@ -8,6 +8,7 @@
 #include "stream/files/read_file.h"
 #include "stream/files/task_files.h"
 #include "stream/stages/smooth/coarse_files.h"
+#include "stream/stages/smooth/factor_file.h"
 #include "stream/stages/smooth/smooth_stage.h"
 
 namespace tessera {
@@ -26,9 +27,20 @@ constexpr int kSumsRings = 3;
 constexpr std::uint64_t kSumsPatchBytes = 1800;
 constexpr std::uint64_t kSumsVertexBytes = 8 * (16 + 1 + 4 + 56 + 1);
 
-std::string matrix_file(std::size_t round) {
-  return "matrix-" + std::to_string(round) + "/matrix.bin";
+/// Of the first round of a step, for all its cycles.
+std::string matrix_folder(std::size_t round) {
+  return "matrix-" + std::to_string(round) + "/";
 }
+std::string matrix_file(std::size_t round) {
+  return matrix_folder(round) + "matrix.bin";
+}
+/// \param part  free or line
+std::string factor_file(std::size_t round, const char* part) {
+  return matrix_folder(round) + part + ".factor";
+}
+
+/// Numbers of a factor for an unknown beyond which holding it in memory is not planned; 270 on a terrain.
+constexpr std::uint64_t kHeldFactorBytes = 8 * 600;
 
 class CoarseSumsStage : public Stage {
  public:
@@ -142,18 +154,15 @@ class CoarseStage : public Stage {
         count_(count_patch_sums(files_)) {
     entries_ = round_ == first_ ? count_.entries
                                 : ReadFile(work_ / matrix_file(first_)).size() / sizeof(CoarseEntry);
+    const std::uint64_t most = state.run.memory_bytes * 13 / 16, need = needed_bytes();
+    factor_bytes_ = std::min(kHeldFactorBytes * count_.unknowns, most > need ? most - need : 0);
   }
 
   std::string name() const override { return coarse_folder(round_); }
   std::size_t task_count() const override { return 1; }
   std::uint64_t units() const override { return count_.unknowns; }
   std::string unit_name() const override { return "unknowns"; }
-  std::uint64_t task_bytes(std::size_t) const override {
-    return CoarseSystem::bytes(count_.unknowns, entries_, options_.order) +
-           (sizeof(CoarseUnknown) + sizeof(CoarseValue)) * count_.unknowns +
-           (sizeof(PlacedLoad) + sizeof(CoarseLoad)) * count_.loads + kSortBytes +
-           count_.largest_patch_bytes + kSlackBytes;
-  }
+  std::uint64_t task_bytes(std::size_t) const override { return needed_bytes() + factor_bytes_; }
 
   json run(std::size_t, TaskContext& context) const override {
     std::vector<CoarseUnknown> unknowns;
@@ -213,21 +222,43 @@ class CoarseStage : public Stage {
         for (const CoarseEntry& e : batch) system.add(e);
       }
     }
-    const std::vector<CoarseValue> values = system.solve(loads);
+    FactorFile line = factor(context, "line", factor_bytes_ / 8);
+    FactorFile free = factor(context, "free", factor_bytes_ - factor_bytes_ / 8);
+    const std::vector<CoarseValue> values = system.solve(loads, {line, free});
+    if (round_ == first_) context.count_written(line.finish() + free.finish());
     save_coarse_solution(context.create(coarse_solution_file(round_)), unknowns, values);
     context.advance(count_.unknowns);
-    return {{"unknowns", count_.unknowns}, {"entries", system.entries()}, {"cycles", system.cycles()}};
+    return {{"unknowns", count_.unknowns},
+            {"entries", system.entries()},
+            {"systems", system.systems()},
+            {"cycles", system.cycles()},
+            {"factor_entries", line.size() + free.size()}};
   }
   json finish(const std::vector<json>& summaries, TaskContext&) const override { return summaries.at(0); }
   std::uint64_t finish_bytes() const override { return kSlackBytes; }
 
   std::vector<std::string> obsolete() const override {
     std::vector<std::string> names = {coarse_sums_folder(round_) + "/"};
-    if (last_) names.push_back(std::filesystem::path(matrix_file(first_)).parent_path().string() + "/");
+    if (last_) names.push_back(matrix_folder(first_));
     return names;
   }
 
  private:
+  /// Without what a factor may be held in beyond its fronts. The sort is empty when the system is solved.
+  std::uint64_t needed_bytes() const {
+    return CoarseSystem::bytes(count_.unknowns, entries_, options_.order) +
+           std::max(
+               kSortBytes + count_.largest_patch_bytes,
+               CoarseSystem::solve_bytes(count_.unknowns, options_.order) + 2 * DirectFile::kDefaultBuffer) +
+           (sizeof(CoarseUnknown) + sizeof(CoarseValue)) * count_.unknowns +
+           (sizeof(PlacedLoad) + sizeof(CoarseLoad)) * count_.loads + kSlackBytes;
+  }
+  FactorFile factor(TaskContext& context, const char* part, std::uint64_t memory_bytes) const {
+    const std::string name = factor_file(first_, part);
+    return round_ == first_ ? FactorFile::create(context.create(name), memory_bytes)
+                            : FactorFile::open(work_ / name, memory_bytes);
+  }
+
   std::filesystem::path work_;
   std::size_t round_, first_;
   bool last_;
@@ -235,6 +266,7 @@ class CoarseStage : public Stage {
   std::vector<std::filesystem::path> files_;
   PatchSumsCount count_;
   std::uint64_t entries_ = 0;
+  std::uint64_t factor_bytes_ = 0;  ///< for factors in memory
 };
 
 }  // namespace

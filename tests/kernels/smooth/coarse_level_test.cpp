@@ -11,6 +11,7 @@
 #include "kernels/smooth/coarse_system.h"
 #include "kernels/smooth/smooth.h"
 #include "octree/error.h"
+#include "octree/vector.h"
 #include "solvers/sparse_matrix.h"
 #include "tests/helpers/block_meshes.h"
 
@@ -266,6 +267,55 @@ TEST_CASE("coarse level: sums have the same bits in every block that holds the s
   };
   in_piece(coarse_reach(options) + 4 * 0.06);
   CHECK_THROWS_AS(in_piece(0.3 * options.cell), std::logic_error);
+}
+
+TEST_CASE("coarse level: what a factor would take too long for goes to multigrid", "[property]") {
+  // A sheet, and a block of cells as no surface has them.
+  const bool solid = GENERATE(false, true);
+  const std::array<int, 3> size = solid ? std::array<int, 3>{30, 30, 30} : std::array<int, 3>{164, 164, 1};
+  CoarseOptions options;
+  options.cell = 1.0;
+  options.lambda = 1000.0;
+  const auto name = [&](int x, int y, int z) {
+    return static_cast<std::uint64_t>((z * size[1] + y) * size[0] + x);
+  };
+  std::vector<CoarseUnknown> unknowns;
+  std::vector<CoarseEntry> entries;
+  std::vector<CoarseLoad> loads;
+  for (int z = 0; z < size[2]; ++z)
+    for (int y = 0; y < size[1]; ++y)
+      for (int x = 0; x < size[0]; ++x) {
+        const std::uint64_t own = name(x, y, z);
+        unknowns.push_back({own, {1.0 * x, 1.0 * y, 1.0 * z}, 0});
+        loads.push_back({own, {std::sin(0.1 * x), std::cos(0.2 * y), std::sin(0.3 * z + 0.1 * x)}, {}});
+        std::map<std::uint64_t, double> row;
+        for (std::size_t a = 0; a < 3; ++a)
+          for (const int step : {-1, 1}) {
+            std::array<int, 3> at = {x, y, z};
+            at[a] += step;
+            if (at[a] < 0 || at[a] >= size[a]) continue;
+            row[name(at[0], at[1], at[2])] = -1.0;
+            row[own] += 1.0;
+          }
+        for (const auto& [column, stiffness] : row)
+          entries.push_back({own, column, column == own ? 1.0 : 0.0, stiffness});
+      }
+  CoarseSystem system(unknowns, options);
+  for (const CoarseEntry& e : entries) system.add(e);
+  const std::vector<CoarseValue> values = system.solve(loads);
+  CHECK(system.systems() == 1);
+  CHECK((system.cycles() > 0) == solid);
+  std::vector<Double3> rest;
+  for (const CoarseLoad& l : loads) rest.push_back(l.moved);
+  for (const CoarseEntry& e : entries)
+    for (std::size_t a = 0; a < 3; ++a)
+      rest[e.row][a] -= (e.mass + options.lambda * e.stiffness) * values[e.column].moved[a];
+  double left = 0.0, whole = 0.0;
+  for (std::size_t i = 0; i < rest.size(); ++i) {
+    left += dot(rest[i], rest[i]);
+    whole += dot(loads[i].moved, loads[i].moved);
+  }
+  CHECK(std::sqrt(left / whole) < (solid ? 1e-4 : 1e-9));
 }
 
 TEST_CASE("coarse level: what cannot be solved is said", "[unit]") {
