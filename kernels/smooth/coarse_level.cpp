@@ -2,9 +2,11 @@
 
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <cmath>
 #include <stdexcept>
 #include <string>
+#include <utility>
 
 #include "octree/error.h"
 #include "octree/lists.h"
@@ -18,6 +20,7 @@ constexpr std::uint32_t kNone = CoarseBasis::kNone;
 /// Corners of the grid fall into 8 classes by the parity of their indices; the supports of the hats of one class
 /// are disjoint and fill space.
 constexpr std::uint32_t kClasses = kCoarseCorners;
+constexpr std::uint32_t kAllClasses = 0xFF;
 constexpr int kKeyBits = 61;
 
 /// Least edge of the grid's cells in edges of the mesh.
@@ -77,41 +80,112 @@ double degree(const SurfaceRows& rows, std::uint32_t v) {
   return sum;
 }
 
-/// Connected pieces of the mesh inside the supports of one class, by union and find; the root is the smallest number and so the smallest key.
+/// Whether all eight hats of a cell are surely above zero, rounded too.
+bool inside(const Place& place) {
+  constexpr float kRim = 1e-6F;
+  return std::all_of(place.fraction.begin(), place.fraction.end(),
+                     [](float f) { return f > kRim && f < 1.0F - kRim; });
+}
+
+/// The classes whose hat is above zero here, a bit each.
+std::uint32_t seen_classes(const Place& place) {
+  if (inside(place)) return kAllClasses;
+  std::uint32_t classes = 0;
+  for (std::uint32_t parity = 0; parity < kClasses; ++parity)
+    if (place.hat(parity) > 0.0F) classes |= 1U << parity;
+  return classes;
+}
+
+/// The classes whose corner is the same for both places, a bit each.
+std::uint32_t shared_classes(const Place& u, const Place& v) {
+  // Of an axis: the classes whose parity there is even, odd.
+  constexpr std::array<std::array<std::uint32_t, 2>, 3> kClassesOf = {
+      {{0b01010101, 0b10101010}, {0b00110011, 0b11001100}, {0b00001111, 0b11110000}}};
+  std::uint32_t classes = kAllClasses;
+  for (std::size_t a = 0; a < 3; ++a) {
+    const std::int32_t low = std::min(u.cell[a], v.cell[a]), high = std::max(u.cell[a], v.cell[a]);
+    if (low == high) continue;
+    // Neighbours share the corner between them.
+    classes &= high - low == 1 ? kClassesOf[a][static_cast<std::size_t>(high & 1)] : 0;
+  }
+  return classes;
+}
+
+/// Connected pieces of the mesh inside the supports of all classes, by union and find. What is connected inside one cell
+/// lies in the supports of all its eight corners, so it is united once: a patch. Patches are united class by class.
 class Pieces {
  public:
-  Pieces(const std::vector<Place>& place, const SurfaceRows& rows, std::uint32_t parity)
-      : sets_(place.size()), state_(place.size(), kStill) {
-    const auto n = static_cast<std::uint32_t>(place.size());
-    for (std::uint32_t v = 0; v < n; ++v)
-      if (moves(rows.role[v]) && place[v].hat(parity) > 0.0F) state_[v] = kWhole;
-    std::vector<std::uint32_t> cut;  // pieces that go on in a star the block does not hold
-    for (std::uint32_t v = 0; v < n; ++v) {
-      if (state_[v] == kStill) continue;
-      const auto corner = place[v].corner(parity);
+  Pieces(const std::vector<Place>& place, const SurfaceRows& rows) {
+    make_patches(place, rows);
+    sets_.reset(kClasses * lowest_.size());
+    std::vector<std::uint32_t> cut;  // patches and classes that go on in a star the block does not hold
+    for (std::uint32_t v = 0; v < patch_.size(); ++v) {
+      if (patch_[v] == kNone) continue;
       for (std::uint32_t e = rows.first[v]; e < rows.first[v + 1]; ++e) {
         const std::uint32_t u = rows.neighbour[e];
         const bool open = rows.role[u] == VertexRole::kOpen;
-        if (!open && (u > v || state_[u] == kStill || rows.role[u] != rows.role[v])) continue;
-        if (place[u].corner(parity) != corner) continue;
-        if (open)
-          cut.push_back(v);
-        else
-          sets_.unite(v, u);
+        if (!open && (u > v || patch_[u] == kNone || patch_[u] == patch_[v] || rows.role[u] != rows.role[v]))
+          continue;
+        std::uint32_t shared = shared_classes(place[u], place[v]) & seen_classes(place[v]);
+        if (!open) shared &= seen_classes(place[u]);
+        for (; shared != 0; shared &= shared - 1) {
+          const auto parity = static_cast<std::uint32_t>(std::countr_zero(shared));
+          if (open)
+            cut.push_back(kClasses * patch_[v] + parity);
+          else
+            sets_.unite(kClasses * patch_[v] + parity, kClasses * patch_[u] + parity);
+        }
       }
     }
-    for (const std::uint32_t v : cut) state_[sets_.find(v)] = kCut;
+    sets_.roots();
+    whole_.assign(sets_.size(), 1);
+    for (const std::uint32_t c : cut) whole_[sets_.find(c)] = 0;
   }
 
-  /// kNone where the vertex does not move.
-  std::uint32_t root(std::uint32_t v) { return state_[v] == kStill ? kNone : sets_.find(v); }
-  bool whole(std::uint32_t root) const { return state_[root] == kWhole; }
+  std::size_t patches() const { return lowest_.size(); }
+  /// Of each vertex, kNone where it does not move.
+  std::vector<std::uint32_t> take_patches() { return std::move(patch_); }
+  /// The vertex with the smallest number: that of the smallest key.
+  std::uint32_t lowest(std::uint32_t patch) const { return lowest_[patch]; }
+  /// The patch with the lowest vertex of the piece.
+  std::uint32_t root(std::uint32_t patch, std::uint32_t parity) {
+    return sets_.find(kClasses * patch + parity) / kClasses;
+  }
+  /// \param root  of a piece
+  bool whole(std::uint32_t root, std::uint32_t parity) const { return whole_[kClasses * root + parity] != 0; }
 
  private:
-  enum State : std::uint8_t { kStill, kCut, kWhole };
+  void make_patches(const std::vector<Place>& place, const SurfaceRows& rows) {
+    const auto n = static_cast<std::uint32_t>(place.size());
+    UnionFind sets(n);
+    std::vector<std::uint8_t> in(n);
+    for (std::uint32_t v = 0; v < n; ++v) in[v] = inside(place[v]);
+    for (std::uint32_t v = 0; v < n; ++v) {
+      if (in[v] == 0 || !moves(rows.role[v])) continue;
+      for (std::uint32_t e = rows.first[v]; e < rows.first[v + 1]; ++e) {
+        const std::uint32_t u = rows.neighbour[e];
+        if (u < v && in[u] != 0 && rows.role[u] == rows.role[v] && place[u].cell == place[v].cell)
+          sets.unite(v, u);
+      }
+    }
+    const std::vector<std::uint32_t>& root = sets.roots();
+    patch_.resize(n);
+    for (std::uint32_t v = 0; v < n; ++v) {
+      if (!moves(rows.role[v])) {
+        patch_[v] = kNone;
+      } else if (root[v] == v) {
+        patch_[v] = static_cast<std::uint32_t>(lowest_.size());
+        lowest_.push_back(v);
+      } else {
+        patch_[v] = patch_[root[v]];
+      }
+    }
+  }
 
-  UnionFind sets_;
-  std::vector<std::uint8_t> state_;
+  std::vector<std::uint32_t> patch_;   ///< of each vertex
+  std::vector<std::uint32_t> lowest_;  ///< of each patch
+  UnionFind sets_;                     ///< of patches, in every class
+  std::vector<std::uint8_t> whole_;    ///< by root
 };
 
 /// Entries of the matrices of D and D - W.
@@ -148,13 +222,6 @@ class RowSum {
   std::vector<std::uint8_t> used_;
   std::vector<std::uint32_t> columns_;
 };
-
-/// sink(unknown, weight)
-template <class Sink>
-void for_unknowns(const CoarseBasis& basis, std::uint32_t v, const Sink& sink) {
-  for (std::size_t k = 0; k < kClasses; ++k)
-    if (basis.unknown[v][k] != kNone) sink(basis.unknown[v][k], static_cast<double>(basis.weight[v][k]));
-}
 
 void require_right(const SurfaceRows& rows, const CoarseBasis& basis,
                    std::span<const std::uint32_t> vertices) {
@@ -195,33 +262,38 @@ CoarseBasis make_coarse_basis(const MeshBlock& block, const SurfaceRows& rows, c
   const std::vector<Place> place = places(block, options.cell);
   basis.right.resize(n);
   for (std::uint32_t v = 0; v < n; ++v) basis.right[v] = rows.role[v] != VertexRole::kOpen;
-  basis.unknown.resize(n);
-  basis.weight.resize(n);
-  std::vector<std::uint32_t> number(n);
-  for (std::uint32_t parity = 0; parity < kClasses; ++parity) {
-    Pieces pieces(place, rows, parity);
-    for (std::uint32_t v = 0; v < n; ++v) {
-      const std::uint32_t root = pieces.root(v);
-      basis.unknown[v][parity] = kNone;
-      basis.weight[v][parity] = 0.0F;
-      if (root == kNone) continue;
-      if (root == v) {
-        number[v] = static_cast<std::uint32_t>(basis.name.size());
+  Pieces pieces(place, rows);
+  basis.unknown.resize(pieces.patches());
+  std::vector<std::uint8_t> whole(pieces.patches(), 1);
+  for (std::uint32_t parity = 0; parity < kClasses; ++parity)
+    for (std::uint32_t p = 0; p < pieces.patches(); ++p) {
+      const std::uint32_t v = pieces.lowest(p);
+      basis.unknown[p][parity] = kNone;
+      if ((seen_classes(place[v]) >> parity & 1U) == 0) continue;
+      const std::uint32_t root = pieces.root(p, parity);
+      if (root == p) {
+        basis.unknown[p][parity] = static_cast<std::uint32_t>(basis.name.size());
         basis.name.push_back(std::uint64_t{parity} << kKeyBits | block.key[v]);
         basis.seed.push_back(v);
         basis.on_line.push_back(rows.role[v] == VertexRole::kLine);
       }
-      basis.unknown[v][parity] = number[root];
-      basis.weight[v][parity] = place[v].hat(parity);
-      if (!pieces.whole(root)) basis.right[v] = 0;
+      basis.unknown[p][parity] = basis.unknown[root][parity];
+      if (!pieces.whole(root, parity)) whole[p] = 0;
     }
+  basis.patch = pieces.take_patches();
+  basis.weight.resize(n);
+  for (std::uint32_t v = 0; v < n; ++v) {
+    if (basis.patch[v] == kNone) continue;
+    for (std::uint32_t parity = 0; parity < kClasses; ++parity)
+      basis.weight[v][parity] = place[v].hat(parity);
+    if (whole[basis.patch[v]] == 0) basis.right[v] = 0;
   }
   return basis;
 }
 
 std::uint64_t coarse_basis_bytes(std::uint64_t vertices) {
-  // At the worst every vertex is a piece of its own in all eight supports.
-  return vertices * (sizeof(Place) + 4 + 4 + 1 + 1 + kClasses * (8 + 13));
+  // At the worst every vertex is a patch and a piece of its own in all eight supports.
+  return vertices * (sizeof(Place) + 4 + 4 + 1 + 1 + kClasses * (8 + 13 + 5));
 }
 
 std::vector<CoarseEntry> coarse_matrix(const SurfaceRows& rows, const CoarseBasis& basis,
@@ -235,14 +307,14 @@ std::vector<CoarseEntry> coarse_matrix(const SurfaceRows& rows, const CoarseBasi
   for (const std::uint32_t v : vertices) {
     if (moves(rows.role[v])) {
       const double own = degree(rows, v);
-      for_unknowns(basis, v, [&](std::uint32_t c, double weight) {
+      basis.for_unknowns(v, [&](std::uint32_t c, double weight) {
         row.add(c, {own * weight, own * weight});
       });
       for (std::uint32_t k = rows.first[v]; k < rows.first[v + 1]; ++k) {
         const std::uint32_t u = rows.neighbour[k];
         if (!sees(rows, v, u)) continue;
         const auto share = static_cast<double>(rows.weight[k]);
-        for_unknowns(basis, u, [&](std::uint32_t c, double weight) { row.add(c, {0.0, -share * weight}); });
+        basis.for_unknowns(u, [&](std::uint32_t c, double weight) { row.add(c, {0.0, -share * weight}); });
       }
     }
     row.drain([&](std::uint32_t c, const Value& x) {
@@ -257,7 +329,7 @@ std::vector<CoarseEntry> coarse_matrix(const SurfaceRows& rows, const CoarseBasi
   };
   const Lists<Test> tests = make_lists<Test>(basis.name.size(), [&](const auto& put) {
     for (std::uint32_t i = 0; i < vertices.size(); ++i)
-      for_unknowns(basis, vertices[i], [&](std::uint32_t c, double weight) {
+      basis.for_unknowns(vertices[i], [&](std::uint32_t c, double weight) {
         put(c, {i, static_cast<float>(weight)});
       });
   });
@@ -271,7 +343,7 @@ std::vector<CoarseEntry> coarse_matrix(const SurfaceRows& rows, const CoarseBasi
       // The spread of the values that the vertex is interpolated from.
       const double spread = w * options.stiffness * degree(rows, v);
       row.add(unknown, {0.0, spread});
-      for_unknowns(basis, v, [&](std::uint32_t c, double weight) { row.add(c, {0.0, -spread * weight}); });
+      basis.for_unknowns(v, [&](std::uint32_t c, double weight) { row.add(c, {0.0, -spread * weight}); });
     }
     row.drain([&](std::uint32_t c, const Value& x) {
       out.push_back({basis.name[unknown], basis.name[c], x.mass, x.stiffness});
@@ -308,7 +380,7 @@ std::vector<CoarseLoad> coarse_load(const SurfaceRows& rows, const CoarseBasis& 
       residual.moved[a] = plate ? options.lambda * bent[a] - moved : -curve - moved;
       if (plate) residual.bend[a] = -curve - (bend.empty() ? 0.0 : d * static_cast<double>(bend[v][a]));
     }
-    for_unknowns(basis, v, [&](std::uint32_t c, double weight) {
+    basis.for_unknowns(v, [&](std::uint32_t c, double weight) {
       used[c] = 1;
       for (std::size_t a = 0; a < 3; ++a) {
         sum[c].moved[a] += weight * residual.moved[a];

@@ -51,10 +51,20 @@ struct CoarseBasis {
   std::vector<std::uint64_t> name;    ///< of the unknowns, ascending
   std::vector<std::uint32_t> seed;    ///< the vertex with the smallest key
   std::vector<std::uint8_t> on_line;  ///< the piece is of a crease or border
-  /// n; that the vertex is interpolated from, or kNone.
-  std::vector<std::array<std::uint32_t, kCoarseCorners>> unknown;
+  /// n; vertices of one patch, connected inside a cell, are interpolated from the same unknowns; kNone: does not move.
+  std::vector<std::uint32_t> patch;
+  std::vector<std::array<std::uint32_t, kCoarseCorners>> unknown;  ///< of each patch, or kNone
   std::vector<std::array<float, kCoarseCorners>> weight;  ///< n; >= 0, 0 for kNone; sum to 1, or 0 for all
   std::vector<std::uint8_t> right;                        ///< n; all that the row depends on is in the block
+
+  /// sink(unknown, weight) for all that the vertex is interpolated from.
+  template <class Sink>
+  void for_unknowns(std::uint32_t v, const Sink& sink) const {
+    if (patch[v] == kNone) return;
+    for (std::size_t k = 0; k < kCoarseCorners; ++k)
+      if (const std::uint32_t u = unknown[patch[v]][k]; u != kNone)
+        sink(u, static_cast<double>(weight[v][k]));
+  }
 };
 
 /// \pre the rows are the block's own; keys below 2^61

@@ -282,21 +282,19 @@ SmoothedBlock smooth_cycle(const MeshBlock& block, std::span<const Double3> now,
         d.moved[a] = now[v][a] - block.position[v][a];
         if (!bend.empty()) d.bend[a] = static_cast<double>(bend[v][a]);
       }
-      for (std::size_t k = 0; k < kCoarseCorners && basis.right[v] != 0; ++k) {
-        const std::uint32_t u = basis.unknown[v][k];
-        if (u == CoarseBasis::kNone) continue;
+      basis.for_unknowns(static_cast<std::uint32_t>(v), [&](std::uint32_t u, double w) {
         // Right, and yet beyond what was asked for: the solution may not have it.
-        if (place[u] == solution.name.size() || solution.name[place[u]] != basis.name[u]) {
+        if (basis.right[v] == 0 || place[u] == solution.name.size() ||
+            solution.name[place[u]] != basis.name[u]) {
           basis.right[v] = 0;
-          continue;
+          return;
         }
-        const auto w = static_cast<double>(basis.weight[v][k]);
         const CoarseValue& value = solution.value[place[u]];
         for (std::size_t a = 0; a < 3; ++a) {
           d.moved[a] += w * value.moved[a];
           d.bend[a] += w * value.bend[a];
         }
-      }
+      });
       for (std::size_t a = 0; a < 3; ++a) {
         start.moved[v].xyz[a] = static_cast<float>(d.moved[a]);
         if (plate) start.bend[v].xyz[a] = static_cast<float>(d.bend[a]);
