@@ -29,8 +29,10 @@ constexpr double kLongestShare = 0.1;  ///< of the diagonal: no edge gets longer
 constexpr double kMoreFaces = 1.125;
 constexpr double kAreaUnits = 0x1p40;  ///< the squared diagonal in units of weights
 
-/// Adaptive lengths, if not given: around the one for the calm share.
-constexpr double kShortestOfCalm = 0.25, kLongestOfCalm = 6.0;
+/// Adaptive lengths, if not given: around the one for the calm share. Most of a machined part is flat, which says nothing
+/// of its fillets: so the shortest is at most four tolerances, where a chord within 0.42 of them turns by 36 degrees, as a
+/// crease does.
+constexpr double kShortestOfCalm = 0.25, kLongestOfCalm = 6.0, kShortestOfTolerance = 4.0;
 
 using Bends = std::map<std::uint32_t, std::uint64_t>;  ///< weight by class of curvature
 
@@ -139,7 +141,8 @@ class SizingStage : public Stage {
     if (options_.adaptive) {
       const double most = kLongestShare * store_.diagonal();
       edge = options_.max_edge > 0.0 ? options_.max_edge : std::fmin(kLongestOfCalm * calm, most);
-      shortest = options_.min_edge > 0.0 ? options_.min_edge : std::fmin(kShortestOfCalm * calm, edge);
+      const double least = std::fmin(kShortestOfCalm * calm, kShortestOfTolerance * options_.tolerance);
+      shortest = options_.min_edge > 0.0 ? options_.min_edge : std::fmin(least, edge);
       if (shortest > edge)
         throw UsageError("--min-edge " + number_text(shortest) +
                          " is more than edges would get by themselves, " + number_text(edge) +
