@@ -4,8 +4,9 @@
 /// What may happen to a sound program on given numbers is a value: not converging, a singular matrix, a
 /// factor that does not fit. Nothing throws but for broken preconditions (UsageError). A solver is used by
 /// one thread at a time; it computes on one thread (the BLAS and OpenMP inside CHOLMOD are held to one), so a
-/// result never depends on threads. Direct solutions depend on the machine's BLAS kernels; those of multigrid
-/// have the same bits on every machine, unless a mesh of very many pieces leaves a huge coarsest level.
+/// result never depends on threads. Solutions of CHOLMOD and UMFPACK depend on the machine's BLAS kernels; those of
+/// multifrontal_solver.h have the same bits on every machine, and those of multigrid unless a mesh of very many pieces
+/// leaves a huge coarsest level.
 #pragma once
 #include <array>
 #include <cstdint>

@@ -110,8 +110,8 @@ std::uint64_t MultifrontalCholesky::bytes() const {
 }
 
 std::uint64_t MultifrontalCholesky::factor_bytes() const {
-  return sizeof(double) * (stack_ + largest_ * largest_ + largest_columns_ + largest_) +
-         eliminate_bytes(largest_) + sizeof(std::int32_t) * unknown_.size();
+  return sizeof(double) * (stack_ + largest_ * largest_ + largest_) + eliminate_bytes(largest_) +
+         sizeof(std::int32_t) * unknown_.size();
 }
 
 std::uint64_t MultifrontalCholesky::solve_bytes(int width) const {
@@ -147,10 +147,9 @@ void MultifrontalCholesky::add_rest(std::size_t child, std::span<const double> r
 
 std::int64_t MultifrontalCholesky::factor(const SparseMatrix& a, FactorStore& store) const {
   assert(store.size() == 0 && a.rows == static_cast<std::int32_t>(unknown_.size()));
-  std::vector<double> value(largest_ * largest_), stack, packed, columns, smallest;
+  std::vector<double> value(largest_ * largest_), stack, packed, smallest;
   store.reserve(entries());
   stack.reserve(stack_);
-  columns.reserve(largest_columns_);
   std::vector<std::int32_t> place(unknown_.size());
   std::vector<std::size_t> waiting;
   for (std::size_t k = 0; k < fronts_.size(); ++k) {
@@ -168,10 +167,7 @@ std::int64_t MultifrontalCholesky::factor(const SparseMatrix& a, FactorStore& st
     }
     if (const std::ptrdiff_t bad = eliminate(front, smallest, packed); bad >= 0)
       return unknown_[static_cast<std::size_t>(fronts_[k].column + bad)];
-    columns.clear();
-    for (std::size_t j = 0; j < eliminated; ++j)
-      columns.insert(columns.end(), front.column(j) + j, front.column(j) + front.size);
-    store.append(columns);
+    for (std::size_t j = 0; j < eliminated; ++j) store.append({front.column(j) + j, front.size - j});
     if (rest(k) == 0) continue;
     for (std::size_t j = eliminated; j < front.size; ++j)
       stack.insert(stack.end(), front.column(j) + j, front.column(j) + front.size);

@@ -19,11 +19,11 @@ constexpr double kPlateInnerTolerance = 1e-4;
 constexpr int kMostPlateSteps = 20;
 
 /// Matrix and unknowns.
-constexpr std::uint64_t kHeldPerUnknown = 100, kHeldPerEntry = 16, kPlateHeldPerEntry = 28;
+constexpr std::uint64_t kHeldPerUnknown = 100, kHeldPerEntry = 16, kPlateHeldPerEntry = 24;
 /// Right-hand sides, solutions and a plate's vectors, three columns each.
 constexpr std::uint64_t kVectorsPerUnknown = 150, kPlateVectorsPerUnknown = 350;
-/// Fronts of a factor; measured 610 on a terrain. Multigrid takes less: 400 for levels and vectors.
-constexpr std::uint64_t kFrontsPerUnknown = 900, kFrontsBytes = std::uint64_t{8} << 20;
+/// Fronts of a factor; 500 on a terrain, 860 on a sphere. Multigrid takes less.
+constexpr std::uint64_t kFrontsPerUnknown = 1000, kFrontsBytes = std::uint64_t{8} << 20;
 
 /// Systems of three columns that a step asks for in its cycles, of order 1 and 2.
 constexpr double kSystems = 3, kPlateSystems = 32;
@@ -38,6 +38,25 @@ bool factor_pays(const FactorReport& factor, const SparseMatrix& a, bool plate) 
       kPerFlop * factor.flops + systems * kPerFactorEntry * static_cast<double>(factor.factor_entries);
   return direct <= systems * kPerMultigridEntry * static_cast<double>(a.entries()) &&
          factor.peak_bytes <= kFrontsPerUnknown * static_cast<std::uint64_t>(a.rows) + kFrontsBytes;
+}
+
+/// V f = (D + V) f - D f, and D f. Three columns. \param mass  of D, by the pattern of D + V
+void multiply_plate(const SparseMatrix& own, std::span<const double> mass, std::span<const double> f,
+                    std::span<double> stiffness_f, std::span<double> mass_f) {
+  for (std::int32_t i = 0; i < own.rows; ++i) {
+    Double3 both = {0, 0, 0}, part = {0, 0, 0};
+    for (std::int32_t e = own.start[i]; e < own.start[i + 1]; ++e) {
+      const double* at = f.data() + 3 * static_cast<std::size_t>(own.column[e]);
+      for (std::size_t a = 0; a < 3; ++a) {
+        both[a] += own.value[e] * at[a];
+        part[a] += mass[static_cast<std::size_t>(e)] * at[a];
+      }
+    }
+    for (std::size_t a = 0; a < 3; ++a) {
+      stiffness_f[3 * static_cast<std::size_t>(i) + a] = both[a] - part[a];
+      mass_f[3 * static_cast<std::size_t>(i) + a] = part[a];
+    }
+  }
 }
 
 }  // namespace
@@ -82,7 +101,7 @@ void CoarseSystem::add(const CoarseEntry& entry) {
   SparseMatrix& m = own ? part.own : part.seen;
   m.column.push_back(place_[column]);
   m.value.push_back(entry.mass + lambda_ * entry.stiffness);
-  if (own && plate_) part.mass.value.push_back(entry.mass);
+  if (own && plate_) part.mass.push_back(entry.mass);
 }
 
 /// With V = lambda (D - W): the matrix (D, -V; V, D), preconditioned by (D, -V; V, D + 2 V), has its eigenvalues in
@@ -97,11 +116,8 @@ void CoarseSystem::solve_plate(const Part& part, LinearSolver& solver, const Fie
     cycles_ += report.iterations;
     return report.status == SolveStatus::kSolved;
   };
-  // V f = (D + V) f - D f
   const auto stiffness_times = [&](const std::vector<double>& f) {
-    multiply(part.own, f, sum, 3);
-    multiply(part.mass, f, mass, 3);
-    for (std::size_t i = 0; i < n; ++i) sum[i] -= mass[i];
+    multiply_plate(part.own, part.mass, f, sum, mass);
   };
   Fields residual = load, before = x;
   constexpr double kCentre = 0.75, kHalfWidth = 0.25;
@@ -165,10 +181,6 @@ CoarseSystem::Fields CoarseSystem::solve_part(Part& part, const Fields& load, Fa
   SolveReport report{factor.status, 0.0, 0, factor.message};
   if (factor.status == SolveStatus::kSolved) {
     if (plate_) {
-      part.mass.rows = part.own.rows;
-      part.mass.columns = part.own.columns;
-      part.mass.start = part.own.start;
-      part.mass.column = part.own.column;
       solve_plate(part, *solver, load, x, report);
     } else {
       report = solver->solve(load.moved, x.moved, 3);

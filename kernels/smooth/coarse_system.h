@@ -63,9 +63,9 @@ class CoarseSystem {
 
  private:
   struct Part {
-    SparseMatrix own;   ///< among unknowns of this kind: D + lambda (D - W)
-    SparseMatrix mass;  ///< order 2: D, the same pattern
-    SparseMatrix seen;  ///< of the free part: lambda (D - W), columns are unknowns on lines
+    SparseMatrix own;          ///< among unknowns of this kind: D + lambda (D - W)
+    std::vector<double> mass;  ///< order 2: of D, by the same pattern
+    SparseMatrix seen;         ///< of the free part: lambda (D - W), columns are unknowns on lines
     std::vector<Double3> position;
   };
   /// Three columns each, interleaved.
