@@ -9,6 +9,7 @@
 #include "kernels/edit/base_volume.h"
 #include "kernels/edit/crossing_faces.h"
 #include "kernels/edit/displacement_volumes.h"
+#include "kernels/edit/upright_faces.h"
 #include "octree/error.h"
 
 namespace tessera {
@@ -33,24 +34,6 @@ void require_volume_kept(std::span<const Placement> pose) {
           json(p.determinant()).dump() + ": leave it out");
 }
 
-/// \param turn  n, zero where not active
-std::size_t turned_over(std::span<const Double3> before, std::span<const Double3> after,
-                        std::span<const Turn> turn, std::span<const Face> faces,
-                        std::span<const std::uint8_t> watched) {
-  std::size_t count = 0;
-  for (std::size_t j = 0; j < faces.size(); ++j) {
-    if (!watched[j]) continue;
-    const Face& f = faces[j];
-    const Double3 was = triangle_normal(before[f[0]], before[f[1]], before[f[2]]);
-    const Double3 is = triangle_normal(after[f[0]], after[f[1]], after[f[2]]);
-    Turn sum{};
-    for (const std::uint32_t v : f)
-      for (std::size_t k = 0; k < 9; ++k) sum[k] += turn[v][k];
-    count += dot(turned(sum, was), is) < 0.0;
-  }
-  return count;
-}
-
 }  // namespace
 
 std::vector<std::uint8_t> watched_faces(const DeformBasis& basis) {
@@ -68,8 +51,9 @@ PosedBase pose_base(const DeformBasis& basis, std::span<const Placement> pose,
   json told;
   const std::vector<Double3>& at = basis.base.position;
   const std::vector<Face>& faces = basis.base.faces;
+  const std::vector<Double3> rest = rest_base(basis.edit, at);
   const auto start = Clock::now();
-  const std::vector<Double3> rest = rest_base(basis.edit, at), posed = smooth_base(basis.edit, at, pose);
+  const std::vector<Double3> posed = smooth_base(basis.edit, at, pose);
   const double basis_s = since(start);
   const std::vector<Turn> turns = pose_turns(basis.edit, pose);
   const double turns_s = since(start) - basis_s;
@@ -82,6 +66,10 @@ PosedBase pose_base(const DeformBasis& basis, std::span<const Placement> pose,
     turn[static_cast<std::size_t>(basis.edit.active[k])] = turns[k];
   std::vector<std::uint8_t> free;
   for (const std::int32_t role : basis.edit.role) free.push_back(role == kSupportVertex);
+  const TurningBase turning{at, faces, free, turn};
+  told["base_flipped_by_turns"] = turned_over(turning, out.position).size();
+  out.flipped = set_upright(turning, out.position);
+  check_stop();
   const std::vector<std::uint8_t> watched = watched_faces(basis);
   std::optional<std::size_t> crossing;
   if (about.at("volumes").get<bool>()) {
@@ -101,17 +89,20 @@ PosedBase pose_base(const DeformBasis& basis, std::span<const Placement> pose,
                        {"volumes_off", report.off_after},
                        {"seconds", since(begun)}};
     check_stop();
+    const std::size_t flipped = set_upright(turning, out.position);
     // Thin layers over jagged bases may come out worse than vectors leave them.
     const std::size_t by_vectors = crossing_faces(vectors, faces, watched).faces.size(),
                       by_volumes = crossing_faces(out.position, faces, watched).faces.size();
     told["details"]["crossing_faces_of_vectors"] = by_vectors;
     told["details"]["crossing_faces_of_volumes"] = by_volumes;
     told["details"]["kept"] = by_volumes > by_vectors ? "vectors" : "volumes";
-    if (by_volumes > by_vectors) out.position = vectors;
+    if (by_volumes > by_vectors)
+      out.position = vectors;
+    else
+      out.flipped = flipped;
     crossing = std::min(by_vectors, by_volumes);
     check_stop();
   }
-  out.flipped = turned_over(at, out.position, turn, faces, watched);
   if (!crossing) crossing = crossing_faces(out.position, faces, watched).faces.size();
   check_stop();
   told.update(json{{"base_flipped_faces", out.flipped},
@@ -127,7 +118,7 @@ PosedBase pose_base(const DeformBasis& basis, std::span<const Placement> pose,
 }
 
 std::uint64_t pose_base_bytes(std::uint64_t vertices, std::uint64_t faces, bool volumes) {
-  return vertices * 600 +
+  return vertices * 600 + upright_bytes(vertices, faces) +
          std::max(crossing_faces_bytes(faces) + 48 * faces, volumes ? displacement_volume_bytes(faces) : 0);
 }
 

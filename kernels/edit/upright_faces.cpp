@@ -1,0 +1,124 @@
+#include "kernels/edit/upright_faces.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "octree/lists.h"
+
+namespace tessera {
+namespace {
+
+constexpr int kRounds = 5;
+constexpr int kFirstRings = 2;     ///< twice as many in every round
+constexpr int kSweepsPerRing = 8;  ///< Gauss-Seidel carries a correction a ring or two at a time
+constexpr double kMostWeight = 20, kLeastWeight = 0.02;  ///< of an edge: slivers hold nothing, and hang on
+
+/// An edge by what it weighs on its side of a face.
+struct Spoke {
+  std::uint32_t to;
+  double weight;
+};
+
+/// Both ways, once for each face at an edge; for vertices near turned faces alone there would be as much to sort out.
+Lists<Spoke> spokes(const TurningBase& base) {
+  return make_lists<Spoke>(base.rest.size(), [&](const auto& put) {
+    for (const auto& f : base.faces)
+      for (std::size_t k = 0; k < 3; ++k) {
+        const std::uint32_t a = f[(k + 1) % 3], b = f[(k + 2) % 3];
+        if (!base.free[a] && !base.free[b]) continue;
+        const Double3 u = base.rest[a] - base.rest[f[k]], v = base.rest[b] - base.rest[f[k]];
+        const double area = norm(cross(u, v));
+        const double weight =
+            area > 0.0 ? std::clamp(0.5 * dot(u, v) / area, kLeastWeight, kMostWeight) : kLeastWeight;
+        put(a, Spoke{b, weight});
+        put(b, Spoke{a, weight});
+      }
+  });
+}
+
+/// Free vertices within some rings of the faces, ascending.
+std::vector<std::uint32_t> around(const TurningBase& base, const Lists<Spoke>& spokes,
+                                  std::span<const std::uint32_t> faces, int rings) {
+  std::vector<std::uint8_t> in(base.rest.size(), 0);
+  std::vector<std::uint32_t> out;
+  const auto add = [&](std::uint32_t v) {
+    if (!base.free[v] || in[v]) return;
+    in[v] = 1;
+    out.push_back(v);
+  };
+  for (const std::uint32_t j : faces)
+    for (const std::uint32_t v : base.faces[j]) add(v);
+  for (std::size_t begin = 0; rings > 0; --rings) {
+    const std::size_t end = out.size();
+    for (; begin < end; ++begin)
+      for (const Spoke& s : spokes[out[begin]]) add(s.to);
+  }
+  std::sort(out.begin(), out.end());
+  return out;
+}
+
+/// Sweeps over the vertices: each to the mean of where its edges, turned, lead from its neighbours.
+void relax(const TurningBase& base, const Lists<Spoke>& spokes, std::span<const std::uint32_t> vertices,
+           int sweeps, std::span<Double3> posed) {
+  std::vector<Double3> ahead;  // per vertex: what edges add to the mean of neighbours
+  std::vector<double> all;
+  for (const std::uint32_t v : vertices) {
+    Double3 sum = {0, 0, 0};
+    double weight = 0.0;
+    for (const Spoke& s : spokes[v]) {
+      const Double3 edge = base.rest[v] - base.rest[s.to];
+      Double3 to = turned(base.turn[v], edge);
+      if (base.free[s.to]) to = (to + turned(base.turn[s.to], edge)) * 0.5;
+      sum = sum + to * s.weight;
+      weight += s.weight;
+    }
+    ahead.push_back(sum);
+    all.push_back(weight);
+  }
+  for (int sweep = 0; sweep < sweeps; ++sweep)
+    for (std::size_t i = 0; i < vertices.size(); ++i) {
+      Double3 sum = ahead[i];
+      for (const Spoke& s : spokes[vertices[i]]) sum = sum + posed[s.to] * s.weight;
+      posed[vertices[i]] = sum * (1.0 / all[i]);
+    }
+}
+
+}  // namespace
+
+std::vector<std::uint32_t> turned_over(const TurningBase& base, std::span<const Double3> posed) {
+  std::vector<std::uint32_t> out;
+  for (std::uint32_t j = 0; j < base.faces.size(); ++j) {
+    const auto& f = base.faces[j];
+    Turn sum{};
+    bool follows = false;
+    for (const std::uint32_t v : f) {
+      if (!base.free[v]) continue;
+      follows = true;
+      for (std::size_t k = 0; k < 9; ++k) sum[k] += base.turn[v][k];
+    }
+    if (!follows) continue;
+    const Double3 was = triangle_normal(base.rest[f[0]], base.rest[f[1]], base.rest[f[2]]),
+                  is = triangle_normal(posed[f[0]], posed[f[1]], posed[f[2]]);
+    if (dot(turned(sum, was), is) < 0.0) out.push_back(j);
+  }
+  return out;
+}
+
+std::size_t set_upright(const TurningBase& base, std::vector<Double3>& posed) {
+  std::vector<std::uint32_t> faces = turned_over(base, posed);
+  if (faces.empty()) return 0;
+  const Lists<Spoke> edges = spokes(base);
+  std::vector<Double3> trial = posed;
+  std::size_t fewest = faces.size();
+  for (int round = 0; round < kRounds && !faces.empty(); ++round) {
+    const int rings = kFirstRings << round;
+    relax(base, edges, around(base, edges, faces, rings), kSweepsPerRing * rings, trial);
+    faces = turned_over(base, trial);
+    if (faces.size() >= fewest) continue;
+    fewest = faces.size();
+    posed = trial;
+  }
+  return fewest;
+}
+
+}  // namespace tessera

@@ -1,0 +1,39 @@
+/// \file upright_faces.h
+/// Faces of a base that a pose turns over, and how they come upright again. A detail stands on its vertex of the smooth base alone
+/// (thesis 5.3): where rotations of neighbours differ by more than details are long, faces between them turn over. Around such
+/// faces edges count instead of vertices: they go to where the mean of their ends' rotations turns them, in the sense of least
+/// squares with cotangents as weights. Source: Sorkine, Alexa, "As-Rigid-As-Possible Surface Modeling", 2007, its global step.
+#pragma once
+#include <array>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "kernels/edit/base_turns.h"
+#include "octree/vector.h"
+
+namespace tessera {
+
+/// A base that is to be posed.
+struct TurningBase {
+  std::span<const Double3> rest;  ///< n
+  std::span<const std::array<std::uint32_t, 3>> faces;
+  std::span<const std::uint8_t> free;  ///< n flags: the others are where they shall be
+  std::span<const Turn> turn;          ///< n, read where free: how the smooth base turns
+};
+
+/// Ascending: those with a free vertex whose normal is turned by a right angle and more against the mean rotation of their free
+/// vertices. Faces without area do not turn.
+std::vector<std::uint32_t> turned_over(const TurningBase& base, std::span<const Double3> posed);
+
+/// Relaxes free vertices within more and more rings around faces that are turned over until none is left, a fixed number of times;
+/// keeps what leaves the fewest. Nothing else moves.
+/// \return faces that stay turned over
+std::size_t set_upright(const TurningBase& base, std::vector<Double3>& posed);
+
+/// Upper bound of what set_upright() allocates.
+constexpr std::uint64_t upright_bytes(std::uint64_t vertices, std::uint64_t faces) {
+  return 140 * vertices + 190 * faces;
+}
+
+}  // namespace tessera

@@ -1,0 +1,77 @@
+// Faces that a pose turned over come upright; nothing else moves.
+#include "kernels/edit/upright_faces.h"
+
+#include <catch2/catch.hpp>
+
+#include "octree/placement.h"
+#include "tests/helpers/surfaces.h"
+
+using namespace tessera;
+using namespace tessera::test;
+
+namespace {
+
+/// A bumpy sheet whose border is held, all of it turned and moved.
+struct Sheet {
+  Surface at_rest = height_grid(20, 20.0, [](double x, double y) { return 0.3 * std::sin(x) * std::cos(y); });
+  Placement to = rotation({0, 0, 1}, 70.0).after(rotation({1, 0, 0}, 110.0));
+  std::vector<std::uint8_t> free;
+  std::vector<Turn> turn;
+  std::vector<Double3> wanted;
+  Sheet() {
+    to.shift = {5, 6, 7};
+    for (const Double3& p : at_rest.position) {
+      free.push_back(p[0] > 0 && p[0] < 20 && p[1] > 0 && p[1] < 20);
+      turn.push_back(to.matrix);
+      wanted.push_back(to.apply(p));
+    }
+  }
+  TurningBase base() const { return {at_rest.position, at_rest.faces, free, turn}; }
+};
+
+constexpr std::size_t kMiddle = 10 * 21 + 10;
+
+}  // namespace
+
+TEST_CASE("upright faces: a base that only turns stays as it is", "[unit]") {
+  const Sheet s;
+  std::vector<Double3> posed = s.wanted;
+  CHECK(turned_over(s.base(), posed).empty());
+  CHECK(set_upright(s.base(), posed) == 0);
+  CHECK(posed == s.wanted);
+}
+
+TEST_CASE("upright faces: a fold comes out, and what is far from it keeps its bits", "[unit]") {
+  const Sheet s;
+  std::vector<Double3> posed = s.wanted;
+  posed[kMiddle] = s.to.apply({12.3, 10.2, 0.0});  // over its neighbours
+  const std::vector<std::uint32_t> over = turned_over(s.base(), posed);
+  REQUIRE_FALSE(over.empty());
+  for (const std::uint32_t j : over) {
+    const auto& f = s.at_rest.faces[j];
+    CHECK((f[0] == kMiddle || f[1] == kMiddle || f[2] == kMiddle));
+  }
+  CHECK(set_upright(s.base(), posed) == 0);
+  CHECK(turned_over(s.base(), posed).empty());
+  for (std::size_t v = 0; v < posed.size(); ++v) {
+    const Double3& p = s.at_rest.position[v];
+    if (std::fabs(p[0] - 10) > 4 || std::fabs(p[1] - 10) > 4)
+      CHECK(posed[v] == s.wanted[v]);
+    else
+      CHECK(norm(posed[v] - s.wanted[v]) < 0.05);
+  }
+}
+
+TEST_CASE("upright faces: what is held folds what nothing can unfold, and is counted", "[unit]") {
+  Sheet s;
+  std::vector<Double3> posed = s.wanted;
+  // The border goes through the middle: a line of faces must turn over.
+  for (std::size_t v = 0; v < posed.size(); ++v)
+    if (s.at_rest.position[v][0] == 0.0) posed[v] = s.to.apply(s.at_rest.position[v] + Double3{30, 0, 0});
+  const std::vector<Double3> before = posed;
+  const std::size_t left = set_upright(s.base(), posed);
+  CHECK(left > 0);
+  CHECK(left == turned_over(s.base(), posed).size());
+  for (std::size_t v = 0; v < posed.size(); ++v)
+    if (!s.free[v]) CHECK(posed[v] == before[v]);
+}
