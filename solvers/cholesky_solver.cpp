@@ -71,8 +71,9 @@ class CholeskySolver final : public LinearSolver {
     if (bad >= 0) {
       const auto* permutation = static_cast<const int*>(factor_->Perm);
       report.status = SolveStatus::kSingular;
+      report.unknown = permutation[std::min<std::int64_t>(bad, a.rows - 1)];
       report.message = "the matrix is not positive definite (pivot of unknown " +
-                       std::to_string(permutation[std::min<std::int64_t>(bad, a.rows - 1)]) +
+                       std::to_string(report.unknown) +
                        "): a piece without a fixed vertex, or faces without area";
       return report;
     }

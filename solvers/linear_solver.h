@@ -76,6 +76,7 @@ struct SolveReport {
 struct FactorReport {
   SolveStatus status = SolveStatus::kSolved;
   std::string message;               ///< one sentence when the status is not kSolved
+  std::int32_t unknown = -1;         ///< kSingular: whose pivot vanished, where the solver knows it
   std::uint64_t factor_entries = 0;  ///< nonzeros of the factor, preconditioner or all levels
   std::uint64_t bytes = 0;           ///< held after this step, without the matrix of the caller
   std::uint64_t peak_bytes = 0;  ///< most held at a time up to now; after analyse() a prediction for factor()

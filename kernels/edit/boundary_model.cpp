@@ -52,21 +52,22 @@ struct BoundaryModel::Impl {
   void residual(std::span<const double> values, int width, std::span<double> out) const {
     const auto w = static_cast<std::size_t>(width);
     std::vector<long double> f(values.begin(), values.end()), next(values.size(), 0.0L);
-    std::vector<long double> sum(w);
     for (int level = 1; level <= order; ++level) {
       for (const std::int32_t v : rows[static_cast<std::size_t>(level) - 1]) {
-        std::fill(sum.begin(), sum.end(), 0.0L);
         const auto i = static_cast<std::size_t>(v);
-        for (std::int32_t e = stiffness.start[v]; e < stiffness.start[v + 1]; ++e) {
-          const auto j = static_cast<std::size_t>(stiffness.column[e]);
-          if (j == i) continue;
-          for (std::size_t c = 0; c < w; ++c) sum[c] += stiffness.value[e] * (f[j * w + c] - f[i * w + c]);
-        }
         const long double by = level < order ? scale[static_cast<std::size_t>(level) - 1][i] : 1.0L;
-        for (std::size_t c = 0; c < w; ++c) next[i * w + c] = by * sum[c];
+        // Column by column: sums that long stay in a register.
+        for (std::size_t c = 0; c < w; ++c) {
+          const long double here = f[i * w + c];
+          long double sum = 0.0L;
+          for (std::int32_t e = stiffness.start[v]; e < stiffness.start[v + 1]; ++e) {
+            const auto j = static_cast<std::size_t>(stiffness.column[e]);
+            if (j != i) sum += stiffness.value[e] * (f[j * w + c] - here);
+          }
+          next[i * w + c] = by * sum;
+        }
       }
-      f.swap(next);
-      std::fill(next.begin(), next.end(), 0.0L);
+      f.swap(next);  // what the next level reads is all of these rows
     }
     const double sign = order % 2 == 1 ? 1.0 : -1.0;
     for (std::size_t k = 0; k < system.free_vertices.size(); ++k)
@@ -109,6 +110,10 @@ BoundaryModel::BoundaryModel(const Laplacian& operators, std::span<const std::ui
   m.report.factor = m.solver->analyse(m.system.matrix);
   require_solved(m.report.factor.status, m.report.factor.message);
   m.report.factor = m.solver->factor(m.system.matrix);
+  if (const FactorReport& factor = m.report.factor; factor.status == SolveStatus::kSingular)
+    throw SingularSystem(
+        "the surface cannot be solved for: " + factor.message,
+        factor.unknown < 0 ? -1 : m.system.free_vertices[static_cast<std::size_t>(factor.unknown)]);
   require_solved(m.report.factor.status, m.report.factor.message);
 }
 

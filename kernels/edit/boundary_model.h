@@ -8,8 +8,10 @@
 #include <cstdint>
 #include <memory>
 #include <span>
+#include <string>
 #include <vector>
 
+#include "octree/error.h"
 #include "solvers/laplacian.h"
 #include "solvers/linear_solver.h"
 
@@ -18,6 +20,12 @@ namespace tessera {
 struct BoundaryModelOptions {
   int order = 2;                   ///< 1, 2 or 3
   std::uint64_t memory_bytes = 0;  ///< a factor that is predicted to need more is not tried; 0 = no limit
+};
+
+/// The system has no solution, or rounding leaves it none.
+struct SingularSystem : InputError {
+  SingularSystem(const std::string& message, std::int32_t at) : InputError(message), vertex(at) {}
+  std::int32_t vertex;  ///< where; -1: nobody knows
 };
 
 struct BoundaryModelReport {
@@ -35,7 +43,7 @@ class BoundaryModel {
   /// \param free        n flags: 1 = to be found
   /// \param smoothness  n values in [0, order - 1], read where not free; empty: order - 1 everywhere
   /// \throws UsageError     sizes or order; no free vertex
-  /// \throws InputError     the system is singular
+  /// \throws SingularSystem
   /// \throws ResourceError  the factor does not fit
   BoundaryModel(const Laplacian& operators, std::span<const std::uint8_t> free,
                 std::span<const double> smoothness, const BoundaryModelOptions& options);

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstdio>
 #include <limits>
+#include <memory>
 
 #include "kernels/mesh/closest_face.h"
 #include "octree/error.h"
@@ -16,6 +17,18 @@ std::string place(const Double3& p) {
   char text[100];
   std::snprintf(text, sizeof text, "(%.6g, %.6g, %.6g)", p[0], p[1], p[2]);
   return text;
+}
+
+[[noreturn]] void refuse_near(const SingularSystem& e, const BoundaryModelOptions& options,
+                              std::span<const Double3> position) {
+  const std::string where =
+      e.vertex < 0 ? "" : " near " + place(position[static_cast<std::size_t>(e.vertex)]);
+  throw SingularSystem(
+      "the support lacks constraints" + where + " for order " + std::to_string(options.order) +
+          ": its system is singular, as it is where nothing holds a piece, or where faces are "
+          "too thin for their cotangents; lower the order, fix a part of it there, or take "
+          "--base even with fewer --base-vertices",
+      e.vertex);
 }
 
 /// Pieces of the support that touch no vertex that is given: nothing holds them.
@@ -159,7 +172,14 @@ EditBasis edit_basis(const TriangleSpan& base, const Laplacian& metric, const Ed
     }
   if (std::count(free.begin(), free.end(), 1) == 0) refuse(loose, position);
 
-  BoundaryModel model(metric, free, regions.smoothness, options);
+  const std::unique_ptr<BoundaryModel> solvable = [&] {
+    try {
+      return std::make_unique<BoundaryModel>(metric, free, regions.smoothness, options);
+    } catch (const SingularSystem& e) {
+      refuse_near(e, options, position);
+    }
+  }();
+  BoundaryModel& model = *solvable;
   const std::size_t w = basis.width(), first = basis.first_handle();
   std::vector<double> values(n * w, 0.0);
   for (std::size_t v = 0; v < n; ++v) {

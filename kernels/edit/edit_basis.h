@@ -59,7 +59,8 @@ struct EditBasisReport {
 /// Solves for all columns at once.
 /// \param metric  the surface, n vertices, that operators are of: the base itself, or a plane map of its support
 /// \param base    n vertices
-/// \throws InputError naming the loose piece of the support where all is loose, or by LoosePieces; as BoundaryModel
+/// \throws InputError naming the loose piece of the support where all is loose, or by LoosePieces; SingularSystem naming
+///         a place of the support; as BoundaryModel
 EditBasis edit_basis(const TriangleSpan& base, const Laplacian& metric, const EditRegions& regions,
                      const BoundaryModelOptions& options, EditBasisReport& report);
 

@@ -27,6 +27,10 @@ namespace {
 
 using json = nlohmann::json;
 
+Laplacian intrinsic(const BaseSurface& base) {
+  return laplacian({base.position, base.faces}, {.weights = LaplacianWeights::kIntrinsicDelaunay});
+}
+
 class BasisStage : public SerialStage {
  public:
   BasisStage(const JobState& state, const DeformOptions& options)
@@ -65,8 +69,7 @@ class BasisStage : public SerialStage {
     pose_of(script_, regions.handles);  // a motion of an unknown handle is told before anything is solved
     Laplacian metric = laplacian({base_.position, base_.faces});
     const bool healed = metric.report.degenerate_faces > 0 && !script_.anisotropic;
-    if (healed)
-      metric = laplacian({base_.position, base_.faces}, {.weights = LaplacianWeights::kIntrinsicDelaunay});
+    if (healed) metric = intrinsic(base_);
     AnisotropicReport anisotropic;
     if (script_.anisotropic)
       metric = anisotropic_metric({base_.position, base_.faces}, regions.role, script_.order, anisotropic);
@@ -80,16 +83,29 @@ class BasisStage : public SerialStage {
       EditBasisReport report;
       EditBasis edit;
       std::vector<LayerLevel> levels;
+      bool healed = false;
       double solved_s = 0.0;
     };
     const auto s = std::make_shared<Solving>();
     s->base = base_;
     s->metric = std::move(metric);
     s->regions = std::move(regions);
+    s->healed = healed;
     s->options = {.order = script_.order, .memory_bytes = system_bytes(base_.position.size(), script_)};
-    long_call([s, start, seconds, copies = script_.volumes] {
+    long_call([s, start, seconds, copies = script_.volumes, own_metric = script_.anisotropic] {
       const std::span<const Double3> at = s->base.position;
-      s->edit = edit_basis({at, s->base.faces}, s->metric, s->regions, s->options, s->report);
+      const auto solve = [&] {
+        s->edit = edit_basis({at, s->base.faces}, s->metric, s->regions, s->options, s->report);
+      };
+      try {
+        solve();
+      } catch (const SingularSystem&) {
+        // Cotangents of thin faces, squared and cubed, lose a pivot to rounding sooner than those of intrinsic edges.
+        if (s->healed || own_metric) throw;
+        s->healed = true;
+        s->metric = intrinsic(s->base);
+        solve();
+      }
       s->solved_s = seconds(start);
       if (!copies) return;
       std::vector<std::uint8_t> free;
@@ -120,7 +136,7 @@ class BasisStage : public SerialStage {
         {"energy", report.energy},
         {"loose_pieces", report.loose_pieces},
         {"loose_vertices", report.loose_vertices},
-        {"intrinsic_weights", healed},
+        {"intrinsic_weights", s->healed},
         {"degenerate_faces", s->metric.report.degenerate_faces},
         {"negative_weights", s->metric.report.negative_weights},
         {"base_vertices", base_.position.size()},
