@@ -14,7 +14,7 @@ using Matrix4 = SmallMatrix<4>;
 
 constexpr int kSpreadRounds = 6;  ///< rings that a turn is measured over, beyond its own
 constexpr int kPolarSteps = 10;
-constexpr double kTurned = 1e-14;  ///< of a rotation: a step less than that was the last
+constexpr double kTurned = 1e-7;  ///< a step less than that leaves half its square, and was the last
 /// Determinants, of a matrix as large as a rotation, from which Newton's steps are safe.
 constexpr double kWellTurned = 1e-3;
 
@@ -245,7 +245,7 @@ std::vector<float> turn_columns(std::span<const Double3> rest, std::span<const F
 std::vector<Turn> turns(std::span<const float> columns, std::size_t count, bool targets,
                         std::span<const FrameMotion> motion) {
   const std::size_t width = turn_width(targets, motion.size());
-  std::vector<Turn> out(count);
+  std::vector<Turn> out(count, kNoTurn);
   for (std::size_t first = 0; first < count; first += kLanes) {
     const float* const from = columns.data() + first * width;
     const auto column = [&](std::size_t c) {
@@ -276,14 +276,13 @@ std::vector<Turn> turns(std::span<const float> columns, std::size_t count, bool 
     const Lanes scale = std::sqrt(2.0) / size_of(s);
     const Matrices cofactor = cofactors(s);
     for (std::size_t k = 0; k < 9; ++k) s[k] += cofactor[k] * scale;
+    auto moves = by[0] != 0.0;
+    for (std::size_t k = 1; k < 9; ++k) moves |= by[k] != 0.0;
     Matrices r = s;
     const std::array<bool, kLanes> left = polar_turns(r);
     for (std::size_t l = 0; l < kLanes && first + l < count; ++l) {
-      bool moves = false;
-      for (std::size_t k = 0; k < 9; ++k) moves = moves || by[k][l] != 0.0;
+      if (moves[l] == 0) continue;
       Turn& turn = out[first + l];
-      turn = kNoTurn;
-      if (!moves) continue;
       for (std::size_t k = 0; k < 9; ++k) turn[k] = left[l] ? s[k][l] : r[k][l];
       if (left[l]) turn = nearest_turn(turn);
     }
