@@ -26,8 +26,8 @@ std::string place(const Double3& p) {
   throw SingularSystem(
       "the support lacks constraints" + where + " for order " + std::to_string(options.order) +
           ": its system is singular, as it is where nothing holds a piece, or where faces are "
-          "too thin for their cotangents; lower the order, fix a part of it there, or take "
-          "--base even with fewer --base-vertices",
+          "too thin for their cotangents; lower the order, fix a part of it there, or solve on an "
+          "even base of fewer vertices",
       e.vertex);
 }
 
