@@ -46,7 +46,9 @@ void sample_deviation(const SurfaceFaces& surface, const Box3& core, const Close
     for (std::size_t k = 0; k < 3; ++k) in = in && p[k] >= core.low[k] && p[k] < core.high[k];
     return in;
   };
-  std::vector<float> row, next;
+  constexpr float kUnknown = -std::numeric_limits<float>::infinity();
+  // A corner is measured when the first triangle at it lies in the core: vertices once for all their faces.
+  std::vector<float> vertex(surface.position.size(), kUnknown), row, next;
   for (const auto& face : surface.faces) {
     const Double3 &a = surface.position[face[0]], &b = surface.position[face[1]],
                   &c = surface.position[face[2]];
@@ -63,18 +65,22 @@ void sample_deviation(const SurfaceFaces& surface, const Box3& core, const Close
     const double size = std::sqrt(dot(normal, normal));
     for (std::size_t k = 0; k < 3; ++k)
       out.normal[k] = size > 0.0 ? static_cast<float>(normal[k] / size) : 0.0f;
-    // Two rows of corners are kept; a corner is measured when the first triangle at it lies in the core.
-    constexpr float kUnknown = -std::numeric_limits<float>::infinity();
     row.assign(static_cast<std::size_t>(n) + 1, kUnknown);
     for (int j = 0; j < n; ++j) {
       next.assign(static_cast<std::size_t>(n) + 1, kUnknown);
+      const auto known = [&](int i, int jj) -> float& {
+        if (i + jj == 0) return vertex[face[0]];
+        if (i == n) return vertex[face[1]];
+        if (jj == n) return vertex[face[2]];
+        return (jj == j ? row : next)[static_cast<std::size_t>(i)];
+      };
       const auto emit = [&](std::array<std::array<int, 2>, 3> corners) {
         double i_sum = 0.0, j_sum = 0.0;
         for (const auto& [i, jj] : corners) i_sum += i, j_sum += jj;
         if (!inside(at(i_sum / 3.0, j_sum / 3.0))) return;
         for (std::size_t k = 0; k < 3; ++k) {
           const auto& [i, jj] = corners[k];
-          float& value = (jj == j ? row : next)[static_cast<std::size_t>(i)];
+          float& value = known(i, jj);
           out.corner[k] = at(i, jj);
           if (value == kUnknown) value = sampler.measure(out.corner[k]);
           out.deviation[k] = value;

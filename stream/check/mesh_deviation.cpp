@@ -1,6 +1,7 @@
 #include "stream/check/mesh_deviation.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <span>
 #include <vector>
@@ -16,8 +17,9 @@ namespace tessera {
 namespace {
 
 constexpr std::uint64_t kCellFaces = 1u << 16;
-constexpr double kEdgesPerDiagonal = 400.0;      // triangles of about two pixels
-constexpr double kSearchPerDiagonal = 1.0 / 16;  // without a scale: how far the reference is looked for
+constexpr double kEdgesPerDiagonal = 400.0;  // triangles of about two pixels
+/// Without a scale: how far the reference is looked for. Meshes that are near cost a halo that is thin.
+constexpr std::array<double, 3> kSearchPerDiagonal = {1.0 / 1024, 1.0 / 128, 1.0 / 16};
 constexpr double kShare = 0.99;
 constexpr int kBins = 4096;
 
@@ -51,14 +53,19 @@ void MeshDeviation::for_each(double limit, const std::function<void(const Deviat
 }
 
 double MeshDeviation::scale() const {
-  const double limit = size_ * kSearchPerDiagonal;
-  std::vector<std::uint64_t> bins(kBins + 1, 0);
+  for (const double share : kSearchPerDiagonal)
+    if (const std::optional<double> end = scale_within(size_ * share)) return *end;
+  return round_up_2_digits(size_ * kSearchPerDiagonal.back());
+}
+
+std::optional<double> MeshDeviation::scale_within(double limit) const {
+  std::vector<std::uint64_t> bins(kBins, 0);
   std::uint64_t all = 0;
   for_each(limit, [&](const DeviationTriangle& t) {
     for (const float d : t.deviation) {
       const double at = std::abs(static_cast<double>(d)) / limit;
       // The root spreads small distances.
-      ++bins[at < 1.0 ? static_cast<std::size_t>(std::sqrt(at) * kBins) : kBins];
+      if (at < 1.0) ++bins[static_cast<std::size_t>(std::sqrt(at) * kBins)];
       ++all;
     }
   });
@@ -69,7 +76,7 @@ double MeshDeviation::scale() const {
     const double root = static_cast<double>(i + 1) / kBins;
     return round_up_2_digits(limit * root * root);
   }
-  return round_up_2_digits(limit);
+  return std::nullopt;
 }
 
 }  // namespace tessera

@@ -30,6 +30,9 @@ class MeshDeviation {
   double scale() const;
 
  private:
+  /// The percentile; none when it lies beyond the limit.
+  std::optional<double> scale_within(double limit) const;
+
   ScratchFolder scratch_;
   std::optional<MeshStore> mesh_, reference_;
   std::uint64_t memory_bytes_;
