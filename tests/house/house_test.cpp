@@ -213,13 +213,14 @@ TEST_CASE("gate of labels: none, two, unknown ones and those that ctest never as
   const Source cmake =
       source("tests/CMakeLists.txt",
              {"tessera_test(a_test LABELS unit property large SOURCES", "  a_test.cpp", ")"});
-  const auto with = [&](const std::string& tags) {
+  const auto with = [&](const std::string& tags, const std::string& name = "a: does") {
     const std::string macro = "TEST_CASE";  // in two, so that no reader of this file takes it for a test
     return check_labels(
-        {cmake, source("tests/a_test.cpp", {macro + "(\"a: does\",", "    \"" + tags + "\") {"})});
+        {cmake, source("tests/a_test.cpp", {macro + "(\"" + name + "\",", "    \"" + tags + "\") {"})});
   };
   check_clean(with("[unit]"));
   check_clean(with("[property][.large]"));
+  check_only(with("[unit]", "a: does this; and that"), "CMake cuts names");
   check_only(with(""), "0 labels instead of one");
   check_only(with("[unit][property]"), "2 labels instead of one");
   check_only(with("[fault]"), "ctest never looks for [fault]");

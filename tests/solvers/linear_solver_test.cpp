@@ -197,7 +197,7 @@ TEST_CASE("solver: an unconstrained mesh is singular, and every solver says so o
   CHECK(attempt(SolverKind::kCholesky, {}, a, b).status == SolveStatus::kSingular);
 }
 
-TEST_CASE("solver: a vertex that only faces without area hold is singular; intrinsic triangles cure it",
+TEST_CASE("solver: a vertex that only faces without area hold is singular, intrinsic triangles cure it",
           "[unit]") {
   test::IrregularMesh mesh = test::irregular_mesh({.side = 20});
   const auto n = static_cast<std::uint32_t>(mesh.positions.size());

@@ -214,7 +214,7 @@ TEST_CASE("submit: jobs of every kind through the queue, the same bytes as here"
   }
 }
 
-TEST_CASE("cancel: takes a job out of the queue; submit goes on with what is committed", "[slurm]") {
+TEST_CASE("cancel: takes a job out of the queue, submit goes on with what is committed", "[slurm]") {
   NEEDS_SLURM();
   const SlurmCluster cluster;
   REQUIRE(cluster.runs());

@@ -39,7 +39,7 @@ TEST_CASE("area weights: they sum to the area, however often a spot was scanned"
   CHECK(total(test::make_block(samples, {64, 64, 64}, {64, 64, 64}, 0)) == Approx(truth).epsilon(0.02));
 }
 
-TEST_CASE("area weights: two sides of a thin sheet count apart; points without normal count nothing",
+TEST_CASE("area weights: two sides of a thin sheet count apart, points without normal count nothing",
           "[unit]") {
   test::Random random(6);
   test::Samples samples;

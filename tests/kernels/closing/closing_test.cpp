@@ -173,7 +173,7 @@ TEST_CASE("closing: the missing cap of a sphere comes back, whatever its height"
   }
 }
 
-TEST_CASE("closing: where nothing is missing nothing changes; a limit keeps it near the data", "[unit]") {
+TEST_CASE("closing: where nothing is missing nothing changes, a limit keeps it near the data", "[unit]") {
   const Closed whole = close(capped_sphere(2.0), wide());
   CHECK(whole.grown.added == 0);
   ClosingOptions options = wide();

@@ -45,7 +45,7 @@ TEST_CASE("scatter: leaves go, a floor and its rough edge stay", "[unit]") {
   CHECK(find_scatter({c.position, c.roughness, {}}) == strewn);
 }
 
-TEST_CASE("scatter: ground is never strewn; an echo goes sooner than a last return", "[unit]") {
+TEST_CASE("scatter: ground is never strewn, an echo goes sooner than a last return", "[unit]") {
   Cloud c;
   for (float x = 8.5f; x < 56.0f; x += 1.0f) c.add({x, 8.5f, 8.5f}, 0.2f, kPointGround);
   const std::size_t echoes = c.position.size();

@@ -331,7 +331,7 @@ TEST_CASE("sensors: noise-free returns lie on the surface, in sight, near the nu
   }
 }
 
-TEST_CASE("sensors: flying points lie on a ray between two surfaces; gaps keep the grid", "[unit]") {
+TEST_CASE("sensors: flying points lie on a ray between two surfaces, gaps keep the grid", "[unit]") {
   const auto scene = make_scene({"indoor", 0, 0});
   SensorOptions options;
   options.points = 20000;

@@ -55,7 +55,7 @@ TEST_CASE("queue steps: nodes share a stage that lasts, tasks and limit bound th
   CHECK(told(queue_steps(stages, kCap, 1, options)) == "[1 a:all]");
 }
 
-TEST_CASE("queue steps: memory is what is forecast, at most the cap and the base; ends have their own",
+TEST_CASE("queue steps: memory is what is forecast, at most the cap and the base, ends have their own",
           "[unit]") {
   QueueOptions options;
   options.nodes = 4;

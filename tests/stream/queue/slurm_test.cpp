@@ -118,7 +118,7 @@ TEST_CASE("slurm: the signal ahead of the limit reaches the program", "[fault]")
   CHECK(file_bytes(s.folder / "said").substr(0, 8) == "stopped\n");
 }
 
-TEST_CASE("slurm: steps are handed over in a chain; when one is refused, those before it are taken back",
+TEST_CASE("slurm: steps are handed over in a chain, when one is refused, those before it are taken back",
           "[unit]") {
   Setting s;
   const std::string log = s.said_file();

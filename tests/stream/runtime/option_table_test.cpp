@@ -169,7 +169,7 @@ TEST_CASE("option table: a row of the README", "[unit]") {
         "| `--way emc\\|mc` | emc | emc: this; mc: that |\n");
 }
 
-TEST_CASE("jobs: found by name; a name that is none is an error and never another job", "[unit]") {
+TEST_CASE("jobs: found by name, a name that is none is an error and never another job", "[unit]") {
   const JobDescription job = find_job("reconstruct", to_settings(ReconstructOptions{}));
   CHECK(job.command == "reconstruct");
   CHECK(job.stages.front().name == "unpack");

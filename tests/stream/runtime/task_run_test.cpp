@@ -100,7 +100,7 @@ TEST_CASE("task run: shares of every stage, all at once, in one result", "[prope
   }
 }
 
-TEST_CASE("task run: a stage as a whole; what it makes obsolete goes at once", "[property]") {
+TEST_CASE("task run: a stage as a whole, what it makes obsolete goes at once", "[property]") {
   const TempFolder scratch;
   const Toy toy(scratch.path());
   begin(toy);

@@ -121,7 +121,7 @@ TEST_CASE("work directory: what a killed start or removal leaves does not stop t
   CHECK_FALSE(std::filesystem::exists(state.work.string() + ".discarded"));
 }
 
-TEST_CASE("work directory: one driver at a time; tasks together", "[unit]") {
+TEST_CASE("work directory: one driver at a time, tasks together", "[unit]") {
   const TempFolder scratch;
   const JobState state = state_in(scratch);
   begin(state);

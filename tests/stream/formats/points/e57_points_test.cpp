@@ -180,7 +180,7 @@ TEST_CASE("e57 points: rows and columns, or spherical bounds, tell a scan in its
   CHECK(sensors(three("<sphericalBounds type=\"Structure\"/>")) == origin);
 }
 
-TEST_CASE("e57 points: invalid points are empty, invalid colours none; limits scale colours; returns",
+TEST_CASE("e57 points: invalid points are empty, invalid colours none, limits scale colours, returns",
           "[unit]") {
   const test::TempFolder folder;
   const E57TestScan s =

@@ -134,7 +134,7 @@ TEST_CASE("survey: classes and returns that no input tells, or that leave nothin
   CHECK_THROWS_WITH(survey(sphere_points(2000, 50.0, {0, 0, 0}), setup), Catch::Contains("--returns last"));
 }
 
-TEST_CASE("order: points keep what their echo says; at one place ground wins, and a last return", "[unit]") {
+TEST_CASE("order: points keep what their echo says, at one place ground wins, and a last return", "[unit]") {
   auto points = sphere_points(2000, 50.0, {0, 0, 0});
   for (TestPoint& t : points) t.echo = {1, 1, 1};
   points.push_back({{200, 0, 0}, {}, 0, {5, 1, 3}});
