@@ -70,10 +70,13 @@ TEST_CASE("dense front: columns and rest are those of Eigen, at every edge of ti
     const Eigen::MatrixXd l = a.topLeftCorner(e, e).llt().matrixL();
     Eigen::MatrixXd columns(n, e);
     columns.topRows(e) = l;
-    columns.bottomRows(n - e) =
-        l.triangularView<Eigen::Lower>().solve(a.topRightCorner(e, n - e)).transpose();
-    const Eigen::MatrixXd rest =
-        a.bottomRightCorner(n - e, n - e) - columns.bottomRows(n - e) * columns.bottomRows(n - e).transpose();
+    Eigen::MatrixXd rest(n - e, n - e);
+    if (e < n) {
+      columns.bottomRows(n - e) =
+          l.triangularView<Eigen::Lower>().solve(a.topRightCorner(e, n - e)).transpose();
+      rest = a.bottomRightCorner(n - e, n - e) -
+             columns.bottomRows(n - e) * columns.bottomRows(n - e).transpose();
+    }
     double worst = 0.0;
     for (Eigen::Index j = 0; j < n; ++j)
       for (Eigen::Index i = j; i < n; ++i)
