@@ -70,11 +70,7 @@ class CholeskySolver final : public LinearSolver {
                                                                   : first_vanishing_pivot(a);
     if (bad >= 0) {
       const auto* permutation = static_cast<const int*>(factor_->Perm);
-      report.status = SolveStatus::kSingular;
-      report.unknown = permutation[std::min<std::int64_t>(bad, a.rows - 1)];
-      report.message = "the matrix is not positive definite (pivot of unknown " +
-                       std::to_string(report.unknown) +
-                       "): a piece without a fixed vertex, or faces without area";
+      set_singular(report, permutation[std::min<std::int64_t>(bad, a.rows - 1)]);
       return report;
     }
     ready_ = true;
@@ -143,8 +139,7 @@ class CholeskySolver final : public LinearSolver {
     report.factor_entries = static_cast<std::uint64_t>(common_.lnz);
     report.flops = common_.fl;
     report.bytes = common_.memory_inuse;
-    // The numeric factor, its map, the workspace of the largest front and two permuted copies of a triangle; then
-
+    // The numeric factor, its map, the workspace of the largest front and two permuted copies of a triangle.
     const double n = a.rows;
     const double factoring = 8.0 * static_cast<double>(factor_->xsize + factor_->maxcsize) +
                              4.0 * (static_cast<double>(factor_->maxesize) + 4.0 * n) +

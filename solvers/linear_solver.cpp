@@ -1,5 +1,6 @@
 #include "solvers/linear_solver.h"
 
+#include <string>
 #include <utility>
 
 #include "octree/error.h"
@@ -88,6 +89,13 @@ const char* name(Ordering ordering) {
       return "natural";
   }
   return "unknown";
+}
+
+void set_singular(FactorReport& report, std::int32_t unknown) {
+  report.status = SolveStatus::kSingular;
+  report.unknown = unknown;
+  report.message = "the matrix is not positive definite (pivot of unknown " + std::to_string(unknown) +
+                   "): a piece without a fixed vertex, or faces without area";
 }
 
 const char* name(SolveStatus status) {

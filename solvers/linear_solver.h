@@ -84,6 +84,9 @@ struct FactorReport {
   std::string choice;            ///< automatic: a sentence for the log, which solver and why
 };
 
+/// Tells of a matrix that is not positive definite. \param unknown  whose pivot is not positive
+void set_singular(FactorReport& report, std::int32_t unknown);
+
 class LinearSolver {
  public:
   virtual ~LinearSolver() = default;

@@ -46,11 +46,7 @@ class MultifrontalSolver final : public LinearSolver {
     matrix_ = &a;
     if (store_.size() == factor_->entries()) return report;
     const std::int64_t bad = factor_->factor(a, store_);
-    if (bad >= 0) {
-      report.status = SolveStatus::kSingular;
-      report.message = "the matrix is not positive definite (pivot of unknown " + std::to_string(bad) +
-                       "): a piece without a fixed vertex, or faces without area";
-    }
+    if (bad >= 0) set_singular(report, static_cast<std::int32_t>(bad));
     return report;
   }
 
