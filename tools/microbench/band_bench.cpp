@@ -8,11 +8,11 @@
 #include <bit>
 #include <cstdio>
 #include <cstdlib>
-#include <ctime>
 #include <vector>
 
 #include "kernels/field/field.h"
 #include "tests/helpers/oriented_samples.h"
+#include "tools/microbench/thread_seconds.h"
 
 namespace {
 
@@ -54,13 +54,6 @@ struct Times {
   double sum = 0, bytes = 0;
   std::uint64_t bits = 0;
 };
-
-/// Processor time: a busy machine does not count.
-double thread_seconds() {
-  timespec t;
-  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
-  return static_cast<double>(t.tv_sec) + 1e-9 * static_cast<double>(t.tv_nsec);
-}
 
 template <class Body>
 void keep_best(double& best, const Body& body) {

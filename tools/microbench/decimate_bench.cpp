@@ -11,7 +11,6 @@
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
-#include <ctime>
 #include <map>
 #include <string>
 #include <unordered_map>
@@ -19,16 +18,11 @@
 #include "kernels/certify/certificate.h"
 #include "kernels/decimate/decimate.h"
 #include "stream/formats/meshes/mesh_io.h"
+#include "tools/microbench/thread_seconds.h"
 
 namespace {
 
 using namespace tessera;
-
-double thread_seconds() {
-  timespec t;
-  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
-  return static_cast<double>(t.tv_sec) + 1e-9 * static_cast<double>(t.tv_nsec);
-}
 
 /// Welds equal positions, drops what is no 2-manifold with borders, marks the borders.
 MeshBlock load(const std::string& name) {

@@ -5,23 +5,17 @@
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
-#include <ctime>
 #include <string>
 
 #include "kernels/edit/displacement_volumes.h"
 #include "kernels/edit/edit_regions.h"
 #include "kernels/edit/upright_faces.h"
 #include "tests/helpers/surfaces.h"
+#include "tools/microbench/thread_seconds.h"
 
 namespace {
 
 using namespace tessera;
-
-double thread_seconds() {
-  timespec t;
-  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
-  return static_cast<double>(t.tv_sec) + 1e-9 * static_cast<double>(t.tv_nsec);
-}
 
 template <class Work>
 double least_seconds(int repeat, const Work& work) {

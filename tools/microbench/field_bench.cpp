@@ -5,11 +5,11 @@
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
-#include <ctime>
 #include <string>
 
 #include "kernels/field/field.h"
 #include "tests/helpers/oriented_samples.h"
+#include "tools/microbench/thread_seconds.h"
 
 namespace {
 
@@ -44,13 +44,6 @@ test::Samples make_scene(const std::string& name, int cells, double spacing, dou
   }
   if (noise > 0.0) test::add_noise(noise * spacing, random, samples);
   return samples;
-}
-
-/// Processor time: a busy machine does not count.
-double thread_seconds() {
-  timespec t;
-  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
-  return static_cast<double>(t.tv_sec) + 1e-9 * static_cast<double>(t.tv_nsec);
 }
 
 }  // namespace

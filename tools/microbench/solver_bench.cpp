@@ -9,7 +9,6 @@
 
 #include <CLI/CLI.hpp>
 #include <cmath>
-#include <ctime>
 #include <fstream>
 #include <functional>
 #include <iostream>
@@ -22,18 +21,12 @@
 #include "solvers/linear_solver.h"
 #include "tests/helpers/irregular_mesh.h"
 #include "tools/microbench/hypre_solver.h"
+#include "tools/microbench/thread_seconds.h"
 
 namespace {
 
 using namespace tessera;
 using nlohmann::json;
-
-/// CPU time of this thread: every solver runs on it alone, and other jobs on the machine do not spoil the table.
-double now() {
-  timespec t{};
-  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
-  return static_cast<double>(t.tv_sec) + 1e-9 * static_cast<double>(t.tv_nsec);
-}
 
 /// A line of /proc/self/status in bytes.
 std::uint64_t status_bytes(const std::string& field) {
@@ -75,11 +68,11 @@ System assemble(const Settings& s) {
   if (s.mesh == "anisotropic") weights.weights = LaplacianWeights::kIntrinsicDelaunay;
   System out;
   out.vertices = mesh.positions.size();
-  const double begin = now();
+  const double begin = thread_seconds();
   out.operators = laplacian({mesh.positions, mesh.faces}, weights);
   out.constrained = laplacian_system(out.operators, s.order, mesh.fixed);
   out.b = out.constrained.right_hand_side(mesh.target, 3);
-  out.setup_s = now() - begin;
+  out.setup_s = thread_seconds() - begin;
   out.x.assign(out.b.size(), 0.0);
   out.neighbours = mesh_neighbours(out.operators, out.constrained);
   for (const std::int32_t v : out.constrained.free_vertices) out.positions.push_back(mesh.positions[v]);
@@ -99,19 +92,19 @@ json bare_cholmod(const System& s) {
   c.nmethods = 1;
   c.method[0].ordering = CHOLMOD_METIS;
   cholmod_sparse m = cholmod_view(a);
-  const double t0 = now();
+  const double t0 = thread_seconds();
   cholmod_factor* f = cholmod_analyze(&m, &c);
-  const double t1 = now();
+  const double t1 = thread_seconds();
   cholmod_factorize(&m, f, &c);
-  const double t2 = now();
+  const double t2 = thread_seconds();
   cholmod_dense* b = cholmod_allocate_dense(n, 3, n, CHOLMOD_REAL, &c);
   for (std::size_t i = 0; i < n; ++i)
     for (std::size_t k = 0; k < 3; ++k) static_cast<double*>(b->x)[k * n + i] = s.b[3 * i + k];
-  const double t3 = now();
+  const double t3 = thread_seconds();
   cholmod_dense* x = cholmod_solve(CHOLMOD_A, f, b, &c);
   row["analyse_s"] = t1 - t0;
   row["factor_s"] = t2 - t1;
-  row["solve_s"] = now() - t3;
+  row["solve_s"] = thread_seconds() - t3;
   row["factor_entries"] = static_cast<std::uint64_t>(c.lnz);
   std::vector<double> result(3 * n);
   for (std::size_t i = 0; i < n; ++i)
@@ -127,15 +120,15 @@ json bare_cholmod(const System& s) {
 
 json through_interface(LinearSolver& solver, const System& s) {
   json row;
-  const double t0 = now();
+  const double t0 = thread_seconds();
   FactorReport f = solver.analyse(s.constrained.matrix);
-  const double t1 = now();
+  const double t1 = thread_seconds();
   row["analyse_s"] = t1 - t0;
   row["predicted_bytes"] = f.peak_bytes;
   row["factor_entries"] = f.factor_entries;
   if (f.status == SolveStatus::kSolved) {
     f = solver.factor(s.constrained.matrix);
-    row["factor_s"] = now() - t1;
+    row["factor_s"] = thread_seconds() - t1;
     if (f.factor_entries > 0) row["factor_entries"] = f.factor_entries;
     row["held_bytes"] = f.bytes;
   }
@@ -143,9 +136,9 @@ json through_interface(LinearSolver& solver, const System& s) {
   row["message"] = f.message;
   if (f.status != SolveStatus::kSolved) return row;
   std::vector<double>& x = s.x;
-  const double t2 = now();
+  const double t2 = thread_seconds();
   const SolveReport r = solver.solve(s.b, x, 3);
-  row["solve_s"] = now() - t2;
+  row["solve_s"] = thread_seconds() - t2;
   row["residual"] = r.residual;
   row["iterations"] = r.iterations;
   row["status"] = name(r.status);
@@ -162,14 +155,14 @@ json implicit_step(const System& s) {
     b[i] = s.operators.mass[i / 3] * std::sin(static_cast<double>(i));
   const auto solver = make_solver(SolverKind::kCholesky);
   json row;
-  const double t0 = now();
+  const double t0 = thread_seconds();
   solver->analyse(first);
   solver->factor(first);
   solver->solve(b, x, 3);
-  const double t1 = now();
+  const double t1 = thread_seconds();
   const FactorReport f = solver->factor(second);
   const SolveReport r = solver->solve(b, x, 3);
-  const double t2 = now();
+  const double t2 = thread_seconds();
   row["status"] = name(f.status == SolveStatus::kSolved ? r.status : f.status);
   row["residual"] = r.residual;
   row["step_s"] = t1 - t0;

@@ -7,22 +7,16 @@
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
-#include <ctime>
 #include <vector>
 
 #include "octree/portable_math.h"
 #include "octree/winding_number.h"
 #include "tests/helpers/oriented_samples.h"
+#include "tools/microbench/thread_seconds.h"
 
 namespace {
 
 using namespace tessera;
-
-double thread_seconds() {
-  timespec t;
-  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
-  return static_cast<double>(t.tv_sec) + 1e-9 * static_cast<double>(t.tv_nsec);
-}
 
 Int3 quantised(const Double3& p) {
   Int3 q;
