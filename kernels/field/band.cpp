@@ -74,7 +74,7 @@ std::array<std::uint64_t, 8> nodes_in_block(const Int3& leaf, const Int3& cells)
   return words;
 }
 
-std::vector<BandNodes> choose_band(const PointLeaves& leaves) {
+std::vector<BandNodes> choose_band(const PointLeaves& leaves, const NodeFilter& wanted) {
   // Only leaves beside a marked one can hold band nodes.
   std::vector<std::uint8_t> near(leaves.range.size(), 0);
   for (const std::uint32_t leaf : leaves.occupied) {
@@ -95,6 +95,8 @@ std::vector<BandNodes> choose_band(const PointLeaves& leaves) {
       for (int i = -1; i < leaves.dims[0] - 1; ++i) {
         const std::size_t leaf = leaves.at(i, j, k);
         if (!near[leaf]) continue;
+        BandNodes out;
+        if (wanted && (out.asked = wanted({i, j, k})) == BandNodes().asked) continue;
         for (auto& plane : box) plane.fill(0);
         for (int dk = -1; dk <= 1; ++dk)
           for (int dj = -1; dj <= 1; ++dj)
@@ -105,7 +107,6 @@ std::vector<BandNodes> choose_band(const PointLeaves& leaves) {
         morph<true>(box, kBandClosing);
         morph<false>(box, kBandClosing);
         morph<true>(box, kBandLayers);
-        BandNodes out;
         out.leaf = static_cast<std::uint32_t>(leaf);
         const auto inside = nodes_in_block({i, j, k}, cells);
         std::uint64_t any = 0;

@@ -8,6 +8,7 @@
 #pragma once
 #include <array>
 #include <cstdint>
+#include <functional>
 #include <vector>
 
 #include "kernels/field/point_leaves.h"
@@ -22,13 +23,17 @@ inline constexpr int kBandReach = 2 * kBandClosing + kBandLayers + 1;
 struct BandNodes {
   std::uint32_t leaf = 0;                ///< index into the dense table
   std::array<std::uint64_t, 8> nodes{};  ///< bit x + 8 y of word z
+  std::array<std::uint64_t, 8> asked{};  ///< what the filter said, where there is one
 };
+
+/// Nodes of a leaf (relative to the block, in leaves) that are to be evaluated.
+using NodeFilter = std::function<std::array<std::uint64_t, 8>(const Int3& leaf)>;
 
 /// Nodes of a leaf that lie within [-1, cells + 1] of the block.
 std::array<std::uint64_t, 8> nodes_in_block(const Int3& leaf, const Int3& cells);
 
 /// Nodes of the band within [-1, cells + 1] of the block, by leaf in table order; leaves without any are left
-/// out.
-std::vector<BandNodes> choose_band(const PointLeaves& leaves);
+/// out. \param wanted  no others: what it says of a leaf is kept; empty = all
+std::vector<BandNodes> choose_band(const PointLeaves& leaves, const NodeFilter& wanted = {});
 
 }  // namespace tessera

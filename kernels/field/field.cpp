@@ -66,16 +66,6 @@ void bridge_leaf(const PointBlock& points, const PointLeaves& leaves, const Poin
   bridge_gaps(samples, options, scratch, fit);
 }
 
-/// Appends the nodes of a leaf near the end of the surface.
-void keep_rims(const LeafRim& rim, LeafFit& fit, std::vector<RimNode>& rims) {
-  for (std::size_t z = 0; z < 8; ++z) {
-    fit.first_rim[z] = static_cast<std::uint32_t>(rims.size());
-    fit.rimmed[z] = rim.nodes[z] & fit.valid[z];
-    for (std::uint64_t left = fit.rimmed[z]; left; left &= left - 1)
-      rims.push_back(rim.at(64 * z + static_cast<std::size_t>(std::countr_zero(left))));
-  }
-}
-
 /// Smooths a leaf where the normals of its noisy samples contradict each other.
 void smooth_leaf(const PointBlock& points, const PointLeaves& leaves, const Int3& leaf,
                  const NodeFitOptions& options, NodeFitScratch& scratch, LeafFit& fit) {
@@ -94,26 +84,27 @@ int field_halo_cells(const FieldOptions& options) {
                   static_cast<int>(std::ceil(std::max(support_radius(options), kMostRadius))) + 2);
 }
 
-DirectedField evaluate_field(const PointBlock& points, const FieldOptions& options,
-                             const NodeFilter& wanted) {
-  const PointLeaves leaves = index_leaves(points, true);
+namespace {
+
+BandFits fit_band(const PointBlock& points, const PointLeaves& leaves, const FieldOptions& options,
+                  const NodeFilter& wanted, const CoarserFits* coarser) {
   const PointBlock coarse_points = average_normals(points);
   const PointLeaves coarse_leaves = index_leaves(coarse_points, false);
-  std::vector<BandNodes> band = choose_band(leaves);
+  std::vector<BandNodes> band = choose_band(leaves, wanted);
   const PointBlock strewn = options.bodies ? strewn_points(points) : PointBlock();
   PointLeaves strewn_leaves;
   if (strewn.size() > 0) {
     strewn_leaves = index_leaves(strewn, false);
     add_body_leaves(strewn_leaves, band);
   }
+  if (coarser) add_coarser_leaves(*coarser, points.origin, points.cells, band);
   BodyScratch body_scratch;
-  DirectedField field;
-  field.origin = points.origin;
-  field.cells = points.cells;
-  field.leaf_index.assign(leaves.range.size(), -1);
-  field.leaves.reserve(band.size());
-  std::vector<LeafFit> fits;
-  fits.reserve(band.size());
+  BandFits out;
+  out.origin = points.origin;
+  out.cells = points.cells;
+  out.leaf_index.assign(leaves.range.size(), -1);
+  out.leaf.reserve(band.size());
+  out.fits.reserve(band.size());
 
   NodeFitOptions fit_options;
   fit_options.radius = support_radius(options);
@@ -125,8 +116,6 @@ DirectedField evaluate_field(const PointBlock& points, const FieldOptions& optio
   fit_options.noisy = options.noise_cells > kExactNoise;
   NodeFitScratch scratch;
   SampleList samples, coarse;
-  std::vector<Sheets> sheets;
-  std::vector<RimNode> rims;
   for (BandNodes& nodes : band) {
     if (options.pause) options.pause();
     const auto index = static_cast<int>(nodes.leaf);
@@ -134,34 +123,59 @@ DirectedField evaluate_field(const PointBlock& points, const FieldOptions& optio
               k = index / (leaves.dims[0] * leaves.dims[1]) - 1;
     LeafWords inside = nodes_in_block({i, j, k}, points.cells);
     if (wanted) {
-      const LeafWords chosen = wanted({i, j, k});
+      const LeafWords chosen = nodes.nodes == BandNodes().nodes ? wanted({i, j, k}) : nodes.asked;
       for (std::size_t z = 0; z < 8; ++z) nodes.nodes[z] &= inside[z] &= chosen[z];
       if (inside == LeafWords{}) continue;
     }
-    LeafFit& fit = fits.emplace_back();
+    LeafFit& fit = out.fits.emplace_back();
     if (nodes.nodes != BandNodes().nodes) {
       const SampleBox reach = reach_of(nodes.nodes, fit_options.radius);
       gather_samples(points, leaves, i, j, k, reach, samples);
       gather_samples(coarse_points, coarse_leaves, i, j, k, reach, coarse);
     }
-    fit_nodes(samples, coarse, nodes.nodes, fit_options, scratch, fit, sheets);
+    fit_nodes(samples, coarse, nodes.nodes, fit_options, scratch, fit, out.sheets);
     smooth_leaf(points, leaves, {i, j, k}, fit_options, scratch, fit);
     // Where the surface will be closed, gaps are the closing field's.
     if (!options.firm_rim)
       bridge_leaf(points, leaves, coarse_points, coarse_leaves, {i, j, k}, fit_options, scratch, fit);
     if (strewn.size() > 0)
       join_bodies({strewn, strewn_leaves, coarse_points, coarse_leaves}, {i, j, k}, inside, body_scratch, fit,
-                  scratch.rim, sheets);
-    keep_rims(scratch.rim, fit, rims);
+                  scratch.rim, out.sheets);
+    if (coarser) fill_from_coarser(*coarser, points.origin, {i, j, k}, inside, fit, scratch.rim, out.sheets);
+    keep_rims(scratch.rim, fit, out.rims);
     std::uint64_t any = 0;
     for (const std::uint64_t word : fit.valid) any |= word;
     if (!any) {
-      fits.pop_back();
+      out.fits.pop_back();
       continue;
     }
-    field.leaf_index[nodes.leaf] = static_cast<std::int32_t>(field.leaves.size());
-    BandLeaf& leaf =
-        field.leaves.emplace_back(field.origin, Int3{i * kLeafCells, j * kLeafCells, k * kLeafCells});
+    out.leaf_index[nodes.leaf] = static_cast<std::int32_t>(out.leaf.size());
+    out.leaf.push_back({i, j, k});
+  }
+  return out;
+}
+
+}  // namespace
+
+BandFits fit_field(const PointBlock& points, const FieldOptions& options, const NodeFilter& wanted,
+                   const CoarserFits* coarser) {
+  return fit_band(points, index_leaves(points, true), options, wanted, coarser);
+}
+
+DirectedField evaluate_field(const PointBlock& points, const FieldOptions& options, const NodeFilter& wanted,
+                             const CoarserFits* coarser) {
+  const PointLeaves leaves = index_leaves(points, true);
+  BandFits band = fit_band(points, leaves, options, wanted, coarser);
+  DirectedField field;
+  field.origin = band.origin;
+  field.cells = band.cells;
+  field.leaf_index = std::move(band.leaf_index);
+  field.leaves.reserve(band.fits.size());
+  for (std::size_t f = 0; f < band.fits.size(); ++f) {
+    const LeafFit& fit = band.fits[f];
+    BandLeaf& leaf = field.leaves.emplace_back(
+        field.origin,
+        Int3{band.leaf[f][0] * kLeafCells, band.leaf[f][1] * kLeafCells, band.leaf[f][2] * kLeafCells});
     leaf.set_valid(fit.valid);
     for (std::size_t z = 0; z < 8; ++z)
       for (std::uint64_t left = fit.valid[z]; left; left &= left - 1) {
@@ -170,9 +184,10 @@ DirectedField evaluate_field(const PointBlock& points, const FieldOptions& optio
         if (fit.value[n] < 0.0f) leaf.inside[z] |= left & (~left + 1);
       }
   }
-  find_roots(fits, sheets, fit_options.noisy, field);
-  find_border(fits, rims, field);
-  if (!points.rgba.empty()) colour_roots(points, leaves, fit_options.radius, options.bodies, field);
+  find_roots(band.fits, band.sheets, options.noise_cells > kExactNoise, field);
+  find_border(band.fits, band.rims, field);
+  if (!points.rgba.empty())
+    colour_roots(points, leaves, support_radius(options), options.bodies, coarser != nullptr, field);
   return field;
 }
 

@@ -11,6 +11,7 @@
 #pragma once
 #include <functional>
 
+#include "kernels/field/coarser_fits.h"
 #include "kernels/field/directed_field.h"
 #include "octree/points.h"
 
@@ -34,16 +35,19 @@ inline constexpr double kExactNoise = 0.03;
 /// radius and the halo nodes, at least the 8 cells over which the closing of the band reaches a halo node.
 int field_halo_cells(const FieldOptions& options);
 
-/// Nodes of a leaf (relative to the block, in leaves) that are to be evaluated.
-using NodeFilter = std::function<LeafWords(const Int3& leaf)>;
-
 /// Evaluates the band of a block.
 /// \param points  core and halo of the block, canonical order, oriented; points without normal are ignored, or bodies
 /// \post every node value, sign and root is a pure function of the points within field_halo_cells - 1 of the
 ///       node: the same bits for any block that holds it
 /// \param wanted  no others get values: the same bits for those; roots and borders for edges and cells of such
 ///                nodes alone; empty = all
+/// \param coarser  of the same points on the lattice with cells of twice the edge, for places where samples are sparse: coarser_fits.h;
+///                 null: none. Nodes are pure functions of what it saw, too
 DirectedField evaluate_field(const PointBlock& points, const FieldOptions& options,
-                             const NodeFilter& wanted = {});
+                             const NodeFilter& wanted = {}, const CoarserFits* coarser = nullptr);
+
+/// The fits behind that, for a finer lattice.
+BandFits fit_field(const PointBlock& points, const FieldOptions& options, const NodeFilter& wanted,
+                   const CoarserFits* coarser);
 
 }  // namespace tessera

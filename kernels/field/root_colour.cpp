@@ -10,6 +10,7 @@ namespace tessera {
 namespace {
 
 constexpr float kColourRadius = 1.5f;
+constexpr float kFarColour = 7.5f;  ///< less than a leaf
 
 /// Mean colour within the radius of p; 0 if there is none.
 std::uint32_t mean_colour(const PointBlock& points, const SampleList& samples, const Float3& p,
@@ -48,7 +49,7 @@ std::uint32_t mean_colour(const PointBlock& points, const SampleList& samples, c
 }  // namespace
 
 void colour_roots(const PointBlock& points, const PointLeaves& leaves, float radius, bool with_strewn,
-                  DirectedField& field) {
+                  bool far, DirectedField& field) {
   SampleList samples;
   for (const BandLeaf& leaf : field.leaves) {
     std::uint64_t any = 0;
@@ -56,7 +57,7 @@ void colour_roots(const PointBlock& points, const PointLeaves& leaves, float rad
       for (const std::uint64_t word : axis) any |= word;
     if (!any) continue;
     // Fixed box, whatever the block: roots lie in [0, 8).
-    const float reach = std::max(radius, kColourRadius), low = -reach, high = 8.0f + reach;
+    const float reach = far ? kFarColour : std::max(radius, kColourRadius), low = -reach, high = 8.0f + reach;
     const auto gather = with_strewn ? gather_all : gather_samples;
     gather(points, leaves, leaf.origin[0] >> kLeafBits, leaf.origin[1] >> kLeafBits,
            leaf.origin[2] >> kLeafBits, {{low, low, low}, {high, high, high}}, samples);
@@ -70,6 +71,7 @@ void colour_roots(const PointBlock& points, const PointLeaves& leaves, float rad
           p[axis] += root.t;
           root.rgba = mean_colour(points, samples, p, kColourRadius);
           if (root.rgba == 0) root.rgba = mean_colour(points, samples, p, radius);
+          if (root.rgba == 0 && far) root.rgba = mean_colour(points, samples, p, kFarColour);
         }
       }
   }

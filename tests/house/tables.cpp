@@ -141,6 +141,7 @@ const std::map<std::string, std::string>& covering_tests() {
        {"band", "bodies", "border", "coarse_normals", "crease_evidence", "directed_field", "edge_roots",
         "lanes", "node_fit", "node_sums", "point_leaves", "rim_rule", "root_colour", "row_samples",
         "sample_clusters", "sample_list", "sheets"});
+    by("kernels/field/coarser_fits", "kernels/field", {"sparse_places"});
     by("kernels/solid/offset_field", "kernels/field", {"sampled_field"});
     by("kernels/holes/hole_filling", "kernels/holes", {"hole_mesh", "hole_triangulation"});
     by("kernels/maps/parameterize", "kernels/maps", {"disk_topology"});
