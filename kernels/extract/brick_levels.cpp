@@ -268,6 +268,21 @@ bool wanted_coarser(const LevelSurroundings& around, const Int3& node) {
   return around.touching(node, kPoint, kBrickCells / 2).most > 0;
 }
 
+bool may_want_finer(const LevelSurroundings& around, const Int3& low, const Int3& high) {
+  std::array<std::array<std::size_t, 2>, 3> bricks;
+  for (std::size_t a = 0; a < 3; ++a)
+    bricks[a] = {touched(low[a] - 1, 0, 2 * kBrickCells)[0], touched(high[a] + 1, 0, 2 * kBrickCells)[1]};
+  const LevelSurroundings::Range range = around.among(bricks);
+  return range.least < 0 && range.most >= 0;
+}
+
+bool may_want_coarser(const LevelSurroundings& around, const Int3& low, const Int3& high) {
+  std::array<std::array<std::size_t, 2>, 3> bricks;
+  for (std::size_t a = 0; a < 3; ++a)
+    bricks[a] = {touched(low[a], 0, kBrickCells / 2)[0], touched(high[a], 0, kBrickCells / 2)[1]};
+  return around.among(bricks).most > 0;
+}
+
 DirectedField mix_levels(const LevelFields& fields, const LevelSurroundings& around) {
   return Mixer(fields, around).mix();
 }

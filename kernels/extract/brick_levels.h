@@ -58,6 +58,9 @@ inline constexpr int kCoarserLevelCells = kBrickCells / 2 + 2 * kLevelMargin;
 bool wanted_own(const LevelSurroundings& around, const Int3& node);
 bool wanted_finer(const LevelSurroundings& around, const Int3& node);
 bool wanted_coarser(const LevelSurroundings& around, const Int3& node);
+/// Whether a box of nodes, both ends among them, may hold such nodes.
+bool may_want_finer(const LevelSurroundings& around, const Int3& low, const Int3& high);
+bool may_want_coarser(const LevelSurroundings& around, const Int3& low, const Int3& high);
 
 /// The field of the brick and its halo for BrickExtractor (nodes [-1, 65], origin at the brick) where levels meet: nodes that
 /// finer bricks touch have their values, split edges are gone, cells that take part in coarser bricks around are closing ones, cells

@@ -6,10 +6,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "kernels/extract/brick_levels.h"
 #include "kernels/extract/extended_marching_cubes.h"
-#include "kernels/field/field.h"
-#include "kernels/points/normals.h"
 #include "stream/files/task_files.h"
 #include "stream/points/plan.h"
 #include "stream/points/point_overlay.h"
@@ -17,6 +14,7 @@
 #include "stream/points/reconstruct_options.h"
 #include "stream/stages/scan/normals_mode.h"
 #include "stream/stages/surface/first_pass.h"
+#include "stream/stages/surface/level_fields.h"
 #include "stream/stages/surface/level_files.h"
 #include "stream/stages/surface/surface_stage.h"
 
@@ -44,13 +42,12 @@ class LevelSurfaceStage : public Stage {
         levels_(static_cast<int>(options_.levels)),
         plan_(Plan::of_work(state.work)),
         store_(list_task_files(state.work / "points", ".tsp"), PointOverlay::open(state.work)),
-        tree_(level_tree_of_work(state.work, levels_)) {
-    field_ = field_options(plan_, options_.feature_angle_deg);
-    extract_ = extract_options(options_, true);
-    refines_normals_ = NormalsMode(options_, state.inputs.size(), plan_).estimate;
-    normals_.radius_cells = plan_.radius_cells;
+        tree_(level_tree_of_work(state.work, levels_)),
+        maker_(levels_, field_options(plan_, options_.feature_angle_deg), normal_options(plan_),
+               NormalsMode(options_, state.inputs.size(), plan_).estimate),
+        extract_(extract_options(options_, true)) {
     TilingOptions tiling;
-    tiling.halo_cells = halo(levels_ - 1);
+    tiling.halo_cells = maker_.halo();
     tiling.tile_bricks = 1;
     groups_ = make_tile_groups(store_.bricks(), tiling);
     load_bytes_ = state.run.memory_bytes / 4 / static_cast<std::uint64_t>(state.run.threads);
@@ -109,6 +106,11 @@ class LevelSurfaceStage : public Stage {
   }
 
  private:
+  static NormalOptions normal_options(const Plan& plan) {
+    NormalOptions normals;
+    normals.radius_cells = plan.radius_cells;
+    return normals;
+  }
   struct Work {
     TaskContext& context;
     FirstPass pass;
@@ -116,25 +118,15 @@ class LevelSurfaceStage : public Stage {
     std::array<std::uint64_t, kMaxLevels> bricks{}, faces{};
   };
 
-  int scale(int level) const {
-    return 1 << (levels_ - 1 - level);
-  }  ///< cells of the level along one of the points'
-  int edge(int level) const { return kBrickCells / scale(level); }  ///< of a brick, in cells of the points
-  /// How far around a brick points decide of it, in cells of the points: two cells, on the next coarser level one, and
-  /// what nodes and normals there see.
-  int halo(int level) const {
-    const int reach = field_halo_cells(field_) + (refines_normals_ ? normal_halo_cells(normals_) : 0);
-    const int cells = level + 1 < levels_ ? 2 * (1 + reach) : 2 + reach;
-    return (cells + scale(level) - 1) / scale(level);
-  }
   static Int3 times(const Int3& at, int by) { return {at[0] * by, at[1] * by, at[2] * by}; }
   std::uint64_t point_bound(const Int3& node, int level) const {
-    const int e = edge(level);
-    return store_.count_bound(times(node, e), {e, e, e}, halo(level));
+    const int e = maker_.edge(level);
+    return store_.count_bound(times(node, e), {e, e, e}, maker_.halo());
   }
   bool is_leaf(const Int3& node, int level) const { return level == 0 || !tree_.is_split(node, level); }
   bool loads(const Int3& node, int level, std::uint64_t points) const {
-    return points * kBytesPerPoint <= load_bytes_ || edge(level) <= kLoadedEdge || is_leaf(node, level);
+    return points * kBytesPerPoint <= load_bytes_ || maker_.edge(level) <= kLoadedEdge ||
+           is_leaf(node, level);
   }
   static Int3 child(const Int3& node, int c) {
     return {2 * node[0] + (c & 1), 2 * node[1] + (c >> 1 & 1), 2 * node[2] + (c >> 2)};
@@ -151,17 +143,20 @@ class LevelSurfaceStage : public Stage {
 
   /// \param around  what holds the node's points; null: not loaded yet
   void visit(const Int3& node, int level, const PointBlock* around, Work& work) const {
-    const int e = edge(level);
+    const int e = maker_.edge(level);
     PointBlock own;
     if (around) {
-      own = part_of(*around, times(node, e), {e, e, e}, halo(level));
-      if (own.size() == 0) return;
-      around = &own;
+      const std::size_t points = count_part(*around, times(node, e), {e, e, e}, maker_.halo());
+      if (points == 0) return;
+      if (2 * points <= around->size()) {
+        own = scaled_part(*around, 1, times(node, e), {e, e, e}, maker_.halo());
+        around = &own;
+      }
     } else {
       const std::uint64_t bound = point_bound(node, level);
       if (bound == 0) return;
       if (loads(node, level, bound)) {
-        own = store_.load(times(node, e), {e, e, e}, halo(level));
+        own = store_.load(times(node, e), {e, e, e}, maker_.halo());
         if (own.size() == 0) return;
         work.context.count_read(own.size() * sizeof(PointRecord));
         around = &own;
@@ -174,92 +169,12 @@ class LevelSurfaceStage : public Stage {
     for (int c = 0; c < 8; ++c) visit(child(node, c), level - 1, around, work);
   }
 
-  /// Points in [low - halo, low + cells + halo) in the same order, relative to `low`.
-  static PointBlock part_of(const PointBlock& points, const Int3& low, const Int3& cells, int halo) {
-    return scaled_part(points, 1, low, cells, halo);
-  }
-
-  /// The same on a finer lattice. \param by  cells of it along one of the points
-  static PointBlock scaled_part(const PointBlock& points, float by, const Int3& low, const Int3& cells,
-                                int halo) {
-    PointBlock out;
-    out.origin = low;
-    out.cells = cells;
-    Float3 offset;  // exact: a few thousand cells
-    for (std::size_t a = 0; a < 3; ++a)
-      offset[a] = static_cast<float>(points.origin[a]) * by - static_cast<float>(low[a]);
-    const auto take = [&](float x, std::size_t axis, float& to) {
-      to = x * by + offset[axis];
-      return to >= static_cast<float>(-halo) && to < static_cast<float>(cells[axis] + halo);
-    };
-    for (std::size_t i = 0; i < points.size(); ++i) {
-      Float3 p;
-      if (!take(points.x[i], 0, p[0]) || !take(points.y[i], 1, p[1]) || !take(points.z[i], 2, p[2])) continue;
-      out.x.push_back(p[0]), out.y.push_back(p[1]), out.z.push_back(p[2]);
-      out.nx.push_back(points.nx[i]), out.ny.push_back(points.ny[i]), out.nz.push_back(points.nz[i]);
-      if (!points.rgba.empty()) out.rgba.push_back(points.rgba[i]);
-    }
-    return out;
-  }
-
-  /// Planes of the neighbourhoods of this level in place of those that estimation saw on the coarsest one, which decided the sides.
-  PointBlock with_own_normals(const PointBlock& points, float by, const Int3& low, const Int3& cells) const {
-    Int3 first = low, size = cells;
-    for (std::size_t a = 0; a < 3; ++a) first[a] -= kLeafCells, size[a] += 2 * kLeafCells;
-    const PointBlock wide = scaled_part(points, by, first, size, normal_halo_cells(normals_));
-    const std::vector<PointShape> shapes = estimate_shapes(wide, normals_);
-    PointBlock out = scaled_part(points, by, low, cells, kLeafCells);
-    for (std::size_t i = 0; i < out.size(); ++i) {
-      const Float3& n = shapes.at(i).normal;
-      const float along = n[0] * out.nx[i] + n[1] * out.ny[i] + n[2] * out.nz[i];
-      if (along == 0.0f) continue;  // none of them, or none there
-      const float sign = along < 0.0f ? -1.0f : 1.0f;
-      out.nx[i] = sign * n[0], out.ny[i] = sign * n[1], out.nz[i] = sign * n[2];
-    }
-    return out;
-  }
-
-  /// The field of a block on a level. \param low  min corner, cells of that level
-  DirectedField evaluate(const PointBlock& around, int level, const Int3& low, int cells, Work& work,
-                         const std::function<bool(const Int3&)>& wanted) const {
-    const auto by = static_cast<float>(scale(level));
-    const Int3 size = {cells, cells, cells};
-    const PointBlock points = refines_normals_ && level + 1 < levels_
-                                  ? with_own_normals(around, by, low, size)
-                                  : scaled_part(around, by, low, size, kLeafCells);
-    FieldOptions options = field_;
-    options.noise_cells *= scale(level);
-    options.pause = [&work] { work.context.check_stop(); };
-    return evaluate_field(points, options, [&](const Int3& leaf) {
-      LeafWords words{};
-      for (int z = 0; z < 8; ++z)
-        for (int b = 0; b < 64; ++b)
-          if (wanted({8 * leaf[0] + (b & 7) - kLevelMargin, 8 * leaf[1] + (b >> 3) - kLevelMargin,
-                      8 * leaf[2] + z - kLevelMargin}))
-            words[static_cast<std::size_t>(z)] |= std::uint64_t{1} << b;
-      return words;
-    });
-  }
-
   void extract(const Int3& leaf, int level, const PointBlock& around_points, Work& work) const {
     work.context.check_stop();
     LevelSurroundings around;
     around.step = tree_.steps_around(leaf, level);
-    const auto before = [&](int cells) {  // a leaf of nodes before the brick, so many cells along it
-      Int3 at = times(leaf, cells);
-      for (int& c : at) c -= kLevelMargin;
-      return at;
-    };
-    LevelFields fields;
-    fields.noisy = field_.noise_cells * scale(level) > kExactNoise;
-    fields.own = evaluate(around_points, level, before(kBrickCells), kOwnLevelCells, work,
-                          [&](const Int3& n) { return wanted_own(around, n); });
-    if (around.has(-1))
-      fields.finer = evaluate(around_points, level - 1, before(2 * kBrickCells), kFinerLevelCells, work,
-                              [&](const Int3& n) { return wanted_finer(around, n); });
-    if (around.has(1))
-      fields.coarser = evaluate(around_points, level + 1, before(kBrickCells / 2), kCoarserLevelCells, work,
-                                [&](const Int3& n) { return wanted_coarser(around, n); });
+    const LevelFields fields =
+        maker_.fields_of(leaf, level, around, around_points, [&work] { work.context.check_stop(); });
     Patch patch = extract_level_brick(fields, around, level, extract_, work.report);
     if (patch.empty()) return;
     ++work.bricks[static_cast<std::size_t>(level)];
@@ -273,10 +188,8 @@ class LevelSurfaceStage : public Stage {
   Plan plan_;
   PointStore store_;
   LevelTree tree_;
-  FieldOptions field_;
+  LevelFieldMaker maker_;
   ExtractOptions extract_;
-  NormalOptions normals_;
-  bool refines_normals_ = false;
   std::vector<TileGroup> groups_;
   std::uint64_t load_bytes_ = 0;
 };
