@@ -141,6 +141,7 @@ struct FirstPass::Impl {
   MeshFileWriter full;
   std::optional<MeshFileWriter> first;     ///< where the first pass runs here
   std::uint64_t cube = 0, cube_faces = 0;  ///< at work, and what came of it so far
+  std::uint64_t level = 0;                 ///< of its bricks: those of one cube have one size
   std::vector<Piece> pieces;               ///< of it, not yet finished
   std::vector<IslandPart> parts;
   std::vector<IslandSeam> seams;
@@ -163,12 +164,13 @@ struct FirstPass::Impl {
   }
 
   /// Bricks of a cube that has too many faces go one by one as soon as that shows, so few wait in memory.
-  void take(std::uint64_t brick, MeshBlock&& mesh) {
+  void take(std::uint64_t brick, int brick_level, MeshBlock&& mesh) {
     if (brick / kCube != cube) {
       flush();
       cube = brick / kCube;
       cube_faces = 0;
     }
+    level = static_cast<std::uint64_t>(brick_level);
     if (mesh.faces.empty()) return;
     cube_faces += mesh.faces.size();
     pieces.push_back({brick, std::move(mesh)});
@@ -199,8 +201,8 @@ struct FirstPass::Impl {
     for (std::size_t v = 0; v < complete.size(); ++v)
       if (!complete[v]) seams.push_back({block.key[v], parts.size() + components.of_vertex[v]});
     for (std::uint32_t c = 0; c < components.faces.size(); ++c)
-      parts.push_back(
-          {first_brick, static_cast<std::uint32_t>(bricks), c, components.faces[c], components.border[c]});
+      parts.push_back({first_brick, static_cast<std::uint32_t>(bricks), c, components.faces[c],
+                       components.border[c], level});
 
     ++blocks;
     if (!first) return;
@@ -246,7 +248,7 @@ FirstPass::~FirstPass() = default;
 void FirstPass::add(const Patch& patch) {
   Int3 brick = patch.brick;
   for (int& b : brick) b <<= patch.level;
-  impl_->take(brick_key(brick), make_mesh_block(patch, impl_->frame));
+  impl_->take(brick_key(brick), patch.level, make_mesh_block(patch, impl_->frame));
 }
 
 json FirstPass::finish() {

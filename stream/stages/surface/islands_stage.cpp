@@ -26,7 +26,7 @@ namespace {
 using json = nlohmann::json;
 
 constexpr const char* kDroppedFile = "islands/dropped.bin";
-constexpr PackedKind kDroppedKind = {"TSDROPD2", "a file of dropped islands"};
+constexpr PackedKind kDroppedKind = {"TSDROPD3", "a file of dropped islands"};
 constexpr std::uint64_t kPage = 1u << 14;  ///< records read at once
 
 /// A part of an island that goes, ascending by file, then block.
@@ -38,12 +38,17 @@ struct DroppedPart {
 /// Parts that are one piece.
 struct Island {
   std::uint64_t faces = 0, border = 0;
+  /// Faces that its surface would have with cells of the coarsest level, over which the limit is told: four for one must not
+  /// make islands of sparse points look small.
+  double large_faces = 0.0;
 };
 
 class IslandsStage : public SerialStage {
  public:
   explicit IslandsStage(const JobState& state)
-      : state_(state), files_(list_task_files(state.work / kIslandFolder, ".tsi")) {
+      : state_(state),
+        coarsest_(reconstruct_options(state).levels - 1),
+        files_(list_task_files(state.work / kIslandFolder, ".tsi")) {
     for (const auto& path : files_) {
       const PackedFile file(path, kIslandKind, sizeof(IslandEntry));
       const IslandEntry& e = entries_.emplace_back(file.table<IslandEntry>().at(0));
@@ -61,6 +66,7 @@ class IslandsStage : public SerialStage {
   json finish(const std::vector<json>&, TaskContext& context) const override {
     DisjointSets<std::uint64_t> sets(parts_);
     std::vector<std::uint64_t> faces(parts_, 0), border(parts_, 0);
+    std::vector<std::uint8_t> level(parts_, 0);
     ExternalSort<IslandSeam> sort(state_.work, sort_bytes(state_.run));
     std::uint64_t first = 0;
     for (std::size_t f = 0; f < files_.size(); ++f) {
@@ -68,6 +74,7 @@ class IslandsStage : public SerialStage {
       std::uint64_t part = first;
       read<IslandPart>(f, entries_[f].parts, [&](const IslandPart& p) {
         faces[part] = p.faces;
+        level[part] = static_cast<std::uint8_t>(p.level);
         border[part++] = p.border;
       });
       read<IslandSeam>(f, entries_[f].seams, [&](const IslandSeam& s) { sort.add({s.key, s.part + first}); });
@@ -87,6 +94,7 @@ class IslandsStage : public SerialStage {
     for (std::uint64_t c = 0; c < parts_; ++c) {
       island[root[c]].faces += faces[c];
       island[root[c]].border += border[c];
+      island[root[c]].large_faces += static_cast<double>(faces[c]) * share_of(level[c]);
       all_faces += faces[c];
     }
     return decide(root, island, all_faces, context);
@@ -105,14 +113,28 @@ class IslandsStage : public SerialStage {
     }
   }
 
+  /// Of a face with cells of the coarsest level, what one of a level is.
+  double share_of(std::uint64_t level) const {
+    return 1.0 / static_cast<double>(std::uint64_t{1} << 2 * (coarsest_ - level));
+  }
+
   json decide(const std::vector<std::uint64_t>& root, const std::vector<Island>& island,
               std::uint64_t all_faces, TaskContext& context) const {
     const std::uint64_t given = reconstruct_options(state_).min_component;
-    const std::uint64_t limit = given != 0 ? given : automatic_min_component(all_faces + dropped_faces_);
     std::uint64_t components = 0, dropped = dropped_, largest = 0, kept_faces = 0;
-    for (const Island& i : island) largest = std::max(largest, i.faces);
+    double all_large = 0.0, largest_large = 0.0;
+    for (const Island& i : island) {
+      largest = std::max(largest, i.faces);
+      largest_large = std::max(largest_large, i.large_faces);
+      all_large += i.large_faces;
+    }
+    const auto counted = [](double faces) { return static_cast<std::uint64_t>(faces); };
+    const std::uint64_t dropped_at_once = coarsest_ == 0 ? dropped_faces_ : 0;  // else of any level, and few
+    const std::uint64_t limit =
+        given != 0 ? given : automatic_min_component(counted(all_large) + dropped_at_once);
     const auto stays = [&](const Island& i) {
-      return i.faces >= limit && (given != 0 || !is_shred(i.faces, i.border, largest));
+      return i.faces >= limit &&
+             (given != 0 || !is_shred(i.faces, i.border, counted(i.large_faces), counted(largest_large)));
     };
     for (std::uint64_t c = 0; c < parts_; ++c) {
       if (root[c] != c) continue;
@@ -146,6 +168,7 @@ class IslandsStage : public SerialStage {
   }
 
   JobState state_;
+  std::uint64_t coarsest_;
   std::vector<std::filesystem::path> files_;
   std::vector<IslandEntry> entries_;
   std::uint64_t parts_ = 0;
@@ -234,7 +257,7 @@ class PruneStage : public Stage {
 }  // namespace
 
 std::uint64_t islands_bytes(const RunOptions& run, std::uint64_t parts) {
-  return parts * 44 + sort_bytes(run) + (std::uint64_t{8} << 20);
+  return parts * 56 + sort_bytes(run) + (std::uint64_t{8} << 20);
 }
 
 std::uint64_t prune_task_bytes(std::uint64_t block_bytes) {

@@ -181,7 +181,7 @@ class WeldStage : public Stage {
     std::uint64_t dropped = 0;
     for (std::uint64_t c = 0; c < root.size(); ++c) {
       const std::uint64_t f = faces[root[c]];
-      numbering.kept[c] = f >= limit && (given != 0 || !is_shred(f, border[root[c]], largest));
+      numbering.kept[c] = f >= limit && (given != 0 || !is_shred(f, border[root[c]], f, largest));
       if (root[c] != c || faces[c] == 0) continue;
       (numbering.kept[c] ? components : dropped) += 1;
     }
@@ -251,8 +251,8 @@ std::uint64_t automatic_min_component(std::uint64_t faces) {
   return std::clamp<std::uint64_t>(faces / 500, 50, 1000);
 }
 
-bool is_shred(std::uint64_t faces, std::uint64_t border, std::uint64_t largest) {
-  return faces < largest / kShredShare && faces < kShredDepth * border;
+bool is_shred(std::uint64_t faces, std::uint64_t border, std::uint64_t size, std::uint64_t largest) {
+  return size < largest / kShredShare && faces < kShredDepth * border;
 }
 
 PatchStore open_patches(const std::filesystem::path& work) {

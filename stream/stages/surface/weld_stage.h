@@ -49,8 +49,9 @@ struct WeldFile {
 std::uint64_t automatic_min_component(std::uint64_t faces);
 
 /// With --min-component auto islands go as well that are mostly border: leaves, spray, rims of passing people.
-/// \param border  edges at which the surface ends  \param largest  faces of the largest island, which stays
-bool is_shred(std::uint64_t faces, std::uint64_t border, std::uint64_t largest);
+/// \param border  edges at which the surface ends  \param size, largest  of this island and of the largest one, which stays: faces
+///                of one size
+bool is_shred(std::uint64_t faces, std::uint64_t border, std::uint64_t size, std::uint64_t largest);
 
 /// What a task over these patches takes at most.
 std::uint64_t weld_task_bytes(std::span<const PatchEntry> patches);

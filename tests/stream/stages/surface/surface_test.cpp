@@ -136,11 +136,11 @@ TEST_CASE("main job: pure noise has no defect and no seam, whatever the tiles", 
 }
 
 TEST_CASE("islands: what is mostly border is a shred, but not the largest", "[unit]") {
-  CHECK(is_shred(4'000, 1'000, 1'000'000));
-  CHECK_FALSE(is_shred(6'000, 1'000, 1'000'000));
-  CHECK_FALSE(is_shred(4'000, 0, 1'000'000));  // closed
-  CHECK_FALSE(is_shred(4'000, 1'000, 4'000));
-  CHECK_FALSE(is_shred(4'000, 1'000, 12'000));  // a part of the scene of its own
+  CHECK(is_shred(4'000, 1'000, 4'000, 1'000'000));
+  CHECK_FALSE(is_shred(6'000, 1'000, 6'000, 1'000'000));
+  CHECK_FALSE(is_shred(4'000, 0, 4'000, 1'000'000));  // closed
+  CHECK_FALSE(is_shred(4'000, 1'000, 4'000, 4'000));
+  CHECK_FALSE(is_shred(4'000, 1'000, 4'000, 12'000));  // a part of the scene of its own
 }
 
 TEST_CASE("main job: islands across bricks are counted whole before they are dropped", "[unit]") {
