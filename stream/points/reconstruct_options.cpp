@@ -36,7 +36,6 @@ void validate_levels(const ReconstructOptions& o) {
     refuse("--vegetation keep", "strewn points get bodies in lattices of one cell size only");
   if (o.reference == "points")
     refuse("--reference points", "points are measured in lattices of one cell size only");
-  if (o.smooths()) refuse("--smooth " + o.smooth, "noise is measured in meshes of one cell size only");
 }
 
 }  // namespace
