@@ -156,17 +156,19 @@ ImportPlan ImportPlan::measure(const MeshHeader& header, const VertexSource& ver
 }
 
 nlohmann::json ImportPlan::to_json() const {
-  return {{"h", info.lattice.h},
-          {"origin_brick", info.lattice.origin_brick},
-          {"double_positions", info.double_positions},
-          {"colour", info.colour},
-          {"shift", info.shift},
-          {"file_vertices", file_vertices},
-          {"nonfinite_vertices", nonfinite_vertices},
-          {"brick_level", brick_level},
-          {"cell_level", cell_level},
-          {"first_cell", first_cell},
-          {"bucket_vertices", bucket_vertices}};
+  nlohmann::json j = {{"h", info.lattice.h},
+                      {"origin_brick", info.lattice.origin_brick},
+                      {"double_positions", info.double_positions},
+                      {"colour", info.colour},
+                      {"shift", info.shift},
+                      {"file_vertices", file_vertices},
+                      {"nonfinite_vertices", nonfinite_vertices},
+                      {"brick_level", brick_level},
+                      {"cell_level", cell_level},
+                      {"first_cell", first_cell},
+                      {"bucket_vertices", bucket_vertices}};
+  if (confidence) j["confidence"] = *confidence;
+  return j;
 }
 
 ImportPlan ImportPlan::from_json(const nlohmann::json& j) {
@@ -178,6 +180,7 @@ ImportPlan ImportPlan::from_json(const nlohmann::json& j) {
   j.at("shift").get_to(plan.info.shift);
   j.at("file_vertices").get_to(plan.file_vertices);
   j.at("nonfinite_vertices").get_to(plan.nonfinite_vertices);
+  if (j.contains("confidence")) plan.confidence = j.at("confidence").get<double>();
   j.at("brick_level").get_to(plan.brick_level);
   j.at("cell_level").get_to(plan.cell_level);
   j.at("first_cell").get_to(plan.first_cell);

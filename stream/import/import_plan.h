@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <functional>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -26,8 +27,9 @@ struct ImportPlan {
   MeshStoreInfo info;
   std::uint64_t file_vertices = 0;
   std::uint64_t nonfinite_vertices = 0;
-  int brick_level = 0;  ///< the root cube has 2^brick_level bricks an edge
-  int cell_level = 0;   ///< buckets consist of cells of this level, each of whole bricks: <= brick_level
+  std::optional<double> confidence;  ///< mean of the vertices, where the file tells any
+  int brick_level = 0;               ///< the root cube has 2^brick_level bricks an edge
+  int cell_level = 0;  ///< buckets consist of cells of this level, each of whole bricks: <= brick_level
   std::vector<std::uint64_t> first_cell;       ///< per bucket: Morton code of its first cell, ascending
   std::vector<std::uint64_t> bucket_vertices;  ///< as in the file, with duplicates
 

@@ -113,7 +113,8 @@ class ImportReadStage : public SerialStage {
     const auto mesh = open_mesh_file(path_);
     KeptVertices kept(*mesh, keep_bytes_);
     const VertexSource vertices = [&](const auto& sink) { kept.read(sink); };
-    const ImportPlan plan = ImportPlan::measure(mesh->header(), vertices, [&] { context.check_stop(); });
+    ImportPlan plan = ImportPlan::measure(mesh->header(), vertices, [&] { context.check_stop(); });
+    plan.confidence = mesh->mean_confidence();
     if (plan.file_vertices >= 0xffffffffu)
       throw ResourceError(path_.string() + ": has " + std::to_string(plan.file_vertices) +
                           " vertices and at most 4294967294 can be worked on: cut the mesh in parts");

@@ -1,6 +1,7 @@
 // tessera merge as a user runs it.
 #include <catch2/catch.hpp>
 
+#include <algorithm>
 #include <csignal>
 #include <map>
 #include <nlohmann/json.hpp>
@@ -124,6 +125,60 @@ TEST_CASE("merge: three at one place, the best by word", "[pipeline]") {
   }
 }
 
+TEST_CASE("merge: the more confident mesh stays where all of them tell how much they are", "[pipeline]") {
+  const TempFolder folder;
+  // Ascii PLY; `confidence` of every vertex, none where it is negative.
+  const auto told = [&](const char* name, const std::string& text, double confidence) {
+    const WholeMesh mesh = read_whole(folder.write("plain.off", text));
+    std::string ply = "ply\nformat ascii 1.0\nelement vertex " + std::to_string(mesh.points.size()) +
+                      "\nproperty float x\nproperty float y\nproperty float z\n";
+    if (confidence >= 0.0) ply += "property float confidence\n";
+    ply += "element face " + std::to_string(mesh.faces.size()) +
+           "\nproperty list uchar int vertex_indices\nend_header\n";
+    for (const Double3& p : mesh.points) {
+      char line[128];
+      std::snprintf(line, sizeof line, "%.7g %.7g %.7g", p[0], p[1], p[2]);
+      ply += line;
+      if (confidence >= 0.0) ply += " " + std::to_string(confidence);
+      ply += "\n";
+    }
+    for (const MeshFace& f : mesh.faces)
+      ply += "3 " + std::to_string(f[0]) + " " + std::to_string(f[1]) + " " + std::to_string(f[2]) + "\n";
+    return folder.write(name, ply).string();
+  };
+  const std::string fine = sheet(0, 20, 0.2, 0.0), coarse = sheet(8, 30, 0.4, 0.05);
+  struct Case {
+    double of_fine, of_coarse;
+    std::vector<std::string> more;
+    bool fine_stays;
+  };
+  for (const Case& c : {Case{0.3, 0.9, {}, false},
+                        {0.9, 0.3, {}, true},
+                        {-1.0, 0.9, {}, true},  // not comparable: the finer one
+                        {0.3, 0.9, {"--priority", "a"}, true}}) {
+    CAPTURE(c.of_fine, c.of_coarse, c.fine_stays);
+    const std::string a = told("a.ply", fine, c.of_fine), b = told("b.ply", coarse, c.of_coarse),
+                      out = (folder / "o.ply").string();
+    std::vector<std::string> words = {a, b, "-o", out, "--force"};
+    words.insert(words.end(), c.more.begin(), c.more.end());
+    const CommandResult r = merge(words);
+    CAPTURE(r.errors);
+    REQUIRE(r.code == 0);
+    const WholeMesh mesh = read_whole(out);
+    CHECK(borders_of(mesh).inner == 0);
+    // Vertices in the middle of the overlap are those of the mesh that stays.
+    const std::set<Double3> have(mesh.points.begin(), mesh.points.end());
+    const auto kept = [&](const WholeMesh& original) {
+      std::size_t count = 0;
+      for (const Double3& p : original.points)
+        count += p[0] > 13.0 && p[0] < 15.0 && p[1] > 2.0 && p[1] < 18.0 && have.count(p);
+      return count;
+    };
+    CHECK((kept(read_whole(a)) > 500) == c.fine_stays);
+    CHECK((kept(read_whole(b)) > 150) == !c.fine_stays);
+  }
+}
+
 TEST_CASE("merge: the same bytes whatever runs, in any order of inputs, after any kill", "[fault]") {
   const TempFolder folder;
   const std::string a = folder.write("a.off", sheet(0, 16, 0.1, 0.0)).string(),
@@ -144,7 +199,7 @@ TEST_CASE("merge: the same bytes whatever runs, in any order of inputs, after an
   }
   const std::string part = (folder / "3.ply").string();
   unsigned killed = 0;
-  for (const unsigned ms : {30u, 80u, 150u, 250u, 400u, 700u})
+  for (const unsigned ms : {20u, 40u, 60u, 80u, 110u, 150u, 200u, 250u, 400u, 700u})
     killed += merge({a, b, "-o", part}, ms).code == 128 + SIGKILL;
   CHECK(killed > 0);
   if (!fs::exists(part)) REQUIRE(merge({a, b, "-o", part}).code == 0);
@@ -194,4 +249,55 @@ TEST_CASE("merge: what cannot work is told", "[pipeline]") {
   CHECK(apart.code == 0);
   CHECK(file_bytes(out + ".report.json").find("no other mesh overlaps it") != std::string::npos);
   CHECK(read_whole(out).faces.size() == 1600);
+
+  const auto said = [&](const std::vector<std::string>& words, int code, const std::string& what) {
+    const CommandResult r = merge(words);
+    INFO(r.errors);
+    CHECK(r.code == code);
+    CHECK(r.errors.find(what) != std::string::npos);
+    CHECK(std::count(r.errors.begin(), r.errors.end(), '\n') <= 2);
+  };
+  const std::string none = folder.write("none.off", "OFF\n0 0 0\n").string(),
+                    loose = folder.write("loose.off", "OFF\n3 0 0\n0 0 0\n1 0 0\n0 1 0\n").string(),
+                    spot = folder.write("spot.off", "OFF\n3 1 0\n1 1 1\n1 1 1\n1 1 1\n3 0 1 2\n").string(),
+                    torn = folder.write("torn.ply", "ply\nformat ascii 1.0\nelement vertex 9\n").string();
+  said({a, none, "-o", out, "--force"}, 5, "no vertex");
+  said({a, loose, "-o", out, "--force"}, 5, "no face");
+  said({a, spot, "-o", out, "--force"}, 5, "");
+  said({a, torn, "-o", out, "--force"}, 3, "torn.ply");
+  said({a, b, "-o", (folder / "o.xyz").string()}, 2, ".ply");
+}
+
+TEST_CASE("merge: other units are warned of, far from the origin all is as near it", "[pipeline]") {
+  const TempFolder folder;
+  const auto moved = [&](const char* name, const std::string& text, double scale, const Double3& by) {
+    WholeMesh mesh = read_whole(folder.write("plain.off", text));
+    mesh.header.vertices = mesh.points.size();
+    mesh.header.faces = mesh.faces.size();
+    mesh.header.double_positions = true;
+    for (Double3& p : mesh.points)
+      for (std::size_t k = 0; k < 3; ++k) p[k] = scale * p[k] + by[k];
+    write_whole(folder / name, mesh);
+    return (folder / name).string();
+  };
+  const std::string left = sheet(0, 16, 0.2, 0.0), right = sheet(12.05, 30, 0.2, 0.04),
+                    out = (folder / "o.ply").string();
+  const CommandResult r = merge(
+      {moved("a.ply", left, 1.0, {0, 0, 0}), moved("b.ply", right, 2000.0, {0, 0, 0}), "-o", out, "--force"});
+  INFO(r.errors);
+  CHECK(r.code == 0);
+  CHECK(file_bytes(out + ".report.json").find("are they in the same units?") != std::string::npos);
+
+  const Double3 far = {1e7, -1e7, 2e3};
+  REQUIRE(
+      merge({moved("a.ply", left, 1.0, far), moved("b.ply", right, 1.0, far), "-o", out, "--force"}).code ==
+      0);
+  WholeMesh mesh = read_whole(out);
+  for (Double3& p : mesh.points) p = p - far;
+  const Borders borders = borders_of(mesh);
+  CHECK(borders.inner == 0);
+  CHECK(borders.bad == 0);
+  double worst = 0.0;
+  for (const Double3& p : mesh.points) worst = std::max(worst, std::fabs(p[2] - height(p[0], p[1])));
+  CHECK(worst < 0.1);
 }

@@ -7,6 +7,7 @@
 #include <filesystem>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -68,6 +69,8 @@ class MeshReader {
   virtual void read_faces(const std::function<void(std::span<const MeshFace>)>& sink) = 0;
   /// What the file gets wrong and was read past, one sentence each; complete when all was read.
   virtual std::vector<std::string> warnings() const { return {}; }
+  /// Mean of what vertices say of their confidence (PLY: property `confidence`), once they were read; none where they do not.
+  virtual std::optional<double> mean_confidence() const { return std::nullopt; }
   /// Whether faces say that they close holes (PLY: property `synthetic`).
   virtual bool has_synthetic() const { return false; }
   /// Faces with what they say, one value each; no values if has_synthetic() is false.

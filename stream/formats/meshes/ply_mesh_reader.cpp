@@ -3,6 +3,7 @@
 /// more values than the header declares (wedge colours of MeshLab).
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <optional>
 #include <string>
 #include <utility>
@@ -38,6 +39,8 @@ class PlyMeshReader : public MeshReader {
 
   void read_vertices(const VertexSink& sink) override {
     VertexBatch batch(sink, header_.colour);
+    confidence_sum_ = 0.0;
+    confident_ = 0;
     if (ply_.encoding == PlyEncoding::kAscii) {
       TextScanner text = ascii_at(vertex_);
       Values values(element().properties.size());
@@ -57,6 +60,11 @@ class PlyMeshReader : public MeshReader {
 
   void read_faces(const FaceSink& sink) override {
     read_faces(sink, [](const Values&) {});
+  }
+
+  std::optional<double> mean_confidence() const override {
+    if (confidence_ < 0 || confident_ == 0) return std::nullopt;
+    return confidence_sum_ / static_cast<double>(confident_);
   }
 
   bool has_synthetic() const override { return synthetic_ >= 0; }
@@ -187,6 +195,8 @@ class PlyMeshReader : public MeshReader {
       }
       header_.double_positions |= property(xyz_[axis]).type != ScalarType::kFloat32;
     }
+    confidence_ = element().find("confidence");
+    if (confidence_ >= 0 && property(confidence_).list) confidence_ = -1;
     for (const auto& names : {std::array{"red", "green", "blue", "alpha"},
                               std::array{"diffuse_red", "diffuse_green", "diffuse_blue", "diffuse_alpha"}}) {
       for (std::size_t c = 0; c < 4; ++c) rgba_[c] = element().find(names[c]);
@@ -251,6 +261,9 @@ class PlyMeshReader : public MeshReader {
       rgba = pack_rgba(c[0], c[1], c[2], c[3]);
     }
     batch.add({value(xyz_[0]), value(xyz_[1]), value(xyz_[2])}, rgba);
+    if (confidence_ < 0 || !std::isfinite(value(confidence_))) return;
+    confidence_sum_ += value(confidence_);
+    ++confident_;
   }
 
   /// Vertices of fixed size.
@@ -262,7 +275,8 @@ class PlyMeshReader : public MeshReader {
     for (const int p : rgba_) {
       if (header_.colour && p >= 0) wanted.push_back(p);
     }
-    const bool plain = !ply_.big_endian() && !header_.double_positions && !header_.colour;
+    if (confidence_ >= 0) wanted.push_back(confidence_);
+    const bool plain = !ply_.big_endian() && !header_.double_positions && !header_.colour && confidence_ < 0;
     ByteWindow window = binary_at(vertex_);
     Values values(element().properties.size());
     for (std::uint64_t i = 0; i < element().count;) {
@@ -448,7 +462,10 @@ class PlyMeshReader : public MeshReader {
   std::optional<std::size_t> faces_;  ///< element of faces or strips; none in a mesh without faces
   std::size_t indices_ = 0;           ///< its list of vertex indices
   bool strips_ = false;
-  int synthetic_ = -1;  ///< property of the faces
+  int synthetic_ = -1;   ///< property of the faces
+  int confidence_ = -1;  ///< of the vertices
+  mutable double confidence_sum_ = 0.0;
+  mutable std::uint64_t confident_ = 0;  ///< vertices in the sum
   MeshHeader header_;
   std::string format_;
   mutable std::vector<std::uint64_t> surplus_;  ///< ascii: per element, lines with more values than declared

@@ -35,8 +35,8 @@ OptionTable option_table(MergeOptions& o) {
   OptionTable t("What it computes");
   t.add("priority", &o.priority,
         "names or numbers of meshes, best first, with commas: where meshes overlap the best one stays; "
-        "others follow, "
-        "the finer one first");
+        "others follow, the more confident one first where all of them have confidences (PLY: the mean of "
+        "property `confidence`), else the finer one");
   t.add("blend", &o.blend,
         "units of the meshes: how far from its border, where another mesh passes it, a mesh passes over into "
         "that one; "

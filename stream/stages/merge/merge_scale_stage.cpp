@@ -3,8 +3,10 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 #include <numeric>
+#include <optional>
 
 #include "octree/error.h"
+#include "stream/files/durable_file.h"
 #include "stream/import/import_stages.h"
 #include "stream/meshes/patch_runs.h"
 #include "stream/runtime/numbers.h"
@@ -25,6 +27,9 @@ class ScaleStage : public Stage {
  public:
   ScaleStage(const JobState& state, const MergeOptions& options) : state_(state), options_(options) {
     for (std::size_t i = 0; i < options.meshes; ++i) {
+      const ImportNames names(merge_import(i));
+      confidence_.push_back(
+          ImportPlan::from_json(json::parse(read_text(state.work / names.plan()))).confidence);
       stores_.push_back(open_imported_mesh(state.work, merge_import(i)));
       for (const PatchRun& run : patch_runs(stores_.back(), kTaskFaces))
         tasks_.push_back({i, run.first, run.end});
@@ -87,11 +92,13 @@ class ScaleStage : public Stage {
     const auto [least, most] = place_lattice(plan);
     plan.save(context.create(MergePlan::kFile));
     json meshes = json::array();
-    for (std::size_t r = 0; r < plan.order.size(); ++r)
+    for (std::size_t r = 0; r < plan.order.size(); ++r) {
       meshes.push_back({{"input", plan.order[r] + 1},
                         {"faces", stores_[plan.order[r]].face_count()},
                         {"edge", plan.edge[r]},
                         {"fade", plan.fade[r]}});
+      if (const auto& confidence = confidence_[plan.order[r]]) meshes.back()["confidence"] = *confidence;
+    }
     json out = {
         {"h", plan.lattice.h},
         {"resolution_reason", options_.resolution > 0.0 ? "given" : "the mean edge of the finest mesh"},
@@ -109,8 +116,13 @@ class ScaleStage : public Stage {
     std::vector<std::size_t> rest;
     for (std::size_t i = 0; i < edge.size(); ++i)
       if (std::find(order.begin(), order.end(), i) == order.end()) rest.push_back(i);
-    std::stable_sort(rest.begin(), rest.end(),
-                     [&](std::size_t l, std::size_t r) { return edge[l] < edge[r]; });
+    // A mesh that tells no confidence is neither better nor worse than one that does.
+    const bool confident = std::all_of(confidence_.begin(), confidence_.end(),
+                                       [](const std::optional<double>& c) { return c.has_value(); });
+    std::stable_sort(rest.begin(), rest.end(), [&](std::size_t l, std::size_t r) {
+      if (confident && *confidence_[l] != *confidence_[r]) return *confidence_[l] > *confidence_[r];
+      return edge[l] < edge[r];
+    });
     order.insert(order.end(), rest.begin(), rest.end());
     return order;
   }
@@ -157,7 +169,8 @@ class ScaleStage : public Stage {
   JobState state_;
   MergeOptions options_;
   std::vector<MeshStore> stores_;
-  std::vector<MergeTask> tasks_;  ///< `rank` is the input here: ranks follow
+  std::vector<std::optional<double>> confidence_;  ///< per input: mean over its vertices
+  std::vector<MergeTask> tasks_;                   ///< `rank` is the input here: ranks follow
 };
 
 }  // namespace
