@@ -7,6 +7,7 @@
 #include "kernels/merge/zipper.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <queue>
 #include <unordered_map>
@@ -19,7 +20,11 @@ namespace {
 using Face = std::array<std::uint32_t, 3>;
 
 constexpr std::uint32_t kNone = 0xffffffffu;
-constexpr double kLeastTurn = 0.17;    ///< cosine between a new face and those across its edges: 80 degrees
+constexpr double kLeastTurn = 0.17;  ///< cosine between a new face and those across its edges: 80 degrees
+/// Where edges of originals are left open, layers cross at the cut: what is allowed there, step by step, and how far a vertex
+/// may lie, in gaps.
+constexpr std::array<double, 3> kLastTurns = {0.0, -0.35, -0.7};
+constexpr std::array<double, 3> kLastGaps = {1.5, 2.0, 3.0};
 constexpr double kLeastHeight = 0.02;  ///< of a new face over its edge, edge lengths: lower is a line
 constexpr double kOtherSheet = 1.0;    ///< of its length: edges so far above a new one do not cross it
 /// Circles of this many times the gap, or the longest edge beside, pass through vertices of one side: of a dent in its border.
@@ -59,11 +64,15 @@ class Zipper {
     drop_crumbs();
     clean();
     lay_out();
-    stitch();
-    // What is taken away again leaves loops too.
-    for (int round = 0; round < kFillRounds; ++round) {
-      fill_loops();
-      if (!unstitch()) break;
+    stitch(false);
+    close_loops();
+    const double gap = gap_;
+    for (std::size_t step = 0; step < kLastTurns.size() && open_edges() > 0; ++step) {
+      least_turn_ = kLastTurns[step];
+      gap_ = kLastGaps[step] * gap;
+      stitch(true);
+      unstitch();
+      close_loops();
     }
     Zipped out;
     out.removed.assign(gone_.begin(), gone_.begin() + static_cast<std::ptrdiff_t>(given_));
@@ -99,6 +108,13 @@ class Zipper {
     const unsigned closed = f < given_ ? unsigned{edges_[f]} : 0u;
     return !(closed & (unsigned{ZipPieces::kEnds | ZipPieces::kGoesOn} << k)) &&
            !has(faces_[f][(k + 1) % 3], faces_[f][k]);
+  }
+  void close_loops() {
+    // What is taken away again leaves loops too.
+    for (int round = 0; round < kFillRounds; ++round) {
+      fill_loops();
+      if (!unstitch()) break;
+    }
   }
   /// Faces at a vertex that hang together across its edges, counted; 2 stands for more.
   int fans(std::uint32_t v) const {
@@ -221,13 +237,16 @@ class Zipper {
     bool operator>(const Choice& o) const { return size != o.size ? size > o.size : edge > o.edge; }
   };
 
-  void stitch() {
+  /// \param last  from edges of originals that are still open on
+  void stitch(bool last) {
     std::priority_queue<Choice, std::vector<Choice>, std::greater<>> queue;
     const auto consider = [&](std::uint32_t e) {
       const Choice c = best(e);
       if (c.apex != kNone) queue.push(c);
     };
-    for (std::uint32_t e = 0; e < front_.size(); ++e) consider(e);
+    for (std::uint32_t e = 0; e < front_.size(); ++e)
+      if (!last || (front_[e].face < given_ && (edges_[front_[e].face] & ZipPieces::kOriginal) != 0))
+        consider(e);
     while (!queue.empty()) {
       const Choice top = queue.top();
       queue.pop();
@@ -331,12 +350,12 @@ class Zipper {
     const Face f = {e.to, e.from, w};
     if (has(f[1], f[2]) || has(f[2], f[0]) || has(f[0], f[1])) return false;
     const Double3 n = unit_or_zero(face_normal(f));
-    if (dot(n, normal_[e.face]) < kLeastTurn) return false;
+    if (dot(n, normal_[e.face]) < least_turn_) return false;
     for (std::size_t k = 1; k < 3; ++k) {
       const std::uint32_t from = f[k], to = f[(k + 1) % 3];
       if (const auto there = half_.find(way(to, from)); there != half_.end()) {
         if (there->second < given_ && !is_open(there->second, edge_of(there->second, to))) return false;
-        if (dot(n, normal_[there->second]) < kLeastTurn) return false;
+        if (dot(n, normal_[there->second]) < least_turn_) return false;
         continue;
       }
       if (!is_free(from, to, n) || !is_free(to, from, n) || crosses(from, to, n)) return false;
@@ -464,7 +483,7 @@ class Zipper {
   std::vector<Face> faces_;
   std::vector<std::uint8_t> edges_;
   std::size_t given_;
-  double gap_;
+  double gap_, least_turn_ = kLeastTurn;
   std::vector<std::uint8_t> gone_;
   std::vector<Double3> normal_;
   std::unordered_map<std::uint64_t, std::uint32_t> half_;  ///< directed edge -> face on its left
