@@ -11,6 +11,7 @@ constexpr int kWindow = 3;  ///< coarse cells to either side of a node: what a l
 constexpr float kSparseRatio = 2.4f;
 constexpr float kDepthOfRatio = 6.0f;                ///< fine cells: places end within a ratio of 0.3
 constexpr int kWide = kLeafCells + 2 * kWindow - 1;  ///< cells that the nodes of a leaf see, along an axis
+constexpr std::uint32_t kLeastHalf = 6;  ///< coarse cells in half of what is around, else it does not tell
 
 /// Occupied fine cells of every coarse cell around a block, from its leaf -2 to the second beyond.
 struct Occupied {
@@ -23,52 +24,61 @@ struct Occupied {
   }
 };
 
-/// What every node of a leaf sees: occupied fine and coarse cells.
-struct Seen {
-  std::array<std::uint16_t, 512> fine, coarse;
-};
-
+/// Occupied cells in cubes of kWindow^3, one cube behind and one before every plane through a node of a leaf.
 using Wide = std::array<std::uint16_t, static_cast<std::size_t>(kWide) * kWide * kWide>;
 
-/// Sums over six entries along an axis of a box, of which `size` are used; lines lie `step` apart, entries `along`.
-void sum_axis(std::uint16_t* values, std::size_t along, std::size_t lines_a, std::size_t step_a,
-              std::size_t lines_b, std::size_t step_b) {
-  for (std::size_t b = 0; b < lines_b; ++b)
-    for (std::size_t i = 0; i < kLeafCells; ++i) {
-      std::uint16_t* to = values + b * step_b + i * along;
-      for (std::size_t a = 0; a < lines_a; ++a) {
-        std::uint16_t* v = to + a * step_a;
-        std::uint32_t sum = 0;
-        for (std::size_t k = 0; k < 2 * kWindow; ++k) sum += v[k * along];
-        *v = static_cast<std::uint16_t>(sum);
-      }
+std::size_t at_wide(int x, int y, int z) {
+  return static_cast<std::size_t>((z * kWide + y) * kWide + x);
+}
+
+/// Turns counts into sums over kWindow entries along each axis, from an entry on.
+void sum_cubes(Wide& box) {
+  constexpr std::array<std::size_t, 3> kStep = {1, kWide, std::size_t{kWide} * kWide};
+  for (const std::size_t step : kStep)
+    for (std::size_t i = 0; i + (kWindow - 1) * step < box.size(); ++i) {
+      std::uint32_t sum = 0;
+      for (std::size_t k = 0; k < kWindow; ++k) sum += box[i + k * step];
+      box[i] = static_cast<std::uint16_t>(sum);  // what wraps around a row is not looked at
     }
 }
 
-void sum_box(Wide& box, std::array<std::uint16_t, 512>& out) {
-  constexpr std::size_t kRow = kWide, kPlane = kRow * kRow;
-  sum_axis(box.data(), kPlane, kRow, 1, kRow, kRow);
-  sum_axis(box.data(), kRow, kRow, 1, kLeafCells, kPlane);
-  sum_axis(box.data(), 1, kLeafCells, kRow, kLeafCells, kPlane);
-  for (std::size_t z = 0; z < 8; ++z)
-    for (std::size_t y = 0; y < 8; ++y)
-      for (std::size_t x = 0; x < 8; ++x) out[x + 8 * y + 64 * z] = box[x + kRow * y + kPlane * z];
-}
-
-/// \param low  first coarse cell that the leaf's nodes see, in the grid
-void look_around(const Occupied& cells, const Int3& low, Seen& seen) {
+/// Depths of the nodes of a leaf. \param low  first coarse cell that they see, in the grid \return whether any is within a place
+bool find_depths(const Occupied& cells, const Int3& low, std::array<float, 512>& depth) {
   Wide fine, coarse;
   for (int z = 0; z < kWide; ++z)
     for (int y = 0; y < kWide; ++y) {
       const std::uint8_t* row = cells.fine.data() + cells.at({low[0], low[1] + y, low[2] + z});
-      const auto to = static_cast<std::size_t>((z * kWide + y) * kWide);
-      for (std::size_t x = 0; x < kWide; ++x) {
-        fine[to + x] = row[x];
-        coarse[to + x] = row[x] > 0;
+      for (int x = 0; x < kWide; ++x) {
+        fine[at_wide(x, y, z)] = row[x];
+        coarse[at_wide(x, y, z)] = row[x] > 0;
       }
     }
-  sum_box(fine, seen.fine);
-  sum_box(coarse, seen.coarse);
+  sum_cubes(fine);
+  sum_cubes(coarse);
+  bool any = false;
+  for (int n = 0; n < 512; ++n) {
+    // Halves of what lies around: below and above along each axis.
+    std::array<std::array<std::uint32_t, 2>, 3> f{}, c{};
+    for (int cube = 0; cube < 8; ++cube) {
+      const std::size_t i = at_wide((n & 7) + kWindow * (cube & 1), (n >> 3 & 7) + kWindow * (cube >> 1 & 1),
+                                    (n >> 6) + kWindow * (cube >> 2));
+      for (std::size_t a = 0; a < 3; ++a) {
+        f[a][static_cast<std::size_t>(cube >> a & 1)] += fine[i];
+        c[a][static_cast<std::size_t>(cube >> a & 1)] += coarse[i];
+      }
+    }
+    float& out = depth[static_cast<std::size_t>(n)] = SparsePlaces::kNowhere;
+    const auto look = [&](std::uint32_t few, std::uint32_t of, std::uint32_t least) {
+      if (of < least) return;
+      const float ratio = static_cast<float>(few) / static_cast<float>(of);
+      out = std::max(out, std::min(kDepthOfRatio * (kSparseRatio - ratio), SparsePlaces::kDeep));
+    };
+    look(f[0][0] + f[0][1], c[0][0] + c[0][1], 1);
+    for (std::size_t a = 0; a < 3; ++a)
+      for (std::size_t side = 0; side < 2; ++side) look(f[a][side], c[a][side], kLeastHalf);
+    any = any || out > SparsePlaces::kNowhere;
+  }
+  return any;
 }
 
 /// Counts the points of a fine block. \param origin, dims  of the coarse block: corner, and leaves from -1 to one beyond
@@ -120,24 +130,14 @@ SparsePlaces::SparsePlaces(const PointBlock& points, const std::function<bool(co
   }
   leaf_index_.assign(static_cast<std::size_t>(dims[0] * dims[1] * dims[2]), -1);
   const Occupied cells = count_cells(points, origin_, dims);
-  Seen seen;
   std::size_t slot = 0;
   for (int k = -1; k < dims[2] - 1; ++k)
     for (int j = -1; j < dims[1] - 1; ++j)
       for (int i = -1; i < dims[0] - 1; ++i, ++slot) {
         if (!cells.near[slot] || (asked && !asked({i, j, k}))) continue;
         constexpr int kMargin = 2 * kLeafCells - kWindow;
-        look_around(cells, {8 * i + kMargin, 8 * j + kMargin, 8 * k + kMargin}, seen);
         std::array<float, 512> depth;
-        bool any = false;
-        for (std::size_t n = 0; n < 512; ++n) {
-          depth[n] = kNowhere;
-          if (seen.coarse[n] == 0) continue;
-          const float ratio = static_cast<float>(seen.fine[n]) / static_cast<float>(seen.coarse[n]);
-          depth[n] = std::clamp(kDepthOfRatio * (kSparseRatio - ratio), kNowhere, kDeep);
-          any = any || depth[n] > kNowhere;
-        }
-        if (!any) continue;
+        if (!find_depths(cells, {8 * i + kMargin, 8 * j + kMargin, 8 * k + kMargin}, depth)) continue;
         leaf_index_[slot] = static_cast<std::int32_t>(depth_.size());
         depth_.push_back(depth);
       }

@@ -2,8 +2,9 @@
 /// Where samples lie too far apart for the cells of a lattice, but perhaps not for cells of twice the edge.
 ///
 /// A surface that samples cover passes four times as many cells as coarse cells, scan lines twice as many, lone points
-/// one each. The ratio is counted in a cube of six coarse cells around every node of the coarse lattice: so the rim of a hole
-/// amid dense samples, whose cells are nearly full, is none of these places, and what lies between far scan lines is.
+/// one each. The ratio is counted in a cube of six coarse cells around every node of the coarse lattice, and in its halves, so that
+/// what lies between dense samples and sparse ones counts: the rim of a hole amid dense samples, whose cells are nearly full
+/// on all sides, is none of these places, and what lies between far scan lines is.
 #pragma once
 #include <array>
 #include <cstdint>

@@ -198,7 +198,8 @@ const std::map<std::string, std::string>& covering_tests() {
     by("stream/stages/reconstruct/forecast", "stream/stages/reconstruct",
        {"forecast_composer", "forecast_list", "forecast_rates", "planned_patches"});
     by("tools/reconstruct", "stream/stages/reconstruct", {"forecast_stage", "reconstruct_job"});
-    by("tools/levels", "stream/stages/surface", {"level_files", "level_surface_stage", "levels_stage"});
+    by("tools/levels", "stream/stages/surface",
+       {"level_fields", "level_files", "level_surface_stage", "levels_stage"});
     by("tools/site", "stream/stages/reconstruct", {"site_after"});
     by("tools/site", "stream/stages/tiles", {"tiles_needs"});
     by("stream/stages/scan/distribute", "stream/stages/scan", {"distribute_stage"});

@@ -170,8 +170,10 @@ TEST_CASE("merge: the more confident mesh stays where all of them tell how much 
     const std::set<Double3> have(mesh.points.begin(), mesh.points.end());
     const auto kept = [&](const WholeMesh& original) {
       std::size_t count = 0;
-      for (const Double3& p : original.points)
+      for (const Double3& text : original.points) {
+        const Double3 p = wide(narrow(text));  // as floats, which the header asks for
         count += p[0] > 13.0 && p[0] < 15.0 && p[1] > 2.0 && p[1] < 18.0 && have.count(p);
+      }
       return count;
     };
     CHECK((kept(read_whole(a)) > 500) == c.fine_stays);
