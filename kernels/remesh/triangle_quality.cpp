@@ -18,11 +18,33 @@ std::uint64_t rounded(double value) {
   return static_cast<std::uint64_t>(std::fmin(std::fabs(value), 1e12) + 0.5);
 }
 
+/// The parts of a triangle that are nearest to its corners; where it is obtuse half of it is the obtuse corner's, and
+/// the others get a quarter each.
+std::array<double, 3> mixed_cells(const Double3& a, const Double3& b, const Double3& c) {
+  const Double3 sides[3] = {c - b, a - c, b - a};  // across from the corners
+  const double twice = norm(cross(sides[2], sides[0]));
+  if (!(twice > 0.0)) return {};
+  double square[3], cotangent[3];
+  for (std::size_t i = 0; i < 3; ++i) {
+    square[i] = dot(sides[i], sides[i]);
+    cotangent[i] = -dot(sides[(i + 1) % 3], sides[(i + 2) % 3]) / twice;
+  }
+  std::array<double, 3> cell{};
+  const auto obtuse = std::find_if(cotangent, cotangent + 3, [](double k) { return k < 0.0; });
+  for (std::size_t i = 0; i < 3; ++i) {
+    const std::size_t j = (i + 1) % 3, k = (i + 2) % 3;
+    cell[i] = obtuse != cotangent + 3 ? twice * (cotangent[i] < 0.0 ? 0.25 : 0.125)
+                                      : 0.125 * (square[j] * cotangent[j] + square[k] * cotangent[k]);
+  }
+  return cell;
+}
+
 }  // namespace
 
 void TriangleQuality::add(const MeshBlock& block, double target) {
   const double full = std::sqrt(3.0) / 4.0 * target * target;
   std::vector<std::uint32_t> valence(block.position.size(), 0);
+  std::vector<double> cell(block.position.size(), 0.0);
   std::vector<std::uint8_t> border(block.position.size(), 0);
   for (std::size_t i = 0; i < block.faces.size(); ++i) {
     const auto& f = block.faces[i];
@@ -41,14 +63,23 @@ void TriangleQuality::add(const MeshBlock& block, double target) {
     }
     ++least[std::min<std::size_t>(kAngleBins - 1, least_here / 1000)];
     smallest = std::min(smallest, least_here);
+    const std::array<double, 3> parts =
+        mixed_cells(block.position[f[0]], block.position[f[1]], block.position[f[2]]);
+    for (std::size_t k = 0; k < 3; ++k) cell[f[k]] += parts[k];
     const double area =
         0.5 * norm(triangle_normal(block.position[f[0]], block.position[f[1]], block.position[f[2]]));
     area_off += rounded((area / full - 1.0) * 1e6);
   }
   faces += block.faces.size();
   const std::vector<std::uint8_t> complete = complete_stars(block);
-  for (std::size_t v = 0; v < valence.size(); ++v)
-    if (complete[v] && !border[v]) ++valences[std::min<std::size_t>(kValenceBins - 1, valence[v])];
+  for (std::size_t v = 0; v < valence.size(); ++v) {
+    if (!complete[v] || border[v]) continue;
+    ++valences[std::min<std::size_t>(kValenceBins - 1, valence[v])];
+    const double share = cell[v] / (2.0 * full);
+    const auto bin = static_cast<std::size_t>(std::fmin(share * 100.0, kCellBins - 1.0));
+    ++cells[bin];
+    cell_sums[bin] += rounded(share * 1e6);
+  }
 }
 
 void TriangleQuality::merge(const TriangleQuality& o) {
@@ -56,8 +87,21 @@ void TriangleQuality::merge(const TriangleQuality& o) {
     for (std::size_t i = 0; i < to.size(); ++i) to[i] += from[i];
   };
   sum(angles, o.angles), sum(least, o.least), sum(lengths, o.lengths), sum(valences, o.valences);
+  sum(cells, o.cells), sum(cell_sums, o.cell_sums);
   faces += o.faces, angle_off += o.angle_off, length_off += o.length_off, area_off += o.area_off;
   smallest = std::min(smallest, o.smallest);
+}
+
+/// Bins lie on one side of the mean, but for the one that holds it: that one counts as if all of it lay at its own mean.
+double TriangleQuality::mean_cell_deviation() const {
+  std::uint64_t vertices = 0, sum = 0;
+  for (std::size_t i = 0; i < kCellBins; ++i) vertices += cells[i], sum += cell_sums[i];
+  if (sum == 0) return 0.0;
+  const double mean = static_cast<double>(sum) / static_cast<double>(vertices);
+  double off = 0.0;
+  for (std::size_t i = 0; i < kCellBins; ++i)
+    off += std::fabs(static_cast<double>(cell_sums[i]) - mean * static_cast<double>(cells[i]));
+  return off / static_cast<double>(sum);
 }
 
 }  // namespace tessera

@@ -13,11 +13,16 @@ struct TriangleQuality {
   static constexpr std::size_t kLengthBins =
       100;  ///< of 0.02 target lengths; the last one holds all that is longer
   static constexpr std::size_t kValenceBins = 16;
+  static constexpr std::size_t kCellBins =
+      200;  ///< of 0.01 of the hexagon around a vertex of equilateral triangles; the last one holds all above
 
   std::array<std::uint64_t, kAngleBins> angles{};    ///< all three of every face
   std::array<std::uint64_t, kAngleBins> least{};     ///< the smallest of every face
   std::array<std::uint64_t, kLengthBins> lengths{};  ///< of the edges of every face: inner edges count twice
   std::array<std::uint64_t, kValenceBins> valences{};  ///< of vertices inside with complete stars
+  /// Of the same vertices: the mixed Voronoi cell (Meyer et al. 2003) by its area, and the sum of the areas of every bin in
+  /// 1e-6 of that hexagon. Where triangles are regular all are alike.
+  std::array<std::uint64_t, kCellBins> cells{}, cell_sums{};
   std::uint64_t faces = 0;
   std::uint64_t angle_off = 0;      ///< sum of |angle - 60|, millidegrees
   std::uint64_t length_off = 0;     ///< sum of |length - target| in 1e-6 targets
@@ -27,6 +32,8 @@ struct TriangleQuality {
   /// Adds all faces of a block. \param target  length of edges, > 0
   void add(const MeshBlock& block, double target);
   void merge(const TriangleQuality& other);
+  /// Mean |area - mean area| of Voronoi cells in mean areas: Botsch's thesis, fig. 3.9. 0 without vertices.
+  double mean_cell_deviation() const;
 };
 
 }  // namespace tessera

@@ -218,8 +218,42 @@ std::string deviation_figures(const json& report) {
   return (rows.empty() ? "" : html::table(rows)) + text;
 }
 
-std::string shape_figures(const PageParts& parts) {
-  std::string text;
+namespace {
+
+/// Of remeshing.
+std::string quality_figures(const json& quality) {
+  Rows rows;
+  for (const auto& [key, name] :
+       {std::pair{"/mean_angle_deviation_deg", "angles, mean distance from 60 degrees"},
+        {"/smallest_angle_deg", "smallest angle, degrees"},
+        {"/share_below_25_deg", "share of faces with an angle below 25 degrees"},
+        {"/mean_edge_deviation", "edges, mean deviation from the length asked for"},
+        {"/valence_six_share", "share of inner vertices with six neighbours"},
+        {"/mean_voronoi_area_deviation",
+         "Voronoi cells of inner vertices, mean deviation from their mean area"}})
+    if (const json& figure = value_at(quality, key); figure.is_number())
+      rows.emplace_back(name, number_text(figure.get<double>()));
+  if (rows.empty()) return "";
+  std::string text = html::table(rows);
+  if (const json& cells = value_at(quality, "/voronoi_areas_by_100th_of_hexagon"); cells.is_array()) {
+    constexpr std::size_t kTogether = 5, kMarks = 5;  // bins of 0.05, a mark at every quarter
+    std::vector<std::uint64_t> counts((cells.size() + kTogether - 1) / kTogether, 0);
+    for (std::size_t i = 0; i < cells.size(); ++i)
+      if (cells[i].is_number_unsigned()) counts[i / kTogether] += cells[i].get<std::uint64_t>();
+    std::vector<std::string> edges(counts.size() + 1);
+    for (std::size_t i = 0; i < counts.size(); i += kMarks)
+      edges[i] = number_text(0.01 * static_cast<double>(i * kTogether));
+    text +=
+        shares("Inner vertices by the area of their Voronoi cell (1 = of triangles of the length asked for)",
+               counts, edges);
+  }
+  return text;
+}
+
+}  // namespace
+
+std::string shape_figures(const json& report, const PageParts& parts) {
+  std::string text = quality_figures(value_at(report, "/quality"));
   if (parts.preview) {
     const PreviewMesh& p = *parts.preview;
     std::vector<std::string> degrees;

@@ -16,7 +16,7 @@ std::string topology_figures(const PageParts& parts);
 /// What is proven of the distance, and its distribution with the tolerance marked.
 std::string deviation_figures(const nlohmann::json& report);
 /// Angles, lengths of edges, aspects.
-std::string shape_figures(const PageParts& parts);
+std::string shape_figures(const nlohmann::json& report, const PageParts& parts);
 /// Stages with their time, memory against the cap, disk.
 std::string run_figures(const nlohmann::json& report);
 /// Positions of 16 bits an axis, faces and colours for the script of the page.

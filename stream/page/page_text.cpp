@@ -208,7 +208,7 @@ std::string page_text(const json& report, const PageParts& parts) {
   text += refusal(report) + summary(report, parts) + warnings(report) + went_in(report) +
           came_out(report, parts) + pictures(parts) + preview(parts) + deviation(report, parts) +
           uncertainty(report, parts);
-  if (const std::string shape = shape_figures(parts); !shape.empty())
+  if (const std::string shape = shape_figures(report, parts); !shape.empty())
     text += html::section("shape", "Shape", shape);
   text += html::section("run", "How it ran", run_figures(report)) + options(report);
   text += "</main>\n";

@@ -7,9 +7,10 @@ namespace tessera {
 using json = nlohmann::json;
 
 json quality_sums(const TriangleQuality& q) {
-  return {{"angles", q.angles},         {"least", q.least},       {"lengths", q.lengths},
-          {"valences", q.valences},     {"faces", q.faces},       {"angle_off", q.angle_off},
-          {"length_off", q.length_off}, {"area_off", q.area_off}, {"smallest", q.smallest}};
+  return {{"angles", q.angles},         {"least", q.least},        {"lengths", q.lengths},
+          {"valences", q.valences},     {"faces", q.faces},        {"angle_off", q.angle_off},
+          {"length_off", q.length_off}, {"area_off", q.area_off},  {"smallest", q.smallest},
+          {"cells", q.cells},           {"cell_sums", q.cell_sums}};
 }
 
 TriangleQuality quality_of(const json& j) {
@@ -18,6 +19,7 @@ TriangleQuality quality_of(const json& j) {
   j.at("valences").get_to(q.valences), j.at("faces").get_to(q.faces), j.at("angle_off").get_to(q.angle_off);
   j.at("length_off").get_to(q.length_off), j.at("area_off").get_to(q.area_off);
   j.at("smallest").get_to(q.smallest);
+  j.at("cells").get_to(q.cells), j.at("cell_sums").get_to(q.cell_sums);
   return q;
 }
 
@@ -35,8 +37,11 @@ json quality_report(const TriangleQuality& q, double target) {
               {"share_below_25_deg", static_cast<double>(narrow) / faces},
               {"mean_edge_deviation", static_cast<double>(q.length_off) * 1e-6 / (3.0 * faces)},
               {"mean_area_deviation", static_cast<double>(q.area_off) * 1e-6 / faces}};
-  if (vertices > 0)
+  if (vertices > 0) {
     out["valence_six_share"] = static_cast<double>(q.valences[6]) / static_cast<double>(vertices);
+    out["mean_voronoi_area_deviation"] = q.mean_cell_deviation();
+    out["voronoi_areas_by_100th_of_hexagon"] = q.cells;
+  }
   out["angles_by_degree"] = q.angles;
   out["smallest_angles_by_degree"] = q.least;
   out["edges_by_50th_of_length"] = q.lengths;
