@@ -90,6 +90,7 @@ class CollapseMesh {
   const Double3& at(std::uint32_t v) const { return vertices_[v].at; }
   std::uint8_t state(std::uint32_t v) const { return state_[v]; }
   void add_state(std::uint32_t v, unsigned bits) { state_[v] = static_cast<std::uint8_t>(state_[v] | bits); }
+  void drop_state(std::uint32_t v, unsigned bits) { state_[v] = static_cast<std::uint8_t>(state_[v] & ~bits); }
   /// A corner of the vertex, the first of its fan where that is open.
   std::uint32_t corner(std::uint32_t v) const { return corner_[v]; }
   std::uint32_t block_vertex(std::uint32_t v) const { return block_vertex_[v]; }  ///< its index in the block
@@ -117,6 +118,7 @@ class CollapseMesh {
   void settle(std::size_t f) { faces_[f].state |= kStateSettled; }
   void unsettle(std::size_t f) { faces_[f].state &= ~unsigned{kStateSettled}; }
   void mark_crease(std::uint32_t c) { faces_[c >> 2].state |= kStateCrease << (c & 3u); }
+  void unmark_crease(std::uint32_t c) { faces_[c >> 2].state &= ~(unsigned{kStateCrease} << (c & 3u)); }
 
   /// Removes the centre of the star: every f_i that has not w_at becomes (w_at, w_i, w_i+1).
   /// \pre the collapse is legal

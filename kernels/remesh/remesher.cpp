@@ -114,7 +114,11 @@ void Remesher::run(RemeshReport& report) {
     flip_all(report);
     for (int r = 0; r < options_.relaxations; ++r) relax_all(report);
   }
-  if (options_.refine_beyond) refine(report);
+  finish(report);
+  if (!options_.refine_beyond) return;
+  refine(report);
+  mend_all(report);
+  refine(report);  // what mending took away from the tolerance
 }
 
 /// Down to a mesh too coarse, and by splits back to one that remembers nothing of the lattice it came from.

@@ -78,17 +78,30 @@ class Remesher {
   bool corners_merge(std::uint32_t a, std::uint32_t b) const;
   void flip_all(RemeshReport& report);
   Refusal try_flip(std::uint32_t c);
+  Refusal flip_if_sound(std::uint32_t c);
   int excess(std::uint32_t v, std::uint32_t corner) const;
   std::size_t relax_all(RemeshReport& report);
   bool relax(std::uint32_t v, RemeshReport& report);
   bool place(std::uint32_t v, const Double3& to, RemeshReport& report);
   Double3 wish(std::uint32_t v) const;
+  void finish(RemeshReport& report);
+  void weigh();
+  void mend_all(RemeshReport& report);
+  void mend(std::uint32_t f, RemeshReport& report);
+  double sharpness_of(std::uint32_t f) const;
+  bool flip_sharp(std::uint32_t f, RemeshReport& report);
+  bool shift_sharp(std::uint32_t v, RemeshReport& report);
+  bool collapse_sharp(std::uint32_t f, RemeshReport& report);
+  bool release_weak_creases(std::uint32_t v);
+  void count_lines(std::uint32_t v);
+  double star_sharpness(const Double3& p) const;
   void count_valences();
   void compact();
   void sort_by_place();
 
   static double roundness(const Double3& a, const Double3& b, const Double3& c);
   static double square_roundness(const Double3& a, const Double3& b, const Double3& c);
+  static double sharpness(const Double3& a, const Double3& b, const Double3& c);
   bool normal_fits(const NewFace& f, const Double3& n) const;
   bool within(const NewFace& f) const;
   bool near_at_points(const NewFace& f, double limit, std::uint32_t hint) const;
@@ -104,6 +117,7 @@ class Remesher {
   std::vector<Info> info_;
   std::vector<Edge> edges_, listed_;  ///< in the order of work, as found
   std::vector<std::uint8_t> valence_;
+  std::vector<float> gravity_;  ///< per vertex: how much neighbours are drawn to it; empty: all alike
   int round_ = 0;
   std::vector<std::uint8_t> changed_;  ///< per vertex: the round behind the last one that changed its star
   std::vector<std::uint32_t> mark_;

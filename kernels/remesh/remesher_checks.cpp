@@ -254,6 +254,14 @@ Remesher::Refusal Remesher::try_flip(std::uint32_t c) {
                   : change == 0 ? after < kBetter * before + kBetterBy
                                 : after < 0.35 && after < before))
     return Refusal::kLink;
+  return flip_if_sound(c);
+}
+
+/// If neither connectivity nor surface object.
+Remesher::Refusal Remesher::flip_if_sound(std::uint32_t c) {
+  const std::uint32_t d = mesh_.opposite(c), u = mesh_.vertex(c), w = mesh_.vertex(d),
+                      a = mesh_.vertex(next_corner(c)), b = mesh_.vertex(prev_corner(c));
+  const Double3 &pu = mesh_.at(u), &pw = mesh_.at(w), &pa = mesh_.at(a), &pb = mesh_.at(b);
   if (info_[u].held || info_[w].held || info_[a].held || info_[b].held) return Refusal::kLink;
   for (const std::uint32_t v : {a, b})
     if (!(mesh_.state(v) & kVertexLocked) && valence_[v] <= ((mesh_.state(v) & kVertexOpen) ? 1 : 3))

@@ -14,6 +14,7 @@ const std::map<std::string, std::string>& parts_of_headers() {
       {"kernels/extract/feature_segments.cpp", "kernels/extract/brick_extractor.h"},
       {"kernels/extract/level_faces.cpp", "kernels/extract/brick_extractor.h"},
       {"kernels/remesh/remesher_checks.cpp", "kernels/remesh/remesher.h"},
+      {"kernels/remesh/remesher_finish.cpp", "kernels/remesh/remesher.h"},
       {"kernels/remesh/remesher_refine.cpp", "kernels/remesh/remesher.h"},
       {"kernels/remesh/remesher_relax.cpp", "kernels/remesh/remesher.h"},
       {"kernels/scene/sensor_source.cpp", "kernels/scene/sample_source.h"},
@@ -155,7 +156,8 @@ const std::map<std::string, std::string>& covering_tests() {
     by("kernels/points/orientation", "kernels/points", {"sign_solver"});
     by("stream/stages/scan/survey", "kernels/points", {"spacing"});
     by("kernels/remesh/remesh", "kernels/remesh",
-       {"reference_surface", "remesher", "remesher_checks", "remesher_refine", "remesher_relax"});
+       {"reference_surface", "remesher", "remesher_checks", "remesher_finish", "remesher_refine",
+        "remesher_relax"});
     by("kernels/scene/scene", "kernels/scene",
        {"fractal_noise", "implicit_scene", "sample_source", "scene_models", "scene_smooth", "scene_solid",
         "sensor_source", "solid", "surface_sampler"});

@@ -1,0 +1,253 @@
+// The end of the loop: cells around vertices more alike (Botsch's thesis, 3.2.3), then faces with a sharp angle one by one.
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "kernels/remesh/remesher.h"
+
+namespace tessera {
+namespace {
+
+/// Gravity of a neighbour: so much of it follows its cell's area. With all of it areas are off by half as much as with none
+/// and angles by 1.3 degrees more; with this share by three quarters and 0.35 degrees.
+constexpr double kGravity = 0.25;
+constexpr int kGravitySweeps = 2;
+constexpr double kHexagon = 0.8660254037844386;  ///< area around a vertex of equilateral triangles of edge 1
+
+constexpr int kMendRounds = 2;
+// Squared cosines of angles, as sharpness() gives them.
+constexpr double kSharp = 0.75;            ///< 30 degrees
+constexpr double kSharpAtCreases = 0.794;  ///< 27
+constexpr double kFlipGain = 0.01, kMoveGain = 0.005;
+constexpr double kLongCollapse = 1.6;                  ///< targets: no edge gets longer by a collapse
+constexpr double kStrongCrease = 0.70710678118654752;  ///< cosine of its turn: others yield to shape
+
+}  // namespace
+
+/// The squared cosine of the smallest angle, from 1/4 to 1.
+double Remesher::sharpness(const Double3& a, const Double3& b, const Double3& c) {
+  const double x = squared_distance(a, b), y = squared_distance(b, c), z = squared_distance(c, a);
+  const double least = std::min({x, y, z}), sum = x + y + z - 2.0 * least;
+  const double product = x < y ? (x < z ? y * z : x * y) : (y < z ? z * x : x * y);
+  return product > 0.0 ? sum * sum / (4.0 * product) : 1.0;
+}
+
+/// Of the faces around the gathered star if its centre were at p.
+double Remesher::star_sharpness(const Double3& p) const {
+  double most = 0.0;
+  for (std::size_t i = 0; i < star_.faces; ++i) {
+    const std::uint32_t a = star_.ring[i], b = star_.ring[i + 1 < star_.ring_size() ? i + 1 : 0];
+    most = std::max(most, sharpness(p, mesh_.at(a), mesh_.at(b)));
+  }
+  return most;
+}
+
+/// Gravities, by the mixed Voronoi cells (Meyer et al. 2003) against what targets ask for.
+void Remesher::weigh() {
+  gravity_.assign(info_.size(), 0.0f);
+  for (const CollapseFace& f : mesh_.faces()) {
+    if (f.state & kStateDead) continue;
+    const Double3 &a = mesh_.at(f.vertex[0]), &b = mesh_.at(f.vertex[1]), &c = mesh_.at(f.vertex[2]);
+    const Double3 ab = b - a, bc = c - b, ca = a - c;
+    const double twice = norm(cross(ab, bc));
+    if (!(twice > 0.0)) continue;
+    const double xa = -dot(ab, ca), xb = -dot(ab, bc), xc = -dot(bc, ca);  // cotangents times twice the area
+    double cell[3];
+    if (xa < 0.0 || xb < 0.0 || xc < 0.0) {
+      cell[0] = twice * (xa < 0.0 ? 0.25 : 0.125);
+      cell[1] = twice * (xb < 0.0 ? 0.25 : 0.125);
+      cell[2] = twice * (xc < 0.0 ? 0.25 : 0.125);
+    } else {
+      const double wab = dot(ab, ab) * xc, wbc = dot(bc, bc) * xa, wca = dot(ca, ca) * xb,
+                   per = 0.125 / twice;
+      cell[0] = (wab + wca) * per;
+      cell[1] = (wab + wbc) * per;
+      cell[2] = (wbc + wca) * per;
+    }
+    for (std::size_t i = 0; i < 3; ++i) gravity_[f.vertex[i]] += static_cast<float>(cell[i]);
+  }
+  for (std::size_t v = 0; v < gravity_.size(); ++v) {
+    const float hexagon = static_cast<float>(kHexagon) * info_[v].target * info_[v].target;
+    gravity_[v] = static_cast<float>(1.0 - kGravity) + static_cast<float>(kGravity) * (gravity_[v] / hexagon);
+  }
+}
+
+void Remesher::finish(RemeshReport& report) {
+  flip_all(report);
+  for (int i = 0; i < kGravitySweeps; ++i) {
+    weigh();
+    relax_all(report);
+  }
+  std::vector<float>().swap(gravity_);
+  for (int i = 0; i < kMendRounds; ++i) mend_all(report);
+}
+
+double Remesher::sharpness_of(std::uint32_t f) const {
+  const CollapseFace& face = mesh_.face(f);
+  if (face.state & kStateDead) return 0.0;
+  return sharpness(mesh_.at(face.vertex[0]), mesh_.at(face.vertex[1]), mesh_.at(face.vertex[2]));
+}
+
+void Remesher::mend_all(RemeshReport& report) {
+  count_valences();
+  mark_.resize(info_.size(), 0);
+  for (std::uint32_t f = 0; f < mesh_.faces().size(); ++f) {
+    if (sharpness_of(f) <= kSharp) continue;
+    mend(f, report);
+    if (sharpness_of(f) <= kSharpAtCreases) continue;
+    bool released = false;
+    for (std::uint32_t i = 0; i < 3; ++i) released |= release_weak_creases(mesh_.face(f).vertex[i]);
+    if (released) mend(f, report);
+  }
+}
+
+/// The face loses its sharp angle to a flip, a move of a corner, or a collapse of its shortest edge, as far as each makes the
+/// sharpest angle around less sharp.
+void Remesher::mend(std::uint32_t f, RemeshReport& report) {
+  flip_sharp(f, report);
+  for (std::uint32_t i = 0; i < 3 && sharpness_of(f) > kSharp; ++i)
+    shift_sharp(mesh_.face(f).vertex[i], report);
+  if (sharpness_of(f) > kSharp) collapse_sharp(f, report);
+}
+
+/// Creases at the vertex that turn little are none any more: noise, where they leave no room for a sound face.
+bool Remesher::release_weak_creases(std::uint32_t v) {
+  if ((mesh_.state(v) & (kVertexLocked | kVertexDead | kVertexBorder)) || !mesh_.gather(v, star_) ||
+      !star_.closed)
+    return false;
+  std::vector<std::uint32_t> weak;
+  for (std::size_t i = 0; i < star_.faces; ++i) {
+    const std::uint32_t c = prev_corner(star_.corner[i]),
+                        o = mesh_.opposite(c);  // across from it: v to ring[i]
+    if (!mesh_.crease_edge(c) || o == kNoCorner) continue;
+    if (mesh_.state(star_.ring[i]) & (kVertexLocked | kVertexBorder)) continue;
+    if (info_[star_.ring[i]].held) continue;
+    const auto normal = [&](std::uint32_t f) {
+      const std::uint32_t* t = mesh_.face(f).vertex;
+      return triangle_normal(mesh_.at(t[0]), mesh_.at(t[1]), mesh_.at(t[2]));
+    };
+    const Double3 m = normal(c >> 2), n = normal(o >> 2);
+    if (dot(m, n) > kStrongCrease * norm(m) * norm(n)) weak.push_back(static_cast<std::uint32_t>(i));
+  }
+  for (const std::uint32_t i : weak) {
+    const std::uint32_t c = prev_corner(star_.corner[i]);
+    mesh_.unmark_crease(mesh_.opposite(c));
+    mesh_.unmark_crease(c);
+  }
+  if (weak.empty()) return false;
+  std::vector<std::uint32_t> around = {v};
+  for (const std::uint32_t i : weak) around.push_back(star_.ring[i]);
+  for (const std::uint32_t w : around) count_lines(w);
+  return true;
+}
+
+/// What a vertex is after creases at it went.
+void Remesher::count_lines(std::uint32_t v) {
+  if (!mesh_.gather(v, star_)) return;
+  int creases = 0;
+  for (std::size_t i = 0; i < star_.faces; ++i) creases += mesh_.crease_edge(prev_corner(star_.corner[i]));
+  mesh_.drop_state(v, kVertexCrease | kVertexFixed);
+  Info& info = info_[v];
+  info.line = false;
+  if (creases > 0) {
+    mesh_.add_state(v, kVertexFixed);  // an end, or lines that met it at other angles
+    return;
+  }
+  const ReferenceSurface::Foot foot = surface_.closest(mesh_.at(v), std::numeric_limits<double>::max());
+  info.foot = foot.slot;
+  if (foot.slot != ReferenceSurface::kNone) info.normal = surface_.normal(foot.slot);
+}
+
+/// The edge whose flip makes the sharper of two faces least sharp.
+bool Remesher::flip_sharp(std::uint32_t f, RemeshReport& report) {
+  std::uint32_t best = kNoCorner;
+  double least = 0.0;
+  for (std::uint32_t c = 4 * f; c < 4 * f + 3; ++c) {
+    const std::uint32_t d = mesh_.opposite(c);
+    if (d == kNoCorner || is_line(c)) continue;
+    const Double3 &pu = mesh_.at(mesh_.vertex(c)), &pw = mesh_.at(mesh_.vertex(d)),
+                  &pa = mesh_.at(mesh_.vertex(next_corner(c))), &pb = mesh_.at(mesh_.vertex(prev_corner(c)));
+    const double gain = std::max(sharpness(pu, pa, pb), sharpness(pw, pb, pa)) -
+                        std::max(sharpness(pu, pa, pw), sharpness(pw, pb, pu));
+    if (gain > std::max(least, kFlipGain)) least = gain, best = c;
+  }
+  if (best == kNoCorner || flip_if_sound(best) != Refusal::kNone) return false;
+  ++report.flips;
+  return true;
+}
+
+/// One corner, to the best of a few places.
+bool Remesher::shift_sharp(std::uint32_t v, RemeshReport& report) {
+  if ((mesh_.state(v) & kVertexKept) || !mesh_.gather(v, star_)) return false;
+  if (info_[v].foot == ReferenceSurface::kNone) return false;
+  const Double3 old = mesh_.at(v);
+  const double before = star_sharpness(old);
+  // Apexes of equilateral faces over the edges of the ring, those of sharp faces count more.
+  Double3 sum{}, worst{};
+  double weights = 0.0, most = 0.0;
+  for (std::size_t i = 0; i < star_.faces; ++i) {
+    const Double3 &a = mesh_.at(star_.ring[i]),
+                  &b = mesh_.at(star_.ring[i + 1 < star_.ring_size() ? i + 1 : 0]);
+    const Double3 middle = (a + b) * 0.5, side = b - a, up = old - middle;
+    const double square = dot(side, side);
+    if (!(square > 0.0)) return false;
+    const Double3 across = up - side * (dot(up, side) / square);
+    const double height = norm(across);
+    if (!(height > 0.0)) continue;
+    const Double3 apex = middle + across * (kHexagon * std::sqrt(square) / height);
+    const double s = sharpness(old, a, b), w = s * s * s * s;
+    sum = sum + apex * w;
+    weights += w;
+    if (s > most) most = s, worst = apex;
+  }
+  if (!(weights > 0.0)) return false;
+  const Double3 middle = sum * (1.0 / weights);
+  const Double3 candidates[] = {wish(v), middle, old + (worst - old) * 0.5, old + (middle - old) * 0.5,
+                                old + (worst - old) * 0.25};
+  const Double3* best = nullptr;
+  double least = before - kMoveGain;
+  for (const Double3& p : candidates) {
+    const double s = star_sharpness(p);
+    if (s < least) least = s, best = &p;
+  }
+  if (!best) return false;
+  const Info kept = info_[v];
+  if (!place(v, *best, report)) return false;
+  if (star_sharpness(mesh_.at(v)) < before) {
+    ++report.moves;
+    return true;
+  }
+  mesh_.node(v).at = old;
+  info_[v] = kept;
+  return false;
+}
+
+bool Remesher::collapse_sharp(std::uint32_t f, RemeshReport& report) {
+  std::uint32_t corner = 0;
+  double least = std::numeric_limits<double>::max();
+  const std::uint32_t* t = mesh_.face(f).vertex;
+  for (std::uint32_t i = 0; i < 3; ++i) {
+    const double square = square_of(t[(i + 1) % 3], t[(i + 2) % 3]);
+    if (square < least) least = square, corner = i;
+  }
+  const std::uint32_t a = t[(corner + 1) % 3], b = t[(corner + 2) % 3];
+  for (const bool a_goes : {true, false}) {
+    const std::uint32_t u = a_goes ? a : b, v = a_goes ? b : a;
+    std::size_t at = 0;
+    if (check_collapse(u, v, kLongCollapse, at) != Refusal::kNone) continue;
+    const double before = star_sharpness(mesh_.at(u));
+    double after = 0.0;
+    for (std::size_t i = 0; i < star_.faces; ++i) {
+      const std::uint32_t x = star_.ring[i], y = star_.ring[i + 1 < star_.ring_size() ? i + 1 : 0];
+      if (x != v && y != v) after = std::max(after, sharpness(mesh_.at(v), mesh_.at(x), mesh_.at(y)));
+    }
+    if (after >= before) continue;
+    live_faces_ -= star_.closed || (at > 0 && at < star_.faces) ? 2 : 1;
+    mesh_.collapse(star_, at);
+    ++report.collapses;
+    return true;
+  }
+  return false;
+}
+
+}  // namespace tessera
