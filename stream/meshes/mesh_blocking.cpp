@@ -31,12 +31,13 @@ class Cutter {
       const Int3 corner = brick_of_key(places.front().code >> bits << bits);
       for (std::size_t a = 0; a < 3; ++a) {
         block.first_brick[a] = corner[a] - blocking_.shift[a];
-        block.last_brick[a] = block.first_brick[a] + (1 << bits / 3) - 1;
+        // The lowest bit of a code is of x.
+        block.last_brick[a] = block.first_brick[a] + (1 << (bits + 2 - static_cast<int>(a)) / 3) - 1;
       }
       blocks.push_back(std::move(block));
       return;
     }
-    bits -= 3;
+    bits -= blocking_.halves ? 1 : 3;
     while (!places.empty()) {
       const std::uint64_t node = places.front().code >> bits;
       const auto end =

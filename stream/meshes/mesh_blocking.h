@@ -1,5 +1,5 @@
 /// \file mesh_blocking.h
-/// Semantic blocks over a store: maximal nodes of an octree of bricks that stay within limits.
+/// Semantic blocks over a store: maximal nodes of an octree of bricks, or of the binary tree within it, that stay within limits.
 #pragma once
 #include <cstdint>
 #include <span>
@@ -14,16 +14,18 @@ struct MeshBlocking {
   std::uint64_t max_faces = 1u << 16;  ///< a brick that exceeds a limit is a block of its own
   std::uint64_t max_weight = ~std::uint64_t{0};
   Int3 shift = {0, 0, 0};  ///< added to brick coordinates: moves the seams between blocks
+  /// Nodes part in halves, across z, y and x in turn, instead of eighths: blocks are half full or more, not an eighth.
+  bool halves = false;
 };
 
-/// One block: all patches of a cube of bricks.
+/// One block: all patches of a box of bricks, a cube but for halves.
 struct MeshBlockCut {
   std::vector<std::size_t> patches;  ///< ascending
-  Int3 first_brick = {0, 0, 0};      ///< of the cube, both inclusive; may lie below zero
+  Int3 first_brick = {0, 0, 0};      ///< of the box, both inclusive; may lie below zero
   Int3 last_brick = {0, 0, 0};
   std::uint64_t faces = 0;
   std::uint64_t weight = 0;
-  /// The brick of a face by its centroid, or the nearest one of the cube: blocks never write to bricks of others.
+  /// The brick of a face by its centroid, or the nearest one of the box: blocks never write to bricks of others.
   std::uint64_t brick_of(const Lattice& lattice, const Double3& a, const Double3& b, const Double3& c) const;
 };
 

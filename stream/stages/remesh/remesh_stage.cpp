@@ -22,7 +22,7 @@ namespace {
 
 using json = nlohmann::json;
 
-constexpr std::uint64_t kTaskFaces = 1u << 19;  ///< of block and weight: a task is worth a file from here
+constexpr std::uint64_t kTaskFaces = 1u << 17;  ///< of block and weight: a task is worth a file from here
 /// Splits come before collapses, so a block has more faces for a while than it will have.
 constexpr std::uint64_t kRoom = 3, kLeastRoom = 4096;
 /// Edges: as far as vertices may have their feet around a block, and farther than a crease must go on to be one.
@@ -218,7 +218,8 @@ class RemeshStage : public Stage {
       const std::uint64_t full = there < 0 ? 0 : reference.patches()[static_cast<std::size_t>(there)].faces;
       weight.push_back(std::max(expected(e), full / kRemeshReferenceBlocks));
     }
-    return make_blocks(store, {options_.block_faces, options_.block_faces, pass_shift(pass_.pass)}, weight);
+    return make_blocks(store, {options_.block_faces, options_.block_faces, pass_shift(pass_.pass), true},
+                       weight);
   }
 
   MeshBox reference_box(const MeshBlockCut& cut) const { return grown(in_.box_of(cut.patches), reach()); }

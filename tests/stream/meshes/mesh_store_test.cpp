@@ -135,8 +135,10 @@ TEST_CASE("mesh store: blocks are maximal, cover every patch once, and move with
   const test::TempFolder folder;
   const MeshStore store(write_sheet(make_sheet(), folder.path()));
   std::set<std::vector<std::size_t>> seams;
-  for (int pass = 0; pass < 3; ++pass) {
-    const auto blocks = make_blocks(store, {400, 1u << 30, pass_shift(pass)});
+  for (int pass = 0; pass < 6; ++pass) {
+    const bool halves = pass >= 3;
+    const auto blocks = make_blocks(store, {400, 1u << 30, pass_shift(pass), halves});
+    if (halves) CHECK(blocks.size() < make_blocks(store, {400, 1u << 30, pass_shift(pass)}).size());
     std::vector<std::size_t> seen;
     for (const auto& block : blocks) {
       std::uint64_t faces = 0;
