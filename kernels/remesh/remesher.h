@@ -75,6 +75,7 @@ class Remesher {
   std::size_t collapse_listed(const CollapseLengths& lengths, RemeshReport& report);
   Refusal check_collapse(std::uint32_t u, std::uint32_t v, double longest, std::size_t& at);
   bool linked(std::size_t at);
+  bool lines_meet(std::uint32_t u, std::uint32_t v) const;
   bool corners_merge(std::uint32_t a, std::uint32_t b) const;
   void flip_all(RemeshReport& report);
   Refusal try_flip(std::uint32_t c);
@@ -94,6 +95,7 @@ class Remesher {
   bool collapse_sharp(std::uint32_t f, RemeshReport& report);
   bool release_weak_creases(std::uint32_t v);
   void count_lines(std::uint32_t v);
+  void recount_lines(std::uint32_t v);
   double star_sharpness(const Double3& p) const;
   void count_valences();
   void compact();
@@ -117,6 +119,7 @@ class Remesher {
   std::vector<Info> info_;
   std::vector<Edge> edges_, listed_;  ///< in the order of work, as found
   std::vector<std::uint8_t> valence_;
+  bool mending_ = false;
   std::vector<float> gravity_;  ///< per vertex: how much neighbours are drawn to it; empty: all alike
   int round_ = 0;
   std::vector<std::uint8_t> changed_;  ///< per vertex: the round behind the last one that changed its star

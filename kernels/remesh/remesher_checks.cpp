@@ -17,6 +17,7 @@ constexpr double kSliver = 0.45;  ///< roundness below which shape counts more t
 constexpr double kBetter = 1.1,
                  kBetterBy = 0.02;  ///< by how much roundness must grow for a flip that leaves valences
 constexpr double kRoundEnough = (1.0 - kBetterBy) / kBetter;  ///< from here on it cannot
+constexpr double kLinesMeet = 0.25;                           ///< targets
 constexpr double kNeedle = 0.4, kLongBesideNeedle = 1.8;
 
 }  // namespace
@@ -107,6 +108,13 @@ bool Remesher::corners_merge(std::uint32_t a, std::uint32_t b) const {
   return (both & kVertexFixed) && !(any & (kVertexLocked | kVertexDead)) && square_of(a, b) < least * least;
 }
 
+/// Two lines so near to each other that no sound face has room between them become one, face by face, in the end.
+bool Remesher::lines_meet(std::uint32_t u, std::uint32_t v) const {
+  const double least = kLinesMeet * target(u, v);
+  return mending_ && (mesh_.state(v) & (kVertexCrease | kVertexFixed | kVertexBorder)) &&
+         !(mesh_.state(v) & kVertexLocked) && square_of(u, v) < least * least;
+}
+
 /// Of u into v, no edge longer than `longest` targets; leaves the star of u and the place of v in it.
 Remesher::Refusal Remesher::check_collapse(std::uint32_t u, std::uint32_t v, double longest,
                                            std::size_t& at) {
@@ -121,7 +129,7 @@ Remesher::Refusal Remesher::check_collapse(std::uint32_t u, std::uint32_t v, dou
   if ((state & (kVertexCrease | kVertexFixed)) &&
       !(at < k ? mesh_.crease_edge(prev_corner(star_.corner[at]))
                : mesh_.crease_edge(next_corner(star_.corner[k - 1]))) &&
-      !((state & kVertexBorder) && (at == 0 || at == k)))
+      !((state & kVertexBorder) && (at == 0 || at == k)) && !lines_meet(u, v))
     return Refusal::kLink;
   const double needle = kNeedle * target(u, v);
   if (square_of(u, v) < needle * needle) longest = std::max(longest, kLongBesideNeedle);

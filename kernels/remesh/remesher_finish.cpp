@@ -91,6 +91,7 @@ double Remesher::sharpness_of(std::uint32_t f) const {
 void Remesher::mend_all(RemeshReport& report) {
   count_valences();
   mark_.resize(info_.size(), 0);
+  mending_ = true;
   for (std::uint32_t f = 0; f < mesh_.faces().size(); ++f) {
     if (sharpness_of(f) <= kSharp) continue;
     mend(f, report);
@@ -99,6 +100,7 @@ void Remesher::mend_all(RemeshReport& report) {
     for (std::uint32_t i = 0; i < 3; ++i) released |= release_weak_creases(mesh_.face(f).vertex[i]);
     if (released) mend(f, report);
   }
+  mending_ = false;
 }
 
 /// The face loses its sharp angle to a flip, a move of a corner, or a collapse of its shortest edge, as far as each makes the
@@ -112,15 +114,13 @@ void Remesher::mend(std::uint32_t f, RemeshReport& report) {
 
 /// Creases at the vertex that turn little are none any more: noise, where they leave no room for a sound face.
 bool Remesher::release_weak_creases(std::uint32_t v) {
-  if ((mesh_.state(v) & (kVertexLocked | kVertexDead | kVertexBorder)) || !mesh_.gather(v, star_) ||
-      !star_.closed)
-    return false;
+  if ((mesh_.state(v) & (kVertexLocked | kVertexDead)) || !mesh_.gather(v, star_)) return false;
   std::vector<std::uint32_t> weak;
   for (std::size_t i = 0; i < star_.faces; ++i) {
     const std::uint32_t c = prev_corner(star_.corner[i]),
                         o = mesh_.opposite(c);  // across from it: v to ring[i]
     if (!mesh_.crease_edge(c) || o == kNoCorner) continue;
-    if (mesh_.state(star_.ring[i]) & (kVertexLocked | kVertexBorder)) continue;
+    if (mesh_.state(star_.ring[i]) & kVertexLocked) continue;
     if (info_[star_.ring[i]].held) continue;
     const auto normal = [&](std::uint32_t f) {
       const std::uint32_t* t = mesh_.face(f).vertex;
@@ -137,8 +137,19 @@ bool Remesher::release_weak_creases(std::uint32_t v) {
   if (weak.empty()) return false;
   std::vector<std::uint32_t> around = {v};
   for (const std::uint32_t i : weak) around.push_back(star_.ring[i]);
-  for (const std::uint32_t w : around) count_lines(w);
+  for (const std::uint32_t w : around)
+    if (!(mesh_.state(w) & kVertexBorder)) count_lines(w);
   return true;
+}
+
+/// A vertex that took over lines of another one is a corner, unless it goes on two of them as before.
+void Remesher::recount_lines(std::uint32_t v) {
+  if ((mesh_.state(v) & (kVertexLocked | kVertexFixed)) || !mesh_.gather(v, star_)) return;
+  int creases = 0;
+  for (std::size_t i = 0; i < star_.faces; ++i) creases += mesh_.crease_edge(prev_corner(star_.corner[i]));
+  if (creases == ((mesh_.state(v) & kVertexCrease) ? 2 : 0)) return;
+  mesh_.add_state(v, kVertexFixed);
+  info_[v].line = false;
 }
 
 /// What a vertex is after creases at it went.
@@ -244,6 +255,7 @@ bool Remesher::collapse_sharp(std::uint32_t f, RemeshReport& report) {
     if (after >= before) continue;
     live_faces_ -= star_.closed || (at > 0 && at < star_.faces) ? 2 : 1;
     mesh_.collapse(star_, at);
+    recount_lines(v);
     ++report.collapses;
     return true;
   }
