@@ -12,6 +12,7 @@ namespace {
 constexpr double kInner = 10.0 / 12.0;  ///< of the arc
 constexpr double kEnd = 0.25;           ///< ribs: what is stitched there is not of the blend
 constexpr double kAligned = 0.8660254037844386;
+constexpr double kAsNear = 1e-9;  ///< cosines that differ by less are the same
 
 JumpSum sum_of(const std::vector<double>& jumps) {
   JumpSum s;
@@ -65,7 +66,15 @@ NormalJumps normal_jumps(const Fishbone& bone, std::span<const Double3> position
     const auto rib = static_cast<std::size_t>(v.place.rib) % bone.planes.size();
     const double cosine = std::fabs(dot(way, bone.planes[rib].along));
     const double jump = angle_between(face_normal(a.face), face_normal(b.face));
-    if (cosine > kAligned) across.push_back(jump);
+    const auto leads = [&](std::uint32_t f) {
+      const auto& t = faces[f];
+      for (std::size_t k = 0; k < 3; ++k) {
+        const Double3 side = unit_or_zero(position[t[(k + 1) % 3]] - position[t[k]]);
+        if (std::fabs(dot(side, bone.planes[rib].along)) > cosine + kAsNear) return false;
+      }
+      return true;
+    };
+    if (cosine > kAligned && (leads(a.face) || leads(b.face))) across.push_back(jump);
     if (cosine < 0.5) along.push_back(jump);
   }
   return {sum_of(along), sum_of(across)};

@@ -17,7 +17,9 @@ struct JumpSum {
 };
 struct NormalJumps {
   JumpSum along;   ///< over edges within 30 degrees of the ribs: what one meets on the way along the blend
-  JumpSum across;  ///< over edges within 30 degrees of the spine
+  /// Over edges within 30 degrees of the spine that are, of one of their faces, the side nearest to its direction: of cells
+  /// far longer than high the diagonals lie near it too, and do not turn.
+  JumpSum across;
 };
 
 /// Of the edges between two of the faces whose middles lie on the arc of the fishbone, but for a twelfth at its sides
