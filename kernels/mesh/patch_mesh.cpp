@@ -15,6 +15,18 @@ static_assert(3 * (kMaxCellBits - kBrickBits) + kPlaceBits == 64);
 
 constexpr std::uint64_t kLocal = kLeafCells - 1;
 
+/// Of the leaves of a brick by their Morton codes: the min corner, cells.
+using LeafCorner = std::array<std::uint8_t, 3>;
+constexpr std::array<LeafCorner, 512> kLeafCorners = [] {
+  std::array<LeafCorner, 512> corners{};
+  for (std::uint64_t code = 0; code < corners.size(); ++code) {
+    const std::array<std::uint32_t, 3> leaf = morton_decode(code);
+    for (std::size_t a = 0; a < 3; ++a) corners[code][a] = static_cast<std::uint8_t>(leaf[a] << kLeafBits);
+  }
+  return corners;
+}();
+static_assert(kBrickBits - kLeafBits == 3);
+
 }  // namespace
 
 std::uint64_t mesh_key(VertexKey name) {
@@ -37,13 +49,22 @@ std::uint64_t mesh_key(VertexKey name) {
 }
 
 MeshName mesh_name(std::uint64_t key) {
+  MeshNames names;
+  return names(key);
+}
+
+MeshName MeshNames::operator()(std::uint64_t key) {
+  if (key >> kPlaceBits != code_) {
+    code_ = key >> kPlaceBits;
+    brick_ = brick_of_key(code_);
+  }
   const bool centre = (key >> (kPlaceBits - 1) & 1) != 0;
-  const auto where = morton_decode(key >> (centre ? 11 : 12) & 0x1ff);
+  const LeafCorner& where = kLeafCorners[key >> (centre ? 11 : 12) & 0x1ff];
   const std::uint64_t in_leaf = key >> (centre ? 2 : 0) & 0x1ff;
   MeshName name;
-  name.brick = brick_of_key(key >> kPlaceBits);
+  name.brick = brick_;
   for (std::size_t a = 0; a < 3; ++a)
-    name.in_brick[a] = static_cast<std::int32_t>(where[a] << kLeafBits | (in_leaf >> 3 * a & kLocal));
+    name.in_brick[a] = static_cast<std::int32_t>(where[a] | (in_leaf >> 3 * a & kLocal));
   name.axis = centre ? MeshName::kCentre : static_cast<int>(key >> 9 & 7) % 3;
   return name;
 }

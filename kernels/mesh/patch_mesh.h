@@ -29,6 +29,15 @@ struct MeshName {
   int axis;       ///< of the lattice edge; kCentre for the centre of a loop
 };
 MeshName mesh_name(std::uint64_t key);
+/// The same for many keys, most of them of the brick of the one before.
+class MeshNames {
+ public:
+  MeshName operator()(std::uint64_t key);
+
+ private:
+  std::uint64_t code_ = 0;
+  Int3 brick_ = {0, 0, 0};
+};
 
 /// \pre  the patch was extracted with ExtractOptions::names
 /// \post canonical (mesh_block.h). Patches of one field, and of fields that agree around their seams, merge by key

@@ -95,9 +95,9 @@ void put_plain(const Double3& p, const MeshStoreInfo& info, std::vector<char>& o
 
 /// What follows from a vertex's name and its fractions, in `bytes` bytes each; false where it is not its position.
 bool put_fractions_of(const MeshBlock& block, std::size_t v, const MeshStoreInfo& info, int bytes,
-                      std::vector<char>& out) {
+                      MeshNames& names, std::vector<char>& out) {
   const double scale = std::ldexp(1.0, 8 * bytes);
-  const MeshName name = mesh_name(block.key[v]);
+  const MeshName name = names(block.key[v]);
   for (std::size_t a = 0; a < 3; ++a) {
     const int axis = static_cast<int>(a);
     const double node = name.in_brick[a];
@@ -123,9 +123,10 @@ bool put_fractions(const MeshBlock& block, const MeshStoreInfo& info, int bytes,
   const std::size_t most = block.key.size() / one_in;
   std::vector<char> fractions;
   std::vector<std::size_t> elsewhere;
+  MeshNames names;
   for (std::size_t v = 0; v < block.key.size(); ++v) {
     const std::size_t before = fractions.size();
-    if (put_fractions_of(block, v, info, bytes, fractions)) continue;
+    if (put_fractions_of(block, v, info, bytes, names, fractions)) continue;
     fractions.resize(before);
     elsewhere.push_back(v);
     if (elsewhere.size() > most) return false;
@@ -182,9 +183,10 @@ void take_positions(Input& in, const MeshStoreInfo& info, MeshBlock& block) {
     take_plain(in, info, block.position[at]);
   }
   const double scale = std::ldexp(1.0, -8 * kind);
+  MeshNames names;
   for (std::size_t v = 0; v < block.position.size(); ++v) {
     if (elsewhere[v]) continue;
-    const MeshName name = mesh_name(block.key[v]);
+    const MeshName name = names(block.key[v]);
     for (std::size_t a = 0; a < 3; ++a) {
       const int axis = static_cast<int>(a);
       double cells = name.in_brick[a];
