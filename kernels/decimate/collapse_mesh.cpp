@@ -1,6 +1,7 @@
 #include "kernels/decimate/collapse_mesh.h"
 
 #include <algorithm>
+#include <numeric>
 #include <string>
 
 #include "octree/error.h"
@@ -39,32 +40,82 @@ std::vector<std::uint64_t> in_morton_order(std::size_t n, const Place& place) {
   return order;
 }
 
+/// Whether the block is canonical (mesh_block.h) and its vertices are numbered by place more or less already, as keys by
+/// bricks and leaves number them: the corners of most faces are then few numbers apart.
+bool lies_in_order(const MeshBlock& block) {
+  constexpr std::uint32_t kFew = 512;
+  constexpr std::size_t kMost = 8;  // one face in so many may be far apart
+  std::size_t far = 0;
+  const std::array<std::uint32_t, 3>* before = nullptr;
+  for (const auto& f : block.faces) {
+    if (f[1] < f[0] || f[2] < f[0] || (before && f < *before)) return false;
+    far += std::max(f[1], f[2]) - f[0] > kFew;
+    before = &f;
+  }
+  return far * kMost <= block.faces.size();
+}
+
 }  // namespace
 
-CollapseMesh::CollapseMesh(const MeshBlock& block, const Double3& origin) {
+CollapseMesh::CollapseMesh(const MeshBlock& block, const Double3& origin, Order order) {
   std::vector<std::uint32_t> place;
-  number_vertices(block, origin, place);
-  fill_faces(block, place);
+  number_vertices(block, origin, order, place);
+  if (place.empty())
+    copy_faces(block);
+  else
+    fill_faces(block, place);
   match_edges(block);
   find_fans();
 }
 
-void CollapseMesh::number_vertices(const MeshBlock& block, const Double3& origin,
+namespace {
+
+CollapseFace face_of(const MeshBlock& block, std::size_t f, std::size_t first) {
+  constexpr unsigned kBordersAndCreases = 0xe7;
+  const unsigned flags = block.face_flags[f];
+  CollapseFace face{{0, 0, 0},
+                    flags & kFaceSynthetic ? unsigned{kStateSynthetic} : 0u,
+                    {kNoCorner, kNoCorner, kNoCorner},
+                    block.face_bound.empty() ? 0.0f : block.face_bound[f]};
+  if (flags & kFaceSettled) face.state |= kStateSettled;
+  if ((flags & kBordersAndCreases) == 0) return face;
+  for (std::size_t i = 0; i < 3; ++i) {
+    const std::size_t from = first + i < 3 ? first + i : first + i - 3;
+    if (flags & kFlagOppositeCorner[from]) face.state |= kStateBorder << i;
+    if (flags & kFlagOppositeCorner[from] << 5) face.state |= kStateCrease << i;
+  }
+  return face;
+}
+
+}  // namespace
+
+/// \param place  of each vertex of the block; left empty where they stay as they are
+void CollapseMesh::number_vertices(const MeshBlock& block, const Double3& origin, Order asked,
                                    std::vector<std::uint32_t>& place) {
   const std::size_t n = block.position.size();
-  const std::vector<std::uint64_t> order =
-      in_morton_order(n, [&](std::size_t v) { return block.position[v] - origin; });
-  place.resize(n);
   block_vertex_.resize(n);
   vertices_.resize(n);
   state_.assign(n, 0);
   corner_.assign(n, kNoCorner);
-  for (std::size_t i = 0; i < n; ++i) {
-    const auto v = static_cast<std::uint32_t>(order[i]);
-    block_vertex_[i] = v;
-    place[v] = static_cast<std::uint32_t>(i);
-    const Double3& p = block.position[v];
-    vertices_[i].at = p - origin;
+  if (asked == Order::kNearEnough && lies_in_order(block)) {
+    std::iota(block_vertex_.begin(), block_vertex_.end(), 0u);
+  } else {
+    const std::vector<std::uint64_t> order =
+        in_morton_order(n, [&](std::size_t v) { return block.position[v] - origin; });
+    place.resize(n);
+    for (std::size_t i = 0; i < n; ++i) {
+      block_vertex_[i] = static_cast<std::uint32_t>(order[i]);
+      place[block_vertex_[i]] = static_cast<std::uint32_t>(i);
+    }
+  }
+  for (std::size_t i = 0; i < n; ++i) vertices_[i].at = block.position[block_vertex_[i]] - origin;
+}
+
+void CollapseMesh::copy_faces(const MeshBlock& block) {
+  faces_.resize(block.faces.size());
+  for (std::size_t f = 0; f < faces_.size(); ++f) {
+    faces_[f] = face_of(block, f, 0);
+    std::copy(block.faces[f].begin(), block.faces[f].end(), faces_[f].vertex);
   }
 }
 
@@ -81,20 +132,11 @@ void CollapseMesh::fill_faces(const MeshBlock& block, const std::vector<std::uin
   for (std::size_t f = 0; f < m; ++f) {
     const auto& t = block.faces[f];
     CollapseFace& face = faces_[begin[lowest(t)]++];
-    const unsigned flags = block.face_flags[f];
-    face.state = flags & kFaceSynthetic ? unsigned{kStateSynthetic} : 0u;
-    if (flags & kFaceSettled) face.state |= kStateSettled;
     // The lowest vertex first, so that the order of the input leaves no trace.
     const std::size_t first =
         place[t[0]] < place[t[1]] ? (place[t[0]] < place[t[2]] ? 0 : 2) : (place[t[1]] < place[t[2]] ? 1 : 2);
-    for (std::size_t i = 0; i < 3; ++i) {
-      const std::size_t from = first + i < 3 ? first + i : first + i - 3;
-      face.vertex[i] = place[t[from]];
-      face.opposite[i] = kNoCorner;
-      if (flags & kFlagOppositeCorner[from]) face.state |= kStateBorder << i;
-      if (flags & kFlagOppositeCorner[from] << 5) face.state |= kStateCrease << i;
-    }
-    face.bound = block.face_bound.empty() ? 0.0f : block.face_bound[f];
+    face = face_of(block, f, first);
+    for (std::size_t i = 0; i < 3; ++i) face.vertex[i] = place[t[first + i < 3 ? first + i : first + i - 3]];
   }
   for (std::size_t f = 0; f < m;) {
     std::size_t end = f + 1;
@@ -107,48 +149,35 @@ void CollapseMesh::fill_faces(const MeshBlock& block, const std::vector<std::uin
 }
 
 void CollapseMesh::match_edges(const MeshBlock& block) {
-  // Edges grouped by their lower vertex (counting sort), then by the higher one.
+  // Edges by their lower vertex, in lists that are short.
   struct Edge {
-    std::uint32_t high, corner;
+    std::uint64_t high;  ///< the other vertex, and below it the direction
+    std::uint32_t corner, next;
   };
-  const std::size_t n = vertices_.size();
-  Lists<Edge> edges = make_lists<Edge>(n, [&](const auto& put) {
-    for (std::uint32_t f = 0; f < faces_.size(); ++f)
-      for (std::uint32_t i = 0; i < 3; ++i) {
-        const std::uint32_t a = faces_[f].vertex[i == 2 ? 0 : i + 1],
-                            b = faces_[f].vertex[i == 0 ? 2 : i - 1];
-        put(std::min(a, b), {std::max(a, b), 4 * f + i});
+  std::vector<std::uint32_t> head(vertices_.size(), kNoCorner);
+  std::vector<Edge> edges;
+  edges.reserve(faces_.size() * 3 / 2 + vertices_.size() / 8);
+  for (std::uint32_t f = 0; f < faces_.size(); ++f)
+    for (std::uint32_t i = 0; i < 3; ++i) {
+      const std::uint32_t a = faces_[f].vertex[i == 2 ? 0 : i + 1], b = faces_[f].vertex[i == 0 ? 2 : i - 1],
+                          low = std::min(a, b), corner = 4 * f + i;
+      const std::uint64_t high = std::uint64_t{std::max(a, b)} << 1 | (a < b);
+      std::uint32_t at = head[low];
+      while (at != kNoCorner && (edges[at].high ^ high) > 1) at = edges[at].next;
+      if (at == kNoCorner) {
+        edges.push_back({high, corner, head[low]});
+        head[low] = static_cast<std::uint32_t>(edges.size() - 1);
+        continue;
       }
-  });
-  const auto bad = [&](std::size_t low, std::uint32_t high) {
-    return InputError("decimation: the edge between vertices " +
-                      std::to_string(block.key[block_vertex_[low]]) + " and " +
-                      std::to_string(block.key[block_vertex_[high]]) +
-                      " has more than two faces, or two of the same direction; import the mesh first");
-  };
-  for (std::size_t v = 0; v < n; ++v) {
-    const std::span<Edge> of = edges[v];
-    // A vertex has few: comparing all is faster than sorting.
-    if (of.size() > 32)
-      std::sort(of.begin(), of.end(), [](const Edge& a, const Edge& b) {
-        return a.high != b.high ? a.high < b.high : a.corner < b.corner;
-      });
-    for (std::size_t i = 0; i < of.size(); ++i) {
-      const std::uint32_t one = of[i].corner;
-      for (std::size_t j = i + 1; j < of.size(); ++j) {
-        if (of[j].high != of[i].high) {
-          if (of.size() > 32) break;
-          continue;
-        }
-        const std::uint32_t other = of[j].corner;
-        if (opposite(one) != kNoCorner || opposite(other) != kNoCorner ||
-            vertex(next_corner(one)) != vertex(prev_corner(other)))
-          throw bad(v, of[i].high);
-        faces_[one >> 2].opposite[one & 3u] = other;
-        faces_[other >> 2].opposite[other & 3u] = one;
-      }
+      const std::uint32_t other = edges[at].corner;
+      if (edges[at].high == high || opposite(other) != kNoCorner)
+        throw InputError("decimation: the edge between vertices " +
+                         std::to_string(block.key[block_vertex_[low]]) + " and " +
+                         std::to_string(block.key[block_vertex_[high >> 1]]) +
+                         " has more than two faces, or two of the same direction; import the mesh first");
+      faces_[f].opposite[i] = other;
+      faces_[other >> 2].opposite[other & 3u] = corner;
     }
-  }
 }
 
 /// One corner per vertex, the first of its fan; a vertex with corners outside its fan is pinched.

@@ -74,10 +74,14 @@ struct alignas(32) CollapseVertex {
 
 class CollapseMesh {
  public:
-  /// Takes over the block with vertices and faces in Morton order of their places, for the caches.
+  enum class Order : std::uint8_t {
+    kByPlace,    ///< Morton order of the places of vertices, for the caches
+    kNearEnough  ///< the order of the block where that is canonical and comes close to one of places
+  };
+  /// Takes over the block with vertices and faces in this order.
   /// \param origin  subtracted from all positions
   /// \throws InputError  an edge with more than two faces, or two in the same direction
-  CollapseMesh(const MeshBlock& block, const Double3& origin);
+  CollapseMesh(const MeshBlock& block, const Double3& origin, Order order = Order::kByPlace);
 
   std::size_t vertices() const { return vertices_.size(); }
   std::uint32_t vertex(std::uint32_t c) const { return faces_[c >> 2].vertex[c & 3u]; }
@@ -144,7 +148,9 @@ class CollapseMesh {
   void sort_by_place(std::vector<std::uint32_t>& kept);
 
  private:
-  void number_vertices(const MeshBlock& block, const Double3& origin, std::vector<std::uint32_t>& place);
+  void number_vertices(const MeshBlock& block, const Double3& origin, Order order,
+                       std::vector<std::uint32_t>& place);
+  void copy_faces(const MeshBlock& block);
   void fill_faces(const MeshBlock& block, const std::vector<std::uint32_t>& place);
   void match_edges(const MeshBlock& block);
   void find_fans();

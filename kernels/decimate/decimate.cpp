@@ -146,7 +146,10 @@ DecimateReport decimate(MeshBlock& block, const MeshBlock& reference, const Deci
     }
   report.flat_faces = mend_flat_faces(block);
   if (block.faces.empty()) return report;
-  CollapseMesh mesh(block, origin);
+  // Sweeps go by places; where there are none, sorting gains nothing.
+  const bool fresh = std::all_of(block.face_bound.begin(), block.face_bound.end(),
+                                 [](float bound) { return !(bound > 0.0f); });
+  CollapseMesh mesh(block, origin, fresh ? CollapseMesh::Order::kByPlace : CollapseMesh::Order::kNearEnough);
   {
     std::optional<CollapseMesh> apart;
     std::vector<std::uint32_t> reference_vertex(mesh.vertices());
@@ -158,7 +161,7 @@ DecimateReport decimate(MeshBlock& block, const MeshBlock& reference, const Deci
       check_sizes(reference, "reference");
       if (!std::is_sorted(reference.key.begin(), reference.key.end()))
         throw InputError("decimation: the keys of the reference must ascend");
-      apart.emplace(reference, origin);
+      apart.emplace(reference, origin, CollapseMesh::Order::kNearEnough);
       std::vector<std::uint32_t> same(apart->vertices());
       std::iota(same.begin(), same.end(), 0u);
       sharp = sharp_vertices(*apart, options.feature_angle_deg);
