@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "octree/rounding.h"
+
 namespace tessera {
 
 Decimator::Decimator(CollapseMesh& mesh, const CollapseMesh& reference,
@@ -19,11 +21,19 @@ Decimator::Decimator(CollapseMesh& mesh, const CollapseMesh& reference,
              options.placement == DecimatePlacement::kEndpoint && !(options.colour_weight > 0.0)),
       quadric_(mesh.vertices()),
       mark_(mesh.vertices(), 0),
+      lanes_(options.tolerance > 0.0 ? options.tolerance : 1.0, options.min_roundness),
       reference_vertex_(std::move(reference_vertex)) {
   if (options.tolerance > 0.0) reference_gap_ = ReferenceGap(reference, options.max_normal_turn_deg > 0.0);
   if (options.priority == DecimatePriority::kNormalDeviation) normal_sum_.resize(mesh.vertices());
   if (options.max_normal_turn_deg > 0.0) least_cosine_ = cosine_of_degrees(options.max_normal_turn_deg);
   accumulate_quadrics();
+}
+
+/// The star, in lanes too where costs and tests are those that these have.
+bool Decimator::gather(std::uint32_t u, Star& star) {
+  if (!mesh_.gather(u, star)) return false;
+  in_lanes_ = plain_ && lanes_.load(mesh_, u, star);
+  return true;
 }
 
 bool Decimator::allowed_by_features(std::uint32_t u, const Star& star, std::size_t at) const {
@@ -104,6 +114,18 @@ Decimator::Refusal Decimator::check_faces(std::uint32_t u, const Star& star, std
 Decimator::Refusal Decimator::check(std::uint32_t u, const Star& star, std::size_t at_ring) {
   moves_ = false;
   if (!linked(star, at_ring)) return Refusal::kLink;
+  if (in_lanes_ && options_.tolerance > 0.0 && least_cosine_ <= -1.0 &&
+      (mesh_.state(u) & kVertexCrease) == 0) {
+    double gap = 0.0;
+    const StarLanes::Answer answer = lanes_.judge(at_ring, gap);
+    if (answer == StarLanes::Answer::kRefused) return Refusal::kFold;
+    if (answer == StarLanes::Answer::kGood) {
+      new_bound_ = rounded_up(largest_bound(star) + gap);
+      if (static_cast<double>(new_bound_) <= options_.tolerance) return Refusal::kNone;
+      lay_rim(star, at_ring);
+      return ask_reference(u, star, at_ring, false, 0.0);
+    }
+  }
   if (options_.placement == DecimatePlacement::kOptimal && check_optimal(u, star, at_ring)) {
     moves_ = true;
     return Refusal::kNone;
@@ -148,7 +170,7 @@ void Decimator::seed_queue() {
   Star star;
   for (std::uint32_t u = 0; u < mesh_.vertices(); ++u) {
     if (mesh_.state(u) & kVertexKept) continue;
-    if (!mesh_.gather(u, star)) continue;
+    if (!gather(u, star)) continue;
     bool settled = true;
     for (std::size_t i = 0; i < star.faces; ++i) settled = settled && mesh_.settled(star.corner[i] >> 2);
     if (settled) continue;
@@ -181,7 +203,7 @@ void Decimator::run(DecimateReport& report) {
       report.stop = DecimateStop::kCostLimit;
       break;
     }
-    if ((mesh_.state(u) & kVertexDead) || !mesh_.gather(u, star)) continue;
+    if ((mesh_.state(u) & kVertexDead) || !gather(u, star)) continue;
     const std::size_t n = list_candidates(u, star, list);
     for (std::size_t i = 0; i < n; ++i) {
       const std::uint32_t cls = cost_class(next_candidate(list, i, n).cost, kCostClasses);

@@ -17,6 +17,7 @@
 #include "kernels/decimate/decimate.h"
 #include "kernels/decimate/quadric.h"
 #include "kernels/decimate/reference_gap.h"
+#include "kernels/decimate/star_lanes.h"
 
 namespace tessera {
 
@@ -80,7 +81,17 @@ class Decimator {
   bool sweeps() const;
   void sweep_all(DecimateReport& report);
   void sweep(double most_cost, std::vector<float>& least, DecimateReport& report);
+  bool gather(std::uint32_t u, Star& star);
+  StarLanes::Cheapest find_cheapest(std::uint32_t u, const Star& star);
   bool check_cheap(std::uint32_t u, const Star& star, std::size_t at);
+  double largest_bound(const Star& star) const {
+    float bound = 0.0f;
+    for (std::size_t i = 0; i < star.faces; ++i) {
+      const float own = mesh_.face(star.corner[i] >> 2).bound;
+      bound = own > bound ? own : bound;
+    }
+    return static_cast<double>(bound);
+  }
   void compact(std::vector<float>& least);
   void seed_queue();
   void settle_faces();
@@ -112,12 +123,14 @@ class Decimator {
   bool linked(const Star& star, std::size_t at);
   Refusal check_faces(std::uint32_t u, const Star& star, std::size_t at) const;
   bool bound_by_sum(std::uint32_t u, const Star& star, std::size_t at);
+  void lay_rim(const Star& star, std::size_t at);
   bool may_move(std::uint32_t u, std::uint32_t v) const;
   Double3 best_place(const Quadric& q, std::uint32_t u, std::uint32_t v) const;
   Double3 as_stored(const Double3& p) const;
   bool check_optimal(std::uint32_t u, const Star& star, std::size_t at);
   void move_vertex(std::uint32_t u, std::uint32_t v);
   Refusal check_gap(std::uint32_t u, const Star& star, std::size_t at);
+  Refusal ask_reference(std::uint32_t u, const Star& star, std::size_t at, bool short_sum, double line_gap);
   void make_side(const Star& star, std::uint32_t v, std::size_t from, std::size_t to, bool v_first,
                  RimLoop& loop) const;
   void add_rim(std::uint32_t v, std::uint32_t w, std::uint32_t corner, RimLoop& loop) const;
@@ -138,6 +151,8 @@ class Decimator {
   CostQueue<kCostClasses> queue_;
   std::vector<NormalSum> normal_sum_;  ///< kNormalDeviation only
   // Of the candidate at hand.
+  StarLanes lanes_;
+  bool in_lanes_ = false;  ///< they hold the star that was gathered last
   RimLoop loops_[2];
   std::size_t sides_ = 0, flat_edge_[2] = {kNoFlatEdge, kNoFlatEdge};
   Foot foot_;

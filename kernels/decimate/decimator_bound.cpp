@@ -39,6 +39,16 @@ void Decimator::add_rim(std::uint32_t v, std::uint32_t w, std::uint32_t corner, 
   loop.at[loop.size++] = mesh_.at(w) - mesh_.at(v);
 }
 
+/// The rim of a closed star as the only loop.
+void Decimator::lay_rim(const Star& star, std::size_t at_ring) {
+  sides_ = 1;
+  flat_edge_[0] = kNoFlatEdge;
+  RimLoop& loop = loops_[0];
+  loop.clear();
+  for (std::size_t n = 0, i = at_ring; n < star.faces; ++n, i = i + 1 < star.faces ? i + 1 : 0)
+    add_rim(star.ring[at_ring], star.ring[i], star.corner[i], loop);
+}
+
 /// Lays out the rim loops of the collapse and bounds the distance by adding what it moves to what was before.
 /// \return false where it folds
 bool Decimator::bound_by_sum(std::uint32_t u, const Star& star, std::size_t at_ring) {
@@ -79,19 +89,13 @@ bool Decimator::bound_by_sum(std::uint32_t u, const Star& star, std::size_t at_r
     gap += norm(from - foot);
     foot_ = {star.ring[far], v, v, std::clamp(dot(from, edge) / size2, 0.0, 1.0), 0.0};
   } else {
-    RimLoop& loop = loops_[sides_++];
-    loop.clear();
-    for (std::size_t n = 0, i = at_ring; n < size; ++n, i = i + 1 < size ? i + 1 : 0)
-      add_rim(v, star.ring[i], star.corner[i], loop);
+    lay_rim(star, at_ring);
     FanFoot foot;
-    if (!fan_gap(loop, pu - pv, kNoFlatEdge, gap, &foot)) return false;
+    if (!fan_gap(loops_[0], pu - pv, kNoFlatEdge, gap, &foot)) return false;
     const auto ring_at = [&](std::size_t i) { return star.ring[(at_ring + i) % size]; };
     foot_ = {ring_at(foot.sector), ring_at(foot.sector + 1), v, foot.first, foot.second};
   }
-  double bound = 0.0;
-  for (std::size_t i = 0; i < star.faces; ++i)
-    bound = std::fmax(bound, static_cast<double>(mesh_.face(star.corner[i] >> 2).bound));
-  new_bound_ = rounded_up(bound + gap * (1.0 + 1e-12));
+  new_bound_ = rounded_up(largest_bound(star) + gap * (1.0 + 1e-12));
   return true;
 }
 
@@ -133,6 +137,14 @@ Decimator::Refusal Decimator::check_gap(std::uint32_t u, const Star& star, std::
     if (!known && !short_sum) return Refusal::kTolerance;
   }
   if (short_sum && least_cosine_ <= -1.0) return Refusal::kNone;
+  return ask_reference(u, star, at_ring, short_sum, exact);
+}
+
+/// \param short_sum  the sum of bounds is within the tolerance \param line_gap  of the line that u lies on
+Decimator::Refusal Decimator::ask_reference(std::uint32_t u, const Star& star, std::size_t at_ring,
+                                            bool short_sum, double line_gap) {
+  const bool on_line = (mesh_.state(u) & (kVertexBorder | kVertexCrease)) != 0;
+  double exact = line_gap;
   // Sums of bounds grow faster than the distance itself: ask the reference.
   if (reference_vertex_[u] == kNoCorner) return Refusal::kTolerance;
   ++exact_tests_;

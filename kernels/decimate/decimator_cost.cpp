@@ -150,6 +150,14 @@ std::size_t Decimator::list_candidates(std::uint32_t u, const Star& star,
   std::size_t n = 0;
   const Quadric q = quadric_[u];
   const Double3 from = mesh_.at(u);
+  if (in_lanes_) {
+    std::array<double, 8> costs;
+    lanes_.costs(q, from, costs);
+    for (std::size_t i = 0; i < star.ring_size(); ++i)
+      if (allowed_by_features(u, star, i))
+        list[n++] = {costs[i], star.ring[i], static_cast<std::uint32_t>(i)};
+    return n;
+  }
   for (std::size_t i = 0; i < star.ring_size(); ++i) {
     if (!allowed_by_features(u, star, i)) continue;
     const double c = plain_ ? plain_cost(q, from, star.ring[i]) : cost(u, q, star, i);

@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "kernels/decimate/decimator.h"
+#include "octree/rounding.h"
 
 namespace tessera {
 namespace {
@@ -32,9 +33,12 @@ void Decimator::sweep_all(DecimateReport& report) {
       kFirstLimit * options_.tolerance * options_.tolerance * area_ / static_cast<double>(mesh_.vertices());
   const std::size_t before = mesh_.vertices();
   std::vector<float> least(mesh_.vertices(), 0.0f);
+  std::size_t removed = report.collapses;
   for (int i = 0; i < kSweeps; ++i, limit *= kLimitGrowth) {
     sweep(limit, least, report);
+    if (i + 1 < kSweeps && 2 * (report.collapses - removed) < mesh_.vertices()) continue;
     compact(least);
+    removed = report.collapses;
   }
   if (mesh_.vertices() * kLeastGain > before) return;
   coarse_gap_ = ReferenceGap(mesh_);
@@ -52,35 +56,55 @@ void Decimator::sweep(double most_cost, std::vector<float>& least, DecimateRepor
     // Creases are held to half the tolerance, by tests of their own.
     if (static_cast<double>(least[u]) >= most_cost || (mesh_.state(u) & (kVertexKept | kVertexCrease)))
       continue;
-    if (!mesh_.gather(u, star)) continue;
-    const Quadric q = quadric_[u];
-    const Double3 from = mesh_.at(u);
-    double best = static_cast<double>(kRefused);
-    std::size_t at = 0;
-    for (std::size_t i = 0; i < star.ring_size(); ++i) {
-      if (!allowed_by_features(u, star, i)) continue;
-      const double c = plain_ ? plain_cost(q, from, star.ring[i]) : cost(u, q, star, i);
-      if (c < best) best = c, at = i;
-    }
-    least[u] = static_cast<float>(best);
-    if (!(best < most_cost)) continue;
+    if (!gather(u, star)) continue;
+    const StarLanes::Cheapest best = find_cheapest(u, star);
+    least[u] = static_cast<float>(best.cost);
+    if (!(best.cost < most_cost)) continue;
     ++report.candidates;
-    if (!check_cheap(u, star, at)) {
+    if (!check_cheap(u, star, best.at)) {
       least[u] = kRefused;
       continue;
     }
-    remove(u, star, at);
+    remove(u, star, best.at);
     ++report.collapses;
-    report.cost_histogram[cost_class(best, kCostClasses)] += star.closed ? 2 : 1;
+    report.cost_histogram[cost_class(best.cost, kCostClasses)] += star.closed ? 2 : 1;
     for (std::size_t i = 0; i < star.ring_size(); ++i)
       least[star.ring[i]] = star.ring[i] > u ? kTouched : 0.0f;
   }
 }
 
+/// The cheapest collapse that lines allow; one of kRefused where there is none.
+StarLanes::Cheapest Decimator::find_cheapest(std::uint32_t u, const Star& star) {
+  if (in_lanes_) {
+    const StarLanes::Cheapest best = lanes_.cheapest(quadric_[u], mesh_.at(u));
+    if (allowed_by_features(u, star, best.at)) return best;
+  }
+  StarLanes::Cheapest best{static_cast<double>(kRefused), 0};
+  const Quadric q = quadric_[u];
+  const Double3 from = mesh_.at(u);
+  for (std::size_t i = 0; i < star.ring_size(); ++i) {
+    if (!allowed_by_features(u, star, i)) continue;
+    const double c = plain_ ? plain_cost(q, from, star.ring[i]) : cost(u, q, star, i);
+    if (c < best.cost) best = {c, i};
+  }
+  return best;
+}
+
 bool Decimator::check_cheap(std::uint32_t u, const Star& star, std::size_t at_ring) {
   moves_ = false;
-  return linked(star, at_ring) && check_faces(u, star, at_ring) == Refusal::kNone &&
-         bound_by_sum(u, star, at_ring) && static_cast<double>(new_bound_) <= kMostBound * options_.tolerance;
+  if (!linked(star, at_ring)) return false;
+  const double most = kMostBound * options_.tolerance;
+  if (in_lanes_) {
+    double gap = 0.0;
+    const StarLanes::Answer answer = lanes_.judge(at_ring, gap);
+    if (answer == StarLanes::Answer::kRefused) return false;
+    if (answer == StarLanes::Answer::kGood) {
+      new_bound_ = rounded_up(largest_bound(star) + gap);
+      return static_cast<double>(new_bound_) <= most;
+    }
+  }
+  return check_faces(u, star, at_ring) == Refusal::kNone && bound_by_sum(u, star, at_ring) &&
+         static_cast<double>(new_bound_) <= most;
 }
 
 void Decimator::compact(std::vector<float>& least) {
