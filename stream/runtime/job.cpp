@@ -105,11 +105,11 @@ class Driver {
 
   void run() {
     const std::size_t last = job_.only_stages > 0 ? job_.only_stages : job_.stages.size();
+    // Of earlier runs: the work directory is locked, and what this run commits it knows itself.
+    const Journal journal = read_journal(journal_folder_);
+    if (journal.damaged_lines > 0)
+      log_.warn("{} damaged journal lines: their tasks are done again", journal.damaged_lines);
     for (std::size_t s = 0; s < last;) {
-      const Journal journal = read_journal(journal_folder_);
-      if (journal.damaged_lines > 0) {
-        log_.warn("{} damaged journal lines: their tasks are done again", journal.damaged_lines);
-      }
       std::vector<StageRecords> found;
       std::size_t next = resume_.complete_until(journal, s, basis_, found);
       if (next == job_.stages.size() && s < next && !output_stands(journal, basis_)) {
