@@ -104,21 +104,21 @@ std::vector<std::uint32_t> turned_over(const TurningBase& base, std::span<const 
   return out;
 }
 
-std::size_t set_upright(const TurningBase& base, std::vector<Double3>& posed) {
+UprightReport set_upright(const TurningBase& base, std::vector<Double3>& posed) {
   std::vector<std::uint32_t> faces = turned_over(base, posed);
-  if (faces.empty()) return 0;
+  UprightReport report{faces.size(), faces.size()};
+  if (faces.empty()) return report;
   const Lists<Spoke> edges = spokes(base);
   std::vector<Double3> trial = posed;
-  std::size_t fewest = faces.size();
   for (int round = 0; round < kRounds && !faces.empty(); ++round) {
     const int rings = kFirstRings << round;
     relax(base, edges, around(base, edges, faces, rings), kSweepsPerRing * rings, trial);
     faces = turned_over(base, trial);
-    if (faces.size() >= fewest) continue;
-    fewest = faces.size();
+    if (faces.size() >= report.left) continue;
+    report.left = faces.size();
     posed = trial;
   }
-  return fewest;
+  return report;
 }
 
 }  // namespace tessera

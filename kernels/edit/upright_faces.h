@@ -26,10 +26,14 @@ struct TurningBase {
 /// vertices. Faces without area do not turn.
 std::vector<std::uint32_t> turned_over(const TurningBase& base, std::span<const Double3> posed);
 
+/// Faces that were turned over, and that are.
+struct UprightReport {
+  std::size_t before = 0, left = 0;
+};
+
 /// Relaxes free vertices within more and more rings around faces that are turned over until none is left, a fixed number of times;
 /// keeps what leaves the fewest. Nothing else moves.
-/// \return faces that stay turned over
-std::size_t set_upright(const TurningBase& base, std::vector<Double3>& posed);
+UprightReport set_upright(const TurningBase& base, std::vector<Double3>& posed);
 
 /// Upper bound of what set_upright() allocates.
 constexpr std::uint64_t upright_bytes(std::uint64_t vertices, std::uint64_t faces) {

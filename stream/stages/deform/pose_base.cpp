@@ -67,8 +67,9 @@ PosedBase pose_base(const DeformBasis& basis, std::span<const Placement> pose,
   std::vector<std::uint8_t> free;
   for (const std::int32_t role : basis.edit.role) free.push_back(role == kSupportVertex);
   const TurningBase turning{at, faces, free, turn};
-  told["base_flipped_by_turns"] = turned_over(turning, out.position).size();
-  out.flipped = set_upright(turning, out.position);
+  const UprightReport turned = set_upright(turning, out.position);
+  told["base_flipped_by_turns"] = turned.before;
+  out.flipped = turned.left;
   check_stop();
   const std::vector<std::uint8_t> watched = watched_faces(basis);
   std::optional<std::size_t> crossing;
@@ -89,7 +90,7 @@ PosedBase pose_base(const DeformBasis& basis, std::span<const Placement> pose,
                        {"volumes_off", report.off_after},
                        {"seconds", since(begun)}};
     check_stop();
-    const std::size_t flipped = set_upright(turning, out.position);
+    const std::size_t flipped = set_upright(turning, out.position).left;
     // Thin layers over jagged bases may come out worse than vectors leave them.
     const std::size_t by_vectors = crossing_faces(vectors, faces, watched).faces.size(),
                       by_volumes = crossing_faces(out.position, faces, watched).faces.size();

@@ -37,7 +37,7 @@ TEST_CASE("upright faces: a base that only turns stays as it is", "[unit]") {
   const Sheet s;
   std::vector<Double3> posed = s.wanted;
   CHECK(turned_over(s.base(), posed).empty());
-  CHECK(set_upright(s.base(), posed) == 0);
+  CHECK(set_upright(s.base(), posed).left == 0);
   CHECK(posed == s.wanted);
 }
 
@@ -51,7 +51,7 @@ TEST_CASE("upright faces: a fold comes out, and what is far from it keeps its bi
     const auto& f = s.at_rest.faces[j];
     CHECK((f[0] == kMiddle || f[1] == kMiddle || f[2] == kMiddle));
   }
-  CHECK(set_upright(s.base(), posed) == 0);
+  CHECK(set_upright(s.base(), posed).left == 0);
   CHECK(turned_over(s.base(), posed).empty());
   for (std::size_t v = 0; v < posed.size(); ++v) {
     const Double3& p = s.at_rest.position[v];
@@ -69,9 +69,11 @@ TEST_CASE("upright faces: what is held folds what nothing can unfold, and is cou
   for (std::size_t v = 0; v < posed.size(); ++v)
     if (s.at_rest.position[v][0] == 0.0) posed[v] = s.to.apply(s.at_rest.position[v] + Double3{30, 0, 0});
   const std::vector<Double3> before = posed;
-  const std::size_t left = set_upright(s.base(), posed);
-  CHECK(left > 0);
-  CHECK(left == turned_over(s.base(), posed).size());
+  const std::size_t folded = turned_over(s.base(), posed).size();
+  const UprightReport report = set_upright(s.base(), posed);
+  CHECK(report.before == folded);
+  CHECK(report.left > 0);
+  CHECK(report.left == turned_over(s.base(), posed).size());
   for (std::size_t v = 0; v < posed.size(); ++v)
     if (!s.free[v]) CHECK(posed[v] == before[v]);
 }
