@@ -42,6 +42,38 @@ double largest_difference(const std::vector<double>& a, const std::vector<double
   return worst;
 }
 
+/// How a surface leaves its outer boundary.
+struct Leaving {
+  double slope = 0.0, bend = 0.0;
+};
+
+/// A plane ring between radii 1 and 2, of so many cells, whose inside is lifted by 1 while the outside stays.
+Leaving leaving(int cells, int order, double smoothness) {
+  const double h = 1.0 / cells;
+  const int beyond = 4, rings = cells + 2 * beyond,
+            around = static_cast<int>(2.0 * 3.14159265358979 * 1.5 / h);
+  Surface s;
+  std::vector<std::uint8_t> free;
+  std::vector<double> values, smooth;
+  for (int i = 0; i <= rings; ++i)
+    for (int j = 0; j < around; ++j) {
+      const double r = 1.0 + (i - beyond) * h, t = 2.0 * 3.14159265358979 * j / around;
+      s.position.push_back({r * std::cos(t), r * std::sin(t), 0.0});
+      free.push_back(i > beyond && i < beyond + cells);
+      values.push_back(i <= beyond ? 1.0 : 0.0);
+      smooth.push_back(i <= beyond ? order - 1.0 : smoothness);
+    }
+  const auto at = [&](int i, int j) { return static_cast<std::uint32_t>(i * around + j % around); };
+  for (int i = 0; i < rings; ++i)
+    for (int j = 0; j < around; ++j) {
+      s.faces.push_back({at(i, j), at(i + 1, j), at(i + 1, j + 1)});
+      s.faces.push_back({at(i, j), at(i + 1, j + 1), at(i, j + 1)});
+    }
+  BoundaryModel(laplacian({s.position, s.faces}), free, smooth, {.order = order}).solve(values, 1);
+  const double f1 = values[at(beyond + cells - 1, 0)], f2 = values[at(beyond + cells - 2, 0)];
+  return {f1 / h, (f2 - 2.0 * f1) / (h * h)};
+}
+
 }  // namespace
 
 TEST_CASE("boundary model: solutions are those of the dense system", "[unit]") {
@@ -105,6 +137,30 @@ TEST_CASE("boundary model: less smoothness everywhere is a lower order", "[unit]
     CAPTURE(lower);
     CHECK(largest_difference(damped, low) < 1e-8);
     CHECK(largest_difference(damped, high) > 1e-3);
+  }
+}
+
+// What a boundary that is C^s lacks goes to zero with the cells: slopes from C^1 on, curvatures from C^2 on.
+TEST_CASE("boundary model: slopes and curvatures meet those of the boundary as cells shrink", "[unit]") {
+  struct Case {
+    int order;
+    double smoothness;
+    bool slope, bend;
+  };
+  for (const Case& c : {Case{1, 0.0, false, false}, Case{2, 0.0, false, false}, Case{2, 1.0, true, false},
+                        Case{3, 0.0, false, false}, Case{3, 1.0, true, false}, Case{3, 2.0, true, true}}) {
+    CAPTURE(c.order, c.smoothness);
+    const Leaving coarse = leaving(12, c.order, c.smoothness), fine = leaving(24, c.order, c.smoothness),
+                  finer = leaving(48, c.order, c.smoothness);
+    const double slopes = std::fabs(finer.slope / fine.slope), bends = std::fabs(finer.bend / fine.bend);
+    CAPTURE(coarse.slope, fine.slope, finer.slope, coarse.bend, fine.bend, finer.bend);
+    CHECK((slopes < 0.6) == c.slope);
+    CHECK((std::fabs(fine.slope / coarse.slope) < 0.6) == c.slope);
+    if (!c.slope) CHECK(slopes > 0.9);
+    if (!c.slope) continue;  // its curvature is that of a border: none
+    CHECK((bends < 0.7) == c.bend);
+    if (!c.bend) CHECK(bends > 0.9);
+    if (c.bend) CHECK(slopes < 0.35);
   }
 }
 
