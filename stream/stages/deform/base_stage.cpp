@@ -4,6 +4,8 @@
 #include <numeric>
 
 #include "kernels/edit/short_edges.h"
+#include "kernels/edit/thin_faces.h"
+#include "kernels/edit/upright_low_pass.h"
 #include "kernels/remesh/remesh.h"
 #include "kernels/smooth/smooth.h"
 #include "octree/error.h"
@@ -42,33 +44,9 @@ class BaseStage : public SerialStage {
     MeshBlock block = store_.load(all());
     if (block.faces.empty()) throw EmptyError("the mesh has no faces: there is nothing to deform");
     json out = {{"own", own_}};
-    std::vector<Double3> sharp;
-    if (!own_) {
-      double area = 0.0;
-      for (const auto& f : block.faces)
-        area += 0.5 * norm(triangle_normal(block.position[f[0]], block.position[f[1]], block.position[f[2]]));
-      // Two faces a vertex.
-      const double faces = 2.0 * static_cast<double>(options_.base_vertices);
-      RemeshOptions remeshing;
-      remeshing.edge = std::sqrt(kMoreFaces * 4.0 * area / (std::sqrt(3.0) * faces));
-      remeshing.tolerance = kBaseShare * remeshing.edge;
-      remeshing.float_positions = false;
-      remeshing.feature_angle_deg = kCreaseAngle;
-      remeshing.find_creases = true;
-      remeshing.max_faces = base_room(store_.face_count(), options_.base_vertices);
-      remeshing.first_key = std::uint64_t{1} << 63;
-      const MeshBlock reference = block;
-      const RemeshReport report = remesh(block, reference, remeshing);
-      context.check_stop();
-      sharp = block.position;
-      for (const SmoothRound& round : base_low_pass()) block.position = smooth_block(block, round).position;
-      out["edge"] = remeshing.edge;
-      out["decimated_faces"] = report.faces_in;
-    }
+    BaseSurface base = own_ ? BaseSurface{std::move(block.position), std::move(block.faces), {}}
+                            : even_base(std::move(block), out, context);
     context.check_stop();
-    BaseSurface base{std::move(block.position), std::move(block.faces), std::move(sharp)};
-    if (!own_)
-      merge_short_edges(base.position, base.faces, kShortest * out.at("edge").get<double>(), base.sharp);
     save_base(context.create(kBaseFile), base);
     out["vertices"] = base.position.size();
     out["faces"] = base.faces.size();
@@ -77,6 +55,43 @@ class BaseStage : public SerialStage {
   }
 
  private:
+  BaseSurface even_base(MeshBlock block, json& out, TaskContext& context) const {
+    double area = 0.0;
+    for (const auto& f : block.faces)
+      area += 0.5 * norm(triangle_normal(block.position[f[0]], block.position[f[1]], block.position[f[2]]));
+    // Two faces a vertex.
+    const double faces = 2.0 * static_cast<double>(options_.base_vertices);
+    RemeshOptions remeshing;
+    remeshing.edge = std::sqrt(kMoreFaces * 4.0 * area / (std::sqrt(3.0) * faces));
+    remeshing.tolerance = kBaseShare * remeshing.edge;
+    remeshing.float_positions = false;
+    remeshing.feature_angle_deg = kCreaseAngle;
+    remeshing.find_creases = true;
+    remeshing.max_faces = base_room(store_.face_count(), options_.base_vertices);
+    remeshing.first_key = std::uint64_t{1} << 63;
+    MeshBlock reference = block;
+    const RemeshReport report = remesh(block, reference, remeshing);
+    context.check_stop();
+    ThinArea thin;
+    thin.add(block.position, block.faces);
+    out["edge"] = remeshing.edge;
+    out["decimated_faces"] = report.faces_in;
+    out["even_thin_area"] = thin.share();
+    // Wires and sheets far thinner than an edge: what comes out is no better, and may cross itself all over.
+    if (thin.share() > kMostThin && options_.base != "even" &&
+        reference.position.size() <= options_.base_vertices) {
+      out["own"] = true;
+      return {std::move(reference.position), std::move(reference.faces), {}};
+    }
+    std::vector<Double3> sharp = block.position;
+    for (const SmoothRound& round : base_low_pass()) block.position = smooth_block(block, round).position;
+    out["unsmoothed_vertices"] = undo_flattening(sharp, block.faces, block.position);
+    context.check_stop();
+    BaseSurface base{std::move(block.position), std::move(block.faces), std::move(sharp)};
+    merge_short_edges(base.position, base.faces, kShortest * remeshing.edge, base.sharp);
+    return base;
+  }
+
   std::vector<std::size_t> all() const {
     std::vector<std::size_t> patches(store_.patches().size());
     std::iota(patches.begin(), patches.end(), std::size_t{0});

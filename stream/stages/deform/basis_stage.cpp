@@ -9,6 +9,7 @@
 #include "kernels/edit/base_volume.h"
 #include "kernels/edit/crossing_faces.h"
 #include "kernels/edit/edit_regions.h"
+#include "kernels/edit/thin_faces.h"
 #include "kernels/mesh/closest_face.h"
 #include "octree/error.h"
 #include "stream/formats/meshes/mesh_io.h"
@@ -68,7 +69,10 @@ class BasisStage : public SerialStage {
     regions.loose = loose_;
     pose_of(script_, regions.handles);  // a motion of an unknown handle is told before anything is solved
     Laplacian metric = laplacian({base_.position, base_.faces});
-    const bool healed = metric.report.degenerate_faces > 0 && !script_.anisotropic;
+    ThinArea thin;
+    thin.add(base_.position, base_.faces);
+    const bool healed =
+        (metric.report.degenerate_faces > 0 || thin.share() > kMostThin) && !script_.anisotropic;
     if (healed) metric = intrinsic(base_);
     AnisotropicReport anisotropic;
     if (script_.anisotropic)

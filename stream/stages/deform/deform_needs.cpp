@@ -22,6 +22,7 @@ constexpr std::uint64_t kSlackBytes = std::uint64_t{8} << 20, kWriteSlackBytes =
 /// Bytes a vertex of the base, at the most: operators, system and factor of order 1, 2, 3 (measured on sheets and closed
 /// surfaces of 10^4 to 5 10^5 vertices), and what a column of the solution takes.
 constexpr std::uint64_t kSystemBytes[] = {1600, 3500, 6500}, kUnevenBytes = 50000;
+constexpr std::uint64_t kSystemSlackBytes = std::uint64_t{16} << 20;  ///< small ones vary more
 constexpr std::uint64_t kColumnBytes = 100, kVertexBytes = 850;
 /// Of what is kept: a vertex of the base without its columns, and with copies of it; a column with its gradients.
 constexpr std::uint64_t kKeptBytes = 80, kLevelBytes = 80, kKeptColumnBytes = 20;
@@ -52,7 +53,7 @@ std::uint64_t system_bytes(std::uint64_t vertices, const EditScript& script) {
   const bool uneven =
       script.order == 3 && std::any_of(script.regions.begin(), script.regions.end(),
                                        [](const EditRegion& r) { return r.smoothness >= 0.0; });
-  return vertices * (uneven ? kUnevenBytes : kSystemBytes[script.order - 1]);
+  return vertices * (uneven ? kUnevenBytes : kSystemBytes[script.order - 1]) + kSystemSlackBytes;
 }
 
 std::uint64_t basis_stage_bytes(std::uint64_t vertices, const EditScript& script, const RunOptions& run) {

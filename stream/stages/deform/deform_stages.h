@@ -24,9 +24,8 @@ inline const std::string kShapeFile = "shape/shape.json", kBaseFile = "base/base
 /// Waves below some six edges of a base are left to the details (thesis 5.2).
 const std::vector<SmoothRound>& base_low_pass();
 
-/// Faces are thin whose height is less than this share of their longest side; a mesh with more of its area in such faces is no
-/// base: its cotangents are nearly singular, and slivers turn over at the least bend (thesis 7.1).
-inline constexpr double kThinFace = 0.1, kMostThin = 0.1;
+/// A mesh with more of its area in thin faces (thin_faces.h) is no base.
+inline constexpr double kMostThin = 0.1;
 
 /// Whether the imported mesh is small and even enough to be its own base. \pre the shape stage is done
 bool is_own_base(const JobState& state);

@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <nlohmann/json.hpp>
 
+#include "kernels/edit/thin_faces.h"
 #include "stream/files/durable_file.h"
 #include "stream/import/import_stages.h"
 #include "stream/runtime/serial_stage.h"
@@ -26,21 +27,14 @@ class ShapeStage : public SerialStage {
     std::uint64_t vertices = 0;
     for (const MeshPatchEntry& e : store_.patches()) vertices += e.vertices;
     const bool small = vertices <= options_.base_vertices;
-    double thin = 0.0, all = 0.0;
+    ThinArea thin;
     for (std::size_t k = 0; k < store_.patches().size() && small; ++k) {
       context.check_stop();
       const MeshBlock patch = store_.load({{k}});
-      for (const auto& f : patch.faces) {
-        const Double3 &a = patch.position[f[0]], &b = patch.position[f[1]], &c = patch.position[f[2]];
-        const double twice = norm(triangle_normal(a, b, c));
-        const double longest =
-            std::max({squared_distance(a, b), squared_distance(b, c), squared_distance(c, a)});
-        all += twice;
-        if (twice < kThinFace * longest) thin += twice;
-      }
+      thin.add(patch.position, patch.faces);
       context.advance(patch.faces.size());
     }
-    const double share = all > 0.0 ? thin / all : 0.0;
+    const double share = thin.share();
     const json shape = {{"vertices", vertices},
                         {"thin_area", share},
                         {"own", options_.base != "even" && small && share <= kMostThin}};
