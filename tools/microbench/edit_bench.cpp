@@ -1,6 +1,6 @@
 // Speed of an edit's kernels, one thread: preparation and poses of a sheet of 189 x 189 vertices with three handles (16,626
 // unknowns, 15 solutions), and displacement volumes of bent tubes. Least seconds of CPU of all repetitions, the first one not counted.
-// edit_bench [order=2] [repeat=20] [around=60,120,240]...
+// edit_bench [order=2] [smoothness=order-1 of one handle] [repeat=20] [around=60,120,240]...
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -38,7 +38,7 @@ EditRegion spot(const std::string& name, double x, double y) {
   return r;
 }
 
-void bench_sheet(int order, int repeat) {
+void bench_sheet(int order, double smoothness, int repeat) {
   const test::Surface s = test::height_grid(
       188, 188.0, [](double x, double y) { return 2.0 * std::sin(x / 9.0) * std::cos(y / 7.0); });
   std::vector<EditRegion> regions(1);
@@ -47,6 +47,7 @@ void bench_sheet(int order, int repeat) {
   regions[0].point = {94, 94, 0};
   regions[0].reach = 75.3;
   regions.push_back(spot("a", 60, 94));
+  regions.back().smoothness = smoothness;
   regions.push_back(spot("b", 110, 65));
   regions.push_back(spot("c", 110, 123));
   const EditRegions resolved = resolve_regions(regions, {s.position, s.faces}, order);
@@ -135,14 +136,16 @@ void bench_tube(int around, int repeat) {
 
 int main(int argc, char** argv) {
   int order = 2, repeat = 20;
+  double smoothness = -1.0;
   std::vector<int> around;
   for (int i = 1; i < argc; ++i) {
     const std::string word = argv[i];
     if (word.rfind("order=", 0) == 0) order = std::atoi(word.c_str() + 6);
+    if (word.rfind("smoothness=", 0) == 0) smoothness = std::atof(word.c_str() + 11);
     if (word.rfind("repeat=", 0) == 0) repeat = std::atoi(word.c_str() + 7);
     if (word.rfind("around=", 0) == 0) around.push_back(std::atoi(word.c_str() + 7));
   }
   if (around.empty()) around = {48, 100, 340};
-  bench_sheet(order, repeat);
+  bench_sheet(order, smoothness, repeat);
   for (const int a : around) bench_tube(a, repeat);
 }
