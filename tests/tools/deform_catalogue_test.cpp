@@ -155,7 +155,7 @@ TEST_CASE("deform: meshes of the catalogue with edits by chance", "[pipeline]") 
     write_welded(read_whole(kSharedData / "meshes" / name), mesh);
     try_edits(mesh, 2, {}, sum);
   }
-  for (const char* name : {"beetle.obj", "bed.obj", "conrod-flipped.stl", "pickup.ply"}) {
+  for (const char* name : {"bed.obj", "conrod-flipped.stl", "pickup.ply"}) {
     const fs::path mesh = folder / (std::string(name) + ".ply");
     REQUIRE(write_closed(kSharedData / "dirty" / name, mesh, 60.0));
     try_edits(mesh, 2, {}, sum);
@@ -166,7 +166,7 @@ TEST_CASE("deform: meshes of the catalogue with edits by chance", "[pipeline]") 
     write_welded(read_whole(kSharedData / "meshes" / name), mesh);
     try_edits(mesh, 2, {"--base-vertices", "20000"}, sum);
   }
-  CHECK(sum.done >= 30);
+  CHECK(sum.done >= 28);
   CHECK(sum.turned.over == 0);
   CHECK(sum.base_flipped == 0);
 }
