@@ -2,7 +2,6 @@
 #include <catch2/catch.hpp>
 
 #include <cmath>
-#include <map>
 #include <nlohmann/json.hpp>
 
 #include "octree/error.h"
@@ -13,6 +12,7 @@
 #include "tests/helpers/mesh_files.h"
 #include "tests/helpers/random.h"
 #include "tests/helpers/skip.h"
+#include "tests/helpers/solid_command.h"
 #include "tests/helpers/temp_folder.h"
 
 namespace {
@@ -20,26 +20,6 @@ namespace {
 using namespace tessera;
 using namespace tessera::test;
 namespace fs = std::filesystem;
-
-double volume(const WholeMesh& m) {
-  double sum = 0.0;
-  for (const MeshFace& f : m.faces) sum += dot(m.points[f[0]], cross(m.points[f[1]], m.points[f[2]]));
-  return sum / 6.0;
-}
-
-/// Every edge has two faces that run along it in opposite directions.
-bool is_closed(const WholeMesh& m) {
-  std::map<std::pair<std::uint64_t, std::uint64_t>, int> runs;
-  for (const MeshFace& f : m.faces)
-    for (std::size_t k = 0; k < 3; ++k) {
-      const std::uint64_t a = f[k], b = f[(k + 1) % 3];
-      int& seen = runs[std::minmax(a, b)];
-      seen += a < b ? 1 : 1 << 8;
-    }
-  for (const auto& [edge, seen] : runs)
-    if (seen != 1 + (1 << 8)) return false;
-  return !m.faces.empty();
-}
 
 /// A ball without its cap, every triangle with corners of its own, and a box through it.
 std::string dirty_stl_like() {
@@ -83,11 +63,6 @@ std::string dirty_stl_like() {
   for (std::size_t f = 0; f < v.size(); f += 3)
     text += "3 " + std::to_string(f) + " " + std::to_string(f + 1) + " " + std::to_string(f + 2) + "\n";
   return text;
-}
-
-CommandResult solid_command(std::vector<std::string> words, unsigned kill_after_ms = 0) {
-  words.insert(words.end(), {"--no-html", "--progress", "none"});
-  return tessera_command(words, kill_after_ms);
 }
 
 }  // namespace
