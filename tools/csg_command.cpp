@@ -25,12 +25,12 @@ void run(Arguments& a) {
   require_mesh_extension(a.state.output);
   const bool is_scene = a.words.size() == 1 && a.words[0].ends_with(".json");
   const CsgScene scene = is_scene ? read_csg_scene(a.words[0]) : parse_csg_words(a.words);
+  a.state.also_read = cli::also_read({});
+  if (is_scene) a.state.also_read.emplace_back(a.words[0]);
   a.state.inputs = scene.meshes;
   a.state.inputs.insert(a.state.inputs.end(), scene.paths.begin(), scene.paths.end());
   for (const std::filesystem::path& file : a.state.inputs)
     if (!std::filesystem::exists(file)) throw InputError(file.string() + ": there is no such file");
-  a.state.also_read = cli::also_read({});
-  if (is_scene) a.state.also_read.emplace_back(a.words[0]);
   a.options.program = scene.program;
   a.state.settings = to_settings(a.options);
   const nlohmann::json report = run_job(a.state, csg_job(a.options), cli::stderr_sink());
@@ -39,6 +39,11 @@ void run(Arguments& a) {
   fmt::print("{}: {} vertices, {} faces, {} components, {}\n", a.state.output.string(),
              mesh.value("vertices", std::uint64_t{0}), mesh.value("faces", std::uint64_t{0}),
              mesh.value("components", std::uint64_t{0}), cost_text(report));
+  if (const auto dropped = mesh.value("islands_dropped", std::uint64_t{0}); dropped > 0)
+    fmt::print(
+        "{} islands of fewer than {} faces were dropped, {} faces together (--min-component 1 keeps them)\n",
+        dropped, mesh.value("min_component_faces", std::uint64_t{0}),
+        mesh.value("island_faces_dropped", std::uint64_t{0}));
 }
 
 }  // namespace

@@ -17,6 +17,7 @@ struct CsgOptions : SolidSurfaceOptions {
   /// The tree as a postfix list, which csg_scene.h makes: what is part of the job, whatever file it came from.
   std::string program;
 
+  CsgOptions() { min_component = 0; }
   void validate() const {}
 };
 OptionTable option_table(CsgOptions& options);

@@ -11,6 +11,11 @@
 #include "stream/stages/surface/write_stage.h"
 
 namespace tessera {
+namespace {
+
+constexpr std::uint64_t kCrumbFaces = 100;  ///< islands below are thinner than 3 h: a cube of 3 h has 108
+
+}  // namespace
 
 void add_surface_options(OptionTable& table, SolidSurfaceOptions& options) {
   table
@@ -27,8 +32,10 @@ void add_surface_options(OptionTable& table, SolidSurfaceOptions& options) {
       .add("feature-angle", &options.feature_angle_deg,
            "degrees between normals from which a cell holds a sharp edge")
       .within(0, 180);
-  table.add("min-component", &options.min_component, "faces; smaller islands are dropped; 1 = keep all")
-      .at_least(1);
+  table.add("min-component", &options.min_component,
+            "faces; smaller islands are dropped and counted: crumbs come off where surfaces run out into a "
+            "wedge thinner than "
+            "h; 0 = 100, which a cube of 3 h has, and the largest stays; 1 = keep all");
   table.add("offset", &options.offset,
             "units of the solids: the surface moves so far outwards, below 0 inwards; edges turned outwards "
             "come out round, grooves sharp, and the other way round inwards");
@@ -83,10 +90,11 @@ std::vector<StageEntry> solid_stages(const SolidModel& model, std::uint64_t min_
   std::vector<StageEntry> stages = solid_surface_stages(model);
   if (model.is_offset())
     stages.push_back({"offset", [model](const JobState& s) { return make_solid_offset_stage(s, model); }});
-  stages.push_back(
-      {"weld", [min_component](const JobState& s) {
-         return make_weld_stage_by(s, {min_component, "nothing is left: the solids have no common inside"});
-       }});
+  stages.push_back({"weld", [min_component](const JobState& s) {
+                      return make_weld_stage_by(
+                          s,
+                          {min_component, "nothing is left: the solids have no common inside", kCrumbFaces});
+                    }});
   stages.push_back({"write", [maker](const JobState& s) { return make_write_stage_of(s, maker); }});
   return stages;
 }

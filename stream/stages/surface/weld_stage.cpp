@@ -172,9 +172,10 @@ class WeldStage : public Stage {
       border[root[c]] += sizes[c].border;
       all_faces += sizes[c].faces;
     }
-    const std::uint64_t given = rules_.min_component;
-    const std::uint64_t limit = given != 0 ? given : automatic_min_component(all_faces);
     for (const std::uint64_t f : faces) largest = std::max(largest, f);
+    const std::uint64_t given =
+        rules_.min_component != 0 ? rules_.min_component : std::min(rules_.automatic, largest);
+    const std::uint64_t limit = given != 0 ? given : automatic_min_component(all_faces);
     Numbering numbering;
     numbering.kept.resize(root.size());
     std::uint64_t components = 0;

@@ -62,6 +62,7 @@ std::uint64_t weld_finish_bytes(std::uint64_t patches, std::uint64_t components)
 struct WeldRules {
   std::uint64_t min_component = 0;  ///< faces; 0 = automatic, and shreds go
   std::string nothing;              ///< what to say where there is no face at all
+  std::uint64_t automatic = 0;      ///< if not 0: what 0 above means; then shreds and the largest island stay
 };
 std::unique_ptr<Stage> make_weld_stage(const JobState& state);
 std::unique_ptr<Stage> make_weld_stage_by(const JobState& state, const WeldRules& rules);
