@@ -3,8 +3,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "kernels/mesh/triangle_foot.h"
-
 namespace tessera {
 namespace {
 
@@ -22,7 +20,19 @@ MeshBlock without_names(MeshBlock&& block) {
 }  // namespace
 
 double OffsetLayer::reach() const {
-  return std::isinf(low) ? std::fabs(high) : std::max(std::fabs(low), std::fabs(high));
+  return mitre * (std::isinf(low) ? std::fabs(high) : std::max(std::fabs(low), std::fabs(high)));
+}
+
+bool OffsetLayer::may_pass(double away, bool inside, double radius) const {
+  // Signed distances that may be met: outside from near / mitre to far, inside the other way round.
+  const double near = away - radius, far = away + radius;
+  double from = near > 0.0 ? near / mitre : near, to = far;
+  if (inside) {
+    to = near > 0.0 ? -near / mitre : -near;
+    from = -far;
+  }
+  const auto passes = [&](double side) { return from <= side && side <= to; };
+  return passes(high) || (!std::isinf(low) && passes(low));
 }
 
 void quantise_cells(const Lattice& lattice, const Int3& corner, MeshBlock& block) {
@@ -37,6 +47,7 @@ OffsetSampler::OffsetSampler(MeshBlock&& faces, const Int3& corner, const RowSig
                              const OffsetLayer& layer, double near)
     : faces_(without_names(std::move(faces))),
       surface_(faces_, {0, 0, 0}),
+      sheets_(layer.mitre > 1.0 ? CreaseSheets(faces_) : CreaseSheets()),
       corner_(corner),
       layer_(layer),
       near_(near),
@@ -66,22 +77,45 @@ FieldSampler::Sample OffsetSampler::at(const Int3& node, std::size_t axis, doubl
     ++end[axis];
     if (inside(end) != within) within = SignedDistance::signed_distance(p, foot) < 0.0;
   }
-  const double away = std::sqrt(foot.square), distance = within ? -away : away;
-  sample.there = true;
-  sample.value = between(distance);
+  double away = std::sqrt(foot.square);
+  sample.there = layer_.mitre == 1.0 || layer_.may_pass(away, within, kNear);
   // From the point, so that the numbers are the same in every block.
   const auto& f = faces_.faces[foot.face];
   if (away > kOnSurface) {
-    const Double3 to = foot_in_triangle({0, 0, 0}, faces_.position[f[0]] - p, faces_.position[f[1]] - p,
-                                        faces_.position[f[2]] - p)
-                           .at;
-    sample.normal = within ? to : -to;
+    const TriangleFoot on = foot_in_triangle({0, 0, 0}, faces_.position[f[0]] - p, faces_.position[f[1]] - p,
+                                             faces_.position[f[2]] - p);
+    sample.normal = within ? on.at : -on.at;
+    if (layer_.mitre > 1.0) away = mitred(f, on, away, within ? 1.0 : -1.0, sample.normal);
   } else {
     sample.normal = surface_.face_normal(foot.face);
   }
+  const double distance = within ? -away : away;
+  sample.value = between(distance);
   const bool lower = !std::isinf(layer_.low) && layer_.low - distance > distance - layer_.high;
   if (lower) sample.normal = -sample.normal;
   return sample;
+}
+
+double OffsetSampler::mitred(const std::array<std::uint32_t, 3>& face, const TriangleFoot& on, double away,
+                             double side, Double3& outward) const {
+  double most = 0.0;
+  Double3 normal;
+  const auto ask = [&](std::uint32_t vertex) {
+    for (const Double3& n : sheets_.at(vertex)) {
+      const double along = side * dot(on.at, n);  // towards the foot
+      if (along > most) most = along, normal = n;
+    }
+  };
+  const auto corner = [&](int k) { return face[static_cast<std::size_t>(k)]; };
+  if (on.corner >= 0) {
+    ask(corner(on.corner));
+  } else if (on.edge >= 0) {
+    ask(corner(on.edge)), ask(corner((on.edge + 1) % 3));
+  }
+  if (!(most > away / layer_.mitre)) return most > 0.0 ? away / layer_.mitre : away;
+  if (most >= away) return away;
+  outward = normal;
+  return most;
 }
 
 std::vector<Int3> OffsetSampler::leaves(const Int3& cells) const {
@@ -103,6 +137,7 @@ bool OffsetSampler::may_pass(const Int3& middle, int edge) const {
   if (foot.face == SignedDistance::kNone) return false;
   hint_ = foot.slot;
   const double away = std::sqrt(foot.square), distance = inside(middle) ? -away : away;
+  if (layer_.mitre > 1.0) return layer_.may_pass(away, inside(middle), radius + near_);
   return std::fabs(distance - layer_.high) <= radius + near_ ||
          (!std::isinf(layer_.low) && std::fabs(distance - layer_.low) <= radius + near_);
 }

@@ -66,8 +66,8 @@ class LatticeStage : public SerialStage {
                        number_text(kLeastWall) + " cells thick, and a cell is " +
                        number_text(plan.lattice.h) + " wide: give a --resolution of at most " +
                        number_text(model_.shell / kLeastWall));
-    if (model_.offset > 0.0)
-      for (std::size_t a = 0; a < 3; ++a) box.low[a] -= model_.offset, box.high[a] += model_.offset;
+    const double grown = std::max(0.0, model_.offset) * model_.mitre;
+    for (std::size_t a = 0; a < 3; ++a) box.low[a] -= grown, box.high[a] += grown;
     for (std::size_t a = 0; a < 3; ++a) {
       const double first = std::floor(box.low[a] / brick) - 1.0, last = std::floor(box.high[a] / brick) + 1.0;
       if (!(std::fabs(first) < 0x1p52) || !((last - first + 1.0) * kBrickCells < double{1 << kMaxCellBits}))

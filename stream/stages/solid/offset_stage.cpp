@@ -43,7 +43,7 @@ class OffsetStage : public Stage {
         const std::vector<Int3> leaves = sampler.leaves(tile.edges());
         if (leaves.empty()) continue;
         const DirectedField field =
-            build_sampled_field(tile.corner(), tile.edges(), leaves, sampler, OffsetSampler::kNear, pause);
+            build_sampled_field(tile.corner(), tile.edges(), leaves, sampler, sampler.near(), pause);
         roots += field.roots.size();
         extract_surface(field, model_.extract, [&](Patch&& patch) {
           ++patches;

@@ -38,7 +38,19 @@ void add_surface_options(OptionTable& table, SolidSurfaceOptions& options) {
             "h; 0 = 100, which a cube of 3 h has, and the largest stays; 1 = keep all");
   table.add("offset", &options.offset,
             "units of the solids: the surface moves so far outwards, below 0 inwards; edges turned outwards "
-            "come out round, grooves sharp, and the other way round inwards");
+            "come out as --corners says, grooves sharp, and the other way round inwards");
+  table
+      .add("corners", &options.corners,
+           "what an offset makes of edges and corners that it turns outwards: round, or mitre: they stay "
+           "sharp, as their faces "
+           "go on until they meet")
+      .one_of({"round", "mitre"});
+  table
+      .add("mitre-limit", &options.mitre_limit,
+           "with --corners mitre: no tip lies farther from the surface than so many offsets (2: edges down "
+           "to 60 degrees), "
+           "there it is cut off round")
+      .within(1, 10);
   table
       .add("shell", &options.shell,
            "units of the solids, at least 2 h: thickness of a wall below the surface, what lies deeper is "
@@ -52,6 +64,7 @@ void apply(const SolidSurfaceOptions& options, SolidModel& model) {
       options.method == "mc" ? ExtractMethod::kMarchingCubes : ExtractMethod::kExtendedMarchingCubes;
   model.extract.feature_angle_deg = options.feature_angle_deg;
   model.offset = options.offset;
+  model.mitre = options.corners == "mitre" ? options.mitre_limit : 1.0;
   model.shell = options.shell;
 }
 

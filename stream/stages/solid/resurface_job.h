@@ -17,6 +17,8 @@ struct SolidSurfaceOptions {
   double feature_angle_deg = 25.0;
   std::uint64_t min_component = 1;
   double offset = 0.0;
+  std::string corners = "round";
+  double mitre_limit = 2.0;
   double shell = 0.0;
 };
 void add_surface_options(OptionTable& table, SolidSurfaceOptions& options);

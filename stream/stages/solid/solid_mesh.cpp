@@ -16,6 +16,7 @@ constexpr const char* kFolder = "solid/";
 OffsetLayer SolidModel::layer(double h) const {
   OffsetLayer layer;
   layer.high = offset / h;
+  layer.mitre = mitre;
   if (shell > 0.0) layer.low = (offset - shell) / h;
   return layer;
 }

@@ -53,6 +53,7 @@ struct SolidModel {
   double resolution = 0.0;  ///< h, units of the meshes; 0 = a 300th of the diagonal
   ExtractOptions extract;
   double offset = 0.0;  ///< units of the meshes: the surface moves so far outwards
+  double mitre = 1.0;   ///< most of a mitre, in offsets; 1 = corners come out round
   double shell = 0.0;   ///< what lies deeper than this below it is hollow; 0 = nothing
   double band =
       0.0;  ///< cells: nodes so near to the surface get a distance, and there is no other result; 0 = none
