@@ -31,6 +31,11 @@ Part slab(const Double3& p, const Double3& middle, const Double3& axis, double h
   return {std::fabs(along) - half, along < 0.0 ? -axis : axis};
 }
 
+/// Of a foot on the surface, seen from a point outside.
+Part beyond(const Double3& p, const Double3& foot) {
+  return {norm(p - foot), p - foot};
+}
+
 struct Sphere {
   Double3 centre;
   double radius;
@@ -44,6 +49,13 @@ struct Box {
   Part at(const Double3& p) const {
     return larger(larger(slab(p, centre, {1, 0, 0}, half[0]), slab(p, centre, {0, 1, 0}, half[1])),
                   slab(p, centre, {0, 0, 1}, half[2]));
+  }
+  Part distance(const Double3& p) const {
+    const Part face = at(p);
+    if (!(face.value > 0.0)) return face;
+    Double3 foot;
+    for (std::size_t a = 0; a < 3; ++a) foot[a] = std::clamp(p[a], centre[a] - half[a], centre[a] + half[a]);
+    return beyond(p, foot);
   }
   Double3 middle() const { return centre; }
   Double3 reach() const { return half; }
@@ -61,6 +73,25 @@ struct Cone {
     const Double3 direction = across > 0.0 ? out / across : any_orthogonal(axis);
     return larger({(across - radius - slope * along) * tilt, direction - axis * slope},
                   slab(p, centre, axis, half));
+  }
+  Part distance(const Double3& p) const {
+    const Part face = at(p);
+    if (!(face.value > 0.0)) return face;
+    // In the half-plane through the axis and the point: the nearest of the two ends and the side.
+    const Double3 from = p - centre;
+    const double along = dot(from, axis);
+    const Double3 out = from - axis * along;
+    const double across = norm(out);
+    const Double3 direction = across > 0.0 ? out / across : any_orthogonal(axis);
+    const auto foot = [&](double a, double r) { return centre + axis * a + direction * r; };
+    const double low = radius - slope * half, high = radius + slope * half;
+    const double tilt = 1.0 + slope * slope;
+    const double on = std::clamp((along + slope * (across - radius)) / tilt, -half, half);
+    Part best = beyond(p, foot(on, radius + slope * on));
+    for (const Part& end :
+         {beyond(p, foot(half, std::min(across, high))), beyond(p, foot(-half, std::min(across, low)))})
+      if (end.value < best.value) best = end;
+    return best;
   }
   Double3 middle() const { return centre; }
   Double3 reach() const {
@@ -117,6 +148,18 @@ class Placed : public SolidShape {
     const auto& m = inverse_.matrix;
     return {m[0] * d[0] + m[3] * d[1] + m[6] * d[2], m[1] * d[0] + m[4] * d[1] + m[7] * d[2],
             m[2] * d[0] + m[5] * d[1] + m[8] * d[2]};
+  }
+  double distance(const Double3& p) const override {
+    if constexpr (requires { form_.distance(p); })
+      return form_.distance(inverse_.apply(p)).value * per_length_;
+    return value(p);
+  }
+  Double3 away(const Double3& p) const override {
+    if constexpr (requires { form_.distance(p); }) {
+      const Part part = form_.distance(inverse_.apply(p));
+      return placement_.turn(part.direction);  // a similarity turns normals as it turns lengths
+    }
+    return direction(p);
   }
   bool bounds(Double3& low, Double3& high) const override {
     if constexpr (requires { form_.reach(); }) {

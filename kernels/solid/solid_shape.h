@@ -33,6 +33,10 @@ class SolidShape {
   virtual bool holds(const Double3& p) const { return value(p) < 0.0; }
   /// Outward direction of the face that the value is of, not unit.
   virtual Double3 direction(const Double3& p) const = 0;
+  /// Signed distance, where a shape is convex or has no edges exact everywhere, and the direction in which it grows: also
+  /// beyond edges, where value() goes on with one of the faces. \pre nothing was stretched
+  virtual double distance(const Double3& p) const { return value(p); }
+  virtual Double3 away(const Double3& p) const { return direction(p); }
   /// A box that holds all of it. \returns false where there is none
   virtual bool bounds(Double3& low, Double3& high) const = 0;
   /// Where the surface passes between two points on its two sides, as a share of the way.

@@ -17,6 +17,13 @@ Placement placement_of(const json& numbers) {
   return p;
 }
 
+SolidTree::Join join_of(const json& step) {
+  const std::string word = step.at("join").get<std::string>();
+  return word == "union"          ? SolidTree::Join::kUnite
+         : word == "intersection" ? SolidTree::Join::kIntersect
+                                  : SolidTree::Join::kSubtract;
+}
+
 /// Whether what a tree leaves has an end.
 class Bounds {
  public:
@@ -34,6 +41,27 @@ class Bounds {
  private:
   std::vector<bool> stack_;
 };
+
+PlacedShape blend_of(const json& list, Bounds& bounds) {
+  PlacedShape shape;
+  shape.kind = kBlend;
+  Bounds inner;
+  for (const json& step : list) {
+    BlendStep& made = shape.steps.emplace_back();
+    if (step.contains("shape")) {
+      made.kind = step.at("shape").get<std::string>();
+      made.numbers = step.at("numbers").get<std::vector<double>>();
+      made.placement = placement_of(step.at("placement"));
+      inner.push(made.kind != "halfspace");
+    } else {
+      made.join = join_of(step);
+      made.radius = step.value("radius", 0.0);
+      inner.join(made.join);
+    }
+  }
+  bounds.push(inner.all());
+  return shape;
+}
 
 }  // namespace
 
@@ -59,21 +87,25 @@ SolidModel csg_model(const CsgOptions& options) {
       bounds.push(true);
     } else if (step.contains("mill")) {
       model.tree.push_operand(static_cast<std::uint8_t>(meshes + shapes++));
-      model.shapes.push_back({kMill, step.at("numbers").get<std::vector<double>>(),
+      model.shapes.push_back({kMill,
+                              step.at("numbers").get<std::vector<double>>(),
                               placement_of(step.at("placement")),
-                              meshes + step.at("mill").get<std::size_t>()});
+                              meshes + step.at("mill").get<std::size_t>(),
+                              {}});
       bounds.push(true);
+    } else if (step.contains("blend")) {
+      model.tree.push_operand(static_cast<std::uint8_t>(meshes + shapes++));
+      model.shapes.push_back(blend_of(step.at("blend"), bounds));
     } else if (step.contains("shape")) {
       model.tree.push_operand(static_cast<std::uint8_t>(meshes + shapes++));
       model.shapes.push_back({step.at("shape").get<std::string>(),
                               step.at("numbers").get<std::vector<double>>(),
-                              placement_of(step.at("placement")), 0});
+                              placement_of(step.at("placement")),
+                              0,
+                              {}});
       bounds.push(model.shapes.back().kind != "halfspace");
     } else {
-      const std::string word = step.at("join").get<std::string>();
-      const SolidTree::Join join = word == "union"          ? SolidTree::Join::kUnite
-                                   : word == "intersection" ? SolidTree::Join::kIntersect
-                                                            : SolidTree::Join::kSubtract;
+      const SolidTree::Join join = join_of(step);
       model.tree.push_join(join);
       bounds.join(join);
     }

@@ -157,15 +157,22 @@ class SceneFile {
     if (!n.is_object()) fail("a solid is an object, e.g. {\"mesh\": \"a.ply\"}");
     std::vector<std::string> kinds;
     for (const auto& [key, value] : n.items())
-      if (key != "translate" && key != "rotate" && key != "scale" && key != "matrix") kinds.push_back(key);
+      if (key != "translate" && key != "rotate" && key != "scale" && key != "matrix" && key != "blend")
+        kinds.push_back(key);
     if (kinds.size() > 1)
       fail("\"" + kinds[0] + "\" and \"" + kinds[1] + "\" stand in one object: a solid is one of them");
     if (kinds.empty()) fail("the scene is empty");
     const std::string& kind = kinds[0];
     const Placement here = outer.after(placement(n));
     const json& value = n.at(kind);
-    if (kind == "union" || kind == "intersection" || kind == "difference") {
+    const bool is_join = kind == "union" || kind == "intersection" || kind == "difference";
+    if (n.contains("blend") && !is_join) fail("\"blend\" stands beside union, intersection or difference");
+    if (is_join) {
       if (!value.is_array() || value.empty()) fail("\"" + kind + "\" takes a list of at least one solid");
+      if (n.contains("blend")) {
+        blend(n, kind, here);
+        return;
+      }
       for (std::size_t i = 0; i < value.size(); ++i) {
         node(value[i], here);
         if (i > 0) program_.push_back({{"join", kind}});
@@ -185,13 +192,54 @@ class SceneFile {
       if (count == 0) {
         std::string known;
         for (const std::string_view k : kShapeKinds) known.append(", ").append(k);
-        fail("\"" + kind + "\" is no solid: there are mesh, scene, union, intersection, difference, mill" +
-             known);
+        fail("\"" + kind +
+             "\" is no solid: there are mesh, scene, union, intersection, difference, mill" + known);
       }
       const std::vector<double> v = numbers(value, count, "\"" + kind + "\"");
       if (const std::string fault = shape_fault(kind, v); !fault.empty()) fail("\"" + kind + "\": " + fault);
       program_.push_back({{"shape", kind}, {"numbers", v}, {"placement", numbers_of_placement(here)}});
     }
+  }
+
+  /// What a rounded joint joins becomes one implicit solid: a list in the program's own list.
+  void blend(const json& n, const std::string& kind, const Placement& here) {
+    if (!n.at("blend").is_number() || !(n.at("blend").get<double>() > 0.0) ||
+        !std::isfinite(n.at("blend").get<double>()))
+      fail("\"blend\" takes a radius above 0");
+    if (!is_similarity(here))
+      fail("\"blend\": what is rounded may be turned, moved and scaled alike, not stretched");
+    const double radius = n.at("blend").get<double>() * here_scale(here);
+    json outer = std::move(program_);
+    program_ = json::array();
+    const json& solids = n.at(kind);
+    for (std::size_t i = 0; i < solids.size(); ++i) {
+      const std::size_t first = program_.size();
+      node(solids[i], here);
+      for (std::size_t s = first; s < program_.size(); ++s) rounds(program_[s]);
+      if (i > 0) program_.push_back({{"join", kind}, {"radius", radius}});
+    }
+    json steps = json::array();
+    for (json& step : program_)
+      if (step.contains("blend")) {
+        for (json& inner : step.at("blend")) steps.push_back(std::move(inner));
+      } else {
+        steps.push_back(std::move(step));
+      }
+    program_ = std::move(outer);
+    program_.push_back({{"blend", std::move(steps)}});
+  }
+  static double here_scale(const Placement& p) {
+    return norm(Double3{p.matrix[0], p.matrix[3], p.matrix[6]});
+  }
+  /// Whether a step's values are distances.
+  void rounds(const json& step) const {
+    if (step.contains("mesh") || step.contains(kMill))
+      fail("\"blend\" rounds joints of implicit solids alone: no mesh, scan or mill may stand in it");
+    if (!step.contains("shape")) return;
+    Placement p;
+    for (std::size_t k = 0; k < 9; ++k) p.matrix[k] = step.at("placement").at(k).get<double>();
+    if (!is_similarity(p))
+      fail("\"blend\": what is rounded may be turned, moved and scaled alike, not stretched");
   }
 
   /// {"ball": r}, {"flat": r} or {"bull": [r, rim]}, "length", "path".

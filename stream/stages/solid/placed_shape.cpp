@@ -1,6 +1,7 @@
 /// Shapes of a model, with what their files say.
 #include <cmath>
 
+#include "kernels/solid/blended_shape.h"
 #include "kernels/solid/swept_tool.h"
 #include "octree/error.h"
 #include "stream/formats/line_reader.h"
@@ -34,9 +35,26 @@ std::vector<Double3> read_tool_path(const std::filesystem::path& path) {
   return points;
 }
 
+std::unique_ptr<SolidShape> make_blend(const std::vector<BlendStep>& steps) {
+  std::vector<std::unique_ptr<SolidShape>> stack;
+  for (const BlendStep& s : steps) {
+    if (!s.kind.empty()) {
+      stack.push_back(make_shape(s.kind, s.numbers, s.placement));
+      continue;
+    }
+    if (stack.size() < 2) throw InputError("the scene is no tree of solids");
+    std::unique_ptr<SolidShape> last = std::move(stack.back());
+    stack.pop_back();
+    stack.back() = blend_shapes(std::move(stack.back()), std::move(last), s.join, s.radius);
+  }
+  if (stack.size() != 1) throw InputError("the scene is no tree of solids");
+  return std::move(stack.front());
+}
+
 }  // namespace
 
 std::unique_ptr<SolidShape> make_placed_shape(const JobState& state, const PlacedShape& shape) {
+  if (shape.kind == kBlend) return make_blend(shape.steps);
   if (shape.kind != kMill) return make_shape(shape.kind, shape.numbers, shape.placement);
   const MillingTool tool = {shape.numbers.at(0), shape.numbers.at(1), shape.numbers.at(2)};
   return std::make_unique<SweptTool>(tool, read_tool_path(state.inputs.at(shape.path)), shape.placement);

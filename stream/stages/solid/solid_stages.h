@@ -33,13 +33,23 @@ struct PlacedMesh {
   std::vector<std::size_t> inputs;
   Placement placement = {};
 };
-struct PlacedShape {
-  std::string kind;  ///< of kShapeKinds, or kMill
+/// A step of a rounded combination of shapes (blended_shape.h), in postfix order: a shape, or a joint of the last two.
+struct BlendStep {
+  std::string kind;  ///< of kShapeKinds; empty: a joint
   std::vector<double> numbers;
   Placement placement;
-  std::size_t path = 0;  ///< of a mill: input of its tool path
+  SolidTree::Join join = SolidTree::Join::kUnite;
+  double radius = 0.0;
+};
+struct PlacedShape {
+  std::string kind;  ///< of kShapeKinds, kMill or kBlend
+  std::vector<double> numbers;
+  Placement placement;
+  std::size_t path = 0;          ///< of a mill: input of its tool path
+  std::vector<BlendStep> steps;  ///< of a blend
 };
 inline constexpr const char* kMill = "mill";  ///< numbers: radius, rim and length of the tool (swept_tool.h)
+inline constexpr const char* kBlend = "blend";
 /// \throws InputError naming file and line: no numbers, no point
 std::unique_ptr<SolidShape> make_placed_shape(const JobState& state, const PlacedShape& shape);
 /// What it takes.

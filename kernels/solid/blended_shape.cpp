@@ -1,0 +1,136 @@
+#include "kernels/solid/blended_shape.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace tessera {
+namespace {
+
+constexpr int kMostSteps = 40;        ///< of Newton's; two planes take one
+constexpr double kLeastSlope = 0.25;  ///< of what a step along the curve of centres gains
+constexpr double kTouches = 1e-7;     ///< of the radius: how well the ball does once steps gain nothing more
+constexpr double kExact = 1e-13;
+constexpr double kUnderRound = 1e-6;     ///< of the radius: least value where a round covers the old surface
+constexpr double kLeastOpening = 1e-10;  ///< squared sine between normals: below it both are one surface
+
+class BlendedShape : public SolidShape {
+ public:
+  BlendedShape(std::unique_ptr<SolidShape> a, std::unique_ptr<SolidShape> b, SolidTree::Join join,
+               double radius)
+      : a_(std::move(a)),
+        b_(std::move(b)),
+        join_(join),
+        radius_(radius),
+        of_a_(join == SolidTree::Join::kUnite ? 1.0 : -1.0),
+        of_b_(join == SolidTree::Join::kIntersect ? -1.0 : 1.0),
+        of_both_(join == SolidTree::Join::kUnite ? 1.0 : -1.0) {}
+
+  double distance(const Double3& p) const override { return of_both_ * united(p).value; }
+  Double3 away(const Double3& p) const override { return united(p).direction * of_both_; }
+  bool holds(const Double3& p) const override { return of_both_ * united(p).value < 0.0; }
+  Double3 direction(const Double3& p) const override { return away(p); }
+
+  /// Never farther from zero than any surface is: behind a round other faces of thin parts may be nearer than it, but a way to
+  /// them leads through the surface that it covers.
+  double value(const Double3& p) const override {
+    double plain = 0.0;
+    const double round = united(p, &plain).value, most = std::min(std::fabs(round), std::fabs(plain));
+    const double least = std::min(std::fabs(round), kUnderRound * radius_);
+    return of_both_ * (round < 0.0 ? -std::max(most, least) : most);
+  }
+
+  bool bounds(Double3& low, Double3& high) const override {
+    if (join_ == SolidTree::Join::kSubtract) return a_->bounds(low, high);
+    Double3 other_low, other_high;
+    const bool a = a_->bounds(low, high), b = b_->bounds(other_low, other_high);
+    if (join_ == SolidTree::Join::kUnite) {
+      // A round fills no more than the hull of its parts.
+      for (std::size_t k = 0; k < 3; ++k)
+        low[k] = std::min(low[k], other_low[k]), high[k] = std::max(high[k], other_high[k]);
+      return a && b;
+    }
+    if (!a) low = other_low, high = other_high;
+    if (a && b)
+      for (std::size_t k = 0; k < 3; ++k) {
+        low[k] = std::max(low[k], other_low[k]);
+        high[k] = std::max(low[k], std::min(high[k], other_high[k]));
+      }
+    return a || b;
+  }
+
+ private:
+  struct Part {
+    double value = 0.0;
+    Double3 direction{};
+  };
+
+  Part of_a(const Double3& p) const { return {of_a_ * a_->distance(p), unit_or_zero(a_->away(p)) * of_a_}; }
+  Part of_b(const Double3& p) const { return {of_b_ * b_->distance(p), unit_or_zero(b_->away(p)) * of_b_}; }
+
+  /// Of the union of both, turned inside out where that makes the joint one.
+  /// \param[out] sharp  its value without a round
+  Part united(const Double3& p, double* sharp = nullptr) const {
+    const Part a = of_a(p), b = of_b(p);
+    const Part& plain = b.value < a.value ? b : a;
+    if (sharp) *sharp = plain.value;
+    if (radius_ == 0.0 || plain.value >= radius_) return plain;
+    Double3 centre;
+    if (!find_centre(p, a, b, centre)) return plain;
+    const Double3 way = centre - p;
+    const double far = norm(way);
+    return far > 0.0 ? Part{radius_ - far, way / far} : Part{radius_, plain.direction};
+  }
+
+  /// Where the ball nearest to a point lies. \returns false where there is none, or the point is not between its contacts
+  bool find_centre(const Double3& p, Part a, Part b, Double3& centre) const {
+    centre = p;
+    const bool outside = a.value > 0.0 && b.value > 0.0;
+    Double3 before = p;
+    double last = std::numeric_limits<double>::infinity(), rt_before = 0.0;
+    for (int step = 0; step < kMostSteps; ++step) {
+      const double g = dot(a.direction, b.direction), free = 1.0 - g * g;
+      if (!(free > kLeastOpening)) return false;
+      const Double3 along = cross(a.direction, b.direction) / std::sqrt(free);
+      const double ra = radius_ - a.value, rb = radius_ - b.value, rt = dot(p - centre, along);
+      const double off = std::max({std::fabs(ra), std::fabs(rb), std::fabs(rt)});
+      // Parts that are rounded themselves have values as exact as their own centres: no bound is small enough for all.
+      if (off <= kTouches * radius_ && (off <= kExact * radius_ || off >= 0.5 * last)) {
+        // From the centre to the point, in shares of both normals.
+        const Double3 to = centre - p;
+        const double u = dot(to, a.direction), v = dot(to, b.direction);
+        if (!(u > g * v && v > g * u)) return false;
+        // A point outside of both that lies far behind a plane of contact is on another side of a thin part.
+        return !(outside && std::max(u, v) > 2.0 * radius_);
+      }
+      last = off;
+      const double da = (ra - g * rb) / free, db = (rb - g * ra) / free;
+      // Along the curve of centres towards the point: it bends, so what was gained by the last step tells the length of this one.
+      const double moved = dot(centre - before, along);
+      double slope = 1.0;
+      if (step > 0 && std::fabs(moved) > kTouches * radius_)
+        slope = std::max(std::fabs((rt - rt_before) / moved), kLeastSlope);
+      before = centre;
+      rt_before = rt;
+      const double dt = std::clamp(rt / slope, -radius_, radius_);
+      centre = centre + a.direction * da + b.direction * db + along * dt;
+      a = of_a(centre);
+      b = of_b(centre);
+    }
+    return false;
+  }
+
+  std::unique_ptr<SolidShape> a_, b_;
+  SolidTree::Join join_;
+  double radius_;
+  double of_a_, of_b_, of_both_;
+};
+
+}  // namespace
+
+std::unique_ptr<SolidShape> blend_shapes(std::unique_ptr<SolidShape> a, std::unique_ptr<SolidShape> b,
+                                         SolidTree::Join join, double radius) {
+  return std::make_unique<BlendedShape>(std::move(a), std::move(b), join, radius);
+}
+
+}  // namespace tessera
