@@ -5,7 +5,9 @@
 
 #include "octree/error.h"
 #include "stream/formats/meshes/mesh_io.h"
+#include "stream/points/reconstruct_options.h"
 #include "stream/runtime/job_report.h"
+#include "stream/stages/reconstruct/reconstruct_job.h"
 #include "stream/stages/solid/csg_job.h"
 #include "tools/commands.h"
 #include "tools/frame/cli.h"
@@ -19,14 +21,45 @@ struct Arguments {
   JobState state;
 };
 
+/// Every scan of the scene becomes a mesh beside the output, `part.scan-1.ply` of `part.ply`, by a job of its own under the
+/// same cap; one that stands already is not made again.
+void reconstruct_scans(const JobState& state, CsgScene& scene) {
+  std::vector<std::filesystem::path> made;
+  for (const CsgScan& scan : scene.scans) {
+    JobState job = state;
+    job.inputs = scan.files;
+    for (const std::filesystem::path& file : job.inputs)
+      if (!std::filesystem::exists(file)) throw InputError(file.string() + ": there is no such file");
+    job.output.replace_extension();
+    job.output += ".scan-" + std::to_string(made.size() + 1) + ".ply";
+    job.run.report.clear();
+    job.run.until.clear();
+    job.run.page = false;
+    auto options = from_settings<ReconstructOptions>(scan.options);
+    options.validate();
+    job.settings = to_settings(options);
+    const nlohmann::json report = run_job(job, reconstruct_job(options), cli::stderr_sink());
+    made.push_back(job.output);
+    if (state.run.verbosity < 0) continue;
+    fmt::print("{}: {} faces of the scan, {}\n", job.output.string(),
+               report.at("mesh").value("faces", std::uint64_t{0}), cost_text(report));
+  }
+  for (const auto& [mesh, scan] : scene.scan_of) scene.meshes.at(mesh) = made.at(scan);
+}
+
 void run(Arguments& a) {
   cli::require_inputs(a.words);
   cli::require_output(a.state.output);
   require_mesh_extension(a.state.output);
   const bool is_scene = a.words.size() == 1 && a.words[0].ends_with(".json");
-  const CsgScene scene = is_scene ? read_csg_scene(a.words[0]) : parse_csg_words(a.words);
+  CsgScene scene = is_scene ? read_csg_scene(a.words[0]) : parse_csg_words(a.words);
   a.state.also_read = cli::also_read({});
   if (is_scene) a.state.also_read.emplace_back(a.words[0]);
+  if (!scene.scans.empty()) {
+    a.options.program = scene.program;
+    csg_model(a.options);  // what makes no sense is told before a scan is read
+    reconstruct_scans(a.state, scene);
+  }
   a.state.inputs = scene.meshes;
   a.state.inputs.insert(a.state.inputs.end(), scene.paths.begin(), scene.paths.end());
   for (const std::filesystem::path& file : a.state.inputs)

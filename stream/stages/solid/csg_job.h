@@ -3,6 +3,7 @@
 #pragma once
 #include <cstdint>
 #include <filesystem>
+#include <map>
 #include <string>
 #include <vector>
 
@@ -24,9 +25,18 @@ OptionTable option_table(CsgOptions& options);
 
 JobDescription csg_job(const CsgOptions& options);
 
+/// A scan of a scene: a mesh of it that a job of its own makes first.
+struct CsgScan {
+  std::vector<std::filesystem::path> files;
+  std::string
+      options;  ///< of `reconstruct`, as JobState::settings has them; holes are closed unless the scene says else
+  bool operator==(const CsgScan&) const = default;
+};
 /// A tree and the files that it names, in order: meshes, then tool paths.
 struct CsgScene {
   std::vector<std::filesystem::path> meshes, paths;
+  std::vector<CsgScan> scans;                  ///< each once
+  std::map<std::size_t, std::size_t> scan_of;  ///< mesh -> scan that it is to be made of; its path is empty
   std::string program;
 };
 

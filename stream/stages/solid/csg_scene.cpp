@@ -8,6 +8,7 @@
 #include "octree/error.h"
 #include "stream/files/durable_file.h"
 #include "stream/files/json_text.h"
+#include "stream/points/reconstruct_options.h"
 #include "stream/stages/solid/csg_job.h"
 
 namespace tessera {
@@ -155,6 +156,10 @@ class SceneFile {
     if (depth_ > kMostDeep)
       fail("solids stand in each other more than " + std::to_string(kMostDeep) + " deep");
     if (!n.is_object()) fail("a solid is an object, e.g. {\"mesh\": \"a.ply\"}");
+    if (n.contains("scan")) {
+      scan(n, outer.after(placement(n)));
+      return;
+    }
     std::vector<std::string> kinds;
     for (const auto& [key, value] : n.items())
       if (key != "translate" && key != "rotate" && key != "scale" && key != "matrix" && key != "blend")
@@ -193,12 +198,39 @@ class SceneFile {
         std::string known;
         for (const std::string_view k : kShapeKinds) known.append(", ").append(k);
         fail("\"" + kind +
-             "\" is no solid: there are mesh, scene, union, intersection, difference, mill" + known);
+             "\" is no solid: there are mesh, scan, scene, union, intersection, difference, mill" + known);
       }
       const std::vector<double> v = numbers(value, count, "\"" + kind + "\"");
       if (const std::string fault = shape_fault(kind, v); !fault.empty()) fail("\"" + kind + "\": " + fault);
       program_.push_back({{"shape", kind}, {"numbers", v}, {"placement", numbers_of_placement(here)}});
     }
+  }
+
+  /// {"scan": file or list of files}, and options of `reconstruct` beside it.
+  void scan(const json& n, const Placement& here) {
+    CsgScan made;
+    const json& value = n.at("scan");
+    const json files = value.is_string() ? json::array({value}) : value;
+    if (!files.is_array() || files.empty()) fail("\"scan\" takes the name of a file, or a list of them");
+    for (const json& file : files) {
+      if (!file.is_string()) fail("\"scan\" takes the name of a file, or a list of them");
+      made.files.push_back(open_.back().parent_path() / file.get<std::string>());
+    }
+    json asked = {{"holes", "close"}};
+    for (const auto& [key, v] : n.items())
+      if (key != "scan" && key != "translate" && key != "rotate" && key != "scale" && key != "matrix")
+        asked[key] = v;
+    try {
+      ReconstructOptions options;
+      option_table(options).from_json(asked);
+      made.options = to_settings(options);
+    } catch (const UsageError& wrong) {
+      fail(std::string("\"scan\": ") + wrong.what());
+    }
+    auto at = std::find(scene_.scans.begin(), scene_.scans.end(), made);
+    if (at == scene_.scans.end()) at = scene_.scans.insert(at, std::move(made));
+    scene_.scan_of[scene_.meshes.size()] = static_cast<std::size_t>(at - scene_.scans.begin());
+    push_mesh(scene_, program_, {}, here);
   }
 
   /// What a rounded joint joins becomes one implicit solid: a list in the program's own list.
