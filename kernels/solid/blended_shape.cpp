@@ -11,7 +11,8 @@ constexpr int kMostSteps = 40;        ///< of Newton's; two planes take one
 constexpr double kLeastSlope = 0.25;  ///< of what a step along the curve of centres gains
 constexpr double kTouches = 1e-7;     ///< of the radius: how well the ball does once steps gain nothing more
 constexpr double kExact = 1e-13;
-constexpr double kUnderRound = 1e-6;     ///< of the radius: least value where a round covers the old surface
+constexpr double kRoot = 1e-9;           ///< of an edge
+constexpr double kUnderRound = 1e-6;     ///< of the radius: least value, where a round may pass
 constexpr double kLeastOpening = 1e-10;  ///< squared sine between normals: below it both are one surface
 
 class BlendedShape : public SolidShape {
@@ -31,13 +32,39 @@ class BlendedShape : public SolidShape {
   bool holds(const Double3& p) const override { return of_both_ * united(p).value < 0.0; }
   Double3 direction(const Double3& p) const override { return away(p); }
 
-  /// Never farther from zero than any surface is: behind a round other faces of thin parts may be nearer than it, but a way to
-  /// them leads through the surface that it covers.
+  /// Never farther from zero than any surface is, wherever a ball fits or does not: a round lies outside of both, within its
+  /// radius of one and twice of the other.
   double value(const Double3& p) const override {
-    double plain = 0.0;
-    const double round = united(p, &plain).value, most = std::min(std::fabs(round), std::fabs(plain));
-    const double least = std::min(std::fabs(round), kUnderRound * radius_);
-    return of_both_ * (round < 0.0 ? -std::max(most, least) : most);
+    Part a, b;
+    const double round = united(p, &a, &b).value, near = std::min(a.value, b.value);
+    const double beyond = std::max(near - radius_, std::max(a.value, b.value) - 2.0 * radius_);
+    const double most = near < 0.0 ? -near : std::min(near, std::max(beyond, 0.0));
+    const double far = radius_ > 0.0 ? std::max(most, kUnderRound * radius_) : most;
+    return of_both_ * (round < 0.0 ? -far : far);
+  }
+
+  /// By what is behind value(): regula falsi that halves the value of an end which stays, and halves where that is slow.
+  double surface_between(const Double3& from, const Double3& to, bool starts_inside) const override {
+    const Double3 way = to - from;
+    double low = 0.0, high = 1.0, at_low = distance(from), at_high = distance(to);
+    int side = 0;
+    for (int step = 0; step < kMostSteps && high - low > kRoot; ++step) {
+      const double difference = at_high - at_low;
+      double t =
+          step % 4 == 3 || difference == 0.0 ? 0.5 * (low + high) : low - at_low * (high - low) / difference;
+      t = std::clamp(t, low + 0.5 * kRoot, high - 0.5 * kRoot);
+      const double v = distance(from + way * t);
+      if ((v < 0.0) == starts_inside) {
+        low = t, at_low = v;
+        if (side == -1) at_high *= 0.5;
+        side = -1;
+      } else {
+        high = t, at_high = v;
+        if (side == 1) at_low *= 0.5;
+        side = 1;
+      }
+    }
+    return high;
   }
 
   bool bounds(Double3& low, Double3& high) const override {
@@ -69,11 +96,11 @@ class BlendedShape : public SolidShape {
   Part of_b(const Double3& p) const { return {of_b_ * b_->distance(p), unit_or_zero(b_->away(p)) * of_b_}; }
 
   /// Of the union of both, turned inside out where that makes the joint one.
-  /// \param[out] sharp  its value without a round
-  Part united(const Double3& p, double* sharp = nullptr) const {
+  /// \param[out] first, second  what was joined, turned as well
+  Part united(const Double3& p, Part* first = nullptr, Part* second = nullptr) const {
     const Part a = of_a(p), b = of_b(p);
     const Part& plain = b.value < a.value ? b : a;
-    if (sharp) *sharp = plain.value;
+    if (first) *first = a, *second = b;
     if (radius_ == 0.0 || plain.value >= radius_) return plain;
     Double3 centre;
     if (!find_centre(p, a, b, centre)) return plain;

@@ -60,15 +60,15 @@ TEST_CASE("blended shape: curved surfaces get what a ball leaves that rolls alon
     for (int step = 0; step <= 10; ++step) {
       const SinCos a = sin_cos(0.5 * kPi * step / 10.0);
       const Double3 out = {about.cos, about.sin, 0};
-      CHECK(foot->value(out * (2.5 - 0.5 * a.cos) + Double3{0, 0, 0.5 - 0.5 * a.sin}) ==
+      CHECK(foot->distance(out * (2.5 - 0.5 * a.cos) + Double3{0, 0, 0.5 - 0.5 * a.sin}) ==
             Approx(0.0).margin(1e-10));
-      CHECK(rim->value(out * (2.5 - 0.5 * a.cos) + Double3{0, 0, -0.5 + 0.5 * a.sin}) ==
+      CHECK(rim->distance(out * (2.5 - 0.5 * a.cos) + Double3{0, 0, -0.5 + 0.5 * a.sin}) ==
             Approx(0.0).margin(1e-10));
       // From the contact with one ball to that with the other.
       const Double3 centre = {x, ring * about.cos, ring * about.sin};
       const Double3 first = unit(Double3{0, 0, 0} - centre), last = unit(Double3{4, 0, 0} - centre);
       const Double3 way = unit(first * (1.0 - step / 10.0) + last * (step / 10.0));
-      CHECK(balls->value(centre + way * 0.5) == Approx(0.0).margin(1e-10));
+      CHECK(balls->distance(centre + way * 0.5) == Approx(0.0).margin(1e-10));
     }
   }
 }
