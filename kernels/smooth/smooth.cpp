@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "kernels/smooth/curvature_flow.h"
+#include "kernels/smooth/turned_faces.h"
 #include "octree/error.h"
 
 namespace tessera {
@@ -31,8 +32,9 @@ double default_lambda(const std::string& method) {
   if (method == "laplacian") return 0.5;
   if (method == "bilaplacian") return 0.25;
   if (method == "taubin") return 0.5;
-  // What fits leave is small; a stronger step would round creases that they made.
-  if (method == "curvature-flow" || method == "denoise") return 1.0;
+  if (method == "curvature-flow") return 1.0;
+  // What fits leave is small; a stronger step would take shape away.
+  if (method == "denoise") return 3.0;
   return 10.0;
 }
 
@@ -139,6 +141,7 @@ std::vector<SmoothRound> smooth_rounds(const SmoothOptions& options) {
       for (int cycle = 0; cycle < (coarse ? kCoarseCycles : 1); ++cycle) {
         rounds.push_back(filter_round(options, FilterKind::kImplicit, lambda, degree));
         if (coarse) rounds.back().cycle = cycle;
+        rounds.back().sets_upright = options.method == "denoise" && !coarse;
       }
     }
   }
@@ -156,11 +159,13 @@ DenoiseOptions denoise_options(const SmoothRound& round) {
 int round_rings(const SmoothRound& round) {
   if (round.by_flow) return 1;
   if (round.by_fits) return denoise_rings(denoise_options(round));
-  return round.by_normals ? filter_rings(round.normals) : filter_rings(round.filter);
+  if (round.by_normals) return filter_rings(round.normals);
+  return filter_rings(round.filter) + (round.sets_upright ? kUprightRings : 0);
 }
 
 double round_edges(const SmoothRound& round) {
-  return round.by_fits ? denoise_edges(denoise_options(round)) : 0.0;
+  if (round.by_fits) return denoise_edges(denoise_options(round));
+  return round.sets_upright ? round_rings(round) : 0.0;
 }
 
 namespace {
@@ -244,10 +249,18 @@ SmoothedBlock smooth_block(const MeshBlock& block, const SmoothRound& round,
     out.position = flow(block, rows, round, out.counts);
   } else {
     out.position = block.position;
+    std::vector<std::uint8_t> filtered = out.complete;
+    if (round.sets_upright) {
+      // Those around what is wanted too, since faces there may turn back.
+      for (std::uint8_t& flag : filtered) flag = flag == 0;
+      erode(block, corners, kUprightRings, filtered);
+      for (std::uint8_t& flag : filtered) flag = flag == 0;
+    }
     const std::vector<Displacement> moved =
-        filter_surface(rows, block.position, round.filter, out.complete).moved;
+        filter_surface(rows, block.position, round.filter, filtered).moved;
     for (std::size_t v = 0; v < moved.size(); ++v)
       for (std::size_t a = 0; a < 3; ++a) out.position[v][a] += static_cast<double>(moved[v].xyz[a]);
+    if (round.sets_upright) set_faces_upright(block, corners, out.position);
   }
   finish(block, rows, out);
   return out;
@@ -356,7 +369,7 @@ std::uint64_t smooth_bytes(std::uint64_t vertices, std::uint64_t faces, const Sm
   const std::uint64_t cycle = round.cycle < 0 ? 0 : (round.filter.order == 2 ? 60 : 16) * vertices;
   const std::uint64_t basis =
       round.cycle < 0 ? 0 : corners + coarse_basis_bytes(vertices) + 8 * kCoarseCorners * vertices;
-  return rows + std::max({making, cycle + filter, cycle + basis}) + 25 * vertices + (1u << 16);
+  return rows + std::max({making, cycle + filter, cycle + basis}) + 26 * vertices + (1u << 16);
 }
 
 }  // namespace tessera

@@ -104,7 +104,7 @@ json smoothing_of(const json& report) {
   for (const json& stage : report.at("stages"))
     if (const json& result = stage.at("result");
         stage.at("name").get<std::string>().starts_with("smooth-") && !result.empty())
-      moved = result;
+      moved.update(result);
   json out = {{"method", used.method},
               {"noise",
                {{"before", before.at("noise")},
@@ -113,6 +113,8 @@ json smoothing_of(const json& report) {
                 {"vertices", before.at("vertices")}}}};
   if (used.lambda > 0.0) out["lambda"] = used.lambda;
   for (const char* name : {"largest_move", "rms_move", "limited"}) out[name] = moved.value(name, json());
+  for (const char* name : {"turned_faces_before", "turned_faces"})
+    if (moved.contains(name)) out[name] = moved.at(name);
   return out;
 }
 

@@ -7,6 +7,7 @@
 #include <optional>
 #include <stdexcept>
 
+#include "kernels/smooth/turned_faces.h"
 #include "octree/error.h"
 #include "octree/rounding.h"
 #include "octree/vector.h"
@@ -54,6 +55,7 @@ class SmoothStage : public Stage {
         mesh_folder_(plan.mesh_folder),
         bounds_(plan.bounds && tolerance_ > 0.0 && round == plan.rounds.size()),
         last_(round == plan.rounds.size()),
+        fits_(plan.rounds[0].by_fits),
         ends_step_(ends_step(plan, round)) {
     if (rule_.cycle >= 0) {
       coarse_ = coarse_options(state, plan, round);
@@ -102,7 +104,7 @@ class SmoothStage : public Stage {
       bends.emplace(context.create(bend_folder(round_) + "/" + task_file_stem(task) + ".bin"));
     Movement moved;
     json edges = json::array();
-    std::uint64_t halo = 0, core = 0, degenerate = 0, systems = 0, as_one = 0;
+    std::uint64_t halo = 0, core = 0, degenerate = 0, systems = 0, as_one = 0, turned = 0;
     std::vector<SmoothTile> tiles(tasks_[task].rbegin(), tasks_[task].rend());
     while (!tiles.empty()) {
       const SmoothTile tile = std::move(tiles.back());
@@ -137,6 +139,8 @@ class SmoothStage : public Stage {
           const PatchEdges found = edges_of(with_positions(p, positions));
           edges.push_back({p, found.longest, found.squares});
         }
+        if (fits_ && (round_ == 1 || last_))
+          turned += count_turned_faces(last_ ? with_positions(p, positions) : store_.load({&p, 1}));
         context.advance(store_.patches()[p].faces);
       }
     }
@@ -152,6 +156,7 @@ class SmoothStage : public Stage {
             {"degenerate_faces", degenerate},
             {"systems", systems},
             {"faces_as_one", as_one},
+            {last_ ? "turned_faces" : "turned_faces_before", turned},
             {"edges", std::move(edges)}};
   }
 
@@ -160,7 +165,10 @@ class SmoothStage : public Stage {
   json finish(const std::vector<json>& summaries, TaskContext& context) const override {
     if (!last_) save_reach(summaries, store_.patches().size(), context.create(reach_file(round_)));
     json out = {{"tasks", summaries.size()}, {"rings", round_rings(rule_)}};
-    for (const char* name : {"vertices", "on_lines", "fixed", "limited", "core_faces", "read_faces"}) {
+    std::vector<const char*> counts = {"vertices", "on_lines",   "fixed",
+                                       "limited",  "core_faces", "read_faces"};
+    if (fits_ && (round_ == 1 || last_)) counts.push_back(last_ ? "turned_faces" : "turned_faces_before");
+    for (const char* name : counts) {
       std::uint64_t sum = 0;
       for (const json& s : summaries) sum += s.at(name).get<std::uint64_t>();
       out[name] = sum;
@@ -231,8 +239,7 @@ class SmoothStage : public Stage {
                         wanted);
   }
 
-  /// Where the vertices of a patch come to rest; each is counted once over all patches. \param vertices  their
-  /// numbers in the block
+  /// Where the vertices of a patch (their numbers in the block) come to rest; each is counted once over all patches.
   std::vector<Double3> settled(std::size_t p, const MeshHaloBlock& near,
                                const std::vector<std::uint32_t>& vertices, const SmoothedBlock& smoothed,
                                Movement& moved) const {
@@ -245,8 +252,8 @@ class SmoothStage : public Stage {
       if (smoothed.complete[i] == 0)
         throw std::logic_error("smooth: vertex " + std::to_string(near.block.key[i]) +
                                " misses rings in its tile");
-      const Double3& from = original.empty() ? near.block.position[i] : original[v];
-      const Double3& wish = smoothed.position[i];
+      const Double3 &from = original.empty() ? near.block.position[i] : original[v],
+                    &wish = smoothed.position[i];
       const Double3 to = settle(from, wish, tolerance_, floats);
       if (!std::isfinite(squared_distance(to, from)))
         throw ValidationError("the vertex at (" + number_text(from[0]) + ", " + number_text(from[1]) + ", " +
@@ -272,15 +279,14 @@ class SmoothStage : public Stage {
   std::size_t round_;
   SmoothRound rule_;
   std::size_t base_round_;
-  double tolerance_;    ///< 0 inside a step
-  bool clamped_;        ///< at the end of each step
-  MeshStore store_;     ///< where the step began
-  MeshStore before_;    ///< where the round begins
-  PatchBends bends_;    ///< there
+  double tolerance_;          ///< 0 inside a step
+  bool clamped_;              ///< at the end of each step
+  MeshStore store_, before_;  ///< where the step began, where the round begins
+  PatchBends bends_;
   MeshStore original_;  ///< of the patches that the tolerance is measured from
   std::string mesh_folder_;
-  bool bounds_;  ///< SmoothPlan::bounds, in the last round
-  bool last_, ends_step_;
+  bool bounds_;                   ///< SmoothPlan::bounds, in the last round
+  bool last_, fits_, ends_step_;  ///< fits_: of the plan, so faces that lie turned over are counted
   CoarseOptions coarse_;
   std::filesystem::path solution_;
   SmoothTiling tiling_;

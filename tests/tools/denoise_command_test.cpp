@@ -1,0 +1,55 @@
+// tessera smooth --method denoise on a real mesh whose noise is known.
+#include <catch2/catch.hpp>
+
+#include <array>
+#include <cmath>
+
+#include <nlohmann/json.hpp>
+
+#include "kernels/mesh/closest_face.h"
+#include "octree/vector.h"
+#include "tests/helpers/command.h"
+#include "tests/helpers/mesh_files.h"
+#include "tests/helpers/random.h"
+#include "tests/helpers/skip.h"
+#include "tests/helpers/temp_folder.h"
+
+using namespace tessera;
+using namespace tessera::test;
+namespace fs = std::filesystem;
+
+TEST_CASE("smooth: denoising brings the rocker arm four times nearer to the truth and turns every face back",
+          "[property]") {
+  if (!has_shared_data()) return;
+  const TempFolder folder;
+  const fs::path in = folder.path() / "noisy.ply", out = folder.path() / "denoised.ply";
+  const WholeMesh clean = read_whole(kSharedData / "meshes/rocker-arm.ply");
+  std::vector<std::array<std::uint32_t, 3>> faces;
+  double edges = 0.0;
+  for (const MeshFace& f : clean.faces) {
+    faces.push_back({static_cast<std::uint32_t>(f[0]), static_cast<std::uint32_t>(f[1]),
+                     static_cast<std::uint32_t>(f[2])});
+    for (std::size_t k = 0; k < 3; ++k) edges += norm(clean.points[f[k]] - clean.points[f[(k + 1) % 3]]);
+  }
+  const double deviation = 0.2 * edges / static_cast<double>(3 * faces.size());
+  WholeMesh noisy = clean;
+  Random random(7);
+  for (Double3& p : noisy.points)
+    for (double& x : p) x += deviation * random.gaussian();
+  write_whole(in, noisy);
+  const CommandResult r = tessera_command({"smooth", in.string(), "-o", out.string(), "--method", "denoise",
+                                           "--progress", "none", "-q", "--no-html"});
+  INFO(r.errors);
+  REQUIRE(r.code == 0);
+  const ClosestFaces truth(clean.points, faces, clean.points[0]);
+  const auto distance = [&](const WholeMesh& mesh) {
+    double sum = 0.0;
+    for (const Double3& p : mesh.points)
+      sum += std::sqrt(truth.closest(p - clean.points[0], 1e300, ClosestFaces::kNone).square);
+    return sum / static_cast<double>(mesh.points.size());
+  };
+  const auto mesh = nlohmann::json::parse(file_bytes(out.string() + ".report.json")).at("mesh");
+  CHECK(distance(noisy) / distance(read_whole(out)) > 4.0);
+  CHECK(mesh.at("turned_faces_before").get<int>() > 1000);
+  CHECK(mesh.at("turned_faces") == 0);
+}
