@@ -32,8 +32,10 @@ constexpr int kChoiceRings = 2 * kApart * kChoiceRounds;
 constexpr int kPoolRings = 8;
 constexpr int kFillRings = 6;
 
-/// A fit serves the vertices within its window, where that is one of the wider ones: narrow fits are cheap, and detail is
-/// why they are narrow. The more fits a vertex averages, the less noise they leave.
+/// A fit serves vertices within this share of its window's radius, where the window is one of the wider ones: narrow fits
+/// are cheap, and detail is why they are narrow. The more fits a vertex averages, the less noise they leave; where noise is
+/// low, those from farther away disagree.
+constexpr double kServedShare = 0.75;
 constexpr double kLeastServed = 3.9;  ///< radius, edges
 constexpr int kServedRings = 8;
 /// Least sum of weights of the fits that place a vertex.
@@ -41,8 +43,6 @@ constexpr float kEnough = 0.5F;
 /// Fits that put a vertex so far apart, in standard deviations of the noise, do not belong to one surface.
 constexpr double kAgreement = 0.7;
 
-/// Windows on one side of a crease tell less, and the crease itself hangs on them: so much more noise is granted them.
-constexpr double kCreaseBoldness = 1.4;
 /// From this window on its quadric tells the normals to expect.
 constexpr int kTrustedWindow = 2;
 /// A vertex farther from the intersection of its sides, in standard deviations of the noise, does not belong there.
@@ -379,7 +379,7 @@ class Denoiser {
   }
 
   void serve(const SurfaceWindow& window, double radius) {
-    const double per_square = 1.0 / (radius * radius);
+    const double per_square = 1.0 / (kServedShare * kServedShare * radius * radius);
     for (const SurfaceWindow::Taken& taken : window.taken()) {
       if (taken.ring > kServedRings) continue;
       const Double3& p = position_[taken.vertex];
@@ -436,7 +436,7 @@ class Denoiser {
     window.begin(v, normal, faces);
     const bool part = faces.size() < corners_.at(v).size();
     const double noise = noise_[v] > 0.0F ? static_cast<double>(noise_[v]) : 0.0;
-    WindowChoice choice(part ? kCreaseBoldness * noise : noise);
+    WindowChoice choice(noise);
     double radius = kSmallestWindow * static_cast<double>(edge_[v]);
     const int windows = part ? kCreaseWindows : kWindows;
     for (int i = 0; i < windows; ++i, radius *= kWindowGrowth) {

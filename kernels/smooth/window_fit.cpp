@@ -14,7 +14,7 @@ constexpr std::size_t kLanes = WindowSamples::kLanes;
 constexpr std::size_t kTerms = 6;
 /// Half width of a confidence interval in standard deviations: first window, second, all others. What a narrow one says
 /// weighs little, and an outlier there would end the choice.
-constexpr double kConfidence[] = {2.0, 1.5, 1.0};
+constexpr double kConfidence[] = {2.5, 2.0, 1.5};
 /// A plane must agree with the windows so far more closely, and leave hardly more than the quadric.
 constexpr double kPlaneConfidence = 0.75;
 constexpr double kPlaneResidual = 1.1;
