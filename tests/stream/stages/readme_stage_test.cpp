@@ -1,4 +1,4 @@
-// The stage that the README adds: its code block is included as it stands there (tests/CMakeLists.txt).
+// The stage that stream/README.md adds: its code block is included as it stands there (tests/CMakeLists.txt).
 #include <catch2/catch.hpp>
 
 #include <algorithm>
