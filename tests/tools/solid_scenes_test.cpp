@@ -84,6 +84,12 @@ TEST_CASE("csg: rounded joints have their radius within a hundredth", "[pipeline
       code_of(R"({"union": [{"sphere": [0,0,0,1]}, {"sphere": [1,0,0,1], "scale": [1,2,1]}], "blend": 1})") ==
       3);
   CHECK(code_of(R"({"sphere": [0,0,0,1], "blend": 1})") == 3);
+  CHECK(
+      code_of(
+          R"({"union": [{"sphere": [0,0,0,1]}, {"sphere": [1,0,0,1]}, {"sphere": [0,1,0,1]}], "blend": 1})") ==
+      3);
+  CHECK(code_of(R"({"union": [{"sphere": [0,0,0,1]},
+    {"union": [{"sphere": [1,0,0,1]}, {"sphere": [0,1,0,1]}]}], "blend": 1})") == 3);
 }
 
 TEST_CASE("resurface: a mitred offset of a cube is a cube, a limit cuts its corners", "[pipeline]") {

@@ -233,7 +233,8 @@ class SceneFile {
     push_mesh(scene_, program_, {}, here);
   }
 
-  /// What a rounded joint joins becomes one implicit solid: a list in the program's own list.
+  /// What a rounded joint joins becomes one implicit solid: a list in the program's own list. Two plain solids alone: where
+  /// rounds meet, a ball touches three surfaces, and BlendedShape finds those of two.
   void blend(const json& n, const std::string& kind, const Placement& here) {
     if (!n.at("blend").is_number() || !(n.at("blend").get<double>() > 0.0) ||
         !std::isfinite(n.at("blend").get<double>()))
@@ -243,20 +244,14 @@ class SceneFile {
     const double radius = n.at("blend").get<double>() * here_scale(here);
     json outer = std::move(program_);
     program_ = json::array();
-    const json& solids = n.at(kind);
-    for (std::size_t i = 0; i < solids.size(); ++i) {
-      const std::size_t first = program_.size();
-      node(solids[i], here);
-      for (std::size_t s = first; s < program_.size(); ++s) rounds(program_[s]);
-      if (i > 0) program_.push_back({{"join", kind}, {"radius", radius}});
+    for (const json& solid : n.at(kind)) {
+      node(solid, here);
+      for (const json& step : program_) rounds(step);
     }
-    json steps = json::array();
-    for (json& step : program_)
-      if (step.contains("blend")) {
-        for (json& inner : step.at("blend")) steps.push_back(std::move(inner));
-      } else {
-        steps.push_back(std::move(step));
-      }
+    if (n.at(kind).size() != 2 || program_.size() != 2)
+      fail("\"blend\" rounds the joint of two solids, each of one shape: put what is made of more beside it");
+    json steps = std::move(program_);
+    steps.push_back({{"join", kind}, {"radius", radius}});
     program_ = std::move(outer);
     program_.push_back({{"blend", std::move(steps)}});
   }
