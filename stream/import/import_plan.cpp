@@ -30,8 +30,17 @@ double power_of_two_above(double value) {
   return std::ldexp(1.0, mantissa > 0.5 ? exponent : exponent - 1);
 }
 
-/// Of a grid of counts: the count of the cell in which the middle vertex lies when cells are sorted by count.
-std::uint64_t weighted_median(std::vector<std::uint64_t> counts, std::uint64_t vertices) {
+/// A cell of a grid with vertices in it.
+struct OccupiedCell {
+  std::uint64_t code = 0;  ///< Morton
+  std::uint64_t vertices = 0;
+};
+
+/// The count of the cell in which the middle vertex lies when cells are sorted by count.
+std::uint64_t weighted_median(const std::vector<OccupiedCell>& cells, std::uint64_t vertices) {
+  std::vector<std::uint64_t> counts;
+  counts.reserve(cells.size());
+  for (const OccupiedCell& cell : cells) counts.push_back(cell.vertices);
   std::sort(counts.begin(), counts.end());
   std::uint64_t below = 0;
   for (const std::uint64_t c : counts) {
@@ -39,6 +48,16 @@ std::uint64_t weighted_median(std::vector<std::uint64_t> counts, std::uint64_t v
     if (2 * below >= vertices) return c;
   }
   return 0;
+}
+
+/// Cells of the next coarser grid, ascending by code as these.
+std::vector<OccupiedCell> parents_of(const std::vector<OccupiedCell>& cells) {
+  std::vector<OccupiedCell> parents;
+  for (const OccupiedCell& cell : cells) {
+    if (parents.empty() || parents.back().code != cell.code >> 3) parents.push_back({cell.code >> 3, 0});
+    parents.back().vertices += cell.vertices;
+  }
+  return parents;
 }
 
 }  // namespace
@@ -123,17 +142,18 @@ ImportPlan ImportPlan::measure(const MeshHeader& header, const VertexSource& ver
   // Level by level from the finest grid upwards; below the grid a surface has a quarter of the vertices per
   // level.
   const std::uint64_t vertices = plan.file_vertices - plan.nonfinite_vertices;
-  std::vector<std::uint64_t> counts(count.begin(), count.end());
-  std::uint64_t median = weighted_median(counts, vertices);
+  std::vector<OccupiedCell> cells;
+  for (std::size_t c = 0; c < count.size(); ++c)
+    if (count[c] > 0) cells.push_back({c, count[c]});
+  std::uint64_t median = weighted_median(cells, vertices);
   int level = kGridLevel;
   if (median > kBrickVertices) {
     for (; median > kBrickVertices && level < kMostBrickLevel; ++level) median /= 4;
   } else {
     while (level > 0) {
-      std::vector<std::uint64_t> parent(counts.size() / 8, 0);
-      for (std::size_t c = 0; c < counts.size(); ++c) parent[c >> 3] += counts[c];
-      if (weighted_median(parent, vertices) > kBrickVertices) break;
-      counts = std::move(parent);
+      std::vector<OccupiedCell> parents = parents_of(cells);
+      if (weighted_median(parents, vertices) > kBrickVertices) break;
+      cells = std::move(parents);
       --level;
     }
   }
@@ -144,13 +164,12 @@ ImportPlan ImportPlan::measure(const MeshHeader& header, const VertexSource& ver
     plan.info.lattice.origin_brick[a] = static_cast<std::int64_t>(std::ldexp(origin[a], level));
 
   const std::uint64_t target = std::max(kBucketVertices, vertices / kMostBuckets);
-  for (std::uint64_t c = 0; c < counts.size(); ++c) {
-    if (counts[c] == 0) continue;
+  for (const OccupiedCell& cell_of_grid : cells) {
     if (plan.first_cell.empty() || plan.bucket_vertices.back() >= target) {
-      plan.first_cell.push_back(plan.first_cell.empty() ? 0 : c);
+      plan.first_cell.push_back(plan.first_cell.empty() ? 0 : cell_of_grid.code);
       plan.bucket_vertices.push_back(0);
     }
-    plan.bucket_vertices.back() += counts[c];
+    plan.bucket_vertices.back() += cell_of_grid.vertices;
   }
   return plan;
 }
