@@ -292,7 +292,7 @@ std::vector<std::string> WorkDir::unknown_files(const std::set<std::string>& kno
   std::vector<std::string> unknown;
   for (const auto& entry : fs::recursive_directory_iterator(path_)) {
     if (entry.is_directory()) continue;
-    const fs::path name = fs::relative(entry.path(), path_);
+    const fs::path name = entry.path().lexically_relative(path_);
     const std::string root = name.begin()->string();
     const bool own = root == "journal" || root == kJobFile || root == kLockFile || root == "log.txt" ||
                      root == "report.json" || root == kQueueFolder;
