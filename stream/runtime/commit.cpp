@@ -221,7 +221,7 @@ TaskRecord run_and_commit(const Stage& stage, std::int64_t task, const std::vect
   record.cpu_seconds = thread_cpu_seconds() - cpu_start;
   record.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   if (task == kFinishTask) record.stage_stats = stage_stats();
-  journal.append(record);
+  journal.append(record, aids.lasting || !record.files.empty());
   fault_point();
   return record;
 }

@@ -33,6 +33,8 @@ struct TaskAids {
   /// Whether another process has committed the task, and its record then. Asked when the work is done: what a task reads
   /// goes only after all tasks are committed, so work on files that were just going is never taken for a result.
   std::function<bool(TaskRecord&)> elsewhere = {};
+  /// Where the machine fails before the next line of this writer, the task is to be done again. Only without files.
+  bool lasting = true;
 };
 
 /// Runs a task, or finish() for kFinishTask, and commits it: its files are synced, get their names, and one

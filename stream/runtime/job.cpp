@@ -254,19 +254,19 @@ StageRecords Driver::run_stage(std::size_t index, const Journal& journal) {
   }
   budget.require(stage->finish_bytes() + own_base, fmt::format("the end of stage {}", name));
 
+  const bool idle = count == 0 && stage->units() == 0;
   std::map<std::int64_t, TaskRecord> done;
   // What tasks of the last stage wrote straight into the output's aside file is gone with it.
   const bool aside_lost = index + 1 == job_.stages.size() && !fs::exists(aside_path(state_.output));
   if (!aside_lost) done = resume_.done_tasks(journal, name, basis_, plan_);
   std::erase_if(done, [&](const auto& entry) { return entry.first >= static_cast<std::int64_t>(count); });
-  delete_unknown(journal, index, done);
+  if (!idle) delete_unknown(journal, index, done);
   std::uint64_t units_done = 0;
   for (const auto& [task, record] : done) units_done += record.units;
   const std::size_t resumed = done.size();
   log_.info("stage {}: {} tasks, {} of them committed by an earlier run; {} {}; base {}, budget {}", name,
             count, resumed, stage->units(), stage->unit_name(), format_bytes(base),
             format_bytes(budget.capacity()));
-  const bool idle = count == 0 && stage->units() == 0;
   notes_.stage(name, count, stage->units(), stage->unit_name());
   if (!idle)
     progress_.begin_stage(name, index, job_.stages.size(), stage->unit_name(), stage->units(), units_done);
@@ -324,7 +324,9 @@ TaskRecord Driver::run_one(const Stage& stage, std::int64_t task,
     // finish() of a process job stays here: it is one task, and its statistics are the driver's.
     if (!state_.run.processes || task == kFinishTask)
       return run_and_commit(stage, task, summaries, state_, basis_, plan_, journal_, stats,
-                            {&progress_, &notes_});
+                            {.progress = &progress_,
+                             .notes = &notes_,
+                             .lasting = task != kFinishTask || stage.task_count() > 0 || stage.units() > 0});
     notes_.started(stage.name(), task);
     TaskRecord record = run_child(stage.name(), task);
     progress_.advance(record.units);

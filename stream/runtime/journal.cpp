@@ -152,7 +152,7 @@ JournalWriter::~JournalWriter() {
   ::close(fd_);
 }
 
-void JournalWriter::append(const TaskRecord& record) {
+void JournalWriter::append(const TaskRecord& record, bool durable) {
   const std::string line = journal_line(record) + "\n";
   const std::lock_guard lock(mutex_);
   std::size_t done = 0;
@@ -163,7 +163,7 @@ void JournalWriter::append(const TaskRecord& record) {
     if (wrote < 0) throw_write_error(path_, errno);
     done += static_cast<std::size_t>(wrote);
   }
-  if (::fdatasync(fd_) != 0) throw_write_error(path_, errno);
+  if (durable && ::fdatasync(fd_) != 0) throw_write_error(path_, errno);
   bytes_ += line.size();
 }
 

@@ -63,8 +63,9 @@ class JournalWriter {
   ~JournalWriter();
   JournalWriter(const JournalWriter&) = delete;
   JournalWriter& operator=(const JournalWriter&) = delete;
-  /// Durable when it returns. \throws ResourceError when the disk is full; the line then does not exist
-  void append(const TaskRecord& record);
+  /// \param durable  is when it returns; false: with the next that is
+  /// \throws ResourceError when the disk is full; the line then does not exist
+  void append(const TaskRecord& record, bool durable = true);
   /// Stem of the file: tells this writer from every other of the job.
   std::string name() const { return path_.stem().string(); }
 
