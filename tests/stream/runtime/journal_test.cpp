@@ -130,6 +130,17 @@ TEST_CASE("journal: a writer goes on after a torn line", "[fault]") {
   }
 }
 
+TEST_CASE("journal: a line that is not synced is there for whoever reads, and for the next line", "[unit]") {
+  const TempFolder scratch;
+  JournalWriter writer(scratch / "main.jsonl");
+  writer.append(record(0), false);
+  CHECK(read_journal(scratch.path()).find("order", "00aa", "11bb").size() == 1);
+  writer.append(record(1));
+  const Journal journal = read_journal(scratch.path());
+  CHECK(journal.damaged_lines == 0);
+  CHECK(journal.find("order", "00aa", "11bb").size() == 2);
+}
+
 TEST_CASE("journal: a damaged line in the middle costs only its task", "[fault]") {
   const TempFolder scratch;
   std::string bad = journal_line(record(1));
