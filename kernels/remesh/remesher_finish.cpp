@@ -8,8 +8,9 @@
 namespace tessera {
 namespace {
 
-/// Gravity of a neighbour: so much of it follows its cell's area. With all of it areas are off by half as much as with none
-/// and angles by 1.3 degrees more; with this share by three quarters and 0.35 degrees.
+/// Gravity of a neighbour: so much of it follows its cell's area. On bunny, igea and a turbine blade cells are off their
+/// mean area by 15 % with none of it, by 12.5 % with this share, which costs 0.2 degrees off 60, and by 8.5 % with all of it,
+/// which costs 1.2 to 1.4.
 constexpr double kGravity = 0.25;
 constexpr int kGravitySweeps = 2;
 constexpr double kHexagon = 0.8660254037844386;  ///< area around a vertex of equilateral triangles of edge 1
