@@ -11,6 +11,7 @@
 #pragma once
 #include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <span>
 
 #include "kernels/mesh/mesh_block.h"
@@ -37,6 +38,9 @@ struct RemeshOptions {
   bool find_creases = false;
   std::size_t max_faces = 0;    ///< edges are not split beyond; a later pass goes on. At least the block's
   std::uint64_t first_key = 0;  ///< of new vertices: this, the next, ...; above all others
+  /// Called every few thousand edges or vertices that were looked at; what it throws ends the work and leaves the block
+  /// in no state to be used. Empty = never.
+  std::function<void()> pause{};
 
   void validate() const;  ///< throws UsageError naming the field
 };

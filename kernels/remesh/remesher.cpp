@@ -68,6 +68,7 @@ void Remesher::set_lines() {
 /// \param own  per vertex of the block, a face of the reference that it is a corner of
 void Remesher::find_feet(const std::vector<std::uint32_t>& own) {
   for (std::uint32_t v = 0; v < info_.size(); ++v) {
+    step();
     Info& info = info_[v];
     const bool on_line = info.foot == 0;
     info.foot = ReferenceSurface::kNone;
@@ -149,6 +150,7 @@ template <class Wanted>
 void Remesher::list_edges(const Wanted& wanted, bool longest_first) {
   listed_.clear();
   for (std::uint32_t f = 0; f < mesh_.faces().size(); ++f) {
+    step();
     const CollapseFace& face = mesh_.face(f);
     if (face.state & kStateDead) continue;
     for (std::uint32_t i = 0; i < 3; ++i) {
@@ -177,8 +179,10 @@ void Remesher::split_long(int rounds, RemeshReport& report) {
         },
         true);
     std::size_t done = 0;
-    for (const Edge& e : edges_)
+    for (const Edge& e : edges_) {
+      step();
       if (!beside_longer(e)) done += split_if_free(e, report);
+    }
     report.splits += done;
     if (done == 0) return;
   }
@@ -289,6 +293,7 @@ std::size_t Remesher::collapse_listed(const CollapseLengths& lengths, RemeshRepo
       false);
   std::size_t done = 0;
   for (const Edge& e : edges_) {
+    step();
     if (!current(e)) continue;
     // The one that is bound less goes; of two alike the one with the higher key.
     const auto rank = [&](std::uint32_t v) {

@@ -46,6 +46,10 @@ class Remesher {
     Double3 at[3];
   };
 
+  /// Before every edge, face or vertex that is worked on.
+  void step() const {
+    if ((++steps_ & 0xfffu) == 0 && options_.pause) options_.pause();
+  }
   void set_lines();
   void find_feet(const std::vector<std::uint32_t>& own);
   Edge edge_at(std::uint32_t c) const;
@@ -126,6 +130,7 @@ class Remesher {
   std::vector<std::uint32_t> mark_;
   std::uint32_t stamp_ = 0;
   std::uint64_t next_key_ = 0;
+  mutable std::uint32_t steps_ = 0;
   std::size_t live_faces_ = 0;
   Star star_;
 };

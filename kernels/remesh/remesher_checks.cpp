@@ -215,7 +215,8 @@ void Remesher::flip_all(RemeshReport& report) {
   changed_.assign(info_.size(), 0);
   for (round_ = 0; round_ < kFlipRounds; ++round_) {
     std::size_t done = 0;
-    for (std::uint32_t f = 0; f < mesh_.faces().size(); ++f)
+    for (std::uint32_t f = 0; f < mesh_.faces().size(); ++f) {
+      step();
       for (std::uint32_t c = 4 * f; c < 4 * f + 3; ++c) {
         const std::uint32_t o = mesh_.opposite(c);
         if (o == kNoCorner || o < c || is_line(c)) continue;
@@ -229,6 +230,7 @@ void Remesher::flip_all(RemeshReport& report) {
         ++done;
         for (const std::uint32_t v : around) mark_changed(v);
       }
+    }
     report.flips += done;
     if (done == 0) return;
   }

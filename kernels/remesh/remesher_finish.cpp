@@ -94,6 +94,7 @@ void Remesher::mend_all(RemeshReport& report) {
   mark_.resize(info_.size(), 0);
   mending_ = true;
   for (std::uint32_t f = 0; f < mesh_.faces().size(); ++f) {
+    step();
     if (sharpness_of(f) <= kSharp) continue;
     mend(f, report);
     if (sharpness_of(f) <= kSharpAtCreases) continue;

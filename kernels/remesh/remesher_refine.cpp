@@ -46,6 +46,7 @@ std::uint32_t Remesher::longest_corner(std::uint32_t f) const {
 /// it would find what it found.
 void Remesher::want_beyond(std::vector<std::uint8_t>& wanted) const {
   for (std::uint32_t f = 0; f < wanted.size(); ++f) {
+    step();
     const CollapseFace& face = mesh_.face(f);
     const auto as_before = [&](std::uint32_t v) { return changed_[v] < round_; };
     if ((face.state & kStateDead) || std::all_of(face.vertex, face.vertex + 3, as_before)) continue;
@@ -89,6 +90,7 @@ void Remesher::want_missed(std::vector<Double3>& points, std::vector<std::uint8_
   const double square = options_.tolerance * options_.tolerance;
   std::uint32_t hint = ClosestFaces::kNone;
   std::erase_if(points, [&](const Double3& p) {
+    step();
     const ClosestFaces::Hit near = surface.closest(p, square, hint);
     if (near.slot != ClosestFaces::kNone) {
       hint = near.slot;
@@ -125,7 +127,10 @@ std::size_t Remesher::split_wanted(const std::vector<std::uint8_t>& wanted, Reme
   }
   sort_listed(true);
   std::size_t done = 0;
-  for (const Edge& e : edges_) done += split_if_free(e, report);
+  for (const Edge& e : edges_) {
+    step();
+    done += split_if_free(e, report);
+  }
   report.splits += done;
   return done;
 }

@@ -16,7 +16,10 @@ constexpr double kAlongBefore = 0.5;  ///< least cosine of a face to what it was
 
 std::size_t Remesher::relax_all(RemeshReport& report) {
   std::size_t moved = 0;
-  for (std::uint32_t v = 0; v < info_.size(); ++v) moved += relax(v, report);
+  for (std::uint32_t v = 0; v < info_.size(); ++v) {
+    step();
+    moved += relax(v, report);
+  }
   report.moves += moved;
   return moved;
 }

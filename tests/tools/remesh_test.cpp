@@ -171,6 +171,20 @@ TEST_CASE("remesh: options and inputs that make no sense are refused with one se
   refused(3, folder.path() / "cut.off", {"--edge", "1"});
 }
 
+TEST_CASE("remesh: SIGTERM ends a long block within two seconds", "[fault]") {
+  const TempFolder folder;
+  // Two faces, one brick, one block: nothing but the kernel looks for a stop.
+  const fs::path in = folder.write("in.off", "OFF 4 2 0\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n3 0 1 2\n3 0 2 3\n");
+  const fs::path out = folder.path() / "out.ply";
+  const std::string command = std::string(TESSERA_BINARY) + " remesh " + in.string() + " -o " + out.string() +
+                              " -q --progress none --no-html --edge 0.0015";
+  const Outcome stopped = shell("timeout -k 2 -s TERM 1 " + command);  // killed where it takes longer: 137
+  INFO(stopped.said);
+  CHECK(stopped.code == 124);
+  CHECK_FALSE(fs::exists(out));
+  CHECK(fs::exists(out.string() + ".tessera"));
+}
+
 TEST_CASE("remesh: defects, islands and edges longer than the mesh leave a sound mesh", "[pipeline]") {
   const TempFolder folder;
   const fs::path out = folder.path() / "out.off";

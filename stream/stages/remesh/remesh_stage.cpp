@@ -183,6 +183,7 @@ class RemeshStage : public Stage {
       RemeshOptions kernel = kernel_;
       kernel.max_faces = room(blocks_[b]);
       kernel.first_key = first_new_key(pass_, b);
+      kernel.pause = [&context] { context.check_stop(); };
       const RemeshReport report = remesh(block, reference, kernel, held);
       add_counts(counts, to_json(report));
       settle(block, seams, report);
