@@ -171,6 +171,28 @@ TEST_CASE("remesh: options and inputs that make no sense are refused with one se
   refused(3, folder.path() / "cut.off", {"--edge", "1"});
 }
 
+TEST_CASE("remesh: a tolerance that takes countless faces is refused before any pass", "[pipeline]") {
+  const TempFolder folder;
+  const fs::path in = folder.path() / "in.ply", out = folder.path() / "out.ply";
+  tessera::test::write_sheet(in, 30, [](int i, int j) {
+    return Double3{i * 1.0, j * 1.0, (i - 15) * (i - 15) / 64.0 + (j - 15) * (j - 15) / 32.0};
+  });
+  for (const std::vector<std::string>& more :
+       {std::vector<std::string>{"--tolerance", "1e-7"}, {"--tolerance", "1e-7", "--adaptive"}}) {
+    const CommandResult r = tessera_command(words(in, out, more));
+    INFO(r.errors);
+    CHECK(r.code == 6);
+    CHECK(std::count(r.errors.begin(), r.errors.end(), '\n') == 1);
+    CHECK(r.errors.find("faces: the least --tolerance that can do is ") != std::string::npos);
+    CHECK_FALSE(fs::exists(out));
+    CHECK_FALSE(fs::exists(out.string() + ".tessera/pass-1"));
+    fs::remove_all(out.string() + ".tessera");
+  }
+  // With a length what cannot be within the tolerance stays as it is.
+  REQUIRE(tessera_command(words(in, out, {"--edge", "0.7", "--tolerance", "1e-7"})).code == 0);
+  CHECK(report_of(out).at("certificate").at("certified_max").get<double>() <= 1e-7);
+}
+
 TEST_CASE("remesh: SIGTERM ends a long block within two seconds", "[fault]") {
   const TempFolder folder;
   // Two faces, one brick, one block: nothing but the kernel looks for a stop.

@@ -27,6 +27,8 @@ constexpr double kCalmShare = 0.9;
 constexpr double kLongestShare = 0.1;  ///< of the diagonal: no edge gets longer by itself
 /// Between 4/5 and 4/3 of the length edges are a little shorter than it in the mean: so many more faces come out.
 constexpr double kMoreFaces = 1.125;
+/// With a tolerance alone: more faces than so many times those of the input, whose facets they would trace, are refused.
+constexpr double kMostTimes = 1000.0, kAlwaysFaces = 0x1p22;
 constexpr double kAreaUnits = 0x1p40;  ///< the squared diagonal in units of weights
 
 /// Adaptive lengths, if not given: around the one for the calm share. Most of a machined part is flat, which says nothing
@@ -148,6 +150,7 @@ class SizingStage : public Stage {
                          " is more than edges would get by themselves, " + number_text(edge) +
                          ": give --max-edge too");
     }
+    if (by_curvature()) refuse_countless(area, std::fmax(calm, options_.min_edge));
     // What adapts is guessed by the calm share's length; blocks have room for more.
     const double face = std::sqrt(3.0) / 4.0 * calm * calm;
     json expected = json::array();
@@ -172,6 +175,20 @@ class SizingStage : public Stage {
 
  private:
   bool by_curvature() const { return !(options_.edge > 0.0) && options_.faces == 0; }
+
+  /// The number of faces goes with one over the tolerance, as the square of a chord goes with its height.
+  /// \throws ValidationError  naming the least tolerance, rounded up
+  void refuse_countless(double area, double edge) const {
+    const double faces = area / (std::sqrt(3.0) / 4.0 * edge * edge);
+    const double most = std::fmax(kAlwaysFaces, kMostTimes * static_cast<double>(store_.face_count()));
+    if (!(faces > most)) return;
+    throw ValidationError("within " + number_text(options_.tolerance) + " of this mesh of " +
+                          std::to_string(store_.face_count()) + " faces edges of " + number_text(edge) +
+                          " would make " + number_text(faces) +
+                          " faces: the least --tolerance that can do is " +
+                          number_text(round_up_2_digits(options_.tolerance * faces / most)) +
+                          (options_.adaptive ? ", or give --min-edge" : ", or give --edge or --faces too"));
+  }
 
   double edge_for(double area, const Bends& bends) const {
     if (options_.edge > 0.0) return options_.edge;

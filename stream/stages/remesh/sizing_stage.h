@@ -19,6 +19,7 @@ struct Sizing {
 };
 
 /// Sums areas, and with a tolerance alone curvatures, patch by patch.
+/// \throws ValidationError  when it ends, where a tolerance alone asks for thousands of faces for each of the input
 std::unique_ptr<Stage> make_sizing_stage(const JobState& state, const RemeshJobOptions& options);
 
 }  // namespace tessera
