@@ -121,6 +121,17 @@ TEST_CASE("remesh: blocks leave no trace in the number and the shape of faces", 
         Approx(one.at("valence_six_share").get<double>()).epsilon(0.05));
 }
 
+TEST_CASE("remesh: the shape told is that of all faces, also where rounds of the proof keep blocks",
+          "[pipeline]") {
+  const TempFolder folder;
+  const fs::path in = write_waves(folder.path() / "in.ply"), out = folder.path() / "out.ply";
+  REQUIRE(tessera_command(words(in, out, {"--edge", "3", "--tolerance", "0.05", "--block-faces", "16384"}))
+              .code == 0);
+  const nlohmann::json report = report_of(out);
+  CHECK(report.at("certificate").at("rounds_again").get<int>() > 0);
+  CHECK(report.at("quality").at("faces") == report.at("mesh").at("faces"));
+}
+
 TEST_CASE("remesh: a number of faces, or a tolerance alone, says how long edges are", "[pipeline]") {
   const TempFolder folder;
   const fs::path in = write_waves(folder.path() / "in.ply");

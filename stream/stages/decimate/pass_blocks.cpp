@@ -50,10 +50,11 @@ void PassBlocks::deal(std::uint64_t task_faces) {
 }
 
 bool PassBlocks::copy_unchanged(const MeshBlockCut& cut, MeshFileWriter* writer, nlohmann::json& sum,
-                                TaskContext& context) const {
+                                TaskContext& context, MeshBlock* left) const {
   const MeshBlockCut* same = before_ ? before_->same(in_, cut, failed_) : nullptr;
   if (same == nullptr) return false;
   const std::uint64_t faces = before_->copy(*same, *writer);
+  if (left != nullptr) *left = before_->left(*same);
   add_counts(sum, {{"faces_in", cut.faces}, {"faces_out", faces}, {"blocks_kept", std::uint64_t{1}}});
   context.advance(cut.faces);
   return true;

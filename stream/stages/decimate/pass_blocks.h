@@ -37,9 +37,9 @@ class PassBlocks {
   const MeshBlockCut& operator[](std::size_t block) const { return blocks_[block]; }
 
   /// Where nothing has changed since the round before, writes what that left.
-  /// \param sum  gets its counts \returns whether it did
+  /// \param sum  gets its counts \param left  if not null, gets what was written \returns whether it did
   bool copy_unchanged(const MeshBlockCut& cut, MeshFileWriter* writer, nlohmann::json& sum,
-                      TaskContext& context) const;
+                      TaskContext& context, MeshBlock* left = nullptr) const;
   /// Keys of the vertices that stay, because earlier rounds failed near them; ascending.
   std::vector<std::uint64_t> held_keys(const MeshBlock& block, TaskContext& context) const;
   std::uint64_t failed_bytes() const { return failed_.bytes(); }

@@ -35,14 +35,21 @@ const MeshBlockCut* RoundBefore::same(const MeshStore& now, const MeshBlockCut& 
   return &old;
 }
 
-std::uint64_t RoundBefore::copy(const MeshBlockCut& cut, MeshFileWriter& writer) const {
-  std::uint64_t faces = 0;
+std::vector<std::size_t> RoundBefore::patches_left(const MeshBlockCut& cut) const {
+  std::vector<std::size_t> patches;
   for (std::size_t p = 0; p < out_.patches().size(); ++p) {
     const Int3 brick = brick_of_key(out_.patches()[p].key);
     bool inside = true;
     for (std::size_t a = 0; a < 3; ++a)
       inside = inside && brick[a] >= cut.first_brick[a] && brick[a] <= cut.last_brick[a];
-    if (!inside) continue;
+    if (inside) patches.push_back(p);
+  }
+  return patches;
+}
+
+std::uint64_t RoundBefore::copy(const MeshBlockCut& cut, MeshFileWriter& writer) const {
+  std::uint64_t faces = 0;
+  for (const std::size_t p : patches_left(cut)) {
     writer.add(out_.patches()[p].key, out_.load({&p, 1}));
     faces += out_.patches()[p].faces;
   }

@@ -21,8 +21,12 @@ class RoundBefore {
   const MeshBlockCut* same(const MeshStore& now, const MeshBlockCut& cut, const FailedPlaces& failed) const;
   /// What the round before left of a block of its own. Returns the number of faces.
   std::uint64_t copy(const MeshBlockCut& cut, MeshFileWriter& writer) const;
+  /// The same in one piece.
+  MeshBlock left(const MeshBlockCut& cut) const { return out_.load(patches_left(cut)); }
 
  private:
+  std::vector<std::size_t> patches_left(const MeshBlockCut& cut) const;
+
   MeshStore in_, out_;
   std::vector<MeshBlockCut> blocks_;
   std::map<std::array<std::int32_t, 6>, std::size_t> by_cube_;

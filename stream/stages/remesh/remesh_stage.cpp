@@ -131,8 +131,12 @@ class RemeshStage : public Stage {
     for (std::size_t b = blocks_.first(task); b < blocks_.end(task); ++b) {
       context.check_stop();
       const MeshBlockCut& cut = blocks_[b];
-      if (blocks_.copy_unchanged(cut, &writer, sum, context)) continue;
-      MeshBlock block = in_.load(cut.patches);
+      MeshBlock block;
+      if (blocks_.copy_unchanged(cut, &writer, sum, context, is_last() ? &block : nullptr)) {
+        if (is_last()) quality.add(block, sizing_.edge);
+        continue;
+      }
+      block = in_.load(cut.patches);
       add_counts(sum, remesh_block(b, block, context));
       if (is_last()) quality.add(block, sizing_.edge);
       write_block(cut, in_.info().lattice, block, writer);
