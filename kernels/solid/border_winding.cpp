@@ -4,23 +4,20 @@
 #include <cmath>
 #include <limits>
 
+#include "kernels/solid/ribbon_angles.h"
 #include "octree/portable_math.h"
 
 namespace tessera {
 namespace {
 
-__extension__ using Wide = __int128;
-
-constexpr double kPerCell = 1.0 / static_cast<double>(kSolidQuanta);
 constexpr std::uint32_t kClusterEdges = 4;
-constexpr double kFar = 0.2;           ///< radius over distance from which moments stand for edges
-constexpr double kFarGradient = 0.1;   ///< the same where only the first moment does
-constexpr double kLeastAngle = 1e-30;  ///< stands for none at all, so that it has a sign
-constexpr std::size_t kStack = 128;
+constexpr double kFarShare = 0.1;     ///< radius over distance from which moments stand for edges
+constexpr double kFarChange = 0.2;    ///< the same for bounds, which hold whatever it is
+constexpr double kFarGradient = 0.1;  ///< the same where only the first moment does
 
 Double3 in_cells(const Long3& q) {
-  return {static_cast<double>(q[0]) * kPerCell, static_cast<double>(q[1]) * kPerCell,
-          static_cast<double>(q[2]) * kPerCell};
+  return {static_cast<double>(q[0]) * kCellsPerQuantum, static_cast<double>(q[1]) * kCellsPerQuantum,
+          static_cast<double>(q[2]) * kCellsPerQuantum};
 }
 
 std::uint64_t place(const BorderEdge& e) {
@@ -29,63 +26,6 @@ std::uint64_t place(const BorderEdge& e) {
     cell[k] =
         static_cast<std::uint32_t>(std::max<std::int64_t>(0, (e.a[k] + e.b[k]) >> (kSolidQuantumBits + 1)));
   return morton_encode(cell[0], cell[1], cell[2]);
-}
-
-/// Sign of the doubled area of (a, b, node) seen from +x, with the node moved.
-bool is_left(const BorderEdge& e, const Long3& x) {
-  const Wide ay = e.a[1] - x[1], az = e.a[2] - x[2], by = e.b[1] - x[1], bz = e.b[2] - x[2];
-  const Wide area = ay * bz - az * by;
-  if (area != 0) return area > 0;
-  if (az != bz) return az > bz;
-  return by > ay;
-}
-
-/// A sum of angles as a product of complex numbers, and how often it went round.
-class AngleSum {
- public:
-  /// An angle within (-pi, pi), its imaginary part not zero: two of pi exactly would go round unseen.
-  void add(double re, double im) {
-    const bool up = im_ >= 0.0, other_up = !std::signbit(im);
-    const double r = re_ * re - im_ * im, i = re_ * im + im_ * re;
-    const double scale = 1.0 / std::sqrt(r * r + i * i);
-    re_ = r * scale;
-    im_ = i * scale;
-    const bool now_up = im_ >= 0.0;
-    if (up && other_up && !now_up) ++turns_;
-    if (!up && !other_up && now_up) --turns_;
-  }
-  double value() const {
-    const double angle = angle_between({1.0, 0.0, 0.0}, {re_, im_, 0.0});
-    return (im_ < 0.0 ? -angle : angle) + 2.0 * kPi * turns_;
-  }
-
- private:
-  double re_ = 1.0, im_ = 0.0;
-  int turns_ = 0;
-};
-
-/// Adds half the solid angle of the ribbon from an edge to +x infinity, seen from a node (van Oosterom, Strackee 1983).
-void add_ribbon(const BorderEdge& edge, const Long3& x, AngleSum& half) {
-  Double3 a, b;
-  for (std::size_t k = 0; k < 3; ++k) {
-    a[k] = static_cast<double>(edge.a[k] - x[k]) * kPerCell;
-    b[k] = static_cast<double>(edge.b[k] - x[k]) * kPerCell;
-  }
-  const double p = a[1] * b[2], q = a[2] * b[1], la = norm(a), lb = norm(b);
-  double area = p - q;
-  const bool sure = std::fabs(area) > 1e-14 * (std::fabs(p) + std::fabs(q));
-  const bool left = sure ? area > 0.0 : is_left(edge, x);
-  double along = la * lb + dot(a, b) + a[0] * lb + b[0] * la;
-  // An end straight behind the node, seen from where the node is moved to: what is left to first order.
-  const bool at_a = a[1] == 0.0 && a[2] == 0.0 && a[0] < 0.0, at_b = b[1] == 0.0 && b[2] == 0.0 && b[0] < 0.0;
-  if (at_a && at_b) return;
-  if (at_a) along = -b[1], area = b[2];
-  if (at_b) along = -a[1], area = a[2];
-  const bool turned = edge.count < 0;
-  const double width = std::max(std::fabs(area), kLeastAngle * std::fabs(along));
-  const double across = left != turned ? width : -width;
-  if (!(along * along + area * area > 0.0)) return;
-  for (std::int64_t n = std::abs(edge.count); n > 0; --n) half.add(along, across);
 }
 
 }  // namespace
@@ -151,7 +91,7 @@ double BorderWinding::at(const Int3& node) const {
     const double s = norm(r), q = r[0];
     // Ribbons that pass near the node are seen from near, however far their edges are.
     const double near = q < 0.0 ? std::sqrt(r[1] * r[1] + r[2] * r[2]) : s;
-    if (c.radius < kFar * near) {
+    if (c.radius < kFarShare * near) {
       // The form g (e_x x r) . dl with g = 1 / (s (s + q)), to first order about the centre.
       const double d = s * (s + q), g = 1.0 / d;
       const Double3 v = {0.0, -r[2], r[1]};
@@ -210,7 +150,7 @@ double BorderWinding::change(const Double3& x, double radius) const {
     const Cluster& c = clusters_[stack[--top]];
     const Double3 r = c.centre - x;
     const double s = norm(r), free = s - c.radius - radius;
-    if (c.left != 0 && (free <= 0.0 || c.radius > kFar * s)) {
+    if (c.left != 0 && (free <= 0.0 || c.radius > kFarChange * s)) {
       stack[top++] = c.left + 1;
       stack[top++] = c.left;
       continue;

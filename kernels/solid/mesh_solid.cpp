@@ -3,11 +3,14 @@
 #include <algorithm>
 #include <cmath>
 
+#include "kernels/solid/border_leaf.h"
+
 namespace tessera {
 namespace {
 
 /// What clusters of edges leave out of a winding number at most, several times over.
 constexpr double kClusterError = 0.02;
+constexpr int kHalf = kLeafCells / 2;
 
 /// Winding numbers of a leaf, cube by cube: where the border cannot bring any node of a cube to 1/2, whole turns from its
 /// corner decide.
@@ -23,21 +26,33 @@ struct LeafFill {
             corner[2] + static_cast<int>(i >> 6)};
   }
 
-  /// \param first  node of the cube's corner  \param edge  nodes
-  void cube(std::size_t first, int edge) {
+  void fill() {
+    if (decide(0, kLeafCells, [&] { return border.at(corner); })) return;
+    BorderLeaf leaf(border, corner);
+    for (std::size_t child = 0; child < 8; ++child) {
+      const std::size_t first = kHalf * ((child & 1) + 8 * (child >> 1 & 1) + 64 * (child >> 2));
+      if (decide(first, kHalf, [&] { return leaf.at(first); })) continue;
+      for (std::size_t z = 0; z < kHalf; ++z)
+        for (std::size_t y = 0; y < kHalf; ++y)
+          for (std::size_t x = 0; x < kHalf; ++x) {
+            const std::size_t i = first + x + 8 * y + 64 * z;
+            out[i] = static_cast<float>(n[i] + leaf.at(i));
+          }
+    }
+  }
+
+  /// Counts turns if no node of a cube can be brought to 1/2. \param first  node of its corner  \param edge  nodes
+  template <class Share>
+  bool decide(std::size_t first, int edge, const Share& share) {
     const Int3 at = node(first);
     const double half = 0.5 * (edge - 1), radius = 1.7321 * half;
-    const double here = n[first] + border.at(at);
+    const double change = border.change({at[0] + half, at[1] + half, at[2] + half}, radius);
+    if (change >= 0.5 - kClusterError) return false;
+    const double here = n[first] + share();
     const double free = std::fabs(here - (std::floor(here) + 0.5)) - kClusterError;
-    out[first] = static_cast<float>(here);
-    if (edge == 1) return;
-    if (free > 0.0 && border.change({at[0] + half, at[1] + half, at[2] + half}, radius) < free) {
-      count_turns(first, edge, here);
-      return;
-    }
-    const auto step = static_cast<std::size_t>(edge / 2);
-    for (std::size_t child = 0; child < 8; ++child)
-      cube(first + step * ((child & 1) + 8 * (child >> 1 & 1) + 64 * (child >> 2)), edge / 2);
+    if (change >= free) return false;
+    count_turns(first, edge, here);
+    return true;
   }
 
   void count_turns(std::size_t first, int edge, double here) {
@@ -82,7 +97,7 @@ void MeshSolid::windings(const Int3& leaf, std::span<const SolidCrossing> crossi
   }
   const Int3 corner = {leaf[0] * kLeafCells, leaf[1] * kLeafCells, leaf[2] * kLeafCells};
   LeafFill fill{border_, corner, n, turn, out};
-  fill.cube(0, kLeafCells);
+  fill.fill();
 }
 
 bool MeshSolid::may_pass(const Int3& leaf, int edge) const {

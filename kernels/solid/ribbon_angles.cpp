@@ -1,0 +1,151 @@
+#include "kernels/solid/ribbon_angles.h"
+
+#include <immintrin.h>
+
+#include <algorithm>
+
+#include "octree/portable_math.h"
+
+namespace tessera {
+namespace {
+
+__extension__ using Wide = __int128;
+
+constexpr double kLeastAngle = 1e-30;  ///< stands for none at all, so that it has a sign
+constexpr double kSureArea = 1e-14;    ///< of its parts: the sign of a rounded area is that of the exact one
+
+/// Sign of the doubled area of (a, b, node) seen from +x, with the node moved.
+bool is_left(const BorderEdge& e, const Long3& x) {
+  const Wide ay = e.a[1] - x[1], az = e.a[2] - x[2], by = e.b[1] - x[1], bz = e.b[2] - x[2];
+  const Wide area = ay * bz - az * by;
+  if (area != 0) return area > 0;
+  if (az != bz) return az > bz;
+  return by > ay;
+}
+
+double angle_of(double re, double im, double turns) {
+  const double angle = angle_between({1.0, 0.0, 0.0}, {re, im, 0.0});
+  return (im < 0.0 ? -angle : angle) + 2.0 * kPi * turns;
+}
+
+}  // namespace
+
+void AngleSum::add(double re, double im) {
+  const bool up = im_ >= 0.0, other_up = !std::signbit(im);
+  const double r = re_ * re - im_ * im, i = re_ * im + im_ * re;
+  const double scale = 1.0 / std::sqrt(r * r + i * i);
+  re_ = r * scale;
+  im_ = i * scale;
+  const bool now_up = im_ >= 0.0;
+  if (up && other_up && !now_up) ++turns_;
+  if (!up && !other_up && now_up) --turns_;
+}
+
+double AngleSum::value() const {
+  return angle_of(re_, im_, turns_);
+}
+
+void add_ribbon(const BorderEdge& edge, const Long3& x, AngleSum& half) {
+  Double3 a, b;
+  for (std::size_t k = 0; k < 3; ++k) {
+    a[k] = static_cast<double>(edge.a[k] - x[k]) * kCellsPerQuantum;
+    b[k] = static_cast<double>(edge.b[k] - x[k]) * kCellsPerQuantum;
+  }
+  const double p = a[1] * b[2], q = a[2] * b[1], la = norm(a), lb = norm(b);
+  double area = p - q;
+  const bool sure = std::fabs(area) > kSureArea * (std::fabs(p) + std::fabs(q));
+  const bool left = sure ? area > 0.0 : is_left(edge, x);
+  double along = la * lb + dot(a, b) + a[0] * lb + b[0] * la;
+  // An end straight behind the node, seen from where the node is moved to: what is left to first order.
+  const bool at_a = a[1] == 0.0 && a[2] == 0.0 && a[0] < 0.0, at_b = b[1] == 0.0 && b[2] == 0.0 && b[0] < 0.0;
+  if (at_a && at_b) return;
+  if (at_a) along = -b[1], area = b[2];
+  if (at_b) along = -a[1], area = a[2];
+  const bool turned = edge.count < 0;
+  const double width = std::max(std::fabs(area), kLeastAngle * std::fabs(along));
+  const double across = left != turned ? width : -width;
+  if (!(along * along + area * area > 0.0)) return;
+  for (std::int64_t n = std::abs(edge.count); n > 0; --n) half.add(along, across);
+}
+
+template <std::size_t kVectors>
+RibbonRow<kVectors>::RibbonRow(const std::array<std::int64_t, kPlaces>& x, std::int64_t y, std::int64_t z)
+    : quanta_(x), y_(y), z_(z) {
+  for (std::size_t v = 0; v < kVectors; ++v)
+    for (std::size_t l = 0; l < 4; ++l) {
+      x_[v][l] = static_cast<double>(x[4 * v + l]) * kCellsPerQuantum;
+      re_[v][l] = 1.0;
+      im_[v][l] = 0.0;
+    }
+}
+
+template <std::size_t kVectors>
+void RibbonRow<kVectors>::scale() {
+  for (std::size_t v = 0; v < kVectors; ++v) {
+    const Lanes factor = 1.0 / _mm256_sqrt_pd(re_[v] * re_[v] + im_[v] * im_[v]);
+    re_[v] *= factor;
+    im_[v] *= factor;
+  }
+  factors_ = 0;
+}
+
+template <std::size_t kVectors>
+void RibbonRow<kVectors>::add(const BorderEdge& edge) {
+  const double ay = static_cast<double>(edge.a[1] - y_) * kCellsPerQuantum,
+               az = static_cast<double>(edge.a[2] - z_) * kCellsPerQuantum,
+               by = static_cast<double>(edge.b[1] - y_) * kCellsPerQuantum,
+               bz = static_cast<double>(edge.b[2] - z_) * kCellsPerQuantum;
+  const double p = ay * bz, q = az * by, area = p - q, beside = ay * by + az * bz;
+  if (area == 0.0 && beside <= 0.0) {  // the line meets the edge's shadow, or one of its ends
+    any_apart_ = true;
+    for (std::size_t l = 0; l < kPlaces; ++l) add_ribbon(edge, {quanta_[l], y_, z_}, apart_[l]);
+    return;
+  }
+  const bool sure = std::fabs(area) > kSureArea * (std::fabs(p) + std::fabs(q));
+  const bool left = sure ? area > 0.0 : is_left(edge, {quanta_[0], y_, z_});
+  const bool up = left != (edge.count < 0);
+  const double width = std::fabs(area), sign = up ? 1.0 : -1.0;
+  const double ax = static_cast<double>(edge.a[0]) * kCellsPerQuantum,
+               bx = static_cast<double>(edge.b[0]) * kCellsPerQuantum;
+  const double qa = ay * ay + az * az, qb = by * by + bz * bz;
+  std::array<Lanes, kVectors> along, across;
+  for (std::size_t v = 0; v < kVectors; ++v) {
+    const Lanes x = ax - x_[v], y = bx - x_[v];
+    const Lanes la = _mm256_sqrt_pd(x * x + qa), lb = _mm256_sqrt_pd(y * y + qb);
+    along[v] = la * lb + (x * y + beside) + x * lb + y * la;
+    const Lanes size = along[v] < 0.0 ? -along[v] : along[v];
+    const Lanes least = kLeastAngle * size;
+    across[v] = sign * (least > width ? least : width + 0.0 * least);
+  }
+  for (std::int64_t n = std::abs(edge.count); n > 0; --n) {
+    for (std::size_t v = 0; v < kVectors; ++v) {
+      const Lanes r = re_[v] * along[v] - im_[v] * across[v], i = re_[v] * across[v] + im_[v] * along[v];
+      const Masks was_up = im_[v] >= 0.0, now_up = i >= 0.0;  // masks are -1 where true
+      if (up) {
+        turns_[v] -= was_up & ~now_up;
+      } else {
+        turns_[v] += ~was_up & now_up;
+      }
+      re_[v] = r;
+      im_[v] = i;
+    }
+    if (++factors_ == kFactors) scale();
+  }
+}
+
+template <std::size_t kVectors>
+std::array<double, RibbonRow<kVectors>::kPlaces> RibbonRow<kVectors>::value() {
+  scale();
+  std::array<double, kPlaces> out;
+  for (std::size_t l = 0; l < kPlaces; ++l) {
+    const std::size_t v = l / 4, k = l % 4;
+    out[l] = angle_of(re_[v][k], im_[v][k], static_cast<double>(turns_[v][k]));
+    if (any_apart_) out[l] += apart_[l].value();
+  }
+  return out;
+}
+
+template class RibbonRow<1>;
+template class RibbonRow<2>;
+
+}  // namespace tessera

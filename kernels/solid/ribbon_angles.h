@@ -1,0 +1,56 @@
+/// \file ribbon_angles.h
+/// Solid angles of ribbons from border edges to infinity in direction +x, summed up as products of complex numbers
+/// (van Oosterom, Strackee, "The Solid Angle of a Plane Triangle", 1983): one at a time, or seen from a row of nodes at once.
+#pragma once
+#include <array>
+#include <cmath>
+#include <cstdint>
+
+#include "kernels/solid/border_winding.h"
+
+namespace tessera {
+
+inline constexpr double kCellsPerQuantum = 1.0 / static_cast<double>(kSolidQuanta);
+
+/// A sum of angles as a product of complex numbers, and how often it went round.
+class AngleSum {
+ public:
+  /// An angle within (-pi, pi), its imaginary part not zero: two of pi exactly would go round unseen.
+  void add(double re, double im);
+  double value() const;
+
+ private:
+  double re_ = 1.0, im_ = 0.0;
+  int turns_ = 0;
+};
+
+/// Adds half the solid angle of the ribbon from an edge to +x infinity, times its count, seen from a place in quanta.
+void add_ribbon(const BorderEdge& edge, const Long3& x, AngleSum& half);
+
+/// The same for places that differ in x alone, four to a vector. \tparam kVectors  vectors of four
+template <std::size_t kVectors>
+class RibbonRow {
+ public:
+  static constexpr std::size_t kPlaces = 4 * kVectors;
+  RibbonRow(const std::array<std::int64_t, kPlaces>& x, std::int64_t y, std::int64_t z);
+  void add(const BorderEdge& edge);
+  /// Half of all solid angles.
+  std::array<double, kPlaces> value();
+
+ private:
+  using Lanes [[gnu::vector_size(4 * sizeof(double))]] = double;
+  using Masks [[gnu::vector_size(4 * sizeof(std::int64_t))]] = std::int64_t;
+  /// Products of so many factors need no scaling: each is within 2^-24 and 2^48.
+  static constexpr int kFactors = 8;
+  void scale();
+
+  std::array<std::int64_t, kPlaces> quanta_;
+  std::int64_t y_, z_;
+  std::array<Lanes, kVectors> x_, re_, im_;
+  std::array<Masks, kVectors> turns_{};
+  int factors_ = 0;
+  std::array<AngleSum, kPlaces> apart_;  ///< of edges that the line of the row meets or nearly so
+  bool any_apart_ = false;
+};
+
+}  // namespace tessera
