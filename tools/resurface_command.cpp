@@ -32,7 +32,7 @@ cli::Command resurface_command() {
   return cli::job_command<ResurfaceOptions>("resurface",
                                             "Dirty meshes (soups, gaps, self-intersections, doubled walls) "
                                             "become one closed manifold with their sharp "
-                                            "edges. Resumable.",
+                                            "edges: holes are always closed. Resumable.",
                                             "the mesh to write: .ply, .obj, .stl or .glb", run);
 }
 
