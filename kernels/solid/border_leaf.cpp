@@ -12,7 +12,7 @@ namespace {
 
 constexpr double kHalfDiagonal = 6.07;  ///< of the leaf's nodes, cells
 constexpr double kSmooth = 18.0;        ///< cells
-constexpr double kFarLeaf = 0.1;        ///< radius over distance from which moments stand for edges
+constexpr double kFarLeaf = 0.2;        ///< radius over distance from which moments stand for edges
 
 constexpr double kFarEdge = 0.25;  ///< half its length over distance from which two points stand for an edge
 constexpr double kGauss = 0.28867513459481287;  ///< of an edge, from its middle
@@ -89,19 +89,30 @@ BorderLeaf::BorderLeaf(const BorderWinding& border, const Int3& corner) : border
   }
 }
 
-/// Adds the form g (e_x x r) . dl with g = 1 / (s (s + r_x)) at all points, to first order about the cluster's centre.
+/// Adds the form g (e_x x r) . dl with g = 1 / (s (s + r_x)) at all points, to second order about the cluster's centre.
 void BorderLeaf::add_cluster(const BorderWinding::Cluster& c) {
   const Lanes x = points_from(c.centre[0]);
+  const auto &sy = c.second[0], &sz = c.second[1];
   const double curl = c.moment[3 * 2 + 1] - c.moment[3 * 1 + 2];
+  // Twice the second moments where the other factor is the derivative of v = (0, -z, y).
+  const double k0 = 2.0 * (sz[3] - sy[4]), k1 = 2.0 * (sz[1] - sy[5]), k2 = 2.0 * (sz[5] - sy[2]);
   for (std::size_t row = 0; row < kPoints * kPoints; ++row) {
     const double y = c.centre[1] - row_y(row), z = c.centre[2] - row_z(row);
-    // v . moment . slope with v = (0, -z, y) and slope = -g^2 (r (2 s + x) / s + (s, 0, 0)).
-    const double m0 = y * c.moment[6] - z * c.moment[3], m1 = y * c.moment[7] - z * c.moment[4],
-                 m2 = y * c.moment[8] - z * c.moment[5];
+    std::array<double, 6> a;  // v . second
+    for (std::size_t m = 0; m < 6; ++m) a[m] = y * sz[m] - z * sy[m];
+    // First order: v . moment, and k, both against the slope of g.
+    const double m0 = y * c.moment[6] - z * c.moment[3] + k0, m1 = y * c.moment[7] - z * c.moment[4] + k1,
+                 m2 = y * c.moment[8] - z * c.moment[5] + k2;
+    const double beside = a[3] * y + a[4] * z, across = a[1] * y * y + a[2] * z * z + 2.0 * a[5] * y * z;
+    const double trace = a[0] + a[1] + a[2];
     const Lanes s = _mm256_sqrt_pd(x * x + (y * y + z * z));
-    const Lanes part = s * (s + x), inverse = 1.0 / (s * part), g = inverse * s;
-    const Lanes along = (x * m0 + (y * m1 + z * m2)) * (2.0 + x * inverse * part) + s * m0;
-    const Lanes turn = g * ((y * c.sum[2] - z * c.sum[1] + curl) - g * along);
+    // 1 / g = d = s^2 + s x has the slope r t + s e_x, t = 2 + x / s.
+    const Lanes part = s * (s + x), inverse = 1.0 / (s * part), g = inverse * s, one = inverse * part;
+    const Lanes t = 2.0 + x * one, ar = x * a[0] + beside, rar = x * (ar + beside) + across;
+    const Lanes along = (x * m0 + (y * m1 + z * m2)) * t + s * m0;
+    const Lanes bend = t * (t * rar + 2.0 * s * ar) + s * s * a[0];
+    const Lanes curve = t * trace + one * (2.0 * ar - x * one * one * rar);
+    const Lanes turn = g * ((y * c.sum[2] - z * c.sum[1] + curl) - g * (along + curve - 2.0 * g * bend));
     double* to = &smooth_[kPoints * row];
     _mm256_storeu_pd(to, _mm256_loadu_pd(to) + turn);
   }

@@ -15,6 +15,9 @@ constexpr double kFarShare = 0.1;     ///< radius over distance from which momen
 constexpr double kFarChange = 0.2;    ///< the same for bounds, which hold whatever it is
 constexpr double kFarGradient = 0.1;  ///< the same where only the first moment does
 
+constexpr std::array<std::array<std::size_t, 2>, 6> kPairs = {
+    {{0, 0}, {1, 1}, {2, 2}, {0, 1}, {0, 2}, {1, 2}}};
+
 Double3 in_cells(const Long3& q) {
   return {static_cast<double>(q[0]) * kCellsPerQuantum, static_cast<double>(q[1]) * kCellsPerQuantum,
           static_cast<double>(q[2]) * kCellsPerQuantum};
@@ -70,6 +73,12 @@ void BorderWinding::sum_up(Cluster& c) const {
     c.sum = c.sum + way;
     for (std::size_t i = 0; i < 3; ++i)
       for (std::size_t j = 0; j < 3; ++j) c.moment[3 * i + j] += way[i] * from[j];
+    const Double3 self = b - a;
+    for (std::size_t i = 0; i < 2; ++i)
+      for (std::size_t m = 0; m < 6; ++m) {
+        const std::size_t j = kPairs[m][0], k = kPairs[m][1];
+        c.second[i][m] += 0.5 * way[i + 1] * (from[j] * from[k] + self[j] * self[k] / 12.0);
+      }
     c.length += norm(way);
   }
 }

@@ -38,7 +38,7 @@ class BorderWinding {
   double change(const Double3& cells, double radius) const;
 
   /// Upper bound of what holding so many edges takes, and building.
-  static constexpr std::uint64_t bytes(std::uint64_t edges) { return edges * (56 + 200); }
+  static constexpr std::uint64_t bytes(std::uint64_t edges) { return edges * (56 + 296); }
 
  private:
   friend class BorderLeaf;  ///< sums the same clusters for a leaf of nodes at once
@@ -47,7 +47,9 @@ class BorderWinding {
     Double3 centre{};  ///< cells
     double radius = 0.0;
     Double3 sum{};                   ///< of the edges as vectors, cells
-    std::array<double, 9> moment{};  ///< of (edge, middle - centre)
+    std::array<double, 9> moment{};  ///< of (edge, place - centre)
+    /// Of (edge, place - centre, place - centre), half, the edges' y and z: xx, yy, zz, xy, xz, yz.
+    std::array<std::array<double, 6>, 2> second{};
     double length = 0.0;
     std::uint32_t first = 0, end = 0;
     std::uint32_t left = 0;  ///< its children are left and left + 1; 0: none
