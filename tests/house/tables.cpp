@@ -167,8 +167,8 @@ const std::map<std::string, std::string>& covering_tests() {
 
     by("kernels/solid/offset_field", "kernels/solid", {"row_signs"});
     by("kernels/solid/solid_field", "kernels/solid",
-       {"border_leaf", "border_winding", "lattice_crossings", "line_windings", "mesh_solid", "ribbon_angles",
-        "solid_tree"});
+       {"lattice_crossings", "line_windings", "mesh_solid", "solid_tree"});
+    by("kernels/solid/border_winding", "kernels/solid", {"border_leaf", "ribbon_angles"});
     by("kernels/mesh/signed_distance", "kernels/mesh", {"triangle_foot"});
     by("tools/merge", "kernels/merge", {"blend_field", "merge_sheet"});
     by("tools/merge", "stream/stages/merge",
