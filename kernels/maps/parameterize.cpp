@@ -8,6 +8,7 @@
 #include "octree/portable_math.h"
 #include "solvers/hermitian_multigrid.h"
 #include "solvers/laplacian_system.h"
+#include "solvers/multifrontal_solver.h"
 
 namespace tessera {
 namespace {
@@ -104,6 +105,23 @@ void require_solved(SolveStatus status, const std::string& message) {
 }
 
 /// What comes after report.factor = solver.analyse(): factor, solve for all columns of `values`, which get the result.
+/// A factor in memory, the same bits on every machine, or null with the reason in report.choice where it does not fit.
+/// \param memory  for both; 0 = no limit
+std::unique_ptr<LinearSolver> fitting_factor(const SparseMatrix& a, std::uint64_t memory, FactorStore& store,
+                                             ParameterizeReport& report) {
+  auto solver = make_multifrontal_solver({.tolerance = 1e-10}, store);
+  report.factor = solver->analyse(a);
+  require_solved(report.factor.status, report.factor.message);
+  const std::uint64_t bytes = report.factor.peak_bytes + report.factor.factor_entries * sizeof(double);
+  if (memory > 0 && bytes > memory) {
+    report.choice = "a factor of " + std::to_string(a.rows) + " unknowns needs " + mebibytes(bytes) +
+                    ", allowed are " + mebibytes(memory);
+    return nullptr;
+  }
+  report.choice = std::to_string(a.rows) + " unknowns: Cholesky, the factor fits";
+  return solver;
+}
+
 void factor_and_solve(LinearSolver& solver, const ConstrainedSystem& system, std::span<double> values,
                       int columns, ParameterizeReport& report) {
   if (report.factor.status == SolveStatus::kSolved) report.factor = solver.factor(system.matrix);
@@ -137,11 +155,15 @@ void conformal(const TriangleSpan& mesh, const Loop& loop, const ParameterizeOpt
     how.memory_bytes = options.memory_bytes - fixed.size() * kConformalSystemBytes;
   how.tolerance = 1e-10;
   how.positions = at;
-  const auto solver = make_solver(SolverKind::kAutomatic, how);
   ParameterizeReport& report = out.report;
   report.unknowns = system.free_vertices.size();
-  report.factor = solver->analyse(system.matrix);
-  report.choice = report.factor.choice;
+  MemoryFactorStore store;
+  auto solver = fitting_factor(system.matrix, how.memory_bytes, store, report);
+  if (!solver) {
+    solver = make_solver(SolverKind::kMultigrid, how);
+    report.factor = solver->analyse(system.matrix);
+    report.choice += ", so multigrid";
+  }
   factor_and_solve(*solver, system, values, 2, report);
 }
 
@@ -228,15 +250,11 @@ bool solve_by_factor(const SparseMatrix& energy, const Loop& loop, const std::ve
   std::vector<std::uint8_t> both(2 * fixed.size());
   for (std::size_t v = 0; v < fixed.size(); ++v) both[2 * v] = both[2 * v + 1] = fixed[v];
   const ConstrainedSystem system = constrain(real_form(energy, area_form(fixed.size(), loop)), both);
+  MemoryFactorStore store;
   const auto solver =
-      make_solver(SolverKind::kCholesky, {.memory_bytes = memory > 0 ? memory - n * kFactorSystemBytes : 0});
-  report.factor = solver->analyse(system.matrix);
-  if (report.factor.status == SolveStatus::kTooLarge) {
-    report.choice = report.factor.message.substr(0, report.factor.message.rfind(':'));
-    return false;
-  }
+      fitting_factor(system.matrix, memory > 0 ? memory - n * kFactorSystemBytes : 0, store, report);
+  if (!solver) return false;
   report.unknowns = system.free_vertices.size();
-  report.choice = std::to_string(report.unknowns) + " unknowns: Cholesky, the factor fits";
   factor_and_solve(*solver, system, values, 1, report);
   return true;
 }

@@ -127,14 +127,13 @@ class Denoiser {
     measure_noise(window);
     fit_centres(window);
     DenoisedBlock out{block_.position, fits_known_};
-    side_sum_.assign(size(), Float3{0, 0, 0});
     const std::vector<std::uint8_t> near = around_wanted(kGuardRounds);
     for (std::uint32_t v = 0; v < size(); ++v) {
       if (near[v] == 0 || corners_.at(v).empty()) continue;
       out.position[v] = moved(window, v);
       if (!window_right_) out.right[v] = 0;
     }
-    spread_turned(out.position);
+    untangle(out.position, kGuardRounds);
     erode(block_, corners_, kGuardRounds, out.right);
     return out;
   }
@@ -194,42 +193,6 @@ class Denoiser {
     if (sides_.count() == 1) return step - n * dot(n, step);
     const Double3 line = unit_or_zero(cross(n, sides_.normal(1)));
     return line * dot(line, step);
-  }
-
-  /// After the fits: faces against the sides of their corners. What is left after a round along the sides stays there, since
-  /// a crease holds its vertices in the wrong order: then vertices go towards the mean of their neighbours.
-  void spread_turned(std::vector<Double3>& position) {
-    std::vector<std::uint8_t> moves(size(), 0);
-    std::vector<std::uint32_t> moving;
-    std::vector<Double3> next;
-    for (int round = 0; round < kGuardRounds; ++round) {
-      moving.clear();
-      for (const auto& face : block_.faces) {
-        const Double3 area = triangle_normal(position[face[0]], position[face[1]], position[face[2]]);
-        const Float3 sides = side_sum_[face[0]] + side_sum_[face[1]] + side_sum_[face[2]];
-        if (dot(area, wide(sides)) > 0.0 || sides == Float3{0, 0, 0}) continue;
-        for (const std::uint32_t v : face)
-          if (moves[v] == 0) {
-            moves[v] = 1;
-            moving.push_back(v);
-          }
-      }
-      if (moving.empty()) return;
-      next.clear();
-      for (const std::uint32_t v : moving) {
-        if (round == 0) {
-          next.push_back(position[v] + step_along(v, position));
-          continue;
-        }
-        const auto [sum, count] =
-            sum_around<Double3>(v, [&](std::uint32_t u) { return position[u] - position[v]; });
-        next.push_back(position[v] + sum * (count > 0 ? kUntangleStep / static_cast<double>(count) : 0.0));
-      }
-      for (std::size_t i = 0; i < moving.size(); ++i) {
-        position[moving[i]] = next[i];
-        moves[moving[i]] = 0;
-      }
-    }
   }
 
   void measure_edges() {
@@ -399,7 +362,6 @@ class Denoiser {
   Double3 moved(SurfaceWindow& window, std::uint32_t v) {
     window_right_ = true;
     sides_.find(block_, corners_.at(v), normals_, position_);
-    for (std::size_t k = 0; k < sides_.count(); ++k) side_sum_[v] = side_sum_[v] + narrow(sides_.normal(k));
     fitted_.clear();
     const Double3& here = position_[v];
     const double edge = static_cast<double>(edge_[v]),
@@ -461,8 +423,7 @@ class Denoiser {
   std::vector<float> noise_;  ///< n, standard deviation; -1 where unknown
   std::vector<std::uint8_t> noise_known_, fits_known_;
   std::vector<Served> served_;
-  std::vector<Float3> side_sum_;  ///< n, unit normals of the sides added up; zero where none were found
-  bool window_right_ = true;      ///< of all windows at the vertex at hand
+  bool window_right_ = true;  ///< of all windows at the vertex at hand
   StarSides sides_;
   std::vector<FittedSide> fitted_;
   std::vector<std::uint32_t> all_;
@@ -489,8 +450,8 @@ DenoisedBlock denoise(const MeshBlock& block, const FaceCorners& corners, const 
 
 std::uint64_t denoise_bytes(std::uint64_t vertices, std::uint64_t faces) {
   const std::uint64_t filter = normal_bytes(faces) + vertices;
-  // Normals, untangled positions, edges, noise; flags; what fits say, sides.
-  const std::uint64_t stay = 12 * faces + (24 + 8 + 4 + 24 + 12) * vertices;
+  // Normals, untangled positions, edges, noise; flags; what fits say.
+  const std::uint64_t stay = 12 * faces + (24 + 8 + 4 + 24) * vertices;
   // To untangle, marks and the reversed; to choose, three numbers; to measure, the window, two squares, stamps and a second
   // set of noise; at last a second set of positions.
   const std::uint64_t measure = SurfaceWindow::bytes(vertices, faces) + 24 * vertices;

@@ -8,7 +8,7 @@
 ///             and grows as far as the noise asks for (window_fit.h); wide ones at centres, one vertex in twelve, serve
 ///             the vertices around them too
 ///   move      the vertex goes to the nearest point on its side, on the intersection of its sides at creases
-///             and corners; faces that lie against the sides of their corners are spread out
+///             and corners
 ///
 /// After the moving least squares of Fleishman, Cohen-Or, Silva 2005 and Oeztireli, Guennebaud, Gross 2009, with
 /// the feature vertices of Kobbelt, Botsch, Schwanecke, Seidel 2001 (intersection of tangent elements).

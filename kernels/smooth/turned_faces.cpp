@@ -10,6 +10,8 @@ namespace {
 
 /// Share of the way to the mean of the neighbours.
 constexpr double kStep = 0.7;
+/// Vertices around which the mean of unit normals, turned ones left out, is shorter lie on creases, and stay.
+constexpr double kFlat = 0.9;
 
 Double3 unit_normal(const std::array<std::uint32_t, 3>& face, std::span<const Double3> position) {
   return unit_or_zero(triangle_normal(position[face[0]], position[face[1]], position[face[2]]));
@@ -71,6 +73,13 @@ void set_faces_upright(const MeshBlock& block, const FaceCorners& corners, std::
     for (const std::uint32_t f : faces.list())
       for (const std::uint32_t v : block.faces[f]) vertices.add(v);
   };
+  const auto on_crease = [&](std::uint32_t v) {
+    Double3 upright{};
+    double count = 0.0;
+    for (const std::uint32_t corner : corners.at(v))
+      if (dot(normal[corner >> 2], sum[v]) > 0.0) upright = upright + normal[corner >> 2], count += 1.0;
+    return dot(upright, upright) < kFlat * kFlat * count * count;
+  };
   Marked bad(block.faces.size()), near(block.faces.size()), moving(position.size()), touched(position.size());
   for (std::uint32_t f = 0; f < block.faces.size(); ++f)
     if (turned(f)) bad.add(f);
@@ -87,8 +96,9 @@ void set_faces_upright(const MeshBlock& block, const FaceCorners& corners, std::
     next.clear();
     for (const std::uint32_t v : moving.list()) {
       Double3 way{};
-      for (const std::uint32_t corner : corners.at(v))
-        for (const std::uint32_t u : block.faces[corner >> 2]) way = way + (position[u] - position[v]);
+      if (!on_crease(v))
+        for (const std::uint32_t corner : corners.at(v))
+          for (const std::uint32_t u : block.faces[corner >> 2]) way = way + (position[u] - position[v]);
       next.push_back(position[v] + way * (kStep / static_cast<double>(2 * corners.at(v).size())));
     }
     for (std::size_t i = 0; i < next.size(); ++i) position[moving.list()[i]] = next[i];

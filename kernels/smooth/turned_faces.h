@@ -14,7 +14,8 @@ namespace tessera {
 /// \cost 24 bytes a vertex and a face
 std::uint64_t count_turned_faces(const MeshBlock& block);
 
-/// In a few rounds the vertices of such faces, later of those around them too, go towards the mean of their neighbours.
+/// In a few rounds the vertices of such faces, later of those around them too, go towards the mean of their neighbours;
+/// those on creases stay.
 /// Right where kUprightRings whole rings of right positions are in the block.
 /// \param corners   the block's own
 /// \param position  n, in place of the block's own

@@ -155,7 +155,7 @@ TEST_CASE("deform: meshes of the catalogue with edits by chance", "[pipeline]") 
     write_welded(read_whole(kSharedData / "meshes" / name), mesh);
     try_edits(mesh, 2, {}, sum);
   }
-  for (const char* name : {"bed.obj", "conrod-flipped.stl", "pickup.ply"}) {
+  for (const char* name : {"bed.obj", "conrod-flipped.stl", "self-intersect-a.obj"}) {
     const fs::path mesh = folder / (std::string(name) + ".ply");
     REQUIRE(write_closed(kSharedData / "dirty" / name, mesh, 60.0));
     try_edits(mesh, 2, {}, sum);

@@ -49,7 +49,7 @@ OptionTable option_table(SmoothOptions& o) {
         "strength of a step, no unit: waves shorter than about 3 lambda^(1/2) edges (order 2: 3 "
         "lambda^(1/4)) lose more than half; implicit and denoise: up to 1e9, long waves by a coarse level "
         "(order 1 from 140, order 2 from 2300 on); curvature-flow: any; laplacian, taubin: up to 1, "
-        "bilaplacian: up to 0.5; 0 = 10 for implicit, 3 for denoise, 0.5 for laplacian and taubin, 0.25 for "
+        "bilaplacian: up to 0.5; 0 = 10 for implicit, 1 for denoise, 0.5 for laplacian and taubin, 0.25 for "
         "bilaplacian, 1 for curvature-flow");
   t.add("order", &o.order,
         "implicit, denoise, curvature-flow: 1 = membrane, 2 = thin plate (keeps more shape); 0 = 2 for "
