@@ -16,7 +16,7 @@ struct JumpSum {
   double variance = 0.0;  ///< radians squared
 };
 struct NormalJumps {
-  JumpSum along;   ///< over edges within 30 degrees of the ribs: what one meets on the way along the blend
+  JumpSum along;  ///< over edges within 30 degrees of the ribs: what one meets on the way along the blend
   /// Over edges within 30 degrees of the spine that are, of one of their faces, the side nearest to its direction: of cells
   /// far longer than high the diagonals lie near it too, and do not turn.
   JumpSum across;

@@ -94,7 +94,9 @@ class CollapseMesh {
   const Double3& at(std::uint32_t v) const { return vertices_[v].at; }
   std::uint8_t state(std::uint32_t v) const { return state_[v]; }
   void add_state(std::uint32_t v, unsigned bits) { state_[v] = static_cast<std::uint8_t>(state_[v] | bits); }
-  void drop_state(std::uint32_t v, unsigned bits) { state_[v] = static_cast<std::uint8_t>(state_[v] & ~bits); }
+  void drop_state(std::uint32_t v, unsigned bits) {
+    state_[v] = static_cast<std::uint8_t>(state_[v] & ~bits);
+  }
   /// A corner of the vertex, the first of its fan where that is open.
   std::uint32_t corner(std::uint32_t v) const { return corner_[v]; }
   std::uint32_t block_vertex(std::uint32_t v) const { return block_vertex_[v]; }  ///< its index in the block

@@ -102,8 +102,7 @@ TEST_CASE("star lanes: costs are those of endpoint quadrics", "[property]") {
   }
 }
 
-TEST_CASE("star lanes: open stars, large ones and sizes out of proportion are left to others",
-          "[unit]") {
+TEST_CASE("star lanes: open stars, large ones and sizes out of proportion are left to others", "[unit]") {
   const OneStar nine(fan(9, 0.25, 1)), six(fan(6, 0.25, 1));
   CHECK_FALSE(StarLanes(0.1, 0.0).load(nine.mesh, nine.centre, nine.star));
   CHECK(StarLanes(0.1, 0.0).load(six.mesh, six.centre, six.star));
