@@ -104,7 +104,6 @@ void require_solved(SolveStatus status, const std::string& message) {
   if (status != SolveStatus::kSolved) throw InputError("the mesh has no parameterization: " + message);
 }
 
-/// What comes after report.factor = solver.analyse(): factor, solve for all columns of `values`, which get the result.
 /// A factor in memory, the same bits on every machine, or null with the reason in report.choice where it does not fit.
 /// \param memory  for both; 0 = no limit
 std::unique_ptr<LinearSolver> fitting_factor(const SparseMatrix& a, std::uint64_t memory, FactorStore& store,
@@ -122,6 +121,7 @@ std::unique_ptr<LinearSolver> fitting_factor(const SparseMatrix& a, std::uint64_
   return solver;
 }
 
+/// What comes after report.factor = solver.analyse(): factor, solve for all columns of `values`, which get the result.
 void factor_and_solve(LinearSolver& solver, const ConstrainedSystem& system, std::span<double> values,
                       int columns, ParameterizeReport& report) {
   if (report.factor.status == SolveStatus::kSolved) report.factor = solver.factor(system.matrix);

@@ -16,8 +16,8 @@ namespace {
 
 /// Rounds in which faces that lie reversed are spread out, before the fits and after them.
 constexpr int kUntangleRounds = 6;
-constexpr double kUntangleStep = 0.7;
 constexpr int kGuardRounds = 3;
+constexpr double kUntangleStep = 0.7;
 /// Rings over which the length of edges is averaged.
 constexpr int kEdgeRings = 3;
 
@@ -396,11 +396,9 @@ class Denoiser {
   double fit_side(SurfaceWindow& window, std::uint32_t v, const Double3& normal,
                   std::span<const std::uint32_t> faces) {
     window.begin(v, normal, faces);
-    const bool part = faces.size() < corners_.at(v).size();
-    const double noise = noise_[v] > 0.0F ? static_cast<double>(noise_[v]) : 0.0;
-    WindowChoice choice(noise);
+    WindowChoice choice(noise_[v] > 0.0F ? static_cast<double>(noise_[v]) : 0.0);
     double radius = kSmallestWindow * static_cast<double>(edge_[v]);
-    const int windows = part ? kCreaseWindows : kWindows;
+    const int windows = faces.size() < corners_.at(v).size() ? kCreaseWindows : kWindows;
     for (int i = 0; i < windows; ++i, radius *= kWindowGrowth) {
       window.grow(radius);
       if (!choice.offer(window.samples(), radius)) break;
