@@ -4,6 +4,8 @@
 #include <cmath>
 #include <limits>
 
+#include "kernels/solid/sign_change.h"
+
 namespace tessera {
 namespace {
 
@@ -43,28 +45,10 @@ class BlendedShape : public SolidShape {
     return of_both_ * (round < 0.0 ? -far : far);
   }
 
-  /// By what is behind value(): regula falsi that halves the value of an end which stays, and halves where that is slow.
+  /// By what is behind value(), which rounds off no sign.
   double surface_between(const Double3& from, const Double3& to, bool starts_inside) const override {
     const Double3 way = to - from;
-    double low = 0.0, high = 1.0, at_low = distance(from), at_high = distance(to);
-    int side = 0;
-    for (int step = 0; step < kMostSteps && high - low > kRoot; ++step) {
-      const double difference = at_high - at_low;
-      double t =
-          step % 4 == 3 || difference == 0.0 ? 0.5 * (low + high) : low - at_low * (high - low) / difference;
-      t = std::clamp(t, low + 0.5 * kRoot, high - 0.5 * kRoot);
-      const double v = distance(from + way * t);
-      if ((v < 0.0) == starts_inside) {
-        low = t, at_low = v;
-        if (side == -1) at_high *= 0.5;
-        side = -1;
-      } else {
-        high = t, at_high = v;
-        if (side == 1) at_low *= 0.5;
-        side = 1;
-      }
-    }
-    return high;
+    return find_sign_change(starts_inside, kRoot, 0.0, [&](double t) { return distance(from + way * t); });
   }
 
   bool bounds(Double3& low, Double3& high) const override {

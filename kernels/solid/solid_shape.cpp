@@ -4,10 +4,11 @@
 #include <bitset>
 #include <cmath>
 
+#include "kernels/solid/sign_change.h"
+
 namespace tessera {
 namespace {
 
-constexpr int kMostSteps = 60;       ///< of the root finder
 constexpr double kRootCells = 1e-9;  ///< how exact it is
 constexpr std::uint32_t kCrossingsPerLeaf = 256;
 constexpr double kBesideSurface = 2.0;  ///< cells: the ends of edges that cross it are nearer
@@ -214,39 +215,13 @@ void search(const SolidShape& shape, const Lattice& lattice, const Int3& leaf, i
         next, out);
 }
 
-/// Where along [0, 1] a value changes its sign, at its far side: regula falsi that halves the value of an end which stays,
-/// and halves the interval where that is slow.
-template <class Value>
-double find_end(bool starts_inside, const Value& value) {
-  double low = 0.0, high = 1.0, at_low = value(0.0), at_high = value(1.0);
-  int side = 0;
-  for (int step = 0; step < kMostSteps && high - low > kRootCells; ++step) {
-    const double difference = at_high - at_low;
-    double t =
-        step % 4 == 3 || difference == 0.0 ? 0.5 * (low + high) : low - at_low * (high - low) / difference;
-    // Never on an end: then the interval shrinks from both.
-    t = std::clamp(t, low + 0.5 * kRootCells, high - 0.5 * kRootCells);
-    const double v = value(t);
-    if ((v < 0.0) == starts_inside) {
-      low = t, at_low = v;
-      if (side == -1) at_high *= 0.5;
-      side = -1;
-    } else {
-      high = t, at_high = v;
-      if (side == 1) at_low *= 0.5;
-      side = 1;
-    }
-    if (std::fabs(v) < kRootCells) return t;
-  }
-  return high;
-}
-
 }  // namespace
 
 double SolidShape::surface_between(const Double3& from, const Double3& to, bool starts_inside) const {
   const Double3 way = to - from;
   const double length = norm(way);
-  return find_end(starts_inside, [&](double t) { return value(from + way * t) / length; });
+  return find_sign_change(starts_inside, kRootCells, kRootCells,
+                          [&](double t) { return value(from + way * t) / length; });
 }
 
 std::size_t shape_numbers(std::string_view kind) {
