@@ -90,6 +90,8 @@ TEST_CASE("csg: rounded joints have their radius within a hundredth", "[pipeline
       3);
   CHECK(code_of(R"({"union": [{"sphere": [0,0,0,1]},
     {"union": [{"sphere": [1,0,0,1]}, {"sphere": [0,1,0,1]}]}], "blend": 1})") == 3);
+  const std::string round = R"({"union": [{"sphere": [1,0,0,1]}, {"sphere": [0,1,0,1]}], "blend": 1})";
+  CHECK(code_of(R"({"union": [{"sphere": [0,0,0,1]}, )" + round + R"(], "blend": 1})") == 3);
 }
 
 TEST_CASE("resurface: a mitred offset of a cube is a cube, a limit cuts its corners", "[pipeline]") {

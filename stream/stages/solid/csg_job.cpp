@@ -42,25 +42,12 @@ class Bounds {
   std::vector<bool> stack_;
 };
 
-PlacedShape blend_of(const json& list, Bounds& bounds) {
-  PlacedShape shape;
-  shape.kind = kBlend;
-  Bounds inner;
-  for (const json& step : list) {
-    BlendStep& made = shape.steps.emplace_back();
-    if (step.contains("shape")) {
-      made.kind = step.at("shape").get<std::string>();
-      made.numbers = step.at("numbers").get<std::vector<double>>();
-      made.placement = placement_of(step.at("placement"));
-      inner.push(made.kind != "halfspace");
-    } else {
-      made.join = join_of(step);
-      made.radius = step.value("radius", 0.0);
-      inner.join(made.join);
-    }
-  }
-  bounds.push(inner.all());
-  return shape;
+PlainShape shape_of(const json& step) {
+  return {step.at("shape").get<std::string>(), step.at("numbers").get<std::vector<double>>(),
+          placement_of(step.at("placement"))};
+}
+bool is_bounded(const PlainShape& shape) {
+  return shape.kind != "halfspace";
 }
 
 }  // namespace
@@ -87,23 +74,24 @@ SolidModel csg_model(const CsgOptions& options) {
       bounds.push(true);
     } else if (step.contains("mill")) {
       model.tree.push_operand(static_cast<std::uint8_t>(meshes + shapes++));
-      model.shapes.push_back({kMill,
-                              step.at("numbers").get<std::vector<double>>(),
-                              placement_of(step.at("placement")),
-                              meshes + step.at("mill").get<std::size_t>(),
-                              {}});
+      model.shapes.push_back(MillShape{step.at("numbers").get<std::vector<double>>(),
+                                       placement_of(step.at("placement")),
+                                       meshes + step.at("mill").get<std::size_t>()});
       bounds.push(true);
     } else if (step.contains("blend")) {
       model.tree.push_operand(static_cast<std::uint8_t>(meshes + shapes++));
-      model.shapes.push_back(blend_of(step.at("blend"), bounds));
+      const json& both = step.at("blend");
+      const BlendShape blend = {shape_of(both.at(0)), shape_of(both.at(1)), join_of(step),
+                                step.at("radius").get<double>()};
+      bounds.push(is_bounded(blend.first));
+      bounds.push(is_bounded(blend.second));
+      bounds.join(blend.join);
+      model.shapes.push_back(blend);
     } else if (step.contains("shape")) {
       model.tree.push_operand(static_cast<std::uint8_t>(meshes + shapes++));
-      model.shapes.push_back({step.at("shape").get<std::string>(),
-                              step.at("numbers").get<std::vector<double>>(),
-                              placement_of(step.at("placement")),
-                              0,
-                              {}});
-      bounds.push(model.shapes.back().kind != "halfspace");
+      const PlainShape shape = shape_of(step);
+      bounds.push(is_bounded(shape));
+      model.shapes.push_back(shape);
     } else {
       const SolidTree::Join join = join_of(step);
       model.tree.push_join(join);

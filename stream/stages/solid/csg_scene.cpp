@@ -190,7 +190,7 @@ class SceneFile {
       } else {
         node_of_file(file, here);
       }
-    } else if (kind == kMill) {
+    } else if (kind == "mill") {
       mill(value, here);
     } else {
       const std::size_t count = shape_numbers(kind);
@@ -233,7 +233,7 @@ class SceneFile {
     push_mesh(scene_, program_, {}, here);
   }
 
-  /// What a rounded joint joins becomes one implicit solid: a list in the program's own list. Two plain solids alone: where
+  /// What a rounded joint joins becomes one implicit solid, one step of the program. Two plain solids alone: where
   /// rounds meet, a ball touches three surfaces, and BlendedShape finds those of two.
   void blend(const json& n, const std::string& kind, const Placement& here) {
     if (!n.at("blend").is_number() || !(n.at("blend").get<double>() > 0.0) ||
@@ -248,19 +248,19 @@ class SceneFile {
       node(solid, here);
       for (const json& step : program_) rounds(step);
     }
-    if (n.at(kind).size() != 2 || program_.size() != 2)
+    const auto is_shape = [](const json& step) { return step.contains("shape"); };
+    if (n.at(kind).size() != 2 || program_.size() != 2 || !std::ranges::all_of(program_, is_shape))
       fail("\"blend\" rounds the joint of two solids, each of one shape: put what is made of more beside it");
-    json steps = std::move(program_);
-    steps.push_back({{"join", kind}, {"radius", radius}});
+    json both = std::move(program_);
     program_ = std::move(outer);
-    program_.push_back({{"blend", std::move(steps)}});
+    program_.push_back({{"blend", std::move(both)}, {"join", kind}, {"radius", radius}});
   }
   static double here_scale(const Placement& p) {
     return norm(Double3{p.matrix[0], p.matrix[3], p.matrix[6]});
   }
   /// Whether a step's values are distances.
   void rounds(const json& step) const {
-    if (step.contains("mesh") || step.contains(kMill))
+    if (step.contains("mesh") || step.contains("mill"))
       fail("\"blend\" rounds joints of implicit solids alone: no mesh, scan or mill may stand in it");
     if (!step.contains("shape")) return;
     Placement p;
@@ -297,7 +297,7 @@ class SceneFile {
           "high");
     if (!is_similarity(here)) fail("\"mill\": a tool may be turned, moved and scaled alike, not stretched");
     program_.push_back(
-        {{kMill, scene_.paths.size()}, {"numbers", tool}, {"placement", numbers_of_placement(here)}});
+        {{"mill", scene_.paths.size()}, {"numbers", tool}, {"placement", numbers_of_placement(here)}});
     scene_.paths.push_back(open_.back().parent_path() / value.at("path").get<std::string>());
   }
 

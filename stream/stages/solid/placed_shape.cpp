@@ -35,34 +35,26 @@ std::vector<Double3> read_tool_path(const std::filesystem::path& path) {
   return points;
 }
 
-std::unique_ptr<SolidShape> make_blend(const std::vector<BlendStep>& steps) {
-  std::vector<std::unique_ptr<SolidShape>> stack;
-  for (const BlendStep& s : steps) {
-    if (!s.kind.empty()) {
-      stack.push_back(make_shape(s.kind, s.numbers, s.placement));
-      continue;
-    }
-    if (stack.size() < 2) throw InputError("the scene is no tree of solids");
-    std::unique_ptr<SolidShape> last = std::move(stack.back());
-    stack.pop_back();
-    stack.back() = blend_shapes(std::move(stack.back()), std::move(last), s.join, s.radius);
-  }
-  if (stack.size() != 1) throw InputError("the scene is no tree of solids");
-  return std::move(stack.front());
+std::unique_ptr<SolidShape> make(const PlainShape& s) {
+  return make_shape(s.kind, s.numbers, s.placement);
 }
 
 }  // namespace
 
 std::unique_ptr<SolidShape> make_placed_shape(const JobState& state, const PlacedShape& shape) {
-  if (shape.kind == kBlend) return make_blend(shape.steps);
-  if (shape.kind != kMill) return make_shape(shape.kind, shape.numbers, shape.placement);
-  const MillingTool tool = {shape.numbers.at(0), shape.numbers.at(1), shape.numbers.at(2)};
-  return std::make_unique<SweptTool>(tool, read_tool_path(state.inputs.at(shape.path)), shape.placement);
+  if (const auto* blend = std::get_if<BlendShape>(&shape))
+    return blend_shapes(make(blend->first), make(blend->second), blend->join, blend->radius);
+  if (const auto* mill = std::get_if<MillShape>(&shape)) {
+    const MillingTool tool = {mill->tool.at(0), mill->tool.at(1), mill->tool.at(2)};
+    return std::make_unique<SweptTool>(tool, read_tool_path(state.inputs.at(mill->path)), mill->placement);
+  }
+  return make(std::get<PlainShape>(shape));
 }
 
 std::uint64_t placed_shape_bytes(const JobState& state, const PlacedShape& shape) {
-  if (shape.kind != kMill) return 0;
-  const std::uint64_t points = std::filesystem::file_size(state.inputs.at(shape.path)) / kLeastLine + 1;
+  const auto* mill = std::get_if<MillShape>(&shape);
+  if (!mill) return 0;
+  const std::uint64_t points = std::filesystem::file_size(state.inputs.at(mill->path)) / kLeastLine + 1;
   return SweptTool::bytes(points) + 24 * points + 2 * LineReader::kLongestLine;
 }
 

@@ -14,6 +14,7 @@
 #include <filesystem>
 #include <memory>
 #include <string>
+#include <variant>
 #include <vector>
 
 #include "kernels/extract/extended_marching_cubes.h"
@@ -33,23 +34,25 @@ struct PlacedMesh {
   std::vector<std::size_t> inputs;
   Placement placement = {};
 };
-/// A step of a rounded combination of shapes (blended_shape.h), in postfix order: a shape, or a joint of the last two.
-struct BlendStep {
-  std::string kind;  ///< of kShapeKinds; empty: a joint
+/// An implicit solid by its kind (solid_shape.h).
+struct PlainShape {
+  std::string kind;  ///< of kShapeKinds
   std::vector<double> numbers;
   Placement placement;
+};
+/// What a milling tool takes away on its way (swept_tool.h).
+struct MillShape {
+  std::vector<double> tool;  ///< radius, rim and length
+  Placement placement;
+  std::size_t path = 0;  ///< input of its tool path
+};
+/// Two solids with the joint rounded (blended_shape.h).
+struct BlendShape {
+  PlainShape first, second;
   SolidTree::Join join = SolidTree::Join::kUnite;
   double radius = 0.0;
 };
-struct PlacedShape {
-  std::string kind;  ///< of kShapeKinds, kMill or kBlend
-  std::vector<double> numbers;
-  Placement placement;
-  std::size_t path = 0;          ///< of a mill: input of its tool path
-  std::vector<BlendStep> steps;  ///< of a blend
-};
-inline constexpr const char* kMill = "mill";  ///< numbers: radius, rim and length of the tool (swept_tool.h)
-inline constexpr const char* kBlend = "blend";
+using PlacedShape = std::variant<PlainShape, MillShape, BlendShape>;
 /// \throws InputError naming file and line: no numbers, no point
 std::unique_ptr<SolidShape> make_placed_shape(const JobState& state, const PlacedShape& shape);
 /// What it takes.
