@@ -26,15 +26,11 @@ std::string leaves_part(std::size_t task) {
   return "leaves/" + task_file_stem(task) + ".key";
 }
 
-class CoverStage : public Stage {
+class CoverStage : public MergeFacesStage {
  public:
-  explicit CoverStage(const JobState& state)
-      : state_(state), meshes_(state.work, true), tasks_(meshes_.tasks()) {}
+  explicit CoverStage(const JobState& state) : MergeFacesStage(state, true) {}
 
   std::string name() const override { return "cover"; }
-  std::size_t task_count() const override { return tasks_.size(); }
-  std::uint64_t units() const override { return meshes_.face_count(); }
-  std::string unit_name() const override { return "faces"; }
 
   std::uint64_t task_bytes(std::size_t task) const override {
     const MergeTask& t = tasks_[task];
@@ -247,10 +243,6 @@ class CoverStage : public Stage {
     }
     return select_faces(block, keep);
   }
-
-  JobState state_;
-  MergeMeshes meshes_;
-  std::vector<MergeTask> tasks_;
 };
 
 }  // namespace

@@ -20,15 +20,11 @@ std::string part(std::size_t task) {
   return "joints/" + task_file_stem(task) + ".edg";
 }
 
-class JointsStage : public Stage {
+class JointsStage : public MergeFacesStage {
  public:
-  explicit JointsStage(const JobState& state)
-      : state_(state), meshes_(state.work, false), tasks_(meshes_.tasks()) {}
+  explicit JointsStage(const JobState& state) : MergeFacesStage(state, false) {}
 
   std::string name() const override { return "joints"; }
-  std::size_t task_count() const override { return tasks_.size(); }
-  std::uint64_t units() const override { return meshes_.face_count(); }
-  std::string unit_name() const override { return "faces"; }
 
   std::uint64_t task_bytes(std::size_t task) const override {
     const MergeTask& t = tasks_[task];
@@ -121,10 +117,6 @@ class JointsStage : public Stage {
       if (r != rank && near.sheets[r] && near.sheets[r]->passes(p, plan.reach, normal)) return true;
     return false;
   }
-
-  JobState state_;
-  MergeMeshes meshes_;
-  std::vector<MergeTask> tasks_;
 };
 
 }  // namespace

@@ -104,6 +104,22 @@ class MergeMeshes {
   std::vector<JointEdge> joints_;
 };
 
+/// What stages share that look at every face of every mesh: a task takes some patches of one of them.
+class MergeFacesStage : public Stage {
+ public:
+  std::size_t task_count() const override { return tasks_.size(); }
+  std::uint64_t units() const override { return meshes_.face_count(); }
+  std::string unit_name() const override { return "faces"; }
+
+ protected:
+  MergeFacesStage(const JobState& state, bool joints)
+      : state_(state), meshes_(state.work, joints), tasks_(meshes_.tasks()) {}
+
+  JobState state_;
+  MergeMeshes meshes_;
+  std::vector<MergeTask> tasks_;
+};
+
 /// Keys in the merged mesh: vertices of inputs and of the strip, bricks of inputs and of the strip.
 constexpr std::uint64_t merged_vertex(std::size_t rank, std::uint64_t key) {
   return (static_cast<std::uint64_t>(rank) + 1) << 48 | key;
