@@ -15,7 +15,6 @@
 #include "stream/stages/decimate/simplify_needs.h"
 #include "stream/stages/decimate/unsettled_region.h"
 #include "stream/stages/remesh/quality_report.h"
-#include "stream/stages/remesh/sizing_stage.h"
 
 namespace tessera {
 namespace {
@@ -99,7 +98,9 @@ class RemeshStage : public Stage {
                 {options.tolerance,
                  std::max(options.tolerance, 0.25 * (options.adaptive ? sizing_.shortest : sizing_.edge)),
                  kTaskFaces,
-                 [&](const MeshStore& in, const MeshStore& reference) { return cut(in, reference); }}),
+                 [&](const MeshStore& in, const MeshStore& reference) {
+                   return remesh_blocks(in, reference, options, sizing_, pass.pass);
+                 }}),
         in_(blocks_.in()),
         reference_(blocks_.reference()) {
     kernel_ = options_.kernel(sizing_.edge, sizing_.shortest, !in_.info().double_positions);
@@ -207,24 +208,8 @@ class RemeshStage : public Stage {
 
   std::uint64_t room(const MeshBlockCut& cut) const {
     std::uint64_t expected = 0;
-    for (const std::size_t p : cut.patches) expected += this->expected(in_.patches()[p]);
+    for (const std::size_t p : cut.patches) expected += sizing_.expected(in_.patches()[p]);
     return kRoom * std::max(expected, cut.faces) + kLeastRoom;
-  }
-
-  std::uint64_t expected(const MeshPatchEntry& patch) const {
-    const auto at = sizing_.faces.find(patch.key);
-    return at == sizing_.faces.end() ? patch.faces : at->second;
-  }
-
-  std::vector<MeshBlockCut> cut(const MeshStore& store, const MeshStore& reference) const {
-    std::vector<std::uint64_t> weight;
-    for (const MeshPatchEntry& e : store.patches()) {
-      const std::int64_t there = reference.find(e.key);
-      const std::uint64_t full = there < 0 ? 0 : reference.patches()[static_cast<std::size_t>(there)].faces;
-      weight.push_back(std::max(expected(e), full / kRemeshReferenceBlocks));
-    }
-    return make_blocks(store, {options_.block_faces, options_.block_faces, pass_shift(pass_.pass), true},
-                       weight);
   }
 
   MeshBox reference_box(const MeshBlockCut& cut) const { return grown(in_.box_of(cut.patches), reach()); }
@@ -258,6 +243,17 @@ std::uint64_t remesh_pass_bytes(const RemeshJobOptions& options, std::uint64_t f
   const std::uint64_t reference = std::min(faces, around * kRemeshReferenceBlocks * options.block_faces);
   return remesh_task_bytes(surface_block_bytes(block) + surface_block_bytes(reference),
                            kRoom * block + kLeastRoom, reference, 0);
+}
+
+std::vector<MeshBlockCut> remesh_blocks(const MeshStore& in, const MeshStore& reference,
+                                        const RemeshJobOptions& options, const Sizing& sizing, int pass) {
+  std::vector<std::uint64_t> weight;
+  for (const MeshPatchEntry& e : in.patches()) {
+    const std::int64_t there = reference.find(e.key);
+    const std::uint64_t full = there < 0 ? 0 : reference.patches()[static_cast<std::size_t>(there)].faces;
+    weight.push_back(std::max(sizing.expected(e), full / kRemeshReferenceBlocks));
+  }
+  return make_blocks(in, {options.block_faces, options.block_faces, pass_shift(pass), true}, weight);
 }
 
 std::unique_ptr<Stage> make_remesh_stage(const JobState& state, const RemeshJobOptions& options,

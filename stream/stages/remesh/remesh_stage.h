@@ -3,10 +3,12 @@
 /// one pass lie inside the blocks of the next.
 #pragma once
 #include <memory>
+#include <vector>
 
 #include "stream/runtime/stage.h"
 #include "stream/stages/decimate/simplify_stage.h"
 #include "stream/stages/remesh/remesh_options.h"
+#include "stream/stages/remesh/sizing_stage.h"
 
 namespace tessera {
 
@@ -20,6 +22,10 @@ std::uint64_t remesh_task_bytes(std::uint64_t block_bytes, std::uint64_t most_fa
 /// Of the largest task of a pass, told before there is a mesh.
 /// \param faces  of the mesh   \param around  as in simplify_pass_bytes()
 std::uint64_t remesh_pass_bytes(const RemeshJobOptions& options, std::uint64_t faces, std::uint64_t around);
+
+/// The blocks of a pass over `in`; a pure function of the tables of both stores.
+std::vector<MeshBlockCut> remesh_blocks(const MeshStore& in, const MeshStore& reference,
+                                        const RemeshJobOptions& options, const Sizing& sizing, int pass);
 
 /// Reads and leaves what the pass of decimation of the same name would. A pass of a round that is not needed has no
 /// tasks.

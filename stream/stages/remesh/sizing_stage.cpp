@@ -215,6 +215,11 @@ class SizingStage : public Stage {
 
 }  // namespace
 
+std::uint64_t Sizing::expected(const MeshPatchEntry& patch) const {
+  const auto at = faces.find(patch.key);
+  return at == faces.end() ? patch.faces : at->second;
+}
+
 Sizing Sizing::of_work(const std::filesystem::path& work) {
   const json j = json::parse(read_text(work / kSizingFile));
   Sizing sizing;

@@ -15,6 +15,7 @@ struct Sizing {
   double edge = 0.0;                             ///< scan units; the longest where they adapt
   double shortest = 0.0;                         ///< where they adapt
   std::map<std::uint64_t, std::uint64_t> faces;  ///< expected of each brick of the imported mesh
+  std::uint64_t expected(const MeshPatchEntry& patch) const;
   static Sizing of_work(const std::filesystem::path& work);
 };
 
