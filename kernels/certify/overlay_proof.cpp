@@ -36,6 +36,7 @@ class Overlay {
     across_fine_ = pair_edges(fine);
     across_coarse_ = pair_edges(coarse);
     state_.resize(fine.faces.size());
+    seed_.assign(coarse.faces.size(), kNone);
     out_.coarse.bound.assign(coarse.faces.size(), kOpen);
     out_.fine.bound.assign(fine.faces.size(), kOpen);
   }
@@ -242,6 +243,10 @@ class Overlay {
       for (const std::uint32_t v : coarse_.faces[t])
         if (start_[v] != kNone)
           if (const std::uint32_t f = walk(start_[v], centre_); f != kNone) return f;
+      // As a rule a face beside was laid out before, and what lies over it is near.
+      for (const std::uint32_t beside : across_coarse_[t])
+        if (beside != kNone && seed_[beside >> 2] != kNone)
+          if (const std::uint32_t f = walk(seed_[beside >> 2], centre_); f != kNone) return f;
       if (const std::uint32_t f = walk(nearby(), centre_); f != kNone) return f;
     }
     return kNone;
@@ -323,7 +328,7 @@ class Overlay {
     if (!solid_ || !lay_sides()) return;
     ++stamp_;
     points_.clear();
-    const std::uint32_t seed = find_seed(t);
+    const std::uint32_t seed = seed_[t] = find_seed(t);
     if (seed == kNone) return;
     samples_.clear();
     double height = 0.0;
@@ -538,6 +543,7 @@ class Overlay {
   std::vector<Across> across_fine_, across_coarse_;
   std::vector<State> state_;
   std::vector<std::uint32_t> start_;  ///< per coarse vertex: a fine face there, or kNone
+  std::vector<std::uint32_t> seed_;   ///< per coarse face: the fine face over its centre, or kNone
   ClosestFaces sample_;
   OverlayProof out_;
   // Of the coarse face at hand.
