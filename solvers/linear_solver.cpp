@@ -6,7 +6,7 @@
 #include "octree/error.h"
 #include "solvers/cholesky_solver.h"
 #include "solvers/krylov_solver.h"
-#include "solvers/lu_solver.h"
+#include "solvers/multifrontal_solver.h"
 #include "solvers/multigrid_solver.h"
 
 namespace tessera {
@@ -17,7 +17,7 @@ class AutomaticSolver final : public LinearSolver {
   explicit AutomaticSolver(const SolverOptions& options) : options_(options) {}
 
   FactorReport analyse(const SparseMatrix& a) override {
-    solver_ = make_cholesky_solver(options_);
+    solver_ = make_fronts_solver(options_);
     FactorReport report = solver_->analyse(a);
     std::string reason = std::to_string(a.rows) + " unknowns of order " + std::to_string(options_.order) +
                          ": Cholesky where it fits";
@@ -47,6 +47,8 @@ std::unique_ptr<LinearSolver> make_solver(SolverKind kind, const SolverOptions& 
   switch (kind) {
     case SolverKind::kCholesky:
       return make_cholesky_solver(options);
+    case SolverKind::kFronts:
+      return make_fronts_solver(options);
     case SolverKind::kConjugateGradients:
       return make_conjugate_gradients_solver(options);
     case SolverKind::kAutomatic:
@@ -63,6 +65,8 @@ const char* name(SolverKind kind) {
   switch (kind) {
     case SolverKind::kCholesky:
       return "Cholesky";
+    case SolverKind::kFronts:
+      return "fronts";
     case SolverKind::kConjugateGradients:
       return "conjugate gradients";
     case SolverKind::kAutomatic:

@@ -4,9 +4,8 @@
 /// What may happen to a sound program on given numbers is a value: not converging, a singular matrix, a
 /// factor that does not fit. Nothing throws but for broken preconditions (UsageError). A solver is used by
 /// one thread at a time; it computes on one thread (the BLAS and OpenMP inside CHOLMOD are held to one), so a
-/// result never depends on threads. Solutions of CHOLMOD and UMFPACK depend on the machine's BLAS kernels; those of
-/// multifrontal_solver.h have the same bits on every machine, and those of multigrid unless a mesh of very many pieces
-/// leaves a huge coarsest level.
+/// result never depends on threads. Solutions of CHOLMOD depend on the machine's BLAS kernels; those of our fronts have the
+/// same bits on every machine, and those of multigrid unless a mesh of very many pieces leaves a huge coarsest level.
 #pragma once
 #include <array>
 #include <cstdint>
@@ -20,11 +19,12 @@
 namespace tessera {
 
 enum class SolverKind {
-  kCholesky,            ///< CHOLMOD, supernodal; symmetric positive definite
+  kCholesky,  ///< CHOLMOD, supernodal; symmetric positive definite
+  kFronts,    ///< CHOLMOD's analysis, our fronts: the same bits on every machine; symmetric positive definite
   kConjugateGradients,  ///< preconditioned by incomplete Cholesky; symmetric positive definite
-  kAutomatic,           ///< Cholesky where the factor fits, else multigrid
+  kAutomatic,           ///< our fronts where the factor fits, else multigrid
   kMultigrid,           ///< conjugate gradients preconditioned by our multigrid; symmetric positive definite
-  kLu,                  ///< UMFPACK; any regular matrix
+  kLu,  ///< our fronts with pivots within them: the same bits on every machine; nearly symmetric pattern
 };
 
 enum class Ordering {

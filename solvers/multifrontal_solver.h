@@ -1,5 +1,5 @@
 /// \file multifrontal_solver.h
-/// The factor of multifrontal_cholesky.h behind LinearSolver.
+/// The factors of multifrontal_cholesky.h and multifrontal_lu.h behind LinearSolver.
 #pragma once
 #include <memory>
 
@@ -12,5 +12,9 @@ namespace tessera {
 /// tolerance is refined once.
 /// \param store  outlives the solver; empty, or what a factor() of the same matrix has put there: then that serves
 std::unique_ptr<LinearSolver> make_multifrontal_solver(const SolverOptions& options, FactorStore& store);
+
+/// kFronts, kLu. The factor lies in memory and counts.
+std::unique_ptr<LinearSolver> make_fronts_solver(const SolverOptions& options);
+std::unique_ptr<LinearSolver> make_lu_solver(const SolverOptions& options);
 
 }  // namespace tessera

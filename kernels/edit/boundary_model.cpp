@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <string>
 
 #include "octree/error.h"
@@ -12,6 +13,9 @@ namespace {
 
 constexpr int kMostRefinements = 4;
 constexpr double kEnough = 1e-13;  ///< of the largest value: corrections below it are rounding
+
+/// Solutions are refined against the operators, not against the matrix.
+constexpr double kAnyResidual = std::numeric_limits<double>::infinity();
 
 /// Damping of the Laplacian of order `level` at a vertex (6.2.3).
 double damping(double smoothness, int level) {
@@ -105,8 +109,8 @@ BoundaryModel::BoundaryModel(const Laplacian& operators, std::span<const std::ui
       m.report.symmetric = m.report.symmetric &&
                            m.scale[0][static_cast<std::size_t>(v)] == m.scale[1][static_cast<std::size_t>(v)];
   m.report.unknowns = m.system.free_vertices.size();
-  m.solver = make_solver(m.report.symmetric ? SolverKind::kCholesky : SolverKind::kLu,
-                         {.memory_bytes = options.memory_bytes, .order = m.order});
+  m.solver = make_solver(m.report.symmetric ? SolverKind::kFronts : SolverKind::kLu,
+                         {.memory_bytes = options.memory_bytes, .tolerance = kAnyResidual, .order = m.order});
   m.report.factor = m.solver->analyse(m.system.matrix);
   require_solved(m.report.factor.status, m.report.factor.message);
   m.report.factor = m.solver->factor(m.system.matrix);
@@ -143,11 +147,14 @@ void BoundaryModel::solve(std::span<double> values, int width) {
         correction = std::max(correction, std::fabs(x[k * w + c]));
       }
     if (step > 0 && !(correction < 0.5 * before)) break;  // does not converge any more
+    const double earlier = before;
     before = correction;
     for (std::size_t k = 0; k < free.size(); ++k)
       for (std::size_t c = 0; c < w; ++c) values[static_cast<std::size_t>(free[k]) * w + c] += x[k * w + c];
     ++m.report.refinements;
-    if (correction <= kEnough * largest) break;
+    // Every correction is to the one before as this one is, or the first one to the solution.
+    const double to = step == 0 ? largest : earlier;
+    if (correction <= kEnough * largest || correction * correction <= kEnough * largest * to) break;
   }
 }
 

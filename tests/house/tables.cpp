@@ -121,9 +121,9 @@ const std::map<std::string, std::string>& covering_tests() {
        {"cholesky_solver", "cholmod_view", "conjugate_gradients", "krylov_solver", "multigrid_cycle",
         "multigrid_interpolation", "multigrid_levels", "multigrid_solver", "rcm_ordering", "single_thread",
         "sparse_matrix"});
-    by("solvers/multifrontal_cholesky", "solvers", {"dense_front", "factor_store", "multifrontal_solver"});
+    by("solvers/multifrontal_cholesky", "solvers",
+       {"dense_front", "factor_store", "front_sweeps", "front_tree", "multifrontal_solver"});
     by("kernels/holes/hole_filling", "solvers", {"envelope_cholesky"});
-    by("kernels/edit/boundary_model", "solvers", {"lu_solver"});
     by("solvers/laplacian", "solvers", {"intrinsic_delaunay"});
 
     by("kernels/blends/resample_blend", "kernels/blends", {"blend_grid", "fishbone_fit", "normal_jumps"});

@@ -58,8 +58,8 @@ int cycles(std::size_t side, int order, MultigridCycle cycle, double stretch = 1
   return r.iterations;
 }
 
-constexpr SolverKind kAll[] = {SolverKind::kCholesky, SolverKind::kConjugateGradients,
-                               SolverKind::kMultigrid};
+constexpr SolverKind kAll[] = {SolverKind::kCholesky, SolverKind::kFronts, SolverKind::kConjugateGradients,
+                               SolverKind::kMultigrid, SolverKind::kLu};
 
 /// The first status that is not kSolved, of all steps, and its sentence.
 SolveReport attempt(SolverKind kind, const SolverOptions& options, const SparseMatrix& a,
@@ -254,9 +254,9 @@ TEST_CASE("solver: a tolerance of nothing is refused", "[unit]") {
 }
 
 TEST_CASE("solver: the automatic choice keeps to the cap and gives its reason", "[memory]") {
-  const Problem p = problem(120, 2);
+  const Problem p = problem(200, 2);
   const auto need = [&](Ordering ordering) {
-    return make_solver(SolverKind::kCholesky, {.ordering = ordering})->analyse(p.system.matrix).peak_bytes;
+    return make_solver(SolverKind::kFronts, {.ordering = ordering})->analyse(p.system.matrix).peak_bytes;
   };
   const std::uint64_t degree = need(Ordering::kMinimumDegree), dissection = need(Ordering::kNestedDissection);
   REQUIRE(dissection < degree);
