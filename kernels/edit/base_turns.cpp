@@ -1,5 +1,7 @@
 #include "kernels/edit/base_turns.h"
 
+#include <immintrin.h>
+
 #include <algorithm>
 #include <cmath>
 #include <cstring>
@@ -14,7 +16,8 @@ using Matrix4 = SmallMatrix<4>;
 
 constexpr int kSpreadRounds = 6;  ///< rings that a turn is measured over, beyond its own
 constexpr int kPolarSteps = 10;
-constexpr double kTurned = 1e-7;  ///< a step less than that leaves half its square, and was the last
+/// A step less than that leaves half its square, and was the last: far less than columns are rounded by.
+constexpr double kTurned = 2e-5;
 /// Determinants, of a matrix as large as a rotation, from which Newton's steps are safe.
 constexpr double kWellTurned = 1e-3;
 
@@ -109,48 +112,57 @@ class Spread {
 /// A matrix in each lane.
 using Matrices = std::array<Lanes, 9>;
 
+/// a b + c, rounded once: written out, since no compiler may contract.
+Lanes fused(Lanes a, Lanes b, Lanes c) {
+  return _mm256_fmadd_pd(a, b, c);
+}
+
 Matrices cofactors(const Matrices& r) {
-  return {r[4] * r[8] - r[5] * r[7], r[5] * r[6] - r[3] * r[8], r[3] * r[7] - r[4] * r[6],
-          r[2] * r[7] - r[1] * r[8], r[0] * r[8] - r[2] * r[6], r[1] * r[6] - r[0] * r[7],
-          r[1] * r[5] - r[2] * r[4], r[2] * r[3] - r[0] * r[5], r[0] * r[4] - r[1] * r[3]};
+  const auto minor = [&](std::size_t a, std::size_t b, std::size_t c, std::size_t d) {
+    return _mm256_fmsub_pd(r[a], r[b], r[c] * r[d]);
+  };
+  return {minor(4, 8, 5, 7), minor(5, 6, 3, 8), minor(3, 7, 4, 6), minor(2, 7, 1, 8), minor(0, 8, 2, 6),
+          minor(1, 6, 0, 7), minor(1, 5, 2, 4), minor(2, 3, 0, 5), minor(0, 4, 1, 3)};
 }
 
 Lanes square_root(Lanes x) {
-  for (std::size_t l = 0; l < kLanes; ++l) x[l] = std::sqrt(x[l]);
-  return x;
+  return _mm256_sqrt_pd(x);
 }
 
 Lanes size_of(const Matrices& r) {
   Lanes sum = r[0] * r[0];
-  for (std::size_t k = 1; k < 9; ++k) sum += r[k] * r[k];
+  for (std::size_t k = 1; k < 9; ++k) sum = fused(r[k], r[k], sum);
   return square_root(sum);
 }
 
+using LaneMask = decltype(Lanes{} > Lanes{});
+bool all(LaneMask mask) {
+  Lanes bits;
+  std::memcpy(&bits, &mask, sizeof bits);
+  return _mm256_movemask_pd(bits) == 0xf;
+}
+
 /// Polar factors by Newton's steps R <- (R + R^-T) / 2 (Higham 1986).
-/// \return per lane: it was too near to turning over, or did not settle
-std::array<bool, kLanes> polar_turns(Matrices& r) {
-  std::array<bool, kLanes> left{};
+/// \return per lane, not zero: it was too near to turning over, or did not settle
+LaneMask polar_turns(Matrices& r) {
+  LaneMask left{};
   const Lanes scale = std::sqrt(3.0) / size_of(r);
   for (Lanes& x : r) x *= scale;
   for (int step = 0; step < kPolarSteps; ++step) {
     const Matrices cofactor = cofactors(r);
-    const Lanes determinant = r[0] * cofactor[0] + r[1] * cofactor[1] + r[2] * cofactor[2];
+    const Lanes determinant = fused(r[0], cofactor[0], fused(r[1], cofactor[1], r[2] * cofactor[2]));
     const Lanes inverse = 0.5 / determinant;
     Lanes change{};
     for (std::size_t k = 0; k < 9; ++k) {
-      const Lanes next = 0.5 * r[k] + cofactor[k] * inverse;
+      const Lanes next = fused(cofactor[k], inverse, 0.5 * r[k]);
       const Lanes by = next - r[k];
-      change += by * by;
+      change = fused(by, by, change);
       r[k] = next;
     }
-    bool done = true;
-    for (std::size_t l = 0; l < kLanes; ++l) {
-      left[l] = left[l] || !(determinant[l] > kWellTurned);
-      done = done && (left[l] || change[l] < kTurned * kTurned);
-    }
-    if (done) return left;
-    if (step + 1 == kPolarSteps)
-      for (std::size_t l = 0; l < kLanes; ++l) left[l] = left[l] || !(change[l] < kTurned * kTurned);
+    left |= ~(determinant > kWellTurned);
+    const LaneMask settled = change < kTurned * kTurned;
+    if (all(left | settled)) return left;
+    if (step + 1 == kPolarSteps) left |= ~settled;
   }
   return left;
 }
@@ -245,7 +257,7 @@ std::vector<float> turn_columns(std::span<const Double3> rest, std::span<const F
 std::vector<Turn> turns(std::span<const float> columns, std::size_t count, bool targets,
                         std::span<const FrameMotion> motion) {
   const std::size_t width = turn_width(targets, motion.size());
-  std::vector<Turn> out(count, kNoTurn);
+  std::vector<Turn> out(count);
   for (std::size_t first = 0; first < count; first += kLanes) {
     const float* const from = columns.data() + first * width;
     const auto column = [&](std::size_t c) {
@@ -262,9 +274,10 @@ std::vector<Turn> turns(std::span<const float> columns, std::size_t count, bool 
         const Lanes x = column(c), y = column(c + 1), z = column(c + 2);
         c += 3;
         for (std::size_t r = 0; r < 3; ++r) {
-          by[3 * r] += axis[r] * x;
-          by[3 * r + 1] += axis[r] * y;
-          by[3 * r + 2] += axis[r] * z;
+          const Lanes along = _mm256_set1_pd(axis[r]);
+          by[3 * r] = fused(along, x, by[3 * r]);
+          by[3 * r + 1] = fused(along, y, by[3 * r + 1]);
+          by[3 * r + 2] = fused(along, z, by[3 * r + 2]);
         }
       }
     // Gradients within the surface leave open what becomes of normals: cofactors have the same singular vectors, and of the
@@ -279,12 +292,15 @@ std::vector<Turn> turns(std::span<const float> columns, std::size_t count, bool 
     auto moves = by[0] != 0.0;
     for (std::size_t k = 1; k < 9; ++k) moves |= by[k] != 0.0;
     Matrices r = s;
-    const std::array<bool, kLanes> left = polar_turns(r);
+    const LaneMask left = polar_turns(r);
     for (std::size_t l = 0; l < kLanes && first + l < count; ++l) {
-      if (moves[l] == 0) continue;
       Turn& turn = out[first + l];
-      for (std::size_t k = 0; k < 9; ++k) turn[k] = left[l] ? s[k][l] : r[k][l];
-      if (left[l]) turn = nearest_turn(turn);
+      if (moves[l] == 0) {
+        turn = kNoTurn;
+        continue;
+      }
+      for (std::size_t k = 0; k < 9; ++k) turn[k] = left[l] != 0 ? s[k][l] : r[k][l];
+      if (left[l] != 0) turn = nearest_turn(turn);
     }
   }
   return out;
