@@ -16,11 +16,21 @@ class Bends {
  public:
   Bends(const MeshBlock& block, double radius) : block_(block), square_(radius * radius), at_(block) {
     const std::size_t faces = block.faces.size();
-    doubled_.resize(faces);
+    doubled_.resize(faces), area_.resize(faces), middle_.resize(faces);
     for (std::size_t f = 0; f < faces; ++f) {
       const auto& t = block.faces[f];
-      doubled_[f] = triangle_normal(block.position[t[0]], block.position[t[1]], block.position[t[2]]);
+      const Double3 &a = block.position[t[0]], &b = block.position[t[1]], &c = block.position[t[2]];
+      doubled_[f] = triangle_normal(a, b, c);
+      area_[f] = norm(doubled_[f]);
+      middle_[f] = (a + b + c) * (1.0 / 3.0);
     }
+    first_edge_.reserve(faces + 1);
+    edges_.reserve(faces + faces / 2 + 1);
+    for (std::uint32_t f = 0; f < faces; ++f) {
+      first_edge_.push_back(static_cast<std::uint32_t>(edges_.size()));
+      for (std::size_t k = 0; k < 3; ++k) add_edge(f, block.faces[f][k], block.faces[f][(k + 1) % 3]);
+    }
+    first_edge_.push_back(static_cast<std::uint32_t>(edges_.size()));
     seen_.assign(block.key.size(), kNone);
     face_seen_.assign(faces, kNone);
   }
@@ -31,11 +41,16 @@ class Bends {
     std::array<double, 6> sum{};
     double area = 0.0;
     for (const std::uint32_t f : faces_) {
-      const auto& t = block_.faces[f];
-      const Double3 middle =
-          (block_.position[t[0]] + block_.position[t[1]] + block_.position[t[2]]) * (1.0 / 3.0) - centre;
-      area += 0.5 * weight(middle) * norm(doubled_[f]);
-      for (std::size_t k = 0; k < 3; ++k) add_edge(f, t[k], t[(k + 1) % 3], centre, sum);
+      area += 0.5 * weight(middle_[f] - centre) * area_[f];
+      for (std::uint32_t e = first_edge_[f]; e < first_edge_[f + 1]; ++e) {
+        const Edge& edge = edges_[e];
+        const double w = weight(edge.middle - centre);
+        if (!(w > 0.0)) continue;
+        const double share = w * edge.turn;
+        const Double3& d = edge.way;
+        sum[0] += share * d[0] * d[0], sum[1] += share * d[0] * d[1], sum[2] += share * d[0] * d[2];
+        sum[3] += share * d[1] * d[1], sum[4] += share * d[1] * d[2], sum[5] += share * d[2] * d[2];
+      }
     }
     VertexBend out;
     for (const std::uint32_t c : at_.at(v)) out.normal = out.normal + doubled_[c >> 2];
@@ -81,13 +96,14 @@ class Bends {
     std::sort(faces_.begin(), faces_.end());
   }
 
-  /// Once an edge: from the face that runs along it from its lower corner.
-  void add_edge(std::uint32_t f, std::uint32_t a, std::uint32_t b, const Double3& centre,
-                std::array<double, 6>& sum) const {
+  /// An edge that turns, of the face that runs along it from its lower corner: once.
+  struct Edge {
+    Double3 middle, way;
+    double turn;  ///< by its length
+  };
+  void add_edge(std::uint32_t f, std::uint32_t a, std::uint32_t b) {
     if (a > b) return;
     const Double3 &p = block_.position[a], &q = block_.position[b];
-    const double w = weight((p + q) * 0.5 - centre);
-    if (!(w > 0.0)) return;
     std::uint32_t other = kNone;
     for (const std::uint32_t c : at_.at(b)) {
       const auto& t = block_.faces[c >> 2];
@@ -100,15 +116,17 @@ class Bends {
     if (!(length > 0.0) || dot(m, m) == 0.0 || dot(n, n) == 0.0) return;
     // f lies on the left of the way from a to b, so at a convex edge its normal turns about that way to the other one.
     const double turn = angle_between(m, n) * (dot(cross(m, n), d) > 0.0 ? 1.0 : -1.0);
-    const double share = w * turn / length;
-    sum[0] += share * d[0] * d[0], sum[1] += share * d[0] * d[1], sum[2] += share * d[0] * d[2];
-    sum[3] += share * d[1] * d[1], sum[4] += share * d[1] * d[2], sum[5] += share * d[2] * d[2];
+    if (turn != 0.0) edges_.push_back({(p + q) * 0.5, d, turn / length});
   }
 
   const MeshBlock& block_;
   double square_;
   FaceCorners at_;
   std::vector<Double3> doubled_;  ///< normals of faces, twice their areas
+  std::vector<double> area_;      ///< of faces, doubled
+  std::vector<Double3> middle_;   ///< of faces
+  std::vector<Edge> edges_;
+  std::vector<std::uint32_t> first_edge_;  ///< per face, one more at the end
   std::vector<std::uint32_t> seen_, face_seen_, vertices_, faces_;
 };
 
