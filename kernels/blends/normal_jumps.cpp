@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <vector>
 
 #include "octree/portable_math.h"
@@ -12,14 +13,44 @@ namespace {
 constexpr double kInner = 10.0 / 12.0;  ///< of the arc
 constexpr double kEnd = 0.25;           ///< ribs: what is stitched there is not of the blend
 constexpr double kAligned = 0.8660254037844386;
-constexpr double kAsNear = 1e-9;  ///< cosines that differ by less are the same
+constexpr double kTrajectory = 8.0;  ///< so much nearer is what lies on the same trajectory
+constexpr double kAsNear = 1e-9;     ///< cosines that differ by less are the same
 
-JumpSum sum_of(const std::vector<double>& jumps) {
+/// The jump of an edge, and where it is: along the spine and across.
+struct Jump {
+  double along, across, angle;
+};
+
+/// Half the mean square difference of nearest neighbours.
+double noise_of(const std::vector<Jump>& jumps) {
+  const std::size_t n = jumps.size();
+  double sum = 0.0;
+  for (std::size_t i = 0; i < n; ++i) {
+    double square = std::numeric_limits<double>::infinity(), angle = jumps[i].angle;
+    const auto look = [&](std::size_t j) {
+      const double a = jumps[j].along - jumps[i].along, b = kTrajectory * (jumps[j].across - jumps[i].across);
+      if (a * a >= square) return false;
+      if (a * a + b * b < square) square = a * a + b * b, angle = jumps[j].angle;
+      return true;
+    };
+    for (std::size_t j = i; j-- > 0 && look(j);) {
+    }
+    for (std::size_t j = i + 1; j < n && look(j); ++j) {
+    }
+    sum += 0.5 * (angle - jumps[i].angle) * (angle - jumps[i].angle);
+  }
+  return sum / static_cast<double>(n);
+}
+
+/// \param jumps  ascending along the spine
+JumpSum sum_of(const std::vector<Jump>& jumps) {
   JumpSum s;
   s.edges = jumps.size();
   if (jumps.empty()) return s;
-  for (const double j : jumps) s.mean += j / static_cast<double>(jumps.size());
-  for (const double j : jumps) s.variance += (j - s.mean) * (j - s.mean) / static_cast<double>(jumps.size());
+  const double n = static_cast<double>(jumps.size());
+  for (const Jump& j : jumps) s.mean += j.angle / n;
+  for (const Jump& j : jumps) s.variance += (j.angle - s.mean) * (j.angle - s.mean) / n;
+  s.noise = noise_of(jumps);
   return s;
 }
 
@@ -55,7 +86,7 @@ NormalJumps normal_jumps(const Fishbone& bone, std::span<const Double3> position
     normal.push_back(unit_or_zero(m + n));
     at.push_back(i);
   }
-  std::vector<double> along, across;
+  std::vector<Jump> along, across;
   const double ends = static_cast<double>(bone.planes.size() - 1);
   for (const RibVertex& v : place_vertices(bone, middle, normal, 0.0, bone.edge + 0.5 * bone.mean_arc())) {
     if (!bone.planes.closed() && (v.place.rib < kEnd || v.place.rib > ends - kEnd)) continue;
@@ -65,7 +96,8 @@ NormalJumps normal_jumps(const Fishbone& bone, std::span<const Double3> position
     const Double3 way = unit_or_zero(position[a.high] - position[a.low]);
     const auto rib = static_cast<std::size_t>(v.place.rib) % bone.planes.size();
     const double cosine = std::fabs(dot(way, bone.planes[rib].along));
-    const double jump = angle_between(face_normal(a.face), face_normal(b.face));
+    const Jump jump = {v.place.rib * bone.planes.spacing(), v.beside.run,
+                       angle_between(face_normal(a.face), face_normal(b.face))};
     const auto leads = [&](std::uint32_t f) {
       const auto& t = faces[f];
       for (std::size_t k = 0; k < 3; ++k) {

@@ -14,6 +14,11 @@ struct JumpSum {
   std::uint64_t edges = 0;
   double mean = 0.0;      ///< radians
   double variance = 0.0;  ///< radians squared
+  /// What of the variance neighbours do not share: half the mean square of the differences between each edge's jump and
+  /// that of the nearest other edge on the way along the blend, radians squared. Where jumps are independent it is the
+  /// variance; bends of the surface itself, as along the rim of a disk, hardly count. (Von Neumann, "Distribution of the
+  /// ratio of the mean square successive difference to the variance", 1941.)
+  double noise = 0.0;
 };
 struct NormalJumps {
   JumpSum along;  ///< over edges within 30 degrees of the ribs: what one meets on the way along the blend

@@ -17,7 +17,7 @@ constexpr std::size_t kMostNamed = 20;  ///< blends that a warning names
 constexpr int kBlendBits = 32;          ///< of a new key: vertices of one blend
 
 json to_json(const JumpSum& s) {
-  return {{"edges", s.edges}, {"mean", s.mean}, {"variance", s.variance}};
+  return {{"edges", s.edges}, {"mean", s.mean}, {"variance", s.variance}, {"noise", s.noise}};
 }
 json to_json(const NormalJumps& j) {
   return {{"along", to_json(j.along)}, {"across", to_json(j.across)}};
