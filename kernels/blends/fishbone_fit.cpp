@@ -2,15 +2,20 @@
 
 #include <algorithm>
 #include <cmath>
-#include <map>
+#include <limits>
+#include <optional>
+#include <unordered_map>
 
 namespace tessera {
 namespace {
 
 constexpr int kMostRounds = 40;    ///< of planes and fits; each leaves about a third of what the spine is off
-constexpr double kSettled = 1e-8;  ///< of the half width: moves of the spine that end it
-constexpr int kPatientRounds = 3;  ///< in which ribs that fit badly may get better planes
-constexpr double kWindow = 1.5;    ///< ribs to each side whose vertices a rib sees
+constexpr double kSettled = 1e-8;  ///< of the half width: moves of the spine from round to round that end it,
+constexpr double kSettledNoise = 0.01;  ///< or of the rms distance of vertices to their profiles
+constexpr double kWaversNoise = 2.0, kWaversShare = 0.85,
+                 kSameNoise = 0.99;     ///< as much as a round ago: it wavers
+constexpr int kPatientRounds = 3;       ///< in which ribs that fit badly may get better planes
+constexpr double kWindow = 1.5;         ///< ribs to each side whose vertices a rib sees
 constexpr std::size_t kLeastFlank = 3;  ///< vertices of a rib on each flank
 constexpr std::size_t kLeastRibs = 4;
 constexpr int kProfileSmooths = 12, kSpineSmooths = 16;
@@ -24,44 +29,100 @@ constexpr double kFine = 0.02;                       ///< of an edge: a rib that
 constexpr double kRough = 0.3;        ///< of the flank: what lies so far off a line on average is no flank
 constexpr double kLeastApart = 0.15;  ///< of the spacing: ends of ribs
 
-/// Ribs by cells of their origins.
+/// Ribs by cells of their origins: every cell has those of its neighbours, too.
 class NearRibs {
  public:
   NearRibs(const RibPlanes& planes, double reach) : planes_(planes), cell_(reach) {
-    for (std::uint32_t i = 0; i < planes.size(); ++i) cells_[cell(planes[i].origin)].push_back(i);
+    for (std::uint32_t i = 0; i < planes.size(); ++i) {
+      const Cell c = cell(planes[i].origin);
+      for (std::int64_t z = c[2] - 1; z <= c[2] + 1; ++z)
+        for (std::int64_t y = c[1] - 1; y <= c[1] + 1; ++y)
+          for (std::int64_t x = c[0] - 1; x <= c[0] + 1; ++x) cells_[{x, y, z}].push_back(i);
+    }
   }
   /// The nearest one within reach, -1: none.
   std::int64_t nearest(const Double3& p) const {
-    const auto c = cell(p);
+    const auto at = cells_.find(cell(p));
+    if (at == cells_.end()) return -1;
     std::int64_t best = -1;
     double square = cell_ * cell_;
-    for (std::int64_t z = c[2] - 1; z <= c[2] + 1; ++z)
-      for (std::int64_t y = c[1] - 1; y <= c[1] + 1; ++y)
-        for (std::int64_t x = c[0] - 1; x <= c[0] + 1; ++x) {
-          const auto at = cells_.find({x, y, z});
-          if (at == cells_.end()) continue;
-          for (const std::uint32_t i : at->second) {
-            const double d = squared_distance(planes_[i].origin, p);
-            if (d < square || (d == square && i < best)) square = d, best = i;
-          }
-        }
+    for (const std::uint32_t i : at->second) {
+      const double d = squared_distance(planes_[i].origin, p);
+      if (d < square || (d == square && i < best)) square = d, best = i;
+    }
     return best;
   }
 
  private:
-  std::array<std::int64_t, 3> cell(const Double3& p) const {
-    std::array<std::int64_t, 3> c;
+  using Cell = std::array<std::int64_t, 3>;
+  struct Hash {
+    std::size_t operator()(const Cell& c) const {
+      std::uint64_t h = 0;
+      for (const std::int64_t k : c) h = (h ^ static_cast<std::uint64_t>(k)) * 0x9e3779b97f4a7c15u;
+      return static_cast<std::size_t>(h ^ h >> 32);
+    }
+  };
+  Cell cell(const Double3& p) const {
+    Cell c;
     for (std::size_t k = 0; k < 3; ++k) c[k] = static_cast<std::int64_t>(std::floor(p[k] / cell_));
     return c;
   }
   const RibPlanes& planes_;
   double cell_;
-  std::map<std::array<std::int64_t, 3>, std::vector<std::uint32_t>> cells_;
+  std::unordered_map<Cell, std::vector<std::uint32_t>, Hash> cells_;
 };
+
+/// The nearest rib, downhill along the spine from one that was nearest to it before the spine moved a little.
+std::size_t nearest_from(const RibPlanes& planes, const Double3& p, std::size_t rib) {
+  const std::size_t n = planes.size();
+  double square = squared_distance(planes[rib].origin, p);
+  for (const bool up : {true, false})
+    for (std::size_t step = 0; step < n; ++step) {
+      if (!planes.closed() && (up ? rib + 1 == n : rib == 0)) break;
+      const std::size_t next = up ? (rib + 1) % n : (rib + n - 1) % n;
+      const double d = squared_distance(planes[next].origin, p);
+      if (!(d < square)) break;
+      rib = next, square = d;
+    }
+  return rib;
+}
 
 bool in_order(const RibVertex& a, const RibVertex& b) {
   return a.place.rib != b.place.rib ? a.place.rib < b.place.rib : a.vertex < b.vertex;
 }
+
+/// Where vertices are beside a fishbone.
+class Placing {
+ public:
+  Placing(const Fishbone& bone, double reach, double off)
+      : bone_(bone), reach_(reach), off_(off), limit_(limit(bone, reach, off)) {}
+  /// How far from the origin of its rib a vertex may be.
+  static double limit(const Fishbone& bone, double reach, double off) {
+    return 1.5 * (0.5 * bone.mean_arc() + reach + bone.planes.spacing()) + off;
+  }
+  /// \param rib  the nearest one
+  std::optional<RibVertex> place(std::uint32_t v, const Double3& p, const Double3& normal,
+                                 std::size_t rib) const {
+    const RibPlane& plane = bone_.planes[rib];
+    if (squared_distance(plane.origin, p) >= limit_ * limit_) return std::nullopt;
+    const auto at = bone_.planes.locate(p, rib);
+    if (!at) return std::nullopt;
+    const RibProfile q = bone_.profile_at(at->rib);
+    const ProfilePlace beside = place_beside(q, {at->x, at->y});
+    const double half = 0.5 * q.arc_length();
+    if (std::fabs(beside.distance) > off_ || std::fabs(beside.run) > half + reach_) return std::nullopt;
+    const double share = half > 0.0 ? std::clamp(0.5 + 0.5 * beside.run / half, 0.0, 1.0) : 0.5;
+    const Double2 n = beside.zone == RibZone::kLeft    ? q.flank_normal(0)
+                      : beside.zone == RibZone::kRight ? q.flank_normal(1)
+                                                       : q.arc_normal(share);
+    if (dot(normal, plane.across * n[0] + plane.up * n[1]) < kFacing) return std::nullopt;
+    return RibVertex{v, *at, beside};
+  }
+
+ private:
+  const Fishbone& bone_;
+  double reach_, off_, limit_;
+};
 
 class Fit {
  public:
@@ -74,8 +135,8 @@ class Fit {
 
     out_.convex = track_.convex;
     out_.edge = options_.edge;
-    out_.flank =
-        std::max({kFlankEdges * options_.edge, kFlankShare * track_.half_width, options_.least_flank});
+    out_.flank = std::max({kFlankEdges * options_.edge, kFlankShare * track_.half_width, options_.least_flank,
+                           options_.least_seen});
     std::vector<Double3> up = track_.normal;
     double length = 0.0;
     const std::size_t n = track_.centre.size(), pieces = track_.closed ? n : n - 1;
@@ -84,15 +145,22 @@ class Fit {
     if (n < 3 || ribs < kLeastRibs) return FishboneOutcome::kTooShort;
     out_.planes = planes_across(track_.centre, std::move(up), track_.closed, ribs, kSpineSmooths);
     keep_near();
+    bool settled = false;
+    double moved = std::numeric_limits<double>::infinity(), noise = moved;
     for (int round = 0;; ++round) {
       fit_ribs(round == 0);
       const std::size_t before = this->ribs();
       if (!(round < kPatientRounds ? fill_unfound() : cut_to_sound())) return FishboneOutcome::kNoFlanks;
       smooth_profiles();
-      const bool settled = round > kPatientRounds && before == this->ribs() &&
-                           spine_is_off() <= kSettled * (track_.half_width + out_.edge);
-      if (settled || round + 1 == kMostRounds) break;
-      follow();
+      if ((settled && before == this->ribs()) || round + 1 == kMostRounds) break;
+      const double last_noise = noise, last = moved;
+      noise = mean_rms();
+      moved = follow();
+      // Where noise lets vertices come and go at the rim of what ribs see, spines never come to rest.
+      const bool rests = moved <= std::max(kSettled * (track_.half_width + out_.edge), kSettledNoise * noise);
+      const bool wavers =
+          moved <= kWaversNoise * noise && moved >= kWaversShare * last && noise >= kSameNoise * last_noise;
+      settled = round >= kPatientRounds && (rests || wavers);
     }
     RibEnds ends = rib_ends();
     const double least = kLeastApart * out_.planes.spacing();
@@ -114,9 +182,11 @@ class Fit {
   void keep_near() {
     const NearRibs near(out_.planes, kNearTrack * (track_.half_width + out_.flank) + out_.planes.spacing());
     for (std::size_t v = 0; v < all_position_.size(); ++v) {
-      if (near.nearest(all_position_[v]) < 0) continue;
+      const std::int64_t rib = near.nearest(all_position_[v]);
+      if (rib < 0) continue;
       position_.push_back(all_position_[v]);
       normal_.push_back(all_normal_[v]);
+      rib_.push_back(static_cast<std::uint32_t>(rib));
     }
   }
 
@@ -147,20 +217,24 @@ class Fit {
     const double wide = track_.half_width + out_.flank;
     std::vector<RibVertex> all;
     if (first) {
-      const NearRibs near(out_.planes, 2.0 * wide + out_.planes.spacing());
+      const double reach = 2.0 * wide + out_.planes.spacing();
       for (std::uint32_t v = 0; v < position_.size(); ++v) {
-        const std::int64_t i = near.nearest(position_[v]);
-        if (i < 0) continue;
-        const auto at = out_.planes.locate(position_[v], static_cast<std::size_t>(i));
+        const RibPlane& plane = out_.planes[rib_[v]];
+        if (squared_distance(plane.origin, position_[v]) >= reach * reach) continue;
+        const auto at = out_.planes.locate(position_[v], rib_[v]);
         if (!at || std::fabs(at->x) > wide || std::fabs(at->y) > wide) continue;
-        if (dot(normal_[v], out_.planes[static_cast<std::size_t>(i)].up) < 0.0) continue;
+        if (dot(normal_[v], plane.up) < 0.0) continue;
         all.push_back({v, *at, {}});
       }
-      std::sort(all.begin(), all.end(), in_order);
     } else {
-      all = place_vertices(out_, position_, normal_, out_.flank,
-                           kOffEdges * out_.edge + kOffShare * (track_.half_width + out_.mean_arc()));
+      const double off = kOffEdges * out_.edge + kOffShare * (track_.half_width + out_.mean_arc());
+      const Placing placing(out_, out_.flank, off);
+      for (std::uint32_t v = 0; v < position_.size(); ++v) {
+        rib_[v] = static_cast<std::uint32_t>(nearest_from(out_.planes, position_[v], rib_[v]));
+        if (const auto at = placing.place(v, position_[v], normal_[v], rib_[v])) all.push_back(*at);
+      }
     }
+    std::sort(all.begin(), all.end(), in_order);
     fits_.assign(ribs(), {});
     std::vector<Double2> points;
     for (std::size_t i = 0; i < ribs(); ++i) {
@@ -216,16 +290,15 @@ class Fit {
       if (run > best && run <= n) best = run, begin = i + 1 - run;
     }
     if (best < kLeastRibs) return false;
-    std::vector<RibPlane> planes;
     std::vector<ProfileFit> fits;
-    out_.profiles.clear();
-    for (std::size_t i = begin; i < begin + best; ++i) {
-      planes.push_back(out_.planes[i % n]);
-      fits.push_back(fits_[i % n]);
-      out_.profiles.push_back(fits_[i % n].profile);
+    for (std::size_t i = begin; i < begin + best; ++i) fits.push_back(fits_[i % n]);
+    for (std::uint32_t& r : rib_) {
+      const std::size_t from = closed ? (r + n - begin % n) % n : r < begin ? 0 : r - begin;
+      r = static_cast<std::uint32_t>(from < best ? from : closed && from - best > n - from ? 0 : best - 1);
     }
     fits_ = std::move(fits);
-    out_.planes = RibPlanes(std::move(planes), false);
+    out_.keep(begin, best);
+    for (std::size_t i = 0; i < best; ++i) out_.profiles[i] = fits_[i].profile;
     return true;
   }
 
@@ -244,10 +317,10 @@ class Fit {
     smooth([](RibProfile& p) -> double& { return p.radius; });
   }
 
-  /// Planes across the middle of what was found.
-  void follow() {
+  /// Planes across the middle of what was found. \returns how far they moved
+  double follow() {
     std::vector<Double3> spine(ribs()), up(ribs());
-    std::vector<RibProfile> old = out_.profiles;
+    const RibPlanes before = out_.planes;
     for (std::size_t i = 0; i < ribs(); ++i) {
       const Double2 m = out_.profiles[i].middle(), n = out_.profiles[i].arc_normal(0.5);
       spine[i] = out_.planes.at(i, m[0], m[1]);
@@ -264,14 +337,10 @@ class Fit {
       }
       p.angle[0] -= turn, p.angle[1] -= turn;
     }
-  }
-
-  /// How far the middles of arcs are from the origins of their planes.
-  double spine_is_off() const {
     double most = 0.0;
-    for (const RibProfile& p : out_.profiles) {
-      const Double2 m = p.middle();
-      most = std::max({most, std::fabs(m[0]), std::fabs(m[1])});
+    for (std::size_t i = 0; i < ribs(); ++i) {
+      const Double3 off = out_.planes[i].origin - before[i].origin;
+      most = std::max({most, std::fabs(dot(off, before[i].across)), std::fabs(dot(off, before[i].up))});
     }
     return most;
   }
@@ -288,15 +357,20 @@ class Fit {
     return ends;
   }
 
-  bool has_flanks() {
+  double mean_rms() const {
     double sum = 0.0, n = 0.0;
     for (const ProfileFit& f : fits_) sum += f.rms * f.rms, n += 1.0;
-    out_.rms = std::sqrt(sum / n);
+    return std::sqrt(sum / n);
+  }
+
+  bool has_flanks() {
+    out_.rms = mean_rms();
     return out_.rms < kRough * std::min(out_.flank, track_.half_width + out_.edge);
   }
 
   std::span<const Double3> all_position_, all_normal_;
   std::vector<Double3> position_, normal_;  ///< of those near the track
+  std::vector<std::uint32_t> rib_;          ///< that was nearest to each
   const BlendTrack& track_;
   FishboneOptions options_;
   Fishbone& out_;
@@ -321,15 +395,15 @@ RibProfile Fishbone::profile_at(double rib) const {
   return out;
 }
 
-bool Fishbone::cut_ends() {
-  const std::size_t n = planes.size();
-  if (planes.closed() || n < kLeastRibs + 2) return false;
-  std::vector<RibPlane> rest;
-  for (std::size_t i = 1; i + 1 < n; ++i) rest.push_back(planes[i]);
-  planes = RibPlanes(std::move(rest), false);
-  profiles.erase(profiles.begin());
-  profiles.pop_back();
-  return true;
+void Fishbone::keep(std::size_t first, std::size_t count) {
+  std::vector<RibPlane> kept;
+  std::vector<RibProfile> as_kept;
+  for (std::size_t i = first; i < first + count; ++i) {
+    kept.push_back(planes[i % planes.size()]);
+    as_kept.push_back(profiles[i % planes.size()]);
+  }
+  planes = RibPlanes(std::move(kept), false);
+  profiles = std::move(as_kept);
 }
 
 double Fishbone::mean_radius() const {
@@ -350,25 +424,14 @@ double Fishbone::mean_arc() const {
 
 std::vector<RibVertex> place_vertices(const Fishbone& bone, std::span<const Double3> position,
                                       std::span<const Double3> normal, double reach, double off) {
-  const double wide = 0.5 * bone.mean_arc() + reach + bone.planes.spacing();
-  const NearRibs near(bone.planes, 1.5 * wide + off);
+  const NearRibs near(bone.planes, Placing::limit(bone, reach, off));
+  const Placing placing(bone, reach, off);
   std::vector<RibVertex> out;
   for (std::uint32_t v = 0; v < position.size(); ++v) {
     const std::int64_t i = near.nearest(position[v]);
     if (i < 0) continue;
-    const auto at = bone.planes.locate(position[v], static_cast<std::size_t>(i));
-    if (!at) continue;
-    const RibProfile p = bone.profile_at(at->rib);
-    const ProfilePlace beside = place_beside(p, {at->x, at->y});
-    if (std::fabs(beside.distance) > off || std::fabs(beside.run) > 0.5 * p.arc_length() + reach) continue;
-    const double half = 0.5 * p.arc_length();
-    const double share = half > 0.0 ? std::clamp(0.5 + 0.5 * beside.run / half, 0.0, 1.0) : 0.5;
-    const Double2 n = beside.zone == RibZone::kLeft    ? p.flank_normal(0)
-                      : beside.zone == RibZone::kRight ? p.flank_normal(1)
-                                                       : p.arc_normal(share);
-    const RibPlane& plane = bone.planes[static_cast<std::size_t>(i)];
-    if (dot(normal[v], plane.across * n[0] + plane.up * n[1]) < kFacing) continue;
-    out.push_back({v, *at, beside});
+    if (const auto at = placing.place(v, position[v], normal[v], static_cast<std::size_t>(i)))
+      out.push_back(*at);
   }
   std::sort(out.begin(), out.end(), in_order);
   return out;

@@ -32,8 +32,8 @@ struct Fishbone {
 
   /// As from rib to rib, at a fraction.
   RibProfile profile_at(double rib) const;
-  /// Leaves out the first and the last rib. \returns false where it is closed, or too few would be left
-  bool cut_ends();
+  /// Keeps ribs first, first + 1, ... of them, `count` below all: then it is open. \pre count >= 3
+  void keep(std::size_t first, std::size_t count);
   double mean_radius() const;  ///< >= 0
   double mean_turn() const;    ///< radians
   double mean_arc() const;
@@ -45,6 +45,7 @@ struct FishboneOptions {
   double spacing = 0.0;      ///< of ribs, > 0
   double edge = 0.0;         ///< mean edge of the mesh around, > 0
   double least_flank = 0.0;  ///< beside the arc: what an edit needs
+  double least_seen = 0.0;   ///< beside the arc: vertices so far are looked at, at the least
 };
 
 /// Vertices near a fishbone with their places, by rib, then by vertex.

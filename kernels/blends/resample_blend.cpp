@@ -26,7 +26,8 @@ constexpr double kLeastFacing = 0.2;  ///< cosine between a new face and the sur
 constexpr double kCreaseArc = 0.6;    ///< of a row: shorter arcs were creases
 constexpr double kOnCrease = 0.35;    ///< of a row: vertices so near to it are on it
 constexpr double kBridgeRibs = 3.0;
-constexpr int kMostCuts = 4;         ///< ribs that are left out at the ends, where a blend runs into a border
+constexpr int kMostCuts = 4;  ///< times that ribs are left out where a blend cannot be changed
+constexpr std::size_t kLeastRibs = 4;
 constexpr double kRoomy = 1.25;      ///< of the tolerance: how far off is still told
 constexpr double kEdgesApart = 1.3;  ///< local edges that differ by more from what was thought: fit again
 
@@ -79,25 +80,77 @@ class Resampler {
   BlendOutcome work() {
     find_normals();
     if (const BlendOutcome o = fit(); o != BlendOutcome::kChanged) return o;
-    for (int cut = 0;; ++cut) {
-      const double reach = flank_beyond(bone_, options_, spacing_) + (1.0 + kClear) * spacing_;
-      near_ = place(reach + 2.0 * edge_);
-      grid_ = make_blend_grid(bone_, near_, options_, spacing_, follows_);
-      describe();
-      if (grid_.sharp && options_.edit == BlendEdit::kNone) return BlendOutcome::kSharp;
-      // Again, as far as faces that begin under the grid can reach.
-      near_ = place(reach + longest_edge_near());
-      const BlendOutcome o = clear();
-      if (o == BlendOutcome::kChanged) break;
-      if (o != BlendOutcome::kAtBorder || cut == kMostCuts || !bone_.cut_ends()) return o;
+    for (int cut = 0;;) {
+      const BlendOutcome o = attempt();
+      const bool fails_somewhere = o == BlendOutcome::kAtBorder || o == BlendOutcome::kNotStitched ||
+                                   o == BlendOutcome::kFolds || o == BlendOutcome::kBeyondTolerance;
+      if (!fails_somewhere) return o;
+      // Arcs and straight flanks have the least noise; where they do not do, the surface beside them comes along.
+      if (o == BlendOutcome::kBeyondTolerance && !follows_) {
+        follows_ = true;
+        continue;
+      }
+      if (++cut > kMostCuts || !keep_sound_ribs()) return o;
+      follows_ = options_.edit != BlendEdit::kNone;
     }
+  }
+
+  /// As the fishbone is now. Where it fails, the ribs there are marked as bad.
+  BlendOutcome attempt() {
+    bad_.assign(bone_.planes.size(), 0);
+    ring_.clear(), old_.clear(), added_.clear();
+    pieces_ = {};
+    const double reach = flank_beyond(bone_, options_, spacing_) + (1.0 + kClear) * spacing_;
+    near_ = place(reach + 2.0 * edge_);
+    grid_ = make_blend_grid(bone_, near_, options_, spacing_, follows_);
+    describe();
+    if (grid_.sharp && options_.edit == BlendEdit::kNone) return BlendOutcome::kSharp;
+    // Again, as far as faces that begin under the grid can reach.
+    near_ = place(reach + longest_edge_near());
+    if (const BlendOutcome o = clear(); o != BlendOutcome::kChanged) return o;
     if (const BlendOutcome o = stitch(); o != BlendOutcome::kChanged) return o;
     if (folds()) return BlendOutcome::kFolds;
     if (!certify()) return BlendOutcome::kBeyondTolerance;
     hand_out();
     const NormalJumps &was = out_.report.before, &is = out_.report.after;
-    const bool better = is.along.variance <= was.along.variance && is.across.variance <= was.across.variance;
+    const bool better = is.along.noise <= was.along.noise && is.across.noise <= was.across.noise;
     return better || options_.edit != BlendEdit::kNone ? BlendOutcome::kChanged : BlendOutcome::kNoBetter;
+  }
+
+  /// The longest run of ribs away from bad ones stays; where none is known to be bad, all but the first and the last.
+  bool keep_sound_ribs() {
+    const std::size_t n = bad_.size();
+    const bool closed = bone_.planes.closed();
+    std::vector<std::uint8_t> out(n, 0);
+    bool any = false;
+    for (std::size_t i = 0; i < n; ++i) {
+      if (!bad_[i]) continue;
+      any = true;
+      out[i] = 1;
+      if (closed || i > 0) out[(i + n - 1) % n] = 1;
+      if (closed || i + 1 < n) out[(i + 1) % n] = 1;
+    }
+    if (!any && closed) return false;
+    if (!any) out.front() = out.back() = 1;
+    std::size_t best = 0, first = 0, run = 0;
+    for (std::size_t i = 0; i < (closed ? 2 * n : n); ++i) {
+      run = out[i % n] ? 0 : run + 1;
+      if (run > best && run <= n) best = run, first = i + 1 - run;
+    }
+    if (best < kLeastRibs || best == n) return false;
+    bone_.keep(first, best);
+    return true;
+  }
+
+  void mark_bad(std::uint32_t vertex) {
+    if (rib_of_[vertex] != kNone) bad_[rib_of_[vertex]] = 1;
+  }
+  /// \param piece  a vertex of the pieces
+  void mark_bad_piece(std::uint32_t piece) {
+    if (piece < old_.size())
+      mark_bad(old_[piece]);
+    else
+      bad_[(piece - old_.size()) / grid_.rows] = 1;
   }
 
   void find_normals() {
@@ -125,13 +178,21 @@ class Resampler {
   }
 
   BlendOutcome fit() {
+    double flank = 0.0;
+    Fishbone coarser;
     for (int again = 0; again < 2; ++again) {
       spacing_ = options_.spacing > 0.0 ? options_.spacing : edge_;
-      FishboneOptions o{spacing_, edge_, 0.0};
+      FishboneOptions o{spacing_, edge_, 0.0, flank};
       FishboneOutcome found = fit_fishbone(block_.position, normal_, track_, o, bone_);
       if (found == FishboneOutcome::kFound && options_.edit != BlendEdit::kNone) {
         o.least_flank = flank_beyond(bone_, options_, spacing_) + spacing_;
         found = fit_fishbone(block_.position, normal_, track_, o, bone_);
+      }
+      if (found != FishboneOutcome::kFound && again > 0) {
+        // Where edges are short along the blend alone, ribs so near to each other see too little of its flanks.
+        bone_ = std::move(coarser);
+        edge_ = bone_.edge, spacing_ = options_.spacing > 0.0 ? options_.spacing : edge_;
+        break;
       }
       if (found == FishboneOutcome::kTooShort) return BlendOutcome::kTooShort;
       if (found == FishboneOutcome::kNoFlanks) return BlendOutcome::kNoFlanks;
@@ -139,6 +200,8 @@ class Resampler {
       const double local = local_edge();
       const bool apart = local > kEdgesApart * edge_ || edge_ > kEdgesApart * local;
       if (!(local > 0.0) || !apart) break;
+      coarser = bone_;
+      flank = bone_.flank;
       edge_ = local;
     }
     return BlendOutcome::kChanged;
@@ -194,6 +257,7 @@ class Resampler {
   BlendOutcome clear() {
     constexpr double kFar = 1e300;
     std::vector<Double2> place(block_.key.size(), {kFar, kFar});
+    rib_of_.assign(block_.key.size(), kNone);
     double mean = 0.0;
     for (const double e : grid_.extent) mean += e / static_cast<double>(grid_.ribs);
     const double step = bone_.planes.spacing();
@@ -201,6 +265,7 @@ class Resampler {
       const double last = static_cast<double>(grid_.ribs - 1);
       const auto rib = static_cast<std::size_t>(std::clamp(std::round(v.place.rib), 0.0, last));
       place[v.vertex] = {v.place.rib * step, v.beside.run * mean / grid_.extent[rib]};
+      rib_of_[v.vertex] = static_cast<std::uint32_t>(rib);
     }
     const double clear = kClear * std::min(spacing_, edge_);
     const double length = step * static_cast<double>(grid_.closed ? grid_.ribs : grid_.ribs - 1);
@@ -227,12 +292,16 @@ class Resampler {
         if (beside(f, k) == kNone)
           at_border[block_.faces[f][k]] = at_border[block_.faces[f][(k + 1) % 3]] = 1;
     std::size_t count = 0;
+    bool ends = false;
     for (std::size_t f = 0; f < removed_.size(); ++f) {
       if (!removed_[f]) continue;
       ++count;
-      for (const std::uint32_t v : block_.faces[f])
-        if (at_border[v]) return BlendOutcome::kAtBorder;
+      const Face& t = block_.faces[f];
+      if (!at_border[t[0]] && !at_border[t[1]] && !at_border[t[2]]) continue;
+      ends = true;
+      for (const std::uint32_t v : t) mark_bad(v);
     }
+    if (ends) return BlendOutcome::kAtBorder;
     return count > 0 ? BlendOutcome::kChanged : BlendOutcome::kNotStitched;
   }
 
@@ -385,7 +454,7 @@ class Resampler {
 
   /// Every edge of what comes out has its other side, but where the pieces go on or the surface ends; and the faces at
   /// every vertex hang together.
-  bool is_closed() const {
+  bool is_closed() {
     std::unordered_map<std::uint64_t, std::uint32_t> half;
     std::vector<Face> faces;
     std::vector<std::uint8_t> edges;
@@ -395,9 +464,14 @@ class Resampler {
     edges.resize(faces.size(), 0);
     std::vector<std::uint32_t> star(pieces_.position.size(), 0), any(pieces_.position.size(), kNone);
     std::vector<std::uint8_t> loose(pieces_.position.size(), 0);
+    bool closed = true;
+    const auto fails = [&](std::uint32_t piece) {
+      closed = false;
+      mark_bad_piece(piece);
+    };
     for (std::uint32_t f = 0; f < faces.size(); ++f)
       for (std::size_t k = 0; k < 3; ++k) {
-        if (!half.emplace(way(faces[f][k], faces[f][(k + 1) % 3]), f).second) return false;
+        if (!half.emplace(way(faces[f][k], faces[f][(k + 1) % 3]), f).second) fails(faces[f][k]);
         ++star[faces[f][k]];
         any[faces[f][k]] = f;
         if (edges[f] & ((ZipPieces::kEnds | ZipPieces::kGoesOn) << k))
@@ -407,7 +481,8 @@ class Resampler {
       for (std::size_t k = 0; k < 3; ++k)
         if (!(edges[f] & ((ZipPieces::kEnds | ZipPieces::kGoesOn) << k)) &&
             half.count(way(faces[f][(k + 1) % 3], faces[f][k])) == 0)
-          return false;
+          fails(faces[f][k]);
+    if (!closed) return false;
     for (std::uint32_t v = 0; v < star.size(); ++v) {
       if (star[v] == 0 || loose[v]) continue;
       std::uint32_t f = any[v], count = 0;
@@ -416,9 +491,9 @@ class Resampler {
         const std::size_t k = t[0] == v ? 0 : t[1] == v ? 1 : 2;
         f = half.at(way(v, t[(k + 2) % 3]));
       } while (++count <= star[v] && f != any[v]);
-      if (count != star[v]) return false;
+      if (count != star[v]) fails(v);
     }
-    return true;
+    return closed;
   }
 
   /// All that was there, near what goes.
@@ -432,8 +507,9 @@ class Resampler {
   }
 
   /// A new face turns away from what its corners say: of old ones the surface as it was, of nodes the grid.
-  bool folds() const {
+  bool folds() {
     std::vector<Double3> normal;
+    bool any = false;
     for (const std::uint32_t v : old_) normal.push_back(normal_[v]);
     normal.resize(pieces_.position.size(), Double3{});
     for (std::size_t f = ring_.size(); f < pieces_.faces.size(); ++f)
@@ -443,9 +519,11 @@ class Resampler {
       const Double3 n = unit_or_zero(face_normal(pieces_.position, f));
       Double3 sum{};
       for (const std::uint32_t v : f) sum = sum + unit_or_zero(normal[v]);
-      if (dot(n, unit_or_zero(sum)) < kLeastFacing) return true;
+      if (dot(n, unit_or_zero(sum)) >= kLeastFacing) continue;
+      any = true;
+      for (const std::uint32_t v : f) mark_bad_piece(v);
     }
-    return false;
+    return any;
   }
 
   bool certify() {
@@ -465,7 +543,14 @@ class Resampler {
     const DeviationPair pair =
         certify_pair({position, now}, {block_.position, old}, nullptr, track_.centre[0], o);
     out_.report.distance = std::max(pair.there.upper, pair.back.upper);
-    return edited || out_.report.distance <= options_.tolerance;
+    if (edited || out_.report.distance <= options_.tolerance) return true;
+    for (std::size_t f = 0; f < now.size(); ++f)
+      if (static_cast<double>(pair.there_bound[f]) > options_.tolerance)
+        for (const std::uint32_t v : now[f]) mark_bad_piece(v);
+    for (std::size_t f = 0; f < old.size(); ++f)
+      if (static_cast<double>(pair.back_bound[f]) > options_.tolerance)
+        for (const std::uint32_t v : old[f]) mark_bad(v);
+    return false;
   }
 
   void hand_out() {
@@ -521,7 +606,9 @@ class Resampler {
   BlendTrack track_;
   const BlendOptions& options_;
   double edge_, spacing_ = 0.0;
-  bool follows_;  ///< the surface beside arcs and straight flanks
+  bool follows_;                       ///< the surface beside arcs and straight flanks
+  std::vector<std::uint8_t> bad_;      ///< per rib: where an attempt failed
+  std::vector<std::uint32_t> rib_of_;  ///< per vertex of the block near the grid: its rib
   FaceCorners corners_;
   std::vector<Double3> normal_;
   Fishbone bone_;
@@ -570,11 +657,7 @@ double blend_reach(const BlendTrack& track, const BlendOptions& options, double 
 
 ResampledBlend resample_blend(const MeshBlock& block, const BlendTrack& track, const BlendOptions& options,
                               double edge) {
-  // Arcs and straight flanks have the least noise; where they do not do, the surface beside them comes along.
-  const bool edited = options.edit != BlendEdit::kNone;
-  ResampledBlend out = Resampler(block, track, options, edge, edited).run();
-  if (edited || out.report.outcome != BlendOutcome::kBeyondTolerance) return out;
-  return Resampler(block, track, options, edge, true).run();
+  return Resampler(block, track, options, edge, options.edit != BlendEdit::kNone).run();
 }
 
 std::uint64_t resample_blend_bytes(std::uint64_t vertices, std::uint64_t faces) {

@@ -8,6 +8,7 @@ namespace {
 
 constexpr int kMostSteps = 64;  ///< from plane to plane, in search of a point's place
 constexpr int kSecants = 12;
+constexpr double kOnPlane = 1e-13;   ///< of the way from plane to plane: a place is found
 constexpr int kStraightenings = 12;  ///< each filters twice as often as the one before
 constexpr double kFlatRib =
     1e-3;  ///< of its width: how high a rib bends if its ends and origin are to make a plane
@@ -103,7 +104,7 @@ RibPlace RibPlanes::between(std::size_t rib, const Double3& p) const {
   for (int k = 0; k < kSecants && at_low != at_high; ++k) {
     t = std::clamp(low + (high - low) * (at_low / (at_low - at_high)), low, high);
     const double here = gap(t);
-    if (here == 0.0) break;
+    if (std::fabs(here) <= kOnPlane * chord) break;
     if (here > 0.0) {
       low = t, at_low = here, at_high *= k % 2 ? 0.5 : 1.0;
     } else {

@@ -12,7 +12,9 @@ namespace {
 constexpr double kLeastTurn = 0.08;  ///< radians: flatter ones have no corner to speak of
 constexpr double kMostTurn = 2.9;
 constexpr int kMostFitSteps = 40;
-constexpr double kEnough = 1e-12;  ///< of the extent: a step that changes nothing
+constexpr double kEnough = 1e-12;  ///< of the extent: a step that changes nothing,
+constexpr double kEnoughOfNoise =
+    1e-3;  ///< or of what noise leaves uncertain: rms by the root of the number of points
 
 double dot2(const Double2& a, const Double2& b) {
   return a[0] * b[0] + a[1] * b[1];
@@ -256,7 +258,8 @@ ProfileFit fit_profile(std::span<const Double2> points, const RibProfile& start,
       better = true;
     }
     damp = std::max(1e-12, damp * 1e-3);
-    if (!better || moved <= kEnough * extent) break;
+    const double uncertain = std::sqrt(cost) / static_cast<double>(points.size());
+    if (!better || moved <= std::max(kEnough * extent, kEnoughOfNoise * uncertain)) break;
   }
   out.profile = q;
   out.found = true;
