@@ -80,7 +80,7 @@ std::size_t ImportPlan::bucket_of_brick(std::uint64_t brick) const {
 }
 
 ImportPlan ImportPlan::measure(const MeshHeader& header, const VertexSource& vertices_of_file,
-                               const std::function<void()>& check_stop) {
+                               const std::function<void()>& check_stop, std::uint64_t brick_vertices) {
   ImportPlan plan;
   constexpr double kInfinity = std::numeric_limits<double>::infinity();
   Double3 low = {kInfinity, kInfinity, kInfinity};
@@ -147,12 +147,12 @@ ImportPlan ImportPlan::measure(const MeshHeader& header, const VertexSource& ver
     if (count[c] > 0) cells.push_back({c, count[c]});
   std::uint64_t median = weighted_median(cells, vertices);
   int level = kGridLevel;
-  if (median > kBrickVertices) {
-    for (; median > kBrickVertices && level < kMostBrickLevel; ++level) median /= 4;
+  if (median > brick_vertices) {
+    for (; median > brick_vertices && level < kMostBrickLevel; ++level) median /= 4;
   } else {
     while (level > 0) {
       std::vector<OccupiedCell> parents = parents_of(cells);
-      if (weighted_median(parents, vertices) > kBrickVertices) break;
+      if (weighted_median(parents, vertices) > brick_vertices) break;
       cells = std::move(parents);
       --level;
     }

@@ -22,7 +22,7 @@ using VertexSource =
     std::function<void(const std::function<void(std::span<const Double3>, std::span<const std::uint32_t>)>&)>;
 
 /// A pure function of the set of vertices. Bricks are cubes of a power of two, aligned to the world's zero,
-/// the largest that hold at most about kBrickVertices vertices in the middle of the distribution.
+/// the largest that hold at most about so many vertices in the middle of the distribution.
 struct ImportPlan {
   MeshStoreInfo info;
   std::uint64_t file_vertices = 0;
@@ -45,7 +45,8 @@ struct ImportPlan {
 
   /// Reads all vertices twice. \throws EmptyError when there is no finite vertex
   static ImportPlan measure(const MeshHeader& header, const VertexSource& vertices,
-                            const std::function<void()>& check_stop);
+                            const std::function<void()>& check_stop,
+                            std::uint64_t brick_vertices = kBrickVertices);
   nlohmann::json to_json() const;
   static ImportPlan from_json(const nlohmann::json& j);
 };
@@ -55,6 +56,8 @@ struct ImportSource {
   std::size_t input = 0;       ///< index of JobState::inputs
   std::string folder;          ///< of the store in the work directory, "mesh": stages are named after it
   std::string work_file = {};  ///< a file of the work directory instead of an input; goes when it is imported
+  std::uint64_t brick_vertices =
+      ImportPlan::kBrickVertices;  ///< of a brick in the middle of the distribution
 
   std::filesystem::path path(const JobState& state) const {
     return work_file.empty() ? state.inputs.at(input) : state.work / work_file;

@@ -113,7 +113,8 @@ class ImportReadStage : public SerialStage {
     const auto mesh = open_mesh_file(path_);
     KeptVertices kept(*mesh, keep_bytes_);
     const VertexSource vertices = [&](const auto& sink) { kept.read(sink); };
-    ImportPlan plan = ImportPlan::measure(mesh->header(), vertices, [&] { context.check_stop(); });
+    ImportPlan plan = ImportPlan::measure(
+        mesh->header(), vertices, [&] { context.check_stop(); }, source_.brick_vertices);
     plan.confidence = mesh->mean_confidence();
     if (plan.file_vertices >= 0xffffffffu)
       throw ResourceError(path_.string() + ": has " + std::to_string(plan.file_vertices) +

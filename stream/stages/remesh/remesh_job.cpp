@@ -1,5 +1,7 @@
 #include "stream/stages/remesh/remesh_job.h"
 
+#include <algorithm>
+
 #include <nlohmann/json.hpp>
 
 #include "stream/import/import_needs.h"
@@ -20,7 +22,16 @@ namespace {
 using json = nlohmann::json;
 
 constexpr const char* kRemeshImport = "mesh";
+/// Blocks of four bricks an axis or more, so that no two of the three passes have a seam in common (mesh_blocking.h).
+constexpr std::uint64_t kBlockBricks = 16;
 constexpr double kMeasuredShare = 0.25;  ///< of the edges: the scale of a distance that is only measured
+
+ImportSource remesh_source(const RemeshJobOptions& options) {
+  ImportSource source{0, kRemeshImport};
+  source.brick_vertices =
+      std::clamp<std::uint64_t>(options.block_faces / (2 * kBlockBricks), 100, ImportPlan::kBrickVertices);
+  return source;
+}
 
 std::string certify_name(int round) {
   return round == 0 ? "certify" : "again-" + std::to_string(round) + "-certify";
@@ -64,7 +75,7 @@ StageEntry certify_entry(const RemeshJobOptions& options, const SimplifyStores& 
 
 JobDescription remesh_job(const RemeshJobOptions& options) {
   options.validate();
-  std::vector<StageEntry> stages = import_stages({0, kRemeshImport});
+  std::vector<StageEntry> stages = import_stages(remesh_source(options));
   stages.push_back({"sizing", [=](const JobState& state) { return make_sizing_stage(state, options); }});
   const SimplifyStores stores = imported_stores(kRemeshImport);
   const int rounds = options.tolerance > 0.0 ? kMostRounds : 1;
@@ -87,7 +98,7 @@ JobDescription remesh_job(const RemeshJobOptions& options) {
   JobDescription job = {"remesh", std::move(stages), 0, summarise, {}, job_page()};
   job.needs = [options](const JobState& state) {
     const MeshSize mesh = claimed_mesh_size(state.inputs.at(0));
-    std::vector<StageNeed> needs = import_needs(state.run, {0, kRemeshImport}, mesh);
+    std::vector<StageNeed> needs = import_needs(state.run, remesh_source(options), mesh);
     for (int p = 0; p < options.passes; ++p)
       needs.push_back({SimplifyPass{p, 0, false}.stage_name(), remesh_pass_bytes(options, mesh.faces, 1),
                        remesh_pass_bytes(options, mesh.faces, 2 * kMostAround)});
