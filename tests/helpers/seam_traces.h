@@ -26,10 +26,13 @@ class Distribution {
   void add(double value) {
     ++bins_[std::min(kBins - 1, static_cast<std::size_t>(value / top_ * static_cast<double>(kBins)))];
     ++count_;
+    sum_ += value;
   }
+  double mean() const { return count_ > 0 ? sum_ / static_cast<double>(count_) : 0.0; }
   void merge(const Distribution& o) {
     for (std::size_t i = 0; i < kBins; ++i) bins_[i] += o.bins_[i];
     count_ += o.count_;
+    sum_ += o.sum_;
   }
   /// Largest difference of the two distribution functions.
   static double distance(const Distribution& a, const Distribution& b) {
@@ -49,6 +52,7 @@ class Distribution {
   double top_;
   std::vector<std::uint64_t> bins_ = std::vector<std::uint64_t>(kBins, 0);
   std::uint64_t count_ = 0;
+  double sum_ = 0.0;
 };
 
 /// Of faces: least angles, all angles, edges and areas in those of the target.
@@ -81,8 +85,10 @@ struct SeamTrace {
   std::string where;
   std::uint64_t seam_faces = 0, control_faces = 0;
   double critical = 0.0;  ///< what chance alone exceeds in 5 of 100 draws of so many faces
-  std::array<double, 4> distance{},
-      among{};  ///< FaceShapes::kNames: seams to controls; largest of one control to others
+  // Of FaceShapes::kNames.
+  std::array<double, 4> distance{};  ///< seams to controls
+  std::array<double, 4> among{};     ///< the largest of one control to the others
+  std::array<double, 4> seam_mean{}, control_mean{};
 
   bool seen() const {
     for (std::size_t i = 0; i < distance.size(); ++i)
@@ -112,6 +118,7 @@ class SeamBand {
     const double n = static_cast<double>(seam_.faces), m = static_cast<double>(all.faces);
     out.critical = n * m > 0.0 ? 1.358 * std::sqrt((n + m) / (n * m)) : 1.0;
     for (std::size_t i = 0; i < out.distance.size(); ++i) {
+      out.seam_mean[i] = seam_.of[i].mean(), out.control_mean[i] = all.of[i].mean();
       out.distance[i] = Distribution::distance(seam_.of[i], all.of[i]);
       for (std::size_t c = 0; c < 4; ++c) {
         FaceShapes others;
@@ -145,6 +152,7 @@ inline std::vector<SeamTrace> seam_traces(const std::filesystem::path& work) {
 
   // An edge to either side, and as far as later passes mend beside a seam.
   constexpr double kBeside = 1.0, kMended = 6.0;
+  constexpr double kAcross = 0.5;  // planes that the surface all but lies in are no seams of it
   std::vector<std::vector<MeshBlockCut>> blocks;
   std::vector<std::vector<SeamBand>> bands;
   for (int pass = 0; pass < options.passes; ++pass) {
@@ -171,11 +179,13 @@ inline std::vector<SeamTrace> seam_traces(const std::filesystem::path& work) {
     for (const auto& f : block.faces) {
       const std::array<Double3, 3> p = {block.position[f[0]], block.position[f[1]], block.position[f[2]]};
       const Double3 centre = (p[0] + p[1] + p[2]) * (1.0 / 3.0);
+      const Double3 normal = cross(p[1] - p[0], p[2] - p[0]);
       double seam_before = 1e300;
       for (std::size_t pass = 0; pass < of_pass.size(); ++pass) {
         std::array<double, 5> off;
         off.fill(1e300);
         for (std::size_t a = 0; a < 3 && of_pass[pass]; ++a) {
+          if (normal[a] * normal[a] > kAcross * kAcross * dot(normal, normal)) continue;
           const double low = of_pass[pass]->first_brick[a], high = of_pass[pass]->last_brick[a] + 1;
           const double at = centre[a] / brick - static_cast<double>(lattice.origin_brick[a]),
                        edges = brick / sizing.edge;

@@ -14,6 +14,7 @@
 #include "tests/helpers/command.h"
 #include "tests/helpers/killed_command.h"
 #include "tests/helpers/mesh_files.h"
+#include "tests/helpers/seam_traces.h"
 #include "tests/helpers/serial_job.h"
 #include "tests/helpers/shell.h"
 
@@ -119,6 +120,23 @@ TEST_CASE("remesh: blocks leave no trace in the number and the shape of faces", 
         Approx(one.at("mean_angle_deviation_deg").get<double>()).epsilon(0.15));
   CHECK(many.at("valence_six_share").get<double>() ==
         Approx(one.at("valence_six_share").get<double>()).epsilon(0.05));
+}
+
+TEST_CASE(
+    "remesh: faces near seams of blocks are shaped like faces elsewhere, where seams of passes cross too",
+    "[property]") {
+  const TempFolder folder;
+  const fs::path in = write_waves(folder.path() / "in.ply"), out = folder.path() / "out.ply";
+  REQUIRE(tessera_command(words(in, out, {"--edge", "1.1", "--block-faces", "8192", "--keep"})).code == 0);
+  const std::vector<SeamTrace> traces = seam_traces(out.string() + ".tessera");
+  CHECK(traces.size() == 8);
+  for (const SeamTrace& t : traces) {
+    if (t.seam_faces < 200) continue;
+    for (std::size_t i = 0; i < t.distance.size(); ++i) {
+      CAPTURE(t.where, t.seam_faces, FaceShapes::kNames[i], t.distance[i], t.critical, t.among[i]);
+      CHECK(t.distance[i] < t.critical + 0.05);
+    }
+  }
 }
 
 TEST_CASE("remesh: the shape told is that of all faces, also where rounds of the proof keep blocks",

@@ -20,7 +20,8 @@ int main(int argc, char** argv) try {
                 static_cast<unsigned long long>(t.seam_faces),
                 static_cast<unsigned long long>(t.control_faces), t.critical, t.seen() ? "; SEEN" : "");
     for (std::size_t i = 0; i < t.distance.size(); ++i)
-      std::printf("  %-12s KS %.4f, controls %.4f\n", FaceShapes::kNames[i], t.distance[i], t.among[i]);
+      std::printf("  %-12s KS %.4f, controls %.4f; mean %.5g, controls %.5g\n", FaceShapes::kNames[i],
+                  t.distance[i], t.among[i], t.seam_mean[i], t.control_mean[i]);
   }
   return 0;
 } catch (const std::exception& e) {
