@@ -11,12 +11,11 @@
 #include <span>
 #include <utility>
 
+#include "octree/compress_lanes.h"
 #include "octree/lattice.h"
 #include "octree/multipole.h"
 
 namespace tessera {
-
-inline constexpr std::size_t kLanes = 8;
 
 using Pack = __m256;
 inline Pack all(float v) {
