@@ -55,13 +55,10 @@ std::vector<Surfel> make_surfels(const OrientationInput& in, std::vector<std::ui
   std::vector<std::array<std::uint8_t, 3>> voxels;
   std::vector<std::uint32_t> sheet_of(in.position.size(), kNone);
   // Clear points first: at edges planes stand across, or mix both sides. The others join what is there.
-  const std::size_t count_all = in.position.size();
-  for (std::size_t k = 0; k < 2 * count_all; ++k) {
-    const std::size_t i = k % count_all;
-    const bool vague = in.variation[i] > kVague;
+  const auto take = [&](std::size_t i, bool vague) {
     const Float3& p = in.position[i];
     const Float3& n = in.normal[i];
-    if (vague != (k >= count_all) || dot(n, n) < 0.5f) continue;
+    if (vague != (in.variation[i] > kVague) || dot(n, n) < 0.5f) return;
     const int x = voxel_coordinate(p[0]), y = voxel_coordinate(p[1]), z = voxel_coordinate(p[2]);
     std::uint32_t* slot = &head[voxel_index(x, y, z)];
     std::uint32_t nearest = kNone;
@@ -91,11 +88,13 @@ std::vector<Surfel> make_surfels(const OrientationInput& in, std::vector<std::ui
     }
     sheet_of[i] = nearest;
     Sheet& s = sheets[nearest];
-    if (vague && !s.vague) continue;
+    if (vague && !s.vague) return;
     const float side = dot(n, s.normal) < 0.0f ? -1.0f : 1.0f;
     for (std::size_t a = 0; a < 3; ++a) s.position[a] += p[a], s.normal[a] += side * n[a];
     s.points += 1.0f;
-  }
+  };
+  for (const bool vague : {false, true})
+    for (std::size_t i = 0; i < in.position.size(); ++i) take(i, vague);
 
   // In order of the voxels; then the sheets of one voxel lie side by side.
   std::vector<std::uint32_t> order(sheets.size());
@@ -177,29 +176,55 @@ std::vector<std::int8_t> sure_sides(const OrientationInput& in, const std::vecto
   return side;
 }
 
-/// Joins what is sure; then what smooth links join, strongest first; then what many links agree on. Where sides are
-/// sure, whatever links carry them to hangs on them. Returns group and sign per surfel.
-/// \param sure  of sure_sides
-void join_surfels(const std::vector<Surfel>& surfels, const std::vector<std::int8_t>& sure,
-                  std::vector<SurfelLink>& links, std::vector<std::uint32_t>& group,
-                  std::vector<std::int8_t>& sign, std::vector<PatchVote>& votes) {
-  const auto n = static_cast<std::uint32_t>(surfels.size());
-  std::sort(links.begin(), links.end(), [](const SurfelLink& l, const SurfelLink& r) {
+/// Hangs together what is sure.
+SignedUnionFind join_sure(const std::vector<std::int8_t>& sure, std::uint32_t first_sure) {
+  const auto n = static_cast<std::uint32_t>(sure.size());
+  SignedUnionFind sets(n);
+  for (std::uint32_t i = first_sure + 1; i < n; ++i)
+    if (sure[i] != 0) sets.hang(i, first_sure, sure[i] * sure[first_sure]);
+  return sets;
+}
+
+/// Joins what a smooth link joins. \return whether it says the same as those before
+bool join_smooth(const SurfelLink& l, SignedUnionFind& sets) {
+  const SignedUnionFind::Place a = sets.find(l.a), b = sets.find(l.b);
+  const int sign = a.sign * b.sign * (l.vote < 0 ? -1 : 1);
+  if (a.root == b.root) return sign > 0;
+  sets.hang(std::max(a.root, b.root), std::min(a.root, b.root), sign);
+  return true;
+}
+
+/// What smooth links join, strongest first. Where all of them say the same, as mostly, no order makes a difference.
+SignedUnionFind join_smooth(const std::vector<SurfelLink>& links, const std::vector<std::int8_t>& sure,
+                            std::uint32_t first_sure) {
+  SignedUnionFind sets = join_sure(sure, first_sure);
+  bool agree = true;
+  for (const SurfelLink& l : links)
+    if (std::abs(l.vote) >= kSmooth && !(agree = join_smooth(l, sets))) break;
+  if (agree) return sets;
+  std::vector<SurfelLink> smooth;
+  for (const SurfelLink& l : links)
+    if (std::abs(l.vote) >= kSmooth) smooth.push_back(l);
+  std::sort(smooth.begin(), smooth.end(), [](const SurfelLink& l, const SurfelLink& r) {
     const std::int32_t lw = std::abs(l.vote), rw = std::abs(r.vote);
     if (lw != rw) return lw > rw;
     return l.a != r.a ? l.a < r.a : l.b < r.b;
   });
-  SignedUnionFind sets(n);
+  sets = join_sure(sure, first_sure);
+  for (const SurfelLink& l : smooth) join_smooth(l, sets);
+  return sets;
+}
+
+/// Joins what is sure; then what smooth links join, strongest first; then what many links agree on. Where sides are
+/// sure, whatever links carry them to hangs on them. Returns group and sign per surfel.
+/// \param sure  of sure_sides
+void join_surfels(const std::vector<Surfel>& surfels, const std::vector<std::int8_t>& sure,
+                  const std::vector<SurfelLink>& links, std::vector<std::uint32_t>& group,
+                  std::vector<std::int8_t>& sign, std::vector<PatchVote>& votes) {
+  const auto n = static_cast<std::uint32_t>(surfels.size());
   const auto first_sure = static_cast<std::uint32_t>(
       std::find_if(sure.begin(), sure.end(), [](std::int8_t s) { return s != 0; }) - sure.begin());
-  for (std::uint32_t i = first_sure + 1; i < n; ++i)
-    if (sure[i] != 0) sets.hang(i, first_sure, sure[i] * sure[first_sure]);
-  for (const SurfelLink& l : links) {
-    if (std::abs(l.vote) < kSmooth) break;
-    const SignedUnionFind::Place a = sets.find(l.a), b = sets.find(l.b);
-    if (a.root == b.root) continue;
-    sets.hang(std::max(a.root, b.root), std::min(a.root, b.root), a.sign * b.sign * (l.vote < 0 ? -1 : 1));
-  }
+  SignedUnionFind sets = join_smooth(links, sure, first_sure);
   // Votes between the groups, every link counted.
   std::vector<std::uint32_t> number(n, kNone);
   std::uint32_t groups = 0;
@@ -350,7 +375,7 @@ BrickOrientation orient_brick(const OrientationInput& in) {
   std::vector<std::uint32_t> surfel_of, first, group;
   std::vector<std::int8_t> sign;
   std::vector<Surfel> surfels = make_surfels(in, surfel_of, first);
-  std::vector<SurfelLink> links = link_brick(surfels, first);
+  const std::vector<SurfelLink> links = link_brick(surfels, first);
   join_surfels(surfels, sure_sides(in, surfels, surfel_of), links, group, sign, out.votes);
   for (std::size_t i = 0; i < surfels.size(); ++i) {
     surfels[i].patch = static_cast<std::uint16_t>(group[i]);
