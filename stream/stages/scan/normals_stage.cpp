@@ -130,7 +130,8 @@ class NormalsStage : public Stage {
       throw std::logic_error("normals: a brick's block does not hold its points");
     std::vector<PointOverlayRecord> records(shapes.size());
     Oriented o;
-    if (mode_.propagate()) o.reserve(shapes.size());
+    if (mode_.propagate()) o.resize(shapes.size(), !block.flags.empty());
+    Normals normals(mode_.propagate() ? 0 : shapes.size());
     const auto core = [](float v) { return v >= 0.0f && v < kBrickCells; };
     std::size_t s = 0;
     for (std::size_t i = 0; i < block.size(); ++i) {
@@ -140,15 +141,17 @@ class NormalsStage : public Stage {
       const bool known = n[0] != 0.0f || n[1] != 0.0f || n[2] != 0.0f;
       ++(!known ? counts.none : mode_.estimate ? counts.patch : counts.given);
       if (mode_.propagate()) {
-        o.position.push_back({block.x[i], block.y[i], block.z[i]});
-        o.roughness.push_back(shape.roughness);
-        if (!block.flags.empty()) o.flags.push_back(block.flags[i]);
-        o.normal.push_back(n);
-        o.variation.push_back(shape.variation);
-        o.given.push_back(known ? Float3{block.nx[i], block.ny[i], block.nz[i]} : Float3{0, 0, 0});
-        o.visible.push_back(known ? visibility(origin, block, i, n) : 0.0f);
+        o.position[s] = {block.x[i], block.y[i], block.z[i]};
+        o.roughness[s] = shape.roughness;
+        if (!block.flags.empty()) o.flags[s] = block.flags[i];
+        o.normal[s] = n;
+        o.variation[s] = shape.variation;
+        if (known) {
+          o.given[s] = {block.nx[i], block.ny[i], block.nz[i]};
+          o.visible[s] = visibility(origin, block, i, n);
+        }
       } else {
-        records[s].normal = encode_normal(n[0], n[1], n[2]);
+        normals.set(s, n);
         records[s].patch = kGivenPatch;
       }
       records[s].supporters = std::min<std::uint16_t>(shape.supporters, kScattered - 1);
@@ -161,6 +164,7 @@ class NormalsStage : public Stage {
       const std::vector<std::uint8_t> strewn = find_scatter({o.position, o.roughness, o.flags});
       orientation = orient_brick({o.position, o.normal, o.variation, o.given, o.visible,
                                   mode_.each_seen() ? kSureView : kNeverSure});
+      normals = Normals(records.size());  // in what orientation left
       for (std::size_t i = 0; i < records.size(); ++i) {
         if (strewn[i] != 0) records[i].supporters |= kScattered, ++counts.scattered;
         Float3 n = orientation.normal[i];
@@ -170,9 +174,10 @@ class NormalsStage : public Stage {
           if (o.visible[i] < 0.0f) n = {-n[0], -n[1], -n[2]};
           records[i].patch = kNoPatch;
         }
-        records[i].normal = encode_normal(n[0], n[1], n[2]);
+        normals.set(i, n);
       }
     }
+    normals.encode(records);
     writer.brick(brick.key, records, orientation);
   }
 
@@ -181,10 +186,25 @@ class NormalsStage : public Stage {
     std::vector<Float3> position, normal, given;
     std::vector<float> variation, roughness, visible;
     std::vector<std::uint16_t> flags;  ///< empty where no returns are known
-    void reserve(std::size_t n) {
-      position.reserve(n), normal.reserve(n), given.reserve(n), variation.reserve(n), visible.reserve(n);
-      roughness.reserve(n);
+    void resize(std::size_t n, bool returns) {
+      position.resize(n), normal.resize(n), given.resize(n), variation.resize(n), visible.resize(n);
+      roughness.resize(n), flags.resize(returns ? n : 0);
     }
+  };
+
+  /// Of the records, to be encoded several at a time.
+  class Normals {
+   public:
+    explicit Normals(std::size_t n) : x_(n), y_(n), z_(n), code_(n) {}
+    void set(std::size_t i, const Float3& n) { x_[i] = n[0], y_[i] = n[1], z_[i] = n[2]; }
+    void encode(std::vector<PointOverlayRecord>& records) {
+      encode_normals(x_.data(), y_.data(), z_.data(), code_.size(), code_.data());
+      for (std::size_t i = 0; i < records.size(); ++i) records[i].normal = code_[i];
+    }
+
+   private:
+    std::vector<float> x_, y_, z_;
+    std::vector<std::uint32_t> code_;
   };
 
   bool sure(float visible) const { return mode_.each_seen() && std::fabs(visible) >= kSureView; }
