@@ -4,6 +4,7 @@
 #include <numeric>
 
 #include "kernels/edit/short_edges.h"
+#include "kernels/edit/thin_body.h"
 #include "kernels/edit/thin_faces.h"
 #include "kernels/edit/upright_low_pass.h"
 #include "kernels/remesh/remesh.h"
@@ -26,6 +27,8 @@ constexpr double kMoreFaces = 1.2;
 constexpr double kBaseShare = 0.5;
 /// Degrees: less is roughness, and lines along it would leave slivers.
 constexpr double kCreaseAngle = 60.0;
+/// Bodies thinner than so many edges have a dozen of them around: they come out of remeshing thin and folded, after minutes.
+constexpr double kThinBody = 4.0, kMostThinBody = 0.5;  ///< edges; share of the area
 constexpr double kShortest = 0.25;  ///< of the edges: shorter ones that are left are merged
 
 class BaseStage : public SerialStage {
@@ -69,17 +72,27 @@ class BaseStage : public SerialStage {
     remeshing.find_creases = true;
     remeshing.max_faces = base_room(store_.face_count(), options_.base_vertices);
     remeshing.first_key = std::uint64_t{1} << 63;
+    remeshing.pause = [&] { context.check_stop(); };
+    out["edge"] = remeshing.edge;
+    const bool may_stay = options_.base != "even" && block.position.size() <= options_.base_vertices;
+    // Wires and sheets: nothing even comes of them.
+    if (may_stay) {
+      const double share = thin_body_share(block.position, block.faces, kThinBody * remeshing.edge);
+      out["thin_body_area"] = share;
+      if (share > kMostThinBody) {
+        out["own"] = true;
+        return {std::move(block.position), std::move(block.faces), {}};
+      }
+    }
     MeshBlock reference = block;
     const RemeshReport report = remesh(block, reference, remeshing);
     context.check_stop();
     ThinArea thin;
     thin.add(block.position, block.faces);
-    out["edge"] = remeshing.edge;
     out["decimated_faces"] = report.faces_in;
     out["even_thin_area"] = thin.share();
-    // Wires and sheets far thinner than an edge: what comes out is no better, and may cross itself all over.
-    if (thin.share() > kMostThin && options_.base != "even" &&
-        reference.position.size() <= options_.base_vertices) {
+    // What comes out is no better, and may cross itself all over.
+    if (thin.share() > kMostThin && may_stay) {
       out["own"] = true;
       return {std::move(reference.position), std::move(reference.faces), {}};
     }
