@@ -13,8 +13,8 @@ namespace {
 constexpr double kInner = 10.0 / 12.0;  ///< of the arc
 constexpr double kEnd = 0.25;           ///< ribs: what is stitched there is not of the blend
 constexpr double kAligned = 0.8660254037844386;
-constexpr double kTrajectory = 8.0;  ///< so much nearer is what lies on the same trajectory
-constexpr double kAsNear = 1e-9;     ///< cosines that differ by less are the same
+constexpr double kOtherLine = 8.0;  ///< so much nearer is what lies on the same trajectory, or the same rib
+constexpr double kAsNear = 1e-9;    ///< cosines that differ by less are the same
 
 /// The jump of an edge, and where it is: along the spine and across.
 struct Jump {
@@ -22,13 +22,15 @@ struct Jump {
 };
 
 /// Half the mean square difference of nearest neighbours.
-double noise_of(const std::vector<Jump>& jumps) {
+/// \param way_along, way_across  what a way counts
+double noise_of(const std::vector<Jump>& jumps, double way_along, double way_across) {
   const std::size_t n = jumps.size();
   double sum = 0.0;
   for (std::size_t i = 0; i < n; ++i) {
     double square = std::numeric_limits<double>::infinity(), angle = jumps[i].angle;
     const auto look = [&](std::size_t j) {
-      const double a = jumps[j].along - jumps[i].along, b = kTrajectory * (jumps[j].across - jumps[i].across);
+      const double a = way_along * (jumps[j].along - jumps[i].along);
+      const double b = way_across * (jumps[j].across - jumps[i].across);
       if (a * a >= square) return false;
       if (a * a + b * b < square) square = a * a + b * b, angle = jumps[j].angle;
       return true;
@@ -43,14 +45,14 @@ double noise_of(const std::vector<Jump>& jumps) {
 }
 
 /// \param jumps  ascending along the spine
-JumpSum sum_of(const std::vector<Jump>& jumps) {
+JumpSum sum_of(const std::vector<Jump>& jumps, double way_along, double way_across) {
   JumpSum s;
   s.edges = jumps.size();
   if (jumps.empty()) return s;
   const double n = static_cast<double>(jumps.size());
   for (const Jump& j : jumps) s.mean += j.angle / n;
   for (const Jump& j : jumps) s.variance += (j.angle - s.mean) * (j.angle - s.mean) / n;
-  s.noise = noise_of(jumps);
+  s.noise = noise_of(jumps, way_along, way_across);
   return s;
 }
 
@@ -109,7 +111,7 @@ NormalJumps normal_jumps(const Fishbone& bone, std::span<const Double3> position
     if (cosine > kAligned && (leads(a.face) || leads(b.face))) across.push_back(jump);
     if (cosine < 0.5) along.push_back(jump);
   }
-  return {sum_of(along), sum_of(across)};
+  return {sum_of(along, 1.0, kOtherLine), sum_of(across, kOtherLine, 1.0)};
 }
 
 }  // namespace tessera

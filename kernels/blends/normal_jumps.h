@@ -15,9 +15,10 @@ struct JumpSum {
   double mean = 0.0;      ///< radians
   double variance = 0.0;  ///< radians squared
   /// What of the variance neighbours do not share: half the mean square of the differences between each edge's jump and
-  /// that of the nearest other edge on the way along the blend, radians squared. Where jumps are independent it is the
-  /// variance; bends of the surface itself, as along the rim of a disk, hardly count. (Von Neumann, "Distribution of the
-  /// ratio of the mean square successive difference to the variance", 1941.)
+  /// that of the nearest other edge, on the way along the blend or across it, radians squared. Where jumps are independent
+  /// it is the variance; what the blend itself does hardly counts: spines that bend, whose jumps fall with the cosine from
+  /// flank to flank, and turns that change along the way. (Von Neumann, "Distribution of the ratio of the mean square
+  /// successive difference to the variance", 1941.)
   double noise = 0.0;
 };
 struct NormalJumps {

@@ -4,9 +4,9 @@
 
 #include <algorithm>
 #include <cmath>
-#include <unordered_map>
 
 #include "kernels/blends/blend_grid.h"
+#include "kernels/blends/blend_hole.h"
 #include "kernels/certify/certificate_pair.h"
 #include "kernels/merge/zipper.h"
 #include "kernels/mesh/closest_face.h"
@@ -28,33 +28,9 @@ constexpr double kOnCrease = 0.35;    ///< of a row: vertices so near to it are 
 constexpr double kBridgeRibs = 3.0;
 constexpr int kMostCuts = 4;  ///< times that ribs are left out where a blend cannot be changed
 constexpr std::size_t kLeastRibs = 4;
+constexpr double kShrunk = 0.5;      ///< of its length: a second fit that leaves less is not the better one
 constexpr double kRoomy = 1.25;      ///< of the tolerance: how far off is still told
 constexpr double kEdgesApart = 1.3;  ///< local edges that differ by more from what was thought: fit again
-
-std::uint64_t way(std::uint32_t from, std::uint32_t to) {
-  return std::uint64_t{from} << 32 | to;
-}
-
-/// Whether a triangle meets the rectangle [0, width] x [-height, height]: no axis separates them.
-bool meets(const std::array<Double2, 3>& t, double left, double width, double height) {
-  const Double2 low = {left, -height}, high = {width, height};
-  for (std::size_t c = 0; c < 2; ++c) {
-    const auto [a, b] = std::minmax({t[0][c], t[1][c], t[2][c]});
-    if (b < low[c] || a > high[c]) return false;
-  }
-  for (std::size_t k = 0; k < 3; ++k) {
-    const Double2 &p = t[k], &q = t[(k + 1) % 3], &r = t[(k + 2) % 3];
-    const Double2 n = {q[1] - p[1], p[0] - q[0]};
-    const double at = n[0] * p[0] + n[1] * p[1], third = n[0] * r[0] + n[1] * r[1] - at;
-    double least = 0.0, most = 0.0;
-    for (int c = 0; c < 4; ++c) {
-      const double d = n[0] * (c & 1 ? high[0] : low[0]) + n[1] * (c & 2 ? high[1] : low[1]) - at;
-      least = c == 0 ? d : std::min(least, d), most = c == 0 ? d : std::max(most, d);
-    }
-    if (most < std::min(0.0, third) || least > std::max(0.0, third)) return false;
-  }
-  return true;
-}
 
 class Resampler {
  public:
@@ -188,7 +164,9 @@ class Resampler {
         o.least_flank = flank_beyond(bone_, options_, spacing_) + spacing_;
         found = fit_fishbone(block_.position, normal_, track_, o, bone_);
       }
-      if (found != FishboneOutcome::kFound && again > 0) {
+      const bool shrank = found == FishboneOutcome::kFound && again > 0 &&
+                          bone_.planes.length() < kShrunk * coarser.planes.length();
+      if ((found != FishboneOutcome::kFound || shrank) && again > 0) {
         // Where edges are short along the blend alone, ribs so near to each other see too little of its flanks.
         bone_ = std::move(coarser);
         edge_ = bone_.edge, spacing_ = options_.spacing > 0.0 ? options_.spacing : edge_;
@@ -281,10 +259,10 @@ class Resampler {
       }
       if (known && grid_.closed)
         for (std::size_t k = 1; k < 3; ++k) t[k][0] -= length * std::round((t[k][0] - t[0][0]) / length);
-      removed_[f] = within || (known && meets(t, grid_.closed ? -kFar : -clear,
-                                              grid_.closed ? kFar : length + clear, mean + clear));
+      removed_[f] = within || (known && meets_rectangle(t, grid_.closed ? -kFar : -clear,
+                                                        grid_.closed ? kFar : length + clear, mean + clear));
     }
-    keep_largest_piece();
+    keep_largest_piece(block_, corners_, removed_);
     // A border's vertex at the hole would have two fans while it is open.
     std::vector<std::uint8_t> at_border(block_.key.size(), 0);
     for (std::size_t f = 0; f < removed_.size(); ++f)
@@ -305,49 +283,7 @@ class Resampler {
     return count > 0 ? BlendOutcome::kChanged : BlendOutcome::kNotStitched;
   }
 
-  std::uint32_t beside(std::size_t f, std::size_t k) const {
-    const std::uint32_t a = block_.faces[f][k], b = block_.faces[f][(k + 1) % 3];
-    for (const std::uint32_t c : corners_.at(b))
-      if (block_.faces[c >> 2][((c & 3) + 1) % 3] == a) return c >> 2;
-    return kNone;
-  }
-
-  /// Of the removed faces; and faces that it surrounds go with it.
-  void keep_largest_piece() {
-    const std::size_t n = removed_.size();
-    std::vector<std::uint32_t> piece(n, kNone), stack, size;
-    for (std::uint32_t start = 0; start < n; ++start) {
-      if (!removed_[start] || piece[start] != kNone) continue;
-      const auto number = static_cast<std::uint32_t>(size.size());
-      size.push_back(0);
-      stack.assign(1, start);
-      piece[start] = number;
-      while (!stack.empty()) {
-        const std::uint32_t f = stack.back();
-        stack.pop_back();
-        ++size[number];
-        for (std::size_t k = 0; k < 3; ++k) {
-          const std::uint32_t g = beside(f, k);
-          if (g == kNone || !removed_[g] || piece[g] != kNone) continue;
-          piece[g] = number;
-          stack.push_back(g);
-        }
-      }
-    }
-    if (size.empty()) return;
-    const auto largest =
-        static_cast<std::uint32_t>(std::max_element(size.begin(), size.end()) - size.begin());
-    for (std::size_t f = 0; f < n; ++f) removed_[f] = piece[f] == largest;
-    for (std::size_t f = 0; f < n; ++f) {
-      if (removed_[f]) continue;
-      bool inside = true;
-      for (std::size_t k = 0; k < 3; ++k) {
-        const std::uint32_t g = beside(f, k);
-        inside = inside && g != kNone && piece[g] == largest;
-      }
-      if (inside) removed_[f] = 1;
-    }
-  }
+  std::uint32_t beside(std::size_t f, std::size_t k) const { return face_beside(block_, corners_, f, k); }
 
   /// The ring of faces around the hole, and the grid, become pieces for the zipper.
   BlendOutcome stitch() {
@@ -452,48 +388,19 @@ class Resampler {
     }
   }
 
-  /// Every edge of what comes out has its other side, but where the pieces go on or the surface ends; and the faces at
-  /// every vertex hang together.
+  /// Every edge of what comes out has its other side, but where the pieces go on or the surface ends.
   bool is_closed() {
-    std::unordered_map<std::uint64_t, std::uint32_t> half;
     std::vector<Face> faces;
     std::vector<std::uint8_t> edges;
     for (std::size_t f = 0; f < ring_.size(); ++f)
       if (!zipped_.removed[f]) faces.push_back(pieces_.faces[f]), edges.push_back(pieces_.edges[f]);
     faces.insert(faces.end(), added_.begin(), added_.end());
     edges.resize(faces.size(), 0);
-    std::vector<std::uint32_t> star(pieces_.position.size(), 0), any(pieces_.position.size(), kNone);
-    std::vector<std::uint8_t> loose(pieces_.position.size(), 0);
-    bool closed = true;
-    const auto fails = [&](std::uint32_t piece) {
-      closed = false;
-      mark_bad_piece(piece);
-    };
-    for (std::uint32_t f = 0; f < faces.size(); ++f)
-      for (std::size_t k = 0; k < 3; ++k) {
-        if (!half.emplace(way(faces[f][k], faces[f][(k + 1) % 3]), f).second) fails(faces[f][k]);
-        ++star[faces[f][k]];
-        any[faces[f][k]] = f;
-        if (edges[f] & ((ZipPieces::kEnds | ZipPieces::kGoesOn) << k))
-          loose[faces[f][k]] = loose[faces[f][(k + 1) % 3]] = 1;
-      }
-    for (std::uint32_t f = 0; f < faces.size(); ++f)
-      for (std::size_t k = 0; k < 3; ++k)
-        if (!(edges[f] & ((ZipPieces::kEnds | ZipPieces::kGoesOn) << k)) &&
-            half.count(way(faces[f][(k + 1) % 3], faces[f][k])) == 0)
-          fails(faces[f][k]);
-    if (!closed) return false;
-    for (std::uint32_t v = 0; v < star.size(); ++v) {
-      if (star[v] == 0 || loose[v]) continue;
-      std::uint32_t f = any[v], count = 0;
-      do {
-        const Face& t = faces[f];
-        const std::size_t k = t[0] == v ? 0 : t[1] == v ? 1 : 2;
-        f = half.at(way(v, t[(k + 2) % 3]));
-      } while (++count <= star[v] && f != any[v]);
-      if (count != star[v]) fails(v);
-    }
-    return closed;
+    for (std::uint8_t& e : edges)
+      e = static_cast<std::uint8_t>((e / ZipPieces::kEnds | e / ZipPieces::kGoesOn) & 7u);
+    const std::vector<std::uint32_t> loose = loose_vertices(faces, edges, pieces_.position.size());
+    for (const std::uint32_t v : loose) mark_bad_piece(v);
+    return loose.empty();
   }
 
   /// All that was there, near what goes.

@@ -8,6 +8,7 @@
 #include "kernels/mesh/mesh_block_ops.h"
 #include "octree/portable_math.h"
 #include "tests/helpers/blend_search.h"
+#include "tests/helpers/block_meshes.h"
 #include "tests/helpers/filleted.h"
 #include "tests/helpers/mesh_checks.h"
 
@@ -171,6 +172,47 @@ TEST_CASE("resample blend: the edges of a box are resampled one after the other,
   CHECK(is.defects() == 0);
   CHECK(is.boundary_edges == 0);
   CHECK(is.euler == 2);
+}
+
+TEST_CASE("resample blend: where it runs beside a hole the rest of it is resampled", "[unit]") {
+  Swept s;
+  s.convex = GENERATE(true, false);
+  const MeshBlock whole = swept_block(s);
+  const std::vector<BlendTrack> tracks = search_blends(whole, 4.0 * kEdge, kEdge);
+  REQUIRE(tracks.size() == 1);
+  const ResampledBlend all = resample_blend(whole, tracks[0], exact_options(), kEdge);
+  // The faces around a vertex a quarter of the way along, on a flank, where the grid has its outer row.
+  const auto off = [&](const Double3& p) {
+    return (p[0] - 2.6) * (p[0] - 2.6) + (p[1] - 10.0) * (p[1] - 10.0);
+  };
+  std::uint32_t hole = 0;
+  for (std::uint32_t v = 0; v < whole.position.size(); ++v)
+    if (off(whole.position[v]) < off(whole.position[hole])) hole = v;
+  std::vector<std::array<std::uint32_t, 3>> faces;
+  for (const auto& f : whole.faces)
+    if (f[0] != hole && f[1] != hole && f[2] != hole) faces.push_back(f);
+  const MeshBlock block = make_block(whole.position, faces);
+  const ResampledBlend r = resample_blend(block, tracks[0], exact_options(), kEdge);
+  check_stitched(block, r);
+  CHECK(r.report.length < all.report.length - 5.0);
+  CHECK(r.report.length > 0.5 * all.report.length);
+  CHECK(r.report.after.across.variance < 1e-10);
+}
+
+TEST_CASE("resample blend: the noise of normal jumps leaves out what the blend itself does", "[unit]") {
+  Swept s;
+  s.bend = 20.0;
+  s.closed = true;
+  s.convex = GENERATE(true, false);
+  const ResampledBlend r = resample_only(swept_block(s), exact_options());
+  REQUIRE(r.report.outcome == BlendOutcome::kChanged);
+  // Around a ring jumps fall with the cosine from flank to flank, on every rib alike.
+  CHECK(r.report.after.along.variance > 1e-5);
+  CHECK(r.report.after.along.noise < 1e-3 * r.report.after.along.variance);
+  // Of scattered triangles nearly all of it is noise.
+  CHECK(r.report.before.across.noise > 0.5 * r.report.before.across.variance);
+  CHECK(r.report.before.along.noise > 0.5 * r.report.before.along.variance);
+  CHECK(r.report.before.along.noise < 2.0 * r.report.before.along.variance);
 }
 
 TEST_CASE("resample blend: rounding and sharpening reach the radius that is asked for", "[unit]") {
