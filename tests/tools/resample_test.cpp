@@ -16,6 +16,7 @@
 #include "tests/helpers/killed_command.h"
 #include "tests/helpers/mesh_files.h"
 #include "tests/helpers/shell.h"
+#include "tests/helpers/skip.h"
 #include "tests/helpers/temp_folder.h"
 
 using namespace tessera;
@@ -156,6 +157,29 @@ TEST_CASE("resample: a radius that is asked for comes out within 1 %, sharp edge
   for (const Double3& p : read_whole(out).points)
     if (std::fabs(p[2]) < 5.0) farthest = std::max(farthest, std::min(std::fabs(p[0]), std::fabs(p[1])));
   CHECK(farthest == Approx(40.0).margin(0.1));
+}
+
+TEST_CASE(
+    "resample: edges of a real part become fillets, and one that cannot is named with what is in its way",
+    "[pipeline]") {
+  if (!has_shared_data()) return;
+  const TempFolder folder;
+  const fs::path in = kSharedData / "meshes" / "fandisk-52k.obj", out = folder.path() / "out.ply";
+  REQUIRE(tessera_command(words(in, out, {"--round", "0.006"})).code == 0);
+  const nlohmann::json done = report_of(out).at("resampled");
+  CHECK(done.at("changed").get<int>() >= 20);
+  for (const nlohmann::json& blend : done.at("blends")) {
+    CAPTURE(blend.dump());
+    if (blend.at("changed") == true)
+      CHECK(blend.at("new_radius").get<double>() == Approx(0.006).epsilon(0.01));
+    else
+      CHECK(blend.at("left_because").get<std::string>().find(" away, is longer") != std::string::npos);
+  }
+  const MeshCheck check = checked(out);
+  CHECK(check.boundary_edges == 0);
+  CHECK(check.nonmanifold_edges == 0);
+  CHECK(check.nonmanifold_vertices == 0);
+  CHECK(check.components == 1);
 }
 
 TEST_CASE("resample: blends by hand, and profiles", "[pipeline]") {

@@ -1,6 +1,12 @@
+#include <fmt/format.h>
+
 #include <algorithm>
+#include <cmath>
+#include <limits>
 #include <nlohmann/json.hpp>
-#include <unordered_set>
+#include <numeric>
+#include <set>
+#include <unordered_map>
 
 #include "octree/error.h"
 #include "octree/portable_math.h"
@@ -47,6 +53,54 @@ json to_json(const BlendReport& r) {
   out["jumps_before"] = to_json(r.before);
   out["jumps_after"] = to_json(r.after);
   return out;
+}
+
+/// What blends that stand have changed. Two that are edited may share vertices, or border on each other, as each fills its
+/// own hole: but not faces, nor an edge that both draw anew between two vertices that were there. Others share nothing, as
+/// each is held against what is around it.
+class TakenFaces {
+ public:
+  explicit TakenFaces(bool edited) : edited_(edited) {}
+  /// \returns -1, or the blend that it is at odds with; then nothing of it counts
+  std::int64_t take(const ResampledBlend& blend, std::size_t number) {
+    std::vector<std::uint64_t> words;
+    for (const auto& f : blend.removed)
+      if (edited_)
+        words.push_back(hash(f));
+      else
+        words.insert(words.end(), f.begin(), f.end());
+    if (edited_) add_new_edges(blend, words);
+    for (const std::uint64_t w : words)
+      if (const auto at = by_.find(w); at != by_.end()) return static_cast<std::int64_t>(at->second);
+    for (const std::uint64_t w : words) by_.emplace(w, number);
+    return -1;
+  }
+
+ private:
+  using Edge = std::pair<std::uint64_t, std::uint64_t>;
+  static void add_new_edges(const ResampledBlend& blend, std::vector<std::uint64_t>& words) {
+    std::set<Edge> was;
+    for (const auto& f : blend.removed)
+      for (const Edge& e : {Edge{f[0], f[1]}, Edge{f[1], f[2]}, Edge{f[0], f[2]}}) was.insert(e);
+    for (const auto& f : blend.added.faces)
+      for (std::size_t k = 0; k < 3; ++k) {
+        const auto [a, b] = std::minmax(blend.added.key[f[k]], blend.added.key[f[(k + 1) % 3]]);
+        if (b >> 63 == 0 && was.count({a, b}) == 0) words.push_back(hash({a, b, b}));
+      }
+  }
+  /// Where two that differ meet in one word a blend is left that need not be: once in 2^64 by the square of their number.
+  static std::uint64_t hash(const std::array<std::uint64_t, 3>& f) {
+    return random_bits(random_bits(f[0], 1, f[1]), 2, f[2]);
+  }
+  bool edited_;
+  std::unordered_map<std::uint64_t, std::size_t> by_;
+};
+
+double distance_of(const BlendTrack& a, const BlendTrack& b) {
+  double square = std::numeric_limits<double>::infinity();
+  for (const Double3& p : a.centre)
+    for (const Double3& q : b.centre) square = std::min(square, squared_distance(p, q));
+  return std::sqrt(square);
 }
 
 class BlendsStage : public Stage {
@@ -100,48 +154,50 @@ class BlendsStage : public Stage {
       const std::uintmax_t bytes = std::filesystem::file_size(work_ / blend_file(b), error);
       if (!error) most += bytes;
     }
-    // Keys of vertices in a table; reports.
-    return 3 * most + tracks_.size() * 4096 + (std::uint64_t{4} << 20);
+    // Faces in a table, edges of one blend in a set; reports.
+    return 4 * most + tracks_.size() * 4096 + (std::uint64_t{4} << 20);
   }
 
   json finish(const std::vector<json>& summaries, TaskContext& context) const override {
-    std::unordered_set<std::uint64_t> taken;
-    json blends = json::array(), stands = json::array();
+    // Longer ones first: where two need the same faces, more stays aligned.
+    std::vector<std::size_t> order(summaries.size());
+    std::iota(order.begin(), order.end(), std::size_t{0});
+    std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
+      return summaries[a].at("length").get<double>() > summaries[b].at("length").get<double>();
+    });
+    std::vector<json> blends = summaries;
+    std::vector<std::uint8_t> stands(summaries.size(), 0);
+    TakenFaces taken(kernel_.edit != BlendEdit::kNone);
+    for (const std::size_t b : order) {
+      context.check_stop();
+      if (!blends[b].at("changed").get<bool>()) continue;
+      const std::int64_t other = taken.take(load_blend(work_ / blend_file(b)), b);
+      stands[b] = other < 0;
+      if (stands[b]) continue;
+      const std::size_t first = static_cast<std::size_t>(other);
+      blends[b] = {{"name", blends[b].at("name")},
+                   {"at", blends[b].at("at")},
+                   {"changed", false},
+                   {"left_because",
+                    fmt::format("blend {}, {:.3g} away, is longer and takes faces that it needs",
+                                tracks_[first].name, distance_of(tracks_[b].track, tracks_[first].track))}};
+    }
     std::uint64_t changed = 0, removed = 0, added = 0;
     double farthest = 0.0;
     std::vector<std::string> left;
-    for (std::size_t b = 0; b < summaries.size(); ++b) {
-      context.check_stop();
-      json blend = summaries[b];
-      bool stand = blend.at("changed").get<bool>();
-      if (stand) {
-        const ResampledBlend change = load_blend(work_ / blend_file(b));
-        const auto is_taken = [&](const std::array<std::uint64_t, 3>& f) {
-          return taken.count(f[0]) + taken.count(f[1]) + taken.count(f[2]) > 0;
-        };
-        stand = std::none_of(change.removed.begin(), change.removed.end(), is_taken);
-        if (stand)
-          for (const auto& f : change.removed) taken.insert(f.begin(), f.end());
-        else
-          blend = {{"name", blend.at("name")},
-                   {"at", blend.at("at")},
-                   {"changed", false},
-                   {"left_because", "another blend that comes before it reaches its faces"}};
-      }
-      if (stand) {
-        ++changed;
-        removed += blend.at("faces_removed").get<std::uint64_t>();
-        added += blend.at("faces_added").get<std::uint64_t>();
-        if (blend.at("distance").is_number())
-          farthest = std::max(farthest, blend.at("distance").get<double>());
-      } else {
+    for (std::size_t b = 0; b < blends.size(); ++b) {
+      const json& blend = blends[b];
+      if (!stands[b]) {
         left.push_back(blend.at("name").get<std::string>() + " (" +
                        blend.at("left_because").get<std::string>() + ")");
+        continue;
       }
-      stands.push_back(stand);
-      blends.push_back(std::move(blend));
+      ++changed;
+      removed += blend.at("faces_removed").get<std::uint64_t>();
+      added += blend.at("faces_added").get<std::uint64_t>();
+      if (blend.at("distance").is_number()) farthest = std::max(farthest, blend.at("distance").get<double>());
     }
-    write_durably(context.create(kStandsFile), stands.dump());
+    write_durably(context.create(kStandsFile), json(stands).dump());
     json result = {{"blends", blends},         {"changed", changed},   {"left", left.size()},
                    {"faces_removed", removed}, {"faces_added", added}, {"distance", farthest}};
     if (!left.empty()) result["warnings"] = {warning(left)};
@@ -185,7 +241,7 @@ std::vector<std::size_t> blends_that_stand(const std::filesystem::path& work) {
   std::vector<std::size_t> out;
   std::size_t b = 0;
   for (const json& stand : json::parse(read_text(work / BlendsStage::kStandsFile))) {
-    if (stand.get<bool>()) out.push_back(b);
+    if (stand.get<int>() != 0) out.push_back(b);
     ++b;
   }
   return out;
