@@ -15,6 +15,7 @@ using Face = std::array<std::uint32_t, 3>;
 using Matrix4 = SmallMatrix<4>;
 
 constexpr int kSpreadRounds = 6;  ///< rings that a turn is measured over, beyond its own
+constexpr int kFitRings = 3;      ///< of edges that a rotation is fitted to
 constexpr int kPolarSteps = 10;
 /// A step less than that leaves half its square, and was the last: far less than columns are rounded by.
 constexpr double kTurned = 2e-5;
@@ -167,6 +168,14 @@ LaneMask polar_turns(Matrices& r) {
   return left;
 }
 
+/// Gradients within a surface leave open what becomes of normals: cofactors have the same singular vectors, and of the normal the
+/// product of the other two values.
+void add_normal(Matrices& s) {
+  const Lanes scale = std::sqrt(2.0) / size_of(s);
+  const Matrices cofactor = cofactors(s);
+  for (std::size_t k = 0; k < 9; ++k) s[k] += cofactor[k] * scale;
+}
+
 /// The rotation nearest to s, of largest trace(R' s): quaternion of the largest eigenvalue (Horn 1987).
 Turn nearest_turn(const Turn& s) {
   double size = 0.0;
@@ -280,15 +289,11 @@ std::vector<Turn> turns(std::span<const float> columns, std::size_t count, bool 
           by[3 * r + 2] = fused(along, z, by[3 * r + 2]);
         }
       }
-    // Gradients within the surface leave open what becomes of normals: cofactors have the same singular vectors, and of the
-    // normal the product of the other two values.
     const Lanes xx = column(0), xy = column(1), xz = column(2), yy = column(3), yz = column(4),
                 zz = column(5);
     Matrices s = {xx + by[0], xy + by[1], xz + by[2], xy + by[3], yy + by[4],
                   yz + by[5], xz + by[6], yz + by[7], zz + by[8]};
-    const Lanes scale = std::sqrt(2.0) / size_of(s);
-    const Matrices cofactor = cofactors(s);
-    for (std::size_t k = 0; k < 9; ++k) s[k] += cofactor[k] * scale;
+    add_normal(s);
     auto moves = by[0] != 0.0;
     for (std::size_t k = 1; k < 9; ++k) moves |= by[k] != 0.0;
     Matrices r = s;
@@ -304,6 +309,46 @@ std::vector<Turn> turns(std::span<const float> columns, std::size_t count, bool 
     }
   }
   return out;
+}
+
+std::vector<Turn> fitted_turns(std::span<const Double3> before, std::span<const Double3> after,
+                               std::span<const Face> faces) {
+  std::vector<Turn> sum(before.size(), Turn{}), next;
+  for (const Face& f : faces) {
+    Turn here{};
+    for (std::size_t k = 0; k < 3; ++k) {
+      const Double3 was = before[f[(k + 1) % 3]] - before[f[k]], is = after[f[(k + 1) % 3]] - after[f[k]];
+      for (std::size_t r = 0; r < 3; ++r)
+        for (std::size_t c = 0; c < 3; ++c) here[3 * r + c] += is[r] * was[c];
+    }
+    for (const std::uint32_t v : f)
+      for (std::size_t i = 0; i < 9; ++i) sum[v][i] += here[i];
+  }
+  for (int ring = 1; ring < kFitRings; ++ring) {
+    next.assign(sum.size(), Turn{});
+    for (const Face& f : faces) {
+      Turn here;
+      for (std::size_t i = 0; i < 9; ++i) here[i] = sum[f[0]][i] + sum[f[1]][i] + sum[f[2]][i];
+      for (const std::uint32_t v : f)
+        for (std::size_t i = 0; i < 9; ++i) next[v][i] += here[i];
+    }
+    sum.swap(next);
+  }
+  for (std::size_t first = 0; first < sum.size(); first += kLanes) {
+    const std::size_t count = std::min(kLanes, sum.size() - first);
+    Matrices s{};
+    for (std::size_t l = 0; l < count; ++l)
+      for (std::size_t i = 0; i < 9; ++i) s[i][l] = sum[first + l][i];
+    add_normal(s);
+    Matrices r = s;
+    const LaneMask left = polar_turns(r);
+    for (std::size_t l = 0; l < count; ++l) {
+      Turn& turn = sum[first + l];
+      for (std::size_t i = 0; i < 9; ++i) turn[i] = left[l] != 0 ? s[i][l] : r[i][l];
+      if (left[l] != 0) turn = nearest_turn(turn);
+    }
+  }
+  return sum;
 }
 
 }  // namespace tessera

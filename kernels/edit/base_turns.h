@@ -52,4 +52,9 @@ using FrameMotion = std::array<Double3, 4>;
 std::vector<Turn> turns(std::span<const float> columns, std::size_t count, bool targets,
                         std::span<const FrameMotion> motion);
 
+/// Per vertex the rotation that takes edges within three rings from `before` to `after`, in the sense of least squares: how
+/// the surface turns, whatever turned it (Kabsch 1976).
+std::vector<Turn> fitted_turns(std::span<const Double3> before, std::span<const Double3> after,
+                               std::span<const std::array<std::uint32_t, 3>> faces);
+
 }  // namespace tessera

@@ -11,6 +11,7 @@ namespace {
 constexpr int kRounds = 5;
 constexpr int kFirstRings = 2;     ///< twice as many in every round
 constexpr int kSweepsPerRing = 8;  ///< Gauss-Seidel carries a correction a ring or two at a time
+constexpr int kHalvings = 3, kYieldRounds = 8;
 constexpr double kMostWeight = 20, kLeastWeight = 0.02;  ///< of an edge: slivers hold nothing, and hang on
 
 /// An edge by what it weighs on its side of a face.
@@ -86,17 +87,14 @@ void relax(const TurningBase& base, const Lists<Spoke>& spokes, std::span<const 
 }  // namespace
 
 std::vector<std::uint32_t> turned_over(const TurningBase& base, std::span<const Double3> posed) {
+  const std::vector<Turn> turn = fitted_turns(base.rest, posed, base.faces);
   std::vector<std::uint32_t> out;
   for (std::uint32_t j = 0; j < base.faces.size(); ++j) {
     const auto& f = base.faces[j];
+    if (!base.free[f[0]] && !base.free[f[1]] && !base.free[f[2]]) continue;
     Turn sum{};
-    bool follows = false;
-    for (const std::uint32_t v : f) {
-      if (!base.free[v]) continue;
-      follows = true;
-      for (std::size_t k = 0; k < 9; ++k) sum[k] += base.turn[v][k];
-    }
-    if (!follows) continue;
+    for (const std::uint32_t v : f)
+      for (std::size_t k = 0; k < 9; ++k) sum[k] += turn[v][k];
     const Double3 was = triangle_normal(base.rest[f[0]], base.rest[f[1]], base.rest[f[2]]),
                   is = triangle_normal(posed[f[0]], posed[f[1]], posed[f[2]]);
     if (dot(turned(sum, was), is) < 0.0) out.push_back(j);
@@ -119,6 +117,33 @@ UprightReport set_upright(const TurningBase& base, std::vector<Double3>& posed) 
     posed = trial;
   }
   return report;
+}
+
+std::size_t yield_to(const TurningBase& base, std::span<const Double3> other, std::size_t left,
+                     std::vector<Double3>& posed) {
+  std::vector<Double3> trial = posed;
+  const std::vector<Double3> mine = posed;
+  std::vector<int> rounds(posed.size(), 0);
+  std::vector<std::uint8_t> over, near;
+  for (int round = 0; round < kYieldRounds && left > 0; ++round) {
+    over.assign(posed.size(), 0);
+    for (const std::uint32_t j : turned_over(base, trial))
+      for (const std::uint32_t v : base.faces[j]) over[v] = 1;
+    near = over;
+    for (const auto& f : base.faces)
+      if ((over[f[0]] | over[f[1]] | over[f[2]]) != 0) near[f[0]] = near[f[1]] = near[f[2]] = 1;
+    for (std::size_t v = 0; v < near.size(); ++v) {
+      if (!near[v] || !base.free[v] || rounds[v] > kHalvings) continue;
+      double share = 1.0;  // that stays
+      for (int r = 0; r <= rounds[v]; ++r) share *= 0.5;
+      trial[v] = ++rounds[v] > kHalvings ? other[v] : other[v] + (mine[v] - other[v]) * share;
+    }
+    const std::size_t now = turned_over(base, trial).size();
+    if (now >= left) continue;
+    left = now;
+    posed = trial;
+  }
+  return left;
 }
 
 }  // namespace tessera

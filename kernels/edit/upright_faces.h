@@ -22,8 +22,8 @@ struct TurningBase {
   std::span<const Turn> turn;          ///< n, read where free: how the smooth base turns
 };
 
-/// Ascending: those with a free vertex whose normal is turned by a right angle and more against the mean rotation of their free
-/// vertices. Faces without area do not turn.
+/// Ascending: those with a free vertex whose normal is turned by a right angle and more against how the surface turns around
+/// them (fitted_turns()). Faces without area do not turn.
 std::vector<std::uint32_t> turned_over(const TurningBase& base, std::span<const Double3> posed);
 
 /// Faces that were turned over, and that are.
@@ -35,9 +35,14 @@ struct UprightReport {
 /// keeps what leaves the fewest. Nothing else moves.
 UprightReport set_upright(const TurningBase& base, std::vector<Double3>& posed);
 
-/// Upper bound of what set_upright() allocates.
+/// Around faces that are turned over the surface goes towards another pose of it: half the way, then more and more rings all of it.
+/// Keeps what leaves the fewest. \param left  turned_over() of `posed` \return turned_over() of the result
+std::size_t yield_to(const TurningBase& base, std::span<const Double3> other, std::size_t left,
+                     std::vector<Double3>& posed);
+
+/// Upper bound of what they allocate.
 constexpr std::uint64_t upright_bytes(std::uint64_t vertices, std::uint64_t faces) {
-  return 140 * vertices + 190 * faces;
+  return 360 * vertices + 190 * faces;
 }
 
 }  // namespace tessera

@@ -70,6 +70,21 @@ PosedBase pose_base(const DeformBasis& basis, std::span<const Placement> pose,
   const UprightReport turned = set_upright(turning, out.position);
   told["base_flipped_by_turns"] = turned.before;
   out.flipped = turned.left;
+  if (out.flipped > 0) {
+    // Details that only move along: where nothing says how they turn, as on what has shrunk to a line.
+    std::vector<Double3> moved = posed;
+    for (const std::int32_t active : basis.edit.active) {
+      const auto v = static_cast<std::size_t>(active);
+      moved[v] = posed[v] + (at[v] - rest[v]);
+    }
+    const std::size_t without = turned_over(turning, moved).size();
+    if (2 * without < out.flipped) {
+      out.position = std::move(moved);
+      out.flipped = without;
+    } else {
+      out.flipped = yield_to(turning, moved, out.flipped, out.position);
+    }
+  }
   check_stop();
   const std::vector<std::uint8_t> watched = watched_faces(basis);
   std::optional<std::size_t> crossing;
@@ -90,7 +105,8 @@ PosedBase pose_base(const DeformBasis& basis, std::span<const Placement> pose,
                        {"volumes_off", report.off_after},
                        {"seconds", since(begun)}};
     check_stop();
-    const std::size_t flipped = set_upright(turning, out.position).left;
+    std::size_t flipped = set_upright(turning, out.position).left;
+    if (flipped > out.flipped) flipped = yield_to(turning, vectors, flipped, out.position);
     // Thin layers over jagged bases may come out worse than vectors leave them.
     const std::size_t by_vectors = crossing_faces(vectors, faces, watched).faces.size(),
                       by_volumes = crossing_faces(out.position, faces, watched).faces.size();
