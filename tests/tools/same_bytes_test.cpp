@@ -29,6 +29,18 @@ TEST_CASE("same bytes: whatever BLAS and the C library take the processor for", 
   run({"reconstruct", at("scan.ply"), "-o", at("mesh.ply")});
   // Something like a disk for a map: the terrain without its details.
   run({"decimate", at("mesh.ply"), "-o", at("small.ply"), "--target-faces", "4000"});
+  const auto edit = [&](const char* name, const std::string& more) {
+    std::ofstream(folder.path() / name)
+        << R"({"regions": [{"role": "support", "sphere": {"centre": [0, 0, 0], "radius": 1e9}},
+               {"role": "fixed", "half_space": {"point": [300, 0, 0], "normal": [1, 0, 0]}},
+               {"role": "handle", "name": "end", "half_space": {"point": [700, 0, 0], "normal": [-1, 0, 0]})"
+        << more
+        << R"(}], "handles": {"end": [{"move": [0, 30, 90]}, {"rotate": {"axis": [0, 1, 0], "angle": 20}}]},
+               "order": )"
+        << (more.empty() ? 2 : 3) << "}";
+  };
+  edit("bend.json", {});
+  edit("uneven.json", R"(, "smoothness": 1)");  // not symmetric
   const std::vector<std::vector<std::string>> commands = {
       {"synth", "--scene", "terrain", "--points", "30k", "--noise", "0.2s"},
       {"reconstruct", at("scan.ply")},
@@ -39,6 +51,8 @@ TEST_CASE("same bytes: whatever BLAS and the C library take the processor for", 
       {"smooth", at("mesh.ply"), "--lambda", "1e6", "--order", "2"},
       {"smooth", at("small.ply"), "--method", "curvature-flow", "--lambda", "100"},
       {"parameterize", at("small.ply")},
+      {"deform", at("mesh.ply"), at("bend.json")},
+      {"deform", at("mesh.ply"), at("uneven.json")},
   };
   const std::vector<std::string> machines = {
       "OPENBLAS_CORETYPE=Prescott",
