@@ -3,10 +3,13 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <optional>
 #include <utility>
 
 #include "octree/box_levels.h"
+#include "octree/lists.h"
 #include "octree/morton.h"
+#include "octree/union_find.h"
 
 namespace tessera {
 namespace {
@@ -132,6 +135,42 @@ class Crossings {
   std::vector<std::vector<Box>> levels_;
 };
 
+/// Whether faces lie within kNearRings rings of each other.
+class Nearness {
+ public:
+  Nearness(std::size_t vertices, std::span<const Face> faces)
+      : faces_(faces),
+        around_(make_lists<std::uint32_t>(vertices,
+                                          [&](const auto& put) {
+                                            for (std::uint32_t f = 0; f < faces.size(); ++f)
+                                              for (const std::uint32_t v : faces[f]) put(v, f);
+                                          })),
+        seen_(faces.size(), 0) {}
+
+  bool near(std::uint32_t one, std::uint32_t other) {
+    ++round_;
+    reached_.assign(1, one);
+    seen_[one] = round_;
+    std::size_t begin = 0;
+    for (int ring = 0; ring < kNearRings; ++ring)
+      for (const std::size_t end = reached_.size(); begin < end; ++begin)
+        for (const std::uint32_t v : faces_[reached_[begin]])
+          for (const std::uint32_t f : around_[v]) {
+            if (f == other) return true;
+            if (seen_[f] == round_) continue;
+            seen_[f] = round_;
+            reached_.push_back(f);
+          }
+    return false;
+  }
+
+ private:
+  std::span<const Face> faces_;
+  Lists<std::uint32_t> around_;
+  std::vector<std::uint32_t> seen_, reached_;
+  std::uint32_t round_ = 0;
+};
+
 }  // namespace
 
 CrossingFaces crossing_faces(std::span<const Double3> position, std::span<const Face> faces,
@@ -139,12 +178,34 @@ CrossingFaces crossing_faces(std::span<const Double3> position, std::span<const 
   const Crossings all(position, faces);
   CrossingFaces out;
   std::vector<std::uint8_t> crosses(faces.size(), 0);
+  std::vector<std::uint32_t> far;
+  std::optional<Nearness> nearness;
+  std::optional<UnionFind> lines;
   all.each(watched, [&](std::uint32_t f, std::uint32_t other) {
+    if (!nearness) {
+      nearness.emplace(position.size(), faces);
+      lines.emplace(faces.size());
+    }
+    if (!nearness->near(f, other)) far.push_back(f);
+    lines->unite(f, other);
     crosses[f] = crosses[other] = 1;
     ++out.pairs;
   });
-  for (std::uint32_t f = 0; f < faces.size(); ++f)
-    if (crosses[f]) out.faces.push_back(f);
+  if (!lines) return out;
+  // Along the surface a line goes on in a face with a common vertex.
+  constexpr std::uint32_t kNone = 0xffffffffu;
+  std::vector<std::uint32_t> at(position.size(), kNone);
+  for (std::uint32_t f = 0; f < faces.size(); ++f) {
+    if (!crosses[f]) continue;
+    out.faces.push_back(f);
+    for (const std::uint32_t v : faces[f]) {
+      if (at[v] != kNone) lines->unite(at[v], f);
+      at[v] = f;
+    }
+  }
+  std::vector<std::uint8_t> meets_far(faces.size(), 0);
+  for (const std::uint32_t f : far) meets_far[lines->find(f)] = 1;
+  for (const std::uint32_t f : out.faces) out.local += meets_far[lines->find(f)] == 0;
   return out;
 }
 

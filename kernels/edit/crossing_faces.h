@@ -13,7 +13,12 @@ namespace tessera {
 struct CrossingFaces {
   std::vector<std::uint32_t> faces;  ///< ascending: those that cross another one
   std::size_t pairs = 0;
+  /// Of the faces, those along whose line of crossing all pairs lie within kNearRings rings: a local fold. Elsewhere the surface
+  /// meets what is far along it, and such a line may end in pairs that are near.
+  std::size_t local = 0;
 };
+
+inline constexpr int kNearRings = 6;
 
 /// An edge of one passes through the inside of the other, and has no vertex in common with it; by the signs of volumes in
 /// double precision. What only touches or lies in one plane does not cross.
@@ -25,7 +30,7 @@ CrossingFaces crossing_faces(std::span<const Double3> position,
 
 /// Upper bound of what it allocates.
 constexpr std::uint64_t crossing_faces_bytes(std::uint64_t faces) {
-  return faces * 130;
+  return faces * 170;
 }
 
 }  // namespace tessera

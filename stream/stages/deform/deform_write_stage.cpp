@@ -193,6 +193,15 @@ class DeformWriteStage : public SerialStage {
             "details are turned, their volumes not kept: with them more faces would cross others (" +
             out.at("details").at("crossing_faces_of_volumes").dump() + " instead of " +
             out.at("details").at("crossing_faces_of_vectors").dump() + "): try --base even");
+      const auto crossing = out.at("base_crossing_faces").get<std::uint64_t>(),
+                 local = out.at("base_crossing_local").get<std::uint64_t>();
+      if (crossing > local && crossing > out.at("base_crossing_faces_before").get<std::uint64_t>())
+        warnings.push_back(std::to_string(crossing - local) + " of the " +
+                           std::to_string(basis.base.faces.size()) +
+                           " faces of the base pass through what is far from them along the surface (" +
+                           std::to_string(local) +
+                           " more through what is near): what moves is pressed into what stays, which no "
+                           "details prevent; give the support more room, or move less");
       if (!warnings.empty()) out["warnings"] = warnings;
     }
     return out;

@@ -87,7 +87,7 @@ PosedBase pose_base(const DeformBasis& basis, std::span<const Placement> pose,
   }
   check_stop();
   const std::vector<std::uint8_t> watched = watched_faces(basis);
-  std::optional<std::size_t> crossing;
+  std::optional<CrossingFaces> crossing;
   if (about.at("volumes").get<bool>()) {
     const auto begun = Clock::now();
     std::vector<Double3> widening;
@@ -108,23 +108,26 @@ PosedBase pose_base(const DeformBasis& basis, std::span<const Placement> pose,
     std::size_t flipped = set_upright(turning, out.position).left;
     if (flipped > out.flipped) flipped = yield_to(turning, vectors, flipped, out.position);
     // Thin layers over jagged bases may come out worse than vectors leave them.
-    const std::size_t by_vectors = crossing_faces(vectors, faces, watched).faces.size(),
-                      by_volumes = crossing_faces(out.position, faces, watched).faces.size();
-    told["details"]["crossing_faces_of_vectors"] = by_vectors;
-    told["details"]["crossing_faces_of_volumes"] = by_volumes;
-    told["details"]["kept"] = by_volumes > by_vectors ? "vectors" : "volumes";
-    if (by_volumes > by_vectors)
+    CrossingFaces by_vectors = crossing_faces(vectors, faces, watched),
+                  by_volumes = crossing_faces(out.position, faces, watched);
+    json& details = told["details"];
+    details["crossing_faces_of_vectors"] = by_vectors.faces.size();
+    details["crossing_faces_of_volumes"] = by_volumes.faces.size();
+    const bool worse = by_volumes.faces.size() > by_vectors.faces.size();
+    details["kept"] = worse ? "vectors" : "volumes";
+    if (worse)
       out.position = vectors;
     else
       out.flipped = flipped;
-    crossing = std::min(by_vectors, by_volumes);
+    crossing = std::move(worse ? by_vectors : by_volumes);
     check_stop();
   }
-  if (!crossing) crossing = crossing_faces(out.position, faces, watched).faces.size();
+  if (!crossing) crossing = crossing_faces(out.position, faces, watched);
   check_stop();
   told.update(json{{"base_flipped_faces", out.flipped},
                    {"base_crossing_faces_before", about.at("crossing_faces").get<std::uint64_t>()},
-                   {"base_crossing_faces", *crossing},
+                   {"base_crossing_faces", crossing->faces.size()},
+                   {"base_crossing_local", crossing->local},
                    {"base_volume", enclosed_volume(out.position, faces)},
                    {"base_volume_before", enclosed_volume(at, faces)},
                    {"pose_basis_s", basis_s},

@@ -2,6 +2,7 @@
 #include "kernels/edit/crossing_faces.h"
 
 #include <catch2/catch.hpp>
+#include <cmath>
 
 #include "tests/helpers/random.h"
 
@@ -23,11 +24,36 @@ TEST_CASE("crossing faces: two through each other, with and without a common ver
   CHECK(crossing_faces(p, apart, second).pairs == 1);
   const std::vector<Face> joined = {{0, 1, 2}, {0, 3, 4}};
   CHECK(crossing_faces(p, joined, {}).pairs == 1);
+  // One folds, the other meets what is not connected with it at all.
+  CHECK(crossing_faces(p, joined, {}).local == 2);
+  CHECK(crossing_faces(p, apart, {}).local == 0);
   p[3] = {0.5, 0.5, 0.0};  // touches from above
   CHECK(crossing_faces(p, apart, {}).pairs == 0);
   p[3] = {0.5, 0.5, 0.5};
   CHECK(crossing_faces(p, apart, {}).pairs == 0);
   CHECK(crossing_faces({}, {}, {}).pairs == 0);
+}
+
+TEST_CASE("crossing faces: a line of crossing that ends near is not local where it meets what is far",
+          "[unit]") {
+  // A strip wound up to one turn and a bit, whose end passes through its beginning at a slant.
+  constexpr int kCount = 60;
+  std::vector<Double3> p;
+  std::vector<Face> faces;
+  for (int i = 0; i <= kCount; ++i) {
+    const double turn = 2.0 * 3.14159265358979 * 1.1 * i / kCount;
+    for (const double z : {0.0, 1.0}) {
+      const double r = 3.0 + (i > kCount / 2 ? 0.3 * (z - 0.5) : 0.0);
+      p.push_back({r * std::cos(turn), r * std::sin(turn), z});
+    }
+  }
+  for (std::uint32_t i = 0; i < kCount; ++i) {
+    faces.push_back({2 * i, 2 * i + 2, 2 * i + 1});
+    faces.push_back({2 * i + 1, 2 * i + 2, 2 * i + 3});
+  }
+  const CrossingFaces wound = crossing_faces(p, faces, {});
+  CHECK(wound.faces.size() > 4);
+  CHECK(wound.local == 0);
 }
 
 TEST_CASE("crossing faces: the tree misses none that pairs one by one find", "[property]") {

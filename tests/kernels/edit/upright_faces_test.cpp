@@ -77,3 +77,28 @@ TEST_CASE("upright faces: what is held folds what nothing can unfold, and is cou
   for (std::size_t v = 0; v < posed.size(); ++v)
     if (!s.free[v]) CHECK(posed[v] == before[v]);
 }
+
+TEST_CASE("upright faces: how a surface turned is fitted, wherever its details come from", "[unit]") {
+  const Sheet s;
+  double worst = 0.0;
+  for (const Turn& turn : fitted_turns(s.at_rest.position, s.wanted, s.at_rest.faces))
+    for (std::size_t k = 0; k < 9; ++k) worst = std::max(worst, std::fabs(turn[k] - s.to.matrix[k]));
+  CHECK(worst < 1e-9);
+}
+
+TEST_CASE("upright faces: a pose goes towards another one around what is turned over, and no farther",
+          "[unit]") {
+  const Sheet s;
+  std::vector<Double3> posed = s.wanted, other = s.wanted;
+  for (std::size_t v = 0; v < other.size(); ++v)
+    if (s.free[v]) other[v] = other[v] + Double3{0, 0, 1e-3};
+  posed[kMiddle] = s.to.apply({12.3, 10.2, 0.0});  // over its neighbours
+  const std::size_t over = turned_over(s.base(), posed).size();
+  REQUIRE(over > 0);
+  CHECK(yield_to(s.base(), other, over, posed) == 0);
+  CHECK(turned_over(s.base(), posed).empty());
+  std::size_t moved = 0;
+  for (std::size_t v = 0; v < posed.size(); ++v) moved += posed[v] != s.wanted[v];
+  CHECK(moved > 1);
+  CHECK(moved < 40);
+}
