@@ -172,7 +172,7 @@ DeviationPair certify_pair(const SurfaceFaces& a, const SurfaceFaces& b, const B
     // A face lies over several of the other surface: each surface is the coarse one once.
     const auto one_way = [&](const SurfaceFaces& from, const SurfaceFaces& to, std::vector<float>& bound) {
       OverlaySide side =
-          prove_by_overlay(from, to, core, kPairMargin * options.reach, origin, options).coarse;
+          prove_by_overlay(from, to, core, kPairMargin * options.reach, origin, options, false).coarse;
       return finish(from, to, std::move(side), bound);
     };
     out.there = one_way(a, b, out.there_bound);
@@ -202,9 +202,9 @@ RasterProof prove_by_raster(const SurfaceFaces& a, const SurfaceFaces& b, const 
     if (doubts.size() * kFewer > report.faces || from.faces.size() * kFewer <= to.faces.size()) {
       std::vector<Face> faces;
       for (const std::uint32_t f : doubts) faces.push_back(from.faces[f]);
-      const OverlaySide side =
-          prove_by_overlay({from.position, faces}, to, &core, kPairMargin * options.reach, origin, yes_or_no)
-              .coarse;
+      const OverlaySide side = prove_by_overlay({from.position, faces}, to, &core,
+                                                kPairMargin * options.reach, origin, yes_or_no, false)
+                                   .coarse;
       std::size_t left = 0;
       for (std::size_t i = 0; i < doubts.size(); ++i)
         if (!std::isfinite(side.bound[i])) doubts[left++] = doubts[i];

@@ -21,8 +21,14 @@ constexpr std::uint32_t kSampling = 16;
 class Overlay {
  public:
   Overlay(const SurfaceFaces& coarse, const SurfaceFaces& fine, const Box3* core, double margin,
-          const Double3& origin, const CertificateOptions& options)
-      : coarse_(coarse), fine_(fine), core_(core), margin_(margin), origin_(origin), options_(options) {
+          const Double3& origin, const CertificateOptions& options, bool fine_too)
+      : coarse_(coarse),
+        fine_(fine),
+        core_(core),
+        margin_(margin),
+        origin_(origin),
+        options_(options),
+        fine_too_(fine_too) {
     vertices_.reserve(fine.position.size());
     points_.reserve(fine.position.size());  // so that they stay where they are
     for (const Double3& p : fine.position) {
@@ -38,13 +44,14 @@ class Overlay {
     state_.resize(fine.faces.size());
     seed_.assign(coarse.faces.size(), kNone);
     out_.coarse.bound.assign(coarse.faces.size(), kOpen);
-    out_.fine.bound.assign(fine.faces.size(), kOpen);
+    if (fine_too_) out_.fine.bound.assign(fine.faces.size(), kOpen);
   }
 
   OverlayProof run() {
     find_starts();
     for (std::uint32_t t = 0; t < coarse_.faces.size(); ++t) lay_over(t);
-    for (std::uint32_t f = 0; f < fine_.faces.size(); ++f) finish_fine(f);
+    if (fine_too_)
+      for (std::uint32_t f = 0; f < fine_.faces.size(); ++f) finish_fine(f);
     return std::move(out_);
   }
 
@@ -406,7 +413,7 @@ class Overlay {
       state.bound = std::min(state.bound, rounded_up(own));
     } else if (!height_across(p, outside, own)) {
       return;
-    } else {
+    } else if (fine_too_) {
       note_edge(t, f, p, outside, own);
     }
     height = std::max(height, own);
@@ -538,6 +545,7 @@ class Overlay {
   const double margin_;
   const Double3 origin_;
   const CertificateOptions& options_;
+  const bool fine_too_;
   double largest_ = 0.0, rounding_ = 0.0, grown_ = 0.0, limit_ = 0.0;
   std::vector<Vertex> vertices_;
   std::vector<Across> across_fine_, across_coarse_;
@@ -577,8 +585,9 @@ void count_piece(DeviationReport& report, const CertificateOptions& options, dou
 }
 
 OverlayProof prove_by_overlay(const SurfaceFaces& coarse, const SurfaceFaces& fine, const Box3* core,
-                              double margin, const Double3& origin, const CertificateOptions& options) {
-  return Overlay(coarse, fine, core, margin, origin, options).run();
+                              double margin, const Double3& origin, const CertificateOptions& options,
+                              bool fine_too) {
+  return Overlay(coarse, fine, core, margin, origin, options, fine_too).run();
 }
 
 }  // namespace tessera

@@ -47,10 +47,12 @@ struct OverlayProof {
 /// \param core    the fine surface is complete within `margin` + tolerance of it; nullptr: all of it
 /// \param margin  > tolerance: so far coarse faces are covered beyond the core
 /// \param origin  subtracted from all positions
+/// \param fine_too  else OverlaySide `fine` is left empty, which saves a fifth of the time
 /// \post  a pure function of the arguments; no bound above options.tolerance
 /// \cost  about 0.15 us per fine face; 60 bytes per fine face, 32 per fine vertex
 OverlayProof prove_by_overlay(const SurfaceFaces& coarse, const SurfaceFaces& fine, const Box3* core,
-                              double margin, const Double3& origin, const CertificateOptions& options);
+                              double margin, const Double3& origin, const CertificateOptions& options,
+                              bool fine_too = true);
 
 /// Adds a piece to area, RMS and histogram.
 void count_piece(DeviationReport& report, const CertificateOptions& options, double area, double distance);
