@@ -95,6 +95,8 @@ class Remesher {
   void mend(std::uint32_t f, RemeshReport& report);
   double sharpness_of(std::uint32_t f) const;
   bool flip_sharp(std::uint32_t f, RemeshReport& report);
+  bool flip_cap(std::uint32_t f, RemeshReport& report);
+  void recount_after_cap(std::uint32_t v);
   bool shift_sharp(std::uint32_t v, RemeshReport& report);
   bool collapse_sharp(std::uint32_t f, RemeshReport& report);
   bool release_weak_creases(std::uint32_t v);

@@ -19,6 +19,9 @@ constexpr int kMendRounds = 2;
 // Squared cosines of angles, as sharpness() gives them.
 constexpr double kSharp = 0.75;            ///< 30 degrees
 constexpr double kSharpAtCreases = 0.794;  ///< 27
+constexpr double kCap = 0.97;              ///< 10
+constexpr double kCapHeight = 0.05;        ///< targets: a line moves by less where a cap on it goes
+constexpr double kEarHeight = 0.1;  ///< of a cap with both its other edges on the border: no line moves
 constexpr double kFlipGain = 0.01, kMoveGain = 0.005;
 constexpr double kLongCollapse = 1.6;                  ///< targets: no edge gets longer by a collapse
 constexpr double kStrongCrease = 0.70710678118654752;  ///< cosine of its turn: others yield to shape
@@ -112,6 +115,7 @@ void Remesher::mend(std::uint32_t f, RemeshReport& report) {
   for (std::uint32_t i = 0; i < 3 && sharpness_of(f) > kSharp; ++i)
     shift_sharp(mesh_.face(f).vertex[i], report);
   if (sharpness_of(f) > kSharp) collapse_sharp(f, report);
+  if (sharpness_of(f) > kCap) flip_cap(f, report);
 }
 
 /// Creases at the vertex that turn little are none any more: noise, where they leave no room for a sound face.
@@ -187,6 +191,48 @@ bool Remesher::flip_sharp(std::uint32_t f, RemeshReport& report) {
   if (best == kNoCorner || flip_if_sound(best) != Refusal::kNone) return false;
   ++report.flips;
   return true;
+}
+
+/// A flat face whose longest edge is a crease, its apex all but on it: the crease goes through the apex instead.
+bool Remesher::flip_cap(std::uint32_t f, RemeshReport& report) {
+  const std::uint32_t c = 4 * f + longest_corner(f), d = mesh_.opposite(c);
+  if (d == kNoCorner || !mesh_.crease_edge(c)) return false;
+  const std::uint32_t apex = mesh_.vertex(c), a = mesh_.vertex(next_corner(c)),
+                      b = mesh_.vertex(prev_corner(c));
+  const Double3 along = mesh_.at(b) - mesh_.at(a);
+  const double twice = norm(cross(along, mesh_.at(apex) - mesh_.at(a))), length = norm(along);
+  const bool ear = mesh_.border_edge(next_corner(c)) && mesh_.border_edge(prev_corner(c));  // no line moves
+  const double most =
+      std::min(options_.tolerance > 0.0 ? 0.5 * options_.tolerance : kEarHeight * info_[apex].target,
+               (ear ? kEarHeight : kCapHeight) * info_[apex].target);
+  if (!(twice < most * length) || flip_if_sound(c) != Refusal::kNone) return false;
+  ++report.flips;
+  // From the apex to both ends of what was the longest edge.
+  for (const std::uint32_t e : {prev_corner(c), d}) {
+    if (mesh_.border_edge(e)) continue;
+    mesh_.mark_crease(e);
+    if (mesh_.opposite(e) != kNoCorner) mesh_.mark_crease(mesh_.opposite(e));
+  }
+  for (const std::uint32_t v : {apex, a, b}) recount_after_cap(v);
+  if (info_[apex].line && mesh_.gather(apex, star_)) place(apex, mesh_.at(apex), report);
+  return true;
+}
+
+/// Lines at the vertex have come or gone: it slides along two, is a corner of others, or none.
+void Remesher::recount_after_cap(std::uint32_t v) {
+  if ((mesh_.state(v) & (kVertexLocked | kVertexBorder)) || !mesh_.gather(v, star_)) return;
+  const bool was_smooth = (mesh_.state(v) & (kVertexCrease | kVertexFixed)) == 0;
+  int creases = 0;
+  for (std::size_t i = 0; i < star_.faces; ++i) creases += mesh_.crease_edge(prev_corner(star_.corner[i]));
+  if (creases == 2 && (mesh_.state(v) & kVertexCrease)) return;
+  if (!(creases == 2 && was_smooth && surface_.has_lines())) {
+    if (!(creases > 0 && (mesh_.state(v) & kVertexFixed))) count_lines(v);
+    return;
+  }
+  mesh_.add_state(v, kVertexCrease);
+  info_[v].line = true;
+  info_[v].normal = Float3{};
+  info_[v].foot = surface_.closest_on_lines(mesh_.at(v)).slot;
 }
 
 /// One corner, to the best of a few places.

@@ -191,6 +191,67 @@ TEST_CASE("remesh: creases beside each other yield to sound faces where they tur
   CHECK(certified(out, bevel, 0.1) < 0.2 * edge);
 }
 
+TEST_CASE("remesh: flat faces between two polylines of one crease leave none", "[unit]") {
+  // A roof whose slopes meet at every point of the ridge on one side, at every second one on the other: the faces between
+  // have hardly an area, and normals that say nothing. All points of the ridge are corners.
+  constexpr std::size_t kLong = 24, kWide = 8;
+  MeshBlock roof;
+  std::vector<std::vector<std::uint32_t>> left(kWide + 1), right(kWide + 1);
+  const auto add_row = [&](std::vector<std::uint32_t>& row, double y, double z, std::size_t step) {
+    for (std::size_t i = 0; i <= kLong; i += step) {
+      row.push_back(static_cast<std::uint32_t>(roof.key.size()));
+      roof.key.push_back(roof.key.size());
+      roof.position.push_back({static_cast<double>(i), y, z - (y == 0.0 && i % 2 == 1 ? 0.002 : 0.0)});
+      roof.vertex_class.push_back(y == 0.0 ? VertexClass::kCorner : VertexClass::kSmooth);
+    }
+  };
+  add_row(left[0], 0.0, 0.0, 1);
+  for (std::size_t i = 0; i <= kLong; i += 2) right[0].push_back(left[0][i]);
+  for (std::size_t j = 1; j <= kWide; ++j) {
+    const double down = 0.7 * static_cast<double>(j);
+    add_row(left[j], -down, -down, 1);
+    add_row(right[j], down, -down, 2);
+  }
+  const auto face = [&](std::uint32_t a, std::uint32_t b, std::uint32_t c) {
+    roof.faces.push_back({a, b, c});
+  };
+  for (std::size_t j = 0; j < kWide; ++j) {
+    for (std::size_t i = 0; i < kLong; ++i) {
+      face(left[j][i], left[j + 1][i], left[j + 1][i + 1]);
+      face(left[j][i], left[j + 1][i + 1], left[j][i + 1]);
+    }
+    for (std::size_t i = 0; i < kLong / 2; ++i) {
+      face(right[j][i], right[j][i + 1], right[j + 1][i + 1]);
+      face(right[j][i], right[j + 1][i + 1], right[j + 1][i]);
+    }
+  }
+  for (std::size_t i = 0; i < kLong; i += 2) face(left[0][i], left[0][i + 1], left[0][i + 2]);
+  const auto edge = [&](const std::array<std::uint32_t, 3>& f, std::size_t e) {
+    const std::uint32_t a = f[e], b = f[(e + 1) % 3];
+    return std::array<std::uint32_t, 2>{std::min(a, b), std::max(a, b)};
+  };
+  std::map<std::array<std::uint32_t, 2>, int> sides;
+  for (const auto& f : roof.faces)
+    for (std::size_t e = 0; e < 3; ++e) ++sides[edge(f, e)];
+  for (const auto& f : roof.faces) {
+    unsigned flags = 0;
+    for (std::size_t e = 0; e < 3; ++e) {
+      const auto [a, b] = edge(f, e);
+      flags |= sides[{a, b}] == 1 ? 1u << e : b <= kLong ? unsigned{kFaceCrease01} << e : 0u;
+    }
+    roof.face_flags.push_back(static_cast<std::uint8_t>(flags));
+  }
+  RemeshOptions o = options_for(2.0);
+  o.find_creases = false;
+  const MeshBlock out = remeshed(roof, o);
+  CHECK(checks_of(out).defects() == 0);
+  TriangleQuality q;
+  q.add(out, 2.0);
+  CHECK(q.smallest > 5000);
+  const auto corners = std::count(out.vertex_class.begin(), out.vertex_class.end(), VertexClass::kCorner);
+  CHECK(static_cast<std::size_t>(corners) >= kLong + 1);
+}
+
 TEST_CASE("remesh: two pieces with a locked seam fit together, whichever is done first", "[unit]") {
   MeshBlock whole = sphere_block(5);
   add_noise(whole, 0.003, 5);
