@@ -111,8 +111,8 @@ class Remesher {
   static double square_roundness(const Double3& a, const Double3& b, const Double3& c);
   static double sharpness(const Double3& a, const Double3& b, const Double3& c);
   bool normal_fits(const NewFace& f, const Double3& n) const;
-  bool within(const NewFace& f) const;
-  bool near_at_points(const NewFace& f, double limit, std::uint32_t hint) const;
+  bool within(const NewFace& f, unsigned new_edges) const;
+  bool near_at_points(const NewFace& f, unsigned new_edges, double limit, std::uint32_t hint) const;
   double bulge(const NewFace& f, std::uint32_t& hint) const;
   bool beyond(std::uint32_t f) const;
   bool near_enough(const Double3& p, double limit, std::uint32_t& hint) const;

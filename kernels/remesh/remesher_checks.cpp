@@ -60,10 +60,10 @@ bool Remesher::near_enough(const Double3& p, double limit, std::uint32_t& hint) 
   return true;
 }
 
-bool Remesher::near_at_points(const NewFace& f, double limit, std::uint32_t hint) const {
+bool Remesher::near_at_points(const NewFace& f, unsigned new_edges, double limit, std::uint32_t hint) const {
   if (!near_enough((f.at[0] + f.at[1] + f.at[2]) * (1.0 / 3.0), limit, hint)) return false;
   for (std::size_t i = 0; i < 3; ++i)
-    if (!near_enough((f.at[i] + f.at[(i + 1) % 3]) * 0.5, limit, hint)) return false;
+    if ((new_edges >> i & 1u) && !near_enough((f.at[i] + f.at[(i + 1) % 3]) * 0.5, limit, hint)) return false;
   return true;
 }
 
@@ -87,11 +87,13 @@ double Remesher::bulge(const NewFace& f, std::uint32_t& hint) const {
 
 /// A smooth surface with these normals at the corners bulges out of the face by a third of that height: where twice as
 /// much is within the tolerance nothing is looked up.
-bool Remesher::within(const NewFace& f) const {
+/// \param new_edges  bit i: the edge from corner i to the next one is new, and no other face is asked about it
+bool Remesher::within(const NewFace& f, unsigned new_edges) const {
   if (!(options_.tolerance > 0.0) && least_turn_ < -0.5) return true;
   std::uint32_t hint = ReferenceSurface::kNone;
   const double height = bulge(f, hint), limit = options_.tolerance;
-  if (limit > 0.0 && !(height * (2.0 / 3.0) < limit) && !near_at_points(f, limit, hint)) return false;
+  if (limit > 0.0 && !(height * (2.0 / 3.0) < limit) && !near_at_points(f, new_edges, limit, hint))
+    return false;
   if (least_turn_ < -0.5) return true;
   const Double3 centre = (f.at[0] + f.at[1] + f.at[2]) * (1.0 / 3.0), side = f.at[1] - f.at[0];
   const ReferenceSurface::Foot foot =
@@ -152,7 +154,7 @@ Remesher::Refusal Remesher::check_collapse(std::uint32_t u, std::uint32_t v, dou
     // The normal of a flat face says nothing.
     const Double3 n = before < kLeastRoundness ? Double3{} : triangle_normal(from, face.at[1], face.at[2]);
     if (!normal_fits(face, n) || (after < kLeastRoundness && after < before)) return Refusal::kFold;
-    if (!within(face)) return Refusal::kTolerance;
+    if (!within(face, 1u)) return Refusal::kTolerance;
     if (options_.tolerance > 0.0)
       nearest =
           std::min(nearest, squared_distance(from, foot_in_triangle(from, to, face.at[1], face.at[2]).at));
@@ -287,7 +289,7 @@ Remesher::Refusal Remesher::flip_if_sound(std::uint32_t c) {
   if (!normal_fits(one, n) || !normal_fits(two, n) ||
       !(dot(triangle_normal(pu, pa, pw), triangle_normal(pw, pb, pu)) > 0.0))
     return Refusal::kFold;
-  if (!within(one) || !within(two)) return Refusal::kTolerance;
+  if (!within(one, 4u) || !within(two, 0u)) return Refusal::kTolerance;
   mesh_.flip(c);
   --valence_[a], --valence_[b];
   ++valence_[u], ++valence_[w];

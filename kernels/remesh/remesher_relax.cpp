@@ -106,7 +106,8 @@ bool Remesher::place(std::uint32_t v, const Double3& to, RemeshReport& report) {
     if (square_after < 0.04 * square_before ||
         (12.0 * square_after < kFlatFace * kFlatFace * sides * sides && !was_flat()))
       return refuse(report.by_fold);
-    if (!within(face)) return refuse(report.by_tolerance);
+    const bool last = !star_.closed && i + 1 == star_.faces;
+    if (!within(face, last ? 5u : 1u)) return refuse(report.by_tolerance);
   }
   mesh_.node(v).at = foot.at;
   info_[v].moved = true;
