@@ -113,7 +113,9 @@ void Remesher::run(RemeshReport& report) {
       compact();
     }
     flip_all(report);
-    for (int r = 0; r < options_.relaxations; ++r) relax_all(report);
+    // Coarse work first: what early iterations leave is split and collapsed again.
+    const int fewer = i + 2 < options_.iterations ? 1 : 0;
+    for (int r = fewer; r < options_.relaxations; ++r) relax_all(report);
   }
   finish(report);
   if (!options_.refine_beyond) return;
