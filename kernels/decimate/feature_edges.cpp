@@ -28,15 +28,40 @@ bool turns(const FaceNormal& a, const FaceNormal& b, double least) {
   return least > 0.0 ? along < 0.0 || square < limit : along < 0.0 && square > limit;
 }
 
-/// Calls `visit(corner, corner across)` once for each edge with two faces, of those at faces that looked_at() takes.
-template <class LookedAt, class Visit>
-void for_each_edge(const CollapseMesh& mesh, const LookedAt& looked_at, const Visit& visit) {
-  for (std::uint32_t f = 0; f < mesh.faces().size(); ++f)
-    if (looked_at(mesh.face(f)))
-      for (std::uint32_t i = 0; i < 3; ++i) {
-        const std::uint32_t c = 4 * f + i, o = mesh.face(f).opposite[i];
-        if (o != kNoCorner && o > c) visit(c, o);
-      }
+/// Calls `visit(corner, corner across)` for the edges of a face with another one of a higher number.
+template <class Visit>
+void for_its_edges(const CollapseMesh& mesh, std::uint32_t f, const Visit& visit) {
+  for (std::uint32_t i = 0; i < 3; ++i) {
+    const std::uint32_t c = 4 * f + i, o = mesh.face(f).opposite[i];
+    if (o != kNoCorner && o > c) visit(c, o);
+  }
+}
+
+/// Normals of unit length as floats: off by less than 2^-22.
+struct UnitNormal {
+  float x, y, z;
+};
+
+std::vector<UnitNormal> unit_normals(const CollapseMesh& mesh) {
+  std::vector<UnitNormal> unit(mesh.faces().size());
+  for (std::size_t f = 0; f < unit.size(); ++f) {
+    const FaceNormal n = face_normal(mesh, f);
+    const double per = 1.0 / std::sqrt(n.length2);
+    unit[f] = {static_cast<float>(n.normal[0] * per), static_cast<float>(n.normal[1] * per),
+               static_cast<float>(n.normal[2] * per)};
+  }
+  return unit;
+}
+
+/// Whether the cosines to the faces across the three edges are all above `least`; not where a face has no area.
+bool all_above(const CollapseMesh& mesh, const std::vector<UnitNormal>& unit, std::uint32_t f, float least) {
+  const UnitNormal& n = unit[f];
+  bool above = true;
+  for (const std::uint32_t o : mesh.face(f).opposite) {
+    const UnitNormal& m = unit[o != kNoCorner ? o >> 2 : f];
+    above &= n.x * m.x + n.y * m.y + n.z * m.z > least;
+  }
+  return above;
 }
 
 }  // namespace
@@ -49,17 +74,21 @@ std::vector<std::uint8_t> sharp_vertices(const CollapseMesh& mesh, double featur
     bool strong;
   };
   std::vector<Sharp> edges;
-  std::vector<FaceNormal> normal(mesh.faces().size());
-  for (std::size_t f = 0; f < normal.size(); ++f) normal[f] = face_normal(mesh, f);
-  const auto every = [](const CollapseFace&) { return true; };
-  for_each_edge(mesh, every, [&](std::uint32_t c, std::uint32_t o) {
-    const FaceNormal &n = normal[c >> 2], &m = normal[o >> 2];
+  const auto look_at = [&](std::uint32_t c, std::uint32_t o) {
+    const FaceNormal n = face_normal(mesh, c >> 2), m = face_normal(mesh, o >> 2);
     if (!turns(n, m, limit)) return;
     const std::uint32_t a = mesh.vertex(next_corner(c)), b = mesh.vertex(prev_corner(c));
     const bool strong = turns(n, m, 0.5);
     edges.push_back({a, b, strong});
     edges.push_back({b, a, strong});
-  });
+  };
+  {
+    // Most edges are far from the limit, which floats tell.
+    const std::vector<UnitNormal> unit = unit_normals(mesh);
+    const float surely_flat = static_cast<float>(limit) + 0x1p-19f;
+    for (std::uint32_t f = 0; f < unit.size(); ++f)
+      if (!all_above(mesh, unit, f, surely_flat)) for_its_edges(mesh, f, look_at);
+  }
   std::sort(edges.begin(), edges.end(),
             [](const Sharp& x, const Sharp& y) { return x.from != y.from ? x.from < y.from : x.to < y.to; });
   const auto goes_on = [&](std::uint32_t from, std::uint32_t at) {
@@ -99,7 +128,7 @@ void mark_features(CollapseMesh& mesh, const MeshBlock& block, const std::vector
   const auto near = [&](const CollapseFace& f) {
     return synthetic || feature[f.vertex[0]] + feature[f.vertex[1]] + feature[f.vertex[2]] > 1;
   };
-  for_each_edge(mesh, near, [&](std::uint32_t c, std::uint32_t o) {
+  const auto look_at = [&](std::uint32_t c, std::uint32_t o) {
     const std::uint32_t a = mesh.vertex(next_corner(c)), b = mesh.vertex(prev_corner(c));
     const bool rim = ((mesh.face(c >> 2).state ^ mesh.face(o >> 2).state) & kStateSynthetic) != 0;
     if (!rim &&
@@ -108,7 +137,9 @@ void mark_features(CollapseMesh& mesh, const MeshBlock& block, const std::vector
     mesh.mark_crease(c);
     mesh.mark_crease(o);
     for (const std::uint32_t v : {a, b}) creases[v] = static_cast<std::uint8_t>(std::min(creases[v] + 1, 3));
-  });
+  };
+  for (std::uint32_t f = 0; f < mesh.faces().size(); ++f)
+    if (near(mesh.face(f))) for_its_edges(mesh, f, look_at);
   for (std::uint32_t v = 0; v < n; ++v) {
     const bool border = (mesh.state(v) & kVertexBorder) != 0;
     if (class_of(v) == VertexClass::kCorner || creases[v] == 1 || creases[v] > 2 ||
