@@ -8,6 +8,11 @@
 #include "octree/rounding.h"
 
 namespace tessera {
+namespace {
+
+constexpr std::uint32_t kPartVertices = 4096;  ///< with their faces about what a second-level cache holds
+
+}  // namespace
 
 Decimator::Decimator(CollapseMesh& mesh, const CollapseMesh& reference,
                      std::vector<std::uint32_t> reference_vertex, const DecimateOptions& options,
@@ -159,17 +164,22 @@ void Decimator::commit(std::uint32_t u, const Star& star, std::size_t at_ring, s
   // Whoever was refused near here gets another chance; those in the queue are looked at anyway.
   const auto wake = [&](std::uint32_t w) {
     tried_[w] = 0;
-    if (!queue_.contains(w) && !(mesh_.state(w) & kVertexKept)) queue_.push(w, now);
+    if (mesh_.state(w) & kVertexKept) return;
+    if (w < first_)
+      woken_[w] = 1;
+    else if (w < end_ && !queue_.contains(w))
+      queue_.push(w, now);
   };
   wake(star.ring[at_ring]);
   mesh_.for_each_neighbour(star.ring[at_ring], wake);
 }
 
-void Decimator::seed_queue() {
+/// \param woken  only those in woken_
+void Decimator::seed_queue(bool woken) {
   std::array<Candidate, kMaxRing + 1> list;
   Star star;
-  for (std::uint32_t u = 0; u < mesh_.vertices(); ++u) {
-    if (mesh_.state(u) & kVertexKept) continue;
+  for (std::uint32_t u = first_; u < end_; ++u) {
+    if ((woken && !woken_[u]) || (mesh_.state(u) & kVertexKept)) continue;
     if (!gather(u, star)) continue;
     bool settled = true;
     for (std::size_t i = 0; i < star.faces; ++i) settled = settled && mesh_.settled(star.corner[i] >> 2);
@@ -179,22 +189,43 @@ void Decimator::seed_queue() {
   }
 }
 
-/// All that is left has been tried. At locked corners another block may do more; what is a crease is asked anew
-/// in every pass, of the mesh as it is then.
-void Decimator::settle_faces() {
-  constexpr unsigned kOpen = kVertexLocked | kVertexFixed | kVertexCrease;
+/// All that is left has been tried. At locked corners another block may do more. What is a crease after a first pass is
+/// asked anew of the mesh as that left it; later passes change too little for that.
+void Decimator::settle_faces(bool later) {
+  const unsigned open = later ? kVertexLocked : kVertexLocked | kVertexFixed | kVertexCrease;
   for (std::uint32_t f = 0; f < mesh_.faces().size(); ++f) {
     const std::uint32_t* v = mesh_.face(f).vertex;
-    if (((mesh_.state(v[0]) | mesh_.state(v[1]) | mesh_.state(v[2])) & kOpen) == 0) mesh_.settle(f);
+    if (((mesh_.state(v[0]) | mesh_.state(v[1]) | mesh_.state(v[2])) & open) == 0) mesh_.settle(f);
   }
 }
 
 void Decimator::run(DecimateReport& report) {
-  if (sweeps()) sweep_all(report);
-  tried_.assign(mesh_.vertices(), 0);
-  if (options_.tolerance > 0.0) witness_.assign(mesh_.vertices(), kNoCorner);
-  queue_ = CostQueue<kCostClasses>(mesh_.vertices());
-  seed_queue();
+  const bool later = std::any_of(mesh_.faces().begin(), mesh_.faces().end(),
+                                 [](const CollapseFace& f) { return (f.state & kStateSettled) != 0; });
+  const bool swept = sweeps();
+  if (swept) sweep_all(report);
+  const auto n = static_cast<std::uint32_t>(mesh_.vertices());
+  tried_.assign(n, 0);
+  if (options_.tolerance > 0.0) witness_.assign(n, kNoCorner);
+  queue_ = CostQueue<kCostClasses>(n);
+  const bool parts = swept && n > kPartVertices;
+  if (parts) woken_.assign(n, 0);
+  for (; parts && first_ < n; first_ = end_) {
+    end_ = std::min(n, first_ + kPartVertices);
+    seed_queue(false);
+    empty_queue(report);
+  }
+  first_ = 0, end_ = n;
+  seed_queue(parts);
+  empty_queue(report);
+  if (report.stop == DecimateStop::kNoLegalCollapse) settle_faces(later);
+  report.exact_tests = exact_tests_;
+  report.exact_accepted = exact_accepted_;
+  report.reference_faces_walked = reference_gap_.walked();
+}
+
+/// Collapses until no candidate of the vertices first_ to end_ is left.
+void Decimator::empty_queue(DecimateReport& report) {
   std::array<Candidate, kMaxRing + 1> list;
   Star star;
   std::uint32_t u = 0, now = 0;
@@ -229,10 +260,6 @@ void Decimator::run(DecimateReport& report) {
       report.by_tolerance += refusal == Refusal::kTolerance;
     }
   }
-  if (report.stop == DecimateStop::kNoLegalCollapse) settle_faces();
-  report.exact_tests = exact_tests_;
-  report.exact_accepted = exact_accepted_;
-  report.reference_faces_walked = reference_gap_.walked();
 }
 
 }  // namespace tessera

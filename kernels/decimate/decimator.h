@@ -5,6 +5,8 @@
 /// order of their places with a rising limit of the cost: a star and its neighbours are then in the cache, and what is
 /// left for the queue is small. In a sweep no vertex goes whose star another collapse has changed in it, so stars stay
 /// round. What the sweeps leave is a coarse reference as well: it has a tenth of the faces, each with a small bound.
+/// After them the queue too takes the vertices part by part, and at last those that another part has woken: its order is
+/// one of costs, so that stars come from all over what it takes.
 #pragma once
 #include <cmath>
 #include <limits>
@@ -93,8 +95,9 @@ class Decimator {
     return static_cast<double>(bound);
   }
   void compact(std::vector<float>& least);
-  void seed_queue();
-  void settle_faces();
+  void seed_queue(bool woken);
+  void empty_queue(DecimateReport& report);
+  void settle_faces(bool later);
   /// cost() where it is but a quadric, without the calls.
   double plain_cost(const Quadric& q, const Double3& from, std::uint32_t v) const {
     const CollapseVertex& to = mesh_.node(v);
@@ -149,6 +152,8 @@ class Decimator {
   std::vector<std::uint32_t> mark_;
   std::uint32_t stamp_ = 0;
   CostQueue<kCostClasses> queue_;
+  std::uint32_t first_ = 0, end_ = 0;  ///< vertices that the queue takes
+  std::vector<std::uint8_t> woken_;    ///< those before first_ whose star has changed since
   std::vector<NormalSum> normal_sum_;  ///< kNormalDeviation only
   // Of the candidate at hand.
   StarLanes lanes_;
