@@ -23,10 +23,11 @@ namespace {
 
 using json = nlohmann::json;
 
-constexpr std::uint64_t kCube = 8;              ///< bricks of a block
-constexpr std::uint64_t kMostFaces = 1u << 17;  ///< more than these, and each brick is a block
+constexpr std::uint64_t kCube = 64, kOctant = 8;  ///< bricks of a block; of an eighth of one
+constexpr std::uint64_t kMostFaces =
+    3u << 16;  ///< where a block has more, its eighths are blocks: level ground has 2^17
 constexpr std::uint64_t kBytesPerFace =
-    96 + 96 + 80;  ///< patch in its block, merged block, what becomes of it
+    96 + 80;  ///< merged block, what becomes of it; its patches are gone by then
 constexpr std::size_t kBuffer = std::size_t{1} << 20;
 
 struct Piece {
@@ -61,8 +62,19 @@ MeshStoreInfo info_of(const MeshFrame& frame) {
 MeshBlockCut block_of(std::uint64_t first_brick, std::uint64_t bricks) {
   MeshBlockCut cut;
   cut.first_brick = brick_of_key(first_brick);
-  for (std::size_t a = 0; a < 3; ++a) cut.last_brick[a] = cut.first_brick[a] + (bricks == kCube ? 1 : 0);
+  const int edge = bricks == kCube ? 4 : bricks == kOctant ? 2 : 1;
+  for (std::size_t a = 0; a < 3; ++a) cut.last_brick[a] = cut.first_brick[a] + edge - 1;
   return cut;
+}
+
+/// How a patch says how large its block is.
+unsigned content_of(std::uint64_t bricks) {
+  if (bricks == kCube) return 0;
+  return bricks == kOctant ? kPatchOctant : kPatchAlone;
+}
+std::uint64_t bricks_of(unsigned content) {
+  if (content & kPatchAlone) return 1;
+  return content & kPatchOctant ? kOctant : kCube;
 }
 
 MeshStore open(const JobState& state, const char* folder, const char* pruned) {
@@ -104,14 +116,14 @@ MeshStore open_first_pass(const JobState& state) {
 
 std::vector<MeshBlockCut> first_pass_blocks(const MeshStore& full) {
   std::vector<MeshBlockCut> blocks;
-  std::uint64_t last = 0;
+  std::uint64_t end = 0;  // of the last block
   for (std::size_t p = 0; p < full.patches().size(); ++p) {
     const MeshPatchEntry& e = full.patches()[p];
-    const bool alone = (e.content & kPatchAlone) != 0;
-    const std::uint64_t bricks = alone ? 1 : kCube;
-    const std::uint64_t first = e.key / bricks * bricks;
-    if (blocks.empty() || first != last || alone) blocks.push_back(block_of(first, bricks));
-    last = first;
+    if (e.key >= end) {
+      const std::uint64_t bricks = bricks_of(e.content), first = e.key / bricks * bricks;
+      blocks.push_back(block_of(first, bricks));
+      end = first + bricks;
+    }
     blocks.back().patches.push_back(p);
     blocks.back().faces += e.faces;
   }
@@ -139,10 +151,13 @@ struct FirstPass::Impl {
   DecimateOptions kernel;
   std::uint64_t least_faces = 0;  ///< islands with fewer go
   MeshFileWriter full;
-  std::optional<MeshFileWriter> first;     ///< where the first pass runs here
-  std::uint64_t cube = 0, cube_faces = 0;  ///< at work, and what came of it so far
-  std::uint64_t level = 0;                 ///< of its bricks: those of one cube have one size
-  std::vector<Piece> pieces;               ///< of it, not yet finished
+  std::optional<MeshFileWriter> first;  ///< where the first pass runs here
+  /// Bricks of the largest blocks, of those at work. Without a first pass blocks only tell islands: with levels the
+  /// bricks of an eighth have one size.
+  std::uint64_t cube = kOctant, block_bricks = kOctant;
+  std::uint64_t last_brick = 0, block_faces = 0;  ///< and what came of its block so far
+  std::uint64_t level = 0;                        ///< of its bricks
+  std::vector<Piece> pieces;                      ///< of the block, not yet finished
   std::vector<IslandPart> parts;
   std::vector<IslandSeam> seams;
   json counts = json::object();
@@ -156,31 +171,50 @@ struct FirstPass::Impl {
         full(c.create(kFullFolder + task_file_stem(t) + ".tmm"), info) {
     const ReconstructOptions options = reconstruct_options(state);
     least_faces = options.min_component != 0 ? options.min_component : automatic_min_component(0);
-    if (fuses_first_pass(options))
+    if (fuses_first_pass(options)) {
       first.emplace(c.create(kFirstPassFolder + task_file_stem(t) + ".tmm"), info);
+      cube = kCube;
+    }
     SimplifyOptions simplify = reconstruct_simplify_options(options);
     simplify.tolerance = reconstruct_tolerance(state);
     kernel = simplify.kernel(!info.double_positions);
   }
 
-  /// Bricks of a cube that has too many faces go one by one as soon as that shows, so few wait in memory.
-  void take(std::uint64_t brick, int brick_level, MeshBlock&& mesh) {
-    if (brick / kCube != cube) {
-      flush();
-      cube = brick / kCube;
-      cube_faces = 0;
-    }
+  void take(std::uint64_t next, int brick_level, MeshBlock&& mesh) {
+    if (next / cube != last_brick / cube)
+      begin_block(cube);
+    else if (next / kOctant != last_brick / kOctant && block_bricks < cube)
+      begin_block(kOctant);
+    last_brick = next;
     level = static_cast<std::uint64_t>(brick_level);
     if (mesh.faces.empty()) return;
-    cube_faces += mesh.faces.size();
-    pieces.push_back({brick, std::move(mesh)});
-    if (cube_faces <= kMostFaces) return;
-    for (Piece& piece : pieces) finish_block({&piece, 1}, 1);
-    pieces.clear();
+    block_faces += mesh.faces.size();
+    pieces.push_back({next, std::move(mesh)});
+    if (block_bricks == 1) return flush();
+    while (block_faces > kMostFaces && block_bricks > 1) divide_block();
+  }
+  void begin_block(std::uint64_t bricks) {
+    flush();
+    block_bricks = bricks;
   }
   void flush() {
-    if (!pieces.empty()) finish_block(pieces, kCube);
+    if (!pieces.empty()) finish_block(pieces, block_bricks);
     pieces.clear();
+    block_faces = 0;
+  }
+  /// Bricks of a cube that has too many faces go by eighths as soon as that shows, so few wait in memory.
+  void divide_block() {
+    block_bricks /= kOctant;
+    const auto block = [&](std::size_t piece) { return pieces[piece].brick / block_bricks; };
+    std::size_t done = 0;
+    for (std::size_t i = 1; i <= pieces.size(); ++i) {
+      if (i == pieces.size() ? block_bricks > 1 : block(i) == block(done)) continue;
+      finish_block({&pieces[done], i - done}, block_bricks);
+      done = i;
+    }
+    pieces.erase(pieces.begin(), pieces.begin() + static_cast<std::ptrdiff_t>(done));
+    block_faces = 0;
+    for (const Piece& piece : pieces) block_faces += piece.mesh.faces.size();
   }
 
   void finish_block(std::span<Piece> of, std::uint64_t bricks) {
@@ -195,8 +229,10 @@ struct FirstPass::Impl {
       complete = complete_stars(block);
       components = find_components(block, complete);
     }
-    for (const Piece& piece : of)
-      full.add(piece.brick, piece.mesh, kPatchCompact | (bricks == 1 ? unsigned{kPatchAlone} : 0u));
+    for (Piece& piece : of) {
+      full.add(piece.brick, piece.mesh, kPatchCompact | content_of(bricks));
+      piece.mesh = MeshBlock{};
+    }
     if (block.faces.empty()) return;
     for (std::size_t v = 0; v < complete.size(); ++v)
       if (!complete[v]) seams.push_back({block.key[v], parts.size() + components.of_vertex[v]});
@@ -267,9 +303,9 @@ json FirstPass::finish() {
 
 std::uint64_t FirstPass::bytes(std::uint64_t block_faces, std::uint64_t brick_faces) {
   const std::uint64_t faces = std::max(std::min(block_faces, kMostFaces), brick_faces);
-  // Pieces of a cube that turns out too large lie there until each had its turn.
-  return faces * kBytesPerFace + decimate_bytes(faces, 0) + (block_faces > kMostFaces ? 96 * kMostFaces : 0) +
-         2 * DirectFile::kDefaultBuffer + (std::uint64_t{2} << 20);
+  // Of a block that turns out too large, what waits and what is at work are together as much and one brick more.
+  return (faces + brick_faces) * kBytesPerFace + decimate_bytes(faces, 0) + 2 * DirectFile::kDefaultBuffer +
+         (std::uint64_t{2} << 20);
 }
 
 }  // namespace tessera

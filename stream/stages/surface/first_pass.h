@@ -3,7 +3,7 @@
 /// the full-resolution surface goes to a compact store that later passes and the proof measure against, and what the
 /// pass leaves goes to the store that the next pass reads. With --smooth the pass waits: the compact store is all.
 ///
-/// A block is a fixed cube of 2^3 bricks of the lattice; where that holds too many faces, each brick is one. Vertices
+/// A block is a fixed cube of 4^3 bricks of the lattice; where that holds too many faces, of 2^3 or of one brick. Vertices
 /// at its faces have no complete star, so they stay; later passes have their seams elsewhere. Islands that end inside
 /// a block and are too small whatever else there is go here, all others are left to the islands stage.
 #pragma once
@@ -34,6 +34,11 @@ bool fuses_stores(const ReconstructOptions& options);
 /// True if the job's first pass runs there, too: the mesh need not be smoothed before, and is of one cell size.
 bool fuses_first_pass(const ReconstructOptions& options);
 
+inline constexpr int kFirstPassEdge = 4;  ///< bricks along the largest blocks
+
+/// Beside MeshPatchContent: the brick's block has 2^3 bricks.
+inline constexpr unsigned kPatchOctant = 16;
+
 // What it leaves, in the work directory, one file a task of the surface stage.
 inline constexpr const char* kFullFolder = "full/";               ///< the full-resolution surface
 inline constexpr const char* kFirstPassFolder = "pass-1/";        ///< after the first pass
@@ -51,7 +56,7 @@ MeshStore open_first_pass(const JobState& state);
 /// A component of one block.
 struct IslandPart {
   std::uint64_t brick = 0;      ///< first brick of the block, Morton code
-  std::uint32_t bricks = 0;     ///< 1 or 8: size of the block
+  std::uint32_t bricks = 0;     ///< 1, 8 or 64: size of the block
   std::uint32_t component = 0;  ///< of the block
   std::uint32_t faces = 0;
   std::uint32_t border = 0;  ///< edges at which the surface ends
@@ -88,7 +93,7 @@ class FirstPass {
   /// What it counted, as a pass reports it.
   nlohmann::json finish();
 
-  /// Upper bound of what it allocates. \param block_faces, brick_faces  most faces of a cube of 2^3 bricks, of a brick
+  /// Upper bound of what it allocates. \param block_faces, brick_faces  most faces of a cube of kFirstPassEdge^3 bricks, of a brick
   static std::uint64_t bytes(std::uint64_t block_faces, std::uint64_t brick_faces);
 
  private:

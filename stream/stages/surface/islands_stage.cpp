@@ -245,7 +245,7 @@ class PruneStage : public Stage {
     if (left.faces.empty())
       writer.remove(brick);
     else
-      writer.add(brick, left, store.patches()[patch].content & (kPatchAlone | kPatchCompact));
+      writer.add(brick, left, store.patches()[patch].content & (kPatchAlone | kPatchCompact | kPatchOctant));
   }
 
   MeshStore full_;

@@ -23,17 +23,17 @@ using json = nlohmann::json;
 
 constexpr std::uint64_t kFixedTaskBytes = 12u << 20;  ///< write buffers and the largest single patch
 
-/// Most faces in a cube of so many bricks of the tile.
+/// Most faces in an aligned cube of so many bricks that meets the tile.
 std::uint64_t most_faces(std::span<const BrickEntry> bricks, const BrickSectionStore* closing,
-                         const Tile& tile, int halo_cells, int cube_bricks) {
-  const int edge = std::min(cube_bricks, tile.bricks);
+                         const Tile& tile, int halo_cells, int edge) {
+  Int3 first, end;
+  for (std::size_t a = 0; a < 3; ++a)
+    first[a] = tile.brick[a] / edge * edge, end[a] = tile.brick[a] + tile.bricks;
   std::uint64_t most = 0;
-  for (int z = 0; z < tile.bricks; z += edge)
-    for (int y = 0; y < tile.bricks; y += edge)
-      for (int x = 0; x < tile.bricks; x += edge) {
-        const Tile cube{{tile.brick[0] + x, tile.brick[1] + y, tile.brick[2] + z}, edge};
-        most = std::max(most, tile_faces(bricks, closing, cube, halo_cells));
-      }
+  for (int z = first[2]; z < end[2]; z += edge)
+    for (int y = first[1]; y < end[1]; y += edge)
+      for (int x = first[0]; x < end[0]; x += edge)
+        most = std::max(most, tile_faces(bricks, closing, {{x, y, z}, edge}, halo_cells));
   return most;
 }
 
@@ -176,7 +176,7 @@ std::uint64_t surface_tile_bytes(std::span<const BrickEntry> bricks, const Brick
                                  const Tile& tile, int halo_cells, bool fused, std::uint64_t near_bytes) {
   std::uint64_t pass = 0;
   if (fused)
-    pass = FirstPass::bytes(most_faces(bricks, closing, tile, halo_cells, 2),
+    pass = FirstPass::bytes(most_faces(bricks, closing, tile, halo_cells, kFirstPassEdge),
                             most_faces(bricks, closing, tile, halo_cells, 1));
   return tile_bytes(bricks, closing, tile, halo_cells) + near_bytes + pass + kFixedTaskBytes;
 }

@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <bit>
 
+#include "stream/stages/surface/first_pass.h"
 #include "stream/stages/surface/surface_stage.h"
 
 namespace tessera {
@@ -19,9 +20,9 @@ constexpr std::uint64_t kBytesPerBlock = 32'000;
 constexpr std::uint64_t kFacesPerBlock = 256;    ///< twice what a plane has
 constexpr std::uint64_t kBytesPerLeafSlot = 32;  ///< dense tables of point ranges, marks and leaves
 
+/// \post  a multiple of kFirstPassEdge: a task has whole blocks of the first pass
 int super_bricks(std::uint64_t points) {
-  if (points < 2'000'000) return 2;
-  return points < 20'000'000 ? 4 : kMaxSuperBricks;
+  return points < 20'000'000 ? kFirstPassEdge : kMaxSuperBricks;
 }
 
 struct Reach {
