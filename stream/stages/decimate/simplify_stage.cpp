@@ -19,7 +19,7 @@ namespace {
 using json = nlohmann::json;
 
 constexpr std::uint64_t kTaskFaces =
-    1u << 20;  ///< of block and reference together: a task is worth a file from here
+    1u << 18;  ///< of block and reference together: a task is worth a file from here
 
 class SimplifyStage : public Stage {
  public:
@@ -193,7 +193,7 @@ std::vector<MeshBlockCut> simplify_blocks(const MeshStore& in, const MeshStore& 
     const std::int64_t there = reference.find(e.key);
     weight.push_back(there < 0 ? 0 : reference.patches()[static_cast<std::size_t>(there)].faces);
   }
-  return make_blocks(in, {options.block_faces, kReferenceBlocks * options.block_faces, pass_shift(pass)},
+  return make_blocks(in, {options.block_faces, kReferenceBlocks * options.block_faces, pass_shift(pass), true},
                      weight);
 }
 
