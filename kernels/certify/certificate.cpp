@@ -11,6 +11,7 @@
 #include <cmath>
 #include <limits>
 
+#include "kernels/certify/convex_piece.h"
 #include "octree/rounding.h"
 #include "octree/vector.h"
 
@@ -20,74 +21,12 @@ namespace {
 constexpr std::uint64_t kQueriesPerCheck = 256;
 constexpr double kInfinite = std::numeric_limits<double>::infinity();
 constexpr std::uint32_t kNone = ClosestFaces::kNone;
-constexpr int kMostCorners = 16;
-constexpr int kColumn = 20;              // corners, the centroid, padding to whole vectors
+using Piece = ConvexPiece;
 constexpr int kMostCuts = 160;           // in a row; derived into certificate_rounding
 constexpr int kFreeCuts = 24;            // after so many in a row every third is across the longest diagonal
 constexpr double kLeastPiece = 0x1p-13;  // of the tolerance: smaller pieces are bounded by their radius
 constexpr double kFineShare = 0.0625;    // of the tolerance: RMS and histogram err by less
 constexpr double kPhase = 0.25;  // the first target is this share of the tolerance, then its square, ...
-
-struct Piece {
-  alignas(32) double x[kColumn], y[kColumn], z[kColumn];
-  int corners = 0;
-  int cuts = 0;
-  std::uint32_t hint = kNone;
-
-  Double3 at(int i) const { return {x[i], y[i], z[i]}; }
-  Double3 centroid() const { return at(corners); }
-  void add(const Double3& p) {
-    x[corners] = p[0], y[corners] = p[1], z[corners] = p[2];
-    ++corners;
-  }
-  /// Puts the centroid behind the corners and repeats it up to a whole vector.
-  void close() {
-    Double3 sum{};
-    for (int i = 0; i < corners; ++i) sum[0] += x[i], sum[1] += y[i], sum[2] += z[i];
-    const double share = 1.0 / corners;
-    for (int i = corners; i < (corners / 4 + 1) * 4; ++i)
-      x[i] = sum[0] * share, y[i] = sum[1] * share, z[i] = sum[2] * share;
-  }
-};
-
-/// Points x with normal . x <= offset are inside.
-struct Plane {
-  Double3 normal{};  ///< unit
-  double offset = 0.0;
-  double height(const Double3& p) const { return dot(normal, p) - offset; }
-};
-
-/// Cuts in two; false when one side would be empty (then nothing is said about `inside` and `outside`).
-bool cut(const Piece& piece, const Plane& plane, Piece& inside, Piece& outside) {
-  double height[kMostCorners];
-  bool below = false, above = false;
-  for (int i = 0; i < piece.corners; ++i) {
-    height[i] = plane.height(piece.at(i));
-    below = below || height[i] < 0.0;
-    above = above || height[i] > 0.0;
-  }
-  if (!below || !above) return false;
-  inside.corners = outside.corners = 0;
-  inside.cuts = outside.cuts = piece.cuts + 1;
-  inside.hint = outside.hint = piece.hint;
-  const int sides = piece.corners == 2 ? 1 : piece.corners;  // a segment has one
-  for (int i = 0; i < piece.corners; ++i) {
-    const Double3 p = piece.at(i);
-    if (height[i] <= 0.0) inside.add(p);
-    if (height[i] >= 0.0) outside.add(p);
-    const int j = i + 1 == piece.corners ? 0 : i + 1;
-    if (i >= sides || !((height[i] < 0.0 && height[j] > 0.0) || (height[i] > 0.0 && height[j] < 0.0)))
-      continue;
-    const double t = height[i] / (height[i] - height[j]);
-    const Double3 q = piece.at(j);
-    const Double3 crossing = {p[0] + t * (q[0] - p[0]), p[1] + t * (q[1] - p[1]), p[2] + t * (q[2] - p[2])};
-    inside.add(crossing);
-    outside.add(crossing);
-  }
-  inside.close();
-  outside.close();
-  return true;
-}
 
 /// Halves with fewer corners: along the diagonal from corner 0, so that no new corner is made.
 void cut_diagonal(const Piece& piece, Piece& first, Piece& second) {
@@ -252,7 +191,7 @@ class Certifier {
   bool clip_to_core() {
     for (std::size_t k = 0; k < 3; ++k)
       for (const bool upper : {false, true}) {
-        Plane plane;
+        CutPlane plane;
         plane.normal[k] = upper ? 1.0 : -1.0;
         plane.offset = upper ? high_[k] : -low_[k];
         Piece inside, outside;
@@ -267,7 +206,7 @@ class Certifier {
 
   /// Largest squared distance of the corners to one triangle; the centroid's goes to centre_square_.
   double worst_square(const Piece& piece, std::uint32_t slot) {
-    alignas(32) double square[kColumn];
+    alignas(32) double square[kPieceColumn];
     reference_.squares_to(slot, piece.x, piece.y, piece.z, piece.corners + 1, square);
     centre_square_ = square[piece.corners];
     worst_ = 0;
@@ -400,11 +339,13 @@ class Certifier {
     const Double3 centre = piece.centroid();
     Double3 far = piece.at(worst);
     Piece inside, outside;
-    Plane plane;
+    CutPlane plane;
     if (!turn) {
-      if (side_plane(near_centre, centre, far, plane) && cut(piece, plane, inside, outside))
+      if (side_plane(reference_.corners(near_centre), normal_, centre, far, plane) &&
+          cut(piece, plane, inside, outside))
         return push(inside, near_centre, outside, near_worst);
-      if (near_centre != near_worst && bisector(near_centre, centre, near_worst, far, plane) &&
+      if (near_centre != near_worst &&
+          bisector(reference_.corners(near_centre), centre, reference_.corners(near_worst), far, plane) &&
           cut(piece, plane, inside, outside))
         return push(inside, near_centre, outside, near_worst);
     } else {
@@ -424,60 +365,6 @@ class Certifier {
     }
     // As small as numbers get: bounded by what is known.
     accept(piece, std::sqrt(worst_square(piece, near_centre)));
-  }
-
-  /// The side of a triangle, seen along the face's normal, that `far` lies beyond most; for a segment the
-  /// plane across its end. False when none separates `far` from `centre`.
-  bool side_plane(std::uint32_t slot, const Double3& centre, const Double3& far, Plane& plane) const {
-    const std::array<Double3, 3> t = reference_.corners(slot);
-    double most = 0.0;
-    const auto offer = [&](Double3 normal, const Double3& on) {
-      const double size = norm(normal);
-      if (!(size > 0.0)) return;
-      normal = normal * (1.0 / size);
-      const Plane p{normal, dot(normal, on)};
-      const double height = p.height(far);
-      if (height <= most || p.height(centre) > 0.25 * height) return;
-      most = height;
-      plane = p;
-    };
-    if (t[1] == t[2]) {
-      offer(t[1] - t[0], t[1]);
-      offer(t[0] - t[1], t[0]);
-      return most > 0.0;
-    }
-    for (std::size_t c = 0; c < 3; ++c) {
-      const Double3& a = t[c];
-      const Double3& b = t[(c + 1) % 3];
-      Double3 normal = cross(b - a, normal_);
-      if (dot(normal, t[(c + 2) % 3] - a) > 0.0) normal = normal * -1.0;
-      offer(normal, a);
-    }
-    return most > 0.0;
-  }
-
-  /// Where the planes of two triangles are equally far.
-  bool bisector(std::uint32_t slot1, const Double3& p1, std::uint32_t slot2, const Double3& p2,
-                Plane& plane) const {
-    const auto signed_plane = [&](std::uint32_t slot, const Double3& p, Plane& out) {
-      const std::array<Double3, 3> t = reference_.corners(slot);
-      out.normal = cross(t[1] - t[0], t[2] - t[0]);
-      const double size = norm(out.normal);
-      if (!(size > 0.0)) return false;
-      out.normal = out.normal * (1.0 / size);
-      out.offset = dot(out.normal, t[0]);
-      if (out.height(p) < 0.0) out = {out.normal * -1.0, -out.offset};
-      return true;
-    };
-    Plane a, b;
-    if (!signed_plane(slot1, p1, a) || !signed_plane(slot2, p2, b)) return false;
-    plane.normal = a.normal - b.normal;
-    const double size = norm(plane.normal);
-    if (size < 1e-6) return false;
-    plane.normal = plane.normal * (1.0 / size);
-    plane.offset = (a.offset - b.offset) / size;
-    const double at1 = plane.height(p1), at2 = plane.height(p2);
-    return at1 < 0.0 && at2 > 0.0 && at2 > 0.05 * (at2 - at1) && at1 < 0.05 * (at1 - at2);
   }
 
   const SurfaceFaces& surface_;

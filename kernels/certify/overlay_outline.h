@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "kernels/certify/certificate.h"
+#include "octree/vector.h"
 
 namespace tessera {
 
@@ -89,5 +90,28 @@ struct Outline {
     return 0.5 * sum;
   }
 };
+
+/// Of the part of a face that lies in a box. \param p  its corners, relative to the origin
+inline double area_in_box(const Double3* p, const Box3& box, const Double3& origin) {
+  std::array<Double3, 9> polygon = {p[0], p[1], p[2]}, clipped;
+  std::size_t corners = 3;
+  for (std::size_t k = 0; k < 3; ++k)
+    for (const double sign : {1.0, -1.0}) {
+      const double limit = sign > 0.0 ? box.high[k] - origin[k] : origin[k] - box.low[k];
+      std::size_t count = 0;
+      for (std::size_t i = 0; i < corners; ++i) {
+        const Double3 &a = polygon[i], &b = polygon[i + 1 == corners ? 0 : i + 1];
+        const double u = limit - sign * a[k], v = limit - sign * b[k];
+        if (u >= 0.0) clipped[count++] = a;
+        if ((u > 0.0 && v < 0.0) || (u < 0.0 && v > 0.0)) clipped[count++] = a + (b - a) * (u / (u - v));
+      }
+      corners = count;
+      std::swap(polygon, clipped);
+    }
+  Double3 sum{};
+  for (std::size_t i = 1; i + 1 < corners; ++i)
+    sum = sum + cross(polygon[i] - polygon[0], polygon[i + 1] - polygon[0]);
+  return 0.5 * norm(sum);
+}
 
 }  // namespace tessera

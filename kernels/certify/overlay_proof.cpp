@@ -4,8 +4,10 @@
 #include <bit>
 #include <cmath>
 #include <limits>
+#include <optional>
 #include <unordered_map>
 
+#include "kernels/certify/near_proof.h"
 #include "kernels/certify/overlay_outline.h"
 #include "octree/rounding.h"
 #include "octree/vector.h"
@@ -72,8 +74,13 @@ class Overlay {
     std::uint32_t over = kNone;  ///< 4 t + edge: it lies over coarse face t and across that edge
     float height = 0.0f;         ///< largest there
     float bound = kOpen;
-    float centre = kOpen;  ///< distance at the centroid
-    unsigned corners = 0;  ///< bit i: corner i lies over `over`
+    float centre = kOpen;       ///< distance at the centroid
+    unsigned corners = 0;       ///< bit i: corner i lies over `over`
+    std::uint32_t met = kNone;  ///< the last of met_ that is of this face
+  };
+  /// A coarse face that a fine one lies partly over.
+  struct Met {
+    std::uint32_t coarse, before;
   };
 
   void take_largest(const Double3& p) {
@@ -415,6 +422,8 @@ class Overlay {
       return;
     } else if (fine_too_) {
       note_edge(t, f, p, outside, own);
+      met_.push_back({t, state.met});
+      state.met = static_cast<std::uint32_t>(met_.size() - 1);
     }
     height = std::max(height, own);
     const Flat c = {(p[0]->at.x + p[1]->at.x + p[2]->at.x) / 3.0,
@@ -491,27 +500,13 @@ class Overlay {
       count_piece(report, options_, area_ * (weight / sum), std::min(distance, height));
   }
 
-  /// Of the part of a fine face that lies in the core.
-  double area_in_core(const Double3* p) const {
-    std::array<Double3, 9> polygon = {p[0], p[1], p[2]}, clipped;
-    std::size_t corners = 3;
-    for (std::size_t k = 0; k < 3; ++k)
-      for (const double sign : {1.0, -1.0}) {
-        const double limit = sign > 0.0 ? core_->high[k] - origin_[k] : origin_[k] - core_->low[k];
-        std::size_t count = 0;
-        for (std::size_t i = 0; i < corners; ++i) {
-          const Double3 &a = polygon[i], &b = polygon[i + 1 == corners ? 0 : i + 1];
-          const double u = limit - sign * a[k], v = limit - sign * b[k];
-          if (u >= 0.0) clipped[count++] = a;
-          if ((u > 0.0 && v < 0.0) || (u < 0.0 && v > 0.0)) clipped[count++] = a + (b - a) * (u / (u - v));
-        }
-        corners = count;
-        std::swap(polygon, clipped);
-      }
-    Double3 sum{};
-    for (std::size_t i = 1; i + 1 < corners; ++i)
-      sum = sum + cross(polygon[i] - polygon[0], polygon[i + 1] - polygon[0]);
-    return 0.5 * norm(sum);
+  float bound_by_near(const std::array<Double3, 3>& corner, std::uint32_t met) {
+    std::array<std::uint32_t, NearProof::kMostNear> near;
+    std::size_t count = 0;
+    for (; met != kNone && count < near.size(); met = met_[met].before) near[count++] = met_[met].coarse;
+    if (count < 2) return kOpen;  // what lies over one alone was told from heights
+    if (!near_) near_.emplace(coarse_, origin_);
+    return rounded_up(near_->bound(corner, {near.data(), count}, limit_));
   }
 
   /// Faces in the core or across its boundary whose bound is known are proven.
@@ -531,9 +526,12 @@ class Overlay {
       out_.fine.bound[f] = 0.0f;
       return;
     }
-    const State& state = state_[f];
+    State& state = state_[f];
+    if (!(static_cast<double>(state.bound) <= limit_))
+      state.bound = bound_by_near({p[0], p[1], p[2]}, state.met);
     if (!(static_cast<double>(state.bound) <= limit_)) return;
-    const double area = inside ? 0.5 * norm(cross(p[1] - p[0], p[2] - p[0])) : area_in_core(p);
+    const double area =
+        inside ? 0.5 * norm(cross(p[1] - p[0], p[2] - p[0])) : area_in_box(p, *core_, origin_);
     out_.fine.bound[f] = rounded_up(static_cast<double>(state.bound) + rounding_);
     ++out_.fine.report.faces;
     count_piece(out_.fine.report, options_, area, static_cast<double>(std::min(state.centre, state.bound)));
@@ -553,6 +551,8 @@ class Overlay {
   std::vector<std::uint32_t> start_;  ///< per coarse vertex: a fine face there, or kNone
   std::vector<std::uint32_t> seed_;   ///< per coarse face: the fine face over its centre, or kNone
   ClosestFaces sample_;
+  std::vector<Met> met_;
+  std::optional<NearProof> near_;
   OverlayProof out_;
   // Of the coarse face at hand.
   std::uint32_t stamp_ = 0;

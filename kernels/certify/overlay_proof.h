@@ -19,7 +19,8 @@
 /// and is nowhere as high as m has what of it lies in the core over that part of T: so its largest height there
 /// bounds it.
 ///
-/// All that this does not prove is left to certify_deviation(). Nothing here is shared with decimation.
+/// Fine faces over three coarse ones or more are cut and measured against these (near_proof.h). All that this does not
+/// prove is left to certify_deviation(). Nothing here is shared with decimation.
 ///
 /// Rounding. Fine vertices are projected once per T, so the overlay is that of a surface moved by less than
 /// 32 u R (u = 2^-53, R the largest coordinate relative to the origin). T is grown by 64 u R, so that no
@@ -49,7 +50,7 @@ struct OverlayProof {
 /// \param origin  subtracted from all positions
 /// \param fine_too  else OverlaySide `fine` is left empty, which saves a fifth of the time
 /// \post  a pure function of the arguments; no bound above options.tolerance
-/// \cost  about 0.15 us per fine face; 60 bytes per fine face, 32 per fine vertex
+/// \cost  about 0.15 us per fine face; 80 bytes per fine face, 32 per fine vertex, 160 per coarse face
 OverlayProof prove_by_overlay(const SurfaceFaces& coarse, const SurfaceFaces& fine, const Box3* core,
                               double margin, const Double3& origin, const CertificateOptions& options,
                               bool fine_too = true);

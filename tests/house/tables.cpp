@@ -127,7 +127,8 @@ const std::map<std::string, std::string>& covering_tests() {
     by("solvers/laplacian", "solvers", {"intrinsic_delaunay"});
 
     by("kernels/blends/resample_blend", "kernels/blends", {"blend_grid", "fishbone_fit", "normal_jumps"});
-    by("kernels/certify/certificate_pair", "kernels/certify", {"overlay_outline", "overlay_proof"});
+    by("kernels/certify/certificate_pair", "kernels/certify",
+       {"convex_piece", "overlay_outline", "overlay_proof"});
     by("tools/render", "kernels/certify", {"deviation_samples"});
     by("kernels/closing/closing", "kernels/closing", {"closing_field", "closing_growth"});
     by("kernels/decimate/decimate", "kernels/decimate",
