@@ -173,7 +173,7 @@ struct FirstPass::Impl {
     least_faces = options.min_component != 0 ? options.min_component : automatic_min_component(0);
     if (fuses_first_pass(options)) {
       first.emplace(c.create(kFirstPassFolder + task_file_stem(t) + ".tmm"), info);
-      cube = kCube;
+      cube = block_bricks = kCube;
     }
     SimplifyOptions simplify = reconstruct_simplify_options(options);
     simplify.tolerance = reconstruct_tolerance(state);
