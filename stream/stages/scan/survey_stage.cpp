@@ -148,11 +148,12 @@ std::vector<PlanBrick> lattice_bricks(const std::vector<BrickCount>& counts, con
 }  // namespace
 
 std::uint64_t bucket_target(const RunOptions& run, std::uint64_t points) {
-  constexpr std::uint64_t kMost = std::uint64_t{1} << 20;
-  constexpr std::uint64_t kLeast = std::uint64_t{1} << 14;
-  constexpr std::uint64_t kMaxBuckets = 600;
-  const std::uint64_t share = run.memory_bytes / static_cast<std::uint64_t>(std::max(1, run.threads));
-  return std::max(std::clamp(share / 4 / 24, kLeast, kMost), points / kMaxBuckets);
+  constexpr std::uint64_t kMost = 1 << 20, kLeast = 1 << 14, kMaxBuckets = 600;
+  constexpr std::uint64_t kWorthwhile = 1 << 16, kTasksPerThread = 4;  // a bucket is a task of later stages
+  const auto threads = static_cast<std::uint64_t>(std::max(1, run.threads));
+  const std::uint64_t fits = std::clamp(run.memory_bytes / threads / 4 / 24, kLeast, kMost);
+  const std::uint64_t shared = std::max(points / (kTasksPerThread * threads), kWorthwhile);
+  return std::max(std::min(fits, shared), points / kMaxBuckets);
 }
 
 SurveyStage::SurveyStage(const JobState& job, std::shared_ptr<const PointInputs> inputs, double h,

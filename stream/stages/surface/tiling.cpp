@@ -9,7 +9,8 @@ namespace {
 
 // A supercube is the unit of grouping: Morton-aligned, at least as large as any tile.
 constexpr int kMaxSuperBricks = 8;
-constexpr std::uint64_t kGroupPoints = 500'000;  ///< a task is worth a file from about this many points
+/// A task is worth a file from about so many points; where they are for sixty-odd tasks, larger ones need fewer syncs.
+constexpr std::uint64_t kLeastGroupPoints = 60'000, kMostGroupPoints = 500'000, kEnoughGroups = 64;
 constexpr std::uint64_t kMaxGroups = 400;
 
 // Per point: record read, structure of arrays, gathered copy. Per occupied 8^3 block: about three band leaves with
@@ -116,7 +117,8 @@ std::vector<TileGroup> make_tile_groups(std::span<const BrickEntry> bricks, cons
     for (const BrickSection& brick : options.closing->bricks()) add_around(brick.key);
   unique();
 
-  const std::uint64_t target = std::max(kGroupPoints, all / kMaxGroups);
+  const std::uint64_t target =
+      std::max(std::clamp(all / kEnoughGroups, kLeastGroupPoints, kMostGroupPoints), all / kMaxGroups);
   std::vector<TileGroup> groups;
   TileGroup group;
   std::uint64_t points = 0;
