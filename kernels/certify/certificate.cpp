@@ -74,6 +74,9 @@ class Certifier {
     std::vector<float>& bound = face_bound ? *face_bound : own;
     bound.assign(surface_.faces.size(), 0.0f);
     sample_corners();
+    // A bound that is right at the tolerance would come out above it.
+    const double rounding = certificate_rounding(std::max(reference_.largest_coordinate(), largest_));
+    provable_ = bound_within(options_.tolerance, rounding);
     counting_ = true;
     const double least = std::max(kLeastTarget * options_.tolerance, options_.enough);
     floor_ = std::max(kPhase * options_.tolerance, least);
@@ -86,7 +89,6 @@ class Certifier {
         if (static_cast<double>(bound[i]) > target && std::isfinite(bound[i]))
           bound[i] = std::min(bound[i], bound_face(i));
     }
-    const double rounding = certificate_rounding(std::max(reference_.largest_coordinate(), largest_));
     double upper = 0.0;
     for (float& b : bound) {
       upper = std::max(upper, static_cast<double>(b));
@@ -119,7 +121,7 @@ class Certifier {
   /// What a piece must be proven to stay within: the tolerance at most, unless it is known to exceed it.
   double target(bool over) const {
     const double wanted = std::max(options_.tightness * report_.lower, floor_);
-    return over ? wanted : std::min(wanted, options_.tolerance);
+    return over ? wanted : std::min(wanted, provable_);
   }
 
   void found(double distance, const Double3& p) {
@@ -378,9 +380,10 @@ class Certifier {
   Double3 low_{}, high_{};
   Double3 normal_{};  ///< of the face
   std::uint32_t face_ = 0;
-  double bound_ = 0.0;    ///< of the face so far
-  double floor_ = 0.0;    ///< no piece needs a bound below
-  double largest_ = 0.0;  ///< coordinate
+  double bound_ = 0.0;     ///< of the face so far
+  double floor_ = 0.0;     ///< no piece needs a bound below
+  double provable_ = 0.0;  ///< the largest bound that stays within the tolerance when it is rounded up
+  double largest_ = 0.0;   ///< coordinate
   double centre_square_ = 0.0;
   int worst_ = 0;
   bool counting_ = false;  ///< the first phase fills the report

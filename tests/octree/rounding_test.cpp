@@ -36,6 +36,20 @@ TEST_CASE("rounding: up is the smallest float that is not below", "[unit]") {
   }
 }
 
+TEST_CASE("rounding: the largest bound within a limit stays there when it is rounded up", "[unit]") {
+  // 0.35 lies between two floats, nearer to the upper one in single precision.
+  CHECK(static_cast<double>(static_cast<float>(0.35)) != 0.35);
+  for (const double limit : {0.35, 0.1, 1.1, 0.3, 1.0, 1e-5, 7e3})
+    for (const double added : {0.0, 1e-12, 1e-7}) {
+      const double bound = bound_within(limit, added);
+      CHECK(static_cast<double>(rounded_up(bound + added)) <= limit);
+      // No float step is given away beyond what rounding takes.
+      const double next = static_cast<double>(std::nextafter(static_cast<float>(bound), 1e38f));
+      CHECK(static_cast<double>(rounded_up(next + added)) > limit);
+    }
+  CHECK(bound_within(1e-9, 1e-3) == 0.0);
+}
+
 TEST_CASE("compiler: a value that went through float is rounded", "[unit]") {
   std::vector<Double3> points;
   for (int i = 1; i < 100; ++i) points.push_back({1.0 / (3 * i), 2.0 / (7 * i), 1.0 / (9 * i)});
