@@ -135,6 +135,8 @@ class Crossings {
   std::vector<std::vector<Box>> levels_;
 };
 
+constexpr std::size_t kMostNear = 1000;  ///< faces that are looked at: twice what six regular rings have
+
 /// Whether faces lie within kNearRings rings of each other.
 class Nearness {
  public:
@@ -148,6 +150,12 @@ class Nearness {
         seen_(faces.size(), 0) {}
 
   bool near(std::uint32_t one, std::uint32_t other) {
+    if (reached_.empty() || reached_.front() != one) reach(one);
+    return seen_[other] == round_;
+  }
+
+ private:
+  void reach(std::uint32_t one) {
     ++round_;
     reached_.assign(1, one);
     seen_[one] = round_;
@@ -156,15 +164,13 @@ class Nearness {
       for (const std::size_t end = reached_.size(); begin < end; ++begin)
         for (const std::uint32_t v : faces_[reached_[begin]])
           for (const std::uint32_t f : around_[v]) {
-            if (f == other) return true;
             if (seen_[f] == round_) continue;
+            if (reached_.size() == kMostNear) return;
             seen_[f] = round_;
             reached_.push_back(f);
           }
-    return false;
   }
 
- private:
   std::span<const Face> faces_;
   Lists<std::uint32_t> around_;
   std::vector<std::uint32_t> seen_, reached_;
