@@ -12,6 +12,8 @@ constexpr int kRounds = 5;
 constexpr int kFirstRings = 2;     ///< twice as many in every round
 constexpr int kSweepsPerRing = 8;  ///< Gauss-Seidel carries a correction a ring or two at a time
 constexpr int kHalvings = 3, kYieldRounds = 8;
+constexpr double kBarely =
+    0.1;  ///< cosine: a face that stands so steep is over by another measure of how the surface turns
 constexpr double kMostWeight = 20, kLeastWeight = 0.02;  ///< of an edge: slivers hold nothing, and hang on
 
 /// An edge by what it weighs on its side of a face.
@@ -97,7 +99,8 @@ std::vector<std::uint32_t> turned_over(const TurningBase& base, std::span<const 
       for (std::size_t k = 0; k < 9; ++k) sum[k] += turn[v][k];
     const Double3 was = triangle_normal(base.rest[f[0]], base.rest[f[1]], base.rest[f[2]]),
                   is = triangle_normal(posed[f[0]], posed[f[1]], posed[f[2]]);
-    if (dot(turned(sum, was), is) < 0.0) out.push_back(j);
+    const Double3 should = turned(sum, was);
+    if (dot(should, is) < kBarely * norm(should) * norm(is)) out.push_back(j);
   }
   return out;
 }

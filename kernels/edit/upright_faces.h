@@ -22,8 +22,8 @@ struct TurningBase {
   std::span<const Turn> turn;          ///< n, read where free: how the smooth base turns
 };
 
-/// Ascending: those with a free vertex whose normal is turned by a right angle and more against how the surface turns around
-/// them (fitted_turns()). Faces without area do not turn.
+/// Ascending: those with a free vertex whose normal is turned by nearly a right angle (84 degrees) and more against how the
+/// surface turns around them (fitted_turns()). Faces without area do not turn.
 std::vector<std::uint32_t> turned_over(const TurningBase& base, std::span<const Double3> posed);
 
 /// Faces that were turned over, and that are.

@@ -193,8 +193,8 @@ std::vector<MeshBlockCut> simplify_blocks(const MeshStore& in, const MeshStore& 
     const std::int64_t there = reference.find(e.key);
     weight.push_back(there < 0 ? 0 : reference.patches()[static_cast<std::size_t>(there)].faces);
   }
-  return make_blocks(in, {options.block_faces, kReferenceBlocks * options.block_faces, pass_shift(pass), true},
-                     weight);
+  return make_blocks(
+      in, {options.block_faces, kReferenceBlocks * options.block_faces, pass_shift(pass), true}, weight);
 }
 
 std::uint64_t simplify_task_bytes(std::uint64_t block_bytes, std::uint64_t faces,
