@@ -174,11 +174,13 @@ TEST_CASE("deform: meshes of the catalogue with edits by chance", "[pipeline]") 
 TEST_CASE("deform: all meshes of the catalogue with edits by chance", "[pipeline][.large]") {
   if (!has_shared_data()) return;
   const TempFolder folder;
-  Chance sum;
+  Chance sum, walls;
   std::size_t meshes = 0;
   const auto edit = [&](const fs::path& mesh) {
     ++meshes;
-    try_edits(mesh, 2, {}, sum);
+    // Contradictory faces, closed into walls without thickness, which cross each other once they bend.
+    const bool contradicts = mesh.filename().string().starts_with("abominevole");
+    try_edits(mesh, 2, {}, contradicts ? walls : sum);
     fs::remove(mesh);
   };
   for (const fs::path& file : meshes_in(kSharedData / "meshes", 0)) {
@@ -197,6 +199,7 @@ TEST_CASE("deform: all meshes of the catalogue with edits by chance", "[pipeline
   std::cout << meshes << " meshes, " << sum.done << " edits, " << sum.refused << " refused; of " << sum.faces
             << " faces turn over " << sum.turned.over << " and " << sum.turned.thin << " thin" << std::endl;
   CHECK(meshes >= 37);
-  // What is left: a car body whose support has 154 vertices, and walls without thickness that are larger than their base.
-  CHECK(sum.turned.over * 10000 < sum.faces);
+  // What is left: a car body whose support has 154 vertices, and cables of needles from end to end.
+  CHECK(sum.turned.over * 100'000 < sum.faces);
+  CHECK(walls.turned.over * 50 <= walls.faces);
 }
