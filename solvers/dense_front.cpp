@@ -78,6 +78,16 @@ struct Tile {
   }
 };
 
+/// \param columns  from column `j` on, at most kTileColumns; at the end of the front rows are cut off
+inline void subtract_tile(DenseFront& front, const Tile& tile, std::size_t row, std::size_t j,
+                          std::size_t columns) {
+  const std::size_t rows = std::min(kTileRows, front.size - row);
+  if (rows == kTileRows && columns == kTileColumns)
+    tile.subtract(front.column(j) + row, front.size);
+  else
+    tile.subtract(front.column(j) + row, front.size, rows, columns);
+}
+
 /// Columns [to, end) minus what the eliminated columns [from, to) take from them, rows from `to` down.
 void subtract_products(DenseFront& front, std::size_t from, std::size_t to, std::size_t end,
                        std::vector<double>& packed) {
@@ -88,12 +98,7 @@ void subtract_products(DenseFront& front, std::size_t from, std::size_t to, std:
     const std::size_t above = (j - to) / kTileRows, columns = std::min(kTileColumns, end - j);
     const double* right = packed.data() + above * slice + (j - to) % kTileRows;
     for (std::size_t s = above; s < slices(front.size - to); ++s) {
-      const Tile tile(packed.data() + s * slice, right, to - from);
-      const std::size_t row = to + s * kTileRows, rows = std::min(kTileRows, front.size - row);
-      if (rows == kTileRows && columns == kTileColumns)
-        tile.subtract(front.column(j) + row, front.size);
-      else
-        tile.subtract(front.column(j) + row, front.size, rows, columns);
+      subtract_tile(front, Tile(packed.data() + s * slice, right, to - from), to + s * kTileRows, j, columns);
     }
   }
 }
@@ -151,12 +156,7 @@ void subtract_lu_products(DenseFront& front, std::size_t from, std::size_t to, s
     const std::size_t columns = std::min(kTileColumns, end - j);
     const double* right = packed.data() + below + (j - to) / kTileRows * slice + (j - to) % kTileRows;
     for (std::size_t s = 0; s < slices(front.size - to); ++s) {
-      const Tile tile(packed.data() + s * slice, right, to - from);
-      const std::size_t row = to + s * kTileRows, rows = std::min(kTileRows, front.size - row);
-      if (rows == kTileRows && columns == kTileColumns)
-        tile.subtract(front.column(j) + row, front.size);
-      else
-        tile.subtract(front.column(j) + row, front.size, rows, columns);
+      subtract_tile(front, Tile(packed.data() + s * slice, right, to - from), to + s * kTileRows, j, columns);
     }
   }
 }

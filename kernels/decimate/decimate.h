@@ -86,9 +86,8 @@ struct DecimateReport {
 ///                   at when tolerance is 0. Where it was moved before, its face_bound says how far each face may
 ///                   be from what it was, both ways: that counts, and bounds are to what it was.
 /// \param held       keys, ascending, of vertices that are neither moved nor removed
-/// Faces with kFaceSettled are where an earlier pass had complete stars and could do no more:
-/// this one begins elsewhere, and comes there when something near changes. A block that is its own reference has none: a
-/// first pass begins everywhere.
+/// Faces with kFaceSettled are where an earlier pass had complete stars and could do no more: this one begins elsewhere, and
+/// comes there when something near changes. A first pass, whose block is its own reference, begins everywhere.
 /// \pre    every edge of the block has at most two faces, oppositely directed; positions are finite
 /// \post   pure function of the set of faces and the options; locked vertices unchanged; edge-manifold,
 ///         vertex-manifold where it was; block.face_bound <= tolerance if the input's was
