@@ -63,4 +63,32 @@ class FrontTree {
   double flops_ = 0.0;
 };
 
+/// What fronts leave to those above them.
+class RestStack {
+ public:
+  /// \param most  numbers that wait at a time: stack_of_triangles() or stack_of_squares()
+  explicit RestStack(std::size_t most) { numbers_.reserve(most); }
+
+  /// Takes those of the last `children` fronts off, last first. \param use  called with (front, its numbers)
+  template <class Use>
+  void take(std::size_t children, const Use& use) {
+    for (std::size_t child = 0; child < children; ++child) {
+      const auto [front, first] = waiting_.back();
+      use(front, std::span<const double>(numbers_).subspan(first));
+      numbers_.resize(first);
+      waiting_.pop_back();
+    }
+  }
+  /// What is appended from now on is of this front.
+  void push(std::size_t front) { waiting_.push_back({front, numbers_.size()}); }
+  void append(const double* first, const double* last) { numbers_.insert(numbers_.end(), first, last); }
+
+ private:
+  struct Rest {
+    std::size_t front, first;
+  };
+  std::vector<double> numbers_;
+  std::vector<Rest> waiting_;
+};
+
 }  // namespace tessera

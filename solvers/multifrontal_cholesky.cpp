@@ -12,11 +12,6 @@ namespace {
 // A pivot this small beside the diagonal it came from is what rounding leaves of zero.
 constexpr double kSmallestPivot = 1e-14;
 
-/// Entries of the lower triangle, by columns.
-constexpr std::size_t triangle(std::size_t size) {
-  return size * (size + 1) / 2;
-}
-
 }  // namespace
 
 MultifrontalCholesky::MultifrontalCholesky(const SparseMatrix& a, Ordering ordering) : tree_(a, ordering) {}
@@ -60,11 +55,10 @@ void MultifrontalCholesky::add_rest(std::size_t child, std::span<const double> r
 
 std::int64_t MultifrontalCholesky::factor(const SparseMatrix& a, FactorStore& store) const {
   assert(store.size() == 0 && a.rows == static_cast<std::int32_t>(tree_.unknowns()));
-  std::vector<double> value(tree_.largest() * tree_.largest()), stack, packed, smallest;
+  std::vector<double> value(tree_.largest() * tree_.largest()), packed, smallest;
   store.reserve(entries());
-  stack.reserve(tree_.stack_of_triangles());
+  RestStack rests(tree_.stack_of_triangles());
   std::vector<std::int32_t> slot(tree_.unknowns());
-  std::vector<std::size_t> waiting;
   for (std::size_t k = 0; k < tree_.count(); ++k) {
     const std::size_t size = tree_.size(k), eliminated = tree_.eliminated(k);
     DenseFront front{std::span(value).first(size * size), size, eliminated};
@@ -72,19 +66,15 @@ std::int64_t MultifrontalCholesky::factor(const SparseMatrix& a, FactorStore& st
     assemble(a, k, front.value, slot);
     smallest.clear();
     for (std::size_t j = 0; j < eliminated; ++j) smallest.push_back(kSmallestPivot * front.column(j)[j]);
-    for (std::size_t child = 0; child < tree_.children(k); ++child) {
-      const std::size_t entries = triangle(tree_.rest(waiting.back()));
-      add_rest(waiting.back(), std::span(stack).last(entries), front.value, size, slot);
-      stack.resize(stack.size() - entries);
-      waiting.pop_back();
-    }
+    rests.take(tree_.children(k), [&](std::size_t child, std::span<const double> left) {
+      add_rest(child, left, front.value, size, slot);
+    });
     if (const std::ptrdiff_t bad = eliminate(front, smallest, packed); bad >= 0)
       return tree_.unknown(tree_.rows(k)[static_cast<std::size_t>(bad)]);
     for (std::size_t j = 0; j < eliminated; ++j) store.append({front.column(j) + j, size - j});
     if (tree_.rest(k) == 0) continue;
-    for (std::size_t j = eliminated; j < size; ++j)
-      stack.insert(stack.end(), front.column(j) + j, front.column(j) + size);
-    waiting.push_back(k);
+    rests.push(k);
+    for (std::size_t j = eliminated; j < size; ++j) rests.append(front.column(j) + j, front.column(j) + size);
   }
   return -1;
 }

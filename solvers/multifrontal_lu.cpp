@@ -69,12 +69,11 @@ void MultifrontalLu::add_rest(std::size_t child, std::span<const double> rest, s
 std::int64_t MultifrontalLu::factor(const SparseMatrix& a, FactorStore& store) {
   assert(store.size() == 0 && a.rows == static_cast<std::int32_t>(tree_.unknowns()));
   const SparseMatrix transposed = transpose(a);
-  std::vector<double> value(tree_.largest() * tree_.largest()), stack, packed, smallest, row;
+  std::vector<double> value(tree_.largest() * tree_.largest()), packed, smallest, row;
   store.reserve(entries());
-  stack.reserve(tree_.stack_of_squares());
+  RestStack rests(tree_.stack_of_squares());
   swapped_.assign(tree_.unknowns(), 0);
   std::vector<std::int32_t> slot(tree_.unknowns());
-  std::vector<std::size_t> waiting;
   for (std::size_t k = 0; k < tree_.count(); ++k) {
     const std::size_t size = tree_.size(k), eliminated = tree_.eliminated(k), rest = tree_.rest(k);
     DenseFront front{std::span(value).first(size * size), size, eliminated};
@@ -83,12 +82,9 @@ std::int64_t MultifrontalLu::factor(const SparseMatrix& a, FactorStore& store) {
     smallest.clear();
     for (std::size_t j = 0; j < eliminated; ++j)
       smallest.push_back(kSmallestPivot * std::fabs(front.column(j)[j]));
-    for (std::size_t child = 0; child < tree_.children(k); ++child) {
-      const std::size_t entries = tree_.rest(waiting.back()) * tree_.rest(waiting.back());
-      add_rest(waiting.back(), std::span(stack).last(entries), front.value, size, slot);
-      stack.resize(stack.size() - entries);
-      waiting.pop_back();
-    }
+    rests.take(tree_.children(k), [&](std::size_t child, std::span<const double> left) {
+      add_rest(child, left, front.value, size, slot);
+    });
     const auto first = static_cast<std::size_t>(tree_.rows(k).front());
     if (const std::ptrdiff_t bad =
             eliminate_lu(front, smallest, std::span(swapped_).subspan(first, eliminated), packed);
@@ -105,9 +101,9 @@ std::int64_t MultifrontalLu::factor(const SparseMatrix& a, FactorStore& store) {
       store.append(row);
     }
     if (rest == 0) continue;
+    rests.push(k);
     for (std::size_t j = eliminated; j < size; ++j)
-      stack.insert(stack.end(), front.column(j) + eliminated, front.column(j) + size);
-    waiting.push_back(k);
+      rests.append(front.column(j) + eliminated, front.column(j) + size);
   }
   return -1;
 }

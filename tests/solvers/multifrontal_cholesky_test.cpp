@@ -11,6 +11,7 @@
 #include "solvers/multifrontal_solver.h"
 #include "tests/helpers/irregular_mesh.h"
 #include "tests/solvers/dense.h"
+#include "tests/solvers/fronts.h"
 
 namespace {
 
@@ -19,12 +20,6 @@ using namespace tessera;
 SparseMatrix system_of(std::size_t side, int order) {
   const test::IrregularMesh mesh = test::irregular_mesh({.side = side});
   return laplacian_system(laplacian({mesh.positions, mesh.faces}, {}), order, mesh.fixed).matrix;
-}
-
-std::vector<double> load_of(const SparseMatrix& a, int width) {
-  std::vector<double> b(static_cast<std::size_t>(a.rows) * static_cast<std::size_t>(width));
-  for (std::size_t i = 0; i < b.size(); ++i) b[i] = std::sin(1.7 * static_cast<double>(i));
-  return b;
 }
 
 /// Says how often it was given something.
@@ -49,41 +44,38 @@ class CountingStore final : public FactorStore {
 
 TEST_CASE("dense front: columns and rest are those of Eigen, at every edge of tiles and panels",
           "[property]") {
-  const std::size_t size = GENERATE(1, 2, 5, 8, 9, 31, 97, 200, 233);
-  for (const std::size_t eliminated : {std::size_t{1}, size / 3, size / 2, size - 1, size}) {
-    if (eliminated < 1) continue;
-    CAPTURE(size, eliminated);
-    const auto n = static_cast<Eigen::Index>(size), e = static_cast<Eigen::Index>(eliminated);
-    Eigen::MatrixXd random(n, n);
-    for (Eigen::Index j = 0; j < n; ++j)
-      for (Eigen::Index i = 0; i < n; ++i) random(i, j) = std::sin(static_cast<double>(7 * i * i + 13 * j));
-    const Eigen::MatrixXd a =
-        random * random.transpose() + Eigen::MatrixXd::Identity(n, n) * (0.5 * static_cast<double>(size));
-    std::vector<double> value(a.data(), a.data() + a.size()), packed;
-    // The upper triangle is scratch.
-    for (std::size_t j = 0; j < size; ++j)
-      for (std::size_t i = 0; i < j; ++i) value[j * size + i] = 1e300;
-    DenseFront front{value, size, eliminated};
-    const std::vector<double> smallest(eliminated, 0.0);
-    REQUIRE(eliminate(front, smallest, packed) == -1);
-    CHECK(packed.size() * sizeof(double) <= eliminate_bytes(size));
-    const Eigen::MatrixXd l = a.topLeftCorner(e, e).llt().matrixL();
-    Eigen::MatrixXd columns(n, e);
-    columns.topRows(e) = l;
-    Eigen::MatrixXd rest(n - e, n - e);
-    if (e < n) {
-      columns.bottomRows(n - e) =
-          l.triangularView<Eigen::Lower>().solve(a.topRightCorner(e, n - e)).transpose();
-      rest = a.bottomRightCorner(n - e, n - e) -
-             columns.bottomRows(n - e) * columns.bottomRows(n - e).transpose();
-    }
-    double worst = 0.0;
-    for (Eigen::Index j = 0; j < n; ++j)
-      for (Eigen::Index i = j; i < n; ++i)
-        worst = std::max(worst, std::abs(value[static_cast<std::size_t>(j * n + i)] -
-                                         (j < e ? columns(i, j) : rest(i - e, j - e))));
-    CHECK(worst < 1e-12 * a.norm());
+  const auto [size, eliminated] = GENERATE(from_range(test::front_sizes()));
+  CAPTURE(size, eliminated);
+  const auto n = static_cast<Eigen::Index>(size), e = static_cast<Eigen::Index>(eliminated);
+  Eigen::MatrixXd random(n, n);
+  for (Eigen::Index j = 0; j < n; ++j)
+    for (Eigen::Index i = 0; i < n; ++i) random(i, j) = std::sin(static_cast<double>(7 * i * i + 13 * j));
+  const Eigen::MatrixXd a =
+      random * random.transpose() + Eigen::MatrixXd::Identity(n, n) * (0.5 * static_cast<double>(size));
+  std::vector<double> value(a.data(), a.data() + a.size()), packed;
+  // The upper triangle is scratch.
+  for (std::size_t j = 0; j < size; ++j)
+    for (std::size_t i = 0; i < j; ++i) value[j * size + i] = 1e300;
+  DenseFront front{value, size, eliminated};
+  const std::vector<double> smallest(eliminated, 0.0);
+  REQUIRE(eliminate(front, smallest, packed) == -1);
+  CHECK(packed.size() * sizeof(double) <= eliminate_bytes(size));
+  const Eigen::MatrixXd l = a.topLeftCorner(e, e).llt().matrixL();
+  Eigen::MatrixXd columns(n, e);
+  columns.topRows(e) = l;
+  Eigen::MatrixXd rest(n - e, n - e);
+  if (e < n) {
+    columns.bottomRows(n - e) =
+        l.triangularView<Eigen::Lower>().solve(a.topRightCorner(e, n - e)).transpose();
+    rest =
+        a.bottomRightCorner(n - e, n - e) - columns.bottomRows(n - e) * columns.bottomRows(n - e).transpose();
   }
+  double worst = 0.0;
+  for (Eigen::Index j = 0; j < n; ++j)
+    for (Eigen::Index i = j; i < n; ++i)
+      worst = std::max(worst, std::abs(value[static_cast<std::size_t>(j * n + i)] -
+                                       (j < e ? columns(i, j) : rest(i - e, j - e))));
+  CHECK(worst < 1e-12 * a.norm());
 }
 
 TEST_CASE("multifrontal Cholesky: solutions are those of a dense factor", "[property]") {
@@ -95,7 +87,7 @@ TEST_CASE("multifrontal Cholesky: solutions are those of a dense factor", "[prop
   MemoryFactorStore store;
   REQUIRE(factor.factor(a, store) == -1);
   CHECK(store.size() == factor.entries());
-  const std::vector<double> b = load_of(a, width);
+  const std::vector<double> b = test::load_of(a, width);
   std::vector<double> x = b;
   factor.solve(store, x, width);
   const Eigen::MatrixXd expected = test::dense(a).llt().solve(test::dense(b, width));
@@ -107,7 +99,7 @@ TEST_CASE("multifrontal Cholesky: many fronts, wider than a panel", "[property]"
   const MultifrontalCholesky factor(a);
   MemoryFactorStore store;
   REQUIRE(factor.factor(a, store) == -1);
-  const std::vector<double> b = load_of(a, 3);
+  const std::vector<double> b = test::load_of(a, 3);
   std::vector<double> x = b;
   factor.solve(store, x, 3);
   CHECK(relative_residual(a, x, b, 3) < 1e-12);
@@ -128,7 +120,7 @@ TEST_CASE("multifrontal Cholesky: a pivot that vanishes is named by its unknown"
 
 TEST_CASE("multifrontal solver: a factor in the store serves again", "[unit]") {
   const SparseMatrix a = system_of(20, 1);
-  const std::vector<double> b = load_of(a, 3);
+  const std::vector<double> b = test::load_of(a, 3);
   CountingStore store;
   std::vector<double> first(b.size()), second(b.size());
   for (std::vector<double>* x : {&first, &second}) {
@@ -166,7 +158,7 @@ TEST_CASE("multifrontal solver: what it cannot do is said", "[unit]") {
   const auto solver = make_multifrontal_solver({}, store);
   REQUIRE(solver->analyse(a).status == SolveStatus::kSolved);
   REQUIRE(solver->factor(a).status == SolveStatus::kSolved);
-  std::vector<double> b = load_of(a, 1), x(b.size());
+  std::vector<double> b = test::load_of(a, 1), x(b.size());
   b[3] = std::numeric_limits<double>::quiet_NaN();
   CHECK(solver->solve(b, x, 1).status == SolveStatus::kNotFinite);
   SparseMatrix negative = a;

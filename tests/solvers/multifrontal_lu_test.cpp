@@ -9,6 +9,7 @@
 #include "solvers/laplacian_system.h"
 #include "tests/helpers/irregular_mesh.h"
 #include "tests/solvers/dense.h"
+#include "tests/solvers/fronts.h"
 
 namespace {
 
@@ -26,40 +27,31 @@ SparseMatrix uneven_system(std::size_t side) {
   return damped_laplacian_system(lap.stiffness, scale, mesh.fixed).matrix;
 }
 
-std::vector<double> load_of(const SparseMatrix& a, int width) {
-  std::vector<double> b(static_cast<std::size_t>(a.rows) * static_cast<std::size_t>(width));
-  for (std::size_t i = 0; i < b.size(); ++i) b[i] = std::sin(1.7 * static_cast<double>(i));
-  return b;
-}
-
 }  // namespace
 
 TEST_CASE("dense front: rows and columns of LU are a factor, at every edge of tiles and panels",
           "[property]") {
-  const std::size_t size = GENERATE(1, 2, 5, 8, 9, 31, 97, 200, 233);
-  for (const std::size_t eliminated : {std::size_t{1}, size / 3, size / 2, size - 1, size}) {
-    if (eliminated < 1) continue;
-    CAPTURE(size, eliminated);
-    const auto n = static_cast<Eigen::Index>(size), e = static_cast<Eigen::Index>(eliminated);
-    Eigen::MatrixXd a(n, n);
-    for (Eigen::Index j = 0; j < n; ++j)
-      for (Eigen::Index i = 0; i < n; ++i)
-        a(i, j) = std::sin(static_cast<double>(7 * i * i + 13 * j * j + i * j + 1));
-    std::vector<double> value(a.data(), a.data() + a.size()), packed;
-    DenseFront front{value, size, eliminated};
-    const std::vector<double> smallest(eliminated, 0.0);
-    std::vector<std::int32_t> swapped(eliminated);
-    REQUIRE(eliminate_lu(front, smallest, swapped, packed) == -1);
-    CHECK(packed.size() * sizeof(double) <= eliminate_lu_bytes(size));
-    Eigen::MatrixXd moved = a, lower = Eigen::MatrixXd::Identity(n, n), upper = Eigen::MatrixXd::Zero(n, n);
-    for (Eigen::Index j = 0; j < e; ++j) moved.row(j).swap(moved.row(swapped[static_cast<std::size_t>(j)]));
-    for (Eigen::Index j = 0; j < n; ++j)
-      for (Eigen::Index i = 0; i < n; ++i)
-        (i > j && j < e ? lower : upper)(i, j) = value[static_cast<std::size_t>(j * n + i)];
-    double growth = 1.0;
-    for (const double v : value) growth = std::max(growth, std::abs(v));
-    CHECK((lower * upper - moved).norm() < 1e-13 * static_cast<double>(size) * growth * a.norm());
-  }
+  const auto [size, eliminated] = GENERATE(from_range(test::front_sizes()));
+  CAPTURE(size, eliminated);
+  const auto n = static_cast<Eigen::Index>(size), e = static_cast<Eigen::Index>(eliminated);
+  Eigen::MatrixXd a(n, n);
+  for (Eigen::Index j = 0; j < n; ++j)
+    for (Eigen::Index i = 0; i < n; ++i)
+      a(i, j) = std::sin(static_cast<double>(7 * i * i + 13 * j * j + i * j + 1));
+  std::vector<double> value(a.data(), a.data() + a.size()), packed;
+  DenseFront front{value, size, eliminated};
+  const std::vector<double> smallest(eliminated, 0.0);
+  std::vector<std::int32_t> swapped(eliminated);
+  REQUIRE(eliminate_lu(front, smallest, swapped, packed) == -1);
+  CHECK(packed.size() * sizeof(double) <= eliminate_lu_bytes(size));
+  Eigen::MatrixXd moved = a, lower = Eigen::MatrixXd::Identity(n, n), upper = Eigen::MatrixXd::Zero(n, n);
+  for (Eigen::Index j = 0; j < e; ++j) moved.row(j).swap(moved.row(swapped[static_cast<std::size_t>(j)]));
+  for (Eigen::Index j = 0; j < n; ++j)
+    for (Eigen::Index i = 0; i < n; ++i)
+      (i > j && j < e ? lower : upper)(i, j) = value[static_cast<std::size_t>(j * n + i)];
+  double growth = 1.0;
+  for (const double v : value) growth = std::max(growth, std::abs(v));
+  CHECK((lower * upper - moved).norm() < 1e-13 * static_cast<double>(size) * growth * a.norm());
 }
 
 TEST_CASE("multifrontal LU: solutions are those of a dense factor, few and many at a time", "[property]") {
@@ -74,7 +66,7 @@ TEST_CASE("multifrontal LU: solutions are those of a dense factor, few and many 
   MemoryFactorStore store;
   REQUIRE(factor.factor(a, store) == -1);
   CHECK(store.size() == factor.entries());
-  const std::vector<double> b = load_of(a, width);
+  const std::vector<double> b = test::load_of(a, width);
   std::vector<double> x = b;
   factor.solve(store, x, width);
   const Eigen::MatrixXd expected = whole.partialPivLu().solve(test::dense(b, width));
@@ -86,7 +78,7 @@ TEST_CASE("multifrontal LU: many fronts, wider than a panel", "[property]") {
   MultifrontalLu factor(a);
   MemoryFactorStore store;
   REQUIRE(factor.factor(a, store) == -1);
-  const std::vector<double> b = load_of(a, 9);
+  const std::vector<double> b = test::load_of(a, 9);
   std::vector<double> x = b;
   factor.solve(store, x, 9);
   CHECK(relative_residual(a, x, b, 9) < 1e-9);
