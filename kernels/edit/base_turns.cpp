@@ -79,26 +79,31 @@ Around faces_around(std::span<const Double3> rest, std::span<const Face> faces,
 }
 
 /// Numbers of faces, summed up at their corners and then ring by ring. Nothing is divided by, so that slivers weigh what they are.
+template <std::size_t kNumbers>
 class Spread {
  public:
-  explicit Spread(const Around& around) : around_(around) {}
+  using Numbers = std::array<double, kNumbers>;
+  Spread(std::size_t vertices, std::span<const Face> faces, int rounds)
+      : vertices_(vertices), faces_(faces), rounds_(rounds) {}
 
+  /// \param of  called with every face, by its number
+  /// \return per vertex; the caller's until the next call
   template <class Of>
-  const std::vector<Group>& operator()(const Of& of) {
-    sum_.assign(around_.vertex.size(), Group{});
-    for (std::size_t j = 0; j < around_.faces.size(); ++j) {
-      const Group g = of(j);
-      for (const std::uint32_t v : around_.faces[j])
-        for (std::size_t c = 0; c < kGroup; ++c) sum_[v][c] += g[c];
+  std::vector<Numbers>& operator()(const Of& of) {
+    sum_.assign(vertices_, Numbers{});
+    for (std::size_t j = 0; j < faces_.size(); ++j) {
+      const Numbers g = of(j);
+      for (const std::uint32_t v : faces_[j])
+        for (std::size_t c = 0; c < kNumbers; ++c) sum_[v][c] += g[c];
     }
-    for (int round = 0; round < kSpreadRounds; ++round) {
-      next_.assign(sum_.size(), Group{});
-      for (const Face& f : around_.faces) {
-        const Group &x = sum_[f[0]], &y = sum_[f[1]], &z = sum_[f[2]];
-        Group g;
-        for (std::size_t c = 0; c < kGroup; ++c) g[c] = x[c] + y[c] + z[c];
+    for (int round = 0; round < rounds_; ++round) {
+      next_.assign(sum_.size(), Numbers{});
+      for (const Face& f : faces_) {
+        const Numbers &x = sum_[f[0]], &y = sum_[f[1]], &z = sum_[f[2]];
+        Numbers g;
+        for (std::size_t c = 0; c < kNumbers; ++c) g[c] = x[c] + y[c] + z[c];
         for (const std::uint32_t v : f)
-          for (std::size_t c = 0; c < kGroup; ++c) next_[v][c] += g[c];
+          for (std::size_t c = 0; c < kNumbers; ++c) next_[v][c] += g[c];
       }
       sum_.swap(next_);
     }
@@ -106,8 +111,10 @@ class Spread {
   }
 
  private:
-  const Around& around_;
-  std::vector<Group> sum_, next_;
+  std::size_t vertices_;
+  std::span<const Face> faces_;
+  int rounds_;
+  std::vector<Numbers> sum_, next_;
 };
 
 /// A matrix in each lane.
@@ -200,6 +207,12 @@ Turn nearest_turn(const Turn& s) {
           u * (x * z - w * y),     u * (y * z + w * x),     1 - u * (x * x + y * y)};
 }
 
+/// Of one lane. \param polar, left  what polar_turns() made of s \param[out] turn  written in place: poses wait for this
+inline void take_turn(const Matrices& s, const Matrices& polar, LaneMask left, std::size_t lane, Turn& turn) {
+  for (std::size_t k = 0; k < 9; ++k) turn[k] = left[lane] != 0 ? s[k][lane] : polar[k][lane];
+  if (left[lane] != 0) turn = nearest_turn(turn);
+}
+
 }  // namespace
 
 std::vector<float> turn_columns(std::span<const Double3> rest, std::span<const Face> faces,
@@ -217,7 +230,7 @@ std::vector<float> turn_columns(std::span<const Double3> rest, std::span<const F
       for (std::size_t c = 0; c < count; ++c) to[c * kLanes] = static_cast<float>(sum[v][c] * share);
     }
   };
-  Spread spread(around);
+  Spread<kGroup> spread(around.vertex.size(), around.faces, kSpreadRounds);
   const std::vector<Group>& plane = spread([&](std::size_t j) {
     const Double3& n = around.normal[j];
     const double a = around.area[j];
@@ -299,13 +312,10 @@ std::vector<Turn> turns(std::span<const float> columns, std::size_t count, bool 
     Matrices r = s;
     const LaneMask left = polar_turns(r);
     for (std::size_t l = 0; l < kLanes && first + l < count; ++l) {
-      Turn& turn = out[first + l];
-      if (moves[l] == 0) {
-        turn = kNoTurn;
-        continue;
-      }
-      for (std::size_t k = 0; k < 9; ++k) turn[k] = left[l] != 0 ? s[k][l] : r[k][l];
-      if (left[l] != 0) turn = nearest_turn(turn);
+      if (moves[l] == 0)
+        out[first + l] = kNoTurn;
+      else
+        take_turn(s, r, left, l, out[first + l]);
     }
   }
   return out;
@@ -313,27 +323,17 @@ std::vector<Turn> turns(std::span<const float> columns, std::size_t count, bool 
 
 std::vector<Turn> fitted_turns(std::span<const Double3> before, std::span<const Double3> after,
                                std::span<const Face> faces) {
-  std::vector<Turn> sum(before.size(), Turn{}), next;
-  for (const Face& f : faces) {
+  Spread<9> spread(before.size(), faces, kFitRings - 1);
+  std::vector<Turn> sum = std::move(spread([&](std::size_t j) {
+    const Face& f = faces[j];
     Turn here{};
     for (std::size_t k = 0; k < 3; ++k) {
       const Double3 was = before[f[(k + 1) % 3]] - before[f[k]], is = after[f[(k + 1) % 3]] - after[f[k]];
       for (std::size_t r = 0; r < 3; ++r)
         for (std::size_t c = 0; c < 3; ++c) here[3 * r + c] += is[r] * was[c];
     }
-    for (const std::uint32_t v : f)
-      for (std::size_t i = 0; i < 9; ++i) sum[v][i] += here[i];
-  }
-  for (int ring = 1; ring < kFitRings; ++ring) {
-    next.assign(sum.size(), Turn{});
-    for (const Face& f : faces) {
-      Turn here;
-      for (std::size_t i = 0; i < 9; ++i) here[i] = sum[f[0]][i] + sum[f[1]][i] + sum[f[2]][i];
-      for (const std::uint32_t v : f)
-        for (std::size_t i = 0; i < 9; ++i) next[v][i] += here[i];
-    }
-    sum.swap(next);
-  }
+    return here;
+  }));
   for (std::size_t first = 0; first < sum.size(); first += kLanes) {
     const std::size_t count = std::min(kLanes, sum.size() - first);
     Matrices s{};
@@ -342,11 +342,7 @@ std::vector<Turn> fitted_turns(std::span<const Double3> before, std::span<const 
     add_normal(s);
     Matrices r = s;
     const LaneMask left = polar_turns(r);
-    for (std::size_t l = 0; l < count; ++l) {
-      Turn& turn = sum[first + l];
-      for (std::size_t i = 0; i < 9; ++i) turn[i] = left[l] != 0 ? s[i][l] : r[i][l];
-      if (left[l] != 0) turn = nearest_turn(turn);
-    }
+    for (std::size_t l = 0; l < count; ++l) take_turn(s, r, left, l, sum[first + l]);
   }
   return sum;
 }

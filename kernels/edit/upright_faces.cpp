@@ -128,9 +128,10 @@ std::size_t yield_to(const TurningBase& base, std::span<const Double3> other, st
   const std::vector<Double3> mine = posed;
   std::vector<int> rounds(posed.size(), 0);
   std::vector<std::uint8_t> over, near;
+  std::vector<std::uint32_t> faces = turned_over(base, trial);
   for (int round = 0; round < kYieldRounds && left > 0; ++round) {
     over.assign(posed.size(), 0);
-    for (const std::uint32_t j : turned_over(base, trial))
+    for (const std::uint32_t j : faces)
       for (const std::uint32_t v : base.faces[j]) over[v] = 1;
     near = over;
     for (const auto& f : base.faces)
@@ -141,9 +142,9 @@ std::size_t yield_to(const TurningBase& base, std::span<const Double3> other, st
       for (int r = 0; r <= rounds[v]; ++r) share *= 0.5;
       trial[v] = ++rounds[v] > kHalvings ? other[v] : other[v] + (mine[v] - other[v]) * share;
     }
-    const std::size_t now = turned_over(base, trial).size();
-    if (now >= left) continue;
-    left = now;
+    faces = turned_over(base, trial);
+    if (faces.size() >= left) continue;
+    left = faces.size();
     posed = trial;
   }
   return left;
