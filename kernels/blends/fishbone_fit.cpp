@@ -17,7 +17,6 @@ constexpr double kWaversNoise = 2.0, kWaversShare = 0.85,
 constexpr int kPatientRounds = 3;       ///< in which ribs that fit badly may get better planes
 constexpr double kWindow = 1.5;         ///< ribs to each side whose vertices a rib sees
 constexpr std::size_t kLeastFlank = 3;  ///< vertices of a rib on each flank
-constexpr std::size_t kLeastRibs = 4;
 constexpr int kProfileSmooths = 12, kSpineSmooths = 16;
 constexpr double kFlankEdges = 3.0,
                  kFlankShare = 0.8;  ///< how much of the flanks is looked at: edges, half widths
@@ -283,12 +282,8 @@ class Fit {
       for (std::size_t i = 0; i < n; ++i) out_.profiles[i] = fits_[i].profile;
       return true;
     }
-    std::size_t best = 0, begin = 0, run = 0;
     const bool closed = out_.planes.closed();
-    for (std::size_t i = 0; i < (closed ? 2 * n : n); ++i) {
-      run = sound[i % n] ? run + 1 : 0;
-      if (run > best && run <= n) best = run, begin = i + 1 - run;
-    }
+    const auto [begin, best] = longest_run(sound, closed);
     if (best < kLeastRibs) return false;
     std::vector<ProfileFit> fits;
     for (std::size_t i = begin; i < begin + best; ++i) fits.push_back(fits_[i % n]);

@@ -26,8 +26,7 @@ constexpr double kLeastFacing = 0.2;  ///< cosine between a new face and the sur
 constexpr double kCreaseArc = 0.6;    ///< of a row: shorter arcs were creases
 constexpr double kOnCrease = 0.35;    ///< of a row: vertices so near to it are on it
 constexpr double kBridgeRibs = 3.0;
-constexpr int kMostCuts = 4;  ///< times that ribs are left out where a blend cannot be changed
-constexpr std::size_t kLeastRibs = 4;
+constexpr int kMostCuts = 4;         ///< times that ribs are left out where a blend cannot be changed
 constexpr double kShrunk = 0.5;      ///< of its length: a second fit that leaves less is not the better one
 constexpr double kRoomy = 1.25;      ///< of the tolerance: how far off is still told
 constexpr double kEdgesApart = 1.3;  ///< local edges that differ by more from what was thought: fit again
@@ -97,24 +96,20 @@ class Resampler {
   bool keep_sound_ribs() {
     const std::size_t n = bad_.size();
     const bool closed = bone_.planes.closed();
-    std::vector<std::uint8_t> out(n, 0);
-    bool any = false;
+    std::vector<std::uint8_t> sound(n, 1);
     for (std::size_t i = 0; i < n; ++i) {
       if (!bad_[i]) continue;
-      any = true;
-      out[i] = 1;
-      if (closed || i > 0) out[(i + n - 1) % n] = 1;
-      if (closed || i + 1 < n) out[(i + 1) % n] = 1;
+      sound[i] = 0;
+      if (closed || i > 0) sound[(i + n - 1) % n] = 0;
+      if (closed || i + 1 < n) sound[(i + 1) % n] = 0;
     }
-    if (!any && closed) return false;
-    if (!any) out.front() = out.back() = 1;
-    std::size_t best = 0, first = 0, run = 0;
-    for (std::size_t i = 0; i < (closed ? 2 * n : n); ++i) {
-      run = out[i % n] ? 0 : run + 1;
-      if (run > best && run <= n) best = run, first = i + 1 - run;
+    if (std::find(bad_.begin(), bad_.end(), 1) == bad_.end()) {
+      if (closed) return false;
+      sound.front() = sound.back() = 0;
     }
-    if (best < kLeastRibs || best == n) return false;
-    bone_.keep(first, best);
+    const RibRun run = longest_run(sound, closed);
+    if (run.count < kLeastRibs || run.count == n) return false;
+    bone_.keep(run.first, run.count);
     return true;
   }
 

@@ -173,6 +173,17 @@ RibPlanes planes_across(std::vector<Double3> spine, std::vector<Double3> up, boo
   return {std::move(planes), closed};
 }
 
+RibRun longest_run(std::span<const std::uint8_t> sound, bool closed) {
+  const std::size_t n = sound.size();
+  RibRun best;
+  std::size_t run = 0;
+  for (std::size_t i = 0; i < (closed ? 2 * n : n); ++i) {
+    run = sound[i % n] ? run + 1 : 0;
+    if (run > best.count && run <= n) best = {i + 1 - run, run};
+  }
+  return best;
+}
+
 bool ribs_cross(const RibPlanes& planes, const RibEnds& ends, double least) {
   const std::size_t n = planes.size(), pieces = planes.closed() ? n : n - 1;
   for (std::size_t i = 0; i < pieces; ++i) {

@@ -4,6 +4,8 @@
 /// rib, with a fraction, and coordinates in its plane. A surface swept along the spine has one profile in these.
 /// Source: thesis 4.3.3, fig. 4.21.
 #pragma once
+#include <cstddef>
+#include <cstdint>
 #include <optional>
 #include <span>
 #include <vector>
@@ -63,6 +65,14 @@ void smooth_line(std::vector<Double3>& line, bool closed, int times);
 void smooth_line(std::vector<double>& line, bool closed, int times);
 /// One that leaves curves of even curvature where they are: fourth differences are damped. Ends stay.
 void smooth_curve(std::vector<Double3>& line, bool closed, int times);
+
+inline constexpr std::size_t kLeastRibs = 4;  ///< of a fishbone
+/// Ribs in a row, from `first` on; past the last rib of a closed spine it goes on with the first.
+struct RibRun {
+  std::size_t first = 0, count = 0;
+};
+/// The longest one that is sound, the first of equal ones. \param sound  per rib
+RibRun longest_run(std::span<const std::uint8_t> sound, bool closed);
 
 /// Ends of ribs, on the surface: one a rib on each side.
 struct RibEnds {
