@@ -146,12 +146,12 @@ DecimateReport decimate(MeshBlock& block, const MeshBlock& reference, const Deci
     }
   report.flat_faces = mend_flat_faces(block);
   if (block.faces.empty()) return report;
-  // Sweeps go by places; where there are none, sorting gains nothing.
   const bool itself = &reference == &block;
   // What an earlier job settled, it did within its own tolerance: a level below, of tiles.
   if (itself)
     for (std::uint8_t& flags : block.face_flags)
       flags = static_cast<std::uint8_t>(flags & ~unsigned{kFaceSettled});
+  // Sweeps go by places; where there are none, sorting gains nothing.
   const bool fresh = std::all_of(block.face_bound.begin(), block.face_bound.end(),
                                  [](float bound) { return !(bound > 0.0f); });
   CollapseMesh mesh(block, origin, fresh ? CollapseMesh::Order::kByPlace : CollapseMesh::Order::kNearEnough);

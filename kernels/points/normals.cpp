@@ -32,13 +32,16 @@ int cube_of(float cells) {
   return static_cast<int>(std::floor(cells / kCubeCells));
 }
 
+bool in_one_cell(const PointBlock& points, std::uint32_t i, std::uint32_t j) {
+  return std::floor(points.x[i]) == std::floor(points.x[j]) &&
+         std::floor(points.y[i]) == std::floor(points.y[j]) &&
+         std::floor(points.z[i]) == std::floor(points.z[j]);
+}
+
 /// End of the run of points that share the cell of point `i`; the points of one cell are consecutive.
 std::uint32_t end_of_cell(const PointBlock& points, std::uint32_t i, std::uint32_t last) {
-  const float x = std::floor(points.x[i]), y = std::floor(points.y[i]), z = std::floor(points.z[i]);
   std::uint32_t end = i + 1;
-  while (end < last && std::floor(points.x[end]) == x && std::floor(points.y[end]) == y &&
-         std::floor(points.z[end]) == z)
-    ++end;
+  while (end < last && in_one_cell(points, i, end)) ++end;
   return end;
 }
 
@@ -135,13 +138,8 @@ class ShapeFinder {
     for (std::size_t i = 0, end = 0; i < which.size(); i = end) {
       constexpr float kFar = std::numeric_limits<float>::infinity();
       Float3 low = {kFar, kFar, kFar}, high = {-kFar, -kFar, -kFar};
-      const std::uint32_t p = which[i];
-      const float x = std::floor(points_.x[p]), y = std::floor(points_.y[p]), z = std::floor(points_.z[p]);
-      for (end = i; end < which.size(); ++end) {
-        const std::uint32_t o = which[end];
-        if (std::floor(points_.x[o]) != x || std::floor(points_.y[o]) != y || std::floor(points_.z[o]) != z)
-          break;
-        const Float3 at = place(o);
+      for (end = i; end < which.size() && in_one_cell(points_, which[i], which[end]); ++end) {
+        const Float3 at = place(which[end]);
         for (std::size_t a = 0; a < 3; ++a)
           low[a] = std::min(low[a], at[a]), high[a] = std::max(high[a], at[a]);
       }
