@@ -12,8 +12,6 @@
 namespace tessera {
 namespace {
 
-constexpr double kLeastLine = 2.0;  ///< edges: shorter creases that end somewhere are noise at this size
-
 Double3 low_corner(const MeshBlock& block) {
   Double3 origin = block.position[0];
   for (const Double3& p : block.position)
@@ -96,7 +94,7 @@ RemeshReport remesh(MeshBlock& block, const MeshBlock& reference, const RemeshOp
   const Double3 origin = low_corner(block);
   const bool adaptive = options.sizing_tolerance > 0.0;
   const ReferenceSurface surface(reference, origin, options.feature_angle_deg,
-                                 kLeastLine * (adaptive ? options.min_edge : options.edge),
+                                 kLeastCreaseEdges * (adaptive ? options.min_edge : options.edge),
                                  {options.sizing_tolerance, options.min_edge, options.edge});
   if (options.find_creases) surface.mark(block);
   CollapseMesh mesh(block, origin);

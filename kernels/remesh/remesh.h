@@ -18,6 +18,9 @@
 
 namespace tessera {
 
+inline constexpr double kLeastCreaseEdges =
+    2.0;  ///< edges: shorter creases that end somewhere are noise at this size
+
 struct RemeshOptions {
   double edge = 0.0;  ///< target length of edges, scan units, > 0; the longest where lengths adapt
   /// Above 0: lengths adapt to the curvature (sizing_field.h) between min_edge and edge.

@@ -11,6 +11,7 @@
 #include "kernels/decimate/collapse_mesh.h"
 #include "kernels/mesh/closest_face.h"
 #include "kernels/remesh/reference_surface.h"
+#include "kernels/remesh/remesh.h"
 #include "stream/runtime/option_table.h"
 #include "stream/runtime/work_dir.h"
 #include "stream/stages/decimate/decimate_job.h"
@@ -94,10 +95,9 @@ int main(int argc, char** argv) try {
   MeshBlock input = whole(stores.full(state));
   const Double3 origin = input.position[0];
   {
-    constexpr double kLeastLine = 2.0;  // as kernels/remesh/remesh.cpp has it
     const MeshBlock reference = input;
     ReferenceSurface(reference, origin, options.feature_angle_deg,
-                     kLeastLine * (options.adaptive ? sizing.shortest : sizing.edge), {})
+                     kLeastCreaseEdges * (options.adaptive ? sizing.shortest : sizing.edge), {})
         .mark(input);
   }
   const Creases before = creases_of(input, origin, false), after = creases_of(mesh, origin, false);
