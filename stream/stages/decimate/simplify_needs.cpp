@@ -45,8 +45,9 @@ std::uint64_t certify_cell_bytes(std::uint64_t faces, std::uint64_t largest_patc
   return compare_cell_bytes(surface_block_bytes(in), in);
 }
 
-std::vector<StageNeed> proof_needs(const RunOptions& run, std::uint64_t reference, std::uint64_t result) {
-  const std::uint64_t patches = reference / largest_patch(reference);
+std::vector<StageNeed> proof_needs(const RunOptions& run, std::uint64_t reference, std::uint64_t result,
+                                   std::uint64_t brick_vertices) {
+  const std::uint64_t patches = reference / std::clamp<std::uint64_t>(reference, 1, 2 * brick_vertices);
   const auto certify = [&](std::uint64_t around) {
     const std::uint64_t cell = certify_cell_bytes(reference + result, largest_patch(reference), around);
     return std::max(certify_task_bytes(cell), certify_finish_bytes(cell, patches));

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "stream/import/import_plan.h"
 #include "stream/runtime/stage.h"
 #include "stream/stages/decimate/simplify_options.h"
 
@@ -27,7 +28,9 @@ std::uint64_t simplify_pass_bytes(const SimplifyOptions& options, int pass, std:
 std::uint64_t certify_cell_bytes(std::uint64_t faces, std::uint64_t largest_patch, std::uint64_t around);
 
 /// Of `certify` and `write`. \param reference, result  faces of both meshes
-std::vector<StageNeed> proof_needs(const RunOptions& run, std::uint64_t reference, std::uint64_t result);
+/// \param brick_vertices  that the reference was imported with (ImportSource)
+std::vector<StageNeed> proof_needs(const RunOptions& run, std::uint64_t reference, std::uint64_t result,
+                                   std::uint64_t brick_vertices = ImportPlan::kBrickVertices);
 
 /// Of the stages of the first round over an imported mesh, and of `write`.
 std::vector<StageNeed> simplify_needs(const RunOptions& run, const SimplifyOptions& options,

@@ -103,7 +103,8 @@ JobDescription remesh_job(const RemeshJobOptions& options) {
       needs.push_back({SimplifyPass{p, 0, false}.stage_name(), remesh_pass_bytes(options, mesh.faces, 1),
                        remesh_pass_bytes(options, mesh.faces, 2 * kMostAround)});
     // What comes out is decimated no further.
-    for (const StageNeed& need : proof_needs(state.run, mesh.faces, std::max(mesh.faces, options.faces)))
+    for (const StageNeed& need : proof_needs(state.run, mesh.faces, std::max(mesh.faces, options.faces),
+                                             remesh_source(options).brick_vertices))
       needs.push_back(need);
     return needs;
   };
