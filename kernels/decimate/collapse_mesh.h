@@ -30,6 +30,11 @@ constexpr std::uint32_t prev_corner(std::uint32_t c) {
   return (c & 3u) == 0u ? c + 2 : c - 1;
 }
 
+/// Whether indices of vertices and of corners, which are 4 face + 0, 1 or 2, fit into 32 bits beside kNoCorner.
+constexpr bool fits_collapse_mesh(std::size_t vertices, std::size_t faces) {
+  return vertices < kNoCorner && faces <= kNoCorner / 4;
+}
+
 /// Bits of CollapseFace::state. Border and crease are per edge: shifted by the corner opposite the edge.
 enum FaceState : std::uint32_t {
   kStateBorder = 1,  ///< << 0, 1, 2

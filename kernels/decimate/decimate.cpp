@@ -12,6 +12,7 @@
 #include "kernels/decimate/decimator.h"
 #include "kernels/decimate/feature_edges.h"
 #include "kernels/mesh/flat_faces.h"
+#include "kernels/mesh/mesh_block_ops.h"
 #include "octree/error.h"
 
 namespace tessera {
@@ -22,59 +23,17 @@ void check_sizes(const MeshBlock& b, const char* name) {
   if (b.key.size() != n || b.vertex_class.size() != n || (!b.rgba.empty() && b.rgba.size() != n) ||
       b.face_flags.size() != m || (!b.face_bound.empty() && b.face_bound.size() != m))
     throw InputError(std::string("decimation: arrays of different length in the ") + name);
-  if (3 * m >= kNoCorner || n >= kNoCorner)
-    throw InputError(std::string("decimation: more than a thousand million faces in the ") + name);
+  if (!fits_collapse_mesh(n, m))
+    throw InputError(std::string("decimation: a thousand million faces or more in the ") + name);
   for (const auto& f : b.faces)
     if (f[0] >= n || f[1] >= n || f[2] >= n || f[0] == f[1] || f[1] == f[2] || f[2] == f[0])
       throw InputError(std::string("decimation: a face without three different vertices in the ") + name);
 }
 
-template <class T>
-void take(std::vector<T>& v, const std::vector<std::uint32_t>& order) {
-  if (v.empty()) return;
-  std::vector<T> out;
-  out.reserve(order.size());
-  for (const std::uint32_t i : order) out.push_back(v[i]);
-  v = std::move(out);
-}
-
-/// The flags of the edges turn with the corners.
-std::uint8_t turned_flags(std::uint8_t flags, std::size_t first) {
-  const unsigned edges = flags & 7u;
-  return static_cast<std::uint8_t>((flags & ~7u) | ((edges >> first | edges << (3 - first)) & 7u));
-}
-
-/// Keys ascending, smallest index of a face first, faces ascending; vertices without a face dropped.
-void make_canonical(MeshBlock& b) {
-  const std::size_t n = b.position.size();
-  std::vector<std::uint8_t> used(n, 0);
-  for (const auto& f : b.faces) used[f[0]] = used[f[1]] = used[f[2]] = 1;
-  std::vector<std::uint32_t> order;
-  for (std::uint32_t v = 0; v < n; ++v)
-    if (used[v]) order.push_back(v);
-  const auto by_key = [&](std::uint32_t a, std::uint32_t c) { return b.key[a] < b.key[c]; };
-  if (!std::is_sorted(order.begin(), order.end(), by_key)) std::sort(order.begin(), order.end(), by_key);
-  std::vector<std::uint32_t> place(n, 0);
-  for (std::uint32_t i = 0; i < order.size(); ++i) place[order[i]] = i;
-  for (std::size_t i = 1; i < order.size(); ++i)
-    if (b.key[order[i - 1]] == b.key[order[i]])
-      throw InputError("decimation: two vertices of the block have the key " +
-                       std::to_string(b.key[order[i]]));
-  take(b.key, order), take(b.position, order), take(b.vertex_class, order), take(b.rgba, order);
-  for (std::size_t f = 0; f < b.faces.size(); ++f) {
-    auto& t = b.faces[f];
-    for (auto& v : t) v = place[v];
-    const auto first = static_cast<std::size_t>(std::min_element(t.begin(), t.end()) - t.begin());
-    std::rotate(t.begin(), t.begin() + static_cast<std::ptrdiff_t>(first), t.end());
-    b.face_flags[f] = turned_flags(b.face_flags[f], first);
-  }
-  if (std::is_sorted(b.faces.begin(), b.faces.end())) return;
-  std::vector<std::uint32_t> faces(b.faces.size());
-  std::iota(faces.begin(), faces.end(), 0u);
-  std::sort(faces.begin(), faces.end(), [&](std::uint32_t a, std::uint32_t c) {
-    return b.faces[a] != b.faces[c] ? b.faces[a] < b.faces[c] : a < c;
-  });
-  take(b.faces, faces), take(b.face_flags, faces), take(b.face_bound, faces);
+void check_keys(const MeshBlock& canonical) {
+  const auto twin = std::adjacent_find(canonical.key.begin(), canonical.key.end());
+  if (twin != canonical.key.end())
+    throw InputError("decimation: two vertices of the block have the key " + std::to_string(*twin));
 }
 
 /// Per vertex of the mesh the one with the same key in the reference, or kNoCorner. Both blocks are
@@ -110,7 +69,7 @@ void write_back(const CollapseMesh& mesh, MeshBlock& b) {
     b.face_flags.push_back(static_cast<std::uint8_t>(flags));
     b.face_bound.push_back(f.bound);
   }
-  make_canonical(b);
+  canonicalise(b);
 }
 
 }  // namespace
@@ -133,7 +92,8 @@ DecimateReport decimate(MeshBlock& block, const MeshBlock& reference, const Deci
   options.validate();
   check_sizes(block, "block");
   DecimateReport report;
-  make_canonical(block);
+  canonicalise(block);
+  check_keys(block);
   block.face_bound.resize(block.faces.size(), 0.0f);
   report.faces_in = block.faces.size();
   report.vertices_in = block.position.size();
