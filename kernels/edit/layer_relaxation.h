@@ -39,8 +39,11 @@ class LayerRelaxation {
   std::size_t prisms() const;
   /// Volumes and edges are to be those at rest with all heights times `share`.
   void aim(double share);
-  /// Free vertices to these displacements from the base, the others to `share` of theirs.
+  /// Moves the free vertices to these positions; the others stay where they are.
+  /// \param surface  n
   void set(std::span<const Double3> surface);
+  /// Multiplies the displacements of free vertices from the base by `free_by`, and sets those of the others to `others_to` times
+  /// what they were in the pose at first.
   void scale(double free_by, double others_to);
   /// Every prism in turn takes the shortest way to its volume, `relaxation` of it.
   void project(double relaxation);

@@ -13,9 +13,9 @@
 namespace tessera {
 namespace {
 
-/// A line that bends by more is cut there. Borders of scans waver, so they get more.
-constexpr std::size_t kLeastSegments =
-    3;  ///< edges of the reference: a shorter crease that ends somewhere is noise
+/// Edges of the reference: a shorter crease that ends somewhere is noise.
+constexpr std::size_t kLeastSegments = 3;
+/// Cosines: a line that bends by more is cut there. Borders of scans waver, so they get more.
 constexpr double kStraightCrease = 0.70710678118654752, kStraightBorder = 0.5;
 
 Double3 closest_on_segment(const Double3& p, const Double3& a, const Double3& b) {

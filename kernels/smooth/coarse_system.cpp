@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <stdexcept>
 #include <string>
 
 #include "octree/error.h"
@@ -82,7 +83,7 @@ std::size_t CoarseSystem::number(std::uint64_t name) const {
   const auto at = std::lower_bound(unknowns_.begin(), unknowns_.end(), name,
                                    [](const CoarseUnknown& u, std::uint64_t k) { return u.name < k; });
   if (at == unknowns_.end() || at->name != name)
-    throw InputError("the coarse level has no unknown " + std::to_string(name) + "");
+    throw std::logic_error("the coarse level has no unknown " + std::to_string(name));
   return static_cast<std::size_t>(at - unknowns_.begin());
 }
 

@@ -38,15 +38,17 @@ class CoarseSystem {
   /// \param unknowns  ascending names
   CoarseSystem(std::vector<CoarseUnknown> unknowns, const CoarseOptions& options);
 
-  /// \pre ascending rows, ascending columns within a row, each pair once; both are unknowns
+  /// \pre ascending rows, ascending columns within a row, each pair once
+  /// \throws std::logic_error when one of them is no unknown
   void add(const CoarseEntry& entry);
 
   /// The values, in the order of the unknowns: those on lines are solved first, then the others, which see them.
   /// Order 1: by a factor, or by multigrid to a residual of 1e-5 where the factor would take longer or more than
   /// solve_bytes(), which the matrix alone decides. Order 2: by Chebyshev steps, each with two systems of order 1
   /// (block matrices of Axelsson, Neytcheva, Ahmad 2014). On one thread: the same bits on every machine.
-  /// \pre all entries are added; every load names an unknown
+  /// \pre all entries are added
   /// \throws InputError when there is no solution, with the reason
+  /// \throws std::logic_error when a load names no unknown
   std::vector<CoarseValue> solve(std::span<const CoarseLoad> loads, const CoarseFactors& factors);
   /// The same with factors in memory.
   std::vector<CoarseValue> solve(std::span<const CoarseLoad> loads);

@@ -113,8 +113,7 @@ const std::map<std::string, std::string>& covering_tests() {
     by("octree/winding_number", "octree", {"leaf_queries", "multipole"});
     by("kernels/edit/edit_basis", "octree", {"placement"});
     by("kernels/edit/edit_basis", "kernels/edit", {"base_turns"});
-    by("kernels/edit/displacement_volumes", "kernels/edit",
-       {"base_volume", "coarse_layer", "layer_levels", "layer_relaxation"});
+    by("kernels/edit/displacement_volumes", "kernels/edit", {"base_volume", "coarse_layer", "layer_levels"});
     by("kernels/scene/scene", "octree", {"portable_math"});
 
     by("solvers/linear_solver", "solvers",
@@ -186,8 +185,7 @@ const std::map<std::string, std::string>& covering_tests() {
        {"import_corners_stage", "import_repair_stage", "import_tiles_stage", "import_vertices_stage"});
     by("tools/decimate", "stream/meshes", {"store_write_stage"});
     by("tools/decimate", "stream/stages/decimate",
-       {"certify_stage", "decimate_job", "pass_blocks", "round_before", "simplify_stage",
-        "unsettled_region"});
+       {"certify_stage", "decimate_job", "pass_blocks", "round_before", "unsettled_region"});
     by("tools/decimate", "stream/runtime", {"serial_stage"});
     by("stream/runtime/option_table", "stream/stages/decimate", {"simplify_options"});
     by("tools/deform", "stream/stages/deform",

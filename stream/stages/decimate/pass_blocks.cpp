@@ -55,7 +55,7 @@ bool PassBlocks::copy_unchanged(const MeshBlockCut& cut, MeshFileWriter* writer,
   if (same == nullptr) return false;
   const std::uint64_t faces = before_->copy(*same, *writer);
   if (left != nullptr) *left = before_->left(*same);
-  add_counts(sum, {{"faces_in", cut.faces}, {"faces_out", faces}, {"blocks_kept", std::uint64_t{1}}});
+  add_counts(sum, {{"faces_in", cut.faces}, {"faces_out", faces}, {"blocks_kept", 1}});
   context.advance(cut.faces);
   return true;
 }

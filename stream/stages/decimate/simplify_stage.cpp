@@ -151,9 +151,28 @@ json to_json(const DecimateReport& r) {
           {"bound", r.bound}};
 }
 
+namespace {
+
+bool is_negative(const json& value) {
+  return value.is_number_integer() && !value.is_number_unsigned() && value.get<std::int64_t>() < 0;
+}
+
+/// Integers that the program made are signed or not, those read from a journal are unsigned unless negative: the sum is as
+/// if it had been read.
+void add_integer(json& sum, const json& value) {
+  const std::uint64_t total = (sum.is_null() ? 0 : sum.get<std::uint64_t>()) + value.get<std::uint64_t>();
+  const auto below_zero = static_cast<std::int64_t>(total);
+  if (below_zero < 0 && (is_negative(sum) || is_negative(value)))
+    sum = below_zero;
+  else
+    sum = total;
+}
+
+}  // namespace
+
 void add_counts(json& sum, const json& part) {
   for (const auto& [key, value] : part.items()) {
-    if (value.is_number_unsigned()) sum[key] = sum.value(key, std::uint64_t{0}) + value.get<std::uint64_t>();
+    if (value.is_number_integer()) add_integer(sum[key], value);
     if (value.is_number_float()) sum[key] = std::max(sum.value(key, 0.0), value.get<double>());
     if (value.is_object()) add_counts(sum.emplace(key, json::object()).first.value(), value);
   }

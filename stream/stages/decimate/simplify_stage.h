@@ -58,7 +58,8 @@ MeshStore open_pass_input(const JobState& state, const SimplifyStores& stores, c
 
 // Reports of passes.
 nlohmann::json to_json(const DecimateReport& report);
-/// Adds integers and takes the largest of other numbers, key by key, also of objects inside.
+/// Adds integers, signed or not, and takes the largest of other numbers, key by key, also of objects inside. What is no
+/// number is left out.
 void add_counts(nlohmann::json& sum, const nlohmann::json& part);
 
 /// The blocks of a pass over `in`; a pure function of the tables of both stores.

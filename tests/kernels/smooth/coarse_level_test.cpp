@@ -7,6 +7,7 @@
 #include <cmath>
 #include <map>
 #include <numeric>
+#include <stdexcept>
 
 #include "kernels/smooth/coarse_system.h"
 #include "kernels/smooth/smooth.h"
@@ -333,7 +334,12 @@ TEST_CASE("coarse level: what cannot be solved is said", "[unit]") {
     CHECK_THROWS_AS(system.solve(loads), InputError);
   }
   SECTION("an entry of nobody") {
+    // No input can bring that about.
     CoarseSystem system({{3, {0, 0, 0}, 0}}, options);
-    CHECK_THROWS_AS(system.add({4, 4, 1.0, 0.0}), InputError);
+    CHECK_THROWS_AS(system.add({4, 4, 1.0, 0.0}), std::logic_error);
+    CHECK_THROWS_AS(system.add({3, 4, 1.0, 0.0}), std::logic_error);
+    system.add({3, 3, 1.0, 0.0});
+    const std::vector<CoarseLoad> loads = {{4, {1, 1, 1}, {}}};
+    CHECK_THROWS_AS(system.solve(loads), std::logic_error);
   }
 }
