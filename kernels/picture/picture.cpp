@@ -1,6 +1,7 @@
 #include "kernels/picture/picture.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstddef>
 #include <stdexcept>
@@ -9,13 +10,19 @@
 #include "kernels/picture/gl_functions.h"
 #include "kernels/picture/picture_shaders.h"
 #include "octree/error.h"
+#include "octree/vector.h"
 
 namespace tessera {
 namespace {
 
 constexpr float kUnitNormal = 32767.0f;
 constexpr float kLeastLinePixels = 0.3f;
+constexpr double kMostPointSize = 200.0;  // samples (picture_shaders.h)
+constexpr double kRounding = 2.0;         // pixels, of floats on the way to the screen
 constexpr double kOcclusionShare = 0.07;  // of a view's half width, where no radius is given
+constexpr double kMostReach = 0.3;        // of a view's height: as far as occlusion looks in perspective
+/// A view of 800 x 600 with three samples a side is a band.
+constexpr std::uint64_t kBandSamples = 4'500'000;
 
 /// Texture units of the screen passes.
 enum Unit : int { kColours = 0, kDepths = 1, kFacings = 2, kOcclusions = 3 };
@@ -28,6 +35,24 @@ std::string with_light(const char* source) {
 
 float channel(std::uint32_t rgba, int i) {
   return static_cast<float>((rgba >> (8 * i)) & 0xffu) / 255.0f;
+}
+
+/// Pixels around a band whose depths and occlusions the passes over the screen look at (picture_shaders.h): as far as taps of occlusion
+/// reach, and four for the blur, the crease and what is rounded.
+int band_margin(const PictureView& view) {
+  const double most = kMostReach * view.height;
+  const double reach = view.camera.orthographic ? std::min(0.5 * kOcclusionShare * view.width, most) : most;
+  return static_cast<int>(std::ceil(std::max(reach, 4.0))) + 4;
+}
+
+/// Width and rows that any of the bands fits into, pixels.
+std::array<int, 2> slot_size(std::span<const PictureView> views, std::span<const PictureBand> bands) {
+  std::array<int, 2> size = {0, 0};
+  for (const PictureBand& band : bands) {
+    size[0] = std::max(size[0], views[band.view].width);
+    size[1] = std::max(size[1], band.drawn_high - band.drawn_low);
+  }
+  return size;
 }
 
 }  // namespace
@@ -43,17 +68,56 @@ void set_normal(PictureVertex& vertex, float x, float y, float z) {
   vertex.has_normal = static_cast<std::int16_t>(kUnitNormal);
 }
 
-std::uint64_t picture_bytes(const PictureOptions& options) {
-  const auto pixels = static_cast<std::uint64_t>(options.width) * static_cast<std::uint64_t>(options.height);
+std::vector<PictureBand> picture_bands(const PictureOptions& options, std::span<const PictureView> views) {
+  std::vector<PictureBand> bands;
+  for (std::size_t v = 0; v < views.size(); ++v) {
+    const PictureView& view = views[v];
+    const int margin = band_margin(view);
+    const auto row = static_cast<std::uint64_t>(view.width) *
+                     static_cast<std::uint64_t>(options.supersample * options.supersample);
+    const auto fit =
+        static_cast<int>(std::min<std::uint64_t>(kBandSamples / std::max<std::uint64_t>(row, 1), 1 << 20));
+    const int rows = view.height <= fit ? view.height : std::max(fit - 2 * margin, margin);
+    const int count = (view.height + rows - 1) / std::max(rows, 1);
+    for (int k = 0; k < count; ++k) {
+      const int low = view.height * k / count, high = view.height * (k + 1) / count;
+      bands.push_back({v, low, high, std::max(low - margin, 0), std::min(high + margin, view.height)});
+    }
+  }
+  return bands;
+}
+
+std::uint64_t band_bytes(const PictureOptions& options, std::span<const PictureView> views) {
+  const auto [width, rows] = slot_size(views, picture_bands(options, views));
+  const auto pixels = static_cast<std::uint64_t>(width) * static_cast<std::uint64_t>(rows);
   const auto samples = static_cast<std::uint64_t>(options.supersample * options.supersample);
-  constexpr std::uint64_t kPerSample = 4 + 4 + 4;     // colour, facing, depth
-  constexpr std::uint64_t kPerPixel = 4 + 4 + 4 + 3;  // result, occlusion, read-back, image
+  constexpr std::uint64_t kPerSample = 4 + 4 + 4;  // colour, facing, depth
+  constexpr std::uint64_t kPerPixel = 4 + 4 + 4;   // result, occlusion, read-back
   return pixels * (samples * kPerSample + kPerPixel);
 }
+
+Image blank_picture(const PictureOptions& options) {
+  Image image;
+  image.width = options.width;
+  image.height = options.height;
+  image.rgb.resize(3 * static_cast<std::size_t>(image.width) * static_cast<std::size_t>(image.height));
+  constexpr std::array<std::uint8_t, 3> kBetween = {158, 163, 168};
+  for (std::size_t i = 0; i < image.rgb.size(); ++i) image.rgb[i] = kBetween[i % 3];
+  return image;
+}
+
+/// Textures that a band is drawn into.
+struct Slot {
+  GLuint colours = 0, facings = 0, depths = 0, occlusions = 0, result = 0;
+  GLuint scene_frame = 0, occlusion_frame = 0, result_frame = 0;
+};
 
 struct Picture::State {
   PictureOptions options;
   std::vector<PictureView> views;
+  std::array<int, 2> slot{};  ///< size of each
+  std::vector<Slot> slots;
+  std::vector<PictureBand> held;  ///< each in the slot of its number
   Double3 offset{};
   bool cut_backs = false;
   std::unique_ptr<GlContext> context;
@@ -61,19 +125,16 @@ struct Picture::State {
   GLuint triangle_program = 0, point_program = 0, line_program = 0, occlusion_program = 0,
          compose_program = 0;
   GLuint vertex_array = 0, line_array = 0, empty_array = 0, buffer = 0;
-  GLuint colours = 0, facings = 0, depths = 0, occlusions = 0, result = 0;
-  GLuint scene_frame = 0, occlusion_frame = 0, result_frame = 0;
 
   const GlFunctions& gl() const { return context->gl(); }
-  GLint rect_y(const PictureView& v) const {
-    return options.height - v.y - v.height;
-  }  // GL counts from below
 
-  void build_targets();
+  Slot build_slot() const;
   void build_arrays();
   void use_scene(GLuint program) const;
-  void use_view(GLuint program, const PictureView& view) const;
-  void use_screen_view(GLuint program, const PictureView& view) const;
+  void use_band(GLuint program, std::size_t k) const;
+  void use_screen_band(GLuint program, std::size_t k) const;
+  void read_band(std::size_t k, Image& image) const;
+  bool may_show(std::span<const PictureVertex> batch, const PictureBand& band, double pad_pixels) const;
   void upload(std::span<const PictureVertex> vertices) const;
   GLuint frame(std::span<const GLuint> colour, GLuint depth) const;
 };
@@ -84,9 +145,9 @@ GLuint Picture::State::frame(std::span<const GLuint> colour, GLuint depth) const
   gl().BindFramebuffer(GL_FRAMEBUFFER, name);
   std::vector<GLenum> buffers;
   for (const GLuint texture : colour) {
-    const GLenum slot = GL_COLOR_ATTACHMENT0 + static_cast<GLenum>(buffers.size());
-    gl().FramebufferTexture2D(GL_FRAMEBUFFER, slot, GL_TEXTURE_2D, texture, 0);
-    buffers.push_back(slot);
+    const GLenum attachment = GL_COLOR_ATTACHMENT0 + static_cast<GLenum>(buffers.size());
+    gl().FramebufferTexture2D(GL_FRAMEBUFFER, attachment, GL_TEXTURE_2D, texture, 0);
+    buffers.push_back(attachment);
   }
   if (depth != 0) gl().FramebufferTexture2D(GL_FRAMEBUFFER, GL_DEPTH_ATTACHMENT, GL_TEXTURE_2D, depth, 0);
   gl().DrawBuffers(static_cast<GLsizei>(buffers.size()), buffers.data());
@@ -96,27 +157,19 @@ GLuint Picture::State::frame(std::span<const GLuint> colour, GLuint depth) const
   return name;
 }
 
-void Picture::State::build_targets() {
-  const int width = options.width * options.supersample;
-  const int height = options.height * options.supersample;
-  if (std::max(width, height) > context->max_texture_size()) {
-    throw UsageError("a picture of " + std::to_string(options.width) + "x" + std::to_string(options.height) +
-                     " pixels with " + std::to_string(options.supersample) + " samples a side is over " +
-                     std::to_string(context->max_texture_size()) +
-                     " samples a side, the limit of the rasterizer");
-  }
-  colours = create_gl_texture(gl(), GL_RGBA8, width, height);
-  facings = create_gl_texture(gl(), GL_RGBA8, width, height);
-  depths = create_gl_texture(gl(), GL_DEPTH_COMPONENT32F, width, height);
-  occlusions = create_gl_texture(gl(), GL_RGBA8, options.width, options.height);
-  result = create_gl_texture(gl(), GL_RGBA8, options.width, options.height);
-  const std::array<GLuint, 2> scene = {colours, facings};
-  scene_frame = frame(scene, depths);
-  occlusion_frame = frame(std::span(&occlusions, 1), 0);
-  result_frame = frame(std::span(&result, 1), 0);
-  gl().BindFramebuffer(GL_FRAMEBUFFER, scene_frame);
-  gl().ClearColor(0.0f, 0.0f, 0.0f, 0.0f);
-  gl().Clear(GL_COLOR_BUFFER_BIT | GL_DEPTH_BUFFER_BIT);
+Slot Picture::State::build_slot() const {
+  const int width = slot[0] * options.supersample, height = slot[1] * options.supersample;
+  Slot s;
+  s.colours = create_gl_texture(gl(), GL_RGBA8, width, height);
+  s.facings = create_gl_texture(gl(), GL_RGBA8, width, height);
+  s.depths = create_gl_texture(gl(), GL_DEPTH_COMPONENT32F, width, height);
+  s.occlusions = create_gl_texture(gl(), GL_RGBA8, slot[0], slot[1]);
+  s.result = create_gl_texture(gl(), GL_RGBA8, slot[0], slot[1]);
+  const std::array<GLuint, 2> scene = {s.colours, s.facings};
+  s.scene_frame = frame(scene, s.depths);
+  s.occlusion_frame = frame(std::span(&s.occlusions, 1), 0);
+  s.result_frame = frame(std::span(&s.result, 1), 0);
+  return s;
 }
 
 void Picture::State::build_arrays() {
@@ -145,18 +198,20 @@ void Picture::State::build_arrays() {
 
 void Picture::State::use_scene(GLuint program) const {
   context->make_current();
-  gl().BindFramebuffer(GL_FRAMEBUFFER, scene_frame);
   gl().Enable(GL_DEPTH_TEST);
   gl().DepthFunc(GL_LESS);
   gl().Enable(GL_SCISSOR_TEST);
   gl().UseProgram(program);
 }
 
-/// Viewport, scissor and matrices of a view in the scene.
-void Picture::State::use_view(GLuint program, const PictureView& view) const {
+/// Frame, viewport, scissor and matrices of a band in the scene. The viewport is that of the whole view.
+void Picture::State::use_band(GLuint program, std::size_t k) const {
+  const PictureBand& band = held[k];
+  const PictureView& view = views[band.view];
   const GLint s = options.supersample;
-  gl().Viewport(view.x * s, rect_y(view) * s, view.width * s, view.height * s);
-  gl().Scissor(view.x * s, rect_y(view) * s, view.width * s, view.height * s);
+  gl().BindFramebuffer(GL_FRAMEBUFFER, slots[k].scene_frame);
+  gl().Viewport(0, -band.drawn_low * s, view.width * s, view.height * s);
+  gl().Scissor(0, 0, view.width * s, (band.drawn_high - band.drawn_low) * s);
   Camera camera = view.camera;
   for (std::size_t i = 0; i < 3; ++i) camera.eye[i] -= offset[i];
   const std::array<float, 16> matrix = camera.view_matrix();
@@ -166,15 +221,46 @@ void Picture::State::use_view(GLuint program, const PictureView& view) const {
   gl().Uniform1i(gl_uniform(gl(), program, "orthographic"), view.camera.orthographic ? 1 : 0);
 }
 
-void Picture::State::use_screen_view(GLuint program, const PictureView& view) const {
+void Picture::State::use_screen_band(GLuint program, std::size_t k) const {
+  const PictureBand& band = held[k];
+  const PictureView& view = views[band.view];
   const Camera& camera = view.camera;
-  gl().Viewport(view.x, rect_y(view), view.width, view.height);
-  gl().Scissor(view.x, rect_y(view), view.width, view.height);
-  gl().Uniform4i(gl_uniform(gl(), program, "rect"), view.x, rect_y(view), view.width, view.height);
+  gl().Viewport(0, -band.drawn_low, view.width, view.height);
+  gl().Scissor(0, 0, view.width, band.drawn_high - band.drawn_low);
+  gl().Uniform4i(gl_uniform(gl(), program, "rect"), 0, -band.drawn_low, view.width, view.height);
+  gl().Uniform1i(gl_uniform(gl(), program, "rows"), band.drawn_high - band.drawn_low);
   gl().Uniform1i(gl_uniform(gl(), program, "samples"), options.supersample);
   gl().Uniform1i(gl_uniform(gl(), program, "orthographic"), camera.orthographic ? 1 : 0);
   gl().Uniform2f(gl_uniform(gl(), program, "planes"), static_cast<float>(camera.near_plane),
                  static_cast<float>(camera.far_plane));
+}
+
+/// False where the box of the batch lies above or below the band, which then need not be asked to draw it.
+bool Picture::State::may_show(std::span<const PictureVertex> batch, const PictureBand& band,
+                              double pad_pixels) const {
+  const PictureView& view = views[band.view];
+  if (band.drawn_low == 0 && band.drawn_high == view.height) return true;
+  Double3 low = {1e300, 1e300, 1e300}, high = {-1e300, -1e300, -1e300};
+  for (const PictureVertex& p : batch) {
+    const Double3 at = {p.x, p.y, p.z};
+    for (std::size_t i = 0; i < 3; ++i) low[i] = std::min(low[i], at[i]), high[i] = std::max(high[i], at[i]);
+  }
+  const Camera& camera = view.camera;
+  double least = 1e300, most = -1e300;  // rows
+  for (unsigned corner = 0; corner < 8; ++corner) {
+    Double3 d;
+    for (std::size_t i = 0; i < 3; ++i)
+      d[i] = (corner >> i & 1u ? high[i] : low[i]) + offset[i] - camera.eye[i];
+    double up = dot(d, camera.up) / camera.half_height;
+    if (!camera.orthographic) {
+      const double ahead = -dot(d, camera.back);
+      if (!(ahead > camera.near_plane)) return true;
+      up /= ahead;
+    }
+    const double row = 0.5 * (up + 1.0) * view.height;
+    least = std::min(least, row), most = std::max(most, row);
+  }
+  return !(most + pad_pixels < band.drawn_low || least - pad_pixels > band.drawn_high);
 }
 
 void Picture::State::upload(std::span<const PictureVertex> vertices) const {
@@ -189,7 +275,12 @@ Picture::Picture(const PictureOptions& options, std::span<const PictureView> vie
   s.options = options;
   s.views.assign(views.begin(), views.end());
   s.context = create_gl_context();
-  s.build_targets();
+  s.slot = slot_size(s.views, picture_bands(options, views));
+  if (const int widest = s.slot[0] * options.supersample; widest > s.context->max_texture_size())
+    throw UsageError("a view of " + std::to_string(s.slot[0]) + " pixels with " +
+                     std::to_string(options.supersample) + " samples a side is over " +
+                     std::to_string(s.context->max_texture_size()) +
+                     " samples wide, the limit of the rasterizer");
   s.build_arrays();
   const GlFunctions& gl = s.gl();
   s.triangle_program =
@@ -202,6 +293,20 @@ Picture::Picture(const PictureOptions& options, std::span<const PictureView> vie
 }
 
 Picture::~Picture() = default;
+
+void Picture::begin(std::span<const PictureBand> bands) {
+  State& s = *state_;
+  const GlFunctions& gl = s.gl();
+  s.context->make_current();
+  s.held.assign(bands.begin(), bands.end());
+  while (s.slots.size() < s.held.size()) s.slots.push_back(s.build_slot());
+  gl.Disable(GL_SCISSOR_TEST);
+  gl.ClearColor(0.0f, 0.0f, 0.0f, 0.0f);
+  for (std::size_t k = 0; k < s.held.size(); ++k) {
+    gl.BindFramebuffer(GL_FRAMEBUFFER, s.slots[k].scene_frame);
+    gl.Clear(GL_COLOR_BUFFER_BIT | GL_DEPTH_BUFFER_BIT);
+  }
+}
 
 void Picture::set_offset(const Double3& offset) {
   state_->offset = offset;
@@ -224,8 +329,9 @@ void Picture::triangles(std::span<const PictureVertex> corners, float wire_pixel
   gl.Uniform1i(gl_uniform(gl, program, "shade"), static_cast<int>(s.options.shade));
   gl.Uniform4f(gl_uniform(gl, program, "back_colour"), channel(kBackFace, 0), channel(kBackFace, 1),
                channel(kBackFace, 2), 1.0f);
-  for (const PictureView& view : s.views) {
-    s.use_view(program, view);
+  for (std::size_t k = 0; k < s.held.size(); ++k) {
+    if (!s.may_show(corners, s.held[k], kRounding)) continue;
+    s.use_band(program, k);
     gl.DrawArrays(GL_TRIANGLES, 0, static_cast<GLsizei>(corners.size()));
   }
   gl.Finish();  // else llvmpipe keeps every batch until the end
@@ -242,8 +348,10 @@ void Picture::lines(std::span<const PictureVertex> ends, float pixels, float len
   gl.Uniform1f(gl_uniform(gl, program, "most_half_width"), 0.5f * pixels * samples);
   gl.Uniform1f(gl_uniform(gl, program, "least_half_width"), 0.5f * kLeastLinePixels * samples);
   gl.Uniform1f(gl_uniform(gl, program, "edge_length"), length);
-  for (const PictureView& view : s.views) {
-    s.use_view(program, view);
+  for (std::size_t k = 0; k < s.held.size(); ++k) {
+    if (!s.may_show(ends, s.held[k], kRounding + double{pixels})) continue;
+    const PictureView& view = s.views[s.held[k].view];
+    s.use_band(program, k);
     gl.Uniform1f(gl_uniform(gl, program, "eye_pixel"),
                  static_cast<float>(2.0 * view.camera.half_height / (view.height * s.options.supersample)));
     gl.Uniform1f(gl_uniform(gl, program, "near_plane"), static_cast<float>(view.camera.near_plane));
@@ -267,8 +375,10 @@ void Picture::points(std::span<const PictureVertex> centres, float diameter, flo
   gl.Uniform1i(gl_uniform(gl, program, "mark_back"), mark_back ? 1 : 0);
   gl.Uniform4f(gl_uniform(gl, program, "back_colour"), channel(kBackFace, 0), channel(kBackFace, 1),
                channel(kBackFace, 2), 1.0f);
-  for (const PictureView& view : s.views) {
-    s.use_view(program, view);
+  for (std::size_t k = 0; k < s.held.size(); ++k) {
+    if (!s.may_show(centres, s.held[k], kRounding + kMostPointSize)) continue;
+    const PictureView& view = s.views[s.held[k].view];
+    s.use_band(program, k);
     const double per_unit = view.height * s.options.supersample / (2.0 * view.camera.half_height);
     gl.Uniform1f(gl_uniform(gl, program, "diameter_scale"),
                  static_cast<float>(static_cast<double>(diameter) * per_unit));
@@ -277,75 +387,74 @@ void Picture::points(std::span<const PictureVertex> centres, float diameter, flo
   gl.Finish();  // else llvmpipe keeps every batch until the end
 }
 
-Image Picture::finish() {
+/// Reads the band's rows into their places.
+void Picture::State::read_band(std::size_t k, Image& image) const {
+  const PictureBand& band = held[k];
+  const PictureView& view = views[band.view];
+  const auto row_pixels = static_cast<std::size_t>(view.width);
+  std::vector<std::uint8_t> rgba(4 * row_pixels * static_cast<std::size_t>(band.high - band.low));
+  gl().ReadBuffer(GL_COLOR_ATTACHMENT0);
+  gl().PixelStorei(GL_PACK_ALIGNMENT, 1);
+  gl().ReadPixels(0, band.low - band.drawn_low, view.width, band.high - band.low, GL_RGBA, GL_UNSIGNED_BYTE,
+                  rgba.data());
+  for (int row = band.low; row < band.high; ++row) {
+    const std::uint8_t* from = rgba.data() + 4 * row_pixels * static_cast<std::size_t>(row - band.low);
+    std::uint8_t* to = image.pixel(view.x, view.y + view.height - 1 - row);  // GL counts from below
+    for (std::size_t x = 0; x < row_pixels; ++x) {
+      to[3 * x] = from[4 * x], to[3 * x + 1] = from[4 * x + 1], to[3 * x + 2] = from[4 * x + 2];
+    }
+  }
+}
+
+void Picture::finish(Image& image) {
   const State& s = *state_;
   const GlFunctions& gl = s.gl();
   s.context->make_current();
   gl.Disable(GL_DEPTH_TEST);
+  gl.Enable(GL_SCISSOR_TEST);
   gl.BindVertexArray(s.empty_array);
-  const std::array<GLuint, 4> textures = {s.colours, s.depths, s.facings, s.occlusions};
-  for (std::size_t i = 0; i < textures.size(); ++i) {
-    gl.ActiveTexture(GL_TEXTURE0 + static_cast<GLenum>(i));
-    gl.BindTexture(GL_TEXTURE_2D, textures[i]);
-  }
-
   // In perspective a view's size grows with distance: measured where the scene begins.
   const auto view_half_width = [](const Camera& camera) {
     return camera.orthographic ? camera.half_width
                                : camera.half_width * 0.5 * (camera.near_plane + camera.far_plane);
   };
-  const GLuint occlusion = s.occlusion_program;
-  gl.BindFramebuffer(GL_FRAMEBUFFER, s.occlusion_frame);
-  gl.UseProgram(occlusion);
-  gl.Uniform1i(gl_uniform(gl, occlusion, "depths"), kDepths);
-  gl.Uniform1i(gl_uniform(gl, occlusion, "facings"), kFacings);
-  gl.Uniform1f(gl_uniform(gl, occlusion, "strength"), static_cast<float>(s.options.occlusion));
-  for (const PictureView& view : s.views) {
-    s.use_screen_view(occlusion, view);
-    const double radius = kOcclusionShare * view_half_width(view.camera);
-    gl.Uniform1f(gl_uniform(gl, occlusion, "radius"), static_cast<float>(radius));
-    gl.Uniform2f(gl_uniform(gl, occlusion, "half_size"), static_cast<float>(view.camera.half_width),
-                 static_cast<float>(view.camera.half_height));
+  for (std::size_t k = 0; k < s.held.size(); ++k) {
+    const Slot& slot = s.slots[k];
+    const Camera& camera = s.views[s.held[k].view].camera;
+    const std::array<GLuint, 4> textures = {slot.colours, slot.depths, slot.facings, slot.occlusions};
+    for (std::size_t i = 0; i < textures.size(); ++i) {
+      gl.ActiveTexture(GL_TEXTURE0 + static_cast<GLenum>(i));
+      gl.BindTexture(GL_TEXTURE_2D, textures[i]);
+    }
+    const GLuint occlusion = s.occlusion_program;
+    gl.BindFramebuffer(GL_FRAMEBUFFER, slot.occlusion_frame);
+    gl.UseProgram(occlusion);
+    gl.Uniform1i(gl_uniform(gl, occlusion, "depths"), kDepths);
+    gl.Uniform1i(gl_uniform(gl, occlusion, "facings"), kFacings);
+    gl.Uniform1f(gl_uniform(gl, occlusion, "strength"), static_cast<float>(s.options.occlusion));
+    s.use_screen_band(occlusion, k);
+    gl.Uniform1f(gl_uniform(gl, occlusion, "radius"),
+                 static_cast<float>(kOcclusionShare * view_half_width(camera)));
+    gl.Uniform2f(gl_uniform(gl, occlusion, "half_size"), static_cast<float>(camera.half_width),
+                 static_cast<float>(camera.half_height));
     gl.DrawArrays(GL_TRIANGLES, 0, 3);
-  }
 
-  const GLuint compose = s.compose_program;
-  gl.BindFramebuffer(GL_FRAMEBUFFER, s.result_frame);
-  gl.Disable(GL_SCISSOR_TEST);
-  gl.ClearColor(0.62f, 0.64f, 0.66f, 1.0f);  // what no view covers: the lines between views
-  gl.Clear(GL_COLOR_BUFFER_BIT);
-  gl.Enable(GL_SCISSOR_TEST);
-  gl.UseProgram(compose);
-  gl.Uniform1i(gl_uniform(gl, compose, "colours"), kColours);
-  gl.Uniform1i(gl_uniform(gl, compose, "depths"), kDepths);
-  gl.Uniform1i(gl_uniform(gl, compose, "facings"), kFacings);
-  gl.Uniform1i(gl_uniform(gl, compose, "occlusions"), kOcclusions);
-  for (const PictureView& view : s.views) {
-    s.use_screen_view(compose, view);
-    gl.Uniform1f(gl_uniform(gl, compose, "near_size"),
-                 static_cast<float>(0.02 * view_half_width(view.camera)));
+    const GLuint compose = s.compose_program;
+    gl.BindFramebuffer(GL_FRAMEBUFFER, slot.result_frame);
+    gl.UseProgram(compose);
+    gl.Uniform1i(gl_uniform(gl, compose, "colours"), kColours);
+    gl.Uniform1i(gl_uniform(gl, compose, "depths"), kDepths);
+    gl.Uniform1i(gl_uniform(gl, compose, "facings"), kFacings);
+    gl.Uniform1i(gl_uniform(gl, compose, "occlusions"), kOcclusions);
+    s.use_screen_band(compose, k);
+    gl.Uniform1f(gl_uniform(gl, compose, "near_size"), static_cast<float>(0.02 * view_half_width(camera)));
     gl.DrawArrays(GL_TRIANGLES, 0, 3);
+    s.read_band(k, image);
   }
-
-  Image image;
-  image.width = s.options.width;
-  image.height = s.options.height;
-  const auto row_pixels = static_cast<std::size_t>(image.width);
-  std::vector<std::uint8_t> rgba(4 * row_pixels * static_cast<std::size_t>(image.height));
-  gl.ReadBuffer(GL_COLOR_ATTACHMENT0);
-  gl.PixelStorei(GL_PACK_ALIGNMENT, 1);
-  gl.ReadPixels(0, 0, image.width, image.height, GL_RGBA, GL_UNSIGNED_BYTE, rgba.data());
+  // The next textures are made at the unit that was the first.
+  gl.ActiveTexture(GL_TEXTURE0);
   if (gl.GetError() != GL_NO_ERROR)
     throw std::logic_error("rasterizer: OpenGL reports an error after drawing");
-  image.rgb.resize(3 * row_pixels * static_cast<std::size_t>(image.height));
-  for (int y = 0; y < image.height; ++y) {
-    const std::uint8_t* from = rgba.data() + 4 * row_pixels * static_cast<std::size_t>(image.height - 1 - y);
-    std::uint8_t* to = image.pixel(0, y);
-    for (std::size_t x = 0; x < row_pixels; ++x) {
-      to[3 * x] = from[4 * x], to[3 * x + 1] = from[4 * x + 1], to[3 * x + 2] = from[4 * x + 2];
-    }
-  }
-  return image;
 }
 
 const std::string& Picture::renderer() const {

@@ -65,14 +65,29 @@ struct PictureOptions {
   Shade shade = Shade::kPlain;
 };
 
-/// Bytes of pixel memory that a picture of this size needs.
-std::uint64_t picture_bytes(const PictureOptions& options);
+/// Rows of a view that are drawn at once, counted from its bottom.
+struct PictureBand {
+  std::size_t view = 0;
+  int low = 0, high = 0;              ///< what becomes of the picture
+  int drawn_low = 0, drawn_high = 0;  ///< with what occlusion looks at around it
+};
+/// The bands of all views, by options and views alone: a view of usual size is one.
+std::vector<PictureBand> picture_bands(const PictureOptions& options, std::span<const PictureView> views);
+/// Bytes of pixel memory for each band that is held at a time.
+std::uint64_t band_bytes(const PictureOptions& options, std::span<const PictureView> views);
+/// A picture in the colour of the lines between views.
+Image blank_picture(const PictureOptions& options);
 
+/// What it draws, it draws into the bands that it holds: all at once, or some and then, from the same batches, the others. Every band is
+/// drawn by itself, so that the picture is the same however many are held at a time.
 class Picture {
  public:
   /// \throws ResourceError when no context or no memory is to be had; UsageError when the size is out of range
   Picture(const PictureOptions& options, std::span<const PictureView> views);
   ~Picture();
+
+  /// Holds these bands, empty, instead of those before. \pre of picture_bands() for the same options and views
+  void begin(std::span<const PictureBand> bands);
 
   /// What is drawn from now on is given relative to `offset` from the scene origin. Zero at first.
   void set_offset(const Double3& offset);
@@ -89,8 +104,8 @@ class Picture {
   /// kBackFace where `mark_back`.
   void points(std::span<const PictureVertex> centres, float diameter, float least_pixels, bool mark_back);
 
-  /// The finished image. Call once.
-  Image finish();
+  /// Puts the bands held into the image. \pre it has the size of the options
+  void finish(Image& image);
   const std::string& renderer() const;
 
  private:

@@ -219,7 +219,8 @@ void main() {
 // the last pass averages the pattern away.
 inline constexpr const char* kOcclusionFragment = R"(#version 450 core
 uniform sampler2D depths, facings;
-uniform ivec4 rect;        // the view, pixels of the result
+uniform ivec4 rect;        // the view, pixels of the result; its beginning is below 0 where the band begins farther up
+uniform int rows;          // of the band
 uniform int samples;       // per pixel and axis
 uniform int orthographic;
 uniform vec2 half_size;
@@ -246,7 +247,7 @@ void main() {
   float per_unit = float(rect.w * samples) / (2.0 * half_size.y * (orthographic != 0 ? 1.0 : -p.z));
   float reach = clamp(radius * per_unit, 4.0 * float(samples), 0.3 * float(rect.w * samples));
   // Turn by one of 16 angles (Bayer order), then by the golden angle from tap to tap: rotations by multiplication.
-  int cell = ((pixel.x & 3) << 2) | (pixel.y & 3);
+  int cell = (((pixel.x - rect.x) & 3) << 2) | ((pixel.y - rect.y) & 3);
   const int bayer[16] = int[16](0, 8, 2, 10, 12, 4, 14, 6, 3, 11, 1, 9, 15, 7, 13, 5);
   vec2 turn = vec2(1.0, 0.0);
   const vec2 step16 = vec2(0.9238795, 0.3826834);
@@ -254,8 +255,8 @@ void main() {
     turn = vec2(turn.x * step16.x - turn.y * step16.y, turn.x * step16.y + turn.y * step16.x);
   const vec2 golden = vec2(-0.7373689, 0.6754903);
   float sum = 0.0;
-  ivec2 low = rect.xy * samples;
-  ivec2 high = (rect.xy + rect.zw) * samples - 1;
+  ivec2 low = ivec2(rect.x, max(rect.y, 0)) * samples;
+  ivec2 high = ivec2(rect.x + rect.z, min(rect.y + rect.w, rows)) * samples - 1;
   for (int i = 0; i < kTaps; ++i) {
     float share = (float(i) + 0.5) / float(kTaps);
     float r = reach * share * sqrt(share);
@@ -279,6 +280,7 @@ void main() {
 inline constexpr const char* kComposeFragment = R"(#version 450 core
 uniform sampler2D colours, depths, facings, occlusions;
 uniform ivec4 rect;
+uniform int rows;
 uniform int samples;
 uniform int orthographic;
 uniform vec2 planes;
@@ -309,16 +311,17 @@ void main() {
   float inverse = 1.0 / float(samples * samples);
   float mine = distance_at(pixel);
   float light = 0.0, weight = 0.0;
+  ivec2 low = ivec2(rect.x, max(rect.y, 0));
+  ivec2 last = ivec2(rect.x + rect.z, min(rect.y + rect.w, rows)) - 1;
   for (int y = -2; y < 2; ++y) {
     for (int x = -2; x < 2; ++x) {
-      ivec2 there = clamp(pixel + ivec2(x, y), rect.xy, rect.xy + rect.zw - 1);
+      ivec2 there = clamp(pixel + ivec2(x, y), low, last);
       float w = max(1.0 - abs(distance_at(there) - mine) / near_size, 0.001);
       light += w * texelFetch(occlusions, there, 0).r;
       weight += w;
     }
   }
   vec4 facing = texelFetch(facings, pixel * samples + samples / 2, 0);
-  ivec2 last = rect.xy + rect.zw - 1;
   float edge = max(crease(facing, mine, min(pixel + ivec2(1, 0), last)), crease(facing, mine, min(pixel + ivec2(0, 1), last)));
   light *= 1.0 - 0.45 * edge;
   float height = (float(pixel.y - rect.y) + 0.5) / float(rect.w);

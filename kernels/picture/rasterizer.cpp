@@ -43,12 +43,13 @@ struct OsMesaLibrary {
   OsMesaGetProc get_proc = nullptr;
 };
 
+constexpr std::array<const char*, 2> kLibraryNames = {"libOSMesa.so.8", "libOSMesa.so.6"};
 constexpr const char* kInstall = "install it (Debian: apt-get install libosmesa6)";
 
 OsMesaLibrary load_osmesa() {
   void* handle = nullptr;
   std::string reason;
-  for (const char* name : {"libOSMesa.so.8", "libOSMesa.so.6"}) {
+  for (const char* name : kLibraryNames) {
     handle = dlopen(name, RTLD_NOW | RTLD_LOCAL);
     if (handle != nullptr) break;
     if (reason.empty()) reason = dlerror();
@@ -158,6 +159,15 @@ void load_gl_functions(GlFunctions& gl, void (*(*get_proc)(const char*))(), cons
                         std::string(kInstall));
   TESSERA_GL_FUNCTIONS(TESSERA_GL_LOAD)
 #undef TESSERA_GL_LOAD
+}
+
+bool rasterizer_loaded() {
+  for (const char* name : kLibraryNames)
+    if (void* handle = dlopen(name, RTLD_NOW | RTLD_NOLOAD); handle != nullptr) {
+      dlclose(handle);  // counted once more by that
+      return true;
+    }
+  return false;
 }
 
 std::unique_ptr<GlContext> create_gl_context() {

@@ -26,6 +26,9 @@ class GlContext {
 /// \throws ResourceError when the library or a 4.5 core context is missing, naming the package to install
 std::unique_ptr<GlContext> create_gl_context();
 
+/// Whether the library is in this process already, and what it costs with it.
+bool rasterizer_loaded();
+
 /// Loads every function. \throws ResourceError naming `library` and the first that is missing
 void load_gl_functions(GlFunctions& gl, void (*(*get_proc)(const char*))(), const std::string& library);
 

@@ -32,10 +32,14 @@ std::string file_bytes(const fs::path& path) {
   return read_text(path);
 }
 
+std::uint64_t margin_of(const PageRequest& request) {
+  return request.memory_bytes / 32;
+}
+
 /// What of the cap is left to one part.
 std::uint64_t memory_left(const PageRequest& request) {
   trim_allocator();
-  const std::uint64_t margin = request.memory_bytes / 32, held = resident_bytes() + margin;
+  const std::uint64_t held = resident_bytes() + margin_of(request);
   return request.memory_bytes > held ? request.memory_bytes - held : 1;
 }
 
@@ -59,7 +63,9 @@ RenderOptions sheet(const PageRequest& request, const fs::path& input, const fs:
   options.width = 1200;
   options.height = 900;
   options.samples = 2;
-  options.memory_bytes = memory_left(request);
+  // render() sees what is held.
+  trim_allocator();
+  options.memory_bytes = request.memory_bytes - margin_of(request);
   return options;
 }
 

@@ -22,8 +22,10 @@
 namespace tessera {
 namespace {
 
-// Measured with GNU time: program, OSMesa with its compiled shaders, readers and batches, without the pixels.
-constexpr std::uint64_t kFixedBytes = std::uint64_t{200} << 20;
+// Measured with GNU time: the program; OSMesa with LLVM and the compiled shaders; readers and batches.
+constexpr std::uint64_t kProgramBytes = std::uint64_t{16} << 20;
+constexpr std::uint64_t kRasterizerBytes = std::uint64_t{96} << 20;
+constexpr std::uint64_t kReaderBytes = std::uint64_t{16} << 20;
 constexpr std::uint64_t kLeastWorkBytes = std::uint64_t{32} << 20;  // vertex ranges and edge tables
 constexpr int kGap = 2;                                             // between views, pixels
 
@@ -213,14 +215,40 @@ Shade shade_of(const std::string& word) {
   throw UsageError("--shade " + word + ": use plain, gloss or lines");
 }
 
+PictureOptions picture_options(const RenderOptions& options, int width) {
+  PictureOptions out;
+  out.width = width;
+  out.height = options.height;
+  out.supersample = options.samples;
+  out.occlusion = options.occlusion;
+  out.shade = shade_of(options.shade);
+  return out;
+}
+
+/// All but the pixels and what the scene keeps. What a caller holds counts: a page is drawn at the end of a job, its second picture
+/// with the rasterizer of the first one loaded.
+std::uint64_t fixed_bytes() {
+  const std::uint64_t own = kProgramBytes + (rasterizer_loaded() ? kRasterizerBytes : 0), held = resident_bytes();
+  return kProgramBytes + kRasterizerBytes + kReaderBytes + (held > own ? held - own : 0);
+}
+
+/// What pixels take, and how many bands of a panel are held at a time.
+struct Pixels {
+  std::uint64_t band = 0;
+  std::size_t bands = 0, at_once = 0;
+
+  Pixels(const RenderOptions& options, const std::vector<ViewSpec>& specs, int width) {
+    std::vector<PictureView> views = grid(specs.size(), width, options.height);
+    for (std::size_t i = 0; i < views.size(); ++i) views[i].camera.orthographic = specs[i].orthographic;
+    band = band_bytes(picture_options(options, width), views);
+    at_once = bands = picture_bands(picture_options(options, width), views).size();
+  }
+  std::uint64_t bytes() const { return band * at_once; }
+};
+
 Image draw_panel(Panel& panel, const std::vector<ViewSpec>& specs, const std::vector<Float3>& fit_points,
-                 const Double3& origin, const RenderOptions& options, int width, RenderReport& report) {
-  PictureOptions picture_options;
-  picture_options.width = width;
-  picture_options.height = options.height;
-  picture_options.supersample = options.samples;
-  picture_options.occlusion = options.occlusion;
-  picture_options.shade = shade_of(options.shade);
+                 const Double3& origin, const RenderOptions& options, int width, std::size_t at_once,
+                 RenderReport& report) {
   std::vector<PictureView> views = grid(specs.size(), width, options.height);
   Double3 low{}, high{};
   for (std::size_t i = 0; i < 3; ++i) {
@@ -238,14 +266,20 @@ Image draw_panel(Panel& panel, const std::vector<ViewSpec>& specs, const std::ve
     }
     set_depth_range(views[i].camera, low, high);
   }
-  Picture picture(picture_options, views);
+  const PictureOptions pixels = picture_options(options, width);
+  Picture picture(pixels, views);
   report.renderer = picture.renderer();
   DrawContext context;
   context.origin = origin;
   context.box = panel.box;
   context.options = &options;
-  for (const auto& item : panel.items) item->draw(picture, context);
-  Image image = picture.finish();
+  Image image = blank_picture(pixels);
+  const std::vector<PictureBand> bands = picture_bands(pixels, views);
+  for (std::size_t first = 0; first < bands.size(); first += at_once) {
+    picture.begin(std::span(bands).subspan(first, std::min(at_once, bands.size() - first)));
+    for (const auto& item : panel.items) item->draw(picture, context);
+    picture.finish(image);
+  }
   if (options.captions) add_captions(image, views, specs, panel.caption);
   for (const auto& item : panel.items)
     if (const auto legend = item->legend()) {
@@ -293,28 +327,33 @@ void RenderOptions::validate() const {
 
 RenderReport render(const RenderOptions& options) {
   options.validate();
-  chosen_views(options, {0, 0, 0});  // a wrong name fails before anything is read
+  // A wrong name fails before anything is read.
+  const std::vector<ViewSpec> asked = chosen_views(options, {0, 0, 0});
   RenderReport report;
   const auto panels = static_cast<int>(1 + options.compare.size());
   const int panel_width = (options.width - (panels - 1) * kGap) / panels;
   if (panel_width < 64)
     throw UsageError("--size: too narrow for " + std::to_string(panels) + " pictures side by side");
 
-  PictureOptions pixels;
-  pixels.width = panel_width;
-  pixels.height = options.height;
-  pixels.supersample = options.samples;
-  const std::uint64_t image_bytes =
-      3 * static_cast<std::uint64_t>(options.width) * static_cast<std::uint64_t>(options.height);
-  const std::uint64_t fixed = kFixedBytes + picture_bytes(pixels) + image_bytes;
-  if (options.memory_bytes != 0 && options.memory_bytes < fixed + kLeastWorkBytes) {
+  Pixels pixels(options, asked, panel_width);
+  const std::uint64_t image_bytes = 3 * static_cast<std::uint64_t>(options.width + panel_width) *
+                                    static_cast<std::uint64_t>(options.height);
+  const std::uint64_t fixed = fixed_bytes() + image_bytes, least = fixed + pixels.band + kLeastWorkBytes;
+  if (options.memory_bytes != 0 && options.memory_bytes < least) {
     throw ResourceError("render: a picture of " + std::to_string(options.width) + "x" +
                         std::to_string(options.height) + " with --samples " +
                         std::to_string(options.samples) + " needs --memory " +
-                        std::to_string(((fixed + kLeastWorkBytes - 1) >> 20) + 1) + "M or more; the cap is " +
+                        std::to_string(((least - 1) >> 20) + 1) + "M or more; the cap is " +
                         format_bytes(options.memory_bytes));
   }
-  const std::uint64_t work = options.memory_bytes == 0 ? 0 : options.memory_bytes - fixed;
+  std::uint64_t work = 0;
+  if (options.memory_bytes != 0) {
+    // Bands that are not held are drawn from further readings of what is in the picture.
+    const std::uint64_t room = options.memory_bytes - fixed;
+    if (room < pixels.bytes() + kLeastWorkBytes)
+      pixels.at_once = std::clamp<std::size_t>((room - kLeastWorkBytes) / pixels.band, 1, pixels.bands);
+    work = room - pixels.bytes();
+  }
 
   Image sheet;
   sheet.width = options.width;
@@ -339,7 +378,8 @@ RenderReport render(const RenderOptions& options) {
       report.notices.push_back(options.compare[static_cast<std::size_t>(i - 1)] +
                                ": lies outside of what the first picture shows");
     }
-    const Image image = draw_panel(panel, specs, fit_points, origin, options, panel_width, report);
+    const Image image =
+        draw_panel(panel, specs, fit_points, origin, options, panel_width, pixels.at_once, report);
     paste(sheet, image, i * (panel_width + kGap), 0);
   }
   write_png(options.output, sheet);
