@@ -11,6 +11,7 @@
 #include <string>
 
 #include "octree/error.h"
+#include "stream/files/fault.h"
 #include "stream/files/system_reason.h"
 
 namespace tessera {
@@ -47,6 +48,7 @@ DirectFile::~DirectFile() {
 }
 
 void DirectFile::flush(std::size_t bytes) {
+  fault_point(FaultPoint::kWrite);
   std::size_t done = 0;
   while (done < bytes) {
     const ssize_t put =

@@ -1,12 +1,16 @@
 /// \file fault.h
-/// A hook for the fault tests. TESSERA_FAULT=commit:N makes the process kill itself (SIGKILL) at the N-th
-/// commit point that it passes, counted from 1. Every commit has four: before its files are synced, before
-/// they get their names, after that and before its journal line, after its journal line. Not set: nothing
-/// happens.
+/// A hook for the fault tests: TESSERA_FAULT=KIND:N makes the process end itself at the N-th point of a kind that it passes,
+/// counted from 1, so that tests need no clock. Not set: nothing happens.
+///   commit:N  SIGKILL. Every commit has four points: before its files are synced, before they get their names, after that
+///             and before its journal line, after its journal line.
+///   write:N   SIGKILL before part of a temporary or output file goes to disk.
+///   stop:N    SIGTERM where work looks whether it is to stop.
 #pragma once
 
 namespace tessera {
 
-void fault_point();
+enum class FaultPoint { kCommit, kWrite, kStop };
+
+void fault_point(FaultPoint kind);
 
 }  // namespace tessera

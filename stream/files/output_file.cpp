@@ -11,6 +11,7 @@
 
 #include "octree/error.h"
 #include "stream/files/durable_file.h"
+#include "stream/files/fault.h"
 #include "stream/files/planned_writes.h"
 #include "stream/files/system_reason.h"
 
@@ -61,6 +62,7 @@ void OutputFile::patch(std::uint64_t offset, const void* data, std::size_t bytes
 }
 
 void OutputFile::write_out(std::uint64_t offset, const char* data, std::size_t bytes) {
+  fault_point(FaultPoint::kWrite);
   while (bytes > 0) {
     const ssize_t put = ::pwrite(fd_, data, bytes, static_cast<off_t>(offset));
     if (put < 0 && errno == EINTR) continue;

@@ -9,6 +9,7 @@
 #include <string>
 
 #include "octree/error.h"
+#include "stream/files/fault.h"
 #include "stream/files/system_reason.h"
 
 namespace tessera {
@@ -37,6 +38,7 @@ void SpillFile::open() {
 
 std::uint64_t SpillFile::append(const void* data, std::uint64_t bytes) {
   if (fd_ < 0) open();
+  fault_point(FaultPoint::kWrite);
   const std::uint64_t offset = size_;
   const auto* from = static_cast<const char*>(data);
   while (bytes > 0) {

@@ -122,14 +122,14 @@ bool is_placed(const fs::path& path, const FileRecord& file) {
 /// Syncs the files and gives them their names.
 void place_files(const Asides& asides, const std::vector<std::string>& names, TaskRecord& record) {
   const JobState& state = asides.state;
-  fault_point();
+  fault_point(FaultPoint::kCommit);
   for (const std::string& name : names) {
     const fs::path part = asides.shared(name);
     asides.bring(name);
     sync_file(part);
     record.files.push_back({name, fs::file_size(part), hash_file(part)});
   }
-  fault_point();
+  fault_point(FaultPoint::kCommit);
   std::set<fs::path> folders;
   for (std::size_t i = 0; i < names.size(); ++i) {
     const fs::path path = committed_path(state, names[i]);
@@ -144,7 +144,7 @@ void place_files(const Asides& asides, const std::vector<std::string>& names, Ta
     if (error) throw_write_error(path, error.value());
   }
   for (const fs::path& folder : folders) sync_folder(folder);
-  fault_point();
+  fault_point(FaultPoint::kCommit);
 }
 
 }  // namespace
@@ -222,7 +222,7 @@ TaskRecord run_and_commit(const Stage& stage, std::int64_t task, const std::vect
   record.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   if (task == kFinishTask) record.stage_stats = stage_stats();
   journal.append(record, aids.lasting || !record.files.empty());
-  fault_point();
+  fault_point(FaultPoint::kCommit);
   return record;
 }
 

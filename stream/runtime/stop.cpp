@@ -6,6 +6,7 @@
 #include <ctime>
 
 #include "octree/error.h"
+#include "stream/files/fault.h"
 
 namespace tessera {
 namespace {
@@ -50,6 +51,7 @@ void request_stop(int signal) {
 }
 
 void throw_if_stopped() {
+  fault_point(FaultPoint::kStop);
   if (stop_signal() != 0) throw StoppedError("stopped by a signal");
 }
 

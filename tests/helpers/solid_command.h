@@ -30,9 +30,9 @@ inline bool is_closed(const WholeMesh& m) {
   return !m.faces.empty();
 }
 
-inline CommandResult solid_command(std::vector<std::string> words, unsigned kill_after_ms = 0) {
+inline CommandResult solid_command(std::vector<std::string> words) {
   words.insert(words.end(), {"--no-html", "--progress", "none"});
-  return tessera_command(words, kill_after_ms);
+  return tessera_command(words);
 }
 
 }  // namespace tessera::test

@@ -29,6 +29,13 @@ class Toy {
   Outcome task(const std::string& stage, const std::string& k, const std::string& environment = "") const {
     return shell(environment + " " TESSERA_TOY_JOB " task " + work().string() + " " + stage + " " + k);
   }
+  /// The same beside a shell command that begins once this one has done a task; $first is its process.
+  Outcome run_beside(const std::string& arguments, const std::string& environment,
+                     const std::string& then) const {
+    return shell("exec env " + command(arguments, environment) +
+                 " & first=$!; for i in $(seq 3000); do [ -n \"$(ls " + (work() / "journal").string() +
+                 " 2>/dev/null)\" ] && break; sleep 0.01; done; " + then);
+  }
   std::filesystem::path output() const { return folder_ / "out.txt"; }
   std::filesystem::path work() const { return folder_ / "out.txt.tessera"; }
   std::filesystem::path report() const { return folder_ / "out.txt.report.json"; }

@@ -11,6 +11,7 @@
 #include "octree/vector.h"
 #include "stream/formats/octree_file.h"
 #include "tests/helpers/command.h"
+#include "tests/helpers/killed_command.h"
 #include "tests/helpers/random.h"
 #include "tests/helpers/temp_folder.h"
 
@@ -19,9 +20,9 @@ namespace {
 using namespace tessera;
 using namespace tessera::test;
 
-CommandResult run(std::vector<std::string> words, unsigned kill_after_ms = 0) {
+CommandResult run(std::vector<std::string> words) {
   words.insert(words.end(), {"--no-html", "--progress", "none"});
-  return tessera_command(words, kill_after_ms);
+  return tessera_command(words);
 }
 
 openvdb::FloatGrid::Ptr read(const std::filesystem::path& path) {
@@ -120,13 +121,9 @@ TEST_CASE("field: OpenVDB finds the distances of a box, signs to the depth of it
                 .code == 0);
     CHECK(file_bytes(again) == bytes);
     const std::string part = (folder / "p.vdb").string();
-    unsigned killed = 0;
-    for (const unsigned ms : {30u, 100u, 250u})
-      killed +=
-          run({"field", box, "-o", part, "--resolution", "0.02", "--band", "4"}, ms).code == 128 + SIGKILL;
-    CHECK(killed > 0);
-    if (!std::filesystem::exists(part))
-      REQUIRE(run({"field", box, "-o", part, "--resolution", "0.02", "--band", "4"}).code == 0);
+    REQUIRE(resumed_after_kills({"field", box, "-o", part, "--resolution", "0.02", "--band", "4", "--no-html",
+                                 "--progress", "none"})
+                .code == 0);
     CHECK(file_bytes(part) == bytes);
   }
   CHECK(run({"field", box, "-o", (folder / "o.ply").string()}).code == 2);

@@ -8,6 +8,7 @@
 
 #include "tests/helpers/command.h"
 #include "tests/helpers/copc_file.h"
+#include "tests/helpers/killed_command.h"
 #include "tests/helpers/point_reading.h"
 #include "tests/helpers/temp_folder.h"
 
@@ -92,11 +93,7 @@ TEST_CASE("parts: killed while it unpacks and thins, the same command ends in th
   const std::vector<std::string> words = {"reconstruct", laz,    "-o",           out.string(),
                                           "--thin",      "12",   "--resolution", "15",
                                           "--progress",  "none", "-q",           "--no-html"};
-  int kills = 0;
-  for (unsigned after = 5; after < 400; after = after * 6 / 5 + 3)
-    kills += tessera_command(words, after).code == 128 + SIGKILL ? 1 : 0;
-  CHECK(kills > 0);
-  REQUIRE(tessera_command(words).code == 0);
+  REQUIRE(resumed_after_kills(words).code == 0);
   CHECK(file_bytes(out) == want);
 }
 

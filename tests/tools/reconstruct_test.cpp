@@ -4,6 +4,7 @@
 #include <map>
 
 #include "tests/helpers/command.h"
+#include "tests/helpers/killed_command.h"
 #include "tests/helpers/serial_job.h"
 
 using namespace tessera::test;
@@ -81,26 +82,14 @@ TEST_CASE("reconstruct: one hash over tiles, threads, caps, order, files and pro
   CHECK(mesh_of(reordered(folder, 3, false), {"--memory", "256M"}) == want);
 }
 
-TEST_CASE("reconstruct: killed at any moment, the same command ends in the same bytes", "[fault]") {
+TEST_CASE("reconstruct: killed at commits and writes, the same command ends in the same bytes", "[fault]") {
   const std::string want = mesh_of({scan().string()}, {});
   const TempFolder folder;
   const auto out = folder.path() / "mesh.ply";
   const auto words = job({scan().string()}, out, {"-t", "2"});
-  unsigned kills = 0;
-  for (unsigned after = 3; kills < 25; after = after * 13 / 11 + 3) {
-    const CommandResult r = tessera_command(words, after);
-    if (r.code == 0) {  // it got through: start another job
-      REQUIRE(file_bytes(out) == want);
-      std::filesystem::remove(out);
-      after = 3;
-      ++kills;
-      continue;
-    }
-    REQUIRE(r.code == 128 + SIGKILL);
+  const CommandResult r = resumed_after_kills(words, [&] {
     if (std::filesystem::exists(out)) CHECK(file_bytes(out) == want);  // killed behind the last rename
-    ++kills;
-  }
-  const CommandResult r = tessera_command(words);
+  });
   INFO(r.errors);
   REQUIRE(r.code == 0);
   CHECK(file_bytes(out) == want);

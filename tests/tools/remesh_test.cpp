@@ -96,7 +96,7 @@ TEST_CASE("remesh: same bytes over threads, memory, processes, order of the inpu
   const fs::path out = folder.path() / "killed.ply";
   std::vector<std::string> w = words(in, out, base);
   w.insert(w.end(), {"-t", "2", "--memory", "1G"});
-  REQUIRE(resumed_after_kills(w, {100u, 200u, 350u, 500u}).code == 0);
+  REQUIRE(resumed_after_kills(w).code == 0);
   CHECK(file_bytes(out) == bytes);
 }
 
@@ -222,16 +222,16 @@ TEST_CASE("remesh: a tolerance that takes countless faces is refused before any 
   CHECK(report_of(out).at("certificate").at("certified_max").get<double>() <= 1e-7);
 }
 
-TEST_CASE("remesh: SIGTERM ends a long block within two seconds", "[fault]") {
+TEST_CASE("remesh: SIGTERM ends a long block in its midst", "[fault]") {
   const TempFolder folder;
   // Two faces, one brick, one block: nothing but the kernel looks for a stop.
   const fs::path in = folder.write("in.off", "OFF 4 2 0\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n3 0 1 2\n3 0 2 3\n");
   const fs::path out = folder.path() / "out.ply";
-  const std::string command = std::string(TESSERA_BINARY) + " remesh " + in.string() + " -o " + out.string() +
-                              " -q --progress none --no-html --edge 0.0015";
-  const Outcome stopped = shell("timeout -k 2 -s TERM 1 " + command);  // killed where it takes longer: 137
-  INFO(stopped.said);
-  CHECK(stopped.code == 124);
+  // The job ends long before so many looks where the kernel has none.
+  const CommandResult stopped =
+      tessera_command(words(in, out, {"--edge", "0.0015", "--no-html"}), 0, "TESSERA_FAULT=stop:2000");
+  INFO(stopped.errors);
+  CHECK(stopped.code == 128 + SIGTERM);
   CHECK_FALSE(fs::exists(out));
   CHECK(fs::exists(out.string() + ".tessera"));
 }

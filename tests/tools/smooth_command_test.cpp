@@ -15,6 +15,7 @@
 #include "stream/formats/meshes/mesh_io.h"
 #include "stream/import/import_mesh.h"
 #include "tests/helpers/command.h"
+#include "tests/helpers/killed_command.h"
 #include "tests/helpers/temp_folder.h"
 
 namespace {
@@ -256,13 +257,7 @@ TEST_CASE("smooth command: killed at any moment, the same command ends with the 
   const std::string expected = smoothed(in, folder / "one.ply", how);
   std::vector<std::string> words = {"smooth", in.string(), "-o", (folder / "two.ply").string(), "-q"};
   words.insert(words.end(), how.begin(), how.end());
-  int code = -1, kills = 0;
-  for (unsigned ms = 20; code != 0 && kills < 200; ms += 40) {
-    code = test::tessera_command(words, ms).code;
-    kills += code != 0;
-  }
-  CHECK(code == 0);
-  CHECK(kills > 0);
+  CHECK(test::resumed_after_kills(words).code == 0);
   CHECK(test::file_bytes(folder / "two.ply") == expected);
 }
 

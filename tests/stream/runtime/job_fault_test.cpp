@@ -111,7 +111,7 @@ TEST_CASE("fault: a signal ends it cleanly with 128 + signal", "[fault]") {
       const TempFolder scratch;
       const Toy toy(scratch.path());
       const Outcome outcome =
-          toy.run(how, "TESSERA_TOY=sleep:60 timeout --preserve-status -s " + signal + " 0.25");
+          toy.run_beside(how, "TESSERA_TOY=sleep:60", "kill -" + signal + " $first; wait $first");
       CAPTURE(signal, how, outcome.said);
       CHECK(outcome.code == (signal == "INT" ? 130 : 143));
       CHECK_THAT(outcome.said, Catch::Contains("the same command goes on"));
@@ -220,8 +220,9 @@ TEST_CASE("fault: another job's work directory is refused, --force starts over",
 TEST_CASE("fault: two drivers of one job: one works, the other is told", "[fault]") {
   const TempFolder scratch;
   const Toy toy(scratch.path());
-  const std::string call = toy.command("", "TESSERA_TOY=sleep:40");
-  const Outcome both = shell("(" + call + "; echo first $?) & sleep 0.2; " + call + "; echo second $?; wait");
+  const std::string sleep = "TESSERA_TOY=sleep:40";
+  const Outcome both =
+      toy.run_beside("", sleep, toy.command("", sleep) + "; echo second $?; wait $first; echo first $?");
   CAPTURE(both.said);
   CHECK_THAT(both.said, Catch::Contains("another process works on this job"));
   CHECK_THAT(both.said, Catch::Contains("second 2"));
