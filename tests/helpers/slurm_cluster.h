@@ -8,6 +8,7 @@
 #include <string>
 
 #include "tests/helpers/shell.h"
+#include "tests/helpers/skip.h"
 
 namespace tessera::test {
 
@@ -51,7 +52,7 @@ class SlurmCluster {
   }
 
  private:
-  static std::string tool() { return TESSERA_SHARED_DATA "/../tools/slurm_local"; }
+  static std::string tool() { return (shared_folder() / "tools/slurm_local").string(); }
   std::string call(const std::string& what) const {
     return tool() + " " + what + " " + folder_.path().string();
   }

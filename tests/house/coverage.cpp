@@ -1,5 +1,6 @@
 // Gates about the tests: who tests what, and under which label ctest finds it.
 #include <algorithm>
+#include <iterator>
 #include <regex>
 #include <sstream>
 
@@ -87,8 +88,9 @@ Findings check_labels(const Sources& sources) {
       for (std::sregex_iterator t(tags.begin(), tags.end(), tag), none; t != none; ++t) {
         const std::string label = (*t)[1];
         if (kLabels.count(label) == 1) ++count;
-        const std::string asked = label == ".large" ? "large" : label;
-        if (asked != "large" && kLabels.count(asked) == 0) {
+        const bool hidden = label == ".large" || label == ".shared";
+        const std::string asked = hidden ? label.substr(1) : label;
+        if (!hidden && kLabels.count(asked) == 0) {
           out.push_back(s.path + ": " + name + " has the unknown label [" + label + "]");
         } else if (program->second.count(asked) == 0) {
           out.push_back(s.path + ": " + name + ": ctest never looks for [" + asked + "] in its program");
@@ -96,6 +98,10 @@ Findings check_labels(const Sources& sources) {
       }
       if (count != 1)
         out.push_back(s.path + ": " + name + " has " + std::to_string(count) + " labels instead of one");
+      const auto next = std::next(it);
+      const std::string body = next == end ? it->suffix().str() : next->prefix().str();
+      if (body.find("kSharedData") != std::string::npos && tags.find("[.shared]") == std::string::npos)
+        out.push_back(s.path + ": " + name + " reads ../shared/data, and is not [.shared]");
     }
   }
   return out;

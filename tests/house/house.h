@@ -48,7 +48,8 @@ Findings check_kernel_words(const Sources& sources, const std::map<std::string, 
 Findings check_heavy_headers(const Sources& sources, const std::set<std::string>& allowed);
 /// Every .cpp stands in a CMakeLists.txt: nothing lies about that no build reads.
 Findings check_listed(const Sources& sources);
-/// Every TEST_CASE has exactly one of the labels, its program's LABELS list has them all, and ctest can call it by name.
+/// Every TEST_CASE has exactly one of the labels, its program's LABELS list has them all, and ctest can call it by name. What reads
+/// ../shared/data is [.shared].
 Findings check_labels(const Sources& sources);
 
 // Tables about the real house (tables.cpp).

@@ -212,7 +212,7 @@ TEST_CASE("gate of builds: a source in no CMakeLists.txt is found", "[unit]") {
 TEST_CASE("gate of labels: none, two, unknown ones and those that ctest never asks for are found", "[unit]") {
   const Source cmake =
       source("tests/CMakeLists.txt",
-             {"tessera_test(a_test LABELS unit property large SOURCES", "  a_test.cpp", ")"});
+             {"tessera_test(a_test LABELS unit property large shared SOURCES", "  a_test.cpp", ")"});
   const auto with = [&](const std::string& tags, const std::string& name = "a: does") {
     const std::string macro = "TEST_CASE";  // in two, so that no reader of this file takes it for a test
     return check_labels(
@@ -220,6 +220,7 @@ TEST_CASE("gate of labels: none, two, unknown ones and those that ctest never as
   };
   check_clean(with("[unit]"));
   check_clean(with("[property][.large]"));
+  check_clean(with("[unit][.shared]"));
   check_only(with("[unit]", "a: does this; and that"), "CMake cuts names");
   check_only(with(""), "0 labels instead of one");
   check_only(with("[unit][property]"), "2 labels instead of one");
@@ -230,6 +231,20 @@ TEST_CASE("gate of labels: none, two, unknown ones and those that ctest never as
                   source("tests/b_test.cpp", {std::string("TEST_") + "CASE(\"b\", \"[unit][.large]\") {"})}),
              "ctest never looks for [large]");
   check_only(check_labels({source("tests/b_test.cpp")}), "is in no tessera_test()");
+}
+
+TEST_CASE("gate of labels: a test that reads real data says so", "[unit]") {
+  const std::string macro = "TEST_CASE";
+  const auto with = [&](const std::string& first, const std::string& second) {
+    return check_labels(
+        {source("tests/CMakeLists.txt",
+                {"tessera_test(a_test LABELS unit shared SOURCES", "  a_test.cpp", ")"}),
+         source("tests/a_test.cpp",
+                {macro + "(\"a\", \"" + first + "\") {", std::string("  read(kShared") + "Data / name);", "}",
+                 macro + "(\"b\", \"" + second + "\") {", "  read(made);", "}"})});
+  };
+  check_clean(with("[unit][.shared]", "[unit]"));
+  check_only(with("[unit]", "[unit][.shared]"), "\"a\" reads ../shared/data, and is not [.shared]");
 }
 
 }  // namespace tessera::house

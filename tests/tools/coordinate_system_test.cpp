@@ -1,6 +1,7 @@
 // The coordinate system of a scan on its way through the commands.
 #include <catch2/catch.hpp>
 
+#include <cstring>
 #include <nlohmann/json.hpp>
 
 #include "tests/helpers/command.h"
@@ -10,20 +11,52 @@
 using namespace tessera::test;
 namespace fs = std::filesystem;
 
-TEST_CASE("coordinate system: info shows it, the report has it, the mesh gets a .prj, a mix is refused",
-          "[pipeline]") {
-  if (!has_shared_data()) return;
-  const TempFolder folder;
-  const std::string autzen = TESSERA_SHARED_DATA "/lidar/autzen-trim.las",
-                    other = TESSERA_SHARED_DATA "/lidar/certainty3d.las";
+namespace {
+
+/// A hill of LAS 1.2 points with a record of its coordinate system.
+std::string las_hill(std::uint16_t record_id, const std::string& record, double x, double y) {
+  const auto put = [](std::string& bytes, std::size_t at, auto value) {
+    std::memcpy(bytes.data() + at, &value, sizeof value);
+  };
+  constexpr int kSide = 120;
+  constexpr std::uint16_t kHead = 227, kRecord = 20;
+  std::string las(kHead + 54, '\0');
+  las.replace(0, 4, "LASF");
+  las[24] = 1, las[25] = 2;
+  put(las, 94, kHead), put(las, 96, static_cast<std::uint32_t>(kHead + 54 + record.size())),
+      put(las, 100, 1u);
+  put(las, 105, kRecord), put(las, 107, static_cast<std::uint32_t>(kSide * kSide));
+  const double origin[3] = {x, y, 0.0};
+  for (std::size_t a = 0; a < 3; ++a) {
+    put(las, 131 + 8 * a, 0.01), put(las, 155 + 8 * a, origin[a]);
+    put(las, 179 + 16 * a, origin[a] + (a < 2 ? 0.5 * kSide : 10.0)), put(las, 187 + 16 * a, origin[a]);
+  }
+  las.replace(kHead + 2, 15, "LASF_Projection");
+  put(las, kHead + 18, record_id), put(las, kHead + 20, static_cast<std::uint16_t>(record.size()));
+  las += record;
+  for (int j = 0; j < kSide; ++j)
+    for (int i = 0; i < kSide; ++i) {
+      std::string p(kRecord, '\0');
+      const double u = (i - kSide / 2) / 30.0, v = (j - kSide / 2) / 40.0;
+      const double z = 10.0 / (1.0 + u * u + v * v);
+      put(p, 0, std::int32_t{50 * i}), put(p, 4, std::int32_t{50 * j}),
+          put(p, 8, static_cast<std::int32_t>(100 * z));
+      p[14] = 9;  // the only return
+      las += p;
+    }
+  return las;
+}
+
+void check_way(const TempFolder& folder, const std::string& scan, const std::string& begins,
+               const std::string& other) {
   CHECK(shell(TESSERA_BINARY " info " + other).said.find("system      EPSG:2229 (GeoTIFF keys)") !=
         std::string::npos);
   const fs::path mesh = folder / "mesh.ply", system = folder / "mesh.ply.prj";
-  const std::vector<std::string> words = {"reconstruct", autzen, "-o", mesh.string()};
+  const std::vector<std::string> words = {"reconstruct", scan, "-o", mesh.string()};
   CommandResult r = tessera_command(words);
   INFO(r.errors);
   REQUIRE(r.code == 0);
-  CHECK(file_bytes(system).rfind("PROJCS[\"NAD_1983_HARN", 0) == 0);
+  CHECK(file_bytes(system).rfind(begins, 0) == 0);
   const auto report = nlohmann::json::parse(file_bytes(mesh.string() + ".report.json"));
   CHECK(report.at("coordinate_system").at("wkt") == file_bytes(system));
   CHECK(report.at("beside").back().at("path") == system.string());
@@ -43,8 +76,34 @@ TEST_CASE("coordinate system: info shows it, the report has it, the mesh gets a 
       0);
   CHECK_FALSE(fs::exists(folder / "bare.ply.prj"));
 
-  r = tessera_command({"reconstruct", autzen, other, "-o", (folder / "mix.ply").string()});
+  r = tessera_command({"reconstruct", scan, other, "-o", (folder / "mix.ply").string()});
   CHECK(r.code == 3);
   CHECK(r.errors.find("EPSG:2229") != std::string::npos);
   CHECK_FALSE(fs::exists(folder / "mix.ply.report.json"));  // refused at once
+}
+
+}  // namespace
+
+TEST_CASE("coordinate system: info shows it, the report has it, the mesh gets a .prj, a mix is refused",
+          "[pipeline]") {
+  const TempFolder folder;
+  const std::string wkt =
+      R"(PROJCS["WGS 84 / UTM zone 32N",GEOGCS["WGS 84",DATUM["WGS_1984",SPHEROID["WGS 84",6378137,298.257223563]],)"
+      R"(PRIMEM["Greenwich",0],UNIT["degree",0.0174532925199433]],PROJECTION["Transverse_Mercator"],)"
+      R"(PARAMETER["latitude_of_origin",0],PARAMETER["central_meridian",9],PARAMETER["scale_factor",0.9996],)"
+      R"(PARAMETER["false_easting",500000],PARAMETER["false_northing",0],UNIT["metre",1],AUTHORITY["EPSG","32632"]])";
+  std::string keys;
+  for (const int word : {1, 1, 0, 2, 1024, 0, 1, 1, 3072, 0, 1, 2229})
+    keys += {static_cast<char>(word & 0xff), static_cast<char>(word >> 8)};
+  check_way(folder, folder.write("scan.las", las_hill(2112, wkt, 400000, 5500000)).string(),
+            "PROJCS[\"WGS 84 / UTM",
+            folder.write("other.las", las_hill(34735, keys, 400000, 5500000)).string());
+}
+
+TEST_CASE("coordinate system: the same of real scans", "[pipeline][.shared]") {
+  if (!has_shared_data()) return;
+  const TempFolder folder;
+  const fs::path data = kSharedData / "lidar";
+  check_way(folder, (data / "autzen-trim.las").string(), "PROJCS[\"NAD_1983_HARN",
+            (data / "certainty3d.las").string());
 }

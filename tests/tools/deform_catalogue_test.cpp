@@ -13,6 +13,7 @@
 #include "stream/files/file_extension.h"
 #include "stream/formats/meshes/mesh_io.h"
 #include "tests/helpers/command.h"
+#include "tests/helpers/made_meshes.h"
 #include "tests/helpers/mesh_files.h"
 #include "tests/helpers/random_edit.h"
 #include "tests/helpers/shell.h"
@@ -145,7 +146,29 @@ std::vector<fs::path> meshes_in(const fs::path& folder, std::uintmax_t larger_th
 
 }  // namespace
 
-TEST_CASE("deform: meshes of the catalogue with edits by chance", "[pipeline]") {
+TEST_CASE("deform: bodies, parts, crossing bodies and needles with edits by chance", "[pipeline]") {
+  const TempFolder folder;
+  Chance sum;
+  const auto made = [&](const std::string& name, const WholeMesh& mesh) {
+    write_whole(folder / name, mesh);
+    return folder / name;
+  };
+  for (const auto& [name, mesh] :
+       {std::pair("body.ply", made_body(5)), std::pair("open.ply", made_open_body(4)),
+        std::pair("bracket.obj", made_bracket(20)), std::pair("block.glb", made_part({{0, 0, 0}}, 25))})
+    try_edits(made(name, mesh), 2, {}, sum);
+  const fs::path closed = folder / "closed.ply";
+  REQUIRE(
+      write_closed(made("crossing.ply", joined(made_body(4), made_body(4), {0.7, 0.2, 0.1})), closed, 60.0));
+  try_edits(closed, 2, {}, sum);
+  // Thin triangles: they get an even base.
+  try_edits(made("cylinder.ply", made_cylinder(120, 1.0, 9.0)), 2, {"--base-vertices", "20000"}, sum);
+  CHECK(sum.done >= 9);
+  CHECK(sum.turned.over == 0);
+  CHECK(sum.base_flipped == 0);
+}
+
+TEST_CASE("deform: meshes of the catalogue with edits by chance", "[pipeline][.shared]") {
   if (!has_shared_data()) return;
   const TempFolder folder;
   Chance sum;
@@ -171,7 +194,7 @@ TEST_CASE("deform: meshes of the catalogue with edits by chance", "[pipeline]") 
   CHECK(sum.base_flipped == 0);
 }
 
-TEST_CASE("deform: all meshes of the catalogue with edits by chance", "[pipeline][.large]") {
+TEST_CASE("deform: all meshes of the catalogue with edits by chance", "[pipeline][.large][.shared]") {
   if (!has_shared_data()) return;
   const TempFolder folder;
   Chance sum, walls;

@@ -9,6 +9,8 @@
 #include "stream/formats/meshes/mesh_io.h"
 #include "stream/stages/solid/csg_job.h"
 #include "tests/helpers/command.h"
+#include "tests/helpers/killed_command.h"
+#include "tests/helpers/made_meshes.h"
 #include "tests/helpers/mesh_files.h"
 #include "tests/helpers/random.h"
 #include "tests/helpers/skip.h"
@@ -98,12 +100,9 @@ TEST_CASE("resurface: killed at any moment it goes on to the same bytes", "[faul
   const std::string in = folder.write("dirty.off", dirty_stl_like()).string();
   const std::string whole = (folder / "a.ply").string(), part = (folder / "b.ply").string();
   REQUIRE(solid_command({"resurface", in, "-o", whole, "--resolution", "0.015"}).code == 0);
-  unsigned killed = 0;
-  for (const unsigned ms : {20u, 60u, 120u, 250u, 500u})
-    killed += solid_command({"resurface", in, "-o", part, "--resolution", "0.015"}, ms).code == 128 + SIGKILL;
-  CHECK(killed > 0);
-  if (!fs::exists(part))
-    REQUIRE(solid_command({"resurface", in, "-o", part, "--resolution", "0.015"}).code == 0);
+  REQUIRE(resumed_after_kills(
+              {"resurface", in, "-o", part, "--resolution", "0.015", "--no-html", "--progress", "none"})
+              .code == 0);
   CHECK(file_bytes(part) == file_bytes(whole));
 }
 
@@ -369,9 +368,24 @@ TEST_CASE("csg: scenes that make no sense are told", "[pipeline]") {
   CHECK(solid_command({"csg", "a.ply", "b.ply", "-o", out}).code == 2);
 }
 
-TEST_CASE("resurface: meshes of the catalogue come out closed", "[pipeline]") {
-  const fs::path data = fs::path(TESSERA_SHARED_DATA) / "meshes";
-  if (!fs::exists(data / "bunny.ply")) return skip("no ../shared/data");
+TEST_CASE("resurface: bodies, parts and needles in four formats come out closed", "[pipeline]") {
+  const TempFolder folder;
+  const std::pair<const char*, WholeMesh> meshes[] = {{"open.ply", made_open_body(4)},
+                                                      {"bracket.obj", made_bracket(8)},
+                                                      {"body.glb", made_body(4)},
+                                                      {"cylinder.stl", made_cylinder(180, 1.0, 9.0)}};
+  for (const auto& [name, mesh] : meshes) {
+    CAPTURE(name);
+    const std::string in = (folder / name).string(), out = in + ".ply";
+    write_whole(in, mesh);
+    REQUIRE(solid_command({"resurface", in, "-o", out}).code == 0);
+    CHECK(is_closed(read_whole(out)));
+  }
+}
+
+TEST_CASE("resurface: meshes of the catalogue come out closed", "[pipeline][.shared]") {
+  if (!has_shared_data()) return;
+  const fs::path data = kSharedData / "meshes";
   const TempFolder folder;
   for (const char* name : {"bunny.ply", "fandisk.obj", "casting-10k.off", "tray.stl"}) {
     CAPTURE(name);

@@ -14,6 +14,7 @@
 #include "kernels/mesh/closest_face.h"
 #include "octree/portable_math.h"
 #include "tests/helpers/command.h"
+#include "tests/helpers/made_meshes.h"
 #include "tests/helpers/mesh_files.h"
 #include "tests/helpers/random.h"
 #include "tests/helpers/shell.h"
@@ -223,7 +224,18 @@ TEST_CASE(
   check_cracks(out, in);
 }
 
-TEST_CASE("tiles: a real mesh of several levels: rules and cracks", "[pipeline]") {
+TEST_CASE("tiles: a body of several levels: rules and cracks", "[pipeline]") {
+  const TempFolder folder;
+  const fs::path in = folder.path() / "body.ply", out = folder.path() / "site";
+  write_whole(in, made_open_body(5));
+  const CommandResult r = tessera_command(words(in, out, {"--tile-faces", "600"}));
+  INFO(r.errors);
+  REQUIRE(r.code == 0);
+  check_rules(out, in);
+  check_cracks(out, in);
+}
+
+TEST_CASE("tiles: a real mesh of several levels: rules and cracks", "[pipeline][.shared]") {
   if (!has_shared_data()) return;
   const TempFolder folder;
   const fs::path in = kSharedData / "meshes" / "bunny.ply", out = folder.path() / "site";
@@ -271,7 +283,7 @@ TEST_CASE("tiles: same bytes over threads, memory, processes, order of the input
   }
   SECTION("an older site in the folder goes with --force, without it nothing changes") {
     const fs::path out = folder.path() / "site", other = folder.path() / "other.ply";
-    fs::copy_file(kSharedData / "meshes" / "bunny.ply", other, fs::copy_options::none);
+    write_whole(other, made_body(4));
     const auto before = site_bytes(out);
     CHECK(tessera_command(words(other, out)).code == 2);
     CHECK((site_bytes(out) == before));
@@ -353,13 +365,15 @@ TEST_CASE("tiles: a system beside the mesh puts the site on Earth, one that is n
 TEST_CASE("tiles: SIGTERM ends it with a clean journal, and the same command goes on", "[fault]") {
   const TempFolder folder;
   const fs::path in = write_waves(folder.path() / "in.ply"), out = folder.path() / "site";
-  const std::string command = std::string(TESSERA_BINARY) + " tiles " + in.string() + " -o " + out.string() +
-                              " -q --progress none --tile-faces 3000";
-  const Outcome stopped = shell("timeout -s TERM 0.3 " + command);
-  INFO(stopped.said);
-  REQUIRE((stopped.code == 124 || stopped.code == 0));  // 0: it was done by then
-  if (stopped.code == 124) CHECK_FALSE(fs::exists(out / "tileset.json"));
-  CHECK(shell(command).code == 0);
+  const std::vector<std::string> line = words(in, out, {"--tile-faces", "3000"});
+  for (const char* look : {"1", "30", "100", "200"}) {
+    CAPTURE(look);
+    const CommandResult stopped = tessera_command(line, 0, "TESSERA_FAULT=stop:" + std::string(look));
+    INFO(stopped.errors);
+    CHECK(stopped.code == 128 + SIGTERM);
+    CHECK_FALSE(fs::exists(out / "tileset.json"));
+  }
+  CHECK(tessera_command(line).code == 0);
   check_rules(out, in);
 }
 

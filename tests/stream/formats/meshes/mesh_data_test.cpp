@@ -42,7 +42,7 @@ constexpr Known kMeshes[] = {
     {"dirty/trumpet.obj", 11908, 23696, 0, 0, 0, 0, 0, 0, 33},
 };
 
-TEST_CASE("real meshes: the check agrees with the catalogue", "[pipeline]") {
+TEST_CASE("real meshes: the check agrees with the catalogue", "[pipeline][.shared]") {
   if (!test::has_shared_data()) return;
   for (const Known& known : kMeshes) {
     const std::filesystem::path path = test::kSharedData / known.file;
@@ -62,7 +62,7 @@ TEST_CASE("real meshes: the check agrees with the catalogue", "[pipeline]") {
   }
 }
 
-TEST_CASE("real meshes: every edge case is read or refused in one sentence", "[fault]") {
+TEST_CASE("real meshes: every edge case is read or refused in one sentence", "[fault][.shared]") {
   if (!test::has_shared_data()) return;
   const std::filesystem::path folder = test::kSharedData / "dirty/edge-cases";
   int read = 0;

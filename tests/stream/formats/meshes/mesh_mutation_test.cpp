@@ -4,12 +4,14 @@
 
 #include <cstring>
 #include <fstream>
+#include <initializer_list>
 #include <iterator>
 #include <random>
 #include <string>
 #include <vector>
 
 #include "tests/fuzz/mesh_reader_check.h"
+#include "tests/fuzz/mesh_samples.h"
 #include "tests/helpers/mesh_files.h"
 #include "tests/helpers/temp_folder.h"
 
@@ -43,29 +45,18 @@ struct Case {
   std::vector<std::string> files;
 };
 
+std::vector<std::string> with(std::vector<std::string> samples, std::initializer_list<std::string> more) {
+  samples.insert(samples.end(), more);
+  return samples;
+}
+
 std::vector<Case> cases() {
-  const std::string ascii = "0 0 0 1\n1 0 0 2\n0 1 0 3\n0 0 1 4\n";
-  const std::string head =
-      "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty double y\nproperty float z\n"
-      "property uchar red\nelement ";
-  const std::string list = "\nproperty list uchar int vertex_indices\nend_header\n";
-  const std::string facet =
-      "facet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet\n";
-  return {{"ply",
-           open_ply_mesh,
-           {written("a.ply", false), written("a.ply", true),
-            head + "face 2" + list + ascii + "4 0 1 2 3\n3 0 3 1\n",
-            head + "tristrips 1" + list + ascii + "8 0 1 2 3 -1 3 2 1\n"}},
-          {"obj",
-           open_obj_mesh,
-           {written("a.obj", true),
-            "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nf 1/1/1 2//2 \\\n 3/1\nf -1 -2 -3\ng f\nf 3 2 1"}},
-          {"off",
-           open_off_mesh,
-           {"OFF\n# c\n3 2 0\n0 0 0\n1 0 0\n0 1 0 # d\n3 0 1 2 255 0 0\n4 0 1 2 0\n",
-            "COFF3 1 3\n0 0 0 1 2 3 4\n1 0 0 .1 .2 .3 1\n0 1 0 9 9 9\n3 0 1 2\n"}},
-          {"stl", open_stl_mesh, {written("a.stl", false), "solid a\n" + facet + facet + "endsolid a\n"}},
-          {"glb", open_glb_mesh, {written("a.glb", false), written("a.glb", true)}}};
+  return {
+      {"ply", open_ply_mesh, with(fuzz::ply_meshes(), {written("a.ply", false), written("a.ply", true)})},
+      {"obj", open_obj_mesh, with(fuzz::obj_meshes(), {written("a.obj", true)})},
+      {"off", open_off_mesh, fuzz::off_meshes()},
+      {"stl", open_stl_mesh, with(fuzz::stl_meshes(), {written("a.stl", false)})},
+      {"glb", open_glb_mesh, with(fuzz::glb_meshes(), {written("a.glb", false), written("a.glb", true)})}};
 }
 
 /// Bytes changed, numbers swapped for absurd ones, parts cut, repeated or moved.

@@ -111,11 +111,11 @@ TEST_CASE("coordinate system: systems differ where codes or, without codes, text
   CHECK_FALSE(may_be_same(text, {"M", "A[\"M\"]", 0, 0}));
 }
 
-TEST_CASE("coordinate system: as real files have it", "[unit]") {
+TEST_CASE("coordinate system: as real files have it", "[unit][.shared]") {
   if (!test::has_shared_data()) return;
   std::vector<std::string> warnings;
   const auto of = [&](const char* name) {
-    return las_coordinate_system(ReadFile(std::string(TESSERA_SHARED_DATA "/lidar/") + name), warnings);
+    return las_coordinate_system(ReadFile(test::kSharedData / "lidar" / name), warnings);
   };
   CHECK(of("autzen-trim.las").name == "NAD_1983_HARN_Lambert_Conformal_Conic");
   CHECK(of("autzen-trim.las").wkt.substr(0, 8) == "PROJCS[\"");

@@ -370,7 +370,7 @@ TEST_CASE("e57 points: a file cut anywhere is refused with a sentence", "[fault]
   }
 }
 
-TEST_CASE("e57 points: the catalogue's files are read whole", "[unit]") {
+TEST_CASE("e57 points: the catalogue's files are read whole", "[unit][.shared]") {
   if (!test::has_shared_data()) return;
   const auto bunny = test::read_points(test::kSharedData / "scans/bunny-double.e57");
   CHECK(bunny.points.size() == 30571);

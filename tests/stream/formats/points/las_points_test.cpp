@@ -245,7 +245,7 @@ TEST_CASE("las points: headers that make no sense are refused with field and val
   CHECK(r.counts.missing == 10);
 }
 
-TEST_CASE("las points: real files have the points that their catalogue says", "[pipeline]") {
+TEST_CASE("las points: real files have the points that their catalogue says", "[pipeline][.shared]") {
   if (!test::has_shared_data()) return;
   const std::filesystem::path data = test::kSharedData;
   const std::vector<std::pair<std::string, std::size_t>> files = {{"scans/autzen-stadium-crop.las", 363212},

@@ -269,7 +269,7 @@ TEST_CASE("laz points: damaged files give points or a sentence", "[fault]") {
   CHECK(read < tried - tried / 20);
 }
 
-TEST_CASE("laz points: real files have the points of their twins and headers", "[pipeline]") {
+TEST_CASE("laz points: real files have the points of their twins and headers", "[pipeline][.shared]") {
   if (!test::has_shared_data()) return;
   const std::filesystem::path data = test::kSharedData;
   const auto las = test::read_points(data / "lidar/autzen-trim.las");
@@ -296,7 +296,7 @@ TEST_CASE("laz points: real files have the points of their twins and headers", "
   CHECK(*high < 3583);
 }
 
-TEST_CASE("laz points: chunks of other programs are coded into their very bytes", "[pipeline]") {
+TEST_CASE("laz points: chunks of other programs are coded into their very bytes", "[pipeline][.shared]") {
   if (!test::has_shared_data()) return;
   for (const char* name : {"lidar/autzen-trim.laz", "lidar/ign-2023.laz"}) {
     const ReadFile file(std::filesystem::path(test::kSharedData) / name);

@@ -197,7 +197,7 @@ TEST_CASE("pcd points: what makes no sense is named with its line or byte", "[fa
   CHECK_THAT(error(odd + "abc"), Catch::Contains("no whole number of records"));
 }
 
-TEST_CASE("pcd points: the catalogue's files are read whole", "[unit]") {
+TEST_CASE("pcd points: the catalogue's files are read whole", "[unit][.shared]") {
   if (!test::has_shared_data()) return;
   const auto office = test::read_points(test::kSharedData / "dirty/rgbd-office1.pcd");
   CHECK(office.points.size() == 307200);

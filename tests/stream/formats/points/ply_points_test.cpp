@@ -245,7 +245,7 @@ TEST_CASE("ply points: files without points to read are refused with a reason", 
              Catch::Contains("lacks x, y or z"));
 }
 
-TEST_CASE("ply points: real files have the points that their catalogue says", "[pipeline]") {
+TEST_CASE("ply points: real files have the points that their catalogue says", "[pipeline][.shared]") {
   if (!test::has_shared_data()) return;
   const std::filesystem::path data = test::kSharedData;
   const std::vector<std::pair<std::string, std::size_t>> files = {

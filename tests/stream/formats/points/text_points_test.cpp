@@ -179,7 +179,7 @@ TEST_CASE("text points: what is no text of points is refused", "[fault]") {
   CHECK(t.read("x;y;z\n1;2;3\n", {}, "points").points.size() == 1);
 }
 
-TEST_CASE("text points: the real CSV has the points that its catalogue says", "[pipeline]") {
+TEST_CASE("text points: the real CSV has the points that its catalogue says", "[pipeline][.shared]") {
   if (!test::has_shared_data()) return;
   const std::filesystem::path path = test::kSharedData / "scans/car-cloud400.csv";
   const auto r = test::read_points(path);
