@@ -6,23 +6,29 @@
 #include <cstdint>
 #include <cstring>
 #include <functional>
+#include <optional>
 
+#include "stream/formats/points/projection.h"
 #include "stream/formats/scalar.h"
 
 namespace tessera {
 namespace {
 
 // Of the public header: where its records lie.
-constexpr std::uint64_t kMinorVersion = 25, kHeaderSize = 94, kRecordCount = 100, kFirstExtended = 235,
-                        kExtendedCount = 243, kHeader14 = 375;
+constexpr std::uint64_t kGlobalEncoding = 6, kMinorVersion = 25, kPointFormat = 104, kHeaderSize = 94,
+                        kRecordCount = 100, kFirstExtended = 235, kExtendedCount = 243, kHeader14 = 375;
 constexpr std::uint64_t kRecordHeader = 54, kExtendedHeader = 60;
 constexpr std::uint64_t kMostRecords = 4096;                 // looked at; files have a handful
 constexpr std::uint64_t kMostText = std::uint64_t{1} << 20;  // of one record: WKT takes some hundred bytes
 
 constexpr int kWktRecord = 2112, kKeyRecord = 34735, kKeyTextRecord = 34737;
 constexpr int kModelKey = 1024, kCitationKey = 1026, kGeographicKey = 2048, kGeographicCitationKey = 2049,
-              kProjectedKey = 3072, kProjectedCitationKey = 3073, kVerticalKey = 4096;
+              kProjectedKey = 3072, kProjectedCitationKey = 3073, kVerticalKey = 4096,
+              kVerticalUnitsKey = 4099;
 constexpr int kGeographicModel = 2, kUserDefined = 32767;
+constexpr unsigned kWktBit = 16;  ///< of the global encoding
+constexpr int kFirstWktFormat = 6, kPointFormatMask = 0x3f;
+constexpr double kFoot = 0.3048, kSurveyFoot = 1200.0 / 3937.0;
 
 struct LasRecord {
   int id = 0;
@@ -119,6 +125,29 @@ int code_of_node(const std::string& text, std::initializer_list<const char*> kin
   return 0;
 }
 
+bool has_node(const std::string& text, std::initializer_list<const char*> kinds) {
+  return std::any_of(kinds.begin(), kinds.end(), [&](const char* kind) {
+    return text.find(std::string(kind) + "[") != std::string::npos;
+  });
+}
+
+/// Metres of the unit of the vertical system in a text; 0 without.
+double height_unit_of(const std::string& text) {
+  for (const char* kind : {"VERT_CS[", "VERTCRS["}) {
+    const std::size_t at = text.find(kind);
+    if (at == std::string::npos) continue;
+    const std::string node = text.substr(at, node_end(text, at) - at);
+    std::size_t unit = node.find("LENGTHUNIT[\"");
+    if (unit == std::string::npos) unit = node.find("UNIT[\"");
+    const std::size_t comma = unit == std::string::npos ? unit : node.find("\",", unit);
+    double metres = 0.0;
+    if (comma == std::string::npos) continue;
+    std::from_chars(node.data() + comma + 2, node.data() + node.size(), metres);
+    return metres > 0.0 && metres < 1e3 ? metres : 0.0;
+  }
+  return 0.0;
+}
+
 CoordinateSystem system_of_keys(const std::string& directory, const std::string& texts) {
   CoordinateSystem system;
   const std::size_t words = directory.size() / 2;
@@ -136,6 +165,8 @@ CoordinateSystem system_of_keys(const std::string& directory, const std::string&
       if (key == kGeographicKey) geographic = value;
       if (key == kProjectedKey) projected = value;
       if (key == kVerticalKey && value != kUserDefined) system.vertical = value;
+      if (key == kVerticalUnitsKey)
+        system.height_unit = value == 9001 ? 1.0 : value == 9002 ? kFoot : value == 9003 ? kSurveyFoot : 0.0;
     } else if (place == kKeyTextRecord && first < texts.size() &&
                (key == kCitationKey || key == kProjectedCitationKey ||
                 (key == kGeographicCitationKey && citation.empty()))) {
@@ -143,17 +174,27 @@ CoordinateSystem system_of_keys(const std::string& directory, const std::string&
       citation.resize(std::min(citation.find('|'), citation.size()));
     }
   }
-  const int code = model == kGeographicModel ? geographic : projected;
+  system.geographic = model == kGeographicModel || (model == 0 && projected == 0 && geographic != 0);
+  const int code = system.geographic ? geographic : projected;
   if (code != 0 && code != kUserDefined) system.horizontal = code;
   if (system.horizontal != 0) system.name = "EPSG:" + std::to_string(system.horizontal);
   if (system.vertical != 0)
     system.name += (system.name.empty() ? "" : " + ") + ("EPSG:" + std::to_string(system.vertical));
   if (system.horizontal == 0 && !citation.empty())
     system.name = citation + (system.name.empty() ? "" : " + " + system.name);
+  if (system.name.empty() && system.geographic) system.name = "longitude and latitude";
   return system;
 }
 
 }  // namespace
+
+CoordinateSystem longitude_and_latitude() {
+  CoordinateSystem system;
+  system.name = "longitude and latitude";
+  system.horizontal = 4326;
+  system.geographic = true;
+  return system;
+}
 
 bool may_be_same(const CoordinateSystem& a, const CoordinateSystem& b) {
   if (!a.known() || !b.known()) return true;
@@ -173,6 +214,10 @@ CoordinateSystem system_of_wkt(const std::string& wkt) {
   // A compound holds both; what stands inside a projected system is only what it is based on.
   system.horizontal = code_of_node(text, {"PROJCS", "PROJCRS", "GEOGCS", "GEOGCRS", "GEODCRS"});
   system.vertical = code_of_node(text, {"VERT_CS", "VERTCRS"});
+  system.geographic = !has_node(text, {"PROJCS", "PROJCRS", "PROJECTEDCRS"}) &&
+                      has_node(text, {"GEOGCS", "GEOGCRS", "GEOGRAPHICCRS", "GEODCRS"}) &&
+                      text.find("CS[Cartesian") == std::string::npos;
+  system.height_unit = height_unit_of(text);
   return system;
 }
 
@@ -192,8 +237,25 @@ CoordinateSystem las_coordinate_system(const ReadFile& file, std::vector<std::st
   }
   CoordinateSystem of_keys = system_of_keys(keys, texts);
   if (!of_text.known()) return of_keys;
+  const bool text_alone = (number_at<std::uint16_t>(file, kGlobalEncoding) & kWktBit) != 0 ||
+                          (number_at<std::uint8_t>(file, kPointFormat) & kPointFormatMask) >= kFirstWktFormat;
+  if (text_alone || !of_keys.known()) return of_text;
+  bool differ =
+      of_keys.horizontal != 0 && of_text.horizontal != 0 && of_text.horizontal != of_keys.horizontal;
+  if (of_keys.horizontal != 0 && of_text.horizontal == 0) {
+    const std::optional<bool> same = same_projection(of_text, of_keys);
+    differ = same.has_value() && !*same;
+    if (!same) of_keys.horizontal = 0;
+  }
+  if (differ) {
+    warnings.push_back(
+        "WKT and GeoTIFF keys name different systems, " + of_text.name + " and " + of_keys.name +
+        ": the keys count, as the header does not say that the WKT does (--crs overrules both)");
+    return of_keys;
+  }
   if (of_text.horizontal == 0) of_text.horizontal = of_keys.horizontal;
   if (of_text.vertical == 0) of_text.vertical = of_keys.vertical;
+  if (of_text.height_unit == 0.0) of_text.height_unit = of_keys.height_unit;
   return of_text;
 }
 

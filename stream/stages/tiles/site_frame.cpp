@@ -3,67 +3,18 @@
 
 #include <algorithm>
 #include <cmath>
-#include <memory>
 #include <optional>
 
-#include <dlfcn.h>
-#include <proj.h>
-
+#include "stream/formats/proj_library.h"
 #include "stream/runtime/numbers.h"
 
 namespace tessera {
 namespace {
 
+using Handle = ProjHandle;
+using Context = ProjContext;
+
 constexpr double kTold_m = 0.1;  ///< a misfit from here on is worth a warning
-
-/// PROJ, loaded where a mesh has a coordinate system: with all that it brings it would cost every command 8 MiB.
-struct Proj {
-  void* library = ::dlopen("libproj.so.25", RTLD_NOW | RTLD_LOCAL);
-
-  decltype(&::proj_clone) clone = find<decltype(&::proj_clone)>("proj_clone");
-  decltype(&::proj_context_create) context_create =
-      find<decltype(&::proj_context_create)>("proj_context_create");
-  decltype(&::proj_context_destroy) context_destroy =
-      find<decltype(&::proj_context_destroy)>("proj_context_destroy");
-  decltype(&::proj_context_set_enable_network) context_set_enable_network =
-      find<decltype(&::proj_context_set_enable_network)>("proj_context_set_enable_network");
-  decltype(&::proj_coord) coord = find<decltype(&::proj_coord)>("proj_coord");
-  decltype(&::proj_create) create = find<decltype(&::proj_create)>("proj_create");
-  decltype(&::proj_create_crs_to_crs_from_pj) create_crs_to_crs_from_pj =
-      find<decltype(&::proj_create_crs_to_crs_from_pj)>("proj_create_crs_to_crs_from_pj");
-  decltype(&::proj_crs_get_coordinate_system) crs_get_coordinate_system =
-      find<decltype(&::proj_crs_get_coordinate_system)>("proj_crs_get_coordinate_system");
-  decltype(&::proj_crs_get_sub_crs) crs_get_sub_crs =
-      find<decltype(&::proj_crs_get_sub_crs)>("proj_crs_get_sub_crs");
-  decltype(&::proj_cs_get_axis_info) cs_get_axis_info =
-      find<decltype(&::proj_cs_get_axis_info)>("proj_cs_get_axis_info");
-  decltype(&::proj_destroy) destroy = find<decltype(&::proj_destroy)>("proj_destroy");
-  decltype(&::proj_get_name) get_name = find<decltype(&::proj_get_name)>("proj_get_name");
-  decltype(&::proj_get_source_crs) get_source_crs =
-      find<decltype(&::proj_get_source_crs)>("proj_get_source_crs");
-  decltype(&::proj_get_type) get_type = find<decltype(&::proj_get_type)>("proj_get_type");
-  decltype(&::proj_log_level) log_level = find<decltype(&::proj_log_level)>("proj_log_level");
-  decltype(&::proj_normalize_for_visualization) normalize_for_visualization =
-      find<decltype(&::proj_normalize_for_visualization)>("proj_normalize_for_visualization");
-  decltype(&::proj_trans) trans = find<decltype(&::proj_trans)>("proj_trans");
-
- private:
-  template <typename Function>
-  Function find(const char* name) const {
-    return library == nullptr ? nullptr : reinterpret_cast<Function>(::dlsym(library, name));
-  }
-};
-const Proj& proj() {
-  static const Proj loaded;
-  return loaded;
-}
-
-struct Free {
-  void operator()(PJ* p) const { proj().destroy(p); }
-  void operator()(PJ_CONTEXT* c) const { proj().context_destroy(c); }
-};
-using Handle = std::unique_ptr<PJ, Free>;
-using Context = std::unique_ptr<PJ_CONTEXT, Free>;
 
 /// What of a system is in the plane.
 Handle horizontal_of(PJ_CONTEXT* context, const PJ* system) {

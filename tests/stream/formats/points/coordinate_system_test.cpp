@@ -88,6 +88,45 @@ TEST_CASE("coordinate system: GeoTIFF keys give codes, else what they cite", "[u
   CHECK_FALSE(read(header({record("liblas", 2112, kWkt)})).known());
 }
 
+TEST_CASE("coordinate system: the WKT counts where the header says so, else GeoTIFF keys that differ",
+          "[unit]") {
+  const std::string utm33 = "PROJCS[\"UTM 33\",GEOGCS[\"WGS 84\"],AUTHORITY[\"EPSG\",\"32633\"]]";
+  const std::string keys32 = record("LASF_Projection", 34735, keys({1024, 0, 1, 1, 3072, 0, 1, 32632}));
+  std::string file = header({keys32, record("LASF_Projection", 2112, utm33)});
+  CHECK(read(file, 1).horizontal == 32632);
+  file[6] = 16;  // bit 4 of the global encoding
+  CHECK(read(file).horizontal == 32633);
+  file[6] = 0, file[104] = static_cast<char>(0x80 + 6);
+  CHECK(read(file).horizontal == 32633);
+  // A text without a code takes none of other keys.
+  const std::string feet = "PROJCS[\"Feet\",GEOGCS[\"G\"],UNIT[\"Foot_US\",0.3048006096012192]]";
+  file = header({keys32, record("LASF_Projection", 2112, feet)});
+  file[6] = 16;
+  const CoordinateSystem system = read(file);
+  CHECK(system.name == "Feet");
+  CHECK(system.horizontal == 0);
+}
+
+TEST_CASE("coordinate system: degrees and units of heights are told", "[unit]") {
+  CHECK(read(header({record("LASF_Projection", 34735, keys({1024, 0, 1, 2, 2048, 0, 1, 4269}))})).geographic);
+  CHECK(
+      read(header({record("LASF_Projection", 34735, keys({1024, 0, 1, 2, 2048, 0, 1, 32767}))})).geographic);
+  CHECK(read(header({record("LASF_Projection", 34735, keys({2048, 0, 1, 4326, 4099, 0, 1, 9003}))}))
+            .height_unit == 1200.0 / 3937.0);
+  CHECK_FALSE(read(header({record("LASF_Projection", 34735,
+                                  keys({1024, 0, 1, 1, 2048, 0, 1, 4269, 3072, 0, 1, 2229}))}))
+                  .geographic);
+  const std::string degrees = "GEOGCS[\"WGS 84\",DATUM[\"WGS_1984\"],UNIT[\"degree\",0.0174532925199433]]";
+  CHECK(system_of_wkt(degrees).geographic);
+  CHECK(system_of_wkt("GEOGCRS[\"WGS 84\",CS[ellipsoidal,2]]").geographic);
+  CHECK_FALSE(system_of_wkt("GEODCRS[\"WGS 84\",CS[Cartesian,3]]").geographic);
+  CHECK_FALSE(system_of_wkt(kWkt).geographic);
+  const CoordinateSystem both = system_of_wkt(
+      "COMPD_CS[\"a\"," + degrees + ",VERT_CS[\"h\",VERT_DATUM[\"d\",2005],UNIT[\"foot\",0.3048]]]");
+  CHECK(both.geographic);
+  CHECK(both.height_unit == 0.3048);
+}
+
 TEST_CASE("coordinate system: damaged records are told and survived", "[fault]") {
   const std::string good = record("LASF_Projection", 2112, kWkt);
   CHECK(read(header({good}, 4'000'000'000u), 1).known());
