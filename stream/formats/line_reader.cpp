@@ -90,10 +90,37 @@ std::string LineReader::torn_line() const {
   return "the last line, at byte " + std::to_string(line_offset_) + ", is torn; it is left out";
 }
 
+namespace {
+
+/// Takes the rest of a number whose exponent Fortran wrote with a D, 1.0D+03: `text` stands at it, `mantissa` before.
+bool take_d_exponent(std::string_view mantissa, std::string_view& text, double& value) {
+  std::size_t n = 1;
+  if (n < text.size() && (text[n] == '+' || text[n] == '-')) ++n;
+  const std::size_t digits = n;
+  while (n < text.size() && text[n] >= '0' && text[n] <= '9') ++n;
+  constexpr std::size_t kLongest = 200;
+  if (n == digits || mantissa.size() > kLongest || n > kLongest ||
+      mantissa.find_first_of("eE") != std::string_view::npos)
+    return false;
+  std::string number(mantissa);
+  number += 'e';
+  number += text.substr(1, n - 1);
+  std::string_view all = number;
+  if (!take_number(all, value) || !all.empty()) return false;
+  text.remove_prefix(n);
+  return true;
+}
+
+}  // namespace
+
 bool next_number(std::string_view& line, double& value) {
   std::string_view text = line;
   text.remove_prefix(separators(text));
+  const std::string_view begin = text;
   if (!take_number(text, value)) return false;
+  if (!text.empty() && (text.front() == 'D' || text.front() == 'd') &&
+      !take_d_exponent(begin.substr(0, begin.size() - text.size()), text, value))
+    return false;
   if (!text.empty() && text.front() == '#') {  // "1.#QNAN", "-1.#IND", "1.#INF" of old Microsoft libraries
     const bool infinite = text.substr(0, 4) == "#INF";
     value = infinite ? std::copysign(std::numeric_limits<double>::infinity(), value)

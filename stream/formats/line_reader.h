@@ -54,7 +54,8 @@ class LineReader {
 };
 
 /// Skips separators (space, tab, comma, semicolon) and takes one number that ends at a separator or at the
-/// end of the line. Spellings of not-a-number ("nan", "-1.#IND") give NaN. False if there is no such number.
+/// end of the line. Spellings of not-a-number ("nan", "-1.#IND") give NaN; exponents may be Fortran's, 1.0D+03. False if
+/// there is no such number.
 bool next_number(std::string_view& line, double& value);
 /// Skips one field of any content. False at the end of the line.
 bool skip_field(std::string_view& line);

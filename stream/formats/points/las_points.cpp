@@ -1,6 +1,7 @@
 #include "stream/formats/points/las_points.h"
 
 #include <algorithm>
+#include <optional>
 #include <utility>
 #include <vector>
 
@@ -18,9 +19,12 @@ class LasPoints final : public PointFile {
   LasPoints(const ReadFile& file, LasHeader header, const ReadOptions& options)
       : input_(file), options_(options), header_(std::move(header)) {
     PointRecordLayout& layout = header_.layout;
-    count_ = verified_count(header_.info.declared_points, header_.end - header_.begin, layout.stride, true);
+    header_.check_bounds(header_.end - header_.begin >= layout.stride);
+    const PointFileInfo& info = header_.info;
+    const std::optional<PointBox> bounds =
+        info.has_bounds ? std::optional(PointBox{info.declared_min, info.declared_max}) : std::nullopt;
+    count_ = verified_count(file, header_.begin, header_.end, info.declared_points, layout, true, bounds);
     if (!count_.warning.empty()) header_.info.warnings.push_back(count_.warning);
-    header_.check_bounds(count_.usable > 0);
     if (!options_.colours) layout.colour = {};
     header_.intensities = options_.intensities;
     if (layout.colour[0].there()) {

@@ -24,6 +24,8 @@ constexpr std::size_t kHeaderBuffer = std::size_t{1} << 16;
 constexpr int kHeaderLines = 1000;
 constexpr std::uint64_t kLongestRecord = std::uint64_t{1} << 16;
 constexpr std::size_t kBlockBytes = std::size_t{1} << 18;  ///< of records unpacked at a time
+constexpr std::uint64_t kSampled =
+    10000;  ///< points that tell how colours of lines and packed blocks are scaled
 
 struct PcdField {
   std::string name;
@@ -222,14 +224,20 @@ class PcdPoints final : public PointFile {
       set_slots();
     } else if (header_.data == PcdData::kBinary) {
       info_.format = "PCD binary";
-      count_ = verified_count(header_.points, input_.size() - header_.data_begin, layout_.stride, true);
+      count_ = verified_count(file, header_.data_begin, input_.size(), header_.points, layout_, true);
       if (!count_.warning.empty()) info_.warnings.push_back(count_.warning);
     } else {
       info_.format = "PCD binary compressed";
       find_fields(file);
     }
-    if (layout_.colour[0].there() && !packed_ && header_.data == PcdData::kBinary)
-      layout_.colour_scale = sample_colour_scale(file, header_.data_begin, count_.usable, layout_);
+    if (layout_.colour[0].there() && !packed_)
+      layout_.colour_scale = header_.data == PcdData::kBinary
+                                 ? sample_colour_scale(file, header_.data_begin, count_.usable, layout_)
+                                 : colour_scale_for(layout_.colour[0].type, largest_colour(file));
+    for (const PcdField& f : header_.fields)
+      if (f.name != "_" && !equal_any_case(f.name, "intensity") &&
+          std::find(used_.begin(), used_.end(), &f) == used_.end())
+        info_.left_out.push_back(f.name);
   }
 
   const PointFileInfo& info() const override { return info_; }
@@ -267,13 +275,18 @@ class PcdPoints final : public PointFile {
     throw InputError(input_.path().string() + ": " + what);
   }
 
+  /// What is spelt as `name` is comes before what differs in capitals.
   const PcdField* find(std::string_view name) const {
-    const auto at = std::find_if(header_.fields.begin(), header_.fields.end(),
-                                 [&](const PcdField& f) { return f.name == name && f.count > 0; });
-    return at == header_.fields.end() ? nullptr : &*at;
+    const PcdField* found = nullptr;
+    for (const PcdField& f : header_.fields) {
+      if (f.count == 0 || !equal_any_case(f.name, name)) continue;
+      if (f.name == name) return &f;
+      if (found == nullptr) found = &f;
+    }
+    return found;
   }
 
-  bool take(std::array<PointColumn, 3>& columns, const std::array<std::string_view, 3>& names) {
+  bool take(std::array<PointColumn, 3>& columns, const FieldTriple& names) {
     for (const std::string_view name : names) {
       if (!find(name)) return false;
     }
@@ -287,8 +300,9 @@ class PcdPoints final : public PointFile {
 
   void set_layout() {
     layout_.stride = static_cast<std::size_t>(header_.stride);
-    if (!take(layout_.position, {"x", "y", "z"})) fail("the FIELDS of the PCD header lack x, y or z");
-    take(layout_.normal, {"normal_x", "normal_y", "normal_z"});
+    if (!take(layout_.position, kPositionFields)) fail("the FIELDS of the PCD header lack x, y or z");
+    for (const FieldTriple& names : kNormalFields)
+      if (take(layout_.normal, names)) break;
     packed_ = find("rgb") ? find("rgb") : find("rgba");
     if (packed_ && scalar_bytes(packed_->type) == 4) {
       // 0xaarrggbb, lowest byte first; alpha is 0 in half of the files.
@@ -298,7 +312,8 @@ class PcdPoints final : public PointFile {
       used_.push_back(packed_);
     } else {
       packed_ = nullptr;
-      if (!take(layout_.colour, {"r", "g", "b"})) take(layout_.colour, {"red", "green", "blue"});
+      for (const FieldTriple& names : kColourFields)
+        if (take(layout_.colour, names)) break;
     }
   }
 
@@ -319,6 +334,33 @@ class PcdPoints final : public PointFile {
       if (f.count == 0) slots_.pop_back();
     }
     while (!slots_.empty() && slots_.back() == kSkip) slots_.pop_back();
+  }
+
+  /// Of the first points.
+  double largest_colour(const ReadFile& file) const {
+    double largest = 0;
+    if (header_.data == PcdData::kAscii) {
+      LineReader reader(file, {header_.data_begin, header_.lines + 1, '\n'}, header_.data_begin, file.size(),
+                        false);
+      std::string_view line;
+      PointValues v{};
+      for (std::uint64_t i = 0; i < kSampled && reader.next(line); ++i)
+        if (!is_blank(line) && parse(line, v)) largest = std::max({largest, v[6], v[7], v[8]});
+      return largest;
+    }
+    std::vector<char> column;
+    for (std::size_t i = 0; i < used_.size(); ++i)
+      for (const PointColumn& c : layout_.colour) {
+        if (static_cast<int>(used_[i]->offset) != c.offset) continue;
+        const auto bytes = static_cast<std::size_t>(used_[i]->bytes());
+        const auto n = static_cast<std::size_t>(
+            std::min({kSampled, count_.usable, std::max<std::uint64_t>(1, kBlockBytes / bytes)}));
+        column.resize(n * bytes);
+        LzfReader(file, starts_[i], packed_end_, false).read(column.data(), column.size());
+        for (std::size_t r = 0; r < n; ++r)
+          largest = std::max(largest, load_double(c.type, false, column.data() + r * bytes));
+      }
+    return largest;
   }
 
   bool parse(std::string_view line, PointValues& v) const {
@@ -359,7 +401,7 @@ class PcdPoints final : public PointFile {
             reader.where() + ": '" + std::string(line.substr(0, 60)) +
             "' is not a point with the fields that the PCD header declares; correct or remove the line");
       }
-      append_values(v, info_.attributes, ColourScale::kByte, out.chunk());
+      append_values(v, info_.attributes, layout_.colour_scale, out.chunk());
       append_sensors(out.chunk());
       out.added();
     }

@@ -17,14 +17,6 @@ namespace tessera {
 
 namespace {
 
-using Names = std::array<std::string_view, 3>;
-constexpr std::array kNormalNames = {Names{"nx", "ny", "nz"}, Names{"normal_x", "normal_y", "normal_z"}};
-constexpr std::array kColourNames = {Names{"red", "green", "blue"}, Names{"r", "g", "b"},
-                                     Names{"diffuse_red", "diffuse_green", "diffuse_blue"}};
-
-constexpr std::array<std::string_view, 4> kIntensityNames = {"intensity", "scalar_Intensity",
-                                                             "scalar_intensity", "Intensity"};
-
 /// What a property of the vertex is to us: 0..2 position, 3..5 normal, 6..8 colour, 9 intensity, kSkip.
 constexpr int kSkip = -1;
 constexpr int kSlots = 10;
@@ -35,7 +27,7 @@ class PlyPoints final : public PointFile {
  public:
   PlyPoints(const ReadFile& file, const ReadOptions& options) : input_(file), options_(options) {
     header_ = read_ply_header(file);
-    const int vertex = header_.find("vertex");
+    const int vertex = find_vertices();
     if (vertex < 0) fail("the PLY header has no element 'vertex', so there are no points to read");
     vertex_ = static_cast<std::size_t>(vertex);
     for (std::size_t i = vertex_ + 1; i < header_.elements.size(); ++i) {
@@ -54,6 +46,9 @@ class PlyPoints final : public PointFile {
     info_.attributes.colour = has_[6];
     info_.attributes.intensity = info_.attributes.intensity_16 = has_[kIntensity];
     info_.warnings = header_.warnings;
+    for (std::size_t p = 0; p < slots_.size(); ++p)
+      if (slots_[p] == kSkip && !equal_any_case(element().properties[p].name, "alpha"))
+        info_.left_out.push_back(element().properties[p].name);
     if (header_.encoding == PlyEncoding::kAscii) {
       open_ascii(file);
     } else {
@@ -103,11 +98,28 @@ class PlyPoints final : public PointFile {
   }
   const PlyElement& element() const { return header_.elements[vertex_]; }
 
-  bool assign(const Names& names, int first_slot) {
+  int find_vertices() const {
+    const auto at = std::find_if(header_.elements.begin(), header_.elements.end(),
+                                 [](const PlyElement& e) { return equal_any_case(e.name, "vertex"); });
+    return at == header_.elements.end() ? -1 : static_cast<int>(at - header_.elements.begin());
+  }
+
+  /// Index of the property that is no list, or -1; what is spelt as `name` is comes first.
+  int find_number(std::string_view name) const {
+    const auto number = [&](int at) {
+      return at >= 0 && !element().properties[static_cast<std::size_t>(at)].list;
+    };
+    if (const int exact = element().find(name); number(exact)) return exact;
+    for (int i = 0; i < static_cast<int>(element().properties.size()); ++i)
+      if (number(i) && equal_any_case(element().properties[static_cast<std::size_t>(i)].name, name)) return i;
+    return -1;
+  }
+
+  bool assign(const FieldTriple& names, int first_slot) {
     std::array<int, 3> at{};
     for (std::size_t i = 0; i < 3; ++i) {
-      at[i] = element().find(names[i]);
-      if (at[i] < 0 || element().properties[static_cast<std::size_t>(at[i])].list) return false;
+      at[i] = find_number(names[i]);
+      if (at[i] < 0) return false;
     }
     for (std::size_t i = 0; i < 3; ++i) {
       slots_[static_cast<std::size_t>(at[i])] = first_slot + static_cast<int>(i);
@@ -120,16 +132,16 @@ class PlyPoints final : public PointFile {
 
   void assign_slots() {
     slots_.assign(element().properties.size(), kSkip);
-    if (!assign({"x", "y", "z"}, 0)) fail("element 'vertex' of the PLY header lacks x, y or z");
-    for (const Names& names : kNormalNames) {
+    if (!assign(kPositionFields, 0)) fail("element 'vertex' of the PLY header lacks x, y or z");
+    for (const FieldTriple& names : kNormalFields) {
       if (assign(names, 3)) break;
     }
-    for (const Names& names : kColourNames) {
+    for (const FieldTriple& names : kColourFields) {
       if (assign(names, 6)) break;
     }
-    for (const std::string_view name : kIntensityNames) {
-      const int at = element().find(name);
-      if (at < 0 || element().properties[static_cast<std::size_t>(at)].list) continue;
+    for (const std::string_view name : kIntensityFields) {
+      const int at = find_number(name);
+      if (at < 0) continue;
       slots_[static_cast<std::size_t>(at)] = kIntensity;
       types_[kIntensity] = element().properties[static_cast<std::size_t>(at)].type;
       has_[kIntensity] = true;
@@ -148,13 +160,13 @@ class PlyPoints final : public PointFile {
     lines_ = {header_.data_begin, header_.lines + 1, header_.line_end};
     mode_ = vertices_only() ? Mode::kLines : Mode::kInOrder;
     if (!has_[6] && !has_[kIntensity]) return;
-    // The first 4096 vertices tell how colours and intensities are scaled: see sample_colour_scale.
+    // The first 10,000 vertices tell how colours and intensities are scaled: see sample_colour_scale.
     double largest = 0, brightest = 0;
     LineReader reader(file, lines_, header_.data_begin, input_.size(), false);
     if (skip_elements_before(reader)) {
       std::string_view line;
       Values values{};
-      for (int i = 0; i < 4096 && reader.next(line); ++i) {
+      for (int i = 0; i < 10000 && reader.next(line); ++i) {
         if (is_blank(line) || !parse(line, values)) continue;
         largest = std::max({largest, values[6], values[7], values[8]});
         brightest = std::max(brightest, values[kIntensity]);
@@ -190,7 +202,7 @@ class PlyPoints final : public PointFile {
       auto& group = slot < 3 ? layout_.position : slot < 6 ? layout_.normal : layout_.colour;
       group[slot % 3] = {element().properties[p].type, static_cast<int>(element().offset(p))};
     }
-    count_ = verified_count(element().count, input_.size() - begin_, layout_.stride, closing_);
+    count_ = verified_count(file, begin_, input_.size(), element().count, layout_, closing_);
     if (!count_.warning.empty()) info_.warnings.push_back(count_.warning);
     if (has_[6]) layout_.colour_scale = sample_colour_scale(file, begin_, count_.usable, layout_);
     if (has_[kIntensity]) {

@@ -40,14 +40,66 @@ void decode_colours(const PointRecordLayout& layout, const char* records, std::s
   }
 }
 
-}  // namespace
-
-std::uint8_t colour_byte(double value, ColourScale scale) {
-  if (scale == ColourScale::kHighByte) value *= 1.0 / 256;
-  if (scale == ColourScale::kUnit) value = value * 255 + 0.5;
-  if (!(value > 0)) return 0;  // also NaN
-  return value >= 255 ? std::uint8_t{255} : static_cast<std::uint8_t>(value);
+/// Positions of a fixed sample of records [first, last): 64 runs of 64 at even distances, or all.
+template <class F>
+void for_sampled_records(const ReadFile& file, std::uint64_t begin, std::uint64_t first, std::uint64_t last,
+                         const PointRecordLayout& layout, F&& f) {
+  constexpr std::uint64_t kRuns = 64;
+  constexpr std::uint64_t kRun = 64;
+  PointRecordLayout positions = layout;
+  positions.normal = positions.colour = {};
+  std::vector<char> records;
+  for (std::uint64_t at = first, step = std::max((last - first) / kRuns, kRun); at < last; at += step) {
+    const auto n = static_cast<std::size_t>(std::min(kRun, last - at));
+    records.resize(n * layout.stride);
+    file.read_at(begin + at * layout.stride, records.data(), records.size());
+    PointChunk chunk;
+    append_records(positions, records.data(), n, chunk);
+    for (std::size_t i = 0; i < n; ++i)
+      f(Double3{chunk.x[i], chunk.y[i], chunk.z[i]},
+        std::string_view(records.data() + i * layout.stride, layout.stride));
+  }
 }
+
+/// The box of a sample of the declared records, widened by ten times its size: text read as numbers lies far outside.
+PointBox sampled_bounds(const ReadFile& file, std::uint64_t begin, std::uint64_t declared,
+                        const PointRecordLayout& layout) {
+  PointBox box;
+  std::swap(box.min, box.max);
+  for_sampled_records(file, begin, 0, declared, layout, [&](const Double3& p, std::string_view) {
+    if (!std::isfinite(p[0]) || !std::isfinite(p[1]) || !std::isfinite(p[2])) return;
+    for (std::size_t a = 0; a < 3; ++a) {
+      box.min[a] = std::min(box.min[a], p[a]);
+      box.max[a] = std::max(box.max[a], p[a]);
+    }
+  });
+  double extent = 0;
+  for (std::size_t a = 0; a < 3; ++a) extent = std::max(extent, box.max[a] - box.min[a]);
+  for (std::size_t a = 0; a < 3; ++a) box.min[a] -= 10 * extent, box.max[a] += 10 * extent;
+  return box;
+}
+
+/// Whether a sample of the records beyond the declared ones lies within the bounds, and is not zeros for the most part.
+bool surplus_fits(const ReadFile& file, std::uint64_t begin, std::uint64_t declared, std::uint64_t found,
+                  const PointRecordLayout& layout, const std::optional<PointBox>& bounds) {
+  const PointBox box = bounds ? *bounds : sampled_bounds(file, begin, declared, layout);
+  bool inside = true;
+  std::uint64_t all = 0;
+  std::uint64_t zeros = 0;
+  for_sampled_records(file, begin, declared, found, layout, [&](const Double3& p, std::string_view record) {
+    for (std::size_t a = 0; a < 3; ++a) {
+      // Headers hold rounded numbers.
+      const double slack =
+          1e-6 * (box.max[a] - box.min[a]) + (layout.scaled ? std::fabs(layout.scale[a]) : 0.0);
+      inside = inside && p[a] >= box.min[a] - slack && p[a] <= box.max[a] + slack;
+    }
+    ++all;
+    zeros += record.find_first_not_of('\0') == std::string_view::npos ? 1 : 0;
+  });
+  return inside && 2 * zeros <= all;
+}
+
+}  // namespace
 
 void append_records(const PointRecordLayout& layout, const char* records, std::size_t count,
                     PointChunk& chunk) {
@@ -90,12 +142,6 @@ void append_values(const PointValues& values, const PointAttributes& has, Colour
   }
 }
 
-ColourScale colour_scale_for(ScalarType type, double largest) {
-  if (scalar_is_float(type)) return largest > 1 ? ColourScale::kByte : ColourScale::kUnit;
-  if (scalar_bytes(type) == 1) return ColourScale::kByte;
-  return largest > 255 ? ColourScale::kHighByte : ColourScale::kByte;
-}
-
 ColourScale sample_colour_scale(
     std::uint64_t count, const PointRecordLayout& layout,
     const std::function<std::string_view(std::uint64_t first, std::size_t number)>& read) {
@@ -104,7 +150,7 @@ ColourScale sample_colour_scale(
   const ScalarType type = layout.colour[0].type;
   if (scalar_bytes(type) == 1 || count == 0) return colour_scale_for(type, 0);
   const std::uint64_t step = std::max<std::uint64_t>(count / kRuns, kRun);
-  const double enough = scalar_is_float(type) ? 1 : 255;  // nothing further changes the answer
+  const double enough = scalar_is_float(type) ? 256 : 255;  // nothing further changes the answer
   double largest = 0;
   for (std::uint64_t at = 0; at < count && largest <= enough; at += step) {
     const std::string_view records = read(at, static_cast<std::size_t>(std::min(kRun, count - at)));
@@ -147,8 +193,11 @@ std::vector<InputSlice> even_slices(std::uint32_t file, std::uint64_t begin, std
   return slices;
 }
 
-RecordCount verified_count(std::uint64_t declared, std::uint64_t space, std::size_t stride, bool closing) {
-  const std::uint64_t found = space / stride;
+RecordCount verified_count(const ReadFile& file, std::uint64_t begin, std::uint64_t end,
+                           std::uint64_t declared, const PointRecordLayout& layout, bool closing,
+                           const std::optional<PointBox>& bounds) {
+  const std::uint64_t space = end - begin;
+  const std::uint64_t found = space / layout.stride;
   const auto sentence = [&](const std::string& rest) {
     return "the header declares " + std::to_string(declared) + " points, the file has room for " +
            std::to_string(found) + rest;
@@ -159,9 +208,13 @@ RecordCount verified_count(std::uint64_t declared, std::uint64_t space, std::siz
     result.missing = declared - found;
     result.warning = sentence(": it is truncated, or the count is wrong");
   } else if (closing && found > declared) {
-    const bool all = declared == 0 || space % stride == 0;
+    const bool fills = declared == 0 || space % layout.stride == 0;
+    const bool all = fills && (declared == 0 || surplus_fits(file, begin, declared, found, layout, bounds));
     if (all) result.usable = found;
-    result.warning = sentence(all ? ": all of them are read" : " and more bytes: the declared ones are read");
+    result.warning =
+        sentence(all     ? ": all of them are read"
+                 : fills ? ": what follows the declared ones lies outside the bounds and is no point"
+                         : " and more bytes: the declared ones are read");
   }
   return result;
 }

@@ -5,6 +5,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <functional>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -12,15 +13,9 @@
 #include "stream/formats/byte_window.h"
 #include "stream/formats/points/point_source.h"
 #include "stream/formats/scalar.h"
+#include "stream/formats/vertex_fields.h"
 
 namespace tessera {
-
-/// How a colour component becomes 0..255.
-enum class ColourScale : std::uint8_t {
-  kByte,      ///< as it is, clamped: 8 bits, also when stored in a wider type
-  kHighByte,  ///< 16 bits; the high byte, exact for writers that multiply by 256 and for those by 257
-  kUnit,      ///< 0..1
-};
 
 struct PointColumn {
   ScalarType type = ScalarType::kFloat32;
@@ -40,7 +35,6 @@ struct PointRecordLayout {
   Double3 shift = {0, 0, 0};
 };
 
-std::uint8_t colour_byte(double value, ColourScale scale);
 inline std::uint32_t pack_rgb(std::uint32_t r, std::uint32_t g, std::uint32_t b) {
   return r | g << 8 | b << 16 | 0xff000000u;
 }
@@ -57,8 +51,8 @@ void append_values(const PointValues& values, const PointAttributes& has, Colour
 
 /// The scale of the file's colours, from a fixed sample of it: 64 runs of 256 records at even distances (all
 /// records of a small file). 16-bit and wider integers are taken for 8-bit values if no sampled component
-/// exceeds 255; floats are taken for 0..255 if one exceeds 1. Depends on the file alone, never on slices or
-/// threads.
+/// exceeds 255; floats are taken for 0..255 if one exceeds 1 (colour_scale_for). Depends on the file alone, never on
+/// slices or threads.
 /// \param read  the bytes of `number` records from record `first` on, fewer where they end; called in ascending order
 ColourScale sample_colour_scale(
     std::uint64_t count, const PointRecordLayout& layout,
@@ -66,8 +60,6 @@ ColourScale sample_colour_scale(
 /// The same for records that lie in a file.
 ColourScale sample_colour_scale(const ReadFile& file, std::uint64_t begin, std::uint64_t count,
                                 const PointRecordLayout& layout);
-/// The same decision for values already read.
-ColourScale colour_scale_for(ScalarType type, double largest);
 
 /// Collects points into chunks of a fixed size and hands full ones to the sink.
 class ChunkSink {
@@ -106,10 +98,13 @@ struct RecordCount {
   std::uint64_t missing = 0;  ///< declared, not in the file
   std::string warning;        ///< one sentence if declared and found differ
 };
-/// A file that ends early is read as far as it goes. Whole records beyond the declared count are read too if
-/// nothing else can be meant: the count is 0 (never filled in) or they fill the space exactly; else they are
-/// left alone. \param space    bytes from the first record to the end of what may hold records \param closing
-/// true if nothing else is declared to follow the records
-RecordCount verified_count(std::uint64_t declared, std::uint64_t space, std::size_t stride, bool closing);
+/// Of the records in bytes [begin, end) of the file, those that are points. A file that ends early is read as far as it
+/// goes. Whole records beyond the declared count are points if the count is 0 (never filled in), or if they fill the
+/// space exactly and lie within the bounds: else they are padding, texts or wave packets that follow the points.
+/// \param closing  true if nothing else is declared to follow the records
+/// \param bounds   declared by the file; without, ten times the size of a sample of the declared records around it
+RecordCount verified_count(const ReadFile& file, std::uint64_t begin, std::uint64_t end,
+                           std::uint64_t declared, const PointRecordLayout& layout, bool closing,
+                           const std::optional<PointBox>& bounds = {});
 
 }  // namespace tessera

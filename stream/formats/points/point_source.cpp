@@ -42,8 +42,10 @@ bool starts_ply(std::string_view head) {
   return head.substr(0, 3) == "ply" && head.find_first_of("\r\n ") == 3;
 }
 
-bool is_text_extension(const std::string& extension) {
-  return extension == ".xyz" || extension == ".pts" || extension == ".csv" || extension == ".asc";
+/// Whether to read as text what is no other format: by extension, because the user names its columns, or by its look.
+bool is_text(const std::string& extension, const ReadFile& file, const ReadOptions& options) {
+  const bool surely = is_text_points_extension(extension) && extension != ".txt" && extension != ".dat";
+  return surely || (!options.columns.empty() && is_printable(file)) || looks_like_text_points(file);
 }
 
 /// Text and PLY that gzip or zstd packed. Whether it is text is seen before it is unpacked to the end: what claims to be
@@ -68,7 +70,7 @@ std::unique_ptr<PointFile> open_packed_points(const std::filesystem::path& path,
   smaller.chunk_points = std::min<std::size_t>(options.chunk_points, 32768);
   if (ply) return open_ply_points(file, smaller);
   if (extension == ".ptx" || looks_like_ptx(file)) return open_ptx_points(file, smaller);
-  if (is_text_extension(extension) || looks_like_text_points(file)) return open_text_points(file, smaller);
+  if (is_text(extension, file, options)) return open_text_points(file, smaller);
   throw InputError(name + ": is compressed, and no text or PLY file of points; unpack it first");
 }
 
@@ -126,13 +128,27 @@ std::unique_ptr<PointFile> open_point_file(const std::filesystem::path& path, co
   if (extension == ".obj" || extension == ".stl" || extension == ".off" || extension == ".glb") {
     throw InputError(name + ": " + std::string(kMesh));
   }
-  if (is_text_extension(extension) || looks_like_text_points(file)) return open_text_points(file, options);
-  throw InputError(name + ": is of no known format; PLY, LAS, LAZ, E57, PCD, XYZ, PTS, PTX and CSV are read");
+  if (is_text(extension, file, options)) return open_text_points(file, options);
+  throw InputError(name + ": is of no known format; PLY, LAS, LAZ, E57, PCD, XYZ, PTS, PTX and CSV are read" +
+                   (is_text_points_extension(extension) && is_printable(file)
+                        ? ", and text of any other kind where --columns names its columns"
+                        : ""));
 }
 
 std::uint64_t missing_points(const PointFileInfo& info, const ReadCounts& total) {
   const std::uint64_t found = total.points + total.withheld + total.empty;
   return std::max(total.missing, info.declared_points > found ? info.declared_points - found : 0);
+}
+
+std::string left_out_sentence(const PointFileInfo& info) {
+  constexpr std::size_t kMost = 8;
+  constexpr std::size_t kLongest = 40;
+  std::string text = "fields left out, as nothing here takes them: ";
+  for (std::size_t i = 0; i < std::min(kMost, info.left_out.size()); ++i) {
+    text += i > 0 ? ", " : "";
+    for (const char c : info.left_out[i].substr(0, kLongest)) text += c >= ' ' && c != '\x7f' ? c : '?';
+  }
+  return text + (info.left_out.size() > kMost ? ", ..." : "");
 }
 
 std::vector<std::string> refuted_claims(const PointFileInfo& info, const ReadCounts& total,
@@ -159,7 +175,7 @@ std::vector<std::string> refuted_claims(const PointFileInfo& info, const ReadCou
   }
   if (outside) sentences.emplace_back("points lie outside the bounds that the header declares");
   if (wide && !outside)
-    sentences.emplace_back("the bounds that the header declares are wider than the points");
+    sentences.emplace_back(kWideBounds);
   return sentences;
 }
 

@@ -82,6 +82,7 @@ struct PointFileInfo {
   CoordinateSystem system;
   std::vector<Double3> sensors;       ///< sensor origins, scan frame (PTX, E57: one per scan)
   std::vector<std::string> warnings;  ///< what the header gets wrong, one sentence each
+  std::vector<std::string> left_out;  ///< names of fields that mean nothing here, as the file spells them
   /// What all slices add up to.
   std::uint64_t planned_bytes() const { return unpacked_bytes > 0 ? unpacked_bytes : bytes; }
 };
@@ -144,15 +145,29 @@ std::unique_ptr<PointFile> open_point_file(const std::filesystem::path& path, co
 /// Points that the header promises and the file does not hold. \param total  sums over all slices of the file
 std::uint64_t missing_points(const PointFileInfo& info, const ReadCounts& total);
 
+/// One of refuted_claims().
+inline constexpr const char* kWideBounds = "the bounds that the header declares are wider than the points";
 /// What reading refuted of the header's claims, beyond info.warnings, one sentence each: the count, the bounds (by more
 /// than a millionth of their size). \param read_min, read_max  of all finite points; min > max if there are none
 std::vector<std::string> refuted_claims(const PointFileInfo& info, const ReadCounts& total,
                                         const Double3& read_min, const Double3& read_max);
 
-/// Expands files, folders (sorted, by extension ply las laz e57 pcd xyz pts ptx csv asc, text and ply with .gz or .zst
-/// too, not recursive), globs (sorted; folders count only where no file matches) and @list files (one file, folder or
-/// glob per line, relative to the list's folder, # starts a comment) to a list of paths without repeats, in the order
-/// given; the order never changes a result. \throws InputError naming the argument that matches nothing
+/// "fields left out, as nothing here takes them: ring, time"; names cut to what can be read. \pre there are some
+std::string left_out_sentence(const PointFileInfo& info);
+
+struct InputList {
+  std::vector<std::filesystem::path> files;
+  std::vector<std::string>
+      told;  ///< a sentence for every folder and deep glob: how many files of which kinds
+};
+
+/// Expands files, folders, globs and @list files to a list of paths without repeats, in the order given; the order never
+/// changes a result. Folders are searched at any depth for ply las laz e57 pcd xyz xyzrgb xyzn pts ptx csv asc (text and
+/// ply with .gz or .zst too), sorted; hidden files and work directories are passed over; those of EPT and Potree octrees
+/// (scan_folder.h) give their nodes, as ept.json and cloud.js do. Globs: ** stands for any number of folders; folders
+/// that match count only where no file does. Lists: a file, folder or glob a line, relative to the list's folder, # starts
+/// a comment. \throws InputError naming the argument that matches nothing
+InputList list_inputs(const std::vector<std::string>& arguments);
 std::vector<std::filesystem::path> expand_inputs(const std::vector<std::string>& arguments);
 
 }  // namespace tessera

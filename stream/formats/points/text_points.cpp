@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "octree/error.h"
+#include "stream/files/file_extension.h"
 #include "stream/formats/closed_file.h"
 #include "stream/formats/line_reader.h"
 #include "stream/formats/points/point_records.h"
@@ -22,7 +23,8 @@ namespace {
 constexpr std::size_t kSampleBytes = std::size_t{1} << 16;
 constexpr std::uint64_t kSamples = 64;
 constexpr int kSampleLines = 64;
-constexpr int kMaxColumns = 64;  ///< columns looked at when there are no names
+constexpr std::size_t kFirstRows = 10000;
+constexpr std::size_t kMaxColumns = 64;  ///< columns looked at when there are no names
 
 using Values = std::array<double, kTextSlots>;
 
@@ -36,13 +38,65 @@ std::string_view without_comment_mark(std::string_view line) {
   return line;
 }
 
-/// Numbers at the front of the line, at most kMaxColumns.
-std::vector<double> numbers_of(std::string_view line) {
-  std::vector<double> values;
+/// How many numbers are at the front of the line, at most kMaxColumns.
+std::size_t count_numbers(std::string_view line) {
+  std::size_t n = 0;
   double value = 0;
-  while (values.size() < kMaxColumns && next_number(line, value)) values.push_back(value);
-  return values;
+  while (n < kMaxColumns && next_number(line, value)) ++n;
+  return n;
 }
+
+/// What the rows that were looked at hold, column by column, to tell columns without names.
+class RowFacts {
+ public:
+  void add(std::string_view line) {
+    std::array<double, kMaxColumns> v{};
+    std::size_t n = 0;
+    for (std::string_view rest = line; n < kMaxColumns && next_number(rest, v[n]); ++n) {
+      const std::string_view token = line.substr(0, line.size() - rest.size());
+      pointed_[n] = pointed_[n] || token.find_first_of(".eEdD") != std::string_view::npos;
+      line = rest;
+    }
+    for (std::size_t i = 0; i < n; ++i) {
+      ++rows_[i];
+      bytes_[i] = bytes_[i] && v[i] >= 0 && v[i] <= 255 && v[i] == std::floor(v[i]);
+      up_to_one_[i] = up_to_one_[i] && v[i] >= 0 && v[i] <= 1;
+    }
+    for (std::size_t i = 0; i + 3 <= n; ++i) {
+      const double squared = v[i] * v[i] + v[i + 1] * v[i + 1] + v[i + 2] * v[i + 2];
+      unit_[i] = unit_[i] && (squared == 0 || std::abs(squared - 1) < 0.05);
+      any_[i] = any_[i] || squared != 0;
+    }
+    ++all_;
+  }
+  /// Three columns of unit vectors, of zeros at most a part.
+  bool normals(std::size_t at) const { return in_all_rows(at, 3) && unit_[at] && any_[at]; }
+  /// Three columns of whole numbers up to 255.
+  bool bytes(std::size_t at) const { return in_all_rows(at, 3) && every(bytes_, at); }
+  /// Three columns of 0..1, written as fractions.
+  bool fractions(std::size_t at) const {
+    return in_all_rows(at, 3) && every(up_to_one_, at) && every(pointed_, at);
+  }
+
+ private:
+  using Flags = std::array<bool, kMaxColumns>;
+  static Flags all_true() {
+    Flags flags;
+    flags.fill(true);
+    return flags;
+  }
+  static bool every(const Flags& flags, std::size_t at) {
+    return flags[at] && flags[at + 1] && flags[at + 2];
+  }
+  bool in_all_rows(std::size_t at, std::size_t n) const {
+    return at + n <= kMaxColumns && rows_[at + n - 1] == all_;
+  }
+
+  std::size_t all_ = 0;
+  std::array<std::size_t, kMaxColumns> rows_{};
+  Flags bytes_ = all_true(), up_to_one_ = all_true(), unit_ = all_true();
+  Flags any_{}, pointed_{};
+};
 
 /// The line is one whole number: the count line of PTS.
 bool is_count(std::string_view line, std::uint64_t& count) {
@@ -51,7 +105,7 @@ bool is_count(std::string_view line, std::uint64_t& count) {
 }
 
 TextColumns columns_by_name(std::string_view line) {
-  std::vector<TextColumn> columns;
+  std::vector<std::string> names;
   const char delimiter =
       line.find_first_of(",;\t") == std::string_view::npos ? ' ' : line[line.find_first_of(",;\t")];
   std::string_view field;
@@ -59,13 +113,14 @@ TextColumns columns_by_name(std::string_view line) {
     while (!is_blank(line)) {
       line.remove_prefix(line.find_first_not_of(" \r"));
       const std::size_t end = std::min(line.find_first_of(" \r"), line.size());
-      columns.push_back(text_column(line.substr(0, end)));
+      names.emplace_back(line.substr(0, end));
       line.remove_prefix(end);
     }
   } else {
-    while (next_field(line, delimiter, field)) columns.push_back(text_column(field));
+    while (next_field(line, delimiter, field)) names.emplace_back(field);
+    if (!names.empty() && names.back().empty()) names.pop_back();  // a separator at the end
   }
-  return TextColumns(std::move(columns));
+  return TextColumns::named(names);
 }
 
 std::size_t count_fields(std::string_view line) {
@@ -99,10 +154,11 @@ Opening read_opening(const ReadFile& file, const TextColumns& given) {
     if (is_blank(line)) continue;
     if (is_comment(line)) {
       const std::string_view text = without_comment_mark(line);
-      // Names start with x; prose may have an x, y and z anywhere.
-      if (text_column(text.substr(0, text.find_first_of(" ,;\t"))) == TextColumn::kX) {
-        commented = columns_by_name(text);
-      }
+      // Names start with x, or are names all of them; prose may have an x, y and z anywhere.
+      const TextColumns names = columns_by_name(text);
+      if (names.positions() &&
+          (names.all_known() || text_column(text.substr(0, text.find_first_of(" ,;\t"))) == TextColumn::kX))
+        commented = names;
       continue;
     }
     std::uint64_t count = 0;
@@ -114,7 +170,12 @@ Opening read_opening(const ReadFile& file, const TextColumns& given) {
     std::string_view rest = line;
     double value = 0;
     Values values{};
-    const bool fits = given.positions() && given.parse(line, text_delimiter(line), values);
+    TextDialectVote vote;
+    vote.add(line);
+    const TextDialect dialect = vote.decide(line);
+    std::string buffer;
+    const bool fits =
+        given.positions() && given.parse(dialect.plain(line, buffer), dialect.delimiter, values);
     if (!fits && !next_number(rest, value) && o.first_header.empty()) {
       o.first_header = line.substr(0, 200);
       o.named = columns_by_name(line);
@@ -132,22 +193,27 @@ Opening read_opening(const ReadFile& file, const TextColumns& given) {
   return o;
 }
 
+/// Of the file, or of what was packed into it.
+std::string text_extension(const std::filesystem::path& path) {
+  const std::string extension = lower_extension(path);
+  return extension == ".gz" || extension == ".zst" ? lower_extension(path.stem()) : extension;
+}
+
 class TextPoints final : public PointFile {
  public:
   TextPoints(const ReadFile& file, const ReadOptions& options) : input_(file), options_(options) {
     TextColumns given;
     if (!options_.columns.empty()) {
-      std::vector<TextColumn> columns;
-      for (const std::string& name : options_.columns) columns.push_back(text_column(name));
-      given = TextColumns(std::move(columns));
+      given = TextColumns::named(options_.columns);
       if (!given.positions()) throw UsageError("--columns must name x, y and z");
     }
     const Opening opening = read_opening(file, given);
     layout_ = opening.layout;
     counted_ = opening.has_count;
-    delimiter_ = text_delimiter(opening.first_line);
-    const std::vector<std::vector<double>> samples = sample();
-    name_columns(opening, given, samples);
+    TextDialectVote vote;
+    for_first_rows([&](std::string_view line) { vote.add(line); });
+    dialect_ = vote.decide(opening.first_line);
+    name_columns(opening, given);
     if (columns_.colours()) colour_scale_ = colour_scale();
     info_.path = input_.path();
     info_.bytes = input_.size();
@@ -156,8 +222,10 @@ class TextPoints final : public PointFile {
     info_.attributes.normals = columns_.normals();
     info_.attributes.colour = columns_.colours();
     info_.attributes.intensity = columns_.has(TextColumn::kIntensity);
-    info_.format =
-        std::string(counted_ ? "PTS" : "text") + " with columns " + columns_.names() + input_.packed_words();
+    info_.left_out = columns_.left_out();
+    if (columns_.geographic()) info_.system = longitude_and_latitude();
+    info_.format = std::string(counted_ ? "PTS" : "text") + " with columns " + columns_.names() +
+                   (dialect_.decimal_comma ? ", decimal commas" : "") + input_.packed_words();
   }
 
   const PointFileInfo& info() const override { return info_; }
@@ -173,10 +241,11 @@ class TextPoints final : public PointFile {
     const ReadFile file = input_.open();
     LineReader reader(file, layout_, slice.begin, slice.end, options_.release_cache);
     std::string_view line;
+    std::string buffer;
     Values values{};
     while (reader.next(line)) {
       if (is_comment(line)) continue;
-      if (columns_.parse(line, delimiter_, values)) {
+      if (columns_.parse(dialect_.plain(line, buffer), dialect_.delimiter, values)) {
         append_values(values, info_.attributes, colour_scale_, out.chunk());
         out.added();
       } else if (!passed_over(line)) {
@@ -206,9 +275,26 @@ class TextPoints final : public PointFile {
     return is_blank(line) || is_comment(line) || (counted_ && is_count(line, count));
   }
 
-  /// Calls f with lines at 64 places of the file, 64 at each, the same whatever slices are read.
+  /// Calls f with the first rows, at most 10,000.
+  template <class F>
+  void for_first_rows(F&& f) const {
+    const ReadFile file = input_.open();
+    LineReader reader(file, layout_, layout_.data_begin, input_.size(), false);
+    std::string_view line;
+    for (std::size_t rows = 0; rows < kFirstRows && reader.next(line);) {
+      if (passed_over(line) || !(reader.complete() || rows == 0)) continue;
+      f(line);
+      ++rows;
+    }
+  }
+
+  /// Calls f with the first rows and with lines at 64 places of the file, 64 at each, the same whatever slices are read;
+  /// as parse() wants them.
   template <class F>
   void for_sampled_lines(F&& f) const {
+    std::string buffer;
+    const auto plain = [&](std::string_view line) { f(dialect_.plain(line, buffer)); };
+    for_first_rows(plain);
     const ReadFile file = input_.open();
     const std::uint64_t bytes = input_.size() - layout_.data_begin;
     const std::uint64_t step = std::max<std::uint64_t>(bytes / kSamples, kSampleBytes);
@@ -219,19 +305,14 @@ class TextPoints final : public PointFile {
       std::string_view line;
       for (int i = 0; i < kSampleLines && reader.next(line); ++i) {
         const bool whole = reader.complete() || reader.line_offset() == layout_.data_begin;
-        if (whole && !passed_over(line)) f(line);
+        if (whole && !passed_over(line)) plain(line);
       }
     }
   }
 
-  std::vector<std::vector<double>> sample() const {
-    std::vector<std::vector<double>> samples;
-    for_sampled_lines([&](std::string_view line) { samples.push_back(numbers_of(line)); });
-    return samples;
-  }
-
-  void name_columns(const Opening& opening, const TextColumns& given,
-                    const std::vector<std::vector<double>>& samples) {
+  void name_columns(const Opening& opening, const TextColumns& given) {
+    std::string buffer;
+    const std::size_t numbers = count_numbers(dialect_.plain(opening.first_line, buffer));
     if (given.positions()) {
       columns_ = given;
     } else if (opening.named.positions()) {
@@ -239,13 +320,17 @@ class TextPoints final : public PointFile {
     } else if (!opening.first_header.empty()) {
       fail("the header line '" + opening.first_header.substr(0, 80) +
            "' does not name columns x, y and z; name all columns with --columns");
-    } else if (numbers_of(opening.first_line).size() < 3) {
+    } else if (numbers < 3) {
       fail(!opening.found
                ? "there is no line with a point"
                : "line " + std::to_string(layout_.first_line) + ": '" + opening.first_line.substr(0, 60) +
                      "' has fewer than three numbers; this is not a text file of points");
+    } else if (text_extension(input_.path()) == ".neu") {
+      fail(
+          "north, east, up or x, y, z: nothing tells the order of the columns; name them with --columns, as "
+          "y,x,z or x,y,z");
     } else {
-      columns_ = guess(samples, numbers_of(opening.first_line).size());
+      columns_ = guess(numbers);
     }
     if (columns_.repeated() != TextColumn::kOther) {
       const std::string what =
@@ -255,25 +340,33 @@ class TextPoints final : public PointFile {
     }
   }
 
-  TextColumns guess(const std::vector<std::vector<double>>& samples, std::size_t count) const {
+  TextColumns guess(std::size_t count) const {
+    RowFacts rows;
+    for_sampled_lines([&](std::string_view line) { rows.add(line); });
     std::vector<TextColumn> columns(count, TextColumn::kOther);
-    std::copy_n(std::array{TextColumn::kX, TextColumn::kY, TextColumn::kZ}.begin(), 3, columns.begin());
+    const auto name = [&](std::size_t at, TextColumn first, std::size_t n) {
+      for (std::size_t i = 0; i < n; ++i)
+        columns[at + i] = static_cast<TextColumn>(static_cast<std::size_t>(first) + i);
+    };
+    name(0, TextColumn::kX, 3);
+    const std::string extension = text_extension(input_.path());
     bool normals = false;
     bool colours = false;
     std::size_t at = 3;
-    if (counted_ && (count == 4 || count == 7)) columns[at++] = TextColumn::kIntensity;
+    if (extension == ".xyzrgb" && count >= 6) {
+      name(at, TextColumn::kRed, 3), colours = true, at += 3;
+    } else if (extension == ".xyzn" && count >= 6) {
+      name(at, TextColumn::kNx, 3), normals = true, at += 3;
+    } else if ((counted_ || extension == ".pts") && (count == 4 || count >= 7) &&
+               !(count == 9 && rows.bytes(3) && rows.normals(6))) {
+      columns[at++] = TextColumn::kIntensity;
+    }
     while (at + 3 <= count) {
-      const bool unit = !normals && all(samples, at, [](const double* v) {
-        const double squared = v[0] * v[0] + v[1] * v[1] + v[2] * v[2];
-        return squared == 0 || std::abs(squared - 1) < 0.05;
-      }) && any(samples, at, [](const double* v) { return v[0] != 0 || v[1] != 0 || v[2] != 0; });
-      const bool bytes = !unit && !colours && all(samples, at, [](const double* v) {
-        return std::all_of(v, v + 3, [](double c) { return c >= 0 && c <= 255 && c == std::floor(c); });
-      });
-      if (unit || bytes) {
-        const auto first = static_cast<std::size_t>(unit ? TextColumn::kNx : TextColumn::kRed);
-        for (std::size_t i = 0; i < 3; ++i) columns[at + i] = static_cast<TextColumn>(first + i);
-        (unit ? normals : colours) = true;
+      const bool is_normal = !normals && rows.normals(at) && !(count == 7 && at == 3 && rows.bytes(4));
+      const bool is_colour = !is_normal && !colours && (rows.bytes(at) || rows.fractions(at));
+      if (is_normal || is_colour) {
+        name(at, is_normal ? TextColumn::kNx : TextColumn::kRed, 3);
+        (is_normal ? normals : colours) = true;
         at += 3;
       } else {
         ++at;
@@ -282,30 +375,18 @@ class TextPoints final : public PointFile {
     return TextColumns(std::move(columns));
   }
 
-  template <class F>
-  static bool all(const std::vector<std::vector<double>>& samples, std::size_t at, F&& f) {
-    return std::all_of(samples.begin(), samples.end(),
-                       [&](const std::vector<double>& v) { return v.size() >= at + 3 && f(v.data() + at); });
-  }
-  template <class F>
-  static bool any(const std::vector<std::vector<double>>& samples, std::size_t at, F&& f) {
-    return std::any_of(samples.begin(), samples.end(),
-                       [&](const std::vector<double>& v) { return v.size() >= at + 3 && f(v.data() + at); });
-  }
-
   ColourScale colour_scale() const {
     double largest = 0;
-    bool whole = true;
+    bool pointed = false;
     Values values{};
     for_sampled_lines([&](std::string_view line) {
-      if (!columns_.parse(line, delimiter_, values)) return;
-      for (std::size_t c = 6; c < 9; ++c) {
-        if (values[c] > largest) largest = values[c];
-        whole = whole && values[c] == std::floor(values[c]);
-      }
+      if (!columns_.parse(line, dialect_.delimiter, values)) return;
+      for (std::size_t c = 6; c < 9; ++c) largest = std::max(largest, values[c]);
+      pointed = pointed || columns_.has_pointed_colours(line, dialect_.delimiter);
     });
-    if (largest > 255) return ColourScale::kHighByte;
-    return largest <= 1 && !whole ? ColourScale::kUnit : ColourScale::kByte;
+    // Whole numbers up to 1 are the darkest of bytes, as far as nothing names them otherwise.
+    const bool fractions = pointed || columns_.unit_colours();
+    return colour_scale_for(fractions ? ScalarType::kFloat64 : ScalarType::kUint16, largest);
   }
 
   ClosedFile input_;
@@ -313,14 +394,20 @@ class TextPoints final : public PointFile {
   PointFileInfo info_;
   LineLayout layout_;
   TextColumns columns_;
-  char delimiter_ = ' ';
+  TextDialect dialect_;
   bool counted_ = false;  ///< a PTS file: lines of one whole number are counts
   ColourScale colour_scale_ = ColourScale::kByte;
 };
 
 }  // namespace
 
-bool looks_like_text_points(const ReadFile& file) {
+bool is_text_points_extension(const std::string& extension) {
+  constexpr std::array<std::string_view, 9> kExtensions = {".xyz",  ".pts", ".csv", ".asc", ".xyzrgb",
+                                                           ".xyzn", ".txt", ".dat", ".neu"};
+  return std::find(kExtensions.begin(), kExtensions.end(), extension) != kExtensions.end();
+}
+
+bool is_printable(const ReadFile& file) {
   char bytes[1024];
   const std::uint64_t there = std::min<std::uint64_t>(file.size(), sizeof bytes);
   file.read_at(0, bytes, there);
@@ -328,8 +415,13 @@ bool looks_like_text_points(const ReadFile& file) {
     const auto c = static_cast<unsigned char>(bytes[i]);
     if (c < 32 && c != '\t' && c != '\n' && c != '\r') return false;
   }
+  return true;
+}
+
+bool looks_like_text_points(const ReadFile& file) {
+  if (!is_printable(file)) return false;
   const Opening opening = read_opening(file, {});
-  return opening.found && (opening.named.positions() || numbers_of(opening.first_line).size() >= 3);
+  return opening.found && (opening.named.positions() || count_numbers(opening.first_line) >= 3);
 }
 
 std::unique_ptr<PointFile> open_text_points(const ReadFile& file, const ReadOptions& options) {

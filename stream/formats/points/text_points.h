@@ -3,12 +3,15 @@
 /// or by commas, semicolons or tabs in the way of CSV (an empty field is not a number). Lines that start with
 /// # or // are comments, blank lines are passed over.
 ///
+/// Numbers may have decimal commas (where no comma separates fields, see TextDialectVote) and Fortran's exponents.
+///
 /// Columns are named, first rule that applies: by ReadOptions::columns; by a header line (also one in a
-/// comment, as CloudCompare writes) of names like x y z nx ny nz r g b red green blue intensity, upper or
-/// lower case; by the count line of PTS (x y z [intensity] [r g b]); else x y z first, and further columns by
-/// what 64 samples of the file hold: three columns of unit vectors are normals, three of whole numbers up to
-/// 255 are colours, all others are left out. PointFileInfo::format says what was found. Colours are 0..255,
-/// 0..1 or 16 bits by the same samples. Slices are byte ranges, cut at line boundaries.
+/// comment, as CloudCompare writes) of names like x y z nx ny nz intensity r g b red Rf easting longitude,
+/// upper or lower case; by the extension (.xyzrgb, .xyzn) or the count line of PTS (x y z [intensity] [r g b], also
+/// without the count in .pts); else x y z first, and further columns by what the first 10,000 rows and 64 samples of the
+/// file hold: three columns of unit vectors are normals, three of whole numbers up to 255 or of fractions up to 1 are
+/// colours, all others are left out. PointFileInfo::format says what was found, left_out what was not taken. Colours are
+/// 0..255, 0..1 or 16 bits by the same rows. Slices are byte ranges, cut at line boundaries.
 #pragma once
 #include <memory>
 
@@ -16,6 +19,13 @@
 #include "stream/formats/points/point_source.h"
 
 namespace tessera {
+
+/// Extensions of text scans, with the dot: .xyz .pts .csv .asc .xyzrgb .xyzn .txt .dat .neu, of which the last three may
+/// be anything else too.
+bool is_text_points_extension(const std::string& extension);
+
+/// Whether the first KiB has no control character but tabs and ends of lines.
+bool is_printable(const ReadFile& file);
 
 /// True if the first lines look like text with at least three numbers each, after comments, a header or a
 /// count.

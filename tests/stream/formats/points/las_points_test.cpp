@@ -176,6 +176,34 @@ TEST_CASE("las points: counts that lie are survived and reported", "[fault]") {
   CHECK(r.info.warnings.empty());
 }
 
+TEST_CASE("las points: bytes behind the declared points are points only where they lie within the bounds",
+          "[fault]") {
+  const test::TempFolder folder;
+  const auto read = [&](const Las& las, const std::string& tail) {
+    const auto path = folder.write("l.las", make(las) + tail);
+    test::require_slices_agree(path);
+    return test::read_points(path);
+  };
+  for (const int format : {0, 1, 3}) {
+    const std::size_t record = kRecordBytes[static_cast<std::size_t>(format)];
+    std::string text = "exported by a field controller, project 17, operator 3\r\n";
+    while (text.size() < 40 * record) text += text;
+    for (const std::string& tail : {text.substr(0, 40 * record), std::string(100 * record, '\0'),
+                                    std::string(record, ' '), std::string(5000 * record, '\xff')}) {
+      for (const bool bounds : {true, false}) {
+        CAPTURE(format, tail.size(), bounds);
+        const auto r = read({.format = format, .bounds = bounds}, tail);
+        CHECK(r.points.size() == 10);
+        REQUIRE_FALSE(r.info.warnings.empty());
+        CHECK_THAT(r.info.warnings.back(), Catch::Contains("no point") || Catch::Contains("bounds"));
+      }
+    }
+  }
+  // Points of a writer that did not come back to its header are points.
+  CHECK(read({.count = 300, .legacy = 299}, "").points.size() == 300);
+  CHECK(read({.count = 300, .legacy = 20, .bounds = false}, "").points.size() == 300);
+}
+
 TEST_CASE("las points: extended records behind the points are not points", "[unit]") {
   const test::TempFolder folder;
   std::string f = make({.minor = 4, .format = 7, .declared = 0, .legacy = 0});

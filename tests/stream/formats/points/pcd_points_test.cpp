@@ -1,5 +1,6 @@
 #include "stream/formats/points/pcd_points.h"
 
+#include <array>
 #include <cmath>
 #include <limits>
 
@@ -111,6 +112,40 @@ TEST_CASE("pcd points: ascii, with packed colours as floats and as whole numbers
       "COLUMNS x y z rgba\nSIZE 4 4 4 4\nTYPE F F F U\nPOINTS 2\nDATA ascii\n1 2 3 4286578943\n4 5 6 255\n";
   CHECK(test::read_points(folder.write("b.pcd", old)).points.rgba ==
         std::vector<std::uint32_t>{0xffff0080u, 0xffff0000u});
+}
+
+TEST_CASE("pcd points: fields are the same in capitals, colours of any type and scale", "[unit]") {
+  const test::TempFolder folder;
+  const auto head = [](const std::string& fields, const std::string& size, const std::string& type,
+                       const std::string& data) {
+    return "VERSION 0.7\nFIELDS " + fields + "\nSIZE " + size + "\nTYPE " + type +
+           "\nWIDTH 2\nHEIGHT 1\nPOINTS 2\nDATA " + data + "\n";
+  };
+  using V = std::vector<std::uint32_t>;
+  auto r = test::read_points(folder.write(
+      "a.pcd", head("X Y Z Intensity Red Green Blue ring", "8 8 8 2 2 2 2 1", "F F F U U U U U", "ascii") +
+                   "1 2 3 7 65535 0 0 5\n4 5 6 7 0 32896 0 5\n"));
+  CHECK(r.points.x == std::vector<double>{1, 4});
+  CHECK(r.points.rgba == V{0xff0000ffu, 0xff008000u});
+  CHECK(r.info.left_out == std::vector<std::string>{"ring"});
+  r = test::read_points(folder.write(
+      "b.pcd", head("x y z r g b", "4 4 4 4 4 4", "F F F F F F", "ascii") + "1 2 3 1 0 0\n4 5 6 0 0.5 0\n"));
+  CHECK(r.points.rgba == V{0xff0000ffu, 0xff008000u});
+  r = test::read_points(folder.write("c.pcd", head("x y z r g b", "4 4 4 4 4 4", "F F F F F F", "ascii") +
+                                                  "1 2 3 255 0 0\n4 5 6 0 128 0\n"));
+  CHECK(r.points.rgba == V{0xff0000ffu, 0xff008000u});
+  for (const std::string kind : {"binary", "binary_compressed"}) {
+    std::string rows, columns;
+    const std::array<std::array<float, 6>, 2> v = {{{1, 2, 3, 1, 0, 0}, {4, 5, 6, 0, 0.5f, 0}}};
+    for (const auto& row : v)
+      for (const float x : row) test::put(rows, x);
+    for (std::size_t c = 0; c < 6; ++c)
+      for (const auto& row : v) test::put(columns, row[c]);
+    r = test::read_points(folder.write("d.pcd", head("X y Z R G B", "4 4 4 4 4 4", "F F F F F F", kind) +
+                                                    (kind == "binary" ? rows : block(columns))));
+    CHECK(r.points.z == std::vector<double>{3, 6});
+    CHECK(r.points.rgba == V{0xff0000ffu, 0xff008000u});
+  }
 }
 
 TEST_CASE("pcd points: blocks of any content unpack to what was packed", "[property]") {

@@ -226,6 +226,45 @@ TEST_CASE("ply points: colours of 16 bits and floats are scaled by what the file
   CHECK(r.points.rgba == V{0xff060504u});
 }
 
+TEST_CASE(
+    "ply points: fields are the same in capitals, with other names for colours, and none goes without a word",
+    "[unit]") {
+  const test::TempFolder folder;
+  const auto read = [&](const std::string& properties, const std::string& line) {
+    return test::read_points(folder.write("c.ply", cloud("ascii", "1", properties, line)));
+  };
+  const std::string upper = "property double X\nproperty double Y\nproperty double Z\n";
+  auto r = read(upper + "property uchar Red\nproperty uchar Green\nproperty uchar Blue\n", "1 2 3 4 5 6\n");
+  CHECK(r.points.z == std::vector<double>{3});
+  CHECK(r.points.rgba == std::vector<std::uint32_t>{0xff060504u});
+  r = read(upper +
+               "property float R\nproperty float g\nproperty float B\nproperty float NX\nproperty float Ny\n"
+               "property float nZ\nproperty float curvature\nproperty uchar alpha\n",
+           "1 2 3 1 0.5 0 0 0 1 9 255\n");
+  CHECK(r.points.rgba == std::vector<std::uint32_t>{0xff0080ffu});
+  CHECK(r.points.nz == std::vector<float>{1});
+  CHECK(r.info.left_out == std::vector<std::string>{"curvature"});
+  r = read(
+      kXyz + "property ushort diffuse_red\nproperty ushort diffuse_green\nproperty ushort diffuse_blue\n",
+      "1 2 3 65535 32896 0\n");
+  CHECK(r.points.rgba == std::vector<std::uint32_t>{0xff0080ffu});
+  // Spelling before capitals: both are there.
+  r = read(kXyz + "property float X\n", "1 2 3 9\n");
+  CHECK(r.points.x == std::vector<double>{1});
+}
+
+TEST_CASE("ply points: records behind the declared ones are points only where they lie near them",
+          "[fault]") {
+  const test::TempFolder folder;
+  std::string tail;
+  while (tail.size() < 1200) tail += "written by a scanner; ";
+  const auto path =
+      folder.write("t.ply", cloud("binary_little_endian", "5", kXyz, triples(5) + tail.substr(0, 1200)));
+  const auto r = test::read_points(path);
+  CHECK(r.points.size() == 5);
+  CHECK(r.info.warnings.size() == 1);
+}
+
 TEST_CASE("ply points: the other endianness shows as absurd numbers, not as a crash", "[fault]") {
   const test::TempFolder folder;
   const auto r = test::read_points(folder.write("e.ply", cloud("binary_big_endian", "4", kXyz, triples(4))));
