@@ -1,7 +1,9 @@
-#include <glob.h>
+#include <fnmatch.h>
 
 #include <algorithm>
 #include <array>
+#include <map>
+#include <optional>
 #include <set>
 #include <string_view>
 
@@ -9,6 +11,7 @@
 #include "stream/files/file_extension.h"
 #include "stream/formats/line_reader.h"
 #include "stream/formats/points/point_source.h"
+#include "stream/formats/points/scan_folder.h"
 
 namespace tessera {
 
@@ -17,12 +20,13 @@ namespace {
 namespace fs = std::filesystem;
 
 /// What a folder gives. Formats that are known but not read are among them, so that their points are not lost
-/// in silence; .txt is not, because folders of scans hold readme files.
-constexpr std::array<std::string_view, 10> kExtensions = {".ply", ".las", ".laz", ".xyz", ".pts",
-                                                          ".ptx", ".csv", ".asc", ".e57", ".pcd"};
+/// in silence; .txt, .dat and .neu are not, because folders of scans hold readme files and lists of control points.
+constexpr std::array<std::string_view, 12> kExtensions = {".ply", ".las", ".laz", ".xyz", ".pts",    ".ptx",
+                                                          ".csv", ".asc", ".e57", ".pcd", ".xyzrgb", ".xyzn"};
 /// What may stand before .gz or .zst.
-constexpr std::array<std::string_view, 6> kPackedExtensions = {".ply", ".xyz", ".pts",
-                                                               ".ptx", ".csv", ".asc"};
+constexpr std::array<std::string_view, 8> kPackedExtensions = {".ply", ".xyz", ".pts",    ".ptx",
+                                                               ".csv", ".asc", ".xyzrgb", ".xyzn"};
+constexpr std::string_view kWorkExtension = ".tessera";  ///< of folders with what jobs keep
 
 bool has_known_extension(const fs::path& path) {
   const auto among = [](const auto& known, const std::string& e) {
@@ -31,6 +35,109 @@ bool has_known_extension(const fs::path& path) {
   const std::string e = lower_extension(path);
   return among(kExtensions, e) ||
          ((e == ".gz" || e == ".zst") && among(kPackedExtensions, lower_extension(path.stem())));
+}
+
+bool is_hidden(const fs::path& path) {
+  const std::string name = path.filename().string();
+  return !name.empty() && name[0] == '.';
+}
+
+/// "3 laz, 1 ply": the most frequent first.
+std::string kinds_text(const std::map<std::string, std::size_t>& kinds) {
+  std::vector<std::pair<std::string, std::size_t>> sorted(kinds.begin(), kinds.end());
+  std::stable_sort(sorted.begin(), sorted.end(),
+                   [](const auto& a, const auto& b) { return a.second > b.second; });
+  constexpr std::size_t kMost = 8;
+  std::string text;
+  for (std::size_t i = 0; i < std::min(kMost, sorted.size()); ++i)
+    text += (i > 0 ? ", " : "") + std::to_string(sorted[i].second) + " " + sorted[i].first;
+  return text + (sorted.size() > kMost ? ", ..." : "");
+}
+
+/// What was found below a folder.
+struct Found {
+  std::map<std::string, std::size_t> taken, passed_over;  ///< by kind
+  std::size_t hidden = 0, folders = 0;
+
+  std::size_t taken_count() const {
+    std::size_t sum = 0;
+    for (const auto& [kind, n] : taken) sum += n;
+    return sum;
+  }
+  std::string text() const {
+    const std::size_t n = taken_count();
+    std::string t =
+        std::to_string(n) + (n == 1 ? " file" : " files") + " of points (" + kinds_text(taken) + ")";
+    if (folders > 1) t += " in " + std::to_string(folders) + " folders";
+    if (!passed_over.empty()) t += "; passed over: " + kinds_text(passed_over);
+    if (hidden > 0)
+      t += (passed_over.empty() ? "; passed over: " : ", ") + std::to_string(hidden) + " hidden";
+    const auto is_text = [&](const char* kind) { return passed_over.count(kind) > 0; };
+    if (is_text("txt") || is_text("dat") || is_text("neu")) t += " (text is read where its file is named)";
+    return t;
+  }
+};
+
+std::string kind_of(const fs::path& path) {
+  const std::string e = lower_extension(path);
+  if (e.size() < 2) return "without extension";
+  return e == ".gz" || e == ".zst"
+             ? lower_extension(path.stem()).substr(std::min<std::size_t>(1, e.size())) + e
+             : e.substr(1);
+}
+
+/// What is directly in a folder, by name. \throws InputError where it cannot be read, if that matters
+std::vector<fs::directory_entry> entries_of(const fs::path& folder, bool must = true) {
+  std::vector<fs::directory_entry> entries;
+  std::error_code error;
+  for (fs::directory_iterator i(folder, error), end; !error && i != end; i.increment(error))
+    entries.push_back(*i);
+  if (error && must) throw InputError(folder.string() + ": the folder cannot be read: " + error.message());
+  std::sort(entries.begin(), entries.end());
+  return entries;
+}
+
+/// Folders at any depth below this one, itself first, hidden ones and work directories left out.
+/// \param seen  canonical: links may run in circles
+void folders_below(const fs::path& folder, std::set<fs::path>& seen, std::vector<fs::path>& out) {
+  const fs::path here = folder.empty() ? fs::path(".") : folder;
+  if (!seen.insert(fs::weakly_canonical(here)).second) return;
+  out.push_back(folder);
+  for (const fs::directory_entry& e : entries_of(here, false)) {
+    std::error_code error;
+    if (e.is_directory(error) && !is_hidden(e.path()) && e.path().extension() != kWorkExtension)
+      folders_below(folder.empty() ? e.path().filename() : e.path(), seen, out);
+  }
+}
+
+/// All that match a pattern whose part ** stands for any number of folders.
+std::vector<fs::path> matches_of(const fs::path& pattern) {
+  std::vector<fs::path> heads = {pattern.root_path()};
+  const fs::path relative = pattern.relative_path();
+  std::vector<fs::path> parts(relative.begin(), relative.end());
+  for (const fs::path& part : parts) {
+    std::vector<fs::path> next;
+    const std::string name = part.string();
+    for (const fs::path& head : heads) {
+      std::error_code error;
+      if (!head.empty() && !fs::is_directory(head, error)) continue;
+      if (name == "**") {
+        std::set<fs::path> seen;
+        folders_below(head, seen, next);
+      } else if (name.find_first_of("*?[") == std::string::npos) {
+        if (name.empty() || fs::exists(head / part, error)) next.push_back(name.empty() ? head : head / part);
+      } else {
+        for (const fs::directory_entry& e : entries_of(head.empty() ? fs::path(".") : head, false)) {
+          const fs::path file = e.path().filename();
+          if (::fnmatch(name.c_str(), file.c_str(), FNM_PERIOD) == 0) next.push_back(head / file);
+        }
+      }
+    }
+    std::sort(next.begin(), next.end());
+    next.erase(std::unique(next.begin(), next.end()), next.end());
+    heads = std::move(next);
+  }
+  return heads;
 }
 
 class Expansion {
@@ -43,8 +150,12 @@ class Expansion {
       if (!folder(path)) {
         throw InputError(
             path.string() +
-            ": the folder holds no file of points (ply, las, laz, e57, pcd, xyz, pts, ptx, csv, asc)");
+            ": the folder and those below it hold no file of points (ply, las, laz, e57, pcd, xyz, pts, "
+            "ptx, csv, asc)" +
+            (last_.passed_over.empty() ? "" : "; there are " + kinds_text(last_.passed_over)));
       }
+    } else if (fs::exists(status) && describes_scan_folder(path)) {
+      folder(path.parent_path().empty() ? fs::path(".") : path.parent_path());
     } else if (fs::exists(status)) {
       add(path);
     } else if (text.find_first_of("*?[") != std::string::npos) {
@@ -77,7 +188,7 @@ class Expansion {
     if (paths_.size() + repeats_ == before) throw InputError(path.string() + ": the list names no file");
   }
 
-  std::vector<fs::path> take() { return std::move(paths_); }
+  InputList take() { return {std::move(paths_), std::move(told_)}; }
 
  private:
   void add(const fs::path& path) {
@@ -88,48 +199,83 @@ class Expansion {
     }
   }
 
+  /// The folder and all below it. Tells what it holds.
   bool folder(const fs::path& path) {
-    std::vector<fs::path> found;
-    std::error_code error;
-    for (fs::directory_iterator i(path, error), end; i != end; i.increment(error)) {
-      if (has_known_extension(i->path()) && i->is_regular_file()) found.push_back(i->path());
-      if (error) break;
-    }
-    if (error) throw InputError(path.string() + ": the folder cannot be read: " + error.message());
-    std::sort(found.begin(), found.end());
-    for (const fs::path& f : found) add(f);
-    return !found.empty();
+    last_ = {};
+    std::set<fs::path> open;
+    walk(path, open, last_);
+    const bool any = last_.taken_count() > 0;
+    if (any) told_.push_back(path.string() + ": " + last_.text());
+    return any;
   }
 
-  /// Files that match; folders that match only where no file does.
+  /// \param open  folders that were entered, canonical: links to them are not followed again
+  void walk(const fs::path& folder, std::set<fs::path>& open, Found& found) {
+    if (!open.insert(fs::weakly_canonical(folder)).second) return;
+    if (const std::optional<ScanFolder> scan = open_scan_folder(folder)) {
+      for (const fs::path& node : scan->nodes) add(node);
+      found.taken["nodes of " + scan->kind] += scan->nodes.size();
+      ++found.folders;
+      for (const std::string& w : scan->warnings) told_.push_back(w);
+      for (const fs::directory_entry& e : entries_of(folder))  // a scan beside its octree would count twice
+        if (e.is_regular_file() && has_known_extension(e.path()))
+          ++found.passed_over[kind_of(e.path()) + " beside it"];
+      return;
+    }
+    std::vector<fs::path> inner;
+    std::size_t taken = 0;
+    for (const fs::directory_entry& e : entries_of(folder)) {
+      std::error_code error;
+      if (is_hidden(e.path())) {
+        ++found.hidden;
+      } else if (e.is_directory(error)) {
+        if (e.path().extension() != kWorkExtension)
+          inner.push_back(e.path());  // else the work directory of a job
+      } else if (has_known_extension(e.path()) && e.is_regular_file(error)) {
+        add(e.path());
+        ++found.taken[kind_of(e.path())];
+        ++taken;
+      } else {
+        ++found.passed_over[kind_of(e.path())];
+      }
+    }
+    found.folders += taken > 0 ? 1 : 0;
+    for (const fs::path& f : inner) walk(f, open, found);
+  }
+
+  /// Files that match; folders that match only where no file does, or where ** ends the pattern.
   void pattern(const fs::path& path) {
-    glob_t matches{};
-    const int status = ::glob(path.c_str(), GLOB_NOSORT, nullptr, &matches);
+    const bool deep = path.string().find("**") != std::string::npos;
+    const bool open_end = path.filename() == "**";
+    const fs::path root = path.parent_path().empty() ? fs::path(".") : path.parent_path();
     std::vector<fs::path> files;
     std::vector<fs::path> folders;
-    for (std::size_t i = 0; status == 0 && i < matches.gl_pathc; ++i) {
-      const fs::path match = matches.gl_pathv[i];
+    for (const fs::path& match : matches_of(open_end ? root : path))
       (fs::is_directory(match) ? folders : files).push_back(match);
+    if (open_end) files.clear();
+    Found found;
+    for (const fs::path& f : files) {
+      add(f);
+      ++found.taken[kind_of(f)];
     }
-    ::globfree(&matches);
-    std::sort(files.begin(), files.end());
-    std::sort(folders.begin(), folders.end());
-    for (const fs::path& f : files) add(f);
+    if (deep && !files.empty()) told_.push_back(path.string() + ": " + found.text());
     bool any = !files.empty();
     if (!any) {
-      for (const fs::path& f : folders) any = folder(f) || any;
+      for (const fs::path& f : folders) any = (fs::is_directory(f) && folder(f)) || any;
     }
     if (!any) throw InputError(path.string() + ": no file matches this pattern");
   }
 
   std::vector<fs::path> paths_;
+  std::vector<std::string> told_;
   std::set<fs::path> seen_;  ///< canonical
   std::size_t repeats_ = 0;
+  Found last_;  ///< of the last folder
 };
 
 }  // namespace
 
-std::vector<fs::path> expand_inputs(const std::vector<std::string>& arguments) {
+InputList list_inputs(const std::vector<std::string>& arguments) {
   Expansion expansion;
   for (const std::string& a : arguments) {
     if (a.size() > 1 && a.front() == '@') {
@@ -139,6 +285,10 @@ std::vector<fs::path> expand_inputs(const std::vector<std::string>& arguments) {
     }
   }
   return expansion.take();
+}
+
+std::vector<fs::path> expand_inputs(const std::vector<std::string>& arguments) {
+  return list_inputs(arguments).files;
 }
 
 }  // namespace tessera
