@@ -13,6 +13,8 @@ namespace {
 
 /// Not even points that are all alike take fewer bits: no symbol's share reaches one.
 constexpr std::uint64_t kMostPointsPerByte = 2048;
+/// Of chunks, so many at least, looked at to believe a table.
+constexpr std::size_t kCheckedHeads = 64;
 constexpr const char* kAdvice = "; get the file anew, or compress it anew from the original";
 
 [[noreturn]] void fail(const ReadFile& file, std::uint64_t byte, const std::string& what) {
@@ -30,7 +32,8 @@ class ChunkFinder {
       return std::move(chunks_);
     }
     std::vector<laz::ChunkSize> table;
-    const std::string why = read_table(table);
+    std::string why = read_table(table);
+    if (why.empty()) why = contradiction(table);
     if (why.empty()) {
       from_table(table);
     } else if (schema_.layered()) {
@@ -77,6 +80,60 @@ class ChunkFinder {
       return std::string("is damaged: it ") + e.what();
     }
     end_ = place;
+    return "";
+  }
+
+  /// Decodes it: whether it ends where the table says. Of points coded one by one nothing else tells.
+  bool is_first_chunk(const laz::ChunkSize& chunk, bool only) const {
+    constexpr std::size_t kBatch = 1024;
+    std::uint64_t left = variable() ? chunk.points : schema_.chunk_points;
+    if (only && !variable()) left = std::min(left, declared());
+    if (left == 0 || left > chunk.bytes * kMostPointsPerByte) return false;
+    FileFeed feed(file_, begin_, begin_ + chunk.bytes);
+    std::vector<char> records(kBatch * schema_.record_bytes());
+    try {
+      const auto decoder = laz::decode_pointwise(schema_, feed);
+      for (; left > 0; left -= std::min<std::uint64_t>(left, kBatch))
+        decoder->decode(records.data(), static_cast<std::size_t>(std::min<std::uint64_t>(left, kBatch)));
+      decoder->require_used_up();
+    } catch (const laz::Damage&) {
+      return false;
+    }
+    return true;
+  }
+
+  /// Empty, or how the table differs from the file: it must cover all bytes between the first chunk and itself, and give
+  /// layered chunks the sizes that their heads have. A count of the header that differs alone is the header's error.
+  std::string contradiction(const std::vector<laz::ChunkSize>& table) const {
+    std::uint64_t bytes = 0;
+    std::uint64_t points = 0;
+    for (const laz::ChunkSize& c : table) bytes += c.bytes, points += c.points;
+    if (bytes != end_ - begin_)
+      return "contradicts the file: it lists " + std::to_string(table.size()) + " chunks of " +
+             std::to_string(bytes) + " bytes, the chunks have " + std::to_string(end_ - begin_);
+    if (!schema_.layered()) {
+      const bool counts_agree =
+          variable() ? points == declared()
+                     : (declared() + schema_.chunk_points - 1) / schema_.chunk_points == table.size();
+      if (counts_agree || table.empty() || is_first_chunk(table[0], table.size() == 1)) return "";
+      return "contradicts the file: the first chunk does not end where it says";
+    }
+    // All heads where the counts differ, else a few: each is a read of its own.
+    const std::size_t step =
+        variable() && points != declared() ? 1 : std::max<std::size_t>(1, table.size() / kCheckedHeads);
+    std::uint64_t at = begin_;
+    for (std::size_t i = 0; i < table.size(); at += table[i].bytes, ++i) {
+      if (i % step != 0 && i + 1 != table.size()) continue;
+      laz::LayeredHead head;
+      try {
+        head = read_head(at);
+      } catch (const laz::EndOfBytes&) {
+        head.bytes = 0;
+      }
+      if (head.bytes != table[i].bytes || (variable() && head.points != table[i].points))
+        return "contradicts the file: it gives chunk " + std::to_string(i + 1) + " " +
+               std::to_string(table[i].bytes) + " bytes, the chunk itself says " + std::to_string(head.bytes);
+    }
     return "";
   }
 
@@ -150,7 +207,10 @@ class ChunkFinder {
       } catch (const laz::EndOfBytes&) {
         break;
       }
-      if (head.points == 0) break;
+      // What is no head is what follows the chunks.
+      if (head.points == 0 || head.points > head.bytes * kMostPointsPerByte ||
+          (!variable() && head.points > schema_.chunk_points))
+        break;
       if (chunks_.edges.size() > laz::kMostChunks)
         fail(file_, at,
              "more than " + std::to_string(laz::kMostChunks) +

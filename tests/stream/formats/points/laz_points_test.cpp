@@ -121,6 +121,19 @@ TEST_CASE("laz points: a chunk table at the end of the file, missing or damaged"
         broken.push_back(file.bytes);
         test::set_bytes(broken.back(), file.points, lie);
       }
+      // Readable, but of other chunks than there are.
+      for (const std::uint32_t count : {0u, 1u, 3u}) {
+        broken.push_back(file.bytes);
+        test::set_bytes(broken.back(), file.table + 4, count);
+      }
+      broken.push_back(file.bytes);
+      std::fill(broken.back().begin() + static_cast<std::ptrdiff_t>(file.table), broken.back().end(), '\0');
+      const std::vector<laz::ChunkSize> one = {
+          {300u, static_cast<std::uint32_t>(file.table - file.points - 8)}};
+      const std::vector<char> other = laz::chunk_table(one, chunk == kVariable);
+      if (format >= 6) {  // their sizes add up, so that heads alone tell
+        broken.push_back(file.bytes.substr(0, file.table) + std::string(other.begin(), other.end()));
+      }
       for (const std::string& bytes : broken) {
         const auto path = folder.write("b.laz", bytes);
         if (chunk == kVariable && format < 6) {
