@@ -59,7 +59,7 @@ void thin(const std::vector<std::filesystem::path>& inputs, const ConvertOptions
 
 void run_convert(ConvertCommand& command) {
   cli::require_inputs(command.inputs);
-  const std::vector<std::filesystem::path> inputs = expand_inputs(command.inputs);
+  const std::vector<std::filesystem::path> inputs = cli::expand_and_tell(command.inputs);
   std::vector<std::filesystem::path> reads = cli::also_read(command.inputs);
   reads.insert(reads.end(), inputs.begin(), inputs.end());
   cli::require_new_output(command.output, command.force, reads);

@@ -6,6 +6,7 @@
 
 #include "octree/error.h"
 #include "stream/files/path_text.h"
+#include "stream/points/file_notices.h"
 #include "stream/points/point_inputs.h"
 #include "stream/points/point_summary.h"
 #include "stream/points/reconstruct_options.h"
@@ -51,7 +52,8 @@ std::string system_text(const CoordinateSystem& system) {
   return text + (system.wkt.empty() ? " (GeoTIFF keys)" : " (WKT)");
 }
 
-void print_text(const PointSummary& s) {
+/// \param notices  null: warnings are printed here; else those that every tile of a survey may have go there
+void print_text(const PointSummary& s, FileNotices* notices) {
   const auto line = [](const char* name, const std::string& value) {
     fmt::print("  {:<11} {}\n", name, value);
   };
@@ -70,7 +72,15 @@ void print_text(const PointSummary& s) {
     line("declared", vector_text(s.info.declared_min) + "  to  " + vector_text(s.info.declared_max));
   if (s.spacing > 0) line("spacing", fmt::format("about {:.4g} (units of the scan)", s.spacing));
   for (const Double3& sensor : s.info.sensors) line("sensor", vector_text(sensor));
-  for (const std::string& w : s.warnings) line("warning", w);
+  if (!s.info.left_out.empty()) line("note", left_out_sentence(s.info));
+  if (s.info.system.geographic)
+    line("note", "coordinates are degrees: reconstruct takes them with --project auto or EPSG:n");
+  for (const std::string& w : s.warnings) {
+    if (notices != nullptr && w == kWideBounds)
+      notices->add(s.info.path, w);
+    else
+      line("warning", w);
+  }
 }
 
 nlohmann::ordered_json to_json(const PointSummary& s) {
@@ -98,6 +108,11 @@ nlohmann::ordered_json to_json(const PointSummary& s) {
   if (s.info.has_bounds) j["declared_bounds"] = {{"min", s.info.declared_min}, {"max", s.info.declared_max}};
   if (s.spacing > 0) j["spacing"] = s.spacing;
   j["sensors"] = s.info.sensors;
+  if (!s.info.left_out.empty()) {
+    nlohmann::ordered_json names = nlohmann::ordered_json::array();
+    for (const std::string& name : s.info.left_out) names.push_back(json_text(name));
+    j["left_out"] = names;
+  }
   j["warnings"] = s.warnings;
   return j;
 }
@@ -105,10 +120,12 @@ nlohmann::ordered_json to_json(const PointSummary& s) {
 /// Describes every file that can be read; one that cannot is named and makes the command fail in the end.
 void run_info(const InfoCommand& command) {
   cli::require_inputs(command.inputs);
-  const auto paths = expand_inputs(command.inputs);
+  const auto paths = cli::expand_and_tell(command.inputs);
   nlohmann::ordered_json files = nlohmann::ordered_json::array();
   std::string first_error;
   std::size_t failed = 0;
+  constexpr std::size_t kFew = 3;
+  FileNotices notices;
   WorkerPool pool(command.threads);
   for (const auto& path : paths) {
     try {
@@ -117,7 +134,7 @@ void run_info(const InfoCommand& command) {
       if (command.json) {
         files.push_back(to_json(summary));
       } else {
-        print_text(summary);
+        print_text(summary, paths.size() > kFew ? &notices : nullptr);
       }
     } catch (const InputError& e) {
       if (failed++ == 0) first_error = e.what();
@@ -128,6 +145,8 @@ void run_info(const InfoCommand& command) {
       }
     }
   }
+  if (!command.json)
+    for (const std::string& line : notices.lines()) fmt::print("warning: {}\n", line);
   if (command.json) std::cout << nlohmann::ordered_json{{"schema", 1}, {"files", files}}.dump(2) << "\n";
   if (failed > 0 && paths.size() == 1) throw InputError(first_error);
   if (failed > 0) {

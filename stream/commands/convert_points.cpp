@@ -11,6 +11,7 @@
 #include "stream/files/planned_writes.h"
 #include "stream/files/task_files.h"
 #include "stream/formats/points/point_writer.h"
+#include "stream/points/file_notices.h"
 #include "stream/points/point_filter.h"
 #include "stream/points/point_inputs.h"
 #include "stream/points/point_summary.h"
@@ -41,6 +42,7 @@ struct Survey {
 Survey survey(const std::vector<std::filesystem::path>& inputs, const ReadOptions& read,
               ConvertReport& report) {
   Survey all;
+  FileNotices notices;
   for (const auto& path : inputs) {
     const PointSummary s = summarize_points(path, read);
     const std::uint64_t finite = s.counts.points - s.not_finite;
@@ -62,8 +64,10 @@ Survey survey(const std::vector<std::filesystem::path>& inputs, const ReadOption
     report.withheld += s.counts.withheld;
     report.empty += s.counts.empty;
     report.missing += s.missing;
-    for (const std::string& w : s.warnings) report.notes.push_back(path.string() + ": " + w);
+    for (const std::string& w : s.warnings) notices.add(path, w);
+    if (!s.info.left_out.empty()) notices.add(path, left_out_sentence(s.info));
   }
+  for (std::string& line : notices.lines()) report.notes.push_back(std::move(line));
   return all;
 }
 

@@ -11,12 +11,16 @@
 #include "octree/points.h"
 #include "stream/files/path_text.h"
 #include "stream/files/task_files.h"
+#include "stream/formats/points/projection.h"
+#include "stream/points/file_notices.h"
+#include "stream/points/projected_inputs.h"
 #include "stream/points/unpacked_points.h"
 #include "stream/runtime/numbers.h"
 
 namespace tessera {
 namespace {
 
+constexpr std::uint64_t kTaskBytes = std::uint64_t{32} << 20;
 // Each task writes a file or two; the work directory stays below a thousand of them.
 constexpr std::uint64_t kMaxTasks = 400;
 // Of points to be thinned, about: they lie in memory, one of a cube.
@@ -31,20 +35,27 @@ std::shared_ptr<PointInputs> open_inputs(const JobState& job, bool colours, bool
   read.columns = options.columns;
   read.intensities = options.colour == "intensity";
   read.grid_normals = options.normals != "estimate";
-  read.bounds = PointFilter(options).box();
+  // Of octrees the box is taken where the file has its own coordinates.
+  const bool projects = !options.project.empty() && options.project != "off";
+  if (!projects) read.bounds = PointFilter(options).box();
   read.resolution_limit = options.resolution_limit;
   std::vector<std::unique_ptr<PointFile>> files;
   for (const auto& path : job.inputs) files.push_back(open_point_file(path, read));
-  return std::make_shared<PointInputs>(std::move(files), options);
+  std::vector<std::string> told;
+  files = in_one_plane(std::move(files), {options.crs, options.project, options.columns}, !unpacked, told);
+  return std::make_shared<PointInputs>(std::move(files), options, kTaskBytes, std::move(told));
 }
 
 }  // namespace
 
 PointInputs::PointInputs(std::vector<std::unique_ptr<PointFile>> files, const ReconstructOptions& options,
-                         std::uint64_t task_bytes)
-    : files_(std::move(files)), filter_(options) {
+                         std::uint64_t task_bytes, std::vector<std::string> told)
+    : files_(std::move(files)), filter_(options), notices_(std::move(told)) {
   if (files_.empty()) throw UsageError("no input: name at least one scan, folder, glob or @list");
   require_one_system();
+  FileNotices notices;
+  for (const auto& f : files_) notices.add(f->info());
+  for (std::string& line : notices.lines()) notices_.push_back(std::move(line));
   if (std::none_of(files_.begin(), files_.end(), [](const auto& f) { return f->info().attributes.echo; }))
     filter_.refuse();
   if (options.resolution_limit > 0.0 &&
@@ -90,10 +101,12 @@ void PointInputs::require_one_system() {
     const CoordinateSystem& system = f->info().system;
     if (!system.known()) continue;
     if (named == nullptr) named = f.get();
-    if (!may_be_same(named->info().system, system))
-      throw InputError(f->info().path.string() + ": is in the coordinate system " + system.name + ", but " +
-                       named->info().path.string() + " is in " + named->info().system.name +
-                       ": bring them into one, or reconstruct them apart");
+    if (!is_same_system(named->info().system, system))
+      throw InputError(
+          f->info().path.string() + ": is in the coordinate system " + system.name + ", but " +
+          named->info().path.string() + " is in " + named->info().system.name +
+          ": bring them into one with --project EPSG:n, name the one that they are in with --crs EPSG:n, "
+          "or reconstruct them apart");
     // Of several texts for one system the least, so that the order of the files does not matter.
     if (!system_.known() || std::tie(system.wkt, system.name) < std::tie(system_.wkt, system_.name))
       system_ = system;

@@ -20,8 +20,9 @@ class PointInputs {
   ///                    about 400. Changes no result.
   /// \throws UsageError  no file, or classes or returns wanted that no file tells; InputError  more than 65534
   /// different sensor origins
+  /// \param told  sentences that notices() begins with
   PointInputs(std::vector<std::unique_ptr<PointFile>> files, const ReconstructOptions& options,
-              std::uint64_t task_bytes = std::uint64_t{32} << 20);
+              std::uint64_t task_bytes = std::uint64_t{32} << 20, std::vector<std::string> told = {});
 
   std::size_t file_count() const { return files_.size(); }
   const PointFile& file(std::size_t i) const { return *files_[i]; }
@@ -33,6 +34,12 @@ class PointInputs {
   bool has_grid_normals() const;
   /// The one that the files name; unknown where none does.
   const CoordinateSystem& system() const { return system_; }
+  /// What was decided about the inputs, and FileNotices of them; `read` follows, what reading them found.
+  std::vector<std::string> notices(const std::vector<std::string>& read) const {
+    std::vector<std::string> all = notices_;
+    all.insert(all.end(), read.begin(), read.end());
+    return all;
+  }
 
   /// Tasks that read the whole input once: consecutive slices, about even in bytes.
   std::size_t task_count() const { return tasks_.size(); }
@@ -90,6 +97,7 @@ class PointInputs {
   std::vector<std::uint16_t> viewpoints_;                 ///< ids of the viewpoints, in the order given
   std::uint64_t bytes_ = 0;
   CoordinateSystem system_;
+  std::vector<std::string> notices_;
 };
 
 /// {name, wkt, epsg, epsg_vertical}, without what is not known; null for an unknown system.

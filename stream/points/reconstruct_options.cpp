@@ -1,8 +1,12 @@
 #include "stream/points/reconstruct_options.h"
 
+#include <algorithm>
 #include <charconv>
+#include <filesystem>
 
 #include "octree/error.h"
+#include "stream/files/read_file.h"
+#include "stream/formats/points/projection.h"
 #include "stream/points/clip_polygon.h"
 #include "stream/points/point_filter.h"
 
@@ -38,6 +42,20 @@ void validate_levels(const ReconstructOptions& o) {
     refuse("--reference points", "points are measured in lattices of one cell size only");
 }
 
+/// What a file of that name holds, else the text itself. \throws UsageError where it is no system
+std::string system_text(const std::string& text) {
+  std::error_code error;
+  std::string system = text;
+  if (std::filesystem::is_regular_file(text, error)) {
+    constexpr std::uint64_t kMost = std::uint64_t{1} << 20;
+    const ReadFile file(text);
+    system.resize(static_cast<std::size_t>(std::min(file.size(), kMost)));
+    file.read_at(0, system.data(), system.size());
+  }
+  system_of_user(system, "--crs");
+  return system;
+}
+
 }  // namespace
 
 void ReconstructOptions::validate() {
@@ -45,6 +63,11 @@ void ReconstructOptions::validate() {
   if (has_levels()) validate_levels(*this);
   PointFilter{*this};
   if (!clip.empty()) clip_rings = ClipPolygon::text_of_file(clip);
+  if (!crs.empty()) crs = system_text(crs);
+  if (!project.empty() && project != "auto" && project != "off") system_of_user(project, "--project");
+  if (!project.empty() && project != "off" && resolution_limit > 0.0)
+    throw UsageError(
+        "--resolution-limit with --project: octrees are in the units of their files; leave one of them out");
   if (up == Double3{0, 0, 0}) throw UsageError("--up 0,0,0: has no direction");
   if (tolerance == 0.0 && (keep_raw || reference != "surface"))
     throw UsageError(

@@ -29,6 +29,8 @@ struct ReconstructOptions {
   double max_uncertain = 0.5;
   std::uint64_t max_brick_points = 1u << 22;
   std::vector<std::string> columns;
+  std::string crs;                   ///< a code or WKT: of a file, validate() takes its text
+  std::string project;               ///< "", auto, off, a code
   std::vector<std::string> classes;  ///< numbers up to 255
   std::string returns = "all";
   std::vector<std::string> bounds;  ///< six numbers, or none
@@ -52,7 +54,7 @@ struct ReconstructOptions {
   bool smooths() const { return smooth != "off"; }
   /// The N of max_hole, 0 for auto. \throws UsageError for what is neither
   std::uint32_t max_hole_edges() const;
-  /// Also reads the file of --clip. \throws UsageError for options that mean nothing together; InputError
+  /// Also reads the files of --clip and --crs. \throws UsageError for options that mean nothing together; InputError
   void validate();
 };
 
@@ -60,8 +62,9 @@ struct ReconstructOptions {
 inline void add_columns(OptionTable& table, std::vector<std::string>& columns) {
   table
       .add("columns", &columns,
-           "names of the columns of text scans, e.g. x,y,z,nx,ny,nz,r,g,b; default: the header line, else "
-           "x,y,z")
+           "names of the columns of text scans of any extension, e.g. skip,x,y,z,nx,ny,nz,r,g,b,i; default: "
+           "the header "
+           "line, else x,y,z")
       .split();
 }
 
@@ -137,6 +140,18 @@ inline OptionTable option_table(ReconstructOptions& o) {
       .one_of({"auto", "above", "around", "inside"});
   t.add("up", &o.up, "estimated normals: where the sky is, if not along z");
   add_columns(t, o.columns);
+  t.add("crs", &o.crs,
+        "coordinate system that the scans are in, EPSG:n, WKT or a file with it (.prj), whatever they say "
+        "themselves; "
+        "default: what they say")
+      .shown_as("EPSG:n|FILE");
+  t.add("project", &o.project,
+        "projects the scans, in degrees or in other systems, before all else, so that options are in units "
+        "of the "
+        "result; auto: what is in degrees to its UTM zone; off: coordinates are taken as they are; default: "
+        "scans in "
+        "degrees are refused")
+      .shown_as("auto|EPSG:n|off");
   t.add("classes", &o.classes,
         "LAS, LAZ: classes of points to keep, e.g. 2,6 for ground and buildings; default: all but noise (7, "
         "18)")

@@ -1,10 +1,13 @@
 // The coordinate system of a scan on its way through the commands.
 #include <catch2/catch.hpp>
-
 #include <cstring>
+#include <cmath>
+#include <cstdio>
 #include <nlohmann/json.hpp>
+#include "stream/formats/proj_library.h"
 
 #include "tests/helpers/command.h"
+#include "tests/helpers/reconstruct_command.h"
 #include "tests/helpers/shell.h"
 #include "tests/helpers/skip.h"
 
@@ -106,4 +109,66 @@ TEST_CASE("coordinate system: the same of real scans", "[pipeline][.shared]") {
   const fs::path data = kSharedData / "lidar";
   check_way(folder, (data / "autzen-trim.las").string(), "PROJCS[\"NAD_1983_HARN",
             (data / "certainty3d.las").string());
+}
+
+namespace {
+
+/// A hill of 30 x 30 m with a house, as longitude, latitude and metres; rows [begin, end) of 100.
+std::string degrees(int begin, int end) {
+  std::string text;
+  for (int i = begin; i < end; ++i)
+    for (int j = 0; j < 100; ++j) {
+      const double x = 0.3 * i, y = 0.3 * j;
+      const double z = 300 + 2 * std::sin(x / 9) * std::cos(y / 11) +
+                       (std::abs(x - 15) < 4 && std::abs(y - 15) < 4 ? 5 : 0);
+      char line[96];
+      std::snprintf(line, sizeof line, "%.9f %.9f %.3f\n", 9 + x / (111320 * std::cos(48 * M_PI / 180)),
+                    48 + y / 111320, z);
+      text += line;
+    }
+  return text;
+}
+
+}  // namespace
+
+TEST_CASE("coordinate system: a scan in degrees is no surface: refused at once, or projected to its UTM zone",
+          "[pipeline]") {
+  if (tessera::proj().library == nullptr) return skip("there is no libproj.so.25");
+  const TempFolder folder;
+  const std::string scan = folder.write("scan.xyz", degrees(0, 100)).string();
+  const std::string mesh = (folder / "mesh.ply").string();
+  for (const char* command : {"reconstruct", "plan"}) {
+    const CommandResult r = tessera_command({command, scan, "-o", mesh});
+    CHECK(r.code == 3);
+    CHECK(r.errors.find("look like degrees") != std::string::npos);
+    CHECK(r.errors.find("--project auto") != std::string::npos);
+    CHECK(r.errors.find("EPSG:32632") != std::string::npos);
+    CHECK_FALSE(fs::exists(mesh));
+    fs::remove_all(mesh + ".tessera");
+  }
+  CHECK(tessera_command({"reconstruct", scan, "-o", mesh, "--project", "metres"}).code == 2);
+
+  const auto report = reconstructed(scan, mesh, {"--project", "auto"});
+  CHECK(report.at("coordinate_system").at("epsg") == 32632);
+  CHECK(file_bytes(mesh + ".prj").find("UTM zone 32N") != std::string::npos);
+  CHECK(report.at("warnings").dump().find("projected to WGS 84 / UTM zone 32N") != std::string::npos);
+  const auto& points = stage_result(report, "survey");
+  CHECK(points.at("spacing").get<double>() > 0.2);
+  CHECK(points.at("spacing").get<double>() < 0.5);
+  CHECK(checked(mesh, folder.path()).components == 1);
+
+  // The same bytes of parts in another order.
+  const std::string second = folder.write("b.xyz", degrees(40, 100)).string(),
+                    first = folder.write("a.xyz", degrees(0, 40)).string(),
+                    parts = (folder / "parts.ply").string();
+  const CommandResult r = tessera_command({"reconstruct", second, first, "-o", parts, "--project", "auto",
+                                           "--threads", "1", "--progress", "none"});
+  INFO(r.errors);
+  REQUIRE(r.code == 0);
+  CHECK(file_bytes(parts) == file_bytes(mesh));
+
+  // Of two systems one is made, or both are said to be one.
+  const std::string utm =
+      folder.write("utm.csv", "x,y,z\n500000,5316300,300\n500000.3,5316300,300\n").string();
+  CHECK(tessera_command({"reconstruct", scan, utm, "-o", parts, "--force", "--project", "auto"}).code == 3);
 }

@@ -204,6 +204,12 @@ void add_threads(OptionTable& table, int& threads, const std::string& help) {
   table.add("threads,t", &threads, help + "; 0 = one per core").within(0, 4096);
 }
 
+std::vector<std::filesystem::path> expand_and_tell(const std::vector<std::string>& inputs) {
+  InputList list = list_inputs(inputs);
+  for (const std::string& line : list.told) fmt::print(stderr, "tessera: {}\n", line);
+  return std::move(list.files);
+}
+
 void require_inputs(const std::vector<std::string>& inputs) {
   if (inputs.empty()) throw UsageError("no input given: name files, folders, globs or @list");
 }

@@ -48,6 +48,8 @@ void add_output(OptionTable& table, std::filesystem::path& output, const std::st
 /// -t/--threads
 void add_threads(OptionTable& table, int& threads, const std::string& help);
 
+/// list_inputs(), and a line on stderr for every folder and deep glob among them.
+std::vector<std::filesystem::path> expand_and_tell(const std::vector<std::string>& inputs);
 /// \throws UsageError when the user gave none
 void require_inputs(const std::vector<std::string>& inputs);
 void require_output(const std::filesystem::path& output);
@@ -83,7 +85,7 @@ Command job_command(const std::string& name, const std::string& description, con
   return {name, description, table, [a, run] {
             require_inputs(a->inputs);
             a->options.validate();
-            a->state.inputs = expand_inputs(a->inputs);
+            a->state.inputs = expand_and_tell(a->inputs);
             a->state.also_read = also_read(a->inputs);
             a->state.settings = to_settings(a->options);
             run(a->options, a->state);

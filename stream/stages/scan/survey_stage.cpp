@@ -323,7 +323,7 @@ nlohmann::json SurveyStage::finish(const std::vector<nlohmann::json>& summaries,
   plan.sensors = inputs_->sensors();
   plan.bricks = bricks.size();
   plan.buckets = cut_buckets(bricks, bucket_target(job_.run, plan.points()), options_.max_brick_points);
-  plan.warnings = tally.warnings;
+  plan.warnings = inputs_->notices(tally.warnings);
   if (tally.surplus > 0) plan.warnings.push_back(surplus_sentence(tally.surplus));
   std::uint64_t blocks = 0;
   for (const PlanBrick& b : bricks) blocks += b.blocks;
