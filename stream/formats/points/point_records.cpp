@@ -79,13 +79,13 @@ PointBox sampled_bounds(const ReadFile& file, std::uint64_t begin, std::uint64_t
   return box;
 }
 
-/// Whether a sample of the records beyond the declared ones lies within the bounds, and is not zeros for the most part.
+/// Whether a sample of the records beyond the declared ones lies within the bounds, and is not padding for the most part.
 bool surplus_fits(const ReadFile& file, std::uint64_t begin, std::uint64_t declared, std::uint64_t found,
                   const PointRecordLayout& layout, const std::optional<PointBox>& bounds) {
   const PointBox box = bounds ? *bounds : sampled_bounds(file, begin, declared, layout);
   bool inside = true;
   std::uint64_t all = 0;
-  std::uint64_t zeros = 0;
+  std::uint64_t filled = 0;  // with one byte, as padding is
   for_sampled_records(file, begin, declared, found, layout, [&](const Double3& p, std::string_view record) {
     for (std::size_t a = 0; a < 3; ++a) {
       // Headers hold rounded numbers.
@@ -94,9 +94,9 @@ bool surplus_fits(const ReadFile& file, std::uint64_t begin, std::uint64_t decla
       inside = inside && p[a] >= box.min[a] - slack && p[a] <= box.max[a] + slack;
     }
     ++all;
-    zeros += record.find_first_not_of('\0') == std::string_view::npos ? 1 : 0;
+    filled += record.find_first_not_of(record[0]) == std::string_view::npos ? 1 : 0;
   });
-  return inside && 2 * zeros <= all;
+  return inside && 2 * filled <= all;
 }
 
 }  // namespace
