@@ -107,9 +107,9 @@ void PointInputs::require_one_system() {
           named->info().path.string() + " is in " + named->info().system.name +
           ": bring them into one with --project EPSG:n, name the one that they are in with --crs EPSG:n, "
           "or reconstruct them apart");
-    // Of several texts for one system the least, so that the order of the files does not matter.
-    if (!system_.known() || std::tie(system.wkt, system.name) < std::tie(system_.wkt, system_.name))
-      system_ = system;
+    // Of several texts for one system the least, so that the order of the files does not matter; codes alone come last.
+    const auto order = [](const CoordinateSystem& c) { return std::tuple(c.wkt.empty(), c.wkt, c.name); };
+    if (!system_.known() || order(system) < order(system_)) system_ = system;
   }
 }
 
