@@ -21,25 +21,26 @@ constexpr std::size_t kMostCorners = 200000;
 constexpr std::size_t kMostBands = std::size_t{1} << 16;
 constexpr int kMostDepth = 32;  ///< of collections in collections
 
-/// Appends the rings of a geometry; what is no area has none.
-void add_rings(const json& object, json& rings, int depth) {
+/// Appends the polygons of a geometry, each a list of rings; what is no area has none.
+void add_polygons(const json& object, json& polygons, int depth) {
   if (!object.is_object() || depth > kMostDepth) return;
   const auto each = [&](const char* key, const auto& use) {
     const auto list = object.find(key);
     if (list != object.end() && list->is_array())
       for (const json& item : *list) use(item);
   };
+  const auto add = [&](const json& polygon) {
+    if (polygon.is_array() && !polygon.empty()) polygons.push_back(polygon);
+  };
   const std::string type = object.value("type", std::string());
-  if (type == "Polygon") each("coordinates", [&](const json& ring) { rings.push_back(ring); });
-  if (type == "MultiPolygon")
-    each("coordinates", [&](const json& polygon) {
-      if (polygon.is_array())
-        for (const json& ring : polygon) rings.push_back(ring);
-    });
-  if (type == "Feature" && object.contains("geometry")) add_rings(object.at("geometry"), rings, depth + 1);
-  if (type == "FeatureCollection") each("features", [&](const json& f) { add_rings(f, rings, depth + 1); });
+  if (type == "Polygon" && object.contains("coordinates")) add(object.at("coordinates"));
+  if (type == "MultiPolygon") each("coordinates", add);
+  if (type == "Feature" && object.contains("geometry"))
+    add_polygons(object.at("geometry"), polygons, depth + 1);
+  if (type == "FeatureCollection")
+    each("features", [&](const json& f) { add_polygons(f, polygons, depth + 1); });
   if (type == "GeometryCollection")
-    each("geometries", [&](const json& g) { add_rings(g, rings, depth + 1); });
+    each("geometries", [&](const json& g) { add_polygons(g, polygons, depth + 1); });
 }
 
 std::array<double, 2> corner_of(const json& corner) {
@@ -58,20 +59,21 @@ std::string ClipPolygon::text_of_file(const std::filesystem::path& path) {
   if (file.size() > kMostBytes) throw InputError(name + ": is too large for a polygon to clip by");
   std::string text(static_cast<std::size_t>(file.size()), '\0');
   file.read_at(0, text.data(), text.size());
-  json rings = json::array();
+  json polygons = json::array();
   try {
     const json root = json::parse(text, nullptr, false);
     if (root.is_discarded()) throw InputError("is not JSON");
-    add_rings(root, rings, 0);
-    if (rings.empty()) throw InputError("holds no Polygon or MultiPolygon");
+    add_polygons(root, polygons, 0);
+    if (polygons.empty()) throw InputError("holds no Polygon or MultiPolygon");
     // Two numbers a corner are kept, whatever else a corner says.
-    for (json& ring : rings) {
-      if (!ring.is_array()) throw InputError("a ring is no list of corners");
-      json corners = json::array();
-      for (const json& c : ring) corners.push_back(corner_of(c));
-      ring = std::move(corners);
-    }
-    text = rings.dump();
+    for (json& polygon : polygons)
+      for (json& ring : polygon) {
+        if (!ring.is_array()) throw InputError("a ring is no list of corners");
+        json corners = json::array();
+        for (const json& c : ring) corners.push_back(corner_of(c));
+        ring = std::move(corners);
+      }
+    text = polygons.dump();
     from_text(text);
   } catch (const InputError& e) {
     throw InputError(name + ": " + e.what() + "; --clip wants GeoJSON in the coordinates of the scan");
@@ -82,45 +84,57 @@ std::string ClipPolygon::text_of_file(const std::filesystem::path& path) {
 }
 
 ClipPolygon ClipPolygon::from_text(const std::string& text) {
-  const json rings = json::parse(text, nullptr, false);
-  if (!rings.is_array()) throw InputError("the rings of a polygon are damaged");
+  const json polygons = json::parse(text, nullptr, false);
+  if (!polygons.is_array()) throw InputError("the rings of a polygon are damaged");
   constexpr double kInfinite = std::numeric_limits<double>::infinity();
   ClipPolygon p;
   p.min_ = {kInfinite, kInfinite};
   p.max_ = {-kInfinite, -kInfinite};
   std::size_t corners = 0;
-  for (const json& ring : rings) {
-    if (!ring.is_array() || ring.size() < 3) throw InputError("a ring has fewer than three corners");
-    corners += ring.size();
-    if (corners > kMostCorners)
-      throw InputError("has more than " + std::to_string(kMostCorners) + " corners; simplify it");
-    Corner before = corner_of(ring.back());
-    for (const json& c : ring) {
-      const Corner at = corner_of(c);
-      for (std::size_t a = 0; a < 2; ++a) {
-        p.min_[a] = std::min(p.min_[a], at[a]);
-        p.max_[a] = std::max(p.max_[a], at[a]);
+  std::uint32_t number = 0, ring_number = 0;
+  for (const json& polygon : polygons) {
+    if (!polygon.is_array()) throw InputError("the rings of a polygon are damaged");
+    bool hole = false;
+    for (const json& ring : polygon) {
+      if (!ring.is_array() || ring.size() < 3) throw InputError("a ring has fewer than three corners");
+      corners += ring.size();
+      if (corners > kMostCorners)
+        throw InputError("has more than " + std::to_string(kMostCorners) + " corners; simplify it");
+      Corner before = corner_of(ring.back());
+      for (const json& c : ring) {
+        const Corner at = corner_of(c);
+        for (std::size_t a = 0; a < 2; ++a) {
+          p.min_[a] = std::min(p.min_[a], at[a]);
+          p.max_[a] = std::max(p.max_[a], at[a]);
+        }
+        if (before[1] < at[1]) p.edges_.push_back({before, at, number, ring_number, hole, 1});
+        if (at[1] < before[1]) p.edges_.push_back({at, before, number, ring_number, hole, -1});
+        before = at;
       }
-      if (before[1] < at[1]) p.edges_.push_back({before, at});
-      if (at[1] < before[1]) p.edges_.push_back({at, before});
-      before = at;
+      ++ring_number;
+      hole = true;
     }
+    ++number;
   }
   if (p.edges_.empty()) throw InputError("the polygon has no area");
-  const std::size_t bands = std::min(p.edges_.size(), kMostBands);
-  p.first_.assign(bands + 1, 0);
-  const auto for_bands = [&](const Edge& e, const auto& use) {
-    for (std::size_t b = p.band(e.low[1]); b <= p.band(e.high[1]); ++b) use(b);
-  };
-  for (const Edge& e : p.edges_) for_bands(e, [&](std::size_t b) { ++p.first_[b + 1]; });
-  for (std::size_t b = 0; b < bands; ++b) p.first_[b + 1] += p.first_[b];
-  if (p.first_[bands] > std::size_t{64} * kMostCorners)
-    throw InputError("has too many long edges; simplify it");
-  p.in_band_.resize(p.first_[bands]);
-  std::vector<std::size_t> next = p.first_;
-  for (std::uint32_t i = 0; i < p.edges_.size(); ++i)
-    for_bands(p.edges_[i], [&](std::size_t b) { p.in_band_[next[b]++] = i; });
+  p.sort_into_bands();
   return p;
+}
+
+void ClipPolygon::sort_into_bands() {
+  const std::size_t bands = std::min(edges_.size(), kMostBands);
+  first_.assign(bands + 1, 0);
+  const auto for_bands = [&](const Edge& e, const auto& use) {
+    for (std::size_t b = band(e.low[1]); b <= band(e.high[1]); ++b) use(b);
+  };
+  for (const Edge& e : edges_) for_bands(e, [&](std::size_t b) { ++first_[b + 1]; });
+  for (std::size_t b = 0; b < bands; ++b) first_[b + 1] += first_[b];
+  if (first_[bands] > std::size_t{64} * kMostCorners)
+    throw InputError("has too many long edges; simplify it");
+  in_band_.resize(first_[bands]);
+  std::vector<std::size_t> next = first_;
+  for (std::uint32_t i = 0; i < edges_.size(); ++i)
+    for_bands(edges_[i], [&](std::size_t b) { in_band_[next[b]++] = i; });
 }
 
 std::size_t ClipPolygon::band(double y) const {
@@ -131,15 +145,30 @@ std::size_t ClipPolygon::band(double y) const {
 
 bool ClipPolygon::holds(double x, double y) const {
   if (!(x >= min_[0] && x <= max_[0] && y >= min_[1] && y <= max_[1])) return false;
-  bool inside = false;
+  bool inside = false;  // the polygon at hand, by its rings so far
+  int winding = 0;      // of the ring at hand
+  const Edge* last = nullptr;
+  const auto end_ring = [&] {
+    if (winding != 0) inside = !last->hole;
+    winding = 0;
+  };
   const std::size_t b = band(y);
   for (std::size_t k = first_[b]; k < first_[b + 1]; ++k) {
     const Edge& e = edges_[in_band_[k]];
     // Half open, so that a ray through a corner crosses one of the two edges there.
     if (y < e.low[1] || y >= e.high[1]) continue;
+    if (last != nullptr && last->ring != e.ring) {
+      end_ring();
+      if (last->polygon != e.polygon) {
+        if (inside) return true;
+        inside = false;
+      }
+    }
+    last = &e;
     const double at = e.low[0] + (y - e.low[1]) / (e.high[1] - e.low[1]) * (e.high[0] - e.low[0]);
-    inside ^= x < at;
+    if (x < at) winding += e.direction;
   }
+  if (last != nullptr) end_ring();
   return inside;
 }
 

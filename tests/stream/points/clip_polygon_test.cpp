@@ -38,8 +38,53 @@ TEST_CASE("clip polygon: a ring with a hole, an island in it, and rays through c
   CHECK_FALSE(diamond.holds(0.6, 0.6));
 }
 
+TEST_CASE("clip polygon: overlapping polygons are a union, holes are cut out of their own polygon alone",
+          "[unit]") {
+  const test::TempFolder folder;
+  const std::string square = "[[0,0],[10,0],[10,10],[0,10],[0,0]]",
+                    other = "[[5,5],[15,5],[15,15],[5,15],[5,5]]";
+  const std::string hole = "[[4,4],[8,4],[8,8],[4,8],[4,4]]", near_hole = "[[6,6],[9,6],[9,9],[6,9],[6,6]]";
+  const auto feature = [](const std::string& rings) {
+    return R"({"type":"Feature","properties":{},"geometry":{"type":"Polygon","coordinates":[)" + rings +
+           "]}}";
+  };
+  const auto features = [&](const std::string& list) {
+    return polygon(folder, R"({"type":"FeatureCollection","features":[)" + list + "]}");
+  };
+  const auto multi = [&](const std::string& list) {
+    return polygon(folder, R"({"type":"MultiPolygon","coordinates":[)" + list + "]}");
+  };
+  for (const ClipPolygon& p :
+       {features(feature(square) + "," + feature(other)), features(feature(other) + "," + feature(square)),
+        multi("[" + square + "],[" + other + "]")}) {
+    CHECK(p.holds(1, 1));
+    CHECK(p.holds(7, 7));
+    CHECK(p.holds(14, 14));
+    CHECK_FALSE(p.holds(12, 2));
+  }
+  // A feature listed twice, whichever way it runs.
+  CHECK(features(feature(square) + "," + feature(square)).holds(5, 5));
+  CHECK(features(feature(square) + "," + feature("[[0,0],[0,10],[10,10],[10,0],[0,0]]")).holds(5, 5));
+  // What one polygon leaves out another may hold; holes that overlap stay holes.
+  CHECK_FALSE(features(feature(square + "," + hole)).holds(5, 5));
+  CHECK(features(feature(square + "," + hole) + "," + feature(other)).holds(7, 7));
+  CHECK_FALSE(features(feature(square + "," + hole) + "," + feature(other)).holds(4.5, 4.5));
+  const ClipPolygon two_holes = features(feature(square + "," + hole + "," + near_hole));
+  for (const double x : {5.0, 7.0, 8.5}) CHECK_FALSE(two_holes.holds(x, x));
+  CHECK(two_holes.holds(9.5, 9.5));
+  // Rings that cross or overlap themselves hold all that they wind around.
+  const ClipPolygon bowtie = features(feature("[[0,0],[10,10],[10,0],[0,10],[0,0]]"));
+  CHECK(bowtie.holds(1, 5));
+  CHECK(bowtie.holds(9, 5));
+  CHECK_FALSE(bowtie.holds(5, 1));
+  const ClipPolygon star = features(feature("[[0,10],[6,-8],[-9.5,3],[9.5,3],[-6,-8],[0,10]]"));
+  CHECK(star.holds(0, 0));
+  CHECK(star.holds(0, 8));
+  CHECK_FALSE(star.holds(7, 8));
+}
+
 TEST_CASE("clip polygon: a star of many corners against its definition", "[property]") {
-  std::string text = "[[";
+  std::string text = "[[[";
   constexpr int kCorners = 2000;
   std::vector<std::array<double, 2>> ring;
   for (int i = 0; i < kCorners; ++i) {
@@ -52,7 +97,7 @@ TEST_CASE("clip polygon: a star of many corners against its definition", "[prope
         (i > 0 ? ",[" : "[") + std::to_string(ring.back()[0]) + "," + std::to_string(ring.back()[1]) + "]";
     ring.back() = {std::stod(std::to_string(ring.back()[0])), std::stod(std::to_string(ring.back()[1]))};
   }
-  const ClipPolygon p = ClipPolygon::from_text(text + "]]");
+  const ClipPolygon p = ClipPolygon::from_text(text + "]]]");
   int in = 0;
   int wrong = 0;
   for (int i = 0; i < 20000; ++i) {
@@ -92,7 +137,7 @@ TEST_CASE("clip polygon: what is none is refused by name", "[fault]") {
 TEST_CASE("point filter: a box and a polygon keep what is in both, and say what is not", "[unit]") {
   ReconstructOptions options;
   options.bounds = {"0", "0", "-1", "8", "8", "1"};
-  options.clip_rings = "[[[4,-5],[20,-5],[20,20],[4,20]]]";
+  options.clip_rings = "[[[[4,-5],[20,-5],[20,20],[4,20]]]]";
   const PointFilter filter(options);
   CHECK(filter.box()->min[0] == 4.0);
   CHECK(filter.box()->max[0] == 8.0);
