@@ -13,8 +13,8 @@
 namespace tessera {
 namespace {
 
-/// Below this mean cosine at the rim the patch folds back over the faces it should continue. A cap on a tube
-/// has 0, the outside of a flat piece -1.
+/// Below this mean cosine at the rim, of the loop or of the patch, the patch folds back over the faces it should continue. A
+/// cap on a tube has 0, the outside of a flat piece -1.
 constexpr double kLeastRimCosine = -0.4;
 /// Slivers must not own the energy: bounds of the cotangents, and of the area under a hinge in squared edges.
 constexpr double kMostCotangent = 10.0;
@@ -25,6 +25,23 @@ constexpr int kBendRounds = 2;
 /// More entries per unknown in the envelope are not factored: hole_bytes() holds. A round hole of the most
 /// vertices has 250.
 constexpr std::uint64_t kMostEnvelope = 400;
+
+/// Cosine between the vector area of the loop, as a filling runs, and the mesh's normals at the rim, mean weighted by
+/// length: 1 for a hole in a sheet, 0 for the end of a tube, -1 for the outer border of a sheet. Unlike the faces of a
+/// triangulation it says the same of a border that goes up and down.
+double loop_cosine(const HoleLoop& loop, const std::vector<Double3>& rim_normal) {
+  const std::vector<Double3>& p = loop.position;
+  Double3 area{};
+  for (std::size_t i = 1; i + 1 < p.size(); ++i) area = area + triangle_normal(p[0], p[i], p[i + 1]);
+  area = unit_or_zero(area);
+  double sum = 0.0, length_sum = 0.0;
+  for (std::size_t i = 0; i < p.size(); ++i) {
+    const double length = norm(p[(i + 1) % p.size()] - p[i]);
+    length_sum += length;
+    sum += length * dot(area, rim_normal[i]);
+  }
+  return length_sum > 0.0 ? sum / length_sum : 1.0;
+}
 
 /// Length of the rim's edges, root mean square: slivers count little.
 double rim_edge(const HoleLoop& loop) {
@@ -190,8 +207,12 @@ HoleFilling fill_hole(const HoleLoop& loop, double most_width, double least_cosi
   const auto n = static_cast<std::uint32_t>(loop.position.size());
   assert(n >= 3 && n <= kMostHoleEdges && loop.opposite.size() == n);
   const std::vector<Double3> rim_normal = rim_normals(loop);
-  const HoleTriangulation start = triangulate_hole(loop, rim_normal);
   HoleFilling out;
+  if (loop_cosine(loop, rim_normal) < kLeastRimCosine) {
+    out.outcome = HoleOutcome::kOuter;
+    return out;
+  }
+  const HoleTriangulation start = triangulate_hole(loop, rim_normal);
   if (start.faces.empty()) {
     out.outcome = HoleOutcome::kTaken;
     return out;

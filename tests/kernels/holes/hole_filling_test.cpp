@@ -123,6 +123,43 @@ TEST_CASE("hole filling: small loops, edges that are taken, the outside of a pie
   require_disk(tube, f);
 }
 
+TEST_CASE("hole filling: the outer border of rough ground is none, a hole in it is", "[unit]") {
+  test::Random random(3);
+  constexpr int kSide = 40;
+  // Ground of unit edges, with hills, and noise of more than half an edge.
+  std::vector<std::vector<double>> z(kSide + 3, std::vector<double>(kSide + 3));
+  for (int i = 0; i < kSide + 3; ++i)
+    for (int j = 0; j < kSide + 3; ++j)
+      z[static_cast<std::size_t>(i)][static_cast<std::size_t>(j)] =
+          6.0 * std::sin(0.21 * i) * std::cos(0.17 * j) + 0.6 * random.gaussian();
+  const auto at = [&](int i, int j) {
+    return Double3{1.0 * i, 1.0 * j, z[static_cast<std::size_t>(i + 1)][static_cast<std::size_t>(j + 1)]};
+  };
+  // The square from 0 to kSide, counter-clockwise seen from above; what lies across each edge, inside or outside.
+  const auto square = [&](int inwards) {
+    HoleLoop loop;
+    for (int side = 0; side < 4; ++side)
+      for (int k = 0; k < kSide; ++k) {
+        const std::array<std::array<int, 2>, 4> corner = {
+            {{k, 0}, {kSide, k}, {kSide - k, kSide}, {0, kSide - k}}};
+        const std::array<std::array<int, 2>, 4> in = {{{0, 1}, {-1, 0}, {0, -1}, {1, 0}}};
+        const auto& c = corner[static_cast<std::size_t>(side)];
+        const auto& d = in[static_cast<std::size_t>(side)];
+        loop.position.push_back(at(c[0], c[1]));
+        loop.opposite.push_back(at(c[0] + inwards * d[0], c[1] + inwards * d[1]));
+      }
+    return loop;
+  };
+  HoleLoop border = square(1);
+  std::reverse(border.position.begin(), border.position.end());
+  std::reverse(border.opposite.begin(), border.opposite.end() - 1);
+  CHECK(fill_hole(border).outcome == HoleOutcome::kOuter);
+  const HoleLoop hole = square(-1);
+  const HoleFilling f = fill_hole(hole);
+  REQUIRE(f.outcome == HoleOutcome::kFilled);
+  require_disk(hole, f);
+}
+
 TEST_CASE("hole filling: what is wider or folds farther than allowed stays open", "[unit]") {
   const HoleLoop disk = ring(24, 2.0, 0.7, [](double) { return 0.0; });  // 4 area / length = 0.99 diameters
   CHECK(fill_hole(disk, 4.1).outcome == HoleOutcome::kFilled);
