@@ -6,10 +6,8 @@
 namespace tessera {
 namespace {
 
-constexpr double kLeastSeconds = 2.0;  ///< of an element: starting one takes about one
-constexpr std::uint64_t kBaseBytes = std::uint64_t{128}
-                                     << 20;  ///< program, shell, what the queue counts beside
-constexpr double kStartSeconds = 180.0;      ///< to start, and to stop ahead of the limit
+constexpr double kLeastSeconds = 2.0;    ///< of an element: starting one takes about one
+constexpr double kStartSeconds = 180.0;  ///< to start, and to stop ahead of the limit
 constexpr int kLeastMinutes = 5;
 
 int elements_of(const StageEstimate& stage, const QueueOptions& options) {
@@ -25,7 +23,7 @@ int elements_of(const StageEstimate& stage, const QueueOptions& options) {
 
 std::uint64_t memory_of(std::uint64_t need, std::uint64_t cap) {
   // What the budget leaves for the allocator and the stacks of threads is a part of the cap.
-  return need == 0 ? cap + kBaseBytes : std::min(cap, need + need / 4 + cap / 16) + kBaseBytes;
+  return need == 0 ? cap + kQueueBaseBytes : std::min(cap, need + need / 4 + cap / 16) + kQueueBaseBytes;
 }
 
 /// Time of the element with most tasks.
@@ -77,7 +75,7 @@ std::vector<QueueStep> queue_steps(const std::vector<StageEstimate>& stages, std
   }
   serial.flush(steps);
   for (QueueStep& step : steps)
-    if (step.memory_bytes == 0) step.memory_bytes = cap + kBaseBytes;
+    if (step.memory_bytes == 0) step.memory_bytes = cap + kQueueBaseBytes;
   return steps;
 }
 

@@ -9,6 +9,9 @@
 
 namespace tessera {
 
+/// What an element asks for beside its cap: program, shell, what the queue counts with it.
+inline constexpr std::uint64_t kQueueBaseBytes = std::uint64_t{128} << 20;
+
 /// What the forecast tells of a stage.
 struct StageEstimate {
   std::string stage;

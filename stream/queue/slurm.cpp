@@ -1,9 +1,13 @@
 #include "stream/queue/slurm.h"
 
+#include <algorithm>
 #include <cerrno>
+#include <cstdlib>
 #include <cstring>
+#include <limits>
 #include <set>
 #include <sstream>
+#include <utility>
 
 #include <fcntl.h>
 #include <spawn.h>
@@ -14,6 +18,7 @@
 
 #include "octree/error.h"
 #include "stream/runtime/log.h"
+#include "stream/runtime/memory_budget.h"
 #include "stream/runtime/work_dir.h"
 
 namespace tessera {
@@ -68,6 +73,11 @@ Said run_program(std::vector<std::string> words) {
     throw ResourceError(fmt::format("cannot start {}: {}", words.front(), std::strerror(error)));
   while (!said.text.empty() && said.text.back() == '\n') said.text.pop_back();
   return said;
+}
+
+std::string one_line(std::string text) {
+  std::replace(text.begin(), text.end(), '\n', ' ');
+  return text;
 }
 
 // Told to stop ahead of its time limit, or killed: what is committed stays, a new start does the rest. Whoever took the
@@ -149,13 +159,136 @@ std::string slurm_script(const SlurmJob& job, const QueueStep& step, const Queue
   return text;
 }
 
+SlurmPartition slurm_partition(const std::string& partition) {
+  // One line a node: groups of unlike ones would show the least of each number, with a plus.
+  std::vector<std::string> words = {"sinfo", "--noheader", "--Node", "--format=%P|%m|%c|%t"};
+  const char* named = std::getenv("SBATCH_PARTITION");  // which sbatch follows, too
+  const std::string wanted = partition.empty() && named != nullptr ? named : partition;
+  if (!wanted.empty()) words.push_back("--partition=" + wanted);
+  Said said;
+  try {
+    said = run_program(words);
+  } catch (const Error&) {
+    return {};
+  }
+  if (said.code != 0) return {};
+  SlurmPartition found;
+  std::istringstream lines(said.text);
+  for (std::string line; std::getline(lines, line);) {
+    std::istringstream fields(line);
+    std::string name, memory, cpus, state;
+    std::getline(fields, name, '|'), std::getline(fields, memory, '|'), std::getline(fields, cpus, '|'),
+        std::getline(fields, state, '|');
+    const bool is_default = !name.empty() && name.back() == '*';
+    if (is_default) name.pop_back();
+    if (wanted.empty() && !is_default) continue;
+    if (state.starts_with("down") || state.starts_with("fail")) continue;
+    const SlurmNode node = {std::strtoull(memory.c_str(), nullptr, 10) << 20, std::atoi(cpus.c_str())};
+    if (node.memory_bytes == 0 || node.cpus < 1) continue;
+    found.name = name;
+    if (std::find(found.nodes.begin(), found.nodes.end(), node) == found.nodes.end())
+      found.nodes.push_back(node);
+  }
+  std::sort(found.nodes.begin(), found.nodes.end(), [](const SlurmNode& a, const SlurmNode& b) {
+    return std::pair(a.memory_bytes, a.cpus) < std::pair(b.memory_bytes, b.cpus);
+  });
+  return found;
+}
+
+std::uint64_t element_memory(const SlurmPartition& partition, int threads, std::uint64_t least) {
+  constexpr double kShareOfNode = 0.8;  // the system and Slurm's daemon need some, too
+  constexpr std::uint64_t kRounded = std::uint64_t{64} << 20;
+  double share = std::numeric_limits<double>::infinity();
+  for (const SlurmNode& node : partition.nodes)
+    share = std::min(share, static_cast<double>(node.memory_bytes) *
+                                std::min(1.0, static_cast<double>(threads) / node.cpus));
+  const double most = kShareOfNode * static_cast<double>(partition.nodes.front().memory_bytes);
+  const double wanted = std::min(most, std::max(share, static_cast<double>(least + kQueueBaseBytes)));
+  const auto bytes =
+      static_cast<std::uint64_t>(std::max(wanted - static_cast<double>(kQueueBaseBytes), wanted / 2));
+  return bytes > 2 * kRounded ? bytes / kRounded * kRounded : bytes;
+}
+
+void require_fits(const SlurmPartition& partition, int threads, std::uint64_t memory_bytes) {
+  if (partition.nodes.empty()) return;
+  const auto holds = [&](const SlurmNode& n) { return n.cpus >= threads && n.memory_bytes >= memory_bytes; };
+  if (std::any_of(partition.nodes.begin(), partition.nodes.end(), holds)) return;
+  std::string kinds;
+  for (const SlurmNode& n : partition.nodes)
+    kinds +=
+        fmt::format("{}{} with {} CPUs", kinds.empty() ? "" : ", ", format_bytes(n.memory_bytes), n.cpus);
+  throw UsageError(
+      fmt::format("no node of the partition {} has {} threads and {} for an element (its nodes: {}): give a "
+                  "lower --memory or "
+                  "--threads, or another --partition",
+                  partition.name, threads, format_bytes(memory_bytes), kinds));
+}
+
+std::string slurm_advice(const std::string& words) {
+  struct Known {
+    const char* words;
+    const char* advice;
+  };
+  // The first that fits counts. Words of Slurm 20 to 24.
+  static constexpr Known kKnown[] = {
+      {"Requested node configuration is not available",
+       "no node of the partition has so much memory or so many CPUs: give a lower --memory or --threads, or "
+       "another "
+       "--partition (sinfo --Node --long lists the nodes)"},
+      {"Memory specification can not be satisfied",
+       "the partition gives no job so much memory: give a lower --memory or another --partition"},
+      {"CPU count per node can not be satisfied",
+       "no node has so many CPUs: give lower --threads or another --partition"},
+      {"More processors requested than permitted", "give lower --threads or fewer --nodes"},
+      {"invalid partition specified",
+       "there is no such partition: sinfo --summarize lists those there are, for --partition"},
+      {"Invalid partition name",
+       "there is no such partition: sinfo --summarize lists those there are, for --partition"},
+      {"No partition specified or system default partition",
+       "the queue has no default partition: name one of sinfo --summarize with --partition"},
+      {"group not permitted to use this partition",
+       "you may not use this partition: give another --partition"},
+      {"Invalid account or account/partition combination",
+       "the account is unknown here or may not use the partition: give --account (sacctmgr show associations "
+       "user=$USER lists yours) or another --partition"},
+      {"Invalid qos",
+       "the account or partition has no such quality of service: give another --account or --partition"},
+      {"Requested time limit is invalid",
+       "the partition ends jobs earlier than a stage needs: give more --nodes, fewer --element-seconds or a "
+       "lower "
+       "--time-margin for shorter elements, or another --partition"},
+      {"Job violates accounting/QOS policy",
+       "the account may not have so many jobs, or such large ones: give fewer --nodes, a lower --array-limit "
+       "or "
+       "--memory, or wait until jobs of yours have ended"},
+      {"Invalid job array specification",
+       "arrays may not have so many elements here: give a lower --array-limit"},
+      {"Job dependency problem", "the job before it has ended already: give the same command again"},
+      {"Slurm temporarily unable to accept job", "the queue is full: give the same command again later"},
+      {"Unable to contact slurm controller",
+       "Slurm does not answer: give the same command again when it does"},
+      {"Socket timed out", "Slurm does not answer in time: give the same command again when it does"},
+      {"Access/permission denied", "you may not submit jobs here: ask those who run the queue"}};
+  const auto lower = [](std::string text) {
+    for (char& c : text) c = c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
+    return text;
+  };
+  const std::string said = lower(words);
+  for (const Known& known : kKnown)
+    if (said.find(lower(known.words)) != std::string::npos) return known.advice;
+  return {};
+}
+
 std::string slurm_submit(const fs::path& script, const std::string& after) {
   std::vector<std::string> words = {"sbatch", "--parsable"};
   if (!after.empty()) words.push_back("--dependency=afterok:" + after);
   words.push_back(script.string());
   const Said said = run_program(words);
-  if (said.code != 0)
-    throw ResourceError(fmt::format("{}: Slurm refuses it: {}", script.string(), said.text));
+  if (said.code != 0) {
+    const std::string advice = slurm_advice(said.text);
+    throw ResourceError(fmt::format("{}: Slurm refuses it{}{} ({})", script.string(),
+                                    advice.empty() ? "" : ": ", advice, one_line(said.text)));
+  }
   // Warnings may stand before the number, a cluster's name behind it.
   std::string number = said.text.substr(said.text.find_last_of('\n') + 1);
   number = number.substr(0, number.find(';'));

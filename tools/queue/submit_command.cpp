@@ -22,8 +22,9 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::uint64_t kElementBytes = std::uint64_t{2} << 30;  ///< cap of an element without --memory
-constexpr double kEndShare = 0.25;                               ///< of a stage's time, what its end may take
+/// Cap of an element without --memory: where nothing is known of the nodes, and the least where they are large enough.
+constexpr std::uint64_t kElementBytes = std::uint64_t{2} << 30;
+constexpr double kEndShare = 0.25;  ///< of a stage's time, what its end may take
 constexpr double kGigabyte = 1e9;
 
 /// Seconds of one core for a gigabyte of input, as the README's tables have them; a job without a plan is divided by them.
@@ -105,6 +106,29 @@ void print_scripts(const SlurmJob& job, const std::vector<QueueStep>& steps, con
   }
 }
 
+struct ChosenMemory {
+  std::uint64_t bytes = kElementBytes;
+  std::string sentence;
+};
+/// The cap of an element where none is given, by the nodes that it may run on, not by this machine.
+ChosenMemory choose_memory(const SlurmPartition& partition, int threads) {
+  ChosenMemory chosen;
+  std::string reason = "as sinfo tells of no node here";
+  if (!partition.nodes.empty()) {
+    const SlurmNode& node = partition.nodes.front();
+    chosen.bytes = element_memory(partition, threads, kElementBytes);
+    reason = fmt::format("by the nodes of the partition {}, of which the smallest has {} and {} CPUs",
+                         partition.name, format_bytes(node.memory_bytes), node.cpus);
+  }
+  chosen.sentence = fmt::format("memory of an element: {}, {}; --memory gives another\n",
+                                format_bytes(chosen.bytes), reason);
+  return chosen;
+}
+
+void require_steps_fit(const SlurmPartition& partition, const std::vector<QueueStep>& steps, int threads) {
+  for (const QueueStep& step : steps) require_fits(partition, threads, step.memory_bytes);
+}
+
 /// \param given  as the job's command has read its line
 void submit_job(const Arguments& arguments, const JobState& given, const JobDescription& job) {
   if (job.only_stages > 0 || job_rates().count(job.command) == 0)
@@ -122,10 +146,15 @@ void submit_job(const Arguments& arguments, const JobState& given, const JobDesc
     state.run.threads = 1;
     slurm.command.insert(slurm.command.end(), {"--threads", "1"});
   }
+  const SlurmPartition partition = slurm_partition(arguments.options.partition);
+  std::string memory_sentence;  // said once the job is accepted
   if (state.run.memory_bytes == 0) {
-    state.run.memory_bytes = kElementBytes;
-    slurm.command.insert(slurm.command.end(), {"--memory", std::to_string(kElementBytes)});
+    ChosenMemory chosen = choose_memory(partition, state.run.threads);
+    state.run.memory_bytes = chosen.bytes;
+    memory_sentence = std::move(chosen.sentence);
+    slurm.command.insert(slurm.command.end(), {"--memory", std::to_string(state.run.memory_bytes)});
   }
+  require_fits(partition, state.run.threads, 0);
   slurm.program = fs::read_symlink("/proc/self/exe");
   slurm.folder = fs::current_path();
   slurm.threads = state.run.threads;
@@ -144,19 +173,26 @@ void submit_job(const Arguments& arguments, const JobState& given, const JobDesc
       JobState plan = state;
       plan.output = scratch->path() / "plan.ply";
       plan.run.temp.clear();
+      plan.run.memory_bytes = std::min(plan.run.memory_bytes, detect_memory_cap().bytes);
       run_job(plan, plan_job(), cli::stderr_sink());
       planned = work_path(plan.output, {});
       first = plan_job().only_stages;
     }
-    return print_scripts(
-        slurm,
-        queue_steps(estimate(state, job, first, planned), state.run.memory_bytes, state.run.threads, options),
-        options);
+    const std::vector<QueueStep> steps =
+        queue_steps(estimate(state, job, first, planned), state.run.memory_bytes, state.run.threads, options);
+    require_steps_fit(partition, steps, state.run.threads);
+    fmt::print(stderr, "{}", memory_sentence);
+    return print_scripts(slurm, steps, options);
   }
 
   forget_ended_submission(work_path(fs::absolute(state.output).lexically_normal(), state.run.temp));
   if (!begin_job(state, job)) return fmt::print("{}: is done already\n", state.output.string());
-  if (plans) run_job(state, plan_job(), cli::stderr_sink());
+  if (plans) {  // on this machine, which may have less memory than a node
+    JobState here = state;
+    here.run.memory_bytes = std::min(state.run.memory_bytes, detect_memory_cap().bytes);
+    run_job(here, plan_job(), cli::stderr_sink());
+    begin_job(state, job);
+  }
   slurm.work = state.work;
   const std::size_t first = complete_stages(state, job);
   const bool is_planned = plans && fs::exists(state.work / Forecast::kFile);
@@ -164,7 +200,9 @@ void submit_job(const Arguments& arguments, const JobState& given, const JobDesc
       queue_steps(estimate(state, job, first, is_planned ? state.work : fs::path()), state.run.memory_bytes,
                   state.run.threads, options);
   if (steps.empty()) steps.push_back({"report", {}, 1, state.run.memory_bytes, 0.0});
+  require_steps_fit(partition, steps, state.run.threads);
   const std::vector<std::string> numbers = submit(slurm, steps, options);
+  fmt::print(stderr, "{}", memory_sentence);
   int elements = 0;
   for (const QueueStep& step : steps) elements += step.elements;
   fmt::print(
@@ -182,8 +220,8 @@ cli::Command submit_command(const std::vector<cli::Command>& jobs) {
       "Hands a job to Slurm: submit JOB..., as submit reconstruct scan.las -o site.ply --nodes 8. An array "
       "for each "
       "stage, its elements on any node that shares the folders; --memory and --threads are those of one "
-      "element "
-      "(default 2G and 1). The same command goes on where jobs failed.",
+      "element (default: its threads' share of the smallest node by sinfo, at least 2G if that has them; and "
+      "1). The same command goes on where jobs failed.",
       table_of(arguments->options), [arguments, jobs] {
         if (arguments->words.empty())
           throw UsageError("give the job: submit reconstruct scan.las -o site.ply");

@@ -118,6 +118,96 @@ TEST_CASE("slurm: the signal ahead of the limit reaches the program", "[fault]")
   CHECK(file_bytes(s.folder / "said").substr(0, 8) == "stopped\n");
 }
 
+namespace {
+
+/// PATH begins with a folder of stand-ins as long as this lives.
+struct OnPath {
+  explicit OnPath(const fs::path& folder) : before(std::getenv("PATH")) {
+    ::setenv("PATH", (folder.string() + ":" + before).c_str(), 1);
+  }
+  ~OnPath() { ::setenv("PATH", before.c_str(), 1); }
+  std::string before;
+};
+
+constexpr std::uint64_t kGigabyte = std::uint64_t{1} << 30;
+
+}  // namespace
+
+TEST_CASE("slurm: the nodes of a partition decide the memory of an element", "[unit]") {
+  Setting s;
+  script(s.folder / "bin/sinfo",
+         "echo \"$*\" >>" + s.said_file() +
+             "\necho 'short|1024|4|idle'; echo 'long*|65536|16|mix'; echo 'long*|8192|8|idle'\n"
+             "echo 'long*|8192|8|alloc'; echo 'long*|1000000|64|down*'; echo 'odd|0|1|idle'\n");
+  const OnPath path(s.folder / "bin");
+  ::unsetenv("SBATCH_PARTITION");
+  const SlurmPartition p = slurm_partition("");
+  CHECK(p.name == "long");
+  CHECK(p.nodes == std::vector<SlurmNode>{{8 * kGigabyte, 8}, {64 * kGigabyte, 16}});
+  CHECK_THAT(s.said(), !Catch::Contains("--partition"));
+  // A share of the smaller node, at least 2G beside what a job needs, at most 0.8 of it.
+  CHECK(element_memory(p, 1, 2 * kGigabyte) == 2 * kGigabyte);
+  CHECK(element_memory(p, 4, 2 * kGigabyte) == 4 * kGigabyte - (kGigabyte >> 3));
+  CHECK(element_memory(p, 16, 2 * kGigabyte) + kQueueBaseBytes <= 0.8 * 8 * kGigabyte);
+  CHECK(element_memory(p, 16, 2 * kGigabyte) > 6 * kGigabyte);
+  const SlurmPartition small = {"tiny", {{kGigabyte, 2}}};
+  CHECK(element_memory(small, 1, 2 * kGigabyte) + kQueueBaseBytes <= 0.8 * kGigabyte);
+  CHECK(element_memory(small, 1, 2 * kGigabyte) > kGigabyte / 2);
+  // The partition that is named, or that the environment names for sbatch.
+  CHECK(slurm_partition("short").nodes.size() == 4);  // the stand-in filters nothing
+  CHECK_THAT(s.said(), Catch::Contains("--partition=short"));
+  ::setenv("SBATCH_PARTITION", "odd", 1);
+  slurm_partition("");
+  CHECK_THAT(s.said(), Catch::Contains("--partition=odd"));
+  ::unsetenv("SBATCH_PARTITION");
+  // What fits no node is refused before it is queued.
+  CHECK_NOTHROW(require_fits(p, 16, 60 * kGigabyte));
+  CHECK_THROWS_WITH(require_fits(p, 16, 65 * kGigabyte), Catch::Contains("partition long") &&
+                                                             Catch::Contains("--memory") &&
+                                                             Catch::Contains("--partition"));
+  CHECK_THROWS_AS(require_fits(p, 32, kGigabyte), UsageError);
+  CHECK_NOTHROW(require_fits({}, 1000, 1000 * kGigabyte));
+  script(s.folder / "bin/sinfo", "echo 'sinfo: error: no' >&2; exit 1\n");
+  CHECK(slurm_partition("").nodes.empty());
+  script(s.folder / "bin/sinfo", "echo; echo '|||'; echo 'x'\n");
+  CHECK(slurm_partition("").nodes.empty());
+}
+
+TEST_CASE("slurm: what sbatch refuses comes with the way out", "[fault]") {
+  Setting s;
+  spill(s.folder / "a.sh", "");
+  const OnPath path(s.folder / "bin");
+  const auto refused = [&](const std::string& words) {
+    script(s.folder / "bin/sbatch",
+           "echo 'sbatch: error: Batch job submission failed: " + words + "' >&2; exit 1\n");
+    try {
+      slurm_submit(s.folder / "a.sh", "");
+    } catch (const ResourceError& e) {
+      return std::string(e.what());
+    }
+    return std::string();
+  };
+  const std::vector<std::pair<std::string, std::string>> known = {
+      {"Requested node configuration is not available", "lower --memory or --threads"},
+      {"Memory specification can not be satisfied", "lower --memory"},
+      {"invalid partition specified: lnog", "--partition"},
+      {"Invalid account or account/partition combination specified", "--account"},
+      {"Requested time limit is invalid (missing or exceeds some limit)", "--element-seconds"},
+      {"Job violates accounting/QOS policy (job submit limit, users size and/or time limits)",
+       "--array-limit"},
+      {"Invalid job array specification", "--array-limit"},
+      {"Unable to contact slurm controller (connect failure)", "again"}};
+  for (const auto& [words, advice] : known) {
+    CAPTURE(words);
+    const std::string said = refused(words);
+    CHECK_THAT(said, Catch::Contains(words) && Catch::Contains(advice) &&
+                         Catch::StartsWith((s.folder / "a.sh").string()));
+    CHECK(said.find('\n') == std::string::npos);
+  }
+  CHECK_THAT(refused("Strange things happen"),
+             Catch::Contains("refuses it (sbatch: error") && Catch::Contains("Strange"));
+}
+
 TEST_CASE("slurm: steps are handed over in a chain, when one is refused, those before it are taken back",
           "[unit]") {
   Setting s;
