@@ -43,8 +43,8 @@ enum class HoleOutcome : std::uint8_t {
   kTaken,  ///< every triangulation needs an edge that the mesh has already, or a face without area
   kWide,   ///< wider than allowed
   kSharp,  ///< two faces that meet in the patch or at its rim turn farther than allowed
-  kOuter,  ///< the patch would fold back over the rim's faces: this is the outside of a piece, not a hole in
-           ///< it
+  kOuter,  ///< the mesh lies within the loop, or the patch would fold back over the rim's faces: this is the
+           ///< outer border of a piece, not a hole in it
 };
 
 inline constexpr std::size_t kHoleOutcomes = 5;
