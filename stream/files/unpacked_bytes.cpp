@@ -76,11 +76,72 @@ class ZstdDecoder final : public UnpackedBytes::Decoder {
   std::unique_ptr<ZSTD_DStream, Free> stream_;
 };
 
+/// Text in UTF-16 after its byte order mark, as UTF-8; what is no character becomes U+FFFD. Source: RFC 2781, RFC 3629.
+class Utf16Decoder final : public UnpackedBytes::Decoder {
+ public:
+  bool decode(std::string_view& in, std::vector<char>& out, std::size_t limit) override {
+    for (;;) {
+      for (; !ready_.empty(); ready_.remove_prefix(1)) {
+        if (out.size() == limit) return false;
+        out.push_back(ready_.front());
+      }
+      if (in.empty()) return !half_ && high_ == 0;
+      take(static_cast<unsigned char>(in.front()));
+      in.remove_prefix(1);
+    }
+  }
+
+ private:
+  void take(std::uint32_t byte) {
+    half_ = !half_;
+    if (half_) {
+      first_ = byte;
+      return;
+    }
+    if (!marked_) {
+      marked_ = true;
+      big_endian_ = first_ == 0xfe;
+      return;
+    }
+    const std::uint32_t unit = big_endian_ ? first_ << 8 | byte : byte << 8 | first_;
+    const bool low = unit >= 0xdc00 && unit < 0xe000;
+    if (high_ != 0 && low) {
+      encode(0x10000 + ((high_ - 0xd800) << 10) + (unit - 0xdc00));
+      high_ = 0;
+      return;
+    }
+    std::size_t bytes = 0;
+    if (high_ != 0) bytes = append(kUnknown, 0);
+    high_ = unit >= 0xd800 && unit < 0xdc00 ? unit : 0;
+    if (high_ == 0) bytes = append(low ? kUnknown : unit, bytes);
+    ready_ = {bytes_, bytes};
+  }
+  void encode(std::uint32_t c) { ready_ = {bytes_, append(c, 0)}; }
+  /// Writes a character behind the `at` bytes that are there; returns how many there are then.
+  std::size_t append(std::uint32_t c, std::size_t at) {
+    const int more = c < 0x80 ? 0 : c < 0x800 ? 1 : c < 0x10000 ? 2 : 3;
+    constexpr unsigned char kLead[] = {0x00, 0xc0, 0xe0, 0xf0};
+    bytes_[at++] = static_cast<char>(kLead[more] | c >> (6 * more));
+    for (int k = more - 1; k >= 0; --k) bytes_[at++] = static_cast<char>(0x80 | (c >> (6 * k) & 0x3f));
+    return at;
+  }
+
+  static constexpr std::uint32_t kUnknown = 0xfffd;
+  bool marked_ = false, big_endian_ = false, half_ = false;
+  std::uint32_t first_ = 0;  ///< of the two bytes of a unit
+  std::uint32_t high_ = 0;   ///< a surrogate that waits for the low one
+  char bytes_[8] = {};
+  std::string_view ready_;  ///< of bytes_, not yet handed out
+};
+
 }  // namespace
 
 std::string_view packed_format(std::string_view head) {
   if (head.substr(0, 3) == "\x1f\x8b\x08") return "gzip";
   if (head.substr(0, 4) == "\x28\xb5\x2f\xfd") return "zstd";
+  const std::string_view mark = head.substr(0, 2);
+  if (mark == "\xfe\xff" || (mark == "\xff\xfe" && head.substr(2, 2) != std::string_view("\0\0", 2)))
+    return "UTF-16";
   return {};
 }
 
@@ -89,7 +150,7 @@ UnpackedBytes::UnpackedBytes(const std::filesystem::path& path) : file_(path) {
   const std::uint64_t there = std::min<std::uint64_t>(file_.size(), sizeof head);
   file_.read_at(0, head, there);
   format_ = packed_format({head, static_cast<std::size_t>(there)});
-  if (format_.empty()) throw InputError(path.string() + ": is neither gzip nor zstd");
+  if (format_.empty()) throw InputError(path.string() + ": is neither gzip nor zstd nor UTF-16");
   restart();
 }
 
@@ -98,6 +159,8 @@ UnpackedBytes::~UnpackedBytes() = default;
 void UnpackedBytes::restart() {
   if (format_ == "gzip") {
     decoder_ = std::make_unique<GzipDecoder>();
+  } else if (format_ == "UTF-16") {
+    decoder_ = std::make_unique<Utf16Decoder>();
   } else {
     decoder_ = std::make_unique<ZstdDecoder>();
   }

@@ -1,6 +1,7 @@
 /// \file unpacked_bytes.h
-/// What a gzip or zstd file unpacks to, by position: forwards as it comes, a little back from memory, further back by
-/// starting anew. In bounded memory: a quarter of a megabyte and the window of the format, at most 8 MiB.
+/// What a gzip or zstd file unpacks to, or text in UTF-16 as UTF-8, by position: forwards as it comes, a little back from
+/// memory, further back by starting anew. In bounded memory: a quarter of a megabyte and the window of the format, at most
+/// 8 MiB.
 #pragma once
 #include <cstdint>
 #include <filesystem>
@@ -12,14 +13,14 @@
 
 namespace tessera {
 
-/// "gzip" or "zstd" by the first four bytes, empty for anything else.
+/// "gzip", "zstd" or "UTF-16" (a byte order mark, which the text loses) by the first four bytes, empty for anything else.
 std::string_view packed_format(std::string_view head);
 
 class UnpackedBytes {
  public:
   static constexpr std::size_t kBlock = std::size_t{1} << 17;
 
-  /// \throws InputError when it is neither gzip nor zstd
+  /// \throws InputError when packed_format() knows it not
   explicit UnpackedBytes(const std::filesystem::path& path);
   ~UnpackedBytes();
 

@@ -52,6 +52,34 @@ TEST_CASE("unpacked bytes: any place in any order, members and frames joined", "
   }
 }
 
+TEST_CASE("unpacked bytes: text in UTF-16 of either order becomes UTF-8", "[unit]") {
+  const test::TempFolder folder;
+  std::u16string text = u"v 1 2 3\r\n# H\u00f6he \u20ac \U0001f600 ";
+  std::string expected = "v 1 2 3\r\n# H\xc3\xb6he \xe2\x82\xac \xf0\x9f\x98\x80 ";
+  text += char16_t{0xd83d};  // half of a pair, before what is no other half
+  text += u"x";
+  text += char16_t{0xde00};
+  expected += "\xef\xbf\xbdx\xef\xbf\xbd";
+  for (int i = 0; i < 40000; ++i) text += u"\u20ac \n", expected += "\xe2\x82\xac \n";  // across blocks
+  for (const bool big : {false, true}) {
+    std::string bytes = big ? "\xfe\xff" : "\xff\xfe";
+    for (const char16_t c : text) {
+      const char high = static_cast<char>(c >> 8), low = static_cast<char>(c & 0xff);
+      bytes += big ? high : low;
+      bytes += big ? low : high;
+    }
+    const auto path = folder.write("a.obj", bytes);
+    CHECK(packed_format(bytes.substr(0, 4)) == "UTF-16");
+    const ReadFile file = ReadFile::unpacked(path);
+    REQUIRE(file.size() == expected.size());
+    std::string got(expected.size(), '\0');
+    file.read_at(0, got.data(), got.size());
+    CHECK((got == expected));
+    CHECK_THAT(error_of(folder.write("a.obj", bytes + "x")), Catch::Contains("truncated"));
+  }
+  CHECK(packed_format(std::string_view("\xff\xfe\0\0", 4)).empty());  // UTF-32
+}
+
 TEST_CASE("unpacked bytes: cut and damaged files are refused with their byte", "[fault]") {
   const test::TempFolder folder;
   const std::string text = sample(5000);
