@@ -19,6 +19,13 @@ std::string quoted(std::string_view word) {
 
 }  // namespace
 
+std::uint64_t byte_order_mark(const ReadFile& file) {
+  char start[3] = {};
+  if (file.size() < sizeof start) return 0;
+  file.read_at(0, start, sizeof start);
+  return std::string_view(start, sizeof start) == "\xef\xbb\xbf" ? sizeof start : 0;
+}
+
 TextScanner::TextScanner(const ReadFile& file, std::uint64_t begin, std::uint64_t line, char line_end,
                          char comment)
     : file_(&file),

@@ -10,6 +10,9 @@
 
 namespace tessera {
 
+/// Bytes of the mark that some programs put before text in UTF-8: 3 or 0.
+std::uint64_t byte_order_mark(const ReadFile& file);
+
 class TextScanner {
  public:
   /// \param line       number of the line that `begin` is in

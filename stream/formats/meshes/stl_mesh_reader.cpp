@@ -1,6 +1,6 @@
 /// STL, text and binary. Triangles have no shared vertices: three per face, in order.
 #include <algorithm>
-#include <cctype>
+#include <cmath>
 #include <optional>
 #include <string>
 #include <utility>
@@ -9,6 +9,7 @@
 #include "stream/formats/meshes/mesh_reader_base.h"
 #include "stream/formats/scalar.h"
 #include "stream/formats/text_scanner.h"
+#include "stream/formats/vertex_fields.h"
 
 namespace tessera {
 namespace {
@@ -16,39 +17,41 @@ namespace {
 constexpr std::uint64_t kHeaderBytes = 84;
 constexpr std::uint64_t kFacetBytes = 50;
 
+/// Binary files have zeros or other bytes that no text has in their header, their count or their first facets.
+bool is_text(std::string_view start) {
+  return std::none_of(start.begin(), start.end(), [](char c) {
+    const auto byte = static_cast<unsigned char>(c);
+    return (byte < 0x20 && (byte < '\t' || byte > '\r')) || byte == 0x7f;
+  });
+}
+
 class StlMeshReader : public MeshReader {
  public:
   StlMeshReader(ReadFile file, const MeshReadOptions&) : file_(std::move(file)) {
-    char start[kHeaderBytes] = {};
-    file_.read_at(0, start, std::min<std::uint64_t>(file_.size(), kHeaderBytes));
-    const std::uint64_t count = load_scalar<std::uint32_t>(start + 80);
-    const bool solid = std::string_view(start, 5) == "solid";
-    const bool has_header = file_.size() >= kHeaderBytes;
-    // Many binary files begin with "solid" too: the size decides.
-    text_ = solid && !(has_header && file_.size() == kHeaderBytes + count * kFacetBytes);
-    if (text_) {
+    char start[kTextSample] = {};
+    const std::uint64_t there = std::min<std::uint64_t>(file_.size(), sizeof start);
+    file_.read_at(0, start, there);
+    if (is_text({start, static_cast<std::size_t>(there)}) && !has_claimed_size()) {
       format_ = "STL text";
       line_end_ = detect_line_end(file_);
+      text_ = true;
       return;
     }
     format_ = "STL binary";
-    if (!has_header || (file_.size() - kHeaderBytes) / kFacetBytes < count) {
-      throw InputError(file_.path().string() + ": byte " + std::to_string(file_.size()) +
-                       ": the file ends before all " + std::to_string(count) + " facets of the header (" +
-                       std::to_string(kHeaderBytes + count * kFacetBytes) +
-                       " bytes); it is truncated or no STL file");
-    }
-    header_.faces = count;
-    header_.vertices = 3 * count;
+    if (std::string_view(start, 80).find("COLOR=") != std::string_view::npos)
+      warnings_.push_back("colours of facets are left out");
+    header_.faces = count_facets();
+    header_.vertices = 3 * header_.faces;
   }
 
   const MeshHeader& header() const override { return header_; }
   const std::string& format() const override { return format_; }
   bool shared_vertices() const override { return false; }
+  std::vector<std::string> warnings() const override { return warnings_; }
 
   void read_vertices(const VertexSink& sink) override {
     VertexBatch batch(sink, false);
-    facets_ = text_ ? read_text(batch) : read_binary(batch);
+    facets_ = text_ ? TextFacets(file_, line_end_).read(batch) : read_binary(batch);
     batch.flush();
   }
 
@@ -60,8 +63,81 @@ class StlMeshReader : public MeshReader {
   }
 
  private:
+  static constexpr std::size_t kTextSample = 1024;
+
+  std::uint64_t claimed() const {
+    std::uint32_t count = 0;
+    if (file_.size() >= kHeaderBytes) file_.read_at(kHeaderBytes - sizeof count, &count, sizeof count);
+    return count;
+  }
+  bool has_claimed_size() const {
+    return file_.size() >= kHeaderBytes && file_.size() == kHeaderBytes + claimed() * kFacetBytes;
+  }
+
+  /// Facets by the size of the file: the count of the header is a claim, which many programs get wrong, or leave out.
+  std::uint64_t count_facets() {
+    const std::uint64_t size = file_.size(), count = claimed();
+    const auto says = [&](std::uint64_t facets) {
+      warnings_.push_back("the header counts " + std::to_string(count) + " facets, the file holds " +
+                          std::to_string(facets) + ": those are read");
+      return facets;
+    };
+    const std::uint64_t room = size < kHeaderBytes ? 0 : size - kHeaderBytes;
+    const std::uint64_t fit = room / kFacetBytes, over = room % kFacetBytes;
+    constexpr std::uint64_t kNoCount = kHeaderBytes - sizeof(std::uint32_t);
+    if (size >= kHeaderBytes && over != 0 && count != fit && (size - kNoCount) % kFacetBytes == 0 &&
+        count != (size - kNoCount) / kFacetBytes &&
+        all_plausible(kNoCount, (size - kNoCount) / kFacetBytes)) {
+      begin_ = kNoCount;
+      warnings_.push_back("the header lacks its count of facets");
+      return (size - kNoCount) / kFacetBytes;
+    }
+    if (size < kHeaderBytes || (count > fit && (over != 0 || fit == 0))) {
+      throw InputError(file_.path().string() + ": byte " + std::to_string(size) +
+                       ": the file ends before all " + std::to_string(count) + " facets of the header (" +
+                       std::to_string(kHeaderBytes + count * kFacetBytes) +
+                       " bytes); it is truncated or no STL file");
+    }
+    if (count > fit) return says(fit);
+    const std::uint64_t more = fit - count;
+    if (more > 0 && all_plausible(kHeaderBytes + count * kFacetBytes, more)) return says(fit);
+    if (more > 0 || over > 0)
+      warnings_.push_back(std::to_string(room - count * kFacetBytes) +
+                          " bytes behind the last facet are left out");
+    return count;
+  }
+
+  /// Whether bytes beyond a count are facets and no appendix: the first thousand have finite corners, not all zero, of a
+  /// size that the facets before them have too, if there are any.
+  bool all_plausible(std::uint64_t begin, std::uint64_t facets) const {
+    constexpr std::uint64_t kMost = 1000;
+    constexpr double kFarther = 1e6;
+    double known = 0.0;
+    const std::uint64_t before = begin > kHeaderBytes ? (begin - kHeaderBytes) / kFacetBytes : 0;
+    for (std::uint64_t i = 0; i < std::min(before, kMost); ++i)
+      known = std::max(known, size_of(kHeaderBytes + i * kFacetBytes));
+    for (std::uint64_t i = 0; i < std::min(facets, kMost); ++i) {
+      const double size = size_of(begin + i * kFacetBytes);
+      if (!(size > 0.0) || !std::isfinite(size)) return false;
+      if (known > 0.0 && (size > known * kFarther || size < known / kFarther)) return false;
+    }
+    return facets > 0;
+  }
+  /// The largest coordinate of a facet; NaN if one is none.
+  double size_of(std::uint64_t at) const {
+    char facet[kFacetBytes];
+    file_.read_at(at, facet, sizeof facet);
+    double largest = 0.0;
+    for (std::size_t k = 3; k < 12; ++k) {
+      const double x = std::fabs(static_cast<double>(load_scalar<float>(facet + 4 * k)));
+      if (std::isnan(x)) return x;
+      largest = std::max(largest, x);
+    }
+    return largest;
+  }
+
   std::uint64_t read_binary(VertexBatch& batch) const {
-    ByteWindow window(file_, kHeaderBytes, file_.size(), ByteWindow::kDefaultCapacity, true);
+    ByteWindow window(file_, begin_, file_.size(), ByteWindow::kDefaultCapacity, true);
     for (std::uint64_t i = 0; i < header_.faces; ++i) {
       const char* facet = window.peek(kFacetBytes).data();
       for (std::size_t corner = 1; corner <= 3; ++corner) {
@@ -73,45 +149,83 @@ class StlMeshReader : public MeshReader {
     return header_.faces;
   }
 
-  /// Only `vertex` lines and the ends of loops matter; normals are derived data.
-  std::uint64_t read_text(VertexBatch& batch) const {
-    TextScanner text(file_, 0, 1, line_end_, '\0');
-    std::uint64_t facets = 0;
-    int corners = 0;
-    bool open = false;
-    for (bool more = true; more; more = text.next_line()) {
-      std::string keyword(text.word_in_line());
-      std::transform(keyword.begin(), keyword.end(), keyword.begin(),
-                     [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
-      if (keyword == "vertex") {
-        if (!open) throw InputError(text.where() + ": a vertex stands outside of any facet");
-        if (++corners > 3) throw InputError(text.where() + ": a facet has more than three vertices");
-        Double3 p;
-        // STL holds floats; text of more digits is rounded as binary files would.
-        for (double& value : p) value = static_cast<float>(text.number("a coordinate", true));
-        batch.add(p);
-      } else if (keyword == "facet") {
-        if (open) throw InputError(text.where() + ": a facet begins before the last one ended");
-        open = true;
-        corners = 0;
-      } else if (keyword == "endfacet") {
-        if (!open || corners != 3) {
-          throw InputError(text.where() + ": a facet ends with " + std::to_string(corners) +
-                           " vertices, not three");
+  /// Facets as words, whatever white space is between them. Only vertices and the ends of facets matter; normals are
+  /// derived data. Names of solids go to the end of their line, or to the first facet on it.
+  class TextFacets {
+   public:
+    TextFacets(const ReadFile& file, char line_end) : text_(file, byte_order_mark(file), 1, line_end, '\0') {}
+
+    std::uint64_t read(VertexBatch& batch) {
+      bool any = false;
+      for (std::string_view word = text_.word(); !word.empty(); word = text_.word()) {
+        if (is(word, "vertex")) {
+          vertex(batch);
+        } else if (is(word, "facet")) {
+          begin();
+        } else if (is(word, "endfacet")) {
+          end();
+        } else if (is(word, "end")) {  // "end loop", "end facet"
+          if (is(text_.word(), "facet")) end();
+        } else if (!open_ && (is(word, "solid") || is(word, "endsolid"))) {
+          any = true;
+          pass_name();
         }
-        open = false;
-        ++facets;
+      }
+      if (open_) throw InputError(text_.where() + ": the file ends inside a facet; it is truncated");
+      if (facets_ == 0 && !any)
+        throw InputError(text_.where() + ": the file ends without a facet; it is no STL file");
+      return facets_;
+    }
+
+   private:
+    static bool is(std::string_view word, std::string_view keyword) { return equal_any_case(word, keyword); }
+
+    void vertex(VertexBatch& batch) {
+      if (!open_) throw InputError(text_.where() + ": a vertex stands outside of any facet");
+      if (++corners_ > 3) throw InputError(text_.where() + ": a facet has more than three vertices");
+      Double3 p;
+      // STL holds floats; text of more digits is rounded as binary files would.
+      for (double& value : p) value = static_cast<float>(text_.number("a coordinate"));
+      batch.add(p);
+    }
+    void begin() {
+      if (open_) throw InputError(text_.where() + ": a facet begins before the last one ended");
+      open_ = true;
+      corners_ = 0;
+    }
+    void end() {
+      if (!open_ || corners_ != 3) {
+        throw InputError(text_.where() + ": a facet ends with " + std::to_string(corners_) +
+                         " vertices, not three");
+      }
+      open_ = false;
+      ++facets_;
+    }
+    /// Words that mean something elsewhere may stand in a name; a facet has a normal of numbers.
+    void pass_name() {
+      bool facet = false, normal = false;
+      for (std::string_view word = text_.word_in_line(); !word.empty(); word = text_.word_in_line()) {
+        double value = 0.0;
+        std::string_view rest = word;
+        if (normal && take_number(rest, value) && rest.empty()) return begin();
+        normal = facet && is(word, "normal");
+        facet = is(word, "facet");
       }
     }
-    if (open) throw InputError(text.where() + ": the file ends inside a facet; it is truncated");
-    return facets;
-  }
+
+    TextScanner text_;
+    std::uint64_t facets_ = 0;
+    int corners_ = 0;
+    bool open_ = false;
+  };
 
   const ReadFile file_;
   bool text_ = false;
   char line_end_ = '\n';
+  std::uint64_t begin_ = kHeaderBytes;  ///< of the facets
   MeshHeader header_;
   std::string format_;
+  std::vector<std::string> warnings_;
   std::optional<std::uint64_t> facets_;  ///< known after a first pass
 };
 

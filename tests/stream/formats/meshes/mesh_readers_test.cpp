@@ -344,8 +344,8 @@ TEST_CASE("mesh readers: damaged files are refused with the place", "[fault]") {
           "more than three");
   refused("a.stl", "solid a\nfacet\nvertex 0 0 x\n", "'x'");
   refused("a.stl", "solid a\nvertex 0 0 1\n", "outside of any facet");
-  refused("a.stl", std::string(80, '\0') + "\xff\xff\xff\xff" + std::string(100, 'a'), "4294967295 facets");
-  refused("a.stl", "short", "0 facets");
+  refused("a.stl", std::string(80, '\0') + "\xff\xff\xff\xff" + std::string(101, 'a'), "4294967295 facets");
+  refused("a.stl", "short", "without a facet");
   refused("a.glb", "glTF", "truncated");
   refused("a.glb", std::string("glTF\2\0\0\0\xff\xff\0\0\0\0\0\0JSON", 20), "truncated");
   refused("a.glb", std::string("glTF\1\0\0\0\x14\0\0\0\0\0\0\0JSON", 20), "version 1");
