@@ -68,7 +68,7 @@ void run_check(const CheckCommand& command) {
   MeshCheckOptions options = command.options;
   options.check_stop = throw_if_stopped;
   if (options.temp.empty()) options.temp = scratch_folder(command.mesh);
-  const auto mesh = open_mesh_file(command.mesh, {.keep_bad_faces = true});
+  const auto mesh = open_mesh_file(command.mesh, {.keep_bad_faces = true, .temp = options.temp});
   const MeshCheck check = check_mesh(*mesh, options);
   std::cout << describe(check) << std::flush;
   for (const std::string& warning : mesh->warnings()) std::cout << "warning: " << warning << std::endl;

@@ -43,13 +43,13 @@ ConvertMeshReport convert_mesh(const std::filesystem::path& input, const std::fi
   const auto stop = [&] {
     if (options.check_stop) options.check_stop();
   };
-  const auto source = open_mesh_file(input);
+  std::filesystem::path temp = options.temp;
+  if (temp.empty()) temp = output.has_parent_path() ? output.parent_path() : ".";
+  const auto source = open_mesh_file(input, {.temp = temp});
   ConvertMeshReport report;
   report.welded = !source->shared_vertices() && lower_extension(output) != ".stl";
   std::unique_ptr<WeldedMesh> welded;
   if (report.welded) {
-    std::filesystem::path temp = options.temp;
-    if (temp.empty()) temp = output.has_parent_path() ? output.parent_path() : ".";
     welded =
         std::make_unique<WeldedMesh>(*source, WeldOptions{options.memory_bytes, temp, options.check_stop});
   }

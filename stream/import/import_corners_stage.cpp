@@ -36,7 +36,7 @@ class ImportCornersStage : public SerialStage {
   }
 
   json finish(const std::vector<json>&, TaskContext& context) const override {
-    const auto mesh = open_mesh_file(path_, {.keep_bad_faces = true});
+    const auto mesh = open_mesh_file(path_, {.keep_bad_faces = true, .temp = work_});
     Dealer dealer(vertices_, context.create(names_.dealt_faces()));
     // Where the numbers of all vertices do not fit at once, range by range over the faces: corners that are
     // known wait in a temporary file.

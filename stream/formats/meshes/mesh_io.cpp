@@ -6,19 +6,37 @@
 #include "octree/error.h"
 #include "stream/files/file_extension.h"
 #include "stream/files/read_file.h"
+#include "stream/files/unpacked_bytes.h"
 #include "stream/formats/meshes/mesh_reader_base.h"
 #include "stream/formats/meshes/mesh_writer_base.h"
 
 namespace tessera {
 namespace {
 
-/// OFF, COFF, NOFF, ... as the first word.
+/// What the first line says that is neither blank nor a comment; without a byte order mark.
+std::string_view first_line(std::string_view start) {
+  if (start.starts_with("\xef\xbb\xbf")) start.remove_prefix(3);
+  for (;;) {
+    start.remove_prefix(std::min(start.find_first_not_of(" \t\r\n\v\f"), start.size()));
+    const std::string_view line = start.substr(0, start.find_first_of("\r\n"));
+    if (!line.starts_with("#")) return line;
+    start.remove_prefix(line.size());
+  }
+}
+
+/// OFF, COFF, STOFF, ... as the first word, comments above it passed over.
 bool begins_with_off(std::string_view start) {
-  const std::size_t word = start.find_first_not_of(" \t\r\n");
-  if (word == std::string_view::npos) return false;
-  const std::size_t off = start.find("OFF", word);
+  const std::string_view line = first_line(start);
+  const std::size_t off = line.find("OFF");
   return off != std::string_view::npos &&
-         start.substr(word, off - word).find_first_not_of("STCN4n") == std::string_view::npos;
+         line.substr(0, off).find_first_not_of("STCN4n") == std::string_view::npos;
+}
+
+bool begins_with_solid(std::string_view start) {
+  constexpr std::string_view kSolid = "solid";
+  const std::string_view line = first_line(start).substr(0, kSolid.size());
+  return std::equal(line.begin(), line.end(), kSolid.begin(), kSolid.end(),
+                    [](char a, char b) { return (a >= 'A' && a <= 'Z' ? a - 'A' + 'a' : a) == b; });
 }
 
 }  // namespace
@@ -42,18 +60,27 @@ std::unique_ptr<MeshWriter> create_mesh_file(const std::filesystem::path& path, 
 
 std::unique_ptr<MeshReader> open_mesh_file(const std::filesystem::path& path,
                                            const MeshReadOptions& options) {
-  ReadFile file(path);
   if (std::filesystem::is_directory(path))
     throw InputError(path.string() + ": a folder; a mesh file is needed here");
+  ReadFile file(path);
   if (file.size() == 0) throw InputError(path.string() + ": the file is empty");
-  std::string start(static_cast<std::size_t>(std::min<std::uint64_t>(file.size(), 512)), '\0');
-  file.read_at(0, start.data(), start.size());
+  const auto head = [&] {
+    std::string bytes(static_cast<std::size_t>(std::min<std::uint64_t>(file.size(), 4096)), '\0');
+    file.read_at(0, bytes.data(), bytes.size());
+    return bytes;
+  };
+  std::string start = head();
+  if (packed_format(start) == "UTF-16") {
+    file = ReadFile::unpacked(path);
+    if (file.size() == 0) throw InputError(path.string() + ": the file is empty");
+    start = head();
+  }
   if (start.starts_with("ply")) return open_ply_mesh(std::move(file), options);
   if (start.starts_with("glTF")) return open_glb_mesh(std::move(file), options);
   const std::string extension = lower_extension(path);
   if (extension == ".obj") return open_obj_mesh(std::move(file), options);
-  if (begins_with_off(start)) return open_off_mesh(std::move(file), options);
-  if (extension == ".stl" || start.starts_with("solid")) return open_stl_mesh(std::move(file), options);
+  if (extension == ".off" || begins_with_off(start)) return open_off_mesh(std::move(file), options);
+  if (extension == ".stl" || begins_with_solid(start)) return open_stl_mesh(std::move(file), options);
   throw InputError(path.string() +
                    ": not a mesh that Tessera reads; convert it to PLY, OBJ, STL, OFF or GLB");
 }

@@ -54,8 +54,8 @@ void require_mesh_extension(const std::filesystem::path& path);
 ///   2^32-1 bytes per buffer), naming one that can hold it; ResourceError when the disk is full
 std::unique_ptr<MeshWriter> create_mesh_file(const std::filesystem::path& path, const MeshHeader& header);
 
-/// A mesh on disk, streamed through bounded buffers. Polygons are fanned into triangles. Both parts can be
-/// read any number of times, in any order.
+/// A mesh on disk, streamed through bounded buffers. Polygons are cut into triangles (polygon_triangulation.h). Both parts
+/// can be read any number of times, in any order.
 class MeshReader {
  public:
   virtual ~MeshReader() = default;
@@ -83,6 +83,8 @@ class MeshReader {
 struct MeshReadOptions {
   /// Hand out faces that name unknown vertices instead of throwing; for checks only.
   bool keep_bad_faces = false;
+  /// Folder for positions of vertices that polygons need and that do not fit in memory; empty = the system's.
+  std::filesystem::path temp = {};
 };
 
 /// PLY, OBJ, STL, OFF, GLB. \throws InputError (file, offset or line, what is wrong, what to do)

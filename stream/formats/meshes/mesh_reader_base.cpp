@@ -2,6 +2,7 @@
 
 #include <cmath>
 
+#include "kernels/mesh/polygon_triangulation.h"
 #include "stream/formats/scalar.h"
 
 namespace tessera {
@@ -18,12 +19,35 @@ void FaceBatch::check(std::uint64_t a, std::uint64_t b, std::uint64_t c) const {
   }
 }
 
-void FaceBatch::end_polygon() {
-  if (corners_ > 2) return;
-  if (!keep_bad_) {
-    throw InputError(place_() + ": a face has " + std::to_string(corners_) + " corners; remove it");
+void FaceBatch::too_long() const {
+  static_assert(kLongest == kMostPolygonCorners);
+  throw InputError(place_() + ": a face has more than " + std::to_string(kMostPolygonCorners) +
+                   " corners; divide it");
+}
+
+void FaceBatch::fan() {
+  for (std::size_t i = 2; i < corners_.size(); ++i) triangle(corners_[0], corners_[i - 1], corners_[i]);
+}
+
+void FaceBatch::end_other() {
+  const std::size_t n = corners_.size();
+  if (n < 3) {
+    if (!keep_bad_) throw InputError(place_() + ": a face has " + std::to_string(n) + " corners; remove it");
+    if (n > 0) triangle(corners_[0], corners_[0], corners_[n - 1]);
+    return;
   }
-  if (corners_ > 0) triangle(first_, first_, corners_ == 2 ? last_ : first_);
+  distinct_.clear();
+  bool bad = false;
+  for (const std::uint64_t v : corners_) {
+    bad = bad || v >= vertices_;
+    if (distinct_.empty() || v != distinct_.back()) distinct_.push_back(v);
+  }
+  while (distinct_.size() > 1 && distinct_.back() == distinct_.front()) distinct_.pop_back();
+  triangles_.clear();
+  if (!bad && distinct_.size() == 3) triangles_.push_back({distinct_[0], distinct_[1], distinct_[2]});
+  if (!bad && distinct_.size() > 3) polygons_->triangulate(distinct_, triangles_);
+  if (triangles_.empty()) return fan();  // which tells of what is bad, or keeps it for a check
+  for (const MeshFace& t : triangles_) triangle(t[0], t[1], t[2]);
 }
 
 std::uint32_t colour_byte(double unit) {

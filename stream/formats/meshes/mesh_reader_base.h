@@ -12,6 +12,7 @@
 #include "octree/error.h"
 #include "stream/files/read_file.h"
 #include "stream/formats/meshes/mesh_io.h"
+#include "stream/formats/meshes/polygon_faces.h"
 
 namespace tessera {
 
@@ -46,31 +47,42 @@ class VertexBatch {
 /// Where an element lies in its file, for messages; made only when one is needed.
 using Place = std::function<std::string()>;
 
-/// Hands triangles on in batches; polygons become fans around their first corner. Call flush() at the end.
+/// Hands triangles on in batches; polygons are cut into triangles. Call flush() at the end.
 class FaceBatch {
  public:
   /// \param vertices  indices are below it, else InputError (or the face is kept, if options say so)
   /// \param place     where the polygon at hand is, "file: line 12" or "file: byte 3456"
-  FaceBatch(const FaceSink& sink, const MeshReadOptions& options, std::uint64_t vertices, Place place)
-      : sink_(sink), keep_bad_(options.keep_bad_faces), vertices_(vertices), place_(std::move(place)) {}
+  /// \param polygons  of the reader; none in formats of triangles alone
+  FaceBatch(const FaceSink& sink, const MeshReadOptions& options, std::uint64_t vertices, Place place,
+            PolygonFaces* polygons = nullptr)
+      : sink_(sink),
+        keep_bad_(options.keep_bad_faces),
+        vertices_(vertices),
+        place_(std::move(place)),
+        polygons_(polygons) {
+    if (polygons_ != nullptr) polygons_->begin();
+  }
 
   void triangle(std::uint64_t a, std::uint64_t b, std::uint64_t c) {
     if (a >= vertices_ || b >= vertices_ || c >= vertices_) check(a, b, c);
     faces_.push_back({a, b, c});
     if (faces_.size() == kSize) flush();
   }
-  /// A polygon, corner by corner, of any length.
-  void begin_polygon() { corners_ = 0; }
+  /// A polygon, corner by corner. \pre there is a PolygonFaces
+  void begin_polygon() { corners_.clear(); }
+  /// \throws InputError for more than kMostPolygonCorners
   void corner(std::uint64_t index) {
-    if (++corners_ == 1) {
-      first_ = index;
-    } else {
-      if (corners_ > 2) triangle(first_, last_, index);
-      last_ = index;
-    }
+    if (corners_.size() == kLongest) too_long();
+    corners_.push_back(index);
   }
   /// \throws InputError for fewer than three corners; if bad faces are kept, they become degenerate triangles
-  void end_polygon();
+  void end_polygon() {
+    if (corners_.size() == 3) {
+      triangle(corners_[0], corners_[1], corners_[2]);
+    } else {
+      end_other();
+    }
+  }
   void flush() {
     if (faces_.empty()) return;
     sink_(faces_);
@@ -79,15 +91,21 @@ class FaceBatch {
 
  private:
   static constexpr std::size_t kSize = 16384;
+  static constexpr std::size_t kLongest = std::size_t{1} << 17;  ///< kMostPolygonCorners
   void check(std::uint64_t a, std::uint64_t b, std::uint64_t c) const;
+  [[noreturn]] void too_long() const;
+  void end_other();
+  void fan();
 
   const FaceSink& sink_;
   const bool keep_bad_;
   const std::uint64_t vertices_;
   const Place place_;
+  PolygonFaces* polygons_;
   std::vector<MeshFace> faces_;
-  std::uint64_t corners_ = 0;
-  std::uint64_t first_ = 0, last_ = 0;
+  std::vector<std::uint64_t> corners_;   ///< of the polygon at hand
+  std::vector<std::uint64_t> distinct_;  ///< those that do not repeat the one before
+  std::vector<MeshFace> triangles_;      ///< of the polygon at hand
 };
 
 /// 0..1 to 0..255; not a number is 0.

@@ -8,9 +8,11 @@
 #include <string>
 #include <utility>
 
+#include "stream/formats/meshes/colour_range.h"
 #include "stream/formats/meshes/mesh_reader_base.h"
 #include "stream/formats/ply_header.h"
 #include "stream/formats/text_scanner.h"
+#include "stream/formats/vertex_fields.h"
 
 namespace tessera {
 namespace {
@@ -18,11 +20,28 @@ namespace {
 constexpr std::size_t kPiece = 65536;  // bytes of a long list looked at together
 constexpr std::uint64_t kNoIndex = ~std::uint64_t{0};
 
+/// Index of a property, or -1: by its very name, else whatever its capitals.
+int find_property(const PlyElement& element, std::string_view name) {
+  if (const int exact = element.find(name); exact >= 0) return exact;
+  for (std::size_t i = 0; i < element.properties.size(); ++i)
+    if (equal_any_case(element.properties[i].name, name)) return static_cast<int>(i);
+  return -1;
+}
+int find_element(const PlyHeader& header, std::string_view name) {
+  if (const int exact = header.find(name); exact >= 0) return exact;
+  for (std::size_t i = 0; i < header.elements.size(); ++i)
+    if (equal_any_case(header.elements[i].name, name)) return static_cast<int>(i);
+  return -1;
+}
+
 class PlyMeshReader : public MeshReader {
  public:
-  PlyMeshReader(ReadFile file, const MeshReadOptions& options) : file_(std::move(file)), options_(options) {
+  PlyMeshReader(ReadFile file, const MeshReadOptions& options)
+      : file_(std::move(file)),
+        options_(options),
+        polygons_([this](const VertexSink& sink) { read_vertices(sink); }, options.temp) {
     ply_ = read_ply_header(file_);
-    const int vertex = ply_.find("vertex");
+    const int vertex = find_element(ply_, "vertex");
     if (vertex < 0) throw InputError(file_.path().string() + ": the PLY header has no element 'vertex'");
     vertex_ = static_cast<std::size_t>(vertex);
     header_.vertices = element().count;
@@ -32,6 +51,7 @@ class PlyMeshReader : public MeshReader {
     std::erase_if(header_.comments, [&](const std::string& c) { return parse_shift(c, header_.shift); });
     format_ = "PLY " + ply_.encoding_name();
     surplus_.assign(ply_.elements.size(), 0);
+    if (header_.colour) look_at_colours();
   }
 
   const MeshHeader& header() const override { return header_; }
@@ -41,17 +61,8 @@ class PlyMeshReader : public MeshReader {
     VertexBatch batch(sink, header_.colour);
     confidence_sum_ = 0.0;
     confident_ = 0;
-    if (ply_.encoding == PlyEncoding::kAscii) {
-      TextScanner text = ascii_at(vertex_);
-      Values values(element().properties.size());
-      read_ascii_elements(text, vertex_, values, nullptr, [&] { add_vertex(batch, values); });
-    } else if (element().has_list()) {
-      ByteWindow window = binary_at(vertex_);
-      Values values(element().properties.size());
-      for (std::uint64_t i = 0; i < element().count; ++i) {
-        read_binary_element(window, element(), values, nullptr);
-        add_vertex(batch, values);
-      }
+    if (ply_.encoding == PlyEncoding::kAscii || element().has_list()) {
+      read_vertex_values(element().count, [&](const Values& values) { add_vertex(batch, values); });
     } else {
       read_vertex_records(batch);
     }
@@ -74,6 +85,9 @@ class PlyMeshReader : public MeshReader {
     for (const std::uint64_t lines : surplus_) {
       if (lines > 0) all.push_back(surplus_sentence(lines));
     }
+    for (std::string& note : list_left_out(left_out_)) all.push_back(std::move(note));
+    if (header_.colour && !colours_.note().empty()) all.push_back(colours_.note());
+    if (const std::string folded = polygons_.warning(); !folded.empty()) all.push_back(folded);
     return all;
   }
 
@@ -115,10 +129,11 @@ class PlyMeshReader : public MeshReader {
     const PlyElement& faces = ply_.elements[*faces_];
     if (ply_.encoding == PlyEncoding::kAscii) {
       TextScanner text = ascii_at(*faces_);
-      FaceBatch batch(sink, options_, header_.vertices, [&] { return text.where(); });
+      FaceBatch batch(
+          sink, options_, header_.vertices, [&] { return text.where(); }, &polygons_);
       Values values(faces.properties.size());
       Polygon polygon{batch, strips_};
-      read_ascii_elements(text, *faces_, values, &polygon, [&] {
+      read_ascii_elements(text, *faces_, faces.count, values, &polygon, [&] {
         if (one_by_one) batch.flush();
         then(values);
       });
@@ -126,7 +141,8 @@ class PlyMeshReader : public MeshReader {
       return;
     }
     ByteWindow window = binary_at(*faces_);
-    FaceBatch batch(sink, options_, header_.vertices, [&] { return at(window); });
+    FaceBatch batch(
+        sink, options_, header_.vertices, [&] { return at(window); }, &polygons_);
     Values values(faces.properties.size());
     Polygon polygon{batch, strips_};
     std::uint64_t i = 0;
@@ -186,35 +202,60 @@ class PlyMeshReader : public MeshReader {
   }
 
   void find_vertex_properties() {
-    const char* const kNames[] = {"x", "y", "z"};
     for (std::size_t axis = 0; axis < 3; ++axis) {
-      xyz_[axis] = element().find(kNames[axis]);
+      xyz_[axis] = find_property(element(), kPositionFields[axis]);
       if (xyz_[axis] < 0 || property(xyz_[axis]).list) {
-        throw InputError(file_.path().string() + ": the PLY element 'vertex' has no number '" + kNames[axis] +
-                         "'");
+        throw InputError(file_.path().string() + ": the PLY element 'vertex' has no number '" +
+                         std::string(kPositionFields[axis]) + "'");
       }
       header_.double_positions |= property(xyz_[axis]).type != ScalarType::kFloat32;
     }
-    confidence_ = element().find("confidence");
+    confidence_ = find_property(element(), "confidence");
     if (confidence_ >= 0 && property(confidence_).list) confidence_ = -1;
-    for (const auto& names : {std::array{"red", "green", "blue", "alpha"},
-                              std::array{"diffuse_red", "diffuse_green", "diffuse_blue", "diffuse_alpha"}}) {
-      for (std::size_t c = 0; c < 4; ++c) rgba_[c] = element().find(names[c]);
-      const bool all = rgba_[0] >= 0 && rgba_[1] >= 0 && rgba_[2] >= 0;
+    for (const FieldTriple& names : kColourFields) {
+      for (std::size_t c = 0; c < 3; ++c) rgba_[c] = find_property(element(), names[c]);
       header_.colour =
-          all && std::none_of(rgba_.begin(), rgba_.end(), [&](int p) { return p >= 0 && property(p).list; });
-      if (header_.colour) return;
+          std::all_of(rgba_.begin(), rgba_.begin() + 3, [&](int p) { return p >= 0 && !property(p).list; });
+      if (!header_.colour) continue;
+      for (const char* name : {"alpha", "a", "diffuse_alpha"}) {
+        if (rgba_[3] < 0) rgba_[3] = find_property(element(), name);
+        if (rgba_[3] >= 0 && property(rgba_[3]).list) rgba_[3] = -1;
+      }
+      break;
     }
+    find_left_out();
+  }
+  /// Whatever of the vertices is not read. Normals follow from the faces, so nothing is lost with them.
+  void find_left_out() {
+    for (std::size_t p = 0; p < element().properties.size(); ++p) {
+      const auto is = [p](int used) { return used == static_cast<int>(p); };
+      const std::string& name = element().properties[p].name;
+      const bool normal = std::any_of(kNormalFields.begin(), kNormalFields.end(), [&](const FieldTriple& n) {
+        return std::any_of(n.begin(), n.end(), [&](std::string_view f) { return equal_any_case(f, name); });
+      });
+      if (normal || is(confidence_) || std::any_of(xyz_.begin(), xyz_.end(), is) ||
+          (header_.colour && std::any_of(rgba_.begin(), rgba_.end(), is)))
+        continue;
+      left_out_.push_back("'" + name + "' of vertices");
+    }
+  }
+  /// The range of the colours of the first vertices.
+  void look_at_colours() {
+    colours_ = ColourRange(property(rgba_[0]).type);
+    if (scalar_bytes(property(rgba_[0]).type) == 1) return;  // which nothing changes
+    read_vertex_values(std::min(element().count, ColourRange::kRows), [&](const Values& values) {
+      for (std::size_t c = 0; c < 3; ++c) colours_.add(values[static_cast<std::size_t>(rgba_[c])]);
+    });
   }
   const PlyProperty& property(int i) const { return element().properties[static_cast<std::size_t>(i)]; }
 
   void find_faces() {
     for (const char* name : {"face", "tristrips"}) {
-      const int found = ply_.find(name);
+      const int found = find_element(ply_, name);
       if (found < 0) continue;
       const PlyElement& e = ply_.elements[static_cast<std::size_t>(found)];
-      int indices = e.find("vertex_indices");
-      if (indices < 0) indices = e.find("vertex_index");
+      int indices = find_property(e, "vertex_indices");
+      if (indices < 0) indices = find_property(e, "vertex_index");
       if (indices < 0 && e.count == 0) continue;
       if (indices < 0 || !e.properties[static_cast<std::size_t>(indices)].list ||
           scalar_is_float(e.properties[static_cast<std::size_t>(indices)].type)) {
@@ -228,9 +269,13 @@ class PlyMeshReader : public MeshReader {
       synthetic_ = e.find("synthetic");
       if (synthetic_ >= 0 && e.properties[static_cast<std::size_t>(synthetic_)].list) synthetic_ = -1;
       header_.faces = strips_ ? 0 : e.count;
-      if (e.count > 0) return;
+      if (e.count == 0) continue;
+      for (std::size_t p = 0; p < e.properties.size(); ++p)
+        if (static_cast<int>(p) != indices && static_cast<int>(p) != synthetic_)
+          left_out_.push_back("'" + e.properties[p].name + "' of faces");
+      return;
     }
-    if (!faces_ && ply_.find("face") < 0 && ply_.find("tristrips") < 0) {
+    if (!faces_ && find_element(ply_, "face") < 0 && find_element(ply_, "tristrips") < 0) {
       throw InputError(file_.path().string() +
                        ": the PLY file holds points and no faces; a mesh is needed here");
     }
@@ -240,30 +285,35 @@ class PlyMeshReader : public MeshReader {
     const auto value = [&](int p) { return values[static_cast<std::size_t>(p)]; };
     std::uint32_t rgba = 0;
     if (header_.colour) {
-      std::uint32_t c[4] = {0, 0, 0, 255};
-      for (std::size_t i = 0; i < 4; ++i) {
-        if (rgba_[i] < 0) continue;
-        switch (property(rgba_[i]).type) {
-          case ScalarType::kUint8:
-            c[i] = static_cast<std::uint32_t>(std::clamp(value(rgba_[i]), 0.0, 255.0));
-            break;
-          case ScalarType::kUint16:
-            c[i] = colour_byte(value(rgba_[i]) / 65535.0);
-            break;
-          case ScalarType::kFloat32:
-          case ScalarType::kFloat64:
-            c[i] = colour_byte(value(rgba_[i]));
-            break;
-          default:  // signed and wide integers hold 0..255 in practice
-            c[i] = colour_byte(value(rgba_[i]) / 255.0);
-        }
-      }
-      rgba = pack_rgba(c[0], c[1], c[2], c[3]);
+      const auto byte = [&](std::size_t c) { return colours_.byte(value(rgba_[c])); };
+      rgba = pack_rgba(byte(0), byte(1), byte(2), rgba_[3] < 0 ? 255 : alpha_byte(value(rgba_[3])));
     }
     batch.add({value(xyz_[0]), value(xyz_[1]), value(xyz_[2])}, rgba);
     if (confidence_ < 0 || !std::isfinite(value(confidence_))) return;
     confidence_sum_ += value(confidence_);
     ++confident_;
+  }
+
+  /// Alpha may be of another type than the colours.
+  std::uint32_t alpha_byte(double alpha) const {
+    if (property(rgba_[3]).type == property(rgba_[0]).type) return colours_.byte(alpha);
+    return ColourRange(property(rgba_[3]).type).byte(alpha);
+  }
+
+  /// Hands out the properties of the first vertices.
+  template <class F>
+  void read_vertex_values(std::uint64_t count, F&& use) const {
+    Values values(element().properties.size());
+    if (ply_.encoding == PlyEncoding::kAscii) {
+      TextScanner text = ascii_at(vertex_);
+      read_ascii_elements(text, vertex_, count, values, nullptr, [&] { use(values); });
+      return;
+    }
+    ByteWindow window = binary_at(vertex_);
+    for (std::uint64_t i = 0; i < count; ++i) {
+      read_binary_element(window, element(), values, nullptr);
+      use(values);
+    }
   }
 
   /// Vertices of fixed size.
@@ -372,13 +422,13 @@ class PlyMeshReader : public MeshReader {
     polygon.end();
   }
 
-  /// Reads one kind of elements to its end, and counts the lines with more values than declared.
+  /// Reads `count` elements of one kind, and counts the lines with more values than declared.
   template <class F>
-  void read_ascii_elements(TextScanner& text, std::size_t index, Values& values, Polygon* polygon,
-                           F&& then) const {
+  void read_ascii_elements(TextScanner& text, std::size_t index, std::uint64_t count, Values& values,
+                           Polygon* polygon, F&& then) const {
     const PlyElement& e = ply_.elements[index];
     std::uint64_t surplus = 0;
-    for (std::uint64_t i = 0; i < e.count && !e.properties.empty(); ++i) {
+    for (std::uint64_t i = 0; i < count && !e.properties.empty(); ++i) {
       while (text.line_done() && text.next_line()) {
       }
       const std::uint64_t line = text.line();
@@ -448,7 +498,7 @@ class PlyMeshReader : public MeshReader {
     TextScanner text(file_, ply_.data_begin, ply_.lines + 1, ply_.line_end, '\0');
     for (std::size_t i = 0; i < index; ++i) {
       Values ignored(ply_.elements[i].properties.size());
-      read_ascii_elements(text, i, ignored, nullptr, [] {});
+      read_ascii_elements(text, i, ply_.elements[i].count, ignored, nullptr, [] {});
     }
     return text;
   }
@@ -462,8 +512,11 @@ class PlyMeshReader : public MeshReader {
   std::optional<std::size_t> faces_;  ///< element of faces or strips; none in a mesh without faces
   std::size_t indices_ = 0;           ///< its list of vertex indices
   bool strips_ = false;
-  int synthetic_ = -1;   ///< property of the faces
-  int confidence_ = -1;  ///< of the vertices
+  int synthetic_ = -1;                 ///< property of the faces
+  int confidence_ = -1;                ///< of the vertices
+  ColourRange colours_;                ///< known after a look at the first vertices
+  std::vector<std::string> left_out_;  ///< properties that are read past
+  PolygonFaces polygons_;
   mutable double confidence_sum_ = 0.0;
   mutable std::uint64_t confident_ = 0;  ///< vertices in the sum
   MeshHeader header_;
