@@ -12,6 +12,7 @@
 #include "stream/formats/ply_header.h"
 #include "stream/formats/points/quantise.h"
 #include "stream/points/brick_histogram.h"
+#include "stream/points/cell_ladder.h"
 #include "stream/points/sampled_layers.h"
 #include "stream/runtime/numbers.h"
 #include "stream/stages/scan/point_colours.h"
@@ -29,13 +30,12 @@ constexpr LayeredSampler::Limits kSamplePoints = {1u << 13, 1u << 15, 1u << 13, 
 constexpr double kQuantaPerBlock = double{kQuantaPerCell} * kLeafCells;
 constexpr std::size_t kWarningsPerTask = 8;
 constexpr std::uint64_t kMostEchoes =
-    16;  ///< of a pulse (LAS counts to 15): every so many points one is a first return
+    16;  ///< of a pulse (LAS: 15): every so many points one is a first return
 constexpr std::uint64_t kMergeBytesPerBrick = 384;  // merging, with slack for the tables made of it
 
 std::string counts_file(std::size_t task) {
   return "survey/" + task_file_stem(task) + ".bricks";
 }
-
 std::string sample_file(std::size_t task) {
   return "survey/" + task_file_stem(task) + ".cells";
 }
@@ -228,14 +228,14 @@ nlohmann::json SurveyStage::run(std::size_t task, TaskContext& context) const {
   return to_json(tally);
 }
 
-void SurveyStage::measure(std::size_t tasks, std::uint64_t blocks, Plan& plan) const {
+PointClumps SurveyStage::measure(std::size_t tasks, std::uint64_t blocks,
+                                 const std::vector<BrickCount>& counts, Plan& plan) const {
   LayeredSampler sampler(kSampleCell * kLayerRatio, kSamplePoints);
   for (std::size_t k = 0; k < tasks; ++k) sampler.merge(job_.work / sample_file(k));
   const SampledLayers layers(sampler);
   // A surface of area A crosses about 1.5 A / e^2 cells of edge e and becomes about 3 A / h^2 triangles. How many cells
   // of 2 h it crosses in a block only samples tell; a plane crosses 16.
-  std::uint64_t sampled_blocks = 0;
-  std::uint64_t double_cells = 0;
+  std::uint64_t sampled_blocks = 0, double_cells = 0;
   for (const auto& c : layers.cells(1)) {
     sampled_blocks += occupied_cells<2>(c);
     double_cells += occupied_cells<8>(c);
@@ -243,7 +243,8 @@ void SurveyStage::measure(std::size_t tasks, std::uint64_t blocks, Plan& plan) c
   const double per_block =
       sampled_blocks > 0 ? static_cast<double>(double_cells) / static_cast<double>(sampled_blocks) : 16.0;
   plan.faces_estimate = static_cast<std::uint64_t>(8.0 * static_cast<double>(blocks) * per_block);
-
+  PointClumps clumps = clumps_of_samples(layers.cells(1), kSampleCell, counts);
+  clumps.spacing *= h_;
   const std::vector<SpacingProbe> probes = layers.probes();
   SpacingSummary s = summarise_spacing(probes, layers.residuals(3.0 * kQuantaPerCell));
   for (double* v : {&s.middle, &s.spacing, &s.gap, &s.noise, &s.residual}) *v /= kQuantaPerCell;  // in cells
@@ -255,7 +256,8 @@ void SurveyStage::measure(std::size_t tasks, std::uint64_t blocks, Plan& plan) c
   plan.radius_cells = options_.radius > 0.0 ? options_.radius / h_ : std::min(4.0, wanted);
   if (auto_resolution_) {
     plan.resolution_reason = chosen_resolution(job_.work).reason;
-    return;  // no warning against what we chose ourselves
+    if (clumps.spacing > 0.0) plan.warnings.push_back(clump_sentence(clumps));
+    return clumps;  // no warning against what we chose ourselves
   }
   if (probes.empty() && !layers.too_dense() && plan.points() >= 1000)
     plan.warnings.push_back(
@@ -266,6 +268,7 @@ void SurveyStage::measure(std::size_t tasks, std::uint64_t blocks, Plan& plan) c
         "the resolution " + number_text(h_) + " is below the spacing of the scan, on half of its surface " +
         number_text(s.middle * h_) + " or more: expect pinholes, and " +
         number_text(round_up_2_digits(s.middle * s.middle)) + " times the cells that the spacing carries");
+  return clumps;
 }
 
 nlohmann::json SurveyStage::finish(const std::vector<nlohmann::json>& summaries, TaskContext& context) const {
@@ -286,15 +289,12 @@ nlohmann::json SurveyStage::finish(const std::vector<nlohmann::json>& summaries,
   if (finite == tally.fates.absurd)
     throw InputError(
         "every point lies more than 2^50 quanta (h / 1024) from zero; choose a coarser --resolution");
-
   if (tally.min == tally.max && finite - tally.fates.absurd > 1)
     throw InputError("all " + std::to_string(finite) +
                      " points lie at one position; there is no surface to reconstruct");
-
   const std::vector<BrickCount> counts = merge_brick_counts(files, max_bricks());
-  const BrickWindow window = robust_window(counts, h_);
+  const BrickWindow window = scan_window(counts, h_, auto_resolution_);
   const std::vector<PlanBrick> bricks = lattice_bricks(counts, window);
-
   Plan plan;
   plan.lattice.h = h_;
   for (std::size_t a = 0; a < 3; ++a) {
@@ -327,12 +327,12 @@ nlohmann::json SurveyStage::finish(const std::vector<nlohmann::json>& summaries,
   if (tally.surplus > 0) plan.warnings.push_back(surplus_sentence(tally.surplus));
   std::uint64_t blocks = 0;
   for (const PlanBrick& b : bricks) blocks += b.blocks;
-  measure(summaries.size(), blocks, plan);
+  const PointClumps clumps = measure(summaries.size(), blocks, counts, plan);
   if (plan.points() < 3)
     throw EmptyError("the input holds " + std::to_string(plan.points()) +
                      " usable points; a surface needs at least three");
-
   plan.save(context.create(Plan::kFile));
+  if (clumps.spacing > 0.0) save_clumps(context.create(kClumpFile), clumps);
   save_plan_bricks(context.create(Plan::kBrickFile), bricks);
   nlohmann::json report = plan.to_json();
   report.erase("buckets");

@@ -4,6 +4,8 @@
 #pragma once
 #include <memory>
 
+#include "kernels/points/point_clumps.h"
+#include "stream/points/brick_histogram.h"
 #include "stream/points/plan.h"
 #include "stream/points/point_inputs.h"
 #include "stream/points/reconstruct_options.h"
@@ -35,8 +37,9 @@ class SurveyStage : public Stage {
  private:
   std::size_t max_bricks() const;
   /// Spacing, noise, radius and estimated faces of the plan, from the sampled cells.
-  /// \param blocks  occupied ones of 8^3 cells
-  void measure(std::size_t tasks, std::uint64_t blocks, Plan& plan) const;
+  /// \param blocks  occupied ones of 8^3 cells   \return in scan units
+  PointClumps measure(std::size_t tasks, std::uint64_t blocks, const std::vector<BrickCount>& counts,
+                      Plan& plan) const;
 
   JobState job_;
   ReconstructOptions options_;

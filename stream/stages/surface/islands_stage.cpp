@@ -15,6 +15,7 @@
 #include "stream/files/read_file.h"
 #include "stream/files/task_files.h"
 #include "stream/meshes/store_write_stage.h"
+#include "stream/points/cell_ladder.h"
 #include "stream/points/reconstruct_options.h"
 #include "stream/runtime/serial_stage.h"
 #include "stream/stages/surface/first_pass.h"
@@ -141,13 +142,10 @@ class IslandsStage : public SerialStage {
       (stays(island[c]) ? components : dropped) += 1;
       if (stays(island[c])) kept_faces += island[c].faces;
     }
-    if (kept_faces == 0)
-      throw EmptyError(
-          all_faces + dropped_faces_ == 0
-              ? std::string("no surface: no lattice cell has enough points around it; try a larger "
-                            "--resolution or --radius, or check the normals")
-              : "every island has fewer than " + std::to_string(limit) +
-                    " faces; lower --min-component (1 keeps all)");
+    if (kept_faces == 0) {
+      const std::string scattered = clump_sentence(state_.work);
+      throw EmptyError(all_faces + dropped_faces_ == 0 ? no_surface(scattered) : too_small(limit, scattered));
+    }
     PackedWriter out(context.create(kDroppedFile), kDroppedKind, std::size_t{1} << 16);
     std::vector<Section> sections;
     std::uint64_t part = 0;

@@ -9,6 +9,7 @@
 #include "octree/error.h"
 #include "octree/union_find.h"
 #include "stream/files/task_files.h"
+#include "stream/points/cell_ladder.h"
 #include "stream/points/reconstruct_options.h"
 
 namespace tessera {
@@ -208,9 +209,7 @@ class WeldStage : public Stage {
       }
     }
     if (numbering.faces == 0) {
-      throw EmptyError(all_faces == 0 ? rules_.nothing
-                                      : "every island has fewer than " + std::to_string(limit) +
-                                            " faces; lower --min-component (1 keeps all)");
+      throw EmptyError(all_faces == 0 ? rules_.nothing : too_small(limit, rules_.scattered));
     }
     numbering.save(context.create(kNumberingFile));
     return {{"vertices", numbering.vertices},
@@ -256,6 +255,11 @@ bool is_shred(std::uint64_t faces, std::uint64_t border, std::uint64_t size, std
   return size < largest / kShredShare && faces < kShredDepth * border;
 }
 
+std::string too_small(std::uint64_t limit, const std::string& scattered) {
+  const std::string islands = "every island has fewer than " + std::to_string(limit) + " faces";
+  return scattered.empty() ? islands + "; lower --min-component (1 keeps all)" : islands + ": " + scattered;
+}
+
 PatchStore open_patches(const std::filesystem::path& work) {
   return PatchStore(list_task_files(work / "mesh", ".tsm"));
 }
@@ -285,10 +289,17 @@ Numbering Numbering::load(const std::filesystem::path& path) {
           totals[1]};
 }
 
+std::string no_surface(const std::string& scattered) {
+  if (!scattered.empty()) return "no surface: " + scattered;
+  return "no surface: no lattice cell has enough points around it; try a larger --resolution or --radius, or "
+         "check the "
+         "normals";
+}
+
 std::unique_ptr<Stage> make_weld_stage(const JobState& state) {
-  return make_weld_stage_by(state, {reconstruct_options(state).min_component,
-                                    "no surface: no lattice cell has enough points around it; try a larger "
-                                    "--resolution or --radius, or check the normals"});
+  const std::string scattered = clump_sentence(state.work);
+  return make_weld_stage_by(state,
+                            {reconstruct_options(state).min_component, no_surface(scattered), 0, scattered});
 }
 std::unique_ptr<Stage> make_weld_stage_by(const JobState& state, const WeldRules& rules) {
   return std::make_unique<WeldStage>(state, rules);

@@ -200,6 +200,46 @@ TEST_CASE("main job: small holes are filled, the same bytes for any tiling, larg
   CHECK(run_job(points, setup).bytes == want.bytes);
 }
 
+TEST_CASE("main job: the outer border of open ground is no hole, however rough and however long holes may be",
+          "[property]") {
+  Random random(4);
+  std::vector<TestPoint> points;
+  for (int i = 0; i < 90; ++i)
+    for (int j = 0; j < 90; ++j) {
+      const double x = 0.7 * i + 0.1 * random.unit(), y = 0.7 * j + 0.1 * random.unit();
+      if ((x - 30) * (x - 30) + (y - 30) * (y - 30) < 64.0) continue;  // a hole amid it
+      TestPoint p;
+      p.p = {x, y, 4.0 * std::sin(0.2 * x) * std::cos(0.15 * y) + 0.15 * random.gaussian()};
+      points.push_back(p);
+    }
+  MeshSetup setup;
+  setup.options.max_hole = "1000";
+  const MeshResult result = run_job(points, setup);
+  CHECK(result.holes.at("refused_outer").get<int>() >= 1);
+  CHECK(result.holes.at("filled").get<int>() >= 1);
+  CHECK(result.check.boundary_loops == 1);
+  CHECK(result.check.boundary_edges > 150);
+}
+
+TEST_CASE("main job: copies of a scan in clumps are named where no surface comes of them", "[fault]") {
+  Random random(6);
+  std::vector<TestPoint> points;
+  for (int i = 0; i < 5000; ++i) {
+    const double z = 1.0 - 2.0 * (i + 0.5) / 5000, angle = 2.399963229728653 * i, r = std::sqrt(1.0 - z * z);
+    for (int k = 0; k < 10; ++k) {
+      TestPoint p;
+      p.p = {3000.0 * r * std::cos(angle) + 0.4 * random.gaussian(),
+             3000.0 * r * std::sin(angle) + 0.4 * random.gaussian(), 3000.0 * z + 0.4 * random.gaussian()};
+      points.push_back(p);
+    }
+  }
+  MeshSetup setup;
+  setup.options.outliers = "off";
+  CHECK_THROWS_WITH(run_job(points, setup), Catch::Contains("clumps of about 10") &&
+                                                Catch::Contains("--thin") &&
+                                                !Catch::Contains("lower --min-component"));
+}
+
 TEST_CASE("main job: filling the holes of pure noise leaves a manifold", "[property]") {
   MeshSetup setup;
   setup.options.min_component = 1;
