@@ -58,7 +58,7 @@ void require_disk(const Polygon& p, const Triangles& triangles) {
 
 /// A planar polygon anywhere in space.
 Polygon placed(const std::vector<std::array<double, 2>>& flat, test::Random& random) {
-  const auto number = [&] { return random.below(2001) / 1000.0 - 1.0; };
+  const auto number = [&] { return random.in(-1.0, 1.0); };
   Double3 n = {number(), number(), number() + 1e-3};
   n = unit(n);
   const Double3 u = any_orthogonal(n), v = cross(n, u);
@@ -149,12 +149,12 @@ TEST_CASE("polygon triangulation: random outlines are covered once", "[property]
     std::vector<std::array<double, 2>> p;
     if (round % 3 == 0) {  // a star
       for (int i = 0; i < n; ++i) {
-        const double r = 1.0 + 9.0 * random.below(1000) / 1000.0, angle = 6.283185307179586 * i / n;
+        const double r = random.in(1.0, 10.0), angle = 6.283185307179586 * i / n;
         p.push_back({r * std::cos(angle), r * std::sin(angle)});
       }
     } else if (round % 3 == 1) {  // a comb: upper teeth and lower ones at random heights
-      for (int i = 0; i <= n; ++i) p.push_back({1.0 * i, -0.5 - random.below(1000) / 100.0});
-      for (int i = n; i >= 0; --i) p.push_back({1.0 * i, 0.5 + random.below(1000) / 100.0});
+      for (int i = 0; i <= n; ++i) p.push_back({1.0 * i, -0.5 - random.in(0.0, 10.0)});
+      for (int i = n; i >= 0; --i) p.push_back({1.0 * i, 0.5 + random.in(0.0, 10.0)});
     } else {  // a spiral band
       const double step = 0.15;
       for (int i = 0; i < n; ++i)
@@ -221,8 +221,7 @@ TEST_CASE("polygon triangulation: what has no triangulation says so and has as m
   // Random corners cross themselves everywhere; the time stays that of a clean outline.
   test::Random random(2);
   Polygon scribble;
-  for (int i = 0; i < 20000; ++i)
-    scribble.push_back({1.0 * random.below(1000), 1.0 * random.below(1000), 0.0});
+  for (int i = 0; i < 20000; ++i) scribble.push_back({random.in(0.0, 1000.0), random.in(0.0, 1000.0), 0.0});
   const Cut c = cut(scribble);
   CHECK_FALSE(c.covered);
   require_disk(scribble, c.triangles);

@@ -53,7 +53,7 @@ TEST_CASE("cell ladder: the sentence of a job stands in its work directory", "[u
   save_clumps(folder / kClumpFile, {0.05, 9.7});
   CHECK_THAT(clump_sentence(folder.path()), Catch::Contains("about 10, 0.05 from one") &&
                                                 Catch::Contains("--thin 0.025") &&
-                                                Catch::Contains("--resolution 0.075"));
+                                                Catch::Contains("--resolution 0.07"));
   CHECK(clump_sentence(PointClumps{}).empty());
 }
 

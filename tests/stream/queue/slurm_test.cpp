@@ -148,10 +148,10 @@ TEST_CASE("slurm: the nodes of a partition decide the memory of an element", "[u
   // A share of the smaller node, at least 2G beside what a job needs, at most 0.8 of it.
   CHECK(element_memory(p, 1, 2 * kGigabyte) == 2 * kGigabyte);
   CHECK(element_memory(p, 4, 2 * kGigabyte) == 4 * kGigabyte - (kGigabyte >> 3));
-  CHECK(element_memory(p, 16, 2 * kGigabyte) + kQueueBaseBytes <= 0.8 * 8 * kGigabyte);
+  CHECK(element_memory(p, 16, 2 * kGigabyte) + kQueueBaseBytes <= 8 * kGigabyte / 5 * 4);
   CHECK(element_memory(p, 16, 2 * kGigabyte) > 6 * kGigabyte);
   const SlurmPartition small = {"tiny", {{kGigabyte, 2}}};
-  CHECK(element_memory(small, 1, 2 * kGigabyte) + kQueueBaseBytes <= 0.8 * kGigabyte);
+  CHECK(element_memory(small, 1, 2 * kGigabyte) + kQueueBaseBytes <= kGigabyte / 5 * 4);
   CHECK(element_memory(small, 1, 2 * kGigabyte) > kGigabyte / 2);
   // The partition that is named, or that the environment names for sbatch.
   CHECK(slurm_partition("short").nodes.size() == 4);  // the stand-in filters nothing

@@ -44,7 +44,7 @@ std::string ply(const Strings& names, const std::string& type, double scale, con
   const double orange[] = {255, 64, 0}, blue[] = {0, 128, 255};
   for (int v = 0; v < 4; ++v) {
     text += std::to_string(v % 2) + " " + std::to_string(v / 2) + " 0";
-    for (std::size_t c = 0; c < 3; ++c) {
+    for (std::size_t c = 0; c < names.size(); ++c) {
       const double value = (v % 2 == 0 ? orange : blue)[c] * scale;
       text +=
           " " + (type.starts_with("f") || type == "double" ? std::to_string(value)
