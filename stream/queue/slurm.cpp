@@ -181,7 +181,9 @@ SlurmPartition slurm_partition(const std::string& partition) {
         std::getline(fields, state, '|');
     const bool is_default = !name.empty() && name.back() == '*';
     if (is_default) name.pop_back();
-    if (wanted.empty() && !is_default) continue;
+    const bool is_wanted =
+        wanted.empty() ? is_default : name == wanted || wanted.find(',') != std::string::npos;
+    if (!is_wanted) continue;
     if (state.starts_with("down") || state.starts_with("fail")) continue;
     const SlurmNode node = {std::strtoull(memory.c_str(), nullptr, 10) << 20, std::atoi(cpus.c_str())};
     if (node.memory_bytes == 0 || node.cpus < 1) continue;

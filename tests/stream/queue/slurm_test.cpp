@@ -154,7 +154,7 @@ TEST_CASE("slurm: the nodes of a partition decide the memory of an element", "[u
   CHECK(element_memory(small, 1, 2 * kGigabyte) + kQueueBaseBytes <= kGigabyte / 5 * 4);
   CHECK(element_memory(small, 1, 2 * kGigabyte) > kGigabyte / 2);
   // The partition that is named, or that the environment names for sbatch.
-  CHECK(slurm_partition("short").nodes.size() == 4);  // the stand-in filters nothing
+  CHECK(slurm_partition("short").nodes == std::vector<SlurmNode>{{kGigabyte, 4}});
   CHECK_THAT(s.said(), Catch::Contains("--partition=short"));
   ::setenv("SBATCH_PARTITION", "odd", 1);
   slurm_partition("");
