@@ -16,7 +16,7 @@ struct PointClumps {
 /// \param occupied  cells of the edges e, 2 e, 4 e, ... that hold points, falling
 /// \param edge      e
 /// \param points    of the scan
-/// \param typical   points of the median occupied cell of the finest edge: strewn points are alone there
+/// \param typical   points of the median cell that holds any, of an edge that a clump fits in: strewn points are alone there
 PointClumps find_clumps(std::span<const double> occupied, double edge, double points, double typical);
 
 }  // namespace tessera

@@ -81,11 +81,13 @@ PointClumps clumps_of_samples(const std::vector<CellSampler::Cell>& cells, doubl
             std::clamp(std::floor((p[a] - cell.min[a]) / (size / kPerAxis)), 0.0, kPerAxis - 1.0));
       ++held[at];
     }
-    std::map<std::array<int, 3>, int> of_four, of_eight;
+    std::map<std::array<int, 3>, std::uint64_t> of_four, of_eight;
     for (const auto& [at, count] : held) {
-      typical.push_back(count);
-      of_four[{at[0] / 2, at[1] / 2, at[2] / 2}] = of_eight[{at[0] / 4, at[1] / 4, at[2] / 4}] = 1;
+      of_four[{at[0] / 2, at[1] / 2, at[2] / 2}] += count;
+      of_eight[{at[0] / 4, at[1] / 4, at[2] / 4}] += count;
     }
+    // A clump may spread over some of the finest cells.
+    for (const auto& [at, count] : of_eight) typical.push_back(count);
     finest += static_cast<double>(held.size());
     middle += static_cast<double>(of_four.size());
     blocks += static_cast<double>(of_eight.size());
