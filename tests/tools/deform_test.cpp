@@ -15,6 +15,7 @@
 #include "tests/helpers/mesh_files.h"
 #include "tests/helpers/serial_job.h"
 #include "tests/helpers/shell.h"
+#include "tests/helpers/solid_command.h"
 
 using namespace tessera;
 using namespace tessera::test;
@@ -350,4 +351,60 @@ TEST_CASE("deform: what makes no sense is said", "[pipeline]") {
               {in.string(), (folder.path() / "no.json").string(), "-o", (folder.path() / "out.ply").string()})
               .code == 3);
   }
+}
+
+TEST_CASE("deform: a mesh that is mirrored as a whole keeps its inside, one in part is told", "[pipeline]") {
+  const TempFolder folder;
+  const fs::path in = write_bar(folder.path() / "in.ply", 20), out = folder.path() / "out.ply";
+  const auto run = [&](const fs::path& mesh, const json& regions, const json& motion,
+                       const std::string& details) {
+    const json e = {{"regions", regions}, {"handles", {{"end", motion}}}, {"details", details}};
+    return deform(
+        {mesh.string(), write_json(folder.path() / "edit.json", e).string(), "-o", out.string(), "--force"});
+  };
+  const json handle = {{"role", "handle"}, {"name", "end"}, {"all", true}};
+  const json middle = {{"role", "support"}, {"box", {{4, -2, -2}, {6, 2, 2}}}};
+  const WholeMesh before = read_whole(in);
+  const std::vector<std::pair<json, Placement>> mirrors = {
+      {{{"scale", {{"factor", {1, -1, 1}}}}}, {{1, 0, 0, 0, -1, 0, 0, 0, 1}, {0, 0, 0}}},
+      {{{"matrix", {-2, 0, 0, 7, 0, 0, 2, 0, 0, 2, 0, 0}}}, {{-2, 0, 0, 0, 0, 2, 0, 2, 0}, {7, 0, 0}}}};
+  for (const std::string details : {"turned", "volumes"})
+    for (const auto& [motion, map] : mirrors) {
+      if (details == "volumes" && map.determinant() > 1.5) continue;
+      CAPTURE(motion.dump(), details);
+      const CommandResult r = run(in, json::array({handle, middle}), motion, details);
+      CAPTURE(r.errors);
+      REQUIRE(r.code == 0);
+      const WholeMesh after = read_whole(out);
+      REQUIRE(after.points.size() == before.points.size());
+      const double scale = std::cbrt(std::fabs(map.determinant()));
+      CHECK(volume(after) == Approx(volume(before) * scale * scale * scale).epsilon(2e-2));
+      double worst = 0.0;
+      for (std::size_t v = 0; v < before.points.size(); ++v)
+        worst = std::max(worst, norm(after.points[v] - map.apply(before.points[v])));
+      CHECK(worst < (scale > 1.0 ? 0.05 : 1e-4));  // details keep their size
+      CHECK(report_of(out).at("mesh").at("mirrored") == true);
+    }
+  // Only one end: the bar stays in one piece, and its faces keep their side.
+  const json far = {
+      {"role", "handle"}, {"name", "end"}, {"half_space", {{"point", {8, 0, 0}}, {"normal", {-1, 0, 0}}}}};
+  const json between = {{"role", "support"}, {"box", {{2, -2, -2}, {8, 2, 2}}}};
+  REQUIRE(run(in, json::array({between, far}), mirrors[0].first, "turned").code == 0);
+  CHECK(read_whole(out).faces == before.faces);
+  CHECK_FALSE(report_of(out).at("mesh").contains("mirrored"));
+  // One of two bars.
+  WholeMesh two = before;
+  for (const Double3& p : before.points) two.points.push_back(p + Double3{0, 20, 0});
+  for (const MeshFace& f : before.faces)
+    two.faces.push_back(
+        {f[0] + before.points.size(), f[1] + before.points.size(), f[2] + before.points.size()});
+  two.header.vertices = two.points.size();
+  two.header.faces = two.faces.size();
+  write_whole(folder.path() / "two.ply", two);
+  const json near = {
+      {"role", "handle"}, {"name", "end"}, {"half_space", {{"point", {0, 10, 0}}, {"normal", {0, -1, 0}}}}};
+  const CommandResult r =
+      run(folder.path() / "two.ply", json::array({near, middle}), mirrors[0].first, "turned");
+  CHECK(r.code == 3);
+  CHECK_THAT(r.errors, Catch::Contains("'end' mirrors a whole part of the mesh"));
 }

@@ -202,6 +202,8 @@ TEST_CASE("csg: shapes have their volumes, within a thousandth", "[pipeline]") {
       {R"({"cone": [0,0,0, 1,1,1, 0.8, 0.2], "scale": 2})",
        8.0 * kPi * std::sqrt(3.0) / 3.0 * (0.64 + 0.16 + 0.04)},
       {R"({"sphere": [0,0,0, 1], "scale": [1, 2, 0.5], "rotate": [0,1,0, 30]})", 4.0 / 3.0 * kPi},
+      {R"({"cone": [0,0,0, 1,1,1, 0.8, 0.2], "scale": [-1, 1, 1]})",
+       kPi * std::sqrt(3.0) / 3.0 * (0.64 + 0.16 + 0.04)},
       {R"({"difference": [{"box": [0,0,0, 2,2,2], "rotate": [1,1,0, 25]}, {"union": [{"box": [0.5,0.5,-1, 1.5,1.5,3],
           "rotate": [1,1,0, 25]}, {"sphere": [9,9,9, 0.5]}]}]})",
        6.0},
@@ -217,6 +219,36 @@ TEST_CASE("csg: shapes have their volumes, within a thousandth", "[pipeline]") {
     CHECK(is_closed(mesh));
     CHECK(volume(mesh) == Approx(c.volume).epsilon(1e-3));
   }
+}
+
+TEST_CASE("csg: mirror images of meshes keep their inside", "[pipeline]") {
+  const TempFolder folder;
+  // No symmetry of its own: a wedge.
+  folder.write("wedge.off",
+               "OFF\n6 8 0\n0 0 0\n2 0 0\n0 1 0\n0 0 1\n2 0 1\n0 1 1\n3 0 2 1\n3 3 4 5\n3 0 1 4\n3 0 4 3\n"
+               "3 1 2 5\n3 1 5 4\n3 2 0 3\n3 2 3 5\n");
+  const std::string out = (folder / "o.ply").string();
+  const auto made = [&](const std::string& scene) {
+    const CommandResult r = solid_command(
+        {"csg", folder.write("s.json", scene).string(), "-o", out, "--resolution", "0.05", "--force"});
+    CAPTURE(scene, r.errors);
+    REQUIRE(r.code == 0);
+    for (const auto& operand :
+         nlohmann::json::parse(file_bytes(out + ".report.json")).at("solids").at("operands"))
+      CHECK(operand.at("inside_out") == false);
+    const WholeMesh mesh = read_whole(out);
+    CHECK(is_closed(mesh));
+    return volume(mesh);
+  };
+  CHECK(made(R"({"mesh": "wedge.off", "scale": [-1, 1, 1]})") == Approx(1.0).epsilon(1e-3));
+  CHECK(made(R"({"mesh": "wedge.off", "matrix": [0,1,0,0, 1,0,0,0, 0,0,1,0]})") == Approx(1.0).epsilon(1e-3));
+  // A part and its mirror image: side by side, and one out of the other.
+  CHECK(made(R"({"union": [{"mesh": "wedge.off"}, {"mesh": "wedge.off", "scale": [-1, 1, 1]}]})") ==
+        Approx(2.0).epsilon(1e-3));
+  CHECK(made(R"({"difference": [{"mesh": "wedge.off"},
+        {"mesh": "wedge.off", "scale": [-1, 1, 1], "translate": [2, 0, 0]}]})") == Approx(0.5).epsilon(1e-3));
+  CHECK(made(R"({"union": [{"mesh": "wedge.off", "scale": [1, -1, 1]}, {"box": [5,5,0, 6,6,1]}],
+        "scale": [-1, 1, 1]})") == Approx(2.0).epsilon(1e-3));
 }
 
 TEST_CASE("csg: words and scenes of meshes agree, new edges lie on both", "[pipeline]") {

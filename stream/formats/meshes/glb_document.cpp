@@ -24,15 +24,50 @@ constexpr std::size_t kMostRun = std::size_t{4}
 
 /// Everything that GlbMeshReader asks for.
 const std::set<std::string, std::less<>>& known_keys() {
-  static const std::set<std::string, std::less<>> keys = {
-      "POSITION",      "COLOR_0",       "accessors",  "asset",
-      "attributes",    "buffer",        "bufferView", "buffers",
-      "bufferViews",   "byteLength",    "byteOffset", "byteStride",
-      "children",      "componentType", "count",      "extensionsRequired",
-      "generator",     "indices",       "matrix",     "mesh",
-      "meshes",        "mode",          "nodes",      "primitives",
-      "rotation",      "scale",         "scene",      "scenes",
-      "tessera_shift", "translation",   "type"};
+  static const std::set<std::string, std::less<>> keys = {"COLOR_0",
+                                                          "EXT_mesh_gpu_instancing",
+                                                          "EXT_meshopt_compression",
+                                                          "KHR_draco_mesh_compression",
+                                                          "POSITION",
+                                                          "ROTATION",
+                                                          "SCALE",
+                                                          "TEXCOORD_0",
+                                                          "TRANSLATION",
+                                                          "accessors",
+                                                          "asset",
+                                                          "attributes",
+                                                          "buffer",
+                                                          "bufferView",
+                                                          "bufferViews",
+                                                          "buffers",
+                                                          "byteLength",
+                                                          "byteOffset",
+                                                          "byteStride",
+                                                          "children",
+                                                          "componentType",
+                                                          "count",
+                                                          "extensions",
+                                                          "extensionsRequired",
+                                                          "filter",
+                                                          "generator",
+                                                          "indices",
+                                                          "matrix",
+                                                          "mesh",
+                                                          "meshes",
+                                                          "mode",
+                                                          "nodes",
+                                                          "normalized",
+                                                          "primitives",
+                                                          "rotation",
+                                                          "scale",
+                                                          "scene",
+                                                          "scenes",
+                                                          "skin",
+                                                          "sparse",
+                                                          "tessera_shift",
+                                                          "translation",
+                                                          "type",
+                                                          "values"};
   return keys;
 }
 
@@ -95,7 +130,7 @@ class Pruner : public nlohmann::json_sax<json> {
     run = 0;
     if (skipped_ > 0) return true;
     // That they are there is all that is asked of these.
-    if (k == "sparse" || k == "uri") {
+    if (k == "targets" || k == "uri") {
       keep_key(k);
       place(nullptr);
       drop_ = true;
@@ -163,6 +198,13 @@ class Pruner : public nlohmann::json_sax<json> {
 };
 
 }  // namespace
+
+const json& glb_item(const json& document, const char* list, std::uint64_t index, const std::string& name) {
+  if (!document.contains(list) || !document.at(list).is_array() || index >= document.at(list).size())
+    throw InputError(name + ": the glTF document names " + list + " " + std::to_string(index) +
+                     ", which does not exist");
+  return document.at(list)[index];
+}
 
 json read_glb_document(ByteWindow bytes, const std::string& name) {
   const std::uint64_t begin = bytes.offset();

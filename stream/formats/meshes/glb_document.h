@@ -1,6 +1,7 @@
 /// \file glb_document.h
 /// The JSON chunk of a GLB, read in a stream: only what a mesh needs of it is kept, whatever else it holds.
 #pragma once
+#include <cstdint>
 #include <string>
 
 #include <nlohmann/json_fwd.hpp>
@@ -14,5 +15,9 @@ namespace tessera {
 /// \returns the document with the keys that GlbMeshReader looks at; at most some 50 MiB, whatever the chunk holds
 /// \throws InputError when the chunk is no JSON object, nests deeper than 64, or holds more than fits that
 nlohmann::json read_glb_document(ByteWindow bytes, const std::string& name);
+
+/// An entry of one of the document's lists. \throws InputError naming the file, the list and the index where there is none
+const nlohmann::json& glb_item(const nlohmann::json& document, const char* list, std::uint64_t index,
+                               const std::string& name);
 
 }  // namespace tessera

@@ -1,7 +1,8 @@
-/// Binary glTF 2.0: one mesh of one primitive, float positions, 32-bit indices, optional normalized byte
-/// colours interleaved with the positions. Sizes follow from the counts, so the file is written in order;
+/// Binary glTF 2.0: one mesh of one primitive, float positions, 32-bit indices, optional linear
+/// colours of 16 bits interleaved with the positions. Sizes follow from the counts, so the file is written in order;
 /// only the bounds, which glTF wants in its JSON, are patched in at the end into room kept for them.
 #include <algorithm>
+#include <array>
 #include <charconv>
 #include <cmath>
 #include <cstring>
@@ -11,6 +12,7 @@
 
 #include "octree/error.h"
 #include "stream/formats/meshes/mesh_writer_base.h"
+#include "stream/formats/srgb.h"
 
 namespace tessera {
 namespace {
@@ -21,7 +23,7 @@ constexpr std::size_t kBatch = 65536;
 const char* const kBoundsMarks[2] = {"\"@min\"", "\"@max\""};
 
 std::uint64_t vertex_bytes(const MeshHeader& header) {
-  return header.colour ? 16 : 12;
+  return header.colour ? 20 : 12;
 }
 
 std::string document(const MeshHeader& header) {
@@ -43,7 +45,7 @@ std::string document(const MeshHeader& header) {
     attributes["COLOR_0"] = 2;
     accessors.push_back({{"bufferView", 0},
                          {"byteOffset", 12},
-                         {"componentType", 5121},
+                         {"componentType", 5123},
                          {"normalized", true},
                          {"count", header.vertices},
                          {"type", "VEC4"}});
@@ -51,7 +53,7 @@ std::string document(const MeshHeader& header) {
   json views = json::array(
       {{{"buffer", 0}, {"byteLength", vertices_end}, {"target", 34962}},
        {{"buffer", 0}, {"byteOffset", vertices_end}, {"byteLength", 12 * header.faces}, {"target", 34963}}});
-  if (header.colour) views[0]["byteStride"] = 16;
+  if (header.colour) views[0]["byteStride"] = vertex_bytes(header);
   const json all = {{"asset", asset},
                     {"scene", 0},
                     {"scenes", {{{"nodes", {0}}}}},
@@ -108,7 +110,10 @@ class GlbMeshWriter : public MeshWriterBase {
       }
       char* to = file_.reserve(bytes);
       std::memcpy(to, p.data(), sizeof p);
-      if (header_.colour) std::memcpy(to + sizeof p, &rgba[i], 4);
+      if (header_.colour) {
+        const std::array<std::uint16_t, 4> colour = linear_from_rgba(rgba[i]);
+        std::memcpy(to + sizeof p, colour.data(), sizeof colour);
+      }
       file_.commit(bytes);
     }
   }

@@ -102,7 +102,8 @@ class DeformWriteStage : public SerialStage {
   }
 
   /// Moves by what the base does: what rounding left beside the normal stays as it is.
-  static void move(const BaseState& rest, const BaseState& posed, DisplacedBatch& b) {
+  /// \param mirrored  the pose lacks a reflection (take_out_mirror())
+  static void move(const BaseState& rest, const BaseState& posed, bool mirrored, DisplacedBatch& b) {
     auto tangent = b.displaced.rest.begin();
     b.largest = 0.0;
     for (std::uint32_t i = 0; i < b.position.size(); ++i) {
@@ -110,9 +111,10 @@ class DeformWriteStage : public SerialStage {
       const TangentRest* beside = nullptr;
       if ((d.face & kHasTangent) != 0) beside = &*tangent++;
       if (!finite(b.position[i])) continue;
-      const Double3 by = posed.decode(d, beside) - rest.decode(d, beside);
-      b.largest = std::max(b.largest, dot(by, by));
-      b.position[i] = b.position[i] + by;
+      const Double3 by = posed.decode(d, beside) - rest.decode(d, beside), from = b.position[i];
+      b.position[i] = from + by;
+      if (mirrored) b.position[i][0] = -b.position[i][0];
+      b.largest = std::max(b.largest, mirrored ? squared_distance(from, b.position[i]) : dot(by, by));
     }
   }
 
@@ -120,9 +122,9 @@ class DeformWriteStage : public SerialStage {
     const json about = json::parse(basis.about);
     const double diagonal = about.at("diagonal").get<double>();
     const bool colours = options_.dry_run;
-    const PosedBase pose =
-        pose_base(basis, pose_of(script_, about.at("handles").get<std::vector<std::string>>()),
-                  [&] { context.check_stop(); });
+    std::vector<Placement> handles = pose_of(script_, about.at("handles").get<std::vector<std::string>>());
+    const bool mirrored = take_out_mirror(basis, handles);
+    const PosedBase pose = pose_base(basis, handles, [&] { context.check_stop(); });
     const BaseState posed(pose.position, basis.base.faces);
     std::unique_ptr<DisplacementEncoder> encoder;
     if (!applies_) encoder = std::make_unique<DisplacementEncoder>(rest);
@@ -156,7 +158,7 @@ class DeformWriteStage : public SerialStage {
             for (std::size_t i = 0; i < b.rgba.size(); ++i)
               b.rgba[i] = colour_of(role_at(basis, b.displaced.of[i]));
           } else {
-            move(rest, posed, b);
+            move(rest, posed, mirrored, b);
           }
         },
         [&](DisplacedBatch& b) {
@@ -164,8 +166,14 @@ class DeformWriteStage : public SerialStage {
           tangents += b.displaced.rest.size();
           writer->vertices(b.position, b.rgba);
         });
+    std::vector<MeshFace> turned;
     mesh.read_flagged_faces([&](std::span<const MeshFace> faces, std::span<const std::uint8_t> synthetic) {
       context.check_stop();
+      if (mirrored && !colours) {
+        turned.assign(faces.begin(), faces.end());
+        for (MeshFace& f : turned) std::swap(f[1], f[2]);
+        faces = turned;
+      }
       writer->faces(faces, synthetic);
     });
     writer->finish();
@@ -181,6 +189,7 @@ class DeformWriteStage : public SerialStage {
       out["targets"] = targets;
     if (!colours) {
       out["largest_move"] = std::sqrt(largest);
+      if (mirrored) out["mirrored"] = true;
       out.update(json::parse(pose.told));
       json warnings = json::array();
       if (pose.flipped * kManyFlips > basis.base.faces.size())

@@ -10,6 +10,7 @@
 #include "kernels/edit/crossing_faces.h"
 #include "kernels/edit/displacement_volumes.h"
 #include "kernels/edit/upright_faces.h"
+#include "kernels/mesh/face_components.h"
 #include "octree/error.h"
 
 namespace tessera {
@@ -43,6 +44,33 @@ std::vector<std::uint8_t> watched_faces(const DeformBasis& basis) {
     watched.push_back(std::any_of(f.begin(), f.end(),
                                   [&](std::uint32_t v) { return basis.edit.role[v] == kSupportVertex; }));
   return watched;
+}
+
+bool take_out_mirror(const DeformBasis& basis, std::vector<Placement>& pose) {
+  const auto mirrored = [&](std::int32_t role) {
+    return role >= 0 && pose[static_cast<std::size_t>(role)].determinant() < 0.0;
+  };
+  const FaceComponents parts = find_components(basis.base.position.size(), basis.base.faces);
+  enum : std::uint8_t { kMirrored = 1, kKept = 2 };
+  std::vector<std::uint8_t> seen(parts.faces.size(), 0);
+  std::int32_t mirror = -1;
+  for (std::size_t v = 0; v < basis.edit.role.size(); ++v) {
+    const std::int32_t role = basis.edit.role[v];
+    if (role == kSupportVertex || parts.faces[parts.of_vertex[v]] == 0) continue;
+    seen[parts.of_vertex[v]] |= mirrored(role) ? kMirrored : kKept;
+    if (mirrored(role)) mirror = role;
+  }
+  // A part that is mirrored at one end alone stays in one piece: its faces keep their side.
+  const bool whole = std::find(seen.begin(), seen.end(), kMirrored) != seen.end();
+  if (!whole) return false;
+  if (std::any_of(seen.begin(), seen.end(), [](std::uint8_t s) { return (s & kKept) != 0; }))
+    throw InputError(
+        "the motion of '" +
+        json::parse(basis.about).at("handles").at(static_cast<std::size_t>(mirror)).get<std::string>() +
+        "' mirrors a whole part of the mesh, which would be inside out beside the others: deform "
+        "that part by itself");
+  for (Placement& p : pose) p = Placement{{-1, 0, 0, 0, 1, 0, 0, 0, 1}, {0, 0, 0}}.after(p);
+  return true;
 }
 
 PosedBase pose_base(const DeformBasis& basis, std::span<const Placement> pose,

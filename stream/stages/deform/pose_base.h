@@ -21,6 +21,12 @@ struct PosedBase {
 /// 1 for faces of the base with a vertex of the support: those that a pose may turn over or push through others.
 std::vector<std::uint8_t> watched_faces(const DeformBasis& basis);
 
+/// Where every handle is mirrored and nothing is held, the whole mesh is a mirror image: the reflection x -> -x is then
+/// taken out of the pose, which turns surfaces as other poses do. It is left to be applied to what comes out, whose
+/// faces are to be turned. \returns whether it was
+/// \throws InputError  a handle mirrors a whole connected part of the mesh beside others that keep their side
+bool take_out_mirror(const DeformBasis& basis, std::vector<Placement>& pose);
+
 /// \param check_stop  called between its steps
 /// \throws InputError  the volume shall be kept, but a handle changes its own
 PosedBase pose_base(const DeformBasis& basis, std::span<const Placement> pose,

@@ -109,6 +109,14 @@ std::string solid_import(std::size_t input) {
 void place_block(const Placement& placement, MeshBlock& block) {
   if (placement.is_identity()) return;
   for (Double3& p : block.position) p = placement.apply(p);
+  if (!(placement.determinant() < 0.0)) return;
+  // A mirror image looks inwards where its faces keep their order. Edges 01 and 20 change places.
+  constexpr unsigned kFirst = kFaceBorder01 | kFaceCrease01, kLast = kFaceBorder20 | kFaceCrease20;
+  static_assert(kLast == kFirst << 2);
+  for (auto& f : block.faces) std::swap(f[1], f[2]);
+  for (std::uint8_t& flags : block.face_flags)
+    flags =
+        static_cast<std::uint8_t>((flags & ~(kFirst | kLast)) | (flags & kFirst) << 2 | (flags & kLast) >> 2);
 }
 
 MeshBox placed_box(const Placement& placement, const MeshBox& box) {

@@ -10,6 +10,8 @@
 #include <meshoptimizer.h>
 #include <nlohmann/json.hpp>
 
+#include "stream/formats/srgb.h"
+
 namespace tessera {
 namespace {
 
@@ -88,20 +90,6 @@ std::array<std::uint32_t, 3> y_up(const TileMesh& tile, std::size_t v) {
   const auto& p = tile.position[v];
   const auto depth = static_cast<std::uint32_t>(tile.high[1] - tile.low[1]);
   return {p[0], p[2], depth - p[1]};
-}
-
-/// Colours of scans are meant for screens (sRGB); those of glTF are linear.
-std::array<std::uint16_t, 256> linear_table() {
-  std::array<std::uint16_t, 256> table{};
-  for (std::size_t i = 0; i < table.size(); ++i) {
-    const double c = static_cast<double>(i) / 255.0;
-    const double above = (c + 0.055) / 1.055;
-    double root = 1.0;  // the fifth one of above squared, by Newton: the same on every machine
-    for (int step = 0; step < 40; ++step) root -= (root - above * above / (root * root * root * root)) / 5.0;
-    const double linear = c <= 0.04045 ? c / 12.92 : above * above * root;
-    table[i] = static_cast<std::uint16_t>(std::lround(65535.0 * linear));
-  }
-  return table;
 }
 
 /// Gives faces that close holes vertices of their own, so that a mark of vertices tells faces.
@@ -229,12 +217,8 @@ class GlbTile {
   }
 
   void add_colours() {
-    static const std::array<std::uint16_t, 256> linear = linear_table();
-    const auto colours = in_order([&](std::size_t v) {
-      const std::uint32_t c = tile_.rgba[v];
-      return std::array<std::uint16_t, 4>{linear[c & 255], linear[c >> 8 & 255], linear[c >> 16 & 255],
-                                          65535};
-    });
+    const auto colours =
+        in_order([&](std::size_t v) { return linear_from_rgba(tile_.rgba[v] | 0xff000000u); });
     add_attribute("COLOR_0", colours, kUnsignedShort, "VEC4")["normalized"] = true;
   }
 

@@ -7,7 +7,7 @@ import { positionStep } from "./measure.js";
 import { loadMesh } from "./mesh_source.js";
 import { Navigation } from "./navigation.js";
 import { drawAxes, drawLegend, drawMeasurements, drawScaleBar, scanAxes } from "./overlay.js";
-import { scaleBar, unitsPerPixel } from "./scale.js";
+import { oblique, scaleBar, unitsPerPixel } from "./scale.js";
 import { extent, levelDirection, sectionPlane } from "./section.js";
 import { Stage } from "./stage.js";
 import { openTiles } from "./tiles_source.js";
@@ -47,7 +47,8 @@ const scan = {
 };
 
 let stage, navigation, tools, tiles = null, contentColours = new Set(), mode = null, section = "off", flipped = false,
-  cut = 0.5, cutDirection = null, sceneBox = { low: [-1, -1, -1], high: [1, 1, 1] };
+  cut = 0.5, cutDirection = null, sceneBox = { low: [-1, -1, -1], high: [1, 1, 1] },
+  outline = [[0, 0, 0]];  // points of the scene that views fit into the picture
 
 /** Puts content into the scene: its frame follows from where it is, and which way is up. */
 function place(source, up) {
@@ -56,6 +57,7 @@ function place(source, up) {
   matrix.decompose(group.position, group.quaternion, group.scale);
   group.updateMatrixWorld(true);
   const box = scan.box = source.sceneBox(matrix);
+  outline = source.outline(matrix);
   box.getBoundingSphere(stage.ball);
   sceneBox = { low: box.min.toArray(), high: box.max.toArray() };
   look.heights.value = { x: box.min.z, y: box.max.z };
@@ -68,12 +70,13 @@ function place(source, up) {
 }
 let axes = [], setStep = null;
 
-const VIEWS = { iso: [-0.62, -1, 0.72], top: [0, -1e-4, 1], front: [0, -1, 0], right: [1, 0, 0] };
+const VIEWS = { top: [0, -1e-4, 1], front: [0, -1, 0], right: [1, 0, 0] };
 
 function view(name) {
   navigation.walk(false);
   pressMove();
-  navigation.frame(stage.ball.center, stage.ball.radius, new Vector3(...VIEWS[name]));
+  const from = VIEWS[name] ?? oblique(sceneBox.low, sceneBox.high);
+  navigation.frame(outline, from, stage.size.x - stage.covered);
 }
 
 function pressMove() {
@@ -218,8 +221,12 @@ async function meshSource() {
     object: mesh.object,
     frame: (up) => localFrame(centre, config.origin, up),
     sceneBox: (matrix) => mesh.box.clone().applyMatrix4(matrix),
+    outline: (matrix) => mesh.sample.map((p) => p.clone().applyMatrix4(matrix).toArray()),
   };
 }
+
+const corners = ({ min, max }) =>
+  [0, 1, 2, 3, 4, 5, 6, 7].map((i) => new Vector3(i & 1 ? max.x : min.x, i & 2 ? max.y : min.y, i & 4 ? max.z : min.z));
 
 async function tilesSource() {
   const source = openTiles(config.url, {
@@ -253,15 +260,16 @@ async function tilesSource() {
     frame: (up) => isGeocentric(centre) ? geocentricFrame(centre, identity ? null : root.transform, shift)
       : localFrame(centre, shift, up),
     sceneBox: (matrix) => box.clone().applyMatrix4(matrix.clone().multiply(placed)),
+    outline: (matrix) => corners(box).map((p) => p.applyMatrix4(placed).applyMatrix4(matrix).toArray()),
     quantum: () => (Number.isFinite(source.steps.finest) ? source.steps.finest : 0),
   };
 }
 
 async function open() {
   element("name").textContent = document.title = config.name;
-  stage = new Stage(element("view"));
+  stage = new Stage(element("view"), element("panel"));
   navigation = new Navigation(stage.camera, stage.canvas, stage.changed, (p) => stage.below(p),
-                              () => stage.pick(stage.size.x / 2, stage.size.y / 2)?.point ?? null);
+                              () => stage.pick((stage.size.x + stage.covered) / 2, stage.size.y / 2)?.point ?? null);
   tools = new Tools(stage, scan);
   wire();
   const source = await (config.kind === "tiles" ? tilesSource() : meshSource());

@@ -1,5 +1,6 @@
 // One shader for everything that is shown: flat normals of what is on screen where the data has none, colours by what
-// the person asks for, a section plane. Colours are taken as the scan gives them, without tone mapping.
+// the person asks for, a section plane. Colours are those of the scan, for screens (sRGB), lit as they are, without tone
+// mapping; linear ones, as glTF has them, become sRGB at the vertices, so that a site looks like its mesh.
 import { DoubleSide, ShaderMaterial, Vector3 } from "three";
 import { BACK, BEYOND, CLAY, MARKED, RAMP, SIDES } from "./colours.js";
 
@@ -26,6 +27,11 @@ const vertexShader = `
 #ifdef HAS_UNCERTAIN
   attribute float uncertain;
 #endif
+#ifdef LINEAR_COLOUR
+vec3 toScreen(vec3 c) {  // IEC 61966-2-1, as stream/formats/srgb.cpp
+  return mix(12.92 * c, 1.055 * pow(max(c, 0.0), vec3(1.0 / 2.4)) - 0.055, step(0.0031308, c));
+}
+#endif
 varying vec3 seen, placed, tint, lit;
 varying float measured, made, doubtful;
 void main() {
@@ -37,7 +43,11 @@ void main() {
   lit = vec3(0.0);
   measured = made = doubtful = 0.0;
 #ifdef HAS_COLOUR
+#ifdef LINEAR_COLOUR
+  tint = toScreen(color);
+#else
   tint = color;
+#endif
 #endif
 #ifdef HAS_NORMAL
   lit = normalMatrix * normal;
@@ -118,9 +128,9 @@ export const look = {
 
 const made = new Map();
 
-/** The material for a geometry, by what its vertices carry. */
-export function materialFor(geometry) {
-  const defines = {};
+/** The material for a geometry, by what its vertices carry. \param linear  their colours are, as those of glTF; else sRGB */
+export function materialFor(geometry, linear = false) {
+  const defines = linear ? { LINEAR_COLOUR: "" } : {};
   for (const [name, attribute] of [["HAS_COLOUR", "color"], ["HAS_NORMAL", "normal"], ["HAS_DEVIATION", "deviation"],
                                    ["HAS_SYNTHETIC", "synthetic"], ["HAS_UNCERTAIN", "uncertain"]])
     if (geometry.getAttribute(attribute)) defines[name] = "";

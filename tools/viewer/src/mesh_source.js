@@ -5,6 +5,7 @@ import { base64Bytes, inflate, splitByMark, undoDifferences } from "./blocks.js"
 import { materialFor } from "./material.js";
 
 const RUN = 1 << 15;  // faces
+const SAMPLE = 1 << 14;  // points, to fit the picture to
 
 async function block(id, Kind) {
   const element = document.getElementById(id);
@@ -23,7 +24,7 @@ function widened(values, source, width) {
   return all;
 }
 
-/** \returns {object, box, colours}: content in the mesh's coordinates less config.origin */
+/** \returns {object, box, sample, colours}: content in the mesh's coordinates less config.origin; some points of it */
 export async function loadMesh() {
   let [position, index, colour, marks, deviation, uncertain] = await Promise.all([
     block("mesh-positions", Float32Array), block("mesh-faces", Int32Array), block("mesh-colours", Uint8Array),
@@ -60,7 +61,9 @@ export async function loadMesh() {
   }
   const colours = [...(colour ? ["rgb"] : []), ...(deviation ? ["deviation"] : []), ...(synthetic ? ["synthetic"] : []),
                    ...(uncertain ? ["uncertain"] : [])];
-  return { object, box, colours };
+  const sample = [], step = Math.max(1, Math.floor(index.length / SAMPLE));
+  for (let i = 0; i < index.length; i += step) sample.push(new Vector3().fromArray(position, 3 * index[i]));
+  return { object, box, sample, colours };
 }
 
 function boxOf(position, index, first, end) {

@@ -2,6 +2,7 @@
 // or on foot (keys walk, drag looks about, feet keep to what lies below).
 import { Vector3 } from "three";
 import { OrbitControls } from "three/addons/controls/OrbitControls.js";
+import { fitted } from "./scale.js";
 
 const UP = new Vector3(0, 0, 1);
 const KEYS = {
@@ -136,12 +137,12 @@ export class Navigation {
     return true;
   }
 
-  /** Looks at the whole ball from a direction (to the eye). */
-  frame(centre, radius, from) {
-    const aspect = this.canvas.clientWidth / Math.max(1, this.canvas.clientHeight);
-    const half = Math.atan(Math.tan(this.camera.fov * Math.PI / 360) * Math.min(1, aspect));
-    this.orbit.target.copy(centre);
-    this.camera.position.copy(from).normalize().multiplyScalar(radius / Math.sin(half) * 0.8).add(centre);
+  /** Looks at all of these points from a direction (to the eye). \param wide  pixels of the canvas that nothing covers */
+  frame(points, from, wide) {
+    const tall = Math.max(1, this.canvas.clientHeight), half = Math.tan(this.camera.fov * Math.PI / 360);
+    const { eye, target } = fitted(points, from, [half * wide / tall, half]);
+    this.orbit.target.set(...target);
+    this.camera.position.set(...eye);
     this.orbit.update();
     this.changed();
   }

@@ -5,8 +5,11 @@ import { clipRange } from "./scale.js";
 import { hides } from "./section.js";
 
 export class Stage {
-  constructor(canvas) {
+  /** \param panel  covers the left of the canvas */
+  constructor(canvas, panel) {
     this.canvas = canvas;
+    this.panel = panel;
+    this.covered = 0;  // pixels
     this.renderer = new WebGLRenderer({ canvas, antialias: true, alpha: true, preserveDrawingBuffer: true });
     this.renderer.setPixelRatio(Math.min(window.devicePixelRatio, 2));
     this.scene = new Scene();
@@ -29,7 +32,10 @@ export class Stage {
     this.renderer.setSize(width, height, false);
     this.size.set(width, height);
     this.camera.aspect = width / height;
-    this.camera.updateProjectionMatrix();
+    // The middle of the picture is that of what the panel leaves free.
+    const right = this.panel.getBoundingClientRect().right;
+    this.covered = width > 3 * right ? right : 0;
+    this.camera.setViewOffset(width, height, -this.covered / 2, 0, width, height);
     this.changed();
   }
 

@@ -28,7 +28,7 @@ function dress(scene, found, steps) {
     }
     for (const name of coloursOf(geometry)) found.add(name);
     object.material.dispose();
-    object.material = materialFor(geometry);
+    object.material = materialFor(geometry, true);
   });
 }
 

@@ -2,7 +2,7 @@
 // tools/viewer/test/run names it.
 import assert from "node:assert/strict";
 import { spawn, spawnSync } from "node:child_process";
-import { existsSync, mkdtempSync, rmSync, writeFileSync } from "node:fs";
+import { existsSync, mkdtempSync, readFileSync, rmSync, writeFileSync } from "node:fs";
 import { tmpdir } from "node:os";
 import { join } from "node:path";
 import { after, before, test } from "node:test";
@@ -239,4 +239,137 @@ test("a tile that is missing is told, the rest is shown", options, async () => {
   assert.ok(pixels(picture(await page.screenshot()), surface).count > 20000);
   await page.close();
   await server.stop();
+});
+
+// Three bands of a plate, each of one colour: dark, middle, bright.
+const BANDS = [[24, 32, 16], [96, 128, 64], [200, 168, 216]];
+
+function plate() {
+  const positions = [], colours = [], faces = [];
+  BANDS.forEach((colour, band) => {
+    for (let j = 0; j <= 10; ++j)
+      for (let i = 0; i <= 10; ++i) positions.push([10 * band + i, 2 * j, 0]), colours.push([...colour, 255]);
+    for (let j = 0; j < 10; ++j)
+      for (let i = 0; i < 10; ++i) {
+        const a = 121 * band + 11 * j + i;
+        faces.push([a, a + 1, a + 12], [a, a + 12, a + 11]);
+      }
+  });
+  return { positions, colours, faces, synthetic: positions.map(() => 0) };
+}
+
+const mean = (all) => all[0].map((_, k) => all.reduce((sum, c) => sum + c[k], 0) / all.length);
+
+/** What a page of ours shows of the bands, from above: the mean of what is drawn where a click hits them. */
+async function bandsOfPage(page) {
+  await page.until("window.tessera && tessera.times.settled !== null");
+  await page.evaluate("tessera.view('top'); tessera.setColour('rgb')");
+  const image = await shown(page), found = BANDS.map(() => []);
+  const hits = await page.evaluate(`(() => {
+    const out = [];
+    for (let x = 250; x < ${image.width}; x += 11)
+      for (let y = 60; y < ${image.height}; y += 23) out.push([x, y, tessera.pick(x, y)]);
+    return out;
+  })()`);
+  for (const [x, y, at] of hits)
+    if (at && Math.abs(at[0] % 10 - 5) < 4 && Math.abs(at[1] - 10) < 9) found[Math.floor(at[0] / 10)].push(image.at(x, y));
+  assert.ok(found.every((all) => all.length > 20), `${found.map((all) => all.length)} hits`);
+  return found.map(mean);
+}
+
+/** The bands of a picture in which the plate lies level, by the columns that are not as the corner is. */
+function bandsOfPicture(image) {
+  const ground = image.at(2, 2), y = image.height >> 1;
+  const columns = [...Array(image.width).keys()].filter((x) => image.at(x, y).some((c, k) => Math.abs(c - ground[k]) > 3));
+  const from = columns[0], wide = columns.at(-1) + 1 - from;
+  return BANDS.map((_, band) => mean([...Array(21).keys()].map((i) => image.at(Math.floor(from + wide * (band + 0.3 + 0.02 * i) / 3), y))));
+}
+
+/** A page of three.js alone with a GLB in it, drawn without light. */
+async function threePage(glb, html) {
+  const { build } = await import("esbuild");
+  const source = `import { Box3, MeshBasicMaterial, OrthographicCamera, Scene, Vector3, WebGLRenderer } from "three";
+    import { GLTFLoader } from "three/addons/loaders/GLTFLoader.js";
+    const bytes = Uint8Array.from(atob(document.getElementById("glb").textContent), (c) => c.charCodeAt(0));
+    new GLTFLoader().parse(bytes.buffer, "", ({ scene }) => {
+      scene.traverse((o) => o.isMesh && (o.material = new MeshBasicMaterial({ vertexColors: true, side: 2 })));
+      const all = new Scene().add(scene), box = new Box3().setFromObject(scene), size = box.getSize(new Vector3());
+      // The plate is thin along the axis that is up.
+      const up = size.y < size.z ? "y" : "z", camera = new OrthographicCamera(-0.6 * size.x, 0.6 * size.x, 0.4 * size.x, -0.4 * size.x, 0.1, 100);
+      camera.position.copy(box.getCenter(new Vector3()));
+      camera.up.set(0, up === "y" ? 0 : 1, up === "y" ? -1 : 0);
+      const target = camera.position.clone();
+      camera.position[up] += 10;
+      camera.lookAt(target);
+      const renderer = new WebGLRenderer({ canvas: document.querySelector("canvas"), preserveDrawingBuffer: true });
+      renderer.setSize(600, 400);
+      renderer.render(all, camera);
+      window.drawn = true;
+    }, (error) => console.error(error));`;
+  const script = await build({ stdin: { contents: source, resolveDir: new URL("..", import.meta.url).pathname }, bundle: true, write: false, format: "iife" });
+  writeFileSync(html, `<!DOCTYPE html><body style="margin:0"><canvas></canvas><script type="text/plain" id="glb">${readFileSync(glb).toString("base64")}</script>
+    <script>${script.outputFiles[0].text.replaceAll("</script", "<\\/script")}</script>`);
+  const page = await browser.open(`file://${html}`, { width: 600, height: 400 });
+  await page.until("window.drawn");
+  const image = picture(await page.screenshot());
+  assert.deepEqual(page.errors, []);
+  await page.close();
+  return image;
+}
+
+function tessera(...words) {
+  const run = spawnSync(binary, words, { encoding: "utf8" });
+  assert.equal(run.status, 0, run.stderr);
+}
+
+test("dark, middle and bright colours are the same in a page, a site, a GLB elsewhere and a picture", options, async () => {
+  const mesh = join(folder, "plate.ply"), at = (name) => join(folder, name);
+  writeFileSync(mesh, ply(plate()));
+  tessera("view", mesh, "-o", at("plate.html"), "--force");
+  const own = await browser.open(`file://${at("plate.html")}`), ofMesh = await bandsOfPage(own);
+  await own.close();
+
+  tessera("tiles", mesh, "-o", at("plate-site"), "--no-html", "--progress", "none");
+  const server = await serve(at("plate-site")), page = await browser.open(server.url), ofSite = await bandsOfPage(page);
+  await page.close();
+  await server.stop();
+  BANDS.forEach((_, band) => close(ofSite[band], ofMesh[band], 2));
+
+  // Another program shows the numbers that the scan has.
+  tessera("convert", mesh, "-o", at("plate.glb"));
+  const elsewhere = bandsOfPicture(await threePage(at("plate.glb"), at("three.html")));
+  BANDS.forEach((colour, band) => close(elsewhere[band], colour, 1.5));
+
+  // Light scales a colour alike, be it dark or bright; and the light of pictures is about that of pages.
+  const lightOf = (bands, error) => {
+    const light = bands[1].map((c, k) => c / BANDS[1][k]);
+    bands.forEach((drawn, band) => close(drawn, BANDS[band].map((c, k) => c * light[k]), error));
+    return light;
+  };
+  const light = lightOf(ofSite, 3);
+  for (const [name, file] of [["mesh", mesh], ["GLB", at("plate.glb")]]) {
+    const png = at(`${name}.png`);
+    tessera("render", file, "-o", png, "--view", "top", "--size", "600x400", "--force");
+    lightOf(bandsOfPicture(picture(readFileSync(png))), 10).forEach((c, k) =>
+      assert.ok(c / light[k] > 0.75 && c / light[k] < 1.33, `${name}: ${c} in a picture, ${light[k]} in a page`));
+  }
+});
+
+test("a wide site opens obliquely from above, fitted to the frame", options, async () => {
+  for (const [name, stretch] of [["field", [30, 25]], ["road", [60, 3]]]) {
+    const site = join(folder, name);
+    await writeSite(site, { transform: [stretch[0], 0, 0, 0, 0, stretch[1], 0, 0, 0, 0, 1, 0, ...SHIFT, 1] });
+    const server = await serve(site), page = await browser.open(server.url), image = await shown(page);
+    const [x, y, z] = (await page.evaluate("tessera.state()")).camera, angle = Math.atan2(z, Math.hypot(x, y)) * 180 / Math.PI;
+    assert.ok(angle > 30 && angle < 60, `${name} is seen from ${angle} degrees above`);
+    let low = [Infinity, Infinity], high = [-1, -1];
+    for (let j = 0; j < image.height; ++j)
+      for (let i = 236; i < image.width; ++i)
+        if (surface(image.at(i, j)) && j < image.height - 90) low = [Math.min(low[0], i), Math.min(low[1], j)], high = [Math.max(high[0], i), Math.max(high[1], j)];
+    assert.ok(low[0] > 240 && high[0] < image.width - 4 && low[1] > 4, `${name} is cut off: ${low} to ${high}`);
+    assert.ok(high[0] - low[0] > 0.8 * (image.width - 236), `${name} is small: ${low} to ${high}`);
+    assert.ok(high[1] - low[1] > 0.3 * image.height, `${name} is a strip: ${low} to ${high}`);
+    await page.close();
+    await server.stop();
+  }
 });

@@ -161,3 +161,29 @@ test("clip planes hold the ball, from within too", () => {
   const inside = scale.clipRange(2, 10, 0.01);
   assert.ok(inside.near <= 0.01 && inside.far > 12);
 });
+
+test("views fit all points into the picture, whatever their shape, and no more", () => {
+  const box = (x, y, z) => [0, 1, 2, 3, 4, 5, 6, 7].map((i) => [i & 1 ? x : -x, i & 2 ? y : -y, i & 4 ? z : -z]);
+  const dot = (a, b) => a.reduce((sum, c, i) => sum + c * b[i], 0), less = (a, b) => a.map((c, i) => c - b[i]);
+  const unit = (a) => a.map((c) => c / Math.hypot(...a));
+  const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
+  for (const size of [[1, 1, 1], [400, 300, 2], [2000, 30, 5], [30, 2000, 5], [0.1, 0.2, 9], [5, 5, 0]])
+    for (const from of [scale.oblique([-1, -1, 0], [1, 1, 0.1]), [0, -1, 0], [1, 0, 0], [0, -1e-4, 1]])
+      for (const tangents of [[0.7, 0.46], [0.3, 0.46]]) {
+        const points = box(...size), { eye, target } = scale.fitted(points, from, tangents);
+        const back = unit(less(eye, target)), right = unit(cross([0, 0, 1], back)), up = cross(back, right);
+        near(back, unit(from), 1e-6);
+        const seen = points.map((p) => [right, up].map((axis, k) => dot(less(p, eye), axis) / dot(less(eye, p), back) / tangents[k]));
+        const most = [0, 1].map((k) => Math.max(...seen.map((s) => s[k]))), least = [0, 1].map((k) => Math.min(...seen.map((s) => s[k])));
+        near([Math.max(...most)], [1 / 1.1], 2e-3 / 1.1);  // the margin, on one axis at least
+        near(most, least.map((c) => -c), 1e-6);  // in the middle
+      }
+});
+
+test("what is flat is looked at from higher up", () => {
+  const angle = (high) => Math.asin(scale.oblique([0, 0, 0], high)[2]) * 180 / Math.PI;
+  near([angle([1000, 800, 0]), angle([2, 2, 2]), angle([1, 1, 50])], [45, 25, 25], 1e-9);
+  assert.ok(angle([100, 100, 20]) > 35 && angle([100, 100, 20]) < 45);
+  const [x, y] = scale.oblique([0, 0, 0], [1, 1, 1]);
+  assert.ok(x > 0 && y < 0, "from the front and the right");
+});

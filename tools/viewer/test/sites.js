@@ -7,6 +7,9 @@ import { MeshoptEncoder } from "meshoptimizer";
 export const SIZE = 40, MARK = [12.5, -7.25];
 export const height = (x, y) => 3 * Math.sin(x / 6) * Math.cos(y / 5) + 0.05 * x;
 
+/** A channel of sRGB, 0 to 255, as glTF stores it in 16 bits: linear. */
+const linear = (c) => Math.round(65535 * (c / 255 <= 0.04045 ? c / 255 / 12.92 : ((c / 255 + 0.055) / 1.055) ** 2.4));
+
 /** Ground of cells over a square of the plane, corners as a scan has them: z up. */
 export function ground(low, high, cells) {
   const positions = [], colours = [], synthetic = [], faces = [];
@@ -37,15 +40,15 @@ export function ply({ positions, colours, synthetic, faces }, shift = [0, 0, 0])
 
 function glb({ positions, colours, synthetic, faces }, low, size) {
   const n = positions.length, step = size / 65535;
-  const place = new Uint16Array(4 * n), tint = new Uint8Array(4 * n), mark = new Uint8Array(4 * n);
+  const place = new Uint16Array(4 * n), tint = new Uint16Array(4 * n), mark = new Uint8Array(4 * n);
   positions.forEach(([x, y, z], i) => {  // y up in glTF
     place.set([(x - low[0]) / step, (z - low[2]) / step, (low[1] + size - y) / step].map(Math.round), 4 * i);
-    tint.set(colours[i].map(Math.round), 4 * i);
+    tint.set([...colours[i].slice(0, 3).map(linear), 65535], 4 * i);
     mark[4 * i] = synthetic[i];
   });
   const index = new Uint32Array(faces.flat());
   const encode = (array, count, stride, mode) => MeshoptEncoder.encodeGltfBuffer(new Uint8Array(array.buffer), count, stride, mode);
-  const streams = [[place, n, 8, "ATTRIBUTES"], [tint, n, 4, "ATTRIBUTES"], [mark, n, 4, "ATTRIBUTES"],
+  const streams = [[place, n, 8, "ATTRIBUTES"], [tint, n, 8, "ATTRIBUTES"], [mark, n, 4, "ATTRIBUTES"],
                    [index, index.length, 4, "TRIANGLES"]];
   const views = [], packed = [];
   let at = 0, unpacked = 0;
@@ -66,7 +69,7 @@ function glb({ positions, colours, synthetic, faces }, low, size) {
     nodes: [{ mesh: 0, scale: [step, step, step], translation: [low[0], low[2], -(low[1] + size)] }],
     meshes: [{ primitives: [{ attributes: { POSITION: 0, COLOR_0: 1, _SYNTHETIC: 2 }, indices: 3 }] }],
     accessors: [accessor(0, 5123, "VEC3", { min: [0, 1, 2].map((k) => Math.min(...range(k))), max: [0, 1, 2].map((k) => Math.max(...range(k))) }),
-                accessor(1, 5121, "VEC4", { normalized: true }), accessor(2, 5121, "SCALAR"),
+                accessor(1, 5123, "VEC4", { normalized: true }), accessor(2, 5121, "SCALAR"),
                 { bufferView: 3, componentType: 5125, count: index.length, type: "SCALAR" }],
     bufferViews: views,
     buffers: [{ byteLength: at }, { byteLength: unpacked, extensions: { EXT_meshopt_compression: { fallback: true } } }],

@@ -10,8 +10,11 @@
 #include <string>
 #include <vector>
 
+#include <meshoptimizer.h>
+
 #include "tests/fuzz/mesh_reader_check.h"
 #include "tests/fuzz/mesh_samples.h"
+#include "tests/helpers/glb_file.h"
 #include "tests/helpers/mesh_files.h"
 #include "tests/helpers/temp_folder.h"
 
@@ -39,6 +42,41 @@ std::string written(const std::string& name, bool colour) {
   return {std::istreambuf_iterator<char>(in), {}};
 }
 
+/// Strips, a sparse accessor and interleaved colours in a mirrored node; or views packed by meshopt.
+std::string foreign_glb(bool packed) {
+  const test::WholeMesh mesh = small_mesh(false);
+  test::GlbFile file;
+  std::vector<double> flat;
+  for (const Double3& p : mesh.points) flat.insert(flat.end(), p.begin(), p.end());
+  const std::string floats = test::packed_numbers<float>(flat);
+  if (packed) {
+    std::string vertices(meshopt_encodeVertexBufferBound(4, 12), '\0'),
+        faces(meshopt_encodeIndexBufferBound(12, 4), '\0');
+    vertices.resize(meshopt_encodeVertexBuffer(reinterpret_cast<unsigned char*>(vertices.data()),
+                                               vertices.size(), floats.data(), 4, 12));
+    const unsigned int corners[] = {0, 2, 1, 0, 1, 3, 1, 2, 3, 2, 0, 3};
+    meshopt_encodeIndexVersion(1);
+    faces.resize(
+        meshopt_encodeIndexBuffer(reinterpret_cast<unsigned char*>(faces.data()), faces.size(), corners, 12));
+    const std::size_t at = file.accessor(file.packed_view(vertices, 4, 12, "ATTRIBUTES"), 5126, 4, "VEC3");
+    const std::size_t index = file.accessor(file.packed_view(faces, 12, 2, "TRIANGLES"), 5123, 12, "SCALAR");
+    return file.bytes(nlohmann::json::array({{{"attributes", {{"POSITION", at}}}, {"indices", index}}}));
+  }
+  const std::size_t at = file.floats(mesh.points);
+  const nlohmann::json sparse = {
+      {"count", 1},
+      {"indices", {{"bufferView", file.view(std::string(1, '\3'))}, {"componentType", 5121}}},
+      {"values", {{"bufferView", file.view(floats.substr(0, 12))}}}};
+  file.last_accessor()["sparse"] = sparse;
+  const std::size_t colours = file.accessor(file.view(std::string(48, 'c'), 12), 5123, 4, "VEC4");
+  const std::size_t index = file.indices({0, 1, 2, 3, 0, 65535, 1, 2, 3});
+  return file.bytes(
+      nlohmann::json::array(
+          {{{"attributes", {{"POSITION", at}, {"COLOR_0", colours}}}, {"indices", index}, {"mode", 5}},
+           {{"attributes", {{"POSITION", at}}}, {"mode", 6}}}),
+      nlohmann::json::array({{{"mesh", 0}, {"scale", {1, -1, 1}}}}));
+}
+
 struct Case {
   std::string name;
   fuzz::OpenMesh open;
@@ -56,7 +94,7 @@ std::vector<Case> cases() {
       {"obj", open_obj_mesh, with(fuzz::obj_meshes(), {written("a.obj", true)})},
       {"off", open_off_mesh, fuzz::off_meshes()},
       {"stl", open_stl_mesh, with(fuzz::stl_meshes(), {written("a.stl", false)})},
-      {"glb", open_glb_mesh, with(fuzz::glb_meshes(), {written("a.glb", false), written("a.glb", true)})}};
+      {"glb", open_glb_mesh, with(fuzz::glb_meshes(), {written("a.glb", false), written("a.glb", true), foreign_glb(false), foreign_glb(true)})}};
 }
 
 /// Bytes changed, numbers swapped for absurd ones, parts cut, repeated or moved.
