@@ -56,12 +56,14 @@ async function meshPage(name, words = []) {
   return browser.open(`file://${html}`);
 }
 
-/** Of the area beside the panel, pixels whose colour the test takes, and their middle. */
+/** Of the area between the panel, legends and axes, pixels whose colour the test takes, and their middle. */
 function pixels(image, takes) {
   let count = 0, x = 0, y = 0;
   for (let j = 0; j < image.height; ++j)
-    for (let i = 260; i < image.width - 260; ++i)
+    for (let i = 240; i < image.width; ++i) {
+      if (i > image.width - 260 && (j < 150 || j > image.height - 260)) continue;
       if (takes(image.at(i, j))) ++count, x += i, y += j;
+    }
   return { count, x: x / count, y: y / count };
 }
 const red = ([r, g, b]) => r > 120 && g < 60 && b < 60;
@@ -190,9 +192,14 @@ test("tiles: served, levels by distance, walking, coordinates through the root's
 
   await page.evaluate("tessera.setMove('walk')");
   const still = await shown(page), start = (await page.evaluate("tessera.state()")).camera;
-  await page.key("w", "KeyW", 700);
-  const walked = await shown(page), end = (await page.evaluate("tessera.state()")).camera;
-  assert.ok(Math.hypot(end[0] - start[0], end[1] - start[1]) > 0.2, `${start} to ${end}`);
+  let end = start;
+  const gone = () => Math.hypot(end[0] - start[0], end[1] - start[1]);
+  for (let press = 0; press < 8 && gone() < 1.5; ++press) {  // a step a frame, and a busy machine draws few
+    await page.key("w", "KeyW", 700);
+    end = (await page.evaluate("tessera.state()")).camera;
+  }
+  const walked = await shown(page);
+  assert.ok(gone() > 0.2, `${start} to ${end}`);
   assert.ok(changed(still, walked) > 2000);
   assert.deepEqual(page.errors, []);
   const origin = new URL(server.url).origin;
