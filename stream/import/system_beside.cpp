@@ -11,6 +11,16 @@ namespace {
 /// What is larger is no coordinate system.
 constexpr std::uint64_t kMostBytes = std::uint64_t{1} << 20;
 
+std::string text_of(const std::filesystem::path& path) {
+  std::error_code error;
+  if (!std::filesystem::is_regular_file(path, error)) return "";
+  const ReadFile file(path);
+  if (file.size() > kMostBytes) return "";
+  std::string text(static_cast<std::size_t>(file.size()), '\0');
+  file.read_at(0, text.data(), text.size());
+  return text;
+}
+
 std::string system_of_input(const nlohmann::json& report) {
   const nlohmann::json inputs = report.value("inputs", nlohmann::json::array());
   return inputs.empty() ? ""
@@ -25,14 +35,10 @@ std::filesystem::path system_path(const std::filesystem::path& mesh) {
 }
 
 std::string system_beside(const std::filesystem::path& mesh) {
-  const std::filesystem::path path = system_path(mesh);
-  std::error_code error;
-  if (!std::filesystem::is_regular_file(path, error)) return "";
-  const ReadFile file(path);
-  if (file.size() > kMostBytes) return "";
-  std::string text(static_cast<std::size_t>(file.size()), '\0');
-  file.read_at(0, text.data(), text.size());
-  return text;
+  std::filesystem::path shared = mesh;
+  shared.replace_extension(".prj");
+  const std::string own = text_of(system_path(mesh));
+  return own.empty() ? text_of(shared) : own;
 }
 
 BesideOutput carried_system() {

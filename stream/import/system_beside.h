@@ -1,6 +1,6 @@
 /// \file system_beside.h
-/// The coordinate system of a mesh stands in a file beside it, MESH.prj (WKT, as geographic programs have it): jobs that
-/// make one mesh of another carry it on.
+/// The coordinate system of a mesh stands in a file beside it (WKT, as geographic programs have it), "site.ply.prj" or
+/// "site.prj" for "site.ply": jobs that make one mesh of another carry it on.
 #pragma once
 #include <filesystem>
 #include <string>
@@ -9,10 +9,10 @@
 
 namespace tessera {
 
-/// "site.ply.prj" for "site.ply".
+/// "site.ply.prj" for "site.ply": where jobs write it.
 std::filesystem::path system_path(const std::filesystem::path& mesh);
 
-/// What that file holds; empty where there is none.
+/// What the first of these files holds that is there and not empty; empty where none is.
 std::string system_beside(const std::filesystem::path& mesh);
 
 /// What lies beside the job's first input, beside its output; nothing where nothing does.

@@ -335,23 +335,30 @@ TEST_CASE("tiles: a system beside the mesh puts the site on Earth, one that is n
           "[pipeline]") {
   const TempFolder folder;
   const fs::path in = write_waves(folder.path() / "in.ply"), out = folder.path() / "site";
-  const auto frame = [&](const std::string& system) {
-    spill(in.string() + ".prj", system);
+  const auto frame = [&](const std::string& system, const std::string& beside = "in.ply.prj") {
+    fs::remove(folder.path() / "in.prj");
+    spill(in.string() + ".prj", "");
+    spill(folder.path() / beside, system);
     fs::remove_all(out);
     const CommandResult r = tessera_command(words(in, out));
     INFO(r.errors);
     REQUIRE(r.code == 0);
     const auto report = nlohmann::json::parse(file_bytes(out.string() + ".report.json"));
     CHECK(report.at("tiles").at("frame").at("transform") == read_site(out / "tileset.json").transform);
-    CHECK(report.at("warnings").size() == (system == "nothing known" ? 1u : 0u));
+    const bool known = system.starts_with("PROJCS");
+    REQUIRE(report.at("warnings").size() == (known ? 0u : 1u));
+    // Whoever is without a system is told, not only who has one of no use.
+    if (!known) CHECK_THAT(r.errors, Catch::Contains(report.at("warnings")[0].get<std::string>()));
+    if (system.empty()) CHECK_THAT(r.errors, Catch::Contains("no coordinate system is known"));
     return report.at("tiles").at("frame");
   };
-  const nlohmann::json placed = frame(
+  const std::string lambert =
       R"(PROJCS["Lambert-93",GEOGCS["RGF93",DATUM["RGF93",SPHEROID["GRS 1980",6378137,298.257222101]],)"
       R"(PRIMEM["Greenwich",0],UNIT["degree",0.0174532925199433]],PROJECTION["Lambert_Conformal_Conic_2SP"],)"
       R"(PARAMETER["standard_parallel_1",49],PARAMETER["standard_parallel_2",44],)"
       R"(PARAMETER["latitude_of_origin",46.5],PARAMETER["central_meridian",3],PARAMETER["false_easting",5120],)"
-      R"(PARAMETER["false_northing",3120],UNIT["metre",1]])");
+      R"(PARAMETER["false_northing",3120],UNIT["metre",1]])";
+  const nlohmann::json placed = frame(lambert);
   CHECK(placed.at("geocentric") == true);
   const auto transform = placed.at("transform").get<std::vector<double>>();
   const Double3 at = {transform[12], transform[13], transform[14]};
@@ -360,6 +367,7 @@ TEST_CASE("tiles: a system beside the mesh puts the site on Earth, one that is n
   CHECK(placed.at("misfit_m").get<double>() < 0.1);
   CHECK(frame("nothing known").at("geocentric") == false);
   CHECK(frame("").at("geocentric") == false);
+  CHECK(frame(lambert, "in.prj") == placed);  // as other programs name it
 }
 
 TEST_CASE("tiles: SIGTERM ends it with a clean journal, and the same command goes on", "[fault]") {

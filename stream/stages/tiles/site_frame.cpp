@@ -87,7 +87,13 @@ SiteFrame site_frame(const std::string& wkt, const Double3& origin, const Double
   for (std::size_t k = 0; k < 3; ++k) frame.transform[5 * k] = 1.0;
   frame.transform[15] = 1.0;
   set_column(frame, 3, origin);
-  if (wkt.empty()) return frame;
+  if (wkt.empty()) {
+    frame.warning =
+        "no coordinate system is known, so the site is placed nowhere on Earth and has the coordinates of "
+        "the "
+        "mesh: put its WKT into a .prj file beside the mesh to place it";
+    return frame;
+  }
   if (proj().library == nullptr) {
     frame.warning =
         "there is no libproj.so.25 to place the site on Earth with, install libproj25: the tileset has the "

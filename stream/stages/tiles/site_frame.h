@@ -15,7 +15,7 @@ struct SiteFrame {
   bool geocentric = false;             ///< the world is WGS 84, earth-centred, metres; else that of the scan
   /// How far the corners of the box lie from where they are on Earth, which is not flat; metres.
   double misfit_m = 0.0;
-  std::string warning;  ///< why a system that is there could not be used; may be empty
+  std::string warning;  ///< why the site is not on Earth, or how well; may be empty
 };
 
 /// The frame that fits the system best at the origin: its axes there, with their scale.
