@@ -1,3 +1,4 @@
+#include <array>
 #include <memory>
 #include <optional>
 
@@ -6,8 +7,11 @@
 #include "octree/error.h"
 #include "stream/commands/convert_mesh.h"
 #include "stream/commands/convert_points.h"
+#include "stream/files/planned_writes.h"
 #include "stream/files/scratch_folder.h"
+#include "stream/formats/meshes/mesh_precision.h"
 #include "stream/points/reconstruct_options.h"
+#include "stream/runtime/bound_text.h"
 #include "stream/runtime/memory_budget.h"
 #include "stream/runtime/parallel.h"
 #include "stream/runtime/stage_runner.h"
@@ -32,10 +36,21 @@ void run_convert_mesh(const std::vector<std::filesystem::path>& inputs, const Co
   ConvertMeshOptions options;
   options.floats = command.floats;
   options.check_stop = throw_if_stopped;
+  // What other programs are told of the coordinates of an STL.
+  const PlannedWrite shift{stl_shift_path(command.output), "the origin beside -o",
+                           existing_by(command.force)};
+  check_writes(inputs, std::array{shift});
   const ConvertMeshReport report = convert_mesh(cli::one_input(inputs, "converted"), command.output, options);
   fmt::print("{}: {} vertices, {} faces, {} bytes{}\n", command.output.string(), report.vertices,
              report.faces, report.bytes, report.welded ? " (vertices merged by position)" : "");
   for (const std::string& note : report.notes) fmt::print("note: {}\n", note);
+  if (report.rounding.largest > 0.0)
+    fmt::print("positions: written as floats of 32 bits, which moves them by at most {}\n",
+               bound_text(report.rounding.largest));
+  const bool shifted = !shift.path.empty() && report.origin != Double3{0, 0, 0};
+  if (shifted) fmt::print(stderr, "note: {}\n", stl_shift_notice(command.output, report.origin));
+  for (const std::string& notice : rounding_notices(report.rounding))
+    fmt::print(stderr, "note: {}\n", notice);
 }
 
 /// Runs the passes that deal points to cubes and keep one of each.
@@ -126,7 +141,9 @@ cli::Command convert_command() {
   t.add("las-scale", &c.options.las_scale,
         "step of LAS and LAZ coordinates, units of the scan; 0 = the finest power of ten that fits")
       .at_least(0);
-  t.add("float", &c.floats, "meshes: positions as floats even where the source has doubles");
+  t.add("float", &c.floats,
+        "PLY, OBJ of meshes: positions as floats even where the source has doubles; what that moves is told, "
+        "and refused (6) where it breaks faces");
   cli::add_threads(t, c.options.threads, "threads; never changes the result");
   cli::add_force(t, c.force);
   return {"convert", "Write scans, or one mesh, into one file of another format.", t,

@@ -4,6 +4,7 @@
 #include <nlohmann/json.hpp>
 
 #include "stream/formats/meshes/mesh_io.h"
+#include "stream/runtime/bound_text.h"
 #include "stream/runtime/job_report.h"
 #include "stream/stages/decimate/decimate_job.h"
 #include "tools/commands.h"
@@ -27,8 +28,8 @@ void run(const SimplifyOptions& options, JobState state) {
   cli::print_smoothing(report);
   const nlohmann::json& certificate = report.at("certificate");
   if (certificate.at("certified_max").is_number())
-    fmt::print("distance: at most {:.4g} both ways, proven; rms {:.3g} to the reference, {:.3g} back\n",
-               certificate.at("certified_max").get<double>(),
+    fmt::print("distance: at most {} both ways, proven; rms {:.3g} to the reference, {:.3g} back\n",
+               bound_text(certificate.at("certified_max").get<double>()),
                certificate.at("mesh_to_reference").at("rms").get<double>(),
                certificate.at("reference_to_mesh").at("rms").get<double>());
   if (const int again = report.at("certificate").value("rounds_again", 0); again > 0)

@@ -4,6 +4,7 @@
 #include <nlohmann/json.hpp>
 
 #include "stream/formats/meshes/mesh_io.h"
+#include "stream/runtime/bound_text.h"
 #include "stream/runtime/job_report.h"
 #include "stream/stages/remesh/remesh_job.h"
 #include "tools/commands.h"
@@ -33,8 +34,8 @@ void run(const RemeshJobOptions& options, JobState state) {
       100.0 * quality.value("valence_six_share", 0.0));
   const nlohmann::json& certificate = report.at("certificate");
   if (certificate.at("certified_max").is_number())
-    fmt::print("distance: at most {:.4g} both ways, proven; rms {:.3g} to the input, {:.3g} back\n",
-               certificate.at("certified_max").get<double>(),
+    fmt::print("distance: at most {} both ways, proven; rms {:.3g} to the input, {:.3g} back\n",
+               bound_text(certificate.at("certified_max").get<double>()),
                certificate.at("mesh_to_reference").at("rms").get<double>(),
                certificate.at("reference_to_mesh").at("rms").get<double>());
   else

@@ -5,6 +5,7 @@
 
 #include "octree/error.h"
 #include "stream/formats/meshes/mesh_io.h"
+#include "stream/runtime/bound_text.h"
 #include "stream/runtime/job_report.h"
 #include "stream/stages/resample/blend_file.h"
 #include "stream/stages/resample/resample_job.h"
@@ -46,7 +47,8 @@ void print(const Arguments& a, const json& report) {
                before / static_cast<double>(edges), after / static_cast<double>(edges));
   const json& certificate = report.at("certificate");
   if (certificate.at("certified_max").is_number())
-    fmt::print("distance: at most {:.4g} both ways, proven\n", certificate.at("certified_max").get<double>());
+    fmt::print("distance: at most {} both ways, proven\n",
+               bound_text(certificate.at("certified_max").get<double>()));
 }
 
 void run(Arguments& a) {

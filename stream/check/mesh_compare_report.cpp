@@ -6,6 +6,7 @@
 #include <nlohmann/json.hpp>
 
 #include "stream/check/mesh_compare.h"
+#include "stream/runtime/bound_text.h"
 #include "stream/runtime/numbers.h"
 
 namespace tessera {
@@ -97,8 +98,8 @@ std::string direction(const DeviationReport& r, double tolerance, double reach) 
   if (r.beyond)
     text = "beyond " + number_text(reach) + " at " + place(r.witness);
   else
-    text = "at most " + number_text(r.upper) + " (found " + number_text(r.lower) + " at " + place(r.witness) +
-           ")";
+    text = "at most " + bound_text(r.upper, 6) + " (found " + number_text(r.lower) + " at " +
+           place(r.witness) + ")";
   text += ", rms " + number_text(r.rms());
   const double over = share_over(r);
   if (over > 0.0) text += ", " + percent(over) + " of it beyond " + number_text(tolerance);
@@ -204,8 +205,8 @@ std::string describe(const MeshComparison& c) {
   line("certificate", !why.empty() ? why
                       : c.yes_or_no
                           ? "proven: two-sided distance at most the tolerance, " + number_text(c.tolerance)
-                          : "proven: two-sided distance at most " + number_text(c.upper()) + ", tolerance " +
-                                number_text(c.tolerance));
+                          : "proven: two-sided distance at most " + bound_text(c.upper(), 6) +
+                                ", tolerance " + number_text(c.tolerance));
   if (why.empty() && !c.borders_proven()) line("", c.complaint(true));
   return text;
 }

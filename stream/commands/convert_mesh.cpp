@@ -2,18 +2,29 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
+#include <limits>
 #include <memory>
 #include <string>
 
+#include "stream/files/durable_file.h"
 #include "stream/files/file_extension.h"
 #include "stream/files/planned_writes.h"
 #include "stream/files/read_file.h"
 #include "stream/formats/meshes/mesh_io.h"
+#include "stream/formats/meshes/mesh_precision.h"
 #include "stream/formats/ply_header.h"
+#include "stream/meshes/mesh_store.h"
 #include "stream/meshes/mesh_weld.h"
 
 namespace tessera {
 namespace {
+
+constexpr double kHuge = std::numeric_limits<double>::infinity();
+
+bool has_origin(const Double3& origin) {
+  return origin != Double3{0, 0, 0};
+}
 
 bool ply_has_faces(const std::filesystem::path& path) {
   const ReadFile file(path);
@@ -56,9 +67,17 @@ ConvertMeshReport convert_mesh(const std::filesystem::path& input, const std::fi
   MeshReader& mesh = report.welded ? *welded : *source;
 
   // Writers want true counts first; headers count polygons, or nothing.
+  MeshBox box = {{kHuge, kHuge, kHuge}, {-kHuge, -kHuge, -kHuge}};
   mesh.read_vertices([&](std::span<const Double3> batch, std::span<const std::uint32_t>) {
     stop();
     report.vertices += batch.size();
+    for (const Double3& p : batch) {
+      for (std::size_t k = 0; k < 3; ++k) {
+        if (!std::isfinite(p[k])) continue;
+        box.low[k] = std::min(box.low[k], p[k]);
+        box.high[k] = std::max(box.high[k], p[k]);
+      }
+    }
   });
   mesh.read_faces([&](std::span<const MeshFace> batch) {
     stop();
@@ -67,7 +86,15 @@ ConvertMeshReport convert_mesh(const std::filesystem::path& input, const std::fi
   MeshHeader header = mesh.header();
   header.vertices = report.vertices;
   header.faces = report.faces;
-  header.double_positions = header.double_positions && !options.floats;
+  if (options.floats && !holds_floats_only(output)) {
+    header.check_rounding = header.double_positions;
+    header.double_positions = false;
+  }
+  if (box.low[0] <= box.high[0])
+    header.origin = place_mesh(output, header.double_positions, box.low, box.high,
+                               fine_rounding(header.faces, box.low, box.high, 0.0))
+                        .origin;
+  report.origin = header.origin;
   header.synthetic = mesh.has_synthetic();
   const auto writer = create_mesh_file(output, header);
   mesh.read_vertices([&](std::span<const Double3> positions, std::span<const std::uint32_t> rgba) {
@@ -80,6 +107,9 @@ ConvertMeshReport convert_mesh(const std::filesystem::path& input, const std::fi
   });
   writer->finish();
   report.bytes = writer->bytes_written();
+  report.rounding = writer->rounding();
+  if (const std::filesystem::path shift = stl_shift_path(output); !shift.empty() && has_origin(report.origin))
+    write_durably(shift, stl_shift_text(report.origin));
   report.notes = source->warnings();
   return report;
 }

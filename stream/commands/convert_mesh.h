@@ -7,6 +7,8 @@
 #include <string>
 #include <vector>
 
+#include "stream/formats/meshes/mesh_io.h"
+
 namespace tessera {
 
 struct ConvertMeshOptions {
@@ -19,8 +21,10 @@ struct ConvertMeshOptions {
 struct ConvertMeshReport {
   std::uint64_t vertices = 0;
   std::uint64_t faces = 0;
-  std::uint64_t bytes = 0;         ///< of the output
-  bool welded = false;             ///< vertices were merged by exact position
+  std::uint64_t bytes = 0;     ///< of the output
+  bool welded = false;         ///< vertices were merged by exact position
+  Double3 origin = {0, 0, 0};  ///< of positions in formats of floats; told beside an STL (mesh_precision.h)
+  MeshRounding rounding;       ///< what the format's floats did to the mesh
   std::vector<std::string> notes;  ///< what the input gets wrong and was read past
 };
 
@@ -30,7 +34,8 @@ bool converts_as_mesh(const std::filesystem::path& input, const std::filesystem:
 
 /// Polygons become triangles; colours, comments and the shift are kept where the output has a place for them.
 /// Formats without shared vertices (STL) are merged by exact position, unless the output has none either.
-/// \throws InputError for a damaged mesh, UsageError when the output format cannot hold it, ResourceError
+/// \throws InputError for a damaged mesh, UsageError when the output format cannot hold it, ValidationError where its
+/// floats cannot (MeshWriter::finish), ResourceError
 ConvertMeshReport convert_mesh(const std::filesystem::path& input, const std::filesystem::path& output,
                                const ConvertMeshOptions& options);
 

@@ -6,7 +6,6 @@
 #include "octree/error.h"
 #include "stream/files/external_sort.h"
 #include "stream/files/spill_file.h"
-#include "stream/formats/meshes/mesh_io.h"
 
 namespace tessera {
 namespace {
@@ -72,8 +71,8 @@ class StoreWriter {
     header.faces = report_.faces = store_.face_count();
     header.colour = store_.info().colour;
     header.synthetic = store_.has_synthetic();
-    const std::string extension = output_.path.extension().string();
-    header.double_positions = store_.info().double_positions && (extension == ".ply" || extension == ".obj");
+    header.double_positions = store_.info().double_positions;
+    header.origin = output_.origin;
     header.shift = store_.info().shift;
     header.comments = output_.comments;
     const auto file = create_mesh_file(output_.path, header);
@@ -82,6 +81,7 @@ class StoreWriter {
     write_faces(*file);
     file->finish();
     report_.bytes = file->bytes_written();
+    report_.rounding = file->rounding();
     return report_;
   }
 

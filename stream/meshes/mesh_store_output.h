@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "stream/formats/meshes/mesh_io.h"
 #include "stream/meshes/mesh_store.h"
 
 namespace tessera {
@@ -15,7 +16,8 @@ namespace tessera {
 struct MeshStoreOutput {
   std::filesystem::path path;  ///< by extension: .ply, .obj, .stl, .glb
   std::vector<std::string> comments;
-  std::filesystem::path temp;                            ///< folder for what does not fit in memory
+  Double3 origin = {0, 0, 0};  ///< of positions in formats of floats (mesh_precision.h)
+  std::filesystem::path temp;  ///< folder for what does not fit in memory
   std::uint64_t memory_bytes = std::uint64_t{64} << 20;  ///< of its sorts; patches come on top
   std::function<void()> check_stop;                      ///< may be empty
   std::function<void(std::uint64_t)> advance;            ///< faces written; may be empty
@@ -27,10 +29,12 @@ struct MeshStoreOutputReport {
   std::uint64_t bytes = 0;
   std::uint64_t shared_vertices = 0;  ///< that more than one patch uses
   std::uint64_t synthetic_faces = 0;  ///< that close holes: marked where the format can
+  MeshRounding rounding;              ///< what the format's floats did to the mesh
 };
 
 /// Reads every patch three times: once to find the vertices that patches share, once for vertices, once for
-/// faces. \throws EmptyError when there is no face; UsageError when the format cannot hold the mesh; ResourceError
+/// faces. \throws EmptyError when there is no face; UsageError when the format cannot hold the mesh; ValidationError where
+/// its floats cannot (MeshWriter::finish); ResourceError
 MeshStoreOutputReport write_mesh_store(const MeshStore& store, const MeshStoreOutput& output);
 
 /// Upper bound of what write_mesh_store allocates. \param patch_bytes  MeshStore::largest_patch_bytes()

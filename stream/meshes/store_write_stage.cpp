@@ -6,6 +6,7 @@
 #include <nlohmann/json.hpp>
 
 #include "stream/files/path_text.h"
+#include "stream/formats/meshes/mesh_io.h"
 #include "stream/meshes/mesh_store_output.h"
 #include "stream/runtime/serial_stage.h"
 
@@ -17,35 +18,41 @@ using json = nlohmann::json;
 class StoreWriteStage : public SerialStage {
  public:
   StoreWriteStage(std::string name, const JobState& state, std::filesystem::path path, MeshStore store,
-                  std::string comment, std::uint64_t sort_bytes)
+                  std::string comment, std::uint64_t sort_bytes,
+                  const std::optional<MeshPlacement>& placement = {})
       : name_(std::move(name)),
         work_(state.work),
         path_(std::move(path)),
         store_(std::move(store)),
         comment_(std::move(comment)),
-        sort_bytes_(sort_bytes) {}
+        sort_bytes_(sort_bytes),
+        origin_((placement ? *placement : store_placement(path_, store_, 0.0)).origin) {}
 
   std::string name() const override { return name_; }
   std::uint64_t units() const override { return store_.face_count(); }
   std::string unit_name() const override { return "faces"; }
   std::uint64_t finish_bytes() const override {
-    return write_mesh_store_bytes(store_.largest_patch_bytes(), store_.patches().size(), sort_bytes_);
+    return write_mesh_store_bytes(store_.largest_patch_bytes(), store_.patches().size(), sort_bytes_) +
+           rounding_check_bytes(path_, store_.info().double_positions, 3 * store_.face_count());
   }
 
   json finish(const std::vector<json>&, TaskContext& context) const override {
     MeshStoreOutput output;
     output.path = path_;
     output.comments = {comment_};
+    output.origin = origin_;
     output.temp = work_;
     output.memory_bytes = sort_bytes_;
     output.check_stop = [&] { context.check_stop(); };
     output.advance = [&](std::uint64_t faces) { context.advance(faces); };
     const MeshStoreOutputReport report = write_mesh_store(store_, output);
     context.count_written(report.bytes);
-    return {{"path", json_text(path_)},    {"vertices", report.vertices},
-            {"faces", report.faces},       {"synthetic_faces", report.synthetic_faces},
-            {"bytes", report.bytes},       {"double_positions", store_.info().double_positions},
-            {"shift", store_.info().shift}};
+    json result = {{"path", json_text(path_)},    {"vertices", report.vertices},
+                   {"faces", report.faces},       {"synthetic_faces", report.synthetic_faces},
+                   {"bytes", report.bytes},       {"double_positions", store_.info().double_positions},
+                   {"shift", store_.info().shift}};
+    tell_rounding(result, path_, origin_, report.rounding);
+    return result;
   }
 
  private:
@@ -55,14 +62,47 @@ class StoreWriteStage : public SerialStage {
   MeshStore store_;
   std::string comment_;
   std::uint64_t sort_bytes_;
+  Double3 origin_;
 };
 
 }  // namespace
 
 std::unique_ptr<Stage> make_store_write_stage(const JobState& state, MeshStore store, std::string comment,
-                                              std::uint64_t sort_bytes) {
+                                              std::uint64_t sort_bytes,
+                                              const std::optional<MeshPlacement>& placement) {
   return std::make_unique<StoreWriteStage>("write", state, state.output, std::move(store), std::move(comment),
-                                           sort_bytes);
+                                           sort_bytes, placement);
+}
+
+MeshPlacement store_placement(const std::filesystem::path& output, const MeshStore& store, double tolerance) {
+  const MeshBox box = grown(store.box(), tolerance);
+  return place_mesh(output, store.info().double_positions, box.low, box.high,
+                    fine_rounding(store.face_count(), box.low, box.high, tolerance));
+}
+
+void tell_rounding(json& result, const std::filesystem::path& output, const Double3& origin,
+                   const MeshRounding& rounding) {
+  json warnings = result.value("warnings", json::array());
+  if (origin != Double3{0, 0, 0}) {
+    result["origin"] = origin;
+    if (!stl_shift_path(output).empty()) warnings.push_back(stl_shift_notice(output, origin));
+  }
+  if (rounding.largest > 0.0) result["rounding"] = rounding.largest;
+  for (const std::string& notice : rounding_notices(rounding)) warnings.push_back(notice);
+  if (rounding.merged_vertices > 0) result["merged_by_rounding"] = rounding.merged_vertices;
+  if (rounding.flattened_faces > 0) result["flattened_by_rounding"] = rounding.flattened_faces;
+  if (!warnings.empty()) result["warnings"] = std::move(warnings);
+}
+
+std::string origin_text(const json& result) {
+  if (!result.is_object() || !result.contains("origin")) return "";
+  if (stl_shift_path(bytes_of_json_text(result.at("path").get<std::string>())).empty()) return "";
+  return stl_shift_text(result.at("origin").get<Double3>());
+}
+
+BesideOutput told_origin() {
+  return {stl_shift_path, "the origin beside -o", false,
+          [](const json& report) { return origin_text(report.value("mesh", json::object())); }};
 }
 
 std::uint64_t sort_bytes(const RunOptions& run) {

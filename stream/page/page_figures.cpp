@@ -10,6 +10,7 @@
 #include "kernels/picture/caption.h"
 #include "stream/page/html.h"
 #include "stream/page/report_value.h"
+#include "stream/runtime/bound_text.h"
 #include "stream/runtime/numbers.h"
 
 namespace tessera {
@@ -73,7 +74,7 @@ std::string deviation_histogram(const std::string& title, const json& counts, do
     h.edges[q * bins / 4] = number_text(tolerance * static_cast<double>(q) / 4.0);
   if (proven > 0.0 && proven <= tolerance)
     h.marks.push_back(
-        {static_cast<double>(bins) * proven / tolerance, "proven: at most " + number_text(proven)});
+        {static_cast<double>(bins) * proven / tolerance, "proven: at most " + bound_text(proven, 6)});
   return html::histogram(h);
 }
 
@@ -185,7 +186,9 @@ std::string deviation_figures(const json& report) {
   Rows rows;
   const json& certificate = value_at(report, "/certificate");
   if (const json& most = value_at(certificate, "/certified_max"); most.is_number()) {
-    rows.emplace_back("largest distance, proven both ways", number_text(most.get<double>()));
+    rows.emplace_back("largest distance, proven both ways", bound_text(most.get<double>(), 6));
+    if (const double rounding = number_at(certificate, "/rounding"); rounding > 0.0)
+      rows.emplace_back("of it by rounding to floats in the file", bound_text(rounding, 6));
     rows.emplace_back("tolerance", number_text(number_at(certificate, "/tolerance")));
     rows.emplace_back("root mean square, result to reference",
                       number_text(number_at(certificate, "/mesh_to_reference/rms")));

@@ -12,6 +12,7 @@
 #include "stream/page/page_script.h"
 #include "stream/page/page_style.h"
 #include "stream/page/report_value.h"
+#include "stream/runtime/bound_text.h"
 #include "stream/runtime/memory_budget.h"
 #include "stream/runtime/numbers.h"
 
@@ -52,7 +53,7 @@ std::string summary(const json& report, const PageParts& parts) {
     tiles += tile(parts.check->boundary_edges == 0 ? "closed" : with_commas(parts.check->boundary_loops),
                   parts.check->boundary_edges == 0 ? "no border edge" : "holes and outer borders");
   if (const json& most = value_at(report, "/certificate/certified_max"); most.is_number())
-    tiles += tile(number_text(most.get<double>()), "largest distance, proven both ways");
+    tiles += tile(bound_text(most.get<double>(), 6), "largest distance, proven both ways");
   if (const json& time = value_at(report, "/wall_s"); time.is_number())
     tiles += tile(time_text(time.get<double>()), "from start to end");
   if (const json& peak = value_at(report, "/peak_bytes"); peak.is_number())

@@ -9,6 +9,7 @@
 #include <nlohmann/json.hpp>
 
 #include "octree/error.h"
+#include "stream/runtime/bound_text.h"
 #include "stream/runtime/job_report.h"
 #include "stream/runtime/memory_budget.h"
 #include "stream/runtime/work_dir.h"
@@ -160,8 +161,9 @@ void print_site(const Site& site, const nlohmann::json& report) {
              tiles.value("tiles", std::uint64_t{0}), levels.size(), tiles.value("faces", std::uint64_t{0}),
              format_bytes(tiles.value("bytes", std::uint64_t{0})), tiles.value("bytes_per_face", 0.0),
              report.at("resumed_done").get<bool>() ? std::string("done before") : cost_text(report));
-  fmt::print("distance and cracks, proven: at most {:.3g} with the finest tiles, {:.3g} with the root\n",
-             levels.front().value("geometric_error", 0.0), levels.back().value("geometric_error", 0.0));
+  fmt::print("distance and cracks, proven: at most {} with the finest tiles, {} with the root\n",
+             bound_text(levels.front().value("geometric_error", 0.0), 3),
+             bound_text(levels.back().value("geometric_error", 0.0), 3));
 }
 
 }  // namespace tessera::cli

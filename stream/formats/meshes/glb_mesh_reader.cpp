@@ -1,6 +1,7 @@
 /// Binary glTF 2.0 meshes: triangles, strips and fans whose numbers lie in the file's own buffer (glb_accessor.h).
-/// Transforms of nodes are applied, faces of mirrored ones turned, linear colours become sRGB. What it cannot read
-/// it names; what it leaves out it tells.
+/// Transforms of nodes are applied, in doubles, and faces of mirrored ones turned; +Y is up in glTF (2.0, 3.4) and z is
+/// here: x, y, z of the scene become x, -z, y. Linear colours become sRGB. What it cannot read it names; what it leaves
+/// out it tells.
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -29,7 +30,8 @@ using Matrix = std::array<double, 16>;  // column major, as in glTF
 constexpr std::uint64_t kMostJsonBytes = std::uint64_t{64} << 20;
 constexpr std::uint32_t kJsonChunk = 0x4e4f534a, kBinChunk = 0x004e4942;
 constexpr std::size_t kMostNodes = 100000;
-constexpr Matrix kIdentity = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1};
+constexpr Matrix kZUp = {1, 0,  0, 0, 0, 0, 1, 0,
+                         0, -1, 0, 0, 0, 0, 0, 1};  ///< from the axes of a scene to ours
 
 enum Mode { kPoints = 0, kTriangles = 4, kStrip = 5, kFan = 6 };
 
@@ -52,7 +54,7 @@ struct Instance {
   GlbAccessor positions;
   std::optional<GlbAccessor> colours, indices;
   int mode = kTriangles;
-  Matrix transform = kIdentity;
+  Matrix transform = kZUp;
   bool mirrored = false;
   std::optional<std::size_t> vertices_of;  ///< an instance before it that has the same ones
   std::uint64_t first_vertex = 0;
@@ -138,7 +140,7 @@ class GlbMeshReader : public MeshReader {
       for (std::uint64_t i = 0; i < positions.count; ++i) {
         const char* p = elements.next();
         Double3 at = {positions.number(p, 0), positions.number(p, 1), positions.number(p, 2)};
-        if (instance.transform != kIdentity) at = transformed(instance.transform, at);
+        at = transformed(instance.transform, at);
         // A primitive without colours beside others that have some is white, as glTF has it.
         batch.add(at, colours ? colour(*instance.colours, colours->next()) : 0xffffffffu);
       }
@@ -294,7 +296,7 @@ class GlbMeshReader : public MeshReader {
       header_.faces += instance.faces();
       header_.colour = header_.colour || instance.colours.has_value();
       header_.double_positions =
-          header_.double_positions || instance.transform != kIdentity || instance.positions.normalized;
+          header_.double_positions || instance.transform != kZUp || instance.positions.normalized;
       soup = soup && !instance.indices && instance.mode == kTriangles && instance.corners() % 3 == 0 &&
              !instance.vertices_of;
     }
@@ -315,7 +317,7 @@ class GlbMeshReader : public MeshReader {
     if (document_.contains("scenes") && !document_["scenes"].empty()) {
       const json& scene = item("scenes", document_.value("scene", std::uint64_t{0}));
       if (scene.contains("nodes")) {
-        for (const json& node : scene["nodes"]) open.emplace_back(node.get<std::uint64_t>(), kIdentity);
+        for (const json& node : scene["nodes"]) open.emplace_back(node.get<std::uint64_t>(), kZUp);
       }
     } else if (document_.contains("nodes")) {
       std::set<std::uint64_t> children;
@@ -324,7 +326,7 @@ class GlbMeshReader : public MeshReader {
         for (const json& child : node["children"]) children.insert(child.get<std::uint64_t>());
       }
       for (std::uint64_t i = 0; i < document_["nodes"].size(); ++i)
-        if (children.count(i) == 0) open.emplace_back(i, kIdentity);
+        if (children.count(i) == 0) open.emplace_back(i, kZUp);
     }
     for (std::size_t visited = 0; visited < open.size(); ++visited) {
       if (open.size() > kMostNodes) fail("the glTF scene has a cycle or more than 100000 nodes");

@@ -1,5 +1,7 @@
 /// Binary glTF 2.0: one mesh of one primitive, float positions, 32-bit indices, optional linear
-/// colours of 16 bits interleaved with the positions. Sizes follow from the counts, so the file is written in order;
+/// colours of 16 bits interleaved with the positions. +Y is up (glTF 2.0, 3.4): x, y, z of the mesh are x, z, -y of the
+/// file, and the origin that positions count from is the node's translation, in decimal doubles. Sizes follow from the
+/// counts, so the file is written in order;
 /// only the bounds, which glTF wants in its JSON, are patched in at the end into room kept for them.
 #include <algorithm>
 #include <array>
@@ -24,6 +26,12 @@ const char* const kBoundsMarks[2] = {"\"@min\"", "\"@max\""};
 
 std::uint64_t vertex_bytes(const MeshHeader& header) {
   return header.colour ? 20 : 12;
+}
+
+/// x, y, z of the mesh along the axes of glTF.
+template <class Vector>
+Vector y_up(const Vector& p) {
+  return {p[0], p[2], 0 - p[1]};  // no zero below zero
 }
 
 std::string document(const MeshHeader& header) {
@@ -54,10 +62,12 @@ std::string document(const MeshHeader& header) {
       {{{"buffer", 0}, {"byteLength", vertices_end}, {"target", 34962}},
        {{"buffer", 0}, {"byteOffset", vertices_end}, {"byteLength", 12 * header.faces}, {"target", 34963}}});
   if (header.colour) views[0]["byteStride"] = vertex_bytes(header);
+  json node = {{"mesh", 0}};
+  if (header.origin != Double3{0, 0, 0}) node["translation"] = y_up(header.origin);
   const json all = {{"asset", asset},
                     {"scene", 0},
                     {"scenes", {{{"nodes", {0}}}}},
-                    {"nodes", {{{"mesh", 0}}}},
+                    {"nodes", json::array({node})},
                     {"meshes", {{{"primitives", {{{"attributes", attributes}, {"indices", 1}}}}}}},
                     {"accessors", accessors},
                     {"bufferViews", views},
@@ -71,7 +81,7 @@ std::string document(const MeshHeader& header) {
 class GlbMeshWriter : public MeshWriterBase {
  public:
   GlbMeshWriter(const std::filesystem::path& path, const MeshHeader& header, const std::string& json)
-      : MeshWriterBase(path, header) {
+      : MeshWriterBase(path, header, true) {
     const std::uint64_t bin = header.vertices * vertex_bytes(header) + 12 * header.faces;
     put_word(0x46546c67);
     put_word(2);
@@ -98,9 +108,8 @@ class GlbMeshWriter : public MeshWriterBase {
   void write_vertices(std::span<const Double3> positions, std::span<const std::uint32_t> rgba) override {
     const std::size_t bytes = static_cast<std::size_t>(vertex_bytes(header_));
     for (std::size_t i = 0; i < positions.size(); ++i) {
-      Float3 p;
+      const Float3 p = y_up(local(positions[i]));
       for (std::size_t k = 0; k < 3; ++k) {
-        p[k] = static_cast<float>(positions[i][k]);
         if (!std::isfinite(p[k])) {
           throw InputError(file_.path().string() +
                            ": GLB holds finite positions only and the mesh has others; write .ply instead");

@@ -6,9 +6,11 @@
 #include "octree/error.h"
 #include "stream/files/file_extension.h"
 #include "stream/files/read_file.h"
+#include "stream/formats/meshes/mesh_precision.h"
 #include "stream/files/unpacked_bytes.h"
 #include "stream/formats/meshes/mesh_reader_base.h"
 #include "stream/formats/meshes/mesh_writer_base.h"
+#include "stream/formats/meshes/rounding_check.h"
 
 namespace tessera {
 namespace {
@@ -56,6 +58,11 @@ std::unique_ptr<MeshWriter> create_mesh_file(const std::filesystem::path& path, 
   if (extension == ".obj") return create_obj_mesh(path, header);
   if (extension == ".stl") return create_stl_mesh(path, header);
   return create_glb_mesh(path, header);
+}
+
+std::uint64_t rounding_check_bytes(const std::filesystem::path& path, bool double_positions,
+                                   std::uint64_t vertices) {
+  return double_positions && holds_floats_only(path) ? RoundingCheck::bytes(vertices) : 0;
 }
 
 std::unique_ptr<MeshReader> open_mesh_file(const std::filesystem::path& path,

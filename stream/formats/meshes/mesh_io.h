@@ -22,14 +22,26 @@ using MeshFace = std::array<std::uint64_t, 3>;
 struct MeshHeader {
   std::uint64_t vertices = 0;
   std::uint64_t faces = 0;
-  bool colour = false;            ///< per-vertex rgba follows positions
-  bool double_positions = false;  ///< PLY and OBJ only
+  bool colour = false;  ///< per-vertex rgba follows positions
+  /// Positions need more than floats. PLY and OBJ hold them as they are; STL and GLB as floats from `origin`, and what that
+  /// does to the mesh is checked (MeshRounding). Else positions are written as floats.
+  bool double_positions = false;
+  Double3 origin = {0, 0, 0};  ///< STL and GLB only: what positions in the file count from (mesh_precision.h)
+  bool check_rounding =
+      false;  ///< with positions written as floats: they may need more, check what rounding does
   /// Faces say whether they close a hole (PLY: property uchar synthetic); other formats drop it.
   bool synthetic = false;
   /// What was subtracted from the positions (recorded as a comment where the format has one); zero when
   /// positions are in the scan's frame.
   Double3 shift = {0, 0, 0};
   std::vector<std::string> comments;  ///< provenance, one line each
+};
+
+/// What the floats of a format made of the positions.
+struct MeshRounding {
+  double largest = 0.0;               ///< no position was moved farther, as the file is read back
+  std::uint64_t merged_vertices = 0;  ///< came to lie on one that had another position
+  std::uint64_t flattened_faces = 0;  ///< had an area
 };
 
 /// Writes to a file beside `path` and gives it its final name in finish(); the destructor removes what is
@@ -41,18 +53,27 @@ class MeshWriter {
   virtual void vertices(std::span<const Double3> positions, std::span<const std::uint32_t> rgba) = 0;
   /// With header.synthetic, one value per face: 1 where there is no data. Else none.
   virtual void faces(std::span<const MeshFace> faces, std::span<const std::uint8_t> synthetic = {}) = 0;
-  /// Flushes, syncs, renames. \throws Error when counts differ from the header
+  /// Flushes, syncs, renames. \throws Error when counts differ from the header; ValidationError where rounding to floats
+  /// left more than one in a thousand faces without area: then no file gets the name
   virtual void finish() = 0;
   virtual std::uint64_t bytes_written() const = 0;
+  /// After finish().
+  virtual MeshRounding rounding() const = 0;
 };
 
 /// \throws UsageError for an extension that create_mesh_file() does not know
 void require_mesh_extension(const std::filesystem::path& path);
 
+/// Of the origin in the 80 bytes of an STL: "; tessera_origin X Y Z" behind "Tessera".
+inline constexpr const char* kStlOrigin = "tessera_origin";
+
 /// By extension: .ply (binary little endian), .obj, .stl (binary), .glb.
 /// \throws UsageError for an unknown extension or a mesh over the format's limits (STL 2^32-1 faces and floats, GLB
 ///   2^32-1 bytes per buffer), naming one that can hold it; ResourceError when the disk is full
 std::unique_ptr<MeshWriter> create_mesh_file(const std::filesystem::path& path, const MeshHeader& header);
+/// What the check of rounding takes at most beside the file's own buffer; 0 where nothing is rounded.
+std::uint64_t rounding_check_bytes(const std::filesystem::path& path, bool double_positions,
+                                   std::uint64_t vertices);
 
 /// A mesh on disk, streamed through bounded buffers. Polygons are cut into triangles (polygon_triangulation.h). Both parts
 /// can be read any number of times, in any order.

@@ -55,17 +55,20 @@ std::uint32_t colour_byte(double unit) {
   return unit >= 1.0 ? 255u : static_cast<std::uint32_t>(unit * 255.0 + 0.5);
 }
 
-bool parse_shift(std::string_view comment, Double3& shift) {
-  constexpr std::string_view kName = "tessera_shift";
-  if (!comment.starts_with(kName)) return false;
-  comment.remove_prefix(kName.size());
+bool parse_triple(std::string_view line, std::string_view name, Double3& values) {
+  if (!line.starts_with(name)) return false;
+  line.remove_prefix(name.size());
   Double3 parsed;
   for (double& value : parsed) {
-    while (!comment.empty() && comment.front() == ' ') comment.remove_prefix(1);
-    if (!take_number(comment, value) || !std::isfinite(value)) return false;
+    while (!line.empty() && line.front() == ' ') line.remove_prefix(1);
+    if (!take_number(line, value) || !std::isfinite(value)) return false;
   }
-  shift = parsed;
+  values = parsed;
   return true;
+}
+
+bool parse_shift(std::string_view comment, Double3& shift) {
+  return parse_triple(comment, "tessera_shift", shift);
 }
 
 }  // namespace tessera

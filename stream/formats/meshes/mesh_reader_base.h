@@ -114,6 +114,8 @@ std::uint32_t colour_byte(double unit);
 constexpr std::uint32_t pack_rgba(std::uint32_t r, std::uint32_t g, std::uint32_t b, std::uint32_t a = 255) {
   return r | g << 8 | b << 16 | a << 24;
 }
+/// Takes X Y Z out of "NAME X Y Z" and whatever follows; false, and nothing taken, for any other line.
+bool parse_triple(std::string_view line, std::string_view name, Double3& values);
 /// Takes `tessera_shift X Y Z` out of a comment; false for any other comment.
 bool parse_shift(std::string_view comment, Double3& shift);
 

@@ -1,13 +1,58 @@
 #include "stream/formats/meshes/mesh_writer_base.h"
 
 #include <charconv>
+#include <cmath>
 
 #include "octree/error.h"
+#include "stream/runtime/numbers.h"
 
 namespace tessera {
 
-MeshWriterBase::MeshWriterBase(const std::filesystem::path& path, const MeshHeader& header)
-    : header_(header), file_(path) {}
+namespace {
+
+/// One in so many faces without area is more than a mesh with a few slivers: floats cannot hold it.
+constexpr std::uint64_t kManyFaces = 1000;
+
+/// The position that a reader gets.
+Double3 read_back(const Float3& local, const Double3& origin) {
+  return {origin[0] + double{local[0]}, origin[1] + double{local[1]}, origin[2] + double{local[2]}};
+}
+
+}  // namespace
+
+MeshWriterBase::MeshWriterBase(const std::filesystem::path& path, const MeshHeader& header, bool floats)
+    : header_(header), file_(path), floats_(floats) {
+  if (!floats_ || (!header.double_positions && !header.check_rounding)) return;
+  check_ = std::make_unique<RoundingCheck>(
+      path.has_parent_path() ? path.parent_path() : ".",
+      [this](const Double3& p) { return read_back(local(p), header_.origin); });
+}
+
+void MeshWriterBase::note_rounding(std::span<const Double3> positions) {
+  for (const Double3& p : positions) {
+    const Double3 q = read_back(local(p), header_.origin);
+    for (std::size_t k = 0; k < 3; ++k) {
+      const double by = std::fabs(q[k] - p[k]);  // NaN where the position is none
+      if (by > moved_[k]) moved_[k] = by;
+    }
+  }
+  if (check_) check_->vertices(positions);
+}
+
+void MeshWriterBase::finish_rounding() {
+  if (check_) rounding_ = check_->finish();
+  rounding_.largest = std::sqrt(moved_[0] * moved_[0] + moved_[1] * moved_[1] + moved_[2] * moved_[2]);
+  check_.reset();
+  const auto way_out = [&] {
+    return file_.path().string() +
+           ": floats of 32 bits cannot hold this mesh: they move its vertices by up to " +
+           number_text(rounding_.largest);
+  };
+  if (!std::isfinite(rounding_.largest)) throw ValidationError(way_out() + "; write doubles (.ply, .obj)");
+  if (kManyFaces * rounding_.flattened_faces > faces_)
+    throw ValidationError(way_out() + ", which leaves " + std::to_string(rounding_.flattened_faces) + " of " +
+                          std::to_string(faces_) + " faces without area; write doubles (.ply, .obj)");
+}
 
 void MeshWriterBase::vertices(std::span<const Double3> positions, std::span<const std::uint32_t> rgba) {
   if (faces_ > 0) throw ValidationError(file_.path().string() + ": a vertex came after the first face");
@@ -20,6 +65,7 @@ void MeshWriterBase::vertices(std::span<const Double3> positions, std::span<cons
                           std::to_string(header_.vertices) + " announced");
   }
   vertices_ += positions.size();
+  if (floats_) note_rounding(positions);
   write_vertices(positions, rgba);
 }
 
@@ -43,6 +89,7 @@ void MeshWriterBase::faces(std::span<const MeshFace> faces, std::span<const std:
                           " names a vertex beyond the last, " + std::to_string(vertices_));
   }
   faces_ += faces.size();
+  if (check_) check_->faces(faces);
   write_faces(faces, synthetic);
 }
 
@@ -53,8 +100,19 @@ void MeshWriterBase::finish() {
                           std::to_string(header_.vertices) + " and " + std::to_string(header_.faces) +
                           " announced");
   }
+  finish_rounding();
   write_end();
   file_.finish();
+}
+
+std::string triple_line(const char* name, const Double3& values) {
+  std::string line = name;
+  for (const double value : values) {
+    char text[32];
+    const auto end = std::to_chars(text, text + sizeof text, value).ptr;
+    line.append(" ").append(text, end);
+  }
+  return line;
 }
 
 std::vector<std::string> comment_lines(const MeshHeader& header) {
@@ -64,15 +122,7 @@ std::vector<std::string> comment_lines(const MeshHeader& header) {
       if (c == '\n' || c == '\r') c = ' ';
     }
   }
-  if (header.shift != Double3{0, 0, 0}) {
-    std::string line = "tessera_shift";
-    for (const double value : header.shift) {
-      char text[32];
-      const auto end = std::to_chars(text, text + sizeof text, value).ptr;
-      line.append(" ").append(text, end);
-    }
-    lines.push_back(line);
-  }
+  if (header.shift != Double3{0, 0, 0}) lines.push_back(triple_line("tessera_shift", header.shift));
   return lines;
 }
 

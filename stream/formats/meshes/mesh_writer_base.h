@@ -1,5 +1,6 @@
 /// \file mesh_writer_base.h
-/// What every mesh writer checks before a format sees the data: order of calls, counts, indices.
+/// What every mesh writer checks before a format sees the data: order of calls, counts, indices; and what rounding to
+/// floats does to it.
 #pragma once
 #include <filesystem>
 #include <memory>
@@ -8,6 +9,7 @@
 
 #include "stream/files/output_file.h"
 #include "stream/formats/meshes/mesh_io.h"
+#include "stream/formats/meshes/rounding_check.h"
 
 namespace tessera {
 
@@ -17,9 +19,17 @@ class MeshWriterBase : public MeshWriter {
   void faces(std::span<const MeshFace> faces, std::span<const std::uint8_t> synthetic) final;
   void finish() final;
   std::uint64_t bytes_written() const final { return file_.size(); }
+  MeshRounding rounding() const final { return rounding_; }
 
  protected:
-  MeshWriterBase(const std::filesystem::path& path, const MeshHeader& header);
+  /// \param floats  positions are stored as floats, by local()
+  MeshWriterBase(const std::filesystem::path& path, const MeshHeader& header, bool floats);
+  /// What the file holds of a position.
+  Float3 local(const Double3& position) const {
+    Float3 p;
+    for (std::size_t k = 0; k < 3; ++k) p[k] = static_cast<float>(position[k] - header_.origin[k]);
+    return p;
+  }
   virtual void write_vertices(std::span<const Double3> positions, std::span<const std::uint32_t> rgba) = 0;
   virtual void write_faces(std::span<const MeshFace> faces, std::span<const std::uint8_t> synthetic) = 0;
   virtual void write_end() {}  ///< all counts are right; the file is synced and renamed afterwards
@@ -28,9 +38,19 @@ class MeshWriterBase : public MeshWriter {
   OutputFile file_;
 
  private:
+  void note_rounding(std::span<const Double3> positions);
+  void finish_rounding();
+
+  const bool floats_;
   std::uint64_t vertices_ = 0;
   std::uint64_t faces_ = 0;
+  Double3 moved_ = {0, 0, 0};  ///< farthest along each axis
+  std::unique_ptr<RoundingCheck> check_;
+  MeshRounding rounding_;
 };
+
+/// "NAME X Y Z", exact decimal doubles: how an origin and a shift stand in a file.
+std::string triple_line(const char* name, const Double3& values);
 
 /// Provenance lines of a header, one string each without line breaks; the shift, when not zero, comes last as
 /// `tessera_shift X Y Z` (what was subtracted from the positions; exact decimal doubles).

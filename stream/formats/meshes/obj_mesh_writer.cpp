@@ -12,7 +12,8 @@ constexpr std::size_t kBatchBytes = std::size_t{1} << 20;
 
 class ObjMeshWriter : public MeshWriterBase {
  public:
-  ObjMeshWriter(const std::filesystem::path& path, const MeshHeader& header) : MeshWriterBase(path, header) {
+  ObjMeshWriter(const std::filesystem::path& path, const MeshHeader& header)
+      : MeshWriterBase(path, header, !header.double_positions) {
     for (const std::string& line : comment_lines(header)) file_.append("# " + line + "\n");
   }
 

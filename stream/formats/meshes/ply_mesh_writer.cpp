@@ -32,7 +32,7 @@ void pack_positions(std::span<const Double3> positions, const std::uint32_t* rgb
 class PlyMeshWriter : public MeshWriterBase {
  public:
   PlyMeshWriter(const std::filesystem::path& path, const MeshHeader& header)
-      : MeshWriterBase(path, header),
+      : MeshWriterBase(path, header, !header.double_positions),
         face_bytes_(kFaceBytes + (header.synthetic ? 1u : 0u)),
         vertex_bytes_((header.double_positions ? 24u : 12u) + (header.colour ? 4u : 0u)) {
     const std::string real = header.double_positions ? "double" : "float";

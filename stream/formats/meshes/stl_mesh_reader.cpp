@@ -1,10 +1,12 @@
-/// STL, text and binary. Triangles have no shared vertices: three per face, in order.
+/// STL, text and binary. Triangles have no shared vertices: three per face, in order. Binary files of our own writer say
+/// what their coordinates count from.
 #include <algorithm>
 #include <cmath>
 #include <optional>
 #include <string>
 #include <utility>
 
+#include "octree/vector.h"
 #include "stream/formats/line_reader.h"
 #include "stream/formats/meshes/mesh_reader_base.h"
 #include "stream/formats/scalar.h"
@@ -16,6 +18,7 @@ namespace {
 
 constexpr std::uint64_t kHeaderBytes = 84;
 constexpr std::uint64_t kFacetBytes = 50;
+constexpr std::size_t kTitleBytes = 79;  // of our own files
 
 /// Binary files have zeros or other bytes that no text has in their header, their count or their first facets.
 bool is_text(std::string_view start) {
@@ -33,6 +36,7 @@ class StlMeshReader : public MeshReader {
     file_.read_at(0, start, there);
     if (is_text({start, static_cast<std::size_t>(there)}) && !has_claimed_size()) {
       format_ = "STL text";
+      header_.double_positions = true;  // text has as many digits as its writer gave it
       line_end_ = detect_line_end(file_);
       text_ = true;
       return;
@@ -42,6 +46,7 @@ class StlMeshReader : public MeshReader {
       warnings_.push_back("colours of facets are left out");
     header_.faces = count_facets();
     header_.vertices = 3 * header_.faces;
+    read_title(std::string_view(start, 80));
   }
 
   const MeshHeader& header() const override { return header_; }
@@ -136,13 +141,27 @@ class StlMeshReader : public MeshReader {
     return largest;
   }
 
+  /// What our own writer says of the coordinates: what they count from, what was subtracted before.
+  void read_title(std::string_view title) {
+    if (!title.starts_with("Tessera; ")) return;
+    title = title.substr(0, title.find('\0'));
+    for (std::size_t at = title.find("; "); at != std::string_view::npos; at = title.find("; ", at + 2)) {
+      const std::string_view line = title.substr(at + 2);
+      if (title.size() >= kTitleBytes && line.find("; ") == std::string_view::npos) return;  // cut off
+      if (parse_triple(line, kStlOrigin, origin_)) header_.double_positions = true;
+      parse_shift(line, header_.shift);
+    }
+  }
+
   std::uint64_t read_binary(VertexBatch& batch) const {
     ByteWindow window(file_, begin_, file_.size(), ByteWindow::kDefaultCapacity, true);
     for (std::uint64_t i = 0; i < header_.faces; ++i) {
       const char* facet = window.peek(kFacetBytes).data();
       for (std::size_t corner = 1; corner <= 3; ++corner) {
         const char* p = facet + 12 * corner;
-        batch.add({load_scalar<float>(p), load_scalar<float>(p + 4), load_scalar<float>(p + 8)});
+        Double3 at = {load_scalar<float>(p), load_scalar<float>(p + 4), load_scalar<float>(p + 8)};
+        if (header_.double_positions) at = origin_ + at;
+        batch.add(at);
       }
       window.skip(kFacetBytes);
     }
@@ -184,8 +203,7 @@ class StlMeshReader : public MeshReader {
       if (!open_) throw InputError(text_.where() + ": a vertex stands outside of any facet");
       if (++corners_ > 3) throw InputError(text_.where() + ": a facet has more than three vertices");
       Double3 p;
-      // STL holds floats; text of more digits is rounded as binary files would.
-      for (double& value : p) value = static_cast<float>(text_.number("a coordinate"));
+      for (double& value : p) value = text_.number("a coordinate");
       batch.add(p);
     }
     void begin() {
@@ -224,6 +242,7 @@ class StlMeshReader : public MeshReader {
   char line_end_ = '\n';
   std::uint64_t begin_ = kHeaderBytes;  ///< of the facets
   MeshHeader header_;
+  Double3 origin_ = {0, 0, 0};  ///< binary: what is added to all coordinates
   std::string format_;
   std::vector<std::string> warnings_;
   std::optional<std::uint64_t> facets_;  ///< known after a first pass

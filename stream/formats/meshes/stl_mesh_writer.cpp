@@ -1,5 +1,6 @@
 /// Binary STL: every facet repeats its corners, so positions wait in a store of bounded memory while faces
 /// come. Meshes in an order where near faces name near vertices (ours are) read each part of it about once.
+/// Positions count from the header's origin, which stands in the 80 bytes as `tessera_origin X Y Z`.
 #include <algorithm>
 #include <cmath>
 #include <cstring>
@@ -14,18 +15,23 @@ namespace {
 
 constexpr std::size_t kHeaderBytes = 84;
 constexpr std::size_t kFacetBytes = 50;
+constexpr std::size_t kTitleBytes = 79;
 constexpr std::uint64_t kStoreBytes = std::uint64_t{64} << 20;  // 5.6 million vertices never touch the disk
 
 class StlMeshWriter : public MeshWriterBase {
  public:
   StlMeshWriter(const std::filesystem::path& path, const MeshHeader& header)
-      : MeshWriterBase(path, header),
+      : MeshWriterBase(path, header, true),
         store_(path.has_parent_path() ? path.parent_path() : ".", false, kStoreBytes) {
     // The 80 bytes must not begin with "solid", by which readers know text files.
     char start[kHeaderBytes] = {};
     std::string title = "Tessera";
-    for (const std::string& line : comment_lines(header)) title += "; " + line;
-    std::memcpy(start, title.data(), std::min<std::size_t>(title.size(), 79));
+    // What the coordinates are comes first: there is room for it, not for all comments.
+    if (header.origin != Double3{0, 0, 0}) title += "; " + triple_line(kStlOrigin, header.origin);
+    std::vector<std::string> lines = comment_lines(header);
+    if (header.shift != Double3{0, 0, 0}) std::rotate(lines.begin(), lines.end() - 1, lines.end());
+    for (const std::string& line : lines) title += "; " + line;
+    std::memcpy(start, title.data(), std::min(title.size(), kTitleBytes));
     const auto count = static_cast<std::uint32_t>(header.faces);
     std::memcpy(start + 80, &count, sizeof count);
     file_.append(start, sizeof start);
@@ -33,7 +39,15 @@ class StlMeshWriter : public MeshWriterBase {
 
  private:
   void write_vertices(std::span<const Double3> positions, std::span<const std::uint32_t>) override {
-    store_.append(positions);
+    if (header_.origin == Double3{0, 0, 0}) {
+      store_.append(positions);  // which rounds as local() does
+      return;
+    }
+    for (const Double3& p : positions) {
+      const Float3 q = local(p);
+      const Double3 rounded = {q[0], q[1], q[2]};
+      store_.append({&rounded, 1});
+    }
   }
 
   void write_faces(std::span<const MeshFace> faces, std::span<const std::uint8_t>) override {

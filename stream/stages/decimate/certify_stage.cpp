@@ -97,8 +97,10 @@ class CertifyStage : public Stage {
       const auto found = tight.find(c);
       add_cell(sum, found == tight.end() ? cell : found->second);
     });
-    nlohmann::json report = to_json(sum);
     const std::string complaint = request_.tolerance > 0.0 ? sum.complaint(false) : "";
+    const double rounding = add_rounding(sum);
+    nlohmann::json report = to_json(sum);
+    if (rounding > 0.0) report["rounding"] = rounding;
     if (!complaint.empty()) {
       std::vector<FailedFace> failed;
       for (std::size_t task = 0; task < summaries.size() && failed.size() < kMostFailedFaces; ++task)
@@ -127,6 +129,17 @@ class CertifyStage : public Stage {
   static std::size_t cells_per_task(std::size_t cells) {
     return std::max(std::clamp<std::size_t>(cells / kFewTasks, 1, kFullTask),
                     (cells + kMostTasks - 1) / kMostTasks);
+  }
+
+  /// A face moves no farther than its corners do.
+  double add_rounding(MeshComparison& sum) const {
+    if (request_.placement.rounding == 0.0) return 0.0;
+    const double rounding = float_rounding(request_.placement.origin, mesh_.box().low, mesh_.box().high);
+    for (DirectedDeviation* way : {&sum.there, &sum.back})
+      for (DeviationReport* found : {&way->surface, &way->border})
+        if (found->area > 0.0) found->upper += rounding;
+    sum.tolerance += rounding;
+    return rounding;
   }
 
   /// What the round before found in a cell that it proved and that is the same now.

@@ -6,6 +6,7 @@
 #include <memory>
 #include <string>
 
+#include "stream/formats/meshes/mesh_precision.h"
 #include "stream/meshes/mesh_store.h"
 #include "stream/runtime/stage.h"
 
@@ -18,6 +19,9 @@ struct CertifyRequest {
   bool tight = true;   ///< false: a bound up to the tolerance, or the scale, is as good as a tight one
   std::function<MeshStore(const JobState&)> mesh;
   std::function<MeshStore(const JobState&)> reference;
+  /// How the job's output holds the mesh: what rounding may move its vertices by is added to every bound, and to the
+  /// tolerance, which is what the job left of its own (tolerance_before_rounding).
+  MeshPlacement placement = {};
   std::string failed_file;  ///< name of the file of faces that are not proven, if any; empty = no other round
   /// The stage and mesh of the round before, same reference: what has not changed since is taken from it. Empty = none.
   std::string name_before;

@@ -114,16 +114,18 @@ std::vector<StageEntry> simplify_stages(const SimplifyOptions& options, Simplify
                         if (round > last_round(state.work)) return make_idle_stage(request.name);
                         CertifyRequest now = request;
                         now.tolerance = stores.options(state, options).tolerance;
+                        now.placement = stores.placement(state, stores.asked(state, options).tolerance);
                         return make_certify_stage(state, now);
                       }});
   }
-  stages.push_back(
-      {"write", [=](const JobState& state) {
-         return make_store_write_stage(
-             state, open_pass_input(state, stores, {options.passes, last_round(state.work), false}),
-             "made by " + made_by + ", tolerance " + json(stores.options(state, options).tolerance).dump(),
-             sort_bytes(state.run));
-       }});
+  stages.push_back({"write", [=](const JobState& state) {
+                      const double tolerance = stores.asked(state, options).tolerance;
+                      return make_store_write_stage(
+                          state,
+                          open_pass_input(state, stores, {options.passes, last_round(state.work), false}),
+                          "made by " + made_by + ", tolerance " + json(tolerance).dump(),
+                          sort_bytes(state.run), stores.placement(state, tolerance));
+                    }});
   return stages;
 }
 
@@ -135,7 +137,8 @@ JobDescription decimate_job(const SimplifyOptions& options) {
   std::vector<StageEntry> stages = import_stages({0, kDecimateImport});
   for (StageEntry& entry : simplify_stages(options, imported_stores(kDecimateImport), "tessera decimate"))
     stages.push_back(std::move(entry));
-  JobDescription job = {"decimate", std::move(stages), 0, summarise, {carried_system()}, job_page()};
+  JobDescription job = {"decimate", std::move(stages), 0, summarise, {carried_system(), told_origin()},
+                        job_page()};
   job.needs = [options](const JobState& state) {
     const MeshSize mesh = claimed_mesh_size(state.inputs.at(0));
     std::vector<StageNeed> needs = import_needs(state.run, {0, kDecimateImport}, mesh);

@@ -10,7 +10,9 @@
 
 #include <nlohmann/json_fwd.hpp>
 
+#include "stream/formats/meshes/mesh_precision.h"
 #include "stream/meshes/mesh_blocking.h"
+#include "stream/meshes/store_write_stage.h"
 #include "stream/runtime/stage.h"
 #include "stream/stages/decimate/simplify_options.h"
 
@@ -47,9 +49,26 @@ struct SimplifyStores {
   /// What the certificate is against where `full` was smoothed, with bounds of its faces to it; else empty.
   std::function<MeshStore(const JobState&)> given = {};
 
-  SimplifyOptions options(const JobState& state, SimplifyOptions chosen) const {
+  /// How the job's output holds the result, where the box of `full` does not tell it; else empty. What that takes of the
+  /// tolerance is off `tolerance_left` then.
+  std::function<MeshPlacement(const JobState&)> placed = {};
+
+  /// With the tolerance as it was asked for, or found.
+  SimplifyOptions asked(const JobState& state, SimplifyOptions chosen) const {
     if (tolerance_left) chosen.tolerance = tolerance_left(state);
     return chosen;
+  }
+  /// With what rounding in the output leaves of it: for passes and certificate.
+  SimplifyOptions options(const JobState& state, SimplifyOptions chosen) const {
+    chosen = asked(state, chosen);
+    if (!placed && chosen.tolerance > 0.0)
+      chosen.tolerance =
+          tolerance_before_rounding(state.output, chosen.tolerance, placement(state, chosen.tolerance));
+    return chosen;
+  }
+  MeshPlacement placement(const JobState& state, double tolerance) const {
+    if (!holds_floats_only(state.output)) return {};
+    return placed ? placed(state) : store_placement(state.output, full(state), tolerance);
   }
   MeshStore reference(const JobState& state) const { return given ? given(state) : full(state); }
 };

@@ -8,6 +8,7 @@
 #include "stream/files/path_text.h"
 #include "stream/files/planned_writes.h"
 #include "stream/formats/meshes/mesh_io.h"
+#include "stream/formats/meshes/mesh_precision.h"
 #include "stream/meshes/mesh_weld.h"
 #include "stream/meshes/store_write_stage.h"
 #include "stream/runtime/serial_stage.h"
@@ -24,6 +25,7 @@ namespace {
 
 using json = nlohmann::json;
 
+constexpr std::uint64_t kManyVertices = std::uint64_t{1} << 32;  ///< headers of text tell none
 constexpr std::size_t kManyFlips = 100;  ///< one in so many faces of the base is worth a warning
 
 /// As PointRecord::rgba.
@@ -55,7 +57,8 @@ class DeformWriteStage : public SerialStage {
   std::uint64_t units() const override { return open_mesh_file(mesh_)->header().vertices; }
   std::string unit_name() const override { return "vertices"; }
   std::uint64_t finish_bytes() const override {
-    return write_stage_bytes(basis_size(file_, !prepares_), run_);
+    return write_stage_bytes(basis_size(file_, !prepares_), run_) +
+           (prepares_ ? 0 : rounding_check_bytes(output_, true, kManyVertices));
   }
 
   json finish(const std::vector<json>&, TaskContext& context) const override {
@@ -86,6 +89,21 @@ class DeformWriteStage : public SerialStage {
       n.faces += batch.size();
     });
     return n;
+  }
+
+  /// Where floats are too coarse so far from zero, what moves is written in doubles though the mesh came in floats.
+  void place(MeshHeader& header, std::span<const Double3> base, bool stays) const {
+    if (base.empty()) return;
+    Double3 low = base[0], high = base[0];
+    for (const Double3& p : base) {
+      for (std::size_t k = 0; k < 3; ++k) {
+        low[k] = std::min(low[k], p[k]);
+        high[k] = std::max(high[k], p[k]);
+      }
+    }
+    const double fine = fine_rounding(header.faces, low, high, 0.0);
+    if (!stays && float_rounding({0, 0, 0}, low, high) > fine) header.double_positions = true;
+    header.origin = place_mesh(output_, header.double_positions, low, high, fine).origin;
   }
 
   static void encode(const DisplacementEncoder& encoder, double diagonal, DisplacedBatch& b) {
@@ -138,6 +156,7 @@ class DeformWriteStage : public SerialStage {
       header.vertices = n.vertices;
       header.faces = n.faces;
     }
+    place(header, basis.base.position, colours);
     header.synthetic = mesh.has_synthetic();
     if (colours) header.colour = true;
     const auto writer = create_mesh_file(output_, header);
@@ -185,13 +204,14 @@ class DeformWriteStage : public SerialStage {
                 {"double_positions", header.double_positions},
                 {"shift", header.shift},
                 {"tangent_vertices", tangents}};
+    tell_rounding(out, output_, header.origin, writer->rounding());
     if (const json targets = residuals(rest, posed, encoder.get(), diagonal); !colours && !targets.is_null())
       out["targets"] = targets;
     if (!colours) {
-      out["largest_move"] = std::sqrt(largest);
+      out["largest_move"] = std::sqrt(largest) + writer->rounding().largest;
       if (mirrored) out["mirrored"] = true;
       out.update(json::parse(pose.told));
-      json warnings = json::array();
+      json warnings = out.value("warnings", json::array());
       if (pose.flipped * kManyFlips > basis.base.faces.size())
         warnings.push_back(std::to_string(pose.flipped) + " of the " +
                            std::to_string(basis.base.faces.size()) +

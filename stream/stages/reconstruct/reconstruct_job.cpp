@@ -28,6 +28,7 @@
 #include "stream/stages/surface/level_surface_stage.h"
 #include "stream/stages/surface/levels_stage.h"
 #include "stream/stages/surface/loops_stage.h"
+#include "stream/stages/surface/output_frame.h"
 #include "stream/stages/surface/samples_stage.h"
 #include "stream/stages/surface/surface_stage.h"
 #include "stream/stages/surface/weld_stage.h"
@@ -61,6 +62,11 @@ void summarise(nlohmann::json& report) {
       report["certificate"] = certificate;
     }
   }
+  // What rounding in the file may add to the distance of a point.
+  if (const nlohmann::json certificate = certificate_of(report);
+      report.contains("samples") && certificate.is_object() && certificate.contains("rounding"))
+    report["samples"]["certified_max"] =
+        report["samples"]["certified_max"].get<double>() + certificate.at("rounding").get<double>();
   if (const nlohmann::json smoothing = smoothing_of(report); smoothing.is_object())
     report["smoothing"] = smoothing;
   const nlohmann::json written = result_of(report, "write");
@@ -128,7 +134,8 @@ std::vector<StageEntry> reconstruct_stages(const ReconstructOptions& options) {
   const auto append = [&](std::vector<StageEntry> more) {
     for (StageEntry& entry : more) stages.push_back(std::move(entry));
   };
-  const auto finish = [&](const SimplifyStores& stores) {
+  const auto finish = [&](SimplifyStores stores) {
+    stores.placed = [](const JobState& state) { return plan_placement(state, Plan::of_work(state.work)); };
     const SimplifyOptions simplify = reconstruct_simplify_options(options);
     append(simplify_stages(simplify, stores, "tessera reconstruct"));
     // The last stage ends the job.
@@ -195,7 +202,16 @@ JobDescription reconstruct_job(const ReconstructOptions& options) {
     job.beside.push_back({uncertain_points_path, "the doubts of --normals"});
   }
   job.beside.push_back({system_path, "the coordinate system beside -o", false, system_text});
-  if (options.keep_raw) job.beside.push_back({raw_output_path, "--keep-raw", true});
+  job.beside.push_back(told_origin());
+  if (options.keep_raw) {
+    job.beside.push_back({raw_output_path, "--keep-raw", true});
+    const auto path = [](const std::filesystem::path& output) {
+      return stl_shift_path(raw_output_path(output));
+    };
+    job.beside.push_back({path, "the origin beside --keep-raw", false, [](const nlohmann::json& report) {
+                            return origin_text(result_of(report, "keep-raw"));
+                          }});
+  }
   return job;
 }
 

@@ -47,6 +47,17 @@ void summarise(json& report) {
       report["quality"] = stage.at("result").at("quality");
 }
 
+MeshPlacement placement(const JobState& state, const RemeshJobOptions& options) {
+  if (!holds_floats_only(state.output)) return {};
+  return store_placement(state.output, open_imported_mesh(state.work, kRemeshImport), options.tolerance);
+}
+/// With what rounding in the output leaves of the tolerance.
+RemeshJobOptions before_rounding(const JobState& state, RemeshJobOptions options) {
+  if (options.tolerance > 0.0)
+    options.tolerance = tolerance_before_rounding(state.output, options.tolerance, placement(state, options));
+  return options;
+}
+
 StageEntry certify_entry(const RemeshJobOptions& options, const SimplifyStores& stores, int round,
                          bool last) {
   CertifyRequest request;
@@ -66,6 +77,8 @@ StageEntry certify_entry(const RemeshJobOptions& options, const SimplifyStores& 
   return {request.name, [=](const JobState& state) {
             if (round > last_round(state.work)) return make_idle_stage(request.name);
             CertifyRequest now = request;
+            now.tolerance = before_rounding(state, options).tolerance;
+            now.placement = placement(state, options);
             now.scale = kMeasuredShare * Sizing::of_work(state.work).edge;
             return make_certify_stage(state, now);
           }};
@@ -76,14 +89,16 @@ StageEntry certify_entry(const RemeshJobOptions& options, const SimplifyStores& 
 JobDescription remesh_job(const RemeshJobOptions& options) {
   options.validate();
   std::vector<StageEntry> stages = import_stages(remesh_source(options));
-  stages.push_back({"sizing", [=](const JobState& state) { return make_sizing_stage(state, options); }});
+  stages.push_back({"sizing", [=](const JobState& state) {
+                      return make_sizing_stage(state, before_rounding(state, options));
+                    }});
   const SimplifyStores stores = imported_stores(kRemeshImport);
   const int rounds = options.tolerance > 0.0 ? kMostRounds : 1;
   for (int round = 0; round < rounds; ++round) {
     for (int p = 0; p < options.passes; ++p) {
       const SimplifyPass pass{p, round, false};
       stages.push_back({pass.stage_name(), [=](const JobState& state) {
-                          return make_remesh_stage(state, options, stores, pass);
+                          return make_remesh_stage(state, before_rounding(state, options), stores, pass);
                         }});
     }
     stages.push_back(certify_entry(options, stores, round, round + 1 == rounds));
@@ -93,9 +108,9 @@ JobDescription remesh_job(const RemeshJobOptions& options) {
                           state,
                           open_pass_input(state, stores, {options.passes, last_round(state.work), false}),
                           "made by tessera remesh, edges of " + json(Sizing::of_work(state.work).edge).dump(),
-                          sort_bytes(state.run));
+                          sort_bytes(state.run), placement(state, options));
                     }});
-  JobDescription job = {"remesh", std::move(stages), 0, summarise, {}, job_page()};
+  JobDescription job = {"remesh", std::move(stages), 0, summarise, {told_origin()}, job_page()};
   job.needs = [options](const JobState& state) {
     const MeshSize mesh = claimed_mesh_size(state.inputs.at(0));
     std::vector<StageNeed> needs = import_needs(state.run, remesh_source(options), mesh);

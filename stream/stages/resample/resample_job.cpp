@@ -31,6 +31,10 @@ void summarise(json& report) {
 
 JobDescription resample_job(const ResampleOptions& options) {
   options.validate();
+  const auto placement = [options](const JobState& s) {
+    if (!holds_floats_only(s.output)) return MeshPlacement{};
+    return store_placement(s.output, open_imported_mesh(s.work, kResampleImport), options.tolerance);
+  };
   std::vector<StageEntry> stages = import_stages({0, kResampleImport});
   stages.push_back({"scale", [=](const JobState& s) { return make_resample_scale_stage(s, options); }});
   stages.push_back({"bends", [=](const JobState& s) { return make_bends_stage(s, options); }});
@@ -46,13 +50,15 @@ JobDescription resample_job(const ResampleOptions& options) {
                       request.reference = [](const JobState& state) {
                         return open_imported_mesh(state.work, kResampleImport);
                       };
+                      request.placement = placement(s);
                       return make_certify_stage(s, request);
                     }});
   stages.push_back({"write", [=](const JobState& s) {
                       return make_store_write_stage(s, open_resampled(s.work), "made by tessera resample",
-                                                    sort_bytes(s.run));
+                                                    sort_bytes(s.run), placement(s));
                     }});
-  JobDescription job{"resample", std::move(stages), 0, summarise, {carried_system()}, job_page()};
+  JobDescription job{"resample", std::move(stages), 0, summarise, {carried_system(), told_origin()},
+                     job_page()};
   job.needs = [options](const JobState& state) {
     const MeshSize mesh = claimed_mesh_size(state.inputs.at(0));
     std::vector<StageNeed> needs = import_needs(state.run, {0, kResampleImport}, mesh);

@@ -6,6 +6,7 @@
 #include "octree/error.h"
 #include "stream/check/mesh_compare.h"
 #include "stream/import/import_stages.h"
+#include "stream/meshes/store_write_stage.h"
 #include "stream/runtime/numbers.h"
 #include "stream/stages/resample/resample_stages.h"
 
@@ -28,7 +29,11 @@ double length_of_class(std::uint32_t c) {
 class ResampleScaleStage : public Stage {
  public:
   ResampleScaleStage(const JobState& state, const ResampleOptions& options)
-      : store_(open_imported_mesh(state.work, kResampleImport)), options_(options) {
+      : store_(open_imported_mesh(state.work, kResampleImport)),
+        options_(options),
+        output_(state.output),
+        placement_(store_placement(state.output, store_, options.tolerance)) {
+    if (!options_.edits()) tolerance_before_rounding(output_, options_.tolerance, placement_);
     if (options_.tolerance > 0.0) require_provable(store_, options_.tolerance);
     if (options_.tolerance > 0.0 && !(options_.tolerance < store_.diagonal()))
       throw UsageError("--tolerance " + number_text(options_.tolerance) +
@@ -79,6 +84,7 @@ class ResampleScaleStage : public Stage {
       break;
     }
     scale.tolerance = options_.tolerance > 0.0 ? options_.tolerance : kDefaultTolerance * store_.diagonal();
+    if (!options_.edits()) scale.tolerance = tolerance_before_rounding(output_, scale.tolerance, placement_);
     if (!(scale.edge > 0.0))
       throw EmptyError("most edges of the mesh have no length: there is nothing to resample");
     scale.save(context.create(MeshScale::kFile));
@@ -88,6 +94,8 @@ class ResampleScaleStage : public Stage {
  private:
   MeshStore store_;
   ResampleOptions options_;
+  std::filesystem::path output_;
+  MeshPlacement placement_;
 };
 
 }  // namespace

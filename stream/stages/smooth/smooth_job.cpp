@@ -26,8 +26,16 @@ void summarise(json& report) {
     const std::string name = stage.at("name").get<std::string>();
     if (name == "write" || name.rfind("smooth-", 0) == 0) mesh.update(stage.at("result"));
   }
+  // What rounding in the file may add to a move.
+  if (mesh.contains("largest_move") && mesh.contains("rounding"))
+    mesh["largest_move"] = mesh.at("largest_move").get<double>() + mesh.at("rounding").get<double>();
   report["mesh"] = mesh;
   report["input"] = import_report(report, kImport);
+}
+
+MeshPlacement placement(const JobState& state, const SmoothPlan& plan) {
+  if (!holds_floats_only(state.output)) return {};
+  return store_placement(state.output, plan.mesh(state), plan.tolerance);
 }
 
 }  // namespace
@@ -93,19 +101,25 @@ JobDescription smooth_job(const SmoothOptions& options) {
   plan.tolerance = options.tolerance;
   plan.mesh = [](const JobState& state) { return open_imported_mesh(state.work, kImport); };
   plan.mesh_folder = kImport + "/";
-  JobDescription job{"smooth", import_stages({0, kImport}), 0, summarise, {carried_system()}, job_page()};
+  JobDescription job{"smooth",  import_stages({0, kImport}),       0,
+                     summarise, {carried_system(), told_origin()}, job_page()};
   job.needs = [rounds = plan.rounds](const JobState& state) {
     const MeshSize mesh = claimed_mesh_size(state.inputs.at(0));
     std::vector<StageNeed> needs = import_needs(state.run, {0, kImport}, mesh);
     for (const StageNeed& need : smooth_needs(rounds, mesh)) needs.push_back(need);
     return needs;
   };
-  for (StageEntry& entry : smooth_stages(plan.rounds, [plan](const JobState&) { return plan; }))
-    job.stages.push_back(std::move(entry));
+  const SmoothPlanner planner = [plan](const JobState& state) {
+    SmoothPlan now = plan;
+    if (now.tolerance > 0.0 && holds_floats_only(state.output))
+      now.tolerance = tolerance_before_rounding(state.output, now.tolerance, placement(state, now));
+    return now;
+  };
+  for (StageEntry& entry : smooth_stages(plan.rounds, planner)) job.stages.push_back(std::move(entry));
   job.stages.push_back({"write", [plan](const JobState& state) {
                           return make_store_write_stage(state, open_smoothed(state, plan, plan.rounds.size()),
                                                         "made by tessera smooth " + state.settings,
-                                                        kSortBytes);
+                                                        kSortBytes, placement(state, plan));
                         }});
   return job;
 }

@@ -3,6 +3,7 @@
 #include <nlohmann/json.hpp>
 
 #include "octree/error.h"
+#include "stream/meshes/store_write_stage.h"
 #include "stream/page/report_page.h"
 
 namespace tessera {
@@ -110,8 +111,12 @@ SolidModel csg_model(const CsgOptions& options) {
 
 JobDescription csg_job(const CsgOptions& options) {
   const SolidModel model = csg_model(options);
-  JobDescription job{
-      "csg", solid_stages(model, options.min_component, "tessera csg"), 0, summarise_solids, {}, job_page()};
+  JobDescription job{"csg",
+                     solid_stages(model, options.min_component, "tessera csg"),
+                     0,
+                     summarise_solids,
+                     {told_origin()},
+                     job_page()};
   job.needs = [meshes = model.inputs()](const JobState& state) { return solid_needs(state, meshes); };
   return job;
 }

@@ -5,6 +5,7 @@
 
 #include "stream/import/import_needs.h"
 #include "stream/import/import_stages.h"
+#include "stream/meshes/store_write_stage.h"
 #include "stream/page/report_page.h"
 #include "stream/runtime/report.h"
 #include "stream/stages/surface/weld_stage.h"
@@ -131,9 +132,12 @@ SolidModel model_of_soup(std::size_t meshes) {
 JobDescription resurface_job(const ResurfaceOptions& options) {
   SolidModel model = model_of_soup(options.meshes);
   apply(options, model);
-  JobDescription job{"resurface", solid_stages(model, options.min_component, "tessera resurface"),
-                     0,           summarise_solids,
-                     {},          job_page()};
+  JobDescription job{"resurface",
+                     solid_stages(model, options.min_component, "tessera resurface"),
+                     0,
+                     summarise_solids,
+                     {told_origin()},
+                     job_page()};
   job.needs = [meshes = model.inputs()](const JobState& state) { return solid_needs(state, meshes); };
   return job;
 }

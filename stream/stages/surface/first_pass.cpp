@@ -86,9 +86,12 @@ MeshStore open(const JobState& state, const char* folder, const char* pruned) {
 
 double reconstruct_tolerance(const JobState& state) {
   const double asked = reconstruct_options(state).tolerance;
-  if (asked != kAutoTolerance) return asked;
+  if (asked == 0.0) return 0.0;
   const Plan plan = Plan::of_work(state.work);
-  return auto_tolerance(plan.lattice.h, plan.noise_cells * plan.lattice.h);
+  return tolerance_before_rounding(
+      state.output,
+      asked == kAutoTolerance ? auto_tolerance(plan.lattice.h, plan.noise_cells * plan.lattice.h) : asked,
+      plan_placement(state, plan));
 }
 
 SimplifyOptions reconstruct_simplify_options(const ReconstructOptions& options) {

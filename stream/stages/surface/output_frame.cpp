@@ -4,12 +4,13 @@
 #include <cmath>
 
 #include "stream/points/reconstruct_options.h"
+#include "stream/stages/surface/level_files.h"
 
 namespace tessera {
 namespace {
 
 bool float_suffices(double farthest, double h) {
-  return farthest * 0x1p-24 <= h * 1e-3;
+  return farthest * 0x1p-24 <= h * kFineCells;
 }
 
 }  // namespace
@@ -24,22 +25,44 @@ double farthest_coordinate(const Lattice& lattice, const Int3& brick) {
 }
 
 MeshFrame output_frame(const JobState& state, const Plan& plan, double farthest) {
-  return output_frame(state.output, plan, farthest, reconstruct_options(state).local_output);
+  return output_frame(plan, farthest, reconstruct_options(state).local_output);
 }
 
-MeshFrame output_frame(const std::filesystem::path& output, const Plan& plan, double farthest,
-                       bool local_output) {
-  const std::string extension = output.extension().string();
-  const bool has_double = extension == ".ply" || extension == ".obj";
-  const bool enough = float_suffices(farthest, plan.lattice.h);
-  const bool local = local_output || (!has_double && !enough);
+MeshFrame output_frame(const Plan& plan, double farthest, bool local) {
   MeshFrame frame;
   frame.lattice = plan.lattice;
-  frame.double_positions = has_double && !local && !enough;
+  frame.double_positions = !local && !float_suffices(farthest, plan.lattice.h);
   frame.colour = plan.has_colour;
   if (local)
     for (std::size_t a = 0; a < 3; ++a) frame.shift[a] = plan.lattice.world(static_cast<int>(a), 0.0);
   return frame;
+}
+
+MeshPlacement plan_placement(const JobState& state, const Plan& plan) {
+  // The surface may reach one brick beyond the points.
+  Int3 first, last;
+  for (std::size_t a = 0; a < 3; ++a) {
+    first[a] = std::max(0, plan.brick_min[a] - 1);
+    last[a] = plan.brick_max[a] + 1;
+  }
+  const double farthest =
+      std::max(farthest_coordinate(plan.lattice, first), farthest_coordinate(plan.lattice, last));
+  Plan finest = plan;
+  finest.lattice = finest_lattice(plan.lattice, reconstruct_options(state));
+  const double asked = reconstruct_options(state).tolerance, fine = kFineCells * finest.lattice.h;
+  return brick_placement(state.output, output_frame(state, finest, farthest), plan.lattice, first, last,
+                         asked > 0.0 ? std::min(fine, 1e-2 * asked) : fine);
+}
+
+MeshPlacement brick_placement(const std::filesystem::path& output, const MeshFrame& frame,
+                              const Lattice& lattice, const Int3& first, const Int3& last, double fine) {
+  Double3 low, high;
+  for (std::size_t a = 0; a < 3; ++a) {
+    const int axis = static_cast<int>(a);
+    low[a] = lattice.world(axis, first[a] * double{kBrickCells}) - frame.shift[a];
+    high[a] = lattice.world(axis, (last[a] + 1) * double{kBrickCells}) - frame.shift[a];
+  }
+  return place_mesh(output, frame.double_positions, low, high, fine);
 }
 
 }  // namespace tessera

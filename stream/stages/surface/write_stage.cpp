@@ -5,6 +5,7 @@
 
 #include "stream/files/path_text.h"
 #include "stream/formats/meshes/mesh_io.h"
+#include "stream/meshes/store_write_stage.h"
 #include "stream/points/plan.h"
 #include "stream/runtime/serial_stage.h"
 #include "stream/stages/surface/hole_files.h"
@@ -37,7 +38,8 @@ class WriteStage : public SerialStage {
     std::uint64_t filling = 0;
     for (const auto& file : fillings_)
       filling = std::max<std::uint64_t>(filling, std::filesystem::file_size(file));
-    return write_bytes(store_.patches(), filling);
+    return write_bytes(store_.patches(), filling) +
+           rounding_check_bytes(state_.output, !raw_, numbering_.vertices);
   }
 
   json finish(const std::vector<json>&, TaskContext& context) const override {
@@ -51,15 +53,18 @@ class WriteStage : public SerialStage {
     std::uint64_t synthetic = write_faces(*writer, header.synthetic, context);
     synthetic += write_fillings(*writer, context);
     writer->finish();
+    const MeshRounding rounding = writer->rounding();
     if (raw_) std::filesystem::rename(path, committed);
     context.count_written(writer->bytes_written());
-    return {{"path", json_text(state_.output)},
-            {"vertices", header.vertices},
-            {"faces", header.faces},
-            {"synthetic_faces", synthetic},
-            {"bytes", writer->bytes_written()},
-            {"double_positions", header.double_positions},
-            {"shift", header.shift}};
+    json result = {{"path", json_text(state_.output)},
+                   {"vertices", header.vertices},
+                   {"faces", header.faces},
+                   {"synthetic_faces", synthetic},
+                   {"bytes", writer->bytes_written()},
+                   {"double_positions", header.double_positions},
+                   {"shift", header.shift}};
+    tell_rounding(result, path, header.origin, rounding);
+    return result;
   }
 
  private:
@@ -75,13 +80,27 @@ class WriteStage : public SerialStage {
     }
     for (const PatchEntry& e : store_.patches()) header.synthetic |= e.has_synthetic != 0;
     double farthest = 0.0;
-    for (const PatchEntry& e : store_.patches())
-      farthest = std::max(farthest, farthest_coordinate(plan_.lattice, brick_of_key(e.key)));
-    const MeshFrame frame = maker_ == kReconstruct ? output_frame(state_, plan_, farthest)
-                                                   : output_frame(state_.output, plan_, farthest, false);
+    Int3 first = {0, 0, 0}, last = {0, 0, 0};
+    for (const PatchEntry& e : store_.patches()) {
+      const Int3 brick = brick_of_key(e.key);
+      if (&e == store_.patches().data()) first = last = brick;
+      farthest = std::max(farthest, farthest_coordinate(plan_.lattice, brick));
+      for (std::size_t a = 0; a < 3; ++a) {
+        first[a] = std::min(first[a], brick[a]);
+        last[a] = std::max(last[a], brick[a]);
+      }
+    }
+    const MeshFrame frame =
+        maker_ == kReconstruct ? output_frame(state_, plan_, farthest) : output_frame(plan_, farthest, false);
     header.colour = frame.colour;
     header.double_positions = frame.double_positions;
     header.shift = frame.shift;
+    if (!raw_) {
+      header.origin =
+          brick_placement(state_.output, frame, plan_.lattice, first, last, kFineCells * plan_.lattice.h)
+              .origin;
+      header.check_rounding = holds_floats_only(state_.output);
+    }
     header.comments.push_back("made by " + maker_ + ", lattice spacing " + json(plan_.lattice.h).dump());
     return header;
   }

@@ -246,7 +246,7 @@ TEST_CASE("STL reader: text of several solids in any letter case", "[unit]") {
   const WholeMesh mesh =
       read_whole(folder.write("a.stl", "solid one\n" + facet + "endsolid one\nsolid\n" + facet + "endsolid"));
   CHECK(mesh.faces == std::vector<MeshFace>{{0, 1, 2}, {3, 4, 5}});
-  CHECK(mesh.points[5] == Double3{0, 1, 0.1f});
+  CHECK(mesh.points[5] == Double3{0, 1, 0.1});
 }
 
 TEST_CASE("GLB reader: node transforms, several primitives, 16-bit indices, no indices", "[unit]") {
@@ -278,8 +278,11 @@ TEST_CASE("GLB reader: node transforms, several primitives, 16-bit indices, no i
                    rest)));
   // Primitives of one mesh that use the same vertices share them, two uses of the mesh do not.
   CHECK(mesh.faces == std::vector<MeshFace>{{2, 1, 0}, {0, 1, 2}, {5, 4, 3}, {3, 4, 5}});
+  // +Y is up in glTF: what lies along it goes to z, and its z to -y.
   CHECK(mesh.points[1] == Double3{11, 0, 0});
+  CHECK(mesh.points[2] == Double3{10, 0, 1});
   CHECK(mesh.points[4] == Double3{8, 0, 0});
+  CHECK(mesh.points[5] == Double3{10, 0, -2});
 
   const auto refused = [&](const std::string& front, const std::string& words) {
     CHECK_THROWS_WITH(read_whole(folder.write("b.glb", glb(front + rest))), Contains(words));
