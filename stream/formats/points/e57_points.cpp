@@ -18,6 +18,7 @@
 #include "stream/formats/e57/e57_values.h"
 #include "stream/formats/points/grid_stream.h"
 #include "stream/formats/points/point_records.h"
+#include "stream/formats/points/pose_look.h"
 
 namespace tessera {
 
@@ -26,7 +27,8 @@ namespace {
 constexpr std::size_t kReadAhead = 512;  ///< pages
 constexpr std::size_t kBlock = 1024;     ///< records decoded at a time, so that they stay in the cache
 constexpr std::size_t kRead = static_cast<std::size_t>(E57Use::kUses);
-constexpr std::uint64_t kLooked = 4096;  ///< records that tell whether rows or columns are lines
+constexpr std::uint64_t kLooked = 4096;     ///< records that tell whether rows or columns are lines
+constexpr std::uint64_t kPoseWindows = 32;  ///< places of a scan at which its pose is checked
 
 /// Bytes between marks: a megabyte, for huge files so many that there are about 16384 marks.
 std::uint64_t mark_spacing(std::uint64_t file_bytes) {
@@ -149,6 +151,7 @@ class E57Points final : public PointFile {
     info_.bytes = input_.size();
     if (!header.warning.empty()) info_.warnings.push_back(header.warning);
     for (const E57Scan& scan : all.scans) add(scan, pages);
+    refused_.tell(all.scans.size(), info_.warnings);
     declare_bounds(all.scans);
   }
 
@@ -222,6 +225,24 @@ class E57Points final : public PointFile {
     if (scan.find(E57Use::kReturn) && scan.find(E57Use::kReturns)) take(E57Use::kReturn, 2);
     if (options_.intensities) take(E57Use::kIntensity, 1);
     if (options_.grid_normals && !all(E57Use::kNormalX)) take(E57Use::kRow, 2);
+    Part part = make_part(scan, std::move(fields), pages);
+    for (std::size_t c = 0; c < 3 && part.coloured(); ++c) {
+      part.colours[c] = colour_range(scan.colour_limits[2 * c], scan.colour_limits[2 * c + 1],
+                                     *scan.find(after(E57Use::kRed, c)));
+    }
+    if (part.intense())
+      part.intensities =
+          intensity_range(scan.intensity_limits[0], scan.intensity_limits[1], *scan.find(E57Use::kIntensity));
+    if (scan.has_pose) set_motion(scan, part);
+    if (part.with(E57Use::kRow) && part.with(E57Use::kColumn)) find_lines(scan, part, pages);
+    if (part.moved || !cartesian || scan.has_range_bounds ||
+        (scan.find(E57Use::kRow) && scan.find(E57Use::kColumn)))
+      take_sensor(scan, part, pages);
+    count(scan, part);
+    parts_.push_back(std::move(part));
+  }
+
+  Part make_part(const E57Scan& scan, std::vector<E57Field> fields, E57Pages& pages) const {
     std::vector<E57Column> columns;
     for (const E57Field& f : fields) {
       if (f.bits > 0) columns.push_back({f.stream, f.bits});
@@ -241,22 +262,65 @@ class E57Points final : public PointFile {
               0,
               {}};
     for (const E57Field& f : part.fields) part.has[static_cast<std::size_t>(f.use)] = true;
-    for (std::size_t c = 0; c < 3 && part.coloured(); ++c) {
-      part.colours[c] = colour_range(scan.colour_limits[2 * c], scan.colour_limits[2 * c + 1],
-                                     *scan.find(after(E57Use::kRed, c)));
-    }
-    if (part.intense())
-      part.intensities =
-          intensity_range(scan.intensity_limits[0], scan.intensity_limits[1], *scan.find(E57Use::kIntensity));
-    if (scan.has_pose) set_motion(scan, part);
-    if (part.moved || !cartesian || scan.has_range_bounds ||
-        (scan.find(E57Use::kRow) && scan.find(E57Use::kColumn))) {
+    return part;
+  }
+
+  /// The sensor of a scan that says where it was taken from, unless its points refute that.
+  void take_sensor(const E57Scan& scan, Part& part, E57Pages& pages) {
+    // Ranges and angles are measured from the scanner, wherever it stood.
+    const ScanPose pose = part.with(E57Use::kX) ? check_pose(scan, part, pages) : ScanPose::kHolds;
+    if (pose == ScanPose::kHolds) {
       part.sensor = static_cast<std::uint16_t>(info_.sensors.size());
       info_.sensors.push_back(part.motion.translation);
+      return;
     }
-    if (part.with(E57Use::kRow) && part.with(E57Use::kColumn)) find_lines(scan, part, pages);
-    count(scan, part);
-    parts_.push_back(std::move(part));
+    part.grid = false;  // normals by rows and columns need the scanner
+    refused_.add(scan.number, pose, part.motion.translation);
+  }
+
+  /// Looks at samples from all over the scan, with rows and columns where it has them, whether they are read later or not.
+  ScanPose check_pose(const E57Scan& scan, const Part& part, E57Pages& pages) const {
+    std::vector<E57Field> fields;
+    for (const E57Field& f : part.fields)
+      if (f.use <= E57Use::kZ || f.use == E57Use::kCartesianState) fields.push_back(f);
+    const bool gridded = scan.find(E57Use::kRow) && scan.find(E57Use::kColumn);
+    for (const E57Use use : {E57Use::kRow, E57Use::kColumn})
+      if (gridded) fields.push_back(*scan.find(use));
+    Part probe = make_part(scan, std::move(fields), pages);
+    probe.motion = part.motion;
+    probe.moved = part.moved;
+    if (gridded) find_lines(scan, probe, pages);
+    const std::uint64_t records = probe.section.records();
+    // A window holds a pair of lines wherever it begins.
+    const std::uint64_t window = std::max<std::uint64_t>(64, probe.grid ? 3 * probe.cells : 0);
+    const std::uint64_t windows = std::clamp<std::uint64_t>(records / window, 1, kPoseWindows);
+    const PairChoice cells(probe.cells, kPoseCellPairs);
+    PoseLook look(part.motion.translation, 0, 0);
+    Block block;
+    PointChunk valid;
+    std::vector<std::uint32_t> places;
+    for (std::uint64_t w = 0; w < windows; ++w) {
+      const std::uint64_t begin = windows == 1 ? 0 : (records - window) / (windows - 1) * w;
+      for_each_block(probe, begin, std::min(records, begin + window), pages, block,
+                     [&](std::uint64_t first, std::size_t n) {
+                       valid.clear();
+                       places.clear();
+                       append(probe, block, 0, n, valid, &places);
+                       for (std::size_t v = 0; v < places.size(); ++v) {
+                         const Double3 p = {valid.x[v], valid.y[v], valid.z[v]};
+                         const std::uint64_t record = first + places[v];
+                         const auto at = [&](E57Use use) { return index_of(block[use][places[v]]); };
+                         if (!probe.grid) {
+                           look.add(0, 0, p, true, false);
+                           continue;
+                         }
+                         const std::int64_t cell = at(probe.cell);
+                         const bool of_pair = cells.takes(static_cast<std::uint64_t>(std::abs(cell)));
+                         look.add(at(probe.line), cell, p, record % 16 == 0, of_pair);
+                       }
+                     });
+    }
+    return look.verdict(part.moved || scan.has_range_bounds, probe.grid);
   }
 
   /// Indices beyond 2^52 are all one: doubles do not tell them apart.
@@ -473,7 +537,8 @@ class E57Points final : public PointFile {
   ClosedFile input_;
   ReadOptions options_;
   PointFileInfo info_;
-  std::vector<Part> parts_;    ///< in the order of the file; those without records have the place of the next
+  std::vector<Part> parts_;  ///< in the order of the file; those without records have the place of the next
+  RefusedPoses refused_;
   std::uint64_t records_ = 0;  ///< of all parts
   std::uint64_t missing_ = 0;  ///< declared, not there
 };

@@ -8,12 +8,14 @@
 #include <utility>
 #include <vector>
 
+#include "kernels/points/scan_pose.h"
 #include "octree/error.h"
 #include "octree/points.h"
 #include "stream/formats/closed_file.h"
 #include "stream/formats/line_reader.h"
 #include "stream/formats/points/grid_stream.h"
 #include "stream/formats/points/point_records.h"
+#include "stream/formats/points/pose_look.h"
 #include "stream/formats/scalar.h"
 
 namespace tessera {
@@ -33,6 +35,20 @@ struct Scan {
   std::vector<std::uint64_t> columns;  ///< where each begins, in bytes
   Double3 position{};                  ///< of the scanner, as the header gives it
   std::array<double, 12> matrix{};     ///< rows: images of the axes, then the translation
+  std::uint64_t header_rows = 0;       ///< as declared, whether there is a grid or not
+  std::uint16_t sensor = kNoSensor;    ///< index into PointFileInfo::sensors
+
+  /// Where the scanner stood by the header: its position, or the translation of the matrix where that is zero.
+  Double3 scanner() const {
+    const bool finite =
+        std::all_of(position.begin(), position.end(), [](double v) { return std::isfinite(v); });
+    return finite && position != Double3{} ? position : Double3{matrix[9], matrix[10], matrix[11]};
+  }
+  Double3 moved(const double* v) const {
+    const auto& m = matrix;
+    return {v[0] * m[0] + v[1] * m[3] + v[2] * m[6] + m[9], v[0] * m[1] + v[1] * m[4] + v[2] * m[7] + m[10],
+            v[0] * m[2] + v[1] * m[5] + v[2] * m[8] + m[11]};
+  }
 };
 
 /// A line of one whole number, which no point line is.
@@ -74,12 +90,13 @@ class PtxPoints final : public PointFile {
                    input_.packed_words();
     info_.attributes.intensity = true;
     info_.attributes.intensity_16 = true;
-    info_.attributes.sensor = true;
     for (std::size_t i = 0; i < scans_.size(); ++i) {
       // Where lines are missing nobody knows which cells the others are.
       if (scans_[i].lines != scans_[i].declared) scans_[i].rows = 0;
       describe(scans_[i], i);
     }
+    info_.attributes.sensor = !info_.sensors.empty();
+    refused_.tell(scans_.size(), info_.warnings);
   }
 
   const PointFileInfo& info() const override { return info_; }
@@ -142,23 +159,50 @@ class PtxPoints final : public PointFile {
     std::string_view line;
     std::uint64_t number = 0;
     std::uint64_t columns = 0;
+    PoseLook look;
     while (reader.next(line)) {
       ++number;
       if (is_lone_count(line, columns)) {
-        if (!scans_.empty()) scans_.back().data_end = reader.line_offset();
+        if (!scans_.empty()) scans_.back().data_end = reader.line_offset(), judge(look);
         if (scans_.size() == kNoSensor) fail(number, "more than 65535 scans in one file; split it");
         read_header(reader, columns, number);
+        look = PoseLook(scans_.back().scanner(), columns, scans_.back().header_rows);
       } else if (scans_.empty()) {
         if (!is_blank(line)) fail(number, "a PTX file starts with the number of columns");
       } else if (!is_blank(line)) {
         Scan& scan = scans_.back();
         if (scan.rows > 0 && scan.lines % scan.rows == 0) scan.columns.push_back(reader.line_offset());
+        if (look.wants_next(scan.lines)) look_at(line, scan, look);
         if (++scan.lines == 1) scan.colour = count_fields(line) >= 7;
         if (!reader.complete() && !is_point(line)) --scan.lines;  // torn
       }
     }
     if (scans_.empty()) throw InputError(input_.path().string() + ": there is no PTX header");
     scans_.back().data_end = input_.size();
+    judge(look);
+  }
+
+  static void look_at(std::string_view line, const Scan& scan, PoseLook& look) {
+    double v[3];
+    if (!next_number(line, v[0]) || !next_number(line, v[1]) || !next_number(line, v[2]) || is_zero(v))
+      return;
+    look.add(scan.lines, scan.moved(v));
+  }
+
+  /// The last scan is looked at: it has a sensor, unless its points tell that nobody stood there.
+  void judge(PoseLook& look) {
+    Scan& scan = scans_.back();
+    const bool filled_in = scan.scanner() != Double3{};
+    // Where lines are missing or too many, nobody knows which cells they are.
+    const ScanPose pose = look.verdict(filled_in, scan.lines == scan.declared);
+    if (pose == ScanPose::kHolds) {
+      scan.sensor = static_cast<std::uint16_t>(info_.sensors.size());
+      info_.sensors.push_back(scan.scanner());
+      return;
+    }
+    scan.rows = 0;  // normals by rows and columns need the scanner
+    scan.columns.clear();
+    refused_.add(scans_.size(), pose, scan.scanner());
   }
 
   void read_header(LineReader& reader, std::uint64_t columns, std::uint64_t& number) {
@@ -187,6 +231,7 @@ class PtxPoints final : public PointFile {
       fail(number, "the matrix of this scan is no motion, so its points have no positions");
     }
     scan.data_begin = reader.next_offset();
+    scan.header_rows = rows;
     if (options_.grid_normals && rows <= kMostGridCells && columns > 1) scan.rows = rows;
     scans_.push_back(scan);
   }
@@ -207,7 +252,6 @@ class PtxPoints final : public PointFile {
     const bool finite =
         std::all_of(scan.position.begin(), scan.position.end(), [](double v) { return std::isfinite(v); });
     const bool given = finite && !is_zero(scan.position.data());
-    info_.sensors.push_back(given ? scan.position : Double3{origin[0], origin[1], origin[2]});
     info_.attributes.colour = info_.attributes.colour || scan.colour;
     info_.attributes.normals = info_.attributes.normals || scan.rows > 0;
     info_.attributes.grid_normals = info_.attributes.normals;
@@ -238,7 +282,6 @@ class PtxPoints final : public PointFile {
   Line take(const LineReader& reader, std::string_view line, const Scan& scan, PointChunk& chunk,
             ReadCounts& counts) const {
     const std::string_view whole = line;
-    const std::array<double, 12>& m = scan.matrix;
     double v[3];
     if (!next_number(line, v[0]) || !next_number(line, v[1]) || !next_number(line, v[2])) {
       if (!reader.complete()) {
@@ -249,10 +292,9 @@ class PtxPoints final : public PointFile {
                        "' is not a point 'x y z intensity [r g b]'; correct or remove the line");
     }
     if (is_zero(v)) return Line::kEmpty;
-    chunk.x.push_back(v[0] * m[0] + v[1] * m[3] + v[2] * m[6] + m[9]);
-    chunk.y.push_back(v[0] * m[1] + v[1] * m[4] + v[2] * m[7] + m[10]);
-    chunk.z.push_back(v[0] * m[2] + v[1] * m[5] + v[2] * m[8] + m[11]);
-    chunk.sensor.push_back(static_cast<std::uint16_t>(&scan - scans_.data()));
+    const Double3 p = scan.moved(v);
+    chunk.x.push_back(p[0]), chunk.y.push_back(p[1]), chunk.z.push_back(p[2]);
+    if (info_.attributes.sensor) chunk.sensor.push_back(scan.sensor);
     if (info_.attributes.colour) chunk.rgba.push_back(colour(line));
     if (options_.intensities) chunk.intensity.push_back(intensity(line));
     return Line::kPoint;
@@ -293,7 +335,7 @@ class PtxPoints final : public PointFile {
   /// \param column  that the reader stands before  \param end  a byte at which a column ends
   void read_grid(LineReader& reader, const Scan& scan, const InputSlice& slice, std::size_t column,
                  std::uint64_t end, ChunkSink& out, ReadCounts& counts) const {
-    GridStream stream(info_.sensors[static_cast<std::size_t>(&scan - scans_.data())], scan.rows, true, out);
+    GridStream stream(scan.scanner(), scan.rows, true, out);
     PointChunk one;
     std::string_view line;
     for (std::uint64_t n = column * scan.rows; reader.next_offset() < end && reader.next(line);) {
@@ -336,6 +378,7 @@ class PtxPoints final : public PointFile {
   PointFileInfo info_;
   LineLayout layout_;
   std::vector<Scan> scans_;  ///< ascending data_begin
+  RefusedPoses refused_;
 };
 
 }  // namespace

@@ -3,7 +3,7 @@
 /// position, three axes, 4 x 4 matrix of row vectors, translation last) and columns * rows lines `x y z
 /// intensity [r g b]` in the scanner's frame. Points are moved by the matrix; lines `0 0 0 ..` stand for no
 /// return and are counted as empty. The sensor is the scanner position of the header, or the matrix'
-/// translation where that position is zero. Opening reads the file once to find the scans: a line of one
+/// translation where that position is zero; a scan whose points refute it (scan_pose.h) has none, which is told. Opening reads the file once to find the scans: a line of one
 /// number starts a new one, whatever the counts of the header before say. Slices are byte ranges within one
 /// scan, cut at line boundaries; a file under gzip or zstd is one slice.
 #pragma once

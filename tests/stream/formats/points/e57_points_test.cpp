@@ -180,6 +180,46 @@ TEST_CASE("e57 points: rows and columns, or spherical bounds, tell a scan in its
   CHECK(sensors(three("<sphericalBounds type=\"Structure\"/>")) == origin);
 }
 
+TEST_CASE("e57 points: world coordinates refute a pose, by rows and columns or by their distance", "[unit]") {
+  const test::TempFolder folder;
+  // Terrain of 40 x 40 points, 0.5 apart, in the coordinates of a map.
+  const auto terrain = [](const Double3& shift, bool grid, const std::string& xml) {
+    std::vector<double> x, y, z;
+    std::vector<std::int64_t> row, column;
+    for (int i = 0; i < 40; ++i)
+      for (int j = 0; j < 40; ++j) {
+        x.push_back(shift[0] + 0.5 * i), y.push_back(shift[1] + 0.5 * j);
+        z.push_back(shift[2] + 1.5 * std::sin(0.1 * i) * std::cos(0.07 * j));
+        row.push_back(i), column.push_back(j);
+      }
+    const E57TestScan s = scan(e57_doubles(kE57Cartesian, {x, y, z}), xml);
+    return grid ? with(s, {integers("rowIndex", 0, 39, row), integers("columnIndex", 0, 39, column)}) : s;
+  };
+  const std::string identity = test::e57_pose("1", "0", "0", "0", "0", "0", "0");
+  const std::string world = test::e57_pose("1", "0", "0", "0", "500010", "5400010", "310");
+  ReadOptions options;
+  options.grid_normals = true;
+  for (const E57TestScan& s :
+       {terrain({500000, 5400000, 300}, true, ""), terrain({500000, 5400000, 300}, true, identity),
+        terrain({300, 100, 2}, true, ""), terrain({-10, -10, -0.5}, true, identity),
+        terrain({500000, 5400000, 300}, true, world),  // applied twice
+        terrain({500000, 5400000, 300}, false, world)}) {
+    for (const bool asks : {false, true}) {
+      options.grid_normals = asks;
+      const auto path = folder.write("a.e57", test::e57_file({s, s}));
+      const auto r = test::read_points(path, ~std::uint64_t{0}, options);
+      CHECK(r.info.sensors.empty());
+      CHECK_FALSE(r.info.attributes.grid_normals);
+      REQUIRE(r.info.warnings.size() == 1);
+      CHECK_THAT(r.info.warnings[0], Catch::StartsWith("all 2 scans: no scanner can have stood at"));
+      test::require_slices_agree(path, options, {700});
+    }
+  }
+  // Without a grid a pose nearby stays.
+  const auto path = folder.write("a.e57", test::e57_file({terrain({-10, -10, -5}, false, world)}));
+  CHECK(test::read_points(path).info.sensors == std::vector<Double3>{{500010, 5400010, 310}});
+}
+
 TEST_CASE("e57 points: invalid points are empty, invalid colours none, limits scale colours, returns",
           "[unit]") {
   const test::TempFolder folder;

@@ -1,5 +1,9 @@
 #include "stream/formats/points/ptx_points.h"
 
+#include <cmath>
+#include <sstream>
+
+#include "octree/points.h"
 #include "tests/helpers/point_reading.h"
 #include "tests/helpers/temp_folder.h"
 
@@ -107,6 +111,64 @@ TEST_CASE("ptx points: headers and lines that make no sense are named", "[fault]
              Catch::Contains("no motion"));
   CHECK_THAT(error(good + "1 2 x 4\n1 2 3 4\n"), Catch::Contains("'1 2 x 4'"));
   CHECK_THAT(error(good + "1 2 3 4\n7\n"), Catch::Contains("truncated"));
+}
+
+/// Terrain of 40 x 40 points, 0.5 apart, in the coordinates of a map, with the pose of no scan.
+std::string terrain(const Double3& shift, const std::string& size = "40\n40\n") {
+  std::ostringstream text;
+  text.precision(12);
+  text << header(size, "0 0 0", kIdentity);
+  for (int i = 0; i < 40; ++i)
+    for (int j = 0; j < 40; ++j)
+      text << shift[0] + 0.5 * i << ' ' << shift[1] + 0.5 * j << ' '
+           << shift[2] + 1.5 * std::sin(0.1 * i) * std::cos(0.07 * j) << " 0.5\n";
+  return text.str();
+}
+
+TEST_CASE("ptx points: world coordinates with an identity pose have no scanner, and that is told", "[unit]") {
+  const test::TempFolder folder;
+  ReadOptions options;
+  options.grid_normals = true;
+  const std::vector<std::string> told = {terrain({500000, 5400000, 300}), terrain({300, 100, 2}),
+                                         terrain({300, 100, 200}), terrain({-10, -10, -0.5}),
+                                         // No grid: all in one column, or lines that are missing.
+                                         terrain({500000, 5400000, 300}, "1\n1600\n"),
+                                         terrain({300, 100, 2}, "1600\n1\n"),
+                                         terrain({500000, 5400000, 300}, "40\n50\n")};
+  for (std::size_t i = 0; i < told.size(); ++i) {
+    CAPTURE(i);
+    const auto path = folder.write("a.ptx", told[i]);
+    const auto r = test::read_points(path, ~std::uint64_t{0}, options);
+    CHECK(r.info.sensors.empty());
+    CHECK_FALSE(r.info.attributes.sensor);
+    CHECK_FALSE(r.info.attributes.grid_normals);
+    REQUIRE_FALSE(r.info.warnings.empty());
+    CHECK_THAT(r.info.warnings.back(), Catch::Contains("no scanner can have stood at 0 0 0"));
+    CHECK(r.points.size() == 1600);
+    test::require_slices_agree(path, options, {500, 5000});
+  }
+  // The same terrain as a scanner above it sees it, and a file of one scan of each kind.
+  std::ostringstream seen;
+  seen.precision(12);
+  seen << header("40\n40\n", "0 0 0", kIdentity);
+  for (int i = 0; i < 40; ++i)
+    for (int j = 0; j < 40; ++j) {
+      const double turn = 0.05 * i, down = 0.2 + 0.02 * j,
+                   range = 4.0 + std::sin(0.9 * i) * std::cos(0.7 * j);
+      seen << range * std::cos(down) * std::cos(turn) << ' ' << range * std::cos(down) * std::sin(turn) << ' '
+           << -range * std::sin(down) << " 0.5\n";
+    }
+  const auto right = test::read_points(folder.write("a.ptx", seen.str()), ~std::uint64_t{0}, options);
+  CHECK(right.info.sensors == std::vector<Double3>{{0, 0, 0}});
+  CHECK(right.info.warnings.empty());
+  const auto path = folder.write("a.ptx", terrain({500000, 5400000, 300}) + seen.str());
+  const auto both = test::read_points(path, ~std::uint64_t{0}, options);
+  CHECK(both.info.sensors == std::vector<Double3>{{0, 0, 0}});
+  CHECK(both.points.sensor.front() == kNoSensor);
+  CHECK(both.points.sensor.back() == 0);
+  REQUIRE(both.info.warnings.size() == 1);
+  CHECK_THAT(both.info.warnings[0], Catch::StartsWith("scan 1:"));
+  test::require_slices_agree(path, options, {500, 5000});
 }
 
 }  // namespace
