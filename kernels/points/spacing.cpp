@@ -7,6 +7,7 @@
 #include <iomanip>
 #include <sstream>
 #include <tuple>
+#include <utility>
 
 #include "kernels/points/normals.h"
 #include "octree/small_matrix.h"
@@ -39,6 +40,89 @@ Probes probes_of(const SampleCell& cell) {
   Probes probes{{}, static_cast<double>(inner.size()) / kProbesPerCell};
   for (std::size_t k = 0; k < kProbesPerCell; ++k)
     probes.at.push_back(inner[k * inner.size() / kProbesPerCell]);
+  return probes;
+}
+
+/// The points within reach of a probe, relative to it.
+class Surroundings {
+ public:
+  void add(const Double3& d) {
+    ++count_;
+    sum_ = sum_ + d;
+    square_[0] += d[0] * d[0], square_[1] += d[0] * d[1], square_[2] += d[0] * d[2];
+    square_[3] += d[1] * d[1], square_[4] += d[1] * d[2], square_[5] += d[2] * d[2];
+  }
+  /// Whether they lie about a plane and the probe on it.
+  bool hold(double reach) const {
+    if (count_ < kLeastAround) return false;
+    const Double3 mean = sum_ / count_;
+    std::array<double, 6> cov = square_;
+    for (double& c : cov) c /= count_;
+    cov[0] -= mean[0] * mean[0], cov[1] -= mean[0] * mean[1], cov[2] -= mean[0] * mean[2];
+    cov[3] -= mean[1] * mean[1], cov[4] -= mean[1] * mean[2], cov[5] -= mean[2] * mean[2];
+    Double3 values{};
+    std::array<Double3, 3> axes{};
+    symmetric_eigen3(cov, values, axes);
+    const double least = std::max(values[0], 0.0);
+    const double off = std::fabs(dot(mean, axes[0]));
+    return least <=
+               (count_ < kFewAround ? kFewVariation : kMostVariation) * (least + values[1] + values[2]) &&
+           off <= kMostOff * std::sqrt(least) + kRounding * reach;
+  }
+
+ private:
+  static constexpr double kLeastAround = 5.0;
+  static constexpr double kFewAround = 16.0, kFewVariation = 0.06;
+  static constexpr double kMostVariation =
+      0.15;                                ///< of a plane; strewn points have about 0.25, noisy ones 0.1
+  static constexpr double kMostOff = 3.0;  ///< standard deviations that a probe is off the plane
+  static constexpr double kRounding = 1e-3;
+  double count_ = 0.0;
+  Double3 sum_{};
+  std::array<double, 6> square_{};
+};
+
+/// Where probes on no surface would decide, those alone that are about as dense as the surface; else all of them.
+/// \param strewn  SpacingSummary::strewn
+std::vector<SpacingProbe> without_strewn(std::vector<SpacingProbe> probes, double& strewn) {
+  constexpr double kSparser =
+      3.0;  // spacings of the median point, from which a probe on no surface is suspect
+  constexpr double kNotable =
+      0.08;  // share of the area that suspects claim; 0.03 in cluttered rooms and wooded land
+  constexpr double kMostly = 0.65;  // of the points as sparse; 0.45 where a scanner saw little of what is far
+  constexpr double kMost = 0.75;   // of the points on a surface are as dense as that,
+  constexpr double kSlack = 1.5;   // or have so many times their spacing
+  const auto points_of = [](const SpacingProbe& p) { return p.area / (p.spacing * p.spacing); };
+  std::sort(probes.begin(), probes.end(), [](const SpacingProbe& a, const SpacingProbe& b) {
+    return std::tie(a.spacing, a.area, a.nearest, a.gap, a.on_surface) <
+           std::tie(b.spacing, b.area, b.nearest, b.gap, b.on_surface);
+  });
+  const auto quantile = [&](double share, bool on_surface) {
+    const auto counts = [&](const SpacingProbe& p) {
+      return p.on_surface || !on_surface ? points_of(p) : 0.0;
+    };
+    double all = 0.0, seen = 0.0;
+    for (const SpacingProbe& p : probes) all += counts(p);
+    for (const SpacingProbe& p : probes)
+      if ((seen += counts(p)) >= share * all) return p.spacing;
+    return probes.back().spacing;
+  };
+  if (probes.empty()) return probes;
+  const double sparse = kSparser * quantile(0.5, false);
+  double suspect = 0.0, area = 0.0, all = 0.0, dropped = 0.0, sparse_points = 0.0, suspect_points = 0.0;
+  for (const SpacingProbe& p : probes) {
+    area += p.area;
+    all += points_of(p);
+    if (p.spacing <= sparse) continue;
+    sparse_points += points_of(p);
+    if (!p.on_surface) suspect += p.area, suspect_points += points_of(p);
+  }
+  if (suspect <= kNotable * area || suspect_points <= kMostly * sparse_points) return probes;
+  const double most = kSlack * quantile(kMost, true);
+  for (const SpacingProbe& p : probes)
+    if (p.spacing > most) dropped += points_of(p);
+  strewn = dropped / all;
+  std::erase_if(probes, [&](const SpacingProbe& p) { return p.spacing > most; });
   return probes;
 }
 
@@ -121,9 +205,12 @@ void measure_spacing(const SampleCell& cell, double share, double least, double 
   for (const std::size_t probe : probes.at) {
     std::array<double, kSpacingRank> nearest;
     nearest.fill(reach * reach);
+    Surroundings around;
     for (std::size_t i = 0; i < cell.points.size(); ++i) {
       const double d = squared_distance(cell.points[i], cell.points[probe]);
-      if (i == probe || d >= nearest.back()) continue;
+      if (i == probe || d >= reach * reach) continue;
+      around.add(cell.points[i] - cell.points[probe]);
+      if (d >= nearest.back()) continue;
       std::size_t at = kSpacingRank - 1;
       for (; at > 0 && nearest[at - 1] > d; --at) nearest[at] = nearest[at - 1];
       nearest[at] = d;
@@ -131,7 +218,7 @@ void measure_spacing(const SampleCell& cell, double share, double least, double 
     const double spacing = std::sqrt(nearest.back()) / 2;
     if (spacing > least && spacing <= most)
       out.push_back({spacing, std::sqrt(nearest.front()), std::sqrt(nearest[kGapRank - 1]),
-                     spacing * spacing * probes.each / share});
+                     spacing * spacing * probes.each / share, around.hold(reach)});
   }
 }
 
@@ -154,6 +241,7 @@ SpacingSummary summarise_spacing(std::vector<SpacingProbe> probes, const ScaleHi
   SpacingSummary s;
   s.noise = residual.quantile(0.25);
   s.residual = residual.quantile(0.5);
+  probes = without_strewn(std::move(probes), s.strewn);
   if (probes.empty()) return s;
   const auto quantile = [&](double SpacingProbe::*field, double share) {
     std::sort(probes.begin(), probes.end(), [&](const SpacingProbe& a, const SpacingProbe& b) {

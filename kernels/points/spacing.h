@@ -43,6 +43,9 @@ struct SpacingProbe {
   double nearest = 0.0;  ///< distance to that one
   double gap = 0.0;      ///< distance to the 4th neighbour; a support must reach 2.5 times it
   double area = 0.0;
+  /// The neighbours lie about a plane, and the probe on it. Points strewn through the air have neighbours all around, or
+  /// a surface beside them.
+  bool on_surface = true;
 };
 
 /// Probes at points in the middle half of the cell whose spacing is above `least` and at most `most`. At most an eighth
@@ -58,6 +61,9 @@ void measure_spacing(const SampleCell& cell, double share, double least, double 
 void measure_residuals(const SampleCell& cell, double radius, ScaleHistogram& out);
 
 /// What is concluded, in the unit of the probes; quantiles by area. Zero: not measured.
+/// Strewn points are few but far apart, so by area they would outweigh the surface: where probes that are on none and much
+/// sparser than the median point claim a notable part of all area, only probes about as dense as three of four points on a
+/// surface count. Other scans lose none.
 /// Spacings are those of the probes, or all of them larger in proportion where the median of the nearest neighbours says
 /// so: that is the spacing of a grid.
 struct SpacingSummary {
@@ -68,6 +74,7 @@ struct SpacingSummary {
   double gap = 0.0;       ///< 90 % of it
   double noise = 0.0;     ///< lower quartile of the residual: curvature and features only add to noise
   double residual = 0.0;  ///< median residual
+  double strewn = 0.0;    ///< share of the points that is too sparse for the surface and was left out; mostly 0
 };
 SpacingSummary summarise_spacing(std::vector<SpacingProbe> probes, const ScaleHistogram& residual);
 

@@ -171,6 +171,7 @@ class ProbeStage : public MeasuringStage {
   /// Distances within the sample, scaled to the whole as on a surface.
   static json measure(const std::vector<Double3>& sample, std::uint64_t points) {
     constexpr std::size_t kRank = 8;
+    constexpr double kMostSpread = 16.0;  // of the median distance; scans whose density varies reach 10
     ScaleHistogram nearest;
     ScaleHistogram eighth;
     const std::size_t queries = std::min(sample.size(), kProbeQueries);
@@ -182,7 +183,9 @@ class ProbeStage : public MeasuringStage {
       nearest.add(std::sqrt(nearby[1]));
     }
     const double scale = std::sqrt(static_cast<double>(sample.size()) / static_cast<double>(points));
-    const double eighth_95 = eighth.quantile(0.95) * std::min(1.0, scale);
+    // Strewn points may be more than one in twenty: they must not make the cell too coarse for the surface.
+    const double eighth_most = std::min(eighth.quantile(0.95), kMostSpread * eighth.quantile(0.5));
+    const double eighth_95 = eighth_most * std::min(1.0, scale);
     const double nearest_50 = nearest.quantile(0.5) * std::min(1.0, scale);
     if (!std::isfinite(eighth_95))
       throw InputError(
@@ -247,6 +250,9 @@ class SpacingStage : public MeasuringStage {
     ChosenSpacing chosen = choose_spacing(s);
     if (guessed)
       chosen.reason = "1.5 times a spacing guessed from a few points, too few lie together to measure it";
+    if (s.strewn > 0.0)
+      chosen.reason += "; " + number_text(round_up_2_digits(100.0 * s.strewn)) +
+                       " % of the points are strewn off any surface and left out of that";
     const json result = {{"resolution", round_up_2_digits(chosen.h)},
                          {"reason", chosen.reason},
                          {"spacing", s.spacing},
@@ -255,6 +261,7 @@ class SpacingStage : public MeasuringStage {
                          {"spacing_wide", s.wide},
                          {"gap", s.gap},
                          {"noise", s.noise},
+                         {"strewn", s.strewn},
                          {"cell", cell()},
                          {"measured", probes.size()}};
     save_json(context.create(kSpacingFile), result);
