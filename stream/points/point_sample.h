@@ -131,13 +131,6 @@ class LayeredSampler {
   /// Adds what another sampler of the same sizes and limits saved.
   void merge(const std::filesystem::path& file);
   std::vector<CellSampler>& layers() { return layers_; }
-  static std::uint64_t bytes(const Limits& limits) {
-    std::uint64_t sum = 0;
-    for (const std::size_t limit : limits) sum += CellSampler::bytes(limit);
-    return sum;
-  }
-
- private:
   /// The rotation of the quaternion (1, 2, 3, 5): every axis has a part of every other.
   static Double3 turn(const Double3& p) {
     constexpr double kUnit = 1.0 / 39.0;
@@ -145,6 +138,13 @@ class LayeredSampler {
             (22.0 * p[0] - 19.0 * p[1] + 26.0 * p[2]) * kUnit,
             (14.0 * p[0] + 34.0 * p[1] + 13.0 * p[2]) * kUnit};
   }
+  static std::uint64_t bytes(const Limits& limits) {
+    std::uint64_t sum = 0;
+    for (const std::size_t limit : limits) sum += CellSampler::bytes(limit);
+    return sum;
+  }
+
+ private:
   static CellSampler::CellIndex cell_of(const Double3& turned, double per_unit) {
     CellSampler::CellIndex cell{};
     for (std::size_t a = 0; a < 3; ++a) cell[a] = static_cast<std::int64_t>(std::floor(turned[a] * per_unit));

@@ -1,9 +1,29 @@
 #include "stream/points/sampled_layers.h"
 
 #include <algorithm>
+#include <bitset>
+#include <cmath>
 #include <limits>
 
 namespace tessera {
+namespace {
+
+/// Of the cells that cut a sampled cell so often per axis, how many hold a point.
+template <int kPerAxis>
+std::uint64_t occupied_cells(const CellSampler::Cell& cell, double size) {
+  std::bitset<kPerAxis * kPerAxis * kPerAxis> hit;
+  for (const Double3& p : cell.points) {
+    std::size_t at = 0;
+    for (std::size_t a = 0; a < 3; ++a) {
+      const double t = std::floor((p[a] - cell.min[a]) / (size / kPerAxis));
+      at = at * kPerAxis + static_cast<std::size_t>(std::clamp(t, 0.0, kPerAxis - 1.0));
+    }
+    hit.set(at);
+  }
+  return hit.count();
+}
+
+}  // namespace
 
 SampledLayers::SampledLayers(LayeredSampler& sampler) {
   for (std::size_t k = 0; k < layers_.size(); ++k) {
@@ -27,6 +47,15 @@ std::vector<SpacingProbe> SampledLayers::probes() const {
       measure_spacing({c.min, layer.size, c.points}, layer.share, least, most, out);
   }
   return out;
+}
+
+double SampledLayers::double_cells_per_block(std::size_t layer) const {
+  std::uint64_t blocks = 0, cells = 0;
+  for (const CellSampler::Cell& c : layers_[layer].cells) {
+    blocks += occupied_cells<2>(c, layers_[layer].size);
+    cells += occupied_cells<8>(c, layers_[layer].size);
+  }
+  return blocks > 0 ? static_cast<double>(cells) / static_cast<double>(blocks) : 16.0;
 }
 
 ScaleHistogram SampledLayers::residuals(double radius) const {

@@ -1,12 +1,18 @@
 // Orientation as a user meets it: scans whose normals are known, stripped of them, and the report's word on
 // it.
 #include <catch2/catch.hpp>
+
+#include <array>
+#include <cmath>
+#include <functional>
+
 #include <nlohmann/json.hpp>
 
 #include "stream/render/doubt.h"
 #include "tests/helpers/command.h"
 #include "tests/helpers/e57_writer.h"
 #include "tests/helpers/mesh_files.h"
+#include "tests/helpers/reconstruct_command.h"
 #include "tests/helpers/serial_job.h"
 
 using namespace tessera::test;
@@ -190,4 +196,118 @@ TEST_CASE("orient: the pose of an E57 scan tells the side of a shell that nothin
   }
   REQUIRE(mesh.faces.size() > 10000);
   CHECK(outwards == (inside ? 0 : mesh.faces.size()));
+}
+
+namespace {
+
+/// Points of a ball of radius 1 with normals times what `factor` says of each.
+std::string ball(const TempFolder& folder,
+                 const std::function<float(const std::array<double, 3>&, std::uint32_t)>& factor) {
+  constexpr std::uint32_t kPoints = 20000;
+  std::string bytes =
+      "ply\nformat binary_little_endian 1.0\nelement vertex " + std::to_string(kPoints) + "\n";
+  for (const char* name : {"x", "y", "z", "nx", "ny", "nz"})
+    bytes += std::string("property float ") + name + "\n";
+  bytes += "end_header\n";
+  std::uint32_t chance = 1;
+  for (std::uint32_t i = 0; i < kPoints; ++i) {
+    const double z = 1.0 - 2.0 * (i + 0.5) / kPoints, turn = 2.399963229728653 * i,
+                 r = std::sqrt(1.0 - z * z);
+    const std::array<double, 3> d = {r * std::cos(turn), r * std::sin(turn), z};
+    chance = chance * 1664525u + 1013904223u;
+    const float f = factor(d, chance >> 8);
+    for (const double v : d) {
+      const auto position = static_cast<float>(v * (1.0 + 1e-3 * ((chance >> 16) % 100 / 50.0 - 1.0)));
+      bytes.append(reinterpret_cast<const char*>(&position), sizeof position);
+    }
+    for (const double v : d) {
+      const float n = f * static_cast<float>(v);
+      bytes.append(reinterpret_cast<const char*>(&n), sizeof n);
+    }
+  }
+  return folder.write("ball.ply", bytes).string();
+}
+
+struct Ball {
+  std::uint64_t loops = 0;
+  double volume = 0.0;
+  nlohmann::json report;
+};
+Ball ball_of(const TempFolder& folder, const std::string& in, const std::vector<std::string>& more = {}) {
+  const auto out = folder.path() / "mesh.ply";
+  std::filesystem::remove_all(folder.path() / "mesh.ply.tessera");
+  std::vector<std::string> words = {"--force"};
+  words.insert(words.end(), more.begin(), more.end());
+  Ball b;
+  b.report = reconstructed(in, out, words);
+  const auto check = checked(out, folder.path());
+  b.loops = check.boundary_loops;
+  b.volume = check.volume;
+  return b;
+}
+
+constexpr double kBall = 4.18879;
+
+}  // namespace
+
+TEST_CASE("orient: given normals without a common side keep their directions and get new sides",
+          "[pipeline]") {
+  const TempFolder folder;
+  const int kind = GENERATE(0, 1, 2, 3);
+  CAPTURE(kind);
+  const auto in = ball(folder, [&](const std::array<double, 3>& d, std::uint32_t chance) {
+    switch (kind) {
+      case 0:
+        return chance % 2 == 0 ? 1.0f : -1.0f;
+      case 1:
+        return d[0] > 0.0 ? 1.0f : -1.0f;
+      case 2:
+        return chance % 100 < 8 ? -1.0f : 1.0f;
+      default:  // most of them missing beside
+        return chance % 100 < 30 ? 0.0f : chance % 2 == 0 ? 1.0f : -1.0f;
+    }
+  });
+  const Ball b = ball_of(folder, in);
+  CHECK(b.loops == 0);
+  CHECK(b.volume == Approx(kBall).epsilon(0.02));
+  CHECK(b.report.at("normals").at("from") == "given directions, sides found anew");
+  REQUIRE(b.report.at("warnings").size() == 1);
+  CHECK_THAT(b.report.at("warnings")[0].get<std::string>(), Catch::Contains("no common side"));
+}
+
+TEST_CASE("orient: given normals that most agree on decide the side, and those asked for are taken",
+          "[pipeline]") {
+  const TempFolder folder;
+  // Inwards, one in twelve turned: it is a hollow that is meant.
+  const auto in = ball(folder, [](const std::array<double, 3>&, std::uint32_t chance) {
+    return chance % 100 < 8 ? 1.0f : -1.0f;
+  });
+  CHECK(ball_of(folder, in).volume == Approx(-kBall).epsilon(0.02));
+  const nlohmann::json report = ball_of(folder, in, {"--normals", "given"}).report;
+  CHECK(report.at("normals").at("from") == "given");
+  CHECK_THAT(report.at("warnings")[0].get<std::string>(), Catch::Contains("as --normals given asks"));
+}
+
+TEST_CASE("orient: where many points have no normal, theirs follow the given ones around them",
+          "[pipeline]") {
+  const TempFolder folder;
+  const float side = GENERATE(1.0f, -1.0f);
+  const auto in = ball(folder, [&](const std::array<double, 3>& d, std::uint32_t chance) {
+    return d[0] > 0.4 || chance % 10 == 0 ? 0.0f : side;
+  });
+  const Ball b = ball_of(folder, in);
+  CHECK(b.loops == 0);
+  CHECK(b.volume == Approx(side * kBall).epsilon(0.02));
+  CHECK(b.report.at("normals").at("from") == "given, missing ones estimated");
+}
+
+TEST_CASE("orient: normals with a common side are taken as they are", "[pipeline]") {
+  const TempFolder folder;
+  const auto in = ball(folder, [](const std::array<double, 3>&, std::uint32_t chance) {
+    return chance % 100 < 3 ? 0.0f : -2.5f;
+  });
+  const Ball b = ball_of(folder, in);
+  CHECK(b.report.at("normals").at("from") == "given");
+  CHECK(b.report.at("warnings").empty());
+  CHECK(b.volume == Approx(-kBall).epsilon(0.02));
 }

@@ -57,7 +57,7 @@ class Composer {
       : plan_(plan),
         run_(job.run),
         options_(reconstruct_options(job)),
-        mode_(options_, job.inputs.size(), plan),
+        mode_(options_, job.inputs.size(), plan, agreement_where_measured(job.work)),
         inputs_(inputs),
         plan_bricks_(bricks),
         bricks_(planned_bricks(bricks, options_.max_brick_points)),

@@ -45,9 +45,12 @@ void summarise(nlohmann::json& report) {
   if (survey.is_object() && survey.contains("coordinate_system"))
     report["coordinate_system"] = survey.at("coordinate_system");
   if (const nlohmann::json normals = result_of(report, "normals"); normals.is_object() && survey.is_object())
-    report["normals"] = {{"from", normals.value("estimated", false)     ? "estimated"
-                                  : survey.value("grid_normals", false) ? "rows and columns of the scans"
-                                                                        : "given"}};
+    report["normals"] = {{"from", normals.value("kept", "") == "directions"
+                                      ? "given directions, sides found anew"
+                                  : normals.value("kept", "") == "given" ? "given, missing ones estimated"
+                                  : normals.value("estimated", false)    ? "estimated"
+                                  : survey.value("grid_normals", false)  ? "rows and columns of the scans"
+                                                                         : "given"}};
   nlohmann::json mesh = result_of(report, "weld");
   const nlohmann::json islands = result_of(report, "islands");
   if (const nlohmann::json samples = result_of(report, "samples"); samples.is_object())

@@ -3,8 +3,10 @@
 #pragma once
 #include <limits>
 
+#include "kernels/points/normal_agreement.h"
 #include "octree/error.h"
 #include "octree/vector.h"
+#include "stream/points/normal_sample.h"
 #include "stream/points/plan.h"
 #include "stream/points/reconstruct_options.h"
 
@@ -22,6 +24,12 @@ inline constexpr double kAirborneReturns = 0.01;
 /// Share of points with normals from which these are used instead of estimated ones. Samples at outlines and on rough ground
 /// have none from rows and columns, and surface without normals is lost.
 inline constexpr double kGivenShare = 0.5, kGridShare = 0.9;
+/// Share of points with given normals below which the others get estimated ones: a few do not leave holes.
+inline constexpr double kCompleteShare = 0.95;
+/// Share of neighbours with contradicting normals from which given sides are not believed, and how many places at the
+/// border of a region that is turned over: scans with a common side have up to 0.003, and none.
+inline constexpr double kMostConflict = 0.005;
+inline constexpr std::uint64_t kMostSplits = 2;
 
 struct NormalsMode {
   bool estimate = false;    ///< fit planes; false = the given normals are used
@@ -31,9 +39,15 @@ struct NormalsMode {
   bool by_up = false;       ///< the user says where the sky is
   Double3 up{};             ///< unit
   bool clean = false;       ///< outliers are looked for
+  bool conflict = false;    ///< given normals contradict each other
+  bool lines =
+      false;  ///< given normals keep their directions, up to sign: sides are found as for estimated ones
+  bool completes =
+      false;  ///< given normals stay, and points without one get an estimated one that follows them
 
   /// \throws UsageError when normals are demanded that the input does not carry
-  NormalsMode(const ReconstructOptions& options, std::size_t inputs, const Plan& plan)
+  NormalsMode(const ReconstructOptions& options, std::size_t inputs, const Plan& plan,
+              const NormalAgreement& agreement)
       : by_sensor(!plan.sensors.empty()),
         own_sensor(options.viewpoints.size() <= 1 || options.viewpoints.size() == inputs),
         airborne(!by_sensor && (options.from == "auto" || options.from == "above") &&
@@ -45,12 +59,19 @@ struct NormalsMode {
       throw UsageError("--normals given, but no input point carries a normal; use --normals auto");
     const double least = plan.grid_normals ? kGridShare : kGivenShare;
     estimate = options.normals == "estimate" || (options.normals == "auto" && plan.normal_fraction < least);
+    conflict = !estimate && !plan.grid_normals &&
+               (agreement.share() > kMostConflict || agreement.split > kMostSplits);
+    if (options.normals == "given" || estimate || plan.grid_normals) return;
+    lines = conflict;
+    completes = !lines && plan.normal_fraction < kCompleteShare;
+    estimate = lines || completes;
   }
 
   bool needed() const { return estimate || clean; }
   bool propagate() const { return estimate; }
-  /// Points know where they were seen from.
-  bool each_seen() const { return airborne || (by_sensor && own_sensor); }
+  bool keeps_given() const { return lines || completes; }
+  /// Points know where they were seen from, or which side they show.
+  bool each_seen() const { return airborne || completes || (by_sensor && own_sensor); }
 
   /// Direction from a point to its sensor; the nearest one when the point does not say which.
   /// \param origin  brick corner in cells   \param local  point relative to it, cells

@@ -1,5 +1,6 @@
 #include "stream/stages/scan/normals_stage.h"
 
+#include <fmt/format.h>
 #include <algorithm>
 #include <cmath>
 #include <nlohmann/json.hpp>
@@ -9,6 +10,7 @@
 #include "octree/error.h"
 #include "stream/files/direct_file.h"
 #include "stream/files/task_files.h"
+#include "stream/points/normal_sample.h"
 #include "stream/points/plan.h"
 #include "stream/points/point_overlay.h"
 #include "stream/points/point_store.h"
@@ -45,7 +47,8 @@ class NormalsStage : public Stage {
  public:
   explicit NormalsStage(const JobState& state)
       : plan_(Plan::of_work(state.work)),
-        mode_(reconstruct_options(state), state.inputs.size(), plan_),
+        agreement_(agreement_of_work(state.work)),
+        mode_(reconstruct_options(state), state.inputs.size(), plan_, agreement_),
         store_(list_task_files(state.work / "points", ".tsp")) {
     shape_.radius_cells = plan_.radius_cells;
     shape_.estimate = mode_.estimate;
@@ -101,6 +104,8 @@ class NormalsStage : public Stage {
         }
         for (std::size_t i = 0; i < kSupporterBins; ++i) histogram[i] += value[i].get<std::uint64_t>();
       }
+    if (mode_.keeps_given()) sum["kept"] = mode_.lines ? "directions" : "given";
+    if (const std::string told = warning(); !told.empty()) sum["warnings"] = {told};
     if (mode_.needed()) {
       DirectFile file(context.create(kSupportersFile), std::size_t{1} << 16);
       histogram.push_back(sum.value("scattered", std::uint64_t{0}));
@@ -111,6 +116,26 @@ class NormalsStage : public Stage {
   }
 
  private:
+  /// What is decided about given normals that cannot be taken as they are; empty where they can.
+  std::string warning() const {
+    const double percent = 100.0 * agreement_.share();
+    if (mode_.conflict)
+      return fmt::format(
+          "the given normals have no common side: {:.2g} % of neighbours on one surface contradict each "
+          "other{}; {}",
+          percent, agreement_.split > kMostSplits ? ", and whole regions are turned over" : "",
+          mode_.lines
+              ? "their directions are kept and their sides are found anew (--normals given takes them as "
+                "they are)"
+              : "they are taken as they are, as --normals given asks; --normals auto finds their sides anew");
+    if (mode_.completes)
+      return fmt::format(
+          "{:.3g} % of the points have no normal: theirs are estimated, on the side of the given ones "
+          "around them",
+          100.0 * (1.0 - plan_.normal_fraction));
+    return {};
+  }
+
   /// Keeps the disk a few bricks ahead.
   void prefetch(std::size_t task, std::size_t brick) const {
     constexpr std::size_t kAhead = 16;
@@ -137,9 +162,12 @@ class NormalsStage : public Stage {
     for (std::size_t i = 0; i < block.size(); ++i) {
       if (!core(block.x[i]) || !core(block.y[i]) || !core(block.z[i])) continue;
       const PointShape& shape = shapes[s];
-      const Float3& n = shape.normal;
+      const Float3 given = {block.nx[i], block.ny[i], block.nz[i]};
+      const bool keeps = mode_.keeps_given() && given != Float3{};
+      const Float3 n = keeps ? given : shape.normal;
       const bool known = n[0] != 0.0f || n[1] != 0.0f || n[2] != 0.0f;
-      ++(!known ? counts.none : mode_.estimate ? counts.patch : counts.given);
+      const bool decided = !mode_.estimate || (mode_.completes && keeps);
+      ++(!known ? counts.none : decided ? counts.given : counts.patch);
       if (mode_.propagate()) {
         o.position[s] = {block.x[i], block.y[i], block.z[i]};
         o.roughness[s] = shape.roughness;
@@ -147,8 +175,8 @@ class NormalsStage : public Stage {
         o.normal[s] = n;
         o.variation[s] = shape.variation;
         if (known) {
-          o.given[s] = {block.nx[i], block.ny[i], block.nz[i]};
-          o.visible[s] = visibility(origin, block, i, n);
+          if (!decided) o.given[s] = given;
+          o.visible[s] = decided ? 1.0f : visibility(origin, block, i, n);
         }
       } else {
         normals.set(s, n);
@@ -235,7 +263,7 @@ class NormalsStage : public Stage {
         ++counts.compared;
         counts.tilted += std::fabs(along) < 0.8660254f * length;
       }
-      if (!sure(o.visible[i])) continue;
+      if (!sure(o.visible[i]) || (mode_.completes && length == 0.0f && o.visible[i] == 1.0f)) continue;
       ++counts.sensor;
       --counts.patch;
       if (length > 0.0f) ++(along * o.visible[i] < 0.0f ? counts.disagree : counts.agree);
@@ -244,6 +272,7 @@ class NormalsStage : public Stage {
   }
 
   Plan plan_;
+  NormalAgreement agreement_;
   NormalsMode mode_;
   PointStore store_;
   NormalOptions shape_;

@@ -24,6 +24,9 @@ constexpr ContractionLimits kGroupLimits = {24.0 * kVoteScale, 0.8};
 constexpr double kSightScale = kVoteScale;
 /// And of what the highest surface tells.
 constexpr double kSkyScale = 0.25 * kVoteScale;
+/// And of given normals, where such a share of a group's agrees.
+constexpr std::int64_t kGivenScale = 4 * kVoteScale;
+constexpr double kClearMajority = 0.75;
 /// Share of the level area below other surfaces up to which a scene was seen from above: 0 to 0.17 of landscapes,
 /// towns and quarries, 0.45 to 0.7 of objects and rooms.
 constexpr double kMostCovered = 0.3;
@@ -133,10 +136,42 @@ std::vector<PatchVote> votes_of_scene(const std::vector<JobSurfel>& surfels, std
   return votes;
 }
 
+/// Votes of sensors or `up` that the patches brought along.
+std::vector<PatchVote> votes_of(const std::vector<PatchFacts>& facts) {
+  std::vector<PatchVote> votes;
+  const auto outside = static_cast<std::uint32_t>(facts.size());
+  for (std::uint32_t p = 0; p < outside; ++p)
+    if (facts[p].seen != facts[p].hidden) votes.push_back({p, outside, facts[p].seen, facts[p].hidden});
+  return votes;
+}
+
+/// Votes of normals that came with the points, for groups of patches of which most agree on a side: they outweigh what is
+/// told of the scene. \param group, sign  of patches
+std::vector<PatchVote> votes_of_given(const std::vector<PatchFacts>& facts,
+                                      const std::vector<std::uint32_t>& group,
+                                      const std::vector<std::int8_t>& sign, std::uint32_t groups) {
+  std::vector<Agreement> of(groups);
+  std::vector<std::int64_t> surfels(groups, 0);
+  for (std::size_t p = 0; p < facts.size(); ++p) {
+    Agreement& a = of[group[p]];
+    a.agree += sign[p] > 0 ? facts[p].agree : facts[p].disagree;
+    a.disagree += sign[p] > 0 ? facts[p].disagree : facts[p].agree;
+    surfels[group[p]] += facts[p].surfels;
+  }
+  std::vector<PatchVote> votes;
+  for (std::uint32_t g = 0; g < groups; ++g) {
+    const std::uint64_t most = std::max(of[g].agree, of[g].disagree), all = of[g].agree + of[g].disagree;
+    if (all == 0 || share(most, all) < kClearMajority) continue;
+    const std::int64_t vote = kGivenScale * surfels[g];
+    votes.push_back({g, groups, most == of[g].agree ? vote : 0, most == of[g].agree ? 0 : vote});
+  }
+  return votes;
+}
+
 /// Nobody is known to have seen anything: links make groups, and what their surfels see of each other and of the
-/// open decides which side of them is outside. \param above  votes of `up`, of patches, `b` is their number
+/// open decides which side of them is outside. \param facts  of patches, with votes of `up`
 PatchSigns solve_unseen(const std::vector<std::uint64_t>& weight, const std::vector<PatchVote>& links,
-                        const std::vector<PatchVote>& above, std::vector<JobSurfel> surfels,
+                        const std::vector<PatchFacts>& facts, std::vector<JobSurfel> surfels,
                         const Viewers& viewers, const TaskContext& context, json& entry) {
   const auto patches = static_cast<std::uint32_t>(weight.size());
   const Contraction tree = contract_signs(weight, links, kGroupLimits);
@@ -163,10 +198,14 @@ PatchSigns solve_unseen(const std::vector<std::uint64_t>& weight, const std::vec
   std::vector<PatchVote> votes = votes_of_scene(surfels, groups, viewers, context, entry);
   // In a room as much shows down as up: there `up` says where the sky is, no more.
   if (entry.at("scene") != name_of(SceneKind::kRoom))
-    for (const PatchVote& v : above) {
+    for (const PatchVote& v : votes_of(facts)) {
       const std::int64_t same = v.same / kAboveShare, opposite = v.opposite / kAboveShare;
       votes.push_back({group[v.a], groups, sign[v.a] > 0 ? same : opposite, sign[v.a] > 0 ? opposite : same});
     }
+  if (viewers.given) {
+    const std::vector<PatchVote> given = votes_of_given(facts, group, sign, groups);
+    votes.insert(votes.end(), given.begin(), given.end());
+  }
   std::vector<std::int64_t> shown(groups, 0);
   for (const PatchVote& v : votes)
     if (v.b == groups) shown[v.a] += v.same - v.opposite;
@@ -198,15 +237,6 @@ PatchSigns solve_unseen(const std::vector<std::uint64_t>& weight, const std::vec
   }
   out.frustrated = share(broken, all);
   return out;
-}
-
-/// Votes of sensors or `up` that the patches brought along.
-std::vector<PatchVote> votes_of(const std::vector<PatchFacts>& facts) {
-  std::vector<PatchVote> votes;
-  const auto outside = static_cast<std::uint32_t>(facts.size());
-  for (std::uint32_t p = 0; p < outside; ++p)
-    if (facts[p].seen != facts[p].hidden) votes.push_back({p, outside, facts[p].seen, facts[p].hidden});
-  return votes;
 }
 
 }  // namespace
@@ -248,8 +278,7 @@ void solve_orientation(const PointOverlay& overlay, std::vector<PatchVote> bound
         weight, vote_by_sensors(job_surfels(overlay, facts, context), patches, viewers.sensors, kVoteScale),
         std::move(votes));
   } else {
-    signs = solve_unseen(weight, votes, votes_of(facts), job_surfels(overlay, facts, context), viewers,
-                         context, entry);
+    signs = solve_unseen(weight, votes, facts, job_surfels(overlay, facts, context), viewers, context, entry);
   }
 
   decisions.patch.assign(patches, 0);

@@ -21,6 +21,8 @@ std::uint64_t orient_solution_bytes(std::uint64_t patches, std::uint64_t votes, 
 /// What a report calls scenes of which level surfaces show up.
 inline constexpr const char* kAirborne = "airborne";
 inline constexpr const char* kSeenFromAbove = "from above";
+/// And those where the normals that most points came with decide.
+inline constexpr const char* kGivenSides = "given normals";
 
 /// Who says which side of a patch is outside; if neither, what surfels see of each other, and `up` in PatchFacts.
 struct Viewers {
@@ -28,6 +30,7 @@ struct Viewers {
   std::string scene;            ///< what the report calls it then; else what the user says of it: --from
   std::vector<Float3> sensors;  ///< of points that do not know their own; cells from the lattice origin
   Float3 up = {0, 0, 1};        ///< unit; where the sky is
+  bool given = false;           ///< where most given normals of a group agree on its side, they decide it
 };
 
 /// Fills decisions.patch. Entry gets: patches, components, points by who decided (`decided`), uncertain_points and

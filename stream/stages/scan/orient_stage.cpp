@@ -10,6 +10,7 @@
 #include "stream/files/direct_file.h"
 #include "stream/files/read_file.h"
 #include "stream/files/task_files.h"
+#include "stream/points/normal_sample.h"
 #include "stream/points/point_overlay.h"
 #include "stream/points/reconstruct_options.h"
 #include "stream/stages/scan/normals_mode.h"
@@ -83,7 +84,7 @@ class OrientStage : public Stage {
         vegetation_(reconstruct_options(state).vegetation),
         memory_bytes_(state.run.memory_bytes),
         plan_(Plan::of_work(state.work)),
-        mode_(reconstruct_options(state), state.inputs.size(), plan_),
+        mode_(reconstruct_options(state), state.inputs.size(), plan_, agreement_of_work(state.work)),
         overlay_(list_task_files(state.work / PointOverlay::kFolder, PointOverlay::kExtension)) {}
 
   std::string name() const override { return "orient"; }
@@ -193,7 +194,8 @@ class OrientStage : public Stage {
   Viewers viewers() const {
     Viewers v;
     v.own = mode_.each_seen();
-    v.scene = mode_.airborne ? kAirborne : v.own ? "sensors" : from_;
+    v.scene = mode_.completes ? kGivenSides : mode_.airborne ? kAirborne : v.own ? "sensors" : from_;
+    v.given = mode_.lines;
     for (std::size_t a = 0; a < 3; ++a) v.up[a] = static_cast<float>(mode_.up[a]);
     if (!mode_.by_sensor || v.own) return v;
     const double cell = plan_.lattice.h;

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <bit>
-#include <bitset>
 #include <cmath>
 #include <nlohmann/json.hpp>
 #include <string>
@@ -13,6 +12,7 @@
 #include "stream/formats/points/quantise.h"
 #include "stream/points/brick_histogram.h"
 #include "stream/points/cell_ladder.h"
+#include "stream/points/normal_sample.h"
 #include "stream/points/sampled_layers.h"
 #include "stream/runtime/numbers.h"
 #include "stream/stages/scan/point_colours.h"
@@ -38,6 +38,10 @@ std::string counts_file(std::size_t task) {
 }
 std::string sample_file(std::size_t task) {
   return "survey/" + task_file_stem(task) + ".cells";
+}
+
+std::string normals_file(std::size_t task) {
+  return "survey/" + task_file_stem(task) + ".normals";
 }
 
 /// What one task adds up.
@@ -96,11 +100,13 @@ void add_json(const nlohmann::json& j, Tally& t) {
   for (const auto& w : j.at("warnings")) t.warnings.push_back(w.get<std::string>());
 }
 
-std::uint64_t count_normals(const PointChunk& chunk, const std::vector<PointClass>& fate) {
+std::uint64_t count_normals(const PointChunk& chunk, const ChunkQuanta& quanta, NormalSampler& sampler) {
   std::uint64_t sum = 0;
   for (std::size_t i = 0; i < chunk.nx.size(); ++i) {
     const float size = std::fabs(chunk.nx[i]) + std::fabs(chunk.ny[i]) + std::fabs(chunk.nz[i]);
-    sum += fate[i] == PointClass::kGood && size > 0.0f && size - size == 0.0f ? 1 : 0;
+    if (quanta.fate[i] != PointClass::kGood || !(size > 0.0f && size - size == 0.0f)) continue;
+    sampler.add({quanta.x[i], quanta.y[i], quanta.z[i]}, {chunk.nx[i], chunk.ny[i], chunk.nz[i]});
+    ++sum;
   }
   return sum;
 }
@@ -111,22 +117,6 @@ void count_returns(const PointChunk& chunk, const std::vector<PointClass>& fate,
     tally.multi_return += chunk.echo[i].of > 1 ? 1 : 0;
     tally.first_return += chunk.echo[i].number == 1 ? 1 : 0;
   }
-}
-
-/// Of the cells that cut a sampled cell of 16 h so often per axis, how many hold a point: those of 2 h are coarse enough
-/// to be hit wherever the surface is, those of 8 h are blocks.
-template <int kPerAxis>
-std::uint64_t occupied_cells(const CellSampler::Cell& cell) {
-  std::bitset<kPerAxis * kPerAxis * kPerAxis> hit;
-  for (const Double3& p : cell.points) {
-    std::size_t at = 0;
-    for (std::size_t a = 0; a < 3; ++a) {
-      const double t = std::floor((p[a] - cell.min[a]) / (kSampleCell / kPerAxis));
-      at = at * kPerAxis + static_cast<std::size_t>(std::clamp(t, 0.0, kPerAxis - 1.0));
-    }
-    hit.set(at);
-  }
-  return hit.count();
 }
 
 /// Lattice frame of the surveyed bricks: keys, ascending.
@@ -178,17 +168,19 @@ std::size_t SurveyStage::max_bricks() const {
 std::uint64_t SurveyStage::task_bytes(std::size_t) const {
   // The counter's table (two slots a brick) and its sorted copy, quanta of a chunk, the sampled cells, the reader.
   return LayeredSampler::bytes(kSamplePoints) + kCounterBricks * sizeof(BrickCount) * 3 +
-         (std::uint64_t{65536} * 25) + (std::uint64_t{1} << 20) + PointInputs::kReadBytes;
+         NormalSampler::kBytes + (std::uint64_t{65536} * 25) + (std::uint64_t{1} << 20) +
+         PointInputs::kReadBytes;
 }
 
 std::uint64_t survey_finish_bytes(const RunOptions& run, std::uint64_t input_bytes) {
   return std::min<std::uint64_t>(run.memory_bytes / 4, (input_bytes / 3 + 4096) * kMergeBytesPerBrick) +
-         2 * LayeredSampler::bytes(kSamplePoints);
+         2 * LayeredSampler::bytes(kSamplePoints) + NormalSampler::kBytes;
 }
 
 nlohmann::json SurveyStage::run(std::size_t task, TaskContext& context) const {
   BrickCounter counter(context.create(counts_file(task)), kCounterBricks);
   LayeredSampler sampler(kSampleCell * kLayerRatio, kSamplePoints);
+  NormalSampler normals;
   ChunkQuanta quanta;
   Tally tally;
   const ReadCounts counts = inputs_->read(task, context, true, [&](std::uint32_t, const PointChunk& chunk) {
@@ -208,12 +200,13 @@ nlohmann::json SurveyStage::run(std::size_t task, TaskContext& context) const {
         tally.max[a] = std::max(tally.max[a], p[a]);
       }
     }
-    tally.with_normal += count_normals(chunk, quanta.fate);
+    tally.with_normal += count_normals(chunk, quanta, normals);
     count_returns(chunk, quanta.fate, tally);
     tally.intensities.add(chunk);
   });
   context.count_written(counter.finish());
   sampler.save(context.create(sample_file(task)));
+  if (tally.with_normal > 0) normals.save(context.create(normals_file(task)));
   tally.fates.read = counts.points;
   tally.fates.withheld = counts.withheld;
   tally.fates.empty = counts.empty;
@@ -233,16 +226,9 @@ PointClumps SurveyStage::measure(std::size_t tasks, std::uint64_t blocks,
   LayeredSampler sampler(kSampleCell * kLayerRatio, kSamplePoints);
   for (std::size_t k = 0; k < tasks; ++k) sampler.merge(job_.work / sample_file(k));
   const SampledLayers layers(sampler);
-  // A surface of area A crosses about 1.5 A / e^2 cells of edge e and becomes about 3 A / h^2 triangles. How many cells
-  // of 2 h it crosses in a block only samples tell; a plane crosses 16.
-  std::uint64_t sampled_blocks = 0, double_cells = 0;
-  for (const auto& c : layers.cells(1)) {
-    sampled_blocks += occupied_cells<2>(c);
-    double_cells += occupied_cells<8>(c);
-  }
-  const double per_block =
-      sampled_blocks > 0 ? static_cast<double>(double_cells) / static_cast<double>(sampled_blocks) : 16.0;
-  plan.faces_estimate = static_cast<std::uint64_t>(8.0 * static_cast<double>(blocks) * per_block);
+  // A surface of area A crosses about 1.5 A / e^2 cells of edge e and becomes about 3 A / h^2 triangles.
+  plan.faces_estimate =
+      static_cast<std::uint64_t>(8.0 * static_cast<double>(blocks) * layers.double_cells_per_block(1));
   PointClumps clumps = clumps_of_samples(layers.cells(1), kSampleCell, counts);
   clumps.spacing *= h_;
   const std::vector<SpacingProbe> probes = layers.probes();
@@ -274,8 +260,10 @@ PointClumps SurveyStage::measure(std::size_t tasks, std::uint64_t blocks,
 nlohmann::json SurveyStage::finish(const std::vector<nlohmann::json>& summaries, TaskContext& context) const {
   Tally tally;
   std::vector<std::filesystem::path> files;
+  NormalSampler normals;
   for (std::size_t k = 0; k < summaries.size(); ++k) {
     add_json(summaries[k], tally);
+    if (summaries[k].at("with_normal") > 0) normals.merge(job_.work / normals_file(k));
     files.push_back(job_.work / counts_file(k));
   }
   const std::uint64_t left_out =
@@ -314,6 +302,8 @@ nlohmann::json SurveyStage::finish(const std::vector<nlohmann::json>& summaries,
       plan.colour_range[end] = static_cast<double>(occupied_heights(counts, window)[end]) * kQuantaPerBlock;
   plan.normal_fraction =
       static_cast<double>(tally.with_normal) / static_cast<double>(finite - tally.fates.absurd);
+  const NormalAgreement agreement = normals.measure();
+  save_agreement(context.create(kAgreementFile), agreement);
   if (options_.normals == "estimate") plan.normal_fraction = 0.0;
   plan.grid_normals = plan.has_normals() && inputs_->has_grid_normals();
   // Some files say the same return of the same pulse for every point: that is no measurement.
@@ -336,6 +326,7 @@ nlohmann::json SurveyStage::finish(const std::vector<nlohmann::json>& summaries,
   save_plan_bricks(context.create(Plan::kBrickFile), bricks);
   nlohmann::json report = plan.to_json();
   report.erase("buckets");
+  if (agreement.cells > 0) report["normal_agreement"] = to_json(agreement);
   if (inputs_->system().known()) report["coordinate_system"] = to_json(inputs_->system());
   return report;
 }

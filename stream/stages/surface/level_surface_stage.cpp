@@ -8,6 +8,7 @@
 
 #include "kernels/extract/extended_marching_cubes.h"
 #include "stream/files/task_files.h"
+#include "stream/points/normal_sample.h"
 #include "stream/points/plan.h"
 #include "stream/points/point_overlay.h"
 #include "stream/points/point_store.h"
@@ -44,7 +45,7 @@ class LevelSurfaceStage : public Stage {
         store_(list_task_files(state.work / "points", ".tsp"), PointOverlay::open(state.work)),
         tree_(level_tree_of_work(state.work, levels_)),
         maker_(levels_, field_options(plan_, options_.feature_angle_deg), normal_options(plan_),
-               NormalsMode(options_, state.inputs.size(), plan_).estimate),
+               NormalsMode(options_, state.inputs.size(), plan_, agreement_of_work(state.work)).estimate),
         extract_(extract_options(options_, true)) {
     TilingOptions tiling;
     tiling.halo_cells = maker_.halo();

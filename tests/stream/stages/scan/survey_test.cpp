@@ -1,9 +1,11 @@
 #include <array>
 #include <catch2/catch.hpp>
+#include <cmath>
 #include <limits>
 
 #include "octree/error.h"
 #include "stream/points/brick_histogram.h"
+#include "stream/points/normal_sample.h"
 #include "stream/runtime/numbers.h"
 #include "stream/stages/scan/probe_stage.h"
 #include "tests/helpers/point_chain.h"
@@ -324,6 +326,59 @@ TEST_CASE("resolution: outliers and few points do not mislead it", "[unit]") {
   CHECK(small > 1.0);
   CHECK(small < 5.0);
   CHECK_THROWS_AS(measured_resolution(std::vector<TestPoint>(9, few[0])), InputError);
+}
+
+TEST_CASE("resolution: strewn points do not coarsen it, few or many, near or in a box many times as wide",
+          "[unit]") {
+  Random random(4);
+  std::vector<TestPoint> ground;
+  for (int i = 0; i < 150; ++i)
+    for (int j = 0; j < 150; ++j)
+      ground.push_back(
+          {{0.3 * i, 0.3 * j, std::sin(0.05 * i) + std::cos(0.04 * j) + random.in(-0.03, 0.03)}, {}, 0});
+  const double clean = measured_resolution(ground);
+  CHECK(clean == Approx(0.46).epsilon(0.05));
+  const auto strewn = [&](double share, double wide, double high) {
+    std::vector<TestPoint> points = ground;
+    const double middle = 22.5;
+    const auto count = static_cast<int>(share / (1.0 - share) * static_cast<double>(ground.size()));
+    for (int k = 0; k < count; ++k)
+      points.push_back({{random.in(middle - wide, middle + wide), random.in(middle - wide, middle + wide),
+                         random.in(-high, high)},
+                        {},
+                        0});
+    CAPTURE(share, wide, high);
+    CHECK(measured_resolution(points) == Approx(clean).epsilon(0.15));
+  };
+  for (const double share : {0.003, 0.01, 0.03, 0.1, 0.2}) {
+    strewn(share, 22.5, 20.0);
+    strewn(share, 22.5, 4.0);
+    strewn(share, 400.0, 400.0);
+  }
+}
+
+TEST_CASE("survey: the agreement of given normals is measured, whatever the order", "[property]") {
+  const auto agreement = [](const std::vector<TestPoint>& points, const ChainSetup& setup = {}) {
+    const TempFolder work;
+    const JobState job = chain_job(work.path(), setup);
+    run_stage(SurveyStage(job, chain_inputs(points, setup), setup.h, false), job.work, setup.backwards);
+    return agreement_of_work(job.work);
+  };
+  auto points = random_plane(20000, 100.0, 0.02);
+  CHECK(agreement(points).pairs > 10000);
+  CHECK(agreement(points).against == 0);
+  CHECK(agreement(points).split == 0);
+  for (TestPoint& t : points)
+    if (t.p[0] < 40.0) t.n = {0, 0, -1};
+  CHECK(agreement(points).split > 2);
+  for (std::size_t i = 0; i < points.size(); i += 12) points[i].n = -points[i].n;
+  const NormalAgreement before = agreement(points);
+  CHECK(before.share() > 0.03);
+  shuffle(points, 3);
+  ChainSetup setup;
+  setup.files = 3;
+  const NormalAgreement after = agreement(points, setup);
+  CHECK(to_json(after) == to_json(before));
 }
 
 TEST_CASE("resolution: two decimal digits, never below", "[unit]") {

@@ -1,0 +1,115 @@
+#include "stream/points/normal_sample.h"
+
+#include <algorithm>
+#include <bit>
+#include <tuple>
+
+#include <nlohmann/json.hpp>
+
+#include "octree/error.h"
+#include "octree/points.h"
+#include "octree/portable_math.h"
+#include "stream/files/durable_file.h"
+#include "stream/files/packed_file.h"
+#include "stream/files/read_file.h"
+
+namespace tessera {
+namespace {
+
+constexpr PackedKind kKind = {"TSNSAMP1", "a sample of normals"};
+
+std::uint64_t bits(double v) {
+  return std::bit_cast<std::uint64_t>(v + 0.0);
+}
+
+}  // namespace
+
+void NormalSampler::enter(const std::array<std::int64_t, 3>& cell) {
+  static_assert(kCell == 3.0 * kQuantaPerCell);
+  last_cell_ = cell;
+  last_hash_ = CellSampler::hash_of(cell);
+}
+
+void NormalSampler::push(const Double3& p, const Float3& n) {
+  if (held_.empty()) held_.reserve(2 * kLimit);
+  held_.push_back({last_hash_, mix(bits(p[0]) ^ mix(bits(p[1]) ^ mix(bits(p[2])))), p, unit(n), 0});
+  if (held_.size() >= 2 * kLimit) shrink();
+}
+
+void NormalSampler::shrink() {
+  std::sort(held_.begin(), held_.end(), [](const Held& a, const Held& b) {
+    return std::tie(a.cell, a.point, a.p, a.n) < std::tie(b.cell, b.point, b.p, b.n);
+  });
+  std::size_t out = 0;
+  for (std::size_t i = 0, end = 0; i < held_.size(); i = end) {
+    const std::uint64_t cell = held_[i].cell;
+    for (end = i; end < held_.size() && held_[end].cell == cell;) ++end;
+    const std::size_t take = std::min(end - i, kOfCell);
+    if (cell > threshold_ || out + take > kLimit) {
+      threshold_ = std::min(threshold_, cell - 1);
+      break;
+    }
+    std::copy(held_.begin() + static_cast<std::ptrdiff_t>(i),
+              held_.begin() + static_cast<std::ptrdiff_t>(i + take),
+              held_.begin() + static_cast<std::ptrdiff_t>(out));
+    out += take;
+  }
+  held_.resize(out);
+}
+
+NormalAgreement NormalSampler::measure() {
+  shrink();
+  NormalAgreement sum;
+  std::vector<NormalSample> cell;
+  for (std::size_t i = 0; i < held_.size(); ++i) {
+    cell.push_back({held_[i].p, held_[i].n});
+    if (i + 1 < held_.size() && held_[i + 1].cell == held_[i].cell) continue;
+    sum.add(compare_neighbours(cell));
+    cell.clear();
+  }
+  held_.clear();
+  return sum;
+}
+
+std::uint64_t NormalSampler::save(const std::filesystem::path& file) {
+  shrink();
+  PackedWriter out(file, kKind, std::size_t{1} << 20);
+  std::vector<std::uint64_t> threshold = {threshold_};
+  const std::vector<Section> table = {out.append(bytes_of(threshold)), out.append(bytes_of(held_))};
+  return out.finish(table);
+}
+
+void NormalSampler::merge(const std::filesystem::path& file) {
+  const PackedFile in(file, kKind, sizeof(Section));
+  const auto table = in.table<Section>();
+  threshold_ = std::min(threshold_, in.load<std::uint64_t>(table.at(0)).at(0));
+  const auto more = in.load<Held>(table.at(1));
+  held_.insert(held_.end(), more.begin(), more.end());
+  if (held_.size() >= 2 * kLimit) shrink();
+}
+
+nlohmann::json to_json(const NormalAgreement& a) {
+  return {{"pairs", a.pairs}, {"against", a.against}, {"cells", a.cells}, {"split", a.split}};
+}
+
+void save_agreement(const std::filesystem::path& file, const NormalAgreement& agreement) {
+  write_durably(file, to_json(agreement).dump(1) + "\n");
+}
+
+NormalAgreement agreement_of_work(const std::filesystem::path& work) {
+  const std::filesystem::path file = work / kAgreementFile;
+  if (!std::filesystem::exists(file))
+    throw InputError(file.string() + ": cannot be opened: the survey has not written it");
+  try {
+    const nlohmann::json j = nlohmann::json::parse(read_text(file));
+    return {j.at("pairs"), j.at("against"), j.at("cells"), j.at("split")};
+  } catch (const nlohmann::json::exception& e) {
+    throw InputError(file.string() + ": damaged (" + e.what() + "); run again with --force");
+  }
+}
+
+NormalAgreement agreement_where_measured(const std::filesystem::path& work) {
+  return std::filesystem::exists(work / kAgreementFile) ? agreement_of_work(work) : NormalAgreement{};
+}
+
+}  // namespace tessera

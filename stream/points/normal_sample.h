@@ -1,0 +1,68 @@
+/// \file normal_sample.h
+/// Small complete pieces of a scan with given normals, from which their agreement is measured. Which pieces depends on the
+/// points alone; samples of tasks merge to the sample of the whole.
+#pragma once
+#include <array>
+#include <cmath>
+#include <cstdint>
+#include <filesystem>
+#include <vector>
+
+#include <nlohmann/json_fwd.hpp>
+
+#include "kernels/points/normal_agreement.h"
+#include "stream/points/point_sample.h"
+
+namespace tessera {
+
+/// Cells of 3 h, turned so that no wall lies along them, with the smallest hashes of their places; of each the points with the smallest hashes, 64 at most.
+class NormalSampler {
+ public:
+  /// \param p  in quanta   \param n  not zero, finite
+  void add(const Double3& p, const Float3& n) {
+    const Double3 turned = LayeredSampler::turn(p);
+    std::array<std::int64_t, 3> cell{};
+    for (std::size_t a = 0; a < 3; ++a) cell[a] = static_cast<std::int64_t>(std::floor(turned[a] / kCell));
+    if (cell != last_cell_ || held_.empty()) enter(cell);
+    if (last_hash_ > threshold_) return;
+    push(p, n);
+  }
+  /// Of all that was added and merged. The sampler is spent.
+  NormalAgreement measure();
+
+  /// \returns bytes written
+  std::uint64_t save(const std::filesystem::path& file);
+  /// Adds what another sampler saved.
+  void merge(const std::filesystem::path& file);
+  static constexpr std::uint64_t kBytes = std::uint64_t{8} << 20;  ///< memory of a sampler
+
+ private:
+  static constexpr double kCell = 3.0 * 1024.0;
+  static constexpr std::size_t kLimit = std::size_t{1} << 15, kOfCell = 64;
+  struct Held {
+    std::uint64_t cell = 0, point = 0;  ///< hashes
+    Double3 p{};
+    Float3 n{};
+    std::uint32_t unused = 0;  ///< no byte of the file is left to chance
+  };
+  void enter(const std::array<std::int64_t, 3>& cell);
+  void push(const Double3& p, const Float3& n);
+  void shrink();
+
+  std::array<std::int64_t, 3> last_cell_{};
+  std::uint64_t last_hash_ = ~std::uint64_t{0};
+  std::uint64_t threshold_ = ~std::uint64_t{0};
+  std::vector<Held> held_;
+};
+
+/// What the survey measured, beside its plan: a function of the points and h alone.
+inline constexpr const char* kAgreementFile = "agreement.json";
+/// {pairs, against, cells, split}
+nlohmann::json to_json(const NormalAgreement& agreement);
+void save_agreement(const std::filesystem::path& file, const NormalAgreement& agreement);
+/// That of a work directory. \throws InputError naming the file when it is missing or damaged
+NormalAgreement agreement_of_work(const std::filesystem::path& work);
+/// The same for forecasts, which are also made of a plan alone: empty where there is none.
+NormalAgreement agreement_where_measured(const std::filesystem::path& work);
+
+}  // namespace tessera
