@@ -20,7 +20,7 @@ constexpr double kNear = 3.0, kFarWithoutGrid = 10.0, kFarWithGrid = 100.0;
 /// Root mean square distance from the plane, in steps between neighbours in the grid: a turntable that turns on during a
 /// line makes half a step, as does rounding of coordinates.
 /// Where samples lie farther off than kNear, less: seen from there, steps between neighbours are as wide as relief is high.
-constexpr double kMostBent = 1.5, kMostBentFar = 0.6;
+constexpr double kMostBent = 1.0, kMostBentFar = 0.6;
 /// Neighbours are nearer to each other than that part of their line is long, or the order of the file is no grid.
 constexpr double kMostOfLine = 0.25;
 constexpr double kMostTurned = 0.1;  ///< share of grid triangles that are seen from the other side
