@@ -442,6 +442,7 @@ class Resampler {
     if (edited) o.tolerance = std::max(o.tolerance, 2.0 * (bone_.mean_arc() + spacing_ + options_.radius));
     o.reach = kRoomy * o.tolerance;
     o.area_unit = std::max(1e-300, edge_ * edge_ * 1e-6);
+    o.samples = 0;
     const DeviationPair pair =
         certify_pair({position, now}, {block_.position, old}, nullptr, track_.centre[0], o);
     out_.report.distance = std::max(pair.there.upper, pair.back.upper);

@@ -12,6 +12,7 @@
 #include <limits>
 
 #include "kernels/certify/convex_piece.h"
+#include "kernels/certify/distance_samples.h"
 #include "octree/rounding.h"
 #include "octree/vector.h"
 
@@ -25,7 +26,6 @@ using Piece = ConvexPiece;
 constexpr int kMostCuts = 160;           // in a row; derived into certificate_rounding
 constexpr int kFreeCuts = 24;            // after so many in a row every third is across the longest diagonal
 constexpr double kLeastPiece = 0x1p-13;  // of the tolerance: smaller pieces are bounded by their radius
-constexpr double kFineShare = 0.0625;    // of the tolerance: RMS and histogram err by less
 constexpr double kPhase = 0.25;  // the first target is this share of the tolerance, then its square, ...
 
 /// Halves with fewer corners: along the diagonal from corner 0, so that no new corner is made.
@@ -82,6 +82,10 @@ class Certifier {
     floor_ = std::max(kPhase * options_.tolerance, least);
     for (std::size_t i = 0; i < bound.size(); ++i) bound[i] = bound_face(i);
     counting_ = false;
+    if (options_.samples > 0)
+      measure_samples(spread_samples(surface_, core_, samples_of(options_, bound.size(), reference_.size())),
+                      !bound.empty() && surface_.faces[0][1] == surface_.faces[0][2], reference_, options_,
+                      report_);
     while (options_.tightness * report_.lower < floor_ && floor_ > least) {
       floor_ = std::max(kPhase * floor_, least);
       const double target = this->target(true);
@@ -206,11 +210,10 @@ class Certifier {
     return true;
   }
 
-  /// Largest squared distance of the corners to one triangle; the centroid's goes to centre_square_.
+  /// Largest squared distance of the corners to one triangle.
   double worst_square(const Piece& piece, std::uint32_t slot) {
     alignas(32) double square[kPieceColumn];
-    reference_.squares_to(slot, piece.x, piece.y, piece.z, piece.corners + 1, square);
-    centre_square_ = square[piece.corners];
+    reference_.squares_to(slot, piece.x, piece.y, piece.z, piece.corners, square);
     worst_ = 0;
     for (int i = 1; i < piece.corners; ++i)
       if (square[i] > square[worst_]) worst_ = i;
@@ -221,7 +224,7 @@ class Certifier {
   bool try_corners(const std::array<std::uint32_t, 3>& face) {
     const double target = this->target(false);
     std::uint32_t best = kNone;
-    double best_square = kInfinite, centre = 0.0;
+    double best_square = kInfinite;
     std::uint32_t last = kNone;
     for (const std::uint32_t v : face) {
       const std::uint32_t slot = hit_[v];
@@ -231,53 +234,32 @@ class Certifier {
       if (square >= best_square) continue;
       best_square = square;
       best = slot;
-      centre = centre_square_;
     }
     if (best == kNone) return false;
     stack_.back().hint = best;
     if (best_square > target * target) return false;
-    centre_square_ = centre;
     accept(stack_.back(), std::sqrt(best_square));
     stack_.pop_back();
     return true;
   }
 
-  void count(const Piece& piece, double distance) {
+  void count(const Piece& piece) {
     if (!counting_) return;
-    const double size = measure(piece);
-    report_.area += size;
-    const double counted = std::min(distance, options_.reach);
-    report_.square_integral += size * counted * counted;
-    const double unit = piece.corners == 2 ? std::sqrt(options_.area_unit) : options_.area_unit;
-    const auto weight = static_cast<std::uint64_t>(size / unit + 0.5);
-    std::size_t bin = kDeviationBins + 1;
-    if (distance <= options_.reach) bin = kDeviationBins;
-    if (distance <= options_.tolerance)
-      bin = std::min(static_cast<std::size_t>(distance / options_.tolerance * kDeviationBins),
-                     std::size_t{kDeviationBins - 1});
-    report_.histogram[bin] += weight;
+    report_.area += measure(piece);
     ++report_.pieces;
   }
 
-  /// \param bound  of all its points; centre_square_ is an upper bound at the centroid
+  /// \param bound  of all its points
   void accept(const Piece& piece, double bound) {
     bound_ = std::max(bound_, bound);
-    if (!counting_) return;
-    // A whole face may have been accepted by a triangle far from the closest: measured once more for the
-    // statistics. Pieces were cut to fit theirs.
-    const double fine = kFineShare * options_.tolerance;
-    if (piece.cuts == 0 && centre_square_ > fine * fine) {
-      const ClosestFaces::Hit hit = query(piece.centroid(), piece.hint);
-      if (hit.slot != kNone) centre_square_ = std::min(centre_square_, hit.square);
-    }
-    count(piece, std::min(std::sqrt(centre_square_), bound));
+    count(piece);
   }
 
   void give_up(const Piece& piece, const Double3& where) {
     report_.beyond = true;
     found(options_.reach, where);
     bound_ = kInfinite;
-    count(piece, kInfinite);
+    count(piece);
   }
 
   /// Proves the piece on top, or cuts it in two.
@@ -309,7 +291,6 @@ class Certifier {
     over = centre.square > tolerance_square;
     if (centre.slot != piece.hint) square = worst_square(piece, centre.slot);
     const int worst = worst_;
-    centre_square_ = centre.square;
     if (within(square)) return accept(piece, std::sqrt(square));
     double radius_square = 0.0;
     for (int i = 0; i < piece.corners; ++i) {
@@ -384,7 +365,6 @@ class Certifier {
   double floor_ = 0.0;     ///< no piece needs a bound below
   double provable_ = 0.0;  ///< the largest bound that stays within the tolerance when it is rounded up
   double largest_ = 0.0;   ///< coordinate
-  double centre_square_ = 0.0;
   int worst_ = 0;
   bool counting_ = false;  ///< the first phase fills the report
 };
@@ -406,6 +386,7 @@ void DeviationReport::merge(const DeviationReport& other) {
   faces += other.faces;
   faces_over += other.faces_over;
   area += other.area;
+  samples += other.samples;
   square_integral += other.square_integral;
   for (std::size_t i = 0; i < histogram.size(); ++i) histogram[i] += other.histogram[i];
   pieces += other.pieces;

@@ -1,6 +1,7 @@
 /// \file certificate.h
 /// An upper bound, proven, of the distance of every point of one surface to another, and the report that goes
-/// with it: where it is largest, RMS, a histogram by area. One direction; call it twice for both.
+/// with it: where it is largest, and of the area by measured distances (distance_samples.h) RMS and a histogram. One
+/// direction; call it twice for both.
 ///
 /// How it is proven. The distance to a convex set is convex, so over a convex piece of a face it is largest
 /// at a corner: one triangle of the other surface that is within t of all corners of the piece proves t for
@@ -51,6 +52,8 @@ struct CertificateOptions {
   double tightness = 1.03;  ///< > 1
   double enough = 0.0;      ///< >= 0: bounds up to here need not be tight
   double area_unit = 0.0;   ///< > 0: areas in the histogram are integers in it (lengths, of its root)
+  /// Most points at which distances are measured for RMS and histogram; 0 leaves both out.
+  std::size_t samples = 4096;
   std::function<void()> check_stop = {};  ///< called every few thousand pieces, may throw; may be empty
 };
 
@@ -64,12 +67,12 @@ struct DeviationReport {
   std::uint64_t faces = 0;       ///< looked at
   std::uint64_t faces_over = 0;  ///< not proven to stay within the tolerance
   double area = 0.0;             ///< of what was looked at
-  /// Of the distance, by one point per piece; what is beyond reach counts as reach.
-  double square_integral = 0.0;
+  std::uint64_t samples = 0;     ///< points of equal shares of the area, their distances measured
+  double square_integral = 0.0;  ///< of the distance, by these; what is beyond reach counts as reach
   std::array<std::uint64_t, kDeviationBins + 2> histogram{};  ///< area by distance, in area_unit
   std::uint64_t pieces = 0, queries = 0;                      ///< work
 
-  double rms() const;
+  double rms() const;  ///< by the samples; less than the truth where something is beyond reach
   /// Adds another part of the same surface. \pre same options
   void merge(const DeviationReport& other);
 };

@@ -5,6 +5,7 @@
 #include <limits>
 #include <numeric>
 
+#include "kernels/certify/distance_samples.h"
 #include "kernels/certify/overlay_proof.h"
 #include "kernels/certify/raster_filter.h"
 #include "kernels/mesh/box_mask.h"
@@ -38,10 +39,11 @@ Box3 box_of(const SurfaceFaces& s, const Face& f) {
   return box;
 }
 
-/// Certifies some faces of a surface, against what of the other one is near them.
+/// Certifies some faces of a surface, against what of the other one is near them: bounds alone.
 DeviationReport certify_some(const SurfaceFaces& surface, const std::vector<std::uint32_t>& list,
                              const SurfaceFaces& other, const Box3* core, const Double3& origin,
-                             const CertificateOptions& options, std::vector<float>& bound) {
+                             CertificateOptions options, std::vector<float>& bound) {
+  options.samples = 0;
   std::vector<Face> faces;
   for (const std::uint32_t i : list) faces.push_back(surface.faces[i]);
   BoxMask mask = mask_over(other);
@@ -66,7 +68,7 @@ DeviationReport certify_some(const SurfaceFaces& surface, const std::vector<std:
                            options, &bound);
 }
 
-/// One direction: what the overlay left open, then the largest distances.
+/// One direction: what the overlay left open, then the mean, then the largest distances.
 class Finisher {
  public:
   Finisher(const SurfaceFaces& surface, const SurfaceFaces& other, const Box3* core, const Double3& origin,
@@ -90,6 +92,7 @@ class Finisher {
       report_.merge(part);
       if (part.lower > lower) report_.witness_face = open[part.witness_face];
     }
+    measure_samples(surface_, other_, core_, origin_, bound_, options_, report_);
     tighten();
     report_.upper = 0.0;
     report_.faces_over = 0;

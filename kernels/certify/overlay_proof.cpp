@@ -24,13 +24,7 @@ class Overlay {
  public:
   Overlay(const SurfaceFaces& coarse, const SurfaceFaces& fine, const Box3* core, double margin,
           const Double3& origin, const CertificateOptions& options, bool fine_too)
-      : coarse_(coarse),
-        fine_(fine),
-        core_(core),
-        margin_(margin),
-        origin_(origin),
-        options_(options),
-        fine_too_(fine_too) {
+      : coarse_(coarse), fine_(fine), core_(core), margin_(margin), origin_(origin), fine_too_(fine_too) {
     vertices_.reserve(fine.position.size());
     points_.reserve(fine.position.size());  // so that they stay where they are
     for (const Double3& p : fine.position) {
@@ -74,7 +68,6 @@ class Overlay {
     std::uint32_t over = kNone;  ///< 4 t + edge: it lies over coarse face t and across that edge
     float height = 0.0f;         ///< largest there
     float bound = kOpen;
-    float centre = kOpen;       ///< distance at the centroid
     unsigned corners = 0;       ///< bit i: corner i lies over `over`
     std::uint32_t met = kNone;  ///< the last of met_ that is of this face
   };
@@ -344,25 +337,11 @@ class Overlay {
     points_.clear();
     const std::uint32_t seed = seed_[t] = find_seed(t);
     if (seed == kNone) return;
-    samples_.clear();
     double height = 0.0;
     if (!cover(t, seed, height)) return;
     if (!(height <= limit_)) return;
     out_.coarse.bound[t] = rounded_up(height + rounding_);
-    count_coarse(seed, height);
-  }
-
-  /// From the point where the covering is counted to the fine face over it; `height`, the most it can be, where that face
-  /// stands upright.
-  double distance_at_centre(std::uint32_t seed, double height) {
-    const auto& v = fine_.faces[seed];
-    const Point* const p[3] = {&place(v[0]), &place(v[1]), &place(v[2])};
-    const double area = turn(p[0]->at, p[1]->at, p[2]->at);
-    if (area == 0.0) return height;
-    double z = 0.0;
-    for (std::size_t i = 0; i < 3; ++i)
-      z += turn(p[(i + 1) % 3]->at, p[(i + 2) % 3]->at, centre_) / area * p[i]->z;
-    return std::min(std::abs(z) * steepness(p, area), height);
+    count(out_.coarse.report, area_);
   }
 
   /// Looks at all fine faces over the outline. \return whether they cover it
@@ -379,7 +358,7 @@ class Overlay {
       const Point* const p[3] = {&place(v[0]), &place(v[1]), &place(v[2])};
       const double area = up * turn(p[0]->at, p[1]->at, p[2]->at);
       if (!(area > 4.0 * grown_ * longest(p))) covered = covered && !near_centre(p);
-      look_at(t, f, p, area, height);
+      look_at(t, f, p, height);
       for (std::uint32_t i = 0; i < 3; ++i) {
         if (!meets(*p[i], *p[i == 2 ? 0 : i + 1])) continue;
         const std::uint32_t other = across_fine_[f][i];
@@ -411,7 +390,7 @@ class Overlay {
            centre_.y <= hy + grown_;
   }
 
-  void look_at(std::uint32_t t, std::uint32_t f, const Point* const* p, double area, double& height) {
+  void look_at(std::uint32_t t, std::uint32_t f, const Point* const* p, double& height) {
     const unsigned outside = p[0]->outside | p[1]->outside | p[2]->outside;
     State& state = state_[f];
     double own = 0.0;
@@ -426,31 +405,6 @@ class Overlay {
       state.met = static_cast<std::uint32_t>(met_.size() - 1);
     }
     height = std::max(height, own);
-    const Flat c = {(p[0]->at.x + p[1]->at.x + p[2]->at.x) / 3.0,
-                    (p[0]->at.y + p[1]->at.y + p[2]->at.y) / 3.0};
-    if (outside != 0)
-      for (int i = 0; i < outline_.corners; ++i)
-        if ((outside >> i & 1u) != 0 && beyond(i, c) < 0.0) return;
-    const double distance = std::abs(p[0]->z + p[1]->z + p[2]->z) / 3.0 * steepness(p, area);
-    state.centre = std::min(state.centre, static_cast<float>(distance));
-    if (whole_ || foot_in_core(c)) samples_.push_back({std::max(0.0, area), distance});
-  }
-
-  /// Of a fine face over the coarse one, the share of a height that is distance: the cosine between them, for which the
-  /// statistics ask alone. \param area  twice that of the face as it lies over the plane
-  static double steepness(const Point* const* p, double area) {
-    const double ux = p[1]->at.x - p[0]->at.x, uy = p[1]->at.y - p[0]->at.y, uz = p[1]->z - p[0]->z,
-                 vx = p[2]->at.x - p[0]->at.x, vy = p[2]->at.y - p[0]->at.y, vz = p[2]->z - p[0]->z;
-    const double x = uy * vz - uz * vy, y = uz * vx - ux * vz, square = x * x + y * y + area * area;
-    return square > 0.0 ? std::abs(area) / std::sqrt(square) : 1.0;
-  }
-
-  bool foot_in_core(const Flat& c) const {
-    for (std::size_t k = 0; k < 3; ++k) {
-      const double x = base_[k] + c.x * ex_[k] + c.y * ey_[k] + origin_[k];
-      if (x < core_->low[k] || x > core_->high[k]) return false;
-    }
-    return true;
   }
 
   bool beyond_cuts_alone(unsigned outside) const {
@@ -489,15 +443,10 @@ class Overlay {
     }
   }
 
-  /// By the fine faces whose centroid lies over it; where there are none, by one point.
-  void count_coarse(std::uint32_t seed, double height) {
-    DeviationReport& report = out_.coarse.report;
+  static void count(DeviationReport& report, double area) {
+    report.area += area;
     ++report.faces;
-    double sum = 0.0;
-    for (const auto& [weight, distance] : samples_) sum += weight;
-    if (!(sum > 0.0)) return count_piece(report, options_, area_, distance_at_centre(seed, height));
-    for (const auto& [weight, distance] : samples_)
-      count_piece(report, options_, area_ * (weight / sum), std::min(distance, height));
+    ++report.pieces;
   }
 
   float bound_by_near(const std::array<Double3, 3>& corner, std::uint32_t met) {
@@ -533,8 +482,7 @@ class Overlay {
     const double area =
         inside ? 0.5 * norm(cross(p[1] - p[0], p[2] - p[0])) : area_in_box(p, *core_, origin_);
     out_.fine.bound[f] = rounded_up(static_cast<double>(state.bound) + rounding_);
-    ++out_.fine.report.faces;
-    count_piece(out_.fine.report, options_, area, static_cast<double>(std::min(state.centre, state.bound)));
+    count(out_.fine.report, area);
   }
 
   const SurfaceFaces& coarse_;
@@ -542,7 +490,6 @@ class Overlay {
   const Box3* core_;
   const double margin_;
   const Double3 origin_;
-  const CertificateOptions& options_;
   const bool fine_too_;
   double largest_ = 0.0, rounding_ = 0.0, grown_ = 0.0, limit_ = 0.0;
   std::vector<Vertex> vertices_;
@@ -558,7 +505,6 @@ class Overlay {
   std::uint32_t stamp_ = 0;
   std::vector<Point> points_;
   std::vector<std::uint32_t> stack_;
-  std::vector<std::pair<double, double>> samples_;  ///< weight and distance
   Double3 base_{}, ex_{}, ey_{}, normal_{};
   std::array<Flat, 3> corner_{};
   Outline outline_;
@@ -570,19 +516,6 @@ class Overlay {
 };
 
 }  // namespace
-
-void count_piece(DeviationReport& report, const CertificateOptions& options, double area, double distance) {
-  report.area += area;
-  const double counted = std::min(distance, options.reach);
-  report.square_integral += area * counted * counted;
-  std::size_t bin = kDeviationBins + 1;
-  if (distance <= options.reach) bin = kDeviationBins;
-  if (distance <= options.tolerance)
-    bin = std::min(static_cast<std::size_t>(distance / options.tolerance * kDeviationBins),
-                   std::size_t{kDeviationBins - 1});
-  report.histogram[bin] += static_cast<std::uint64_t>(area / options.area_unit + 0.5);
-  ++report.pieces;
-}
 
 OverlayProof prove_by_overlay(const SurfaceFaces& coarse, const SurfaceFaces& fine, const Box3* core,
                               double margin, const Double3& origin, const CertificateOptions& options,

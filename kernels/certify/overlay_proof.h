@@ -39,7 +39,7 @@ struct OverlaySide {
   /// Per face, rounded up: the part in the core is within it of the other surface. Infinite: not proven;
   /// 0: outside.
   std::vector<float> bound;
-  DeviationReport report;  ///< statistics of the proven faces; `upper` and `lower` are left to others
+  DeviationReport report;  ///< faces, area and pieces of what is proven; all else is left to others
 };
 struct OverlayProof {
   OverlaySide coarse, fine;
@@ -54,8 +54,5 @@ struct OverlayProof {
 OverlayProof prove_by_overlay(const SurfaceFaces& coarse, const SurfaceFaces& fine, const Box3* core,
                               double margin, const Double3& origin, const CertificateOptions& options,
                               bool fine_too = true);
-
-/// Adds a piece to area, RMS and histogram.
-void count_piece(DeviationReport& report, const CertificateOptions& options, double area, double distance);
 
 }  // namespace tessera

@@ -39,7 +39,8 @@ nlohmann::json directed_json(const DeviationReport& r) {
   return {{"certified_max", finite ? nlohmann::json(r.upper) : nlohmann::json()},
           {"found_max", r.lower},
           {"witness", r.witness},
-          {"rms", r.rms()},
+          {"rms", r.beyond ? nlohmann::json() : nlohmann::json(r.rms())},
+          {"samples", r.samples},
           {"beyond_reach", r.beyond},
           {"measure", r.area},
           {"histogram", r.histogram},
@@ -100,7 +101,7 @@ std::string direction(const DeviationReport& r, double tolerance, double reach) 
   else
     text = "at most " + bound_text(r.upper, 6) + " (found " + number_text(r.lower) + " at " +
            place(r.witness) + ")";
-  text += ", rms " + number_text(r.rms());
+  if (!r.beyond) text += ", rms " + number_text(r.rms());
   const double over = share_over(r);
   if (over > 0.0) text += ", " + percent(over) + " of it beyond " + number_text(tolerance);
   return text;

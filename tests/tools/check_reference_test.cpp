@@ -247,3 +247,28 @@ TEST_CASE("compare: cells are compared again until the bound of the whole is tig
   tighten_cells(cells, 1.0, compare);
   CHECK(again.empty());
 }
+
+TEST_CASE(
+    "check --reference: no RMS is above its bound, and none is told where part of a mesh is out of reach",
+    "[pipeline]") {
+  const test::TempFolder folder;
+  const auto level = [](double, double) { return 0.0; };
+  const Surface wave_surface = test::height_grid(
+      80, 4.0, [](double x, double) { return 0.01 * std::sin(x * 3.14159265358979 / 0.4); });
+  const std::string two = file(folder, "two.ply", test::height_grid(1, 4.0, level));
+  const std::string wave = file(folder, "wave.ply", wave_surface);
+  const std::string report = (folder / "report.json").string();
+  for (const std::string tolerance : {"0.02", "0.5", "1"}) {
+    REQUIRE(check(wave, two, "--tolerance " + tolerance + " --force --report " + report).code == 0);
+    const auto told = nlohmann::json::parse(test::file_bytes(report)).at("deviation");
+    for (const char* way : {"mesh_to_reference", "reference_to_mesh"}) {
+      const double rms = told.at(way).at("rms");
+      CHECK(rms <= told.at(way).at("found_max").get<double>());
+      // Of the sine 0.00707, a little less of its chords; back it is less by the slopes.
+      CHECK(rms == Approx(0.0069).epsilon(0.05));
+    }
+  }
+  CHECK(check(wave, two, "--tolerance 0.002 --force --report " + report).code == 6);
+  const auto told = nlohmann::json::parse(test::file_bytes(report)).at("deviation");
+  CHECK(told.at("mesh_to_reference").at("rms").is_null());
+}

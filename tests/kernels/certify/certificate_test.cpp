@@ -53,6 +53,39 @@ TEST_CASE("closest face: as the slow way says, also for segments and slivers", "
   }
 }
 
+TEST_CASE("closest face: needles across the axes are found as the slow way finds them", "[property]") {
+  test::Random random(8);
+  Surface s;
+  const auto add = [&](const Double3& a, const Double3& b, const Double3& c) {
+    const auto v = static_cast<std::uint32_t>(s.position.size());
+    s.position.insert(s.position.end(), {a, b, c});
+    s.faces.push_back({v, v + 1, v + 2});
+  };
+  // Walls of turned parts: fans and strips of needles in all directions, lines, and small faces between.
+  for (int i = 0; i < 300; ++i) {
+    const Double3 at = {random.unit(), random.unit(), random.unit()};
+    const Double3 way = {random.in(-0.7, 0.7), random.in(-0.7, 0.7), random.in(-0.7, 0.7)};
+    const double width = std::pow(10.0, random.in(-9.0, -2.0)), along = random.in(0.0, 1.0);
+    const Double3 beside = {random.in(-width, width), random.in(-width, width), random.in(-width, width)};
+    add(at, at + way, i % 29 == 3 ? at + way : at + way * along + beside);
+    for (int k = 0; k < 3; ++k) {
+      const Double3 near = {random.unit(), random.unit(), random.unit()};
+      add(near, near + Double3{0.01, 0.002, 0}, near + Double3{0, 0.01, 0.003});
+    }
+  }
+  const ClosestFaces index(s.position, s.faces, {0.5, 0.5, 0.5});
+  std::uint32_t hint = ClosestFaces::kNone;
+  for (int i = 0; i < 2000; ++i) {
+    const Double3 p = {random.in(-0.5, 1.5), random.in(-0.5, 1.5), random.in(-0.5, 1.5)};
+    const Double3 local = {p[0] - 0.5, p[1] - 0.5, p[2] - 0.5};
+    const double truth = test::surface_distance(p, s);
+    const auto hit = index.closest(local, 1e300, i % 2 ? hint : ClosestFaces::kNone);
+    hint = hit.slot;
+    CHECK(std::sqrt(hit.square) == Approx(truth).margin(1e-12));
+    CHECK(index.closest(local, truth * truth * 0.99, hint).slot == ClosestFaces::kNone);
+  }
+}
+
 TEST_CASE("certificate: parallel planes of unlike meshes are as far apart as they are", "[unit]") {
   const Surface a = test::height_grid(7, 1.0, flat);
   const Surface b = test::height_grid(31, 1.0, [](double, double) { return 0.01; });

@@ -1,0 +1,194 @@
+#include "kernels/certify/distance_samples.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+
+#include "kernels/mesh/box_mask.h"
+#include "octree/vector.h"
+
+namespace tessera {
+namespace {
+
+using Face = std::array<std::uint32_t, 3>;
+
+/// Few faces need few points: as many as tell the mean on each of them.
+constexpr std::size_t kLeastSamples = 1024, kSamplesPerFace = 16;
+constexpr std::size_t kGrid = 48;  ///< cells an axis of the box in which faces near the points are picked
+// Powers of the plastic number: the additive sequence whose points keep farthest apart.
+constexpr double kR2u = 0.75487766624669276005, kR2v = 0.56984029099805326591;
+constexpr double kWider = 1.0 + 0x1p-20;  ///< a bound, so that rounding hides no face
+
+double fraction(double v) {
+  return v - std::floor(v);
+}
+
+/// In [0, 1), of a number (Steele, Lea, Flood 2014): where in its stratum a point lies, so that no period of the faces
+/// is met.
+double scatter(std::uint64_t i) {
+  std::uint64_t x = (i + 1) * 0x9e3779b97f4a7c15u;
+  x = (x ^ (x >> 30)) * 0xbf58476d1ce4e5b9u;
+  x = (x ^ (x >> 27)) * 0x94d049bb133111ebu;
+  return static_cast<double>((x ^ (x >> 31)) >> 11) * 0x1p-53;
+}
+
+/// The part of a face in a box: a convex polygon of up to nine corners, or a segment of two.
+struct Part {
+  std::array<Double3, 9> at;
+  std::size_t corners = 0;
+  bool segment = false;
+  double area = 0.0;  ///< of a segment its length
+
+  void measure() {
+    area = 0.0;
+    if (segment && corners == 2) area = norm(at[1] - at[0]);
+    for (std::size_t i = 1; i + 1 < corners; ++i) area += triangle(i);
+  }
+  double triangle(std::size_t i) const { return 0.5 * norm(cross(at[i] - at[0], at[i + 1] - at[0])); }
+  Double3 point(double u, double v) const {
+    if (segment) return at[0] + (at[1] - at[0]) * u;
+    // Which triangle of the fan: by the share of the area; what is left of the share is even again.
+    double share = u * area;
+    std::size_t i = 1;
+    for (; i + 2 < corners && share >= triangle(i); ++i) share -= triangle(i);
+    const double own = triangle(i);
+    double s = own > 0.0 ? std::clamp(share / own, 0.0, 1.0) : 0.0, t = v;
+    if (s + t > 1.0) s = 1.0 - s, t = 1.0 - t;
+    return at[0] + (at[i] - at[0]) * s + (at[i + 1] - at[0]) * t;
+  }
+};
+
+Part part_of(const SurfaceFaces& surface, const Face& face, const Box3* core) {
+  Part part;
+  part.segment = face[1] == face[2];
+  part.corners = part.segment ? 2 : 3;
+  for (std::size_t c = 0; c < part.corners; ++c) part.at[c] = surface.position[face[c]];
+  bool whole = true;
+  for (std::size_t c = 0; core != nullptr && c < part.corners; ++c)
+    for (std::size_t k = 0; k < 3; ++k)
+      whole = whole && part.at[c][k] >= core->low[k] && part.at[c][k] <= core->high[k];
+  for (std::size_t k = 0; !whole && k < 3; ++k)
+    for (const double sign : {1.0, -1.0}) {
+      const double limit = sign > 0.0 ? core->high[k] : -core->low[k];
+      Part cut;
+      cut.segment = part.segment;
+      const std::size_t sides = part.segment ? 1 : part.corners;
+      for (std::size_t i = 0; i < part.corners; ++i) {
+        const Double3 &a = part.at[i], &b = part.at[i + 1 == part.corners ? 0 : i + 1];
+        const double u = limit - sign * a[k], v = limit - sign * b[k];
+        if (u >= 0.0) cut.at[cut.corners++] = a;
+        if (i < sides && ((u > 0.0 && v < 0.0) || (u < 0.0 && v > 0.0)))
+          cut.at[cut.corners++] = a + (b - a) * (u / (u - v));
+      }
+      part = cut;
+    }
+  part.measure();
+  return part;
+}
+
+BoxMask mask_around(const SurfaceSamples& samples, const std::vector<double>& radius) {
+  Double3 low, high;
+  low.fill(std::numeric_limits<double>::infinity());
+  high.fill(-std::numeric_limits<double>::infinity());
+  const auto around = [&](std::size_t i, double sign) {
+    Double3 p = samples.at[i];
+    for (double& c : p) c += sign * radius[i];
+    return p;
+  };
+  for (std::size_t i = 0; i < samples.at.size(); ++i)
+    for (std::size_t k = 0; k < 3; ++k)
+      low[k] = std::min(low[k], around(i, -1.0)[k]), high[k] = std::max(high[k], around(i, 1.0)[k]);
+  BoxMask mask(low, high, kGrid);
+  for (std::size_t i = 0; i < samples.at.size(); ++i) mask.mark(around(i, -1.0), around(i, 1.0));
+  return mask;
+}
+
+}  // namespace
+
+SurfaceSamples spread_samples(const SurfaceFaces& surface, const Box3* core, std::size_t count) {
+  SurfaceSamples out;
+  std::vector<double> area(surface.faces.size());
+  double sum = 0.0;
+  for (std::size_t f = 0; f < area.size(); ++f)
+    sum += area[f] = part_of(surface, surface.faces[f], core).area;
+  if (!(sum > 0.0) || !std::isfinite(sum)) return out;
+  out.at.reserve(count), out.face.reserve(count);
+  const double stratum = sum / static_cast<double>(count);
+  double before = 0.0;  // of the faces before this one
+  std::size_t f = 0, on = 0;
+  Part part;
+  for (std::size_t i = 0; i < count; ++i) {
+    const double at = stratum * (static_cast<double>(i) + scatter(i));
+    while (f + 1 < area.size() && before + area[f] <= at) before += area[f++];
+    // The sum's rounding may lead beyond the last face that has an area.
+    if (area[f] > 0.0 && (f != on || part.corners == 0))
+      part = part_of(surface, surface.faces[f], core), on = f;
+    const auto n = static_cast<double>(i);
+    out.at.push_back(part.point(fraction(0.5 + n * kR2u), fraction(0.5 + n * kR2v)));
+    out.face.push_back(static_cast<std::uint32_t>(on));
+  }
+  return out;
+}
+
+std::size_t samples_of(const CertificateOptions& options, std::size_t faces, std::size_t other_faces) {
+  return std::min(options.samples, kLeastSamples + kSamplesPerFace * (faces + other_faces));
+}
+
+void measure_samples(const SurfaceSamples& samples, bool segments, const ClosestFaces& reference,
+                     const CertificateOptions& options, DeviationReport& report) {
+  if (samples.at.empty()) return;
+  const double each = report.area / static_cast<double>(samples.at.size());
+  const double unit = segments ? std::sqrt(options.area_unit) : options.area_unit;
+  std::array<std::uint64_t, kDeviationBins + 2> count{};
+  double squares = 0.0;
+  std::uint32_t hint = ClosestFaces::kNone;
+  constexpr std::size_t kPerCheck = 256;
+  for (std::size_t i = 0; i < samples.at.size(); ++i) {
+    if (i % kPerCheck == 0 && options.check_stop) options.check_stop();
+    const ClosestFaces::Hit hit =
+        reference.closest(samples.at[i] - reference.origin(), options.reach * options.reach * kWider, hint);
+    const bool found = hit.slot != ClosestFaces::kNone;
+    if (found) hint = hit.slot;
+    const double distance = found ? std::sqrt(hit.square) : options.reach;
+    squares += distance * distance;
+    std::size_t bin = found ? kDeviationBins : kDeviationBins + 1;
+    if (found && distance <= options.tolerance)
+      bin = std::min(static_cast<std::size_t>(distance / options.tolerance * kDeviationBins),
+                     std::size_t{kDeviationBins - 1});
+    ++count[bin];
+    if (!(distance > report.lower)) continue;
+    report.lower = distance;
+    report.witness = samples.at[i];
+    report.witness_face = samples.face[i];
+  }
+  report.samples += samples.at.size();
+  report.square_integral += each * squares;
+  for (std::size_t b = 0; b < count.size(); ++b)
+    report.histogram[b] += static_cast<std::uint64_t>(static_cast<double>(count[b]) * each / unit + 0.5);
+}
+
+void measure_samples(const SurfaceFaces& surface, const SurfaceFaces& other, const Box3* core,
+                     const Double3& origin, std::span<const float> bound, const CertificateOptions& options,
+                     DeviationReport& report) {
+  if (options.samples == 0) return;
+  const SurfaceSamples samples =
+      spread_samples(surface, core, samples_of(options, surface.faces.size(), other.faces.size()));
+  if (samples.at.empty()) return;
+  std::vector<double> radius;
+  for (const std::uint32_t f : samples.face)
+    radius.push_back(kWider * std::min(options.reach, static_cast<double>(bound[f])));
+  const BoxMask mask = mask_around(samples, radius);
+  std::vector<Face> near;
+  for (const Face& f : other.faces) {
+    Double3 low = other.position[f[0]], high = low;
+    for (const std::uint32_t v : {f[1], f[2]})
+      for (std::size_t k = 0; k < 3; ++k)
+        low[k] = std::min(low[k], other.position[v][k]), high[k] = std::max(high[k], other.position[v][k]);
+    if (mask.meets(low, high)) near.push_back(f);
+  }
+  measure_samples(samples, surface.faces[0][1] == surface.faces[0][2],
+                  ClosestFaces(other.position, near, origin), options, report);
+}
+
+}  // namespace tessera
