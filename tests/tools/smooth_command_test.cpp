@@ -168,6 +168,51 @@ TEST_CASE("smooth command: the result is that of the kernel on the whole mesh", 
   CHECK(got == expected);
 }
 
+TEST_CASE("smooth command: moves are told from where vertices were given, whatever the method and its rounds",
+          "[pipeline]") {
+  const std::vector<std::string> how = GENERATE(
+      std::vector<std::string>{"--lambda", "4"}, std::vector<std::string>{"--lambda", "4", "--steps", "3"},
+      std::vector<std::string>{"--lambda", "5000", "--steps", "2"},
+      std::vector<std::string>{"--lambda", "1e6", "--order", "2"},
+      std::vector<std::string>{"--lambda", "5000", "--steps", "2", "--tolerance", "0.1"},
+      std::vector<std::string>{"--method", "denoise"},
+      std::vector<std::string>{"--method", "denoise", "--steps", "2"},
+      std::vector<std::string>{"--method", "bilateral"},
+      std::vector<std::string>{"--method", "laplacian", "--steps", "20"},
+      std::vector<std::string>{"--method", "bilaplacian", "--steps", "20"},
+      std::vector<std::string>{"--method", "taubin", "--steps", "20"},
+      std::vector<std::string>{"--method", "curvature-flow", "--lambda", "10", "--steps", "2"});
+  CAPTURE(how);
+  const test::TempFolder folder;
+  const Mesh mesh = sheet(60);
+  MeshHeader header;
+  header.vertices = mesh.position.size();
+  header.faces = mesh.faces.size();
+  header.colour = true;
+  std::vector<std::uint32_t> number;  // colours tell which vertex is which
+  for (std::uint32_t v = 0; v < mesh.position.size(); ++v) number.push_back(0xff000000u | v);
+  const auto file = create_mesh_file(folder / "in.ply", header);
+  file->vertices(mesh.position, number);
+  file->faces(mesh.faces);
+  file->finish();
+  smoothed(folder / "in.ply", folder / "out.ply", how);
+  double most = 0.0, squares = 0.0;
+  std::size_t count = 0;
+  open_mesh_file(folder / "out.ply")->read_vertices([&](auto positions, auto colours) {
+    for (std::size_t v = 0; v < positions.size(); ++v, ++count) {
+      const double square = squared_distance(positions[v], mesh.position.at(colours[v] & 0xffffffu));
+      most = std::max(most, square);
+      squares += square;
+    }
+  });
+  REQUIRE(count > 3000);
+  const nlohmann::json told =
+      nlohmann::json::parse(test::file_bytes(folder / "out.ply.report.json")).at("mesh");
+  CHECK(std::sqrt(most) > 0.05);
+  CHECK(told.at("largest_move").get<double>() == Approx(std::sqrt(most)));
+  CHECK(told.at("rms_move").get<double>() == Approx(std::sqrt(squares / static_cast<double>(count))));
+}
+
 TEST_CASE("smooth command: vertices keep their colours", "[pipeline]") {
   const test::TempFolder folder;
   const Mesh mesh = sheet(120);

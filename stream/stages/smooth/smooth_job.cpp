@@ -18,8 +18,7 @@ using json = nlohmann::json;
 const std::string kImport = "mesh";
 constexpr std::uint64_t kSortBytes = std::uint64_t{32} << 20;
 
-/// The report's `input`, and its `mesh`: what was written, and how far vertices moved in the last round (with a tolerance: in
-/// all).
+/// The report's `input`, and its `mesh`: what was written, and how far from where they were given vertices lie now.
 void summarise(json& report) {
   json mesh = json::object();
   for (const json& stage : report.at("stages")) {

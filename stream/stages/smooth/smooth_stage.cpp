@@ -47,16 +47,15 @@ class SmoothStage : public Stage {
         rule_(plan.rounds[round - 1]),
         base_round_(base_round(plan, round)),
         tolerance_(ends_step(plan, round) ? plan.tolerance : 0.0),
-        clamped_(plan.tolerance > 0.0),
         store_(open_smoothed(state, plan, base_round_)),
         before_(open_smoothed(state, plan, round - 1)),
         bends_(open_bends(state.work, plan, round)),
-        original_(open_smoothed(state, plan, tolerance_ > 0.0 ? 0 : base_round_)),
         mesh_folder_(plan.mesh_folder),
         bounds_(plan.bounds && tolerance_ > 0.0 && round == plan.rounds.size()),
         last_(round == plan.rounds.size()),
         fits_(plan.rounds[0].by_fits),
-        ends_step_(ends_step(plan, round)) {
+        ends_step_(ends_step(plan, round)),
+        original_(open_smoothed(state, plan, from_original() ? 0 : base_round_)) {
     if (rule_.cycle >= 0) {
       coarse_ = coarse_options(state, plan, round);
       rule_.filter.degree = coarse_.degree;
@@ -187,9 +186,9 @@ class SmoothStage : public Stage {
   }
 
   std::vector<std::string> obsolete() const override {
-    // The step's own start stays to its end, the original while moves are measured against it.
+    // The step's own start stays to its end, the original to the last round, which tells how far from it all went.
     const auto stays = [&](std::size_t round) {
-      return (round == base_round_ && !ends_step_) || (round == 0 && clamped_ && !last_);
+      return (round == base_round_ && !ends_step_) || (round == 0 && !last_);
     };
     std::vector<std::string> names;
     for (const std::size_t round : {round_ - 1, base_round_, std::size_t{0}})
@@ -203,6 +202,9 @@ class SmoothStage : public Stage {
   }
 
  private:
+  /// Whether moves are told, and limited, from the mesh as it is given; else from where the step began.
+  bool from_original() const { return tolerance_ > 0.0 || last_; }
+
   static bool misses(const std::vector<std::uint32_t>& vertices, const SmoothedBlock& smoothed) {
     return std::any_of(vertices.begin(), vertices.end(),
                        [&](std::uint32_t v) { return smoothed.complete[v] == 0; });
@@ -244,7 +246,7 @@ class SmoothStage : public Stage {
                                const std::vector<std::uint32_t>& vertices, const SmoothedBlock& smoothed,
                                Movement& moved) const {
     std::vector<Double3> original;
-    if (tolerance_ > 0.0 && base_round_ > 0) original = original_.load({&p, 1}).position;
+    if (from_original() && base_round_ > 0) original = original_.load({&p, 1}).position;
     const bool floats = !store_.info().double_positions;
     std::vector<Double3> out(vertices.size());
     for (std::size_t v = 0; v < vertices.size(); ++v) {
@@ -280,13 +282,12 @@ class SmoothStage : public Stage {
   SmoothRound rule_;
   std::size_t base_round_;
   double tolerance_;          ///< 0 inside a step
-  bool clamped_;              ///< at the end of each step
   MeshStore store_, before_;  ///< where the step began, where the round begins
   PatchBends bends_;
-  MeshStore original_;  ///< of the patches that the tolerance is measured from
   std::string mesh_folder_;
   bool bounds_;                   ///< SmoothPlan::bounds, in the last round
   bool last_, fits_, ends_step_;  ///< fits_: of the plan, so faces that lie turned over are counted
+  MeshStore original_;            ///< of the patches that moves are measured from
   CoarseOptions coarse_;
   std::filesystem::path solution_;
   SmoothTiling tiling_;
