@@ -2,7 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 #include <limits>
+#include <unordered_map>
 #include <vector>
 
 #include "octree/vector.h"
@@ -11,6 +13,16 @@ namespace tessera {
 namespace {
 
 constexpr int kMostParts = 2048;  // per side: a face over a whole picture is not drawn finer
+/// A face so many times as long as it is high, or as an edge of the sampling, is cut along its length: a grid would have as
+/// many rows as columns.
+constexpr double kSlim = 4.0;
+/// Of an edge of the sampling: what is thinner is seen nowhere, and is measured in its middle alone. Fans of hundreds of
+/// such lie over each other in what CAD programs write, and every distance there looks at all of them.
+constexpr double kThin = 1.0 / 32.0;
+constexpr std::uint32_t kOne = 1u << 24;  ///< steps of a side in which places on a needle are told
+constexpr float kUnknown = -std::numeric_limits<float>::infinity();
+
+using Sink = std::function<void(const DeviationTriangle&)>;
 
 class Sampler {
  public:
@@ -35,18 +47,101 @@ class Sampler {
   std::uint32_t hint_ = ClosestFaces::kNone;
 };
 
+/// A needle, cut by halving its longest side until none is longer than asked for. Sides that faces share are halved alike.
+class NeedleCutter {
+ public:
+  NeedleCutter(Sampler& sampler, const Box3& core) : sampler_(sampler), core_(core) {}
+
+  /// \param corner  of the face \param value  what is known at them, and will be \param most  length of a side
+  /// \param out  with the normal of the face
+  void cut(const std::array<Double3, 3>& corner, const std::array<float*, 3>& value, double most,
+           DeviationTriangle& out, const Sink& sink) {
+    corner_ = &corner;
+    value_.clear();
+    const std::array<Place, 3> whole = {Place{0, 0}, Place{kOne, 0}, Place{0, kOne}};
+    stack_.assign(1, whole);
+    while (!stack_.empty()) {
+      const std::array<Place, 3> piece = stack_.back();
+      stack_.pop_back();
+      const std::array<Double3, 3> p = {at(piece[0]), at(piece[1]), at(piece[2])};
+      if (!meets_core(p)) continue;
+      std::size_t side = 0;
+      double longest_side = 0.0;
+      for (std::size_t k = 0; k < 3; ++k)
+        if (const double length = squared_distance(p[k], p[(k + 1) % 3]); length > longest_side)
+          longest_side = length, side = k;
+      if (longest_side > most * most) {
+        const Place &a = piece[side], &b = piece[(side + 1) % 3], &c = piece[(side + 2) % 3];
+        const Place middle = {(a.i + b.i) / 2, (a.j + b.j) / 2};
+        stack_.push_back({middle, b, c});
+        stack_.push_back({a, middle, c});
+        continue;
+      }
+      if (!in_core(p)) continue;
+      for (std::size_t k = 0; k < 3; ++k) {
+        float& known = piece[k] == whole[0]   ? *value[0]
+                       : piece[k] == whole[1] ? *value[1]
+                       : piece[k] == whole[2] ? *value[2]
+                                              : known_at(piece[k]);
+        if (known == kUnknown) known = sampler_.measure(p[k]);
+        out.corner[k] = p[k];
+        out.deviation[k] = known;
+      }
+      sink(out);
+    }
+  }
+
+ private:
+  struct Place {
+    std::uint32_t i, j;  ///< parts of kOne along the first and the last side
+    bool operator==(const Place&) const = default;
+  };
+
+  Double3 at(const Place& place) const {
+    const Double3 &a = (*corner_)[0], &b = (*corner_)[1], &c = (*corner_)[2];
+    Double3 p;
+    for (std::size_t k = 0; k < 3; ++k)
+      p[k] = a[k] + (b[k] - a[k]) * (static_cast<double>(place.i) / kOne) +
+             (c[k] - a[k]) * (static_cast<double>(place.j) / kOne);
+    return p;
+  }
+  float& known_at(const Place& place) {
+    return value_.try_emplace(std::uint64_t{place.i} << 32 | place.j, kUnknown).first->second;
+  }
+  bool meets_core(const std::array<Double3, 3>& p) const {
+    bool meets = true;
+    for (std::size_t k = 0; k < 3; ++k)
+      meets = meets && std::min({p[0][k], p[1][k], p[2][k]}) < core_.high[k] &&
+              std::max({p[0][k], p[1][k], p[2][k]}) >= core_.low[k];
+    return meets;
+  }
+  bool in_core(const std::array<Double3, 3>& p) const {
+    bool in = true;
+    for (std::size_t k = 0; k < 3; ++k) {
+      const double middle = (p[0][k] + p[1][k] + p[2][k]) / 3.0;
+      in = in && middle >= core_.low[k] && middle < core_.high[k];
+    }
+    return in;
+  }
+
+  Sampler& sampler_;
+  const Box3& core_;
+  const std::array<Double3, 3>* corner_ = nullptr;
+  std::unordered_map<std::uint64_t, float> value_;  ///< at places inside the face and on its sides
+  std::vector<std::array<Place, 3>> stack_;
+};
+
 }  // namespace
 
 void sample_deviation(const SurfaceFaces& surface, const Box3& core, const ClosestFaces& reference,
-                      const DeviationSampling& options,
-                      const std::function<void(const DeviationTriangle&)>& sink) {
+                      const DeviationSampling& options, const Sink& sink) {
   Sampler sampler(reference, options);
+  NeedleCutter needles(sampler, core);
   const auto inside = [&](const Double3& p) {
     bool in = true;
     for (std::size_t k = 0; k < 3; ++k) in = in && p[k] >= core.low[k] && p[k] < core.high[k];
     return in;
   };
-  constexpr float kUnknown = -std::numeric_limits<float>::infinity();
   // A corner is measured when the first triangle at it lies in the core: vertices once for all their faces.
   std::vector<float> vertex(surface.position.size(), kUnknown), row, next;
   for (const auto& face : surface.faces) {
@@ -65,6 +160,20 @@ void sample_deviation(const SurfaceFaces& surface, const Box3& core, const Close
     const double size = std::sqrt(dot(normal, normal));
     for (std::size_t k = 0; k < 3; ++k)
       out.normal[k] = size > 0.0 ? static_cast<float>(normal[k] / size) : 0.0f;
+    const double height = longest > 0.0 ? size / longest : 0.0;
+    if (longest > kSlim * std::max(height, options.edge)) {
+      if (height < kThin * options.edge) {
+        const Double3 middle = (a + b + c) * (1.0 / 3.0);
+        if (!inside(middle)) continue;
+        out.corner = {a, b, c};
+        out.deviation.fill(sampler.measure(middle));
+        sink(out);
+        continue;
+      }
+      const double most = std::max(options.edge, longest / kMostParts);
+      needles.cut({a, b, c}, {&vertex[face[0]], &vertex[face[1]], &vertex[face[2]]}, most, out, sink);
+      continue;
+    }
     row.assign(static_cast<std::size_t>(n) + 1, kUnknown);
     for (int j = 0; j < n; ++j) {
       next.assign(static_cast<std::size_t>(n) + 1, kUnknown);

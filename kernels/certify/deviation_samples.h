@@ -17,7 +17,7 @@ struct DeviationTriangle {
 };
 
 struct DeviationSampling {
-  double edge = 0.0;       ///< > 0: no side of a triangle is longer
+  double edge = 0.0;       ///< > 0: no side of a triangle is longer; needles are cut along their length alone
   double limit = 0.0;      ///< > 0: the reference is complete within it of the core
   bool with_sign = false;  ///< negative behind the closest triangle of the reference
 };

@@ -22,13 +22,18 @@ constexpr double kEdgesPerDiagonal = 400.0;  // triangles of about two pixels
 constexpr std::array<double, 3> kSearchPerDiagonal = {1.0 / 1024, 1.0 / 128, 1.0 / 16};
 constexpr double kShare = 0.99;
 constexpr int kBins = 4096;
+constexpr std::uint64_t kTrianglesPerCheck = 256;
 
 }  // namespace
 
 MeshDeviation::MeshDeviation(const std::filesystem::path& mesh, const std::filesystem::path& reference,
                              bool with_sign, const std::filesystem::path& temp, std::uint64_t memory_bytes,
-                             const char* who)
-    : scratch_(temp, "deviation"), memory_bytes_(memory_bytes), with_sign_(with_sign), who_(who) {
+                             const char* who, std::function<void()> check)
+    : scratch_(temp, "deviation"),
+      memory_bytes_(memory_bytes),
+      with_sign_(with_sign),
+      who_(who),
+      check_(std::move(check)) {
   RunOptions run;
   run.memory_bytes = memory_bytes;
   run.threads = core_count();
@@ -41,6 +46,14 @@ void MeshDeviation::for_each(double limit, const std::function<void(const Deviat
   const DeviationSampling sampling{size_ / kEdgesPerDiagonal, limit, with_sign_};
   const double reach = limit + 2.0 * sampling.edge;
   const MemoryBudget budget(memory_bytes_, 0);
+  std::uint64_t count = 0;
+  const auto checked = [&](const DeviationTriangle& t) {
+    if (++count % kTrianglesPerCheck == 0) {
+      throw_if_stopped();
+      if (check_) check_();
+    }
+    sink(t);
+  };
   for (const CompareCell& cell : make_compare_cells(*mesh_, *reference_, reach, kCellFaces)) {
     throw_if_stopped();
     budget.require(cell.bytes, who_);
@@ -48,7 +61,7 @@ void MeshDeviation::for_each(double limit, const std::function<void(const Deviat
     if (a.faces.empty()) continue;
     const MeshBlock b = reference_->load_box(grown(cell.box, kCompareHalo * reach));
     const ClosestFaces index(b.position, b.faces, cell.box.low);
-    sample_deviation({a.position, a.faces}, {cell.box.low, cell.box.high}, index, sampling, sink);
+    sample_deviation({a.position, a.faces}, {cell.box.low, cell.box.high}, index, sampling, checked);
   }
 }
 

@@ -17,10 +17,11 @@ class MeshDeviation {
  public:
   /// Imports both. \param with_sign  negative behind the closest face of the reference
   /// \param temp  folder for what is streamed \param memory_bytes  cap of the process
-  /// \param who   the option, as messages name it
+  /// \param who   the option, as messages name it \param check  called every few hundred distances, may throw; may be empty
   /// \throws InputError; ResourceError when the cap cannot suffice, naming one that would, or the disk is full
   MeshDeviation(const std::filesystem::path& mesh, const std::filesystem::path& reference, bool with_sign,
-                const std::filesystem::path& temp, std::uint64_t memory_bytes, const char* who);
+                const std::filesystem::path& temp, std::uint64_t memory_bytes, const char* who,
+                std::function<void()> check = {});
 
   const MeshStore& mesh() const { return *mesh_; }
   /// All faces, cut until no side exceeds a 400th of the diagonal, in an order of their own, with distances at corners.
@@ -38,6 +39,7 @@ class MeshDeviation {
   std::uint64_t memory_bytes_;
   bool with_sign_;
   const char* who_;
+  std::function<void()> check_;
   double size_ = 0.0;
 };
 

@@ -1,6 +1,7 @@
 #include "stream/page/report_page.h"
 
 #include <algorithm>
+#include <chrono>
 
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
@@ -14,6 +15,7 @@
 #include "stream/formats/meshes/mesh_io.h"
 #include "stream/page/report_value.h"
 #include "stream/render/render.h"
+#include "stream/runtime/job_report.h"
 #include "stream/runtime/memory_budget.h"
 #include "stream/runtime/report.h"
 #include "stream/runtime/stop.h"
@@ -24,6 +26,7 @@ namespace {
 namespace fs = std::filesystem;
 using nlohmann::json;
 
+constexpr double kLeastMapSeconds = 3.0;                         // of a map, however short the job was
 constexpr std::uint64_t kMostPicture = std::uint64_t{64} << 20;  // bytes of a file taken into the page
 
 std::string file_bytes(const fs::path& path) {
@@ -130,18 +133,26 @@ void draw_deviation(PageParts& parts, const json& report, const PageRequest& req
         "No picture: what the result was made from is no longer at " + reference.string() + ".";
     return;
   }
+  const std::string way_out =
+      fmt::format("this command does: tessera render {} --deviation {} -o deviation.png",
+                  request.mesh.string(), reference.string());
   const double faces = std::max({number_at(report, "/input/faces"), number_at(report, "/raw_mesh/faces"),
                                  number_at(report, "/mesh/faces")});
   if (faces > static_cast<double>(kMostWholeFaces)) {
-    parts.deviation_note = fmt::format(
-        "Not drawn for more than {} faces; this command does: tessera render {} --deviation {} -o "
-        "deviation.png",
-        with_commas(kMostWholeFaces), request.mesh.string(), reference.string());
+    parts.deviation_note =
+        fmt::format("Not drawn for more than {} faces; {}", with_commas(kMostWholeFaces), way_out);
     return;
   }
+  const double most = std::max(kLeastMapSeconds, number_at(report, "/wall_s"));
+  const auto start = std::chrono::steady_clock::now();
   RenderOptions options = sheet(request, request.mesh, scratch);
   options.deviation = reference;
   options.tolerance = tolerance_of_job(report);
+  options.check_deviation = [&] {
+    if (seconds_since(start) > most)
+      throw ResourceError(
+          fmt::format("its distances take more than {:.1f} s, longer than the job; {}", most, way_out));
+  };
   const RenderReport drawn = render(options);
   for (const std::string& notice : drawn.notices) parts.deviation_note += notice + ". ";
   parts.deviation = file_bytes(options.output);

@@ -8,6 +8,7 @@
 #pragma once
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <optional>
 #include <string>
 #include <vector>
@@ -57,6 +58,8 @@ struct RenderOptions {
   std::vector<std::string> columns;  ///< names of text columns of point files
   std::uint64_t memory_bytes = 0;    ///< cap on peak RSS; 0 = none
   std::filesystem::path temp;        ///< folder of the temporary file; empty = beside the output
+  /// Called every few hundred distances of `deviation`; may throw, and render() then ends with that. May be empty.
+  std::function<void()> check_deviation;
 
   /// \throws UsageError naming the option and its range
   void validate() const;

@@ -18,7 +18,8 @@ class DeviationItem final : public SceneItem {
       : path_(path),
         options_(options),
         deviation_(path, options.deviation, options.with_sign, render_temp(options),
-                   memory_bytes != 0 ? memory_bytes : detect_memory_cap().bytes, "render --deviation") {
+                   memory_bytes != 0 ? memory_bytes : detect_memory_cap().bytes, "render --deviation",
+                   options.check_deviation) {
     high_ = options.tolerance > 0.0 ? options.tolerance : deviation_.scale();
     const MeshStore& mesh = deviation_.mesh();
     for (std::size_t i = 0; i < mesh.patches().size(); ++i) {
