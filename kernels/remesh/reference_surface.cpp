@@ -17,6 +17,10 @@ namespace {
 constexpr std::size_t kLeastSegments = 3;
 /// Cosines: a line that bends by more is cut there. Borders of scans waver, so they get more.
 constexpr double kStraightCrease = 0.70710678118654752, kStraightBorder = 0.5;
+constexpr double kStrongCrease = 0.70710678118654752;  ///< cosine of its turn: noise seldom turns by more
+/// Of the shortest line of its own: one that runs on for so long bears an edge that is no needle.
+constexpr double kLongLine = 0.2;
+constexpr std::ptrdiff_t kCornerCreases = 3;
 
 Double3 closest_on_segment(const Double3& p, const Double3& a, const Double3& b) {
   const Double3 d = b - a;
@@ -24,6 +28,15 @@ Double3 closest_on_segment(const Double3& p, const Double3& a, const Double3& b)
   if (!(square > 0.0)) return a;
   const double t = dot(p - a, d) / square;
   return t <= 0.0 ? a : t >= 1.0 ? b : a + d * t;
+}
+
+bool turns_strongly(const CollapseMesh& mesh, std::uint32_t f, std::uint32_t g) {
+  const auto normal = [&](std::uint32_t face) {
+    const std::uint32_t* v = mesh.face(face).vertex;
+    return triangle_normal(mesh.at(v[0]), mesh.at(v[1]), mesh.at(v[2]));
+  };
+  const Double3 m = normal(f), n = normal(g);
+  return dot(m, n) < kStrongCrease * norm(m) * norm(n);
 }
 
 }  // namespace
@@ -37,6 +50,7 @@ ReferenceSurface::ReferenceSurface(const MeshBlock& reference, const Double3& or
     find_lines(mesh, feature_angle_deg, least_line);
   }
   join_segments();
+  find_lasting_corners(least_line);
   size(sizing);
   faces_ = ClosestFaces(at_, face_, Double3{});
   slot_.resize(face_.size());
@@ -61,7 +75,7 @@ void ReferenceSurface::find_lines(CollapseMesh& mesh, double feature_angle_deg, 
 
   normal_.resize(face_.size());
   beside_.resize(face_.size());
-  std::vector<std::array<std::uint32_t, 2>> borders;
+  std::vector<std::array<std::uint32_t, 2>> borders, strong;
   for (std::uint32_t f = 0; f < mesh.faces().size(); ++f) {
     Double3 sum{};
     const auto add = [&](std::uint32_t g) {
@@ -76,6 +90,7 @@ void ReferenceSurface::find_lines(CollapseMesh& mesh, double feature_angle_deg, 
       if (!border && !(mesh.crease_edge(c) && o != kNoCorner && o > c)) continue;
       const std::uint32_t a = mesh.vertex(next_corner(c)), b = mesh.vertex(prev_corner(c));
       (border ? borders : creases_).push_back({std::min(a, b), std::max(a, b)});
+      if (!border && turns_strongly(mesh, f, o >> 2)) strong.push_back(creases_.back());
     }
     normal_[f] = narrow(unit_or_zero(sum));
     for (std::uint32_t i = 0; i < 3; ++i) {
@@ -85,13 +100,18 @@ void ReferenceSurface::find_lines(CollapseMesh& mesh, double feature_angle_deg, 
   }
   std::sort(creases_.begin(), creases_.end());
   std::sort(borders.begin(), borders.end());
+  std::sort(strong.begin(), strong.end());
   // Where this part of the reference ends, lines go on.
   std::vector<std::uint8_t> goes_on(at_.size());
   for (std::uint32_t v = 0; v < at_.size(); ++v) goes_on[v] = (mesh.state(v) & kVertexLocked) != 0;
   prune_twigs(least_line, goes_on);
   prune_islands(2.0 * least_line, goes_on);
   for (const auto* lines : {&creases_, &borders})
-    for (const auto& line : *lines) segments_.push_back({line, {kNone, kNone}, lines == &creases_});
+    for (const auto& line : *lines) {
+      const bool crease = lines == &creases_;
+      segments_.push_back(
+          {line, {kNone, kNone}, crease, !crease || std::binary_search(strong.begin(), strong.end(), line)});
+    }
   for (const auto& line : creases_)
     for (const std::uint32_t v : line) class_[v] = VertexClass::kCrease;
 }
@@ -190,6 +210,53 @@ void ReferenceSurface::join_segments() {
   flat.reserve(segments_.size());
   for (const Segment& s : segments_) flat.push_back({s.vertex[0], s.vertex[1], s.vertex[1]});
   lines_ = ClosestFaces(at_, flat, Double3{});
+}
+
+/// How far a line runs from a corner to the next, as far as that is of interest.
+double ReferenceSurface::length_from(std::uint32_t vertex, std::uint32_t segment, double enough) const {
+  double length = 0.0;
+  for (std::uint32_t s = segment; length < enough;) {
+    const Segment& here = segments_[s];
+    const std::size_t side = here.vertex[0] == vertex ? 1 : 0;
+    length += norm(at(here.vertex[1]) - at(here.vertex[0]));
+    vertex = here.vertex[side];
+    s = here.beyond[side];
+    if (s == kNone || s == segment) break;
+  }
+  return length;
+}
+
+void ReferenceSurface::find_lasting_corners(double least_line) {
+  lasting_.assign(at_.size(), 0);
+  struct End {
+    std::uint32_t vertex, segment;
+  };
+  std::vector<End> ends;
+  for (std::uint32_t s = 0; s < segments_.size(); ++s)
+    for (const std::uint32_t v : segments_[s].vertex)
+      if (class_[v] == VertexClass::kCorner && segments_[s].strong) ends.push_back({v, s});
+  std::stable_sort(ends.begin(), ends.end(), [](const End& a, const End& b) { return a.vertex < b.vertex; });
+  const auto away = [&](const End& e) {
+    const auto& [a, b] = segments_[e.segment].vertex;
+    return at(a == e.vertex ? b : a) - at(e.vertex);
+  };
+  const auto bends = [&](const End& a, const End& b) {
+    const Double3 u = away(a), v = away(b);
+    const bool borders = !segments_[a.segment].crease && !segments_[b.segment].crease;
+    return dot(u, v) > -(borders ? kStraightBorder : kStraightCrease) * norm(u) * norm(v);
+  };
+  const double enough = kLongLine * least_line;
+  for (auto first = ends.begin(); first != ends.end();) {
+    const auto last =
+        std::find_if(first, ends.end(), [&](const End& e) { return e.vertex != first->vertex; });
+    // Two lines: a corner where they bend, and not where others that are weak meet them.
+    const bool corner = last - first >= kCornerCreases || (last - first == 2 && bends(*first, *(first + 1)));
+    if (corner && std::any_of(first, last, [&](const End& e) {
+          return length_from(e.vertex, e.segment, enough) >= enough;
+        }))
+      lasting_[first->vertex] = 1;
+    first = last;
+  }
 }
 
 void ReferenceSurface::size(const SizingOptions& sizing) {
@@ -348,6 +415,15 @@ std::vector<std::uint32_t> ReferenceSurface::faces_at(const MeshBlock& block) co
     if (number == kNone) continue;
     out[v] = block.position[v] == reference_->position[number_[number]] ? first[number] : kNone;
   }
+  return out;
+}
+
+std::vector<std::uint8_t> ReferenceSurface::lasting_corners(const MeshBlock& block) const {
+  const std::vector<std::uint32_t> there = numbers_in(block);
+  std::vector<std::uint8_t> out(there.size(), 0);
+  for (std::size_t v = 0; v < out.size(); ++v)
+    out[v] = there[v] != kNone && lasting_[there[v]] != 0 &&
+             block.position[v] == reference_->position[number_[there[v]]];
   return out;
 }
 

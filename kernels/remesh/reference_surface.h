@@ -57,6 +57,11 @@ class ReferenceSurface {
   /// The colour at a foot in a face; the reference has colours.
   std::uint32_t colour(std::uint32_t face, const Double3& p) const;
 
+  /// Which vertices of the block, by key and place, are corners that no length of edges takes away: where at least three
+  /// creases that turn by more than 45 degrees meet, or a line bends, and one of them is long enough to bear an edge.
+  /// What lies beside other corners alone is noise at this size.
+  std::vector<std::uint8_t> lasting_corners(const MeshBlock& block) const;
+
   /// Gives the vertices and edges of `block` that are in the reference too, by key, their vertex_class and bits of
   /// creases. \pre keys ascend in both
   void mark(MeshBlock& block) const;
@@ -69,6 +74,7 @@ class ReferenceSurface {
     std::array<std::uint32_t, 2> vertex{};
     std::array<std::uint32_t, 2> beyond{kNone, kNone};  ///< the segment that goes on there
     bool crease = false;                                ///< else a border
+    bool strong = false;  ///< a border, or a crease that turns by more than 45 degrees
   };
   std::vector<std::uint32_t> numbers_in(const MeshBlock& block) const;
   void take_over(const CollapseMesh& mesh);
@@ -76,6 +82,8 @@ class ReferenceSurface {
   void prune_twigs(double least_line, const std::vector<std::uint8_t>& goes_on);
   void prune_islands(double least_sum, const std::vector<std::uint8_t>& goes_on);
   void join_segments();
+  void find_lasting_corners(double least_line);
+  double length_from(std::uint32_t vertex, std::uint32_t segment, double enough) const;
   void size(const SizingOptions& sizing);
   const Double3& at(std::uint32_t v) const { return at_[v]; }
   Foot on_segment(const Double3& p, std::uint32_t segment) const;
@@ -93,7 +101,8 @@ class ReferenceSurface {
   std::vector<VertexClass> class_;                     ///< per vertex: smooth, crease or corner
   std::vector<std::array<std::uint32_t, 2>> creases_;  ///< lower vertex first, ascending
   std::vector<Segment> segments_;
-  std::vector<float> length_;  ///< per vertex: sizing_field.h
+  std::vector<std::uint8_t> lasting_;  ///< per vertex: lasting_corners()
+  std::vector<float> length_;          ///< per vertex: sizing_field.h
 };
 
 }  // namespace tessera

@@ -28,9 +28,11 @@ Remesher::Remesher(CollapseMesh& mesh, const MeshBlock& block, const ReferenceSu
   if (options.max_normal_turn_deg > 0.0) least_turn_ = cosine_of_degrees(options.max_normal_turn_deg);
   mesh_.reserve(options.max_faces);
   info_.resize(mesh_.vertices());
+  const std::vector<std::uint8_t> lasting = surface.lasting_corners(block);
   for (std::uint32_t v = 0; v < info_.size(); ++v) {
     Info& info = info_[v];
     info.key = block.key[mesh_.block_vertex(v)];
+    info.lasting = lasting[mesh_.block_vertex(v)] != 0;
     info.target = static_cast<float>(options.edge);
     info.held = !held.empty() && std::binary_search(held.begin(), held.end(), info.key);
     if (info.held) mesh_.add_state(v, kVertexLocked);
@@ -290,7 +292,7 @@ std::size_t Remesher::collapse_listed(const CollapseLengths& lengths, RemeshRepo
         if (changed_[a] < round_ && changed_[b] < round_) return false;
         const double least = lengths.shortest * target(a, b);
         const bool both_kept = (mesh_.state(a) & kVertexKept) && (mesh_.state(b) & kVertexKept);
-        return square_of(a, b) < least * least && (!both_kept || corners_merge(a, b));
+        return square_of(a, b) < least * least && (!both_kept || corners_merge(a, b) || corners_merge(b, a));
       },
       false);
   std::size_t done = 0;

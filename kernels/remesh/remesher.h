@@ -29,6 +29,7 @@ class Remesher {
     bool held = false;                             ///< its faces stay
     bool moved = false;                            ///< or new
     bool line = false;                             ///< on a crease or border, not a corner
+    bool lasting = false;                          ///< ReferenceSurface::lasting_corners()
   };
   /// An edge by the corner opposite it, and how long it is.
   struct Edge {
@@ -80,7 +81,7 @@ class Remesher {
   Refusal check_collapse(std::uint32_t u, std::uint32_t v, double longest, std::size_t& at);
   bool linked(std::size_t at);
   bool lines_meet(std::uint32_t u, std::uint32_t v) const;
-  bool corners_merge(std::uint32_t a, std::uint32_t b) const;
+  bool corners_merge(std::uint32_t u, std::uint32_t v) const;
   void flip_all(RemeshReport& report);
   Refusal try_flip(std::uint32_t c);
   Refusal flip_if_sound(std::uint32_t c);

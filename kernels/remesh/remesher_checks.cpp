@@ -103,11 +103,13 @@ bool Remesher::within(const NewFace& f, unsigned new_edges) const {
   return dot(own, wide(surface_.normal(foot.slot))) >= least_turn_ * norm(own);
 }
 
-/// Two corners so near to each other that no sound face has room between them become one, as far as the tolerance allows.
-bool Remesher::corners_merge(std::uint32_t a, std::uint32_t b) const {
-  const unsigned both = mesh_.state(a) & mesh_.state(b), any = mesh_.state(a) | mesh_.state(b);
-  const double least = kNeedle * target(a, b);
-  return (both & kVertexFixed) && !(any & (kVertexLocked | kVertexDead)) && square_of(a, b) < least * least;
+/// Two corners so near to each other that no sound face has room between them become one, as far as the tolerance allows:
+/// u goes, unless it is the end of lines that make a shape at this size.
+bool Remesher::corners_merge(std::uint32_t u, std::uint32_t v) const {
+  const unsigned both = mesh_.state(u) & mesh_.state(v), any = mesh_.state(u) | mesh_.state(v);
+  const double least = kNeedle * target(u, v);
+  return (both & kVertexFixed) && !(any & (kVertexLocked | kVertexDead)) && !info_[u].lasting &&
+         square_of(u, v) < least * least;
 }
 
 /// Two lines so near to each other that no sound face has room between them become one, face by face, in the end.

@@ -254,3 +254,60 @@ TEST_CASE("remesh: defects, islands and edges longer than the mesh leave a sound
     CHECK(check.faces >= 5);
   }
 }
+
+namespace {
+
+/// A box from the origin, two faces a side.
+WholeMesh box_mesh(const Double3& size, const Double3& at) {
+  WholeMesh m;
+  for (std::uint32_t v = 0; v < 8; ++v)
+    m.points.push_back(
+        {at[0] + (v & 1 ? size[0] : 0.0), at[1] + (v & 2 ? size[1] : 0.0), at[2] + (v & 4 ? size[2] : 0.0)});
+  m.faces = {{0, 2, 3}, {0, 3, 1}, {4, 5, 7}, {4, 7, 6}, {0, 1, 5}, {0, 5, 4},
+             {2, 6, 7}, {2, 7, 3}, {0, 4, 6}, {0, 6, 2}, {1, 3, 7}, {1, 7, 5}};
+  m.header.vertices = m.points.size();
+  m.header.faces = m.faces.size();
+  m.header.double_positions = true;
+  return m;
+}
+
+std::size_t kept_points(const WholeMesh& of, const WholeMesh& in) {
+  std::size_t kept = 0;
+  for (const Double3& p : of.points)
+    kept += std::find(in.points.begin(), in.points.end(), p) != in.points.end();
+  return kept;
+}
+
+}  // namespace
+
+TEST_CASE("remesh: corners of what is thinner than an edge keep their place", "[pipeline]") {
+  const TempFolder folder;
+  // Plates down to a 40th of the edge, a blade, rods: two and four corners within a needle's width of each other.
+  for (const Double3& size :
+       {Double3{1, 1, 0.005}, Double3{1, 1, 0.01}, Double3{1, 1, 0.02}, Double3{1, 1, 0.05},
+        Double3{1, 0.5, 0.03}, Double3{1, 0.02, 0.02}, Double3{1, 0.05, 0.01}})
+    for (const double far : {0.0, 5e6})
+      for (const std::string edge : {"0.1", "0.2"}) {
+        CAPTURE(size[0], size[1], size[2], far, edge);
+        const WholeMesh box = box_mesh(size, {far, far, 0});
+        write_whole(folder / "in.ply", box);
+        const CommandResult r =
+            tessera_command(words(folder / "in.ply", folder / "out.ply", {"--edge", edge, "--force"}));
+        INFO(r.errors);
+        REQUIRE(r.code == 0);
+        CHECK(kept_points(box, read_whole(folder / "out.ply")) == 8);
+        CHECK(checked(folder / "out.ply").defects().empty());
+      }
+}
+
+TEST_CASE("remesh: corners of the border of a narrow strip keep their place", "[pipeline]") {
+  const TempFolder folder;
+  WholeMesh strip;
+  strip.points = {{0, 0, 0}, {1, 0, 0}, {1, 0.02, 0}, {0, 0.02, 0}};
+  strip.faces = {{0, 1, 2}, {0, 2, 3}};
+  strip.header.vertices = 4, strip.header.faces = 2;
+  strip.header.double_positions = true;
+  write_whole(folder / "in.ply", strip);
+  REQUIRE(tessera_command(words(folder / "in.ply", folder / "out.ply", {"--edge", "0.1"})).code == 0);
+  CHECK(kept_points(strip, read_whole(folder / "out.ply")) == 4);
+}
