@@ -22,6 +22,7 @@ constexpr double kApartEdges = 3.0;   ///< of the coarsest mesh: its own error, 
 constexpr double kBeyondEdges = 1.5;  ///< of the coarsest mesh: borders of one place differ by about an edge
 constexpr double kFadeEdges = 4.0;
 constexpr double kOtherUnits = 1000.0;  ///< diagonals that differ so much: a warning
+constexpr double kFarthest = 0x1p62;    ///< of any node from zero: squares of distances must stay floats
 
 class ScaleStage : public Stage {
  public:
@@ -152,6 +153,13 @@ class ScaleStage : public Stage {
       most = std::max(most, s.diagonal());
     }
     box = grown(box, plan.reach.apart + 4.0 * plan.lattice.h);
+    double farthest = 0.0;
+    for (std::size_t a = 0; a < 3; ++a)
+      farthest = std::max({farthest, std::fabs(box.low[a]), std::fabs(box.high[a])});
+    if (!(farthest <= kFarthest))
+      throw InputError("the meshes reach " + number_text(farthest) +
+                       " from zero: coordinates are too large for a lattice from " + number_text(kFarthest) +
+                       " on; scale them first");
     const double brick = plan.lattice.h * kBrickCells;
     for (std::size_t a = 0; a < 3; ++a) {
       const double first = std::floor(box.low[a] / brick) - 1.0, last = std::floor(box.high[a] / brick) + 1.0;

@@ -17,6 +17,7 @@ using json = nlohmann::json;
 constexpr double kCellsOfDiagonal = 300.0;
 constexpr double kLeastWall = 2.0;      ///< of a shell, cells
 constexpr double kOtherUnits = 1000.0;  ///< diagonals that differ so much: a warning
+constexpr double kFarthest = 0x1p120;   ///< of any node from zero: what is written is told in floats
 
 class LatticeStage : public SerialStage {
  public:
@@ -68,6 +69,13 @@ class LatticeStage : public SerialStage {
                        number_text(model_.shell / kLeastWall));
     const double grown = std::max(0.0, model_.offset) * model_.mitre;
     for (std::size_t a = 0; a < 3; ++a) box.low[a] -= grown, box.high[a] += grown;
+    double farthest = 0.0;
+    for (std::size_t a = 0; a < 3; ++a)
+      farthest = std::max({farthest, std::fabs(box.low[a]), std::fabs(box.high[a])});
+    if (!(farthest <= kFarthest))
+      throw InputError("the solids reach " + number_text(farthest) +
+                       " from zero: coordinates are too large for a lattice from " + number_text(kFarthest) +
+                       " on; scale them first");
     for (std::size_t a = 0; a < 3; ++a) {
       const double first = std::floor(box.low[a] / brick) - 1.0, last = std::floor(box.high[a] / brick) + 1.0;
       if (!(std::fabs(first) < 0x1p52) || !((last - first + 1.0) * kBrickCells < double{1 << kMaxCellBits}))

@@ -9,8 +9,11 @@
 namespace tessera {
 namespace {
 
+/// Whether floats tell coordinates to a thousandth of a cell: their steps grow with what they tell, down to the least one,
+/// and end somewhere.
 bool float_suffices(double farthest, double h) {
-  return farthest * 0x1p-24 <= h * kFineCells;
+  constexpr double kLargest = 0x1p127, kHalfLeastStep = 0x1p-150;
+  return farthest < kLargest && std::max(farthest * 0x1p-24, kHalfLeastStep) <= h * kFineCells;
 }
 
 }  // namespace
