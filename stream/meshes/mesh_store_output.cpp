@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "kernels/mesh/flat_faces.h"
 #include "kernels/mesh/mesh_block_ops.h"
 #include "octree/error.h"
 #include "stream/files/external_sort.h"
@@ -193,7 +194,11 @@ class StoreWriter {
         }
       }
       faces.clear();
-      for (const auto& f : block.faces) faces.push_back({number[f[0]], number[f[1]], number[f[2]]});
+      for (const auto& f : block.faces) {
+        faces.push_back({number[f[0]], number[f[1]], number[f[2]]});
+        report_.flat_faces +=
+            face_extent(block.position[f[0]], block.position[f[1]], block.position[f[2]]).is_flat();
+      }
       synthetic.clear();
       for (const std::uint8_t flags : block.face_flags) {
         if (store_.has_synthetic()) synthetic.push_back((flags & kFaceSynthetic) != 0);

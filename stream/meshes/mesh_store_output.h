@@ -30,6 +30,7 @@ struct MeshStoreOutputReport {
   std::uint64_t shared_vertices = 0;  ///< that more than one patch uses
   std::uint64_t synthetic_faces = 0;  ///< that close holes: marked where the format can
   MeshRounding rounding;              ///< what the format's floats did to the mesh
+  std::uint64_t flat_faces = 0;       ///< without area (flat_faces.h)
 };
 
 /// Reads every patch three times: once to find the vertices that patches share, once for vertices, once for

@@ -52,6 +52,11 @@ class StoreWriteStage : public SerialStage {
                    {"bytes", report.bytes},       {"double_positions", store_.info().double_positions},
                    {"shift", store_.info().shift}};
     tell_rounding(result, path_, origin_, report.rounding);
+    if (report.flat_faces > 0)
+      result["warnings"].push_back(
+          std::to_string(report.flat_faces) +
+          " of the faces written have no area, so tessera check --strict refuses the mesh: they are "
+          "those of the input that no flip takes away; tessera decimate drops lines");
     return result;
   }
 
