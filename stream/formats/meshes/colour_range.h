@@ -23,7 +23,11 @@ class ColourRange {
     largest_ = component;
     set_scale();
   }
-  std::uint32_t byte(double component) const { return colour_byte(component, scale_); }
+  /// Of 16 bits the nearest byte, not the high one: meshes scale 0..1 by 65535.
+  std::uint32_t byte(double component) const {
+    return scale_ == ColourScale::kHighByte ? colour_byte(component / 65535.0, ColourScale::kUnit)
+                                            : colour_byte(component, scale_);
+  }
   /// Of an alpha that is not given.
   double opaque() const { return kFull[static_cast<std::size_t>(scale_)]; }
   /// One sentence where the values decided other than the type alone, else empty.
