@@ -24,14 +24,14 @@ struct NearPoint {
 };
 
 /// What the queries of one leaf see, in key order.
-struct Lists {
+struct PointLists {
   std::vector<FarCell> far;
   std::vector<NearPoint> near;
 };
 
-class ListBuilder {
+class PointListBuilder {
  public:
-  ListBuilder(const MultipoleTree& far, const MultipoleTree* near, Lists& out)
+  PointListBuilder(const MultipoleTree& far, const MultipoleTree* near, PointLists& out)
       : far_(far), near_(near), out_(out), finest_(finest_bits(far, near)) {}
 
   /// \param cell  coordinates of the leaf on the finest level
@@ -88,7 +88,7 @@ class ListBuilder {
 
   const MultipoleTree& far_;
   const MultipoleTree* near_;
-  Lists& out_;
+  PointLists& out_;
   int finest_;
   Int3 cell_ = {0, 0, 0};
 };
@@ -168,8 +168,8 @@ void add_near(const std::vector<NearPoint>& points, Pack qx, Pack qy, Pack qz, P
 void WindingField::evaluate(std::span<const Int3> queries, std::span<float> value,
                             std::span<Float3> gradient) const {
   assert(value.size() == queries.size() && (gradient.empty() || gradient.size() == queries.size()));
-  Lists lists;
-  ListBuilder builder(far_, near_, lists);
+  PointLists lists;
+  PointListBuilder builder(far_, near_, lists);
   const auto begin_leaf = [&](const Int3& leaf) { builder.build(leaf); };
   const auto eight = [&](std::size_t at, std::size_t count, Pack qx, Pack qy, Pack qz) {
     PackSums far, near;

@@ -122,7 +122,7 @@ std::ptrdiff_t eliminate_columns(DenseFront& front, std::size_t from, std::size_
 }
 
 /// sum of u[i] v[i]: four sums of every fourth, then their sum.
-double dot(const double* u, const double* v, std::size_t count) {
+double inner_product(const double* u, const double* v, std::size_t count) {
   __m256d sum = _mm256_setzero_pd();
   std::size_t i = 0;
   for (; i + 4 <= count; i += 4) sum = _mm256_fmadd_pd(_mm256_loadu_pd(u + i), _mm256_loadu_pd(v + i), sum);
@@ -379,7 +379,7 @@ void solve_backward(const FrontColumns& front, std::span<double> x, int width) {
     column -= below;
     for (std::size_t c = 0; c < static_cast<std::size_t>(width); ++c) {
       double* at = x.data() + c * front.size + j;
-      at[0] = (at[0] - dot(column + 1, at + 1, below - 1)) / column[0];
+      at[0] = (at[0] - inner_product(column + 1, at + 1, below - 1)) / column[0];
     }
   }
 }

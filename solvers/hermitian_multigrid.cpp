@@ -15,12 +15,10 @@ namespace {
 using Vector = std::vector<double>;
 
 // Entries of the coarsest factor. Levels of one piece shrink to a thousand unknowns, far below this.
-constexpr std::uint64_t kLargestEnvelope = std::uint64_t{1} << 24;
+constexpr std::uint64_t kMaxEnvelope = std::uint64_t{1} << 24;
 // Smooth interpolation has five times the entries. Where a mesh is stretched levels shrink by 3 instead of 8: then it
 // would cost too much, and linear converges as well.
 constexpr double kSmoothShare = 1.0 / 5.0;
-// The updated residual may drift from the true one by this factor before it counts as lost.
-constexpr double kDrift = 10.0;
 
 /// v = (matrix + i skew) u
 void multiply_hermitian(const MultigridLevel& level, std::span<const double> u, std::span<double> v) {
@@ -65,7 +63,7 @@ HermitianMultigrid::HermitianMultigrid(const SparseMatrix& a, const SparseMatrix
 void HermitianMultigrid::factor_coarsest() {
   const SparseMatrix real = real_form(*levels_.levels.back().matrix, *levels_.levels.back().skew);
   coarsest_.emplace(real);
-  if (coarsest_->envelope() > kLargestEnvelope) {
+  if (coarsest_->envelope() > kMaxEnvelope) {
     report_.status = SolveStatus::kTooLarge;
     report_.message = "the levels of multigrid stop at " + std::to_string(real.rows / 2) + " unknowns";
     return;
@@ -127,7 +125,7 @@ SolveReport HermitianMultigrid::solve(std::span<const double> b, std::span<doubl
     report.status = SolveStatus::kSingular;
     report.message = "multigrid broke down after " + std::to_string(result.iterations) +
                      " cycles: the matrix is not positive definite";
-  } else if (!result.converged || !(report.residual <= kDrift * tolerance)) {
+  } else if (!result.converged || !(report.residual <= kResidualDrift * tolerance)) {
     report.status = SolveStatus::kNotConverged;
     report.message = "multigrid reached a relative residual of " + std::to_string(report.residual) + " in " +
                      std::to_string(result.iterations) + " cycles";

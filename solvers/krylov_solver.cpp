@@ -15,7 +15,6 @@ namespace tessera {
 namespace {
 
 using Rows = Eigen::Map<const Eigen::SparseMatrix<double, Eigen::RowMajor, std::int32_t>>;
-using Vector = Eigen::VectorXd;
 
 Rows view_of(const SparseMatrix& a) {
   return {a.rows,         a.columns,       static_cast<Eigen::Index>(a.entries()),
@@ -30,12 +29,9 @@ bool not_finite(std::span<const double> values, const char* what, Report& report
   return true;
 }
 
-// The updated residual may drift from the true one by this factor before it counts as lost.
-constexpr double kDrift = 10.0;
-
 /// The rule for what an iterative solver gives back.
 void judge(bool converged, bool breakdown, double tolerance, const char* method, SolveReport& report) {
-  if (converged && report.residual <= kDrift * tolerance) return;
+  if (converged && report.residual <= kResidualDrift * tolerance) return;
   report.status = breakdown ? SolveStatus::kSingular : SolveStatus::kNotConverged;
   report.message = std::string(method) + (breakdown ? " broke down" : " did not converge") + " in " +
                    std::to_string(report.iterations) + " iterations (relative residual " +
@@ -98,7 +94,7 @@ class ConjugateGradientsSolver final : public LinearSolver {
           [this](const auto& u, auto& v) { multiply(*matrix_, u, v); }, r, xc, z, p, norm, options_.tolerance,
           options_.max_iterations,
           [&] {
-            Eigen::Map<Vector>(z.data(), size) = incomplete_.solve(Eigen::Map<const Vector>(r.data(), size));
+            Eigen::Map<Eigen::VectorXd>(z.data(), size) = incomplete_.solve(Eigen::Map<const Eigen::VectorXd>(r.data(), size));
           });
       for (std::size_t i = 0; i < n; ++i) x[i * w + c] = xc[i];
       report.iterations = std::max(report.iterations, result.iterations);

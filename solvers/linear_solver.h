@@ -66,6 +66,9 @@ struct SolverOptions {
   const SparseMatrix* neighbours = nullptr;
 };
 
+/// The updated residual of an iteration may drift from the true one by this factor before it counts as lost.
+inline constexpr double kResidualDrift = 10.0;
+
 struct SolveReport {
   SolveStatus status = SolveStatus::kSolved;
   double residual = 0.0;  ///< measured |b - A x| / |b|, the largest of the columns

@@ -10,7 +10,7 @@ namespace tessera {
 namespace {
 
 // A pivot this small beside the diagonal it came from is what rounding leaves of zero.
-constexpr double kSmallestPivot = 1e-14;
+constexpr double kMinFrontPivot = 1e-14;
 
 }  // namespace
 
@@ -65,7 +65,7 @@ std::int64_t MultifrontalCholesky::factor(const SparseMatrix& a, FactorStore& st
     std::fill(front.value.begin(), front.value.end(), 0.0);
     assemble(a, k, front.value, slot);
     smallest.clear();
-    for (std::size_t j = 0; j < eliminated; ++j) smallest.push_back(kSmallestPivot * front.column(j)[j]);
+    for (std::size_t j = 0; j < eliminated; ++j) smallest.push_back(kMinFrontPivot * front.column(j)[j]);
     rests.take(tree_.children(k), [&](std::size_t child, std::span<const double> left) {
       add_rest(child, left, front.value, size, slot);
     });

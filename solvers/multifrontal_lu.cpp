@@ -12,7 +12,7 @@ namespace tessera {
 namespace {
 
 // A pivot this small beside the diagonal it came from is what rounding leaves of zero.
-constexpr double kSmallestPivot = 1e-14;
+constexpr double kMinLuPivot = 1e-14;
 
 /// The fronts of whatever is in the matrix or its transpose.
 FrontTree fronts_of(const SparseMatrix& a, Ordering ordering) {
@@ -81,7 +81,7 @@ std::int64_t MultifrontalLu::factor(const SparseMatrix& a, FactorStore& store) {
     assemble(a, transposed, k, front.value, slot);
     smallest.clear();
     for (std::size_t j = 0; j < eliminated; ++j)
-      smallest.push_back(kSmallestPivot * std::fabs(front.column(j)[j]));
+      smallest.push_back(kMinLuPivot * std::fabs(front.column(j)[j]));
     rests.take(tree_.children(k), [&](std::size_t child, std::span<const double> left) {
       add_rest(child, left, front.value, size, slot);
     });

@@ -13,12 +13,12 @@
 namespace tessera {
 namespace {
 
-constexpr int kMostColumns = 3;  // that the prediction of memory is for
+constexpr int kForecastColumns = 3;  // that the prediction of memory is for
 // Above this much work nested dissection pays for its time within two factorizations (tools/bench solvers).
-constexpr double kDissectFlops = 2e11;
-constexpr std::int32_t kLeastDissected = 1000;
+constexpr double kMinDissectFlops = 2e11;
+constexpr std::int32_t kMinDissectedRows = 1000;
 
-std::string mebibytes(std::uint64_t bytes) {
+std::string in_mebibytes(std::uint64_t bytes) {
   return std::to_string((bytes >> 20) + 1) + " MiB";
 }
 
@@ -33,8 +33,8 @@ class MultifrontalSolver final : public LinearSolver {
     if (store_ != nullptr || options_.ordering == Ordering::kNestedDissection)
       return analyse(a, store_ != nullptr ? Ordering::kMinimumDegree : Ordering::kNestedDissection);
     FactorReport report = analyse(a, Ordering::kMinimumDegree);
-    if (options_.ordering != Ordering::kAuto || a.rows < kLeastDissected ||
-        (report.status == SolveStatus::kSolved && report.flops < kDissectFlops))
+    if (options_.ordering != Ordering::kAuto || a.rows < kMinDissectedRows ||
+        (report.status == SolveStatus::kSolved && report.flops < kMinDissectFlops))
       return report;
     return analyse(a, Ordering::kNestedDissection);
   }
@@ -74,7 +74,7 @@ class MultifrontalSolver final : public LinearSolver {
     return factor_->bytes() + (store_ != nullptr ? 0 : sizeof(double) * factor_->entries());
   }
   std::uint64_t peak() const {
-    return held() + std::max(factor_->factor_bytes(), factor_->solve_bytes(kMostColumns));
+    return held() + std::max(factor_->factor_bytes(), factor_->solve_bytes(kForecastColumns));
   }
 
   FactorReport analyse(const SparseMatrix& a, Ordering ordering) {
@@ -93,7 +93,7 @@ class MultifrontalSolver final : public LinearSolver {
     if (options_.memory_bytes > 0 && report.peak_bytes > options_.memory_bytes) {
       report.status = SolveStatus::kTooLarge;
       report.message = "the fronts of " + std::to_string(a.rows) + " unknowns need " +
-                       mebibytes(report.peak_bytes) + ", allowed are " + mebibytes(options_.memory_bytes) +
+                       in_mebibytes(report.peak_bytes) + ", allowed are " + in_mebibytes(options_.memory_bytes) +
                        ": allow more memory";
     }
     return report;

@@ -24,8 +24,6 @@ using Vector = std::vector<double>;
 constexpr int kMostColumns = 3;   // run through the levels together; more cost memory and gain little
 constexpr int kCascadeSteps = 4;  // m and gamma of the cascade (thesis 7.3.3): m gamma^i steps on level i
 constexpr double kCascadeGrowth = 2.5;
-// The updated residual may drift from the true one by this factor before it counts as lost.
-constexpr double kDrift = 10.0;
 constexpr double kStartTolerance = 1e-12;
 // Bytes an unknown while solving three columns, at the most (tests/solvers, tools/bench solvers), by order.
 constexpr double kBytesPerUnknown[] = {180.0, 720.0, 720.0};
@@ -271,7 +269,7 @@ class MultigridSolver final : public LinearSolver {
       report.status = SolveStatus::kSingular;
       report.message = "multigrid broke down after " + std::to_string(result.iterations) +
                        " cycles: the matrix is not positive definite";
-    } else if (!result.converged || !(report.residual <= kDrift * options_.tolerance)) {
+    } else if (!result.converged || !(report.residual <= kResidualDrift * options_.tolerance)) {
       report.status = SolveStatus::kNotConverged;
       std::array<char, 16> residual{};
       std::snprintf(residual.data(), residual.size(), "%.1e", report.residual);

@@ -15,7 +15,7 @@
 namespace tessera {
 namespace {
 
-struct Arguments {
+struct CsgArguments {
   std::vector<std::string> words;
   CsgOptions options;
   JobState state;
@@ -47,7 +47,7 @@ void reconstruct_scans(const JobState& state, CsgScene& scene) {
   for (const auto& [mesh, scan] : scene.scan_of) scene.meshes.at(mesh) = made.at(scan);
 }
 
-void run(Arguments& a) {
+void run_csg(CsgArguments& a) {
   cli::require_inputs(a.words);
   cli::require_output(a.state.output);
   require_mesh_extension(a.state.output);
@@ -82,7 +82,7 @@ void run(Arguments& a) {
 }  // namespace
 
 cli::Command csg_command() {
-  auto arguments = std::make_shared<Arguments>();
+  auto arguments = std::make_shared<CsgArguments>();
   OptionTable table;
   cli::add_inputs(table, arguments->words);
   cli::add_output(table, arguments->state.output, "the mesh to write: .ply, .obj, .stl or .glb");
@@ -92,7 +92,7 @@ cli::Command csg_command() {
       "csg",
       "Union (+), difference (-) and intersection (*, &) of meshes, from left to right, or of a scene file "
       "(SCENE.json); new edges are sharp. Resumable.",
-      table, [arguments] { run(*arguments); }};
+      table, [arguments] { run_csg(*arguments); }};
 }
 
 }  // namespace tessera

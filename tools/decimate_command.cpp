@@ -13,7 +13,7 @@
 namespace tessera {
 namespace {
 
-void run(const SimplifyOptions& options, JobState state) {
+void run_decimate(const SimplifyOptions& options, JobState state) {
   const std::filesystem::path input = cli::one_input(state.inputs, "decimated");
   cli::require_output(state.output);
   require_mesh_extension(state.output);
@@ -42,7 +42,7 @@ void run(const SimplifyOptions& options, JobState state) {
 cli::Command decimate_command() {
   return cli::job_command<SimplifyOptions>(
       "decimate", "A mesh of any size shrinks to what its geometry needs, within a tolerance that is proven.",
-      "the mesh to write: .ply, .obj, .stl or .glb", run);
+      "the mesh to write: .ply, .obj, .stl or .glb", run_decimate);
 }
 
 }  // namespace tessera

@@ -17,7 +17,7 @@ namespace {
 
 using json = nlohmann::json;
 
-struct Arguments {
+struct DeformArguments {
   std::vector<std::string> words;
   std::filesystem::path pose, poses, fit;
   DeformOptions options;
@@ -29,7 +29,7 @@ std::filesystem::path existing(const std::string& word) {
   return word;
 }
 
-json run_one(const Arguments& a, JobState state) {
+json run_one(const DeformArguments& a, JobState state) {
   state.settings = to_settings(a.options);
   return run_job(state, deform_job(a.options), cli::stderr_sink());
 }
@@ -72,7 +72,7 @@ void print_mesh(const JobState& state, const json& report) {
       mesh.at("tangent_vertices").get<std::uint64_t>(), "that no normal reaches");
 }
 
-void apply_basis(Arguments& a) {
+void apply_basis(DeformArguments& a) {
   if (a.words.size() < 2 || a.words.size() > 3)
     throw UsageError(
         "apply takes the basis and, if it has moved, its mesh: deform apply basis.tsb --pose pose.json -o "
@@ -98,7 +98,7 @@ void apply_basis(Arguments& a) {
   }
 }
 
-void run(Arguments& a) {
+void run_deform(DeformArguments& a) {
   cli::require_inputs(a.words);
   cli::require_output(a.state.output);
   a.state.also_read = cli::also_read({});
@@ -146,8 +146,8 @@ void run(Arguments& a) {
 }  // namespace
 
 cli::Command deform_command() {
-  auto arguments = std::make_shared<Arguments>();
-  Arguments& a = *arguments;
+  auto arguments = std::make_shared<DeformArguments>();
+  DeformArguments& a = *arguments;
   OptionTable table;
   cli::add_inputs(table, a.words);
   cli::add_output(table, a.state.output,
@@ -163,7 +163,7 @@ cli::Command deform_command() {
       "Bends a mesh of any size: MESH EDIT.json; or prepare MESH EDIT.json, then apply BASIS.tsb for every "
       "pose. What is fixed stays, what is a handle moves as told, what lies between follows smoothly with "
       "all its details. Resumable.",
-      table, [arguments] { run(*arguments); }};
+      table, [arguments] { run_deform(*arguments); }};
 }
 
 }  // namespace tessera

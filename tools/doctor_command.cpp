@@ -27,7 +27,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-struct Arguments {
+struct DoctorArguments {
   fs::path temp = ".";
   std::uint64_t memory_bytes = 0;
 };
@@ -102,7 +102,7 @@ std::string disk_text(const fs::path& folder) {
                      rate(read, seconds_since(start)), format_bytes(bytes));
 }
 
-void run(const Arguments& a) {
+void run_doctor(const DoctorArguments& a) {
   std::string missing;
   fmt::print("tessera {}\n", TESSERA_VERSION);
   const nlohmann::json machine = machine_description();
@@ -133,23 +133,23 @@ void run(const Arguments& a) {
   }
   line("GPU", "not used");
   line("libraries", libraries());
-  if (!missing.empty()) throw ResourceError("no job can run here: it needs " + missing);
-  line("verdict", "jobs can run here");
+  if (!missing.empty()) throw ResourceError("no job can run_doctor here: it needs " + missing);
+  line("verdict", "jobs can run_doctor here");
 }
 
 }  // namespace
 
 cli::Command doctor_command() {
-  auto arguments = std::make_shared<Arguments>();
-  Arguments& a = *arguments;
+  auto arguments = std::make_shared<DoctorArguments>();
+  DoctorArguments& a = *arguments;
   OptionTable t;
   t.add("temp", &a.temp, "folder whose disk is measured, as a job would use it: at most 256 MiB, 2 s");
   t.add("memory", &a.memory_bytes, "cap that a job would be given").bytes();
   return {"doctor",
           "What this machine offers to jobs: processor, memory and what limits it, disk, OpenGL, libraries. "
           "Exit code 0: "
-          "jobs can run here; 4: something that they need is missing.",
-          t, [arguments] { run(*arguments); }};
+          "jobs can run_doctor here; 4: something that they need is missing.",
+          t, [arguments] { run_doctor(*arguments); }};
 }
 
 }  // namespace tessera

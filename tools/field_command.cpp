@@ -12,7 +12,7 @@
 namespace tessera {
 namespace {
 
-void run(const FieldJobOptions& given, JobState state) {
+void run_field(const FieldJobOptions& given, JobState state) {
   cli::require_output(state.output);
   const std::string extension = given.tolerance > 0.0 ? ".octree" : ".vdb";
   if (state.output.extension() != extension)
@@ -47,7 +47,7 @@ cli::Command field_command() {
       "field",
       "Meshes, dirty ones too, become a level set: signed distances near their "
       "surface on a lattice, as OpenVDB, or everywhere; or an adaptive octree of them. Resumable.",
-      "the grid to write: .vdb; with --tolerance the octree: .octree", run);
+      "the grid to write: .vdb; with --tolerance the octree: .octree", run_field);
 }
 
 }  // namespace tessera

@@ -13,7 +13,7 @@
 namespace tessera {
 namespace {
 
-void run(const MergeOptions& given, JobState state) {
+void run_merge(const MergeOptions& given, JobState state) {
   cli::require_output(state.output);
   require_mesh_extension(state.output);
   if (state.inputs.size() < 2) throw UsageError("merge takes two meshes or more, and got one");
@@ -44,7 +44,7 @@ cli::Command merge_command() {
                                         "Overlapping meshes, not quite matching, of any resolution become "
                                         "one: the better one stays, a band along the "
                                         "joints is made anew. Resumable.",
-                                        "the mesh to write: .ply, .obj, .stl or .glb", run);
+                                        "the mesh to write: .ply, .obj, .stl or .glb", run_merge);
 }
 
 }  // namespace tessera

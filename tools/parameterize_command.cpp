@@ -11,7 +11,7 @@
 namespace tessera {
 namespace {
 
-struct Arguments {
+struct ParameterizeArguments {
   std::vector<std::string> inputs;
   std::filesystem::path output;
   std::string method = "lscm";
@@ -20,7 +20,7 @@ struct Arguments {
   bool force = false;
 };
 
-void run(Arguments arguments) {
+void run_parameterize(ParameterizeArguments arguments) {
   cli::require_inputs(arguments.inputs);
   const std::filesystem::path input = cli::one_input(expand_inputs(arguments.inputs), "parameterized");
   std::vector<std::filesystem::path> reads = cli::also_read(arguments.inputs);
@@ -51,8 +51,8 @@ void run(Arguments arguments) {
 }  // namespace
 
 cli::Command parameterize_command() {
-  auto arguments = std::make_shared<Arguments>();
-  Arguments& a = *arguments;
+  auto arguments = std::make_shared<ParameterizeArguments>();
+  ParameterizeArguments& a = *arguments;
   OptionTable t;
   cli::add_inputs(t, a.inputs);
   cli::add_output(t, a.output, "mesh to write: .obj (vt) or .ply (s, t), coordinates in [0, 1]");
@@ -67,7 +67,7 @@ cli::Command parameterize_command() {
       .bytes();
   cli::add_force(t, a.force);
   return {"parameterize", "Texture coordinates for a disk-like mesh, conformal: angles are kept. In core.", t,
-          [arguments] { run(*arguments); }};
+          [arguments] { run_parameterize(*arguments); }};
 }
 
 }  // namespace tessera

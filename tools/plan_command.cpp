@@ -206,7 +206,7 @@ void print_makespans(const Simulation& simulation, const MeasuredJob& measured, 
   }
 }
 
-void run(const ReconstructOptions& options, JobState state, const fs::path& tiles,
+void run_plan(const ReconstructOptions& options, JobState state, const fs::path& tiles,
          const Simulation& simulation) {
   simulation.check();
   std::optional<MeasuredJob> measured;  // read before anything is planned: what it lacks is told at once
@@ -224,8 +224,8 @@ void run(const ReconstructOptions& options, JobState state, const fs::path& tile
   const nlohmann::json report = run_job(state, plan_job(), cli::stderr_sink());
   const fs::path work = work_path(state.output, state.run.temp);
   const Plan plan = Plan::of_work(work);
-  state.run.memory_bytes = report.at("run").at("memory_bytes").get<std::uint64_t>();
-  state.run.threads = report.at("run").at("threads").get<int>();
+  state.run.memory_bytes = report.at("run_plan").at("memory_bytes").get<std::uint64_t>();
+  state.run.threads = report.at("run_plan").at("threads").get<int>();
   const Forecast forecast = Forecast::of_work(work);
   print_plan(plan, forecast, options, state, report);
   state.work = work;
@@ -251,7 +251,7 @@ cli::Command plan_command() {
       "plan", "What reconstruct will do: points, resolution, tasks, memory, disk, time.",
       "the mesh that reconstruct will write: the plan is kept in its work directory, for it and for task",
       [tiles, simulation](const ReconstructOptions& options, const JobState& state) {
-        run(options, state, *tiles, *simulation);
+        run_plan(options, state, *tiles, *simulation);
       });
   cli::add_tiles(command.options, *tiles);
   command.options.append(option_table(*simulation));

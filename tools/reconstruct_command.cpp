@@ -29,7 +29,7 @@ void note_site(const JobState& mesh, const cli::Site& site, const nlohmann::json
   write_durably(path, report.dump(1, ' ', false, nlohmann::json::error_handler_t::replace) + "\n");
 }
 
-void run(const ReconstructOptions& options, JobState state, const std::filesystem::path& tiles) {
+void run_reconstruct(const ReconstructOptions& options, JobState state, const std::filesystem::path& tiles) {
   cli::require_output(state.output);
   require_mesh_extension(state.output);
   JobDescription job = reconstruct_job(options);
@@ -67,7 +67,7 @@ cli::Command reconstruct_command() {
   cli::Command command = cli::job_command<ReconstructOptions>(
       "reconstruct", "A scan becomes a mesh. Run it again to go on after a stop.",
       "the mesh to write: .ply, .obj, .stl or .glb",
-      [tiles](const ReconstructOptions& options, const JobState& state) { run(options, state, *tiles); });
+      [tiles](const ReconstructOptions& options, const JobState& state) { run_reconstruct(options, state, *tiles); });
   cli::add_tiles(command.options, *tiles);
   return command;
 }

@@ -13,7 +13,7 @@
 namespace tessera {
 namespace {
 
-void run(const RemeshJobOptions& options, JobState state) {
+void run_remesh(const RemeshJobOptions& options, JobState state) {
   const std::filesystem::path input = cli::one_input(state.inputs, "remeshed");
   cli::require_output(state.output);
   require_mesh_extension(state.output);
@@ -51,7 +51,7 @@ cli::Command remesh_command() {
   return cli::job_command<RemeshJobOptions>(
       "remesh",
       "A mesh of any size gets triangles near equilateral with edges of one length, on the same surface.",
-      "the mesh to write: .ply, .obj, .stl or .glb", run);
+      "the mesh to write: .ply, .obj, .stl or .glb", run_remesh);
 }
 
 }  // namespace tessera

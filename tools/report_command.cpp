@@ -18,7 +18,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-struct Arguments {
+struct ReportArguments {
   fs::path report;
   fs::path output;
   std::uint64_t memory_bytes = 0;
@@ -49,7 +49,7 @@ fs::path mesh_of(const nlohmann::json& report, const fs::path& path) {
   return mesh.has_filename() && fs::is_regular_file(beside, error) ? beside : mesh;
 }
 
-void run(const Arguments& a) {
+void run_report(const ReportArguments& a) {
   if (a.report.empty()) throw UsageError("no report given; name one: tessera report site.ply.report.json");
   const fs::path page = fs::absolute(a.output.empty() ? page_path(a.report) : a.output);
   const nlohmann::json report = read_report(a.report);
@@ -64,8 +64,8 @@ void run(const Arguments& a) {
 }  // namespace
 
 cli::Command report_command() {
-  auto arguments = std::make_shared<Arguments>();
-  Arguments& a = *arguments;
+  auto arguments = std::make_shared<ReportArguments>();
+  ReportArguments& a = *arguments;
   OptionTable t;
   t.add("report", &a.report, "OUT.report.json of a job").positional();
   cli::add_output(t, a.output, "page to write; default: beside the report, as .html");
@@ -74,7 +74,7 @@ cli::Command report_command() {
       .bytes();
   cli::add_force(t, a.force);
   return {"report", "The page of a finished or refused job for people (HTML), made again from its report.", t,
-          [arguments] { run(*arguments); }};
+          [arguments] { run_report(*arguments); }};
 }
 
 }  // namespace tessera

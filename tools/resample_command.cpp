@@ -17,7 +17,7 @@ namespace {
 
 using json = nlohmann::json;
 
-struct Arguments {
+struct ResampleArguments {
   std::vector<std::string> words;
   std::string blends = "auto";
   std::filesystem::path profile;
@@ -25,7 +25,7 @@ struct Arguments {
   JobState state;
 };
 
-void print(const Arguments& a, const json& report) {
+void print(const ResampleArguments& a, const json& report) {
   const json& done = report.at("resampled");
   fmt::print("{}: {} of {} blends resampled, {} faces for {}, {}\n", a.state.output.string(),
              done.at("changed").get<std::uint64_t>(),
@@ -51,7 +51,7 @@ void print(const Arguments& a, const json& report) {
                bound_text(certificate.at("certified_max").get<double>()));
 }
 
-void run(Arguments& a) {
+void run_resample(ResampleArguments& a) {
   const std::filesystem::path input = [&] {
     cli::require_inputs(a.words);
     a.state.inputs.assign(a.words.begin(), a.words.end());
@@ -79,8 +79,8 @@ void run(Arguments& a) {
 }  // namespace
 
 cli::Command resample_command() {
-  auto arguments = std::make_shared<Arguments>();
-  Arguments& a = *arguments;
+  auto arguments = std::make_shared<ResampleArguments>();
+  ResampleArguments& a = *arguments;
   OptionTable table;
   cli::add_inputs(table, a.words);
   cli::add_output(table, a.state.output, "the mesh to write: .ply, .obj, .stl or .glb");
@@ -95,7 +95,7 @@ cli::Command resample_command() {
       "Fillets and sharp edges of a mesh of any size get triangles along them, in place of scattered ones: "
       "no normal noise, within a proven tolerance; or another radius. All other vertices keep their bytes. "
       "Resumable.",
-      table, [arguments] { run(*arguments); }};
+      table, [arguments] { run_resample(*arguments); }};
 }
 
 }  // namespace tessera

@@ -11,7 +11,7 @@
 namespace tessera {
 namespace {
 
-void run(const ResurfaceOptions& given, JobState state) {
+void run_resurface(const ResurfaceOptions& given, JobState state) {
   cli::require_output(state.output);
   require_mesh_extension(state.output);
   ResurfaceOptions options = given;
@@ -33,7 +33,7 @@ cli::Command resurface_command() {
                                             "Dirty meshes (soups, gaps, self-intersections, doubled walls) "
                                             "become one closed manifold with their sharp "
                                             "edges: holes are always closed. Resumable.",
-                                            "the mesh to write: .ply, .obj, .stl or .glb", run);
+                                            "the mesh to write: .ply, .obj, .stl or .glb", run_resurface);
 }
 
 }  // namespace tessera

@@ -12,7 +12,7 @@
 namespace tessera {
 namespace {
 
-void run(const SmoothOptions& options, JobState state) {
+void run_smooth(const SmoothOptions& options, JobState state) {
   const std::filesystem::path input = cli::one_input(state.inputs, "smoothed");
   cli::require_output(state.output);
   require_mesh_extension(state.output);
@@ -30,7 +30,7 @@ void run(const SmoothOptions& options, JobState state) {
 cli::Command smooth_command() {
   return cli::job_command<SmoothOptions>(
       "smooth", "Smooth a mesh of any size; creases, corners and borders keep their shape. Resumable.",
-      "the mesh to write: .ply, .obj, .stl or .glb", run);
+      "the mesh to write: .ply, .obj, .stl or .glb", run_smooth);
 }
 
 }  // namespace tessera

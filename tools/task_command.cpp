@@ -12,7 +12,7 @@
 namespace tessera {
 namespace {
 
-struct Arguments {
+struct TaskArguments {
   std::filesystem::path work;
   std::string stage;
   std::string task;
@@ -22,7 +22,7 @@ struct Arguments {
   std::filesystem::path scratch;
 };
 
-void run(const Arguments& arguments) {
+void run_task(const TaskArguments& arguments) {
   if (arguments.work.empty() || arguments.stage.empty()) throw UsageError("give WORKDIR, STAGE and K");
   if (arguments.driver != 0) follow_parent(arguments.driver);
   run_tasks(arguments.work, find_job, arguments.stage, parse_task_choice(arguments.task),
@@ -32,8 +32,8 @@ void run(const Arguments& arguments) {
 }  // namespace
 
 cli::Command task_command() {
-  auto arguments = std::make_shared<Arguments>();
-  Arguments& a = *arguments;
+  auto arguments = std::make_shared<TaskArguments>();
+  TaskArguments& a = *arguments;
   OptionTable t;
   t.add("workdir", &a.work, "work directory, on a disk that all machines share").positional();
   t.add("stage", &a.stage, "name of the stage").positional();
@@ -49,8 +49,8 @@ cli::Command task_command() {
   return {"task",
           "One task, a share of a stage or a whole stage of a job that was begun by submit, plan or its own "
           "command; safe to "
-          "repeat, and to run beside other tasks.",
-          t, [arguments] { run(*arguments); }};
+          "repeat, and to run_task beside other tasks.",
+          t, [arguments] { run_task(*arguments); }};
 }
 
 }  // namespace tessera

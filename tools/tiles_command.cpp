@@ -7,7 +7,7 @@
 namespace tessera {
 namespace {
 
-void run(const TilesOptions& options, JobState state) {
+void run_tiles(const TilesOptions& options, JobState state) {
   const std::filesystem::path input = cli::one_input(state.inputs, "cut into tiles");
   cli::require_output(state.output);
   const cli::Site site(state.output, "-o");
@@ -23,7 +23,7 @@ cli::Command tiles_command() {
   return cli::job_command<TilesOptions>(
       "tiles",
       "A mesh of any size becomes 3D Tiles: levels of detail that browsers stream, with proven errors.",
-      "the folder to write: its tileset.json is what viewers open", run);
+      "the folder to write: its tileset.json is what viewers open", run_tiles);
 }
 
 }  // namespace tessera

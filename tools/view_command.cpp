@@ -24,7 +24,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-struct Arguments {
+struct ViewArguments {
   std::vector<std::string> inputs;
   fs::path output;
   fs::path viewer;
@@ -45,7 +45,7 @@ fs::path viewer_folder(const fs::path& given) {
     if (fs::is_regular_file(place / "viewer.html", error) && fs::is_regular_file(place / "serve.py", error))
       return place.lexically_normal();
   throw UsageError(
-      fmt::format("the viewer's bundle is missing{}: run tools/viewer/build once (it needs node 18 or later, "
+      fmt::format("the viewer's bundle is missing{}: run_view tools/viewer/build once (it needs node 18 or later, "
                   "npm and network: apt "
                   "install nodejs npm)",
                   given.empty() ? "" : " in " + given.string()));
@@ -100,7 +100,7 @@ std::string percent_encoded(const std::string& name) {
                                system_reason(errno), site.empty() ? ", or write it to a file with -o" : ""));
 }
 
-void view_tiles(const Arguments& a, const fs::path& input, const fs::path& viewer) {
+void view_tiles(const ViewArguments& a, const fs::path& input, const fs::path& viewer) {
   if (!a.output.empty()) throw UsageError("-o: a page holds a mesh, tiles are served: leave -o out");
   if (!a.options.deviation.empty() || !a.options.uncertain.empty())
     throw UsageError("--deviation and --uncertain are for meshes; tiles show what they carry");
@@ -115,7 +115,7 @@ void view_tiles(const Arguments& a, const fs::path& input, const fs::path& viewe
   serve(viewer, page, site, a.port, scratch);
 }
 
-void view_mesh(const Arguments& a, const fs::path& input, const fs::path& viewer) {
+void view_mesh(const ViewArguments& a, const fs::path& input, const fs::path& viewer) {
   require_viewable(input);
   if (!a.options.deviation.empty()) open_mesh_file(a.options.deviation);
   if (!a.output.empty()) {
@@ -129,7 +129,7 @@ void view_mesh(const Arguments& a, const fs::path& input, const fs::path& viewer
   serve(viewer, page, {}, a.port, scratch);
 }
 
-void run(Arguments a) {
+void run_view(ViewArguments a) {
   if (a.inputs.empty())
     throw UsageError("nothing to view: name a mesh, or the folder of a tileset: tessera view site/");
   if (a.inputs.size() > 1) throw UsageError("one thing is viewed at a time");
@@ -158,8 +158,8 @@ void run(Arguments a) {
 }  // namespace
 
 cli::Command view_command() {
-  auto arguments = std::make_shared<Arguments>();
-  Arguments& a = *arguments;
+  auto arguments = std::make_shared<ViewArguments>();
+  ViewArguments& a = *arguments;
   OptionTable t;
   t.add("inputs", &a.inputs,
         "a mesh of up to 2 M faces, or the folder of a tileset (3D Tiles) or its tileset.json")
@@ -181,7 +181,7 @@ cli::Command view_command() {
   t.add("viewer", &a.viewer, "folder of the viewer's bundle; default: where it was built or installed");
   cli::add_force(t, a.force);
   return {"view", "Turn, walk through, cut and measure a mesh or a site of 3D Tiles in the browser.", t,
-          [arguments] { run(*arguments); }};
+          [arguments] { run_view(*arguments); }};
 }
 
 }  // namespace tessera

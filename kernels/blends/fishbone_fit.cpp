@@ -20,8 +20,8 @@ constexpr std::size_t kLeastFlank = 3;  ///< vertices of a rib on each flank
 constexpr int kProfileSmooths = 12, kSpineSmooths = 16;
 constexpr double kFlankEdges = 3.0,
                  kFlankShare = 0.8;  ///< how much of the flanks is looked at: edges, half widths
-constexpr double kOffEdges = 1.5, kOffShare = 0.35;  ///< vertices farther off are of something else
-constexpr double kFacing = 0.2;                      ///< cosine between a vertex's normal and the profile's
+constexpr double kOffFitEdges = 1.5, kOffShare = 0.35;  ///< vertices farther off are of something else
+constexpr double kProfileFacing = 0.2;                      ///< cosine between a vertex's normal and the profile's
 constexpr double kNearTrack = 3.0;                   ///< of half the band and a flank
 constexpr double kBadRib = 3.0;                      ///< of the median rms: the blend has ended
 constexpr double kFine = 0.02;                       ///< of an edge: a rib that fits so well is never bad
@@ -114,7 +114,7 @@ class Placing {
     const Double2 n = beside.zone == RibZone::kLeft    ? q.flank_normal(0)
                       : beside.zone == RibZone::kRight ? q.flank_normal(1)
                                                        : q.arc_normal(share);
-    if (dot(normal, plane.across * n[0] + plane.up * n[1]) < kFacing) return std::nullopt;
+    if (dot(normal, plane.across * n[0] + plane.up * n[1]) < kProfileFacing) return std::nullopt;
     return RibVertex{v, *at, beside};
   }
 
@@ -226,7 +226,7 @@ class Fit {
         all.push_back({v, *at, {}});
       }
     } else {
-      const double off = kOffEdges * out_.edge + kOffShare * (track_.half_width + out_.mean_arc());
+      const double off = kOffFitEdges * out_.edge + kOffShare * (track_.half_width + out_.mean_arc());
       const Placing placing(out_, out_.flank, off);
       for (std::uint32_t v = 0; v < position_.size(); ++v) {
         rib_[v] = static_cast<std::uint32_t>(nearest_from(out_.planes, position_[v], rib_[v]));

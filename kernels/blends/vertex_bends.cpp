@@ -10,7 +10,7 @@
 namespace tessera {
 namespace {
 
-constexpr std::uint32_t kNone = 0xffffffffu;
+constexpr std::uint32_t kNoVertex = 0xffffffffu;
 
 class Bends {
  public:
@@ -31,8 +31,8 @@ class Bends {
       for (std::size_t k = 0; k < 3; ++k) add_edge(f, block.faces[f][k], block.faces[f][(k + 1) % 3]);
     }
     first_edge_.push_back(static_cast<std::uint32_t>(edges_.size()));
-    seen_.assign(block.key.size(), kNone);
-    face_seen_.assign(faces, kNone);
+    seen_.assign(block.key.size(), kNoVertex);
+    face_seen_.assign(faces, kNoVertex);
   }
 
   VertexBend at(std::uint32_t v) {
@@ -59,11 +59,11 @@ class Bends {
     Double3 value;
     std::array<Double3, 3> vector;
     symmetric_eigen3(sum, value, vector);
-    std::size_t most = 0, second = kNone;
+    std::size_t most = 0, second = kNoVertex;
     for (std::size_t i = 1; i < 3; ++i)
       if (std::fabs(value[i]) > std::fabs(value[most])) most = i;
     for (std::size_t i = 0; i < 3; ++i)
-      if (i != most && (second == kNone || std::fabs(value[i]) > std::fabs(value[second]))) second = i;
+      if (i != most && (second == kNoVertex || std::fabs(value[i]) > std::fabs(value[second]))) second = i;
     out.along = vector[most];
     out.across = value[most] / area;
     out.least = value[second] / area;
@@ -104,12 +104,12 @@ class Bends {
   void add_edge(std::uint32_t f, std::uint32_t a, std::uint32_t b) {
     if (a > b) return;
     const Double3 &p = block_.position[a], &q = block_.position[b];
-    std::uint32_t other = kNone;
+    std::uint32_t other = kNoVertex;
     for (const std::uint32_t c : at_.at(b)) {
       const auto& t = block_.faces[c >> 2];
       if (t[((c & 3) + 1) % 3] == a) other = c >> 2;
     }
-    if (other == kNone) return;
+    if (other == kNoVertex) return;
     const Double3 m = unit_or_zero(doubled_[f]), n = unit_or_zero(doubled_[other]);
     const Double3 d = q - p;
     const double length = norm(d);

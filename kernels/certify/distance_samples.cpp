@@ -11,11 +11,11 @@
 namespace tessera {
 namespace {
 
-using Face = std::array<std::uint32_t, 3>;
+using SampledFace = std::array<std::uint32_t, 3>;
 
 /// Few faces need few points: as many as tell the mean on each of them.
 constexpr std::size_t kLeastSamples = 1024, kSamplesPerFace = 16;
-constexpr std::size_t kGrid = 48;  ///< cells an axis of the box in which faces near the points are picked
+constexpr std::size_t kSampleGrid = 48;  ///< cells an axis of the box in which faces near the points are picked
 // Powers of the plastic number: the additive sequence whose points keep farthest apart.
 constexpr double kR2u = 0.75487766624669276005, kR2v = 0.56984029099805326591;
 constexpr double kWider = 1.0 + 0x1p-20;  ///< a bound, so that rounding hides no face
@@ -34,7 +34,7 @@ double scatter(std::uint64_t i) {
 }
 
 /// The part of a face in a box: a convex polygon of up to nine corners, or a segment of two.
-struct Part {
+struct SampledPart {
   std::array<Double3, 9> at;
   std::size_t corners = 0;
   bool segment = false;
@@ -59,8 +59,8 @@ struct Part {
   }
 };
 
-Part part_of(const SurfaceFaces& surface, const Face& face, const Box3* core) {
-  Part part;
+SampledPart part_of(const SurfaceFaces& surface, const SampledFace& face, const Box3* core) {
+  SampledPart part;
   part.segment = face[1] == face[2];
   part.corners = part.segment ? 2 : 3;
   for (std::size_t c = 0; c < part.corners; ++c) part.at[c] = surface.position[face[c]];
@@ -71,7 +71,7 @@ Part part_of(const SurfaceFaces& surface, const Face& face, const Box3* core) {
   for (std::size_t k = 0; !whole && k < 3; ++k)
     for (const double sign : {1.0, -1.0}) {
       const double limit = sign > 0.0 ? core->high[k] : -core->low[k];
-      Part cut;
+      SampledPart cut;
       cut.segment = part.segment;
       const std::size_t sides = part.segment ? 1 : part.corners;
       for (std::size_t i = 0; i < part.corners; ++i) {
@@ -99,7 +99,7 @@ BoxMask mask_around(const SurfaceSamples& samples, const std::vector<double>& ra
   for (std::size_t i = 0; i < samples.at.size(); ++i)
     for (std::size_t k = 0; k < 3; ++k)
       low[k] = std::min(low[k], around(i, -1.0)[k]), high[k] = std::max(high[k], around(i, 1.0)[k]);
-  BoxMask mask(low, high, kGrid);
+  BoxMask mask(low, high, kSampleGrid);
   for (std::size_t i = 0; i < samples.at.size(); ++i) mask.mark(around(i, -1.0), around(i, 1.0));
   return mask;
 }
@@ -117,7 +117,7 @@ SurfaceSamples spread_samples(const SurfaceFaces& surface, const Box3* core, std
   const double stratum = sum / static_cast<double>(count);
   double before = 0.0;  // of the faces before this one
   std::size_t f = 0, on = 0;
-  Part part;
+  SampledPart part;
   for (std::size_t i = 0; i < count; ++i) {
     const double at = stratum * (static_cast<double>(i) + scatter(i));
     while (f + 1 < area.size() && before + area[f] <= at) before += area[f++];
@@ -179,8 +179,8 @@ void measure_samples(const SurfaceFaces& surface, const SurfaceFaces& other, con
   for (const std::uint32_t f : samples.face)
     radius.push_back(kWider * std::min(options.reach, static_cast<double>(bound[f])));
   const BoxMask mask = mask_around(samples, radius);
-  std::vector<Face> near;
-  for (const Face& f : other.faces) {
+  std::vector<SampledFace> near;
+  for (const SampledFace& f : other.faces) {
     Double3 low = other.position[f[0]], high = low;
     for (const std::uint32_t v : {f[1], f[2]})
       for (std::size_t k = 0; k < 3; ++k)

@@ -7,8 +7,8 @@
 namespace tessera {
 namespace {
 
-constexpr double kInfinite = std::numeric_limits<double>::infinity();
-constexpr int kMostCuts = 24, kMostPieces = 48;
+constexpr double kUnbounded = std::numeric_limits<double>::infinity();
+constexpr int kMaxPieceCuts = 24, kMostPieces = 48;
 
 }  // namespace
 
@@ -33,11 +33,11 @@ double NearProof::bound(const std::array<Double3, 3>& corner, std::span<const st
   whole.close();
   double worst = 0.0;
   for (int pieces = 0; !stack_.empty(); ++pieces) {
-    if (pieces == kMostPieces) return kInfinite;
+    if (pieces == kMostPieces) return kUnbounded;
     const ConvexPiece piece = stack_.back();
     stack_.pop_back();
     double square = 0.0;
-    if (!prove(piece, limit2, square)) return kInfinite;
+    if (!prove(piece, limit2, square)) return kUnbounded;
     worst = std::max(worst, square);
   }
   return std::sqrt(worst);
@@ -46,7 +46,7 @@ double NearProof::bound(const std::array<Double3, 3>& corner, std::span<const st
 /// Proves a piece, `square` is of its bound then, or lays two in its place. \return false where neither works
 bool NearProof::prove(const ConvexPiece& piece, double limit2, double& square) {
   alignas(32) double squares[kMostNear][kPieceColumn];
-  double least = kInfinite;
+  double least = kUnbounded;
   std::size_t centre = 0;
   for (std::size_t i = 0; i < count_; ++i) {
     index_.squares_to(slots_[i], piece.x, piece.y, piece.z, piece.corners + 1, squares[i]);
@@ -64,7 +64,7 @@ bool NearProof::prove(const ConvexPiece& piece, double limit2, double& square) {
     if (squares[i][worst] < squares[other][worst]) other = i;
   // Some point is too far from all that are given, or two have the same side.
   if (from_centre[piece.corners] > limit2 || squares[other][worst] > limit2) return false;
-  if (piece.cuts == kMostCuts || piece.corners > kMostCorners - 2) return false;
+  if (piece.cuts == kMaxPieceCuts || piece.corners > kMostCorners - 2) return false;
   const Double3 middle = piece.centroid(), far = piece.at(static_cast<int>(worst));
   const std::array<Double3, 3> t = index_.corners(slots_[centre]);
   CutPlane plane;

@@ -15,7 +15,7 @@
 namespace tessera {
 namespace {
 
-constexpr std::uint32_t kNone = kNoPair;
+constexpr std::uint32_t kNoFace = kNoPair;
 constexpr float kOpen = std::numeric_limits<float>::infinity();
 constexpr int kMostSteps = 512;
 constexpr std::uint32_t kSampling = 16;
@@ -38,7 +38,7 @@ class Overlay {
     across_fine_ = pair_edges(fine);
     across_coarse_ = pair_edges(coarse);
     state_.resize(fine.faces.size());
-    seed_.assign(coarse.faces.size(), kNone);
+    seed_.assign(coarse.faces.size(), kNoFace);
     out_.coarse.bound.assign(coarse.faces.size(), kOpen);
     if (fine_too_) out_.fine.bound.assign(fine.faces.size(), kOpen);
   }
@@ -65,11 +65,11 @@ class Overlay {
   /// Of a fine face: what is known of it over the coarse faces so far.
   struct State {
     std::uint32_t stamp = 0;
-    std::uint32_t over = kNone;  ///< 4 t + edge: it lies over coarse face t and across that edge
+    std::uint32_t over = kNoFace;  ///< 4 t + edge: it lies over coarse face t and across that edge
     float height = 0.0f;         ///< largest there
     float bound = kOpen;
     unsigned corners = 0;       ///< bit i: corner i lies over `over`
-    std::uint32_t met = kNone;  ///< the last of met_ that is of this face
+    std::uint32_t met = kNoFace;  ///< the last of met_ that is of this face
   };
   /// A coarse face that a fine one lies partly over.
   struct Met {
@@ -93,8 +93,8 @@ class Overlay {
     std::unordered_map<Double3, std::uint32_t, Hash> corner;
     corner.reserve(coarse_.position.size());
     for (std::uint32_t v = 0; v < coarse_.position.size(); ++v) corner.emplace(coarse_.position[v], v);
-    start_.assign(coarse_.position.size(), kNone);
-    std::vector<std::uint32_t> start_of(fine_.position.size(), kNone);
+    start_.assign(coarse_.position.size(), kNoFace);
+    std::vector<std::uint32_t> start_of(fine_.position.size(), kNoFace);
     // A first sieve: most fine vertices are no corners.
     constexpr std::size_t kBits = 16;
     std::vector<bool> sieve(std::size_t{1} << kBits);
@@ -106,7 +106,7 @@ class Overlay {
     }
     for (std::uint32_t f = 0; f < fine_.faces.size(); ++f)
       for (const std::uint32_t v : fine_.faces[f])
-        if (start_of[v] != kNone) start_[start_of[v]] = f;
+        if (start_of[v] != kNoFace) start_[start_of[v]] = f;
   }
 
   Double3 local(const Double3& p) const { return p - origin_; }
@@ -198,15 +198,15 @@ class Overlay {
     return points_[vertex.slot];
   }
 
-  /// Walks to the fine face over the point `to`. \return kNone where there is no way
+  /// Walks to the fine face over the point `to`. \return kNoFace where there is no way
   std::uint32_t walk(std::uint32_t from, const Flat& to) {
-    std::uint32_t f = from, came = kNone;
-    for (int step = 0; step < kMostSteps && f != kNone; ++step) {
+    std::uint32_t f = from, came = kNoFace;
+    for (int step = 0; step < kMostSteps && f != kNoFace; ++step) {
       const auto& v = fine_.faces[f];
       const Flat p[3] = {place(v[0]).at, place(v[1]).at, place(v[2]).at};
       const double up = turn(p[0], p[1], p[2]) < 0.0 ? -1.0 : 1.0;
       double least = 0.0;
-      std::uint32_t way = kNone;
+      std::uint32_t way = kNoFace;
       bool safe = true;
       for (std::uint32_t i = 0; i < 3; ++i) {
         const Flat &a = p[i], &b = p[i == 2 ? 0 : i + 1];
@@ -217,11 +217,11 @@ class Overlay {
           least = inside / size, way = i;
       }
       if (safe) return f;
-      if (way == kNone) return kNone;
+      if (way == kNoFace) return kNoFace;
       came = f;
-      f = across_fine_[f][way] == kNone ? kNone : across_fine_[f][way] >> 2;
+      f = across_fine_[f][way] == kNoFace ? kNoFace : across_fine_[f][way] >> 2;
     }
-    return kNone;
+    return kNoFace;
   }
 
   /// A fine face not far from the centre, where no corner is shared: of a sample.
@@ -235,7 +235,7 @@ class Overlay {
     for (std::size_t k = 0; k < 3; ++k) p[k] = base_[k] + centre_.x * ex_[k] + centre_.y * ey_[k];
     const ClosestFaces::Hit hit =
         sample_.closest(p, std::numeric_limits<double>::infinity(), ClosestFaces::kNone);
-    return hit.slot == ClosestFaces::kNone ? kNone : sample_.face(hit.slot) * kSampling;
+    return hit.slot == ClosestFaces::kNone ? kNoFace : sample_.face(hit.slot) * kSampling;
   }
 
   std::uint32_t find_seed(std::uint32_t t) {
@@ -248,15 +248,15 @@ class Overlay {
       for (int i = 0; i < n; ++i) inside = inside && beyond(i, centre_) > 4.0 * grown_;
       if (!inside) continue;
       for (const std::uint32_t v : coarse_.faces[t])
-        if (start_[v] != kNone)
-          if (const std::uint32_t f = walk(start_[v], centre_); f != kNone) return f;
+        if (start_[v] != kNoFace)
+          if (const std::uint32_t f = walk(start_[v], centre_); f != kNoFace) return f;
       // As a rule a face beside was laid out before, and what lies over it is near.
       for (const std::uint32_t beside : across_coarse_[t])
-        if (beside != kNone && seed_[beside >> 2] != kNone)
-          if (const std::uint32_t f = walk(seed_[beside >> 2], centre_); f != kNone) return f;
-      if (const std::uint32_t f = walk(nearby(), centre_); f != kNone) return f;
+        if (beside != kNoFace && seed_[beside >> 2] != kNoFace)
+          if (const std::uint32_t f = walk(seed_[beside >> 2], centre_); f != kNoFace) return f;
+      if (const std::uint32_t f = walk(nearby(), centre_); f != kNoFace) return f;
     }
-    return kNone;
+    return kNoFace;
   }
 
   /// Does the segment meet the inside of the outline? May say so where it only comes near. What only touches
@@ -336,7 +336,7 @@ class Overlay {
     ++stamp_;
     points_.clear();
     const std::uint32_t seed = seed_[t] = find_seed(t);
-    if (seed == kNone) return;
+    if (seed == kNoFace) return;
     double height = 0.0;
     if (!cover(t, seed, height)) return;
     if (!(height <= limit_)) return;
@@ -362,7 +362,7 @@ class Overlay {
       for (std::uint32_t i = 0; i < 3; ++i) {
         if (!meets(*p[i], *p[i == 2 ? 0 : i + 1])) continue;
         const std::uint32_t other = across_fine_[f][i];
-        if (other == kNone) {
+        if (other == kNoFace) {
           covered = false;
         } else if (state_[other >> 2].stamp != stamp_) {
           state_[other >> 2].stamp = stamp_;
@@ -428,7 +428,7 @@ class Overlay {
     for (unsigned i = 0; i < 3; ++i) corners |= p[i]->outside == 0 ? 1u << i : 0u;
     State& state = state_[f];
     const std::uint32_t here = 4 * t + tag;
-    if (state.over == kNone) {
+    if (state.over == kNoFace) {
       state.over = here;
       state.height = rounded_up(height);
       state.corners = corners;
@@ -452,7 +452,7 @@ class Overlay {
   float bound_by_near(const std::array<Double3, 3>& corner, std::uint32_t met) {
     std::array<std::uint32_t, NearProof::kMostNear> near;
     std::size_t count = 0;
-    for (; met != kNone && count < near.size(); met = met_[met].before) near[count++] = met_[met].coarse;
+    for (; met != kNoFace && count < near.size(); met = met_[met].before) near[count++] = met_[met].coarse;
     if (count < 2) return kOpen;  // what lies over one alone was told from heights
     if (!near_) near_.emplace(coarse_, origin_);
     return rounded_up(near_->bound(corner, {near.data(), count}, limit_));
@@ -495,8 +495,8 @@ class Overlay {
   std::vector<Vertex> vertices_;
   std::vector<Across> across_fine_, across_coarse_;
   std::vector<State> state_;
-  std::vector<std::uint32_t> start_;  ///< per coarse vertex: a fine face there, or kNone
-  std::vector<std::uint32_t> seed_;   ///< per coarse face: the fine face over its centre, or kNone
+  std::vector<std::uint32_t> start_;  ///< per coarse vertex: a fine face there, or kNoFace
+  std::vector<std::uint32_t> seed_;   ///< per coarse face: the fine face over its centre, or kNoFace
   ClosestFaces sample_;
   std::vector<Met> met_;
   std::optional<NearProof> near_;

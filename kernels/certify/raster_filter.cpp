@@ -20,7 +20,7 @@
 namespace tessera {
 namespace {
 
-constexpr std::uint32_t kNone = kNoPair;
+constexpr std::uint32_t kNoLayer = kNoPair;
 constexpr double kPixelOfArea = 1.0;        // of the root of a face's area: two thirds of an edge
 constexpr double kPixelOfTolerance = 0.25;  // finer shows nothing that the tolerance would ask for
 constexpr std::size_t kAreaSampling = 16;
@@ -190,20 +190,20 @@ class Image {
         reference_(reference),
         at_(at),
         sheet_(sheet),
-        first_(static_cast<std::size_t>(frame.nx) * static_cast<std::size_t>(frame.ny), kNone),
+        first_(static_cast<std::size_t>(frame.nx) * static_cast<std::size_t>(frame.ny), kNoLayer),
         most_layers_(most_layers) {
     at_.resize(reference.position.size());
     for (std::size_t i = 0; i < at_.size(); ++i) at_[i] = frame.place(reference.position[i]);
     find_sheets(across);
     double work = 0.0;
     for (std::uint32_t f = 0; f < sheet_.size(); ++f)
-      if (sheet_[f] != kNone) work += touched(frame_, corners(f).data());
+      if (sheet_[f] != kNoLayer) work += touched(frame_, corners(f).data());
     if (work > most_touched) return;  // nothing is settled then
     layers_.reserve(most_layers);     // pages that are not used cost no memory
     for (std::uint32_t f = 0; f < sheet_.size(); ++f)
-      if (sheet_[f] != kNone) begin_layers(f);
+      if (sheet_[f] != kNoLayer) begin_layers(f);
     for (std::uint32_t f = 0; f < sheet_.size(); ++f)
-      if (sheet_[f] != kNone) widen_layers(f, across[f]);
+      if (sheet_[f] != kNoLayer) widen_layers(f, across[f]);
   }
 
   std::size_t layers() const { return layers_.size(); }
@@ -216,7 +216,7 @@ class Image {
       const double z = height(p[0], s, part.x, part.y);
       const double rise = std::abs(s.gx) * part.half + std::abs(s.gy) * part.tall;
       if (z - rise > core_high || z + rise < core_low) return true;  // not in the core
-      for (std::uint32_t n = first_[pixel(part.i, part.j)]; n != kNone; n = layers_[n].next)
+      for (std::uint32_t n = first_[pixel(part.i, part.j)]; n != kNoLayer; n = layers_[n].next)
         if (within(layers_[n], part, z, s, limit)) return true;
       return false;
     });
@@ -249,14 +249,14 @@ class Image {
       if (!slope_of(frame_, p.data(), s) || s.square > kSteepest) continue;
       looks[f] = s.up ? 3 : 1;
       for (const std::uint32_t other : across[f])
-        if (other != kNone && other >> 2 < f && looks[other >> 2] == looks[f]) sets.unite(f, other >> 2);
+        if (other != kNoLayer && other >> 2 < f && looks[other >> 2] == looks[f]) sets.unite(f, other >> 2);
     }
     sheet_.resize(m);
-    for (std::uint32_t f = 0; f < m; ++f) sheet_[f] = looks[f] != 0 ? sets.find(f) : kNone;
+    for (std::uint32_t f = 0; f < m; ++f) sheet_[f] = looks[f] != 0 ? sets.find(f) : kNoLayer;
   }
 
   Layer* find(int i, int j, std::uint32_t sheet) {
-    for (std::uint32_t n = first_[pixel(i, j)]; n != kNone; n = layers_[n].next)
+    for (std::uint32_t n = first_[pixel(i, j)]; n != kNoLayer; n = layers_[n].next)
       if (layers_[n].sheet == sheet) return &layers_[n];
     return nullptr;
   }
@@ -289,7 +289,7 @@ class Image {
       return true;
     });
     for (std::size_t e = 0; e < 3; ++e) {
-      if (across[e] != kNone && sheet_[across[e] >> 2] == sheet_[f]) continue;
+      if (across[e] != kNoLayer && sheet_[across[e] >> 2] == sheet_[f]) continue;
       const Double3 &a = p[e], &b = p[e == 2 ? 0 : e + 1];
       const Double3 segment[3] = {a, b, b};
       each_pixel(frame_, segment, [&](const Part& part) {
@@ -331,8 +331,8 @@ class Image {
     for (int dj = -1; dj <= 1; ++dj)
       for (int di = -1; di <= 1; ++di) {
         std::uint32_t n = first_[pixel(i + di, j + dj)];
-        while (n != kNone && layers_[n].sheet != layer.sheet) n = layers_[n].next;
-        if (n == kNone || layers_[n].high == kClosed) return false;
+        while (n != kNoLayer && layers_[n].sheet != layer.sheet) n = layers_[n].next;
+        if (n == kNoLayer || layers_[n].high == kClosed) return false;
         const Layer& other = layers_[n];
         const double gx = static_cast<double>(layer.gx), gy = static_cast<double>(layer.gy);
         const double off = other.z - (layer.z + gx * di + gy * dj);

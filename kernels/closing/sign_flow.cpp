@@ -17,7 +17,7 @@ constexpr int kFillReach = 8, kFlowReach = 4, kLooseReach = 1;
 /// Blurred sign from which a node changes to it: more than the lattice makes of a plane, so that none moves.
 constexpr float kSure = 0.15f;
 /// Distance of the winding number from its level from which it confirms a local sign.
-constexpr float kCertain = 0.25f;
+constexpr float kCertainSign = 0.25f;
 
 /// A value per node of a brick and a halo around it.
 template <typename T>
@@ -266,7 +266,7 @@ void settle_local(std::span<const float> winding, float level, SignChange& leave
       for (std::uint64_t left = leaf.local[z] & leaf.free[z]; left; left &= left - 1) {
         const std::uint64_t bit = left & (~left + 1);
         const float above = winding[next++] - level;
-        if ((leaf.inside[z] & bit ? above : -above) > kCertain) leaf.free[z] &= ~bit;
+        if ((leaf.inside[z] & bit ? above : -above) > kCertainSign) leaf.free[z] &= ~bit;
       }
 }
 

@@ -7,7 +7,7 @@
 namespace tessera {
 namespace {
 
-constexpr double cross2(double ax, double ay, double bx, double by) {
+constexpr double cross_2d(double ax, double ay, double bx, double by) {
   return ax * by - ay * bx;
 }
 
@@ -17,7 +17,7 @@ struct Flat {
 
 /// Twice the area of a, b, c, seen along the normal.
 constexpr double turn(const Flat& a, const Flat& b, const Flat& c) {
-  return cross2(b.x - a.x, b.y - a.y, c.x - a.x, c.y - a.y);
+  return cross_2d(b.x - a.x, b.y - a.y, c.x - a.x, c.y - a.y);
 }
 
 /// Adds to `gap` the height of p over a, b, c. \return false where p lies outside of the triangle
@@ -48,25 +48,25 @@ bool fan_gap(const RimLoop& loop, const Double3& apex, std::size_t flat_edge, do
     z[i] = dot(loop.at[i], n);
   }
   const double ax = dot(apex, ex), ay = dot(apex, ey), az = dot(apex, n);
-  for (std::size_t i = 0; i < size; ++i) before[i] = cross2(ax, ay, x[i], y[i]);
+  for (std::size_t i = 0; i < size; ++i) before[i] = cross_2d(ax, ay, x[i], y[i]);
   // New fan: strictly counter-clockwise, and less than a full turn.
   for (std::size_t i = 1; i + 1 < size; ++i) {
-    if (!(cross2(x[i], y[i], x[i + 1], y[i + 1]) > 0.0)) return false;
-    if (i > 1 && cross2(x[i], y[i], x[1], y[1]) > 0.0 && cross2(x[1], y[1], x[i + 1], y[i + 1]) > 0.0)
+    if (!(cross_2d(x[i], y[i], x[i + 1], y[i + 1]) > 0.0)) return false;
+    if (i > 1 && cross_2d(x[i], y[i], x[1], y[1]) > 0.0 && cross_2d(x[1], y[1], x[i + 1], y[i + 1]) > 0.0)
       return false;
   }
   // Old fan: counter-clockwise; faces without area, seen along n, are bounded by their edges.
   const double rounding = -1e-13 * std::sqrt(length2);
   for (std::size_t i = 0; i < size; ++i) {
     const std::size_t j = i + 1 < size ? i + 1 : 0;
-    if (i != flat_edge && cross2(x[i] - ax, y[i] - ay, x[j] - ax, y[j] - ay) < rounding) return false;
+    if (i != flat_edge && cross_2d(x[i] - ax, y[i] - ay, x[j] - ax, y[j] - ay) < rounding) return false;
   }
   if (flat_edge == kNoFlatEdge) {
     bool inside = false;
     for (std::size_t i = 1; i + 1 < size; ++i) {
       const double to = -before[i], from = before[i + 1];
       if (to < rounding || from < rounding) continue;
-      const double full = cross2(x[i], y[i], x[i + 1], y[i + 1]);
+      const double full = cross_2d(x[i], y[i], x[i + 1], y[i + 1]);
       const double height = std::fabs(az - (z[i] * from + z[i + 1] * to) / full);
       gap = height > gap ? height : gap;
       inside = true;
@@ -133,7 +133,7 @@ bool edge_gap(const RimLoop& loop, const Double3& u, const Double3& v, std::size
   int turns = 0;
   for (std::size_t i = 1; i < size; ++i) {
     const std::size_t j = after(i);
-    if (!(cross2(rim[i].x, rim[i].y, rim[j].x, rim[j].y) > 0.0)) return false;
+    if (!(cross_2d(rim[i].x, rim[i].y, rim[j].x, rim[j].y) > 0.0)) return false;
     turns += rim[i].y < 0.0 && rim[j].y >= 0.0;
     if (turn(centre[i > first], rim[i], rim[j]) < rounding) return false;
   }
@@ -154,10 +154,10 @@ bool edge_gap(const RimLoop& loop, const Double3& u, const Double3& v, std::size
   if (!found[0] || !found[1] || !found[2]) return false;
   const auto cross_spokes = [&](const Flat& a, const Flat& b) {
     constexpr double kSlack = 1e-9;
-    const double dx = b.x - a.x, dy = b.y - a.y, dz = b.z - a.z, side = cross2(a.x, a.y, dx, dy);
+    const double dx = b.x - a.x, dy = b.y - a.y, dz = b.z - a.z, side = cross_2d(a.x, a.y, dx, dy);
     for (std::size_t j = 1; j < size; ++j) {
-      const double per = 1.0 / cross2(dx, dy, rim[j].x, rim[j].y);
-      const double t = -cross2(a.x, a.y, rim[j].x, rim[j].y) * per, s = -side * per;
+      const double per = 1.0 / cross_2d(dx, dy, rim[j].x, rim[j].y);
+      const double t = -cross_2d(a.x, a.y, rim[j].x, rim[j].y) * per, s = -side * per;
       if (t > -kSlack && t < 1.0 + kSlack && s > -kSlack && s < 1.0 + kSlack) {
         const double height = std::fabs(a.z + t * dz - s * rim[j].z);
         gap = height > gap ? height : gap;

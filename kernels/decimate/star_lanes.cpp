@@ -66,7 +66,7 @@ __m256 dot(const Lanes3& a, const Lanes3& b) {
   return _mm256_add_ps(_mm256_add_ps(_mm256_mul_ps(a.x, b.x), _mm256_mul_ps(a.y, b.y)),
                        _mm256_mul_ps(a.z, b.z));
 }
-__m256 cross2(__m256 ax, __m256 ay, __m256 bx, __m256 by) {
+__m256 cross_lanes(__m256 ax, __m256 ay, __m256 bx, __m256 by) {
   return _mm256_sub_ps(_mm256_mul_ps(ax, by), _mm256_mul_ps(ay, bx));
 }
 int bits_of(__m256 mask) {
@@ -196,18 +196,18 @@ StarLanes::Answer StarLanes::judge(std::size_t at, double& gap) const {
     return Answer::kRefused;
   // New fan: strictly counter-clockwise, and less than a full turn.
   const __m256 xn = permuted(x, next), yn = permuted(y, next), zn = permuted(z, next);
-  const __m256 full = cross2(x, y, xn, yn);
+  const __m256 full = cross_lanes(x, y, xn, yn);
   if ((bits_of(_mm256_cmp_ps(full, unsure, _CMP_NGT_UQ)) & fresh) != 0)
     return (bits_of(_mm256_cmp_ps(full, _mm256_sub_ps(zero, unsure), _CMP_LT_OQ)) & fresh) != 0
                ? Answer::kRefused
                : Answer::kDoubt;
   const __m256i second = _mm256_set1_epi32(1);
   const __m256 x1 = permuted(x, second), y1 = permuted(y, second);
-  const int round = bits_of(_mm256_cmp_ps(cross2(x, y, x1, y1), zero, _CMP_GT_OQ)) &
-                    bits_of(_mm256_cmp_ps(cross2(x1, y1, xn, yn), zero, _CMP_GT_OQ));
+  const int round = bits_of(_mm256_cmp_ps(cross_lanes(x, y, x1, y1), zero, _CMP_GT_OQ)) &
+                    bits_of(_mm256_cmp_ps(cross_lanes(x1, y1, xn, yn), zero, _CMP_GT_OQ));
   if ((round & fresh & ~2) != 0) return Answer::kRefused;
   // The centre over the new face below it.
-  const __m256 side = cross2(ax, ay, x, y), side_n = permuted(side, next), low = _mm256_sub_ps(zero, unsure);
+  const __m256 side = cross_lanes(ax, ay, x, y), side_n = permuted(side, next), low = _mm256_sub_ps(zero, unsure);
   const __m256 height = _mm256_sub_ps(
       az, _mm256_div_ps(_mm256_sub_ps(_mm256_mul_ps(z, side_n), _mm256_mul_ps(zn, side)), full));
   const __m256 over = _mm256_and_ps(_mm256_cmp_ps(_mm256_sub_ps(zero, side), low, _CMP_GE_OQ),
@@ -226,7 +226,7 @@ StarLanes::Answer StarLanes::judge(std::size_t at, double& gap) const {
       _mm256_castsi256_ps(_mm256_and_si256(_mm256_cmpgt_epi32(lane, first), _mm256_cmpgt_epi32(size, lane)));
   for (std::size_t j = 2; j + 1 < k; ++j) {
     const __m256i to = _mm256_set1_epi32(static_cast<int>(j));
-    const __m256 per = _mm256_div_ps(one, cross2(dx, dy, permuted(x, to), permuted(y, to)));
+    const __m256 per = _mm256_div_ps(one, cross_lanes(dx, dy, permuted(x, to), permuted(y, to)));
     const __m256 t = _mm256_sub_ps(zero, _mm256_mul_ps(permuted(side, to), per)),
                  s = _mm256_sub_ps(zero, _mm256_mul_ps(side, per));
     const __m256 up =

@@ -25,9 +25,9 @@ constexpr double kWellTurned = 1e-3;
 constexpr int kSweeps = 12;
 constexpr double kEnough = 1e-30;  ///< squares beside the diagonal of a matrix as large as a rotation
 
-constexpr std::size_t kLanes = 4;
-using Lanes [[gnu::vector_size(kLanes * sizeof(double))]] = double;
-using FloatLanes [[gnu::vector_size(kLanes * sizeof(float))]] = float;
+constexpr std::size_t kRotationLanes = 4;
+using Lanes [[gnu::vector_size(kRotationLanes * sizeof(double))]] = double;
+using FloatLanes [[gnu::vector_size(kRotationLanes * sizeof(float))]] = float;
 
 /// What is spread at a time: four columns' gradients, or fewer numbers and zeros.
 constexpr std::size_t kGroup = 12;
@@ -133,14 +133,14 @@ Matrices cofactors(const Matrices& r) {
           minor(1, 6, 0, 7), minor(1, 5, 2, 4), minor(2, 3, 0, 5), minor(0, 4, 1, 3)};
 }
 
-Lanes square_root(Lanes x) {
+Lanes root_of_lanes(Lanes x) {
   return _mm256_sqrt_pd(x);
 }
 
 Lanes size_of(const Matrices& r) {
   Lanes sum = r[0] * r[0];
   for (std::size_t k = 1; k < 9; ++k) sum = fused(r[k], r[k], sum);
-  return square_root(sum);
+  return root_of_lanes(sum);
 }
 
 using LaneMask = decltype(Lanes{} > Lanes{});
@@ -220,14 +220,14 @@ std::vector<float> turn_columns(std::span<const Double3> rest, std::span<const F
   const std::size_t handles = (columns.width - columns.first) / 4,
                     width = turn_width(columns.targets, handles);
   const Around around = faces_around(rest, faces, active);
-  std::vector<float> out((active.size() + kLanes - 1) / kLanes * kLanes * width, 0.0f);
+  std::vector<float> out((active.size() + kRotationLanes - 1) / kRotationLanes * kRotationLanes * width, 0.0f);
   std::vector<double> area(around.vertex.size(), 0.0);
   const auto keep = [&](const std::vector<Group>& sum, std::size_t from, std::size_t count) {
     for (std::size_t k = 0; k < active.size(); ++k) {
       const std::uint32_t v = around.active[k];
       const double share = area[v] > 0.0 ? 1.0 / area[v] : 0.0;
-      float* const to = out.data() + (k / kLanes * width + from) * kLanes + k % kLanes;
-      for (std::size_t c = 0; c < count; ++c) to[c * kLanes] = static_cast<float>(sum[v][c] * share);
+      float* const to = out.data() + (k / kRotationLanes * width + from) * kRotationLanes + k % kRotationLanes;
+      for (std::size_t c = 0; c < count; ++c) to[c * kRotationLanes] = static_cast<float>(sum[v][c] * share);
     }
   };
   Spread<kGroup> spread(around.vertex.size(), around.faces, kSpreadRounds);
@@ -280,11 +280,11 @@ std::vector<Turn> turns(std::span<const float> columns, std::size_t count, bool 
                         std::span<const FrameMotion> motion) {
   const std::size_t width = turn_width(targets, motion.size());
   std::vector<Turn> out(count);
-  for (std::size_t first = 0; first < count; first += kLanes) {
+  for (std::size_t first = 0; first < count; first += kRotationLanes) {
     const float* const from = columns.data() + first * width;
     const auto column = [&](std::size_t c) {
       FloatLanes few;
-      std::memcpy(&few, from + c * kLanes, sizeof few);
+      std::memcpy(&few, from + c * kRotationLanes, sizeof few);
       return __builtin_convertvector(few, Lanes);
     };
     Matrices by{};
@@ -311,7 +311,7 @@ std::vector<Turn> turns(std::span<const float> columns, std::size_t count, bool 
     for (std::size_t k = 1; k < 9; ++k) moves |= by[k] != 0.0;
     Matrices r = s;
     const LaneMask left = polar_turns(r);
-    for (std::size_t l = 0; l < kLanes && first + l < count; ++l) {
+    for (std::size_t l = 0; l < kRotationLanes && first + l < count; ++l) {
       if (moves[l] == 0)
         out[first + l] = kNoTurn;
       else
@@ -334,8 +334,8 @@ std::vector<Turn> fitted_turns(std::span<const Double3> before, std::span<const 
     }
     return here;
   }));
-  for (std::size_t first = 0; first < sum.size(); first += kLanes) {
-    const std::size_t count = std::min(kLanes, sum.size() - first);
+  for (std::size_t first = 0; first < sum.size(); first += kRotationLanes) {
+    const std::size_t count = std::min(kRotationLanes, sum.size() - first);
     Matrices s{};
     for (std::size_t l = 0; l < count; ++l)
       for (std::size_t i = 0; i < 9; ++i) s[i][l] = sum[first + l][i];

@@ -12,7 +12,7 @@ namespace tessera {
 namespace {
 
 constexpr int kMostRefinements = 4;
-constexpr double kEnough = 1e-13;  ///< of the largest value: corrections below it are rounding
+constexpr double kRoundingShare = 1e-13;  ///< of the largest value: corrections below it are rounding
 
 /// Solutions are refined against the operators, not against the matrix.
 constexpr double kAnyResidual = std::numeric_limits<double>::infinity();
@@ -154,7 +154,7 @@ void BoundaryModel::solve(std::span<double> values, int width) {
     ++m.report.refinements;
     // Every correction is to the one before as this one is, or the first one to the solution.
     const double to = step == 0 ? largest : earlier;
-    if (correction <= kEnough * largest || correction * correction <= kEnough * largest * to) break;
+    if (correction <= kRoundingShare * largest || correction * correction <= kRoundingShare * largest * to) break;
   }
 }
 

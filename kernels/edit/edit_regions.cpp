@@ -32,19 +32,19 @@ struct Way {
 };
 
 /// A side of a face by its vertices, low and high, and the corner across.
-struct Side {
+struct FaceEdge {
   std::uint32_t low, high, corner, face;
-  bool operator<(const Side& o) const {
+  bool operator<(const FaceEdge& o) const {
     return low != o.low     ? low < o.low
            : high != o.high ? high < o.high
            : face != o.face ? face < o.face
                             : corner < o.corner;
   }
-  bool same_edge(const Side& o) const { return low == o.low && high == o.high; }
+  bool same_edge(const FaceEdge& o) const { return low == o.low && high == o.high; }
 };
 
-std::vector<Side> sorted_sides(Faces faces) {
-  std::vector<Side> sides;
+std::vector<FaceEdge> sorted_sides(Faces faces) {
+  std::vector<FaceEdge> sides;
   sides.reserve(3 * faces.size());
   for (std::uint32_t j = 0; j < faces.size(); ++j)
     for (std::size_t k = 0; k < 3; ++k) {
@@ -57,14 +57,14 @@ std::vector<Side> sorted_sides(Faces faces) {
 
 /// Edges, and across each edge of two faces the way from corner to corner when both are unfolded into a plane.
 Lists<Way> ways(std::span<const Double3> position, Faces faces) {
-  const std::vector<Side> sides = sorted_sides(faces);
+  const std::vector<FaceEdge> sides = sorted_sides(faces);
   return make_lists<Way>(position.size(), [&](const auto& put) {
     const auto both = [&](std::uint32_t a, std::uint32_t b, double length) {
       put(a, Way{b, length});
       put(b, Way{a, length});
     };
     for (std::size_t i = 0; i < sides.size(); ++i) {
-      const Side& s = sides[i];
+      const FaceEdge& s = sides[i];
       const bool again = i > 0 && sides[i - 1].same_edge(s);
       const Double3 &a = position[s.low], &b = position[s.high];
       const double base = norm(b - a);
@@ -150,7 +150,7 @@ std::vector<std::uint8_t> crease_patch(std::span<const Double3> position, Faces 
   const auto bends = [&](const Double3& a, const Double3& b) {
     return norm(a) > 0.0 && norm(b) > 0.0 && dot(a, b) < least;
   };
-  const std::vector<Side> sides = sorted_sides(faces);
+  const std::vector<FaceEdge> sides = sorted_sides(faces);
   UnionFind patches(faces.size());
   for (std::size_t i = 0; i < sides.size();) {
     std::size_t end = i + 1;

@@ -14,7 +14,7 @@ constexpr int kSweepsPerRing = 8;  ///< Gauss-Seidel carries a correction a ring
 constexpr int kHalvings = 3, kYieldRounds = 8;
 constexpr double kBarely =
     0.1;  ///< cosine: a face that stands so steep is over by another measure of how the surface turns
-constexpr double kMostWeight = 20, kLeastWeight = 0.02;  ///< of an edge: slivers hold nothing, and hang on
+constexpr double kMaxEdgeWeight = 20, kMinEdgeWeight = 0.02;  ///< of an edge: slivers hold nothing, and hang on
 
 /// An edge by what it weighs on its side of a face.
 struct Spoke {
@@ -32,7 +32,7 @@ Lists<Spoke> spokes(const TurningBase& base) {
         const Double3 u = base.rest[a] - base.rest[f[k]], v = base.rest[b] - base.rest[f[k]];
         const double area = norm(cross(u, v));
         const double weight =
-            area > 0.0 ? std::clamp(0.5 * dot(u, v) / area, kLeastWeight, kMostWeight) : kLeastWeight;
+            area > 0.0 ? std::clamp(0.5 * dot(u, v) / area, kMinEdgeWeight, kMaxEdgeWeight) : kMinEdgeWeight;
         put(a, Spoke{b, weight});
         put(b, Spoke{a, weight});
       }

@@ -30,12 +30,6 @@ constexpr std::array<Float3, kCellEdges> make_edge_bases() {
 }
 constexpr std::array<Float3, kCellEdges> kEdgeBase = make_edge_bases();
 
-bool inside_brick(const Int3& cell) {
-  for (int c : cell)
-    if (c < 0 || c >= kBrickCells) return false;
-  return true;
-}
-
 }  // namespace
 
 BrickExtractor::BrickExtractor(const DirectedField& field, const ExtractOptions& options, int level,

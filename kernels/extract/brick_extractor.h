@@ -21,6 +21,13 @@ inline Float3 in_owner(const Int3& at) {
           static_cast<float>(at[2] & (kBrickCells - 1))};
 }
 
+/// Whether the brick owns a cell, given relative to it.
+inline bool inside_brick(const Int3& cell) {
+  for (int c : cell)
+    if (c < 0 || c >= kBrickCells) return false;
+  return true;
+}
+
 /// The colour of a vertex amid others; those without a colour (alpha 0) do not count.
 class ColourMean {
  public:

@@ -13,12 +13,6 @@
 namespace tessera {
 namespace {
 
-bool inside_brick(const Int3& cell) {
-  for (int c : cell)
-    if (c < 0 || c >= kBrickCells) return false;
-  return true;
-}
-
 /// A flip must gain at least this much in the sum of cosines between triangles and root normals.
 constexpr float kFlipGain = 1e-3f;
 

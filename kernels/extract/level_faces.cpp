@@ -5,7 +5,7 @@
 namespace tessera {
 namespace {
 
-constexpr std::uint32_t kNoVertex = 0xffffffffu;
+constexpr std::uint32_t kNoLevelVertex = 0xffffffffu;
 
 }  // namespace
 
@@ -69,7 +69,7 @@ void BrickExtractor::emit_level_loop(const Int3& cell, int number, const LevelLo
         (p.edge >> 2) * static_cast<int>(kLocalNodes) + (cell[0] & 7) + edge_offset(p.edge, 0) +
         9 * ((cell[1] & 7) + edge_offset(p.edge, 1)) + 81 * ((cell[2] & 7) + edge_offset(p.edge, 2)));
     std::uint32_t v = local_vertex_[slot];
-    if (v != kNoVertex && (v & (kForeignVertex | kSplitVertex)) == kSplitVertex)
+    if (v != kNoLevelVertex && (v & (kForeignVertex | kSplitVertex)) == kSplitVertex)
       v = split_pairs_[v & ~kSplitVertex][p.edge >> 1 & 1 ? 0 : 1];
     vertex.push_back(v);
     point.push_back(point_in_cell(p.edge, local_root_[slot]));

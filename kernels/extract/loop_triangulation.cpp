@@ -6,7 +6,7 @@
 namespace tessera {
 namespace {
 
-constexpr float kForbidden = 1e30f;
+constexpr float kForbiddenCost = 1e30f;
 
 float area(const LoopSamples& loop, std::size_t i, std::size_t j, std::size_t k) {
   const Float3 n = triangle_normal(loop.point[i], loop.point[j], loop.point[k]);
@@ -50,7 +50,7 @@ void triangulate_loop(const LoopSamples& loop, LoopTriangles& out) {
   for (std::size_t span = 2; span < size; ++span) {
     for (std::size_t i = 0; i + span < size; ++i) {
       const std::size_t j = i + span;
-      cost[i][j] = kForbidden;
+      cost[i][j] = kForbiddenCost;
       split[i][j] = static_cast<std::uint8_t>(i + 1);
       if (span + 1 < size && common_face(loop.edge[i], loop.edge[j]) != 255) continue;
       for (std::size_t k = i + 1; k < j; ++k) {
@@ -64,7 +64,7 @@ void triangulate_loop(const LoopSamples& loop, LoopTriangles& out) {
       }
     }
   }
-  if (cost[0][size - 1] < kForbidden) emit(split, 0, static_cast<std::uint8_t>(size - 1), out);
+  if (cost[0][size - 1] < kForbiddenCost) emit(split, 0, static_cast<std::uint8_t>(size - 1), out);
 }
 
 void triangulate_border_loop(const LoopSamples& loop, const Float3& normal, LoopTriangles& out) {
@@ -72,11 +72,11 @@ void triangulate_border_loop(const LoopSamples& loop, const Float3& normal, Loop
   const auto size = static_cast<std::size_t>(loop.size);
   std::array<std::array<float, kCellEdges>, kCellEdges> least;
   Split split;
-  for (std::size_t i = 0; i + 1 < size; ++i) least[i][i + 1] = kForbidden;
+  for (std::size_t i = 0; i + 1 < size; ++i) least[i][i + 1] = kForbiddenCost;
   for (std::size_t span = 2; span < size; ++span) {
     for (std::size_t i = 0; i + span < size; ++i) {
       const std::size_t j = i + span;
-      least[i][j] = -kForbidden;
+      least[i][j] = -kForbiddenCost;
       split[i][j] = static_cast<std::uint8_t>(i + 1);
       if (span + 1 < size && common_face(loop.edge[i], loop.edge[j]) != 255) continue;
       for (std::size_t k = i + 1; k < j; ++k) {
@@ -89,7 +89,7 @@ void triangulate_border_loop(const LoopSamples& loop, const Float3& normal, Loop
       }
     }
   }
-  if (least[0][size - 1] > -kForbidden) emit(split, 0, static_cast<std::uint8_t>(size - 1), out);
+  if (least[0][size - 1] > -kForbiddenCost) emit(split, 0, static_cast<std::uint8_t>(size - 1), out);
 }
 
 }  // namespace tessera

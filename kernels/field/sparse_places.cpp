@@ -10,7 +10,7 @@ constexpr int kWindow = 3;  ///< coarse cells to either side of a node: what a l
 /// Occupied cells for every coarse one: lines have 2, the rims of holes amid dense samples 2.6 and more.
 constexpr float kSparseRatio = 2.4f;
 constexpr float kDepthOfRatio = 6.0f;                ///< fine cells: places end within a ratio of 0.3
-constexpr int kWide = kLeafCells + 2 * kWindow - 1;  ///< cells that the nodes of a leaf see, along an axis
+constexpr int kNodeRow = kLeafCells + 2 * kWindow - 1;  ///< cells that the nodes of a leaf see, along an axis
 constexpr std::uint32_t kLeastHalf = 6;  ///< coarse cells in half of what is around, else it does not tell
 
 /// Occupied fine cells of every coarse cell around a block, from its leaf -2 to the second beyond.
@@ -25,16 +25,16 @@ struct Occupied {
 };
 
 /// Occupied cells in cubes of kWindow^3, one cube behind and one before every plane through a node of a leaf.
-using Wide = std::array<std::uint16_t, static_cast<std::size_t>(kWide) * kWide * kWide>;
+using Wide = std::array<std::uint16_t, static_cast<std::size_t>(kNodeRow) * kNodeRow * kNodeRow>;
 
 std::size_t at_wide(int x, int y, int z) {
-  return static_cast<std::size_t>((z * kWide + y) * kWide + x);
+  return static_cast<std::size_t>((z * kNodeRow + y) * kNodeRow + x);
 }
 
 /// Turns counts into sums over kWindow entries along each axis, from an entry on.
 void sum_cubes(Wide& box) {
-  constexpr std::array<std::size_t, 3> kStep = {1, kWide, std::size_t{kWide} * kWide};
-  for (const std::size_t step : kStep)
+  constexpr std::array<std::size_t, 3> kAxisStep = {1, kNodeRow, std::size_t{kNodeRow} * kNodeRow};
+  for (const std::size_t step : kAxisStep)
     for (std::size_t i = 0; i + (kWindow - 1) * step < box.size(); ++i) {
       std::uint32_t sum = 0;
       for (std::size_t k = 0; k < kWindow; ++k) sum += box[i + k * step];
@@ -45,10 +45,10 @@ void sum_cubes(Wide& box) {
 /// Depths of the nodes of a leaf. \param low  first coarse cell that they see, in the grid \return whether any is within a place
 bool find_depths(const Occupied& cells, const Int3& low, std::array<float, 512>& depth) {
   Wide fine, coarse;
-  for (int z = 0; z < kWide; ++z)
-    for (int y = 0; y < kWide; ++y) {
+  for (int z = 0; z < kNodeRow; ++z)
+    for (int y = 0; y < kNodeRow; ++y) {
       const std::uint8_t* row = cells.fine.data() + cells.at({low[0], low[1] + y, low[2] + z});
-      for (int x = 0; x < kWide; ++x) {
+      for (int x = 0; x < kNodeRow; ++x) {
         fine[at_wide(x, y, z)] = row[x];
         coarse[at_wide(x, y, z)] = row[x] > 0;
       }

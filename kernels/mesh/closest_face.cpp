@@ -37,7 +37,7 @@ struct Lanes {
   __m256d u[3], v[3], uu, k, per_uu, per_vv, per_ac, per_bc;
 };
 
-inline __m256d dot(const __m256d* a, const __m256d* b) {
+inline __m256d dot_lanes(const __m256d* a, const __m256d* b) {
   return _mm256_fmadd_pd(a[2], b[2], _mm256_fmadd_pd(a[1], b[1], _mm256_mul_pd(a[0], b[0])));
 }
 
@@ -45,7 +45,7 @@ inline __m256d dot(const __m256d* a, const __m256d* b) {
 inline __m256d residual(const Lanes& f, const __m256d* q, __m256d s, __m256d t) {
   __m256d r[3];
   for (int k = 0; k < 3; ++k) r[k] = _mm256_fnmadd_pd(t, f.v[k], _mm256_fnmadd_pd(s, f.u[k], q[k]));
-  return dot(r, r);
+  return dot_lanes(r, r);
 }
 
 inline __m256d clamp01(__m256d t) {
@@ -55,7 +55,7 @@ inline __m256d clamp01(__m256d t) {
 /// Squared distances; q = point - a. The closest of the three sides and, where its foot is inside, the plane.
 inline __m256d square_distance(const Lanes& f, const __m256d* q) {
   const __m256d zero = _mm256_setzero_pd(), one = _mm256_set1_pd(1.0);
-  const __m256d d1 = dot(q, f.u), d2 = dot(q, f.v);
+  const __m256d d1 = dot_lanes(q, f.u), d2 = dot_lanes(q, f.v);
   const __m256d s = _mm256_mul_pd(d1, f.per_uu), t = _mm256_mul_pd(d2, f.per_vv);
   __m256d best = residual(f, q, clamp01(s), zero);
   const __m256d on_ac = clamp01(_mm256_mul_pd(_mm256_fmadd_pd(f.k, d1, d2), f.per_ac));

@@ -10,7 +10,7 @@
 namespace tessera {
 namespace {
 
-constexpr std::uint32_t kNone = 0xffffffffu;
+constexpr std::uint32_t kNoFace = 0xffffffffu;
 
 using FaceCorners = std::array<std::uint32_t, 3>;
 
@@ -85,14 +85,14 @@ void append_vertices(const MeshBlock& in, std::span<const std::uint32_t> from, M
   take(in.rgba, out.rgba);
 }
 
-/// `faces` (indices of `in`) with the vertices that they use, in the order of `in`. `local` holds kNone for
+/// `faces` (indices of `in`) with the vertices that they use, in the order of `in`. `local` holds kNoFace for
 /// every vertex of `in`, before and after.
 MeshBlock gather(const MeshBlock& in, std::span<const std::uint32_t> faces,
                  std::vector<std::uint32_t>& local) {
   std::vector<std::uint32_t> used;
   for (const std::uint32_t f : faces) {
     for (const std::uint32_t v : in.faces[f]) {
-      if (local[v] != kNone) continue;
+      if (local[v] != kNoFace) continue;
       local[v] = 0;
       used.push_back(v);
     }
@@ -101,7 +101,7 @@ MeshBlock gather(const MeshBlock& in, std::span<const std::uint32_t> faces,
   if (used.size() * kSweep > local.size()) {
     std::size_t count = 0;
     for (std::uint32_t v = 0; v < local.size(); ++v)
-      if (local[v] != kNone) used[count++] = v;
+      if (local[v] != kNoFace) used[count++] = v;
   } else {
     std::sort(used.begin(), used.end());
   }
@@ -119,7 +119,7 @@ MeshBlock gather(const MeshBlock& in, std::span<const std::uint32_t> faces,
     out.face_bound.reserve(faces.size());
     for (const std::uint32_t f : faces) out.face_bound.push_back(in.face_bound[f]);
   }
-  for (const std::uint32_t v : used) local[v] = kNone;
+  for (const std::uint32_t v : used) local[v] = kNoFace;
   return out;
 }
 
@@ -127,7 +127,7 @@ MeshBlock gather(const MeshBlock& in, std::span<const std::uint32_t> faces,
 
 void canonicalise(MeshBlock& block, std::vector<std::uint8_t>* tag) {
   const std::size_t n = block.key.size();
-  std::vector<std::uint32_t> local(n, kNone);
+  std::vector<std::uint32_t> local(n, kNoFace);
   for (const FaceCorners& f : block.faces)
     for (const std::uint32_t v : f) local[v] = 0;
   std::vector<std::uint32_t> order;
@@ -156,7 +156,7 @@ MeshBlock select_faces(const MeshBlock& block, std::span<const std::uint8_t> kee
   std::vector<std::uint32_t> faces;
   for (std::uint32_t f = 0; f < keep.size(); ++f)
     if (keep[f]) faces.push_back(f);
-  std::vector<std::uint32_t> local(block.key.size(), kNone);
+  std::vector<std::uint32_t> local(block.key.size(), kNoFace);
   return gather(block, faces, local);
 }
 
@@ -266,7 +266,7 @@ void split_faces(const MeshBlock& block, std::span<const std::uint64_t> class_of
                                       classes.begin());
     members[last].push_back(f);
   }
-  std::vector<std::uint32_t> local(block.key.size(), kNone);
+  std::vector<std::uint32_t> local(block.key.size(), kNoFace);
   for (std::size_t c = 0; c < classes.size(); ++c) sink(classes[c], gather(block, members[c], local));
 }
 

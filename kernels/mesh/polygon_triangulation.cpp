@@ -13,10 +13,10 @@ namespace {
 using Triangle = std::array<std::uint32_t, 3>;
 using Point = std::array<double, 2>;
 
-constexpr std::uint32_t kNone = 0xffffffffu;
+constexpr std::uint32_t kNoCorner = 0xffffffffu;
 /// A polygon that had to give up so many ears that are none gives up the rest without a search.
 constexpr int kMostForced = 32;
-/// A flip must widen the narrower triangle by this much, else rounding could turn it back and forth.
+/// A flip must widen the narrower triangle by this much, else rounding could orientation it back and forth.
 constexpr double kFlipGain = 1.0 + 1e-9;
 
 double cross2(const Point& a, const Point& b, const Point& c) {
@@ -31,8 +31,8 @@ double shape(const Point& a, const Point& b, const Point& c) {
   const double twice = cross2(a, b, c);
   return std::fabs(twice) <= kFlatAltitude * longest2 ? 0.0 : twice / longest2;
 }
-/// 1 where a, b, c turn left, -1 where they turn right, 0 on a line.
-int turn(const Point& a, const Point& b, const Point& c) {
+/// 1 where a, b, c orientation left, -1 where they orientation right, 0 on a line.
+int orientation(const Point& a, const Point& b, const Point& c) {
   const double s = shape(a, b, c);
   return s > 0.0 ? 1 : s < 0.0 ? -1 : 0;
 }
@@ -41,7 +41,7 @@ void append_fan(std::size_t corners, std::vector<Triangle>& triangles) {
   for (std::uint32_t i = 2; i < corners; ++i) triangles.push_back({0, i - 1, i});
 }
 
-/// Every triangle of the fan faces along the normal, and together they turn once around the first corner at most.
+/// Every triangle of the fan faces along the normal, and together they orientation once around the first corner at most.
 bool fan_covers(std::span<const Double3> p, const Double3& normal) {
   const Double3 first = p[1] - p[0];
   bool behind = false;  // the fan has turned by more than half a circle
@@ -80,7 +80,7 @@ std::vector<Point> project(std::span<const Double3> p, const Double3& normal) {
   return out;
 }
 
-/// Corners at which the outline does not turn left, by the cell of a grid: what can lie in an ear is among them.
+/// Corners at which the outline does not orientation left, by the cell of a grid: what can lie in an ear is among them.
 class CornerGrid {
  public:
   CornerGrid(const std::vector<Point>& point, const std::vector<std::uint32_t>& corners)
@@ -177,7 +177,7 @@ class EarClipper {
   /// need the second to fourth, outlines that cross themselves the last two.
   enum class Rule { kEar, kSpike, kEmpty, kFlat, kConvex, kAny };
 
-  void look_at(std::uint32_t b) { turn_[b] = turn(point_[previous_[b]], point_[b], point_[next_[b]]); }
+  void look_at(std::uint32_t b) { turn_[b] = orientation(point_[previous_[b]], point_[b], point_[next_[b]]); }
 
   /// There and back on one line, or twice the same place.
   bool is_spike(std::uint32_t b) const {
@@ -207,8 +207,8 @@ class EarClipper {
   /// join have two corners at one place, and only one of them sees b.
   bool diagonal_is_inside(std::uint32_t b) const {
     const std::uint32_t a = previous_[b], c = next_[b];
-    if (turn_[a] > 0 ? turn(point_[a], point_[c], point_[previous_[a]]) <= 0 : is_spike(a)) return false;
-    return turn_[c] > 0 ? turn(point_[c], point_[next_[c]], point_[a]) > 0 : !is_spike(c);
+    if (turn_[a] > 0 ? orientation(point_[a], point_[c], point_[previous_[a]]) <= 0 : is_spike(a)) return false;
+    return turn_[c] > 0 ? orientation(point_[c], point_[next_[c]], point_[a]) > 0 : !is_spike(c);
   }
 
   /// No other corner lies in the triangle at b. \param closed  nor on its edges
@@ -218,10 +218,10 @@ class EarClipper {
     const Point high = {std::max({p[0], q[0], r[0]}), std::max({p[1], q[1], r[1]})};
     const int least = closed ? 0 : 1;
     return !grid.any_in(low, high, [&](std::uint32_t v) {
-      if (next_[v] == kNone || turn_[v] > 0) return false;
+      if (next_[v] == kNoCorner || turn_[v] > 0) return false;
       const Point& x = point_[v];
       if (x == p || x == q || x == r) return false;
-      return turn(p, q, x) >= least && turn(q, r, x) >= least && turn(r, p, x) >= least;
+      return orientation(p, q, x) >= least && orientation(q, r, x) >= least && orientation(r, p, x) >= least;
     });
   }
 
@@ -230,7 +230,7 @@ class EarClipper {
     triangles.push_back({a, b, c});
     next_[a] = c;
     previous_[c] = a;
-    next_[b] = kNone;
+    next_[b] = kNoCorner;
     look_at(a);
     look_at(c);
     start_ = a;
@@ -238,7 +238,7 @@ class EarClipper {
   }
 
   const std::vector<Point>& point_;
-  std::vector<std::uint32_t> next_, previous_;  ///< next_ is kNone where a corner was clipped
+  std::vector<std::uint32_t> next_, previous_;  ///< next_ is kNoCorner where a corner was clipped
   std::vector<int> turn_;
   std::size_t left_;
   std::uint32_t start_ = 0;  ///< a corner that is left
@@ -249,7 +249,7 @@ class EarClipper {
 class DiagonalFlipper {
  public:
   DiagonalFlipper(const std::vector<Point>& point, std::span<Triangle> triangles)
-      : point_(point), triangles_(triangles), neighbour_(triangles.size(), {kNone, kNone, kNone}) {
+      : point_(point), triangles_(triangles), neighbour_(triangles.size(), {kNoCorner, kNoCorner, kNoCorner}) {
     struct Side {
       std::uint32_t from, to, triangle, edge;
     };
@@ -279,7 +279,7 @@ class DiagonalFlipper {
       open.pop_back();
       for (std::uint32_t e = 0; e < 3; ++e) {
         const std::uint32_t other = neighbour_[t][e];
-        if (other == kNone || !flip(t, e)) continue;
+        if (other == kNoCorner || !flip(t, e)) continue;
         open.push_back(other);
         open.push_back(t);
         break;
@@ -311,14 +311,14 @@ class DiagonalFlipper {
     neighbour_[t] = {beyond_sq, u, beyond_ps};
     triangles_[u] = {q, r, p};
     neighbour_[u] = {beyond_qr, beyond_rp, t};
-    if (beyond_sq != kNone) neighbour_[beyond_sq][edge_to(beyond_sq, u)] = t;
-    if (beyond_rp != kNone) neighbour_[beyond_rp][edge_to(beyond_rp, t)] = u;
+    if (beyond_sq != kNoCorner) neighbour_[beyond_sq][edge_to(beyond_sq, u)] = t;
+    if (beyond_rp != kNoCorner) neighbour_[beyond_rp][edge_to(beyond_rp, t)] = u;
     return true;
   }
 
   const std::vector<Point>& point_;
   std::span<Triangle> triangles_;
-  std::vector<Triangle> neighbour_;  ///< across the edge from each corner to the next; kNone at the outline
+  std::vector<Triangle> neighbour_;  ///< across the edge from each corner to the next; kNoCorner at the outline
 };
 
 /// Whether it is more than a line.
@@ -357,7 +357,7 @@ bool triangulate_polygon(std::span<const Double3> corners, std::vector<Triangle>
   bool covered = EarClipper(point).clip_all(triangles);
   const std::span<Triangle> fresh(triangles.data() + first, corners.size() - 2);
   DiagonalFlipper(point, fresh).flip_all();
-  for (const Triangle& t : fresh) covered = covered && turn(point[t[0]], point[t[1]], point[t[2]]) >= 0;
+  for (const Triangle& t : fresh) covered = covered && orientation(point[t[0]], point[t[1]], point[t[2]]) >= 0;
   return covered;
 }
 

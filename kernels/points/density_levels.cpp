@@ -8,7 +8,7 @@ namespace {
 
 /// Cells of half the edge that are occupied, for every one of the edge: 3.25 of at most four. Measured on a town seen from one place: 3 loses
 /// a twentieth of the surface to holes, 3.5 a sixth of the faces.
-constexpr std::uint64_t kCoveredFiner = 13, kCovered = 4;
+constexpr std::uint64_t kCoveredFiner = 13, kCoveredCoarser = 4;
 constexpr std::uint64_t kLeastCells = 4;  ///< fewer do not tell
 
 class Splitter {
@@ -29,7 +29,7 @@ class Splitter {
              std::vector<DensityNode>& out) {
     if (level <= least_ || first == last) return;
     const std::uint64_t cells = occupied(first, last, cell_bits(level));
-    if (cells < kLeastCells || kCovered * occupied(first, last, cell_bits(level - 1)) < kCoveredFiner * cells)
+    if (cells < kLeastCells || kCoveredCoarser * occupied(first, last, cell_bits(level - 1)) < kCoveredFiner * cells)
       return;
     DensityNode node{level, {}};
     const int depth = levels_ - 1 - level, shift = cell_bits(level) + kBrickBits;

@@ -13,11 +13,11 @@ namespace {
 
 constexpr double kAlongRay = 0.96984631039295421;  ///< square of the cosine of ten degrees
 constexpr double kJump = 9.0;                      ///< square of how much longer a step is that jumps
-constexpr int kMinNeighbours = 5;                  ///< a plane through fewer is chance
-constexpr double kLine = 0.0025;  ///< of the larger eigenvalues: below it the neighbours lie on a line
+constexpr int kMinGridNeighbours = 5;                  ///< a plane through fewer is chance
+constexpr double kMinLineRatio = 0.0025;  ///< of the larger eigenvalues: below it the neighbours lie on a line
 constexpr double kFlat = 0.004;   ///< bend up to which the largest window is as good as any
 constexpr double kSmaller = 0.5;  ///< a smaller window must be so much flatter
-constexpr double kRough = 0.2;    ///< from here on there is no plane
+constexpr double kMaxPlaneRatio = 0.2;    ///< from here on there is no plane
 
 constexpr int kWidth = 2 * kGridReach + 1;
 
@@ -79,14 +79,14 @@ struct Plane {
 };
 
 Plane fit(const Sums& s) {
-  if (s.count < kMinNeighbours + 1) return {};
+  if (s.count < kMinGridNeighbours + 1) return {};
   const Double3 m = {s.first[0] / s.count, s.first[1] / s.count, s.first[2] / s.count};
   const std::array<double, 6> covariance = {
       s.second[0] / s.count - m[0] * m[0], s.second[1] / s.count - m[0] * m[1],
       s.second[2] / s.count - m[0] * m[2], s.second[3] / s.count - m[1] * m[1],
       s.second[4] / s.count - m[1] * m[2], s.second[5] / s.count - m[2] * m[2]};
   const auto [values, n] = least_eigen3(covariance);
-  if (!(values[1] > 0.0) || values[1] < kLine * values[2]) return {};
+  if (!(values[1] > 0.0) || values[1] < kMinLineRatio * values[2]) return {};
   return {n, std::max(values[0], 0.0) / values[1]};
 }
 
@@ -140,7 +140,7 @@ Float3 grid_normal(std::span<const GridLine* const, kGridLines> lines, std::int6
     if (const Plane smaller = fit(sums[static_cast<std::size_t>(ring - 1)]);
         smaller.bend < kSmaller * best.bend)
       best = smaller;
-  if (!(best.bend < kRough)) return {0, 0, 0};
+  if (!(best.bend < kMaxPlaneRatio)) return {0, 0, 0};
   const double side = dot(best.normal, p) > 0.0 ? -1.0 : 1.0;
   return narrow({side * best.normal[0], side * best.normal[1], side * best.normal[2]});
 }

@@ -8,9 +8,9 @@
 namespace tessera {
 namespace {
 
-constexpr float kCubeCells = 4.0f;
+constexpr float kListCubeCells = 4.0f;
 constexpr float kSupportCosine = 0.5f;  ///< supporters' normals lie within 60 degrees
-constexpr float kFar = 1e6f;            ///< where padding is
+constexpr float kPadding = 1e6f;            ///< where padding is
 constexpr float kRounding = 1.00001f;   ///< squares summed in another order stay within
 
 std::size_t padded(std::size_t n) {
@@ -75,7 +75,7 @@ void NeighbourList::fill(const NeighbourSource& source,
   for (const auto& [first, last] : runs) most += last - first;
   make_room(most, normals);
   const __m256i lane = _mm256_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7);
-  const __m256 low = _mm256_set1_ps(-radius), high = _mm256_set1_ps(kCubeCells + radius);
+  const __m256 low = _mm256_set1_ps(-radius), high = _mm256_set1_ps(kListCubeCells + radius);
   const __m256 origin[3] = {_mm256_set1_ps(corner[0]), _mm256_set1_ps(corner[1]), _mm256_set1_ps(corner[2])};
   const auto close = [&](__m256 v) {
     return _mm256_and_ps(_mm256_cmp_ps(v, low, _CMP_GT_OQ), _mm256_cmp_ps(v, high, _CMP_LT_OQ));
@@ -105,7 +105,7 @@ void NeighbourList::fill(const NeighbourSource& source,
       if (normals) store(nx_, load(source.nx)), store(ny_, load(source.ny)), store(nz_, load(source.nz));
       size_ += static_cast<std::size_t>(std::popcount(mask));
     }
-  for (std::vector<float>* v : {&x_, &y_, &z_}) _mm256_storeu_ps(v->data() + size_, _mm256_set1_ps(kFar));
+  for (std::vector<float>* v : {&x_, &y_, &z_}) _mm256_storeu_ps(v->data() + size_, _mm256_set1_ps(kPadding));
   make_boxes();
   size_ = padded(size_);
 }
@@ -115,8 +115,8 @@ void NeighbourList::make_boxes() {
   const std::vector<float>* axes[3] = {&x_, &y_, &z_};
   for (std::size_t a = 0; a < 3; ++a) {
     const float* const at = axes[a]->data();
-    low_[a].assign(packs, kFar);
-    high_[a].assign(packs, -kFar);
+    low_[a].assign(packs, kPadding);
+    high_[a].assign(packs, -kPadding);
     std::size_t i = 0;
     for (; i + kLanes <= size_; i += kLanes) {
       const __m256 v = _mm256_loadu_ps(at + i);

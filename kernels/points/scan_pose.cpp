@@ -16,10 +16,10 @@ constexpr std::size_t kLeastOfLine = 8;    ///< samples that tell whether a line
 constexpr std::size_t kLeastLines = 4;     ///< that tell of a family of lines
 /// Distance of the middle of the samples, in radii that hold nine of ten. An object of a desktop scanner lies 3 to 10 away;
 /// beyond 3 the grid must agree in its orientation too.
-constexpr double kNear = 3.0, kFarWithoutGrid = 10.0, kFarWithGrid = 100.0;
+constexpr double kNearShare = 3.0, kFarWithoutGrid = 10.0, kFarWithGrid = 100.0;
 /// Root mean square distance from the plane, in steps between neighbours in the grid: a turntable that turns on during a
 /// line makes half a step, as does rounding of coordinates.
-/// Where samples lie farther off than kNear, less: seen from there, steps between neighbours are as wide as relief is high.
+/// Where samples lie farther off than kNearShare, less: seen from there, steps between neighbours are as wide as relief is high.
 constexpr double kMostBent = 1.0, kMostBentFar = 0.6;
 /// Neighbours are nearer to each other than that part of their line is long, or the order of the file is no grid.
 constexpr double kMostOfLine = 0.25;
@@ -143,12 +143,12 @@ ScanPose check_scan_pose(std::span<const Double3> spread, std::vector<GridSample
   const double along = step_along(lines), across = step_along(cells);
   const Family by_line = family_of(lines, along), by_cell = family_of(cells, across);
   if (!by_line.told && !by_cell.told)
-    return distance > (filled_in ? kFarWithoutGrid : kNear) ? ScanPose::kFar : ScanPose::kHolds;
+    return distance > (filled_in ? kFarWithoutGrid : kNearShare) ? ScanPose::kFar : ScanPose::kHolds;
   if (distance > kFarWithGrid) return ScanPose::kFar;
-  const double most = (distance > kNear ? kMostBentFar : kMostBent) * std::max(along, across);
+  const double most = (distance > kNearShare ? kMostBentFar : kMostBent) * std::max(along, across);
   const auto holds = [&](const Family& f) { return f.told && f.coherent && f.bent <= most; };
   if (!holds(by_line) && !holds(by_cell)) return ScanPose::kOffRays;
-  return distance > kNear && turned_share(lines) > kMostTurned ? ScanPose::kOffRays : ScanPose::kHolds;
+  return distance > kNearShare && turned_share(lines) > kMostTurned ? ScanPose::kOffRays : ScanPose::kHolds;
 }
 
 void EvenSpread::add(const Double3& p) {

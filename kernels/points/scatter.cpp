@@ -11,14 +11,14 @@ constexpr float kVoxelCells = 4.0f;
 constexpr float kRough =
     0.085f;  ///< of roofs, roads and rock, their edges too, next to all have less; of leaves next to none
 constexpr float kRoughEcho = 0.03f;  ///< of points beyond which their pulse went on
-constexpr int kVoxels = kBrickCells / static_cast<int>(kVoxelCells);
+constexpr int kBrickVoxels = kBrickCells / static_cast<int>(kVoxelCells);
 constexpr float kOwn = 4.0f;  ///< weight of the own voxel against one beside it
 
 std::size_t voxel_of(const Float3& p) {
   std::size_t at = 0;
   for (std::size_t a = 3; a-- > 0;)
-    at = at * kVoxels +
-         static_cast<std::size_t>(std::clamp(static_cast<int>(p[a] / kVoxelCells), 0, kVoxels - 1));
+    at = at * kBrickVoxels +
+         static_cast<std::size_t>(std::clamp(static_cast<int>(p[a] / kVoxelCells), 0, kBrickVoxels - 1));
   return at;
 }
 
@@ -28,13 +28,13 @@ std::vector<std::uint8_t> find_scatter(const ScatterInput& in) {
   struct Sum {
     float rough = 0.0f, points = 0.0f;
   };
-  std::vector<Sum> sums(static_cast<std::size_t>(kVoxels) * kVoxels * kVoxels);
+  std::vector<Sum> sums(static_cast<std::size_t>(kBrickVoxels) * kBrickVoxels * kBrickVoxels);
   for (std::size_t i = 0; i < in.position.size(); ++i) {
     Sum& s = sums[voxel_of(in.position[i])];
     s.rough += in.roughness[i], s.points += 1.0f;
   }
   std::vector<std::uint8_t> out(in.position.size(), 0);
-  constexpr std::ptrdiff_t kStep[3] = {1, kVoxels, std::ptrdiff_t{kVoxels} * kVoxels};
+  constexpr std::ptrdiff_t kStep[3] = {1, kBrickVoxels, std::ptrdiff_t{kBrickVoxels} * kBrickVoxels};
   for (std::size_t i = 0; i < in.position.size(); ++i) {
     const float own = in.roughness[i];
     const std::uint16_t flags = in.flags.empty() ? std::uint16_t{0} : in.flags[i];
@@ -43,10 +43,10 @@ std::vector<std::uint8_t> find_scatter(const ScatterInput& in) {
     if (own < (echo ? kRoughEcho : kRough)) continue;
     const std::size_t v = voxel_of(in.position[i]);
     float rough = kOwn * sums[v].rough, points = kOwn * sums[v].points;
-    const std::size_t place[3] = {v % kVoxels, v / kVoxels % kVoxels, v / (std::size_t{kVoxels} * kVoxels)};
+    const std::size_t place[3] = {v % kBrickVoxels, v / kBrickVoxels % kBrickVoxels, v / (std::size_t{kBrickVoxels} * kBrickVoxels)};
     for (std::size_t a = 0; a < 3; ++a)
       for (const int side : {-1, 1}) {
-        if (place[a] == (side < 0 ? 0u : kVoxels - 1u)) continue;
+        if (place[a] == (side < 0 ? 0u : kBrickVoxels - 1u)) continue;
         const Sum& s = sums[static_cast<std::size_t>(static_cast<std::ptrdiff_t>(v) + side * kStep[a])];
         rough += s.rough, points += s.points;
       }

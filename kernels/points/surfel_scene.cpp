@@ -15,7 +15,7 @@ namespace {
 constexpr float kDiskSpread = 1.4f;   ///< radius over that of the disk's area: neighbours leave no gap
 constexpr float kLeastRadius = 2.5f;  ///< cells
 constexpr float kMostRadius = 7.0f;
-constexpr float kGrazing = 0.1f;  ///< cosine; flatter disks are not met
+constexpr float kGrazingDisk = 0.1f;  ///< cosine; flatter disks are not met
 constexpr std::int32_t kSlabCells = 2;
 constexpr float kOwned = 0.7f;  ///< share of a disk's area from which it belongs to one patch
 
@@ -149,7 +149,7 @@ void SurfelScene::meet(std::uint32_t voxel, const Float3& from, const Float3& wa
   for (std::uint32_t k = voxel_begin_[voxel]; k < voxel_begin_[voxel + 1]; ++k) {
     const Disk& d = disks_[k];
     const float cosine = -dot(d.normal, way);
-    if (k == own || std::fabs(cosine) < kGrazing) continue;
+    if (k == own || std::fabs(cosine) < kGrazingDisk) continue;
     const Float3 to = d.position - from;
     const float distance = -dot(d.normal, to) / cosine;
     if (distance < near || (best.met && distance >= best.distance)) continue;

@@ -24,7 +24,7 @@ constexpr double kCapHeight = 0.05;        ///< targets: a line moves by less wh
 constexpr double kEarHeight = 0.1;  ///< of a cap with both its other edges on the border: no line moves
 constexpr double kFlipGain = 0.01, kMoveGain = 0.005;
 constexpr double kLongCollapse = 1.6;                  ///< targets: no edge gets longer by a collapse
-constexpr double kStrongCrease = 0.70710678118654752;  ///< cosine of its turn: others yield to shape
+constexpr double kStrongFinishCrease = 0.70710678118654752;  ///< cosine of its turn: others yield to shape
 
 }  // namespace
 
@@ -133,7 +133,7 @@ bool Remesher::release_weak_creases(std::uint32_t v) {
       return triangle_normal(mesh_.at(t[0]), mesh_.at(t[1]), mesh_.at(t[2]));
     };
     const Double3 m = normal(c >> 2), n = normal(o >> 2);
-    if (dot(m, n) > kStrongCrease * norm(m) * norm(n)) weak.push_back(static_cast<std::uint32_t>(i));
+    if (dot(m, n) > kStrongFinishCrease * norm(m) * norm(n)) weak.push_back(static_cast<std::uint32_t>(i));
   }
   for (const std::uint32_t i : weak) {
     const std::uint32_t c = prev_corner(star_.corner[i]);

@@ -10,7 +10,7 @@ namespace {
 constexpr double kStill = 1e-3;       ///< of the length: smaller moves are not worth a look-up
 constexpr double kFlatFace = 0.1;     ///< roundness
 constexpr double kFlat = 0.0625;      ///< a move leaves the surface by less than this share of it (squares)
-constexpr double kAlongBefore = 0.5;  ///< least cosine of a face to what it was before a move
+constexpr double kMinCosineMoved = 0.5;  ///< least cosine of a face to what it was before a move
 
 }  // namespace
 
@@ -95,7 +95,7 @@ bool Remesher::place(std::uint32_t v, const Double3& to, RemeshReport& report) {
                  square_after = dot(after, after), sides = dot(p, p) + dot(q, q) + dot(side, side);
     // A face that is flat or lies wrong already may turn, if the reference says so.
     const bool turned =
-        along <= 0.0 || along * along < kAlongBefore * kAlongBefore * square_before * square_after;
+        along <= 0.0 || along * along < kMinCosineMoved * kMinCosineMoved * square_before * square_after;
     const auto was_flat = [&] {
       return square_roundness(old, face.at[1], face.at[2]) < kFlatFace * kFlatFace;
     };

@@ -15,7 +15,7 @@
 namespace tessera {
 namespace {
 
-constexpr std::uint32_t kNone = CoarseBasis::kNone;
+constexpr std::uint32_t kNoVertex = CoarseBasis::kNone;
 
 /// Corners of the grid fall into 8 classes by the parity of their indices; the supports of the hats of one class
 /// are disjoint and fill space.
@@ -120,11 +120,11 @@ class Pieces {
     sets_.reset(kClasses * lowest_.size());
     std::vector<std::uint32_t> cut;  // patches and classes that go on in a star the block does not hold
     for (std::uint32_t v = 0; v < patch_.size(); ++v) {
-      if (patch_[v] == kNone) continue;
+      if (patch_[v] == kNoVertex) continue;
       for (std::uint32_t e = rows.first[v]; e < rows.first[v + 1]; ++e) {
         const std::uint32_t u = rows.neighbour[e];
         const bool open = rows.role[u] == VertexRole::kOpen;
-        if (!open && (u > v || patch_[u] == kNone || patch_[u] == patch_[v] || rows.role[u] != rows.role[v]))
+        if (!open && (u > v || patch_[u] == kNoVertex || patch_[u] == patch_[v] || rows.role[u] != rows.role[v]))
           continue;
         std::uint32_t shared = shared_classes(place[u], place[v]) & seen_classes(place[v]);
         if (!open) shared &= seen_classes(place[u]);
@@ -143,7 +143,7 @@ class Pieces {
   }
 
   std::size_t patches() const { return lowest_.size(); }
-  /// Of each vertex, kNone where it does not move.
+  /// Of each vertex, kNoVertex where it does not move.
   std::vector<std::uint32_t> take_patches() { return std::move(patch_); }
   /// The vertex with the smallest number: that of the smallest key.
   std::uint32_t lowest(std::uint32_t patch) const { return lowest_[patch]; }
@@ -172,7 +172,7 @@ class Pieces {
     patch_.resize(n);
     for (std::uint32_t v = 0; v < n; ++v) {
       if (!moves(rows.role[v])) {
-        patch_[v] = kNone;
+        patch_[v] = kNoVertex;
       } else if (root[v] == v) {
         patch_[v] = static_cast<std::uint32_t>(lowest_.size());
         lowest_.push_back(v);
@@ -268,7 +268,7 @@ CoarseBasis make_coarse_basis(const MeshBlock& block, const SurfaceRows& rows, c
   for (std::uint32_t parity = 0; parity < kClasses; ++parity)
     for (std::uint32_t p = 0; p < pieces.patches(); ++p) {
       const std::uint32_t v = pieces.lowest(p);
-      basis.unknown[p][parity] = kNone;
+      basis.unknown[p][parity] = kNoVertex;
       if ((seen_classes(place[v]) >> parity & 1U) == 0) continue;
       const std::uint32_t root = pieces.root(p, parity);
       if (root == p) {
@@ -283,7 +283,7 @@ CoarseBasis make_coarse_basis(const MeshBlock& block, const SurfaceRows& rows, c
   basis.patch = pieces.take_patches();
   basis.weight.resize(n);
   for (std::uint32_t v = 0; v < n; ++v) {
-    if (basis.patch[v] == kNone) continue;
+    if (basis.patch[v] == kNoVertex) continue;
     for (std::uint32_t parity = 0; parity < kClasses; ++parity)
       basis.weight[v][parity] = place[v].hat(parity);
     if (whole[basis.patch[v]] == 0) basis.right[v] = 0;

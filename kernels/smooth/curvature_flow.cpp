@@ -23,7 +23,7 @@ using Columns = Double3;
 constexpr double kTolerance = 1e-8;
 constexpr double kInnerTolerance = 1e-6;
 /// Each step of a plate's solver leaves about a sixth of the error.
-constexpr int kMostPlateSteps = 60;
+constexpr int kMaxFlowSteps = 60;
 /// A part of a step is not cut shorter than 2^-10 of it, and no step is cut more often than 64 times.
 constexpr int kMostHalvings = 10;
 constexpr int kMostCuts = 64;
@@ -148,7 +148,7 @@ class FlowSystem {
     std::vector<Double3> z(n), p(n, Double3{0, 0, 0}), ap(n, Double3{0, 0, 0});
     Columns first{}, energy{};
     SolveReport out;
-    for (; out.iterations < kMostPlateSteps; ++out.iterations) {
+    for (; out.iterations < kMaxFlowSteps; ++out.iterations) {
       SolveReport inner = precondition(r, z);
       if (inner.status != SolveStatus::kSolved) return inner;
       const Columns rz = dots(r, z), overlap = dots(ap, z);

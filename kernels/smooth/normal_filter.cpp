@@ -12,10 +12,6 @@
 namespace tessera {
 namespace {
 
-Double3 point(const Double3& p) {
-  return {p[0], p[1], p[2]};
-}
-
 /// Share of the area around a face whose normals must be like its own.
 constexpr float kLeastSupport = 0.2F;
 
@@ -195,13 +191,13 @@ std::vector<Double3> filter_by_normals(const MeshBlock& block, const FaceCorners
     for (std::uint32_t v = 0; v < now.size(); ++v) {
       const auto star = corners.at(v);
       if (star.empty()) continue;
-      const Double3 here = point(now[v]);
+      const Double3 here = now[v];
       Double3 move{};
       for (const std::uint32_t corner : star) {
         const std::uint32_t f = corner >> 2;
         const auto& face = block.faces[f];
         const Double3 to_centre =
-            ((point(now[face[0]]) - here) + (point(now[face[1]]) - here) + (point(now[face[2]]) - here)) *
+            ((now[face[0]] - here) + (now[face[1]] - here) + (now[face[2]] - here)) *
             (1.0 / 3.0);
         const Double3 n = {normals[f][0], normals[f][1], normals[f][2]};
         move = move + n * dot(n, to_centre);

@@ -13,7 +13,7 @@ namespace {
 /// Window of what a quadric leaves: the noise from one vertex to the next.
 constexpr double kResidualWindow = 1.2 * kSmallestWindow;
 constexpr double kMedianOfChiSquare = 0.4549;
-constexpr double kClasses = 8.0;  ///< to a factor of two
+constexpr double kNoiseClasses = 8.0;  ///< to a factor of two
 constexpr int kZero = std::numeric_limits<int>::min();
 /// Normals only tell which faces belong to a window, so half of the rounds of a denoising do.
 constexpr int kNormalRounds = 4;
@@ -22,18 +22,18 @@ int class_of(double square) {
   int exponent = 0;
   const double mantissa = std::frexp(square, &exponent);
   if (!(mantissa > 0.0)) return kZero;
-  return exponent * static_cast<int>(kClasses) + static_cast<int>((mantissa - 0.5) * (2.0 * kClasses));
+  return exponent * static_cast<int>(kNoiseClasses) + static_cast<int>((mantissa - 0.5) * (2.0 * kNoiseClasses));
 }
 
 double middle_of(int number) {
   if (number == kZero) return 0.0;
-  const int exponent = static_cast<int>(std::floor(number / kClasses));
-  const double step = number - exponent * kClasses;
-  return std::ldexp(0.5 + (step + 0.5) / (2.0 * kClasses), exponent);
+  const int exponent = static_cast<int>(std::floor(number / kNoiseClasses));
+  const double step = number - exponent * kNoiseClasses;
+  return std::ldexp(0.5 + (step + 0.5) / (2.0 * kNoiseClasses), exponent);
 }
 
 /// The upper one of two; -1 of none.
-double median(const std::map<int, std::uint64_t>& counts) {
+double median_class(const std::map<int, std::uint64_t>& counts) {
   std::uint64_t all = 0, below = 0;
   for (const auto& [number, count] : counts) all += count;
   for (const auto& [number, count] : counts) {
@@ -87,7 +87,7 @@ void NoiseCounts::add(const NoiseCounts& more) {
 }
 
 double NoiseCounts::noise() const {
-  return std::sqrt(noise_variance(median(residual), median(between)));
+  return std::sqrt(noise_variance(median_class(residual), median_class(between)));
 }
 
 NoiseCounts count_noise(const MeshBlock& block, const FaceCorners& corners,

@@ -24,10 +24,6 @@ struct FaceShape {
   Float3 normal = {0, 0, 0};                   ///< unit; zero for a degenerate face
 };
 
-Double3 point(const Double3& p) {
-  return {p[0], p[1], p[2]};
-}
-
 float bounded_cotangent(double c) {
   return static_cast<float>(c > kLargestCotangent    ? kLargestCotangent
                             : c < -kLargestCotangent ? -kLargestCotangent
@@ -38,8 +34,8 @@ std::vector<FaceShape> face_shapes(const MeshBlock& block, std::uint64_t& degene
   std::vector<FaceShape> shapes(block.faces.size());
   for (std::size_t f = 0; f < shapes.size(); ++f) {
     const auto& face = block.faces[f];
-    const Double3 p = point(block.position[face[0]]), q = point(block.position[face[1]]),
-                  r = point(block.position[face[2]]);
+    const Double3 p = block.position[face[0]], q = block.position[face[1]],
+                  r = block.position[face[2]];
     const Double3 pq = q - p, qr = r - q, rp = p - r;
     const Double3 area = cross(pq, qr);
     const double doubled = norm(area);
@@ -179,7 +175,7 @@ class RowMaker {
     std::array<Double3, 2> arm{};
     std::size_t found = 0;
     for (const EdgeView& e : star_)
-      if (on_line(e)) arm[found++] = point(block_.position[e.to]) - point(block_.position[v]);
+      if (on_line(e)) arm[found++] = block_.position[e.to] - block_.position[v];
     const double lengths = norm(arm[0]) * norm(arm[1]);
     return lengths > 0.0 && -dot(arm[0], arm[1]) > kCornerTurnCosine * lengths;
   }
@@ -208,7 +204,7 @@ class RowMaker {
     float sum = 0.0F;
     for (const EdgeView& e : star_) {
       if (!on_line(e)) continue;
-      const double arm = norm(point(block_.position[e.to]) - point(block_.position[v]));
+      const double arm = norm(block_.position[e.to] - block_.position[v]);
       const float w = options_.weights == LaplaceWeights::kUniform ? 1.0F : static_cast<float>(1.0 / arm);
       append(e.to, w);
       sum += w;

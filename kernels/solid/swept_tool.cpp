@@ -11,10 +11,10 @@ namespace {
 constexpr std::size_t kLeafSegments = 4;
 constexpr std::size_t kChildren = 4;
 constexpr int kMostHalvings = 40;
-constexpr double kExact = 1e-9;   ///< of the tool's radius: how exactly its place on a segment is found
+constexpr double kSegmentExactness = 1e-9;   ///< of the tool's radius: how exactly its place on a segment is found
 constexpr double kLevel = 1e-10;  ///< slope along a segment, per length, that counts as none
 constexpr std::size_t kStack = 128;
-constexpr int kMostPasses = 1000, kMostSteps = 60;
+constexpr int kMostPasses = 1000, kMaxDistanceSteps = 60;
 constexpr double kExactRoot = 1e-9;  ///< of the way between two nodes
 constexpr double kArrived = 1e-3;    ///< of that: steps are over
 constexpr auto kNone = static_cast<std::size_t>(-1);
@@ -172,7 +172,7 @@ SweptTool::Nearest SweptTool::of_segment(const Double3& p, std::size_t segment, 
     if (falls_back) high = std::min(high, t);
     if (falls_on) low = std::max(low, t);
   }
-  for (int i = 0; i < kMostHalvings && (high - low) * length > kExact * tool_.radius; ++i) {
+  for (int i = 0; i < kMostHalvings && (high - low) * length > kSegmentExactness * tool_.radius; ++i) {
     const double t = 0.5 * (low + high);
     const Nearest n = at(t);
     if (n.value < best.value) best = n;
@@ -269,7 +269,7 @@ double SweptTool::surface_between(const Double3& from, const Double3& to, bool s
   for (int pass = 0; pass < kMostPasses && segment != kNone; ++pass) {
     // Out of the tool on this segment: a convex body, so Newton's method from beyond comes down to its surface.
     double out = 1.0;
-    for (int step = 0; step < kMostSteps; ++step) {
+    for (int step = 0; step < kMaxDistanceSteps; ++step) {
       const Nearest n = of_segment(p + way * out, segment, std::numeric_limits<double>::infinity());
       const double slope = dot(n.direction, way);
       if (!(n.value > 0.0) || !(slope > 0.0)) break;

@@ -29,14 +29,14 @@ struct Chain {
   std::uint64_t loose = 0;
 };
 
-void merge(MeshComponent& into, const MeshComponent& from) {
+void join_component(MeshComponent& into, const MeshComponent& from) {
   into.vertices += from.vertices;
   into.edges += from.edges;
   into.faces += from.faces;
   into.boundary_edges += from.boundary_edges;
   into.defects += from.defects;
 }
-void merge(Chain& into, const Chain& from) {
+void join_component(Chain& into, const Chain& from) {
   into.ends += from.ends;
   into.loose += from.loose;
 }
@@ -111,7 +111,7 @@ class CrossingSets {
       for (const Piece& piece : pieces) {
         const auto at = std::lower_bound(roots.begin(), roots.end(), sets_.find(piece.id));
         if (at == roots.end() || *at != sets_.find(piece.id)) continue;
-        merge(totals[static_cast<std::size_t>(at - roots.begin())], piece.part);
+        join_component(totals[static_cast<std::size_t>(at - roots.begin())], piece.part);
       }
     });
     for (const Part& part : totals) tally(part, check);

@@ -15,7 +15,7 @@
 namespace tessera {
 namespace {
 
-[[noreturn]] void fail(const std::filesystem::path& folder, const char* what, int error) {
+[[noreturn]] void fail_spill(const std::filesystem::path& folder, const char* what, int error) {
   std::string advice;
   if (error == ENOSPC || error == EDQUOT) advice = "; free space or name another folder with --temp";
   throw ResourceError("temporary file in " + folder.string() + ": cannot " + what + ": " +
@@ -32,7 +32,7 @@ void SpillFile::open() {
   if (folder_.empty()) folder_ = std::filesystem::temp_directory_path();
   std::string name = (folder_ / "tessera-spill-XXXXXX").string();
   fd_ = ::mkostemp(name.data(), O_CLOEXEC);
-  if (fd_ < 0) fail(folder_, "be created", errno);
+  if (fd_ < 0) fail_spill(folder_, "be created", errno);
   ::unlink(name.c_str());
 }
 
@@ -44,7 +44,7 @@ std::uint64_t SpillFile::append(const void* data, std::uint64_t bytes) {
   while (bytes > 0) {
     const ssize_t put = ::pwrite(fd_, from, bytes, static_cast<off_t>(size_));
     if (put < 0 && errno == EINTR) continue;
-    if (put <= 0) fail(folder_, "be written", put == 0 ? ENOSPC : errno);
+    if (put <= 0) fail_spill(folder_, "be written", put == 0 ? ENOSPC : errno);
     size_ += static_cast<std::uint64_t>(put);
     from += put;
     bytes -= static_cast<std::uint64_t>(put);
@@ -58,7 +58,7 @@ void SpillFile::read_at(std::uint64_t offset, void* to, std::uint64_t bytes) con
   while (bytes > 0) {
     const ssize_t got = ::pread(fd_, out, bytes, static_cast<off_t>(offset));
     if (got < 0 && errno == EINTR) continue;
-    if (got <= 0) fail(folder_, "be read", got == 0 ? EIO : errno);
+    if (got <= 0) fail_spill(folder_, "be read", got == 0 ? EIO : errno);
     offset += static_cast<std::uint64_t>(got);
     out += got;
     bytes -= static_cast<std::uint64_t>(got);

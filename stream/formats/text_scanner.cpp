@@ -8,7 +8,7 @@
 namespace tessera {
 namespace {
 
-constexpr std::size_t kBuffer = std::size_t{1} << 18;
+constexpr std::size_t kScanBuffer = std::size_t{1} << 18;
 
 /// A word of the file for a message: printable, short.
 std::string quoted(std::string_view word) {
@@ -29,7 +29,7 @@ std::uint64_t byte_order_mark(const ReadFile& file) {
 TextScanner::TextScanner(const ReadFile& file, std::uint64_t begin, std::uint64_t line, char line_end,
                          char comment)
     : file_(&file),
-      window_(file, begin, file.size(), kBuffer, true),
+      window_(file, begin, file.size(), kScanBuffer, true),
       line_(line),
       line_end_(line_end),
       comment_(comment) {}

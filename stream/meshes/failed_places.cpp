@@ -13,7 +13,7 @@ static_assert(std::is_trivially_copyable_v<FailedFace> && sizeof(FailedFace) == 
               "kept as it lies in memory");
 
 constexpr std::size_t kVerticesPerCheck = 256;
-constexpr PackedKind kKind = {"TSFAILD2", "a list of faces"};
+constexpr PackedKind kFailedKind = {"TSFAILD2", "a list of faces"};
 
 MeshBox box_around(const FailedFace& face, double radius) {
   MeshBox box{face[0], face[0]};
@@ -28,11 +28,11 @@ MeshBox box_around(const FailedFace& face, double radius) {
 }  // namespace
 
 std::uint64_t write_failed_faces(const std::filesystem::path& path, const std::vector<FailedFace>& faces) {
-  return PackedWriter(path, kKind, std::size_t{1} << 16).finish(faces);
+  return PackedWriter(path, kFailedKind, std::size_t{1} << 16).finish(faces);
 }
 
 std::vector<FailedFace> read_failed_faces(const std::filesystem::path& path) {
-  return PackedFile(path, kKind, sizeof(FailedFace)).table<FailedFace>();
+  return PackedFile(path, kFailedKind, sizeof(FailedFace)).table<FailedFace>();
 }
 
 void FailedPlaces::add(std::vector<FailedFace> faces, double radius) {

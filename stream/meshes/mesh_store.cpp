@@ -15,7 +15,7 @@
 namespace tessera {
 namespace {
 
-constexpr PackedKind kKind = {"TSMESH03", "a mesh file"};
+constexpr PackedKind kStoreKind = {"TSMESH03", "a mesh file"};
 constexpr std::uint32_t kShortIndices = 65536;  ///< up to so many vertices faces have 16-bit corners
 
 /// MeshStoreInfo without padding.
@@ -63,9 +63,9 @@ std::vector<std::uint8_t> faces_that_meet(const MeshBlock& block, const MeshBox&
   return meets;
 }
 
-struct Layout {
+struct StoreLayout {
   std::uint64_t key, position, rgba, vertex_class, corners, flags, bound;
-  Layout(const MeshStoreInfo& info, std::uint64_t vertices, std::uint64_t faces, bool bounds)
+  StoreLayout(const MeshStoreInfo& info, std::uint64_t vertices, std::uint64_t faces, bool bounds)
       : key(8 * vertices),
         position((info.double_positions ? 24 : 12) * vertices),
         rgba(info.colour ? 4 * vertices : 0),
@@ -127,7 +127,7 @@ struct MeshFileWriter::Impl {
 };
 
 MeshFileWriter::MeshFileWriter(const std::filesystem::path& path, const MeshStoreInfo& info)
-    : impl_(new Impl{{path, kKind}, info, {}, {}}) {}
+    : impl_(new Impl{{path, kStoreKind}, info, {}, {}}) {}
 MeshFileWriter::~MeshFileWriter() = default;
 
 void MeshFileWriter::add(std::uint64_t brick, const MeshBlock& patch, unsigned content) {
@@ -135,7 +135,7 @@ void MeshFileWriter::add(std::uint64_t brick, const MeshBlock& patch, unsigned c
   Impl& self = *impl_;
   const std::size_t n = patch.key.size();
   const std::size_t m = patch.faces.size();
-  const Layout layout(self.info, n, m, !patch.face_bound.empty());
+  const StoreLayout layout(self.info, n, m, !patch.face_bound.empty());
   MeshPatchEntry e;
   e.key = brick;
   e.vertices = static_cast<std::uint32_t>(n);
@@ -214,7 +214,7 @@ struct MeshStore::Impl {
   bool synthetic = false;
   MeshBox box = empty_box();
 
-  Layout layout(const MeshPatchEntry& e) const {
+  StoreLayout layout(const MeshPatchEntry& e) const {
     return {info, e.vertices, e.faces, (e.content & kPatchBounds) != 0};
   }
 
@@ -229,7 +229,7 @@ struct MeshStore::Impl {
 
   MeshBlock read(std::size_t patch) const {
     const MeshPatchEntry& e = patches[patch];
-    const Layout layout = this->layout(e);
+    const StoreLayout layout = this->layout(e);
     std::vector<char> data;
     read_sections(patch, data);
     if (e.content & kPatchCompact) {
@@ -328,7 +328,7 @@ void MeshFileWriter::add_moved(const MeshStore& store, std::size_t patch,
   Impl& self = *impl_;
   const MeshStore::Impl& from = *store.impl_;
   MeshPatchEntry e = from.patches[patch];
-  const Layout layout = from.layout(e);
+  const StoreLayout layout = from.layout(e);
   from.read_sections(patch, self.buffer);
   put_positions(positions, e, self.buffer.data() + layout.key);
   e.file = 0;
@@ -341,7 +341,7 @@ MeshStore::MeshStore(const std::vector<std::filesystem::path>& files,
   std::vector<std::filesystem::path> paths = files;
   paths.insert(paths.end(), newer.begin(), newer.end());
   for (const auto& path : paths) {
-    const PackedFile& file = impl_->files.emplace_back(path, kKind, sizeof(MeshPatchEntry), sizeof(DiskInfo));
+    const PackedFile& file = impl_->files.emplace_back(path, kStoreKind, sizeof(MeshPatchEntry), sizeof(DiskInfo));
     DiskInfo disk;
     std::memcpy(&disk, file.info().data(), sizeof disk);
     MeshStoreInfo info;

@@ -29,7 +29,7 @@ using nlohmann::json;
 
 constexpr std::uint64_t kMostVertices = 3 * kMostViewFaces;
 constexpr std::string_view kPlace = "<!--tessera:data-->";
-constexpr std::string_view kBegin =
+constexpr std::string_view kViewBegin =
     "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n"
     "<meta name=\"generator\" content=\"tessera view\">\n";
 
@@ -41,7 +41,7 @@ struct Bundle {
 Bundle read_bundle(const fs::path& path) {
   const std::string page = read_text(path);
   const std::size_t at = page.find(kPlace);
-  if (!page.starts_with(kBegin) || at == std::string::npos)
+  if (!page.starts_with(kViewBegin) || at == std::string::npos)
     throw InputError(path.string() + ": is no viewer of Tessera: run tools/viewer/build again");
   return {page.substr(0, at), page.substr(at + kPlace.size())};
 }
@@ -271,9 +271,9 @@ void write_tiles_view(const fs::path& page, const fs::path& bundle, const std::s
 
 bool is_view(const fs::path& path) {
   std::ifstream file(path, std::ios::binary);
-  std::string start(kBegin.size(), '\0');
+  std::string start(kViewBegin.size(), '\0');
   file.read(start.data(), static_cast<std::streamsize>(start.size()));
-  return file.gcount() == static_cast<std::streamsize>(start.size()) && start == kBegin;
+  return file.gcount() == static_cast<std::streamsize>(start.size()) && start == kViewBegin;
 }
 
 }  // namespace tessera

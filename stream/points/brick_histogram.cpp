@@ -10,11 +10,11 @@
 namespace tessera {
 namespace {
 
-constexpr PackedKind kKind = {"TSCOUNT1", "a file of brick counts"};
+constexpr PackedKind kCountKind = {"TSCOUNT1", "a file of brick counts"};
 // Two bricks of the lattice stay empty around the data: the origin lies one below, halo bricks exist above.
 constexpr std::int64_t kMaxBricksPerAxis = (std::int64_t{1} << (kMaxCellBits - kBrickBits)) - 2;
 
-std::uint64_t hash_of(const BrickCoord& b) {
+std::uint64_t brick_hash(const BrickCoord& b) {
   std::uint64_t v = static_cast<std::uint64_t>(b[0]) * 0x9e3779b97f4a7c15ULL;
   v ^= static_cast<std::uint64_t>(b[1]) * 0xc2b2ae3d27d4eb4fULL;
   v ^= static_cast<std::uint64_t>(b[2]) * 0x165667b19e3779f9ULL;
@@ -42,7 +42,7 @@ void combine(std::vector<BrickCount>& counts) {
 }  // namespace
 
 BrickCounter::BrickCounter(const std::filesystem::path& file, std::size_t capacity)
-    : file_(file, kKind, std::size_t{256} << 10), capacity_(capacity) {
+    : file_(file, kCountKind, std::size_t{256} << 10), capacity_(capacity) {
   std::size_t slots = 1024;
   while (slots < 2 * capacity) slots *= 2;
   slots_.resize(slots);
@@ -50,12 +50,12 @@ BrickCounter::BrickCounter(const std::filesystem::path& file, std::size_t capaci
 }
 
 void BrickCounter::find(const BrickCoord& brick) {
-  std::size_t at = hash_of(brick) & (slots_.size() - 1);
+  std::size_t at = brick_hash(brick) & (slots_.size() - 1);
   while (slots_[at].points != 0 && slots_[at].brick != brick) at = (at + 1) & (slots_.size() - 1);
   if (slots_[at].points == 0) {
     if (used_ == capacity_) {
       spill();
-      at = hash_of(brick) & (slots_.size() - 1);
+      at = brick_hash(brick) & (slots_.size() - 1);
     }
     slots_[at] = {brick, 0, {}};
     ++used_;
@@ -88,7 +88,7 @@ std::vector<BrickCount> merge_brick_counts(const std::vector<std::filesystem::pa
   std::vector<BrickCount> all;
   std::size_t distinct = 0;
   for (const auto& path : files) {
-    const PackedFile file(path, kKind, sizeof(Section));
+    const PackedFile file(path, kCountKind, sizeof(Section));
     for (const Section& run : file.table<Section>()) {
       SectionReader reader(file, run);
       while (reader.left() > 0 && distinct <= max_bricks) {

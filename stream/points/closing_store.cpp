@@ -5,7 +5,7 @@
 namespace tessera {
 namespace {
 
-constexpr PackedKind kKind = {"TSCLOSE3", "a file of rims or closing cells"};
+constexpr PackedKind kClosingKind = {"TSCLOSE3", "a file of rims or closing cells"};
 
 /// The items of a brick, behind what `items` holds.
 template <typename Item>
@@ -20,7 +20,7 @@ void read(const PackedTables<BrickSection>& bricks, const BrickSection& brick, s
 
 }  // namespace
 
-BrickSectionWriter::BrickSectionWriter(const std::filesystem::path& path) : file_(path, kKind) {}
+BrickSectionWriter::BrickSectionWriter(const std::filesystem::path& path) : file_(path, kClosingKind) {}
 
 void BrickSectionWriter::signs(std::uint64_t key, const std::vector<BandSigns>& signs,
                                const std::vector<Int3>& rims) {
@@ -33,7 +33,7 @@ void BrickSectionWriter::cells(std::uint64_t key, const std::vector<ClosingLeaf>
 }
 
 BrickSectionStore::BrickSectionStore(const std::vector<std::filesystem::path>& paths)
-    : bricks_(paths, kKind) {}
+    : bricks_(paths, kClosingKind) {}
 
 const BrickSection* BrickSectionStore::find(const Int3& brick) const {
   for (const int c : brick)

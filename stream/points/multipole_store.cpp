@@ -8,7 +8,7 @@
 namespace tessera {
 namespace {
 
-constexpr PackedKind kKind = {"TSMULTI4", "a multipole file"};
+constexpr PackedKind kMultipoleKind = {"TSMULTI4", "a multipole file"};
 
 struct Place {
   Section leaves;
@@ -32,7 +32,7 @@ void for_each_brick_near(const Int3& origin, const Int3& cells, const Use& use) 
 
 }  // namespace
 
-MultipoleFileWriter::MultipoleFileWriter(const std::filesystem::path& path) : file_(path, kKind) {}
+MultipoleFileWriter::MultipoleFileWriter(const std::filesystem::path& path) : file_(path, kMultipoleKind) {}
 
 void MultipoleFileWriter::brick(const std::vector<Multipole>& leaves) {
   // The brick's own is merged level by level, as a tree over all points would.
@@ -67,7 +67,7 @@ struct MultipoleStore::Impl {
 MultipoleStore::MultipoleStore(const std::filesystem::path& work) : impl_(std::make_unique<Impl>()) {
   std::vector<Multipole> bricks;
   for (const auto& path : list_task_files(work / kFolder, kExtension)) {
-    const PackedFile& file = impl_->files.emplace_back(path, kKind, sizeof(MultipoleFileWriter::Entry));
+    const PackedFile& file = impl_->files.emplace_back(path, kMultipoleKind, sizeof(MultipoleFileWriter::Entry));
     for (const auto& e : file.table<MultipoleFileWriter::Entry>()) {
       bricks.push_back(e.whole);
       impl_->places.push_back({e.leaves, impl_->files.size() - 1});

@@ -16,9 +16,9 @@
 namespace tessera {
 namespace {
 
-constexpr PackedKind kKind = {"TSNSAMP1", "a sample of normals"};
+constexpr PackedKind kNormalSampleKind = {"TSNSAMP1", "a sample of normals"};
 
-std::uint64_t bits(double v) {
+std::uint64_t bits_of_double(double v) {
   return std::bit_cast<std::uint64_t>(v + 0.0);
 }
 
@@ -32,7 +32,7 @@ void NormalSampler::enter(const std::array<std::int64_t, 3>& cell) {
 
 void NormalSampler::push(const Double3& p, const Float3& n) {
   if (held_.empty()) held_.reserve(2 * kLimit);
-  held_.push_back({last_hash_, mix(bits(p[0]) ^ mix(bits(p[1]) ^ mix(bits(p[2])))), p, unit(n), 0});
+  held_.push_back({last_hash_, mix(bits_of_double(p[0]) ^ mix(bits_of_double(p[1]) ^ mix(bits_of_double(p[2])))), p, unit(n), 0});
   if (held_.size() >= 2 * kLimit) shrink();
 }
 
@@ -73,14 +73,14 @@ NormalAgreement NormalSampler::measure() {
 
 std::uint64_t NormalSampler::save(const std::filesystem::path& file) {
   shrink();
-  PackedWriter out(file, kKind, std::size_t{1} << 20);
+  PackedWriter out(file, kNormalSampleKind, std::size_t{1} << 20);
   std::vector<std::uint64_t> threshold = {threshold_};
   const std::vector<Section> table = {out.append(bytes_of(threshold)), out.append(bytes_of(held_))};
   return out.finish(table);
 }
 
 void NormalSampler::merge(const std::filesystem::path& file) {
-  const PackedFile in(file, kKind, sizeof(Section));
+  const PackedFile in(file, kNormalSampleKind, sizeof(Section));
   const auto table = in.table<Section>();
   threshold_ = std::min(threshold_, in.load<std::uint64_t>(table.at(0)).at(0));
   const auto more = in.load<Held>(table.at(1));

@@ -10,7 +10,7 @@
 namespace tessera {
 namespace {
 
-constexpr PackedKind kKind = {"TSNORML3", "a file of normals"};
+constexpr PackedKind kNormalKind = {"TSNORML3", "a file of normals"};
 constexpr PackedKind kDecisionsKind = {"TSDECID2", "a file of orientation decisions"};
 
 }  // namespace
@@ -22,7 +22,7 @@ Section OverlayBrick::section(Part part) const {
   return {std::accumulate(bytes, bytes + part, offset), bytes[part], hash[part]};
 }
 
-OverlayFileWriter::OverlayFileWriter(const std::filesystem::path& path) : file_(path, kKind) {}
+OverlayFileWriter::OverlayFileWriter(const std::filesystem::path& path) : file_(path, kNormalKind) {}
 
 void OverlayFileWriter::brick(std::uint64_t key, std::span<const PointOverlayRecord> records,
                               const BrickOrientation& orientation) {
@@ -74,7 +74,7 @@ struct PointOverlay::Impl {
 };
 
 PointOverlay::PointOverlay(const std::vector<std::filesystem::path>& paths)
-    : impl_(new Impl{{paths, kKind}, {0}, {}}) {
+    : impl_(new Impl{{paths, kNormalKind}, {0}, {}}) {
   for (const OverlayBrick& b : bricks()) impl_->first_patch.push_back(impl_->first_patch.back() + b.patches);
 }
 PointOverlay::~PointOverlay() = default;

@@ -127,7 +127,7 @@ struct CellBox {
   }
 };
 
-CellBox box_of(const Int3& origin, const Int3& cells, int halo) {
+CellBox cell_box_of(const Int3& origin, const Int3& cells, int halo) {
   CellBox box{};
   for (std::size_t a = 0; a < 3; ++a) {
     box.min[a] = std::max(0, origin[a] - halo);
@@ -192,7 +192,7 @@ void for_bricks(const Bricks& store, const CellBox& box, const Use& use) {
 
 PointBlock PointStore::load(const Int3& origin_cells, const Int3& cells, int halo_cells, bool with_sensor,
                             bool with_flags) const {
-  const CellBox box = box_of(origin_cells, cells, halo_cells);
+  const CellBox box = cell_box_of(origin_cells, cells, halo_cells);
   std::vector<Segment> segments;
   for_bricks(impl_->bricks, box, [&](const BrickEntry& brick, const Int3& at, bool whole) {
     if (whole)
@@ -257,7 +257,7 @@ bool PointStore::has_bodies() const {
 }
 
 void PointStore::prefetch(const Int3& origin_cells, const Int3& cells, int halo_cells) const {
-  for_bricks(impl_->bricks, box_of(origin_cells, cells, halo_cells),
+  for_bricks(impl_->bricks, cell_box_of(origin_cells, cells, halo_cells),
              [&](const BrickEntry& brick, const Int3&, bool) {
                const PackedFile& file = impl_->bricks.file_of(brick);
                file.will_need(brick.records());
@@ -267,7 +267,7 @@ void PointStore::prefetch(const Int3& origin_cells, const Int3& cells, int halo_
 }
 
 std::uint64_t PointStore::count_bound(const Int3& origin_cells, const Int3& cells, int halo_cells) const {
-  const CellBox box = box_of(origin_cells, cells, halo_cells);
+  const CellBox box = cell_box_of(origin_cells, cells, halo_cells);
   std::uint64_t bound = 0;
   std::vector<Segment> segments;
   for_bricks(impl_->bricks, box, [&](const BrickEntry& brick, const Int3& at, bool whole) {

@@ -13,7 +13,7 @@
 namespace tessera {
 namespace {
 
-constexpr double kInf = std::numeric_limits<double>::infinity();
+constexpr double kUnbounded = std::numeric_limits<double>::infinity();
 /// Sampled points of a file: of so many slices, so many points.
 constexpr std::size_t kSampledSlices = 64;
 constexpr std::size_t kSlicePoints = 256;
@@ -22,7 +22,7 @@ constexpr std::size_t kInspectedFiles = 16;
 constexpr double kWidest_deg = 12.0;
 
 struct Box2 {
-  Double3 min = {kInf, kInf, kInf}, max = {-kInf, -kInf, -kInf};
+  Double3 min = {kUnbounded, kUnbounded, kUnbounded}, max = {-kUnbounded, -kUnbounded, -kUnbounded};
   void add(const Double3& p) {
     for (std::size_t a = 0; a < 3; ++a) min[a] = std::min(min[a], p[a]), max[a] = std::max(max[a], p[a]);
   }
@@ -70,7 +70,7 @@ std::vector<Double3> sampled_points(const PointFile& file, const std::vector<std
   return points;
 }
 
-Box2 box_of(const PointFile& file, const std::vector<std::string>& columns) {
+Box2 box_of_file(const PointFile& file, const std::vector<std::string>& columns) {
   Box2 box;
   if (file.info().has_bounds) {
     box.min = file.info().declared_min;
@@ -193,7 +193,7 @@ class Plane {
 
   [[noreturn]] void refuse(std::size_t i, const std::string& what, const CoordinateSystem& system) const {
     throw InputError(files_[i]->info().path.string() + ": " + what + "; " +
-                     advice(system, box_of(*files_[i], options_.columns)) +
+                     advice(system, box_of_file(*files_[i], options_.columns)) +
                      ", --project off takes coordinates as they are");
   }
 
@@ -222,7 +222,7 @@ class Plane {
   void choose() {
     for (std::size_t i = 0; i < files_.size(); ++i) {
       if (from_[i].known()) continue;
-      if (!within_degrees(box_of(*files_[i], options_.columns)))
+      if (!within_degrees(box_of_file(*files_[i], options_.columns)))
         throw InputError(
             files_[i]->info().path.string() +
             ": names no coordinate system, so it cannot be projected; name it with --crs EPSG:n");
@@ -250,7 +250,7 @@ class Plane {
       if (!from_[i].geographic) continue;
       // The least text, so that the order of the files does not matter.
       if (degrees == nullptr || from_[i].name < degrees->name) degrees = &from_[i];
-      const Box2 box = box_of(*files_[i], options_.columns);
+      const Box2 box = box_of_file(*files_[i], options_.columns);
       if (box.empty()) continue;
       all.add(box.min);
       all.add(box.max);

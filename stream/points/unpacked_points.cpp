@@ -47,7 +47,7 @@ void from_steps(const std::vector<std::int32_t>& steps, double step, double shif
   for (std::size_t i = 0; i < steps.size(); ++i) x[i] = steps[i] * step + shift;
 }
 
-std::string joined(const std::vector<std::string>& lines) {
+std::string joined_lines(const std::vector<std::string>& lines) {
   std::string text;
   for (const std::string& line : lines) text += line + '\n';
   return text;
@@ -92,7 +92,7 @@ void UnpackedWriter::add(std::uint32_t file, const PositionGrid& grid, const Poi
 std::uint64_t UnpackedWriter::finish(const ReadCounts& counts) {
   UnpackedBlock warnings;
   warnings.content = kWarnings;
-  warnings.places = out_.append(bytes_of(joined(counts.warnings)));
+  warnings.places = out_.append(bytes_of(joined_lines(counts.warnings)));
   blocks_.push_back(warnings);
   const Fates fates = {counts.points,       counts.withheld, counts.empty,
                        counts.missing,      counts.surplus,  counts.other_class,

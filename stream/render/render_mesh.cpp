@@ -21,7 +21,7 @@ namespace tessera {
 namespace {
 
 constexpr std::size_t kChunkVertices = 1u << 18;
-constexpr std::size_t kBatchFaces = 32768;
+constexpr std::size_t kDrawnFaces = 32768;
 constexpr std::size_t kMostBorderEdges = 2u << 20;  // 2 lists of 16 byte edges and 24 byte ends each
 constexpr std::uint64_t kUnlimited = std::uint64_t{1} << 60;
 constexpr std::uint64_t kLeastTable = std::uint64_t{16} << 20;
@@ -332,9 +332,9 @@ std::vector<Float3> MeshItem::edge_ends(MeshReader& mesh,
 void MeshItem::draw_edges(Picture& picture, const std::vector<Float3>& ends, std::uint32_t colour) const {
   const float length = median_length(ends);
   std::vector<PictureVertex> batch;
-  for (std::size_t begin = 0; begin < ends.size(); begin += 2 * kBatchFaces) {
+  for (std::size_t begin = 0; begin < ends.size(); begin += 2 * kDrawnFaces) {
     batch.clear();
-    for (std::size_t i = begin; i < std::min(begin + 2 * kBatchFaces, ends.size()); ++i) {
+    for (std::size_t i = begin; i < std::min(begin + 2 * kDrawnFaces, ends.size()); ++i) {
       PictureVertex v;
       v.x = ends[i][0], v.y = ends[i][1], v.z = ends[i][2];
       v.rgba = colour;
@@ -352,7 +352,7 @@ void MeshItem::draw(Picture& picture, const DrawContext& context) {
   picture.set_offset(origin_ - context.origin);
   picture.cut_backs(cut_backs_);
   std::vector<PictureVertex> batch;
-  batch.reserve(3 * kBatchFaces);
+  batch.reserve(3 * kDrawnFaces);
   const bool by_origin = !by_vertex && !by_height;
   const auto emit = [&](const std::array<Corner, 3>& corners, const MeshFace* face, bool synthetic) {
     const auto& [a, b, c] = corners;
@@ -381,7 +381,7 @@ void MeshItem::draw(Picture& picture, const DrawContext& context) {
       }
       batch.push_back(out);
     }
-    if (batch.size() >= 3 * kBatchFaces) {
+    if (batch.size() >= 3 * kDrawnFaces) {
       throw_if_stopped();
       picture.triangles(batch, wire);
       batch.clear();

@@ -26,7 +26,7 @@ constexpr int kTries = 3;
 constexpr int kLockDescriptor = STDERR_FILENO + 1;
 constexpr std::size_t kMessageLimit = 16384;
 
-std::string task_word(std::int64_t task) {
+std::string task_argument(std::int64_t task) {
   return task == kFinishTask ? "finish" : std::to_string(task);
 }
 
@@ -84,7 +84,7 @@ ChildResult run_once(std::vector<std::string> words, int lock) {
 ChildResult run_task_process(const std::filesystem::path& work, const std::string& stage, std::int64_t task,
                              const std::string& writer, int lock) {
   const std::vector<std::string> words = {"tessera", "task",          work.string(),
-                                          stage,     task_word(task), "--writer",
+                                          stage,     task_argument(task), "--writer",
                                           writer,    "--driven",      std::to_string(::getpid())};
   ChildResult result;
   for (int attempt = 0; attempt < kTries; ++attempt) {
@@ -99,7 +99,7 @@ void throw_child_failure(const ChildResult& result, const std::string& stage, st
   throw_if_stopped();
   if (result.signal != 0) {
     const std::string sentence =
-        fmt::format("stage {}, task {}: its process was ended by signal {} ({})", stage, task_word(task),
+        fmt::format("stage {}, task {}: its process was ended by signal {} ({})", stage, task_argument(task),
                     result.signal, ::strsignal(result.signal));
     if (result.signal == SIGKILL) throw ResourceError(sentence + "; the same command goes on");
     throw std::runtime_error(sentence);
@@ -108,7 +108,7 @@ void throw_child_failure(const ChildResult& result, const std::string& stage, st
   const std::string prefix = "tessera: error: ";
   if (const std::size_t at = message.rfind(prefix); at != std::string::npos)
     message = message.substr(at + prefix.size());
-  if (message.empty()) message = fmt::format("stage {}, task {}: its process failed", stage, task_word(task));
+  if (message.empty()) message = fmt::format("stage {}, task {}: its process failed", stage, task_argument(task));
   switch (result.exit_code) {
     case static_cast<int>(ExitCode::kUsage):
     case static_cast<int>(ExitCode::kInput):

@@ -19,7 +19,7 @@ namespace {
 namespace fs = std::filesystem;
 using json = nlohmann::json;
 
-struct Arguments {
+struct StatusArguments {
   fs::path work;
   bool as_json = false;
 };
@@ -87,7 +87,7 @@ fs::path report_of_done(const fs::path& work) {
   return fs::exists(output) && fs::exists(report) ? report : fs::path();
 }
 
-void run(const Arguments& arguments) {
+void run(const StatusArguments& arguments) {
   if (arguments.work.empty()) throw UsageError("give the work directory, OUT.tessera");
   if (const fs::path report = report_of_done(arguments.work); !report.empty()) {
     if (arguments.as_json) {
@@ -104,7 +104,7 @@ void run(const Arguments& arguments) {
 }  // namespace
 
 cli::Command status_command() {
-  auto arguments = std::make_shared<Arguments>();
+  auto arguments = std::make_shared<StatusArguments>();
   OptionTable t;
   t.add("workdir", &arguments->work, "work directory of the job, OUT.tessera").positional();
   t.add("json", &arguments->as_json, "print it as JSON");

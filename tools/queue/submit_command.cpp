@@ -35,7 +35,7 @@ const std::map<std::string, double>& job_rates() {
   return rates;
 }
 
-struct Arguments {
+struct SubmitArguments {
   std::vector<std::string> words;
   QueueOptions options;
 };
@@ -130,7 +130,7 @@ void require_steps_fit(const SlurmPartition& partition, const std::vector<QueueS
 }
 
 /// \param given  as the job's command has read its line
-void submit_job(const Arguments& arguments, const JobState& given, const JobDescription& job) {
+void submit_job(const SubmitArguments& arguments, const JobState& given, const JobDescription& job) {
   if (job.only_stages > 0 || job_rates().count(job.command) == 0)
     throw UsageError(fmt::format("{}: is no job that can be submitted", arguments.words.front()));
   if (!given.run.until.empty() || given.run.processes)
@@ -214,7 +214,7 @@ void submit_job(const Arguments& arguments, const JobState& given, const JobDesc
 }  // namespace
 
 cli::Command submit_command(const std::vector<cli::Command>& jobs) {
-  auto arguments = std::make_shared<Arguments>();
+  auto arguments = std::make_shared<SubmitArguments>();
   cli::Command command = {
       "submit",
       "Hands a job to Slurm: submit JOB..., as submit reconstruct scan.las -o site.ply --nodes 8. An array "

@@ -21,7 +21,7 @@ namespace {
 
 constexpr std::uint64_t kMostBytes = 0xffffffffULL;
 constexpr std::size_t kBoundsBytes = 3 * 16 + 4;  // "[a,b,c]" of floats, padded with spaces
-constexpr std::size_t kBatch = 65536;
+constexpr std::size_t kGlbBatch = 65536;
 const char* const kBoundsMarks[2] = {"\"@min\"", "\"@max\""};
 
 std::uint64_t vertex_bytes(const MeshHeader& header) {
@@ -80,18 +80,18 @@ std::string document(const MeshHeader& header) {
 
 class GlbMeshWriter : public MeshWriterBase {
  public:
-  GlbMeshWriter(const std::filesystem::path& path, const MeshHeader& header, const std::string& json)
+  GlbMeshWriter(const std::filesystem::path& path, const MeshHeader& header, const std::string& text)
       : MeshWriterBase(path, header, true) {
     const std::uint64_t bin = header.vertices * vertex_bytes(header) + 12 * header.faces;
     put_word(0x46546c67);
     put_word(2);
-    put_word(28 + json.size() + bin);
-    put_word(json.size());
+    put_word(28 + text.size() + bin);
+    put_word(text.size());
     put_word(0x4e4f534a);
     const std::string max_key = "\"max\":", min_key = "\"min\":";
-    bounds_at_[0] = file_.size() + json.find(min_key) + min_key.size();
-    bounds_at_[1] = file_.size() + json.find(max_key) + max_key.size();
-    file_.append(json);
+    bounds_at_[0] = file_.size() + text.find(min_key) + min_key.size();
+    bounds_at_[1] = file_.size() + text.find(max_key) + max_key.size();
+    file_.append(text);
     put_word(bin);
     put_word(0x004e4942);
     constexpr float kHuge = std::numeric_limits<float>::infinity();
@@ -128,8 +128,8 @@ class GlbMeshWriter : public MeshWriterBase {
   }
 
   void write_faces(std::span<const MeshFace> faces, std::span<const std::uint8_t>) override {
-    for (std::size_t first = 0; first < faces.size(); first += kBatch) {
-      const auto batch = faces.subspan(first, std::min(kBatch, faces.size() - first));
+    for (std::size_t first = 0; first < faces.size(); first += kGlbBatch) {
+      const auto batch = faces.subspan(first, std::min(kGlbBatch, faces.size() - first));
       char* to = file_.reserve(batch.size() * 12);
       for (const MeshFace& face : batch) {
         for (const std::uint64_t v : face) {

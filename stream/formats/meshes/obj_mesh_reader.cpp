@@ -16,16 +16,16 @@ namespace tessera {
 namespace {
 
 /// What is read past, by the keyword of its lines.
-struct LeftOut {
+struct ObjLeftOut {
   const char* keyword;
   const char* what;
 };
-constexpr std::array kLeftOut = {LeftOut{"vt", "texture coordinates"},
-                                 LeftOut{"usemtl", "materials"},
-                                 LeftOut{"l", "lines"},
-                                 LeftOut{"curv", "free-form curves"},
-                                 LeftOut{"surf", "free-form surfaces"},
-                                 LeftOut{"#MRGB", "polypaint colours (#MRGB)"}};
+constexpr std::array kLeftOut = {ObjLeftOut{"vt", "texture coordinates"},
+                                 ObjLeftOut{"usemtl", "materials"},
+                                 ObjLeftOut{"l", "lines"},
+                                 ObjLeftOut{"curv", "free-form curves"},
+                                 ObjLeftOut{"surf", "free-form surfaces"},
+                                 ObjLeftOut{"#MRGB", "polypaint colours (#MRGB)"}};
 
 class ObjMeshReader : public MeshReader {
  public:

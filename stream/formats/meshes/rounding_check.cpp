@@ -10,7 +10,7 @@
 namespace tessera {
 namespace {
 
-constexpr std::uint64_t kStoreBytes = std::uint64_t{32} << 20, kSortBytes = std::uint64_t{16} << 20;
+constexpr std::uint64_t kCheckStoreBytes = std::uint64_t{32} << 20, kSortBytes = std::uint64_t{16} << 20;
 
 /// Of a position; zeros of both signs are one place.
 std::uint64_t hash_of(Double3 p) {
@@ -21,7 +21,7 @@ std::uint64_t hash_of(Double3 p) {
 }  // namespace
 
 RoundingCheck::RoundingCheck(const std::filesystem::path& temp, std::function<Double3(const Double3&)> round)
-    : round_(std::move(round)), positions_(temp, true, kStoreBytes), places_(temp, kSortBytes) {}
+    : round_(std::move(round)), positions_(temp, true, kCheckStoreBytes), places_(temp, kSortBytes) {}
 
 void RoundingCheck::vertices(std::span<const Double3> positions) {
   positions_.append(positions);
@@ -55,7 +55,7 @@ MeshRounding RoundingCheck::finish() {
 
 std::uint64_t RoundingCheck::bytes(std::uint64_t vertices) {
   constexpr std::uint64_t kLeast = std::uint64_t{2} << 20;  // a few chunks of the store, runs of the sort
-  return kLeast + std::min(kStoreBytes, vertices * sizeof(Double3)) +
+  return kLeast + std::min(kCheckStoreBytes, vertices * sizeof(Double3)) +
          std::min(kSortBytes, 2 * vertices * sizeof(Place));
 }
 

@@ -16,8 +16,8 @@
 namespace tessera {
 namespace {
 
-constexpr std::uint64_t kHeaderBytes = 84;
-constexpr std::uint64_t kFacetBytes = 50;
+constexpr std::uint64_t kHeaderSize = 84;
+constexpr std::uint64_t kFacetSize = 50;
 constexpr std::size_t kTitleBytes = 79;  // of our own files
 
 /// Binary files have zeros or other bytes that no text has in their header, their count or their first facets.
@@ -72,11 +72,11 @@ class StlMeshReader : public MeshReader {
 
   std::uint64_t claimed() const {
     std::uint32_t count = 0;
-    if (file_.size() >= kHeaderBytes) file_.read_at(kHeaderBytes - sizeof count, &count, sizeof count);
+    if (file_.size() >= kHeaderSize) file_.read_at(kHeaderSize - sizeof count, &count, sizeof count);
     return count;
   }
   bool has_claimed_size() const {
-    return file_.size() >= kHeaderBytes && file_.size() == kHeaderBytes + claimed() * kFacetBytes;
+    return file_.size() >= kHeaderSize && file_.size() == kHeaderSize + claimed() * kFacetSize;
   }
 
   /// Facets by the size of the file: the count of the header is a claim, which many programs get wrong, or leave out.
@@ -87,27 +87,27 @@ class StlMeshReader : public MeshReader {
                           std::to_string(facets) + ": those are read");
       return facets;
     };
-    const std::uint64_t room = size < kHeaderBytes ? 0 : size - kHeaderBytes;
-    const std::uint64_t fit = room / kFacetBytes, over = room % kFacetBytes;
-    constexpr std::uint64_t kNoCount = kHeaderBytes - sizeof(std::uint32_t);
-    if (size >= kHeaderBytes && over != 0 && count != fit && (size - kNoCount) % kFacetBytes == 0 &&
-        count != (size - kNoCount) / kFacetBytes &&
-        all_plausible(kNoCount, (size - kNoCount) / kFacetBytes)) {
+    const std::uint64_t room = size < kHeaderSize ? 0 : size - kHeaderSize;
+    const std::uint64_t fit = room / kFacetSize, over = room % kFacetSize;
+    constexpr std::uint64_t kNoCount = kHeaderSize - sizeof(std::uint32_t);
+    if (size >= kHeaderSize && over != 0 && count != fit && (size - kNoCount) % kFacetSize == 0 &&
+        count != (size - kNoCount) / kFacetSize &&
+        all_plausible(kNoCount, (size - kNoCount) / kFacetSize)) {
       begin_ = kNoCount;
       warnings_.push_back("the header lacks its count of facets");
-      return (size - kNoCount) / kFacetBytes;
+      return (size - kNoCount) / kFacetSize;
     }
-    if (size < kHeaderBytes || (count > fit && (over != 0 || fit == 0))) {
+    if (size < kHeaderSize || (count > fit && (over != 0 || fit == 0))) {
       throw InputError(file_.path().string() + ": byte " + std::to_string(size) +
                        ": the file ends before all " + std::to_string(count) + " facets of the header (" +
-                       std::to_string(kHeaderBytes + count * kFacetBytes) +
+                       std::to_string(kHeaderSize + count * kFacetSize) +
                        " bytes); it is truncated or no STL file");
     }
     if (count > fit) return says(fit);
     const std::uint64_t more = fit - count;
-    if (more > 0 && all_plausible(kHeaderBytes + count * kFacetBytes, more)) return says(fit);
+    if (more > 0 && all_plausible(kHeaderSize + count * kFacetSize, more)) return says(fit);
     if (more > 0 || over > 0)
-      warnings_.push_back(std::to_string(room - count * kFacetBytes) +
+      warnings_.push_back(std::to_string(room - count * kFacetSize) +
                           " bytes behind the last facet are left out");
     return count;
   }
@@ -118,11 +118,11 @@ class StlMeshReader : public MeshReader {
     constexpr std::uint64_t kMost = 1000;
     constexpr double kFarther = 1e6;
     double known = 0.0;
-    const std::uint64_t before = begin > kHeaderBytes ? (begin - kHeaderBytes) / kFacetBytes : 0;
+    const std::uint64_t before = begin > kHeaderSize ? (begin - kHeaderSize) / kFacetSize : 0;
     for (std::uint64_t i = 0; i < std::min(before, kMost); ++i)
-      known = std::max(known, size_of(kHeaderBytes + i * kFacetBytes));
+      known = std::max(known, size_of(kHeaderSize + i * kFacetSize));
     for (std::uint64_t i = 0; i < std::min(facets, kMost); ++i) {
-      const double size = size_of(begin + i * kFacetBytes);
+      const double size = size_of(begin + i * kFacetSize);
       if (!(size > 0.0) || !std::isfinite(size)) return false;
       if (known > 0.0 && (size > known * kFarther || size < known / kFarther)) return false;
     }
@@ -130,7 +130,7 @@ class StlMeshReader : public MeshReader {
   }
   /// The largest coordinate of a facet; NaN if one is none.
   double size_of(std::uint64_t at) const {
-    char facet[kFacetBytes];
+    char facet[kFacetSize];
     file_.read_at(at, facet, sizeof facet);
     double largest = 0.0;
     for (std::size_t k = 3; k < 12; ++k) {
@@ -156,14 +156,14 @@ class StlMeshReader : public MeshReader {
   std::uint64_t read_binary(VertexBatch& batch) const {
     ByteWindow window(file_, begin_, file_.size(), ByteWindow::kDefaultCapacity, true);
     for (std::uint64_t i = 0; i < header_.faces; ++i) {
-      const char* facet = window.peek(kFacetBytes).data();
+      const char* facet = window.peek(kFacetSize).data();
       for (std::size_t corner = 1; corner <= 3; ++corner) {
         const char* p = facet + 12 * corner;
         Double3 at = {load_scalar<float>(p), load_scalar<float>(p + 4), load_scalar<float>(p + 8)};
         if (header_.double_positions) at = origin_ + at;
         batch.add(at);
       }
-      window.skip(kFacetBytes);
+      window.skip(kFacetSize);
     }
     return header_.faces;
   }
@@ -240,7 +240,7 @@ class StlMeshReader : public MeshReader {
   const ReadFile file_;
   bool text_ = false;
   char line_end_ = '\n';
-  std::uint64_t begin_ = kHeaderBytes;  ///< of the facets
+  std::uint64_t begin_ = kHeaderSize;  ///< of the facets
   MeshHeader header_;
   Double3 origin_ = {0, 0, 0};  ///< binary: what is added to all coordinates
   std::string format_;

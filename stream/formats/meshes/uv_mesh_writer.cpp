@@ -11,7 +11,7 @@
 namespace tessera {
 namespace {
 
-constexpr std::size_t kLineBytes = 160;
+constexpr std::size_t kUvLineBytes = 160;
 
 bool is_obj(const std::filesystem::path& path) {
   const std::string e = path.extension().string();
@@ -25,21 +25,21 @@ bool is_ply(const std::filesystem::path& path) {
 /// One line of text, numbers as the shortest decimals that read back the same.
 class Line {
  public:
-  Line(OutputFile& file, std::string_view head) : file_(file), to_(file.reserve(kLineBytes)), begin_(to_) {
+  Line(OutputFile& file, std::string_view head) : file_(file), to_(file.reserve(kUvLineBytes)), begin_(to_) {
     std::memcpy(to_, head.data(), head.size());
     to_ += head.size();
   }
   template <class Number>
   Line& put(Number value) {
     *to_++ = ' ';
-    to_ = std::to_chars(to_, begin_ + kLineBytes, value).ptr;
+    to_ = std::to_chars(to_, begin_ + kUvLineBytes, value).ptr;
     return *this;
   }
   /// v/vt of one corner.
   Line& corner(std::uint32_t index) {
     put(index);
     *to_++ = '/';
-    to_ = std::to_chars(to_, begin_ + kLineBytes, index).ptr;
+    to_ = std::to_chars(to_, begin_ + kUvLineBytes, index).ptr;
     return *this;
   }
   void end() {

@@ -15,8 +15,8 @@ namespace tessera {
 namespace {
 
 // Of the public header: where its records lie.
-constexpr std::uint64_t kGlobalEncoding = 6, kMinorVersion = 25, kPointFormat = 104, kHeaderSize = 94,
-                        kRecordCount = 100, kFirstExtended = 235, kExtendedCount = 243, kHeader14 = 375;
+constexpr std::uint64_t kGlobalEncodingAt = 6, kMinorVersion = 25, kPointFormatAt = 104, kHeaderSizeAt = 94,
+                        kRecordCountAt = 100, kFirstExtended = 235, kExtendedCount = 243, kHeaderBytes14 = 375;
 constexpr std::uint64_t kRecordHeader = 54, kExtendedHeader = 60;
 constexpr std::uint64_t kMostRecords = 4096;                 // looked at; files have a handful
 constexpr std::uint64_t kMostText = std::uint64_t{1} << 20;  // of one record: WKT takes some hundred bytes
@@ -223,9 +223,9 @@ CoordinateSystem system_of_wkt(const std::string& wkt) {
 
 CoordinateSystem las_coordinate_system(const ReadFile& file, std::vector<std::string>& warnings) {
   std::vector<LasRecord> records;
-  read_records(file, number_at<std::uint16_t>(file, kHeaderSize),
-               number_at<std::uint32_t>(file, kRecordCount), false, records, warnings);
-  if (number_at<std::uint8_t>(file, kMinorVersion) >= 4 && file.size() >= kHeader14)
+  read_records(file, number_at<std::uint16_t>(file, kHeaderSizeAt),
+               number_at<std::uint32_t>(file, kRecordCountAt), false, records, warnings);
+  if (number_at<std::uint8_t>(file, kMinorVersion) >= 4 && file.size() >= kHeaderBytes14)
     if (const auto count = number_at<std::uint32_t>(file, kExtendedCount); count > 0)
       read_records(file, number_at<std::uint64_t>(file, kFirstExtended), count, true, records, warnings);
   std::string keys, texts;
@@ -237,8 +237,8 @@ CoordinateSystem las_coordinate_system(const ReadFile& file, std::vector<std::st
   }
   CoordinateSystem of_keys = system_of_keys(keys, texts);
   if (!of_text.known()) return of_keys;
-  const bool text_alone = (number_at<std::uint16_t>(file, kGlobalEncoding) & kWktBit) != 0 ||
-                          (number_at<std::uint8_t>(file, kPointFormat) & kPointFormatMask) >= kFirstWktFormat;
+  const bool text_alone = (number_at<std::uint16_t>(file, kGlobalEncodingAt) & kWktBit) != 0 ||
+                          (number_at<std::uint8_t>(file, kPointFormatAt) & kPointFormatMask) >= kFirstWktFormat;
   if (text_alone || !of_keys.known()) return of_text;
   bool differ =
       of_keys.horizontal != 0 && of_text.horizontal != 0 && of_text.horizontal != of_keys.horizontal;

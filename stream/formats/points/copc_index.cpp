@@ -15,12 +15,12 @@ constexpr std::size_t kRecordHead = 54;  // user id at 2, record id at 18, lengt
 constexpr std::size_t kInfoBytes = 160;
 constexpr std::size_t kEntryBytes = 32;
 constexpr std::int32_t kMostLevel = 31;
-constexpr const char* kAdvice =
+constexpr const char* kIndexAdvice =
     "; get the file anew, or read it without its octree: tessera convert IN -o OUT.las";
 
-[[noreturn]] void fail(const ReadFile& file, std::uint64_t byte, const std::string& what) {
+[[noreturn]] void fail_index(const ReadFile& file, std::uint64_t byte, const std::string& what) {
   throw InputError(file.path().string() + ": byte " + std::to_string(byte) + ": the octree of COPC " + what +
-                   kAdvice);
+                   kIndexAdvice);
 }
 
 /// Walks the pages of a hierarchy.
@@ -45,7 +45,7 @@ class Hierarchy {
               [](const CopcChunk& a, const CopcChunk& b) { return a.chunk < b.chunk; });
     for (std::size_t i = 1; i < found_.size(); ++i)
       if (found_[i - 1].chunk == found_[i].chunk)
-        fail(file_, copc_.root_at,
+        fail_index(file_, copc_.root_at,
              "gives one chunk to two nodes, " + found_[i - 1].name + " and " + found_[i].name);
     return std::move(found_);
   }
@@ -58,13 +58,13 @@ class Hierarchy {
   void read(const Page& page) {
     if (page.at > file_.size() || page.bytes > file_.size() - page.at || page.bytes % kEntryBytes != 0 ||
         page.bytes == 0)
-      fail(file_, page.at,
+      fail_index(file_, page.at,
            "has no page of " + std::to_string(page.bytes) + " bytes there: the file has " +
                std::to_string(file_.size()));
-    if (!seen_.insert(page.at).second) fail(file_, page.at, "comes back to a page that was read before");
+    if (!seen_.insert(page.at).second) fail_index(file_, page.at, "comes back to a page that was read before");
     entries_ += page.bytes / kEntryBytes;
     if (entries_ > laz::kMostChunks)
-      fail(file_, page.at, "has more than " + std::to_string(laz::kMostChunks) + " nodes");
+      fail_index(file_, page.at, "has more than " + std::to_string(laz::kMostChunks) + " nodes");
     char bytes[kEntryBytes * 512];
     for (std::uint64_t done = 0; done < page.bytes;) {
       const std::uint64_t n = std::min<std::uint64_t>(sizeof bytes, page.bytes - done);
@@ -91,7 +91,7 @@ class Hierarchy {
       node.name += "-" + std::to_string(k);
     }
     if (!in_cube || points < -1 || (points != 0 && size <= 0))
-      fail(file_, at,
+      fail_index(file_, at,
            "has a node " + node.name + " of " + std::to_string(points) + " points in " +
                std::to_string(size) + " bytes, which cannot be");
     if (level > deepest_ || points == 0 || !meets(node)) return;
@@ -117,7 +117,7 @@ class Hierarchy {
     node.chunk = static_cast<std::size_t>(edge - chunks_.edges.begin());
     if (node.chunk == chunks_.size() || edge->begin != place.at ||
         (edge + 1)->begin - place.at != place.bytes || chunks_.points_of(node.chunk) != points)
-      fail(file_, at,
+      fail_index(file_, at,
            "says that node " + node.name + " has " + std::to_string(points) + " points in " +
                std::to_string(place.bytes) + " bytes from byte " + std::to_string(place.at) +
                " on, the chunk table says otherwise");
@@ -155,9 +155,9 @@ std::optional<CopcInfo> find_copc(const ReadFile& file, const LasHeader& header)
   copc.root_at = load_scalar<std::uint64_t>(info + 40);
   copc.root_bytes = load_scalar<std::uint64_t>(info + 48);
   for (const double v : {copc.centre[0], copc.centre[1], copc.centre[2], copc.half_size, copc.spacing})
-    if (!std::isfinite(v)) fail(file, copc.at, "has a cube or a spacing that is no number");
+    if (!std::isfinite(v)) fail_index(file, copc.at, "has a cube or a spacing that is no number");
   if (!(copc.half_size > 0.0) || !(copc.spacing > 0.0))
-    fail(file, copc.at, "has a cube or a spacing that is not above zero");
+    fail_index(file, copc.at, "has a cube or a spacing that is not above zero");
   return copc;
 }
 

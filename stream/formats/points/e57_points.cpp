@@ -25,7 +25,7 @@ namespace tessera {
 namespace {
 
 constexpr std::size_t kReadAhead = 512;  ///< pages
-constexpr std::size_t kBlock = 1024;     ///< records decoded at a time, so that they stay in the cache
+constexpr std::size_t kDecodedRecords = 1024;     ///< records decoded at a time, so that they stay in the cache
 constexpr std::size_t kRead = static_cast<std::size_t>(E57Use::kUses);
 constexpr std::uint64_t kLooked = 4096;     ///< records that tell whether rows or columns are lines
 constexpr std::uint64_t kPoseWindows = 32;  ///< places of a scan at which its pose is checked
@@ -117,8 +117,8 @@ struct Part {
 /// Decoded values of a block of records, by use.
 class Block {
  public:
-  Block() : values_(kRead * kBlock), bytes_(kBlock * 8 + 8 + kE57Slack) {}
-  double* operator[](E57Use use) { return values_.data() + static_cast<std::size_t>(use) * kBlock; }
+  Block() : values_(kRead * kDecodedRecords), bytes_(kDecodedRecords * 8 + 8 + kE57Slack) {}
+  double* operator[](E57Use use) { return values_.data() + static_cast<std::size_t>(use) * kDecodedRecords; }
 
   /// Records [first, first + count) of a part; cursors as the section's columns are.
   void decode(const Part& part, E57Packets& packets, std::vector<E57Cursor>& cursors, std::uint64_t first,
@@ -436,7 +436,7 @@ class E57Points final : public PointFile {
     for (std::size_t c = 0; c < part.section.columns().size(); ++c)
       cursors.emplace_back(part.section, c, begin * part.section.columns()[c].bits / 8);
     while (begin < end) {
-      const auto n = static_cast<std::size_t>(std::min<std::uint64_t>(kBlock, end - begin));
+      const auto n = static_cast<std::size_t>(std::min<std::uint64_t>(kDecodedRecords, end - begin));
       block.decode(part, packets, cursors, begin, n);
       use(begin, n);
       begin += n;

@@ -17,7 +17,7 @@ constexpr std::uint64_t kMostPointsPerByte = 2048;
 constexpr std::size_t kCheckedHeads = 64;
 constexpr const char* kAdvice = "; get the file anew, or compress it anew from the original";
 
-[[noreturn]] void fail(const ReadFile& file, std::uint64_t byte, const std::string& what) {
+[[noreturn]] void fail_chunk(const ReadFile& file, std::uint64_t byte, const std::string& what) {
   throw InputError(file.path().string() + ": byte " + std::to_string(byte) + ": " + what);
 }
 
@@ -39,7 +39,7 @@ class ChunkFinder {
     } else if (schema_.layered()) {
       walk(why);
     } else if (variable()) {
-      fail(file_, header_.begin,
+      fail_chunk(file_, header_.begin,
            "the chunk table " + why + ", and chunks of many sizes cannot be read without" + kAdvice);
     } else {
       one_run(why);
@@ -173,7 +173,7 @@ class ChunkFinder {
     for (std::size_t i = 0; i + 1 < chunks_.edges.size(); ++i) {
       const std::uint64_t bytes = chunks_.edges[i + 1].begin - chunks_.edges[i].begin;
       if (chunks_.points_of(i) > bytes * kMostPointsPerByte)
-        fail(file_, chunks_.edges[i].begin,
+        fail_chunk(file_, chunks_.edges[i].begin,
              "chunk " + std::to_string(i + 1) + " claims " + std::to_string(chunks_.points_of(i)) +
                  " points in " + std::to_string(bytes) + " bytes, which cannot be" + kAdvice);
     }
@@ -212,7 +212,7 @@ class ChunkFinder {
           (!variable() && head.points > schema_.chunk_points))
         break;
       if (chunks_.edges.size() > laz::kMostChunks)
-        fail(file_, at,
+        fail_chunk(file_, at,
              "more than " + std::to_string(laz::kMostChunks) +
                  " chunks cannot be read; compress the file anew");
       chunks_.cut_off = head.bytes > end_ - at;
@@ -266,7 +266,7 @@ LazChunks find_laz_chunks(const ReadFile& file, const LasHeader& header, const l
   try {
     return ChunkFinder(file, header, schema).find();
   } catch (const laz::Damage& e) {
-    fail(file, header.begin, std::string("the last chunk is damaged: ") + e.what() + kAdvice);
+    fail_chunk(file, header.begin, std::string("the last chunk is damaged: ") + e.what() + kAdvice);
   }
 }
 
@@ -288,12 +288,12 @@ laz::Schema find_laz_schema(const ReadFile& file, const LasHeader& header) {
         return laz::parse_schema(record.substr(kHead, std::min(length, record.size() - kHead)),
                                  header.point_format, header.layout.stride);
       } catch (const laz::Damage& e) {
-        fail(file, at, std::string("the record 'laszip encoded' ") + e.what() + kAdvice);
+        fail_chunk(file, at, std::string("the record 'laszip encoded' ") + e.what() + kAdvice);
       }
     }
     window.skip(kHead + length);
   }
-  fail(file, header.records_at,
+  fail_chunk(file, header.records_at,
        "the points are compressed, but no record 'laszip encoded' among the " +
            std::to_string(header.record_count) + " of the header says how" + kAdvice);
 }

@@ -21,7 +21,7 @@ namespace tessera {
 namespace {
 
 constexpr std::size_t kHeaderBuffer = std::size_t{1} << 16;
-constexpr int kHeaderLines = 1000;
+constexpr int kMaxHeaderLines = 1000;
 constexpr std::uint64_t kLongestRecord = std::uint64_t{1} << 16;
 constexpr std::size_t kBlockBytes = std::size_t{1} << 18;  ///< of records unpacked at a time
 constexpr std::uint64_t kSampled =
@@ -88,7 +88,7 @@ class HeaderParser {
     LineReader reader(file_, layout, 0, file_.size(), false, kHeaderBuffer);
     std::string_view text;
     while (reader.next(text)) {
-      if (++header_.lines > kHeaderLines) break;
+      if (++header_.lines > kMaxHeaderLines) break;
       std::vector<std::string> words = words_of(text);
       if (words.empty() || words[0][0] == '#') continue;
       const std::string keyword = words[0];

@@ -21,7 +21,7 @@ namespace {
 constexpr int kSkip = -1;
 constexpr int kSlots = 10;
 constexpr std::size_t kIntensity = 9;
-using Values = std::array<double, kSlots>;
+using PlyValues = std::array<double, kSlots>;
 
 class PlyPoints final : public PointFile {
  public:
@@ -165,7 +165,7 @@ class PlyPoints final : public PointFile {
     LineReader reader(file, lines_, header_.data_begin, input_.size(), false);
     if (skip_elements_before(reader)) {
       std::string_view line;
-      Values values{};
+      PlyValues values{};
       for (int i = 0; i < 10000 && reader.next(line); ++i) {
         if (is_blank(line) || !parse(line, values)) continue;
         largest = std::max({largest, values[6], values[7], values[8]});
@@ -239,7 +239,7 @@ class PlyPoints final : public PointFile {
     const double v = unit_intensities_ ? value * 65535.0 : value;
     return v > 0.0 ? static_cast<std::uint16_t>(std::min(v, 65535.0) + 0.5) : std::uint16_t{0};
   }
-  void append(const Values& values, PointChunk& chunk) const {
+  void append(const PlyValues& values, PointChunk& chunk) const {
     PointValues places;
     std::copy_n(values.begin(), places.size(), places.begin());
     append_values(places, info_.attributes, layout_.colour_scale, chunk);
@@ -247,7 +247,7 @@ class PlyPoints final : public PointFile {
   }
 
   /// Takes one ascii vertex from the line. False if that has too few values or something that is no number.
-  bool parse(std::string_view& line, Values& values) const {
+  bool parse(std::string_view& line, PlyValues& values) const {
     for (std::size_t p = 0; p < slots_.size(); ++p) {
       const PlyProperty& property = element().properties[p];
       if (property.list) {
@@ -283,7 +283,7 @@ class PlyPoints final : public PointFile {
     LineReader reader(file, lines_, slice.begin, slice.end, options_.release_cache);
     std::uint64_t left = in_order ? element().count : ~std::uint64_t{0};
     std::string_view line;
-    Values values{};
+    PlyValues values{};
     if (in_order && !skip_elements_before(reader)) {
       counts.missing = left;
       return;
@@ -316,7 +316,7 @@ class PlyPoints final : public PointFile {
   void read_in_order(ChunkSink& out, ReadCounts& counts) const {
     const ReadFile file = input_.open();
     ByteWindow window(file, begin_, input_.size(), ByteWindow::kDefaultCapacity, options_.release_cache);
-    Values values{};
+    PlyValues values{};
     std::uint64_t left = element().count;
     for (; left > 0; --left) {
       for (std::size_t p = 0; p < slots_.size(); ++p) {

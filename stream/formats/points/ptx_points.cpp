@@ -23,7 +23,7 @@ namespace tessera {
 namespace {
 
 /// Numbers of the header lines after columns and rows.
-constexpr std::array<int, 8> kHeaderLines = {3, 3, 3, 3, 4, 4, 4, 4};
+constexpr std::array<int, 8> kHeaderNumbers = {3, 3, 3, 3, 4, 4, 4, 4};
 
 struct Scan {
   std::uint64_t declared = 0;    ///< columns * rows
@@ -59,7 +59,7 @@ bool is_lone_count(std::string_view line, std::uint64_t& count) {
 }
 
 bool parse_header_line(std::string_view line, std::size_t index, Scan& scan) {
-  for (int i = 0; i < kHeaderLines[index]; ++i) {
+  for (int i = 0; i < kHeaderNumbers[index]; ++i) {
     double value = 0;
     if (!next_number(line, value)) return false;
     const auto column = static_cast<std::size_t>(i);
@@ -216,11 +216,11 @@ class PtxPoints final : public PointFile {
     next();
     if (!is_lone_count(line, rows)) fail(number, "the second line of a PTX header is not the number of rows");
     scan.declared = columns == 0 || rows <= ~std::uint64_t{0} / columns ? columns * rows : ~std::uint64_t{0};
-    for (std::size_t i = 0; i < kHeaderLines.size(); ++i) {
+    for (std::size_t i = 0; i < kHeaderNumbers.size(); ++i) {
       next();
       if (!parse_header_line(line, i, scan)) {
         fail(number, "line " + std::to_string(i + 3) + " of a PTX header has " +
-                         std::to_string(kHeaderLines[i]) + " numbers, not '" +
+                         std::to_string(kHeaderNumbers[i]) + " numbers, not '" +
                          std::string(line.substr(0, 60)) + "'");
       }
     }
@@ -391,7 +391,7 @@ bool looks_like_ptx(const ReadFile& file) {
   const char end = text.find('\n') == std::string_view::npos ? '\r' : '\n';
   Scan scan;
   std::uint64_t count = 0;
-  for (std::size_t i = 0; i < 2 + kHeaderLines.size(); ++i) {
+  for (std::size_t i = 0; i < 2 + kHeaderNumbers.size(); ++i) {
     const std::size_t at = text.find(end);
     if (at == std::string_view::npos) return false;
     const std::string_view line = text.substr(0, at);

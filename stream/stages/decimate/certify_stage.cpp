@@ -20,7 +20,7 @@ namespace {
 
 constexpr double kMeasuredShare = 1e-3;  ///< of the diagonal: the scale of what is only measured
 constexpr double kReach = 1.25;          ///< times the tolerance: far enough to say how much it is missed by
-constexpr std::size_t kMostTasks = 400;
+constexpr std::size_t kMaxProofTasks = 400;
 constexpr std::size_t kFullTask = 8;   ///< cells: a task is worth a file from here
 constexpr std::size_t kFewTasks = 16;  ///< as far as there are so many: else threads would go without
 
@@ -128,7 +128,7 @@ class CertifyStage : public Stage {
  private:
   static std::size_t cells_per_task(std::size_t cells) {
     return std::max(std::clamp<std::size_t>(cells / kFewTasks, 1, kFullTask),
-                    (cells + kMostTasks - 1) / kMostTasks);
+                    (cells + kMaxProofTasks - 1) / kMaxProofTasks);
   }
 
   /// A face moves no farther than its corners do.

@@ -12,7 +12,7 @@ namespace {
 
 using json = nlohmann::json;
 
-constexpr std::uint64_t kSlackBytes = std::uint64_t{1} << 20;
+constexpr std::uint64_t kShapeSlackBytes = std::uint64_t{1} << 20;
 
 class ShapeStage : public SerialStage {
  public:
@@ -21,7 +21,7 @@ class ShapeStage : public SerialStage {
   std::string name() const override { return "shape"; }
   std::uint64_t units() const override { return store_.face_count(); }
   std::string unit_name() const override { return "faces"; }
-  std::uint64_t finish_bytes() const override { return store_.largest_patch_bytes() + kSlackBytes; }
+  std::uint64_t finish_bytes() const override { return store_.largest_patch_bytes() + kShapeSlackBytes; }
 
   json finish(const std::vector<json>&, TaskContext& context) const override {
     std::uint64_t vertices = 0;

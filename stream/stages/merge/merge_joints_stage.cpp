@@ -14,7 +14,7 @@ namespace {
 
 using json = nlohmann::json;
 
-constexpr std::size_t kPage = 1u << 12;
+constexpr std::size_t kJointPage = 1u << 12;
 
 std::string part(std::size_t task) {
   return "joints/" + task_file_stem(task) + ".edg";
@@ -79,7 +79,7 @@ class JointsStage : public MergeFacesStage {
   }
 
   std::uint64_t finish_bytes() const override {
-    return sort_bytes(state_.run) + 5 * kPage * sizeof(JointEdge) + DirectFile::kDefaultBuffer +
+    return sort_bytes(state_.run) + 5 * kJointPage * sizeof(JointEdge) + DirectFile::kDefaultBuffer +
            (std::uint64_t{4} << 20);
   }
 
@@ -89,7 +89,7 @@ class JointsStage : public MergeFacesStage {
     for (std::size_t t = 0; t < tasks_.size(); ++t) {
       borders += summaries[t].at("borders").get<std::uint64_t>();
       joints += summaries[t].at("joints").get<std::uint64_t>();
-      for_each_page<JointEdge>(state_.work / part(t), kPage, [&](auto page) {
+      for_each_page<JointEdge>(state_.work / part(t), kJointPage, [&](auto page) {
         for (const JointEdge& edge : page) sort.add(edge);
       });
     }

@@ -17,7 +17,7 @@ namespace {
 
 using json = nlohmann::json;
 
-constexpr std::uint64_t kTaskFaces = 200'000;
+constexpr std::uint64_t kScaleTaskFaces = 200'000;
 constexpr double kApartEdges = 3.0;   ///< of the coarsest mesh: its own error, and what registration leaves
 constexpr double kBeyondEdges = 1.5;  ///< of the coarsest mesh: borders of one place differ by about an edge
 constexpr double kFadeEdges = 4.0;
@@ -32,7 +32,7 @@ class ScaleStage : public Stage {
       confidence_.push_back(
           ImportPlan::from_json(json::parse(read_text(state.work / names.plan()))).confidence);
       stores_.push_back(open_imported_mesh(state.work, merge_import(i)));
-      for (const PatchRun& run : patch_runs(stores_.back(), kTaskFaces))
+      for (const PatchRun& run : patch_runs(stores_.back(), kScaleTaskFaces))
         tasks_.push_back({i, run.first, run.end});
     }
   }

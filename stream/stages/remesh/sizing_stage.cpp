@@ -20,7 +20,7 @@ namespace {
 using json = nlohmann::json;
 
 constexpr const char* kSizingFile = "sizing.json";
-constexpr std::size_t kTaskFaces = 1u << 20, kMostTasks = 400;
+constexpr std::size_t kSizingTaskFaces = 1u << 20, kMostTasks = 400;
 /// With a tolerance alone: edges are as long as this share of the surface allows; what bends more keeps shorter ones,
 /// since operations there are refused.
 constexpr double kCalmShare = 0.9;
@@ -89,7 +89,7 @@ class SizingStage : public Stage {
       throw UsageError("--tolerance " + number_text(options_.tolerance) +
                        " is more than the whole mesh, which is " + number_text(store_.diagonal()) +
                        " wide: give less");
-    const std::uint64_t target = std::max<std::uint64_t>(kTaskFaces, store_.face_count() / kMostTasks);
+    const std::uint64_t target = std::max<std::uint64_t>(kSizingTaskFaces, store_.face_count() / kMostTasks);
     std::uint64_t faces = target;
     for (std::size_t p = 0; p < store_.patches().size(); ++p) {
       if (faces >= target) first_.push_back(p), faces = 0;

@@ -15,7 +15,7 @@ namespace {
 
 using json = nlohmann::json;
 
-constexpr std::size_t kTaskPatches = 64;
+constexpr std::size_t kScaleTaskPatches = 64;
 constexpr double kDefaultTolerance = 1e-3;  ///< of the diagonal
 
 /// Eight classes to a factor of two.
@@ -42,7 +42,7 @@ class ResampleScaleStage : public Stage {
   }
   std::string name() const override { return "scale"; }
   std::size_t task_count() const override {
-    return (store_.patches().size() + kTaskPatches - 1) / kTaskPatches;
+    return (store_.patches().size() + kScaleTaskPatches - 1) / kScaleTaskPatches;
   }
   std::uint64_t task_bytes(std::size_t) const override {
     return 2 * store_.largest_patch_bytes() + (std::uint64_t{1} << 20);
@@ -52,8 +52,8 @@ class ResampleScaleStage : public Stage {
 
   json run(std::size_t task, TaskContext& context) const override {
     std::map<std::uint32_t, std::uint64_t> count;
-    const std::size_t end = std::min(store_.patches().size(), (task + 1) * kTaskPatches);
-    for (std::size_t p = task * kTaskPatches; p < end; ++p) {
+    const std::size_t end = std::min(store_.patches().size(), (task + 1) * kScaleTaskPatches);
+    for (std::size_t p = task * kScaleTaskPatches; p < end; ++p) {
       context.check_stop();
       const MeshBlock block = store_.load({&p, 1});
       for (const auto& f : block.faces)

@@ -17,7 +17,7 @@ namespace {
 using json = nlohmann::json;
 
 constexpr std::uint64_t kSlackBytes = std::uint64_t{16} << 20;
-constexpr std::uint64_t kSortBytes = std::uint64_t{64} << 20;
+constexpr std::uint64_t kCoarseSortBytes = std::uint64_t{64} << 20;
 constexpr std::uint64_t kReadEntries = std::uint64_t{1} << 16;
 
 /// Rings of faces that the sums at a vertex read: rows of its neighbours' stars, and whether ends of lines are free.
@@ -169,7 +169,7 @@ class CoarseStage : public Stage {
     unknowns.reserve(count_.unknowns);
     std::vector<PlacedLoad> placed;
     placed.reserve(count_.loads);
-    ExternalSort<PlacedEntry> sort(work_, kSortBytes);
+    ExternalSort<PlacedEntry> sort(work_, kCoarseSortBytes);
     read_patch_sums(files_, [&](const PatchSums& sums) {
       context.check_stop();
       unknowns.insert(unknowns.end(), sums.unknowns.begin(), sums.unknowns.end());
@@ -248,7 +248,7 @@ class CoarseStage : public Stage {
   std::uint64_t needed_bytes() const {
     return CoarseSystem::bytes(count_.unknowns, entries_, options_.order) +
            std::max(
-               kSortBytes + count_.largest_patch_bytes,
+               kCoarseSortBytes + count_.largest_patch_bytes,
                CoarseSystem::solve_bytes(count_.unknowns, options_.order) + 2 * DirectFile::kDefaultBuffer) +
            (sizeof(CoarseUnknown) + sizeof(CoarseValue)) * count_.unknowns +
            (sizeof(PlacedLoad) + sizeof(CoarseLoad)) * count_.loads + kSlackBytes;

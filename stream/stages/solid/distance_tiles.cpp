@@ -9,10 +9,10 @@
 namespace tessera {
 namespace {
 
-constexpr std::size_t kMostGroups = 400;
+constexpr std::size_t kMaxGroups = 400;
 constexpr int kSuper = 4;  ///< tasks are made of cubes of so many bricks
 constexpr int kSuperBits = 6;
-constexpr std::uint64_t kFixedTaskBytes = std::uint64_t{12} << 20;  ///< write buffers
+constexpr std::uint64_t kTileTaskBytes = std::uint64_t{12} << 20;  ///< write buffers
 
 }  // namespace
 
@@ -24,7 +24,7 @@ DistanceTiles::DistanceTiles(const JobState& state, double reach, std::uint64_t 
       signs_(load_solid_signs(state.work)),
       mesh_files_(list_task_files(state.work / "solid", ".tmm").size()) {
   const std::vector<std::uint64_t> cubes = find_cubes();
-  const std::size_t each = (cubes.size() + kMostGroups - 1) / kMostGroups;
+  const std::size_t each = (cubes.size() + kMaxGroups - 1) / kMaxGroups;
   for (std::size_t first = 0; first < cubes.size(); first += each)
     groups_.emplace_back(cubes.begin() + static_cast<std::ptrdiff_t>(first),
                          cubes.begin() + static_cast<std::ptrdiff_t>(std::min(first + each, cubes.size())));
@@ -101,7 +101,7 @@ std::uint64_t DistanceTiles::task_bytes(std::size_t task) const {
   std::uint64_t most = 0;
   for (const std::uint64_t cube : groups_[task])
     for (const Tile& tile : tiles_of(cube)) most = std::max(most, tile_bytes(tile));
-  return most + signs_.bytes() + kFixedTaskBytes;
+  return most + signs_.bytes() + kTileTaskBytes;
 }
 
 MeshBlock DistanceTiles::load(const Tile& tile) const {

@@ -21,7 +21,7 @@ namespace {
 using json = nlohmann::json;
 
 constexpr double kBeside = 6.0;  ///< cells beyond the band from which faces matter: a leaf's halo
-constexpr const char* kLeaves = ".lvl";
+constexpr const char* kLeafSuffix = ".lvl";
 constexpr std::size_t kPage = 256;  ///< leaves read at once
 
 class DistancesStage : public Stage {
@@ -36,7 +36,7 @@ class DistancesStage : public Stage {
   std::uint64_t task_bytes(std::size_t task) const override { return tiles_.task_bytes(task); }
 
   json run(std::size_t task, TaskContext& context) const override {
-    DirectFile out(context.create("distances/" + task_file_stem(task) + kLeaves));
+    DirectFile out(context.create("distances/" + task_file_stem(task) + kLeafSuffix));
     std::uint64_t leaves = 0, nodes = 0;
     for (const std::uint64_t cube : tiles_.groups()[task]) {
       for (const Tile& tile : tiles_.tiles_of(cube)) {
@@ -109,7 +109,7 @@ class GridStage : public SerialStage {
       : state_(state),
         band_(model.full ? 0.0 : model.band),
         plan_(Plan::of_work(state.work)),
-        files_(list_task_files(state.work / "distances", kLeaves)) {
+        files_(list_task_files(state.work / "distances", kLeafSuffix)) {
     for (const auto& path : files_) leaves_ += std::filesystem::file_size(path) / sizeof(LevelSetLeaf);
     for (const auto& path : list_task_files(state.work / "solid", ".sgn"))
       sign_bytes_ += std::filesystem::file_size(path);

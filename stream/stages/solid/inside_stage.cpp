@@ -10,7 +10,7 @@ namespace {
 
 using json = nlohmann::json;
 
-constexpr std::size_t kSamples = 1000;
+constexpr std::size_t kInsideSamples = 1000;
 /// Where fewer of the samples tell of a sheet, the surface stage counts every root.
 constexpr double kSurelySheet = 0.75;
 
@@ -29,7 +29,7 @@ class InsideStage : public SerialStage {
 
   json finish(const std::vector<json>&, TaskContext& context) const override {
     if (!is_asked_) return json::object();
-    const double half = load_mesh_solid(work_, 0, lines_[0]).half_share(kSamples);
+    const double half = load_mesh_solid(work_, 0, lines_[0]).half_share(kInsideSamples);
     context.advance(lines_[0].borders);
     if (half > kSurelySheet) refuse_open_sheet();
     return {{"half_share", half}};

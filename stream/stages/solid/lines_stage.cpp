@@ -22,7 +22,7 @@ using json = nlohmann::json;
 constexpr std::uint64_t kTaskFaces = 200'000;
 constexpr std::size_t kMostLeaves = 1u << 15;  ///< held by a task before they go to its file
 constexpr std::uint64_t kSortBytes = std::uint64_t{16} << 20;
-constexpr std::size_t kPage = 1u << 12;
+constexpr std::size_t kLinePage = 1u << 12;
 /// Triangles are crossed with the lattice in cubes of so many cells, so that large ones do not fill the memory.
 constexpr int kChunk = 256;
 constexpr std::int32_t kEndNode = 1 << kMaxCellBits;
@@ -249,7 +249,7 @@ class LinesStage : public Stage {
     ExternalSort<Record, Less> sort(state_.work, kSortBytes, less);
     for (std::size_t t = 0; t < tasks_.size(); ++t) {
       if (summaries[t].at("operand") != operand) continue;
-      for_each_page<Record>(state_.work / part(t, extension), kPage, [&](auto page) {
+      for_each_page<Record>(state_.work / part(t, extension), kLinePage, [&](auto page) {
         context.check_stop();
         for (const Record& record : page) sort.add(record);
       });
@@ -273,7 +273,7 @@ class LinesStage : public Stage {
         put();
         sum = r;
         any = true;
-        if (ready.size() >= 4 * kPage) save();
+        if (ready.size() >= 4 * kLinePage) save();
       }
     });
     put();

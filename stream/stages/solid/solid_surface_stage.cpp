@@ -17,7 +17,7 @@ namespace {
 
 using json = nlohmann::json;
 
-constexpr std::uint64_t kFixedTaskBytes = std::uint64_t{12} << 20;  ///< write buffers
+constexpr std::uint64_t kSurfaceTaskBytes = std::uint64_t{12} << 20;  ///< write buffers
 
 class SolidSurfaceStage : public Stage {
  public:
@@ -51,7 +51,7 @@ class SolidSurfaceStage : public Stage {
   std::uint64_t task_bytes(std::size_t task) const override {
     std::uint64_t most = 0;
     for (const Tile& tile : groups_[task]) most = std::max(most, tiling_.tile_bytes(tile));
-    return most + patch_bytes_ + shared_bytes_ + kFixedTaskBytes;
+    return most + patch_bytes_ + shared_bytes_ + kSurfaceTaskBytes;
   }
 
   json run(std::size_t task, TaskContext& context) const override {

@@ -14,7 +14,7 @@ namespace {
 
 using json = nlohmann::json;
 
-constexpr std::uint64_t kFixedBytes = std::uint64_t{4} << 20;
+constexpr std::uint64_t kBorderFixedBytes = std::uint64_t{4} << 20;
 /// Of one face in the kernel: itself, half a vertex, what scales and beads hold.
 constexpr std::uint64_t kKernelBytes = 280;
 
@@ -117,7 +117,7 @@ class BorderStage : public Stage {
 }  // namespace
 
 std::uint64_t border_task_bytes(std::span<const PatchEntry> patches) {
-  return StripReader::bytes(patches) + kMostStripFaces * kKernelBytes + kFixedBytes;
+  return StripReader::bytes(patches) + kMostStripFaces * kKernelBytes + kBorderFixedBytes;
 }
 
 std::unique_ptr<Stage> make_border_stage(const JobState& state) {

@@ -33,7 +33,7 @@ constexpr std::size_t kVotesPerBrick = 16;
 constexpr float kClosedVote = 0.25f;
 
 // A visit of one brick: points with halo, dipoles, node states, one leaf's lists.
-constexpr std::uint64_t kBytesPerPoint = 40 + 28 + sizeof(Dipole) + 60;
+constexpr std::uint64_t kCloseBytesPerPoint = 40 + 28 + sizeof(Dipole) + 60;
 constexpr std::uint64_t kVisitBytes = 4u << 20;
 
 /// Of a node of the map of signs.
@@ -309,7 +309,7 @@ class CloseStage : public SerialStage {
 
 std::uint64_t close_bytes(const RunOptions& run, const CloseCounts& counts) {
   return static_cast<std::uint64_t>(run.threads) *
-             (counts.visit_points * kBytesPerPoint + counts.near_bytes + kVisitBytes) +
+             (counts.visit_points * kCloseBytesPerPoint + counts.near_bytes + kVisitBytes) +
          counts.rims * 3 * sizeof(Int3) + counts.far_bytes + set_limit(run) + (8u << 20);
 }
 

@@ -28,7 +28,7 @@ constexpr std::uint64_t kMostFaces =
     3u << 16;  ///< where a block has more, its eighths are blocks: level ground has 2^17
 constexpr std::uint64_t kBytesPerFace =
     96 + 80;  ///< merged block, what becomes of it; its patches are gone by then
-constexpr std::size_t kBuffer = std::size_t{1} << 20;
+constexpr std::size_t kPassBuffer = std::size_t{1} << 20;
 
 struct Piece {
   std::uint64_t brick;
@@ -295,7 +295,7 @@ json FirstPass::finish() {
   self.flush();
   self.context.count_written(self.full.finish());
   if (self.first) self.context.count_written(self.first->finish());
-  PackedWriter file(self.context.create(island_file(self.task)), kIslandKind, kBuffer);
+  PackedWriter file(self.context.create(island_file(self.task)), kIslandKind, kPassBuffer);
   const std::vector<IslandEntry> table = {{file.append(bytes_of(self.parts)),
                                            file.append(bytes_of(self.seams)), self.dropped,
                                            self.dropped_faces}};

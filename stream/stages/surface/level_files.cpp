@@ -9,8 +9,8 @@
 namespace tessera {
 namespace {
 
-constexpr PackedKind kKind = {"TSLEVEL1", "a file of levels"};
-constexpr std::size_t kBuffer = std::size_t{1} << 16;
+constexpr PackedKind kLevelKind = {"TSLEVEL1", "a file of levels"};
+constexpr std::size_t kLevelBuffer = std::size_t{1} << 16;
 
 }  // namespace
 
@@ -19,11 +19,11 @@ std::string split_nodes_file(std::size_t task) {
 }
 
 std::uint64_t save_split_nodes(const std::filesystem::path& file, const std::vector<SplitNode>& nodes) {
-  return PackedWriter(file, kKind, kBuffer).finish(nodes);
+  return PackedWriter(file, kLevelKind, kLevelBuffer).finish(nodes);
 }
 
 std::vector<SplitNode> load_split_nodes(const std::filesystem::path& file) {
-  return PackedFile(file, kKind, sizeof(SplitNode)).table<SplitNode>();
+  return PackedFile(file, kLevelKind, sizeof(SplitNode)).table<SplitNode>();
 }
 
 LevelTree make_level_tree(int levels, std::span<const SplitNode> nodes) {

@@ -28,12 +28,12 @@ constexpr int kLoadedEdge =
     8;  ///< cells of the points' lattice: no part of a brick is loaded that is smaller
 // Per point: record and its arrays; the points of a brick and one below it as they are handed down; on a level, with
 // normals of that level and neighbourhoods. Held by tests/tools/caps_test.
-constexpr std::uint64_t kBytesPerPoint = 40 + 28 + 28 + 28 + 120;
+constexpr std::uint64_t kLevelBytesPerPoint = 40 + 28 + 28 + 28 + 120;
 /// Leaves of 8^3 nodes of one brick, those shared with other levels too, and what becomes of them.
 constexpr std::uint64_t kBytesPerLeaf = 32'000;
 constexpr std::uint64_t kMostLeaves = 2000;
-constexpr std::uint64_t kMostFaces = std::uint64_t{1} << 16;  ///< of one brick
-constexpr std::uint64_t kFixedBytes = std::uint64_t{16} << 20;
+constexpr std::uint64_t kMaxBrickFaces = std::uint64_t{1} << 16;  ///< of one brick
+constexpr std::uint64_t kLevelFixedBytes = std::uint64_t{16} << 20;
 
 class LevelSurfaceStage : public Stage {
  public:
@@ -126,7 +126,7 @@ class LevelSurfaceStage : public Stage {
   }
   bool is_leaf(const Int3& node, int level) const { return level == 0 || !tree_.is_split(node, level); }
   bool loads(const Int3& node, int level, std::uint64_t points) const {
-    return points * kBytesPerPoint <= load_bytes_ || maker_.edge(level) <= kLoadedEdge ||
+    return points * kLevelBytesPerPoint <= load_bytes_ || maker_.edge(level) <= kLoadedEdge ||
            is_leaf(node, level);
   }
   static Int3 child(const Int3& node, int c) {
@@ -222,8 +222,8 @@ std::uint64_t most_points_near(std::span<const BrickEntry> bricks) {
 
 std::uint64_t level_surface_task_bytes(std::uint64_t points) {
   const std::uint64_t leaves = std::min(kMostLeaves, 27 * points);
-  const std::uint64_t faces = std::min(kMostFaces, 64 * leaves);
-  return points * kBytesPerPoint + leaves * kBytesPerLeaf + FirstPass::bytes(2 * faces, faces) + kFixedBytes;
+  const std::uint64_t faces = std::min(kMaxBrickFaces, 64 * leaves);
+  return points * kLevelBytesPerPoint + leaves * kBytesPerLeaf + FirstPass::bytes(2 * faces, faces) + kLevelFixedBytes;
 }
 
 std::unique_ptr<Stage> make_level_surface_stage(const JobState& state) {

@@ -21,7 +21,7 @@ namespace {
 
 using json = nlohmann::json;
 
-constexpr std::uint64_t kBytesPerPoint = 40 + 13 + 8;  ///< of a brick: loaded, places, split nodes
+constexpr std::uint64_t kSplitBytesPerPoint = 40 + 13 + 8;  ///< of a brick: loaded, places, split nodes
 constexpr double kLeastNoise = 1.5;  ///< cells are no smaller than this many times the noise
 
 class LevelsStage : public Stage {
@@ -51,7 +51,7 @@ class LevelsStage : public Stage {
     const auto [first, last] = store_.file_range(task);
     std::uint64_t most = 0;
     for (std::size_t b = first; b < last; ++b) most = std::max(most, store_.bricks()[b].points);
-    return most * kBytesPerPoint + (std::uint64_t{2} << 20);
+    return most * kSplitBytesPerPoint + (std::uint64_t{2} << 20);
   }
 
   json run(std::size_t task, TaskContext& context) const override {

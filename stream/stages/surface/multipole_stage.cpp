@@ -15,8 +15,8 @@ namespace {
 using json = nlohmann::json;
 
 // Block of one brick: 40 bytes a point while loading, weight and dipole.
-constexpr std::uint64_t kBytesPerPoint = 40 + 4 + sizeof(Dipole);
-constexpr std::uint64_t kFixedTaskBytes = 12u << 20;
+constexpr std::uint64_t kMultipoleBytesPerPoint = 40 + 4 + sizeof(Dipole);
+constexpr std::uint64_t kMultipoleTaskBytes = 12u << 20;
 
 class MultipoleStage : public Stage {
  public:
@@ -83,7 +83,7 @@ class MultipoleStage : public Stage {
 }  // namespace
 
 std::uint64_t multipole_task_bytes(std::uint64_t brick_points) {
-  return brick_points * kBytesPerPoint + kFixedTaskBytes;
+  return brick_points * kMultipoleBytesPerPoint + kMultipoleTaskBytes;
 }
 
 std::unique_ptr<Stage> make_multipole_stage(const JobState& state) {

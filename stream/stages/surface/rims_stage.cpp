@@ -14,7 +14,7 @@ namespace {
 
 using json = nlohmann::json;
 
-constexpr std::uint64_t kFixedTaskBytes = 8u << 20;
+constexpr std::uint64_t kRimTaskBytes = 8u << 20;
 
 class RimsStage : public Stage {
  public:
@@ -90,7 +90,7 @@ class RimsStage : public Stage {
 }  // namespace
 
 std::uint64_t rims_tile_bytes(std::span<const BrickEntry> bricks, const Tile& tile, int halo_cells) {
-  return tile_bytes(bricks, nullptr, tile, halo_cells) + kFixedTaskBytes;
+  return tile_bytes(bricks, nullptr, tile, halo_cells) + kRimTaskBytes;
 }
 
 std::unique_ptr<Stage> make_rims_stage(const JobState& state) {
