@@ -90,12 +90,13 @@ class ConjugateGradientsSolver final : public LinearSolver {
       std::fill(xc.begin(), xc.end(), 0.0);
       const Columns<1> norm = {std::sqrt(dots<1>(r, r)[0])};
       const auto size = static_cast<Eigen::Index>(n);
-      const ConjugateGradientsResult result = conjugate_gradients<1>(
-          [this](const auto& u, auto& v) { multiply(*matrix_, u, v); }, r, xc, z, p, norm, options_.tolerance,
-          options_.max_iterations,
-          [&] {
-            Eigen::Map<Eigen::VectorXd>(z.data(), size) = incomplete_.solve(Eigen::Map<const Eigen::VectorXd>(r.data(), size));
-          });
+      const ConjugateGradientsResult result =
+          conjugate_gradients<1>([this](const auto& u, auto& v) { multiply(*matrix_, u, v); }, r, xc, z, p,
+                                 norm, options_.tolerance, options_.max_iterations,
+                                 [&] {
+                                   Eigen::Map<Eigen::VectorXd>(z.data(), size) =
+                                       incomplete_.solve(Eigen::Map<const Eigen::VectorXd>(r.data(), size));
+                                 });
       for (std::size_t i = 0; i < n; ++i) x[i * w + c] = xc[i];
       report.iterations = std::max(report.iterations, result.iterations);
       converged = converged && result.converged;

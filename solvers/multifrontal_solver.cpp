@@ -93,8 +93,8 @@ class MultifrontalSolver final : public LinearSolver {
     if (options_.memory_bytes > 0 && report.peak_bytes > options_.memory_bytes) {
       report.status = SolveStatus::kTooLarge;
       report.message = "the fronts of " + std::to_string(a.rows) + " unknowns need " +
-                       in_mebibytes(report.peak_bytes) + ", allowed are " + in_mebibytes(options_.memory_bytes) +
-                       ": allow more memory";
+                       in_mebibytes(report.peak_bytes) + ", allowed are " +
+                       in_mebibytes(options_.memory_bytes) + ": allow more memory";
     }
     return report;
   }

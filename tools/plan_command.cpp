@@ -207,7 +207,7 @@ void print_makespans(const Simulation& simulation, const MeasuredJob& measured, 
 }
 
 void run_plan(const ReconstructOptions& options, JobState state, const fs::path& tiles,
-         const Simulation& simulation) {
+              const Simulation& simulation) {
   simulation.check();
   std::optional<MeasuredJob> measured;  // read before anything is planned: what it lacks is told at once
   if (!simulation.nodes.empty()) measured = read_measured(simulation.measured);

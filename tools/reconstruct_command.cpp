@@ -67,7 +67,9 @@ cli::Command reconstruct_command() {
   cli::Command command = cli::job_command<ReconstructOptions>(
       "reconstruct", "A scan becomes a mesh. Run it again to go on after a stop.",
       "the mesh to write: .ply, .obj, .stl or .glb",
-      [tiles](const ReconstructOptions& options, const JobState& state) { run_reconstruct(options, state, *tiles); });
+      [tiles](const ReconstructOptions& options, const JobState& state) {
+        run_reconstruct(options, state, *tiles);
+      });
   cli::add_tiles(command.options, *tiles);
   return command;
 }

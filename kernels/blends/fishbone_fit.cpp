@@ -21,12 +21,12 @@ constexpr int kProfileSmooths = 12, kSpineSmooths = 16;
 constexpr double kFlankEdges = 3.0,
                  kFlankShare = 0.8;  ///< how much of the flanks is looked at: edges, half widths
 constexpr double kOffFitEdges = 1.5, kOffShare = 0.35;  ///< vertices farther off are of something else
-constexpr double kProfileFacing = 0.2;                      ///< cosine between a vertex's normal and the profile's
-constexpr double kNearTrack = 3.0;                   ///< of half the band and a flank
-constexpr double kBadRib = 3.0;                      ///< of the median rms: the blend has ended
-constexpr double kFine = 0.02;                       ///< of an edge: a rib that fits so well is never bad
-constexpr double kRough = 0.3;        ///< of the flank: what lies so far off a line on average is no flank
-constexpr double kLeastApart = 0.15;  ///< of the spacing: ends of ribs
+constexpr double kProfileFacing = 0.2;  ///< cosine between a vertex's normal and the profile's
+constexpr double kNearTrack = 3.0;      ///< of half the band and a flank
+constexpr double kBadRib = 3.0;         ///< of the median rms: the blend has ended
+constexpr double kFine = 0.02;          ///< of an edge: a rib that fits so well is never bad
+constexpr double kRough = 0.3;          ///< of the flank: what lies so far off a line on average is no flank
+constexpr double kLeastApart = 0.15;    ///< of the spacing: ends of ribs
 
 /// Ribs by cells of their origins: every cell has those of its neighbours, too.
 class NearRibs {

@@ -66,9 +66,9 @@ class Overlay {
   struct State {
     std::uint32_t stamp = 0;
     std::uint32_t over = kNoFace;  ///< 4 t + edge: it lies over coarse face t and across that edge
-    float height = 0.0f;         ///< largest there
+    float height = 0.0f;           ///< largest there
     float bound = kOpen;
-    unsigned corners = 0;       ///< bit i: corner i lies over `over`
+    unsigned corners = 0;         ///< bit i: corner i lies over `over`
     std::uint32_t met = kNoFace;  ///< the last of met_ that is of this face
   };
   /// A coarse face that a fine one lies partly over.

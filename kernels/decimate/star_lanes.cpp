@@ -207,7 +207,8 @@ StarLanes::Answer StarLanes::judge(std::size_t at, double& gap) const {
                     bits_of(_mm256_cmp_ps(cross_lanes(x1, y1, xn, yn), zero, _CMP_GT_OQ));
   if ((round & fresh & ~2) != 0) return Answer::kRefused;
   // The centre over the new face below it.
-  const __m256 side = cross_lanes(ax, ay, x, y), side_n = permuted(side, next), low = _mm256_sub_ps(zero, unsure);
+  const __m256 side = cross_lanes(ax, ay, x, y), side_n = permuted(side, next),
+               low = _mm256_sub_ps(zero, unsure);
   const __m256 height = _mm256_sub_ps(
       az, _mm256_div_ps(_mm256_sub_ps(_mm256_mul_ps(z, side_n), _mm256_mul_ps(zn, side)), full));
   const __m256 over = _mm256_and_ps(_mm256_cmp_ps(_mm256_sub_ps(zero, side), low, _CMP_GE_OQ),

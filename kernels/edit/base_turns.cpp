@@ -220,13 +220,15 @@ std::vector<float> turn_columns(std::span<const Double3> rest, std::span<const F
   const std::size_t handles = (columns.width - columns.first) / 4,
                     width = turn_width(columns.targets, handles);
   const Around around = faces_around(rest, faces, active);
-  std::vector<float> out((active.size() + kRotationLanes - 1) / kRotationLanes * kRotationLanes * width, 0.0f);
+  std::vector<float> out((active.size() + kRotationLanes - 1) / kRotationLanes * kRotationLanes * width,
+                         0.0f);
   std::vector<double> area(around.vertex.size(), 0.0);
   const auto keep = [&](const std::vector<Group>& sum, std::size_t from, std::size_t count) {
     for (std::size_t k = 0; k < active.size(); ++k) {
       const std::uint32_t v = around.active[k];
       const double share = area[v] > 0.0 ? 1.0 / area[v] : 0.0;
-      float* const to = out.data() + (k / kRotationLanes * width + from) * kRotationLanes + k % kRotationLanes;
+      float* const to =
+          out.data() + (k / kRotationLanes * width + from) * kRotationLanes + k % kRotationLanes;
       for (std::size_t c = 0; c < count; ++c) to[c * kRotationLanes] = static_cast<float>(sum[v][c] * share);
     }
   };

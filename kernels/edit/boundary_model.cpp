@@ -154,7 +154,8 @@ void BoundaryModel::solve(std::span<double> values, int width) {
     ++m.report.refinements;
     // Every correction is to the one before as this one is, or the first one to the solution.
     const double to = step == 0 ? largest : earlier;
-    if (correction <= kRoundingShare * largest || correction * correction <= kRoundingShare * largest * to) break;
+    if (correction <= kRoundingShare * largest || correction * correction <= kRoundingShare * largest * to)
+      break;
   }
 }
 

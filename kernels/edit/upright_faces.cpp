@@ -14,7 +14,8 @@ constexpr int kSweepsPerRing = 8;  ///< Gauss-Seidel carries a correction a ring
 constexpr int kHalvings = 3, kYieldRounds = 8;
 constexpr double kBarely =
     0.1;  ///< cosine: a face that stands so steep is over by another measure of how the surface turns
-constexpr double kMaxEdgeWeight = 20, kMinEdgeWeight = 0.02;  ///< of an edge: slivers hold nothing, and hang on
+constexpr double kMaxEdgeWeight = 20,
+                 kMinEdgeWeight = 0.02;  ///< of an edge: slivers hold nothing, and hang on
 
 /// An edge by what it weighs on its side of a face.
 struct Spoke {

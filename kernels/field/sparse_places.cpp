@@ -9,7 +9,7 @@ namespace {
 constexpr int kWindow = 3;  ///< coarse cells to either side of a node: what a leaf of halo holds
 /// Occupied cells for every coarse one: lines have 2, the rims of holes amid dense samples 2.6 and more.
 constexpr float kSparseRatio = 2.4f;
-constexpr float kDepthOfRatio = 6.0f;                ///< fine cells: places end within a ratio of 0.3
+constexpr float kDepthOfRatio = 6.0f;                   ///< fine cells: places end within a ratio of 0.3
 constexpr int kNodeRow = kLeafCells + 2 * kWindow - 1;  ///< cells that the nodes of a leaf see, along an axis
 constexpr std::uint32_t kLeastHalf = 6;  ///< coarse cells in half of what is around, else it does not tell
 

@@ -207,7 +207,8 @@ class EarClipper {
   /// join have two corners at one place, and only one of them sees b.
   bool diagonal_is_inside(std::uint32_t b) const {
     const std::uint32_t a = previous_[b], c = next_[b];
-    if (turn_[a] > 0 ? orientation(point_[a], point_[c], point_[previous_[a]]) <= 0 : is_spike(a)) return false;
+    if (turn_[a] > 0 ? orientation(point_[a], point_[c], point_[previous_[a]]) <= 0 : is_spike(a))
+      return false;
     return turn_[c] > 0 ? orientation(point_[c], point_[next_[c]], point_[a]) > 0 : !is_spike(c);
   }
 
@@ -249,7 +250,9 @@ class EarClipper {
 class DiagonalFlipper {
  public:
   DiagonalFlipper(const std::vector<Point>& point, std::span<Triangle> triangles)
-      : point_(point), triangles_(triangles), neighbour_(triangles.size(), {kNoCorner, kNoCorner, kNoCorner}) {
+      : point_(point),
+        triangles_(triangles),
+        neighbour_(triangles.size(), {kNoCorner, kNoCorner, kNoCorner}) {
     struct Side {
       std::uint32_t from, to, triangle, edge;
     };
@@ -318,7 +321,8 @@ class DiagonalFlipper {
 
   const std::vector<Point>& point_;
   std::span<Triangle> triangles_;
-  std::vector<Triangle> neighbour_;  ///< across the edge from each corner to the next; kNoCorner at the outline
+  std::vector<Triangle>
+      neighbour_;  ///< across the edge from each corner to the next; kNoCorner at the outline
 };
 
 /// Whether it is more than a line.
@@ -357,7 +361,8 @@ bool triangulate_polygon(std::span<const Double3> corners, std::vector<Triangle>
   bool covered = EarClipper(point).clip_all(triangles);
   const std::span<Triangle> fresh(triangles.data() + first, corners.size() - 2);
   DiagonalFlipper(point, fresh).flip_all();
-  for (const Triangle& t : fresh) covered = covered && orientation(point[t[0]], point[t[1]], point[t[2]]) >= 0;
+  for (const Triangle& t : fresh)
+    covered = covered && orientation(point[t[0]], point[t[1]], point[t[2]]) >= 0;
   return covered;
 }
 

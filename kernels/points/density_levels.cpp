@@ -29,7 +29,8 @@ class Splitter {
              std::vector<DensityNode>& out) {
     if (level <= least_ || first == last) return;
     const std::uint64_t cells = occupied(first, last, cell_bits(level));
-    if (cells < kLeastCells || kCoveredCoarser * occupied(first, last, cell_bits(level - 1)) < kCoveredFiner * cells)
+    if (cells < kLeastCells ||
+        kCoveredCoarser * occupied(first, last, cell_bits(level - 1)) < kCoveredFiner * cells)
       return;
     DensityNode node{level, {}};
     const int depth = levels_ - 1 - level, shift = cell_bits(level) + kBrickBits;

@@ -13,11 +13,12 @@ namespace {
 
 constexpr double kAlongRay = 0.96984631039295421;  ///< square of the cosine of ten degrees
 constexpr double kJump = 9.0;                      ///< square of how much longer a step is that jumps
-constexpr int kMinGridNeighbours = 5;                  ///< a plane through fewer is chance
-constexpr double kMinLineRatio = 0.0025;  ///< of the larger eigenvalues: below it the neighbours lie on a line
-constexpr double kFlat = 0.004;   ///< bend up to which the largest window is as good as any
-constexpr double kSmaller = 0.5;  ///< a smaller window must be so much flatter
-constexpr double kMaxPlaneRatio = 0.2;    ///< from here on there is no plane
+constexpr int kMinGridNeighbours = 5;              ///< a plane through fewer is chance
+constexpr double kMinLineRatio =
+    0.0025;                             ///< of the larger eigenvalues: below it the neighbours lie on a line
+constexpr double kFlat = 0.004;         ///< bend up to which the largest window is as good as any
+constexpr double kSmaller = 0.5;        ///< a smaller window must be so much flatter
+constexpr double kMaxPlaneRatio = 0.2;  ///< from here on there is no plane
 
 constexpr int kWidth = 2 * kGridReach + 1;
 

@@ -10,7 +10,7 @@ namespace {
 
 constexpr float kListCubeCells = 4.0f;
 constexpr float kSupportCosine = 0.5f;  ///< supporters' normals lie within 60 degrees
-constexpr float kPadding = 1e6f;            ///< where padding is
+constexpr float kPadding = 1e6f;        ///< where padding is
 constexpr float kRounding = 1.00001f;   ///< squares summed in another order stay within
 
 std::size_t padded(std::size_t n) {

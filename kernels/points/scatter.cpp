@@ -43,7 +43,8 @@ std::vector<std::uint8_t> find_scatter(const ScatterInput& in) {
     if (own < (echo ? kRoughEcho : kRough)) continue;
     const std::size_t v = voxel_of(in.position[i]);
     float rough = kOwn * sums[v].rough, points = kOwn * sums[v].points;
-    const std::size_t place[3] = {v % kBrickVoxels, v / kBrickVoxels % kBrickVoxels, v / (std::size_t{kBrickVoxels} * kBrickVoxels)};
+    const std::size_t place[3] = {v % kBrickVoxels, v / kBrickVoxels % kBrickVoxels,
+                                  v / (std::size_t{kBrickVoxels} * kBrickVoxels)};
     for (std::size_t a = 0; a < 3; ++a)
       for (const int side : {-1, 1}) {
         if (place[a] == (side < 0 ? 0u : kBrickVoxels - 1u)) continue;

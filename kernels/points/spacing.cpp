@@ -90,8 +90,8 @@ std::vector<SpacingProbe> without_strewn(std::vector<SpacingProbe> probes, doubl
   constexpr double kNotable =
       0.08;  // share of the area that suspects claim; 0.03 in cluttered rooms and wooded land
   constexpr double kMostly = 0.65;  // of the points as sparse; 0.45 where a scanner saw little of what is far
-  constexpr double kDenseShare = 0.75;   // of the points on a surface are as dense as that,
-  constexpr double kSlack = 1.5;   // or have so many times their spacing
+  constexpr double kDenseShare = 0.75;  // of the points on a surface are as dense as that,
+  constexpr double kSlack = 1.5;        // or have so many times their spacing
   const auto points_of = [](const SpacingProbe& p) { return p.area / (p.spacing * p.spacing); };
   std::sort(probes.begin(), probes.end(), [](const SpacingProbe& a, const SpacingProbe& b) {
     return std::tie(a.spacing, a.area, a.nearest, a.gap, a.on_surface) <

@@ -74,7 +74,7 @@ struct SpacingSummary {
   double gap = 0.0;       ///< 90 % of it
   double noise = 0.0;     ///< lower quartile of the residual: curvature and features only add to noise
   double residual = 0.0;  ///< median residual
-  double strewn = 0.0;    ///< share of the points that is too sparse for the surface and was left out; mostly 0
+  double strewn = 0.0;  ///< share of the points that is too sparse for the surface and was left out; mostly 0
 };
 SpacingSummary summarise_spacing(std::vector<SpacingProbe> probes, const ScaleHistogram& residual);
 

@@ -23,7 +23,7 @@ constexpr double kCap = 0.97;              ///< 10
 constexpr double kCapHeight = 0.05;        ///< targets: a line moves by less where a cap on it goes
 constexpr double kEarHeight = 0.1;  ///< of a cap with both its other edges on the border: no line moves
 constexpr double kFlipGain = 0.01, kMoveGain = 0.005;
-constexpr double kLongCollapse = 1.6;                  ///< targets: no edge gets longer by a collapse
+constexpr double kLongCollapse = 1.6;                        ///< targets: no edge gets longer by a collapse
 constexpr double kStrongFinishCrease = 0.70710678118654752;  ///< cosine of its turn: others yield to shape
 
 }  // namespace

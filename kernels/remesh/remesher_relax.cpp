@@ -7,9 +7,9 @@
 namespace tessera {
 namespace {
 
-constexpr double kStill = 1e-3;       ///< of the length: smaller moves are not worth a look-up
-constexpr double kFlatFace = 0.1;     ///< roundness
-constexpr double kFlat = 0.0625;      ///< a move leaves the surface by less than this share of it (squares)
+constexpr double kStill = 1e-3;    ///< of the length: smaller moves are not worth a look-up
+constexpr double kFlatFace = 0.1;  ///< roundness
+constexpr double kFlat = 0.0625;   ///< a move leaves the surface by less than this share of it (squares)
 constexpr double kMinCosineMoved = 0.5;  ///< least cosine of a face to what it was before a move
 
 }  // namespace

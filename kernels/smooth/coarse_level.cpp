@@ -124,7 +124,8 @@ class Pieces {
       for (std::uint32_t e = rows.first[v]; e < rows.first[v + 1]; ++e) {
         const std::uint32_t u = rows.neighbour[e];
         const bool open = rows.role[u] == VertexRole::kOpen;
-        if (!open && (u > v || patch_[u] == kNoVertex || patch_[u] == patch_[v] || rows.role[u] != rows.role[v]))
+        if (!open &&
+            (u > v || patch_[u] == kNoVertex || patch_[u] == patch_[v] || rows.role[u] != rows.role[v]))
           continue;
         std::uint32_t shared = shared_classes(place[u], place[v]) & seen_classes(place[v]);
         if (!open) shared &= seen_classes(place[u]);

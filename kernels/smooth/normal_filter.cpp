@@ -197,8 +197,7 @@ std::vector<Double3> filter_by_normals(const MeshBlock& block, const FaceCorners
         const std::uint32_t f = corner >> 2;
         const auto& face = block.faces[f];
         const Double3 to_centre =
-            ((now[face[0]] - here) + (now[face[1]] - here) + (now[face[2]] - here)) *
-            (1.0 / 3.0);
+            ((now[face[0]] - here) + (now[face[1]] - here) + (now[face[2]] - here)) * (1.0 / 3.0);
         const Double3 n = {normals[f][0], normals[f][1], normals[f][2]};
         move = move + n * dot(n, to_centre);
       }

@@ -22,7 +22,8 @@ int class_of(double square) {
   int exponent = 0;
   const double mantissa = std::frexp(square, &exponent);
   if (!(mantissa > 0.0)) return kZero;
-  return exponent * static_cast<int>(kNoiseClasses) + static_cast<int>((mantissa - 0.5) * (2.0 * kNoiseClasses));
+  return exponent * static_cast<int>(kNoiseClasses) +
+         static_cast<int>((mantissa - 0.5) * (2.0 * kNoiseClasses));
 }
 
 double middle_of(int number) {

@@ -34,8 +34,7 @@ std::vector<FaceShape> face_shapes(const MeshBlock& block, std::uint64_t& degene
   std::vector<FaceShape> shapes(block.faces.size());
   for (std::size_t f = 0; f < shapes.size(); ++f) {
     const auto& face = block.faces[f];
-    const Double3 p = block.position[face[0]], q = block.position[face[1]],
-                  r = block.position[face[2]];
+    const Double3 p = block.position[face[0]], q = block.position[face[1]], r = block.position[face[2]];
     const Double3 pq = q - p, qr = r - q, rp = p - r;
     const Double3 area = cross(pq, qr);
     const double doubled = norm(area);

@@ -11,7 +11,8 @@ namespace {
 constexpr std::size_t kLeafSegments = 4;
 constexpr std::size_t kChildren = 4;
 constexpr int kMostHalvings = 40;
-constexpr double kSegmentExactness = 1e-9;   ///< of the tool's radius: how exactly its place on a segment is found
+constexpr double kSegmentExactness =
+    1e-9;                         ///< of the tool's radius: how exactly its place on a segment is found
 constexpr double kLevel = 1e-10;  ///< slope along a segment, per length, that counts as none
 constexpr std::size_t kStack = 128;
 constexpr int kMostPasses = 1000, kMaxDistanceSteps = 60;

@@ -341,7 +341,8 @@ MeshStore::MeshStore(const std::vector<std::filesystem::path>& files,
   std::vector<std::filesystem::path> paths = files;
   paths.insert(paths.end(), newer.begin(), newer.end());
   for (const auto& path : paths) {
-    const PackedFile& file = impl_->files.emplace_back(path, kStoreKind, sizeof(MeshPatchEntry), sizeof(DiskInfo));
+    const PackedFile& file =
+        impl_->files.emplace_back(path, kStoreKind, sizeof(MeshPatchEntry), sizeof(DiskInfo));
     DiskInfo disk;
     std::memcpy(&disk, file.info().data(), sizeof disk);
     MeshStoreInfo info;

@@ -67,7 +67,8 @@ struct MultipoleStore::Impl {
 MultipoleStore::MultipoleStore(const std::filesystem::path& work) : impl_(std::make_unique<Impl>()) {
   std::vector<Multipole> bricks;
   for (const auto& path : list_task_files(work / kFolder, kExtension)) {
-    const PackedFile& file = impl_->files.emplace_back(path, kMultipoleKind, sizeof(MultipoleFileWriter::Entry));
+    const PackedFile& file =
+        impl_->files.emplace_back(path, kMultipoleKind, sizeof(MultipoleFileWriter::Entry));
     for (const auto& e : file.table<MultipoleFileWriter::Entry>()) {
       bricks.push_back(e.whole);
       impl_->places.push_back({e.leaves, impl_->files.size() - 1});

@@ -32,7 +32,9 @@ void NormalSampler::enter(const std::array<std::int64_t, 3>& cell) {
 
 void NormalSampler::push(const Double3& p, const Float3& n) {
   if (held_.empty()) held_.reserve(2 * kLimit);
-  held_.push_back({last_hash_, mix(bits_of_double(p[0]) ^ mix(bits_of_double(p[1]) ^ mix(bits_of_double(p[2])))), p, unit(n), 0});
+  held_.push_back({last_hash_,
+                   mix(bits_of_double(p[0]) ^ mix(bits_of_double(p[1]) ^ mix(bits_of_double(p[2])))), p,
+                   unit(n), 0});
   if (held_.size() >= 2 * kLimit) shrink();
 }
 

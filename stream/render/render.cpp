@@ -228,7 +228,8 @@ PictureOptions picture_options(const RenderOptions& options, int width) {
 /// All but the pixels and what the scene keeps. What a caller holds counts: a page is drawn at the end of a job, its second picture
 /// with the rasterizer of the first one loaded.
 std::uint64_t fixed_bytes() {
-  const std::uint64_t own = kProgramBytes + (rasterizer_loaded() ? kRasterizerBytes : 0), held = resident_bytes();
+  const std::uint64_t own = kProgramBytes + (rasterizer_loaded() ? kRasterizerBytes : 0),
+                      held = resident_bytes();
   return kProgramBytes + kRasterizerBytes + kReaderBytes + (held > own ? held - own : 0);
 }
 

@@ -83,9 +83,15 @@ ChildResult run_once(std::vector<std::string> words, int lock) {
 
 ChildResult run_task_process(const std::filesystem::path& work, const std::string& stage, std::int64_t task,
                              const std::string& writer, int lock) {
-  const std::vector<std::string> words = {"tessera", "task",          work.string(),
-                                          stage,     task_argument(task), "--writer",
-                                          writer,    "--driven",      std::to_string(::getpid())};
+  const std::vector<std::string> words = {"tessera",
+                                          "task",
+                                          work.string(),
+                                          stage,
+                                          task_argument(task),
+                                          "--writer",
+                                          writer,
+                                          "--driven",
+                                          std::to_string(::getpid())};
   ChildResult result;
   for (int attempt = 0; attempt < kTries; ++attempt) {
     throw_if_stopped();
@@ -108,7 +114,8 @@ void throw_child_failure(const ChildResult& result, const std::string& stage, st
   const std::string prefix = "tessera: error: ";
   if (const std::size_t at = message.rfind(prefix); at != std::string::npos)
     message = message.substr(at + prefix.size());
-  if (message.empty()) message = fmt::format("stage {}, task {}: its process failed", stage, task_argument(task));
+  if (message.empty())
+    message = fmt::format("stage {}, task {}: its process failed", stage, task_argument(task));
   switch (result.exit_code) {
     case static_cast<int>(ExitCode::kUsage):
     case static_cast<int>(ExitCode::kInput):

@@ -1,8 +1,8 @@
 // The coordinate system of a scan on its way through the commands.
 #include <catch2/catch.hpp>
-#include <cstring>
 #include <cmath>
 #include <cstdio>
+#include <cstring>
 #include <nlohmann/json.hpp>
 #include "stream/formats/proj_library.h"
 

@@ -91,8 +91,7 @@ class StlMeshReader : public MeshReader {
     const std::uint64_t fit = room / kFacetSize, over = room % kFacetSize;
     constexpr std::uint64_t kNoCount = kHeaderSize - sizeof(std::uint32_t);
     if (size >= kHeaderSize && over != 0 && count != fit && (size - kNoCount) % kFacetSize == 0 &&
-        count != (size - kNoCount) / kFacetSize &&
-        all_plausible(kNoCount, (size - kNoCount) / kFacetSize)) {
+        count != (size - kNoCount) / kFacetSize && all_plausible(kNoCount, (size - kNoCount) / kFacetSize)) {
       begin_ = kNoCount;
       warnings_.push_back("the header lacks its count of facets");
       return (size - kNoCount) / kFacetSize;

@@ -16,7 +16,8 @@ namespace {
 
 // Of the public header: where its records lie.
 constexpr std::uint64_t kGlobalEncodingAt = 6, kMinorVersion = 25, kPointFormatAt = 104, kHeaderSizeAt = 94,
-                        kRecordCountAt = 100, kFirstExtended = 235, kExtendedCount = 243, kHeaderBytes14 = 375;
+                        kRecordCountAt = 100, kFirstExtended = 235, kExtendedCount = 243,
+                        kHeaderBytes14 = 375;
 constexpr std::uint64_t kRecordHeader = 54, kExtendedHeader = 60;
 constexpr std::uint64_t kMostRecords = 4096;                 // looked at; files have a handful
 constexpr std::uint64_t kMostText = std::uint64_t{1} << 20;  // of one record: WKT takes some hundred bytes
@@ -237,8 +238,9 @@ CoordinateSystem las_coordinate_system(const ReadFile& file, std::vector<std::st
   }
   CoordinateSystem of_keys = system_of_keys(keys, texts);
   if (!of_text.known()) return of_keys;
-  const bool text_alone = (number_at<std::uint16_t>(file, kGlobalEncodingAt) & kWktBit) != 0 ||
-                          (number_at<std::uint8_t>(file, kPointFormatAt) & kPointFormatMask) >= kFirstWktFormat;
+  const bool text_alone =
+      (number_at<std::uint16_t>(file, kGlobalEncodingAt) & kWktBit) != 0 ||
+      (number_at<std::uint8_t>(file, kPointFormatAt) & kPointFormatMask) >= kFirstWktFormat;
   if (text_alone || !of_keys.known()) return of_text;
   bool differ =
       of_keys.horizontal != 0 && of_text.horizontal != 0 && of_text.horizontal != of_keys.horizontal;

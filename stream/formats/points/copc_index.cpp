@@ -46,7 +46,7 @@ class Hierarchy {
     for (std::size_t i = 1; i < found_.size(); ++i)
       if (found_[i - 1].chunk == found_[i].chunk)
         fail_index(file_, copc_.root_at,
-             "gives one chunk to two nodes, " + found_[i - 1].name + " and " + found_[i].name);
+                   "gives one chunk to two nodes, " + found_[i - 1].name + " and " + found_[i].name);
     return std::move(found_);
   }
 
@@ -59,9 +59,10 @@ class Hierarchy {
     if (page.at > file_.size() || page.bytes > file_.size() - page.at || page.bytes % kEntryBytes != 0 ||
         page.bytes == 0)
       fail_index(file_, page.at,
-           "has no page of " + std::to_string(page.bytes) + " bytes there: the file has " +
-               std::to_string(file_.size()));
-    if (!seen_.insert(page.at).second) fail_index(file_, page.at, "comes back to a page that was read before");
+                 "has no page of " + std::to_string(page.bytes) + " bytes there: the file has " +
+                     std::to_string(file_.size()));
+    if (!seen_.insert(page.at).second)
+      fail_index(file_, page.at, "comes back to a page that was read before");
     entries_ += page.bytes / kEntryBytes;
     if (entries_ > laz::kMostChunks)
       fail_index(file_, page.at, "has more than " + std::to_string(laz::kMostChunks) + " nodes");
@@ -92,8 +93,8 @@ class Hierarchy {
     }
     if (!in_cube || points < -1 || (points != 0 && size <= 0))
       fail_index(file_, at,
-           "has a node " + node.name + " of " + std::to_string(points) + " points in " +
-               std::to_string(size) + " bytes, which cannot be");
+                 "has a node " + node.name + " of " + std::to_string(points) + " points in " +
+                     std::to_string(size) + " bytes, which cannot be");
     if (level > deepest_ || points == 0 || !meets(node)) return;
     if (points == -1)
       pages_.push_back({offset, static_cast<std::uint64_t>(size)});
@@ -118,9 +119,9 @@ class Hierarchy {
     if (node.chunk == chunks_.size() || edge->begin != place.at ||
         (edge + 1)->begin - place.at != place.bytes || chunks_.points_of(node.chunk) != points)
       fail_index(file_, at,
-           "says that node " + node.name + " has " + std::to_string(points) + " points in " +
-               std::to_string(place.bytes) + " bytes from byte " + std::to_string(place.at) +
-               " on, the chunk table says otherwise");
+                 "says that node " + node.name + " has " + std::to_string(points) + " points in " +
+                     std::to_string(place.bytes) + " bytes from byte " + std::to_string(place.at) +
+                     " on, the chunk table says otherwise");
     found_.push_back(std::move(node));
   }
 

@@ -24,8 +24,8 @@ namespace tessera {
 
 namespace {
 
-constexpr std::size_t kReadAhead = 512;  ///< pages
-constexpr std::size_t kDecodedRecords = 1024;     ///< records decoded at a time, so that they stay in the cache
+constexpr std::size_t kReadAhead = 512;        ///< pages
+constexpr std::size_t kDecodedRecords = 1024;  ///< records decoded at a time, so that they stay in the cache
 constexpr std::size_t kRead = static_cast<std::size_t>(E57Use::kUses);
 constexpr std::uint64_t kLooked = 4096;     ///< records that tell whether rows or columns are lines
 constexpr std::uint64_t kPoseWindows = 32;  ///< places of a scan at which its pose is checked

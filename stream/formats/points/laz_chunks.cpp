@@ -40,7 +40,7 @@ class ChunkFinder {
       walk(why);
     } else if (variable()) {
       fail_chunk(file_, header_.begin,
-           "the chunk table " + why + ", and chunks of many sizes cannot be read without" + kAdvice);
+                 "the chunk table " + why + ", and chunks of many sizes cannot be read without" + kAdvice);
     } else {
       one_run(why);
     }
@@ -174,8 +174,8 @@ class ChunkFinder {
       const std::uint64_t bytes = chunks_.edges[i + 1].begin - chunks_.edges[i].begin;
       if (chunks_.points_of(i) > bytes * kMostPointsPerByte)
         fail_chunk(file_, chunks_.edges[i].begin,
-             "chunk " + std::to_string(i + 1) + " claims " + std::to_string(chunks_.points_of(i)) +
-                 " points in " + std::to_string(bytes) + " bytes, which cannot be" + kAdvice);
+                   "chunk " + std::to_string(i + 1) + " claims " + std::to_string(chunks_.points_of(i)) +
+                       " points in " + std::to_string(bytes) + " bytes, which cannot be" + kAdvice);
     }
   }
 
@@ -213,8 +213,8 @@ class ChunkFinder {
         break;
       if (chunks_.edges.size() > laz::kMostChunks)
         fail_chunk(file_, at,
-             "more than " + std::to_string(laz::kMostChunks) +
-                 " chunks cannot be read; compress the file anew");
+                   "more than " + std::to_string(laz::kMostChunks) +
+                       " chunks cannot be read; compress the file anew");
       chunks_.cut_off = head.bytes > end_ - at;
       at += std::min(head.bytes, end_ - at);
       points += head.points;
@@ -294,8 +294,8 @@ laz::Schema find_laz_schema(const ReadFile& file, const LasHeader& header) {
     window.skip(kHead + length);
   }
   fail_chunk(file, header.records_at,
-       "the points are compressed, but no record 'laszip encoded' among the " +
-           std::to_string(header.record_count) + " of the header says how" + kAdvice);
+             "the points are compressed, but no record 'laszip encoded' among the " +
+                 std::to_string(header.record_count) + " of the header says how" + kAdvice);
 }
 
 }  // namespace tessera

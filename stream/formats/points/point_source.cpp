@@ -174,8 +174,7 @@ std::vector<std::string> refuted_claims(const PointFileInfo& info, const ReadCou
     wide = wide || read_min[a] > info.declared_min[a] + slack || read_max[a] < info.declared_max[a] - slack;
   }
   if (outside) sentences.emplace_back("points lie outside the bounds that the header declares");
-  if (wide && !outside)
-    sentences.emplace_back(kWideBounds);
+  if (wide && !outside) sentences.emplace_back(kWideBounds);
   return sentences;
 }
 

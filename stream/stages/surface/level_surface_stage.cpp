@@ -223,7 +223,8 @@ std::uint64_t most_points_near(std::span<const BrickEntry> bricks) {
 std::uint64_t level_surface_task_bytes(std::uint64_t points) {
   const std::uint64_t leaves = std::min(kMostLeaves, 27 * points);
   const std::uint64_t faces = std::min(kMaxBrickFaces, 64 * leaves);
-  return points * kLevelBytesPerPoint + leaves * kBytesPerLeaf + FirstPass::bytes(2 * faces, faces) + kLevelFixedBytes;
+  return points * kLevelBytesPerPoint + leaves * kBytesPerLeaf + FirstPass::bytes(2 * faces, faces) +
+         kLevelFixedBytes;
 }
 
 std::unique_ptr<Stage> make_level_surface_stage(const JobState& state) {

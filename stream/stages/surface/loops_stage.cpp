@@ -330,7 +330,8 @@ std::uint64_t loops_task_bytes(std::span<const PatchEntry> patches) {
   const std::uint64_t edges = 2 * largest + NumberedPatches::kCacheBytes + kLoopFixedBytes;
   // Short ones: three records of a face and what is made of them, a batch, tables of what the stage "border" moved.
   const std::uint64_t loops = StripReader::bytes(patches) + kMostStripFaces * 6 * sizeof(RimRecord) +
-                              2 * largest + kShortBatchEdges * (2 * loop_bytes(1) + 100) + kLoopFixedBytes / 4;
+                              2 * largest + kShortBatchEdges * (2 * loop_bytes(1) + 100) +
+                              kLoopFixedBytes / 4;
   return std::max(edges, loops);
 }
 
@@ -340,7 +341,8 @@ std::uint64_t loops_finish_bytes(const RunOptions& run, std::uint32_t most_edges
   std::uint64_t largest = 0;
   for (const PatchEntry& e : patches) largest = std::max<std::uint64_t>(largest, 40ull * e.vertices);
   const std::uint64_t batch = kBatchEdges + kMostHoleEdges;
-  return sort_bytes(run) + table_bytes(run) + 2 * largest + batch * (2 * loop_bytes(1) + 100) + kLoopFixedBytes;
+  return sort_bytes(run) + table_bytes(run) + 2 * largest + batch * (2 * loop_bytes(1) + 100) +
+         kLoopFixedBytes;
 }
 
 std::unique_ptr<Stage> make_loops_stage(const JobState& state) {

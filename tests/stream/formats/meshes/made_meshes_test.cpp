@@ -64,7 +64,8 @@ std::vector<Known> known_meshes() {
           {"torn", test::torn(sound), 3 * f, f, 3 * f, 0, 0, 0, 0, 0, f}};
 }
 
-TEST_CASE("made meshes: the check finds what was done to them, in every format that is written", "[pipeline]") {
+TEST_CASE("made meshes: the check finds what was done to them, in every format that is written",
+          "[pipeline]") {
   const test::TempFolder folder;
   for (Known& known : known_meshes()) {
     known.mesh = test::counted(known.mesh);
@@ -161,7 +162,8 @@ TEST_CASE("made meshes: files at the edge of their formats are read or refused i
     try {
       const MeshCheck c = check_mesh(*open_mesh_file(path, {.keep_bad_faces = true}), {});
       // What has no face, or one that names no vertex, is read: the check says so.
-      CHECK(c.faces - c.bad_index_faces - c.degenerate_faces == static_cast<std::uint64_t>(std::max(edge.faces, 0)));
+      CHECK(c.faces - c.bad_index_faces - c.degenerate_faces ==
+            static_cast<std::uint64_t>(std::max(edge.faces, 0)));
     } catch (const InputError& e) {
       CHECK(edge.faces == -1);
       CHECK(std::string(e.what()).find('\n') == std::string::npos);

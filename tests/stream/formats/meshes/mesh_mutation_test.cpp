@@ -89,12 +89,13 @@ std::vector<std::string> with(std::vector<std::string> samples, std::initializer
 }
 
 std::vector<Case> cases() {
-  return {
-      {"ply", open_ply_mesh, with(fuzz::ply_meshes(), {written("a.ply", false), written("a.ply", true)})},
-      {"obj", open_obj_mesh, with(fuzz::obj_meshes(), {written("a.obj", true)})},
-      {"off", open_off_mesh, fuzz::off_meshes()},
-      {"stl", open_stl_mesh, with(fuzz::stl_meshes(), {written("a.stl", false)})},
-      {"glb", open_glb_mesh, with(fuzz::glb_meshes(), {written("a.glb", false), written("a.glb", true), foreign_glb(false), foreign_glb(true)})}};
+  return {{"ply", open_ply_mesh, with(fuzz::ply_meshes(), {written("a.ply", false), written("a.ply", true)})},
+          {"obj", open_obj_mesh, with(fuzz::obj_meshes(), {written("a.obj", true)})},
+          {"off", open_off_mesh, fuzz::off_meshes()},
+          {"stl", open_stl_mesh, with(fuzz::stl_meshes(), {written("a.stl", false)})},
+          {"glb", open_glb_mesh,
+           with(fuzz::glb_meshes(),
+                {written("a.glb", false), written("a.glb", true), foreign_glb(false), foreign_glb(true)})}};
 }
 
 /// Bytes changed, numbers swapped for absurd ones, parts cut, repeated or moved.
