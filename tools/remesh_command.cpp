@@ -3,8 +3,8 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 
+#include "stream/files/bound_text.h"
 #include "stream/formats/meshes/mesh_io.h"
-#include "stream/runtime/bound_text.h"
 #include "stream/runtime/job_report.h"
 #include "stream/stages/remesh/remesh_job.h"
 #include "tools/commands.h"

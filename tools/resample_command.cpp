@@ -4,8 +4,8 @@
 #include <nlohmann/json.hpp>
 
 #include "octree/error.h"
+#include "stream/files/bound_text.h"
 #include "stream/formats/meshes/mesh_io.h"
-#include "stream/runtime/bound_text.h"
 #include "stream/runtime/job_report.h"
 #include "stream/stages/resample/blend_file.h"
 #include "stream/stages/resample/resample_job.h"

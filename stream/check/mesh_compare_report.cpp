@@ -6,7 +6,7 @@
 #include <nlohmann/json.hpp>
 
 #include "stream/check/mesh_compare.h"
-#include "stream/runtime/bound_text.h"
+#include "stream/files/bound_text.h"
 #include "stream/runtime/numbers.h"
 
 namespace tessera {

@@ -8,9 +8,9 @@
 #include <nlohmann/json.hpp>
 
 #include "kernels/picture/caption.h"
+#include "stream/files/bound_text.h"
 #include "stream/page/html.h"
 #include "stream/page/report_value.h"
-#include "stream/runtime/bound_text.h"
 #include "stream/runtime/numbers.h"
 
 namespace tessera {

@@ -7,12 +7,12 @@
 #include <nlohmann/json.hpp>
 
 #include "kernels/picture/caption.h"
+#include "stream/files/bound_text.h"
 #include "stream/page/html.h"
 #include "stream/page/page_figures.h"
 #include "stream/page/page_script.h"
 #include "stream/page/page_style.h"
 #include "stream/page/report_value.h"
-#include "stream/runtime/bound_text.h"
 #include "stream/runtime/memory_budget.h"
 #include "stream/runtime/numbers.h"
 

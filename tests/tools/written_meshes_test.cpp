@@ -456,7 +456,7 @@ TEST_CASE(
 }
 
 TEST_CASE("written meshes: what every command writes of real meshes is sound and as near as it says",
-          "[property][.large]") {
+          "[property][.large][.shared]") {
   if (!test::has_shared_data()) return;
   const test::TempFolder folder;
   const std::vector<Command> all = commands(100'000);

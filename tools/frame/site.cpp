@@ -9,7 +9,7 @@
 #include <nlohmann/json.hpp>
 
 #include "octree/error.h"
-#include "stream/runtime/bound_text.h"
+#include "stream/files/bound_text.h"
 #include "stream/runtime/job_report.h"
 #include "stream/runtime/memory_budget.h"
 #include "stream/runtime/work_dir.h"

@@ -186,7 +186,7 @@ class SmoothStage : public Stage {
   }
 
   std::vector<std::string> obsolete() const override {
-    // The step's own start stays to its end, the original to the last round, which tells how far from it all went.
+    // The step's own start stays to its end, the original to the last round, which tells moves from it.
     const auto stays = [&](std::size_t round) {
       return (round == base_round_ && !ends_step_) || (round == 0 && !last_);
     };
@@ -285,9 +285,8 @@ class SmoothStage : public Stage {
   MeshStore store_, before_;  ///< where the step began, where the round begins
   PatchBends bends_;
   std::string mesh_folder_;
-  bool bounds_;                   ///< SmoothPlan::bounds, in the last round
-  bool last_, fits_, ends_step_;  ///< fits_: of the plan, so faces that lie turned over are counted
-  MeshStore original_;            ///< of the patches that moves are measured from
+  bool bounds_, last_, fits_, ends_step_;  ///< bounds_: in the last round; fits_: turned faces are counted
+  MeshStore original_;  ///< of the patches that moves are measured from
   CoarseOptions coarse_;
   std::filesystem::path solution_;
   SmoothTiling tiling_;

@@ -29,7 +29,7 @@ constexpr std::uint64_t kBatchCost = 1'000'000'000;
 constexpr std::size_t kClassCache = 64;  ///< patches whose vertex classes are held at once
 /// How far from a brick loops of kMostShortEdges go, in cells.
 constexpr int kShortReach = 40;
-constexpr std::uint64_t kLoopFixedBytes = std::uint64_t{20} << 20;
+constexpr std::uint64_t kLoopBytes = std::uint64_t{20} << 20;
 
 std::string edge_file_name(std::size_t task) {
   return "loops/" + task_file_stem(task) + ".tse";
@@ -327,11 +327,10 @@ std::uint64_t loops_task_bytes(std::span<const PatchEntry> patches) {
   std::uint64_t largest = 0;
   for (const PatchEntry& e : patches)
     largest = std::max<std::uint64_t>(largest, 48ull * e.vertices + 28ull * e.faces + 24ull * e.foreign);
-  const std::uint64_t edges = 2 * largest + NumberedPatches::kCacheBytes + kLoopFixedBytes;
+  const std::uint64_t edges = 2 * largest + NumberedPatches::kCacheBytes + kLoopBytes;
   // Short ones: three records of a face and what is made of them, a batch, tables of what the stage "border" moved.
   const std::uint64_t loops = StripReader::bytes(patches) + kMostStripFaces * 6 * sizeof(RimRecord) +
-                              2 * largest + kShortBatchEdges * (2 * loop_bytes(1) + 100) +
-                              kLoopFixedBytes / 4;
+                              2 * largest + kShortBatchEdges * (2 * loop_bytes(1) + 100) + kLoopBytes / 4;
   return std::max(edges, loops);
 }
 
@@ -341,8 +340,7 @@ std::uint64_t loops_finish_bytes(const RunOptions& run, std::uint32_t most_edges
   std::uint64_t largest = 0;
   for (const PatchEntry& e : patches) largest = std::max<std::uint64_t>(largest, 40ull * e.vertices);
   const std::uint64_t batch = kBatchEdges + kMostHoleEdges;
-  return sort_bytes(run) + table_bytes(run) + 2 * largest + batch * (2 * loop_bytes(1) + 100) +
-         kLoopFixedBytes;
+  return sort_bytes(run) + table_bytes(run) + 2 * largest + batch * (2 * loop_bytes(1) + 100) + kLoopBytes;
 }
 
 std::unique_ptr<Stage> make_loops_stage(const JobState& state) {

@@ -12,7 +12,7 @@
 
 #include "octree/error.h"
 #include "octree/vector.h"
-#include "stream/runtime/bound_text.h"
+#include "stream/files/bound_text.h"
 #include "tests/helpers/mesh_files.h"
 #include "tests/helpers/random.h"
 #include "tests/helpers/temp_folder.h"
