@@ -286,7 +286,7 @@ class SmoothStage : public Stage {
   PatchBends bends_;
   std::string mesh_folder_;
   bool bounds_, last_, fits_, ends_step_;  ///< bounds_: in the last round; fits_: turned faces are counted
-  MeshStore original_;  ///< of the patches that moves are measured from
+  MeshStore original_;                     ///< of the patches that moves are measured from
   CoarseOptions coarse_;
   std::filesystem::path solution_;
   SmoothTiling tiling_;
