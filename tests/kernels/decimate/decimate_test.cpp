@@ -116,11 +116,6 @@ MeshBlock bumpy_sphere(int levels, double bump) {
   return b;
 }
 
-bool same(const MeshBlock& a, const MeshBlock& b) {
-  return a.key == b.key && a.position == b.position && a.faces == b.faces && a.face_flags == b.face_flags &&
-         a.face_bound == b.face_bound && a.rgba == b.rgba;
-}
-
 }  // namespace
 
 TEST_CASE("decimate: a plane becomes two triangles, its four corners stay", "[unit]") {
