@@ -175,7 +175,7 @@ TEST_CASE("mesh precision: what rounding breaks is counted, and much of it refus
     CHECK(rounding_notices(writer->rounding()).size() == 2);
   }
   std::filesystem::remove(path);
-  for (Double3& p : mesh.points) p = 0.1 * p + kFar;
+  for (Double3& p : mesh.points) p = p * 0.1 + kFar;
   CHECK_THROWS_AS(test::write_whole(path, mesh), ValidationError);
   CHECK_THROWS_WITH(test::write_whole(path, mesh), Catch::Contains("faces without area"));
   CHECK(std::filesystem::is_empty(folder.path()));
