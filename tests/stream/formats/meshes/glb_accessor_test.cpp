@@ -285,7 +285,8 @@ TEST_CASE("GLB: meshopt-compressed vertices, triangles and strips", "[unit]") {
   REQUIRE(back.points.size() == n);
   CHECK(packed_numbers<float>([&] {
           std::vector<double> all;
-          for (const Double3& p : back.points) all.insert(all.end(), p.begin(), p.end());
+          for (const Double3& p : back.points)
+            all.insert(all.end(), {p[0], p[2], 0 - p[1]});  // as in the file: y up
           return all;
         }()) == floats);
   CHECK(back.faces.size() == plain.faces.size());

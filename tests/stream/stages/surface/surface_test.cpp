@@ -235,7 +235,7 @@ TEST_CASE("main job: copies of a scan in clumps are named where no surface comes
   }
   MeshSetup setup;
   setup.options.outliers = "off";
-  CHECK_THROWS_WITH(run_job(points, setup), Catch::Contains("clumps of about 10") &&
+  CHECK_THROWS_WITH(run_job(points, setup), Catch::Contains("clumps of about 9") &&
                                                 Catch::Contains("--thin") &&
                                                 !Catch::Contains("lower --min-component"));
 }
