@@ -133,8 +133,8 @@ void run_doctor(const DoctorArguments& a) {
   }
   line("GPU", "not used");
   line("libraries", libraries());
-  if (!missing.empty()) throw ResourceError("no job can run_doctor here: it needs " + missing);
-  line("verdict", "jobs can run_doctor here");
+  if (!missing.empty()) throw ResourceError("no job can run here: it needs " + missing);
+  line("verdict", "jobs can run here");
 }
 
 }  // namespace
@@ -148,7 +148,7 @@ cli::Command doctor_command() {
   return {"doctor",
           "What this machine offers to jobs: processor, memory and what limits it, disk, OpenGL, libraries. "
           "Exit code 0: "
-          "jobs can run_doctor here; 4: something that they need is missing.",
+          "jobs can run here; 4: something that they need is missing.",
           t, [arguments] { run_doctor(*arguments); }};
 }
 

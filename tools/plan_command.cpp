@@ -224,8 +224,8 @@ void run_plan(const ReconstructOptions& options, JobState state, const fs::path&
   const nlohmann::json report = run_job(state, plan_job(), cli::stderr_sink());
   const fs::path work = work_path(state.output, state.run.temp);
   const Plan plan = Plan::of_work(work);
-  state.run.memory_bytes = report.at("run_plan").at("memory_bytes").get<std::uint64_t>();
-  state.run.threads = report.at("run_plan").at("threads").get<int>();
+  state.run.memory_bytes = report.at("run").at("memory_bytes").get<std::uint64_t>();
+  state.run.threads = report.at("run").at("threads").get<int>();
   const Forecast forecast = Forecast::of_work(work);
   print_plan(plan, forecast, options, state, report);
   state.work = work;

@@ -49,7 +49,7 @@ cli::Command task_command() {
   return {"task",
           "One task, a share of a stage or a whole stage of a job that was begun by submit, plan or its own "
           "command; safe to "
-          "repeat, and to run_task beside other tasks.",
+          "repeat, and to run beside other tasks.",
           t, [arguments] { run_task(*arguments); }};
 }
 

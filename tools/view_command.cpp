@@ -45,7 +45,7 @@ fs::path viewer_folder(const fs::path& given) {
     if (fs::is_regular_file(place / "viewer.html", error) && fs::is_regular_file(place / "serve.py", error))
       return place.lexically_normal();
   throw UsageError(fmt::format(
-      "the viewer's bundle is missing{}: run_view tools/viewer/build once (it needs node 18 or later, "
+      "the viewer's bundle is missing{}: run tools/viewer/build once (it needs node 18 or later, "
       "npm and network: apt "
       "install nodejs npm)",
       given.empty() ? "" : " in " + given.string()));

@@ -136,9 +136,9 @@ std::filesystem::path stl_shift_path(const std::filesystem::path& output) {
 std::string stl_shift_text(const Double3& origin) {
   std::string text;
   for (const double value : origin) {
-    char digits[32];
+    char digits[400];  // of the largest double, which other programs may not read with an exponent
     text.append(text.empty() ? "" : " ");
-    text.append(digits, std::to_chars(digits, digits + sizeof digits, value).ptr);
+    text.append(digits, std::to_chars(digits, digits + sizeof digits, value, std::chars_format::fixed).ptr);
   }
   return text + "\n";
 }

@@ -115,11 +115,16 @@ JobDescription smooth_job(const SmoothOptions& options) {
     return now;
   };
   for (StageEntry& entry : smooth_stages(plan.rounds, planner)) job.stages.push_back(std::move(entry));
-  job.stages.push_back({"write", [plan](const JobState& state) {
-                          return make_store_write_stage(state, open_smoothed(state, plan, plan.rounds.size()),
-                                                        "made by tessera smooth " + state.settings,
-                                                        kSortBytes, placement(state, plan));
-                        }});
+  job.stages.push_back(
+      {"write", [plan](const JobState& state) {
+         // From what is written: the imported mesh goes when the last round ends.
+         MeshStore smoothed = open_smoothed(state, plan, plan.rounds.size());
+         const MeshPlacement at = holds_floats_only(state.output)
+                                      ? store_placement(state.output, smoothed, plan.tolerance)
+                                      : MeshPlacement{};
+         return make_store_write_stage(state, std::move(smoothed), "made by tessera smooth " + state.settings,
+                                       kSortBytes, at);
+       }});
   return job;
 }
 
