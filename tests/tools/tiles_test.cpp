@@ -340,7 +340,7 @@ TEST_CASE("tiles: a system beside the mesh puts the site on Earth, one that is n
     spill(in.string() + ".prj", "");
     spill(folder.path() / beside, system);
     fs::remove_all(out);
-    const CommandResult r = tessera_command(words(in, out));
+    const CommandResult r = tessera_command({"tiles", in.string(), "-o", out.string(), "--progress", "none"});
     INFO(r.errors);
     REQUIRE(r.code == 0);
     const auto report = nlohmann::json::parse(file_bytes(out.string() + ".report.json"));

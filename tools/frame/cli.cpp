@@ -268,6 +268,8 @@ void print_repairs(const std::string& input, const nlohmann::json& report) {
     if (count > 0) text += fmt::format("{}{} {}", text.empty() ? "" : ", ", count, words);
   }
   if (!text.empty()) fmt::print("{}: repaired: {}\n", input, text);
+  for (const nlohmann::json& w : report.value("warnings", nlohmann::json::array()))
+    fmt::print(stderr, "tessera: warning: {}\n", w.get<std::string>());
 }
 
 void print_tolerance(const nlohmann::json& report) {

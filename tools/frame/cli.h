@@ -95,7 +95,7 @@ Command job_command(const std::string& name, const std::string& description, con
 /// Progress to stderr.
 ProgressSink stderr_sink();
 
-/// One line for what a job's import repaired, from `input` of its report; none for a sound mesh.
+/// One line for what a job's import repaired, none for a sound mesh; warnings of the report go to stderr.
 void print_repairs(const std::string& input, const nlohmann::json& report);
 /// One line for what `--tolerance auto` was, from `tolerance` of a report; none where a number was given.
 void print_tolerance(const nlohmann::json& report);
