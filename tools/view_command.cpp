@@ -44,11 +44,11 @@ fs::path viewer_folder(const fs::path& given) {
   for (const fs::path& place : places)
     if (fs::is_regular_file(place / "viewer.html", error) && fs::is_regular_file(place / "serve.py", error))
       return place.lexically_normal();
-  throw UsageError(fmt::format(
-      "the viewer's bundle is missing{}: run tools/viewer/build once (it needs node 18 or later, "
-      "npm and network: apt "
-      "install nodejs npm)",
-      given.empty() ? "" : " in " + given.string()));
+  throw UsageError(
+      fmt::format("the viewer's bundle is missing{}: run tools/viewer/build once (it needs node 18 or later, "
+                  "npm and network: apt "
+                  "install nodejs npm)",
+                  given.empty() ? "" : " in " + given.string()));
 }
 
 /// A tileset's JSON, as far as it tells that it is one.
