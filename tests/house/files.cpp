@@ -136,14 +136,10 @@ Findings check_listed(const Sources& sources) {
         std::string word = line.substr(first, end - first);
         begin = end;
         if (!word.ends_with(".cpp")) continue;
-        if (word.starts_with("${reader}")) {  // one fuzz program a reader: named by the glob of its loop
+        if (word.starts_with("*")) {  // a glob names all that ends so below its folder
           for (const Source& f : sources)
-            if (f.path.ends_with("_fuzz.cpp")) listed.insert(f.path);
-          continue;
-        }
-        if (word == "*.cpp") {  // a glob names all that lies below its folder
-          for (const Source& f : sources)
-            if (f.is_cpp() && f.path.starts_with(folder_of(s.path) + "/")) listed.insert(f.path);
+            if (f.path.ends_with(word.substr(1)) && f.path.starts_with(folder_of(s.path) + "/"))
+              listed.insert(f.path);
           continue;
         }
         listed.insert(folder_of(s.path) + "/" + word);
