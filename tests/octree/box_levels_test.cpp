@@ -4,7 +4,7 @@
 
 #include "octree/vector.h"
 
-namespace tessera {
+namespace tessera::box_levels_test {
 
 TEST_CASE("box levels: every box lies in the one above it, the last in none", "[unit]") {
   struct Box {
@@ -35,4 +35,4 @@ TEST_CASE("box levels: every box lies in the one above it, the last in none", "[
   }
 }
 
-}  // namespace tessera
+}  // namespace tessera::box_levels_test

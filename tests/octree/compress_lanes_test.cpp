@@ -3,6 +3,8 @@
 #include <bit>
 #include <catch2/catch.hpp>
 
+namespace compress_lanes_test {
+
 using namespace tessera;
 
 TEST_CASE("compress lanes: every mask moves its lanes to the front, in order", "[unit]") {
@@ -17,3 +19,5 @@ TEST_CASE("compress lanes: every mask moves its lanes to the front, in order", "
     CHECK(at == static_cast<std::size_t>(std::popcount(mask)));
   }
 }
+
+}  // namespace compress_lanes_test

@@ -5,6 +5,8 @@
 
 #include "tests/helpers/random.h"
 
+namespace key_table_test {
+
 using namespace tessera;
 
 TEST_CASE("key table: numbers keys as they come, as a map would", "[property]") {
@@ -21,3 +23,5 @@ TEST_CASE("key table: numbers keys as they come, as a map would", "[property]") 
   REQUIRE(table.size() == want.size());
   for (const auto& [key, number] : want) REQUIRE(table.keys()[number] == key);
 }
+
+}  // namespace key_table_test

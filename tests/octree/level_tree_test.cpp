@@ -5,6 +5,8 @@
 
 #include "tests/helpers/random.h"
 
+namespace level_tree_test {
+
 using namespace tessera;
 
 namespace {
@@ -66,3 +68,5 @@ TEST_CASE("level tree: leaves that touch differ by one level at most, and say so
     }
   }
 }
+
+}  // namespace level_tree_test

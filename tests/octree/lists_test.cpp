@@ -4,7 +4,7 @@
 
 #include <array>
 
-namespace tessera {
+namespace tessera::lists_test {
 
 TEST_CASE("lists: each keeps the order of its items, empty ones at both ends stay empty", "[unit]") {
   const std::vector<std::pair<std::size_t, int>> put_in = {{3, 7}, {1, 5}, {3, 1}, {1, 9}, {3, 7}};
@@ -28,4 +28,4 @@ TEST_CASE("lists: a counting sort is stable", "[unit]") {
   CHECK(to == std::vector<std::array<int, 2>>{{0, 1}, {0, 4}, {1, 3}, {2, 0}, {2, 2}});
 }
 
-}  // namespace tessera
+}  // namespace tessera::lists_test

@@ -4,6 +4,8 @@
 #include "octree/morton.h"
 #include "octree/points.h"
 
+namespace points_test {
+
 using namespace tessera;
 
 TEST_CASE("morton: decode inverts encode", "[unit]") {
@@ -28,3 +30,5 @@ TEST_CASE("normals: octahedral code keeps directions to 1e-4 rad", "[unit]") {
   CHECK(encode_normal(0, 0, 0) == kNoNormal);
   CHECK(decode_normal(encode_normal(0, 0, -1)) == Float3{0, 0, -1});
 }
+
+}  // namespace points_test

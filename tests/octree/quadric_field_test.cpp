@@ -6,6 +6,8 @@
 
 #include "tests/helpers/dipole_samples.h"
 
+namespace quadric_field_test {
+
 using namespace tessera;
 using test::quantised;
 using test::queries_around;
@@ -165,3 +167,5 @@ TEST_CASE("quadric field: no data, no confidence", "[unit]") {
   QuadricField(tree, kCore).evaluate({&query, 1}, {&value, 1});
   CHECK(value.misfit == 1.0f);
 }
+
+}  // namespace quadric_field_test

@@ -7,7 +7,7 @@
 
 #include "octree/vector.h"
 
-namespace tessera {
+namespace tessera::rounding_test {
 namespace {
 
 // Noinline, so that the compiler sees the arithmetic and not the numbers. Built with -O2 or -O3 and block
@@ -62,4 +62,4 @@ TEST_CASE("compiler: a value that went through float is rounded", "[unit]") {
 }
 
 }  // namespace
-}  // namespace tessera
+}  // namespace tessera::rounding_test

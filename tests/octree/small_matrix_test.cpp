@@ -2,7 +2,7 @@
 
 #include <catch2/catch.hpp>
 
-namespace tessera {
+namespace tessera::small_matrix_test {
 
 TEST_CASE("small matrix: Cholesky, elimination and Cramer solve what was made from a known solution",
           "[unit]") {
@@ -96,4 +96,4 @@ TEST_CASE("small matrix: a line and a ball have a least eigenvector too", "[unit
   CHECK(least_eigen3({}).values == Double3{0, 0, 0});
 }
 
-}  // namespace tessera
+}  // namespace tessera::small_matrix_test

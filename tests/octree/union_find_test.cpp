@@ -2,7 +2,7 @@
 
 #include <catch2/catch.hpp>
 
-namespace tessera {
+namespace tessera::union_find_test {
 
 TEST_CASE("union find: the smallest member is the root, whatever the order of the calls", "[unit]") {
   const std::vector<std::pair<std::uint32_t, std::uint32_t>> pairs = {{5, 3}, {6, 1}, {3, 6}, {0, 4}};
@@ -39,4 +39,4 @@ TEST_CASE("union find: signs multiply along the way to the root, also after the 
   CHECK(sets.find(4).sign == 1);
 }
 
-}  // namespace tessera
+}  // namespace tessera::union_find_test

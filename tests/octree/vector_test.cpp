@@ -2,7 +2,7 @@
 
 #include <catch2/catch.hpp>
 
-namespace tessera {
+namespace tessera::vector_test {
 
 TEST_CASE("vector: products, lengths and normals of small numbers are exact", "[unit]") {
   const Double3 a = {1, 2, 3}, b = {4, -5, 6};
@@ -31,4 +31,4 @@ TEST_CASE("vector: there is a unit vector at right angles to any other", "[unit]
   }
 }
 
-}  // namespace tessera
+}  // namespace tessera::vector_test

@@ -8,6 +8,8 @@
 #include "octree/points.h"
 #include "tests/helpers/dipole_samples.h"
 
+namespace winding_number_test {
+
 using namespace tessera;
 using test::kPi;
 using test::quantised;
@@ -145,3 +147,5 @@ TEST_CASE("multipoles: a parent's is that of its points", "[unit]") {
   for (std::size_t i = 0; i < 5; ++i) CHECK(close(merged.second[i], direct.second[i]));
   for (std::size_t i = 0; i < 7; ++i) CHECK(close(merged.third[i], direct.third[i]));
 }
+
+}  // namespace winding_number_test

@@ -9,6 +9,8 @@
 #include "solvers/laplacian_system.h"
 #include "tests/helpers/irregular_mesh.h"
 
+namespace hermitian_multigrid_test {
+
 namespace {
 
 using namespace tessera;
@@ -119,3 +121,5 @@ TEST_CASE("hermitian multigrid: what cannot be solved is a value", "[unit]") {
     CHECK(HermitianMultigrid(p.system.matrix, p.skew, p.positions).report().status == SolveStatus::kSingular);
   }
 }
+
+}  // namespace hermitian_multigrid_test

@@ -9,6 +9,8 @@
 #include "tests/helpers/irregular_mesh.h"
 #include "tests/solvers/dense.h"
 
+namespace laplacian_system_test {
+
 namespace {
 
 using namespace tessera;
@@ -155,3 +157,5 @@ TEST_CASE("laplacian system: an implicit step keeps the mean and damps what is r
   CHECK(after == Approx(before).margin(1e-10));
   CHECK(smooth < 0.2 * rough);
 }
+
+}  // namespace laplacian_system_test

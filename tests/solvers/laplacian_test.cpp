@@ -12,6 +12,8 @@
 #include "tests/helpers/irregular_mesh.h"
 #include "tests/solvers/dense.h"
 
+namespace laplacian_test {
+
 namespace {
 
 using namespace tessera;
@@ -186,3 +188,5 @@ TEST_CASE("laplacian: what cannot be used is named", "[unit]") {
     CHECK_THROWS_AS(laplacian(span_of(mesh)), InputError);
   }
 }
+
+}  // namespace laplacian_test

@@ -10,6 +10,8 @@
 #include "tests/helpers/irregular_mesh.h"
 #include "tests/solvers/dense.h"
 
+namespace linear_solver_test {
+
 namespace {
 
 using namespace tessera;
@@ -303,3 +305,5 @@ TEST_CASE("sparse matrix: product, sum, transpose and selection are those of den
   multiply(a, u, v, 3);
   CHECK((test::dense(v, 3) - da * test::dense(u, 3)).norm() < 1e-12 * da.norm());
 }
+
+}  // namespace linear_solver_test

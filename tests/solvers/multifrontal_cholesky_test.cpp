@@ -13,6 +13,8 @@
 #include "tests/solvers/dense.h"
 #include "tests/solvers/fronts.h"
 
+namespace multifrontal_cholesky_test {
+
 namespace {
 
 using namespace tessera;
@@ -168,3 +170,5 @@ TEST_CASE("multifrontal solver: what it cannot do is said", "[unit]") {
   REQUIRE(singular->analyse(negative).status == SolveStatus::kSolved);
   CHECK(singular->factor(negative).status == SolveStatus::kSingular);
 }
+
+}  // namespace multifrontal_cholesky_test

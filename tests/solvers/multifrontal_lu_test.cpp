@@ -11,6 +11,8 @@
 #include "tests/solvers/dense.h"
 #include "tests/solvers/fronts.h"
 
+namespace multifrontal_lu_test {
+
 namespace {
 
 using namespace tessera;
@@ -99,3 +101,5 @@ TEST_CASE("multifrontal LU: a pivot comes from another row, and none is told", "
   MemoryFactorStore other;
   CHECK(MultifrontalLu(singular).factor(singular, other) >= 0);
 }
+
+}  // namespace multifrontal_lu_test

@@ -8,6 +8,8 @@
 #include "tests/helpers/command.h"
 #include "tests/helpers/serial_job.h"
 
+namespace bad_input_test {
+
 using namespace tessera::test;
 
 namespace {
@@ -158,3 +160,5 @@ TEST_CASE("bad input: options, folders, caps", "[fault]") {
   expect(f, "unknown stage", 2, with({"--until", "lunch"}));
   expect(f, "unknown command", 2, {"reconstrut", in, "-o", out});
 }
+
+}  // namespace bad_input_test

@@ -6,6 +6,8 @@
 #include "tests/helpers/shell.h"
 #include "tests/helpers/skip.h"
 
+namespace bench_compare_test {
+
 namespace {
 
 using namespace tessera;
@@ -100,3 +102,5 @@ TEST_CASE("bench compare: a job that one side cannot do is said to be so", "[pip
   CHECK(able.code == 0);
   CHECK(able.said.find("smooth     OLD cannot do it") != std::string::npos);
 }
+
+}  // namespace bench_compare_test

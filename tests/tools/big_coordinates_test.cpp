@@ -17,6 +17,8 @@
 #include "tests/helpers/shell.h"
 #include "tests/helpers/temp_folder.h"
 
+namespace big_coordinates_test {
+
 using namespace tessera;
 using namespace tessera::test;
 
@@ -326,3 +328,5 @@ TEST_CASE("survey coordinates: reconstruct writes what it proved, with and witho
     CHECK(worst < 0.03);
   }
 }
+
+}  // namespace big_coordinates_test

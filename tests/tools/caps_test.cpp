@@ -7,6 +7,8 @@
 #include "tests/helpers/command.h"
 #include "tests/helpers/temp_folder.h"
 
+namespace caps_test {
+
 namespace {
 
 using namespace tessera;
@@ -122,3 +124,5 @@ TEST_CASE("caps: what tasks allocate is reserved", "[memory]") {
     CHECK(beside <= static_cast<std::int64_t>(kMiB));
   }
 }
+
+}  // namespace caps_test

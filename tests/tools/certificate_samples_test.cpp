@@ -18,6 +18,8 @@
 #include "tests/helpers/skip.h"
 #include "tests/helpers/temp_folder.h"
 
+namespace certificate_samples_test {
+
 using namespace tessera;
 using namespace tessera::test;
 
@@ -258,3 +260,5 @@ TEST_CASE("certificate samples: a million points of twenty meshes lie within wha
     meshes.push_back(kSharedData / name);
   check_samples(meshes, 500000);
 }
+
+}  // namespace certificate_samples_test

@@ -11,6 +11,8 @@
 #include "tests/helpers/shell.h"
 #include "tests/helpers/surfaces.h"
 
+namespace check_reference_test {
+
 namespace {
 
 using namespace tessera;
@@ -272,3 +274,5 @@ TEST_CASE(
   const auto told = nlohmann::json::parse(test::file_bytes(report)).at("deviation");
   CHECK(told.at("mesh_to_reference").at("rms").is_null());
 }
+
+}  // namespace check_reference_test

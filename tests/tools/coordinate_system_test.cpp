@@ -11,6 +11,8 @@
 #include "tests/helpers/shell.h"
 #include "tests/helpers/skip.h"
 
+namespace coordinate_system_test {
+
 using namespace tessera::test;
 namespace fs = std::filesystem;
 
@@ -172,3 +174,5 @@ TEST_CASE("coordinate system: a scan in degrees is no surface: refused at once, 
       folder.write("utm.csv", "x,y,z\n500000,5316300,300\n500000.3,5316300,300\n").string();
   CHECK(tessera_command({"reconstruct", scan, utm, "-o", parts, "--force", "--project", "auto"}).code == 3);
 }
+
+}  // namespace coordinate_system_test

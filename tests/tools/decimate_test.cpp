@@ -15,6 +15,8 @@
 #include "tests/helpers/serial_job.h"
 #include "tests/helpers/shell.h"
 
+namespace decimate_test {
+
 using namespace tessera;
 using namespace tessera::test;
 
@@ -263,3 +265,5 @@ TEST_CASE("reconstruct --tolerance: the mesh shrinks within a proven distance, s
     CHECK_FALSE(fs::exists(out.string() + ".tessera"));
   }
 }
+
+}  // namespace decimate_test

@@ -20,6 +20,8 @@
 #include "tests/helpers/skip.h"
 #include "tests/helpers/temp_folder.h"
 
+namespace deform_catalogue_test {
+
 using namespace tessera;
 using namespace tessera::test;
 
@@ -226,3 +228,5 @@ TEST_CASE("deform: all meshes of the catalogue with edits by chance", "[pipeline
   CHECK(sum.turned.over * 100'000 < sum.faces);
   CHECK(walls.turned.over * 50 <= walls.faces);
 }
+
+}  // namespace deform_catalogue_test

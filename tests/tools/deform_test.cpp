@@ -17,6 +17,8 @@
 #include "tests/helpers/shell.h"
 #include "tests/helpers/solid_command.h"
 
+namespace deform_test {
+
 using namespace tessera;
 using namespace tessera::test;
 
@@ -408,3 +410,5 @@ TEST_CASE("deform: a mesh that is mirrored as a whole keeps its inside, one in p
   CHECK(r.code == 3);
   CHECK_THAT(r.errors, Catch::Contains("'end' mirrors a whole part of the mesh"));
 }
+
+}  // namespace deform_test

@@ -15,6 +15,8 @@
 #include "tests/helpers/skip.h"
 #include "tests/helpers/temp_folder.h"
 
+namespace denoise_command_test {
+
 using namespace tessera;
 using namespace tessera::test;
 namespace fs = std::filesystem;
@@ -73,3 +75,5 @@ TEST_CASE(
   CHECK(mesh.at("turned_faces_before").get<int>() > 1000);
   CHECK(mesh.at("turned_faces").get<int>() < 20);  // on creases, which stay
 }
+
+}  // namespace denoise_command_test

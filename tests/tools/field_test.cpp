@@ -15,6 +15,8 @@
 #include "tests/helpers/random.h"
 #include "tests/helpers/temp_folder.h"
 
+namespace field_test {
+
 namespace {
 
 using namespace tessera;
@@ -212,3 +214,5 @@ TEST_CASE("field: an octree is within its tolerance at samples, and far smaller 
   CHECK(code_of("x.octree", {"--tolerance", "0.04", "--full"}) == 2);
   CHECK(code_of("x.octree", {"--tolerance", "0.01", "--resolution", "0.02"}) == 2);  // finer than the lattice
 }
+
+}  // namespace field_test

@@ -8,6 +8,8 @@
 #include "tests/helpers/command.h"
 #include "tests/helpers/serial_job.h"
 
+namespace hard_to_break_test {
+
 using namespace tessera::test;
 namespace fs = std::filesystem;
 
@@ -224,3 +226,5 @@ TEST_CASE("hard to break: what --keep-raw asked for is made again when it is gon
   refused(2, line);
   CHECK(text_of(f.at("m.raw.ply")) == "somebody's");
 }
+
+}  // namespace hard_to_break_test

@@ -10,6 +10,8 @@
 #include "tests/helpers/reconstruct_command.h"
 #include "tests/helpers/serial_job.h"
 
+namespace levels_test {
+
 using namespace tessera;
 using namespace tessera::test;
 
@@ -135,3 +137,5 @@ TEST_CASE("reconstruct --levels: what it cannot do is told before any pass", "[p
   CHECK(r.code == 2);
   CHECK(r.errors.find("2^20") != std::string::npos);
 }
+
+}  // namespace levels_test

@@ -4,6 +4,8 @@
 #include "tests/helpers/shell.h"
 #include "tests/helpers/temp_folder.h"
 
+namespace manual_test {
+
 using namespace tessera::test;
 
 namespace {
@@ -58,3 +60,5 @@ TEST_CASE("doctor: says what a job can count on, and fails where something is mi
   CHECK(none.code == 4);
   CHECK(holds(none.said, "--temp"));
 }
+
+}  // namespace manual_test

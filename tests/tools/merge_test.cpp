@@ -14,6 +14,8 @@
 #include "tests/helpers/mesh_files.h"
 #include "tests/helpers/temp_folder.h"
 
+namespace merge_test {
+
 namespace {
 
 using namespace tessera;
@@ -300,3 +302,5 @@ TEST_CASE("merge: other units are warned of, far from the origin all is as near 
   for (const Double3& p : mesh.points) worst = std::max(worst, std::fabs(p[2] - height(p[0], p[1])));
   CHECK(worst < 0.1);
 }
+
+}  // namespace merge_test

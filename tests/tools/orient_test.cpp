@@ -15,6 +15,8 @@
 #include "tests/helpers/reconstruct_command.h"
 #include "tests/helpers/serial_job.h"
 
+namespace orient_test {
+
 using namespace tessera::test;
 
 namespace {
@@ -311,3 +313,5 @@ TEST_CASE("orient: normals with a common side are taken as they are", "[pipeline
   CHECK(b.report.at("warnings").empty());
   CHECK(b.volume == Approx(-kBall).epsilon(0.02));
 }
+
+}  // namespace orient_test

@@ -12,6 +12,8 @@
 #include "tests/helpers/point_reading.h"
 #include "tests/helpers/temp_folder.h"
 
+namespace parts_of_scans_test {
+
 using namespace tessera::test;
 namespace fs = std::filesystem;
 
@@ -271,3 +273,5 @@ TEST_CASE(
   CHECK(off(grid).at("truth").at("vertices").at("mean_h").get<double>() <
         off(fitted).at("truth").at("vertices").at("mean_h").get<double>());
 }
+
+}  // namespace parts_of_scans_test

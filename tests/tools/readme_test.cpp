@@ -7,6 +7,8 @@
 
 #include "tests/helpers/shell.h"
 
+namespace readme_test {
+
 using namespace tessera::test;
 
 TEST_CASE("pages: their options are those of the commands, word for word", "[pipeline]") {
@@ -43,3 +45,5 @@ TEST_CASE("every command has help, and shows what its options are", "[pipeline]"
     CHECK(r.said.find("--job FILE") != std::string::npos);
   }
 }
+
+}  // namespace readme_test

@@ -7,6 +7,8 @@
 #include "tests/helpers/killed_command.h"
 #include "tests/helpers/serial_job.h"
 
+namespace reconstruct_test {
+
 using namespace tessera::test;
 
 namespace {
@@ -192,3 +194,5 @@ TEST_CASE("reconstruct: plan refuses just the caps that the run refuses, in the 
     CHECK(done);
   }
 }
+
+}  // namespace reconstruct_test

@@ -11,6 +11,8 @@
 #include "tests/helpers/reconstruct_command.h"
 #include "tests/helpers/serial_job.h"
 
+namespace reconstruct_tolerance_test {
+
 using namespace tessera;
 using namespace tessera::test;
 
@@ -197,3 +199,5 @@ TEST_CASE(
   CHECK(samples.at("certified_max").get<double>() > 0.2 * spacing);
   CHECK(report.at("points_to_surface").at("certified_max").get<double>() < 0.1 * spacing);
 }
+
+}  // namespace reconstruct_tolerance_test

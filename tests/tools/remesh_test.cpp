@@ -18,6 +18,8 @@
 #include "tests/helpers/serial_job.h"
 #include "tests/helpers/shell.h"
 
+namespace remesh_test {
+
 using namespace tessera;
 using namespace tessera::test;
 
@@ -311,3 +313,5 @@ TEST_CASE("remesh: corners of the border of a narrow strip keep their place", "[
   REQUIRE(tessera_command(words(folder / "in.ply", folder / "out.ply", {"--edge", "0.1"})).code == 0);
   CHECK(kept_points(strip, read_whole(folder / "out.ply")) == 4);
 }
+
+}  // namespace remesh_test

@@ -12,6 +12,8 @@
 #include "tests/helpers/made_meshes.h"
 #include "tests/helpers/temp_folder.h"
 
+namespace render_bands_test {
+
 using namespace tessera;
 using namespace tessera::test;
 
@@ -114,3 +116,5 @@ TEST_CASE("picture: the border between bands does not show", "[property]") {
   CHECK(other < want.size() / 1000);
   CHECK(far == 0);
 }
+
+}  // namespace render_bands_test

@@ -20,7 +20,7 @@
 #include "stream/render/render_scene.h"
 #include "tests/helpers/temp_folder.h"
 
-namespace tessera {
+namespace tessera::render_test {
 namespace {
 
 struct Mesh {
@@ -523,4 +523,4 @@ TEST_CASE("render: stays under its cap, and other commands do not load the raste
                  "800x600", "--memory", std::to_string(cap_mb) + "M"}) < cap_mb * 1024);
 }
 
-}  // namespace tessera
+}  // namespace tessera::render_test

@@ -13,6 +13,8 @@
 #include "tests/helpers/shell.h"
 #include "tests/helpers/temp_folder.h"
 
+namespace report_test {
+
 using namespace tessera;
 using namespace tessera::test;
 namespace fs = std::filesystem;
@@ -240,3 +242,5 @@ TEST_CASE("report: a closed mesh that is inside out is told", "[pipeline]") {
     CHECK(holds(file_bytes(mesh.string() + ".report.html"), "inside out") != right);
   }
 }
+
+}  // namespace report_test

@@ -20,6 +20,8 @@
 #include "tests/helpers/skip.h"
 #include "tests/helpers/temp_folder.h"
 
+namespace resample_test {
+
 using namespace tessera;
 using namespace tessera::test;
 
@@ -304,3 +306,5 @@ TEST_CASE("resample: defects of the input are repaired, islands and blends that 
   CHECK(report_of(out).at("resampled").at("changed").get<int>() > 8);
   CHECK(checked(out).nonmanifold_edges == 0);
 }
+
+}  // namespace resample_test

@@ -5,6 +5,8 @@
 #include "tests/helpers/command.h"
 #include "tests/helpers/temp_folder.h"
 
+namespace same_bytes_test {
+
 namespace {
 
 using namespace tessera;
@@ -78,3 +80,5 @@ TEST_CASE("same bytes: whatever BLAS and the C library take the processor for", 
     }
   }
 }
+
+}  // namespace same_bytes_test

@@ -15,6 +15,8 @@
 #include "tests/helpers/skip.h"
 #include "tests/helpers/tiles_site.h"
 
+namespace site_test {
+
 using namespace tessera;
 using namespace tessera::test;
 
@@ -217,3 +219,5 @@ TEST_CASE("site: what is told of its disk holds for a mesh of a scan", "[propert
   CHECK(bytes_below(site) <= told.site);
   CHECK(static_cast<double>(bytes_below(site)) > 0.4 * static_cast<double>(told.site));
 }
+
+}  // namespace site_test

@@ -20,6 +20,8 @@
 #include "tests/helpers/mesh_files.h"
 #include "tests/helpers/temp_folder.h"
 
+namespace smooth_before_test {
+
 using namespace tessera;
 using namespace tessera::test;
 
@@ -266,3 +268,5 @@ TEST_CASE("reconstruct --smooth: what makes no sense is refused in one sentence,
   refused({"decimate", nothing, "-o", out, "--smooth", "denoise"}, "nothing says how far to go");
   refused({"decimate", nothing, "-o", out, "--tolerance", "1", "--smooth", "taubin"}, "--smooth");
 }
+
+}  // namespace smooth_before_test

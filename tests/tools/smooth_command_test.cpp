@@ -18,6 +18,8 @@
 #include "tests/helpers/killed_command.h"
 #include "tests/helpers/temp_folder.h"
 
+namespace smooth_command_test {
+
 namespace {
 
 using namespace tessera;
@@ -370,3 +372,5 @@ TEST_CASE("parameterize command: coordinates for a disk, a clear word for the re
             {"parameterize", in.string(), "-o", (folder / "y.obj").string(), "--memory", "100K"})
             .code == 4);
 }
+
+}  // namespace smooth_command_test

@@ -11,6 +11,8 @@
 #include "tests/helpers/solid_command.h"
 #include "tests/helpers/temp_folder.h"
 
+namespace solid_scenes_test {
+
 namespace {
 
 using namespace tessera;
@@ -265,3 +267,5 @@ TEST_CASE("csg: other units are warned of, coordinates far out keep their shape"
   for (Double3& p : mesh.points) p = p - far;
   CHECK(volume(mesh) == Approx(6.0).epsilon(1e-3));
 }
+
+}  // namespace solid_scenes_test

@@ -17,6 +17,8 @@
 #include "tests/helpers/solid_command.h"
 #include "tests/helpers/temp_folder.h"
 
+namespace solids_test {
+
 namespace {
 
 using namespace tessera;
@@ -426,3 +428,5 @@ TEST_CASE("resurface: meshes of the catalogue come out closed", "[pipeline][.sha
     CHECK(is_closed(read_whole(out)));
   }
 }
+
+}  // namespace solids_test

@@ -12,6 +12,8 @@
 #include "tests/helpers/skip.h"
 #include "tests/helpers/slurm_cluster.h"
 
+namespace submit_test {
+
 namespace {
 
 using namespace tessera;
@@ -314,3 +316,5 @@ TEST_CASE("submit: thirty faults of nodes, daemons and elements, none lost", "[s
   for (const auto& [kind, count] : hits) told += kind + " " + std::to_string(count) + ", ";
   WARN(told << rounds << " jobs, submitted " << submissions << " times");
 }
+
+}  // namespace submit_test

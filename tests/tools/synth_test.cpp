@@ -20,6 +20,8 @@
 #include "stream/meshes/scene_file.h"
 #include "tests/helpers/temp_folder.h"
 
+namespace synth_test {
+
 using namespace tessera;
 using test::file_bytes;
 using test::TempFolder;
@@ -299,3 +301,5 @@ TEST_CASE("synth: a mesh is a scene, scanned from several stations and a truth f
   CHECK(run("synth --scene nonsense" + scan) == 2);
   CHECK_FALSE(std::filesystem::exists(folder / "x.ply"));
 }
+
+}  // namespace synth_test

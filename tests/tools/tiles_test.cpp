@@ -21,6 +21,8 @@
 #include "tests/helpers/skip.h"
 #include "tests/helpers/tiles_site.h"
 
+namespace tiles_test {
+
 using namespace tessera;
 using namespace tessera::test;
 
@@ -412,3 +414,5 @@ TEST_CASE("tiles: what cannot be is refused at once and changes nothing", "[unit
   const CommandResult r = tessera_command(words(in, folder.path() / "new", {"--tile-faces", "3"}));
   CHECK(r.code == 2);
 }
+
+}  // namespace tiles_test

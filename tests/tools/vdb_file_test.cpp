@@ -9,6 +9,8 @@
 #include "tests/helpers/mesh_files.h"
 #include "tests/helpers/temp_folder.h"
 
+namespace vdb_file_test {
+
 using namespace tessera;
 
 TEST_CASE("vdb: what is written leaf by leaf is what OpenVDB reads", "[unit]") {
@@ -88,3 +90,5 @@ TEST_CASE("vdb: what is written leaf by leaf is what OpenVDB reads", "[unit]") {
     CHECK(test::file_bytes(folder / "again.vdb") == test::file_bytes(path));
   }
 }
+
+}  // namespace vdb_file_test

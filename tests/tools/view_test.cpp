@@ -18,6 +18,8 @@
 #include "tests/helpers/shell.h"
 #include "tests/helpers/temp_folder.h"
 
+namespace view_test {
+
 using namespace tessera;
 using namespace tessera::test;
 namespace fs = std::filesystem;
@@ -387,3 +389,5 @@ TEST_CASE("view: Ctrl-C ends the server, a port may be chosen, a taken one is to
   CHECK(second.port() == first.port());
   CHECK(second.stop(SIGTERM) == 0);
 }
+
+}  // namespace view_test

@@ -22,6 +22,8 @@
 #include "tests/helpers/surfaces.h"
 #include "tests/helpers/temp_folder.h"
 
+namespace written_meshes_test {
+
 namespace {
 
 using namespace tessera;
@@ -482,3 +484,5 @@ TEST_CASE("written meshes: what every command writes of real meshes is sound and
     }
   }
 }
+
+}  // namespace written_meshes_test

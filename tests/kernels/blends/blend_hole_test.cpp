@@ -5,6 +5,8 @@
 
 #include "tests/helpers/block_meshes.h"
 
+namespace blend_hole_test {
+
 using namespace tessera;
 using namespace tessera::test;
 
@@ -78,3 +80,5 @@ TEST_CASE("blend hole: vertices where faces are no manifold are named", "[unit]"
     CHECK(loose(2 * n) == std::set<std::uint32_t>{0});
   }
 }
+
+}  // namespace blend_hole_test

@@ -7,6 +7,8 @@
 #include "tests/helpers/block_meshes.h"
 #include "tests/helpers/filleted.h"
 
+namespace blend_tracks_test {
+
 using namespace tessera;
 using namespace tessera::test;
 
@@ -57,3 +59,5 @@ TEST_CASE("blend tracks: a track by hand goes through its points in even steps",
   const std::vector<Double3> twice = {{1, 1, 1}, {1, 1, 1}};
   CHECK_THROWS_AS(track_through(twice, false, 0.5), InputError);
 }
+
+}  // namespace blend_tracks_test

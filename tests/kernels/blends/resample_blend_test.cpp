@@ -12,6 +12,8 @@
 #include "tests/helpers/filleted.h"
 #include "tests/helpers/mesh_checks.h"
 
+namespace resample_blend_test {
+
 using namespace tessera;
 using namespace tessera::test;
 
@@ -324,3 +326,5 @@ TEST_CASE("resample blend: what cannot be resampled stays, with its reason", "[u
     CHECK(all.count("") == 0);
   }
 }
+
+}  // namespace resample_blend_test

@@ -5,6 +5,8 @@
 
 #include "octree/portable_math.h"
 
+namespace rib_planes_test {
+
 using namespace tessera;
 
 namespace {
@@ -112,3 +114,5 @@ TEST_CASE("rib planes: smoothing leaves lines and curves of even curvature where
     CHECK(norm(parabola[i] - curve[i]) < 1e-12);
   }
 }
+
+}  // namespace rib_planes_test

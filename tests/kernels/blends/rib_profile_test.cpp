@@ -5,6 +5,8 @@
 
 #include "octree/portable_math.h"
 
+namespace rib_profile_test {
+
 using namespace tessera;
 
 namespace {
@@ -72,3 +74,5 @@ TEST_CASE("rib profile: one line has no corner", "[unit]") {
   CHECK_FALSE(guess_profile(line, 2.0, true).found);
   CHECK_FALSE(fit_profile(std::span(line).first(5), tilted(1.0, true), true).found);
 }
+
+}  // namespace rib_profile_test

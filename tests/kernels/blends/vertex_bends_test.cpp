@@ -5,6 +5,8 @@
 #include "tests/helpers/block_meshes.h"
 #include "tests/helpers/filleted.h"
 
+namespace vertex_bends_test {
+
 using namespace tessera;
 using namespace tessera::test;
 
@@ -56,3 +58,5 @@ TEST_CASE("vertex bends: what is not asked for stays zero, what lies beyond the 
   }
   CHECK(compared > 100);
 }
+
+}  // namespace vertex_bends_test

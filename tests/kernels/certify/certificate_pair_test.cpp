@@ -8,6 +8,8 @@
 #include "kernels/certify/overlay_proof.h"
 #include "tests/helpers/surfaces.h"
 
+namespace certificate_pair_test {
+
 namespace {
 
 using namespace tessera;
@@ -238,3 +240,5 @@ TEST_CASE(
     }
   }
 }
+
+}  // namespace certificate_pair_test

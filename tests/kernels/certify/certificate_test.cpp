@@ -7,6 +7,8 @@
 #include "octree/vector.h"
 #include "tests/helpers/surfaces.h"
 
+namespace certificate_test {
+
 namespace {
 
 using namespace tessera;
@@ -229,3 +231,5 @@ TEST_CASE("certificate: far from the origin of coordinates it stays a bound", "[
   CHECK(there.upper == Approx(here.upper).epsilon(1e-6));
   CHECK(there.upper >= there.lower);
 }
+
+}  // namespace certificate_test

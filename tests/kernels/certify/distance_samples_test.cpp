@@ -10,6 +10,8 @@
 #include "octree/vector.h"
 #include "tests/helpers/surfaces.h"
 
+namespace distance_samples_test {
+
 namespace {
 
 using namespace tessera;
@@ -135,3 +137,5 @@ TEST_CASE("distance samples: points have equal shares of the area, and lie in th
   const std::vector<std::array<std::uint32_t, 3>> flat = {{0, 0, 1}, {2, 2, 2}};
   CHECK(spread_samples({s.position, flat}, nullptr, 10).at.empty());
 }
+
+}  // namespace distance_samples_test

@@ -7,6 +7,8 @@
 #include "octree/vector.h"
 #include "tests/helpers/surfaces.h"
 
+namespace near_proof_test {
+
 namespace {
 
 using namespace tessera;
@@ -79,3 +81,5 @@ TEST_CASE("near proof: bounds what samples find, whichever faces are given, and 
   CHECK(within > 200);
   CHECK(proven > within * 9 / 10);
 }
+
+}  // namespace near_proof_test

@@ -9,6 +9,8 @@
 #include "octree/vector.h"
 #include "tests/helpers/surfaces.h"
 
+namespace raster_filter_test {
+
 namespace {
 
 using namespace tessera;
@@ -253,3 +255,5 @@ TEST_CASE("prove by raster: the answer is that of the certificate", "[property]"
   both(noisy(test::height_grid(30, 1.0, hills), 0.01, random),
        noisy(test::height_grid(30, 1.0, hills), 0.01, random));
 }
+
+}  // namespace raster_filter_test

@@ -5,6 +5,8 @@
 
 #include "tests/helpers/oriented_samples.h"
 
+namespace area_weights_test {
+
 using namespace tessera;
 
 namespace {
@@ -51,3 +53,5 @@ TEST_CASE("area weights: two sides of a thin sheet count apart, points without n
     if (block.nz[i] < 0) block.nx[i] = block.ny[i] = block.nz[i] = 0;
   CHECK(total(block) == Approx(1600.0).epsilon(0.25));
 }
+
+}  // namespace area_weights_test

@@ -12,6 +12,8 @@
 #include "octree/morton.h"
 #include "tests/helpers/oriented_samples.h"
 
+namespace closing_test {
+
 using namespace tessera;
 
 namespace {
@@ -226,3 +228,5 @@ TEST_CASE("closing: the cells do not depend on the order of growth", "[property]
     CHECK(steps.cells[i].cells == once.cells[i].cells);
   }
 }
+
+}  // namespace closing_test

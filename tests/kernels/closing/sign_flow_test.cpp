@@ -6,6 +6,8 @@
 
 #include "octree/morton.h"
 
+namespace sign_flow_test {
+
 using namespace tessera;
 
 namespace {
@@ -168,3 +170,5 @@ TEST_CASE("sign flow: forced nodes go to the closing cells with values of their 
   const std::vector<SettledSigns> settled = settled_around(f.signs, brick);
   CHECK(settled.size() > values.size());
 }
+
+}  // namespace sign_flow_test

@@ -2,7 +2,7 @@
 
 #include <catch2/catch.hpp>
 
-namespace tessera {
+namespace tessera::auto_tolerance_test {
 
 TEST_CASE("auto tolerance: a fifth of the cell, never below the noise", "[unit]") {
   CHECK(auto_tolerance(1.0, 0.0) == Approx(0.2));
@@ -11,4 +11,4 @@ TEST_CASE("auto tolerance: a fifth of the cell, never below the noise", "[unit]"
   CHECK(kAutoTolerance < 0.0);  // no tolerance that one could type
 }
 
-}  // namespace tessera
+}  // namespace tessera::auto_tolerance_test

@@ -4,7 +4,7 @@
 
 #include <vector>
 
-namespace tessera {
+namespace tessera::cost_queue_test {
 
 TEST_CASE("cost queue: lowest class first, first in first out inside one, pushes in between count",
           "[unit]") {
@@ -39,4 +39,4 @@ TEST_CASE("cost class: eight to a factor of two, ascending, the ends shared", "[
   CHECK(cost_class(1e300, 100) == 99);
 }
 
-}  // namespace tessera
+}  // namespace tessera::cost_queue_test

@@ -11,6 +11,8 @@
 #include "octree/vector.h"
 #include "tests/helpers/block_meshes.h"
 
+namespace decimate_border_test {
+
 namespace {
 
 using namespace tessera;
@@ -133,3 +135,5 @@ TEST_CASE("decimate: what was moved before stays within the tolerance of where i
     }
   }
 }
+
+}  // namespace decimate_border_test

@@ -11,6 +11,8 @@
 #include "octree/vector.h"
 #include "tests/helpers/block_meshes.h"
 
+namespace decimate_order_test {
+
 namespace {
 
 using namespace tessera;
@@ -127,3 +129,5 @@ TEST_CASE("decimate: as many faces as their corners can be numbered, and no more
   CHECK_FALSE(fits_collapse_mesh(most / 2, kNoCorner / 3));
   CHECK_FALSE(fits_collapse_mesh(kNoCorner, 1));
 }
+
+}  // namespace decimate_order_test

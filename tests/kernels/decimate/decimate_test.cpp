@@ -63,6 +63,8 @@ void operator delete(void* p, std::size_t, std::align_val_t) noexcept {
   operator delete(p);
 }
 
+namespace decimate_test {
+
 namespace {
 
 using namespace tessera;
@@ -545,3 +547,5 @@ TEST_CASE("decimate: what a pass has settled stays, another begins at what was l
   CHECK(rest.candidates < with_held.candidates / 2);
   for (const std::uint8_t f : part.face_flags) CHECK((f & kFaceSettled) != 0);
 }
+
+}  // namespace decimate_test

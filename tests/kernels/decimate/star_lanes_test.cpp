@@ -8,7 +8,7 @@
 #include "kernels/decimate/decimator.h"
 #include "octree/portable_math.h"
 
-namespace tessera {
+namespace tessera::star_lanes_test {
 namespace {
 
 /// A fan of `size` faces around vertex 0, its rim scattered around a circle, heights up to `rough`.
@@ -121,4 +121,4 @@ TEST_CASE("star lanes: what is flat is left to doubles", "[unit]") {
   for (std::size_t at = 0; at < 6; ++at) CHECK(lanes.judge(at, gap) != StarLanes::Answer::kGood);
 }
 
-}  // namespace tessera
+}  // namespace tessera::star_lanes_test

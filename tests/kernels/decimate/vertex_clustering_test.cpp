@@ -5,6 +5,8 @@
 #include <cmath>
 #include <limits>
 
+namespace vertex_clustering_test {
+
 using namespace tessera;
 
 namespace {
@@ -98,3 +100,5 @@ TEST_CASE("vertex clustering: what is not finite, of one point or of any size do
   CHECK(clustering.add({Double3{0, 0, 0}, Double3{0, 0, 0}, Double3{0, 0, 0}}, kGrey));
   CHECK(clustering.finish().faces.empty());
 }
+
+}  // namespace vertex_clustering_test

@@ -7,6 +7,8 @@
 #include "octree/error.h"
 #include "tests/helpers/surfaces.h"
 
+namespace anisotropic_metric_test {
+
 namespace {
 
 using namespace tessera;
@@ -67,3 +69,5 @@ TEST_CASE("anisotropic metric: what is no disk is refused", "[unit]") {
   CHECK_THROWS_WITH(anisotropic_metric({s.position, s.faces}, role, 1, report),
                     Catch::Contains("the mesh is not a disk"));
 }
+
+}  // namespace anisotropic_metric_test

@@ -11,6 +11,8 @@
 #include "tests/helpers/surfaces.h"
 #include "tests/solvers/dense.h"
 
+namespace boundary_model_test {
+
 namespace {
 
 using namespace tessera;
@@ -189,3 +191,5 @@ TEST_CASE("boundary model: nothing that holds a piece is refused", "[unit]") {
   CHECK_THROWS_AS(BoundaryModel(lap, none, {}, {.order = 1}), UsageError);
   CHECK_THROWS_AS(BoundaryModel(lap, belt(s), {}, {.order = 2, .memory_bytes = 1000}), ResourceError);
 }
+
+}  // namespace boundary_model_test

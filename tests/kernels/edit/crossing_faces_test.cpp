@@ -6,6 +6,8 @@
 
 #include "tests/helpers/random.h"
 
+namespace crossing_faces_test {
+
 namespace {
 
 using namespace tessera;
@@ -74,3 +76,5 @@ TEST_CASE("crossing faces: the tree misses none that pairs one by one find", "[p
   CHECK(pairs > 30);
   CHECK(crossing_faces(p, faces, {}).pairs == pairs);
 }
+
+}  // namespace crossing_faces_test

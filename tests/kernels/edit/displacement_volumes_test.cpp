@@ -9,6 +9,8 @@
 #include "kernels/edit/crossing_faces.h"
 #include "kernels/edit/edit_regions.h"
 
+namespace displacement_volumes_test {
+
 namespace {
 
 using namespace tessera;
@@ -227,3 +229,5 @@ TEST_CASE("base volume: a bend narrows the base, and the widening makes up for i
   }
   CHECK(enclosed_volume(wide, b.bar.faces) == Approx(was).epsilon(1e-6));
 }
+
+}  // namespace displacement_volumes_test

@@ -8,6 +8,8 @@
 #include "tests/helpers/random.h"
 #include "tests/helpers/surfaces.h"
 
+namespace edit_basis_test {
+
 namespace {
 
 using namespace tessera;
@@ -178,3 +180,5 @@ TEST_CASE("edit basis: a piece of the support that nothing holds follows, stays 
   CHECK_THROWS_WITH(e.basis(2), Catch::Contains("1 piece of it, 66 vertices, the first near (11, 20, 30)"));
   CHECK_THROWS_AS(e.basis(2), InputError);
 }
+
+}  // namespace edit_basis_test

@@ -7,6 +7,8 @@
 #include "octree/error.h"
 #include "tests/helpers/surfaces.h"
 
+namespace edit_regions_test {
+
 namespace {
 
 using namespace tessera;
@@ -113,3 +115,5 @@ TEST_CASE("edit regions: what is painted", "[unit]") {
   CHECK_THROWS_WITH(resolve_regions(std::vector<EditRegion>{red}, EditSurface{s.position, s.faces}, 2),
                     Catch::Contains("the mesh has no vertex colours"));
 }
+
+}  // namespace edit_regions_test

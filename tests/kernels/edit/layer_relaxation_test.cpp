@@ -4,6 +4,8 @@
 
 #include <catch2/catch.hpp>
 
+namespace layer_relaxation_test {
+
 namespace {
 
 using namespace tessera;
@@ -40,3 +42,5 @@ TEST_CASE("layer relaxation: scale() multiplies what is free and takes shares of
   CHECK(now[4] == Double3{1, 1, 1.5 * 0.5 * 3.0});
   for (std::size_t v = 0; v < 4; ++v) CHECK(now[v] == Double3{tent.base[v][0], tent.base[v][1], 0.5});
 }
+
+}  // namespace layer_relaxation_test

@@ -8,6 +8,8 @@
 #include "tests/helpers/random.h"
 #include "tests/helpers/surfaces.h"
 
+namespace normal_displacement_test {
+
 namespace {
 
 using namespace tessera;
@@ -103,3 +105,5 @@ TEST_CASE("normal displacement: faces without area and folds do no harm", "[unit
     CHECK(std::isfinite(norm(back)));
   }
 }
+
+}  // namespace normal_displacement_test

@@ -7,6 +7,8 @@
 
 #include "tests/helpers/surfaces.h"
 
+namespace short_edges_test {
+
 using namespace tessera;
 using namespace tessera::test;
 
@@ -57,3 +59,5 @@ TEST_CASE("short edges: what a merge lays back to back goes", "[unit]") {
   CHECK(faces == std::vector<std::array<std::uint32_t, 3>>{{0, 1, 2}, {0, 2, 3}});
   CHECK(position.size() == 4);
 }
+
+}  // namespace short_edges_test

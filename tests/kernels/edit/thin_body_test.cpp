@@ -6,6 +6,8 @@
 
 #include "tests/helpers/surfaces.h"
 
+namespace thin_body_test {
+
 using namespace tessera;
 
 TEST_CASE("thin body: what is thinner than the width, however its triangles lie", "[unit]") {
@@ -27,3 +29,5 @@ TEST_CASE("thin body: what is thinner than the width, however its triangles lie"
   CHECK(thin_body_share(wire, faces, 8.0) > 0.9);
   CHECK(thin_body_share({}, {}, 1.0) == 0.0);
 }
+
+}  // namespace thin_body_test

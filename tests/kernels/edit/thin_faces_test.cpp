@@ -4,6 +4,8 @@
 #include <catch2/catch.hpp>
 #include <vector>
 
+namespace thin_faces_test {
+
 using namespace tessera;
 
 TEST_CASE("thin faces: by area, over all that was added", "[unit]") {
@@ -17,3 +19,5 @@ TEST_CASE("thin faces: by area, over all that was added", "[unit]") {
   area.add(p, thin);
   CHECK(area.share() == Approx(20.0 / 21.0));
 }
+
+}  // namespace thin_faces_test

@@ -6,6 +6,8 @@
 #include "octree/placement.h"
 #include "tests/helpers/surfaces.h"
 
+namespace upright_faces_test {
+
 using namespace tessera;
 using namespace tessera::test;
 
@@ -102,3 +104,5 @@ TEST_CASE("upright faces: a pose goes towards another one around what is turned 
   CHECK(moved > 1);
   CHECK(moved < 40);
 }
+
+}  // namespace upright_faces_test

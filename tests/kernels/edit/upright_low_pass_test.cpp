@@ -6,6 +6,8 @@
 
 #include "tests/helpers/surfaces.h"
 
+namespace upright_low_pass_test {
+
 using namespace tessera;
 using namespace tessera::test;
 
@@ -56,3 +58,5 @@ TEST_CASE("upright low-pass: a wire pressed to a line gets its thickness back, w
   for (std::size_t v = 0; v < smooth.size(); ++v)
     if (s.position[v][0] < 20.0) CHECK(smooth[v] == pressed[v]);
 }
+
+}  // namespace upright_low_pass_test

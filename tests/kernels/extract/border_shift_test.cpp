@@ -11,6 +11,8 @@
 #include "tests/helpers/oriented_samples.h"
 #include "tests/helpers/random.h"
 
+namespace border_shift_test {
+
 using namespace tessera;
 
 namespace {
@@ -111,3 +113,5 @@ TEST_CASE("border: the same cut from every block", "[property]") {
   }
   CHECK(seen == whole.size());
 }
+
+}  // namespace border_shift_test

@@ -6,6 +6,8 @@
 #include "kernels/field/field.h"
 #include "tests/helpers/exact_scan.h"
 
+namespace exact_features_test {
+
 using namespace tessera;
 using namespace tessera::test;
 
@@ -70,3 +72,5 @@ TEST_CASE("exact features: where a plane runs into a cylinder nothing is sharp",
   CHECK(far == 0);
   CHECK(off < 0.1);
 }
+
+}  // namespace exact_features_test

@@ -9,6 +9,8 @@
 #include "tests/helpers/analytic_field.h"
 #include "tests/helpers/mesh_checks.h"
 
+namespace extended_marching_cubes_test {
+
 using namespace tessera;
 using namespace tessera::test;
 
@@ -428,3 +430,5 @@ TEST_CASE("extract: a patch is the same in any block that holds its brick", "[pr
   CHECK(single == whole);
   CHECK(slabs == whole);
 }
+
+}  // namespace extended_marching_cubes_test

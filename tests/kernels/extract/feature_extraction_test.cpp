@@ -10,6 +10,8 @@
 #include "tests/helpers/oriented_samples.h"
 #include "tests/helpers/solids.h"
 
+namespace feature_extraction_test {
+
 using namespace tessera;
 using namespace tessera::test;
 
@@ -116,3 +118,5 @@ TEST_CASE("features from points: cube, bored block, fandisk-like", "[unit]") {
   CHECK(extended.checks.boundary_edges == 0);
   CHECK(extended.checks.defects() == 0);
 }
+
+}  // namespace feature_extraction_test

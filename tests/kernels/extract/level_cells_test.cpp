@@ -16,6 +16,8 @@
 #include "tests/helpers/mesh_checks.h"
 #include "tests/helpers/random.h"
 
+namespace level_cells_test {
+
 using namespace tessera;
 
 namespace {
@@ -391,3 +393,5 @@ TEST_CASE("levels: what two levels share belongs to the finer one", "[unit]") {
   CHECK(pair.is_transition({126, 0, 0}));
   CHECK_FALSE(pair.is_transition({124, 0, 0}));
 }
+
+}  // namespace level_cells_test

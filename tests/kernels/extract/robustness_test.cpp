@@ -11,6 +11,8 @@
 #include "tests/helpers/oriented_samples.h"
 #include "tests/helpers/solids.h"
 
+namespace robustness_test {
+
 using namespace tessera;
 
 namespace {
@@ -300,3 +302,5 @@ TEST_CASE("robustness: an open surface has no face farther than the support radi
   if (shape != 5 && !(shape == 6 && radius < 3)) REQUIRE(sure > 500);
   CHECK(farthest <= radius);
 }
+
+}  // namespace robustness_test

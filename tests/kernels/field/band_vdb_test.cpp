@@ -11,6 +11,8 @@
 #include "kernels/field/field.h"
 #include "tests/helpers/oriented_samples.h"
 
+namespace band_vdb_test {
+
 using namespace tessera;
 
 TEST_CASE("vdb: nodes and words of a band leaf are those of its OpenVDB leaf", "[unit]") {
@@ -84,3 +86,5 @@ TEST_CASE("vdb: a grid read back holds the band of both blocks, in scan units", 
   CHECK(world.x() == 64000 * 0.25 + 1.0);
   CHECK(world.y() == -192 * 0.25);
 }
+
+}  // namespace band_vdb_test

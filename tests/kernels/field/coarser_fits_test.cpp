@@ -9,6 +9,8 @@
 #include "tests/helpers/oriented_samples.h"
 #include "tests/helpers/random.h"
 
+namespace coarser_fits_test {
+
 using namespace tessera;
 
 namespace {
@@ -140,3 +142,5 @@ TEST_CASE("coarser fits: the same bits for every block", "[property]") {
     }
   CHECK(compared > 5000);
 }
+
+}  // namespace coarser_fits_test

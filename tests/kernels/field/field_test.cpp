@@ -12,6 +12,8 @@
 #include "tests/helpers/oriented_samples.h"
 #include "tests/helpers/solids.h"
 
+namespace field_test {
+
 using namespace tessera;
 
 namespace {
@@ -459,3 +461,5 @@ TEST_CASE("field: empty, sparse and stacked points give no surface and no troubl
   CHECK(field_of({{{90, 90, 90}, {0, 0, 1}, 0}}).roots.empty());
   CHECK(field_of(test::Samples(20000, {{90.5, 90.5, 90.5}, {0, 0, 1}, 0})).roots.size() < 100);
 }
+
+}  // namespace field_test

@@ -9,6 +9,8 @@
 #include "solvers/envelope_cholesky.h"
 #include "tests/helpers/random.h"
 
+namespace hole_filling_test {
+
 using namespace tessera;
 
 namespace {
@@ -242,3 +244,5 @@ TEST_CASE("envelope cholesky: solves what a product made, refuses what is not de
     if (v > 0) v = 1.0;
   CHECK_FALSE(solver.factor(a));
 }
+
+}  // namespace hole_filling_test

@@ -6,6 +6,8 @@
 #include "kernels/holes/hole_rims.h"
 #include "tests/helpers/random.h"
 
+namespace hole_rims_test {
+
 using namespace tessera;
 
 namespace {
@@ -119,3 +121,5 @@ TEST_CASE("hole rims: ranges of numbers find alone what all find together", "[pr
     CHECK(short_rims(match(sheet, &known), lost.vertex[0], lost.vertex[0] + 1, 20).empty());
   }
 }
+
+}  // namespace hole_rims_test

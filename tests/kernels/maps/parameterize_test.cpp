@@ -8,6 +8,8 @@
 #include "tests/helpers/block_meshes.h"
 #include "tests/helpers/irregular_mesh.h"
 
+namespace parameterize_test {
+
 namespace {
 
 using namespace tessera;
@@ -215,3 +217,5 @@ TEST_CASE("parameterize: a free border by multigrid on irregular and flat meshes
     CHECK(map.uv.back() == Double2{0, 0});
   }
 }
+
+}  // namespace parameterize_test

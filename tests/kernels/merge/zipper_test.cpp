@@ -7,6 +7,8 @@
 
 #include "tests/helpers/random.h"
 
+namespace zipper_test {
+
 namespace {
 
 using namespace tessera;
@@ -93,3 +95,5 @@ TEST_CASE("zip: faces at a vertex where borders touch go, crumbs too", "[unit]")
   CHECK(zipped.report.removed == 2);
   CHECK(zipped.added.empty());
 }
+
+}  // namespace zipper_test

@@ -2,7 +2,7 @@
 
 #include <catch2/catch.hpp>
 
-namespace tessera {
+namespace tessera::block_components_test {
 
 namespace {
 
@@ -35,4 +35,4 @@ TEST_CASE("block components: a component goes with its vertices, the rest keeps 
   CHECK(without_vertices(two_pieces(), {}).faces.size() == 3);
 }
 
-}  // namespace tessera
+}  // namespace tessera::block_components_test

@@ -2,7 +2,7 @@
 
 #include <catch2/catch.hpp>
 
-namespace tessera {
+namespace tessera::box_mask_test {
 
 TEST_CASE("box mask: a box is met where it shares a cell with a marked one, and only there", "[unit]") {
   BoxMask mask({0, 0, 0}, {8, 8, 8}, 8);  // cells of edge 1
@@ -25,4 +25,4 @@ TEST_CASE("box mask: what lies outside counts with the nearest cell, a flat box 
   CHECK_FALSE(mask.meets({1.5, 0.5, 5}, {100, 100, 5}));
 }
 
-}  // namespace tessera
+}  // namespace tessera::box_mask_test

@@ -7,7 +7,7 @@
 
 #include "octree/vector.h"
 
-namespace tessera {
+namespace tessera::flat_faces_test {
 namespace {
 
 MeshBlock block_of(std::vector<Double3> position, std::vector<std::array<std::uint32_t, 3>> faces) {
@@ -130,4 +130,4 @@ TEST_CASE("flat faces: a block without any is not touched", "[unit]") {
   CHECK(block.faces == std::vector<std::array<std::uint32_t, 3>>{{1, 2, 0}});  // as it was, canonical or not
 }
 
-}  // namespace tessera
+}  // namespace tessera::flat_faces_test

@@ -10,7 +10,7 @@
 
 #include "kernels/mesh/mesh_repair.h"
 
-namespace tessera {
+namespace tessera::mesh_repair_test {
 namespace {
 
 struct Soup {
@@ -163,4 +163,4 @@ TEST_CASE("mesh repair: no edge has more than two faces, two go opposite ways, f
   }
 }
 
-}  // namespace tessera
+}  // namespace tessera::mesh_repair_test

@@ -11,6 +11,8 @@
 #include "tests/helpers/analytic_field.h"
 #include "tests/helpers/mesh_checks.h"
 
+namespace patch_mesh_test {
+
 using namespace tessera;
 using namespace tessera::test;
 
@@ -117,3 +119,5 @@ TEST_CASE("patch mesh: creases and borders that cross bricks", "[property]") {
       },
       ExtractMethod::kExtendedMarchingCubes));
 }
+
+}  // namespace patch_mesh_test

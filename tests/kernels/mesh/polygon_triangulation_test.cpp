@@ -10,7 +10,7 @@
 #include "kernels/mesh/flat_faces.h"
 #include "tests/helpers/random.h"
 
-namespace tessera {
+namespace tessera::polygon_triangulation_test {
 namespace {
 
 using Triangles = std::vector<std::array<std::uint32_t, 3>>;
@@ -228,4 +228,4 @@ TEST_CASE("polygon triangulation: what has no triangulation says so and has as m
 }
 
 }  // namespace
-}  // namespace tessera
+}  // namespace tessera::polygon_triangulation_test

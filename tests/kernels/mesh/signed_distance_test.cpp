@@ -6,6 +6,8 @@
 
 #include "tests/helpers/surfaces.h"
 
+namespace signed_distance_test {
+
 namespace {
 
 using namespace tessera;
@@ -70,3 +72,5 @@ TEST_CASE("signed distance: feet beyond a border say so", "[unit]") {
   CHECK_FALSE(field.closest({0.5, 0.4, 0.1}, 9.0).border);
   CHECK(field.closest({0.5, 0.4, 4.0}, 9.0).face == SignedDistance::kNone);
 }
+
+}  // namespace signed_distance_test

@@ -5,7 +5,7 @@
 #include "octree/error.h"
 #include "octree/vector.h"
 
-namespace tessera {
+namespace tessera::camera_test {
 
 namespace {
 
@@ -79,4 +79,4 @@ TEST_CASE("camera: zoom enlarges by its factor about the same centre", "[unit]")
   CHECK(clip(four, corner)[1] == Approx(4.0 * clip(one, corner)[1]));
 }
 
-}  // namespace tessera
+}  // namespace tessera::camera_test

@@ -8,6 +8,8 @@
 #include "octree/morton.h"
 #include "tests/helpers/random.h"
 
+namespace density_levels_test {
+
 using namespace tessera;
 
 namespace {
@@ -87,3 +89,5 @@ TEST_CASE("density levels: lines, lone points and levels below the noise are not
   add_plane(plane, 64.0f, 0.1f);
   CHECK(finest(split_by_density(ordered(plane), {0, 0, 0}, 4, 2), 4) == 2);
 }
+
+}  // namespace density_levels_test

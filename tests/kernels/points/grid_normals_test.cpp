@@ -10,6 +10,8 @@
 
 #include "octree/portable_math.h"
 
+namespace grid_normals_test {
+
 using namespace tessera;
 
 namespace {
@@ -148,3 +150,5 @@ TEST_CASE("grid line: cells come in any order, the first sample of a cell stays,
   line.clear();
   CHECK(line.find(5) == nullptr);
 }
+
+}  // namespace grid_normals_test

@@ -4,6 +4,8 @@
 #include <cmath>
 #include <cstdint>
 
+namespace neighbour_list_test {
+
 using namespace tessera;
 
 namespace {
@@ -93,3 +95,5 @@ TEST_CASE("neighbour list: packs are left out only where nothing can be a neighb
   list.clear();
   CHECK(list.empty());
 }
+
+}  // namespace neighbour_list_test

@@ -7,6 +7,8 @@
 
 #include "tests/helpers/random.h"
 
+namespace normal_agreement_test {
+
 using namespace tessera;
 using test::Random;
 
@@ -66,3 +68,5 @@ TEST_CASE("normal agreement: faces of a wall and of a gap, however thin, are not
     CHECK(found.split == 0);
   }
 }
+
+}  // namespace normal_agreement_test

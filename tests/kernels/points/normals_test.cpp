@@ -6,6 +6,8 @@
 #include "octree/small_matrix.h"
 #include "octree/vector.h"
 
+namespace normals_test {
+
 using namespace tessera;
 
 namespace {
@@ -116,3 +118,5 @@ TEST_CASE("normals: points of one line have none, two lines have", "[unit]") {
     CHECK((shape.normal[0] == 0.0f && shape.normal[1] == 0.0f && shape.normal[2] == 0.0f) == !two);
   }
 }
+
+}  // namespace normals_test

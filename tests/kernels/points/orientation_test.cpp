@@ -12,6 +12,8 @@
 #include "octree/vector.h"
 #include "tests/kernels/points/in_order.h"
 
+namespace orientation_test {
+
 using namespace tessera;
 
 namespace {
@@ -319,3 +321,5 @@ TEST_CASE("sight: of several sensors those vote that nothing hides", "[unit]") {
   CHECK(shown(vote_by_sensors(surfels, 1, std::vector<Float3>{outside}, 1000.0), 0) > 0.5);
   CHECK(shown(vote_by_sensors(surfels, 1, std::vector<Float3>{inside}, 1000.0), 0) < -0.9);
 }
+
+}  // namespace orientation_test

@@ -6,6 +6,8 @@
 
 #include "octree/small_matrix.h"
 
+namespace plane_fits_test {
+
 using namespace tessera;
 
 namespace {
@@ -101,3 +103,5 @@ TEST_CASE("plane fits: a lane does not hang on those beside it, and the largest 
     CHECK(fits[lane].variation < 0.001f);
   }
 }
+
+}  // namespace plane_fits_test

@@ -11,7 +11,7 @@
 #include "octree/vector.h"
 #include "tests/helpers/random.h"
 
-namespace tessera {
+namespace tessera::point_clumps_test {
 namespace {
 
 /// Occupied cells of the edges e, 2 e, ... up to 2^12 e.
@@ -67,4 +67,4 @@ TEST_CASE("point clumps: a surface, a line of points and strewn points are none"
 }
 
 }  // namespace
-}  // namespace tessera
+}  // namespace tessera::point_clumps_test

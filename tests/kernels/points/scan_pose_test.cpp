@@ -9,6 +9,8 @@
 #include "octree/portable_math.h"
 #include "tests/helpers/random.h"
 
+namespace scan_pose_test {
+
 using namespace tessera;
 using test::Random;
 
@@ -120,3 +122,5 @@ TEST_CASE("even spread: of a stream of any length, positions from all over it", 
     CHECK(kept.back()[0] > 0.9 * count - 2);
   }
 }
+
+}  // namespace scan_pose_test

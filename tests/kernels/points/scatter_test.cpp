@@ -7,6 +7,8 @@
 #include "kernels/points/scatter.h"
 #include "octree/points.h"
 
+namespace scatter_test {
+
 using namespace tessera;
 
 namespace {
@@ -86,3 +88,5 @@ TEST_CASE("scatter: what grows on the ground does not tilt its planes", "[unit]"
   CHECK(least > 0.9999f);
   CHECK(least_without < 0.95f);
 }
+
+}  // namespace scatter_test

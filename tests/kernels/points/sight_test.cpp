@@ -6,6 +6,8 @@
 #include "tests/kernels/points/in_order.h"
 #include "tests/kernels/points/job_surfels.h"
 
+namespace sight_test {
+
 using namespace tessera;
 
 namespace {
@@ -47,3 +49,5 @@ TEST_CASE("sight: a wide bore through an object does not make it a room, however
   CHECK(v.enclosed < 0.002);
   CHECK(v.scene != SceneKind::kRoom);
 }
+
+}  // namespace sight_test

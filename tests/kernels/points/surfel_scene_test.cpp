@@ -4,6 +4,8 @@
 
 #include "kernels/points/surfel_scene.h"
 
+namespace surfel_scene_test {
+
 using namespace tessera;
 
 TEST_CASE("surfel scene: a ray meets the first disk, through empty bricks and regions", "[unit]") {
@@ -48,3 +50,5 @@ TEST_CASE("surfel scene: the sides of a wall stay two disks, many patches of one
   CHECK(back.met);
   CHECK(back.distance == Approx(3.5f));
 }
+
+}  // namespace surfel_scene_test

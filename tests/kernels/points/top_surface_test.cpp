@@ -5,6 +5,8 @@
 #include "kernels/points/top_surface.h"
 #include "tests/kernels/points/job_surfels.h"
 
+namespace top_surface_test {
+
 using namespace tessera;
 
 namespace {
@@ -60,3 +62,5 @@ TEST_CASE("top surface: of a ball, half of what is level is covered", "[unit]") 
   for (const Float3& up : {Float3{0, 0, 1}, Float3{1, 0, 0}, Float3{0.6f, 0.0f, 0.8f}})
     CHECK(TopSurface(surfels, up).covered_share() == Approx(0.5).margin(0.05));
 }
+
+}  // namespace top_surface_test

@@ -17,6 +17,8 @@
 #include "tests/helpers/block_meshes.h"
 #include "tests/helpers/mesh_checks.h"
 
+namespace remesh_test {
+
 using namespace tessera;
 using namespace tessera::test;
 
@@ -386,3 +388,5 @@ TEST_CASE("remesh: no more faces than there is room for, and options that make n
   o.tolerance = -1.0;
   CHECK_THROWS_AS(remeshed(sphere_block(2), o), UsageError);
 }
+
+}  // namespace remesh_test

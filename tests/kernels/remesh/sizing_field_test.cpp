@@ -6,6 +6,8 @@
 
 #include "tests/helpers/block_meshes.h"
 
+namespace sizing_field_test {
+
 using namespace tessera;
 using namespace tessera::test;
 
@@ -59,3 +61,5 @@ TEST_CASE("sizing field: a line that turns is cut as finely as half the toleranc
         Approx(std::sqrt(6.0 * e / std::sqrt(2.0) - 3.0 * e * e)).epsilon(1e-6));
   CHECK(length[0] > length[turn[1]]);
 }
+
+}  // namespace sizing_field_test

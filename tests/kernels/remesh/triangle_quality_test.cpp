@@ -6,6 +6,8 @@
 
 #include "tests/helpers/block_meshes.h"
 
+namespace triangle_quality_test {
+
 using namespace tessera;
 using namespace tessera::test;
 
@@ -45,3 +47,5 @@ TEST_CASE("triangle quality: Voronoi cells of uneven rows are off their mean by 
   // Inner columns at x = 1 and 2: cells of 1 and 2, a third off their mean of 1.5.
   CHECK(q.mean_cell_deviation() == Approx(1.0 / 3.0).epsilon(1e-5));
 }
+
+}  // namespace triangle_quality_test

@@ -8,6 +8,8 @@
 #include "tests/helpers/icosphere.h"
 #include "tests/helpers/random.h"
 
+namespace mesh_scene_test {
+
 using namespace tessera;
 using namespace tessera::synth;
 using test::Random;
@@ -109,3 +111,5 @@ TEST_CASE("mesh scene: what cannot be scanned is refused", "[unit]") {
                   InputError);
   CHECK(make_mesh_scene("a.ply", v, {{0, 1, 2}, {0, 0, 1}})->bounds().hi == Double3{1, 1, 0});
 }
+
+}  // namespace mesh_scene_test

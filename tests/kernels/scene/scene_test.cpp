@@ -11,6 +11,8 @@
 #include "kernels/scene/surface_sampler.h"
 #include "octree/error.h"
 
+namespace scene_test {
+
 using namespace tessera;
 using namespace tessera::synth;
 
@@ -357,3 +359,5 @@ TEST_CASE("sensors: flying points lie on a ray between two surfaces, gaps keep t
   CHECK(off > flying / 2);
   CHECK(off <= flying);
 }
+
+}  // namespace scene_test

@@ -7,6 +7,8 @@
 #include "octree/portable_math.h"
 #include "tests/helpers/random.h"
 
+namespace border_fairing_test {
+
 using namespace tessera;
 
 namespace {
@@ -150,3 +152,5 @@ TEST_CASE("border fairing: a small hole does not shrink to a point, a large one 
   for (std::uint32_t i = 0; i < corners; ++i) moved += strip.position[2 * i] != before.position[2 * i];
   CHECK(moved == (corners > 8 ? corners : 0));
 }
+
+}  // namespace border_fairing_test

@@ -16,6 +16,8 @@
 #include "solvers/sparse_matrix.h"
 #include "tests/helpers/block_meshes.h"
 
+namespace coarse_level_test {
+
 namespace {
 
 using namespace tessera;
@@ -343,3 +345,5 @@ TEST_CASE("coarse level: what cannot be solved is said", "[unit]") {
     CHECK_THROWS_AS(system.solve(loads), std::logic_error);
   }
 }
+
+}  // namespace coarse_level_test

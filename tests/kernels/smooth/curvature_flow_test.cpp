@@ -9,6 +9,8 @@
 #include "octree/vector.h"
 #include "tests/helpers/block_meshes.h"
 
+namespace curvature_flow_test {
+
 using namespace tessera;
 
 TEST_CASE("flow: curvature flow shrinks a sphere as the differential equation says", "[unit]") {
@@ -230,3 +232,5 @@ TEST_CASE("flow: faces that cannot but fold move as one, a mesh of many is refus
   REQUIRE(curvature_flow(position, faces, fixed, options).done());
   CHECK(position != before);
 }
+
+}  // namespace curvature_flow_test

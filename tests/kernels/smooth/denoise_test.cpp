@@ -12,6 +12,8 @@
 #include "kernels/smooth/window_fit.h"
 #include "tests/helpers/block_meshes.h"
 
+namespace denoise_test {
+
 namespace {
 
 using namespace tessera;
@@ -343,3 +345,5 @@ TEST_CASE("denoise: same bits in every block with enough rings, and whatever els
     CHECK(complete < piece.position.size() - 24 * 20);
   }
 }
+
+}  // namespace denoise_test

@@ -10,6 +10,8 @@
 #include "solvers/linear_solver.h"
 #include "tests/helpers/block_meshes.h"
 
+namespace smooth_test {
+
 namespace {
 
 using namespace tessera;
@@ -472,3 +474,5 @@ TEST_CASE("smooth: crease junk of heavy noise cannot make a filter grow", "[prop
     largest = std::max(largest, distance(out.position[v], block.position[v]));
   CHECK(largest < 4 * edge);
 }
+
+}  // namespace smooth_test

@@ -7,6 +7,8 @@
 #include "kernels/mesh/face_corners.h"
 #include "tests/helpers/block_meshes.h"
 
+namespace surface_noise_test {
+
 namespace {
 
 using namespace tessera;
@@ -81,3 +83,5 @@ TEST_CASE("surface noise: a plane has none, and a mesh too small to tell has non
   CHECK(all_of(test::grid_block(30, 30, [](double x, double y) { return 0.5 * x - y; })).noise() < 1e-12);
   CHECK(all_of(test::grid_block(1, 1, [](double, double) { return 0.0; })).vertices == 0);
 }
+
+}  // namespace surface_noise_test

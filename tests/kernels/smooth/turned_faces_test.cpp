@@ -6,6 +6,8 @@
 #include "tests/helpers/block_meshes.h"
 #include "tests/helpers/random.h"
 
+namespace turned_faces_test {
+
 using namespace tessera;
 
 TEST_CASE(
@@ -70,3 +72,5 @@ TEST_CASE("turned faces: a plate after fits has the same bits in every block wit
   CHECK(complete > 200);
   CHECK(complete < piece.position.size());
 }
+
+}  // namespace turned_faces_test

@@ -7,6 +7,8 @@
 #include "octree/portable_math.h"
 #include "tests/helpers/random.h"
 
+namespace blended_shape_test {
+
 using namespace tessera;
 using namespace tessera::test;
 
@@ -112,3 +114,5 @@ TEST_CASE("blended shape: values never pass the distance, sharp joints stay what
     CHECK((join == SolidTree::Join::kUnite ? gone : filled) == 0);
   }
 }
+
+}  // namespace blended_shape_test

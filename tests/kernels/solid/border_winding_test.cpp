@@ -8,6 +8,8 @@
 #include "kernels/solid/border_leaf.h"
 #include "octree/portable_math.h"
 
+namespace border_winding_test {
+
 using namespace tessera;
 
 namespace {
@@ -96,3 +98,5 @@ TEST_CASE("border winding: nodes of a leaf in a soup, against the sum of solid a
     CHECK(node_error < bound);
   }
 }
+
+}  // namespace border_winding_test

@@ -2,6 +2,8 @@
 
 #include <catch2/catch.hpp>
 
+namespace crease_sheets_test {
+
 using namespace tessera;
 
 TEST_CASE("crease sheets: two at an edge, three at a corner, none where it is smooth, slivers tell nothing",
@@ -47,3 +49,5 @@ TEST_CASE("crease sheets: two at an edge, three at a corner, none where it is sm
   flat.faces = {{0, 1, 2}, {1, 3, 2}};
   CHECK(CreaseSheets(flat).at(0).empty());
 }
+
+}  // namespace crease_sheets_test

@@ -7,6 +7,8 @@
 #include "octree/vector.h"
 #include "tests/helpers/random.h"
 
+namespace distance_octree_test {
+
 using namespace tessera;
 using test::Random;
 
@@ -93,3 +95,5 @@ TEST_CASE("distance octree: what was stored comes back, what is none is refused"
   // All halved for ever.
   CHECK_THROWS_AS(DistanceOctree({0, 0, 0}, 1, {1}, 9, std::vector<std::array<float, 8>>(8)), InputError);
 }
+
+}  // namespace distance_octree_test

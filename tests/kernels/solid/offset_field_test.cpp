@@ -7,6 +7,8 @@
 #include "kernels/mesh/patch_mesh.h"
 #include "kernels/solid/solid_shape.h"
 
+namespace offset_field_test {
+
 using namespace tessera;
 
 namespace {
@@ -146,3 +148,5 @@ TEST_CASE("offset: the same bits in whatever block", "[property]") {
   CHECK(nodes > 3000);
   CHECK(roots > 1000);
 }
+
+}  // namespace offset_field_test

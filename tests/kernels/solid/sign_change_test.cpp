@@ -2,6 +2,8 @@
 
 #include <catch2/catch.hpp>
 
+namespace sign_change_test {
+
 using namespace tessera;
 
 TEST_CASE("sign change: found from both ends, also where values run flat or jump", "[unit]") {
@@ -28,3 +30,5 @@ TEST_CASE("sign change: the first value that is near enough ends the search", "[
   CHECK(root == Approx(0.5));
   CHECK(asked == 3);
 }
+
+}  // namespace sign_change_test

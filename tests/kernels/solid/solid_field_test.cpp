@@ -10,6 +10,8 @@
 #include "octree/portable_math.h"
 #include "tests/helpers/mesh_checks.h"
 
+namespace solid_field_test {
+
 using namespace tessera;
 using namespace tessera::test;
 
@@ -537,3 +539,5 @@ TEST_CASE("solid tree: programs that are none are told", "[unit]") {
   tree.push_join(SolidTree::Join::kUnite);
   CHECK_FALSE(tree.is_complete(1));
 }
+
+}  // namespace solid_field_test

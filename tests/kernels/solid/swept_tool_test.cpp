@@ -5,6 +5,8 @@
 
 #include "tests/helpers/random.h"
 
+namespace swept_tool_test {
+
 using namespace tessera;
 using test::Random;
 
@@ -113,3 +115,5 @@ TEST_CASE("swept tool: a path that stands still or comes back takes away what on
     }
   }
 }
+
+}  // namespace swept_tool_test

@@ -10,7 +10,7 @@
 #include "tests/helpers/mesh_files.h"
 #include "tests/helpers/temp_folder.h"
 
-namespace tessera {
+namespace tessera::compared_before_test {
 namespace {
 
 constexpr int kSide = 200;
@@ -77,4 +77,4 @@ TEST_CASE("compared before: cells far from every change are the same, byte by by
 }
 
 }  // namespace
-}  // namespace tessera
+}  // namespace tessera::compared_before_test

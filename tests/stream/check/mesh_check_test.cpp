@@ -11,7 +11,7 @@
 #include "stream/check/mesh_check.h"
 #include "tests/helpers/memory_mesh.h"
 
-namespace tessera {
+namespace tessera::mesh_check_test {
 namespace {
 
 using test::MemoryMesh;
@@ -280,4 +280,4 @@ TEST_CASE("check: a vertex with more faces than the cap holds is refused by name
 }
 
 }  // namespace
-}  // namespace tessera
+}  // namespace tessera::mesh_check_test

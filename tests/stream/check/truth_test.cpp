@@ -14,6 +14,8 @@
 #include "stream/check/truth_features.h"
 #include "stream/formats/meshes/mesh_io.h"
 
+namespace truth_test {
+
 using namespace tessera;
 
 namespace {
@@ -198,3 +200,5 @@ TEST_CASE("truth: a damaged sidecar is named", "[unit]") {
   std::filesystem::remove(name);
   CHECK_THROWS_AS(read_truth(name), InputError);
 }
+
+}  // namespace truth_test

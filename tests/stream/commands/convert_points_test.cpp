@@ -15,7 +15,7 @@
 #include "tests/helpers/point_reading.h"
 #include "tests/helpers/temp_folder.h"
 
-namespace tessera {
+namespace tessera::convert_points_test {
 namespace {
 
 /// A coloured cloud with normals, as text with all digits; point 7 is not finite.
@@ -222,4 +222,4 @@ TEST_CASE("info and convert: as a user runs them", "[pipeline]") {
 }
 
 }  // namespace
-}  // namespace tessera
+}  // namespace tessera::convert_points_test

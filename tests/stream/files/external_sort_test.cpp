@@ -6,7 +6,7 @@
 #include "stream/files/external_sort.h"
 #include "tests/helpers/memory_mesh.h"
 
-namespace tessera {
+namespace tessera::external_sort_test {
 namespace {
 
 struct Record {
@@ -40,4 +40,4 @@ TEST_CASE("external sort: agrees with std::sort under any budget", "[property]")
 }
 
 }  // namespace
-}  // namespace tessera
+}  // namespace tessera::external_sort_test

@@ -10,6 +10,8 @@
 #include "tests/helpers/point_reading.h"
 #include "tests/helpers/temp_folder.h"
 
+namespace packed_file_test {
+
 using namespace tessera;
 using namespace tessera::test;
 
@@ -145,3 +147,5 @@ TEST_CASE("point overlay: checksums cover records, surfels, facts and votes", "[
     CHECK_THROWS_AS(load(), InputError);
   }
 }
+
+}  // namespace packed_file_test

@@ -7,6 +7,8 @@
 
 #include "tests/helpers/random.h"
 
+namespace path_text_test {
+
 using namespace tessera;
 
 TEST_CASE("path text: any bytes are valid JSON and come back", "[property]") {
@@ -30,3 +32,5 @@ TEST_CASE("path text: any bytes are valid JSON and come back", "[property]") {
   }
   CHECK(changed > 1000);
 }
+
+}  // namespace path_text_test

@@ -15,6 +15,8 @@
 #include "stream/files/output_file.h"
 #include "tests/helpers/temp_folder.h"
 
+namespace planned_writes_test {
+
 using namespace tessera;
 using namespace tessera::test;
 namespace fs = std::filesystem;
@@ -145,3 +147,5 @@ TEST_CASE("output aside: one process at a time, and nothing planted is written t
   }
   CHECK(text_of(p.in) == "precious");
 }
+
+}  // namespace planned_writes_test

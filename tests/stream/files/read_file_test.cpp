@@ -10,6 +10,8 @@
 #include "stream/formats/closed_file.h"
 #include "tests/helpers/temp_folder.h"
 
+namespace read_file_test {
+
 using namespace tessera;
 using namespace tessera::test;
 
@@ -54,3 +56,5 @@ TEST_CASE("read file: pipes, folders and devices are no input", "[fault]") {
   CHECK_THROWS_AS(ReadFile(folder.path()), InputError);
   CHECK_THROWS_AS(ReadFile("/dev/zero"), InputError);
 }
+
+}  // namespace read_file_test

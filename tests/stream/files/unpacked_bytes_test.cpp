@@ -7,7 +7,7 @@
 #include "tests/helpers/random.h"
 #include "tests/helpers/temp_folder.h"
 
-namespace tessera {
+namespace tessera::unpacked_bytes_test {
 namespace {
 
 std::string sample(std::size_t bytes) {
@@ -102,4 +102,4 @@ TEST_CASE("unpacked bytes: cut and damaged files are refused with their byte", "
 }
 
 }  // namespace
-}  // namespace tessera
+}  // namespace tessera::unpacked_bytes_test

@@ -5,7 +5,7 @@
 #include "octree/error.h"
 #include "tests/helpers/temp_folder.h"
 
-namespace tessera {
+namespace tessera::ply_header_test {
 namespace {
 
 PlyHeader parse(const std::string& text) {
@@ -164,4 +164,4 @@ TEST_CASE("numbers in text: signs, exponents, extremes and what is none", "[unit
 }
 
 }  // namespace
-}  // namespace tessera
+}  // namespace tessera::ply_header_test

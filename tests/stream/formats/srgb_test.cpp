@@ -5,6 +5,8 @@
 #include <cmath>
 #include <limits>
 
+namespace srgb_test {
+
 using namespace tessera;
 
 TEST_CASE("srgb: all 256 channels come back from 16 linear bits and from floats", "[unit]") {
@@ -32,3 +34,5 @@ TEST_CASE("srgb: linear values take the nearest channel, and the end beyond it",
   CHECK(srgb_from_linear(std::numeric_limits<double>::infinity()) == 255);
   CHECK(srgb_from_linear(std::numeric_limits<double>::quiet_NaN()) == 0);
 }
+
+}  // namespace srgb_test

@@ -2,7 +2,7 @@
 
 #include <catch2/catch.hpp>
 
-namespace tessera {
+namespace tessera::vertex_fields_test {
 
 TEST_CASE("vertex fields: names are the same in capitals, parts of names are not", "[unit]") {
   CHECK(equal_any_case("Diffuse_Red", "diffuse_red"));
@@ -27,4 +27,4 @@ TEST_CASE("vertex fields: the scale of colours follows from their type and their
   CHECK(int{colour_byte(-1, ColourScale::kByte)} == 0);
 }
 
-}  // namespace tessera
+}  // namespace tessera::vertex_fields_test

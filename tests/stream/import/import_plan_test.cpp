@@ -10,6 +10,8 @@
 #include "octree/error.h"
 #include "tests/helpers/random.h"
 
+namespace import_plan_test {
+
 using namespace tessera;
 
 namespace {
@@ -83,3 +85,5 @@ TEST_CASE("import plan: an index beyond its end is an error in every build", "[u
   CHECK_THROWS_AS(plan.brick_of({-1e6, 0, 0}), std::logic_error);
   CHECK_THROWS_AS(plan.brick_of({std::nan(""), 0, 0}), std::logic_error);
 }
+
+}  // namespace import_plan_test

@@ -19,7 +19,7 @@
 #include "stream/meshes/mesh_store_output.h"
 #include "tests/helpers/serial_job.h"
 
-namespace tessera {
+namespace tessera::mesh_import_test {
 namespace {
 
 namespace fs = std::filesystem;
@@ -269,4 +269,4 @@ TEST_CASE("mesh import: a mesh without a face or a finite vertex is refused", "[
   CHECK_THROWS_AS(round_trip(folder.path() / "a.ply", folder.path()), EmptyError);
 }
 
-}  // namespace tessera
+}  // namespace tessera::mesh_import_test

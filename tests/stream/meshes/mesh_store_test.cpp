@@ -11,7 +11,7 @@
 #include "stream/meshes/mesh_blocking.h"
 #include "tests/helpers/serial_job.h"
 
-namespace tessera {
+namespace tessera::mesh_store_test {
 namespace {
 
 constexpr int kSide = 40;
@@ -201,4 +201,4 @@ TEST_CASE("mesh blocks: the order of vertices and faces does not matter", "[prop
   CHECK(same(other, sheet));
 }
 
-}  // namespace tessera
+}  // namespace tessera::mesh_store_test

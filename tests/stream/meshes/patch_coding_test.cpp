@@ -8,6 +8,8 @@
 #include "stream/meshes/mesh_store.h"
 #include "tests/helpers/random.h"
 
+namespace patch_coding_test {
+
 using namespace tessera;
 
 TEST_CASE("patch coding: vertices on lattice edges take few bytes, those beside them come back too",
@@ -65,3 +67,5 @@ TEST_CASE("patch coding: a fraction of a size that there is none of is told, not
     CHECK(read == (size >= 2 && size <= 4));
   }
 }
+
+}  // namespace patch_coding_test

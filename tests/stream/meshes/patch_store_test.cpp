@@ -5,6 +5,8 @@
 #include "stream/meshes/patch_store.h"
 #include "tests/helpers/temp_folder.h"
 
+namespace patch_store_test {
+
 using namespace tessera;
 using test::TempFolder;
 
@@ -99,3 +101,5 @@ TEST_CASE("patch store: damage is named, not meshed", "[fault]") {
     CHECK_THROWS_AS(PatchStore({path}), InputError);
   }
 }
+
+}  // namespace patch_store_test

@@ -6,7 +6,7 @@
 #include "tests/helpers/random.h"
 #include "tests/helpers/temp_folder.h"
 
-namespace tessera {
+namespace tessera::cell_ladder_test {
 namespace {
 
 /// Bricks of a level plane of side x side blocks that lie `step` blocks apart, `points` in each.
@@ -58,4 +58,4 @@ TEST_CASE("cell ladder: the sentence of a job stands in its work directory", "[u
 }
 
 }  // namespace
-}  // namespace tessera
+}  // namespace tessera::cell_ladder_test

@@ -6,7 +6,7 @@
 #include "stream/points/point_filter.h"
 #include "tests/helpers/temp_folder.h"
 
-namespace tessera {
+namespace tessera::clip_polygon_test {
 namespace {
 
 ClipPolygon polygon(const test::TempFolder& folder, const std::string& json) {
@@ -163,4 +163,4 @@ TEST_CASE("point filter: a box and a polygon keep what is in both, and say what 
 }
 
 }  // namespace
-}  // namespace tessera
+}  // namespace tessera::clip_polygon_test

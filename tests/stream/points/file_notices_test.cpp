@@ -2,7 +2,7 @@
 
 #include <catch2/catch.hpp>
 
-namespace tessera {
+namespace tessera::file_notices_test {
 
 TEST_CASE("file notices: a line for every kind, with how many files and the first three", "[unit]") {
   FileNotices notices;
@@ -26,4 +26,4 @@ TEST_CASE("file notices: a line for every kind, with how many files and the firs
   CHECK(odd.lines().size() == 1);
 }
 
-}  // namespace tessera
+}  // namespace tessera::file_notices_test

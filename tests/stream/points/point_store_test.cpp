@@ -8,6 +8,8 @@
 #include "tests/helpers/serial_job.h"
 #include "tests/helpers/stored_points.h"
 
+namespace point_store_test {
+
 using namespace tessera;
 using namespace tessera::test;
 
@@ -181,3 +183,5 @@ TEST_CASE("point store: files out of order are refused", "[fault]") {
   std::swap(files[0], files[1]);
   CHECK_THROWS_AS(PointStore(files), InputError);
 }
+
+}  // namespace point_store_test

@@ -10,7 +10,7 @@
 #include "tests/helpers/skip.h"
 #include "tests/helpers/temp_folder.h"
 
-namespace tessera {
+namespace tessera::projected_inputs_test {
 namespace {
 
 bool has_proj() {
@@ -137,4 +137,4 @@ TEST_CASE("projected inputs: what a user names overrules the files, and is told"
   CHECK_THROWS_AS(opened({path}, {.crs = "nonsense"}), UsageError);
 }
 
-}  // namespace tessera
+}  // namespace tessera::projected_inputs_test

@@ -9,7 +9,7 @@
 #include "octree/error.h"
 #include "tests/helpers/temp_folder.h"
 
-namespace tessera {
+namespace tessera::unpacked_points_test {
 namespace {
 
 PointChunk chunk_of(std::size_t n, bool on_grid) {
@@ -103,4 +103,4 @@ TEST_CASE("unpacked points: damage is found, and so is a file that is gone", "[f
   CHECK_THROWS_AS(read(), InputError);
 }
 
-}  // namespace tessera
+}  // namespace tessera::unpacked_points_test

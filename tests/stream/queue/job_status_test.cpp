@@ -9,6 +9,8 @@
 #include "stream/runtime/work_dir.h"
 #include "tests/helpers/toy.h"
 
+namespace job_status_test {
+
 using namespace tessera;
 using test::TempFolder;
 using test::Toy;
@@ -70,3 +72,5 @@ TEST_CASE("status: of a folder that is none it says so", "[unit]") {
   CHECK_THROWS_AS(job_status(scratch.path(), names_of_toy), InputError);
   CHECK_THROWS_AS(job_status(scratch / "none", names_of_toy), InputError);
 }
+
+}  // namespace job_status_test

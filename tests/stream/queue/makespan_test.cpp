@@ -5,6 +5,8 @@
 
 #include "octree/error.h"
 
+namespace makespan_test {
+
 using namespace tessera;
 using Catch::Matchers::WithinRel;
 
@@ -112,3 +114,5 @@ TEST_CASE("makespan: costs are read from a report, and from nothing else", "[uni
   CHECK_THROWS_AS(stage_costs({{"stages", {stage}}}, "r.json"), InputError);
   CHECK_THROWS_AS(stage_costs(nlohmann::json::array(), "r.json"), InputError);
 }
+
+}  // namespace makespan_test

@@ -2,6 +2,8 @@
 
 #include <catch2/catch.hpp>
 
+namespace queue_steps_test {
+
 using namespace tessera;
 
 namespace {
@@ -86,3 +88,5 @@ TEST_CASE("queue steps: time is the forecast of the longest element with a margi
   CHECK(minutes_of(steps[0], options) > minutes);
   CHECK(minutes_of({"a", {}, 1, 0, 0.0}, options) >= 2);
 }
+
+}  // namespace queue_steps_test

@@ -10,6 +10,8 @@
 #include "stream/runtime/work_dir.h"
 #include "tests/helpers/shell.h"
 
+namespace slurm_test {
+
 using namespace tessera;
 using test::file_bytes;
 using test::Outcome;
@@ -244,3 +246,5 @@ TEST_CASE("slurm: steps are handed over in a chain, when one is refused, those b
   CHECK_THROWS_AS(slurm_active({"1"}), UsageError);
   ::setenv("PATH", path.c_str(), 1);
 }
+
+}  // namespace slurm_test

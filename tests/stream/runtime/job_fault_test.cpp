@@ -6,6 +6,8 @@
 #include "tests/helpers/skip.h"
 #include "tests/helpers/toy.h"
 
+namespace job_fault_test {
+
 using namespace tessera;
 using test::file_bytes;
 using test::Outcome;
@@ -265,3 +267,5 @@ TEST_CASE("fault: a full disk is one sentence and exit 4, and with space the sam
   }
   CHECK(full >= 3);
 }
+
+}  // namespace job_fault_test

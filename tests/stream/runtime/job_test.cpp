@@ -4,6 +4,8 @@
 #include "stream/runtime/job.h"
 #include "tests/helpers/toy.h"
 
+namespace job_test {
+
 using namespace tessera;
 using test::file_bytes;
 using test::Outcome;
@@ -228,3 +230,5 @@ TEST_CASE("job: options from a job file, flags win, unknown keys are errors", "[
   spill(scratch / "job.json", "{");
   CHECK(test::shell(call).code == 3);
 }
+
+}  // namespace job_test

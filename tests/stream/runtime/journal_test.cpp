@@ -7,6 +7,8 @@
 #include "stream/files/durable_file.h"
 #include "tests/helpers/shell.h"
 
+namespace journal_test {
+
 using namespace tessera;
 using test::file_bytes;
 using test::spill;
@@ -191,3 +193,5 @@ TEST_CASE("durable files: written whole, hashed by content", "[unit]") {
   CHECK_THROWS_AS(hash_file(scratch / "none"), InputError);
   CHECK_THROWS_AS(write_durably(scratch / "no/folder", "x"), UsageError);
 }
+
+}  // namespace journal_test

@@ -5,6 +5,8 @@
 
 #include "octree/error.h"
 
+namespace json_reader_test {
+
 using namespace tessera;
 using Catch::Contains;
 using json = nlohmann::json;
@@ -35,3 +37,5 @@ TEST_CASE("json reader: what it may not hold is told with file and place", "[uni
   CHECK_THROWS_WITH(read.points(json::array(), "\"x\""), Contains("at least one point"));
   CHECK_THROWS_AS(read.point({1, 2}, "\"x\""), InputError);
 }
+
+}  // namespace json_reader_test

@@ -11,6 +11,8 @@
 #include "octree/error.h"
 #include "stream/runtime/stop.h"
 
+namespace long_call_test {
+
 using namespace tessera;
 
 TEST_CASE("long call: is waited for, and tells what failed", "[unit]") {
@@ -41,3 +43,5 @@ TEST_CASE("long call: is left behind after a signal", "[unit]") {
   user.join();
   request_stop(0);
 }
+
+}  // namespace long_call_test

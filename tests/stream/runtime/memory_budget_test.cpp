@@ -10,6 +10,8 @@
 #include "octree/error.h"
 #include "tests/helpers/shell.h"
 
+namespace memory_budget_test {
+
 using namespace tessera;
 using test::spill;
 using test::TempFolder;
@@ -192,3 +194,5 @@ TEST_CASE("allocator: freed blocks leave the process", "[memory]") {
   }
   CHECK(resident_bytes() < before + 16 * kMiB);
 }
+
+}  // namespace memory_budget_test

@@ -9,6 +9,8 @@
 #include "stream/stages/jobs.h"
 #include "stream/stages/smooth/smooth_stage.h"
 
+namespace option_table_test {
+
 using namespace tessera;
 using nlohmann::json;
 
@@ -184,3 +186,5 @@ TEST_CASE("jobs: found by name, a name that is none is an error and never anothe
   }
   CHECK_THROWS_AS(find_job("smooth", to_settings(ReconstructOptions{})), UsageError);
 }
+
+}  // namespace option_table_test

@@ -13,6 +13,8 @@
 #include "octree/error.h"
 #include "stream/runtime/stop.h"
 
+namespace parallel_test {
+
 using namespace tessera;
 
 namespace {
@@ -193,3 +195,5 @@ TEST_CASE("parallel: a stop signal ends the work between pieces", "[unit]") {
   CHECK(started < 20);
   request_stop(0);
 }
+
+}  // namespace parallel_test

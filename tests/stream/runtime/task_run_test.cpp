@@ -13,6 +13,8 @@
 #include "tests/helpers/skip.h"
 #include "tests/helpers/toy.h"
 
+namespace task_run_test {
+
 using namespace tessera;
 using test::Outcome;
 using test::shell;
@@ -293,3 +295,5 @@ TEST_CASE("notes: what was begun, what failed and who has been silent", "[unit]"
   TaskNotes(scratch.path(), "a");
   CHECK(read_notes(scratch.path()).tasks[0].ended);
 }
+
+}  // namespace task_run_test

@@ -7,6 +7,8 @@
 #include "stream/files/durable_file.h"
 #include "tests/helpers/shell.h"
 
+namespace work_dir_test {
+
 using namespace tessera;
 using test::spill;
 using test::TempFolder;
@@ -171,3 +173,5 @@ TEST_CASE("fingerprint: sees a change at the start, at the end and of the length
   }
   CHECK_THROWS_AS(fingerprint_input(scratch / "none"), InputError);
 }
+
+}  // namespace work_dir_test

@@ -21,4 +21,7 @@ using namespace tessera::test;
 
 namespace {
 #include TESSERA_README_STAGE
+
+namespace readme_stage_test {}  // namespace readme_stage_test
+
 }  // namespace

@@ -6,7 +6,7 @@
 
 #include "tests/helpers/laz_file.h"
 
-namespace tessera::laz {
+namespace tessera::laz::chunk_decoder_test {
 namespace {
 
 using test::LazSample;
@@ -237,4 +237,4 @@ TEST_CASE("laz chunk table: comes back, and lies of it are refused", "[unit]") {
 }
 
 }  // namespace
-}  // namespace tessera::laz
+}  // namespace tessera::laz::chunk_decoder_test

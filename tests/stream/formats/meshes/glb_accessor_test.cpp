@@ -17,6 +17,8 @@
 #include "tests/helpers/solid_command.h"
 #include "tests/helpers/temp_folder.h"
 
+namespace glb_accessor_test {
+
 using namespace tessera;
 using namespace tessera::test;
 using Catch::Contains;
@@ -418,3 +420,5 @@ TEST_CASE("GLB: a node in many places by EXT_mesh_gpu_instancing", "[unit]") {
   CHECK(volume(mesh) == Approx(4.0));
   check_refused(placed({{"TRANSLATION", to}, {"SCALE", 1}}), "do not fit each other");
 }
+
+}  // namespace glb_accessor_test

@@ -8,6 +8,8 @@
 #include "octree/error.h"
 #include "tests/helpers/temp_folder.h"
 
+namespace glb_document_test {
+
 using namespace tessera;
 using namespace tessera::test;
 
@@ -52,3 +54,5 @@ TEST_CASE("glb document: depth, count and length have an end", "[fault]") {
   CHECK(document(R"({"extras":[{})" + repeated(",{}", 500000) + R"(],"scene":1})") ==
         nlohmann::json{{"scene", 1}});
 }
+
+}  // namespace glb_document_test

@@ -10,7 +10,7 @@
 #include "tests/helpers/made_meshes.h"
 #include "tests/helpers/temp_folder.h"
 
-namespace tessera {
+namespace tessera::made_meshes_test {
 namespace {
 
 using test::WholeMesh;
@@ -173,4 +173,4 @@ TEST_CASE("made meshes: files at the edge of their formats are read or refused i
 }
 
 }  // namespace
-}  // namespace tessera
+}  // namespace tessera::made_meshes_test

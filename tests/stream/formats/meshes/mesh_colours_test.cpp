@@ -8,7 +8,7 @@
 #include "tests/helpers/mesh_files.h"
 #include "tests/helpers/temp_folder.h"
 
-namespace tessera {
+namespace tessera::mesh_colours_test {
 namespace {
 
 using Catch::Contains;
@@ -195,4 +195,4 @@ TEST_CASE("OFF reader: comments above the keyword, columns that the keyword does
 }
 
 }  // namespace
-}  // namespace tessera
+}  // namespace tessera::mesh_colours_test

@@ -8,7 +8,7 @@
 #include "stream/check/mesh_check.h"
 #include "tests/helpers/skip.h"
 
-namespace tessera {
+namespace tessera::mesh_data_test {
 namespace {
 
 struct Known {
@@ -82,4 +82,4 @@ TEST_CASE("real meshes: every edge case is read or refused in one sentence", "[f
 }
 
 }  // namespace
-}  // namespace tessera
+}  // namespace tessera::mesh_data_test

@@ -18,7 +18,7 @@
 #include "tests/helpers/mesh_files.h"
 #include "tests/helpers/temp_folder.h"
 
-namespace tessera {
+namespace tessera::mesh_mutation_test {
 namespace {
 
 constexpr int kMutations = 3000;
@@ -156,4 +156,4 @@ TEST_CASE("mesh readers: damaged bytes give a sound mesh or an InputError", "[fa
 }
 
 }  // namespace
-}  // namespace tessera
+}  // namespace tessera::mesh_mutation_test

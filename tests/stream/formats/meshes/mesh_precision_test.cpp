@@ -17,7 +17,7 @@
 #include "tests/helpers/random.h"
 #include "tests/helpers/temp_folder.h"
 
-namespace tessera {
+namespace tessera::mesh_precision_test {
 namespace {
 
 using test::read_whole;
@@ -198,4 +198,4 @@ TEST_CASE("bound text: never below the bound, and no wider than its digits", "[p
 }
 
 }  // namespace
-}  // namespace tessera
+}  // namespace tessera::mesh_precision_test

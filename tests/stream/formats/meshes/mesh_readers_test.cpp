@@ -12,7 +12,7 @@
 #include "tests/helpers/mesh_files.h"
 #include "tests/helpers/temp_folder.h"
 
-namespace tessera {
+namespace tessera::mesh_readers_test {
 namespace {
 
 using Catch::Contains;
@@ -369,4 +369,4 @@ TEST_CASE("mesh readers: faces that a check must see are kept on demand", "[unit
 }
 
 }  // namespace
-}  // namespace tessera
+}  // namespace tessera::mesh_readers_test

@@ -12,7 +12,7 @@
 #include "stream/formats/meshes/mesh_io.h"
 #include "tests/helpers/temp_folder.h"
 
-namespace tessera {
+namespace tessera::mesh_writers_test {
 namespace {
 
 std::string contents(const std::filesystem::path& path) {
@@ -164,4 +164,4 @@ TEST_CASE("mesh writers: a folder that does not exist is a usage error", "[fault
 }
 
 }  // namespace
-}  // namespace tessera
+}  // namespace tessera::mesh_writers_test

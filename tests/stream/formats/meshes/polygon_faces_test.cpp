@@ -9,7 +9,7 @@
 #include "tests/helpers/mesh_files.h"
 #include "tests/helpers/temp_folder.h"
 
-namespace tessera {
+namespace tessera::polygon_faces_test {
 namespace {
 
 using Catch::Contains;
@@ -172,4 +172,4 @@ TEST_CASE("polygon faces: a face of more corners than are taken is refused", "[f
 }
 
 }  // namespace
-}  // namespace tessera
+}  // namespace tessera::polygon_faces_test

@@ -9,7 +9,7 @@
 #include "tests/helpers/mesh_files.h"
 #include "tests/helpers/temp_folder.h"
 
-namespace tessera {
+namespace tessera::stl_mesh_reader_test {
 namespace {
 
 using Catch::Contains;
@@ -183,4 +183,4 @@ TEST_CASE("STL reader: text in UTF-16", "[unit]") {
 }
 
 }  // namespace
-}  // namespace tessera
+}  // namespace tessera::stl_mesh_reader_test

@@ -6,7 +6,7 @@
 #include "tests/helpers/skip.h"
 #include "tests/helpers/temp_folder.h"
 
-namespace tessera {
+namespace tessera::coordinate_system_test {
 namespace {
 
 using test::put;
@@ -164,4 +164,4 @@ TEST_CASE("coordinate system: as real files have it", "[unit][.shared]") {
   CHECK(warnings.empty());
 }
 
-}  // namespace tessera
+}  // namespace tessera::coordinate_system_test

@@ -11,7 +11,7 @@
 #include "tests/helpers/point_reading.h"
 #include "tests/helpers/temp_folder.h"
 
-namespace tessera {
+namespace tessera::copc_index_test {
 namespace {
 
 using test::CopcFile;
@@ -153,4 +153,4 @@ TEST_CASE("copc: damaged files give points or a sentence", "[fault]") {
 }
 
 }  // namespace
-}  // namespace tessera
+}  // namespace tessera::copc_index_test

@@ -12,7 +12,7 @@
 #include "tests/helpers/skip.h"
 #include "tests/helpers/temp_folder.h"
 
-namespace tessera {
+namespace tessera::e57_points_test {
 namespace {
 
 using test::e57_doubles;
@@ -427,4 +427,4 @@ TEST_CASE("e57 points: the catalogue's files are read whole", "[unit][.shared]")
 }
 
 }  // namespace
-}  // namespace tessera
+}  // namespace tessera::e57_points_test

@@ -11,6 +11,8 @@
 #include "tests/helpers/point_reading.h"
 #include "tests/helpers/temp_folder.h"
 
+namespace grid_stream_test {
+
 using namespace tessera;
 using namespace tessera::test;
 
@@ -174,3 +176,5 @@ TEST_CASE("grid stream: a scan of E57 that declares records and holds none", "[u
   CHECK(got.counts.missing == 48);
   CHECK_FALSE(got.info.attributes.grid_normals);
 }
+
+}  // namespace grid_stream_test

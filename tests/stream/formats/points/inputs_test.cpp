@@ -5,7 +5,7 @@
 #include "tests/helpers/point_reading.h"
 #include "tests/helpers/temp_folder.h"
 
-namespace tessera {
+namespace tessera::inputs_test {
 namespace {
 
 std::vector<std::string> names(const std::vector<std::string>& arguments) {
@@ -221,4 +221,4 @@ TEST_CASE("inputs: what is not a file of points is refused with a reason", "[fau
 }
 
 }  // namespace
-}  // namespace tessera
+}  // namespace tessera::inputs_test

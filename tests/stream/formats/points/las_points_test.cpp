@@ -8,7 +8,7 @@
 #include "tests/helpers/skip.h"
 #include "tests/helpers/temp_folder.h"
 
-namespace tessera {
+namespace tessera::las_points_test {
 namespace {
 
 using test::put;
@@ -303,4 +303,4 @@ TEST_CASE("las points: real files have the points that their catalogue says", "[
 }
 
 }  // namespace
-}  // namespace tessera
+}  // namespace tessera::las_points_test

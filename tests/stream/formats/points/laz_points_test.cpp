@@ -11,7 +11,7 @@
 #include "tests/helpers/skip.h"
 #include "tests/helpers/temp_folder.h"
 
-namespace tessera {
+namespace tessera::laz_points_test {
 namespace {
 
 using test::LazBytes;
@@ -339,4 +339,4 @@ TEST_CASE("laz points: chunks of other programs are coded into their very bytes"
 }
 
 }  // namespace
-}  // namespace tessera
+}  // namespace tessera::laz_points_test

@@ -18,7 +18,7 @@
 #include "tests/helpers/point_reading.h"
 #include "tests/helpers/temp_folder.h"
 
-namespace tessera {
+namespace tessera::made_scans_test {
 namespace {
 
 using test::put;
@@ -370,4 +370,4 @@ TEST_CASE("made scans: the coordinate system of a LAS file, as three programs wr
   CHECK(warnings.empty());
 }
 
-}  // namespace tessera
+}  // namespace tessera::made_scans_test

@@ -5,7 +5,7 @@
 #include "tests/helpers/random.h"
 #include "tests/helpers/temp_folder.h"
 
-namespace tessera {
+namespace tessera::packed_points_test {
 namespace {
 
 std::string rows(std::size_t count, const std::string& end) {
@@ -102,4 +102,4 @@ TEST_CASE("packed points: cut files, bombs and other content are refused with a 
 }
 
 }  // namespace
-}  // namespace tessera
+}  // namespace tessera::packed_points_test

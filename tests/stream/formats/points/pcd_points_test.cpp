@@ -10,7 +10,7 @@
 #include "tests/helpers/skip.h"
 #include "tests/helpers/temp_folder.h"
 
-namespace tessera {
+namespace tessera::pcd_points_test {
 namespace {
 
 std::string header(const std::string& points, const std::string& data,
@@ -245,4 +245,4 @@ TEST_CASE("pcd points: the catalogue's files are read whole", "[unit][.shared]")
 }
 
 }  // namespace
-}  // namespace tessera
+}  // namespace tessera::pcd_points_test

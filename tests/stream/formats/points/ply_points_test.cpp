@@ -7,7 +7,7 @@
 #include "tests/helpers/skip.h"
 #include "tests/helpers/temp_folder.h"
 
-namespace tessera {
+namespace tessera::ply_points_test {
 namespace {
 
 using test::put;
@@ -309,4 +309,4 @@ TEST_CASE("ply points: real files have the points that their catalogue says", "[
 }
 
 }  // namespace
-}  // namespace tessera
+}  // namespace tessera::ply_points_test

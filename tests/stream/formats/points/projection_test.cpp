@@ -8,7 +8,7 @@
 #include "stream/formats/proj_library.h"
 #include "tests/helpers/skip.h"
 
-namespace tessera {
+namespace tessera::projection_test {
 namespace {
 
 bool has_proj() {
@@ -121,4 +121,4 @@ TEST_CASE("projection: points go where the formulas of the projection have them"
   CHECK(std::abs(z[0] - 3.048) < 1e-12);
 }
 
-}  // namespace tessera
+}  // namespace tessera::projection_test

@@ -7,7 +7,7 @@
 #include "tests/helpers/point_reading.h"
 #include "tests/helpers/temp_folder.h"
 
-namespace tessera {
+namespace tessera::ptx_points_test {
 namespace {
 
 const std::string kIdentity = "1 0 0 0\n0 1 0 0\n0 0 1 0\n0 0 0 1\n";
@@ -171,4 +171,4 @@ TEST_CASE("ptx points: world coordinates with an identity pose have no scanner, 
 }
 
 }  // namespace
-}  // namespace tessera
+}  // namespace tessera::ptx_points_test

@@ -17,7 +17,7 @@
 #include "tests/fuzz/point_samples.h"
 #include "tests/helpers/e57_writer.h"
 
-namespace tessera {
+namespace tessera::reader_mutation_test {
 namespace {
 
 constexpr int kMutations = 6000;
@@ -104,4 +104,4 @@ TEST_CASE("mutations: damaged PTX files give points or a sentence", "[fault]") {
 }
 
 }  // namespace
-}  // namespace tessera
+}  // namespace tessera::reader_mutation_test

@@ -6,7 +6,7 @@
 #include "tests/helpers/skip.h"
 #include "tests/helpers/temp_folder.h"
 
-namespace tessera {
+namespace tessera::text_points_test {
 namespace {
 
 class Text {
@@ -303,4 +303,4 @@ TEST_CASE("text points: the real CSV has the points that its catalogue says", "[
 }
 
 }  // namespace
-}  // namespace tessera
+}  // namespace tessera::text_points_test

@@ -6,6 +6,8 @@
 
 #include "stream/runtime/json_once.h"
 
+namespace simplify_stage_test {
+
 namespace {
 
 using namespace tessera;
@@ -40,3 +42,5 @@ TEST_CASE("decimate summaries: a resumed run adds up to the same as one in memor
   CHECK(sum_of({made[0], read[1]}).dump() == sum.dump());
   CHECK(sum_of({made[1], read[0]}).dump() == sum.dump());
 }
+
+}  // namespace simplify_stage_test

@@ -12,6 +12,8 @@
 #include "tests/helpers/point_chain.h"
 #include "tests/helpers/random_points.h"
 
+namespace forecast_test {
+
 using namespace tessera;
 using namespace tessera::test;
 
@@ -327,3 +329,5 @@ TEST_CASE("forecast: what cap or disk cannot carry is refused with the smallest 
   CHECK_THROWS_WITH(require_resources(forecast, job, 0, same), Catch::Contains("--temp"));
   CHECK_THROWS_AS(require_resources(forecast, job, 0, same), ResourceError);
 }
+
+}  // namespace forecast_test

@@ -7,6 +7,8 @@
 #include "tests/helpers/random_points.h"
 #include "tests/helpers/skip.h"
 
+namespace distribute_test {
+
 using namespace tessera;
 using namespace tessera::test;
 
@@ -180,3 +182,5 @@ TEST_CASE("direct file: a full disk is one clear sentence", "[fault]") {
   const std::string part(10000, 'x');
   CHECK_THROWS_WITH(file.write(part.data(), part.size()), Catch::Contains("disk is full"));
 }
+
+}  // namespace distribute_test

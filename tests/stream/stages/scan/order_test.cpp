@@ -6,6 +6,8 @@
 #include "tests/helpers/point_chain.h"
 #include "tests/helpers/random_points.h"
 
+namespace order_test {
+
 using namespace tessera;
 using namespace tessera::test;
 
@@ -162,3 +164,5 @@ TEST_CASE("order: fewer than three different points are refused", "[unit]") {
   points.push_back({{9, 9, 9}, {0, 0, 1}, 0});
   CHECK_THROWS_AS(run_chain(points), EmptyError);
 }
+
+}  // namespace order_test

@@ -8,6 +8,8 @@
 #include "tests/helpers/point_chain.h"
 #include "tests/helpers/random_points.h"
 
+namespace point_colours_test {
+
 using namespace tessera;
 using namespace tessera::test;
 
@@ -72,3 +74,5 @@ TEST_CASE("colours: height goes from blue below to red above, none has none", "[
   setup.options.colour = "intensity";
   CHECK_THROWS_AS(run_chain(points, setup), UsageError);
 }
+
+}  // namespace point_colours_test

@@ -9,6 +9,8 @@
 #include "tests/helpers/random_points.h"
 #include "tests/helpers/skip.h"
 
+namespace points_memory_test {
+
 using namespace tessera;
 using namespace tessera::test;
 
@@ -92,3 +94,5 @@ TEST_CASE("memory: passes over points stay within what they announce", "[memory]
   check_stage(DistributeStage(job, inputs), job.work);
   check_stage(OrderStage(job), job.work);
 }
+
+}  // namespace points_memory_test

@@ -11,6 +11,8 @@
 #include "tests/helpers/point_chain.h"
 #include "tests/helpers/random_points.h"
 
+namespace survey_test {
+
 using namespace tessera;
 using namespace tessera::test;
 
@@ -430,3 +432,5 @@ TEST_CASE("robust window: keeps a far part of the scan, drops a far speck", "[un
   bricks.back().points = 500;  // no speck
   CHECK_THROWS_AS(robust_window(bricks, 1.0), InputError);
 }
+
+}  // namespace survey_test

@@ -11,6 +11,8 @@
 #include "tests/helpers/point_chain.h"
 #include "tests/helpers/random_points.h"
 
+namespace thin_test {
+
 using namespace tessera;
 using namespace tessera::test;
 
@@ -123,3 +125,5 @@ TEST_CASE("thin: nothing to do where all points stay", "[unit]") {
   CHECK(stage->task_count() == 0);
   CHECK(run_stage(*stage, job.work).contains("skipped"));
 }
+
+}  // namespace thin_test

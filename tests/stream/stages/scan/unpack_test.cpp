@@ -4,6 +4,8 @@
 #include "tests/helpers/point_chain.h"
 #include "tests/helpers/random_points.h"
 
+namespace unpack_test {
+
 using namespace tessera;
 using namespace tessera::test;
 
@@ -70,3 +72,5 @@ TEST_CASE("unpack: nothing to do where nothing is packed", "[unit]") {
   CHECK(stage->task_count() == 0);
   CHECK(run_stage(*stage, job.work).contains("skipped"));
 }
+
+}  // namespace unpack_test

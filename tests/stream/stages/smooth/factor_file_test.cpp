@@ -7,6 +7,8 @@
 #include "octree/error.h"
 #include "tests/helpers/temp_folder.h"
 
+namespace factor_file_test {
+
 namespace {
 
 using namespace tessera;
@@ -57,3 +59,5 @@ TEST_CASE("factor file: one that is not there, or too short, is an error", "[fau
   std::vector<double> room(11);
   CHECK_THROWS_AS(file.read(0, room), InputError);
 }
+
+}  // namespace factor_file_test

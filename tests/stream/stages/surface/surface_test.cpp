@@ -14,6 +14,8 @@
 #include "tests/helpers/point_chain.h"
 #include "tests/helpers/random_points.h"
 
+namespace surface_test {
+
 using namespace tessera;
 using namespace tessera::test;
 
@@ -459,3 +461,5 @@ TEST_CASE("main job: cleaning takes strays, not the sparse part of a scan whose 
   CHECK(mesh.check.boundary_loops == 1);
   CHECK(mesh.check.area == Approx(170.0 * 170.0).epsilon(0.03));
 }
+
+}  // namespace surface_test

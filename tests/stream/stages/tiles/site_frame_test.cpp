@@ -5,6 +5,8 @@
 
 #include "octree/portable_math.h"
 
+namespace site_frame_test {
+
 using namespace tessera;
 
 namespace {
@@ -73,3 +75,5 @@ TEST_CASE("site frame: what is no projected system is told, and the scan's coord
   CHECK(frame.warning.find("coordinates of the mesh") != std::string::npos);
   CHECK(frame.transform[12] == 10.0);
 }
+
+}  // namespace site_frame_test

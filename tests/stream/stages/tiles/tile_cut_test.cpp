@@ -8,6 +8,8 @@
 
 #include "octree/portable_math.h"
 
+namespace tile_cut_test {
+
 using namespace tessera;
 
 namespace {
@@ -74,3 +76,5 @@ TEST_CASE("tile cut: cells of a level consist of whole cells of the level below,
   level.faces.assign(level.faces.size(), 0);
   CHECK(cut_level(level0.key, level, below, 300).size() == 1);
 }
+
+}  // namespace tile_cut_test

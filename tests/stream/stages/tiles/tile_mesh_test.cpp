@@ -9,6 +9,8 @@
 #include "octree/portable_math.h"
 #include "tests/helpers/tiles_site.h"
 
+namespace tile_mesh_test {
+
 using namespace tessera;
 using namespace tessera::test;
 
@@ -143,3 +145,5 @@ TEST_CASE("tile mesh: faces that close holes are marked by vertices of their own
   CHECK((corners_of(decoded.points, found) == corners_of(places, marked)));
   CHECK((corners_of(decoded.points, decoded.faces) == corners_of(places, block.faces)));
 }
+
+}  // namespace tile_mesh_test

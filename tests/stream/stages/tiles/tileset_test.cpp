@@ -5,6 +5,8 @@
 
 #include "tests/helpers/tiles_site.h"
 
+namespace tileset_test {
+
 using namespace tessera;
 using namespace tessera::test;
 
@@ -93,3 +95,5 @@ TEST_CASE("tileset: where nothing shrinks any more, a root without content holds
   CHECK(all.at("root").at("children").size() == 16);
   CHECK(all.at("root").at("geometricError") == 100.0);
 }
+
+}  // namespace tileset_test
