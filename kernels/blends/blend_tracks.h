@@ -27,7 +27,7 @@ struct BandOptions {
 struct BandVertex {
   std::uint64_t key = 0;
   Double3 position{}, normal{}, along{};
-  double across = 0.0;  ///< as VertexBend
+  double across = 0.0;  ///< as CurvatureTensor
 };
 /// Whether a vertex with these curvatures belongs to a band.
 bool is_in_band(double across, double least, const BandOptions& options);

@@ -218,8 +218,8 @@ EditBasis edit_basis(const TriangleSpan& base, const Laplacian& metric, const Ed
   report.model = model.report();
   const std::vector<Double3> rest = rest_base(basis, position);
   report.energy = model.energy({rest.front().data(), 3 * n}, 3);
-  basis.turn_columns =
-      turn_columns(rest, base.faces, basis.active, {values, w, first, !basis.target.empty()});
+  basis.rotation_columns =
+      rotation_columns(rest, base.faces, basis.active, {values, w, first, !basis.target.empty()});
   return basis;
 }
 
@@ -263,7 +263,7 @@ std::vector<Double3> smooth_base(const EditBasis& basis, std::span<const Double3
   return solution(basis, position, pose, false);
 }
 
-std::vector<Turn> pose_turns(const EditBasis& basis, std::span<const Placement> pose) {
+std::vector<Rotation> pose_rotations(const EditBasis& basis, std::span<const Placement> pose) {
   // All of it may go far: where nothing is held only differences between handles turn anything.
   bool held = false;
   for (const std::int32_t role : basis.role) held = held || role == kFixedVertex || role == kTargetVertex;
@@ -278,20 +278,20 @@ std::vector<Turn> pose_turns(const EditBasis& basis, std::span<const Placement> 
     const Double3 far = motion[0][3];
     for (FrameMotion& m : motion) m[3] = m[3] - far;
   }
-  return turns(basis.turn_columns, basis.active.size(), !basis.target.empty(), motion);
+  return vertex_rotations(basis.rotation_columns, basis.active.size(), !basis.target.empty(), motion);
 }
 
 std::vector<Double3> posed_base(const EditBasis& basis, std::span<const Double3> position,
-                                std::span<const Turn> turn, std::span<const Double3> rest,
+                                std::span<const Rotation> turn, std::span<const Double3> rest,
                                 std::span<const Double3> posed) {
   std::vector<Double3> out(posed.begin(), posed.end());
   for (std::size_t k = 0; k < basis.active.size(); ++k) {
     const auto v = static_cast<std::size_t>(basis.active[k]);
-    if (posed[v] == rest[v] && turn[k] == kNoTurn) {
+    if (posed[v] == rest[v] && turn[k] == kIdentityRotation) {
       out[v] = position[v];
       continue;
     }
-    out[v] = posed[v] + turned(turn[k], position[v] - rest[v]);
+    out[v] = posed[v] + rotated(turn[k], position[v] - rest[v]);
   }
   return out;
 }

@@ -4,7 +4,7 @@
 /// combinations of them, and so is the whole solution: 3 columns for what is fixed, 4 for each handle.
 ///
 /// The smooth base M is the surface of least energy between the regions as they are. Where M goes, the rest of the base
-/// follows as a detail of M, turned as M turns (base_turns.h).
+/// follows as a detail of M, turned as M turns (vertex_rotations.h).
 #pragma once
 #include <array>
 #include <cstdint>
@@ -12,8 +12,8 @@
 #include <string>
 #include <vector>
 
-#include "kernels/edit/base_turns.h"
 #include "kernels/edit/boundary_model.h"
+#include "kernels/edit/vertex_rotations.h"
 #include "octree/placement.h"
 
 namespace tessera {
@@ -44,8 +44,8 @@ struct EditBasis {
   std::vector<double> reach;         ///< per handle: length of its axes
   std::vector<double>
       columns;  ///< active x width(), interleaved: 3 of what is fixed, 3 of targets, 4 of each handle
-  std::vector<float> turn_columns;  ///< of the active vertices (base_turns.h)
-  std::vector<Double3> target;      ///< as EditRegions has it
+  std::vector<float> rotation_columns;  ///< of the active vertices (vertex_rotations.h)
+  std::vector<Double3> target;          ///< as EditRegions has it
   std::size_t first_handle() const { return target.empty() ? 3 : 6; }
   std::size_t width() const { return first_handle() + 4 * centre.size(); }
 };
@@ -72,14 +72,14 @@ std::vector<Double3> rest_base(const EditBasis& basis, std::span<const Double3> 
 std::vector<Double3> smooth_base(const EditBasis& basis, std::span<const Double3> position,
                                  std::span<const Placement> pose);
 
-/// Per active vertex, how the base around it turns (base_turns.h).
-std::vector<Turn> pose_turns(const EditBasis& basis, std::span<const Placement> pose);
+/// Per active vertex, how the base around it turns (vertex_rotations.h).
+std::vector<Rotation> pose_rotations(const EditBasis& basis, std::span<const Placement> pose);
 
 /// Where the base goes: smooth base and turned details. Vertices that are fixed keep their bits; at the identity all do.
-/// \param turn  per active vertex: pose_turns()
+/// \param turn  per active vertex: pose_rotations()
 /// \param rest, posed  rest_base() and smooth_base()
 std::vector<Double3> posed_base(const EditBasis& basis, std::span<const Double3> position,
-                                std::span<const Turn> turn, std::span<const Double3> rest,
+                                std::span<const Rotation> turn, std::span<const Double3> rest,
                                 std::span<const Double3> posed);
 
 }  // namespace tessera

@@ -140,7 +140,7 @@ struct LayerRelaxation::Impl {
   std::vector<std::uint32_t> free;            ///< vertices
   std::vector<Row> base, rest_base, at_rest;  ///< of the pose; at rest; displacements at rest
   std::vector<Row> given, by;  ///< displacements: to begin with, and now; fourth number: 1 where free
-  std::vector<Turn> turn;      ///< per free vertex
+  std::vector<Rotation> turn;  ///< per free vertex
   std::vector<double> height, ratio;
   double longest = 0.0;
   std::vector<Prisms> prisms;
@@ -244,7 +244,7 @@ struct LayerRelaxation::Impl {
 };
 
 LayerRelaxation::LayerRelaxation(const Layer& rest, const Layer& posed, PrismFaces faces,
-                                 std::span<const std::uint8_t> free, std::span<const Turn> turn,
+                                 std::span<const std::uint8_t> free, std::span<const Rotation> turn,
                                  std::span<const Double3> widening)
     : impl_(std::make_unique<Impl>()) {
   Impl& m = *impl_;
@@ -338,7 +338,7 @@ void LayerRelaxation::aim(double share) {
                        (m.at_rest[u].at[c] - m.at_rest[v].at[c]) * share);
       }
     }
-    const Double3 missing = now - turned(m.turn[i], was);
+    const Double3 missing = now - rotated(m.turn[i], was);
     std::copy(missing.begin(), missing.end(), m.pull[i].at);
     m.pull[i].at[3] = sum > 0.0 ? kRelax / sum : 0.0;
   }

@@ -9,7 +9,7 @@
 #include <span>
 #include <vector>
 
-#include "kernels/edit/base_turns.h"
+#include "kernels/edit/vertex_rotations.h"
 #include "octree/vector.h"
 
 namespace tessera {
@@ -30,7 +30,7 @@ class LayerRelaxation {
   /// \param turn   n: how the base turns from rest to pose
   /// \param widening  n: displacements whose prisms the layer gains (base_volume.h); or empty
   LayerRelaxation(const Layer& rest, const Layer& posed, PrismFaces faces, std::span<const std::uint8_t> free,
-                  std::span<const Turn> turn, std::span<const Double3> widening);
+                  std::span<const Rotation> turn, std::span<const Double3> widening);
   ~LayerRelaxation();
   LayerRelaxation(const LayerRelaxation&) = delete;
   LayerRelaxation& operator=(const LayerRelaxation&) = delete;

@@ -71,8 +71,8 @@ void relax(const TurningBase& base, const Lists<Spoke>& spokes, std::span<const 
     double weight = 0.0;
     for (const Spoke& s : spokes[v]) {
       const Double3 edge = base.rest[v] - base.rest[s.to];
-      Double3 to = turned(base.turn[v], edge);
-      if (base.free[s.to]) to = (to + turned(base.turn[s.to], edge)) * 0.5;
+      Double3 to = rotated(base.turn[v], edge);
+      if (base.free[s.to]) to = (to + rotated(base.turn[s.to], edge)) * 0.5;
       sum = sum + to * s.weight;
       weight += s.weight;
     }
@@ -90,17 +90,17 @@ void relax(const TurningBase& base, const Lists<Spoke>& spokes, std::span<const 
 }  // namespace
 
 std::vector<std::uint32_t> turned_over(const TurningBase& base, std::span<const Double3> posed) {
-  const std::vector<Turn> turn = fitted_turns(base.rest, posed, base.faces);
+  const std::vector<Rotation> turn = fitted_rotations(base.rest, posed, base.faces);
   std::vector<std::uint32_t> out;
   for (std::uint32_t j = 0; j < base.faces.size(); ++j) {
     const auto& f = base.faces[j];
     if (!base.free[f[0]] && !base.free[f[1]] && !base.free[f[2]]) continue;
-    Turn sum{};
+    Rotation sum{};
     for (const std::uint32_t v : f)
       for (std::size_t k = 0; k < 9; ++k) sum[k] += turn[v][k];
     const Double3 was = triangle_normal(base.rest[f[0]], base.rest[f[1]], base.rest[f[2]]),
                   is = triangle_normal(posed[f[0]], posed[f[1]], posed[f[2]]);
-    const Double3 should = turned(sum, was);
+    const Double3 should = rotated(sum, was);
     if (dot(should, is) < kBarely * norm(should) * norm(is)) out.push_back(j);
   }
   return out;

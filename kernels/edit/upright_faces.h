@@ -9,7 +9,7 @@
 #include <span>
 #include <vector>
 
-#include "kernels/edit/base_turns.h"
+#include "kernels/edit/vertex_rotations.h"
 #include "octree/vector.h"
 
 namespace tessera {
@@ -19,11 +19,11 @@ struct TurningBase {
   std::span<const Double3> rest;  ///< n
   std::span<const std::array<std::uint32_t, 3>> faces;
   std::span<const std::uint8_t> free;  ///< n flags: the others are where they shall be
-  std::span<const Turn> turn;          ///< n, read where free: how the smooth base turns
+  std::span<const Rotation> turn;      ///< n, read where free: how the smooth base turns
 };
 
 /// Ascending: those with a free vertex whose normal is turned by nearly a right angle (84 degrees) and more against how the
-/// surface turns around them (fitted_turns()). Faces without area do not turn.
+/// surface turns around them (fitted_rotations()). Faces without area do not turn.
 std::vector<std::uint32_t> turned_over(const TurningBase& base, std::span<const Double3> posed);
 
 /// Faces that were turned over, and that are.

@@ -105,7 +105,7 @@ std::string origin_text(const json& result) {
   return stl_shift_text(result.at("origin").get<Double3>());
 }
 
-BesideOutput told_origin() {
+SidecarOutput told_origin() {
   return {stl_shift_path, "the origin beside -o", false,
           [](const json& report) { return origin_text(report.value("mesh", json::object())); }};
 }

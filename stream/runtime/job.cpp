@@ -388,7 +388,7 @@ void check_until(const JobState& state, const JobDescription& job) {
 
 std::vector<fs::path> beside_paths(const JobState& state, const JobDescription& job, bool results) {
   std::vector<fs::path> paths;
-  for (const BesideOutput& b : job.beside)
+  for (const SidecarOutput& b : job.beside)
     if (b.is_result || !results) paths.push_back(b.path(state.output));
   return paths;
 }
@@ -416,7 +416,7 @@ void check_job_writes(const JobState& state, const JobDescription& job, bool res
   }
   if (!state.run.log.empty()) writes.push_back({fs::absolute(state.run.log), "--log", Existing::kAppend});
   if (!plans)
-    for (const BesideOutput& b : job.beside) {
+    for (const SidecarOutput& b : job.beside) {
       const fs::path path = b.path(state.output);
       writes.push_back({path, b.option, own(path)});
     }

@@ -52,7 +52,7 @@ std::string cost_text(const nlohmann::json& report) {
 
 void write_reports(const JobState& state, const JobDescription& job, nlohmann::json& report,
                    std::chrono::steady_clock::time_point start) {
-  for (const BesideOutput& b : job.beside)
+  for (const SidecarOutput& b : job.beside)
     if (const std::string text = b.text ? b.text(report) : ""; !text.empty()) {
       write_durably(b.path(state.output), text);
       add_beside(report, b.path(state.output));

@@ -4,15 +4,15 @@
 #include <vector>
 
 #include "kernels/blends/blend_tracks.h"
-#include "kernels/blends/vertex_bends.h"
+#include "kernels/blends/curvature_tensors.h"
 
 namespace tessera::test {
 
 inline std::vector<BlendTrack> search_blends(const MeshBlock& block, double radius, double step) {
   BandOptions options;
   options.radius = radius;
-  const std::vector<VertexBend> bends =
-      vertex_bends(block, std::vector<std::uint8_t>(block.key.size(), 1), radius);
+  const std::vector<CurvatureTensor> bends =
+      curvature_tensors(block, std::vector<std::uint8_t>(block.key.size(), 1), radius);
   constexpr std::uint32_t kNone = 0xffffffffu;
   std::vector<BandVertex> band;
   std::vector<std::uint32_t> place(bends.size(), kNone);

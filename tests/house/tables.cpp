@@ -112,7 +112,7 @@ const std::map<std::string, std::string>& covering_tests() {
     by("octree/points", "octree", {"lattice", "morton"});
     by("octree/winding_number", "octree", {"leaf_queries", "multipole"});
     by("kernels/edit/edit_basis", "octree", {"placement"});
-    by("kernels/edit/edit_basis", "kernels/edit", {"base_turns"});
+    by("kernels/edit/edit_basis", "kernels/edit", {"vertex_rotations"});
     by("kernels/edit/displacement_volumes", "kernels/edit", {"base_volume", "coarse_layer", "layer_levels"});
     by("kernels/scene/scene", "octree", {"portable_math"});
 

@@ -63,10 +63,10 @@ void bench_sheet(int order, double smoothness, int repeat) {
     pose[h].shift = pose[h].shift + Double3{0, 0, 6.0};
   }
   std::vector<Double3> rest, smooth, posed;
-  std::vector<Turn> turn;
+  std::vector<Rotation> turn;
   const double at_rest = least_seconds(repeat, [&] { rest = rest_base(basis, s.position); }),
                by_basis = least_seconds(repeat, [&] { smooth = smooth_base(basis, s.position, pose); }),
-               by_turns = least_seconds(repeat, [&] { turn = pose_turns(basis, pose); }),
+               by_turns = least_seconds(repeat, [&] { turn = pose_rotations(basis, pose); }),
                by_details =
                    least_seconds(repeat, [&] { posed = posed_base(basis, s.position, turn, rest, smooth); });
   std::printf(
@@ -114,9 +114,9 @@ void bench_tube(int around, int repeat) {
   const std::vector<Placement> pose = {rotation({0, 0, 1}, 90.0).about({5, 0, 0})};
   const std::vector<Double3> rest = rest_base(basis, s.position),
                              smooth = smooth_base(basis, s.position, pose);
-  const std::vector<Turn> turns = pose_turns(basis, pose);
+  const std::vector<Rotation> turns = pose_rotations(basis, pose);
   const std::vector<Double3> vectors = posed_base(basis, s.position, turns, rest, smooth);
-  std::vector<Turn> turn(s.position.size(), Turn{});
+  std::vector<Rotation> turn(s.position.size(), Rotation{});
   for (std::size_t k = 0; k < turns.size(); ++k) turn[static_cast<std::size_t>(basis.active[k])] = turns[k];
   std::vector<std::uint8_t> free;
   for (const std::int32_t role : basis.role) free.push_back(role == kSupportVertex);

@@ -4,9 +4,9 @@
 
 #include "kernels/decimate/auto_tolerance.h"
 #include "octree/error.h"
+#include "stream/import/crs_sidecar.h"
 #include "stream/import/import_needs.h"
 #include "stream/import/import_stages.h"
-#include "stream/import/system_beside.h"
 #include "stream/meshes/store_write_stage.h"
 #include "stream/page/report_page.h"
 #include "stream/runtime/report.h"
@@ -137,7 +137,7 @@ JobDescription decimate_job(const SimplifyOptions& options) {
   std::vector<StageEntry> stages = import_stages({0, kDecimateImport});
   for (StageEntry& entry : simplify_stages(options, imported_stores(kDecimateImport), "tessera decimate"))
     stages.push_back(std::move(entry));
-  JobDescription job = {"decimate", std::move(stages), 0, summarise, {carried_system(), told_origin()},
+  JobDescription job = {"decimate", std::move(stages), 0, summarise, {carried_crs(), told_origin()},
                         job_page()};
   job.needs = [options](const JobState& state) {
     const MeshSize mesh = claimed_mesh_size(state.inputs.at(0));

@@ -7,8 +7,8 @@
 
 #include "kernels/edit/anisotropic_metric.h"
 #include "kernels/edit/base_volume.h"
-#include "kernels/edit/crossing_faces.h"
 #include "kernels/edit/edit_regions.h"
+#include "kernels/edit/self_intersections.h"
 #include "kernels/edit/thin_faces.h"
 #include "kernels/mesh/closest_face.h"
 #include "octree/error.h"
@@ -153,7 +153,7 @@ class BasisStage : public SerialStage {
         {"handles", s->regions.handles},
         {"volumes", script_.volumes},
         {"keep_volume", script_.keep_volume},
-        {"crossing_faces", crossing_faces(base_.position, base_.faces, watched_faces(out)).faces.size()},
+        {"crossing_faces", self_intersections(base_.position, base_.faces, watched_faces(out)).faces.size()},
         {"diagonal", norm(high - low)},
         {"basis",
          result}}.dump();

@@ -5,8 +5,8 @@
 #include "octree/error.h"
 #include "stream/files/durable_file.h"
 #include "stream/files/path_text.h"
+#include "stream/import/crs_sidecar.h"
 #include "stream/import/import_stages.h"
-#include "stream/import/system_beside.h"
 #include "stream/meshes/store_write_stage.h"
 #include "stream/page/report_page.h"
 #include "stream/runtime/report.h"
@@ -44,7 +44,7 @@ JobDescription deform_job(const DeformOptions& options) {
   options.validate();
   JobDescription job{"deform", {}, 0, summarise, {}, {}};
   if (options.mode != "prepare") {
-    job.beside = {carried_system(), told_origin()};
+    job.beside = {carried_crs(), told_origin()};
     job.page = job_page();
   }
   if (options.mode != "apply") {

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <nlohmann/json.hpp>
 
-#include "kernels/edit/crossing_faces.h"
+#include "kernels/edit/self_intersections.h"
 #include "kernels/mesh/closest_face.h"
 #include "kernels/remesh/remesh.h"
 #include "kernels/smooth/smooth.h"
@@ -71,7 +71,7 @@ std::uint64_t basis_stage_bytes(std::uint64_t vertices, const EditScript& script
           ? vertices * (kVertexBytes + columns(script) * kKeptColumnBytes) + layer_levels_bytes(2 * vertices)
           : 0;
   const std::uint64_t crossed =
-      vertices * (kVertexBytes + columns(script) * kKeptColumnBytes) + crossing_faces_bytes(2 * vertices);
+      vertices * (kVertexBytes + columns(script) * kKeptColumnBytes) + self_intersections_bytes(2 * vertices);
   return std::max({solved, copied, painted, crossed}) + kSlackBytes;
 }
 

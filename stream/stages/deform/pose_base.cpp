@@ -7,8 +7,8 @@
 #include <optional>
 
 #include "kernels/edit/base_volume.h"
-#include "kernels/edit/crossing_faces.h"
 #include "kernels/edit/displacement_volumes.h"
+#include "kernels/edit/self_intersections.h"
 #include "kernels/edit/upright_faces.h"
 #include "kernels/mesh/face_components.h"
 #include "octree/error.h"
@@ -83,13 +83,13 @@ PosedBase pose_base(const DeformBasis& basis, std::span<const Placement> pose,
   const auto start = Clock::now();
   const std::vector<Double3> posed = smooth_base(basis.edit, at, pose);
   const double basis_s = since(start);
-  const std::vector<Turn> turns = pose_turns(basis.edit, pose);
+  const std::vector<Rotation> turns = pose_rotations(basis.edit, pose);
   const double turns_s = since(start) - basis_s;
   PosedBase out;
   out.position = posed_base(basis.edit, at, turns, rest, posed);
   const double pose_s = since(start);
   check_stop();
-  std::vector<Turn> turn(at.size(), Turn{});
+  std::vector<Rotation> turn(at.size(), Rotation{});
   for (std::size_t k = 0; k < turns.size(); ++k)
     turn[static_cast<std::size_t>(basis.edit.active[k])] = turns[k];
   std::vector<std::uint8_t> free;
@@ -115,7 +115,7 @@ PosedBase pose_base(const DeformBasis& basis, std::span<const Placement> pose,
   }
   check_stop();
   const std::vector<std::uint8_t> watched = watched_faces(basis);
-  std::optional<CrossingFaces> crossing;
+  std::optional<SelfIntersections> crossing;
   if (about.at("volumes").get<bool>()) {
     const auto begun = Clock::now();
     std::vector<Double3> widening;
@@ -136,8 +136,8 @@ PosedBase pose_base(const DeformBasis& basis, std::span<const Placement> pose,
     std::size_t flipped = set_upright(turning, out.position).left;
     if (flipped > out.flipped) flipped = yield_to(turning, vectors, flipped, out.position);
     // Thin layers over jagged bases may come out worse than vectors leave them.
-    CrossingFaces by_vectors = crossing_faces(vectors, faces, watched),
-                  by_volumes = crossing_faces(out.position, faces, watched);
+    SelfIntersections by_vectors = self_intersections(vectors, faces, watched),
+                      by_volumes = self_intersections(out.position, faces, watched);
     json& details = told["details"];
     details["crossing_faces_of_vectors"] = by_vectors.faces.size();
     details["crossing_faces_of_volumes"] = by_volumes.faces.size();
@@ -150,7 +150,7 @@ PosedBase pose_base(const DeformBasis& basis, std::span<const Placement> pose,
     crossing = std::move(worse ? by_vectors : by_volumes);
     check_stop();
   }
-  if (!crossing) crossing = crossing_faces(out.position, faces, watched);
+  if (!crossing) crossing = self_intersections(out.position, faces, watched);
   check_stop();
   told.update(json{{"base_flipped_faces", out.flipped},
                    {"base_crossing_faces_before", about.at("crossing_faces").get<std::uint64_t>()},
@@ -167,7 +167,8 @@ PosedBase pose_base(const DeformBasis& basis, std::span<const Placement> pose,
 
 std::uint64_t pose_base_bytes(std::uint64_t vertices, std::uint64_t faces, bool volumes) {
   return vertices * 600 + upright_bytes(vertices, faces) +
-         std::max(crossing_faces_bytes(faces) + 48 * faces, volumes ? displacement_volume_bytes(faces) : 0);
+         std::max(self_intersections_bytes(faces) + 48 * faces,
+                  volumes ? displacement_volume_bytes(faces) : 0);
 }
 
 }  // namespace tessera

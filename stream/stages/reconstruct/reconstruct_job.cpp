@@ -4,8 +4,8 @@
 #include <nlohmann/json.hpp>
 
 #include "stream/files/path_text.h"
+#include "stream/import/crs_sidecar.h"
 #include "stream/import/import_stages.h"
-#include "stream/import/system_beside.h"
 #include "stream/meshes/mesh_store_output.h"
 #include "stream/meshes/store_write_stage.h"
 #include "stream/page/report_page.h"
@@ -204,7 +204,7 @@ JobDescription reconstruct_job(const ReconstructOptions& options) {
     job.beside.push_back({uncertain_picture_path, "the picture of --normals"});
     job.beside.push_back({uncertain_points_path, "the doubts of --normals"});
   }
-  job.beside.push_back({system_path, "the coordinate system beside -o", false, system_text});
+  job.beside.push_back({crs_sidecar_path, "the coordinate system beside -o", false, system_text});
   job.beside.push_back(told_origin());
   if (options.keep_raw) {
     job.beside.push_back({raw_output_path, "--keep-raw", true});

@@ -1,7 +1,7 @@
 #include <algorithm>
 #include <nlohmann/json.hpp>
 
-#include "kernels/blends/vertex_bends.h"
+#include "kernels/blends/curvature_tensors.h"
 #include "stream/files/task_files.h"
 #include "stream/import/import_stages.h"
 #include "stream/meshes/mesh_blocking.h"
@@ -113,7 +113,7 @@ class BendsStage : public Stage {
     for (std::size_t f = 0; f < block.faces.size(); ++f)
       if (near.core[f])
         for (const std::uint32_t v : block.faces[f]) wanted[v] = 1;
-    const std::vector<VertexBend> bends = vertex_bends(block, wanted, band_.radius);
+    const std::vector<CurvatureTensor> bends = curvature_tensors(block, wanted, band_.radius);
     for (std::size_t v = 0; v < bends.size(); ++v) {
       wanted[v] = wanted[v] && is_in_band(bends[v].across, bends[v].least, band_);
       if (wanted[v])
@@ -170,8 +170,8 @@ class BendsStage : public Stage {
 }  // namespace
 
 std::uint64_t bends_task_bytes(std::uint64_t block_bytes, std::uint64_t vertices, std::uint64_t faces) {
-  return 2 * block_bytes + vertex_bends_bytes(vertices, faces) + vertices * sizeof(BandVertex) + faces * 48 +
-         (std::uint64_t{4} << 20);
+  return 2 * block_bytes + curvature_tensors_bytes(vertices, faces) + vertices * sizeof(BandVertex) +
+         faces * 48 + (std::uint64_t{4} << 20);
 }
 
 std::unique_ptr<Stage> make_bends_stage(const JobState& state, const ResampleOptions& options) {

@@ -3,9 +3,9 @@
 #include <algorithm>
 #include <nlohmann/json.hpp>
 
+#include "stream/import/crs_sidecar.h"
 #include "stream/import/import_needs.h"
 #include "stream/import/import_stages.h"
-#include "stream/import/system_beside.h"
 #include "stream/meshes/store_write_stage.h"
 #include "stream/page/report_page.h"
 #include "stream/runtime/report.h"
@@ -57,8 +57,7 @@ JobDescription resample_job(const ResampleOptions& options) {
                       return make_store_write_stage(s, open_resampled(s.work), "made by tessera resample",
                                                     sort_bytes(s.run), placement(s));
                     }});
-  JobDescription job{"resample", std::move(stages), 0, summarise, {carried_system(), told_origin()},
-                     job_page()};
+  JobDescription job{"resample", std::move(stages), 0, summarise, {carried_crs(), told_origin()}, job_page()};
   job.needs = [options](const JobState& state) {
     const MeshSize mesh = claimed_mesh_size(state.inputs.at(0));
     std::vector<StageNeed> needs = import_needs(state.run, {0, kResampleImport}, mesh);

@@ -4,7 +4,7 @@
 #include <map>
 #include <nlohmann/json.hpp>
 
-#include "kernels/holes/hole_rims.h"
+#include "kernels/holes/boundary_loops.h"
 #include "octree/error.h"
 #include "stream/files/direct_file.h"
 #include "stream/files/external_sort.h"
@@ -106,7 +106,7 @@ class LoopsStage : public Stage {
     StripReader reader(state_, store_, numbering_);
     LoopBatches batches(*this, task, context);
     std::vector<StripFace> faces;
-    std::vector<RimRecord> records;
+    std::vector<EdgeRecord> records;
     std::uint64_t torn = 0;
     const auto [first, last] = store_.file_range(task);
     for (std::size_t p = first; p < last; ++p) {
@@ -120,12 +120,12 @@ class LoopsStage : public Stage {
       records.clear();
       for (const StripFace& f : faces) add_records(reader, reader.brick(p), f, records);
       std::sort(records.begin(), records.end());
-      RimMatcher rims;
-      for (const RimRecord& r : records) rims.add(r);
+      BoundaryMatcher rims;
+      for (const EdgeRecord& r : records) rims.add(r);
       rims.finish();
       const PatchPlace& place = numbering_.patches[p];
-      for (HoleRim& rim :
-           short_rims(rims, place.first_vertex, place.first_vertex + place.kept_vertices, most_edges_))
+      for (HoleBoundary& rim : short_boundary_loops(rims, place.first_vertex,
+                                                    place.first_vertex + place.kept_vertices, most_edges_))
         batches.add(std::move(rim));
     }
     batches.flush();
@@ -134,13 +134,13 @@ class LoopsStage : public Stage {
 
   /// Of the edges whose faces are all there: an end lies within the reach.
   static void add_records(const StripReader& reader, const Int3& brick, const StripFace& f,
-                          std::vector<RimRecord>& records) {
+                          std::vector<EdgeRecord>& records) {
     std::array<bool, 3> near{};
     for (std::size_t i = 0; i < 3; ++i) near[i] = reader.is_near(f, i, brick, kShortReach);
     for (std::size_t i = 0; i < 3; ++i) {
       const std::size_t j = (i + 1) % 3, k = (i + 2) % 3;
       if ((f.border >> i & 1u) == 0 || (f.border >> j & 1u) == 0 || (!near[i] && !near[j])) continue;
-      records.push_back(rim_record(f.number[i], f.number[j], f.number[k]));
+      records.push_back(edge_record(f.number[i], f.number[j], f.number[k]));
     }
   }
 
@@ -165,36 +165,36 @@ class LoopsStage : public Stage {
         if (!patch.kept(f)) continue;
         for (std::size_t e = 0; e < 3; ++e) {
           if (!at_border[f[e]] || !at_border[f[(e + 1) % 3]]) continue;
-          const RimRecord record =
-              rim_record(patch.index[f[e]], patch.index[f[(e + 1) % 3]], patch.index[f[(e + 2) % 3]]);
+          const EdgeRecord record =
+              edge_record(patch.index[f[e]], patch.index[f[(e + 1) % 3]], patch.index[f[(e + 2) % 3]]);
           file.write(&record, sizeof record);
           ++records;
         }
       }
     }
     file.finish();
-    context.count_written(records * sizeof(RimRecord));
+    context.count_written(records * sizeof(EdgeRecord));
     return {{"edges", records}};
   }
 
-  RimMatcher match(TaskContext& context) const {
-    ExternalSort<RimRecord> sort(state_.work, sort_bytes(state_.run));
-    std::vector<RimRecord> buffer(4096);
+  BoundaryMatcher match(TaskContext& context) const {
+    ExternalSort<EdgeRecord> sort(state_.work, sort_bytes(state_.run));
+    std::vector<EdgeRecord> buffer(4096);
     for (std::size_t k = 0; k < task_count(); ++k) {
       const ReadFile file(state_.work / edge_file_name(k));
       for (std::uint64_t at = 0; at < file.size();) {
         context.check_stop();
         const std::uint64_t bytes =
-            std::min<std::uint64_t>(file.size() - at, buffer.size() * sizeof(RimRecord));
+            std::min<std::uint64_t>(file.size() - at, buffer.size() * sizeof(EdgeRecord));
         file.read_at(at, buffer.data(), bytes);
-        for (std::size_t i = 0; i < bytes / sizeof(RimRecord); ++i) sort.add(buffer[i]);
+        for (std::size_t i = 0; i < bytes / sizeof(EdgeRecord); ++i) sort.add(buffer[i]);
         at += bytes;
       }
     }
-    RimMatcher rims;
-    sort.drain([&](std::span<const RimRecord> batch) {
+    BoundaryMatcher rims;
+    sort.drain([&](std::span<const EdgeRecord> batch) {
       context.check_stop();
-      for (const RimRecord& r : batch) rims.add(r);
+      for (const EdgeRecord& r : batch) rims.add(r);
       if (rims.border.size() * sizeof(BorderEdge) + rims.chords.size() * sizeof(Chord) >
           table_bytes(state_.run) / 2)
         throw ResourceError(
@@ -207,9 +207,9 @@ class LoopsStage : public Stage {
     return rims;
   }
 
-  json chain(const RimMatcher& rims, TaskContext& context) const {
+  json chain(const BoundaryMatcher& rims, TaskContext& context) const {
     LoopBatches batches(*this, 0, context);
-    const RimCounts counts = for_each_rim(rims, most_edges_, [&](HoleRim&& rim) {
+    const LoopCounts counts = for_each_boundary_loop(rims, most_edges_, [&](HoleBoundary&& rim) {
       context.check_stop();
       batches.add(std::move(rim));
     });
@@ -230,7 +230,7 @@ class LoopsStage : public Stage {
           context_(context),
           most_edges_(stage.is_short() ? kShortBatchEdges : kBatchEdges),
           numbered_(stage.state_.work, stage.store_, stage.numbering_) {}
-    void add(HoleRim&& rim) {
+    void add(HoleBoundary&& rim) {
       const std::uint64_t n = rim.vertex.size();
       batch_.push_back(std::move(rim));
       ++loops_;
@@ -255,16 +255,16 @@ class LoopsStage : public Stage {
     TaskContext& context_;
     std::uint64_t most_edges_;
     NumberedPatches numbered_;
-    std::vector<HoleRim> batch_;
+    std::vector<HoleBoundary> batch_;
     std::size_t batches_ = 0;
     std::uint64_t loops_ = 0, edges_ = 0, vertices_ = 0, cost_ = 0;
   };
 
   /// Positions of a batch's loops and of the faces beyond, patch by patch.
-  std::vector<NamedLoop> gather(const std::vector<HoleRim>& batch, NumberedPatches& numbered,
+  std::vector<NamedLoop> gather(const std::vector<HoleBoundary>& batch, NumberedPatches& numbered,
                                 TaskContext& context) const {
     std::vector<std::uint64_t> need;
-    for (const HoleRim& rim : batch) {
+    for (const HoleBoundary& rim : batch) {
       need.insert(need.end(), rim.vertex.begin(), rim.vertex.end());
       need.insert(need.end(), rim.third.begin(), rim.third.end());
     }
@@ -329,7 +329,7 @@ std::uint64_t loops_task_bytes(std::span<const PatchEntry> patches) {
     largest = std::max<std::uint64_t>(largest, 48ull * e.vertices + 28ull * e.faces + 24ull * e.foreign);
   const std::uint64_t edges = 2 * largest + NumberedPatches::kCacheBytes + kLoopBytes;
   // Short ones: three records of a face and what is made of them, a batch, tables of what the stage "border" moved.
-  const std::uint64_t loops = StripReader::bytes(patches) + kMostStripFaces * 6 * sizeof(RimRecord) +
+  const std::uint64_t loops = StripReader::bytes(patches) + kMostStripFaces * 6 * sizeof(EdgeRecord) +
                               2 * largest + kShortBatchEdges * (2 * loop_bytes(1) + 100) + kLoopBytes / 4;
   return std::max(edges, loops);
 }

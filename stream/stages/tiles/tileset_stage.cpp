@@ -6,7 +6,7 @@
 
 #include "stream/files/durable_file.h"
 #include "stream/files/path_text.h"
-#include "stream/import/system_beside.h"
+#include "stream/import/crs_sidecar.h"
 #include "stream/runtime/journal.h"
 #include "stream/runtime/serial_stage.h"
 #include "stream/stages/tiles/site_frame.h"
@@ -43,7 +43,7 @@ class TilesetStage : public SerialStage {
     const Double3& shift = level0_.info().shift;
     Double3 half;
     for (std::size_t k = 0; k < 3; ++k) half[k] = 0.5 * (level0_.box().high[k] - level0_.box().low[k]);
-    const SiteFrame frame = site_frame(system_beside(state_.inputs.at(0)), origin + shift, half);
+    const SiteFrame frame = site_frame(crs_of_mesh(state_.inputs.at(0)), origin + shift, half);
     const std::vector<double> transform(frame.transform.begin(), frame.transform.end());
 
     std::uint64_t json_bytes = 0, json_files = 0;

@@ -6,8 +6,8 @@
 #include <cmath>
 
 #include "kernels/edit/base_volume.h"
-#include "kernels/edit/crossing_faces.h"
 #include "kernels/edit/edit_regions.h"
+#include "kernels/edit/self_intersections.h"
 
 namespace displacement_volumes_test {
 
@@ -68,7 +68,7 @@ struct Bend {
   EditBasis basis;
   std::vector<std::uint8_t> free;
   std::vector<Double3> rest, posed, vectors;
-  std::vector<Turn> turn;
+  std::vector<Rotation> turn;
   std::vector<LayerLevel> levels;
 
   Bend(Bar b, double from, double degrees) : bar(std::move(b)) {
@@ -90,9 +90,9 @@ struct Bend {
     const std::vector<Placement> pose = {rotation({0, 0, 1}, degrees).about({0.5 * kLength, 0, 0})};
     rest = rest_base(basis, bar.position);
     posed = smooth_base(basis, bar.position, pose);
-    const std::vector<Turn> turns = pose_turns(basis, pose);
+    const std::vector<Rotation> turns = pose_rotations(basis, pose);
     vectors = posed_base(basis, bar.position, turns, rest, posed);
-    turn.assign(bar.position.size(), Turn{});
+    turn.assign(bar.position.size(), Rotation{});
     for (std::size_t k = 0; k < turns.size(); ++k) turn[static_cast<std::size_t>(basis.active[k])] = turns[k];
     levels = layer_levels(bar.position, bar.faces, free);
   }
@@ -107,7 +107,7 @@ struct Bend {
     return enclosed_volume(p, bar.faces) / enclosed_volume(bar.position, bar.faces) - 1.0;
   }
   std::size_t crossing(std::span<const Double3> p) const {
-    return crossing_faces(p, bar.faces, {}).faces.size();
+    return self_intersections(p, bar.faces, {}).faces.size();
   }
 };
 

@@ -88,8 +88,8 @@ TEST_CASE("edit basis: where all handles go, the surface goes", "[unit]") {
       if (map == kAffine) continue;
       want.clear();
       for (const Double3& p : e.s.position) want.push_back(map.apply(p));
-      CHECK(largest_distance(posed_base(basis, e.s.position, pose_turns(basis, pose), rest, posed), want) <
-            1e-6);
+      CHECK(largest_distance(posed_base(basis, e.s.position, pose_rotations(basis, pose), rest, posed),
+                             want) < 1e-6);
     }
   }
 }
@@ -100,8 +100,8 @@ TEST_CASE("edit basis: at rest every bit stays, what is fixed always", "[unit]")
   const std::vector<Double3> rest = rest_base(basis, e.s.position);
   const std::vector<Placement> still(2), moved = {kRigid, Placement{}};
   const std::vector<Double3> same = smooth_base(basis, e.s.position, still);
-  CHECK(posed_base(basis, e.s.position, pose_turns(basis, still), rest, same) == e.s.position);
-  const std::vector<Double3> posed = posed_base(basis, e.s.position, pose_turns(basis, moved), rest,
+  CHECK(posed_base(basis, e.s.position, pose_rotations(basis, still), rest, same) == e.s.position);
+  const std::vector<Double3> posed = posed_base(basis, e.s.position, pose_rotations(basis, moved), rest,
                                                 smooth_base(basis, e.s.position, moved));
   for (std::size_t v = 0; v < posed.size(); ++v) {
     if (e.regions.role[v] == kFixedVertex || e.regions.role[v] == 1) CHECK(posed[v] == e.s.position[v]);
@@ -154,7 +154,7 @@ TEST_CASE("edit basis: a piece of the support that nothing holds follows, stays 
     const EditBasis basis = e.basis(2);
     const std::vector<Double3> rest = rest_base(basis, e.s.position),
                                posed = smooth_base(basis, e.s.position, handles);
-    return posed_base(basis, e.s.position, pose_turns(basis, handles), rest, posed);
+    return posed_base(basis, e.s.position, pose_rotations(basis, handles), rest, posed);
   };
   // Above the first one, over the handle at its top: it goes where that goes.
   for (std::size_t v = n; v < e.s.position.size(); ++v)

@@ -18,7 +18,7 @@ struct Sheet {
   Surface at_rest = height_grid(20, 20.0, [](double x, double y) { return 0.3 * std::sin(x) * std::cos(y); });
   Placement to = rotation({0, 0, 1}, 70.0).after(rotation({1, 0, 0}, 110.0));
   std::vector<std::uint8_t> free;
-  std::vector<Turn> turn;
+  std::vector<Rotation> turn;
   std::vector<Double3> wanted;
   Sheet() {
     to.shift = {5, 6, 7};
@@ -83,7 +83,7 @@ TEST_CASE("upright faces: what is held folds what nothing can unfold, and is cou
 TEST_CASE("upright faces: how a surface turned is fitted, wherever its details come from", "[unit]") {
   const Sheet s;
   double worst = 0.0;
-  for (const Turn& turn : fitted_turns(s.at_rest.position, s.wanted, s.at_rest.faces))
+  for (const Rotation& turn : fitted_rotations(s.at_rest.position, s.wanted, s.at_rest.faces))
     for (std::size_t k = 0; k < 9; ++k) worst = std::max(worst, std::fabs(turn[k] - s.to.matrix[k]));
   CHECK(worst < 1e-9);
 }

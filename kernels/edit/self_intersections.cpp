@@ -1,4 +1,4 @@
-#include "kernels/edit/crossing_faces.h"
+#include "kernels/edit/self_intersections.h"
 
 #include <algorithm>
 #include <cmath>
@@ -179,10 +179,10 @@ class Nearness {
 
 }  // namespace
 
-CrossingFaces crossing_faces(std::span<const Double3> position, std::span<const Face> faces,
-                             std::span<const std::uint8_t> watched) {
+SelfIntersections self_intersections(std::span<const Double3> position, std::span<const Face> faces,
+                                     std::span<const std::uint8_t> watched) {
   const Crossings all(position, faces);
-  CrossingFaces out;
+  SelfIntersections out;
   std::vector<std::uint8_t> crosses(faces.size(), 0);
   std::vector<std::uint32_t> far;
   std::optional<Nearness> nearness;

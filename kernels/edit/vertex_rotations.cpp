@@ -1,4 +1,4 @@
-#include "kernels/edit/base_turns.h"
+#include "kernels/edit/vertex_rotations.h"
 
 #include <immintrin.h>
 
@@ -152,7 +152,7 @@ bool all(LaneMask mask) {
 
 /// Polar factors by Newton's steps R <- (R + R^-T) / 2 (Higham 1986).
 /// \return per lane, not zero: it was too near to turning over, or did not settle
-LaneMask polar_turns(Matrices& r) {
+LaneMask polar_rotations(Matrices& r) {
   LaneMask left{};
   const Lanes scale = std::sqrt(3.0) / size_of(r);
   for (Lanes& x : r) x *= scale;
@@ -184,10 +184,10 @@ void add_normal(Matrices& s) {
 }
 
 /// The rotation nearest to s, of largest trace(R' s): quaternion of the largest eigenvalue (Horn 1987).
-Turn nearest_turn(const Turn& s) {
+Rotation nearest_rotation(const Rotation& s) {
   double size = 0.0;
   for (const double x : s) size = std::max(size, std::fabs(x));
-  if (!(size > 0.0) || !std::isfinite(size)) return kNoTurn;
+  if (!(size > 0.0) || !std::isfinite(size)) return kIdentityRotation;
   const auto at = [&](int to, int from) { return s[static_cast<std::size_t>(3 * to + from)] / size; };
   Matrix4 a;
   a << at(0, 0) + at(1, 1) + at(2, 2), at(2, 1) - at(1, 2), at(0, 2) - at(2, 0), at(1, 0) - at(0, 1),
@@ -207,18 +207,19 @@ Turn nearest_turn(const Turn& s) {
           u * (x * z - w * y),     u * (y * z + w * x),     1 - u * (x * x + y * y)};
 }
 
-/// Of one lane. \param polar, left  what polar_turns() made of s \param[out] turn  written in place: poses wait for this
-inline void take_turn(const Matrices& s, const Matrices& polar, LaneMask left, std::size_t lane, Turn& turn) {
-  for (std::size_t k = 0; k < 9; ++k) turn[k] = left[lane] != 0 ? s[k][lane] : polar[k][lane];
-  if (left[lane] != 0) turn = nearest_turn(turn);
+/// Of one lane. \param polar, left  what polar_rotations() made of s \param[out] rotation  written in place: poses wait for this
+inline void take_rotation(const Matrices& s, const Matrices& polar, LaneMask left, std::size_t lane,
+                          Rotation& rotation) {
+  for (std::size_t k = 0; k < 9; ++k) rotation[k] = left[lane] != 0 ? s[k][lane] : polar[k][lane];
+  if (left[lane] != 0) rotation = nearest_rotation(rotation);
 }
 
 }  // namespace
 
-std::vector<float> turn_columns(std::span<const Double3> rest, std::span<const Face> faces,
-                                std::span<const std::int32_t> active, const SolutionColumns& columns) {
+std::vector<float> rotation_columns(std::span<const Double3> rest, std::span<const Face> faces,
+                                    std::span<const std::int32_t> active, const SolutionColumns& columns) {
   const std::size_t handles = (columns.width - columns.first) / 4,
-                    width = turn_width(columns.targets, handles);
+                    width = rotation_width(columns.targets, handles);
   const Around around = faces_around(rest, faces, active);
   std::vector<float> out((active.size() + kRotationLanes - 1) / kRotationLanes * kRotationLanes * width,
                          0.0f);
@@ -278,10 +279,10 @@ std::vector<float> turn_columns(std::span<const Double3> rest, std::span<const F
   return out;
 }
 
-std::vector<Turn> turns(std::span<const float> columns, std::size_t count, bool targets,
-                        std::span<const FrameMotion> motion) {
-  const std::size_t width = turn_width(targets, motion.size());
-  std::vector<Turn> out(count);
+std::vector<Rotation> vertex_rotations(std::span<const float> columns, std::size_t count, bool targets,
+                                       std::span<const FrameMotion> motion) {
+  const std::size_t width = rotation_width(targets, motion.size());
+  std::vector<Rotation> out(count);
   for (std::size_t first = 0; first < count; first += kRotationLanes) {
     const float* const from = columns.data() + first * width;
     const auto column = [&](std::size_t c) {
@@ -312,23 +313,23 @@ std::vector<Turn> turns(std::span<const float> columns, std::size_t count, bool 
     auto moves = by[0] != 0.0;
     for (std::size_t k = 1; k < 9; ++k) moves |= by[k] != 0.0;
     Matrices r = s;
-    const LaneMask left = polar_turns(r);
+    const LaneMask left = polar_rotations(r);
     for (std::size_t l = 0; l < kRotationLanes && first + l < count; ++l) {
       if (moves[l] == 0)
-        out[first + l] = kNoTurn;
+        out[first + l] = kIdentityRotation;
       else
-        take_turn(s, r, left, l, out[first + l]);
+        take_rotation(s, r, left, l, out[first + l]);
     }
   }
   return out;
 }
 
-std::vector<Turn> fitted_turns(std::span<const Double3> before, std::span<const Double3> after,
-                               std::span<const Face> faces) {
+std::vector<Rotation> fitted_rotations(std::span<const Double3> before, std::span<const Double3> after,
+                                       std::span<const Face> faces) {
   Spread<9> spread(before.size(), faces, kFitRings - 1);
-  std::vector<Turn> sum = std::move(spread([&](std::size_t j) {
+  std::vector<Rotation> sum = std::move(spread([&](std::size_t j) {
     const Face& f = faces[j];
-    Turn here{};
+    Rotation here{};
     for (std::size_t k = 0; k < 3; ++k) {
       const Double3 was = before[f[(k + 1) % 3]] - before[f[k]], is = after[f[(k + 1) % 3]] - after[f[k]];
       for (std::size_t r = 0; r < 3; ++r)
@@ -343,8 +344,8 @@ std::vector<Turn> fitted_turns(std::span<const Double3> before, std::span<const 
       for (std::size_t i = 0; i < 9; ++i) s[i][l] = sum[first + l][i];
     add_normal(s);
     Matrices r = s;
-    const LaneMask left = polar_turns(r);
-    for (std::size_t l = 0; l < count; ++l) take_turn(s, r, left, l, sum[first + l]);
+    const LaneMask left = polar_rotations(r);
+    for (std::size_t l = 0; l < count; ++l) take_rotation(s, r, left, l, sum[first + l]);
   }
   return sum;
 }

@@ -1,4 +1,4 @@
-#include "stream/import/system_beside.h"
+#include "stream/import/crs_sidecar.h"
 
 #include <nlohmann/json.hpp>
 
@@ -23,26 +23,25 @@ std::string text_of(const std::filesystem::path& path) {
 
 std::string system_of_input(const nlohmann::json& report) {
   const nlohmann::json inputs = report.value("inputs", nlohmann::json::array());
-  return inputs.empty() ? ""
-                        : system_beside(bytes_of_json_text(inputs.front().at("path").get<std::string>()));
+  return inputs.empty() ? "" : crs_of_mesh(bytes_of_json_text(inputs.front().at("path").get<std::string>()));
 }
 
 }  // namespace
 
-std::filesystem::path system_path(const std::filesystem::path& mesh) {
+std::filesystem::path crs_sidecar_path(const std::filesystem::path& mesh) {
   std::filesystem::path path = mesh;
   return path += ".prj";
 }
 
-std::string system_beside(const std::filesystem::path& mesh) {
+std::string crs_of_mesh(const std::filesystem::path& mesh) {
   std::filesystem::path shared = mesh;
   shared.replace_extension(".prj");
-  const std::string own = text_of(system_path(mesh));
+  const std::string own = text_of(crs_sidecar_path(mesh));
   return own.empty() ? text_of(shared) : own;
 }
 
-BesideOutput carried_system() {
-  return {system_path, "the coordinate system beside -o", false, system_of_input};
+SidecarOutput carried_crs() {
+  return {crs_sidecar_path, "the coordinate system beside -o", false, system_of_input};
 }
 
 }  // namespace tessera

@@ -1,5 +1,5 @@
-/// \file crossing_faces.h
-/// Which faces of a surface pass through others: self-intersections, in memory.
+/// \file self_intersections.h
+/// Self-intersections of a mesh in memory: the faces that pass through others.
 #pragma once
 #include <array>
 #include <cstdint>
@@ -10,8 +10,8 @@
 
 namespace tessera {
 
-struct CrossingFaces {
-  std::vector<std::uint32_t> faces;  ///< ascending: those that cross another one
+struct SelfIntersections {
+  std::vector<std::uint32_t> faces;  ///< ascending: those that intersect another one
   std::size_t pairs = 0;
   /// Of the faces, those along whose line of crossing all pairs lie within kNearRings rings: a local fold. Elsewhere the surface
   /// meets what is far along it, and such a line may end in pairs that are near.
@@ -24,12 +24,12 @@ inline constexpr int kNearRings = 6;
 /// double precision. What only touches or lies in one plane does not cross.
 /// \param watched  one flag a face: of two faces that cross at least one bears it; empty: all do
 /// \cost  O(m log m), about 0.5 us a face
-CrossingFaces crossing_faces(std::span<const Double3> position,
-                             std::span<const std::array<std::uint32_t, 3>> faces,
-                             std::span<const std::uint8_t> watched);
+SelfIntersections self_intersections(std::span<const Double3> position,
+                                     std::span<const std::array<std::uint32_t, 3>> faces,
+                                     std::span<const std::uint8_t> watched);
 
 /// Upper bound of what it allocates.
-constexpr std::uint64_t crossing_faces_bytes(std::uint64_t faces) {
+constexpr std::uint64_t self_intersections_bytes(std::uint64_t faces) {
   return faces * 170;
 }
 

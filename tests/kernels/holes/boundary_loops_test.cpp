@@ -3,10 +3,10 @@
 #include <map>
 #include <set>
 
-#include "kernels/holes/hole_rims.h"
+#include "kernels/holes/boundary_loops.h"
 #include "tests/helpers/random.h"
 
-namespace hole_rims_test {
+namespace boundary_loops_test {
 
 using namespace tessera;
 
@@ -38,17 +38,17 @@ Sheet make_sheet(std::size_t n, std::uint64_t seed) {
   return out;
 }
 
-RimMatcher match(const Sheet& sheet, const std::set<std::uint64_t>* known = nullptr) {
-  std::vector<RimRecord> records;
+BoundaryMatcher match(const Sheet& sheet, const std::set<std::uint64_t>* known = nullptr) {
+  std::vector<EdgeRecord> records;
   for (const auto& f : sheet.faces)
     for (std::size_t e = 0; e < 3; ++e) {
       const std::uint64_t a = f[e], b = f[(e + 1) % 3];
       if (known && known->count(a) == 0 && known->count(b) == 0) continue;
-      records.push_back(rim_record(a, b, f[(e + 2) % 3]));
+      records.push_back(edge_record(a, b, f[(e + 2) % 3]));
     }
   std::sort(records.begin(), records.end());
-  RimMatcher rims;
-  for (const RimRecord& r : records) rims.add(r);
+  BoundaryMatcher rims;
+  for (const EdgeRecord& r : records) rims.add(r);
   rims.finish();
   return rims;
 }
@@ -63,18 +63,19 @@ TEST_CASE("hole rims: loops run against the faces, with the faces beyond and the
     tube.faces.push_back({i, j, 3 + j});
     tube.faces.push_back({i, 3 + j, 3 + i});
   }
-  std::vector<HoleRim> rims;
-  const RimCounts counts = for_each_rim(match(tube), 3, [&](HoleRim&& r) { rims.push_back(std::move(r)); });
+  std::vector<HoleBoundary> rims;
+  const LoopCounts counts =
+      for_each_boundary_loop(match(tube), 3, [&](HoleBoundary&& r) { rims.push_back(std::move(r)); });
   CHECK((counts.loops == 2 && counts.longest == 3 && counts.broken == 0));
   REQUIRE(rims.size() == 2);
   CHECK(rims[0].vertex == std::vector<std::uint64_t>{0, 2, 1});
   CHECK(rims[0].third == std::vector<std::uint64_t>{3, 5, 4});
   CHECK(rims[0].taken.empty());
   CHECK(rims[1].vertex == std::vector<std::uint64_t>{3, 4, 5});
-  CHECK(for_each_rim(match(tube), 2, [&](HoleRim&&) { FAIL("too long"); }).loops == 2);
+  CHECK(for_each_boundary_loop(match(tube), 2, [&](HoleBoundary&&) { FAIL("too long"); }).loops == 2);
   // Two triangles: their common edge is a chord of the loop around them.
   const Sheet quad = {{{0, 1, 2}, {0, 2, 3}}, 4};
-  const std::vector<HoleRim> around = short_rims(match(quad), 0, 4, 10);
+  const std::vector<HoleBoundary> around = short_boundary_loops(match(quad), 0, 4, 10);
   REQUIRE(around.size() == 1);
   CHECK(around[0].vertex == std::vector<std::uint64_t>{0, 3, 2, 1});
   CHECK(around[0].taken == std::vector<std::array<std::uint32_t, 2>>{{0, 2}});
@@ -84,42 +85,42 @@ TEST_CASE("hole rims: a vertex with two border edges out ends the way", "[unit]"
   // Two triangles that touch in a vertex.
   const Sheet bow = {{{0, 1, 2}, {0, 3, 4}}, 5};
   std::size_t found = 0;
-  const RimCounts counts = for_each_rim(match(bow), 10, [&](HoleRim&&) { ++found; });
+  const LoopCounts counts = for_each_boundary_loop(match(bow), 10, [&](HoleBoundary&&) { ++found; });
   CHECK(counts.broken == 1);
   CHECK(found == 1);
-  CHECK(short_rims(match(bow), 0, 5, 10).size() == 1);
+  CHECK(short_boundary_loops(match(bow), 0, 5, 10).size() == 1);
 }
 
 TEST_CASE("hole rims: ranges of numbers find alone what all find together", "[property]") {
   for (std::uint64_t seed = 1; seed <= 5; ++seed) {
     CAPTURE(seed);
     const Sheet sheet = make_sheet(24, seed);
-    const RimMatcher all = match(sheet);
-    std::map<std::uint64_t, HoleRim> want;
-    for_each_rim(all, 20, [&](HoleRim&& r) { want[r.vertex[0]] = std::move(r); });
+    const BoundaryMatcher all = match(sheet);
+    std::map<std::uint64_t, HoleBoundary> want;
+    for_each_boundary_loop(all, 20, [&](HoleBoundary&& r) { want[r.vertex[0]] = std::move(r); });
     REQUIRE(want.size() > 10);
     REQUIRE(std::any_of(want.begin(), want.end(), [](const auto& w) { return w.second.vertex.size() > 12; }));
-    std::vector<HoleRim> got;
+    std::vector<HoleBoundary> got;
     const std::uint64_t step = 97;
     for (std::uint64_t first = 0; first < sheet.vertices; first += step)
-      for (HoleRim& r : short_rims(all, first, first + step, 20)) got.push_back(std::move(r));
+      for (HoleBoundary& r : short_boundary_loops(all, first, first + step, 20)) got.push_back(std::move(r));
     REQUIRE(got.size() == want.size());
     auto it = want.begin();
-    for (const HoleRim& r : got) {
+    for (const HoleBoundary& r : got) {
       CHECK(r.vertex == it->second.vertex);
       CHECK(r.third == it->second.third);
       CHECK(r.taken == it->second.taken);
       ++it;
     }
     // Where edges of a loop are not known, it is not found, and no other in its place.
-    const HoleRim& lost = want.begin()->second;
+    const HoleBoundary& lost = want.begin()->second;
     std::set<std::uint64_t> known;
     for (std::uint64_t v = 0; v < sheet.vertices; ++v) known.insert(v);
     for (std::size_t k = 1; k < 3; ++k) known.erase(lost.vertex[k]);
-    for (const HoleRim& r : short_rims(match(sheet, &known), 0, sheet.vertices, 20))
+    for (const HoleBoundary& r : short_boundary_loops(match(sheet, &known), 0, sheet.vertices, 20))
       CHECK(want.count(r.vertex[0]) == 1);
-    CHECK(short_rims(match(sheet, &known), lost.vertex[0], lost.vertex[0] + 1, 20).empty());
+    CHECK(short_boundary_loops(match(sheet, &known), lost.vertex[0], lost.vertex[0] + 1, 20).empty());
   }
 }
 
-}  // namespace hole_rims_test
+}  // namespace boundary_loops_test

@@ -1,11 +1,11 @@
-#include "kernels/blends/vertex_bends.h"
+#include "kernels/blends/curvature_tensors.h"
 
 #include <catch2/catch.hpp>
 
 #include "tests/helpers/block_meshes.h"
 #include "tests/helpers/filleted.h"
 
-namespace vertex_bends_test {
+namespace curvature_tensors_test {
 
 using namespace tessera;
 using namespace tessera::test;
@@ -16,8 +16,8 @@ TEST_CASE("vertex bends: a fillet bends across its axis by 1 / radius, flanks no
   s.radius = 8.0;
   s.convex = convex;
   const MeshBlock block = swept_block(s);
-  const std::vector<VertexBend> bends =
-      vertex_bends(block, std::vector<std::uint8_t>(block.key.size(), 1), 3.0);
+  const std::vector<CurvatureTensor> bends =
+      curvature_tensors(block, std::vector<std::uint8_t>(block.key.size(), 1), 3.0);
   std::size_t arc = 0, flank = 0;
   for (std::size_t v = 0; v < bends.size(); ++v) {
     const Double3& p = block.position[v];
@@ -43,7 +43,8 @@ TEST_CASE("vertex bends: what is not asked for stays zero, what lies beyond the 
   const MeshBlock part = piece_of(whole, [&](std::uint32_t v) { return whole.position[v][1] < 25.0; });
   std::vector<std::uint8_t> wanted(part.key.size(), 0), all(whole.key.size(), 1);
   for (std::size_t v = 0; v < wanted.size(); ++v) wanted[v] = part.position[v][1] < 18.0;
-  const std::vector<VertexBend> some = vertex_bends(part, wanted, 4.0), every = vertex_bends(whole, all, 4.0);
+  const std::vector<CurvatureTensor> some = curvature_tensors(part, wanted, 4.0),
+                                     every = curvature_tensors(whole, all, 4.0);
   std::size_t compared = 0;
   for (std::size_t v = 0; v < part.key.size(); ++v) {
     if (!wanted[v]) {
@@ -59,4 +60,4 @@ TEST_CASE("vertex bends: what is not asked for stays zero, what lies beyond the 
   CHECK(compared > 100);
 }
 
-}  // namespace vertex_bends_test
+}  // namespace curvature_tensors_test

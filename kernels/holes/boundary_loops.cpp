@@ -1,4 +1,4 @@
-#include "kernels/holes/hole_rims.h"
+#include "kernels/holes/boundary_loops.h"
 
 #include <algorithm>
 
@@ -14,8 +14,8 @@ std::size_t next_of(const std::vector<BorderEdge>& border, const BorderEdge& e) 
   return next != border.end() && next->from == e.to ? static_cast<std::size_t>(next - border.begin()) : kNone;
 }
 
-HoleRim make_rim(const std::vector<BorderEdge>& loop, const std::vector<Chord>& chords) {
-  HoleRim out;
+HoleBoundary make_rim(const std::vector<BorderEdge>& loop, const std::vector<Chord>& chords) {
+  HoleBoundary out;
   std::vector<std::array<std::uint64_t, 2>> order;  // vertex, position in the loop
   for (const BorderEdge& e : loop) {
     order.push_back({e.from, order.size()});
@@ -38,11 +38,11 @@ HoleRim make_rim(const std::vector<BorderEdge>& loop, const std::vector<Chord>& 
 
 }  // namespace
 
-RimRecord rim_record(std::uint64_t a, std::uint64_t b, std::uint64_t c) {
+EdgeRecord edge_record(std::uint64_t a, std::uint64_t b, std::uint64_t c) {
   return {std::min(a, b), std::max(a, b), 2 * c + (a > b)};
 }
 
-void RimMatcher::close() {
+void BoundaryMatcher::close() {
   if (faces_ == 1) {
     const bool down = open_.third & 1;
     border.push_back({down ? open_.low : open_.high, down ? open_.high : open_.low, open_.third >> 1});
@@ -51,7 +51,7 @@ void RimMatcher::close() {
   }
 }
 
-void RimMatcher::add(const RimRecord& record) {
+void BoundaryMatcher::add(const EdgeRecord& record) {
   if (faces_ != 0 && record.low == open_.low && record.high == open_.high) {
     ++faces_;
     return;
@@ -61,17 +61,17 @@ void RimMatcher::add(const RimRecord& record) {
   faces_ = 1;
 }
 
-void RimMatcher::finish() {
+void BoundaryMatcher::finish() {
   close();
   faces_ = 0;
   std::sort(border.begin(), border.end(),
             [](const BorderEdge& a, const BorderEdge& b) { return a.from < b.from; });
 }
 
-RimCounts for_each_rim(const RimMatcher& rims, std::uint64_t most,
-                       const std::function<void(HoleRim&&)>& use) {
+LoopCounts for_each_boundary_loop(const BoundaryMatcher& rims, std::uint64_t most,
+                                  const std::function<void(HoleBoundary&&)>& use) {
   const std::vector<BorderEdge>& border = rims.border;
-  RimCounts counts;
+  LoopCounts counts;
   std::vector<std::uint8_t> seen(border.size(), 0);
   std::vector<BorderEdge> loop;
   for (std::size_t first = 0; first < border.size(); ++first) {
@@ -93,10 +93,10 @@ RimCounts for_each_rim(const RimMatcher& rims, std::uint64_t most,
   return counts;
 }
 
-std::vector<HoleRim> short_rims(const RimMatcher& rims, std::uint64_t first, std::uint64_t last,
-                                std::uint64_t most) {
+std::vector<HoleBoundary> short_boundary_loops(const BoundaryMatcher& rims, std::uint64_t first,
+                                               std::uint64_t last, std::uint64_t most) {
   const std::vector<BorderEdge>& border = rims.border;
-  std::vector<HoleRim> out;
+  std::vector<HoleBoundary> out;
   const auto from = [](const BorderEdge& b, std::uint64_t v) { return b.from < v; };
   const auto begin =
       static_cast<std::size_t>(std::lower_bound(border.begin(), border.end(), first, from) - border.begin());

@@ -1,12 +1,12 @@
 // Faces that pass through others are found, those that touch are not; as every pair tested tells.
-#include "kernels/edit/crossing_faces.h"
+#include "kernels/edit/self_intersections.h"
 
 #include <catch2/catch.hpp>
 #include <cmath>
 
 #include "tests/helpers/random.h"
 
-namespace crossing_faces_test {
+namespace self_intersections_test {
 
 namespace {
 
@@ -18,22 +18,22 @@ using Face = std::array<std::uint32_t, 3>;
 TEST_CASE("crossing faces: two through each other, with and without a common vertex", "[unit]") {
   std::vector<Double3> p = {{0, 0, 0}, {2, 0, 0}, {0, 2, 0}, {0.5, 0.5, -1}, {0.5, 0.5, 1}, {3, 3, 1}};
   const std::vector<Face> apart = {{0, 1, 2}, {3, 4, 5}};
-  CHECK(crossing_faces(p, apart, {}).faces == std::vector<std::uint32_t>{0, 1});
-  CHECK(crossing_faces(p, apart, {}).pairs == 1);
+  CHECK(self_intersections(p, apart, {}).faces == std::vector<std::uint32_t>{0, 1});
+  CHECK(self_intersections(p, apart, {}).pairs == 1);
   const std::vector<std::uint8_t> none = {0, 0}, second = {0, 1};
-  CHECK(crossing_faces(p, apart, none).pairs == 0);
-  CHECK(crossing_faces(p, apart, second).faces.size() == 2);
-  CHECK(crossing_faces(p, apart, second).pairs == 1);
+  CHECK(self_intersections(p, apart, none).pairs == 0);
+  CHECK(self_intersections(p, apart, second).faces.size() == 2);
+  CHECK(self_intersections(p, apart, second).pairs == 1);
   const std::vector<Face> joined = {{0, 1, 2}, {0, 3, 4}};
-  CHECK(crossing_faces(p, joined, {}).pairs == 1);
+  CHECK(self_intersections(p, joined, {}).pairs == 1);
   // One folds, the other meets what is not connected with it at all.
-  CHECK(crossing_faces(p, joined, {}).local == 2);
-  CHECK(crossing_faces(p, apart, {}).local == 0);
+  CHECK(self_intersections(p, joined, {}).local == 2);
+  CHECK(self_intersections(p, apart, {}).local == 0);
   p[3] = {0.5, 0.5, 0.0};  // touches from above
-  CHECK(crossing_faces(p, apart, {}).pairs == 0);
+  CHECK(self_intersections(p, apart, {}).pairs == 0);
   p[3] = {0.5, 0.5, 0.5};
-  CHECK(crossing_faces(p, apart, {}).pairs == 0);
-  CHECK(crossing_faces({}, {}, {}).pairs == 0);
+  CHECK(self_intersections(p, apart, {}).pairs == 0);
+  CHECK(self_intersections({}, {}, {}).pairs == 0);
 }
 
 TEST_CASE("crossing faces: a line of crossing that ends near is not local where it meets what is far",
@@ -53,7 +53,7 @@ TEST_CASE("crossing faces: a line of crossing that ends near is not local where 
     faces.push_back({2 * i, 2 * i + 2, 2 * i + 1});
     faces.push_back({2 * i + 1, 2 * i + 2, 2 * i + 3});
   }
-  const CrossingFaces wound = crossing_faces(p, faces, {});
+  const SelfIntersections wound = self_intersections(p, faces, {});
   CHECK(wound.faces.size() > 4);
   CHECK(wound.local == 0);
 }
@@ -71,10 +71,10 @@ TEST_CASE("crossing faces: the tree misses none that pairs one by one find", "[p
   for (std::size_t f = 0; f < faces.size(); ++f)
     for (std::size_t g = f + 1; g < faces.size(); ++g) {
       const std::vector<Face> two = {faces[f], faces[g]};
-      pairs += crossing_faces(p, two, {}).pairs;
+      pairs += self_intersections(p, two, {}).pairs;
     }
   CHECK(pairs > 30);
-  CHECK(crossing_faces(p, faces, {}).pairs == pairs);
+  CHECK(self_intersections(p, faces, {}).pairs == pairs);
 }
 
-}  // namespace crossing_faces_test
+}  // namespace self_intersections_test

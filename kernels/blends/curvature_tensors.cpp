@@ -1,4 +1,4 @@
-#include "kernels/blends/vertex_bends.h"
+#include "kernels/blends/curvature_tensors.h"
 
 #include <algorithm>
 #include <cmath>
@@ -35,7 +35,7 @@ class Bends {
     face_seen_.assign(faces, kNoVertex);
   }
 
-  VertexBend at(std::uint32_t v) {
+  CurvatureTensor at(std::uint32_t v) {
     gather(v);
     const Double3& centre = block_.position[v];
     std::array<double, 6> sum{};
@@ -52,7 +52,7 @@ class Bends {
         sum[3] += share * d[1] * d[1], sum[4] += share * d[1] * d[2], sum[5] += share * d[2] * d[2];
       }
     }
-    VertexBend out;
+    CurvatureTensor out;
     for (const std::uint32_t c : at_.at(v)) out.normal = out.normal + doubled_[c >> 2];
     out.normal = unit_or_zero(out.normal);
     if (!(area > 0.0)) return out;
@@ -132,10 +132,10 @@ class Bends {
 
 }  // namespace
 
-std::vector<VertexBend> vertex_bends(const MeshBlock& block, const std::vector<std::uint8_t>& wanted,
-                                     double radius) {
+std::vector<CurvatureTensor> curvature_tensors(const MeshBlock& block,
+                                               const std::vector<std::uint8_t>& wanted, double radius) {
   Bends bends(block, radius);
-  std::vector<VertexBend> out(block.key.size());
+  std::vector<CurvatureTensor> out(block.key.size());
   for (std::uint32_t v = 0; v < out.size(); ++v)
     if (wanted[v]) out[v] = bends.at(v);
   return out;
