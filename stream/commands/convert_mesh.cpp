@@ -108,8 +108,13 @@ ConvertMeshReport convert_mesh(const std::filesystem::path& input, const std::fi
   writer->finish();
   report.bytes = writer->bytes_written();
   report.rounding = writer->rounding();
-  if (const std::filesystem::path shift = stl_shift_path(output); !shift.empty() && has_origin(report.origin))
-    write_durably(shift, stl_shift_text(report.origin));
+  if (const std::filesystem::path shift = stl_shift_path(output); !shift.empty()) {
+    if (has_origin(report.origin)) {
+      write_durably(shift, stl_shift_text(report.origin));
+    } else {
+      std::filesystem::remove(shift);  // that of an earlier file of this name would misplace this one
+    }
+  }
   report.notes = source->warnings();
   return report;
 }

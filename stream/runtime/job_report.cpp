@@ -4,6 +4,8 @@
 
 #include <algorithm>
 
+#include <fmt/format.h>
+
 #include "stream/files/durable_file.h"
 #include "stream/files/path_text.h"
 #include "stream/runtime/memory_budget.h"
@@ -11,6 +13,8 @@
 
 namespace tessera {
 namespace {
+
+namespace fs = std::filesystem;
 
 const char* meaning(ExitCode code) {
   switch (code) {
@@ -52,11 +56,16 @@ std::string cost_text(const nlohmann::json& report) {
 
 void write_reports(const JobState& state, const JobDescription& job, nlohmann::json& report,
                    std::chrono::steady_clock::time_point start) {
-  for (const SidecarOutput& b : job.beside)
-    if (const std::string text = b.text ? b.text(report) : ""; !text.empty()) {
-      write_durably(b.path(state.output), text);
-      add_beside(report, b.path(state.output));
+  for (const SidecarOutput& b : job.beside) {
+    const fs::path path = b.path(state.output);
+    if (!b.text || path.empty()) continue;
+    if (const std::string text = b.text(report); !text.empty()) {
+      write_durably(path, text);
+      add_beside(report, path);
+    } else {
+      fs::remove(path);  // that of an earlier run (--force) is not of this output
     }
+  }
   if (!job.page.make || !state.run.page) return write_report(state, report);
   const auto page_start = std::chrono::steady_clock::now();
   const double cpu_start = cpu_seconds();

@@ -231,6 +231,17 @@ TEST_CASE("survey coordinates: convert keeps the mesh or refuses, and tells what
   CHECK(tessera_command({"convert", local.string(), "-o", (folder.path() / "l.ply").string(), "--float"})
             .code == 0);
   check_sound(folder.path() / "l.ply");
+  // What an earlier file of that name had beside it does not misplace the next one.
+  for (const char* command : {"convert", "decimate"}) {
+    const std::string out = (folder.path() / (std::string(command) + ".stl")).string();
+    std::vector<std::string> words = {command, in.string(), "-o", out, "--force"};
+    if (words[0] == "decimate") words.insert(words.end(), {"--tolerance", "0.01", "--no-html", "-q"});
+    REQUIRE(tessera_command(words).code == 0);
+    CHECK(fs::exists(out + ".shift"));
+    words[1] = local.string();
+    REQUIRE(tessera_command(words).code == 0);
+    CHECK_FALSE(fs::exists(out + ".shift"));
+  }
 }
 
 TEST_CASE("survey coordinates: where no origin helps, exit code 6 says so before any work", "[fault]") {
