@@ -11,12 +11,15 @@
 
 #include "octree/lists.h"
 #include "octree/morton.h"
+#include "octree/vector.h"
 
 namespace tessera {
 namespace {
 
 constexpr float kFar = std::numeric_limits<float>::infinity();
 constexpr int kMortonBits = 10;  // per axis: one block has no more cells that matter
+// What is a needle: longer than so many of its heights, and than a share of all there is.
+constexpr double kLeastNeedle = 16.0, kLongNeedle = 1.0 / 32.0;
 
 /// Indices in Morton order of the centroids, by counting sort: three passes of ten bits.
 std::vector<std::uint32_t> morton_order(const std::vector<std::uint32_t>& code) {
@@ -30,6 +33,46 @@ std::vector<std::uint32_t> morton_order(const std::vector<std::uint32_t>& code) 
     order.swap(next);
   }
   return order;
+}
+
+/// The longest side of a triangle as an axis from its lower end, by the coordinate that changes most.
+struct NeedleAxis {
+  Double3 from{}, to{};
+  double height = 0.0;
+
+  explicit NeedleAxis(const std::array<Double3, 3>& corner) {
+    double most = -1.0;
+    std::size_t first = 0;
+    for (std::size_t i = 0; i < 3; ++i) {
+      const double square = squared_distance(corner[i], corner[(i + 1) % 3]);
+      if (square > most) most = square, first = i;
+    }
+    from = corner[first], to = corner[(first + 1) % 3];
+    const Double3 u = to - from;
+    std::size_t axis = 0;
+    for (std::size_t k = 1; k < 3; ++k)
+      if (std::abs(u[k]) > std::abs(u[axis])) axis = k;
+    if (u[axis] < 0.0) std::swap(from, to);
+    const double length = std::sqrt(most);
+    height = length > 0.0 ? norm(cross(u, corner[(first + 2) % 3] - from)) / length : 0.0;
+  }
+  double length() const { return norm(to - from); }
+};
+
+/// Six times ten bits: both ends, interleaved.
+std::uint64_t needle_code(const NeedleAxis& axis, const Double3& low, double per_cell) {
+  std::uint64_t code = 0;
+  std::array<std::uint32_t, 6> cell{};
+  for (std::size_t k = 0; k < 3; ++k) {
+    const auto at = [&](double x) {
+      return static_cast<std::uint32_t>(
+          std::clamp((x - low[k]) * per_cell, 0.0, static_cast<double>((1 << kMortonBits) - 1)));
+    };
+    cell[k] = at(axis.from[k]), cell[3 + k] = at(axis.to[k]);
+  }
+  for (int bit = kMortonBits - 1; bit >= 0; --bit)
+    for (const std::uint32_t c : cell) code = code << 1 | (c >> bit & 1u);
+  return code;
 }
 
 /// Columns of four triangles or one triangle four times, and of one point or four.
@@ -93,6 +136,12 @@ ClosestFaces::ClosestFaces(std::span<const Double3> position,
     largest_ = std::max({largest_, std::abs(low[k]), std::abs(high[k])});
   }
   const double per_cell = extent > 0.0 ? ((1 << kMortonBits) - 1) / extent : 0.0;
+  const auto corners_of = [&](std::uint32_t i) {
+    std::array<Double3, 3> corner;
+    for (std::size_t c = 0; c < 3; ++c)
+      for (std::size_t k = 0; k < 3; ++k) corner[c][k] = position[faces[i][c]][k] - origin[k];
+    return corner;
+  };
   std::vector<std::uint32_t> code(faces.size());
   for (std::size_t i = 0; i < faces.size(); ++i) {
     std::array<std::uint32_t, 3> cell{};
@@ -104,18 +153,30 @@ ClosestFaces::ClosestFaces(std::span<const Double3> position,
     code[i] = static_cast<std::uint32_t>(morton_encode(cell[0], cell[1], cell[2]));
   }
   face_ = morton_order(code);
+  std::vector<std::uint32_t>().swap(code);
+  std::vector<std::pair<std::uint64_t, std::uint32_t>> needles;
+  std::size_t plain = 0;
+  for (const std::uint32_t i : face_) {
+    const NeedleAxis axis(corners_of(i));
+    const double length = axis.length();
+    if (length > kLongNeedle * extent && length > kLeastNeedle * axis.height)
+      needles.emplace_back(needle_code(axis, low, per_cell), i);
+    else
+      face_[plain++] = i;
+  }
+  std::sort(needles.begin(), needles.end());
+  for (std::size_t i = 0; i < needles.size(); ++i) face_[plain + i] = needles[i].second;
+  decltype(needles)().swap(needles);
+  plain_leaves_ = (plain + kLanes - 1) / kLanes;  // the last one may begin the needles
   leaves_.resize((count_ + kLanes - 1) / kLanes);
   const std::size_t padded = leaves_.size() * kLanes;
   for (std::size_t slot = 0; slot < padded; ++slot) {
     // The last leaf repeats its last triangle: never closer than the triangle itself.
-    const auto& f = faces[face_[std::min(slot, count_ - 1)]];
-    std::array<Double3, 3> corner;
-    for (std::size_t c = 0; c < 3; ++c)
-      for (std::size_t k = 0; k < 3; ++k) corner[c][k] = position[f[c]][k] - origin[k];
-    store(slot, corner);
+    store(slot, corners_of(face_[std::min(slot, count_ - 1)]));
   }
   face_.resize(padded, face_.back());
-  build_nodes();
+  if (plain_leaves_ > 0) build_nodes();
+  if (plain_leaves_ < leaves_.size()) build_needle_nodes();
 }
 
 void ClosestFaces::store(std::size_t slot, const std::array<Double3, 3>& corner) {
@@ -168,7 +229,7 @@ std::array<Double3, 3> ClosestFaces::corners(std::uint32_t slot) const {
 
 void ClosestFaces::build_nodes() {
   const auto margin = static_cast<float>(0x1p-21 * largest_);
-  std::size_t below = leaves_.size();
+  std::size_t below = plain_leaves_;
   do {
     std::vector<Node> nodes((below + 7) / 8);
     for (Node& node : nodes)
@@ -203,6 +264,74 @@ void ClosestFaces::build_nodes() {
   } while (below > 1);
 }
 
+/// Around the needles of the leaves from `first` to `end`: a segment along their mean, and how far off it they start and end.
+void ClosestFaces::bound_needles(std::size_t first, std::size_t end, NeedleNode& node,
+                                 std::size_t lane) const {
+  const auto for_needles = [&](const auto& use) {
+    for (std::size_t slot = first * kLanes; slot < end * kLanes; ++slot)
+      use(NeedleAxis(corners(static_cast<std::uint32_t>(slot))));
+  };
+  Double3 from{}, to{};
+  for_needles([&](const NeedleAxis& axis) { from = from + axis.from, to = to + axis.to; });
+  const double share = 1.0 / static_cast<double>((end - first) * kLanes);
+  from = from * share, to = to * share;
+  const Double3 along = unit_or_zero(to - from);
+  // Ends may lie before and behind the mean ones.
+  double low = 0.0, high = norm(to - from), start = 0.0, stop = 0.0, height = 0.0;
+  const auto off = [&](const Double3& p) {
+    const Double3 d = p - from;
+    const double at = dot(d, along);
+    return std::pair(at, norm(d - along * at));
+  };
+  for_needles([&](const NeedleAxis& axis) {
+    const auto [at_from, off_from] = off(axis.from);
+    const auto [at_to, off_to] = off(axis.to);
+    low = std::min({low, at_from, at_to}), high = std::max({high, at_from, at_to});
+    start = std::max(start, off_from), stop = std::max(stop, off_to);
+    height = std::max(height, axis.height);
+  });
+  const double length = high - low;
+  double more = 0.0;  // where the hull is thinner than at the ends
+  for_needles([&](const NeedleAxis& axis) {
+    for (const Double3& p : {axis.from, axis.to}) {
+      const auto [at, aside] = off(p);
+      const double t = length > 0.0 ? (at - low) / length : 0.0;
+      more = std::max(more, aside - (start + t * (stop - start)));
+    }
+  });
+  more += height + 0x1p-40 * largest_;
+  const double growth = stop - start, square = length * length;
+  for (std::size_t k = 0; k < 3; ++k) {
+    node.from[k][lane] = from[k] + low * along[k];
+    node.along[k][lane] = length * along[k];
+  }
+  node.per_square[lane] = square > 0x1p-100 ? 1.0 / square : 0.0;
+  node.radius[lane] = start + more;
+  node.growth[lane] = growth;
+  node.most[lane] = std::max(start, stop) + more;
+  node.slope[lane] =
+      std::sqrt(std::max(0.0, 1.0 - growth * growth * node.per_square[lane])) * (1.0 - 0x1p-40);
+}
+
+void ClosestFaces::build_needle_nodes() {
+  const std::size_t leaves = leaves_.size() - plain_leaves_;
+  std::size_t below = leaves, each = 1;  // children, and the leaves of each
+  do {
+    std::vector<NeedleNode> nodes((below + 7) / 8);
+    for (NeedleNode& node : nodes) {
+      node = NeedleNode{};
+      std::fill_n(node.radius, 8, -std::numeric_limits<double>::infinity());
+      std::fill_n(node.most, 8, -std::numeric_limits<double>::infinity());
+    }
+    for (std::size_t child = 0; child < below; ++child)
+      bound_needles(plain_leaves_ + child * each, plain_leaves_ + std::min(leaves, (child + 1) * each),
+                    nodes[child / 8], child % 8);
+    below = nodes.size();
+    each *= 8;
+    needle_levels_.push_back(std::move(nodes));
+  } while (below > 1);
+}
+
 double ClosestFaces::square_to(std::uint32_t slot, const Double3& p) const {
   alignas(32) double x[kLanes] = {p[0], p[0], p[0], p[0]}, y[kLanes] = {p[1], p[1], p[1], p[1]},
                      z[kLanes] = {p[2], p[2], p[2], p[2]}, square[kLanes];
@@ -232,6 +361,36 @@ void ClosestFaces::squares_to(std::uint32_t slot, const double* x, const double*
   }
 }
 
+/// Squares of lower bounds of the distances. Of a point at height h over the line and its foot at t the hull of balls around
+/// c(s) of radius r(s) = r + s g is at least min |p - c(s)| - r(s) = h sqrt(1 - (g / L)^2) - r(t) away, ends or no ends,
+/// and the segment's distance less the larger radius.
+void ClosestFaces::needle_squares(const NeedleNode& node, const Double3& p, float* square) {
+  const __m256d zero = _mm256_setzero_pd();
+  for (std::size_t i = 0; i < 2; ++i) {
+    const std::size_t at = 4 * i;
+    __m256d q[3], u[3];
+    for (std::size_t k = 0; k < 3; ++k) {
+      u[k] = _mm256_load_pd(node.along[k] + at);
+      q[k] = _mm256_sub_pd(_mm256_set1_pd(p[k]), _mm256_load_pd(node.from[k] + at));
+    }
+    const __m256d t = _mm256_mul_pd(dot_lanes(q, u), _mm256_load_pd(node.per_square + at)), on = clamp01(t);
+    __m256d line[3], segment[3];
+    for (std::size_t k = 0; k < 3; ++k) {
+      line[k] = _mm256_fnmadd_pd(t, u[k], q[k]);
+      segment[k] = _mm256_fnmadd_pd(on, u[k], q[k]);
+    }
+    const __m256d height = _mm256_sqrt_pd(dot_lanes(line, line)),
+                  distance = _mm256_sqrt_pd(dot_lanes(segment, segment));
+    const __m256d cone =
+        _mm256_sub_pd(_mm256_mul_pd(height, _mm256_load_pd(node.slope + at)),
+                      _mm256_fmadd_pd(t, _mm256_load_pd(node.growth + at), _mm256_load_pd(node.radius + at)));
+    const __m256d gap =
+        _mm256_max_pd(_mm256_max_pd(cone, _mm256_sub_pd(distance, _mm256_load_pd(node.most + at))), zero);
+    _mm_store_ps(square + at,
+                 _mm256_cvtpd_ps(_mm256_mul_pd(_mm256_mul_pd(gap, gap), _mm256_set1_pd(1.0 - 0x1p-20))));
+  }
+}
+
 ClosestFaces::Hit ClosestFaces::closest(const Double3& p, double limit_square, std::uint32_t hint) const {
   Hit best{limit_square, kNone};
   if (count_ == 0) return best;
@@ -253,9 +412,12 @@ ClosestFaces::Hit ClosestFaces::closest(const Double3& p, double limit_square, s
     float square;
     std::uint32_t level, index;
   };
-  std::array<Entry, 8 * 12> stack;
+  constexpr std::uint32_t kNeedles = 0x80000000u;  // with the level, of their hierarchy
+  std::array<Entry, 8 * 16> stack;
   std::size_t top = 0;
-  stack[top++] = {0.0f, static_cast<std::uint32_t>(levels_.size()), 0};
+  if (!needle_levels_.empty())
+    stack[top++] = {0.0f, static_cast<std::uint32_t>(needle_levels_.size()) | kNeedles, 0};
+  if (!levels_.empty()) stack[top++] = {0.0f, static_cast<std::uint32_t>(levels_.size()), 0};
   float limit = bound(best.square);
   while (top > 0) {
     const Entry entry = stack[--top];
@@ -284,24 +446,33 @@ ClosestFaces::Hit ClosestFaces::closest(const Double3& p, double limit_square, s
       }
       continue;
     }
-    const Node& node = levels_[entry.level - 1][entry.index];
-    const auto gap = [&](__m256 at, const float* low, const float* high) {
-      return _mm256_max_ps(
-          _mm256_max_ps(_mm256_sub_ps(_mm256_load_ps(low), at), _mm256_sub_ps(at, _mm256_load_ps(high))),
-          zero);
-    };
-    const __m256 gx = gap(x, node.low[0], node.high[0]), gy = gap(y, node.low[1], node.high[1]),
-                 gz = gap(z, node.low[2], node.high[2]);
-    const __m256 square = _mm256_fmadd_ps(gz, gz, _mm256_fmadd_ps(gy, gy, _mm256_mul_ps(gx, gx)));
-    auto near =
-        static_cast<unsigned>(_mm256_movemask_ps(_mm256_cmp_ps(square, _mm256_set1_ps(limit), _CMP_LE_OQ)));
+    const bool needles = (entry.level & kNeedles) != 0;
+    const std::uint32_t level = entry.level & ~kNeedles;
     alignas(32) float gaps[8];
-    _mm256_store_ps(gaps, square);
+    if (needles) {
+      needle_squares(needle_levels_[level - 1][entry.index], p, gaps);
+    } else {
+      const Node& node = levels_[level - 1][entry.index];
+      const auto gap = [&](__m256 at, const float* low, const float* high) {
+        return _mm256_max_ps(
+            _mm256_max_ps(_mm256_sub_ps(_mm256_load_ps(low), at), _mm256_sub_ps(at, _mm256_load_ps(high))),
+            zero);
+      };
+      const __m256 gx = gap(x, node.low[0], node.high[0]), gy = gap(y, node.low[1], node.high[1]),
+                   gz = gap(z, node.low[2], node.high[2]);
+      _mm256_store_ps(gaps, _mm256_fmadd_ps(gz, gz, _mm256_fmadd_ps(gy, gy, _mm256_mul_ps(gx, gx))));
+    }
+    auto near = static_cast<unsigned>(
+        _mm256_movemask_ps(_mm256_cmp_ps(_mm256_load_ps(gaps), _mm256_set1_ps(limit), _CMP_LE_OQ)));
+    // Where the children begin and how many there are, of both hierarchies.
+    const std::size_t begin = needles && level == 1 ? plain_leaves_ : 0,
+                      end = needles ? leaves_.size() : plain_leaves_;
     const std::size_t first = top;
     for (; near != 0; near &= near - 1) {
       const auto lane = static_cast<std::uint32_t>(std::countr_zero(near));
-      const Entry child{gaps[lane], entry.level - 1, entry.index * 8 + lane};
-      if (child.level == 0 && child.index >= leaves_.size()) continue;
+      const Entry child{gaps[lane], level == 1 ? 0u : (level - 1) | (needles ? kNeedles : 0u),
+                        static_cast<std::uint32_t>(begin) + entry.index * 8 + lane};
+      if (child.level == 0 && child.index >= end) continue;
       std::size_t at = top++;
       for (; at > first && stack[at - 1].square < child.square; --at) stack[at] = stack[at - 1];
       stack[at] = child;

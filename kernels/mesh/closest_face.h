@@ -3,7 +3,9 @@
 ///
 /// A hierarchy of boxes, eight children to a node, over triangles in Morton order of their centroids; after
 /// Wald et al., "Getting Rid of Packets", 2008 (wide nodes, one query at a time). A triangle may be
-/// degenerate: (a, b, b) is a segment, so border curves are served by the same code.
+/// degenerate: (a, b, b) is a segment, so border curves are served by the same code. Boxes around long needles
+/// across the axes are all but empty and hide nothing from each other: needles stand in a hierarchy of their own, of
+/// hulls of two balls in double precision, in Morton order of both their ends.
 ///
 /// Rounding. Coordinates are relative to an origin near the block, R is the largest of them, u = 2^-53. The
 /// closest point is formed with parameters clamped to the triangle, so it lies on it but for rounding: the
@@ -73,15 +75,25 @@ class ClosestFaces {
     float low[3][8], high[3][8];
   };
 
+  /// Hulls of two balls around eight children: a segment, the radius at its start, by how much it grows, the larger one.
+  struct alignas(32) NeedleNode {
+    double from[3][8], along[3][8], per_square[8], radius[8], growth[8], most[8], slope[8];
+  };
+
   void store(std::size_t slot, const std::array<Double3, 3>& corner);
   void build_nodes();
+  void bound_needles(std::size_t first, std::size_t end, NeedleNode& node, std::size_t lane) const;
+  void build_needle_nodes();
+  static void needle_squares(const NeedleNode& node, const Double3& p, float* square);
 
   Double3 origin_{};
   double largest_ = 0.0;
   std::size_t count_ = 0;
   std::vector<Leaf> leaves_;
   std::vector<std::uint32_t> face_;
-  std::vector<std::vector<Node>> levels_;  ///< levels_[0] over leaves; the last has one node
+  std::size_t plain_leaves_ = 0;           ///< the leaves after them hold needles alone
+  std::vector<std::vector<Node>> levels_;  ///< levels_[0] over plain leaves; the last has one node
+  std::vector<std::vector<NeedleNode>> needle_levels_;  ///< over the others; may be empty
 };
 
 }  // namespace tessera
