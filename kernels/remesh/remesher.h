@@ -103,6 +103,7 @@ class Remesher {
   bool release_weak_creases(std::uint32_t v);
   void count_lines(std::uint32_t v);
   void recount_lines(std::uint32_t v);
+  static void leave_line(Info& info);
   double star_sharpness(const Double3& p) const;
   void count_valences();
   void compact();

@@ -155,7 +155,13 @@ void Remesher::recount_lines(std::uint32_t v) {
   for (std::size_t i = 0; i < star_.faces; ++i) creases += mesh_.crease_edge(prev_corner(star_.corner[i]));
   if (creases == ((mesh_.state(v) & kVertexCrease) ? 2 : 0)) return;
   mesh_.add_state(v, kVertexFixed);
-  info_[v].line = false;
+  leave_line(info_[v]);
+}
+
+/// What was its foot is a segment of a line, not a face to look for others from.
+void Remesher::leave_line(Info& info) {
+  if (info.line) info.foot = ReferenceSurface::kNone;
+  info.line = false;
 }
 
 /// What a vertex is after creases at it went.
@@ -165,7 +171,7 @@ void Remesher::count_lines(std::uint32_t v) {
   for (std::size_t i = 0; i < star_.faces; ++i) creases += mesh_.crease_edge(prev_corner(star_.corner[i]));
   mesh_.drop_state(v, kVertexCrease | kVertexFixed);
   Info& info = info_[v];
-  info.line = false;
+  leave_line(info);
   if (creases > 0) {
     mesh_.add_state(v, kVertexFixed);  // an end, or lines that met it at other angles
     return;

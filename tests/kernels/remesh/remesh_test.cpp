@@ -359,6 +359,20 @@ TEST_CASE("remesh: with a tolerance no tip of the reference is missed, however n
   CHECK(out.faces.size() < tips.faces.size() / 4);
 }
 
+TEST_CASE("remesh: vertices that leave their line look for faces from nowhere", "[unit]") {
+  // Crumpled sheets are all creases, whose ends merge; there are more segments of lines than faces.
+  for (const std::uint64_t seed : {1u, 2u, 3u, 4u, 5u, 6u}) {
+    MeshBlock sheet = grid_block(20, 20, [](double, double) { return 0.0; });
+    add_noise(sheet, 6.0, seed);
+    RemeshOptions o = options_for(4.0);
+    o.tolerance = 0.2;
+    o.refine_beyond = true;
+    const MeshBlock out = remeshed(sheet, o);
+    CHECK(out.faces.size() > 100);
+    CHECK(checks_of(out).non_manifold_edges == 0);
+  }
+}
+
 TEST_CASE("remesh: seams of long edges get no slivers along them", "[unit]") {
   MeshBlock whole = sphere_block(2);
   canonicalise(whole);
