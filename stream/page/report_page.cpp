@@ -143,7 +143,7 @@ void draw_deviation(PageParts& parts, const json& report, const PageRequest& req
         fmt::format("Not drawn for more than {} faces; {}", with_commas(kMostWholeFaces), way_out);
     return;
   }
-  const double most = std::max(kLeastMapSeconds, number_at(report, "/wall_s"));
+  const double most = request.map_seconds.value_or(std::max(kLeastMapSeconds, number_at(report, "/wall_s")));
   const auto start = std::chrono::steady_clock::now();
   RenderOptions options = sheet(request, request.mesh, scratch);
   options.deviation = reference;
@@ -206,7 +206,8 @@ JobPage job_page() {
   const auto make = [](const JobState& state, const json& report) -> std::function<void(const json&)> {
     const PageRequest request{state.output,
                               fs::is_directory(state.work) ? state.work : state.output.parent_path(),
-                              state.run.memory_bytes};
+                              state.run.memory_bytes,
+                              {}};
     return [parts = make_page_parts(report, request), path = page_path(report_path(state))](
                const json& final_report) { write_page(path, final_report, parts); };
   };

@@ -6,6 +6,7 @@
 #pragma once
 #include <cstdint>
 #include <filesystem>
+#include <optional>
 
 #include <nlohmann/json_fwd.hpp>
 
@@ -20,6 +21,8 @@ struct PageRequest {
   std::filesystem::path mesh;      ///< the result; need not be there
   std::filesystem::path scratch;   ///< folder for files that go again
   std::uint64_t memory_bytes = 0;  ///< cap on the peak resident memory of the process
+  /// What the map of distances may take; none: as long as the job, and 3 s at least.
+  std::optional<double> map_seconds = {};
 };
 
 /// Report of "OUT.report.json" to page "OUT.report.html"; ".html" behind any other name.

@@ -9,6 +9,7 @@
 #include "kernels/picture/caption.h"
 #include "stream/page/html.h"
 #include "stream/page/page_text.h"
+#include "stream/page/report_page.h"
 #include "tests/helpers/command.h"
 #include "tests/helpers/shell.h"
 #include "tests/helpers/temp_folder.h"
@@ -141,6 +142,25 @@ TEST_CASE("report: a cap too small for pictures leaves them out and says so, and
   CHECK(fault_of(page) == "");
   CHECK(holds(page, "Pictures left out: "));
   CHECK(holds(page, "--memory"));
+}
+
+TEST_CASE("report: a map of distances that would take longer than the job is left out and says so",
+          "[pipeline]") {
+  const TempFolder folder;
+  const fs::path mesh = folder / "mesh.ply", less = folder / "less.ply";
+  REQUIRE(tessera_command({"reconstruct", scan(folder).string(), "-o", mesh.string()}).code == 0);
+  REQUIRE(tessera_command({"decimate", mesh.string(), "-o", less.string(), "--tolerance", "0.01"}).code == 0);
+  const auto report = nlohmann::json::parse(file_bytes(less.string() + ".report.json"));
+  PageRequest request{less, folder.path(), std::uint64_t{4} << 30, 3600.0};
+  const PageParts whole = make_page_parts(report, request);
+  CAPTURE(whole.deviation_note);
+  CHECK(!whole.deviation.empty());
+  request.map_seconds = 0.0;
+  const PageParts parts = make_page_parts(report, request);
+  CHECK(parts.deviation.empty());
+  CHECK(parts.deviation_note.find("longer than the job") != std::string::npos);
+  CHECK(parts.deviation_note.find("tessera render") != std::string::npos);
+  CHECK(!parts.pictures.empty());
 }
 
 TEST_CASE("report: refused jobs have a page with the refusal, and their report makes it again",
