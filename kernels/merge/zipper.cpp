@@ -50,7 +50,8 @@ class Zipper {
         gap_(gap),
         gone_(pieces.faces.size(), 0),
         star_(pieces.position.size()),
-        fixed_(pieces.position.size(), 0) {
+        fixed_(pieces.position.size(), 0),
+        bared_(pieces.position.size(), 0) {
     for (std::uint32_t f = 0; f < given_; ++f) {
       link(f);
       normal_.push_back(unit_or_zero(face_normal(faces_[f])));
@@ -80,7 +81,8 @@ class Zipper {
     for (std::size_t f = given_; f < faces_.size(); ++f)
       if (!gone_[f]) out.added.push_back(faces_[f]);
     out.report.added = out.added.size();
-    out.report.open_edges = open_edges();
+    out.report.open_edges = open_edges() + bared_edges_;
+    for (std::uint32_t v = 0; v < star_.size(); ++v) out.report.pinched += is_pinched(v);
     return out;
   }
 
@@ -99,6 +101,10 @@ class Zipper {
     for (std::size_t k = 0; k < 3; ++k) {
       half_.erase(way(faces_[f][k], faces_[f][(k + 1) % 3]));
       std::erase(star_[faces_[f][k]], f);
+      if (!goes_on(f, k)) continue;
+      ++bared_edges_;
+      for (const std::uint32_t v : {faces_[f][k], faces_[f][(k + 1) % 3]})
+        bared_[v] = static_cast<std::uint8_t>(std::min(bared_[v] + 1, 250));
     }
   }
   bool has(std::uint32_t from, std::uint32_t to) const { return half_.count(way(from, to)) != 0; }
@@ -135,6 +141,21 @@ class Zipper {
       for (at = before(star[0]); at != kNone; at = before(at)) ++count;
     return count < star.size() ? 2 : 1;
   }
+  bool goes_on(std::uint32_t f, std::size_t k) const {
+    return f < given_ && (unsigned{edges_[f]} & (unsigned{ZipPieces::kGoesOn} << k)) != 0;
+  }
+  /// Two fans, those counted too that faces close which are not here: each fan has two edges at which nothing follows, and one
+  /// that is not here may end unseen.
+  bool is_pinched(std::uint32_t v) const {
+    if (!fixed_[v]) return fans(v) >= 2;
+    int ends = bared_[v];
+    for (const std::uint32_t f : star_[v]) {
+      const std::size_t k = corner(f, v), before = (k + 2) % 3;
+      ends += !goes_on(f, k) && !has(faces_[f][(k + 1) % 3], v);
+      ends += !goes_on(f, before) && !has(v, faces_[f][before]);
+    }
+    return ends >= 3;
+  }
   std::size_t corner(std::uint32_t f, std::uint32_t v) const {
     return faces_[f][0] == v ? 0 : faces_[f][1] == v ? 1 : 2;
   }
@@ -142,15 +163,18 @@ class Zipper {
     return !fixed_[faces_[f][0]] && !fixed_[faces_[f][1]] && !fixed_[faces_[f][2]];
   }
 
-  /// Until no vertex has two fans.
+  /// Until no vertex has two fans. Faces at vertices that go on elsewhere stay as long as others do.
   void clean() {
     for (int round = 0; round < kMostRounds; ++round) {
-      std::vector<std::uint32_t> out;
+      std::vector<std::uint32_t> out, last;
       for (std::uint32_t v = 0; v < star_.size(); ++v) {
-        if (fixed_[v] || fans(v) < 2) continue;
+        if (star_[v].empty() || !is_pinched(v)) continue;
+        const std::size_t before = out.size();
         for (const std::uint32_t f : star_[v])
           if (is_removable(f)) out.push_back(f);
+        if (out.size() == before) last.insert(last.end(), star_[v].begin(), star_[v].end());
       }
+      if (out.empty()) out = std::move(last);
       if (out.empty()) return;
       std::sort(out.begin(), out.end());
       out.erase(std::unique(out.begin(), out.end()), out.end());
@@ -489,6 +513,9 @@ class Zipper {
   std::unordered_map<std::uint64_t, std::uint32_t> half_;  ///< directed edge -> face on its left
   std::vector<std::vector<std::uint32_t>> star_;           ///< per vertex: its faces
   std::vector<std::uint8_t> fixed_;                        ///< per vertex: faces that are not here have it
+  std::vector<std::uint8_t>
+      bared_;  ///< per vertex: edges of faces that are not here with nothing behind them now
+  std::uint64_t bared_edges_ = 0;
   double cell_ = 1.0, longest_ = 0.0;
   std::vector<Edge> front_;
   std::unordered_map<std::uint64_t, std::vector<std::uint32_t>> grid_;

@@ -32,6 +32,7 @@ struct ZipReport {
   std::uint64_t removed = 0;     ///< faces
   std::uint64_t added = 0;       ///< faces
   std::uint64_t open_edges = 0;  ///< of originals: cut, but not stitched
+  std::uint64_t pinched = 0;     ///< vertices left with two fans, by faces that are not here
 };
 
 struct Zipped {

@@ -64,10 +64,15 @@ class ZipStage : public SerialStage {
                    {"stitches", zipped.report.added},
                    {"open_edges", zipped.report.open_edges}};
     if (zipped.report.open_edges > 0)
-      result["warnings"] = {
+      result["warnings"].push_back(
           std::to_string(zipped.report.open_edges) +
           " edges along the joints found nothing to be stitched to and are borders now; a larger "
-          "--blend or a smaller --resolution may do"};
+          "--blend or a smaller --resolution may do");
+    if (zipped.report.pinched > 0)
+      result["warnings"].push_back(
+          std::to_string(zipped.report.pinched) +
+          " vertices along the joints are of two pieces of surface, so tessera check --strict refuses the "
+          "mesh; another --resolution may do");
     return result;
   }
 

@@ -96,4 +96,30 @@ TEST_CASE("zip: faces at a vertex where borders touch go, crumbs too", "[unit]")
   CHECK(zipped.added.empty());
 }
 
+TEST_CASE("zip: faces at a vertex of two fans go where faces that are not here follow, too", "[unit]") {
+  // As above, but beyond both triangles the surface goes on.
+  ZipPieces z;
+  z.position = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {-1, 0, 0}, {0, -1, 0}};
+  z.faces = {{0, 1, 2}, {0, 3, 4}};
+  z.edges = {ZipPieces::kGoesOn << 1, ZipPieces::kGoesOn << 1};
+  const Zipped zipped = zip(z, 0.01);
+  CHECK(zipped.report.removed == 2);
+  CHECK(zipped.report.open_edges == 2);
+  CHECK(zipped.report.pinched == 0);
+}
+
+TEST_CASE("zip: a vertex whose fans faces close that are not here keeps them", "[unit]") {
+  // Around vertex 0: two triangles, between them one that is not here on one side, and nothing on the other.
+  ZipPieces z;
+  z.position = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {-1, 0, 0}, {0, -1, 0}};
+  z.faces = {{0, 1, 2}, {0, 3, 4}};
+  z.edges = {ZipPieces::kGoesOn << 1 | ZipPieces::kGoesOn << 2, ZipPieces::kGoesOn << 1 | ZipPieces::kGoesOn};
+  CHECK(zip(z, 0.01).report.removed == 0);
+  // One that ends on both sides meets one that goes on: of two fans.
+  z.edges = {ZipPieces::kGoesOn << 1, ZipPieces::kGoesOn << 1 | ZipPieces::kGoesOn << 2};
+  const Zipped zipped = zip(z, 0.01);
+  CHECK(zipped.report.removed == 2);
+  CHECK(zipped.report.pinched == 0);
+}
+
 }  // namespace zipper_test
