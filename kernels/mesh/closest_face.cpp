@@ -19,7 +19,7 @@ namespace {
 constexpr float kFar = std::numeric_limits<float>::infinity();
 constexpr int kMortonBits = 10;  // per axis: one block has no more cells that matter
 // What is a needle: longer than so many of its heights, and than a share of all there is.
-constexpr double kLeastNeedle = 16.0, kLongNeedle = 1.0 / 32.0;
+constexpr double kLeastNeedle = 16.0, kLongNeedle = 0.25;
 
 /// Indices in Morton order of the centroids, by counting sort: three passes of ten bits.
 std::vector<std::uint32_t> morton_order(const std::vector<std::uint32_t>& code) {
