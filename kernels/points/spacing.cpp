@@ -53,7 +53,12 @@ class Surroundings {
     square_[3] += d[1] * d[1], square_[4] += d[1] * d[2], square_[5] += d[2] * d[2];
   }
   /// Whether they lie about a plane and the probe on it.
-  bool hold(double reach) const {
+  bool hold(double reach) const { return hold(reach, count_ < kFewAround ? kFewVariation : kMostVariation); }
+  /// The same of few: strewn ones lie about a plane by chance more easily.
+  bool few_hold(double reach) const { return hold(reach, kFewVariation); }
+
+ private:
+  bool hold(double reach, double most_variation) const {
     if (count_ < kLeastAround) return false;
     const Double3 mean = sum_ / count_;
     std::array<double, 6> cov = square_;
@@ -65,12 +70,10 @@ class Surroundings {
     symmetric_eigen3(cov, values, axes);
     const double least = std::max(values[0], 0.0);
     const double off = std::fabs(dot(mean, axes[0]));
-    return least <=
-               (count_ < kFewAround ? kFewVariation : kMostVariation) * (least + values[1] + values[2]) &&
+    return least <= most_variation * (least + values[1] + values[2]) &&
            off <= kMostOff * std::sqrt(least) + kRounding * reach;
   }
 
- private:
   static constexpr double kLeastAround = 5.0;
   static constexpr double kFewAround = 16.0, kFewVariation = 0.06;
   static constexpr double kMostVariation =
@@ -90,40 +93,54 @@ std::vector<SpacingProbe> without_strewn(std::vector<SpacingProbe> probes, doubl
   constexpr double kNotable =
       0.08;  // share of the area that suspects claim; 0.03 in cluttered rooms and wooded land
   constexpr double kMostly = 0.65;  // of the points as sparse; 0.45 where a scanner saw little of what is far
+  // The same by flat_nearby; 0.6 in scrub and in a single turn of a car's scanner, 0.95 with noise close over ground.
+  constexpr double kMostlyNearby = 0.75;
   constexpr double kDenseShare = 0.75;  // of the points on a surface are as dense as that,
   constexpr double kSlack = 1.5;        // or have so many times their spacing
   const auto points_of = [](const SpacingProbe& p) { return p.area / (p.spacing * p.spacing); };
   std::sort(probes.begin(), probes.end(), [](const SpacingProbe& a, const SpacingProbe& b) {
-    return std::tie(a.spacing, a.area, a.nearest, a.gap, a.on_surface) <
-           std::tie(b.spacing, b.area, b.nearest, b.gap, b.on_surface);
+    return std::tie(a.spacing, a.area, a.nearest, a.gap, a.on_surface, a.flat_nearby, a.in_reach) <
+           std::tie(b.spacing, b.area, b.nearest, b.gap, b.on_surface, b.flat_nearby, b.in_reach);
   });
-  const auto quantile = [&](double share, bool on_surface) {
-    const auto counts = [&](const SpacingProbe& p) {
-      return p.on_surface || !on_surface ? points_of(p) : 0.0;
-    };
+  if (probes.empty()) return probes;
+  // Spacing that a share of the points has at most, of all or of those on a surface.
+  const auto quantile = [&](double share, const auto& counted) {
     double all = 0.0, seen = 0.0;
-    for (const SpacingProbe& p : probes) all += counts(p);
+    for (const SpacingProbe& p : probes) all += counted(p) ? points_of(p) : 0.0;
     for (const SpacingProbe& p : probes)
-      if ((seen += counts(p)) >= share * all) return p.spacing;
+      if ((seen += counted(p) ? points_of(p) : 0.0) >= share * all) return p.spacing;
     return probes.back().spacing;
   };
-  if (probes.empty()) return probes;
-  const double sparse = kSparser * quantile(0.5, false);
-  double suspect = 0.0, area = 0.0, all = 0.0, dropped = 0.0, sparse_points = 0.0, suspect_points = 0.0;
+  const double sparse = kSparser * quantile(0.5, [](const SpacingProbe&) { return true; });
+  const auto decide = [&](const auto& on_surface, double mostly) {
+    double suspect = 0.0, area = 0.0, sparse_points = 0.0, suspect_points = 0.0;
+    for (const SpacingProbe& p : probes) {
+      area += p.area;
+      if (p.spacing <= sparse) continue;
+      sparse_points += points_of(p);
+      if (!on_surface(p)) suspect += p.area, suspect_points += points_of(p);
+    }
+    return suspect > kNotable * area && suspect_points > mostly * sparse_points;
+  };
+  const auto on_surface = [](const SpacingProbe& p) { return p.on_surface; };
+  const auto flat_nearby = [](const SpacingProbe& p) { return p.on_surface && p.flat_nearby; };
+  double most = 0.0;
+  if (decide(on_surface, kMostly))
+    most = kSlack * quantile(kDenseShare, on_surface);
+  else if (decide(flat_nearby, kMostlyNearby))
+    most = kSlack * quantile(kDenseShare, flat_nearby);
+  else
+    return probes;
+  double all = 0.0, dropped = 0.0;
+  std::vector<SpacingProbe> kept;
   for (const SpacingProbe& p : probes) {
-    area += p.area;
     all += points_of(p);
-    if (p.spacing <= sparse) continue;
-    sparse_points += points_of(p);
-    if (!p.on_surface) suspect += p.area, suspect_points += points_of(p);
-  }
-  if (suspect <= kNotable * area || suspect_points <= kMostly * sparse_points) return probes;
-  const double most = kSlack * quantile(kDenseShare, true);
-  for (const SpacingProbe& p : probes)
     if (p.spacing > most) dropped += points_of(p);
+    if (p.spacing <= most && p.in_reach) kept.push_back(p);
+  }
+  if (kept.empty()) return probes;
   strewn = dropped / all;
-  std::erase_if(probes, [&](const SpacingProbe& p) { return p.spacing > most; });
-  return probes;
+  return kept;
 }
 
 /// Standard deviation of the points (relative to a probe, in units of the radius) from a quadric over their
@@ -199,26 +216,31 @@ void measure_spacing(const SampleCell& cell, double share, double least, double 
                      std::vector<SpacingProbe>& out) {
   constexpr std::size_t kGapRank = 4;
   constexpr std::size_t kSpacingRank = 8;
+  constexpr std::size_t kNearby = 16;
   if (cell.points.size() < kLeastForDistances) return;
   const double reach = cell.size / 4;
   const Probes probes = probes_of(cell);
   for (const std::size_t probe : probes.at) {
-    std::array<double, kSpacingRank> nearest;
-    nearest.fill(reach * reach);
+    std::array<std::pair<double, std::size_t>, kNearby> nearest;  // squared distance, which
+    nearest.fill({reach * reach, probe});
     Surroundings around;
     for (std::size_t i = 0; i < cell.points.size(); ++i) {
       const double d = squared_distance(cell.points[i], cell.points[probe]);
       if (i == probe || d >= reach * reach) continue;
       around.add(cell.points[i] - cell.points[probe]);
-      if (d >= nearest.back()) continue;
-      std::size_t at = kSpacingRank - 1;
-      for (; at > 0 && nearest[at - 1] > d; --at) nearest[at] = nearest[at - 1];
-      nearest[at] = d;
+      if (d >= nearest.back().first) continue;
+      std::size_t at = kNearby - 1;
+      for (; at > 0 && nearest[at - 1].first > d; --at) nearest[at] = nearest[at - 1];
+      nearest[at] = {d, i};
     }
-    const double spacing = std::sqrt(nearest.back()) / 2;
-    if (spacing > least && spacing <= most)
-      out.push_back({spacing, std::sqrt(nearest.front()), std::sqrt(nearest[kGapRank - 1]),
-                     spacing * spacing * probes.each / share, around.hold(reach)});
+    const double spacing = std::sqrt(nearest[kSpacingRank - 1].first) / 2;
+    if (spacing <= least || spacing > most) continue;
+    Surroundings nearby;
+    for (const auto& [d, i] : nearest)
+      if (i != probe) nearby.add(cell.points[i] - cell.points[probe]);
+    out.push_back({spacing, std::sqrt(nearest.front().first), std::sqrt(nearest[kGapRank - 1].first),
+                   spacing * spacing * probes.each / share, around.hold(reach), nearby.few_hold(reach),
+                   nearest[kSpacingRank - 1].second != probe});
   }
 }
 

@@ -46,6 +46,10 @@ struct SpacingProbe {
   /// The neighbours lie about a plane, and the probe on it. Points strewn through the air have neighbours all around, or
   /// a surface beside them.
   bool on_surface = true;
+  /// The nearest of them do as well. Among points strewn close over a surface all that is in reach lies about a plane too.
+  bool flat_nearby = true;
+  /// The 8th neighbour is in reach; else the spacing is only known to be above the one that is told.
+  bool in_reach = true;
 };
 
 /// Probes at points in the middle half of the cell whose spacing is above `least` and at most `most`. At most an eighth
@@ -62,8 +66,8 @@ void measure_residuals(const SampleCell& cell, double radius, ScaleHistogram& ou
 
 /// What is concluded, in the unit of the probes; quantiles by area. Zero: not measured.
 /// Strewn points are few but far apart, so by area they would outweigh the surface: where probes that are on none and much
-/// sparser than the median point claim a notable part of all area, only probes about as dense as three of four points on a
-/// surface count. Other scans lose none.
+/// sparser than the median point claim a notable part of all area, and are most of what is so sparse, only probes count
+/// that are known to be about as dense as three of four points on a surface. Other scans lose none.
 /// Spacings are those of the probes, or all of them larger in proportion where the median of the nearest neighbours says
 /// so: that is the spacing of a grid.
 struct SpacingSummary {
