@@ -24,6 +24,14 @@ constexpr double kMostBent = 1.0, kMostBentFar = 0.6;
 /// Neighbours are nearer to each other than that part of their line is long, or the order of the file is no grid.
 constexpr double kMostOfLine = 0.25;
 constexpr double kMostTurned = 0.1;  ///< share of grid triangles that are seen from the other side
+/// A raster in space: its samples are off an even one by less than that, in steps. Of what scanners see only planes come so
+/// close, straight ahead and in a narrow view; then directions do as well, since noise of rays is noise of samples.
+constexpr double kMostOffRaster = 0.1, kRatioToRays = 4.0;
+constexpr double kLeastBent = 0.05;  ///< of its lines, in steps: less may be what is rounded
+constexpr double kLeastUneven =
+    0.25;  ///< of its directions, in steps: narrow views of spheres and planes have less
+constexpr std::int64_t kLeastRaster = 8;  ///< rows and columns of it
+constexpr double kWidestCamera = 2.0;     ///< 1 / cos 60 degrees: no camera sees a plane farther to its sides
 
 double middle_of(std::vector<double>& values) {
   const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
@@ -121,6 +129,110 @@ double turned_share(const std::vector<Ray>& rays) {
                            : static_cast<double>(std::min(left, right)) / static_cast<double>(left + right);
 }
 
+/// An affine fit over lines and cells, about their middle: p = middle + line * (l - middle line) + cell * (c - middle cell).
+struct EvenGrid {
+  Double3 middle{}, line{}, cell{};
+  double middle_line = 0.0, middle_cell = 0.0;
+
+  Double3 at(const GridSample& s) const {
+    return middle + line * (static_cast<double>(s.line) - middle_line) +
+           cell * (static_cast<double>(s.cell) - middle_cell);
+  }
+};
+/// \pre samples on at least two lines and two cells, not all on a diagonal; else all steps are zero
+template <class Value>
+EvenGrid fit_even(std::span<const GridSample> samples, const Value& value) {
+  EvenGrid g;
+  const auto n = static_cast<double>(samples.size());
+  for (const GridSample& s : samples) {
+    g.middle_line += static_cast<double>(s.line) / n, g.middle_cell += static_cast<double>(s.cell) / n;
+    g.middle = g.middle + value(s) / n;
+  }
+  double ll = 0.0, lc = 0.0, cc = 0.0;
+  Double3 lp{}, cp{};
+  for (const GridSample& s : samples) {
+    const double l = static_cast<double>(s.line) - g.middle_line,
+                 c = static_cast<double>(s.cell) - g.middle_cell;
+    const Double3 p = value(s) - g.middle;
+    ll += l * l, lc += l * c, cc += c * c;
+    lp = lp + p * l, cp = cp + p * c;
+  }
+  const double det = ll * cc - lc * lc;
+  if (!(det > 1e-6 * ll * cc)) return g;
+  g.line = (lp * cc - cp * lc) / det;
+  g.cell = (cp * ll - lp * lc) / det;
+  return g;
+}
+
+Double3 perpendicular(const Double3& v, const Double3& axis) {
+  return v - axis * dot(v, axis);
+}
+
+/// How even the grid is in space, and how even the directions from the scanner to such an even grid are: root mean squares
+/// in steps.
+struct Raster {
+  bool told = false;
+  double off = 0.0;
+  double uneven = 0.0;
+  bool ahead = false;  ///< a camera may look straight at it: even steps on a plane are even on its image
+};
+Raster raster_of(std::span<const GridSample> samples) {
+  constexpr double kLeastSine = 0.1;
+  std::int64_t low[2] = {samples[0].line, samples[0].cell}, high[2] = {low[0], low[1]};
+  for (const GridSample& s : samples) {
+    low[0] = std::min(low[0], s.line), high[0] = std::max(high[0], s.line);
+    low[1] = std::min(low[1], s.cell), high[1] = std::max(high[1], s.cell);
+  }
+  if (high[0] - low[0] < kLeastRaster || high[1] - low[1] < kLeastRaster) return {};
+  const EvenGrid even = fit_even(samples, [](const GridSample& s) { return s.p; });
+  const auto n = static_cast<double>(samples.size());
+  std::array<double, 6> m{};
+  for (const GridSample& s : samples) {
+    const Double3 e = s.p - even.at(s);
+    m[0] += e[0] * e[0] / n, m[1] += e[0] * e[1] / n, m[2] += e[0] * e[2] / n;
+    m[3] += e[1] * e[1] / n, m[4] += e[1] * e[2] / n, m[5] += e[2] * e[2] / n;
+  }
+  Double3 values{};
+  std::array<Double3, 3> axes{};
+  symmetric_eigen3(m, values, axes);
+  const Double3 turn = cross(even.line, even.cell);
+  if (!(norm(turn) > 0.0)) return {};
+  const Double3 normal = unit(turn);
+  // Heights may be anything. Those of a plane are noise, whose direction is too.
+  const bool flat =
+      std::sqrt(std::max(values[2], 0.0)) < kMostOffRaster * std::min(norm(even.line), norm(even.cell));
+  const Double3 up = flat ? normal : axes[2];
+  const Double3 line = perpendicular(even.line, up), cell = perpendicular(even.cell, up);
+  if (!(norm(cross(line, cell)) > kLeastSine * norm(line) * norm(cell))) return {};
+  Raster r;
+  r.told = true;
+  r.off = std::sqrt(std::max(values[1], 0.0)) / std::min(norm(line), norm(cell));
+  const auto direction = [&](const GridSample& s) {
+    const Double3 p = even.at(s);
+    const double length = norm(p);
+    return length > 0.0 ? p / length : p;
+  };
+  const EvenGrid turned = fit_even(samples, direction);
+  const Double3 view = norm(turned.middle) > 0.0 ? unit(turned.middle) : normal;
+  const double step =
+      std::max(norm(perpendicular(turned.line, view)), norm(perpendicular(turned.cell, view)));
+  double uneven = 0.0, farthest = 0.0;
+  for (const GridSample& s : samples) {
+    const Double3 e = perpendicular(direction(s) - turned.at(s), view);
+    uneven += dot(e, e) / n;
+    farthest = std::max(farthest, norm(even.at(s)));
+  }
+  r.uneven = step > 0.0 ? std::sqrt(uneven) / step : 0.0;
+  const double height = dot(even.middle, normal), area = dot(turn, turn);
+  const Double3 foot = normal * height - even.middle;
+  const double l = even.middle_line + dot(cross(foot, even.cell), turn) / area,
+               c = even.middle_cell + dot(cross(even.line, foot), turn) / area;
+  r.ahead = l >= static_cast<double>(low[0]) && l <= static_cast<double>(high[0]) &&
+            c >= static_cast<double>(low[1]) && c <= static_cast<double>(high[1]) &&
+            farthest <= kWidestCamera * std::fabs(height);
+  return r;
+}
+
 std::vector<Ray> sorted_rays(std::span<const GridSample> samples, bool by_line) {
   std::vector<Ray> rays;
   for (const GridSample& s : samples)
@@ -148,7 +260,15 @@ ScanPose check_scan_pose(std::span<const Double3> spread, std::vector<GridSample
   const double most = (distance > kNearShare ? kMostBentFar : kMostBent) * std::max(along, across);
   const auto holds = [&](const Family& f) { return f.told && f.coherent && f.bent <= most; };
   if (!holds(by_line) && !holds(by_cell)) return ScanPose::kOffRays;
-  return distance > kNearShare && turned_share(lines) > kMostTurned ? ScanPose::kOffRays : ScanPose::kHolds;
+  if (distance > kNearShare && turned_share(lines) > kMostTurned) return ScanPose::kOffRays;
+  if (!by_line.told || !by_cell.told) return ScanPose::kHolds;
+  const Raster raster = raster_of(grid);
+  if (!raster.told || raster.off > kMostOffRaster) return ScanPose::kHolds;
+  const double bent = std::min(by_line.bent, by_cell.bent) / std::max(along, across);
+  const bool raster_fits =
+      bent > std::max(kLeastBent, kRatioToRays * raster.off) ||
+      (!raster.ahead && raster.uneven > std::max(kLeastUneven, kRatioToRays * raster.off));
+  return raster_fits ? ScanPose::kRaster : ScanPose::kHolds;
 }
 
 void EvenSpread::add(const Double3& p) {

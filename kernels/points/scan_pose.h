@@ -3,7 +3,8 @@
 /// an identity pose put it at zero, where nobody stood; normals turned towards it would be turned at random.
 /// A scanner's grid is a grid of directions: the samples of a column lie in a plane through the scanner (a half great circle
 /// of directions; in a pinhole camera those of rows too), whatever the range. Seen from anywhere else relief bends them out
-/// of it.
+/// of it. A raster in space, of terrain say, has even steps in two coordinates instead; seen from afar, or where it is flat,
+/// its lines lie in planes as well, but no scanner's steps are even in metres.
 #pragma once
 #include <cstdint>
 #include <span>
@@ -24,6 +25,7 @@ enum class ScanPose : std::uint8_t {
   kHolds,    ///< nothing speaks against it; also where there are too few samples to tell
   kFar,      ///< the samples lie so far off, for their extent, that nobody scanned them from there
   kOffRays,  ///< the samples of no row and no column lie in a plane through the scanner
+  kRaster,   ///< the grid is even in space, much more so than in directions from the scanner
 };
 
 /// \param spread  positions from all over the scan, relative to the scanner, finite; they tell distance and extent

@@ -13,7 +13,7 @@ void PoseLook::add(std::int64_t line, std::int64_t cell, const Double3& p, bool 
 }
 
 void RefusedPoses::add(std::size_t number, ScanPose why, const Double3& scanner) {
-  Reason& reason = why == ScanPose::kFar ? far_ : off_rays_;
+  Reason& reason = why == ScanPose::kFar ? far_ : why == ScanPose::kRaster ? raster_ : off_rays_;
   if (reason.scans++ == 0) reason.first = number, reason.scanner = scanner;
 }
 
@@ -33,6 +33,10 @@ void RefusedPoses::tell(std::size_t scans, std::vector<std::string>& warnings) c
   sentence(far_,
            "the points lie too far off for their extent, as world coordinates with the pose of no scan do");
   sentence(off_rays_, "the points of its rows and columns do not lie on rays from there");
+  sentence(
+      raster_,
+      "the points of its rows and columns are spaced evenly in space, as a raster is, not by angles from "
+      "there");
 }
 
 }  // namespace tessera

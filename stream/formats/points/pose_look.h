@@ -64,7 +64,7 @@ class RefusedPoses {
     std::size_t scans = 0, first = 0;
     Double3 scanner{};
   };
-  Reason far_, off_rays_;
+  Reason far_, off_rays_, raster_;
 };
 
 }  // namespace tessera

@@ -99,6 +99,64 @@ TEST_CASE("scan pose: world coordinates are refused, far off, beside the origin 
             false) == ScanPose::kOffRays);
 }
 
+TEST_CASE(
+    "scan pose: a raster in space is no scan from anywhere, flat or with relief, also with samples missing",
+    "[unit]") {
+  const auto at = [](const Double3& shift, double relief, double edge) {
+    return [=](int l, int c) {
+      const double x = edge / kLines * l, y = edge / kLines * c;
+      return shift + Double3{x, y, relief * std::sin(x / 5.0) * std::cos(y / 7.0)};
+    };
+  };
+  for (const double relief : {1.5, 0.2, 0.0})
+    for (const double edge : {10.0, 20.0})
+      for (const Double3& shift :
+           {Double3{300, 100, 200}, {-10, -10, -0.5}, {-4, -7, 1.5}, {30, 0, 10}, {-5, -30, 20}}) {
+        CAPTURE(relief, edge, shift[0], shift[2]);
+        CHECK(check(at(shift, relief, edge), false) != ScanPose::kHolds);
+        CHECK(check(at(shift, relief, edge), true) != ScanPose::kHolds);
+      }
+  // On its side, coordinates rounded to a centimetre.
+  const auto side = [](int l, int c) {
+    return Double3{std::floor(12.0 * l + 0.5) / 100.0, 40.0 + 0.2 * std::sin(0.1 * l),
+                   30.0 + std::floor(10.0 * c + 0.5) / 100.0};
+  };
+  CHECK(check(side, false) == ScanPose::kRaster);
+}
+
+TEST_CASE("scan pose: planes that a scanner or a camera looks at straight are no raster", "[unit]") {
+  // Cameras, lenses of narrow and wide view, noise of a tenth of a step, the wall straight ahead and oblique.
+  for (const double lean : {0.0, 0.3, 1.0})
+    for (const double view : {0.05, 0.2, 0.6, 1.2})
+      for (const double noise : {0.0, 0.1}) {
+        const auto depth = [=](const Double3& ray) { return 5.0 / (ray[2] + std::tan(lean) * ray[0] * 0.5); };
+        const auto camera = [=](int l, int c) {
+          Random random(static_cast<std::uint64_t>(l * 1000 + c));
+          const double step = view / kCells;
+          const Double3 ray = unit(Double3{step * (l - 60 + noise * random.in(-1, 1)),
+                                           step * (c - 75 + noise * random.in(-1, 1)), 1.0});
+          return ray * (depth(ray) * (1.0 + 0.1 * noise * step * random.in(-1, 1)));
+        };
+        const auto scanner = [=](int l, int c) {
+          Random random(static_cast<std::uint64_t>(l * 1000 + c));
+          const double step = view / kCells;
+          const Double3 d = sphere_ray(step * (l - 60 + noise * random.in(-1, 1)),
+                                       step * (c - 75 + noise * random.in(-1, 1)));
+          const Double3 ray = {d[1], d[2], d[0]};
+          return ray * depth(ray);
+        };
+        CAPTURE(lean, view, noise);
+        CHECK(check(camera, false) == ScanPose::kHolds);
+        CHECK(check(scanner, false) == ScanPose::kHolds);
+      }
+  // A floor around the scanner.
+  const auto floor = [](int l, int c) {
+    const Double3 ray = sphere_ray(0.05 * l, -1.4 + 0.008 * c);
+    return ray * (1.7 / -ray[2]);
+  };
+  CHECK(check(floor, false) == ScanPose::kHolds);
+}
+
 TEST_CASE("scan pose: without a grid distance alone tells, less of it where nobody gave a pose", "[unit]") {
   const auto at = [](double x) { return [x](int l, int c) { return terrain(l, c, {x, -20, -5}); }; };
   CHECK(check(at(-20), false, false) == ScanPose::kHolds);

@@ -201,7 +201,9 @@ TEST_CASE("e57 points: world coordinates refute a pose, by rows and columns or b
   options.grid_normals = true;
   for (const E57TestScan& s :
        {terrain({500000, 5400000, 300}, true, ""), terrain({500000, 5400000, 300}, true, identity),
-        terrain({300, 100, 2}, true, ""), terrain({500000, 5400000, 300}, true, world),  // applied twice
+        terrain({300, 100, 2}, true, ""), terrain({300, 100, 200}, true, identity),
+        terrain({-10, -10, -0.5}, true, identity),
+        terrain({500000, 5400000, 300}, true, world),  // applied twice
         terrain({500000, 5400000, 300}, false, world)}) {
     for (const bool asks : {false, true}) {
       options.grid_normals = asks;

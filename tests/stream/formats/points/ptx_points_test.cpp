@@ -130,6 +130,7 @@ TEST_CASE("ptx points: world coordinates with an identity pose have no scanner, 
   ReadOptions options;
   options.grid_normals = true;
   const std::vector<std::string> told = {terrain({500000, 5400000, 300}), terrain({300, 100, 2}),
+                                         terrain({300, 100, 200}), terrain({-10, -10, -0.5}),
                                          // No grid: all in one column, or lines that are missing.
                                          terrain({500000, 5400000, 300}, "1\n1600\n"),
                                          terrain({300, 100, 2}, "1600\n1\n"),
