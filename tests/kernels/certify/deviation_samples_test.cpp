@@ -9,6 +9,8 @@
 
 #include "octree/vector.h"
 
+namespace deviation_samples_test {
+
 namespace {
 
 using namespace tessera;
@@ -61,3 +63,5 @@ TEST_CASE("deviation samples: a round face is cut until no side is longer than a
   CHECK(cut.pieces < 400);
   CHECK(cut.area == Approx(0.5));
 }
+
+}  // namespace deviation_samples_test

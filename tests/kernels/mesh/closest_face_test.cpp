@@ -7,6 +7,8 @@
 
 #include "tests/helpers/random.h"
 
+namespace closest_face_test {
+
 namespace {
 
 using namespace tessera;
@@ -85,3 +87,5 @@ TEST_CASE("closest face: among long needles and round faces it is the one that a
     }
   }
 }
+
+}  // namespace closest_face_test
