@@ -5,6 +5,8 @@
 
 #include "tests/helpers/command.h"
 #include "tests/helpers/killed_command.h"
+#include "tests/helpers/mesh_files.h"
+#include "tests/helpers/random.h"
 #include "tests/helpers/serial_job.h"
 
 namespace reconstruct_test {
@@ -193,6 +195,46 @@ TEST_CASE("reconstruct: plan refuses just the caps that the run refuses, in the 
     CHECK(refused);
     CHECK(done);
   }
+}
+
+TEST_CASE("reconstruct: a wall two spacings thick keeps its thickness, its normals given or estimated",
+          "[property]") {
+  const bool given = GENERATE(true, false);
+  CAPTURE(given);
+  constexpr double kSpacing = 0.01, kThickness = 2 * kSpacing;
+  const TempFolder folder;
+  const auto scan = folder.path() / "wall.xyz";
+  {
+    std::string text = given ? "x y z nx ny nz\n" : "x y z\n";
+    Random random(17);
+    for (int side = 0; side < 2; ++side)
+      for (int i = 0; i < 120 * 90; ++i) {
+        const auto near = [&](double at) { return at + 0.07 * kSpacing * random.gaussian(); };
+        const double x = near(i % 120 * kSpacing), y = near(side * kThickness), z = near(i / 120 * kSpacing);
+        char line[120];
+        std::snprintf(line, sizeof line, "%.6f %.6f %.6f%s\n", x, y, z,
+                      !given      ? ""
+                      : side == 0 ? " 0 -1 0"
+                                  : " 0 1 0");
+        text += line;
+      }
+    spill(scan, text);
+  }
+  const auto out = folder.path() / "wall.ply";
+  REQUIRE(tessera_command(job({scan.string()}, out, {"--no-html"})).code == 0);
+  double sum[2] = {0, 0};
+  std::size_t count[2] = {0, 0}, between = 0;
+  for (const tessera::Double3& p : read_whole(out).points) {
+    if (p[0] < 0.1 || p[0] > 1.1 || p[2] < 0.1 || p[2] > 0.8) continue;  // away from where it ends
+    const std::size_t side = p[1] > kThickness / 2;
+    sum[side] += p[1];
+    ++count[side];
+    between += p[1] > 0.25 * kThickness && p[1] < 0.75 * kThickness;
+  }
+  REQUIRE(std::min(count[0], count[1]) > 5000);
+  const double thickness = sum[1] / static_cast<double>(count[1]) - sum[0] / static_cast<double>(count[0]);
+  CHECK(std::fabs(thickness - kThickness) < 0.1 * kSpacing);
+  CHECK(static_cast<double>(between) < 0.01 * static_cast<double>(count[0] + count[1]));
 }
 
 }  // namespace reconstruct_test
