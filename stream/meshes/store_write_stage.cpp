@@ -96,6 +96,7 @@ void tell_rounding(json& result, const std::filesystem::path& output, const Doub
   for (const std::string& notice : rounding_notices(rounding)) warnings.push_back(notice);
   if (rounding.merged_vertices > 0) result["merged_by_rounding"] = rounding.merged_vertices;
   if (rounding.flattened_faces > 0) result["flattened_by_rounding"] = rounding.flattened_faces;
+  if (rounding.joined_vertices > 0) result["joined_by_format"] = rounding.joined_vertices;
   if (!warnings.empty()) result["warnings"] = std::move(warnings);
 }
 

@@ -62,7 +62,9 @@ std::unique_ptr<MeshWriter> create_mesh_file(const std::filesystem::path& path, 
 
 std::uint64_t rounding_check_bytes(const std::filesystem::path& path, bool double_positions,
                                    std::uint64_t vertices) {
-  return double_positions && holds_floats_only(path) ? RoundingCheck::bytes(vertices) : 0;
+  return lower_extension(path) == ".stl" || (double_positions && holds_floats_only(path))
+             ? RoundingCheck::bytes(vertices)
+             : 0;
 }
 
 std::unique_ptr<MeshReader> open_mesh_file(const std::filesystem::path& path,

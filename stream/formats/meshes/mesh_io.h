@@ -42,6 +42,8 @@ struct MeshRounding {
   double largest = 0.0;               ///< no position was moved farther, as the file is read back
   std::uint64_t merged_vertices = 0;  ///< came to lie on one that had another position
   std::uint64_t flattened_faces = 0;  ///< had an area
+  /// STL alone, which has no vertices of its own: lay exactly where another one does, and are one when it is read.
+  std::uint64_t joined_vertices = 0;
 };
 
 /// Writes to a file beside `path` and gives it its final name in finish(); the destructor removes what is
@@ -71,7 +73,7 @@ inline constexpr const char* kStlOrigin = "tessera_origin";
 /// \throws UsageError for an unknown extension or a mesh over the format's limits (STL 2^32-1 faces and floats, GLB
 ///   2^32-1 bytes per buffer), naming one that can hold it; ResourceError when the disk is full
 std::unique_ptr<MeshWriter> create_mesh_file(const std::filesystem::path& path, const MeshHeader& header);
-/// What the check of rounding takes at most beside the file's own buffer; 0 where nothing is rounded.
+/// What the check of rounding takes at most beside the file's own buffer; 0 where nothing is rounded and no vertices are joined.
 std::uint64_t rounding_check_bytes(const std::filesystem::path& path, bool double_positions,
                                    std::uint64_t vertices);
 

@@ -42,7 +42,7 @@ double float_rounding(const Double3& origin, const Double3& low, const Double3& 
 double tolerance_before_rounding(const std::filesystem::path& output, double tolerance,
                                  const MeshPlacement& placement);
 
-/// What rounding broke, a sentence each; empty as a rule.
+/// What rounding or the format broke, a sentence each; empty as a rule.
 std::vector<std::string> rounding_notices(const MeshRounding& rounding);
 
 /// "OUT.stl.shift" for "OUT.stl", empty for other formats: where the origin of an STL stands for other programs.

@@ -20,9 +20,10 @@ Double3 read_back(const Float3& local, const Double3& origin) {
 
 }  // namespace
 
-MeshWriterBase::MeshWriterBase(const std::filesystem::path& path, const MeshHeader& header, bool floats)
-    : header_(header), file_(path), floats_(floats) {
-  if (!floats_ || (!header.double_positions && !header.check_rounding)) return;
+MeshWriterBase::MeshWriterBase(const std::filesystem::path& path, const MeshHeader& header, bool floats,
+                               bool joins)
+    : header_(header), file_(path), floats_(floats), joins_(joins) {
+  if (!joins_ && (!floats_ || (!header.double_positions && !header.check_rounding))) return;
   check_ = std::make_unique<RoundingCheck>(
       path.has_parent_path() ? path.parent_path() : ".",
       [this](const Double3& p) { return read_back(local(p), header_.origin); });
@@ -41,6 +42,7 @@ void MeshWriterBase::note_rounding(std::span<const Double3> positions) {
 
 void MeshWriterBase::finish_rounding() {
   if (check_) rounding_ = check_->finish();
+  if (!joins_) rounding_.joined_vertices = 0;
   rounding_.largest = std::sqrt(moved_[0] * moved_[0] + moved_[1] * moved_[1] + moved_[2] * moved_[2]);
   check_.reset();
   const auto way_out = [&] {

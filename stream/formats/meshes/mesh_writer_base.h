@@ -23,7 +23,9 @@ class MeshWriterBase : public MeshWriter {
 
  protected:
   /// \param floats  positions are stored as floats, by local()
-  MeshWriterBase(const std::filesystem::path& path, const MeshHeader& header, bool floats);
+  /// \param joins   the format has no vertices: those at one position are one when the file is read
+  MeshWriterBase(const std::filesystem::path& path, const MeshHeader& header, bool floats,
+                 bool joins = false);
   /// What the file holds of a position.
   Float3 local(const Double3& position) const {
     Float3 p;
@@ -42,6 +44,7 @@ class MeshWriterBase : public MeshWriter {
   void finish_rounding();
 
   const bool floats_;
+  const bool joins_;
   std::uint64_t vertices_ = 0;
   std::uint64_t faces_ = 0;
   Double3 moved_ = {0, 0, 0};  ///< farthest along each axis

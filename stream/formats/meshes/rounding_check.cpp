@@ -45,7 +45,8 @@ MeshRounding RoundingCheck::finish() {
   bool first = true;
   places_.drain([&](std::span<const Place> batch) {
     for (const Place& p : batch) {
-      if (!first && p.rounded == last.rounded && p.exact != last.exact) ++found.merged_vertices;
+      if (!first && p.rounded == last.rounded)
+        ++(p.exact == last.exact ? found.joined_vertices : found.merged_vertices);
       last = p;
       first = false;
     }

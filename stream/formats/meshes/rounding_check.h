@@ -22,7 +22,7 @@ class RoundingCheck {
   /// All vertices in order, then all faces. \pre of a face: its corners were added
   void vertices(std::span<const Double3> positions);
   void faces(std::span<const MeshFace> faces);
-  /// Once, after the last face; merged vertices and flattened faces.
+  /// Once, after the last face; merged and joined vertices, flattened faces.
   MeshRounding finish();
 
   /// What it allocates at most.

@@ -21,7 +21,7 @@ constexpr std::uint64_t kStoreBytes = std::uint64_t{64} << 20;  // 5.6 million v
 class StlMeshWriter : public MeshWriterBase {
  public:
   StlMeshWriter(const std::filesystem::path& path, const MeshHeader& header)
-      : MeshWriterBase(path, header, true),
+      : MeshWriterBase(path, header, true, true),
         store_(path.has_parent_path() ? path.parent_path() : ".", false, kStoreBytes) {
     // The 80 bytes must not begin with "solid", by which readers know text files.
     char start[kHeaderBytes] = {};

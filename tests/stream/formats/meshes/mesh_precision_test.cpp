@@ -172,7 +172,23 @@ TEST_CASE("mesh precision: what rounding breaks is counted, and much of it refus
     CHECK(writer->rounding().merged_vertices == 1);
     CHECK(writer->rounding().flattened_faces == 1);
     CHECK(writer->rounding().largest > 0.0);
+    CHECK(writer->rounding().joined_vertices == 0);
     CHECK(rounding_notices(writer->rounding()).size() == 2);
+  }
+  // STL knows places, not vertices: that two of a sound mesh lie at one is told.
+  WholeMesh doubled = sheet({0, 0, 0}, 1.0, 3);
+  doubled.header.double_positions = mesh.header.double_positions;
+  doubled.points.insert(doubled.points.end(), {doubled.points[5], {50, 0, 0}, {50, 5, 0}});
+  doubled.faces.push_back({16, 17, 18});
+  doubled.header.vertices = doubled.points.size();
+  doubled.header.faces = doubled.faces.size();
+  {
+    const auto writer = create_mesh_file(path, doubled.header);
+    writer->vertices(doubled.points, {});
+    writer->faces(doubled.faces);
+    writer->finish();
+    CHECK(writer->rounding().joined_vertices == (name == "a.stl" ? 1 : 0));
+    CHECK(rounding_notices(writer->rounding()).size() == (name == "a.stl" ? 1 : 0));
   }
   std::filesystem::remove(path);
   for (Double3& p : mesh.points)
