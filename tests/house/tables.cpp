@@ -128,7 +128,6 @@ const std::map<std::string, std::string>& covering_tests() {
     by("kernels/blends/resample_blend", "kernels/blends", {"blend_grid", "fishbone_fit", "normal_jumps"});
     by("kernels/certify/certificate_pair", "kernels/certify",
        {"convex_piece", "overlay_outline", "overlay_proof"});
-    by("tools/render", "kernels/certify", {"deviation_samples"});
     by("kernels/closing/closing", "kernels/closing", {"closing_field", "closing_growth"});
     by("kernels/decimate/decimate", "kernels/decimate",
        {"collapse_gap", "collapse_mesh", "decimator", "decimator_bound", "decimator_cost",
@@ -146,7 +145,6 @@ const std::map<std::string, std::string>& covering_tests() {
     by("kernels/solid/offset_field", "kernels/field", {"sampled_field"});
     by("kernels/holes/hole_filling", "kernels/holes", {"hole_mesh", "hole_triangulation"});
     by("kernels/maps/parameterize", "kernels/maps", {"disk_topology"});
-    by("kernels/certify/certificate", "kernels/mesh", {"closest_face"});
     by("kernels/smooth/denoise", "kernels/mesh", {"face_corners"});
     by("kernels/mesh/block_components", "kernels/mesh", {"face_components"});
     by("stream/meshes/patch_store", "kernels/mesh", {"patch", "patch_components"});

@@ -260,10 +260,11 @@ class ZipStage : public SerialStage {
     }
     return writer.finish();
   }
+  /// The smallest first, in the direction of the face: its reverse, where a mesh has both, is another one.
   static std::array<std::uint64_t, 3> corners(const std::array<std::uint32_t, 3>& f,
                                               const std::vector<std::uint64_t>& key) {
     std::array<std::uint64_t, 3> c = {key[f[0]], key[f[1]], key[f[2]]};
-    std::sort(c.begin(), c.end());
+    std::rotate(c.begin(), std::min_element(c.begin(), c.end()), c.end());
     return c;
   }
   static constexpr int kPlaceBits = 22;  ///< of mesh_key(): bricks lie above them
