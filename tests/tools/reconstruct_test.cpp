@@ -231,7 +231,7 @@ TEST_CASE("reconstruct: a wall two spacings thick keeps its thickness, its norma
     ++count[side];
     between += p[1] > 0.25 * kThickness && p[1] < 0.75 * kThickness;
   }
-  REQUIRE(std::min(count[0], count[1]) > 5000);
+  REQUIRE(std::min(count[0], count[1]) > 2500);
   const double thickness = sum[1] / static_cast<double>(count[1]) - sum[0] / static_cast<double>(count[0]);
   CHECK(std::fabs(thickness - kThickness) < 0.1 * kSpacing);
   CHECK(static_cast<double>(between) < 0.01 * static_cast<double>(count[0] + count[1]));
