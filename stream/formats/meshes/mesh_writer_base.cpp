@@ -43,6 +43,9 @@ void MeshWriterBase::note_rounding(std::span<const Double3> positions) {
 void MeshWriterBase::finish_rounding() {
   if (check_) rounding_ = check_->finish();
   if (!joins_) rounding_.joined_vertices = 0;
+  // Who announced floats, and is not to be checked, lost nothing to them.
+  if (!header_.double_positions && !header_.check_rounding)
+    rounding_.merged_vertices = rounding_.flattened_faces = 0;
   rounding_.largest = std::sqrt(moved_[0] * moved_[0] + moved_[1] * moved_[1] + moved_[2] * moved_[2]);
   check_.reset();
   const auto way_out = [&] {
