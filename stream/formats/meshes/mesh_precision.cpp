@@ -127,8 +127,7 @@ std::vector<std::string> rounding_notices(const MeshRounding& rounding) {
   if (rounding.joined_vertices > 0)
     notices.push_back(std::to_string(rounding.joined_vertices) +
                       " vertices lie where another one does: readers of STL make one of them, which can "
-                      "leave edges with more "
-                      "than two faces; .ply, .obj and .glb keep them apart");
+                      "leave edges with more than two faces; .ply, .obj and .glb keep them apart");
   return notices;
 }
 

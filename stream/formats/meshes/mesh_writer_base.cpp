@@ -23,7 +23,7 @@ Double3 read_back(const Float3& local, const Double3& origin) {
 MeshWriterBase::MeshWriterBase(const std::filesystem::path& path, const MeshHeader& header, bool floats,
                                bool joins)
     : header_(header), file_(path), floats_(floats), joins_(joins) {
-  if (!joins_ && (!floats_ || (!header.double_positions && !header.check_rounding))) return;
+  if (!joins_ && !may_lose()) return;
   check_ = std::make_unique<RoundingCheck>(
       path.has_parent_path() ? path.parent_path() : ".",
       [this](const Double3& p) { return read_back(local(p), header_.origin); });
@@ -43,9 +43,7 @@ void MeshWriterBase::note_rounding(std::span<const Double3> positions) {
 void MeshWriterBase::finish_rounding() {
   if (check_) rounding_ = check_->finish();
   if (!joins_) rounding_.joined_vertices = 0;
-  // Who announced floats, and is not to be checked, lost nothing to them.
-  if (!header_.double_positions && !header_.check_rounding)
-    rounding_.merged_vertices = rounding_.flattened_faces = 0;
+  if (!may_lose()) rounding_.merged_vertices = 0;
   rounding_.largest = std::sqrt(moved_[0] * moved_[0] + moved_[1] * moved_[1] + moved_[2] * moved_[2]);
   check_.reset();
   const auto way_out = [&] {
@@ -94,7 +92,7 @@ void MeshWriterBase::faces(std::span<const MeshFace> faces, std::span<const std:
                           " names a vertex beyond the last, " + std::to_string(vertices_));
   }
   faces_ += faces.size();
-  if (check_) check_->faces(faces);
+  if (check_ && may_lose()) check_->faces(faces);
   write_faces(faces, synthetic);
 }
 

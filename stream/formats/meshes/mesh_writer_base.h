@@ -40,6 +40,8 @@ class MeshWriterBase : public MeshWriter {
   OutputFile file_;
 
  private:
+  /// Doubles become floats. Who announced floats, and is not to be checked, loses nothing.
+  bool may_lose() const { return floats_ && (header_.double_positions || header_.check_rounding); }
   void note_rounding(std::span<const Double3> positions);
   void finish_rounding();
 
