@@ -23,16 +23,16 @@ inline Double3 row(const Matrix3& m, Eigen::Index i) {
 }
 
 /// Turns the lower triangle of the leading n x n block into its Cholesky factor.
-/// \return false where a pivot is not above `least` + `share` of its diagonal entry
+/// \return false where a pivot is not above `minimum` + `share` of its diagonal entry
 template <int kSize>
-bool cholesky_factor(SmallMatrix<kSize>& a, double least = 0.0, double share = 0.0, Eigen::Index n = kSize) {
+bool cholesky_factor(SmallMatrix<kSize>& a, double minimum = 0.0, double share = 0.0, Eigen::Index n = kSize) {
   for (Eigen::Index i = 0; i < n; ++i) {
     for (Eigen::Index j = 0; j <= i; ++j) {
       double sum = a.coeff(i, j);
       for (Eigen::Index k = 0; k < j; ++k) sum -= a.coeff(i, k) * a.coeff(j, k);
       if (i != j) {
         a.coeffRef(i, j) = sum / a.coeff(j, j);
-      } else if (sum > least + share * a.coeff(i, i)) {
+      } else if (sum > minimum + share * a.coeff(i, i)) {
         a.coeffRef(i, i) = std::sqrt(sum);
       } else {
         return false;
@@ -143,7 +143,7 @@ inline void symmetric_eigen3(const std::array<double, 6>& m, Double3& values,
 }
 
 /// The smallest eigenvalue with its vector, and the other two, without rotations: a quarter of their time.
-struct LeastEigen3 {
+struct MinEigen3 {
   Double3 values{};  ///< ascending
   Double3
       vector{};  ///< unit, of the smallest one; any that is across the largest where the smaller two are equal
@@ -152,13 +152,13 @@ struct LeastEigen3 {
 /// Newton's method on the characteristic polynomial from below its least root; the vector is the longest cross product
 /// of two rows. Source: Smith, "Eigenvalues of a Symmetric 3 x 3 Matrix", 1961 (scaled characteristic polynomial).
 /// \param m  xx, xy, xz, yy, yz, zz
-inline LeastEigen3 least_eigen3(const std::array<double, 6>& m) {
+inline MinEigen3 min_eigen3(const std::array<double, 6>& m) {
   constexpr int kNewtonSteps =
       40;  // five do but where the smaller two are equal: there each halves the error
   constexpr double kEnough = 4e-16;  // of a step, in units of the spread
   constexpr double kParallel =
       1e-12;  // squared length of a cross product of which rounding is a share, spread^4
-  LeastEigen3 out;
+  MinEigen3 out;
   const double mean = (m[0] + m[3] + m[5]) / 3.0;
   const double xx = m[0] - mean, yy = m[3] - mean, zz = m[5] - mean;
   const double square = xx * xx + yy * yy + zz * zz + 2.0 * (m[1] * m[1] + m[2] * m[2] + m[4] * m[4]);

@@ -15,7 +15,7 @@ namespace {
 
 // Above this much work nested dissection pays for its time within two factorizations (tools/bench solvers).
 constexpr double kDissectFlops = 2e11;
-constexpr std::int32_t kLeastDissected = 1000;
+constexpr std::int32_t kMinDissected = 1000;
 // A pivot this small beside the diagonal it came from is what rounding leaves of zero.
 constexpr double kSmallestPivot = 1e-14;
 
@@ -43,7 +43,7 @@ class CholeskySolver final : public LinearSolver {
     if (options_.ordering != Ordering::kAuto) return analyse(a, options_.ordering);
     // Minimum degree takes a fifth of the time. Where the factor is large or does not fit, dissection pays.
     FactorReport report = analyse(a, Ordering::kMinimumDegree);
-    if (a.rows < kLeastDissected || (report.status == SolveStatus::kSolved && report.flops < kDissectFlops))
+    if (a.rows < kMinDissected || (report.status == SolveStatus::kSolved && report.flops < kDissectFlops))
       return report;
     return analyse(a, Ordering::kNestedDissection);
   }

@@ -21,7 +21,7 @@ constexpr std::size_t kPanelRows = 32;
 // Columns of a factor that right-hand sides pass at a time.
 constexpr std::size_t kTogether = 4;
 // Of the largest entry below it: a diagonal one that stays the pivot, so that few rows change places.
-constexpr double kLeastDiagonal = 0.1;
+constexpr double kMinDiagonal = 0.1;
 
 constexpr std::size_t slices(std::size_t rows) {
   return (rows + kTileRows - 1) / kTileRows;
@@ -207,7 +207,7 @@ std::ptrdiff_t eliminate_lu_columns(DenseFront& front, std::size_t from, std::si
     std::size_t best = j;
     for (std::size_t i = j + 1; i < front.eliminated; ++i)
       if (std::fabs(column[i]) > std::fabs(column[best])) best = i;
-    if (std::fabs(column[j]) >= kLeastDiagonal * std::fabs(column[best])) best = j;
+    if (std::fabs(column[j]) >= kMinDiagonal * std::fabs(column[best])) best = j;
     if (!(std::fabs(column[best]) > smallest[j])) return static_cast<std::ptrdiff_t>(j);
     swapped[j] = static_cast<std::int32_t>(best);
     if (best != j)

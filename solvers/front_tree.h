@@ -66,8 +66,8 @@ class FrontTree {
 /// What fronts leave to those above them.
 class RestStack {
  public:
-  /// \param most  numbers that wait at a time: stack_of_triangles() or stack_of_squares()
-  explicit RestStack(std::size_t most) { numbers_.reserve(most); }
+  /// \param maximum  numbers that wait at a time: stack_of_triangles() or stack_of_squares()
+  explicit RestStack(std::size_t maximum) { numbers_.reserve(maximum); }
 
   /// Takes those of the last `children` fronts off, last first. \param use  called with (front, its numbers)
   template <class Use>

@@ -100,8 +100,8 @@ IntrinsicMesh intrinsic_delaunay(const TriangleSpan& mesh) {
     return cotangent(out.length[s / 3], s % 3) + cotangent(out.length[twin[s] / 3], twin[s] % 3);
   };
   for (std::size_t s = 0; s < twin.size(); ++s) push(static_cast<std::int32_t>(s));
-  const std::size_t most = kFlipsPerEdge * twin.size();
-  while (!queue.empty() && out.flips < most) {
+  const std::size_t maximum = kFlipsPerEdge * twin.size();
+  while (!queue.empty() && out.flips < maximum) {
     const std::int32_t s = queue.front();
     queue.pop_front();
     queued[s] = 0;

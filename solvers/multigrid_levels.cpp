@@ -13,7 +13,7 @@ namespace tessera {
 namespace {
 
 constexpr double kShort = 2.5;        // an edge up to so many times the shortest at an end couples clusters
-constexpr double kLeastShrink = 0.8;  // a level that keeps more than this share of its unknowns is the last
+constexpr double kMinShrink = 0.8;  // a level that keeps more than this share of its unknowns is the last
 
 /// A graph that somebody else holds; a node may be named among its own neighbours.
 struct GraphView {
@@ -189,7 +189,7 @@ MultigridLevels multigrid_levels(const SparseMatrix& a, const MultigridLevelsOpt
   NodeGraph coarser;
   while (out.levels.back().matrix->rows > options.coarsest) {
     const Clusters clusters = cluster(graph, ShortEdges(graph, positions));
-    if (static_cast<double>(clusters.seed.size()) > kLeastShrink * static_cast<double>(clusters.of.size()))
+    if (static_cast<double>(clusters.seed.size()) > kMinShrink * static_cast<double>(clusters.of.size()))
       break;
     std::vector<Double3> coarse;
     if (!positions.empty()) {

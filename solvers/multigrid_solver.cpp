@@ -21,7 +21,7 @@ namespace {
 
 using Vector = std::vector<double>;
 
-constexpr int kMostColumns = 3;   // run through the levels together; more cost memory and gain little
+constexpr int kMaxColumns = 3;   // run through the levels together; more cost memory and gain little
 constexpr int kCascadeSteps = 4;  // m and gamma of the cascade (thesis 7.3.3): m gamma^i steps on level i
 constexpr double kCascadeGrowth = 2.5;
 constexpr double kStartTolerance = 1e-12;
@@ -129,12 +129,12 @@ class MultigridSolver final : public LinearSolver {
       report.message = "the right-hand side holds a value that is not finite";
       return report;
     }
-    if (width <= kMostColumns) return run(b, x, width);
+    if (width <= kMaxColumns) return run(b, x, width);
     // In slices of the columns.
     const auto w = static_cast<std::size_t>(width);
     const std::size_t n = b.size() / w;
-    for (std::size_t first = 0; first < w; first += kMostColumns) {
-      const std::size_t columns = std::min<std::size_t>(kMostColumns, w - first);
+    for (std::size_t first = 0; first < w; first += kMaxColumns) {
+      const std::size_t columns = std::min<std::size_t>(kMaxColumns, w - first);
       Vector bs(n * columns), xs(n * columns);
       for (std::size_t i = 0; i < n; ++i)
         for (std::size_t c = 0; c < columns; ++c) bs[i * columns + c] = b[i * w + first + c];

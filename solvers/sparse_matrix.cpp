@@ -11,7 +11,7 @@
 namespace tessera {
 namespace {
 
-constexpr std::size_t kMostEntries = std::numeric_limits<std::int32_t>::max();
+constexpr std::size_t kMaxEntries = std::numeric_limits<std::int32_t>::max();
 
 template <int kWidth>
 void multiply_rows(const SparseMatrix& a, const double* x, double* y) {
@@ -85,7 +85,7 @@ SparseMatrix product(const SparseMatrix& a, const SparseMatrix& b, std::span<con
           seen[b.column[f]] = i;
           ++entries;
         }
-    if (entries > kMostEntries)
+    if (entries > kMaxEntries)
       throw ResourceError("a sparse product has more than 2^31 entries: use fewer unknowns or a lower order");
     p.start[i + 1] = static_cast<std::int32_t>(entries);
   }
@@ -134,7 +134,7 @@ SparseMatrix sum(double alpha, const SparseMatrix& a, double beta, const SparseM
       s.column.push_back(std::min(j, k));
       s.value.push_back(v);
     }
-    if (s.entries() > kMostEntries) throw ResourceError("a sparse sum has more than 2^31 entries");
+    if (s.entries() > kMaxEntries) throw ResourceError("a sparse sum has more than 2^31 entries");
     s.start[i + 1] = static_cast<std::int32_t>(s.entries());
   }
   return s;

@@ -32,10 +32,10 @@ struct DoctorArguments {
   std::uint64_t memory_bytes = 0;
 };
 
-constexpr std::uint64_t kLeastMemory = std::uint64_t{64}
+constexpr std::uint64_t kMinMemory = std::uint64_t{64}
                                        << 20;  // every stage runs in so much, on scans that are not huge
-constexpr std::uint64_t kMostMeasured = std::uint64_t{256} << 20;
-constexpr double kMostSeconds = 1.0;  // of writing, and of reading
+constexpr std::uint64_t kMaxMeasured = std::uint64_t{256} << 20;
+constexpr double kMaxSeconds = 1.0;  // of writing, and of reading
 
 void line(const char* name, const std::string& text) {
   fmt::print("{:<12} {}\n", name, text);
@@ -78,12 +78,12 @@ std::string disk_text(const fs::path& folder) {
   const fs::space_info space = fs::space(folder);
   const ScratchFolder scratch(folder, "doctor");
   const fs::path path = scratch.path() / "speed";
-  const std::uint64_t most = std::min<std::uint64_t>(kMostMeasured, space.available / 4);
+  const std::uint64_t maximum = std::min<std::uint64_t>(kMaxMeasured, space.available / 4);
   std::vector<char> block(std::size_t{4} << 20);
   for (std::size_t i = 0; i < block.size(); ++i) block[i] = static_cast<char>(i * 2654435761u >> 13);
   auto start = std::chrono::steady_clock::now();
   DirectFile file(path);
-  while (file.offset() + block.size() <= most && seconds_since(start) < kMostSeconds) {
+  while (file.offset() + block.size() <= maximum && seconds_since(start) < kMaxSeconds) {
     throw_if_stopped();
     file.write(block.data(), block.size());
   }
@@ -93,7 +93,7 @@ std::string disk_text(const fs::path& folder) {
   start = std::chrono::steady_clock::now();
   const ReadFile back(path);
   std::uint64_t read = 0;
-  for (; read + block.size() <= bytes && seconds_since(start) < kMostSeconds; read += block.size()) {
+  for (; read + block.size() <= bytes && seconds_since(start) < kMaxSeconds; read += block.size()) {
     throw_if_stopped();
     back.read_at(read, block.data(), block.size());
   }
@@ -117,7 +117,7 @@ void run_doctor(const DoctorArguments& a) {
                                        format_bytes(cap.bytes), format_bytes(cap.limit), cap.source)
                          : fmt::format("{}: 0.8 of {}, {}; --memory gives another", format_bytes(memory),
                                        format_bytes(cap.limit), cap.source));
-  if (memory < kLeastMemory) missing = fmt::format("a memory cap of {} or more", format_bytes(kLeastMemory));
+  if (memory < kMinMemory) missing = fmt::format("a memory cap of {} or more", format_bytes(kMinMemory));
   try {
     line("work folder", disk_text(a.temp));
   } catch (const StoppedError&) {

@@ -17,8 +17,8 @@ void run_merge(const MergeOptions& given, JobState state) {
   cli::require_output(state.output);
   require_mesh_extension(state.output);
   if (state.inputs.size() < 2) throw UsageError("merge takes two meshes or more, and got one");
-  if (state.inputs.size() > kMostMerged)
-    throw UsageError("merge takes " + std::to_string(kMostMerged) +
+  if (state.inputs.size() > kMaxMerged)
+    throw UsageError("merge takes " + std::to_string(kMaxMerged) +
                      " meshes at most: merge some of them first");
   read_priority(given.priority, state.inputs);
   MergeOptions options = given;

@@ -129,16 +129,16 @@ struct Simulation {
     std::vector<int> numbers;
     for (const std::string& word : nodes) {
       const std::vector<double> n = numbers_of(word, 1);
-      if (n.empty() || n[0] < 1 || n[0] > kMostNodes || n[0] != std::floor(n[0]))
+      if (n.empty() || n[0] < 1 || n[0] > kMaxNodes || n[0] != std::floor(n[0]))
         throw UsageError(
-            fmt::format("--nodes {}: whole numbers from 1 to {}, with commas", word, kMostNodes));
+            fmt::format("--nodes {}: whole numbers from 1 to {}, with commas", word, kMaxNodes));
       numbers.push_back(static_cast<int>(n[0]));
     }
     return numbers;
   }
 
-  static constexpr int kMostNodes = 100000;
-  static constexpr double kMostScaling = 1000.0;
+  static constexpr int kMaxNodes = 100000;
+  static constexpr double kMaxScaling = 1000.0;
 };
 
 OptionTable option_table(Simulation& s) {
@@ -185,7 +185,7 @@ void print_makespans(const Simulation& simulation, const MeasuredJob& measured, 
       "core "
       "that does it all\n",
       points, threads, measured.name, measured.points);
-  if (points > Simulation::kMostScaling * measured.points)
+  if (points > Simulation::kMaxScaling * measured.points)
     fmt::print(
         "warning: what a job takes whatever its size was scaled {:.0f} times with the rest; measure a larger "
         "part\n",

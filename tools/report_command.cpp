@@ -25,11 +25,11 @@ struct ReportArguments {
   bool force = false;
 };
 
-constexpr std::uintmax_t kMostBytes = std::uintmax_t{256} << 20;  // far above any report
+constexpr std::uintmax_t kMaxBytes = std::uintmax_t{256} << 20;  // far above any report
 
 nlohmann::json read_report(const fs::path& path) {
   std::error_code error;
-  if (fs::is_regular_file(path, error) && fs::file_size(path, error) > kMostBytes)
+  if (fs::is_regular_file(path, error) && fs::file_size(path, error) > kMaxBytes)
     throw InputError(path.string() + ": too large for a report of Tessera: name an OUT.report.json");
   const nlohmann::json report = nlohmann::json::parse(read_text(path), nullptr, false);
   if (text_at(report, "/tool") != "tessera" || !value_at(report, "/stages").is_array())

@@ -33,7 +33,7 @@ struct ViewArguments {
   ViewOptions options;
 };
 
-constexpr std::uintmax_t kMostTileset = std::uintmax_t{1} << 30;  // the server hands it out whole
+constexpr std::uintmax_t kMaxTileset = std::uintmax_t{1} << 30;  // the server hands it out whole
 
 /// The folder with viewer.html and serve.py: as installed, else as built beside this program.
 fs::path viewer_folder(const fs::path& given) {
@@ -56,7 +56,7 @@ void require_tileset(const fs::path& path) {
   std::error_code error;
   if (!fs::is_regular_file(path, error))
     throw InputError(path.string() + ": is not there: name the folder of a tileset, or its tileset.json");
-  if (fs::file_size(path, error) > kMostTileset)
+  if (fs::file_size(path, error) > kMaxTileset)
     throw InputError(path.string() + ": too large for a tileset: cut it into several");
   bool has_root = false, has_asset = false;
   const auto note = [&](int depth, nlohmann::json::parse_event_t event, nlohmann::json& value) {

@@ -8,12 +8,12 @@
 namespace tessera {
 namespace {
 
-constexpr std::size_t kLeastArcs = 4;
+constexpr std::size_t kMinArcs = 4;
 constexpr double kSagittaShare = 1.0 / 3.0;  ///< of the tolerance: between rows
 constexpr double kSharpArc = 0.6;            ///< of a row: arcs shorter than that are creases,
 constexpr double kSharpShare = 0.25;         ///< if their corner is within so much of the tolerance
 constexpr double kLongRow = 1.3;             ///< of the spacing: on flanks
-constexpr std::size_t kLeastTaper = 3;       ///< ribs over which an edit begins and ends
+constexpr std::size_t kMinTaper = 3;       ///< ribs over which an edit begins and ends
 constexpr double kNearRibs = 2.5,
                  kNearRows = 1.25;  ///< of ribs and spacings: what a node takes its mean over
 constexpr int kOffSmooths = 12;
@@ -107,7 +107,7 @@ class GridMaker {
           change = std::max(change, std::fabs(q.tangent_length() - p.tangent_length()));
         }
       const auto wanted = static_cast<std::size_t>(std::ceil(2.0 * change / bone_.planes.spacing()));
-      const std::size_t taper = std::min(std::max(kLeastTaper, wanted), (n - 1) / 3);
+      const std::size_t taper = std::min(std::max(kMinTaper, wanted), (n - 1) / 3);
       for (std::size_t i = 0; i < n; ++i) {
         // Not quite none at the ends: an arc of radius zero would have all its rows in one point.
         const double t =
@@ -137,7 +137,7 @@ class GridMaker {
     if (!grid_.sharp) {
       const double turn = bone_.mean_turn(), r = longest / std::max(turn, 1e-3);
       const double by_sagitta = 0.5 * turn * std::sqrt(r / (2.0 * kSagittaShare * options_.tolerance));
-      grid_.arcs = std::max({kLeastArcs, static_cast<std::size_t>(std::ceil(longest / spacing_)),
+      grid_.arcs = std::max({kMinArcs, static_cast<std::size_t>(std::ceil(longest / spacing_)),
                              static_cast<std::size_t>(std::ceil(by_sagitta))});
     }
     if (options_.edit == BlendEdit::kProfile) {
@@ -307,13 +307,13 @@ BlendGrid make_blend_grid(const Fishbone& bone, const std::vector<RibVertex>& ne
 }
 
 double flank_beyond(const Fishbone& bone, const BlendOptions& options, double spacing) {
-  double most = 0.0;
+  double maximum = 0.0;
   for (const RibProfile& p : bone.profiles) {
     RibProfile q = p;
     q.radius = options.edit == BlendEdit::kNone ? p.radius : options.radius;
-    most = std::max(most, q.tangent_length() - p.tangent_length());
+    maximum = std::max(maximum, q.tangent_length() - p.tangent_length());
   }
-  return most + spacing;
+  return maximum + spacing;
 }
 
 }  // namespace tessera

@@ -22,12 +22,12 @@ bool meets_rectangle(const std::array<Double2, 3>& t, double left, double width,
     const Double2 &p = t[k], &q = t[(k + 1) % 3], &r = t[(k + 2) % 3];
     const Double2 n = {q[1] - p[1], p[0] - q[0]};
     const double at = n[0] * p[0] + n[1] * p[1], third = n[0] * r[0] + n[1] * r[1] - at;
-    double least = 0.0, most = 0.0;
+    double minimum = 0.0, maximum = 0.0;
     for (int c = 0; c < 4; ++c) {
       const double d = n[0] * (c & 1 ? high[0] : low[0]) + n[1] * (c & 2 ? high[1] : low[1]) - at;
-      least = c == 0 ? d : std::min(least, d), most = c == 0 ? d : std::max(most, d);
+      minimum = c == 0 ? d : std::min(minimum, d), maximum = c == 0 ? d : std::max(maximum, d);
     }
-    if (most < std::min(0.0, third) || least > std::max(0.0, third)) return false;
+    if (maximum < std::min(0.0, third) || minimum > std::max(0.0, third)) return false;
   }
   return true;
 }

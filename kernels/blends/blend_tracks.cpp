@@ -17,13 +17,13 @@ constexpr double kSameSlice = 0.7;  ///< the same within a slice
 constexpr double kFacing = -0.1;  ///< cosine of normals within a slice: a blend turns by a half turn at most
 constexpr int kCentrings = 4;
 constexpr double kEndShare = 0.5;  ///< of the ball: so near its end a band bends as what follows does
-constexpr std::size_t kLeastSteps = 4;
-constexpr double kLeastLength = 2.0;  ///< of its width
+constexpr std::size_t kMinSteps = 4;
+constexpr double kMinLength = 2.0;  ///< of its width
 /// Of the half width, and steps: what a grid takes to each side.
 constexpr double kSideShare = 1.15, kSideSteps = 2.0;
 constexpr double kApartSteps =
     3.0;  ///< between an end and another grid's side: faces of both holes, and one between
-constexpr int kMostTracks = 256;  ///< of one band
+constexpr int kMaxTracks = 256;  ///< of one band
 constexpr double kAgain =
     0.5;  ///< share of a slice that was seen before: the track runs into itself or another
 
@@ -44,7 +44,7 @@ class Band {
     std::vector<std::uint32_t> seeds;
     for (const std::uint32_t v : members_)
       if (std::fabs(all_[v].across) * options_.radius >= options_.sure_turn) seeds.push_back(v);
-    if (seeds.size() < options_.least_sure) return;
+    if (seeds.size() < options_.min_sure) return;
     std::sort(seeds.begin(), seeds.end(), [&](std::uint32_t a, std::uint32_t b) {
       const double x = std::fabs(all_[a].across), y = std::fabs(all_[b].across);
       return x != y ? x > y : a < b;
@@ -52,7 +52,7 @@ class Band {
     int tracks = 0;
     for (const std::uint32_t seed : seeds) {
       if (seen_[seed] != 0) continue;
-      if (++tracks > kMostTracks) break;
+      if (++tracks > kMaxTracks) break;
       number_ = static_cast<std::uint32_t>(tracks);
       if (auto track = from(seed)) out.push_back(std::move(*track));
     }
@@ -156,13 +156,13 @@ class Band {
     all.push_back(*first);
     all.insert(all.end(), ahead.begin(), ahead.end());
     if (!out.closed) trim(all);
-    if (all.size() < kLeastSteps) return std::nullopt;
+    if (all.size() < kMinSteps) return std::nullopt;
     for (const Slice& s : all) {
       out.centre.push_back(s.centre);
       out.normal.push_back(s.normal);
       out.half_width += s.half_width / static_cast<double>(all.size());
     }
-    if (static_cast<double>(all.size()) * step_ < kLeastLength * 2.0 * out.half_width) return std::nullopt;
+    if (static_cast<double>(all.size()) * step_ < kMinLength * 2.0 * out.half_width) return std::nullopt;
     return out;
   }
 
@@ -187,7 +187,7 @@ class Band {
       const double gone = dot(s->centre - at.centre, at.along);
       if (gone < 0.4 * step_ || gone > 1.6 * step_) break;
       if (static_cast<double>(s->before) > kAgain * static_cast<double>(s->count)) break;
-      if (k >= kLeastSteps && norm(s->centre - first.centre) < 0.75 * step_ &&
+      if (k >= kMinSteps && norm(s->centre - first.centre) < 0.75 * step_ &&
           dot(s->along, begin) > kSameSlice) {
         closed = true;
         break;
@@ -259,7 +259,7 @@ void keep_apart(std::vector<BlendTrack>& tracks, double step) {
     while (!tracks[t].closed && begin < end && is_near_another(t, tracks[t].centre[begin])) ++begin;
     while (!tracks[t].closed && begin < end && is_near_another(t, tracks[t].centre[end - 1])) --end;
     // Beside another one all along: then who comes first has the faces.
-    if (end - begin < kLeastSteps) begin = 0, end = tracks[t].centre.size();
+    if (end - begin < kMinSteps) begin = 0, end = tracks[t].centre.size();
     kept[t] = {begin, end};
   }
   for (std::size_t t = 0; t < tracks.size(); ++t) {
@@ -274,9 +274,9 @@ void keep_apart(std::vector<BlendTrack>& tracks, double step) {
 
 }  // namespace
 
-bool is_in_band(double across, double least, const BandOptions& o) {
-  return std::fabs(across) * o.radius >= o.least_turn &&
-         std::fabs(least) <= o.least_ratio * std::fabs(across);
+bool is_in_band(double across, double minimum, const BandOptions& o) {
+  return std::fabs(across) * o.radius >= o.min_turn &&
+         std::fabs(minimum) <= o.min_ratio * std::fabs(across);
 }
 
 std::vector<BlendTrack> trace_bands(std::span<const BandVertex> band,
@@ -291,7 +291,7 @@ std::vector<BlendTrack> trace_bands(std::span<const BandVertex> band,
   for (std::uint32_t v = 0; v < band.size(); ++v) bands[sets.find(v)].push_back(v);
   std::vector<BlendTrack> out;
   for (auto& [root, members] : bands)
-    if (members.size() >= options.least_sure) Band(band, std::move(members), options, step).trace(out);
+    if (members.size() >= options.min_sure) Band(band, std::move(members), options, step).trace(out);
   keep_apart(out, step);
   std::sort(out.begin(), out.end(), [](const BlendTrack& a, const BlendTrack& b) { return a.key < b.key; });
   return out;

@@ -18,10 +18,10 @@ namespace tessera {
 /// When a vertex belongs to a blend. Turns are of the surface within the ball that its bend was measured over.
 struct BandOptions {
   double radius = 0.0;         ///< of that ball, > 0, scan units
-  double least_turn = 0.2;     ///< radians: curvature across times radius
+  double min_turn = 0.2;     ///< radians: curvature across times radius
   double sure_turn = 0.4;      ///< a band has some that turn by so much
-  double least_ratio = 0.35;   ///< curvature along over that across: above it a vertex bends both ways
-  std::size_t least_sure = 8;  ///< vertices that turn so much
+  double min_ratio = 0.35;   ///< curvature along over that across: above it a vertex bends both ways
+  std::size_t min_sure = 8;  ///< vertices that turn so much
 };
 
 struct BandVertex {
@@ -30,7 +30,7 @@ struct BandVertex {
   double across = 0.0;  ///< as CurvatureTensor
 };
 /// Whether a vertex with these curvatures belongs to a band.
-bool is_in_band(double across, double least, const BandOptions& options);
+bool is_in_band(double across, double minimum, const BandOptions& options);
 
 struct BlendTrack {
   std::vector<Double3>

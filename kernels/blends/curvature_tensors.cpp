@@ -59,14 +59,14 @@ class Bends {
     Double3 value;
     std::array<Double3, 3> vector;
     symmetric_eigen3(sum, value, vector);
-    std::size_t most = 0, second = kNoVertex;
+    std::size_t maximum = 0, second = kNoVertex;
     for (std::size_t i = 1; i < 3; ++i)
-      if (std::fabs(value[i]) > std::fabs(value[most])) most = i;
+      if (std::fabs(value[i]) > std::fabs(value[maximum])) maximum = i;
     for (std::size_t i = 0; i < 3; ++i)
-      if (i != most && (second == kNoVertex || std::fabs(value[i]) > std::fabs(value[second]))) second = i;
-    out.along = vector[most];
-    out.across = value[most] / area;
-    out.least = value[second] / area;
+      if (i != maximum && (second == kNoVertex || std::fabs(value[i]) > std::fabs(value[second]))) second = i;
+    out.along = vector[maximum];
+    out.across = value[maximum] / area;
+    out.minimum = value[second] / area;
     return out;
   }
 

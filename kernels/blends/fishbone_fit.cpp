@@ -9,14 +9,14 @@
 namespace tessera {
 namespace {
 
-constexpr int kMostRounds = 40;    ///< of planes and fits; each leaves about a third of what the spine is off
+constexpr int kMaxRounds = 40;    ///< of planes and fits; each leaves about a third of what the spine is off
 constexpr double kSettled = 1e-8;  ///< of the half width: moves of the spine from round to round that end it,
 constexpr double kSettledNoise = 0.01;  ///< or of the rms distance of vertices to their profiles
 constexpr double kWaversNoise = 2.0, kWaversShare = 0.85,
                  kSameNoise = 0.99;     ///< as much as a round ago: it wavers
 constexpr int kPatientRounds = 3;       ///< in which ribs that fit badly may get better planes
 constexpr double kWindow = 1.5;         ///< ribs to each side whose vertices a rib sees
-constexpr std::size_t kLeastFlank = 3;  ///< vertices of a rib on each flank
+constexpr std::size_t kMinFlank = 3;  ///< vertices of a rib on each flank
 constexpr int kProfileSmooths = 12, kSpineSmooths = 16;
 constexpr double kFlankEdges = 3.0,
                  kFlankShare = 0.8;  ///< how much of the flanks is looked at: edges, half widths
@@ -26,7 +26,7 @@ constexpr double kNearTrack = 3.0;      ///< of half the band and a flank
 constexpr double kBadRib = 3.0;         ///< of the median rms: the blend has ended
 constexpr double kFine = 0.02;          ///< of an edge: a rib that fits so well is never bad
 constexpr double kRough = 0.3;          ///< of the flank: what lies so far off a line on average is no flank
-constexpr double kLeastApart = 0.15;    ///< of the spacing: ends of ribs
+constexpr double kMinApart = 0.15;    ///< of the spacing: ends of ribs
 
 /// Ribs by cells of their origins: every cell has those of its neighbours, too.
 class NearRibs {
@@ -134,14 +134,14 @@ class Fit {
 
     out_.convex = track_.convex;
     out_.edge = options_.edge;
-    out_.flank = std::max({kFlankEdges * options_.edge, kFlankShare * track_.half_width, options_.least_flank,
-                           options_.least_seen});
+    out_.flank = std::max({kFlankEdges * options_.edge, kFlankShare * track_.half_width, options_.min_flank,
+                           options_.min_seen});
     std::vector<Double3> up = track_.normal;
     double length = 0.0;
     const std::size_t n = track_.centre.size(), pieces = track_.closed ? n : n - 1;
     for (std::size_t i = 0; i < pieces; ++i) length += norm(track_.centre[(i + 1) % n] - track_.centre[i]);
     auto ribs = static_cast<std::size_t>(std::round(length / options_.spacing)) + (track_.closed ? 0 : 1);
-    if (n < 3 || ribs < kLeastRibs) return FishboneOutcome::kTooShort;
+    if (n < 3 || ribs < kMinRibs) return FishboneOutcome::kTooShort;
     out_.planes = planes_across(track_.centre, std::move(up), track_.closed, ribs, kSpineSmooths);
     keep_near();
     bool settled = false;
@@ -151,7 +151,7 @@ class Fit {
       const std::size_t before = this->ribs();
       if (!(round < kPatientRounds ? fill_unfound() : cut_to_sound())) return FishboneOutcome::kNoFlanks;
       smooth_profiles();
-      if ((settled && before == this->ribs()) || round + 1 == kMostRounds) break;
+      if ((settled && before == this->ribs()) || round + 1 == kMaxRounds) break;
       const double last_noise = noise, last = moved;
       noise = mean_rms();
       moved = follow();
@@ -162,9 +162,9 @@ class Fit {
       settled = round >= kPatientRounds && (rests || wavers);
     }
     RibEnds ends = rib_ends();
-    const double least = kLeastApart * out_.planes.spacing();
-    if (ribs_cross(out_.planes, ends, least)) {
-      if (!straighten_ribs(out_.planes, ends, least)) return FishboneOutcome::kRibsCross;
+    const double minimum = kMinApart * out_.planes.spacing();
+    if (ribs_cross(out_.planes, ends, minimum)) {
+      if (!straighten_ribs(out_.planes, ends, minimum)) return FishboneOutcome::kRibsCross;
       out_.straightened = true;
       fit_ribs(false);
       if (!cut_to_sound()) return FishboneOutcome::kNoFlanks;
@@ -246,7 +246,7 @@ class Fit {
         start = guess.profile;
       }
       fits_[i] = fit_profile(points, start, out_.convex);
-      if (fits_[i].count[0] < kLeastFlank || fits_[i].count[2] < kLeastFlank) fits_[i].found = false;
+      if (fits_[i].count[0] < kMinFlank || fits_[i].count[2] < kMinFlank) fits_[i].found = false;
     }
   }
 
@@ -271,20 +271,20 @@ class Fit {
     std::vector<double> rms;
     for (const ProfileFit& f : fits_)
       if (f.found) rms.push_back(f.rms);
-    if (rms.size() < kLeastRibs) return false;
+    if (rms.size() < kMinRibs) return false;
     std::nth_element(rms.begin(), rms.begin() + static_cast<std::ptrdiff_t>(rms.size() / 2), rms.end());
-    const double most = std::max(kBadRib * rms[rms.size() / 2], kFine * out_.edge);
+    const double maximum = std::max(kBadRib * rms[rms.size() / 2], kFine * out_.edge);
     const std::size_t n = ribs();
     std::vector<std::uint8_t> sound(n);
     std::size_t bad = 0;
-    for (std::size_t i = 0; i < n; ++i) bad += !(sound[i] = fits_[i].found && fits_[i].rms <= most);
+    for (std::size_t i = 0; i < n; ++i) bad += !(sound[i] = fits_[i].found && fits_[i].rms <= maximum);
     if (bad == 0) {
       for (std::size_t i = 0; i < n; ++i) out_.profiles[i] = fits_[i].profile;
       return true;
     }
     const bool closed = out_.planes.closed();
     const auto [begin, best] = longest_run(sound, closed);
-    if (best < kLeastRibs) return false;
+    if (best < kMinRibs) return false;
     std::vector<ProfileFit> fits;
     for (std::size_t i = begin; i < begin + best; ++i) fits.push_back(fits_[i % n]);
     for (std::uint32_t& r : rib_) {
@@ -332,19 +332,19 @@ class Fit {
       }
       p.angle[0] -= turn, p.angle[1] -= turn;
     }
-    double most = 0.0;
+    double maximum = 0.0;
     for (std::size_t i = 0; i < ribs(); ++i) {
       const Double3 off = out_.planes[i].origin - before[i].origin;
-      most = std::max({most, std::fabs(dot(off, before[i].across)), std::fabs(dot(off, before[i].up))});
+      maximum = std::max({maximum, std::fabs(dot(off, before[i].across)), std::fabs(dot(off, before[i].up))});
     }
-    return most;
+    return maximum;
   }
 
   RibEnds rib_ends() const {
     RibEnds ends;
     for (std::size_t i = 0; i < ribs(); ++i) {
       const RibProfile& p = out_.profiles[i];
-      const double far = p.tangent_length() + std::max(out_.edge, options_.least_flank);
+      const double far = p.tangent_length() + std::max(out_.edge, options_.min_flank);
       const Double2 l = p.on_flank(0, far), r = p.on_flank(1, far);
       ends.left.push_back(out_.planes.at(i, l[0], l[1]));
       ends.right.push_back(out_.planes.at(i, r[0], r[1]));

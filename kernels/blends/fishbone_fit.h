@@ -44,8 +44,8 @@ enum class FishboneOutcome { kFound, kTooShort, kNoFlanks, kRibsCross };
 struct FishboneOptions {
   double spacing = 0.0;      ///< of ribs, > 0
   double edge = 0.0;         ///< mean edge of the mesh around, > 0
-  double least_flank = 0.0;  ///< beside the arc: what an edit needs
-  double least_seen = 0.0;   ///< beside the arc: vertices so far are looked at, at the least
+  double min_flank = 0.0;  ///< beside the arc: what an edit needs
+  double min_seen = 0.0;   ///< beside the arc: vertices so far are looked at, at the least
 };
 
 /// Vertices near a fishbone with their places, by rib, then by vertex.

@@ -22,11 +22,11 @@ constexpr std::uint32_t kNone = 0xffffffffu;
 constexpr double kClear = 0.5;        ///< of a row: between the grid and what stays
 constexpr double kOffEdges = 1.5;     ///< vertices under the grid, edges off it at the most, and half an arc
 constexpr double kGapRows = 2.5;      ///< of the zipper: what was cleared, and the width of faces beside it
-constexpr double kLeastFacing = 0.2;  ///< cosine between a new face and the surface at its corners
+constexpr double kMinFacing = 0.2;  ///< cosine between a new face and the surface at its corners
 constexpr double kCreaseArc = 0.6;    ///< of a row: shorter arcs were creases
 constexpr double kOnCrease = 0.35;    ///< of a row: vertices so near to it are on it
 constexpr double kBridgeRibs = 3.0;
-constexpr int kMostCuts = 4;         ///< times that ribs are left out where a blend cannot be changed
+constexpr int kMaxCuts = 4;         ///< times that ribs are left out where a blend cannot be changed
 constexpr double kShrunk = 0.5;      ///< of its length: a second fit that leaves less is not the better one
 constexpr double kRoomy = 1.25;      ///< of the tolerance: how far off is still told
 constexpr double kEdgesApart = 1.3;  ///< local edges that differ by more from what was thought: fit again
@@ -65,7 +65,7 @@ class Resampler {
         follows_ = true;
         continue;
       }
-      if (++cut > kMostCuts || !keep_sound_ribs()) return o;
+      if (++cut > kMaxCuts || !keep_sound_ribs()) return o;
       follows_ = options_.edit != BlendEdit::kNone;
     }
   }
@@ -108,7 +108,7 @@ class Resampler {
       sound.front() = sound.back() = 0;
     }
     const RibRun run = longest_run(sound, closed);
-    if (run.count < kLeastRibs || run.count == n) return false;
+    if (run.count < kMinRibs || run.count == n) return false;
     bone_.keep(run.first, run.count);
     return true;
   }
@@ -156,7 +156,7 @@ class Resampler {
       FishboneOptions o{spacing_, edge_, 0.0, flank};
       FishboneOutcome found = fit_fishbone(block_.position, normal_, track_, o, bone_);
       if (found == FishboneOutcome::kFound && options_.edit != BlendEdit::kNone) {
-        o.least_flank = flank_beyond(bone_, options_, spacing_) + spacing_;
+        o.min_flank = flank_beyond(bone_, options_, spacing_) + spacing_;
         found = fit_fishbone(block_.position, normal_, track_, o, bone_);
       }
       const bool shrank = found == FishboneOutcome::kFound && again > 0 &&
@@ -346,13 +346,13 @@ class Resampler {
     const double last = static_cast<double>(grid_.ribs - 1);
     for (const bool begins : {true, false}) {
       std::uint32_t best = kNone;
-      double least = kOnCrease * spacing_;
+      double minimum = kOnCrease * spacing_;
       for (const RibVertex& v : near_) {
         const double beyond = begins ? -v.place.rib : v.place.rib - last;
         if (!at_hole[v.vertex] || place[v.vertex] == kNone || !(beyond > 0.0) || beyond > kBridgeRibs)
           continue;
         const double off = std::max(std::fabs(v.beside.run), std::fabs(v.beside.distance));
-        if (off < least) least = off, best = v.vertex;
+        if (off < minimum) minimum = off, best = v.vertex;
       }
       if (best == kNone) continue;
       const std::size_t rib = begins ? 0 : grid_.ribs - 1;
@@ -421,7 +421,7 @@ class Resampler {
       const Double3 n = unit_or_zero(face_normal(pieces_.position, f));
       Double3 sum{};
       for (const std::uint32_t v : f) sum = sum + unit_or_zero(normal[v]);
-      if (dot(n, unit_or_zero(sum)) >= kLeastFacing) continue;
+      if (dot(n, unit_or_zero(sum)) >= kMinFacing) continue;
       any = true;
       for (const std::uint32_t v : f) mark_bad_piece(v);
     }

@@ -6,7 +6,7 @@
 namespace tessera {
 namespace {
 
-constexpr int kMostSteps = 64;  ///< from plane to plane, in search of a point's place
+constexpr int kMaxSteps = 64;  ///< from plane to plane, in search of a point's place
 constexpr int kSecants = 12;
 constexpr double kOnPlane = 1e-13;   ///< of the way from plane to plane: a place is found
 constexpr int kStraightenings = 12;  ///< each filters twice as often as the one before
@@ -119,7 +119,7 @@ RibPlace RibPlanes::between(std::size_t rib, const Double3& p) const {
 std::optional<RibPlace> RibPlanes::locate(const Double3& p, std::size_t near) const {
   const std::size_t n = planes_.size();
   std::size_t i = near;
-  for (int step = 0; step < kMostSteps; ++step) {
+  for (int step = 0; step < kMaxSteps; ++step) {
     if (height(i, p) < 0.0) {
       if (i == 0 && !closed_) {
         const Double3 d = p - planes_[0].origin;
@@ -184,19 +184,19 @@ RibRun longest_run(std::span<const std::uint8_t> sound, bool closed) {
   return best;
 }
 
-bool ribs_cross(const RibPlanes& planes, const RibEnds& ends, double least) {
+bool ribs_cross(const RibPlanes& planes, const RibEnds& ends, double minimum) {
   const std::size_t n = planes.size(), pieces = planes.closed() ? n : n - 1;
   for (std::size_t i = 0; i < pieces; ++i) {
     const std::size_t j = (i + 1) % n;
     for (const std::vector<Double3>* line : {&ends.left, &ends.right})
-      if (dot((*line)[j] - planes[i].origin, planes[i].along) < least ||
-          dot(planes[j].origin - (*line)[i], planes[j].along) < least)
+      if (dot((*line)[j] - planes[i].origin, planes[i].along) < minimum ||
+          dot(planes[j].origin - (*line)[i], planes[j].along) < minimum)
         return true;
   }
   return false;
 }
 
-bool straighten_ribs(RibPlanes& planes, const RibEnds& ends, double least) {
+bool straighten_ribs(RibPlanes& planes, const RibEnds& ends, double minimum) {
   for (int round = 0; round < kStraightenings; ++round) {
     RibEnds line = ends;
     smooth_line(line.left, planes.closed(), 1 << round);
@@ -211,7 +211,7 @@ bool straighten_ribs(RibPlanes& planes, const RibEnds& ends, double least) {
       tilted[i] = plane(planes[i].origin, normal, planes[i].up);
     }
     const RibPlanes next(std::move(tilted), planes.closed());
-    if (ribs_cross(next, line, least)) continue;
+    if (ribs_cross(next, line, minimum)) continue;
     planes = next;
     return true;
   }

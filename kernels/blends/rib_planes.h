@@ -66,7 +66,7 @@ void smooth_line(std::vector<double>& line, bool closed, int times);
 /// One that leaves curves of even curvature where they are: fourth differences are damped. Ends stay.
 void smooth_curve(std::vector<Double3>& line, bool closed, int times);
 
-inline constexpr std::size_t kLeastRibs = 4;  ///< of a fishbone
+inline constexpr std::size_t kMinRibs = 4;  ///< of a fishbone
 /// Ribs in a row, from `first` on; past the last rib of a closed spine it goes on with the first.
 struct RibRun {
   std::size_t first = 0, count = 0;
@@ -78,10 +78,10 @@ RibRun longest_run(std::span<const std::uint8_t> sound, bool closed);
 struct RibEnds {
   std::vector<Double3> left, right;
 };
-/// Whether an end lies on the wrong side of a neighbour's plane, or nearer to it than `least` (> 0, scan units).
-bool ribs_cross(const RibPlanes& planes, const RibEnds& ends, double least);
+/// Whether an end lies on the wrong side of a neighbour's plane, or nearer to it than `minimum` (> 0, scan units).
+bool ribs_cross(const RibPlanes& planes, const RibEnds& ends, double minimum);
 /// Low-pass filters the trajectories of the ends, as often as it takes, and tilts every plane to go through its ends and
 /// its origin. \returns false if ribs still cross after as much as makes sense
-bool straighten_ribs(RibPlanes& planes, const RibEnds& ends, double least);
+bool straighten_ribs(RibPlanes& planes, const RibEnds& ends, double minimum);
 
 }  // namespace tessera

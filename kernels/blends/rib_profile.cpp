@@ -9,9 +9,9 @@
 namespace tessera {
 namespace {
 
-constexpr double kLeastTurn = 0.08;  ///< radians: flatter ones have no corner to speak of
-constexpr double kMostTurn = 2.9;
-constexpr int kMostFitSteps = 40;
+constexpr double kMinTurn = 0.08;  ///< radians: flatter ones have no corner to speak of
+constexpr double kMaxTurn = 2.9;
+constexpr int kMaxFitSteps = 40;
 constexpr double kEnough = 1e-12;  ///< of the extent: a step that changes nothing,
 constexpr double kEnoughOfNoise =
     1e-3;  ///< or of what noise leaves uncertain: rms by the root of the number of points
@@ -136,7 +136,7 @@ double cost_of(const RibProfile& q, std::span<const Double2> points) {
 
 bool is_sound(const RibProfile& q, bool convex) {
   const double turn = convex ? q.angle[1] - q.angle[0] : q.angle[0] - q.angle[1];
-  return turn > kLeastTurn && turn < kMostTurn && std::fabs(q.angle[0]) < 0.5 * kPi &&
+  return turn > kMinTurn && turn < kMaxTurn && std::fabs(q.angle[0]) < 0.5 * kPi &&
          std::fabs(q.angle[1]) < 0.5 * kPi;
 }
 
@@ -220,7 +220,7 @@ ProfileFit fit_profile(std::span<const Double2> points, const RibProfile& start,
   double extent = 0.0;
   for (const Double2& p : points) extent = std::max(extent, std::sqrt(dot2(p, p)));
   double cost = cost_of(q, points), damp = 1e-4;
-  for (int step = 0; step < kMostFitSteps; ++step) {
+  for (int step = 0; step < kMaxFitSteps; ++step) {
     SmallMatrix<5> normal = SmallMatrix<5>::Zero();
     Row gradient{};
     const Laid laid(q);

@@ -23,9 +23,9 @@ constexpr std::uint64_t kQueriesPerCheck = 256;
 constexpr double kInfinite = std::numeric_limits<double>::infinity();
 constexpr std::uint32_t kNone = ClosestFaces::kNone;
 using Piece = ConvexPiece;
-constexpr int kMostCuts = 160;           // in a row; derived into certificate_rounding
+constexpr int kMaxCuts = 160;           // in a row; derived into certificate_rounding
 constexpr int kFreeCuts = 24;            // after so many in a row every third is across the longest diagonal
-constexpr double kLeastPiece = 0x1p-13;  // of the tolerance: smaller pieces are bounded by their radius
+constexpr double kMinPiece = 0x1p-13;  // of the tolerance: smaller pieces are bounded by their radius
 constexpr double kPhase = 0.25;  // the first target is this share of the tolerance, then its square, ...
 
 /// Halves with fewer corners: along the diagonal from corner 0, so that no new corner is made.
@@ -78,16 +78,16 @@ class Certifier {
     const double rounding = certificate_rounding(std::max(reference_.largest_coordinate(), largest_));
     provable_ = bound_within(options_.tolerance, rounding);
     counting_ = true;
-    const double least = std::max(kLeastTarget * options_.tolerance, options_.enough);
-    floor_ = std::max(kPhase * options_.tolerance, least);
+    const double minimum = std::max(kMinTarget * options_.tolerance, options_.enough);
+    floor_ = std::max(kPhase * options_.tolerance, minimum);
     for (std::size_t i = 0; i < bound.size(); ++i) bound[i] = bound_face(i);
     counting_ = false;
     if (options_.samples > 0)
       measure_samples(spread_samples(surface_, core_, samples_of(options_, bound.size(), reference_.size())),
                       !bound.empty() && surface_.faces[0][1] == surface_.faces[0][2], reference_, options_,
                       report_);
-    while (options_.tightness * report_.lower < floor_ && floor_ > least) {
-      floor_ = std::max(kPhase * floor_, least);
+    while (options_.tightness * report_.lower < floor_ && floor_ > minimum) {
+      floor_ = std::max(kPhase * floor_, minimum);
       const double target = this->target(true);
       for (std::size_t i = 0; i < bound.size(); ++i)
         if (static_cast<double>(bound[i]) > target && std::isfinite(bound[i]))
@@ -266,7 +266,7 @@ class Certifier {
   void bound_piece() {
     const Piece piece = stack_.back();
     stack_.pop_back();
-    if (piece.corners > kMostCorners - 2) {
+    if (piece.corners > kMaxCorners - 2) {
       Piece first, second;
       cut_diagonal(piece, first, second);
       stack_.push_back(second);
@@ -303,8 +303,8 @@ class Certifier {
     if (corner.slot == kNone) return give_up(piece, piece.at(worst));
     found(std::sqrt(corner.square), piece.at(worst));
     over = over || corner.square > tolerance_square;
-    const double least = kLeastPiece * options_.tolerance;
-    if (within(square) || piece.cuts >= kMostCuts - 1 || radius_square <= least * least)
+    const double minimum = kMinPiece * options_.tolerance;
+    if (within(square) || piece.cuts >= kMaxCuts - 1 || radius_square <= minimum * minimum)
       return accept(piece, std::min(std::sqrt(square), lipschitz));
     split(piece, centre.slot, corner.slot, worst);
   }
@@ -332,10 +332,10 @@ class Certifier {
           cut(piece, plane, inside, outside))
         return push(inside, near_centre, outside, near_worst);
     } else {
-      double most = 0.0;
+      double maximum = 0.0;
       for (int i = 0; i < piece.corners; ++i) {
         const Double3 d = piece.at(i) - centre;
-        if (dot(d, d) > most) most = dot(d, d), far = piece.at(i);
+        if (dot(d, d) > maximum) maximum = dot(d, d), far = piece.at(i);
       }
     }
     plane.normal = far - centre;

@@ -16,7 +16,7 @@
 /// distance that was found at a point, unless that is below tolerance / 1000 or below `enough`.
 ///
 /// Rounding. u = 2^-53, R the largest coordinate relative to the origin. A cut moves its new corners by at
-/// most 8 u R off the segment that they cut; at most kMostCuts = 160 cuts follow each other, so the pieces
+/// most 8 u R off the segment that they cut; at most kMaxCuts = 160 cuts follow each other, so the pieces
 /// cover the face within 1280 u R. A distance is at most 32 u R too small (closest_face.h), positions lose u
 /// R each by subtracting the origin. certificate_rounding(R) = 2^-42 R = 2048 u R covers the sum and is added
 /// to every bound. Nothing here is shared with the test inside the decimation loop.
@@ -34,7 +34,7 @@
 
 namespace tessera {
 
-inline constexpr double kLeastTarget = 1e-3;  ///< of the tolerance: below it nobody asks for a tight bound
+inline constexpr double kMinTarget = 1e-3;  ///< of the tolerance: below it nobody asks for a tight bound
 inline constexpr int kDeviationBins = 32;     ///< of width tolerance / 32; then up to reach, then beyond
 
 constexpr double certificate_rounding(double largest_coordinate) {

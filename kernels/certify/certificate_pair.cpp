@@ -106,15 +106,15 @@ class Finisher {
  private:
   /// Until the largest bound is at most `tightness` times the largest distance found.
   void tighten() {
-    for (std::size_t most = kFirstSearch;; most *= 8) {
+    for (std::size_t maximum = kFirstSearch;; maximum *= 8) {
       const double limit =
-          std::max({options_.tightness * report_.lower, kLeastTarget * options_.tolerance, options_.enough});
+          std::max({options_.tightness * report_.lower, kMinTarget * options_.tolerance, options_.enough});
       std::vector<std::uint32_t> list;
       for (std::uint32_t i = 0; i < bound_.size(); ++i)
         if (static_cast<double>(bound_[i]) > limit && !searched_[i]) list.push_back(i);
       if (list.empty()) return;
-      if (list.size() > most) {
-        const auto end = list.begin() + static_cast<std::ptrdiff_t>(most);
+      if (list.size() > maximum) {
+        const auto end = list.begin() + static_cast<std::ptrdiff_t>(maximum);
         std::nth_element(list.begin(), end, list.end(), [&](std::uint32_t a, std::uint32_t b) {
           return bound_[a] != bound_[b] ? bound_[a] > bound_[b] : a < b;
         });

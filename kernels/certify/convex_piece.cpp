@@ -11,7 +11,7 @@ void ConvexPiece::close() {
 }
 
 bool cut(const ConvexPiece& piece, const CutPlane& plane, ConvexPiece& inside, ConvexPiece& outside) {
-  double height[kMostCorners];
+  double height[kMaxCorners];
   bool below = false, above = false;
   for (int i = 0; i < piece.corners; ++i) {
     height[i] = plane.height(piece.at(i));
@@ -43,21 +43,21 @@ bool cut(const ConvexPiece& piece, const CutPlane& plane, ConvexPiece& inside, C
 
 bool side_plane(const std::array<Double3, 3>& t, const Double3& normal, const Double3& centre,
                 const Double3& far, CutPlane& plane) {
-  double most = 0.0;
+  double maximum = 0.0;
   const auto offer = [&](Double3 across, const Double3& on) {
     const double size = norm(across);
     if (!(size > 0.0)) return;
     across = across * (1.0 / size);
     const CutPlane p{across, dot(across, on)};
     const double height = p.height(far);
-    if (height <= most || p.height(centre) > 0.25 * height) return;
-    most = height;
+    if (height <= maximum || p.height(centre) > 0.25 * height) return;
+    maximum = height;
     plane = p;
   };
   if (t[1] == t[2]) {
     offer(t[1] - t[0], t[1]);
     offer(t[0] - t[1], t[0]);
-    return most > 0.0;
+    return maximum > 0.0;
   }
   for (std::size_t c = 0; c < 3; ++c) {
     const Double3& a = t[c];
@@ -66,7 +66,7 @@ bool side_plane(const std::array<Double3, 3>& t, const Double3& normal, const Do
     if (dot(across, t[(c + 2) % 3] - a) > 0.0) across = across * -1.0;
     offer(across, a);
   }
-  return most > 0.0;
+  return maximum > 0.0;
 }
 
 bool bisector(const std::array<Double3, 3>& t1, const Double3& p1, const std::array<Double3, 3>& t2,

@@ -11,7 +11,7 @@
 
 namespace tessera {
 
-inline constexpr int kMostCorners = 16;
+inline constexpr int kMaxCorners = 16;
 inline constexpr int kPieceColumn = 20;  ///< corners, the centroid, padding to whole vectors
 
 /// A convex polygon in columns; two corners make a segment.
@@ -39,7 +39,7 @@ struct CutPlane {
 };
 
 /// Cuts in two; false when one side would be empty (then nothing is said about `inside` and `outside`).
-/// \pre at most kMostCorners - 2 corners
+/// \pre at most kMaxCorners - 2 corners
 bool cut(const ConvexPiece& piece, const CutPlane& plane, ConvexPiece& inside, ConvexPiece& outside);
 
 /// The side of a triangle, seen along `normal`, that `far` lies beyond most; for a segment the

@@ -12,7 +12,7 @@
 namespace tessera {
 namespace {
 
-constexpr int kMostParts = 2048;  // per side: a face over a whole picture is not drawn finer
+constexpr int kMaxParts = 2048;  // per side: a face over a whole picture is not drawn finer
 /// A face so many times as long as it is high, or as an edge of the sampling, is cut along its length: a grid would have as
 /// many rows as columns.
 constexpr double kSlim = 4.0;
@@ -52,9 +52,9 @@ class NeedleCutter {
  public:
   NeedleCutter(Sampler& sampler, const Box3& core) : sampler_(sampler), core_(core) {}
 
-  /// \param corner  of the face \param value  what is known at them, and will be \param most  length of a side
+  /// \param corner  of the face \param value  what is known at them, and will be \param maximum  length of a side
   /// \param out  with the normal of the face
-  void cut(const std::array<Double3, 3>& corner, const std::array<float*, 3>& value, double most,
+  void cut(const std::array<Double3, 3>& corner, const std::array<float*, 3>& value, double maximum,
            DeviationTriangle& out, const Sink& sink) {
     corner_ = &corner;
     value_.clear();
@@ -70,7 +70,7 @@ class NeedleCutter {
       for (std::size_t k = 0; k < 3; ++k)
         if (const double length = squared_distance(p[k], p[(k + 1) % 3]); length > longest_side)
           longest_side = length, side = k;
-      if (longest_side > most * most) {
+      if (longest_side > maximum * maximum) {
         const Place &a = piece[side], &b = piece[(side + 1) % 3], &c = piece[(side + 2) % 3];
         const Place middle = {(a.i + b.i) / 2, (a.j + b.j) / 2};
         stack_.push_back({middle, b, c});
@@ -149,7 +149,7 @@ void sample_deviation(const SurfaceFaces& surface, const Box3& core, const Close
                   &c = surface.position[face[2]];
     const Double3 u = b - a, v = c - a, w = c - b;
     const double longest = std::sqrt(std::max({dot(u, u), dot(v, v), dot(w, w)}));
-    const int n = static_cast<int>(std::clamp(std::ceil(longest / options.edge), 1.0, 1.0 * kMostParts));
+    const int n = static_cast<int>(std::clamp(std::ceil(longest / options.edge), 1.0, 1.0 * kMaxParts));
     const auto at = [&](double i, double j) {
       Double3 p;
       for (std::size_t k = 0; k < 3; ++k) p[k] = a[k] + u[k] * (i / n) + v[k] * (j / n);
@@ -170,8 +170,8 @@ void sample_deviation(const SurfaceFaces& surface, const Box3& core, const Close
         sink(out);
         continue;
       }
-      const double most = std::max(options.edge, longest / kMostParts);
-      needles.cut({a, b, c}, {&vertex[face[0]], &vertex[face[1]], &vertex[face[2]]}, most, out, sink);
+      const double maximum = std::max(options.edge, longest / kMaxParts);
+      needles.cut({a, b, c}, {&vertex[face[0]], &vertex[face[1]], &vertex[face[2]]}, maximum, out, sink);
       continue;
     }
     row.assign(static_cast<std::size_t>(n) + 1, kUnknown);

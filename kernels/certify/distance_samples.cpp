@@ -14,7 +14,7 @@ namespace {
 using SampledFace = std::array<std::uint32_t, 3>;
 
 /// Few faces need few points: as many as tell the mean on each of them.
-constexpr std::size_t kLeastSamples = 1024, kSamplesPerFace = 16;
+constexpr std::size_t kMinSamples = 1024, kSamplesPerFace = 16;
 constexpr std::size_t kSampleGrid =
     48;  ///< cells an axis of the box in which faces near the points are picked
 // Powers of the plastic number: the additive sequence whose points keep farthest apart.
@@ -133,7 +133,7 @@ SurfaceSamples spread_samples(const SurfaceFaces& surface, const Box3* core, std
 }
 
 std::size_t samples_of(const CertificateOptions& options, std::size_t faces, std::size_t other_faces) {
-  return std::min(options.samples, kLeastSamples + kSamplesPerFace * (faces + other_faces));
+  return std::min(options.samples, kMinSamples + kSamplesPerFace * (faces + other_faces));
 }
 
 void measure_samples(const SurfaceSamples& samples, bool segments, const ClosestFaces& reference,

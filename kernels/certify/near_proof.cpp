@@ -8,7 +8,7 @@ namespace tessera {
 namespace {
 
 constexpr double kUnbounded = std::numeric_limits<double>::infinity();
-constexpr int kMaxPieceCuts = 24, kMostPieces = 48;
+constexpr int kMaxPieceCuts = 24, kMaxPieces = 48;
 
 }  // namespace
 
@@ -33,7 +33,7 @@ double NearProof::bound(const std::array<Double3, 3>& corner, std::span<const st
   whole.close();
   double worst = 0.0;
   for (int pieces = 0; !stack_.empty(); ++pieces) {
-    if (pieces == kMostPieces) return kUnbounded;
+    if (pieces == kMaxPieces) return kUnbounded;
     const ConvexPiece piece = stack_.back();
     stack_.pop_back();
     double square = 0.0;
@@ -45,16 +45,16 @@ double NearProof::bound(const std::array<Double3, 3>& corner, std::span<const st
 
 /// Proves a piece, `square` is of its bound then, or lays two in its place. \return false where neither works
 bool NearProof::prove(const ConvexPiece& piece, double limit2, double& square) {
-  alignas(32) double squares[kMostNear][kPieceColumn];
-  double least = kUnbounded;
+  alignas(32) double squares[kMaxNear][kPieceColumn];
+  double minimum = kUnbounded;
   std::size_t centre = 0;
   for (std::size_t i = 0; i < count_; ++i) {
     index_.squares_to(slots_[i], piece.x, piece.y, piece.z, piece.corners + 1, squares[i]);
-    least = std::min(least, *std::max_element(squares[i], squares[i] + piece.corners));
+    minimum = std::min(minimum, *std::max_element(squares[i], squares[i] + piece.corners));
     if (squares[i][piece.corners] < squares[centre][piece.corners]) centre = i;
   }
-  if (least <= limit2) {
-    square = least;
+  if (minimum <= limit2) {
+    square = minimum;
     return true;
   }
   const double* from_centre = squares[centre];
@@ -64,7 +64,7 @@ bool NearProof::prove(const ConvexPiece& piece, double limit2, double& square) {
     if (squares[i][worst] < squares[other][worst]) other = i;
   // Some point is too far from all that are given, or two have the same side.
   if (from_centre[piece.corners] > limit2 || squares[other][worst] > limit2) return false;
-  if (piece.cuts == kMaxPieceCuts || piece.corners > kMostCorners - 2) return false;
+  if (piece.cuts == kMaxPieceCuts || piece.corners > kMaxCorners - 2) return false;
   const Double3 middle = piece.centroid(), far = piece.at(static_cast<int>(worst));
   const std::array<Double3, 3> t = index_.corners(slots_[centre]);
   CutPlane plane;

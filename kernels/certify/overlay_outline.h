@@ -54,14 +54,14 @@ inline double turn(const Flat& a, const Flat& b, const Flat& c) {
   return (b.x - a.x) * (c.y - a.y) - (b.y - a.y) * (c.x - a.x);
 }
 
-inline constexpr int kMostSides = 12;
+inline constexpr int kMaxSides = 12;
 inline constexpr unsigned kCutSide = 3;  ///< tag of a side that is no edge of the face
 
 /// A convex polygon in the plane of a coarse face, counter-clockwise; side i runs from corner i to the next.
 struct Outline {
   int corners = 0;
-  std::array<Flat, kMostSides> at;
-  std::array<unsigned, kMostSides> tag;  ///< which edge of the coarse face, or kCutSide
+  std::array<Flat, kMaxSides> at;
+  std::array<unsigned, kMaxSides> tag;  ///< which edge of the coarse face, or kCutSide
 
   /// Keeps where value >= 0.
   template <class Value>
@@ -80,7 +80,7 @@ struct Outline {
     *this = out;
   }
   void add(const Flat& p, unsigned side) {
-    if (corners == kMostSides) return;
+    if (corners == kMaxSides) return;
     at[corners] = p;
     tag[corners++] = side;
   }

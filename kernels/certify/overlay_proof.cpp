@@ -17,7 +17,7 @@ namespace {
 
 constexpr std::uint32_t kNoFace = kNoPair;
 constexpr float kOpen = std::numeric_limits<float>::infinity();
-constexpr int kMostSteps = 512;
+constexpr int kMaxSteps = 512;
 constexpr std::uint32_t kSampling = 16;
 
 class Overlay {
@@ -177,7 +177,7 @@ class Overlay {
       side_[i] = {-dy / size, dx / size, 0.0};
       side_[i][2] = -(side_[i][0] * a.x + side_[i][1] * a.y);
     }
-    return n >= 3 && n < kMostSides;
+    return n >= 3 && n < kMaxSides;
   }
   double beyond(int i, const Flat& p) const { return side_[i][0] * p.x + side_[i][1] * p.y + side_[i][2]; }
 
@@ -201,11 +201,11 @@ class Overlay {
   /// Walks to the fine face over the point `to`. \return kNoFace where there is no way
   std::uint32_t walk(std::uint32_t from, const Flat& to) {
     std::uint32_t f = from, came = kNoFace;
-    for (int step = 0; step < kMostSteps && f != kNoFace; ++step) {
+    for (int step = 0; step < kMaxSteps && f != kNoFace; ++step) {
       const auto& v = fine_.faces[f];
       const Flat p[3] = {place(v[0]).at, place(v[1]).at, place(v[2]).at};
       const double up = turn(p[0], p[1], p[2]) < 0.0 ? -1.0 : 1.0;
-      double least = 0.0;
+      double minimum = 0.0;
       std::uint32_t way = kNoFace;
       bool safe = true;
       for (std::uint32_t i = 0; i < 3; ++i) {
@@ -213,8 +213,8 @@ class Overlay {
         const double dx = b.x - a.x, dy = b.y - a.y, size = std::sqrt(dx * dx + dy * dy);
         const double inside = up * turn(a, b, to);
         safe = safe && inside > 4.0 * grown_ * size;
-        if (size > 0.0 && inside / size < least && across_fine_[f][i] >> 2 != came)
-          least = inside / size, way = i;
+        if (size > 0.0 && inside / size < minimum && across_fine_[f][i] >> 2 != came)
+          minimum = inside / size, way = i;
       }
       if (safe) return f;
       if (way == kNoFace) return kNoFace;
@@ -374,12 +374,12 @@ class Overlay {
   }
 
   static double longest(const Point* const* p) {
-    double most = 0.0;
+    double maximum = 0.0;
     for (std::size_t i = 0; i < 3; ++i) {
       const Flat &a = p[i]->at, &b = p[i == 2 ? 0 : i + 1]->at;
-      most = std::max({most, std::abs(b.x - a.x), std::abs(b.y - a.y)});
+      maximum = std::max({maximum, std::abs(b.x - a.x), std::abs(b.y - a.y)});
     }
-    return 1.5 * most;
+    return 1.5 * maximum;
   }
 
   /// Might the face count at the point where the covering is counted?
@@ -450,7 +450,7 @@ class Overlay {
   }
 
   float bound_by_near(const std::array<Double3, 3>& corner, std::uint32_t met) {
-    std::array<std::uint32_t, NearProof::kMostNear> near;
+    std::array<std::uint32_t, NearProof::kMaxNear> near;
     std::size_t count = 0;
     for (; met != kNoFace && count < near.size(); met = met_[met].before) near[count++] = met_[met].coarse;
     if (count < 2) return kOpen;  // what lies over one alone was told from heights
@@ -508,7 +508,7 @@ class Overlay {
   Double3 base_{}, ex_{}, ey_{}, normal_{};
   std::array<Flat, 3> corner_{};
   Outline outline_;
-  std::array<std::array<double, 3>, kMostSides> side_{};
+  std::array<std::array<double, 3>, kMaxSides> side_{};
   Flat centre_{};
   double area_ = 0.0;  ///< in the core
   bool whole_ = false, solid_ = false;

@@ -25,13 +25,13 @@ constexpr double kPixelOfArea = 1.0;        // of the root of a face's area: two
 constexpr double kPixelOfTolerance = 0.25;  // finer shows nothing that the tolerance would ask for
 constexpr std::size_t kAreaSampling = 16;
 constexpr double kSteepest = 5.25;  // square of a slope: faces of a sheet look within 66 degrees of the axis
-constexpr double kLeastAngle = 0x1p-20;
+constexpr double kMinAngle = 0x1p-20;
 constexpr double kGrown = 0x1p-20;           // pixels
 constexpr double kFarthest = 0x1p28;         // pixels: farther corners would be off by more than kGrown
 constexpr double kHeightRounding = 0x1p-26;  // of the largest extent
 constexpr double kFloatShare = 0x1p-10;      // of the tolerance
-constexpr std::size_t kPixelsPerFace = 8, kLayersPerFace = 4, kLeastPixels = 4096;
-constexpr int kMostPixels = 1 << 13;  // a side
+constexpr std::size_t kPixelsPerFace = 8, kLayersPerFace = 4, kMinPixels = 4096;
+constexpr int kMaxPixels = 1 << 13;  // a side
 /// Pixels that faces may touch, each in the mean: soups of large faces over each other are left to the search.
 constexpr double kTouchedPerFace = 64.0;
 constexpr float kClosed = std::numeric_limits<float>::infinity();
@@ -63,7 +63,7 @@ struct Frame {
 };
 
 Frame make_frame(std::size_t axis, const Box3& core, const Double3& origin, double pixel,
-                 std::size_t most_pixels) {
+                 std::size_t max_pixels) {
   Frame f;
   f.axis = axis;
   f.u = (axis + 1) % 3;
@@ -71,10 +71,10 @@ Frame make_frame(std::size_t axis, const Box3& core, const Double3& origin, doub
   f.low = {core.low[f.u], core.low[f.v], origin[axis]};
   const double wide = core.high[f.u] - core.low[f.u], high = core.high[f.v] - core.low[f.v];
   // Too many pixels make the image coarser; a strip of one row needs no fewer columns.
-  const double least = std::sqrt(wide * high / static_cast<double>(most_pixels));
-  const double side = std::max(pixel, least);
+  const double minimum = std::sqrt(wide * high / static_cast<double>(max_pixels));
+  const double side = std::max(pixel, minimum);
   const auto count = [&](double extent) {
-    return static_cast<int>(std::clamp(std::ceil(extent / side), 1.0, 1.0 * kMostPixels));
+    return static_cast<int>(std::clamp(std::ceil(extent / side), 1.0, 1.0 * kMaxPixels));
   };
   f.nx = count(wide);
   f.ny = count(high);
@@ -170,7 +170,7 @@ bool slope_of(const Frame& f, const Double3* p, Slope& out) {
   const double ux = p[1][0] - p[0][0], uy = p[1][1] - p[0][1], uz = p[1][2] - p[0][2];
   const double vx = p[2][0] - p[0][0], vy = p[2][1] - p[0][1], vz = p[2][2] - p[0][2];
   const double area = ux * vy - vx * uy;
-  if (!(std::abs(area) > kLeastAngle * (ux * ux + uy * uy + vx * vx + vy * vy))) return false;
+  if (!(std::abs(area) > kMinAngle * (ux * ux + uy * uy + vx * vx + vy * vy))) return false;
   const double per = 1.0 / area;
   out.gx = (uz * vy - vz * uy) * per;
   out.gy = (ux * vz - vx * uz) * per;
@@ -184,22 +184,22 @@ bool slope_of(const Frame& f, const Double3* p, Slope& out) {
 class Image {
  public:
   Image(const Frame& frame, const SurfaceFaces& reference, const std::vector<Across>& across,
-        std::size_t most_layers, double most_touched, std::vector<Double3>& at,
+        std::size_t max_layers, double max_touched, std::vector<Double3>& at,
         std::vector<std::uint32_t>& sheet)
       : frame_(frame),
         reference_(reference),
         at_(at),
         sheet_(sheet),
         first_(static_cast<std::size_t>(frame.nx) * static_cast<std::size_t>(frame.ny), kNoLayer),
-        most_layers_(most_layers) {
+        max_layers_(max_layers) {
     at_.resize(reference.position.size());
     for (std::size_t i = 0; i < at_.size(); ++i) at_[i] = frame.place(reference.position[i]);
     find_sheets(across);
     double work = 0.0;
     for (std::uint32_t f = 0; f < sheet_.size(); ++f)
       if (sheet_[f] != kNoLayer) work += touched(frame_, corners(f).data());
-    if (work > most_touched) return;  // nothing is settled then
-    layers_.reserve(most_layers);     // pages that are not used cost no memory
+    if (work > max_touched) return;  // nothing is settled then
+    layers_.reserve(max_layers);     // pages that are not used cost no memory
     for (std::uint32_t f = 0; f < sheet_.size(); ++f)
       if (sheet_[f] != kNoLayer) begin_layers(f);
     for (std::uint32_t f = 0; f < sheet_.size(); ++f)
@@ -266,7 +266,7 @@ class Image {
     Slope s;
     bool known = false;
     each_centre(frame_, p.data(), [&](int i, int j) {
-      if (find(i, j, sheet_[f]) != nullptr || layers_.size() == most_layers_) return;
+      if (find(i, j, sheet_[f]) != nullptr || layers_.size() == max_layers_) return;
       if (!known) slope_of(frame_, p.data(), s), known = true;
       std::uint32_t& first = first_[pixel(i, j)];
       layers_.push_back({height(p[0], s, i + 0.5, j + 0.5), static_cast<float>(s.gx),
@@ -351,7 +351,7 @@ class Image {
   std::vector<std::uint32_t>& sheet_;  ///< per face of it
   std::vector<std::uint32_t> first_;   ///< per pixel: its first layer
   std::vector<Layer> layers_;
-  std::size_t most_layers_;
+  std::size_t max_layers_;
 };
 
 double mean_area(const SurfaceFaces& s) {
@@ -373,10 +373,10 @@ bool meets(const Double3* p, const Box3& box) {
 }
 
 double largest_extent(const SurfaceFaces& s, const Box3& core) {
-  double most = 0.0;
+  double maximum = 0.0;
   for (const Double3& p : s.position)
-    for (std::size_t k = 0; k < 3; ++k) most = std::max({most, p[k] - core.low[k], core.high[k] - p[k]});
-  return most;
+    for (std::size_t k = 0; k < 3; ++k) maximum = std::max({maximum, p[k] - core.low[k], core.high[k] - p[k]});
+  return maximum;
 }
 
 }  // namespace
@@ -389,7 +389,7 @@ double raster_pixel(const SurfaceFaces& a, const SurfaceFaces& b, double toleran
 std::uint64_t raster_filter_bytes(std::uint64_t faces) {
   // Pairs of edges and how they are found; corners, sheets and sets; pixels and layers.
   return faces * (24 + 4 + 12 + 24 + 9 + 1 + 4 + 4 * kPixelsPerFace + sizeof(Layer) * kLayersPerFace) +
-         kLeastPixels * (4 + sizeof(Layer));
+         kMinPixels * (4 + sizeof(Layer));
 }
 
 std::vector<std::uint32_t> raster_doubts(const SurfaceFaces& surface, const Box3& core,
@@ -409,11 +409,11 @@ std::vector<std::uint32_t> raster_doubts(const SurfaceFaces& surface, const Box3
     if (!meets(p, core)) continue;
     ++counts.faces;
     const Double3 n = cross(p[1] - p[0], p[2] - p[0]);
-    std::size_t most = 0;
+    std::size_t maximum = 0;
     for (std::size_t k = 1; k < 3; ++k)
-      if (std::abs(n[k]) > std::abs(n[most])) most = k;
-    axis[f] = std::abs(n[most]) > 0.0 ? static_cast<std::uint8_t>(most) : std::uint8_t{3};
-    if (axis[f] < 3) wanted[most] = true;
+      if (std::abs(n[k]) > std::abs(n[maximum])) maximum = k;
+    axis[f] = std::abs(n[maximum]) > 0.0 ? static_cast<std::uint8_t>(maximum) : std::uint8_t{3};
+    if (axis[f] < 3) wanted[maximum] = true;
   }
   const std::size_t faces = surface.faces.size() + reference.faces.size();
   std::vector<std::uint8_t> settled(surface.faces.size());
@@ -423,11 +423,11 @@ std::vector<std::uint32_t> raster_doubts(const SurfaceFaces& surface, const Box3
     std::vector<std::uint32_t> sheet;
     for (std::size_t k = 0; k < 3; ++k) {
       if (!wanted[k]) continue;
-      const Frame frame = make_frame(k, core, origin, pixel, kPixelsPerFace * faces + kLeastPixels);
-      const double most = std::max(frame.per_pixel[0], frame.per_pixel[1]) * extent;
-      if (!(most < kFarthest)) continue;  // stays in doubt
-      const double most_touched = kTouchedPerFace * static_cast<double>(faces) + kLeastPixels;
-      const Image image(frame, reference, across, kLayersPerFace * faces + kLeastPixels, most_touched, at,
+      const Frame frame = make_frame(k, core, origin, pixel, kPixelsPerFace * faces + kMinPixels);
+      const double maximum = std::max(frame.per_pixel[0], frame.per_pixel[1]) * extent;
+      if (!(maximum < kFarthest)) continue;  // stays in doubt
+      const double max_touched = kTouchedPerFace * static_cast<double>(faces) + kMinPixels;
+      const Image image(frame, reference, across, kLayersPerFace * faces + kMinPixels, max_touched, at,
                         sheet);
       counts.layers += image.layers();
       const double low = core.low[k] - origin[k] - kHeightRounding * extent,
@@ -439,7 +439,7 @@ std::vector<std::uint32_t> raster_doubts(const SurfaceFaces& surface, const Box3
         const Double3 p[3] = {frame.place(surface.position[v[0]]), frame.place(surface.position[v[1]]),
                               frame.place(surface.position[v[2]])};
         work += touched(frame, p);
-        if (work > most_touched) break;  // the others stay in doubt
+        if (work > max_touched) break;  // the others stay in doubt
         settled[f] = image.settles(p, limit, low, high);
       }
     }

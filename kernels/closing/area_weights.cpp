@@ -10,10 +10,10 @@ namespace tessera {
 namespace {
 
 /// Least length of the mean normal that is trusted: beyond it the normals of a voxel contradict each other.
-constexpr double kLeastMeanNormal = 0.3;
+constexpr double kMinMeanNormal = 0.3;
 /// Most that one point stands for, cells^2: a stray one must not make a blob of its own, whose winding number right
 /// behind it passes one half (from 4 pi kDipoleCore^2 / 2 on).
-constexpr double kMostArea = 1.5;
+constexpr double kMaxArea = 1.5;
 
 struct Polygon {
   std::array<Double3, 16> corner;
@@ -53,19 +53,19 @@ struct Side {
     if (!(size > 0.0)) return 0.0f;
     Double3 n, p;
     for (std::size_t c = 0; c < 3; ++c) n[c] = normal[c] / size, p[c] = position[c] / points;
-    const double area = plane_area_in_cube(p, n, kAreaVoxelCells) / std::max(size, kLeastMeanNormal * points);
-    return static_cast<float>(std::min(area, kMostArea));
+    const double area = plane_area_in_cube(p, n, kAreaVoxelCells) / std::max(size, kMinMeanNormal * points);
+    return static_cast<float>(std::min(area, kMaxArea));
   }
 };
 
 }  // namespace
 
 double plane_area_in_cube(const Double3& point, const Double3& normal, double edge) {
-  std::size_t least = 0;
+  std::size_t minimum = 0;
   for (std::size_t c = 1; c < 3; ++c)
-    if (std::fabs(normal[c]) < std::fabs(normal[least])) least = c;
+    if (std::fabs(normal[c]) < std::fabs(normal[minimum])) minimum = c;
   Double3 axis = {0, 0, 0};
-  axis[least] = 1.0;
+  axis[minimum] = 1.0;
   Double3 u = cross(normal, axis);
   const double size = norm(u);
   for (double& c : u) c /= size;

@@ -12,7 +12,7 @@ namespace tessera {
 namespace {
 
 /// So that it has a sign, cells.
-constexpr float kLeastFlowValue = 0.01f;
+constexpr float kMinFlowValue = 0.01f;
 
 /// Index of a leaf in the dense table of the field; -1 outside.
 std::int64_t slot_of(const DirectedField& field, const Int3& leaf) {
@@ -84,7 +84,7 @@ void evaluate_nodes(BandLeaf& leaf, const Int3& block, const WantedNodes& want, 
       // A node beside forced ones keeps its sign, if not its value.
       const bool inside = want.flow->forced[z] & bit ? (want.flow->inside[z] & bit) != 0 : v < 0.0f;
       const float size = std::abs(static_cast<float>(want.flow->value[nodes[i]])) / kFlowSteps;
-      v = inside ? -std::max(size, kLeastFlowValue) : size;
+      v = inside ? -std::max(size, kMinFlowValue) : size;
     }
     v = std::clamp(v, -kLargestValue, kLargestValue);
     leaf.value(nodes[i]) = v;

@@ -59,7 +59,7 @@ struct ClosingOptions {
 };
 
 /// Largest limit, cells: what the near field holds around a brick.
-inline constexpr float kMostClosingLimit = 56.0f;
+inline constexpr float kMaxClosingLimit = 56.0f;
 
 /// Cells of the block from which closing starts: for every pair of cells that share a crossed face, one of
 /// them local, the other not. A pair belongs to the block that holds its upper cell; its lower one may lie

@@ -85,7 +85,7 @@ bool fan_gap(const RimLoop& loop, const Double3& apex, std::size_t flat_edge, do
   constexpr double kSlack = 1e-9;
   const __m256d low = _mm256_set1_pd(-kSlack), high = _mm256_set1_pd(1.0 + kSlack);
   const __m256d absolute = _mm256_castsi256_pd(_mm256_set1_epi64x(0x7fffffffffffffff));
-  __m256d most = _mm256_setzero_pd();
+  __m256d maximum = _mm256_setzero_pd();
   for (std::size_t i = 1; i < size; ++i) {
     const __m256d dx = _mm256_set1_pd(x[i] - ax), dy = _mm256_set1_pd(y[i] - ay),
                   dz = _mm256_set1_pd(z[i] - az), start = _mm256_set1_pd(az);
@@ -105,11 +105,11 @@ bool fan_gap(const RimLoop& loop, const Double3& apex, std::size_t flat_edge, do
             _mm256_castsi256_pd(_mm256_cmpeq_epi64(_mm256_set_epi64x(3, 2, 1, 0), _mm256_set1_epi64x(own))),
             crosses);
       }
-      most = _mm256_max_pd(most, _mm256_and_pd(crosses, _mm256_and_pd(height, absolute)));
+      maximum = _mm256_max_pd(maximum, _mm256_and_pd(crosses, _mm256_and_pd(height, absolute)));
     }
   }
   alignas(32) std::array<double, kLanes> lane;
-  _mm256_store_pd(lane.data(), most);
+  _mm256_store_pd(lane.data(), maximum);
   for (const double height : lane) gap = height > gap ? height : gap;
   return true;
 }

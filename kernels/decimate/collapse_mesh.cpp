@@ -44,7 +44,7 @@ std::vector<std::uint64_t> in_morton_order(std::size_t n, const Place& place) {
 /// bricks and leaves number them: the corners of most faces are then few numbers apart.
 bool lies_in_order(const MeshBlock& block) {
   constexpr std::uint32_t kFew = 512;
-  constexpr std::size_t kMost = 8;  // one face in so many may be far apart
+  constexpr std::size_t kMax = 8;  // one face in so many may be far apart
   std::size_t far = 0;
   const std::array<std::uint32_t, 3>* before = nullptr;
   for (const auto& f : block.faces) {
@@ -52,7 +52,7 @@ bool lies_in_order(const MeshBlock& block) {
     far += std::max(f[1], f[2]) - f[0] > kFew;
     before = &f;
   }
-  return far * kMost <= block.faces.size();
+  return far * kMax <= block.faces.size();
 }
 
 }  // namespace

@@ -30,7 +30,7 @@ Decimator::Decimator(CollapseMesh& mesh, const CollapseMesh& reference,
       reference_vertex_(std::move(reference_vertex)) {
   if (options.tolerance > 0.0) reference_gap_ = ReferenceGap(reference, options.max_normal_turn_deg > 0.0);
   if (options.priority == DecimatePriority::kNormalDeviation) normal_sum_.resize(mesh.vertices());
-  if (options.max_normal_turn_deg > 0.0) least_cosine_ = cosine_of_degrees(options.max_normal_turn_deg);
+  if (options.max_normal_turn_deg > 0.0) min_cosine_ = cosine_of_degrees(options.max_normal_turn_deg);
   accumulate_quadrics();
 }
 
@@ -91,7 +91,7 @@ Decimator::Refusal Decimator::check_faces(std::uint32_t u, const Star& star, std
   const std::size_t k = star.faces, size = star.ring_size();
   const Double3 pu = mesh_.at(u), pv = mesh_.at(star.ring[at_ring]);
   // Squares compare as well as what they are of, and need no roots.
-  const double least = options_.min_roundness * options_.min_roundness / 12.0;
+  const double minimum = options_.min_roundness * options_.min_roundness / 12.0;
   bool thin = false;
   for (std::size_t i = 0; i < k; ++i) {
     const std::size_t j = i + 1 < size ? i + 1 : 0;
@@ -103,7 +103,7 @@ Decimator::Refusal Decimator::check_faces(std::uint32_t u, const Star& star, std
     if (!(after2 > 0.0) || along < 0.0 || along * along < 0.04 * before2 * after2) return Refusal::kFold;
     const Double3 last = pv - b;
     const double edges = dot(rim, rim) + dot(to_v, to_v) + dot(last, last);
-    thin = thin || after2 < least * edges * edges;
+    thin = thin || after2 < minimum * edges * edges;
   }
   if (!thin) return Refusal::kNone;
   double worst_new = 1.0, worst_old = 1.0;
@@ -119,7 +119,7 @@ Decimator::Refusal Decimator::check_faces(std::uint32_t u, const Star& star, std
 Decimator::Refusal Decimator::check(std::uint32_t u, const Star& star, std::size_t at_ring) {
   moves_ = false;
   if (!linked(star, at_ring)) return Refusal::kLink;
-  if (in_lanes_ && options_.tolerance > 0.0 && least_cosine_ <= -1.0 &&
+  if (in_lanes_ && options_.tolerance > 0.0 && min_cosine_ <= -1.0 &&
       (mesh_.state(u) & kVertexCrease) == 0) {
     double gap = 0.0;
     const StarLanes::Answer answer = lanes_.judge(at_ring, gap);

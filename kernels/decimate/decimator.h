@@ -82,7 +82,7 @@ class Decimator {
   void accumulate_quadrics();
   bool sweeps() const;
   void sweep_all(DecimateReport& report);
-  void sweep(double most_cost, std::vector<float>& least, DecimateReport& report);
+  void sweep(double max_cost, std::vector<float>& minimum, DecimateReport& report);
   bool gather(std::uint32_t u, Star& star);
   StarLanes::Cheapest find_cheapest(std::uint32_t u, const Star& star);
   bool check_cheap(std::uint32_t u, const Star& star, std::size_t at);
@@ -94,7 +94,7 @@ class Decimator {
     }
     return static_cast<double>(bound);
   }
-  void compact(std::vector<float>& least);
+  void compact(std::vector<float>& minimum);
   void seed_queue(bool woken);
   void empty_queue(DecimateReport& report);
   void settle_faces(bool later);
@@ -108,12 +108,12 @@ class Decimator {
   /// Brings the cheapest of list[at] .. list[n - 1] to `at`; equal costs fall to the lower vertex.
   static const Candidate& next_candidate(std::array<Candidate, kMaxRing + 1>& list, std::size_t at,
                                          std::size_t n) {
-    std::size_t least = at;
+    std::size_t minimum = at;
     for (std::size_t i = at + 1; i < n; ++i)
-      if (list[i].cost < list[least].cost ||
-          (list[i].cost == list[least].cost && list[i].vertex < list[least].vertex))
-        least = i;
-    std::swap(list[at], list[least]);
+      if (list[i].cost < list[minimum].cost ||
+          (list[i].cost == list[minimum].cost && list[i].vertex < list[minimum].vertex))
+        minimum = i;
+    std::swap(list[at], list[minimum]);
     return list[at];
   }
   void update_error(std::uint32_t v);
@@ -164,7 +164,7 @@ class Decimator {
   Star other_star_;
   Double3 target_{};
   bool moves_ = false;
-  double least_cosine_ = -1.0;
+  double min_cosine_ = -1.0;
   ReferenceGap reference_gap_, coarse_gap_;
   std::vector<std::uint32_t> reference_vertex_;
   /// Per vertex: the vertex of the reference, of the coarse one that last refused its removal.

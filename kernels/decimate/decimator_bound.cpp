@@ -136,7 +136,7 @@ Decimator::Refusal Decimator::check_gap(std::uint32_t u, const Star& star, std::
       return Refusal::kTolerance;
     if (!known && !short_sum) return Refusal::kTolerance;
   }
-  if (short_sum && least_cosine_ <= -1.0) return Refusal::kNone;
+  if (short_sum && min_cosine_ <= -1.0) return Refusal::kNone;
   return ask_reference(u, star, at_ring, short_sum, exact);
 }
 
@@ -160,7 +160,7 @@ Decimator::Refusal Decimator::ask_reference(std::uint32_t u, const Star& star, s
     query.seed = reference_vertex_[u];
     query.flat_edge = flat_edge_[s];
     query.limit = options_.tolerance;
-    query.least_cosine = least_cosine_;
+    query.min_cosine = min_cosine_;
     query.cross_creases = !on_line;
     query.witness = witness_[u];
     double side = 0.0;

@@ -71,7 +71,7 @@ bool Decimator::check_optimal(std::uint32_t u, const Star& star, std::size_t at_
   const auto distance2 = [&](std::uint32_t w) { return dot(mesh_.at(w) - p, mesh_.at(w) - p); };
   const bool near_u = distance2(u) < distance2(v);
   double gap = 0.0;
-  if (least_cosine_ <= -1.0 && edge_gap(loop, mesh_.at(u) - p, mesh_.at(v) - p, k - 2, gap)) {
+  if (min_cosine_ <= -1.0 && edge_gap(loop, mesh_.at(u) - p, mesh_.at(v) - p, k - 2, gap)) {
     double bound = 0.0;
     for (const Star* s : {&star, static_cast<const Star*>(&other_star_)})
       for (std::size_t i = 0; i < s->faces; ++i)
@@ -85,7 +85,7 @@ bool Decimator::check_optimal(std::uint32_t u, const Star& star, std::size_t at_
   ReferenceGap::Query query;
   query.origin = p;
   query.limit = options_.tolerance;
-  query.least_cosine = least_cosine_;
+  query.min_cosine = min_cosine_;
   query.free_corners = query.inner_centre = query.cross_creases = true;
   for (const std::uint32_t w : {near_u ? u : v, near_u ? v : u}) {
     query.seed = reference_vertex_[w];

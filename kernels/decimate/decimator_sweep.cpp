@@ -11,9 +11,9 @@ namespace {
 constexpr int kSweeps = 6;
 /// Limits of the cost, in tolerance^2 x the mean area of a vertex; the last is 8.
 constexpr double kFirstLimit = 0x1p-12, kLimitGrowth = 8.0;
-constexpr double kMostBound = 0.25;  ///< of the tolerance
+constexpr double kMaxBound = 0.25;  ///< of the tolerance
 /// A coarse reference saves nothing with more than a half of the vertices.
-constexpr std::size_t kLeastGain = 2;
+constexpr std::size_t kMinGain = 2;
 constexpr float kTouched = -1.0f, kRefused = 0x1p+100f;
 
 }  // namespace
@@ -23,7 +23,7 @@ constexpr float kTouched = -1.0f, kRefused = 0x1p+100f;
 bool Decimator::sweeps() const {
   for (const CollapseFace& f : mesh_.faces())
     if (f.bound > 0.0f) return false;
-  return options_.sweep && options_.tolerance > 0.0 && least_cosine_ <= -1.0 &&
+  return options_.sweep && options_.tolerance > 0.0 && min_cosine_ <= -1.0 &&
          options_.max_cost_class + 1 == kCostClasses && options_.placement == DecimatePlacement::kEndpoint &&
          options_.priority == DecimatePriority::kQuadric;
 }
@@ -32,44 +32,44 @@ void Decimator::sweep_all(DecimateReport& report) {
   double limit =
       kFirstLimit * options_.tolerance * options_.tolerance * area_ / static_cast<double>(mesh_.vertices());
   const std::size_t before = mesh_.vertices();
-  std::vector<float> least(mesh_.vertices(), 0.0f);
+  std::vector<float> minimum(mesh_.vertices(), 0.0f);
   std::size_t removed = report.collapses;
   for (int i = 0; i < kSweeps; ++i, limit *= kLimitGrowth) {
-    sweep(limit, least, report);
+    sweep(limit, minimum, report);
     if (i + 1 < kSweeps && 2 * (report.collapses - removed) < mesh_.vertices()) continue;
-    compact(least);
+    compact(minimum);
     removed = report.collapses;
   }
-  if (mesh_.vertices() * kLeastGain > before) return;
+  if (mesh_.vertices() * kMinGain > before) return;
   coarse_gap_ = ReferenceGap(mesh_);
   coarse_witness_.assign(mesh_.vertices(), kNoCorner);
 }
 
-/// \param least  per vertex: what its best collapse costs as long as its star is as it is
-void Decimator::sweep(double most_cost, std::vector<float>& least, DecimateReport& report) {
+/// \param minimum  per vertex: what its best collapse costs as long as its star is as it is
+void Decimator::sweep(double max_cost, std::vector<float>& minimum, DecimateReport& report) {
   Star star;
   for (std::uint32_t u = 0; u < mesh_.vertices(); ++u) {
-    if (least[u] == kTouched) {
-      least[u] = 0.0f;
+    if (minimum[u] == kTouched) {
+      minimum[u] = 0.0f;
       continue;
     }
     // Creases are held to half the tolerance, by tests of their own.
-    if (static_cast<double>(least[u]) >= most_cost || (mesh_.state(u) & (kVertexKept | kVertexCrease)))
+    if (static_cast<double>(minimum[u]) >= max_cost || (mesh_.state(u) & (kVertexKept | kVertexCrease)))
       continue;
     if (!gather(u, star)) continue;
     const StarLanes::Cheapest best = find_cheapest(u, star);
-    least[u] = static_cast<float>(best.cost);
-    if (!(best.cost < most_cost)) continue;
+    minimum[u] = static_cast<float>(best.cost);
+    if (!(best.cost < max_cost)) continue;
     ++report.candidates;
     if (!check_cheap(u, star, best.at)) {
-      least[u] = kRefused;
+      minimum[u] = kRefused;
       continue;
     }
     remove(u, star, best.at);
     ++report.collapses;
     report.cost_histogram[cost_class(best.cost, kCostClasses)] += star.closed ? 2 : 1;
     for (std::size_t i = 0; i < star.ring_size(); ++i)
-      least[star.ring[i]] = star.ring[i] > u ? kTouched : 0.0f;
+      minimum[star.ring[i]] = star.ring[i] > u ? kTouched : 0.0f;
   }
 }
 
@@ -93,29 +93,29 @@ StarLanes::Cheapest Decimator::find_cheapest(std::uint32_t u, const Star& star) 
 bool Decimator::check_cheap(std::uint32_t u, const Star& star, std::size_t at_ring) {
   moves_ = false;
   if (!linked(star, at_ring)) return false;
-  const double most = kMostBound * options_.tolerance;
+  const double maximum = kMaxBound * options_.tolerance;
   if (in_lanes_) {
     double gap = 0.0;
     const StarLanes::Answer answer = lanes_.judge(at_ring, gap);
     if (answer == StarLanes::Answer::kRefused) return false;
     if (answer == StarLanes::Answer::kGood) {
       new_bound_ = rounded_up(largest_bound(star) + gap);
-      return static_cast<double>(new_bound_) <= most;
+      return static_cast<double>(new_bound_) <= maximum;
     }
   }
   return check_faces(u, star, at_ring) == Refusal::kNone && bound_by_sum(u, star, at_ring) &&
-         static_cast<double>(new_bound_) <= most;
+         static_cast<double>(new_bound_) <= maximum;
 }
 
-void Decimator::compact(std::vector<float>& least) {
+void Decimator::compact(std::vector<float>& minimum) {
   std::vector<std::uint32_t> kept;
   mesh_.compact(kept);
   for (std::size_t i = 0; i < kept.size(); ++i) {
     quadric_[i] = quadric_[kept[i]];
-    least[i] = least[kept[i]];
+    minimum[i] = minimum[kept[i]];
     reference_vertex_[i] = reference_vertex_[kept[i]];
   }
-  quadric_.resize(kept.size()), least.resize(kept.size()), reference_vertex_.resize(kept.size());
+  quadric_.resize(kept.size()), minimum.resize(kept.size()), reference_vertex_.resize(kept.size());
 }
 
 }  // namespace tessera

@@ -21,11 +21,11 @@ FaceNormal face_normal(const CollapseMesh& mesh, std::size_t f) {
   return {n, dot(n, n)};
 }
 
-/// Whether the cosine is below `least`; faces without area count as no turn.
-bool turns(const FaceNormal& a, const FaceNormal& b, double least) {
+/// Whether the cosine is below `minimum`; faces without area count as no turn.
+bool turns(const FaceNormal& a, const FaceNormal& b, double minimum) {
   const double along = dot(a.normal, b.normal), square = along * along,
-               limit = least * least * (a.length2 * b.length2);
-  return least > 0.0 ? along < 0.0 || square < limit : along < 0.0 && square > limit;
+               limit = minimum * minimum * (a.length2 * b.length2);
+  return minimum > 0.0 ? along < 0.0 || square < limit : along < 0.0 && square > limit;
 }
 
 /// Calls `visit(corner, corner across)` for the edges of a face with another one of a higher number.
@@ -53,13 +53,13 @@ std::vector<UnitNormal> unit_normals(const CollapseMesh& mesh) {
   return unit;
 }
 
-/// Whether the cosines to the faces across the three edges are all above `least`; not where a face has no area.
-bool all_above(const CollapseMesh& mesh, const std::vector<UnitNormal>& unit, std::uint32_t f, float least) {
+/// Whether the cosines to the faces across the three edges are all above `minimum`; not where a face has no area.
+bool all_above(const CollapseMesh& mesh, const std::vector<UnitNormal>& unit, std::uint32_t f, float minimum) {
   const UnitNormal& n = unit[f];
   bool above = true;
   for (const std::uint32_t o : mesh.face(f).opposite) {
     const UnitNormal& m = unit[o != kNoCorner ? o >> 2 : f];
-    above &= n.x * m.x + n.y * m.y + n.z * m.z > least;
+    above &= n.x * m.x + n.y * m.y + n.z * m.z > minimum;
   }
   return above;
 }
@@ -124,7 +124,7 @@ void mark_features(CollapseMesh& mesh, const MeshBlock& block, const std::vector
   if (!any && !synthetic) return;
 
   std::vector<std::uint8_t> creases(n, 0);
-  const double least = cosine_of_degrees(std::fmax(10.0, 0.5 * feature_angle_deg));
+  const double minimum = cosine_of_degrees(std::fmax(10.0, 0.5 * feature_angle_deg));
   const auto near = [&](const CollapseFace& f) {
     return synthetic || feature[f.vertex[0]] + feature[f.vertex[1]] + feature[f.vertex[2]] > 1;
   };
@@ -132,7 +132,7 @@ void mark_features(CollapseMesh& mesh, const MeshBlock& block, const std::vector
     const std::uint32_t a = mesh.vertex(next_corner(c)), b = mesh.vertex(prev_corner(c));
     const bool rim = ((mesh.face(c >> 2).state ^ mesh.face(o >> 2).state) & kStateSynthetic) != 0;
     if (!rim &&
-        !(feature[a] && feature[b] && turns(face_normal(mesh, c >> 2), face_normal(mesh, o >> 2), least)))
+        !(feature[a] && feature[b] && turns(face_normal(mesh, c >> 2), face_normal(mesh, o >> 2), minimum)))
       return;
     mesh.mark_crease(c);
     mesh.mark_crease(o);

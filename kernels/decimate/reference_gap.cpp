@@ -261,7 +261,7 @@ bool ReferenceGap::turned(const Face& face, const Point* const* corner) const {
   for (faces &= sectors_; faces != 0; faces &= faces - 1) {
     const auto i = static_cast<std::size_t>(std::countr_zero(faces));
     const float along = (nz - slope_x_[i] * nx - slope_y_[i] * ny) * face_cosine_[i];
-    if (along >= least_cosine_ * size) continue;
+    if (along >= min_cosine_ * size) continue;
     if (along > 0.0f && size * size - along * along <= noise * noise) continue;
     return true;
   }
@@ -405,7 +405,7 @@ bool ReferenceGap::next_on_line(std::uint32_t at, std::uint32_t from, std::uint3
 
 bool ReferenceGap::measure_line(std::uint32_t u, std::uint32_t v, std::uint32_t q, double limit,
                                 double& gap) const {
-  constexpr int kMostSteps = 100000;
+  constexpr int kMaxSteps = 100000;
   const Double3 start = vertices_[v].at, edge = vertices_[q].at - start;
   const double size2 = dot(edge, edge);
   double worst2 = 0.0;
@@ -422,7 +422,7 @@ bool ReferenceGap::measure_line(std::uint32_t u, std::uint32_t v, std::uint32_t 
     std::uint32_t before = u, at = way == 0 ? one : other;
     for (int step = 0; at != v && at != q; ++step) {
       std::uint32_t next = kNoCorner;
-      if (step == kMostSteps || at == u || !add(at) || !next_on_line(at, before, next)) return false;
+      if (step == kMaxSteps || at == u || !add(at) || !next_on_line(at, before, next)) return false;
       before = at;
       at = next;
     }
@@ -438,7 +438,7 @@ ReferenceGap::Answer ReferenceGap::measure(const RimLoop& loop, const Query& que
   const float slack = 16.0f * 0x1p-24f * radius_;
   gap_ = 0.0f;
   limit_ = static_cast<float>(query.limit) * (1.0f - 0x1p-22f) - slack;
-  least_cosine_ = static_cast<float>(query.least_cosine);
+  min_cosine_ = static_cast<float>(query.min_cosine);
   lines_ = loop.borders | (query.cross_creases ? 0u : loop.creases);
   ends_ = loop.ends;
   covered_ = loop.ends;  // vertices of lines do not move
@@ -490,7 +490,7 @@ ReferenceGap::Answer ReferenceGap::measure(const RimLoop& loop, const Query& que
       if (gap_ > limit_) return Answer::kBeyond;
     }
     if (query.free_corners && !corners_above(p)) return Answer::kBeyond;
-    if (least_cosine_ > -1.0f && turned(f, p)) return Answer::kTurned;
+    if (min_cosine_ > -1.0f && turned(f, p)) return Answer::kTurned;
     for (std::size_t i = seed ? 0 : 1; i < 3; ++i) {
       const std::uint32_t o = f.opposite[corner[i] & 3u];
       if (o != kNoCorner && faces_[o >> 2].stamp == stamp_ + 1) continue;  // seen from there

@@ -30,7 +30,7 @@ namespace tessera {
 class ReferenceGap {
  public:
   ReferenceGap() = default;
-  /// \param normals  for queries with a least_cosine
+  /// \param normals  for queries with a min_cosine
   explicit ReferenceGap(const CollapseMesh& reference, bool normals = false);
 
   struct Query {
@@ -43,7 +43,7 @@ class ReferenceGap {
     bool free_corners = false;            ///< corners of the star need not lie on the reference
     /// Give up where a new face turns more against a reference triangle over it. Not where moving one corner of that
     /// by half the limit and a 32nd of the largest height of the triangles around its corners explains the turn.
-    double least_cosine = -1.0;
+    double min_cosine = -1.0;
     std::uint32_t witness = kNoCorner;  ///< reference vertex to look at first, as failed_at() named it
   };
   enum class Answer : std::uint8_t { kWithin, kBeyond, kFolded, kTurned };
@@ -124,7 +124,7 @@ class ReferenceGap {
   std::array<float, kPadded> edge_z_{};
   std::array<float, kPadded> slope_x_{}, slope_y_{}, face_cosine_{};
   std::uint64_t lines_ = 0, ends_ = 0, covered_ = 0;
-  float least_cosine_ = -1.0f;
+  float min_cosine_ = -1.0f;
   Double3 ex_{}, ey_{}, n_{}, origin_{};
   /// Columns: what x, y and z add to the coordinates in the plane.
   alignas(16) std::array<float, 12> frame_{};

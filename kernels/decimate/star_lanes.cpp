@@ -6,12 +6,12 @@
 namespace tessera {
 namespace {
 
-constexpr std::size_t kLeastFaces = 4, kLanes = 8;
+constexpr std::size_t kMinFaces = 4, kLanes = 8;
 /// Of the largest coordinate, in units: eighth powers of these still are ordinary floats.
-constexpr float kLeastSize = 0x1p-10f, kMostSize = 0x1p+12f;
+constexpr float kMinSize = 0x1p-10f, kMaxSize = 0x1p+12f;
 constexpr float kUnsure = 0x1p-18f;  ///< of the polygon's area: what is smaller may be rounding
 constexpr float kSlack = 0x1p-20f;
-constexpr float kLeastGap =
+constexpr float kMinGap =
     0x1p-14f;  ///< of the largest coordinate: what is flatter is flat to doubles, perhaps
 
 struct alignas(32) LaneTables {
@@ -78,11 +78,11 @@ int bits_of(__m256 mask) {
 StarLanes::StarLanes(double unit, double min_roundness)
     : unit_(unit),
       per_unit_(static_cast<float>(1.0 / unit)),
-      least_(static_cast<float>(min_roundness * min_roundness / 12.0)),
+      min_(static_cast<float>(min_roundness * min_roundness / 12.0)),
       unit4_(unit * unit * unit * unit) {}
 
 bool StarLanes::load(const CollapseMesh& mesh, std::uint32_t u, const Star& star) {
-  if (!star.closed || star.faces < kLeastFaces || star.faces > kLanes) return false;
+  if (!star.closed || star.faces < kMinFaces || star.faces > kLanes) return false;
   size_ = star.faces;
   // A vertex is its place and its error: four doubles side by side.
   const __m256d centre = _mm256_blend_pd(_mm256_load_pd(&mesh.node(u).at[0]), _mm256_setzero_pd(), 8);
@@ -99,7 +99,7 @@ bool StarLanes::load(const CollapseMesh& mesh, std::uint32_t u, const Star& star
   const __m256 per2 = _mm256_mul_ps(per, per);
   error_ = _mm256_mul_ps(_mm256_mul_ps(_mm256_set_m128(row[7], row[3]), per2), per2);
   largest_ = largest_of(_mm256_max_ps(_mm256_max_ps(absolute(x_), absolute(y_)), absolute(z_)));
-  return largest_ > kLeastSize && largest_ < kMostSize;
+  return largest_ > kMinSize && largest_ < kMaxSize;
 }
 
 /// In fourth powers of the unit.
@@ -135,11 +135,11 @@ void StarLanes::costs(const Quadric& q, const Double3& from, std::array<double, 
 StarLanes::Cheapest StarLanes::cheapest(const Quadric& q, const Double3& from) const {
   const __m256 cost = cost_lanes(q, from);
   // Lanes without a vertex of their own repeat the first.
-  __m256 least = _mm256_min_ps(cost, _mm256_permute2f128_ps(cost, cost, 1));
-  least = _mm256_min_ps(least, _mm256_permute_ps(least, 0x4e));
-  least = _mm256_min_ps(least, _mm256_permute_ps(least, 0xb1));
-  const unsigned found = static_cast<unsigned>(bits_of(_mm256_cmp_ps(cost, least, _CMP_EQ_OQ)));
-  return {static_cast<double>(_mm256_cvtss_f32(least)) * unit4_,
+  __m256 minimum = _mm256_min_ps(cost, _mm256_permute2f128_ps(cost, cost, 1));
+  minimum = _mm256_min_ps(minimum, _mm256_permute_ps(minimum, 0x4e));
+  minimum = _mm256_min_ps(minimum, _mm256_permute_ps(minimum, 0xb1));
+  const unsigned found = static_cast<unsigned>(bits_of(_mm256_cmp_ps(cost, minimum, _CMP_EQ_OQ)));
+  return {static_cast<double>(_mm256_cvtss_f32(minimum)) * unit4_,
           found == 0 ? 0 : static_cast<std::size_t>(__builtin_ctz(found))};
 }
 
@@ -163,7 +163,7 @@ StarLanes::Answer StarLanes::judge(std::size_t at, double& gap) const {
                     bits_of(_mm256_cmp_ps(_mm256_mul_ps(along, along), bend, _CMP_LT_OQ));
   if ((folds & fresh) != 0) return Answer::kRefused;
   const __m256 edges = _mm256_add_ps(_mm256_add_ps(dot(rim, rim), dot(to_v, to_v)), dot(last, last));
-  const __m256 thin = _mm256_mul_ps(_mm256_set1_ps(least_), _mm256_mul_ps(edges, edges));
+  const __m256 thin = _mm256_mul_ps(_mm256_set1_ps(min_), _mm256_mul_ps(edges, edges));
   if ((bits_of(_mm256_cmp_ps(after2, thin, _CMP_LT_OQ)) & fresh) != 0) return Answer::kDoubt;
 
   // The plane of the rim's polygon.
@@ -219,10 +219,10 @@ StarLanes::Answer StarLanes::judge(std::size_t at, double& gap) const {
       _mm256_cmpgt_epi32(lane, first), _mm256_cmpgt_epi32(_mm256_sub_epi32(size, second), lane)));
   const __m256 below = _mm256_and_ps(over, is_fresh);
   if (bits_of(below) == 0) return Answer::kDoubt;
-  __m256 most = _mm256_and_ps(absolute(height), below);
+  __m256 maximum = _mm256_and_ps(absolute(height), below);
   // Where old spokes cross new ones, those to 2 .. k - 2.
   const __m256 dx = _mm256_sub_ps(x, ax), dy = _mm256_sub_ps(y, ay), dz = _mm256_sub_ps(z, az);
-  const __m256 least_share = lanes(-kSlack), most_share = lanes(1.0f + kSlack), one = lanes(1.0f);
+  const __m256 min_share = lanes(-kSlack), max_share = lanes(1.0f + kSlack), one = lanes(1.0f);
   const __m256 spoke =
       _mm256_castsi256_ps(_mm256_and_si256(_mm256_cmpgt_epi32(lane, first), _mm256_cmpgt_epi32(size, lane)));
   for (std::size_t j = 2; j + 1 < k; ++j) {
@@ -233,14 +233,14 @@ StarLanes::Answer StarLanes::judge(std::size_t at, double& gap) const {
     const __m256 up =
         _mm256_sub_ps(_mm256_add_ps(az, _mm256_mul_ps(t, dz)), _mm256_mul_ps(s, permuted(z, to)));
     __m256 meet =
-        _mm256_and_ps(_mm256_cmp_ps(t, least_share, _CMP_GT_OQ), _mm256_cmp_ps(t, most_share, _CMP_LT_OQ));
-    meet = _mm256_and_ps(meet, _mm256_and_ps(_mm256_cmp_ps(s, least_share, _CMP_GT_OQ),
-                                             _mm256_cmp_ps(s, most_share, _CMP_LT_OQ)));
+        _mm256_and_ps(_mm256_cmp_ps(t, min_share, _CMP_GT_OQ), _mm256_cmp_ps(t, max_share, _CMP_LT_OQ));
+    meet = _mm256_and_ps(meet, _mm256_and_ps(_mm256_cmp_ps(s, min_share, _CMP_GT_OQ),
+                                             _mm256_cmp_ps(s, max_share, _CMP_LT_OQ)));
     meet = _mm256_andnot_ps(_mm256_castsi256_ps(_mm256_cmpeq_epi32(lane, to)), _mm256_and_ps(meet, spoke));
-    most = _mm256_max_ps(most, _mm256_and_ps(meet, absolute(up)));
+    maximum = _mm256_max_ps(maximum, _mm256_and_ps(meet, absolute(up)));
   }
-  const float highest = largest_of(most);
-  if (highest < kLeastGap * largest_) return Answer::kDoubt;
+  const float highest = largest_of(maximum);
+  if (highest < kMinGap * largest_) return Answer::kDoubt;
   gap = (static_cast<double>(highest) * (1.0 + 0x1p-20) + 0x1p-19 * static_cast<double>(largest_)) * unit_;
   return Answer::kGood;
 }

@@ -48,7 +48,7 @@ class StarLanes {
   __m256 cost_lanes(const Quadric& q, const Double3& from) const;
 
   const double unit_;
-  const float per_unit_, least_;
+  const float per_unit_, min_;
   const double unit4_;
   std::size_t size_ = 0;
   float largest_ = 0.0f;

@@ -51,7 +51,7 @@ void ClusterSize::insert(Grid& grid, const Double3& p) const {
   if (key == grid.last) return;
   grid.last = key;
   grid.occupied.add(key);
-  while (grid.occupied.size() > most_) coarsen();
+  while (grid.occupied.size() > max_) coarsen();
 }
 
 void ClusterSize::add(const Double3& p) {
@@ -74,14 +74,14 @@ void ClusterSize::add(const Double3& p) {
 }
 
 double ClusterSize::cell() const {
-  double least = grids_[0].cell;
-  for (const Grid& grid : grids_) least = std::min(least, grid.cell);
-  return least;
+  double minimum = grids_[0].cell;
+  for (const Grid& grid : grids_) minimum = std::min(minimum, grid.cell);
+  return minimum;
 }
 
-VertexClustering::VertexClustering(double cell, std::size_t most_faces)
-    : cell_(cell), most_faces_(most_faces), most_cells_(most_faces * 5 / 8 + 3) {
-  clusters_.reserve(most_cells_);
+VertexClustering::VertexClustering(double cell, std::size_t max_faces)
+    : cell_(cell), max_faces_(max_faces), max_cells_(max_faces * 5 / 8 + 3) {
+  clusters_.reserve(max_cells_);
 }
 
 bool VertexClustering::add(const std::array<Double3, 3>& corners, const std::array<std::uint32_t, 3>& rgba) {
@@ -112,13 +112,13 @@ bool VertexClustering::add(const std::array<Double3, 3>& corners, const std::arr
     ++cluster.corners;
     for (std::size_t c = 0; c < 3; ++c) cluster.colour[c] += (rgba[k] >> (8 * c)) & 0xffu;
   }
-  if (clusters_.size() + 3 > most_cells_) return false;
+  if (clusters_.size() + 3 > max_cells_) return false;
   if (face[0] == face[1] || face[1] == face[2] || face[2] == face[0]) return true;
   std::rotate(face.begin(), std::min_element(face.begin(), face.end()), face.end());
   const std::uint64_t name =
       face[0] | std::uint64_t{face[1]} << kBits | std::uint64_t{face[2]} << (2 * kBits);
   if (!seen_.add(name).second) return true;
-  if (faces_.size() == most_faces_) return false;
+  if (faces_.size() == max_faces_) return false;
   faces_.push_back(face);
   return true;
 }

@@ -21,7 +21,7 @@ std::uint64_t cluster_key(const Double3& p, double cell);
 /// Finds the edge of cell at which a stream of vertices occupies about as many cells as allowed.
 class ClusterSize {
  public:
-  explicit ClusterSize(std::size_t most_cells) : most_(most_cells) {}
+  explicit ClusterSize(std::size_t max_cells) : max_(max_cells) {}
   void add(const Double3& p);  ///< what is not finite is skipped
   /// The finest of the sizes tried (fourth roots of two apart) that keeps to the limit; 0 without two different points.
   double cell() const;
@@ -34,7 +34,7 @@ class ClusterSize {
   };
   void insert(Grid& grid, const Double3& p) const;
 
-  std::size_t most_;
+  std::size_t max_;
   std::array<Grid, 4> grids_;
   Double3 first_{};
   bool has_first_ = false;
@@ -49,14 +49,14 @@ struct ClusteredMesh {
 /// One grid of `cell`. Faces whose corners lie in three cells stay, once each; all others only shape the vertices.
 class VertexClustering {
  public:
-  VertexClustering(double cell, std::size_t most_faces);
+  VertexClustering(double cell, std::size_t max_faces);
   /// \param corners  counter-clockwise; a face with one that is not finite is skipped
-  /// \return false once more than most_faces would stay, or 5/8 as many cells are touched: take a larger cell and begin anew
+  /// \return false once more than max_faces would stay, or 5/8 as many cells are touched: take a larger cell and begin anew
   bool add(const std::array<Double3, 3>& corners, const std::array<std::uint32_t, 3>& rgba);
   /// \post a pure function of cell and faces in their order; cells are numbered as they come
   ClusteredMesh finish() const;
   /// Upper bound of what it holds.
-  static std::size_t bytes(std::size_t most_faces) { return 288 * most_faces; }
+  static std::size_t bytes(std::size_t max_faces) { return 288 * max_faces; }
 
  private:
   struct Cluster {
@@ -67,7 +67,7 @@ class VertexClustering {
   };
 
   double cell_;
-  std::size_t most_faces_, most_cells_;
+  std::size_t max_faces_, max_cells_;
   KeyTable number_;  ///< of cells
   std::vector<Cluster> clusters_;
   KeyTable seen_;  ///< faces

@@ -10,7 +10,7 @@ namespace {
 using Faces = std::span<const std::array<std::uint32_t, 3>>;
 
 constexpr int kSteps = 8;           ///< of Newton's
-constexpr double kMostStretch = 2;  ///< of areas
+constexpr double kMaxStretch = 2;  ///< of areas
 
 }  // namespace
 
@@ -56,7 +56,7 @@ std::vector<Double3> volume_widening(const EditBasis& basis, std::span<const Dou
       spread += w * (1.0 - w);
     }
     const auto v = static_cast<std::size_t>(basis.active[k]);
-    const double stretch = before[v] > 0.0 ? std::min(kMostStretch, after[v] / before[v]) : 0.0;
+    const double stretch = before[v] > 0.0 ? std::min(kMaxStretch, after[v] / before[v]) : 0.0;
     share[v] = std::max(0.0, spread + all * (1.0 - all)) * stretch * stretch * stretch * stretch;
   }
   for (std::size_t v = 0; v < n; ++v) by[v] = unit_or_zero(by[v]) * share[v];

@@ -11,7 +11,7 @@
 namespace tessera {
 namespace {
 
-constexpr int kMostRefinements = 4;
+constexpr int kMaxRefinements = 4;
 constexpr double kRoundingShare = 1e-13;  ///< of the largest value: corrections below it are rounding
 
 /// Solutions are refined against the operators, not against the matrix.
@@ -135,7 +135,7 @@ void BoundaryModel::solve(std::span<double> values, int width) {
   m.report.refinements = 0;
   if (m.order == 1) return;
   double before = 0.0;
-  for (int step = 0; step < kMostRefinements; ++step) {
+  for (int step = 0; step < kMaxRefinements; ++step) {
     m.residual(values, width, b);
     solved = m.solver->solve(b, x, width);
     require_solved(solved.status, solved.message);

@@ -20,9 +20,9 @@ constexpr double kInfinite = std::numeric_limits<double>::infinity();
 
 std::uint32_t nearest_vertex(std::span<const Double3> position, const Double3& p) {
   std::uint32_t best = 0;
-  double least = kInfinite;
+  double minimum = kInfinite;
   for (std::uint32_t v = 0; v < position.size(); ++v)
-    if (const double d = squared_distance(position[v], p); d < least) least = d, best = v;
+    if (const double d = squared_distance(position[v], p); d < minimum) minimum = d, best = v;
   return best;
 }
 
@@ -142,13 +142,13 @@ std::vector<double> surface_distance(std::span<const Double3> position, Faces fa
 
 std::vector<std::uint8_t> crease_patch(std::span<const Double3> position, Faces faces,
                                        std::span<const Double3> sources, double crease_deg) {
-  const double least = sin_cos(crease_deg * (kPi / 180.0)).cos;
+  const double minimum = sin_cos(crease_deg * (kPi / 180.0)).cos;
   std::vector<Double3> normal;
   for (const auto& f : faces)
     normal.push_back(unit_or_zero(triangle_normal(position[f[0]], position[f[1]], position[f[2]])));
   // Faces without area have no normal that an edge could turn by.
   const auto bends = [&](const Double3& a, const Double3& b) {
-    return norm(a) > 0.0 && norm(b) > 0.0 && dot(a, b) < least;
+    return norm(a) > 0.0 && norm(b) > 0.0 && dot(a, b) < minimum;
   };
   const std::vector<FaceEdge> sides = sorted_sides(faces);
   UnionFind patches(faces.size());

@@ -14,11 +14,11 @@ using Face = std::array<std::uint32_t, 3>;
 
 constexpr double kRelax = 0.8;      ///< of the way to the edges at rest that a round goes
 constexpr double kFilter = 0.3;     ///< of the way to its neighbours that a ratio of heights goes
-constexpr double kMostStep = 0.25;  ///< of two sides of the base: what one projection may move
-constexpr double kMostWeight = 20;  ///< of an edge: slivers would hold everything else
+constexpr double kMaxStep = 0.25;  ///< of two sides of the base: what one projection may move
+constexpr double kMaxWeight = 20;  ///< of an edge: slivers would hold everything else
 constexpr double kOneSided = 0.5;   ///< of volumes: what must be left of them where signs cancel
-constexpr double kMostScale = 0.2;  ///< of heights, at once
-constexpr double kLeast = 0.02;     ///< of the longest displacement: ratios of shorter ones say nothing
+constexpr double kMaxScale = 0.2;  ///< of heights, at once
+constexpr double kMin = 0.02;     ///< of the longest displacement: ratios of shorter ones say nothing
 
 constexpr std::size_t kLanes = 4;
 constexpr std::size_t kOpen = 16;  ///< groups of prisms that are being filled
@@ -115,7 +115,7 @@ struct PrismLanes {
 struct alignas(32) Prisms {
   double e[3][kLanes] = {}, f[3][kLanes] = {};
   double volume[kLanes] = {}, gained[kLanes] = {};
-  double most[kLanes] = {};  ///< that a projection may move
+  double maximum[kLanes] = {};  ///< that a projection may move
   std::uint32_t corner[3][kLanes] = {};
   std::uint32_t face[kLanes] = {kNone, kNone, kNone, kNone};
 
@@ -231,7 +231,7 @@ struct LayerRelaxation::Impl {
       const Lanes3 e = b.at - a.at, f = c.at - a.at;
       store(p.e[0], e.x), store(p.e[1], e.y), store(p.e[2], e.z);
       store(p.f[0], f.x), store(p.f[1], f.y), store(p.f[2], f.z);
-      store(p.most, kMostStep * (square_root(dot(e, e)) + square_root(dot(f, f))));
+      store(p.maximum, kMaxStep * (square_root(dot(e, e)) + square_root(dot(f, f))));
     }
   }
 
@@ -318,7 +318,7 @@ void LayerRelaxation::aim(double share) {
       const Lanes along = dot(at[(k + 1) % 3] - at[k], at[(k + 2) % 3] - at[k]);
       for (std::size_t l = 0; l < kLanes; ++l) {
         if (p.face[l] == kNone || !(area[l] > 0.0)) continue;
-        const double w = std::clamp(along[l] / area[l], 0.0, kMostWeight);
+        const double w = std::clamp(along[l] / area[l], 0.0, kMaxWeight);
         for (const std::uint32_t at_place : m.place[3 * p.face[l] + k])
           if (at_place != kNone) m.weight[at_place] += w;
       }
@@ -354,13 +354,13 @@ void LayerRelaxation::project(double relaxation) {
     const std::array<Lanes3, 3> g = prism.gradient();
     Lanes square{};
     for (std::size_t k = 0; k < 3; ++k) square += dot(g[k], g[k]) * d[k].fourth;
-    const Lanes missing = (load(p.volume) - prism.volume()) * relaxation, most = load(p.most);
+    const Lanes missing = (load(p.volume) - prism.volume()) * relaxation, maximum = load(p.maximum);
     const auto some = square > 0.0;
     Lanes step = some ? missing / square : Lanes{};
     // Way = step * sqrt(square): only a few are too long.
-    const auto far = step * step * square > most * most;
+    const auto far = step * step * square > maximum * maximum;
     if ((far[0] | far[1] | far[2] | far[3]) != 0) {
-      const Lanes shorter = most / square_root(square);
+      const Lanes shorter = maximum / square_root(square);
       step = far ? (step > 0.0 ? shorter : -shorter) : step;
     }
     for (std::size_t k = 0; k < 3; ++k) {
@@ -386,9 +386,9 @@ void LayerRelaxation::relax_edges() {
 
 void LayerRelaxation::relax_heights() {
   Impl& m = *impl_;
-  const double least = kLeast * m.longest;
+  const double minimum = kMin * m.longest;
   for (std::size_t v = 0; v < m.n; ++v)
-    m.ratio[v] = m.height[v] > least ? norm(vector_of(m.by[v])) / m.height[v] : 0.0;
+    m.ratio[v] = m.height[v] > minimum ? norm(vector_of(m.by[v])) / m.height[v] : 0.0;
   for (std::size_t i = 0; i < m.free.size(); ++i) {
     const std::uint32_t v = m.free[i];
     if (!(m.ratio[v] > 0.0)) continue;
@@ -430,7 +430,7 @@ void LayerRelaxation::scale_heights(int rings) {
     if (!(wanted * present > 0.0) || std::fabs(wanted) < kOneSided * all_wanted ||
         std::fabs(present) < kOneSided * all_present)
       continue;
-    const double by = std::clamp(wanted / present, 1.0 - kMostScale, 1.0 + kMostScale);
+    const double by = std::clamp(wanted / present, 1.0 - kMaxScale, 1.0 + kMaxScale);
     for (std::size_t c = 0; c < 3; ++c) m.by[v].at[c] *= by;
   }
 }

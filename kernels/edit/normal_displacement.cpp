@@ -12,7 +12,7 @@ namespace {
 constexpr std::uint32_t kNoFace = 0xffffffffu;
 constexpr double kUnits = 65535.0;
 constexpr int kNewtonSteps = 8;  ///< five do; more where normals turn much within a face
-constexpr int kMostFaces = 24;   ///< that one walk visits
+constexpr int kMaxFaces = 24;   ///< that one walk visits
 constexpr double kInside = 1e-9;
 /// Of the diagonal: what rounding of u and v may leave beside the normal. Half of what is promised.
 constexpr double kLeft = 5e-7;
@@ -123,7 +123,7 @@ DisplacementEncoder::DisplacementEncoder(const BaseState& base)
 
 bool DisplacementEncoder::walk(const Double3& p, std::uint32_t& face, double& u, double& v) const {
   std::uint32_t before = kNoFace;
-  for (int visited = 0; visited < kMostFaces; ++visited) {
+  for (int visited = 0; visited < kMaxFaces; ++visited) {
     const auto& f = base_->faces()[face];
     const Double3 &a = base_->position()[f[0]], &na = base_->normal()[f[0]];
     const Double3 e1 = base_->position()[f[1]] - a, e2 = base_->position()[f[2]] - a;
@@ -145,12 +145,12 @@ bool DisplacementEncoder::walk(const Double3& p, std::uint32_t& face, double& u,
       if (!(std::fabs(u) < 1e3 && std::fabs(v) < 1e3)) return false;
     }
     const std::array<double, 3> weight = {1.0 - u - v, u, v};
-    const std::size_t least =
+    const std::size_t minimum =
         static_cast<std::size_t>(std::min_element(weight.begin(), weight.end()) - weight.begin());
-    if (weight[least] >= -kInside) return true;
-    const std::uint32_t next = beyond_[face][least];
+    if (weight[minimum] >= -kInside) return true;
+    const std::uint32_t next = beyond_[face][minimum];
     if (next == kNoFace) return false;
-    if (next == before) return weight[least] > -1e-5;  // between two faces: either will do
+    if (next == before) return weight[minimum] > -1e-5;  // between two faces: either will do
     before = face;
     face = next;
     const auto& g = base_->faces()[face];

@@ -135,7 +135,7 @@ class Crossings {
   std::vector<std::vector<Box>> levels_;
 };
 
-constexpr std::size_t kMostNear = 1000;  ///< faces that are looked at: twice what six regular rings have
+constexpr std::size_t kMaxNear = 1000;  ///< faces that are looked at: twice what six regular rings have
 
 /// Whether faces lie within kNearRings rings of each other.
 class Nearness {
@@ -165,7 +165,7 @@ class Nearness {
         for (const std::uint32_t v : faces_[reached_[begin]])
           for (const std::uint32_t f : around_[v]) {
             if (seen_[f] == round_) continue;
-            if (reached_.size() == kMostNear) return;
+            if (reached_.size() == kMaxNear) return;
             seen_[f] = round_;
             reached_.push_back(f);
           }

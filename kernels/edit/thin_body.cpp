@@ -11,7 +11,7 @@ namespace {
 
 constexpr double kCancelled =
     0.5;  ///< of the area: what normals sum up to at the most where both sides lie in a cell
-constexpr double kMostCells = 2097151.0;
+constexpr double kMaxCells = 2097151.0;
 
 struct Sample {
   std::uint64_t cell;
@@ -32,7 +32,7 @@ double thin_body_share(std::span<const Double3> position, std::span<const std::a
         high[c] = std::max(high[c], position[v][c]);
       }
   double size = width;
-  for (std::size_t c = 0; c < 3; ++c) size = std::max(size, (high[c] - low[c]) / kMostCells);
+  for (std::size_t c = 0; c < 3; ++c) size = std::max(size, (high[c] - low[c]) / kMaxCells);
   std::vector<Sample> samples;
   for (const auto& f : faces) {
     // Along the longest side, and up from it.

@@ -5,7 +5,7 @@
 namespace tessera {
 namespace {
 
-constexpr double kLeastArea = 0.25;  ///< of a face's, along its normal before
+constexpr double kMinArea = 0.25;  ///< of a face's, along its normal before
 constexpr int kStepHalvings = 3, kFilterRounds = 12;
 
 }  // namespace
@@ -22,7 +22,7 @@ std::size_t undo_flattening(std::span<const Double3> before,
     for (const auto& f : faces) {
       const Double3 was = triangle_normal(before[f[0]], before[f[1]], before[f[2]]),
                     is = triangle_normal(after[f[0]], after[f[1]], after[f[2]]);
-      if (!(dot(is, was) < kLeastArea * dot(was, was))) continue;
+      if (!(dot(is, was) < kMinArea * dot(was, was))) continue;
       if (rounds[f[0]] > kStepHalvings && rounds[f[1]] > kStepHalvings && rounds[f[2]] > kStepHalvings)
         continue;
       flat[f[0]] = flat[f[1]] = flat[f[2]] = 1;

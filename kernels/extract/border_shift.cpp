@@ -6,8 +6,8 @@ namespace tessera {
 namespace {
 
 /// Least area of a face, cells squared, or this share of what it had where that is less.
-constexpr float kLeastArea = 0.02f;
-constexpr float kLeastShare = 0.2f;
+constexpr float kMinArea = 0.02f;
+constexpr float kMinShare = 0.2f;
 /// Shares of the way that are tried.
 constexpr std::array<float, 4> kShares = {1.0f, 0.75f, 0.5f, 0.25f};
 
@@ -35,23 +35,23 @@ Float3 BorderShift::gone(const Corner& c, float share) {
 
 /// Least signed area of a face whose corners go any part of `share`: it is affine in each corner's way alone, so it is
 /// least where each has gone nowhere or all of it.
-float BorderShift::least_area(const std::array<Corner, 3>& corners, float share, const Float3& normal) {
-  float least = 1e30f;
+float BorderShift::min_area(const std::array<Corner, 3>& corners, float share, const Float3& normal) {
+  float minimum = 1e30f;
   for (unsigned moved = 0; moved < 8; ++moved) {
     const Float3 n = triangle_normal(gone(corners[0], moved & 1 ? share : 0.0f),
                                      gone(corners[1], moved & 2 ? share : 0.0f),
                                      gone(corners[2], moved & 4 ? share : 0.0f));
-    least = std::min(least, 0.5f * dot(n, normal));
+    minimum = std::min(minimum, 0.5f * dot(n, normal));
   }
-  return least;
+  return minimum;
 }
 
 float BorderShift::share_of_face(const std::array<Corner, 3>& corners, const Float3& normal) {
-  const float before = least_area(corners, 0.0f, normal);
+  const float before = min_area(corners, 0.0f, normal);
   if (before <= 0.0f) return 0.0f;  // it leans over already
-  const float limit = std::min(kLeastArea, kLeastShare * before);
+  const float limit = std::min(kMinArea, kMinShare * before);
   for (const float share : kShares)
-    if (least_area(corners, share, normal) >= limit) return share;
+    if (min_area(corners, share, normal) >= limit) return share;
   return 0.0f;
 }
 

@@ -29,7 +29,7 @@ class BorderShift {
   Float3 wanted(std::uint32_t root) const;
   float share_in_cell(const Int3& cell, std::uint8_t edge);
   static Float3 gone(const Corner& corner, float share);
-  static float least_area(const std::array<Corner, 3>& corners, float share, const Float3& normal);
+  static float min_area(const std::array<Corner, 3>& corners, float share, const Float3& normal);
   static float share_of_face(const std::array<Corner, 3>& corners, const Float3& normal);
 
   const DirectedField& field_;

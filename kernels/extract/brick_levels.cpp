@@ -84,9 +84,9 @@ class Mixer {
 
  private:
   LevelPair::Node node(const Int3& n) const {
-    const int least = around_.touching(n, kPoint, kBrickCells).least;
-    if (least > 0) return {};  // amid coarser cells
-    if (least == 0) return node_of(fields_.own, n);
+    const int minimum = around_.touching(n, kPoint, kBrickCells).minimum;
+    if (minimum > 0) return {};  // amid coarser cells
+    if (minimum == 0) return node_of(fields_.own, n);
     LevelPair::Node found = node_of(fields_.finer, {2 * n[0], 2 * n[1], 2 * n[2]});
     found.small = true;
     return found;
@@ -116,9 +116,9 @@ class Mixer {
       for (std::size_t a = 0; a < 3; ++a)
         corner[a] = c >> a & 1 ? std::min(origin[a] + kLeafCells, kBrickCells + 1) : std::max(origin[a], -1);
       const LevelSurroundings::Range at = around_.touching(corner, kPoint, kBrickCells);
-      all = {std::min(all.least, at.least), std::max(all.most, at.most)};
+      all = {std::min(all.minimum, at.minimum), std::max(all.maximum, at.maximum)};
     }
-    return all.least == 0 && all.most == 0;
+    return all.minimum == 0 && all.maximum == 0;
   }
 
   void add_leaf(const Int3& origin, std::size_t slot) {
@@ -152,7 +152,7 @@ class Mixer {
   /// \return whether it takes part in a coarser brick
   bool mark_cell(const Int3& cell, const BandLeaf* own, BandLeaf& leaf, std::size_t word,
                  std::uint64_t bit) const {
-    const int step = around_.touching(cell, {1, 1, 1}, kBrickCells).least;
+    const int step = around_.touching(cell, {1, 1, 1}, kBrickCells).minimum;
     const auto mark = [&](LeafWords& words, bool on) { words[word] = (words[word] & ~bit) | (on ? bit : 0); };
     if (step < 0) {
       mark(leaf.ended, true);
@@ -196,7 +196,7 @@ class Mixer {
     const bool from = (leaf.inside[word] & bit_of(n)) != 0, to = (other->inside[end_word] & bit_of(end)) != 0;
     if (from == to) return;
     const LevelSurroundings::Range levels = around_.touching(n, along(axis, 1), kBrickCells);
-    if (levels.least != 0) return;  // split, or amid coarser cells
+    if (levels.minimum != 0) return;  // split, or amid coarser cells
     leaf.crossing[axis][word] |= bit_of(n);
     const auto index = static_cast<std::uint32_t>(out_.roots.size());
     const Int3 b = in_block(n);
@@ -205,7 +205,7 @@ class Mixer {
     const auto old = static_cast<std::uint32_t>(kept ? found - fields_.own.roots.data() : 0);
     out_.roots.push_back(kept ? *found : straight_root(node(n), node(end), axis));
     if (fields_.noisy) out_.creased.push_back(kept ? fields_.own.creased[old] : std::uint8_t{0});
-    if (!kept || levels.most != 0 || !moves(fields_.own, n, axis)) return;
+    if (!kept || levels.maximum != 0 || !moves(fields_.own, n, axis)) return;
     leaf.moving[axis][word] |= bit_of(n);
     leaf.any_moving = true;
     const auto& all = fields_.own.moves;
@@ -234,7 +234,7 @@ LevelSurroundings::Range LevelSurroundings::among(
     for (std::size_t j = bricks[1][0]; j <= bricks[1][1]; ++j)
       for (std::size_t i = bricks[0][0]; i <= bricks[0][1]; ++i) {
         const int s = step[i + 3 * j + 9 * k];
-        out = {std::min(out.least, s), std::max(out.most, s)};
+        out = {std::min(out.minimum, s), std::max(out.maximum, s)};
       }
   return out;
 }
@@ -259,13 +259,13 @@ bool wanted_finer(const LevelSurroundings& around, const Int3& node) {
   }
   if (!near) return false;
   const LevelSurroundings::Range range = around.among(bricks);
-  return range.least < 0 && range.most >= 0;
+  return range.minimum < 0 && range.maximum >= 0;
 }
 
 bool wanted_coarser(const LevelSurroundings& around, const Int3& node) {
   for (const int c : node)
     if (c < -1 || c > kBrickCells / 2 + 1) return false;
-  return around.touching(node, kPoint, kBrickCells / 2).most > 0;
+  return around.touching(node, kPoint, kBrickCells / 2).maximum > 0;
 }
 
 bool may_want_finer(const LevelSurroundings& around, const Int3& low, const Int3& high) {
@@ -273,14 +273,14 @@ bool may_want_finer(const LevelSurroundings& around, const Int3& low, const Int3
   for (std::size_t a = 0; a < 3; ++a)
     bricks[a] = {touched(low[a] - 1, 0, 2 * kBrickCells)[0], touched(high[a] + 1, 0, 2 * kBrickCells)[1]};
   const LevelSurroundings::Range range = around.among(bricks);
-  return range.least < 0 && range.most >= 0;
+  return range.minimum < 0 && range.maximum >= 0;
 }
 
 bool may_want_coarser(const LevelSurroundings& around, const Int3& low, const Int3& high) {
   std::array<std::array<std::size_t, 2>, 3> bricks;
   for (std::size_t a = 0; a < 3; ++a)
     bricks[a] = {touched(low[a], 0, kBrickCells / 2)[0], touched(high[a], 0, kBrickCells / 2)[1]};
-  return around.among(bricks).most > 0;
+  return around.among(bricks).maximum > 0;
 }
 
 DirectedField mix_levels(const LevelFields& fields, const LevelSurroundings& around) {

@@ -33,7 +33,7 @@ struct LevelSurroundings {
   /// \param low   relative to the brick, in units of which it has `edge`
   /// \param size  of the box, 0 where it is flat; no box passes a face of the brick
   struct Range {
-    int least, most;
+    int minimum, maximum;
   };
   Range touching(const Int3& low, const Int3& size, int edge) const;
   /// Of bricks from first to last along each axis, 0 before this one, 1 beside it, 2 beyond.
@@ -85,7 +85,7 @@ class LevelPair {
   /// \param at  in cells of the small lattice, even where the node is one of the big one
   Node node(const Int3& at) const;
   bool is_split(const Int3& low, const Int3& size) const {
-    return around_.touching(low, size, edge_).least <= small_step_;
+    return around_.touching(low, size, edge_).minimum <= small_step_;
   }
   /// Whether any edge of the cell is split.
   bool is_transition(const Int3& cell) const;

@@ -11,7 +11,7 @@ namespace tessera {
 namespace {
 
 /// Sine of the smallest angle between the extreme normals, or of what lacks to 180 degrees.
-constexpr float kLeastSine = 0.02f;
+constexpr float kMinSine = 0.02f;
 /// Bent or not, tangent planes err more with distance, so near roots count more: weight 1 / (distance^2 +
 /// this).
 constexpr double kNearness = 0.05;
@@ -39,7 +39,7 @@ bool crosses_soundly(const LoopSamples& loop, std::size_t i, std::size_t j, cons
   const Float3 crease = triangle_normal(zero, loop.normal[i], loop.normal[j]);
   const Float3 way = (loop.point[i] + loop.point[j]) * 0.5f - centre;
   const float length2 = dot(crease, crease);
-  if (!(length2 > kLeastSine * kLeastSine)) return false;
+  if (!(length2 > kMinSine * kMinSine)) return false;
   const float along = dot(way, crease) / length2;
   if (!thresholds.in_faces || along * along * length2 > kMinHeight * kMinHeight) {
     const Float3 beside = centre + crease * along;
@@ -123,7 +123,7 @@ bool is_hidden_corner(const TangentPlanes& planes, const Double3& on_crease, con
   }
   if (!(worst > kCreaseResidual)) return false;
   const PlaneIntersection point = intersect_planes(planes, mass, 3);
-  if (!(point.least_spread > kCornerSpread * kCornerSpread)) return false;
+  if (!(point.min_spread > kCornerSpread * kCornerSpread)) return false;
   corner = point.position;
   for (const double c : corner)
     if (!(c >= -kCornerMargin && c <= 1.0 + kCornerMargin)) return false;
@@ -234,24 +234,24 @@ FeatureThresholds feature_thresholds(double feature_angle_deg, double corner_ang
 FeatureSample sample_feature(const LoopSamples& loop, const FeatureThresholds& thresholds) {
   FeatureSample sample;
   const auto size = static_cast<std::size_t>(loop.size);
-  float least = 2.0f;
+  float minimum = 2.0f;
   std::size_t first = 0, second = 0;
   for (std::size_t i = 0; i < size; ++i) {
     for (std::size_t j = i + 1; j < size; ++j) {
       const float d = dot(loop.normal[i], loop.normal[j]);
-      if (d < least) {
-        least = d;
+      if (d < minimum) {
+        minimum = d;
         first = i;
         second = j;
       }
     }
   }
-  if (!(least < thresholds.cone_cos)) return sample;
+  if (!(minimum < thresholds.cone_cos)) return sample;
 
   const Float3 zero = {0, 0, 0};
   const Float3 crease = triangle_normal(zero, loop.normal[first], loop.normal[second]);
   const float length = norm(crease);
-  if (!(length > kLeastSine)) {  // two sheets back to back have no crease between them
+  if (!(length > kMinSine)) {  // two sheets back to back have no crease between them
     sample.kind = FeatureKind::kRejected;
     return sample;
   }

@@ -233,7 +233,7 @@ Int3 LevelCells::finer_node(const Int3& node) const {
 }
 
 bool LevelCells::finer_takes_part(const Int3& c, const BrickBand& band) const {
-  const int step = around_.touching(c, {1, 1, 1}, 2 * kBrickCells).least;
+  const int step = around_.touching(c, {1, 1, 1}, 2 * kBrickCells).minimum;
   return step < 0 ? whole_cell(fields_.finer, c) : band.takes_part({c[0] >> 1, c[1] >> 1, c[2] >> 1});
 }
 

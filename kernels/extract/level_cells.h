@@ -32,7 +32,7 @@ class LevelCells {
   /// Loops of two points join what lies beyond both: they have no faces.
   /// \param cell  of the brick; it has a split edge (LevelPair::is_transition) and takes part
   std::vector<LevelLoop> trace(const Int3& cell, const BrickBand& band) const;
-  int step_of(const Int3& cell) const { return around_.touching(cell, {1, 1, 1}, kBrickCells).least; }
+  int step_of(const Int3& cell) const { return around_.touching(cell, {1, 1, 1}, kBrickCells).minimum; }
 
   const EdgeRoot& finer_root(const Int3& node, int axis) const;
   /// Global coordinates of a node of the finer lattice.
@@ -48,7 +48,7 @@ class LevelCells {
   struct Face;
   struct Links;
   bool is_split(const Int3& low, const Int3& size) const {
-    return around_.touching(low, size, 2 * kBrickCells).least < 0;
+    return around_.touching(low, size, 2 * kBrickCells).minimum < 0;
   }
   void list_faces(const Int3& cell, int face, std::vector<Face>& out) const;
   void link(const Int3& cell, const Face& face, std::uint8_t number, Links& links) const;

@@ -70,26 +70,26 @@ void triangulate_loop(const LoopSamples& loop, LoopTriangles& out) {
 void triangulate_border_loop(const LoopSamples& loop, const Float3& normal, LoopTriangles& out) {
   out.count = 0;
   const auto size = static_cast<std::size_t>(loop.size);
-  std::array<std::array<float, kCellEdges>, kCellEdges> least;
+  std::array<std::array<float, kCellEdges>, kCellEdges> minimum;
   Split split;
-  for (std::size_t i = 0; i + 1 < size; ++i) least[i][i + 1] = kForbiddenCost;
+  for (std::size_t i = 0; i + 1 < size; ++i) minimum[i][i + 1] = kForbiddenCost;
   for (std::size_t span = 2; span < size; ++span) {
     for (std::size_t i = 0; i + span < size; ++i) {
       const std::size_t j = i + span;
-      least[i][j] = -kForbiddenCost;
+      minimum[i][j] = -kForbiddenCost;
       split[i][j] = static_cast<std::uint8_t>(i + 1);
       if (span + 1 < size && common_face(loop.edge[i], loop.edge[j]) != 255) continue;
       for (std::size_t k = i + 1; k < j; ++k) {
         const float here = dot(triangle_normal(loop.point[i], loop.point[k], loop.point[j]), normal);
-        const float worst = std::min(here, std::min(least[i][k], least[k][j]));
-        if (worst > least[i][j]) {
-          least[i][j] = worst;
+        const float worst = std::min(here, std::min(minimum[i][k], minimum[k][j]));
+        if (worst > minimum[i][j]) {
+          minimum[i][j] = worst;
           split[i][j] = static_cast<std::uint8_t>(k);
         }
       }
     }
   }
-  if (least[0][size - 1] > -kForbiddenCost) emit(split, 0, static_cast<std::uint8_t>(size - 1), out);
+  if (minimum[0][size - 1] > -kForbiddenCost) emit(split, 0, static_cast<std::uint8_t>(size - 1), out);
 }
 
 }  // namespace tessera

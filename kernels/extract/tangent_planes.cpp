@@ -51,7 +51,7 @@ PlaneIntersection intersect_planes(const TangentPlanes& planes, const Double3& a
     const double s = dot(v, b) / value[column];
     for (std::size_t r = 0; r < 3; ++r) out.position[r] += s * v[r];
   }
-  out.least_spread = value[order[2]] / value[order[0]];
+  out.min_spread = value[order[2]] / value[order[0]];
   return out;
 }
 

@@ -15,7 +15,7 @@ namespace {
 constexpr float kLevel = 1.5f;
 /// Slope of the fourth root of the density from which on it tells distances: below, in saddles between points, it tells
 /// too large ones.
-constexpr float kLeastSlope = 0.2f;
+constexpr float kMinSlope = 0.2f;
 /// Values stay within that, cells; nodes farther out get none.
 constexpr float kFarthest = 3.0f;
 /// Within that of oriented samples they tell whether a node lies under their surface, cells.
@@ -49,7 +49,7 @@ void add_density(const RowSamples& row, Density& density) {
 SurfaceValue value_of(float density, const Float3& towards) {
   const float slope = 8.0f / (kBodyRadius * kBodyRadius) * norm(towards);
   const float root = std::sqrt(std::sqrt(density));
-  const float root_slope = std::max(0.25f * slope * root / density, kLeastSlope);
+  const float root_slope = std::max(0.25f * slope * root / density, kMinSlope);
   static const float level = std::sqrt(std::sqrt(kLevel));
   const float above = level - root;
   SurfaceValue v;

@@ -85,12 +85,12 @@ PointBlock average_normals(const PointBlock& points) {
     } else if (count > 0.0f) {
       float scale = length > 0.0f ? 1.0f / (length * std::sqrt(count)) : 0.0f;
       if (length < kDisagree * count) {
-        float least = 2.0f, lx = 0.0f, ly = 0.0f, lz = 0.0f;
+        float minimum = 2.0f, lx = 0.0f, ly = 0.0f, lz = 0.0f;
         for (std::size_t p = begin; p < end; ++p) {
           const float d = points.nx[p] * nx + points.ny[p] * ny + points.nz[p] * nz;
-          if (d >= least * count || (points.nx[p] == 0.0f && points.ny[p] == 0.0f && points.nz[p] == 0.0f))
+          if (d >= minimum * count || (points.nx[p] == 0.0f && points.ny[p] == 0.0f && points.nz[p] == 0.0f))
             continue;
-          least = d / count;
+          minimum = d / count;
           lx = points.nx[p];
           ly = points.ny[p];
           lz = points.nz[p];

@@ -38,7 +38,7 @@ __m256 heights(const Sheet& s, const Points& p) {
 }
 
 __m256 heights(const Sheets& sheets, const Points& p) {
-  __m256 value[kMostSheets];
+  __m256 value[kMaxSheets];
   const auto count = static_cast<std::size_t>(sheets.count);
   for (std::size_t k = 0; k < count; ++k) value[k] = heights(sheets.sheet[k], p);
   for (std::size_t j = 0; j + 1 < count; ++j) {
@@ -53,13 +53,13 @@ Sheets confirmed(const NormalSeeds& seeds, const SheetOptions& options, const Sm
                  LocalSamples& samples) {
   const Sheets found = fit_sheets(samples, seeds, options);
   if (found.count == 0) return found;
-  const float most = found.separation2 >= kNoisySeparation2 ? kCreaseShare : kClearShare;
+  const float maximum = found.separation2 >= kNoisySeparation2 ? kCreaseShare : kClearShare;
   float left = 0.5f * (kCreaseShare + kClearShare);
   if (smooth) {
     const float all = squared_heights(*smooth, samples);
     left = all > 0.0f ? squared_heights(found, samples) / all : 1.0f;
   }
-  return left < most ? found : Sheets();
+  return left < maximum ? found : Sheets();
 }
 
 }  // namespace

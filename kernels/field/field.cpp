@@ -58,11 +58,11 @@ void bridge_leaf(const PointBlock& points, const PointLeaves& leaves, const Poin
   for (std::size_t z = 0; z < 8; ++z) any |= nodes[z] = fit.few[z] | fit.beyond[z];
   if (!any) return;
   SampleList& samples = scratch.wide_samples;
-  gather_samples(coarse_points, coarse_leaves, leaf[0], leaf[1], leaf[2], reach_of(nodes, kMostRadius),
+  gather_samples(coarse_points, coarse_leaves, leaf[0], leaf[1], leaf[2], reach_of(nodes, kMaxRadius),
                  samples);
   if (!choose_gaps(samples, options, scratch, fit)) return;
   for (std::size_t z = 0; z < 8; ++z) nodes[z] = fit.gap[0][z] | fit.gap[1][z] | fit.gap[2][z];
-  gather_samples(points, leaves, leaf[0], leaf[1], leaf[2], reach_of(nodes, kMostRadius), samples);
+  gather_samples(points, leaves, leaf[0], leaf[1], leaf[2], reach_of(nodes, kMaxRadius), samples);
   bridge_gaps(samples, options, scratch, fit);
 }
 
@@ -81,7 +81,7 @@ void smooth_leaf(const PointBlock& points, const PointLeaves& leaves, const Int3
 
 int field_halo_cells(const FieldOptions& options) {
   return std::max(kBandReach + 1,
-                  static_cast<int>(std::ceil(std::max(support_radius(options), kMostRadius))) + 2);
+                  static_cast<int>(std::ceil(std::max(support_radius(options), kMaxRadius))) + 2);
 }
 
 namespace {

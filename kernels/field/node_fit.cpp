@@ -23,19 +23,19 @@ constexpr float kLayered = 0.2f;
 /// Least squared length of the mean normal: layers are parallel, what bends is not.
 constexpr float kLayeredNormal = 0.85f;
 
-/// Nodes whose samples' tangent planes deviate by more than `least` cells, with normals that agree.
-std::uint32_t layered_nodes(const NodeSums& s, float least, float least_normal) {
+/// Nodes whose samples' tangent planes deviate by more than `minimum` cells, with normals that agree.
+std::uint32_t layered_nodes(const NodeSums& s, float minimum, float min_normal) {
   const __m256 w2 = _mm256_mul_ps(s.w, s.w);
   const __m256 variance = _mm256_fmsub_ps(s.w, s.pn2, _mm256_mul_ps(s.pn, s.pn));  // times w^2
-  const __m256 apart = _mm256_cmp_ps(variance, _mm256_mul_ps(w2, _mm256_set1_ps(least * least)), _CMP_GT_OQ);
+  const __m256 apart = _mm256_cmp_ps(variance, _mm256_mul_ps(w2, _mm256_set1_ps(minimum * minimum)), _CMP_GT_OQ);
   const __m256 parallel = _mm256_cmp_ps(dot(s.nx, s.ny, s.nz, s.nx, s.ny, s.nz),
-                                        _mm256_mul_ps(w2, _mm256_set1_ps(least_normal)), _CMP_GE_OQ);
+                                        _mm256_mul_ps(w2, _mm256_set1_ps(min_normal)), _CMP_GE_OQ);
   return static_cast<std::uint32_t>(_mm256_movemask_ps(_mm256_and_ps(apart, parallel)));
 }
 
 /// Fewest samples that carry a node, and the least weight: a lone sample at half the radius has 0.32.
-constexpr int kLeastHits = 4;
-constexpr float kLeastWeight = 0.02f;
+constexpr int kMinHits = 4;
+constexpr float kMinWeight = 0.02f;
 /// Rim test: largest distance of the foot point from the samples' centroid, as a multiple of their spread.
 /// At the straight border of an evenly sampled half plane it is 0.7; 1.0 lets the surface reach the last
 /// samples.
@@ -49,11 +49,11 @@ constexpr float kGapPlane = 2.5f;
 /// Blocks of samples within which the radius that follows the spacing ends: an even plane has 10 within 3 cells.
 constexpr int kGapBlocks = 8;
 /// What suffices at the largest radius.
-constexpr int kLeastBlocks = 6;
+constexpr int kMinBlocks = 6;
 /// Distance to the nearest sample from a foot point that samples surround, in grown radii and in radii: gaps are
 /// bridged up to twice that.
 constexpr float kGapShare = 0.5f;
-constexpr float kMostGap = 0.9f;
+constexpr float kMaxGap = 0.9f;
 /// How far off the surface a sample may lie that counts as part of it, in radii.
 constexpr float kThickness = 0.3f;
 /// Nodes less deep than this may be in a gap; those that turn out to be surrounded are at least so deep.
@@ -95,8 +95,8 @@ void finish_row(const NodeSums& s, std::uint32_t active, const NodeFitOptions& o
                 LeafFit& out, LeafRim& out_rim, RowFlags* flags, Spheres* spheres) {
   const __m256 one = _mm256_set1_ps(1.0f), zero = _mm256_setzero_ps(), two = _mm256_set1_ps(2.0f);
   const __m256 enough =
-      _mm256_and_ps(_mm256_cmp_ps(s.w, _mm256_set1_ps(kLeastWeight), _CMP_GE_OQ),
-                    _mm256_castsi256_ps(_mm256_cmpgt_epi32(s.hits, _mm256_set1_epi32(kLeastHits - 1))));
+      _mm256_and_ps(_mm256_cmp_ps(s.w, _mm256_set1_ps(kMinWeight), _CMP_GE_OQ),
+                    _mm256_castsi256_ps(_mm256_cmpgt_epi32(s.hits, _mm256_set1_epi32(kMinHits - 1))));
   const __m256 inverse_w = _mm256_div_ps(one, _mm256_blendv_ps(one, s.w, enough));
   const __m256 cx = _mm256_mul_ps(s.px, inverse_w), cy = _mm256_mul_ps(s.py, inverse_w),
                cz = _mm256_mul_ps(s.pz, inverse_w);
@@ -183,17 +183,17 @@ constexpr float kHintDeviations = 2.0f;
 
 /// Most that is granted where samples are exact: the three faces of a corner turn no farther from a sphere through them
 /// than such noise would.
-constexpr float kMostGranted = 0.15f;
+constexpr float kMaxGranted = 0.15f;
 constexpr float kLargestChord = 2.0f;  ///< between unit normals: grants all
 
 /// Nodes of the row in whose reach a mean normal turns from the node's sphere by more than noise explains.
 /// Nodes whose sphere says nothing are among them.
-std::uint32_t crease_hints(const RowSamples& coarse, const Spheres& s, float r2, float least_angle,
+std::uint32_t crease_hints(const RowSamples& coarse, const Spheres& s, float r2, float min_angle,
                            bool noisy) {
   const __m256 node_x = _mm256_setr_ps(0, 1, 2, 3, 4, 5, 6, 7), reach2 = _mm256_set1_ps(r2);
-  const __m256 least = _mm256_set1_ps(least_angle);
+  const __m256 minimum = _mm256_set1_ps(min_angle);
   const __m256 granted = _mm256_min_ps(_mm256_mul_ps(s.normal_noise, _mm256_set1_ps(kHintDeviations)),
-                                       _mm256_set1_ps(noisy ? kLargestChord : kMostGranted));
+                                       _mm256_set1_ps(noisy ? kLargestChord : kMaxGranted));
   const __m256 two = _mm256_set1_ps(2.0f);
   __m256 hint = _mm256_andnot_ps(s.sound, _mm256_castsi256_ps(_mm256_set1_epi32(-1)));
   for (std::size_t i = 0; i < coarse.size; ++i) {
@@ -207,7 +207,7 @@ std::uint32_t crease_hints(const RowSamples& coarse, const Spheres& s, float r2,
                  gz = _mm256_fmadd_ps(s.twice_u4, z, s.uz);
     const __m256 n2 = dot(nx, ny, nz, nx, ny, nz);
     const __m256 lengths = _mm256_sqrt_ps(_mm256_mul_ps(dot(gx, gy, gz, gx, gy, gz), n2));
-    const __m256 limit = _mm256_fmadd_ps(granted, _mm256_sqrt_ps(n2), least);
+    const __m256 limit = _mm256_fmadd_ps(granted, _mm256_sqrt_ps(n2), minimum);
     // Squared chord 2 - 2 cos > limit^2, without dividing by the lengths.
     const __m256 chord2 = _mm256_mul_ps(two, _mm256_sub_ps(lengths, dot(gx, gy, gz, nx, ny, nz)));
     const __m256 turned =
@@ -442,7 +442,7 @@ void fit_nodes(const SampleList& samples, const SampleList& coarse, const std::a
 }
 
 float rough_radius(const NodeFitOptions& options) {
-  return std::min(kRoughGrowth * options.radius, kMostRadius);
+  return std::min(kRoughGrowth * options.radius, kMaxRadius);
 }
 
 void smooth_rough(const SampleList& samples, const NodeFitOptions& options, NodeFitScratch& scratch,
@@ -486,15 +486,15 @@ bool choose_gaps(const SampleList& coarse, const NodeFitOptions& options, NodeFi
         const std::uint32_t nodes = level == 0 ? beyond : left;  // few samples stay few
         const float r = grown_radius(level, options);
         if (!nodes) continue;
-        if (r > kMostRadius) break;
+        if (r > kMaxRadius) break;
         const RowReach reach = reach_of_row(nodes, y, z, r);
         NodeSums s;
         sum_row(coarse, reach, scratch.coarse_row, s);
         const auto near = static_cast<std::uint32_t>(_mm256_movemask_ps(near_plane(s)));
-        const bool last = level + 1 == fit.gap.size() || grown_radius(level + 1, options) > kMostRadius;
-        const __m256i least = _mm256_set1_epi32((last ? kLeastBlocks : kGapBlocks) - 1);
+        const bool last = level + 1 == fit.gap.size() || grown_radius(level + 1, options) > kMaxRadius;
+        const __m256i minimum = _mm256_set1_epi32((last ? kMinBlocks : kGapBlocks) - 1);
         const auto enough = static_cast<std::uint32_t>(
-                                _mm256_movemask_ps(_mm256_castsi256_ps(_mm256_cmpgt_epi32(s.hits, least)))) &
+                                _mm256_movemask_ps(_mm256_castsi256_ps(_mm256_cmpgt_epi32(s.hits, minimum)))) &
                             nodes;
         left &= ~enough;
         fit.gap[level][z] |= static_cast<std::uint64_t>(enough & near) << (8 * y);
@@ -509,7 +509,7 @@ void bridge_gaps(const SampleList& samples, const NodeFitOptions& options, NodeF
   NodeFitOptions grown = options;
   for (std::size_t level = 0; level < fit.gap.size(); ++level) {
     const float r = grown.radius = grown_radius(level, options);
-    const float within = std::min(kGapShare * r, kMostGap * options.radius);
+    const float within = std::min(kGapShare * r, kMaxGap * options.radius);
     for (std::size_t z = 0; z < 8; ++z) {
       if (!fit.gap[level][z]) continue;
       fill_slab(samples, static_cast<float>(z), r, scratch.slab);

@@ -90,9 +90,9 @@ void fit_nodes(const SampleList& samples, const SampleList& coarse, const std::a
                std::vector<Sheets>& sheets);
 
 /// Largest radius to which the support grows where samples are sparse, cells: what the halo holds.
-inline constexpr float kMostRadius = 6.0f;
+inline constexpr float kMaxRadius = 6.0f;
 
-/// 1.5 radii, at most kMostRadius.
+/// 1.5 radii, at most kMaxRadius.
 float rough_radius(const NodeFitOptions& options);
 
 /// Fits the rough nodes (scratch.rough) anew with that radius and blends by roughness, so that silhouettes of single scans
@@ -102,8 +102,8 @@ void smooth_rough(const SampleList& samples, const NodeFitOptions& options, Node
                   LeafFit& fit);
 
 /// Chooses the nodes at which the radius may grow with the spacing of the samples: of 1, 1.5 and 2 radii, at most
-/// kMostRadius, the least within which samples lie in `kGapBlocks` blocks of 2^3 cells, if their plane is near.
-/// \param coarse  mean normals within kMostRadius of the nodes that are few or beyond
+/// kMaxRadius, the least within which samples lie in `kGapBlocks` blocks of 2^3 cells, if their plane is near.
+/// \param coarse  mean normals within kMaxRadius of the nodes that are few or beyond
 /// \returns whether there are any
 bool choose_gaps(const SampleList& coarse, const NodeFitOptions& options, NodeFitScratch& scratch,
                  LeafFit& fit);
@@ -111,7 +111,7 @@ bool choose_gaps(const SampleList& coarse, const NodeFitOptions& options, NodeFi
 /// Fits the chosen nodes with their radius. A node becomes valid and lies within the border if the samples surround its
 /// foot point, one of them nearby (rim_rule.h): so gaps close that are not much wider than the samples around them lie
 /// apart, and no border moves.
-/// \param samples  within kMostRadius of the chosen nodes
+/// \param samples  within kMaxRadius of the chosen nodes
 void bridge_gaps(const SampleList& samples, const NodeFitOptions& options, NodeFitScratch& scratch,
                  LeafFit& fit);
 

@@ -8,7 +8,7 @@ namespace {
 
 constexpr float kTan22 = 0.41421356f;  ///< of half of 45 degrees
 constexpr float kAlike = 0.5f;         ///< cosine of 60 degrees
-constexpr int kMostEmpty = 6;          ///< sectors of 22.5 degrees in a row
+constexpr int kMaxEmpty = 6;          ///< sectors of 22.5 degrees in a row
 
 /// Sector of 22.5 degrees, 0 to 15 around the circle.
 unsigned sector(float x, float y) {
@@ -49,7 +49,7 @@ bool is_surrounded(const LocalSamples& samples, float value, const Float3& gradi
   // Twice around, so that a gap over sector 0 is whole.
   const std::uint32_t twice = seen | seen << 16;
   std::uint32_t gap = ~twice;
-  for (int k = 1; k < kMostEmpty; ++k) gap &= ~twice >> k;
+  for (int k = 1; k < kMaxEmpty; ++k) gap &= ~twice >> k;
   return (gap & 0xffff) == 0;
 }
 

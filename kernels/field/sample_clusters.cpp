@@ -11,7 +11,7 @@ namespace {
 
 /// Index of the sample that maximises w times the smallest of 1 - n.seed over the seeds; lowest index on
 /// ties.
-std::size_t farthest(const LocalSamples& s, const std::array<Float3, kMostSheets>& seeds, int count) {
+std::size_t farthest(const LocalSamples& s, const std::array<Float3, kMaxSheets>& seeds, int count) {
   __m256 best = _mm256_set1_ps(-1.0f);
   __m256i best_index = _mm256_setzero_si256();
   __m256i index = _mm256_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7);
@@ -42,7 +42,7 @@ std::size_t farthest(const LocalSamples& s, const std::array<Float3, kMostSheets
 }
 
 /// Lane masks of the samples whose normal is closest to each mean; ties to the lower cluster.
-void nearest_mean(__m256 nx, __m256 ny, __m256 nz, const std::array<Float3, kMostSheets>& means, int count,
+void nearest_mean(__m256 nx, __m256 ny, __m256 nz, const std::array<Float3, kMaxSheets>& means, int count,
                   __m256* mine) {
   __m256 best = _mm256_set1_ps(-4.0f);
   for (int k = 0; k < count; ++k) {
@@ -58,10 +58,10 @@ void nearest_mean(__m256 nx, __m256 ny, __m256 nz, const std::array<Float3, kMos
 }
 
 /// One Lloyd round on the unit normals.
-void lloyd_round(const LocalSamples& s, std::array<Float3, kMostSheets>& means, int count) {
-  __m256 sum[3 * kMostSheets];
+void lloyd_round(const LocalSamples& s, std::array<Float3, kMaxSheets>& means, int count) {
+  __m256 sum[3 * kMaxSheets];
   for (__m256& v : sum) v = _mm256_setzero_ps();
-  __m256 mine[kMostSheets];
+  __m256 mine[kMaxSheets];
   for (std::size_t i = 0; i < s.size; i += kLanes) {
     const __m256 nx = _mm256_loadu_ps(&s.nx[i]), ny = _mm256_loadu_ps(&s.ny[i]),
                  nz = _mm256_loadu_ps(&s.nz[i]);
@@ -82,8 +82,8 @@ void lloyd_round(const LocalSamples& s, std::array<Float3, kMostSheets>& means, 
   }
 }
 
-void label_samples(LocalSamples& s, const std::array<Float3, kMostSheets>& means, int count) {
-  __m256 mine[kMostSheets];
+void label_samples(LocalSamples& s, const std::array<Float3, kMaxSheets>& means, int count) {
+  __m256 mine[kMaxSheets];
   for (std::size_t i = 0; i < s.size; i += kLanes) {
     nearest_mean(_mm256_loadu_ps(&s.nx[i]), _mm256_loadu_ps(&s.ny[i]), _mm256_loadu_ps(&s.nz[i]), means,
                  count, mine);
@@ -158,7 +158,7 @@ NormalSeeds seed_normals(const LocalSamples& from, float cos_seed) {
   const std::size_t first = farthest(from, seeds.normal, 1);
   if (first >= from.size) return seeds;  // all normals alike: padding won
   seeds.normal[0] = normal_of(first);
-  while (seeds.count < kMostSheets) {
+  while (seeds.count < kMaxSheets) {
     const std::size_t next = farthest(from, seeds.normal, seeds.count);
     if (next >= from.size) break;
     const Float3 n = normal_of(next);
@@ -172,7 +172,7 @@ NormalSeeds seed_normals(const LocalSamples& from, float cos_seed) {
 }
 
 void cluster_normals(LocalSamples& samples, const NormalSeeds& seeds) {
-  std::array<Float3, kMostSheets> means = seeds.normal;
+  std::array<Float3, kMaxSheets> means = seeds.normal;
   for (int round = 0; round < 2; ++round) lloyd_round(samples, means, seeds.count);
   label_samples(samples, means, seeds.count);
 }
@@ -223,12 +223,12 @@ Moments sum_moments(const LocalSamples& s, std::int32_t label) {
   return m;
 }
 
-void relabel(LocalSamples& s, const std::array<std::int32_t, kMostSheets>& map) {
+void relabel(LocalSamples& s, const std::array<std::int32_t, kMaxSheets>& map) {
   for (std::size_t i = 0; i < s.size; ++i) s.label[i] = map[static_cast<std::size_t>(s.label[i])];
 }
 
 bool split_layers(LocalSamples& s, std::int32_t label, std::int32_t new_label, const Float3& c,
-                  const Float3& n, float least_gap) {
+                  const Float3& n, float min_gap) {
   const float offset = dot(n, c);
   const __m256i wanted = _mm256_set1_epi32(label);
   const auto height = [&](std::size_t i) {
@@ -267,7 +267,7 @@ bool split_layers(LocalSamples& s, std::int32_t label, std::int32_t new_label, c
     within = (lane_sum(uu) - weight_low * low * low - weight_high * high * high) / (weight_low + weight_high);
     cut = 0.5f * (low + high);
   }
-  if (gap < least_gap || gap * gap < kLayerSeparation2 * within) return false;
+  if (gap < min_gap || gap * gap < kLayerSeparation2 * within) return false;
   for (std::size_t i = 0; i < s.size; i += kLanes) {
     __m256 low;
     const __m256 high = upper_lanes(i, height(i), cut, &low);

@@ -12,7 +12,7 @@
 
 namespace tessera {
 
-inline constexpr int kMostSheets = 4;
+inline constexpr int kMaxSheets = 4;
 
 /// Samples around one node, relative to it, canonical order, padded with weight 0 to whole registers.
 struct LocalSamples {
@@ -40,7 +40,7 @@ Moments merged(const Moments& a, const Moments& b);
 
 /// Directions that start the clusters.
 struct NormalSeeds {
-  std::array<Float3, kMostSheets> normal{};
+  std::array<Float3, kMaxSheets> normal{};
   int count = 1;  ///< 1: no two normals differ by more than the angle
 };
 
@@ -58,12 +58,12 @@ void cluster_normals(LocalSamples& samples, const NormalSeeds& seeds);
 Moments sum_moments(const LocalSamples& samples, std::int32_t label);
 
 /// Gives every sample the label map[label].
-void relabel(LocalSamples& samples, const std::array<std::int32_t, kMostSheets>& map);
+void relabel(LocalSamples& samples, const std::array<std::int32_t, kMaxSheets>& map);
 
 /// Looks for two layers in one cluster, along its normal n through c: halves it at the mean height, three
-/// rounds of moving the cut half-way between the layers. If they lie at least `least_gap` apart and well
+/// rounds of moving the cut half-way between the layers. If they lie at least `min_gap` apart and well
 /// beyond their own spread, the upper one gets `new_label` and the answer is true.
 bool split_layers(LocalSamples& samples, std::int32_t label, std::int32_t new_label, const Float3& c,
-                  const Float3& n, float least_gap);
+                  const Float3& n, float min_gap);
 
 }  // namespace tessera

@@ -9,7 +9,7 @@
 namespace tessera {
 namespace {
 
-constexpr int kMostSteps = 12;       ///< of the root finder; a plane takes one
+constexpr int kMaxSteps = 12;       ///< of the root finder; a plane takes one
 constexpr double kRootError = 1e-5;  ///< cells
 constexpr double kStep =
     0x1p-24;  ///< roots are multiples of it: points are then exact, wherever the block is
@@ -110,7 +110,7 @@ class Builder {
     const bool starts_inside = at_a < 0.0;
     int side = 0;
     FieldSampler::Sample s;
-    for (int i = 0; i < kMostSteps; ++i) {
+    for (int i = 0; i < kMaxSteps; ++i) {
       t = fa == fb ? 0.5 * (a + b) : a + (b - a) * fa / (fa - fb);
       t = std::floor(t / kStep + 0.5) * kStep;
       s = sampler_.at(node, axis, t);

@@ -26,8 +26,8 @@ struct Fit {
 
 /// A few clusters, no allocation.
 struct Clusters {
-  std::array<Moments, kMostSheets> moments;
-  std::array<Fit, kMostSheets> fit;
+  std::array<Moments, kMaxSheets> moments;
+  std::array<Fit, kMaxSheets> fit;
   std::size_t count = 0;
   void add(const Moments& m);
   void erase(std::size_t k) {
@@ -112,15 +112,15 @@ Float3 gradient_at(const Sheet& s, const Float3& p) {
 /// squared residual of the normals by this factor. Halving one Gaussian cloud of normals gives 2, an even
 /// bend without curvature fit 12.
 constexpr float kSeparation2 = 16.0f;
-constexpr float kMostSeparation2 = 1e6f;  ///< of a single sheet
+constexpr float kMaxSeparation2 = 1e6f;  ///< of a single sheet
 /// Least share of the weight and least samples of a sheet; less cannot carry one and is left out of the
 /// others.
-constexpr float kLeastShare = 0.03f;
-constexpr int kLeastSheetHits = 3;
-constexpr float kLeastHitShare = 0.1f;
+constexpr float kMinShare = 0.03f;
+constexpr int kMinSheetHits = 3;
+constexpr float kMinHitShare = 0.1f;
 /// A face is sampled about as densely as the one beside it; a few flying points with a common normal are not.
 /// Samples per squared spread, relative to the densest sheet.
-constexpr float kLeastDensity = 0.3f;
+constexpr float kMinDensity = 0.3f;
 /// Largest height variance of a sheet as a share of its whole spread: samples with false normals lie on a
 /// surface that their normals do not fit.
 constexpr float kLargestHeightShare = 0.12f;
@@ -146,7 +146,7 @@ float joint_cosine(const Fit& a, const Fit& b, float* separation2 = nullptr) {
 
 /// Joins what one smooth sheet explains, closest pair first.
 /// \param cluster_of  per label: its cluster, kept up to date
-void join_smooth(Clusters& clusters, float cos_feature, std::array<std::int32_t, kMostSheets>& cluster_of) {
+void join_smooth(Clusters& clusters, float cos_feature, std::array<std::int32_t, kMaxSheets>& cluster_of) {
   while (clusters.count > 1) {
     float best = cos_feature;
     std::size_t best_a = 0, best_b = 0;
@@ -174,20 +174,20 @@ void join_smooth(Clusters& clusters, float cos_feature, std::array<std::int32_t,
 /// Height variance along the normal, beyond what curvature and noise explain, from which two layers are
 /// tried, cells^2; and the least gap between them, cells.
 constexpr float kLayerVariance = 0.04f;
-constexpr float kLeastGap = 0.5f;
+constexpr float kMinGap = 0.5f;
 
 /// Beside a crease, parallel layers (the treads of a step) share one normal: takes them apart.
-void separate_layers(LocalSamples& samples, const std::array<std::int32_t, kMostSheets>& cluster_of,
+void separate_layers(LocalSamples& samples, const std::array<std::int32_t, kMaxSheets>& cluster_of,
                      const SheetOptions& options, Clusters& clusters) {
   bool relabelled = false;
-  for (std::size_t k = 0; k < clusters.count && clusters.count < kMostSheets; ++k) {
+  for (std::size_t k = 0; k < clusters.count && clusters.count < kMaxSheets; ++k) {
     const Fit& fit = clusters.fit[k];
     if (fit.height_variance < kLayerVariance + 4.0f * options.noise * options.noise + fit.bend_variance)
       continue;
     if (!relabelled) relabel(samples, cluster_of);
     relabelled = true;
     const auto label = static_cast<std::int32_t>(k), upper = static_cast<std::int32_t>(clusters.count);
-    if (!split_layers(samples, label, upper, fit.centroid, fit.mean_normal, kLeastGap + 4.0f * options.noise))
+    if (!split_layers(samples, label, upper, fit.centroid, fit.mean_normal, kMinGap + 4.0f * options.noise))
       continue;
     clusters.moments[k] = sum_moments(samples, label);
     clusters.fit[k] = fit_quadric(clusters.moments[k]);
@@ -201,13 +201,13 @@ void order_joints(Clusters& clusters, Sheets& out) {
   for (;;) {
     const std::size_t n = clusters.count;
     const auto& fits = clusters.fit;
-    std::array<std::array<bool, kMostSheets>, kMostSheets> convex{};
+    std::array<std::array<bool, kMaxSheets>, kMaxSheets> convex{};
     for (std::size_t a = 0; a < n; ++a)
       for (std::size_t b = 0; b < n; ++b) {
         const Float3 d = fits[b].centroid - fits[a].centroid;
         convex[a][b] = dot(fits[a].mean_normal, d) - dot(fits[b].mean_normal, d) < 0.0f;
       }
-    std::array<bool, kMostSheets> gone{};
+    std::array<bool, kMaxSheets> gone{};
     std::size_t joints = 0;
     for (bool found = true; found && joints + 1 < n;) {
       found = false;
@@ -270,7 +270,7 @@ int Sheets::passing(const Float3& p, float near) const {
 }
 
 SurfaceValue Sheets::at(const Float3& p) const {
-  std::array<SurfaceValue, kMostSheets> value;
+  std::array<SurfaceValue, kMaxSheets> value;
   for (std::size_t k = 0; k < static_cast<std::size_t>(count); ++k) value[k] = value_of_sheet(sheet[k], p);
   for (std::size_t j = 0; j + 1 < static_cast<std::size_t>(count); ++j) {
     SurfaceValue& a = value[first[j]];
@@ -310,8 +310,8 @@ bool drop_false_sheets(const SheetOptions& options, Clusters& clusters) {
     const Moments& m = clusters.moments[k];
     const Fit& fit = clusters.fit[k];
     const float spread = spread_of(k), sampled = static_cast<float>(m.hits);
-    if (m.w() < kLeastShare * weight || m.hits < kLeastSheetHits ||
-        sampled < kLeastHitShare * static_cast<float>(hits) || sampled < kLeastDensity * densest * spread ||
+    if (m.w() < kMinShare * weight || m.hits < kMinSheetHits ||
+        sampled < kMinHitShare * static_cast<float>(hits) || sampled < kMinDensity * densest * spread ||
         fit.height_variance > kLargestHeightShare * spread + 2.0f * noise2 + fit.bend_variance)
       clusters.erase(k);
   }
@@ -338,7 +338,7 @@ Sheets fit_sheets(LocalSamples& samples, const NormalSeeds& seeds, const SheetOp
   if (seeds.count < 2) return out;
   cluster_normals(samples, seeds);
   Clusters clusters;
-  std::array<std::int32_t, kMostSheets> cluster_of = {};
+  std::array<std::int32_t, kMaxSheets> cluster_of = {};
   for (int k = 0; k < seeds.count; ++k) {
     const Moments m = sum_moments(samples, k);
     cluster_of[static_cast<std::size_t>(k)] = static_cast<std::int32_t>(clusters.count);
@@ -350,7 +350,7 @@ Sheets fit_sheets(LocalSamples& samples, const NormalSeeds& seeds, const SheetOp
   if (!drop_false_sheets(options, clusters)) return out;
   order_joints(clusters, out);
   out.count = static_cast<int>(clusters.count);
-  out.separation2 = kMostSeparation2;
+  out.separation2 = kMaxSeparation2;
   for (std::size_t a = 0; a < clusters.count; ++a)
     for (std::size_t b = a + 1; b < clusters.count; ++b)
       joint_cosine(clusters.fit[a], clusters.fit[b], &out.separation2);

@@ -30,9 +30,9 @@ struct SurfaceValue {
 /// The surface around one node.
 struct Sheets {
   int count = 0;  ///< 0: no crease here, the smooth fit stands
-  std::array<Sheet, kMostSheets> sheet{};
+  std::array<Sheet, kMaxSheets> sheet{};
   /// Joint s: sheet first[s] becomes the minimum or maximum of itself and second[s]; count - 1 joints.
-  std::array<std::uint8_t, kMostSheets - 1> first{}, second{}, convex{};
+  std::array<std::uint8_t, kMaxSheets - 1> first{}, second{}, convex{};
   Float3 centroid = {0, 0, 0};  ///< of the samples kept, relative to the node
   float spread2 = 0.0f;         ///< their mean squared distance from the centroid
   float separation2 = 0.0f;     ///< least squared chord between two normals over their mean squared residual

@@ -11,7 +11,7 @@ constexpr int kWindow = 3;  ///< coarse cells to either side of a node: what a l
 constexpr float kSparseRatio = 2.4f;
 constexpr float kDepthOfRatio = 6.0f;                   ///< fine cells: places end within a ratio of 0.3
 constexpr int kNodeRow = kLeafCells + 2 * kWindow - 1;  ///< cells that the nodes of a leaf see, along an axis
-constexpr std::uint32_t kLeastHalf = 6;  ///< coarse cells in half of what is around, else it does not tell
+constexpr std::uint32_t kMinHalf = 6;  ///< coarse cells in half of what is around, else it does not tell
 
 /// Occupied fine cells of every coarse cell around a block, from its leaf -2 to the second beyond.
 struct Occupied {
@@ -68,14 +68,14 @@ bool find_depths(const Occupied& cells, const Int3& low, std::array<float, 512>&
       }
     }
     float& out = depth[static_cast<std::size_t>(n)] = SparsePlaces::kNowhere;
-    const auto look = [&](std::uint32_t few, std::uint32_t of, std::uint32_t least) {
-      if (of < least) return;
+    const auto look = [&](std::uint32_t few, std::uint32_t of, std::uint32_t minimum) {
+      if (of < minimum) return;
       const float ratio = static_cast<float>(few) / static_cast<float>(of);
       out = std::max(out, std::min(kDepthOfRatio * (kSparseRatio - ratio), SparsePlaces::kDeep));
     };
     look(f[0][0] + f[0][1], c[0][0] + c[0][1], 1);
     for (std::size_t a = 0; a < 3; ++a)
-      for (std::size_t side = 0; side < 2; ++side) look(f[a][side], c[a][side], kLeastHalf);
+      for (std::size_t side = 0; side < 2; ++side) look(f[a][side], c[a][side], kMinHalf);
     any = any || out > SparsePlaces::kNowhere;
   }
   return any;

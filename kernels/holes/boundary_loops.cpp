@@ -68,7 +68,7 @@ void BoundaryMatcher::finish() {
             [](const BorderEdge& a, const BorderEdge& b) { return a.from < b.from; });
 }
 
-LoopCounts for_each_boundary_loop(const BoundaryMatcher& rims, std::uint64_t most,
+LoopCounts for_each_boundary_loop(const BoundaryMatcher& rims, std::uint64_t maximum,
                                   const std::function<void(HoleBoundary&&)>& use) {
   const std::vector<BorderEdge>& border = rims.border;
   LoopCounts counts;
@@ -82,19 +82,19 @@ LoopCounts for_each_boundary_loop(const BoundaryMatcher& rims, std::uint64_t mos
     do {
       seen[at] = 1;
       ++length;
-      if (length <= most) loop.push_back(border[at]);
+      if (length <= maximum) loop.push_back(border[at]);
       at = next_of(border, border[at]);
     } while (at != kNone && !seen[at]);
     ++counts.loops;
     counts.longest = std::max(counts.longest, length);
     counts.broken += at != first;
-    if (at == first && length <= most && length >= 3) use(make_rim(loop, rims.chords));
+    if (at == first && length <= maximum && length >= 3) use(make_rim(loop, rims.chords));
   }
   return counts;
 }
 
 std::vector<HoleBoundary> short_boundary_loops(const BoundaryMatcher& rims, std::uint64_t first,
-                                               std::uint64_t last, std::uint64_t most) {
+                                               std::uint64_t last, std::uint64_t maximum) {
   const std::vector<BorderEdge>& border = rims.border;
   std::vector<HoleBoundary> out;
   const auto from = [](const BorderEdge& b, std::uint64_t v) { return b.from < v; };
@@ -107,7 +107,7 @@ std::vector<HoleBoundary> short_boundary_loops(const BoundaryMatcher& rims, std:
     do {  // a loop of which another vertex is smaller belongs to that one
       loop.push_back(border[at]);
       at = next_of(border, border[at]);
-    } while (at != kNone && at > start && loop.size() < most);
+    } while (at != kNone && at > start && loop.size() < maximum);
     if (at == start && loop.size() >= 3) out.push_back(make_rim(loop, rims.chords));
   }
   return out;

@@ -15,16 +15,16 @@ namespace {
 
 /// Below this mean cosine at the rim, of the loop or of the patch, the patch folds back over the faces it should continue. A
 /// cap on a tube has 0, the outside of a flat piece -1.
-constexpr double kLeastRimCosine = -0.4;
+constexpr double kMinRimCosine = -0.4;
 /// Slivers must not own the energy: bounds of the cotangents, and of the area under a hinge in squared edges.
-constexpr double kMostCotangent = 10.0;
-constexpr double kLeastArea = 0.05;
+constexpr double kMaxCotangent = 10.0;
+constexpr double kMinArea = 0.05;
 constexpr int kRelaxRounds = 12;
 /// The coefficients of the energy come from the shape it changes; a second time they fit.
 constexpr int kBendRounds = 2;
 /// More entries per unknown in the envelope are not factored: hole_bytes() holds. A round hole of the most
 /// vertices has 250.
-constexpr std::uint64_t kMostEnvelope = 400;
+constexpr std::uint64_t kMaxEnvelope = 400;
 
 /// Cosine between the vector area of the loop, as a filling runs, and the mesh's normals at the rim, mean weighted by
 /// length: 1 for a hole in a sheet, 0 for the end of a tube, -1 for the outer border of a sheet. Unlike the faces of a
@@ -72,7 +72,7 @@ double area_of(const HoleLoop& loop, const std::vector<std::array<std::uint32_t,
 
 double cotangent(const Double3& a, const Double3& b) {
   const double c = dot(a, b), s = norm(cross(a, b));
-  if (!(std::fabs(c) < kMostCotangent * s)) return c < 0.0 ? -kMostCotangent : kMostCotangent;
+  if (!(std::fabs(c) < kMaxCotangent * s)) return c < 0.0 ? -kMaxCotangent : kMaxCotangent;
   return c / s;
 }
 
@@ -91,7 +91,7 @@ Hinge make_hinge(const std::array<std::uint32_t, 4>& vertex, const std::vector<D
   const double c03 = cotangent(x0 - x1, x2 - x1), c04 = cotangent(x0 - x1, x3 - x1);
   const double area = 0.5 * (norm(cross(x1 - x0, x2 - x0)) + norm(cross(x1 - x0, x3 - x0)));
   return {
-      vertex, {c03 + c04, c01 + c02, -c01 - c03, -c02 - c04}, 3.0 / std::max(area, kLeastArea * edge * edge)};
+      vertex, {c03 + c04, c01 + c02, -c01 - c03, -c02 - c04}, 3.0 / std::max(area, kMinArea * edge * edge)};
 }
 
 /// Inner edges of the patch and its rim; the rim's fourth vertices are those of well-shaped triangles that
@@ -129,21 +129,21 @@ double sharpest(HoleMesh& mesh, const HoleLoop& loop) {
     const Double3& a = x[t.vertex[0]];
     return unit_or_zero(cross(x[t.vertex[1]] - a, x[t.vertex[2]] - a));
   };
-  double least = 1.0;
+  double minimum = 1.0;
   for (std::uint32_t t = 0; t < triangles.size(); ++t) {
     const Double3 normal = normal_of(triangles[t]);
     for (std::uint32_t e = 0; e < 3; ++e) {
       const std::uint32_t u = triangles[t].neighbour[e];
       if (u != HoleMesh::kRim) {
-        if (t < u) least = std::min(least, dot(normal, normal_of(triangles[u])));
+        if (t < u) minimum = std::min(minimum, dot(normal, normal_of(triangles[u])));
         continue;
       }
       const std::uint32_t a = triangles[t].vertex[e], b = triangles[t].vertex[(e + 1) % 3];
       const Double3 beyond = unit_or_zero(cross(x[a] - x[b], loop.opposite[a] - x[b]));
-      least = std::min(least, dot(normal, beyond));
+      minimum = std::min(minimum, dot(normal, beyond));
     }
   }
-  return least;
+  return minimum;
 }
 
 struct Term {
@@ -191,7 +191,7 @@ bool minimise(const std::vector<Hinge>& hinges, std::uint32_t first, std::uint32
   std::vector<Term>().swap(terms);
   for (std::size_t r = 0; r < n; ++r) matrix.start[r + 1] += matrix.start[r];
   EnvelopeCholesky solver(matrix);
-  if (solver.envelope() > kMostEnvelope * n || !solver.factor(matrix)) return false;
+  if (solver.envelope() > kMaxEnvelope * n || !solver.factor(matrix)) return false;
   std::vector<double> axis(n);
   for (std::size_t a = 0; a < 3; ++a) {
     for (std::size_t v = 0; v < n; ++v) axis[v] = right[v][a];
@@ -203,12 +203,12 @@ bool minimise(const std::vector<Hinge>& hinges, std::uint32_t first, std::uint32
 
 }  // namespace
 
-HoleFilling fill_hole(const HoleLoop& loop, double most_width, double least_cosine) {
+HoleFilling fill_hole(const HoleLoop& loop, double max_width, double min_cosine) {
   const auto n = static_cast<std::uint32_t>(loop.position.size());
-  assert(n >= 3 && n <= kMostHoleEdges && loop.opposite.size() == n);
+  assert(n >= 3 && n <= kMaxHoleEdges && loop.opposite.size() == n);
   const std::vector<Double3> rim_normal = rim_normals(loop);
   HoleFilling out;
-  if (loop_cosine(loop, rim_normal) < kLeastRimCosine) {
+  if (loop_cosine(loop, rim_normal) < kMinRimCosine) {
     out.outcome = HoleOutcome::kOuter;
     return out;
   }
@@ -217,21 +217,21 @@ HoleFilling fill_hole(const HoleLoop& loop, double most_width, double least_cosi
     out.outcome = HoleOutcome::kTaken;
     return out;
   }
-  if (start.rim_cosine < kLeastRimCosine) {
+  if (start.rim_cosine < kMinRimCosine) {
     out.outcome = HoleOutcome::kOuter;
     return out;
   }
   const double area = area_of(loop, start.faces);
-  if (4.0 * area > most_width * rim_length(loop)) {
+  if (4.0 * area > max_width * rim_length(loop)) {
     out.outcome = HoleOutcome::kWide;
     return out;
   }
   // Triangles with edges of length e cover sqrt(3)/4 e^2, and there are two of them to a vertex.
   const double rim = rim_edge(loop);
-  const std::uint64_t most = most_hole_vertices(n);
-  const double edge = std::max(rim, std::sqrt(area / (0.866 * 0.75 * static_cast<double>(most + 1))));
+  const std::uint64_t maximum = max_hole_vertices(n);
+  const double edge = std::max(rim, std::sqrt(area / (0.866 * 0.75 * static_cast<double>(maximum + 1))));
   HoleMesh mesh(loop, start.faces);
-  mesh.refine(edge, most);
+  mesh.refine(edge, maximum);
   mesh.relax(kRelaxRounds);
   const auto all = static_cast<std::uint32_t>(mesh.positions().size());
   for (int round = 0; round < kBendRounds && all > n; ++round) {
@@ -242,7 +242,7 @@ HoleFilling fill_hole(const HoleLoop& loop, double most_width, double least_cosi
     x.resize(all);
     mesh.positions() = std::move(x);
   }
-  if (least_cosine > -1.0 && sharpest(mesh, loop) < least_cosine) {
+  if (min_cosine > -1.0 && sharpest(mesh, loop) < min_cosine) {
     out = {};
     out.outcome = HoleOutcome::kSharp;
     return out;

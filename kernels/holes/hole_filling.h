@@ -28,14 +28,14 @@ struct HoleLoop {
   std::vector<std::array<std::uint32_t, 2>> taken;
 };
 
-inline constexpr std::uint32_t kMostHoleEdges = 1000;  ///< the triangulation takes the cube of it in time
+inline constexpr std::uint32_t kMaxHoleEdges = 1000;  ///< the triangulation takes the cube of it in time
 /// New vertices of the filling of n edges, at most; larger holes get longer edges inside.
-constexpr std::uint64_t most_hole_vertices(std::uint64_t n) {
+constexpr std::uint64_t max_hole_vertices(std::uint64_t n) {
   return n * n / 6 < 12'000 ? n * n / 6 : 12'000;
 }
 /// The most that fill_hole() allocates: the triangulation's table, or the system of the fairing.
 constexpr std::uint64_t hole_bytes(std::uint64_t n) {
-  return 64 * n * n + 5000 * most_hole_vertices(n) + (1u << 20);
+  return 64 * n * n + 5000 * max_hole_vertices(n) + (1u << 20);
 }
 
 enum class HoleOutcome : std::uint8_t {
@@ -60,11 +60,11 @@ struct HoleFilling {
   std::vector<std::array<std::uint32_t, 3>> faces;
 };
 
-/// \param most_width  4 area / length of the rim, at most: the diameter of a disk, twice the width of a slit
-/// \param least_cosine  between the normals of faces that meet in the patch or at its rim
-/// \pre 3 <= n <= kMostHoleEdges, no two neighbours of the loop at one place
+/// \param max_width  4 area / length of the rim, at most: the diameter of a disk, twice the width of a slit
+/// \param min_cosine  between the normals of faces that meet in the patch or at its rim
+/// \pre 3 <= n <= kMaxHoleEdges, no two neighbours of the loop at one place
 /// \post filled: the faces together are a disk bounded by the loop; no inner edge is in `taken`
-HoleFilling fill_hole(const HoleLoop& loop, double most_width = std::numeric_limits<double>::infinity(),
-                      double least_cosine = -1.0);
+HoleFilling fill_hole(const HoleLoop& loop, double max_width = std::numeric_limits<double>::infinity(),
+                      double min_cosine = -1.0);
 
 }  // namespace tessera

@@ -19,7 +19,7 @@
 namespace tessera {
 namespace {
 
-constexpr int kMostSplitRounds =
+constexpr int kMaxSplitRounds =
     64;  // the longest edge shrinks by a third a round, so this is never the limit
 constexpr int kFlipSweeps = 6;
 /// Halves of an edge just too long are no shorter than this half; the mean of all comes to about one.
@@ -171,18 +171,18 @@ void HoleMesh::flip_all() {
   }
 }
 
-void HoleMesh::refine(double edge, std::size_t most) {
+void HoleMesh::refine(double edge, std::size_t maximum) {
   const double enough = edge * edge * kSplitFrom * kSplitFrom;
   flip_all();
-  for (int round = 0; round < kMostSplitRounds; ++round) {
+  for (int round = 0; round < kMaxSplitRounds; ++round) {
     const double longest = longest_inner();
     if (longest <= enough) break;
-    const double least = std::max(enough, longest * 0.49);
+    const double minimum = std::max(enough, longest * 0.49);
     const auto count = static_cast<std::uint32_t>(triangles_.size());
     for (std::uint32_t t = 0; t < count; ++t)
       for (std::uint32_t e = 0; e < 3; ++e) {
-        if (position_.size() - rim_ >= most) return;
-        if (triangles_[t].neighbour[e] != kRim && squared_length(triangles_[t], e) >= least) split(t, e);
+        if (position_.size() - rim_ >= maximum) return;
+        if (triangles_[t].neighbour[e] != kRim && squared_length(triangles_[t], e) >= minimum) split(t, e);
       }
     flip_all();
   }

@@ -22,9 +22,9 @@ class HoleMesh {
 
   HoleMesh(const HoleLoop& loop, const std::vector<std::array<std::uint32_t, 3>>& faces);
 
-  /// Splits inner edges that are much longer than `edge`, longest first, until none is left or `most`
+  /// Splits inner edges that are much longer than `edge`, longest first, until none is left or `maximum`
   /// vertices are new; flips to the Delaunay criterion after every round.
-  void refine(double edge, std::size_t most);
+  void refine(double edge, std::size_t maximum);
   /// `rounds` times: every inner vertex to the mean of its neighbours, all at once, then flips.
   void relax(int rounds);
 

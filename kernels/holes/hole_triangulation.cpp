@@ -25,9 +25,9 @@ double bend_between(const Double3& a, const Double3& b) {
 }  // namespace
 
 bool has_area(const Double3& a, const Double3& b, const Double3& c) {
-  constexpr double kLeastArea = 1e-4;  // twice the area over the square of the longest side
+  constexpr double kMinArea = 1e-4;  // twice the area over the square of the longest side
   const Double3 ab = b - a, ac = c - a, bc = c - b;
-  return norm(cross(ab, ac)) > kLeastArea * std::max({dot(ab, ab), dot(ac, ac), dot(bc, bc)});
+  return norm(cross(ab, ac)) > kMinArea * std::max({dot(ab, ab), dot(ac, ac), dot(bc, bc)});
 }
 
 std::vector<Double3> rim_normals(const HoleLoop& loop) {

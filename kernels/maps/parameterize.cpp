@@ -21,9 +21,9 @@ constexpr std::uint64_t kFactorSystemBytes =
     800;  // least squares: the system of both coordinates, without the factor
 constexpr std::uint64_t kComplexBytes = 420;    // least squares by multigrid, all in all
 constexpr std::uint64_t kMultigridBytes = 180;  // of the conformal system: the least that solves it
-constexpr std::uint64_t kLeastBytes = 4'000'000;
+constexpr std::uint64_t kMinBytes = 4'000'000;
 constexpr double kMultigridTolerance = 1e-8;
-constexpr int kMostCycles = 5000;
+constexpr int kMaxCycles = 5000;
 
 std::string mebibytes(std::uint64_t bytes) {
   return std::to_string((bytes >> 20) + 1) + " MiB";
@@ -270,7 +270,7 @@ void solve_by_multigrid(const TriangleSpan& mesh, SparseMatrix&& energy, const L
   report.factor = solver.report();
   require_solved(report.factor.status, report.factor.message);
   std::vector<double> z(system.b.size());
-  report.solve = solver.solve(system.b, z, kMultigridTolerance, kMostCycles);
+  report.solve = solver.solve(system.b, z, kMultigridTolerance, kMaxCycles);
   require_solved(report.solve.status, report.solve.message);
   system.laplacian.scatter(z, values, 2);
 }
@@ -304,14 +304,14 @@ void least_squares_conformal(const TriangleSpan& mesh, const Loop& loop, const P
 std::uint64_t parameterize_bytes(std::uint64_t vertices, ParameterMethod method) {
   return vertices * (method == ParameterMethod::kConformal ? kConformalSystemBytes + kMultigridBytes
                                                            : kComplexBytes) +
-         kLeastBytes;
+         kMinBytes;
 }
 
 Parameterization parameterize(const TriangleSpan& mesh, const ParameterizeOptions& options) {
-  const std::uint64_t least = parameterize_bytes(mesh.positions.size(), options.method);
-  if (options.memory_bytes > 0 && options.memory_bytes < least)
+  const std::uint64_t minimum = parameterize_bytes(mesh.positions.size(), options.method);
+  if (options.memory_bytes > 0 && options.memory_bytes < minimum)
     throw ResourceError("a map of " + std::to_string(mesh.positions.size()) + " vertices needs " +
-                        mebibytes(least) + " beside the mesh, allowed are " +
+                        mebibytes(minimum) + " beside the mesh, allowed are " +
                         mebibytes(options.memory_bytes) + ": allow more memory, or decimate the mesh");
   const SurfaceTopology topology = surface_topology(mesh);
   if (!topology.is_disk())

@@ -17,9 +17,9 @@ double beside_foot(const Double3& p, const SignedDistance::Foot& foot, const Dou
 
 }  // namespace
 
-MergeSheet::Place MergeSheet::at(const Double3& p, double most, double beyond, const Double3* normal) const {
+MergeSheet::Place MergeSheet::at(const Double3& p, double maximum, double beyond, const Double3* normal) const {
   Place place;
-  place.foot = surface_.closest(p, most * most);
+  place.foot = surface_.closest(p, maximum * maximum);
   if (place.foot.face == SignedDistance::kNone) return place;
   const Double3 side = unit_or_zero(place.foot.side);
   if (normal && dot(side, *normal) < kSameSide) return place;
@@ -72,14 +72,14 @@ MergeBlend::Value MergeBlend::at(const Double3& p, double more) const {
 
 std::pair<std::size_t, std::uint32_t> MergeBlend::main_vertex(const Double3& p, double more) const {
   std::pair<std::size_t, std::uint32_t> best = {0, SignedDistance::kNone};
-  double left = 1.0, most = 0.0;
+  double left = 1.0, maximum = 0.0;
   for (std::size_t s = 0; s < sheets_.size(); ++s) {
     if (!sheets_[s] || !(left > 0.0)) continue;
     const MergeSheet::Place place = sheets_[s]->at(p, reach_.apart + more, reach_.beyond);
     const double share = left * place.cover;
     left -= share;
-    if (!(share > most)) continue;
-    most = share;
+    if (!(share > maximum)) continue;
+    maximum = share;
     best = {s, sheets_[s]->surface().nearest_corner(place.foot)};
   }
   return best;

@@ -32,9 +32,9 @@ class MergeSheet {
     double cover = 0.0;   ///< within [0, 1]
     double beside = 0.0;  ///< how far beyond the border, at right angles to the normal
   };
-  /// \param p  relative to the origin  \param most  farther from the mesh nothing is covered
+  /// \param p  relative to the origin  \param maximum  farther from the mesh nothing is covered
   /// \param normal  if not null: a surface there with this normal (unit) is covered by faces that look the same way
-  Place at(const Double3& p, double most, double beyond, const Double3* normal = nullptr) const;
+  Place at(const Double3& p, double maximum, double beyond, const Double3* normal = nullptr) const;
   /// Cover of a place on the mesh itself.
   double own_cover(const Double3& p) const;
   /// Whether the mesh goes on at a point beyond another one's border.

@@ -20,21 +20,21 @@ namespace {
 using Face = std::array<std::uint32_t, 3>;
 
 constexpr std::uint32_t kNone = 0xffffffffu;
-constexpr double kLeastTurn = 0.17;  ///< cosine between a new face and those across its edges: 80 degrees
+constexpr double kMinTurn = 0.17;  ///< cosine between a new face and those across its edges: 80 degrees
 /// Where edges of originals are left open, layers cross at the cut: what is allowed there, step by step, and how far a vertex
 /// may lie, in gaps.
 constexpr std::array<double, 3> kLastTurns = {0.0, -0.35, -0.7};
 constexpr std::array<double, 3> kLastGaps = {1.5, 2.0, 3.0};
-constexpr double kLeastHeight = 0.02;  ///< of a new face over its edge, edge lengths: lower is a line
+constexpr double kMinHeight = 0.02;  ///< of a new face over its edge, edge lengths: lower is a line
 constexpr double kOtherSheet = 1.0;    ///< of its length: edges so far above a new one do not cross it
 /// Circles of this many times the gap, or the longest edge beside, pass through vertices of one side: of a dent in its border.
-constexpr double kMostRound = 2.0;
-constexpr std::size_t kMostLoop =
+constexpr double kMaxRound = 2.0;
+constexpr std::size_t kMaxLoop =
     12;                             ///< edges of a loop that is filled: of the size of the strip's own faces
-constexpr double kLeastRim = -0.5;  ///< cosine between what fills a loop and what is around it
+constexpr double kMinRim = -0.5;  ///< cosine between what fills a loop and what is around it
 constexpr std::size_t kCrumb = 6;   ///< pieces of fewer faces are no surface
 constexpr int kFillRounds = 3;
-constexpr int kMostRounds = 40;  ///< of removal; each leaves fewer faces
+constexpr int kMaxRounds = 40;  ///< of removal; each leaves fewer faces
 
 std::uint64_t way(std::uint32_t from, std::uint32_t to) {
   return std::uint64_t{from} << 32 | to;
@@ -69,7 +69,7 @@ class Zipper {
     close_loops();
     const double gap = gap_;
     for (std::size_t step = 0; step < kLastTurns.size() && open_edges() > 0; ++step) {
-      least_turn_ = kLastTurns[step];
+      min_turn_ = kLastTurns[step];
       gap_ = kLastGaps[step] * gap;
       stitch(true);
       unstitch();
@@ -165,7 +165,7 @@ class Zipper {
 
   /// Until no vertex has two fans. Faces at vertices that go on elsewhere stay as long as others do.
   void clean() {
-    for (int round = 0; round < kMostRounds; ++round) {
+    for (int round = 0; round < kMaxRounds; ++round) {
       std::vector<std::uint32_t> out, last;
       for (std::uint32_t v = 0; v < star_.size(); ++v) {
         if (star_[v].empty() || !is_pinched(v)) continue;
@@ -345,7 +345,7 @@ class Zipper {
         if (w == e.from || w == e.to) continue;
         const Double3& p = position_[w];
         const double height = dot(p - u, out);
-        if (height < kLeastHeight * length || height > gap_ + 0.75 * wide) continue;
+        if (height < kMinHeight * length || height > gap_ + 0.75 * wide) continue;
         const Double3 a = unit_or_zero(u - p), b = unit_or_zero(v - p);
         apices.push_back({dot(a, b), wide, w});
       }
@@ -362,7 +362,7 @@ class Zipper {
       if (!fits(e, a.vertex)) continue;
       const double sine = std::sqrt(std::max(1e-12, 1.0 - a.cosine * a.cosine));
       const double size = a.cosine < 0.0 ? length : length / sine;
-      if (size > kMostRound * std::max({gap_, length, a.wide})) break;
+      if (size > kMaxRound * std::max({gap_, length, a.wide})) break;
       choice.apex = a.vertex;
       choice.size = size;
       break;
@@ -374,12 +374,12 @@ class Zipper {
     const Face f = {e.to, e.from, w};
     if (has(f[1], f[2]) || has(f[2], f[0]) || has(f[0], f[1])) return false;
     const Double3 n = unit_or_zero(face_normal(f));
-    if (dot(n, normal_[e.face]) < least_turn_) return false;
+    if (dot(n, normal_[e.face]) < min_turn_) return false;
     for (std::size_t k = 1; k < 3; ++k) {
       const std::uint32_t from = f[k], to = f[(k + 1) % 3];
       if (const auto there = half_.find(way(to, from)); there != half_.end()) {
         if (there->second < given_ && !is_open(there->second, edge_of(there->second, to))) return false;
-        if (dot(n, normal_[there->second]) < least_turn_) return false;
+        if (dot(n, normal_[there->second]) < min_turn_) return false;
         continue;
       }
       if (!is_free(from, to, n) || !is_free(to, from, n) || crosses(from, to, n)) return false;
@@ -436,7 +436,7 @@ class Zipper {
       std::vector<Edge> loop;
       Edge at = start;
       bool closed = false;
-      while (loop.size() < kMostLoop) {
+      while (loop.size() < kMaxLoop) {
         loop.push_back(at);
         const auto it = next.find(at.from);
         if (it == next.end() || it->second.face == kNone) break;
@@ -464,7 +464,7 @@ class Zipper {
     if (made.faces.empty() && loop.size() == 3 &&
         norm(triangle_normal(hole.position[0], hole.position[1], hole.position[2])) > 0.0)
       made.faces.push_back({0, 1, 2});
-    if (made.rim_cosine < kLeastRim) return;  // the outside of a piece
+    if (made.rim_cosine < kMinRim) return;  // the outside of a piece
     for (const auto& t : made.faces) {
       const auto f = static_cast<std::uint32_t>(faces_.size());
       faces_.push_back({loop[t[0]].to, loop[t[1]].to, loop[t[2]].to});
@@ -477,7 +477,7 @@ class Zipper {
   /// Vertices at which new faces leave two fans lose them.
   bool unstitch() {
     bool any = false;
-    for (int round = 0; round < kMostRounds; ++round) {
+    for (int round = 0; round < kMaxRounds; ++round) {
       std::vector<std::uint32_t> out;
       for (std::uint32_t v = 0; v < star_.size(); ++v) {
         bool fresh = false;
@@ -507,7 +507,7 @@ class Zipper {
   std::vector<Face> faces_;
   std::vector<std::uint8_t> edges_;
   std::size_t given_;
-  double gap_, least_turn_ = kLeastTurn;
+  double gap_, min_turn_ = kMinTurn;
   std::vector<std::uint8_t> gone_;
   std::vector<Double3> normal_;
   std::unordered_map<std::uint64_t, std::uint32_t> half_;  ///< directed edge -> face on its left

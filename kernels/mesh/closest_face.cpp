@@ -19,7 +19,7 @@ namespace {
 constexpr float kFar = std::numeric_limits<float>::infinity();
 constexpr int kMortonBits = 10;  // per axis: one block has no more cells that matter
 // What is a needle: longer than so many of its heights, and than a share of all there is.
-constexpr double kLeastNeedle = 16.0, kLongNeedle = 0.25;
+constexpr double kMinNeedle = 16.0, kLongNeedle = 0.25;
 
 /// Indices in Morton order of the centroids, by counting sort: three passes of ten bits.
 std::vector<std::uint32_t> morton_order(const std::vector<std::uint32_t>& code) {
@@ -41,11 +41,11 @@ struct NeedleAxis {
   double height = 0.0;
 
   explicit NeedleAxis(const std::array<Double3, 3>& corner) {
-    double most = -1.0;
+    double maximum = -1.0;
     std::size_t first = 0;
     for (std::size_t i = 0; i < 3; ++i) {
       const double square = squared_distance(corner[i], corner[(i + 1) % 3]);
-      if (square > most) most = square, first = i;
+      if (square > maximum) maximum = square, first = i;
     }
     from = corner[first], to = corner[(first + 1) % 3];
     const Double3 u = to - from;
@@ -53,7 +53,7 @@ struct NeedleAxis {
     for (std::size_t k = 1; k < 3; ++k)
       if (std::abs(u[k]) > std::abs(u[axis])) axis = k;
     if (u[axis] < 0.0) std::swap(from, to);
-    const double length = std::sqrt(most);
+    const double length = std::sqrt(maximum);
     height = length > 0.0 ? norm(cross(u, corner[(first + 2) % 3] - from)) / length : 0.0;
   }
   double length() const { return norm(to - from); }
@@ -159,7 +159,7 @@ ClosestFaces::ClosestFaces(std::span<const Double3> position,
   for (const std::uint32_t i : face_) {
     const NeedleAxis axis(corners_of(i));
     const double length = axis.length();
-    if (length > kLongNeedle * extent && length > kLeastNeedle * axis.height)
+    if (length > kLongNeedle * extent && length > kMinNeedle * axis.height)
       needles.emplace_back(needle_code(axis, low, per_cell), i);
     else
       face_[plain++] = i;
@@ -308,7 +308,7 @@ void ClosestFaces::bound_needles(std::size_t first, std::size_t end, NeedleNode&
   node.per_square[lane] = square > 0x1p-100 ? 1.0 / square : 0.0;
   node.radius[lane] = start + more;
   node.growth[lane] = growth;
-  node.most[lane] = std::max(start, stop) + more;
+  node.maximum[lane] = std::max(start, stop) + more;
   node.slope[lane] =
       std::sqrt(std::max(0.0, 1.0 - growth * growth * node.per_square[lane])) * (1.0 - 0x1p-40);
 }
@@ -321,7 +321,7 @@ void ClosestFaces::build_needle_nodes() {
     for (NeedleNode& node : nodes) {
       node = NeedleNode{};
       std::fill_n(node.radius, 8, -std::numeric_limits<double>::infinity());
-      std::fill_n(node.most, 8, -std::numeric_limits<double>::infinity());
+      std::fill_n(node.maximum, 8, -std::numeric_limits<double>::infinity());
     }
     for (std::size_t child = 0; child < below; ++child)
       bound_needles(plain_leaves_ + child * each, plain_leaves_ + std::min(leaves, (child + 1) * each),
@@ -385,7 +385,7 @@ void ClosestFaces::needle_squares(const NeedleNode& node, const Double3& p, floa
         _mm256_sub_pd(_mm256_mul_pd(height, _mm256_load_pd(node.slope + at)),
                       _mm256_fmadd_pd(t, _mm256_load_pd(node.growth + at), _mm256_load_pd(node.radius + at)));
     const __m256d gap =
-        _mm256_max_pd(_mm256_max_pd(cone, _mm256_sub_pd(distance, _mm256_load_pd(node.most + at))), zero);
+        _mm256_max_pd(_mm256_max_pd(cone, _mm256_sub_pd(distance, _mm256_load_pd(node.maximum + at))), zero);
     _mm_store_ps(square + at,
                  _mm256_cvtpd_ps(_mm256_mul_pd(_mm256_mul_pd(gap, gap), _mm256_set1_pd(1.0 - 0x1p-20))));
   }

@@ -77,7 +77,7 @@ class ClosestFaces {
 
   /// Hulls of two balls around eight children: a segment, the radius at its start, by how much it grows, the larger one.
   struct alignas(32) NeedleNode {
-    double from[3][8], along[3][8], per_square[8], radius[8], growth[8], most[8], slope[8];
+    double from[3][8], along[3][8], per_square[8], radius[8], growth[8], maximum[8], slope[8];
   };
 
   void store(std::size_t slot, const std::array<Double3, 3>& corner);

@@ -115,10 +115,10 @@ class FlatFaceMender {
   /// The corner at which the longest edge begins.
   std::size_t longest(std::uint32_t f) const {
     std::size_t best = 0;
-    double most = -1.0;
+    double maximum = -1.0;
     for (std::size_t i = 0; i < 3; ++i) {
       const Double3 d = block_.position[block_.faces[f][(i + 1) % 3]] - block_.position[block_.faces[f][i]];
-      if (dot(d, d) > most) most = dot(d, d), best = i;
+      if (dot(d, d) > maximum) maximum = dot(d, d), best = i;
     }
     return best;
   }

@@ -15,7 +15,7 @@ using Point = std::array<double, 2>;
 
 constexpr std::uint32_t kNoCorner = 0xffffffffu;
 /// A polygon that had to give up so many ears that are none gives up the rest without a search.
-constexpr int kMostForced = 32;
+constexpr int kMaxForced = 32;
 /// A flip must widen the narrower triangle by this much, else rounding could orientation it back and forth.
 constexpr double kFlipGain = 1.0 + 1e-9;
 
@@ -64,12 +64,12 @@ std::vector<Point> project(std::span<const Double3> p, const Double3& normal) {
   for (const Double3& q : p)
     for (std::size_t a = 0; a < 3; ++a) largest = std::max(largest, std::fabs(q[a] - p[0][a]));
   const double scale = std::ldexp(1.0, -std::ilogb(largest));
-  std::size_t least = 0;
+  std::size_t minimum = 0;
   for (std::size_t a = 1; a < 3; ++a)
-    if (std::fabs(normal[a]) < std::fabs(normal[least])) least = a;
+    if (std::fabs(normal[a]) < std::fabs(normal[minimum])) minimum = a;
   Double3 u{};
-  u[least] = 1.0;
-  u = unit(u - normal * normal[least]);
+  u[minimum] = 1.0;
+  u = unit(u - normal * normal[minimum]);
   const Double3 v = cross(normal, u);
   std::vector<Point> out;
   out.reserve(p.size());
@@ -150,16 +150,16 @@ class EarClipper {
       if (turn_[i] <= 0) inner.push_back(i);
     const CornerGrid grid(point_, inner);
     int forced = 0;
-    Rule least = Rule::kEar, rule = least;
+    Rule minimum = Rule::kEar, rule = minimum;
     std::size_t misses = 0;
     for (std::uint32_t at = 0; left_ > 3;) {
       if (may_clip(at, rule, grid)) {
-        if (rule >= Rule::kConvex && ++forced == kMostForced) least = Rule::kAny;
+        if (rule >= Rule::kConvex && ++forced == kMaxForced) minimum = Rule::kAny;
         const std::uint32_t after = next_[at];
         clip(at, triangles);
         at = next_[after];  // the next corner but one: fewer triangles hang on one corner
         misses = 0;
-        rule = least;
+        rule = minimum;
         continue;
       }
       at = next_[at];
@@ -217,12 +217,12 @@ class EarClipper {
     const Point &p = point_[previous_[b]], &q = point_[b], &r = point_[next_[b]];
     const Point low = {std::min({p[0], q[0], r[0]}), std::min({p[1], q[1], r[1]})};
     const Point high = {std::max({p[0], q[0], r[0]}), std::max({p[1], q[1], r[1]})};
-    const int least = closed ? 0 : 1;
+    const int minimum = closed ? 0 : 1;
     return !grid.any_in(low, high, [&](std::uint32_t v) {
       if (next_[v] == kNoCorner || turn_[v] > 0) return false;
       const Point& x = point_[v];
       if (x == p || x == q || x == r) return false;
-      return orientation(p, q, x) >= least && orientation(q, r, x) >= least && orientation(r, p, x) >= least;
+      return orientation(p, q, x) >= minimum && orientation(q, r, x) >= minimum && orientation(r, p, x) >= minimum;
     });
   }
 
@@ -342,7 +342,7 @@ Double3 newell_normal(std::span<const Double3> corners) {
 }
 
 bool triangulate_polygon(std::span<const Double3> corners, std::vector<Triangle>& triangles) {
-  assert(corners.size() >= 3 && corners.size() <= kMostPolygonCorners);
+  assert(corners.size() >= 3 && corners.size() <= kMaxPolygonCorners);
   double extent2 = 0.0;
   for (const Double3& p : corners) extent2 = std::max(extent2, squared_distance(p, corners[0]));
   const Double3 along = newell_normal(corners);

@@ -13,7 +13,7 @@
 namespace tessera {
 
 /// Polygons with more corners than these are not taken: memory and time grow with them.
-inline constexpr std::size_t kMostPolygonCorners = std::size_t{1} << 17;
+inline constexpr std::size_t kMaxPolygonCorners = std::size_t{1} << 17;
 
 /// Appends n - 2 triangles, as positions in `corners`, that run as the polygon does.
 ///
@@ -22,7 +22,7 @@ inline constexpr std::size_t kMostPolygonCorners = std::size_t{1} << 17;
 /// triangles at them. Corners in line and repeated ones keep their place in a triangle, which has no area where nothing
 /// else is possible, so edges shared with neighbours stay shared.
 ///
-/// \pre 3 <= corners.size() <= kMostPolygonCorners
+/// \pre 3 <= corners.size() <= kMaxPolygonCorners
 /// \return whether the triangles cover the polygon once, all facing along its normal. If not (its outline crosses itself,
 ///   seen along the normal, or it has no normal though it is no line), they are as good as its corners allow: the fan
 ///   where there is no normal or a corner is not finite

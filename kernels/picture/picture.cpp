@@ -16,11 +16,11 @@ namespace tessera {
 namespace {
 
 constexpr float kUnitNormal = 32767.0f;
-constexpr float kLeastLinePixels = 0.3f;
-constexpr double kMostPointSize = 200.0;  // samples (picture_shaders.h)
+constexpr float kMinLinePixels = 0.3f;
+constexpr double kMaxPointSize = 200.0;  // samples (picture_shaders.h)
 constexpr double kRounding = 2.0;         // pixels, of floats on the way to the screen
 constexpr double kOcclusionShare = 0.07;  // of a view's half width, where no radius is given
-constexpr double kMostReach = 0.3;        // of a view's height: as far as occlusion looks in perspective
+constexpr double kMaxReach = 0.3;        // of a view's height: as far as occlusion looks in perspective
 /// A view of 800 x 600 with three samples a side is a band.
 constexpr std::uint64_t kBandSamples = 4'500'000;
 
@@ -40,8 +40,8 @@ float channel(std::uint32_t rgba, int i) {
 /// Pixels around a band whose depths and occlusions the passes over the screen look at (picture_shaders.h): as far as taps of occlusion
 /// reach, and four for the blur, the crease and what is rounded.
 int band_margin(const PictureView& view) {
-  const double most = kMostReach * view.height;
-  const double reach = view.camera.orthographic ? std::min(0.5 * kOcclusionShare * view.width, most) : most;
+  const double maximum = kMaxReach * view.height;
+  const double reach = view.camera.orthographic ? std::min(0.5 * kOcclusionShare * view.width, maximum) : maximum;
   return static_cast<int>(std::ceil(std::max(reach, 4.0))) + 4;
 }
 
@@ -246,7 +246,7 @@ bool Picture::State::may_show(std::span<const PictureVertex> batch, const Pictur
     for (std::size_t i = 0; i < 3; ++i) low[i] = std::min(low[i], at[i]), high[i] = std::max(high[i], at[i]);
   }
   const Camera& camera = view.camera;
-  double least = 1e300, most = -1e300;  // rows
+  double minimum = 1e300, maximum = -1e300;  // rows
   for (unsigned corner = 0; corner < 8; ++corner) {
     Double3 d;
     for (std::size_t i = 0; i < 3; ++i)
@@ -258,9 +258,9 @@ bool Picture::State::may_show(std::span<const PictureVertex> batch, const Pictur
       up /= ahead;
     }
     const double row = 0.5 * (up + 1.0) * view.height;
-    least = std::min(least, row), most = std::max(most, row);
+    minimum = std::min(minimum, row), maximum = std::max(maximum, row);
   }
-  return !(most + pad_pixels < band.drawn_low || least - pad_pixels > band.drawn_high);
+  return !(maximum + pad_pixels < band.drawn_low || minimum - pad_pixels > band.drawn_high);
 }
 
 void Picture::State::upload(std::span<const PictureVertex> vertices) const {
@@ -346,7 +346,7 @@ void Picture::lines(std::span<const PictureVertex> ends, float pixels, float len
   gl.BindVertexArray(s.line_array);
   const auto samples = static_cast<float>(s.options.supersample);
   gl.Uniform1f(gl_uniform(gl, program, "most_half_width"), 0.5f * pixels * samples);
-  gl.Uniform1f(gl_uniform(gl, program, "least_half_width"), 0.5f * kLeastLinePixels * samples);
+  gl.Uniform1f(gl_uniform(gl, program, "least_half_width"), 0.5f * kMinLinePixels * samples);
   gl.Uniform1f(gl_uniform(gl, program, "edge_length"), length);
   for (std::size_t k = 0; k < s.held.size(); ++k) {
     if (!s.may_show(ends, s.held[k], kRounding + double{pixels})) continue;
@@ -362,7 +362,7 @@ void Picture::lines(std::span<const PictureVertex> ends, float pixels, float len
   gl.Finish();  // else llvmpipe keeps every batch until the end
 }
 
-void Picture::points(std::span<const PictureVertex> centres, float diameter, float least_pixels,
+void Picture::points(std::span<const PictureVertex> centres, float diameter, float min_pixels,
                      bool mark_back) {
   const State& s = *state_;
   const GlFunctions& gl = s.gl();
@@ -371,12 +371,12 @@ void Picture::points(std::span<const PictureVertex> centres, float diameter, flo
   s.upload(centres);
   gl.BindVertexArray(s.vertex_array);
   const auto samples = static_cast<float>(s.options.supersample);
-  gl.Uniform1f(gl_uniform(gl, program, "least_pixels"), least_pixels * samples);
+  gl.Uniform1f(gl_uniform(gl, program, "least_pixels"), min_pixels * samples);
   gl.Uniform1i(gl_uniform(gl, program, "mark_back"), mark_back ? 1 : 0);
   gl.Uniform4f(gl_uniform(gl, program, "back_colour"), channel(kBackFace, 0), channel(kBackFace, 1),
                channel(kBackFace, 2), 1.0f);
   for (std::size_t k = 0; k < s.held.size(); ++k) {
-    if (!s.may_show(centres, s.held[k], kRounding + kMostPointSize)) continue;
+    if (!s.may_show(centres, s.held[k], kRounding + kMaxPointSize)) continue;
     const PictureView& view = s.views[s.held[k].view];
     s.use_band(program, k);
     const double per_unit = view.height * s.options.supersample / (2.0 * view.camera.half_height);

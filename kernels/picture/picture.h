@@ -100,9 +100,9 @@ class Picture {
   /// `length` (scene units; 0 = any) are short on screen they get thinner with it, below a sample by hitting fewer: a
   /// thicket of them tints what it lies on instead of covering it.
   void lines(std::span<const PictureVertex> ends, float pixels, float length = 0.0f);
-  /// Discs of `diameter` (scene units), at least `least_pixels` wide. Normals that look away are drawn in
+  /// Discs of `diameter` (scene units), at least `min_pixels` wide. Normals that look away are drawn in
   /// kBackFace where `mark_back`.
-  void points(std::span<const PictureVertex> centres, float diameter, float least_pixels, bool mark_back);
+  void points(std::span<const PictureVertex> centres, float diameter, float min_pixels, bool mark_back);
 
   /// Puts the bands held into the image. \pre it has the size of the options
   void finish(Image& image);

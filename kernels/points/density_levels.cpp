@@ -9,11 +9,11 @@ namespace {
 /// Cells of half the edge that are occupied, for every one of the edge: 3.25 of at most four. Measured on a town seen from one place: 3 loses
 /// a twentieth of the surface to holes, 3.5 a sixth of the faces.
 constexpr std::uint64_t kCoveredFiner = 13, kCoveredCoarser = 4;
-constexpr std::uint64_t kLeastCells = 4;  ///< fewer do not tell
+constexpr std::uint64_t kMinCells = 4;  ///< fewer do not tell
 
 class Splitter {
  public:
-  Splitter(const PointBlock& points, int levels, int least) : levels_(levels), least_(least) {
+  Splitter(const PointBlock& points, int levels, int minimum) : levels_(levels), min_(minimum) {
     const std::size_t n = points.size();
     at_.reserve(n);
     differ_.reserve(n);
@@ -27,9 +27,9 @@ class Splitter {
 
   void split(std::size_t first, std::size_t last, int level, const Int3& brick,
              std::vector<DensityNode>& out) {
-    if (level <= least_ || first == last) return;
+    if (level <= min_ || first == last) return;
     const std::uint64_t cells = occupied(first, last, cell_bits(level));
-    if (cells < kLeastCells ||
+    if (cells < kMinCells ||
         kCoveredCoarser * occupied(first, last, cell_bits(level - 1)) < kCoveredFiner * cells)
       return;
     DensityNode node{level, {}};
@@ -56,7 +56,7 @@ class Splitter {
     return count;
   }
 
-  int levels_, least_;
+  int levels_, min_;
   std::vector<std::array<std::uint32_t, 3>> at_;
   std::vector<std::uint8_t> differ_;  ///< highest bit in which a point differs from the one before
 };
@@ -64,9 +64,9 @@ class Splitter {
 }  // namespace
 
 std::vector<DensityNode> split_by_density(const PointBlock& points, const Int3& brick, int levels,
-                                          int least) {
+                                          int minimum) {
   std::vector<DensityNode> out;
-  Splitter splitter(points, levels, least);
+  Splitter splitter(points, levels, minimum);
   splitter.split(0, splitter.size(), levels - 1, brick, out);
   return out;
 }

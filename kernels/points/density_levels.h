@@ -20,7 +20,7 @@ struct DensityNode {
 /// Nodes of the octree under one brick of level `levels` - 1 that are split, parents first.
 /// \param points  of the brick, canonical order, relative to it, in its cells; no halo
 /// \param brick   its coordinates
-/// \param least   no bricks below this level
-std::vector<DensityNode> split_by_density(const PointBlock& points, const Int3& brick, int levels, int least);
+/// \param minimum   no bricks below this level
+std::vector<DensityNode> split_by_density(const PointBlock& points, const Int3& brick, int levels, int minimum);
 
 }  // namespace tessera

@@ -86,7 +86,7 @@ Plane fit(const Sums& s) {
       s.second[0] / s.count - m[0] * m[0], s.second[1] / s.count - m[0] * m[1],
       s.second[2] / s.count - m[0] * m[2], s.second[3] / s.count - m[1] * m[1],
       s.second[4] / s.count - m[1] * m[2], s.second[5] / s.count - m[2] * m[2]};
-  const auto [values, n] = least_eigen3(covariance);
+  const auto [values, n] = min_eigen3(covariance);
   if (!(values[1] > 0.0) || values[1] < kMinLineRatio * values[2]) return {};
   return {n, std::max(values[0], 0.0) / values[1]};
 }
@@ -95,7 +95,7 @@ Plane fit(const Sums& s) {
 
 void GridLine::put(std::int64_t cell, const Double3& sample) {
   constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
-  const auto most = static_cast<std::int64_t>(kMostGridCells);
+  const auto maximum = static_cast<std::int64_t>(kMaxGridCells);
   const auto count = static_cast<std::int64_t>(samples_.size());
   if (count == 0) {
     first_ = cell;
@@ -103,13 +103,13 @@ void GridLine::put(std::int64_t cell, const Double3& sample) {
     return;
   }
   // Differences of far cells do not fit: compare before subtracting.
-  if (cell < first_ - most || cell > first_ + most) return;
+  if (cell < first_ - maximum || cell > first_ + maximum) return;
   if (cell < first_) {
-    if (first_ + count - cell > most) return;
+    if (first_ + count - cell > maximum) return;
     samples_.insert(samples_.begin(), static_cast<std::size_t>(first_ - cell), Double3{kNan, kNan, kNan});
     first_ = cell;
   } else if (cell - first_ >= count) {
-    if (cell - first_ >= most) return;
+    if (cell - first_ >= maximum) return;
     samples_.resize(static_cast<std::size_t>(cell - first_) + 1, Double3{kNan, kNan, kNan});
   }
   Double3& at = samples_[static_cast<std::size_t>(cell - first_)];

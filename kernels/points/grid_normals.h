@@ -16,12 +16,12 @@ namespace tessera {
 
 inline constexpr int kGridReach = 3;                           ///< lines and cells to either side
 inline constexpr std::size_t kGridLines = 2 * kGridReach + 1;  ///< of a window
-inline constexpr std::size_t kMostGridCells = 20480;           ///< of a line
+inline constexpr std::size_t kMaxGridCells = 20480;           ///< of a line
 
 /// A row or a column of a scan.
 class GridLine {
  public:
-  /// Puts a sample into a cell; the first one of a cell stays. What lies more than kMostGridCells away from the cells that
+  /// Puts a sample into a cell; the first one of a cell stays. What lies more than kMaxGridCells away from the cells that
   /// are there has no place. \param sample  relative to the scanner, finite
   void put(std::int64_t cell, const Double3& sample);
   /// The sample of a cell; null where there is none.

@@ -18,7 +18,7 @@ std::size_t padded(std::size_t n) {
 }
 
 /// The least of the lanes.
-float least(__m256 v) {
+float minimum(__m256 v) {
   const __m128 four = _mm_min_ps(_mm256_castps256_ps128(v), _mm256_extractf128_ps(v, 1));
   const __m128 two = _mm_min_ps(four, _mm_movehl_ps(four, four));
   return _mm_cvtss_f32(_mm_min_ss(two, _mm_shuffle_ps(two, two, 1)));
@@ -60,8 +60,8 @@ void sum_lanes(const __m256 (&v)[8], __m256d& low, __m256d& high) {
 
 }  // namespace
 
-void NeighbourList::make_room(std::size_t most, bool normals) {
-  const std::size_t room = padded(most) + kLanes;  // compressed packs are stored whole
+void NeighbourList::make_room(std::size_t maximum, bool normals) {
+  const std::size_t room = padded(maximum) + kLanes;  // compressed packs are stored whole
   for (std::vector<float>* v : {&x_, &y_, &z_})
     if (v->size() < room) v->resize(room);
   for (std::vector<float>* v : {&nx_, &ny_, &nz_})
@@ -71,9 +71,9 @@ void NeighbourList::make_room(std::size_t most, bool normals) {
 void NeighbourList::fill(const NeighbourSource& source,
                          std::span<const std::pair<std::uint32_t, std::uint32_t>> runs, const Float3& corner,
                          float radius, bool only_ground, bool normals) {
-  std::size_t most = 0;
-  for (const auto& [first, last] : runs) most += last - first;
-  make_room(most, normals);
+  std::size_t maximum = 0;
+  for (const auto& [first, last] : runs) maximum += last - first;
+  make_room(maximum, normals);
   const __m256i lane = _mm256_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7);
   const __m256 low = _mm256_set1_ps(-radius), high = _mm256_set1_ps(kListCubeCells + radius);
   const __m256 origin[3] = {_mm256_set1_ps(corner[0]), _mm256_set1_ps(corner[1]), _mm256_set1_ps(corner[2])};
@@ -120,7 +120,7 @@ void NeighbourList::make_boxes() {
     std::size_t i = 0;
     for (; i + kLanes <= size_; i += kLanes) {
       const __m256 v = _mm256_loadu_ps(at + i);
-      low_[a][i / kLanes] = least(v), high_[a][i / kLanes] = largest(v);
+      low_[a][i / kLanes] = minimum(v), high_[a][i / kLanes] = largest(v);
     }
     for (; i < size_; ++i) {
       low_[a][i / kLanes] = std::min(low_[a][i / kLanes], at[i]);

@@ -13,11 +13,11 @@ constexpr float kParallel = 0.8f;    ///< cosine between lines of one surface
 constexpr double kInPlane = 0.35;    ///< offset along the normal, as a part of the distance
 // A split cell: its lines are parallel, both sides have their part of it, hardly any sample lies beyond the line, and the
 // two halves are one sheet.
-constexpr std::size_t kLeastOfCell = 8;
-constexpr double kParallelMean = 0.8, kLeastPart = 0.25, kMostBeyond = 0.1, kMostStep = 0.25;
+constexpr std::size_t kMinOfCell = 8;
+constexpr double kParallelMean = 0.8, kMinPart = 0.25, kMaxBeyond = 0.1, kMaxStep = 0.25;
 
 bool is_split(std::span<const NormalSample> cell) {
-  if (cell.size() < kLeastOfCell) return false;
+  if (cell.size() < kMinOfCell) return false;
   const auto n = static_cast<double>(cell.size());
   Double3 axis{};
   for (const NormalSample& s : cell) axis = dot(s.n, cell[0].n) < 0.0f ? axis - wide(s.n) : axis + wide(s.n);
@@ -31,16 +31,16 @@ bool is_split(std::span<const NormalSample> cell) {
     sum = sum + s.p;
     if (up(s)) count += 1.0;
   }
-  if (std::min(count, n - count) < kLeastPart * n) return false;
+  if (std::min(count, n - count) < kMinPart * n) return false;
   above = above / count, below = below / (n - count);
   const double step = dot(above - below, axis);
   const Double3 across = above - below - axis * step;
   const double apart = norm(across);
-  if (!(std::fabs(step) <= kMostStep * apart) || !(apart > 0.0)) return false;
+  if (!(std::fabs(step) <= kMaxStep * apart) || !(apart > 0.0)) return false;
   const double line = 0.5 * dot(above + below, across);
   double beyond = 0.0;
   for (const NormalSample& s : cell) beyond += (dot(s.p, across) > line) != up(s) ? 1.0 : 0.0;
-  return beyond <= kMostBeyond * n;
+  return beyond <= kMaxBeyond * n;
 }
 
 }  // namespace

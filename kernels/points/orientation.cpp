@@ -10,7 +10,7 @@
 namespace tessera {
 namespace {
 
-constexpr float kLeastWeight = 0.15f;  ///< links below this weight say nothing
+constexpr float kMinWeight = 0.15f;  ///< links below this weight say nothing
 constexpr std::int32_t kSmooth =
     kVoteScale * 9 / 10;            ///< links above this weight join surfels without asking further
 constexpr float kSameSheet = 0.7f;  ///< cosine between normals of one surfel
@@ -62,7 +62,7 @@ std::vector<Surfel> make_surfels(const OrientationInput& in, std::vector<std::ui
     const int x = voxel_coordinate(p[0]), y = voxel_coordinate(p[1]), z = voxel_coordinate(p[2]);
     std::uint32_t* slot = &head[voxel_index(x, y, z)];
     std::uint32_t nearest = kNone;
-    float least = std::numeric_limits<float>::infinity();
+    float minimum = std::numeric_limits<float>::infinity();
     int count = 0;
     bool fits = false;
     while (*slot != kNone && !fits) {
@@ -74,7 +74,7 @@ std::vector<Surfel> make_surfels(const OrientationInput& in, std::vector<std::ui
       const float gap = norm > 0.0f ? std::fabs(dot(from, s.normal)) / norm : 0.0f;
       fits = cosine > kSameSheet && gap < kSheetGap;
       const float misfit = gap + 2.0f * (1.0f - cosine);
-      if (fits || misfit < least) least = misfit, nearest = *slot;
+      if (fits || misfit < minimum) minimum = misfit, nearest = *slot;
       slot = &sheets[*slot].next;
       ++count;
     }
@@ -336,7 +336,7 @@ std::int32_t link_vote(const Surfel& a, const Surfel& b, const Float3& offset) {
   const float lean = std::fabs(ae + (carried < 0.0f ? -be : be));
   const float steep = std::max(ae * ae, be * be);
   float weight = std::fabs(carried) * (1.0f - 0.9f * steep) * (1.0f - std::min(lean, 1.0f));
-  if (weight < kLeastWeight) return 0;
+  if (weight < kMinWeight) return 0;
   if (a.vague + b.vague > 0) weight *= kVagueWeight;
   const auto vote = static_cast<std::int32_t>(std::floor(weight * kVoteScale + 0.5f));
   return carried < 0.0f ? -vote : vote;

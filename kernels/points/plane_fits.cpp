@@ -37,18 +37,18 @@ Four dot(const Four3& a, const Four3& b) {
   return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 }
 
-/// Of four matrices, as LeastEigen3 has it of one; `known` tells where: elsewhere least_eigen3() takes other ways.
-struct LeastEigenLanes {
+/// Of four matrices, as MinEigen3 has it of one; `known` tells where: elsewhere min_eigen3() takes other ways.
+struct MinEigenLanes {
   Four3 values, vector;
   Mask known;
 };
 
-/// least_eigen3(), operation by operation.
-LeastEigenLanes least_eigen(const std::array<Four, 6>& m) {
+/// min_eigen3(), operation by operation.
+MinEigenLanes min_eigen(const std::array<Four, 6>& m) {
   constexpr int kNewtonSteps = 40;
   constexpr double kEnough = 4e-16, kParallel = 1e-12;
   const Four zero = {}, one = zero + 1.0;
-  LeastEigenLanes out;
+  MinEigenLanes out;
   const Four mean = (m[0] + m[3] + m[5]) / 3.0;
   const Four xx = m[0] - mean, yy = m[3] - mean, zz = m[5] - mean;
   const Four square = xx * xx + yy * yy + zz * zz + 2.0 * (m[1] * m[1] + m[2] * m[2] + m[4] * m[4]);
@@ -88,7 +88,7 @@ LeastEigenLanes least_eigen(const std::array<Four, 6>& m) {
 
 FittedPlane plane_of(const Double3& values, const Double3& n) {
   FittedPlane plane;
-  const double least = std::max(values[0], 0.0), sum = least + values[1] + values[2];
+  const double minimum = std::max(values[0], 0.0), sum = minimum + values[1] + values[2];
   if (!(sum > 0.0) || values[1] < kLine * values[2]) return plane;
   // A sign that every block agrees on: the component of largest magnitude is positive.
   std::size_t major = 0;
@@ -96,8 +96,8 @@ FittedPlane plane_of(const Double3& values, const Double3& n) {
     if (std::fabs(n[a]) > std::fabs(n[major])) major = a;
   const double sign = n[major] < 0.0 ? -1.0 : 1.0;
   for (std::size_t a = 0; a < 3; ++a) plane.normal[a] = static_cast<float>(sign * n[a]);
-  plane.variation = static_cast<float>(least / sum);
-  plane.residual = static_cast<float>(std::sqrt(least));
+  plane.variation = static_cast<float>(minimum / sum);
+  plane.residual = static_cast<float>(std::sqrt(minimum));
   return plane;
 }
 
@@ -112,17 +112,17 @@ std::array<FittedPlane, kLanes> fit_planes(const NeighbourSums& sums) {
       row_of(sums, S::kXX) / weight - mean[0] * mean[0], row_of(sums, S::kXY) / weight - mean[0] * mean[1],
       row_of(sums, S::kXZ) / weight - mean[0] * mean[2], row_of(sums, S::kYY) / weight - mean[1] * mean[1],
       row_of(sums, S::kYZ) / weight - mean[1] * mean[2], row_of(sums, S::kZZ) / weight - mean[2] * mean[2]};
-  const LeastEigenLanes eigen = least_eigen(covariance);
+  const MinEigenLanes eigen = min_eigen(covariance);
   std::array<FittedPlane, kLanes> planes;
   for (std::size_t lane = 0; lane < kLanes; ++lane) {
     if (!(weight[lane] > 0.0)) continue;
     const auto of = [lane](const auto& four) { return four[lane]; };
-    LeastEigen3 one{{of(eigen.values[0]), of(eigen.values[1]), of(eigen.values[2])},
+    MinEigen3 one{{of(eigen.values[0]), of(eigen.values[1]), of(eigen.values[2])},
                     {of(eigen.vector[0]), of(eigen.vector[1]), of(eigen.vector[2])}};
     if (eigen.known[lane] == 0) {
       std::array<double, 6> m;
       for (std::size_t k = 0; k < m.size(); ++k) m[k] = covariance[k][lane];
-      one = least_eigen3(m);
+      one = min_eigen3(m);
     }
     planes[lane] = plane_of(one.values, one.vector);
   }

@@ -23,7 +23,7 @@ struct FittedPlane {
   float residual = 0.0f;       ///< weighted RMS distance to the plane
 };
 
-/// Each lane alone: a plane does not hang on those beside it. The eigenvalues are least_eigen3()'s to the last bit.
+/// Each lane alone: a plane does not hang on those beside it. The eigenvalues are min_eigen3()'s to the last bit.
 std::array<FittedPlane, NeighbourSums::kLanes> fit_planes(const NeighbourSums& sums);
 
 }  // namespace tessera

@@ -6,17 +6,17 @@
 namespace tessera {
 
 PointClumps find_clumps(std::span<const double> occupied, double edge, double points, double typical) {
-  constexpr double kMostRatio = 1.6;    // a line has 2
-  constexpr double kLeastCells = 64.0;  // fewer are the outline of the scan
+  constexpr double kMaxRatio = 1.6;    // a line has 2
+  constexpr double kMinCells = 64.0;  // fewer are the outline of the scan
   constexpr double kCoarser = 8.0;      // cells for a cell of a surface, where clumps join
   constexpr double kCrossed = 1.5;      // cells of edge e that a surface of area e^2 crosses
-  constexpr double kLeastPoints = 3.0;
-  if (typical < kLeastPoints) return {};
+  constexpr double kMinPoints = 3.0;
+  if (typical < kMinPoints) return {};
   std::size_t plateau = 0;
-  double least = kMostRatio;
-  for (std::size_t k = 0; k + 1 < occupied.size() && occupied[k + 1] >= kLeastCells; ++k) {
+  double minimum = kMaxRatio;
+  for (std::size_t k = 0; k + 1 < occupied.size() && occupied[k + 1] >= kMinCells; ++k) {
     const double ratio = occupied[k] / occupied[k + 1];
-    if (ratio < least) least = ratio, plateau = k + 1;
+    if (ratio < minimum) minimum = ratio, plateau = k + 1;
   }
   if (plateau == 0) return {};
   const double clumps = occupied[plateau];

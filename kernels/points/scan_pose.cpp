@@ -11,26 +11,26 @@
 namespace tessera {
 namespace {
 
-constexpr std::size_t kLeastSamples = 48;  ///< fewer tell nothing
-constexpr std::size_t kLeastOfLine = 8;    ///< samples that tell whether a line is planar
-constexpr std::size_t kLeastLines = 4;     ///< that tell of a family of lines
+constexpr std::size_t kMinSamples = 48;  ///< fewer tell nothing
+constexpr std::size_t kMinOfLine = 8;    ///< samples that tell whether a line is planar
+constexpr std::size_t kMinLines = 4;     ///< that tell of a family of lines
 /// Distance of the middle of the samples, in radii that hold nine of ten. An object of a desktop scanner lies 3 to 10 away;
 /// beyond 3 the grid must agree in its orientation too.
 constexpr double kNearShare = 3.0, kFarWithoutGrid = 10.0, kFarWithGrid = 100.0;
 /// Root mean square distance from the plane, in steps between neighbours in the grid: a turntable that turns on during a
 /// line makes half a step, as does rounding of coordinates.
 /// Where samples lie farther off than kNearShare, less: seen from there, steps between neighbours are as wide as relief is high.
-constexpr double kMostBent = 1.0, kMostBentFar = 0.6;
+constexpr double kMaxBent = 1.0, kMaxBentFar = 0.6;
 /// Neighbours are nearer to each other than that part of their line is long, or the order of the file is no grid.
-constexpr double kMostOfLine = 0.25;
-constexpr double kMostTurned = 0.1;  ///< share of grid triangles that are seen from the other side
+constexpr double kMaxOfLine = 0.25;
+constexpr double kMaxTurned = 0.1;  ///< share of grid triangles that are seen from the other side
 /// A raster in space: its samples are off an even one by less than that, in steps. Of what scanners see only planes come so
 /// close, straight ahead and in a narrow view; then directions do as well, since noise of rays is noise of samples.
-constexpr double kMostOffRaster = 0.1, kRatioToRays = 4.0;
-constexpr double kLeastBent = 0.05;  ///< of its lines, in steps: less may be what is rounded
-constexpr double kLeastUneven =
+constexpr double kMaxOffRaster = 0.1, kRatioToRays = 4.0;
+constexpr double kMinBent = 0.05;  ///< of its lines, in steps: less may be what is rounded
+constexpr double kMinUneven =
     0.25;  ///< of its directions, in steps: narrow views of spheres and planes have less
-constexpr std::int64_t kLeastRaster = 8;  ///< rows and columns of it
+constexpr std::int64_t kMinRaster = 8;  ///< rows and columns of it
 constexpr double kWidestCamera = 2.0;     ///< 1 / cos 60 degrees: no camera sees a plane farther to its sides
 
 double middle_of(std::vector<double>& values) {
@@ -95,13 +95,13 @@ Family family_of(std::span<const Ray> rays, double step) {
   std::vector<double> bent, length;
   for (std::size_t i = 0, end = 0; i < rays.size(); i = end) {
     for (end = i; end < rays.size() && rays[end].group == rays[i].group;) ++end;
-    if (end - i < kLeastOfLine) continue;
+    if (end - i < kMinOfLine) continue;
     const Flatness f = flatness_of(rays.subspan(i, end - i));
     bent.push_back(f.bent);
     length.push_back(f.length);
   }
-  if (bent.size() < kLeastLines) return {};
-  return {true, step < kMostOfLine * middle_of(length), middle_of(bent)};
+  if (bent.size() < kMinLines) return {};
+  return {true, step < kMaxOfLine * middle_of(length), middle_of(bent)};
 }
 
 /// Median angle between rays of neighbouring places in a group; 0 without any.
@@ -177,13 +177,13 @@ struct Raster {
   bool ahead = false;  ///< a camera may look straight at it: even steps on a plane are even on its image
 };
 Raster raster_of(std::span<const GridSample> samples) {
-  constexpr double kLeastSine = 0.1;
+  constexpr double kMinSine = 0.1;
   std::int64_t low[2] = {samples[0].line, samples[0].cell}, high[2] = {low[0], low[1]};
   for (const GridSample& s : samples) {
     low[0] = std::min(low[0], s.line), high[0] = std::max(high[0], s.line);
     low[1] = std::min(low[1], s.cell), high[1] = std::max(high[1], s.cell);
   }
-  if (high[0] - low[0] < kLeastRaster || high[1] - low[1] < kLeastRaster) return {};
+  if (high[0] - low[0] < kMinRaster || high[1] - low[1] < kMinRaster) return {};
   const EvenGrid even = fit_even(samples, [](const GridSample& s) { return s.p; });
   const auto n = static_cast<double>(samples.size());
   std::array<double, 6> m{};
@@ -200,10 +200,10 @@ Raster raster_of(std::span<const GridSample> samples) {
   const Double3 normal = unit(turn);
   // Heights may be anything. Those of a plane are noise, whose direction is too.
   const bool flat =
-      std::sqrt(std::max(values[2], 0.0)) < kMostOffRaster * std::min(norm(even.line), norm(even.cell));
+      std::sqrt(std::max(values[2], 0.0)) < kMaxOffRaster * std::min(norm(even.line), norm(even.cell));
   const Double3 up = flat ? normal : axes[2];
   const Double3 line = perpendicular(even.line, up), cell = perpendicular(even.cell, up);
-  if (!(norm(cross(line, cell)) > kLeastSine * norm(line) * norm(cell))) return {};
+  if (!(norm(cross(line, cell)) > kMinSine * norm(line) * norm(cell))) return {};
   Raster r;
   r.told = true;
   r.off = std::sqrt(std::max(values[1], 0.0)) / std::min(norm(line), norm(cell));
@@ -249,7 +249,7 @@ std::vector<Ray> sorted_rays(std::span<const GridSample> samples, bool by_line) 
 }  // namespace
 
 ScanPose check_scan_pose(std::span<const Double3> spread, std::vector<GridSample> grid, bool filled_in) {
-  if (spread.size() < kLeastSamples) return ScanPose::kHolds;
+  if (spread.size() < kMinSamples) return ScanPose::kHolds;
   const double distance = distance_in_radii(spread);
   const std::vector<Ray> lines = sorted_rays(grid, true), cells = sorted_rays(grid, false);
   const double along = step_along(lines), across = step_along(cells);
@@ -257,23 +257,23 @@ ScanPose check_scan_pose(std::span<const Double3> spread, std::vector<GridSample
   if (!by_line.told && !by_cell.told)
     return distance > (filled_in ? kFarWithoutGrid : kNearShare) ? ScanPose::kFar : ScanPose::kHolds;
   if (distance > kFarWithGrid) return ScanPose::kFar;
-  const double most = (distance > kNearShare ? kMostBentFar : kMostBent) * std::max(along, across);
-  const auto holds = [&](const Family& f) { return f.told && f.coherent && f.bent <= most; };
+  const double maximum = (distance > kNearShare ? kMaxBentFar : kMaxBent) * std::max(along, across);
+  const auto holds = [&](const Family& f) { return f.told && f.coherent && f.bent <= maximum; };
   if (!holds(by_line) && !holds(by_cell)) return ScanPose::kOffRays;
-  if (distance > kNearShare && turned_share(lines) > kMostTurned) return ScanPose::kOffRays;
+  if (distance > kNearShare && turned_share(lines) > kMaxTurned) return ScanPose::kOffRays;
   if (!by_line.told || !by_cell.told) return ScanPose::kHolds;
   const Raster raster = raster_of(grid);
-  if (!raster.told || raster.off > kMostOffRaster) return ScanPose::kHolds;
+  if (!raster.told || raster.off > kMaxOffRaster) return ScanPose::kHolds;
   const double bent = std::min(by_line.bent, by_cell.bent) / std::max(along, across);
   const bool raster_fits =
-      bent > std::max(kLeastBent, kRatioToRays * raster.off) ||
-      (!raster.ahead && raster.uneven > std::max(kLeastUneven, kRatioToRays * raster.off));
+      bent > std::max(kMinBent, kRatioToRays * raster.off) ||
+      (!raster.ahead && raster.uneven > std::max(kMinUneven, kRatioToRays * raster.off));
   return raster_fits ? ScanPose::kRaster : ScanPose::kHolds;
 }
 
 void EvenSpread::add(const Double3& p) {
   kept_.push_back(p);
-  if (kept_.size() < kMost) return;
+  if (kept_.size() < kMax) return;
   for (std::size_t i = 0; 2 * i < kept_.size(); ++i) kept_[i] = kept_[2 * i];
   kept_.resize((kept_.size() + 1) / 2);
   every_ *= 2;

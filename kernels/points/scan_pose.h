@@ -55,7 +55,7 @@ class EvenSpread {
   std::span<const Double3> positions() const { return kept_; }
 
  private:
-  static constexpr std::size_t kMost = 2048;
+  static constexpr std::size_t kMax = 2048;
   std::uint64_t next_ = 0, every_ = 1;
   std::vector<Double3> kept_;
 };

@@ -12,14 +12,14 @@ namespace tessera {
 namespace {
 
 // Looks.
-constexpr float kLeastDistance = 0.5f;        ///< cells; what is nearer is the surface that is looked from
+constexpr float kMinDistance = 0.5f;        ///< cells; what is nearer is the surface that is looked from
 constexpr float kGrazing = 0.1f;              ///< cosine; flatter looks at a sensor are left out
 constexpr float kFrank = 0.25f;               ///< cosine; flatter looks say nothing
 constexpr float kNear = 2.0f * kCoarseCells;  ///< disks reach beyond edges: what ends nearer does not vote
 constexpr std::uint64_t kLooks = 1u << 19;    ///< pairs, there and back, aimed at over the whole job
-constexpr std::uint64_t kMostLooks = 2 * kLooks;
+constexpr std::uint64_t kMaxLooks = 2 * kLooks;
 constexpr std::uint64_t kPerGroup = 1024;  ///< small groups look more often, while the most allows it
-constexpr std::uint64_t kMost = 32;        ///< of a surfel that looks at all
+constexpr std::uint64_t kMax = 32;        ///< of a surfel that looks at all
 constexpr std::size_t kLookersPerPart = 128;
 constexpr std::size_t kAskedSensors = 8;  ///< the nearest
 constexpr double kBelow = 0.1;  ///< weight of open sight downwards: nobody scans the earth from below
@@ -32,7 +32,7 @@ constexpr double kShell = 0.2;  ///< share of surfels with one side shut in from
 // Length, in mean lengths of sight, that sight of the open counts as.
 constexpr double kOpenInRoom = 0.3;
 constexpr double kOpenOnLand = 1.2;
-constexpr double kLeastOpen = 96.0;  ///< and at least so many cells on land: roofs see the ground below
+constexpr double kMinOpen = 96.0;  ///< and at least so many cells on land: roofs see the ground below
 constexpr double kRoomSides = 0.25;  ///< weight of sides against `scale` in a room; there pairs do not vote,
 constexpr double kSides = 0.25;      ///< for the backs of furniture see each other's fronts; elsewhere
 constexpr double kPairs = 0.1;       ///< weight of pairs
@@ -111,7 +111,7 @@ class Looker {
   double rate(const JobSurfel& s, double per_group) const {
     return std::min(std::max(static_cast<double>(kLooks) / static_cast<double>(surfels_.size()),
                              per_group / static_cast<double>(members_[s.patch])),
-                    static_cast<double>(kMost));
+                    static_cast<double>(kMax));
   }
 
   /// Few surfels look often rather than many seldom: what shuts a surfel in shows in many looks only. Where groups are
@@ -120,11 +120,11 @@ class Looker {
     for (per_group_ = static_cast<double>(kPerGroup);; per_group_ /= 2.0) {  // without it they are kLooks
       double all = 0.0;
       for (const JobSurfel& s : surfels_) all += rate(s, per_group_);
-      if (all <= static_cast<double>(kMostLooks)) break;
+      if (all <= static_cast<double>(kMaxLooks)) break;
     }
     for (std::uint32_t i = 0; i < surfels_.size(); ++i)
       if (scene_.disk_of(i) != SurfelScene::kNobody &&
-          rounded(rate(surfels_[i], per_group_) / static_cast<double>(kMost), seed_of(surfels_[i])) != 0)
+          rounded(rate(surfels_[i], per_group_) / static_cast<double>(kMax), seed_of(surfels_[i])) != 0)
         lookers_.push_back(i);
   }
 
@@ -132,12 +132,12 @@ class Looker {
     return mix(voxel_key(coarse_voxel_of(s.position)) + (std::uint64_t{s.surfels} << 56));
   }
 
-  /// Calls see(side, way) for kMost directions there and back.
+  /// Calls see(side, way) for kMax directions there and back.
   template <class See>
   void each_way(const JobSurfel& s, See&& see) const {
     const float area = norm(s.area);
     Dice dice(seed_of(s));
-    for (std::uint64_t k = 0; k < kMost;) {
+    for (std::uint64_t k = 0; k < kMax;) {
       Float3 way = dice.way();
       const float cosine = dot(s.area, way) / area;
       if (std::fabs(cosine) < kFrank) continue;
@@ -156,7 +156,7 @@ class Looker {
     const auto vote = static_cast<std::int64_t>(std::floor(kPairs * scale_ * out.weight / 2.0 + 0.5));
     Views& seen = out.views;
     each_way(s, [&](std::size_t side, const Float3& way) {
-      const SurfelScene::Sight sight = scene_.look(s.position, way, kLeastDistance, kFar, scene_.disk_of(i));
+      const SurfelScene::Sight sight = scene_.look(s.position, way, kMinDistance, kFar, scene_.disk_of(i));
       if (!sight.met) {
         seen.open[side] += 1.0;
         seen.bright[side] += dot(way, up_) > 0.0f ? 1.0 : kBelow;
@@ -171,7 +171,7 @@ class Looker {
       const bool same = (side == 0) == (sight.cosine > 0.0f);
       pairs.push_back({std::min(s.patch, other), std::max(s.patch, other), same ? vote : 0, same ? 0 : vote});
     });
-    const auto all = static_cast<double>(kMost);
+    const auto all = static_cast<double>(kMax);
     const bool shut = seen.open[0] <= kShut * all && seen.open[1] <= kShut * all;
     out.enclosed = shut && enclosed(i);
     out.shell = !shut && std::min(seen.open[0], seen.open[1]) <= kShut * all;
@@ -184,7 +184,7 @@ class Looker {
     each_way(surfels_[i], [&](std::size_t side, const Float3& way) {
       open[side] += scene_.look(surfels_[i].position, way, kNear, kFar, scene_.disk_of(i)).met ? 0.0 : 1.0;
     });
-    return std::max(open[0], open[1]) <= kShut * static_cast<double>(kMost);
+    return std::max(open[0], open[1]) <= kShut * static_cast<double>(kMax);
   }
 
   /// Mean square of the points in a surfel over their squared mean: they thin out with the squared distance from
@@ -228,7 +228,7 @@ class Looker {
     const bool room = out.scene == SceneKind::kRoom;
     if (!room) out.pairs = std::move(pairs);
     const double sides = room ? kRoomSides : kSides;
-    const double as = room ? kOpenInRoom * mean : std::max(kLeastOpen, kOpenOnLand * mean);
+    const double as = room ? kOpenInRoom * mean : std::max(kMinOpen, kOpenOnLand * mean);
     for (std::uint32_t g = 0; g < views.size(); ++g) {
       std::array<double, 2> worth{};
       for (std::size_t side = 0; side < 2; ++side) {

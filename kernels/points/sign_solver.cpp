@@ -182,14 +182,14 @@ Contraction contract_signs(std::span<const std::uint64_t> weight, std::vector<Pa
   for (std::uint32_t round = 0;; ++round) {
     double top = 0.0;
     for (const PatchVote& v : votes)
-      if (confidence(v) >= limits.least_confidence) top = std::max(top, score(v));
-    if (!(top > 0.0) || top < limits.least_score) break;
-    const double least = std::max(top / kRoundFactor, limits.least_score);
+      if (confidence(v) >= limits.min_confidence) top = std::max(top, score(v));
+    if (!(top > 0.0) || top < limits.min_score) break;
+    const double minimum = std::max(top / kRoundFactor, limits.min_score);
     joined.clear();
     for (std::uint32_t e = 0; e < votes.size(); ++e) {
       const PatchVote& v = votes[e];
       const double s = score(v);
-      if (s < least || confidence(v) < limits.least_confidence) continue;
+      if (s < minimum || confidence(v) < limits.min_confidence) continue;
       for (const std::uint32_t node : {v.a, v.b}) {
         if (best[node] == kNever)
           joined.push_back(node), best[node] = e;

@@ -23,8 +23,8 @@ struct PatchVote {
 void merge_votes(std::vector<PatchVote>& votes);
 
 struct ContractionLimits {
-  double least_score = 0.0;  ///< pairs below join no more; score = (same - opposite)^2 / (same + opposite)
-  double least_confidence = 0.0;  ///< nor do those below in |same - opposite| / (same + opposite)
+  double min_score = 0.0;  ///< pairs below join no more; score = (same - opposite)^2 / (same + opposite)
+  double min_confidence = 0.0;  ///< nor do those below in |same - opposite| / (same + opposite)
 };
 
 /// How groups joined: a forest. A node joins its parent's group in its round, all that hangs below it joined

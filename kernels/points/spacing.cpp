@@ -17,8 +17,8 @@ namespace {
 
 // Enough for a quantile over many cells, few enough for cells of any density.
 constexpr std::size_t kProbesPerCell = 48;
-constexpr std::size_t kLeastForDistances = 9;
-constexpr std::size_t kLeastForQuadric = 12;
+constexpr std::size_t kMinForDistances = 9;
+constexpr std::size_t kMinForQuadric = 12;
 constexpr int kQuadricTerms = 6;
 
 /// Points in the middle half of a cell, evenly thinned by rank.
@@ -53,13 +53,13 @@ class Surroundings {
     square_[3] += d[1] * d[1], square_[4] += d[1] * d[2], square_[5] += d[2] * d[2];
   }
   /// Whether they lie about a plane and the probe on it.
-  bool hold(double reach) const { return hold(reach, count_ < kFewAround ? kFewVariation : kMostVariation); }
+  bool hold(double reach) const { return hold(reach, count_ < kFewAround ? kFewVariation : kMaxVariation); }
   /// The same of few: strewn ones lie about a plane by chance more easily.
   bool few_hold(double reach) const { return hold(reach, kFewVariation); }
 
  private:
-  bool hold(double reach, double most_variation) const {
-    if (count_ < kLeastAround) return false;
+  bool hold(double reach, double max_variation) const {
+    if (count_ < kMinAround) return false;
     const Double3 mean = sum_ / count_;
     std::array<double, 6> cov = square_;
     for (double& c : cov) c /= count_;
@@ -68,17 +68,17 @@ class Surroundings {
     Double3 values{};
     std::array<Double3, 3> axes{};
     symmetric_eigen3(cov, values, axes);
-    const double least = std::max(values[0], 0.0);
+    const double minimum = std::max(values[0], 0.0);
     const double off = std::fabs(dot(mean, axes[0]));
-    return least <= most_variation * (least + values[1] + values[2]) &&
-           off <= kMostOff * std::sqrt(least) + kRounding * reach;
+    return minimum <= max_variation * (minimum + values[1] + values[2]) &&
+           off <= kMaxOff * std::sqrt(minimum) + kRounding * reach;
   }
 
-  static constexpr double kLeastAround = 5.0;
+  static constexpr double kMinAround = 5.0;
   static constexpr double kFewAround = 16.0, kFewVariation = 0.06;
-  static constexpr double kMostVariation =
+  static constexpr double kMaxVariation =
       0.15;                                ///< of a plane; strewn points have about 0.25, noisy ones 0.1
-  static constexpr double kMostOff = 3.0;  ///< standard deviations that a probe is off the plane
+  static constexpr double kMaxOff = 3.0;  ///< standard deviations that a probe is off the plane
   static constexpr double kRounding = 1e-3;
   double count_ = 0.0;
   Double3 sum_{};
@@ -124,19 +124,19 @@ std::vector<SpacingProbe> without_strewn(std::vector<SpacingProbe> probes, doubl
   };
   const auto on_surface = [](const SpacingProbe& p) { return p.on_surface; };
   const auto flat_nearby = [](const SpacingProbe& p) { return p.on_surface && p.flat_nearby; };
-  double most = 0.0;
+  double maximum = 0.0;
   if (decide(on_surface, kMostly))
-    most = kSlack * quantile(kDenseShare, on_surface);
+    maximum = kSlack * quantile(kDenseShare, on_surface);
   else if (decide(flat_nearby, kMostlyNearby))
-    most = kSlack * quantile(kDenseShare, flat_nearby);
+    maximum = kSlack * quantile(kDenseShare, flat_nearby);
   else
     return probes;
   double all = 0.0, dropped = 0.0;
   std::vector<SpacingProbe> kept;
   for (const SpacingProbe& p : probes) {
     all += points_of(p);
-    if (p.spacing > most) dropped += points_of(p);
-    if (p.spacing <= most && p.in_reach) kept.push_back(p);
+    if (p.spacing > maximum) dropped += points_of(p);
+    if (p.spacing <= maximum && p.in_reach) kept.push_back(p);
   }
   if (kept.empty()) return probes;
   strewn = dropped / all;
@@ -212,12 +212,12 @@ double ScaleHistogram::quantile(double share) const {
   return 0.0;
 }
 
-void measure_spacing(const SampleCell& cell, double share, double least, double most,
+void measure_spacing(const SampleCell& cell, double share, double minimum, double maximum,
                      std::vector<SpacingProbe>& out) {
   constexpr std::size_t kGapRank = 4;
   constexpr std::size_t kSpacingRank = 8;
   constexpr std::size_t kNearby = 16;
-  if (cell.points.size() < kLeastForDistances) return;
+  if (cell.points.size() < kMinForDistances) return;
   const double reach = cell.size / 4;
   const Probes probes = probes_of(cell);
   for (const std::size_t probe : probes.at) {
@@ -234,7 +234,7 @@ void measure_spacing(const SampleCell& cell, double share, double least, double 
       nearest[at] = {d, i};
     }
     const double spacing = std::sqrt(nearest[kSpacingRank - 1].first) / 2;
-    if (spacing <= least || spacing > most) continue;
+    if (spacing <= minimum || spacing > maximum) continue;
     Surroundings nearby;
     for (const auto& [d, i] : nearest)
       if (i != probe) nearby.add(cell.points[i] - cell.points[probe]);
@@ -253,7 +253,7 @@ void measure_residuals(const SampleCell& cell, double radius, ScaleHistogram& ou
       if (squared_distance(p, centre) < radius * radius)
         near.push_back(
             {(p[0] - centre[0]) / radius, (p[1] - centre[1]) / radius, (p[2] - centre[2]) / radius});
-    if (near.size() < kLeastForQuadric) continue;
+    if (near.size() < kMinForQuadric) continue;
     const double residual = quadric_residual(near);
     if (residual >= 0.0) out.add(residual * radius);
   }

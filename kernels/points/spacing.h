@@ -52,11 +52,11 @@ struct SpacingProbe {
   bool in_reach = true;
 };
 
-/// Probes at points in the middle half of the cell whose spacing is above `least` and at most `most`. At most an eighth
+/// Probes at points in the middle half of the cell whose spacing is above `minimum` and at most `maximum`. At most an eighth
 /// of the cell's size can be measured, what is wider counts as that. Cells with fewer than 9 points tell of outliers
 /// and are left out.
 /// \param share  of all cells of this size, how many are looked at
-void measure_spacing(const SampleCell& cell, double share, double least, double most,
+void measure_spacing(const SampleCell& cell, double share, double minimum, double maximum,
                      std::vector<SpacingProbe>& out);
 
 /// Residuals of quadrics fitted to the points within `radius` of points in the middle half of the cell, where

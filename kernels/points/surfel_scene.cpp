@@ -13,8 +13,8 @@ namespace tessera {
 namespace {
 
 constexpr float kDiskSpread = 1.4f;   ///< radius over that of the disk's area: neighbours leave no gap
-constexpr float kLeastRadius = 2.5f;  ///< cells
-constexpr float kMostRadius = 7.0f;
+constexpr float kMinRadius = 2.5f;  ///< cells
+constexpr float kMaxRadius = 7.0f;
 constexpr float kGrazingDisk = 0.1f;  ///< cosine; flatter disks are not met
 constexpr std::int32_t kSlabCells = 2;
 constexpr float kOwned = 0.7f;  ///< share of a disk's area from which it belongs to one patch
@@ -91,25 +91,25 @@ void SurfelScene::make_disks(std::span<const JobSurfel> surfels) {
       voxel_begin_.push_back(static_cast<std::uint32_t>(disks_.size()));
     }
     Disk disk;
-    float whole = 0.0f, most = 0.0f, own = 0.0f;
+    float whole = 0.0f, maximum = 0.0f, own = 0.0f;
     Float3 area{};
     std::size_t end = i;
     for (; end < items.size() && items[end].brick == first.brick && items[end].place == first.place; ++end) {
       const JobSurfel& s = surfels[items[end].surfel];
       const float size = norm(s.area);
       own = end > i && s.patch == surfels[items[end - 1].surfel].patch ? own + size : size;
-      if (own > most) most = own, disk.patch = s.patch;
+      if (own > maximum) maximum = own, disk.patch = s.patch;
       whole += size;
       area = area + s.area;
       disk.position = disk.position + s.position * size;
       disk_of_[items[end].surfel] = static_cast<std::uint32_t>(disks_.size());
     }
     i = end;
-    if (most < kOwned * whole) disk.patch = kNobody;
+    if (maximum < kOwned * whole) disk.patch = kNobody;
     disk.position = disk.position * (1.0f / whole);
     const float size = norm(area);  // of one facing, so never near 0
     disk.normal = area * (1.0f / size);
-    const float radius = std::clamp(kDiskSpread * std::sqrt(size * 0.31830989f), kLeastRadius, kMostRadius);
+    const float radius = std::clamp(kDiskSpread * std::sqrt(size * 0.31830989f), kMinRadius, kMaxRadius);
     disk.radius2 = radius * radius;
     disks_.push_back(disk);
   }

@@ -14,7 +14,7 @@ namespace tessera {
 namespace {
 
 /// Edges of the reference: a shorter crease that ends somewhere is noise.
-constexpr std::size_t kLeastSegments = 3;
+constexpr std::size_t kMinSegments = 3;
 /// Cosines: a line that bends by more is cut there. Borders of scans waver, so they get more.
 constexpr double kStraightCrease = 0.70710678118654752, kStraightBorder = 0.5;
 constexpr double kStrongCrease = 0.70710678118654752;  ///< cosine of its turn: noise seldom turns by more
@@ -42,15 +42,15 @@ bool turns_strongly(const CollapseMesh& mesh, std::uint32_t f, std::uint32_t g) 
 }  // namespace
 
 ReferenceSurface::ReferenceSurface(const MeshBlock& reference, const Double3& origin,
-                                   double feature_angle_deg, double least_line, const SizingOptions& sizing)
+                                   double feature_angle_deg, double min_line, const SizingOptions& sizing)
     : reference_(&reference), class_(reference.position.size(), VertexClass::kSmooth) {
   {
     CollapseMesh mesh(reference, origin);
     take_over(mesh);
-    find_lines(mesh, feature_angle_deg, least_line);
+    find_lines(mesh, feature_angle_deg, min_line);
   }
   join_segments();
-  find_lasting_corners(least_line);
+  find_lasting_corners(min_line);
   size(sizing);
   faces_ = ClosestFaces(at_, face_, Double3{});
   slot_.resize(face_.size());
@@ -68,7 +68,7 @@ void ReferenceSurface::take_over(const CollapseMesh& mesh) {
 }
 
 /// Normals, neighbours, creases and borders.
-void ReferenceSurface::find_lines(CollapseMesh& mesh, double feature_angle_deg, double least_line) {
+void ReferenceSurface::find_lines(CollapseMesh& mesh, double feature_angle_deg, double min_line) {
   std::vector<std::uint32_t> same(mesh.vertices());
   std::iota(same.begin(), same.end(), 0u);
   mark_features(mesh, *reference_, sharp_vertices(mesh, feature_angle_deg), same, feature_angle_deg);
@@ -104,8 +104,8 @@ void ReferenceSurface::find_lines(CollapseMesh& mesh, double feature_angle_deg, 
   // Where this part of the reference ends, lines go on.
   std::vector<std::uint8_t> goes_on(at_.size());
   for (std::uint32_t v = 0; v < at_.size(); ++v) goes_on[v] = (mesh.state(v) & kVertexLocked) != 0;
-  prune_twigs(least_line, goes_on);
-  prune_islands(2.0 * least_line, goes_on);
+  prune_twigs(min_line, goes_on);
+  prune_islands(2.0 * min_line, goes_on);
   for (const auto* lines : {&creases_, &borders})
     for (const auto& line : *lines) {
       const bool crease = lines == &creases_;
@@ -117,7 +117,7 @@ void ReferenceSurface::find_lines(CollapseMesh& mesh, double feature_angle_deg, 
 }
 
 /// Twigs: what leads from the end of a crease to the next corner. Noise leaves many, too short to shape a face.
-void ReferenceSurface::prune_twigs(double least_line, const std::vector<std::uint8_t>& goes_on) {
+void ReferenceSurface::prune_twigs(double min_line, const std::vector<std::uint8_t>& goes_on) {
   constexpr int kRounds = 2;  // a twig may bear twigs
   for (int round = 0; round < kRounds && !creases_.empty(); ++round) {
     struct End {
@@ -141,7 +141,7 @@ void ReferenceSurface::prune_twigs(double least_line, const std::vector<std::uin
       double length = 0.0;
       std::uint32_t v = first.vertex, crease = first.crease;
       bool ended = true;
-      while (length < least_line || twig.size() < kLeastSegments) {
+      while (length < min_line || twig.size() < kMinSegments) {
         twig.push_back(crease);
         const std::uint32_t w = creases_[crease][creases_[crease][0] == v ? 1 : 0];
         length += norm(at(w) - at(v));
@@ -151,7 +151,7 @@ void ReferenceSurface::prune_twigs(double least_line, const std::vector<std::uin
         crease = next.first->crease == crease ? (next.first + 1)->crease : next.first->crease;
         v = w;
       }
-      if (ended && (length < least_line || twig.size() < kLeastSegments))
+      if (ended && (length < min_line || twig.size() < kMinSegments))
         for (const std::uint32_t e : twig) gone[e] = 1;
     }
     std::size_t kept = 0;
@@ -162,15 +162,15 @@ void ReferenceSurface::prune_twigs(double least_line, const std::vector<std::uin
   }
 }
 
-void ReferenceSurface::prune_islands(double least_sum, const std::vector<std::uint8_t>& goes_on) {
+void ReferenceSurface::prune_islands(double min_sum, const std::vector<std::uint8_t>& goes_on) {
   DisjointSets<std::uint32_t> parts(at_.size());
   for (const auto& e : creases_) parts.unite(e[0], e[1]);
   std::vector<double> length(at_.size(), 0.0);
   for (const auto& e : creases_) length[parts.find(e[0])] += norm(at(e[1]) - at(e[0]));
   for (const auto& e : creases_)
     for (const std::uint32_t v : e)
-      if (goes_on[v]) length[parts.find(v)] = least_sum;
-  std::erase_if(creases_, [&](const auto& e) { return length[parts.find(e[0])] < least_sum; });
+      if (goes_on[v]) length[parts.find(v)] = min_sum;
+  std::erase_if(creases_, [&](const auto& e) { return length[parts.find(e[0])] < min_sum; });
 }
 
 void ReferenceSurface::join_segments() {
@@ -193,9 +193,9 @@ void ReferenceSurface::join_segments() {
       const Double3 in = at(v) - at(segments_[x.segment].vertex[1 - x.side]),
                     out = at(segments_[y.segment].vertex[1 - y.side]) - at(v);
       const bool crease = segments_[x.segment].crease;
-      const double least = crease ? kStraightCrease : kStraightBorder, along = dot(in, out);
+      const double minimum = crease ? kStraightCrease : kStraightBorder, along = dot(in, out);
       if (crease == segments_[y.segment].crease && along > 0.0 &&
-          along * along > least * least * dot(in, in) * dot(out, out)) {
+          along * along > minimum * minimum * dot(in, in) * dot(out, out)) {
         segments_[x.segment].beyond[x.side] = y.segment;
         segments_[y.segment].beyond[y.side] = x.segment;
       } else {
@@ -226,7 +226,7 @@ double ReferenceSurface::length_from(std::uint32_t vertex, std::uint32_t segment
   return length;
 }
 
-void ReferenceSurface::find_lasting_corners(double least_line) {
+void ReferenceSurface::find_lasting_corners(double min_line) {
   lasting_.assign(at_.size(), 0);
   struct End {
     std::uint32_t vertex, segment;
@@ -245,7 +245,7 @@ void ReferenceSurface::find_lasting_corners(double least_line) {
     const bool borders = !segments_[a.segment].crease && !segments_[b.segment].crease;
     return dot(u, v) > -(borders ? kStraightBorder : kStraightCrease) * norm(u) * norm(v);
   };
-  const double enough = kLongLine * least_line;
+  const double enough = kLongLine * min_line;
   for (auto first = ends.begin(); first != ends.end();) {
     const auto last =
         std::find_if(first, ends.end(), [&](const End& e) { return e.vertex != first->vertex; });
@@ -307,7 +307,7 @@ ReferenceSurface::Foot ReferenceSurface::closest(const Double3& p, double limit_
 
 ReferenceSurface::Foot ReferenceSurface::near(const Double3& p, double limit_square, double trust_square,
                                               std::uint32_t face) const {
-  const double most = std::min(limit_square, trust_square);
+  const double maximum = std::min(limit_square, trust_square);
   constexpr int kSteps = 12;
   std::uint32_t before = kNone;
   for (int step = 0; face != kNone && step < kSteps; ++step) {
@@ -325,7 +325,7 @@ ReferenceSurface::Foot ReferenceSurface::near(const Double3& p, double limit_squ
     if (weight[worst] >= 0.0) {
       const double height = -dot(q, n);
       const double away = height * height / square;
-      if (!(away < most)) break;
+      if (!(away < maximum)) break;
       return {p + n * (height / square), away, face};
     }
     const std::uint32_t next = beside_[face][worst];
@@ -333,7 +333,7 @@ ReferenceSurface::Foot ReferenceSurface::near(const Double3& p, double limit_squ
         next == kNone) {  // the edge between the two is nearest, or the line where the walk ends
       const Double3 foot = foot_in_triangle(p, a, b, c).at;
       const double away = squared_distance(p, foot);
-      if (!(away < most)) break;
+      if (!(away < maximum)) break;
       return {foot, away, face};
     }
     before = face;

@@ -20,10 +20,10 @@ class ReferenceSurface {
 
   /// Creases are found as decimation finds them (feature_edges.h). A vertex where other than two lines meet, or one
   /// that bends by more than 45 degrees (a border: 60), is a corner. A crease that ends somewhere and is shorter than
-  /// `least_line` or three edges is none, nor are creases that hang together and are shorter than twice that in all.
+  /// `min_line` or three edges is none, nor are creases that hang together and are shorter than twice that in all.
   /// \param reference  canonical, edge-manifold; must outlive this \param origin  subtracted from all positions
   ReferenceSurface(const MeshBlock& reference, const Double3& origin, double feature_angle_deg,
-                   double least_line, const SizingOptions& sizing);
+                   double min_line, const SizingOptions& sizing);
 
   struct Foot {
     Double3 at{};  ///< relative to the origin
@@ -78,11 +78,11 @@ class ReferenceSurface {
   };
   std::vector<std::uint32_t> numbers_in(const MeshBlock& block) const;
   void take_over(const CollapseMesh& mesh);
-  void find_lines(CollapseMesh& mesh, double feature_angle_deg, double least_line);
-  void prune_twigs(double least_line, const std::vector<std::uint8_t>& goes_on);
-  void prune_islands(double least_sum, const std::vector<std::uint8_t>& goes_on);
+  void find_lines(CollapseMesh& mesh, double feature_angle_deg, double min_line);
+  void prune_twigs(double min_line, const std::vector<std::uint8_t>& goes_on);
+  void prune_islands(double min_sum, const std::vector<std::uint8_t>& goes_on);
   void join_segments();
-  void find_lasting_corners(double least_line);
+  void find_lasting_corners(double min_line);
   double length_from(std::uint32_t vertex, std::uint32_t segment, double enough) const;
   void size(const SizingOptions& sizing);
   const Double3& at(std::uint32_t v) const { return at_[v]; }

@@ -94,7 +94,7 @@ RemeshReport remesh(MeshBlock& block, const MeshBlock& reference, const RemeshOp
   const Double3 origin = low_corner(block);
   const bool adaptive = options.sizing_tolerance > 0.0;
   const ReferenceSurface surface(reference, origin, options.feature_angle_deg,
-                                 kLeastCreaseEdges * (adaptive ? options.min_edge : options.edge),
+                                 kMinCreaseEdges * (adaptive ? options.min_edge : options.edge),
                                  {options.sizing_tolerance, options.min_edge, options.edge});
   if (options.find_creases) surface.mark(block);
   CollapseMesh mesh(block, origin);
@@ -105,13 +105,13 @@ RemeshReport remesh(MeshBlock& block, const MeshBlock& reference, const RemeshOp
   return report;
 }
 
-std::uint64_t remesh_bytes(std::uint64_t most_faces, std::uint64_t reference_faces) {
+std::uint64_t remesh_bytes(std::uint64_t max_faces, std::uint64_t reference_faces) {
   // Of a face: 32 bytes, half a vertex with what is known of it (41 + 48 + 5); an edge and a half in the lists of edges
   // (16 each, twice, and as much again while they grow; freed for the sort by place), or in the end a hierarchy over the
   // faces and where they lie (28 + 13); and the block that comes out, sorted (16 + half of 60, twice). Half a point of
   // the reference for the hierarchy to find.
   const std::uint64_t lists = 144, search = ClosestFaces::bytes_per_face() + 41;
-  return most_faces * (32 + 47 + std::max(lists, search) + 92) +
+  return max_faces * (32 + 47 + std::max(lists, search) + 92) +
          reference_faces * (ReferenceSurface::bytes_per_face() + 12) + (std::uint64_t{1} << 20);
 }
 

@@ -18,7 +18,7 @@
 
 namespace tessera {
 
-inline constexpr double kLeastCreaseEdges =
+inline constexpr double kMinCreaseEdges =
     2.0;  ///< edges: shorter creases that end somewhere are noise at this size
 
 struct RemeshOptions {
@@ -67,7 +67,7 @@ struct RemeshReport {
 RemeshReport remesh(MeshBlock& block, const MeshBlock& reference, const RemeshOptions& options,
                     std::span<const std::uint64_t> held = {});
 
-/// Upper bound of what remesh() allocates above its arguments. \param most_faces  RemeshOptions::max_faces
-std::uint64_t remesh_bytes(std::uint64_t most_faces, std::uint64_t reference_faces);
+/// Upper bound of what remesh() allocates above its arguments. \param max_faces  RemeshOptions::max_faces
+std::uint64_t remesh_bytes(std::uint64_t max_faces, std::uint64_t reference_faces);
 
 }  // namespace tessera

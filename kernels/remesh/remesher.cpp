@@ -25,7 +25,7 @@ constexpr std::uint32_t kLengthClasses = 1u << 11;  ///< the upper bits of a flo
 Remesher::Remesher(CollapseMesh& mesh, const MeshBlock& block, const ReferenceSurface& surface,
                    const RemeshOptions& options, std::span<const std::uint64_t> held)
     : mesh_(mesh), surface_(surface), options_(options), next_key_(options.first_key) {
-  if (options.max_normal_turn_deg > 0.0) least_turn_ = cosine_of_degrees(options.max_normal_turn_deg);
+  if (options.max_normal_turn_deg > 0.0) min_turn_ = cosine_of_degrees(options.max_normal_turn_deg);
   mesh_.reserve(options.max_faces);
   info_.resize(mesh_.vertices());
   const std::vector<std::uint8_t> lasting = surface.lasting_corners(block);
@@ -193,8 +193,8 @@ void Remesher::split_long(int rounds, RemeshReport& report) {
 }
 
 bool Remesher::too_long(std::uint32_t a, std::uint32_t b) const {
-  const double most = kSplitAbove * target(a, b);
-  return square_of(a, b) > most * most;
+  const double maximum = kSplitAbove * target(a, b);
+  return square_of(a, b) > maximum * maximum;
 }
 
 /// Whether a face at the edge has a longer one that had to stay: at a seam, or beside such an edge. Splits of the others
@@ -290,9 +290,9 @@ std::size_t Remesher::collapse_listed(const CollapseLengths& lengths, RemeshRepo
   list_edges(
       [&](std::uint32_t a, std::uint32_t b) {
         if (changed_[a] < round_ && changed_[b] < round_) return false;
-        const double least = lengths.shortest * target(a, b);
+        const double minimum = lengths.shortest * target(a, b);
         const bool both_kept = (mesh_.state(a) & kVertexKept) && (mesh_.state(b) & kVertexKept);
-        return square_of(a, b) < least * least && (!both_kept || corners_merge(a, b) || corners_merge(b, a));
+        return square_of(a, b) < minimum * minimum && (!both_kept || corners_merge(a, b) || corners_merge(b, a));
       },
       false);
   std::size_t done = 0;

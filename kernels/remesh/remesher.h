@@ -123,7 +123,7 @@ class Remesher {
   CollapseMesh& mesh_;
   const ReferenceSurface& surface_;
   const RemeshOptions& options_;
-  double least_turn_ = -1.0;  ///< cosine of max_normal_turn_deg
+  double min_turn_ = -1.0;  ///< cosine of max_normal_turn_deg
   std::vector<Info> info_;
   std::vector<Edge> edges_, listed_;  ///< in the order of work, as found
   std::vector<std::uint8_t> valence_;

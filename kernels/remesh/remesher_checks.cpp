@@ -11,7 +11,7 @@ namespace {
 
 constexpr double kAlongFoot = 0.4;    ///< least cosine of a face to the reference at a smooth corner
 constexpr double kAlongBefore = 0.5;  ///< of a face without such a corner, to what it was
-constexpr double kLeastRoundness = 0.1;
+constexpr double kMinRoundness = 0.1;
 /// Of the length: shorter edges go even where that leaves others longer than would be split.
 constexpr double kSliver = 0.45;  ///< roundness below which shape counts more than valences
 constexpr double kBetter = 1.1,
@@ -89,34 +89,34 @@ double Remesher::bulge(const NewFace& f, std::uint32_t& hint) const {
 /// much is within the tolerance nothing is looked up.
 /// \param new_edges  bit i: the edge from corner i to the next one is new, and no other face is asked about it
 bool Remesher::within(const NewFace& f, unsigned new_edges) const {
-  if (!(options_.tolerance > 0.0) && least_turn_ < -0.5) return true;
+  if (!(options_.tolerance > 0.0) && min_turn_ < -0.5) return true;
   std::uint32_t hint = ReferenceSurface::kNone;
   const double height = bulge(f, hint), limit = options_.tolerance;
   if (limit > 0.0 && !(height * (2.0 / 3.0) < limit) && !near_at_points(f, new_edges, limit, hint))
     return false;
-  if (least_turn_ < -0.5) return true;
+  if (min_turn_ < -0.5) return true;
   const Double3 centre = (f.at[0] + f.at[1] + f.at[2]) * (1.0 / 3.0), side = f.at[1] - f.at[0];
   const ReferenceSurface::Foot foot =
       surface_.near(centre, std::numeric_limits<double>::max(), 0.01 * dot(side, side), hint);
   if (foot.slot == ReferenceSurface::kNone) return true;
   const Double3 own = triangle_normal(f.at[0], f.at[1], f.at[2]);
-  return dot(own, wide(surface_.normal(foot.slot))) >= least_turn_ * norm(own);
+  return dot(own, wide(surface_.normal(foot.slot))) >= min_turn_ * norm(own);
 }
 
 /// Two corners so near to each other that no sound face has room between them become one, as far as the tolerance allows:
 /// u goes, unless it is the end of lines that make a shape at this size.
 bool Remesher::corners_merge(std::uint32_t u, std::uint32_t v) const {
   const unsigned both = mesh_.state(u) & mesh_.state(v), any = mesh_.state(u) | mesh_.state(v);
-  const double least = kNeedle * target(u, v);
+  const double minimum = kNeedle * target(u, v);
   return (both & kVertexFixed) && !(any & (kVertexLocked | kVertexDead)) && !info_[u].lasting &&
-         square_of(u, v) < least * least;
+         square_of(u, v) < minimum * minimum;
 }
 
 /// Two lines so near to each other that no sound face has room between them become one, face by face, in the end.
 bool Remesher::lines_meet(std::uint32_t u, std::uint32_t v) const {
-  const double least = kLinesMeet * target(u, v);
+  const double minimum = kLinesMeet * target(u, v);
   return mending_ && (mesh_.state(v) & (kVertexCrease | kVertexFixed | kVertexBorder)) &&
-         !(mesh_.state(v) & kVertexLocked) && square_of(u, v) < least * least;
+         !(mesh_.state(v) & kVertexLocked) && square_of(u, v) < minimum * minimum;
 }
 
 /// Of u into v, no edge longer than `longest` targets; leaves the star of u and the place of v in it.
@@ -140,8 +140,8 @@ Remesher::Refusal Remesher::check_collapse(std::uint32_t u, std::uint32_t v, dou
   for (std::size_t i = 0; i < size; ++i) {
     const std::uint32_t w = star_.ring[i];
     if (info_[w].held) return Refusal::kLink;
-    const double most = longest * target(v, w);
-    if (i != at && square_of(v, w) > most * most) return Refusal::kLink;
+    const double maximum = longest * target(v, w);
+    if (i != at && square_of(v, w) > maximum * maximum) return Refusal::kLink;
   }
   if (!linked(at)) return Refusal::kLink;
   const std::size_t left = at, right = at > 0 ? at - 1 : star_.closed ? k - 1 : k;
@@ -154,8 +154,8 @@ Remesher::Refusal Remesher::check_collapse(std::uint32_t u, std::uint32_t v, dou
     const double before = roundness(from, face.at[1], face.at[2]),
                  after = roundness(to, face.at[1], face.at[2]);
     // The normal of a flat face says nothing.
-    const Double3 n = before < kLeastRoundness ? Double3{} : triangle_normal(from, face.at[1], face.at[2]);
-    if (!normal_fits(face, n) || (after < kLeastRoundness && after < before)) return Refusal::kFold;
+    const Double3 n = before < kMinRoundness ? Double3{} : triangle_normal(from, face.at[1], face.at[2]);
+    if (!normal_fits(face, n) || (after < kMinRoundness && after < before)) return Refusal::kFold;
     if (!within(face, 1u)) return Refusal::kTolerance;
     if (options_.tolerance > 0.0)
       nearest =

@@ -31,19 +31,19 @@ constexpr double kStrongFinishCrease = 0.70710678118654752;  ///< cosine of its 
 /// The squared cosine of the smallest angle, from 1/4 to 1.
 double Remesher::sharpness(const Double3& a, const Double3& b, const Double3& c) {
   const double x = squared_distance(a, b), y = squared_distance(b, c), z = squared_distance(c, a);
-  const double least = std::min({x, y, z}), sum = x + y + z - 2.0 * least;
+  const double minimum = std::min({x, y, z}), sum = x + y + z - 2.0 * minimum;
   const double product = x < y ? (x < z ? y * z : x * y) : (y < z ? z * x : x * y);
   return product > 0.0 ? sum * sum / (4.0 * product) : 1.0;
 }
 
 /// Of the faces around the gathered star if its centre were at p.
 double Remesher::star_sharpness(const Double3& p) const {
-  double most = 0.0;
+  double maximum = 0.0;
   for (std::size_t i = 0; i < star_.faces; ++i) {
     const std::uint32_t a = star_.ring[i], b = star_.ring[i + 1 < star_.ring_size() ? i + 1 : 0];
-    most = std::max(most, sharpness(p, mesh_.at(a), mesh_.at(b)));
+    maximum = std::max(maximum, sharpness(p, mesh_.at(a), mesh_.at(b)));
   }
-  return most;
+  return maximum;
 }
 
 /// Gravities, by the mixed Voronoi cells (Meyer et al. 2003) against what targets ask for.
@@ -184,7 +184,7 @@ void Remesher::count_lines(std::uint32_t v) {
 /// The edge whose flip makes the sharper of two faces least sharp.
 bool Remesher::flip_sharp(std::uint32_t f, RemeshReport& report) {
   std::uint32_t best = kNoCorner;
-  double least = 0.0;
+  double minimum = 0.0;
   for (std::uint32_t c = 4 * f; c < 4 * f + 3; ++c) {
     const std::uint32_t d = mesh_.opposite(c);
     if (d == kNoCorner || is_line(c)) continue;
@@ -192,7 +192,7 @@ bool Remesher::flip_sharp(std::uint32_t f, RemeshReport& report) {
                   &pa = mesh_.at(mesh_.vertex(next_corner(c))), &pb = mesh_.at(mesh_.vertex(prev_corner(c)));
     const double gain = std::max(sharpness(pu, pa, pb), sharpness(pw, pb, pa)) -
                         std::max(sharpness(pu, pa, pw), sharpness(pw, pb, pu));
-    if (gain > std::max(least, kFlipGain)) least = gain, best = c;
+    if (gain > std::max(minimum, kFlipGain)) minimum = gain, best = c;
   }
   if (best == kNoCorner || flip_if_sound(best) != Refusal::kNone) return false;
   ++report.flips;
@@ -208,10 +208,10 @@ bool Remesher::flip_cap(std::uint32_t f, RemeshReport& report) {
   const Double3 along = mesh_.at(b) - mesh_.at(a);
   const double twice = norm(cross(along, mesh_.at(apex) - mesh_.at(a))), length = norm(along);
   const bool ear = mesh_.border_edge(next_corner(c)) && mesh_.border_edge(prev_corner(c));  // no line moves
-  const double most =
+  const double maximum =
       std::min(options_.tolerance > 0.0 ? 0.5 * options_.tolerance : kEarHeight * info_[apex].target,
                (ear ? kEarHeight : kCapHeight) * info_[apex].target);
-  if (!(twice < most * length) || flip_if_sound(c) != Refusal::kNone) return false;
+  if (!(twice < maximum * length) || flip_if_sound(c) != Refusal::kNone) return false;
   ++report.flips;
   // From the apex to both ends of what was the longest edge.
   for (const std::uint32_t e : {prev_corner(c), d}) {
@@ -249,7 +249,7 @@ bool Remesher::shift_sharp(std::uint32_t v, RemeshReport& report) {
   const double before = star_sharpness(old);
   // Apexes of equilateral faces over the edges of the ring, those of sharp faces count more.
   Double3 sum{}, worst{};
-  double weights = 0.0, most = 0.0;
+  double weights = 0.0, maximum = 0.0;
   for (std::size_t i = 0; i < star_.faces; ++i) {
     const Double3 &a = mesh_.at(star_.ring[i]),
                   &b = mesh_.at(star_.ring[i + 1 < star_.ring_size() ? i + 1 : 0]);
@@ -263,17 +263,17 @@ bool Remesher::shift_sharp(std::uint32_t v, RemeshReport& report) {
     const double s = sharpness(old, a, b), w = s * s * s * s;
     sum = sum + apex * w;
     weights += w;
-    if (s > most) most = s, worst = apex;
+    if (s > maximum) maximum = s, worst = apex;
   }
   if (!(weights > 0.0)) return false;
   const Double3 middle = sum * (1.0 / weights);
   const Double3 candidates[] = {wish(v), middle, old + (worst - old) * 0.5, old + (middle - old) * 0.5,
                                 old + (worst - old) * 0.25};
   const Double3* best = nullptr;
-  double least = before - kMoveGain;
+  double minimum = before - kMoveGain;
   for (const Double3& p : candidates) {
     const double s = star_sharpness(p);
-    if (s < least) least = s, best = &p;
+    if (s < minimum) minimum = s, best = &p;
   }
   if (!best) return false;
   const Info kept = info_[v];
@@ -289,11 +289,11 @@ bool Remesher::shift_sharp(std::uint32_t v, RemeshReport& report) {
 
 bool Remesher::collapse_sharp(std::uint32_t f, RemeshReport& report) {
   std::uint32_t corner = 0;
-  double least = std::numeric_limits<double>::max();
+  double minimum = std::numeric_limits<double>::max();
   const std::uint32_t* t = mesh_.face(f).vertex;
   for (std::uint32_t i = 0; i < 3; ++i) {
     const double square = square_of(t[(i + 1) % 3], t[(i + 2) % 3]);
-    if (square < least) least = square, corner = i;
+    if (square < minimum) minimum = square, corner = i;
   }
   const std::uint32_t a = t[(corner + 1) % 3], b = t[(corner + 2) % 3];
   for (const bool a_goes : {true, false}) {

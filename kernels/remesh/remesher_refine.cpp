@@ -34,10 +34,10 @@ void Remesher::refine(RemeshReport& report) {
 std::uint32_t Remesher::longest_corner(std::uint32_t f) const {
   const std::uint32_t* v = mesh_.face(f).vertex;
   std::uint32_t corner = 0;
-  double most = -1.0;
+  double maximum = -1.0;
   for (std::uint32_t i = 0; i < 3; ++i) {
     const double square = square_of(v[(i + 1) % 3], v[(i + 2) % 3]);
-    if (square > most) most = square, corner = i;
+    if (square > maximum) maximum = square, corner = i;
   }
   return corner;
 }
@@ -113,13 +113,13 @@ void Remesher::want_missed(std::vector<Double3>& points, std::vector<std::uint8_
 /// Corners lie on the reference, so that faces no wider than the tolerance are within it: what is missed beside shorter edges
 /// no split brings nearer.
 std::size_t Remesher::split_wanted(const std::vector<std::uint8_t>& wanted, RemeshReport& report) {
-  const double least = options_.tolerance * options_.tolerance;
+  const double minimum = options_.tolerance * options_.tolerance;
   listed_.clear();
   for (std::uint32_t c = 0; c < 4 * wanted.size(); ++c) {
     if ((c & 3u) == 3u || (mesh_.face(c >> 2).state & kStateDead)) continue;
     const std::uint32_t o = mesh_.opposite(c);
     if (o == kNoCorner ? !mesh_.border_edge(c) : o < c) continue;
-    if (square_of(mesh_.vertex(next_corner(c)), mesh_.vertex(prev_corner(c))) < least) continue;
+    if (square_of(mesh_.vertex(next_corner(c)), mesh_.vertex(prev_corner(c))) < minimum) continue;
     const auto is_wanted = [&](std::uint32_t corner) {
       return (wanted[corner >> 2] >> (corner & 3u) & 1u) != 0;
     };

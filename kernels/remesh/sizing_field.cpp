@@ -55,12 +55,12 @@ std::vector<float> sizing_field(const MeshBlock& reference, std::span<const std:
   }
   for (std::size_t v = 0; v < n; ++v) {
     if (on_line[v]) continue;
-    double most = 0.0;
+    double maximum = 0.0;
     for (const std::uint32_t w : around[v]) {
       const double way = norm(at[w] - at[v]);
-      if (!on_line[w] && way > 0.0) most = std::max(most, norm(normal[w] - normal[v]) / way);
+      if (!on_line[w] && way > 0.0) maximum = std::max(maximum, norm(normal[w] - normal[v]) / way);
     }
-    length[v] = static_cast<float>(length_for(most, options.tolerance, options));
+    length[v] = static_cast<float>(length_for(maximum, options.tolerance, options));
   }
   for (const auto& [a, v, b] : lines) {
     const Double3 in = at[v] - at[a], out = at[b] - at[v];

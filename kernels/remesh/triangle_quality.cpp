@@ -48,21 +48,21 @@ void TriangleQuality::add(const MeshBlock& block, double target) {
   std::vector<std::uint8_t> border(block.position.size(), 0);
   for (std::size_t i = 0; i < block.faces.size(); ++i) {
     const auto& f = block.faces[i];
-    std::uint64_t least_here = 180000;
+    std::uint64_t min_here = 180000;
     for (std::size_t k = 0; k < 3; ++k) {
       const Double3 &a = block.position[f[k]], &b = block.position[f[(k + 1) % 3]],
                     &c = block.position[f[(k + 2) % 3]];
       const double degrees = degrees_between(b - a, c - a), length = norm(b - a) / target;
       ++angles[std::min(kAngleBins - 1, static_cast<std::size_t>(degrees))];
       angle_off += rounded((degrees - 60.0) * 1e3);
-      least_here = std::min(least_here, rounded(degrees * 1e3));
+      min_here = std::min(min_here, rounded(degrees * 1e3));
       ++lengths[static_cast<std::size_t>(std::fmin(length * 50.0, kLengthBins - 1.0))];
       length_off += rounded((length - 1.0) * 1e6);
       ++valence[f[k]];
       if (block.face_flags[i] >> k & 1u) border[f[k]] = border[f[(k + 1) % 3]] = 1;
     }
-    ++least[std::min<std::size_t>(kAngleBins - 1, least_here / 1000)];
-    smallest = std::min(smallest, least_here);
+    ++minimum[std::min<std::size_t>(kAngleBins - 1, min_here / 1000)];
+    smallest = std::min(smallest, min_here);
     const std::array<double, 3> parts =
         mixed_cells(block.position[f[0]], block.position[f[1]], block.position[f[2]]);
     for (std::size_t k = 0; k < 3; ++k) cell[f[k]] += parts[k];
@@ -86,7 +86,7 @@ void TriangleQuality::merge(const TriangleQuality& o) {
   const auto sum = [](auto& to, const auto& from) {
     for (std::size_t i = 0; i < to.size(); ++i) to[i] += from[i];
   };
-  sum(angles, o.angles), sum(least, o.least), sum(lengths, o.lengths), sum(valences, o.valences);
+  sum(angles, o.angles), sum(minimum, o.minimum), sum(lengths, o.lengths), sum(valences, o.valences);
   sum(cells, o.cells), sum(cell_sums, o.cell_sums);
   faces += o.faces, angle_off += o.angle_off, length_off += o.length_off, area_off += o.area_off;
   smallest = std::min(smallest, o.smallest);

@@ -352,7 +352,7 @@ void ImplicitScene::crossings(const Ray& ray, double limit, std::vector<SurfaceP
   double t0, t1;
   if (!clip(ray, limit, t0, t1)) return;
   // Nothing in these scenes is thinner than the least step, which keeps rays along walls from crawling.
-  const double share = stride(), least = 2e-4 * size_;
+  const double share = stride(), minimum = 2e-4 * size_;
   Double3 g{};
   double before = 0.0, t_before = t0;
   bool have_before = false;
@@ -370,7 +370,7 @@ void ImplicitScene::crossings(const Ray& ray, double limit, std::vector<SurfaceP
     have_before = true;
     before = f;
     t_before = t;
-    t += std::max(std::fabs(f) * share, least);
+    t += std::max(std::fabs(f) * share, minimum);
   }
 }
 

@@ -224,7 +224,7 @@ class MeshScene final : public Scene {
   /// \param bound  of a box  \param ask  a face; returns the bound from which there is nothing to win any more
   template <class Bound, class Ask>
   void visit(const Bound& bound, const Ask& ask,
-             double most = std::numeric_limits<double>::infinity()) const {
+             double maximum = std::numeric_limits<double>::infinity()) const {
     struct Entry {
       double bound;
       std::size_t level, index;
@@ -234,17 +234,17 @@ class MeshScene final : public Scene {
     stack[top++] = {bound(levels_.back()[0]), levels_.size() - 1, 0};
     while (top > 0) {
       const Entry e = stack[--top];
-      if (!(e.bound <= most) || std::isinf(e.bound)) continue;
+      if (!(e.bound <= maximum) || std::isinf(e.bound)) continue;
       if (e.level == 0) {
         const std::size_t end = std::min(face_.size(), (e.index + 1) * kLeafFaces);
-        for (std::size_t f = e.index * kLeafFaces; f < end; ++f) most = std::min(most, ask(f));
+        for (std::size_t f = e.index * kLeafFaces; f < end; ++f) maximum = std::min(maximum, ask(f));
         continue;
       }
       const std::vector<BoxF>& below = levels_[e.level - 1];
       const std::size_t first = top, end = std::min(below.size(), (e.index + 1) * kChildren);
       for (std::size_t c = e.index * kChildren; c < end; ++c) {
         const Entry child = {bound(below[c]), e.level - 1, c};
-        if (!(child.bound <= most) || std::isinf(child.bound)) continue;
+        if (!(child.bound <= maximum) || std::isinf(child.bound)) continue;
         std::size_t at = top++;
         for (; at > first && stack[at - 1].bound < child.bound; --at) stack[at] = stack[at - 1];
         stack[at] = child;

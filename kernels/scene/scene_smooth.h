@@ -41,7 +41,7 @@ bool intersect_heightfield(const Field& field, const Box3& box, const Ray& ray, 
   }
   if (!(t0 < t1)) return false;
   const double closing = std::fabs(d[2]) + slope * std::sqrt(d[0] * d[0] + d[1] * d[1]);
-  const double least = 1e-5 * (box.hi[0] - box.lo[0]);
+  const double minimum = 1e-5 * (box.hi[0] - box.lo[0]);
   double before = 0.0, t_before = t0, t = t0;
   bool have_before = false;
   for (int step = 0; step < 4000 && t <= t1; ++step) {
@@ -50,7 +50,7 @@ bool intersect_heightfield(const Field& field, const Box3& box, const Ray& ray, 
     Double3 normal{};
     if (!field(p, height, normal)) {
       have_before = false;
-      t += least * 10.0;
+      t += minimum * 10.0;
       continue;
     }
     const double gap = p[2] - height;
@@ -71,7 +71,7 @@ bool intersect_heightfield(const Field& field, const Box3& box, const Ray& ray, 
     t_before = t;
     have_before = true;
     const double stride = std::fabs(gap) / closing;
-    t += stride > least ? stride : least;
+    t += stride > minimum ? stride : minimum;
   }
   return false;
 }

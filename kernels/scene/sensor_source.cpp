@@ -11,8 +11,8 @@ enum : std::uint64_t { kFlyingStream = 23 };
 
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 // A return is lost where the beam grazes: time of flight still sees 4 degrees, a camera with a projector 15.
-constexpr double kLeastCosineLaser = 0.07;
-constexpr double kLeastCosineCamera = 0.26;
+constexpr double kMinCosineLaser = 0.07;
+constexpr double kMinCosineCamera = 0.26;
 // Rays of one unit: enough to keep a thread busy for milliseconds, few enough for 100 threads' worth of
 // units.
 constexpr std::uint64_t kUnitRays = 8192;
@@ -179,14 +179,14 @@ class SensorSource final : public SampleSource {
   bool shoot(const SetUp& s, const Ray& r, RayHit& hit) const {
     if (!scene_.intersect(r, 4.0 * size_, hit)) return false;
     const double facing = -dot(hit.point.normal, r.direction);
-    if (o_.kind != SensorKind::kStructuredLight) return facing > kLeastCosineLaser;
-    if (facing < kLeastCosineCamera) return false;
+    if (o_.kind != SensorKind::kStructuredLight) return facing > kMinCosineLaser;
+    if (facing < kMinCosineCamera) return false;
     // The projector stands beside the camera: what it does not light has no depth.
     const Double3 projector = s.origin + s.right * (0.25 * 1.4 * size_);
     const Double3 way = projector - hit.point.position;
     const double range = norm(way);
     const Double3 to = way * (1.0 / range);
-    if (dot(hit.point.normal, to) < kLeastCosineCamera) return false;
+    if (dot(hit.point.normal, to) < kMinCosineCamera) return false;
     RayHit blocked;
     return !scene_.intersect({hit.point.position + hit.point.normal * (2e-5 * size_), to}, range, blocked);
   }

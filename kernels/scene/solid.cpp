@@ -59,7 +59,7 @@ class CylinderFace final : public SolidFace {
     middle_ = s_.x * middle.cos + y_ * middle.sin;
     // An angle is in range when it is near enough to the middle one; a full turn lets everything pass.
     const double half = 0.5 * (s_.to - s_.from);
-    least_cosine_ = half >= kPi - 1e-9 ? -2.0 : sin_cos(half).cos - 1e-12;
+    min_cosine_ = half >= kPi - 1e-9 ? -2.0 : sin_cos(half).cos - 1e-12;
   }
   double length_u() const override { return s_.radius * (s_.to - s_.from); }
   double length_v() const override { return s_.top_height - s_.low; }
@@ -84,7 +84,7 @@ class CylinderFace final : public SolidFace {
     if (!(rho > 0.0))
       return false;  // on the axis every direction is as near: a crease or another face answers
     const Double3 n = spoke * (1.0 / rho);
-    if (dot(n, middle_) < least_cosine_) return false;
+    if (dot(n, middle_) < min_cosine_) return false;
     if (!(height >= s_.low && height <= top(n))) return false;
     const Double3 q = s_.centre + n * s_.radius + s_.axis * height;
     if (s_.trim && !s_.trim(q)) return false;
@@ -121,7 +121,7 @@ class CylinderFace final : public SolidFace {
 
   CylinderShape s_;
   Double3 y_{}, middle_{};
-  double least_cosine_;
+  double min_cosine_;
 };
 
 double squared(const Double3& v) {

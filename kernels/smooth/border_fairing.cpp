@@ -9,11 +9,11 @@ namespace {
 using Face = std::array<std::uint32_t, 3>;
 
 constexpr int kSteps = 12;
-constexpr double kMostWay = 1.0;  ///< cells
+constexpr double kMaxWay = 1.0;  ///< cells
 constexpr double kHeightShare =
     0.3;  ///< of a face's least height: three corners that go so far do not turn it over
 /// Cosine of 38 degrees: two faces within it of one normal do not meet in an edge that looks sharp.
-constexpr double kLeastCosine = 0.788;
+constexpr double kMinCosine = 0.788;
 /// Edges of a hole that twelve steps would shrink to a point: of the 8 corners of a circle they leave a seventh.
 constexpr int kSmallHole = 8;
 constexpr std::uint32_t kNone = 0xffffffffu;
@@ -116,25 +116,25 @@ void fair_border(BorderStrip& strip, double lift) {
       const Double3 area = triangle_normal(a, b, c);
       const double longest =
           std::sqrt(std::max({squared_distance(a, b), squared_distance(b, c), squared_distance(c, a)}));
-      const double least = longest > 0.0 ? norm(area) / longest : 0.0;
-      for (const std::uint32_t v : s.face) height[v] = std::min(height[v], least);
+      const double minimum = longest > 0.0 ? norm(area) / longest : 0.0;
+      for (const std::uint32_t v : s.face) height[v] = std::min(height[v], minimum);
       s.cosine = cosine_to(s.normal, area);
     }
     for (const Bead& b : beads) {
       const Double3& p = at[b.vertex];
       Double3 way = (at[b.along[0]] + at[b.along[1]]) * 0.25 - p * 0.5;
-      const double length = norm(way), most = kHeightShare * height[b.vertex];
-      if (length > most) way = way * (most / length);
+      const double length = norm(way), maximum = kHeightShare * height[b.vertex];
+      if (length > maximum) way = way * (maximum / length);
       Double3 to = p + way;
       const double off = dot(to - start[b.vertex], normal[b.vertex]);
       to = to - normal[b.vertex] * (off - std::clamp(off, -lift, lift));
-      next[b.vertex] = squared_distance(to, start[b.vertex]) > kMostWay * kMostWay ? p : to;
+      next[b.vertex] = squared_distance(to, start[b.vertex]) > kMaxWay * kMaxWay ? p : to;
     }
     std::fill(stays.begin(), stays.end(), 0);
     for (const Scale& s : scales) {
       const Double3 area = triangle_normal(next[s.face[0]], next[s.face[1]], next[s.face[2]]);
       const double cosine = cosine_to(s.normal, area);
-      if (cosine >= kLeastCosine || cosine >= s.cosine) continue;
+      if (cosine >= kMinCosine || cosine >= s.cosine) continue;
       for (const std::uint32_t v : s.face) stays[v] = 1;
     }
     for (const Bead& b : beads)

@@ -17,7 +17,7 @@ constexpr double kCoarseTolerance = 1e-5;
 /// the two systems in it are solved well enough, and the cycles of smoothing leave more.
 constexpr double kPlateTolerance = 0.02;
 constexpr double kPlateInnerTolerance = 1e-4;
-constexpr int kMostPlateSteps = 20;
+constexpr int kMaxPlateSteps = 20;
 
 /// Matrix and unknowns.
 constexpr std::uint64_t kHeldPerUnknown = 100, kHeldPerEntry = 16, kPlateHeldPerEntry = 24;
@@ -123,7 +123,7 @@ void CoarseSystem::solve_plate(const Part& part, LinearSolver& solver, const Fie
   Fields residual = load, before = x;
   constexpr double kCentre = 0.75, kHalfWidth = 0.25;
   double rho = kHalfWidth / kCentre, momentum = 0.0, gain = 1.0 / kCentre;
-  for (int step = 0; step < kMostPlateSteps; ++step) {
+  for (int step = 0; step < kMaxPlateSteps; ++step) {
     for (std::size_t i = 0; i < n; ++i) right[i] = residual.moved[i] + residual.bend[i];
     if (!solve(both)) return;
     stiffness_times(both);

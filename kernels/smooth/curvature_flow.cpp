@@ -25,12 +25,12 @@ constexpr double kInnerTolerance = 1e-6;
 /// Each step of a plate's solver leaves about a sixth of the error.
 constexpr int kMaxFlowSteps = 60;
 /// A part of a step is not cut shorter than 2^-10 of it, and no step is cut more often than 64 times.
-constexpr int kMostHalvings = 10;
-constexpr int kMostCuts = 64;
+constexpr int kMaxHalvings = 10;
+constexpr int kMaxCuts = 64;
 /// Where more than so many vertices, and one in fifty, would have to move as one, the step is too long.
 constexpr std::size_t kFewVertices = 20, kShareOfVertices = 50;
 /// Times that faces beside those which move as one may join them.
-constexpr int kMostRounds = 20;
+constexpr int kMaxRounds = 20;
 
 std::span<double> flat(std::vector<Double3>& v) {
   return {v.empty() ? nullptr : v.front().data(), 3 * v.size()};
@@ -289,7 +289,7 @@ std::vector<Double3> unfolded(const FoldTest& fold, FaceSpan faces, std::span<co
   if (folding.empty()) return next;
   Clusters clusters(now.size());
   std::size_t joined = 0;
-  for (int round = 0; round < kMostRounds; ++round) {
+  for (int round = 0; round < kMaxRounds; ++round) {
     for (const std::uint32_t f : folding) clusters.join(faces[f]);
     joined += folding.size();
     if (clusters.level(fixed, moved) > kFewVertices + now.size() / kShareOfVertices) return {};
@@ -316,8 +316,8 @@ FlowReport curvature_flow(std::span<Double3> position, FaceSpan faces, std::span
   FlowSystem system(options, report);
   const FoldTest fold(faces);
   std::vector<Double3> now(position.begin(), position.end());
-  // Lengths in parts of 2^-kMostHalvings of a step.
-  constexpr int kWhole = 1 << kMostHalvings;
+  // Lengths in parts of 2^-kMaxHalvings of a step.
+  constexpr int kWhole = 1 << kMaxHalvings;
   for (int step = 0; step < options.steps; ++step) {
     int length = kWhole, cuts = 0;
     for (int done = 0; done < kWhole;) {
@@ -334,7 +334,7 @@ FlowReport curvature_flow(std::span<Double3> position, FaceSpan faces, std::span
         length *= 2;
         continue;
       }
-      if (length == 1 || ++cuts == kMostCuts) {
+      if (length == 1 || ++cuts == kMaxCuts) {
         report.folding_faces = folding.size();
         report.first_folding = folding.front();
         return report;

@@ -36,7 +36,7 @@ constexpr int kFillRings = 6;
 /// are cheap, and detail is why they are narrow. The more fits a vertex averages, the less noise they leave; where noise is
 /// low, those from farther away disagree.
 constexpr double kServedShare = 0.75;
-constexpr double kLeastServed = 3.9;  ///< radius, edges
+constexpr double kMinServed = 3.9;  ///< radius, edges
 constexpr int kServedRings = 8;
 /// Least sum of weights of the fits that place a vertex.
 constexpr float kEnough = 0.5F;
@@ -48,7 +48,7 @@ constexpr int kTrustedWindow = 2;
 /// A vertex farther from the intersection of its sides, in standard deviations of the noise, does not belong there.
 constexpr double kFarthest = 4.0;
 /// The least deviation that this is measured in, in edges: clean meshes have creases too.
-constexpr double kLeastNoise = 0.02;
+constexpr double kMinNoise = 0.02;
 constexpr int kNewtonSteps = 4;
 /// Keeps sides that are nearly parallel from throwing the vertex far away.
 constexpr double kParallel = 1e-3;
@@ -75,9 +75,9 @@ struct FittedSide {
 Double3 meet(const std::vector<FittedSide>& sides, Double3 p, double reach) {
   const std::size_t k = sides.size();
   for (int step = 0; step < kNewtonSteps; ++step) {
-    std::array<Double3, StarSides::kMost> g;
-    SmallMatrix<StarSides::kMost> m;
-    std::array<double, StarSides::kMost> share{};
+    std::array<Double3, StarSides::kMax> g;
+    SmallMatrix<StarSides::kMax> m;
+    std::array<double, StarSides::kMax> share{};
     for (std::size_t i = 0; i < k; ++i) share[i] = -sides[i].distance(p, g[i]);
     for (std::size_t i = 0; i < k; ++i)
       for (std::size_t j = 0; j < k; ++j) m.coeffRef(i, j) = dot(g[i], g[j]) + (i == j ? kParallel : 0.0);
@@ -187,7 +187,7 @@ class Denoiser {
     sides_.find(block_, corners_.at(v), normals_, position);
     const auto [sum, count] =
         sum_around<Double3>(v, [&](std::uint32_t u) { return position[u] - position[v]; });
-    if (count == 0 || sides_.count() == StarSides::kMost) return {};
+    if (count == 0 || sides_.count() == StarSides::kMax) return {};
     const Double3 step = sum * (kUntangleStep / static_cast<double>(count));
     const Double3& n = sides_.normal(0);
     if (sides_.count() == 1) return step - n * dot(n, step);
@@ -222,28 +222,28 @@ class Denoiser {
   /// around them that are still free.
   void choose_centres() {
     constexpr std::uint64_t kNever = ~std::uint64_t{0};
-    const auto spread = [&](std::vector<std::uint64_t>& least) {
-      std::vector<std::uint64_t> next = least;
+    const auto spread = [&](std::vector<std::uint64_t>& minimum) {
+      std::vector<std::uint64_t> next = minimum;
       for (const auto& face : block_.faces) {
-        const std::uint64_t m = std::min({least[face[0]], least[face[1]], least[face[2]]});
+        const std::uint64_t m = std::min({minimum[face[0]], minimum[face[1]], minimum[face[2]]});
         for (const std::uint32_t v : face) next[v] = std::min(next[v], m);
       }
-      least.swap(next);
+      minimum.swap(next);
     };
-    std::vector<std::uint64_t> own(size()), least;
+    std::vector<std::uint64_t> own(size()), minimum;
     for (std::uint32_t v = 0; v < size(); ++v)
       own[v] = corners_.at(v).empty() ? kNever : mix(block_.key[v]) >> 1;
     centre_.assign(size(), 0);
     for (int round = 0; round < kChoiceRounds; ++round) {
-      least = own;
-      for (int ring = 0; ring < kApart; ++ring) spread(least);
+      minimum = own;
+      for (int ring = 0; ring < kApart; ++ring) spread(minimum);
       for (std::uint32_t v = 0; v < size(); ++v)
-        if (own[v] != kNever && own[v] == least[v]) centre_[v] = 1;
+        if (own[v] != kNever && own[v] == minimum[v]) centre_[v] = 1;
       if (round + 1 == kChoiceRounds) return;
-      for (std::uint32_t v = 0; v < size(); ++v) least[v] = centre_[v] != 0 ? 0 : kNever;
-      for (int ring = 0; ring < kApart; ++ring) spread(least);
+      for (std::uint32_t v = 0; v < size(); ++v) minimum[v] = centre_[v] != 0 ? 0 : kNever;
+      for (int ring = 0; ring < kApart; ++ring) spread(minimum);
       for (std::uint32_t v = 0; v < size(); ++v)
-        if (least[v] == 0) own[v] = kNever;
+        if (minimum[v] == 0) own[v] = kNever;
     }
   }
 
@@ -336,7 +336,7 @@ class Denoiser {
       fitted_.clear();
       const double radius = fit_side(window, c, sides_.normal(0), sides_.faces(0));
       if (!window.right()) fits_known_[c] = 0;
-      if (!fitted_.empty() && radius >= kLeastServed * static_cast<double>(edge_[c])) serve(window, radius);
+      if (!fitted_.empty() && radius >= kMinServed * static_cast<double>(edge_[c])) serve(window, radius);
     }
     erode(block_, corners_, kServedRings, fits_known_);
   }
@@ -365,7 +365,7 @@ class Denoiser {
     fitted_.clear();
     const Double3& here = position_[v];
     const double edge = static_cast<double>(edge_[v]),
-                 noise = std::max(static_cast<double>(noise_[v]), kLeastNoise * edge);
+                 noise = std::max(static_cast<double>(noise_[v]), kMinNoise * edge);
     if (sides_.count() == 1) {
       const Served& s = served_[v];
       if (s.weight >= kEnough) {

@@ -13,7 +13,7 @@ namespace tessera {
 namespace {
 
 /// Share of the area around a face whose normals must be like its own.
-constexpr float kLeastSupport = 0.2F;
+constexpr float kMinSupport = 0.2F;
 
 /// Calls sink(g) for every face that shares a vertex with f, once for each vertex shared, f itself left out.
 template <typename Sink>
@@ -93,11 +93,11 @@ class NormalRounds {
       });
       float all = 0.0F;
       for (const std::uint32_t g : near_) all += area_[g];
-      if (support(normals_[f], inverse) >= kLeastSupport * all) continue;
-      float most = -1.0F;
+      if (support(normals_[f], inverse) >= kMinSupport * all) continue;
+      float maximum = -1.0F;
       for (const std::uint32_t g : near_)
-        if (const float s = support(normals_[g], inverse); s > most) {
-          most = s;
+        if (const float s = support(normals_[g], inverse); s > maximum) {
+          maximum = s;
           next_[f] = normals_[g];
         }
     }

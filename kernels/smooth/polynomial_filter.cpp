@@ -100,12 +100,12 @@ class Window {
   /// The rows of vertices [begin, end); what they name for the first time is appended.
   void add_rows(std::size_t begin, std::size_t end) {
     std::size_t entries = first[begin];
-    std::size_t most = entries;
-    for (std::size_t i = begin; i < end; ++i) most += rows_.first[vertex[i] + 1] - rows_.first[vertex[i]];
+    std::size_t maximum = entries;
+    for (std::size_t i = begin; i < end; ++i) maximum += rows_.first[vertex[i] + 1] - rows_.first[vertex[i]];
     std::size_t n = vertex.size();
-    vertex.resize(n + most - entries);
-    neighbour.resize(most);
-    weight.resize(most);
+    vertex.resize(n + maximum - entries);
+    neighbour.resize(maximum);
+    weight.resize(maximum);
     first.resize(end + 1);
     inverse_degree.resize(end);
     role.resize(end);
@@ -385,9 +385,9 @@ void run(const Window& w, const FilterOptions& options, Scratch& s) {
 /// the branch predictor, which takes a third of the time otherwise.
 void sort_by_degree(const SurfaceRows& rows, std::vector<std::uint32_t>& vertices,
                     std::vector<std::uint32_t>& scratch) {
-  constexpr std::uint32_t kMost = 15;
-  const auto degree = [&](std::uint32_t v) { return std::min(rows.first[v + 1] - rows.first[v], kMost); };
-  std::array<std::uint32_t, kMost + 2> begin;
+  constexpr std::uint32_t kMax = 15;
+  const auto degree = [&](std::uint32_t v) { return std::min(rows.first[v + 1] - rows.first[v], kMax); };
+  std::array<std::uint32_t, kMax + 2> begin;
   scratch.resize(vertices.size());
   counting_sort<std::uint32_t>(vertices, scratch, begin, degree);
   vertices.swap(scratch);
@@ -409,19 +409,19 @@ int filter_rings(const FilterOptions& options) {
 }
 
 int chebyshev_degree(double lambda, int order, double accuracy) {
-  constexpr int kMost = 100000;
+  constexpr int kMax = 100000;
   if (order == 1) {
     const double root = std::sqrt(1.0 + lambda * 2.0);
     const double rate = (root - 1.0) / (root + 1.0);
     int degree = 0;
-    for (double error = 2.0; error > accuracy && degree < kMost; error *= rate) ++degree;
+    for (double error = 2.0; error > accuracy && degree < kMax; error *= rate) ++degree;
     return degree < 1 ? 1 : degree;
   }
   const double root = std::sqrt(lambda);
   const Complex x = plate_pole(root);
   Complex t_before = 1.0, t = x;
   int degree = 1;
-  for (; std::norm(t) * accuracy * accuracy < 1.0 && degree < kMost; ++degree)
+  for (; std::norm(t) * accuracy * accuracy < 1.0 && degree < kMax; ++degree)
     t_before = std::exchange(t, 2.0 * x * t - t_before);
   return degree + plate_start_steps(root);
 }

@@ -28,11 +28,11 @@ void StarSides::find(const MeshBlock& block, std::span<const std::uint32_t> star
   }
   count_ = 1;
   normal_[0] = unit_or_zero(mean);
-  double least = limit;
+  double minimum = limit;
   for (std::size_t i = 0; i < m; ++i)
     for (std::size_t j = i + 1; j < m; ++j)
-      if (const double cosine = dot(at(i), at(j)); cosine < least) {
-        least = cosine;
+      if (const double cosine = dot(at(i), at(j)); cosine < minimum) {
+        minimum = cosine;
         count_ = 2;
         normal_[0] = at(i);
         normal_[1] = at(j);
@@ -48,7 +48,7 @@ void StarSides::find(const MeshBlock& block, std::span<const std::uint32_t> star
   }
   side_.assign(m, 0);
   for (int round = 0; round < kRounds && count_ > 1; ++round) {
-    std::array<Double3, kMost> sum = {};
+    std::array<Double3, kMax> sum = {};
     for (std::size_t i = 0; i < m; ++i) {
       double best = -2.0;
       for (std::size_t k = 0; k < count_; ++k)

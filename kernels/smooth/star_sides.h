@@ -13,7 +13,7 @@ namespace tessera {
 
 class StarSides {
  public:
-  static constexpr std::size_t kMost = 3;
+  static constexpr std::size_t kMax = 3;
 
   /// Groups the faces of a star by their filtered normals, with the two that differ most as the first seeds, a
   /// third one that differs from both, and three rounds of assignment to the nearest mean. The same groups in
@@ -30,8 +30,8 @@ class StarSides {
 
  private:
   std::size_t count_ = 0;
-  std::array<Double3, kMost> normal_;
-  std::array<std::vector<std::uint32_t>, kMost> faces_;
+  std::array<Double3, kMax> normal_;
+  std::array<std::vector<std::uint32_t>, kMax> faces_;
   std::vector<double> area_;
   std::vector<std::uint8_t> side_;
 };

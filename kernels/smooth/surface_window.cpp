@@ -9,7 +9,7 @@ namespace {
 /// Standard deviation of the likeness of normals, degrees: less than a crease, more than filtered noise.
 constexpr double kLikeAngle = 6.5;
 /// Faces less alike do not belong to the window.
-constexpr float kLeastLikeness = 0.1F;
+constexpr float kMinLikeness = 0.1F;
 
 }  // namespace
 
@@ -94,7 +94,7 @@ void SurfaceWindow::take(std::uint32_t vertex, int ring) {
     const std::uint32_t f = corner >> 2;
     const float like = likeness(f, expected);
     sum += like;
-    if (like < kLeastLikeness || face_mark_[f].stamp != stamp_ || ring + 1 >= kRings) continue;
+    if (like < kMinLikeness || face_mark_[f].stamp != stamp_ || ring + 1 >= kRings) continue;
     face_mark_[f].stamp = stamp_ + 1;
     faces_.push_back({f, ring});
   }

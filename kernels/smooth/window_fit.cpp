@@ -19,7 +19,7 @@ constexpr double kConfidence[] = {2.5, 2.0, 1.5};
 constexpr double kPlaneConfidence = 0.75;
 constexpr double kPlaneResidual = 1.1;
 /// Below this share of the diagonal a pivot means that the samples do not determine the fit.
-constexpr double kLeastPivot = 1e-10;
+constexpr double kMinPivot = 1e-10;
 
 /// Of numbers or of lanes.
 template <typename Number>
@@ -109,7 +109,7 @@ std::optional<WindowFit> fit_window(const WindowSamples& samples, double radius,
   const Moments m = sum_moments(samples, radius);
   if (m.count < terms + 2) return std::nullopt;
   SmallMatrix<kTerms> factor = m.a;
-  if (!cholesky_factor(factor, 0.0, kLeastPivot, terms)) return std::nullopt;
+  if (!cholesky_factor(factor, 0.0, kMinPivot, terms)) return std::nullopt;
   WindowFit fit;
   std::array<double, kTerms> c = m.b;
   for (auto i = static_cast<std::size_t>(terms); i < kTerms; ++i) c[i] = 0.0;

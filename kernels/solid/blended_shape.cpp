@@ -9,13 +9,13 @@
 namespace tessera {
 namespace {
 
-constexpr int kMostSteps = 40;        ///< of Newton's; two planes take one
-constexpr double kLeastSlope = 0.25;  ///< of what a step along the curve of centres gains
+constexpr int kMaxSteps = 40;        ///< of Newton's; two planes take one
+constexpr double kMinSlope = 0.25;  ///< of what a step along the curve of centres gains
 constexpr double kTouches = 1e-7;     ///< of the radius: how well the ball does once steps gain nothing more
 constexpr double kExact = 1e-13;
 constexpr double kRoot = 1e-9;           ///< of an edge
 constexpr double kUnderRound = 1e-6;     ///< of the radius: least value, where a round may pass
-constexpr double kLeastOpening = 1e-10;  ///< squared sine between normals: below it both are one surface
+constexpr double kMinOpening = 1e-10;  ///< squared sine between normals: below it both are one surface
 
 class BlendedShape : public SolidShape {
  public:
@@ -40,8 +40,8 @@ class BlendedShape : public SolidShape {
     Part a, b;
     const double round = united(p, &a, &b).value, near = std::min(a.value, b.value);
     const double beyond = std::max(near - radius_, std::max(a.value, b.value) - 2.0 * radius_);
-    const double most = near < 0.0 ? -near : std::min(near, std::max(beyond, 0.0));
-    const double far = radius_ > 0.0 ? std::max(most, kUnderRound * radius_) : most;
+    const double maximum = near < 0.0 ? -near : std::min(near, std::max(beyond, 0.0));
+    const double far = radius_ > 0.0 ? std::max(maximum, kUnderRound * radius_) : maximum;
     return of_both_ * (round < 0.0 ? -far : far);
   }
 
@@ -99,9 +99,9 @@ class BlendedShape : public SolidShape {
     const bool outside = a.value > 0.0 && b.value > 0.0;
     Double3 before = p;
     double last = std::numeric_limits<double>::infinity(), rt_before = 0.0;
-    for (int step = 0; step < kMostSteps; ++step) {
+    for (int step = 0; step < kMaxSteps; ++step) {
       const double g = dot(a.direction, b.direction), free = 1.0 - g * g;
-      if (!(free > kLeastOpening)) return false;
+      if (!(free > kMinOpening)) return false;
       const Double3 along = cross(a.direction, b.direction) / std::sqrt(free);
       const double ra = radius_ - a.value, rb = radius_ - b.value, rt = dot(p - centre, along);
       const double off = std::max({std::fabs(ra), std::fabs(rb), std::fabs(rt)});
@@ -120,7 +120,7 @@ class BlendedShape : public SolidShape {
       const double moved = dot(centre - before, along);
       double slope = 1.0;
       if (step > 0 && std::fabs(moved) > kTouches * radius_)
-        slope = std::max(std::fabs((rt - rt_before) / moved), kLeastSlope);
+        slope = std::max(std::fabs((rt - rt_before) / moved), kMinSlope);
       before = centre;
       rt_before = rt;
       const double dt = std::clamp(rt / slope, -radius_, radius_);

@@ -7,7 +7,7 @@ namespace tessera {
 namespace {
 
 constexpr double kOneSheet = 0.906;         ///< cosine of 25 degrees
-constexpr double kLeastShare = 1.0 / 50.0;  ///< of the area around a vertex
+constexpr double kMinShare = 1.0 / 50.0;  ///< of the area around a vertex
 
 struct Facet {
   Double3 way;  ///< as long as its area, doubled
@@ -51,12 +51,12 @@ CreaseSheets::CreaseSheets(const MeshBlock& block) : first_(block.position.size(
       if (!(f.area > 0.0)) break;
       const Double3 normal = f.way / f.area;
       std::size_t best = seed.size();
-      double most = kOneSheet;
+      double maximum = kOneSheet;
       for (std::size_t s = 0; s < seed.size(); ++s)
-        if (const double c = dot(seed[s], normal); c > most) most = c, best = s;
+        if (const double c = dot(seed[s], normal); c > maximum) maximum = c, best = s;
       if (best < seed.size()) {
         sum[best] = sum[best] + f.way;
-      } else if (f.area >= kLeastShare * all) {
+      } else if (f.area >= kMinShare * all) {
         seed.push_back(normal);
         sum.push_back(f.way);
       }

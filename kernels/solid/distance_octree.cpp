@@ -12,7 +12,7 @@ namespace {
 
 constexpr int kKept = kBrickCells;  ///< edge of the cubes whose values are kept while their cells are made
 constexpr int kSteps = 8;           ///< of a cell between two of its corners: where it is looked at
-constexpr std::uint64_t kMostNodes = std::uint64_t{1} << 32;
+constexpr std::uint64_t kMaxNodes = std::uint64_t{1} << 32;
 
 double interpolate(const std::array<float, 8>& v, double x, double y, double z) {
   const auto along = [&](std::size_t c, std::size_t step, double t) {
@@ -116,7 +116,7 @@ DistanceOctree::DistanceOctree(const Int3& corner, int edge, std::vector<std::ui
                                std::uint64_t nodes, std::vector<std::array<float, 8>> cells)
     : corner_(corner), edge_(edge), nodes_(nodes), halved_(std::move(halved)), cells_(std::move(cells)) {
   if (edge_ < 1 || !std::has_single_bit(static_cast<unsigned>(edge_)) || nodes_ == 0 ||
-      nodes_ >= kMostNodes || halved_.size() != (nodes_ + 63) / 64)
+      nodes_ >= kMaxNodes || halved_.size() != (nodes_ + 63) / 64)
     throw InputError("a cube of cells is no octree");
   count();
   std::uint64_t parents = 0;

@@ -150,9 +150,9 @@ void MeshSolid::membrane_leaves(const SolidBlock& block, std::span<const std::ui
         search(block, occupied, {x, y, z}, kCube, out);
 }
 
-double MeshSolid::half_share(std::size_t most) const {
+double MeshSolid::half_share(std::size_t maximum) const {
   const std::vector<LeafTurns>& leaves = lines_.leaves();
-  const std::size_t count = std::min(most, leaves.size());
+  const std::size_t count = std::min(maximum, leaves.size());
   std::size_t half = 0;
   for (std::size_t i = 0; i < count; ++i) {
     const Int3 leaf = leaf_of_row_key(leaves[i * leaves.size() / count].key);

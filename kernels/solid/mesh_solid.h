@@ -22,9 +22,9 @@ class MeshSolid : public SolidOperand {
   void membrane_leaves(const SolidBlock& block, std::span<const std::uint8_t> occupied,
                        std::vector<Int3>& out) const;
 
-  /// Share of the leaves that faces pass, `most` evenly chosen ones at most, at whose first node the winding number is
+  /// Share of the leaves that faces pass, `maximum` evenly chosen ones at most, at whose first node the winding number is
   /// nearer to a half than to a whole: almost none of a solid with holes, almost all of an open sheet.
-  double half_share(std::size_t most) const;
+  double half_share(std::size_t maximum) const;
 
   const LineWindings& lines() const { return lines_; }
   const BorderWinding& border() const { return border_; }

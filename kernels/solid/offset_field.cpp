@@ -98,12 +98,12 @@ FieldSampler::Sample OffsetSampler::at(const Int3& node, std::size_t axis, doubl
 
 double OffsetSampler::mitred(const std::array<std::uint32_t, 3>& face, const TriangleFoot& on, double away,
                              double side, Double3& outward) const {
-  double most = 0.0;
+  double maximum = 0.0;
   Double3 normal;
   const auto ask = [&](std::uint32_t vertex) {
     for (const Double3& n : sheets_.at(vertex)) {
       const double along = side * dot(on.at, n);  // towards the foot
-      if (along > most) most = along, normal = n;
+      if (along > maximum) maximum = along, normal = n;
     }
   };
   const auto corner = [&](int k) { return face[static_cast<std::size_t>(k)]; };
@@ -112,10 +112,10 @@ double OffsetSampler::mitred(const std::array<std::uint32_t, 3>& face, const Tri
   } else if (on.edge >= 0) {
     ask(corner(on.edge)), ask(corner((on.edge + 1) % 3));
   }
-  if (!(most > away / layer_.mitre)) return most > 0.0 ? away / layer_.mitre : away;
-  if (most >= away) return away;
+  if (!(maximum > away / layer_.mitre)) return maximum > 0.0 ? away / layer_.mitre : away;
+  if (maximum >= away) return away;
   outward = normal;
-  return most;
+  return maximum;
 }
 
 std::vector<Int3> OffsetSampler::leaves(const Int3& cells) const {

@@ -11,7 +11,7 @@ namespace {
 
 __extension__ using Wide = __int128;
 
-constexpr double kLeastAngle = 1e-30;  ///< stands for none at all, so that it has a sign
+constexpr double kMinAngle = 1e-30;  ///< stands for none at all, so that it has a sign
 constexpr double kSureArea = 1e-14;    ///< of its parts: the sign of a rounded area is that of the exact one
 
 /// Sign of the doubled area of (a, b, node) seen from +x, with the node moved.
@@ -62,7 +62,7 @@ void add_ribbon(const BorderEdge& edge, const Long3& x, AngleSum& half) {
   if (at_a) along = -b[1], area = b[2];
   if (at_b) along = -a[1], area = a[2];
   const bool turned = edge.count < 0;
-  const double width = std::max(std::fabs(area), kLeastAngle * std::fabs(along));
+  const double width = std::max(std::fabs(area), kMinAngle * std::fabs(along));
   const double across = left != turned ? width : -width;
   if (!(along * along + area * area > 0.0)) return;
   for (std::int64_t n = std::abs(edge.count); n > 0; --n) half.add(along, across);
@@ -114,8 +114,8 @@ void RibbonRow<kVectors>::add(const BorderEdge& edge) {
     const Lanes la = _mm256_sqrt_pd(x * x + qa), lb = _mm256_sqrt_pd(y * y + qb);
     along[v] = la * lb + (x * y + beside) + x * lb + y * la;
     const Lanes size = along[v] < 0.0 ? -along[v] : along[v];
-    const Lanes least = kLeastAngle * size;
-    across[v] = sign * (least > width ? least : width + 0.0 * least);
+    const Lanes minimum = kMinAngle * size;
+    across[v] = sign * (minimum > width ? minimum : width + 0.0 * minimum);
   }
   for (std::int64_t n = std::abs(edge.count); n > 0; --n) {
     for (std::size_t v = 0; v < kVectors; ++v) {

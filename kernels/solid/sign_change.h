@@ -13,10 +13,10 @@ namespace tessera {
 /// \param enough  the first place whose value is nearer to zero than this is the result; 0 = none
 template <class Value>
 double find_sign_change(bool starts_inside, double width, double enough, const Value& value) {
-  constexpr int kMostSteps = 60;
+  constexpr int kMaxSteps = 60;
   double low = 0.0, high = 1.0, at_low = value(0.0), at_high = value(1.0);
   int side = 0;
-  for (int step = 0; step < kMostSteps && high - low > width; ++step) {
+  for (int step = 0; step < kMaxSteps && high - low > width; ++step) {
     const double difference = at_high - at_low;
     double t =
         step % 4 == 3 || difference == 0.0 ? 0.5 * (low + high) : low - at_low * (high - low) / difference;

@@ -96,9 +96,9 @@ struct Cone {
   }
   Double3 middle() const { return centre; }
   Double3 reach() const {
-    const double most = std::max(radius + slope * half, radius - slope * half);
+    const double maximum = std::max(radius + slope * half, radius - slope * half);
     Double3 r;
-    for (std::size_t a = 0; a < 3; ++a) r[a] = std::fabs(axis[a]) * half + most;
+    for (std::size_t a = 0; a < 3; ++a) r[a] = std::fabs(axis[a]) * half + maximum;
     return r;
   }
 };
@@ -166,10 +166,10 @@ class Placed : public SolidShape {
     if constexpr (requires { form_.reach(); }) {
       const Double3 middle = placement_.apply(form_.middle()), reach = form_.reach();
       for (std::size_t a = 0; a < 3; ++a) {
-        double most = 0.0;
-        for (std::size_t b = 0; b < 3; ++b) most += std::fabs(placement_.matrix[3 * a + b]) * reach[b];
-        low[a] = middle[a] - most;
-        high[a] = middle[a] + most;
+        double maximum = 0.0;
+        for (std::size_t b = 0; b < 3; ++b) maximum += std::fabs(placement_.matrix[3 * a + b]) * reach[b];
+        low[a] = middle[a] - maximum;
+        high[a] = middle[a] + maximum;
       }
       return true;
     } else {

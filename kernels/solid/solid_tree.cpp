@@ -8,7 +8,7 @@ bool SolidTree::is_complete(std::size_t operands) const {
   std::size_t depth = 0;
   for (const Step& s : steps_) {
     if (s.is_operand) {
-      if (s.operand >= operands || ++depth > kMostOperands) return false;
+      if (s.operand >= operands || ++depth > kMaxOperands) return false;
     } else if (depth-- < 2) {
       return false;
     }
@@ -17,7 +17,7 @@ bool SolidTree::is_complete(std::size_t operands) const {
 }
 
 std::uint64_t SolidTree::inside(std::span<const std::uint64_t> inside) const {
-  std::array<std::uint64_t, kMostOperands + 1> stack;
+  std::array<std::uint64_t, kMaxOperands + 1> stack;
   std::size_t top = 0;
   for (const Step& s : steps_) {
     if (s.is_operand) {

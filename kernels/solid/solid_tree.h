@@ -7,7 +7,7 @@
 
 namespace tessera {
 
-inline constexpr std::size_t kMostOperands = 64;
+inline constexpr std::size_t kMaxOperands = 64;
 
 /// A tree as its postfix program: leaves push, joints take two and push one.
 class SolidTree {
@@ -18,7 +18,7 @@ class SolidTree {
   void push_join(Join join) { steps_.push_back({false, 0, join}); }
   /// Whether every joint finds two solids and one is left, over operands below `operands`.
   bool is_complete(std::size_t operands) const;
-  /// \param inside  per operand: bit b, inside at node b  \pre is_complete(inside.size()), at most kMostOperands deep
+  /// \param inside  per operand: bit b, inside at node b  \pre is_complete(inside.size()), at most kMaxOperands deep
   std::uint64_t inside(std::span<const std::uint64_t> inside) const;
 
  private:

@@ -10,12 +10,12 @@ namespace {
 
 constexpr std::size_t kLeafSegments = 4;
 constexpr std::size_t kChildren = 4;
-constexpr int kMostHalvings = 40;
+constexpr int kMaxHalvings = 40;
 constexpr double kSegmentExactness =
     1e-9;                         ///< of the tool's radius: how exactly its place on a segment is found
 constexpr double kLevel = 1e-10;  ///< slope along a segment, per length, that counts as none
 constexpr std::size_t kStack = 128;
-constexpr int kMostPasses = 1000, kMaxDistanceSteps = 60;
+constexpr int kMaxPasses = 1000, kMaxDistanceSteps = 60;
 constexpr double kExactRoot = 1e-9;  ///< of the way between two nodes
 constexpr double kArrived = 1e-3;    ///< of that: steps are over
 constexpr auto kNone = static_cast<std::size_t>(-1);
@@ -146,10 +146,10 @@ SweptTool::Nearest SweptTool::of_segment(const Double3& p, std::size_t segment, 
   // Most lie too far aside.
   const double beside = foot_on({from_a[0], from_a[1], 0.0}, {way[0], way[1], 0.0});
   const double dx = from_a[0] - way[0] * beside, dy = from_a[1] - way[1] * beside;
-  if (const double least =
+  if (const double minimum =
           of_nose(tool_, std::sqrt(dx * dx + dy * dy), std::max(from_a[2], p[2] - b[2])) - rounding_;
-      least >= below)
-    return {least, {}, segment};
+      minimum >= below)
+    return {minimum, {}, segment};
   const double length = norm(way);
   const auto at = [&](double t) {
     Nearest n;
@@ -173,7 +173,7 @@ SweptTool::Nearest SweptTool::of_segment(const Double3& p, std::size_t segment, 
     if (falls_back) high = std::min(high, t);
     if (falls_on) low = std::max(low, t);
   }
-  for (int i = 0; i < kMostHalvings && (high - low) * length > kSegmentExactness * tool_.radius; ++i) {
+  for (int i = 0; i < kMaxHalvings && (high - low) * length > kSegmentExactness * tool_.radius; ++i) {
     const double t = 0.5 * (low + high);
     const Nearest n = at(t);
     if (n.value < best.value) best = n;
@@ -267,7 +267,7 @@ double SweptTool::surface_between(const Double3& from, const Double3& to, bool s
   const double exact = kExactRoot * norm(way) + rounding_;
   double t = 0.0;
   std::size_t segment = cutting(p, 0.0);
-  for (int pass = 0; pass < kMostPasses && segment != kNone; ++pass) {
+  for (int pass = 0; pass < kMaxPasses && segment != kNone; ++pass) {
     // Out of the tool on this segment: a convex body, so Newton's method from beyond comes down to its surface.
     double out = 1.0;
     for (int step = 0; step < kMaxDistanceSteps; ++step) {
@@ -303,7 +303,7 @@ std::unique_ptr<SolidShape> SweptTool::near(const Double3& middle, double radius
     const std::size_t end = std::min(segments_.size(), (index + 1) * kLeafSegments);
     for (std::size_t s = index * kLeafSegments; s < end; ++s)
       if (!(of_segment(p, s, limit).value > limit)) found.push_back(segments_[s]);
-    if (found.size() > kMostNear) return nullptr;
+    if (found.size() > kMaxNear) return nullptr;
   }
   return std::unique_ptr<SolidShape>(new SweptTool(*this, std::move(found)));
 }

@@ -34,11 +34,11 @@ class SweptTool : public SolidShape {
   std::unique_ptr<SolidShape> near(const Double3& middle, double radius, double margin) const override;
 
   static constexpr std::uint64_t bytes(std::uint64_t points) {
-    return points * (24 + 48 + 24) + kMostNear * 72;
+    return points * (24 + 48 + 24) + kMaxNear * 72;
   }
 
  private:
-  static constexpr std::size_t kMostNear =
+  static constexpr std::size_t kMaxNear =
       1u << 16;  ///< where more matter, near() holds no fewer than the whole
 
   struct Segment {

@@ -9,7 +9,7 @@
 namespace tessera {
 namespace {
 
-constexpr int kMostSplits = 16;
+constexpr int kMaxSplits = 16;
 constexpr double kCellsPerReach = 4.0;  // smaller cells would mostly load what their neighbours load
 
 /// Patches of one mesh that a cell needs, of those that its parent needed.
@@ -98,7 +98,7 @@ class CellMaker {
       const int finer = static_cast<int>(std::ceil(std::log2(patch_edge_ / size)));
       expected = static_cast<double>(faces) * std::ldexp(1.0, -2 * finer);
     }
-    if (expected <= static_cast<double>(cell_faces_) || level == kMostSplits ||
+    if (expected <= static_cast<double>(cell_faces_) || level == kMaxSplits ||
         size < kCellsPerReach * halo_) {
       cells_.push_back(
           {box, compare_cell_bytes(mesh_.block_bytes(a) + reference_.block_bytes(b), faces), faces});

@@ -29,7 +29,7 @@ constexpr double kWholeTightness = 1.05;
 
 /// Points of a cell at which distances are measured for the mean. One cell alone tells it to about a hundredth; where
 /// there are many they do so together.
-constexpr std::size_t kMostSamples = 1u << 14, kLeastSamples = 1u << 8;
+constexpr std::size_t kMaxSamples = 1u << 14, kMinSamples = 1u << 8;
 constexpr std::uint64_t kFacesAtMost = 1u << 16;  ///< of the reference: up to here a cell gets the most
 
 /// Where the surface ends, as segments.
@@ -59,8 +59,8 @@ CertificateOptions certificate_options(const MeshStore& mesh, const MeshStore& r
   certificate.area_unit = scale > 0.0 ? scale * scale * 0x1p-47 : 1.0;
   // By the reference alone: what a round before found in a cell then is what this one would find.
   certificate.samples = std::clamp<std::size_t>(
-      kMostSamples * kFacesAtMost / std::max<std::uint64_t>(1, reference.face_count()), kLeastSamples,
-      kMostSamples);
+      kMaxSamples * kFacesAtMost / std::max<std::uint64_t>(1, reference.face_count()), kMinSamples,
+      kMaxSamples);
   return certificate;
 }
 
@@ -128,10 +128,10 @@ void require_provable(const MeshStore& mesh, double tolerance) {
         for (std::size_t k = 0; k < 3; ++k)
           longest = std::max(longest, std::abs(block.position[f[c]][k] - block.position[f[(c + 1) % 3]][k]));
   }
-  const double least = certificate_rounding(0.5 * longest);
-  if (tolerance >= least) return;
+  const double minimum = certificate_rounding(0.5 * longest);
+  if (tolerance >= minimum) return;
   throw ValidationError("a tolerance of " + number_text(tolerance) + " cannot be proven: a face is " +
-                        number_text(longest) + " long, on which distances are told to " + number_text(least) +
+                        number_text(longest) + " long, on which distances are told to " + number_text(minimum) +
                         " only: remove such faces, or give a larger --tolerance");
 }
 
@@ -226,7 +226,7 @@ void tighten_cells(std::vector<CellBounds>& cells, double tolerance,
     for (const std::size_t i : order) {
       // What is above the tolerance was searched to the end.
       if (tight[i] || cells[i].upper[way] > tolerance) continue;
-      if (cells[i].upper[way] <= std::max(kWholeTightness * lower[way], kLeastTarget * tolerance)) break;
+      if (cells[i].upper[way] <= std::max(kWholeTightness * lower[way], kMinTarget * tolerance)) break;
       cells[i] = again(i);
       tight[i] = true;
       for (std::size_t w = 0; w < 2; ++w) lower[w] = std::max(lower[w], cells[i].lower[w]);

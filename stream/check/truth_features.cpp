@@ -65,11 +65,11 @@ void NearestTracker::take(const Double3& a, const Double3& b, const Double3& c) 
   if (points_.empty()) return;
   const auto range = [this](double u, double v, double w, double lo, double hi, std::int64_t& from,
                             std::int64_t& to) {
-    const double least = std::max(std::min({u, v, w}) - reach_, lo),
-                 most = std::min(std::max({u, v, w}) + reach_, hi);
-    if (!(least <= most)) return false;
-    from = static_cast<std::int64_t>(std::floor((least - lo) / cell_));
-    to = static_cast<std::int64_t>(std::floor((most - lo) / cell_));
+    const double minimum = std::max(std::min({u, v, w}) - reach_, lo),
+                 maximum = std::min(std::max({u, v, w}) + reach_, hi);
+    if (!(minimum <= maximum)) return false;
+    from = static_cast<std::int64_t>(std::floor((minimum - lo) / cell_));
+    to = static_cast<std::int64_t>(std::floor((maximum - lo) / cell_));
     return true;
   };
   std::int64_t i0, i1, j0, j1, k0, k1;

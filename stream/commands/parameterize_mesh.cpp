@@ -16,7 +16,7 @@ constexpr std::uint64_t kMeshBytes = 48;
 /// The program and its buffers.
 constexpr std::uint64_t kProcessBytes = 12'000'000;
 
-std::uint64_t least_bytes(std::uint64_t vertices, ParameterMethod method) {
+std::uint64_t min_bytes(std::uint64_t vertices, ParameterMethod method) {
   return kProcessBytes + vertices * kMeshBytes + parameterize_bytes(vertices, method);
 }
 
@@ -39,10 +39,10 @@ LoadedMesh load(const std::filesystem::path& input, const std::filesystem::path&
   reader.read_vertices([&](std::span<const Double3> batch, std::span<const std::uint32_t>) {
     if (stop) stop();
     const std::uint64_t vertices = mesh.positions.size() + batch.size();
-    if (least_bytes(vertices, method) > memory) {
+    if (min_bytes(vertices, method) > memory) {
       const std::uint64_t all = std::max<std::uint64_t>(vertices, mesh.header.vertices);
       throw ResourceError(input.string() + ": a map of " + std::to_string(all) + " vertices needs " +
-                          format_bytes(least_bytes(all, method)) + ", allowed are " + format_bytes(memory) +
+                          format_bytes(min_bytes(all, method)) + ", allowed are " + format_bytes(memory) +
                           ": give a larger --memory, or decimate the mesh");
     }
     mesh.positions.insert(mesh.positions.end(), batch.begin(), batch.end());

@@ -8,8 +8,8 @@ namespace tessera {
 namespace {
 
 constexpr PackedKind kKind = {"TSBUCKT2", "a bucket file"};
-constexpr std::uint64_t kLeastChunk = 1024;
-constexpr std::uint64_t kMostChunk = 1u << 18;
+constexpr std::uint64_t kMinChunk = 1024;
+constexpr std::uint64_t kMaxChunk = 1u << 18;
 
 struct Info {
   std::uint64_t buckets = 0;
@@ -22,7 +22,7 @@ BucketFileWriter::BucketFileWriter(const std::filesystem::path& path, std::size_
                                    std::size_t buckets, std::uint64_t memory_bytes)
     : file_(path, kKind), record_bytes_(record_bytes), open_(buckets) {
   const std::uint64_t share =
-      std::clamp(memory_bytes / std::max<std::uint64_t>(1, buckets), kLeastChunk, kMostChunk);
+      std::clamp(memory_bytes / std::max<std::uint64_t>(1, buckets), kMinChunk, kMaxChunk);
   chunk_bytes_ = share / record_bytes * record_bytes;
 }
 

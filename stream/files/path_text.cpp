@@ -28,9 +28,9 @@ std::size_t character(const std::string& text, std::size_t at, std::uint32_t& va
     if ((byte & 0xc0u) != 0x80u) return 0;
     value = value << 6 | (byte & 0x3fu);
   }
-  constexpr std::uint32_t kLeast[] = {0, 0, 0x80, 0x800, 0x10000};
+  constexpr std::uint32_t kMin[] = {0, 0, 0x80, 0x800, 0x10000};
   const bool surrogate = value >= 0xd800 && value < 0xe000;
-  return value < kLeast[length] || value > 0x10ffff || surrogate ? 0 : length;
+  return value < kMin[length] || value > 0x10ffff || surrogate ? 0 : length;
 }
 
 bool stands_for_byte(std::uint32_t value) {

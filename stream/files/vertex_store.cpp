@@ -7,7 +7,7 @@ namespace tessera {
 namespace {
 
 constexpr std::uint64_t kUnsaved = ~std::uint64_t{0};
-constexpr std::uint64_t kLeastSlots = 4;  // the corners of a face may lie in three chunks
+constexpr std::uint64_t kMinSlots = 4;  // the corners of a face may lie in three chunks
 
 }  // namespace
 
@@ -15,7 +15,7 @@ VertexStore::VertexStore(const std::filesystem::path& temp, bool doubles, std::u
     : file_(temp),
       doubles_(doubles),
       chunk_bytes_(kChunkVertices * (doubles ? sizeof(Double3) : sizeof(Float3))),
-      max_slots_(std::max(kLeastSlots, memory_bytes / chunk_bytes_)) {}
+      max_slots_(std::max(kMinSlots, memory_bytes / chunk_bytes_)) {}
 
 Double3 VertexStore::load(const Slot& slot, std::uint64_t i) const {
   if (doubles_) {

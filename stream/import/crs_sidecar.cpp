@@ -9,13 +9,13 @@ namespace tessera {
 namespace {
 
 /// What is larger is no coordinate system.
-constexpr std::uint64_t kMostBytes = std::uint64_t{1} << 20;
+constexpr std::uint64_t kMaxBytes = std::uint64_t{1} << 20;
 
 std::string text_of(const std::filesystem::path& path) {
   std::error_code error;
   if (!std::filesystem::is_regular_file(path, error)) return "";
   const ReadFile file(path);
-  if (file.size() > kMostBytes) return "";
+  if (file.size() > kMaxBytes) return "";
   std::string text(static_cast<std::size_t>(file.size()), '\0');
   file.read_at(0, text.data(), text.size());
   return text;

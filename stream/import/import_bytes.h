@@ -15,8 +15,8 @@ inline constexpr std::uint64_t kImportSortBytes = std::uint64_t{16} << 20;
 
 /// Of the reader: positions of a file that fits are kept between its two readings.
 inline std::uint64_t import_keep_bytes(const RunOptions& run) {
-  constexpr std::uint64_t kLeastToKeep = std::uint64_t{256} << 20;
-  return run.memory_bytes >= kLeastToKeep ? run.memory_bytes / 8 : 0;
+  constexpr std::uint64_t kMinToKeep = std::uint64_t{256} << 20;
+  return run.memory_bytes >= kMinToKeep ? run.memory_bytes / 8 : 0;
 }
 inline std::uint64_t import_read_bytes(const RunOptions& run) {
   return import_keep_bytes(run) + kImportDealBytes + ImportPlan::kSurveyBytes + DirectFile::kDefaultBuffer +

@@ -11,7 +11,7 @@ namespace {
 
 // The shortest lines and records that there are: of an OBJ's vertex and face with digits enough to be told apart.
 constexpr std::uint64_t kTextVertexBytes = 24, kTextFaceBytes = 16;
-constexpr std::uint64_t kLeastBytes = 6;    ///< of any element
+constexpr std::uint64_t kMinBytes = 6;    ///< of any element
 constexpr std::uint64_t kDealtBytes = 32;   ///< of a vertex on its way to its bucket
 constexpr std::uint64_t kBucketMargin = 5;  ///< quarters, at most: cells are not cut
 
@@ -20,8 +20,8 @@ constexpr std::uint64_t kBucketMargin = 5;  ///< quarters, at most: cells are no
 MeshSize claimed_mesh_size(const std::filesystem::path& path) {
   const auto mesh = open_mesh_file(path);
   const std::uint64_t bytes = std::filesystem::file_size(path);
-  MeshSize size{std::min(mesh->header().vertices, bytes / kLeastBytes),
-                std::min(mesh->header().faces, bytes / kLeastBytes)};
+  MeshSize size{std::min(mesh->header().vertices, bytes / kMinBytes),
+                std::min(mesh->header().faces, bytes / kMinBytes)};
   if (size.faces == 0) {  // two faces a vertex
     size.vertices = bytes / (kTextVertexBytes + 2 * kTextFaceBytes);
     size.faces = 2 * size.vertices;
@@ -32,7 +32,7 @@ MeshSize claimed_mesh_size(const std::filesystem::path& path) {
 
 std::vector<StageNeed> import_needs(const RunOptions& run, const ImportSource& source, const MeshSize& mesh) {
   const std::uint64_t target =
-      std::max(ImportPlan::kBucketVertices, mesh.vertices / ImportPlan::kMostBuckets);
+      std::max(ImportPlan::kBucketVertices, mesh.vertices / ImportPlan::kMaxBuckets);
   const auto vertices = [&](std::uint64_t bucket) {
     return std::max(import_vertices_task_bytes(std::min(mesh.vertices, bucket), kDealtBytes),
                     kImportVerticesFinishBytes);
@@ -45,11 +45,11 @@ std::vector<StageNeed> import_needs(const RunOptions& run, const ImportSource& s
     return std::max(import_tiles_task_bytes(own, faces, repair_bytes(faces)), kImportTilesFinishBytes);
   };
   const auto named = [&](const char* stage) { return source.folder + stage; };
-  const std::uint64_t most = target * kBucketMargin / 4;
+  const std::uint64_t maximum = target * kBucketMargin / 4;
   return {{named("-read"), import_read_bytes(run), 0},
-          {named("-vertices"), vertices(target), vertices(most)},
+          {named("-vertices"), vertices(target), vertices(maximum)},
           {named("-corners"), import_corners_bytes(run, mesh.vertices), 0},
-          {named("-tiles"), tiles(target), tiles(most)}};
+          {named("-tiles"), tiles(target), tiles(maximum)}};
 }
 
 std::vector<StageNeed> import_needs(const JobState& state, std::size_t inputs,

@@ -16,7 +16,7 @@ namespace {
 /// Cells an edge of the root cube; the mesh lies in at most two root cubes an axis.
 constexpr int kGridLevel = 6;
 constexpr int kGrid = 2 << kGridLevel;
-constexpr int kMostBrickLevel = kMaxCellBits - kBrickBits - 1;
+constexpr int kMaxBrickLevel = kMaxCellBits - kBrickBits - 1;
 
 bool finite(const Double3& p) {
   return std::isfinite(p[0]) && std::isfinite(p[1]) && std::isfinite(p[2]);
@@ -148,7 +148,7 @@ ImportPlan ImportPlan::measure(const MeshHeader& header, const VertexSource& ver
   std::uint64_t median = weighted_median(cells, vertices);
   int level = kGridLevel;
   if (median > brick_vertices) {
-    for (; median > brick_vertices && level < kMostBrickLevel; ++level) median /= 4;
+    for (; median > brick_vertices && level < kMaxBrickLevel; ++level) median /= 4;
   } else {
     while (level > 0) {
       std::vector<OccupiedCell> parents = parents_of(cells);
@@ -163,7 +163,7 @@ ImportPlan ImportPlan::measure(const MeshHeader& header, const VertexSource& ver
   for (std::size_t a = 0; a < 3; ++a)
     plan.info.lattice.origin_brick[a] = static_cast<std::int64_t>(std::ldexp(origin[a], level));
 
-  const std::uint64_t target = std::max(kBucketVertices, vertices / kMostBuckets);
+  const std::uint64_t target = std::max(kBucketVertices, vertices / kMaxBuckets);
   for (const OccupiedCell& cell_of_grid : cells) {
     if (plan.first_cell.empty() || plan.bucket_vertices.back() >= target) {
       plan.first_cell.push_back(plan.first_cell.empty() ? 0 : cell_of_grid.code);

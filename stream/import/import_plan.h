@@ -35,7 +35,7 @@ struct ImportPlan {
 
   static constexpr std::uint64_t kBrickVertices = 6000;
   static constexpr std::uint64_t kBucketVertices = 1u << 17;
-  static constexpr std::size_t kMostBuckets = 1000;
+  static constexpr std::size_t kMaxBuckets = 1000;
   static constexpr std::uint64_t kSurveyBytes = std::uint64_t{20} << 20;  ///< what measuring takes
 
   std::size_t buckets() const { return first_cell.size(); }

@@ -59,10 +59,10 @@ void sort_by_upper_half(std::span<std::uint64_t> values, std::vector<std::uint64
 /// come the first time.
 class KeptVertices {
  public:
-  KeptVertices(MeshReader& mesh, std::uint64_t most_bytes)
+  KeptVertices(MeshReader& mesh, std::uint64_t max_bytes)
       : mesh_(mesh),
         keep_(!mesh.header().double_positions && !mesh.header().colour && mesh.header().vertices > 0 &&
-              mesh.header().vertices <= most_bytes / sizeof(Float3)) {}
+              mesh.header().vertices <= max_bytes / sizeof(Float3)) {}
 
   void read(const std::function<void(std::span<const Double3>, std::span<const std::uint32_t>)>& sink) {
     if (all_) {

@@ -15,7 +15,7 @@ std::uint64_t mixed(std::uint64_t low, std::uint64_t high) {
 
 template <typename Index>
 BorderEdges find(const FaceStream& faces, std::uint64_t face_count, std::uint64_t memory_bytes,
-                 std::size_t most_listed) {
+                 std::size_t max_listed) {
   using Edge = std::array<Index, 2>;
   const std::uint64_t need = 3 * face_count * sizeof(Edge);
   // Passes are uneven by a little: the table gets 3/4 of the memory on average.
@@ -44,10 +44,10 @@ BorderEdges find(const FaceStream& faces, std::uint64_t face_count, std::uint64_
       const std::array<std::uint64_t, 2> edge = {table[i][0], table[i][1]};
       if (end - i == 1) {
         ++result.border_count;
-        if (result.border.size() < most_listed) result.border.push_back(edge);
+        if (result.border.size() < max_listed) result.border.push_back(edge);
       } else if (end - i > 2) {
         ++result.non_manifold_count;
-        if (result.non_manifold.size() < most_listed) result.non_manifold.push_back(edge);
+        if (result.non_manifold.size() < max_listed) result.non_manifold.push_back(edge);
       }
       i = end;
     }
@@ -68,9 +68,9 @@ std::uint64_t edge_table_bytes(std::uint64_t vertices, std::uint64_t faces) {
 }
 
 BorderEdges find_border_edges(const FaceStream& faces, std::uint64_t vertices, std::uint64_t face_count,
-                              std::uint64_t memory_bytes, std::size_t most_listed) {
-  return small_indices(vertices) ? find<std::uint32_t>(faces, face_count, memory_bytes, most_listed)
-                                 : find<std::uint64_t>(faces, face_count, memory_bytes, most_listed);
+                              std::uint64_t memory_bytes, std::size_t max_listed) {
+  return small_indices(vertices) ? find<std::uint32_t>(faces, face_count, memory_bytes, max_listed)
+                                 : find<std::uint64_t>(faces, face_count, memory_bytes, max_listed);
 }
 
 }  // namespace tessera

@@ -25,8 +25,8 @@ std::uint64_t edge_table_bytes(std::uint64_t vertices, std::uint64_t faces);
 
 /// Faces with a repeated vertex have no edges.
 /// Passes over the faces: as many as the table needs in `memory_bytes`.
-/// The lists hold at most `most_listed` edges each.
+/// The lists hold at most `max_listed` edges each.
 BorderEdges find_border_edges(const FaceStream& faces, std::uint64_t vertices, std::uint64_t face_count,
-                              std::uint64_t memory_bytes, std::size_t most_listed);
+                              std::uint64_t memory_bytes, std::size_t max_listed);
 
 }  // namespace tessera

@@ -17,7 +17,7 @@ namespace tessera {
 using FailedFace = std::array<Double3, 3>;
 
 /// More are not kept per round: what is left over fails again and is met in the next one.
-inline constexpr std::size_t kMostFailedFaces = std::size_t{1} << 14;
+inline constexpr std::size_t kMaxFailedFaces = std::size_t{1} << 14;
 
 /// Returns bytes written.
 std::uint64_t write_failed_faces(const std::filesystem::path& path, const std::vector<FailedFace>& faces);

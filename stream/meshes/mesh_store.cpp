@@ -457,9 +457,9 @@ std::uint64_t MeshStore::block_bytes(std::span<const std::size_t> patches) const
 }
 
 std::uint64_t MeshStore::largest_patch_bytes() const {
-  std::uint64_t most = 0;
-  for (const MeshPatchEntry& e : impl_->patches) most = std::max(most, block_bytes(e.vertices, e.faces));
-  return most;
+  std::uint64_t maximum = 0;
+  for (const MeshPatchEntry& e : impl_->patches) maximum = std::max(maximum, block_bytes(e.vertices, e.faces));
+  return maximum;
 }
 
 }  // namespace tessera

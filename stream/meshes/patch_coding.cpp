@@ -120,7 +120,7 @@ bool put_fractions_of(const MeshBlock& block, std::size_t v, const MeshStoreInfo
 /// Fractions of the vertices in so many bytes each, after those that stand elsewhere: these are few, or it is false.
 bool put_fractions(const MeshBlock& block, const MeshStoreInfo& info, int bytes, std::vector<char>& out) {
   const std::size_t one_in = bytes == kFractionBytes[2] ? kElsewhereOfLast : kElsewhereOfSmall;
-  const std::size_t most = block.key.size() / one_in;
+  const std::size_t maximum = block.key.size() / one_in;
   std::vector<char> fractions;
   std::vector<std::size_t> elsewhere;
   MeshNames names;
@@ -129,7 +129,7 @@ bool put_fractions(const MeshBlock& block, const MeshStoreInfo& info, int bytes,
     if (put_fractions_of(block, v, info, bytes, names, fractions)) continue;
     fractions.resize(before);
     elsewhere.push_back(v);
-    if (elsewhere.size() > most) return false;
+    if (elsewhere.size() > maximum) return false;
   }
   put_number(out, elsewhere.size());
   std::size_t last = 0;

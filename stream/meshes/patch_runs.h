@@ -15,14 +15,14 @@ struct PatchRun {
 };
 
 /// All patches in their order, in runs of at least so many faces; the last one may have fewer.
-inline std::vector<PatchRun> patch_runs(const MeshStore& store, std::uint64_t least_faces) {
+inline std::vector<PatchRun> patch_runs(const MeshStore& store, std::uint64_t min_faces) {
   std::vector<PatchRun> runs;
   const auto patches = store.patches();
   PatchRun run;
   std::uint64_t faces = 0;
   for (std::size_t p = 0; p < patches.size(); ++p) {
     faces += patches[p].faces;
-    if (faces < least_faces && p + 1 < patches.size()) continue;
+    if (faces < min_faces && p + 1 < patches.size()) continue;
     run.end = p + 1;
     runs.push_back(run);
     run.first = p + 1;

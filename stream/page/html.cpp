@@ -78,8 +78,8 @@ std::string bars(const std::string& title, const std::vector<Bar>& rows) {
 
 std::string histogram(const Histogram& h) {
   constexpr double kWidth = 640.0, kHeight = 190.0, kTop = 26.0, kBase = 160.0;
-  double most = 0.0, all = 0.0;
-  for (const double c : h.counts) most = std::max(most, c), all += c;
+  double maximum = 0.0, all = 0.0;
+  for (const double c : h.counts) maximum = std::max(maximum, c), all += c;
   if (!(all > 0.0)) return "";
   const double step = kWidth / static_cast<double>(h.counts.size());
   std::string svg = fmt::format(
@@ -87,7 +87,7 @@ std::string histogram(const Histogram& h) {
       "aria-label=\"{0}\">\n",
       escape(h.title), kWidth + 16.0, kHeight);
   for (std::size_t i = 0; i < h.counts.size(); ++i) {
-    const double tall = (kBase - kTop) * h.counts[i] / most;
+    const double tall = (kBase - kTop) * h.counts[i] / maximum;
     if (tall > 0.0)
       svg += fmt::format("<rect x=\"{:.2f}\" y=\"{:.2f}\" width=\"{:.2f}\" height=\"{:.2f}\"/>\n",
                          step * static_cast<double>(i) + 0.5, kBase - tall, step - 1.0, tall);

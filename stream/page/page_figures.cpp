@@ -104,12 +104,12 @@ std::string spacing(const json& report) {
                                                        {"90 % of the surface", "/spacing"},
                                                        {"gaps", "/gap"},
                                                        {"noise", "/noise"}};
-  double most = 0.0;
-  for (const auto& [name, key] : kRows) most = std::max(most, number_at(s, key));
+  double maximum = 0.0;
+  for (const auto& [name, key] : kRows) maximum = std::max(maximum, number_at(s, key));
   std::vector<html::Bar> rows;
   for (const auto& [name, key] : kRows)
     if (value_at(s, key).is_number())
-      rows.push_back({name, number_text(number_at(s, key)), most > 0.0 ? number_at(s, key) / most : 0.0});
+      rows.push_back({name, number_text(number_at(s, key)), maximum > 0.0 ? number_at(s, key) / maximum : 0.0});
   return html::bars("Spacing of the points, units of the scan", rows);
 }
 
@@ -185,8 +185,8 @@ std::string deviation_figures(const json& report) {
   std::string text;
   Rows rows;
   const json& certificate = value_at(report, "/certificate");
-  if (const json& most = value_at(certificate, "/certified_max"); most.is_number()) {
-    rows.emplace_back("largest distance, proven both ways", bound_text(most.get<double>(), 6));
+  if (const json& maximum = value_at(certificate, "/certified_max"); maximum.is_number()) {
+    rows.emplace_back("largest distance, proven both ways", bound_text(maximum.get<double>(), 6));
     if (const double rounding = number_at(certificate, "/rounding"); rounding > 0.0)
       rows.emplace_back("of it by rounding to floats in the file", bound_text(rounding, 6));
     rows.emplace_back("tolerance", number_text(number_at(certificate, "/tolerance")));

@@ -52,8 +52,8 @@ std::string summary(const json& report, const PageParts& parts) {
   if (parts.check)
     tiles += tile(parts.check->boundary_edges == 0 ? "closed" : with_commas(parts.check->boundary_loops),
                   parts.check->boundary_edges == 0 ? "no border edge" : "holes and outer borders");
-  if (const json& most = value_at(report, "/certificate/certified_max"); most.is_number())
-    tiles += tile(bound_text(most.get<double>(), 6), "largest distance, proven both ways");
+  if (const json& maximum = value_at(report, "/certificate/certified_max"); maximum.is_number())
+    tiles += tile(bound_text(maximum.get<double>(), 6), "largest distance, proven both ways");
   if (const json& time = value_at(report, "/wall_s"); time.is_number())
     tiles += tile(time_text(time.get<double>()), "from start to end");
   if (const json& peak = value_at(report, "/peak_bytes"); peak.is_number())

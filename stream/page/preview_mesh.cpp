@@ -16,7 +16,7 @@ namespace tessera {
 namespace {
 
 // A surface has about two faces a vertex; where it has more, the next larger cell serves.
-constexpr std::uint64_t kMostCells = kMostPreviewFaces * 19 / 40;
+constexpr std::uint64_t kMaxCells = kMaxPreviewFaces * 19 / 40;
 constexpr std::uint64_t kStoreBytes = std::uint64_t{8} << 20;
 constexpr double kNextCell = 1.189207115002721;  // fourth root of two, as ClusterSize tries them
 
@@ -38,9 +38,9 @@ class FaceFigures {
         ++lengths_[exponent - 1];
       }
     // The smallest angle lies opposite the shortest side; its cosine grows as it shrinks.
-    const auto least =
+    const auto minimum =
         static_cast<std::size_t>(std::min_element(square.begin(), square.end()) - square.begin());
-    const std::size_t b = (least + 1) % 3, c = (least + 2) % 3;
+    const std::size_t b = (minimum + 1) % 3, c = (minimum + 2) % 3;
     const double lengths = std::sqrt(square[b] * square[c]);
     const double cosine = lengths > 0.0 ? -dot(side[b], side[c]) / lengths : 1.0;
     std::size_t bin = 0;
@@ -71,7 +71,7 @@ class FaceFigures {
 class Vertices {
  public:
   Vertices(MeshReader& mesh, const std::filesystem::path& temp, std::uint64_t memory_bytes)
-      : position_(temp, false, memory_bytes / (mesh.header().colour ? 2 : 1)), size_(kMostCells) {
+      : position_(temp, false, memory_bytes / (mesh.header().colour ? 2 : 1)), size_(kMaxCells) {
     if (mesh.header().colour) colour_.emplace(temp, false, memory_bytes / 2);
     bool has_origin = false;
     std::vector<Double3> local;
@@ -138,7 +138,7 @@ void copy_faces(PreviewMesh& preview, MeshReader& mesh, Vertices& vertices) {
   std::map<std::uint64_t, std::uint32_t> number;
   each_face(mesh, vertices, [&](const auto& corners, const auto& rgba, const MeshFace& face) {
     figures.add(corners);
-    if (++preview.mesh_faces > kMostPreviewFaces) return;
+    if (++preview.mesh_faces > kMaxPreviewFaces) return;
     std::array<std::uint32_t, 3> copy{};
     for (std::size_t k = 0; k < 3; ++k) {
       const auto [at, is_new] =
@@ -157,7 +157,7 @@ void cluster_faces(PreviewMesh& preview, MeshReader& mesh, Vertices& vertices) {
   preview.position.clear(), preview.rgba.clear(), preview.faces.clear();
   for (preview.cell = vertices.cell(); preview.cell > 0.0; preview.cell *= kNextCell) {
     FaceFigures figures;
-    VertexClustering clustering(preview.cell, kMostPreviewFaces);
+    VertexClustering clustering(preview.cell, kMaxPreviewFaces);
     preview.mesh_faces = 0;
     bool fits = true;
     each_face(mesh, vertices, [&](const auto& corners, const auto& rgba, const MeshFace&) {
@@ -178,7 +178,7 @@ void cluster_faces(PreviewMesh& preview, MeshReader& mesh, Vertices& vertices) {
 }  // namespace
 
 std::uint64_t preview_bytes() {
-  return VertexClustering::bytes(kMostPreviewFaces) + kStoreBytes;
+  return VertexClustering::bytes(kMaxPreviewFaces) + kStoreBytes;
 }
 
 PreviewMesh make_preview(const std::filesystem::path& path, const std::filesystem::path& temp,
@@ -187,11 +187,11 @@ PreviewMesh make_preview(const std::filesystem::path& path, const std::filesyste
     throw ResourceError("a preview takes " + format_bytes(preview_bytes()) +
                         " of memory, and the cap leaves " + format_bytes(memory_bytes));
   const auto mesh = open_mesh_file(path);
-  Vertices vertices(*mesh, temp, memory_bytes - VertexClustering::bytes(kMostPreviewFaces));
+  Vertices vertices(*mesh, temp, memory_bytes - VertexClustering::bytes(kMaxPreviewFaces));
   PreviewMesh preview;
-  if (mesh->header().faces <= kMostPreviewFaces) copy_faces(preview, *mesh, vertices);
+  if (mesh->header().faces <= kMaxPreviewFaces) copy_faces(preview, *mesh, vertices);
   // Some formats do not say how many faces they have.
-  if (preview.mesh_faces == 0 || preview.mesh_faces > kMostPreviewFaces)
+  if (preview.mesh_faces == 0 || preview.mesh_faces > kMaxPreviewFaces)
     cluster_faces(preview, *mesh, vertices);
   if (!vertices.has_colour()) preview.rgba.clear();
   preview.origin = vertices.origin();

@@ -1,6 +1,6 @@
 /// \file preview_mesh.h
 /// A copy of a finished mesh that is small enough to be turned in a browser, and figures of all its faces on the way.
-/// A mesh of at most kMostPreviewFaces comes as it is; of a larger one the vertices are clustered
+/// A mesh of at most kMaxPreviewFaces comes as it is; of a larger one the vertices are clustered
 /// (kernels/decimate/vertex_clustering.h): two passes over the file at any size, where decimation would take as long as
 /// the job itself.
 #pragma once
@@ -13,7 +13,7 @@
 
 namespace tessera {
 
-inline constexpr std::uint64_t kMostPreviewFaces = 200'000;
+inline constexpr std::uint64_t kMaxPreviewFaces = 200'000;
 
 struct PreviewMesh {
   Double3 origin{};  ///< of the positions, in the frame of the file

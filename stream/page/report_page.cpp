@@ -26,12 +26,12 @@ namespace {
 namespace fs = std::filesystem;
 using nlohmann::json;
 
-constexpr double kLeastMapSeconds = 3.0;                         // of a map, however short the job was
-constexpr std::uint64_t kMostPicture = std::uint64_t{64} << 20;  // bytes of a file taken into the page
+constexpr double kMinMapSeconds = 3.0;                         // of a map, however short the job was
+constexpr std::uint64_t kMaxPicture = std::uint64_t{64} << 20;  // bytes of a file taken into the page
 
 std::string file_bytes(const fs::path& path) {
   std::error_code error;
-  if (!fs::is_regular_file(path, error) || fs::file_size(path, error) > kMostPicture || error) return "";
+  if (!fs::is_regular_file(path, error) || fs::file_size(path, error) > kMaxPicture || error) return "";
   return read_text(path);
 }
 
@@ -138,20 +138,20 @@ void draw_deviation(PageParts& parts, const json& report, const PageRequest& req
                   request.mesh.string(), reference.string());
   const double faces = std::max({number_at(report, "/input/faces"), number_at(report, "/raw_mesh/faces"),
                                  number_at(report, "/mesh/faces")});
-  if (faces > static_cast<double>(kMostWholeFaces)) {
+  if (faces > static_cast<double>(kMaxWholeFaces)) {
     parts.deviation_note =
-        fmt::format("Not drawn for more than {} faces; {}", with_commas(kMostWholeFaces), way_out);
+        fmt::format("Not drawn for more than {} faces; {}", with_commas(kMaxWholeFaces), way_out);
     return;
   }
-  const double most = request.map_seconds.value_or(std::max(kLeastMapSeconds, number_at(report, "/wall_s")));
+  const double maximum = request.map_seconds.value_or(std::max(kMinMapSeconds, number_at(report, "/wall_s")));
   const auto start = std::chrono::steady_clock::now();
   RenderOptions options = sheet(request, request.mesh, scratch);
   options.deviation = reference;
   options.tolerance = tolerance_of_job(report);
   options.check_deviation = [&] {
-    if (seconds_since(start) > most)
+    if (seconds_since(start) > maximum)
       throw ResourceError(
-          fmt::format("its distances take more than {:.1f} s, longer than the job; {}", most, way_out));
+          fmt::format("its distances take more than {:.1f} s, longer than the job; {}", maximum, way_out));
   };
   const RenderReport drawn = render(options);
   for (const std::string& notice : drawn.notices) parts.deviation_note += notice + ". ";
@@ -181,14 +181,14 @@ PageParts make_page_parts(const json& report, const PageRequest& request) {
   if (!scratch) return parts;
   part(parts.preview_note, "Preview",
        [&] { parts.preview = make_preview(request.mesh, scratch->path(), memory_left(request)); });
-  const bool whole = number_at(report, "/mesh/faces") <= static_cast<double>(kMostWholeFaces);
+  const bool whole = number_at(report, "/mesh/faces") <= static_cast<double>(kMaxWholeFaces);
   part(parts.pictures_note, "Pictures", [&] { draw_pictures(parts, request, scratch->path(), whole); });
   part(parts.deviation_note, "A picture", [&] { draw_deviation(parts, report, request, scratch->path()); });
   if (!whole) {
     parts.check_note = fmt::format(
         "Holes, borders and shape are not counted here for more than {} faces; this command "
         "does: tessera check {}",
-        with_commas(kMostWholeFaces), request.mesh.string());
+        with_commas(kMaxWholeFaces), request.mesh.string());
     return parts;
   }
   part(parts.check_note, "Holes, borders and shape", [&] {

@@ -1,6 +1,6 @@
 /// \file report_page.h
 /// OUT.report.html beside OUT.report.json: draws and measures the result once more, and writes the page.
-/// Of a result of more than kMostWholeFaces faces the pictures are drawn from the copy of the preview, and its topology
+/// Of a result of more than kMaxWholeFaces faces the pictures are drawn from the copy of the preview, and its topology
 /// is left to `tessera check`, so that a page costs seconds, and little beside the job where the mesh is large. The map of
 /// distances to the reference is left out where it would take longer than the job did.
 #pragma once
@@ -15,7 +15,7 @@
 
 namespace tessera {
 
-inline constexpr std::uint64_t kMostWholeFaces = 2'000'000;
+inline constexpr std::uint64_t kMaxWholeFaces = 2'000'000;
 
 struct PageRequest {
   std::filesystem::path mesh;      ///< the result; need not be there

@@ -27,7 +27,7 @@ namespace {
 namespace fs = std::filesystem;
 using nlohmann::json;
 
-constexpr std::uint64_t kMostVertices = 3 * kMostViewFaces;
+constexpr std::uint64_t kMaxVertices = 3 * kMaxViewFaces;
 constexpr std::string_view kPlace = "<!--tessera:data-->";
 constexpr std::string_view kViewBegin =
     "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n"
@@ -54,17 +54,17 @@ std::string settings(const json& values) {
 }
 
 void require_counts(const fs::path& path, std::uint64_t vertices, std::uint64_t faces) {
-  if (faces > kMostViewFaces)
+  if (faces > kMaxViewFaces)
     throw UsageError(
         fmt::format("{}: has {} faces, and one page shows up to {}: cut it into 3D Tiles for any size "
                     "(tessera tiles {} -o "
                     "site/, then tessera view site/), or make it smaller (tessera decimate)",
-                    path.string(), with_commas(faces), with_commas(kMostViewFaces), path.string()));
-  if (vertices > kMostVertices)
+                    path.string(), with_commas(faces), with_commas(kMaxViewFaces), path.string()));
+  if (vertices > kMaxVertices)
     throw UsageError(
         fmt::format("{}: has {} vertices for {} faces, and one page holds up to {}: leave out those that no "
                     "face uses (tessera convert)",
-                    path.string(), with_commas(vertices), with_commas(faces), with_commas(kMostVertices)));
+                    path.string(), with_commas(vertices), with_commas(faces), with_commas(kMaxVertices)));
 }
 
 /// What is known after one pass over the file.

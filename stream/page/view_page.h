@@ -12,8 +12,8 @@
 
 namespace tessera {
 
-inline constexpr std::uint64_t kMostViewFaces =
-    kMostWholeFaces;  ///< above, browsers want levels of detail: 3D Tiles
+inline constexpr std::uint64_t kMaxViewFaces =
+    kMaxWholeFaces;  ///< above, browsers want levels of detail: 3D Tiles
 
 /// What the person chose.
 struct ViewOptions {
@@ -29,7 +29,7 @@ struct ViewOptions {
 };
 
 /// Looks at header and counts, so that what cannot work is refused at once.
-/// \throws UsageError more than kMostViewFaces faces, or three times as many vertices; EmptyError no face; InputError
+/// \throws UsageError more than kMaxViewFaces faces, or three times as many vertices; EmptyError no face; InputError
 void require_viewable(const std::filesystem::path& mesh);
 
 /// Writes the page of a mesh. \param bundle  viewer.html

@@ -16,14 +16,14 @@ namespace {
 
 using json = nlohmann::json;
 
-constexpr std::uint64_t kMostBytes = std::uint64_t{64} << 20;
-constexpr std::size_t kMostCorners = 200000;
-constexpr std::size_t kMostBands = std::size_t{1} << 16;
-constexpr int kMostDepth = 32;  ///< of collections in collections
+constexpr std::uint64_t kMaxBytes = std::uint64_t{64} << 20;
+constexpr std::size_t kMaxCorners = 200000;
+constexpr std::size_t kMaxBands = std::size_t{1} << 16;
+constexpr int kMaxDepth = 32;  ///< of collections in collections
 
 /// Appends the polygons of a geometry, each a list of rings; what is no area has none.
 void add_polygons(const json& object, json& polygons, int depth) {
-  if (!object.is_object() || depth > kMostDepth) return;
+  if (!object.is_object() || depth > kMaxDepth) return;
   const auto each = [&](const char* key, const auto& use) {
     const auto list = object.find(key);
     if (list != object.end() && list->is_array())
@@ -56,7 +56,7 @@ std::array<double, 2> corner_of(const json& corner) {
 std::string ClipPolygon::text_of_file(const std::filesystem::path& path) {
   const std::string name = path.string();
   const ReadFile file(path);
-  if (file.size() > kMostBytes) throw InputError(name + ": is too large for a polygon to clip by");
+  if (file.size() > kMaxBytes) throw InputError(name + ": is too large for a polygon to clip by");
   std::string text(static_cast<std::size_t>(file.size()), '\0');
   file.read_at(0, text.data(), text.size());
   json polygons = json::array();
@@ -98,8 +98,8 @@ ClipPolygon ClipPolygon::from_text(const std::string& text) {
     for (const json& ring : polygon) {
       if (!ring.is_array() || ring.size() < 3) throw InputError("a ring has fewer than three corners");
       corners += ring.size();
-      if (corners > kMostCorners)
-        throw InputError("has more than " + std::to_string(kMostCorners) + " corners; simplify it");
+      if (corners > kMaxCorners)
+        throw InputError("has more than " + std::to_string(kMaxCorners) + " corners; simplify it");
       Corner before = corner_of(ring.back());
       for (const json& c : ring) {
         const Corner at = corner_of(c);
@@ -122,14 +122,14 @@ ClipPolygon ClipPolygon::from_text(const std::string& text) {
 }
 
 void ClipPolygon::sort_into_bands() {
-  const std::size_t bands = std::min(edges_.size(), kMostBands);
+  const std::size_t bands = std::min(edges_.size(), kMaxBands);
   first_.assign(bands + 1, 0);
   const auto for_bands = [&](const Edge& e, const auto& use) {
     for (std::size_t b = band(e.low[1]); b <= band(e.high[1]); ++b) use(b);
   };
   for (const Edge& e : edges_) for_bands(e, [&](std::size_t b) { ++first_[b + 1]; });
   for (std::size_t b = 0; b < bands; ++b) first_[b + 1] += first_[b];
-  if (first_[bands] > std::size_t{64} * kMostCorners)
+  if (first_[bands] > std::size_t{64} * kMaxCorners)
     throw InputError("has too many long edges; simplify it");
   in_band_.resize(first_[bands]);
   std::vector<std::size_t> next = first_;

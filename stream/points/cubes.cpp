@@ -6,14 +6,14 @@
 namespace tessera {
 namespace {
 
-constexpr double kMostCubes = 4e15;  // from zero: below it doubles hold all whole numbers
+constexpr double kMaxCubes = 4e15;  // from zero: below it doubles hold all whole numbers
 /// Points that wait in all buckets together.
 constexpr std::size_t kWaiting = std::size_t{1} << 18;
-constexpr std::size_t kLeastWaiting = 256;
+constexpr std::size_t kMinWaiting = 256;
 constexpr std::uint64_t kPointBytes = 64;
 
 std::size_t waiting(std::size_t buckets) {
-  return std::max(kLeastWaiting, kWaiting / std::max<std::size_t>(1, buckets));
+  return std::max(kMinWaiting, kWaiting / std::max<std::size_t>(1, buckets));
 }
 
 }  // namespace
@@ -21,7 +21,7 @@ std::size_t waiting(std::size_t buckets) {
 bool cube_of(const Double3& p, double edge, Cube& cube) {
   for (std::size_t a = 0; a < 3; ++a) {
     const double at = std::floor(p[a] / edge);
-    if (!(std::fabs(at) < kMostCubes)) return false;
+    if (!(std::fabs(at) < kMaxCubes)) return false;
     cube[a] = static_cast<std::int64_t>(at);
   }
   return true;
@@ -51,13 +51,13 @@ std::uint64_t cube_hash(const Cube& cube) {
 void CubeDealer::deal(std::uint32_t file, const PointChunk& chunk, const Sink& sink) {
   if (file != file_) finish(sink);
   file_ = file;
-  const std::size_t most = waiting(buckets_.size());
+  const std::size_t maximum = waiting(buckets_.size());
   for (std::size_t i = 0; i < chunk.size(); ++i) {
     Cube cube;
     const bool has = cube_of({chunk.x[i], chunk.y[i], chunk.z[i]}, edge_, cube);
     const std::size_t b = has ? static_cast<std::size_t>(cube_hash(cube) % buckets_.size()) : 0;
     buckets_[b].append(chunk, i);
-    if (buckets_[b].size() < most) continue;
+    if (buckets_[b].size() < maximum) continue;
     sink(file_, static_cast<std::uint32_t>(b), buckets_[b]);
     buckets_[b].clear();
   }

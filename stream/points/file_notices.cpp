@@ -6,11 +6,11 @@ namespace tessera {
 
 void FileNotices::add(const std::filesystem::path& file, const std::string& sentence) {
   constexpr std::size_t kNamed = 3;
-  constexpr std::size_t kMostKinds = 32;
+  constexpr std::size_t kMaxKinds = 32;
   std::string key;
   for (const char c : sentence)
     if (c < '0' || c > '9') key += c;
-  if (kinds_.size() >= kMostKinds && kinds_.count(key) == 0) return;
+  if (kinds_.size() >= kMaxKinds && kinds_.count(key) == 0) return;
   Kind& kind = kinds_[key];
   if (kind.count++ == 0) kind.first = sentence;
   if (kind.names.size() < kNamed) kind.names.push_back(file.filename().string());

@@ -25,7 +25,7 @@ constexpr std::uint64_t kTaskBytes = std::uint64_t{32} << 20;
 constexpr std::uint64_t kMaxTasks = 400;
 // Of points to be thinned, about: they lie in memory, one of a cube.
 constexpr std::uint64_t kBucketPoints = std::uint64_t{1} << 18;
-constexpr std::uint64_t kMostBuckets = 1024;
+constexpr std::uint64_t kMaxBuckets = 1024;
 
 std::shared_ptr<PointInputs> open_inputs(const JobState& job, bool colours, bool unpacked) {
   ReadOptions read;
@@ -80,7 +80,7 @@ PointInputs::PointInputs(std::vector<std::unique_ptr<PointFile>> files, const Re
 
   if (options.thin > 0.0)
     thin_buckets_ =
-        static_cast<std::size_t>(std::clamp<std::uint64_t>(bytes_ / 24 / kBucketPoints, 1, kMostBuckets));
+        static_cast<std::size_t>(std::clamp<std::uint64_t>(bytes_ / 24 / kBucketPoints, 1, kMaxBuckets));
   const std::uint64_t target = std::max(task_bytes, bytes_ / kMaxTasks);
   std::uint64_t filled = 0;
   for (std::size_t i = 0; i < files_.size(); ++i) {

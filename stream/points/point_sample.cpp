@@ -61,7 +61,7 @@ void CellSampler::shrink() {
   const auto first = held_.begin() + static_cast<std::ptrdiff_t>(sorted);
   std::nth_element(held_.begin(), first, held_.end(), by_hash);
   std::sort(held_.begin(), first, by_hash);
-  const std::size_t most = std::max<std::size_t>(1, limit_ / 8);
+  const std::size_t maximum = std::max<std::size_t>(1, limit_ / 8);
   std::size_t sum = 0;
   std::size_t out = 0;
   for (std::size_t i = 0; i < held_.size();) {
@@ -75,9 +75,9 @@ void CellSampler::shrink() {
     }
     const std::uint64_t hash = held_[i].hash;
     if (hash > threshold_) break;
-    if (end - i > most) crowded_.insert(hash);
+    if (end - i > maximum) crowded_.insert(hash);
     const bool crowded = crowded_.count(hash) != 0;
-    sum += crowded ? most : end - i;
+    sum += crowded ? maximum : end - i;
     if (sum > limit_) {
       threshold_ = hash - 1;
       break;

@@ -48,22 +48,22 @@ std::vector<Double3> sampled_points(const PointFile& file, const std::vector<std
   few.colours = false;
   const auto again = n > 1 ? open_point_file(file.info().path, few) : nullptr;
   const PointFile& source = again ? *again : file;
-  const std::size_t most = n > 1 ? kSlicePoints : kSampledSlices * kSlicePoints;
+  const std::size_t maximum = n > 1 ? kSlicePoints : kSampledSlices * kSlicePoints;
   Box2 box;
   for (std::size_t s = 0; s < n; ++s) {
     std::size_t taken = 0;
     try {
       source.read(slices[s * slices.size() / n], [&](const PointChunk& c) {
-        for (std::size_t i = 0; i < c.size() && taken < most; ++i) {
+        for (std::size_t i = 0; i < c.size() && taken < maximum; ++i) {
           if (!std::isfinite(c.x[i]) || !std::isfinite(c.y[i]) || !std::isfinite(c.z[i])) continue;
           points.push_back({c.x[i], c.y[i], c.z[i]});
           box.add(points.back());
           ++taken;
         }
-        if (taken == most) throw Enough();
+        if (taken == maximum) throw Enough();
       });
     } catch (const Enough&) {
-      taken = most;  // the rest of the slice is not needed
+      taken = maximum;  // the rest of the slice is not needed
     }
     if (!within_degrees(box)) break;
   }
@@ -276,12 +276,12 @@ class Plane {
 }  // namespace
 
 bool look_like_degrees(const std::vector<Double3>& p) {
-  constexpr std::size_t kLeast = 64;
+  constexpr std::size_t kMin = 64;
   constexpr double kHigher = 50.0;
   constexpr int kCells = 16;
   Box2 box;
   for (const Double3& q : p) box.add(q);
-  if (p.size() < kLeast || !within_degrees(box)) return false;
+  if (p.size() < kMin || !within_degrees(box)) return false;
   const double wide = std::max(box.max[0] - box.min[0], box.max[1] - box.min[1]);
   const double high = box.max[2] - box.min[2];
   if (!(wide > 0.0) || high < kHigher * wide) return false;

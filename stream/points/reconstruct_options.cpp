@@ -17,9 +17,9 @@ std::uint32_t ReconstructOptions::max_hole_edges() const {
   std::uint32_t edges = 0;
   const char* end = max_hole.data() + max_hole.size();
   const auto [at, error] = std::from_chars(max_hole.data(), end, edges);
-  if (error != std::errc() || at != end || edges > kMostHoleEdges)
+  if (error != std::errc() || at != end || edges > kMaxHoleEdges)
     throw UsageError("--max-hole " + max_hole + ": not auto or a number of edges up to " +
-                     std::to_string(kMostHoleEdges));
+                     std::to_string(kMaxHoleEdges));
   return edges;
 }
 
@@ -47,9 +47,9 @@ std::string system_text(const std::string& text) {
   std::error_code error;
   std::string system = text;
   if (std::filesystem::is_regular_file(text, error)) {
-    constexpr std::uint64_t kMost = std::uint64_t{1} << 20;
+    constexpr std::uint64_t kMax = std::uint64_t{1} << 20;
     const ReadFile file(text);
-    system.resize(static_cast<std::size_t>(std::min(file.size(), kMost)));
+    system.resize(static_cast<std::size_t>(std::min(file.size(), kMax)));
     file.read_at(0, system.data(), system.size());
   }
   system_of_user(system, "--crs");

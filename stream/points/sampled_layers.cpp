@@ -40,11 +40,11 @@ std::vector<SpacingProbe> SampledLayers::probes() const {
   constexpr double kFactor = double{1 << LayeredSampler::kRatioBits};
   std::vector<SpacingProbe> out;
   for (const Layer& layer : layers_) {
-    const double most =
+    const double maximum =
         &layer == &layers_.front() ? std::numeric_limits<double>::infinity() : layer.size / kWidest;
-    const double least = &layer == &layers_.back() ? 0.0 : layer.size / kWidest / kFactor;
+    const double minimum = &layer == &layers_.back() ? 0.0 : layer.size / kWidest / kFactor;
     for (const CellSampler::Cell& c : layer.cells)
-      measure_spacing({c.min, layer.size, c.points}, layer.share, least, most, out);
+      measure_spacing({c.min, layer.size, c.points}, layer.share, minimum, maximum, out);
   }
   return out;
 }

@@ -29,12 +29,12 @@ struct Fates {
 /// Whole numbers n with n * step + shift = x, bit for bit; false where there are none.
 bool to_steps(const std::vector<double>& x, double step, double shift, std::vector<std::int32_t>& steps) {
   steps.resize(x.size());
-  constexpr double kMost = std::numeric_limits<std::int32_t>::max();
+  constexpr double kMax = std::numeric_limits<std::int32_t>::max();
   const double per_step = 1.0 / step;
   bool exact = true;
   for (std::size_t i = 0; i < x.size(); ++i) {
     const double near = (x[i] - shift) * per_step;
-    const bool fits = near > -kMost && near < kMost;
+    const bool fits = near > -kMax && near < kMax;
     const auto n = static_cast<std::int32_t>(std::nearbyint(fits ? near : 0.0));
     steps[i] = n;
     exact = exact && fits && n * step + shift == x[i];

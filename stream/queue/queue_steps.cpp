@@ -6,16 +6,16 @@
 namespace tessera {
 namespace {
 
-constexpr double kLeastSeconds = 2.0;    ///< of an element: starting one takes about one
+constexpr double kMinSeconds = 2.0;    ///< of an element: starting one takes about one
 constexpr double kStartSeconds = 180.0;  ///< to start, and to stop ahead of the limit
-constexpr int kLeastMinutes = 5;
+constexpr int kMinMinutes = 5;
 
 int elements_of(const StageEstimate& stage, const QueueOptions& options) {
   if (stage.idle) return 1;
   const double wanted = std::ceil(stage.seconds / options.element_seconds);
   const double spread =
       std::min(static_cast<double>(options.nodes),
-               std::floor(stage.seconds / std::min(kLeastSeconds, options.element_seconds)));
+               std::floor(stage.seconds / std::min(kMinSeconds, options.element_seconds)));
   double count = std::clamp(std::max(wanted, spread), 1.0, static_cast<double>(options.array_limit));
   if (stage.tasks > 0) count = std::min(count, static_cast<double>(stage.tasks));
   return static_cast<int>(count);
@@ -29,9 +29,9 @@ std::uint64_t memory_of(std::uint64_t need, std::uint64_t cap) {
 /// Time of the element with most tasks.
 double longest_element(const StageEstimate& stage, int elements) {
   if (stage.tasks == 0) return elements > 1 ? 2.0 * stage.seconds / elements : stage.seconds;
-  const auto most =
+  const auto maximum =
       (stage.tasks + static_cast<std::uint64_t>(elements) - 1) / static_cast<std::uint64_t>(elements);
-  return stage.seconds * static_cast<double>(most) / static_cast<double>(stage.tasks);
+  return stage.seconds * static_cast<double>(maximum) / static_cast<double>(stage.tasks);
 }
 
 /// A job under way whose parts run one after the other.
@@ -80,7 +80,7 @@ std::vector<QueueStep> queue_steps(const std::vector<StageEstimate>& stages, std
 }
 
 int minutes_of(const QueueStep& step, const QueueOptions& options) {
-  return std::max(kLeastMinutes,
+  return std::max(kMinMinutes,
                   static_cast<int>(std::ceil((step.seconds * options.time_margin + kStartSeconds) / 60.0)));
 }
 

@@ -26,7 +26,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr int kMostRestarts = 20;
+constexpr int kMaxRestarts = 20;
 constexpr int kPatienceSeconds = 90;  ///< a network file system tells of new files within a minute
 constexpr int kNoSuchProgram = 127;
 
@@ -135,7 +135,7 @@ std::string slurm_script(const SlurmJob& job, const QueueStep& step, const Queue
   set("chdir", shell_word(job.folder.string()));
   text += fmt::format("\ntessera={}\nwork={}\nmark={}\nmost_restarts={}\nexport {}={}",
                       shell_word(job.program.string()), shell_word(job.work.string()), kQueueMark,
-                      kMostRestarts, kQueueToken, job.token);
+                      kMaxRestarts, kQueueToken, job.token);
   if (last) text += "\nlog=" + shell_word(log.string());
   text += kStep;
   text += "\n";
@@ -197,15 +197,15 @@ SlurmPartition slurm_partition(const std::string& partition) {
   return found;
 }
 
-std::uint64_t element_memory(const SlurmPartition& partition, int threads, std::uint64_t least) {
+std::uint64_t element_memory(const SlurmPartition& partition, int threads, std::uint64_t minimum) {
   constexpr double kShareOfNode = 0.8;  // the system and Slurm's daemon need some, too
   constexpr std::uint64_t kRounded = std::uint64_t{64} << 20;
   double share = std::numeric_limits<double>::infinity();
   for (const SlurmNode& node : partition.nodes)
     share = std::min(share, static_cast<double>(node.memory_bytes) *
                                 std::min(1.0, static_cast<double>(threads) / node.cpus));
-  const double most = kShareOfNode * static_cast<double>(partition.nodes.front().memory_bytes);
-  const double wanted = std::min(most, std::max(share, static_cast<double>(least + kQueueBaseBytes)));
+  const double maximum = kShareOfNode * static_cast<double>(partition.nodes.front().memory_bytes);
+  const double wanted = std::min(maximum, std::max(share, static_cast<double>(minimum + kQueueBaseBytes)));
   const auto bytes =
       static_cast<std::uint64_t>(std::max(wanted - static_cast<double>(kQueueBaseBytes), wanted / 2));
   return bytes > 2 * kRounded ? bytes / kRounded * kRounded : bytes;

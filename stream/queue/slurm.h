@@ -42,9 +42,9 @@ struct SlurmPartition {
 SlurmPartition slurm_partition(const std::string& partition);
 
 /// Memory cap of an element of `threads` that any of the nodes can hold beside others: the share of a node that belongs to
-/// its CPUs, but `least` at least, less what a job needs beside its cap, and 0.8 of the smallest node at most.
+/// its CPUs, but `minimum` at least, less what a job needs beside its cap, and 0.8 of the smallest node at most.
 /// \pre nodes is not empty
-std::uint64_t element_memory(const SlurmPartition& partition, int threads, std::uint64_t least);
+std::uint64_t element_memory(const SlurmPartition& partition, int threads, std::uint64_t minimum);
 
 /// \throws UsageError when no node has so many CPUs and so much memory for an element, naming the options
 void require_fits(const SlurmPartition& partition, int threads, std::uint64_t memory_bytes);

@@ -14,7 +14,7 @@ namespace {
 /// Of a point in the index, with what it is made of while it is built.
 constexpr std::uint64_t kPointBytes =
     ClosestFaces::bytes_per_face() + sizeof(Double3) + sizeof(std::array<std::uint32_t, 3>) + 1;
-constexpr std::uint64_t kMostPoints = std::numeric_limits<std::uint32_t>::max() - 1;
+constexpr std::uint64_t kMaxPoints = std::numeric_limits<std::uint32_t>::max() - 1;
 
 }  // namespace
 
@@ -30,7 +30,7 @@ Doubt::Doubt(const std::filesystem::path& points, std::uint64_t memory_bytes) {
       throw_if_stopped();
       const std::uint64_t count = position.size() + chunk.size();
       bytes_ = count * kPointBytes;
-      if (count > kMostPoints || (memory_bytes != 0 && bytes_ > memory_bytes))
+      if (count > kMaxPoints || (memory_bytes != 0 && bytes_ > memory_bytes))
         throw ResourceError(points.string() + ": its points take " +
                             format_bytes(file->info().declared_points * kPointBytes) +
                             " of memory, and the cap leaves " + format_bytes(memory_bytes) +

@@ -26,7 +26,7 @@ namespace {
 constexpr std::uint64_t kProgramBytes = std::uint64_t{16} << 20;
 constexpr std::uint64_t kRasterizerBytes = std::uint64_t{96} << 20;
 constexpr std::uint64_t kReaderBytes = std::uint64_t{16} << 20;
-constexpr std::uint64_t kLeastWorkBytes = std::uint64_t{32} << 20;  // vertex ranges and edge tables
+constexpr std::uint64_t kMinWorkBytes = std::uint64_t{32} << 20;  // vertex ranges and edge tables
 constexpr int kGap = 2;                                             // between views, pixels
 
 /// One picture: what is in it, and where it goes.
@@ -55,7 +55,7 @@ Panel open_panel(const std::vector<std::string>& inputs, const RenderOptions& op
   std::vector<std::filesystem::path> meshes, clouds;
   for (const std::filesystem::path& path : expand_inputs(inputs))
     (is_mesh(path) ? meshes : clouds).push_back(path);
-  const std::uint64_t share = meshes.empty() ? 0 : std::max(work_bytes / meshes.size(), kLeastWorkBytes);
+  const std::uint64_t share = meshes.empty() ? 0 : std::max(work_bytes / meshes.size(), kMinWorkBytes);
   for (const std::filesystem::path& path : meshes) {
     const std::uint64_t bytes = options.memory_bytes == 0 ? 0 : share;
     panel.items.push_back(options.deviation.empty() ? make_mesh_item(path, options, bytes, report)
@@ -126,13 +126,13 @@ std::vector<PictureView> grid(std::size_t count, int width, int height) {
   return views;
 }
 
-/// The largest of 1, 2, 5 x 10^k up to `most`.
-double round_length(double most) {
+/// The largest of 1, 2, 5 x 10^k up to `maximum`.
+double round_length(double maximum) {
   double unit = 1.0;
-  while (unit > most) unit /= 10.0;
-  while (unit * 10.0 <= most) unit *= 10.0;
-  if (unit * 5.0 <= most) return unit * 5.0;
-  return unit * 2.0 <= most ? unit * 2.0 : unit;
+  while (unit > maximum) unit /= 10.0;
+  while (unit * 10.0 <= maximum) unit *= 10.0;
+  if (unit * 5.0 <= maximum) return unit * 5.0;
+  return unit * 2.0 <= maximum ? unit * 2.0 : unit;
 }
 
 std::string short_number(double value) {
@@ -339,20 +339,20 @@ RenderReport render(const RenderOptions& options) {
   Pixels pixels(options, asked, panel_width);
   const std::uint64_t image_bytes = 3 * static_cast<std::uint64_t>(options.width + panel_width) *
                                     static_cast<std::uint64_t>(options.height);
-  const std::uint64_t fixed = fixed_bytes() + image_bytes, least = fixed + pixels.band + kLeastWorkBytes;
-  if (options.memory_bytes != 0 && options.memory_bytes < least) {
+  const std::uint64_t fixed = fixed_bytes() + image_bytes, minimum = fixed + pixels.band + kMinWorkBytes;
+  if (options.memory_bytes != 0 && options.memory_bytes < minimum) {
     throw ResourceError("render: a picture of " + std::to_string(options.width) + "x" +
                         std::to_string(options.height) + " with --samples " +
                         std::to_string(options.samples) + " needs --memory " +
-                        std::to_string(((least - 1) >> 20) + 1) + "M or more; the cap is " +
+                        std::to_string(((minimum - 1) >> 20) + 1) + "M or more; the cap is " +
                         format_bytes(options.memory_bytes));
   }
   std::uint64_t work = 0;
   if (options.memory_bytes != 0) {
     // Bands that are not held are drawn from further readings of what is in the picture.
     const std::uint64_t room = options.memory_bytes - fixed;
-    if (room < pixels.bytes() + kLeastWorkBytes)
-      pixels.at_once = std::clamp<std::size_t>((room - kLeastWorkBytes) / pixels.band, 1, pixels.bands);
+    if (room < pixels.bytes() + kMinWorkBytes)
+      pixels.at_once = std::clamp<std::size_t>((room - kMinWorkBytes) / pixels.band, 1, pixels.bands);
     work = room - pixels.bytes();
   }
 

@@ -22,9 +22,9 @@ namespace {
 
 constexpr std::size_t kChunkVertices = 1u << 18;
 constexpr std::size_t kDrawnFaces = 32768;
-constexpr std::size_t kMostBorderEdges = 2u << 20;  // 2 lists of 16 byte edges and 24 byte ends each
+constexpr std::size_t kMaxBorderEdges = 2u << 20;  // 2 lists of 16 byte edges and 24 byte ends each
 constexpr std::uint64_t kUnlimited = std::uint64_t{1} << 60;
-constexpr std::uint64_t kLeastTable = std::uint64_t{16} << 20;
+constexpr std::uint64_t kMinTable = std::uint64_t{16} << 20;
 constexpr float kBorderPixels = 2.6f;
 constexpr float kWirePixels = 0.9f;
 
@@ -280,14 +280,14 @@ void MeshItem::find_borders(const RenderOptions& options, RenderReport& report) 
       });
     };
     borders_ =
-        find_border_edges(faces, vertices, face_count_, std::max(table_room, kLeastTable), kMostBorderEdges);
+        find_border_edges(faces, vertices, face_count_, std::max(table_room, kMinTable), kMaxBorderEdges);
     border_ends_ = edge_ends(mesh, borders_.border);
     non_manifold_ends_ = edge_ends(mesh, borders_.non_manifold);
   });
-  if (std::max(borders_.border_count, borders_.non_manifold_count) > kMostBorderEdges) {
+  if (std::max(borders_.border_count, borders_.non_manifold_count) > kMaxBorderEdges) {
     report.notices.push_back(path_.string() + ": " + with_commas(borders_.border_count) + " border and " +
                              with_commas(borders_.non_manifold_count) + " non-manifold edges, only " +
-                             with_commas(kMostBorderEdges) + " of each are drawn");
+                             with_commas(kMaxBorderEdges) + " of each are drawn");
   }
 }
 
@@ -301,7 +301,7 @@ void MeshItem::with_shared_vertices(const RenderOptions& options,
   }
   WeldOptions weld;
   if (memory_bytes_ != 0)
-    weld.memory_bytes = std::max((memory_bytes_ - std::min(memory_bytes_, vertex_bytes())) / 2, kLeastTable);
+    weld.memory_bytes = std::max((memory_bytes_ - std::min(memory_bytes_, vertex_bytes())) / 2, kMinTable);
   weld.temp = render_temp(options);
   weld.check_stop = throw_if_stopped;
   WeldedMesh welded(*reader, weld);
@@ -376,8 +376,8 @@ void MeshItem::draw(Picture& picture, const DrawContext& context) {
       if (doubt_ && doubt_->at(p + shift_)) out.rgba = kDoubtfulPoint;
       if (face != nullptr && !normals_empty_) {
         const Float3& m = normals_[(*face)[i]];
-        const float most = std::max({std::abs(m[0]), std::abs(m[1]), std::abs(m[2])});
-        if (most > 0.0f) set_normal(out, m[0] / most, m[1] / most, m[2] / most);
+        const float maximum = std::max({std::abs(m[0]), std::abs(m[1]), std::abs(m[2])});
+        if (maximum > 0.0f) set_normal(out, m[0] / maximum, m[1] / maximum, m[2] / maximum);
       }
       batch.push_back(out);
     }

@@ -19,9 +19,9 @@ void SceneSample::add(const Double3& p) {
     high_[i] = std::max(high_[i], p[i]);
   }
   if (count_++ % stride_ != 0) return;
-  if (points_.size() == kMost) {
-    for (std::size_t i = 0; i < kMost / 2; ++i) points_[i] = points_[2 * i];
-    points_.resize(kMost / 2);
+  if (points_.size() == kMax) {
+    for (std::size_t i = 0; i < kMax / 2; ++i) points_[i] = points_[2 * i];
+    points_.resize(kMax / 2);
     stride_ *= 2;
     if ((count_ - 1) % stride_ != 0) return;
   }

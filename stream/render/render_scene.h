@@ -25,7 +25,7 @@ class SceneSample {
   void merge(const SceneSample& other);
 
  private:
-  static constexpr std::size_t kMost = 1u << 17;
+  static constexpr std::size_t kMax = 1u << 17;
   std::vector<Double3> points_;
   std::uint64_t count_ = 0, stride_ = 1;
   Double3 low_{}, high_{};

@@ -61,24 +61,24 @@ void require_memory(const JobState& job_state, const JobDescription& job, std::s
   const auto largest = [&](std::uint64_t cap) {
     JobState state = job_state;
     state.run.memory_bytes = cap;
-    StageNeed most;
+    StageNeed maximum;
     for (const StageNeed& need : job.needs(state)) {
       const auto at = std::find_if(job.stages.begin(), job.stages.end(),
                                    [&](const StageEntry& entry) { return entry.name == need.stage; });
       const auto index = static_cast<std::size_t>(at - job.stages.begin());
       if (index < first || index >= job.stages.size()) continue;
-      most.likely = std::max({most.likely, need.likely, need.sure});
-      if (need.sure > most.sure) most.stage = need.stage, most.sure = need.sure;
+      maximum.likely = std::max({maximum.likely, need.likely, need.sure});
+      if (need.sure > maximum.sure) maximum.stage = need.stage, maximum.sure = need.sure;
     }
-    most.sure += own_base;
-    most.likely += own_base;
-    return most;
+    maximum.sure += own_base;
+    maximum.likely += own_base;
+    return maximum;
   };
-  const StageNeed most = largest(job_state.run.memory_bytes);
+  const StageNeed maximum = largest(job_state.run.memory_bytes);
   // The cap that is named counts with more than the process holds now, so that it does in every later run too.
   const MemoryBudget budget(job_state.run.memory_bytes, base - MemoryBudget::kBaseStep);
-  if (most.sure <= budget.capacity()) return;
-  budget.require(most.sure, "stage " + most.stage,
+  if (maximum.sure <= budget.capacity()) return;
+  budget.require(maximum.sure, "stage " + maximum.stage,
                  MemoryBudget::smallest_fitting_cap(job_state.run.memory_bytes, base,
                                                     [&](std::uint64_t cap) { return largest(cap).likely; }));
 }

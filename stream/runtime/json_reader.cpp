@@ -33,11 +33,11 @@ const json& JsonReader::member(const json& object, const char* key, const std::s
   return object.at(key);
 }
 
-const json& JsonReader::list(const json& object, const char* key, std::size_t least,
+const json& JsonReader::list(const json& object, const char* key, std::size_t minimum,
                              const std::string& what) const {
   const json& value = member(object, key, what);
-  if (!value.is_array() || value.size() < least)
-    fail(what + ": \"" + key + "\" takes a list of at least " + std::to_string(least));
+  if (!value.is_array() || value.size() < minimum)
+    fail(what + ": \"" + key + "\" takes a list of at least " + std::to_string(minimum));
   return value;
 }
 

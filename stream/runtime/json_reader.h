@@ -26,7 +26,7 @@ class JsonReader {
              const std::vector<std::string>& keys) const;
   const nlohmann::json& member(const nlohmann::json& object, const char* key, const std::string& what) const;
   /// A member that is a list of at least so many.
-  const nlohmann::json& list(const nlohmann::json& object, const char* key, std::size_t least,
+  const nlohmann::json& list(const nlohmann::json& object, const char* key, std::size_t minimum,
                              const std::string& what) const;
   bool flag(const nlohmann::json& value, const std::string& what) const;
   std::string text(const nlohmann::json& value, const std::string& what) const;

@@ -200,7 +200,7 @@ MemoryBudget::MemoryBudget(std::uint64_t cap, std::uint64_t base)
 
 std::uint64_t MemoryBudget::expected_base(std::uint64_t later) {
   const std::uint64_t told = (resident_bytes() + later + 2 * kBaseStep - 1) / kBaseStep * kBaseStep;
-  return std::max(told, kLeastBase);
+  return std::max(told, kMinBase);
 }
 
 std::uint64_t MemoryBudget::smallest_fitting_cap(

@@ -54,7 +54,7 @@ void trim_allocator();
 class MemoryBudget {
  public:
   static constexpr std::uint64_t kBaseStep = std::uint64_t{4} << 20;    ///< a base is told in whole ones
-  static constexpr std::uint64_t kLeastBase = std::uint64_t{24} << 20;  ///< what commands hold, and a little
+  static constexpr std::uint64_t kMinBase = std::uint64_t{24} << 20;  ///< what commands hold, and a little
   /// The base to count with before the work starts: code is still to be paged in, and two runs differ by some pages.
   /// \param later  what the process is known to hold then beside its code
   static std::uint64_t expected_base(std::uint64_t later = 0);

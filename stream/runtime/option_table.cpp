@@ -74,12 +74,12 @@ struct Reader {
              : std::is_unsigned_v<T>       ? "is not a whole number from 0 on"
                                            : "is not a whole number");
     const auto size = static_cast<double>(*value);
-    if (size >= row.least && size <= row.most) {
+    if (size >= row.minimum && size <= row.maximum) {
       *field = *value;
-    } else if (std::isfinite(row.most)) {
-      refuse(fmt::format("must be {} to {}", number_text(row.least), number_text(row.most)));
+    } else if (std::isfinite(row.maximum)) {
+      refuse(fmt::format("must be {} to {}", number_text(row.minimum), number_text(row.maximum)));
     } else {
-      refuse("must be at least " + number_text(row.least));
+      refuse("must be at least " + number_text(row.minimum));
     }
   }
   void operator()(double* field) const {

@@ -40,16 +40,16 @@ struct OptionRow {
   std::vector<std::string> words;
   std::string word;         ///< of a number; empty: none
   double word_value = 0.0;  ///< what it stands for
-  double least = -std::numeric_limits<double>::infinity();
-  double most = std::numeric_limits<double>::infinity();
+  double minimum = -std::numeric_limits<double>::infinity();
+  double maximum = std::numeric_limits<double>::infinity();
   bool is_flag = false;
   bool is_positional = false;
   bool is_hidden = false;
   bool is_bytes = false;
   bool splits = false;
 
-  OptionRow& at_least(double value) { return least = value, *this; }
-  OptionRow& within(double low, double high) { return least = low, most = high, *this; }
+  OptionRow& at_least(double value) { return minimum = value, *this; }
+  OptionRow& within(double low, double high) { return minimum = low, maximum = high, *this; }
   OptionRow& one_of(std::vector<std::string> allowed);
   /// A number for which a word is typed and shown, whatever its bounds.
   OptionRow& or_word(std::string text, double value);

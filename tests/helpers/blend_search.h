@@ -17,7 +17,7 @@ inline std::vector<BlendTrack> search_blends(const MeshBlock& block, double radi
   std::vector<BandVertex> band;
   std::vector<std::uint32_t> place(bends.size(), kNone);
   for (std::size_t v = 0; v < bends.size(); ++v) {
-    if (!is_in_band(bends[v].across, bends[v].least, options)) continue;
+    if (!is_in_band(bends[v].across, bends[v].minimum, options)) continue;
     place[v] = static_cast<std::uint32_t>(band.size());
     band.push_back({block.key[v], block.position[v], bends[v].normal, bends[v].along, bends[v].across});
   }

@@ -18,9 +18,9 @@ namespace tessera::test {
 /// \pre the job has enough of both for three kills at least
 inline CommandResult resumed_after_kills(const std::vector<std::string>& words,
                                          const std::function<void()>& after_kill = {}) {
-  constexpr int kMostRounds = 200;
+  constexpr int kMaxRounds = 200;
   int kills = 0;
-  for (int round = 0; round < kMostRounds; ++round) {
+  for (int round = 0; round < kMaxRounds; ++round) {
     // Steps of five meet all four points of a commit.
     const std::string point = round % 2 == 0 ? "commit:" + std::to_string(2 + 5 * (round / 2))
                                              : "write:" + std::to_string(2 + 3 * (round / 2));
@@ -32,7 +32,7 @@ inline CommandResult resumed_after_kills(const std::vector<std::string>& words,
     ++kills;
     if (after_kill) after_kill();
   }
-  FAIL("killed " << kMostRounds << " times and still not at its end");
+  FAIL("killed " << kMaxRounds << " times and still not at its end");
   return {};
 }
 

@@ -17,7 +17,7 @@ using json = nlohmann::json;
 using Points = std::span<const Double3>;
 using Faces = std::span<const std::array<std::uint64_t, 3>>;
 
-constexpr double kMostMove = 0.3;  ///< of the gap between a handle and what stays
+constexpr double kMaxMove = 0.3;  ///< of the gap between a handle and what stays
 constexpr int kRings = 3;
 constexpr double kThin = 0.1;  ///< height over longest side: less bends over with its chord
 
@@ -54,13 +54,13 @@ json half_space(const Double3& d, double at) {
   return {{"point", list(d * at)}, {"normal", list(d)}};
 }
 
-/// Turns about a centre, and moves: no point within `radius` of it goes farther than `most`.
-json motion(Random& random, const Double3& centre, double radius, double most) {
-  const double turn = random.unit(), degrees = std::min(40.0, turn * most / radius * 180.0 / 3.14159265);
+/// Turns about a centre, and moves: no point within `radius` of it goes farther than `maximum`.
+json motion(Random& random, const Double3& centre, double radius, double maximum) {
+  const double turn = random.unit(), degrees = std::min(40.0, turn * maximum / radius * 180.0 / 3.14159265);
   json steps = json::array();
   steps.push_back(
       {{"rotate", {{"axis", list(direction(random))}, {"angle", degrees}, {"centre", list(centre)}}}});
-  steps.push_back({{"move", list(direction(random) * ((1.0 - turn) * most))}});
+  steps.push_back({{"move", list(direction(random) * ((1.0 - turn) * maximum))}});
   return steps;
 }
 
@@ -83,7 +83,7 @@ void bend(Random& random, Points points, json& edit) {
     if (dot(p, d) >= high) radius = std::max(radius, norm(p - centre));
   edit["regions"].push_back({{"role", "support"}, {"half_space", half_space(-d, -low)}});
   edit["regions"].push_back({{"role", "handle"}, {"name", "end"}, {"half_space", half_space(-d, -high)}});
-  edit["handles"]["end"] = motion(random, centre, radius, kMostMove * (high - low));
+  edit["handles"]["end"] = motion(random, centre, radius, kMaxMove * (high - low));
 }
 
 json sphere(const Double3& centre, double radius) {
@@ -96,7 +96,7 @@ void pull(Random& random, Points points, json& edit) {
   const double reach = random.in(0.15, 0.3) * diagonal(points), spot = reach / 3.0;
   edit["regions"].push_back({{"role", "support"}, {"sphere", sphere(centre, reach)}});
   edit["regions"].push_back({{"role", "handle"}, {"name", "spot"}, {"sphere", sphere(centre, spot)}});
-  edit["handles"]["spot"] = motion(random, centre, spot, kMostMove * (reach - spot));
+  edit["handles"]["spot"] = motion(random, centre, spot, kMaxMove * (reach - spot));
 }
 
 /// Three spots of a surface whose one end stays.
@@ -107,20 +107,20 @@ void scatter(Random& random, Points points, json& edit) {
   double gap = 0.0;
   for (int trial = 0; trial < 100; ++trial) {
     std::array<Double3, 3> c;
-    double least = std::numeric_limits<double>::infinity();
+    double minimum = std::numeric_limits<double>::infinity();
     for (std::size_t k = 0; k < 3; ++k) {
       c[k] = points[random.below(points.size())];
-      least = std::min(least, dot(c[k], d) - low);
-      for (std::size_t i = 0; i < k; ++i) least = std::min(least, norm(c[k] - c[i]));
+      minimum = std::min(minimum, dot(c[k], d) - low);
+      for (std::size_t i = 0; i < k; ++i) minimum = std::min(minimum, norm(c[k] - c[i]));
     }
-    if (least > gap) gap = least, centre = c;
+    if (minimum > gap) gap = minimum, centre = c;
   }
   edit["regions"].push_back({{"role", "support"}, {"half_space", half_space(-d, -low)}});
   for (std::size_t k = 0; k < 3; ++k) {
     const std::string name = "spot " + std::to_string(k + 1);
     edit["regions"].push_back({{"role", "handle"}, {"name", name}, {"sphere", sphere(centre[k], gap / 4)}});
     // Half of the gap is left between two spots, and both may move.
-    edit["handles"][name] = motion(random, centre[k], gap / 4, kMostMove * gap / 4);
+    edit["handles"][name] = motion(random, centre[k], gap / 4, kMaxMove * gap / 4);
   }
 }
 
@@ -169,7 +169,7 @@ json random_edit(Points points, std::uint64_t seed) {
   return edit;
 }
 
-TurnedFaces turned_faces(Points before, Points after, Faces faces, double least) {
+TurnedFaces turned_faces(Points before, Points after, Faces faces, double minimum) {
   TurnedFaces out;
   for (std::size_t v = 0; v < after.size(); ++v)
     if (!std::isfinite(dot(after[v], after[v])) && std::isfinite(dot(before[v], before[v]))) ++out.not_finite;
@@ -193,7 +193,7 @@ TurnedFaces turned_faces(Points before, Points after, Faces faces, double least)
     double longest = 0.0;
     for (std::size_t k = 0; k < 3; ++k)
       longest = std::max(longest, norm(before[f[k]] - before[f[(k + 1) % 3]]));
-    if (!(was[j].norm() > least * longest) || before[f[0]] == after[f[0]]) continue;
+    if (!(was[j].norm() > minimum * longest) || before[f[0]] == after[f[0]]) continue;
     const Matrix here = turn[f[0]] + turn[f[1]] + turn[f[2]];
     if ((nearest_rotation(here) * was[j]).dot(is[j]) >= 0.0) continue;
     ++(was[j].norm() < kThin * longest * longest ? out.thin : out.over);

@@ -23,8 +23,8 @@ struct TurnedFaces {
   std::size_t not_finite = 0;
 };
 
-/// Faces without area before, or thinner than `least`, say nothing and are left out.
+/// Faces without area before, or thinner than `minimum`, say nothing and are left out.
 TurnedFaces turned_faces(std::span<const Double3> before, std::span<const Double3> after,
-                         std::span<const std::array<std::uint64_t, 3>> faces, double least);
+                         std::span<const std::array<std::uint64_t, 3>> faces, double minimum);
 
 }  // namespace tessera::test

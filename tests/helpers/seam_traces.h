@@ -63,15 +63,15 @@ struct FaceShapes {
   std::uint64_t faces = 0;
 
   void add(const std::array<Double3, 3>& p, double target) {
-    double least = 180.0;
+    double minimum = 180.0;
     for (std::size_t i = 0; i < 3; ++i) {
       const Double3 u = p[(i + 1) % 3] - p[i], v = p[(i + 2) % 3] - p[i];
       const double angle = std::atan2(norm(cross(u, v)), dot(u, v)) * (180.0 / kPi);
       of[1].add(angle);
       of[2].add(norm(u) / target);
-      least = std::fmin(least, angle);
+      minimum = std::fmin(minimum, angle);
     }
-    of[0].add(least);
+    of[0].add(minimum);
     of[3].add(norm(cross(p[1] - p[0], p[2] - p[0])) / (std::sqrt(0.75) * target * target));
     ++faces;
   }

@@ -151,7 +151,7 @@ inline DecodedTile decode_tile(const std::string& glb) {
   const json& attributes = primitive.at("attributes");
   std::size_t count = 0, stride = 0;
   const auto position = attributes.at("POSITION").get<std::size_t>();
-  const auto most = all.at("accessors").at(position).at("max").get<Double3>();
+  const auto maximum = all.at("accessors").at(position).at("max").get<Double3>();
   const std::vector<unsigned char> points = bytes_of(position, count, stride);
   tile.position_type = all.at("accessors").at(position).at("componentType") == 5126 ? "float" : "short";
   Double3 found = {0, 0, 0};
@@ -172,7 +172,7 @@ inline DecodedTile decode_tile(const std::string& glb) {
     }
     tile.points.push_back({p[0], -p[2], p[1]});
   }
-  if (found != most) throw std::runtime_error("the bounds of positions are not theirs");
+  if (found != maximum) throw std::runtime_error("the bounds of positions are not theirs");
   if (attributes.contains("COLOR_0")) {
     const auto colours = bytes_of(attributes.at("COLOR_0").get<std::size_t>(), count, stride);
     tile.colours.resize(count);

@@ -8,7 +8,7 @@ namespace tessera::house {
 
 namespace {
 
-constexpr std::size_t kMostLines = 600, kMostStageLines = 350, kMostContractLines = 40;
+constexpr std::size_t kMaxLines = 600, kMaxStageLines = 350, kMaxContractLines = 40;
 
 bool is_stage(const std::string& path) {
   return under(path, "stream/stages") || stem_of(path).ends_with("_stage");
@@ -18,9 +18,9 @@ std::string place(const Source& s, std::size_t line) {
   return s.path + ":" + std::to_string(line + 1);
 }
 
-void limit(Findings& out, const Source& s, const std::string& what, std::size_t count, std::size_t most) {
-  if (count > most)
-    out.push_back(s.path + ": " + std::to_string(count) + " " + what + ", at most " + std::to_string(most));
+void limit(Findings& out, const Source& s, const std::string& what, std::size_t count, std::size_t maximum) {
+  if (count > maximum)
+    out.push_back(s.path + ": " + std::to_string(count) + " " + what + ", at most " + std::to_string(maximum));
 }
 
 /// Declared elsewhere: main, a fuzz target, the global operators that a program replaces, what runs before it.
@@ -38,14 +38,14 @@ Findings check_sizes(const Sources& sources) {
   Findings out;
   for (const Source& s : sources) {
     if (!s.is_header() && !s.is_cpp()) continue;
-    limit(out, s, "lines", s.lines.size(), kMostLines);
+    limit(out, s, "lines", s.lines.size(), kMaxLines);
     if (is_stage(s.path) && !under(s.path, "tests"))
-      limit(out, s, "lines of a stage", s.lines.size(), kMostStageLines);
+      limit(out, s, "lines of a stage", s.lines.size(), kMaxStageLines);
     if (!s.is_header()) continue;
     const auto contract = std::count_if(s.lines.begin(), s.lines.end(), [](const std::string& line) {
       return line.find_first_not_of(' ') == line.find("///") && line.find("///") != std::string::npos;
     });
-    limit(out, s, "lines of contract", static_cast<std::size_t>(contract), kMostContractLines);
+    limit(out, s, "lines of contract", static_cast<std::size_t>(contract), kMaxContractLines);
     const std::string name = s.path.substr(folder_of(s.path).size() + 1);
     if (s.lines.size() < 3 || s.lines[0] != "/// \\file " + name)
       out.push_back(s.path + ": does not begin with /// \\file " + name);

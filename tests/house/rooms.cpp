@@ -7,7 +7,7 @@ namespace tessera::house {
 
 namespace {
 
-constexpr std::size_t kMostStems = 25;
+constexpr std::size_t kMaxStems = 25;
 
 /// Rooms of kernels/: what each may use besides itself, octree and solvers.
 const std::map<std::string, std::set<std::string>> kKernelRooms = {
@@ -128,9 +128,9 @@ Findings check_folder_sizes(const Sources& sources) {
       stems[folder_of(s.path)].insert(stem_of(s.path));
   Findings out;
   for (const auto& [folder, all] : stems)
-    if (all.size() > kMostStems)
+    if (all.size() > kMaxStems)
       out.push_back(folder + ": " + std::to_string(all.size()) + " stems, at most " +
-                    std::to_string(kMostStems));
+                    std::to_string(kMaxStems));
   return out;
 }
 

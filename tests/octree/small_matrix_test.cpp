@@ -77,23 +77,23 @@ TEST_CASE("small matrix: the least eigenvalue without rotations is that of the r
     Double3 values;
     std::array<Double3, 3> vectors;
     symmetric_eigen3(m, values, vectors);
-    const LeastEigen3 least = least_eigen3(m);
-    for (std::size_t i = 0; i < 3; ++i) CHECK(least.values[i] == Approx(values[i]).margin(1e-13 * values[2]));
-    CHECK(norm(least.vector) == Approx(1.0));
+    const MinEigen3 minimum = min_eigen3(m);
+    for (std::size_t i = 0; i < 3; ++i) CHECK(minimum.values[i] == Approx(values[i]).margin(1e-13 * values[2]));
+    CHECK(norm(minimum.vector) == Approx(1.0));
     if (values[1] - values[0] > 1e-3 * values[2])
-      CHECK(std::abs(dot(least.vector, vectors[0])) == Approx(1.0).margin(1e-9));
+      CHECK(std::abs(dot(minimum.vector, vectors[0])) == Approx(1.0).margin(1e-9));
   }
 }
 
 TEST_CASE("small matrix: a line and a ball have a least eigenvector too", "[unit]") {
-  const LeastEigen3 line = least_eigen3({4, 0, 0, 0, 0, 0});
+  const MinEigen3 line = min_eigen3({4, 0, 0, 0, 0, 0});
   CHECK(std::abs(line.vector[0]) < 1e-12);
   CHECK(norm(line.vector) == Approx(1.0));
   CHECK(line.values[1] == Approx(0.0).margin(1e-12));
-  const LeastEigen3 ball = least_eigen3({5, 0, 0, 5, 0, 5});
+  const MinEigen3 ball = min_eigen3({5, 0, 0, 5, 0, 5});
   CHECK(ball.values == Double3{5, 5, 5});
   CHECK(norm(ball.vector) == Approx(1.0));
-  CHECK(least_eigen3({}).values == Double3{0, 0, 0});
+  CHECK(min_eigen3({}).values == Double3{0, 0, 0});
 }
 
 }  // namespace tessera::small_matrix_test

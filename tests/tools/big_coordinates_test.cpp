@@ -46,15 +46,15 @@ double square_to_triangle(const Double3& p, const std::array<Double3, 3>& t) {
   const Double3 n = cross(t[1] - t[0], t[2] - t[0]);
   const double area = product(n, n);
   bool inside = area > 0.0;
-  double least = 1e300;
+  double minimum = 1e300;
   for (std::size_t k = 0; k < 3; ++k) {
     const Double3 &a = t[k], &b = t[(k + 1) % 3];
     inside = inside && product(cross(b - a, p - a), n) >= 0.0;
-    least = std::min(least, square_to_segment(p, a, b));
+    minimum = std::min(minimum, square_to_segment(p, a, b));
   }
-  if (!inside) return least;
+  if (!inside) return minimum;
   const double height = product(p - t[0], n);
-  return std::min(least, height * height / area);
+  return std::min(minimum, height * height / area);
 }
 
 std::array<Double3, 3> triangle(const WholeMesh& mesh, std::size_t f) {
@@ -71,10 +71,10 @@ double farthest(const WholeMesh& from, const WholeMesh& to) {
     double u = random.unit(), v = random.unit();
     if (u + v > 1.0) u = 1.0 - u, v = 1.0 - v;
     const Double3 p = i % 2 == 0 ? t[i % 3] : t[0] + (t[1] - t[0]) * u + (t[2] - t[0]) * v;
-    double least = 1e300;
+    double minimum = 1e300;
     for (std::size_t f = 0; f < to.faces.size(); ++f)
-      least = std::min(least, square_to_triangle(p, triangle(to, f)));
-    worst = std::max(worst, least);
+      minimum = std::min(minimum, square_to_triangle(p, triangle(to, f)));
+    worst = std::max(worst, minimum);
   }
   return std::sqrt(worst);
 }

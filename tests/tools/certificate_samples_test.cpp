@@ -53,15 +53,15 @@ double square_to_triangle(const Double3& p, const std::array<Double3, 3>& t) {
   const Double3 n = across(minus(t[1], t[0]), minus(t[2], t[0]));
   const double area = product(n, n);
   bool inside = area > 0.0;
-  double least = 1e300;
+  double minimum = 1e300;
   for (std::size_t k = 0; k < 3; ++k) {
     const Double3 &a = t[k], &b = t[(k + 1) % 3];
     inside = inside && product(across(minus(b, a), minus(p, a)), n) >= 0.0;
-    least = std::min(least, square_to_segment(p, a, b));
+    minimum = std::min(minimum, square_to_segment(p, a, b));
   }
-  if (!inside) return least;
+  if (!inside) return minimum;
   const double height = product(minus(p, t[0]), n);
-  return std::min(least, height * height / area);
+  return std::min(minimum, height * height / area);
 }
 
 /// Triangles by the cells of a grid that their boxes touch.
@@ -96,11 +96,11 @@ class Grid {
   double distance(const Double3& p, double reach) {
     Double3 low = p, high = p;
     for (std::size_t k = 0; k < 3; ++k) low[k] -= reach, high[k] += reach;
-    double least = 1e300;
+    double minimum = 1e300;
     for_cells(low, high, [&](const std::vector<std::uint32_t>& cell) {
-      for (const std::uint32_t f : cell) least = std::min(least, square_to_triangle(p, triangle(f)));
+      for (const std::uint32_t f : cell) minimum = std::min(minimum, square_to_triangle(p, triangle(f)));
     });
-    return std::sqrt(least);
+    return std::sqrt(minimum);
   }
 
  private:

@@ -39,8 +39,8 @@ struct Files {
   }
 };
 
-CommandResult refused(int code, const std::vector<std::string>& words, unsigned most_ms = 0) {
-  const CommandResult r = tessera_command(words, most_ms);
+CommandResult refused(int code, const std::vector<std::string>& words, unsigned max_ms = 0) {
+  const CommandResult r = tessera_command(words, max_ms);
   INFO(words[0] << " " << words[1] << ": " << r.errors);
   CHECK(r.code == code);
   CHECK(r.errors.find("tessera: error: ") != std::string::npos);
@@ -140,13 +140,13 @@ TEST_CASE("hard to break: pipes, folders and wrong job files are refused, not wa
   const std::string mesh = f.put("m.off", cube());
   for (const char* name : {"p.ply", "p.off", "p.xyz", "p.json"})
     REQUIRE(::mkfifo(f.at(name).c_str(), 0600) == 0);
-  constexpr unsigned kMost = 10000;
-  refused(3, {"check", f.at("p.ply")}, kMost);
-  refused(3, {"smooth", f.at("p.off"), "-o", f.at("a.ply")}, kMost);
-  refused(3, {"reconstruct", f.at("p.xyz"), "-o", f.at("a.ply")}, kMost);
-  refused(3, {"convert", f.at("p.xyz"), "-o", f.at("a.ply")}, kMost);
-  refused(3, {"render", f.at("p.ply"), "-o", f.at("a.png")}, kMost);
-  refused(3, {"check", mesh, "--truth", f.at("p.json")}, kMost);
+  constexpr unsigned kMax = 10000;
+  refused(3, {"check", f.at("p.ply")}, kMax);
+  refused(3, {"smooth", f.at("p.off"), "-o", f.at("a.ply")}, kMax);
+  refused(3, {"reconstruct", f.at("p.xyz"), "-o", f.at("a.ply")}, kMax);
+  refused(3, {"convert", f.at("p.xyz"), "-o", f.at("a.ply")}, kMax);
+  refused(3, {"render", f.at("p.ply"), "-o", f.at("a.png")}, kMax);
+  refused(3, {"check", mesh, "--truth", f.at("p.json")}, kMax);
   refused(3, {"smooth", mesh, "-o", f.at("a.ply"), "--job", f.folder.path().string()});
   refused(2, {"reconstruct", f.put("s.xyz", "0 0 0\n1 0 0\n0 1 0\n"), "-o", f.at("a.ply"), "--holes",
               "fill-to:nan"});
@@ -155,9 +155,9 @@ TEST_CASE("hard to break: pipes, folders and wrong job files are refused, not wa
 
 TEST_CASE("hard to break: coordinates beyond what can be computed with end at once", "[fault]") {
   const Files f;
-  constexpr unsigned kMost = 10000;
+  constexpr unsigned kMax = 10000;
   refused(3, {"render", f.put("far.xyz", "1e50 0 0\n0 1e50 0\n0 0 1e50\n1e50 1e50 0\n"), "-o", f.at("a.png")},
-          kMost);
+          kMax);
   std::string grid = "OFF\n2500 4802 0\n";
   for (int i = 0; i < 2500; ++i)
     grid += std::to_string(i % 50) + " " + std::to_string(i / 50) + (i % 400 == 7 ? " 1.5e28\n" : " 0.25\n");
@@ -167,8 +167,8 @@ TEST_CASE("hard to break: coordinates beyond what can be computed with end at on
       grid += "3" + v(0) + v(1) + v(50) + "\n3" + v(1) + v(51) + v(50) + "\n";
     }
   const std::string mesh = f.put("far.off", grid);
-  refused(6, {"decimate", mesh, "-o", f.at("a.ply"), "--tolerance", "0.01"}, kMost);
-  refused(6, {"check", mesh, "--reference", mesh, "--tolerance", "0.01"}, kMost);
+  refused(6, {"decimate", mesh, "-o", f.at("a.ply"), "--tolerance", "0.01"}, kMax);
+  refused(6, {"check", mesh, "--reference", mesh, "--tolerance", "0.01"}, kMax);
   refused(3,
           {"decimate", f.put("wide.off", cube("-1e308", "1e308")), "-o", f.at("b.ply"), "--tolerance", "1"});
   CHECK(refused(3, {"reconstruct", f.put("wide.xyz", "-1e300 0 0\n1e300 1 1\n0 1e300 0\n0 0 1e300\n1 1 1\n"),

@@ -174,15 +174,15 @@ TEST_CASE(
   fs::remove_all(out.string() + ".tessera");
 
   // What it names does, and a larger one leaves more to decimation.
-  const double least = std::stod(refused.errors.substr(at + promise.size()));
-  CHECK(least > 0.8 * spacing);
-  CHECK(least < 2.0 * spacing);
+  const double minimum = std::stod(refused.errors.substr(at + promise.size()));
+  CHECK(minimum > 0.8 * spacing);
+  CHECK(minimum < 2.0 * spacing);
   std::size_t faces[2];
   for (const int more : {0, 1}) {
-    const double tolerance = least * (1 + more);
+    const double tolerance = minimum * (1 + more);
     const nlohmann::json report = reconstructed(in, out, words(tolerance));
     const double noise = report.at("points_to_surface").at("certified_max").get<double>();
-    CHECK(noise <= least);
+    CHECK(noise <= minimum);
     CHECK(report.at("samples").at("certified_max").get<double>() <= tolerance);
     CHECK(report.at("certificate").at("certified_max").get<double>() <= tolerance - noise);
     faces[more] = report.at("mesh").at("faces").get<std::size_t>();

@@ -199,23 +199,23 @@ TEST_CASE("site: what is told of its disk holds for a mesh of a scan", "[propert
   const Places places;
   require_done(places.reconstruct({}));
   const fs::path site = places.at("site"), work = site / "tileset.json.tessera";
-  std::uint64_t most = 0;
+  std::uint64_t maximum = 0;
   for (int commits = 1; !fs::exists(work / "level-1");
        ++commits) {  // what lies there when the process dies at one
     fs::remove_all(site);
     Words words = {"tiles", places.at("mesh.ply").string(), "-o", site.string(), "-q", "--progress", "none"};
     const CommandResult r = tessera_command(words, 0, "TESSERA_FAULT=commit:" + std::to_string(commits));
     REQUIRE(r.code == 128 + SIGKILL);
-    most = std::max(most, bytes_below(work));
+    maximum = std::max(maximum, bytes_below(work));
   }
   require_done(places.tiles(site, {"--force"}));
   const MeshSize mesh = claimed_mesh_size(places.at("mesh.ply"));
   const TilesDisk told = tiles_disk({}, mesh);
   INFO("bytes a face in the work directory: "
-       << static_cast<double>(most) / static_cast<double>(mesh.faces)
+       << static_cast<double>(maximum) / static_cast<double>(mesh.faces)
        << ", in the site: " << static_cast<double>(bytes_below(site)) / static_cast<double>(mesh.faces));
-  CHECK(most <= told.work);
-  CHECK(static_cast<double>(most) > 0.5 * static_cast<double>(told.work));
+  CHECK(maximum <= told.work);
+  CHECK(static_cast<double>(maximum) > 0.5 * static_cast<double>(told.work));
   CHECK(bytes_below(site) <= told.site);
   CHECK(static_cast<double>(bytes_below(site)) > 0.4 * static_cast<double>(told.site));
 }

@@ -79,16 +79,16 @@ double largest_distance(const WholeMesh& from, const WholeMesh& to, int samples)
   const ClosestFaces closest(to.points, faces, Double3{0, 0, 0});
   std::mt19937 random(5);
   std::uniform_real_distribution<double> share(0.0, 1.0);
-  double most = 0.0;
+  double maximum = 0.0;
   for (int i = 0; i < samples; ++i) {
     const MeshFace& f = from.faces[random() % from.faces.size()];
     double s = share(random), t = share(random);
     if (s + t > 1.0) s = 1.0 - s, t = 1.0 - t;
     const Double3 a = from.points[f[0]];
     const Double3 p = a + (from.points[f[1]] - a) * s + (from.points[f[2]] - a) * t;
-    most = std::max(most, closest.closest(p, 1e30, ClosestFaces::kNone).square);
+    maximum = std::max(maximum, closest.closest(p, 1e30, ClosestFaces::kNone).square);
   }
-  return std::sqrt(most);
+  return std::sqrt(maximum);
 }
 
 std::vector<std::string> defects(const fs::path& file, const TempFolder& folder) {

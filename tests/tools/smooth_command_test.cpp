@@ -198,20 +198,20 @@ TEST_CASE("smooth command: moves are told from where vertices were given, whatev
   file->faces(mesh.faces);
   file->finish();
   smoothed(folder / "in.ply", folder / "out.ply", how);
-  double most = 0.0, squares = 0.0;
+  double maximum = 0.0, squares = 0.0;
   std::size_t count = 0;
   open_mesh_file(folder / "out.ply")->read_vertices([&](auto positions, auto colours) {
     for (std::size_t v = 0; v < positions.size(); ++v, ++count) {
       const double square = squared_distance(positions[v], mesh.position.at(colours[v] & 0xffffffu));
-      most = std::max(most, square);
+      maximum = std::max(maximum, square);
       squares += square;
     }
   });
   REQUIRE(count > 3000);
   const nlohmann::json told =
       nlohmann::json::parse(test::file_bytes(folder / "out.ply.report.json")).at("mesh");
-  CHECK(std::sqrt(most) > 0.05);
-  CHECK(told.at("largest_move").get<double>() == Approx(std::sqrt(most)));
+  CHECK(std::sqrt(maximum) > 0.05);
+  CHECK(told.at("largest_move").get<double>() == Approx(std::sqrt(maximum)));
   CHECK(told.at("rms_move").get<double>() == Approx(std::sqrt(squares / static_cast<double>(count))));
 }
 

@@ -332,21 +332,21 @@ struct Surface {
 };
 
 double rounding(const Surface& s) {
-  double most = 0.0;
-  for (const Double3& p : s.points) most = std::max(most, norm(p));
-  return 0x1p-50 * most;
+  double maximum = 0.0;
+  for (const Double3& p : s.points) maximum = std::max(maximum, norm(p));
+  return 0x1p-50 * maximum;
 }
 
 /// The largest distance found at points of one surface to the other; vertices, and as many points of the area.
 double sampled(const Surface& from, const Surface& to, std::size_t count) {
   test::Random random(13);
-  double most = 0.0, area = 0.0;
+  double maximum = 0.0, area = 0.0;
   std::vector<double> sum;
   for (const auto& f : from.faces) {
     sum.push_back(area +=
                   norm(cross(from.points[f[1]] - from.points[f[0]], from.points[f[2]] - from.points[f[0]])));
     if (sum.size() * 3 <= count)
-      for (const std::uint32_t v : f) most = std::max(most, to.distance(from.points[v]));
+      for (const std::uint32_t v : f) maximum = std::max(maximum, to.distance(from.points[v]));
   }
   for (std::size_t i = 0; i < count; ++i) {
     const auto at = std::upper_bound(sum.begin(), sum.end(), area * random.unit()) - sum.begin();
@@ -354,9 +354,9 @@ double sampled(const Surface& from, const Surface& to, std::size_t count) {
     double s = random.unit(), t = random.unit();
     if (s + t > 1.0) s = 1.0 - s, t = 1.0 - t;
     const Double3& a = from.points[f[0]];
-    most = std::max(most, to.distance(a + (from.points[f[1]] - a) * s + (from.points[f[2]] - a) * t));
+    maximum = std::max(maximum, to.distance(a + (from.points[f[1]] - a) * s + (from.points[f[2]] - a) * t));
   }
-  return most;
+  return maximum;
 }
 
 /// What is wrong with what a command wrote; empty when nothing is.
@@ -396,21 +396,21 @@ std::string fault(const Command& command, const Input& in, const fs::path& out, 
   if (!command.bounded && !command.moves) return "";
   const json told = json::parse(test::file_bytes(report));
   if (command.bounded) {
-    const json& most = told.at("certificate").at("certified_max");
-    if (!most.is_number()) return "";
+    const json& maximum = told.at("certificate").at("certified_max");
+    if (!maximum.is_number()) return "";
     const Surface was(in.mesh), is(test::read_whole(out));
     if (was.faces.empty() || is.faces.empty()) return "";
     const double found = std::max(sampled(was, is, samples), sampled(is, was, samples));
     // Points of the area are told to a few of the last bits of their coordinates.
-    if (found > most.get<double>() + rounding(was))
-      return "is " + number(found) + " off, told at most " + number(most.get<double>());
+    if (found > maximum.get<double>() + rounding(was))
+      return "is " + number(found) + " off, told at most " + number(maximum.get<double>());
   } else {
     const Surface was(in.mesh), is(test::read_whole(out));
     const double found = std::max(sampled(was, is, samples), sampled(is, was, samples)),
-                 most = told.at("mesh").at("largest_move").get<double>();
+                 maximum = told.at("mesh").at("largest_move").get<double>();
     // A face moves with its corners. Faces that the import takes away or turns have none: they have no area.
-    if (found > most + 1e-6 * in.size + rounding(was))
-      return "moved " + number(found) + ", told at most " + number(most);
+    if (found > maximum + 1e-6 * in.size + rounding(was))
+      return "moved " + number(found) + ", told at most " + number(maximum);
   }
   return "";
 }

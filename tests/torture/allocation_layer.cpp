@@ -17,9 +17,9 @@ namespace {
 
 std::atomic<std::int64_t> alive{0}, base{0}, reserved{0}, beyond{0}, beside{0};
 
-void raise(std::atomic<std::int64_t>& most, std::int64_t value) {
-  std::int64_t seen = most.load(std::memory_order_relaxed);
-  while (value > seen && !most.compare_exchange_weak(seen, value, std::memory_order_relaxed)) {
+void raise(std::atomic<std::int64_t>& maximum, std::int64_t value) {
+  std::int64_t seen = maximum.load(std::memory_order_relaxed);
+  while (value > seen && !maximum.compare_exchange_weak(seen, value, std::memory_order_relaxed)) {
   }
 }
 
@@ -84,9 +84,9 @@ bool ready() {
 __attribute__((destructor)) void tell() {
   const char* path = std::getenv("TESSERA_ALLOCATIONS");
   if (path == nullptr) return;
-  const long long most[2] = {static_cast<long long>(beyond.load()), static_cast<long long>(beside.load())};
+  const long long maximum[2] = {static_cast<long long>(beyond.load()), static_cast<long long>(beside.load())};
   if (std::FILE* file = std::fopen(path, "a")) {
-    std::fprintf(file, "beyond %lld\nbeside %lld\n", most[0], most[1]);
+    std::fprintf(file, "beyond %lld\nbeside %lld\n", maximum[0], maximum[1]);
     std::fclose(file);
   }
 }

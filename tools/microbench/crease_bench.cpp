@@ -97,7 +97,7 @@ int main(int argc, char** argv) try {
   {
     const MeshBlock reference = input;
     ReferenceSurface(reference, origin, options.feature_angle_deg,
-                     kLeastCreaseEdges * (options.adaptive ? sizing.shortest : sizing.edge), {})
+                     kMinCreaseEdges * (options.adaptive ? sizing.shortest : sizing.edge), {})
         .mark(input);
   }
   const Creases before = creases_of(input, origin, false), after = creases_of(mesh, origin, false);

@@ -48,7 +48,7 @@ double mean_edge(const MeshBlock& mesh) {
 }
 
 struct Distances {
-  double mean = 0.0, rms = 0.0, most = 0.0;
+  double mean = 0.0, rms = 0.0, maximum = 0.0;
 };
 
 Distances distances(const ClosestFaces& truth, const std::vector<Double3>& position) {
@@ -59,10 +59,10 @@ Distances distances(const ClosestFaces& truth, const std::vector<Double3>& posit
     hint = hit.slot;
     d.mean += std::sqrt(hit.square);
     d.rms += hit.square;
-    d.most = std::fmax(d.most, hit.square);
+    d.maximum = std::fmax(d.maximum, hit.square);
   }
   const auto n = static_cast<double>(position.size());
-  return {d.mean / n, std::sqrt(d.rms / n), std::sqrt(d.most)};
+  return {d.mean / n, std::sqrt(d.rms / n), std::sqrt(d.maximum)};
 }
 
 /// Faces whose normal is against those of the faces of the truth nearest to their middle and to each corner.
@@ -138,7 +138,7 @@ int main(int argc, char** argv) {
         "%zu -> %zu of %zu, in their surroundings %zu -> %zu (clean %zu)\n",
         slash ? slash + 1 : argv[i], mesh.position.size(),
         1e6 * seconds / static_cast<double>(mesh.position.size()), before.mean / edge, after.mean / edge,
-        before.mean / after.mean, before.rms / after.rms, before.most / edge, after.most / edge,
+        before.mean / after.mean, before.rms / after.rms, before.maximum / edge, after.maximum / edge,
         turned_before, turned(truth, mesh, now.position), mesh.faces.size(),
         static_cast<std::size_t>(count_turned_faces(mesh)), static_cast<std::size_t>(count_turned_faces(now)),
         static_cast<std::size_t>(count_turned_faces(clean)));

@@ -18,14 +18,14 @@ namespace {
 using namespace tessera;
 
 template <class Work>
-double least_seconds(int repeat, const Work& work) {
-  double least = 1e300;
+double min_seconds(int repeat, const Work& work) {
+  double minimum = 1e300;
   for (int i = 0; i <= repeat; ++i) {
     const double start = thread_seconds();
     work();
-    if (i > 0 || repeat == 0) least = std::min(least, thread_seconds() - start);
+    if (i > 0 || repeat == 0) minimum = std::min(minimum, thread_seconds() - start);
   }
-  return least;
+  return minimum;
 }
 
 EditRegion spot(const std::string& name, double x, double y) {
@@ -53,7 +53,7 @@ void bench_sheet(int order, double smoothness, int repeat) {
   const EditRegions resolved = resolve_regions(regions, {s.position, s.faces}, order);
   EditBasis basis;
   EditBasisReport report;
-  const double prepare = least_seconds(repeat / 4, [&] {
+  const double prepare = min_seconds(repeat / 4, [&] {
     basis = edit_basis({s.position, s.faces}, laplacian({s.position, s.faces}), resolved, {.order = order},
                        report);
   });
@@ -64,11 +64,11 @@ void bench_sheet(int order, double smoothness, int repeat) {
   }
   std::vector<Double3> rest, smooth, posed;
   std::vector<Rotation> turn;
-  const double at_rest = least_seconds(repeat, [&] { rest = rest_base(basis, s.position); }),
-               by_basis = least_seconds(repeat, [&] { smooth = smooth_base(basis, s.position, pose); }),
-               by_turns = least_seconds(repeat, [&] { turn = pose_rotations(basis, pose); }),
+  const double at_rest = min_seconds(repeat, [&] { rest = rest_base(basis, s.position); }),
+               by_basis = min_seconds(repeat, [&] { smooth = smooth_base(basis, s.position, pose); }),
+               by_turns = min_seconds(repeat, [&] { turn = pose_rotations(basis, pose); }),
                by_details =
-                   least_seconds(repeat, [&] { posed = posed_base(basis, s.position, turn, rest, smooth); });
+                   min_seconds(repeat, [&] { posed = posed_base(basis, s.position, turn, rest, smooth); });
   std::printf(
       "sheet of %zu vertices, order %d: %zu unknowns, %zu solutions, prepared in %.3f s; rest %.2f ms; pose "
       "%.2f ms: "
@@ -122,7 +122,7 @@ void bench_tube(int around, int repeat) {
   for (const std::int32_t role : basis.role) free.push_back(role == kSupportVertex);
   const std::vector<LayerLevel> levels = layer_levels(s.position, s.faces, free);
   DisplacementVolumeReport volumes;
-  const double seconds = least_seconds(std::max(1, repeat / 4), [&] {
+  const double seconds = min_seconds(std::max(1, repeat / 4), [&] {
     displacement_volumes({{rest, s.position}, {smooth, vectors}, s.faces, free, turn, {}}, levels, {},
                          volumes);
   });

@@ -93,17 +93,17 @@ std::vector<Column> present(const Rows& rows, const Column (&all)[kSize]) {
 /// The time of each solver over the unknowns in one frame.
 void panel(std::ostream& out, const Rows& rows, double x0, double y0, bool large, bool whole) {
   constexpr double kWidth = 330, kHeight = 220;
-  double most_n = 0.0, most_s = 0.0;
+  double max_n = 0.0, max_s = 0.0;
   const auto seconds = [&](const json& r) { return whole ? total(r) : r.value("solve_s", 0.0); };
   const auto in_range = [&](std::size_t n) { return (n > 80000) == large; };
   for (const auto& [n, solvers] : rows)
     if (in_range(n)) {
-      most_n = std::max(most_n, static_cast<double>(n));
+      max_n = std::max(max_n, static_cast<double>(n));
       for (const auto& [key, r] : solvers)
         for (const Column& c : kColumns)
-          if (c.key == key && solved(r)) most_s = std::max(most_s, seconds(r));
+          if (c.key == key && solved(r)) max_s = std::max(max_s, seconds(r));
     }
-  if (most_n == 0.0 || most_s == 0.0) return;
+  if (max_n == 0.0 || max_s == 0.0) return;
   // What takes far longer than the rest would flatten all other curves.
   std::vector<double> tops;
   for (const Column& c : kColumns) {
@@ -114,7 +114,7 @@ void panel(std::ostream& out, const Rows& rows, double x0, double y0, bool large
     if (top > 0.0) tops.push_back(top);
   }
   std::sort(tops.begin(), tops.end());
-  most_s = std::min(most_s, 6.0 * tops[tops.size() / 2]);
+  max_s = std::min(max_s, 6.0 * tops[tops.size() / 2]);
   out << fmt::format(
       "<g transform='translate({},{})'><rect width='{}' height='{}' fill='none' stroke='#999'/>\n", x0, y0,
       kWidth, kHeight);
@@ -122,18 +122,18 @@ void panel(std::ostream& out, const Rows& rows, double x0, double y0, bool large
                      whole ? "total time (s)" : "3 solutions (s)");
   for (int k = 0; k <= 4; ++k) {
     out << fmt::format("<text x='-6' y='{}' text-anchor='end'>{:.2g}</text>\n", kHeight * (1 - k / 4.0) + 4,
-                       most_s * k / 4.0);
+                       max_s * k / 4.0);
     out << fmt::format("<text x='{}' y='{}' text-anchor='middle'>{}</text>\n", kWidth * k / 4.0, kHeight + 16,
-                       count(most_n * k / 4.0));
+                       count(max_n * k / 4.0));
   }
   for (const Column& c : kColumns) {
     std::string path;
     for (const auto& [n, solvers] : rows) {
       const auto it = solvers.find(c.key);
-      if (!in_range(n) || it == solvers.end() || !solved(it->second) || seconds(it->second) > most_s)
+      if (!in_range(n) || it == solvers.end() || !solved(it->second) || seconds(it->second) > max_s)
         continue;
-      const double x = kWidth * static_cast<double>(n) / most_n,
-                   y = kHeight * (1.0 - seconds(it->second) / most_s);
+      const double x = kWidth * static_cast<double>(n) / max_n,
+                   y = kHeight * (1.0 - seconds(it->second) / max_s);
       path += fmt::format("{}{:.1f} {:.1f}", path.empty() ? "M" : " L", x, y);
       out << fmt::format("<circle cx='{:.1f}' cy='{:.1f}' r='2.5' fill='{}'/>\n", x, y, c.colour);
     }

@@ -23,7 +23,7 @@ namespace {
 constexpr std::size_t kDeepest = 64;
 constexpr std::uint64_t kLongestToken = std::uint64_t{1} << 20;
 constexpr std::size_t kLongestText = 256;  ///< of an element that is a number
-constexpr std::size_t kMostScans = 16384;  ///< each takes about 2 KB
+constexpr std::size_t kMaxScans = 16384;  ///< each takes about 2 KB
 
 struct UseName {
   std::string_view name;
@@ -156,7 +156,7 @@ class ScanParser {
     if (names_.size() == 2) in_data_ = names_[1] == "data3D";
     if (!in_data_) return;
     if (names_.size() == 3) {
-      if (found_.count == kMostScans) fail("more than 16384 scans in one file; split it");
+      if (found_.count == kMaxScans) fail("more than 16384 scans in one file; split it");
       scan_ = {};
       scan_.number = ++found_.count;
     } else if (at({"points"})) {
@@ -247,8 +247,8 @@ class ScanParser {
       const bool single = precision && std::string_view(precision) == "single";
       f.code = single ? E57Code::kSingle : E57Code::kDouble;
       f.bits = single ? 32 : 64;
-      f.least = real(attributes, "minimum", 0.0);
-      f.most = real(attributes, "maximum", 0.0);
+      f.min_value = real(attributes, "minimum", 0.0);
+      f.max_value = real(attributes, "maximum", 0.0);
     } else if (type == "Integer" || type == "ScaledInteger") {
       using Limits = std::numeric_limits<std::int64_t>;
       f.code = type == "Integer" ? E57Code::kInteger : E57Code::kScaled;
@@ -262,8 +262,8 @@ class ScanParser {
         f.scale = real(attributes, "scale", 1.0);
         f.offset = real(attributes, "offset", 0.0);
       }
-      f.least = static_cast<double>(f.minimum) * f.scale + f.offset;
-      f.most = static_cast<double>(f.maximum) * f.scale + f.offset;
+      f.min_value = static_cast<double>(f.minimum) * f.scale + f.offset;
+      f.max_value = static_cast<double>(f.maximum) * f.scale + f.offset;
     } else {
       fail("element " + shown(names_.back()) + " of the prototype has type " + shown(type) +
            "; Float, Integer and ScaledInteger can be read");

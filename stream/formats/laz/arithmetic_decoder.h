@@ -28,7 +28,7 @@ class ArithmeticDecoder {
     const std::uint32_t whole = length_;
     length_ >>= SymbolModel::kShareBits;
     const std::uint32_t share = value_ / length_;
-    const unsigned found = model.find(share < kMostShare ? share : kMostShare);
+    const unsigned found = model.find(share < kMaxShare ? share : kMaxShare);
     const std::uint32_t begin = model.before(found) * length_;
     const std::uint32_t end = found + 1 < model.symbols() ? model.before(found + 1) * length_ : whole;
     value_ -= begin;
@@ -54,14 +54,14 @@ class ArithmeticDecoder {
 
   /// \pre  1 <= bits <= 32
   std::uint32_t raw(unsigned bits, std::uint32_t /*coded*/ = 0) {
-    if (bits <= kMostRawBits) return raw_few(bits);
+    if (bits <= kMaxRawBits) return raw_few(bits);
     const std::uint32_t low = raw_few(16);
     return raw_few(bits - 16) << 16 | low;
   }
 
  private:
-  static constexpr std::uint32_t kMostShare = (1u << SymbolModel::kShareBits) - 1;
-  static constexpr unsigned kMostRawBits = 19;
+  static constexpr std::uint32_t kMaxShare = (1u << SymbolModel::kShareBits) - 1;
+  static constexpr unsigned kMaxRawBits = 19;
 
   std::uint32_t raw_few(unsigned bits) {
     length_ >>= bits;

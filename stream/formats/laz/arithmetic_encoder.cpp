@@ -3,7 +3,7 @@
 namespace tessera::laz {
 
 namespace {
-constexpr std::uint32_t kLeastLength = 1u << 24;
+constexpr std::uint32_t kMinLength = 1u << 24;
 }
 
 unsigned ArithmeticEncoder::symbol(SymbolModel& model, unsigned value) {
@@ -51,7 +51,7 @@ void ArithmeticEncoder::advance(std::uint32_t by) {
 }
 
 void ArithmeticEncoder::renormalise() {
-  for (; length_ < kLeastLength; length_ <<= 8) {
+  for (; length_ < kMinLength; length_ <<= 8) {
     bytes_.push_back(static_cast<char>(base_ >> 24));
     base_ <<= 8;
   }
@@ -59,9 +59,9 @@ void ArithmeticEncoder::renormalise() {
 
 void ArithmeticEncoder::finish() {
   // One byte or two end the code, zeros make up the four that a decoder is ahead.
-  const bool one = length_ > 2 * kLeastLength;
-  length_ = one ? kLeastLength >> 1 : kLeastLength >> 9;
-  advance(one ? kLeastLength : kLeastLength >> 1);
+  const bool one = length_ > 2 * kMinLength;
+  length_ = one ? kMinLength >> 1 : kMinLength >> 9;
+  advance(one ? kMinLength : kMinLength >> 1);
   bytes_.insert(bytes_.end(), one ? 3 : 2, '\0');
 }
 

@@ -30,8 +30,8 @@ std::vector<ChunkSize> read_chunk_table(ByteFeed& feed, bool variable, std::uint
   const std::uint32_t count = feed.next_u32();
   if (count > space)
     throw Damage("lists " + std::to_string(count) + " chunks in " + std::to_string(space) + " bytes");
-  if (count > kMostChunks)
-    throw Damage("lists " + std::to_string(count) + " chunks, at most " + std::to_string(kMostChunks) +
+  if (count > kMaxChunks)
+    throw Damage("lists " + std::to_string(count) + " chunks, at most " + std::to_string(kMaxChunks) +
                  " can be read; compress the file anew with larger chunks");
   std::vector<ChunkSize> chunks;
   if (count == 0) return chunks;

@@ -14,12 +14,12 @@ struct ChunkSize {
 };
 
 /// A file of more chunks is refused: their list must stay small (a chunk mostly has 50,000 points).
-inline constexpr std::uint32_t kMostChunks = 1u << 20;
+inline constexpr std::uint32_t kMaxChunks = 1u << 20;
 
 /// \param feed        from the first byte of the table on
 /// \param variable    whether the table has the numbers of points
 /// \param space       bytes that the chunks have together, at most
-/// \throws Damage for a version that is unknown, more chunks than kMostChunks or than fit, sizes that add up to more
+/// \throws Damage for a version that is unknown, more chunks than kMaxChunks or than fit, sizes that add up to more
 ///   than `space`, and a table that is cut off
 std::vector<ChunkSize> read_chunk_table(ByteFeed& feed, bool variable, std::uint64_t space);
 std::vector<char> chunk_table(const std::vector<ChunkSize>& chunks, bool variable);

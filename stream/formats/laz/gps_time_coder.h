@@ -13,10 +13,10 @@
 namespace tessera::laz {
 
 /// Nearest multiple of `step` to `gap`, within [least, most]. \pre  step != 0
-inline int nearest_multiple(std::int32_t gap, std::int32_t step, int least, int most) {
+inline int nearest_multiple(std::int32_t gap, std::int32_t step, int minimum, int maximum) {
   const double ratio = static_cast<double>(gap) / static_cast<double>(step);
   return static_cast<int>(
-      std::clamp(std::floor(ratio + 0.5), static_cast<double>(least), static_cast<double>(most)));
+      std::clamp(std::floor(ratio + 0.5), static_cast<double>(minimum), static_cast<double>(maximum)));
 }
 
 inline std::int32_t times(int multiple, std::int32_t step) {
@@ -41,9 +41,9 @@ class GpsTimeCoder {
 
  private:
   static constexpr unsigned kFirst = kSaysUnchanged ? 1 : 0;
-  static constexpr int kMost = 500;
-  static constexpr int kLeast = -10;
-  static constexpr unsigned kSame = kMost - kLeast + 1;  ///< first symbol after the multiples
+  static constexpr int kMax = 500;
+  static constexpr int kMin = -10;
+  static constexpr unsigned kSame = kMax - kMin + 1;  ///< first symbol after the multiples
   static constexpr unsigned kNew = kSame + kFirst;
   static constexpr int kPatience = 3;  ///< odd steps in a row before one becomes the step
 
@@ -98,24 +98,24 @@ class GpsTimeCoder {
 
   static unsigned symbol_of(std::uint64_t gap, std::int32_t step) {
     if (kSaysUnchanged && gap == 0) return kSame;
-    const int multiple = nearest_multiple(static_cast<std::int32_t>(gap), step, kLeast, kMost);
-    return static_cast<unsigned>(multiple < 0 ? kMost - multiple : multiple);
+    const int multiple = nearest_multiple(static_cast<std::int32_t>(gap), step, kMin, kMax);
+    return static_cast<unsigned>(multiple < 0 ? kMax - multiple : multiple);
   }
 
   template <class Coder>
   void code_multiple(Coder& coder, unsigned symbol, std::int32_t gap) {
     const int s = static_cast<int>(symbol);
-    const int multiple = s <= kMost ? s : kMost - s;
+    const int multiple = s <= kMax ? s : kMax - s;
     const unsigned context = s == 1              ? 1
                              : s == 0            ? 7
                              : s < 10            ? 2
-                             : s < kMost         ? 3
-                             : s == kMost        ? 4
-                             : multiple > kLeast ? 5
+                             : s < kMax         ? 3
+                             : s == kMax        ? 4
+                             : multiple > kMin ? 5
                                                  : 6;
     const std::int32_t found = integers_.code(coder, times(multiple, steps_[at_]), gap, context);
     advance(found);
-    const bool odd = s == 0 || multiple == kMost || multiple == kLeast;
+    const bool odd = s == 0 || multiple == kMax || multiple == kMin;
     if (s == 1) odd_[at_] = 0;
     if (odd && ++odd_[at_] > kPatience) {
       steps_[at_] = found;

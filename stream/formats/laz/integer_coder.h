@@ -27,15 +27,15 @@ class IntegerCoder {
   template <class Coder>
   std::int32_t code(Coder& coder, std::int32_t predicted, std::int32_t actual, unsigned context = 0) {
     const auto range = bits_ < 32 ? 1u << bits_ : 0u;
-    const auto least = static_cast<std::int32_t>(0u - (bits_ < 32 ? range / 2 : 0x80000000u));
+    const auto minimum = static_cast<std::int32_t>(0u - (bits_ < 32 ? range / 2 : 0x80000000u));
     std::uint32_t difference = static_cast<std::uint32_t>(actual) - static_cast<std::uint32_t>(predicted);
     if constexpr (Coder::kEncodes) {
-      if (static_cast<std::int32_t>(difference) < least)
+      if (static_cast<std::int32_t>(difference) < minimum)
         difference += range;
-      else if (static_cast<std::int32_t>(difference) > -(least + 1))
+      else if (static_cast<std::int32_t>(difference) > -(minimum + 1))
         difference -= range;
     }
-    difference = code_difference(coder, difference, static_cast<std::uint32_t>(least), context);
+    difference = code_difference(coder, difference, static_cast<std::uint32_t>(minimum), context);
     auto real = static_cast<std::int32_t>(static_cast<std::uint32_t>(predicted) + difference);
     if (real < 0)
       real = static_cast<std::int32_t>(static_cast<std::uint32_t>(real) + range);
@@ -49,7 +49,7 @@ class IntegerCoder {
 
   /// A difference of k bits lies in [-(2^k - 1), -2^(k-1)] or [2^(k-1) + 1, 2^k]: k bits tell where. k = 0: 0 or 1.
   template <class Coder>
-  std::uint32_t code_difference(Coder& coder, std::uint32_t difference, std::uint32_t least,
+  std::uint32_t code_difference(Coder& coder, std::uint32_t difference, std::uint32_t minimum,
                                 unsigned context) {
     const auto sign = static_cast<std::int32_t>(difference);
     length_ =
@@ -57,7 +57,7 @@ class IntegerCoder {
                      static_cast<unsigned>(std::bit_width(sign <= 0 ? 0u - difference : difference - 1)));
     const unsigned k = length_;
     if (k == 0) return coder.bit(zero_or_one_, difference & 1u);
-    if (k == 32) return least;
+    if (k == 32) return minimum;
     const std::uint32_t place = sign < 0 ? difference + ((1u << k) - 1) : difference - 1;
     std::uint32_t found;
     if (k <= kModelled) {

@@ -54,8 +54,8 @@ inline unsigned return_level(unsigned number, unsigned of) {
 }
 
 /// Contexts of y and z from the length of the steps before.
-inline unsigned even_up_to(unsigned length, unsigned most) {
-  return length < most ? length & ~1u : most;
+inline unsigned even_up_to(unsigned length, unsigned maximum) {
+  return length < maximum ? length & ~1u : maximum;
 }
 
 }  // namespace tessera::laz

@@ -194,7 +194,7 @@ class GpsTime11CoderV1 {
       if (gap == 0)
         symbol = kSame;
       else if (fits_32_bits(gap))
-        symbol = static_cast<unsigned>(nearest_multiple(static_cast<std::int32_t>(gap), step_, 0, kMost));
+        symbol = static_cast<unsigned>(nearest_multiple(static_cast<std::int32_t>(gap), step_, 0, kMax));
       symbol = coder.symbol(with_step_, symbol);
       if (symbol < kWhole) code_multiple(coder, static_cast<int>(symbol), static_cast<std::int32_t>(gap));
       if (symbol == kWhole) time_ = code_whole(coder, actual);
@@ -203,7 +203,7 @@ class GpsTime11CoderV1 {
   }
 
  private:
-  static constexpr int kMost = 509;
+  static constexpr int kMax = 509;
   static constexpr unsigned kWhole = 510;
   static constexpr unsigned kSame = 511;
 
@@ -220,7 +220,7 @@ class GpsTime11CoderV1 {
     if (multiple == 1) {
       step_ = found;
       odd_ = 0;
-    } else if ((multiple == 0 || multiple == kMost) && ++odd_ > 3) {
+    } else if ((multiple == 0 || multiple == kMax) && ++odd_ > 3) {
       step_ = found;
       odd_ = 0;
     }

@@ -12,7 +12,7 @@ namespace {
 
 constexpr std::size_t kHeadBytes = 34;
 constexpr std::size_t kItemBytes = 6;
-constexpr std::size_t kMostExtraBytes = 4096;  ///< each has a model of a kilobyte
+constexpr std::size_t kMaxExtraBytes = 4096;  ///< each has a model of a kilobyte
 
 bool is_layered_type(ItemType type) {
   return type >= ItemType::kPoint14;
@@ -82,9 +82,9 @@ Schema parse_schema(std::string_view record, int point_format, std::size_t recor
                             load_scalar<std::uint16_t>(at + 2), load_scalar<std::uint16_t>(at + 4)});
   }
   const std::size_t bare = schema_for(point_format, 0, 0).record_bytes();
-  if (record_bytes - bare > kMostExtraBytes)
+  if (record_bytes - bare > kMaxExtraBytes)
     throw Damage("codes " + std::to_string(record_bytes - bare) + " extra bytes a point, at most " +
-                 std::to_string(kMostExtraBytes) + " can be read");
+                 std::to_string(kMaxExtraBytes) + " can be read");
   const Schema wanted = schema_for(point_format, record_bytes - bare, 0);
   bool same = schema.items.size() == wanted.items.size() && schema.layered() == wanted.layered();
   for (std::size_t i = 0; same && i < wanted.items.size(); ++i)

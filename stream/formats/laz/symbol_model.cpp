@@ -6,8 +6,8 @@ namespace tessera::laz {
 
 namespace {
 
-constexpr std::uint32_t kMostTotal = 1u << SymbolModel::kShareBits;
-constexpr std::uint16_t kBeyond = kMostTotal - 1;
+constexpr std::uint32_t kMaxTotal = 1u << SymbolModel::kShareBits;
+constexpr std::uint16_t kBeyond = kMaxTotal - 1;
 
 unsigned blocks(unsigned n) {
   return (n + SymbolModel::kBlock - 1) / SymbolModel::kBlock;
@@ -33,7 +33,7 @@ void SymbolModel::reset() {
 
 void SymbolModel::update() {
   total_ += cycle_;
-  if (total_ > kMostTotal) {
+  if (total_ > kMaxTotal) {
     total_ = 0;
     for (unsigned k = 0; k < symbols_; ++k) {
       counts_[k] = static_cast<std::uint16_t>((counts_[k] + 1) / 2);

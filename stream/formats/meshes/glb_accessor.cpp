@@ -15,9 +15,9 @@ namespace {
 
 using nlohmann::json;
 
-constexpr std::uint64_t kMostStride = 256;
-constexpr std::uint64_t kMostUnpacked = std::uint64_t{256} << 20;  ///< bytes of one view, and of views kept
-constexpr std::size_t kMostKept = 4;                               ///< views
+constexpr std::uint64_t kMaxStride = 256;
+constexpr std::uint64_t kMaxUnpacked = std::uint64_t{256} << 20;  ///< bytes of one view, and of views kept
+constexpr std::size_t kMaxKept = 4;                               ///< views
 constexpr const char* kMeshopt = "EXT_meshopt_compression";
 constexpr char kZeros[32] = {};
 
@@ -119,14 +119,14 @@ void GlbBuffers::add_packed(std::uint64_t view, const json& extension, const std
   if (!(vertices && is_filter(packed.filter)) && !(indices && packed.filter == "NONE"))
     fail(what + " is packed by " + kMeshopt + " with mode " + packed.mode + " and filter " + packed.filter +
          ", which are not read; export it without compression");
-  const bool sound = vertices ? packed.stride > 0 && packed.stride % 4 == 0 && packed.stride <= kMostStride &&
+  const bool sound = vertices ? packed.stride > 0 && packed.stride % 4 == 0 && packed.stride <= kMaxStride &&
                                     fits_filter(packed.filter, packed.stride)
                               : (packed.stride == 2 || packed.stride == 4) &&
                                     (packed.mode == "INDICES" || packed.count % 3 == 0);
   if (!sound || !plausible(packed.mode, packed.count, packed.stride, packed.bytes))
     fail(what + " is packed by " + kMeshopt + " with counts that do not fit each other; the file is damaged");
-  if (packed.count * packed.stride > kMostUnpacked)
-    fail(what + " unpacks to more than " + std::to_string(kMostUnpacked >> 20) +
+  if (packed.count * packed.stride > kMaxUnpacked)
+    fail(what + " unpacks to more than " + std::to_string(kMaxUnpacked >> 20) +
          " MiB; export it without compression, or in parts");
   packed.offset += begin_;
   packed_[view] = std::move(packed);
@@ -158,7 +158,7 @@ GlbRun GlbBuffers::run(const json& document, const json& part, std::uint64_t wid
     run.offset = begin_ + in_chunk + in_view;
   }
   const bool fits =
-      width > 0 && run.stride >= width && run.stride <= kMostStride && in_view <= held &&
+      width > 0 && run.stride >= width && run.stride <= kMaxStride && in_view <= held &&
       (count == 0 || (held - in_view >= width && count - 1 <= (held - in_view - width) / run.stride));
   if (!fits) fail(what + " passes the end of its buffer view; the file is damaged");
   return run;
@@ -227,7 +227,7 @@ GlbBuffers::Bytes GlbBuffers::unpacked(std::uint64_t view) {
     for (const auto& [number, kept] : lately_) sum += kept->size();
     return sum;
   };
-  while (lately_.size() > 1 && (lately_.size() > kMostKept || held() > kMostUnpacked))
+  while (lately_.size() > 1 && (lately_.size() > kMaxKept || held() > kMaxUnpacked))
     lately_.erase(lately_.begin());
   return out;
 }

@@ -17,9 +17,9 @@ namespace {
 
 using nlohmann::json;
 
-constexpr std::size_t kMostDepth = 64;
-constexpr std::size_t kMostValues = 400000;  ///< kept; about 120 bytes each with key and node
-constexpr std::size_t kMostRun = std::size_t{4}
+constexpr std::size_t kMaxDepth = 64;
+constexpr std::size_t kMaxValues = 400000;  ///< kept; about 120 bytes each with key and node
+constexpr std::size_t kMaxRun = std::size_t{4}
                                  << 20;  ///< bytes of a text, or without any: the lexer keeps them
 
 /// Everything that GlbMeshReader asks for.
@@ -86,7 +86,7 @@ struct Bytes {
   char operator*() const { return window->peek(1).front(); }
   Bytes& operator++() {
     window->peek(1);
-    if (++*run > kMostRun)
+    if (++*run > kMaxRun)
       throw InputError(*name + ": byte " + std::to_string(window->offset()) +
                        ": the JSON chunk has a text of more than 4 MiB, or as much without any; export the "
                        "data into the binary chunk");
@@ -158,7 +158,7 @@ class Pruner : public nlohmann::json_sax<json> {
     return true;
   }
   bool open(json v) {
-    if (++depth_ > kMostDepth) fail("nests deeper than " + std::to_string(kMostDepth) + " levels");
+    if (++depth_ > kMaxDepth) fail("nests deeper than " + std::to_string(kMaxDepth) + " levels");
     if (skipped_ > 0 || std::exchange(drop_, false)) {
       ++skipped_;
       return true;
@@ -178,8 +178,8 @@ class Pruner : public nlohmann::json_sax<json> {
     return true;
   }
   json* place(json v) {
-    if (++values_ > kMostValues)
-      fail("describes more than " + std::to_string(kMostValues) +
+    if (++values_ > kMaxValues)
+      fail("describes more than " + std::to_string(kMaxValues) +
            " values of meshes and nodes: join the meshes before exporting them");
     if (open_.empty()) return &(root = std::move(v));
     json& parent = *open_.back();

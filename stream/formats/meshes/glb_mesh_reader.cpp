@@ -27,9 +27,9 @@ namespace {
 using nlohmann::json;
 using Matrix = std::array<double, 16>;  // column major, as in glTF
 
-constexpr std::uint64_t kMostJsonBytes = std::uint64_t{64} << 20;
+constexpr std::uint64_t kMaxJsonBytes = std::uint64_t{64} << 20;
 constexpr std::uint32_t kJsonChunk = 0x4e4f534a, kBinChunk = 0x004e4942;
-constexpr std::size_t kMostNodes = 100000;
+constexpr std::size_t kMaxNodes = 100000;
 constexpr Matrix kZUp = {1, 0,  0, 0, 0, 0, 1, 0,
                          0, -1, 0, 0, 0, 0, 0, 1};  ///< from the axes of a scene to ours
 
@@ -248,7 +248,7 @@ class GlbMeshReader : public MeshReader {
     if (load_scalar<std::uint32_t>(start + 16) != kJsonChunk || json_bytes > length - sizeof start) {
       fail("byte 12: the first chunk is no JSON chunk within the file");
     }
-    if (json_bytes > kMostJsonBytes) fail("byte 12: a JSON chunk beyond 64 MiB is not read");
+    if (json_bytes > kMaxJsonBytes) fail("byte 12: a JSON chunk beyond 64 MiB is not read");
     document_ = read_glb_document(
         ByteWindow(file_, sizeof start, sizeof start + json_bytes, ByteWindow::kDefaultCapacity / 4),
         file_.path().string());
@@ -329,7 +329,7 @@ class GlbMeshReader : public MeshReader {
         if (children.count(i) == 0) open.emplace_back(i, kZUp);
     }
     for (std::size_t visited = 0; visited < open.size(); ++visited) {
-      if (open.size() > kMostNodes) fail("the glTF scene has a cycle or more than 100000 nodes");
+      if (open.size() > kMaxNodes) fail("the glTF scene has a cycle or more than 100000 nodes");
       const json& node = item("nodes", open[visited].first);
       const Matrix matrix = multiply(open[visited].second, local_matrix(node));
       if (node.contains("mesh")) add_node(node, matrix), shown.insert(open[visited].first);
@@ -395,7 +395,7 @@ class GlbMeshReader : public MeshReader {
         ++left_out_.lines;
         continue;
       }
-      if (instances_.size() == kMostNodes) fail("the glTF scene has more than 100000 primitives");
+      if (instances_.size() == kMaxNodes) fail("the glTF scene has more than 100000 primitives");
       add_primitive(primitive, mode, matrix);
     }
   }

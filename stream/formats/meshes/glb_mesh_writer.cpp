@@ -19,7 +19,7 @@
 namespace tessera {
 namespace {
 
-constexpr std::uint64_t kMostBytes = 0xffffffffULL;
+constexpr std::uint64_t kMaxBytes = 0xffffffffULL;
 constexpr std::size_t kBoundsBytes = 3 * 16 + 4;  // "[a,b,c]" of floats, padded with spaces
 constexpr std::size_t kGlbBatch = 65536;
 const char* const kBoundsMarks[2] = {"\"@min\"", "\"@max\""};
@@ -168,10 +168,10 @@ std::unique_ptr<MeshWriter> create_glb_mesh(const std::filesystem::path& path, c
     throw UsageError(path.string() + ": GLB cannot hold a mesh without faces; write .ply instead");
   }
   // Counts above the limit would overflow the products below.
-  const bool countable = header.vertices <= kMostBytes && header.faces <= kMostBytes;
+  const bool countable = header.vertices <= kMaxBytes && header.faces <= kMaxBytes;
   const std::uint64_t bin = countable ? header.vertices * vertex_bytes(header) + 12 * header.faces : 0;
   const std::string json = countable ? document(header) : std::string();
-  if (!countable || 28 + json.size() + bin > kMostBytes) {
+  if (!countable || 28 + json.size() + bin > kMaxBytes) {
     throw UsageError(path.string() + ": GLB ends at 4 GiB, too little for " +
                      std::to_string(header.vertices) + " vertices and " + std::to_string(header.faces) +
                      " faces; write .ply instead");

@@ -18,11 +18,11 @@ constexpr double kFarExtents = 4.0;    ///< an axis that reaches so many extents
 constexpr double kLargestShare = 0.5;  ///< of a tolerance that rounding may take
 
 /// Half the distance of two floats of this size.
-double half_step(double size, int mantissa_bits, int least_exponent) {
+double half_step(double size, int mantissa_bits, int min_exponent) {
   if (size == 0.0) return 0.0;
   int exponent = 0;
   std::frexp(size, &exponent);
-  return std::ldexp(0.5, std::max(exponent - mantissa_bits, least_exponent));
+  return std::ldexp(0.5, std::max(exponent - mantissa_bits, min_exponent));
 }
 
 /// Power of ten not above `value` > 0, as a whole number or one over it.

@@ -20,8 +20,8 @@ void FaceBatch::check(std::uint64_t a, std::uint64_t b, std::uint64_t c) const {
 }
 
 void FaceBatch::too_long() const {
-  static_assert(kLongest == kMostPolygonCorners);
-  throw InputError(place_() + ": a face has more than " + std::to_string(kMostPolygonCorners) +
+  static_assert(kLongest == kMaxPolygonCorners);
+  throw InputError(place_() + ": a face has more than " + std::to_string(kMaxPolygonCorners) +
                    " corners; divide it");
 }
 

@@ -70,7 +70,7 @@ class FaceBatch {
   }
   /// A polygon, corner by corner. \pre there is a PolygonFaces
   void begin_polygon() { corners_.clear(); }
-  /// \throws InputError for more than kMostPolygonCorners
+  /// \throws InputError for more than kMaxPolygonCorners
   void corner(std::uint64_t index) {
     if (corners_.size() == kLongest) too_long();
     corners_.push_back(index);
@@ -91,7 +91,7 @@ class FaceBatch {
 
  private:
   static constexpr std::size_t kSize = 16384;
-  static constexpr std::size_t kLongest = std::size_t{1} << 17;  ///< kMostPolygonCorners
+  static constexpr std::size_t kLongest = std::size_t{1} << 17;  ///< kMaxPolygonCorners
   void check(std::uint64_t a, std::uint64_t b, std::uint64_t c) const;
   [[noreturn]] void too_long() const;
   void end_other();

@@ -159,14 +159,14 @@ class ObjMeshReader : public MeshReader {
   /// Comments before the first vertex.
   void read_comments() {
     LineReader lines(file_, {begin_, 1, line_end_}, begin_, file_.size(), false);
-    constexpr std::size_t kMostComments = 100;
+    constexpr std::size_t kMaxComments = 100;
     std::string_view line;
     while (lines.next(line)) {
       if (line.starts_with("v ") || line.starts_with("f ")) return;
       if (!line.starts_with("#")) continue;
       line.remove_prefix(1);
       if (line.starts_with(" ")) line.remove_prefix(1);
-      if (!parse_shift(line, header_.shift) && header_.comments.size() < kMostComments) {
+      if (!parse_shift(line, header_.shift) && header_.comments.size() < kMaxComments) {
         header_.comments.emplace_back(line);
       }
     }

@@ -117,10 +117,10 @@ class OffMeshReader : public MeshReader {
   }
 
   /// Numbers that a line of a vertex may hold behind its position.
-  static constexpr std::size_t kMostExtra = 16;
+  static constexpr std::size_t kMaxExtra = 16;
 
   void pass_vertices(TextScanner& text, VertexBatch* batch) const {
-    std::array<double, kMostExtra> extra{};
+    std::array<double, kMaxExtra> extra{};
     for (std::uint64_t i = 0; i < header_.vertices; ++i) {
       Double3 p;
       for (double& value : p) value = text.number("a coordinate");
@@ -136,21 +136,21 @@ class OffMeshReader : public MeshReader {
     }
   }
 
-  /// The numbers up to the end of the line; returns how many there are, of which at most kMostExtra are kept.
-  static std::size_t rest_of_line(TextScanner& text, std::array<double, kMostExtra>& extra) {
+  /// The numbers up to the end of the line; returns how many there are, of which at most kMaxExtra are kept.
+  static std::size_t rest_of_line(TextScanner& text, std::array<double, kMaxExtra>& extra) {
     std::size_t given = 0;
     for (std::string_view word = text.word_in_line(); !word.empty(); word = text.word_in_line()) {
       double value = 0.0;
       if (!take_number(word, value) || !word.empty())
         throw InputError(text.where() + ": a colour is no number");
-      if (given < kMostExtra) extra[given++] = value;
+      if (given < kMaxExtra) extra[given++] = value;
     }
     return given;
   }
   std::size_t colours_in(std::size_t given) const {
     return std::min<std::size_t>(layout_.texture && given >= 2 ? given - 2 : given, 4);
   }
-  std::uint32_t pack(const std::array<double, kMostExtra>& c, std::size_t given) const {
+  std::uint32_t pack(const std::array<double, kMaxExtra>& c, std::size_t given) const {
     if (given < 3) return 0;
     return pack_rgba(colours_.byte(c[0]), colours_.byte(c[1]), colours_.byte(c[2]),
                      colours_.byte(given > 3 ? c[3] : colours_.opaque()));
@@ -194,7 +194,7 @@ class OffMeshReader : public MeshReader {
   bool look_at_colours() {
     TextScanner text = scanner();
     read_header(text);
-    std::array<double, kMostExtra> extra{};
+    std::array<double, kMaxExtra> extra{};
     bool any = false;
     for (std::uint64_t i = 0; i < std::min(header_.vertices, ColourRange::kRows); ++i) {
       for (int k = layout_.normal ? 6 : 3; k > 0; --k) {

@@ -30,7 +30,7 @@ class PolygonFaces {
   /// Begins a reading of the faces: counts start anew.
   void begin() { folded_ = 0; }
   /// Appends the triangles of a polygon, by number of vertex: n - 2, less those that name a vertex twice.
-  /// \pre every corner is a vertex; 4 <= corners.size() <= kMostPolygonCorners
+  /// \pre every corner is a vertex; 4 <= corners.size() <= kMaxPolygonCorners
   void triangulate(std::span<const std::uint64_t> corners,
                    std::vector<std::array<std::uint64_t, 3>>& triangles);
   /// One sentence about polygons that cross themselves, empty where there was none.

@@ -55,8 +55,8 @@ MeshRounding RoundingCheck::finish() {
 }
 
 std::uint64_t RoundingCheck::bytes(std::uint64_t vertices) {
-  constexpr std::uint64_t kLeast = std::uint64_t{2} << 20;  // a few chunks of the store, runs of the sort
-  return kLeast + std::min(kCheckStoreBytes, vertices * sizeof(Double3)) +
+  constexpr std::uint64_t kMin = std::uint64_t{2} << 20;  // a few chunks of the store, runs of the sort
+  return kMin + std::min(kCheckStoreBytes, vertices * sizeof(Double3)) +
          std::min(kSortBytes, 2 * vertices * sizeof(Place));
 }
 

@@ -114,13 +114,13 @@ class StlMeshReader : public MeshReader {
   /// Whether bytes beyond a count are facets and no appendix: the first thousand have finite corners, not all zero, of a
   /// size that the facets before them have too, if there are any.
   bool all_plausible(std::uint64_t begin, std::uint64_t facets) const {
-    constexpr std::uint64_t kMost = 1000;
+    constexpr std::uint64_t kMax = 1000;
     constexpr double kFarther = 1e6;
     double known = 0.0;
     const std::uint64_t before = begin > kHeaderSize ? (begin - kHeaderSize) / kFacetSize : 0;
-    for (std::uint64_t i = 0; i < std::min(before, kMost); ++i)
+    for (std::uint64_t i = 0; i < std::min(before, kMax); ++i)
       known = std::max(known, size_of(kHeaderSize + i * kFacetSize));
-    for (std::uint64_t i = 0; i < std::min(facets, kMost); ++i) {
+    for (std::uint64_t i = 0; i < std::min(facets, kMax); ++i) {
       const double size = size_of(begin + i * kFacetSize);
       if (!(size > 0.0) || !std::isfinite(size)) return false;
       if (known > 0.0 && (size > known * kFarther || size < known / kFarther)) return false;

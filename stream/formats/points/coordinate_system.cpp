@@ -19,8 +19,8 @@ constexpr std::uint64_t kGlobalEncodingAt = 6, kMinorVersion = 25, kPointFormatA
                         kRecordCountAt = 100, kFirstExtended = 235, kExtendedCount = 243,
                         kHeaderBytes14 = 375;
 constexpr std::uint64_t kRecordHeader = 54, kExtendedHeader = 60;
-constexpr std::uint64_t kMostRecords = 4096;                 // looked at; files have a handful
-constexpr std::uint64_t kMostText = std::uint64_t{1} << 20;  // of one record: WKT takes some hundred bytes
+constexpr std::uint64_t kMaxRecords = 4096;                 // looked at; files have a handful
+constexpr std::uint64_t kMaxText = std::uint64_t{1} << 20;  // of one record: WKT takes some hundred bytes
 
 constexpr int kWktRecord = 2112, kKeyRecord = 34735, kKeyTextRecord = 34737;
 constexpr int kModelKey = 1024, kCitationKey = 1026, kGeographicKey = 2048, kGeographicCitationKey = 2049,
@@ -47,7 +47,7 @@ T number_at(const ReadFile& file, std::uint64_t offset) {
 void read_records(const ReadFile& file, std::uint64_t at, std::uint64_t count, bool extended,
                   std::vector<LasRecord>& out, std::vector<std::string>& warnings) {
   const std::uint64_t head = extended ? kExtendedHeader : kRecordHeader;
-  for (std::uint64_t i = 0; i < std::min(count, kMostRecords); ++i) {
+  for (std::uint64_t i = 0; i < std::min(count, kMaxRecords); ++i) {
     if (at > file.size() || file.size() - at < head) {
       warnings.push_back("record " + std::to_string(i + 1) + " of " + std::to_string(count) +
                          " beside the points would start at byte " + std::to_string(at) +
@@ -67,7 +67,7 @@ void read_records(const ReadFile& file, std::uint64_t at, std::uint64_t count, b
     }
     const int id = load_scalar<std::uint16_t>(bytes.data() + 18);
     const bool wanted = id == kWktRecord || id == kKeyRecord || id == kKeyTextRecord;
-    if (wanted && std::strncmp(bytes.data() + 2, "LASF_Projection", 16) == 0 && length <= kMostText) {
+    if (wanted && std::strncmp(bytes.data() + 2, "LASF_Projection", 16) == 0 && length <= kMaxText) {
       out.push_back({id, std::string(length, '\0')});
       file.read_at(at, out.back().bytes.data(), length);
     }

@@ -14,7 +14,7 @@ namespace {
 constexpr std::size_t kRecordHead = 54;  // user id at 2, record id at 18, length at 20
 constexpr std::size_t kInfoBytes = 160;
 constexpr std::size_t kEntryBytes = 32;
-constexpr std::int32_t kMostLevel = 31;
+constexpr std::int32_t kMaxLevel = 31;
 constexpr const char* kIndexAdvice =
     "; get the file anew, or read it without its octree: tessera convert IN -o OUT.las";
 
@@ -31,7 +31,7 @@ class Hierarchy {
       : file_(file), copc_(copc), chunks_(chunks), box_(box), slack_(slack) {
     if (resolution <= 0.0) return;
     deepest_ = 0;
-    for (double s = copc.spacing; s > resolution && deepest_ < kMostLevel; s /= 2) ++deepest_;
+    for (double s = copc.spacing; s > resolution && deepest_ < kMaxLevel; s /= 2) ++deepest_;
   }
 
   std::vector<CopcChunk> wanted() {
@@ -64,8 +64,8 @@ class Hierarchy {
     if (!seen_.insert(page.at).second)
       fail_index(file_, page.at, "comes back to a page that was read before");
     entries_ += page.bytes / kEntryBytes;
-    if (entries_ > laz::kMostChunks)
-      fail_index(file_, page.at, "has more than " + std::to_string(laz::kMostChunks) + " nodes");
+    if (entries_ > laz::kMaxChunks)
+      fail_index(file_, page.at, "has more than " + std::to_string(laz::kMaxChunks) + " nodes");
     char bytes[kEntryBytes * 512];
     for (std::uint64_t done = 0; done < page.bytes;) {
       const std::uint64_t n = std::min<std::uint64_t>(sizeof bytes, page.bytes - done);
@@ -82,8 +82,8 @@ class Hierarchy {
     const auto points = load_scalar<std::int32_t>(bytes + 28);
     CopcChunk node;
     node.name = std::to_string(level);
-    bool in_cube = level >= 0 && level <= kMostLevel;
-    const double edge = std::ldexp(2.0 * copc_.half_size, -std::clamp(level, 0, kMostLevel));
+    bool in_cube = level >= 0 && level <= kMaxLevel;
+    const double edge = std::ldexp(2.0 * copc_.half_size, -std::clamp(level, 0, kMaxLevel));
     for (std::size_t a = 0; a < 3; ++a) {
       const auto k = load_scalar<std::int32_t>(bytes + 4 + 4 * a);
       in_cube = in_cube && k >= 0 && std::int64_t{k} < std::int64_t{1} << level;
@@ -130,7 +130,7 @@ class Hierarchy {
   const LazChunks& chunks_;
   const std::optional<PointBox>& box_;
   double slack_;
-  std::int32_t deepest_ = kMostLevel;
+  std::int32_t deepest_ = kMaxLevel;
   std::vector<Page> pages_;
   std::set<std::uint64_t> seen_;
   std::uint64_t entries_ = 0;

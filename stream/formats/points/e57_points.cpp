@@ -63,8 +63,8 @@ struct ColourRange {
 /// By the limits of the scan, else by those of the field; floats without either are 0..1.
 ColourRange colour_range(double low, double high, const E57Field& field) {
   if (!std::isfinite(low) || !std::isfinite(high) || !(high > low)) {
-    low = field.least;
-    high = field.most;
+    low = field.min_value;
+    high = field.max_value;
   }
   if (!(high > low)) return {0.0, 1.0, ColourScale::kUnit};
   if (high - low == 255.0) return {low, 1.0, ColourScale::kByte};
@@ -82,10 +82,10 @@ struct IntensityRange {
 };
 IntensityRange intensity_range(double low, double high, const E57Field& field) {
   const bool whole = field.code == E57Code::kInteger;
-  if (whole && field.least >= 0.0 && field.most <= 65535.0) return {0.0, 1.0};
+  if (whole && field.min_value >= 0.0 && field.max_value <= 65535.0) return {0.0, 1.0};
   if (!std::isfinite(low) || !std::isfinite(high) || !(high > low)) {
-    low = field.least;
-    high = field.most;
+    low = field.min_value;
+    high = field.max_value;
   }
   if (!(high > low) || !std::isfinite(high - low)) return {};  // 0..1
   return {low, 65535.0 / (high - low)};
@@ -349,7 +349,7 @@ class E57Points final : public PointFile {
     part.cell = after(E57Use::kRow, 1 - by);
     const E57Field& cells = *scan.find(part.cell);
     part.cells = static_cast<std::uint64_t>(
-        std::min(cells.most - cells.least + 1.0, static_cast<double>(kMostGridCells)));
+        std::min(cells.max_value - cells.min_value + 1.0, static_cast<double>(kMaxGridCells)));
     part.grid = 2 * same[by] > end && same[0] != same[1];
   }
 

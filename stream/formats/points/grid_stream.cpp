@@ -15,7 +15,7 @@ void GridStream::next(std::int64_t line) {
     cut_ = false;
   }
   Line& now = lines_.back();
-  if (++now.records > most_) now.whole = false;
+  if (++now.records > max_) now.whole = false;
 }
 
 void GridStream::add(std::int64_t cell, const PointChunk& from, std::size_t i, bool wanted) {

@@ -16,12 +16,12 @@ class GridStream {
   /// Lines to read before the first point wanted, and behind the last one.
   static constexpr std::uint64_t kLinesAround = kGridReach + 1;
   /// Memory at most: positions and points of all lines of the window.
-  static constexpr std::uint64_t kBytes = (kGridLines + 1) * kMostGridCells * (24 + 72);
+  static constexpr std::uint64_t kBytes = (kGridLines + 1) * kMaxGridCells * (24 + 72);
 
-  /// \param scanner  in the frame of the points   \param most  records of a line, at most kMostGridCells; a line with more is none
+  /// \param scanner  in the frame of the points   \param maximum  records of a line, at most kMaxGridCells; a line with more is none
   /// \param begins   reading begins with a line; else the first one is cut, and counts for nothing
-  GridStream(const Double3& scanner, std::uint64_t most, bool begins, ChunkSink& out)
-      : scanner_(scanner), most_(most), cut_(!begins), out_(out) {}
+  GridStream(const Double3& scanner, std::uint64_t maximum, bool begins, ChunkSink& out)
+      : scanner_(scanner), max_(maximum), cut_(!begins), out_(out) {}
 
   /// The next record in the order of the file, valid or not, lies in this line.
   void next(std::int64_t line);
@@ -43,7 +43,7 @@ class GridStream {
   void drop_old();
 
   Double3 scanner_;
-  std::uint64_t most_;
+  std::uint64_t max_;
   bool cut_;
   ChunkSink& out_;
   std::deque<Line> lines_;   ///< in the order of the file

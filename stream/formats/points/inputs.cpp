@@ -47,11 +47,11 @@ std::string kinds_text(const std::map<std::string, std::size_t>& kinds) {
   std::vector<std::pair<std::string, std::size_t>> sorted(kinds.begin(), kinds.end());
   std::stable_sort(sorted.begin(), sorted.end(),
                    [](const auto& a, const auto& b) { return a.second > b.second; });
-  constexpr std::size_t kMost = 8;
+  constexpr std::size_t kMax = 8;
   std::string text;
-  for (std::size_t i = 0; i < std::min(kMost, sorted.size()); ++i)
+  for (std::size_t i = 0; i < std::min(kMax, sorted.size()); ++i)
     text += (i > 0 ? ", " : "") + std::to_string(sorted[i].second) + " " + sorted[i].first;
-  return text + (sorted.size() > kMost ? ", ..." : "");
+  return text + (sorted.size() > kMax ? ", ..." : "");
 }
 
 /// What was found below a folder.

@@ -12,7 +12,7 @@ namespace tessera {
 namespace {
 
 /// Not even points that are all alike take fewer bits: no symbol's share reaches one.
-constexpr std::uint64_t kMostPointsPerByte = 2048;
+constexpr std::uint64_t kMaxPointsPerByte = 2048;
 /// Of chunks, so many at least, looked at to believe a table.
 constexpr std::size_t kCheckedHeads = 64;
 constexpr const char* kAdvice = "; get the file anew, or compress it anew from the original";
@@ -88,7 +88,7 @@ class ChunkFinder {
     constexpr std::size_t kBatch = 1024;
     std::uint64_t left = variable() ? chunk.points : schema_.chunk_points;
     if (only && !variable()) left = std::min(left, declared());
-    if (left == 0 || left > chunk.bytes * kMostPointsPerByte) return false;
+    if (left == 0 || left > chunk.bytes * kMaxPointsPerByte) return false;
     FileFeed feed(file_, begin_, begin_ + chunk.bytes);
     std::vector<char> records(kBatch * schema_.record_bytes());
     try {
@@ -172,7 +172,7 @@ class ChunkFinder {
   void limit_points() {
     for (std::size_t i = 0; i + 1 < chunks_.edges.size(); ++i) {
       const std::uint64_t bytes = chunks_.edges[i + 1].begin - chunks_.edges[i].begin;
-      if (chunks_.points_of(i) > bytes * kMostPointsPerByte)
+      if (chunks_.points_of(i) > bytes * kMaxPointsPerByte)
         fail_chunk(file_, chunks_.edges[i].begin,
                    "chunk " + std::to_string(i + 1) + " claims " + std::to_string(chunks_.points_of(i)) +
                        " points in " + std::to_string(bytes) + " bytes, which cannot be" + kAdvice);
@@ -208,12 +208,12 @@ class ChunkFinder {
         break;
       }
       // What is no head is what follows the chunks.
-      if (head.points == 0 || head.points > head.bytes * kMostPointsPerByte ||
+      if (head.points == 0 || head.points > head.bytes * kMaxPointsPerByte ||
           (!variable() && head.points > schema_.chunk_points))
         break;
-      if (chunks_.edges.size() > laz::kMostChunks)
+      if (chunks_.edges.size() > laz::kMaxChunks)
         fail_chunk(file_, at,
-                   "more than " + std::to_string(laz::kMostChunks) +
+                   "more than " + std::to_string(laz::kMaxChunks) +
                        " chunks cannot be read; compress the file anew");
       chunks_.cut_off = head.bytes > end_ - at;
       at += std::min(head.bytes, end_ - at);
@@ -227,9 +227,9 @@ class ChunkFinder {
   /// Chunks that cannot be told apart without reading them.
   void one_run(const std::string& why) {
     chunks_.in_order = chunks_.cut_off = true;
-    const std::uint64_t most = (end_ - begin_) * kMostPointsPerByte;
+    const std::uint64_t maximum = (end_ - begin_) * kMaxPointsPerByte;
     add_edge(begin_, 0);
-    add_edge(end_, std::min(declared(), most));
+    add_edge(end_, std::min(declared(), maximum));
     warn_of_table(why, chunks_.points());
   }
 
@@ -272,9 +272,9 @@ LazChunks find_laz_chunks(const ReadFile& file, const LasHeader& header, const l
 
 laz::Schema find_laz_schema(const ReadFile& file, const LasHeader& header) {
   constexpr std::size_t kHead = 54;  // user id at 2, record id at 18, length at 20
-  constexpr std::size_t kMost = kHead + 65535;
+  constexpr std::size_t kMax = kHead + 65535;
   ByteWindow window(file, std::min(header.records_at, header.begin), header.begin, std::size_t{1} << 17);
-  static_assert(kMost <= std::size_t{1} << 17);
+  static_assert(kMax <= std::size_t{1} << 17);
   for (std::uint32_t i = 0; i < header.record_count; ++i) {
     const std::string_view head = window.peek(kHead);
     if (head.size() < kHead) break;

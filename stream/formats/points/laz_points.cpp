@@ -22,7 +22,7 @@ namespace {
 /// Decoded at a time.
 constexpr std::size_t kBatchBytes = std::size_t{1} << 16;
 /// With a chunk of more, the file is one slice: readers may keep what a slice gives.
-constexpr std::uint64_t kMostSlicePoints = std::uint64_t{1} << 20;
+constexpr std::uint64_t kMaxSlicePoints = std::uint64_t{1} << 20;
 
 /// Records of consecutive chunks, in order.
 class RecordStream {
@@ -84,8 +84,8 @@ class RecordStream {
     decoder_.reset();
     if (schema_.layered()) {
       const laz::OpenBytes open = [&](std::uint64_t from, std::uint64_t to) {
-        const std::uint64_t most = end_ - begin_;
-        return std::make_unique<FileFeed>(file_, begin_ + std::min(from, most), begin_ + std::min(to, most),
+        const std::uint64_t maximum = end_ - begin_;
+        return std::make_unique<FileFeed>(file_, begin_ + std::min(from, maximum), begin_ + std::min(to, maximum),
                                           release_);
       };
       if (laz::read_layered_head(schema_, open).points != left_)
@@ -132,7 +132,7 @@ class LazPoints final : public PointFile {
     if (header_.layout.colour[0].there() && !options.unpacked) sample_colours(file);
     pick_nodes(file);
     for (std::size_t i = 0; i < chunks_.size(); ++i)
-      one_slice_ = one_slice_ || chunks_.points_of(i) > kMostSlicePoints;
+      one_slice_ = one_slice_ || chunks_.points_of(i) > kMaxSlicePoints;
   }
 
   const PointFileInfo& info() const override { return header_.info; }
@@ -159,11 +159,11 @@ class LazPoints final : public PointFile {
     const ReadFile file = input_.open();
     RecordStream stream(file, schema_, chunks_, options_);
     stream.seek(begin);
-    const std::size_t most = std::max<std::size_t>(1, kBatchBytes / header_.layout.stride);
-    std::vector<char> records(most * header_.layout.stride);
+    const std::size_t maximum = std::max<std::size_t>(1, kBatchBytes / header_.layout.stride);
+    std::vector<char> records(maximum * header_.layout.stride);
     while (left > 0) {
       const std::size_t n = stream.read(
-          records.data(), static_cast<std::size_t>(std::min<std::uint64_t>({most, left, out.room()})));
+          records.data(), static_cast<std::size_t>(std::min<std::uint64_t>({maximum, left, out.room()})));
       if (n == 0) break;
       if (!cubes_.empty()) require_in_cube(file, records.data(), n, stream.chunk());
       header_.append(records.data(), n, out, counts);

@@ -141,14 +141,14 @@ std::uint64_t missing_points(const PointFileInfo& info, const ReadCounts& total)
 }
 
 std::string left_out_sentence(const PointFileInfo& info) {
-  constexpr std::size_t kMost = 8;
+  constexpr std::size_t kMax = 8;
   constexpr std::size_t kLongest = 40;
   std::string text = "fields left out, as nothing here takes them: ";
-  for (std::size_t i = 0; i < std::min(kMost, info.left_out.size()); ++i) {
+  for (std::size_t i = 0; i < std::min(kMax, info.left_out.size()); ++i) {
     text += i > 0 ? ", " : "";
     for (const char c : info.left_out[i].substr(0, kLongest)) text += c >= ' ' && c != '\x7f' ? c : '?';
   }
-  return text + (info.left_out.size() > kMost ? ", ..." : "");
+  return text + (info.left_out.size() > kMax ? ", ..." : "");
 }
 
 std::vector<std::string> refuted_claims(const PointFileInfo& info, const ReadCounts& total,

@@ -23,7 +23,7 @@ class PoseLook {
   bool wants_next(std::uint64_t n) {
     spread_wants_ = spread_.wants_next();
     grid_wants_ =
-        grid_.size() < kMostOfGrid && width_ > 0 && lines_.takes(n / width_) && cells_.takes(n % width_);
+        grid_.size() < kMaxOfGrid && width_ > 0 && lines_.takes(n / width_) && cells_.takes(n % width_);
     return spread_wants_ || grid_wants_;
   }
   /// The position of the record asked for last, if it has one.
@@ -42,7 +42,7 @@ class PoseLook {
 
  private:
   /// More than the pairs asked for, where the grid is not as large as declared.
-  static constexpr std::size_t kMostOfGrid = std::size_t{1} << 16;
+  static constexpr std::size_t kMaxOfGrid = std::size_t{1} << 16;
   Double3 scanner_;
   PairChoice lines_, cells_;
   std::uint64_t width_;

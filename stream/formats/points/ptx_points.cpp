@@ -232,7 +232,7 @@ class PtxPoints final : public PointFile {
     }
     scan.data_begin = reader.next_offset();
     scan.header_rows = rows;
-    if (options_.grid_normals && rows <= kMostGridCells && columns > 1) scan.rows = rows;
+    if (options_.grid_normals && rows <= kMaxGridCells && columns > 1) scan.rows = rows;
     scans_.push_back(scan);
   }
 

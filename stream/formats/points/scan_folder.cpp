@@ -16,17 +16,17 @@ namespace {
 namespace fs = std::filesystem;
 using json = nlohmann::json;
 
-constexpr std::uint64_t kMostDescription = std::uint64_t{1} << 20;
-constexpr std::uint64_t kMostHierarchy = std::uint64_t{64}
+constexpr std::uint64_t kMaxDescription = std::uint64_t{1} << 20;
+constexpr std::uint64_t kMaxHierarchy = std::uint64_t{64}
                                          << 20;  // of one file; they are cut at some thousand nodes
 
 [[noreturn]] void fail(const fs::path& path, const std::string& what) {
   throw InputError(path.string() + ": " + what);
 }
 
-json read_json(const fs::path& path, std::uint64_t most) {
+json read_json(const fs::path& path, std::uint64_t maximum) {
   const ReadFile file(path);
-  if (file.size() > most)
+  if (file.size() > maximum)
     fail(path, "has " + std::to_string(file.size()) + " bytes, too many for what it should be");
   std::string text(static_cast<std::size_t>(file.size()), '\0');
   file.read_at(0, text.data(), text.size());
@@ -82,7 +82,7 @@ std::map<std::string, std::uint64_t> ept_hierarchy(const fs::path& folder) {
   std::map<std::string, std::uint64_t> nodes;
   if (!fs::is_directory(folder)) return nodes;
   for (const fs::path& path : files_in(folder, ".json", false)) {
-    const json part = read_json(path, kMostHierarchy);
+    const json part = read_json(path, kMaxHierarchy);
     for (const auto& [name, count] : part.items()) {
       // -1: the node's part of the hierarchy has a file of its own, which says how many.
       if (is_ept_node(name) && count.is_number_integer() && count.get<std::int64_t>() > 0)
@@ -94,7 +94,7 @@ std::map<std::string, std::uint64_t> ept_hierarchy(const fs::path& folder) {
 
 ScanFolder open_ept(const fs::path& folder) {
   const fs::path description = folder / "ept.json";
-  const json ept = read_json(description, kMostDescription);
+  const json ept = read_json(description, kMaxDescription);
   const std::string type = text_of(ept, "dataType");
   if (type != "laszip")
     fail(description,
@@ -133,7 +133,7 @@ ScanFolder open_ept(const fs::path& folder) {
 
 ScanFolder open_potree(const fs::path& folder) {
   const fs::path description = folder / "cloud.js";
-  const json cloud = read_json(description, kMostDescription);
+  const json cloud = read_json(description, kMaxDescription);
   const std::string type = text_of(cloud, "pointAttributes");
   if (type != "LAZ" && type != "LAS")
     fail(description,

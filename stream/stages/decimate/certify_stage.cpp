@@ -50,9 +50,9 @@ class CertifyStage : public Stage {
   std::uint64_t units() const override { return cells_.size(); }
   std::string unit_name() const override { return "cells"; }
   std::uint64_t task_bytes(std::size_t task) const override {
-    std::uint64_t most = 0;
-    for (std::size_t c = first(task); c < first(task + 1); ++c) most = std::max(most, cells_[c].bytes);
-    return certify_task_bytes(most);
+    std::uint64_t maximum = 0;
+    for (std::size_t c = first(task); c < first(task + 1); ++c) maximum = std::max(maximum, cells_[c].bytes);
+    return certify_task_bytes(maximum);
   }
 
   nlohmann::json run(std::size_t task, TaskContext& context) const override {
@@ -67,7 +67,7 @@ class CertifyStage : public Stage {
       else
         result = compare_cell(mesh_, reference_, begun_, cells_[c].box, begun_.tolerance,
                               retry() ? &failed : nullptr, [&] { context.check_stop(); });
-      if (failed.size() > kMostFailedFaces) failed.resize(kMostFailedFaces);
+      if (failed.size() > kMaxFailedFaces) failed.resize(kMaxFailedFaces);
       file.write(&result, sizeof result);
       context.advance(1);
     }
@@ -77,9 +77,9 @@ class CertifyStage : public Stage {
   }
 
   std::uint64_t finish_bytes() const override {
-    std::uint64_t most = 0;
-    for (const CompareCell& cell : cells_) most = std::max(most, cell.bytes);
-    return certify_finish_bytes(most, cells_.size());
+    std::uint64_t maximum = 0;
+    for (const CompareCell& cell : cells_) maximum = std::max(maximum, cell.bytes);
+    return certify_finish_bytes(maximum, cells_.size());
   }
 
   nlohmann::json finish(const std::vector<nlohmann::json>& summaries, TaskContext& context) const override {
@@ -103,10 +103,10 @@ class CertifyStage : public Stage {
     if (rounding > 0.0) report["rounding"] = rounding;
     if (!complaint.empty()) {
       std::vector<FailedFace> failed;
-      for (std::size_t task = 0; task < summaries.size() && failed.size() < kMostFailedFaces; ++task)
+      for (std::size_t task = 0; task < summaries.size() && failed.size() < kMaxFailedFaces; ++task)
         if (summaries[task].at("failed_faces") > 0)
           for (const FailedFace& face : read_failed_faces(work_ / failed_name(task)))
-            if (failed.size() < kMostFailedFaces) failed.push_back(face);
+            if (failed.size() < kMaxFailedFaces) failed.push_back(face);
       if (failed.empty()) throw ValidationError("the result gets no name: " + complaint);
       context.count_written(write_failed_faces(context.create(request_.failed_file), failed));
       report["failed_faces"] = failed.size();
@@ -187,11 +187,11 @@ class CertifyStage : public Stage {
 }  // namespace
 
 std::uint64_t certify_task_bytes(std::uint64_t cell_bytes) {
-  return cell_bytes + (std::uint64_t{2} << 20) + 4 * kMostFailedFaces * sizeof(FailedFace);
+  return cell_bytes + (std::uint64_t{2} << 20) + 4 * kMaxFailedFaces * sizeof(FailedFace);
 }
 
 std::uint64_t certify_finish_bytes(std::uint64_t cell_bytes, std::uint64_t cells) {
-  return cell_bytes + (std::uint64_t{2} << 20) + 2 * kMostFailedFaces * sizeof(FailedFace) +
+  return cell_bytes + (std::uint64_t{2} << 20) + 2 * kMaxFailedFaces * sizeof(FailedFace) +
          cells * sizeof(CellBounds);
 }
 

@@ -57,7 +57,7 @@ void summarise(json& report) {
 
 json certificate_of(const json& report) {
   json last = result_of(report, certify_name(0));
-  for (int round = 1; round < kMostRounds; ++round) {
+  for (int round = 1; round < kMaxRounds; ++round) {
     const json again = result_of(report, certify_name(round));
     if (!again.is_object() || again.empty()) break;
     last = again;
@@ -85,7 +85,7 @@ std::vector<StageEntry> simplify_stages(const SimplifyOptions& options, Simplify
   }
   const bool own = options.reference == "surface";
   // Against a reference of its own a mesh may fail for good; another round helps where the passes were too bold.
-  const int rounds = own && options.tolerance != 0.0 ? kMostRounds : 1;
+  const int rounds = own && options.tolerance != 0.0 ? kMaxRounds : 1;
   for (int round = 0; round < rounds; ++round) {
     for (int p = round == 0 && stores.after_first ? 1 : 0; p < options.passes; ++p) {
       if (options.target_faces > 0 && round == 0)

@@ -9,7 +9,7 @@
 namespace tessera {
 namespace {
 
-constexpr std::uint64_t kMostTasks = 400;
+constexpr std::uint64_t kMaxTasks = 400;
 
 }  // namespace
 
@@ -37,7 +37,7 @@ PassBlocks::PassBlocks(const JobState& state, const SimplifyStores& stores, cons
 void PassBlocks::deal(std::uint64_t task_faces) {
   std::uint64_t total = 0;
   for (const MeshBlockCut& block : blocks_) total += block.faces + block.weight;
-  const std::uint64_t target = std::max(task_faces, total / kMostTasks);
+  const std::uint64_t target = std::max(task_faces, total / kMaxTasks);
   std::uint64_t faces = target;
   for (std::size_t b = 0; b < blocks_.size(); ++b) {
     if (faces >= target) {

@@ -52,7 +52,7 @@ std::vector<StageNeed> proof_needs(const RunOptions& run, std::uint64_t referenc
     const std::uint64_t cell = certify_cell_bytes(reference + result, largest_patch(reference), around);
     return std::max(certify_task_bytes(cell), certify_finish_bytes(cell, patches));
   };
-  return {{"certify", certify(1), certify(kMostAround)},
+  return {{"certify", certify(1), certify(kMaxAround)},
           {"write",
            write_mesh_store_bytes(surface_block_bytes(largest_patch(result)), patches, sort_bytes(run)), 0}};
 }
@@ -63,7 +63,7 @@ std::vector<StageNeed> simplify_needs(const RunOptions& run, const SimplifyOptio
   for (int pass = 0; pass < options.passes; ++pass)
     needs.push_back({SimplifyPass{pass, 0, false}.stage_name(),
                      simplify_pass_bytes(options, pass, faces, largest_patch(faces), 1),
-                     simplify_pass_bytes(options, pass, faces, largest_patch(faces), kMostAround)});
+                     simplify_pass_bytes(options, pass, faces, largest_patch(faces), kMaxAround)});
   return needs;
 }
 

@@ -15,12 +15,12 @@ std::uint64_t surface_block_bytes(std::uint64_t faces);
 
 /// Whole patches around a block, or a cell of the certificate, belong to what is read for it: all of it so many times, where
 /// bricks are large against the body.
-inline constexpr std::uint64_t kMostAround = 2;
+inline constexpr std::uint64_t kMaxAround = 2;
 
 /// Memory of the largest task of a pass, in a round that keeps nothing.
 /// \param faces          of the whole mesh
 /// \param largest_patch  faces of it
-/// \param around         1 to kMostAround
+/// \param around         1 to kMaxAround
 std::uint64_t simplify_pass_bytes(const SimplifyOptions& options, int pass, std::uint64_t faces,
                                   std::uint64_t largest_patch, std::uint64_t around);
 

@@ -47,17 +47,17 @@ class SimplifyStage : public Stage {
   std::string unit_name() const override { return "faces"; }
 
   std::uint64_t task_bytes(std::size_t task) const override {
-    std::uint64_t most = 0;
+    std::uint64_t maximum = 0;
     for (std::size_t b = blocks_.first(task); b < blocks_.end(task); ++b) {
       std::vector<std::size_t> near;
       if (kernel_.tolerance > 0.0 && pass_.pass > 0) near = reference_.select(reference_box(blocks_[b]));
       std::uint64_t faces = 0;
       for (const std::size_t p : near) faces += reference_.patches()[p].faces;
-      most = std::max(most,
+      maximum = std::max(maximum,
                       simplify_task_bytes(in_.block_bytes(blocks_[b].patches) + reference_.block_bytes(near),
                                           blocks_[b].faces, faces, blocks_.failed_bytes()));
     }
-    return most;
+    return maximum;
   }
 
   json run(std::size_t task, TaskContext& context) const override {
@@ -193,7 +193,7 @@ std::string failed_faces_file(int round) {
 
 int last_round(const std::filesystem::path& work) {
   int round = 0;
-  while (round + 1 < kMostRounds && std::filesystem::exists(work / failed_faces_file(round))) ++round;
+  while (round + 1 < kMaxRounds && std::filesystem::exists(work / failed_faces_file(round))) ++round;
   return round;
 }
 

@@ -21,13 +21,13 @@ namespace tessera {
 /// Rounds. Where the certificate fails, all passes run once more and leave the reference as it is near the faces that
 /// failed; blocks that nothing changes in are taken over from the round before. Each round keeps farther around, and
 /// decimation works at half the tolerance of the one before from the second one on in the blocks concerned.
-inline constexpr int kMostRounds = 4;
+inline constexpr int kMaxRounds = 4;
 /// Of a block's part of the reference, in blocks: the most that a pass works against at once.
 inline constexpr std::uint64_t kReferenceBlocks = 8;
 
 struct SimplifyPass {
   int pass = 0;              ///< from 0
-  int round = 0;             ///< from 0, below kMostRounds
+  int round = 0;             ///< from 0, below kMaxRounds
   bool count_costs = false;  ///< write nothing, count what an unlimited run would remove per class of cost
   std::string stage_name() const;
   std::string folder() const;  ///< of what the pass leaves, "pass-1/" for the first

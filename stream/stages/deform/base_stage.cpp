@@ -28,7 +28,7 @@ constexpr double kBaseShare = 0.5;
 /// Degrees: less is roughness, and lines along it would leave slivers.
 constexpr double kCreaseAngle = 60.0;
 /// Bodies thinner than so many edges have a dozen of them around: they come out of remeshing thin and folded, after minutes.
-constexpr double kThinBody = 4.0, kMostThinBody = 0.5;  ///< edges; share of the area
+constexpr double kThinBody = 4.0, kMaxThinBody = 0.5;  ///< edges; share of the area
 constexpr double kShortest = 0.25;  ///< of the edges: shorter ones that are left are merged
 
 class BaseStage : public SerialStage {
@@ -79,7 +79,7 @@ class BaseStage : public SerialStage {
     if (may_stay) {
       const double share = thin_body_share(block.position, block.faces, kThinBody * remeshing.edge);
       out["thin_body_area"] = share;
-      if (share > kMostThinBody) {
+      if (share > kMaxThinBody) {
         out["own"] = true;
         return {std::move(block.position), std::move(block.faces), {}};
       }
@@ -92,7 +92,7 @@ class BaseStage : public SerialStage {
     out["decimated_faces"] = report.faces_in;
     out["even_thin_area"] = thin.share();
     // What comes out is no better, and may cross itself all over.
-    if (thin.share() > kMostThin && may_stay) {
+    if (thin.share() > kMaxThin && may_stay) {
       out["own"] = true;
       return {std::move(reference.position), std::move(reference.faces), {}};
     }

@@ -72,7 +72,7 @@ class BasisStage : public SerialStage {
     ThinArea thin;
     thin.add(base_.position, base_.faces);
     const bool healed =
-        (metric.report.degenerate_faces > 0 || thin.share() > kMostThin) && !script_.anisotropic;
+        (metric.report.degenerate_faces > 0 || thin.share() > kMaxThin) && !script_.anisotropic;
     if (healed) metric = intrinsic(base_);
     AnisotropicReport anisotropic;
     if (script_.anisotropic)

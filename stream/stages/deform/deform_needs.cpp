@@ -27,7 +27,7 @@ constexpr std::uint64_t kColumnBytes = 100, kVertexBytes = 850;
 /// Of what is kept: a vertex of the base without its columns, and with copies of it; a column with its gradients.
 constexpr std::uint64_t kKeptBytes = 80, kLevelBytes = 80, kKeptColumnBytes = 20;
 /// Of the vertices asked for: how many a base has at the least and at the most.
-constexpr double kFewest = 0.8, kMost = 1.3;
+constexpr double kFewest = 0.8, kMax = 1.3;
 
 std::uint64_t columns(const EditScript& script) {
   return 6 + 4 * script.regions.size();
@@ -97,17 +97,17 @@ std::vector<StageNeed> deform_needs(const JobState& state, const DeformOptions& 
   const MeshSize mesh = claimed_mesh_size(state.inputs.at(0));
   std::vector<StageNeed> needs = import_needs(state.run, {0, kDeformImport}, mesh);
   // A surface has about half as many vertices as faces; files without shared vertices claim more.
-  const std::uint64_t least = std::min(mesh.vertices, mesh.faces / 4);
+  const std::uint64_t minimum = std::min(mesh.vertices, mesh.faces / 4);
   // A small mesh of thin triangles gets an even base, too; nobody knows before its faces are read, and few are like that.
-  const bool may_be_own = options.base != "even" && least <= options.base_vertices,
+  const bool may_be_own = options.base != "even" && minimum <= options.base_vertices,
              may_be_made = options.base == "even" || mesh.vertices > options.base_vertices;
   struct Case {
     bool own;
-    std::uint64_t faces, fewest, most;
+    std::uint64_t faces, fewest, maximum;
   };
   std::vector<Case> cases;
   if (may_be_own)
-    cases.push_back({true, std::min(mesh.faces, 4 * options.base_vertices), least,
+    cases.push_back({true, std::min(mesh.faces, 4 * options.base_vertices), minimum,
                      std::min(mesh.vertices, options.base_vertices)});
   if (may_be_made) {
     const auto wanted = static_cast<double>(options.base_vertices);
@@ -118,7 +118,7 @@ std::vector<StageNeed> deform_needs(const JobState& state, const DeformOptions& 
         if (need.stage != "certify" && need.stage != "write") needs.push_back(need);
     cases.push_back({false, std::min(mesh.faces, reduce.target_faces),
                      static_cast<std::uint64_t>(kFewest * wanted),
-                     static_cast<std::uint64_t>(kMost * wanted)});
+                     static_cast<std::uint64_t>(kMax * wanted)});
   }
   const StageNeed shape{
       "shape", 0, may_be_own ? surface_block_bytes(std::min(mesh.faces, 4 * options.base_vertices)) : 0};
@@ -129,18 +129,18 @@ std::vector<StageNeed> deform_needs(const JobState& state, const DeformOptions& 
   };
   for (const Case& c : cases) {
     const bool first = &c == cases.data();
-    const std::uint64_t most =
+    const std::uint64_t maximum =
         base_stage_bytes(c.own, c.faces, surface_block_bytes(c.faces), options.base_vertices);
-    widen(base, first, c.own ? 0 : most / 2, most);
+    widen(base, first, c.own ? 0 : maximum / 2, maximum);
     widen(basis, first, basis_stage_bytes(c.fewest, script, state.run),
-          basis_stage_bytes(c.most, script, state.run));
+          basis_stage_bytes(c.maximum, script, state.run));
     const auto size = [&](std::uint64_t vertices) {
       return WriteStageSize{
           vertices * (kKeptBytes + (script.volumes ? kLevelBytes : 0) + kKeptColumnBytes * columns(script)),
           vertices, 2 * vertices, options.mode != "prepare", script.volumes};
     };
     widen(write, first, write_stage_bytes(size(c.fewest), state.run),
-          write_stage_bytes(size(c.most), state.run));
+          write_stage_bytes(size(c.maximum), state.run));
   }
   needs.insert(needs.end(), {shape, base, basis, write});
   return needs;

@@ -25,7 +25,7 @@ inline const std::string kShapeFile = "shape/shape.json", kBaseFile = "base/base
 const std::vector<SmoothRound>& base_low_pass();
 
 /// A mesh with more of its area in thin faces (thin_faces.h) is no base.
-inline constexpr double kMostThin = 0.1;
+inline constexpr double kMaxThin = 0.1;
 
 /// Whether the imported mesh is small and even enough to be its own base. \pre the shape stage is done
 bool is_own_base(const JobState& state);

@@ -240,7 +240,7 @@ class DeformWriteStage : public SerialStage {
   json residuals(const BaseState& rest, const BaseState& posed, const DisplacementEncoder* encoder,
                  double diagonal) const {
     std::uint64_t count = 0;
-    double before = 0.0, after = 0.0, most_before = 0.0, most_after = 0.0;
+    double before = 0.0, after = 0.0, max_before = 0.0, max_after = 0.0;
     for (const EditRegion& r : script_.regions)
       for (std::size_t k = 0; k < r.targets.size() && k < r.points.size() && encoder != nullptr; ++k) {
         TangentRest tangent;
@@ -251,15 +251,15 @@ class DeformWriteStage : public SerialStage {
                      is = squared_distance(now, r.targets[k]);
         ++count;
         before += was, after += is;
-        most_before = std::max(most_before, was), most_after = std::max(most_after, is);
+        max_before = std::max(max_before, was), max_after = std::max(max_after, is);
       }
     if (count == 0) return {};
     const auto n = static_cast<double>(count);
     return {{"count", count},
             {"rms_before", std::sqrt(before / n)},
-            {"largest_before", std::sqrt(most_before)},
+            {"largest_before", std::sqrt(max_before)},
             {"rms_after", std::sqrt(after / n)},
-            {"largest_after", std::sqrt(most_after)}};
+            {"largest_after", std::sqrt(max_after)}};
   }
 
   static std::int32_t role_at(const DeformBasis& basis, const NormalDisplacement& d) {

@@ -37,7 +37,7 @@ class ShapeStage : public SerialStage {
     const double share = thin.share();
     const json shape = {{"vertices", vertices},
                         {"thin_area", share},
-                        {"own", options_.base != "even" && small && share <= kMostThin}};
+                        {"own", options_.base != "even" && small && share <= kMaxThin}};
     write_durably(context.create(kShapeFile), shape.dump());
     return shape;
   }

@@ -35,7 +35,7 @@ class CoverStage : public MergeFacesStage {
   std::uint64_t task_bytes(std::size_t task) const override {
     const MergeTask& t = tasks_[task];
     const MeshStore& store = meshes_.store(t.rank);
-    std::uint64_t most = 0;
+    std::uint64_t maximum = 0;
     for (std::size_t p = t.first; p < t.end; ++p) {
       const MeshPatchEntry& e = store.patches()[p];
       std::uint64_t bytes = 2 * MeshStore::block_bytes(e.vertices, e.faces);
@@ -43,9 +43,9 @@ class CoverStage : public MergeFacesStage {
       if (!meshes_.is_alone(t.rank, e.box))
         bytes += 2 * meshes_.near_bytes(e.box, halo(t.rank) + meshes_.plan().reach.apart) + 64ull * e.faces +
                  (std::uint64_t{8} << 20);
-      most = std::max(most, bytes);
+      maximum = std::max(maximum, bytes);
     }
-    return most + meshes_.shared_bytes() + 3 * DirectFile::kDefaultBuffer + (std::uint64_t{2} << 20);
+    return maximum + meshes_.shared_bytes() + 3 * DirectFile::kDefaultBuffer + (std::uint64_t{2} << 20);
   }
 
   json run(std::size_t task, TaskContext& context) const override {
@@ -177,14 +177,14 @@ class CoverStage : public MergeFacesStage {
     const double around = kStripCells + 0.5 * plan.reach.apart / plan.lattice.h;
     Int3 low, high;
     for (std::size_t a = 0; a < 3; ++a) {
-      const auto [least, most] =
+      const auto [minimum, maximum] =
           std::minmax({block.position[f[0]][a], block.position[f[1]][a], block.position[f[2]][a]});
       const auto leaf = [&](double world, double by) {
         return static_cast<std::int32_t>(std::floor((world - plan.origin[a]) / plan.lattice.h + by)) >>
                kLeafBits;
       };
-      low[a] = leaf(least, -around);
-      high[a] = leaf(most, around);
+      low[a] = leaf(minimum, -around);
+      high[a] = leaf(maximum, around);
     }
     for (int z = low[2]; z <= high[2]; ++z)
       for (int y = low[1]; y <= high[1]; ++y)

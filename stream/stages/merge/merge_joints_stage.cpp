@@ -29,14 +29,14 @@ class JointsStage : public MergeFacesStage {
   std::uint64_t task_bytes(std::size_t task) const override {
     const MergeTask& t = tasks_[task];
     const MeshStore& store = meshes_.store(t.rank);
-    std::uint64_t most = 0;
+    std::uint64_t maximum = 0;
     for (std::size_t p = t.first; p < t.end; ++p) {
       const MeshPatchEntry& e = store.patches()[p];
       std::uint64_t bytes = MeshStore::block_bytes(e.vertices, e.faces);
       if (!meshes_.is_alone(t.rank, e.box)) bytes += meshes_.near_bytes(e.box, margin());
-      most = std::max(most, bytes);
+      maximum = std::max(maximum, bytes);
     }
-    return most + DirectFile::kDefaultBuffer + (std::uint64_t{1} << 20);
+    return maximum + DirectFile::kDefaultBuffer + (std::uint64_t{1} << 20);
   }
 
   json run(std::size_t task, TaskContext& context) const override {

@@ -90,7 +90,7 @@ class ScaleStage : public Stage {
                                                : kFadeEdges * std::max(edge[i], plan.lattice.h));
     }
     join_infos(plan);
-    const auto [least, most] = place_lattice(plan);
+    const auto [minimum, maximum] = place_lattice(plan);
     plan.save(context.create(MergePlan::kFile));
     json meshes = json::array();
     for (std::size_t r = 0; r < plan.order.size(); ++r) {
@@ -105,8 +105,8 @@ class ScaleStage : public Stage {
         {"resolution_reason", options_.resolution > 0.0 ? "given" : "the mean edge of the finest mesh"},
         {"distance", plan.reach.apart},
         {"ranks", meshes}};
-    if (most > kOtherUnits * least)
-      out["warnings"] = {"the meshes are " + number_text(least) + " and " + number_text(most) +
+    if (maximum > kOtherUnits * minimum)
+      out["warnings"] = {"the meshes are " + number_text(minimum) + " and " + number_text(maximum) +
                          " wide: are they in the same units?"};
     return out;
   }
@@ -143,14 +143,14 @@ class ScaleStage : public Stage {
   /// \returns the smallest and the largest diagonal
   std::pair<double, double> place_lattice(MergePlan& plan) const {
     MeshBox box = stores_[0].box();
-    double least = stores_[0].diagonal(), most = least;
+    double minimum = stores_[0].diagonal(), maximum = minimum;
     for (const MeshStore& s : stores_) {
       for (std::size_t a = 0; a < 3; ++a) {
         box.low[a] = std::min(box.low[a], s.box().low[a]);
         box.high[a] = std::max(box.high[a], s.box().high[a]);
       }
-      least = std::min(least, s.diagonal());
-      most = std::max(most, s.diagonal());
+      minimum = std::min(minimum, s.diagonal());
+      maximum = std::max(maximum, s.diagonal());
     }
     box = grown(box, plan.reach.apart + 4.0 * plan.lattice.h);
     double farthest = 0.0;
@@ -171,7 +171,7 @@ class ScaleStage : public Stage {
       plan.lattice.origin_brick[a] = static_cast<std::int64_t>(first);
       plan.origin[a] = plan.lattice.world(static_cast<int>(a), 0.0);
     }
-    return {least, most};
+    return {minimum, maximum};
   }
 
   JobState state_;

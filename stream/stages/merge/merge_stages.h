@@ -127,7 +127,7 @@ constexpr std::uint64_t merged_vertex(std::size_t rank, std::uint64_t key) {
 constexpr std::uint64_t merged_brick(std::size_t rank, std::uint64_t key) {
   return (static_cast<std::uint64_t>(rank) + 1) << 44 | key;
 }
-inline constexpr std::size_t kMostMerged = 4000;
+inline constexpr std::size_t kMaxMerged = 4000;
 inline constexpr std::size_t kStripRank = 0xffe;  ///< in keys: behind all inputs
 
 /// How many cells of the lattice around a face of the band the strip may pass, beside half of MergeReach::apart.

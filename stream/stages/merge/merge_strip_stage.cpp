@@ -75,7 +75,7 @@ class StripStage : public Stage {
   std::string unit_name() const override { return "leaves"; }
 
   std::uint64_t task_bytes(std::size_t task) const override {
-    std::uint64_t most = 0;
+    std::uint64_t maximum = 0;
     for (const StripBrick& b : tasks_[task]) {
       const MeshBox box = box_of(b);
       std::uint64_t bytes = meshes_.near_bytes(box, margin()) + b.leaves.size() * kPatchBytes +
@@ -85,9 +85,9 @@ class StripStage : public Stage {
       for (const std::size_t p : patches)
         vertices += kept_.patches()[p].vertices, faces += kept_.patches()[p].faces;
       bytes += kept_.block_bytes(patches) + SignedDistance::bytes(vertices, faces);
-      most = std::max(most, bytes);
+      maximum = std::max(maximum, bytes);
     }
-    return most + meshes_.shared_bytes() + 64 * all_leaves_ + DirectFile::kDefaultBuffer +
+    return maximum + meshes_.shared_bytes() + 64 * all_leaves_ + DirectFile::kDefaultBuffer +
            (std::uint64_t{2} << 20);
   }
 

@@ -73,7 +73,7 @@ class Composer {
     patches_ = plan_patches(bricks_, groups_, plan.faces_estimate);
     for (const BrickEntry& b : bricks_) {
       largest_brick_ = std::max(largest_brick_, b.points);
-      most_blocks_ = std::max(most_blocks_, b.blocks);
+      max_blocks_ = std::max(max_blocks_, b.blocks);
       blocks_ += b.blocks;
     }
     for (const PatchEntry& e : patches_.entries)
@@ -138,17 +138,17 @@ class Composer {
         points_ * (mode_.estimate ? kEstimateTime : kShapeTime),
         static_cast<double>(store_bytes_ + overlay_bytes_));
     if (!mode_.propagate()) return;
-    std::uint64_t most = 0;  // of the buckets
+    std::uint64_t maximum = 0;  // of the buckets
     for (const PlanBucket& b : plan_.buckets) {
       std::uint64_t blocks = 0;
       for (std::uint64_t k = 0; k < b.bricks; ++k) blocks += bricks_[b.first_brick + k].blocks;
-      most = std::max(most, blocks);
+      maximum = std::max(maximum, blocks);
     }
-    const double noise = std::min(1.0, plan_.noise_cells / kMostNoise);
+    const double noise = std::min(1.0, plan_.noise_cells / kMaxNoise);
     const auto blocks = static_cast<double>(blocks_);
     add("orient", buckets,
-        {orient_task_bytes(times(static_cast<double>(most_blocks_), kBlockBoundary),
-                           times(static_cast<double>(most), noise * kBlockPatches)),
+        {orient_task_bytes(times(static_cast<double>(max_blocks_), kBlockBoundary),
+                           times(static_cast<double>(maximum), noise * kBlockPatches)),
          orient_solution_bytes(bricks_.size() + times(blocks, noise * kBlockPatches),
                                times(blocks, noise * kBlockVotes), times(blocks, 1.5 + noise * kBlockCoarse)),
          orient_solution_bytes(0, 0, 0)},
@@ -161,9 +161,9 @@ class Composer {
     const auto read = static_cast<double>(store_bytes_ + overlay_bytes_);
     add("multipole", plan_.buckets.size(), known(multipole_task_bytes(largest_brick_), 0), multipoles,
         plan_.buckets.size(), points_ * kMultipoleTime, read);
-    std::uint64_t most = 0;
-    for_each_tile([&](const Tile& t) { most = std::max(most, rims_tile_bytes(bricks_, t, halo_)); });
-    add("rims", groups_.size(), known(most, 0), rims, groups_.size(), faces_ * kRimsTime, read);
+    std::uint64_t maximum = 0;
+    for_each_tile([&](const Tile& t) { maximum = std::max(maximum, rims_tile_bytes(bricks_, t, halo_)); });
+    add("rims", groups_.size(), known(maximum, 0), rims, groups_.size(), faces_ * kRimsTime, read);
     // What a brick's neighbours lend depends on where in them the points lie: about a quarter.
     std::uint64_t bytes = 0;
     for (const BrickEntry& b : bricks_) {
@@ -184,19 +184,19 @@ class Composer {
   }
 
   void level_surface(std::uint64_t patches) {
-    add("surface", groups_.size(), known(level_surface_task_bytes(most_points_near(bricks_)), 0), patches,
+    add("surface", groups_.size(), known(level_surface_task_bytes(max_points_near(bricks_)), 0), patches,
         groups_.size(), faces_ * kSurfaceTime, static_cast<double>(store_bytes_ + overlay_bytes_ + patches));
   }
   void surface(bool fused, std::uint64_t patches) {
     const BrickSectionStore no_cells({});
-    std::uint64_t most = 0, open = 0;
+    std::uint64_t maximum = 0, open = 0;
     for_each_tile([&](const Tile& t) {
       const std::uint64_t near = closes_ ? MultipoleStore::near_bytes(bricks_, t.corner(), t.edges()) : 0;
       const BrickSectionStore* closing = closes_ ? &no_cells : nullptr;
-      most = std::max(most, surface_tile_bytes(bricks_, closing, t, halo_, fused, near));
+      maximum = std::max(maximum, surface_tile_bytes(bricks_, closing, t, halo_, fused, near));
       if (closes_) open = std::max(open, surface_tile_bytes(bricks_, closing, t, halo_, fused, 0));
     });
-    add("surface", groups_.size(), {most, 0, closes_ ? open : most}, patches, groups_.size(),
+    add("surface", groups_.size(), {maximum, 0, closes_ ? open : maximum}, patches, groups_.size(),
         faces_ * (kSurfaceTime + (fused ? kFirstPassTime : 0.0)),
         static_cast<double>(store_bytes_ + overlay_bytes_ + patches));
   }
@@ -334,7 +334,7 @@ class Composer {
   int halo_ = 0;
   std::vector<TileGroup> groups_;
   PlannedPatches patches_;
-  std::uint64_t largest_brick_ = 0, most_blocks_ = 0, blocks_ = 0;
+  std::uint64_t largest_brick_ = 0, max_blocks_ = 0, blocks_ = 0;
   PatchEntry largest_;  ///< patch
   ForecastList list_{run_.threads};
   Forecast forecast_;

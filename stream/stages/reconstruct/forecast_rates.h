@@ -55,7 +55,7 @@ inline constexpr double kBlockBoundary = 7.0;  // surfels at the faces of the br
 inline constexpr double kBlockPatches = 6.0;
 inline constexpr double kBlockVotes = 25.0;
 inline constexpr double kBlockCoarse = 6.0;  // and one and a half without noise
-inline constexpr double kMostNoise = 0.1;
+inline constexpr double kMaxNoise = 0.1;
 inline constexpr double kFacesMargin = 1.2;  // within that the estimate of all faces was right
 /// Patches of an imported mesh that lie near one brick of points: itself and all around it.
 inline constexpr std::uint64_t kImportedNear = 27;

@@ -7,7 +7,7 @@ namespace {
 
 constexpr double kSeamShare = 1.0 / 12.0;  // foreign vertices, and exported ones, of all
 constexpr double kFacesPerComponent = 2000.0;
-constexpr double kMostFaces = 1.5;  // of a block in some patch, against the mean of all
+constexpr double kMaxFaces = 1.5;  // of a block in some patch, against the mean of all
 
 }  // namespace
 
@@ -15,7 +15,7 @@ PlannedPatches plan_patches(std::span<const BrickEntry> bricks, const std::vecto
                             std::uint64_t faces) {
   double blocks = 0.0;
   for (const BrickEntry& brick : bricks) blocks += static_cast<double>(brick.blocks);
-  const double per_block = kMostFaces * static_cast<double>(faces) / std::max(1.0, blocks);
+  const double per_block = kMaxFaces * static_cast<double>(faces) / std::max(1.0, blocks);
   PlannedPatches patches;
   for (const TileGroup& group : groups) {
     patches.first.push_back(patches.entries.size());

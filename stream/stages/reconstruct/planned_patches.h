@@ -20,10 +20,10 @@ struct PlannedPatches {
   std::vector<std::size_t> first;
   /// The most that a task over the patches of one file takes.
   std::uint64_t most_of_tasks(std::uint64_t (*task_bytes)(std::span<const PatchEntry>)) const {
-    std::uint64_t most = 0;
+    std::uint64_t maximum = 0;
     for (std::size_t f = 0; f + 1 < first.size(); ++f)
-      most = std::max(most, task_bytes({entries.data() + first[f], first[f + 1] - first[f]}));
-    return most;
+      maximum = std::max(maximum, task_bytes({entries.data() + first[f], first[f + 1] - first[f]}));
+    return maximum;
   }
 };
 

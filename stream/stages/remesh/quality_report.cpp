@@ -7,7 +7,7 @@ namespace tessera {
 using json = nlohmann::json;
 
 json quality_sums(const TriangleQuality& q) {
-  return {{"angles", q.angles},         {"least", q.least},        {"lengths", q.lengths},
+  return {{"angles", q.angles},         {"least", q.minimum},        {"lengths", q.lengths},
           {"valences", q.valences},     {"faces", q.faces},        {"angle_off", q.angle_off},
           {"length_off", q.length_off}, {"area_off", q.area_off},  {"smallest", q.smallest},
           {"cells", q.cells},           {"cell_sums", q.cell_sums}};
@@ -15,7 +15,7 @@ json quality_sums(const TriangleQuality& q) {
 
 TriangleQuality quality_of(const json& j) {
   TriangleQuality q;
-  j.at("angles").get_to(q.angles), j.at("least").get_to(q.least), j.at("lengths").get_to(q.lengths);
+  j.at("angles").get_to(q.angles), j.at("least").get_to(q.minimum), j.at("lengths").get_to(q.lengths);
   j.at("valences").get_to(q.valences), j.at("faces").get_to(q.faces), j.at("angle_off").get_to(q.angle_off);
   j.at("length_off").get_to(q.length_off), j.at("area_off").get_to(q.area_off);
   j.at("smallest").get_to(q.smallest);
@@ -29,7 +29,7 @@ json quality_report(const TriangleQuality& q, double target) {
   std::uint64_t vertices = 0, narrow = 0;
   for (const std::uint64_t n : q.valences) vertices += n;
   constexpr std::size_t kNarrow = 25;  // degrees
-  for (std::size_t i = 0; i < kNarrow; ++i) narrow += q.least[i];
+  for (std::size_t i = 0; i < kNarrow; ++i) narrow += q.minimum[i];
   json out = {{"edge", target},
               {"faces", q.faces},
               {"mean_angle_deviation_deg", static_cast<double>(q.angle_off) * 1e-3 / (3.0 * faces)},
@@ -43,7 +43,7 @@ json quality_report(const TriangleQuality& q, double target) {
     out["voronoi_areas_by_100th_of_hexagon"] = q.cells;
   }
   out["angles_by_degree"] = q.angles;
-  out["smallest_angles_by_degree"] = q.least;
+  out["smallest_angles_by_degree"] = q.minimum;
   out["edges_by_50th_of_length"] = q.lengths;
   out["valences"] = q.valences;
   return out;

@@ -93,7 +93,7 @@ JobDescription remesh_job(const RemeshJobOptions& options) {
                       return make_sizing_stage(state, before_rounding(state, options));
                     }});
   const SimplifyStores stores = imported_stores(kRemeshImport);
-  const int rounds = options.tolerance > 0.0 ? kMostRounds : 1;
+  const int rounds = options.tolerance > 0.0 ? kMaxRounds : 1;
   for (int round = 0; round < rounds; ++round) {
     for (int p = 0; p < options.passes; ++p) {
       const SimplifyPass pass{p, round, false};
@@ -116,7 +116,7 @@ JobDescription remesh_job(const RemeshJobOptions& options) {
     std::vector<StageNeed> needs = import_needs(state.run, remesh_source(options), mesh);
     for (int p = 0; p < options.passes; ++p)
       needs.push_back({SimplifyPass{p, 0, false}.stage_name(), remesh_pass_bytes(options, mesh.faces, 1),
-                       remesh_pass_bytes(options, mesh.faces, 2 * kMostAround)});
+                       remesh_pass_bytes(options, mesh.faces, 2 * kMaxAround)});
     // What comes out is decimated no further.
     for (const StageNeed& need : proof_needs(state.run, mesh.faces, std::max(mesh.faces, options.faces),
                                              remesh_source(options).brick_vertices))

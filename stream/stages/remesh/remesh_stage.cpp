@@ -23,7 +23,7 @@ using json = nlohmann::json;
 
 constexpr std::uint64_t kTaskFaces = 1u << 17;  ///< of block and weight: a task is worth a file from here
 /// Splits come before collapses, so a block has more faces for a while than it will have.
-constexpr std::uint64_t kRoom = 3, kLeastRoom = 4096;
+constexpr std::uint64_t kRoom = 3, kMinRoom = 4096;
 /// Edges: as far as vertices may have their feet around a block, and farther than a crease must go on to be one.
 constexpr double kReach = 4.0;
 
@@ -113,16 +113,16 @@ class RemeshStage : public Stage {
   std::string unit_name() const override { return "faces"; }
 
   std::uint64_t task_bytes(std::size_t task) const override {
-    std::uint64_t most = 0;
+    std::uint64_t maximum = 0;
     for (std::size_t b = blocks_.first(task); b < blocks_.end(task); ++b) {
       const std::vector<std::size_t> near = reference_.select(reference_box(blocks_[b]));
       std::uint64_t faces = 0;
       for (const std::size_t p : near) faces += reference_.patches()[p].faces;
-      most =
-          std::max(most, remesh_task_bytes(in_.block_bytes(blocks_[b].patches) + reference_.block_bytes(near),
+      maximum =
+          std::max(maximum, remesh_task_bytes(in_.block_bytes(blocks_[b].patches) + reference_.block_bytes(near),
                                            room(blocks_[b]), faces, blocks_.failed_bytes()));
     }
-    return most;
+    return maximum;
   }
 
   json run(std::size_t task, TaskContext& context) const override {
@@ -209,7 +209,7 @@ class RemeshStage : public Stage {
   std::uint64_t room(const MeshBlockCut& cut) const {
     std::uint64_t expected = 0;
     for (const std::size_t p : cut.patches) expected += sizing_.expected(in_.patches()[p]);
-    return kRoom * std::max(expected, cut.faces) + kLeastRoom;
+    return kRoom * std::max(expected, cut.faces) + kMinRoom;
   }
 
   MeshBox reference_box(const MeshBlockCut& cut) const { return grown(in_.box_of(cut.patches), reach()); }
@@ -229,10 +229,10 @@ class RemeshStage : public Stage {
 
 }  // namespace
 
-std::uint64_t remesh_task_bytes(std::uint64_t block_bytes, std::uint64_t most_faces,
+std::uint64_t remesh_task_bytes(std::uint64_t block_bytes, std::uint64_t max_faces,
                                 std::uint64_t reference_faces, std::uint64_t failed_bytes) {
   // What is loaded is merged from pieces, so it is there twice for a moment; then the kernel works on it.
-  return block_bytes + remesh_bytes(most_faces, reference_faces) + failed_bytes + DirectFile::kDefaultBuffer +
+  return block_bytes + remesh_bytes(max_faces, reference_faces) + failed_bytes + DirectFile::kDefaultBuffer +
          (std::uint64_t{4} << 20);
 }
 
@@ -242,7 +242,7 @@ std::uint64_t remesh_pass_bytes(const RemeshJobOptions& options, std::uint64_t f
   const std::uint64_t block = std::min(expected, options.block_faces);
   const std::uint64_t reference = std::min(faces, around * kRemeshReferenceBlocks * options.block_faces);
   return remesh_task_bytes(surface_block_bytes(block) + surface_block_bytes(reference),
-                           kRoom * block + kLeastRoom, reference, 0);
+                           kRoom * block + kMinRoom, reference, 0);
 }
 
 std::vector<MeshBlockCut> remesh_blocks(const MeshStore& in, const MeshStore& reference,

@@ -16,7 +16,7 @@ namespace tessera {
 inline constexpr std::uint64_t kRemeshReferenceBlocks = 4;
 
 /// What a task takes at most. \param block_bytes  MeshStore::block_bytes of its largest block and that block's reference
-std::uint64_t remesh_task_bytes(std::uint64_t block_bytes, std::uint64_t most_faces,
+std::uint64_t remesh_task_bytes(std::uint64_t block_bytes, std::uint64_t max_faces,
                                 std::uint64_t reference_faces, std::uint64_t failed_bytes);
 
 /// Of the largest task of a pass, told before there is a mesh.

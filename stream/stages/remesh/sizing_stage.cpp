@@ -20,7 +20,7 @@ namespace {
 using json = nlohmann::json;
 
 constexpr const char* kSizingFile = "sizing.json";
-constexpr std::size_t kSizingTaskFaces = 1u << 20, kMostTasks = 400;
+constexpr std::size_t kSizingTaskFaces = 1u << 20, kMaxTasks = 400;
 /// With a tolerance alone: edges are as long as this share of the surface allows; what bends more keeps shorter ones,
 /// since operations there are refused.
 constexpr double kCalmShare = 0.9;
@@ -28,7 +28,7 @@ constexpr double kLongestShare = 0.1;  ///< of the diagonal: no edge gets longer
 /// Between 4/5 and 4/3 of the length edges are a little shorter than it in the mean: so many more faces come out.
 constexpr double kMoreFaces = 1.125;
 /// With a tolerance alone: more faces than so many times those of the input, whose facets they would trace, are refused.
-constexpr double kMostTimes = 1000.0, kAlwaysFaces = 0x1p22;
+constexpr double kMaxTimes = 1000.0, kAlwaysFaces = 0x1p22;
 constexpr double kAreaUnits = 0x1p40;  ///< the squared diagonal in units of weights
 
 /// Adaptive lengths, if not given: around the one for the calm share. Most of a machined part is flat, which says nothing
@@ -48,7 +48,7 @@ double bend_of_class(std::uint32_t c) {
 /// Curvature along edges: by how much the normals at their ends differ. Ends on creases and borders say nothing.
 void measure_bends(const MeshBlock& block, double feature_angle_deg, double area_unit, Bends& bends) {
   const CollapseMesh mesh(block, block.position[0]);
-  const double least = cosine_of_degrees(feature_angle_deg > 0.0 ? feature_angle_deg : 90.0);
+  const double minimum = cosine_of_degrees(feature_angle_deg > 0.0 ? feature_angle_deg : 90.0);
   std::vector<Double3> normal(mesh.vertices(), Double3{});
   std::vector<std::uint8_t> silent(mesh.vertices(), 0);
   const auto face_normal = [&](std::size_t f) {
@@ -63,7 +63,7 @@ void measure_bends(const MeshBlock& block, double feature_angle_deg, double area
       bool quiet = o == kNoCorner;
       if (!quiet) {
         const Double3 m = face_normal(o >> 2);
-        quiet = dot(n, m) < least * norm(n) * norm(m);
+        quiet = dot(n, m) < minimum * norm(n) * norm(m);
       }
       if (quiet) silent[mesh.vertex(next_corner(c))] = silent[mesh.vertex(prev_corner(c))] = 1;
     }
@@ -89,7 +89,7 @@ class SizingStage : public Stage {
       throw UsageError("--tolerance " + number_text(options_.tolerance) +
                        " is more than the whole mesh, which is " + number_text(store_.diagonal()) +
                        " wide: give less");
-    const std::uint64_t target = std::max<std::uint64_t>(kSizingTaskFaces, store_.face_count() / kMostTasks);
+    const std::uint64_t target = std::max<std::uint64_t>(kSizingTaskFaces, store_.face_count() / kMaxTasks);
     std::uint64_t faces = target;
     for (std::size_t p = 0; p < store_.patches().size(); ++p) {
       if (faces >= target) first_.push_back(p), faces = 0;
@@ -141,10 +141,10 @@ class SizingStage : public Stage {
     const double calm = edge_for(area, bends);
     double edge = calm, shortest = 0.0;
     if (options_.adaptive) {
-      const double most = kLongestShare * store_.diagonal();
-      edge = options_.max_edge > 0.0 ? options_.max_edge : std::fmin(kLongestOfCalm * calm, most);
-      const double least = std::fmin(kShortestOfCalm * calm, kShortestOfTolerance * options_.tolerance);
-      shortest = options_.min_edge > 0.0 ? options_.min_edge : std::fmin(least, edge);
+      const double maximum = kLongestShare * store_.diagonal();
+      edge = options_.max_edge > 0.0 ? options_.max_edge : std::fmin(kLongestOfCalm * calm, maximum);
+      const double minimum = std::fmin(kShortestOfCalm * calm, kShortestOfTolerance * options_.tolerance);
+      shortest = options_.min_edge > 0.0 ? options_.min_edge : std::fmin(minimum, edge);
       if (shortest > edge)
         throw UsageError("--min-edge " + number_text(shortest) +
                          " is more than edges would get by themselves, " + number_text(edge) +
@@ -180,13 +180,13 @@ class SizingStage : public Stage {
   /// \throws ValidationError  naming the least tolerance, rounded up
   void refuse_countless(double area, double edge) const {
     const double faces = area / (std::sqrt(3.0) / 4.0 * edge * edge);
-    const double most = std::fmax(kAlwaysFaces, kMostTimes * static_cast<double>(store_.face_count()));
-    if (!(faces > most)) return;
+    const double maximum = std::fmax(kAlwaysFaces, kMaxTimes * static_cast<double>(store_.face_count()));
+    if (!(faces > maximum)) return;
     throw ValidationError("within " + number_text(options_.tolerance) + " of this mesh of " +
                           std::to_string(store_.face_count()) + " faces edges of " + number_text(edge) +
                           " would make " + number_text(faces) +
                           " faces: the least --tolerance that can do is " +
-                          number_text(round_up_2_digits(options_.tolerance * faces / most)) +
+                          number_text(round_up_2_digits(options_.tolerance * faces / maximum)) +
                           (options_.adaptive ? ", or give --min-edge" : ", or give --edge or --faces too"));
   }
 

@@ -15,7 +15,7 @@ using json = nlohmann::json;
 
 constexpr double kScaleEdges = 4.0;
 constexpr std::uint64_t kTaskFaces = 1u << 19;
-constexpr std::uint64_t kMostTasks = 400;
+constexpr std::uint64_t kMaxTasks = 400;
 
 class BendsStage : public Stage {
  public:
@@ -30,7 +30,7 @@ class BendsStage : public Stage {
       return;
     }
     blocks_ = make_blocks(store_, {options_.block_faces});
-    const std::uint64_t target = std::max(kTaskFaces, store_.face_count() / kMostTasks);
+    const std::uint64_t target = std::max(kTaskFaces, store_.face_count() / kMaxTasks);
     std::uint64_t faces = target;
     for (std::size_t b = 0; b < blocks_.size(); ++b) {
       if (faces >= target) first_.push_back(b), faces = 0;
@@ -45,15 +45,15 @@ class BendsStage : public Stage {
   std::string unit_name() const override { return "faces"; }
 
   std::uint64_t task_bytes(std::size_t task) const override {
-    std::uint64_t most = 0;
+    std::uint64_t maximum = 0;
     for (std::size_t b = first_[task]; b < first_[task + 1]; ++b) {
       const auto near = store_.select(grown(store_.box_of(blocks_[b].patches), band_.radius));
       std::uint64_t vertices = 0, faces = 0;
       for (const std::size_t p : near)
         vertices += store_.patches()[p].vertices, faces += store_.patches()[p].faces;
-      most = std::max(most, bends_task_bytes(store_.block_bytes(near), vertices, faces));
+      maximum = std::max(maximum, bends_task_bytes(store_.block_bytes(near), vertices, faces));
     }
-    return most;
+    return maximum;
   }
 
   json run(std::size_t task, TaskContext& context) const override {
@@ -115,7 +115,7 @@ class BendsStage : public Stage {
         for (const std::uint32_t v : block.faces[f]) wanted[v] = 1;
     const std::vector<CurvatureTensor> bends = curvature_tensors(block, wanted, band_.radius);
     for (std::size_t v = 0; v < bends.size(); ++v) {
-      wanted[v] = wanted[v] && is_in_band(bends[v].across, bends[v].least, band_);
+      wanted[v] = wanted[v] && is_in_band(bends[v].across, bends[v].minimum, band_);
       if (wanted[v])
         part.vertices.push_back(
             {block.key[v], block.position[v], bends[v].normal, bends[v].along, bends[v].across});

@@ -19,7 +19,7 @@ namespace {
 
 using json = nlohmann::json;
 
-constexpr std::size_t kMostNamed = 20;  ///< blends that a warning names
+constexpr std::size_t kMaxNamed = 20;  ///< blends that a warning names
 constexpr int kBlendBits = 32;          ///< of a new key: vertices of one blend
 
 json to_json(const JumpSum& s) {
@@ -148,14 +148,14 @@ class BlendsStage : public Stage {
   }
 
   std::uint64_t finish_bytes() const override {
-    std::uint64_t most = 0;
+    std::uint64_t maximum = 0;
     for (std::size_t b = 0; b < tracks_.size(); ++b) {
       std::error_code error;
       const std::uintmax_t bytes = std::filesystem::file_size(work_ / blend_file(b), error);
-      if (!error) most += bytes;
+      if (!error) maximum += bytes;
     }
     // Faces in a table, edges of one blend in a set; reports.
-    return 4 * most + tracks_.size() * 4096 + (std::uint64_t{4} << 20);
+    return 4 * maximum + tracks_.size() * 4096 + (std::uint64_t{4} << 20);
   }
 
   json finish(const std::vector<json>& summaries, TaskContext& context) const override {
@@ -219,8 +219,8 @@ class BlendsStage : public Stage {
   static std::string warning(const std::vector<std::string>& left) {
     std::string text = std::to_string(left.size()) + (left.size() == 1 ? " blend stays" : " blends stay") +
                        " as in the input: ";
-    for (std::size_t i = 0; i < std::min(left.size(), kMostNamed); ++i) text += (i ? "; " : "") + left[i];
-    if (left.size() > kMostNamed) text += "; the others stand in the report";
+    for (std::size_t i = 0; i < std::min(left.size(), kMaxNamed); ++i) text += (i ? "; " : "") + left[i];
+    if (left.size() > kMaxNamed) text += "; the others stand in the report";
     return text;
   }
 

@@ -54,7 +54,7 @@ class ResampleApplyStage : public Stage {
   std::uint64_t units() const override { return patches_.size(); }
   std::string unit_name() const override { return "patches"; }
   std::uint64_t task_bytes(std::size_t task) const override {
-    std::uint64_t most = 0;
+    std::uint64_t maximum = 0;
     for (std::size_t i = task * kTaskPatches; i < end(task); ++i) {
       std::uint64_t bytes = 0, largest = 0;
       for (const std::size_t b : at_.at(patches_[i])) {
@@ -62,9 +62,9 @@ class ResampleApplyStage : public Stage {
         largest = std::max(largest, blends_[b].bytes);
       }
       // What it gets is at most all of them, twice while blocks merge.
-      most = std::max(most, 3 * store_.largest_patch_bytes() + 4 * bytes + 2 * largest);
+      maximum = std::max(maximum, 3 * store_.largest_patch_bytes() + 4 * bytes + 2 * largest);
     }
-    return most + (std::uint64_t{8} << 20);
+    return maximum + (std::uint64_t{8} << 20);
   }
 
   json run(std::size_t task, TaskContext& context) const override {

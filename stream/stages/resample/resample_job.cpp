@@ -64,9 +64,9 @@ JobDescription resample_job(const ResampleOptions& options) {
     if (options.blends == "auto") {
       const std::uint64_t block = std::min(mesh.faces, options.block_faces);
       needs.push_back({"bends", bends_task_bytes(surface_block_bytes(block), block / 2, block),
-                       bends_task_bytes(surface_block_bytes(std::min(mesh.faces, kMostAround * block)),
-                                        std::min(mesh.faces, kMostAround * block) / 2,
-                                        std::min(mesh.faces, kMostAround * block))});
+                       bends_task_bytes(surface_block_bytes(std::min(mesh.faces, kMaxAround * block)),
+                                        std::min(mesh.faces, kMaxAround * block) / 2,
+                                        std::min(mesh.faces, kMaxAround * block))});
     }
     for (const StageNeed& need : proof_needs(state.run, mesh.faces, mesh.faces)) needs.push_back(need);
     return needs;

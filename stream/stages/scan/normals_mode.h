@@ -28,8 +28,8 @@ inline constexpr double kGivenShare = 0.5, kGridShare = 0.9;
 inline constexpr double kCompleteShare = 0.95;
 /// Share of neighbours with contradicting normals from which given sides are not believed, and how many places at the
 /// border of a region that is turned over: scans with a common side have up to 0.003, and none.
-inline constexpr double kMostConflict = 0.005;
-inline constexpr std::uint64_t kMostSplits = 2;
+inline constexpr double kMaxConflict = 0.005;
+inline constexpr std::uint64_t kMaxSplits = 2;
 
 struct NormalsMode {
   bool estimate = false;    ///< fit planes; false = the given normals are used
@@ -57,10 +57,10 @@ struct NormalsMode {
         clean(options.outliers != "off") {
     if (options.normals == "given" && !plan.has_normals())
       throw UsageError("--normals given, but no input point carries a normal; use --normals auto");
-    const double least = plan.grid_normals ? kGridShare : kGivenShare;
-    estimate = options.normals == "estimate" || (options.normals == "auto" && plan.normal_fraction < least);
+    const double minimum = plan.grid_normals ? kGridShare : kGivenShare;
+    estimate = options.normals == "estimate" || (options.normals == "auto" && plan.normal_fraction < minimum);
     conflict = !estimate && !plan.grid_normals &&
-               (agreement.share() > kMostConflict || agreement.split > kMostSplits);
+               (agreement.share() > kMaxConflict || agreement.split > kMaxSplits);
     if (options.normals == "given" || estimate || plan.grid_normals) return;
     lines = conflict;
     completes = !lines && plan.normal_fraction < kCompleteShare;
@@ -84,11 +84,11 @@ struct NormalsMode {
     };
     if (sensor < plan.sensors.size()) return from(sensor);
     Double3 best = from(0);
-    double least = std::numeric_limits<double>::infinity();
+    double minimum = std::numeric_limits<double>::infinity();
     for (std::size_t s = 0; s < plan.sensors.size(); ++s) {
       const Double3 v = from(s);
       const double d = v[0] * v[0] + v[1] * v[1] + v[2] * v[2];
-      if (d < least) least = d, best = v;
+      if (d < minimum) minimum = d, best = v;
     }
     return best;
   }

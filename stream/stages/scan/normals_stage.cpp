@@ -123,7 +123,7 @@ class NormalsStage : public Stage {
       return fmt::format(
           "the given normals have no common side: {:.2g} % of neighbours on one surface contradict each "
           "other{}; {}",
-          percent, agreement_.split > kMostSplits ? ", and whole regions are turned over" : "",
+          percent, agreement_.split > kMaxSplits ? ", and whole regions are turned over" : "",
           mode_.lines
               ? "their directions are kept and their sides are found anew (--normals given takes them as "
                 "they are)"
@@ -281,7 +281,7 @@ class NormalsStage : public Stage {
 }  // namespace
 
 std::uint64_t normals_task_bytes(std::span<const BrickEntry> bricks, std::size_t first, std::size_t last) {
-  std::uint64_t most = 0;
+  std::uint64_t maximum = 0;
   for (std::size_t b = first; b < last; ++b) {
     const Int3 at = brick_of_key(bricks[b].key);
     std::uint64_t points = 0;
@@ -292,9 +292,9 @@ std::uint64_t normals_task_bytes(std::span<const BrickEntry> bricks, std::size_t
       // A neighbour lends at most the eighth of its blocks that touch the face.
       if (e) points += d == 13 ? e->points : e->points / 4;
     }
-    most = std::max(most, points);
+    maximum = std::max(maximum, points);
   }
-  return most * kBytesPerPoint + kFixedTaskBytes;
+  return maximum * kBytesPerPoint + kFixedTaskBytes;
 }
 
 std::unique_ptr<Stage> make_normals_stage(const JobState& state) {

@@ -60,7 +60,7 @@ std::string point_file_name(std::size_t bucket) {
 
 OrderStage::OrderStage(const JobState& job)
     : job_(job),
-      most_brick_points_(reconstruct_options(job).max_brick_points),
+      max_brick_points_(reconstruct_options(job).max_brick_points),
       plan_(Plan::of_work(job.work)),
       bricks_(load_plan_bricks(job.work / Plan::kBrickFile)),
       first_extent_(plan_.buckets.size() + 1) {
@@ -98,7 +98,7 @@ std::vector<BrickEntry> planned_bricks(const std::vector<PlanBrick>& bricks, std
 
 std::uint64_t OrderStage::task_bytes(std::size_t task) const {
   return order_task_bytes(plan_.buckets[task], bricks_, first_extent_[task + 1] - first_extent_[task],
-                          most_brick_points_);
+                          max_brick_points_);
 }
 
 template <typename Use>
@@ -147,7 +147,7 @@ OrderStage::Counts OrderStage::order_bucket(std::size_t task, TaskContext& conte
 }
 
 OrderStage::Counts OrderStage::order_hot_brick(std::size_t task, TaskContext& context) const {
-  HotBrick brick(most_brick_points_, kHotChunk);
+  HotBrick brick(max_brick_points_, kHotChunk);
   stream_bucket(task, context, [&](std::span<const PointRecord> chunk) { brick.count(chunk); });
   stream_bucket(task, context, [&](std::span<const PointRecord> chunk) {
     brick.add(chunk);
@@ -160,7 +160,7 @@ OrderStage::Counts OrderStage::order_hot_brick(std::size_t task, TaskContext& co
 }
 
 nlohmann::json OrderStage::run(std::size_t task, TaskContext& context) const {
-  const Counts c = is_hot(plan_.buckets[task], most_brick_points_) ? order_hot_brick(task, context)
+  const Counts c = is_hot(plan_.buckets[task], max_brick_points_) ? order_hot_brick(task, context)
                                                                    : order_bucket(task, context);
   context.count_written(c.bytes);
   return {{"points", c.kept}, {"duplicates", c.merged}, {"thinned", c.thinned}};
@@ -174,7 +174,7 @@ nlohmann::json OrderStage::finish(const std::vector<nlohmann::json>& summaries, 
     sum.merged += s.at("duplicates").get<std::uint64_t>();
     sum.thinned += s.at("thinned").get<std::uint64_t>();
   }
-  for (const PlanBucket& b : plan_.buckets) hot += is_hot(b, most_brick_points_) ? 1 : 0;
+  for (const PlanBucket& b : plan_.buckets) hot += is_hot(b, max_brick_points_) ? 1 : 0;
   if (sum.kept < 3)
     throw EmptyError("the input holds " + std::to_string(sum.kept) +
                      " different points; a surface needs at least three");

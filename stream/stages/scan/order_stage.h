@@ -40,7 +40,7 @@ class OrderStage : public Stage {
   void stream_bucket(std::size_t task, TaskContext& context, const Use& use) const;
 
   JobState job_;
-  std::uint64_t most_brick_points_;
+  std::uint64_t max_brick_points_;
   Plan plan_;
   std::vector<PlanBrick> bricks_;
   std::vector<std::uint64_t> first_extent_;  ///< per bucket, and one past

@@ -29,7 +29,7 @@ constexpr std::int64_t kGivenScale = 4 * kVoteScale;
 constexpr double kClearMajority = 0.75;
 /// Share of the level area below other surfaces up to which a scene was seen from above: 0 to 0.17 of landscapes,
 /// towns and quarries, 0.45 to 0.7 of objects and rooms.
-constexpr double kMostCovered = 0.3;
+constexpr double kMaxCovered = 0.3;
 
 /// `up` is taken to that part of its word: ceilings and the undersides of trees show downwards.
 constexpr std::int64_t kAboveShare = 8;
@@ -114,7 +114,7 @@ std::vector<PatchVote> votes_of_scene(const std::vector<JobSurfel>& surfels, std
   {
     const TopSurface tops(surfels, viewers.up);
     entry["covered_fraction"] = tops.covered_share();
-    if (viewers.scene == "above" || (viewers.scene == "auto" && tops.covered_share() < kMostCovered)) {
+    if (viewers.scene == "above" || (viewers.scene == "auto" && tops.covered_share() < kMaxCovered)) {
       entry["scene"] = kSeenFromAbove;
       return tops.votes(groups, kSkyScale);
     }
@@ -160,10 +160,10 @@ std::vector<PatchVote> votes_of_given(const std::vector<PatchFacts>& facts,
   }
   std::vector<PatchVote> votes;
   for (std::uint32_t g = 0; g < groups; ++g) {
-    const std::uint64_t most = std::max(of[g].agree, of[g].disagree), all = of[g].agree + of[g].disagree;
-    if (all == 0 || share(most, all) < kClearMajority) continue;
+    const std::uint64_t maximum = std::max(of[g].agree, of[g].disagree), all = of[g].agree + of[g].disagree;
+    if (all == 0 || share(maximum, all) < kClearMajority) continue;
     const std::int64_t vote = kGivenScale * surfels[g];
-    votes.push_back({g, groups, most == of[g].agree ? vote : 0, most == of[g].agree ? 0 : vote});
+    votes.push_back({g, groups, maximum == of[g].agree ? vote : 0, maximum == of[g].agree ? 0 : vote});
   }
   return votes;
 }

@@ -24,16 +24,16 @@ namespace {
 using json = nlohmann::json;
 
 constexpr std::size_t kCachedBricks = 256;
-constexpr std::uint64_t kMostBoundary =
+constexpr std::uint64_t kMaxBoundary =
     6 * 32 * 32 * 2;  ///< surfels of a brick's shell, two sheets everywhere
 // Outliers: fewer supporters than a share of the median point has, within limits that neither rim points of a thin
 // scan (above) nor pairs of stray points (below) fall foul of.
 constexpr std::uint64_t kMedianShare = 8;
 constexpr std::uint32_t kFewestSupporters = 3;
-constexpr std::uint32_t kMostSupporters = 16;
+constexpr std::uint32_t kMaxSupporters = 16;
 // Strays are rare. Where a share of the median calls more points so, density varies, as around a terrestrial scanner:
 // sparse samples are as true as dense ones, and only the lower limit tells strays.
-constexpr std::uint64_t kMostStrays = 20;  ///< one in so many
+constexpr std::uint64_t kMaxStrays = 20;  ///< one in so many
 
 constexpr double kNotable = 0.01;  ///< share of points in doubt from which the user is told
 
@@ -261,10 +261,10 @@ class OrientStage : public Stage {
     std::uint32_t median = 0;
     while (median + 1 < kSupporterBins && 2 * (below + histogram[median]) < all) below += histogram[median++];
     decisions.min_supporters = static_cast<std::uint32_t>(
-        std::clamp<std::uint64_t>(median / kMedianShare, kFewestSupporters, kMostSupporters));
+        std::clamp<std::uint64_t>(median / kMedianShare, kFewestSupporters, kMaxSupporters));
     std::uint64_t dropped = 0;
     for (std::uint32_t i = 0; i < decisions.min_supporters; ++i) dropped += histogram[i];
-    while (decisions.min_supporters > kFewestSupporters && dropped > all / kMostStrays)
+    while (decisions.min_supporters > kFewestSupporters && dropped > all / kMaxStrays)
       dropped -= histogram[--decisions.min_supporters];
     entry["median_supporters"] = median;
     entry["min_supporters"] = decisions.min_supporters;
@@ -285,7 +285,7 @@ class OrientStage : public Stage {
 }  // namespace
 
 std::uint64_t orient_task_bytes(std::uint64_t boundary, std::uint64_t patches) {
-  return std::min(boundary, kMostBoundary) * sizeof(Surfel) * kCachedBricks +
+  return std::min(boundary, kMaxBoundary) * sizeof(Surfel) * kCachedBricks +
          2 * 13 * patches * sizeof(PatchVote) + (8u << 20);
 }
 

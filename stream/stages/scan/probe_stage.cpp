@@ -30,7 +30,7 @@ constexpr LayeredSampler::Limits kSpacingPoints = {kLayerPoints, kLayerPoints, k
 // The first layer is so much coarser than the cell that the probe has told: that one follows the bulk of the points.
 constexpr double kCoarsest = 4.0;
 constexpr std::uint64_t kSmall = std::uint64_t{1} << 20;
-constexpr std::uint64_t kLeastMeasured = 100;
+constexpr std::uint64_t kMinMeasured = 100;
 constexpr const char* kProbeFile = "probe.json";
 constexpr const char* kSpacingFile = "spacing.json";
 
@@ -89,7 +89,7 @@ class NearestSquares {
   }
 
   std::vector<double> of(const Double3& p) const {
-    std::vector<double> least(rank_ + 1, std::numeric_limits<double>::infinity());
+    std::vector<double> minimum(rank_ + 1, std::numeric_limits<double>::infinity());
     for (std::size_t begin = 0; begin < axis_[0].size(); begin += kBatch) {
       std::array<double, kBatch> squared{};
       for (std::size_t a = 0; a < 3; ++a)
@@ -98,13 +98,13 @@ class NearestSquares {
           squared[i] += d * d;
         }
       for (const double d : squared)
-        if (d < least.back()) {
-          auto at = std::upper_bound(least.begin(), least.end(), d);
-          std::copy_backward(at, least.end() - 1, least.end());
+        if (d < minimum.back()) {
+          auto at = std::upper_bound(minimum.begin(), minimum.end(), d);
+          std::copy_backward(at, minimum.end() - 1, minimum.end());
           *at = d;
         }
     }
-    return least;
+    return minimum;
   }
 
  private:
@@ -171,7 +171,7 @@ class ProbeStage : public MeasuringStage {
   /// Distances within the sample, scaled to the whole as on a surface.
   static json measure(const std::vector<Double3>& sample, std::uint64_t points) {
     constexpr std::size_t kRank = 8;
-    constexpr double kMostSpread = 16.0;  // of the median distance; scans whose density varies reach 10
+    constexpr double kMaxSpread = 16.0;  // of the median distance; scans whose density varies reach 10
     ScaleHistogram nearest;
     ScaleHistogram eighth;
     const std::size_t queries = std::min(sample.size(), kProbeQueries);
@@ -184,7 +184,7 @@ class ProbeStage : public MeasuringStage {
     }
     const double scale = std::sqrt(static_cast<double>(sample.size()) / static_cast<double>(points));
     // Strewn points may be more than one in twenty: they must not make the cell too coarse for the surface.
-    const double eighth_most = std::min(eighth.quantile(0.95), kMostSpread * eighth.quantile(0.5));
+    const double eighth_most = std::min(eighth.quantile(0.95), kMaxSpread * eighth.quantile(0.5));
     const double eighth_95 = eighth_most * std::min(1.0, scale);
     const double nearest_50 = nearest.quantile(0.5) * std::min(1.0, scale);
     if (!std::isfinite(eighth_95))
@@ -244,7 +244,7 @@ class SpacingStage : public MeasuringStage {
     const std::vector<SpacingProbe> probes = layers.probes();
     SpacingSummary s = summarise_spacing(probes, {});
     const double guess = probe_.at("spacing_guess").get<double>();
-    const bool guessed = probes.size() < kLeastMeasured;
+    const bool guessed = probes.size() < kMinMeasured;
     if (guessed) s.dense = s.middle = s.wide = s.spacing = guess;
     s.noise = summarise_spacing({}, layers.residuals(3.0 * choose_spacing(s).h)).noise;
     ChosenSpacing chosen = choose_spacing(s);

@@ -29,7 +29,7 @@ constexpr double kLayerRatio = double{1 << LayeredSampler::kRatioBits};
 constexpr LayeredSampler::Limits kSamplePoints = {1u << 13, 1u << 15, 1u << 13, 1u << 13};
 constexpr double kQuantaPerBlock = double{kQuantaPerCell} * kLeafCells;
 constexpr std::size_t kWarningsPerTask = 8;
-constexpr std::uint64_t kMostEchoes =
+constexpr std::uint64_t kMaxEchoes =
     16;  ///< of a pulse (LAS: 15): every so many points one is a first return
 constexpr std::uint64_t kMergeBytesPerBrick = 384;  // merging, with slack for the tables made of it
 
@@ -138,10 +138,10 @@ std::vector<PlanBrick> lattice_bricks(const std::vector<BrickCount>& counts, con
 }  // namespace
 
 std::uint64_t bucket_target(const RunOptions& run, std::uint64_t points) {
-  constexpr std::uint64_t kMost = 1 << 20, kLeast = 1 << 14, kMaxBuckets = 600;
+  constexpr std::uint64_t kMax = 1 << 20, kMin = 1 << 14, kMaxBuckets = 600;
   constexpr std::uint64_t kWorthwhile = 1 << 16, kTasksPerThread = 4;  // a bucket is a task of later stages
   const auto threads = static_cast<std::uint64_t>(std::max(1, run.threads));
-  const std::uint64_t fits = std::clamp(run.memory_bytes / threads / 4 / 24, kLeast, kMost);
+  const std::uint64_t fits = std::clamp(run.memory_bytes / threads / 4 / 24, kMin, kMax);
   const std::uint64_t shared = std::max(points / (kTasksPerThread * threads), kWorthwhile);
   return std::max(std::min(fits, shared), points / kMaxBuckets);
 }
@@ -307,7 +307,7 @@ nlohmann::json SurveyStage::finish(const std::vector<nlohmann::json>& summaries,
   if (options_.normals == "estimate") plan.normal_fraction = 0.0;
   plan.grid_normals = plan.has_normals() && inputs_->has_grid_normals();
   // Some files say the same return of the same pulse for every point: that is no measurement.
-  if (tally.first_return >= tally.multi_return / kMostEchoes)
+  if (tally.first_return >= tally.multi_return / kMaxEchoes)
     plan.multi_return_fraction =
         static_cast<double>(tally.multi_return) / static_cast<double>(finite - tally.fates.absurd);
   plan.sensors = inputs_->sensors();

@@ -154,8 +154,8 @@ class CoarseStage : public Stage {
         count_(count_patch_sums(files_)) {
     entries_ = round_ == first_ ? count_.entries
                                 : ReadFile(work_ / matrix_file(first_)).size() / sizeof(CoarseEntry);
-    const std::uint64_t most = state.run.memory_bytes * 13 / 16, need = needed_bytes();
-    factor_bytes_ = std::min(kHeldFactorBytes * count_.unknowns, most > need ? most - need : 0);
+    const std::uint64_t maximum = state.run.memory_bytes * 13 / 16, need = needed_bytes();
+    factor_bytes_ = std::min(kHeldFactorBytes * count_.unknowns, maximum > need ? maximum - need : 0);
   }
 
   std::string name() const override { return coarse_folder(round_); }

@@ -14,20 +14,20 @@ FactorFile FactorFile::open(const std::filesystem::path& path, std::uint64_t mem
   FactorFile file(path, memory_bytes);
   file.reader_.emplace(path);
   file.size_ = file.reader_->size() / sizeof(double);
-  file.held_.resize(std::min(file.size_, file.most_held_));
+  file.held_.resize(std::min(file.size_, file.max_held_));
   file.reader_->read_at(0, file.held_.data(), file.held_.size() * sizeof(double));
   return file;
 }
 
 void FactorFile::reserve(std::uint64_t size) {
-  most_held_ = std::min(most_held_, size);
-  held_.reserve(most_held_);
+  max_held_ = std::min(max_held_, size);
+  held_.reserve(max_held_);
 }
 
 void FactorFile::append(std::span<const double> values) {
   writer_->write(values.data(), values.size_bytes());
   // A beginning without gaps: what does not fit as a whole ends it.
-  if (held_.size() == size_ && held_.size() + values.size() <= most_held_)
+  if (held_.size() == size_ && held_.size() + values.size() <= max_held_)
     held_.insert(held_.end(), values.begin(), values.end());
   size_ += values.size();
 }

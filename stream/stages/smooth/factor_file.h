@@ -32,10 +32,10 @@ class FactorFile final : public FactorStore {
 
  private:
   FactorFile(const std::filesystem::path& path, std::uint64_t memory_bytes)
-      : path_(path), most_held_(memory_bytes / sizeof(double)) {}
+      : path_(path), max_held_(memory_bytes / sizeof(double)) {}
 
   std::filesystem::path path_;
-  std::uint64_t most_held_, size_ = 0;
+  std::uint64_t max_held_, size_ = 0;
   std::vector<double> held_;
   std::unique_ptr<DirectFile> writer_;
   std::optional<ReadFile> reader_;

@@ -14,7 +14,7 @@ namespace {
 
 using json = nlohmann::json;
 
-constexpr std::uint64_t kMostVertices = std::uint64_t{1} << 16;  ///< of all patches that are looked at
+constexpr std::uint64_t kMaxVertices = std::uint64_t{1} << 16;  ///< of all patches that are looked at
 constexpr std::uint64_t kShare = 4;                              ///< one vertex of so many is measured there
 constexpr std::size_t kTaskPatches = 2;
 
@@ -38,7 +38,7 @@ class NoiseStage : public Stage {
     const auto place = [&](std::size_t p) { return mix(store_.patches()[p].key); };
     std::sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) { return place(a) < place(b); });
     std::uint64_t vertices = 0;
-    for (std::size_t i = 0; i < order.size() && vertices < kMostVertices; ++i) {
+    for (std::size_t i = 0; i < order.size() && vertices < kMaxVertices; ++i) {
       patches_.push_back(order[i]);
       vertices += store_.patches()[order[i]].vertices;
     }
@@ -50,16 +50,16 @@ class NoiseStage : public Stage {
   std::uint64_t units() const override { return patches_.size(); }
   std::string unit_name() const override { return "patches"; }
   std::uint64_t task_bytes(std::size_t task) const override {
-    std::uint64_t most = 0;
+    std::uint64_t maximum = 0;
     for (std::size_t i = first(task); i < first(task + 1); ++i) {
       std::uint64_t vertices = 0, faces = 0;
       for (const std::size_t p : store_.select(grown(store_.box_of({&patches_[i], 1}), margin()))) {
         vertices += store_.patches()[p].vertices;
         faces += store_.patches()[p].faces;
       }
-      most = std::max(most, noise_task_bytes(vertices, faces));
+      maximum = std::max(maximum, noise_task_bytes(vertices, faces));
     }
-    return most;
+    return maximum;
   }
 
   json run(std::size_t task, TaskContext& context) const override {

@@ -225,9 +225,9 @@ class SmoothStage : public Stage {
       const MeshBlock given = original_.load({&p, 1});
       patch.face_bound.clear();
       for (const auto& face : patch.faces) {
-        double most = 0.0;
-        for (const std::uint32_t v : face) most = std::max(most, norm(patch.position[v] - given.position[v]));
-        patch.face_bound.push_back(rounded_up(most * kRounding));
+        double maximum = 0.0;
+        for (const std::uint32_t v : face) maximum = std::max(maximum, norm(patch.position[v] - given.position[v]));
+        patch.face_bound.push_back(rounded_up(maximum * kRounding));
       }
     }
     writer.add(entry.key, patch);

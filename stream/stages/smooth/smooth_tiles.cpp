@@ -14,7 +14,7 @@ namespace tessera {
 namespace {
 
 constexpr std::uint64_t kTaskFaces = 500'000;  ///< a task is worth a file from about this many
-constexpr std::uint64_t kMostTasks = 400;
+constexpr std::uint64_t kMaxTasks = 400;
 /// How far edges in line reach beyond the mean one: the diagonals of a regular grid 1.22 times, and some more.
 constexpr double kInLine = 1.25;
 
@@ -165,7 +165,7 @@ std::vector<SmoothTask> make_smooth_tasks(const MeshStore& store, const PatchRea
   std::vector<std::size_t> all(store.patches().size());
   std::iota(all.begin(), all.end(), std::size_t{0});
   cutter.cut(all);
-  const std::uint64_t target = std::max(kTaskFaces, store.face_count() / kMostTasks);
+  const std::uint64_t target = std::max(kTaskFaces, store.face_count() / kMaxTasks);
   std::vector<SmoothTask> tasks;
   SmoothTask task;
   std::uint64_t faces = 0;

@@ -99,9 +99,9 @@ SolidModel csg_model(const CsgOptions& options) {
       bounds.join(join);
     }
   }
-  if (meshes + shapes > kMostOperands)
+  if (meshes + shapes > kMaxOperands)
     throw InputError("the scene has " + std::to_string(meshes + shapes) + " solids, more than " +
-                     std::to_string(kMostOperands) + ": unite some of them first");
+                     std::to_string(kMaxOperands) + ": unite some of them first");
   if (!model.tree.is_complete(meshes + shapes)) throw InputError("the scene is no tree of solids");
   if (!bounds.all())
     throw InputError("the scene has no end, half-spaces reach out of it: intersect them with a solid");

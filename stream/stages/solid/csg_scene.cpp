@@ -16,7 +16,7 @@ namespace {
 
 using json = nlohmann::json;
 
-constexpr int kMostDeep = 1000;  ///< what a scene nests: it is read by functions that call themselves
+constexpr int kMaxDeep = 1000;  ///< what a scene nests: it is read by functions that call themselves
 
 json numbers_of_placement(const Placement& p) {
   json out = json::array();
@@ -153,8 +153,8 @@ class SceneFile {
 
   void node(const json& n, const Placement& outer) {
     const Deeper level(depth_);
-    if (depth_ > kMostDeep)
-      fail("solids stand in each other more than " + std::to_string(kMostDeep) + " deep");
+    if (depth_ > kMaxDeep)
+      fail("solids stand in each other more than " + std::to_string(kMaxDeep) + " deep");
     if (!n.is_object()) fail("a solid is an object, e.g. {\"mesh\": \"a.ply\"}");
     if (n.contains("scan")) {
       scan(n, outer.after(placement(n)));

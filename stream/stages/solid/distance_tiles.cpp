@@ -98,10 +98,10 @@ std::uint64_t DistanceTiles::tile_bytes(const Tile& tile) const {
 }
 
 std::uint64_t DistanceTiles::task_bytes(std::size_t task) const {
-  std::uint64_t most = 0;
+  std::uint64_t maximum = 0;
   for (const std::uint64_t cube : groups_[task])
-    for (const Tile& tile : tiles_of(cube)) most = std::max(most, tile_bytes(tile));
-  return most + signs_.bytes() + kTileTaskBytes;
+    for (const Tile& tile : tiles_of(cube)) maximum = std::max(maximum, tile_bytes(tile));
+  return maximum + signs_.bytes() + kTileTaskBytes;
 }
 
 MeshBlock DistanceTiles::load(const Tile& tile) const {

@@ -26,7 +26,7 @@ namespace {
 using json = nlohmann::json;
 
 constexpr int kCube = kBrickCells;  ///< edge of an octree, nodes
-constexpr std::size_t kMostTasks = 400;
+constexpr std::size_t kMaxTasks = 400;
 constexpr std::uint64_t kFixedTaskBytes = std::uint64_t{12} << 20;  ///< write buffers, values kept of a brick
 constexpr std::uint64_t kSamples =
     4000;  ///< of an octree: where it is measured, at most; fewer in small ones
@@ -64,7 +64,7 @@ class BoxOfSolids {
   const Int3& high() const { return high_; }  ///< nodes [low, high), bricks
   /// Bricks of the box, x fastest, as many to a task as to any other.
   std::uint64_t cubes() const { return along(0) * along(1) * along(2); }
-  std::size_t tasks() const { return std::min<std::uint64_t>(kMostTasks, cubes()); }
+  std::size_t tasks() const { return std::min<std::uint64_t>(kMaxTasks, cubes()); }
   std::uint64_t first_cube(std::size_t task) const { return cubes() * task / tasks(); }
   Int3 corner(std::uint64_t cube) const {
     return {low_[0] + static_cast<int>(cube % along(0)) * kCube,
@@ -164,12 +164,12 @@ class CellsStage : public FarStage {
  public:
   CellsStage(const JobState& state, const SolidModel& model)
       : FarStage(state), tolerance_(model.tolerance / box_.plan().lattice.h) {
-    if (tolerance_ < kLeastTolerance)
+    if (tolerance_ < kMinTolerance)
       throw UsageError("--tolerance " + number_text(model.tolerance) +
                        ": cells are no smaller than those of the lattice, " +
                        number_text(box_.plan().lattice.h) +
                        " wide, which do not keep it: give a --resolution of at most " +
-                       number_text(model.tolerance / kLeastTolerance));
+                       number_text(model.tolerance / kMinTolerance));
   }
   std::string name() const override { return "cells"; }
   std::uint64_t task_bytes(std::size_t) const override {
@@ -233,7 +233,7 @@ class CellsStage : public FarStage {
   }
 
  private:
-  static constexpr double kLeastTolerance = 2.0 * kBetweenNodes;  ///< cells
+  static constexpr double kMinTolerance = 2.0 * kBetweenNodes;  ///< cells
 
   /// At places that have nothing to do with nodes. Sides are those of the nearest node, where the surface does not pass
   /// between; else both sides are taken for right.

@@ -15,7 +15,7 @@ namespace {
 using json = nlohmann::json;
 
 constexpr double kCellsOfDiagonal = 300.0;
-constexpr double kLeastWall = 2.0;      ///< of a shell, cells
+constexpr double kMinWall = 2.0;      ///< of a shell, cells
 constexpr double kOtherUnits = 1000.0;  ///< diagonals that differ so much: a warning
 constexpr double kFarthest = 0x1p120;   ///< of any node from zero: what is written is told in floats
 
@@ -33,7 +33,7 @@ class LatticeStage : public SerialStage {
 
   json finish(const std::vector<json>&, TaskContext& context) const override {
     MeshBox box;
-    double least = 0.0, most = 0.0;
+    double minimum = 0.0, maximum = 0.0;
     std::uint64_t faces = 0;
     bool any = false;
     const auto add = [&](const MeshBox& more) {
@@ -42,8 +42,8 @@ class LatticeStage : public SerialStage {
         box.high[a] = any ? std::max(box.high[a], more.high[a]) : more.high[a];
       }
       const double diagonal = norm(more.high - more.low);
-      least = any ? std::min(least, diagonal) : diagonal;
-      most = std::max(most, diagonal);
+      minimum = any ? std::min(minimum, diagonal) : diagonal;
+      maximum = std::max(maximum, diagonal);
       any = true;
     };
     for (const PlacedMesh& mesh : model_.meshes)
@@ -62,11 +62,11 @@ class LatticeStage : public SerialStage {
         model_.resolution > 0.0 ? model_.resolution : round_up_2_digits(diagonal / kCellsOfDiagonal);
     plan.resolution_reason = model_.resolution > 0.0 ? "given" : "a 300th of the diagonal";
     const double brick = plan.lattice.h * kBrickCells;
-    if (model_.shell > 0.0 && model_.shell < kLeastWall * plan.lattice.h)
+    if (model_.shell > 0.0 && model_.shell < kMinWall * plan.lattice.h)
       throw UsageError("--shell " + number_text(model_.shell) + ": a wall is at least " +
-                       number_text(kLeastWall) + " cells thick, and a cell is " +
+                       number_text(kMinWall) + " cells thick, and a cell is " +
                        number_text(plan.lattice.h) + " wide: give a --resolution of at most " +
-                       number_text(model_.shell / kLeastWall));
+                       number_text(model_.shell / kMinWall));
     const double grown = std::max(0.0, model_.offset) * model_.mitre;
     for (std::size_t a = 0; a < 3; ++a) box.low[a] -= grown, box.high[a] += grown;
     double farthest = 0.0;
@@ -91,8 +91,8 @@ class LatticeStage : public SerialStage {
                 {"resolution_reason", plan.resolution_reason},
                 {"faces", faces},
                 {"diagonal", diagonal}};
-    if (most > kOtherUnits * least)
-      out["warnings"] = {"the solids are " + number_text(least) + " and " + number_text(most) +
+    if (maximum > kOtherUnits * minimum)
+      out["warnings"] = {"the solids are " + number_text(minimum) + " and " + number_text(maximum) +
                          " wide: are they in the same units?"};
     return out;
   }

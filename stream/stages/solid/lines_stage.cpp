@@ -20,7 +20,7 @@ namespace {
 using json = nlohmann::json;
 
 constexpr std::uint64_t kTaskFaces = 200'000;
-constexpr std::size_t kMostLeaves = 1u << 15;  ///< held by a task before they go to its file
+constexpr std::size_t kMaxLeaves = 1u << 15;  ///< held by a task before they go to its file
 constexpr std::uint64_t kSortBytes = std::uint64_t{16} << 20;
 constexpr std::size_t kLinePage = 1u << 12;
 /// Triangles are crossed with the lattice in cubes of so many cells, so that large ones do not fill the memory.
@@ -100,15 +100,15 @@ class LinesStage : public Stage {
 
   std::uint64_t task_bytes(std::size_t task) const override {
     const LinesTask& t = tasks_[task];
-    std::uint64_t most = 0;
+    std::uint64_t maximum = 0;
     for (std::size_t p = t.first; p < t.end; ++p) {
       const MeshPatchEntry& e = stores_[t.input].patches()[p];
-      most = std::max<std::uint64_t>(most, MeshStore::block_bytes(e.vertices, e.faces) + 24ull * e.vertices +
+      maximum = std::max<std::uint64_t>(maximum, MeshStore::block_bytes(e.vertices, e.faces) + 24ull * e.vertices +
                                                6 * sizeof(BorderEdge) * std::uint64_t{e.faces});
     }
     // Crossings of one triangle in one cube; leaves with their index; output buffers.
-    return most + std::uint64_t{12} * kChunk * kChunk * sizeof(LatticeCrossing) / 4 +
-           kMostLeaves * (2 * sizeof(LeafTurns) + 64) + 2 * DirectFile::kDefaultBuffer +
+    return maximum + std::uint64_t{12} * kChunk * kChunk * sizeof(LatticeCrossing) / 4 +
+           kMaxLeaves * (2 * sizeof(LeafTurns) + 64) + 2 * DirectFile::kDefaultBuffer +
            (std::uint64_t{4} << 20);
   }
 
@@ -186,7 +186,7 @@ class LinesStage : public Stage {
       const std::uint64_t key =
           leaf_row_key({node[0] >> kLeafBits, node[1] >> kLeafBits, node[2] >> kLeafBits});
       if (last_ < leaves_.size() && leaves_[last_].key == key) return leaves_[last_];
-      if (leaves_.size() == kMostLeaves) flush();
+      if (leaves_.size() == kMaxLeaves) flush();
       const auto [it, fresh] = index_.try_emplace(key, static_cast<std::uint32_t>(leaves_.size()));
       if (fresh) leaves_.emplace_back().key = key;
       last_ = it->second;
@@ -213,9 +213,9 @@ class LinesStage : public Stage {
              std::int64_t& volume) const {
     Int3 low, high;
     for (std::size_t k = 0; k < 3; ++k) {
-      const auto [least, most] = std::minmax({triangle[0][k], triangle[1][k], triangle[2][k]});
-      low[k] = static_cast<std::int32_t>((least >> kSolidQuantumBits) - 1);
-      high[k] = static_cast<std::int32_t>((most >> kSolidQuantumBits) + 1);
+      const auto [minimum, maximum] = std::minmax({triangle[0][k], triangle[1][k], triangle[2][k]});
+      low[k] = static_cast<std::int32_t>((minimum >> kSolidQuantumBits) - 1);
+      high[k] = static_cast<std::int32_t>((maximum >> kSolidQuantumBits) + 1);
     }
     Int3 at;
     for (at[2] = low[2]; at[2] <= high[2]; at[2] += kChunk)

@@ -10,7 +10,7 @@
 namespace tessera {
 namespace {
 
-constexpr std::uint64_t kLeastLine = 6;  ///< bytes of a line with three numbers
+constexpr std::uint64_t kMinLine = 6;  ///< bytes of a line with three numbers
 
 /// Lines of three numbers; empty ones and comments (#) are passed over.
 std::vector<Double3> read_tool_path(const std::filesystem::path& path) {
@@ -54,7 +54,7 @@ std::unique_ptr<SolidShape> make_placed_shape(const JobState& state, const Place
 std::uint64_t placed_shape_bytes(const JobState& state, const PlacedShape& shape) {
   const auto* mill = std::get_if<MillShape>(&shape);
   if (!mill) return 0;
-  const std::uint64_t points = std::filesystem::file_size(state.inputs.at(mill->path)) / kLeastLine + 1;
+  const std::uint64_t points = std::filesystem::file_size(state.inputs.at(mill->path)) / kMinLine + 1;
   return SweptTool::bytes(points) + 24 * points + 2 * LineReader::kLongestLine;
 }
 

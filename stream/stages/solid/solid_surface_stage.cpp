@@ -49,9 +49,9 @@ class SolidSurfaceStage : public Stage {
   std::string unit_name() const override { return "tiles"; }
 
   std::uint64_t task_bytes(std::size_t task) const override {
-    std::uint64_t most = 0;
-    for (const Tile& tile : groups_[task]) most = std::max(most, tiling_.tile_bytes(tile));
-    return most + patch_bytes_ + shared_bytes_ + kSurfaceTaskBytes;
+    std::uint64_t maximum = 0;
+    for (const Tile& tile : groups_[task]) maximum = std::max(maximum, tiling_.tile_bytes(tile));
+    return maximum + patch_bytes_ + shared_bytes_ + kSurfaceTaskBytes;
   }
 
   json run(std::size_t task, TaskContext& context) const override {

@@ -8,7 +8,7 @@ namespace {
 
 constexpr std::uint64_t kSmallJob = 4096;  ///< leaves up to which tasks are cubes of 2^3 bricks, else of 4^3
 constexpr std::uint64_t kGroupLeaves = 1000;  ///< a task is worth a file from about this many leaves
-constexpr std::uint64_t kMostGroups = 400;
+constexpr std::uint64_t kMaxGroups = 400;
 /// Leaves with nodes of cells at a crossing, per leaf with one: a plane through corners of leaves has as many.
 constexpr std::uint64_t kLeavesPerOccupied = 4;
 /// A patch while it is extracted: 128 cells at the surface, a feature sample in each.
@@ -42,9 +42,9 @@ std::uint64_t SolidTiling::tile_bytes(const Tile& tile) const {
          std::min(kBrickLeafCount, leaves) * kPatchBytesPerLeaf;
 }
 
-void SolidTiling::split(const Tile& tile, int most_bricks, std::uint64_t most_bytes, TileGroup& out) const {
+void SolidTiling::split(const Tile& tile, int max_bricks, std::uint64_t max_bytes, TileGroup& out) const {
   if (!open_ && load(solid_block(tile)).leaves == 0) return;
-  if (tile.bricks == 1 || (tile.bricks <= most_bricks && tile_bytes(tile) <= most_bytes)) {
+  if (tile.bricks == 1 || (tile.bricks <= max_bricks && tile_bytes(tile) <= max_bytes)) {
     out.push_back(tile);
     return;
   }
@@ -53,10 +53,10 @@ void SolidTiling::split(const Tile& tile, int most_bricks, std::uint64_t most_by
     split({{tile.brick[0] + (child & 1) * half, tile.brick[1] + (child >> 1 & 1) * half,
             tile.brick[2] + (child >> 2 & 1) * half},
            half},
-          most_bricks, most_bytes, out);
+          max_bricks, max_bytes, out);
 }
 
-std::vector<TileGroup> SolidTiling::groups(int most_bricks, std::uint64_t most_bytes) const {
+std::vector<TileGroup> SolidTiling::groups(int max_bricks, std::uint64_t max_bytes) const {
   const int super = leaves_ < kSmallJob ? 2 : 4;
   const int shift = 3 * (std::bit_width(static_cast<unsigned>(super)) - 1);
   std::vector<std::uint64_t> cubes;
@@ -82,14 +82,14 @@ std::vector<TileGroup> SolidTiling::groups(int most_bricks, std::uint64_t most_b
       if (cubes.size() > (1u << 20)) unique();
     }
   unique();
-  const std::uint64_t target = std::max(kGroupLeaves, leaves_ / kMostGroups);
+  const std::uint64_t target = std::max(kGroupLeaves, leaves_ / kMaxGroups);
   std::vector<TileGroup> groups;
   TileGroup group;
   std::uint64_t leaves = 0;
   for (const std::uint64_t cube : cubes) {
     const Tile all{brick_of_key(cube << shift), super};
     const std::size_t before = group.size();
-    split(all, most_bricks, most_bytes, group);
+    split(all, max_bricks, max_bytes, group);
     if (group.size() == before) continue;
     leaves += load(solid_block(all)).leaves + (open_ ? 16 : 0);
     if (leaves < target) continue;

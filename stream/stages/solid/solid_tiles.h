@@ -47,11 +47,11 @@ class SolidTiling {
   /// Upper bound of what the field of a tile and its patches take.
   std::uint64_t tile_bytes(const Tile& tile) const;
   /// Tasks in Morton order; they depend on the solids alone.
-  /// \param most_bricks  edge of a tile  \param most_bytes  tiles over it are split down to one brick
-  std::vector<TileGroup> groups(int most_bricks, std::uint64_t most_bytes) const;
+  /// \param max_bricks  edge of a tile  \param max_bytes  tiles over it are split down to one brick
+  std::vector<TileGroup> groups(int max_bricks, std::uint64_t max_bytes) const;
 
  private:
-  void split(const Tile& tile, int most_bricks, std::uint64_t most_bytes, TileGroup& out) const;
+  void split(const Tile& tile, int max_bricks, std::uint64_t max_bytes, TileGroup& out) const;
   std::vector<const LineWindings*> tables_;
   Int3 low_, high_;
   bool open_;

@@ -117,7 +117,7 @@ class BorderStage : public Stage {
 }  // namespace
 
 std::uint64_t border_task_bytes(std::span<const PatchEntry> patches) {
-  return StripReader::bytes(patches) + kMostStripFaces * kKernelBytes + kBorderFixedBytes;
+  return StripReader::bytes(patches) + kMaxStripFaces * kKernelBytes + kBorderFixedBytes;
 }
 
 std::unique_ptr<Stage> make_border_stage(const JobState& state) {

@@ -65,7 +65,7 @@ void StripReader::read(std::size_t patch, Strip& strip) {
       face.border |= static_cast<std::uint32_t>(c.border) << i;
     }
     if (face.border == 0) continue;
-    strip.torn = strip.faces.size() == kMostStripFaces;
+    strip.torn = strip.faces.size() == kMaxStripFaces;
     if (strip.torn) return;
     strip.faces.push_back(face);
   }
@@ -103,7 +103,7 @@ bool StripReader::gather(std::size_t patch, int reach, std::vector<StripFace>& f
       bool near = false;
       for (std::size_t i = 0; i < 3 && !near; ++i) near = is_near(f, i, here, reach);
       if (!near) continue;
-      if (faces.size() == kMostStripFaces) return false;
+      if (faces.size() == kMaxStripFaces) return false;
       faces.push_back(f);
     }
   }
@@ -116,7 +116,7 @@ std::uint64_t StripReader::bytes(std::span<const PatchEntry> patches) {
     vertices = std::max<std::uint64_t>(vertices, 56ull * e.vertices + 56ull * e.foreign);
     faces = std::max<std::uint64_t>(faces, 13ull * e.faces);
   }
-  return kCachedPatches * vertices / 3 + 2 * vertices + faces + 2 * kMostStripFaces * sizeof(StripFace) +
+  return kCachedPatches * vertices / 3 + 2 * vertices + faces + 2 * kMaxStripFaces * sizeof(StripFace) +
          kCachedStripBytes + NumberedPatches::kCacheBytes;
 }
 

@@ -20,7 +20,7 @@ struct StripFace {
 };
 
 /// Faces at the border of a brick and of what it sees around it: beyond, it is torn to shreds that no line bounds.
-inline constexpr std::size_t kMostStripFaces = 40'000;
+inline constexpr std::size_t kMaxStripFaces = 40'000;
 
 /// Reads the patches around the one at work, and keeps what it may need again. One thread's.
 class StripReader {
@@ -32,7 +32,7 @@ class StripReader {
   bool has_border(std::size_t patch) const;
   /// Faces at the border of which a vertex lies within `reach` cells of the patch's brick, patches in ascending order.
   /// \pre 0 <= reach <= 60: farther than the bricks around it sees nothing
-  /// \returns false if there are more than kMostStripFaces, or in one of the bricks
+  /// \returns false if there are more than kMaxStripFaces, or in one of the bricks
   bool gather(std::size_t patch, int reach, std::vector<StripFace>& faces);
   /// Corner i of a face, in cells from the min corner of `brick`.
   Double3 corner(const StripFace& face, std::size_t i, const Int3& brick) const;

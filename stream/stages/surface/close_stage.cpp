@@ -62,14 +62,14 @@ class CloseStage : public SerialStage {
 
   std::uint64_t finish_bytes() const override {
     if (!mode_.close) return 1u << 20;
-    CloseCounts most{0, 0, multipoles_->far().bytes(), 0};
-    for (const BrickSection& b : rims_->bricks()) most.rims += b.extra;
+    CloseCounts maximum{0, 0, multipoles_->far().bytes(), 0};
+    for (const BrickSection& b : rims_->bricks()) maximum.rims += b.extra;
     std::uint64_t bytes = 0;
     for (const BrickEntry& brick : points_->bricks()) {
       const Int3 corner = corner_of(brick_of_key(brick.key));
-      most.visit_points = points_->count_bound(corner, kEdges, MultipoleStore::kHaloCells);
-      most.near_bytes = multipoles_->near_bytes(corner, kEdges);
-      bytes = std::max(bytes, close_bytes(state_.run, most));
+      maximum.visit_points = points_->count_bound(corner, kEdges, MultipoleStore::kHaloCells);
+      maximum.near_bytes = multipoles_->near_bytes(corner, kEdges);
+      bytes = std::max(bytes, close_bytes(state_.run, maximum));
     }
     return bytes;
   }
@@ -235,10 +235,10 @@ class CloseStage : public SerialStage {
     options.level = sheet ? 0.0f : sum[2] >= sum[0] ? 0.5f : -0.5f;
     const double given = mode_.limit / plan_.lattice.h;
     const double limit = given > 0.0 ? given : sheet ? kDefaultSheetLimit : 0.0;
-    if (limit > double{kMostClosingLimit})
+    if (limit > double{kMaxClosingLimit})
       throw UsageError(
           "--holes " + reconstruct_options(state_).holes + ": at most " +
-          json(double{kMostClosingLimit} * plan_.lattice.h).dump() +
+          json(double{kMaxClosingLimit} * plan_.lattice.h).dump() +
           " (56 lattice spacings) can be bridged; a closed object needs no limit: --holes close");
     options.limit = static_cast<float>(limit);
     const json decision = {{"level", options.level},

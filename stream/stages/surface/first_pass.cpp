@@ -24,7 +24,7 @@ namespace {
 using json = nlohmann::json;
 
 constexpr std::uint64_t kCube = 64, kOctant = 8;  ///< bricks of a block; of an eighth of one
-constexpr std::uint64_t kMostFaces =
+constexpr std::uint64_t kMaxFaces =
     3u << 16;  ///< where a block has more, its eighths are blocks: level ground has 2^17
 constexpr std::uint64_t kBytesPerFace =
     96 + 80;  ///< merged block, what becomes of it; its patches are gone by then
@@ -152,7 +152,7 @@ struct FirstPass::Impl {
   const MeshFrame frame;
   const MeshStoreInfo info;
   DecimateOptions kernel;
-  std::uint64_t least_faces = 0;  ///< islands with fewer go
+  std::uint64_t min_faces = 0;  ///< islands with fewer go
   MeshFileWriter full;
   std::optional<MeshFileWriter> first;  ///< where the first pass runs here
   /// Bricks of the largest blocks, of those at work. Without a first pass blocks only tell islands: with levels the
@@ -173,7 +173,7 @@ struct FirstPass::Impl {
         info(info_of(frame)),
         full(c.create(kFullFolder + task_file_stem(t) + ".tmm"), info) {
     const ReconstructOptions options = reconstruct_options(state);
-    least_faces = options.min_component != 0 ? options.min_component : automatic_min_component(0);
+    min_faces = options.min_component != 0 ? options.min_component : automatic_min_component(0);
     if (fuses_first_pass(options)) {
       first.emplace(c.create(kFirstPassFolder + task_file_stem(t) + ".tmm"), info);
       cube = block_bricks = kCube;
@@ -194,7 +194,7 @@ struct FirstPass::Impl {
     block_faces += mesh.faces.size();
     pieces.push_back({next, std::move(mesh)});
     if (block_bricks == 1) return flush();
-    while (block_faces > kMostFaces && block_bricks > 1) divide_block();
+    while (block_faces > kMaxFaces && block_bricks > 1) divide_block();
   }
   void begin_block(std::uint64_t bricks) {
     flush();
@@ -266,7 +266,7 @@ struct FirstPass::Impl {
     std::vector<std::uint8_t> goes(components.faces.size(), 0);
     bool any = false;
     for (std::size_t c = 0; c < goes.size(); ++c) {
-      if (components.open[c] || components.faces[c] >= least_faces) continue;
+      if (components.open[c] || components.faces[c] >= min_faces) continue;
       goes[c] = any = true;
       ++dropped;
       dropped_faces += components.faces[c];
@@ -305,7 +305,7 @@ json FirstPass::finish() {
 }
 
 std::uint64_t FirstPass::bytes(std::uint64_t block_faces, std::uint64_t brick_faces) {
-  const std::uint64_t faces = std::max(std::min(block_faces, kMostFaces), brick_faces);
+  const std::uint64_t faces = std::max(std::min(block_faces, kMaxFaces), brick_faces);
   // Of a block that turns out too large, what waits and what is at work are together as much and one brick more.
   return (faces + brick_faces) * kBytesPerFace + decimate_bytes(faces, 0) + 2 * DirectFile::kDefaultBuffer +
          (std::uint64_t{2} << 20);

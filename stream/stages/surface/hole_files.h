@@ -23,10 +23,10 @@ constexpr std::uint64_t loop_bytes(std::uint64_t n) {
 }
 
 /// Loops of so many edges every brick finds alone: half of one reaches no farther than the faces that it sees.
-inline constexpr std::uint32_t kMostShortEdges = 40;
+inline constexpr std::uint32_t kMaxShortEdges = 40;
 /// A batch of loops ends when it may need so many new vertices.
 constexpr std::uint64_t batch_vertices(std::uint64_t max_hole) {
-  return max_hole <= kMostShortEdges ? 25'000 : 200'000;
+  return max_hole <= kMaxShortEdges ? 25'000 : 200'000;
 }
 /// Memory of a task that fills loops of at most `max_hole` edges: the kernel, and the batch with its fillings.
 constexpr std::uint64_t hole_task_bytes(std::uint64_t max_hole) {

@@ -13,7 +13,7 @@ namespace tessera {
 struct HoleLimit {
   std::uint32_t edges = 0;                                 ///< of the rim, at most; 0 = none are filled
   double width = std::numeric_limits<double>::infinity();  ///< cells: 4 area / length of the rim, at most
-  double least_cosine = -1.0;                              ///< between faces that meet in a filling
+  double min_cosine = -1.0;                              ///< between faces that meet in a filling
   /// Of a batch of fillings.
   std::uint64_t filling_bytes() const { return edges > 0 ? batch_vertices(edges) * (24 + 48) : 0; }
 };
@@ -24,7 +24,7 @@ struct HoleLimit {
 inline HoleLimit hole_limit(const ReconstructOptions& options, const Plan& plan) {
   if (options.max_hole != "auto") return {options.max_hole_edges()};
   if (!options.smooths_border() || !(plan.noise_cells > 0.0)) return {};
-  return {kMostShortEdges, plan.radius_cells, 0.0};
+  return {kMaxShortEdges, plan.radius_cells, 0.0};
 }
 
 }  // namespace tessera

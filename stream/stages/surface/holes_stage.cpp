@@ -43,7 +43,7 @@ class HolesStage : public Stage {
       for (auto* list : {&loop.position, &loop.opposite})
         for (Double3& p : *list)
           for (std::size_t a = 0; a < 3; ++a) p[a] -= corner[a];
-      const HoleFilling filling = fill_hole(loop, limit_.width, limit_.least_cosine);
+      const HoleFilling filling = fill_hole(loop, limit_.width, limit_.min_cosine);
       ++outcomes[static_cast<std::size_t>(filling.outcome)];
       if (filling.outcome != HoleOutcome::kFilled) continue;
       stiff += !filling.fair;

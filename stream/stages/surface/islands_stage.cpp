@@ -192,15 +192,15 @@ class PruneStage : public Stage {
   std::uint64_t units() const override { return dropped_.size(); }
   std::string unit_name() const override { return "islands"; }
   std::uint64_t task_bytes(std::size_t task) const override {
-    std::uint64_t most = 0;
+    std::uint64_t maximum = 0;
     for (std::size_t i = first_[task]; i < first_[task + 1]; ++i) {
       const IslandPart& p = dropped_[i].part;
       std::vector<std::size_t> patches;
       for (std::uint64_t b = p.brick; b < p.brick + p.bricks; ++b)
         if (const std::int64_t at = full_.find(b); at >= 0) patches.push_back(static_cast<std::size_t>(at));
-      most = std::max(most, full_.block_bytes(patches));
+      maximum = std::max(maximum, full_.block_bytes(patches));
     }
-    return prune_task_bytes(most);
+    return prune_task_bytes(maximum);
   }
 
   json run(std::size_t task, TaskContext& context) const override {

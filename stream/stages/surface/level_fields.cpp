@@ -12,15 +12,15 @@ class Part {
       : points_(points), by_(by) {
     for (std::size_t a = 0; a < 3; ++a) {  // exact: a few thousand cells
       offset_[a] = static_cast<float>(points.origin[a]) * by - static_cast<float>(low[a]);
-      least_[a] = static_cast<float>(-halo);
-      most_[a] = static_cast<float>(cells[a] + halo);
+      min_[a] = static_cast<float>(-halo);
+      max_[a] = static_cast<float>(cells[a] + halo);
     }
   }
   bool holds(std::size_t i, Float3& p) const {
     const Float3 at = {points_.x[i], points_.y[i], points_.z[i]};
     for (std::size_t a = 0; a < 3; ++a) {
       p[a] = at[a] * by_ + offset_[a];
-      if (p[a] < least_[a] || p[a] >= most_[a]) return false;
+      if (p[a] < min_[a] || p[a] >= max_[a]) return false;
     }
     return true;
   }
@@ -28,7 +28,7 @@ class Part {
  private:
   const PointBlock& points_;
   float by_;
-  Float3 offset_, least_, most_;
+  Float3 offset_, min_, max_;
 };
 NodeFilter filter(const PointBlock& block, const std::function<bool(const Int3&)>& wanted) {
   return [&block, &wanted](const Int3& leaf) {

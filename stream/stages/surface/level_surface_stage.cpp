@@ -31,7 +31,7 @@ constexpr int kLoadedEdge =
 constexpr std::uint64_t kLevelBytesPerPoint = 40 + 28 + 28 + 28 + 120;
 /// Leaves of 8^3 nodes of one brick, those shared with other levels too, and what becomes of them.
 constexpr std::uint64_t kBytesPerLeaf = 32'000;
-constexpr std::uint64_t kMostLeaves = 2000;
+constexpr std::uint64_t kMaxLeaves = 2000;
 constexpr std::uint64_t kMaxBrickFaces = std::uint64_t{1} << 16;  ///< of one brick
 constexpr std::uint64_t kLevelFixedBytes = std::uint64_t{16} << 20;
 
@@ -60,9 +60,9 @@ class LevelSurfaceStage : public Stage {
   std::string unit_name() const override { return "points"; }
 
   std::uint64_t task_bytes(std::size_t task) const override {
-    std::uint64_t most = 0;
-    for (const Tile& tile : groups_[task]) most = std::max(most, loaded_points(tile.brick, levels_ - 1));
-    return level_surface_task_bytes(most);
+    std::uint64_t maximum = 0;
+    for (const Tile& tile : groups_[task]) maximum = std::max(maximum, loaded_points(tile.brick, levels_ - 1));
+    return level_surface_task_bytes(maximum);
   }
 
   json run(std::size_t task, TaskContext& context) const override {
@@ -137,9 +137,9 @@ class LevelSurfaceStage : public Stage {
   std::uint64_t loaded_points(const Int3& node, int level) const {
     const std::uint64_t points = point_bound(node, level);
     if (points == 0 || loads(node, level, points)) return points;
-    std::uint64_t most = 0;
-    for (int c = 0; c < 8; ++c) most = std::max(most, loaded_points(child(node, c), level - 1));
-    return most;
+    std::uint64_t maximum = 0;
+    for (int c = 0; c < 8; ++c) maximum = std::max(maximum, loaded_points(child(node, c), level - 1));
+    return maximum;
   }
 
   /// \param around  what holds the node's points; null: not loaded yet
@@ -204,8 +204,8 @@ double expected_level_faces(const Plan& plan, const ReconstructOptions& options)
                                 2.0 * static_cast<double>(plan.points())));
 }
 
-std::uint64_t most_points_near(std::span<const BrickEntry> bricks) {
-  std::uint64_t most = 0;
+std::uint64_t max_points_near(std::span<const BrickEntry> bricks) {
+  std::uint64_t maximum = 0;
   for (const BrickEntry& brick : bricks) {
     const Int3 at = brick_of_key(brick.key);
     std::uint64_t points = 0;
@@ -215,13 +215,13 @@ std::uint64_t most_points_near(std::span<const BrickEntry> bricks) {
       if (const BrickEntry* e = find_brick(bricks, brick_key(n)))
         points += d == 13 ? e->points : e->points / 4;
     }
-    most = std::max(most, points);
+    maximum = std::max(maximum, points);
   }
-  return most;
+  return maximum;
 }
 
 std::uint64_t level_surface_task_bytes(std::uint64_t points) {
-  const std::uint64_t leaves = std::min(kMostLeaves, 27 * points);
+  const std::uint64_t leaves = std::min(kMaxLeaves, 27 * points);
   const std::uint64_t faces = std::min(kMaxBrickFaces, 64 * leaves);
   return points * kLevelBytesPerPoint + leaves * kBytesPerLeaf + FirstPass::bytes(2 * faces, faces) +
          kLevelFixedBytes;

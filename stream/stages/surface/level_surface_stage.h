@@ -19,7 +19,7 @@ struct ReconstructOptions;
 /// point, and never fewer than one cell size does.
 double expected_level_faces(const Plan& plan, const ReconstructOptions& options);
 /// Most points in a brick and what its neighbours lend it, about a quarter each.
-std::uint64_t most_points_near(std::span<const BrickEntry> bricks);
+std::uint64_t max_points_near(std::span<const BrickEntry> bricks);
 
 /// What a task takes at most. \param points  most that are loaded at once
 std::uint64_t level_surface_task_bytes(std::uint64_t points);

@@ -22,7 +22,7 @@ namespace {
 using json = nlohmann::json;
 
 constexpr std::uint64_t kSplitBytesPerPoint = 40 + 13 + 8;  ///< of a brick: loaded, places, split nodes
-constexpr double kLeastNoise = 1.5;  ///< cells are no smaller than this many times the noise
+constexpr double kMinNoise = 1.5;  ///< cells are no smaller than this many times the noise
 
 class LevelsStage : public Stage {
  public:
@@ -38,7 +38,7 @@ class LevelsStage : public Stage {
                          "levels or a coarser --resolution");
     // Noise that cells do not average would become relief.
     double cells = 1.0;
-    for (least_ = levels_ - 1; least_ > 0 && 0.5 * cells >= kLeastNoise * plan_.noise_cells; --least_)
+    for (min_ = levels_ - 1; min_ > 0 && 0.5 * cells >= kMinNoise * plan_.noise_cells; --min_)
       cells *= 0.5;
   }
 
@@ -49,9 +49,9 @@ class LevelsStage : public Stage {
 
   std::uint64_t task_bytes(std::size_t task) const override {
     const auto [first, last] = store_.file_range(task);
-    std::uint64_t most = 0;
-    for (std::size_t b = first; b < last; ++b) most = std::max(most, store_.bricks()[b].points);
-    return most * kSplitBytesPerPoint + (std::uint64_t{2} << 20);
+    std::uint64_t maximum = 0;
+    for (std::size_t b = first; b < last; ++b) maximum = std::max(maximum, store_.bricks()[b].points);
+    return maximum * kSplitBytesPerPoint + (std::uint64_t{2} << 20);
   }
 
   json run(std::size_t task, TaskContext& context) const override {
@@ -64,7 +64,7 @@ class LevelsStage : public Stage {
       const PointBlock points =
           store_.load({brick[0] * kBrickCells, brick[1] * kBrickCells, brick[2] * kBrickCells},
                       {kBrickCells, kBrickCells, kBrickCells}, 0);
-      for (const DensityNode& n : split_by_density(points, brick, levels_, least_))
+      for (const DensityNode& n : split_by_density(points, brick, levels_, min_))
         nodes.push_back({static_cast<std::uint64_t>(n.level), brick_key(n.at)});
       context.count_read(entry.points * sizeof(PointRecord));
       context.advance(entry.points);
@@ -95,18 +95,18 @@ class LevelsStage : public Stage {
       split.push_back(tree.split()[static_cast<std::size_t>(level)].size());
     }
     context.count_written(save_split_nodes(context.create(kLevelTreeFile), nodes));
-    json told = {{"levels", levels_}, {"noise_levels", levels_ - least_}, {"split", split}};
-    if (least_ > 0)
+    json told = {{"levels", levels_}, {"noise_levels", levels_ - min_}, {"split", split}};
+    if (min_ > 0)
       told["warnings"].push_back(fmt::format(
           "--levels {}: {} used; cells below {:.3g} times the noise ({:.3g} of h) would show it as "
           "relief",
-          levels_, levels_ - least_, kLeastNoise, plan_.noise_cells));
+          levels_, levels_ - min_, kMinNoise, plan_.noise_cells));
     return told;
   }
 
  private:
   std::filesystem::path work_;
-  int levels_, least_ = 0;
+  int levels_, min_ = 0;
   Plan plan_;
   PointStore store_;
 };

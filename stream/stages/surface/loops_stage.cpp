@@ -27,7 +27,7 @@ constexpr std::uint64_t kShortBatchEdges = 4'000;  ///< while the strips around 
 /// The triangulation of a loop costs the cube of its edges: a batch ends at about a second of work.
 constexpr std::uint64_t kBatchCost = 1'000'000'000;
 constexpr std::size_t kClassCache = 64;  ///< patches whose vertex classes are held at once
-/// How far from a brick loops of kMostShortEdges go, in cells.
+/// How far from a brick loops of kMaxShortEdges go, in cells.
 constexpr int kShortReach = 40;
 constexpr std::uint64_t kLoopBytes = std::uint64_t{20} << 20;
 
@@ -44,13 +44,13 @@ class LoopsStage : public Stage {
   explicit LoopsStage(const JobState& state)
       : state_(state),
         plan_(Plan::of_work(state.work)),
-        most_edges_(hole_limit(reconstruct_options(state), plan_).edges),
+        max_edges_(hole_limit(reconstruct_options(state), plan_).edges),
         store_(open_patches(state.work)),
         numbering_(Numbering::load(state.work / kNumberingFile)) {}
 
   std::string name() const override { return "loops"; }
-  std::size_t task_count() const override { return most_edges_ == 0 ? 0 : store_.file_count(); }
-  std::uint64_t units() const override { return most_edges_ == 0 ? 0 : store_.patches().size(); }
+  std::size_t task_count() const override { return max_edges_ == 0 ? 0 : store_.file_count(); }
+  std::uint64_t units() const override { return max_edges_ == 0 ? 0 : store_.patches().size(); }
   std::string unit_name() const override { return "bricks"; }
 
   std::uint64_t task_bytes(std::size_t task) const override {
@@ -63,11 +63,11 @@ class LoopsStage : public Stage {
   }
 
   std::uint64_t finish_bytes() const override {
-    return loops_finish_bytes(state_.run, most_edges_, store_.patches());
+    return loops_finish_bytes(state_.run, max_edges_, store_.patches());
   }
 
   json finish(const std::vector<json>& tasks, TaskContext& context) const override {
-    if (most_edges_ == 0) return {{"max_hole", 0}};
+    if (max_edges_ == 0) return {{"max_hole", 0}};
     if (!is_short()) return chain(match(context), context);
     std::uint64_t chosen = 0, torn = 0;
     for (const json& t : tasks) {
@@ -100,7 +100,7 @@ class LoopsStage : public Stage {
     std::map<std::size_t, std::vector<VertexClass>> cache_;
   };
 
-  bool is_short() const { return most_edges_ <= kMostShortEdges; }
+  bool is_short() const { return max_edges_ <= kMaxShortEdges; }
 
   json find_loops(std::size_t task, TaskContext& context) const {
     StripReader reader(state_, store_, numbering_);
@@ -125,7 +125,7 @@ class LoopsStage : public Stage {
       rims.finish();
       const PatchPlace& place = numbering_.patches[p];
       for (HoleBoundary& rim : short_boundary_loops(rims, place.first_vertex,
-                                                    place.first_vertex + place.kept_vertices, most_edges_))
+                                                    place.first_vertex + place.kept_vertices, max_edges_))
         batches.add(std::move(rim));
     }
     batches.flush();
@@ -201,7 +201,7 @@ class LoopsStage : public Stage {
             "the border of this mesh has more than " + std::to_string(rims.border.size()) +
             " edges, too many to chain its loops in a quarter of --memory; raise --memory or ask for holes "
             "of at most --max-hole " +
-            std::to_string(kMostShortEdges));
+            std::to_string(kMaxShortEdges));
     });
     rims.finish();
     return rims;
@@ -209,7 +209,7 @@ class LoopsStage : public Stage {
 
   json chain(const BoundaryMatcher& rims, TaskContext& context) const {
     LoopBatches batches(*this, 0, context);
-    const LoopCounts counts = for_each_boundary_loop(rims, most_edges_, [&](HoleBoundary&& rim) {
+    const LoopCounts counts = for_each_boundary_loop(rims, max_edges_, [&](HoleBoundary&& rim) {
       context.check_stop();
       batches.add(std::move(rim));
     });
@@ -228,16 +228,16 @@ class LoopsStage : public Stage {
         : stage_(stage),
           task_(task),
           context_(context),
-          most_edges_(stage.is_short() ? kShortBatchEdges : kBatchEdges),
+          max_edges_(stage.is_short() ? kShortBatchEdges : kBatchEdges),
           numbered_(stage.state_.work, stage.store_, stage.numbering_) {}
     void add(HoleBoundary&& rim) {
       const std::uint64_t n = rim.vertex.size();
       batch_.push_back(std::move(rim));
       ++loops_;
       edges_ += n;
-      vertices_ += most_hole_vertices(n);
+      vertices_ += max_hole_vertices(n);
       cost_ += n * n * n / 6;
-      if (edges_ >= most_edges_ || cost_ >= kBatchCost || vertices_ >= batch_vertices(stage_.most_edges_))
+      if (edges_ >= max_edges_ || cost_ >= kBatchCost || vertices_ >= batch_vertices(stage_.max_edges_))
         flush();
     }
     void flush() {
@@ -253,7 +253,7 @@ class LoopsStage : public Stage {
     const LoopsStage& stage_;
     std::size_t task_;
     TaskContext& context_;
-    std::uint64_t most_edges_;
+    std::uint64_t max_edges_;
     NumberedPatches numbered_;
     std::vector<HoleBoundary> batch_;
     std::size_t batches_ = 0;
@@ -316,7 +316,7 @@ class LoopsStage : public Stage {
 
   JobState state_;
   Plan plan_;
-  std::uint32_t most_edges_;
+  std::uint32_t max_edges_;
   PatchStore store_;
   Numbering numbering_;
 };
@@ -329,17 +329,17 @@ std::uint64_t loops_task_bytes(std::span<const PatchEntry> patches) {
     largest = std::max<std::uint64_t>(largest, 48ull * e.vertices + 28ull * e.faces + 24ull * e.foreign);
   const std::uint64_t edges = 2 * largest + NumberedPatches::kCacheBytes + kLoopBytes;
   // Short ones: three records of a face and what is made of them, a batch, tables of what the stage "border" moved.
-  const std::uint64_t loops = StripReader::bytes(patches) + kMostStripFaces * 6 * sizeof(EdgeRecord) +
+  const std::uint64_t loops = StripReader::bytes(patches) + kMaxStripFaces * 6 * sizeof(EdgeRecord) +
                               2 * largest + kShortBatchEdges * (2 * loop_bytes(1) + 100) + kLoopBytes / 4;
   return std::max(edges, loops);
 }
 
-std::uint64_t loops_finish_bytes(const RunOptions& run, std::uint32_t most_edges,
+std::uint64_t loops_finish_bytes(const RunOptions& run, std::uint32_t max_edges,
                                  std::span<const PatchEntry> patches) {
-  if (most_edges <= kMostShortEdges) return std::uint64_t{1} << 20;
+  if (max_edges <= kMaxShortEdges) return std::uint64_t{1} << 20;
   std::uint64_t largest = 0;
   for (const PatchEntry& e : patches) largest = std::max<std::uint64_t>(largest, 40ull * e.vertices);
-  const std::uint64_t batch = kBatchEdges + kMostHoleEdges;
+  const std::uint64_t batch = kBatchEdges + kMaxHoleEdges;
   return sort_bytes(run) + table_bytes(run) + 2 * largest + batch * (2 * loop_bytes(1) + 100) + kLoopBytes;
 }
 

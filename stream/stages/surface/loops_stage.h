@@ -14,8 +14,8 @@ namespace tessera {
 
 /// What a task over these patches takes at most, and the end over all of them.
 std::uint64_t loops_task_bytes(std::span<const PatchEntry> patches);
-/// \param most_edges  of the loops to be filled
-std::uint64_t loops_finish_bytes(const RunOptions& run, std::uint32_t most_edges,
+/// \param max_edges  of the loops to be filled
+std::uint64_t loops_finish_bytes(const RunOptions& run, std::uint32_t max_edges,
                                  std::span<const PatchEntry> patches);
 
 /// Where no holes are filled it has no tasks and leaves no files.

@@ -30,10 +30,10 @@ class MultipoleStage : public Stage {
   std::string unit_name() const override { return "points"; }
 
   std::uint64_t task_bytes(std::size_t task) const override {
-    std::uint64_t most = 0;
+    std::uint64_t maximum = 0;
     const auto [first, last] = store_.file_range(task);
-    for (std::size_t b = first; b < last; ++b) most = std::max(most, store_.bricks()[b].points);
-    return multipole_task_bytes(most);
+    for (std::size_t b = first; b < last; ++b) maximum = std::max(maximum, store_.bricks()[b].points);
+    return multipole_task_bytes(maximum);
   }
 
   json run(std::size_t task, TaskContext& context) const override {

@@ -12,8 +12,8 @@ namespace {
 /// Whether floats tell coordinates to a thousandth of a cell: their steps grow with what they tell, down to the least one,
 /// and end somewhere.
 bool float_suffices(double farthest, double h) {
-  constexpr double kLargest = 0x1p127, kHalfLeastStep = 0x1p-150;
-  return farthest < kLargest && std::max(farthest * 0x1p-24, kHalfLeastStep) <= h * kFineCells;
+  constexpr double kLargest = 0x1p127, kHalfMinStep = 0x1p-150;
+  return farthest < kLargest && std::max(farthest * 0x1p-24, kHalfMinStep) <= h * kFineCells;
 }
 
 }  // namespace

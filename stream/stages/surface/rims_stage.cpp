@@ -33,10 +33,10 @@ class RimsStage : public Stage {
   std::string unit_name() const override { return "points"; }
 
   std::uint64_t task_bytes(std::size_t task) const override {
-    std::uint64_t most = 0;
+    std::uint64_t maximum = 0;
     for (const Tile& tile : groups_[task])
-      most = std::max(most, rims_tile_bytes(store_.bricks(), tile, field_halo_cells(field_)));
-    return most;
+      maximum = std::max(maximum, rims_tile_bytes(store_.bricks(), tile, field_halo_cells(field_)));
+    return maximum;
   }
 
   json run(std::size_t task, TaskContext& context) const override {

@@ -24,9 +24,9 @@ using json = nlohmann::json;
 
 constexpr double kReach = 4.0;             ///< times the tolerance: distances up to here are told
 constexpr double kReachCells = 6.0;        ///< before decimation at least so many spacings of the lattice
-constexpr double kLeastLeft = 1.0 / 64.0;  ///< of the tolerance, for decimation to do anything
+constexpr double kMinLeft = 1.0 / 64.0;  ///< of the tolerance, for decimation to do anything
 constexpr const char* kLeftFile = "points/left.json";
-constexpr std::size_t kLeastBricks = 16, kMostTasks = 400;
+constexpr std::size_t kMinBricks = 16, kMaxTasks = 400;
 constexpr std::uint64_t kPointBytes = 64;  ///< records read and the block that they become
 constexpr double kSquareUnit =
     0x1p-12;  ///< of the tolerance: squares of distances are integers in its square
@@ -40,7 +40,7 @@ struct SampleSums {
 };
 
 /// Up to the next number of three digits.
-double least_above(double value) {
+double min_above(double value) {
   double unit = 1.0;
   while (unit * 100.0 > value) unit /= 10.0;
   while (unit * 1000.0 <= value) unit *= 10.0;
@@ -56,22 +56,22 @@ class SamplesStage : public Stage {
         reach_(std::max(kReach * tolerance_, before_ ? kReachCells * lattice_.h : 0.0)),
         points_(list_task_files(state.work / "points", ".tsp"), PointOverlay::open(state.work)),
         mesh_(request.mesh(state)),
-        per_task_(std::max(kLeastBricks, (points_.bricks().size() + kMostTasks - 1) / kMostTasks)) {}
+        per_task_(std::max(kMinBricks, (points_.bricks().size() + kMaxTasks - 1) / kMaxTasks)) {}
 
   std::string name() const override { return before_ ? "points" : "samples"; }
   std::size_t task_count() const override { return (points_.bricks().size() + per_task_ - 1) / per_task_; }
   std::uint64_t units() const override { return points_.point_count(); }
   std::string unit_name() const override { return "points"; }
   std::uint64_t task_bytes(std::size_t task) const override {
-    std::uint64_t most = 0;
+    std::uint64_t maximum = 0;
     for (std::size_t b = first(task); b < first(task + 1); ++b) {
       const BrickEntry& brick = points_.bricks()[b];
       const std::vector<std::size_t> near = mesh_.select(near_box(brick));
       std::uint64_t faces = 0;
       for (const std::size_t p : near) faces += mesh_.patches()[p].faces;
-      most = std::max(most, samples_task_bytes(brick.points, mesh_.block_bytes(near), faces));
+      maximum = std::max(maximum, samples_task_bytes(brick.points, mesh_.block_bytes(near), faces));
     }
-    return most;
+    return maximum;
   }
 
   json run(std::size_t task, TaskContext& context) const override {
@@ -103,14 +103,14 @@ class SamplesStage : public Stage {
       sum.place = s.at("place").get<Double3>();
     }
     const double left = tolerance_ - std::max(0.0, sum.farthest);
-    if (before_ && left < kLeastLeft * tolerance_)
+    if (before_ && left < kMinLeft * tolerance_)
       throw ValidationError(
           "--reference points: points lie up to " + std::string(sum.beyond > 0 ? "more than " : "") +
           number_text(sum.farthest) + " from the surface of full resolution (" + std::to_string(sum.over) +
           " of " + std::to_string(sum.samples) + " farther than the tolerance of " + number_text(tolerance_) +
           ", the farthest at " + number_text(sum.place[0]) + " " + number_text(sum.place[1]) + " " +
           number_text(sum.place[2]) + "): the least --tolerance that can do is " +
-          (sum.beyond > 0 ? "more than " : "") + number_text(least_above(sum.farthest / (1.0 - kLeastLeft))));
+          (sum.beyond > 0 ? "more than " : "") + number_text(min_above(sum.farthest / (1.0 - kMinLeft))));
     if (before_) write_durably(context.create(kLeftFile), json{{"left", left}}.dump());
     if (sum.over > 0)
       throw ValidationError(

@@ -24,17 +24,17 @@ using json = nlohmann::json;
 constexpr std::uint64_t kFixedTaskBytes = 12u << 20;  ///< write buffers and the largest single patch
 
 /// Most faces in an aligned cube of so many bricks that meets the tile.
-std::uint64_t most_faces(std::span<const BrickEntry> bricks, const BrickSectionStore* closing,
+std::uint64_t max_faces(std::span<const BrickEntry> bricks, const BrickSectionStore* closing,
                          const Tile& tile, int halo_cells, int edge) {
   Int3 first, end;
   for (std::size_t a = 0; a < 3; ++a)
     first[a] = tile.brick[a] / edge * edge, end[a] = tile.brick[a] + tile.bricks;
-  std::uint64_t most = 0;
+  std::uint64_t maximum = 0;
   for (int z = first[2]; z < end[2]; z += edge)
     for (int y = first[1]; y < end[1]; y += edge)
       for (int x = first[0]; x < end[0]; x += edge)
-        most = std::max(most, tile_faces(bricks, closing, {{x, y, z}, edge}, halo_cells));
-  return most;
+        maximum = std::max(maximum, tile_faces(bricks, closing, {{x, y, z}, edge}, halo_cells));
+  return maximum;
 }
 
 class SurfaceStage : public Stage {
@@ -66,12 +66,12 @@ class SurfaceStage : public Stage {
   std::string unit_name() const override { return "points"; }
 
   std::uint64_t task_bytes(std::size_t task) const override {
-    std::uint64_t most = 0;
+    std::uint64_t maximum = 0;
     for (const Tile& tile : groups_[task]) {
       const std::uint64_t near = multipoles_ ? multipoles_->near_bytes(tile.corner(), tile.edges()) : 0;
-      most = std::max(most, surface_tile_bytes(store_.bricks(), closing_.get(), tile, halo(), fused_, near));
+      maximum = std::max(maximum, surface_tile_bytes(store_.bricks(), closing_.get(), tile, halo(), fused_, near));
     }
-    return most;
+    return maximum;
   }
 
   json run(std::size_t task, TaskContext& context) const override {
@@ -176,8 +176,8 @@ std::uint64_t surface_tile_bytes(std::span<const BrickEntry> bricks, const Brick
                                  const Tile& tile, int halo_cells, bool fused, std::uint64_t near_bytes) {
   std::uint64_t pass = 0;
   if (fused)
-    pass = FirstPass::bytes(most_faces(bricks, closing, tile, halo_cells, kFirstPassEdge),
-                            most_faces(bricks, closing, tile, halo_cells, 1));
+    pass = FirstPass::bytes(max_faces(bricks, closing, tile, halo_cells, kFirstPassEdge),
+                            max_faces(bricks, closing, tile, halo_cells, 1));
   return tile_bytes(bricks, closing, tile, halo_cells) + near_bytes + pass + kFixedTaskBytes;
 }
 

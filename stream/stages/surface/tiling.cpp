@@ -10,7 +10,7 @@ namespace {
 // A supercube is the unit of grouping: Morton-aligned, at least as large as any tile.
 constexpr int kMaxSuperBricks = 8;
 /// A task is worth a file from about so many points; where they are for sixty-odd tasks, larger ones need fewer syncs.
-constexpr std::uint64_t kLeastGroupPoints = 60'000, kMostGroupPoints = 500'000, kEnoughGroups = 64;
+constexpr std::uint64_t kMinGroupPoints = 60'000, kMaxGroupPoints = 500'000, kEnoughGroups = 64;
 constexpr std::uint64_t kMaxGroups = 400;
 
 // Per point: record read, structure of arrays, gathered copy. Per occupied 8^3 block: about three band leaves with
@@ -118,7 +118,7 @@ std::vector<TileGroup> make_tile_groups(std::span<const BrickEntry> bricks, cons
   unique();
 
   const std::uint64_t target =
-      std::max(std::clamp(all / kEnoughGroups, kLeastGroupPoints, kMostGroupPoints), all / kMaxGroups);
+      std::max(std::clamp(all / kEnoughGroups, kMinGroupPoints, kMaxGroupPoints), all / kMaxGroups);
   std::vector<TileGroup> groups;
   TileGroup group;
   std::uint64_t points = 0;

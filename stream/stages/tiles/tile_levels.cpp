@@ -105,9 +105,9 @@ class LevelToleranceStage : public SerialStage {
     }
     double widest = 0.0;
     for (std::size_t k = 0; k < 3; ++k) widest = std::max(widest, below_.box().high[k] - below_.box().low[k]);
-    const int least = half_steps_above(
+    const int minimum = half_steps_above(
         std::max({4.0 * certificate_rounding(widest), 0x1p-30 * below_.diagonal(), before_}));
-    const int most = std::max(least, half_steps_above(kLargestTolerance * below_.diagonal()));
+    const int maximum = std::max(minimum, half_steps_above(kLargestTolerance * below_.diagonal()));
 
     std::map<int, double> known;
     const auto share = [&](int half_steps) {
@@ -128,18 +128,18 @@ class LevelToleranceStage : public SerialStage {
     const int guess =
         before_ > 0.0 ? half_steps_above(before_) + 3 : half_steps_above(mean_edge(blocks) / 32.0);
     // [low, high]: low is not enough, high is; both may lie one beyond what is allowed.
-    int at = std::clamp(guess, least, most), low = least - 1, high = most + 1;
+    int at = std::clamp(guess, minimum, maximum), low = minimum - 1, high = maximum + 1;
     for (int stride = 1; high - low > 1; stride *= 2) {
       (share(at) <= kShare ? high : low) = at;
-      if (low < least && high > least)
-        at = std::max(least, high - stride);
-      else if (high > most && low < most)
-        at = std::min(most, low + stride);
+      if (low < minimum && high > minimum)
+        at = std::max(minimum, high - stride);
+      else if (high > maximum && low < maximum)
+        at = std::min(maximum, low + stride);
       else
         at = low + (high - low) / 2;
     }
-    if (high <= most) return tolerance_of(high);
-    return share(most) <= kStalledShare ? tolerance_of(most) : 0.0;
+    if (high <= maximum) return tolerance_of(high);
+    return share(maximum) <= kStalledShare ? tolerance_of(maximum) : 0.0;
   }
 
   int level_;
@@ -168,7 +168,7 @@ double level_tolerance(const std::filesystem::path& work, int level) {
 
 int levels_above(const std::filesystem::path& work) {
   int level = 0;
-  while (level < kMostLevels && level_tolerance(work, level + 1) > 0.0) ++level;
+  while (level < kMaxLevels && level_tolerance(work, level + 1) > 0.0) ++level;
   return level;
 }
 

@@ -186,10 +186,10 @@ class GlbTile {
   }
 
   void add_positions() {
-    std::array<std::uint32_t, 3> most = {0, 0, 0};
+    std::array<std::uint32_t, 3> maximum = {0, 0, 0};
     for (std::size_t v = 0; v < vertices_; ++v)
-      for (std::size_t k = 0; k < 3; ++k) most[k] = std::max(most[k], y_up(tile_, v)[k]);
-    const bool narrow = *std::max_element(most.begin(), most.end()) <= kNarrow;
+      for (std::size_t k = 0; k < 3; ++k) maximum[k] = std::max(maximum[k], y_up(tile_, v)[k]);
+    const bool narrow = *std::max_element(maximum.begin(), maximum.end()) <= kNarrow;
     const auto steps = [&](std::size_t v) {
       const auto p = y_up(tile_, v);
       return std::array<std::uint16_t, 4>{static_cast<std::uint16_t>(p[0]), static_cast<std::uint16_t>(p[1]),
@@ -201,7 +201,7 @@ class GlbTile {
     };
     json& accessor = narrow ? add_attribute("POSITION", in_order(steps), kUnsignedShort, "VEC3")
                             : add_attribute("POSITION", in_order(floats), kFloat, "VEC3");
-    accessor.update({{"min", {0, 0, 0}}, {"max", most}});
+    accessor.update({{"min", {0, 0, 0}}, {"max", maximum}});
   }
 
   void add_normals() {

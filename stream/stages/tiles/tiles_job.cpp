@@ -86,7 +86,7 @@ JobDescription tiles_job(const TilesOptions& options) {
     require_disk(tiles_disk_needs(disk, state.output.parent_path(), state.work), kLargerDisk);
     return read(state);
   };
-  for (int level = 0; level <= kMostLevels; ++level) add_level(stages, options, level);
+  for (int level = 0; level <= kMaxLevels; ++level) add_level(stages, options, level);
   stages.push_back({"tileset", [](const JobState& state) { return make_tileset_stage(state); }});
   JobDescription job{"tiles", std::move(stages), 0, summarise, {}, {}};
   job.needs = [options](const JobState& state) {

@@ -24,7 +24,7 @@ using json = nlohmann::json;
 namespace fs = std::filesystem;
 
 constexpr std::uint64_t kTaskFaces = 1u << 19;  ///< a task is worth a file from here
-constexpr std::uint64_t kMostTasks = 400;
+constexpr std::uint64_t kMaxTasks = 400;
 constexpr const char* kRecords = "records/";
 constexpr const char* kGrid = "grid.json";
 /// Of the tiles of a level, so many fit the 16 bits of their grid; wider ones have floats.
@@ -68,9 +68,9 @@ std::vector<TileRecord> read_records(const fs::path& folder) {
 }
 
 Double3 origin_of(const MeshBox& box) {
-  double most = largest_extent(box);
-  for (std::size_t k = 0; k < 3; ++k) most = std::max(most, 0x1p-30 * std::abs(box.low[k]));
-  const double unit = power_above(most) * 0x1p-8;
+  double maximum = largest_extent(box);
+  for (std::size_t k = 0; k < 3; ++k) maximum = std::max(maximum, 0x1p-30 * std::abs(box.low[k]));
+  const double unit = power_above(maximum) * 0x1p-8;
   Double3 origin;
   for (std::size_t k = 0; k < 3; ++k)
     origin[k] = std::floor(0.5 * (box.low[k] + box.high[k]) / unit + 0.5) * unit;
@@ -101,7 +101,7 @@ class TilesStage : public Stage {
     // Bricks that hold no face of level 0 count nowhere here; their faces are in tiles all the same.
     const std::uint64_t each =
         std::max<std::uint64_t>(1, store_.face_count() / std::max<std::size_t>(1, cells_.size()));
-    const std::uint64_t target = std::max(kTaskFaces, store_.face_count() / kMostTasks);
+    const std::uint64_t target = std::max(kTaskFaces, store_.face_count() / kMaxTasks);
     per_task_ = static_cast<std::size_t>(std::max<std::uint64_t>(1, target / each));
   }
 
@@ -111,10 +111,10 @@ class TilesStage : public Stage {
   std::string unit_name() const override { return "tiles"; }
 
   std::uint64_t task_bytes(std::size_t task) const override {
-    std::uint64_t most = 0;
+    std::uint64_t maximum = 0;
     for (std::size_t c = first(task); c < first(task + 1); ++c)
-      most = std::max(most, loaded_bytes(cells_[c]));
-    return tile_task_bytes(most);
+      maximum = std::max(maximum, loaded_bytes(cells_[c]));
+    return tile_task_bytes(maximum);
   }
 
   json run(std::size_t task, TaskContext& context) const override {
@@ -176,9 +176,9 @@ class TilesStage : public Stage {
     const auto at = static_cast<std::size_t>(kNarrowShare * static_cast<double>(extents.size() - 1));
     // At the least every tile fits the 24 bits of a float, and no grid is finer than doubles are there.
     const double whole = largest_extent(level0_.box());
-    double least = std::max({extents[at] / 65535.0, whole * 0x1p-22, std::ldexp(1.0, -900)});
-    for (std::size_t k = 0; k < 3; ++k) least = std::max(least, 0x1p-46 * std::abs(level0_.box().low[k]));
-    grid_.step = power_above(least);
+    double minimum = std::max({extents[at] / 65535.0, whole * 0x1p-22, std::ldexp(1.0, -900)});
+    for (std::size_t k = 0; k < 3; ++k) minimum = std::max(minimum, 0x1p-46 * std::abs(level0_.box().low[k]));
+    grid_.step = power_above(minimum);
   }
 
   std::vector<std::size_t> bricks_of(const TileCell& cell) const {

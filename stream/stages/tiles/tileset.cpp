@@ -98,7 +98,7 @@ class Writer {
 
 }  // namespace
 
-TileTree make_tile_tree(const std::vector<TileLevel>& levels, std::size_t most) {
+TileTree make_tile_tree(const std::vector<TileLevel>& levels, std::size_t maximum) {
   TileTree tree;
   std::vector<std::size_t> inside;  // tiles of the file that a tile stands in, from it on downwards
   double sum = 0.0, before = 0.0;
@@ -121,7 +121,7 @@ TileTree make_tile_tree(const std::vector<TileLevel>& levels, std::size_t most) 
           node.box = united(node.box, below[child].box);
           count += inside[child];
         }
-        if (count > most) {
+        if (count > maximum) {
           count = 1 + child - node.first_child;
           for (std::size_t c = node.first_child; c < child; ++c)
             below[c].own_file = below[c].last_child > below[c].first_child;

@@ -28,8 +28,8 @@ struct TileTree {
 };
 
 /// \param levels  level 0 first, at least one
-/// \param most    tiles of one JSON file, about
-TileTree make_tile_tree(const std::vector<TileLevel>& levels, std::size_t most);
+/// \param maximum    tiles of one JSON file, about
+TileTree make_tile_tree(const std::vector<TileLevel>& levels, std::size_t maximum);
 
 /// Writes tileset.json and those that it refers to.
 /// \param transform  from the frame of the origin to that of the world, column by column

@@ -25,7 +25,7 @@ TEST_CASE("vertex bends: a fillet bends across its axis by 1 / radius, flanks no
     if (std::fabs(p[0]) < 2.0) {
       ++arc;
       CHECK(bends[v].across * (convex ? 1.0 : -1.0) == Approx(1.0 / 8.0).epsilon(0.12));
-      CHECK(std::fabs(bends[v].least) < 0.02);
+      CHECK(std::fabs(bends[v].minimum) < 0.02);
       CHECK(std::fabs(bends[v].along[1]) > 0.98);
       CHECK(bends[v].normal[2] > 0.9);
     } else if (std::fabs(p[0]) > 10.0) {

@@ -39,14 +39,14 @@ std::size_t proven(const OverlaySide& side) {
 /// No point of `a` may be farther from `b` than its face's bound. Returns the largest distance found.
 double check_bounds(const Surface& a, const Surface& b, const std::vector<float>& bound, test::Random& random,
                     int samples) {
-  double most = 0.0;
+  double maximum = 0.0;
   for (int i = 0; i < samples; ++i) {
     const std::size_t face = random.below(a.faces.size());
     const double d = test::surface_distance(test::random_point(a, face, random), b);
-    most = std::max(most, d);
+    maximum = std::max(maximum, d);
     CHECK(d <= static_cast<double>(bound[face]));
   }
-  return most;
+  return maximum;
 }
 
 double hills(double x, double y) {

@@ -204,17 +204,17 @@ TEST_CASE("certificate: no sample is ever above the bound of its face", "[proper
     const DeviationReport r = measure(a, b, 0.01, reach, &bound);
     REQUIRE(bound.size() == a.faces.size());
     CHECK(r.upper <= 1.05 * r.lower);
-    double most = 0.0;
+    double maximum = 0.0;
     for (int i = 0; i < 20000; ++i) {
       const std::size_t face = random.below(a.faces.size());
       const Double3 p = test::random_point(a, face, random);
       const double d = test::surface_distance(p, b);
-      most = std::max(most, d);
+      maximum = std::max(maximum, d);
       CHECK(d <= static_cast<double>(bound[face]));
     }
-    CHECK(most <= r.upper);
+    CHECK(maximum <= r.upper);
     CHECK(r.lower <= r.upper);
-    CHECK(r.upper <= 1.15 * most);
+    CHECK(r.upper <= 1.15 * maximum);
   }
 }
 

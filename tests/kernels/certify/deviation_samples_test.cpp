@@ -18,7 +18,7 @@ using namespace tessera;
 struct Cut {
   std::size_t pieces = 0;
   double area = 0.0, longest = 0.0;
-  float most = 0.0f;
+  float maximum = 0.0f;
 };
 
 /// One face over a plane that lies 0.5 below all of it.
@@ -34,7 +34,7 @@ Cut cut_face(const std::array<Double3, 3>& corner, double edge) {
                      cut.area += 0.5 * norm(triangle_normal(t.corner[0], t.corner[1], t.corner[2]));
                      for (std::size_t k = 0; k < 3; ++k)
                        cut.longest = std::max(cut.longest, norm(t.corner[(k + 1) % 3] - t.corner[k]));
-                     for (const float d : t.deviation) cut.most = std::max(cut.most, std::abs(d - 0.5f));
+                     for (const float d : t.deviation) cut.maximum = std::max(cut.maximum, std::abs(d - 0.5f));
                    });
   return cut;
 }
@@ -48,7 +48,7 @@ TEST_CASE("deviation samples: a needle is cut along its length, not into a grid"
   CHECK(cut.pieces < 50'000);  // a grid has 10^6
   CHECK(cut.longest <= 0.1);
   CHECK(cut.area == Approx(2.5));
-  CHECK(cut.most < 1e-6f);
+  CHECK(cut.maximum < 1e-6f);
 }
 
 TEST_CASE("deviation samples: what is too thin to be seen is measured once", "[unit]") {

@@ -30,19 +30,19 @@ Surface tent(std::size_t sides, double height) {
 /// The largest distance of points of a triangle to some faces.
 double sampled(const std::array<Double3, 3>& t, const Surface& s, std::span<const std::uint32_t> faces) {
   constexpr int kSteps = 24;
-  double most = 0.0;
+  double maximum = 0.0;
   for (int i = 0; i <= kSteps; ++i)
     for (int j = 0; i + j <= kSteps; ++j) {
       const Double3 p = t[0] + (t[1] - t[0]) * (double(i) / kSteps) + (t[2] - t[0]) * (double(j) / kSteps);
-      double least = 1e300;
+      double minimum = 1e300;
       for (const std::uint32_t f : faces) {
         const auto& v = s.faces[f];
-        least =
-            std::min(least, test::triangle_distance(p, s.position[v[0]], s.position[v[1]], s.position[v[2]]));
+        minimum =
+            std::min(minimum, test::triangle_distance(p, s.position[v[0]], s.position[v[1]], s.position[v[2]]));
       }
-      most = std::max(most, least);
+      maximum = std::max(maximum, minimum);
     }
-  return most;
+  return maximum;
 }
 
 }  // namespace

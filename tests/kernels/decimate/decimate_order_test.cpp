@@ -122,11 +122,11 @@ TEST_CASE("decimate: order does not matter where edges of faces are creases", "[
 
 TEST_CASE("decimate: as many faces as their corners can be numbered, and no more", "[unit]") {
   CHECK(fits_collapse_mesh(0, 0));
-  const std::size_t most = (std::size_t{1} << 30) - 1;
-  CHECK(fits_collapse_mesh(most / 2, most));
-  CHECK(4 * (most - 1) + 2 < kNoCorner);
-  CHECK_FALSE(fits_collapse_mesh(most / 2, most + 1));
-  CHECK_FALSE(fits_collapse_mesh(most / 2, kNoCorner / 3));
+  const std::size_t maximum = (std::size_t{1} << 30) - 1;
+  CHECK(fits_collapse_mesh(maximum / 2, maximum));
+  CHECK(4 * (maximum - 1) + 2 < kNoCorner);
+  CHECK_FALSE(fits_collapse_mesh(maximum / 2, maximum + 1));
+  CHECK_FALSE(fits_collapse_mesh(maximum / 2, kNoCorner / 3));
   CHECK_FALSE(fits_collapse_mesh(kNoCorner, 1));
 }
 

@@ -241,7 +241,7 @@ TEST_CASE("decimate: locked seam, vertices without a full star keep every bit", 
 
 TEST_CASE("decimate: the bound holds both ways and the mesh stays closed, in passes too", "[property]") {
   const MeshBlock original = bumpy_sphere(4, 0.15);
-  std::map<double, std::size_t> most = {{0.003, 2000}, {0.01, 1250}, {0.05, 250}, {0.3, 60}};  // of 2048
+  std::map<double, std::size_t> maximum = {{0.003, 2000}, {0.01, 1250}, {0.05, 250}, {0.3, 60}};  // of 2048
   for (const double tolerance : {0.003, 0.01, 0.05, 0.3}) {
     MeshBlock b = original;
     for (int pass = 0; pass < 2; ++pass) {
@@ -255,7 +255,7 @@ TEST_CASE("decimate: the bound holds both ways and the mesh stays closed, in pas
       CHECK(c.boundary_edges == 0);
       CHECK(c.euler == 2);
     }
-    CHECK(b.faces.size() < most[tolerance]);
+    CHECK(b.faces.size() < maximum[tolerance]);
   }
 }
 

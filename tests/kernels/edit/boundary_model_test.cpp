@@ -175,10 +175,10 @@ TEST_CASE("boundary model: the solution has the least energy", "[unit]") {
     std::vector<double> values = coordinates(s);
     const double before = model.energy(values, 3);
     model.solve(values, 3);
-    const double least = model.energy(values, 3);
+    const double minimum = model.energy(values, 3);
     CAPTURE(order);
-    CHECK(least > 0.0);
-    CHECK(least < before);
+    CHECK(minimum > 0.0);
+    CHECK(minimum < before);
   }
 }
 

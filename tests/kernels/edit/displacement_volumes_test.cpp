@@ -135,16 +135,16 @@ double sharpest_left(const Bend& b, std::span<const Double3> p) {
     return std::acos(std::clamp(dot(normal(edges[i].face), normal(edges[i + 1].face)), -1.0, 1.0)) * 180.0 /
            kPi;
   };
-  double least = 180.0;
+  double minimum = 180.0;
   std::size_t seen = 0;
   for (std::size_t i = 0; i + 1 < edges.size(); i += 2) {
     if (!b.free[edges[i].low] && !b.free[edges[i].high]) continue;
     if (turn(b.bar.position, i) < 80.0) continue;
-    least = std::min(least, turn(p, i));
+    minimum = std::min(minimum, turn(p, i));
     ++seen;
   }
   REQUIRE(seen > 100);
-  return least;
+  return minimum;
 }
 
 }  // namespace

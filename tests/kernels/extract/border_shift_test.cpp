@@ -55,14 +55,14 @@ std::vector<Patch> patches_of(const test::Samples& samples, const Int3& origin, 
 struct Border {
   double length = 0.0, nearest = 1e30, farthest = 0.0;
 };
-Border border_of(const test::IndexedMesh& mesh, double least, double most) {
+Border border_of(const test::IndexedMesh& mesh, double minimum, double maximum) {
   std::map<std::pair<std::uint32_t, std::uint32_t>, int> count;
   for (const auto& f : mesh.faces)
     for (std::size_t e = 0; e < 3; ++e) ++count[std::minmax(f[e], f[(e + 1) % 3])];
   Border out;
   for (const auto& [edge, faces] : count) {
     const Double3 &a = mesh.position[edge.first], &b = mesh.position[edge.second];
-    if (faces != 1 || from_centre(a) < least || from_centre(a) > most) continue;
+    if (faces != 1 || from_centre(a) < minimum || from_centre(a) > maximum) continue;
     out.length += norm(b - a);
     out.nearest = std::min(out.nearest, from_centre(a));
     out.farthest = std::max(out.farthest, from_centre(a));

@@ -382,11 +382,11 @@ TEST_CASE("levels: what two levels share belongs to the finer one", "[unit]") {
   LevelSurroundings around;
   around.step[1 + 3 + 9 + 1] = -1;  // beyond the max face across x
   const int edge = 128;
-  CHECK(around.touching({128, 5, 5}, {0, 0, 0}, edge).least == -1);
-  CHECK(around.touching({127, 5, 5}, {0, 0, 0}, edge).least == 0);
-  CHECK(around.touching({126, 5, 5}, {2, 0, 0}, edge).least == 0);  // ends there, lies here
-  CHECK(around.touching({128, 4, 4}, {0, 2, 2}, edge).least == -1);
-  CHECK(around.touching({128, 0, 0}, {0, 0, 0}, edge).most == 0);
+  CHECK(around.touching({128, 5, 5}, {0, 0, 0}, edge).minimum == -1);
+  CHECK(around.touching({127, 5, 5}, {0, 0, 0}, edge).minimum == 0);
+  CHECK(around.touching({126, 5, 5}, {2, 0, 0}, edge).minimum == 0);  // ends there, lies here
+  CHECK(around.touching({128, 4, 4}, {0, 2, 2}, edge).minimum == -1);
+  CHECK(around.touching({128, 0, 0}, {0, 0, 0}, edge).maximum == 0);
   CHECK_FALSE(around.uniform());
   LevelFields none;
   const LevelPair pair(none.own, none.finer, around, edge, -1);

@@ -20,7 +20,7 @@ struct Cut {
   Triangles triangles;
   bool covered = false;
   double area = 0.0;     ///< sum over the triangles
-  double least = 1.0;    ///< cosine between the normal of a triangle and the polygon's
+  double minimum = 1.0;    ///< cosine between the normal of a triangle and the polygon's
   std::size_t flat = 0;  ///< triangles without area
 };
 
@@ -34,7 +34,7 @@ Cut cut(const Polygon& p) {
     if (face_extent(p[t[0]], p[t[1]], p[t[2]]).is_flat())
       ++c.flat;
     else
-      c.least = std::min(c.least, dot(unit(n), normal));
+      c.minimum = std::min(c.minimum, dot(unit(n), normal));
   }
   return c;
 }
@@ -73,7 +73,7 @@ void require_cover(const Polygon& p) {
   REQUIRE(c.covered);
   require_disk(p, c.triangles);
   CHECK(c.area == Approx(area_of(p)).epsilon(1e-9));
-  CHECK(c.least > 0.999999);
+  CHECK(c.minimum > 0.999999);
 }
 
 /// A wall with windows in a row, each on a bridge from the lower edge.

@@ -44,9 +44,9 @@ void add_plane(std::vector<Float3>& points, float to, float apart) {
 
 /// Finest level that is anywhere.
 int finest(const std::vector<DensityNode>& nodes, int levels) {
-  int least = levels;
-  for (const DensityNode& n : nodes) least = std::min(least, n.level);
-  return nodes.empty() ? levels - 1 : least - 1;
+  int minimum = levels;
+  for (const DensityNode& n : nodes) minimum = std::min(minimum, n.level);
+  return nodes.empty() ? levels - 1 : minimum - 1;
 }
 
 }  // namespace

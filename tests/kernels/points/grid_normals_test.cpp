@@ -141,12 +141,12 @@ TEST_CASE("grid line: cells come in any order, the first sample of a cell stays,
   CHECK((*line.find(-3) == Double3{-3, 0, 0}));
   for (const std::int64_t cell : {-4, 4, 6, 10}) CHECK(line.find(cell) == nullptr);
   for (const std::int64_t far : {std::int64_t{1} << 50, -(std::int64_t{1} << 50),
-                                 std::int64_t{kMostGridCells} - 3, 9 - std::int64_t{kMostGridCells}})
+                                 std::int64_t{kMaxGridCells} - 3, 9 - std::int64_t{kMaxGridCells}})
     line.put(far, {1, 2, 3});
   CHECK(line.find(std::int64_t{1} << 50) == nullptr);
-  CHECK(line.find(std::int64_t{kMostGridCells} - 3) == nullptr);
-  line.put(static_cast<std::int64_t>(kMostGridCells) - 4, {1, 2, 3});
-  CHECK(line.find(static_cast<std::int64_t>(kMostGridCells) - 4) != nullptr);
+  CHECK(line.find(std::int64_t{kMaxGridCells} - 3) == nullptr);
+  line.put(static_cast<std::int64_t>(kMaxGridCells) - 4, {1, 2, 3});
+  CHECK(line.find(static_cast<std::int64_t>(kMaxGridCells) - 4) != nullptr);
   line.clear();
   CHECK(line.find(5) == nullptr);
 }

@@ -43,7 +43,7 @@ TEST_CASE("neighbour list: sums and counts are those over all points, whatever t
   CHECK(list.empty());
   list.fill(raster.source(), runs, corner, radius, only_ground, true);
   REQUIRE(!list.empty());
-  int most = 0;
+  int maximum = 0;
   for (int i = 0; i < 27; ++i) {
     const Float3 p = {static_cast<float>(i % 3) * 1.75f, static_cast<float>(i / 3 % 3) * 1.75f,
                       static_cast<float>(i / 9) * 1.75f};
@@ -67,7 +67,7 @@ TEST_CASE("neighbour list: sums and counts are those over all points, whatever t
       const double q = 1.0 - square / r2;
       weight += q * q, xz += q * q * d[0] * d[2];
     }
-    most = std::max(most, want);
+    maximum = std::max(maximum, want);
     CHECK(count == want);
     CHECK(near == want);
     CHECK(agree == want_up);
@@ -75,7 +75,7 @@ TEST_CASE("neighbour list: sums and counts are those over all points, whatever t
     CHECK(sums.row[NeighbourSums::kXZ][2] == Approx(xz).margin(1e-4));
     CHECK(sums.row[NeighbourSums::kWeight][1] == 0.0);
   }
-  CHECK(most > 1);
+  CHECK(maximum > 1);
 }
 
 TEST_CASE("neighbour list: packs are left out only where nothing can be a neighbour", "[unit]") {

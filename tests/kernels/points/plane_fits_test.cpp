@@ -59,9 +59,9 @@ TEST_CASE("plane fits: four at once are those of one eigenproblem after the othe
     for (std::size_t lane = 0; lane < S::kLanes; ++lane) {
       const auto at = [&](S::Row r) { return sums.row[r][lane] / sums.row[S::kWeight][lane]; };
       const double x = at(S::kX), y = at(S::kY), z = at(S::kZ);
-      const LeastEigen3 e = least_eigen3({at(S::kXX) - x * x, at(S::kXY) - x * y, at(S::kXZ) - x * z,
+      const MinEigen3 e = min_eigen3({at(S::kXX) - x * x, at(S::kXY) - x * y, at(S::kXZ) - x * z,
                                           at(S::kYY) - y * y, at(S::kYZ) - y * z, at(S::kZZ) - z * z});
-      const double least = std::fmax(e.values[0], 0.0), sum = least + e.values[1] + e.values[2];
+      const double minimum = std::fmax(e.values[0], 0.0), sum = minimum + e.values[1] + e.values[2];
       const FittedPlane& fit = fits[lane];
       if (!(sum > 0.0) || e.values[1] < 0.0025 * e.values[2]) {
         ++lines;
@@ -77,8 +77,8 @@ TEST_CASE("plane fits: four at once are those of one eigenproblem after the othe
                               ? -1.0
                               : 1.0;
       for (std::size_t a = 0; a < 3; ++a) CHECK(fit.normal[a] == static_cast<float>(sign * e.vector[a]));
-      CHECK(fit.variation == static_cast<float>(least / sum));
-      CHECK(fit.residual == static_cast<float>(std::sqrt(least)));
+      CHECK(fit.variation == static_cast<float>(minimum / sum));
+      CHECK(fit.residual == static_cast<float>(std::sqrt(minimum)));
     }
   }
   CHECK(planes > 1000);

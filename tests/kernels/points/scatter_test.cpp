@@ -78,15 +78,15 @@ TEST_CASE("scatter: what grows on the ground does not tilt its planes", "[unit]"
   block.flags.clear();
   const std::vector<PointShape> without = estimate_shapes(block, {});
   REQUIRE(with.size() == points.size());
-  float least = 1.0f, least_without = 1.0f;
+  float minimum = 1.0f, min_without = 1.0f;
   for (std::size_t i = 0; i < points.size(); ++i) {
     if (points[i].second != kPointGround) continue;
-    least = std::min(least, std::abs(with[i].normal[2]));
-    least_without = std::min(least_without, std::abs(without[i].normal[2]));
+    minimum = std::min(minimum, std::abs(with[i].normal[2]));
+    min_without = std::min(min_without, std::abs(without[i].normal[2]));
     CHECK(with[i].roughness < 1e-3f);
   }
-  CHECK(least > 0.9999f);
-  CHECK(least_without < 0.95f);
+  CHECK(minimum > 0.9999f);
+  CHECK(min_without < 0.95f);
 }
 
 }  // namespace scatter_test

@@ -184,7 +184,7 @@ TEST_CASE("remesh: creases beside each other yield to sound faces where they tur
   q.add(out, edge);
   std::size_t creases = 0, narrow = 0;
   for (const VertexClass c : out.vertex_class) creases += c == VertexClass::kCrease;
-  for (std::size_t i = 0; i < 25; ++i) narrow += q.least[i];
+  for (std::size_t i = 0; i < 25; ++i) narrow += q.minimum[i];
   if (turn_deg < 45.0) {
     CHECK(narrow == 0);
   } else {

@@ -75,14 +75,14 @@ TEST_CASE("border fairing: off the surface no farther than the noise", "[unit]")
   const double lift = GENERATE(0.0, 0.05, 0.2);
   BorderStrip after = before;
   fair_border(after, lift);
-  double rough_before = 0.0, rough_after = 0.0, most = 0.0;
+  double rough_before = 0.0, rough_after = 0.0, maximum = 0.0;
   for (std::size_t v = 8; v + 8 < after.position.size(); v += 4) {
     rough_before += std::abs(off_plane(before.position[v]));
     rough_after += std::abs(off_plane(after.position[v]));
-    most = std::max(most, std::abs(off_plane(after.position[v]) - off_plane(before.position[v])));
+    maximum = std::max(maximum, std::abs(off_plane(after.position[v]) - off_plane(before.position[v])));
   }
   // Normals at the vertices differ from that of the plane: way along the surface takes them some of it off the plane.
-  CHECK(most < lift + 0.25);
+  CHECK(maximum < lift + 0.25);
   if (lift > 0.1) CHECK(rough_after < 0.7 * rough_before);
 }
 
@@ -92,10 +92,10 @@ TEST_CASE("border fairing: what is far away along the border decides nothing", "
   fair_border(faired, 0.1);
   BorderStrip cut;
   std::map<std::uint32_t, std::uint32_t> slot;
-  const double least = 50.0, most = 60.0;
+  const double minimum = 50.0, maximum = 60.0;
   for (const auto& f : whole.faces) {
     const auto near = [&](std::uint32_t v) {
-      return whole.position[v][0] >= least - kBorderReach && whole.position[v][0] <= most + kBorderReach;
+      return whole.position[v][0] >= minimum - kBorderReach && whole.position[v][0] <= maximum + kBorderReach;
     };
     if (!near(f[0]) && !near(f[1]) && !near(f[2])) continue;
     auto& face = cut.faces.emplace_back();
@@ -112,7 +112,7 @@ TEST_CASE("border fairing: what is far away along the border decides nothing", "
   fair_border(cut, 0.1);
   std::size_t compared = 0;
   for (const auto& [v, s] : slot) {
-    if (whole.position[v][0] < least || whole.position[v][0] > most) continue;
+    if (whole.position[v][0] < minimum || whole.position[v][0] > maximum) continue;
     CHECK(cut.position[s] == faired.position[v]);
     ++compared;
   }

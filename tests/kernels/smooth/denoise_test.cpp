@@ -19,7 +19,7 @@ namespace {
 using namespace tessera;
 
 struct Errors {
-  double rms = 0.0, most = 0.0, at_95 = 0.0;
+  double rms = 0.0, maximum = 0.0, at_95 = 0.0;
 };
 
 Errors errors(std::vector<double> values) {
@@ -27,7 +27,7 @@ Errors errors(std::vector<double> values) {
   for (double& v : values) {
     v = std::abs(v);
     e.rms += v * v;
-    e.most = std::max(e.most, v);
+    e.maximum = std::max(e.maximum, v);
   }
   e.rms = std::sqrt(e.rms / static_cast<double>(values.size()));
   std::sort(values.begin(), values.end());
@@ -225,10 +225,10 @@ TEST_CASE("denoise: a noisy cube gets its planes, edges and corners back", "[pro
 TEST_CASE("denoise: a clean cube stays as it is", "[unit]") {
   const MeshBlock cube = test::cube_block(12);
   const std::vector<Double3> now = denoised(cube);
-  double most = 0.0;
+  double maximum = 0.0;
   for (std::size_t v = 0; v < now.size(); ++v)
-    for (std::size_t a = 0; a < 3; ++a) most = std::max(most, std::abs(now[v][a] - cube.position[v][a]));
-  CHECK(most < 1e-6);
+    for (std::size_t a = 0; a < 3; ++a) maximum = std::max(maximum, std::abs(now[v][a] - cube.position[v][a]));
+  CHECK(maximum < 1e-6);
 }
 
 TEST_CASE("denoise: a rounded edge stays rounded", "[property]") {
@@ -250,7 +250,7 @@ TEST_CASE("denoise: a rounded edge stays rounded", "[property]") {
     after.push_back(now[v][2] - height(now[v][0], 0.0));
   }
   CHECK(after.size() > 200);
-  CHECK(errors(after).most < 0.45);
+  CHECK(errors(after).maximum < 0.45);
   CHECK(errors(after).rms < 1.5 * errors(before).rms);
 }
 

@@ -33,15 +33,15 @@ std::vector<Double3> tangled_path(Random& random, std::size_t points) {
 /// Distance from a tool by where it is defined, at closely set places of a segment.
 double swept_by_steps(const MillingTool& tool, const Double3& a, const Double3& b, const Double3& p,
                       int steps) {
-  double least = 1e300;
+  double minimum = 1e300;
   for (int i = 0; i <= steps; ++i) {
     const Double3 q = p - (a + (b - a) * (static_cast<double>(i) / steps));
     const double across = std::hypot(q[0], q[1]);
     const double wide = across - (tool.radius - tool.rim), low = tool.rim - q[2];
     const double nose = wide <= 0.0 || low <= 0.0 ? std::max(wide, low) : std::hypot(wide, low);
-    least = std::min(least, std::max(nose - tool.rim, q[2] - tool.length));
+    minimum = std::min(minimum, std::max(nose - tool.rim, q[2] - tool.length));
   }
-  return least;
+  return minimum;
 }
 
 const MillingTool kTools[] = {{1.0, 1.0, 3.0}, {1.0, 0.0, 2.0}, {1.5, 0.5, 1.0}};
@@ -55,11 +55,11 @@ TEST_CASE("swept tool: its value is the least over all places of the tip", "[pro
     const SweptTool swept(tool, path, Placement{});
     for (int query = 0; query < 300; ++query) {
       const Double3 p = somewhere(random, 14);
-      double least = 1e300;
+      double minimum = 1e300;
       for (std::size_t s = 0; s + 1 < path.size(); ++s)
-        least = std::min(least, swept_by_steps(tool, path[s], path[s + 1], p, 400));
-      CHECK(swept.value(p) <= least + 1e-9);
-      CHECK(swept.value(p) > least - 2e-2);  // places between the steps
+        minimum = std::min(minimum, swept_by_steps(tool, path[s], path[s + 1], p, 400));
+      CHECK(swept.value(p) <= minimum + 1e-9);
+      CHECK(swept.value(p) > minimum - 2e-2);  // places between the steps
     }
   }
 }

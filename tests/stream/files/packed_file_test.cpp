@@ -63,9 +63,9 @@ TEST_CASE("packed file: sections, table and info come back, whole, in parts and 
   REQUIRE(table.size() == 2);
   CHECK(file.entries<Entry>(1, 1)[0].key == 8);
   CHECK(file.load<std::uint32_t>(table[0].section) == numbers(5000));
-  std::vector<std::uint32_t> most(10), last(1);
-  file.read(table[1].section, {room_of(most), room_of(last)});
-  CHECK(most == numbers(10));
+  std::vector<std::uint32_t> maximum(10), last(1);
+  file.read(table[1].section, {room_of(maximum), room_of(last)});
+  CHECK(maximum == numbers(10));
   CHECK(last == numbers(1));
   std::uint32_t third = 0;
   file.read_part(table[1].section, 8, &third, sizeof third);

@@ -91,16 +91,16 @@ TEST_CASE("parallel: no more tasks at once than threads", "[property]") {
   for (const int threads : {1, 2, 3}) {
     WorkerPool pool(threads);
     std::atomic<int> running{0};
-    std::atomic<int> most{0};
+    std::atomic<int> maximum{0};
     run_small(pool, 60, [&](std::size_t) {
       const int now = ++running;
-      for (int seen = most; now > seen && !most.compare_exchange_weak(seen, now);) {
+      for (int seen = maximum; now > seen && !maximum.compare_exchange_weak(seen, now);) {
       }
       pause_us(500);
       --running;
     });
-    CHECK(most <= threads);
-    CHECK(most >= 1);
+    CHECK(maximum <= threads);
+    CHECK(maximum >= 1);
   }
 }
 

@@ -220,7 +220,7 @@ TEST_CASE("laz chunk table: comes back, and lies of it are refused", "[unit]") {
     CHECK_THROWS_AS(read_chunk_table(again, variable, sum - 1), Damage);
     ByteFeed cut(table.substr(0, table.size() / 2));
     CHECK_THROWS_AS(read_chunk_table(cut, variable, sum), EndOfBytes);
-    for (const std::uint32_t count : {1001u, kMostChunks + 1, 0xffffffffu}) {
+    for (const std::uint32_t count : {1001u, kMaxChunks + 1, 0xffffffffu}) {
       std::string lie(table);
       test::set_bytes(lie, 4, count);
       ByteFeed lies(lie);

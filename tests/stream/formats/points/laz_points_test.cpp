@@ -199,7 +199,7 @@ TEST_CASE("laz points: a file that was cut off is read as far as it goes", "[fau
     const std::string records = test::las_records(s);
     const LazBytes file = test::laz_file(s, records);
     const auto whole = test::read_points(folder.write("a.laz", file.bytes));
-    std::size_t most = 0;
+    std::size_t maximum = 0;
     for (std::size_t i = 0; i < 200; ++i) {
       const std::size_t bytes = i * file.bytes.size() / 200;
       CAPTURE(format, bytes);
@@ -211,12 +211,12 @@ TEST_CASE("laz points: a file that was cut off is read as far as it goes", "[fau
       const auto r = test::read_points(path);
       REQUIRE(starts_with(whole.points, r.points));
       REQUIRE(r.counts.missing + r.counts.points + r.counts.withheld == 500);
-      REQUIRE(r.points.size() + r.counts.withheld >= most);
+      REQUIRE(r.points.size() + r.counts.withheld >= maximum);
       REQUIRE(r.info.warnings.size() == 1);
-      most = r.points.size() + r.counts.withheld;
+      maximum = r.points.size() + r.counts.withheld;
       test::require_slices_agree(path, {}, {1});
     }
-    CHECK(most > 400);
+    CHECK(maximum > 400);
   }
 }
 

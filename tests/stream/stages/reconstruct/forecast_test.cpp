@@ -304,15 +304,15 @@ TEST_CASE("forecast: too small a cap is refused once, with the smallest that wou
   for (const std::uint64_t cap : {40, 50, 60}) CHECK(named_cap(refuse(cap * kMiB)) == named);
   CHECK(refuse(named).empty());
   // The stages themselves: they fit the named cap, and do not fit less.
-  std::uint64_t most = 0;
-  for (const StageForecast& f : at_cap(named).stages) most = std::max(most, f.memory_bytes());
-  CHECK_NOTHROW(MemoryBudget(named, base).require(most, "a stage"));
+  std::uint64_t maximum = 0;
+  for (const StageForecast& f : at_cap(named).stages) maximum = std::max(maximum, f.memory_bytes());
+  CHECK_NOTHROW(MemoryBudget(named, base).require(maximum, "a stage"));
   if (!dense) return;           // else what is estimated may ask for more than what is sure
-  std::uint64_t least = named;  // to the byte
-  while (MemoryBudget(least - 1, base).capacity() >= most) --least;
-  CHECK(least > named - kMiB);
-  CHECK(refuse(least).empty());
-  CHECK(named_cap(refuse(least - 1)) == named);
+  std::uint64_t minimum = named;  // to the byte
+  while (MemoryBudget(minimum - 1, base).capacity() >= maximum) --minimum;
+  CHECK(minimum > named - kMiB);
+  CHECK(refuse(minimum).empty());
+  CHECK(named_cap(refuse(minimum - 1)) == named);
 }
 
 TEST_CASE("forecast: what cap or disk cannot carry is refused with the smallest that would", "[unit]") {

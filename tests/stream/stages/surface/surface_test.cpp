@@ -430,13 +430,13 @@ TEST_CASE("main job: without closing no vertex is farther from the data than the
   CHECK(open.check.boundary_loops == 2);
   double worst = 0;
   for (const Double3& v : vertices) {
-    double least = 1e300;
+    double minimum = 1e300;
     for (const TestPoint& p : points) {
       double d2 = 0;
       for (std::size_t a = 0; a < 3; ++a) d2 += (p.p[a] - v[a]) * (p.p[a] - v[a]);
-      least = std::min(least, d2);
+      minimum = std::min(minimum, d2);
     }
-    worst = std::max(worst, least);
+    worst = std::max(worst, minimum);
   }
   CHECK(std::sqrt(worst) < 3.0);
   CHECK(vertices.size() > 1000);

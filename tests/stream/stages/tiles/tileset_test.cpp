@@ -34,9 +34,9 @@ std::vector<TileLevel> row_of_tiles() {
 }  // namespace
 
 TEST_CASE("tileset: one file or many, the same tree", "[unit]") {
-  const std::size_t most = GENERATE(2, 5, 30, 1000);
+  const std::size_t maximum = GENERATE(2, 5, 30, 1000);
   const std::vector<TileLevel> levels = row_of_tiles();
-  const TileTree tree = make_tile_tree(levels, most);
+  const TileTree tree = make_tile_tree(levels, maximum);
   const TempFolder folder;
   std::size_t files = 0;
   std::string last;
@@ -50,7 +50,7 @@ TEST_CASE("tileset: one file or many, the same tree", "[unit]") {
                    last = name;
                  });
   CHECK(last.empty());
-  CHECK((files > 1) == (most < 127));
+  CHECK((files > 1) == (maximum < 127));
   for (std::size_t l = 0; l < levels.size(); ++l)
     for (std::size_t t = 0; t < levels[l].tiles.size(); ++t) {
       const auto path = folder.path() / tile_file(static_cast<int>(l), t);
