@@ -25,7 +25,8 @@ inline Double3 row(const Matrix3& m, Eigen::Index i) {
 /// Turns the lower triangle of the leading n x n block into its Cholesky factor.
 /// \return false where a pivot is not above `minimum` + `share` of its diagonal entry
 template <int kSize>
-bool cholesky_factor(SmallMatrix<kSize>& a, double minimum = 0.0, double share = 0.0, Eigen::Index n = kSize) {
+bool cholesky_factor(SmallMatrix<kSize>& a, double minimum = 0.0, double share = 0.0,
+                     Eigen::Index n = kSize) {
   for (Eigen::Index i = 0; i < n; ++i) {
     for (Eigen::Index j = 0; j <= i; ++j) {
       double sum = a.coeff(i, j);

@@ -12,7 +12,7 @@
 namespace tessera {
 namespace {
 
-constexpr double kShort = 2.5;        // an edge up to so many times the shortest at an end couples clusters
+constexpr double kShort = 2.5;      // an edge up to so many times the shortest at an end couples clusters
 constexpr double kMinShrink = 0.8;  // a level that keeps more than this share of its unknowns is the last
 
 /// A graph that somebody else holds; a node may be named among its own neighbours.

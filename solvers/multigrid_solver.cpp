@@ -21,7 +21,7 @@ namespace {
 
 using Vector = std::vector<double>;
 
-constexpr int kMaxColumns = 3;   // run through the levels together; more cost memory and gain little
+constexpr int kMaxColumns = 3;    // run through the levels together; more cost memory and gain little
 constexpr int kCascadeSteps = 4;  // m and gamma of the cascade (thesis 7.3.3): m gamma^i steps on level i
 constexpr double kCascadeGrowth = 2.5;
 constexpr double kStartTolerance = 1e-12;

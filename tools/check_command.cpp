@@ -11,6 +11,7 @@
 #include "stream/check/mesh_check.h"
 #include "stream/check/mesh_compare.h"
 #include "stream/check/truth.h"
+#include "stream/files/json_text.h"
 #include "stream/files/output_file.h"
 #include "stream/files/path_text.h"
 #include "stream/formats/meshes/mesh_io.h"
@@ -98,7 +99,7 @@ void run_check(const CheckCommand& command) {
     report["mesh"] = json_text(command.mesh);
     if (const auto warnings = mesh->warnings(); !warnings.empty()) report["warnings"] = warnings;
     OutputFile file(command.json);
-    file.append(report.dump(2) + "\n");
+    file.append(dump_json(report, 2) + "\n");
     file.finish();
   }
   if (!complaint.empty()) throw ValidationError(command.mesh.string() + ": " + complaint);

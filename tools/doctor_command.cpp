@@ -33,7 +33,7 @@ struct DoctorArguments {
 };
 
 constexpr std::uint64_t kMinMemory = std::uint64_t{64}
-                                       << 20;  // every stage runs in so much, on scans that are not huge
+                                     << 20;  // every stage runs in so much, on scans that are not huge
 constexpr std::uint64_t kMaxMeasured = std::uint64_t{256} << 20;
 constexpr double kMaxSeconds = 1.0;  // of writing, and of reading
 

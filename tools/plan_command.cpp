@@ -130,8 +130,7 @@ struct Simulation {
     for (const std::string& word : nodes) {
       const std::vector<double> n = numbers_of(word, 1);
       if (n.empty() || n[0] < 1 || n[0] > kMaxNodes || n[0] != std::floor(n[0]))
-        throw UsageError(
-            fmt::format("--nodes {}: whole numbers from 1 to {}, with commas", word, kMaxNodes));
+        throw UsageError(fmt::format("--nodes {}: whole numbers from 1 to {}, with commas", word, kMaxNodes));
       numbers.push_back(static_cast<int>(n[0]));
     }
     return numbers;
@@ -234,8 +233,7 @@ void run_plan(const ReconstructOptions& options, JobState state, const fs::path&
   if (!state.run.report.empty()) {
     nlohmann::json told = plan.to_json();
     told.update(forecast.to_json());
-    write_durably(state.run.report,
-                  told.dump(1, ' ', false, nlohmann::json::error_handler_t::replace) + "\n");
+    write_durably(state.run.report, dump_json(told, 1) + "\n");
   }
   if (kept)
     fmt::print("\n{} holds the plan; reconstruct with the same inputs and options goes on from it\n",

@@ -5,6 +5,7 @@
 #include <optional>
 
 #include "stream/files/durable_file.h"
+#include "stream/files/json_text.h"
 #include "stream/files/path_text.h"
 #include "stream/formats/meshes/mesh_io.h"
 #include "stream/runtime/job_report.h"
@@ -21,12 +22,12 @@ namespace {
 /// The report of the mesh says what became of its site.
 void note_site(const JobState& mesh, const cli::Site& site, const nlohmann::json& of_site) {
   const std::filesystem::path path = report_path(mesh);
-  nlohmann::json report = nlohmann::json::parse(read_text(path));
+  nlohmann::json report = parse_json(read_text(path));
   nlohmann::json tiles = of_site.at("tiles");
   tiles["report"] = json_text(site.report());
   if (report.value("tiles", nlohmann::json()) == tiles) return;
   report["tiles"] = std::move(tiles);
-  write_durably(path, report.dump(1, ' ', false, nlohmann::json::error_handler_t::replace) + "\n");
+  write_durably(path, dump_json(report, 1) + "\n");
 }
 
 void run_reconstruct(const ReconstructOptions& options, JobState state, const std::filesystem::path& tiles) {

@@ -5,6 +5,7 @@
 
 #include "octree/error.h"
 #include "stream/files/durable_file.h"
+#include "stream/files/json_text.h"
 #include "stream/files/path_text.h"
 #include "stream/page/report_page.h"
 #include "stream/page/report_value.h"
@@ -31,12 +32,12 @@ nlohmann::json read_report(const fs::path& path) {
   std::error_code error;
   if (fs::is_regular_file(path, error) && fs::file_size(path, error) > kMaxBytes)
     throw InputError(path.string() + ": too large for a report of Tessera: name an OUT.report.json");
-  const nlohmann::json report = nlohmann::json::parse(read_text(path), nullptr, false);
+  const nlohmann::json report = try_parse_json(read_text(path));
   if (text_at(report, "/tool") != "tessera" || !value_at(report, "/stages").is_array())
     throw InputError(path.string() + ": is no report of Tessera: name an OUT.report.json");
   if (value_at(report, "/schema") != kReportSchema)
     throw InputError(fmt::format("{}: is a report of schema {}, this program reads {}", path.string(),
-                                 value_at(report, "/schema").dump(), kReportSchema));
+                                 dump_json(value_at(report, "/schema")), kReportSchema));
   return report;
 }
 

@@ -275,8 +275,7 @@ void keep_apart(std::vector<BlendTrack>& tracks, double step) {
 }  // namespace
 
 bool is_in_band(double across, double minimum, const BandOptions& o) {
-  return std::fabs(across) * o.radius >= o.min_turn &&
-         std::fabs(minimum) <= o.min_ratio * std::fabs(across);
+  return std::fabs(across) * o.radius >= o.min_turn && std::fabs(minimum) <= o.min_ratio * std::fabs(across);
 }
 
 std::vector<BlendTrack> trace_bands(std::span<const BandVertex> band,

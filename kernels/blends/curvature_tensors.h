@@ -14,9 +14,9 @@ namespace tessera {
 struct CurvatureTensor {
   Double3 normal = {0, 0, 0};  ///< unit, of the faces at the vertex by area; zero where they have none
   Double3 along = {0, 0,
-                   0};  ///< unit, in which the surface bends least: along a blend; its sign says nothing
-  double across = 0.0;  ///< curvature across `along`, the larger one: above 0 convex, 1 / scan units
-  double minimum = 0.0;   ///< curvature in the direction of `along`
+                   0};   ///< unit, in which the surface bends least: along a blend; its sign says nothing
+  double across = 0.0;   ///< curvature across `along`, the larger one: above 0 convex, 1 / scan units
+  double minimum = 0.0;  ///< curvature in the direction of `along`
 };
 
 /// \param block   canonical; complete within `radius` of the vertices that are asked for

@@ -9,13 +9,13 @@
 namespace tessera {
 namespace {
 
-constexpr int kMaxRounds = 40;    ///< of planes and fits; each leaves about a third of what the spine is off
+constexpr int kMaxRounds = 40;     ///< of planes and fits; each leaves about a third of what the spine is off
 constexpr double kSettled = 1e-8;  ///< of the half width: moves of the spine from round to round that end it,
 constexpr double kSettledNoise = 0.01;  ///< or of the rms distance of vertices to their profiles
 constexpr double kWaversNoise = 2.0, kWaversShare = 0.85,
-                 kSameNoise = 0.99;     ///< as much as a round ago: it wavers
-constexpr int kPatientRounds = 3;       ///< in which ribs that fit badly may get better planes
-constexpr double kWindow = 1.5;         ///< ribs to each side whose vertices a rib sees
+                 kSameNoise = 0.99;   ///< as much as a round ago: it wavers
+constexpr int kPatientRounds = 3;     ///< in which ribs that fit badly may get better planes
+constexpr double kWindow = 1.5;       ///< ribs to each side whose vertices a rib sees
 constexpr std::size_t kMinFlank = 3;  ///< vertices of a rib on each flank
 constexpr int kProfileSmooths = 12, kSpineSmooths = 16;
 constexpr double kFlankEdges = 3.0,
@@ -26,7 +26,7 @@ constexpr double kNearTrack = 3.0;      ///< of half the band and a flank
 constexpr double kBadRib = 3.0;         ///< of the median rms: the blend has ended
 constexpr double kFine = 0.02;          ///< of an edge: a rib that fits so well is never bad
 constexpr double kRough = 0.3;          ///< of the flank: what lies so far off a line on average is no flank
-constexpr double kMinApart = 0.15;    ///< of the spacing: ends of ribs
+constexpr double kMinApart = 0.15;      ///< of the spacing: ends of ribs
 
 /// Ribs by cells of their origins: every cell has those of its neighbours, too.
 class NearRibs {

@@ -42,8 +42,8 @@ struct Fishbone {
 enum class FishboneOutcome { kFound, kTooShort, kNoFlanks, kRibsCross };
 
 struct FishboneOptions {
-  double spacing = 0.0;      ///< of ribs, > 0
-  double edge = 0.0;         ///< mean edge of the mesh around, > 0
+  double spacing = 0.0;    ///< of ribs, > 0
+  double edge = 0.0;       ///< mean edge of the mesh around, > 0
   double min_flank = 0.0;  ///< beside the arc: what an edit needs
   double min_seen = 0.0;   ///< beside the arc: vertices so far are looked at, at the least
 };

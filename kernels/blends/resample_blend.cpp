@@ -19,14 +19,14 @@ namespace {
 using Face = std::array<std::uint32_t, 3>;
 
 constexpr std::uint32_t kNone = 0xffffffffu;
-constexpr double kClear = 0.5;        ///< of a row: between the grid and what stays
-constexpr double kOffEdges = 1.5;     ///< vertices under the grid, edges off it at the most, and half an arc
-constexpr double kGapRows = 2.5;      ///< of the zipper: what was cleared, and the width of faces beside it
+constexpr double kClear = 0.5;      ///< of a row: between the grid and what stays
+constexpr double kOffEdges = 1.5;   ///< vertices under the grid, edges off it at the most, and half an arc
+constexpr double kGapRows = 2.5;    ///< of the zipper: what was cleared, and the width of faces beside it
 constexpr double kMinFacing = 0.2;  ///< cosine between a new face and the surface at its corners
-constexpr double kCreaseArc = 0.6;    ///< of a row: shorter arcs were creases
-constexpr double kOnCrease = 0.35;    ///< of a row: vertices so near to it are on it
+constexpr double kCreaseArc = 0.6;  ///< of a row: shorter arcs were creases
+constexpr double kOnCrease = 0.35;  ///< of a row: vertices so near to it are on it
 constexpr double kBridgeRibs = 3.0;
-constexpr int kMaxCuts = 4;         ///< times that ribs are left out where a blend cannot be changed
+constexpr int kMaxCuts = 4;          ///< times that ribs are left out where a blend cannot be changed
 constexpr double kShrunk = 0.5;      ///< of its length: a second fit that leaves less is not the better one
 constexpr double kRoomy = 1.25;      ///< of the tolerance: how far off is still told
 constexpr double kEdgesApart = 1.3;  ///< local edges that differ by more from what was thought: fit again

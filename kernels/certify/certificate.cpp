@@ -23,8 +23,8 @@ constexpr std::uint64_t kQueriesPerCheck = 256;
 constexpr double kInfinite = std::numeric_limits<double>::infinity();
 constexpr std::uint32_t kNone = ClosestFaces::kNone;
 using Piece = ConvexPiece;
-constexpr int kMaxCuts = 160;           // in a row; derived into certificate_rounding
-constexpr int kFreeCuts = 24;            // after so many in a row every third is across the longest diagonal
+constexpr int kMaxCuts = 160;          // in a row; derived into certificate_rounding
+constexpr int kFreeCuts = 24;          // after so many in a row every third is across the longest diagonal
 constexpr double kMinPiece = 0x1p-13;  // of the tolerance: smaller pieces are bounded by their radius
 constexpr double kPhase = 0.25;  // the first target is this share of the tolerance, then its square, ...
 

@@ -375,7 +375,8 @@ bool meets(const Double3* p, const Box3& box) {
 double largest_extent(const SurfaceFaces& s, const Box3& core) {
   double maximum = 0.0;
   for (const Double3& p : s.position)
-    for (std::size_t k = 0; k < 3; ++k) maximum = std::max({maximum, p[k] - core.low[k], core.high[k] - p[k]});
+    for (std::size_t k = 0; k < 3; ++k)
+      maximum = std::max({maximum, p[k] - core.low[k], core.high[k] - p[k]});
   return maximum;
 }
 

@@ -119,8 +119,7 @@ Decimator::Refusal Decimator::check_faces(std::uint32_t u, const Star& star, std
 Decimator::Refusal Decimator::check(std::uint32_t u, const Star& star, std::size_t at_ring) {
   moves_ = false;
   if (!linked(star, at_ring)) return Refusal::kLink;
-  if (in_lanes_ && options_.tolerance > 0.0 && min_cosine_ <= -1.0 &&
-      (mesh_.state(u) & kVertexCrease) == 0) {
+  if (in_lanes_ && options_.tolerance > 0.0 && min_cosine_ <= -1.0 && (mesh_.state(u) & kVertexCrease) == 0) {
     double gap = 0.0;
     const StarLanes::Answer answer = lanes_.judge(at_ring, gap);
     if (answer == StarLanes::Answer::kRefused) return Refusal::kFold;

@@ -54,7 +54,8 @@ std::vector<UnitNormal> unit_normals(const CollapseMesh& mesh) {
 }
 
 /// Whether the cosines to the faces across the three edges are all above `minimum`; not where a face has no area.
-bool all_above(const CollapseMesh& mesh, const std::vector<UnitNormal>& unit, std::uint32_t f, float minimum) {
+bool all_above(const CollapseMesh& mesh, const std::vector<UnitNormal>& unit, std::uint32_t f,
+               float minimum) {
   const UnitNormal& n = unit[f];
   bool above = true;
   for (const std::uint32_t o : mesh.face(f).opposite) {

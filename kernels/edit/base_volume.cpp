@@ -9,7 +9,7 @@ namespace {
 
 using Faces = std::span<const std::array<std::uint32_t, 3>>;
 
-constexpr int kSteps = 8;           ///< of Newton's
+constexpr int kSteps = 8;          ///< of Newton's
 constexpr double kMaxStretch = 2;  ///< of areas
 
 }  // namespace

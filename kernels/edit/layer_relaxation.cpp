@@ -12,13 +12,13 @@ namespace {
 
 using Face = std::array<std::uint32_t, 3>;
 
-constexpr double kRelax = 0.8;      ///< of the way to the edges at rest that a round goes
-constexpr double kFilter = 0.3;     ///< of the way to its neighbours that a ratio of heights goes
+constexpr double kRelax = 0.8;     ///< of the way to the edges at rest that a round goes
+constexpr double kFilter = 0.3;    ///< of the way to its neighbours that a ratio of heights goes
 constexpr double kMaxStep = 0.25;  ///< of two sides of the base: what one projection may move
 constexpr double kMaxWeight = 20;  ///< of an edge: slivers would hold everything else
-constexpr double kOneSided = 0.5;   ///< of volumes: what must be left of them where signs cancel
+constexpr double kOneSided = 0.5;  ///< of volumes: what must be left of them where signs cancel
 constexpr double kMaxScale = 0.2;  ///< of heights, at once
-constexpr double kMin = 0.02;     ///< of the longest displacement: ratios of shorter ones say nothing
+constexpr double kMin = 0.02;      ///< of the longest displacement: ratios of shorter ones say nothing
 
 constexpr std::size_t kLanes = 4;
 constexpr std::size_t kOpen = 16;  ///< groups of prisms that are being filled

@@ -12,7 +12,7 @@ namespace {
 constexpr std::uint32_t kNoFace = 0xffffffffu;
 constexpr double kUnits = 65535.0;
 constexpr int kNewtonSteps = 8;  ///< five do; more where normals turn much within a face
-constexpr int kMaxFaces = 24;   ///< that one walk visits
+constexpr int kMaxFaces = 24;    ///< that one walk visits
 constexpr double kInside = 1e-9;
 /// Of the diagonal: what rounding of u and v may leave beside the normal. Half of what is promised.
 constexpr double kLeft = 5e-7;

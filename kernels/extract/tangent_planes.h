@@ -21,7 +21,7 @@ struct TangentPlanes {
 
 struct PlaneIntersection {
   Double3 position = {0, 0, 0};  ///< the least-squares point nearest to the anchor
-  double min_spread = 0.0;     ///< smallest over largest eigenvalue: squared ratio of singular values
+  double min_spread = 0.0;       ///< smallest over largest eigenvalue: squared ratio of singular values
 };
 
 /// Pseudo-inverse by eigenvectors of the normal equations; only + - * / sqrt.

@@ -27,7 +27,8 @@ constexpr float kLayeredNormal = 0.85f;
 std::uint32_t layered_nodes(const NodeSums& s, float minimum, float min_normal) {
   const __m256 w2 = _mm256_mul_ps(s.w, s.w);
   const __m256 variance = _mm256_fmsub_ps(s.w, s.pn2, _mm256_mul_ps(s.pn, s.pn));  // times w^2
-  const __m256 apart = _mm256_cmp_ps(variance, _mm256_mul_ps(w2, _mm256_set1_ps(minimum * minimum)), _CMP_GT_OQ);
+  const __m256 apart =
+      _mm256_cmp_ps(variance, _mm256_mul_ps(w2, _mm256_set1_ps(minimum * minimum)), _CMP_GT_OQ);
   const __m256 parallel = _mm256_cmp_ps(dot(s.nx, s.ny, s.nz, s.nx, s.ny, s.nz),
                                         _mm256_mul_ps(w2, _mm256_set1_ps(min_normal)), _CMP_GE_OQ);
   return static_cast<std::uint32_t>(_mm256_movemask_ps(_mm256_and_ps(apart, parallel)));
@@ -493,8 +494,8 @@ bool choose_gaps(const SampleList& coarse, const NodeFitOptions& options, NodeFi
         const auto near = static_cast<std::uint32_t>(_mm256_movemask_ps(near_plane(s)));
         const bool last = level + 1 == fit.gap.size() || grown_radius(level + 1, options) > kMaxRadius;
         const __m256i minimum = _mm256_set1_epi32((last ? kMinBlocks : kGapBlocks) - 1);
-        const auto enough = static_cast<std::uint32_t>(
-                                _mm256_movemask_ps(_mm256_castsi256_ps(_mm256_cmpgt_epi32(s.hits, minimum)))) &
+        const auto enough = static_cast<std::uint32_t>(_mm256_movemask_ps(
+                                _mm256_castsi256_ps(_mm256_cmpgt_epi32(s.hits, minimum)))) &
                             nodes;
         left &= ~enough;
         fit.gap[level][z] |= static_cast<std::uint64_t>(enough & near) << (8 * y);

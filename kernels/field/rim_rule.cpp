@@ -8,7 +8,7 @@ namespace {
 
 constexpr float kTan22 = 0.41421356f;  ///< of half of 45 degrees
 constexpr float kAlike = 0.5f;         ///< cosine of 60 degrees
-constexpr int kMaxEmpty = 6;          ///< sectors of 22.5 degrees in a row
+constexpr int kMaxEmpty = 6;           ///< sectors of 22.5 degrees in a row
 
 /// Sector of 22.5 degrees, 0 to 15 around the circle.
 unsigned sector(float x, float y) {

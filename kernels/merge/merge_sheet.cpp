@@ -17,7 +17,8 @@ double beside_foot(const Double3& p, const SignedDistance::Foot& foot, const Dou
 
 }  // namespace
 
-MergeSheet::Place MergeSheet::at(const Double3& p, double maximum, double beyond, const Double3* normal) const {
+MergeSheet::Place MergeSheet::at(const Double3& p, double maximum, double beyond,
+                                 const Double3* normal) const {
   Place place;
   place.foot = surface_.closest(p, maximum * maximum);
   if (place.foot.face == SignedDistance::kNone) return place;

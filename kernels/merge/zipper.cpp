@@ -26,13 +26,13 @@ constexpr double kMinTurn = 0.17;  ///< cosine between a new face and those acro
 constexpr std::array<double, 3> kLastTurns = {0.0, -0.35, -0.7};
 constexpr std::array<double, 3> kLastGaps = {1.5, 2.0, 3.0};
 constexpr double kMinHeight = 0.02;  ///< of a new face over its edge, edge lengths: lower is a line
-constexpr double kOtherSheet = 1.0;    ///< of its length: edges so far above a new one do not cross it
+constexpr double kOtherSheet = 1.0;  ///< of its length: edges so far above a new one do not cross it
 /// Circles of this many times the gap, or the longest edge beside, pass through vertices of one side: of a dent in its border.
 constexpr double kMaxRound = 2.0;
 constexpr std::size_t kMaxLoop =
-    12;                             ///< edges of a loop that is filled: of the size of the strip's own faces
-constexpr double kMinRim = -0.5;  ///< cosine between what fills a loop and what is around it
-constexpr std::size_t kCrumb = 6;   ///< pieces of fewer faces are no surface
+    12;                            ///< edges of a loop that is filled: of the size of the strip's own faces
+constexpr double kMinRim = -0.5;   ///< cosine between what fills a loop and what is around it
+constexpr std::size_t kCrumb = 6;  ///< pieces of fewer faces are no surface
 constexpr int kFillRounds = 3;
 constexpr int kMaxRounds = 40;  ///< of removal; each leaves fewer faces
 

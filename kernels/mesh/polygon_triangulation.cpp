@@ -222,7 +222,8 @@ class EarClipper {
       if (next_[v] == kNoCorner || turn_[v] > 0) return false;
       const Point& x = point_[v];
       if (x == p || x == q || x == r) return false;
-      return orientation(p, q, x) >= minimum && orientation(q, r, x) >= minimum && orientation(r, p, x) >= minimum;
+      return orientation(p, q, x) >= minimum && orientation(q, r, x) >= minimum &&
+             orientation(r, p, x) >= minimum;
     });
   }
 

@@ -17,10 +17,10 @@ namespace {
 
 constexpr float kUnitNormal = 32767.0f;
 constexpr float kMinLinePixels = 0.3f;
-constexpr double kMaxPointSize = 200.0;  // samples (picture_shaders.h)
+constexpr double kMaxPointSize = 200.0;   // samples (picture_shaders.h)
 constexpr double kRounding = 2.0;         // pixels, of floats on the way to the screen
 constexpr double kOcclusionShare = 0.07;  // of a view's half width, where no radius is given
-constexpr double kMaxReach = 0.3;        // of a view's height: as far as occlusion looks in perspective
+constexpr double kMaxReach = 0.3;         // of a view's height: as far as occlusion looks in perspective
 /// A view of 800 x 600 with three samples a side is a band.
 constexpr std::uint64_t kBandSamples = 4'500'000;
 
@@ -41,7 +41,8 @@ float channel(std::uint32_t rgba, int i) {
 /// reach, and four for the blur, the crease and what is rounded.
 int band_margin(const PictureView& view) {
   const double maximum = kMaxReach * view.height;
-  const double reach = view.camera.orthographic ? std::min(0.5 * kOcclusionShare * view.width, maximum) : maximum;
+  const double reach =
+      view.camera.orthographic ? std::min(0.5 * kOcclusionShare * view.width, maximum) : maximum;
   return static_cast<int>(std::ceil(std::max(reach, 4.0))) + 4;
 }
 

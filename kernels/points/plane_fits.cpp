@@ -118,7 +118,7 @@ std::array<FittedPlane, kLanes> fit_planes(const NeighbourSums& sums) {
     if (!(weight[lane] > 0.0)) continue;
     const auto of = [lane](const auto& four) { return four[lane]; };
     MinEigen3 one{{of(eigen.values[0]), of(eigen.values[1]), of(eigen.values[2])},
-                    {of(eigen.vector[0]), of(eigen.vector[1]), of(eigen.vector[2])}};
+                  {of(eigen.vector[0]), of(eigen.vector[1]), of(eigen.vector[2])}};
     if (eigen.known[lane] == 0) {
       std::array<double, 6> m;
       for (std::size_t k = 0; k < m.size(); ++k) m[k] = covariance[k][lane];

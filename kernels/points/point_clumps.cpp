@@ -6,10 +6,10 @@
 namespace tessera {
 
 PointClumps find_clumps(std::span<const double> occupied, double edge, double points, double typical) {
-  constexpr double kMaxRatio = 1.6;    // a line has 2
+  constexpr double kMaxRatio = 1.6;   // a line has 2
   constexpr double kMinCells = 64.0;  // fewer are the outline of the scan
-  constexpr double kCoarser = 8.0;      // cells for a cell of a surface, where clumps join
-  constexpr double kCrossed = 1.5;      // cells of edge e that a surface of area e^2 crosses
+  constexpr double kCoarser = 8.0;    // cells for a cell of a surface, where clumps join
+  constexpr double kCrossed = 1.5;    // cells of edge e that a surface of area e^2 crosses
   constexpr double kMinPoints = 3.0;
   if (typical < kMinPoints) return {};
   std::size_t plateau = 0;

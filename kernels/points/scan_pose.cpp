@@ -31,7 +31,7 @@ constexpr double kMinBent = 0.05;  ///< of its lines, in steps: less may be what
 constexpr double kMinUneven =
     0.25;  ///< of its directions, in steps: narrow views of spheres and planes have less
 constexpr std::int64_t kMinRaster = 8;  ///< rows and columns of it
-constexpr double kWidestCamera = 2.0;     ///< 1 / cos 60 degrees: no camera sees a plane farther to its sides
+constexpr double kWidestCamera = 2.0;   ///< 1 / cos 60 degrees: no camera sees a plane farther to its sides
 
 double middle_of(std::vector<double>& values) {
   const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
@@ -265,9 +265,8 @@ ScanPose check_scan_pose(std::span<const Double3> spread, std::vector<GridSample
   const Raster raster = raster_of(grid);
   if (!raster.told || raster.off > kMaxOffRaster) return ScanPose::kHolds;
   const double bent = std::min(by_line.bent, by_cell.bent) / std::max(along, across);
-  const bool raster_fits =
-      bent > std::max(kMinBent, kRatioToRays * raster.off) ||
-      (!raster.ahead && raster.uneven > std::max(kMinUneven, kRatioToRays * raster.off));
+  const bool raster_fits = bent > std::max(kMinBent, kRatioToRays * raster.off) ||
+                           (!raster.ahead && raster.uneven > std::max(kMinUneven, kRatioToRays * raster.off));
   return raster_fits ? ScanPose::kRaster : ScanPose::kHolds;
 }
 

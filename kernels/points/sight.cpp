@@ -12,14 +12,14 @@ namespace tessera {
 namespace {
 
 // Looks.
-constexpr float kMinDistance = 0.5f;        ///< cells; what is nearer is the surface that is looked from
+constexpr float kMinDistance = 0.5f;          ///< cells; what is nearer is the surface that is looked from
 constexpr float kGrazing = 0.1f;              ///< cosine; flatter looks at a sensor are left out
 constexpr float kFrank = 0.25f;               ///< cosine; flatter looks say nothing
 constexpr float kNear = 2.0f * kCoarseCells;  ///< disks reach beyond edges: what ends nearer does not vote
 constexpr std::uint64_t kLooks = 1u << 19;    ///< pairs, there and back, aimed at over the whole job
 constexpr std::uint64_t kMaxLooks = 2 * kLooks;
 constexpr std::uint64_t kPerGroup = 1024;  ///< small groups look more often, while the most allows it
-constexpr std::uint64_t kMax = 32;        ///< of a surfel that looks at all
+constexpr std::uint64_t kMax = 32;         ///< of a surfel that looks at all
 constexpr std::size_t kLookersPerPart = 128;
 constexpr std::size_t kAskedSensors = 8;  ///< the nearest
 constexpr double kBelow = 0.1;  ///< weight of open sight downwards: nobody scans the earth from below
@@ -32,7 +32,7 @@ constexpr double kShell = 0.2;  ///< share of surfels with one side shut in from
 // Length, in mean lengths of sight, that sight of the open counts as.
 constexpr double kOpenInRoom = 0.3;
 constexpr double kOpenOnLand = 1.2;
-constexpr double kMinOpen = 96.0;  ///< and at least so many cells on land: roofs see the ground below
+constexpr double kMinOpen = 96.0;    ///< and at least so many cells on land: roofs see the ground below
 constexpr double kRoomSides = 0.25;  ///< weight of sides against `scale` in a room; there pairs do not vote,
 constexpr double kSides = 0.25;      ///< for the backs of furniture see each other's fronts; elsewhere
 constexpr double kPairs = 0.1;       ///< weight of pairs

@@ -23,7 +23,7 @@ struct PatchVote {
 void merge_votes(std::vector<PatchVote>& votes);
 
 struct ContractionLimits {
-  double min_score = 0.0;  ///< pairs below join no more; score = (same - opposite)^2 / (same + opposite)
+  double min_score = 0.0;       ///< pairs below join no more; score = (same - opposite)^2 / (same + opposite)
   double min_confidence = 0.0;  ///< nor do those below in |same - opposite| / (same + opposite)
 };
 

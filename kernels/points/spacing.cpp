@@ -77,7 +77,7 @@ class Surroundings {
   static constexpr double kMinAround = 5.0;
   static constexpr double kFewAround = 16.0, kFewVariation = 0.06;
   static constexpr double kMaxVariation =
-      0.15;                                ///< of a plane; strewn points have about 0.25, noisy ones 0.1
+      0.15;                               ///< of a plane; strewn points have about 0.25, noisy ones 0.1
   static constexpr double kMaxOff = 3.0;  ///< standard deviations that a probe is off the plane
   static constexpr double kRounding = 1e-3;
   double count_ = 0.0;

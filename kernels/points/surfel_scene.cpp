@@ -12,8 +12,8 @@
 namespace tessera {
 namespace {
 
-constexpr float kDiskSpread = 1.4f;   ///< radius over that of the disk's area: neighbours leave no gap
-constexpr float kMinRadius = 2.5f;  ///< cells
+constexpr float kDiskSpread = 1.4f;  ///< radius over that of the disk's area: neighbours leave no gap
+constexpr float kMinRadius = 2.5f;   ///< cells
 constexpr float kMaxRadius = 7.0f;
 constexpr float kGrazingDisk = 0.1f;  ///< cosine; flatter disks are not met
 constexpr std::int32_t kSlabCells = 2;

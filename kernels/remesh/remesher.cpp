@@ -292,7 +292,8 @@ std::size_t Remesher::collapse_listed(const CollapseLengths& lengths, RemeshRepo
         if (changed_[a] < round_ && changed_[b] < round_) return false;
         const double minimum = lengths.shortest * target(a, b);
         const bool both_kept = (mesh_.state(a) & kVertexKept) && (mesh_.state(b) & kVertexKept);
-        return square_of(a, b) < minimum * minimum && (!both_kept || corners_merge(a, b) || corners_merge(b, a));
+        return square_of(a, b) < minimum * minimum &&
+               (!both_kept || corners_merge(a, b) || corners_merge(b, a));
       },
       false);
   std::size_t done = 0;

@@ -17,7 +17,7 @@ struct TriangleQuality {
       200;  ///< of 0.01 of the hexagon around a vertex of equilateral triangles; the last one holds all above
 
   std::array<std::uint64_t, kAngleBins> angles{};    ///< all three of every face
-  std::array<std::uint64_t, kAngleBins> minimum{};     ///< the smallest of every face
+  std::array<std::uint64_t, kAngleBins> minimum{};   ///< the smallest of every face
   std::array<std::uint64_t, kLengthBins> lengths{};  ///< of the edges of every face: inner edges count twice
   std::array<std::uint64_t, kValenceBins> valences{};  ///< of vertices inside with complete stars
   /// Of the same vertices: the mixed Voronoi cell (Meyer et al. 2003) by its area, and the sum of the areas of every bin in

@@ -9,12 +9,12 @@
 namespace tessera {
 namespace {
 
-constexpr int kMaxSteps = 40;        ///< of Newton's; two planes take one
+constexpr int kMaxSteps = 40;       ///< of Newton's; two planes take one
 constexpr double kMinSlope = 0.25;  ///< of what a step along the curve of centres gains
-constexpr double kTouches = 1e-7;     ///< of the radius: how well the ball does once steps gain nothing more
+constexpr double kTouches = 1e-7;   ///< of the radius: how well the ball does once steps gain nothing more
 constexpr double kExact = 1e-13;
-constexpr double kRoot = 1e-9;           ///< of an edge
-constexpr double kUnderRound = 1e-6;     ///< of the radius: least value, where a round may pass
+constexpr double kRoot = 1e-9;         ///< of an edge
+constexpr double kUnderRound = 1e-6;   ///< of the radius: least value, where a round may pass
 constexpr double kMinOpening = 1e-10;  ///< squared sine between normals: below it both are one surface
 
 class BlendedShape : public SolidShape {

@@ -6,7 +6,7 @@
 namespace tessera {
 namespace {
 
-constexpr double kOneSheet = 0.906;         ///< cosine of 25 degrees
+constexpr double kOneSheet = 0.906;       ///< cosine of 25 degrees
 constexpr double kMinShare = 1.0 / 50.0;  ///< of the area around a vertex
 
 struct Facet {

@@ -115,8 +115,8 @@ class OctreeBuilder {
 DistanceOctree::DistanceOctree(const Int3& corner, int edge, std::vector<std::uint64_t> halved,
                                std::uint64_t nodes, std::vector<std::array<float, 8>> cells)
     : corner_(corner), edge_(edge), nodes_(nodes), halved_(std::move(halved)), cells_(std::move(cells)) {
-  if (edge_ < 1 || !std::has_single_bit(static_cast<unsigned>(edge_)) || nodes_ == 0 ||
-      nodes_ >= kMaxNodes || halved_.size() != (nodes_ + 63) / 64)
+  if (edge_ < 1 || !std::has_single_bit(static_cast<unsigned>(edge_)) || nodes_ == 0 || nodes_ >= kMaxNodes ||
+      halved_.size() != (nodes_ + 63) / 64)
     throw InputError("a cube of cells is no octree");
   count();
   std::uint64_t parents = 0;

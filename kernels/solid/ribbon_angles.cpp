@@ -12,7 +12,7 @@ namespace {
 __extension__ using Wide = __int128;
 
 constexpr double kMinAngle = 1e-30;  ///< stands for none at all, so that it has a sign
-constexpr double kSureArea = 1e-14;    ///< of its parts: the sign of a rounded area is that of the exact one
+constexpr double kSureArea = 1e-14;  ///< of its parts: the sign of a rounded area is that of the exact one
 
 /// Sign of the doubled area of (a, b, node) seen from +x, with the node moved.
 bool is_left(const BorderEdge& e, const Long3& x) {

@@ -38,8 +38,8 @@ class SweptTool : public SolidShape {
   }
 
  private:
-  static constexpr std::size_t kMaxNear =
-      1u << 16;  ///< where more matter, near() holds no fewer than the whole
+  static constexpr std::size_t kMaxNear = 1u
+                                          << 16;  ///< where more matter, near() holds no fewer than the whole
 
   struct Segment {
     Double3 a, b;

@@ -58,9 +58,9 @@ CertificateOptions certificate_options(const MeshStore& mesh, const MeshStore& r
   const double scale = std::max(mesh.diagonal(), reference.diagonal());
   certificate.area_unit = scale > 0.0 ? scale * scale * 0x1p-47 : 1.0;
   // By the reference alone: what a round before found in a cell then is what this one would find.
-  certificate.samples = std::clamp<std::size_t>(
-      kMaxSamples * kFacesAtMost / std::max<std::uint64_t>(1, reference.face_count()), kMinSamples,
-      kMaxSamples);
+  certificate.samples =
+      std::clamp<std::size_t>(kMaxSamples * kFacesAtMost / std::max<std::uint64_t>(1, reference.face_count()),
+                              kMinSamples, kMaxSamples);
   return certificate;
 }
 
@@ -131,8 +131,8 @@ void require_provable(const MeshStore& mesh, double tolerance) {
   const double minimum = certificate_rounding(0.5 * longest);
   if (tolerance >= minimum) return;
   throw ValidationError("a tolerance of " + number_text(tolerance) + " cannot be proven: a face is " +
-                        number_text(longest) + " long, on which distances are told to " + number_text(minimum) +
-                        " only: remove such faces, or give a larger --tolerance");
+                        number_text(longest) + " long, on which distances are told to " +
+                        number_text(minimum) + " only: remove such faces, or give a larger --tolerance");
 }
 
 MeshComparison begin_comparison(const MeshStore& mesh, const MeshStore& reference,

@@ -12,6 +12,7 @@
 #include "octree/vector.h"
 #include "stream/check/truth_features.h"
 #include "stream/files/durable_file.h"
+#include "stream/files/json_text.h"
 #include "stream/files/vertex_store.h"
 #include "stream/meshes/scene_file.h"
 #include "stream/runtime/parallel.h"
@@ -253,9 +254,10 @@ TruthFile read_truth(const std::filesystem::path& path) {
   const std::string text = read_text(path);
   TruthFile truth;
   try {
-    const nlohmann::json j = nlohmann::json::parse(text);
+    const nlohmann::json j = parse_json(text);
     if (j.at("schema").get<int>() != 1) {
-      throw InputError(path.string() + ": schema " + j.at("schema").dump() + " is not known to this version");
+      throw InputError(path.string() + ": schema " + dump_json(j.at("schema")) +
+                       " is not known to this version");
     }
     truth.scene = {j.at("scene").get<std::string>(), j.at("octaves").get<int>(), 1.0};
     truth.spacing = j.at("spacing").get<double>();

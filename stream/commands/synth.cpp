@@ -10,6 +10,7 @@
 #include "kernels/scene/scene.h"
 #include "octree/error.h"
 #include "octree/vector.h"
+#include "stream/files/json_text.h"
 #include "stream/files/output_file.h"
 #include "stream/files/path_text.h"
 #include "stream/files/planned_writes.h"
@@ -227,7 +228,7 @@ void write_truth(const SynthOptions& o, const SynthReport& report, const std::ve
         {{"origin", scan.origin + o.shift}, {"columns", scan.columns}, {"rows", scan.rows}});
   }
   OutputFile out(path);
-  out.append(truth.dump(2) + "\n");
+  out.append(dump_json(truth, 2) + "\n");
   out.finish();
 }
 

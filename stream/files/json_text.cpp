@@ -16,4 +16,16 @@ nlohmann::json parse_json(const std::string& text, const std::string& name) {
   }
 }
 
+nlohmann::json parse_json(const std::string& text) {
+  return nlohmann::json::parse(text);
+}
+
+nlohmann::json try_parse_json(const std::string& text) {
+  return nlohmann::json::parse(text, nullptr, false);
+}
+
+std::string dump_json(const nlohmann::json& value, int indent) {
+  return value.dump(indent, ' ', false, nlohmann::json::error_handler_t::replace);
+}
+
 }  // namespace tessera

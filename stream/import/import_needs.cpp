@@ -11,7 +11,7 @@ namespace {
 
 // The shortest lines and records that there are: of an OBJ's vertex and face with digits enough to be told apart.
 constexpr std::uint64_t kTextVertexBytes = 24, kTextFaceBytes = 16;
-constexpr std::uint64_t kMinBytes = 6;    ///< of any element
+constexpr std::uint64_t kMinBytes = 6;      ///< of any element
 constexpr std::uint64_t kDealtBytes = 32;   ///< of a vertex on its way to its bucket
 constexpr std::uint64_t kBucketMargin = 5;  ///< quarters, at most: cells are not cut
 
@@ -31,8 +31,7 @@ MeshSize claimed_mesh_size(const std::filesystem::path& path) {
 }
 
 std::vector<StageNeed> import_needs(const RunOptions& run, const ImportSource& source, const MeshSize& mesh) {
-  const std::uint64_t target =
-      std::max(ImportPlan::kBucketVertices, mesh.vertices / ImportPlan::kMaxBuckets);
+  const std::uint64_t target = std::max(ImportPlan::kBucketVertices, mesh.vertices / ImportPlan::kMaxBuckets);
   const auto vertices = [&](std::uint64_t bucket) {
     return std::max(import_vertices_task_bytes(std::min(mesh.vertices, bucket), kDealtBytes),
                     kImportVerticesFinishBytes);

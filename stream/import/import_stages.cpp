@@ -6,6 +6,7 @@
 #include <nlohmann/json.hpp>
 
 #include "stream/files/durable_file.h"
+#include "stream/files/json_text.h"
 #include "stream/files/packed_file.h"
 #include "stream/files/task_files.h"
 #include "stream/runtime/report.h"
@@ -92,10 +93,8 @@ BucketVertices BucketVertices::load(const std::filesystem::path& path, const Mes
 
 ImportedVertices::ImportedVertices(const std::filesystem::path& work, const std::string& folder)
     : work_(work), names_(folder) {
-  plan_ = ImportPlan::from_json(nlohmann::json::parse(read_text(work / names_.plan())));
-  first_ = nlohmann::json::parse(read_text(work / names_.numbering()))
-               .at("first")
-               .get<std::vector<std::uint32_t>>();
+  plan_ = ImportPlan::from_json(parse_json(read_text(work / names_.plan())));
+  first_ = parse_json(read_text(work / names_.numbering())).at("first").get<std::vector<std::uint32_t>>();
 }
 
 std::size_t ImportedVertices::bucket_of(std::uint32_t number) const {

@@ -12,6 +12,7 @@
 #include "octree/error.h"
 #include "stream/files/bucket_file.h"
 #include "stream/files/durable_file.h"
+#include "stream/files/json_text.h"
 #include "stream/import/import_bytes.h"
 #include "stream/import/import_stages.h"
 #include "stream/runtime/serial_stage.h"
@@ -119,7 +120,7 @@ class ImportReadStage : public SerialStage {
     if (plan.file_vertices >= 0xffffffffu)
       throw ResourceError(path_.string() + ": has " + std::to_string(plan.file_vertices) +
                           " vertices and at most 4294967294 can be worked on: cut the mesh in parts");
-    write_durably(context.create(names_.plan()), plan.to_json().dump());
+    write_durably(context.create(names_.plan()), dump_json(plan.to_json()));
     const std::uint64_t bytes = plan.info.double_positions ? deal<double>(vertices, plan, context)
                                                            : deal<float>(vertices, plan, context);
     context.count_written(bytes);
@@ -170,7 +171,7 @@ class ImportVerticesStage : public Stage {
   ImportVerticesStage(const JobState& state, ImportSource source)
       : source_(std::move(source)),
         names_(source_.folder),
-        plan_(ImportPlan::from_json(json::parse(read_text(state.work / names_.plan())))),
+        plan_(ImportPlan::from_json(parse_json(read_text(state.work / names_.plan())))),
         dealt_(state.work / names_.dealt_vertices(), record_bytes()) {}
 
   std::string name() const override { return source_.folder + "-vertices"; }
@@ -193,7 +194,7 @@ class ImportVerticesStage : public Stage {
       first.push_back(first.back() + s.at("vertices").get<std::uint64_t>());
       conflicts += s.at("colour_conflicts").get<std::uint64_t>();
     }
-    write_durably(context.create(names_.numbering()), json{{"first", first}}.dump());
+    write_durably(context.create(names_.numbering()), dump_json(json{{"first", first}}));
     return {{"vertices", first.back()},
             {"welded", plan_.file_vertices - plan_.nonfinite_vertices - first.back()},
             {"colour_conflicts", conflicts}};

@@ -458,7 +458,8 @@ std::uint64_t MeshStore::block_bytes(std::span<const std::size_t> patches) const
 
 std::uint64_t MeshStore::largest_patch_bytes() const {
   std::uint64_t maximum = 0;
-  for (const MeshPatchEntry& e : impl_->patches) maximum = std::max(maximum, block_bytes(e.vertices, e.faces));
+  for (const MeshPatchEntry& e : impl_->patches)
+    maximum = std::max(maximum, block_bytes(e.vertices, e.faces));
   return maximum;
 }
 

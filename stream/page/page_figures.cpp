@@ -109,7 +109,8 @@ std::string spacing(const json& report) {
   std::vector<html::Bar> rows;
   for (const auto& [name, key] : kRows)
     if (value_at(s, key).is_number())
-      rows.push_back({name, number_text(number_at(s, key)), maximum > 0.0 ? number_at(s, key) / maximum : 0.0});
+      rows.push_back(
+          {name, number_text(number_at(s, key)), maximum > 0.0 ? number_at(s, key) / maximum : 0.0});
   return html::bars("Spacing of the points, units of the scan", rows);
 }
 

@@ -8,6 +8,7 @@
 
 #include "kernels/picture/caption.h"
 #include "stream/files/bound_text.h"
+#include "stream/files/json_text.h"
 #include "stream/page/html.h"
 #include "stream/page/page_figures.h"
 #include "stream/page/page_script.h"
@@ -158,7 +159,8 @@ std::string options(const json& report) {
   if (const json& all = value_at(report, "/options"); all.is_object())
     for (const auto& [key, value] : all.items())
       if (!value.is_null() && !(value.is_array() && value.empty()))
-        rows.emplace_back("--" + key, escape(value.is_string() ? value.get<std::string>() : value.dump()));
+        rows.emplace_back("--" + key,
+                          escape(value.is_string() ? value.get<std::string>() : dump_json(value)));
   return html::section(
       "options", "Options",
       "<details><summary>all that decide the result</summary>\n" + html::table(rows) + "</details>\n");

@@ -26,7 +26,7 @@ namespace {
 namespace fs = std::filesystem;
 using nlohmann::json;
 
-constexpr double kMinMapSeconds = 3.0;                         // of a map, however short the job was
+constexpr double kMinMapSeconds = 3.0;                          // of a map, however short the job was
 constexpr std::uint64_t kMaxPicture = std::uint64_t{64} << 20;  // bytes of a file taken into the page
 
 std::string file_bytes(const fs::path& path) {

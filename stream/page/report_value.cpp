@@ -6,6 +6,7 @@
 #include <nlohmann/json.hpp>
 
 #include "kernels/picture/caption.h"
+#include "stream/files/json_text.h"
 #include "stream/runtime/memory_budget.h"
 #include "stream/runtime/numbers.h"
 
@@ -31,7 +32,7 @@ const json& value_at(const json& j, const std::string& pointer) {
 std::string text_at(const json& j, const std::string& pointer) {
   const json& value = value_at(j, pointer);
   if (value.is_string()) return value.get<std::string>();
-  return value.is_number() ? value.dump() : "";
+  return value.is_number() ? dump_json(value) : "";
 }
 
 double number_at(const json& j, const std::string& pointer) {

@@ -10,6 +10,7 @@
 
 #include "octree/error.h"
 #include "stream/files/durable_file.h"
+#include "stream/files/json_text.h"
 #include "stream/runtime/numbers.h"
 
 namespace tessera {
@@ -110,12 +111,12 @@ std::string clump_sentence(const PointClumps& clumps) {
 }
 
 void save_clumps(const std::filesystem::path& path, const PointClumps& clumps) {
-  write_durably(path, nlohmann::json{{"spacing", clumps.spacing}, {"points", clumps.points}}.dump());
+  write_durably(path, dump_json(nlohmann::json{{"spacing", clumps.spacing}, {"points", clumps.points}}));
 }
 
 std::string clump_sentence(const std::filesystem::path& work) {
   if (!std::filesystem::exists(work / kClumpFile)) return {};
-  const auto j = nlohmann::json::parse(read_text(work / kClumpFile), nullptr, false);
+  const auto j = try_parse_json(read_text(work / kClumpFile));
   return j.is_object() ? clump_sentence(PointClumps{j.value("spacing", 0.0), j.value("points", 0.0)}) : "";
 }
 

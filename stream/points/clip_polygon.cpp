@@ -9,6 +9,7 @@
 #include <nlohmann/json.hpp>
 
 #include "octree/error.h"
+#include "stream/files/json_text.h"
 #include "stream/files/read_file.h"
 
 namespace tessera {
@@ -61,7 +62,7 @@ std::string ClipPolygon::text_of_file(const std::filesystem::path& path) {
   file.read_at(0, text.data(), text.size());
   json polygons = json::array();
   try {
-    const json root = json::parse(text, nullptr, false);
+    const json root = try_parse_json(text);
     if (root.is_discarded()) throw InputError("is not JSON");
     add_polygons(root, polygons, 0);
     if (polygons.empty()) throw InputError("holds no Polygon or MultiPolygon");
@@ -73,7 +74,7 @@ std::string ClipPolygon::text_of_file(const std::filesystem::path& path) {
         for (const json& c : ring) corners.push_back(corner_of(c));
         ring = std::move(corners);
       }
-    text = polygons.dump();
+    text = dump_json(polygons);
     from_text(text);
   } catch (const InputError& e) {
     throw InputError(name + ": " + e.what() + "; --clip wants GeoJSON in the coordinates of the scan");
@@ -84,7 +85,7 @@ std::string ClipPolygon::text_of_file(const std::filesystem::path& path) {
 }
 
 ClipPolygon ClipPolygon::from_text(const std::string& text) {
-  const json polygons = json::parse(text, nullptr, false);
+  const json polygons = try_parse_json(text);
   if (!polygons.is_array()) throw InputError("the rings of a polygon are damaged");
   constexpr double kInfinite = std::numeric_limits<double>::infinity();
   ClipPolygon p;
@@ -129,8 +130,7 @@ void ClipPolygon::sort_into_bands() {
   };
   for (const Edge& e : edges_) for_bands(e, [&](std::size_t b) { ++first_[b + 1]; });
   for (std::size_t b = 0; b < bands; ++b) first_[b + 1] += first_[b];
-  if (first_[bands] > std::size_t{64} * kMaxCorners)
-    throw InputError("has too many long edges; simplify it");
+  if (first_[bands] > std::size_t{64} * kMaxCorners) throw InputError("has too many long edges; simplify it");
   in_band_.resize(first_[bands]);
   std::vector<std::size_t> next = first_;
   for (std::uint32_t i = 0; i < edges_.size(); ++i)

@@ -10,6 +10,7 @@
 #include "octree/points.h"
 #include "octree/portable_math.h"
 #include "stream/files/durable_file.h"
+#include "stream/files/json_text.h"
 #include "stream/files/packed_file.h"
 #include "stream/files/read_file.h"
 
@@ -95,7 +96,7 @@ nlohmann::json to_json(const NormalAgreement& a) {
 }
 
 void save_agreement(const std::filesystem::path& file, const NormalAgreement& agreement) {
-  write_durably(file, to_json(agreement).dump(1) + "\n");
+  write_durably(file, dump_json(to_json(agreement), 1) + "\n");
 }
 
 NormalAgreement agreement_of_work(const std::filesystem::path& work) {
@@ -103,7 +104,7 @@ NormalAgreement agreement_of_work(const std::filesystem::path& work) {
   if (!std::filesystem::exists(file))
     throw InputError(file.string() + ": cannot be opened: the survey has not written it");
   try {
-    const nlohmann::json j = nlohmann::json::parse(read_text(file));
+    const nlohmann::json j = parse_json(read_text(file));
     return {j.at("pairs"), j.at("against"), j.at("cells"), j.at("split")};
   } catch (const nlohmann::json::exception& e) {
     throw InputError(file.string() + ": damaged (" + e.what() + "); run again with --force");

@@ -4,6 +4,7 @@
 
 #include "octree/error.h"
 #include "stream/files/durable_file.h"
+#include "stream/files/json_text.h"
 #include "stream/files/packed_file.h"
 
 namespace tessera {
@@ -46,7 +47,7 @@ nlohmann::json Plan::to_json() const {
 }
 
 void Plan::save(const std::filesystem::path& file) const {
-  write_durably(file, to_json().dump(1) + "\n");
+  write_durably(file, dump_json(to_json(), 1) + "\n");
 }
 
 Plan Plan::load(const std::filesystem::path& file) {
@@ -55,7 +56,7 @@ Plan Plan::load(const std::filesystem::path& file) {
   const std::string text = read_text(file);
   Plan p;
   try {
-    const nlohmann::json j = nlohmann::json::parse(text);
+    const nlohmann::json j = parse_json(text);
     const int version = j.at("version").get<int>();
     if (version != kPlanVersion)
       throw InputError(file.string() + ": plan version " + std::to_string(version) + ", this tool reads " +

@@ -7,6 +7,7 @@
 #include <fmt/format.h>
 
 #include "stream/files/durable_file.h"
+#include "stream/files/json_text.h"
 #include "stream/runtime/journal.h"
 #include "stream/runtime/resume.h"
 #include "stream/runtime/task_notes.h"
@@ -27,7 +28,7 @@ std::string task_name(const NotedTask& task) {
 /// A file of the work directory that may not be there, or not be whole.
 json optional_json(const fs::path& path) {
   if (!fs::exists(path)) return nullptr;
-  return json::parse(read_text(path), nullptr, false);
+  return try_parse_json(read_text(path));
 }
 
 /// What the plan of a reconstruction told of each stage.

@@ -6,16 +6,15 @@
 namespace tessera {
 namespace {
 
-constexpr double kMinSeconds = 2.0;    ///< of an element: starting one takes about one
+constexpr double kMinSeconds = 2.0;      ///< of an element: starting one takes about one
 constexpr double kStartSeconds = 180.0;  ///< to start, and to stop ahead of the limit
 constexpr int kMinMinutes = 5;
 
 int elements_of(const StageEstimate& stage, const QueueOptions& options) {
   if (stage.idle) return 1;
   const double wanted = std::ceil(stage.seconds / options.element_seconds);
-  const double spread =
-      std::min(static_cast<double>(options.nodes),
-               std::floor(stage.seconds / std::min(kMinSeconds, options.element_seconds)));
+  const double spread = std::min(static_cast<double>(options.nodes),
+                                 std::floor(stage.seconds / std::min(kMinSeconds, options.element_seconds)));
   double count = std::clamp(std::max(wanted, spread), 1.0, static_cast<double>(options.array_limit));
   if (stage.tasks > 0) count = std::min(count, static_cast<double>(stage.tasks));
   return static_cast<int>(count);

@@ -9,6 +9,7 @@
 
 #include "octree/error.h"
 #include "stream/files/durable_file.h"
+#include "stream/files/json_text.h"
 #include "stream/runtime/log.h"
 #include "stream/runtime/work_dir.h"
 
@@ -20,7 +21,7 @@ using json = nlohmann::json;
 
 void write_mark(const SlurmJob& job, const std::vector<std::string>& numbers) {
   const json mark = {{"token", job.token}, {"jobs", numbers}, {"submitted", utc_now()}};
-  write_durably(job.work / kQueueMark, mark.dump(1) + "\n");
+  write_durably(job.work / kQueueMark, dump_json(mark, 1) + "\n");
 }
 
 void remove_mark(const fs::path& work) {
@@ -32,7 +33,7 @@ void remove_mark(const fs::path& work) {
 
 std::vector<std::string> queued_jobs(const fs::path& work) {
   if (!fs::exists(work / kQueueMark)) return {};
-  const json mark = json::parse(read_text(work / kQueueMark), nullptr, false);
+  const json mark = try_parse_json(read_text(work / kQueueMark));
   std::vector<std::string> numbers;
   if (mark.is_object())
     for (const json& number : mark.value("jobs", json::array()))
@@ -54,7 +55,8 @@ void forget_ended_submission(const fs::path& work) {
 
 std::string submission_token() {
   const auto now = std::chrono::system_clock::now().time_since_epoch().count();
-  return hex64(hash_text(fmt::format("{} {} {}", now, ::getpid(), machine_description().at("host").dump())));
+  return hex64(
+      hash_text(fmt::format("{} {} {}", now, ::getpid(), dump_json(machine_description().at("host")))));
 }
 
 std::vector<std::string> submission_scripts(const SlurmJob& job, const std::vector<QueueStep>& steps,

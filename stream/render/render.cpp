@@ -27,7 +27,7 @@ constexpr std::uint64_t kProgramBytes = std::uint64_t{16} << 20;
 constexpr std::uint64_t kRasterizerBytes = std::uint64_t{96} << 20;
 constexpr std::uint64_t kReaderBytes = std::uint64_t{16} << 20;
 constexpr std::uint64_t kMinWorkBytes = std::uint64_t{32} << 20;  // vertex ranges and edge tables
-constexpr int kGap = 2;                                             // between views, pixels
+constexpr int kGap = 2;                                           // between views, pixels
 
 /// One picture: what is in it, and where it goes.
 struct Panel {

@@ -15,7 +15,7 @@ namespace {
 
 constexpr std::size_t kBatchPoints = 65536;
 constexpr std::uint64_t kSliceBytes = std::uint64_t{32} << 20;
-constexpr float kMinPixels = 1.5f;    // thinner discs flicker away between samples
+constexpr float kMinPixels = 1.5f;      // thinner discs flicker away between samples
 constexpr double kSplatSpacings = 2.2;  // discs of neighbours overlap: no background shines through
 constexpr int kGrid = 96;               // cells along the longest side for the estimate of the spacing
 

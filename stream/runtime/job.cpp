@@ -16,6 +16,7 @@
 #include "octree/error.h"
 #include "octree/lattice.h"
 #include "stream/files/durable_file.h"
+#include "stream/files/json_text.h"
 #include "stream/files/planned_writes.h"
 #include "stream/runtime/child_process.h"
 #include "stream/runtime/commit.h"
@@ -310,8 +311,7 @@ StageRecords Driver::run_stage(std::size_t index, const Journal& journal) {
       1, [&](std::size_t) { return stage->finish_bytes() + own_base; }, budget,
       [&](std::size_t) { records.finish = run_one(*stage, kFinishTask, summaries, stats); });
   if (!idle) progress_.end_stage();
-  log_.info("stage {}: committed: {}", name,
-            records.finish.stage_stats.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace));
+  log_.info("stage {}: committed: {}", name, dump_json(records.finish.stage_stats));
   for (const nlohmann::json& w : warnings_of(records.finish.summary))
     log_.warn("stage {}: {}", name, w.get<std::string>());
   return records;
@@ -501,7 +501,7 @@ nlohmann::json run_job(JobState state, const JobDescription& job, const Progress
   WorkDir work = WorkDir::open_job(state.work, identity, state.run.force);
   work.write_run(state);
   auto log = open_log(state.run.log.empty() ? state.work / "log.txt" : state.run.log, state.run.verbosity);
-  log->info("tessera {} on {}", TESSERA_VERSION, machine_description().dump());
+  log->info("tessera {} on {}", TESSERA_VERSION, dump_json(machine_description()));
   log->info("command: {}", command_line());
   log->info("{} {}; memory cap {}; {} threads", work.created() ? "new work directory" : "resuming",
             state.work.string(), cap_text, state.run.threads);

@@ -15,6 +15,7 @@
 #include "octree/error.h"
 #include "stream/files/durable_file.h"
 #include "stream/files/file_lock.h"
+#include "stream/files/json_text.h"
 
 namespace tessera {
 namespace {
@@ -77,7 +78,7 @@ TaskRecord from_json(const nlohmann::json& j) {
 
 std::string journal_line(const TaskRecord& record) {
   // Names of files may hold any bytes; JSON holds UTF-8 only.
-  const std::string text = to_json(record).dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
+  const std::string text = dump_json(to_json(record));
   return fmt::format("{}{}{}{}}}", kHead, hex64(hash_text(text)), kMiddle, text);
 }
 
@@ -90,7 +91,7 @@ bool parse_journal_line(const std::string& line, TaskRecord& record) {
   const std::string text = line.substr(start, line.size() - start - 1);
   if (hex64(hash_text(text)) != line.substr(kHead.size(), kHexDigits)) return false;
   try {
-    record = from_json(nlohmann::json::parse(text));
+    record = from_json(parse_json(text));
     // A checksum is easily made: who can write here may say anything.
   } catch (const nlohmann::json::exception&) {
     return false;

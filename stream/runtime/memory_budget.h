@@ -53,7 +53,7 @@ void trim_allocator();
 /// small ones.
 class MemoryBudget {
  public:
-  static constexpr std::uint64_t kBaseStep = std::uint64_t{4} << 20;    ///< a base is told in whole ones
+  static constexpr std::uint64_t kBaseStep = std::uint64_t{4} << 20;  ///< a base is told in whole ones
   static constexpr std::uint64_t kMinBase = std::uint64_t{24} << 20;  ///< what commands hold, and a little
   /// The base to count with before the work starts: code is still to be paged in, and two runs differ by some pages.
   /// \param later  what the process is known to hold then beside its code

@@ -9,6 +9,7 @@
 #include <nlohmann/json.hpp>
 
 #include "octree/error.h"
+#include "stream/files/json_text.h"
 #include "stream/files/path_text.h"
 #include "stream/runtime/memory_budget.h"
 #include "stream/runtime/numbers.h"
@@ -146,10 +147,10 @@ struct ToJson {
 /// The word that is typed for a JSON value.
 std::string word_of(const std::string& key, const nlohmann::json& value) {
   if (value.is_string()) return bytes_of_json_text(value.get<std::string>());
-  if (value.is_boolean() || value.is_number()) return value.dump();
+  if (value.is_boolean() || value.is_number()) return dump_json(value);
   std::vector<std::string> numbers;
   for (const nlohmann::json& item : value.is_array() ? value : nlohmann::json::array())
-    if (item.is_number()) numbers.push_back(item.dump());
+    if (item.is_number()) numbers.push_back(dump_json(item));
   if (value.empty() || numbers.size() != value.size())
     throw UsageError("the value of '" + key + "' must be a string, number, boolean or a list of these");
   return joined(numbers, ",");
@@ -193,7 +194,7 @@ std::string OptionRow::value_text() const {
   if (value.is_string()) return value.get<std::string>();
   if (value.is_null() || value.is_array()) return "";
   if (is_bytes) return value == 0 ? "" : format_bytes(value.get<std::uint64_t>());
-  return value.is_number_float() ? number_text(value.get<double>()) : value.dump();
+  return value.is_number_float() ? number_text(value.get<double>()) : dump_json(value);
 }
 
 nlohmann::json OptionRow::value_json() const {
@@ -302,11 +303,11 @@ std::string did_you_mean(const std::string& word, const std::vector<std::string>
 }
 
 std::string table_text(const OptionTable& table) {
-  return table.to_json().dump();
+  return dump_json(table.to_json());
 }
 
 void read_table_text(const OptionTable& table, const std::string& text) {
-  table.from_json(nlohmann::json::parse(text));
+  table.from_json(parse_json(text));
 }
 
 }  // namespace tessera

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
+#include "stream/files/json_text.h"
 #include "stream/runtime/option_table.h"
 
 namespace tessera {
@@ -43,7 +44,7 @@ nlohmann::json plan_to_json(const RunOptions& run) {
 std::string first_difference(const nlohmann::json& was, const nlohmann::json& is) {
   for (const auto& [key, value] : is.items()) {
     const nlohmann::json before = was.is_object() && was.contains(key) ? was.at(key) : nlohmann::json();
-    if (before != value) return fmt::format("{} was {} and is {}", key, before.dump(), value.dump());
+    if (before != value) return fmt::format("{} was {} and is {}", key, dump_json(before), dump_json(value));
   }
   return "";
 }

@@ -6,6 +6,7 @@
 #include <nlohmann/json.hpp>
 
 #include "octree/error.h"
+#include "stream/files/json_text.h"
 #include "stream/runtime/memory_budget.h"
 
 namespace tessera {
@@ -91,9 +92,7 @@ void Progress::say(const std::string& text) {
   const std::lock_guard lock(mutex_);
   if (mode_ == ProgressMode::kNone) return;
   if (mode_ == ProgressMode::kJson) {
-    sink_.write(nlohmann::json({{"event", "message"}, {"text", text}})
-                    .dump(-1, ' ', false, nlohmann::json::error_handler_t::replace) +
-                "\n");
+    sink_.write(dump_json(nlohmann::json({{"event", "message"}, {"text", text}})) + "\n");
     return;
   }
   sink_.write((mode_ == ProgressMode::kBar ? "\r\x1b[K" : "") + text + "\n");
@@ -154,7 +153,7 @@ void Progress::draw(bool last) {
                               {"rate_per_s", rate},
                               {"eta_s", last ? 0.0 : eta},
                               {"peak_bytes", peak}};
-    sink_.write(j.dump() + "\n");
+    sink_.write(dump_json(j) + "\n");
     return;
   }
   std::string text = line(seconds, done);

@@ -6,6 +6,7 @@
 
 #include "octree/error.h"
 #include "stream/files/durable_file.h"
+#include "stream/files/json_text.h"
 #include "stream/files/path_text.h"
 #include "stream/runtime/log.h"
 
@@ -15,7 +16,7 @@ namespace {
 namespace fs = std::filesystem;
 
 std::string job_hash(const nlohmann::json& identity) {
-  return hex64(hash_text(identity.dump()));
+  return hex64(hash_text(dump_json(identity)));
 }
 
 nlohmann::json describe_file(const fs::path& path, std::uint64_t bytes, std::uint64_t hash) {
@@ -45,7 +46,7 @@ bool stands(const fs::path& path, const nlohmann::json& described) {
 nlohmann::json earlier_report(const JobState& state) {
   const fs::path path = report_path(state);
   if (!fs::is_regular_file(path)) return nullptr;
-  nlohmann::json report = nlohmann::json::parse(read_text(path), nullptr, false);
+  nlohmann::json report = try_parse_json(read_text(path));
   return report.is_object() && report.value("tool", nlohmann::json()) == "tessera" ? report : nullptr;
 }
 
@@ -135,7 +136,7 @@ fs::path report_path(const JobState& state) {
 }
 
 void write_report(const JobState& state, const nlohmann::json& report) {
-  const std::string text = report.dump(1, ' ', false, nlohmann::json::error_handler_t::replace) + "\n";
+  const std::string text = dump_json(report, 1) + "\n";
   write_durably(state.work / "report.json", text);
   write_durably(report_path(state), text);
 }

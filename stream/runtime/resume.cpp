@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "stream/files/durable_file.h"
+#include "stream/files/json_text.h"
 #include "stream/runtime/commit.h"
 
 namespace tessera {
@@ -19,7 +20,7 @@ std::string content(const TaskRecord& record) {
   for (const FileRecord& file : record.files) {
     text += file.name + " " + std::to_string(file.bytes) + " " + hex64(file.xxh3) + "\n";
   }
-  return text + record.summary.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace) + "\n";
+  return text + dump_json(record.summary) + "\n";
 }
 
 }  // namespace
@@ -31,7 +32,7 @@ std::vector<nlohmann::json> StageRecords::summaries() const {
 }
 
 std::string plan_hash(const RunOptions& run) {
-  return hex64(hash_text(plan_to_json(run).dump()));
+  return hex64(hash_text(dump_json(plan_to_json(run))));
 }
 
 std::string next_basis(const std::string& basis, const StageRecords& records) {

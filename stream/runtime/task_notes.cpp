@@ -15,6 +15,7 @@
 #include <nlohmann/json.hpp>
 
 #include "stream/files/file_time.h"
+#include "stream/files/json_text.h"
 
 namespace tessera {
 namespace {
@@ -63,7 +64,7 @@ void read_file(const fs::path& path, double now, Notes& notes) {
   const auto own = [&] { return std::span(notes.tasks).subspan(first); };
   std::string host;
   for (std::string line; std::getline(in, line);) {
-    const nlohmann::json j = nlohmann::json::parse(line, nullptr, false);
+    const nlohmann::json j = try_parse_json(line);
     if (!j.is_object()) continue;
     try {
       if (j.contains("host")) {
@@ -92,7 +93,7 @@ void read_file(const fs::path& path, double now, Notes& notes) {
 }
 
 std::string dumped(const nlohmann::json& line) {
-  return line.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace) + "\n";
+  return dump_json(line) + "\n";
 }
 
 }  // namespace

@@ -18,6 +18,7 @@
 #include "stream/files/durable_file.h"
 #include "stream/files/file_lock.h"
 #include "stream/files/file_time.h"
+#include "stream/files/json_text.h"
 #include "stream/files/path_text.h"
 #include "stream/files/planned_writes.h"
 #include "stream/files/read_file.h"
@@ -91,7 +92,7 @@ int lock_folder(const fs::path& work, int mode) {
 nlohmann::json read_job_file(const fs::path& work) {
   const fs::path path = job_file(work);
   try {
-    const nlohmann::json job = nlohmann::json::parse(read_text(path));
+    const nlohmann::json job = parse_json(read_text(path));
     if (job.at("identity").at("schema").is_number()) return job;
   } catch (const nlohmann::json::exception&) {
   }
@@ -170,7 +171,7 @@ nlohmann::json job_identity(const std::string& command, const JobState& state,
   return {{"schema", kWorkSchema},
           {"version", TESSERA_VERSION},
           {"command", command},
-          {"options", nlohmann::json::parse(state.settings)},
+          {"options", parse_json(state.settings)},
           {"inputs", std::move(list)}};
 }
 
@@ -182,7 +183,7 @@ fs::path work_path(const fs::path& output, const fs::path& temp) {
 
 void require_not_queued(const fs::path& work) {
   if (!fs::exists(work / kQueueMark)) return;
-  const nlohmann::json mark = nlohmann::json::parse(read_text(work / kQueueMark), nullptr, false);
+  const nlohmann::json mark = try_parse_json(read_text(work / kQueueMark));
   const char* token = std::getenv(kQueueToken);
   if (token != nullptr && mark.is_object() && mark.value("token", "") == token) return;
   throw UsageError(
@@ -263,7 +264,7 @@ WorkDir::WorkDir(WorkDir&& other) noexcept
       lock_(std::exchange(other.lock_, -1)) {}
 
 std::string WorkDir::job_hash() const {
-  return hex64(hash_text(identity_.dump()));
+  return hex64(hash_text(dump_json(identity_)));
 }
 
 void WorkDir::write_run(const JobState& state) {
@@ -273,7 +274,7 @@ void WorkDir::write_run(const JobState& state) {
                               {"job", job_hash()},
                               {"output", json_text(fs::absolute(state.output).lexically_normal())},
                               {"run", std::move(run)}};
-  write_durably(job_file(path_), job.dump(1) + "\n");
+  write_durably(job_file(path_), dump_json(job, 1) + "\n");
 }
 
 JobState WorkDir::read_state() const {
@@ -283,7 +284,7 @@ JobState WorkDir::read_state() const {
   state.output = bytes_of_json_text(job.at("output").get<std::string>());
   for (const nlohmann::json& input : identity_.at("inputs"))
     state.inputs.emplace_back(bytes_of_json_text(input.at("path").get<std::string>()));
-  state.settings = identity_.at("options").dump();
+  state.settings = dump_json(identity_.at("options"));
   option_table(state.run).from_json(job.at("run"));
   return state;
 }

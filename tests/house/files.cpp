@@ -20,7 +20,8 @@ std::string place(const Source& s, std::size_t line) {
 
 void limit(Findings& out, const Source& s, const std::string& what, std::size_t count, std::size_t maximum) {
   if (count > maximum)
-    out.push_back(s.path + ": " + std::to_string(count) + " " + what + ", at most " + std::to_string(maximum));
+    out.push_back(s.path + ": " + std::to_string(count) + " " + what + ", at most " +
+                  std::to_string(maximum));
 }
 
 /// Declared elsewhere: main, a fuzz target, the global operators that a program replaces, what runs before it.

@@ -244,13 +244,12 @@ const std::map<std::string, std::string>& allowed_words() {
 /// "path word": headers that may hand on a heavy one
 const std::set<std::string>& allowed_heavy_headers() {
   static const std::set<std::string> allowed = {
-      "kernels/field/band_leaf.h <openvdb/",             // its version alone, to name the leaf
-      "kernels/field/vdb_leaf.h <openvdb/",              // its subject: for the .cpp files that touch leaves
-      "stream/runtime/job.h <nlohmann/json.hpp>",        // a job holds its options as JSON
-      "stream/runtime/journal.h <nlohmann/json.hpp>",    // a line of the journal is JSON
-      "stream/runtime/json_once.h <nlohmann/json.hpp>",  // its subject
-      "stream/runtime/report.h <nlohmann/json.hpp>",     // its subject
-      "stream/runtime/work_dir.h <nlohmann/json.hpp>",   // holds job.json
+      "kernels/field/band_leaf.h <openvdb/",            // its version alone, to name the leaf
+      "kernels/field/vdb_leaf.h <openvdb/",             // its subject: for the .cpp files that touch leaves
+      "stream/runtime/job.h <nlohmann/json.hpp>",       // a job holds its options as JSON
+      "stream/runtime/journal.h <nlohmann/json.hpp>",   // a line of the journal is JSON
+      "stream/runtime/report.h <nlohmann/json.hpp>",    // its subject
+      "stream/runtime/work_dir.h <nlohmann/json.hpp>",  // holds job.json
   };
   return allowed;
 }

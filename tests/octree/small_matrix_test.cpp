@@ -78,7 +78,8 @@ TEST_CASE("small matrix: the least eigenvalue without rotations is that of the r
     std::array<Double3, 3> vectors;
     symmetric_eigen3(m, values, vectors);
     const MinEigen3 minimum = min_eigen3(m);
-    for (std::size_t i = 0; i < 3; ++i) CHECK(minimum.values[i] == Approx(values[i]).margin(1e-13 * values[2]));
+    for (std::size_t i = 0; i < 3; ++i)
+      CHECK(minimum.values[i] == Approx(values[i]).margin(1e-13 * values[2]));
     CHECK(norm(minimum.vector) == Approx(1.0));
     if (values[1] - values[0] > 1e-3 * values[2])
       CHECK(std::abs(dot(minimum.vector, vectors[0])) == Approx(1.0).margin(1e-9));

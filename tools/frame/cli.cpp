@@ -13,6 +13,7 @@
 
 #include "octree/error.h"
 #include "stream/files/durable_file.h"
+#include "stream/files/json_text.h"
 #include "stream/files/system_reason.h"
 #include "stream/runtime/long_call.h"
 #include "stream/runtime/stop.h"
@@ -68,7 +69,7 @@ void apply_job_file(const CLI::App& line, const OptionTable& options, const std:
   const std::string text = read_text(path);
   nlohmann::json job;
   try {
-    job = nlohmann::json::parse(text);
+    job = parse_json(text);
   } catch (const nlohmann::json::exception& e) {
     throw InputError(fmt::format("{}: not valid JSON: {}", path.string(), e.what()));
   }

@@ -130,8 +130,7 @@ void panel(std::ostream& out, const Rows& rows, double x0, double y0, bool large
     std::string path;
     for (const auto& [n, solvers] : rows) {
       const auto it = solvers.find(c.key);
-      if (!in_range(n) || it == solvers.end() || !solved(it->second) || seconds(it->second) > max_s)
-        continue;
+      if (!in_range(n) || it == solvers.end() || !solved(it->second) || seconds(it->second) > max_s) continue;
       const double x = kWidth * static_cast<double>(n) / max_n,
                    y = kHeight * (1.0 - seconds(it->second) / max_s);
       path += fmt::format("{}{:.1f} {:.1f}", path.empty() ? "M" : " L", x, y);

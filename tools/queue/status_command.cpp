@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 
 #include "octree/error.h"
+#include "stream/files/json_text.h"
 #include "stream/files/path_text.h"
 #include "stream/queue/job_status.h"
 #include "stream/runtime/memory_budget.h"
@@ -74,7 +75,7 @@ void print_json(const JobStatus& status) {
                      {"failures", status.failures},
                      {"queued", status.queued},
                      {"left_s", status.left_s ? json(*status.left_s) : json()}};
-  fmt::print("{}\n", told.dump(1, ' ', false, json::error_handler_t::replace));
+  fmt::print("{}\n", dump_json(told, 1));
 }
 
 /// The report of a job whose work directory has gone because it is done; empty if there is none.
@@ -91,7 +92,7 @@ void run(const StatusArguments& arguments) {
   if (arguments.work.empty()) throw UsageError("give the work directory, OUT.tessera");
   if (const fs::path report = report_of_done(arguments.work); !report.empty()) {
     if (arguments.as_json) {
-      fmt::print("{}\n", json{{"finished", true}, {"report", json_text(report)}}.dump(1));
+      fmt::print("{}\n", dump_json(json{{"finished", true}, {"report", json_text(report)}}, 1));
     } else {
       fmt::print("done: see {}\n", report.string());
     }

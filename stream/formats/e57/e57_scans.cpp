@@ -23,7 +23,7 @@ namespace {
 constexpr std::size_t kDeepest = 64;
 constexpr std::uint64_t kLongestToken = std::uint64_t{1} << 20;
 constexpr std::size_t kLongestText = 256;  ///< of an element that is a number
-constexpr std::size_t kMaxScans = 16384;  ///< each takes about 2 KB
+constexpr std::size_t kMaxScans = 16384;   ///< each takes about 2 KB
 
 struct UseName {
   std::string_view name;

@@ -47,7 +47,7 @@ struct E57Field {
   std::int64_t maximum = 0;
   double scale = 1.0;  ///< scaled integers: (minimum + stored) * scale + offset
   double offset = 0.0;
-  unsigned bits = 64;  ///< of a value; 0 where all are `minimum`
+  unsigned bits = 64;      ///< of a value; 0 where all are `minimum`
   double min_value = 0.0;  ///< values that can be there, as far as the file says; equal if it does not
   double max_value = 0.0;
   std::uint32_t stream = 0;  ///< index of its bytestream

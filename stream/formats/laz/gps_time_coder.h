@@ -106,13 +106,13 @@ class GpsTimeCoder {
   void code_multiple(Coder& coder, unsigned symbol, std::int32_t gap) {
     const int s = static_cast<int>(symbol);
     const int multiple = s <= kMax ? s : kMax - s;
-    const unsigned context = s == 1              ? 1
-                             : s == 0            ? 7
-                             : s < 10            ? 2
-                             : s < kMax         ? 3
-                             : s == kMax        ? 4
+    const unsigned context = s == 1            ? 1
+                             : s == 0          ? 7
+                             : s < 10          ? 2
+                             : s < kMax        ? 3
+                             : s == kMax       ? 4
                              : multiple > kMin ? 5
-                                                 : 6;
+                                               : 6;
     const std::int32_t found = integers_.code(coder, times(multiple, steps_[at_]), gap, context);
     advance(found);
     const bool odd = s == 0 || multiple == kMax || multiple == kMin;

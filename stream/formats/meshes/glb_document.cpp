@@ -20,7 +20,7 @@ using nlohmann::json;
 constexpr std::size_t kMaxDepth = 64;
 constexpr std::size_t kMaxValues = 400000;  ///< kept; about 120 bytes each with key and node
 constexpr std::size_t kMaxRun = std::size_t{4}
-                                 << 20;  ///< bytes of a text, or without any: the lexer keeps them
+                                << 20;  ///< bytes of a text, or without any: the lexer keeps them
 
 /// Everything that GlbMeshReader asks for.
 const std::set<std::string, std::less<>>& known_keys() {

@@ -13,6 +13,7 @@
 #include <nlohmann/json.hpp>
 
 #include "octree/error.h"
+#include "stream/files/json_text.h"
 #include "stream/formats/meshes/mesh_writer_base.h"
 #include "stream/formats/srgb.h"
 
@@ -72,7 +73,7 @@ std::string document(const MeshHeader& header) {
                     {"accessors", accessors},
                     {"bufferViews", views},
                     {"buffers", {{{"byteLength", vertices_end + 12 * header.faces}}}}};
-  std::string text = all.dump(-1, ' ', false, json::error_handler_t::replace);
+  std::string text = dump_json(all);
   for (const char* mark : kBoundsMarks) text.replace(text.find(mark), std::strlen(mark), kBoundsBytes, ' ');
   text.resize((text.size() + 3) / 4 * 4, ' ');
   return text;

@@ -85,8 +85,8 @@ class RecordStream {
     if (schema_.layered()) {
       const laz::OpenBytes open = [&](std::uint64_t from, std::uint64_t to) {
         const std::uint64_t maximum = end_ - begin_;
-        return std::make_unique<FileFeed>(file_, begin_ + std::min(from, maximum), begin_ + std::min(to, maximum),
-                                          release_);
+        return std::make_unique<FileFeed>(file_, begin_ + std::min(from, maximum),
+                                          begin_ + std::min(to, maximum), release_);
       };
       if (laz::read_layered_head(schema_, open).points != left_)
         throw laz::Damage("it counts other points than the chunk table gives it");

@@ -7,6 +7,7 @@
 
 #include "octree/error.h"
 #include "stream/files/file_extension.h"
+#include "stream/files/json_text.h"
 #include "stream/files/read_file.h"
 
 namespace tessera {
@@ -18,7 +19,7 @@ using json = nlohmann::json;
 
 constexpr std::uint64_t kMaxDescription = std::uint64_t{1} << 20;
 constexpr std::uint64_t kMaxHierarchy = std::uint64_t{64}
-                                         << 20;  // of one file; they are cut at some thousand nodes
+                                        << 20;  // of one file; they are cut at some thousand nodes
 
 [[noreturn]] void fail(const fs::path& path, const std::string& what) {
   throw InputError(path.string() + ": " + what);
@@ -30,7 +31,7 @@ json read_json(const fs::path& path, std::uint64_t maximum) {
     fail(path, "has " + std::to_string(file.size()) + " bytes, too many for what it should be");
   std::string text(static_cast<std::size_t>(file.size()), '\0');
   file.read_at(0, text.data(), text.size());
-  json parsed = json::parse(text, nullptr, false);
+  json parsed = try_parse_json(text);
   if (!parsed.is_object()) fail(path, "is no JSON object; the file is damaged");
   return parsed;
 }

@@ -4,6 +4,7 @@
 
 #include "kernels/decimate/auto_tolerance.h"
 #include "octree/error.h"
+#include "stream/files/json_text.h"
 #include "stream/import/crs_sidecar.h"
 #include "stream/import/import_needs.h"
 #include "stream/import/import_stages.h"
@@ -123,7 +124,7 @@ std::vector<StageEntry> simplify_stages(const SimplifyOptions& options, Simplify
                       return make_store_write_stage(
                           state,
                           open_pass_input(state, stores, {options.passes, last_round(state.work), false}),
-                          "made by " + made_by + ", tolerance " + json(tolerance).dump(),
+                          "made by " + made_by + ", tolerance " + dump_json(json(tolerance)),
                           sort_bytes(state.run), stores.placement(state, tolerance));
                     }});
   return stages;

@@ -8,6 +8,7 @@
 #include "octree/error.h"
 #include "stream/files/direct_file.h"
 #include "stream/files/durable_file.h"
+#include "stream/files/json_text.h"
 #include "stream/files/task_files.h"
 #include "stream/runtime/serial_stage.h"
 #include "stream/stages/decimate/pass_blocks.h"
@@ -38,7 +39,7 @@ class SimplifyStage : public Stage {
     kernel_ = options_.kernel(!in_.info().double_positions);
     if (!pass_.count_costs && options_.target_faces > 0)
       kernel_.max_cost_class =
-          json::parse(read_text(state.work / costs_file(pass.pass))).at("cost_class").get<std::uint32_t>();
+          parse_json(read_text(state.work / costs_file(pass.pass))).at("cost_class").get<std::uint32_t>();
   }
 
   std::string name() const override { return pass_.stage_name(); }
@@ -53,9 +54,9 @@ class SimplifyStage : public Stage {
       if (kernel_.tolerance > 0.0 && pass_.pass > 0) near = reference_.select(reference_box(blocks_[b]));
       std::uint64_t faces = 0;
       for (const std::size_t p : near) faces += reference_.patches()[p].faces;
-      maximum = std::max(maximum,
-                      simplify_task_bytes(in_.block_bytes(blocks_[b].patches) + reference_.block_bytes(near),
-                                          blocks_[b].faces, faces, blocks_.failed_bytes()));
+      maximum = std::max(
+          maximum, simplify_task_bytes(in_.block_bytes(blocks_[b].patches) + reference_.block_bytes(near),
+                                       blocks_[b].faces, faces, blocks_.failed_bytes()));
     }
     return maximum;
   }
@@ -112,7 +113,7 @@ class SimplifyStage : public Stage {
         for (std::size_t c = 0; c < kCostClasses; ++c) costs[c] += s.at("costs")[c].get<std::uint64_t>();
       const std::uint32_t limit = cost_class_for(costs, in_.face_count(), options_.target_faces);
       sum["cost_class"] = limit;
-      write_durably(context.create(costs_file(pass_.pass)), json{{"cost_class", limit}}.dump());
+      write_durably(context.create(costs_file(pass_.pass)), dump_json(json{{"cost_class", limit}}));
     }
     return sum;
   }

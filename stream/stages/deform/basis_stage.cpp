@@ -12,6 +12,7 @@
 #include "kernels/edit/thin_faces.h"
 #include "kernels/mesh/closest_face.h"
 #include "octree/error.h"
+#include "stream/files/json_text.h"
 #include "stream/formats/meshes/mesh_io.h"
 #include "stream/runtime/long_call.h"
 #include "stream/runtime/numbers.h"
@@ -149,14 +150,13 @@ class BasisStage : public SerialStage {
       result["anisotropic"] = {{"ratio", anisotropic.ratio},
                                {"flipped_faces", anisotropic.flipped},
                                {"mean_quasi_conformal", anisotropic.mean_quasi_conformal}};
-    out.about = json{
+    out.about = dump_json(json{
         {"handles", s->regions.handles},
         {"volumes", script_.volumes},
         {"keep_volume", script_.keep_volume},
         {"crossing_faces", self_intersections(base_.position, base_.faces, watched_faces(out)).faces.size()},
         {"diagonal", norm(high - low)},
-        {"basis",
-         result}}.dump();
+        {"basis", result}});
     BasisWriter writer(context.create(kBasisFile), out);
     context.count_written(writer.finish(out.about));
     context.advance(base_.position.size());

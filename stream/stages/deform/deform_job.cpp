@@ -4,6 +4,7 @@
 
 #include "octree/error.h"
 #include "stream/files/durable_file.h"
+#include "stream/files/json_text.h"
 #include "stream/files/path_text.h"
 #include "stream/import/crs_sidecar.h"
 #include "stream/import/import_stages.h"
@@ -71,7 +72,7 @@ JobDescription deform_job(const DeformOptions& options) {
 }
 
 std::filesystem::path mesh_of_basis(const std::filesystem::path& basis, const std::filesystem::path& mesh) {
-  const json about = json::parse(BasisReader(basis).about());
+  const json about = parse_json(BasisReader(basis).about());
   if (!about.contains("mesh"))
     throw InputError(basis.string() +
                      ": it is no file of `tessera deform prepare`, which ends with the mesh's details");

@@ -5,6 +5,7 @@
 #include "octree/error.h"
 #include "stream/files/durable_file.h"
 #include "stream/files/file_extension.h"
+#include "stream/files/json_text.h"
 #include "stream/files/path_text.h"
 #include "stream/files/planned_writes.h"
 #include "stream/formats/meshes/mesh_io.h"
@@ -137,7 +138,7 @@ class DeformWriteStage : public SerialStage {
   }
 
   json deform(const DeformBasis& basis, const BaseState& rest, MeshReader& mesh, TaskContext& context) const {
-    const json about = json::parse(basis.about);
+    const json about = parse_json(basis.about);
     const double diagonal = about.at("diagonal").get<double>();
     const bool colours = options_.dry_run;
     std::vector<Placement> handles = pose_of(script_, about.at("handles").get<std::vector<std::string>>());
@@ -210,7 +211,7 @@ class DeformWriteStage : public SerialStage {
     if (!colours) {
       out["largest_move"] = std::sqrt(largest) + writer->rounding().largest;
       if (mirrored) out["mirrored"] = true;
-      out.update(json::parse(pose.told));
+      out.update(parse_json(pose.told));
       json warnings = out.value("warnings", json::array());
       if (pose.flipped * kManyFlips > basis.base.faces.size())
         warnings.push_back(std::to_string(pose.flipped) + " of the " +
@@ -220,8 +221,8 @@ class DeformWriteStage : public SerialStage {
       if (out.contains("details") && out.at("details").at("kept") == "vectors")
         warnings.push_back(
             "details are turned, their volumes not kept: with them more faces would cross others (" +
-            out.at("details").at("crossing_faces_of_volumes").dump() + " instead of " +
-            out.at("details").at("crossing_faces_of_vectors").dump() + "): try --base even");
+            dump_json(out.at("details").at("crossing_faces_of_volumes")) + " instead of " +
+            dump_json(out.at("details").at("crossing_faces_of_vectors")) + "): try --base even");
       const auto crossing = out.at("base_crossing_faces").get<std::uint64_t>(),
                  local = out.at("base_crossing_local").get<std::uint64_t>();
       if (crossing > local && crossing > out.at("base_crossing_faces_before").get<std::uint64_t>())
@@ -270,7 +271,7 @@ class DeformWriteStage : public SerialStage {
 
   json prepare(const DeformBasis& basis, const BaseState& rest, MeshReader& mesh,
                TaskContext& context) const {
-    json about = json::parse(basis.about);
+    json about = parse_json(basis.about);
     const double diagonal = about.at("diagonal").get<double>();
     const DisplacementEncoder encoder(rest);
     const Counts n = count(mesh, context);
@@ -302,7 +303,7 @@ class DeformWriteStage : public SerialStage {
                      {"xxh3", hex64(print.xxh3)},
                      {"vertices", n.vertices},
                      {"faces", n.faces}};
-    const std::uint64_t bytes = writer.finish(about.dump());
+    const std::uint64_t bytes = writer.finish(dump_json(about));
     sync_file(aside);
     rename_durably(aside, output_);
     context.count_written(bytes);

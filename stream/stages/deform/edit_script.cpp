@@ -8,6 +8,7 @@
 
 #include "octree/error.h"
 #include "stream/files/durable_file.h"
+#include "stream/files/json_text.h"
 #include "stream/files/read_file.h"
 #include "stream/runtime/json_reader.h"
 #include "stream/runtime/option_table.h"
@@ -190,7 +191,7 @@ class Reader : public JsonReader {
 }  // namespace
 
 std::string read_edit_text(const std::filesystem::path& file) {
-  const std::string text = Reader(file.string()).parsed(read_text(file)).dump();
+  const std::string text = dump_json(Reader(file.string()).parsed(read_text(file)));
   parse_edit(text, file.string());
   return text;
 }
@@ -233,7 +234,7 @@ EditScript parse_edit(const std::string& text, const std::string& name) {
 
 std::string with_controls(const std::string& edit, const std::filesystem::path& file) {
   static const char* const kName = "control points";
-  json root = edit.empty() ? json{{"regions", {{{"role", "support"}, {"all", true}}}}} : json::parse(edit);
+  json root = edit.empty() ? json{{"regions", {{{"role", "support"}, {"all", true}}}}} : parse_json(edit);
   json points = json::array(), targets = json::array();
   std::istringstream lines(read_text(file));
   std::string line;
@@ -250,7 +251,7 @@ std::string with_controls(const std::string& edit, const std::filesystem::path& 
   if (points.empty()) throw InputError(file.string() + ": it holds no control point");
   root["regions"].push_back({{"role", "handle"}, {"name", kName}, {"points", points}});
   root["handles"][kName] = {{"targets", targets}};
-  const std::string text = root.dump();
+  const std::string text = dump_json(root);
   parse_edit(text, file.string());
   return text;
 }
@@ -260,7 +261,7 @@ std::vector<EditPose> read_poses(const std::filesystem::path& file) {
   const json root = reader.parsed(read_text(file));
   std::vector<EditPose> out;
   const auto add = [&](const std::string& name, const json& pose) {
-    EditPose p{name, json{{"handles", reader.member(pose, "handles", "a pose")}}.dump()};
+    EditPose p{name, dump_json(json{{"handles", reader.member(pose, "handles", "a pose")}})};
     parse_edit(p.text, file.string());
     out.push_back(std::move(p));
   };

@@ -12,6 +12,7 @@
 #include "kernels/edit/upright_faces.h"
 #include "kernels/mesh/face_components.h"
 #include "octree/error.h"
+#include "stream/files/json_text.h"
 
 namespace tessera {
 namespace {
@@ -32,7 +33,7 @@ void require_volume_kept(std::span<const Placement> pose) {
       throw InputError(
           "\"keep_volume\" goes with handles that move and turn, but one of them changes volumes by a factor "
           "of " +
-          json(p.determinant()).dump() + ": leave it out");
+          dump_json(json(p.determinant())) + ": leave it out");
 }
 
 }  // namespace
@@ -66,7 +67,7 @@ bool take_out_mirror(const DeformBasis& basis, std::vector<Placement>& pose) {
   if (std::any_of(seen.begin(), seen.end(), [](std::uint8_t s) { return (s & kKept) != 0; }))
     throw InputError(
         "the motion of '" +
-        json::parse(basis.about).at("handles").at(static_cast<std::size_t>(mirror)).get<std::string>() +
+        parse_json(basis.about).at("handles").at(static_cast<std::size_t>(mirror)).get<std::string>() +
         "' mirrors a whole part of the mesh, which would be inside out beside the others: deform "
         "that part by itself");
   for (Placement& p : pose) p = Placement{{-1, 0, 0, 0, 1, 0, 0, 0, 1}, {0, 0, 0}}.after(p);
@@ -75,7 +76,7 @@ bool take_out_mirror(const DeformBasis& basis, std::vector<Placement>& pose) {
 
 PosedBase pose_base(const DeformBasis& basis, std::span<const Placement> pose,
                     const std::function<void()>& check_stop) {
-  const json about = json::parse(basis.about);
+  const json about = parse_json(basis.about);
   json told;
   const std::vector<Double3>& at = basis.base.position;
   const std::vector<Face>& faces = basis.base.faces;
@@ -161,7 +162,7 @@ PosedBase pose_base(const DeformBasis& basis, std::span<const Placement> pose,
                    {"pose_basis_s", basis_s},
                    {"pose_turns_s", turns_s},
                    {"pose_base_s", pose_s}});
-  out.told = told.dump();
+  out.told = dump_json(told);
   return out;
 }
 

@@ -3,6 +3,7 @@
 
 #include "kernels/edit/thin_faces.h"
 #include "stream/files/durable_file.h"
+#include "stream/files/json_text.h"
 #include "stream/import/import_stages.h"
 #include "stream/runtime/serial_stage.h"
 #include "stream/stages/deform/deform_stages.h"
@@ -38,7 +39,7 @@ class ShapeStage : public SerialStage {
     const json shape = {{"vertices", vertices},
                         {"thin_area", share},
                         {"own", options_.base != "even" && small && share <= kMaxThin}};
-    write_durably(context.create(kShapeFile), shape.dump());
+    write_durably(context.create(kShapeFile), dump_json(shape));
     return shape;
   }
 
@@ -50,7 +51,7 @@ class ShapeStage : public SerialStage {
 }  // namespace
 
 bool is_own_base(const JobState& state) {
-  return json::parse(read_text(state.work / kShapeFile)).at("own").get<bool>();
+  return parse_json(read_text(state.work / kShapeFile)).at("own").get<bool>();
 }
 
 std::unique_ptr<Stage> make_shape_stage(const JobState& state, const DeformOptions& options) {

@@ -3,6 +3,7 @@
 #include <nlohmann/json.hpp>
 
 #include "stream/files/durable_file.h"
+#include "stream/files/json_text.h"
 #include "stream/files/task_files.h"
 #include "stream/import/import_stages.h"
 #include "stream/meshes/patch_runs.h"
@@ -25,22 +26,21 @@ MeshBox box_of_segment(const JointEdge& e) {
 }  // namespace
 
 void MergePlan::save(const std::filesystem::path& path) const {
-  write_durably(path, json{{"h", lattice.h},
-                           {"origin_brick", lattice.origin_brick},
-                           {"origin", origin},
-                           {"apart", reach.apart},
-                           {"beyond", reach.beyond},
-                           {"double_positions", info.double_positions},
-                           {"colour", info.colour},
-                           {"shift", info.shift},
-                           {"order", order},
-                           {"edge", edge},
-                           {"fade", fade}}
-                          .dump());
+  write_durably(path, dump_json(json{{"h", lattice.h},
+                                     {"origin_brick", lattice.origin_brick},
+                                     {"origin", origin},
+                                     {"apart", reach.apart},
+                                     {"beyond", reach.beyond},
+                                     {"double_positions", info.double_positions},
+                                     {"colour", info.colour},
+                                     {"shift", info.shift},
+                                     {"order", order},
+                                     {"edge", edge},
+                                     {"fade", fade}}));
 }
 
 MergePlan MergePlan::of_work(const std::filesystem::path& work) {
-  const json j = json::parse(read_text(work / kFile));
+  const json j = parse_json(read_text(work / kFile));
   MergePlan plan;
   j.at("h").get_to(plan.lattice.h);
   j.at("origin_brick").get_to(plan.lattice.origin_brick);

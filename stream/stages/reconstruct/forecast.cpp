@@ -7,6 +7,7 @@
 
 #include "octree/error.h"
 #include "stream/files/durable_file.h"
+#include "stream/files/json_text.h"
 #include "stream/runtime/disk_space.h"
 #include "stream/runtime/memory_budget.h"
 
@@ -30,7 +31,7 @@ nlohmann::json Forecast::to_json() const {
 
 Forecast Forecast::of_work(const std::filesystem::path& work) {
   try {
-    const nlohmann::json j = nlohmann::json::parse(read_text(work / kFile));
+    const nlohmann::json j = parse_json(read_text(work / kFile));
     Forecast forecast{{}, j.at("peak_disk_bytes"), j.at("output_bytes")};
     for (const auto& f : j.at("forecast"))
       forecast.stages.push_back({f.at("stage"), f.at("tasks"), f.at("task_bytes"), f.at("finish_bytes"),

@@ -4,6 +4,7 @@
 #include <nlohmann/json.hpp>
 
 #include "stream/files/durable_file.h"
+#include "stream/files/json_text.h"
 #include "stream/meshes/patch_store.h"
 #include "stream/points/point_inputs.h"
 #include "stream/points/point_store.h"
@@ -50,7 +51,7 @@ class ForecastStage : public SerialStage {
       return forecast_job(plan, bricks, inputs, job);
     });
     const nlohmann::json j = forecast.to_json();
-    write_durably(context.create(Forecast::kFile), j.dump(1) + "\n");
+    write_durably(context.create(Forecast::kFile), dump_json(j, 1) + "\n");
     return {{"peak_disk_bytes", forecast.peak_disk_bytes}, {"output_bytes", forecast.output_bytes}};
   }
 

@@ -7,7 +7,7 @@ namespace tessera {
 using json = nlohmann::json;
 
 json quality_sums(const TriangleQuality& q) {
-  return {{"angles", q.angles},         {"least", q.minimum},        {"lengths", q.lengths},
+  return {{"angles", q.angles},         {"least", q.minimum},      {"lengths", q.lengths},
           {"valences", q.valences},     {"faces", q.faces},        {"angle_off", q.angle_off},
           {"length_off", q.length_off}, {"area_off", q.area_off},  {"smallest", q.smallest},
           {"cells", q.cells},           {"cell_sums", q.cell_sums}};

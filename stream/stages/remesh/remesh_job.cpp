@@ -4,6 +4,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "stream/files/json_text.h"
 #include "stream/import/import_needs.h"
 #include "stream/import/import_stages.h"
 #include "stream/meshes/store_write_stage.h"
@@ -103,13 +104,13 @@ JobDescription remesh_job(const RemeshJobOptions& options) {
     }
     stages.push_back(certify_entry(options, stores, round, round + 1 == rounds));
   }
-  stages.push_back({"write", [=](const JobState& state) {
-                      return make_store_write_stage(
-                          state,
-                          open_pass_input(state, stores, {options.passes, last_round(state.work), false}),
-                          "made by tessera remesh, edges of " + json(Sizing::of_work(state.work).edge).dump(),
-                          sort_bytes(state.run), placement(state, options));
-                    }});
+  stages.push_back(
+      {"write", [=](const JobState& state) {
+         return make_store_write_stage(
+             state, open_pass_input(state, stores, {options.passes, last_round(state.work), false}),
+             "made by tessera remesh, edges of " + dump_json(json(Sizing::of_work(state.work).edge)),
+             sort_bytes(state.run), placement(state, options));
+       }});
   JobDescription job = {"remesh", std::move(stages), 0, summarise, {told_origin()}, job_page()};
   job.needs = [options](const JobState& state) {
     const MeshSize mesh = claimed_mesh_size(state.inputs.at(0));

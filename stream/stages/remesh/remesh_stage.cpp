@@ -118,8 +118,8 @@ class RemeshStage : public Stage {
       const std::vector<std::size_t> near = reference_.select(reference_box(blocks_[b]));
       std::uint64_t faces = 0;
       for (const std::size_t p : near) faces += reference_.patches()[p].faces;
-      maximum =
-          std::max(maximum, remesh_task_bytes(in_.block_bytes(blocks_[b].patches) + reference_.block_bytes(near),
+      maximum = std::max(maximum,
+                         remesh_task_bytes(in_.block_bytes(blocks_[b].patches) + reference_.block_bytes(near),
                                            room(blocks_[b]), faces, blocks_.failed_bytes()));
     }
     return maximum;

@@ -10,6 +10,7 @@
 #include "octree/error.h"
 #include "octree/portable_math.h"
 #include "stream/files/durable_file.h"
+#include "stream/files/json_text.h"
 #include "stream/files/read_file.h"
 #include "stream/import/import_stages.h"
 #include "stream/runtime/numbers.h"
@@ -164,7 +165,7 @@ class SizingStage : public Stage {
       expected.push_back({store_.patches()[p].key, static_cast<std::uint64_t>(faces)});
     }
     write_durably(context.create(kSizingFile),
-                  json{{"edge", edge}, {"shortest", shortest}, {"faces", expected}}.dump());
+                  dump_json(json{{"edge", edge}, {"shortest", shortest}, {"faces", expected}}));
     json result = {
         {"edge", edge}, {"shortest_edge", shortest}, {"area", area}, {"expected_faces", area / face}};
     if (edge > 0.5 * store_.diagonal())
@@ -221,7 +222,7 @@ std::uint64_t Sizing::expected(const MeshPatchEntry& patch) const {
 }
 
 Sizing Sizing::of_work(const std::filesystem::path& work) {
-  const json j = json::parse(read_text(work / kSizingFile));
+  const json j = parse_json(read_text(work / kSizingFile));
   Sizing sizing;
   j.at("edge").get_to(sizing.edge);
   j.at("shortest").get_to(sizing.shortest);

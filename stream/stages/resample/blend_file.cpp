@@ -6,6 +6,7 @@
 
 #include "octree/error.h"
 #include "stream/files/durable_file.h"
+#include "stream/files/json_text.h"
 #include "stream/runtime/json_reader.h"
 
 namespace tessera {
@@ -64,13 +65,13 @@ std::vector<ProfileKnot> parse_profile(const std::string& text, const std::strin
 std::string read_tracks_text(const std::filesystem::path& file) {
   const std::string text = read_text(file);
   parse_tracks(text, file.string());
-  return json::parse(text).dump();
+  return dump_json(parse_json(text));
 }
 
 std::string read_profile_text(const std::filesystem::path& file) {
   const std::string text = read_text(file);
   parse_profile(text, file.string());
-  return json::parse(text).dump();
+  return dump_json(parse_json(text));
 }
 
 }  // namespace tessera

@@ -11,6 +11,7 @@
 #include "octree/error.h"
 #include "octree/portable_math.h"
 #include "stream/files/durable_file.h"
+#include "stream/files/json_text.h"
 #include "stream/import/import_stages.h"
 #include "stream/stages/resample/resample_stages.h"
 
@@ -20,7 +21,7 @@ namespace {
 using json = nlohmann::json;
 
 constexpr std::size_t kMaxNamed = 20;  ///< blends that a warning names
-constexpr int kBlendBits = 32;          ///< of a new key: vertices of one blend
+constexpr int kBlendBits = 32;         ///< of a new key: vertices of one blend
 
 json to_json(const JumpSum& s) {
   return {{"edges", s.edges}, {"mean", s.mean}, {"variance", s.variance}, {"noise", s.noise}};
@@ -197,7 +198,7 @@ class BlendsStage : public Stage {
       added += blend.at("faces_added").get<std::uint64_t>();
       if (blend.at("distance").is_number()) farthest = std::max(farthest, blend.at("distance").get<double>());
     }
-    write_durably(context.create(kStandsFile), json(stands).dump());
+    write_durably(context.create(kStandsFile), dump_json(json(stands)));
     json result = {{"blends", blends},         {"changed", changed},   {"left", left.size()},
                    {"faces_removed", removed}, {"faces_added", added}, {"distance", farthest}};
     if (!left.empty()) result["warnings"] = {warning(left)};
@@ -240,7 +241,7 @@ std::unique_ptr<Stage> make_blends_stage(const JobState& state, const ResampleOp
 std::vector<std::size_t> blends_that_stand(const std::filesystem::path& work) {
   std::vector<std::size_t> out;
   std::size_t b = 0;
-  for (const json& stand : json::parse(read_text(work / BlendsStage::kStandsFile))) {
+  for (const json& stand : parse_json(read_text(work / BlendsStage::kStandsFile))) {
     if (stand.get<int>() != 0) out.push_back(b);
     ++b;
   }

@@ -3,6 +3,7 @@
 #include <nlohmann/json.hpp>
 
 #include "stream/files/durable_file.h"
+#include "stream/files/json_text.h"
 #include "stream/files/packed_file.h"
 #include "stream/files/path_text.h"
 #include "stream/files/task_files.h"
@@ -22,10 +23,10 @@ struct Link {
 }  // namespace
 
 void MeshScale::save(const std::filesystem::path& path) const {
-  write_durably(path, json{{"edge", edge}, {"tolerance", tolerance}}.dump());
+  write_durably(path, dump_json(json{{"edge", edge}, {"tolerance", tolerance}}));
 }
 MeshScale MeshScale::of_work(const std::filesystem::path& work) {
-  const json j = json::parse(read_text(work / kFile));
+  const json j = parse_json(read_text(work / kFile));
   return {j.at("edge").get<double>(), j.at("tolerance").get<double>()};
 }
 
@@ -61,11 +62,11 @@ void save_tracks(const std::filesystem::path& path, const std::vector<FoundTrack
                    {"convex", t.track.convex},
                    {"half_width", t.track.half_width},
                    {"key", t.track.key}});
-  write_durably(path, out.dump());
+  write_durably(path, dump_json(out));
 }
 std::vector<FoundTrack> load_tracks(const std::filesystem::path& work) {
   std::vector<FoundTrack> out;
-  for (const json& j : json::parse(read_text(work / kTracksFile))) {
+  for (const json& j : parse_json(read_text(work / kTracksFile))) {
     FoundTrack t;
     t.name = j.at("name").get<std::string>();
     j.at("by_hand").get_to(t.by_hand);

@@ -59,8 +59,8 @@ struct NormalsMode {
       throw UsageError("--normals given, but no input point carries a normal; use --normals auto");
     const double minimum = plan.grid_normals ? kGridShare : kGivenShare;
     estimate = options.normals == "estimate" || (options.normals == "auto" && plan.normal_fraction < minimum);
-    conflict = !estimate && !plan.grid_normals &&
-               (agreement.share() > kMaxConflict || agreement.split > kMaxSplits);
+    conflict =
+        !estimate && !plan.grid_normals && (agreement.share() > kMaxConflict || agreement.split > kMaxSplits);
     if (options.normals == "given" || estimate || plan.grid_normals) return;
     lines = conflict;
     completes = !lines && plan.normal_fraction < kCompleteShare;

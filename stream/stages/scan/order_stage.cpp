@@ -161,7 +161,7 @@ OrderStage::Counts OrderStage::order_hot_brick(std::size_t task, TaskContext& co
 
 nlohmann::json OrderStage::run(std::size_t task, TaskContext& context) const {
   const Counts c = is_hot(plan_.buckets[task], max_brick_points_) ? order_hot_brick(task, context)
-                                                                   : order_bucket(task, context);
+                                                                  : order_bucket(task, context);
   context.count_written(c.bytes);
   return {{"points", c.kept}, {"duplicates", c.merged}, {"thinned", c.thinned}};
 }

@@ -12,6 +12,7 @@
 #include "octree/error.h"
 #include "stream/files/direct_file.h"
 #include "stream/files/durable_file.h"
+#include "stream/files/json_text.h"
 #include "stream/files/read_file.h"
 #include "stream/files/task_files.h"
 #include "stream/points/reconstruct_options.h"
@@ -47,7 +48,7 @@ bool finite(const PointChunk& c, std::size_t i) {
 
 void save_json(const std::filesystem::path& path, const json& j) {
   std::ofstream out(path, std::ios::trunc);
-  out << j.dump(1) << "\n";
+  out << dump_json(j, 1) << "\n";
   out.close();
   if (!out)
     throw ResourceError(path.string() + ": cannot be written: the disk is full or the folder is read-only");
@@ -55,7 +56,7 @@ void save_json(const std::filesystem::path& path, const json& j) {
 
 json load_json(const std::filesystem::path& path) {
   if (!std::filesystem::exists(path)) throw InputError(path.string() + ": missing; run again with --force");
-  const json j = json::parse(read_text(path), nullptr, false);
+  const json j = try_parse_json(read_text(path));
   if (j.is_discarded()) throw InputError(path.string() + ": damaged; run again with --force");
   return j;
 }

@@ -6,6 +6,7 @@
 #include "kernels/smooth/surface_noise.h"
 #include "octree/portable_math.h"
 #include "stream/files/durable_file.h"
+#include "stream/files/json_text.h"
 #include "stream/stages/smooth/smooth_before.h"
 #include "stream/stages/smooth/smooth_stage.h"
 
@@ -15,7 +16,7 @@ namespace {
 using json = nlohmann::json;
 
 constexpr std::uint64_t kMaxVertices = std::uint64_t{1} << 16;  ///< of all patches that are looked at
-constexpr std::uint64_t kShare = 4;                              ///< one vertex of so many is measured there
+constexpr std::uint64_t kShare = 4;                             ///< one vertex of so many is measured there
 constexpr std::size_t kTaskPatches = 2;
 
 json to_json(const std::map<int, std::uint64_t>& counts) {
@@ -87,7 +88,7 @@ class NoiseStage : public Stage {
       sum.add(
           {counts_of(s.at("residual")), counts_of(s.at("between")), s.at("vertices").get<std::uint64_t>()});
     const json found = {{"noise", sum.noise()}, {"edge", edge_}};
-    if (name_ + ".json" == kNoiseFile) write_durably(context.create(kNoiseFile), found.dump());
+    if (name_ + ".json" == kNoiseFile) write_durably(context.create(kNoiseFile), dump_json(found));
     json out = found;
     out["vertices"] = sum.vertices;
     return out;

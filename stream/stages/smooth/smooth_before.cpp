@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 
 #include "stream/files/durable_file.h"
+#include "stream/files/json_text.h"
 #include "stream/runtime/report.h"
 #include "stream/stages/smooth/smooth_stage.h"
 
@@ -69,7 +70,7 @@ std::vector<SmoothRound> smooth_before_rounds(const std::string& method) {
 
 std::optional<MeshNoise> measured_noise(const std::filesystem::path& work) {
   if (!std::filesystem::exists(work / kNoiseFile)) return std::nullopt;
-  return noise_of(json::parse(read_text(work / kNoiseFile)));
+  return noise_of(parse_json(read_text(work / kNoiseFile)));
 }
 
 std::vector<StageEntry> noise_stages(const std::function<MeshStore(const JobState&)>& mesh) {

@@ -226,7 +226,8 @@ class SmoothStage : public Stage {
       patch.face_bound.clear();
       for (const auto& face : patch.faces) {
         double maximum = 0.0;
-        for (const std::uint32_t v : face) maximum = std::max(maximum, norm(patch.position[v] - given.position[v]));
+        for (const std::uint32_t v : face)
+          maximum = std::max(maximum, norm(patch.position[v] - given.position[v]));
         patch.face_bound.push_back(rounded_up(maximum * kRounding));
       }
     }

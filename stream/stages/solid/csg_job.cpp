@@ -3,6 +3,7 @@
 #include <nlohmann/json.hpp>
 
 #include "octree/error.h"
+#include "stream/files/json_text.h"
 #include "stream/meshes/store_write_stage.h"
 #include "stream/page/report_page.h"
 
@@ -63,7 +64,7 @@ OptionTable option_table(CsgOptions& o) {
 SolidModel csg_model(const CsgOptions& options) {
   SolidModel model;
   // Operands are numbered meshes first.
-  const json program = json::parse(options.program, nullptr, false);
+  const json program = try_parse_json(options.program);
   if (!program.is_array()) throw InputError("the scene is no tree of solids");
   std::size_t meshes = 0, shapes = 0;
   for (const json& step : program) meshes += step.contains("mesh");

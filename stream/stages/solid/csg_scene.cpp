@@ -45,7 +45,7 @@ class Words {
   CsgScene parse() {
     sum();
     if (at_ < words_.size()) fail("is not expected here");
-    scene_.program = program_.dump();
+    scene_.program = dump_json(program_);
     return std::move(scene_);
   }
 
@@ -90,7 +90,7 @@ class SceneFile {
   CsgScene read(const std::filesystem::path& file) {
     node_of_file(file, {});
     if (program_.empty()) throw InputError(file.string() + ": the scene is empty");
-    scene_.program = program_.dump();
+    scene_.program = dump_json(program_);
     return std::move(scene_);
   }
 
@@ -153,8 +153,7 @@ class SceneFile {
 
   void node(const json& n, const Placement& outer) {
     const Deeper level(depth_);
-    if (depth_ > kMaxDeep)
-      fail("solids stand in each other more than " + std::to_string(kMaxDeep) + " deep");
+    if (depth_ > kMaxDeep) fail("solids stand in each other more than " + std::to_string(kMaxDeep) + " deep");
     if (!n.is_object()) fail("a solid is an object, e.g. {\"mesh\": \"a.ply\"}");
     if (n.contains("scan")) {
       scan(n, outer.after(placement(n)));

@@ -15,7 +15,7 @@ namespace {
 using json = nlohmann::json;
 
 constexpr double kCellsOfDiagonal = 300.0;
-constexpr double kMinWall = 2.0;      ///< of a shell, cells
+constexpr double kMinWall = 2.0;        ///< of a shell, cells
 constexpr double kOtherUnits = 1000.0;  ///< diagonals that differ so much: a warning
 constexpr double kFarthest = 0x1p120;   ///< of any node from zero: what is written is told in floats
 
@@ -64,9 +64,8 @@ class LatticeStage : public SerialStage {
     const double brick = plan.lattice.h * kBrickCells;
     if (model_.shell > 0.0 && model_.shell < kMinWall * plan.lattice.h)
       throw UsageError("--shell " + number_text(model_.shell) + ": a wall is at least " +
-                       number_text(kMinWall) + " cells thick, and a cell is " +
-                       number_text(plan.lattice.h) + " wide: give a --resolution of at most " +
-                       number_text(model_.shell / kMinWall));
+                       number_text(kMinWall) + " cells thick, and a cell is " + number_text(plan.lattice.h) +
+                       " wide: give a --resolution of at most " + number_text(model_.shell / kMinWall));
     const double grown = std::max(0.0, model_.offset) * model_.mitre;
     for (std::size_t a = 0; a < 3; ++a) box.low[a] -= grown, box.high[a] += grown;
     double farthest = 0.0;

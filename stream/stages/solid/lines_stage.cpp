@@ -7,6 +7,7 @@
 #include "octree/error.h"
 #include "stream/files/durable_file.h"
 #include "stream/files/external_sort.h"
+#include "stream/files/json_text.h"
 #include "stream/files/packed_file.h"
 #include "stream/files/record_file.h"
 #include "stream/files/task_files.h"
@@ -103,7 +104,8 @@ class LinesStage : public Stage {
     std::uint64_t maximum = 0;
     for (std::size_t p = t.first; p < t.end; ++p) {
       const MeshPatchEntry& e = stores_[t.input].patches()[p];
-      maximum = std::max<std::uint64_t>(maximum, MeshStore::block_bytes(e.vertices, e.faces) + 24ull * e.vertices +
+      maximum =
+          std::max<std::uint64_t>(maximum, MeshStore::block_bytes(e.vertices, e.faces) + 24ull * e.vertices +
                                                6 * sizeof(BorderEdge) * std::uint64_t{e.faces});
     }
     // Crossings of one triangle in one cube; leaves with their index; output buffers.
@@ -166,7 +168,7 @@ class LinesStage : public Stage {
       borders += edges;
       operands.push_back({{"leaves", leaves}, {"border_edges", edges}, {"inside_out", volume < 0}});
     }
-    write_durably(context.create(kSummary), operands.dump());
+    write_durably(context.create(kSummary), dump_json(operands));
     return {{"operands", operands}, {"crossings", crossings}, {"border_edges", borders}};
   }
 
@@ -306,7 +308,7 @@ std::vector<Record> load_all(const std::filesystem::path& path, const PackedKind
 
 std::vector<SolidLines> load_solid_lines(const std::filesystem::path& work) {
   std::vector<SolidLines> out;
-  for (const json& o : json::parse(read_text(work / kSummary)))
+  for (const json& o : parse_json(read_text(work / kSummary)))
     out.push_back({o.at("leaves").get<std::uint64_t>(), o.at("border_edges").get<std::uint64_t>(),
                    o.at("inside_out").get<bool>()});
   return out;

@@ -9,6 +9,7 @@
 #include "octree/error.h"
 #include "stream/files/direct_file.h"
 #include "stream/files/durable_file.h"
+#include "stream/files/json_text.h"
 #include "stream/files/read_file.h"
 #include "stream/files/task_files.h"
 #include "stream/points/closing_store.h"
@@ -238,7 +239,7 @@ class CloseStage : public SerialStage {
     if (limit > double{kMaxClosingLimit})
       throw UsageError(
           "--holes " + reconstruct_options(state_).holes + ": at most " +
-          json(double{kMaxClosingLimit} * plan_.lattice.h).dump() +
+          dump_json(json(double{kMaxClosingLimit} * plan_.lattice.h)) +
           " (56 lattice spacings) can be bridged; a closed object needs no limit: --holes close");
     options.limit = static_cast<float>(limit);
     const json decision = {{"level", options.level},
@@ -246,7 +247,7 @@ class CloseStage : public SerialStage {
                            {"low", options.low},
                            {"high", options.high}};
     std::ofstream file(context.create(kDecisionFile));
-    file << decision.dump() << '\n';
+    file << dump_json(decision) << '\n';
     if (!file.flush())
       throw ResourceError("cannot write " + std::string(kDecisionFile) + "; is the disk full?");
     entry["kind"] = sheet ? "sheet" : options.level > 0.0f ? "solid" : "room";
@@ -329,7 +330,7 @@ HolesMode::HolesMode(const std::string& text) {
 
 ClosingOptions load_closing_options(const std::filesystem::path& work) {
   const std::filesystem::path path = work / kDecisionFile;
-  const json decision = json::parse(read_text(path), nullptr, false);
+  const json decision = try_parse_json(read_text(path));
   if (decision.is_discarded() || !decision.contains("high"))
     throw InputError(path.string() + ": not what the close stage wrote; run again with --force");
   ClosingOptions options;

@@ -13,7 +13,7 @@ namespace tessera {
 struct HoleLimit {
   std::uint32_t edges = 0;                                 ///< of the rim, at most; 0 = none are filled
   double width = std::numeric_limits<double>::infinity();  ///< cells: 4 area / length of the rim, at most
-  double min_cosine = -1.0;                              ///< between faces that meet in a filling
+  double min_cosine = -1.0;                                ///< between faces that meet in a filling
   /// Of a batch of fillings.
   std::uint64_t filling_bytes() const { return edges > 0 ? batch_vertices(edges) * (24 + 48) : 0; }
 };

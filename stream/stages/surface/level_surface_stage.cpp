@@ -61,7 +61,8 @@ class LevelSurfaceStage : public Stage {
 
   std::uint64_t task_bytes(std::size_t task) const override {
     std::uint64_t maximum = 0;
-    for (const Tile& tile : groups_[task]) maximum = std::max(maximum, loaded_points(tile.brick, levels_ - 1));
+    for (const Tile& tile : groups_[task])
+      maximum = std::max(maximum, loaded_points(tile.brick, levels_ - 1));
     return level_surface_task_bytes(maximum);
   }
 

@@ -38,8 +38,7 @@ class LevelsStage : public Stage {
                          "levels or a coarser --resolution");
     // Noise that cells do not average would become relief.
     double cells = 1.0;
-    for (min_ = levels_ - 1; min_ > 0 && 0.5 * cells >= kMinNoise * plan_.noise_cells; --min_)
-      cells *= 0.5;
+    for (min_ = levels_ - 1; min_ > 0 && 0.5 * cells >= kMinNoise * plan_.noise_cells; --min_) cells *= 0.5;
   }
 
   std::string name() const override { return "levels"; }

@@ -11,6 +11,7 @@
 #include "kernels/mesh/closest_face.h"
 #include "octree/error.h"
 #include "stream/files/durable_file.h"
+#include "stream/files/json_text.h"
 #include "stream/files/task_files.h"
 #include "stream/points/plan.h"
 #include "stream/points/point_overlay.h"
@@ -22,8 +23,8 @@ namespace {
 
 using json = nlohmann::json;
 
-constexpr double kReach = 4.0;             ///< times the tolerance: distances up to here are told
-constexpr double kReachCells = 6.0;        ///< before decimation at least so many spacings of the lattice
+constexpr double kReach = 4.0;           ///< times the tolerance: distances up to here are told
+constexpr double kReachCells = 6.0;      ///< before decimation at least so many spacings of the lattice
 constexpr double kMinLeft = 1.0 / 64.0;  ///< of the tolerance, for decimation to do anything
 constexpr const char* kLeftFile = "points/left.json";
 constexpr std::size_t kMinBricks = 16, kMaxTasks = 400;
@@ -111,7 +112,7 @@ class SamplesStage : public Stage {
           ", the farthest at " + number_text(sum.place[0]) + " " + number_text(sum.place[1]) + " " +
           number_text(sum.place[2]) + "): the least --tolerance that can do is " +
           (sum.beyond > 0 ? "more than " : "") + number_text(min_above(sum.farthest / (1.0 - kMinLeft))));
-    if (before_) write_durably(context.create(kLeftFile), json{{"left", left}}.dump());
+    if (before_) write_durably(context.create(kLeftFile), dump_json(json{{"left", left}}));
     if (sum.over > 0)
       throw ValidationError(
           "the result gets no name: " + std::to_string(sum.over) + " of " + std::to_string(sum.samples) +
@@ -200,7 +201,7 @@ std::unique_ptr<Stage> make_samples_stage(const JobState& state, const SamplesRe
 }
 
 double tolerance_left(const std::filesystem::path& work) {
-  return json::parse(read_text(work / kLeftFile)).at("left").get<double>();
+  return parse_json(read_text(work / kLeftFile)).at("left").get<double>();
 }
 
 }  // namespace tessera

@@ -25,7 +25,7 @@ constexpr std::uint64_t kFixedTaskBytes = 12u << 20;  ///< write buffers and the
 
 /// Most faces in an aligned cube of so many bricks that meets the tile.
 std::uint64_t max_faces(std::span<const BrickEntry> bricks, const BrickSectionStore* closing,
-                         const Tile& tile, int halo_cells, int edge) {
+                        const Tile& tile, int halo_cells, int edge) {
   Int3 first, end;
   for (std::size_t a = 0; a < 3; ++a)
     first[a] = tile.brick[a] / edge * edge, end[a] = tile.brick[a] + tile.bricks;
@@ -69,7 +69,8 @@ class SurfaceStage : public Stage {
     std::uint64_t maximum = 0;
     for (const Tile& tile : groups_[task]) {
       const std::uint64_t near = multipoles_ ? multipoles_->near_bytes(tile.corner(), tile.edges()) : 0;
-      maximum = std::max(maximum, surface_tile_bytes(store_.bricks(), closing_.get(), tile, halo(), fused_, near));
+      maximum =
+          std::max(maximum, surface_tile_bytes(store_.bricks(), closing_.get(), tile, halo(), fused_, near));
     }
     return maximum;
   }

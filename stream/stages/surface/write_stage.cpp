@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <nlohmann/json.hpp>
 
+#include "stream/files/json_text.h"
 #include "stream/files/path_text.h"
 #include "stream/formats/meshes/mesh_io.h"
 #include "stream/meshes/store_write_stage.h"
@@ -101,7 +102,7 @@ class WriteStage : public SerialStage {
               .origin;
       header.check_rounding = holds_floats_only(state_.output);
     }
-    header.comments.push_back("made by " + maker_ + ", lattice spacing " + json(plan_.lattice.h).dump());
+    header.comments.push_back("made by " + maker_ + ", lattice spacing " + dump_json(json(plan_.lattice.h)));
     return header;
   }
 

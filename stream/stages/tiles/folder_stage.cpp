@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 
 #include "stream/files/durable_file.h"
+#include "stream/files/json_text.h"
 
 namespace tessera {
 namespace {
@@ -54,7 +55,7 @@ class FolderStage : public Stage {
     nlohmann::json result = inner_->finish(summaries, inside);
     if (result.empty()) return result;  // an idle stage
     if (check_) check_(result);
-    if (!result_file_.empty()) write_durably(inside.create(result_file_), result.dump());
+    if (!result_file_.empty()) write_durably(inside.create(result_file_), dump_json(result));
     return result;
   }
 

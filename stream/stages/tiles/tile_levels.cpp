@@ -9,6 +9,7 @@
 #include "kernels/certify/certificate.h"
 #include "kernels/decimate/decimate.h"
 #include "stream/files/durable_file.h"
+#include "stream/files/json_text.h"
 #include "stream/files/task_files.h"
 #include "stream/import/import_stages.h"
 #include "stream/meshes/mesh_blocking.h"
@@ -91,7 +92,7 @@ class LevelToleranceStage : public SerialStage {
   json finish(const std::vector<json>&, TaskContext& context) const override {
     const double tolerance = samples_.empty() ? 0.0 : choose(context);
     json result = {{"level", level_}, {"tolerance", tolerance}, {"faces_below", below_.face_count()}};
-    write_durably(context.create(kChoice), result.dump());
+    write_durably(context.create(kChoice), dump_json(result));
     return result;
   }
 
@@ -163,7 +164,7 @@ MeshStore open_level(const std::filesystem::path& work, int level) {
 double level_tolerance(const std::filesystem::path& work, int level) {
   const std::filesystem::path file = work / level_folder(level) / kChoice;
   if (!std::filesystem::exists(file)) return 0.0;
-  return json::parse(read_text(file)).at("tolerance").get<double>();
+  return parse_json(read_text(file)).at("tolerance").get<double>();
 }
 
 int levels_above(const std::filesystem::path& work) {
@@ -174,7 +175,7 @@ int levels_above(const std::filesystem::path& work) {
 
 double level_step_bound(const std::filesystem::path& work, int level) {
   if (level == 0) return 0.0;
-  return json::parse(read_text(work / level_folder(level) / kLevelCertificate))
+  return parse_json(read_text(work / level_folder(level) / kLevelCertificate))
       .at("certified_max")
       .get<double>();
 }

@@ -12,7 +12,7 @@
 
 namespace tessera {
 
-inline constexpr int kMaxLevels = 11;  ///< above level 0: enough for 4^11 tiles
+inline constexpr int kMaxLevels = 11;   ///< above level 0: enough for 4^11 tiles
 inline constexpr int kLevelPasses = 2;  ///< of decimation; the second one is for the seams of the first
 inline constexpr const char* kTilesImport = "mesh";
 

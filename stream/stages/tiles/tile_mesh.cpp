@@ -10,6 +10,7 @@
 #include <meshoptimizer.h>
 #include <nlohmann/json.hpp>
 
+#include "stream/files/json_text.h"
 #include "stream/formats/srgb.h"
 
 namespace tessera {
@@ -137,7 +138,7 @@ class GlbTile {
   }
 
   std::string file() const {
-    std::string text = document().dump();
+    std::string text = dump_json(document());
     text.resize((text.size() + 3) / 4 * 4, ' ');
     std::string file;
     put_word(file, 0x46546c67);

@@ -11,6 +11,7 @@
 #include "kernels/mesh/mesh_block_ops.h"
 #include "stream/files/direct_file.h"
 #include "stream/files/durable_file.h"
+#include "stream/files/json_text.h"
 #include "stream/files/read_file.h"
 #include "stream/files/task_files.h"
 #include "stream/meshes/mesh_store.h"
@@ -152,7 +153,7 @@ class TilesStage : public Stage {
 
   json finish(const std::vector<json>& summaries, TaskContext& context) const override {
     (void)summaries;
-    write_durably(context.create(kGrid), json{{"step", grid_.step}, {"origin", grid_.origin}}.dump());
+    write_durably(context.create(kGrid), dump_json(json{{"step", grid_.step}, {"origin", grid_.origin}}));
     return {{"level", level_},
             {"tiles", cells_.size()},
             {"faces", store_.face_count()},
@@ -250,7 +251,7 @@ Double3 tiles_origin(const fs::path& work) {
 TileLevel read_tile_level(const fs::path& work, int level) {
   TileLevel out;
   const fs::path folder = work / level_folder(level);
-  const json grid = json::parse(read_text(folder / kGrid));
+  const json grid = parse_json(read_text(folder / kGrid));
   out.grid = {grid.at("origin").get<Double3>(), grid.at("step").get<double>()};
   out.step_bound = level_step_bound(work, level);
   out.tiles = read_records(folder);

@@ -5,6 +5,8 @@
 
 #include <nlohmann/json.hpp>
 
+#include "stream/files/json_text.h"
+
 namespace tessera {
 namespace {
 
@@ -70,7 +72,7 @@ class Writer {
     const json all = {{"asset", {{"version", "1.1"}, {"generator", "Tessera"}}},
                       {"geometricError", error},
                       {"root", std::move(root)}};
-    sink_(name, all.dump());
+    sink_(name, dump_json(all));
   }
 
   void write_whole(const std::vector<double>& transform) const {

@@ -34,7 +34,8 @@ Cut cut_face(const std::array<Double3, 3>& corner, double edge) {
                      cut.area += 0.5 * norm(triangle_normal(t.corner[0], t.corner[1], t.corner[2]));
                      for (std::size_t k = 0; k < 3; ++k)
                        cut.longest = std::max(cut.longest, norm(t.corner[(k + 1) % 3] - t.corner[k]));
-                     for (const float d : t.deviation) cut.maximum = std::max(cut.maximum, std::abs(d - 0.5f));
+                     for (const float d : t.deviation)
+                       cut.maximum = std::max(cut.maximum, std::abs(d - 0.5f));
                    });
   return cut;
 }

@@ -37,8 +37,8 @@ double sampled(const std::array<Double3, 3>& t, const Surface& s, std::span<cons
       double minimum = 1e300;
       for (const std::uint32_t f : faces) {
         const auto& v = s.faces[f];
-        minimum =
-            std::min(minimum, test::triangle_distance(p, s.position[v[0]], s.position[v[1]], s.position[v[2]]));
+        minimum = std::min(minimum,
+                           test::triangle_distance(p, s.position[v[0]], s.position[v[1]], s.position[v[2]]));
       }
       maximum = std::max(maximum, minimum);
     }

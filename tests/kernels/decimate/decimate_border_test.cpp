@@ -116,7 +116,8 @@ TEST_CASE("decimate: what was moved before stays within the tolerance of where i
     smooth.face_bound.clear();
     for (const auto& f : smooth.faces) {
       double maximum = 0.0;
-      for (const std::uint32_t v : f) maximum = std::max(maximum, norm(smooth.position[v] - given.position[v]));
+      for (const std::uint32_t v : f)
+        maximum = std::max(maximum, norm(smooth.position[v] - given.position[v]));
       smooth.face_bound.push_back(static_cast<float>(maximum * (1.0 + 1e-6)));
     }
     for (const double angle : {0.0, 40.0}) {

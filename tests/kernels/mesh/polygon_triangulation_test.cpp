@@ -20,7 +20,7 @@ struct Cut {
   Triangles triangles;
   bool covered = false;
   double area = 0.0;     ///< sum over the triangles
-  double minimum = 1.0;    ///< cosine between the normal of a triangle and the polygon's
+  double minimum = 1.0;  ///< cosine between the normal of a triangle and the polygon's
   std::size_t flat = 0;  ///< triangles without area
 };
 

@@ -60,7 +60,7 @@ TEST_CASE("plane fits: four at once are those of one eigenproblem after the othe
       const auto at = [&](S::Row r) { return sums.row[r][lane] / sums.row[S::kWeight][lane]; };
       const double x = at(S::kX), y = at(S::kY), z = at(S::kZ);
       const MinEigen3 e = min_eigen3({at(S::kXX) - x * x, at(S::kXY) - x * y, at(S::kXZ) - x * z,
-                                          at(S::kYY) - y * y, at(S::kYZ) - y * z, at(S::kZZ) - z * z});
+                                      at(S::kYY) - y * y, at(S::kYZ) - y * z, at(S::kZZ) - z * z});
       const double minimum = std::fmax(e.values[0], 0.0), sum = minimum + e.values[1] + e.values[2];
       const FittedPlane& fit = fits[lane];
       if (!(sum > 0.0) || e.values[1] < 0.0025 * e.values[2]) {

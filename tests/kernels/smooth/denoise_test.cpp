@@ -227,7 +227,8 @@ TEST_CASE("denoise: a clean cube stays as it is", "[unit]") {
   const std::vector<Double3> now = denoised(cube);
   double maximum = 0.0;
   for (std::size_t v = 0; v < now.size(); ++v)
-    for (std::size_t a = 0; a < 3; ++a) maximum = std::max(maximum, std::abs(now[v][a] - cube.position[v][a]));
+    for (std::size_t a = 0; a < 3; ++a)
+      maximum = std::max(maximum, std::abs(now[v][a] - cube.position[v][a]));
   CHECK(maximum < 1e-6);
 }
 

@@ -4,7 +4,7 @@
 #include <catch2/catch.hpp>
 #include <limits>
 
-#include "stream/runtime/json_once.h"
+#include <nlohmann/json.hpp>
 
 namespace simplify_stage_test {
 

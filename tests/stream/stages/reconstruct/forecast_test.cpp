@@ -307,7 +307,7 @@ TEST_CASE("forecast: too small a cap is refused once, with the smallest that wou
   std::uint64_t maximum = 0;
   for (const StageForecast& f : at_cap(named).stages) maximum = std::max(maximum, f.memory_bytes());
   CHECK_NOTHROW(MemoryBudget(named, base).require(maximum, "a stage"));
-  if (!dense) return;           // else what is estimated may ask for more than what is sure
+  if (!dense) return;             // else what is estimated may ask for more than what is sure
   std::uint64_t minimum = named;  // to the byte
   while (MemoryBudget(minimum - 1, base).capacity() >= maximum) --minimum;
   CHECK(minimum > named - kMiB);
